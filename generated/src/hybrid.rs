@@ -1643,12 +1643,12 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 6], Condition<T>) {
         let pivot_3 = t2_82.mul_add(t2_101, t2_74);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t2_102 = t2_98 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_34, t2_9);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t2_103 = (-t2_77).mul_add(t2_101, t2_69);
         let t2_104 = t2_103.mul_add(t2_102, t2_52);
         let t2_105 = like.lift(0.5773502691896257).mul_add(t2_77, t2_104);
-        let t2_106 = inv_pivot_4 * t2_105;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_34, t2_9);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_106 = t2_105 * inv_pivot_4;
         let t2_107 = (-t2_5).mul_add(t2_106, t2_45);
         let pivot_5 = (-t2_68).mul_add(t2_102, t2_107);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -1987,12 +1987,12 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 5]) -> ([T; 11], Condition<
         let pivot_3 = t2_81.mul_add(t2_99, t2_73);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t2_100 = t2_96 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_33, t2_9);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t2_101 = (-t2_76).mul_add(t2_99, t2_68);
         let t2_102 = t2_101.mul_add(t2_100, t2_51);
         let t2_103 = like.lift(0.5773502691896257).mul_add(t2_76, t2_102);
-        let t2_104 = inv_pivot_4 * t2_103;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_33, t2_9);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_104 = t2_103 * inv_pivot_4;
         let t2_105 = (-t2_5).mul_add(t2_104, t2_44);
         let pivot_5 = (-t2_67).mul_add(t2_100, t2_105);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -2116,7 +2116,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 5]) -> ([
         t2_6, t2_9, t2_13, t2_16, t2_22, t2_23, t2_28, t2_29, t2_33, t2_34, t2_37, pivot_1,
         t2_45, t2_51, t2_53, t2_56, t2_59, t2_67, t2_68, t2_71, t2_73, t2_74, t2_76, t2_77,
         t2_79, t2_81, t2_82, t2_130, t2_155, t2_163, t2_164, t2_181, t2_194, t2_201, t2_203,
-        pivot_3, inv_pivot_3, pivot_4, t2_207, pivot_5, t2_212, t2_217, t2_222, pivot_6,
+        pivot_3, inv_pivot_3, t2_207, pivot_4, pivot_5, t2_212, t2_217, t2_222, pivot_6,
         t2_234, t2_236, t2_237, t2_240,
     ] = {
         let t2_1 = cos_q1 * q2;
@@ -2329,12 +2329,12 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 5]) -> ([
         let pivot_3 = t2_81.mul_add(t2_205, t2_73);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t2_206 = t2_202 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_33, t2_9);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t2_207 = (-t2_76).mul_add(t2_205, t2_68);
         let t2_208 = t2_207.mul_add(t2_206, t2_51);
         let t2_209 = like.lift(0.5773502691896257).mul_add(t2_76, t2_208);
-        let t2_210 = inv_pivot_4 * t2_209;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_33, t2_9);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_210 = t2_209 * inv_pivot_4;
         let t2_211 = (-t2_5).mul_add(t2_210, t2_44);
         let pivot_5 = (-t2_67).mul_add(t2_206, t2_211);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -2373,7 +2373,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 5]) -> ([
             t2_6, t2_9, t2_13, t2_16, t2_22, t2_23, t2_28, t2_29, t2_33, t2_34, t2_37, pivot_1,
             t2_45, t2_51, t2_53, t2_56, t2_59, t2_67, t2_68, t2_71, t2_73, t2_74, t2_76, t2_77,
             t2_79, t2_81, t2_82, t2_130, t2_155, t2_163, t2_164, t2_181, t2_194, t2_201,
-            t2_203, pivot_3, inv_pivot_3, pivot_4, t2_207, pivot_5, t2_212, t2_217, t2_222,
+            t2_203, pivot_3, inv_pivot_3, t2_207, pivot_4, pivot_5, t2_212, t2_217, t2_222,
             pivot_6, t2_234, t2_236, t2_237, t2_240,
         ]
     };
@@ -2817,12 +2817,12 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let pivot_3 = t5_87.mul_add(t5_100, t5_79);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t5_101 = t5_97 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t5_43, t5_22);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t5_102 = (-t5_82).mul_add(t5_100, t5_74);
         let t5_103 = t5_102.mul_add(t5_101, t5_59);
         let t5_104 = like.lift(0.5773502691896257).mul_add(t5_82, t5_103);
-        let t5_105 = inv_pivot_4 * t5_104;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t5_43, t5_22);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t5_105 = t5_104 * inv_pivot_4;
         let t5_106 = (-t5_19).mul_add(t5_105, t5_54);
         let pivot_5 = (-t5_73).mul_add(t5_101, t5_106);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -5937,12 +5937,12 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let pivot_3 = t5_46.mul_add(t5_59, t5_38);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t5_60 = t5_56 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t5_1, t4_225);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t5_61 = (-t5_41).mul_add(t5_59, t5_33);
         let t5_62 = t5_61.mul_add(t5_60, t5_18);
         let t5_63 = like.lift(0.5773502691896257).mul_add(t5_41, t5_62);
-        let t5_64 = inv_pivot_4 * t5_63;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t5_1, t4_225);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t5_64 = t5_63 * inv_pivot_4;
         let t5_65 = (-t4_222).mul_add(t5_64, t5_12);
         let pivot_5 = (-t5_32).mul_add(t5_60, t5_65);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -6466,12 +6466,12 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
         let pivot_3 = t3_33.mul_add(t3_46, t3_25);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t3_47 = t3_43 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_221, t2_200);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t3_48 = (-t3_28).mul_add(t3_46, t3_20);
         let t3_49 = t3_48.mul_add(t3_47, t3_5);
         let t3_50 = like.lift(0.5773502691896257).mul_add(t3_28, t3_49);
-        let t3_51 = inv_pivot_4 * t3_50;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_221, t2_200);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_51 = t3_50 * inv_pivot_4;
         let t3_52 = (-t2_197).mul_add(t3_51, t2_232);
         let pivot_5 = (-t3_19).mul_add(t3_47, t3_52);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -6686,8 +6686,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         t2_42, t2_43, t2_45, t2_48, t2_49, t2_50, t2_54, t2_55, t2_59, t2_60, t2_63, pivot_1,
         t2_71, t2_76, t2_78, t2_81, t2_84, t2_90, t2_91, t2_94, t2_96, t2_97, t2_99, t2_100,
         t2_102, t2_104, t2_105, t2_108, t2_150, t2_163, t2_171, t2_178, t2_193, t2_196, t2_203,
-        t2_209, t2_211, t2_212, t2_213, pivot_3, inv_pivot_3, t2_214, pivot_4, inv_pivot_4,
-        t2_215, t2_218, pivot_5, inv_pivot_5, t2_220, t2_221, t2_224,
+        t2_209, t2_211, t2_212, t2_213, pivot_3, inv_pivot_3, t2_214, t2_215, pivot_4,
+        inv_pivot_4, t2_218, pivot_5, inv_pivot_5, t2_220, t2_221, t2_224,
     ] = {
         let w_boomx = sin_shoulder * d_waist;
         let al_boomy = d_shoulder * w_boomx;
@@ -6925,12 +6925,12 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
         let pivot_3 = t2_104.mul_add(t2_213, t2_96);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t2_214 = t2_210 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_59, t2_38);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t2_215 = (-t2_99).mul_add(t2_213, t2_91);
         let t2_216 = t2_215.mul_add(t2_214, t2_76);
         let t2_217 = like.lift(0.5773502691896257).mul_add(t2_99, t2_216);
-        let t2_218 = inv_pivot_4 * t2_217;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_59, t2_38);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_218 = t2_217 * inv_pivot_4;
         let t2_219 = (-t2_35).mul_add(t2_218, t2_70);
         let pivot_5 = (-t2_90).mul_add(t2_214, t2_219);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -6947,7 +6947,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 100]) -> ([T;
             pivot_1, t2_71, t2_76, t2_78, t2_81, t2_84, t2_90, t2_91, t2_94, t2_96, t2_97,
             t2_99, t2_100, t2_102, t2_104, t2_105, t2_108, t2_150, t2_163, t2_171, t2_178,
             t2_193, t2_196, t2_203, t2_209, t2_211, t2_212, t2_213, pivot_3, inv_pivot_3,
-            t2_214, pivot_4, inv_pivot_4, t2_215, t2_218, pivot_5, inv_pivot_5, t2_220, t2_221,
+            t2_214, t2_215, pivot_4, inv_pivot_4, t2_218, pivot_5, inv_pivot_5, t2_220, t2_221,
             t2_224,
         ]
     };
@@ -8334,12 +8334,12 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([[T; 5]; 5], Cond
         let pivot_3 = t3_137.mul_add(t3_150, t3_129);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t3_151 = t3_147 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t3_92, t3_71);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t3_152 = (-t3_132).mul_add(t3_150, t3_124);
         let t3_153 = t3_152.mul_add(t3_151, t3_109);
         let t3_154 = like.lift(0.5773502691896257).mul_add(t3_132, t3_153);
-        let t3_155 = inv_pivot_4 * t3_154;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t3_92, t3_71);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_155 = t3_154 * inv_pivot_4;
         let t3_156 = (-t3_68).mul_add(t3_155, t3_103);
         let pivot_5 = (-t3_123).mul_add(t3_151, t3_156);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -9162,12 +9162,12 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], q
         let pivot_3 = t5_74.mul_add(t5_94, t5_66);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t5_95 = t5_91 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t5_30, t5_9);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t5_96 = (-t5_69).mul_add(t5_94, t5_61);
         let t5_97 = t5_96.mul_add(t5_95, t5_46);
         let t5_98 = like.lift(0.5773502691896257).mul_add(t5_69, t5_97);
-        let t5_99 = inv_pivot_4 * t5_98;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t5_30, t5_9);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t5_99 = t5_98 * inv_pivot_4;
         let t5_100 = (-t5_6).mul_add(t5_99, t5_41);
         let pivot_5 = (-t5_60).mul_add(t5_95, t5_100);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -9296,9 +9296,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], q
         kept[97] = pivot_3;
         kept[98] = inv_pivot_3;
         kept[99] = t5_95;
-        kept[100] = pivot_4;
-        kept[101] = inv_pivot_4;
-        kept[102] = t5_96;
+        kept[100] = t5_96;
+        kept[101] = pivot_4;
+        kept[102] = inv_pivot_4;
         kept[103] = t5_99;
         kept[104] = inv_pivot_5;
         kept[105] = t5_104;
@@ -9369,9 +9369,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], q
         let pivot_3 = kept[97];
         let inv_pivot_3 = kept[98];
         let t5_95 = kept[99];
-        let pivot_4 = kept[100];
-        let inv_pivot_4 = kept[101];
-        let t5_96 = kept[102];
+        let t5_96 = kept[100];
+        let pivot_4 = kept[101];
+        let inv_pivot_4 = kept[102];
         let t5_99 = kept[103];
         let inv_pivot_5 = kept[104];
         let t5_104 = kept[105];
@@ -9603,8 +9603,8 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], q
         let t5_67 = kept[87];
         let inv_pivot_3 = kept[98];
         let t5_95 = kept[99];
-        let inv_pivot_4 = kept[101];
-        let t5_96 = kept[102];
+        let t5_96 = kept[100];
+        let inv_pivot_4 = kept[102];
         let t5_99 = kept[103];
         let inv_pivot_5 = kept[104];
         let t5_104 = kept[105];
@@ -9953,7 +9953,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 5], q
         let t5_74 = kept[91];
         let t5_75 = kept[92];
         let pivot_3 = kept[97];
-        let pivot_4 = kept[100];
+        let pivot_4 = kept[101];
         let pivot_6 = kept[112];
         let t5_145 = kept[116];
         let t7_109 = kept[185];
@@ -12606,12 +12606,12 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let pivot_3 = t5_85.mul_add(t5_98, t5_77);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t5_99 = t5_95 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t5_41, t5_20);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t5_100 = (-t5_80).mul_add(t5_98, t5_72);
         let t5_101 = t5_100.mul_add(t5_99, t5_57);
         let t5_102 = like.lift(0.5773502691896257).mul_add(t5_80, t5_101);
-        let t5_103 = inv_pivot_4 * t5_102;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t5_41, t5_20);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t5_103 = t5_102 * inv_pivot_4;
         let t5_104 = (-t5_17).mul_add(t5_103, t5_52);
         let pivot_5 = (-t5_71).mul_add(t5_99, t5_104);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -15030,12 +15030,12 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let pivot_3 = t4_132.mul_add(t4_145, t4_124);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t4_146 = t4_142 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t4_87, t4_66);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t4_147 = (-t4_127).mul_add(t4_145, t4_119);
         let t4_148 = t4_147.mul_add(t4_146, t4_104);
         let t4_149 = like.lift(0.5773502691896257).mul_add(t4_127, t4_148);
-        let t4_150 = inv_pivot_4 * t4_149;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t4_87, t4_66);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t4_150 = t4_149 * inv_pivot_4;
         let t4_151 = (-t4_63).mul_add(t4_150, t4_98);
         let pivot_5 = (-t4_118).mul_add(t4_146, t4_151);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -15254,7 +15254,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
         t2_116, t2_119, t2_123, t2_124, t2_128, t2_129, t2_133, t2_134, t2_137, pivot_1,
         t2_145, t2_150, t2_152, t2_155, t2_158, t2_164, t2_165, t2_168, t2_170, t2_171, t2_173,
         t2_174, t2_176, t2_178, t2_179, t2_180, t2_181, t2_182, t2_183, t2_184, t2_185, t2_186,
-        t2_187, t2_189, t2_190, pivot_3, inv_pivot_3, t2_192, pivot_4, inv_pivot_4, t2_193,
+        t2_187, t2_189, t2_190, pivot_3, inv_pivot_3, t2_192, t2_193, pivot_4, inv_pivot_4,
         pivot_5, inv_pivot_5, t2_200, t2_201, t2_204, t2_205, t2_211, pivot_6, inv_pivot_6,
         t2_216, t2_218, t2_219,
     ] = {
@@ -15475,12 +15475,12 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
         let pivot_3 = t2_178.mul_add(t2_191, t2_170);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t2_192 = t2_188 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_133, t2_112);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t2_193 = (-t2_173).mul_add(t2_191, t2_165);
         let t2_194 = t2_193.mul_add(t2_192, t2_150);
         let t2_195 = like.lift(0.5773502691896257).mul_add(t2_173, t2_194);
-        let t2_196 = inv_pivot_4 * t2_195;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_133, t2_112);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_196 = t2_195 * inv_pivot_4;
         let t2_197 = (-t2_109).mul_add(t2_196, t2_144);
         let pivot_5 = (-t2_164).mul_add(t2_192, t2_197);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
@@ -15514,7 +15514,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
             pivot_1, t2_145, t2_150, t2_152, t2_155, t2_158, t2_164, t2_165, t2_168, t2_170,
             t2_171, t2_173, t2_174, t2_176, t2_178, t2_179, t2_180, t2_181, t2_182, t2_183,
             t2_184, t2_185, t2_186, t2_187, t2_189, t2_190, pivot_3, inv_pivot_3, t2_192,
-            pivot_4, inv_pivot_4, t2_193, pivot_5, inv_pivot_5, t2_200, t2_201, t2_204, t2_205,
+            t2_193, pivot_4, inv_pivot_4, pivot_5, inv_pivot_5, t2_200, t2_201, t2_204, t2_205,
             t2_211, pivot_6, inv_pivot_6, t2_216, t2_218, t2_219,
         ]
     };
@@ -15706,7 +15706,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) ->
         t2_61, t2_65, t2_66, t2_69, pivot_1, t2_76, t2_77, t2_82, t2_84, t2_87, t2_90, t2_96,
         t2_97, t2_100, t2_102, t2_103, t2_105, t2_106, t2_108, t2_110, t2_111, t2_114, t2_155,
         t2_156, t2_169, t2_177, t2_184, t2_198, t2_199, t2_202, t2_209, t2_215, t2_217, t2_218,
-        t2_219, pivot_3, inv_pivot_3, t2_220, pivot_4, inv_pivot_4, t2_221, t2_224,
+        t2_219, pivot_3, inv_pivot_3, t2_220, t2_221, pivot_4, inv_pivot_4, t2_224,
     ] = {
         let w_boomx = sin_shoulder * d_waist;
         let w_boomy = cos_shoulder * d_waist;
@@ -15952,12 +15952,12 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) ->
         let pivot_3 = t2_110.mul_add(t2_219, t2_102);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t2_220 = t2_216 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_65, t2_44);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t2_221 = (-t2_105).mul_add(t2_219, t2_97);
         let t2_222 = t2_221.mul_add(t2_220, t2_82);
         let t2_223 = like.lift(0.5773502691896257).mul_add(t2_105, t2_222);
-        let t2_224 = inv_pivot_4 * t2_223;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_65, t2_44);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_224 = t2_223 * inv_pivot_4;
         [
             w_boomx, w_boomy, w_ixx_boom_shoulder, al_boomy, t2_1, al_boomx, t2_2, t2_3, t2_4,
             t2_5, t2_6, w_6x, t2_9, t2_10, w_6z, t2_12, t2_14, t2_15, t2_16, t2_17, t2_18,
@@ -15966,8 +15966,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) ->
             t2_56, t2_60, t2_61, t2_65, t2_66, t2_69, pivot_1, t2_76, t2_77, t2_82, t2_84,
             t2_87, t2_90, t2_96, t2_97, t2_100, t2_102, t2_103, t2_105, t2_106, t2_108, t2_110,
             t2_111, t2_114, t2_155, t2_156, t2_169, t2_177, t2_184, t2_198, t2_199, t2_202,
-            t2_209, t2_215, t2_217, t2_218, t2_219, pivot_3, inv_pivot_3, t2_220, pivot_4,
-            inv_pivot_4, t2_221, t2_224,
+            t2_209, t2_215, t2_217, t2_218, t2_219, pivot_3, inv_pivot_3, t2_220, t2_221,
+            pivot_4, inv_pivot_4, t2_224,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -17134,12 +17134,12 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let pivot_3 = t3_81.mul_add(t3_94, t3_73);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
         let t3_95 = t3_91 * inv_pivot_3;
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t3_36, t3_15);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
         let t3_96 = (-t3_76).mul_add(t3_94, t3_68);
         let t3_97 = t3_96.mul_add(t3_95, t3_53);
         let t3_98 = like.lift(0.5773502691896257).mul_add(t3_76, t3_97);
-        let t3_99 = inv_pivot_4 * t3_98;
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t3_36, t3_15);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_99 = t3_98 * inv_pivot_4;
         let t3_100 = (-t3_12).mul_add(t3_99, t3_47);
         let pivot_5 = (-t3_67).mul_add(t3_95, t3_100);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;

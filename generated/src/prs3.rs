@@ -12,25 +12,25 @@
 //! | [`constraints`] | 37 | 40 | 0 | 6 |
 //! | [`jacobian`] | 44 | 69 | 0 | 6 |
 //! | [`bias`] | 79 | 130 | 0 | 6 |
-//! | [`newton_step`] | 126 | 183 | 5 | 6 |
-//! | [`dependent_jacobian`] | 49 | 91 | 0 | 6 |
-//! | [`velocities`] | 93 | 156 | 5 | 6 |
-//! | [`accelerations`] | 151 | 238 | 5 | 6 |
-//! | [`regressor`] | 288 | 442 | 5 | 6 |
-//! | [`inverse_dynamics`] | 256 | 368 | 5 | 6 |
-//! | [`gravity`] | 158 | 266 | 5 | 6 |
-//! | [`bias_forces`] | 301 | 424 | 5 | 6 |
-//! | [`mass_matrix`] | 259 | 372 | 5 | 6 |
-//! | [`slotine_li`] | 424 | 639 | 5 | 6 |
+//! | [`newton_step`] | 111 | 145 | 6 | 6 |
+//! | [`dependent_jacobian`] | 44 | 69 | 0 | 6 |
+//! | [`velocities`] | 90 | 137 | 6 | 6 |
+//! | [`accelerations`] | 164 | 243 | 6 | 6 |
+//! | [`regressor`] | 280 | 427 | 6 | 6 |
+//! | [`inverse_dynamics`] | 242 | 337 | 6 | 6 |
+//! | [`gravity`] | 144 | 236 | 6 | 6 |
+//! | [`bias_forces`] | 307 | 439 | 6 | 6 |
+//! | [`mass_matrix`] | 245 | 341 | 6 | 6 |
+//! | [`slotine_li`] | 454 | 689 | 6 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 18 | 43 | 0 | 6 |
-//! | [`base_regressor`] | 279 | 427 | 5 | 6 |
+//! | [`base_regressor`] | 271 | 412 | 6 | 6 |
 //! | [`to_base`] | 47 | 19 | 0 | 0 |
 //! | [`parameters_from_base`] | 42 | 14 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 245 | 357 | 5 | 6 |
-//! | [`base_gravity`] | 146 | 245 | 5 | 6 |
-//! | [`base_bias_forces`] | 298 | 421 | 5 | 6 |
-//! | [`base_mass_matrix`] | 249 | 369 | 5 | 6 |
+//! | [`base_inverse_dynamics`] | 231 | 326 | 6 | 6 |
+//! | [`base_gravity`] | 132 | 215 | 6 | 6 |
+//! | [`base_bias_forces`] | 304 | 436 | 6 | 6 |
+//! | [`base_mass_matrix`] | 235 | 338 | 6 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -800,7 +800,7 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 126 additions, 183 multiplications, 5 divisions, 6 sines and cosines.
+/// 111 additions, 145 multiplications, 6 divisions, 6 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 6];
@@ -808,295 +808,252 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+        sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
         cos_q2, sin_q3, cos_q3,
     ] = {
         let [
-            (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_q1, cos_q1),
+            (sin_q1, cos_q1), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2),
             (sin_q2, cos_q2), (sin_q3, cos_q3),
         ] =
-            T::sin_cos_all([s1_1, s1_2, s1_3, q1, q2, q3]);
+            T::sin_cos_all([q1, s1_3, s1_1, s1_2, q2, q3]);
         [
-            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+            sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
             cos_q2, sin_q3, cos_q3,
         ]
     };
     // A_e dq_e = -f
     {
-        let t2_1 = cos_s1_1 * sin_s1_2;
-        let t2_2 = cos_s1_3 * t2_1;
-        let t2_3 = sin_s1_1.mul_add(sin_s1_3, t2_2);
-        let t2_4 = like.lift(0.1) + like.lift(0.2);
-        let t2_5 = t2_3 * t2_4;
-        let t2_6 = like.lift(0.5) * sin_s1_1;
-        let t2_7 = t2_6.mul_add(cos_s1_2, t2_5);
-        let t2_8 = cos_s1_2 * cos_s1_3;
-        let t2_9 = like.lift(0.3) * t2_8;
-        let t2_10 = like.lift(0.3) * sin_s1_3;
-        let t2_11 = -t2_10;
-        let t2_12 = sin_s1_1 * cos_s1_3;
-        let t2_13 = (-sin_s1_3).mul_add(t2_1, t2_12);
-        let t2_14 = like.lift(0.5) * t2_13;
-        let t2_15 = cos_q1 * cos_s1_1;
-        let t2_16 = cos_q1 * sin_s1_1;
-        let t2_17 = sin_q1 * cos_s1_2;
-        let t2_18 = (-sin_s1_2).mul_add(t2_16, t2_17);
-        let t2_19 = cos_s1_3 * t2_15;
-        let t2_20 = (-sin_s1_3).mul_add(t2_18, t2_19);
-        let t2_21 = like.lift(0.8660254037844386) * t2_20;
-        let t2_22 = t2_14 + t2_21;
-        let t2_23 = like.lift(0.8660254037844386) * t2_3;
-        let t2_24 = cos_s1_3 * t2_18;
-        let t2_25 = sin_s1_3.mul_add(t2_15, t2_24);
-        let t2_26 = like.lift(0.5) * t2_25;
-        let t2_27 = t2_23 - t2_26;
-        let t2_28 = sin_q1 * cos_s1_1;
-        let t2_29 = sin_q1 * sin_s1_1;
-        let t2_30 = sin_s1_2 * t2_29;
-        let t2_31 = cos_q1.mul_add(cos_s1_2, t2_30);
-        let t2_32 = sin_s1_3 * t2_28;
-        let t2_33 = (-cos_s1_3).mul_add(t2_31, t2_32);
-        let t2_34 = sin_q2 * t2_27;
-        let t2_35 = (-cos_q2).mul_add(t2_33, t2_34);
-        let t2_36 = like.lift(0.5) * t2_3;
-        let t2_37 = like.lift(0.8660254037844386) * t2_25;
-        let t2_38 = t2_36 + t2_37;
-        let t2_39 = like.lift(0.8660254037844386) * t2_13;
-        let t2_40 = like.lift(0.5) * t2_20;
-        let t2_41 = t2_39 - t2_40;
-        let t2_42 = sin_s1_3 * t2_31;
-        let t2_43 = cos_s1_3.mul_add(t2_28, t2_42);
-        let t2_44 = sin_q2 * t2_41;
-        let t2_45 = (-cos_q2).mul_add(t2_43, t2_44);
-        let t2_46 = t2_38 * t2_45;
-        let t2_47 = (-t2_22).mul_add(t2_35, t2_46);
-        let t2_48 = like.lift(0.5) * t2_47;
-        let pivot_2 = -t2_48;
-        let t2_49 = sin_s1_1 * sin_s1_2;
-        let t2_50 = sin_s1_3 * t2_49;
-        let t2_51 = cos_s1_1.mul_add(cos_s1_3, t2_50);
-        let t2_52 = like.lift(0.5) * t2_51;
-        let t2_53 = like.lift(0.17320508075688773) * t2_3;
-        let t2_54 = t2_52 - t2_53;
-        let t2_55 = like.lift(0.17320508075688773) * t2_8;
-        let t2_56 = -t2_55;
-        let t2_57 = like.lift(0.17320508075688773) * sin_s1_3;
-        let t2_58 = cos_s1_1 * cos_s1_2;
-        let t2_59 = like.lift(0.8660254037844386) * t2_58;
-        let t2_60 = cos_s1_2 * t2_16;
-        let t2_61 = sin_q1.mul_add(sin_s1_2, t2_60);
-        let t2_62 = like.lift(0.5) * t2_61;
-        let t2_63 = t2_59 + t2_62;
-        let t2_64 = cos_q1 * sin_s1_2;
-        let t2_65 = (-cos_s1_2).mul_add(t2_29, t2_64);
-        let t2_66 = sin_q2 * t2_63;
-        let t2_67 = (-cos_q2).mul_add(t2_65, t2_66);
-        let t2_68 = like.lift(0.5) * t2_58;
-        let t2_69 = like.lift(0.8660254037844386) * t2_61;
-        let t2_70 = t2_68 - t2_69;
-        let t2_71 = t2_70 * t2_35;
-        let t2_72 = (-t2_38).mul_add(t2_67, t2_71);
-        let t2_73 = like.lift(0.5) * t2_72;
-        let t2_74 = -t2_73;
-        let t2_75 = -t2_74;
-        let t2_76 = cos_s1_3 * t2_49;
-        let t2_77 = (-cos_s1_1).mul_add(sin_s1_3, t2_76);
-        let t2_78 = like.lift(0.2) * t2_58;
-        let t2_79 = like.lift(-0.5).mul_add(t2_77, t2_78);
-        let t2_80 = like.lift(0.1) * t2_58;
-        let t2_81 = like.lift(0.17320508075688773) * t2_13;
-        let t2_82 = t2_79 + t2_80;
-        let t2_83 = t2_82 + t2_81;
-        let t2_84 = -t2_83;
-        let t2_85 = like.lift(0.2) * sin_s1_2;
-        let t2_86 = like.lift(0.1) * sin_s1_2;
-        let t2_87 = cos_s1_2 * sin_s1_3;
-        let t2_88 = like.lift(0.17320508075688773) * t2_87;
-        let t2_89 = t2_85 + t2_86;
-        let t2_90 = t2_89 + t2_88;
-        let t2_91 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_92 = t2_22 * t2_67;
-        let t2_93 = (-t2_70).mul_add(t2_45, t2_92);
-        let t2_94 = like.lift(0.5) * t2_93;
-        let t2_95 = -t2_94;
-        let t2_96 = t2_14 - t2_21;
-        let t2_97 = t2_23 + t2_26;
-        let t2_98 = cos_q3 * t2_33;
-        let t2_99 = sin_q3.mul_add(t2_97, t2_98);
-        let t2_100 = t2_36 - t2_37;
-        let t2_101 = t2_39 + t2_40;
-        let t2_102 = cos_q3 * t2_43;
-        let t2_103 = sin_q3.mul_add(t2_101, t2_102);
-        let t2_104 = t2_100 * t2_103;
-        let t2_105 = (-t2_96).mul_add(t2_99, t2_104);
-        let t2_106 = like.lift(0.5) * t2_105;
-        let t2_107 = -t2_106;
-        let t2_108 = -t2_107;
-        let t2_109 = t2_52 + t2_53;
-        let t2_110 = -t2_57;
-        let t2_111 = t2_59 - t2_62;
-        let t2_112 = cos_q3 * t2_65;
-        let t2_113 = sin_q3.mul_add(t2_111, t2_112);
-        let t2_114 = t2_68 + t2_69;
-        let t2_115 = t2_114 * t2_99;
-        let t2_116 = (-t2_100).mul_add(t2_113, t2_115);
-        let t2_117 = like.lift(0.5) * t2_116;
-        let t2_118 = -t2_117;
-        let t2_119 = t2_79 + t2_80;
-        let t2_120 = t2_119 - t2_81;
+        let t2_1 = sin_q1 * cos_s1_1;
+        let t2_2 = sin_q1 * sin_s1_1;
+        let t2_3 = sin_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(cos_s1_2, t2_3);
+        let t2_5 = sin_s1_3 * t2_4;
+        let t2_6 = cos_s1_3.mul_add(t2_1, t2_5);
+        let t2_7 = like.lift(0.1) * t2_6;
+        let t2_8 = like.lift(0.2) * t2_6;
+        let t2_9 = cos_q1 * sin_s1_2;
+        let t2_10 = (-cos_s1_2).mul_add(t2_2, t2_9);
+        let t2_11 = like.lift(0.17320508075688773) * t2_10;
+        let t2_12 = t2_7 + t2_8;
+        let t2_13 = t2_12 - t2_11;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = cos_q1 * sin_s1_1;
+        let t2_16 = sin_q1 * cos_s1_2;
+        let t2_17 = (-sin_s1_2).mul_add(t2_15, t2_16);
+        let t2_18 = cos_s1_3 * t2_14;
+        let t2_19 = (-sin_s1_3).mul_add(t2_17, t2_18);
+        let t2_20 = like.lift(0.1) * t2_19;
+        let t2_21 = like.lift(0.2) * t2_19;
+        let t2_22 = cos_s1_2 * t2_15;
+        let t2_23 = sin_q1.mul_add(sin_s1_2, t2_22);
+        let t2_24 = like.lift(0.17320508075688773) * t2_23;
+        let t2_25 = t2_20 + t2_21;
+        let t2_26 = t2_25 + t2_24;
+        let t2_27 = cos_q1 * t2_26;
+        let t2_28 = sin_q1.mul_add(t2_13, t2_27);
+        let t2_29 = t2_14 * t2_13;
+        let t2_30 = (-t2_1).mul_add(t2_26, t2_29);
+        let t2_31 = -t2_30;
+        let t2_32 = t2_10 * t2_26;
+        let t2_33 = t2_23.mul_add(t2_13, t2_32);
+        let t2_34 = -t2_33;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_35 = like.lift(0.5).mul_add(cos_q1, t2_8);
+        let t2_36 = t2_35 - t2_11;
+        let pivot_3 = t2_36 + t2_7;
+        let t2_37 = sin_s1_1 * cos_s1_3;
+        let t2_38 = sin_s1_3 * cos_s1_1;
+        let t2_39 = (-t2_38).mul_add(sin_s1_2, t2_37);
+        let t2_40 = like.lift(0.2) * t2_39;
+        let t2_41 = cos_s1_1 * cos_s1_2;
+        let t2_42 = like.lift(0.17320508075688773) * t2_41;
+        let t2_43 = like.lift(0.1) * t2_39;
+        let t2_44 = t2_40 - t2_42;
+        let t2_45 = t2_44 + t2_43;
+        let t2_46 = cos_q1 * t2_45;
+        let t2_47 = t2_1 * t2_45;
+        let t2_48 = (-sin_s1_1).mul_add(t2_13, t2_47);
+        let t2_49 = t2_10 * t2_45;
+        let t2_50 = (-t2_41).mul_add(t2_13, t2_49);
+        let t2_51 = -t2_50;
+        let t2_52 = like.lift(0.25) * cos_q2;
+        let t2_53 = like.lift(0.5) * sin_q1;
+        let t2_54 = t2_24 + t2_20;
+        let t2_55 = t2_53 - t2_21;
+        let t2_56 = t2_55 - t2_54;
+        let t2_57 = sin_q1 * t2_45;
+        let t2_58 = sin_s1_1 * t2_26;
+        let t2_59 = (-t2_14).mul_add(t2_45, t2_58);
+        let t2_60 = t2_23 * t2_45;
+        let t2_61 = t2_41.mul_add(t2_26, t2_60);
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.5) * sin_q2;
+        let t2_64 = -t2_63;
+        let t2_65 = t2_7 + t2_8;
+        let t2_66 = t2_65 + t2_11;
+        let t2_67 = t2_20 + t2_21;
+        let t2_68 = t2_67 - t2_24;
+        let t2_69 = cos_q1 * t2_68;
+        let t2_70 = sin_q1.mul_add(t2_66, t2_69);
+        let t2_71 = t2_14 * t2_66;
+        let t2_72 = (-t2_1).mul_add(t2_68, t2_71);
+        let t2_73 = -t2_72;
+        let t2_74 = t2_10 * t2_68;
+        let t2_75 = t2_23.mul_add(t2_66, t2_74);
+        let t2_76 = -t2_75;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_77 = -pivot_2;
+        let t2_78 = t2_35 + t2_11;
+        let t2_79 = t2_78 + t2_7;
+        let t2_80 = t2_40 + t2_42;
+        let t2_81 = t2_80 + t2_43;
+        let t2_82 = cos_q1 * t2_81;
+        let t2_83 = t2_1 * t2_81;
+        let t2_84 = (-sin_s1_1).mul_add(t2_66, t2_83);
+        let t2_85 = t2_10 * t2_81;
+        let t2_86 = (-t2_41).mul_add(t2_66, t2_85);
+        let t2_87 = -t2_86;
+        let t2_88 = like.lift(0.25) * cos_q3;
+        let t2_89 = t2_24 - t2_20;
+        let t2_90 = t2_53 - t2_21;
+        let t2_91 = t2_90 + t2_89;
+        let t2_92 = sin_q1 * t2_81;
+        let t2_93 = sin_s1_1 * t2_68;
+        let t2_94 = (-t2_14).mul_add(t2_81, t2_93);
+        let t2_95 = t2_23 * t2_81;
+        let t2_96 = t2_41.mul_add(t2_68, t2_95);
+        let t2_97 = -t2_96;
+        let t2_98 = like.lift(0.5) * sin_q3;
+        let t2_99 = -t2_98;
+        let t2_100 = like.lift(0.4330127018922193).mul_add(sin_q2, t2_45);
+        let t2_101 = like.lift(-0.8660254037844386).mul_add(p2, t2_100);
+        let t2_102 = t2_101 + like.lift(0.6928203230275509);
+        let t2_103 = -t2_102;
+        let t2_104 = like.lift(0.8) - p1;
+        let t2_105 = t2_104 + t2_53;
+        let t2_106 = t2_105 - t2_21;
+        let t2_107 = t2_106 - t2_54;
+        let t2_108 = like.lift(0.25).mul_add(sin_q2, t2_107);
+        let t2_109 = like.lift(-0.5).mul_add(p2, t2_108);
+        let t2_110 = t2_109 + like.lift(0.4);
+        let t2_111 = -t2_110;
+        let t2_112 = like.lift(-0.5).mul_add(cos_q2, pivot_3);
+        let t2_113 = like.lift(-0.4330127018922193).mul_add(sin_q3, t2_81);
+        let t2_114 = like.lift(0.8660254037844386).mul_add(p3, t2_113);
+        let t2_115 = t2_114 - like.lift(0.6928203230275509);
+        let t2_116 = -t2_115;
+        let t2_117 = t2_106 + t2_89;
+        let t2_118 = like.lift(0.25).mul_add(sin_q3, t2_117);
+        let t2_119 = like.lift(-0.5).mul_add(p3, t2_118);
+        let t2_120 = t2_119 + like.lift(0.4);
         let t2_121 = -t2_120;
-        let t2_122 = t2_85 + t2_86;
-        let t2_123 = t2_122 - t2_88;
-        let t2_124 = -t2_91;
-        let t2_125 = t2_96 * t2_113;
-        let t2_126 = (-t2_114).mul_add(t2_103, t2_125);
-        let t2_127 = like.lift(0.5) * t2_126;
-        let t2_128 = -t2_127;
-        let t2_129 = -t2_128;
-        let t2_130 = like.lift(-0.2).mul_add(t2_20, like.lift(0.8));
-        let t2_131 = like.lift(0.5).mul_add(sin_q1, t2_130);
-        let t2_132 = t2_131 - p1;
-        let t2_133 = like.lift(0.2) * t2_43;
-        let t2_134 = like.lift(0.5).mul_add(cos_q1, t2_133);
-        let t2_135 = like.lift(0.2) * t2_13;
-        let t2_136 = t2_65 * t2_134;
-        let t2_137 = t2_61.mul_add(t2_132, t2_136);
-        let t2_138 = t2_58.mul_add(t2_135, t2_137);
-        let t2_139 = like.lift(-0.8660254037844386).mul_add(p2, like.lift(0.6928203230275509));
-        let t2_140 = like.lift(-0.5).mul_add(p2, like.lift(0.4));
-        let t2_141 = like.lift(-0.5).mul_add(t2_67, like.lift(0.17320508075688773));
-        let t2_142 = t2_141 - t2_138;
-        let t2_143 = (-t2_140).mul_add(t2_61, t2_142);
-        let t2_144 = (-t2_139).mul_add(t2_58, t2_143);
-        let t2_145 = t2_43 * t2_134;
-        let t2_146 = (-t2_20).mul_add(t2_132, t2_145);
-        let t2_147 = t2_13.mul_add(t2_135, t2_146);
-        let t2_148 = like.lift(0.5).mul_add(t2_45, like.lift(0.1));
-        let t2_149 = t2_148 + t2_147;
-        let t2_150 = (-t2_140).mul_add(t2_20, t2_149);
-        let t2_151 = t2_139.mul_add(t2_13, t2_150);
-        let t2_152 = t2_33 * t2_134;
-        let t2_153 = (-t2_25).mul_add(t2_132, t2_152);
-        let t2_154 = t2_3.mul_add(t2_135, t2_153);
-        let t2_155 = t2_139 * t2_3;
-        let t2_156 = t2_140 * t2_25;
-        let t2_157 = like.lift(0.5) * t2_35;
-        let t2_158 = t2_154 + t2_155;
-        let t2_159 = t2_158 - t2_156;
-        let t2_160 = t2_159 + t2_157;
-        let t2_161 = -t2_160;
-        let t2_162 = like.lift(-0.8660254037844386).mul_add(p3, like.lift(0.6928203230275509));
-        let t2_163 = like.lift(-0.5).mul_add(p3, like.lift(0.4));
-        let t2_164 = like.lift(-0.5).mul_add(t2_113, like.lift(0.17320508075688773));
-        let t2_165 = t2_164 + t2_138;
-        let t2_166 = t2_163.mul_add(t2_61, t2_165);
-        let t2_167 = (-t2_162).mul_add(t2_58, t2_166);
-        let t2_168 = -t2_167;
-        let t2_169 = like.lift(-0.5).mul_add(t2_103, like.lift(0.1));
-        let t2_170 = t2_169 + t2_147;
-        let t2_171 = (-t2_163).mul_add(t2_20, t2_170);
-        let t2_172 = (-t2_162).mul_add(t2_13, t2_171);
-        let t2_173 = t2_163 * t2_25;
-        let t2_174 = t2_162.mul_add(t2_3, t2_173);
-        let t2_175 = like.lift(0.5) * t2_99;
-        let t2_176 = t2_154 - t2_174;
-        let t2_177 = t2_176 - t2_175;
-        let t2_178 = -t2_177;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_179 = t2_74 * inv_pivot_2;
-        let pivot_3 = t2_7.mul_add(t2_179, t2_54);
+        let t2_122 = like.lift(-0.5).mul_add(cos_q3, t2_79);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_180 = t2_144.mul_add(t2_179, t2_151);
-        let t2_181 = (-t2_179).mul_add(t2_9, t2_55);
-        let t2_182 = t2_7 * inv_pivot_3;
-        let pivot_4 = t2_181.mul_add(t2_182, t2_9);
+        let t2_123 = like.lift(-0.5773502691896257).mul_add(t2_102, t2_110);
+        let t2_124 = like.lift(-0.5773502691896257).mul_add(t2_28, t2_46);
+        let t2_125 = t2_79 * inv_pivot_3;
+        let t2_126 = (-t2_124).mul_add(t2_125, t2_82);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_70, t2_126);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_183 = t2_182.mul_add(t2_180, t2_167);
-        let t2_184 = (-t2_179).mul_add(t2_10, t2_57);
-        let t2_185 = t2_184.mul_add(t2_182, t2_10);
-        let t2_186 = t2_95 * inv_pivot_2;
-        let t2_187 = t2_7 * t2_186;
-        let t2_188 = like.lift(0.34641016151377546).mul_add(t2_13, t2_187);
-        let t2_189 = t2_188 * inv_pivot_3;
-        let t2_190 = like.lift(0.34641016151377546) * t2_87;
-        let t2_191 = (-t2_181).mul_add(t2_189, t2_190);
-        let t2_192 = (-t2_186).mul_add(t2_9, t2_191);
-        let t2_193 = t2_192 * inv_pivot_4;
-        let t2_194 = t2_185 * t2_193;
-        let t2_195 = t2_184.mul_add(t2_189, t2_194);
-        let t2_196 = t2_186.mul_add(t2_10, t2_195);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t2_196);
+        let t2_127 = (-t2_125).mul_add(t2_123, t2_120);
+        let t2_128 = like.lift(0.5773502691896257).mul_add(t2_115, t2_127);
+        let t2_129 = like.lift(-0.5773502691896257).mul_add(t2_33, t2_50);
+        let t2_130 = (-t2_129).mul_add(t2_125, t2_86);
+        let t2_131 = like.lift(0.5773502691896257).mul_add(t2_75, t2_130);
+        let t2_132 = like.lift(1.0) / cos_q2;
+        let t2_133 = sin_q2 * t2_132;
+        let t2_134 = t2_56 * inv_pivot_3;
+        let t2_135 = like.lift(1.1547005383792515) * t2_133;
+        let t2_136 = (-t2_124).mul_add(t2_134, t2_57);
+        let t2_137 = t2_28.mul_add(t2_135, t2_136);
+        let t2_138 = t2_137 * inv_pivot_4;
+        let t2_139 = (-t2_131).mul_add(t2_138, t2_61);
+        let t2_140 = (-t2_129).mul_add(t2_134, t2_139);
+        let pivot_5 = t2_33.mul_add(t2_135, t2_140);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_197 = (-t2_193).mul_add(t2_183, t2_157);
-        let t2_198 = (-t2_189).mul_add(t2_180, t2_197);
-        let t2_199 = t2_144.mul_add(t2_186, t2_198);
-        let t2_200 = t2_199 - t2_156;
-        let t2_201 = t2_200 + t2_155;
-        let t2_202 = t2_201 + t2_174;
-        let t2_203 = t2_202 + t2_175;
-        let t2_204 = t2_107.mul_add(t2_193, t2_128);
-        let t2_205 = t2_109 * inv_pivot_3;
-        let t2_206 = t2_181.mul_add(t2_205, t2_55);
-        let t2_207 = t2_206 * inv_pivot_4;
-        let t2_208 = (-t2_185).mul_add(t2_207, t2_57);
-        let t2_209 = t2_184.mul_add(t2_205, t2_208);
-        let t2_210 = t2_209 * inv_pivot_5;
-        let t2_211 = t2_204.mul_add(t2_210, t2_118);
-        let pivot_6 = t2_107.mul_add(t2_207, t2_211);
+        let t2_141 = t2_138.mul_add(t2_128, t2_112);
+        let t2_142 = t2_134.mul_add(t2_123, t2_141);
+        let t2_143 = (-t2_102).mul_add(t2_135, t2_142);
+        let t2_144 = like.lift(0.5773502691896257).mul_add(t2_30, t2_48);
+        let t2_145 = (-t2_144).mul_add(t2_125, t2_84);
+        let t2_146 = like.lift(-0.5773502691896257).mul_add(t2_72, t2_145);
+        let t2_147 = (-t2_146).mul_add(t2_138, t2_59);
+        let t2_148 = (-t2_144).mul_add(t2_134, t2_147);
+        let t2_149 = (-t2_30).mul_add(t2_135, t2_148);
+        let t2_150 = like.lift(1.0) / cos_q3;
+        let t2_151 = sin_q3 * t2_150;
+        let t2_152 = t2_91 * inv_pivot_3;
+        let t2_153 = like.lift(1.1547005383792515) * t2_151;
+        let t2_154 = (-t2_124).mul_add(t2_152, t2_92);
+        let t2_155 = (-t2_70).mul_add(t2_153, t2_154);
+        let t2_156 = t2_155 * inv_pivot_4;
+        let t2_157 = (-t2_131).mul_add(t2_156, t2_96);
+        let t2_158 = (-t2_129).mul_add(t2_152, t2_157);
+        let t2_159 = (-t2_75).mul_add(t2_153, t2_158);
+        let t2_160 = t2_159 * inv_pivot_5;
+        let t2_161 = (-t2_149).mul_add(t2_160, t2_94);
+        let t2_162 = (-t2_146).mul_add(t2_156, t2_161);
+        let t2_163 = (-t2_144).mul_add(t2_152, t2_162);
+        let pivot_6 = t2_72.mul_add(t2_153, t2_163);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_212 = (-t2_210).mul_add(t2_203, t2_172);
-        let t2_213 = t2_207.mul_add(t2_183, t2_212);
-        let t2_214 = (-t2_205).mul_add(t2_180, t2_213);
-        let t2_215 = inv_pivot_6 * t2_214;
-        let t2_216 = t2_204.mul_add(t2_215, t2_203);
-        let t2_217 = inv_pivot_5 * t2_216;
-        let t2_218 = (-t2_107).mul_add(t2_215, t2_183);
-        let t2_219 = t2_185.mul_add(t2_217, t2_218);
-        let t2_220 = inv_pivot_4 * t2_219;
-        let t2_221 = t2_184.mul_add(t2_217, t2_180);
-        let t2_222 = (-t2_181).mul_add(t2_220, t2_221);
-        let t2_223 = inv_pivot_3 * t2_222;
-        let t2_224 = -t2_220;
-        let t2_225 = -t2_217;
-        let t2_226 = sin_s1_3 * t2_217;
-        let t2_227 = (-t2_8).mul_add(t2_220, t2_226);
-        let t2_228 = like.lift(-0.3).mul_add(t2_227, t2_144);
-        let t2_229 = (-t2_7).mul_add(t2_223, t2_228);
-        let t2_230 = inv_pivot_2 * t2_229;
-        let t2_231 = (-t2_217).mul_add(t2_91, t2_160);
-        let t2_232 = (-t2_90).mul_add(t2_220, t2_231);
-        let t2_233 = (-t2_83).mul_add(t2_223, t2_232);
-        let t2_234 = t2_95.mul_add(t2_230, t2_233);
-        let t2_235 = like.lift(3.3333333333333335) * t2_234;
-        let t2_236 = -pivot_5;
+        let t2_164 = (-t2_160).mul_add(t2_143, t2_122);
+        let t2_165 = t2_156.mul_add(t2_128, t2_164);
+        let t2_166 = t2_152.mul_add(t2_123, t2_165);
+        let t2_167 = t2_115.mul_add(t2_153, t2_166);
+        let t2_168 = inv_pivot_6 * t2_167;
+        let t2_169 = (-t2_149).mul_add(t2_168, t2_143);
+        let t2_170 = inv_pivot_5 * t2_169;
+        let t2_171 = t2_146.mul_add(t2_168, t2_128);
+        let t2_172 = t2_131.mul_add(t2_170, t2_171);
+        let t2_173 = inv_pivot_4 * t2_172;
+        let t2_174 = t2_144.mul_add(t2_168, t2_123);
+        let t2_175 = t2_129.mul_add(t2_170, t2_174);
+        let t2_176 = (-t2_124).mul_add(t2_173, t2_175);
+        let t2_177 = inv_pivot_3 * t2_176;
+        let t2_178 = -t2_177;
+        let t2_179 = -t2_173;
+        let t2_180 = -t2_170;
+        let t2_181 = (-t2_30).mul_add(t2_168, t2_102);
+        let t2_182 = t2_33.mul_add(t2_170, t2_181);
+        let t2_183 = (-t2_28).mul_add(t2_173, t2_182);
+        let t2_184 = like.lift(2.309401076758503) * t2_132;
+        let t2_185 = t2_184 * t2_183;
+        let t2_186 = -t2_185;
+        let t2_187 = (-t2_72).mul_add(t2_168, t2_115);
+        let t2_188 = t2_75.mul_add(t2_170, t2_187);
+        let t2_189 = (-t2_70).mul_add(t2_173, t2_188);
+        let t2_190 = like.lift(2.309401076758503) * t2_150;
+        let t2_191 = t2_190 * t2_189;
+        let t2_192 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t2_236 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
-        let ([[t2_237], [t2_238], [t2_239], [t2_240], [t2_241], [t2_242]], found) = ::regen_runtime::guarded(
-            [[t2_223], [t2_224], [t2_225], [t2_235], [t2_230], [t2_215]],
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_77 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t2_192 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
+        let ([[t2_193], [t2_194], [t2_195], [t2_196], [t2_197], [t2_198]], found) = ::regen_runtime::guarded(
+            [[t2_178], [t2_179], [t2_168], [t2_180], [t2_186], [t2_191]],
             margin,
             || (
                 [
-                    [t2_7, t2_9, t2_11, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_54, t2_56, t2_57, like.lift(0.0), t2_75, like.lift(0.0)],
-                    [t2_84, t2_90, t2_91, like.lift(-0.3), t2_95, like.lift(0.0)],
-                    [t2_7, t2_9, t2_11, like.lift(0.0), like.lift(0.0), t2_108],
-                    [t2_109, t2_55, t2_110, like.lift(0.0), like.lift(0.0), t2_118],
-                    [t2_121, t2_123, t2_124, like.lift(-0.3), like.lift(0.0), t2_129],
+                    [like.lift(0.0), t2_28, t2_31, t2_34, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_46, t2_48, t2_51, t2_52, like.lift(0.0)],
+                    [t2_56, t2_57, t2_59, t2_62, t2_64, like.lift(0.0)],
+                    [like.lift(0.0), t2_70, t2_73, t2_76, like.lift(0.0), t2_77],
+                    [t2_79, t2_82, t2_84, t2_87, like.lift(0.0), t2_88],
+                    [t2_91, t2_92, t2_94, t2_97, like.lift(0.0), t2_99],
                 ],
-                [[t2_144], [t2_151], [t2_161], [t2_168], [t2_172], [t2_178]],
+                [[t2_103], [t2_111], [t2_112], [t2_116], [t2_121], [t2_122]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_237;
-        dq_e[1] = t2_238;
-        dq_e[2] = t2_239;
-        dq_e[3] = t2_240;
-        dq_e[4] = t2_241;
-        dq_e[5] = t2_242;
+        dq_e[0] = t2_193;
+        dq_e[1] = t2_194;
+        dq_e[2] = t2_195;
+        dq_e[3] = t2_196;
+        dq_e[4] = t2_197;
+        dq_e[5] = t2_198;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -1106,163 +1063,136 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a_e`: the square A_e on the rows that are kept, each loop seen from one of its own frames (Eq. 8)
 ///
-/// 49 additions, 91 multiplications, 0 divisions, 6 sines and cosines.
+/// 44 additions, 69 multiplications, 0 divisions, 6 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
     let like = q[0];
     let mut a_e = [[like.lift(0.0); 6]; 6];
     let [_, q1, s1_1, s1_2, s1_3, _, q2, _, q3] = *q;
     // sines and cosines
     let [
-        sin_s1_1, cos_s1_1, sin_s1_3, cos_s1_3, sin_s1_2, cos_s1_2, sin_q1, cos_q1, sin_q2,
+        sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
         cos_q2, sin_q3, cos_q3,
     ] = {
         let [
-            (sin_s1_1, cos_s1_1), (sin_s1_3, cos_s1_3), (sin_s1_2, cos_s1_2), (sin_q1, cos_q1),
+            (sin_q1, cos_q1), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2),
             (sin_q2, cos_q2), (sin_q3, cos_q3),
         ] =
-            T::sin_cos_all([s1_1, s1_3, s1_2, q1, q2, q3]);
+            T::sin_cos_all([q1, s1_3, s1_1, s1_2, q2, q3]);
         [
-            sin_s1_1, cos_s1_1, sin_s1_3, cos_s1_3, sin_s1_2, cos_s1_2, sin_q1, cos_q1, sin_q2,
+            sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
             cos_q2, sin_q3, cos_q3,
         ]
     };
     // A_e (Eq. 8)
     {
-        let t2_1 = sin_s1_1 * sin_s1_2;
-        let t2_2 = cos_s1_1 * cos_s1_2;
-        let t2_3 = cos_s1_3 * t2_1;
-        let t2_4 = (-cos_s1_1).mul_add(sin_s1_3, t2_3);
-        let t2_5 = like.lift(0.2) * t2_2;
-        let t2_6 = like.lift(-0.5).mul_add(t2_4, t2_5);
-        let t2_7 = like.lift(0.1) * t2_2;
-        let t2_8 = cos_s1_1 * sin_s1_2;
-        let t2_9 = sin_s1_1 * cos_s1_3;
-        let t2_10 = (-sin_s1_3).mul_add(t2_8, t2_9);
+        let t2_1 = sin_q1 * cos_s1_1;
+        let t2_2 = sin_q1 * sin_s1_1;
+        let t2_3 = sin_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(cos_s1_2, t2_3);
+        let t2_5 = sin_s1_3 * t2_4;
+        let t2_6 = cos_s1_3.mul_add(t2_1, t2_5);
+        let t2_7 = like.lift(0.1) * t2_6;
+        let t2_8 = like.lift(0.2) * t2_6;
+        let t2_9 = cos_q1 * sin_s1_2;
+        let t2_10 = (-cos_s1_2).mul_add(t2_2, t2_9);
         let t2_11 = like.lift(0.17320508075688773) * t2_10;
-        let t2_12 = t2_6 + t2_7;
-        let t2_13 = t2_12 + t2_11;
-        let t2_14 = -t2_13;
-        let t2_15 = like.lift(0.2) * sin_s1_2;
-        let t2_16 = like.lift(0.1) * sin_s1_2;
-        let t2_17 = like.lift(0.17320508075688773) * sin_s1_3;
-        let t2_18 = cos_s1_2 * t2_17;
-        let t2_19 = t2_15 + t2_16;
-        let t2_20 = t2_19 + t2_18;
-        let t2_21 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_22 = like.lift(0.5) * t2_2;
-        let t2_23 = cos_q1 * sin_s1_1;
-        let t2_24 = cos_s1_2 * t2_23;
-        let t2_25 = sin_q1.mul_add(sin_s1_2, t2_24);
-        let t2_26 = like.lift(0.8660254037844386) * t2_25;
-        let t2_27 = t2_22 - t2_26;
-        let t2_28 = like.lift(0.8660254037844386) * t2_10;
-        let t2_29 = cos_q1 * cos_s1_1;
-        let t2_30 = sin_q1 * cos_s1_2;
-        let t2_31 = (-sin_s1_2).mul_add(t2_23, t2_30);
-        let t2_32 = cos_s1_3 * t2_29;
-        let t2_33 = (-sin_s1_3).mul_add(t2_31, t2_32);
-        let t2_34 = like.lift(0.5) * t2_33;
-        let t2_35 = t2_28 - t2_34;
-        let t2_36 = sin_q1 * cos_s1_1;
-        let t2_37 = sin_q1 * sin_s1_1;
-        let t2_38 = sin_s1_2 * t2_37;
-        let t2_39 = cos_q1.mul_add(cos_s1_2, t2_38);
-        let t2_40 = sin_s1_3 * t2_39;
-        let t2_41 = cos_s1_3.mul_add(t2_36, t2_40);
-        let t2_42 = sin_q2 * t2_35;
-        let t2_43 = (-cos_q2).mul_add(t2_41, t2_42);
-        let t2_44 = like.lift(0.5) * t2_10;
-        let t2_45 = like.lift(0.8660254037844386) * t2_33;
-        let t2_46 = t2_44 + t2_45;
-        let t2_47 = like.lift(0.8660254037844386) * t2_2;
-        let t2_48 = like.lift(0.5) * t2_25;
-        let t2_49 = t2_47 + t2_48;
-        let t2_50 = cos_q1 * sin_s1_2;
-        let t2_51 = (-cos_s1_2).mul_add(t2_37, t2_50);
-        let t2_52 = sin_q2 * t2_49;
-        let t2_53 = (-cos_q2).mul_add(t2_51, t2_52);
-        let t2_54 = t2_46 * t2_53;
-        let t2_55 = (-t2_27).mul_add(t2_43, t2_54);
-        let t2_56 = like.lift(0.5) * t2_55;
-        let t2_57 = -t2_56;
-        a_e[0][0] = t2_14; a_e[0][1] = t2_20; a_e[0][2] = t2_21; a_e[0][3] = like.lift(-0.3); a_e[0][4] = t2_57;
-        let t2_58 = cos_s1_3 * t2_8;
-        let t2_59 = sin_s1_1.mul_add(sin_s1_3, t2_58);
-        let t2_60 = like.lift(0.1) + like.lift(0.2);
-        let t2_61 = t2_59 * t2_60;
-        let t2_62 = like.lift(0.5) * sin_s1_1;
-        let t2_63 = t2_62.mul_add(cos_s1_2, t2_61);
-        let t2_64 = cos_s1_2 * cos_s1_3;
-        let t2_65 = like.lift(0.3) * t2_64;
-        let t2_66 = like.lift(0.3) * sin_s1_3;
-        let t2_67 = -t2_66;
-        let t2_68 = like.lift(0.8660254037844386) * t2_59;
-        let t2_69 = cos_s1_3 * t2_31;
-        let t2_70 = sin_s1_3.mul_add(t2_29, t2_69);
-        let t2_71 = like.lift(0.5) * t2_70;
-        let t2_72 = t2_68 - t2_71;
-        let t2_73 = sin_s1_3 * t2_36;
-        let t2_74 = (-cos_s1_3).mul_add(t2_39, t2_73);
-        let t2_75 = sin_q2 * t2_72;
-        let t2_76 = (-cos_q2).mul_add(t2_74, t2_75);
-        let t2_77 = like.lift(0.5) * t2_59;
-        let t2_78 = like.lift(0.8660254037844386) * t2_70;
-        let t2_79 = t2_77 + t2_78;
-        let t2_80 = t2_79 * t2_43;
-        let t2_81 = (-t2_46).mul_add(t2_76, t2_80);
-        let t2_82 = like.lift(0.5) * t2_81;
-        let pivot_2 = -t2_82;
-        a_e[1][0] = t2_63; a_e[1][1] = t2_65; a_e[1][2] = t2_67; a_e[1][4] = pivot_2;
-        let t2_83 = sin_s1_3 * t2_1;
-        let t2_84 = cos_s1_1.mul_add(cos_s1_3, t2_83);
-        let t2_85 = like.lift(0.5) * t2_84;
-        let t2_86 = like.lift(0.17320508075688773) * t2_59;
-        let t2_87 = t2_85 - t2_86;
-        let t2_88 = like.lift(0.17320508075688773) * t2_64;
-        let t2_89 = -t2_88;
-        let t2_90 = t2_27 * t2_76;
-        let t2_91 = (-t2_79).mul_add(t2_53, t2_90);
-        let t2_92 = like.lift(0.5) * t2_91;
-        let t2_93 = -t2_92;
-        let t2_94 = -t2_93;
-        a_e[2][0] = t2_87; a_e[2][1] = t2_89; a_e[2][2] = t2_17; a_e[2][4] = t2_94;
-        let t2_95 = t2_44 - t2_45;
-        let t2_96 = t2_68 + t2_71;
-        let t2_97 = cos_q3 * t2_74;
-        let t2_98 = sin_q3.mul_add(t2_96, t2_97);
-        let t2_99 = t2_77 - t2_78;
-        let t2_100 = t2_28 + t2_34;
-        let t2_101 = cos_q3 * t2_41;
-        let t2_102 = sin_q3.mul_add(t2_100, t2_101);
-        let t2_103 = t2_99 * t2_102;
-        let t2_104 = (-t2_95).mul_add(t2_98, t2_103);
-        let t2_105 = like.lift(0.5) * t2_104;
-        let t2_106 = -t2_105;
-        let t2_107 = -t2_106;
-        a_e[3][0] = t2_63; a_e[3][1] = t2_65; a_e[3][2] = t2_67; a_e[3][5] = t2_107;
-        let t2_108 = t2_6 + t2_7;
-        let t2_109 = t2_108 - t2_11;
-        let t2_110 = -t2_109;
-        let t2_111 = t2_15 + t2_16;
-        let t2_112 = t2_111 - t2_18;
-        let t2_113 = -t2_21;
-        let t2_114 = t2_22 + t2_26;
-        let t2_115 = t2_47 - t2_48;
-        let t2_116 = cos_q3 * t2_51;
-        let t2_117 = sin_q3.mul_add(t2_115, t2_116);
-        let t2_118 = t2_95 * t2_117;
-        let t2_119 = (-t2_114).mul_add(t2_102, t2_118);
-        let t2_120 = like.lift(0.5) * t2_119;
-        let t2_121 = -t2_120;
-        let t2_122 = -t2_121;
-        a_e[4][0] = t2_110; a_e[4][1] = t2_112; a_e[4][2] = t2_113; a_e[4][3] = like.lift(-0.3); a_e[4][5] = t2_122;
-        let t2_123 = t2_85 + t2_86;
-        let t2_124 = -t2_17;
-        let t2_125 = t2_114 * t2_98;
-        let t2_126 = (-t2_99).mul_add(t2_117, t2_125);
-        let t2_127 = like.lift(0.5) * t2_126;
-        let t2_128 = -t2_127;
-        a_e[5][0] = t2_123; a_e[5][1] = t2_88; a_e[5][2] = t2_124; a_e[5][5] = t2_128;
+        let t2_12 = t2_7 + t2_8;
+        let t2_13 = t2_12 - t2_11;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = cos_q1 * sin_s1_1;
+        let t2_16 = sin_q1 * cos_s1_2;
+        let t2_17 = (-sin_s1_2).mul_add(t2_15, t2_16);
+        let t2_18 = cos_s1_3 * t2_14;
+        let t2_19 = (-sin_s1_3).mul_add(t2_17, t2_18);
+        let t2_20 = like.lift(0.1) * t2_19;
+        let t2_21 = like.lift(0.2) * t2_19;
+        let t2_22 = cos_s1_2 * t2_15;
+        let t2_23 = sin_q1.mul_add(sin_s1_2, t2_22);
+        let t2_24 = like.lift(0.17320508075688773) * t2_23;
+        let t2_25 = t2_20 + t2_21;
+        let t2_26 = t2_25 + t2_24;
+        let t2_27 = cos_q1 * t2_26;
+        let t2_28 = sin_q1.mul_add(t2_13, t2_27);
+        let t2_29 = t2_14 * t2_13;
+        let t2_30 = (-t2_1).mul_add(t2_26, t2_29);
+        let t2_31 = -t2_30;
+        let t2_32 = t2_10 * t2_26;
+        let t2_33 = t2_23.mul_add(t2_13, t2_32);
+        let t2_34 = -t2_33;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        a_e[0][1] = t2_28; a_e[0][2] = t2_31; a_e[0][3] = t2_34; a_e[0][4] = pivot_1;
+        let t2_35 = t2_7 + t2_8;
+        let t2_36 = t2_35 + t2_11;
+        let t2_37 = t2_20 + t2_21;
+        let t2_38 = t2_37 - t2_24;
+        let t2_39 = cos_q1 * t2_38;
+        let t2_40 = sin_q1.mul_add(t2_36, t2_39);
+        let t2_41 = t2_14 * t2_36;
+        let t2_42 = (-t2_1).mul_add(t2_38, t2_41);
+        let t2_43 = -t2_42;
+        let t2_44 = t2_10 * t2_38;
+        let t2_45 = t2_23.mul_add(t2_36, t2_44);
+        let t2_46 = -t2_45;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_47 = -pivot_2;
+        a_e[1][1] = t2_40; a_e[1][2] = t2_43; a_e[1][3] = t2_46; a_e[1][5] = t2_47;
+        let t2_48 = like.lift(0.5).mul_add(cos_q1, t2_8);
+        let t2_49 = t2_48 - t2_11;
+        let pivot_3 = t2_49 + t2_7;
+        let t2_50 = sin_s1_1 * cos_s1_3;
+        let t2_51 = sin_s1_3 * cos_s1_1;
+        let t2_52 = (-t2_51).mul_add(sin_s1_2, t2_50);
+        let t2_53 = like.lift(0.2) * t2_52;
+        let t2_54 = cos_s1_1 * cos_s1_2;
+        let t2_55 = like.lift(0.17320508075688773) * t2_54;
+        let t2_56 = like.lift(0.1) * t2_52;
+        let t2_57 = t2_53 - t2_55;
+        let t2_58 = t2_57 + t2_56;
+        let t2_59 = cos_q1 * t2_58;
+        let t2_60 = t2_1 * t2_58;
+        let t2_61 = (-sin_s1_1).mul_add(t2_13, t2_60);
+        let t2_62 = t2_10 * t2_58;
+        let t2_63 = (-t2_54).mul_add(t2_13, t2_62);
+        let t2_64 = -t2_63;
+        let t2_65 = like.lift(0.25) * cos_q2;
+        a_e[2][0] = pivot_3; a_e[2][1] = t2_59; a_e[2][2] = t2_61; a_e[2][3] = t2_64; a_e[2][4] = t2_65;
+        let t2_66 = t2_48 + t2_11;
+        let t2_67 = t2_66 + t2_7;
+        let t2_68 = t2_53 + t2_55;
+        let t2_69 = t2_68 + t2_56;
+        let t2_70 = cos_q1 * t2_69;
+        let t2_71 = t2_1 * t2_69;
+        let t2_72 = (-sin_s1_1).mul_add(t2_36, t2_71);
+        let t2_73 = t2_10 * t2_69;
+        let t2_74 = (-t2_54).mul_add(t2_36, t2_73);
+        let t2_75 = -t2_74;
+        let t2_76 = like.lift(0.25) * cos_q3;
+        a_e[3][0] = t2_67; a_e[3][1] = t2_70; a_e[3][2] = t2_72; a_e[3][3] = t2_75; a_e[3][5] = t2_76;
+        let t2_77 = like.lift(0.5) * sin_q1;
+        let t2_78 = t2_77 - t2_21;
+        let t2_79 = t2_78 - t2_24;
+        let t2_80 = t2_79 - t2_20;
+        let t2_81 = sin_q1 * t2_58;
+        let t2_82 = sin_s1_1 * t2_26;
+        let t2_83 = (-t2_14).mul_add(t2_58, t2_82);
+        let t2_84 = t2_23 * t2_58;
+        let t2_85 = t2_54.mul_add(t2_26, t2_84);
+        let t2_86 = -t2_85;
+        let t2_87 = like.lift(0.5) * sin_q2;
+        let t2_88 = -t2_87;
+        a_e[4][0] = t2_80; a_e[4][1] = t2_81; a_e[4][2] = t2_83; a_e[4][3] = t2_86; a_e[4][4] = t2_88;
+        let t2_89 = t2_77 - t2_21;
+        let t2_90 = t2_89 + t2_24;
+        let t2_91 = t2_90 - t2_20;
+        let t2_92 = sin_q1 * t2_69;
+        let t2_93 = sin_s1_1 * t2_38;
+        let t2_94 = (-t2_14).mul_add(t2_69, t2_93);
+        let t2_95 = t2_23 * t2_69;
+        let t2_96 = t2_54.mul_add(t2_38, t2_95);
+        let t2_97 = -t2_96;
+        let t2_98 = like.lift(0.5) * sin_q3;
+        let t2_99 = -t2_98;
+        a_e[5][0] = t2_91; a_e[5][1] = t2_92; a_e[5][2] = t2_94; a_e[5][3] = t2_97; a_e[5][5] = t2_99;
     }
     a_e
 }
@@ -1273,7 +1203,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 93 additions, 156 multiplications, 5 divisions, 6 sines and cosines.
+/// 90 additions, 137 multiplications, 6 divisions, 6 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 9];
@@ -1282,254 +1212,229 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+        sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
         cos_q2, sin_q3, cos_q3,
     ] = {
         let [
-            (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_q1, cos_q1),
+            (sin_q1, cos_q1), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2),
             (sin_q2, cos_q2), (sin_q3, cos_q3),
         ] =
-            T::sin_cos_all([s1_1, s1_2, s1_3, q1, q2, q3]);
+            T::sin_cos_all([q1, s1_3, s1_1, s1_2, q2, q3]);
         [
-            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+            sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
             cos_q2, sin_q3, cos_q3,
         ]
     };
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        let t2_1 = cos_s1_1 * sin_s1_2;
-        let t2_2 = cos_s1_3 * t2_1;
-        let t2_3 = sin_s1_1.mul_add(sin_s1_3, t2_2);
-        let t2_4 = like.lift(0.1) + like.lift(0.2);
-        let t2_5 = t2_3 * t2_4;
-        let t2_6 = like.lift(0.5) * sin_s1_1;
-        let t2_7 = t2_6.mul_add(cos_s1_2, t2_5);
-        let t2_8 = cos_s1_2 * cos_s1_3;
-        let t2_9 = like.lift(0.3) * t2_8;
-        let t2_10 = like.lift(0.3) * sin_s1_3;
-        let t2_11 = -t2_10;
-        let t2_12 = sin_s1_1 * cos_s1_3;
-        let t2_13 = (-sin_s1_3).mul_add(t2_1, t2_12);
-        let t2_14 = like.lift(0.5) * t2_13;
-        let t2_15 = cos_q1 * cos_s1_1;
-        let t2_16 = cos_q1 * sin_s1_1;
-        let t2_17 = sin_q1 * cos_s1_2;
-        let t2_18 = (-sin_s1_2).mul_add(t2_16, t2_17);
-        let t2_19 = cos_s1_3 * t2_15;
-        let t2_20 = (-sin_s1_3).mul_add(t2_18, t2_19);
-        let t2_21 = like.lift(0.8660254037844386) * t2_20;
-        let t2_22 = t2_14 + t2_21;
-        let t2_23 = like.lift(0.8660254037844386) * t2_3;
-        let t2_24 = cos_s1_3 * t2_18;
-        let t2_25 = sin_s1_3.mul_add(t2_15, t2_24);
-        let t2_26 = like.lift(0.5) * t2_25;
-        let t2_27 = t2_23 - t2_26;
-        let t2_28 = sin_q1 * cos_s1_1;
-        let t2_29 = sin_q1 * sin_s1_1;
-        let t2_30 = sin_s1_2 * t2_29;
-        let t2_31 = cos_q1.mul_add(cos_s1_2, t2_30);
-        let t2_32 = sin_s1_3 * t2_28;
-        let t2_33 = (-cos_s1_3).mul_add(t2_31, t2_32);
-        let t2_34 = sin_q2 * t2_27;
-        let t2_35 = (-cos_q2).mul_add(t2_33, t2_34);
-        let t2_36 = like.lift(0.5) * t2_3;
-        let t2_37 = like.lift(0.8660254037844386) * t2_25;
-        let t2_38 = t2_36 + t2_37;
-        let t2_39 = like.lift(0.8660254037844386) * t2_13;
-        let t2_40 = like.lift(0.5) * t2_20;
-        let t2_41 = t2_39 - t2_40;
-        let t2_42 = sin_s1_3 * t2_31;
-        let t2_43 = cos_s1_3.mul_add(t2_28, t2_42);
-        let t2_44 = sin_q2 * t2_41;
-        let t2_45 = (-cos_q2).mul_add(t2_43, t2_44);
-        let t2_46 = t2_38 * t2_45;
-        let t2_47 = (-t2_22).mul_add(t2_35, t2_46);
-        let t2_48 = like.lift(0.5) * t2_47;
-        let pivot_2 = -t2_48;
-        let t2_49 = sin_s1_1 * sin_s1_2;
-        let t2_50 = sin_s1_3 * t2_49;
-        let t2_51 = cos_s1_1.mul_add(cos_s1_3, t2_50);
-        let t2_52 = like.lift(0.5) * t2_51;
-        let t2_53 = like.lift(0.17320508075688773) * t2_3;
-        let t2_54 = t2_52 - t2_53;
-        let t2_55 = like.lift(0.17320508075688773) * t2_8;
-        let t2_56 = -t2_55;
-        let t2_57 = like.lift(0.17320508075688773) * sin_s1_3;
-        let t2_58 = cos_s1_1 * cos_s1_2;
-        let t2_59 = like.lift(0.8660254037844386) * t2_58;
-        let t2_60 = cos_s1_2 * t2_16;
-        let t2_61 = sin_q1.mul_add(sin_s1_2, t2_60);
-        let t2_62 = like.lift(0.5) * t2_61;
-        let t2_63 = t2_59 + t2_62;
-        let t2_64 = cos_q1 * sin_s1_2;
-        let t2_65 = (-cos_s1_2).mul_add(t2_29, t2_64);
-        let t2_66 = sin_q2 * t2_63;
-        let t2_67 = (-cos_q2).mul_add(t2_65, t2_66);
-        let t2_68 = like.lift(0.5) * t2_58;
-        let t2_69 = like.lift(0.8660254037844386) * t2_61;
-        let t2_70 = t2_68 - t2_69;
-        let t2_71 = t2_70 * t2_35;
-        let t2_72 = (-t2_38).mul_add(t2_67, t2_71);
-        let t2_73 = like.lift(0.5) * t2_72;
-        let t2_74 = -t2_73;
-        let t2_75 = -t2_74;
-        let t2_76 = cos_s1_3 * t2_49;
-        let t2_77 = (-cos_s1_1).mul_add(sin_s1_3, t2_76);
-        let t2_78 = like.lift(0.2) * t2_58;
-        let t2_79 = like.lift(-0.5).mul_add(t2_77, t2_78);
-        let t2_80 = like.lift(0.1) * t2_58;
-        let t2_81 = like.lift(0.17320508075688773) * t2_13;
-        let t2_82 = t2_79 + t2_80;
-        let t2_83 = t2_82 + t2_81;
-        let t2_84 = -t2_83;
-        let t2_85 = like.lift(0.2) * sin_s1_2;
-        let t2_86 = like.lift(0.1) * sin_s1_2;
-        let t2_87 = cos_s1_2 * sin_s1_3;
-        let t2_88 = like.lift(0.17320508075688773) * t2_87;
-        let t2_89 = t2_85 + t2_86;
-        let t2_90 = t2_89 + t2_88;
-        let t2_91 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_92 = t2_22 * t2_67;
-        let t2_93 = (-t2_70).mul_add(t2_45, t2_92);
-        let t2_94 = like.lift(0.5) * t2_93;
-        let t2_95 = -t2_94;
-        let t2_96 = t2_14 - t2_21;
-        let t2_97 = t2_23 + t2_26;
-        let t2_98 = cos_q3 * t2_33;
-        let t2_99 = sin_q3.mul_add(t2_97, t2_98);
-        let t2_100 = t2_36 - t2_37;
-        let t2_101 = t2_39 + t2_40;
-        let t2_102 = cos_q3 * t2_43;
-        let t2_103 = sin_q3.mul_add(t2_101, t2_102);
-        let t2_104 = t2_100 * t2_103;
-        let t2_105 = (-t2_96).mul_add(t2_99, t2_104);
-        let t2_106 = like.lift(0.5) * t2_105;
-        let t2_107 = -t2_106;
-        let t2_108 = -t2_107;
-        let t2_109 = t2_52 + t2_53;
-        let t2_110 = -t2_57;
-        let t2_111 = t2_59 - t2_62;
-        let t2_112 = cos_q3 * t2_65;
-        let t2_113 = sin_q3.mul_add(t2_111, t2_112);
-        let t2_114 = t2_68 + t2_69;
-        let t2_115 = t2_114 * t2_99;
-        let t2_116 = (-t2_100).mul_add(t2_113, t2_115);
-        let t2_117 = like.lift(0.5) * t2_116;
-        let t2_118 = -t2_117;
-        let t2_119 = t2_79 + t2_80;
-        let t2_120 = t2_119 - t2_81;
-        let t2_121 = -t2_120;
-        let t2_122 = t2_85 + t2_86;
-        let t2_123 = t2_122 - t2_88;
-        let t2_124 = -t2_91;
-        let t2_125 = t2_96 * t2_113;
-        let t2_126 = (-t2_114).mul_add(t2_103, t2_125);
-        let t2_127 = like.lift(0.5) * t2_126;
-        let t2_128 = -t2_127;
-        let t2_129 = -t2_128;
-        let t2_130 = t2_61 * d_p1;
-        let t2_131 = t2_63.mul_add(d_p2, t2_130);
-        let t2_132 = t2_20 * d_p1;
-        let t2_133 = (-t2_41).mul_add(d_p2, t2_132);
-        let t2_134 = t2_25 * d_p1;
-        let t2_135 = t2_27 * d_p2;
-        let t2_136 = t2_134 - t2_135;
-        let t2_137 = -t2_136;
-        let t2_138 = (-t2_111).mul_add(d_p3, t2_130);
-        let t2_139 = t2_101.mul_add(d_p3, t2_132);
-        let t2_140 = t2_97 * d_p3;
-        let t2_141 = t2_134 + t2_140;
-        let t2_142 = -t2_141;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_143 = t2_74 * inv_pivot_2;
-        let pivot_3 = t2_7.mul_add(t2_143, t2_54);
+        let t2_1 = sin_q1 * cos_s1_1;
+        let t2_2 = sin_q1 * sin_s1_1;
+        let t2_3 = sin_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(cos_s1_2, t2_3);
+        let t2_5 = sin_s1_3 * t2_4;
+        let t2_6 = cos_s1_3.mul_add(t2_1, t2_5);
+        let t2_7 = like.lift(0.1) * t2_6;
+        let t2_8 = like.lift(0.2) * t2_6;
+        let t2_9 = cos_q1 * sin_s1_2;
+        let t2_10 = (-cos_s1_2).mul_add(t2_2, t2_9);
+        let t2_11 = like.lift(0.17320508075688773) * t2_10;
+        let t2_12 = t2_7 + t2_8;
+        let t2_13 = t2_12 - t2_11;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = cos_q1 * sin_s1_1;
+        let t2_16 = sin_q1 * cos_s1_2;
+        let t2_17 = (-sin_s1_2).mul_add(t2_15, t2_16);
+        let t2_18 = cos_s1_3 * t2_14;
+        let t2_19 = (-sin_s1_3).mul_add(t2_17, t2_18);
+        let t2_20 = like.lift(0.1) * t2_19;
+        let t2_21 = like.lift(0.2) * t2_19;
+        let t2_22 = cos_s1_2 * t2_15;
+        let t2_23 = sin_q1.mul_add(sin_s1_2, t2_22);
+        let t2_24 = like.lift(0.17320508075688773) * t2_23;
+        let t2_25 = t2_20 + t2_21;
+        let t2_26 = t2_25 + t2_24;
+        let t2_27 = cos_q1 * t2_26;
+        let t2_28 = sin_q1.mul_add(t2_13, t2_27);
+        let t2_29 = t2_14 * t2_13;
+        let t2_30 = (-t2_1).mul_add(t2_26, t2_29);
+        let t2_31 = -t2_30;
+        let t2_32 = t2_10 * t2_26;
+        let t2_33 = t2_23.mul_add(t2_13, t2_32);
+        let t2_34 = -t2_33;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_35 = like.lift(0.5).mul_add(cos_q1, t2_8);
+        let t2_36 = t2_35 - t2_11;
+        let pivot_3 = t2_36 + t2_7;
+        let t2_37 = sin_s1_1 * cos_s1_3;
+        let t2_38 = sin_s1_3 * cos_s1_1;
+        let t2_39 = (-t2_38).mul_add(sin_s1_2, t2_37);
+        let t2_40 = like.lift(0.2) * t2_39;
+        let t2_41 = cos_s1_1 * cos_s1_2;
+        let t2_42 = like.lift(0.17320508075688773) * t2_41;
+        let t2_43 = like.lift(0.1) * t2_39;
+        let t2_44 = t2_40 - t2_42;
+        let t2_45 = t2_44 + t2_43;
+        let t2_46 = cos_q1 * t2_45;
+        let t2_47 = t2_1 * t2_45;
+        let t2_48 = (-sin_s1_1).mul_add(t2_13, t2_47);
+        let t2_49 = t2_10 * t2_45;
+        let t2_50 = (-t2_41).mul_add(t2_13, t2_49);
+        let t2_51 = -t2_50;
+        let t2_52 = like.lift(0.25) * cos_q2;
+        let t2_53 = like.lift(0.5) * sin_q1;
+        let t2_54 = t2_53 - t2_21;
+        let t2_55 = t2_54 - t2_24;
+        let t2_56 = t2_55 - t2_20;
+        let t2_57 = sin_q1 * t2_45;
+        let t2_58 = sin_s1_1 * t2_26;
+        let t2_59 = (-t2_14).mul_add(t2_45, t2_58);
+        let t2_60 = t2_23 * t2_45;
+        let t2_61 = t2_41.mul_add(t2_26, t2_60);
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.5) * sin_q2;
+        let t2_64 = -t2_63;
+        let t2_65 = t2_7 + t2_8;
+        let t2_66 = t2_65 + t2_11;
+        let t2_67 = t2_20 + t2_21;
+        let t2_68 = t2_67 - t2_24;
+        let t2_69 = cos_q1 * t2_68;
+        let t2_70 = sin_q1.mul_add(t2_66, t2_69);
+        let t2_71 = t2_14 * t2_66;
+        let t2_72 = (-t2_1).mul_add(t2_68, t2_71);
+        let t2_73 = -t2_72;
+        let t2_74 = t2_10 * t2_68;
+        let t2_75 = t2_23.mul_add(t2_66, t2_74);
+        let t2_76 = -t2_75;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_77 = -pivot_2;
+        let t2_78 = t2_35 + t2_11;
+        let t2_79 = t2_78 + t2_7;
+        let t2_80 = t2_40 + t2_42;
+        let t2_81 = t2_80 + t2_43;
+        let t2_82 = cos_q1 * t2_81;
+        let t2_83 = t2_1 * t2_81;
+        let t2_84 = (-sin_s1_1).mul_add(t2_66, t2_83);
+        let t2_85 = t2_10 * t2_81;
+        let t2_86 = (-t2_41).mul_add(t2_66, t2_85);
+        let t2_87 = -t2_86;
+        let t2_88 = like.lift(0.25) * cos_q3;
+        let t2_89 = t2_53 - t2_21;
+        let t2_90 = t2_89 + t2_24;
+        let t2_91 = t2_90 - t2_20;
+        let t2_92 = sin_q1 * t2_81;
+        let t2_93 = sin_s1_1 * t2_68;
+        let t2_94 = (-t2_14).mul_add(t2_81, t2_93);
+        let t2_95 = t2_23 * t2_81;
+        let t2_96 = t2_41.mul_add(t2_68, t2_95);
+        let t2_97 = -t2_96;
+        let t2_98 = like.lift(0.5) * sin_q3;
+        let t2_99 = -t2_98;
+        let t2_100 = like.lift(0.8660254037844386) * d_p2;
+        let t2_101 = like.lift(0.5).mul_add(d_p2, d_p1);
+        let t2_102 = like.lift(0.8660254037844386) * d_p3;
+        let t2_103 = -t2_102;
+        let t2_104 = like.lift(0.5).mul_add(d_p3, d_p1);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_144 = t2_143.mul_add(t2_131, t2_133);
-        let t2_145 = (-t2_143).mul_add(t2_9, t2_55);
-        let t2_146 = t2_7 * inv_pivot_3;
-        let pivot_4 = t2_145.mul_add(t2_146, t2_9);
+        let t2_105 = like.lift(-0.5773502691896257).mul_add(t2_28, t2_46);
+        let t2_106 = t2_79 * inv_pivot_3;
+        let t2_107 = (-t2_105).mul_add(t2_106, t2_82);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_70, t2_107);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_147 = (-t2_146).mul_add(t2_144, t2_138);
-        let t2_148 = (-t2_143).mul_add(t2_10, t2_57);
-        let t2_149 = t2_148.mul_add(t2_146, t2_10);
-        let t2_150 = t2_95 * inv_pivot_2;
-        let t2_151 = t2_7 * t2_150;
-        let t2_152 = like.lift(0.34641016151377546).mul_add(t2_13, t2_151);
-        let t2_153 = t2_152 * inv_pivot_3;
-        let t2_154 = like.lift(0.34641016151377546) * t2_87;
-        let t2_155 = (-t2_145).mul_add(t2_153, t2_154);
-        let t2_156 = (-t2_150).mul_add(t2_9, t2_155);
-        let t2_157 = t2_156 * inv_pivot_4;
-        let t2_158 = t2_149 * t2_157;
-        let t2_159 = t2_148.mul_add(t2_153, t2_158);
-        let t2_160 = t2_150.mul_add(t2_10, t2_159);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t2_160);
+        let t2_108 = (-t2_106).mul_add(d_p1, d_p1);
+        let t2_109 = like.lift(-0.5773502691896257).mul_add(t2_33, t2_50);
+        let t2_110 = (-t2_109).mul_add(t2_106, t2_86);
+        let t2_111 = like.lift(0.5773502691896257).mul_add(t2_75, t2_110);
+        let t2_112 = like.lift(1.0) / cos_q2;
+        let t2_113 = sin_q2 * t2_112;
+        let t2_114 = t2_56 * inv_pivot_3;
+        let t2_115 = like.lift(1.1547005383792515) * t2_113;
+        let t2_116 = (-t2_105).mul_add(t2_114, t2_57);
+        let t2_117 = t2_28.mul_add(t2_115, t2_116);
+        let t2_118 = t2_117 * inv_pivot_4;
+        let t2_119 = (-t2_111).mul_add(t2_118, t2_61);
+        let t2_120 = (-t2_109).mul_add(t2_114, t2_119);
+        let pivot_5 = t2_33.mul_add(t2_115, t2_120);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_161 = (-t2_157).mul_add(t2_147, t2_135);
-        let t2_162 = t2_153.mul_add(t2_144, t2_161);
-        let t2_163 = (-t2_150).mul_add(t2_131, t2_162);
-        let t2_164 = t2_163 + t2_140;
-        let t2_165 = t2_107.mul_add(t2_157, t2_128);
-        let t2_166 = t2_109 * inv_pivot_3;
-        let t2_167 = t2_145.mul_add(t2_166, t2_55);
-        let t2_168 = t2_167 * inv_pivot_4;
-        let t2_169 = (-t2_149).mul_add(t2_168, t2_57);
-        let t2_170 = t2_148.mul_add(t2_166, t2_169);
-        let t2_171 = t2_170 * inv_pivot_5;
-        let t2_172 = t2_165.mul_add(t2_171, t2_118);
-        let pivot_6 = t2_107.mul_add(t2_168, t2_172);
+        let t2_121 = t2_113 * d_p2;
+        let t2_122 = (-t2_118).mul_add(t2_108, t2_121);
+        let t2_123 = (-t2_114).mul_add(d_p1, t2_122);
+        let t2_124 = like.lift(0.5773502691896257).mul_add(t2_30, t2_48);
+        let t2_125 = (-t2_124).mul_add(t2_106, t2_84);
+        let t2_126 = like.lift(-0.5773502691896257).mul_add(t2_72, t2_125);
+        let t2_127 = (-t2_126).mul_add(t2_118, t2_59);
+        let t2_128 = (-t2_124).mul_add(t2_114, t2_127);
+        let t2_129 = (-t2_30).mul_add(t2_115, t2_128);
+        let t2_130 = like.lift(1.0) / cos_q3;
+        let t2_131 = sin_q3 * t2_130;
+        let t2_132 = t2_91 * inv_pivot_3;
+        let t2_133 = like.lift(1.1547005383792515) * t2_131;
+        let t2_134 = (-t2_105).mul_add(t2_132, t2_92);
+        let t2_135 = (-t2_70).mul_add(t2_133, t2_134);
+        let t2_136 = t2_135 * inv_pivot_4;
+        let t2_137 = (-t2_111).mul_add(t2_136, t2_96);
+        let t2_138 = (-t2_109).mul_add(t2_132, t2_137);
+        let t2_139 = (-t2_75).mul_add(t2_133, t2_138);
+        let t2_140 = t2_139 * inv_pivot_5;
+        let t2_141 = (-t2_129).mul_add(t2_140, t2_94);
+        let t2_142 = (-t2_126).mul_add(t2_136, t2_141);
+        let t2_143 = (-t2_124).mul_add(t2_132, t2_142);
+        let pivot_6 = t2_72.mul_add(t2_133, t2_143);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_173 = t2_171.mul_add(t2_164, t2_139);
-        let t2_174 = (-t2_168).mul_add(t2_147, t2_173);
-        let t2_175 = (-t2_166).mul_add(t2_144, t2_174);
-        let t2_176 = inv_pivot_6 * t2_175;
-        let t2_177 = (-t2_165).mul_add(t2_176, t2_164);
-        let t2_178 = inv_pivot_5 * t2_177;
-        let t2_179 = t2_107.mul_add(t2_176, t2_147);
-        let t2_180 = t2_149.mul_add(t2_178, t2_179);
-        let t2_181 = inv_pivot_4 * t2_180;
-        let t2_182 = (-t2_148).mul_add(t2_178, t2_144);
-        let t2_183 = t2_145.mul_add(t2_181, t2_182);
-        let t2_184 = inv_pivot_3 * t2_183;
-        let t2_185 = sin_s1_3 * t2_178;
-        let t2_186 = (-t2_8).mul_add(t2_181, t2_185);
-        let t2_187 = like.lift(0.3).mul_add(t2_186, t2_131);
-        let t2_188 = (-t2_7).mul_add(t2_184, t2_187);
-        let t2_189 = inv_pivot_2 * t2_188;
-        let t2_190 = t2_178.mul_add(t2_91, t2_136);
-        let t2_191 = t2_90.mul_add(t2_181, t2_190);
-        let t2_192 = (-t2_83).mul_add(t2_184, t2_191);
-        let t2_193 = t2_95.mul_add(t2_189, t2_192);
-        let t2_194 = like.lift(3.3333333333333335) * t2_193;
-        let t2_195 = -pivot_5;
+        let t2_144 = t2_131 * d_p3;
+        let t2_145 = (-t2_140).mul_add(t2_123, t2_144);
+        let t2_146 = (-t2_136).mul_add(t2_108, t2_145);
+        let t2_147 = (-t2_132).mul_add(d_p1, t2_146);
+        let t2_148 = inv_pivot_6 * t2_147;
+        let t2_149 = (-t2_129).mul_add(t2_148, t2_123);
+        let t2_150 = inv_pivot_5 * t2_149;
+        let t2_151 = (-t2_126).mul_add(t2_148, t2_108);
+        let t2_152 = (-t2_111).mul_add(t2_150, t2_151);
+        let t2_153 = inv_pivot_4 * t2_152;
+        let t2_154 = (-t2_124).mul_add(t2_148, d_p1);
+        let t2_155 = (-t2_109).mul_add(t2_150, t2_154);
+        let t2_156 = (-t2_105).mul_add(t2_153, t2_155);
+        let t2_157 = inv_pivot_3 * t2_156;
+        let t2_158 = -t2_150;
+        let t2_159 = t2_30.mul_add(t2_148, t2_100);
+        let t2_160 = (-t2_33).mul_add(t2_150, t2_159);
+        let t2_161 = (-t2_28).mul_add(t2_153, t2_160);
+        let t2_162 = like.lift(2.309401076758503) * t2_112;
+        let t2_163 = t2_162 * t2_161;
+        let t2_164 = (-t2_72).mul_add(t2_148, t2_102);
+        let t2_165 = t2_75.mul_add(t2_150, t2_164);
+        let t2_166 = t2_70.mul_add(t2_153, t2_165);
+        let t2_167 = like.lift(2.309401076758503) * t2_130;
+        let t2_168 = t2_167 * t2_166;
+        let t2_169 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t2_195 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
-        let ([[t2_196], [t2_197], [t2_198], [t2_199], [t2_200], [t2_201]], found) = ::regen_runtime::guarded(
-            [[t2_184], [t2_181], [t2_178], [t2_194], [t2_189], [t2_176]],
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_77 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t2_169 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
+        let ([[t2_170], [t2_171], [t2_172], [t2_173], [t2_174], [t2_175]], found) = ::regen_runtime::guarded(
+            [[t2_157], [t2_153], [t2_148], [t2_158], [t2_163], [t2_168]],
             margin,
             || (
                 [
-                    [t2_7, t2_9, t2_11, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_54, t2_56, t2_57, like.lift(0.0), t2_75, like.lift(0.0)],
-                    [t2_84, t2_90, t2_91, like.lift(-0.3), t2_95, like.lift(0.0)],
-                    [t2_7, t2_9, t2_11, like.lift(0.0), like.lift(0.0), t2_108],
-                    [t2_109, t2_55, t2_110, like.lift(0.0), like.lift(0.0), t2_118],
-                    [t2_121, t2_123, t2_124, like.lift(-0.3), like.lift(0.0), t2_129],
+                    [like.lift(0.0), t2_28, t2_31, t2_34, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_46, t2_48, t2_51, t2_52, like.lift(0.0)],
+                    [t2_56, t2_57, t2_59, t2_62, t2_64, like.lift(0.0)],
+                    [like.lift(0.0), t2_70, t2_73, t2_76, like.lift(0.0), t2_77],
+                    [t2_79, t2_82, t2_84, t2_87, like.lift(0.0), t2_88],
+                    [t2_91, t2_92, t2_94, t2_97, like.lift(0.0), t2_99],
                 ],
-                [[t2_131], [t2_133], [t2_137], [t2_138], [t2_139], [t2_142]],
+                [[t2_100], [t2_101], [like.lift(0.0)], [t2_103], [t2_104], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t2_196;
-        qd[2] = t2_197;
-        qd[3] = t2_198;
-        qd[4] = t2_199;
-        qd[6] = t2_200;
-        qd[8] = t2_201;
+        qd[1] = t2_170;
+        qd[2] = t2_171;
+        qd[3] = t2_172;
+        qd[4] = t2_173;
+        qd[6] = t2_174;
+        qd[8] = t2_175;
         qd[0] = d_p1;
         qd[5] = d_p2;
         qd[7] = d_p3;
@@ -1544,7 +1449,7 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 151 additions, 238 multiplications, 5 divisions, 6 sines and cosines.
+/// 164 additions, 243 multiplications, 6 divisions, 6 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 9];
@@ -1554,378 +1459,360 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+        sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
         cos_q2, sin_q3, cos_q3,
     ] = {
         let [
-            (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_q1, cos_q1),
+            (sin_q1, cos_q1), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2),
             (sin_q2, cos_q2), (sin_q3, cos_q3),
         ] =
-            T::sin_cos_all([s1_1, s1_2, s1_3, q1, q2, q3]);
+            T::sin_cos_all([q1, s1_3, s1_1, s1_2, q2, q3]);
         [
-            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+            sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
             cos_q2, sin_q3, cos_q3,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 1
     let [
-        t2_7, t2_8, t2_9, t2_10, t2_11, t2_13, pivot_2, t2_54, t2_55, t2_56, t2_57, t2_74,
-        t2_75, t2_83, t2_84, t2_87, t2_90, t2_91, t2_95, t2_107, t2_108, t2_109, t2_110,
-        t2_118, t2_121, t2_123, t2_124, t2_128, t2_129, t2_181, t2_199, t2_216, t2_217, t2_219,
-        t2_228, t2_234, t2_244, t2_249,
+        t2_28, t2_30, t2_31, t2_33, t2_34, pivot_1, pivot_3, t2_46, t2_48, t2_51, t2_52, t2_56,
+        t2_57, t2_59, t2_62, t2_64, t2_70, t2_72, t2_73, t2_75, t2_76, t2_77, t2_79, t2_82,
+        t2_84, t2_87, t2_88, t2_91, t2_92, t2_94, t2_96, t2_97, t2_99, t2_147, t2_148, t2_172,
+        t2_185, t2_197, t2_198, t2_207, t2_213, t2_214, inv_pivot_3, t2_215, t2_216, pivot_4,
+        inv_pivot_4, t2_220, t2_221, t2_223, t2_224, pivot_5, inv_pivot_5, t2_235, t2_236,
+        t2_238, t2_241, t2_242,
     ] = {
-        let t2_1 = cos_s1_1 * sin_s1_2;
-        let t2_2 = cos_s1_3 * t2_1;
-        let t2_3 = sin_s1_1.mul_add(sin_s1_3, t2_2);
-        let t2_4 = like.lift(0.1) + like.lift(0.2);
-        let t2_5 = t2_3 * t2_4;
-        let t2_6 = like.lift(0.5) * sin_s1_1;
-        let t2_7 = t2_6.mul_add(cos_s1_2, t2_5);
-        let t2_8 = cos_s1_2 * cos_s1_3;
-        let t2_9 = like.lift(0.3) * t2_8;
-        let t2_10 = like.lift(0.3) * sin_s1_3;
-        let t2_11 = -t2_10;
-        let t2_12 = sin_s1_1 * cos_s1_3;
-        let t2_13 = (-sin_s1_3).mul_add(t2_1, t2_12);
-        let t2_14 = like.lift(0.5) * t2_13;
-        let t2_15 = cos_q1 * cos_s1_1;
-        let t2_16 = cos_q1 * sin_s1_1;
-        let t2_17 = sin_q1 * cos_s1_2;
-        let t2_18 = (-sin_s1_2).mul_add(t2_16, t2_17);
-        let t2_19 = cos_s1_3 * t2_15;
-        let t2_20 = (-sin_s1_3).mul_add(t2_18, t2_19);
-        let t2_21 = like.lift(0.8660254037844386) * t2_20;
-        let t2_22 = t2_14 + t2_21;
-        let t2_23 = like.lift(0.8660254037844386) * t2_3;
-        let t2_24 = cos_s1_3 * t2_18;
-        let t2_25 = sin_s1_3.mul_add(t2_15, t2_24);
-        let t2_26 = like.lift(0.5) * t2_25;
-        let t2_27 = t2_23 - t2_26;
-        let t2_28 = sin_q1 * cos_s1_1;
-        let t2_29 = sin_q1 * sin_s1_1;
-        let t2_30 = sin_s1_2 * t2_29;
-        let t2_31 = cos_q1.mul_add(cos_s1_2, t2_30);
-        let t2_32 = sin_s1_3 * t2_28;
-        let t2_33 = (-cos_s1_3).mul_add(t2_31, t2_32);
-        let t2_34 = sin_q2 * t2_27;
-        let t2_35 = (-cos_q2).mul_add(t2_33, t2_34);
-        let t2_36 = like.lift(0.5) * t2_3;
-        let t2_37 = like.lift(0.8660254037844386) * t2_25;
-        let t2_38 = t2_36 + t2_37;
-        let t2_39 = like.lift(0.8660254037844386) * t2_13;
-        let t2_40 = like.lift(0.5) * t2_20;
-        let t2_41 = t2_39 - t2_40;
-        let t2_42 = sin_s1_3 * t2_31;
-        let t2_43 = cos_s1_3.mul_add(t2_28, t2_42);
-        let t2_44 = sin_q2 * t2_41;
-        let t2_45 = (-cos_q2).mul_add(t2_43, t2_44);
-        let t2_46 = t2_38 * t2_45;
-        let t2_47 = (-t2_22).mul_add(t2_35, t2_46);
-        let t2_48 = like.lift(0.5) * t2_47;
-        let pivot_2 = -t2_48;
-        let t2_49 = sin_s1_1 * sin_s1_2;
-        let t2_50 = sin_s1_3 * t2_49;
-        let t2_51 = cos_s1_1.mul_add(cos_s1_3, t2_50);
-        let t2_52 = like.lift(0.5) * t2_51;
-        let t2_53 = like.lift(0.17320508075688773) * t2_3;
-        let t2_54 = t2_52 - t2_53;
-        let t2_55 = like.lift(0.17320508075688773) * t2_8;
-        let t2_56 = -t2_55;
-        let t2_57 = like.lift(0.17320508075688773) * sin_s1_3;
-        let t2_58 = cos_s1_1 * cos_s1_2;
-        let t2_59 = like.lift(0.8660254037844386) * t2_58;
-        let t2_60 = cos_s1_2 * t2_16;
-        let t2_61 = sin_q1.mul_add(sin_s1_2, t2_60);
-        let t2_62 = like.lift(0.5) * t2_61;
-        let t2_63 = t2_59 + t2_62;
-        let t2_64 = cos_q1 * sin_s1_2;
-        let t2_65 = (-cos_s1_2).mul_add(t2_29, t2_64);
-        let t2_66 = sin_q2 * t2_63;
-        let t2_67 = (-cos_q2).mul_add(t2_65, t2_66);
-        let t2_68 = like.lift(0.5) * t2_58;
-        let t2_69 = like.lift(0.8660254037844386) * t2_61;
-        let t2_70 = t2_68 - t2_69;
-        let t2_71 = t2_70 * t2_35;
-        let t2_72 = (-t2_38).mul_add(t2_67, t2_71);
-        let t2_73 = like.lift(0.5) * t2_72;
-        let t2_74 = -t2_73;
-        let t2_75 = -t2_74;
-        let t2_76 = cos_s1_3 * t2_49;
-        let t2_77 = (-cos_s1_1).mul_add(sin_s1_3, t2_76);
-        let t2_78 = like.lift(0.2) * t2_58;
-        let t2_79 = like.lift(-0.5).mul_add(t2_77, t2_78);
-        let t2_80 = like.lift(0.1) * t2_58;
-        let t2_81 = like.lift(0.17320508075688773) * t2_13;
-        let t2_82 = t2_79 + t2_80;
-        let t2_83 = t2_82 + t2_81;
-        let t2_84 = -t2_83;
-        let t2_85 = like.lift(0.2) * sin_s1_2;
-        let t2_86 = like.lift(0.1) * sin_s1_2;
-        let t2_87 = cos_s1_2 * sin_s1_3;
-        let t2_88 = like.lift(0.17320508075688773) * t2_87;
-        let t2_89 = t2_85 + t2_86;
-        let t2_90 = t2_89 + t2_88;
-        let t2_91 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_92 = t2_22 * t2_67;
-        let t2_93 = (-t2_70).mul_add(t2_45, t2_92);
-        let t2_94 = like.lift(0.5) * t2_93;
-        let t2_95 = -t2_94;
-        let t2_96 = t2_14 - t2_21;
-        let t2_97 = t2_23 + t2_26;
-        let t2_98 = cos_q3 * t2_33;
-        let t2_99 = sin_q3.mul_add(t2_97, t2_98);
-        let t2_100 = t2_36 - t2_37;
-        let t2_101 = t2_39 + t2_40;
-        let t2_102 = cos_q3 * t2_43;
-        let t2_103 = sin_q3.mul_add(t2_101, t2_102);
-        let t2_104 = t2_100 * t2_103;
-        let t2_105 = (-t2_96).mul_add(t2_99, t2_104);
-        let t2_106 = like.lift(0.5) * t2_105;
-        let t2_107 = -t2_106;
-        let t2_108 = -t2_107;
-        let t2_109 = t2_52 + t2_53;
-        let t2_110 = -t2_57;
-        let t2_111 = t2_59 - t2_62;
-        let t2_112 = cos_q3 * t2_65;
-        let t2_113 = sin_q3.mul_add(t2_111, t2_112);
-        let t2_114 = t2_68 + t2_69;
-        let t2_115 = t2_114 * t2_99;
-        let t2_116 = (-t2_100).mul_add(t2_113, t2_115);
-        let t2_117 = like.lift(0.5) * t2_116;
-        let t2_118 = -t2_117;
-        let t2_119 = t2_79 + t2_80;
-        let t2_120 = t2_119 - t2_81;
-        let t2_121 = -t2_120;
-        let t2_122 = t2_85 + t2_86;
-        let t2_123 = t2_122 - t2_88;
-        let t2_124 = -t2_91;
-        let t2_125 = t2_96 * t2_113;
-        let t2_126 = (-t2_114).mul_add(t2_103, t2_125);
-        let t2_127 = like.lift(0.5) * t2_126;
-        let t2_128 = -t2_127;
-        let t2_129 = -t2_128;
-        let t2_130 = t2_61 * dd_p1;
-        let t2_131 = d_q1 * d_q1;
-        let t2_132 = sin_s1_1 * d_q1;
-        let t2_133 = d_s1_2 - t2_132;
-        let t2_134 = cos_s1_1 * d_q1;
-        let t2_135 = sin_s1_2 * t2_134;
-        let t2_136 = cos_s1_2.mul_add(d_s1_1, t2_135);
-        let t2_137 = sin_s1_3 * t2_136;
-        let t2_138 = cos_s1_3.mul_add(t2_133, t2_137);
-        let t2_139 = sin_s1_2 * d_s1_1;
-        let t2_140 = (-cos_s1_2).mul_add(t2_134, t2_139);
-        let t2_141 = d_s1_3 - t2_140;
-        let t2_142 = t2_138 * t2_141;
-        let t2_143 = t2_140 * t2_133;
-        let t2_144 = d_s1_1 * t2_132;
-        let t2_145 = t2_134 * t2_132;
-        let t2_146 = like.lift(2.0) * t2_144;
-        let t2_147 = t2_143 + t2_143;
-        let t2_148 = (-cos_s1_2).mul_add(t2_145, t2_147);
-        let t2_149 = sin_s1_2.mul_add(t2_146, t2_148);
-        let t2_150 = d_s1_1 * t2_134;
-        let t2_151 = (-t2_136).mul_add(t2_140, t2_150);
-        let t2_152 = cos_s1_3 * t2_149;
-        let t2_153 = (-sin_s1_3).mul_add(t2_151, t2_152);
-        let t2_154 = t2_142 + t2_142;
-        let t2_155 = t2_154 + t2_153;
+        let t2_1 = sin_q1 * cos_s1_1;
+        let t2_2 = sin_q1 * sin_s1_1;
+        let t2_3 = sin_s1_2 * t2_2;
+        let t2_4 = cos_q1.mul_add(cos_s1_2, t2_3);
+        let t2_5 = sin_s1_3 * t2_4;
+        let t2_6 = cos_s1_3.mul_add(t2_1, t2_5);
+        let t2_7 = like.lift(0.1) * t2_6;
+        let t2_8 = like.lift(0.2) * t2_6;
+        let t2_9 = cos_q1 * sin_s1_2;
+        let t2_10 = (-cos_s1_2).mul_add(t2_2, t2_9);
+        let t2_11 = like.lift(0.17320508075688773) * t2_10;
+        let t2_12 = t2_7 + t2_8;
+        let t2_13 = t2_12 - t2_11;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = cos_q1 * sin_s1_1;
+        let t2_16 = sin_q1 * cos_s1_2;
+        let t2_17 = (-sin_s1_2).mul_add(t2_15, t2_16);
+        let t2_18 = cos_s1_3 * t2_14;
+        let t2_19 = (-sin_s1_3).mul_add(t2_17, t2_18);
+        let t2_20 = like.lift(0.1) * t2_19;
+        let t2_21 = like.lift(0.2) * t2_19;
+        let t2_22 = cos_s1_2 * t2_15;
+        let t2_23 = sin_q1.mul_add(sin_s1_2, t2_22);
+        let t2_24 = like.lift(0.17320508075688773) * t2_23;
+        let t2_25 = t2_20 + t2_21;
+        let t2_26 = t2_25 + t2_24;
+        let t2_27 = cos_q1 * t2_26;
+        let t2_28 = sin_q1.mul_add(t2_13, t2_27);
+        let t2_29 = t2_14 * t2_13;
+        let t2_30 = (-t2_1).mul_add(t2_26, t2_29);
+        let t2_31 = -t2_30;
+        let t2_32 = t2_10 * t2_26;
+        let t2_33 = t2_23.mul_add(t2_13, t2_32);
+        let t2_34 = -t2_33;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_35 = like.lift(0.5).mul_add(cos_q1, t2_8);
+        let t2_36 = t2_11 - t2_7;
+        let pivot_3 = t2_35 - t2_36;
+        let t2_37 = sin_s1_1 * cos_s1_3;
+        let t2_38 = sin_s1_3 * cos_s1_1;
+        let t2_39 = (-t2_38).mul_add(sin_s1_2, t2_37);
+        let t2_40 = like.lift(0.2) * t2_39;
+        let t2_41 = cos_s1_1 * cos_s1_2;
+        let t2_42 = like.lift(0.17320508075688773) * t2_41;
+        let t2_43 = like.lift(0.1) * t2_39;
+        let t2_44 = t2_42 - t2_43;
+        let t2_45 = t2_40 - t2_44;
+        let t2_46 = cos_q1 * t2_45;
+        let t2_47 = t2_1 * t2_45;
+        let t2_48 = (-sin_s1_1).mul_add(t2_13, t2_47);
+        let t2_49 = t2_10 * t2_45;
+        let t2_50 = (-t2_41).mul_add(t2_13, t2_49);
+        let t2_51 = -t2_50;
+        let t2_52 = like.lift(0.25) * cos_q2;
+        let t2_53 = like.lift(0.5) * sin_q1;
+        let t2_54 = t2_24 + t2_20;
+        let t2_55 = t2_53 - t2_21;
+        let t2_56 = t2_55 - t2_54;
+        let t2_57 = sin_q1 * t2_45;
+        let t2_58 = sin_s1_1 * t2_26;
+        let t2_59 = (-t2_14).mul_add(t2_45, t2_58);
+        let t2_60 = t2_23 * t2_45;
+        let t2_61 = t2_41.mul_add(t2_26, t2_60);
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.5) * sin_q2;
+        let t2_64 = -t2_63;
+        let t2_65 = t2_7 + t2_8;
+        let t2_66 = t2_65 + t2_11;
+        let t2_67 = t2_20 + t2_21;
+        let t2_68 = t2_67 - t2_24;
+        let t2_69 = cos_q1 * t2_68;
+        let t2_70 = sin_q1.mul_add(t2_66, t2_69);
+        let t2_71 = t2_14 * t2_66;
+        let t2_72 = (-t2_1).mul_add(t2_68, t2_71);
+        let t2_73 = -t2_72;
+        let t2_74 = t2_10 * t2_68;
+        let t2_75 = t2_23.mul_add(t2_66, t2_74);
+        let t2_76 = -t2_75;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_77 = -pivot_2;
+        let t2_78 = t2_11 + t2_7;
+        let t2_79 = t2_35 + t2_78;
+        let t2_80 = t2_42 + t2_43;
+        let t2_81 = t2_40 + t2_80;
+        let t2_82 = cos_q1 * t2_81;
+        let t2_83 = t2_1 * t2_81;
+        let t2_84 = (-sin_s1_1).mul_add(t2_66, t2_83);
+        let t2_85 = t2_10 * t2_81;
+        let t2_86 = (-t2_41).mul_add(t2_66, t2_85);
+        let t2_87 = -t2_86;
+        let t2_88 = like.lift(0.25) * cos_q3;
+        let t2_89 = t2_24 - t2_20;
+        let t2_90 = t2_53 - t2_21;
+        let t2_91 = t2_90 + t2_89;
+        let t2_92 = sin_q1 * t2_81;
+        let t2_93 = sin_s1_1 * t2_68;
+        let t2_94 = (-t2_14).mul_add(t2_81, t2_93);
+        let t2_95 = t2_23 * t2_81;
+        let t2_96 = t2_41.mul_add(t2_68, t2_95);
+        let t2_97 = -t2_96;
+        let t2_98 = like.lift(0.5) * sin_q3;
+        let t2_99 = -t2_98;
+        let t2_100 = cos_q1 * d_q1;
+        let t2_101 = cos_q1 * d_s1_1;
+        let t2_102 = t2_1 * d_q1;
+        let t2_103 = sin_s1_1.mul_add(t2_101, t2_102);
+        let t2_104 = t2_1.mul_add(d_s1_2, t2_101);
+        let t2_105 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
+        let t2_106 = t2_10 * t2_105;
+        let t2_107 = t2_41.mul_add(t2_104, t2_106);
+        let t2_108 = d_s1_2 * t2_103;
+        let t2_109 = (-d_s1_3).mul_add(t2_107, t2_108);
+        let t2_110 = d_s1_1.mul_add(t2_100, t2_109);
+        let t2_111 = sin_q1 * d_q1;
+        let t2_112 = sin_q1 * d_s1_1;
+        let t2_113 = t2_14 * d_q1;
+        let t2_114 = (-sin_s1_1).mul_add(t2_112, t2_113);
+        let t2_115 = (-t2_14).mul_add(d_s1_2, t2_112);
+        let t2_116 = t2_41 * t2_115;
+        let t2_117 = t2_23.mul_add(t2_105, t2_116);
+        let t2_118 = d_s1_1 * t2_111;
+        let t2_119 = (-d_s1_3).mul_add(t2_117, t2_118);
+        let t2_120 = (-d_s1_2).mul_add(t2_114, t2_119);
+        let t2_121 = (-t2_23).mul_add(d_s1_3, t2_115);
+        let t2_122 = t2_41.mul_add(d_s1_3, t2_105);
+        let t2_123 = t2_39 * t2_121;
+        let t2_124 = (-t2_19).mul_add(t2_122, t2_123);
+        let t2_125 = like.lift(0.2) * t2_124;
+        let t2_126 = -t2_125;
+        let t2_127 = (-t2_10).mul_add(d_s1_3, t2_104);
+        let t2_128 = t2_6 * t2_122;
+        let t2_129 = t2_39.mul_add(t2_127, t2_128);
+        let t2_130 = like.lift(0.2) * t2_129;
+        let t2_131 = t2_19 * t2_120;
+        let t2_132 = (-t2_6).mul_add(t2_110, t2_131);
+        let t2_133 = t2_121 * t2_126;
+        let t2_134 = like.lift(-0.2).mul_add(t2_132, t2_133);
+        let t2_135 = (-t2_127).mul_add(t2_130, t2_134);
+        let t2_136 = t2_44 * t2_121;
+        let t2_137 = t2_54.mul_add(t2_122, t2_136);
+        let t2_138 = t2_36 * t2_122;
+        let t2_139 = t2_44.mul_add(t2_127, t2_138);
+        let t2_140 = d_q2 * d_q2;
+        let t2_141 = sin_q2 * t2_140;
+        let t2_142 = like.lift(-0.8660254037844386).mul_add(dd_p2, t2_135);
+        let t2_143 = like.lift(-0.4330127018922193).mul_add(t2_141, t2_142);
+        let t2_144 = (-t2_54).mul_add(t2_120, t2_143);
+        let t2_145 = (-t2_36).mul_add(t2_110, t2_144);
+        let t2_146 = t2_127.mul_add(t2_139, t2_145);
+        let t2_147 = t2_121.mul_add(t2_137, t2_146);
+        let t2_148 = -t2_147;
+        let t2_149 = t2_10 * t2_115;
+        let t2_150 = (-t2_23).mul_add(t2_104, t2_149);
+        let t2_151 = d_s1_2 * cos_s1_1;
+        let t2_152 = t2_151 * d_s1_1;
+        let t2_153 = (-d_s1_3).mul_add(t2_150, t2_152);
+        let t2_154 = t2_19 * t2_127;
+        let t2_155 = t2_6.mul_add(t2_121, t2_154);
         let t2_156 = like.lift(0.2) * t2_155;
-        let t2_157 = like.lift(0.5) * sin_s1_2;
-        let t2_158 = t2_157.mul_add(t2_131, t2_156);
-        let t2_159 = sin_s1_3 * t2_133;
-        let t2_160 = (-cos_s1_3).mul_add(t2_136, t2_159);
-        let t2_161 = t2_160 * t2_160;
-        let t2_162 = t2_138.mul_add(t2_138, t2_161);
-        let t2_163 = like.lift(0.17320508075688773) * t2_162;
-        let t2_164 = like.lift(0.1) * t2_155;
-        let t2_165 = t2_22 * d_q2;
-        let t2_166 = t2_70 * d_q2;
-        let t2_167 = t2_67 * t2_165;
-        let t2_168 = (-t2_45).mul_add(t2_166, t2_167);
-        let t2_169 = like.lift(0.5) * t2_168;
-        let t2_170 = -t2_169;
-        let t2_171 = t2_38 * d_q2;
-        let t2_172 = t2_35 * t2_166;
-        let t2_173 = (-t2_67).mul_add(t2_171, t2_172);
-        let t2_174 = like.lift(0.5) * t2_173;
-        let t2_175 = -t2_174;
-        let t2_176 = t2_63.mul_add(dd_p2, t2_130);
-        let t2_177 = t2_176 + t2_158;
-        let t2_178 = t2_177 - t2_163;
-        let t2_179 = t2_178 + t2_164;
-        let t2_180 = t2_171.mul_add(t2_175, t2_179);
-        let t2_181 = (-t2_165).mul_add(t2_170, t2_180);
-        let t2_182 = t2_20 * dd_p1;
-        let t2_183 = cos_s1_2 * t2_131;
-        let t2_184 = t2_141.mul_add(t2_141, t2_161);
-        let t2_185 = like.lift(0.5) * t2_183;
-        let t2_186 = like.lift(0.2) * t2_184;
-        let t2_187 = sin_s1_3.mul_add(t2_185, t2_186);
-        let t2_188 = like.lift(0.17320508075688773) * t2_153;
-        let t2_189 = like.lift(0.1) * t2_184;
-        let t2_190 = t2_45 * t2_171;
-        let t2_191 = (-t2_35).mul_add(t2_165, t2_190);
-        let t2_192 = like.lift(0.5) * t2_191;
-        let t2_193 = -t2_192;
-        let t2_194 = (-t2_41).mul_add(dd_p2, t2_182);
-        let t2_195 = t2_194 - t2_187;
-        let t2_196 = t2_195 - t2_188;
-        let t2_197 = t2_196 - t2_189;
-        let t2_198 = (-t2_166).mul_add(t2_170, t2_197);
-        let t2_199 = t2_171.mul_add(t2_193, t2_198);
-        let t2_200 = t2_25 * dd_p1;
-        let t2_201 = t2_138 * t2_160;
-        let t2_202 = t2_136.mul_add(t2_133, t2_201);
-        let t2_203 = sin_s1_2.mul_add(t2_145, t2_202);
-        let t2_204 = cos_s1_2.mul_add(t2_146, t2_203);
-        let t2_205 = like.lift(0.2) * t2_204;
-        let t2_206 = cos_s1_3.mul_add(t2_185, t2_205);
-        let t2_207 = cos_s1_3 * t2_151;
-        let t2_208 = sin_s1_3.mul_add(t2_149, t2_207);
-        let t2_209 = like.lift(0.17320508075688773) * t2_208;
-        let t2_210 = like.lift(0.1) * t2_204;
-        let t2_211 = (-t2_27).mul_add(dd_p2, t2_200);
-        let t2_212 = t2_211 + t2_206;
-        let t2_213 = t2_212 - t2_209;
-        let t2_214 = t2_213 + t2_210;
-        let t2_215 = (-t2_165).mul_add(t2_193, t2_214);
-        let t2_216 = t2_166.mul_add(t2_175, t2_215);
-        let t2_217 = -t2_216;
-        let t2_218 = t2_96 * d_q3;
-        let t2_219 = t2_114 * d_q3;
-        let t2_220 = t2_113 * t2_218;
-        let t2_221 = (-t2_103).mul_add(t2_219, t2_220);
-        let t2_222 = like.lift(0.5) * t2_221;
-        let t2_223 = -t2_222;
-        let t2_224 = t2_100 * d_q3;
-        let t2_225 = t2_99 * t2_219;
-        let t2_226 = (-t2_113).mul_add(t2_224, t2_225);
-        let t2_227 = like.lift(0.5) * t2_226;
-        let t2_228 = -t2_227;
-        let t2_229 = (-t2_111).mul_add(dd_p3, t2_130);
-        let t2_230 = t2_229 + t2_158;
-        let t2_231 = t2_230 + t2_163;
-        let t2_232 = t2_231 + t2_164;
-        let t2_233 = (-t2_224).mul_add(t2_228, t2_232);
-        let t2_234 = t2_218.mul_add(t2_223, t2_233);
-        let t2_235 = t2_103 * t2_224;
-        let t2_236 = (-t2_99).mul_add(t2_218, t2_235);
-        let t2_237 = like.lift(0.5) * t2_236;
-        let t2_238 = -t2_237;
-        let t2_239 = t2_101.mul_add(dd_p3, t2_182);
-        let t2_240 = t2_239 - t2_187;
-        let t2_241 = t2_240 + t2_188;
-        let t2_242 = t2_241 - t2_189;
-        let t2_243 = t2_219.mul_add(t2_223, t2_242);
-        let t2_244 = (-t2_224).mul_add(t2_238, t2_243);
-        let t2_245 = t2_97.mul_add(dd_p3, t2_200);
-        let t2_246 = t2_245 + t2_206;
-        let t2_247 = t2_246 + t2_209;
-        let t2_248 = t2_247 + t2_210;
-        let t2_249 = t2_218.mul_add(t2_238, t2_248);
+        let t2_157 = like.lift(0.5) * d_q1;
+        let t2_158 = t2_6 * t2_153;
+        let t2_159 = t2_39.mul_add(t2_120, t2_158);
+        let t2_160 = t2_111 * t2_157;
+        let t2_161 = like.lift(0.2).mul_add(t2_159, t2_160);
+        let t2_162 = (-t2_122).mul_add(t2_126, t2_161);
+        let t2_163 = (-t2_127).mul_add(t2_156, t2_162);
+        let t2_164 = t2_36 * t2_121;
+        let t2_165 = (-t2_54).mul_add(t2_127, t2_164);
+        let t2_166 = like.lift(0.25).mul_add(t2_141, t2_163);
+        let t2_167 = (-t2_36).mul_add(t2_153, t2_166);
+        let t2_168 = (-t2_44).mul_add(t2_120, t2_167);
+        let t2_169 = (-t2_122).mul_add(t2_137, t2_168);
+        let t2_170 = t2_127.mul_add(t2_165, t2_169);
+        let t2_171 = like.lift(0.5).mul_add(dd_p2, t2_170);
+        let t2_172 = t2_171 + dd_p1;
+        let t2_173 = t2_39 * t2_110;
+        let t2_174 = t2_19.mul_add(t2_153, t2_173);
+        let t2_175 = t2_100 * t2_157;
+        let t2_176 = like.lift(0.2).mul_add(t2_174, t2_175);
+        let t2_177 = t2_121.mul_add(t2_156, t2_176);
+        let t2_178 = t2_122.mul_add(t2_130, t2_177);
+        let t2_179 = like.lift(0.5) * cos_q2;
+        let t2_180 = (-t2_179).mul_add(t2_140, t2_178);
+        let t2_181 = (-t2_44).mul_add(t2_110, t2_180);
+        let t2_182 = t2_54.mul_add(t2_153, t2_181);
+        let t2_183 = (-t2_121).mul_add(t2_165, t2_182);
+        let t2_184 = (-t2_122).mul_add(t2_139, t2_183);
+        let t2_185 = -t2_184;
+        let t2_186 = t2_80 * t2_121;
+        let t2_187 = t2_89.mul_add(t2_122, t2_186);
+        let t2_188 = t2_78 * t2_122;
+        let t2_189 = t2_80.mul_add(t2_127, t2_188);
+        let t2_190 = d_q3 * d_q3;
+        let t2_191 = sin_q3 * t2_190;
+        let t2_192 = like.lift(0.8660254037844386).mul_add(dd_p3, t2_135);
+        let t2_193 = like.lift(0.4330127018922193).mul_add(t2_191, t2_192);
+        let t2_194 = t2_89.mul_add(t2_120, t2_193);
+        let t2_195 = t2_78.mul_add(t2_110, t2_194);
+        let t2_196 = (-t2_127).mul_add(t2_189, t2_195);
+        let t2_197 = (-t2_121).mul_add(t2_187, t2_196);
+        let t2_198 = -t2_197;
+        let t2_199 = t2_78 * t2_121;
+        let t2_200 = (-t2_89).mul_add(t2_127, t2_199);
+        let t2_201 = like.lift(0.25).mul_add(t2_191, t2_163);
+        let t2_202 = t2_78.mul_add(t2_153, t2_201);
+        let t2_203 = t2_80.mul_add(t2_120, t2_202);
+        let t2_204 = t2_122.mul_add(t2_187, t2_203);
+        let t2_205 = (-t2_127).mul_add(t2_200, t2_204);
+        let t2_206 = like.lift(0.5).mul_add(dd_p3, t2_205);
+        let t2_207 = t2_206 + dd_p1;
+        let t2_208 = like.lift(0.5) * cos_q3;
+        let t2_209 = (-t2_208).mul_add(t2_190, t2_178);
+        let t2_210 = t2_80.mul_add(t2_110, t2_209);
+        let t2_211 = (-t2_89).mul_add(t2_153, t2_210);
+        let t2_212 = t2_121.mul_add(t2_200, t2_211);
+        let t2_213 = t2_122.mul_add(t2_189, t2_212);
+        let t2_214 = -t2_213;
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_215 = like.lift(0.5773502691896257).mul_add(t2_147, t2_172);
+        let t2_216 = like.lift(-0.5773502691896257).mul_add(t2_28, t2_46);
+        let t2_217 = t2_79 * inv_pivot_3;
+        let t2_218 = (-t2_216).mul_add(t2_217, t2_82);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_70, t2_218);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_219 = (-t2_217).mul_add(t2_215, t2_207);
+        let t2_220 = like.lift(-0.5773502691896257).mul_add(t2_197, t2_219);
+        let t2_221 = like.lift(-0.5773502691896257).mul_add(t2_33, t2_50);
+        let t2_222 = (-t2_221).mul_add(t2_217, t2_86);
+        let t2_223 = like.lift(0.5773502691896257).mul_add(t2_75, t2_222);
+        let t2_224 = like.lift(1.0) / cos_q2;
+        let t2_225 = sin_q2 * t2_224;
+        let t2_226 = t2_56 * inv_pivot_3;
+        let t2_227 = like.lift(1.1547005383792515) * t2_225;
+        let t2_228 = (-t2_216).mul_add(t2_226, t2_57);
+        let t2_229 = t2_28.mul_add(t2_227, t2_228);
+        let t2_230 = t2_229 * inv_pivot_4;
+        let t2_231 = (-t2_223).mul_add(t2_230, t2_61);
+        let t2_232 = (-t2_221).mul_add(t2_226, t2_231);
+        let pivot_5 = t2_33.mul_add(t2_227, t2_232);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_233 = t2_230.mul_add(t2_220, t2_184);
+        let t2_234 = t2_226.mul_add(t2_215, t2_233);
+        let t2_235 = t2_147.mul_add(t2_227, t2_234);
+        let t2_236 = like.lift(0.5773502691896257).mul_add(t2_30, t2_48);
+        let t2_237 = (-t2_236).mul_add(t2_217, t2_84);
+        let t2_238 = like.lift(-0.5773502691896257).mul_add(t2_72, t2_237);
+        let t2_239 = (-t2_238).mul_add(t2_230, t2_59);
+        let t2_240 = (-t2_236).mul_add(t2_226, t2_239);
+        let t2_241 = (-t2_30).mul_add(t2_227, t2_240);
+        let t2_242 = like.lift(1.0) / cos_q3;
         [
-            t2_7, t2_8, t2_9, t2_10, t2_11, t2_13, pivot_2, t2_54, t2_55, t2_56, t2_57, t2_74,
-            t2_75, t2_83, t2_84, t2_87, t2_90, t2_91, t2_95, t2_107, t2_108, t2_109, t2_110,
-            t2_118, t2_121, t2_123, t2_124, t2_128, t2_129, t2_181, t2_199, t2_216, t2_217,
-            t2_219, t2_228, t2_234, t2_244, t2_249,
+            t2_28, t2_30, t2_31, t2_33, t2_34, pivot_1, pivot_3, t2_46, t2_48, t2_51, t2_52,
+            t2_56, t2_57, t2_59, t2_62, t2_64, t2_70, t2_72, t2_73, t2_75, t2_76, t2_77, t2_79,
+            t2_82, t2_84, t2_87, t2_88, t2_91, t2_92, t2_94, t2_96, t2_97, t2_99, t2_147,
+            t2_148, t2_172, t2_185, t2_197, t2_198, t2_207, t2_213, t2_214, inv_pivot_3,
+            t2_215, t2_216, pivot_4, inv_pivot_4, t2_220, t2_221, t2_223, t2_224, pivot_5,
+            inv_pivot_5, t2_235, t2_236, t2_238, t2_241, t2_242,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
-        let t3_1 = (-t2_219).mul_add(t2_228, t2_249);
-        let t3_2 = -t3_1;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_3 = t2_74 * inv_pivot_2;
-        let pivot_3 = t2_7.mul_add(t3_3, t2_54);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_4 = t3_3.mul_add(t2_181, t2_199);
-        let t3_5 = (-t3_3).mul_add(t2_9, t2_55);
-        let t3_6 = t2_7 * inv_pivot_3;
-        let pivot_4 = t3_5.mul_add(t3_6, t2_9);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_7 = (-t3_6).mul_add(t3_4, t2_234);
-        let t3_8 = (-t3_3).mul_add(t2_10, t2_57);
-        let t3_9 = t3_8.mul_add(t3_6, t2_10);
-        let t3_10 = t2_95 * inv_pivot_2;
-        let t3_11 = t2_7 * t3_10;
-        let t3_12 = like.lift(0.34641016151377546).mul_add(t2_13, t3_11);
-        let t3_13 = t3_12 * inv_pivot_3;
-        let t3_14 = like.lift(0.34641016151377546) * t2_87;
-        let t3_15 = (-t3_5).mul_add(t3_13, t3_14);
-        let t3_16 = (-t3_10).mul_add(t2_9, t3_15);
-        let t3_17 = t3_16 * inv_pivot_4;
-        let t3_18 = t3_9 * t3_17;
-        let t3_19 = t3_8.mul_add(t3_13, t3_18);
-        let t3_20 = t3_10.mul_add(t2_10, t3_19);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t3_20);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_21 = t3_17.mul_add(t3_7, t2_216);
-        let t3_22 = (-t3_13).mul_add(t3_4, t3_21);
-        let t3_23 = t3_10.mul_add(t2_181, t3_22);
-        let t3_24 = t3_23 - t3_1;
-        let t3_25 = t2_107.mul_add(t3_17, t2_128);
-        let t3_26 = t2_109 * inv_pivot_3;
-        let t3_27 = t3_5.mul_add(t3_26, t2_55);
-        let t3_28 = t3_27 * inv_pivot_4;
-        let t3_29 = (-t3_9).mul_add(t3_28, t2_57);
-        let t3_30 = t3_8.mul_add(t3_26, t3_29);
-        let t3_31 = t3_30 * inv_pivot_5;
-        let t3_32 = t3_25.mul_add(t3_31, t2_118);
-        let pivot_6 = t2_107.mul_add(t3_28, t3_32);
+        let t3_1 = sin_q3 * t2_242;
+        let t3_2 = t2_91 * inv_pivot_3;
+        let t3_3 = like.lift(1.1547005383792515) * t3_1;
+        let t3_4 = (-t2_216).mul_add(t3_2, t2_92);
+        let t3_5 = (-t2_70).mul_add(t3_3, t3_4);
+        let t3_6 = t3_5 * inv_pivot_4;
+        let t3_7 = (-t2_223).mul_add(t3_6, t2_96);
+        let t3_8 = (-t2_221).mul_add(t3_2, t3_7);
+        let t3_9 = (-t2_75).mul_add(t3_3, t3_8);
+        let t3_10 = t3_9 * inv_pivot_5;
+        let t3_11 = (-t2_241).mul_add(t3_10, t2_94);
+        let t3_12 = (-t2_238).mul_add(t3_6, t3_11);
+        let t3_13 = (-t2_236).mul_add(t3_2, t3_12);
+        let pivot_6 = t2_72.mul_add(t3_3, t3_13);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_33 = (-t3_31).mul_add(t3_24, t2_244);
-        let t3_34 = (-t3_28).mul_add(t3_7, t3_33);
-        let t3_35 = (-t3_26).mul_add(t3_4, t3_34);
-        let t3_36 = inv_pivot_6 * t3_35;
-        let t3_37 = t3_25.mul_add(t3_36, t3_24);
-        let t3_38 = inv_pivot_5 * t3_37;
-        let t3_39 = t2_107.mul_add(t3_36, t3_7);
-        let t3_40 = (-t3_9).mul_add(t3_38, t3_39);
-        let t3_41 = inv_pivot_4 * t3_40;
-        let t3_42 = t3_8.mul_add(t3_38, t3_4);
-        let t3_43 = t3_5.mul_add(t3_41, t3_42);
-        let t3_44 = inv_pivot_3 * t3_43;
-        let t3_45 = -t3_38;
-        let t3_46 = sin_s1_3 * t3_38;
-        let t3_47 = t2_8.mul_add(t3_41, t3_46);
-        let t3_48 = like.lift(-0.3).mul_add(t3_47, t2_181);
-        let t3_49 = (-t2_7).mul_add(t3_44, t3_48);
-        let t3_50 = inv_pivot_2 * t3_49;
-        let t3_51 = (-t3_38).mul_add(t2_91, t2_216);
-        let t3_52 = t2_90.mul_add(t3_41, t3_51);
-        let t3_53 = (-t2_83).mul_add(t3_44, t3_52);
-        let t3_54 = t2_95.mul_add(t3_50, t3_53);
-        let t3_55 = like.lift(3.3333333333333335) * t3_54;
-        let t3_56 = -pivot_5;
+        let t3_14 = (-t3_10).mul_add(t2_235, t2_213);
+        let t3_15 = t3_6.mul_add(t2_220, t3_14);
+        let t3_16 = t3_2.mul_add(t2_215, t3_15);
+        let t3_17 = (-t2_197).mul_add(t3_3, t3_16);
+        let t3_18 = inv_pivot_6 * t3_17;
+        let t3_19 = (-t2_241).mul_add(t3_18, t2_235);
+        let t3_20 = inv_pivot_5 * t3_19;
+        let t3_21 = t2_238.mul_add(t3_18, t2_220);
+        let t3_22 = t2_223.mul_add(t3_20, t3_21);
+        let t3_23 = inv_pivot_4 * t3_22;
+        let t3_24 = t2_236.mul_add(t3_18, t2_215);
+        let t3_25 = t2_221.mul_add(t3_20, t3_24);
+        let t3_26 = (-t2_216).mul_add(t3_23, t3_25);
+        let t3_27 = inv_pivot_3 * t3_26;
+        let t3_28 = -t3_18;
+        let t3_29 = t2_30.mul_add(t3_18, t2_147);
+        let t3_30 = (-t2_33).mul_add(t3_20, t3_29);
+        let t3_31 = t2_28.mul_add(t3_23, t3_30);
+        let t3_32 = like.lift(2.309401076758503) * t2_224;
+        let t3_33 = t3_32 * t3_31;
+        let t3_34 = -t3_33;
+        let t3_35 = t2_72.mul_add(t3_18, t2_197);
+        let t3_36 = (-t2_75).mul_add(t3_20, t3_35);
+        let t3_37 = t2_70.mul_add(t3_23, t3_36);
+        let t3_38 = like.lift(2.309401076758503) * t2_242;
+        let t3_39 = t3_38 * t3_37;
+        let t3_40 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_56 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
-        let ([[t3_57], [t3_58], [t3_59], [t3_60], [t3_61], [t3_62]], found) = ::regen_runtime::guarded(
-            [[t3_44], [t3_41], [t3_45], [t3_55], [t3_50], [t3_36]],
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_77 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_40 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
+        let ([[t3_41], [t3_42], [t3_43], [t3_44], [t3_45], [t3_46]], found) = ::regen_runtime::guarded(
+            [[t3_27], [t3_23], [t3_28], [t3_20], [t3_34], [t3_39]],
             margin,
             || (
                 [
-                    [t2_7, t2_9, t2_11, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_54, t2_56, t2_57, like.lift(0.0), t2_75, like.lift(0.0)],
-                    [t2_84, t2_90, t2_91, like.lift(-0.3), t2_95, like.lift(0.0)],
-                    [t2_7, t2_9, t2_11, like.lift(0.0), like.lift(0.0), t2_108],
-                    [t2_109, t2_55, t2_110, like.lift(0.0), like.lift(0.0), t2_118],
-                    [t2_121, t2_123, t2_124, like.lift(-0.3), like.lift(0.0), t2_129],
+                    [like.lift(0.0), t2_28, t2_31, t2_34, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_46, t2_48, t2_51, t2_52, like.lift(0.0)],
+                    [t2_56, t2_57, t2_59, t2_62, t2_64, like.lift(0.0)],
+                    [like.lift(0.0), t2_70, t2_73, t2_76, like.lift(0.0), t2_77],
+                    [t2_79, t2_82, t2_84, t2_87, like.lift(0.0), t2_88],
+                    [t2_91, t2_92, t2_94, t2_97, like.lift(0.0), t2_99],
                 ],
-                [[t2_181], [t2_199], [t2_217], [t2_234], [t2_244], [t3_2]],
+                [[t2_148], [t2_172], [t2_185], [t2_198], [t2_207], [t2_214]],
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t3_57;
-        qdd[2] = t3_58;
-        qdd[3] = t3_59;
-        qdd[4] = t3_60;
-        qdd[6] = t3_61;
-        qdd[8] = t3_62;
+        qdd[1] = t3_41;
+        qdd[2] = t3_42;
+        qdd[3] = t3_43;
+        qdd[4] = t3_44;
+        qdd[6] = t3_45;
+        qdd[8] = t3_46;
         qdd[0] = dd_p1;
         qdd[5] = dd_p2;
         qdd[7] = dd_p3;
@@ -1940,7 +1827,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 288 additions, 442 multiplications, 5 divisions, 6 sines and cosines.
+/// 280 additions, 427 multiplications, 6 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 70]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0] = [zero; 3];
@@ -2009,16 +1896,16 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+        sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
         cos_q2, sin_q3, cos_q3,
     ] = {
         let [
-            (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_q1, cos_q1),
+            (sin_q1, cos_q1), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2),
             (sin_q2, cos_q2), (sin_q3, cos_q3),
         ] =
-            T::sin_cos_all([s1_1, s1_2, s1_3, q1, q2, q3]);
+            T::sin_cos_all([q1, s1_3, s1_1, s1_2, q2, q3]);
         [
-            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+            sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
             cos_q2, sin_q3, cos_q3,
         ]
     };
@@ -2026,603 +1913,585 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     {
         w[9][0] = dd_p1;
     }
-    // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 1
-    let [
-        e_s1_3_q1z, u_platform_q1x, t3_4, e_s1_3_s1_1z, t3_5, t3_7, e_s1_3_q1y, u_s1_3_p1y,
-        u_s1_3_p1z, t3_31, pivot_2, u_s1_3_q1y, t3_43, t3_44, t3_45, t3_46, e_s1_2_q1x,
-        u_s1_2_p1x, t3_62, u_platform_q1z, t3_70, e_s1_3_s1_1y, t3_74, t3_75, t3_79, t3_81,
-        t3_92, t3_93, t3_94, t3_95, t3_102, t3_105, t3_107, t3_108, t3_113, t3_114, t3_115,
-        t3_116, t3_117, t3_118, pivot_3, pivot_4, pivot_5, pivot_6, t3_151, t3_153, t3_160,
-        t3_169, t3_177, t3_181, t3_186, t3_189, t3_190, t3_191, t3_192, t3_193, t3_198, t3_204,
-        t3_209, t3_214, t3_219, t3_224,
-    ] = {
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t3_1 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t3_1);
-        let t3_2 = like.lift(0.2) * e_s1_3_q1z;
-        let t3_3 = like.lift(0.5) * sin_s1_1;
-        let u_platform_q1x = t3_3.mul_add(cos_s1_2, t3_2);
-        let t3_4 = like.lift(0.1).mul_add(e_s1_3_q1z, u_platform_q1x);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t3_5 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t3_6 = like.lift(0.3) * sin_s1_3;
-        let t3_7 = -t3_6;
-        let t3_8 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_8);
-        let t3_9 = like.lift(0.5) * e_s1_3_q1y;
-        let u_s1_1_p1y = cos_q1 * cos_s1_1;
-        let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t3_10 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_10);
-        let t3_11 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_11);
-        let t3_12 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t3_13 = t3_9 + t3_12;
-        let t3_14 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t3_15 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t3_15);
-        let t3_16 = like.lift(0.5) * u_s1_3_p1z;
-        let t3_17 = t3_14 - t3_16;
-        let t3_18 = sin_q1 * cos_s1_1;
-        let t3_19 = sin_q1 * sin_s1_1;
-        let t3_20 = sin_s1_2 * t3_19;
-        let t3_21 = cos_q1.mul_add(cos_s1_2, t3_20);
-        let t3_22 = sin_s1_3 * t3_18;
-        let t3_23 = (-cos_s1_3).mul_add(t3_21, t3_22);
-        let t3_24 = sin_q2 * t3_17;
-        let t3_25 = (-cos_q2).mul_add(t3_23, t3_24);
-        let t3_26 = like.lift(0.5) * e_s1_3_q1z;
-        let t3_27 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t3_28 = t3_26 + t3_27;
-        let t3_29 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t3_30 = like.lift(0.5) * u_s1_3_p1y;
-        let t3_31 = t3_29 - t3_30;
-        let t3_32 = sin_s1_3 * t3_21;
-        let t3_33 = cos_s1_3.mul_add(t3_18, t3_32);
-        let t3_34 = sin_q2 * t3_31;
-        let t3_35 = (-cos_q2).mul_add(t3_33, t3_34);
-        let t3_36 = t3_28 * t3_35;
-        let t3_37 = (-t3_13).mul_add(t3_25, t3_36);
-        let t3_38 = like.lift(0.5) * t3_37;
-        let pivot_2 = -t3_38;
-        let t3_39 = sin_s1_1 * sin_s1_2;
-        let t3_40 = sin_s1_3 * t3_39;
-        let t3_41 = cos_s1_1.mul_add(cos_s1_3, t3_40);
-        let u_s1_3_q1y = like.lift(0.5) * t3_41;
-        let t3_42 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t3_43 = u_s1_3_q1y - t3_42;
-        let t3_44 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t3_45 = -t3_44;
-        let t3_46 = like.lift(0.17320508075688773) * sin_s1_3;
-        let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t3_47 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t3_48 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_48);
-        let t3_49 = like.lift(0.5) * u_s1_2_p1x;
-        let t3_50 = t3_47 + t3_49;
-        let t3_51 = cos_q1 * sin_s1_2;
-        let t3_52 = (-cos_s1_2).mul_add(t3_19, t3_51);
-        let t3_53 = sin_q2 * t3_50;
-        let t3_54 = (-cos_q2).mul_add(t3_52, t3_53);
-        let t3_55 = like.lift(0.5) * e_s1_2_q1x;
-        let t3_56 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t3_57 = t3_55 - t3_56;
-        let t3_58 = t3_57 * t3_25;
-        let t3_59 = (-t3_28).mul_add(t3_54, t3_58);
-        let t3_60 = like.lift(0.5) * t3_59;
-        let t3_61 = -t3_60;
-        let t3_62 = -t3_61;
-        let t3_63 = cos_s1_3 * t3_39;
-        let t3_64 = (-cos_s1_1).mul_add(sin_s1_3, t3_63);
-        let t3_65 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t3_64, t3_65);
-        let t3_66 = like.lift(0.1) * e_s1_2_q1x;
-        let t3_67 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t3_68 = u_platform_q1z + t3_66;
-        let t3_69 = t3_68 + t3_67;
-        let t3_70 = -t3_69;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t3_71 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t3_72 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t3_73 = u_platform_s1_1z + t3_71;
-        let t3_74 = t3_73 + t3_72;
-        let t3_75 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t3_76 = t3_13 * t3_54;
-        let t3_77 = (-t3_57).mul_add(t3_35, t3_76);
-        let t3_78 = like.lift(0.5) * t3_77;
-        let t3_79 = -t3_78;
-        let t3_80 = t3_9 - t3_12;
-        let t3_81 = t3_14 + t3_16;
-        let t3_82 = cos_q3 * t3_23;
-        let t3_83 = sin_q3.mul_add(t3_81, t3_82);
-        let t3_84 = t3_26 - t3_27;
-        let t3_85 = t3_29 + t3_30;
-        let t3_86 = cos_q3 * t3_33;
-        let t3_87 = sin_q3.mul_add(t3_85, t3_86);
-        let t3_88 = t3_84 * t3_87;
-        let t3_89 = (-t3_80).mul_add(t3_83, t3_88);
-        let t3_90 = like.lift(0.5) * t3_89;
-        let t3_91 = -t3_90;
-        let t3_92 = -t3_91;
-        let t3_93 = u_s1_3_q1y + t3_42;
-        let t3_94 = -t3_46;
-        let t3_95 = t3_47 - t3_49;
-        let t3_96 = cos_q3 * t3_52;
-        let t3_97 = sin_q3.mul_add(t3_95, t3_96);
-        let t3_98 = t3_55 + t3_56;
-        let t3_99 = t3_98 * t3_83;
-        let t3_100 = (-t3_84).mul_add(t3_97, t3_99);
-        let t3_101 = like.lift(0.5) * t3_100;
-        let t3_102 = -t3_101;
-        let t3_103 = u_platform_q1z + t3_66;
-        let t3_104 = t3_103 - t3_67;
-        let t3_105 = -t3_104;
-        let t3_106 = u_platform_s1_1z + t3_71;
-        let t3_107 = t3_106 - t3_72;
-        let t3_108 = -t3_75;
-        let t3_109 = t3_80 * t3_97;
-        let t3_110 = (-t3_98).mul_add(t3_87, t3_109);
-        let t3_111 = like.lift(0.5) * t3_110;
-        let t3_112 = -t3_111;
-        let t3_113 = -t3_112;
-        let t3_114 = -u_s1_2_p1x;
-        let t3_115 = -t3_50;
-        let t3_116 = -u_s1_3_p1y;
-        let t3_117 = -t3_17;
-        let t3_118 = -t3_85;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_119 = t3_61 * inv_pivot_2;
-        let pivot_3 = t3_4.mul_add(t3_119, t3_43);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_120 = u_s1_2_p1x.mul_add(t3_119, u_s1_3_p1y);
-        let t3_121 = (-t3_119).mul_add(t3_5, t3_44);
-        let t3_122 = t3_4 * inv_pivot_3;
-        let pivot_4 = t3_121.mul_add(t3_122, t3_5);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_123 = (-t3_120).mul_add(t3_122, u_s1_2_p1x);
-        let t3_124 = (-t3_119).mul_add(t3_6, t3_46);
-        let t3_125 = t3_124.mul_add(t3_122, t3_6);
-        let t3_126 = t3_79 * inv_pivot_2;
-        let t3_127 = t3_4 * t3_126;
-        let t3_128 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t3_127);
-        let t3_129 = t3_128 * inv_pivot_3;
-        let t3_130 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t3_131 = (-t3_121).mul_add(t3_129, t3_130);
-        let t3_132 = (-t3_126).mul_add(t3_5, t3_131);
-        let t3_133 = t3_132 * inv_pivot_4;
-        let t3_134 = t3_125 * t3_133;
-        let t3_135 = t3_124.mul_add(t3_129, t3_134);
-        let t3_136 = t3_126.mul_add(t3_6, t3_135);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t3_136);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_137 = t3_123 * t3_133;
-        let t3_138 = (-t3_120).mul_add(t3_129, t3_137);
-        let t3_139 = u_s1_2_p1x.mul_add(t3_126, t3_138);
-        let t3_140 = t3_91.mul_add(t3_133, t3_112);
-        let t3_141 = t3_93 * inv_pivot_3;
-        let t3_142 = t3_121.mul_add(t3_141, t3_44);
-        let t3_143 = t3_142 * inv_pivot_4;
-        let t3_144 = (-t3_125).mul_add(t3_143, t3_46);
-        let t3_145 = t3_124.mul_add(t3_141, t3_144);
-        let t3_146 = t3_145 * inv_pivot_5;
-        let t3_147 = (-t3_139).mul_add(t3_146, u_s1_3_p1y);
-        let t3_148 = (-t3_123).mul_add(t3_143, t3_147);
-        let t3_149 = (-t3_120).mul_add(t3_141, t3_148);
-        let t3_150 = t3_140.mul_add(t3_146, t3_102);
-        let pivot_6 = t3_91.mul_add(t3_143, t3_150);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_151 = t3_149 * inv_pivot_6;
-        let t3_152 = t3_140.mul_add(t3_151, t3_139);
-        let t3_153 = inv_pivot_5 * t3_152;
-        let t3_154 = t3_91.mul_add(t3_151, t3_123);
-        let t3_155 = (-t3_125).mul_add(t3_153, t3_154);
-        let t3_156 = inv_pivot_4 * t3_155;
-        let t3_157 = t3_124.mul_add(t3_153, t3_120);
-        let t3_158 = t3_121.mul_add(t3_156, t3_157);
-        let t3_159 = inv_pivot_3 * t3_158;
-        let t3_160 = -t3_159;
-        let t3_161 = (-t3_50).mul_add(t3_119, t3_31);
-        let t3_162 = t3_161 * t3_122;
-        let t3_163 = (-t3_162).mul_add(t3_133, t3_17);
-        let t3_164 = (-t3_161).mul_add(t3_129, t3_163);
-        let t3_165 = (-t3_50).mul_add(t3_126, t3_164);
-        let t3_166 = t3_165 * t3_146;
-        let t3_167 = (-t3_162).mul_add(t3_143, t3_166);
-        let t3_168 = t3_161.mul_add(t3_141, t3_167);
-        let t3_169 = t3_168 * inv_pivot_6;
-        let t3_170 = (-t3_140).mul_add(t3_169, t3_165);
-        let t3_171 = inv_pivot_5 * t3_170;
-        let t3_172 = t3_91.mul_add(t3_169, t3_162);
-        let t3_173 = t3_125.mul_add(t3_171, t3_172);
-        let t3_174 = inv_pivot_4 * t3_173;
-        let t3_175 = t3_124.mul_add(t3_171, t3_161);
-        let t3_176 = (-t3_121).mul_add(t3_174, t3_175);
-        let t3_177 = inv_pivot_3 * t3_176;
-        let t3_178 = t3_95.mul_add(t3_133, t3_81);
-        let t3_179 = t3_178.mul_add(t3_146, t3_85);
-        let t3_180 = t3_95.mul_add(t3_143, t3_179);
-        let t3_181 = t3_180 * inv_pivot_6;
-        let t3_182 = (-t3_140).mul_add(t3_181, t3_178);
-        let t3_183 = inv_pivot_5 * t3_182;
-        let t3_184 = (-t3_91).mul_add(t3_181, t3_95);
-        let t3_185 = (-t3_125).mul_add(t3_183, t3_184);
-        let t3_186 = inv_pivot_4 * t3_185;
-        let t3_187 = t3_124 * t3_183;
-        let t3_188 = t3_121.mul_add(t3_186, t3_187);
-        let t3_189 = inv_pivot_3 * t3_188;
-        let t3_190 = -t3_156;
-        let t3_191 = -t3_174;
-        let t3_192 = -t3_171;
-        let t3_193 = -t3_183;
-        let t3_194 = sin_s1_3 * t3_153;
-        let t3_195 = e_s1_3_s1_1z.mul_add(t3_156, t3_194);
-        let t3_196 = like.lift(-0.3).mul_add(t3_195, u_s1_2_p1x);
-        let t3_197 = (-t3_4).mul_add(t3_159, t3_196);
-        let t3_198 = inv_pivot_2 * t3_197;
-        let t3_199 = (-t3_153).mul_add(t3_75, u_s1_3_p1z);
-        let t3_200 = t3_74.mul_add(t3_156, t3_199);
-        let t3_201 = (-t3_69).mul_add(t3_159, t3_200);
-        let t3_202 = t3_79.mul_add(t3_198, t3_201);
-        let t3_203 = like.lift(3.3333333333333335) * t3_202;
-        let t3_204 = -t3_203;
-        let t3_205 = sin_s1_3 * t3_171;
-        let t3_206 = (-e_s1_3_s1_1z).mul_add(t3_174, t3_205);
-        let t3_207 = like.lift(0.3).mul_add(t3_206, t3_50);
-        let t3_208 = t3_4.mul_add(t3_177, t3_207);
-        let t3_209 = inv_pivot_2 * t3_208;
-        let t3_210 = (-t3_171).mul_add(t3_75, t3_17);
-        let t3_211 = (-t3_74).mul_add(t3_174, t3_210);
-        let t3_212 = (-t3_69).mul_add(t3_177, t3_211);
-        let t3_213 = (-t3_79).mul_add(t3_209, t3_212);
-        let t3_214 = like.lift(3.3333333333333335) * t3_213;
-        let t3_215 = sin_s1_3 * t3_183;
-        let t3_216 = e_s1_3_s1_1z.mul_add(t3_186, t3_215);
-        let t3_217 = like.lift(0.3) * t3_216;
-        let t3_218 = t3_4.mul_add(t3_189, t3_217);
-        let t3_219 = inv_pivot_2 * t3_218;
-        let t3_220 = t3_183 * t3_75;
-        let t3_221 = (-t3_74).mul_add(t3_186, t3_220);
-        let t3_222 = t3_69.mul_add(t3_189, t3_221);
-        let t3_223 = t3_79.mul_add(t3_219, t3_222);
-        let t3_224 = like.lift(3.3333333333333335) * t3_223;
-        [
-            e_s1_3_q1z, u_platform_q1x, t3_4, e_s1_3_s1_1z, t3_5, t3_7, e_s1_3_q1y, u_s1_3_p1y,
-            u_s1_3_p1z, t3_31, pivot_2, u_s1_3_q1y, t3_43, t3_44, t3_45, t3_46, e_s1_2_q1x,
-            u_s1_2_p1x, t3_62, u_platform_q1z, t3_70, e_s1_3_s1_1y, t3_74, t3_75, t3_79, t3_81,
-            t3_92, t3_93, t3_94, t3_95, t3_102, t3_105, t3_107, t3_108, t3_113, t3_114, t3_115,
-            t3_116, t3_117, t3_118, pivot_3, pivot_4, pivot_5, pivot_6, t3_151, t3_153, t3_160,
-            t3_169, t3_177, t3_181, t3_186, t3_189, t3_190, t3_191, t3_192, t3_193, t3_198,
-            t3_204, t3_209, t3_214, t3_219, t3_224,
-        ]
-    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
+        u_s1_1_p1y, u_s1_2_p1z, u_s1_3_p1y, u_s1_2_p1x, e_s1_2_q1z, e_s1_3_q1y, e_s1_2_q1x,
         x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
         x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
         x_q3_p2, x_q3_p3,
     ] = {
-        let t4_1 = -t3_224;
-        let t4_2 = -t3_198;
-        let t4_3 = -t3_209;
-        let t4_4 = -t3_219;
-        let t4_5 = -t3_151;
-        let t4_6 = -t3_169;
-        let t4_7 = -t3_181;
-        let t4_8 = -pivot_5;
+        let t3_1 = sin_q1 * cos_s1_1;
+        let t3_2 = sin_q1 * sin_s1_1;
+        let t3_3 = sin_s1_2 * t3_2;
+        let t3_4 = cos_q1.mul_add(cos_s1_2, t3_3);
+        let t3_5 = sin_s1_3 * t3_4;
+        let t3_6 = cos_s1_3.mul_add(t3_1, t3_5);
+        let t3_7 = like.lift(0.1) * t3_6;
+        let t3_8 = like.lift(0.2) * t3_6;
+        let t3_9 = cos_q1 * sin_s1_2;
+        let t3_10 = (-cos_s1_2).mul_add(t3_2, t3_9);
+        let t3_11 = like.lift(0.17320508075688773) * t3_10;
+        let t3_12 = t3_7 + t3_8;
+        let t3_13 = t3_12 - t3_11;
+        let u_s1_1_p1y = cos_q1 * cos_s1_1;
+        let u_s1_1_p1x = cos_q1 * sin_s1_1;
+        let t3_14 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_14);
+        let t3_15 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_15);
+        let t3_16 = like.lift(0.1) * u_s1_3_p1y;
+        let t3_17 = like.lift(0.2) * u_s1_3_p1y;
+        let t3_18 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_18);
+        let t3_19 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t3_20 = t3_16 + t3_17;
+        let t3_21 = t3_20 + t3_19;
+        let t3_22 = cos_q1 * t3_21;
+        let t3_23 = sin_q1.mul_add(t3_13, t3_22);
+        let t3_24 = u_s1_1_p1y * t3_13;
+        let t3_25 = (-t3_1).mul_add(t3_21, t3_24);
+        let t3_26 = -t3_25;
+        let t3_27 = t3_10 * t3_21;
+        let t3_28 = u_s1_2_p1x.mul_add(t3_13, t3_27);
+        let t3_29 = -t3_28;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t3_30 = like.lift(0.5).mul_add(cos_q1, t3_8);
+        let t3_31 = t3_30 - t3_11;
+        let pivot_3 = t3_31 + t3_7;
+        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
+        let t3_32 = sin_s1_1 * cos_s1_3;
+        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_32);
+        let t3_33 = like.lift(0.2) * e_s1_3_q1y;
+        let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
+        let t3_34 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t3_35 = like.lift(0.1) * e_s1_3_q1y;
+        let t3_36 = t3_33 - t3_34;
+        let t3_37 = t3_36 + t3_35;
+        let t3_38 = cos_q1 * t3_37;
+        let t3_39 = t3_1 * t3_37;
+        let t3_40 = (-sin_s1_1).mul_add(t3_13, t3_39);
+        let t3_41 = t3_10 * t3_37;
+        let t3_42 = (-e_s1_2_q1x).mul_add(t3_13, t3_41);
+        let t3_43 = -t3_42;
+        let t3_44 = like.lift(0.25) * cos_q2;
+        let t3_45 = like.lift(0.5) * sin_q1;
+        let t3_46 = t3_45 - t3_17;
+        let t3_47 = t3_46 - t3_19;
+        let t3_48 = t3_47 - t3_16;
+        let t3_49 = sin_q1 * t3_37;
+        let t3_50 = sin_s1_1 * t3_21;
+        let t3_51 = (-u_s1_1_p1y).mul_add(t3_37, t3_50);
+        let t3_52 = u_s1_2_p1x * t3_37;
+        let t3_53 = e_s1_2_q1x.mul_add(t3_21, t3_52);
+        let t3_54 = -t3_53;
+        let t3_55 = like.lift(0.5) * sin_q2;
+        let t3_56 = -t3_55;
+        let t3_57 = t3_7 + t3_8;
+        let t3_58 = t3_57 + t3_11;
+        let t3_59 = t3_16 + t3_17;
+        let t3_60 = t3_59 - t3_19;
+        let t3_61 = cos_q1 * t3_60;
+        let t3_62 = sin_q1.mul_add(t3_58, t3_61);
+        let t3_63 = u_s1_1_p1y * t3_58;
+        let t3_64 = (-t3_1).mul_add(t3_60, t3_63);
+        let t3_65 = -t3_64;
+        let t3_66 = t3_10 * t3_60;
+        let t3_67 = u_s1_2_p1x.mul_add(t3_58, t3_66);
+        let t3_68 = -t3_67;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t3_69 = -pivot_2;
+        let t3_70 = t3_30 + t3_11;
+        let t3_71 = t3_70 + t3_7;
+        let t3_72 = t3_33 + t3_34;
+        let t3_73 = t3_72 + t3_35;
+        let t3_74 = cos_q1 * t3_73;
+        let t3_75 = t3_1 * t3_73;
+        let t3_76 = (-sin_s1_1).mul_add(t3_58, t3_75);
+        let t3_77 = t3_10 * t3_73;
+        let t3_78 = (-e_s1_2_q1x).mul_add(t3_58, t3_77);
+        let t3_79 = -t3_78;
+        let t3_80 = like.lift(0.25) * cos_q3;
+        let t3_81 = t3_45 - t3_17;
+        let t3_82 = t3_81 + t3_19;
+        let t3_83 = t3_82 - t3_16;
+        let t3_84 = sin_q1 * t3_73;
+        let t3_85 = sin_s1_1 * t3_60;
+        let t3_86 = (-u_s1_1_p1y).mul_add(t3_73, t3_85);
+        let t3_87 = u_s1_2_p1x * t3_73;
+        let t3_88 = e_s1_2_q1x.mul_add(t3_60, t3_87);
+        let t3_89 = -t3_88;
+        let t3_90 = like.lift(0.5) * sin_q3;
+        let t3_91 = -t3_90;
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t3_92 = like.lift(-0.5773502691896257).mul_add(t3_23, t3_38);
+        let t3_93 = t3_71 * inv_pivot_3;
+        let t3_94 = (-t3_92).mul_add(t3_93, t3_74);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t3_62, t3_94);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_95 = like.lift(1.0) - t3_93;
+        let t3_96 = like.lift(-0.5773502691896257).mul_add(t3_28, t3_42);
+        let t3_97 = (-t3_96).mul_add(t3_93, t3_78);
+        let t3_98 = like.lift(0.5773502691896257).mul_add(t3_67, t3_97);
+        let t3_99 = like.lift(1.0) / cos_q2;
+        let t3_100 = sin_q2 * t3_99;
+        let t3_101 = t3_48 * inv_pivot_3;
+        let t3_102 = like.lift(1.1547005383792515) * t3_100;
+        let t3_103 = (-t3_92).mul_add(t3_101, t3_49);
+        let t3_104 = t3_23.mul_add(t3_102, t3_103);
+        let t3_105 = t3_104 * inv_pivot_4;
+        let t3_106 = (-t3_98).mul_add(t3_105, t3_53);
+        let t3_107 = (-t3_96).mul_add(t3_101, t3_106);
+        let pivot_5 = t3_28.mul_add(t3_102, t3_107);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t3_108 = t3_95.mul_add(t3_105, t3_101);
+        let t3_109 = like.lift(0.5773502691896257).mul_add(t3_25, t3_40);
+        let t3_110 = (-t3_109).mul_add(t3_93, t3_76);
+        let t3_111 = like.lift(-0.5773502691896257).mul_add(t3_64, t3_110);
+        let t3_112 = (-t3_111).mul_add(t3_105, t3_51);
+        let t3_113 = (-t3_109).mul_add(t3_101, t3_112);
+        let t3_114 = (-t3_25).mul_add(t3_102, t3_113);
+        let t3_115 = t3_83 * inv_pivot_3;
+        let t3_116 = like.lift(1.0) / cos_q3;
+        let t3_117 = sin_q3 * t3_116;
+        let t3_118 = like.lift(1.1547005383792515) * t3_117;
+        let t3_119 = (-t3_92).mul_add(t3_115, t3_84);
+        let t3_120 = (-t3_62).mul_add(t3_118, t3_119);
+        let t3_121 = t3_120 * inv_pivot_4;
+        let t3_122 = (-t3_98).mul_add(t3_121, t3_88);
+        let t3_123 = (-t3_96).mul_add(t3_115, t3_122);
+        let t3_124 = (-t3_67).mul_add(t3_118, t3_123);
+        let t3_125 = t3_124 * inv_pivot_5;
+        let t3_126 = (-t3_108).mul_add(t3_125, t3_115);
+        let t3_127 = t3_95.mul_add(t3_121, t3_126);
+        let t3_128 = (-t3_114).mul_add(t3_125, t3_86);
+        let t3_129 = (-t3_111).mul_add(t3_121, t3_128);
+        let t3_130 = (-t3_109).mul_add(t3_115, t3_129);
+        let pivot_6 = t3_64.mul_add(t3_118, t3_130);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t3_131 = t3_127 * inv_pivot_6;
+        let t3_132 = (-t3_114).mul_add(t3_131, t3_108);
+        let t3_133 = inv_pivot_5 * t3_132;
+        let t3_134 = t3_111.mul_add(t3_131, t3_95);
+        let t3_135 = t3_98.mul_add(t3_133, t3_134);
+        let t3_136 = inv_pivot_4 * t3_135;
+        let t3_137 = t3_109.mul_add(t3_131, like.lift(1.0));
+        let t3_138 = t3_96.mul_add(t3_133, t3_137);
+        let t3_139 = (-t3_92).mul_add(t3_136, t3_138);
+        let t3_140 = inv_pivot_3 * t3_139;
+        let t3_141 = -t3_140;
+        let t3_142 = t3_100 * t3_125;
+        let t3_143 = t3_142 * inv_pivot_6;
+        let t3_144 = t3_114.mul_add(t3_143, t3_100);
+        let t3_145 = inv_pivot_5 * t3_144;
+        let t3_146 = t3_98 * t3_145;
+        let t3_147 = (-t3_111).mul_add(t3_143, t3_146);
+        let t3_148 = inv_pivot_4 * t3_147;
+        let t3_149 = t3_109 * t3_143;
+        let t3_150 = (-t3_96).mul_add(t3_145, t3_149);
+        let t3_151 = t3_92.mul_add(t3_148, t3_150);
+        let t3_152 = inv_pivot_3 * t3_151;
+        let t3_153 = -t3_152;
+        let t3_154 = t3_117 * inv_pivot_6;
+        let t3_155 = inv_pivot_5 * t3_114;
+        let t3_156 = t3_155 * t3_154;
+        let t3_157 = t3_98 * t3_156;
+        let t3_158 = (-t3_111).mul_add(t3_154, t3_157);
+        let t3_159 = inv_pivot_4 * t3_158;
+        let t3_160 = t3_109 * t3_154;
+        let t3_161 = (-t3_96).mul_add(t3_156, t3_160);
+        let t3_162 = t3_92.mul_add(t3_159, t3_161);
+        let t3_163 = inv_pivot_3 * t3_162;
+        let t3_164 = -t3_136;
+        let t3_165 = -t3_159;
+        let t3_166 = -t3_154;
+        let t3_167 = -t3_133;
+        let t3_168 = -t3_156;
+        let t3_169 = t3_25 * t3_131;
+        let t3_170 = (-t3_28).mul_add(t3_133, t3_169);
+        let t3_171 = t3_23.mul_add(t3_136, t3_170);
+        let t3_172 = like.lift(2.309401076758503) * t3_99;
+        let t3_173 = t3_171 * t3_172;
+        let t3_174 = (-t3_25).mul_add(t3_143, like.lift(0.8660254037844386));
+        let t3_175 = (-t3_28).mul_add(t3_145, t3_174);
+        let t3_176 = t3_23.mul_add(t3_148, t3_175);
+        let t3_177 = t3_176 * t3_172;
+        let t3_178 = -t3_177;
+        let t3_179 = t3_23 * t3_159;
+        let t3_180 = (-t3_25).mul_add(t3_154, t3_179);
+        let t3_181 = (-t3_28).mul_add(t3_156, t3_180);
+        let t3_182 = t3_181 * t3_172;
+        let t3_183 = t3_64 * t3_131;
+        let t3_184 = (-t3_67).mul_add(t3_133, t3_183);
+        let t3_185 = t3_62.mul_add(t3_136, t3_184);
+        let t3_186 = like.lift(2.309401076758503) * t3_116;
+        let t3_187 = t3_185 * t3_186;
+        let t3_188 = -t3_187;
+        let t3_189 = t3_62 * t3_148;
+        let t3_190 = (-t3_64).mul_add(t3_143, t3_189);
+        let t3_191 = (-t3_67).mul_add(t3_145, t3_190);
+        let t3_192 = t3_191 * t3_186;
+        let t3_193 = (-t3_64).mul_add(t3_154, like.lift(0.8660254037844386));
+        let t3_194 = (-t3_67).mul_add(t3_156, t3_193);
+        let t3_195 = t3_62.mul_add(t3_159, t3_194);
+        let t3_196 = t3_195 * t3_186;
+        let t3_197 = -t3_196;
+        let t3_198 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t4_8 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t3_69 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_198 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_160, t3_177, t3_189], [t3_190, t3_191, t3_186], [t3_153, t3_192, t3_193],
-                [t3_204, t3_214, t4_1], [t4_2, t4_3, t4_4], [t4_5, t4_6, t4_7],
+                [t3_141, t3_153, t3_163], [t3_164, t3_148, t3_165], [t3_131, t3_143, t3_166],
+                [t3_167, t3_145, t3_168], [t3_173, t3_178, t3_182], [t3_188, t3_192, t3_197],
             ],
             margin,
             || (
                 [
-                    [t3_4, t3_5, t3_7, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t3_43, t3_45, t3_46, like.lift(0.0), t3_62, like.lift(0.0)],
-                    [t3_70, t3_74, t3_75, like.lift(-0.3), t3_79, like.lift(0.0)],
-                    [t3_4, t3_5, t3_7, like.lift(0.0), like.lift(0.0), t3_92],
-                    [t3_93, t3_44, t3_94, like.lift(0.0), like.lift(0.0), t3_102],
-                    [t3_105, t3_107, t3_108, like.lift(-0.3), like.lift(0.0), t3_113],
+                    [like.lift(0.0), t3_23, t3_26, t3_29, pivot_1, like.lift(0.0)],
+                    [pivot_3, t3_38, t3_40, t3_43, t3_44, like.lift(0.0)],
+                    [t3_48, t3_49, t3_51, t3_54, t3_56, like.lift(0.0)],
+                    [like.lift(0.0), t3_62, t3_65, t3_68, like.lift(0.0), t3_69],
+                    [t3_71, t3_74, t3_76, t3_79, like.lift(0.0), t3_80],
+                    [t3_83, t3_84, t3_86, t3_89, like.lift(0.0), t3_91],
                 ],
                 [
-                    [t3_114, t3_115, like.lift(0.0)], [t3_116, t3_31, like.lift(0.0)],
-                    [u_s1_3_p1z, t3_117, like.lift(0.0)], [t3_114, like.lift(0.0), t3_95],
-                    [t3_116, like.lift(0.0), t3_118], [u_s1_3_p1z, like.lift(0.0), t3_81],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
+            u_s1_1_p1y, u_s1_2_p1z, u_s1_3_p1y, u_s1_2_p1x, e_s1_2_q1z, e_s1_3_q1y, e_s1_2_q1x,
             x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
             x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
             x_q3_p2, x_q3_p3,
         ]
     };
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [a_rod1z, t5_5, a_rod1y] = {
+    let [a_rod1z, t4_5, a_rod1y] = {
         let w_ixx_rod1_p1 = dd_q1 * x_q1_p1;
-        let t5_1 = -w_ixx_rod1_p1;
+        let t4_1 = -w_ixx_rod1_p1;
         let w_ixx_rod1_p2 = dd_q1 * x_q1_p2;
-        let t5_2 = -w_ixx_rod1_p2;
+        let t4_2 = -w_ixx_rod1_p2;
         let w_ixx_rod1_p3 = dd_q1 * x_q1_p3;
-        let t5_3 = -w_ixx_rod1_p3;
-        w[10] = [t5_1, t5_2, t5_3];
-        let t5_4 = sin_q1 * dd_p1;
-        let a_rod1z = like.lift(-9.81).mul_add(cos_q1, t5_4);
-        let t5_5 = d_q1 * d_q1;
-        let t5_6 = x_q1_p1 * a_rod1z;
-        let t5_7 = (-sin_q1).mul_add(dd_q1, t5_6);
-        let w_my_rod1_p1 = (-cos_q1).mul_add(t5_5, t5_7);
+        let t4_3 = -w_ixx_rod1_p3;
+        w[10] = [t4_1, t4_2, t4_3];
+        let t4_4 = sin_q1 * dd_p1;
+        let a_rod1z = like.lift(-9.81).mul_add(cos_q1, t4_4);
+        let t4_5 = d_q1 * d_q1;
+        let t4_6 = x_q1_p1 * a_rod1z;
+        let t4_7 = (-sin_q1).mul_add(dd_q1, t4_6);
+        let w_my_rod1_p1 = (-cos_q1).mul_add(t4_5, t4_7);
         let w_my_rod1_p2 = x_q1_p2 * a_rod1z;
         let w_my_rod1_p3 = x_q1_p3 * a_rod1z;
         w[17] = [w_my_rod1_p1, w_my_rod1_p2, w_my_rod1_p3];
-        let t5_8 = like.lift(9.81) * sin_q1;
-        let a_rod1y = cos_q1.mul_add(dd_p1, t5_8);
-        let t5_9 = x_q1_p1 * a_rod1y;
-        let t5_10 = sin_q1.mul_add(t5_5, t5_9);
-        let w_mz_rod1_p1 = (-cos_q1).mul_add(dd_q1, t5_10);
+        let t4_8 = like.lift(9.81) * sin_q1;
+        let a_rod1y = cos_q1.mul_add(dd_p1, t4_8);
+        let t4_9 = x_q1_p1 * a_rod1y;
+        let t4_10 = sin_q1.mul_add(t4_5, t4_9);
+        let w_mz_rod1_p1 = (-cos_q1).mul_add(dd_q1, t4_10);
         let w_mz_rod1_p2 = x_q1_p2 * a_rod1y;
         let w_mz_rod1_p3 = x_q1_p3 * a_rod1y;
         w[18] = [w_mz_rod1_p1, w_mz_rod1_p2, w_mz_rod1_p3];
-        let t5_11 = sin_q1 * a_rod1z;
-        let w_m_rod1_p1 = cos_q1.mul_add(a_rod1y, t5_11);
+        let t4_11 = sin_q1 * a_rod1z;
+        let w_m_rod1_p1 = cos_q1.mul_add(a_rod1y, t4_11);
         w[19][0] = w_m_rod1_p1;
-        [a_rod1z, t5_5, a_rod1y]
+        [a_rod1z, t4_5, a_rod1y]
+    };
+    // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 1
+    let [
+        t5_27, t5_41, t5_55, w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3,
+        w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3, t5_89, t5_92, t5_95, t5_101,
+        t5_104, t5_107, w_izz_platform_p1, w_izz_platform_p2, w_izz_platform_p3, t5_140,
+        t5_152, t5_155, t5_164, a_platformx, w_my_platform_p1, w_my_platform_p2,
+        w_my_platform_p3, w_mz_platform_p1, w_mz_platform_p2, w_mz_platform_p3,
+        w_m_platform_p1, w_m_platform_p2, t5_197,
+    ] = {
+        let w_s1_1x = cos_s1_1 * d_q1;
+        let t5_1 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_1);
+        let w_s1_1y = sin_s1_1 * d_q1;
+        let w_s1_2y = d_s1_2 - w_s1_1y;
+        let t5_2 = d_s1_1 * w_s1_1y;
+        let t5_3 = (-cos_s1_1).mul_add(dd_q1, t5_2);
+        let t5_4 = t5_3 + t5_2;
+        let t5_5 = w_s1_1x.mul_add(w_s1_1y, dd_s1_1);
+        let t5_6 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t5_7 = (-sin_s1_2).mul_add(t5_5, t5_6);
+        let al_s1_3x = (-cos_s1_2).mul_add(t5_4, t5_7);
+        let t5_8 = sin_s1_2 * x_s1_1_p1;
+        let t5_9 = e_s1_2_q1x.mul_add(x_q1_p1, x_s1_3_p1);
+        let t5_10 = t5_9 - t5_8;
+        let t5_11 = sin_s1_3 * w_s1_2y;
+        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_11);
+        let t5_12 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_12);
+        let w_s1_3x = d_s1_3 - w_s1_2x;
+        let t5_13 = w_s1_3z * w_s1_3x;
+        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
+        let t5_14 = e_s1_3_q1y * x_q1_p1;
+        let t5_15 = (-cos_s1_3).mul_add(x_s1_2_p1, t5_14);
+        let t5_16 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t5_15);
+        let t5_17 = t5_13 * t5_16;
+        let t5_18 = sin_s1_3 * w_s1_2z;
+        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t5_18);
+        let t5_19 = w_s1_3y * w_s1_3x;
+        let t5_20 = cos_s1_3 * e_s1_2_q1z;
+        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t5_20);
+        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
+        let t5_21 = e_s1_3_s1_1z * x_s1_1_p1;
+        let t5_22 = sin_s1_3 * x_s1_2_p1;
+        let t5_23 = e_s1_3_q1z.mul_add(x_q1_p1, t5_21);
+        let t5_24 = t5_23 - t5_22;
+        let t5_25 = t5_19 * t5_24;
+        let t5_26 = al_s1_3x.mul_add(t5_10, t5_17);
+        let w_ixx_platform_p1 = t5_26 - t5_25;
+        let t5_27 = -w_ixx_platform_p1;
+        let t5_28 = sin_s1_2 * x_s1_1_p2;
+        let t5_29 = e_s1_2_q1x.mul_add(x_q1_p2, x_s1_3_p2);
+        let t5_30 = t5_29 - t5_28;
+        let t5_31 = e_s1_3_q1y * x_q1_p2;
+        let t5_32 = (-cos_s1_3).mul_add(x_s1_2_p2, t5_31);
+        let t5_33 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t5_32);
+        let t5_34 = t5_13 * t5_33;
+        let t5_35 = e_s1_3_s1_1z * x_s1_1_p2;
+        let t5_36 = sin_s1_3 * x_s1_2_p2;
+        let t5_37 = e_s1_3_q1z.mul_add(x_q1_p2, t5_35);
+        let t5_38 = t5_37 - t5_36;
+        let t5_39 = t5_19 * t5_38;
+        let t5_40 = al_s1_3x.mul_add(t5_30, t5_34);
+        let w_ixx_platform_p2 = t5_40 - t5_39;
+        let t5_41 = -w_ixx_platform_p2;
+        let t5_42 = sin_s1_2 * x_s1_1_p3;
+        let t5_43 = e_s1_2_q1x.mul_add(x_q1_p3, x_s1_3_p3);
+        let t5_44 = t5_43 - t5_42;
+        let t5_45 = e_s1_3_q1y * x_q1_p3;
+        let t5_46 = (-cos_s1_3).mul_add(x_s1_2_p3, t5_45);
+        let t5_47 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p3, t5_46);
+        let t5_48 = t5_13 * t5_47;
+        let t5_49 = e_s1_3_s1_1z * x_s1_1_p3;
+        let t5_50 = sin_s1_3 * x_s1_2_p3;
+        let t5_51 = e_s1_3_q1z.mul_add(x_q1_p3, t5_49);
+        let t5_52 = t5_51 - t5_50;
+        let t5_53 = t5_19 * t5_52;
+        let t5_54 = al_s1_3x.mul_add(t5_44, t5_48);
+        let w_ixx_platform_p3 = t5_54 - t5_53;
+        let t5_55 = -w_ixx_platform_p3;
+        let t5_56 = w_s1_2x * w_s1_2y;
+        let t5_57 = t5_56 + t5_56;
+        let t5_58 = (-cos_s1_2).mul_add(t5_5, t5_57);
+        let t5_59 = sin_s1_2.mul_add(t5_4, t5_58);
+        let t5_60 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
+        let t5_61 = (-d_s1_1).mul_add(w_s1_1x, t5_60);
+        let t5_62 = (-sin_s1_1).mul_add(dd_q1, t5_61);
+        let t5_63 = sin_s1_3 * t5_59;
+        let t5_64 = (-cos_s1_3).mul_add(t5_62, t5_63);
+        let t5_65 = w_s1_3y * w_s1_3z;
+        let t5_66 = al_s1_3x - t5_65;
+        let t5_67 = w_s1_3x * w_s1_3x;
+        let t5_68 = w_s1_3y * w_s1_3y;
+        let t5_69 = t5_67 - t5_68;
+        let t5_70 = t5_66 * t5_16;
+        let t5_71 = (-t5_69).mul_add(t5_24, t5_70);
+        let w_ixy_platform_p1 = t5_64.mul_add(t5_10, t5_71);
+        let t5_72 = t5_66 * t5_33;
+        let t5_73 = (-t5_69).mul_add(t5_38, t5_72);
+        let w_ixy_platform_p2 = t5_64.mul_add(t5_30, t5_73);
+        let t5_74 = t5_66 * t5_47;
+        let t5_75 = (-t5_69).mul_add(t5_52, t5_74);
+        let w_ixy_platform_p3 = t5_64.mul_add(t5_44, t5_75);
+        let t5_76 = sin_s1_3 * t5_62;
+        let t5_77 = cos_s1_3.mul_add(t5_59, t5_76);
+        let t5_78 = w_s1_3z * w_s1_3z;
+        let t5_79 = t5_67 - t5_78;
+        let t5_80 = al_s1_3x + t5_65;
+        let t5_81 = t5_77 * t5_10;
+        let t5_82 = (-t5_80).mul_add(t5_24, t5_81);
+        let w_ixz_platform_p1 = (-t5_79).mul_add(t5_16, t5_82);
+        let t5_83 = t5_77 * t5_30;
+        let t5_84 = (-t5_80).mul_add(t5_38, t5_83);
+        let w_ixz_platform_p2 = (-t5_79).mul_add(t5_33, t5_84);
+        let t5_85 = t5_77 * t5_44;
+        let t5_86 = (-t5_80).mul_add(t5_52, t5_85);
+        let w_ixz_platform_p3 = (-t5_79).mul_add(t5_47, t5_86);
+        let t5_87 = t5_65 * t5_10;
+        let al_s1_3y = t5_13 + t5_64;
+        let t5_88 = al_s1_3y.mul_add(t5_16, t5_25);
+        let w_iyy_platform_p1 = t5_88 + t5_87;
+        let t5_89 = -w_iyy_platform_p1;
+        let t5_90 = t5_65 * t5_30;
+        let t5_91 = al_s1_3y.mul_add(t5_33, t5_39);
+        let w_iyy_platform_p2 = t5_91 + t5_90;
+        let t5_92 = -w_iyy_platform_p2;
+        let t5_93 = t5_65 * t5_44;
+        let t5_94 = al_s1_3y.mul_add(t5_47, t5_53);
+        let w_iyy_platform_p3 = t5_94 + t5_93;
+        let t5_95 = -w_iyy_platform_p3;
+        let t5_96 = t5_68 - t5_78;
+        let al_s1_3z = t5_19 + t5_77;
+        let t5_97 = t5_19 + al_s1_3z;
+        let t5_98 = t5_13 + al_s1_3y;
+        let t5_99 = t5_97 * t5_16;
+        let t5_100 = (-t5_98).mul_add(t5_24, t5_99);
+        let w_iyz_platform_p1 = t5_96.mul_add(t5_10, t5_100);
+        let t5_101 = -w_iyz_platform_p1;
+        let t5_102 = t5_97 * t5_33;
+        let t5_103 = (-t5_98).mul_add(t5_38, t5_102);
+        let w_iyz_platform_p2 = t5_96.mul_add(t5_30, t5_103);
+        let t5_104 = -w_iyz_platform_p2;
+        let t5_105 = t5_97 * t5_47;
+        let t5_106 = (-t5_98).mul_add(t5_52, t5_105);
+        let w_iyz_platform_p3 = t5_96.mul_add(t5_44, t5_106);
+        let t5_107 = -w_iyz_platform_p3;
+        let t5_108 = al_s1_3z.mul_add(t5_24, t5_17);
+        let w_izz_platform_p1 = t5_108 + t5_87;
+        let t5_109 = al_s1_3z.mul_add(t5_38, t5_34);
+        let w_izz_platform_p2 = t5_109 + t5_90;
+        let t5_110 = al_s1_3z.mul_add(t5_52, t5_48);
+        let w_izz_platform_p3 = t5_110 + t5_93;
+        let t5_111 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
+        let a_s1_1y = cos_s1_1 * t5_111;
+        let a_s1_1z = like.lift(0.5).mul_add(t4_5, a_rod1z);
+        let a_s1_1x = sin_s1_1 * t5_111;
+        let t5_112 = cos_s1_2 * a_s1_1z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_112);
+        let t5_113 = t5_67 + t5_78;
+        let t5_114 = cos_s1_3 * a_s1_1y;
+        let t5_115 = like.lift(-0.2).mul_add(t5_113, t5_114);
+        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t5_115);
+        let t5_116 = cos_s1_3 * a_s1_2z;
+        let t5_117 = like.lift(-0.2).mul_add(t5_66, t5_116);
+        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t5_117);
+        let t5_118 = t5_68 + t5_78;
+        let t5_119 = like.lift(0.2) * e_s1_3_q1z;
+        let t5_120 = like.lift(0.5) * sin_s1_1;
+        let u_platform_q1x = t5_120.mul_add(cos_s1_2, t5_119);
+        let t5_121 = t5_22 - t5_21;
+        let t5_122 = like.lift(-0.2).mul_add(t5_121, u_s1_2_p1x);
+        let t5_123 = u_platform_q1x.mul_add(x_q1_p1, t5_122);
+        let t5_124 = sin_s1_1 * sin_s1_2;
+        let t5_125 = sin_s1_3 * t5_124;
+        let t5_126 = cos_s1_1.mul_add(cos_s1_3, t5_125);
+        let u_s1_3_q1y = like.lift(0.5) * t5_126;
+        let t5_127 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
+        let t5_128 = cos_s1_3 * t5_124;
+        let t5_129 = (-cos_s1_1).mul_add(sin_s1_3, t5_128);
+        let t5_130 = like.lift(0.2) * e_s1_2_q1x;
+        let u_platform_q1z = like.lift(-0.5).mul_add(t5_129, t5_130);
+        let t5_131 = x_s1_3_p1 - t5_8;
+        let t5_132 = like.lift(0.2) * t5_131;
+        let t5_133 = u_platform_q1z.mul_add(x_q1_p1, t5_132);
+        let t5_134 = cos_s1_3.mul_add(u_s1_2_p1z, t5_133);
+        let t5_135 = sin_s1_3.mul_add(u_s1_1_p1y, t5_134);
+        let t5_136 = a_platformy * t5_24;
+        let t5_137 = (-a_platformz).mul_add(t5_16, t5_136);
+        let t5_138 = t5_64.mul_add(t5_135, t5_137);
+        let t5_139 = t5_77.mul_add(t5_127, t5_138);
+        let w_mx_platform_p1 = t5_118.mul_add(t5_123, t5_139);
+        let t5_140 = -w_mx_platform_p1;
+        let t5_141 = t5_36 - t5_35;
+        let t5_142 = u_platform_q1x * x_q1_p2;
+        let t5_143 = like.lift(-0.2).mul_add(t5_141, t5_142);
+        let t5_144 = u_s1_3_q1y * x_q1_p2;
+        let t5_145 = x_s1_3_p2 - t5_28;
+        let t5_146 = like.lift(0.2) * t5_145;
+        let t5_147 = u_platform_q1z.mul_add(x_q1_p2, t5_146);
+        let t5_148 = a_platformy * t5_38;
+        let t5_149 = (-a_platformz).mul_add(t5_33, t5_148);
+        let t5_150 = t5_64.mul_add(t5_147, t5_149);
+        let t5_151 = t5_77.mul_add(t5_144, t5_150);
+        let w_mx_platform_p2 = t5_118.mul_add(t5_143, t5_151);
+        let t5_152 = -w_mx_platform_p2;
+        let t5_153 = t5_50 - t5_49;
+        let t5_154 = u_platform_q1x * x_q1_p3;
+        let t5_155 = like.lift(-0.2).mul_add(t5_153, t5_154);
+        let t5_156 = u_s1_3_q1y * x_q1_p3;
+        let t5_157 = x_s1_3_p3 - t5_42;
+        let t5_158 = like.lift(0.2) * t5_157;
+        let t5_159 = u_platform_q1z.mul_add(x_q1_p3, t5_158);
+        let t5_160 = a_platformy * t5_52;
+        let t5_161 = (-a_platformz).mul_add(t5_47, t5_160);
+        let t5_162 = t5_64.mul_add(t5_159, t5_161);
+        let t5_163 = t5_77.mul_add(t5_156, t5_162);
+        let w_mx_platform_p3 = t5_118.mul_add(t5_155, t5_163);
+        let t5_164 = -w_mx_platform_p3;
+        let t5_165 = like.lift(0.2) * t5_97;
+        let t5_166 = cos_s1_2.mul_add(a_s1_1x, t5_165);
+        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t5_166);
+        let t5_167 = a_platformx * t5_24;
+        let t5_168 = a_platformz.mul_add(t5_10, t5_167);
+        let t5_169 = (-t5_66).mul_add(t5_135, t5_168);
+        let t5_170 = (-t5_113).mul_add(t5_127, t5_169);
+        let w_my_platform_p1 = t5_97.mul_add(t5_123, t5_170);
+        let t5_171 = a_platformx * t5_38;
+        let t5_172 = a_platformz.mul_add(t5_30, t5_171);
+        let t5_173 = (-t5_66).mul_add(t5_147, t5_172);
+        let t5_174 = (-t5_113).mul_add(t5_144, t5_173);
+        let w_my_platform_p2 = t5_97.mul_add(t5_143, t5_174);
+        let t5_175 = a_platformx * t5_52;
+        let t5_176 = a_platformz.mul_add(t5_44, t5_175);
+        let t5_177 = (-t5_66).mul_add(t5_159, t5_176);
+        let t5_178 = (-t5_113).mul_add(t5_156, t5_177);
+        let w_my_platform_p3 = t5_97.mul_add(t5_155, t5_178);
+        let t5_179 = t5_67 + t5_68;
+        let t5_180 = a_platformy * t5_10;
+        let t5_181 = a_platformx.mul_add(t5_16, t5_180);
+        let t5_182 = t5_179.mul_add(t5_135, t5_181);
+        let t5_183 = (-t5_80).mul_add(t5_127, t5_182);
+        let w_mz_platform_p1 = (-t5_98).mul_add(t5_123, t5_183);
+        let t5_184 = a_platformy * t5_30;
+        let t5_185 = a_platformx.mul_add(t5_33, t5_184);
+        let t5_186 = t5_179.mul_add(t5_147, t5_185);
+        let t5_187 = (-t5_80).mul_add(t5_144, t5_186);
+        let w_mz_platform_p2 = (-t5_98).mul_add(t5_143, t5_187);
+        let t5_188 = a_platformy * t5_44;
+        let t5_189 = a_platformx.mul_add(t5_47, t5_188);
+        let t5_190 = t5_179.mul_add(t5_159, t5_189);
+        let t5_191 = (-t5_80).mul_add(t5_156, t5_190);
+        let w_mz_platform_p3 = (-t5_98).mul_add(t5_155, t5_191);
+        let t5_192 = a_platformz * t5_135;
+        let t5_193 = a_platformy.mul_add(t5_127, t5_192);
+        let w_m_platform_p1 = a_platformx.mul_add(t5_123, t5_193);
+        let t5_194 = a_platformz * t5_147;
+        let t5_195 = a_platformy.mul_add(t5_144, t5_194);
+        let w_m_platform_p2 = a_platformx.mul_add(t5_143, t5_195);
+        let t5_196 = a_platformz * t5_159;
+        let t5_197 = a_platformy.mul_add(t5_156, t5_196);
+        [
+            t5_27, t5_41, t5_55, w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3,
+            w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3, t5_89, t5_92, t5_95,
+            t5_101, t5_104, t5_107, w_izz_platform_p1, w_izz_platform_p2, w_izz_platform_p3,
+            t5_140, t5_152, t5_155, t5_164, a_platformx, w_my_platform_p1, w_my_platform_p2,
+            w_my_platform_p3, w_mz_platform_p1, w_mz_platform_p2, w_mz_platform_p3,
+            w_m_platform_p1, w_m_platform_p2, t5_197,
+        ]
     };
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let w_s1_1x = cos_s1_1 * d_q1;
-        let t6_1 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t6_1);
-        let w_s1_1y = sin_s1_1 * d_q1;
-        let w_s1_2y = d_s1_2 - w_s1_1y;
-        let t6_2 = d_s1_1 * w_s1_1y;
-        let t6_3 = (-cos_s1_1).mul_add(dd_q1, t6_2);
-        let t6_4 = t6_3 + t6_2;
-        let t6_5 = w_s1_1x.mul_add(w_s1_1y, dd_s1_1);
-        let t6_6 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t6_7 = (-sin_s1_2).mul_add(t6_5, t6_6);
-        let al_s1_3x = (-cos_s1_2).mul_add(t6_4, t6_7);
-        let t6_8 = sin_s1_2 * x_s1_1_p1;
-        let t6_9 = e_s1_2_q1x.mul_add(x_q1_p1, x_s1_3_p1);
-        let t6_10 = t6_9 - t6_8;
-        let t6_11 = sin_s1_3 * w_s1_2y;
-        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t6_11);
-        let t6_12 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t6_12);
-        let w_s1_3x = d_s1_3 - w_s1_2x;
-        let t6_13 = w_s1_3z * w_s1_3x;
-        let t6_14 = e_s1_3_q1y * x_q1_p1;
-        let t6_15 = (-cos_s1_3).mul_add(x_s1_2_p1, t6_14);
-        let t6_16 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t6_15);
-        let t6_17 = t6_13 * t6_16;
-        let t6_18 = sin_s1_3 * w_s1_2z;
-        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t6_18);
-        let t6_19 = w_s1_3y * w_s1_3x;
-        let t6_20 = e_s1_3_s1_1z * x_s1_1_p1;
-        let t6_21 = sin_s1_3 * x_s1_2_p1;
-        let t6_22 = e_s1_3_q1z.mul_add(x_q1_p1, t6_20);
-        let t6_23 = t6_22 - t6_21;
-        let t6_24 = t6_19 * t6_23;
-        let t6_25 = al_s1_3x.mul_add(t6_10, t6_17);
-        let w_ixx_platform_p1 = t6_25 - t6_24;
-        let t6_26 = -w_ixx_platform_p1;
-        let t6_27 = sin_s1_2 * x_s1_1_p2;
-        let t6_28 = e_s1_2_q1x.mul_add(x_q1_p2, x_s1_3_p2);
-        let t6_29 = t6_28 - t6_27;
-        let t6_30 = e_s1_3_q1y * x_q1_p2;
-        let t6_31 = (-cos_s1_3).mul_add(x_s1_2_p2, t6_30);
-        let t6_32 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t6_31);
-        let t6_33 = t6_13 * t6_32;
-        let t6_34 = e_s1_3_s1_1z * x_s1_1_p2;
-        let t6_35 = sin_s1_3 * x_s1_2_p2;
-        let t6_36 = e_s1_3_q1z.mul_add(x_q1_p2, t6_34);
-        let t6_37 = t6_36 - t6_35;
-        let t6_38 = t6_19 * t6_37;
-        let t6_39 = al_s1_3x.mul_add(t6_29, t6_33);
-        let w_ixx_platform_p2 = t6_39 - t6_38;
-        let t6_40 = -w_ixx_platform_p2;
-        let t6_41 = sin_s1_2 * x_s1_1_p3;
-        let t6_42 = e_s1_2_q1x.mul_add(x_q1_p3, x_s1_3_p3);
-        let t6_43 = t6_42 - t6_41;
-        let t6_44 = e_s1_3_q1y * x_q1_p3;
-        let t6_45 = (-cos_s1_3).mul_add(x_s1_2_p3, t6_44);
-        let t6_46 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p3, t6_45);
-        let t6_47 = t6_13 * t6_46;
-        let t6_48 = e_s1_3_s1_1z * x_s1_1_p3;
-        let t6_49 = sin_s1_3 * x_s1_2_p3;
-        let t6_50 = e_s1_3_q1z.mul_add(x_q1_p3, t6_48);
-        let t6_51 = t6_50 - t6_49;
-        let t6_52 = t6_19 * t6_51;
-        let t6_53 = al_s1_3x.mul_add(t6_43, t6_47);
-        let w_ixx_platform_p3 = t6_53 - t6_52;
-        let t6_54 = -w_ixx_platform_p3;
-        w[20] = [t6_26, t6_40, t6_54];
-        let t6_55 = w_s1_2x * w_s1_2y;
-        let t6_56 = t6_55 + t6_55;
-        let t6_57 = (-cos_s1_2).mul_add(t6_5, t6_56);
-        let t6_58 = sin_s1_2.mul_add(t6_4, t6_57);
-        let t6_59 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
-        let t6_60 = (-sin_s1_1).mul_add(dd_q1, t6_59);
-        let t6_61 = (-d_s1_1).mul_add(w_s1_1x, t6_60);
-        let t6_62 = sin_s1_3 * t6_58;
-        let t6_63 = (-cos_s1_3).mul_add(t6_61, t6_62);
-        let t6_64 = w_s1_3y * w_s1_3z;
-        let t6_65 = t6_64 - al_s1_3x;
-        let t6_66 = w_s1_3x * w_s1_3x;
-        let t6_67 = w_s1_3y * w_s1_3y;
-        let t6_68 = t6_66 - t6_67;
-        let t6_69 = t6_63 * t6_10;
-        let t6_70 = (-t6_68).mul_add(t6_23, t6_69);
-        let w_ixy_platform_p1 = (-t6_65).mul_add(t6_16, t6_70);
-        let t6_71 = t6_63 * t6_29;
-        let t6_72 = (-t6_68).mul_add(t6_37, t6_71);
-        let w_ixy_platform_p2 = (-t6_65).mul_add(t6_32, t6_72);
-        let t6_73 = t6_63 * t6_43;
-        let t6_74 = (-t6_68).mul_add(t6_51, t6_73);
-        let w_ixy_platform_p3 = (-t6_65).mul_add(t6_46, t6_74);
-        w[21] = [w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3];
-        let t6_75 = sin_s1_3 * t6_61;
-        let t6_76 = cos_s1_3.mul_add(t6_58, t6_75);
-        let t6_77 = w_s1_3z * w_s1_3z;
-        let t6_78 = t6_66 - t6_77;
-        let t6_79 = t6_64 + al_s1_3x;
-        let t6_80 = t6_76 * t6_10;
-        let t6_81 = (-t6_79).mul_add(t6_23, t6_80);
-        let w_ixz_platform_p1 = (-t6_78).mul_add(t6_16, t6_81);
-        let t6_82 = t6_76 * t6_29;
-        let t6_83 = (-t6_79).mul_add(t6_37, t6_82);
-        let w_ixz_platform_p2 = (-t6_78).mul_add(t6_32, t6_83);
-        let t6_84 = t6_76 * t6_43;
-        let t6_85 = (-t6_79).mul_add(t6_51, t6_84);
-        let w_ixz_platform_p3 = (-t6_78).mul_add(t6_46, t6_85);
-        w[22] = [w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3];
-        let t6_86 = t6_64 * t6_10;
-        let al_s1_3y = t6_13 + t6_63;
-        let t6_87 = al_s1_3y.mul_add(t6_16, t6_24);
-        let w_iyy_platform_p1 = t6_87 + t6_86;
-        let t6_88 = -w_iyy_platform_p1;
-        let t6_89 = t6_64 * t6_29;
-        let t6_90 = al_s1_3y.mul_add(t6_32, t6_38);
-        let w_iyy_platform_p2 = t6_90 + t6_89;
-        let t6_91 = -w_iyy_platform_p2;
-        let t6_92 = t6_64 * t6_43;
-        let t6_93 = al_s1_3y.mul_add(t6_46, t6_52);
-        let w_iyy_platform_p3 = t6_93 + t6_92;
-        let t6_94 = -w_iyy_platform_p3;
-        w[23] = [t6_88, t6_91, t6_94];
-        let t6_95 = t6_67 - t6_77;
-        let al_s1_3z = t6_19 + t6_76;
-        let t6_96 = t6_19 + al_s1_3z;
-        let t6_97 = t6_13 + al_s1_3y;
-        let t6_98 = t6_96 * t6_16;
-        let t6_99 = (-t6_97).mul_add(t6_23, t6_98);
-        let w_iyz_platform_p1 = t6_95.mul_add(t6_10, t6_99);
-        let t6_100 = -w_iyz_platform_p1;
-        let t6_101 = t6_96 * t6_32;
-        let t6_102 = (-t6_97).mul_add(t6_37, t6_101);
-        let w_iyz_platform_p2 = t6_95.mul_add(t6_29, t6_102);
-        let t6_103 = -w_iyz_platform_p2;
-        let t6_104 = t6_96 * t6_46;
-        let t6_105 = (-t6_97).mul_add(t6_51, t6_104);
-        let w_iyz_platform_p3 = t6_95.mul_add(t6_43, t6_105);
-        let t6_106 = -w_iyz_platform_p3;
-        w[24] = [t6_100, t6_103, t6_106];
-        let t6_107 = al_s1_3z.mul_add(t6_23, t6_17);
-        let w_izz_platform_p1 = t6_107 + t6_86;
-        let t6_108 = al_s1_3z.mul_add(t6_37, t6_33);
-        let w_izz_platform_p2 = t6_108 + t6_89;
-        let t6_109 = al_s1_3z.mul_add(t6_51, t6_47);
-        let w_izz_platform_p3 = t6_109 + t6_92;
-        w[25] = [w_izz_platform_p1, w_izz_platform_p2, w_izz_platform_p3];
-        let t6_110 = t6_66 + t6_77;
-        let t6_111 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
-        let a_s1_1y = cos_s1_1 * t6_111;
-        let a_s1_1z = like.lift(0.5).mul_add(t5_5, a_rod1z);
-        let a_s1_1x = sin_s1_1 * t6_111;
-        let t6_112 = cos_s1_2 * a_s1_1z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t6_112);
-        let t6_113 = like.lift(0.2) * t6_110;
-        let t6_114 = sin_s1_3.mul_add(a_s1_2z, t6_113);
-        let a_platformy = (-cos_s1_3).mul_add(a_s1_1y, t6_114);
-        let t6_115 = like.lift(0.2) * t6_65;
-        let t6_116 = cos_s1_3.mul_add(a_s1_2z, t6_115);
-        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t6_116);
-        let t6_117 = t6_67 + t6_77;
-        let t6_118 = t6_21 - t6_20;
-        let t6_119 = like.lift(-0.2).mul_add(t6_118, u_s1_2_p1x);
-        let t6_120 = u_platform_q1x.mul_add(x_q1_p1, t6_119);
-        let t6_121 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
-        let t6_122 = x_s1_3_p1 - t6_8;
-        let t6_123 = like.lift(0.2).mul_add(t6_122, u_s1_3_p1z);
-        let t6_124 = u_platform_q1z.mul_add(x_q1_p1, t6_123);
-        let t6_125 = a_platformz * t6_16;
-        let t6_126 = a_platformy.mul_add(t6_23, t6_125);
-        let t6_127 = (-t6_63).mul_add(t6_124, t6_126);
-        let t6_128 = (-t6_76).mul_add(t6_121, t6_127);
-        let w_mx_platform_p1 = (-t6_117).mul_add(t6_120, t6_128);
-        let t6_129 = t6_35 - t6_34;
-        let t6_130 = u_platform_q1x * x_q1_p2;
-        let t6_131 = like.lift(-0.2).mul_add(t6_129, t6_130);
-        let t6_132 = u_s1_3_q1y * x_q1_p2;
-        let t6_133 = x_s1_3_p2 - t6_27;
-        let t6_134 = like.lift(0.2) * t6_133;
-        let t6_135 = u_platform_q1z.mul_add(x_q1_p2, t6_134);
-        let t6_136 = a_platformz * t6_32;
-        let t6_137 = a_platformy.mul_add(t6_37, t6_136);
-        let t6_138 = (-t6_63).mul_add(t6_135, t6_137);
-        let t6_139 = (-t6_76).mul_add(t6_132, t6_138);
-        let w_mx_platform_p2 = (-t6_117).mul_add(t6_131, t6_139);
-        let t6_140 = t6_49 - t6_48;
-        let t6_141 = u_platform_q1x * x_q1_p3;
-        let t6_142 = like.lift(-0.2).mul_add(t6_140, t6_141);
-        let t6_143 = u_s1_3_q1y * x_q1_p3;
-        let t6_144 = x_s1_3_p3 - t6_41;
-        let t6_145 = like.lift(0.2) * t6_144;
-        let t6_146 = u_platform_q1z.mul_add(x_q1_p3, t6_145);
-        let t6_147 = a_platformz * t6_46;
-        let t6_148 = a_platformy.mul_add(t6_51, t6_147);
-        let t6_149 = (-t6_63).mul_add(t6_146, t6_148);
-        let t6_150 = (-t6_76).mul_add(t6_143, t6_149);
-        let w_mx_platform_p3 = (-t6_117).mul_add(t6_142, t6_150);
-        w[26] = [w_mx_platform_p1, w_mx_platform_p2, w_mx_platform_p3];
-        let t6_151 = like.lift(0.2) * t6_96;
-        let t6_152 = cos_s1_2.mul_add(a_s1_1x, t6_151);
-        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t6_152);
-        let t6_153 = a_platformx * t6_23;
-        let t6_154 = a_platformz.mul_add(t6_10, t6_153);
-        let t6_155 = t6_65.mul_add(t6_124, t6_154);
-        let t6_156 = (-t6_110).mul_add(t6_121, t6_155);
-        let w_my_platform_p1 = t6_96.mul_add(t6_120, t6_156);
-        let t6_157 = a_platformx * t6_37;
-        let t6_158 = a_platformz.mul_add(t6_29, t6_157);
-        let t6_159 = t6_65.mul_add(t6_135, t6_158);
-        let t6_160 = (-t6_110).mul_add(t6_132, t6_159);
-        let w_my_platform_p2 = t6_96.mul_add(t6_131, t6_160);
-        let t6_161 = a_platformx * t6_51;
-        let t6_162 = a_platformz.mul_add(t6_43, t6_161);
-        let t6_163 = t6_65.mul_add(t6_146, t6_162);
-        let t6_164 = (-t6_110).mul_add(t6_143, t6_163);
-        let w_my_platform_p3 = t6_96.mul_add(t6_142, t6_164);
-        w[27] = [w_my_platform_p1, w_my_platform_p2, w_my_platform_p3];
-        let t6_165 = t6_66 + t6_67;
-        let t6_166 = a_platformx * t6_16;
-        let t6_167 = (-a_platformy).mul_add(t6_10, t6_166);
-        let t6_168 = t6_165.mul_add(t6_124, t6_167);
-        let t6_169 = (-t6_79).mul_add(t6_121, t6_168);
-        let w_mz_platform_p1 = (-t6_97).mul_add(t6_120, t6_169);
-        let t6_170 = a_platformx * t6_32;
-        let t6_171 = (-a_platformy).mul_add(t6_29, t6_170);
-        let t6_172 = t6_165.mul_add(t6_135, t6_171);
-        let t6_173 = (-t6_79).mul_add(t6_132, t6_172);
-        let w_mz_platform_p2 = (-t6_97).mul_add(t6_131, t6_173);
-        let t6_174 = a_platformx * t6_46;
-        let t6_175 = (-a_platformy).mul_add(t6_43, t6_174);
-        let t6_176 = t6_165.mul_add(t6_146, t6_175);
-        let t6_177 = (-t6_79).mul_add(t6_143, t6_176);
-        let w_mz_platform_p3 = (-t6_97).mul_add(t6_142, t6_177);
-        w[28] = [w_mz_platform_p1, w_mz_platform_p2, w_mz_platform_p3];
-        let t6_178 = a_platformz * t6_124;
-        let t6_179 = (-a_platformy).mul_add(t6_121, t6_178);
-        let w_m_platform_p1 = a_platformx.mul_add(t6_120, t6_179);
-        let t6_180 = a_platformz * t6_135;
-        let t6_181 = (-a_platformy).mul_add(t6_132, t6_180);
-        let w_m_platform_p2 = a_platformx.mul_add(t6_131, t6_181);
-        let t6_182 = a_platformz * t6_146;
-        let t6_183 = (-a_platformy).mul_add(t6_143, t6_182);
-        let w_m_platform_p3 = a_platformx.mul_add(t6_142, t6_183);
+        let w_m_platform_p3 = a_platformx.mul_add(t5_155, t5_197);
         w[29] = [w_m_platform_p1, w_m_platform_p2, w_m_platform_p3];
+        w[20] = [t5_27, t5_41, t5_55];
+        w[21] = [w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3];
+        w[22] = [w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3];
+        w[23] = [t5_89, t5_92, t5_95];
+        w[24] = [t5_101, t5_104, t5_107];
+        w[25] = [w_izz_platform_p1, w_izz_platform_p2, w_izz_platform_p3];
+        w[26] = [t5_140, t5_152, t5_164];
+        w[27] = [w_my_platform_p1, w_my_platform_p2, w_my_platform_p3];
+        w[28] = [w_mz_platform_p1, w_mz_platform_p2, w_mz_platform_p3];
     }
     // body carriage2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -2703,7 +2572,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 256 additions, 368 multiplications, 5 divisions, 6 sines and cosines.
+/// 242 additions, 337 multiplications, 6 divisions, 6 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -2736,40 +2605,39 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
     };
     // tau, part 1
     let [
-        t2_68, t2_73, t2_98, t2_110, t2_114, t2_120, t2_125, e_s1_3_s1_1z, t2_126, t2_127,
-        t2_128, e_s1_3_q1y, u_s1_3_p1y, u_s1_3_p1z, t2_138, t2_152, pivot_2, t2_164, t2_165,
-        t2_166, t2_167, t2_168, u_s1_2_p1x, t2_170, t2_171, t2_173, t2_176, t2_177, t2_182,
-        t2_183, u_platform_q1z, t2_187, t2_188, t2_190, t2_191, u_platform_s1_1z, t2_192,
-        e_s1_3_s1_1y, t2_193, t2_195, t2_196, t2_200, t2_201, t2_202, t2_204, t2_205, t2_206,
-        t2_208, t2_212, t2_213, t2_214,
+        t2_68, t2_73, t2_98, t2_110, t2_114, t2_120, t2_143, t2_145, t2_146, t2_148, t2_149,
+        pivot_1, pivot_3, t2_159, t2_161, t2_164, t2_165, t2_169, t2_170, t2_172, t2_174,
+        t2_175, t2_177, t2_183, t2_185, t2_186, t2_188, t2_189, t2_190, t2_192, t2_195, t2_197,
+        t2_199, t2_200, t2_201, t2_204, t2_205, t2_207, t2_209, t2_210, t2_212, inv_pivot_3,
+        t2_213, t2_214, pivot_4, inv_pivot_4, t2_216, t2_217,
     ] = {
         let t2_1 = like.lift(9.81) * sin_q1;
         let a_rod1y = cos_q1.mul_add(dd_p1, t2_1);
         let t2_2 = d_q1 * d_q1;
+        let t2_3 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
+        let a_s1_1y = cos_s1_1 * t2_3;
+        let t2_4 = sin_q1 * dd_p1;
+        let a_rod1z = like.lift(-9.81).mul_add(cos_q1, t2_4);
+        let a_s1_1z = like.lift(0.5).mul_add(t2_2, a_rod1z);
+        let a_s1_1x = sin_s1_1 * t2_3;
+        let t2_5 = cos_s1_2 * a_s1_1z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_5);
         let w_s1_1x = cos_s1_1 * d_q1;
-        let t2_3 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t2_3);
+        let t2_6 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t2_6);
         let w_s1_3x = d_s1_3 - w_s1_2x;
-        let t2_4 = w_s1_3x * w_s1_3x;
+        let t2_7 = w_s1_3x * w_s1_3x;
         let w_s1_1y = sin_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 - w_s1_1y;
-        let t2_5 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_5);
-        let t2_6 = sin_s1_3 * w_s1_2y;
-        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_6);
-        let t2_7 = w_s1_3z * w_s1_3z;
-        let t2_8 = t2_4 + t2_7;
-        let t2_9 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
-        let a_s1_1y = cos_s1_1 * t2_9;
-        let t2_10 = sin_q1 * dd_p1;
-        let a_rod1z = like.lift(-9.81).mul_add(cos_q1, t2_10);
-        let a_s1_1z = like.lift(0.5).mul_add(t2_2, a_rod1z);
-        let a_s1_1x = sin_s1_1 * t2_9;
-        let t2_11 = cos_s1_2 * a_s1_1z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_11);
-        let t2_12 = like.lift(0.2) * t2_8;
-        let t2_13 = sin_s1_3.mul_add(a_s1_2z, t2_12);
-        let a_platformy = (-cos_s1_3).mul_add(a_s1_1y, t2_13);
+        let t2_8 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_8);
+        let t2_9 = sin_s1_3 * w_s1_2y;
+        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_9);
+        let t2_10 = w_s1_3z * w_s1_3z;
+        let t2_11 = t2_7 + t2_10;
+        let t2_12 = cos_s1_3 * a_s1_1y;
+        let t2_13 = like.lift(-0.2).mul_add(t2_11, t2_12);
+        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t2_13);
         let t2_14 = w_s1_2x * w_s1_2y;
         let t2_15 = d_s1_1 * w_s1_1y;
         let t2_16 = (-cos_s1_1).mul_add(dd_q1, t2_15);
@@ -2779,42 +2647,42 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
         let t2_21 = sin_s1_2.mul_add(t2_17, t2_20);
         let t2_22 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
-        let t2_23 = (-sin_s1_1).mul_add(dd_q1, t2_22);
-        let t2_24 = (-d_s1_1).mul_add(w_s1_1x, t2_23);
+        let t2_23 = (-d_s1_1).mul_add(w_s1_1x, t2_22);
+        let t2_24 = (-sin_s1_1).mul_add(dd_q1, t2_23);
         let t2_25 = sin_s1_3 * t2_24;
         let t2_26 = cos_s1_3.mul_add(t2_21, t2_25);
-        let t2_27 = sin_s1_3 * w_s1_2z;
-        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t2_27);
-        let t2_28 = w_s1_3y * w_s1_3z;
-        let t2_29 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t2_30 = (-sin_s1_2).mul_add(t2_18, t2_29);
-        let al_s1_3x = (-cos_s1_2).mul_add(t2_17, t2_30);
-        let t2_31 = t2_28 + al_s1_3x;
+        let t2_27 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t2_28 = (-sin_s1_2).mul_add(t2_18, t2_27);
+        let al_s1_3x = (-cos_s1_2).mul_add(t2_17, t2_28);
+        let t2_29 = sin_s1_3 * w_s1_2z;
+        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t2_29);
+        let t2_30 = w_s1_3y * w_s1_3z;
+        let t2_31 = al_s1_3x + t2_30;
         let t2_32 = a_platformy * p_m_platform;
-        let t2_33 = t2_31.mul_add(p_mz_platform, t2_32);
-        let t2_34 = t2_8.mul_add(p_my_platform, t2_33);
-        let t2_35 = t2_26.mul_add(p_mx_platform, t2_34);
-        let t2_36 = t2_28 - al_s1_3x;
-        let t2_37 = like.lift(0.2) * t2_36;
-        let t2_38 = cos_s1_3.mul_add(a_s1_2z, t2_37);
+        let t2_33 = (-t2_31).mul_add(p_mz_platform, t2_32);
+        let t2_34 = (-t2_11).mul_add(p_my_platform, t2_33);
+        let t2_35 = (-t2_26).mul_add(p_mx_platform, t2_34);
+        let t2_36 = al_s1_3x - t2_30;
+        let t2_37 = cos_s1_3 * a_s1_2z;
+        let t2_38 = like.lift(-0.2).mul_add(t2_36, t2_37);
         let a_platformz = sin_s1_3.mul_add(a_s1_1y, t2_38);
         let t2_39 = sin_s1_3 * t2_21;
         let t2_40 = (-cos_s1_3).mul_add(t2_24, t2_39);
         let t2_41 = w_s1_3y * w_s1_3y;
-        let t2_42 = t2_4 + t2_41;
+        let t2_42 = t2_7 + t2_41;
         let t2_43 = a_platformz * p_m_platform;
         let t2_44 = t2_42.mul_add(p_mz_platform, t2_43);
-        let t2_45 = t2_36.mul_add(p_my_platform, t2_44);
+        let t2_45 = (-t2_36).mul_add(p_my_platform, t2_44);
         let t2_46 = (-t2_40).mul_add(p_mx_platform, t2_45);
-        let t2_47 = cos_s1_3 * t2_46;
-        let t2_48 = sin_s1_3.mul_add(t2_35, t2_47);
+        let t2_47 = sin_s1_3 * t2_35;
+        let t2_48 = (-cos_s1_3).mul_add(t2_46, t2_47);
         let t2_49 = w_s1_3y * w_s1_3x;
         let al_s1_3z = t2_49 + t2_26;
         let t2_50 = t2_49 + al_s1_3z;
         let t2_51 = like.lift(0.2) * t2_50;
         let t2_52 = cos_s1_2.mul_add(a_s1_1x, t2_51);
         let a_platformx = sin_s1_2.mul_add(a_s1_1z, t2_52);
-        let t2_53 = t2_41 + t2_7;
+        let t2_53 = t2_41 + t2_10;
         let t2_54 = w_s1_3z * w_s1_3x;
         let al_s1_3y = t2_54 + t2_40;
         let t2_55 = t2_54 + al_s1_3y;
@@ -2822,23 +2690,23 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_57 = (-t2_55).mul_add(p_mz_platform, t2_56);
         let t2_58 = t2_50.mul_add(p_my_platform, t2_57);
         let t2_59 = (-t2_53).mul_add(p_mx_platform, t2_58);
-        let t2_60 = sin_s1_2 * t2_48;
-        let t2_61 = (-cos_s1_2).mul_add(t2_59, t2_60);
-        let t2_62 = cos_s1_3 * t2_35;
-        let t2_63 = (-sin_s1_3).mul_add(t2_46, t2_62);
+        let t2_60 = cos_s1_2 * t2_59;
+        let t2_61 = sin_s1_2.mul_add(t2_48, t2_60);
+        let t2_62 = sin_s1_3 * t2_46;
+        let t2_63 = cos_s1_3.mul_add(t2_35, t2_62);
         let t2_64 = cos_s1_1 * t2_63;
         let t2_65 = sin_s1_1.mul_add(t2_61, t2_64);
-        let t2_66 = a_rod1y.mul_add(p_m_rod1, -t2_65);
+        let t2_66 = a_rod1y.mul_add(p_m_rod1, t2_65);
         let t2_67 = (-dd_q1).mul_add(p_mz_rod1, t2_66);
         let t2_68 = (-t2_2).mul_add(p_my_rod1, t2_67);
         let t2_69 = a_rod1z * p_m_rod1;
         let t2_70 = t2_2.mul_add(p_mz_rod1, t2_69);
         let t2_71 = (-dd_q1).mul_add(p_my_rod1, t2_70);
         let t2_72 = sin_s1_2.mul_add(t2_59, t2_71);
-        let t2_73 = cos_s1_2.mul_add(t2_48, t2_72);
+        let t2_73 = (-cos_s1_2).mul_add(t2_48, t2_72);
         let t2_74 = p_ixx_platform - p_izz_platform;
-        let t2_75 = t2_4 - t2_7;
-        let t2_76 = al_s1_3x - t2_28;
+        let t2_75 = t2_7 - t2_10;
+        let t2_76 = al_s1_3x - t2_30;
         let t2_77 = al_s1_3z + t2_49;
         let t2_78 = p_ixy_platform * t2_76;
         let t2_79 = (-p_iyz_platform).mul_add(t2_77, t2_78);
@@ -2848,8 +2716,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_83 = a_platformz.mul_add(p_mx_platform, t2_82);
         let t2_84 = a_platformx.mul_add(p_mz_platform, t2_83);
         let t2_85 = p_ixx_platform - p_iyy_platform;
-        let t2_86 = t2_4 - t2_41;
-        let t2_87 = al_s1_3x + t2_28;
+        let t2_86 = t2_7 - t2_41;
+        let t2_87 = al_s1_3x + t2_30;
         let t2_88 = al_s1_3y + t2_54;
         let t2_89 = p_ixz_platform * t2_87;
         let t2_90 = like.lift(-0.2).mul_add(t2_59, t2_89);
@@ -2858,11 +2726,11 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_93 = t2_86.mul_add(p_ixy_platform, t2_92);
         let t2_94 = (-t2_49).mul_add(t2_85, t2_93);
         let t2_95 = (-a_platformx).mul_add(p_my_platform, t2_94);
-        let t2_96 = (-a_platformy).mul_add(p_mx_platform, t2_95);
+        let t2_96 = a_platformy.mul_add(p_mx_platform, t2_95);
         let t2_97 = cos_s1_3 * t2_96;
         let t2_98 = sin_s1_3.mul_add(t2_84, t2_97);
         let t2_99 = p_iyy_platform - p_izz_platform;
-        let t2_100 = t2_41 - t2_7;
+        let t2_100 = t2_41 - t2_10;
         let t2_101 = al_s1_3y - t2_54;
         let t2_102 = al_s1_3z - t2_49;
         let t2_103 = al_s1_3x * p_ixx_platform;
@@ -2870,8 +2738,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_105 = (-p_ixz_platform).mul_add(t2_102, t2_104);
         let t2_106 = (-p_ixy_platform).mul_add(t2_101, t2_105);
         let t2_107 = t2_100.mul_add(p_iyz_platform, t2_106);
-        let t2_108 = t2_28.mul_add(t2_99, t2_107);
-        let t2_109 = a_platformy.mul_add(p_mz_platform, t2_108);
+        let t2_108 = t2_30.mul_add(t2_99, t2_107);
+        let t2_109 = (-a_platformy).mul_add(p_mz_platform, t2_108);
         let t2_110 = (-a_platformz).mul_add(p_my_platform, t2_109);
         let t2_111 = cos_s1_2 * t2_110;
         let t2_112 = sin_s1_2.mul_add(t2_98, t2_111);
@@ -2880,126 +2748,125 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_115 = dd_q1 * p_ixx_rod1;
         let t2_116 = (-a_rod1y).mul_add(p_mz_rod1, t2_115);
         let t2_117 = (-a_rod1z).mul_add(p_my_rod1, t2_116);
-        let t2_118 = like.lift(0.5).mul_add(t2_65, t2_117);
+        let t2_118 = like.lift(-0.5).mul_add(t2_65, t2_117);
         let t2_119 = (-sin_s1_1).mul_add(t2_114, t2_118);
         let t2_120 = cos_s1_1.mul_add(t2_112, t2_119);
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t2_121 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t2_121);
-        let t2_122 = like.lift(0.1) + like.lift(0.2);
-        let t2_123 = e_s1_3_q1z * t2_122;
-        let t2_124 = like.lift(0.5) * sin_s1_1;
-        let t2_125 = t2_124.mul_add(cos_s1_2, t2_123);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t2_126 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t2_127 = like.lift(0.3) * sin_s1_3;
-        let t2_128 = -t2_127;
-        let t2_129 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t2_129);
-        let t2_130 = like.lift(0.5) * e_s1_3_q1y;
+        let t2_121 = sin_q1 * cos_s1_1;
+        let t2_122 = sin_q1 * sin_s1_1;
+        let t2_123 = sin_s1_2 * t2_122;
+        let t2_124 = cos_q1.mul_add(cos_s1_2, t2_123);
+        let t2_125 = sin_s1_3 * t2_124;
+        let t2_126 = cos_s1_3.mul_add(t2_121, t2_125);
+        let t2_127 = like.lift(0.1) * t2_126;
+        let t2_128 = like.lift(0.2) * t2_126;
+        let t2_129 = cos_q1 * sin_s1_2;
+        let t2_130 = (-cos_s1_2).mul_add(t2_122, t2_129);
+        let t2_131 = like.lift(0.17320508075688773) * t2_130;
+        let t2_132 = t2_127 + t2_128;
+        let t2_133 = t2_132 - t2_131;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_131 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_131);
-        let t2_132 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_132);
-        let t2_133 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t2_134 = t2_130 + t2_133;
-        let t2_135 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t2_136 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t2_136);
-        let t2_137 = like.lift(0.5) * u_s1_3_p1z;
-        let t2_138 = t2_135 - t2_137;
-        let t2_139 = sin_q1 * cos_s1_1;
-        let t2_140 = sin_q1 * sin_s1_1;
-        let t2_141 = sin_s1_2 * t2_140;
-        let t2_142 = cos_q1.mul_add(cos_s1_2, t2_141);
-        let t2_143 = sin_s1_3 * t2_139;
-        let t2_144 = (-cos_s1_3).mul_add(t2_142, t2_143);
-        let t2_145 = sin_q2 * t2_138;
-        let t2_146 = (-cos_q2).mul_add(t2_144, t2_145);
-        let t2_147 = like.lift(0.5) * e_s1_3_q1z;
-        let t2_148 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t2_149 = t2_147 + t2_148;
-        let t2_150 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t2_151 = like.lift(0.5) * u_s1_3_p1y;
-        let t2_152 = t2_150 - t2_151;
-        let t2_153 = sin_s1_3 * t2_142;
-        let t2_154 = cos_s1_3.mul_add(t2_139, t2_153);
-        let t2_155 = sin_q2 * t2_152;
-        let t2_156 = (-cos_q2).mul_add(t2_154, t2_155);
-        let t2_157 = t2_149 * t2_156;
-        let t2_158 = (-t2_134).mul_add(t2_146, t2_157);
-        let t2_159 = like.lift(0.5) * t2_158;
-        let pivot_2 = -t2_159;
-        let t2_160 = sin_s1_1 * sin_s1_2;
-        let t2_161 = sin_s1_3 * t2_160;
-        let t2_162 = cos_s1_1.mul_add(cos_s1_3, t2_161);
-        let u_s1_3_q1y = like.lift(0.5) * t2_162;
-        let t2_163 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t2_164 = u_s1_3_q1y - t2_163;
-        let t2_165 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t2_166 = -t2_165;
-        let t2_167 = like.lift(0.17320508075688773) * sin_s1_3;
+        let t2_134 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_134);
+        let t2_135 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_135);
+        let t2_136 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_137 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_138 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_138);
+        let t2_139 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_140 = t2_136 + t2_137;
+        let t2_141 = t2_140 + t2_139;
+        let t2_142 = cos_q1 * t2_141;
+        let t2_143 = sin_q1.mul_add(t2_133, t2_142);
+        let t2_144 = u_s1_1_p1y * t2_133;
+        let t2_145 = (-t2_121).mul_add(t2_141, t2_144);
+        let t2_146 = -t2_145;
+        let t2_147 = t2_130 * t2_141;
+        let t2_148 = u_s1_2_p1x.mul_add(t2_133, t2_147);
+        let t2_149 = -t2_148;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_150 = like.lift(0.5).mul_add(cos_q1, t2_128);
+        let t2_151 = t2_150 - t2_131;
+        let pivot_3 = t2_151 + t2_127;
+        let t2_152 = sin_s1_1 * cos_s1_3;
+        let t2_153 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_153).mul_add(sin_s1_2, t2_152);
+        let t2_154 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_168 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t2_169 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_169);
-        let t2_170 = like.lift(0.5) * u_s1_2_p1x;
-        let t2_171 = t2_168 + t2_170;
-        let t2_172 = cos_q1 * sin_s1_2;
-        let t2_173 = (-cos_s1_2).mul_add(t2_140, t2_172);
-        let t2_174 = sin_q2 * t2_171;
-        let t2_175 = (-cos_q2).mul_add(t2_173, t2_174);
-        let t2_176 = like.lift(0.5) * e_s1_2_q1x;
-        let t2_177 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t2_178 = t2_176 - t2_177;
-        let t2_179 = t2_178 * t2_146;
-        let t2_180 = (-t2_149).mul_add(t2_175, t2_179);
-        let t2_181 = like.lift(0.5) * t2_180;
-        let t2_182 = -t2_181;
-        let t2_183 = -t2_182;
-        let t2_184 = cos_s1_3 * t2_160;
-        let t2_185 = (-cos_s1_1).mul_add(sin_s1_3, t2_184);
-        let t2_186 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t2_185, t2_186);
-        let t2_187 = like.lift(0.1) * e_s1_2_q1x;
-        let t2_188 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t2_189 = u_platform_q1z + t2_187;
-        let t2_190 = t2_189 + t2_188;
-        let t2_191 = -t2_190;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t2_192 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t2_193 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t2_194 = u_platform_s1_1z + t2_192;
-        let t2_195 = t2_194 + t2_193;
-        let t2_196 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_197 = t2_134 * t2_175;
-        let t2_198 = (-t2_178).mul_add(t2_156, t2_197);
-        let t2_199 = like.lift(0.5) * t2_198;
+        let t2_155 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_156 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_157 = t2_154 - t2_155;
+        let t2_158 = t2_157 + t2_156;
+        let t2_159 = cos_q1 * t2_158;
+        let t2_160 = t2_121 * t2_158;
+        let t2_161 = (-sin_s1_1).mul_add(t2_133, t2_160);
+        let t2_162 = t2_130 * t2_158;
+        let t2_163 = (-e_s1_2_q1x).mul_add(t2_133, t2_162);
+        let t2_164 = -t2_163;
+        let t2_165 = like.lift(0.25) * cos_q2;
+        let t2_166 = like.lift(0.5) * sin_q1;
+        let t2_167 = t2_166 - t2_137;
+        let t2_168 = t2_167 - t2_139;
+        let t2_169 = t2_168 - t2_136;
+        let t2_170 = sin_q1 * t2_158;
+        let t2_171 = sin_s1_1 * t2_141;
+        let t2_172 = (-u_s1_1_p1y).mul_add(t2_158, t2_171);
+        let t2_173 = u_s1_2_p1x * t2_158;
+        let t2_174 = e_s1_2_q1x.mul_add(t2_141, t2_173);
+        let t2_175 = -t2_174;
+        let t2_176 = like.lift(0.5) * sin_q2;
+        let t2_177 = -t2_176;
+        let t2_178 = t2_127 + t2_128;
+        let t2_179 = t2_178 + t2_131;
+        let t2_180 = t2_136 + t2_137;
+        let t2_181 = t2_180 - t2_139;
+        let t2_182 = cos_q1 * t2_181;
+        let t2_183 = sin_q1.mul_add(t2_179, t2_182);
+        let t2_184 = u_s1_1_p1y * t2_179;
+        let t2_185 = (-t2_121).mul_add(t2_181, t2_184);
+        let t2_186 = -t2_185;
+        let t2_187 = t2_130 * t2_181;
+        let t2_188 = u_s1_2_p1x.mul_add(t2_179, t2_187);
+        let t2_189 = -t2_188;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_190 = -pivot_2;
+        let t2_191 = t2_150 + t2_131;
+        let t2_192 = t2_191 + t2_127;
+        let t2_193 = t2_154 + t2_155;
+        let t2_194 = t2_193 + t2_156;
+        let t2_195 = cos_q1 * t2_194;
+        let t2_196 = t2_121 * t2_194;
+        let t2_197 = (-sin_s1_1).mul_add(t2_179, t2_196);
+        let t2_198 = t2_130 * t2_194;
+        let t2_199 = (-e_s1_2_q1x).mul_add(t2_179, t2_198);
         let t2_200 = -t2_199;
-        let t2_201 = t2_130 - t2_133;
-        let t2_202 = t2_135 + t2_137;
-        let t2_203 = cos_q3 * t2_144;
-        let t2_204 = sin_q3.mul_add(t2_202, t2_203);
-        let t2_205 = t2_147 - t2_148;
-        let t2_206 = t2_150 + t2_151;
-        let t2_207 = cos_q3 * t2_154;
-        let t2_208 = sin_q3.mul_add(t2_206, t2_207);
-        let t2_209 = t2_205 * t2_208;
-        let t2_210 = (-t2_201).mul_add(t2_204, t2_209);
-        let t2_211 = like.lift(0.5) * t2_210;
+        let t2_201 = like.lift(0.25) * cos_q3;
+        let t2_202 = t2_166 - t2_137;
+        let t2_203 = t2_202 + t2_139;
+        let t2_204 = t2_203 - t2_136;
+        let t2_205 = sin_q1 * t2_194;
+        let t2_206 = sin_s1_1 * t2_181;
+        let t2_207 = (-u_s1_1_p1y).mul_add(t2_194, t2_206);
+        let t2_208 = u_s1_2_p1x * t2_194;
+        let t2_209 = e_s1_2_q1x.mul_add(t2_181, t2_208);
+        let t2_210 = -t2_209;
+        let t2_211 = like.lift(0.5) * sin_q3;
         let t2_212 = -t2_211;
-        let t2_213 = -t2_212;
-        let t2_214 = u_s1_3_q1y + t2_163;
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_213 = like.lift(-0.5773502691896257).mul_add(t2_143, t2_159);
+        let t2_214 = t2_192 * inv_pivot_3;
+        let t2_215 = (-t2_213).mul_add(t2_214, t2_195);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_183, t2_215);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_216 = like.lift(1.0) - t2_214;
+        let t2_217 = like.lift(-0.5773502691896257).mul_add(t2_148, t2_163);
         [
-            t2_68, t2_73, t2_98, t2_110, t2_114, t2_120, t2_125, e_s1_3_s1_1z, t2_126, t2_127,
-            t2_128, e_s1_3_q1y, u_s1_3_p1y, u_s1_3_p1z, t2_138, t2_152, pivot_2, t2_164,
-            t2_165, t2_166, t2_167, t2_168, u_s1_2_p1x, t2_170, t2_171, t2_173, t2_176, t2_177,
-            t2_182, t2_183, u_platform_q1z, t2_187, t2_188, t2_190, t2_191, u_platform_s1_1z,
-            t2_192, e_s1_3_s1_1y, t2_193, t2_195, t2_196, t2_200, t2_201, t2_202, t2_204,
-            t2_205, t2_206, t2_208, t2_212, t2_213, t2_214,
+            t2_68, t2_73, t2_98, t2_110, t2_114, t2_120, t2_143, t2_145, t2_146, t2_148,
+            t2_149, pivot_1, pivot_3, t2_159, t2_161, t2_164, t2_165, t2_169, t2_170, t2_172,
+            t2_174, t2_175, t2_177, t2_183, t2_185, t2_186, t2_188, t2_189, t2_190, t2_192,
+            t2_195, t2_197, t2_199, t2_200, t2_201, t2_204, t2_205, t2_207, t2_209, t2_210,
+            t2_212, inv_pivot_3, t2_213, t2_214, pivot_4, inv_pivot_4, t2_216, t2_217,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -3008,183 +2875,145 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
         x_q3_p2, x_q3_p3,
     ] = {
-        let t3_1 = -t2_167;
-        let t3_2 = t2_168 - t2_170;
-        let t3_3 = cos_q3 * t2_173;
-        let t3_4 = sin_q3.mul_add(t3_2, t3_3);
-        let t3_5 = t2_176 + t2_177;
-        let t3_6 = t3_5 * t2_204;
-        let t3_7 = (-t2_205).mul_add(t3_4, t3_6);
-        let t3_8 = like.lift(0.5) * t3_7;
-        let t3_9 = -t3_8;
-        let t3_10 = u_platform_q1z + t2_187;
-        let t3_11 = t3_10 - t2_188;
-        let t3_12 = -t3_11;
-        let t3_13 = u_platform_s1_1z + t2_192;
-        let t3_14 = t3_13 - t2_193;
-        let t3_15 = -t2_196;
-        let t3_16 = t2_201 * t3_4;
-        let t3_17 = (-t3_5).mul_add(t2_208, t3_16);
-        let t3_18 = like.lift(0.5) * t3_17;
-        let t3_19 = -t3_18;
-        let t3_20 = -t3_19;
-        let t3_21 = -u_s1_2_p1x;
-        let t3_22 = -t2_171;
-        let t3_23 = -u_s1_3_p1y;
-        let t3_24 = -t2_138;
-        let t3_25 = -t2_206;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_26 = t2_182 * inv_pivot_2;
-        let pivot_3 = t2_125.mul_add(t3_26, t2_164);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_27 = u_s1_2_p1x.mul_add(t3_26, u_s1_3_p1y);
-        let t3_28 = (-t3_26).mul_add(t2_126, t2_165);
-        let t3_29 = t2_125 * inv_pivot_3;
-        let pivot_4 = t3_28.mul_add(t3_29, t2_126);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_30 = (-t3_27).mul_add(t3_29, u_s1_2_p1x);
-        let t3_31 = (-t3_26).mul_add(t2_127, t2_167);
-        let t3_32 = t3_31.mul_add(t3_29, t2_127);
-        let t3_33 = t2_200 * inv_pivot_2;
-        let t3_34 = t2_125 * t3_33;
-        let t3_35 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t3_34);
-        let t3_36 = t3_35 * inv_pivot_3;
-        let t3_37 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t3_38 = (-t3_28).mul_add(t3_36, t3_37);
-        let t3_39 = (-t3_33).mul_add(t2_126, t3_38);
-        let t3_40 = t3_39 * inv_pivot_4;
-        let t3_41 = t3_32 * t3_40;
-        let t3_42 = t3_31.mul_add(t3_36, t3_41);
-        let t3_43 = t3_33.mul_add(t2_127, t3_42);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t3_43);
+        let t3_1 = (-t2_217).mul_add(t2_214, t2_199);
+        let t3_2 = like.lift(0.5773502691896257).mul_add(t2_188, t3_1);
+        let t3_3 = like.lift(1.0) / cos_q2;
+        let t3_4 = sin_q2 * t3_3;
+        let t3_5 = t2_169 * inv_pivot_3;
+        let t3_6 = like.lift(1.1547005383792515) * t3_4;
+        let t3_7 = (-t2_213).mul_add(t3_5, t2_170);
+        let t3_8 = t2_143.mul_add(t3_6, t3_7);
+        let t3_9 = t3_8 * inv_pivot_4;
+        let t3_10 = (-t3_2).mul_add(t3_9, t2_174);
+        let t3_11 = (-t2_217).mul_add(t3_5, t3_10);
+        let pivot_5 = t2_148.mul_add(t3_6, t3_11);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_44 = t3_30 * t3_40;
-        let t3_45 = (-t3_27).mul_add(t3_36, t3_44);
-        let t3_46 = u_s1_2_p1x.mul_add(t3_33, t3_45);
-        let t3_47 = t2_212.mul_add(t3_40, t3_19);
-        let t3_48 = t2_214 * inv_pivot_3;
-        let t3_49 = t3_28.mul_add(t3_48, t2_165);
-        let t3_50 = t3_49 * inv_pivot_4;
-        let t3_51 = (-t3_32).mul_add(t3_50, t2_167);
-        let t3_52 = t3_31.mul_add(t3_48, t3_51);
-        let t3_53 = t3_52 * inv_pivot_5;
-        let t3_54 = (-t3_46).mul_add(t3_53, u_s1_3_p1y);
-        let t3_55 = (-t3_30).mul_add(t3_50, t3_54);
-        let t3_56 = (-t3_27).mul_add(t3_48, t3_55);
-        let t3_57 = t3_47.mul_add(t3_53, t3_9);
-        let pivot_6 = t2_212.mul_add(t3_50, t3_57);
+        let t3_12 = t2_216.mul_add(t3_9, t3_5);
+        let t3_13 = like.lift(0.5773502691896257).mul_add(t2_145, t2_161);
+        let t3_14 = (-t3_13).mul_add(t2_214, t2_197);
+        let t3_15 = like.lift(-0.5773502691896257).mul_add(t2_185, t3_14);
+        let t3_16 = (-t3_15).mul_add(t3_9, t2_172);
+        let t3_17 = (-t3_13).mul_add(t3_5, t3_16);
+        let t3_18 = (-t2_145).mul_add(t3_6, t3_17);
+        let t3_19 = t2_204 * inv_pivot_3;
+        let t3_20 = like.lift(1.0) / cos_q3;
+        let t3_21 = sin_q3 * t3_20;
+        let t3_22 = like.lift(1.1547005383792515) * t3_21;
+        let t3_23 = (-t2_213).mul_add(t3_19, t2_205);
+        let t3_24 = (-t2_183).mul_add(t3_22, t3_23);
+        let t3_25 = t3_24 * inv_pivot_4;
+        let t3_26 = (-t3_2).mul_add(t3_25, t2_209);
+        let t3_27 = (-t2_217).mul_add(t3_19, t3_26);
+        let t3_28 = (-t2_188).mul_add(t3_22, t3_27);
+        let t3_29 = t3_28 * inv_pivot_5;
+        let t3_30 = (-t3_12).mul_add(t3_29, t3_19);
+        let t3_31 = t2_216.mul_add(t3_25, t3_30);
+        let t3_32 = (-t3_18).mul_add(t3_29, t2_207);
+        let t3_33 = (-t3_15).mul_add(t3_25, t3_32);
+        let t3_34 = (-t3_13).mul_add(t3_19, t3_33);
+        let pivot_6 = t2_185.mul_add(t3_22, t3_34);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_58 = t3_56 * inv_pivot_6;
-        let t3_59 = t3_47.mul_add(t3_58, t3_46);
-        let t3_60 = inv_pivot_5 * t3_59;
-        let t3_61 = t2_212.mul_add(t3_58, t3_30);
-        let t3_62 = (-t3_32).mul_add(t3_60, t3_61);
+        let t3_35 = t3_31 * inv_pivot_6;
+        let t3_36 = (-t3_18).mul_add(t3_35, t3_12);
+        let t3_37 = inv_pivot_5 * t3_36;
+        let t3_38 = t3_15.mul_add(t3_35, t2_216);
+        let t3_39 = t3_2.mul_add(t3_37, t3_38);
+        let t3_40 = inv_pivot_4 * t3_39;
+        let t3_41 = t3_13.mul_add(t3_35, like.lift(1.0));
+        let t3_42 = t2_217.mul_add(t3_37, t3_41);
+        let t3_43 = (-t2_213).mul_add(t3_40, t3_42);
+        let t3_44 = inv_pivot_3 * t3_43;
+        let t3_45 = -t3_44;
+        let t3_46 = t3_4 * t3_29;
+        let t3_47 = t3_46 * inv_pivot_6;
+        let t3_48 = t3_18.mul_add(t3_47, t3_4);
+        let t3_49 = inv_pivot_5 * t3_48;
+        let t3_50 = t3_2 * t3_49;
+        let t3_51 = (-t3_15).mul_add(t3_47, t3_50);
+        let t3_52 = inv_pivot_4 * t3_51;
+        let t3_53 = t3_13 * t3_47;
+        let t3_54 = (-t2_217).mul_add(t3_49, t3_53);
+        let t3_55 = t2_213.mul_add(t3_52, t3_54);
+        let t3_56 = inv_pivot_3 * t3_55;
+        let t3_57 = -t3_56;
+        let t3_58 = t3_21 * inv_pivot_6;
+        let t3_59 = inv_pivot_5 * t3_18;
+        let t3_60 = t3_59 * t3_58;
+        let t3_61 = t3_2 * t3_60;
+        let t3_62 = (-t3_15).mul_add(t3_58, t3_61);
         let t3_63 = inv_pivot_4 * t3_62;
-        let t3_64 = t3_31.mul_add(t3_60, t3_27);
-        let t3_65 = t3_28.mul_add(t3_63, t3_64);
-        let t3_66 = inv_pivot_3 * t3_65;
-        let t3_67 = -t3_66;
-        let t3_68 = (-t2_171).mul_add(t3_26, t2_152);
-        let t3_69 = t3_68 * t3_29;
-        let t3_70 = (-t3_69).mul_add(t3_40, t2_138);
-        let t3_71 = (-t3_68).mul_add(t3_36, t3_70);
-        let t3_72 = (-t2_171).mul_add(t3_33, t3_71);
-        let t3_73 = t3_72 * t3_53;
-        let t3_74 = (-t3_69).mul_add(t3_50, t3_73);
-        let t3_75 = t3_68.mul_add(t3_48, t3_74);
-        let t3_76 = t3_75 * inv_pivot_6;
-        let t3_77 = (-t3_47).mul_add(t3_76, t3_72);
-        let t3_78 = inv_pivot_5 * t3_77;
-        let t3_79 = t2_212.mul_add(t3_76, t3_69);
-        let t3_80 = t3_32.mul_add(t3_78, t3_79);
-        let t3_81 = inv_pivot_4 * t3_80;
-        let t3_82 = t3_31.mul_add(t3_78, t3_68);
-        let t3_83 = (-t3_28).mul_add(t3_81, t3_82);
-        let t3_84 = inv_pivot_3 * t3_83;
-        let t3_85 = t3_2.mul_add(t3_40, t2_202);
-        let t3_86 = t3_85.mul_add(t3_53, t2_206);
-        let t3_87 = t3_2.mul_add(t3_50, t3_86);
-        let t3_88 = t3_87 * inv_pivot_6;
-        let t3_89 = (-t3_47).mul_add(t3_88, t3_85);
-        let t3_90 = inv_pivot_5 * t3_89;
-        let t3_91 = (-t2_212).mul_add(t3_88, t3_2);
-        let t3_92 = (-t3_32).mul_add(t3_90, t3_91);
-        let t3_93 = inv_pivot_4 * t3_92;
-        let t3_94 = t3_31 * t3_90;
-        let t3_95 = t3_28.mul_add(t3_93, t3_94);
-        let t3_96 = inv_pivot_3 * t3_95;
-        let t3_97 = -t3_63;
-        let t3_98 = -t3_81;
-        let t3_99 = -t3_78;
-        let t3_100 = -t3_90;
-        let t3_101 = sin_s1_3 * t3_60;
-        let t3_102 = e_s1_3_s1_1z.mul_add(t3_63, t3_101);
-        let t3_103 = like.lift(-0.3).mul_add(t3_102, u_s1_2_p1x);
-        let t3_104 = (-t2_125).mul_add(t3_66, t3_103);
-        let t3_105 = inv_pivot_2 * t3_104;
-        let t3_106 = (-t3_60).mul_add(t2_196, u_s1_3_p1z);
-        let t3_107 = t2_195.mul_add(t3_63, t3_106);
-        let t3_108 = (-t2_190).mul_add(t3_66, t3_107);
-        let t3_109 = t2_200.mul_add(t3_105, t3_108);
-        let t3_110 = like.lift(3.3333333333333335) * t3_109;
-        let t3_111 = -t3_110;
-        let t3_112 = sin_s1_3 * t3_78;
-        let t3_113 = (-e_s1_3_s1_1z).mul_add(t3_81, t3_112);
-        let t3_114 = like.lift(0.3).mul_add(t3_113, t2_171);
-        let t3_115 = t2_125.mul_add(t3_84, t3_114);
-        let t3_116 = inv_pivot_2 * t3_115;
-        let t3_117 = (-t3_78).mul_add(t2_196, t2_138);
-        let t3_118 = (-t2_195).mul_add(t3_81, t3_117);
-        let t3_119 = (-t2_190).mul_add(t3_84, t3_118);
-        let t3_120 = (-t2_200).mul_add(t3_116, t3_119);
-        let t3_121 = like.lift(3.3333333333333335) * t3_120;
-        let t3_122 = sin_s1_3 * t3_90;
-        let t3_123 = e_s1_3_s1_1z.mul_add(t3_93, t3_122);
-        let t3_124 = like.lift(0.3) * t3_123;
-        let t3_125 = t2_125.mul_add(t3_96, t3_124);
-        let t3_126 = inv_pivot_2 * t3_125;
-        let t3_127 = t3_90 * t2_196;
-        let t3_128 = (-t2_195).mul_add(t3_93, t3_127);
-        let t3_129 = t2_190.mul_add(t3_96, t3_128);
-        let t3_130 = t2_200.mul_add(t3_126, t3_129);
-        let t3_131 = like.lift(3.3333333333333335) * t3_130;
-        let t3_132 = -t3_131;
-        let t3_133 = -t3_105;
-        let t3_134 = -t3_116;
-        let t3_135 = -t3_126;
-        let t3_136 = -t3_58;
-        let t3_137 = -t3_76;
-        let t3_138 = -t3_88;
-        let t3_139 = -pivot_5;
+        let t3_64 = t3_13 * t3_58;
+        let t3_65 = (-t2_217).mul_add(t3_60, t3_64);
+        let t3_66 = t2_213.mul_add(t3_63, t3_65);
+        let t3_67 = inv_pivot_3 * t3_66;
+        let t3_68 = -t3_40;
+        let t3_69 = -t3_63;
+        let t3_70 = -t3_58;
+        let t3_71 = -t3_37;
+        let t3_72 = -t3_60;
+        let t3_73 = t2_145 * t3_35;
+        let t3_74 = (-t2_148).mul_add(t3_37, t3_73);
+        let t3_75 = t2_143.mul_add(t3_40, t3_74);
+        let t3_76 = like.lift(2.309401076758503) * t3_3;
+        let t3_77 = t3_75 * t3_76;
+        let t3_78 = (-t2_145).mul_add(t3_47, like.lift(0.8660254037844386));
+        let t3_79 = (-t2_148).mul_add(t3_49, t3_78);
+        let t3_80 = t2_143.mul_add(t3_52, t3_79);
+        let t3_81 = t3_80 * t3_76;
+        let t3_82 = -t3_81;
+        let t3_83 = t2_143 * t3_63;
+        let t3_84 = (-t2_145).mul_add(t3_58, t3_83);
+        let t3_85 = (-t2_148).mul_add(t3_60, t3_84);
+        let t3_86 = t3_85 * t3_76;
+        let t3_87 = t2_185 * t3_35;
+        let t3_88 = (-t2_188).mul_add(t3_37, t3_87);
+        let t3_89 = t2_183.mul_add(t3_40, t3_88);
+        let t3_90 = like.lift(2.309401076758503) * t3_20;
+        let t3_91 = t3_89 * t3_90;
+        let t3_92 = -t3_91;
+        let t3_93 = t2_183 * t3_52;
+        let t3_94 = (-t2_185).mul_add(t3_47, t3_93);
+        let t3_95 = (-t2_188).mul_add(t3_49, t3_94);
+        let t3_96 = t3_95 * t3_90;
+        let t3_97 = (-t2_185).mul_add(t3_58, like.lift(0.8660254037844386));
+        let t3_98 = (-t2_188).mul_add(t3_60, t3_97);
+        let t3_99 = t2_183.mul_add(t3_63, t3_98);
+        let t3_100 = t3_99 * t3_90;
+        let t3_101 = -t3_100;
+        let t3_102 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_139 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_190 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_102 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_67, t3_84, t3_96], [t3_97, t3_98, t3_93], [t3_60, t3_99, t3_100],
-                [t3_111, t3_121, t3_132], [t3_133, t3_134, t3_135], [t3_136, t3_137, t3_138],
+                [t3_45, t3_57, t3_67], [t3_68, t3_52, t3_69], [t3_35, t3_47, t3_70],
+                [t3_71, t3_49, t3_72], [t3_77, t3_82, t3_86], [t3_92, t3_96, t3_101],
             ],
             margin,
             || (
                 [
-                    [t2_125, t2_126, t2_128, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_164, t2_166, t2_167, like.lift(0.0), t2_183, like.lift(0.0)],
-                    [t2_191, t2_195, t2_196, like.lift(-0.3), t2_200, like.lift(0.0)],
-                    [t2_125, t2_126, t2_128, like.lift(0.0), like.lift(0.0), t2_213],
-                    [t2_214, t2_165, t3_1, like.lift(0.0), like.lift(0.0), t3_9],
-                    [t3_12, t3_14, t3_15, like.lift(-0.3), like.lift(0.0), t3_20],
+                    [like.lift(0.0), t2_143, t2_146, t2_149, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_159, t2_161, t2_164, t2_165, like.lift(0.0)],
+                    [t2_169, t2_170, t2_172, t2_175, t2_177, like.lift(0.0)],
+                    [like.lift(0.0), t2_183, t2_186, t2_189, like.lift(0.0), t2_190],
+                    [t2_192, t2_195, t2_197, t2_200, like.lift(0.0), t2_201],
+                    [t2_204, t2_205, t2_207, t2_210, like.lift(0.0), t2_212],
                 ],
                 [
-                    [t3_21, t3_22, like.lift(0.0)], [t3_23, t2_152, like.lift(0.0)],
-                    [u_s1_3_p1z, t3_24, like.lift(0.0)], [t3_21, like.lift(0.0), t3_2],
-                    [t3_23, like.lift(0.0), t3_25], [u_s1_3_p1z, like.lift(0.0), t2_202],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
@@ -3267,7 +3096,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 158 additions, 266 multiplications, 5 divisions, 6 sines and cosines.
+/// 144 additions, 236 multiplications, 6 divisions, 6 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -3296,13 +3125,12 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     };
     // tau, part 1
     let [
-        t2_26, t2_29, t2_36, t2_39, t2_43, t2_49, t2_54, e_s1_3_s1_1z, t2_55, t2_57,
-        u_s1_3_p1z, t2_67, t2_77, pivot_2, t2_88, t2_89, t2_90, t2_91, u_s1_2_p1x, t2_95,
-        t2_106, t2_113, t2_114, t2_118, t2_119, t2_123, t2_125, t2_129, t2_135, t2_136, t2_137,
-        t2_138, t2_139, t2_146, t2_149, t2_151, t2_152, t2_157, t2_158, t2_159, t2_160, t2_161,
-        t2_162, inv_pivot_2, pivot_3, inv_pivot_3, t2_165, pivot_4, inv_pivot_4, t2_168,
-        t2_169, t2_177, pivot_5, inv_pivot_5, t2_184, t2_187, t2_190, pivot_6, inv_pivot_6,
-        t2_195, t2_197, t2_200, t2_203, t2_204, t2_213, t2_215, t2_218, t2_221,
+        t2_26, t2_29, t2_36, t2_39, t2_43, t2_49, t2_67, t2_70, t2_73, pivot_1, pivot_3, t2_83,
+        t2_85, t2_88, t2_89, t2_93, t2_94, t2_96, t2_99, t2_101, t2_107, t2_109, t2_110,
+        t2_112, t2_113, t2_114, t2_116, t2_119, t2_121, t2_124, t2_125, t2_128, t2_129, t2_131,
+        t2_134, t2_136, pivot_4, pivot_5, t2_161, pivot_6, t2_176, t2_181, t2_186, t2_188,
+        t2_190, t2_193, t2_198, t2_199, t2_201, t2_204, t2_208, t2_209, t2_210, t2_211, t2_212,
+        t2_213, t2_218, t2_223, t2_227, t2_229,
     ] = {
         let t2_1 = sin_q1 * cos_s1_1;
         let t2_2 = cos_s1_3 * t2_1;
@@ -3314,8 +3142,8 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_7 = sin_s1_3 * a_s1_2z;
         let a_s1_3y = like.lift(9.81).mul_add(t2_2, t2_7);
         let t2_8 = p_m_platform * a_s1_3y;
-        let t2_9 = sin_s1_3 * t2_1;
-        let t2_10 = like.lift(9.81) * t2_9;
+        let t2_9 = like.lift(9.81) * sin_s1_3;
+        let t2_10 = t2_9 * t2_1;
         let a_s1_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_10);
         let t2_11 = p_m_platform * a_s1_3z;
         let t2_12 = sin_s1_3 * t2_8;
@@ -3357,212 +3185,210 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_47 = like.lift(-9.81).mul_add(t2_45, t2_46);
         let t2_48 = like.lift(-0.5).mul_add(t2_24, t2_47);
         let t2_49 = (-cos_s1_1).mul_add(t2_41, t2_48);
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t2_50 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t2_50);
-        let t2_51 = like.lift(0.1) + like.lift(0.2);
-        let t2_52 = e_s1_3_q1z * t2_51;
-        let t2_53 = like.lift(0.5) * sin_s1_1;
-        let t2_54 = t2_53.mul_add(cos_s1_2, t2_52);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t2_55 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t2_56 = like.lift(0.3) * sin_s1_3;
-        let t2_57 = -t2_56;
-        let t2_58 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t2_58);
-        let t2_59 = like.lift(0.5) * e_s1_3_q1y;
+        let t2_50 = t2_3 + t2_5;
+        let t2_51 = sin_s1_3.mul_add(t2_50, t2_2);
+        let t2_52 = like.lift(0.1) * t2_51;
+        let t2_53 = like.lift(0.2) * t2_51;
+        let t2_54 = t2_14 - t2_15;
+        let t2_55 = like.lift(0.17320508075688773) * t2_54;
+        let t2_56 = t2_52 + t2_53;
+        let t2_57 = t2_56 - t2_55;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_60 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_60);
-        let t2_61 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_61);
-        let t2_62 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t2_63 = t2_59 + t2_62;
-        let t2_64 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t2_65 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t2_65);
-        let t2_66 = like.lift(0.5) * u_s1_3_p1z;
-        let t2_67 = t2_64 - t2_66;
-        let t2_68 = t2_3 + t2_5;
-        let t2_69 = (-cos_s1_3).mul_add(t2_68, t2_9);
-        let t2_70 = sin_q2 * t2_67;
-        let t2_71 = (-cos_q2).mul_add(t2_69, t2_70);
-        let t2_72 = like.lift(0.5) * e_s1_3_q1z;
-        let t2_73 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t2_74 = t2_72 + t2_73;
-        let t2_75 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t2_76 = like.lift(0.5) * u_s1_3_p1y;
-        let t2_77 = t2_75 - t2_76;
-        let t2_78 = sin_s1_3.mul_add(t2_68, t2_2);
-        let t2_79 = sin_q2 * t2_77;
-        let t2_80 = (-cos_q2).mul_add(t2_78, t2_79);
-        let t2_81 = t2_74 * t2_80;
-        let t2_82 = (-t2_63).mul_add(t2_71, t2_81);
-        let t2_83 = like.lift(0.5) * t2_82;
-        let pivot_2 = -t2_83;
-        let t2_84 = sin_s1_1 * sin_s1_2;
-        let t2_85 = sin_s1_3 * t2_84;
-        let t2_86 = cos_s1_1.mul_add(cos_s1_3, t2_85);
-        let u_s1_3_q1y = like.lift(0.5) * t2_86;
-        let t2_87 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t2_88 = u_s1_3_q1y - t2_87;
-        let t2_89 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t2_90 = -t2_89;
-        let t2_91 = like.lift(0.17320508075688773) * sin_s1_3;
+        let t2_58 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_58);
+        let t2_59 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_59);
+        let t2_60 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_61 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_62 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_62);
+        let t2_63 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_64 = t2_60 + t2_61;
+        let t2_65 = t2_64 + t2_63;
+        let t2_66 = cos_q1 * t2_65;
+        let t2_67 = sin_q1.mul_add(t2_57, t2_66);
+        let t2_68 = u_s1_1_p1y * t2_57;
+        let t2_69 = (-t2_1).mul_add(t2_65, t2_68);
+        let t2_70 = -t2_69;
+        let t2_71 = t2_54 * t2_65;
+        let t2_72 = u_s1_2_p1x.mul_add(t2_57, t2_71);
+        let t2_73 = -t2_72;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_74 = like.lift(0.5).mul_add(cos_q1, t2_53);
+        let t2_75 = t2_74 - t2_55;
+        let pivot_3 = t2_75 + t2_52;
+        let t2_76 = sin_s1_1 * cos_s1_3;
+        let t2_77 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_77).mul_add(sin_s1_2, t2_76);
+        let t2_78 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_92 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t2_93 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_93);
-        let t2_94 = like.lift(0.5) * u_s1_2_p1x;
-        let t2_95 = t2_92 + t2_94;
-        let t2_96 = t2_14 - t2_15;
-        let t2_97 = sin_q2 * t2_95;
-        let t2_98 = (-cos_q2).mul_add(t2_96, t2_97);
-        let t2_99 = like.lift(0.5) * e_s1_2_q1x;
-        let t2_100 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t2_101 = t2_99 - t2_100;
-        let t2_102 = t2_101 * t2_71;
-        let t2_103 = (-t2_74).mul_add(t2_98, t2_102);
-        let t2_104 = like.lift(0.5) * t2_103;
-        let t2_105 = -t2_104;
-        let t2_106 = -t2_105;
-        let t2_107 = cos_s1_3 * t2_84;
-        let t2_108 = (-cos_s1_1).mul_add(sin_s1_3, t2_107);
-        let t2_109 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t2_108, t2_109);
-        let t2_110 = like.lift(0.1) * e_s1_2_q1x;
-        let t2_111 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t2_112 = u_platform_q1z + t2_110;
-        let t2_113 = t2_112 + t2_111;
-        let t2_114 = -t2_113;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t2_115 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t2_116 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t2_117 = u_platform_s1_1z + t2_115;
-        let t2_118 = t2_117 + t2_116;
-        let t2_119 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_120 = t2_63 * t2_98;
-        let t2_121 = (-t2_101).mul_add(t2_80, t2_120);
-        let t2_122 = like.lift(0.5) * t2_121;
-        let t2_123 = -t2_122;
-        let t2_124 = t2_59 - t2_62;
-        let t2_125 = t2_64 + t2_66;
-        let t2_126 = cos_q3 * t2_69;
-        let t2_127 = sin_q3.mul_add(t2_125, t2_126);
-        let t2_128 = t2_72 - t2_73;
-        let t2_129 = t2_75 + t2_76;
-        let t2_130 = cos_q3 * t2_78;
-        let t2_131 = sin_q3.mul_add(t2_129, t2_130);
-        let t2_132 = t2_128 * t2_131;
-        let t2_133 = (-t2_124).mul_add(t2_127, t2_132);
-        let t2_134 = like.lift(0.5) * t2_133;
-        let t2_135 = -t2_134;
+        let t2_79 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_80 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_81 = t2_78 - t2_79;
+        let t2_82 = t2_81 + t2_80;
+        let t2_83 = cos_q1 * t2_82;
+        let t2_84 = t2_1 * t2_82;
+        let t2_85 = (-sin_s1_1).mul_add(t2_57, t2_84);
+        let t2_86 = t2_54 * t2_82;
+        let t2_87 = (-e_s1_2_q1x).mul_add(t2_57, t2_86);
+        let t2_88 = -t2_87;
+        let t2_89 = like.lift(0.25) * cos_q2;
+        let t2_90 = like.lift(0.5) * sin_q1;
+        let t2_91 = t2_90 - t2_61;
+        let t2_92 = t2_91 - t2_63;
+        let t2_93 = t2_92 - t2_60;
+        let t2_94 = sin_q1 * t2_82;
+        let t2_95 = sin_s1_1 * t2_65;
+        let t2_96 = (-u_s1_1_p1y).mul_add(t2_82, t2_95);
+        let t2_97 = u_s1_2_p1x * t2_82;
+        let t2_98 = e_s1_2_q1x.mul_add(t2_65, t2_97);
+        let t2_99 = -t2_98;
+        let t2_100 = like.lift(0.5) * sin_q2;
+        let t2_101 = -t2_100;
+        let t2_102 = t2_52 + t2_53;
+        let t2_103 = t2_102 + t2_55;
+        let t2_104 = t2_60 + t2_61;
+        let t2_105 = t2_104 - t2_63;
+        let t2_106 = cos_q1 * t2_105;
+        let t2_107 = sin_q1.mul_add(t2_103, t2_106);
+        let t2_108 = u_s1_1_p1y * t2_103;
+        let t2_109 = (-t2_1).mul_add(t2_105, t2_108);
+        let t2_110 = -t2_109;
+        let t2_111 = t2_54 * t2_105;
+        let t2_112 = u_s1_2_p1x.mul_add(t2_103, t2_111);
+        let t2_113 = -t2_112;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_114 = -pivot_2;
+        let t2_115 = t2_74 + t2_55;
+        let t2_116 = t2_115 + t2_52;
+        let t2_117 = t2_78 + t2_79;
+        let t2_118 = t2_117 + t2_80;
+        let t2_119 = cos_q1 * t2_118;
+        let t2_120 = t2_1 * t2_118;
+        let t2_121 = (-sin_s1_1).mul_add(t2_103, t2_120);
+        let t2_122 = t2_54 * t2_118;
+        let t2_123 = (-e_s1_2_q1x).mul_add(t2_103, t2_122);
+        let t2_124 = -t2_123;
+        let t2_125 = like.lift(0.25) * cos_q3;
+        let t2_126 = t2_90 - t2_61;
+        let t2_127 = t2_126 + t2_63;
+        let t2_128 = t2_127 - t2_60;
+        let t2_129 = sin_q1 * t2_118;
+        let t2_130 = sin_s1_1 * t2_105;
+        let t2_131 = (-u_s1_1_p1y).mul_add(t2_118, t2_130);
+        let t2_132 = u_s1_2_p1x * t2_118;
+        let t2_133 = e_s1_2_q1x.mul_add(t2_105, t2_132);
+        let t2_134 = -t2_133;
+        let t2_135 = like.lift(0.5) * sin_q3;
         let t2_136 = -t2_135;
-        let t2_137 = u_s1_3_q1y + t2_87;
-        let t2_138 = -t2_91;
-        let t2_139 = t2_92 - t2_94;
-        let t2_140 = cos_q3 * t2_96;
-        let t2_141 = sin_q3.mul_add(t2_139, t2_140);
-        let t2_142 = t2_99 + t2_100;
-        let t2_143 = t2_142 * t2_127;
-        let t2_144 = (-t2_128).mul_add(t2_141, t2_143);
-        let t2_145 = like.lift(0.5) * t2_144;
-        let t2_146 = -t2_145;
-        let t2_147 = u_platform_q1z + t2_110;
-        let t2_148 = t2_147 - t2_111;
-        let t2_149 = -t2_148;
-        let t2_150 = u_platform_s1_1z + t2_115;
-        let t2_151 = t2_150 - t2_116;
-        let t2_152 = -t2_119;
-        let t2_153 = t2_124 * t2_141;
-        let t2_154 = (-t2_142).mul_add(t2_131, t2_153);
-        let t2_155 = like.lift(0.5) * t2_154;
-        let t2_156 = -t2_155;
-        let t2_157 = -t2_156;
-        let t2_158 = -u_s1_2_p1x;
-        let t2_159 = -t2_95;
-        let t2_160 = -u_s1_3_p1y;
-        let t2_161 = -t2_67;
-        let t2_162 = -t2_129;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_163 = t2_105 * inv_pivot_2;
-        let pivot_3 = t2_54.mul_add(t2_163, t2_88);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_164 = u_s1_2_p1x.mul_add(t2_163, u_s1_3_p1y);
-        let t2_165 = (-t2_163).mul_add(t2_55, t2_89);
-        let t2_166 = t2_54 * inv_pivot_3;
-        let pivot_4 = t2_165.mul_add(t2_166, t2_55);
+        let t2_137 = like.lift(-0.5773502691896257).mul_add(t2_67, t2_83);
+        let t2_138 = t2_116 * inv_pivot_3;
+        let t2_139 = (-t2_137).mul_add(t2_138, t2_119);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_107, t2_139);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_167 = (-t2_164).mul_add(t2_166, u_s1_2_p1x);
-        let t2_168 = (-t2_163).mul_add(t2_56, t2_91);
-        let t2_169 = t2_168.mul_add(t2_166, t2_56);
-        let t2_170 = t2_123 * inv_pivot_2;
-        let t2_171 = t2_54 * t2_170;
-        let t2_172 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t2_171);
-        let t2_173 = t2_172 * inv_pivot_3;
-        let t2_174 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t2_175 = (-t2_165).mul_add(t2_173, t2_174);
-        let t2_176 = (-t2_170).mul_add(t2_55, t2_175);
-        let t2_177 = t2_176 * inv_pivot_4;
-        let t2_178 = t2_169 * t2_177;
-        let t2_179 = t2_168.mul_add(t2_173, t2_178);
-        let t2_180 = t2_170.mul_add(t2_56, t2_179);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t2_180);
+        let t2_140 = like.lift(1.0) - t2_138;
+        let t2_141 = like.lift(-0.5773502691896257).mul_add(t2_72, t2_87);
+        let t2_142 = (-t2_141).mul_add(t2_138, t2_123);
+        let t2_143 = like.lift(0.5773502691896257).mul_add(t2_112, t2_142);
+        let t2_144 = like.lift(1.0) / cos_q2;
+        let t2_145 = sin_q2 * t2_144;
+        let t2_146 = t2_93 * inv_pivot_3;
+        let t2_147 = like.lift(1.1547005383792515) * t2_145;
+        let t2_148 = (-t2_137).mul_add(t2_146, t2_94);
+        let t2_149 = t2_67.mul_add(t2_147, t2_148);
+        let t2_150 = t2_149 * inv_pivot_4;
+        let t2_151 = (-t2_143).mul_add(t2_150, t2_98);
+        let t2_152 = (-t2_141).mul_add(t2_146, t2_151);
+        let pivot_5 = t2_72.mul_add(t2_147, t2_152);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_181 = t2_167 * t2_177;
-        let t2_182 = (-t2_164).mul_add(t2_173, t2_181);
-        let t2_183 = u_s1_2_p1x.mul_add(t2_170, t2_182);
-        let t2_184 = t2_135.mul_add(t2_177, t2_156);
-        let t2_185 = t2_137 * inv_pivot_3;
-        let t2_186 = t2_165.mul_add(t2_185, t2_89);
-        let t2_187 = t2_186 * inv_pivot_4;
-        let t2_188 = (-t2_169).mul_add(t2_187, t2_91);
-        let t2_189 = t2_168.mul_add(t2_185, t2_188);
-        let t2_190 = t2_189 * inv_pivot_5;
-        let t2_191 = (-t2_183).mul_add(t2_190, u_s1_3_p1y);
-        let t2_192 = (-t2_167).mul_add(t2_187, t2_191);
-        let t2_193 = (-t2_164).mul_add(t2_185, t2_192);
-        let t2_194 = t2_184.mul_add(t2_190, t2_146);
-        let pivot_6 = t2_135.mul_add(t2_187, t2_194);
+        let t2_153 = t2_140.mul_add(t2_150, t2_146);
+        let t2_154 = like.lift(0.5773502691896257).mul_add(t2_69, t2_85);
+        let t2_155 = (-t2_154).mul_add(t2_138, t2_121);
+        let t2_156 = like.lift(-0.5773502691896257).mul_add(t2_109, t2_155);
+        let t2_157 = (-t2_156).mul_add(t2_150, t2_96);
+        let t2_158 = (-t2_154).mul_add(t2_146, t2_157);
+        let t2_159 = (-t2_69).mul_add(t2_147, t2_158);
+        let t2_160 = t2_128 * inv_pivot_3;
+        let t2_161 = like.lift(1.0) / cos_q3;
+        let t2_162 = sin_q3 * t2_161;
+        let t2_163 = like.lift(1.1547005383792515) * t2_162;
+        let t2_164 = (-t2_137).mul_add(t2_160, t2_129);
+        let t2_165 = (-t2_107).mul_add(t2_163, t2_164);
+        let t2_166 = t2_165 * inv_pivot_4;
+        let t2_167 = (-t2_143).mul_add(t2_166, t2_133);
+        let t2_168 = (-t2_141).mul_add(t2_160, t2_167);
+        let t2_169 = (-t2_112).mul_add(t2_163, t2_168);
+        let t2_170 = t2_169 * inv_pivot_5;
+        let t2_171 = (-t2_153).mul_add(t2_170, t2_160);
+        let t2_172 = t2_140.mul_add(t2_166, t2_171);
+        let t2_173 = (-t2_159).mul_add(t2_170, t2_131);
+        let t2_174 = (-t2_156).mul_add(t2_166, t2_173);
+        let t2_175 = (-t2_154).mul_add(t2_160, t2_174);
+        let pivot_6 = t2_109.mul_add(t2_163, t2_175);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_195 = t2_193 * inv_pivot_6;
-        let t2_196 = t2_184.mul_add(t2_195, t2_183);
-        let t2_197 = inv_pivot_5 * t2_196;
-        let t2_198 = t2_135.mul_add(t2_195, t2_167);
-        let t2_199 = (-t2_169).mul_add(t2_197, t2_198);
-        let t2_200 = inv_pivot_4 * t2_199;
-        let t2_201 = t2_168.mul_add(t2_197, t2_164);
-        let t2_202 = t2_165.mul_add(t2_200, t2_201);
-        let t2_203 = inv_pivot_3 * t2_202;
-        let t2_204 = -t2_203;
-        let t2_205 = (-t2_95).mul_add(t2_163, t2_77);
-        let t2_206 = t2_205 * t2_166;
-        let t2_207 = (-t2_206).mul_add(t2_177, t2_67);
-        let t2_208 = (-t2_205).mul_add(t2_173, t2_207);
-        let t2_209 = (-t2_95).mul_add(t2_170, t2_208);
-        let t2_210 = t2_209 * t2_190;
-        let t2_211 = (-t2_206).mul_add(t2_187, t2_210);
-        let t2_212 = t2_205.mul_add(t2_185, t2_211);
-        let t2_213 = t2_212 * inv_pivot_6;
-        let t2_214 = (-t2_184).mul_add(t2_213, t2_209);
-        let t2_215 = inv_pivot_5 * t2_214;
-        let t2_216 = t2_135.mul_add(t2_213, t2_206);
-        let t2_217 = t2_169.mul_add(t2_215, t2_216);
-        let t2_218 = inv_pivot_4 * t2_217;
-        let t2_219 = t2_168.mul_add(t2_215, t2_205);
-        let t2_220 = (-t2_165).mul_add(t2_218, t2_219);
-        let t2_221 = inv_pivot_3 * t2_220;
+        let t2_176 = t2_172 * inv_pivot_6;
+        let t2_177 = (-t2_159).mul_add(t2_176, t2_153);
+        let t2_178 = inv_pivot_5 * t2_177;
+        let t2_179 = t2_156.mul_add(t2_176, t2_140);
+        let t2_180 = t2_143.mul_add(t2_178, t2_179);
+        let t2_181 = inv_pivot_4 * t2_180;
+        let t2_182 = t2_154.mul_add(t2_176, like.lift(1.0));
+        let t2_183 = t2_141.mul_add(t2_178, t2_182);
+        let t2_184 = (-t2_137).mul_add(t2_181, t2_183);
+        let t2_185 = inv_pivot_3 * t2_184;
+        let t2_186 = -t2_185;
+        let t2_187 = t2_145 * t2_170;
+        let t2_188 = t2_187 * inv_pivot_6;
+        let t2_189 = t2_159.mul_add(t2_188, t2_145);
+        let t2_190 = inv_pivot_5 * t2_189;
+        let t2_191 = t2_143 * t2_190;
+        let t2_192 = (-t2_156).mul_add(t2_188, t2_191);
+        let t2_193 = inv_pivot_4 * t2_192;
+        let t2_194 = t2_154 * t2_188;
+        let t2_195 = (-t2_141).mul_add(t2_190, t2_194);
+        let t2_196 = t2_137.mul_add(t2_193, t2_195);
+        let t2_197 = inv_pivot_3 * t2_196;
+        let t2_198 = -t2_197;
+        let t2_199 = t2_162 * inv_pivot_6;
+        let t2_200 = inv_pivot_5 * t2_159;
+        let t2_201 = t2_200 * t2_199;
+        let t2_202 = t2_143 * t2_201;
+        let t2_203 = (-t2_156).mul_add(t2_199, t2_202);
+        let t2_204 = inv_pivot_4 * t2_203;
+        let t2_205 = t2_154 * t2_199;
+        let t2_206 = (-t2_141).mul_add(t2_201, t2_205);
+        let t2_207 = t2_137.mul_add(t2_204, t2_206);
+        let t2_208 = inv_pivot_3 * t2_207;
+        let t2_209 = -t2_181;
+        let t2_210 = -t2_204;
+        let t2_211 = -t2_199;
+        let t2_212 = -t2_178;
+        let t2_213 = -t2_201;
+        let t2_214 = t2_69 * t2_176;
+        let t2_215 = (-t2_72).mul_add(t2_178, t2_214);
+        let t2_216 = t2_67.mul_add(t2_181, t2_215);
+        let t2_217 = like.lift(2.309401076758503) * t2_144;
+        let t2_218 = t2_216 * t2_217;
+        let t2_219 = (-t2_69).mul_add(t2_188, like.lift(0.8660254037844386));
+        let t2_220 = (-t2_72).mul_add(t2_190, t2_219);
+        let t2_221 = t2_67.mul_add(t2_193, t2_220);
+        let t2_222 = t2_221 * t2_217;
+        let t2_223 = -t2_222;
+        let t2_224 = t2_67 * t2_204;
+        let t2_225 = (-t2_69).mul_add(t2_199, t2_224);
+        let t2_226 = (-t2_72).mul_add(t2_201, t2_225);
+        let t2_227 = t2_226 * t2_217;
+        let t2_228 = t2_109 * t2_176;
+        let t2_229 = (-t2_112).mul_add(t2_178, t2_228);
         [
-            t2_26, t2_29, t2_36, t2_39, t2_43, t2_49, t2_54, e_s1_3_s1_1z, t2_55, t2_57,
-            u_s1_3_p1z, t2_67, t2_77, pivot_2, t2_88, t2_89, t2_90, t2_91, u_s1_2_p1x, t2_95,
-            t2_106, t2_113, t2_114, t2_118, t2_119, t2_123, t2_125, t2_129, t2_135, t2_136,
-            t2_137, t2_138, t2_139, t2_146, t2_149, t2_151, t2_152, t2_157, t2_158, t2_159,
-            t2_160, t2_161, t2_162, inv_pivot_2, pivot_3, inv_pivot_3, t2_165, pivot_4,
-            inv_pivot_4, t2_168, t2_169, t2_177, pivot_5, inv_pivot_5, t2_184, t2_187, t2_190,
-            pivot_6, inv_pivot_6, t2_195, t2_197, t2_200, t2_203, t2_204, t2_213, t2_215,
-            t2_218, t2_221,
+            t2_26, t2_29, t2_36, t2_39, t2_43, t2_49, t2_67, t2_70, t2_73, pivot_1, pivot_3,
+            t2_83, t2_85, t2_88, t2_89, t2_93, t2_94, t2_96, t2_99, t2_101, t2_107, t2_109,
+            t2_110, t2_112, t2_113, t2_114, t2_116, t2_119, t2_121, t2_124, t2_125, t2_128,
+            t2_129, t2_131, t2_134, t2_136, pivot_4, pivot_5, t2_161, pivot_6, t2_176, t2_181,
+            t2_186, t2_188, t2_190, t2_193, t2_198, t2_199, t2_201, t2_204, t2_208, t2_209,
+            t2_210, t2_211, t2_212, t2_213, t2_218, t2_223, t2_227, t2_229,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -3571,90 +3397,53 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
         x_q3_p2, x_q3_p3,
     ] = {
-        let t3_1 = t2_139.mul_add(t2_177, t2_125);
-        let t3_2 = t3_1.mul_add(t2_190, t2_129);
-        let t3_3 = t2_139.mul_add(t2_187, t3_2);
-        let t3_4 = t3_3 * inv_pivot_6;
-        let t3_5 = (-t2_184).mul_add(t3_4, t3_1);
-        let t3_6 = inv_pivot_5 * t3_5;
-        let t3_7 = (-t2_135).mul_add(t3_4, t2_139);
-        let t3_8 = (-t2_169).mul_add(t3_6, t3_7);
-        let t3_9 = inv_pivot_4 * t3_8;
-        let t3_10 = t2_168 * t3_6;
-        let t3_11 = t2_165.mul_add(t3_9, t3_10);
-        let t3_12 = inv_pivot_3 * t3_11;
-        let t3_13 = -t2_200;
-        let t3_14 = -t2_218;
-        let t3_15 = -t2_215;
-        let t3_16 = -t3_6;
-        let t3_17 = sin_s1_3 * t2_197;
-        let t3_18 = e_s1_3_s1_1z.mul_add(t2_200, t3_17);
-        let t3_19 = like.lift(-0.3).mul_add(t3_18, u_s1_2_p1x);
-        let t3_20 = (-t2_54).mul_add(t2_203, t3_19);
-        let t3_21 = inv_pivot_2 * t3_20;
-        let t3_22 = (-t2_197).mul_add(t2_119, u_s1_3_p1z);
-        let t3_23 = t2_118.mul_add(t2_200, t3_22);
-        let t3_24 = (-t2_113).mul_add(t2_203, t3_23);
-        let t3_25 = t2_123.mul_add(t3_21, t3_24);
-        let t3_26 = like.lift(3.3333333333333335) * t3_25;
-        let t3_27 = -t3_26;
-        let t3_28 = sin_s1_3 * t2_215;
-        let t3_29 = (-e_s1_3_s1_1z).mul_add(t2_218, t3_28);
-        let t3_30 = like.lift(0.3).mul_add(t3_29, t2_95);
-        let t3_31 = t2_54.mul_add(t2_221, t3_30);
-        let t3_32 = inv_pivot_2 * t3_31;
-        let t3_33 = (-t2_215).mul_add(t2_119, t2_67);
-        let t3_34 = (-t2_118).mul_add(t2_218, t3_33);
-        let t3_35 = (-t2_113).mul_add(t2_221, t3_34);
-        let t3_36 = (-t2_123).mul_add(t3_32, t3_35);
-        let t3_37 = like.lift(3.3333333333333335) * t3_36;
-        let t3_38 = sin_s1_3 * t3_6;
-        let t3_39 = e_s1_3_s1_1z.mul_add(t3_9, t3_38);
-        let t3_40 = like.lift(0.3) * t3_39;
-        let t3_41 = t2_54.mul_add(t3_12, t3_40);
-        let t3_42 = inv_pivot_2 * t3_41;
-        let t3_43 = t3_6 * t2_119;
-        let t3_44 = (-t2_118).mul_add(t3_9, t3_43);
-        let t3_45 = t2_113.mul_add(t3_12, t3_44);
-        let t3_46 = t2_123.mul_add(t3_42, t3_45);
-        let t3_47 = like.lift(3.3333333333333335) * t3_46;
-        let t3_48 = -t3_47;
-        let t3_49 = -t3_21;
-        let t3_50 = -t3_32;
-        let t3_51 = -t3_42;
-        let t3_52 = -t2_195;
-        let t3_53 = -t2_213;
-        let t3_54 = -t3_4;
-        let t3_55 = -pivot_5;
+        let t3_1 = t2_107.mul_add(t2_181, t2_229);
+        let t3_2 = like.lift(2.309401076758503) * t2_161;
+        let t3_3 = t3_1 * t3_2;
+        let t3_4 = -t3_3;
+        let t3_5 = t2_107 * t2_193;
+        let t3_6 = (-t2_109).mul_add(t2_188, t3_5);
+        let t3_7 = (-t2_112).mul_add(t2_190, t3_6);
+        let t3_8 = t3_7 * t3_2;
+        let t3_9 = (-t2_109).mul_add(t2_199, like.lift(0.8660254037844386));
+        let t3_10 = (-t2_112).mul_add(t2_201, t3_9);
+        let t3_11 = t2_107.mul_add(t2_204, t3_10);
+        let t3_12 = t3_11 * t3_2;
+        let t3_13 = -t3_12;
+        let t3_14 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_55 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_114 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_14 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_204, t2_221, t3_12], [t3_13, t3_14, t3_9], [t2_197, t3_15, t3_16],
-                [t3_27, t3_37, t3_48], [t3_49, t3_50, t3_51], [t3_52, t3_53, t3_54],
+                [t2_186, t2_198, t2_208], [t2_209, t2_193, t2_210], [t2_176, t2_188, t2_211],
+                [t2_212, t2_190, t2_213], [t2_218, t2_223, t2_227], [t3_4, t3_8, t3_13],
             ],
             margin,
             || (
                 [
-                    [t2_54, t2_55, t2_57, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_88, t2_90, t2_91, like.lift(0.0), t2_106, like.lift(0.0)],
-                    [t2_114, t2_118, t2_119, like.lift(-0.3), t2_123, like.lift(0.0)],
-                    [t2_54, t2_55, t2_57, like.lift(0.0), like.lift(0.0), t2_136],
-                    [t2_137, t2_89, t2_138, like.lift(0.0), like.lift(0.0), t2_146],
-                    [t2_149, t2_151, t2_152, like.lift(-0.3), like.lift(0.0), t2_157],
+                    [like.lift(0.0), t2_67, t2_70, t2_73, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_83, t2_85, t2_88, t2_89, like.lift(0.0)],
+                    [t2_93, t2_94, t2_96, t2_99, t2_101, like.lift(0.0)],
+                    [like.lift(0.0), t2_107, t2_110, t2_113, like.lift(0.0), t2_114],
+                    [t2_116, t2_119, t2_121, t2_124, like.lift(0.0), t2_125],
+                    [t2_128, t2_129, t2_131, t2_134, like.lift(0.0), t2_136],
                 ],
                 [
-                    [t2_158, t2_159, like.lift(0.0)], [t2_160, t2_77, like.lift(0.0)],
-                    [u_s1_3_p1z, t2_161, like.lift(0.0)], [t2_158, like.lift(0.0), t2_139],
-                    [t2_160, like.lift(0.0), t2_162], [u_s1_3_p1z, like.lift(0.0), t2_125],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
@@ -3713,7 +3502,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 301 additions, 424 multiplications, 5 divisions, 6 sines and cosines.
+/// 307 additions, 439 multiplications, 6 divisions, 6 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -3729,681 +3518,653 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q1, cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q2,
+        sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
         cos_q2, sin_q3, cos_q3,
     ] = {
         let [
-            (sin_q1, cos_q1), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3),
+            (sin_q1, cos_q1), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2),
             (sin_q2, cos_q2), (sin_q3, cos_q3),
         ] =
-            T::sin_cos_all([q1, s1_1, s1_2, s1_3, q2, q3]);
+            T::sin_cos_all([q1, s1_3, s1_1, s1_2, q2, q3]);
         [
-            sin_q1, cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q2,
+            sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
             cos_q2, sin_q3, cos_q3,
         ]
     };
     // tau, part 1
     let [
-        t2_1, t2_3, t2_6, e_s1_3_s1_1z, t2_7, t2_8, t2_9, e_s1_3_q1y, u_s1_3_p1y, u_s1_3_p1z,
-        t2_19, t2_33, pivot_2, t2_45, t2_46, t2_47, t2_48, u_s1_2_p1x, t2_52, t2_64, t2_71,
-        t2_72, e_s1_3_s1_1y, t2_76, t2_77, t2_81, t2_83, t2_87, t2_93, t2_94, t2_95, t2_96,
-        t2_97, t2_104, t2_107, t2_109, t2_110, t2_114, t2_115, t2_117, w_s1_3x, t2_121, t2_122,
-        t2_123, t2_124, t2_129, t2_130, t2_137, w_s1_3z, t2_139, t2_140, t2_157, t2_158,
-        t2_159, t2_160, t2_161, t2_162, t2_173, t2_174, t2_175, t2_176, t2_180, t2_184, t2_187,
-        t2_188, t2_192, t2_193, t2_208, t2_216, t2_217, t2_218, t2_219, t2_224, inv_pivot_2,
-        t2_225,
+        t2_1, t2_24, t2_26, t2_27, t2_29, t2_30, pivot_1, pivot_3, t2_40, t2_42, t2_45, t2_46,
+        t2_50, t2_51, t2_53, t2_56, t2_58, t2_64, t2_66, t2_67, t2_69, t2_70, t2_71, t2_73,
+        t2_76, t2_78, t2_81, t2_82, t2_85, t2_86, t2_88, t2_90, t2_91, t2_93, t2_134, t2_140,
+        t2_141, t2_163, t2_176, t2_181, t2_187, t2_188, t2_195, t2_201, t2_202, inv_pivot_3,
+        t2_203, t2_204, t2_205, pivot_4, inv_pivot_4, t2_208, t2_209, t2_211, t2_212, t2_213,
+        t2_214, t2_218, pivot_5, inv_pivot_5, t2_223, t2_224, t2_226, t2_229, t2_230, t2_231,
+        t2_232, t2_233, t2_235,
     ] = {
         let t2_1 = d_q1 * d_q1;
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t2_2 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t2_2);
-        let t2_3 = like.lift(0.5) * cos_s1_2;
-        let t2_4 = like.lift(0.1) + like.lift(0.2);
-        let t2_5 = e_s1_3_q1z * t2_4;
-        let t2_6 = sin_s1_1.mul_add(t2_3, t2_5);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t2_7 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t2_8 = like.lift(0.3) * sin_s1_3;
-        let t2_9 = -t2_8;
-        let t2_10 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t2_10);
-        let t2_11 = like.lift(0.5) * e_s1_3_q1y;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = sin_q1 * sin_s1_1;
+        let t2_4 = sin_s1_2 * t2_3;
+        let t2_5 = cos_q1.mul_add(cos_s1_2, t2_4);
+        let t2_6 = sin_s1_3 * t2_5;
+        let t2_7 = cos_s1_3.mul_add(t2_2, t2_6);
+        let t2_8 = like.lift(0.1) * t2_7;
+        let t2_9 = like.lift(0.2) * t2_7;
+        let t2_10 = cos_q1 * sin_s1_2;
+        let t2_11 = (-cos_s1_2).mul_add(t2_3, t2_10);
+        let t2_12 = like.lift(0.17320508075688773) * t2_11;
+        let t2_13 = t2_8 + t2_9;
+        let t2_14 = t2_13 - t2_12;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_12 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_12);
-        let t2_13 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_13);
-        let t2_14 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t2_15 = t2_11 + t2_14;
-        let t2_16 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t2_17 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t2_17);
-        let t2_18 = like.lift(0.5) * u_s1_3_p1z;
-        let t2_19 = t2_16 - t2_18;
-        let t2_20 = sin_q1 * cos_s1_1;
-        let t2_21 = sin_q1 * sin_s1_1;
-        let t2_22 = sin_s1_2 * t2_21;
-        let t2_23 = cos_q1.mul_add(cos_s1_2, t2_22);
-        let t2_24 = sin_s1_3 * t2_20;
-        let t2_25 = (-cos_s1_3).mul_add(t2_23, t2_24);
-        let t2_26 = sin_q2 * t2_19;
-        let t2_27 = (-cos_q2).mul_add(t2_25, t2_26);
-        let t2_28 = like.lift(0.5) * e_s1_3_q1z;
-        let t2_29 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t2_30 = t2_28 + t2_29;
-        let t2_31 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t2_32 = like.lift(0.5) * u_s1_3_p1y;
-        let t2_33 = t2_31 - t2_32;
-        let t2_34 = sin_s1_3 * t2_23;
-        let t2_35 = cos_s1_3.mul_add(t2_20, t2_34);
-        let t2_36 = sin_q2 * t2_33;
-        let t2_37 = (-cos_q2).mul_add(t2_35, t2_36);
-        let t2_38 = t2_30 * t2_37;
-        let t2_39 = (-t2_15).mul_add(t2_27, t2_38);
-        let t2_40 = like.lift(0.5) * t2_39;
-        let pivot_2 = -t2_40;
-        let t2_41 = sin_s1_1 * sin_s1_2;
-        let t2_42 = sin_s1_3 * t2_41;
-        let t2_43 = cos_s1_1.mul_add(cos_s1_3, t2_42);
-        let u_s1_3_q1y = like.lift(0.5) * t2_43;
-        let t2_44 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t2_45 = u_s1_3_q1y - t2_44;
-        let t2_46 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t2_47 = -t2_46;
-        let t2_48 = like.lift(0.17320508075688773) * sin_s1_3;
+        let t2_15 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_15);
+        let t2_16 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_16);
+        let t2_17 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_18 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_19 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_19);
+        let t2_20 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_21 = t2_17 + t2_18;
+        let t2_22 = t2_21 + t2_20;
+        let t2_23 = cos_q1 * t2_22;
+        let t2_24 = sin_q1.mul_add(t2_14, t2_23);
+        let t2_25 = u_s1_1_p1y * t2_14;
+        let t2_26 = (-t2_2).mul_add(t2_22, t2_25);
+        let t2_27 = -t2_26;
+        let t2_28 = t2_11 * t2_22;
+        let t2_29 = u_s1_2_p1x.mul_add(t2_14, t2_28);
+        let t2_30 = -t2_29;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_31 = like.lift(0.5).mul_add(cos_q1, t2_9);
+        let t2_32 = t2_12 - t2_8;
+        let pivot_3 = t2_31 - t2_32;
+        let t2_33 = sin_s1_1 * cos_s1_3;
+        let t2_34 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_34).mul_add(sin_s1_2, t2_33);
+        let t2_35 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_49 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t2_50 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_50);
-        let t2_51 = like.lift(0.5) * u_s1_2_p1x;
-        let t2_52 = t2_49 + t2_51;
-        let t2_53 = cos_q1 * sin_s1_2;
-        let t2_54 = (-cos_s1_2).mul_add(t2_21, t2_53);
-        let t2_55 = sin_q2 * t2_52;
-        let t2_56 = (-cos_q2).mul_add(t2_54, t2_55);
-        let t2_57 = like.lift(0.5) * e_s1_2_q1x;
-        let t2_58 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t2_59 = t2_57 - t2_58;
-        let t2_60 = t2_59 * t2_27;
-        let t2_61 = (-t2_30).mul_add(t2_56, t2_60);
-        let t2_62 = like.lift(0.5) * t2_61;
-        let t2_63 = -t2_62;
-        let t2_64 = -t2_63;
-        let t2_65 = cos_s1_3 * t2_41;
-        let t2_66 = (-cos_s1_1).mul_add(sin_s1_3, t2_65);
-        let t2_67 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t2_66, t2_67);
-        let t2_68 = like.lift(0.1) * e_s1_2_q1x;
-        let t2_69 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t2_70 = u_platform_q1z + t2_68;
-        let t2_71 = t2_70 + t2_69;
-        let t2_72 = -t2_71;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t2_73 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t2_74 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t2_75 = u_platform_s1_1z + t2_73;
-        let t2_76 = t2_75 + t2_74;
-        let t2_77 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_78 = t2_15 * t2_56;
-        let t2_79 = (-t2_59).mul_add(t2_37, t2_78);
-        let t2_80 = like.lift(0.5) * t2_79;
+        let t2_36 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_37 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_38 = t2_36 - t2_37;
+        let t2_39 = t2_35 - t2_38;
+        let t2_40 = cos_q1 * t2_39;
+        let t2_41 = t2_2 * t2_39;
+        let t2_42 = (-sin_s1_1).mul_add(t2_14, t2_41);
+        let t2_43 = t2_11 * t2_39;
+        let t2_44 = (-e_s1_2_q1x).mul_add(t2_14, t2_43);
+        let t2_45 = -t2_44;
+        let t2_46 = like.lift(0.25) * cos_q2;
+        let t2_47 = like.lift(0.5) * sin_q1;
+        let t2_48 = t2_20 + t2_17;
+        let t2_49 = t2_47 - t2_18;
+        let t2_50 = t2_49 - t2_48;
+        let t2_51 = sin_q1 * t2_39;
+        let t2_52 = sin_s1_1 * t2_22;
+        let t2_53 = (-u_s1_1_p1y).mul_add(t2_39, t2_52);
+        let t2_54 = u_s1_2_p1x * t2_39;
+        let t2_55 = e_s1_2_q1x.mul_add(t2_22, t2_54);
+        let t2_56 = -t2_55;
+        let t2_57 = like.lift(0.5) * sin_q2;
+        let t2_58 = -t2_57;
+        let t2_59 = t2_8 + t2_9;
+        let t2_60 = t2_59 + t2_12;
+        let t2_61 = t2_17 + t2_18;
+        let t2_62 = t2_61 - t2_20;
+        let t2_63 = cos_q1 * t2_62;
+        let t2_64 = sin_q1.mul_add(t2_60, t2_63);
+        let t2_65 = u_s1_1_p1y * t2_60;
+        let t2_66 = (-t2_2).mul_add(t2_62, t2_65);
+        let t2_67 = -t2_66;
+        let t2_68 = t2_11 * t2_62;
+        let t2_69 = u_s1_2_p1x.mul_add(t2_60, t2_68);
+        let t2_70 = -t2_69;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_71 = -pivot_2;
+        let t2_72 = t2_12 + t2_8;
+        let t2_73 = t2_31 + t2_72;
+        let t2_74 = t2_36 + t2_37;
+        let t2_75 = t2_35 + t2_74;
+        let t2_76 = cos_q1 * t2_75;
+        let t2_77 = t2_2 * t2_75;
+        let t2_78 = (-sin_s1_1).mul_add(t2_60, t2_77);
+        let t2_79 = t2_11 * t2_75;
+        let t2_80 = (-e_s1_2_q1x).mul_add(t2_60, t2_79);
         let t2_81 = -t2_80;
-        let t2_82 = t2_11 - t2_14;
-        let t2_83 = t2_16 + t2_18;
-        let t2_84 = cos_q3 * t2_25;
-        let t2_85 = sin_q3.mul_add(t2_83, t2_84);
-        let t2_86 = t2_28 - t2_29;
-        let t2_87 = t2_31 + t2_32;
-        let t2_88 = cos_q3 * t2_35;
-        let t2_89 = sin_q3.mul_add(t2_87, t2_88);
-        let t2_90 = t2_86 * t2_89;
-        let t2_91 = (-t2_82).mul_add(t2_85, t2_90);
-        let t2_92 = like.lift(0.5) * t2_91;
+        let t2_82 = like.lift(0.25) * cos_q3;
+        let t2_83 = t2_20 - t2_17;
+        let t2_84 = t2_47 - t2_18;
+        let t2_85 = t2_84 + t2_83;
+        let t2_86 = sin_q1 * t2_75;
+        let t2_87 = sin_s1_1 * t2_62;
+        let t2_88 = (-u_s1_1_p1y).mul_add(t2_75, t2_87);
+        let t2_89 = u_s1_2_p1x * t2_75;
+        let t2_90 = e_s1_2_q1x.mul_add(t2_62, t2_89);
+        let t2_91 = -t2_90;
+        let t2_92 = like.lift(0.5) * sin_q3;
         let t2_93 = -t2_92;
-        let t2_94 = -t2_93;
-        let t2_95 = u_s1_3_q1y + t2_44;
-        let t2_96 = -t2_48;
-        let t2_97 = t2_49 - t2_51;
-        let t2_98 = cos_q3 * t2_54;
-        let t2_99 = sin_q3.mul_add(t2_97, t2_98);
-        let t2_100 = t2_57 + t2_58;
-        let t2_101 = t2_100 * t2_85;
-        let t2_102 = (-t2_86).mul_add(t2_99, t2_101);
-        let t2_103 = like.lift(0.5) * t2_102;
-        let t2_104 = -t2_103;
-        let t2_105 = u_platform_q1z + t2_68;
-        let t2_106 = t2_105 - t2_69;
-        let t2_107 = -t2_106;
-        let t2_108 = u_platform_s1_1z + t2_73;
-        let t2_109 = t2_108 - t2_74;
-        let t2_110 = -t2_77;
-        let t2_111 = t2_82 * t2_99;
-        let t2_112 = (-t2_100).mul_add(t2_89, t2_111);
-        let t2_113 = like.lift(0.5) * t2_112;
-        let t2_114 = -t2_113;
-        let t2_115 = -t2_114;
-        let t2_116 = like.lift(0.5) * sin_s1_2;
-        let t2_117 = t2_116 * t2_1;
-        let w_s1_1y = sin_s1_1 * d_q1;
-        let w_s1_2y = d_s1_2 - w_s1_1y;
-        let w_s1_1x = cos_s1_1 * d_q1;
-        let t2_118 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_118);
-        let t2_119 = sin_s1_3 * w_s1_2z;
-        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t2_119);
-        let t2_120 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t2_120);
-        let w_s1_3x = d_s1_3 - w_s1_2x;
-        let t2_121 = w_s1_3y * w_s1_3x;
-        let t2_122 = w_s1_2x * w_s1_2y;
-        let t2_123 = d_s1_1 * w_s1_1y;
-        let t2_124 = w_s1_1x * w_s1_1y;
-        let t2_125 = like.lift(2.0) * t2_123;
-        let t2_126 = t2_122 + t2_122;
-        let t2_127 = (-cos_s1_2).mul_add(t2_124, t2_126);
-        let t2_128 = sin_s1_2.mul_add(t2_125, t2_127);
-        let t2_129 = d_s1_1 * w_s1_1x;
-        let t2_130 = w_s1_2z * w_s1_2x;
-        let t2_131 = t2_129 - t2_130;
-        let t2_132 = cos_s1_3 * t2_128;
-        let t2_133 = (-sin_s1_3).mul_add(t2_131, t2_132);
-        let t2_134 = t2_121 + t2_121;
-        let t2_135 = t2_134 + t2_133;
-        let t2_136 = like.lift(0.2).mul_add(t2_135, t2_117);
-        let t2_137 = w_s1_3y * w_s1_3y;
-        let t2_138 = sin_s1_3 * w_s1_2y;
-        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_138);
-        let t2_139 = w_s1_3z * w_s1_3z;
-        let t2_140 = t2_137 + t2_139;
-        let t2_141 = like.lift(0.17320508075688773) * t2_140;
-        let t2_142 = like.lift(0.1) * t2_135;
-        let t2_143 = t2_15 * d_q2;
-        let t2_144 = t2_59 * d_q2;
-        let t2_145 = t2_56 * t2_143;
-        let t2_146 = (-t2_37).mul_add(t2_144, t2_145);
-        let t2_147 = like.lift(0.5) * t2_146;
-        let t2_148 = -t2_147;
-        let t2_149 = t2_30 * d_q2;
-        let t2_150 = t2_27 * t2_144;
-        let t2_151 = (-t2_56).mul_add(t2_149, t2_150);
-        let t2_152 = like.lift(0.5) * t2_151;
-        let t2_153 = -t2_152;
-        let t2_154 = t2_136 - t2_141;
-        let t2_155 = t2_154 + t2_142;
-        let t2_156 = t2_149.mul_add(t2_153, t2_155);
-        let t2_157 = (-t2_143).mul_add(t2_148, t2_156);
-        let t2_158 = cos_s1_2 * t2_1;
-        let t2_159 = w_s1_3x * w_s1_3x;
-        let t2_160 = t2_159 + t2_139;
-        let t2_161 = like.lift(0.2) * t2_160;
-        let t2_162 = like.lift(0.5) * sin_s1_3;
-        let t2_163 = t2_158.mul_add(t2_162, t2_161);
-        let t2_164 = like.lift(0.17320508075688773) * t2_133;
-        let t2_165 = like.lift(0.1) * t2_160;
-        let t2_166 = t2_37 * t2_149;
-        let t2_167 = (-t2_27).mul_add(t2_143, t2_166);
-        let t2_168 = like.lift(0.5) * t2_167;
-        let t2_169 = -t2_168;
-        let t2_170 = t2_163 + t2_164;
-        let t2_171 = t2_170 + t2_165;
-        let t2_172 = t2_144.mul_add(t2_148, t2_171);
-        let t2_173 = (-t2_149).mul_add(t2_169, t2_172);
-        let t2_174 = -t2_173;
-        let t2_175 = w_s1_2z * w_s1_2y;
-        let t2_176 = w_s1_3y * w_s1_3z;
-        let t2_177 = sin_s1_2.mul_add(t2_124, t2_175);
-        let t2_178 = cos_s1_2.mul_add(t2_125, t2_177);
-        let t2_179 = t2_178 + t2_176;
-        let t2_180 = like.lift(0.5) * cos_s1_3;
-        let t2_181 = like.lift(0.2) * t2_179;
-        let t2_182 = t2_158.mul_add(t2_180, t2_181);
-        let t2_183 = cos_s1_3 * t2_131;
-        let t2_184 = sin_s1_3.mul_add(t2_128, t2_183);
-        let t2_185 = like.lift(0.17320508075688773) * t2_184;
-        let t2_186 = like.lift(0.1) * t2_179;
-        let t2_187 = t2_144 * t2_153;
-        let t2_188 = t2_143 * t2_169;
-        let t2_189 = t2_182 - t2_185;
-        let t2_190 = t2_189 + t2_186;
-        let t2_191 = t2_190 + t2_187;
-        let t2_192 = t2_191 - t2_188;
-        let t2_193 = -t2_192;
-        let t2_194 = t2_82 * d_q3;
-        let t2_195 = t2_100 * d_q3;
-        let t2_196 = t2_99 * t2_194;
-        let t2_197 = (-t2_89).mul_add(t2_195, t2_196);
-        let t2_198 = like.lift(0.5) * t2_197;
-        let t2_199 = -t2_198;
-        let t2_200 = t2_86 * d_q3;
-        let t2_201 = t2_85 * t2_195;
-        let t2_202 = (-t2_99).mul_add(t2_200, t2_201);
-        let t2_203 = like.lift(0.5) * t2_202;
-        let t2_204 = -t2_203;
-        let t2_205 = t2_136 + t2_141;
-        let t2_206 = t2_205 + t2_142;
-        let t2_207 = (-t2_200).mul_add(t2_204, t2_206);
-        let t2_208 = t2_194.mul_add(t2_199, t2_207);
-        let t2_209 = t2_89 * t2_200;
-        let t2_210 = (-t2_85).mul_add(t2_194, t2_209);
-        let t2_211 = like.lift(0.5) * t2_210;
-        let t2_212 = -t2_211;
-        let t2_213 = t2_163 - t2_164;
-        let t2_214 = t2_213 + t2_165;
-        let t2_215 = (-t2_195).mul_add(t2_199, t2_214);
-        let t2_216 = t2_200.mul_add(t2_212, t2_215);
-        let t2_217 = -t2_216;
-        let t2_218 = t2_195 * t2_204;
-        let t2_219 = t2_194 * t2_212;
-        let t2_220 = t2_182 + t2_185;
-        let t2_221 = t2_220 + t2_186;
-        let t2_222 = t2_221 - t2_218;
-        let t2_223 = t2_222 + t2_219;
-        let t2_224 = -t2_223;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_225 = t2_63 * inv_pivot_2;
+        let t2_94 = cos_q1 * d_q1;
+        let t2_95 = cos_q1 * d_s1_1;
+        let t2_96 = t2_2 * d_q1;
+        let t2_97 = sin_s1_1.mul_add(t2_95, t2_96);
+        let t2_98 = t2_2.mul_add(d_s1_2, t2_95);
+        let t2_99 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
+        let t2_100 = t2_11 * t2_99;
+        let t2_101 = e_s1_2_q1x.mul_add(t2_98, t2_100);
+        let t2_102 = d_s1_2 * t2_97;
+        let t2_103 = (-d_s1_3).mul_add(t2_101, t2_102);
+        let t2_104 = d_s1_1.mul_add(t2_94, t2_103);
+        let t2_105 = sin_q1 * d_q1;
+        let t2_106 = sin_q1 * d_s1_1;
+        let t2_107 = u_s1_1_p1y * d_q1;
+        let t2_108 = (-sin_s1_1).mul_add(t2_106, t2_107);
+        let t2_109 = (-u_s1_1_p1y).mul_add(d_s1_2, t2_106);
+        let t2_110 = e_s1_2_q1x * t2_109;
+        let t2_111 = u_s1_2_p1x.mul_add(t2_99, t2_110);
+        let t2_112 = d_s1_1 * t2_105;
+        let t2_113 = (-d_s1_3).mul_add(t2_111, t2_112);
+        let t2_114 = (-d_s1_2).mul_add(t2_108, t2_113);
+        let t2_115 = (-u_s1_2_p1x).mul_add(d_s1_3, t2_109);
+        let t2_116 = e_s1_2_q1x.mul_add(d_s1_3, t2_99);
+        let t2_117 = e_s1_3_q1y * t2_115;
+        let t2_118 = (-u_s1_3_p1y).mul_add(t2_116, t2_117);
+        let t2_119 = like.lift(0.2) * t2_118;
+        let t2_120 = -t2_119;
+        let t2_121 = (-t2_11).mul_add(d_s1_3, t2_98);
+        let t2_122 = t2_7 * t2_116;
+        let t2_123 = e_s1_3_q1y.mul_add(t2_121, t2_122);
+        let t2_124 = like.lift(0.2) * t2_123;
+        let t2_125 = u_s1_3_p1y * t2_114;
+        let t2_126 = (-t2_7).mul_add(t2_104, t2_125);
+        let t2_127 = t2_115 * t2_120;
+        let t2_128 = like.lift(-0.2).mul_add(t2_126, t2_127);
+        let t2_129 = (-t2_121).mul_add(t2_124, t2_128);
+        let t2_130 = t2_38 * t2_115;
+        let t2_131 = t2_48.mul_add(t2_116, t2_130);
+        let t2_132 = t2_32 * t2_116;
+        let t2_133 = t2_38.mul_add(t2_121, t2_132);
+        let t2_134 = d_q2 * d_q2;
+        let t2_135 = sin_q2 * t2_134;
+        let t2_136 = like.lift(-0.4330127018922193).mul_add(t2_135, t2_129);
+        let t2_137 = (-t2_48).mul_add(t2_114, t2_136);
+        let t2_138 = (-t2_32).mul_add(t2_104, t2_137);
+        let t2_139 = t2_121.mul_add(t2_133, t2_138);
+        let t2_140 = t2_115.mul_add(t2_131, t2_139);
+        let t2_141 = -t2_140;
+        let t2_142 = t2_11 * t2_109;
+        let t2_143 = (-u_s1_2_p1x).mul_add(t2_98, t2_142);
+        let t2_144 = d_s1_2 * cos_s1_1;
+        let t2_145 = t2_144 * d_s1_1;
+        let t2_146 = (-d_s1_3).mul_add(t2_143, t2_145);
+        let t2_147 = u_s1_3_p1y * t2_121;
+        let t2_148 = t2_7.mul_add(t2_115, t2_147);
+        let t2_149 = like.lift(0.2) * t2_148;
+        let t2_150 = like.lift(0.5) * d_q1;
+        let t2_151 = t2_7 * t2_146;
+        let t2_152 = e_s1_3_q1y.mul_add(t2_114, t2_151);
+        let t2_153 = t2_105 * t2_150;
+        let t2_154 = like.lift(0.2).mul_add(t2_152, t2_153);
+        let t2_155 = (-t2_116).mul_add(t2_120, t2_154);
+        let t2_156 = (-t2_121).mul_add(t2_149, t2_155);
+        let t2_157 = t2_32 * t2_115;
+        let t2_158 = (-t2_48).mul_add(t2_121, t2_157);
+        let t2_159 = like.lift(0.25).mul_add(t2_135, t2_156);
+        let t2_160 = (-t2_32).mul_add(t2_146, t2_159);
+        let t2_161 = (-t2_38).mul_add(t2_114, t2_160);
+        let t2_162 = (-t2_116).mul_add(t2_131, t2_161);
+        let t2_163 = t2_121.mul_add(t2_158, t2_162);
+        let t2_164 = e_s1_3_q1y * t2_104;
+        let t2_165 = u_s1_3_p1y.mul_add(t2_146, t2_164);
+        let t2_166 = t2_94 * t2_150;
+        let t2_167 = like.lift(0.2).mul_add(t2_165, t2_166);
+        let t2_168 = t2_115.mul_add(t2_149, t2_167);
+        let t2_169 = t2_116.mul_add(t2_124, t2_168);
+        let t2_170 = like.lift(0.5) * cos_q2;
+        let t2_171 = (-t2_170).mul_add(t2_134, t2_169);
+        let t2_172 = (-t2_38).mul_add(t2_104, t2_171);
+        let t2_173 = t2_48.mul_add(t2_146, t2_172);
+        let t2_174 = (-t2_115).mul_add(t2_158, t2_173);
+        let t2_175 = (-t2_116).mul_add(t2_133, t2_174);
+        let t2_176 = -t2_175;
+        let t2_177 = t2_74 * t2_115;
+        let t2_178 = t2_83.mul_add(t2_116, t2_177);
+        let t2_179 = t2_72 * t2_116;
+        let t2_180 = t2_74.mul_add(t2_121, t2_179);
+        let t2_181 = d_q3 * d_q3;
+        let t2_182 = sin_q3 * t2_181;
+        let t2_183 = like.lift(0.4330127018922193).mul_add(t2_182, t2_129);
+        let t2_184 = t2_83.mul_add(t2_114, t2_183);
+        let t2_185 = t2_72.mul_add(t2_104, t2_184);
+        let t2_186 = (-t2_121).mul_add(t2_180, t2_185);
+        let t2_187 = (-t2_115).mul_add(t2_178, t2_186);
+        let t2_188 = -t2_187;
+        let t2_189 = t2_72 * t2_115;
+        let t2_190 = (-t2_83).mul_add(t2_121, t2_189);
+        let t2_191 = like.lift(0.25).mul_add(t2_182, t2_156);
+        let t2_192 = t2_72.mul_add(t2_146, t2_191);
+        let t2_193 = t2_74.mul_add(t2_114, t2_192);
+        let t2_194 = t2_116.mul_add(t2_178, t2_193);
+        let t2_195 = (-t2_121).mul_add(t2_190, t2_194);
+        let t2_196 = like.lift(0.5) * cos_q3;
+        let t2_197 = (-t2_196).mul_add(t2_181, t2_169);
+        let t2_198 = t2_74.mul_add(t2_104, t2_197);
+        let t2_199 = (-t2_83).mul_add(t2_146, t2_198);
+        let t2_200 = t2_115.mul_add(t2_190, t2_199);
+        let t2_201 = t2_116.mul_add(t2_180, t2_200);
+        let t2_202 = -t2_201;
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_203 = like.lift(0.5773502691896257).mul_add(t2_140, t2_163);
+        let t2_204 = like.lift(-0.5773502691896257).mul_add(t2_24, t2_40);
+        let t2_205 = t2_73 * inv_pivot_3;
+        let t2_206 = (-t2_204).mul_add(t2_205, t2_76);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_64, t2_206);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_207 = (-t2_205).mul_add(t2_203, t2_195);
+        let t2_208 = like.lift(-0.5773502691896257).mul_add(t2_187, t2_207);
+        let t2_209 = like.lift(-0.5773502691896257).mul_add(t2_29, t2_44);
+        let t2_210 = (-t2_209).mul_add(t2_205, t2_80);
+        let t2_211 = like.lift(0.5773502691896257).mul_add(t2_69, t2_210);
+        let t2_212 = like.lift(1.0) / cos_q2;
+        let t2_213 = sin_q2 * t2_212;
+        let t2_214 = t2_50 * inv_pivot_3;
+        let t2_215 = like.lift(1.1547005383792515) * t2_213;
+        let t2_216 = (-t2_204).mul_add(t2_214, t2_51);
+        let t2_217 = t2_24.mul_add(t2_215, t2_216);
+        let t2_218 = t2_217 * inv_pivot_4;
+        let t2_219 = (-t2_211).mul_add(t2_218, t2_55);
+        let t2_220 = (-t2_209).mul_add(t2_214, t2_219);
+        let pivot_5 = t2_29.mul_add(t2_215, t2_220);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_221 = t2_218.mul_add(t2_208, t2_175);
+        let t2_222 = t2_214.mul_add(t2_203, t2_221);
+        let t2_223 = t2_140.mul_add(t2_215, t2_222);
+        let t2_224 = like.lift(0.5773502691896257).mul_add(t2_26, t2_42);
+        let t2_225 = (-t2_224).mul_add(t2_205, t2_78);
+        let t2_226 = like.lift(-0.5773502691896257).mul_add(t2_66, t2_225);
+        let t2_227 = (-t2_226).mul_add(t2_218, t2_53);
+        let t2_228 = (-t2_224).mul_add(t2_214, t2_227);
+        let t2_229 = (-t2_26).mul_add(t2_215, t2_228);
+        let t2_230 = like.lift(1.0) / cos_q3;
+        let t2_231 = sin_q3 * t2_230;
+        let t2_232 = t2_85 * inv_pivot_3;
+        let t2_233 = like.lift(1.1547005383792515) * t2_231;
+        let t2_234 = (-t2_204).mul_add(t2_232, t2_86);
+        let t2_235 = (-t2_64).mul_add(t2_233, t2_234);
         [
-            t2_1, t2_3, t2_6, e_s1_3_s1_1z, t2_7, t2_8, t2_9, e_s1_3_q1y, u_s1_3_p1y,
-            u_s1_3_p1z, t2_19, t2_33, pivot_2, t2_45, t2_46, t2_47, t2_48, u_s1_2_p1x, t2_52,
-            t2_64, t2_71, t2_72, e_s1_3_s1_1y, t2_76, t2_77, t2_81, t2_83, t2_87, t2_93, t2_94,
-            t2_95, t2_96, t2_97, t2_104, t2_107, t2_109, t2_110, t2_114, t2_115, t2_117,
-            w_s1_3x, t2_121, t2_122, t2_123, t2_124, t2_129, t2_130, t2_137, w_s1_3z, t2_139,
-            t2_140, t2_157, t2_158, t2_159, t2_160, t2_161, t2_162, t2_173, t2_174, t2_175,
-            t2_176, t2_180, t2_184, t2_187, t2_188, t2_192, t2_193, t2_208, t2_216, t2_217,
-            t2_218, t2_219, t2_224, inv_pivot_2, t2_225,
+            t2_1, t2_24, t2_26, t2_27, t2_29, t2_30, pivot_1, pivot_3, t2_40, t2_42, t2_45,
+            t2_46, t2_50, t2_51, t2_53, t2_56, t2_58, t2_64, t2_66, t2_67, t2_69, t2_70, t2_71,
+            t2_73, t2_76, t2_78, t2_81, t2_82, t2_85, t2_86, t2_88, t2_90, t2_91, t2_93,
+            t2_134, t2_140, t2_141, t2_163, t2_176, t2_181, t2_187, t2_188, t2_195, t2_201,
+            t2_202, inv_pivot_3, t2_203, t2_204, t2_205, pivot_4, inv_pivot_4, t2_208, t2_209,
+            t2_211, t2_212, t2_213, t2_214, t2_218, pivot_5, inv_pivot_5, t2_223, t2_224,
+            t2_226, t2_229, t2_230, t2_231, t2_232, t2_233, t2_235,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        pivot_3, inv_pivot_3, t3_2, t3_3, pivot_4, inv_pivot_4, t3_5, t3_6, t3_7, t3_10, t3_14,
-        inv_pivot_5, t3_25, t3_26, t3_28, t3_31, pivot_6, inv_pivot_6, t3_57, al_rod1x,
-        al_s1_1z, t3_58, t3_59, al_rod2x, al_rod3x,
+        t3_1, t3_5, pivot_6, inv_pivot_6, t3_27, t3_33, t3_35, al_rod1x, al_s1_1z, t3_36,
+        t3_37, al_rod2x, al_rod3x,
     ] = {
-        let pivot_3 = t2_6.mul_add(t2_225, t2_45);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_1 = (-t2_225).mul_add(t2_157, t2_173);
-        let t3_2 = (-t2_225).mul_add(t2_7, t2_46);
-        let t3_3 = t2_6 * inv_pivot_3;
-        let pivot_4 = t3_2.mul_add(t3_3, t2_7);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_4 = t3_3.mul_add(t3_1, t2_208);
-        let t3_5 = (-t2_225).mul_add(t2_8, t2_48);
-        let t3_6 = t3_5.mul_add(t3_3, t2_8);
-        let t3_7 = t2_81 * inv_pivot_2;
-        let t3_8 = t2_6 * t3_7;
-        let t3_9 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t3_8);
-        let t3_10 = t3_9 * inv_pivot_3;
-        let t3_11 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t3_12 = (-t3_2).mul_add(t3_10, t3_11);
-        let t3_13 = (-t3_7).mul_add(t2_7, t3_12);
-        let t3_14 = t3_13 * inv_pivot_4;
-        let t3_15 = t3_6 * t3_14;
-        let t3_16 = t3_5.mul_add(t3_10, t3_15);
-        let t3_17 = t3_7.mul_add(t2_8, t3_16);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t3_17);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_18 = (-t3_14).mul_add(t3_4, t2_188);
-        let t3_19 = (-t3_10).mul_add(t3_1, t3_18);
-        let t3_20 = (-t3_7).mul_add(t2_157, t3_19);
-        let t3_21 = t3_20 - t2_187;
-        let t3_22 = t3_21 + t2_219;
-        let t3_23 = like.lift(0.34641016151377546).mul_add(t2_184, t3_22);
-        let t3_24 = t3_23 - t2_218;
-        let t3_25 = t2_93.mul_add(t3_14, t2_114);
-        let t3_26 = t2_95 * inv_pivot_3;
-        let t3_27 = t3_2.mul_add(t3_26, t2_46);
-        let t3_28 = t3_27 * inv_pivot_4;
-        let t3_29 = (-t3_6).mul_add(t3_28, t2_48);
-        let t3_30 = t3_5.mul_add(t3_26, t3_29);
-        let t3_31 = t3_30 * inv_pivot_5;
-        let t3_32 = t3_25.mul_add(t3_31, t2_104);
-        let pivot_6 = t2_93.mul_add(t3_28, t3_32);
+        let t3_1 = t2_235 * inv_pivot_4;
+        let t3_2 = (-t2_211).mul_add(t3_1, t2_90);
+        let t3_3 = (-t2_209).mul_add(t2_232, t3_2);
+        let t3_4 = (-t2_69).mul_add(t2_233, t3_3);
+        let t3_5 = t3_4 * inv_pivot_5;
+        let t3_6 = (-t2_229).mul_add(t3_5, t2_88);
+        let t3_7 = (-t2_226).mul_add(t3_1, t3_6);
+        let t3_8 = (-t2_224).mul_add(t2_232, t3_7);
+        let pivot_6 = t2_66.mul_add(t2_233, t3_8);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_33 = (-t3_31).mul_add(t3_24, t2_216);
-        let t3_34 = t3_28.mul_add(t3_4, t3_33);
-        let t3_35 = (-t3_26).mul_add(t3_1, t3_34);
-        let t3_36 = inv_pivot_6 * t3_35;
-        let t3_37 = t3_25.mul_add(t3_36, t3_24);
-        let t3_38 = inv_pivot_5 * t3_37;
-        let t3_39 = (-t2_93).mul_add(t3_36, t3_4);
-        let t3_40 = t3_6.mul_add(t3_38, t3_39);
-        let t3_41 = inv_pivot_4 * t3_40;
-        let t3_42 = t3_5.mul_add(t3_38, t3_1);
-        let t3_43 = (-t3_2).mul_add(t3_41, t3_42);
-        let t3_44 = inv_pivot_3 * t3_43;
-        let t3_45 = -t3_44;
-        let t3_46 = sin_s1_3 * t3_38;
-        let t3_47 = (-e_s1_3_s1_1z).mul_add(t3_41, t3_46);
-        let t3_48 = like.lift(0.3).mul_add(t3_47, t2_157);
-        let t3_49 = t2_6.mul_add(t3_44, t3_48);
-        let t3_50 = inv_pivot_2 * t3_49;
-        let t3_51 = t3_38.mul_add(t2_77, t2_192);
-        let t3_52 = t2_76.mul_add(t3_41, t3_51);
-        let t3_53 = t2_71.mul_add(t3_44, t3_52);
-        let t3_54 = t2_81.mul_add(t3_50, t3_53);
-        let t3_55 = like.lift(3.3333333333333335) * t3_54;
-        let t3_56 = -t3_36;
-        let t3_57 = -pivot_5;
+        let t3_9 = (-t3_5).mul_add(t2_223, t2_201);
+        let t3_10 = t3_1.mul_add(t2_208, t3_9);
+        let t3_11 = t2_232.mul_add(t2_203, t3_10);
+        let t3_12 = (-t2_187).mul_add(t2_233, t3_11);
+        let t3_13 = inv_pivot_6 * t3_12;
+        let t3_14 = (-t2_229).mul_add(t3_13, t2_223);
+        let t3_15 = inv_pivot_5 * t3_14;
+        let t3_16 = t2_226.mul_add(t3_13, t2_208);
+        let t3_17 = t2_211.mul_add(t3_15, t3_16);
+        let t3_18 = inv_pivot_4 * t3_17;
+        let t3_19 = t2_224.mul_add(t3_13, t2_203);
+        let t3_20 = t2_209.mul_add(t3_15, t3_19);
+        let t3_21 = (-t2_204).mul_add(t3_18, t3_20);
+        let t3_22 = inv_pivot_3 * t3_21;
+        let t3_23 = -t3_13;
+        let t3_24 = t2_26.mul_add(t3_13, t2_140);
+        let t3_25 = (-t2_29).mul_add(t3_15, t3_24);
+        let t3_26 = t2_24.mul_add(t3_18, t3_25);
+        let t3_27 = like.lift(2.309401076758503) * t2_212;
+        let t3_28 = t3_26 * t3_27;
+        let t3_29 = -t3_28;
+        let t3_30 = t2_66.mul_add(t3_13, t2_187);
+        let t3_31 = (-t2_69).mul_add(t3_15, t3_30);
+        let t3_32 = t2_64.mul_add(t3_18, t3_31);
+        let t3_33 = like.lift(2.309401076758503) * t2_230;
+        let t3_34 = t3_32 * t3_33;
+        let t3_35 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_57 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
-        let ([[al_rod1x], [al_s1_1z], [t3_58], [t3_59], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
-            [[t3_45], [t3_41], [t3_38], [t3_55], [t3_50], [t3_56]],
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_71 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_35 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
+        let ([[al_rod1x], [al_s1_1z], [t3_36], [t3_37], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
+            [[t3_22], [t3_18], [t3_23], [t3_15], [t3_29], [t3_34]],
             margin,
             || (
                 [
-                    [t2_6, t2_7, t2_9, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_45, t2_47, t2_48, like.lift(0.0), t2_64, like.lift(0.0)],
-                    [t2_72, t2_76, t2_77, like.lift(-0.3), t2_81, like.lift(0.0)],
-                    [t2_6, t2_7, t2_9, like.lift(0.0), like.lift(0.0), t2_94],
-                    [t2_95, t2_46, t2_96, like.lift(0.0), like.lift(0.0), t2_104],
-                    [t2_107, t2_109, t2_110, like.lift(-0.3), like.lift(0.0), t2_115],
+                    [like.lift(0.0), t2_24, t2_27, t2_30, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_40, t2_42, t2_45, t2_46, like.lift(0.0)],
+                    [t2_50, t2_51, t2_53, t2_56, t2_58, like.lift(0.0)],
+                    [like.lift(0.0), t2_64, t2_67, t2_70, like.lift(0.0), t2_71],
+                    [t2_73, t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
+                    [t2_85, t2_86, t2_88, t2_91, like.lift(0.0), t2_93],
                 ],
-                [[t2_157], [t2_174], [t2_193], [t2_208], [t2_217], [t2_224]],
+                [[t2_141], [t2_163], [t2_176], [t2_188], [t2_195], [t2_202]],
             ),
         );
         condition = condition.min(found);
         [
-            pivot_3, inv_pivot_3, t3_2, t3_3, pivot_4, inv_pivot_4, t3_5, t3_6, t3_7, t3_10,
-            t3_14, inv_pivot_5, t3_25, t3_26, t3_28, t3_31, pivot_6, inv_pivot_6, t3_57,
-            al_rod1x, al_s1_1z, t3_58, t3_59, al_rod2x, al_rod3x,
+            t3_1, t3_5, pivot_6, inv_pivot_6, t3_27, t3_33, t3_35, al_rod1x, al_s1_1z, t3_36,
+            t3_37, al_rod2x, al_rod3x,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_50, t4_54, t4_79, t4_91, t4_95, t4_99, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+        t4_68, t4_72, t4_97, t4_109, t4_113, t4_117, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
         x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3,
         x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
-        let t4_1 = cos_s1_1 * al_rod1x;
-        let t4_2 = sin_s1_1 * al_rod1x;
-        let t4_3 = sin_s1_2.mul_add(t4_2, t2_158);
-        let a_s1_2z = like.lift(0.5) * t4_3;
-        let t4_4 = sin_s1_3.mul_add(a_s1_2z, t2_161);
-        let a_platformy = t4_1.mul_add(t2_180, t4_4);
-        let t4_5 = t2_123 + t2_123;
-        let t4_6 = t4_5 - t4_1;
-        let t4_7 = t2_124 + al_s1_1z;
-        let t4_8 = t2_122 + t2_122;
-        let t4_9 = (-cos_s1_2).mul_add(t4_7, t4_8);
-        let t4_10 = sin_s1_2.mul_add(t4_6, t4_9);
-        let t4_11 = t2_130 + t3_58;
-        let t4_12 = t4_11 - t2_129;
-        let t4_13 = t4_12 - t4_2;
-        let t4_14 = sin_s1_3 * t4_13;
-        let t4_15 = cos_s1_3.mul_add(t4_10, t4_14);
-        let t4_16 = t3_59 - t2_175;
-        let t4_17 = (-sin_s1_2).mul_add(t4_7, t4_16);
-        let al_s1_3x = (-cos_s1_2).mul_add(t4_6, t4_17);
-        let t4_18 = t2_176 + al_s1_3x;
-        let t4_19 = p_m_platform * a_platformy;
-        let t4_20 = p_mz_platform.mul_add(t4_18, t4_19);
-        let t4_21 = p_mx_platform.mul_add(t4_15, t4_20);
-        let t4_22 = t2_160.mul_add(p_my_platform, t4_21);
-        let t4_23 = t2_176 - al_s1_3x;
-        let t4_24 = t4_1 * t2_162;
-        let t4_25 = like.lift(-0.2).mul_add(t4_23, t4_24);
-        let a_platformz = (-cos_s1_3).mul_add(a_s1_2z, t4_25);
-        let t4_26 = t2_159 + t2_137;
-        let t4_27 = sin_s1_3 * t4_10;
-        let t4_28 = (-cos_s1_3).mul_add(t4_13, t4_27);
-        let t4_29 = p_m_platform * a_platformz;
-        let t4_30 = (-t4_26).mul_add(p_mz_platform, t4_29);
-        let t4_31 = (-p_my_platform).mul_add(t4_23, t4_30);
-        let t4_32 = p_mx_platform.mul_add(t4_28, t4_31);
-        let t4_33 = sin_s1_3 * t4_22;
-        let t4_34 = (-cos_s1_3).mul_add(t4_32, t4_33);
-        let al_s1_3z = t2_121 + t4_15;
-        let t4_35 = t2_121 + al_s1_3z;
-        let t4_36 = like.lift(0.2).mul_add(t4_35, t2_117);
-        let a_platformx = (-t4_2).mul_add(t2_3, t4_36);
-        let t4_37 = w_s1_3z * w_s1_3x;
-        let al_s1_3y = t4_37 + t4_28;
-        let t4_38 = t4_37 + al_s1_3y;
-        let t4_39 = p_m_platform * a_platformx;
-        let t4_40 = (-p_mz_platform).mul_add(t4_38, t4_39);
-        let t4_41 = p_my_platform.mul_add(t4_35, t4_40);
-        let t4_42 = (-t2_140).mul_add(p_mx_platform, t4_41);
-        let t4_43 = sin_s1_2 * t4_34;
-        let t4_44 = (-cos_s1_2).mul_add(t4_42, t4_43);
-        let t4_45 = sin_s1_3 * t4_32;
-        let t4_46 = cos_s1_3.mul_add(t4_22, t4_45);
-        let t4_47 = cos_s1_1 * t4_46;
-        let t4_48 = sin_s1_1.mul_add(t4_44, t4_47);
-        let t4_49 = p_mz_rod1.mul_add(al_rod1x, t4_48);
-        let t4_50 = t2_1.mul_add(p_my_rod1, t4_49);
-        let t4_51 = t2_1 * p_mz_rod1;
-        let t4_52 = (-p_my_rod1).mul_add(al_rod1x, t4_51);
-        let t4_53 = sin_s1_2.mul_add(t4_42, t4_52);
-        let t4_54 = cos_s1_2.mul_add(t4_34, t4_53);
-        let t4_55 = p_ixx_platform - p_izz_platform;
-        let t4_56 = t2_159 - t2_139;
-        let t4_57 = t2_176 - al_s1_3x;
-        let t4_58 = t2_121 + al_s1_3z;
-        let t4_59 = p_iyz_platform * t4_58;
-        let t4_60 = p_ixy_platform.mul_add(t4_57, t4_59);
-        let t4_61 = t4_56.mul_add(p_ixz_platform, t4_60);
-        let t4_62 = t4_37.mul_add(t4_55, t4_61);
-        let t4_63 = p_iyy_platform.mul_add(al_s1_3y, t4_62);
-        let t4_64 = p_mx_platform.mul_add(a_platformz, t4_63);
-        let t4_65 = (-p_mz_platform).mul_add(a_platformx, t4_64);
-        let t4_66 = p_ixx_platform - p_iyy_platform;
-        let t4_67 = t2_159 - t2_137;
-        let t4_68 = t2_176 + al_s1_3x;
-        let t4_69 = t4_37 + al_s1_3y;
-        let t4_70 = p_ixz_platform * t4_68;
-        let t4_71 = like.lift(-0.2).mul_add(t4_42, t4_70);
-        let t4_72 = (-p_iyz_platform).mul_add(t4_69, t4_71);
-        let t4_73 = t4_67.mul_add(p_ixy_platform, t4_72);
-        let t4_74 = (-t2_121).mul_add(t4_66, t4_73);
-        let t4_75 = (-p_izz_platform).mul_add(al_s1_3z, t4_74);
-        let t4_76 = (-p_my_platform).mul_add(a_platformx, t4_75);
-        let t4_77 = (-p_mx_platform).mul_add(a_platformy, t4_76);
-        let t4_78 = sin_s1_3 * t4_65;
-        let t4_79 = (-cos_s1_3).mul_add(t4_77, t4_78);
-        let t4_80 = p_iyy_platform - p_izz_platform;
-        let t4_81 = t2_137 - t2_139;
-        let t4_82 = t4_37 - al_s1_3y;
-        let t4_83 = t2_121 - al_s1_3z;
-        let t4_84 = like.lift(0.2) * t4_32;
-        let t4_85 = p_ixy_platform.mul_add(t4_82, t4_84);
-        let t4_86 = p_ixz_platform.mul_add(t4_83, t4_85);
-        let t4_87 = t4_81.mul_add(p_iyz_platform, t4_86);
-        let t4_88 = t2_176.mul_add(t4_80, t4_87);
-        let t4_89 = p_ixx_platform.mul_add(al_s1_3x, t4_88);
-        let t4_90 = p_mz_platform.mul_add(a_platformy, t4_89);
-        let t4_91 = p_my_platform.mul_add(a_platformz, t4_90);
-        let t4_92 = sin_s1_2 * t4_79;
-        let t4_93 = (-cos_s1_2).mul_add(t4_91, t4_92);
-        let t4_94 = sin_s1_3 * t4_77;
-        let t4_95 = cos_s1_3.mul_add(t4_65, t4_94);
-        let t4_96 = p_ixx_rod1 * al_rod1x;
-        let t4_97 = like.lift(0.5).mul_add(t4_48, t4_96);
-        let t4_98 = sin_s1_1.mul_add(t4_95, t4_97);
-        let t4_99 = (-cos_s1_1).mul_add(t4_93, t4_98);
-        let t4_100 = -u_s1_2_p1x;
-        let t4_101 = -t2_52;
-        let t4_102 = -u_s1_3_p1y;
-        let t4_103 = -t2_19;
-        let t4_104 = -t2_87;
-        let t4_105 = u_s1_2_p1x.mul_add(t2_225, u_s1_3_p1y);
-        let t4_106 = (-t4_105).mul_add(t3_3, u_s1_2_p1x);
-        let t4_107 = t4_106 * t3_14;
-        let t4_108 = (-t4_105).mul_add(t3_10, t4_107);
-        let t4_109 = u_s1_2_p1x.mul_add(t3_7, t4_108);
-        let t4_110 = (-t4_109).mul_add(t3_31, u_s1_3_p1y);
-        let t4_111 = (-t4_106).mul_add(t3_28, t4_110);
-        let t4_112 = (-t4_105).mul_add(t3_26, t4_111);
-        let t4_113 = t4_112 * inv_pivot_6;
-        let t4_114 = t3_25.mul_add(t4_113, t4_109);
-        let t4_115 = inv_pivot_5 * t4_114;
-        let t4_116 = t2_93.mul_add(t4_113, t4_106);
-        let t4_117 = (-t3_6).mul_add(t4_115, t4_116);
-        let t4_118 = inv_pivot_4 * t4_117;
-        let t4_119 = t3_5.mul_add(t4_115, t4_105);
-        let t4_120 = t3_2.mul_add(t4_118, t4_119);
-        let t4_121 = inv_pivot_3 * t4_120;
-        let t4_122 = -t4_121;
-        let t4_123 = (-t2_52).mul_add(t2_225, t2_33);
-        let t4_124 = t4_123 * t3_3;
-        let t4_125 = (-t4_124).mul_add(t3_14, t2_19);
-        let t4_126 = (-t4_123).mul_add(t3_10, t4_125);
-        let t4_127 = (-t2_52).mul_add(t3_7, t4_126);
-        let t4_128 = t4_127 * t3_31;
-        let t4_129 = (-t4_124).mul_add(t3_28, t4_128);
-        let t4_130 = t4_123.mul_add(t3_26, t4_129);
-        let t4_131 = t4_130 * inv_pivot_6;
-        let t4_132 = (-t3_25).mul_add(t4_131, t4_127);
-        let t4_133 = inv_pivot_5 * t4_132;
-        let t4_134 = t2_93.mul_add(t4_131, t4_124);
-        let t4_135 = t3_6.mul_add(t4_133, t4_134);
-        let t4_136 = inv_pivot_4 * t4_135;
-        let t4_137 = t3_5.mul_add(t4_133, t4_123);
-        let t4_138 = (-t3_2).mul_add(t4_136, t4_137);
-        let t4_139 = inv_pivot_3 * t4_138;
-        let t4_140 = t2_97.mul_add(t3_14, t2_83);
-        let t4_141 = t4_140.mul_add(t3_31, t2_87);
-        let t4_142 = t2_97.mul_add(t3_28, t4_141);
-        let t4_143 = t4_142 * inv_pivot_6;
-        let t4_144 = (-t3_25).mul_add(t4_143, t4_140);
-        let t4_145 = inv_pivot_5 * t4_144;
-        let t4_146 = (-t2_93).mul_add(t4_143, t2_97);
-        let t4_147 = (-t3_6).mul_add(t4_145, t4_146);
-        let t4_148 = inv_pivot_4 * t4_147;
-        let t4_149 = t3_5 * t4_145;
-        let t4_150 = t3_2.mul_add(t4_148, t4_149);
-        let t4_151 = inv_pivot_3 * t4_150;
-        let t4_152 = -t4_118;
-        let t4_153 = -t4_136;
-        let t4_154 = -t4_133;
-        let t4_155 = -t4_145;
-        let t4_156 = sin_s1_3 * t4_115;
-        let t4_157 = e_s1_3_s1_1z.mul_add(t4_118, t4_156);
-        let t4_158 = like.lift(-0.3).mul_add(t4_157, u_s1_2_p1x);
-        let t4_159 = (-t2_6).mul_add(t4_121, t4_158);
-        let t4_160 = inv_pivot_2 * t4_159;
-        let t4_161 = (-t4_115).mul_add(t2_77, u_s1_3_p1z);
-        let t4_162 = t2_76.mul_add(t4_118, t4_161);
-        let t4_163 = (-t2_71).mul_add(t4_121, t4_162);
-        let t4_164 = t2_81.mul_add(t4_160, t4_163);
-        let t4_165 = like.lift(3.3333333333333335) * t4_164;
-        let t4_166 = -t4_165;
-        let t4_167 = sin_s1_3 * t4_133;
-        let t4_168 = (-e_s1_3_s1_1z).mul_add(t4_136, t4_167);
-        let t4_169 = like.lift(0.3).mul_add(t4_168, t2_52);
-        let t4_170 = t2_6.mul_add(t4_139, t4_169);
-        let t4_171 = inv_pivot_2 * t4_170;
-        let t4_172 = (-t4_133).mul_add(t2_77, t2_19);
-        let t4_173 = (-t2_76).mul_add(t4_136, t4_172);
-        let t4_174 = (-t2_71).mul_add(t4_139, t4_173);
-        let t4_175 = (-t2_81).mul_add(t4_171, t4_174);
-        let t4_176 = like.lift(3.3333333333333335) * t4_175;
-        let t4_177 = sin_s1_3 * t4_145;
-        let t4_178 = e_s1_3_s1_1z.mul_add(t4_148, t4_177);
-        let t4_179 = like.lift(0.3) * t4_178;
-        let t4_180 = t2_6.mul_add(t4_151, t4_179);
-        let t4_181 = inv_pivot_2 * t4_180;
-        let t4_182 = t4_145 * t2_77;
-        let t4_183 = (-t2_76).mul_add(t4_148, t4_182);
-        let t4_184 = t2_71.mul_add(t4_151, t4_183);
-        let t4_185 = t2_81.mul_add(t4_181, t4_184);
-        let t4_186 = like.lift(3.3333333333333335) * t4_185;
-        let t4_187 = -t4_186;
-        let t4_188 = -t4_160;
-        let t4_189 = -t4_171;
-        let t4_190 = -t4_181;
-        let t4_191 = -t4_113;
-        let t4_192 = -t4_131;
-        let t4_193 = -t4_143;
+        let w_s1_1x = cos_s1_1 * d_q1;
+        let t4_1 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_1);
+        let w_s1_3x = d_s1_3 - w_s1_2x;
+        let t4_2 = w_s1_3x * w_s1_3x;
+        let w_s1_1y = sin_s1_1 * d_q1;
+        let w_s1_2y = d_s1_2 - w_s1_1y;
+        let t4_3 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_3);
+        let t4_4 = sin_s1_3 * w_s1_2y;
+        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_4);
+        let t4_5 = w_s1_3z * w_s1_3z;
+        let t4_6 = t4_2 + t4_5;
+        let t4_7 = cos_s1_1 * al_rod1x;
+        let t4_8 = sin_s1_1 * al_rod1x;
+        let t4_9 = sin_s1_2 * t4_8;
+        let t4_10 = cos_s1_2.mul_add(t2_1, t4_9);
+        let a_s1_2z = like.lift(0.5) * t4_10;
+        let t4_11 = like.lift(0.5) * t4_7;
+        let t4_12 = like.lift(0.2) * t4_6;
+        let t4_13 = sin_s1_3.mul_add(a_s1_2z, t4_12);
+        let a_platformy = cos_s1_3.mul_add(t4_11, t4_13);
+        let t4_14 = w_s1_2x * w_s1_2y;
+        let t4_15 = d_s1_1 * w_s1_1y;
+        let t4_16 = t4_15 + t4_15;
+        let t4_17 = t4_16 - t4_7;
+        let t4_18 = w_s1_1x.mul_add(w_s1_1y, al_s1_1z);
+        let t4_19 = t4_14 + t4_14;
+        let t4_20 = (-cos_s1_2).mul_add(t4_18, t4_19);
+        let t4_21 = sin_s1_2.mul_add(t4_17, t4_20);
+        let t4_22 = w_s1_2z.mul_add(w_s1_2x, t3_36);
+        let t4_23 = (-d_s1_1).mul_add(w_s1_1x, t4_22);
+        let t4_24 = t4_23 - t4_8;
+        let t4_25 = sin_s1_3 * t4_24;
+        let t4_26 = cos_s1_3.mul_add(t4_21, t4_25);
+        let t4_27 = sin_s1_3 * w_s1_2z;
+        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t4_27);
+        let t4_28 = w_s1_3y * w_s1_3z;
+        let t4_29 = (-w_s1_2z).mul_add(w_s1_2y, t3_37);
+        let t4_30 = (-sin_s1_2).mul_add(t4_18, t4_29);
+        let al_s1_3x = (-cos_s1_2).mul_add(t4_17, t4_30);
+        let t4_31 = t4_28 + al_s1_3x;
+        let t4_32 = p_m_platform * a_platformy;
+        let t4_33 = p_mz_platform.mul_add(t4_31, t4_32);
+        let t4_34 = p_mx_platform.mul_add(t4_26, t4_33);
+        let t4_35 = t4_6.mul_add(p_my_platform, t4_34);
+        let t4_36 = t4_28 - al_s1_3x;
+        let t4_37 = sin_s1_3 * t4_11;
+        let t4_38 = like.lift(-0.2).mul_add(t4_36, t4_37);
+        let a_platformz = (-cos_s1_3).mul_add(a_s1_2z, t4_38);
+        let t4_39 = w_s1_3y * w_s1_3y;
+        let t4_40 = t4_2 + t4_39;
+        let t4_41 = sin_s1_3 * t4_21;
+        let t4_42 = (-cos_s1_3).mul_add(t4_24, t4_41);
+        let t4_43 = p_m_platform * a_platformz;
+        let t4_44 = (-t4_40).mul_add(p_mz_platform, t4_43);
+        let t4_45 = (-p_my_platform).mul_add(t4_36, t4_44);
+        let t4_46 = p_mx_platform.mul_add(t4_42, t4_45);
+        let t4_47 = sin_s1_3 * t4_35;
+        let t4_48 = (-cos_s1_3).mul_add(t4_46, t4_47);
+        let t4_49 = w_s1_3y * w_s1_3x;
+        let al_s1_3z = t4_49 + t4_26;
+        let t4_50 = t4_49 + al_s1_3z;
+        let t4_51 = cos_s1_2 * t4_8;
+        let t4_52 = (-sin_s1_2).mul_add(t2_1, t4_51);
+        let t4_53 = like.lift(0.2) * t4_50;
+        let a_platformx = like.lift(-0.5).mul_add(t4_52, t4_53);
+        let t4_54 = t4_39 + t4_5;
+        let t4_55 = w_s1_3z * w_s1_3x;
+        let al_s1_3y = t4_55 + t4_42;
+        let t4_56 = t4_55 + al_s1_3y;
+        let t4_57 = p_m_platform * a_platformx;
+        let t4_58 = (-p_mz_platform).mul_add(t4_56, t4_57);
+        let t4_59 = p_my_platform.mul_add(t4_50, t4_58);
+        let t4_60 = (-t4_54).mul_add(p_mx_platform, t4_59);
+        let t4_61 = sin_s1_2 * t4_48;
+        let t4_62 = (-cos_s1_2).mul_add(t4_60, t4_61);
+        let t4_63 = sin_s1_3 * t4_46;
+        let t4_64 = cos_s1_3.mul_add(t4_35, t4_63);
+        let t4_65 = cos_s1_1 * t4_64;
+        let t4_66 = sin_s1_1.mul_add(t4_62, t4_65);
+        let t4_67 = p_mz_rod1.mul_add(al_rod1x, t4_66);
+        let t4_68 = t2_1.mul_add(p_my_rod1, t4_67);
+        let t4_69 = t2_1 * p_mz_rod1;
+        let t4_70 = (-p_my_rod1).mul_add(al_rod1x, t4_69);
+        let t4_71 = sin_s1_2.mul_add(t4_60, t4_70);
+        let t4_72 = cos_s1_2.mul_add(t4_48, t4_71);
+        let t4_73 = p_ixx_platform - p_izz_platform;
+        let t4_74 = t4_2 - t4_5;
+        let t4_75 = t4_28 - al_s1_3x;
+        let t4_76 = t4_49 + al_s1_3z;
+        let t4_77 = p_iyz_platform * t4_76;
+        let t4_78 = p_ixy_platform.mul_add(t4_75, t4_77);
+        let t4_79 = t4_74.mul_add(p_ixz_platform, t4_78);
+        let t4_80 = t4_55.mul_add(t4_73, t4_79);
+        let t4_81 = p_iyy_platform.mul_add(al_s1_3y, t4_80);
+        let t4_82 = p_mx_platform.mul_add(a_platformz, t4_81);
+        let t4_83 = (-p_mz_platform).mul_add(a_platformx, t4_82);
+        let t4_84 = p_ixx_platform - p_iyy_platform;
+        let t4_85 = t4_2 - t4_39;
+        let t4_86 = t4_28 + al_s1_3x;
+        let t4_87 = t4_55 + al_s1_3y;
+        let t4_88 = p_ixz_platform * t4_86;
+        let t4_89 = like.lift(-0.2).mul_add(t4_60, t4_88);
+        let t4_90 = (-p_iyz_platform).mul_add(t4_87, t4_89);
+        let t4_91 = t4_85.mul_add(p_ixy_platform, t4_90);
+        let t4_92 = (-t4_49).mul_add(t4_84, t4_91);
+        let t4_93 = (-p_izz_platform).mul_add(al_s1_3z, t4_92);
+        let t4_94 = (-p_my_platform).mul_add(a_platformx, t4_93);
+        let t4_95 = (-p_mx_platform).mul_add(a_platformy, t4_94);
+        let t4_96 = sin_s1_3 * t4_83;
+        let t4_97 = (-cos_s1_3).mul_add(t4_95, t4_96);
+        let t4_98 = p_iyy_platform - p_izz_platform;
+        let t4_99 = t4_39 - t4_5;
+        let t4_100 = t4_55 - al_s1_3y;
+        let t4_101 = t4_49 - al_s1_3z;
+        let t4_102 = like.lift(0.2) * t4_46;
+        let t4_103 = p_ixy_platform.mul_add(t4_100, t4_102);
+        let t4_104 = p_ixz_platform.mul_add(t4_101, t4_103);
+        let t4_105 = t4_99.mul_add(p_iyz_platform, t4_104);
+        let t4_106 = t4_28.mul_add(t4_98, t4_105);
+        let t4_107 = p_ixx_platform.mul_add(al_s1_3x, t4_106);
+        let t4_108 = p_mz_platform.mul_add(a_platformy, t4_107);
+        let t4_109 = p_my_platform.mul_add(a_platformz, t4_108);
+        let t4_110 = sin_s1_2 * t4_97;
+        let t4_111 = (-cos_s1_2).mul_add(t4_109, t4_110);
+        let t4_112 = sin_s1_3 * t4_95;
+        let t4_113 = cos_s1_3.mul_add(t4_83, t4_112);
+        let t4_114 = p_ixx_rod1 * al_rod1x;
+        let t4_115 = like.lift(0.5).mul_add(t4_66, t4_114);
+        let t4_116 = sin_s1_1.mul_add(t4_113, t4_115);
+        let t4_117 = (-cos_s1_1).mul_add(t4_111, t4_116);
+        let t4_118 = like.lift(1.0) - t2_205;
+        let t4_119 = t4_118.mul_add(t2_218, t2_214);
+        let t4_120 = (-t4_119).mul_add(t3_5, t2_232);
+        let t4_121 = t4_118.mul_add(t3_1, t4_120);
+        let t4_122 = t4_121 * inv_pivot_6;
+        let t4_123 = (-t2_229).mul_add(t4_122, t4_119);
+        let t4_124 = inv_pivot_5 * t4_123;
+        let t4_125 = t2_226.mul_add(t4_122, t4_118);
+        let t4_126 = t2_211.mul_add(t4_124, t4_125);
+        let t4_127 = inv_pivot_4 * t4_126;
+        let t4_128 = t2_224.mul_add(t4_122, like.lift(1.0));
+        let t4_129 = t2_209.mul_add(t4_124, t4_128);
+        let t4_130 = (-t2_204).mul_add(t4_127, t4_129);
+        let t4_131 = inv_pivot_3 * t4_130;
+        let t4_132 = -t4_131;
+        let t4_133 = t2_213 * t3_5;
+        let t4_134 = t4_133 * inv_pivot_6;
+        let t4_135 = t2_229.mul_add(t4_134, t2_213);
+        let t4_136 = inv_pivot_5 * t4_135;
+        let t4_137 = t2_211 * t4_136;
+        let t4_138 = (-t2_226).mul_add(t4_134, t4_137);
+        let t4_139 = inv_pivot_4 * t4_138;
+        let t4_140 = t2_224 * t4_134;
+        let t4_141 = (-t2_209).mul_add(t4_136, t4_140);
+        let t4_142 = t2_204.mul_add(t4_139, t4_141);
+        let t4_143 = inv_pivot_3 * t4_142;
+        let t4_144 = -t4_143;
+        let t4_145 = t2_231 * inv_pivot_6;
+        let t4_146 = inv_pivot_5 * t2_229;
+        let t4_147 = t4_146 * t4_145;
+        let t4_148 = t2_211 * t4_147;
+        let t4_149 = (-t2_226).mul_add(t4_145, t4_148);
+        let t4_150 = inv_pivot_4 * t4_149;
+        let t4_151 = t2_224 * t4_145;
+        let t4_152 = (-t2_209).mul_add(t4_147, t4_151);
+        let t4_153 = t2_204.mul_add(t4_150, t4_152);
+        let t4_154 = inv_pivot_3 * t4_153;
+        let t4_155 = -t4_127;
+        let t4_156 = -t4_150;
+        let t4_157 = -t4_145;
+        let t4_158 = -t4_124;
+        let t4_159 = -t4_147;
+        let t4_160 = t2_26 * t4_122;
+        let t4_161 = (-t2_29).mul_add(t4_124, t4_160);
+        let t4_162 = t2_24.mul_add(t4_127, t4_161);
+        let t4_163 = t4_162 * t3_27;
+        let t4_164 = (-t2_26).mul_add(t4_134, like.lift(0.8660254037844386));
+        let t4_165 = (-t2_29).mul_add(t4_136, t4_164);
+        let t4_166 = t2_24.mul_add(t4_139, t4_165);
+        let t4_167 = t4_166 * t3_27;
+        let t4_168 = -t4_167;
+        let t4_169 = t2_24 * t4_150;
+        let t4_170 = (-t2_26).mul_add(t4_145, t4_169);
+        let t4_171 = (-t2_29).mul_add(t4_147, t4_170);
+        let t4_172 = t4_171 * t3_27;
+        let t4_173 = t2_66 * t4_122;
+        let t4_174 = (-t2_69).mul_add(t4_124, t4_173);
+        let t4_175 = t2_64.mul_add(t4_127, t4_174);
+        let t4_176 = t4_175 * t3_33;
+        let t4_177 = -t4_176;
+        let t4_178 = t2_64 * t4_139;
+        let t4_179 = (-t2_66).mul_add(t4_134, t4_178);
+        let t4_180 = (-t2_69).mul_add(t4_136, t4_179);
+        let t4_181 = t4_180 * t3_33;
+        let t4_182 = (-t2_66).mul_add(t4_145, like.lift(0.8660254037844386));
+        let t4_183 = (-t2_69).mul_add(t4_147, t4_182);
+        let t4_184 = t2_64.mul_add(t4_150, t4_183);
+        let t4_185 = t4_184 * t3_33;
+        let t4_186 = -t4_185;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_57 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_71 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_35 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_122, t4_139, t4_151], [t4_152, t4_153, t4_148], [t4_115, t4_154, t4_155],
-                [t4_166, t4_176, t4_187], [t4_188, t4_189, t4_190], [t4_191, t4_192, t4_193],
+                [t4_132, t4_144, t4_154], [t4_155, t4_139, t4_156], [t4_122, t4_134, t4_157],
+                [t4_158, t4_136, t4_159], [t4_163, t4_168, t4_172], [t4_177, t4_181, t4_186],
             ],
             margin,
             || (
                 [
-                    [t2_6, t2_7, t2_9, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_45, t2_47, t2_48, like.lift(0.0), t2_64, like.lift(0.0)],
-                    [t2_72, t2_76, t2_77, like.lift(-0.3), t2_81, like.lift(0.0)],
-                    [t2_6, t2_7, t2_9, like.lift(0.0), like.lift(0.0), t2_94],
-                    [t2_95, t2_46, t2_96, like.lift(0.0), like.lift(0.0), t2_104],
-                    [t2_107, t2_109, t2_110, like.lift(-0.3), like.lift(0.0), t2_115],
+                    [like.lift(0.0), t2_24, t2_27, t2_30, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_40, t2_42, t2_45, t2_46, like.lift(0.0)],
+                    [t2_50, t2_51, t2_53, t2_56, t2_58, like.lift(0.0)],
+                    [like.lift(0.0), t2_64, t2_67, t2_70, like.lift(0.0), t2_71],
+                    [t2_73, t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
+                    [t2_85, t2_86, t2_88, t2_91, like.lift(0.0), t2_93],
                 ],
                 [
-                    [t4_100, t4_101, like.lift(0.0)], [t4_102, t2_33, like.lift(0.0)],
-                    [u_s1_3_p1z, t4_103, like.lift(0.0)], [t4_100, like.lift(0.0), t2_97],
-                    [t4_102, like.lift(0.0), t4_104], [u_s1_3_p1z, like.lift(0.0), t2_83],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t4_50, t4_54, t4_79, t4_91, t4_95, t4_99, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+            t4_68, t4_72, t4_97, t4_109, t4_113, t4_117, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
             x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2,
             x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
         ]
     };
     // tau
     {
-        let t5_1 = sin_s1_2 * t4_91;
-        let t5_2 = cos_s1_2.mul_add(t4_79, t5_1);
+        let t5_1 = sin_s1_2 * t4_109;
+        let t5_2 = cos_s1_2.mul_add(t4_97, t5_1);
         let t5_3 = p_ixx_rod2 * al_rod2x;
         let t5_4 = p_ixx_rod3 * al_rod3x;
         let t5_5 = t5_4 * x_q3_p1;
         let t5_6 = t5_3.mul_add(x_q2_p1, t5_5);
-        let t5_7 = t4_91.mul_add(x_s1_3_p1, t5_6);
-        let t5_8 = (-t4_95).mul_add(x_s1_2_p1, t5_7);
+        let t5_7 = t4_109.mul_add(x_s1_3_p1, t5_6);
+        let t5_8 = (-t4_113).mul_add(x_s1_2_p1, t5_7);
         let t5_9 = (-t5_2).mul_add(x_s1_1_p1, t5_8);
-        let t5_10 = t4_99.mul_add(x_q1_p1, t5_9);
-        let t5_11 = (-sin_q1).mul_add(t4_54, t5_10);
-        let t5_12 = cos_q1.mul_add(t4_50, t5_11);
+        let t5_10 = t4_117.mul_add(x_q1_p1, t5_9);
+        let t5_11 = (-sin_q1).mul_add(t4_72, t5_10);
+        let t5_12 = cos_q1.mul_add(t4_68, t5_11);
         let t5_13 = -t5_12;
         tau[0] = t5_13;
-        let t5_14 = d_q2 * d_q2;
-        let t5_15 = p_mz_rod2 * al_rod2x;
-        let t5_16 = t5_14.mul_add(p_my_rod2, t5_15);
-        let t5_17 = t5_14 * p_mz_rod2;
-        let t5_18 = (-p_my_rod2).mul_add(al_rod2x, t5_17);
-        let t5_19 = t5_4 * x_q3_p2;
-        let t5_20 = t5_3.mul_add(x_q2_p2, t5_19);
-        let t5_21 = (-sin_q2).mul_add(t5_18, t5_20);
-        let t5_22 = cos_q2.mul_add(t5_16, t5_21);
-        let t5_23 = t4_91.mul_add(x_s1_3_p2, t5_22);
-        let t5_24 = (-t4_95).mul_add(x_s1_2_p2, t5_23);
-        let t5_25 = (-t5_2).mul_add(x_s1_1_p2, t5_24);
-        let t5_26 = t4_99.mul_add(x_q1_p2, t5_25);
-        let t5_27 = -t5_26;
-        tau[1] = t5_27;
-        let t5_28 = d_q3 * d_q3;
-        let t5_29 = p_mz_rod3 * al_rod3x;
-        let t5_30 = t5_28.mul_add(p_my_rod3, t5_29);
-        let t5_31 = t5_28 * p_mz_rod3;
-        let t5_32 = (-p_my_rod3).mul_add(al_rod3x, t5_31);
-        let t5_33 = t5_4 * x_q3_p3;
-        let t5_34 = (-sin_q3).mul_add(t5_32, t5_33);
-        let t5_35 = cos_q3.mul_add(t5_30, t5_34);
-        let t5_36 = t5_3.mul_add(x_q2_p3, t5_35);
-        let t5_37 = t4_91.mul_add(x_s1_3_p3, t5_36);
-        let t5_38 = (-t4_95).mul_add(x_s1_2_p3, t5_37);
-        let t5_39 = (-t5_2).mul_add(x_s1_1_p3, t5_38);
-        let t5_40 = t4_99.mul_add(x_q1_p3, t5_39);
-        let t5_41 = -t5_40;
-        tau[2] = t5_41;
+        let t5_14 = p_mz_rod2 * al_rod2x;
+        let t5_15 = t2_134.mul_add(p_my_rod2, t5_14);
+        let t5_16 = t2_134 * p_mz_rod2;
+        let t5_17 = (-p_my_rod2).mul_add(al_rod2x, t5_16);
+        let t5_18 = t5_4 * x_q3_p2;
+        let t5_19 = t5_3.mul_add(x_q2_p2, t5_18);
+        let t5_20 = (-sin_q2).mul_add(t5_17, t5_19);
+        let t5_21 = cos_q2.mul_add(t5_15, t5_20);
+        let t5_22 = t4_109.mul_add(x_s1_3_p2, t5_21);
+        let t5_23 = (-t4_113).mul_add(x_s1_2_p2, t5_22);
+        let t5_24 = (-t5_2).mul_add(x_s1_1_p2, t5_23);
+        let t5_25 = t4_117.mul_add(x_q1_p2, t5_24);
+        let t5_26 = -t5_25;
+        tau[1] = t5_26;
+        let t5_27 = p_mz_rod3 * al_rod3x;
+        let t5_28 = t2_181.mul_add(p_my_rod3, t5_27);
+        let t5_29 = t2_181 * p_mz_rod3;
+        let t5_30 = (-p_my_rod3).mul_add(al_rod3x, t5_29);
+        let t5_31 = t5_4 * x_q3_p3;
+        let t5_32 = (-sin_q3).mul_add(t5_30, t5_31);
+        let t5_33 = cos_q3.mul_add(t5_28, t5_32);
+        let t5_34 = t5_3.mul_add(x_q2_p3, t5_33);
+        let t5_35 = t4_109.mul_add(x_s1_3_p3, t5_34);
+        let t5_36 = (-t4_113).mul_add(x_s1_2_p3, t5_35);
+        let t5_37 = (-t5_2).mul_add(x_s1_1_p3, t5_36);
+        let t5_38 = t4_117.mul_add(x_q1_p3, t5_37);
+        let t5_39 = -t5_38;
+        tau[2] = t5_39;
     }
     (tau, Condition { pivot: condition })
 }
@@ -4414,7 +4175,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 259 additions, 372 multiplications, 5 divisions, 6 sines and cosines.
+/// 245 additions, 341 multiplications, 6 divisions, 6 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -4443,14 +4204,11 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
             cos_q2, sin_q3, cos_q3,
         ]
     };
-    // M, part 1
+    // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_1, t2_3, t2_5, t2_7, t2_11, t2_12, t2_15, t2_20, e_s1_3_s1_1z, t2_21, t2_23, t2_26,
-        u_s1_3_p1z, t2_33, t2_47, pivot_2, t2_55, t2_59, t2_60, t2_61, t2_62, t2_78, t2_85,
-        t2_86, t2_90, t2_91, t2_95, t2_97, t2_108, t2_109, t2_110, t2_111, t2_118, t2_121,
-        t2_123, t2_124, t2_129, t2_130, t2_131, t2_132, t2_133, t2_134, inv_pivot_2, pivot_3,
-        pivot_4, pivot_5, pivot_6, t2_167, t2_169, t2_176, t2_185, t2_187, t2_190, t2_193,
-        t2_197, t2_199, t2_202, t2_205, t2_206, t2_207, t2_208, t2_209, t2_214, t2_220, t2_225,
+        t2_1, t2_3, t2_5, t2_7, t2_11, t2_12, t2_15, t2_29, x_q1_p1, x_q1_p2, x_q1_p3,
+        x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2,
+        x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
         let t2_1 = like.lift(0.2).mul_add(p_m_platform, p_my_platform);
         let t2_2 = cos_s1_3 * p_mz_platform;
@@ -4467,500 +4225,446 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_13 = p_mz_rod1 + t2_12;
         let t2_14 = cos_q1 * t2_13;
         let t2_15 = sin_q1.mul_add(t2_9, t2_14);
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t2_16 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t2_16);
-        let t2_17 = like.lift(0.1) + like.lift(0.2);
-        let t2_18 = e_s1_3_q1z * t2_17;
-        let t2_19 = like.lift(0.5) * sin_s1_1;
-        let t2_20 = t2_19.mul_add(cos_s1_2, t2_18);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t2_21 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t2_22 = like.lift(0.3) * sin_s1_3;
-        let t2_23 = -t2_22;
-        let t2_24 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t2_24);
-        let t2_25 = like.lift(0.5) * e_s1_3_q1y;
+        let t2_16 = sin_q1 * cos_s1_1;
+        let t2_17 = sin_q1 * sin_s1_1;
+        let t2_18 = sin_s1_2 * t2_17;
+        let t2_19 = cos_q1.mul_add(cos_s1_2, t2_18);
+        let t2_20 = sin_s1_3 * t2_19;
+        let t2_21 = cos_s1_3.mul_add(t2_16, t2_20);
+        let t2_22 = like.lift(0.1) * t2_21;
+        let t2_23 = like.lift(0.2) * t2_21;
+        let t2_24 = cos_q1 * sin_s1_2;
+        let t2_25 = (-cos_s1_2).mul_add(t2_17, t2_24);
+        let t2_26 = like.lift(0.17320508075688773) * t2_25;
+        let t2_27 = t2_22 + t2_23;
+        let t2_28 = t2_27 - t2_26;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_26 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_26);
-        let t2_27 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_27);
-        let t2_28 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t2_29 = t2_25 + t2_28;
-        let t2_30 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t2_31 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t2_31);
-        let t2_32 = like.lift(0.5) * u_s1_3_p1z;
-        let t2_33 = t2_30 - t2_32;
-        let t2_34 = sin_q1 * cos_s1_1;
-        let t2_35 = sin_q1 * sin_s1_1;
-        let t2_36 = sin_s1_2 * t2_35;
-        let t2_37 = cos_q1.mul_add(cos_s1_2, t2_36);
-        let t2_38 = sin_s1_3 * t2_34;
-        let t2_39 = (-cos_s1_3).mul_add(t2_37, t2_38);
-        let t2_40 = sin_q2 * t2_33;
-        let t2_41 = (-cos_q2).mul_add(t2_39, t2_40);
-        let t2_42 = like.lift(0.5) * e_s1_3_q1z;
-        let t2_43 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t2_44 = t2_42 + t2_43;
-        let t2_45 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t2_46 = like.lift(0.5) * u_s1_3_p1y;
-        let t2_47 = t2_45 - t2_46;
-        let t2_48 = sin_s1_3 * t2_37;
-        let t2_49 = cos_s1_3.mul_add(t2_34, t2_48);
-        let t2_50 = sin_q2 * t2_47;
-        let t2_51 = (-cos_q2).mul_add(t2_49, t2_50);
-        let t2_52 = t2_44 * t2_51;
-        let t2_53 = (-t2_29).mul_add(t2_41, t2_52);
-        let t2_54 = like.lift(0.5) * t2_53;
-        let pivot_2 = -t2_54;
-        let t2_55 = sin_s1_1 * sin_s1_2;
-        let t2_56 = sin_s1_3 * t2_55;
-        let t2_57 = cos_s1_1.mul_add(cos_s1_3, t2_56);
-        let u_s1_3_q1y = like.lift(0.5) * t2_57;
-        let t2_58 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t2_59 = u_s1_3_q1y - t2_58;
-        let t2_60 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t2_61 = -t2_60;
-        let t2_62 = like.lift(0.17320508075688773) * sin_s1_3;
+        let t2_29 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_29);
+        let t2_30 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_30);
+        let t2_31 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_32 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_33 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_33);
+        let t2_34 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_35 = t2_31 + t2_32;
+        let t2_36 = t2_35 + t2_34;
+        let t2_37 = cos_q1 * t2_36;
+        let t2_38 = sin_q1.mul_add(t2_28, t2_37);
+        let t2_39 = u_s1_1_p1y * t2_28;
+        let t2_40 = (-t2_16).mul_add(t2_36, t2_39);
+        let t2_41 = -t2_40;
+        let t2_42 = t2_25 * t2_36;
+        let t2_43 = u_s1_2_p1x.mul_add(t2_28, t2_42);
+        let t2_44 = -t2_43;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_45 = like.lift(0.5).mul_add(cos_q1, t2_23);
+        let t2_46 = t2_45 - t2_26;
+        let pivot_3 = t2_46 + t2_22;
+        let t2_47 = sin_s1_1 * cos_s1_3;
+        let t2_48 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_48).mul_add(sin_s1_2, t2_47);
+        let t2_49 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_63 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t2_64 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_64);
-        let t2_65 = like.lift(0.5) * u_s1_2_p1x;
-        let t2_66 = t2_63 + t2_65;
-        let t2_67 = cos_q1 * sin_s1_2;
-        let t2_68 = (-cos_s1_2).mul_add(t2_35, t2_67);
-        let t2_69 = sin_q2 * t2_66;
-        let t2_70 = (-cos_q2).mul_add(t2_68, t2_69);
-        let t2_71 = like.lift(0.5) * e_s1_2_q1x;
-        let t2_72 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t2_73 = t2_71 - t2_72;
-        let t2_74 = t2_73 * t2_41;
-        let t2_75 = (-t2_44).mul_add(t2_70, t2_74);
-        let t2_76 = like.lift(0.5) * t2_75;
-        let t2_77 = -t2_76;
-        let t2_78 = -t2_77;
-        let t2_79 = cos_s1_3 * t2_55;
-        let t2_80 = (-cos_s1_1).mul_add(sin_s1_3, t2_79);
-        let t2_81 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t2_80, t2_81);
-        let t2_82 = like.lift(0.1) * e_s1_2_q1x;
-        let t2_83 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t2_84 = u_platform_q1z + t2_82;
-        let t2_85 = t2_84 + t2_83;
-        let t2_86 = -t2_85;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t2_87 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t2_88 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t2_89 = u_platform_s1_1z + t2_87;
-        let t2_90 = t2_89 + t2_88;
-        let t2_91 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_92 = t2_29 * t2_70;
-        let t2_93 = (-t2_73).mul_add(t2_51, t2_92);
-        let t2_94 = like.lift(0.5) * t2_93;
+        let t2_50 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_51 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_52 = t2_49 - t2_50;
+        let t2_53 = t2_52 + t2_51;
+        let t2_54 = cos_q1 * t2_53;
+        let t2_55 = t2_16 * t2_53;
+        let t2_56 = (-sin_s1_1).mul_add(t2_28, t2_55);
+        let t2_57 = t2_25 * t2_53;
+        let t2_58 = (-e_s1_2_q1x).mul_add(t2_28, t2_57);
+        let t2_59 = -t2_58;
+        let t2_60 = like.lift(0.25) * cos_q2;
+        let t2_61 = like.lift(0.5) * sin_q1;
+        let t2_62 = t2_61 - t2_32;
+        let t2_63 = t2_62 - t2_34;
+        let t2_64 = t2_63 - t2_31;
+        let t2_65 = sin_q1 * t2_53;
+        let t2_66 = sin_s1_1 * t2_36;
+        let t2_67 = (-u_s1_1_p1y).mul_add(t2_53, t2_66);
+        let t2_68 = u_s1_2_p1x * t2_53;
+        let t2_69 = e_s1_2_q1x.mul_add(t2_36, t2_68);
+        let t2_70 = -t2_69;
+        let t2_71 = like.lift(0.5) * sin_q2;
+        let t2_72 = -t2_71;
+        let t2_73 = t2_22 + t2_23;
+        let t2_74 = t2_73 + t2_26;
+        let t2_75 = t2_31 + t2_32;
+        let t2_76 = t2_75 - t2_34;
+        let t2_77 = cos_q1 * t2_76;
+        let t2_78 = sin_q1.mul_add(t2_74, t2_77);
+        let t2_79 = u_s1_1_p1y * t2_74;
+        let t2_80 = (-t2_16).mul_add(t2_76, t2_79);
+        let t2_81 = -t2_80;
+        let t2_82 = t2_25 * t2_76;
+        let t2_83 = u_s1_2_p1x.mul_add(t2_74, t2_82);
+        let t2_84 = -t2_83;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_85 = -pivot_2;
+        let t2_86 = t2_45 + t2_26;
+        let t2_87 = t2_86 + t2_22;
+        let t2_88 = t2_49 + t2_50;
+        let t2_89 = t2_88 + t2_51;
+        let t2_90 = cos_q1 * t2_89;
+        let t2_91 = t2_16 * t2_89;
+        let t2_92 = (-sin_s1_1).mul_add(t2_74, t2_91);
+        let t2_93 = t2_25 * t2_89;
+        let t2_94 = (-e_s1_2_q1x).mul_add(t2_74, t2_93);
         let t2_95 = -t2_94;
-        let t2_96 = t2_25 - t2_28;
-        let t2_97 = t2_30 + t2_32;
-        let t2_98 = cos_q3 * t2_39;
-        let t2_99 = sin_q3.mul_add(t2_97, t2_98);
-        let t2_100 = t2_42 - t2_43;
-        let t2_101 = t2_45 + t2_46;
-        let t2_102 = cos_q3 * t2_49;
-        let t2_103 = sin_q3.mul_add(t2_101, t2_102);
-        let t2_104 = t2_100 * t2_103;
-        let t2_105 = (-t2_96).mul_add(t2_99, t2_104);
-        let t2_106 = like.lift(0.5) * t2_105;
+        let t2_96 = like.lift(0.25) * cos_q3;
+        let t2_97 = t2_61 - t2_32;
+        let t2_98 = t2_97 + t2_34;
+        let t2_99 = t2_98 - t2_31;
+        let t2_100 = sin_q1 * t2_89;
+        let t2_101 = sin_s1_1 * t2_76;
+        let t2_102 = (-u_s1_1_p1y).mul_add(t2_89, t2_101);
+        let t2_103 = u_s1_2_p1x * t2_89;
+        let t2_104 = e_s1_2_q1x.mul_add(t2_76, t2_103);
+        let t2_105 = -t2_104;
+        let t2_106 = like.lift(0.5) * sin_q3;
         let t2_107 = -t2_106;
-        let t2_108 = -t2_107;
-        let t2_109 = u_s1_3_q1y + t2_58;
-        let t2_110 = -t2_62;
-        let t2_111 = t2_63 - t2_65;
-        let t2_112 = cos_q3 * t2_68;
-        let t2_113 = sin_q3.mul_add(t2_111, t2_112);
-        let t2_114 = t2_71 + t2_72;
-        let t2_115 = t2_114 * t2_99;
-        let t2_116 = (-t2_100).mul_add(t2_113, t2_115);
-        let t2_117 = like.lift(0.5) * t2_116;
-        let t2_118 = -t2_117;
-        let t2_119 = u_platform_q1z + t2_82;
-        let t2_120 = t2_119 - t2_83;
-        let t2_121 = -t2_120;
-        let t2_122 = u_platform_s1_1z + t2_87;
-        let t2_123 = t2_122 - t2_88;
-        let t2_124 = -t2_91;
-        let t2_125 = t2_96 * t2_113;
-        let t2_126 = (-t2_114).mul_add(t2_103, t2_125);
-        let t2_127 = like.lift(0.5) * t2_126;
-        let t2_128 = -t2_127;
-        let t2_129 = -t2_128;
-        let t2_130 = -u_s1_2_p1x;
-        let t2_131 = -t2_66;
-        let t2_132 = -u_s1_3_p1y;
-        let t2_133 = -t2_33;
-        let t2_134 = -t2_101;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_135 = t2_77 * inv_pivot_2;
-        let pivot_3 = t2_20.mul_add(t2_135, t2_59);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_136 = u_s1_2_p1x.mul_add(t2_135, u_s1_3_p1y);
-        let t2_137 = (-t2_135).mul_add(t2_21, t2_60);
-        let t2_138 = t2_20 * inv_pivot_3;
-        let pivot_4 = t2_137.mul_add(t2_138, t2_21);
+        let t2_108 = like.lift(-0.5773502691896257).mul_add(t2_38, t2_54);
+        let t2_109 = t2_87 * inv_pivot_3;
+        let t2_110 = (-t2_108).mul_add(t2_109, t2_90);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_78, t2_110);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_139 = (-t2_136).mul_add(t2_138, u_s1_2_p1x);
-        let t2_140 = (-t2_135).mul_add(t2_22, t2_62);
-        let t2_141 = t2_140.mul_add(t2_138, t2_22);
-        let t2_142 = t2_95 * inv_pivot_2;
-        let t2_143 = t2_20 * t2_142;
-        let t2_144 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t2_143);
-        let t2_145 = t2_144 * inv_pivot_3;
-        let t2_146 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t2_147 = (-t2_137).mul_add(t2_145, t2_146);
-        let t2_148 = (-t2_142).mul_add(t2_21, t2_147);
-        let t2_149 = t2_148 * inv_pivot_4;
-        let t2_150 = t2_141 * t2_149;
-        let t2_151 = t2_140.mul_add(t2_145, t2_150);
-        let t2_152 = t2_142.mul_add(t2_22, t2_151);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t2_152);
+        let t2_111 = like.lift(1.0) - t2_109;
+        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_43, t2_58);
+        let t2_113 = (-t2_112).mul_add(t2_109, t2_94);
+        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_83, t2_113);
+        let t2_115 = like.lift(1.0) / cos_q2;
+        let t2_116 = sin_q2 * t2_115;
+        let t2_117 = t2_64 * inv_pivot_3;
+        let t2_118 = like.lift(1.1547005383792515) * t2_116;
+        let t2_119 = (-t2_108).mul_add(t2_117, t2_65);
+        let t2_120 = t2_38.mul_add(t2_118, t2_119);
+        let t2_121 = t2_120 * inv_pivot_4;
+        let t2_122 = (-t2_114).mul_add(t2_121, t2_69);
+        let t2_123 = (-t2_112).mul_add(t2_117, t2_122);
+        let pivot_5 = t2_43.mul_add(t2_118, t2_123);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_153 = t2_139 * t2_149;
-        let t2_154 = (-t2_136).mul_add(t2_145, t2_153);
-        let t2_155 = u_s1_2_p1x.mul_add(t2_142, t2_154);
-        let t2_156 = t2_107.mul_add(t2_149, t2_128);
-        let t2_157 = t2_109 * inv_pivot_3;
-        let t2_158 = t2_137.mul_add(t2_157, t2_60);
-        let t2_159 = t2_158 * inv_pivot_4;
-        let t2_160 = (-t2_141).mul_add(t2_159, t2_62);
-        let t2_161 = t2_140.mul_add(t2_157, t2_160);
-        let t2_162 = t2_161 * inv_pivot_5;
-        let t2_163 = (-t2_155).mul_add(t2_162, u_s1_3_p1y);
-        let t2_164 = (-t2_139).mul_add(t2_159, t2_163);
-        let t2_165 = (-t2_136).mul_add(t2_157, t2_164);
-        let t2_166 = t2_156.mul_add(t2_162, t2_118);
-        let pivot_6 = t2_107.mul_add(t2_159, t2_166);
+        let t2_124 = t2_111.mul_add(t2_121, t2_117);
+        let t2_125 = like.lift(0.5773502691896257).mul_add(t2_40, t2_56);
+        let t2_126 = (-t2_125).mul_add(t2_109, t2_92);
+        let t2_127 = like.lift(-0.5773502691896257).mul_add(t2_80, t2_126);
+        let t2_128 = (-t2_127).mul_add(t2_121, t2_67);
+        let t2_129 = (-t2_125).mul_add(t2_117, t2_128);
+        let t2_130 = (-t2_40).mul_add(t2_118, t2_129);
+        let t2_131 = t2_99 * inv_pivot_3;
+        let t2_132 = like.lift(1.0) / cos_q3;
+        let t2_133 = sin_q3 * t2_132;
+        let t2_134 = like.lift(1.1547005383792515) * t2_133;
+        let t2_135 = (-t2_108).mul_add(t2_131, t2_100);
+        let t2_136 = (-t2_78).mul_add(t2_134, t2_135);
+        let t2_137 = t2_136 * inv_pivot_4;
+        let t2_138 = (-t2_114).mul_add(t2_137, t2_104);
+        let t2_139 = (-t2_112).mul_add(t2_131, t2_138);
+        let t2_140 = (-t2_83).mul_add(t2_134, t2_139);
+        let t2_141 = t2_140 * inv_pivot_5;
+        let t2_142 = (-t2_124).mul_add(t2_141, t2_131);
+        let t2_143 = t2_111.mul_add(t2_137, t2_142);
+        let t2_144 = (-t2_130).mul_add(t2_141, t2_102);
+        let t2_145 = (-t2_127).mul_add(t2_137, t2_144);
+        let t2_146 = (-t2_125).mul_add(t2_131, t2_145);
+        let pivot_6 = t2_80.mul_add(t2_134, t2_146);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_167 = t2_165 * inv_pivot_6;
-        let t2_168 = t2_156.mul_add(t2_167, t2_155);
-        let t2_169 = inv_pivot_5 * t2_168;
-        let t2_170 = t2_107.mul_add(t2_167, t2_139);
-        let t2_171 = (-t2_141).mul_add(t2_169, t2_170);
-        let t2_172 = inv_pivot_4 * t2_171;
-        let t2_173 = t2_140.mul_add(t2_169, t2_136);
-        let t2_174 = t2_137.mul_add(t2_172, t2_173);
-        let t2_175 = inv_pivot_3 * t2_174;
-        let t2_176 = -t2_175;
-        let t2_177 = (-t2_66).mul_add(t2_135, t2_47);
-        let t2_178 = t2_177 * t2_138;
-        let t2_179 = (-t2_178).mul_add(t2_149, t2_33);
-        let t2_180 = (-t2_177).mul_add(t2_145, t2_179);
-        let t2_181 = (-t2_66).mul_add(t2_142, t2_180);
-        let t2_182 = t2_181 * t2_162;
-        let t2_183 = (-t2_178).mul_add(t2_159, t2_182);
-        let t2_184 = t2_177.mul_add(t2_157, t2_183);
-        let t2_185 = t2_184 * inv_pivot_6;
-        let t2_186 = (-t2_156).mul_add(t2_185, t2_181);
-        let t2_187 = inv_pivot_5 * t2_186;
-        let t2_188 = t2_107.mul_add(t2_185, t2_178);
-        let t2_189 = t2_141.mul_add(t2_187, t2_188);
-        let t2_190 = inv_pivot_4 * t2_189;
-        let t2_191 = t2_140.mul_add(t2_187, t2_177);
-        let t2_192 = (-t2_137).mul_add(t2_190, t2_191);
-        let t2_193 = inv_pivot_3 * t2_192;
-        let t2_194 = t2_111.mul_add(t2_149, t2_97);
-        let t2_195 = t2_194.mul_add(t2_162, t2_101);
-        let t2_196 = t2_111.mul_add(t2_159, t2_195);
-        let t2_197 = t2_196 * inv_pivot_6;
-        let t2_198 = (-t2_156).mul_add(t2_197, t2_194);
-        let t2_199 = inv_pivot_5 * t2_198;
-        let t2_200 = (-t2_107).mul_add(t2_197, t2_111);
-        let t2_201 = (-t2_141).mul_add(t2_199, t2_200);
-        let t2_202 = inv_pivot_4 * t2_201;
-        let t2_203 = t2_140 * t2_199;
-        let t2_204 = t2_137.mul_add(t2_202, t2_203);
-        let t2_205 = inv_pivot_3 * t2_204;
-        let t2_206 = -t2_172;
-        let t2_207 = -t2_190;
-        let t2_208 = -t2_187;
-        let t2_209 = -t2_199;
-        let t2_210 = sin_s1_3 * t2_169;
-        let t2_211 = e_s1_3_s1_1z.mul_add(t2_172, t2_210);
-        let t2_212 = like.lift(-0.3).mul_add(t2_211, u_s1_2_p1x);
-        let t2_213 = (-t2_20).mul_add(t2_175, t2_212);
-        let t2_214 = inv_pivot_2 * t2_213;
-        let t2_215 = (-t2_169).mul_add(t2_91, u_s1_3_p1z);
-        let t2_216 = t2_90.mul_add(t2_172, t2_215);
-        let t2_217 = (-t2_85).mul_add(t2_175, t2_216);
-        let t2_218 = t2_95.mul_add(t2_214, t2_217);
-        let t2_219 = like.lift(3.3333333333333335) * t2_218;
-        let t2_220 = -t2_219;
-        let t2_221 = sin_s1_3 * t2_187;
-        let t2_222 = (-e_s1_3_s1_1z).mul_add(t2_190, t2_221);
-        let t2_223 = like.lift(0.3).mul_add(t2_222, t2_66);
-        let t2_224 = t2_20.mul_add(t2_193, t2_223);
-        let t2_225 = inv_pivot_2 * t2_224;
-        [
-            t2_1, t2_3, t2_5, t2_7, t2_11, t2_12, t2_15, t2_20, e_s1_3_s1_1z, t2_21, t2_23,
-            t2_26, u_s1_3_p1z, t2_33, t2_47, pivot_2, t2_55, t2_59, t2_60, t2_61, t2_62, t2_78,
-            t2_85, t2_86, t2_90, t2_91, t2_95, t2_97, t2_108, t2_109, t2_110, t2_111, t2_118,
-            t2_121, t2_123, t2_124, t2_129, t2_130, t2_131, t2_132, t2_133, t2_134,
-            inv_pivot_2, pivot_3, pivot_4, pivot_5, pivot_6, t2_167, t2_169, t2_176, t2_185,
-            t2_187, t2_190, t2_193, t2_197, t2_199, t2_202, t2_205, t2_206, t2_207, t2_208,
-            t2_209, t2_214, t2_220, t2_225,
-        ]
-    };
-    // loops: solve with A_e (Eq. 8, 10)
-    let [
-        x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-        x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-        x_q3_p2, x_q3_p3,
-    ] = {
-        let t3_1 = (-t2_187).mul_add(t2_91, t2_33);
-        let t3_2 = (-t2_90).mul_add(t2_190, t3_1);
-        let t3_3 = (-t2_85).mul_add(t2_193, t3_2);
-        let t3_4 = (-t2_95).mul_add(t2_225, t3_3);
-        let t3_5 = like.lift(3.3333333333333335) * t3_4;
-        let t3_6 = sin_s1_3 * t2_199;
-        let t3_7 = e_s1_3_s1_1z.mul_add(t2_202, t3_6);
-        let t3_8 = like.lift(0.3) * t3_7;
-        let t3_9 = t2_20.mul_add(t2_205, t3_8);
-        let t3_10 = inv_pivot_2 * t3_9;
-        let t3_11 = t2_199 * t2_91;
-        let t3_12 = (-t2_90).mul_add(t2_202, t3_11);
-        let t3_13 = t2_85.mul_add(t2_205, t3_12);
-        let t3_14 = t2_95.mul_add(t3_10, t3_13);
-        let t3_15 = like.lift(3.3333333333333335) * t3_14;
-        let t3_16 = -t3_15;
-        let t3_17 = -t2_214;
-        let t3_18 = -t2_225;
-        let t3_19 = -t3_10;
-        let t3_20 = -t2_167;
-        let t3_21 = -t2_185;
-        let t3_22 = -t2_197;
-        let t3_23 = -pivot_5;
+        let t2_147 = t2_143 * inv_pivot_6;
+        let t2_148 = (-t2_130).mul_add(t2_147, t2_124);
+        let t2_149 = inv_pivot_5 * t2_148;
+        let t2_150 = t2_127.mul_add(t2_147, t2_111);
+        let t2_151 = t2_114.mul_add(t2_149, t2_150);
+        let t2_152 = inv_pivot_4 * t2_151;
+        let t2_153 = t2_125.mul_add(t2_147, like.lift(1.0));
+        let t2_154 = t2_112.mul_add(t2_149, t2_153);
+        let t2_155 = (-t2_108).mul_add(t2_152, t2_154);
+        let t2_156 = inv_pivot_3 * t2_155;
+        let t2_157 = -t2_156;
+        let t2_158 = t2_116 * t2_141;
+        let t2_159 = t2_158 * inv_pivot_6;
+        let t2_160 = t2_130.mul_add(t2_159, t2_116);
+        let t2_161 = inv_pivot_5 * t2_160;
+        let t2_162 = t2_114 * t2_161;
+        let t2_163 = (-t2_127).mul_add(t2_159, t2_162);
+        let t2_164 = inv_pivot_4 * t2_163;
+        let t2_165 = t2_125 * t2_159;
+        let t2_166 = (-t2_112).mul_add(t2_161, t2_165);
+        let t2_167 = t2_108.mul_add(t2_164, t2_166);
+        let t2_168 = inv_pivot_3 * t2_167;
+        let t2_169 = -t2_168;
+        let t2_170 = t2_133 * inv_pivot_6;
+        let t2_171 = inv_pivot_5 * t2_130;
+        let t2_172 = t2_171 * t2_170;
+        let t2_173 = t2_114 * t2_172;
+        let t2_174 = (-t2_127).mul_add(t2_170, t2_173);
+        let t2_175 = inv_pivot_4 * t2_174;
+        let t2_176 = t2_125 * t2_170;
+        let t2_177 = (-t2_112).mul_add(t2_172, t2_176);
+        let t2_178 = t2_108.mul_add(t2_175, t2_177);
+        let t2_179 = inv_pivot_3 * t2_178;
+        let t2_180 = -t2_152;
+        let t2_181 = -t2_175;
+        let t2_182 = -t2_170;
+        let t2_183 = -t2_149;
+        let t2_184 = -t2_172;
+        let t2_185 = t2_40 * t2_147;
+        let t2_186 = (-t2_43).mul_add(t2_149, t2_185);
+        let t2_187 = t2_38.mul_add(t2_152, t2_186);
+        let t2_188 = like.lift(2.309401076758503) * t2_115;
+        let t2_189 = t2_187 * t2_188;
+        let t2_190 = (-t2_40).mul_add(t2_159, like.lift(0.8660254037844386));
+        let t2_191 = (-t2_43).mul_add(t2_161, t2_190);
+        let t2_192 = t2_38.mul_add(t2_164, t2_191);
+        let t2_193 = t2_192 * t2_188;
+        let t2_194 = -t2_193;
+        let t2_195 = t2_38 * t2_175;
+        let t2_196 = (-t2_40).mul_add(t2_170, t2_195);
+        let t2_197 = (-t2_43).mul_add(t2_172, t2_196);
+        let t2_198 = t2_197 * t2_188;
+        let t2_199 = t2_80 * t2_147;
+        let t2_200 = (-t2_83).mul_add(t2_149, t2_199);
+        let t2_201 = t2_78.mul_add(t2_152, t2_200);
+        let t2_202 = like.lift(2.309401076758503) * t2_132;
+        let t2_203 = t2_201 * t2_202;
+        let t2_204 = -t2_203;
+        let t2_205 = t2_78 * t2_164;
+        let t2_206 = (-t2_80).mul_add(t2_159, t2_205);
+        let t2_207 = (-t2_83).mul_add(t2_161, t2_206);
+        let t2_208 = t2_207 * t2_202;
+        let t2_209 = (-t2_80).mul_add(t2_170, like.lift(0.8660254037844386));
+        let t2_210 = (-t2_83).mul_add(t2_172, t2_209);
+        let t2_211 = t2_78.mul_add(t2_175, t2_210);
+        let t2_212 = t2_211 * t2_202;
+        let t2_213 = -t2_212;
+        let t2_214 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_23 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_85 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t2_214 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_176, t2_193, t2_205], [t2_206, t2_207, t2_202], [t2_169, t2_208, t2_209],
-                [t2_220, t3_5, t3_16], [t3_17, t3_18, t3_19], [t3_20, t3_21, t3_22],
+                [t2_157, t2_169, t2_179], [t2_180, t2_164, t2_181], [t2_147, t2_159, t2_182],
+                [t2_183, t2_161, t2_184], [t2_189, t2_194, t2_198], [t2_204, t2_208, t2_213],
             ],
             margin,
             || (
                 [
-                    [t2_20, t2_21, t2_23, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_59, t2_61, t2_62, like.lift(0.0), t2_78, like.lift(0.0)],
-                    [t2_86, t2_90, t2_91, like.lift(-0.3), t2_95, like.lift(0.0)],
-                    [t2_20, t2_21, t2_23, like.lift(0.0), like.lift(0.0), t2_108],
-                    [t2_109, t2_60, t2_110, like.lift(0.0), like.lift(0.0), t2_118],
-                    [t2_121, t2_123, t2_124, like.lift(-0.3), like.lift(0.0), t2_129],
+                    [like.lift(0.0), t2_38, t2_41, t2_44, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_54, t2_56, t2_59, t2_60, like.lift(0.0)],
+                    [t2_64, t2_65, t2_67, t2_70, t2_72, like.lift(0.0)],
+                    [like.lift(0.0), t2_78, t2_81, t2_84, like.lift(0.0), t2_85],
+                    [t2_87, t2_90, t2_92, t2_95, like.lift(0.0), t2_96],
+                    [t2_99, t2_100, t2_102, t2_105, like.lift(0.0), t2_107],
                 ],
                 [
-                    [t2_130, t2_131, like.lift(0.0)], [t2_132, t2_47, like.lift(0.0)],
-                    [u_s1_3_p1z, t2_133, like.lift(0.0)], [t2_130, like.lift(0.0), t2_111],
-                    [t2_132, like.lift(0.0), t2_134], [u_s1_3_p1z, like.lift(0.0), t2_97],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-            x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-            x_q3_p2, x_q3_p3,
+            t2_1, t2_3, t2_5, t2_7, t2_11, t2_12, t2_15, t2_29, x_q1_p1, x_q1_p2, x_q1_p3,
+            x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1,
+            x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
         ]
     };
     // M
     {
-        let t4_1 = cos_s1_1 * t2_5;
-        let t4_2 = (-sin_s1_1).mul_add(t2_7, t4_1);
-        let t4_3 = cos_q1 * t4_2;
-        let t4_4 = sin_s1_1 * t2_11;
-        let t4_5 = sin_q1 * t2_5;
-        let t4_6 = cos_q1.mul_add(t4_4, t4_5);
-        let t4_7 = t2_7 * t2_55;
-        let t4_8 = (-cos_s1_1).mul_add(t2_3, t4_7);
-        let t4_9 = cos_q1 * t4_8;
-        let t4_10 = (-t2_7).mul_add(t2_26, t4_9);
-        let t4_11 = like.lift(-0.2).mul_add(p_mx_platform, p_ixy_platform);
-        let t4_12 = cos_s1_3 * p_ixz_platform;
-        let t4_13 = sin_s1_3.mul_add(t4_11, t4_12);
-        let t4_14 = cos_s1_2 * t4_13;
-        let t4_15 = like.lift(-0.2).mul_add(p_mz_platform, p_iyz_platform);
-        let t4_16 = cos_s1_3 * t4_15;
-        let t4_17 = sin_s1_3.mul_add(p_iyy_platform, t4_16);
-        let t4_18 = sin_s1_3 * t4_15;
-        let t4_19 = p_my_platform + t2_1;
-        let t4_20 = like.lift(0.2) * t4_19;
-        let t4_21 = p_izz_platform + t4_20;
-        let t4_22 = cos_s1_3.mul_add(t4_21, t4_18);
-        let t4_23 = cos_s1_3 * t4_22;
-        let t4_24 = sin_s1_3.mul_add(t4_17, t4_23);
-        let t4_25 = sin_s1_2.mul_add(t4_24, t4_14);
-        let t4_26 = sin_s1_2 * t4_13;
-        let t4_27 = p_ixx_platform + t4_20;
-        let t4_28 = cos_s1_2.mul_add(t4_27, t4_26);
-        let t4_29 = cos_s1_2 * t4_28;
-        let t4_30 = sin_s1_2.mul_add(t4_25, t4_29);
-        let t4_31 = cos_s1_3.mul_add(p_iyy_platform, -t4_18);
-        let t4_32 = (-sin_s1_3).mul_add(t4_21, t4_16);
-        let t4_33 = cos_s1_3 * t4_32;
-        let t4_34 = sin_s1_3.mul_add(t4_31, t4_33);
-        let t4_35 = cos_s1_3 * t4_11;
-        let t4_36 = (-sin_s1_3).mul_add(p_ixz_platform, t4_35);
-        let t4_37 = cos_s1_2 * t4_36;
-        let t4_38 = sin_s1_2.mul_add(t4_34, t4_37);
-        let t4_39 = cos_s1_1 * t4_30;
-        let t4_40 = (-sin_s1_1).mul_add(t4_38, t4_39);
-        let t4_41 = cos_s1_3 * t4_31;
-        let t4_42 = (-sin_s1_3).mul_add(t4_32, t4_41);
-        let t4_43 = cos_s1_1 * t4_38;
-        let t4_44 = (-sin_s1_1).mul_add(t4_42, t4_43);
-        let t4_45 = t2_11 + t2_12;
-        let t4_46 = (-sin_s1_1).mul_add(t4_44, p_ixx_rod1);
-        let t4_47 = cos_s1_1.mul_add(t4_40, t4_46);
-        let t4_48 = like.lift(0.5).mul_add(t4_45, t4_47);
-        let t4_49 = cos_s1_2 * t4_25;
-        let t4_50 = (-sin_s1_2).mul_add(t4_28, t4_49);
-        let t4_51 = cos_s1_2 * t4_34;
-        let t4_52 = (-sin_s1_2).mul_add(t4_36, t4_51);
-        let t4_53 = cos_s1_1 * t4_50;
-        let t4_54 = like.lift(-0.5).mul_add(t4_2, t4_53);
-        let t4_55 = (-sin_s1_1).mul_add(t4_52, t4_54);
-        let t4_56 = like.lift(-0.5).mul_add(t4_4, t4_44);
-        let t4_57 = cos_s1_1 * t4_28;
-        let t4_58 = like.lift(-0.5).mul_add(t4_8, t4_57);
-        let t4_59 = (-sin_s1_1).mul_add(t4_36, t4_58);
-        let t4_60 = t4_59.mul_add(x_s1_3_p1, t2_15);
-        let t4_61 = t4_56.mul_add(x_s1_2_p1, t4_60);
-        let t4_62 = t4_55.mul_add(x_s1_1_p1, t4_61);
-        let t4_63 = t4_48.mul_add(x_q1_p1, t4_62);
-        let t4_64 = (-cos_s1_2).mul_add(t4_24, t4_26);
-        let t4_65 = (-sin_s1_2).mul_add(t4_27, t4_14);
-        let t4_66 = sin_s1_2 * t4_65;
-        let t4_67 = cos_s1_2.mul_add(t4_64, t4_66);
-        let t4_68 = (-t4_65).mul_add(x_s1_3_p1, t4_3);
-        let t4_69 = (-t4_52).mul_add(x_s1_2_p1, t4_68);
-        let t4_70 = t4_67.mul_add(x_s1_1_p1, t4_69);
-        let t4_71 = (-t4_55).mul_add(x_q1_p1, t4_70);
-        let t4_72 = (-t4_36).mul_add(x_s1_3_p1, t4_6);
-        let t4_73 = (-t4_42).mul_add(x_s1_2_p1, t4_72);
-        let t4_74 = (-t4_52).mul_add(x_s1_1_p1, t4_73);
-        let t4_75 = (-t4_56).mul_add(x_q1_p1, t4_74);
-        let t4_76 = (-t4_27).mul_add(x_s1_3_p1, t4_10);
-        let t4_77 = (-t4_36).mul_add(x_s1_2_p1, t4_76);
-        let t4_78 = (-t4_65).mul_add(x_s1_1_p1, t4_77);
-        let t4_79 = (-t4_59).mul_add(x_q1_p1, t4_78);
-        let t4_80 = t4_63 + t2_15;
-        let t4_81 = t4_71 + t4_3;
-        let t4_82 = t4_75 + t4_6;
-        let t4_83 = t4_79 + t4_10;
-        let t4_84 = x_q3_p1 * p_ixx_rod3;
-        let t4_85 = t4_84.mul_add(x_q3_p1, p_m_carriage1);
-        let t4_86 = x_q2_p1 * p_ixx_rod2;
-        let t4_87 = t4_86.mul_add(x_q2_p1, t4_85);
-        let t4_88 = (-x_s1_3_p1).mul_add(t4_83, t4_87);
-        let t4_89 = (-x_s1_2_p1).mul_add(t4_82, t4_88);
-        let t4_90 = (-x_s1_1_p1).mul_add(t4_81, t4_89);
-        let t4_91 = x_q1_p1.mul_add(t4_80, t4_90);
-        let t4_92 = t4_91 + p_m_rod1;
-        let t4_93 = t4_92 + p_m_platform;
-        let t4_94 = t4_59 * x_s1_3_p2;
-        let t4_95 = t4_56.mul_add(x_s1_2_p2, t4_94);
-        let t4_96 = t4_55.mul_add(x_s1_1_p2, t4_95);
-        let t4_97 = t4_48.mul_add(x_q1_p2, t4_96);
-        let t4_98 = t4_65 * x_s1_3_p2;
-        let t4_99 = t4_52.mul_add(x_s1_2_p2, t4_98);
-        let t4_100 = (-t4_67).mul_add(x_s1_1_p2, t4_99);
-        let t4_101 = t4_55.mul_add(x_q1_p2, t4_100);
-        let t4_102 = t4_36 * x_s1_3_p2;
-        let t4_103 = t4_42.mul_add(x_s1_2_p2, t4_102);
-        let t4_104 = t4_52.mul_add(x_s1_1_p2, t4_103);
-        let t4_105 = t4_56.mul_add(x_q1_p2, t4_104);
-        let t4_106 = t4_27 * x_s1_3_p2;
-        let t4_107 = t4_36.mul_add(x_s1_2_p2, t4_106);
-        let t4_108 = t4_65.mul_add(x_s1_1_p2, t4_107);
-        let t4_109 = t4_59.mul_add(x_q1_p2, t4_108);
-        let t4_110 = cos_q2 * p_mz_rod2;
-        let t4_111 = sin_q2.mul_add(p_my_rod2, t4_110);
-        let t4_112 = p_ixx_rod2.mul_add(x_q2_p2, t4_111);
-        let t4_113 = p_ixx_rod3 * x_q3_p2;
-        let t4_114 = x_q3_p1 * t4_113;
-        let t4_115 = x_q2_p1.mul_add(t4_112, t4_114);
-        let t4_116 = x_s1_3_p1.mul_add(t4_109, t4_115);
-        let t4_117 = x_s1_2_p1.mul_add(t4_105, t4_116);
-        let t4_118 = x_s1_1_p1.mul_add(t4_101, t4_117);
-        let t4_119 = x_q1_p1.mul_add(t4_97, t4_118);
-        let t4_120 = (-t4_10).mul_add(x_s1_3_p2, t4_119);
-        let t4_121 = (-t4_6).mul_add(x_s1_2_p2, t4_120);
-        let t4_122 = (-t4_3).mul_add(x_s1_1_p2, t4_121);
-        let t4_123 = t2_15.mul_add(x_q1_p2, t4_122);
-        let t4_124 = t4_59 * x_s1_3_p3;
-        let t4_125 = t4_56.mul_add(x_s1_2_p3, t4_124);
-        let t4_126 = t4_55.mul_add(x_s1_1_p3, t4_125);
-        let t4_127 = t4_48.mul_add(x_q1_p3, t4_126);
-        let t4_128 = t4_65 * x_s1_3_p3;
-        let t4_129 = t4_52.mul_add(x_s1_2_p3, t4_128);
-        let t4_130 = (-t4_67).mul_add(x_s1_1_p3, t4_129);
-        let t4_131 = t4_55.mul_add(x_q1_p3, t4_130);
-        let t4_132 = t4_36 * x_s1_3_p3;
-        let t4_133 = t4_42.mul_add(x_s1_2_p3, t4_132);
-        let t4_134 = t4_52.mul_add(x_s1_1_p3, t4_133);
-        let t4_135 = t4_56.mul_add(x_q1_p3, t4_134);
-        let t4_136 = t4_27 * x_s1_3_p3;
-        let t4_137 = t4_36.mul_add(x_s1_2_p3, t4_136);
-        let t4_138 = t4_65.mul_add(x_s1_1_p3, t4_137);
-        let t4_139 = t4_59.mul_add(x_q1_p3, t4_138);
-        let t4_140 = p_ixx_rod2 * x_q2_p3;
-        let t4_141 = cos_q3 * p_mz_rod3;
-        let t4_142 = sin_q3.mul_add(p_my_rod3, t4_141);
-        let t4_143 = p_ixx_rod3.mul_add(x_q3_p3, t4_142);
-        let t4_144 = x_q3_p1 * t4_143;
-        let t4_145 = x_q2_p1.mul_add(t4_140, t4_144);
-        let t4_146 = x_s1_3_p1.mul_add(t4_139, t4_145);
-        let t4_147 = x_s1_2_p1.mul_add(t4_135, t4_146);
-        let t4_148 = x_s1_1_p1.mul_add(t4_131, t4_147);
-        let t4_149 = x_q1_p1.mul_add(t4_127, t4_148);
-        let t4_150 = (-t4_10).mul_add(x_s1_3_p3, t4_149);
-        let t4_151 = (-t4_6).mul_add(x_s1_2_p3, t4_150);
-        let t4_152 = (-t4_3).mul_add(x_s1_1_p3, t4_151);
-        let t4_153 = t2_15.mul_add(x_q1_p3, t4_152);
-        m[0] = [t4_93, t4_123, t4_153];
-        let t4_154 = t4_112 + t4_111;
-        let t4_155 = x_q3_p2.mul_add(t4_113, p_m_carriage2);
-        let t4_156 = x_q2_p2.mul_add(t4_154, t4_155);
-        let t4_157 = t4_156 + p_m_rod2;
-        let t4_158 = x_s1_3_p2.mul_add(t4_109, t4_157);
-        let t4_159 = x_s1_2_p2.mul_add(t4_105, t4_158);
-        let t4_160 = x_s1_1_p2.mul_add(t4_101, t4_159);
-        let t4_161 = x_q1_p2.mul_add(t4_97, t4_160);
-        let t4_162 = x_q3_p2 * t4_143;
-        let t4_163 = x_q2_p2.mul_add(t4_140, t4_162);
-        let t4_164 = t4_111.mul_add(x_q2_p3, t4_163);
-        let t4_165 = x_s1_3_p2.mul_add(t4_139, t4_164);
-        let t4_166 = x_s1_2_p2.mul_add(t4_135, t4_165);
-        let t4_167 = x_s1_1_p2.mul_add(t4_131, t4_166);
-        let t4_168 = x_q1_p2.mul_add(t4_127, t4_167);
-        m[1] = [t4_123, t4_161, t4_168];
-        let t4_169 = t4_143 + t4_142;
-        let t4_170 = x_q3_p3.mul_add(t4_169, p_m_carriage3);
-        let t4_171 = t4_170 + p_m_rod3;
-        let t4_172 = x_q2_p3.mul_add(t4_140, t4_171);
-        let t4_173 = x_s1_3_p3.mul_add(t4_139, t4_172);
-        let t4_174 = x_s1_2_p3.mul_add(t4_135, t4_173);
-        let t4_175 = x_s1_1_p3.mul_add(t4_131, t4_174);
-        let t4_176 = x_q1_p3.mul_add(t4_127, t4_175);
-        m[2] = [t4_153, t4_168, t4_176];
+        let t3_1 = sin_s1_1 * t2_7;
+        let t3_2 = cos_s1_1.mul_add(t2_5, -t3_1);
+        let t3_3 = cos_q1 * t3_2;
+        let t3_4 = sin_s1_1 * t2_11;
+        let t3_5 = sin_q1 * t2_5;
+        let t3_6 = cos_q1.mul_add(t3_4, t3_5);
+        let t3_7 = sin_s1_2 * t3_1;
+        let t3_8 = (-cos_s1_1).mul_add(t2_3, t3_7);
+        let t3_9 = cos_q1 * t3_8;
+        let t3_10 = (-t2_7).mul_add(t2_29, t3_9);
+        let t3_11 = like.lift(-0.2).mul_add(p_mx_platform, p_ixy_platform);
+        let t3_12 = cos_s1_3 * p_ixz_platform;
+        let t3_13 = sin_s1_3.mul_add(t3_11, t3_12);
+        let t3_14 = cos_s1_2 * t3_13;
+        let t3_15 = like.lift(-0.2).mul_add(p_mz_platform, p_iyz_platform);
+        let t3_16 = cos_s1_3 * t3_15;
+        let t3_17 = sin_s1_3.mul_add(p_iyy_platform, t3_16);
+        let t3_18 = sin_s1_3 * t3_15;
+        let t3_19 = p_my_platform + t2_1;
+        let t3_20 = like.lift(0.2) * t3_19;
+        let t3_21 = p_izz_platform + t3_20;
+        let t3_22 = cos_s1_3.mul_add(t3_21, t3_18);
+        let t3_23 = cos_s1_3 * t3_22;
+        let t3_24 = sin_s1_3.mul_add(t3_17, t3_23);
+        let t3_25 = sin_s1_2.mul_add(t3_24, t3_14);
+        let t3_26 = sin_s1_2 * t3_13;
+        let t3_27 = p_ixx_platform + t3_20;
+        let t3_28 = cos_s1_2.mul_add(t3_27, t3_26);
+        let t3_29 = cos_s1_2 * t3_28;
+        let t3_30 = sin_s1_2.mul_add(t3_25, t3_29);
+        let t3_31 = cos_s1_3.mul_add(p_iyy_platform, -t3_18);
+        let t3_32 = (-sin_s1_3).mul_add(t3_21, t3_16);
+        let t3_33 = cos_s1_3 * t3_32;
+        let t3_34 = sin_s1_3.mul_add(t3_31, t3_33);
+        let t3_35 = cos_s1_3 * t3_11;
+        let t3_36 = (-sin_s1_3).mul_add(p_ixz_platform, t3_35);
+        let t3_37 = cos_s1_2 * t3_36;
+        let t3_38 = sin_s1_2.mul_add(t3_34, t3_37);
+        let t3_39 = cos_s1_1 * t3_30;
+        let t3_40 = (-sin_s1_1).mul_add(t3_38, t3_39);
+        let t3_41 = cos_s1_3 * t3_31;
+        let t3_42 = (-sin_s1_3).mul_add(t3_32, t3_41);
+        let t3_43 = cos_s1_1 * t3_38;
+        let t3_44 = (-sin_s1_1).mul_add(t3_42, t3_43);
+        let t3_45 = t2_11 + t2_12;
+        let t3_46 = (-sin_s1_1).mul_add(t3_44, p_ixx_rod1);
+        let t3_47 = cos_s1_1.mul_add(t3_40, t3_46);
+        let t3_48 = like.lift(0.5).mul_add(t3_45, t3_47);
+        let t3_49 = cos_s1_2 * t3_25;
+        let t3_50 = (-sin_s1_2).mul_add(t3_28, t3_49);
+        let t3_51 = cos_s1_2 * t3_34;
+        let t3_52 = (-sin_s1_2).mul_add(t3_36, t3_51);
+        let t3_53 = cos_s1_1 * t3_50;
+        let t3_54 = like.lift(-0.5).mul_add(t3_2, t3_53);
+        let t3_55 = (-sin_s1_1).mul_add(t3_52, t3_54);
+        let t3_56 = like.lift(-0.5).mul_add(t3_4, t3_44);
+        let t3_57 = cos_s1_1 * t3_28;
+        let t3_58 = like.lift(-0.5).mul_add(t3_8, t3_57);
+        let t3_59 = (-sin_s1_1).mul_add(t3_36, t3_58);
+        let t3_60 = t3_59.mul_add(x_s1_3_p1, t2_15);
+        let t3_61 = t3_56.mul_add(x_s1_2_p1, t3_60);
+        let t3_62 = t3_55.mul_add(x_s1_1_p1, t3_61);
+        let t3_63 = t3_48.mul_add(x_q1_p1, t3_62);
+        let t3_64 = (-cos_s1_2).mul_add(t3_24, t3_26);
+        let t3_65 = (-sin_s1_2).mul_add(t3_27, t3_14);
+        let t3_66 = sin_s1_2 * t3_65;
+        let t3_67 = cos_s1_2.mul_add(t3_64, t3_66);
+        let t3_68 = (-t3_65).mul_add(x_s1_3_p1, t3_3);
+        let t3_69 = (-t3_52).mul_add(x_s1_2_p1, t3_68);
+        let t3_70 = t3_67.mul_add(x_s1_1_p1, t3_69);
+        let t3_71 = (-t3_55).mul_add(x_q1_p1, t3_70);
+        let t3_72 = (-t3_36).mul_add(x_s1_3_p1, t3_6);
+        let t3_73 = (-t3_42).mul_add(x_s1_2_p1, t3_72);
+        let t3_74 = (-t3_52).mul_add(x_s1_1_p1, t3_73);
+        let t3_75 = (-t3_56).mul_add(x_q1_p1, t3_74);
+        let t3_76 = (-t3_27).mul_add(x_s1_3_p1, t3_10);
+        let t3_77 = (-t3_36).mul_add(x_s1_2_p1, t3_76);
+        let t3_78 = (-t3_65).mul_add(x_s1_1_p1, t3_77);
+        let t3_79 = (-t3_59).mul_add(x_q1_p1, t3_78);
+        let t3_80 = t3_63 + t2_15;
+        let t3_81 = t3_71 + t3_3;
+        let t3_82 = t3_75 + t3_6;
+        let t3_83 = t3_79 + t3_10;
+        let t3_84 = x_q3_p1 * p_ixx_rod3;
+        let t3_85 = t3_84.mul_add(x_q3_p1, p_m_carriage1);
+        let t3_86 = x_q2_p1 * p_ixx_rod2;
+        let t3_87 = t3_86.mul_add(x_q2_p1, t3_85);
+        let t3_88 = (-x_s1_3_p1).mul_add(t3_83, t3_87);
+        let t3_89 = (-x_s1_2_p1).mul_add(t3_82, t3_88);
+        let t3_90 = (-x_s1_1_p1).mul_add(t3_81, t3_89);
+        let t3_91 = x_q1_p1.mul_add(t3_80, t3_90);
+        let t3_92 = t3_91 + p_m_rod1;
+        let t3_93 = t3_92 + p_m_platform;
+        let t3_94 = t3_59 * x_s1_3_p2;
+        let t3_95 = t3_56.mul_add(x_s1_2_p2, t3_94);
+        let t3_96 = t3_55.mul_add(x_s1_1_p2, t3_95);
+        let t3_97 = t3_48.mul_add(x_q1_p2, t3_96);
+        let t3_98 = t3_65 * x_s1_3_p2;
+        let t3_99 = t3_52.mul_add(x_s1_2_p2, t3_98);
+        let t3_100 = (-t3_67).mul_add(x_s1_1_p2, t3_99);
+        let t3_101 = t3_55.mul_add(x_q1_p2, t3_100);
+        let t3_102 = t3_36 * x_s1_3_p2;
+        let t3_103 = t3_42.mul_add(x_s1_2_p2, t3_102);
+        let t3_104 = t3_52.mul_add(x_s1_1_p2, t3_103);
+        let t3_105 = t3_56.mul_add(x_q1_p2, t3_104);
+        let t3_106 = t3_27 * x_s1_3_p2;
+        let t3_107 = t3_36.mul_add(x_s1_2_p2, t3_106);
+        let t3_108 = t3_65.mul_add(x_s1_1_p2, t3_107);
+        let t3_109 = t3_59.mul_add(x_q1_p2, t3_108);
+        let t3_110 = cos_q2 * p_mz_rod2;
+        let t3_111 = sin_q2.mul_add(p_my_rod2, t3_110);
+        let t3_112 = p_ixx_rod2.mul_add(x_q2_p2, t3_111);
+        let t3_113 = p_ixx_rod3 * x_q3_p2;
+        let t3_114 = x_q3_p1 * t3_113;
+        let t3_115 = x_q2_p1.mul_add(t3_112, t3_114);
+        let t3_116 = x_s1_3_p1.mul_add(t3_109, t3_115);
+        let t3_117 = x_s1_2_p1.mul_add(t3_105, t3_116);
+        let t3_118 = x_s1_1_p1.mul_add(t3_101, t3_117);
+        let t3_119 = x_q1_p1.mul_add(t3_97, t3_118);
+        let t3_120 = (-t3_10).mul_add(x_s1_3_p2, t3_119);
+        let t3_121 = (-t3_6).mul_add(x_s1_2_p2, t3_120);
+        let t3_122 = (-t3_3).mul_add(x_s1_1_p2, t3_121);
+        let t3_123 = t2_15.mul_add(x_q1_p2, t3_122);
+        let t3_124 = t3_59 * x_s1_3_p3;
+        let t3_125 = t3_56.mul_add(x_s1_2_p3, t3_124);
+        let t3_126 = t3_55.mul_add(x_s1_1_p3, t3_125);
+        let t3_127 = t3_48.mul_add(x_q1_p3, t3_126);
+        let t3_128 = t3_65 * x_s1_3_p3;
+        let t3_129 = t3_52.mul_add(x_s1_2_p3, t3_128);
+        let t3_130 = (-t3_67).mul_add(x_s1_1_p3, t3_129);
+        let t3_131 = t3_55.mul_add(x_q1_p3, t3_130);
+        let t3_132 = t3_36 * x_s1_3_p3;
+        let t3_133 = t3_42.mul_add(x_s1_2_p3, t3_132);
+        let t3_134 = t3_52.mul_add(x_s1_1_p3, t3_133);
+        let t3_135 = t3_56.mul_add(x_q1_p3, t3_134);
+        let t3_136 = t3_27 * x_s1_3_p3;
+        let t3_137 = t3_36.mul_add(x_s1_2_p3, t3_136);
+        let t3_138 = t3_65.mul_add(x_s1_1_p3, t3_137);
+        let t3_139 = t3_59.mul_add(x_q1_p3, t3_138);
+        let t3_140 = p_ixx_rod2 * x_q2_p3;
+        let t3_141 = cos_q3 * p_mz_rod3;
+        let t3_142 = sin_q3.mul_add(p_my_rod3, t3_141);
+        let t3_143 = p_ixx_rod3.mul_add(x_q3_p3, t3_142);
+        let t3_144 = x_q3_p1 * t3_143;
+        let t3_145 = x_q2_p1.mul_add(t3_140, t3_144);
+        let t3_146 = x_s1_3_p1.mul_add(t3_139, t3_145);
+        let t3_147 = x_s1_2_p1.mul_add(t3_135, t3_146);
+        let t3_148 = x_s1_1_p1.mul_add(t3_131, t3_147);
+        let t3_149 = x_q1_p1.mul_add(t3_127, t3_148);
+        let t3_150 = (-t3_10).mul_add(x_s1_3_p3, t3_149);
+        let t3_151 = (-t3_6).mul_add(x_s1_2_p3, t3_150);
+        let t3_152 = (-t3_3).mul_add(x_s1_1_p3, t3_151);
+        let t3_153 = t2_15.mul_add(x_q1_p3, t3_152);
+        m[0] = [t3_93, t3_123, t3_153];
+        let t3_154 = t3_112 + t3_111;
+        let t3_155 = x_q3_p2.mul_add(t3_113, p_m_carriage2);
+        let t3_156 = x_q2_p2.mul_add(t3_154, t3_155);
+        let t3_157 = t3_156 + p_m_rod2;
+        let t3_158 = x_s1_3_p2.mul_add(t3_109, t3_157);
+        let t3_159 = x_s1_2_p2.mul_add(t3_105, t3_158);
+        let t3_160 = x_s1_1_p2.mul_add(t3_101, t3_159);
+        let t3_161 = x_q1_p2.mul_add(t3_97, t3_160);
+        let t3_162 = x_q3_p2 * t3_143;
+        let t3_163 = x_q2_p2.mul_add(t3_140, t3_162);
+        let t3_164 = t3_111.mul_add(x_q2_p3, t3_163);
+        let t3_165 = x_s1_3_p2.mul_add(t3_139, t3_164);
+        let t3_166 = x_s1_2_p2.mul_add(t3_135, t3_165);
+        let t3_167 = x_s1_1_p2.mul_add(t3_131, t3_166);
+        let t3_168 = x_q1_p2.mul_add(t3_127, t3_167);
+        m[1] = [t3_123, t3_161, t3_168];
+        let t3_169 = t3_143 + t3_142;
+        let t3_170 = x_q3_p3.mul_add(t3_169, p_m_carriage3);
+        let t3_171 = t3_170 + p_m_rod3;
+        let t3_172 = x_q2_p3.mul_add(t3_140, t3_171);
+        let t3_173 = x_s1_3_p3.mul_add(t3_139, t3_172);
+        let t3_174 = x_s1_2_p3.mul_add(t3_135, t3_173);
+        let t3_175 = x_s1_1_p3.mul_add(t3_131, t3_174);
+        let t3_176 = x_q1_p3.mul_add(t3_127, t3_175);
+        m[2] = [t3_153, t3_168, t3_176];
     }
     (m, Condition { pivot: condition })
 }
@@ -4973,7 +4677,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 424 additions, 639 multiplications, 5 divisions, 6 sines and cosines.
+/// 454 additions, 689 multiplications, 6 divisions, 6 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     y[0] = [zero; 3];
@@ -5043,16 +4747,16 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+        sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
         cos_q2, sin_q3, cos_q3,
     ] = {
         let [
-            (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_q1, cos_q1),
+            (sin_q1, cos_q1), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2),
             (sin_q2, cos_q2), (sin_q3, cos_q3),
         ] =
-            T::sin_cos_all([s1_1, s1_2, s1_3, q1, q2, q3]);
+            T::sin_cos_all([q1, s1_3, s1_1, s1_2, q2, q3]);
         [
-            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+            sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
             cos_q2, sin_q3, cos_q3,
         ]
     };
@@ -5062,515 +4766,481 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
     }
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        e_s1_3_q1z, u_platform_q1x, t3_4, e_s1_3_s1_1z, t3_5, t3_7, e_s1_3_q1y, u_s1_3_p1y,
-        t3_13, u_s1_3_p1z, t3_17, t3_25, t3_28, t3_31, t3_35, pivot_2, u_s1_3_q1y, t3_43,
-        t3_44, t3_45, t3_46, e_s1_2_q1x, u_s1_2_p1x, t3_50, t3_54, t3_57, t3_62,
-        u_platform_q1z, t3_69, t3_70, e_s1_3_s1_1y, t3_74, t3_75, t3_79, t3_80, t3_81, t3_83,
-        t3_84, t3_85, t3_87, t3_91, t3_92, t3_93, t3_94, t3_95, t3_97, t3_98, t3_102, t3_105,
-        t3_107, t3_108, t3_113, t3_114, inv_pivot_2, t3_128, pivot_3, inv_pivot_3, t3_130,
-        t3_131, pivot_4, inv_pivot_4, t3_133, t3_134, t3_135, t3_138, t3_142, inv_pivot_5,
-        t3_150, t3_151, t3_153, t3_156, pivot_6, inv_pivot_6, t3_180, t3_181, t3_182, t3_183,
-        t3_184, t3_185, t3_186,
+        t3_1, t3_6, t3_10, u_s1_1_p1y, u_s1_2_p1z, u_s1_3_p1y, u_s1_2_p1x, t3_23, t3_25, t3_26,
+        t3_28, t3_29, pivot_1, t3_31, pivot_3, e_s1_2_q1z, e_s1_3_q1y, e_s1_2_q1x, t3_36,
+        t3_38, t3_40, t3_43, t3_44, t3_46, t3_48, t3_49, t3_51, t3_54, t3_56, t3_62, t3_64,
+        t3_65, t3_67, t3_68, t3_69, t3_70, t3_71, t3_72, t3_74, t3_76, t3_79, t3_80, t3_81,
+        t3_83, t3_84, t3_86, t3_89, t3_91, inv_pivot_3, t3_97, t3_98, pivot_4, inv_pivot_4,
+        t3_101, t3_103, t3_105, t3_106, t3_107, t3_110, inv_pivot_5, t3_116, t3_118, t3_121,
+        t3_123, t3_124, t3_125, t3_128, t3_132, pivot_6, inv_pivot_6, t3_154, t3_159, t3_161,
+        t3_162, t3_163, t3_164, t3_165, t3_166, t3_167,
     ] = {
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t3_1 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t3_1);
-        let t3_2 = like.lift(0.2) * e_s1_3_q1z;
-        let t3_3 = like.lift(0.5) * sin_s1_1;
-        let u_platform_q1x = t3_3.mul_add(cos_s1_2, t3_2);
-        let t3_4 = like.lift(0.1).mul_add(e_s1_3_q1z, u_platform_q1x);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t3_5 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t3_6 = like.lift(0.3) * sin_s1_3;
-        let t3_7 = -t3_6;
-        let t3_8 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_8);
-        let t3_9 = like.lift(0.5) * e_s1_3_q1y;
+        let t3_1 = sin_q1 * cos_s1_1;
+        let t3_2 = sin_q1 * sin_s1_1;
+        let t3_3 = sin_s1_2 * t3_2;
+        let t3_4 = cos_q1.mul_add(cos_s1_2, t3_3);
+        let t3_5 = sin_s1_3 * t3_4;
+        let t3_6 = cos_s1_3.mul_add(t3_1, t3_5);
+        let t3_7 = like.lift(0.1) * t3_6;
+        let t3_8 = like.lift(0.2) * t3_6;
+        let t3_9 = cos_q1 * sin_s1_2;
+        let t3_10 = (-cos_s1_2).mul_add(t3_2, t3_9);
+        let t3_11 = like.lift(0.17320508075688773) * t3_10;
+        let t3_12 = t3_7 + t3_8;
+        let t3_13 = t3_12 - t3_11;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t3_10 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_10);
-        let t3_11 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_11);
-        let t3_12 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t3_13 = t3_9 + t3_12;
-        let t3_14 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t3_15 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t3_15);
-        let t3_16 = like.lift(0.5) * u_s1_3_p1z;
-        let t3_17 = t3_14 - t3_16;
-        let t3_18 = sin_q1 * cos_s1_1;
-        let t3_19 = sin_q1 * sin_s1_1;
-        let t3_20 = sin_s1_2 * t3_19;
-        let t3_21 = cos_q1.mul_add(cos_s1_2, t3_20);
-        let t3_22 = sin_s1_3 * t3_18;
-        let t3_23 = (-cos_s1_3).mul_add(t3_21, t3_22);
-        let t3_24 = sin_q2 * t3_17;
-        let t3_25 = (-cos_q2).mul_add(t3_23, t3_24);
-        let t3_26 = like.lift(0.5) * e_s1_3_q1z;
-        let t3_27 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t3_28 = t3_26 + t3_27;
-        let t3_29 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t3_30 = like.lift(0.5) * u_s1_3_p1y;
-        let t3_31 = t3_29 - t3_30;
-        let t3_32 = sin_s1_3 * t3_21;
-        let t3_33 = cos_s1_3.mul_add(t3_18, t3_32);
-        let t3_34 = sin_q2 * t3_31;
-        let t3_35 = (-cos_q2).mul_add(t3_33, t3_34);
-        let t3_36 = t3_28 * t3_35;
-        let t3_37 = (-t3_13).mul_add(t3_25, t3_36);
-        let t3_38 = like.lift(0.5) * t3_37;
-        let pivot_2 = -t3_38;
-        let t3_39 = sin_s1_1 * sin_s1_2;
-        let t3_40 = sin_s1_3 * t3_39;
-        let t3_41 = cos_s1_1.mul_add(cos_s1_3, t3_40);
-        let u_s1_3_q1y = like.lift(0.5) * t3_41;
-        let t3_42 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t3_43 = u_s1_3_q1y - t3_42;
-        let t3_44 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t3_45 = -t3_44;
-        let t3_46 = like.lift(0.17320508075688773) * sin_s1_3;
+        let t3_14 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_14);
+        let t3_15 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_15);
+        let t3_16 = like.lift(0.1) * u_s1_3_p1y;
+        let t3_17 = like.lift(0.2) * u_s1_3_p1y;
+        let t3_18 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_18);
+        let t3_19 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t3_20 = t3_16 + t3_17;
+        let t3_21 = t3_20 + t3_19;
+        let t3_22 = cos_q1 * t3_21;
+        let t3_23 = sin_q1.mul_add(t3_13, t3_22);
+        let t3_24 = u_s1_1_p1y * t3_13;
+        let t3_25 = (-t3_1).mul_add(t3_21, t3_24);
+        let t3_26 = -t3_25;
+        let t3_27 = t3_10 * t3_21;
+        let t3_28 = u_s1_2_p1x.mul_add(t3_13, t3_27);
+        let t3_29 = -t3_28;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t3_30 = like.lift(0.5).mul_add(cos_q1, t3_8);
+        let t3_31 = t3_11 - t3_7;
+        let pivot_3 = t3_30 - t3_31;
+        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
+        let t3_32 = sin_s1_1 * cos_s1_3;
+        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_32);
+        let t3_33 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t3_47 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t3_48 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_48);
-        let t3_49 = like.lift(0.5) * u_s1_2_p1x;
-        let t3_50 = t3_47 + t3_49;
-        let t3_51 = cos_q1 * sin_s1_2;
-        let t3_52 = (-cos_s1_2).mul_add(t3_19, t3_51);
-        let t3_53 = sin_q2 * t3_50;
-        let t3_54 = (-cos_q2).mul_add(t3_52, t3_53);
-        let t3_55 = like.lift(0.5) * e_s1_2_q1x;
-        let t3_56 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t3_57 = t3_55 - t3_56;
-        let t3_58 = t3_57 * t3_25;
-        let t3_59 = (-t3_28).mul_add(t3_54, t3_58);
-        let t3_60 = like.lift(0.5) * t3_59;
-        let t3_61 = -t3_60;
-        let t3_62 = -t3_61;
-        let t3_63 = cos_s1_3 * t3_39;
-        let t3_64 = (-cos_s1_1).mul_add(sin_s1_3, t3_63);
-        let t3_65 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t3_64, t3_65);
-        let t3_66 = like.lift(0.1) * e_s1_2_q1x;
-        let t3_67 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t3_68 = u_platform_q1z + t3_66;
-        let t3_69 = t3_68 + t3_67;
-        let t3_70 = -t3_69;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t3_71 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t3_72 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t3_73 = u_platform_s1_1z + t3_71;
-        let t3_74 = t3_73 + t3_72;
-        let t3_75 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t3_76 = t3_13 * t3_54;
-        let t3_77 = (-t3_57).mul_add(t3_35, t3_76);
-        let t3_78 = like.lift(0.5) * t3_77;
+        let t3_34 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t3_35 = like.lift(0.1) * e_s1_3_q1y;
+        let t3_36 = t3_34 - t3_35;
+        let t3_37 = t3_33 - t3_36;
+        let t3_38 = cos_q1 * t3_37;
+        let t3_39 = t3_1 * t3_37;
+        let t3_40 = (-sin_s1_1).mul_add(t3_13, t3_39);
+        let t3_41 = t3_10 * t3_37;
+        let t3_42 = (-e_s1_2_q1x).mul_add(t3_13, t3_41);
+        let t3_43 = -t3_42;
+        let t3_44 = like.lift(0.25) * cos_q2;
+        let t3_45 = like.lift(0.5) * sin_q1;
+        let t3_46 = t3_19 + t3_16;
+        let t3_47 = t3_45 - t3_17;
+        let t3_48 = t3_47 - t3_46;
+        let t3_49 = sin_q1 * t3_37;
+        let t3_50 = sin_s1_1 * t3_21;
+        let t3_51 = (-u_s1_1_p1y).mul_add(t3_37, t3_50);
+        let t3_52 = u_s1_2_p1x * t3_37;
+        let t3_53 = e_s1_2_q1x.mul_add(t3_21, t3_52);
+        let t3_54 = -t3_53;
+        let t3_55 = like.lift(0.5) * sin_q2;
+        let t3_56 = -t3_55;
+        let t3_57 = t3_7 + t3_8;
+        let t3_58 = t3_57 + t3_11;
+        let t3_59 = t3_16 + t3_17;
+        let t3_60 = t3_59 - t3_19;
+        let t3_61 = cos_q1 * t3_60;
+        let t3_62 = sin_q1.mul_add(t3_58, t3_61);
+        let t3_63 = u_s1_1_p1y * t3_58;
+        let t3_64 = (-t3_1).mul_add(t3_60, t3_63);
+        let t3_65 = -t3_64;
+        let t3_66 = t3_10 * t3_60;
+        let t3_67 = u_s1_2_p1x.mul_add(t3_58, t3_66);
+        let t3_68 = -t3_67;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t3_69 = -pivot_2;
+        let t3_70 = t3_11 + t3_7;
+        let t3_71 = t3_30 + t3_70;
+        let t3_72 = t3_34 + t3_35;
+        let t3_73 = t3_33 + t3_72;
+        let t3_74 = cos_q1 * t3_73;
+        let t3_75 = t3_1 * t3_73;
+        let t3_76 = (-sin_s1_1).mul_add(t3_58, t3_75);
+        let t3_77 = t3_10 * t3_73;
+        let t3_78 = (-e_s1_2_q1x).mul_add(t3_58, t3_77);
         let t3_79 = -t3_78;
-        let t3_80 = t3_9 - t3_12;
-        let t3_81 = t3_14 + t3_16;
-        let t3_82 = cos_q3 * t3_23;
-        let t3_83 = sin_q3.mul_add(t3_81, t3_82);
-        let t3_84 = t3_26 - t3_27;
-        let t3_85 = t3_29 + t3_30;
-        let t3_86 = cos_q3 * t3_33;
-        let t3_87 = sin_q3.mul_add(t3_85, t3_86);
-        let t3_88 = t3_84 * t3_87;
-        let t3_89 = (-t3_80).mul_add(t3_83, t3_88);
-        let t3_90 = like.lift(0.5) * t3_89;
+        let t3_80 = like.lift(0.25) * cos_q3;
+        let t3_81 = t3_19 - t3_16;
+        let t3_82 = t3_45 - t3_17;
+        let t3_83 = t3_82 + t3_81;
+        let t3_84 = sin_q1 * t3_73;
+        let t3_85 = sin_s1_1 * t3_60;
+        let t3_86 = (-u_s1_1_p1y).mul_add(t3_73, t3_85);
+        let t3_87 = u_s1_2_p1x * t3_73;
+        let t3_88 = e_s1_2_q1x.mul_add(t3_60, t3_87);
+        let t3_89 = -t3_88;
+        let t3_90 = like.lift(0.5) * sin_q3;
         let t3_91 = -t3_90;
-        let t3_92 = -t3_91;
-        let t3_93 = u_s1_3_q1y + t3_42;
-        let t3_94 = -t3_46;
-        let t3_95 = t3_47 - t3_49;
-        let t3_96 = cos_q3 * t3_52;
-        let t3_97 = sin_q3.mul_add(t3_95, t3_96);
-        let t3_98 = t3_55 + t3_56;
-        let t3_99 = t3_98 * t3_83;
-        let t3_100 = (-t3_84).mul_add(t3_97, t3_99);
-        let t3_101 = like.lift(0.5) * t3_100;
-        let t3_102 = -t3_101;
-        let t3_103 = u_platform_q1z + t3_66;
-        let t3_104 = t3_103 - t3_67;
-        let t3_105 = -t3_104;
-        let t3_106 = u_platform_s1_1z + t3_71;
-        let t3_107 = t3_106 - t3_72;
-        let t3_108 = -t3_75;
-        let t3_109 = t3_80 * t3_97;
-        let t3_110 = (-t3_98).mul_add(t3_87, t3_109);
-        let t3_111 = like.lift(0.5) * t3_110;
-        let t3_112 = -t3_111;
-        let t3_113 = -t3_112;
-        let t3_114 = u_s1_2_p1x * dr_p1;
-        let t3_115 = u_s1_2_p1x * r_p1;
-        let t3_116 = t3_50.mul_add(r_p2, t3_115);
-        let t3_117 = u_s1_3_p1y * r_p1;
-        let t3_118 = (-t3_31).mul_add(r_p2, t3_117);
-        let t3_119 = u_s1_3_p1z * r_p1;
-        let t3_120 = t3_17 * r_p2;
-        let t3_121 = t3_119 - t3_120;
-        let t3_122 = -t3_121;
-        let t3_123 = (-t3_95).mul_add(r_p3, t3_115);
-        let t3_124 = t3_85.mul_add(r_p3, t3_117);
-        let t3_125 = t3_81 * r_p3;
-        let t3_126 = t3_119 + t3_125;
-        let t3_127 = -t3_126;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_128 = t3_61 * inv_pivot_2;
-        let pivot_3 = t3_4.mul_add(t3_128, t3_43);
+        let t3_92 = like.lift(0.8660254037844386) * r_p2;
+        let t3_93 = like.lift(0.5).mul_add(r_p2, r_p1);
+        let t3_94 = like.lift(0.8660254037844386) * r_p3;
+        let t3_95 = -t3_94;
+        let t3_96 = like.lift(0.5).mul_add(r_p3, r_p1);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_129 = t3_128.mul_add(t3_116, t3_118);
-        let t3_130 = (-t3_128).mul_add(t3_5, t3_44);
-        let t3_131 = t3_4 * inv_pivot_3;
-        let pivot_4 = t3_130.mul_add(t3_131, t3_5);
+        let t3_97 = like.lift(-0.5773502691896257).mul_add(t3_23, t3_38);
+        let t3_98 = t3_71 * inv_pivot_3;
+        let t3_99 = (-t3_97).mul_add(t3_98, t3_74);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t3_62, t3_99);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_132 = (-t3_131).mul_add(t3_129, t3_123);
-        let t3_133 = (-t3_128).mul_add(t3_6, t3_46);
-        let t3_134 = t3_133.mul_add(t3_131, t3_6);
-        let t3_135 = t3_79 * inv_pivot_2;
-        let t3_136 = t3_4 * t3_135;
-        let t3_137 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t3_136);
-        let t3_138 = t3_137 * inv_pivot_3;
-        let t3_139 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t3_140 = (-t3_130).mul_add(t3_138, t3_139);
-        let t3_141 = (-t3_135).mul_add(t3_5, t3_140);
-        let t3_142 = t3_141 * inv_pivot_4;
-        let t3_143 = t3_134 * t3_142;
-        let t3_144 = t3_133.mul_add(t3_138, t3_143);
-        let t3_145 = t3_135.mul_add(t3_6, t3_144);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t3_145);
+        let t3_100 = (-t3_98).mul_add(r_p1, r_p1);
+        let t3_101 = like.lift(-0.5773502691896257).mul_add(t3_28, t3_42);
+        let t3_102 = (-t3_101).mul_add(t3_98, t3_78);
+        let t3_103 = like.lift(0.5773502691896257).mul_add(t3_67, t3_102);
+        let t3_104 = like.lift(1.0) / cos_q2;
+        let t3_105 = sin_q2 * t3_104;
+        let t3_106 = t3_48 * inv_pivot_3;
+        let t3_107 = like.lift(1.1547005383792515) * t3_105;
+        let t3_108 = (-t3_97).mul_add(t3_106, t3_49);
+        let t3_109 = t3_23.mul_add(t3_107, t3_108);
+        let t3_110 = t3_109 * inv_pivot_4;
+        let t3_111 = (-t3_103).mul_add(t3_110, t3_53);
+        let t3_112 = (-t3_101).mul_add(t3_106, t3_111);
+        let pivot_5 = t3_28.mul_add(t3_107, t3_112);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_146 = (-t3_142).mul_add(t3_132, t3_120);
-        let t3_147 = t3_138.mul_add(t3_129, t3_146);
-        let t3_148 = (-t3_135).mul_add(t3_116, t3_147);
-        let t3_149 = t3_148 + t3_125;
-        let t3_150 = t3_91.mul_add(t3_142, t3_112);
-        let t3_151 = t3_93 * inv_pivot_3;
-        let t3_152 = t3_130.mul_add(t3_151, t3_44);
-        let t3_153 = t3_152 * inv_pivot_4;
-        let t3_154 = (-t3_134).mul_add(t3_153, t3_46);
-        let t3_155 = t3_133.mul_add(t3_151, t3_154);
-        let t3_156 = t3_155 * inv_pivot_5;
-        let t3_157 = t3_150.mul_add(t3_156, t3_102);
-        let pivot_6 = t3_91.mul_add(t3_153, t3_157);
+        let t3_113 = t3_105 * r_p2;
+        let t3_114 = (-t3_110).mul_add(t3_100, t3_113);
+        let t3_115 = (-t3_106).mul_add(r_p1, t3_114);
+        let t3_116 = like.lift(0.5773502691896257).mul_add(t3_25, t3_40);
+        let t3_117 = (-t3_116).mul_add(t3_98, t3_76);
+        let t3_118 = like.lift(-0.5773502691896257).mul_add(t3_64, t3_117);
+        let t3_119 = (-t3_118).mul_add(t3_110, t3_51);
+        let t3_120 = (-t3_116).mul_add(t3_106, t3_119);
+        let t3_121 = (-t3_25).mul_add(t3_107, t3_120);
+        let t3_122 = like.lift(1.0) / cos_q3;
+        let t3_123 = sin_q3 * t3_122;
+        let t3_124 = t3_83 * inv_pivot_3;
+        let t3_125 = like.lift(1.1547005383792515) * t3_123;
+        let t3_126 = (-t3_97).mul_add(t3_124, t3_84);
+        let t3_127 = (-t3_62).mul_add(t3_125, t3_126);
+        let t3_128 = t3_127 * inv_pivot_4;
+        let t3_129 = (-t3_103).mul_add(t3_128, t3_88);
+        let t3_130 = (-t3_101).mul_add(t3_124, t3_129);
+        let t3_131 = (-t3_67).mul_add(t3_125, t3_130);
+        let t3_132 = t3_131 * inv_pivot_5;
+        let t3_133 = (-t3_121).mul_add(t3_132, t3_86);
+        let t3_134 = (-t3_118).mul_add(t3_128, t3_133);
+        let t3_135 = (-t3_116).mul_add(t3_124, t3_134);
+        let pivot_6 = t3_64.mul_add(t3_125, t3_135);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_158 = t3_156.mul_add(t3_149, t3_124);
-        let t3_159 = (-t3_153).mul_add(t3_132, t3_158);
-        let t3_160 = (-t3_151).mul_add(t3_129, t3_159);
-        let t3_161 = inv_pivot_6 * t3_160;
-        let t3_162 = (-t3_150).mul_add(t3_161, t3_149);
-        let t3_163 = inv_pivot_5 * t3_162;
-        let t3_164 = t3_91.mul_add(t3_161, t3_132);
-        let t3_165 = t3_134.mul_add(t3_163, t3_164);
-        let t3_166 = inv_pivot_4 * t3_165;
-        let t3_167 = (-t3_133).mul_add(t3_163, t3_129);
-        let t3_168 = t3_130.mul_add(t3_166, t3_167);
-        let t3_169 = inv_pivot_3 * t3_168;
-        let t3_170 = sin_s1_3 * t3_163;
-        let t3_171 = (-e_s1_3_s1_1z).mul_add(t3_166, t3_170);
-        let t3_172 = like.lift(0.3).mul_add(t3_171, t3_116);
-        let t3_173 = (-t3_4).mul_add(t3_169, t3_172);
-        let t3_174 = inv_pivot_2 * t3_173;
-        let t3_175 = t3_163.mul_add(t3_75, t3_121);
-        let t3_176 = t3_74.mul_add(t3_166, t3_175);
-        let t3_177 = (-t3_69).mul_add(t3_169, t3_176);
-        let t3_178 = t3_79.mul_add(t3_174, t3_177);
-        let t3_179 = like.lift(3.3333333333333335) * t3_178;
-        let t3_180 = -pivot_5;
+        let t3_136 = t3_123 * r_p3;
+        let t3_137 = (-t3_132).mul_add(t3_115, t3_136);
+        let t3_138 = (-t3_128).mul_add(t3_100, t3_137);
+        let t3_139 = (-t3_124).mul_add(r_p1, t3_138);
+        let t3_140 = inv_pivot_6 * t3_139;
+        let t3_141 = (-t3_121).mul_add(t3_140, t3_115);
+        let t3_142 = inv_pivot_5 * t3_141;
+        let t3_143 = (-t3_118).mul_add(t3_140, t3_100);
+        let t3_144 = (-t3_103).mul_add(t3_142, t3_143);
+        let t3_145 = inv_pivot_4 * t3_144;
+        let t3_146 = (-t3_116).mul_add(t3_140, r_p1);
+        let t3_147 = (-t3_101).mul_add(t3_142, t3_146);
+        let t3_148 = (-t3_97).mul_add(t3_145, t3_147);
+        let t3_149 = inv_pivot_3 * t3_148;
+        let t3_150 = -t3_142;
+        let t3_151 = t3_25.mul_add(t3_140, t3_92);
+        let t3_152 = (-t3_28).mul_add(t3_142, t3_151);
+        let t3_153 = (-t3_23).mul_add(t3_145, t3_152);
+        let t3_154 = like.lift(2.309401076758503) * t3_104;
+        let t3_155 = t3_153 * t3_154;
+        let t3_156 = (-t3_64).mul_add(t3_140, t3_94);
+        let t3_157 = t3_67.mul_add(t3_142, t3_156);
+        let t3_158 = t3_62.mul_add(t3_145, t3_157);
+        let t3_159 = like.lift(2.309401076758503) * t3_122;
+        let t3_160 = t3_158 * t3_159;
+        let t3_161 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_180 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
-        let ([[t3_181], [t3_182], [t3_183], [t3_184], [t3_185], [t3_186]], found) = ::regen_runtime::guarded(
-            [[t3_169], [t3_166], [t3_163], [t3_179], [t3_174], [t3_161]],
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t3_69 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_161 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
+        let ([[t3_162], [t3_163], [t3_164], [t3_165], [t3_166], [t3_167]], found) = ::regen_runtime::guarded(
+            [[t3_149], [t3_145], [t3_140], [t3_150], [t3_155], [t3_160]],
             margin,
             || (
                 [
-                    [t3_4, t3_5, t3_7, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t3_43, t3_45, t3_46, like.lift(0.0), t3_62, like.lift(0.0)],
-                    [t3_70, t3_74, t3_75, like.lift(-0.3), t3_79, like.lift(0.0)],
-                    [t3_4, t3_5, t3_7, like.lift(0.0), like.lift(0.0), t3_92],
-                    [t3_93, t3_44, t3_94, like.lift(0.0), like.lift(0.0), t3_102],
-                    [t3_105, t3_107, t3_108, like.lift(-0.3), like.lift(0.0), t3_113],
+                    [like.lift(0.0), t3_23, t3_26, t3_29, pivot_1, like.lift(0.0)],
+                    [pivot_3, t3_38, t3_40, t3_43, t3_44, like.lift(0.0)],
+                    [t3_48, t3_49, t3_51, t3_54, t3_56, like.lift(0.0)],
+                    [like.lift(0.0), t3_62, t3_65, t3_68, like.lift(0.0), t3_69],
+                    [t3_71, t3_74, t3_76, t3_79, like.lift(0.0), t3_80],
+                    [t3_83, t3_84, t3_86, t3_89, like.lift(0.0), t3_91],
                 ],
-                [[t3_116], [t3_118], [t3_122], [t3_123], [t3_124], [t3_127]],
+                [[t3_92], [t3_93], [like.lift(0.0)], [t3_95], [t3_96], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            e_s1_3_q1z, u_platform_q1x, t3_4, e_s1_3_s1_1z, t3_5, t3_7, e_s1_3_q1y, u_s1_3_p1y,
-            t3_13, u_s1_3_p1z, t3_17, t3_25, t3_28, t3_31, t3_35, pivot_2, u_s1_3_q1y, t3_43,
-            t3_44, t3_45, t3_46, e_s1_2_q1x, u_s1_2_p1x, t3_50, t3_54, t3_57, t3_62,
-            u_platform_q1z, t3_69, t3_70, e_s1_3_s1_1y, t3_74, t3_75, t3_79, t3_80, t3_81,
-            t3_83, t3_84, t3_85, t3_87, t3_91, t3_92, t3_93, t3_94, t3_95, t3_97, t3_98,
-            t3_102, t3_105, t3_107, t3_108, t3_113, t3_114, inv_pivot_2, t3_128, pivot_3,
-            inv_pivot_3, t3_130, t3_131, pivot_4, inv_pivot_4, t3_133, t3_134, t3_135, t3_138,
-            t3_142, inv_pivot_5, t3_150, t3_151, t3_153, t3_156, pivot_6, inv_pivot_6, t3_180,
-            t3_181, t3_182, t3_183, t3_184, t3_185, t3_186,
+            t3_1, t3_6, t3_10, u_s1_1_p1y, u_s1_2_p1z, u_s1_3_p1y, u_s1_2_p1x, t3_23, t3_25,
+            t3_26, t3_28, t3_29, pivot_1, t3_31, pivot_3, e_s1_2_q1z, e_s1_3_q1y, e_s1_2_q1x,
+            t3_36, t3_38, t3_40, t3_43, t3_44, t3_46, t3_48, t3_49, t3_51, t3_54, t3_56, t3_62,
+            t3_64, t3_65, t3_67, t3_68, t3_69, t3_70, t3_71, t3_72, t3_74, t3_76, t3_79, t3_80,
+            t3_81, t3_83, t3_84, t3_86, t3_89, t3_91, inv_pivot_3, t3_97, t3_98, pivot_4,
+            inv_pivot_4, t3_101, t3_103, t3_105, t3_106, t3_107, t3_110, inv_pivot_5, t3_116,
+            t3_118, t3_121, t3_123, t3_124, t3_125, t3_128, t3_132, pivot_6, inv_pivot_6,
+            t3_154, t3_159, t3_161, t3_162, t3_163, t3_164, t3_165, t3_166, t3_167,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [
-        t4_1, w_s1_3x, t4_14, t4_17, t4_20, t4_22, t4_23, t4_29, t4_32, t4_38, t4_41, w_s1_3z,
-        t4_44, t4_45, t4_46, t4_82, t4_83, t4_84, t4_109, t4_112, al_rod1x, al_s1_1z, t4_219,
-        t4_220, al_rod2x, al_rod3x,
-    ] = {
-        let t4_1 = d_q1 * t3_181;
-        let w_s1_1x = cos_s1_1 * d_q1;
-        let t4_2 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_2);
-        let w_s1_3x = d_s1_3 - w_s1_2x;
-        let t4_3 = sin_s1_1 * t3_181;
-        let t4_4 = t3_183 - t4_3;
-        let t4_5 = cos_s1_1 * t3_181;
-        let t4_6 = sin_s1_2 * t4_5;
-        let t4_7 = cos_s1_2.mul_add(t3_182, t4_6);
-        let t4_8 = sin_s1_3 * t4_7;
-        let t4_9 = cos_s1_3.mul_add(t4_4, t4_8);
-        let w_s1_1y = sin_s1_1 * d_q1;
-        let w_s1_2y = d_s1_2 - w_s1_1y;
-        let t4_10 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_10);
-        let t4_11 = sin_s1_3 * w_s1_2z;
-        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t4_11);
-        let t4_12 = sin_s1_2 * t3_182;
-        let t4_13 = (-cos_s1_2).mul_add(t4_5, t4_12);
-        let t4_14 = t3_184 - t4_13;
-        let t4_15 = w_s1_3y * t4_14;
-        let t4_16 = w_s1_3x.mul_add(t4_9, t4_15);
-        let t4_17 = like.lift(0.5) * t4_16;
-        let t4_18 = w_s1_2y * t4_13;
-        let t4_19 = w_s1_2x.mul_add(t4_4, t4_18);
-        let t4_20 = like.lift(0.5) * t4_19;
-        let t4_21 = d_s1_1 * t4_3;
-        let t4_22 = w_s1_1y.mul_add(t3_182, t4_21);
-        let t4_23 = w_s1_1x * t4_3;
-        let t4_24 = t4_20 + t4_20;
-        let t4_25 = (-cos_s1_2).mul_add(t4_23, t4_24);
-        let t4_26 = sin_s1_2.mul_add(t4_22, t4_25);
-        let t4_27 = d_s1_1 * t4_5;
-        let t4_28 = w_s1_1x.mul_add(t3_182, t4_27);
-        let t4_29 = like.lift(0.5) * t4_28;
-        let t4_30 = w_s1_2z * t4_13;
-        let t4_31 = w_s1_2x.mul_add(t4_7, t4_30);
-        let t4_32 = like.lift(0.5) * t4_31;
-        let t4_33 = t4_29 - t4_32;
-        let t4_34 = cos_s1_3 * t4_26;
-        let t4_35 = (-sin_s1_3).mul_add(t4_33, t4_34);
-        let t4_36 = t4_17 + t4_17;
-        let t4_37 = t4_36 + t4_35;
-        let t4_38 = like.lift(0.5) * t4_1;
-        let t4_39 = like.lift(0.2) * t4_37;
-        let t4_40 = sin_s1_2.mul_add(t4_38, t4_39);
-        let t4_41 = w_s1_3y * t4_9;
-        let t4_42 = sin_s1_3 * w_s1_2y;
-        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_42);
-        let t4_43 = sin_s1_3 * t4_4;
-        let t4_44 = (-cos_s1_3).mul_add(t4_7, t4_43);
-        let t4_45 = w_s1_3z * t4_44;
-        let t4_46 = t4_41 + t4_45;
-        let t4_47 = like.lift(0.17320508075688773) * t4_46;
-        let t4_48 = like.lift(0.1) * t4_37;
-        let t4_49 = t3_13 * d_q2;
-        let t4_50 = t3_57 * t3_185;
-        let t4_51 = t3_13 * t3_185;
-        let t4_52 = t3_54 * t4_51;
-        let t4_53 = (-t3_35).mul_add(t4_50, t4_52);
-        let t4_54 = like.lift(0.5) * t4_53;
-        let t4_55 = -t4_54;
-        let t4_56 = t3_28 * d_q2;
-        let t4_57 = t3_28 * t3_185;
-        let t4_58 = t3_25 * t4_50;
-        let t4_59 = (-t3_54).mul_add(t4_57, t4_58);
-        let t4_60 = like.lift(0.5) * t4_59;
-        let t4_61 = -t4_60;
-        let t4_62 = t3_57 * d_q2;
-        let t4_63 = t3_54 * t4_49;
-        let t4_64 = (-t3_35).mul_add(t4_62, t4_63);
-        let t4_65 = like.lift(0.5) * t4_64;
+    let [t4_90, t4_168, al_rod1x, al_s1_1z, t4_228, t4_229, al_rod2x, al_rod3x] = {
+        let t4_1 = cos_q1 * t3_162;
+        let t4_2 = d_q1 * t3_163;
+        let t4_3 = d_s1_1 * t4_1;
+        let t4_4 = cos_q1.mul_add(t4_2, t4_3);
+        let t4_5 = cos_q1 * d_s1_1;
+        let t4_6 = t3_1 * d_q1;
+        let t4_7 = sin_s1_1.mul_add(t4_5, t4_6);
+        let t4_8 = cos_q1 * t3_163;
+        let t4_9 = t3_1 * t3_162;
+        let t4_10 = sin_s1_1.mul_add(t4_8, t4_9);
+        let t4_11 = d_s1_2 * t4_10;
+        let t4_12 = t4_7.mul_add(t3_164, t4_11);
+        let t4_13 = t3_1.mul_add(d_s1_2, t4_5);
+        let t4_14 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
+        let t4_15 = t3_10 * t4_14;
+        let t4_16 = e_s1_2_q1x.mul_add(t4_13, t4_15);
+        let t4_17 = t3_1.mul_add(t3_164, t4_8);
+        let t4_18 = (-sin_s1_1).mul_add(t3_164, t3_162);
+        let t4_19 = t3_10 * t4_18;
+        let t4_20 = e_s1_2_q1x.mul_add(t4_17, t4_19);
+        let t4_21 = d_s1_3 * t4_20;
+        let t4_22 = t4_16.mul_add(t3_165, t4_21);
+        let t4_23 = t4_22 - t4_12;
+        let t4_24 = t4_23 - t4_4;
+        let t4_25 = like.lift(0.5) * t4_24;
+        let t4_26 = -t4_25;
+        let t4_27 = sin_q1 * t3_162;
+        let t4_28 = d_s1_1 * t4_27;
+        let t4_29 = sin_q1.mul_add(t4_2, t4_28);
+        let t4_30 = sin_q1 * d_s1_1;
+        let t4_31 = u_s1_1_p1y * d_q1;
+        let t4_32 = (-sin_s1_1).mul_add(t4_30, t4_31);
+        let t4_33 = sin_q1 * t3_163;
+        let t4_34 = u_s1_1_p1y * t3_162;
+        let t4_35 = (-sin_s1_1).mul_add(t4_33, t4_34);
+        let t4_36 = d_s1_2 * t4_35;
+        let t4_37 = t4_32.mul_add(t3_164, t4_36);
+        let t4_38 = (-u_s1_1_p1y).mul_add(d_s1_2, t4_30);
+        let t4_39 = e_s1_2_q1x * t4_38;
+        let t4_40 = u_s1_2_p1x.mul_add(t4_14, t4_39);
+        let t4_41 = (-u_s1_1_p1y).mul_add(t3_164, t4_33);
+        let t4_42 = e_s1_2_q1x * t4_41;
+        let t4_43 = u_s1_2_p1x.mul_add(t4_18, t4_42);
+        let t4_44 = d_s1_3 * t4_43;
+        let t4_45 = t4_40.mul_add(t3_165, t4_44);
+        let t4_46 = t4_45 + t4_37;
+        let t4_47 = t4_46 - t4_29;
+        let t4_48 = like.lift(0.5) * t4_47;
+        let t4_49 = -t4_48;
+        let t4_50 = (-u_s1_2_p1x).mul_add(d_s1_3, t4_38);
+        let t4_51 = e_s1_2_q1x.mul_add(t3_165, t4_18);
+        let t4_52 = (-u_s1_2_p1x).mul_add(t3_165, t4_41);
+        let t4_53 = e_s1_3_q1y * t4_52;
+        let t4_54 = (-u_s1_3_p1y).mul_add(t4_51, t4_53);
+        let t4_55 = like.lift(0.2) * t4_54;
+        let t4_56 = -t4_55;
+        let t4_57 = (-t3_10).mul_add(d_s1_3, t4_13);
+        let t4_58 = (-t3_10).mul_add(t3_165, t4_17);
+        let t4_59 = t3_6 * t4_51;
+        let t4_60 = e_s1_3_q1y.mul_add(t4_58, t4_59);
+        let t4_61 = like.lift(0.2) * t4_60;
+        let t4_62 = e_s1_2_q1x.mul_add(d_s1_3, t4_14);
+        let t4_63 = e_s1_3_q1y * t4_50;
+        let t4_64 = (-u_s1_3_p1y).mul_add(t4_62, t4_63);
+        let t4_65 = like.lift(0.2) * t4_64;
         let t4_66 = -t4_65;
-        let t4_67 = t3_25 * t4_62;
-        let t4_68 = (-t3_54).mul_add(t4_56, t4_67);
-        let t4_69 = like.lift(0.5) * t4_68;
-        let t4_70 = -t4_69;
-        let t4_71 = t4_49 * t4_55;
-        let t4_72 = (-t4_56).mul_add(t4_61, t4_71);
-        let t4_73 = (-t4_70).mul_add(t4_57, t4_72);
-        let t4_74 = t4_66.mul_add(t4_51, t4_73);
-        let t4_75 = t3_50.mul_add(dr_p2, t3_114);
-        let t4_76 = like.lift(-0.5).mul_add(t4_74, t4_75);
-        let t4_77 = t4_76 + t4_40;
-        let t4_78 = t4_77 - t4_47;
-        let t4_79 = t4_78 + t4_48;
-        let t4_80 = u_s1_3_p1y * dr_p1;
-        let t4_81 = cos_s1_2 * t4_1;
-        let t4_82 = w_s1_3x * t4_14;
-        let t4_83 = t4_82 + t4_45;
-        let t4_84 = like.lift(0.2) * t4_83;
-        let t4_85 = like.lift(0.5) * t4_81;
-        let t4_86 = sin_s1_3.mul_add(t4_85, t4_84);
-        let t4_87 = like.lift(0.17320508075688773) * t4_35;
-        let t4_88 = like.lift(0.1) * t4_83;
-        let t4_89 = t3_35 * t4_57;
-        let t4_90 = (-t3_25).mul_add(t4_51, t4_89);
-        let t4_91 = like.lift(0.5) * t4_90;
-        let t4_92 = -t4_91;
-        let t4_93 = t3_35 * t4_56;
-        let t4_94 = (-t3_25).mul_add(t4_49, t4_93);
-        let t4_95 = like.lift(0.5) * t4_94;
-        let t4_96 = -t4_95;
-        let t4_97 = t4_56 * t4_92;
-        let t4_98 = (-t4_62).mul_add(t4_55, t4_97);
-        let t4_99 = (-t4_66).mul_add(t4_50, t4_98);
-        let t4_100 = t4_96.mul_add(t4_57, t4_99);
-        let t4_101 = (-t3_31).mul_add(dr_p2, t4_80);
-        let t4_102 = like.lift(0.5).mul_add(t4_100, t4_101);
-        let t4_103 = t4_102 - t4_86;
-        let t4_104 = t4_103 - t4_87;
-        let t4_105 = t4_104 - t4_88;
-        let t4_106 = u_s1_3_p1z * dr_p1;
-        let t4_107 = w_s1_2z * t4_4;
-        let t4_108 = w_s1_2y.mul_add(t4_7, t4_107);
-        let t4_109 = like.lift(0.5) * t4_108;
-        let t4_110 = w_s1_3z * t4_9;
-        let t4_111 = w_s1_3y.mul_add(t4_44, t4_110);
-        let t4_112 = like.lift(0.5) * t4_111;
-        let t4_113 = sin_s1_2.mul_add(t4_23, t4_109);
-        let t4_114 = cos_s1_2.mul_add(t4_22, t4_113);
-        let t4_115 = t4_114 + t4_112;
-        let t4_116 = like.lift(0.2) * t4_115;
-        let t4_117 = cos_s1_3.mul_add(t4_85, t4_116);
-        let t4_118 = cos_s1_3 * t4_33;
-        let t4_119 = sin_s1_3.mul_add(t4_26, t4_118);
-        let t4_120 = like.lift(0.17320508075688773) * t4_119;
-        let t4_121 = like.lift(0.1) * t4_115;
-        let t4_122 = t4_62 * t4_61;
-        let t4_123 = (-t4_49).mul_add(t4_92, t4_122);
-        let t4_124 = (-t4_96).mul_add(t4_51, t4_123);
-        let t4_125 = t4_70.mul_add(t4_50, t4_124);
-        let t4_126 = (-t3_17).mul_add(dr_p2, t4_106);
-        let t4_127 = like.lift(0.5).mul_add(t4_125, t4_126);
-        let t4_128 = t4_127 + t4_117;
-        let t4_129 = t4_128 - t4_120;
-        let t4_130 = t4_129 + t4_121;
-        let t4_131 = -t4_130;
-        let t4_132 = t3_80 * d_q3;
-        let t4_133 = t3_98 * t3_186;
-        let t4_134 = t3_80 * t3_186;
-        let t4_135 = t3_97 * t4_134;
-        let t4_136 = (-t3_87).mul_add(t4_133, t4_135);
-        let t4_137 = like.lift(0.5) * t4_136;
-        let t4_138 = -t4_137;
-        let t4_139 = t3_84 * d_q3;
-        let t4_140 = t3_84 * t3_186;
-        let t4_141 = t3_83 * t4_133;
-        let t4_142 = (-t3_97).mul_add(t4_140, t4_141);
-        let t4_143 = like.lift(0.5) * t4_142;
-        let t4_144 = -t4_143;
-        let t4_145 = t3_98 * d_q3;
-        let t4_146 = t3_97 * t4_132;
-        let t4_147 = (-t3_87).mul_add(t4_145, t4_146);
-        let t4_148 = like.lift(0.5) * t4_147;
-        let t4_149 = -t4_148;
-        let t4_150 = t3_83 * t4_145;
-        let t4_151 = (-t3_97).mul_add(t4_139, t4_150);
-        let t4_152 = like.lift(0.5) * t4_151;
-        let t4_153 = -t4_152;
-        let t4_154 = t4_132 * t4_138;
-        let t4_155 = (-t4_139).mul_add(t4_144, t4_154);
-        let t4_156 = (-t4_153).mul_add(t4_140, t4_155);
-        let t4_157 = t4_149.mul_add(t4_134, t4_156);
-        let t4_158 = (-t3_95).mul_add(dr_p3, t3_114);
-        let t4_159 = like.lift(0.5).mul_add(t4_157, t4_158);
-        let t4_160 = t4_159 + t4_40;
-        let t4_161 = t4_160 + t4_47;
-        let t4_162 = t4_161 + t4_48;
-        let t4_163 = t3_87 * t4_140;
-        let t4_164 = (-t3_83).mul_add(t4_134, t4_163);
-        let t4_165 = like.lift(0.5) * t4_164;
-        let t4_166 = -t4_165;
-        let t4_167 = t3_87 * t4_139;
-        let t4_168 = (-t3_83).mul_add(t4_132, t4_167);
-        let t4_169 = like.lift(0.5) * t4_168;
-        let t4_170 = -t4_169;
-        let t4_171 = t4_139 * t4_166;
-        let t4_172 = (-t4_145).mul_add(t4_138, t4_171);
-        let t4_173 = (-t4_149).mul_add(t4_133, t4_172);
-        let t4_174 = t4_170.mul_add(t4_140, t4_173);
-        let t4_175 = t3_85.mul_add(dr_p3, t4_80);
-        let t4_176 = like.lift(-0.5).mul_add(t4_174, t4_175);
-        let t4_177 = t4_176 - t4_86;
-        let t4_178 = t4_177 + t4_87;
-        let t4_179 = t4_178 - t4_88;
-        let t4_180 = t4_145 * t4_144;
-        let t4_181 = (-t4_132).mul_add(t4_166, t4_180);
-        let t4_182 = (-t4_170).mul_add(t4_134, t4_181);
-        let t4_183 = t4_153.mul_add(t4_133, t4_182);
-        let t4_184 = t3_81.mul_add(dr_p3, t4_106);
-        let t4_185 = like.lift(-0.5).mul_add(t4_183, t4_184);
-        let t4_186 = t4_185 + t4_117;
-        let t4_187 = t4_186 + t4_120;
-        let t4_188 = t4_187 + t4_121;
-        let t4_189 = -t4_188;
-        let t4_190 = t3_128.mul_add(t4_79, t4_105);
-        let t4_191 = (-t3_131).mul_add(t4_190, t4_162);
-        let t4_192 = t3_142.mul_add(t4_191, t4_130);
-        let t4_193 = (-t3_138).mul_add(t4_190, t4_192);
-        let t4_194 = t3_135.mul_add(t4_79, t4_193);
-        let t4_195 = t4_194 - t4_188;
-        let t4_196 = (-t3_156).mul_add(t4_195, t4_179);
-        let t4_197 = (-t3_153).mul_add(t4_191, t4_196);
-        let t4_198 = (-t3_151).mul_add(t4_190, t4_197);
-        let t4_199 = inv_pivot_6 * t4_198;
-        let t4_200 = t3_150.mul_add(t4_199, t4_195);
-        let t4_201 = inv_pivot_5 * t4_200;
-        let t4_202 = t3_91.mul_add(t4_199, t4_191);
-        let t4_203 = (-t3_134).mul_add(t4_201, t4_202);
-        let t4_204 = inv_pivot_4 * t4_203;
-        let t4_205 = t3_133.mul_add(t4_201, t4_190);
-        let t4_206 = t3_130.mul_add(t4_204, t4_205);
-        let t4_207 = inv_pivot_3 * t4_206;
-        let t4_208 = -t4_201;
-        let t4_209 = sin_s1_3 * t4_201;
-        let t4_210 = e_s1_3_s1_1z.mul_add(t4_204, t4_209);
-        let t4_211 = like.lift(-0.3).mul_add(t4_210, t4_79);
-        let t4_212 = (-t3_4).mul_add(t4_207, t4_211);
-        let t4_213 = inv_pivot_2 * t4_212;
-        let t4_214 = (-t4_201).mul_add(t3_75, t4_130);
-        let t4_215 = t3_74.mul_add(t4_204, t4_214);
-        let t4_216 = (-t3_69).mul_add(t4_207, t4_215);
-        let t4_217 = t3_79.mul_add(t4_213, t4_216);
-        let t4_218 = like.lift(3.3333333333333335) * t4_217;
+        let t4_67 = t3_6 * t4_62;
+        let t4_68 = e_s1_3_q1y.mul_add(t4_57, t4_67);
+        let t4_69 = like.lift(0.2) * t4_68;
+        let t4_70 = t4_50 * t4_56;
+        let t4_71 = (-t4_57).mul_add(t4_61, t4_70);
+        let t4_72 = (-t4_69).mul_add(t4_58, t4_71);
+        let t4_73 = t4_66.mul_add(t4_52, t4_72);
+        let t4_74 = u_s1_3_p1y * t4_49;
+        let t4_75 = (-t3_6).mul_add(t4_26, t4_74);
+        let t4_76 = like.lift(0.5) * t4_73;
+        let t4_77 = like.lift(-0.2).mul_add(t4_75, t4_76);
+        let t4_78 = t3_36 * t4_52;
+        let t4_79 = t3_46.mul_add(t4_51, t4_78);
+        let t4_80 = t3_31 * t4_51;
+        let t4_81 = t3_36.mul_add(t4_58, t4_80);
+        let t4_82 = t3_36 * t4_50;
+        let t4_83 = t3_46.mul_add(t4_62, t4_82);
+        let t4_84 = t3_31 * t4_62;
+        let t4_85 = t3_36.mul_add(t4_57, t4_84);
+        let t4_86 = t4_57 * t4_81;
+        let t4_87 = t4_50.mul_add(t4_79, t4_86);
+        let t4_88 = t4_85.mul_add(t4_58, t4_87);
+        let t4_89 = t4_83.mul_add(t4_52, t4_88);
+        let t4_90 = d_q2 * t3_166;
+        let t4_91 = sin_q2 * t4_90;
+        let t4_92 = like.lift(0.8660254037844386).mul_add(dr_p2, -t4_77);
+        let t4_93 = like.lift(0.4330127018922193).mul_add(t4_91, t4_92);
+        let t4_94 = like.lift(-0.5).mul_add(t4_89, t4_93);
+        let t4_95 = t3_46.mul_add(t4_49, t4_94);
+        let t4_96 = t3_31.mul_add(t4_26, t4_95);
+        let t4_97 = d_s1_2 * t3_163;
+        let t4_98 = d_s1_1.mul_add(t3_164, t4_97);
+        let t4_99 = cos_s1_1 * t4_98;
+        let t4_100 = t3_10 * t4_38;
+        let t4_101 = (-u_s1_2_p1x).mul_add(t4_13, t4_100);
+        let t4_102 = t3_10 * t4_41;
+        let t4_103 = (-u_s1_2_p1x).mul_add(t4_17, t4_102);
+        let t4_104 = d_s1_3 * t4_103;
+        let t4_105 = t4_101.mul_add(t3_165, t4_104);
+        let t4_106 = t4_105 - t4_99;
+        let t4_107 = like.lift(0.5) * t4_106;
+        let t4_108 = -t4_107;
+        let t4_109 = u_s1_3_p1y * t4_58;
+        let t4_110 = t3_6.mul_add(t4_52, t4_109);
+        let t4_111 = like.lift(0.2) * t4_110;
+        let t4_112 = u_s1_3_p1y * t4_57;
+        let t4_113 = t3_6.mul_add(t4_50, t4_112);
+        let t4_114 = like.lift(0.2) * t4_113;
+        let t4_115 = t4_62 * t4_56;
+        let t4_116 = t4_57.mul_add(t4_111, t4_115);
+        let t4_117 = t4_66.mul_add(t4_51, t4_116);
+        let t4_118 = t4_114.mul_add(t4_58, t4_117);
+        let t4_119 = t3_6 * t4_108;
+        let t4_120 = e_s1_3_q1y.mul_add(t4_49, t4_119);
+        let t4_121 = (-d_q1).mul_add(t4_27, t4_118);
+        let t4_122 = like.lift(0.2) * t4_120;
+        let t4_123 = like.lift(-0.5).mul_add(t4_121, t4_122);
+        let t4_124 = t3_31 * t4_52;
+        let t4_125 = (-t3_46).mul_add(t4_58, t4_124);
+        let t4_126 = t3_31 * t4_50;
+        let t4_127 = (-t3_46).mul_add(t4_57, t4_126);
+        let t4_128 = t4_57 * t4_125;
+        let t4_129 = (-t4_62).mul_add(t4_79, t4_128);
+        let t4_130 = (-t4_83).mul_add(t4_51, t4_129);
+        let t4_131 = t4_127.mul_add(t4_58, t4_130);
+        let t4_132 = dr_p2 + t4_131;
+        let t4_133 = like.lift(0.5).mul_add(t4_132, dr_p1);
+        let t4_134 = like.lift(0.25).mul_add(t4_91, t4_133);
+        let t4_135 = t4_134 + t4_123;
+        let t4_136 = (-t3_31).mul_add(t4_108, t4_135);
+        let t4_137 = (-t3_36).mul_add(t4_49, t4_136);
+        let t4_138 = t4_50 * t4_111;
+        let t4_139 = t4_62.mul_add(t4_61, t4_138);
+        let t4_140 = t4_114.mul_add(t4_52, t4_139);
+        let t4_141 = t4_69.mul_add(t4_51, t4_140);
+        let t4_142 = e_s1_3_q1y * t4_26;
+        let t4_143 = u_s1_3_p1y.mul_add(t4_108, t4_142);
+        let t4_144 = d_q1.mul_add(t4_1, t4_141);
+        let t4_145 = like.lift(0.5) * t4_144;
+        let t4_146 = like.lift(0.2).mul_add(t4_143, t4_145);
+        let t4_147 = t4_50 * t4_125;
+        let t4_148 = t4_62.mul_add(t4_81, t4_147);
+        let t4_149 = t4_127.mul_add(t4_52, t4_148);
+        let t4_150 = t4_85.mul_add(t4_51, t4_149);
+        let t4_151 = cos_q2.mul_add(t4_90, t4_150);
+        let t4_152 = like.lift(-0.5).mul_add(t4_151, t4_146);
+        let t4_153 = (-t3_36).mul_add(t4_26, t4_152);
+        let t4_154 = t3_46.mul_add(t4_108, t4_153);
+        let t4_155 = -t4_154;
+        let t4_156 = t3_72 * t4_52;
+        let t4_157 = t3_81.mul_add(t4_51, t4_156);
+        let t4_158 = t3_70 * t4_51;
+        let t4_159 = t3_72.mul_add(t4_58, t4_158);
+        let t4_160 = t3_72 * t4_50;
+        let t4_161 = t3_81.mul_add(t4_62, t4_160);
+        let t4_162 = t3_70 * t4_62;
+        let t4_163 = t3_72.mul_add(t4_57, t4_162);
+        let t4_164 = t4_57 * t4_159;
+        let t4_165 = t4_50.mul_add(t4_157, t4_164);
+        let t4_166 = t4_163.mul_add(t4_58, t4_165);
+        let t4_167 = t4_161.mul_add(t4_52, t4_166);
+        let t4_168 = d_q3 * t3_167;
+        let t4_169 = sin_q3 * t4_168;
+        let t4_170 = like.lift(0.8660254037844386).mul_add(dr_p3, t4_77);
+        let t4_171 = like.lift(0.4330127018922193).mul_add(t4_169, t4_170);
+        let t4_172 = like.lift(-0.5).mul_add(t4_167, t4_171);
+        let t4_173 = t3_81.mul_add(t4_49, t4_172);
+        let t4_174 = t3_70.mul_add(t4_26, t4_173);
+        let t4_175 = -t4_174;
+        let t4_176 = t3_70 * t4_52;
+        let t4_177 = (-t3_81).mul_add(t4_58, t4_176);
+        let t4_178 = t3_70 * t4_50;
+        let t4_179 = (-t3_81).mul_add(t4_57, t4_178);
+        let t4_180 = t4_57 * t4_177;
+        let t4_181 = (-t4_62).mul_add(t4_157, t4_180);
+        let t4_182 = (-t4_161).mul_add(t4_51, t4_181);
+        let t4_183 = t4_179.mul_add(t4_58, t4_182);
+        let t4_184 = dr_p3 - t4_183;
+        let t4_185 = like.lift(0.5).mul_add(t4_184, dr_p1);
+        let t4_186 = like.lift(0.25).mul_add(t4_169, t4_185);
+        let t4_187 = t4_186 + t4_123;
+        let t4_188 = t3_70.mul_add(t4_108, t4_187);
+        let t4_189 = t3_72.mul_add(t4_49, t4_188);
+        let t4_190 = t4_50 * t4_177;
+        let t4_191 = t4_62.mul_add(t4_159, t4_190);
+        let t4_192 = t4_179.mul_add(t4_52, t4_191);
+        let t4_193 = t4_163.mul_add(t4_51, t4_192);
+        let t4_194 = cos_q3.mul_add(t4_168, -t4_193);
+        let t4_195 = like.lift(-0.5).mul_add(t4_194, t4_146);
+        let t4_196 = t3_72.mul_add(t4_26, t4_195);
+        let t4_197 = (-t3_81).mul_add(t4_108, t4_196);
+        let t4_198 = -t4_197;
+        let t4_199 = like.lift(-0.5773502691896257).mul_add(t4_96, t4_137);
+        let t4_200 = (-t3_98).mul_add(t4_199, t4_189);
+        let t4_201 = like.lift(-0.5773502691896257).mul_add(t4_174, t4_200);
+        let t4_202 = t3_110.mul_add(t4_201, t4_154);
+        let t4_203 = t3_106.mul_add(t4_199, t4_202);
+        let t4_204 = (-t4_96).mul_add(t3_107, t4_203);
+        let t4_205 = (-t3_132).mul_add(t4_204, t4_197);
+        let t4_206 = t3_128.mul_add(t4_201, t4_205);
+        let t4_207 = t3_124.mul_add(t4_199, t4_206);
+        let t4_208 = (-t4_174).mul_add(t3_125, t4_207);
+        let t4_209 = inv_pivot_6 * t4_208;
+        let t4_210 = (-t3_121).mul_add(t4_209, t4_204);
+        let t4_211 = inv_pivot_5 * t4_210;
+        let t4_212 = t3_118.mul_add(t4_209, t4_201);
+        let t4_213 = t3_103.mul_add(t4_211, t4_212);
+        let t4_214 = inv_pivot_4 * t4_213;
+        let t4_215 = t3_116.mul_add(t4_209, t4_199);
+        let t4_216 = t3_101.mul_add(t4_211, t4_215);
+        let t4_217 = (-t3_97).mul_add(t4_214, t4_216);
+        let t4_218 = inv_pivot_3 * t4_217;
+        let t4_219 = -t4_209;
+        let t4_220 = (-t3_25).mul_add(t4_209, t4_96);
+        let t4_221 = t3_28.mul_add(t4_211, t4_220);
+        let t4_222 = (-t3_23).mul_add(t4_214, t4_221);
+        let t4_223 = t4_222 * t3_154;
+        let t4_224 = t3_64.mul_add(t4_209, t4_174);
+        let t4_225 = (-t3_67).mul_add(t4_211, t4_224);
+        let t4_226 = t3_62.mul_add(t4_214, t4_225);
+        let t4_227 = t4_226 * t3_159;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_180 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
-        let ([[al_rod1x], [al_s1_1z], [t4_219], [t4_220], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
-            [[t4_207], [t4_204], [t4_208], [t4_218], [t4_213], [t4_199]],
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t3_69 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_161 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
+        let ([[al_rod1x], [al_s1_1z], [t4_228], [t4_229], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
+            [[t4_218], [t4_214], [t4_219], [t4_211], [t4_223], [t4_227]],
             margin,
             || (
                 [
-                    [t3_4, t3_5, t3_7, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t3_43, t3_45, t3_46, like.lift(0.0), t3_62, like.lift(0.0)],
-                    [t3_70, t3_74, t3_75, like.lift(-0.3), t3_79, like.lift(0.0)],
-                    [t3_4, t3_5, t3_7, like.lift(0.0), like.lift(0.0), t3_92],
-                    [t3_93, t3_44, t3_94, like.lift(0.0), like.lift(0.0), t3_102],
-                    [t3_105, t3_107, t3_108, like.lift(-0.3), like.lift(0.0), t3_113],
+                    [like.lift(0.0), t3_23, t3_26, t3_29, pivot_1, like.lift(0.0)],
+                    [pivot_3, t3_38, t3_40, t3_43, t3_44, like.lift(0.0)],
+                    [t3_48, t3_49, t3_51, t3_54, t3_56, like.lift(0.0)],
+                    [like.lift(0.0), t3_62, t3_65, t3_68, like.lift(0.0), t3_69],
+                    [t3_71, t3_74, t3_76, t3_79, like.lift(0.0), t3_80],
+                    [t3_83, t3_84, t3_86, t3_89, like.lift(0.0), t3_91],
                 ],
-                [[t4_79], [t4_105], [t4_131], [t4_162], [t4_179], [t4_189]],
+                [[t4_96], [t4_137], [t4_155], [t4_175], [t4_189], [t4_198]],
             ),
         );
         condition = condition.min(found);
-        [
-            t4_1, w_s1_3x, t4_14, t4_17, t4_20, t4_22, t4_23, t4_29, t4_32, t4_38, t4_41,
-            w_s1_3z, t4_44, t4_45, t4_46, t4_82, t4_83, t4_84, t4_109, t4_112, al_rod1x,
-            al_s1_1z, t4_219, t4_220, al_rod2x, al_rod3x,
-        ]
+        [t4_90, t4_168, al_rod1x, al_s1_1z, t4_228, t4_229, al_rod2x, al_rod3x]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
@@ -5578,129 +5248,108 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
         x_q3_p2, x_q3_p3,
     ] = {
-        let t5_1 = -u_s1_2_p1x;
-        let t5_2 = -t3_50;
-        let t5_3 = -u_s1_3_p1y;
-        let t5_4 = -t3_17;
-        let t5_5 = -t3_85;
-        let t5_6 = u_s1_2_p1x.mul_add(t3_128, u_s1_3_p1y);
-        let t5_7 = (-t5_6).mul_add(t3_131, u_s1_2_p1x);
-        let t5_8 = t5_7 * t3_142;
-        let t5_9 = (-t5_6).mul_add(t3_138, t5_8);
-        let t5_10 = u_s1_2_p1x.mul_add(t3_135, t5_9);
-        let t5_11 = (-t5_10).mul_add(t3_156, u_s1_3_p1y);
-        let t5_12 = (-t5_7).mul_add(t3_153, t5_11);
-        let t5_13 = (-t5_6).mul_add(t3_151, t5_12);
-        let t5_14 = t5_13 * inv_pivot_6;
-        let t5_15 = t3_150.mul_add(t5_14, t5_10);
-        let t5_16 = inv_pivot_5 * t5_15;
-        let t5_17 = t3_91.mul_add(t5_14, t5_7);
-        let t5_18 = (-t3_134).mul_add(t5_16, t5_17);
-        let t5_19 = inv_pivot_4 * t5_18;
-        let t5_20 = t3_133.mul_add(t5_16, t5_6);
-        let t5_21 = t3_130.mul_add(t5_19, t5_20);
-        let t5_22 = inv_pivot_3 * t5_21;
-        let t5_23 = -t5_22;
-        let t5_24 = (-t3_50).mul_add(t3_128, t3_31);
-        let t5_25 = t5_24 * t3_131;
-        let t5_26 = (-t5_25).mul_add(t3_142, t3_17);
-        let t5_27 = (-t5_24).mul_add(t3_138, t5_26);
-        let t5_28 = (-t3_50).mul_add(t3_135, t5_27);
-        let t5_29 = t5_28 * t3_156;
-        let t5_30 = (-t5_25).mul_add(t3_153, t5_29);
-        let t5_31 = t5_24.mul_add(t3_151, t5_30);
-        let t5_32 = t5_31 * inv_pivot_6;
-        let t5_33 = (-t3_150).mul_add(t5_32, t5_28);
-        let t5_34 = inv_pivot_5 * t5_33;
-        let t5_35 = t3_91.mul_add(t5_32, t5_25);
-        let t5_36 = t3_134.mul_add(t5_34, t5_35);
-        let t5_37 = inv_pivot_4 * t5_36;
-        let t5_38 = t3_133.mul_add(t5_34, t5_24);
-        let t5_39 = (-t3_130).mul_add(t5_37, t5_38);
-        let t5_40 = inv_pivot_3 * t5_39;
-        let t5_41 = t3_95.mul_add(t3_142, t3_81);
-        let t5_42 = t5_41.mul_add(t3_156, t3_85);
-        let t5_43 = t3_95.mul_add(t3_153, t5_42);
-        let t5_44 = t5_43 * inv_pivot_6;
-        let t5_45 = (-t3_150).mul_add(t5_44, t5_41);
-        let t5_46 = inv_pivot_5 * t5_45;
-        let t5_47 = (-t3_91).mul_add(t5_44, t3_95);
-        let t5_48 = (-t3_134).mul_add(t5_46, t5_47);
-        let t5_49 = inv_pivot_4 * t5_48;
-        let t5_50 = t3_133 * t5_46;
-        let t5_51 = t3_130.mul_add(t5_49, t5_50);
-        let t5_52 = inv_pivot_3 * t5_51;
-        let t5_53 = -t5_19;
-        let t5_54 = -t5_37;
-        let t5_55 = -t5_34;
-        let t5_56 = -t5_46;
-        let t5_57 = sin_s1_3 * t5_16;
-        let t5_58 = e_s1_3_s1_1z.mul_add(t5_19, t5_57);
-        let t5_59 = like.lift(-0.3).mul_add(t5_58, u_s1_2_p1x);
-        let t5_60 = (-t3_4).mul_add(t5_22, t5_59);
-        let t5_61 = inv_pivot_2 * t5_60;
-        let t5_62 = (-t5_16).mul_add(t3_75, u_s1_3_p1z);
-        let t5_63 = t3_74.mul_add(t5_19, t5_62);
-        let t5_64 = (-t3_69).mul_add(t5_22, t5_63);
-        let t5_65 = t3_79.mul_add(t5_61, t5_64);
-        let t5_66 = like.lift(3.3333333333333335) * t5_65;
-        let t5_67 = -t5_66;
-        let t5_68 = sin_s1_3 * t5_34;
-        let t5_69 = (-e_s1_3_s1_1z).mul_add(t5_37, t5_68);
-        let t5_70 = like.lift(0.3).mul_add(t5_69, t3_50);
-        let t5_71 = t3_4.mul_add(t5_40, t5_70);
-        let t5_72 = inv_pivot_2 * t5_71;
-        let t5_73 = (-t5_34).mul_add(t3_75, t3_17);
-        let t5_74 = (-t3_74).mul_add(t5_37, t5_73);
-        let t5_75 = (-t3_69).mul_add(t5_40, t5_74);
-        let t5_76 = (-t3_79).mul_add(t5_72, t5_75);
-        let t5_77 = like.lift(3.3333333333333335) * t5_76;
-        let t5_78 = sin_s1_3 * t5_46;
-        let t5_79 = e_s1_3_s1_1z.mul_add(t5_49, t5_78);
-        let t5_80 = like.lift(0.3) * t5_79;
-        let t5_81 = t3_4.mul_add(t5_52, t5_80);
-        let t5_82 = inv_pivot_2 * t5_81;
-        let t5_83 = t5_46 * t3_75;
-        let t5_84 = (-t3_74).mul_add(t5_49, t5_83);
-        let t5_85 = t3_69.mul_add(t5_52, t5_84);
-        let t5_86 = t3_79.mul_add(t5_82, t5_85);
-        let t5_87 = like.lift(3.3333333333333335) * t5_86;
-        let t5_88 = -t5_87;
-        let t5_89 = -t5_61;
-        let t5_90 = -t5_72;
-        let t5_91 = -t5_82;
-        let t5_92 = -t5_14;
-        let t5_93 = -t5_32;
-        let t5_94 = -t5_44;
+        let t5_1 = like.lift(1.0) - t3_98;
+        let t5_2 = t5_1.mul_add(t3_110, t3_106);
+        let t5_3 = (-t5_2).mul_add(t3_132, t3_124);
+        let t5_4 = t5_1.mul_add(t3_128, t5_3);
+        let t5_5 = t5_4 * inv_pivot_6;
+        let t5_6 = (-t3_121).mul_add(t5_5, t5_2);
+        let t5_7 = inv_pivot_5 * t5_6;
+        let t5_8 = t3_118.mul_add(t5_5, t5_1);
+        let t5_9 = t3_103.mul_add(t5_7, t5_8);
+        let t5_10 = inv_pivot_4 * t5_9;
+        let t5_11 = t3_116.mul_add(t5_5, like.lift(1.0));
+        let t5_12 = t3_101.mul_add(t5_7, t5_11);
+        let t5_13 = (-t3_97).mul_add(t5_10, t5_12);
+        let t5_14 = inv_pivot_3 * t5_13;
+        let t5_15 = -t5_14;
+        let t5_16 = t3_105 * t3_132;
+        let t5_17 = t5_16 * inv_pivot_6;
+        let t5_18 = t3_121.mul_add(t5_17, t3_105);
+        let t5_19 = inv_pivot_5 * t5_18;
+        let t5_20 = t3_103 * t5_19;
+        let t5_21 = (-t3_118).mul_add(t5_17, t5_20);
+        let t5_22 = inv_pivot_4 * t5_21;
+        let t5_23 = t3_116 * t5_17;
+        let t5_24 = (-t3_101).mul_add(t5_19, t5_23);
+        let t5_25 = t3_97.mul_add(t5_22, t5_24);
+        let t5_26 = inv_pivot_3 * t5_25;
+        let t5_27 = -t5_26;
+        let t5_28 = t3_123 * inv_pivot_6;
+        let t5_29 = inv_pivot_5 * t3_121;
+        let t5_30 = t5_29 * t5_28;
+        let t5_31 = t3_103 * t5_30;
+        let t5_32 = (-t3_118).mul_add(t5_28, t5_31);
+        let t5_33 = inv_pivot_4 * t5_32;
+        let t5_34 = t3_116 * t5_28;
+        let t5_35 = (-t3_101).mul_add(t5_30, t5_34);
+        let t5_36 = t3_97.mul_add(t5_33, t5_35);
+        let t5_37 = inv_pivot_3 * t5_36;
+        let t5_38 = -t5_10;
+        let t5_39 = -t5_33;
+        let t5_40 = -t5_28;
+        let t5_41 = -t5_7;
+        let t5_42 = -t5_30;
+        let t5_43 = t3_25 * t5_5;
+        let t5_44 = (-t3_28).mul_add(t5_7, t5_43);
+        let t5_45 = t3_23.mul_add(t5_10, t5_44);
+        let t5_46 = t5_45 * t3_154;
+        let t5_47 = (-t3_25).mul_add(t5_17, like.lift(0.8660254037844386));
+        let t5_48 = (-t3_28).mul_add(t5_19, t5_47);
+        let t5_49 = t3_23.mul_add(t5_22, t5_48);
+        let t5_50 = t5_49 * t3_154;
+        let t5_51 = -t5_50;
+        let t5_52 = t3_23 * t5_33;
+        let t5_53 = (-t3_25).mul_add(t5_28, t5_52);
+        let t5_54 = (-t3_28).mul_add(t5_30, t5_53);
+        let t5_55 = t5_54 * t3_154;
+        let t5_56 = t3_64 * t5_5;
+        let t5_57 = (-t3_67).mul_add(t5_7, t5_56);
+        let t5_58 = t3_62.mul_add(t5_10, t5_57);
+        let t5_59 = t5_58 * t3_159;
+        let t5_60 = -t5_59;
+        let t5_61 = t3_62 * t5_22;
+        let t5_62 = (-t3_64).mul_add(t5_17, t5_61);
+        let t5_63 = (-t3_67).mul_add(t5_19, t5_62);
+        let t5_64 = t5_63 * t3_159;
+        let t5_65 = (-t3_64).mul_add(t5_28, like.lift(0.8660254037844386));
+        let t5_66 = (-t3_67).mul_add(t5_30, t5_65);
+        let t5_67 = t3_62.mul_add(t5_33, t5_66);
+        let t5_68 = t5_67 * t3_159;
+        let t5_69 = -t5_68;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_180 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t3_69 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_161 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t5_23, t5_40, t5_52], [t5_53, t5_54, t5_49], [t5_16, t5_55, t5_56],
-                [t5_67, t5_77, t5_88], [t5_89, t5_90, t5_91], [t5_92, t5_93, t5_94],
+                [t5_15, t5_27, t5_37], [t5_38, t5_22, t5_39], [t5_5, t5_17, t5_40],
+                [t5_41, t5_19, t5_42], [t5_46, t5_51, t5_55], [t5_60, t5_64, t5_69],
             ],
             margin,
             || (
                 [
-                    [t3_4, t3_5, t3_7, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t3_43, t3_45, t3_46, like.lift(0.0), t3_62, like.lift(0.0)],
-                    [t3_70, t3_74, t3_75, like.lift(-0.3), t3_79, like.lift(0.0)],
-                    [t3_4, t3_5, t3_7, like.lift(0.0), like.lift(0.0), t3_92],
-                    [t3_93, t3_44, t3_94, like.lift(0.0), like.lift(0.0), t3_102],
-                    [t3_105, t3_107, t3_108, like.lift(-0.3), like.lift(0.0), t3_113],
+                    [like.lift(0.0), t3_23, t3_26, t3_29, pivot_1, like.lift(0.0)],
+                    [pivot_3, t3_38, t3_40, t3_43, t3_44, like.lift(0.0)],
+                    [t3_48, t3_49, t3_51, t3_54, t3_56, like.lift(0.0)],
+                    [like.lift(0.0), t3_62, t3_65, t3_68, like.lift(0.0), t3_69],
+                    [t3_71, t3_74, t3_76, t3_79, like.lift(0.0), t3_80],
+                    [t3_83, t3_84, t3_86, t3_89, like.lift(0.0), t3_91],
                 ],
                 [
-                    [t5_1, t5_2, like.lift(0.0)], [t5_3, t3_31, like.lift(0.0)],
-                    [u_s1_3_p1z, t5_4, like.lift(0.0)], [t5_1, like.lift(0.0), t3_95],
-                    [t5_3, like.lift(0.0), t5_5], [u_s1_3_p1z, like.lift(0.0), t3_81],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
@@ -5712,7 +5361,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         ]
     };
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [a_rod1z, a_rod1y] = {
+    let [a_rod1z, t6_5, a_rod1y] = {
         let w_ixx_rod1_p1 = al_rod1x * x_q1_p1;
         let t6_1 = -w_ixx_rod1_p1;
         let w_ixx_rod1_p2 = al_rod1x * x_q1_p2;
@@ -5722,252 +5371,346 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         y[10] = [t6_1, t6_2, t6_3];
         let t6_4 = like.lift(9.81) * cos_q1;
         let a_rod1z = (-sin_q1).mul_add(dr_p1, t6_4);
-        let t6_5 = x_q1_p1 * a_rod1z;
-        let t6_6 = sin_q1.mul_add(al_rod1x, t6_5);
-        let w_my_rod1_p1 = cos_q1.mul_add(t4_1, t6_6);
-        let t6_7 = -w_my_rod1_p1;
+        let t6_5 = d_q1 * t3_162;
+        let t6_6 = x_q1_p1 * a_rod1z;
+        let t6_7 = sin_q1.mul_add(al_rod1x, t6_6);
+        let w_my_rod1_p1 = cos_q1.mul_add(t6_5, t6_7);
+        let t6_8 = -w_my_rod1_p1;
         let w_my_rod1_p2 = x_q1_p2 * a_rod1z;
-        let t6_8 = -w_my_rod1_p2;
+        let t6_9 = -w_my_rod1_p2;
         let w_my_rod1_p3 = x_q1_p3 * a_rod1z;
-        let t6_9 = -w_my_rod1_p3;
-        y[17] = [t6_7, t6_8, t6_9];
-        let t6_10 = cos_q1 * dr_p1;
-        let a_rod1y = like.lift(9.81).mul_add(sin_q1, t6_10);
-        let t6_11 = x_q1_p1 * a_rod1y;
-        let t6_12 = sin_q1.mul_add(t4_1, t6_11);
-        let w_mz_rod1_p1 = (-cos_q1).mul_add(al_rod1x, t6_12);
+        let t6_10 = -w_my_rod1_p3;
+        y[17] = [t6_8, t6_9, t6_10];
+        let t6_11 = cos_q1 * dr_p1;
+        let a_rod1y = like.lift(9.81).mul_add(sin_q1, t6_11);
+        let t6_12 = x_q1_p1 * a_rod1y;
+        let t6_13 = sin_q1.mul_add(t6_5, t6_12);
+        let w_mz_rod1_p1 = (-cos_q1).mul_add(al_rod1x, t6_13);
         let w_mz_rod1_p2 = x_q1_p2 * a_rod1y;
         let w_mz_rod1_p3 = x_q1_p3 * a_rod1y;
         y[18] = [w_mz_rod1_p1, w_mz_rod1_p2, w_mz_rod1_p3];
-        let t6_13 = cos_q1 * a_rod1y;
-        let w_m_rod1_p1 = (-sin_q1).mul_add(a_rod1z, t6_13);
+        let t6_14 = cos_q1 * a_rod1y;
+        let w_m_rod1_p1 = (-sin_q1).mul_add(a_rod1z, t6_14);
         y[19][0] = w_m_rod1_p1;
-        [a_rod1z, a_rod1y]
+        [a_rod1z, t6_5, a_rod1y]
+    };
+    // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 1
+    let [
+        t7_19, t7_31, t7_47, t7_50, t7_53, t7_61, t7_64, t7_67, t7_72, t7_75, t7_94, t7_95,
+        t7_96, w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3, t7_108,
+        w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3, t7_117, t7_120, t7_123,
+        t7_125, t7_126, t7_129, t7_132, t7_135, w_izz_platform_p1, w_izz_platform_p2,
+        w_izz_platform_p3, t7_141, a_platformy, a_platformz, t7_151, t7_155, t7_163, t7_168,
+        t7_171, t7_172, t7_175, t7_180, t7_183, t7_184, t7_187, t7_192, a_platformx,
+        w_my_platform_p1, w_my_platform_p2, t7_203,
+    ] = {
+        let w_s1_1y = sin_s1_1 * d_q1;
+        let w_s1_2y = d_s1_2 - w_s1_1y;
+        let t7_1 = cos_s1_1 * t3_162;
+        let t7_2 = sin_s1_2 * t7_1;
+        let t7_3 = cos_s1_2.mul_add(t3_163, t7_2);
+        let w_s1_1x = cos_s1_1 * d_q1;
+        let t7_4 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t7_4);
+        let t7_5 = sin_s1_1 * t3_162;
+        let t7_6 = t3_164 - t7_5;
+        let t7_7 = w_s1_2z * t7_6;
+        let t7_8 = w_s1_2y.mul_add(t7_3, t7_7);
+        let t7_9 = d_s1_1 * t7_5;
+        let t7_10 = w_s1_1y.mul_add(t3_163, t7_9);
+        let t7_11 = like.lift(0.5) * t7_10;
+        let t7_12 = (-cos_s1_1).mul_add(al_rod1x, t7_11);
+        let t7_13 = t7_12 + t7_11;
+        let t7_14 = w_s1_1x.mul_add(t7_5, al_s1_1z);
+        let t7_15 = like.lift(-0.5).mul_add(t7_8, t4_229);
+        let t7_16 = (-sin_s1_2).mul_add(t7_14, t7_15);
+        let al_s1_3x = (-cos_s1_2).mul_add(t7_13, t7_16);
+        let t7_17 = sin_s1_2 * x_s1_1_p1;
+        let t7_18 = e_s1_2_q1x.mul_add(x_q1_p1, x_s1_3_p1);
+        let t7_19 = t7_18 - t7_17;
+        let t7_20 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t7_20);
+        let w_s1_3x = d_s1_3 - w_s1_2x;
+        let t7_21 = sin_s1_3 * t7_6;
+        let t7_22 = (-cos_s1_3).mul_add(t7_3, t7_21);
+        let t7_23 = sin_s1_3 * w_s1_2y;
+        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t7_23);
+        let t7_24 = sin_s1_2 * t3_163;
+        let t7_25 = (-cos_s1_2).mul_add(t7_1, t7_24);
+        let t7_26 = t3_165 - t7_25;
+        let t7_27 = w_s1_3z * t7_26;
+        let t7_28 = w_s1_3x.mul_add(t7_22, t7_27);
+        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
+        let t7_29 = e_s1_3_q1y * x_q1_p1;
+        let t7_30 = (-cos_s1_3).mul_add(x_s1_2_p1, t7_29);
+        let t7_31 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t7_30);
+        let t7_32 = like.lift(0.5) * t7_28;
+        let t7_33 = t7_31 * t7_32;
+        let t7_34 = sin_s1_3 * t7_3;
+        let t7_35 = cos_s1_3.mul_add(t7_6, t7_34);
+        let t7_36 = sin_s1_3 * w_s1_2z;
+        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t7_36);
+        let t7_37 = w_s1_3y * t7_26;
+        let t7_38 = w_s1_3x.mul_add(t7_35, t7_37);
+        let t7_39 = cos_s1_3 * e_s1_2_q1z;
+        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t7_39);
+        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
+        let t7_40 = e_s1_3_s1_1z * x_s1_1_p1;
+        let t7_41 = sin_s1_3 * x_s1_2_p1;
+        let t7_42 = e_s1_3_q1z.mul_add(x_q1_p1, t7_40);
+        let t7_43 = t7_42 - t7_41;
+        let t7_44 = like.lift(0.5) * t7_38;
+        let t7_45 = t7_43 * t7_44;
+        let t7_46 = al_s1_3x.mul_add(t7_19, t7_33);
+        let w_ixx_platform_p1 = t7_46 - t7_45;
+        let t7_47 = -w_ixx_platform_p1;
+        let t7_48 = sin_s1_2 * x_s1_1_p2;
+        let t7_49 = e_s1_2_q1x.mul_add(x_q1_p2, x_s1_3_p2);
+        let t7_50 = t7_49 - t7_48;
+        let t7_51 = e_s1_3_q1y * x_q1_p2;
+        let t7_52 = (-cos_s1_3).mul_add(x_s1_2_p2, t7_51);
+        let t7_53 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t7_52);
+        let t7_54 = t7_53 * t7_32;
+        let t7_55 = e_s1_3_s1_1z * x_s1_1_p2;
+        let t7_56 = sin_s1_3 * x_s1_2_p2;
+        let t7_57 = e_s1_3_q1z.mul_add(x_q1_p2, t7_55);
+        let t7_58 = t7_57 - t7_56;
+        let t7_59 = t7_58 * t7_44;
+        let t7_60 = al_s1_3x.mul_add(t7_50, t7_54);
+        let w_ixx_platform_p2 = t7_60 - t7_59;
+        let t7_61 = -w_ixx_platform_p2;
+        let t7_62 = sin_s1_2 * x_s1_1_p3;
+        let t7_63 = e_s1_2_q1x.mul_add(x_q1_p3, x_s1_3_p3);
+        let t7_64 = t7_63 - t7_62;
+        let t7_65 = e_s1_3_q1y * x_q1_p3;
+        let t7_66 = (-cos_s1_3).mul_add(x_s1_2_p3, t7_65);
+        let t7_67 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p3, t7_66);
+        let t7_68 = t7_67 * t7_32;
+        let t7_69 = e_s1_3_s1_1z * x_s1_1_p3;
+        let t7_70 = sin_s1_3 * x_s1_2_p3;
+        let t7_71 = e_s1_3_q1z.mul_add(x_q1_p3, t7_69);
+        let t7_72 = t7_71 - t7_70;
+        let t7_73 = t7_72 * t7_44;
+        let t7_74 = al_s1_3x.mul_add(t7_64, t7_68);
+        let w_ixx_platform_p3 = t7_74 - t7_73;
+        let t7_75 = -w_ixx_platform_p3;
+        let t7_76 = w_s1_2y * t7_25;
+        let t7_77 = w_s1_2x.mul_add(t7_6, t7_76);
+        let t7_78 = like.lift(0.5) * t7_77;
+        let t7_79 = t7_78 + t7_78;
+        let t7_80 = (-cos_s1_2).mul_add(t7_14, t7_79);
+        let t7_81 = sin_s1_2.mul_add(t7_13, t7_80);
+        let t7_82 = d_s1_1 * t7_1;
+        let t7_83 = w_s1_1x.mul_add(t3_163, t7_82);
+        let t7_84 = w_s1_2z * t7_25;
+        let t7_85 = w_s1_2x.mul_add(t7_3, t7_84);
+        let t7_86 = t7_85 - t7_83;
+        let t7_87 = like.lift(0.5).mul_add(t7_86, t4_228);
+        let t7_88 = (-sin_s1_1).mul_add(al_rod1x, t7_87);
+        let t7_89 = sin_s1_3 * t7_81;
+        let t7_90 = (-cos_s1_3).mul_add(t7_88, t7_89);
+        let t7_91 = w_s1_3z * t7_35;
+        let t7_92 = w_s1_3y.mul_add(t7_22, t7_91);
+        let t7_93 = like.lift(0.5) * t7_92;
+        let t7_94 = al_s1_3x - t7_93;
+        let t7_95 = w_s1_3x * t7_26;
+        let t7_96 = w_s1_3y * t7_35;
+        let t7_97 = t7_95 - t7_96;
+        let t7_98 = t7_94 * t7_31;
+        let t7_99 = (-t7_97).mul_add(t7_43, t7_98);
+        let w_ixy_platform_p1 = t7_90.mul_add(t7_19, t7_99);
+        let t7_100 = t7_94 * t7_53;
+        let t7_101 = (-t7_97).mul_add(t7_58, t7_100);
+        let w_ixy_platform_p2 = t7_90.mul_add(t7_50, t7_101);
+        let t7_102 = t7_94 * t7_67;
+        let t7_103 = (-t7_97).mul_add(t7_72, t7_102);
+        let w_ixy_platform_p3 = t7_90.mul_add(t7_64, t7_103);
+        let t7_104 = sin_s1_3 * t7_88;
+        let t7_105 = cos_s1_3.mul_add(t7_81, t7_104);
+        let t7_106 = w_s1_3z * t7_22;
+        let t7_107 = t7_95 - t7_106;
+        let t7_108 = al_s1_3x + t7_93;
+        let t7_109 = t7_105 * t7_19;
+        let t7_110 = (-t7_108).mul_add(t7_43, t7_109);
+        let w_ixz_platform_p1 = (-t7_107).mul_add(t7_31, t7_110);
+        let t7_111 = t7_105 * t7_50;
+        let t7_112 = (-t7_108).mul_add(t7_58, t7_111);
+        let w_ixz_platform_p2 = (-t7_107).mul_add(t7_53, t7_112);
+        let t7_113 = t7_105 * t7_64;
+        let t7_114 = (-t7_108).mul_add(t7_72, t7_113);
+        let w_ixz_platform_p3 = (-t7_107).mul_add(t7_67, t7_114);
+        let t7_115 = t7_19 * t7_93;
+        let al_s1_3y = t7_32 + t7_90;
+        let t7_116 = al_s1_3y.mul_add(t7_31, t7_45);
+        let w_iyy_platform_p1 = t7_116 + t7_115;
+        let t7_117 = -w_iyy_platform_p1;
+        let t7_118 = t7_50 * t7_93;
+        let t7_119 = al_s1_3y.mul_add(t7_53, t7_59);
+        let w_iyy_platform_p2 = t7_119 + t7_118;
+        let t7_120 = -w_iyy_platform_p2;
+        let t7_121 = t7_64 * t7_93;
+        let t7_122 = al_s1_3y.mul_add(t7_67, t7_73);
+        let w_iyy_platform_p3 = t7_122 + t7_121;
+        let t7_123 = -w_iyy_platform_p3;
+        let t7_124 = t7_96 - t7_106;
+        let al_s1_3z = t7_44 + t7_105;
+        let t7_125 = t7_44 + al_s1_3z;
+        let t7_126 = t7_32 + al_s1_3y;
+        let t7_127 = t7_125 * t7_31;
+        let t7_128 = (-t7_126).mul_add(t7_43, t7_127);
+        let w_iyz_platform_p1 = t7_124.mul_add(t7_19, t7_128);
+        let t7_129 = -w_iyz_platform_p1;
+        let t7_130 = t7_125 * t7_53;
+        let t7_131 = (-t7_126).mul_add(t7_58, t7_130);
+        let w_iyz_platform_p2 = t7_124.mul_add(t7_50, t7_131);
+        let t7_132 = -w_iyz_platform_p2;
+        let t7_133 = t7_125 * t7_67;
+        let t7_134 = (-t7_126).mul_add(t7_72, t7_133);
+        let w_iyz_platform_p3 = t7_124.mul_add(t7_64, t7_134);
+        let t7_135 = -w_iyz_platform_p3;
+        let t7_136 = al_s1_3z.mul_add(t7_43, t7_33);
+        let w_izz_platform_p1 = t7_136 + t7_115;
+        let t7_137 = al_s1_3z.mul_add(t7_58, t7_54);
+        let w_izz_platform_p2 = t7_137 + t7_118;
+        let t7_138 = al_s1_3z.mul_add(t7_72, t7_68);
+        let w_izz_platform_p3 = t7_138 + t7_121;
+        let t7_139 = like.lift(-0.5).mul_add(al_rod1x, a_rod1y);
+        let a_s1_1y = cos_s1_1 * t7_139;
+        let a_s1_1z = like.lift(-0.5).mul_add(t6_5, a_rod1z);
+        let a_s1_1x = sin_s1_1 * t7_139;
+        let t7_140 = sin_s1_2 * a_s1_1x;
+        let a_s1_2z = cos_s1_2.mul_add(a_s1_1z, t7_140);
+        let t7_141 = t7_95 + t7_106;
+        let t7_142 = sin_s1_3 * a_s1_2z;
+        let t7_143 = like.lift(-0.2).mul_add(t7_141, t7_142);
+        let a_platformy = cos_s1_3.mul_add(a_s1_1y, t7_143);
+        let t7_144 = sin_s1_3 * a_s1_1y;
+        let t7_145 = like.lift(-0.2).mul_add(t7_94, t7_144);
+        let a_platformz = (-cos_s1_3).mul_add(a_s1_2z, t7_145);
+        let t7_146 = t7_96 + t7_106;
+        let t7_147 = like.lift(0.2) * e_s1_3_q1z;
+        let t7_148 = like.lift(0.5) * sin_s1_1;
+        let u_platform_q1x = t7_148.mul_add(cos_s1_2, t7_147);
+        let t7_149 = t7_41 - t7_40;
+        let t7_150 = like.lift(-0.2).mul_add(t7_149, u_s1_2_p1x);
+        let t7_151 = u_platform_q1x.mul_add(x_q1_p1, t7_150);
+        let t7_152 = sin_s1_1 * sin_s1_2;
+        let t7_153 = sin_s1_3 * t7_152;
+        let t7_154 = cos_s1_1.mul_add(cos_s1_3, t7_153);
+        let u_s1_3_q1y = like.lift(0.5) * t7_154;
+        let t7_155 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
+        let t7_156 = cos_s1_3 * t7_152;
+        let t7_157 = (-cos_s1_1).mul_add(sin_s1_3, t7_156);
+        let t7_158 = like.lift(0.2) * e_s1_2_q1x;
+        let u_platform_q1z = like.lift(-0.5).mul_add(t7_157, t7_158);
+        let t7_159 = x_s1_3_p1 - t7_17;
+        let t7_160 = like.lift(0.2) * t7_159;
+        let t7_161 = u_platform_q1z.mul_add(x_q1_p1, t7_160);
+        let t7_162 = cos_s1_3.mul_add(u_s1_2_p1z, t7_161);
+        let t7_163 = sin_s1_3.mul_add(u_s1_1_p1y, t7_162);
+        let t7_164 = a_platformy * t7_43;
+        let t7_165 = (-a_platformz).mul_add(t7_31, t7_164);
+        let t7_166 = t7_90.mul_add(t7_163, t7_165);
+        let t7_167 = t7_105.mul_add(t7_155, t7_166);
+        let w_mx_platform_p1 = t7_146.mul_add(t7_151, t7_167);
+        let t7_168 = -w_mx_platform_p1;
+        let t7_169 = t7_56 - t7_55;
+        let t7_170 = u_platform_q1x * x_q1_p2;
+        let t7_171 = like.lift(-0.2).mul_add(t7_169, t7_170);
+        let t7_172 = u_s1_3_q1y * x_q1_p2;
+        let t7_173 = x_s1_3_p2 - t7_48;
+        let t7_174 = like.lift(0.2) * t7_173;
+        let t7_175 = u_platform_q1z.mul_add(x_q1_p2, t7_174);
+        let t7_176 = a_platformy * t7_58;
+        let t7_177 = (-a_platformz).mul_add(t7_53, t7_176);
+        let t7_178 = t7_90.mul_add(t7_175, t7_177);
+        let t7_179 = t7_105.mul_add(t7_172, t7_178);
+        let w_mx_platform_p2 = t7_146.mul_add(t7_171, t7_179);
+        let t7_180 = -w_mx_platform_p2;
+        let t7_181 = t7_70 - t7_69;
+        let t7_182 = u_platform_q1x * x_q1_p3;
+        let t7_183 = like.lift(-0.2).mul_add(t7_181, t7_182);
+        let t7_184 = u_s1_3_q1y * x_q1_p3;
+        let t7_185 = x_s1_3_p3 - t7_62;
+        let t7_186 = like.lift(0.2) * t7_185;
+        let t7_187 = u_platform_q1z.mul_add(x_q1_p3, t7_186);
+        let t7_188 = a_platformy * t7_72;
+        let t7_189 = (-a_platformz).mul_add(t7_67, t7_188);
+        let t7_190 = t7_90.mul_add(t7_187, t7_189);
+        let t7_191 = t7_105.mul_add(t7_184, t7_190);
+        let w_mx_platform_p3 = t7_146.mul_add(t7_183, t7_191);
+        let t7_192 = -w_mx_platform_p3;
+        let t7_193 = sin_s1_2 * a_s1_1z;
+        let t7_194 = like.lift(-0.2).mul_add(t7_125, t7_193);
+        let a_platformx = (-cos_s1_2).mul_add(a_s1_1x, t7_194);
+        let t7_195 = a_platformz * t7_19;
+        let t7_196 = (-a_platformx).mul_add(t7_43, t7_195);
+        let t7_197 = (-t7_94).mul_add(t7_163, t7_196);
+        let t7_198 = (-t7_141).mul_add(t7_155, t7_197);
+        let w_my_platform_p1 = t7_125.mul_add(t7_151, t7_198);
+        let t7_199 = a_platformz * t7_50;
+        let t7_200 = (-a_platformx).mul_add(t7_58, t7_199);
+        let t7_201 = (-t7_94).mul_add(t7_175, t7_200);
+        let t7_202 = (-t7_141).mul_add(t7_172, t7_201);
+        let w_my_platform_p2 = t7_125.mul_add(t7_171, t7_202);
+        let t7_203 = a_platformz * t7_64;
+        [
+            t7_19, t7_31, t7_47, t7_50, t7_53, t7_61, t7_64, t7_67, t7_72, t7_75, t7_94, t7_95,
+            t7_96, w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3, t7_108,
+            w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3, t7_117, t7_120, t7_123,
+            t7_125, t7_126, t7_129, t7_132, t7_135, w_izz_platform_p1, w_izz_platform_p2,
+            w_izz_platform_p3, t7_141, a_platformy, a_platformz, t7_151, t7_155, t7_163,
+            t7_168, t7_171, t7_172, t7_175, t7_180, t7_183, t7_184, t7_187, t7_192,
+            a_platformx, w_my_platform_p1, w_my_platform_p2, t7_203,
+        ]
     };
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t7_1 = like.lift(0.5) * t4_22;
-        let t7_2 = (-cos_s1_1).mul_add(al_rod1x, t7_1);
-        let t7_3 = t7_2 + t7_1;
-        let t7_4 = t4_23 + al_s1_1z;
-        let t7_5 = t4_220 - t4_109;
-        let t7_6 = (-sin_s1_2).mul_add(t7_4, t7_5);
-        let al_s1_3x = (-cos_s1_2).mul_add(t7_3, t7_6);
-        let t7_7 = sin_s1_2 * x_s1_1_p1;
-        let t7_8 = e_s1_2_q1x.mul_add(x_q1_p1, x_s1_3_p1);
-        let t7_9 = t7_8 - t7_7;
-        let t7_10 = w_s1_3z * t4_14;
-        let t7_11 = w_s1_3x.mul_add(t4_44, t7_10);
-        let t7_12 = e_s1_3_q1y * x_q1_p1;
-        let t7_13 = (-cos_s1_3).mul_add(x_s1_2_p1, t7_12);
-        let t7_14 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t7_13);
-        let t7_15 = like.lift(0.5) * t7_11;
-        let t7_16 = t7_14 * t7_15;
-        let t7_17 = e_s1_3_s1_1z * x_s1_1_p1;
-        let t7_18 = sin_s1_3 * x_s1_2_p1;
-        let t7_19 = e_s1_3_q1z.mul_add(x_q1_p1, t7_17);
-        let t7_20 = t7_19 - t7_18;
-        let t7_21 = t7_20 * t4_17;
-        let t7_22 = al_s1_3x.mul_add(t7_9, t7_16);
-        let w_ixx_platform_p1 = t7_22 - t7_21;
-        let t7_23 = -w_ixx_platform_p1;
-        let t7_24 = sin_s1_2 * x_s1_1_p2;
-        let t7_25 = e_s1_2_q1x.mul_add(x_q1_p2, x_s1_3_p2);
-        let t7_26 = t7_25 - t7_24;
-        let t7_27 = e_s1_3_q1y * x_q1_p2;
-        let t7_28 = (-cos_s1_3).mul_add(x_s1_2_p2, t7_27);
-        let t7_29 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t7_28);
-        let t7_30 = t7_29 * t7_15;
-        let t7_31 = e_s1_3_s1_1z * x_s1_1_p2;
-        let t7_32 = sin_s1_3 * x_s1_2_p2;
-        let t7_33 = e_s1_3_q1z.mul_add(x_q1_p2, t7_31);
-        let t7_34 = t7_33 - t7_32;
-        let t7_35 = t7_34 * t4_17;
-        let t7_36 = al_s1_3x.mul_add(t7_26, t7_30);
-        let w_ixx_platform_p2 = t7_36 - t7_35;
-        let t7_37 = -w_ixx_platform_p2;
-        let t7_38 = sin_s1_2 * x_s1_1_p3;
-        let t7_39 = e_s1_2_q1x.mul_add(x_q1_p3, x_s1_3_p3);
-        let t7_40 = t7_39 - t7_38;
-        let t7_41 = e_s1_3_q1y * x_q1_p3;
-        let t7_42 = (-cos_s1_3).mul_add(x_s1_2_p3, t7_41);
-        let t7_43 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p3, t7_42);
-        let t7_44 = t7_43 * t7_15;
-        let t7_45 = e_s1_3_s1_1z * x_s1_1_p3;
-        let t7_46 = sin_s1_3 * x_s1_2_p3;
-        let t7_47 = e_s1_3_q1z.mul_add(x_q1_p3, t7_45);
-        let t7_48 = t7_47 - t7_46;
-        let t7_49 = t7_48 * t4_17;
-        let t7_50 = al_s1_3x.mul_add(t7_40, t7_44);
-        let w_ixx_platform_p3 = t7_50 - t7_49;
-        let t7_51 = -w_ixx_platform_p3;
-        y[20] = [t7_23, t7_37, t7_51];
-        let t7_52 = t4_20 + t4_20;
-        let t7_53 = (-cos_s1_2).mul_add(t7_4, t7_52);
-        let t7_54 = sin_s1_2.mul_add(t7_3, t7_53);
-        let t7_55 = t4_32 + t4_219;
-        let t7_56 = (-sin_s1_1).mul_add(al_rod1x, t7_55);
-        let t7_57 = t7_56 - t4_29;
-        let t7_58 = sin_s1_3 * t7_54;
-        let t7_59 = (-cos_s1_3).mul_add(t7_57, t7_58);
-        let t7_60 = t4_112 - al_s1_3x;
-        let t7_61 = t4_82 - t4_41;
-        let t7_62 = t7_59 * t7_9;
-        let t7_63 = (-t7_61).mul_add(t7_20, t7_62);
-        let w_ixy_platform_p1 = (-t7_60).mul_add(t7_14, t7_63);
-        let t7_64 = t7_59 * t7_26;
-        let t7_65 = (-t7_61).mul_add(t7_34, t7_64);
-        let w_ixy_platform_p2 = (-t7_60).mul_add(t7_29, t7_65);
-        let t7_66 = t7_59 * t7_40;
-        let t7_67 = (-t7_61).mul_add(t7_48, t7_66);
-        let w_ixy_platform_p3 = (-t7_60).mul_add(t7_43, t7_67);
-        y[21] = [w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3];
-        let t7_68 = sin_s1_3 * t7_57;
-        let t7_69 = cos_s1_3.mul_add(t7_54, t7_68);
-        let t7_70 = t4_82 - t4_45;
-        let t7_71 = t4_112 + al_s1_3x;
-        let t7_72 = t7_69 * t7_9;
-        let t7_73 = (-t7_71).mul_add(t7_20, t7_72);
-        let w_ixz_platform_p1 = (-t7_70).mul_add(t7_14, t7_73);
-        let t7_74 = t7_69 * t7_26;
-        let t7_75 = (-t7_71).mul_add(t7_34, t7_74);
-        let w_ixz_platform_p2 = (-t7_70).mul_add(t7_29, t7_75);
-        let t7_76 = t7_69 * t7_40;
-        let t7_77 = (-t7_71).mul_add(t7_48, t7_76);
-        let w_ixz_platform_p3 = (-t7_70).mul_add(t7_43, t7_77);
-        y[22] = [w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3];
-        let t7_78 = t7_9 * t4_112;
-        let al_s1_3y = t7_15 + t7_59;
-        let t7_79 = al_s1_3y.mul_add(t7_14, t7_21);
-        let w_iyy_platform_p1 = t7_79 + t7_78;
-        let t7_80 = -w_iyy_platform_p1;
-        let t7_81 = t7_26 * t4_112;
-        let t7_82 = al_s1_3y.mul_add(t7_29, t7_35);
-        let w_iyy_platform_p2 = t7_82 + t7_81;
-        let t7_83 = -w_iyy_platform_p2;
-        let t7_84 = t7_40 * t4_112;
-        let t7_85 = al_s1_3y.mul_add(t7_43, t7_49);
-        let w_iyy_platform_p3 = t7_85 + t7_84;
-        let t7_86 = -w_iyy_platform_p3;
-        y[23] = [t7_80, t7_83, t7_86];
-        let t7_87 = t4_41 - t4_45;
-        let al_s1_3z = t4_17 + t7_69;
-        let t7_88 = t4_17 + al_s1_3z;
-        let t7_89 = t7_15 + al_s1_3y;
-        let t7_90 = t7_88 * t7_14;
-        let t7_91 = (-t7_89).mul_add(t7_20, t7_90);
-        let w_iyz_platform_p1 = t7_87.mul_add(t7_9, t7_91);
-        let t7_92 = -w_iyz_platform_p1;
-        let t7_93 = t7_88 * t7_29;
-        let t7_94 = (-t7_89).mul_add(t7_34, t7_93);
-        let w_iyz_platform_p2 = t7_87.mul_add(t7_26, t7_94);
-        let t7_95 = -w_iyz_platform_p2;
-        let t7_96 = t7_88 * t7_43;
-        let t7_97 = (-t7_89).mul_add(t7_48, t7_96);
-        let w_iyz_platform_p3 = t7_87.mul_add(t7_40, t7_97);
-        let t7_98 = -w_iyz_platform_p3;
-        y[24] = [t7_92, t7_95, t7_98];
-        let t7_99 = al_s1_3z.mul_add(t7_20, t7_16);
-        let w_izz_platform_p1 = t7_99 + t7_78;
-        let t7_100 = al_s1_3z.mul_add(t7_34, t7_30);
-        let w_izz_platform_p2 = t7_100 + t7_81;
-        let t7_101 = al_s1_3z.mul_add(t7_48, t7_44);
-        let w_izz_platform_p3 = t7_101 + t7_84;
-        y[25] = [w_izz_platform_p1, w_izz_platform_p2, w_izz_platform_p3];
-        let t7_102 = like.lift(-0.5).mul_add(al_rod1x, a_rod1y);
-        let a_s1_1y = cos_s1_1 * t7_102;
-        let a_s1_1z = t4_38 - a_rod1z;
-        let a_s1_1x = sin_s1_1 * t7_102;
-        let t7_103 = cos_s1_2 * a_s1_1z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t7_103);
-        let t7_104 = sin_s1_3.mul_add(a_s1_2z, t4_84);
-        let a_platformy = (-cos_s1_3).mul_add(a_s1_1y, t7_104);
-        let t7_105 = like.lift(0.2) * t7_60;
-        let t7_106 = cos_s1_3.mul_add(a_s1_2z, t7_105);
-        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t7_106);
-        let t7_107 = t7_18 - t7_17;
-        let t7_108 = like.lift(-0.2).mul_add(t7_107, u_s1_2_p1x);
-        let t7_109 = u_platform_q1x.mul_add(x_q1_p1, t7_108);
-        let t7_110 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
-        let t7_111 = x_s1_3_p1 - t7_7;
-        let t7_112 = like.lift(0.2).mul_add(t7_111, u_s1_3_p1z);
-        let t7_113 = u_platform_q1z.mul_add(x_q1_p1, t7_112);
-        let t7_114 = a_platformz * t7_14;
-        let t7_115 = a_platformy.mul_add(t7_20, t7_114);
-        let t7_116 = (-t7_59).mul_add(t7_113, t7_115);
-        let t7_117 = (-t7_69).mul_add(t7_110, t7_116);
-        let w_mx_platform_p1 = (-t4_46).mul_add(t7_109, t7_117);
-        let t7_118 = t7_32 - t7_31;
-        let t7_119 = u_platform_q1x * x_q1_p2;
-        let t7_120 = like.lift(-0.2).mul_add(t7_118, t7_119);
-        let t7_121 = u_s1_3_q1y * x_q1_p2;
-        let t7_122 = x_s1_3_p2 - t7_24;
-        let t7_123 = like.lift(0.2) * t7_122;
-        let t7_124 = u_platform_q1z.mul_add(x_q1_p2, t7_123);
-        let t7_125 = a_platformz * t7_29;
-        let t7_126 = a_platformy.mul_add(t7_34, t7_125);
-        let t7_127 = (-t7_59).mul_add(t7_124, t7_126);
-        let t7_128 = (-t7_69).mul_add(t7_121, t7_127);
-        let w_mx_platform_p2 = (-t4_46).mul_add(t7_120, t7_128);
-        let t7_129 = t7_46 - t7_45;
-        let t7_130 = u_platform_q1x * x_q1_p3;
-        let t7_131 = like.lift(-0.2).mul_add(t7_129, t7_130);
-        let t7_132 = u_s1_3_q1y * x_q1_p3;
-        let t7_133 = x_s1_3_p3 - t7_38;
-        let t7_134 = like.lift(0.2) * t7_133;
-        let t7_135 = u_platform_q1z.mul_add(x_q1_p3, t7_134);
-        let t7_136 = a_platformz * t7_43;
-        let t7_137 = a_platformy.mul_add(t7_48, t7_136);
-        let t7_138 = (-t7_59).mul_add(t7_135, t7_137);
-        let t7_139 = (-t7_69).mul_add(t7_132, t7_138);
-        let w_mx_platform_p3 = (-t4_46).mul_add(t7_131, t7_139);
-        y[26] = [w_mx_platform_p1, w_mx_platform_p2, w_mx_platform_p3];
-        let t7_140 = like.lift(0.2) * t7_88;
-        let t7_141 = cos_s1_2.mul_add(a_s1_1x, t7_140);
-        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t7_141);
-        let t7_142 = a_platformx * t7_20;
-        let t7_143 = a_platformz.mul_add(t7_9, t7_142);
-        let t7_144 = t7_60.mul_add(t7_113, t7_143);
-        let t7_145 = (-t4_83).mul_add(t7_110, t7_144);
-        let w_my_platform_p1 = t7_88.mul_add(t7_109, t7_145);
-        let t7_146 = a_platformx * t7_34;
-        let t7_147 = a_platformz.mul_add(t7_26, t7_146);
-        let t7_148 = t7_60.mul_add(t7_124, t7_147);
-        let t7_149 = (-t4_83).mul_add(t7_121, t7_148);
-        let w_my_platform_p2 = t7_88.mul_add(t7_120, t7_149);
-        let t7_150 = a_platformx * t7_48;
-        let t7_151 = a_platformz.mul_add(t7_40, t7_150);
-        let t7_152 = t7_60.mul_add(t7_135, t7_151);
-        let t7_153 = (-t4_83).mul_add(t7_132, t7_152);
-        let w_my_platform_p3 = t7_88.mul_add(t7_131, t7_153);
+        let t8_1 = (-a_platformx).mul_add(t7_72, t7_203);
+        let t8_2 = (-t7_94).mul_add(t7_187, t8_1);
+        let t8_3 = (-t7_141).mul_add(t7_184, t8_2);
+        let w_my_platform_p3 = t7_125.mul_add(t7_183, t8_3);
         y[27] = [w_my_platform_p1, w_my_platform_p2, w_my_platform_p3];
-        let t7_154 = t4_82 + t4_41;
-        let t7_155 = a_platformx * t7_14;
-        let t7_156 = (-a_platformy).mul_add(t7_9, t7_155);
-        let t7_157 = t7_154.mul_add(t7_113, t7_156);
-        let t7_158 = (-t7_71).mul_add(t7_110, t7_157);
-        let w_mz_platform_p1 = (-t7_89).mul_add(t7_109, t7_158);
-        let t7_159 = a_platformx * t7_29;
-        let t7_160 = (-a_platformy).mul_add(t7_26, t7_159);
-        let t7_161 = t7_154.mul_add(t7_124, t7_160);
-        let t7_162 = (-t7_71).mul_add(t7_121, t7_161);
-        let w_mz_platform_p2 = (-t7_89).mul_add(t7_120, t7_162);
-        let t7_163 = a_platformx * t7_43;
-        let t7_164 = (-a_platformy).mul_add(t7_40, t7_163);
-        let t7_165 = t7_154.mul_add(t7_135, t7_164);
-        let t7_166 = (-t7_71).mul_add(t7_132, t7_165);
-        let w_mz_platform_p3 = (-t7_89).mul_add(t7_131, t7_166);
-        y[28] = [w_mz_platform_p1, w_mz_platform_p2, w_mz_platform_p3];
-        let t7_167 = a_platformz * t7_113;
-        let t7_168 = (-a_platformy).mul_add(t7_110, t7_167);
-        let w_m_platform_p1 = a_platformx.mul_add(t7_109, t7_168);
-        let t7_169 = a_platformz * t7_124;
-        let t7_170 = (-a_platformy).mul_add(t7_121, t7_169);
-        let w_m_platform_p2 = a_platformx.mul_add(t7_120, t7_170);
-        let t7_171 = a_platformz * t7_135;
-        let t7_172 = (-a_platformy).mul_add(t7_132, t7_171);
-        let w_m_platform_p3 = a_platformx.mul_add(t7_131, t7_172);
-        y[29] = [w_m_platform_p1, w_m_platform_p2, w_m_platform_p3];
+        let t8_4 = t7_95 + t7_96;
+        let t8_5 = a_platformx * t7_31;
+        let t8_6 = (-a_platformy).mul_add(t7_19, t8_5);
+        let t8_7 = (-t8_4).mul_add(t7_163, t8_6);
+        let t8_8 = t7_108.mul_add(t7_155, t8_7);
+        let w_mz_platform_p1 = t7_126.mul_add(t7_151, t8_8);
+        let t8_9 = -w_mz_platform_p1;
+        let t8_10 = a_platformx * t7_53;
+        let t8_11 = (-a_platformy).mul_add(t7_50, t8_10);
+        let t8_12 = (-t8_4).mul_add(t7_175, t8_11);
+        let t8_13 = t7_108.mul_add(t7_172, t8_12);
+        let w_mz_platform_p2 = t7_126.mul_add(t7_171, t8_13);
+        let t8_14 = -w_mz_platform_p2;
+        let t8_15 = a_platformx * t7_67;
+        let t8_16 = (-a_platformy).mul_add(t7_64, t8_15);
+        let t8_17 = (-t8_4).mul_add(t7_187, t8_16);
+        let t8_18 = t7_108.mul_add(t7_184, t8_17);
+        let w_mz_platform_p3 = t7_126.mul_add(t7_183, t8_18);
+        let t8_19 = -w_mz_platform_p3;
+        y[28] = [t8_9, t8_14, t8_19];
+        let t8_20 = a_platformx * t7_151;
+        let t8_21 = (-a_platformz).mul_add(t7_163, t8_20);
+        let w_m_platform_p1 = (-a_platformy).mul_add(t7_155, t8_21);
+        let t8_22 = -w_m_platform_p1;
+        let t8_23 = a_platformx * t7_171;
+        let t8_24 = (-a_platformz).mul_add(t7_175, t8_23);
+        let w_m_platform_p2 = (-a_platformy).mul_add(t7_172, t8_24);
+        let t8_25 = -w_m_platform_p2;
+        let t8_26 = a_platformx * t7_183;
+        let t8_27 = (-a_platformz).mul_add(t7_187, t8_26);
+        let w_m_platform_p3 = (-a_platformy).mul_add(t7_184, t8_27);
+        let t8_28 = -w_m_platform_p3;
+        y[29] = [t8_22, t8_25, t8_28];
+        y[20] = [t7_47, t7_61, t7_75];
+        y[21] = [w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3];
+        y[22] = [w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3];
+        y[23] = [t7_117, t7_120, t7_123];
+        y[24] = [t7_129, t7_132, t7_135];
+        y[25] = [w_izz_platform_p1, w_izz_platform_p2, w_izz_platform_p3];
+        y[26] = [t7_168, t7_180, t7_192];
     }
     // body carriage2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -5976,34 +5719,33 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let w_ixx_rod2_p1 = al_rod2x * x_q2_p1;
-        let t9_1 = -w_ixx_rod2_p1;
+        let t10_1 = -w_ixx_rod2_p1;
         let w_ixx_rod2_p2 = al_rod2x * x_q2_p2;
-        let t9_2 = -w_ixx_rod2_p2;
+        let t10_2 = -w_ixx_rod2_p2;
         let w_ixx_rod2_p3 = al_rod2x * x_q2_p3;
-        let t9_3 = -w_ixx_rod2_p3;
-        y[40] = [t9_1, t9_2, t9_3];
-        let t9_4 = like.lift(9.81) * cos_q2;
-        let a_rod2z = (-sin_q2).mul_add(dr_p2, t9_4);
+        let t10_3 = -w_ixx_rod2_p3;
+        y[40] = [t10_1, t10_2, t10_3];
+        let t10_4 = like.lift(9.81) * cos_q2;
+        let a_rod2z = (-sin_q2).mul_add(dr_p2, t10_4);
         let w_my_rod2_p1 = x_q2_p1 * a_rod2z;
-        let t9_5 = -w_my_rod2_p1;
-        let t9_6 = d_q2 * t3_185;
-        let t9_7 = x_q2_p2 * a_rod2z;
-        let t9_8 = sin_q2.mul_add(al_rod2x, t9_7);
-        let w_my_rod2_p2 = cos_q2.mul_add(t9_6, t9_8);
-        let t9_9 = -w_my_rod2_p2;
+        let t10_5 = -w_my_rod2_p1;
+        let t10_6 = x_q2_p2 * a_rod2z;
+        let t10_7 = sin_q2.mul_add(al_rod2x, t10_6);
+        let w_my_rod2_p2 = cos_q2.mul_add(t4_90, t10_7);
+        let t10_8 = -w_my_rod2_p2;
         let w_my_rod2_p3 = x_q2_p3 * a_rod2z;
-        let t9_10 = -w_my_rod2_p3;
-        y[47] = [t9_5, t9_9, t9_10];
-        let t9_11 = cos_q2 * dr_p2;
-        let a_rod2y = like.lift(9.81).mul_add(sin_q2, t9_11);
+        let t10_9 = -w_my_rod2_p3;
+        y[47] = [t10_5, t10_8, t10_9];
+        let t10_10 = cos_q2 * dr_p2;
+        let a_rod2y = like.lift(9.81).mul_add(sin_q2, t10_10);
         let w_mz_rod2_p1 = x_q2_p1 * a_rod2y;
-        let t9_12 = x_q2_p2 * a_rod2y;
-        let t9_13 = sin_q2.mul_add(t9_6, t9_12);
-        let w_mz_rod2_p2 = (-cos_q2).mul_add(al_rod2x, t9_13);
+        let t10_11 = x_q2_p2 * a_rod2y;
+        let t10_12 = sin_q2.mul_add(t4_90, t10_11);
+        let w_mz_rod2_p2 = (-cos_q2).mul_add(al_rod2x, t10_12);
         let w_mz_rod2_p3 = x_q2_p3 * a_rod2y;
         y[48] = [w_mz_rod2_p1, w_mz_rod2_p2, w_mz_rod2_p3];
-        let t9_14 = cos_q2 * a_rod2y;
-        let w_m_rod2_p2 = (-sin_q2).mul_add(a_rod2z, t9_14);
+        let t10_13 = cos_q2 * a_rod2y;
+        let w_m_rod2_p2 = (-sin_q2).mul_add(a_rod2z, t10_13);
         y[49][1] = w_m_rod2_p2;
     }
     // body carriage3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
@@ -6013,34 +5755,33 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let w_ixx_rod3_p1 = al_rod3x * x_q3_p1;
-        let t11_1 = -w_ixx_rod3_p1;
+        let t12_1 = -w_ixx_rod3_p1;
         let w_ixx_rod3_p2 = al_rod3x * x_q3_p2;
-        let t11_2 = -w_ixx_rod3_p2;
+        let t12_2 = -w_ixx_rod3_p2;
         let w_ixx_rod3_p3 = al_rod3x * x_q3_p3;
-        let t11_3 = -w_ixx_rod3_p3;
-        y[60] = [t11_1, t11_2, t11_3];
-        let t11_4 = like.lift(9.81) * cos_q3;
-        let a_rod3z = (-sin_q3).mul_add(dr_p3, t11_4);
+        let t12_3 = -w_ixx_rod3_p3;
+        y[60] = [t12_1, t12_2, t12_3];
+        let t12_4 = like.lift(9.81) * cos_q3;
+        let a_rod3z = (-sin_q3).mul_add(dr_p3, t12_4);
         let w_my_rod3_p1 = x_q3_p1 * a_rod3z;
-        let t11_5 = -w_my_rod3_p1;
+        let t12_5 = -w_my_rod3_p1;
         let w_my_rod3_p2 = x_q3_p2 * a_rod3z;
-        let t11_6 = -w_my_rod3_p2;
-        let t11_7 = d_q3 * t3_186;
-        let t11_8 = x_q3_p3 * a_rod3z;
-        let t11_9 = sin_q3.mul_add(al_rod3x, t11_8);
-        let w_my_rod3_p3 = cos_q3.mul_add(t11_7, t11_9);
-        let t11_10 = -w_my_rod3_p3;
-        y[67] = [t11_5, t11_6, t11_10];
-        let t11_11 = cos_q3 * dr_p3;
-        let a_rod3y = like.lift(9.81).mul_add(sin_q3, t11_11);
+        let t12_6 = -w_my_rod3_p2;
+        let t12_7 = x_q3_p3 * a_rod3z;
+        let t12_8 = sin_q3.mul_add(al_rod3x, t12_7);
+        let w_my_rod3_p3 = cos_q3.mul_add(t4_168, t12_8);
+        let t12_9 = -w_my_rod3_p3;
+        y[67] = [t12_5, t12_6, t12_9];
+        let t12_10 = cos_q3 * dr_p3;
+        let a_rod3y = like.lift(9.81).mul_add(sin_q3, t12_10);
         let w_mz_rod3_p1 = x_q3_p1 * a_rod3y;
         let w_mz_rod3_p2 = x_q3_p2 * a_rod3y;
-        let t11_12 = x_q3_p3 * a_rod3y;
-        let t11_13 = sin_q3.mul_add(t11_7, t11_12);
-        let w_mz_rod3_p3 = (-cos_q3).mul_add(al_rod3x, t11_13);
+        let t12_11 = x_q3_p3 * a_rod3y;
+        let t12_12 = sin_q3.mul_add(t4_168, t12_11);
+        let w_mz_rod3_p3 = (-cos_q3).mul_add(al_rod3x, t12_12);
         y[68] = [w_mz_rod3_p1, w_mz_rod3_p2, w_mz_rod3_p3];
-        let t11_14 = cos_q3 * a_rod3y;
-        let w_m_rod3_p3 = (-sin_q3).mul_add(a_rod3z, t11_14);
+        let t12_13 = cos_q3 * a_rod3y;
+        let w_m_rod3_p3 = (-sin_q3).mul_add(a_rod3z, t12_13);
         y[69][2] = w_m_rod3_p3;
     }
     Condition { pivot: condition }
@@ -6190,7 +5931,7 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 279 additions, 427 multiplications, 5 divisions, 6 sines and cosines.
+/// 271 additions, 412 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 19]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0][1] = zero; w[0][2] = zero;
@@ -6209,16 +5950,16 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+        sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
         cos_q2, sin_q3, cos_q3,
     ] = {
         let [
-            (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3), (sin_q1, cos_q1),
+            (sin_q1, cos_q1), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2),
             (sin_q2, cos_q2), (sin_q3, cos_q3),
         ] =
-            T::sin_cos_all([s1_1, s1_2, s1_3, q1, q2, q3]);
+            T::sin_cos_all([q1, s1_3, s1_1, s1_2, q2, q3]);
         [
-            sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q2,
+            sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
             cos_q2, sin_q3, cos_q3,
         ]
     };
@@ -6226,650 +5967,614 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
     {
         w[0][0] = dd_p1;
     }
-    // body rod1, part 1
-    let [
-        e_s1_3_q1z, u_platform_q1x, t3_4, e_s1_3_s1_1z, t3_5, t3_7, e_s1_3_q1y, u_s1_3_p1y,
-        u_s1_3_p1z, t3_31, pivot_2, u_s1_3_q1y, t3_43, t3_44, t3_45, t3_46, e_s1_2_q1x,
-        u_s1_2_p1x, t3_62, u_platform_q1z, t3_70, e_s1_3_s1_1y, t3_74, t3_75, t3_79, t3_81,
-        t3_92, t3_93, t3_94, t3_95, t3_102, t3_105, t3_107, t3_108, t3_113, t3_114, t3_115,
-        t3_116, t3_117, t3_118, pivot_3, pivot_4, pivot_5, pivot_6, t3_151, t3_153, t3_160,
-        t3_169, t3_177, t3_181, t3_186, t3_189, t3_190, t3_191, t3_192, t3_193, t3_198, t3_204,
-        t3_209, t3_214, t3_219, t3_224,
-    ] = {
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t3_1 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t3_1);
-        let t3_2 = like.lift(0.2) * e_s1_3_q1z;
-        let t3_3 = like.lift(0.5) * sin_s1_1;
-        let u_platform_q1x = t3_3.mul_add(cos_s1_2, t3_2);
-        let t3_4 = like.lift(0.1).mul_add(e_s1_3_q1z, u_platform_q1x);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t3_5 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t3_6 = like.lift(0.3) * sin_s1_3;
-        let t3_7 = -t3_6;
-        let t3_8 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_8);
-        let t3_9 = like.lift(0.5) * e_s1_3_q1y;
-        let u_s1_1_p1y = cos_q1 * cos_s1_1;
-        let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t3_10 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_10);
-        let t3_11 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_11);
-        let t3_12 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t3_13 = t3_9 + t3_12;
-        let t3_14 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t3_15 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t3_15);
-        let t3_16 = like.lift(0.5) * u_s1_3_p1z;
-        let t3_17 = t3_14 - t3_16;
-        let t3_18 = sin_q1 * cos_s1_1;
-        let t3_19 = sin_q1 * sin_s1_1;
-        let t3_20 = sin_s1_2 * t3_19;
-        let t3_21 = cos_q1.mul_add(cos_s1_2, t3_20);
-        let t3_22 = sin_s1_3 * t3_18;
-        let t3_23 = (-cos_s1_3).mul_add(t3_21, t3_22);
-        let t3_24 = sin_q2 * t3_17;
-        let t3_25 = (-cos_q2).mul_add(t3_23, t3_24);
-        let t3_26 = like.lift(0.5) * e_s1_3_q1z;
-        let t3_27 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t3_28 = t3_26 + t3_27;
-        let t3_29 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t3_30 = like.lift(0.5) * u_s1_3_p1y;
-        let t3_31 = t3_29 - t3_30;
-        let t3_32 = sin_s1_3 * t3_21;
-        let t3_33 = cos_s1_3.mul_add(t3_18, t3_32);
-        let t3_34 = sin_q2 * t3_31;
-        let t3_35 = (-cos_q2).mul_add(t3_33, t3_34);
-        let t3_36 = t3_28 * t3_35;
-        let t3_37 = (-t3_13).mul_add(t3_25, t3_36);
-        let t3_38 = like.lift(0.5) * t3_37;
-        let pivot_2 = -t3_38;
-        let t3_39 = sin_s1_1 * sin_s1_2;
-        let t3_40 = sin_s1_3 * t3_39;
-        let t3_41 = cos_s1_1.mul_add(cos_s1_3, t3_40);
-        let u_s1_3_q1y = like.lift(0.5) * t3_41;
-        let t3_42 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t3_43 = u_s1_3_q1y - t3_42;
-        let t3_44 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t3_45 = -t3_44;
-        let t3_46 = like.lift(0.17320508075688773) * sin_s1_3;
-        let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t3_47 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t3_48 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_48);
-        let t3_49 = like.lift(0.5) * u_s1_2_p1x;
-        let t3_50 = t3_47 + t3_49;
-        let t3_51 = cos_q1 * sin_s1_2;
-        let t3_52 = (-cos_s1_2).mul_add(t3_19, t3_51);
-        let t3_53 = sin_q2 * t3_50;
-        let t3_54 = (-cos_q2).mul_add(t3_52, t3_53);
-        let t3_55 = like.lift(0.5) * e_s1_2_q1x;
-        let t3_56 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t3_57 = t3_55 - t3_56;
-        let t3_58 = t3_57 * t3_25;
-        let t3_59 = (-t3_28).mul_add(t3_54, t3_58);
-        let t3_60 = like.lift(0.5) * t3_59;
-        let t3_61 = -t3_60;
-        let t3_62 = -t3_61;
-        let t3_63 = cos_s1_3 * t3_39;
-        let t3_64 = (-cos_s1_1).mul_add(sin_s1_3, t3_63);
-        let t3_65 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t3_64, t3_65);
-        let t3_66 = like.lift(0.1) * e_s1_2_q1x;
-        let t3_67 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t3_68 = u_platform_q1z + t3_66;
-        let t3_69 = t3_68 + t3_67;
-        let t3_70 = -t3_69;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t3_71 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t3_72 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t3_73 = u_platform_s1_1z + t3_71;
-        let t3_74 = t3_73 + t3_72;
-        let t3_75 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t3_76 = t3_13 * t3_54;
-        let t3_77 = (-t3_57).mul_add(t3_35, t3_76);
-        let t3_78 = like.lift(0.5) * t3_77;
-        let t3_79 = -t3_78;
-        let t3_80 = t3_9 - t3_12;
-        let t3_81 = t3_14 + t3_16;
-        let t3_82 = cos_q3 * t3_23;
-        let t3_83 = sin_q3.mul_add(t3_81, t3_82);
-        let t3_84 = t3_26 - t3_27;
-        let t3_85 = t3_29 + t3_30;
-        let t3_86 = cos_q3 * t3_33;
-        let t3_87 = sin_q3.mul_add(t3_85, t3_86);
-        let t3_88 = t3_84 * t3_87;
-        let t3_89 = (-t3_80).mul_add(t3_83, t3_88);
-        let t3_90 = like.lift(0.5) * t3_89;
-        let t3_91 = -t3_90;
-        let t3_92 = -t3_91;
-        let t3_93 = u_s1_3_q1y + t3_42;
-        let t3_94 = -t3_46;
-        let t3_95 = t3_47 - t3_49;
-        let t3_96 = cos_q3 * t3_52;
-        let t3_97 = sin_q3.mul_add(t3_95, t3_96);
-        let t3_98 = t3_55 + t3_56;
-        let t3_99 = t3_98 * t3_83;
-        let t3_100 = (-t3_84).mul_add(t3_97, t3_99);
-        let t3_101 = like.lift(0.5) * t3_100;
-        let t3_102 = -t3_101;
-        let t3_103 = u_platform_q1z + t3_66;
-        let t3_104 = t3_103 - t3_67;
-        let t3_105 = -t3_104;
-        let t3_106 = u_platform_s1_1z + t3_71;
-        let t3_107 = t3_106 - t3_72;
-        let t3_108 = -t3_75;
-        let t3_109 = t3_80 * t3_97;
-        let t3_110 = (-t3_98).mul_add(t3_87, t3_109);
-        let t3_111 = like.lift(0.5) * t3_110;
-        let t3_112 = -t3_111;
-        let t3_113 = -t3_112;
-        let t3_114 = -u_s1_2_p1x;
-        let t3_115 = -t3_50;
-        let t3_116 = -u_s1_3_p1y;
-        let t3_117 = -t3_17;
-        let t3_118 = -t3_85;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_119 = t3_61 * inv_pivot_2;
-        let pivot_3 = t3_4.mul_add(t3_119, t3_43);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_120 = u_s1_2_p1x.mul_add(t3_119, u_s1_3_p1y);
-        let t3_121 = (-t3_119).mul_add(t3_5, t3_44);
-        let t3_122 = t3_4 * inv_pivot_3;
-        let pivot_4 = t3_121.mul_add(t3_122, t3_5);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_123 = (-t3_120).mul_add(t3_122, u_s1_2_p1x);
-        let t3_124 = (-t3_119).mul_add(t3_6, t3_46);
-        let t3_125 = t3_124.mul_add(t3_122, t3_6);
-        let t3_126 = t3_79 * inv_pivot_2;
-        let t3_127 = t3_4 * t3_126;
-        let t3_128 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t3_127);
-        let t3_129 = t3_128 * inv_pivot_3;
-        let t3_130 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t3_131 = (-t3_121).mul_add(t3_129, t3_130);
-        let t3_132 = (-t3_126).mul_add(t3_5, t3_131);
-        let t3_133 = t3_132 * inv_pivot_4;
-        let t3_134 = t3_125 * t3_133;
-        let t3_135 = t3_124.mul_add(t3_129, t3_134);
-        let t3_136 = t3_126.mul_add(t3_6, t3_135);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t3_136);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_137 = t3_123 * t3_133;
-        let t3_138 = (-t3_120).mul_add(t3_129, t3_137);
-        let t3_139 = u_s1_2_p1x.mul_add(t3_126, t3_138);
-        let t3_140 = t3_91.mul_add(t3_133, t3_112);
-        let t3_141 = t3_93 * inv_pivot_3;
-        let t3_142 = t3_121.mul_add(t3_141, t3_44);
-        let t3_143 = t3_142 * inv_pivot_4;
-        let t3_144 = (-t3_125).mul_add(t3_143, t3_46);
-        let t3_145 = t3_124.mul_add(t3_141, t3_144);
-        let t3_146 = t3_145 * inv_pivot_5;
-        let t3_147 = (-t3_139).mul_add(t3_146, u_s1_3_p1y);
-        let t3_148 = (-t3_123).mul_add(t3_143, t3_147);
-        let t3_149 = (-t3_120).mul_add(t3_141, t3_148);
-        let t3_150 = t3_140.mul_add(t3_146, t3_102);
-        let pivot_6 = t3_91.mul_add(t3_143, t3_150);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_151 = t3_149 * inv_pivot_6;
-        let t3_152 = t3_140.mul_add(t3_151, t3_139);
-        let t3_153 = inv_pivot_5 * t3_152;
-        let t3_154 = t3_91.mul_add(t3_151, t3_123);
-        let t3_155 = (-t3_125).mul_add(t3_153, t3_154);
-        let t3_156 = inv_pivot_4 * t3_155;
-        let t3_157 = t3_124.mul_add(t3_153, t3_120);
-        let t3_158 = t3_121.mul_add(t3_156, t3_157);
-        let t3_159 = inv_pivot_3 * t3_158;
-        let t3_160 = -t3_159;
-        let t3_161 = (-t3_50).mul_add(t3_119, t3_31);
-        let t3_162 = t3_161 * t3_122;
-        let t3_163 = (-t3_162).mul_add(t3_133, t3_17);
-        let t3_164 = (-t3_161).mul_add(t3_129, t3_163);
-        let t3_165 = (-t3_50).mul_add(t3_126, t3_164);
-        let t3_166 = t3_165 * t3_146;
-        let t3_167 = (-t3_162).mul_add(t3_143, t3_166);
-        let t3_168 = t3_161.mul_add(t3_141, t3_167);
-        let t3_169 = t3_168 * inv_pivot_6;
-        let t3_170 = (-t3_140).mul_add(t3_169, t3_165);
-        let t3_171 = inv_pivot_5 * t3_170;
-        let t3_172 = t3_91.mul_add(t3_169, t3_162);
-        let t3_173 = t3_125.mul_add(t3_171, t3_172);
-        let t3_174 = inv_pivot_4 * t3_173;
-        let t3_175 = t3_124.mul_add(t3_171, t3_161);
-        let t3_176 = (-t3_121).mul_add(t3_174, t3_175);
-        let t3_177 = inv_pivot_3 * t3_176;
-        let t3_178 = t3_95.mul_add(t3_133, t3_81);
-        let t3_179 = t3_178.mul_add(t3_146, t3_85);
-        let t3_180 = t3_95.mul_add(t3_143, t3_179);
-        let t3_181 = t3_180 * inv_pivot_6;
-        let t3_182 = (-t3_140).mul_add(t3_181, t3_178);
-        let t3_183 = inv_pivot_5 * t3_182;
-        let t3_184 = (-t3_91).mul_add(t3_181, t3_95);
-        let t3_185 = (-t3_125).mul_add(t3_183, t3_184);
-        let t3_186 = inv_pivot_4 * t3_185;
-        let t3_187 = t3_124 * t3_183;
-        let t3_188 = t3_121.mul_add(t3_186, t3_187);
-        let t3_189 = inv_pivot_3 * t3_188;
-        let t3_190 = -t3_156;
-        let t3_191 = -t3_174;
-        let t3_192 = -t3_171;
-        let t3_193 = -t3_183;
-        let t3_194 = sin_s1_3 * t3_153;
-        let t3_195 = e_s1_3_s1_1z.mul_add(t3_156, t3_194);
-        let t3_196 = like.lift(-0.3).mul_add(t3_195, u_s1_2_p1x);
-        let t3_197 = (-t3_4).mul_add(t3_159, t3_196);
-        let t3_198 = inv_pivot_2 * t3_197;
-        let t3_199 = (-t3_153).mul_add(t3_75, u_s1_3_p1z);
-        let t3_200 = t3_74.mul_add(t3_156, t3_199);
-        let t3_201 = (-t3_69).mul_add(t3_159, t3_200);
-        let t3_202 = t3_79.mul_add(t3_198, t3_201);
-        let t3_203 = like.lift(3.3333333333333335) * t3_202;
-        let t3_204 = -t3_203;
-        let t3_205 = sin_s1_3 * t3_171;
-        let t3_206 = (-e_s1_3_s1_1z).mul_add(t3_174, t3_205);
-        let t3_207 = like.lift(0.3).mul_add(t3_206, t3_50);
-        let t3_208 = t3_4.mul_add(t3_177, t3_207);
-        let t3_209 = inv_pivot_2 * t3_208;
-        let t3_210 = (-t3_171).mul_add(t3_75, t3_17);
-        let t3_211 = (-t3_74).mul_add(t3_174, t3_210);
-        let t3_212 = (-t3_69).mul_add(t3_177, t3_211);
-        let t3_213 = (-t3_79).mul_add(t3_209, t3_212);
-        let t3_214 = like.lift(3.3333333333333335) * t3_213;
-        let t3_215 = sin_s1_3 * t3_183;
-        let t3_216 = e_s1_3_s1_1z.mul_add(t3_186, t3_215);
-        let t3_217 = like.lift(0.3) * t3_216;
-        let t3_218 = t3_4.mul_add(t3_189, t3_217);
-        let t3_219 = inv_pivot_2 * t3_218;
-        let t3_220 = t3_183 * t3_75;
-        let t3_221 = (-t3_74).mul_add(t3_186, t3_220);
-        let t3_222 = t3_69.mul_add(t3_189, t3_221);
-        let t3_223 = t3_79.mul_add(t3_219, t3_222);
-        let t3_224 = like.lift(3.3333333333333335) * t3_223;
-        [
-            e_s1_3_q1z, u_platform_q1x, t3_4, e_s1_3_s1_1z, t3_5, t3_7, e_s1_3_q1y, u_s1_3_p1y,
-            u_s1_3_p1z, t3_31, pivot_2, u_s1_3_q1y, t3_43, t3_44, t3_45, t3_46, e_s1_2_q1x,
-            u_s1_2_p1x, t3_62, u_platform_q1z, t3_70, e_s1_3_s1_1y, t3_74, t3_75, t3_79, t3_81,
-            t3_92, t3_93, t3_94, t3_95, t3_102, t3_105, t3_107, t3_108, t3_113, t3_114, t3_115,
-            t3_116, t3_117, t3_118, pivot_3, pivot_4, pivot_5, pivot_6, t3_151, t3_153, t3_160,
-            t3_169, t3_177, t3_181, t3_186, t3_189, t3_190, t3_191, t3_192, t3_193, t3_198,
-            t3_204, t3_209, t3_214, t3_219, t3_224,
-        ]
-    };
     // loops: solve with A_e (Eq. 8, 10)
     let [
+        u_s1_1_p1y, u_s1_2_p1z, u_s1_3_p1y, u_s1_2_p1x, e_s1_2_q1z, e_s1_3_q1y, e_s1_2_q1x,
         x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
         x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
         x_q3_p2, x_q3_p3,
     ] = {
-        let t4_1 = -t3_224;
-        let t4_2 = -t3_198;
-        let t4_3 = -t3_209;
-        let t4_4 = -t3_219;
-        let t4_5 = -t3_151;
-        let t4_6 = -t3_169;
-        let t4_7 = -t3_181;
-        let t4_8 = -pivot_5;
+        let t3_1 = sin_q1 * cos_s1_1;
+        let t3_2 = sin_q1 * sin_s1_1;
+        let t3_3 = sin_s1_2 * t3_2;
+        let t3_4 = cos_q1.mul_add(cos_s1_2, t3_3);
+        let t3_5 = sin_s1_3 * t3_4;
+        let t3_6 = cos_s1_3.mul_add(t3_1, t3_5);
+        let t3_7 = like.lift(0.1) * t3_6;
+        let t3_8 = like.lift(0.2) * t3_6;
+        let t3_9 = cos_q1 * sin_s1_2;
+        let t3_10 = (-cos_s1_2).mul_add(t3_2, t3_9);
+        let t3_11 = like.lift(0.17320508075688773) * t3_10;
+        let t3_12 = t3_7 + t3_8;
+        let t3_13 = t3_12 - t3_11;
+        let u_s1_1_p1y = cos_q1 * cos_s1_1;
+        let u_s1_1_p1x = cos_q1 * sin_s1_1;
+        let t3_14 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_14);
+        let t3_15 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_15);
+        let t3_16 = like.lift(0.1) * u_s1_3_p1y;
+        let t3_17 = like.lift(0.2) * u_s1_3_p1y;
+        let t3_18 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_18);
+        let t3_19 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t3_20 = t3_16 + t3_17;
+        let t3_21 = t3_20 + t3_19;
+        let t3_22 = cos_q1 * t3_21;
+        let t3_23 = sin_q1.mul_add(t3_13, t3_22);
+        let t3_24 = u_s1_1_p1y * t3_13;
+        let t3_25 = (-t3_1).mul_add(t3_21, t3_24);
+        let t3_26 = -t3_25;
+        let t3_27 = t3_10 * t3_21;
+        let t3_28 = u_s1_2_p1x.mul_add(t3_13, t3_27);
+        let t3_29 = -t3_28;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t3_30 = like.lift(0.5).mul_add(cos_q1, t3_8);
+        let t3_31 = t3_30 - t3_11;
+        let pivot_3 = t3_31 + t3_7;
+        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
+        let t3_32 = sin_s1_1 * cos_s1_3;
+        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_32);
+        let t3_33 = like.lift(0.2) * e_s1_3_q1y;
+        let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
+        let t3_34 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t3_35 = like.lift(0.1) * e_s1_3_q1y;
+        let t3_36 = t3_33 - t3_34;
+        let t3_37 = t3_36 + t3_35;
+        let t3_38 = cos_q1 * t3_37;
+        let t3_39 = t3_1 * t3_37;
+        let t3_40 = (-sin_s1_1).mul_add(t3_13, t3_39);
+        let t3_41 = t3_10 * t3_37;
+        let t3_42 = (-e_s1_2_q1x).mul_add(t3_13, t3_41);
+        let t3_43 = -t3_42;
+        let t3_44 = like.lift(0.25) * cos_q2;
+        let t3_45 = like.lift(0.5) * sin_q1;
+        let t3_46 = t3_45 - t3_17;
+        let t3_47 = t3_46 - t3_19;
+        let t3_48 = t3_47 - t3_16;
+        let t3_49 = sin_q1 * t3_37;
+        let t3_50 = sin_s1_1 * t3_21;
+        let t3_51 = (-u_s1_1_p1y).mul_add(t3_37, t3_50);
+        let t3_52 = u_s1_2_p1x * t3_37;
+        let t3_53 = e_s1_2_q1x.mul_add(t3_21, t3_52);
+        let t3_54 = -t3_53;
+        let t3_55 = like.lift(0.5) * sin_q2;
+        let t3_56 = -t3_55;
+        let t3_57 = t3_7 + t3_8;
+        let t3_58 = t3_57 + t3_11;
+        let t3_59 = t3_16 + t3_17;
+        let t3_60 = t3_59 - t3_19;
+        let t3_61 = cos_q1 * t3_60;
+        let t3_62 = sin_q1.mul_add(t3_58, t3_61);
+        let t3_63 = u_s1_1_p1y * t3_58;
+        let t3_64 = (-t3_1).mul_add(t3_60, t3_63);
+        let t3_65 = -t3_64;
+        let t3_66 = t3_10 * t3_60;
+        let t3_67 = u_s1_2_p1x.mul_add(t3_58, t3_66);
+        let t3_68 = -t3_67;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t3_69 = -pivot_2;
+        let t3_70 = t3_30 + t3_11;
+        let t3_71 = t3_70 + t3_7;
+        let t3_72 = t3_33 + t3_34;
+        let t3_73 = t3_72 + t3_35;
+        let t3_74 = cos_q1 * t3_73;
+        let t3_75 = t3_1 * t3_73;
+        let t3_76 = (-sin_s1_1).mul_add(t3_58, t3_75);
+        let t3_77 = t3_10 * t3_73;
+        let t3_78 = (-e_s1_2_q1x).mul_add(t3_58, t3_77);
+        let t3_79 = -t3_78;
+        let t3_80 = like.lift(0.25) * cos_q3;
+        let t3_81 = t3_45 - t3_17;
+        let t3_82 = t3_81 + t3_19;
+        let t3_83 = t3_82 - t3_16;
+        let t3_84 = sin_q1 * t3_73;
+        let t3_85 = sin_s1_1 * t3_60;
+        let t3_86 = (-u_s1_1_p1y).mul_add(t3_73, t3_85);
+        let t3_87 = u_s1_2_p1x * t3_73;
+        let t3_88 = e_s1_2_q1x.mul_add(t3_60, t3_87);
+        let t3_89 = -t3_88;
+        let t3_90 = like.lift(0.5) * sin_q3;
+        let t3_91 = -t3_90;
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t3_92 = like.lift(-0.5773502691896257).mul_add(t3_23, t3_38);
+        let t3_93 = t3_71 * inv_pivot_3;
+        let t3_94 = (-t3_92).mul_add(t3_93, t3_74);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t3_62, t3_94);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t3_95 = like.lift(1.0) - t3_93;
+        let t3_96 = like.lift(-0.5773502691896257).mul_add(t3_28, t3_42);
+        let t3_97 = (-t3_96).mul_add(t3_93, t3_78);
+        let t3_98 = like.lift(0.5773502691896257).mul_add(t3_67, t3_97);
+        let t3_99 = like.lift(1.0) / cos_q2;
+        let t3_100 = sin_q2 * t3_99;
+        let t3_101 = t3_48 * inv_pivot_3;
+        let t3_102 = like.lift(1.1547005383792515) * t3_100;
+        let t3_103 = (-t3_92).mul_add(t3_101, t3_49);
+        let t3_104 = t3_23.mul_add(t3_102, t3_103);
+        let t3_105 = t3_104 * inv_pivot_4;
+        let t3_106 = (-t3_98).mul_add(t3_105, t3_53);
+        let t3_107 = (-t3_96).mul_add(t3_101, t3_106);
+        let pivot_5 = t3_28.mul_add(t3_102, t3_107);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t3_108 = t3_95.mul_add(t3_105, t3_101);
+        let t3_109 = like.lift(0.5773502691896257).mul_add(t3_25, t3_40);
+        let t3_110 = (-t3_109).mul_add(t3_93, t3_76);
+        let t3_111 = like.lift(-0.5773502691896257).mul_add(t3_64, t3_110);
+        let t3_112 = (-t3_111).mul_add(t3_105, t3_51);
+        let t3_113 = (-t3_109).mul_add(t3_101, t3_112);
+        let t3_114 = (-t3_25).mul_add(t3_102, t3_113);
+        let t3_115 = t3_83 * inv_pivot_3;
+        let t3_116 = like.lift(1.0) / cos_q3;
+        let t3_117 = sin_q3 * t3_116;
+        let t3_118 = like.lift(1.1547005383792515) * t3_117;
+        let t3_119 = (-t3_92).mul_add(t3_115, t3_84);
+        let t3_120 = (-t3_62).mul_add(t3_118, t3_119);
+        let t3_121 = t3_120 * inv_pivot_4;
+        let t3_122 = (-t3_98).mul_add(t3_121, t3_88);
+        let t3_123 = (-t3_96).mul_add(t3_115, t3_122);
+        let t3_124 = (-t3_67).mul_add(t3_118, t3_123);
+        let t3_125 = t3_124 * inv_pivot_5;
+        let t3_126 = (-t3_108).mul_add(t3_125, t3_115);
+        let t3_127 = t3_95.mul_add(t3_121, t3_126);
+        let t3_128 = (-t3_114).mul_add(t3_125, t3_86);
+        let t3_129 = (-t3_111).mul_add(t3_121, t3_128);
+        let t3_130 = (-t3_109).mul_add(t3_115, t3_129);
+        let pivot_6 = t3_64.mul_add(t3_118, t3_130);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t3_131 = t3_127 * inv_pivot_6;
+        let t3_132 = (-t3_114).mul_add(t3_131, t3_108);
+        let t3_133 = inv_pivot_5 * t3_132;
+        let t3_134 = t3_111.mul_add(t3_131, t3_95);
+        let t3_135 = t3_98.mul_add(t3_133, t3_134);
+        let t3_136 = inv_pivot_4 * t3_135;
+        let t3_137 = t3_109.mul_add(t3_131, like.lift(1.0));
+        let t3_138 = t3_96.mul_add(t3_133, t3_137);
+        let t3_139 = (-t3_92).mul_add(t3_136, t3_138);
+        let t3_140 = inv_pivot_3 * t3_139;
+        let t3_141 = -t3_140;
+        let t3_142 = t3_100 * t3_125;
+        let t3_143 = t3_142 * inv_pivot_6;
+        let t3_144 = t3_114.mul_add(t3_143, t3_100);
+        let t3_145 = inv_pivot_5 * t3_144;
+        let t3_146 = t3_98 * t3_145;
+        let t3_147 = (-t3_111).mul_add(t3_143, t3_146);
+        let t3_148 = inv_pivot_4 * t3_147;
+        let t3_149 = t3_109 * t3_143;
+        let t3_150 = (-t3_96).mul_add(t3_145, t3_149);
+        let t3_151 = t3_92.mul_add(t3_148, t3_150);
+        let t3_152 = inv_pivot_3 * t3_151;
+        let t3_153 = -t3_152;
+        let t3_154 = t3_117 * inv_pivot_6;
+        let t3_155 = inv_pivot_5 * t3_114;
+        let t3_156 = t3_155 * t3_154;
+        let t3_157 = t3_98 * t3_156;
+        let t3_158 = (-t3_111).mul_add(t3_154, t3_157);
+        let t3_159 = inv_pivot_4 * t3_158;
+        let t3_160 = t3_109 * t3_154;
+        let t3_161 = (-t3_96).mul_add(t3_156, t3_160);
+        let t3_162 = t3_92.mul_add(t3_159, t3_161);
+        let t3_163 = inv_pivot_3 * t3_162;
+        let t3_164 = -t3_136;
+        let t3_165 = -t3_159;
+        let t3_166 = -t3_154;
+        let t3_167 = -t3_133;
+        let t3_168 = -t3_156;
+        let t3_169 = t3_25 * t3_131;
+        let t3_170 = (-t3_28).mul_add(t3_133, t3_169);
+        let t3_171 = t3_23.mul_add(t3_136, t3_170);
+        let t3_172 = like.lift(2.309401076758503) * t3_99;
+        let t3_173 = t3_171 * t3_172;
+        let t3_174 = (-t3_25).mul_add(t3_143, like.lift(0.8660254037844386));
+        let t3_175 = (-t3_28).mul_add(t3_145, t3_174);
+        let t3_176 = t3_23.mul_add(t3_148, t3_175);
+        let t3_177 = t3_176 * t3_172;
+        let t3_178 = -t3_177;
+        let t3_179 = t3_23 * t3_159;
+        let t3_180 = (-t3_25).mul_add(t3_154, t3_179);
+        let t3_181 = (-t3_28).mul_add(t3_156, t3_180);
+        let t3_182 = t3_181 * t3_172;
+        let t3_183 = t3_64 * t3_131;
+        let t3_184 = (-t3_67).mul_add(t3_133, t3_183);
+        let t3_185 = t3_62.mul_add(t3_136, t3_184);
+        let t3_186 = like.lift(2.309401076758503) * t3_116;
+        let t3_187 = t3_185 * t3_186;
+        let t3_188 = -t3_187;
+        let t3_189 = t3_62 * t3_148;
+        let t3_190 = (-t3_64).mul_add(t3_143, t3_189);
+        let t3_191 = (-t3_67).mul_add(t3_145, t3_190);
+        let t3_192 = t3_191 * t3_186;
+        let t3_193 = (-t3_64).mul_add(t3_154, like.lift(0.8660254037844386));
+        let t3_194 = (-t3_67).mul_add(t3_156, t3_193);
+        let t3_195 = t3_62.mul_add(t3_159, t3_194);
+        let t3_196 = t3_195 * t3_186;
+        let t3_197 = -t3_196;
+        let t3_198 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t4_8 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t3_69 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_198 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_160, t3_177, t3_189], [t3_190, t3_191, t3_186], [t3_153, t3_192, t3_193],
-                [t3_204, t3_214, t4_1], [t4_2, t4_3, t4_4], [t4_5, t4_6, t4_7],
+                [t3_141, t3_153, t3_163], [t3_164, t3_148, t3_165], [t3_131, t3_143, t3_166],
+                [t3_167, t3_145, t3_168], [t3_173, t3_178, t3_182], [t3_188, t3_192, t3_197],
             ],
             margin,
             || (
                 [
-                    [t3_4, t3_5, t3_7, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t3_43, t3_45, t3_46, like.lift(0.0), t3_62, like.lift(0.0)],
-                    [t3_70, t3_74, t3_75, like.lift(-0.3), t3_79, like.lift(0.0)],
-                    [t3_4, t3_5, t3_7, like.lift(0.0), like.lift(0.0), t3_92],
-                    [t3_93, t3_44, t3_94, like.lift(0.0), like.lift(0.0), t3_102],
-                    [t3_105, t3_107, t3_108, like.lift(-0.3), like.lift(0.0), t3_113],
+                    [like.lift(0.0), t3_23, t3_26, t3_29, pivot_1, like.lift(0.0)],
+                    [pivot_3, t3_38, t3_40, t3_43, t3_44, like.lift(0.0)],
+                    [t3_48, t3_49, t3_51, t3_54, t3_56, like.lift(0.0)],
+                    [like.lift(0.0), t3_62, t3_65, t3_68, like.lift(0.0), t3_69],
+                    [t3_71, t3_74, t3_76, t3_79, like.lift(0.0), t3_80],
+                    [t3_83, t3_84, t3_86, t3_89, like.lift(0.0), t3_91],
                 ],
                 [
-                    [t3_114, t3_115, like.lift(0.0)], [t3_116, t3_31, like.lift(0.0)],
-                    [u_s1_3_p1z, t3_117, like.lift(0.0)], [t3_114, like.lift(0.0), t3_95],
-                    [t3_116, like.lift(0.0), t3_118], [u_s1_3_p1z, like.lift(0.0), t3_81],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
+            u_s1_1_p1y, u_s1_2_p1z, u_s1_3_p1y, u_s1_2_p1x, e_s1_2_q1z, e_s1_3_q1y, e_s1_2_q1x,
             x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
             x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
             x_q3_p2, x_q3_p3,
         ]
     };
     // body rod1
-    let [t5_4, a_rod1z, a_rod1y] = {
+    let [t4_4, a_rod1z, a_rod1y] = {
         let w_ixx_rod1_p1 = dd_q1 * x_q1_p1;
-        let t5_1 = -w_ixx_rod1_p1;
+        let t4_1 = -w_ixx_rod1_p1;
         let w_ixx_rod1_p2 = dd_q1 * x_q1_p2;
-        let t5_2 = -w_ixx_rod1_p2;
+        let t4_2 = -w_ixx_rod1_p2;
         let w_ixx_rod1_p3 = dd_q1 * x_q1_p3;
-        let t5_3 = -w_ixx_rod1_p3;
-        w[1] = [t5_1, t5_2, t5_3];
-        let t5_4 = d_q1 * d_q1;
-        let t5_5 = sin_q1 * dd_p1;
-        let a_rod1z = like.lift(-9.81).mul_add(cos_q1, t5_5);
-        let t5_6 = sin_q1 * dd_q1;
-        let t5_7 = (-a_rod1z).mul_add(x_q1_p1, t5_6);
-        let w_my_rod1_p1 = cos_q1.mul_add(t5_4, t5_7);
-        let t5_8 = -w_my_rod1_p1;
+        let t4_3 = -w_ixx_rod1_p3;
+        w[1] = [t4_1, t4_2, t4_3];
+        let t4_4 = d_q1 * d_q1;
+        let t4_5 = sin_q1 * dd_p1;
+        let a_rod1z = like.lift(-9.81).mul_add(cos_q1, t4_5);
+        let t4_6 = sin_q1 * dd_q1;
+        let t4_7 = (-a_rod1z).mul_add(x_q1_p1, t4_6);
+        let w_my_rod1_p1 = cos_q1.mul_add(t4_4, t4_7);
+        let t4_8 = -w_my_rod1_p1;
         let w_my_rod1_p2 = a_rod1z * x_q1_p2;
         let w_my_rod1_p3 = a_rod1z * x_q1_p3;
-        w[2] = [t5_8, w_my_rod1_p2, w_my_rod1_p3];
-        let t5_9 = cos_q1 * dd_p1;
-        let a_rod1y = like.lift(9.81).mul_add(sin_q1, t5_9);
-        let t5_10 = cos_q1 * dd_q1;
-        let t5_11 = (-a_rod1y).mul_add(x_q1_p1, t5_10);
-        let w_mz_rod1_p1 = (-sin_q1).mul_add(t5_4, t5_11);
-        let t5_12 = -w_mz_rod1_p1;
+        w[2] = [t4_8, w_my_rod1_p2, w_my_rod1_p3];
+        let t4_9 = cos_q1 * dd_p1;
+        let a_rod1y = like.lift(9.81).mul_add(sin_q1, t4_9);
+        let t4_10 = cos_q1 * dd_q1;
+        let t4_11 = (-a_rod1y).mul_add(x_q1_p1, t4_10);
+        let w_mz_rod1_p1 = (-sin_q1).mul_add(t4_4, t4_11);
+        let t4_12 = -w_mz_rod1_p1;
         let w_mz_rod1_p2 = a_rod1y * x_q1_p2;
         let w_mz_rod1_p3 = a_rod1y * x_q1_p3;
-        w[3] = [t5_12, w_mz_rod1_p2, w_mz_rod1_p3];
-        [t5_4, a_rod1z, a_rod1y]
+        w[3] = [t4_12, w_mz_rod1_p2, w_mz_rod1_p3];
+        [t4_4, a_rod1z, a_rod1y]
     };
     // body platform
     {
         let w_s1_1x = cos_s1_1 * d_q1;
-        let t6_1 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t6_1);
+        let t5_1 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_1);
         let w_s1_1y = sin_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 - w_s1_1y;
-        let t6_2 = d_s1_1 * w_s1_1y;
-        let t6_3 = (-cos_s1_1).mul_add(dd_q1, t6_2);
-        let t6_4 = t6_3 + t6_2;
-        let t6_5 = w_s1_1x.mul_add(w_s1_1y, dd_s1_1);
-        let t6_6 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t6_7 = (-sin_s1_2).mul_add(t6_5, t6_6);
-        let al_s1_3x = (-cos_s1_2).mul_add(t6_4, t6_7);
-        let t6_8 = sin_s1_2 * x_s1_1_p1;
-        let t6_9 = e_s1_2_q1x.mul_add(x_q1_p1, x_s1_3_p1);
-        let t6_10 = t6_9 - t6_8;
-        let t6_11 = sin_s1_3 * w_s1_2y;
-        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t6_11);
-        let t6_12 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t6_12);
+        let t5_2 = d_s1_1 * w_s1_1y;
+        let t5_3 = (-cos_s1_1).mul_add(dd_q1, t5_2);
+        let t5_4 = t5_3 + t5_2;
+        let t5_5 = w_s1_1x.mul_add(w_s1_1y, dd_s1_1);
+        let t5_6 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t5_7 = (-sin_s1_2).mul_add(t5_5, t5_6);
+        let al_s1_3x = (-cos_s1_2).mul_add(t5_4, t5_7);
+        let t5_8 = sin_s1_2 * x_s1_1_p1;
+        let t5_9 = e_s1_2_q1x.mul_add(x_q1_p1, x_s1_3_p1);
+        let t5_10 = t5_9 - t5_8;
+        let t5_11 = sin_s1_3 * w_s1_2y;
+        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_11);
+        let t5_12 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_12);
         let w_s1_3x = d_s1_3 - w_s1_2x;
-        let t6_13 = w_s1_3z * w_s1_3x;
-        let t6_14 = e_s1_3_q1y * x_q1_p1;
-        let t6_15 = (-cos_s1_3).mul_add(x_s1_2_p1, t6_14);
-        let t6_16 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t6_15);
-        let t6_17 = t6_13 * t6_16;
-        let t6_18 = sin_s1_3 * w_s1_2z;
-        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t6_18);
-        let t6_19 = w_s1_3y * w_s1_3x;
-        let t6_20 = e_s1_3_s1_1z * x_s1_1_p1;
-        let t6_21 = sin_s1_3 * x_s1_2_p1;
-        let t6_22 = e_s1_3_q1z.mul_add(x_q1_p1, t6_20);
-        let t6_23 = t6_22 - t6_21;
-        let t6_24 = t6_19 * t6_23;
-        let t6_25 = al_s1_3x.mul_add(t6_10, t6_17);
-        let w_ixx_platform_p1 = t6_25 - t6_24;
-        let t6_26 = -w_ixx_platform_p1;
-        let t6_27 = sin_s1_2 * x_s1_1_p2;
-        let t6_28 = e_s1_2_q1x.mul_add(x_q1_p2, x_s1_3_p2);
-        let t6_29 = t6_28 - t6_27;
-        let t6_30 = e_s1_3_q1y * x_q1_p2;
-        let t6_31 = (-cos_s1_3).mul_add(x_s1_2_p2, t6_30);
-        let t6_32 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t6_31);
-        let t6_33 = t6_13 * t6_32;
-        let t6_34 = e_s1_3_s1_1z * x_s1_1_p2;
-        let t6_35 = sin_s1_3 * x_s1_2_p2;
-        let t6_36 = e_s1_3_q1z.mul_add(x_q1_p2, t6_34);
-        let t6_37 = t6_36 - t6_35;
-        let t6_38 = t6_19 * t6_37;
-        let t6_39 = al_s1_3x.mul_add(t6_29, t6_33);
-        let w_ixx_platform_p2 = t6_39 - t6_38;
-        let t6_40 = -w_ixx_platform_p2;
-        let t6_41 = sin_s1_2 * x_s1_1_p3;
-        let t6_42 = e_s1_2_q1x.mul_add(x_q1_p3, x_s1_3_p3);
-        let t6_43 = t6_42 - t6_41;
-        let t6_44 = e_s1_3_q1y * x_q1_p3;
-        let t6_45 = (-cos_s1_3).mul_add(x_s1_2_p3, t6_44);
-        let t6_46 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p3, t6_45);
-        let t6_47 = t6_13 * t6_46;
-        let t6_48 = e_s1_3_s1_1z * x_s1_1_p3;
-        let t6_49 = sin_s1_3 * x_s1_2_p3;
-        let t6_50 = e_s1_3_q1z.mul_add(x_q1_p3, t6_48);
-        let t6_51 = t6_50 - t6_49;
-        let t6_52 = t6_19 * t6_51;
-        let t6_53 = al_s1_3x.mul_add(t6_43, t6_47);
-        let w_ixx_platform_p3 = t6_53 - t6_52;
-        let t6_54 = -w_ixx_platform_p3;
-        w[4] = [t6_26, t6_40, t6_54];
-        let t6_55 = w_s1_2x * w_s1_2y;
-        let t6_56 = t6_55 + t6_55;
-        let t6_57 = (-cos_s1_2).mul_add(t6_5, t6_56);
-        let t6_58 = sin_s1_2.mul_add(t6_4, t6_57);
-        let t6_59 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
-        let t6_60 = (-sin_s1_1).mul_add(dd_q1, t6_59);
-        let t6_61 = (-d_s1_1).mul_add(w_s1_1x, t6_60);
-        let t6_62 = sin_s1_3 * t6_58;
-        let t6_63 = (-cos_s1_3).mul_add(t6_61, t6_62);
-        let t6_64 = w_s1_3y * w_s1_3z;
-        let t6_65 = t6_64 - al_s1_3x;
-        let t6_66 = w_s1_3x * w_s1_3x;
-        let t6_67 = w_s1_3y * w_s1_3y;
-        let t6_68 = t6_66 - t6_67;
-        let t6_69 = t6_63 * t6_10;
-        let t6_70 = (-t6_68).mul_add(t6_23, t6_69);
-        let w_ixy_platform_p1 = (-t6_65).mul_add(t6_16, t6_70);
-        let t6_71 = t6_63 * t6_29;
-        let t6_72 = (-t6_68).mul_add(t6_37, t6_71);
-        let w_ixy_platform_p2 = (-t6_65).mul_add(t6_32, t6_72);
-        let t6_73 = t6_63 * t6_43;
-        let t6_74 = (-t6_68).mul_add(t6_51, t6_73);
-        let w_ixy_platform_p3 = (-t6_65).mul_add(t6_46, t6_74);
+        let t5_13 = w_s1_3z * w_s1_3x;
+        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
+        let t5_14 = e_s1_3_q1y * x_q1_p1;
+        let t5_15 = (-cos_s1_3).mul_add(x_s1_2_p1, t5_14);
+        let t5_16 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t5_15);
+        let t5_17 = t5_13 * t5_16;
+        let t5_18 = sin_s1_3 * w_s1_2z;
+        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t5_18);
+        let t5_19 = w_s1_3y * w_s1_3x;
+        let t5_20 = cos_s1_3 * e_s1_2_q1z;
+        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t5_20);
+        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
+        let t5_21 = e_s1_3_s1_1z * x_s1_1_p1;
+        let t5_22 = sin_s1_3 * x_s1_2_p1;
+        let t5_23 = e_s1_3_q1z.mul_add(x_q1_p1, t5_21);
+        let t5_24 = t5_23 - t5_22;
+        let t5_25 = t5_19 * t5_24;
+        let t5_26 = al_s1_3x.mul_add(t5_10, t5_17);
+        let w_ixx_platform_p1 = t5_26 - t5_25;
+        let t5_27 = -w_ixx_platform_p1;
+        let t5_28 = sin_s1_2 * x_s1_1_p2;
+        let t5_29 = e_s1_2_q1x.mul_add(x_q1_p2, x_s1_3_p2);
+        let t5_30 = t5_29 - t5_28;
+        let t5_31 = e_s1_3_q1y * x_q1_p2;
+        let t5_32 = (-cos_s1_3).mul_add(x_s1_2_p2, t5_31);
+        let t5_33 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t5_32);
+        let t5_34 = t5_13 * t5_33;
+        let t5_35 = e_s1_3_s1_1z * x_s1_1_p2;
+        let t5_36 = sin_s1_3 * x_s1_2_p2;
+        let t5_37 = e_s1_3_q1z.mul_add(x_q1_p2, t5_35);
+        let t5_38 = t5_37 - t5_36;
+        let t5_39 = t5_19 * t5_38;
+        let t5_40 = al_s1_3x.mul_add(t5_30, t5_34);
+        let w_ixx_platform_p2 = t5_40 - t5_39;
+        let t5_41 = -w_ixx_platform_p2;
+        let t5_42 = sin_s1_2 * x_s1_1_p3;
+        let t5_43 = e_s1_2_q1x.mul_add(x_q1_p3, x_s1_3_p3);
+        let t5_44 = t5_43 - t5_42;
+        let t5_45 = e_s1_3_q1y * x_q1_p3;
+        let t5_46 = (-cos_s1_3).mul_add(x_s1_2_p3, t5_45);
+        let t5_47 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p3, t5_46);
+        let t5_48 = t5_13 * t5_47;
+        let t5_49 = e_s1_3_s1_1z * x_s1_1_p3;
+        let t5_50 = sin_s1_3 * x_s1_2_p3;
+        let t5_51 = e_s1_3_q1z.mul_add(x_q1_p3, t5_49);
+        let t5_52 = t5_51 - t5_50;
+        let t5_53 = t5_19 * t5_52;
+        let t5_54 = al_s1_3x.mul_add(t5_44, t5_48);
+        let w_ixx_platform_p3 = t5_54 - t5_53;
+        let t5_55 = -w_ixx_platform_p3;
+        w[4] = [t5_27, t5_41, t5_55];
+        let t5_56 = w_s1_2x * w_s1_2y;
+        let t5_57 = t5_56 + t5_56;
+        let t5_58 = (-cos_s1_2).mul_add(t5_5, t5_57);
+        let t5_59 = sin_s1_2.mul_add(t5_4, t5_58);
+        let t5_60 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
+        let t5_61 = (-d_s1_1).mul_add(w_s1_1x, t5_60);
+        let t5_62 = (-sin_s1_1).mul_add(dd_q1, t5_61);
+        let t5_63 = sin_s1_3 * t5_59;
+        let t5_64 = (-cos_s1_3).mul_add(t5_62, t5_63);
+        let t5_65 = w_s1_3y * w_s1_3z;
+        let t5_66 = al_s1_3x - t5_65;
+        let t5_67 = w_s1_3x * w_s1_3x;
+        let t5_68 = w_s1_3y * w_s1_3y;
+        let t5_69 = t5_67 - t5_68;
+        let t5_70 = t5_66 * t5_16;
+        let t5_71 = (-t5_69).mul_add(t5_24, t5_70);
+        let w_ixy_platform_p1 = t5_64.mul_add(t5_10, t5_71);
+        let t5_72 = t5_66 * t5_33;
+        let t5_73 = (-t5_69).mul_add(t5_38, t5_72);
+        let w_ixy_platform_p2 = t5_64.mul_add(t5_30, t5_73);
+        let t5_74 = t5_66 * t5_47;
+        let t5_75 = (-t5_69).mul_add(t5_52, t5_74);
+        let w_ixy_platform_p3 = t5_64.mul_add(t5_44, t5_75);
         w[5] = [w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3];
-        let t6_75 = sin_s1_3 * t6_61;
-        let t6_76 = cos_s1_3.mul_add(t6_58, t6_75);
-        let t6_77 = w_s1_3z * w_s1_3z;
-        let t6_78 = t6_66 - t6_77;
-        let t6_79 = t6_64 + al_s1_3x;
-        let t6_80 = t6_76 * t6_10;
-        let t6_81 = (-t6_79).mul_add(t6_23, t6_80);
-        let w_ixz_platform_p1 = (-t6_78).mul_add(t6_16, t6_81);
-        let t6_82 = t6_76 * t6_29;
-        let t6_83 = (-t6_79).mul_add(t6_37, t6_82);
-        let w_ixz_platform_p2 = (-t6_78).mul_add(t6_32, t6_83);
-        let t6_84 = t6_76 * t6_43;
-        let t6_85 = (-t6_79).mul_add(t6_51, t6_84);
-        let w_ixz_platform_p3 = (-t6_78).mul_add(t6_46, t6_85);
+        let t5_76 = sin_s1_3 * t5_62;
+        let t5_77 = cos_s1_3.mul_add(t5_59, t5_76);
+        let t5_78 = w_s1_3z * w_s1_3z;
+        let t5_79 = t5_67 - t5_78;
+        let t5_80 = al_s1_3x + t5_65;
+        let t5_81 = t5_77 * t5_10;
+        let t5_82 = (-t5_80).mul_add(t5_24, t5_81);
+        let w_ixz_platform_p1 = (-t5_79).mul_add(t5_16, t5_82);
+        let t5_83 = t5_77 * t5_30;
+        let t5_84 = (-t5_80).mul_add(t5_38, t5_83);
+        let w_ixz_platform_p2 = (-t5_79).mul_add(t5_33, t5_84);
+        let t5_85 = t5_77 * t5_44;
+        let t5_86 = (-t5_80).mul_add(t5_52, t5_85);
+        let w_ixz_platform_p3 = (-t5_79).mul_add(t5_47, t5_86);
         w[6] = [w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3];
-        let t6_86 = t6_64 * t6_10;
-        let al_s1_3y = t6_13 + t6_63;
-        let t6_87 = al_s1_3y.mul_add(t6_16, t6_24);
-        let w_iyy_platform_p1 = t6_87 + t6_86;
-        let t6_88 = -w_iyy_platform_p1;
-        let t6_89 = t6_64 * t6_29;
-        let t6_90 = al_s1_3y.mul_add(t6_32, t6_38);
-        let w_iyy_platform_p2 = t6_90 + t6_89;
-        let t6_91 = -w_iyy_platform_p2;
-        let t6_92 = t6_64 * t6_43;
-        let t6_93 = al_s1_3y.mul_add(t6_46, t6_52);
-        let w_iyy_platform_p3 = t6_93 + t6_92;
-        let t6_94 = -w_iyy_platform_p3;
-        w[7] = [t6_88, t6_91, t6_94];
-        let t6_95 = t6_67 - t6_77;
-        let al_s1_3z = t6_19 + t6_76;
-        let t6_96 = t6_19 + al_s1_3z;
-        let t6_97 = t6_13 + al_s1_3y;
-        let t6_98 = t6_96 * t6_16;
-        let t6_99 = (-t6_97).mul_add(t6_23, t6_98);
-        let w_iyz_platform_p1 = t6_95.mul_add(t6_10, t6_99);
-        let t6_100 = -w_iyz_platform_p1;
-        let t6_101 = t6_96 * t6_32;
-        let t6_102 = (-t6_97).mul_add(t6_37, t6_101);
-        let w_iyz_platform_p2 = t6_95.mul_add(t6_29, t6_102);
-        let t6_103 = -w_iyz_platform_p2;
-        let t6_104 = t6_96 * t6_46;
-        let t6_105 = (-t6_97).mul_add(t6_51, t6_104);
-        let w_iyz_platform_p3 = t6_95.mul_add(t6_43, t6_105);
-        let t6_106 = -w_iyz_platform_p3;
-        w[8] = [t6_100, t6_103, t6_106];
-        let t6_107 = al_s1_3z.mul_add(t6_23, t6_17);
-        let w_izz_platform_p1 = t6_107 + t6_86;
-        let t6_108 = al_s1_3z.mul_add(t6_37, t6_33);
-        let w_izz_platform_p2 = t6_108 + t6_89;
-        let t6_109 = al_s1_3z.mul_add(t6_51, t6_47);
-        let w_izz_platform_p3 = t6_109 + t6_92;
+        let t5_87 = t5_65 * t5_10;
+        let al_s1_3y = t5_13 + t5_64;
+        let t5_88 = al_s1_3y.mul_add(t5_16, t5_25);
+        let w_iyy_platform_p1 = t5_88 + t5_87;
+        let t5_89 = -w_iyy_platform_p1;
+        let t5_90 = t5_65 * t5_30;
+        let t5_91 = al_s1_3y.mul_add(t5_33, t5_39);
+        let w_iyy_platform_p2 = t5_91 + t5_90;
+        let t5_92 = -w_iyy_platform_p2;
+        let t5_93 = t5_65 * t5_44;
+        let t5_94 = al_s1_3y.mul_add(t5_47, t5_53);
+        let w_iyy_platform_p3 = t5_94 + t5_93;
+        let t5_95 = -w_iyy_platform_p3;
+        w[7] = [t5_89, t5_92, t5_95];
+        let t5_96 = t5_68 - t5_78;
+        let al_s1_3z = t5_19 + t5_77;
+        let t5_97 = t5_19 + al_s1_3z;
+        let t5_98 = t5_13 + al_s1_3y;
+        let t5_99 = t5_97 * t5_16;
+        let t5_100 = (-t5_98).mul_add(t5_24, t5_99);
+        let w_iyz_platform_p1 = t5_96.mul_add(t5_10, t5_100);
+        let t5_101 = -w_iyz_platform_p1;
+        let t5_102 = t5_97 * t5_33;
+        let t5_103 = (-t5_98).mul_add(t5_38, t5_102);
+        let w_iyz_platform_p2 = t5_96.mul_add(t5_30, t5_103);
+        let t5_104 = -w_iyz_platform_p2;
+        let t5_105 = t5_97 * t5_47;
+        let t5_106 = (-t5_98).mul_add(t5_52, t5_105);
+        let w_iyz_platform_p3 = t5_96.mul_add(t5_44, t5_106);
+        let t5_107 = -w_iyz_platform_p3;
+        w[8] = [t5_101, t5_104, t5_107];
+        let t5_108 = al_s1_3z.mul_add(t5_24, t5_17);
+        let w_izz_platform_p1 = t5_108 + t5_87;
+        let t5_109 = al_s1_3z.mul_add(t5_38, t5_34);
+        let w_izz_platform_p2 = t5_109 + t5_90;
+        let t5_110 = al_s1_3z.mul_add(t5_52, t5_48);
+        let w_izz_platform_p3 = t5_110 + t5_93;
         w[9] = [w_izz_platform_p1, w_izz_platform_p2, w_izz_platform_p3];
-        let t6_110 = t6_66 + t6_77;
-        let t6_111 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
-        let a_s1_1y = cos_s1_1 * t6_111;
-        let a_s1_1z = like.lift(0.5).mul_add(t5_4, a_rod1z);
-        let a_s1_1x = sin_s1_1 * t6_111;
-        let t6_112 = cos_s1_2 * a_s1_1z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t6_112);
-        let t6_113 = like.lift(0.2) * t6_110;
-        let t6_114 = sin_s1_3.mul_add(a_s1_2z, t6_113);
-        let a_platformy = (-cos_s1_3).mul_add(a_s1_1y, t6_114);
-        let t6_115 = like.lift(0.2) * t6_65;
-        let t6_116 = cos_s1_3.mul_add(a_s1_2z, t6_115);
-        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t6_116);
-        let t6_117 = t6_67 + t6_77;
-        let t6_118 = t6_21 - t6_20;
-        let t6_119 = like.lift(-0.2).mul_add(t6_118, u_s1_2_p1x);
-        let t6_120 = u_platform_q1x.mul_add(x_q1_p1, t6_119);
-        let t6_121 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
-        let t6_122 = x_s1_3_p1 - t6_8;
-        let t6_123 = like.lift(0.2).mul_add(t6_122, u_s1_3_p1z);
-        let t6_124 = u_platform_q1z.mul_add(x_q1_p1, t6_123);
-        let t6_125 = a_platformz * t6_16;
-        let t6_126 = a_platformy.mul_add(t6_23, t6_125);
-        let t6_127 = (-t6_63).mul_add(t6_124, t6_126);
-        let t6_128 = (-t6_76).mul_add(t6_121, t6_127);
-        let w_mx_platform_p1 = (-t6_117).mul_add(t6_120, t6_128);
-        let t6_129 = t6_35 - t6_34;
-        let t6_130 = u_platform_q1x * x_q1_p2;
-        let t6_131 = like.lift(-0.2).mul_add(t6_129, t6_130);
-        let t6_132 = u_s1_3_q1y * x_q1_p2;
-        let t6_133 = x_s1_3_p2 - t6_27;
-        let t6_134 = like.lift(0.2) * t6_133;
-        let t6_135 = u_platform_q1z.mul_add(x_q1_p2, t6_134);
-        let t6_136 = a_platformz * t6_32;
-        let t6_137 = a_platformy.mul_add(t6_37, t6_136);
-        let t6_138 = (-t6_63).mul_add(t6_135, t6_137);
-        let t6_139 = (-t6_76).mul_add(t6_132, t6_138);
-        let w_mx_platform_p2 = (-t6_117).mul_add(t6_131, t6_139);
-        let t6_140 = t6_49 - t6_48;
-        let t6_141 = u_platform_q1x * x_q1_p3;
-        let t6_142 = like.lift(-0.2).mul_add(t6_140, t6_141);
-        let t6_143 = u_s1_3_q1y * x_q1_p3;
-        let t6_144 = x_s1_3_p3 - t6_41;
-        let t6_145 = like.lift(0.2) * t6_144;
-        let t6_146 = u_platform_q1z.mul_add(x_q1_p3, t6_145);
-        let t6_147 = a_platformz * t6_46;
-        let t6_148 = a_platformy.mul_add(t6_51, t6_147);
-        let t6_149 = (-t6_63).mul_add(t6_146, t6_148);
-        let t6_150 = (-t6_76).mul_add(t6_143, t6_149);
-        let w_mx_platform_p3 = (-t6_117).mul_add(t6_142, t6_150);
-        w[10] = [w_mx_platform_p1, w_mx_platform_p2, w_mx_platform_p3];
-        let t6_151 = like.lift(0.2) * t6_96;
-        let t6_152 = cos_s1_2.mul_add(a_s1_1x, t6_151);
-        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t6_152);
-        let t6_153 = a_platformx * t6_23;
-        let t6_154 = a_platformz.mul_add(t6_10, t6_153);
-        let t6_155 = t6_65.mul_add(t6_124, t6_154);
-        let t6_156 = (-t6_110).mul_add(t6_121, t6_155);
-        let w_my_platform_p1 = t6_96.mul_add(t6_120, t6_156);
-        let t6_157 = a_platformx * t6_37;
-        let t6_158 = a_platformz.mul_add(t6_29, t6_157);
-        let t6_159 = t6_65.mul_add(t6_135, t6_158);
-        let t6_160 = (-t6_110).mul_add(t6_132, t6_159);
-        let w_my_platform_p2 = t6_96.mul_add(t6_131, t6_160);
-        let t6_161 = a_platformx * t6_51;
-        let t6_162 = a_platformz.mul_add(t6_43, t6_161);
-        let t6_163 = t6_65.mul_add(t6_146, t6_162);
-        let t6_164 = (-t6_110).mul_add(t6_143, t6_163);
-        let w_my_platform_p3 = t6_96.mul_add(t6_142, t6_164);
+        let t5_111 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
+        let a_s1_1y = cos_s1_1 * t5_111;
+        let a_s1_1z = like.lift(0.5).mul_add(t4_4, a_rod1z);
+        let a_s1_1x = sin_s1_1 * t5_111;
+        let t5_112 = cos_s1_2 * a_s1_1z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_112);
+        let t5_113 = t5_67 + t5_78;
+        let t5_114 = cos_s1_3 * a_s1_1y;
+        let t5_115 = like.lift(-0.2).mul_add(t5_113, t5_114);
+        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t5_115);
+        let t5_116 = cos_s1_3 * a_s1_2z;
+        let t5_117 = like.lift(-0.2).mul_add(t5_66, t5_116);
+        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t5_117);
+        let t5_118 = t5_68 + t5_78;
+        let t5_119 = like.lift(0.2) * e_s1_3_q1z;
+        let t5_120 = like.lift(0.5) * sin_s1_1;
+        let u_platform_q1x = t5_120.mul_add(cos_s1_2, t5_119);
+        let t5_121 = t5_22 - t5_21;
+        let t5_122 = like.lift(-0.2).mul_add(t5_121, u_s1_2_p1x);
+        let t5_123 = u_platform_q1x.mul_add(x_q1_p1, t5_122);
+        let t5_124 = sin_s1_1 * sin_s1_2;
+        let t5_125 = sin_s1_3 * t5_124;
+        let t5_126 = cos_s1_1.mul_add(cos_s1_3, t5_125);
+        let u_s1_3_q1y = like.lift(0.5) * t5_126;
+        let t5_127 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
+        let t5_128 = cos_s1_3 * t5_124;
+        let t5_129 = (-cos_s1_1).mul_add(sin_s1_3, t5_128);
+        let t5_130 = like.lift(0.2) * e_s1_2_q1x;
+        let u_platform_q1z = like.lift(-0.5).mul_add(t5_129, t5_130);
+        let t5_131 = x_s1_3_p1 - t5_8;
+        let t5_132 = like.lift(0.2) * t5_131;
+        let t5_133 = u_platform_q1z.mul_add(x_q1_p1, t5_132);
+        let t5_134 = cos_s1_3.mul_add(u_s1_2_p1z, t5_133);
+        let t5_135 = sin_s1_3.mul_add(u_s1_1_p1y, t5_134);
+        let t5_136 = a_platformy * t5_24;
+        let t5_137 = (-a_platformz).mul_add(t5_16, t5_136);
+        let t5_138 = t5_64.mul_add(t5_135, t5_137);
+        let t5_139 = t5_77.mul_add(t5_127, t5_138);
+        let w_mx_platform_p1 = t5_118.mul_add(t5_123, t5_139);
+        let t5_140 = -w_mx_platform_p1;
+        let t5_141 = t5_36 - t5_35;
+        let t5_142 = u_platform_q1x * x_q1_p2;
+        let t5_143 = like.lift(-0.2).mul_add(t5_141, t5_142);
+        let t5_144 = u_s1_3_q1y * x_q1_p2;
+        let t5_145 = x_s1_3_p2 - t5_28;
+        let t5_146 = like.lift(0.2) * t5_145;
+        let t5_147 = u_platform_q1z.mul_add(x_q1_p2, t5_146);
+        let t5_148 = a_platformy * t5_38;
+        let t5_149 = (-a_platformz).mul_add(t5_33, t5_148);
+        let t5_150 = t5_64.mul_add(t5_147, t5_149);
+        let t5_151 = t5_77.mul_add(t5_144, t5_150);
+        let w_mx_platform_p2 = t5_118.mul_add(t5_143, t5_151);
+        let t5_152 = -w_mx_platform_p2;
+        let t5_153 = t5_50 - t5_49;
+        let t5_154 = u_platform_q1x * x_q1_p3;
+        let t5_155 = like.lift(-0.2).mul_add(t5_153, t5_154);
+        let t5_156 = u_s1_3_q1y * x_q1_p3;
+        let t5_157 = x_s1_3_p3 - t5_42;
+        let t5_158 = like.lift(0.2) * t5_157;
+        let t5_159 = u_platform_q1z.mul_add(x_q1_p3, t5_158);
+        let t5_160 = a_platformy * t5_52;
+        let t5_161 = (-a_platformz).mul_add(t5_47, t5_160);
+        let t5_162 = t5_64.mul_add(t5_159, t5_161);
+        let t5_163 = t5_77.mul_add(t5_156, t5_162);
+        let w_mx_platform_p3 = t5_118.mul_add(t5_155, t5_163);
+        let t5_164 = -w_mx_platform_p3;
+        w[10] = [t5_140, t5_152, t5_164];
+        let t5_165 = like.lift(0.2) * t5_97;
+        let t5_166 = cos_s1_2.mul_add(a_s1_1x, t5_165);
+        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t5_166);
+        let t5_167 = a_platformx * t5_24;
+        let t5_168 = a_platformz.mul_add(t5_10, t5_167);
+        let t5_169 = (-t5_66).mul_add(t5_135, t5_168);
+        let t5_170 = (-t5_113).mul_add(t5_127, t5_169);
+        let w_my_platform_p1 = t5_97.mul_add(t5_123, t5_170);
+        let t5_171 = a_platformx * t5_38;
+        let t5_172 = a_platformz.mul_add(t5_30, t5_171);
+        let t5_173 = (-t5_66).mul_add(t5_147, t5_172);
+        let t5_174 = (-t5_113).mul_add(t5_144, t5_173);
+        let w_my_platform_p2 = t5_97.mul_add(t5_143, t5_174);
+        let t5_175 = a_platformx * t5_52;
+        let t5_176 = a_platformz.mul_add(t5_44, t5_175);
+        let t5_177 = (-t5_66).mul_add(t5_159, t5_176);
+        let t5_178 = (-t5_113).mul_add(t5_156, t5_177);
+        let w_my_platform_p3 = t5_97.mul_add(t5_155, t5_178);
         w[11] = [w_my_platform_p1, w_my_platform_p2, w_my_platform_p3];
-        let t6_165 = t6_66 + t6_67;
-        let t6_166 = a_platformx * t6_16;
-        let t6_167 = (-a_platformy).mul_add(t6_10, t6_166);
-        let t6_168 = t6_165.mul_add(t6_124, t6_167);
-        let t6_169 = (-t6_79).mul_add(t6_121, t6_168);
-        let w_mz_platform_p1 = (-t6_97).mul_add(t6_120, t6_169);
-        let t6_170 = a_platformx * t6_32;
-        let t6_171 = (-a_platformy).mul_add(t6_29, t6_170);
-        let t6_172 = t6_165.mul_add(t6_135, t6_171);
-        let t6_173 = (-t6_79).mul_add(t6_132, t6_172);
-        let w_mz_platform_p2 = (-t6_97).mul_add(t6_131, t6_173);
-        let t6_174 = a_platformx * t6_46;
-        let t6_175 = (-a_platformy).mul_add(t6_43, t6_174);
-        let t6_176 = t6_165.mul_add(t6_146, t6_175);
-        let t6_177 = (-t6_79).mul_add(t6_143, t6_176);
-        let w_mz_platform_p3 = (-t6_97).mul_add(t6_142, t6_177);
+        let t5_179 = t5_67 + t5_68;
+        let t5_180 = a_platformy * t5_10;
+        let t5_181 = a_platformx.mul_add(t5_16, t5_180);
+        let t5_182 = t5_179.mul_add(t5_135, t5_181);
+        let t5_183 = (-t5_80).mul_add(t5_127, t5_182);
+        let w_mz_platform_p1 = (-t5_98).mul_add(t5_123, t5_183);
+        let t5_184 = a_platformy * t5_30;
+        let t5_185 = a_platformx.mul_add(t5_33, t5_184);
+        let t5_186 = t5_179.mul_add(t5_147, t5_185);
+        let t5_187 = (-t5_80).mul_add(t5_144, t5_186);
+        let w_mz_platform_p2 = (-t5_98).mul_add(t5_143, t5_187);
+        let t5_188 = a_platformy * t5_44;
+        let t5_189 = a_platformx.mul_add(t5_47, t5_188);
+        let t5_190 = t5_179.mul_add(t5_159, t5_189);
+        let t5_191 = (-t5_80).mul_add(t5_156, t5_190);
+        let w_mz_platform_p3 = (-t5_98).mul_add(t5_155, t5_191);
         w[12] = [w_mz_platform_p1, w_mz_platform_p2, w_mz_platform_p3];
     }
     // body rod2
     {
         let w_ixx_rod2_p1 = dd_q2 * x_q2_p1;
-        let t7_1 = -w_ixx_rod2_p1;
+        let t6_1 = -w_ixx_rod2_p1;
         let w_ixx_rod2_p2 = dd_q2 * x_q2_p2;
-        let t7_2 = -w_ixx_rod2_p2;
+        let t6_2 = -w_ixx_rod2_p2;
         let w_ixx_rod2_p3 = dd_q2 * x_q2_p3;
-        let t7_3 = -w_ixx_rod2_p3;
-        w[13] = [t7_1, t7_2, t7_3];
-        let t7_4 = sin_q2 * dd_p2;
-        let a_rod2z = like.lift(-9.81).mul_add(cos_q2, t7_4);
+        let t6_3 = -w_ixx_rod2_p3;
+        w[13] = [t6_1, t6_2, t6_3];
+        let t6_4 = sin_q2 * dd_p2;
+        let a_rod2z = like.lift(-9.81).mul_add(cos_q2, t6_4);
         let w_my_rod2_p1 = a_rod2z * x_q2_p1;
-        let t7_5 = d_q2 * d_q2;
-        let t7_6 = sin_q2 * dd_q2;
-        let t7_7 = (-a_rod2z).mul_add(x_q2_p2, t7_6);
-        let w_my_rod2_p2 = cos_q2.mul_add(t7_5, t7_7);
-        let t7_8 = -w_my_rod2_p2;
+        let t6_5 = d_q2 * d_q2;
+        let t6_6 = sin_q2 * dd_q2;
+        let t6_7 = (-a_rod2z).mul_add(x_q2_p2, t6_6);
+        let w_my_rod2_p2 = cos_q2.mul_add(t6_5, t6_7);
+        let t6_8 = -w_my_rod2_p2;
         let w_my_rod2_p3 = a_rod2z * x_q2_p3;
-        w[14] = [w_my_rod2_p1, t7_8, w_my_rod2_p3];
-        let t7_9 = cos_q2 * dd_p2;
-        let a_rod2y = like.lift(9.81).mul_add(sin_q2, t7_9);
+        w[14] = [w_my_rod2_p1, t6_8, w_my_rod2_p3];
+        let t6_9 = cos_q2 * dd_p2;
+        let a_rod2y = like.lift(9.81).mul_add(sin_q2, t6_9);
         let w_mz_rod2_p1 = a_rod2y * x_q2_p1;
-        let t7_10 = cos_q2 * dd_q2;
-        let t7_11 = (-a_rod2y).mul_add(x_q2_p2, t7_10);
-        let w_mz_rod2_p2 = (-sin_q2).mul_add(t7_5, t7_11);
-        let t7_12 = -w_mz_rod2_p2;
+        let t6_10 = cos_q2 * dd_q2;
+        let t6_11 = (-a_rod2y).mul_add(x_q2_p2, t6_10);
+        let w_mz_rod2_p2 = (-sin_q2).mul_add(t6_5, t6_11);
+        let t6_12 = -w_mz_rod2_p2;
         let w_mz_rod2_p3 = a_rod2y * x_q2_p3;
-        w[15] = [w_mz_rod2_p1, t7_12, w_mz_rod2_p3];
+        w[15] = [w_mz_rod2_p1, t6_12, w_mz_rod2_p3];
     }
     // body rod3
     {
         let w_ixx_rod3_p1 = dd_q3 * x_q3_p1;
-        let t8_1 = -w_ixx_rod3_p1;
+        let t7_1 = -w_ixx_rod3_p1;
         let w_ixx_rod3_p2 = dd_q3 * x_q3_p2;
-        let t8_2 = -w_ixx_rod3_p2;
+        let t7_2 = -w_ixx_rod3_p2;
         let w_ixx_rod3_p3 = dd_q3 * x_q3_p3;
-        let t8_3 = -w_ixx_rod3_p3;
-        w[16] = [t8_1, t8_2, t8_3];
-        let t8_4 = sin_q3 * dd_p3;
-        let a_rod3z = like.lift(-9.81).mul_add(cos_q3, t8_4);
+        let t7_3 = -w_ixx_rod3_p3;
+        w[16] = [t7_1, t7_2, t7_3];
+        let t7_4 = sin_q3 * dd_p3;
+        let a_rod3z = like.lift(-9.81).mul_add(cos_q3, t7_4);
         let w_my_rod3_p1 = a_rod3z * x_q3_p1;
         let w_my_rod3_p2 = a_rod3z * x_q3_p2;
-        let t8_5 = d_q3 * d_q3;
-        let t8_6 = sin_q3 * dd_q3;
-        let t8_7 = (-a_rod3z).mul_add(x_q3_p3, t8_6);
-        let w_my_rod3_p3 = cos_q3.mul_add(t8_5, t8_7);
-        let t8_8 = -w_my_rod3_p3;
-        w[17] = [w_my_rod3_p1, w_my_rod3_p2, t8_8];
-        let t8_9 = cos_q3 * dd_p3;
-        let a_rod3y = like.lift(9.81).mul_add(sin_q3, t8_9);
+        let t7_5 = d_q3 * d_q3;
+        let t7_6 = sin_q3 * dd_q3;
+        let t7_7 = (-a_rod3z).mul_add(x_q3_p3, t7_6);
+        let w_my_rod3_p3 = cos_q3.mul_add(t7_5, t7_7);
+        let t7_8 = -w_my_rod3_p3;
+        w[17] = [w_my_rod3_p1, w_my_rod3_p2, t7_8];
+        let t7_9 = cos_q3 * dd_p3;
+        let a_rod3y = like.lift(9.81).mul_add(sin_q3, t7_9);
         let w_mz_rod3_p1 = a_rod3y * x_q3_p1;
         let w_mz_rod3_p2 = a_rod3y * x_q3_p2;
-        let t8_10 = cos_q3 * dd_q3;
-        let t8_11 = (-a_rod3y).mul_add(x_q3_p3, t8_10);
-        let w_mz_rod3_p3 = (-sin_q3).mul_add(t8_5, t8_11);
-        let t8_12 = -w_mz_rod3_p3;
-        w[18] = [w_mz_rod3_p1, w_mz_rod3_p2, t8_12];
+        let t7_10 = cos_q3 * dd_q3;
+        let t7_11 = (-a_rod3y).mul_add(x_q3_p3, t7_10);
+        let w_mz_rod3_p3 = (-sin_q3).mul_add(t7_5, t7_11);
+        let t7_12 = -w_mz_rod3_p3;
+        w[18] = [w_mz_rod3_p1, w_mz_rod3_p2, t7_12];
     }
     Condition { pivot: condition }
 }
@@ -7141,7 +6846,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 245 additions, 357 multiplications, 5 divisions, 6 sines and cosines.
+/// 231 additions, 326 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -7172,12 +6877,11 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
     };
     // tau, part 1
     let [
-        t2_54, t2_58, t2_93, t2_105, t2_109, t2_115, t2_120, e_s1_3_s1_1z, t2_121, t2_122,
-        t2_123, e_s1_3_q1y, u_s1_3_p1y, u_s1_3_p1z, t2_133, t2_147, pivot_2, t2_159, t2_160,
-        t2_161, t2_162, u_s1_2_p1x, t2_166, t2_177, t2_178, u_platform_q1z, t2_182, t2_183,
-        t2_185, t2_186, u_platform_s1_1z, t2_187, e_s1_3_s1_1y, t2_188, t2_190, t2_191, t2_195,
-        t2_196, t2_197, t2_199, t2_200, t2_201, t2_203, t2_207, t2_208, t2_209, t2_210, t2_211,
-        t2_213, t2_214,
+        t2_54, t2_58, t2_93, t2_105, t2_109, t2_115, t2_138, t2_140, t2_141, t2_143, t2_144,
+        pivot_1, pivot_3, t2_154, t2_156, t2_159, t2_160, t2_164, t2_165, t2_167, t2_169,
+        t2_170, t2_172, t2_178, t2_180, t2_181, t2_183, t2_184, t2_185, t2_187, t2_190, t2_192,
+        t2_195, t2_196, t2_199, t2_200, t2_202, t2_204, t2_205, t2_207, inv_pivot_3, t2_208,
+        t2_209, pivot_4, inv_pivot_4, t2_211, t2_212, t2_214, t2_215, t2_216, t2_217,
     ] = {
         let t2_1 = d_q1 * d_q1;
         let w_s1_1x = cos_s1_1 * d_q1;
@@ -7196,8 +6900,8 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_11 = sin_s1_2 * w_s1_1x;
         let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_11);
         let t2_12 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
-        let t2_13 = (-sin_s1_1).mul_add(dd_q1, t2_12);
-        let t2_14 = (-d_s1_1).mul_add(w_s1_1x, t2_13);
+        let t2_13 = (-d_s1_1).mul_add(w_s1_1x, t2_12);
+        let t2_14 = (-sin_s1_1).mul_add(dd_q1, t2_13);
         let t2_15 = sin_s1_3 * t2_14;
         let t2_16 = cos_s1_3.mul_add(t2_10, t2_15);
         let w_s1_3x = d_s1_3 - w_s1_2x;
@@ -7206,24 +6910,24 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_18);
         let t2_19 = w_s1_3z * w_s1_3z;
         let t2_20 = t2_17 + t2_19;
-        let t2_21 = sin_s1_3 * w_s1_2z;
-        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t2_21);
-        let t2_22 = w_s1_3y * w_s1_3z;
-        let t2_23 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t2_24 = (-sin_s1_2).mul_add(t2_7, t2_23);
-        let al_s1_3x = (-cos_s1_2).mul_add(t2_6, t2_24);
-        let t2_25 = t2_22 + al_s1_3x;
+        let t2_21 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t2_22 = (-sin_s1_2).mul_add(t2_7, t2_21);
+        let al_s1_3x = (-cos_s1_2).mul_add(t2_6, t2_22);
+        let t2_23 = sin_s1_3 * w_s1_2z;
+        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t2_23);
+        let t2_24 = w_s1_3y * w_s1_3z;
+        let t2_25 = al_s1_3x + t2_24;
         let t2_26 = t2_25 * p_mz_platform;
         let t2_27 = t2_20.mul_add(p_my_platform, t2_26);
         let t2_28 = t2_16.mul_add(p_mx_platform, t2_27);
         let t2_29 = sin_s1_3 * t2_10;
         let t2_30 = (-cos_s1_3).mul_add(t2_14, t2_29);
-        let t2_31 = t2_22 - al_s1_3x;
+        let t2_31 = al_s1_3x - t2_24;
         let t2_32 = w_s1_3y * w_s1_3y;
         let t2_33 = t2_17 + t2_32;
-        let t2_34 = t2_30 * p_mx_platform;
+        let t2_34 = t2_31 * p_my_platform;
         let t2_35 = (-t2_33).mul_add(p_mz_platform, t2_34);
-        let t2_36 = (-t2_31).mul_add(p_my_platform, t2_35);
+        let t2_36 = t2_30.mul_add(p_mx_platform, t2_35);
         let t2_37 = sin_s1_3 * t2_28;
         let t2_38 = (-cos_s1_3).mul_add(t2_36, t2_37);
         let t2_39 = t2_32 + t2_19;
@@ -7263,10 +6967,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let a_s1_1y = cos_s1_1 * t2_63;
         let t2_66 = cos_s1_2 * a_s1_1z;
         let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_66);
-        let t2_67 = like.lift(0.2) * t2_31;
-        let t2_68 = cos_s1_3.mul_add(a_s1_2z, t2_67);
+        let t2_67 = cos_s1_3 * a_s1_2z;
+        let t2_68 = like.lift(-0.2).mul_add(t2_31, t2_67);
         let a_platformz = sin_s1_3.mul_add(a_s1_1y, t2_68);
-        let t2_69 = al_s1_3x - t2_22;
+        let t2_69 = al_s1_3x - t2_24;
         let t2_70 = al_s1_3z + t2_40;
         let t2_71 = p_ixy_platform * t2_69;
         let t2_72 = (-p_iyz_platform).mul_add(t2_70, t2_71);
@@ -7277,10 +6981,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_77 = a_platformx.mul_add(p_mz_platform, t2_76);
         let t2_78 = p_ixx_platform - p_iyy_platform;
         let t2_79 = t2_17 - t2_32;
-        let t2_80 = like.lift(0.2) * t2_20;
-        let t2_81 = sin_s1_3.mul_add(a_s1_2z, t2_80);
-        let a_platformy = (-cos_s1_3).mul_add(a_s1_1y, t2_81);
-        let t2_82 = al_s1_3x + t2_22;
+        let t2_80 = cos_s1_3 * a_s1_1y;
+        let t2_81 = like.lift(-0.2).mul_add(t2_20, t2_80);
+        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t2_81);
+        let t2_82 = al_s1_3x + t2_24;
         let t2_83 = al_s1_3y + t2_42;
         let t2_84 = like.lift(0.2) * t2_46;
         let t2_85 = (-al_s1_3z).mul_add(p_izz_platform, t2_84);
@@ -7289,7 +6993,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_88 = t2_79.mul_add(p_ixy_platform, t2_87);
         let t2_89 = (-t2_40).mul_add(t2_78, t2_88);
         let t2_90 = (-a_platformx).mul_add(p_my_platform, t2_89);
-        let t2_91 = (-a_platformy).mul_add(p_mx_platform, t2_90);
+        let t2_91 = a_platformy.mul_add(p_mx_platform, t2_90);
         let t2_92 = cos_s1_3 * t2_91;
         let t2_93 = sin_s1_3.mul_add(t2_77, t2_92);
         let t2_94 = p_iyy_platform - p_izz_platform;
@@ -7301,8 +7005,8 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_100 = (-p_ixy_platform).mul_add(t2_96, t2_99);
         let t2_101 = al_s1_3x.mul_add(p_ixx_platform, t2_100);
         let t2_102 = t2_95.mul_add(p_iyz_platform, t2_101);
-        let t2_103 = t2_22.mul_add(t2_94, t2_102);
-        let t2_104 = a_platformy.mul_add(p_mz_platform, t2_103);
+        let t2_103 = t2_24.mul_add(t2_94, t2_102);
+        let t2_104 = (-a_platformy).mul_add(p_mz_platform, t2_103);
         let t2_105 = (-a_platformz).mul_add(p_my_platform, t2_104);
         let t2_106 = cos_s1_2 * t2_105;
         let t2_107 = sin_s1_2.mul_add(t2_93, t2_106);
@@ -7314,128 +7018,128 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_113 = like.lift(0.5).mul_add(t2_52, t2_112);
         let t2_114 = (-sin_s1_1).mul_add(t2_109, t2_113);
         let t2_115 = cos_s1_1.mul_add(t2_107, t2_114);
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t2_116 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t2_116);
-        let t2_117 = like.lift(0.1) + like.lift(0.2);
-        let t2_118 = e_s1_3_q1z * t2_117;
-        let t2_119 = like.lift(0.5) * sin_s1_1;
-        let t2_120 = t2_119.mul_add(cos_s1_2, t2_118);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t2_121 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t2_122 = like.lift(0.3) * sin_s1_3;
-        let t2_123 = -t2_122;
-        let t2_124 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t2_124);
-        let t2_125 = like.lift(0.5) * e_s1_3_q1y;
+        let t2_116 = sin_q1 * cos_s1_1;
+        let t2_117 = sin_q1 * sin_s1_1;
+        let t2_118 = sin_s1_2 * t2_117;
+        let t2_119 = cos_q1.mul_add(cos_s1_2, t2_118);
+        let t2_120 = sin_s1_3 * t2_119;
+        let t2_121 = cos_s1_3.mul_add(t2_116, t2_120);
+        let t2_122 = like.lift(0.1) * t2_121;
+        let t2_123 = like.lift(0.2) * t2_121;
+        let t2_124 = cos_q1 * sin_s1_2;
+        let t2_125 = (-cos_s1_2).mul_add(t2_117, t2_124);
+        let t2_126 = like.lift(0.17320508075688773) * t2_125;
+        let t2_127 = t2_122 + t2_123;
+        let t2_128 = t2_127 - t2_126;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_126 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_126);
-        let t2_127 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_127);
-        let t2_128 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t2_129 = t2_125 + t2_128;
-        let t2_130 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t2_131 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t2_131);
-        let t2_132 = like.lift(0.5) * u_s1_3_p1z;
-        let t2_133 = t2_130 - t2_132;
-        let t2_134 = sin_q1 * cos_s1_1;
-        let t2_135 = sin_q1 * sin_s1_1;
-        let t2_136 = sin_s1_2 * t2_135;
-        let t2_137 = cos_q1.mul_add(cos_s1_2, t2_136);
-        let t2_138 = sin_s1_3 * t2_134;
-        let t2_139 = (-cos_s1_3).mul_add(t2_137, t2_138);
-        let t2_140 = sin_q2 * t2_133;
-        let t2_141 = (-cos_q2).mul_add(t2_139, t2_140);
-        let t2_142 = like.lift(0.5) * e_s1_3_q1z;
-        let t2_143 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t2_144 = t2_142 + t2_143;
-        let t2_145 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t2_146 = like.lift(0.5) * u_s1_3_p1y;
-        let t2_147 = t2_145 - t2_146;
-        let t2_148 = sin_s1_3 * t2_137;
-        let t2_149 = cos_s1_3.mul_add(t2_134, t2_148);
-        let t2_150 = sin_q2 * t2_147;
-        let t2_151 = (-cos_q2).mul_add(t2_149, t2_150);
-        let t2_152 = t2_144 * t2_151;
-        let t2_153 = (-t2_129).mul_add(t2_141, t2_152);
-        let t2_154 = like.lift(0.5) * t2_153;
-        let pivot_2 = -t2_154;
-        let t2_155 = sin_s1_1 * sin_s1_2;
-        let t2_156 = sin_s1_3 * t2_155;
-        let t2_157 = cos_s1_1.mul_add(cos_s1_3, t2_156);
-        let u_s1_3_q1y = like.lift(0.5) * t2_157;
-        let t2_158 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t2_159 = u_s1_3_q1y - t2_158;
-        let t2_160 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t2_161 = -t2_160;
-        let t2_162 = like.lift(0.17320508075688773) * sin_s1_3;
+        let t2_129 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_129);
+        let t2_130 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_130);
+        let t2_131 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_132 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_133 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_133);
+        let t2_134 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_135 = t2_131 + t2_132;
+        let t2_136 = t2_135 + t2_134;
+        let t2_137 = cos_q1 * t2_136;
+        let t2_138 = sin_q1.mul_add(t2_128, t2_137);
+        let t2_139 = u_s1_1_p1y * t2_128;
+        let t2_140 = (-t2_116).mul_add(t2_136, t2_139);
+        let t2_141 = -t2_140;
+        let t2_142 = t2_125 * t2_136;
+        let t2_143 = u_s1_2_p1x.mul_add(t2_128, t2_142);
+        let t2_144 = -t2_143;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_145 = like.lift(0.5).mul_add(cos_q1, t2_123);
+        let t2_146 = t2_145 - t2_126;
+        let pivot_3 = t2_146 + t2_122;
+        let t2_147 = sin_s1_1 * cos_s1_3;
+        let t2_148 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_148).mul_add(sin_s1_2, t2_147);
+        let t2_149 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_163 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t2_164 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_164);
-        let t2_165 = like.lift(0.5) * u_s1_2_p1x;
-        let t2_166 = t2_163 + t2_165;
-        let t2_167 = cos_q1 * sin_s1_2;
-        let t2_168 = (-cos_s1_2).mul_add(t2_135, t2_167);
-        let t2_169 = sin_q2 * t2_166;
-        let t2_170 = (-cos_q2).mul_add(t2_168, t2_169);
-        let t2_171 = like.lift(0.5) * e_s1_2_q1x;
-        let t2_172 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t2_173 = t2_171 - t2_172;
-        let t2_174 = t2_173 * t2_141;
-        let t2_175 = (-t2_144).mul_add(t2_170, t2_174);
-        let t2_176 = like.lift(0.5) * t2_175;
-        let t2_177 = -t2_176;
-        let t2_178 = -t2_177;
-        let t2_179 = cos_s1_3 * t2_155;
-        let t2_180 = (-cos_s1_1).mul_add(sin_s1_3, t2_179);
-        let t2_181 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t2_180, t2_181);
-        let t2_182 = like.lift(0.1) * e_s1_2_q1x;
-        let t2_183 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t2_184 = u_platform_q1z + t2_182;
-        let t2_185 = t2_184 + t2_183;
-        let t2_186 = -t2_185;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t2_187 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t2_188 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t2_189 = u_platform_s1_1z + t2_187;
-        let t2_190 = t2_189 + t2_188;
-        let t2_191 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_192 = t2_129 * t2_170;
-        let t2_193 = (-t2_173).mul_add(t2_151, t2_192);
-        let t2_194 = like.lift(0.5) * t2_193;
+        let t2_150 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_151 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_152 = t2_149 - t2_150;
+        let t2_153 = t2_152 + t2_151;
+        let t2_154 = cos_q1 * t2_153;
+        let t2_155 = t2_116 * t2_153;
+        let t2_156 = (-sin_s1_1).mul_add(t2_128, t2_155);
+        let t2_157 = t2_125 * t2_153;
+        let t2_158 = (-e_s1_2_q1x).mul_add(t2_128, t2_157);
+        let t2_159 = -t2_158;
+        let t2_160 = like.lift(0.25) * cos_q2;
+        let t2_161 = like.lift(0.5) * sin_q1;
+        let t2_162 = t2_161 - t2_132;
+        let t2_163 = t2_162 - t2_134;
+        let t2_164 = t2_163 - t2_131;
+        let t2_165 = sin_q1 * t2_153;
+        let t2_166 = sin_s1_1 * t2_136;
+        let t2_167 = (-u_s1_1_p1y).mul_add(t2_153, t2_166);
+        let t2_168 = u_s1_2_p1x * t2_153;
+        let t2_169 = e_s1_2_q1x.mul_add(t2_136, t2_168);
+        let t2_170 = -t2_169;
+        let t2_171 = like.lift(0.5) * sin_q2;
+        let t2_172 = -t2_171;
+        let t2_173 = t2_122 + t2_123;
+        let t2_174 = t2_173 + t2_126;
+        let t2_175 = t2_131 + t2_132;
+        let t2_176 = t2_175 - t2_134;
+        let t2_177 = cos_q1 * t2_176;
+        let t2_178 = sin_q1.mul_add(t2_174, t2_177);
+        let t2_179 = u_s1_1_p1y * t2_174;
+        let t2_180 = (-t2_116).mul_add(t2_176, t2_179);
+        let t2_181 = -t2_180;
+        let t2_182 = t2_125 * t2_176;
+        let t2_183 = u_s1_2_p1x.mul_add(t2_174, t2_182);
+        let t2_184 = -t2_183;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_185 = -pivot_2;
+        let t2_186 = t2_145 + t2_126;
+        let t2_187 = t2_186 + t2_122;
+        let t2_188 = t2_149 + t2_150;
+        let t2_189 = t2_188 + t2_151;
+        let t2_190 = cos_q1 * t2_189;
+        let t2_191 = t2_116 * t2_189;
+        let t2_192 = (-sin_s1_1).mul_add(t2_174, t2_191);
+        let t2_193 = t2_125 * t2_189;
+        let t2_194 = (-e_s1_2_q1x).mul_add(t2_174, t2_193);
         let t2_195 = -t2_194;
-        let t2_196 = t2_125 - t2_128;
-        let t2_197 = t2_130 + t2_132;
-        let t2_198 = cos_q3 * t2_139;
-        let t2_199 = sin_q3.mul_add(t2_197, t2_198);
-        let t2_200 = t2_142 - t2_143;
-        let t2_201 = t2_145 + t2_146;
-        let t2_202 = cos_q3 * t2_149;
-        let t2_203 = sin_q3.mul_add(t2_201, t2_202);
-        let t2_204 = t2_200 * t2_203;
-        let t2_205 = (-t2_196).mul_add(t2_199, t2_204);
-        let t2_206 = like.lift(0.5) * t2_205;
+        let t2_196 = like.lift(0.25) * cos_q3;
+        let t2_197 = t2_161 - t2_132;
+        let t2_198 = t2_197 + t2_134;
+        let t2_199 = t2_198 - t2_131;
+        let t2_200 = sin_q1 * t2_189;
+        let t2_201 = sin_s1_1 * t2_176;
+        let t2_202 = (-u_s1_1_p1y).mul_add(t2_189, t2_201);
+        let t2_203 = u_s1_2_p1x * t2_189;
+        let t2_204 = e_s1_2_q1x.mul_add(t2_176, t2_203);
+        let t2_205 = -t2_204;
+        let t2_206 = like.lift(0.5) * sin_q3;
         let t2_207 = -t2_206;
-        let t2_208 = -t2_207;
-        let t2_209 = u_s1_3_q1y + t2_158;
-        let t2_210 = -t2_162;
-        let t2_211 = t2_163 - t2_165;
-        let t2_212 = cos_q3 * t2_168;
-        let t2_213 = sin_q3.mul_add(t2_211, t2_212);
-        let t2_214 = t2_171 + t2_172;
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_208 = like.lift(-0.5773502691896257).mul_add(t2_138, t2_154);
+        let t2_209 = t2_187 * inv_pivot_3;
+        let t2_210 = (-t2_208).mul_add(t2_209, t2_190);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_178, t2_210);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_211 = like.lift(1.0) - t2_209;
+        let t2_212 = like.lift(-0.5773502691896257).mul_add(t2_143, t2_158);
+        let t2_213 = (-t2_212).mul_add(t2_209, t2_194);
+        let t2_214 = like.lift(0.5773502691896257).mul_add(t2_183, t2_213);
+        let t2_215 = like.lift(1.0) / cos_q2;
+        let t2_216 = sin_q2 * t2_215;
+        let t2_217 = t2_164 * inv_pivot_3;
         [
-            t2_54, t2_58, t2_93, t2_105, t2_109, t2_115, t2_120, e_s1_3_s1_1z, t2_121, t2_122,
-            t2_123, e_s1_3_q1y, u_s1_3_p1y, u_s1_3_p1z, t2_133, t2_147, pivot_2, t2_159,
-            t2_160, t2_161, t2_162, u_s1_2_p1x, t2_166, t2_177, t2_178, u_platform_q1z, t2_182,
-            t2_183, t2_185, t2_186, u_platform_s1_1z, t2_187, e_s1_3_s1_1y, t2_188, t2_190,
-            t2_191, t2_195, t2_196, t2_197, t2_199, t2_200, t2_201, t2_203, t2_207, t2_208,
-            t2_209, t2_210, t2_211, t2_213, t2_214,
+            t2_54, t2_58, t2_93, t2_105, t2_109, t2_115, t2_138, t2_140, t2_141, t2_143,
+            t2_144, pivot_1, pivot_3, t2_154, t2_156, t2_159, t2_160, t2_164, t2_165, t2_167,
+            t2_169, t2_170, t2_172, t2_178, t2_180, t2_181, t2_183, t2_184, t2_185, t2_187,
+            t2_190, t2_192, t2_195, t2_196, t2_199, t2_200, t2_202, t2_204, t2_205, t2_207,
+            inv_pivot_3, t2_208, t2_209, pivot_4, inv_pivot_4, t2_211, t2_212, t2_214, t2_215,
+            t2_216, t2_217,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -7444,178 +7148,140 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
         x_q3_p2, x_q3_p3,
     ] = {
-        let t3_1 = t2_214 * t2_199;
-        let t3_2 = (-t2_200).mul_add(t2_213, t3_1);
-        let t3_3 = like.lift(0.5) * t3_2;
-        let t3_4 = -t3_3;
-        let t3_5 = u_platform_q1z + t2_182;
-        let t3_6 = t3_5 - t2_183;
-        let t3_7 = -t3_6;
-        let t3_8 = u_platform_s1_1z + t2_187;
-        let t3_9 = t3_8 - t2_188;
-        let t3_10 = -t2_191;
-        let t3_11 = t2_196 * t2_213;
-        let t3_12 = (-t2_214).mul_add(t2_203, t3_11);
-        let t3_13 = like.lift(0.5) * t3_12;
-        let t3_14 = -t3_13;
-        let t3_15 = -t3_14;
-        let t3_16 = -u_s1_2_p1x;
-        let t3_17 = -t2_166;
-        let t3_18 = -u_s1_3_p1y;
-        let t3_19 = -t2_133;
-        let t3_20 = -t2_201;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_21 = t2_177 * inv_pivot_2;
-        let pivot_3 = t2_120.mul_add(t3_21, t2_159);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_22 = u_s1_2_p1x.mul_add(t3_21, u_s1_3_p1y);
-        let t3_23 = (-t3_21).mul_add(t2_121, t2_160);
-        let t3_24 = t2_120 * inv_pivot_3;
-        let pivot_4 = t3_23.mul_add(t3_24, t2_121);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_25 = (-t3_22).mul_add(t3_24, u_s1_2_p1x);
-        let t3_26 = (-t3_21).mul_add(t2_122, t2_162);
-        let t3_27 = t3_26.mul_add(t3_24, t2_122);
-        let t3_28 = t2_195 * inv_pivot_2;
-        let t3_29 = t2_120 * t3_28;
-        let t3_30 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t3_29);
-        let t3_31 = t3_30 * inv_pivot_3;
-        let t3_32 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t3_33 = (-t3_23).mul_add(t3_31, t3_32);
-        let t3_34 = (-t3_28).mul_add(t2_121, t3_33);
-        let t3_35 = t3_34 * inv_pivot_4;
-        let t3_36 = t3_27 * t3_35;
-        let t3_37 = t3_26.mul_add(t3_31, t3_36);
-        let t3_38 = t3_28.mul_add(t2_122, t3_37);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t3_38);
+        let t3_1 = like.lift(1.1547005383792515) * t2_216;
+        let t3_2 = (-t2_208).mul_add(t2_217, t2_165);
+        let t3_3 = t2_138.mul_add(t3_1, t3_2);
+        let t3_4 = t3_3 * inv_pivot_4;
+        let t3_5 = (-t2_214).mul_add(t3_4, t2_169);
+        let t3_6 = (-t2_212).mul_add(t2_217, t3_5);
+        let pivot_5 = t2_143.mul_add(t3_1, t3_6);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_39 = t3_25 * t3_35;
-        let t3_40 = (-t3_22).mul_add(t3_31, t3_39);
-        let t3_41 = u_s1_2_p1x.mul_add(t3_28, t3_40);
-        let t3_42 = t2_207.mul_add(t3_35, t3_14);
-        let t3_43 = t2_209 * inv_pivot_3;
-        let t3_44 = t3_23.mul_add(t3_43, t2_160);
-        let t3_45 = t3_44 * inv_pivot_4;
-        let t3_46 = (-t3_27).mul_add(t3_45, t2_162);
-        let t3_47 = t3_26.mul_add(t3_43, t3_46);
-        let t3_48 = t3_47 * inv_pivot_5;
-        let t3_49 = (-t3_41).mul_add(t3_48, u_s1_3_p1y);
-        let t3_50 = (-t3_25).mul_add(t3_45, t3_49);
-        let t3_51 = (-t3_22).mul_add(t3_43, t3_50);
-        let t3_52 = t3_42.mul_add(t3_48, t3_4);
-        let pivot_6 = t2_207.mul_add(t3_45, t3_52);
+        let t3_7 = t2_211.mul_add(t3_4, t2_217);
+        let t3_8 = like.lift(0.5773502691896257).mul_add(t2_140, t2_156);
+        let t3_9 = (-t3_8).mul_add(t2_209, t2_192);
+        let t3_10 = like.lift(-0.5773502691896257).mul_add(t2_180, t3_9);
+        let t3_11 = (-t3_10).mul_add(t3_4, t2_167);
+        let t3_12 = (-t3_8).mul_add(t2_217, t3_11);
+        let t3_13 = (-t2_140).mul_add(t3_1, t3_12);
+        let t3_14 = t2_199 * inv_pivot_3;
+        let t3_15 = like.lift(1.0) / cos_q3;
+        let t3_16 = sin_q3 * t3_15;
+        let t3_17 = like.lift(1.1547005383792515) * t3_16;
+        let t3_18 = (-t2_208).mul_add(t3_14, t2_200);
+        let t3_19 = (-t2_178).mul_add(t3_17, t3_18);
+        let t3_20 = t3_19 * inv_pivot_4;
+        let t3_21 = (-t2_214).mul_add(t3_20, t2_204);
+        let t3_22 = (-t2_212).mul_add(t3_14, t3_21);
+        let t3_23 = (-t2_183).mul_add(t3_17, t3_22);
+        let t3_24 = t3_23 * inv_pivot_5;
+        let t3_25 = (-t3_7).mul_add(t3_24, t3_14);
+        let t3_26 = t2_211.mul_add(t3_20, t3_25);
+        let t3_27 = (-t3_13).mul_add(t3_24, t2_202);
+        let t3_28 = (-t3_10).mul_add(t3_20, t3_27);
+        let t3_29 = (-t3_8).mul_add(t3_14, t3_28);
+        let pivot_6 = t2_180.mul_add(t3_17, t3_29);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_53 = t3_51 * inv_pivot_6;
-        let t3_54 = t3_42.mul_add(t3_53, t3_41);
-        let t3_55 = inv_pivot_5 * t3_54;
-        let t3_56 = t2_207.mul_add(t3_53, t3_25);
-        let t3_57 = (-t3_27).mul_add(t3_55, t3_56);
+        let t3_30 = t3_26 * inv_pivot_6;
+        let t3_31 = (-t3_13).mul_add(t3_30, t3_7);
+        let t3_32 = inv_pivot_5 * t3_31;
+        let t3_33 = t3_10.mul_add(t3_30, t2_211);
+        let t3_34 = t2_214.mul_add(t3_32, t3_33);
+        let t3_35 = inv_pivot_4 * t3_34;
+        let t3_36 = t3_8.mul_add(t3_30, like.lift(1.0));
+        let t3_37 = t2_212.mul_add(t3_32, t3_36);
+        let t3_38 = (-t2_208).mul_add(t3_35, t3_37);
+        let t3_39 = inv_pivot_3 * t3_38;
+        let t3_40 = -t3_39;
+        let t3_41 = t2_216 * t3_24;
+        let t3_42 = t3_41 * inv_pivot_6;
+        let t3_43 = t3_13.mul_add(t3_42, t2_216);
+        let t3_44 = inv_pivot_5 * t3_43;
+        let t3_45 = t2_214 * t3_44;
+        let t3_46 = (-t3_10).mul_add(t3_42, t3_45);
+        let t3_47 = inv_pivot_4 * t3_46;
+        let t3_48 = t3_8 * t3_42;
+        let t3_49 = (-t2_212).mul_add(t3_44, t3_48);
+        let t3_50 = t2_208.mul_add(t3_47, t3_49);
+        let t3_51 = inv_pivot_3 * t3_50;
+        let t3_52 = -t3_51;
+        let t3_53 = t3_16 * inv_pivot_6;
+        let t3_54 = inv_pivot_5 * t3_13;
+        let t3_55 = t3_54 * t3_53;
+        let t3_56 = t2_214 * t3_55;
+        let t3_57 = (-t3_10).mul_add(t3_53, t3_56);
         let t3_58 = inv_pivot_4 * t3_57;
-        let t3_59 = t3_26.mul_add(t3_55, t3_22);
-        let t3_60 = t3_23.mul_add(t3_58, t3_59);
-        let t3_61 = inv_pivot_3 * t3_60;
-        let t3_62 = -t3_61;
-        let t3_63 = (-t2_166).mul_add(t3_21, t2_147);
-        let t3_64 = t3_63 * t3_24;
-        let t3_65 = (-t3_64).mul_add(t3_35, t2_133);
-        let t3_66 = (-t3_63).mul_add(t3_31, t3_65);
-        let t3_67 = (-t2_166).mul_add(t3_28, t3_66);
-        let t3_68 = t3_67 * t3_48;
-        let t3_69 = (-t3_64).mul_add(t3_45, t3_68);
-        let t3_70 = t3_63.mul_add(t3_43, t3_69);
-        let t3_71 = t3_70 * inv_pivot_6;
-        let t3_72 = (-t3_42).mul_add(t3_71, t3_67);
-        let t3_73 = inv_pivot_5 * t3_72;
-        let t3_74 = t2_207.mul_add(t3_71, t3_64);
-        let t3_75 = t3_27.mul_add(t3_73, t3_74);
-        let t3_76 = inv_pivot_4 * t3_75;
-        let t3_77 = t3_26.mul_add(t3_73, t3_63);
-        let t3_78 = (-t3_23).mul_add(t3_76, t3_77);
-        let t3_79 = inv_pivot_3 * t3_78;
-        let t3_80 = t2_211.mul_add(t3_35, t2_197);
-        let t3_81 = t3_80.mul_add(t3_48, t2_201);
-        let t3_82 = t2_211.mul_add(t3_45, t3_81);
-        let t3_83 = t3_82 * inv_pivot_6;
-        let t3_84 = (-t3_42).mul_add(t3_83, t3_80);
-        let t3_85 = inv_pivot_5 * t3_84;
-        let t3_86 = (-t2_207).mul_add(t3_83, t2_211);
-        let t3_87 = (-t3_27).mul_add(t3_85, t3_86);
-        let t3_88 = inv_pivot_4 * t3_87;
-        let t3_89 = t3_26 * t3_85;
-        let t3_90 = t3_23.mul_add(t3_88, t3_89);
-        let t3_91 = inv_pivot_3 * t3_90;
-        let t3_92 = -t3_58;
-        let t3_93 = -t3_76;
-        let t3_94 = -t3_73;
-        let t3_95 = -t3_85;
-        let t3_96 = sin_s1_3 * t3_55;
-        let t3_97 = e_s1_3_s1_1z.mul_add(t3_58, t3_96);
-        let t3_98 = like.lift(-0.3).mul_add(t3_97, u_s1_2_p1x);
-        let t3_99 = (-t2_120).mul_add(t3_61, t3_98);
-        let t3_100 = inv_pivot_2 * t3_99;
-        let t3_101 = (-t3_55).mul_add(t2_191, u_s1_3_p1z);
-        let t3_102 = t2_190.mul_add(t3_58, t3_101);
-        let t3_103 = (-t2_185).mul_add(t3_61, t3_102);
-        let t3_104 = t2_195.mul_add(t3_100, t3_103);
-        let t3_105 = like.lift(3.3333333333333335) * t3_104;
-        let t3_106 = -t3_105;
-        let t3_107 = sin_s1_3 * t3_73;
-        let t3_108 = (-e_s1_3_s1_1z).mul_add(t3_76, t3_107);
-        let t3_109 = like.lift(0.3).mul_add(t3_108, t2_166);
-        let t3_110 = t2_120.mul_add(t3_79, t3_109);
-        let t3_111 = inv_pivot_2 * t3_110;
-        let t3_112 = (-t3_73).mul_add(t2_191, t2_133);
-        let t3_113 = (-t2_190).mul_add(t3_76, t3_112);
-        let t3_114 = (-t2_185).mul_add(t3_79, t3_113);
-        let t3_115 = (-t2_195).mul_add(t3_111, t3_114);
-        let t3_116 = like.lift(3.3333333333333335) * t3_115;
-        let t3_117 = sin_s1_3 * t3_85;
-        let t3_118 = e_s1_3_s1_1z.mul_add(t3_88, t3_117);
-        let t3_119 = like.lift(0.3) * t3_118;
-        let t3_120 = t2_120.mul_add(t3_91, t3_119);
-        let t3_121 = inv_pivot_2 * t3_120;
-        let t3_122 = t3_85 * t2_191;
-        let t3_123 = (-t2_190).mul_add(t3_88, t3_122);
-        let t3_124 = t2_185.mul_add(t3_91, t3_123);
-        let t3_125 = t2_195.mul_add(t3_121, t3_124);
-        let t3_126 = like.lift(3.3333333333333335) * t3_125;
-        let t3_127 = -t3_126;
-        let t3_128 = -t3_100;
-        let t3_129 = -t3_111;
-        let t3_130 = -t3_121;
-        let t3_131 = -t3_53;
-        let t3_132 = -t3_71;
-        let t3_133 = -t3_83;
-        let t3_134 = -pivot_5;
+        let t3_59 = t3_8 * t3_53;
+        let t3_60 = (-t2_212).mul_add(t3_55, t3_59);
+        let t3_61 = t2_208.mul_add(t3_58, t3_60);
+        let t3_62 = inv_pivot_3 * t3_61;
+        let t3_63 = -t3_35;
+        let t3_64 = -t3_58;
+        let t3_65 = -t3_53;
+        let t3_66 = -t3_32;
+        let t3_67 = -t3_55;
+        let t3_68 = t2_140 * t3_30;
+        let t3_69 = (-t2_143).mul_add(t3_32, t3_68);
+        let t3_70 = t2_138.mul_add(t3_35, t3_69);
+        let t3_71 = like.lift(2.309401076758503) * t2_215;
+        let t3_72 = t3_70 * t3_71;
+        let t3_73 = (-t2_140).mul_add(t3_42, like.lift(0.8660254037844386));
+        let t3_74 = (-t2_143).mul_add(t3_44, t3_73);
+        let t3_75 = t2_138.mul_add(t3_47, t3_74);
+        let t3_76 = t3_75 * t3_71;
+        let t3_77 = -t3_76;
+        let t3_78 = t2_138 * t3_58;
+        let t3_79 = (-t2_140).mul_add(t3_53, t3_78);
+        let t3_80 = (-t2_143).mul_add(t3_55, t3_79);
+        let t3_81 = t3_80 * t3_71;
+        let t3_82 = t2_180 * t3_30;
+        let t3_83 = (-t2_183).mul_add(t3_32, t3_82);
+        let t3_84 = t2_178.mul_add(t3_35, t3_83);
+        let t3_85 = like.lift(2.309401076758503) * t3_15;
+        let t3_86 = t3_84 * t3_85;
+        let t3_87 = -t3_86;
+        let t3_88 = t2_178 * t3_47;
+        let t3_89 = (-t2_180).mul_add(t3_42, t3_88);
+        let t3_90 = (-t2_183).mul_add(t3_44, t3_89);
+        let t3_91 = t3_90 * t3_85;
+        let t3_92 = (-t2_180).mul_add(t3_53, like.lift(0.8660254037844386));
+        let t3_93 = (-t2_183).mul_add(t3_55, t3_92);
+        let t3_94 = t2_178.mul_add(t3_58, t3_93);
+        let t3_95 = t3_94 * t3_85;
+        let t3_96 = -t3_95;
+        let t3_97 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_134 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_185 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_97 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_62, t3_79, t3_91], [t3_92, t3_93, t3_88], [t3_55, t3_94, t3_95],
-                [t3_106, t3_116, t3_127], [t3_128, t3_129, t3_130], [t3_131, t3_132, t3_133],
+                [t3_40, t3_52, t3_62], [t3_63, t3_47, t3_64], [t3_30, t3_42, t3_65],
+                [t3_66, t3_44, t3_67], [t3_72, t3_77, t3_81], [t3_87, t3_91, t3_96],
             ],
             margin,
             || (
                 [
-                    [t2_120, t2_121, t2_123, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_159, t2_161, t2_162, like.lift(0.0), t2_178, like.lift(0.0)],
-                    [t2_186, t2_190, t2_191, like.lift(-0.3), t2_195, like.lift(0.0)],
-                    [t2_120, t2_121, t2_123, like.lift(0.0), like.lift(0.0), t2_208],
-                    [t2_209, t2_160, t2_210, like.lift(0.0), like.lift(0.0), t3_4],
-                    [t3_7, t3_9, t3_10, like.lift(-0.3), like.lift(0.0), t3_15],
+                    [like.lift(0.0), t2_138, t2_141, t2_144, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_154, t2_156, t2_159, t2_160, like.lift(0.0)],
+                    [t2_164, t2_165, t2_167, t2_170, t2_172, like.lift(0.0)],
+                    [like.lift(0.0), t2_178, t2_181, t2_184, like.lift(0.0), t2_185],
+                    [t2_187, t2_190, t2_192, t2_195, like.lift(0.0), t2_196],
+                    [t2_199, t2_200, t2_202, t2_205, like.lift(0.0), t2_207],
                 ],
                 [
-                    [t3_16, t3_17, like.lift(0.0)], [t3_18, t2_147, like.lift(0.0)],
-                    [u_s1_3_p1z, t3_19, like.lift(0.0)], [t3_16, like.lift(0.0), t2_211],
-                    [t3_18, like.lift(0.0), t3_20], [u_s1_3_p1z, like.lift(0.0), t2_197],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
@@ -7694,7 +7360,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 146 additions, 245 multiplications, 5 divisions, 6 sines and cosines.
+/// 132 additions, 215 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -7719,14 +7385,11 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition
             cos_q2, sin_q3, cos_q3,
         ]
     };
-    // tau, part 1
+    // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_19, t2_21, t2_25, t2_30, t2_35, e_s1_3_s1_1z, t2_36, t2_38, u_s1_3_p1z, t2_48,
-        t2_58, pivot_2, t2_69, t2_70, t2_71, t2_72, t2_76, t2_87, t2_94, t2_95, t2_99, t2_100,
-        t2_104, t2_106, t2_117, t2_118, t2_119, t2_120, t2_127, t2_130, t2_132, t2_133, t2_138,
-        t2_139, t2_140, t2_141, t2_142, t2_143, inv_pivot_2, pivot_3, pivot_4, pivot_5,
-        pivot_6, t2_176, t2_178, t2_181, t2_184, t2_185, t2_194, t2_196, t2_199, t2_202,
-        t2_206, t2_208, t2_211, t2_214, t2_215, t2_216, t2_217, t2_218, t2_221,
+        t2_19, t2_21, t2_25, t2_30, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3,
+        x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2,
+        x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
         let t2_1 = cos_q1 * sin_s1_2;
         let t2_2 = sin_q1 * sin_s1_1;
@@ -7735,12 +7398,12 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition
         let t2_5 = like.lift(9.81) * t2_4;
         let a_s1_2x = -t2_5;
         let t2_6 = sin_q1 * cos_s1_1;
-        let t2_7 = sin_s1_3 * t2_6;
-        let t2_8 = cos_q1 * cos_s1_2;
-        let t2_9 = sin_s1_2 * t2_2;
-        let t2_10 = t2_9 + t2_8;
-        let a_s1_2z = like.lift(9.81) * t2_10;
-        let t2_11 = like.lift(9.81) * t2_7;
+        let t2_7 = cos_q1 * cos_s1_2;
+        let t2_8 = sin_s1_2 * t2_2;
+        let t2_9 = t2_8 + t2_7;
+        let a_s1_2z = like.lift(9.81) * t2_9;
+        let t2_10 = like.lift(9.81) * sin_s1_3;
+        let t2_11 = t2_10 * t2_6;
         let a_s1_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_11);
         let t2_12 = a_s1_2x * p_mz_platform;
         let t2_13 = (-a_s1_3z).mul_add(p_mx_platform, t2_12);
@@ -7762,349 +7425,296 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition
         let t2_28 = sin_s1_1 * t2_25;
         let t2_29 = like.lift(-9.81).mul_add(t2_27, t2_28);
         let t2_30 = (-cos_s1_1).mul_add(t2_23, t2_29);
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t2_31 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t2_31);
-        let t2_32 = like.lift(0.1) + like.lift(0.2);
-        let t2_33 = e_s1_3_q1z * t2_32;
-        let t2_34 = like.lift(0.5) * sin_s1_1;
-        let t2_35 = t2_34.mul_add(cos_s1_2, t2_33);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t2_36 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t2_37 = like.lift(0.3) * sin_s1_3;
-        let t2_38 = -t2_37;
-        let t2_39 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t2_39);
-        let t2_40 = like.lift(0.5) * e_s1_3_q1y;
+        let t2_31 = t2_7 + t2_8;
+        let t2_32 = sin_s1_3.mul_add(t2_31, t2_14);
+        let t2_33 = like.lift(0.1) * t2_32;
+        let t2_34 = like.lift(0.2) * t2_32;
+        let t2_35 = t2_1 - t2_3;
+        let t2_36 = like.lift(0.17320508075688773) * t2_35;
+        let t2_37 = t2_33 + t2_34;
+        let t2_38 = t2_37 - t2_36;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_41 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_41);
-        let t2_42 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_42);
-        let t2_43 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t2_44 = t2_40 + t2_43;
-        let t2_45 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t2_46 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t2_46);
-        let t2_47 = like.lift(0.5) * u_s1_3_p1z;
-        let t2_48 = t2_45 - t2_47;
-        let t2_49 = t2_8 + t2_9;
-        let t2_50 = (-cos_s1_3).mul_add(t2_49, t2_7);
-        let t2_51 = sin_q2 * t2_48;
-        let t2_52 = (-cos_q2).mul_add(t2_50, t2_51);
-        let t2_53 = like.lift(0.5) * e_s1_3_q1z;
-        let t2_54 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t2_55 = t2_53 + t2_54;
-        let t2_56 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t2_57 = like.lift(0.5) * u_s1_3_p1y;
-        let t2_58 = t2_56 - t2_57;
-        let t2_59 = sin_s1_3.mul_add(t2_49, t2_14);
-        let t2_60 = sin_q2 * t2_58;
-        let t2_61 = (-cos_q2).mul_add(t2_59, t2_60);
-        let t2_62 = t2_55 * t2_61;
-        let t2_63 = (-t2_44).mul_add(t2_52, t2_62);
-        let t2_64 = like.lift(0.5) * t2_63;
-        let pivot_2 = -t2_64;
-        let t2_65 = sin_s1_1 * sin_s1_2;
-        let t2_66 = sin_s1_3 * t2_65;
-        let t2_67 = cos_s1_1.mul_add(cos_s1_3, t2_66);
-        let u_s1_3_q1y = like.lift(0.5) * t2_67;
-        let t2_68 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t2_69 = u_s1_3_q1y - t2_68;
-        let t2_70 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t2_71 = -t2_70;
-        let t2_72 = like.lift(0.17320508075688773) * sin_s1_3;
+        let t2_39 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_39);
+        let t2_40 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_40);
+        let t2_41 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_42 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_43 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_43);
+        let t2_44 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_45 = t2_41 + t2_42;
+        let t2_46 = t2_45 + t2_44;
+        let t2_47 = cos_q1 * t2_46;
+        let t2_48 = sin_q1.mul_add(t2_38, t2_47);
+        let t2_49 = u_s1_1_p1y * t2_38;
+        let t2_50 = (-t2_6).mul_add(t2_46, t2_49);
+        let t2_51 = -t2_50;
+        let t2_52 = t2_35 * t2_46;
+        let t2_53 = u_s1_2_p1x.mul_add(t2_38, t2_52);
+        let t2_54 = -t2_53;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_55 = like.lift(0.5).mul_add(cos_q1, t2_34);
+        let t2_56 = t2_55 - t2_36;
+        let pivot_3 = t2_56 + t2_33;
+        let t2_57 = sin_s1_1 * cos_s1_3;
+        let t2_58 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_58).mul_add(sin_s1_2, t2_57);
+        let t2_59 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_73 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t2_74 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_74);
-        let t2_75 = like.lift(0.5) * u_s1_2_p1x;
-        let t2_76 = t2_73 + t2_75;
-        let t2_77 = t2_1 - t2_3;
-        let t2_78 = sin_q2 * t2_76;
-        let t2_79 = (-cos_q2).mul_add(t2_77, t2_78);
-        let t2_80 = like.lift(0.5) * e_s1_2_q1x;
-        let t2_81 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t2_82 = t2_80 - t2_81;
-        let t2_83 = t2_82 * t2_52;
-        let t2_84 = (-t2_55).mul_add(t2_79, t2_83);
-        let t2_85 = like.lift(0.5) * t2_84;
-        let t2_86 = -t2_85;
-        let t2_87 = -t2_86;
-        let t2_88 = cos_s1_3 * t2_65;
-        let t2_89 = (-cos_s1_1).mul_add(sin_s1_3, t2_88);
-        let t2_90 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t2_89, t2_90);
-        let t2_91 = like.lift(0.1) * e_s1_2_q1x;
-        let t2_92 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t2_93 = u_platform_q1z + t2_91;
-        let t2_94 = t2_93 + t2_92;
-        let t2_95 = -t2_94;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t2_96 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t2_97 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t2_98 = u_platform_s1_1z + t2_96;
-        let t2_99 = t2_98 + t2_97;
-        let t2_100 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_101 = t2_44 * t2_79;
-        let t2_102 = (-t2_82).mul_add(t2_61, t2_101);
-        let t2_103 = like.lift(0.5) * t2_102;
-        let t2_104 = -t2_103;
-        let t2_105 = t2_40 - t2_43;
-        let t2_106 = t2_45 + t2_47;
-        let t2_107 = cos_q3 * t2_50;
-        let t2_108 = sin_q3.mul_add(t2_106, t2_107);
-        let t2_109 = t2_53 - t2_54;
-        let t2_110 = t2_56 + t2_57;
-        let t2_111 = cos_q3 * t2_59;
-        let t2_112 = sin_q3.mul_add(t2_110, t2_111);
-        let t2_113 = t2_109 * t2_112;
-        let t2_114 = (-t2_105).mul_add(t2_108, t2_113);
-        let t2_115 = like.lift(0.5) * t2_114;
-        let t2_116 = -t2_115;
+        let t2_60 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_61 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_62 = t2_59 - t2_60;
+        let t2_63 = t2_62 + t2_61;
+        let t2_64 = cos_q1 * t2_63;
+        let t2_65 = t2_6 * t2_63;
+        let t2_66 = (-sin_s1_1).mul_add(t2_38, t2_65);
+        let t2_67 = t2_35 * t2_63;
+        let t2_68 = (-e_s1_2_q1x).mul_add(t2_38, t2_67);
+        let t2_69 = -t2_68;
+        let t2_70 = like.lift(0.25) * cos_q2;
+        let t2_71 = like.lift(0.5) * sin_q1;
+        let t2_72 = t2_71 - t2_42;
+        let t2_73 = t2_72 - t2_44;
+        let t2_74 = t2_73 - t2_41;
+        let t2_75 = sin_q1 * t2_63;
+        let t2_76 = sin_s1_1 * t2_46;
+        let t2_77 = (-u_s1_1_p1y).mul_add(t2_63, t2_76);
+        let t2_78 = u_s1_2_p1x * t2_63;
+        let t2_79 = e_s1_2_q1x.mul_add(t2_46, t2_78);
+        let t2_80 = -t2_79;
+        let t2_81 = like.lift(0.5) * sin_q2;
+        let t2_82 = -t2_81;
+        let t2_83 = t2_33 + t2_34;
+        let t2_84 = t2_83 + t2_36;
+        let t2_85 = t2_41 + t2_42;
+        let t2_86 = t2_85 - t2_44;
+        let t2_87 = cos_q1 * t2_86;
+        let t2_88 = sin_q1.mul_add(t2_84, t2_87);
+        let t2_89 = u_s1_1_p1y * t2_84;
+        let t2_90 = (-t2_6).mul_add(t2_86, t2_89);
+        let t2_91 = -t2_90;
+        let t2_92 = t2_35 * t2_86;
+        let t2_93 = u_s1_2_p1x.mul_add(t2_84, t2_92);
+        let t2_94 = -t2_93;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_95 = -pivot_2;
+        let t2_96 = t2_55 + t2_36;
+        let t2_97 = t2_96 + t2_33;
+        let t2_98 = t2_59 + t2_60;
+        let t2_99 = t2_98 + t2_61;
+        let t2_100 = cos_q1 * t2_99;
+        let t2_101 = t2_6 * t2_99;
+        let t2_102 = (-sin_s1_1).mul_add(t2_84, t2_101);
+        let t2_103 = t2_35 * t2_99;
+        let t2_104 = (-e_s1_2_q1x).mul_add(t2_84, t2_103);
+        let t2_105 = -t2_104;
+        let t2_106 = like.lift(0.25) * cos_q3;
+        let t2_107 = t2_71 - t2_42;
+        let t2_108 = t2_107 + t2_44;
+        let t2_109 = t2_108 - t2_41;
+        let t2_110 = sin_q1 * t2_99;
+        let t2_111 = sin_s1_1 * t2_86;
+        let t2_112 = (-u_s1_1_p1y).mul_add(t2_99, t2_111);
+        let t2_113 = u_s1_2_p1x * t2_99;
+        let t2_114 = e_s1_2_q1x.mul_add(t2_86, t2_113);
+        let t2_115 = -t2_114;
+        let t2_116 = like.lift(0.5) * sin_q3;
         let t2_117 = -t2_116;
-        let t2_118 = u_s1_3_q1y + t2_68;
-        let t2_119 = -t2_72;
-        let t2_120 = t2_73 - t2_75;
-        let t2_121 = cos_q3 * t2_77;
-        let t2_122 = sin_q3.mul_add(t2_120, t2_121);
-        let t2_123 = t2_80 + t2_81;
-        let t2_124 = t2_123 * t2_108;
-        let t2_125 = (-t2_109).mul_add(t2_122, t2_124);
-        let t2_126 = like.lift(0.5) * t2_125;
-        let t2_127 = -t2_126;
-        let t2_128 = u_platform_q1z + t2_91;
-        let t2_129 = t2_128 - t2_92;
-        let t2_130 = -t2_129;
-        let t2_131 = u_platform_s1_1z + t2_96;
-        let t2_132 = t2_131 - t2_97;
-        let t2_133 = -t2_100;
-        let t2_134 = t2_105 * t2_122;
-        let t2_135 = (-t2_123).mul_add(t2_112, t2_134);
-        let t2_136 = like.lift(0.5) * t2_135;
-        let t2_137 = -t2_136;
-        let t2_138 = -t2_137;
-        let t2_139 = -u_s1_2_p1x;
-        let t2_140 = -t2_76;
-        let t2_141 = -u_s1_3_p1y;
-        let t2_142 = -t2_48;
-        let t2_143 = -t2_110;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_144 = t2_86 * inv_pivot_2;
-        let pivot_3 = t2_35.mul_add(t2_144, t2_69);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_145 = u_s1_2_p1x.mul_add(t2_144, u_s1_3_p1y);
-        let t2_146 = (-t2_144).mul_add(t2_36, t2_70);
-        let t2_147 = t2_35 * inv_pivot_3;
-        let pivot_4 = t2_146.mul_add(t2_147, t2_36);
+        let t2_118 = like.lift(-0.5773502691896257).mul_add(t2_48, t2_64);
+        let t2_119 = t2_97 * inv_pivot_3;
+        let t2_120 = (-t2_118).mul_add(t2_119, t2_100);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_88, t2_120);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_148 = (-t2_145).mul_add(t2_147, u_s1_2_p1x);
-        let t2_149 = (-t2_144).mul_add(t2_37, t2_72);
-        let t2_150 = t2_149.mul_add(t2_147, t2_37);
-        let t2_151 = t2_104 * inv_pivot_2;
-        let t2_152 = t2_35 * t2_151;
-        let t2_153 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t2_152);
-        let t2_154 = t2_153 * inv_pivot_3;
-        let t2_155 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t2_156 = (-t2_146).mul_add(t2_154, t2_155);
-        let t2_157 = (-t2_151).mul_add(t2_36, t2_156);
-        let t2_158 = t2_157 * inv_pivot_4;
-        let t2_159 = t2_150 * t2_158;
-        let t2_160 = t2_149.mul_add(t2_154, t2_159);
-        let t2_161 = t2_151.mul_add(t2_37, t2_160);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t2_161);
+        let t2_121 = like.lift(1.0) - t2_119;
+        let t2_122 = like.lift(-0.5773502691896257).mul_add(t2_53, t2_68);
+        let t2_123 = (-t2_122).mul_add(t2_119, t2_104);
+        let t2_124 = like.lift(0.5773502691896257).mul_add(t2_93, t2_123);
+        let t2_125 = like.lift(1.0) / cos_q2;
+        let t2_126 = sin_q2 * t2_125;
+        let t2_127 = t2_74 * inv_pivot_3;
+        let t2_128 = like.lift(1.1547005383792515) * t2_126;
+        let t2_129 = (-t2_118).mul_add(t2_127, t2_75);
+        let t2_130 = t2_48.mul_add(t2_128, t2_129);
+        let t2_131 = t2_130 * inv_pivot_4;
+        let t2_132 = (-t2_124).mul_add(t2_131, t2_79);
+        let t2_133 = (-t2_122).mul_add(t2_127, t2_132);
+        let pivot_5 = t2_53.mul_add(t2_128, t2_133);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_162 = t2_148 * t2_158;
-        let t2_163 = (-t2_145).mul_add(t2_154, t2_162);
-        let t2_164 = u_s1_2_p1x.mul_add(t2_151, t2_163);
-        let t2_165 = t2_116.mul_add(t2_158, t2_137);
-        let t2_166 = t2_118 * inv_pivot_3;
-        let t2_167 = t2_146.mul_add(t2_166, t2_70);
-        let t2_168 = t2_167 * inv_pivot_4;
-        let t2_169 = (-t2_150).mul_add(t2_168, t2_72);
-        let t2_170 = t2_149.mul_add(t2_166, t2_169);
-        let t2_171 = t2_170 * inv_pivot_5;
-        let t2_172 = (-t2_164).mul_add(t2_171, u_s1_3_p1y);
-        let t2_173 = (-t2_148).mul_add(t2_168, t2_172);
-        let t2_174 = (-t2_145).mul_add(t2_166, t2_173);
-        let t2_175 = t2_165.mul_add(t2_171, t2_127);
-        let pivot_6 = t2_116.mul_add(t2_168, t2_175);
+        let t2_134 = t2_121.mul_add(t2_131, t2_127);
+        let t2_135 = like.lift(0.5773502691896257).mul_add(t2_50, t2_66);
+        let t2_136 = (-t2_135).mul_add(t2_119, t2_102);
+        let t2_137 = like.lift(-0.5773502691896257).mul_add(t2_90, t2_136);
+        let t2_138 = (-t2_137).mul_add(t2_131, t2_77);
+        let t2_139 = (-t2_135).mul_add(t2_127, t2_138);
+        let t2_140 = (-t2_50).mul_add(t2_128, t2_139);
+        let t2_141 = t2_109 * inv_pivot_3;
+        let t2_142 = like.lift(1.0) / cos_q3;
+        let t2_143 = sin_q3 * t2_142;
+        let t2_144 = like.lift(1.1547005383792515) * t2_143;
+        let t2_145 = (-t2_118).mul_add(t2_141, t2_110);
+        let t2_146 = (-t2_88).mul_add(t2_144, t2_145);
+        let t2_147 = t2_146 * inv_pivot_4;
+        let t2_148 = (-t2_124).mul_add(t2_147, t2_114);
+        let t2_149 = (-t2_122).mul_add(t2_141, t2_148);
+        let t2_150 = (-t2_93).mul_add(t2_144, t2_149);
+        let t2_151 = t2_150 * inv_pivot_5;
+        let t2_152 = (-t2_134).mul_add(t2_151, t2_141);
+        let t2_153 = t2_121.mul_add(t2_147, t2_152);
+        let t2_154 = (-t2_140).mul_add(t2_151, t2_112);
+        let t2_155 = (-t2_137).mul_add(t2_147, t2_154);
+        let t2_156 = (-t2_135).mul_add(t2_141, t2_155);
+        let pivot_6 = t2_90.mul_add(t2_144, t2_156);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_176 = t2_174 * inv_pivot_6;
-        let t2_177 = t2_165.mul_add(t2_176, t2_164);
-        let t2_178 = inv_pivot_5 * t2_177;
-        let t2_179 = t2_116.mul_add(t2_176, t2_148);
-        let t2_180 = (-t2_150).mul_add(t2_178, t2_179);
-        let t2_181 = inv_pivot_4 * t2_180;
-        let t2_182 = t2_149.mul_add(t2_178, t2_145);
-        let t2_183 = t2_146.mul_add(t2_181, t2_182);
-        let t2_184 = inv_pivot_3 * t2_183;
-        let t2_185 = -t2_184;
-        let t2_186 = (-t2_76).mul_add(t2_144, t2_58);
-        let t2_187 = t2_186 * t2_147;
-        let t2_188 = (-t2_187).mul_add(t2_158, t2_48);
-        let t2_189 = (-t2_186).mul_add(t2_154, t2_188);
-        let t2_190 = (-t2_76).mul_add(t2_151, t2_189);
-        let t2_191 = t2_190 * t2_171;
-        let t2_192 = (-t2_187).mul_add(t2_168, t2_191);
-        let t2_193 = t2_186.mul_add(t2_166, t2_192);
-        let t2_194 = t2_193 * inv_pivot_6;
-        let t2_195 = (-t2_165).mul_add(t2_194, t2_190);
-        let t2_196 = inv_pivot_5 * t2_195;
-        let t2_197 = t2_116.mul_add(t2_194, t2_187);
-        let t2_198 = t2_150.mul_add(t2_196, t2_197);
-        let t2_199 = inv_pivot_4 * t2_198;
-        let t2_200 = t2_149.mul_add(t2_196, t2_186);
-        let t2_201 = (-t2_146).mul_add(t2_199, t2_200);
-        let t2_202 = inv_pivot_3 * t2_201;
-        let t2_203 = t2_120.mul_add(t2_158, t2_106);
-        let t2_204 = t2_203.mul_add(t2_171, t2_110);
-        let t2_205 = t2_120.mul_add(t2_168, t2_204);
-        let t2_206 = t2_205 * inv_pivot_6;
-        let t2_207 = (-t2_165).mul_add(t2_206, t2_203);
-        let t2_208 = inv_pivot_5 * t2_207;
-        let t2_209 = (-t2_116).mul_add(t2_206, t2_120);
-        let t2_210 = (-t2_150).mul_add(t2_208, t2_209);
-        let t2_211 = inv_pivot_4 * t2_210;
-        let t2_212 = t2_149 * t2_208;
-        let t2_213 = t2_146.mul_add(t2_211, t2_212);
-        let t2_214 = inv_pivot_3 * t2_213;
-        let t2_215 = -t2_181;
-        let t2_216 = -t2_199;
-        let t2_217 = -t2_196;
-        let t2_218 = -t2_208;
-        let t2_219 = sin_s1_3 * t2_178;
-        let t2_220 = e_s1_3_s1_1z.mul_add(t2_181, t2_219);
-        let t2_221 = like.lift(-0.3).mul_add(t2_220, u_s1_2_p1x);
-        [
-            t2_19, t2_21, t2_25, t2_30, t2_35, e_s1_3_s1_1z, t2_36, t2_38, u_s1_3_p1z, t2_48,
-            t2_58, pivot_2, t2_69, t2_70, t2_71, t2_72, t2_76, t2_87, t2_94, t2_95, t2_99,
-            t2_100, t2_104, t2_106, t2_117, t2_118, t2_119, t2_120, t2_127, t2_130, t2_132,
-            t2_133, t2_138, t2_139, t2_140, t2_141, t2_142, t2_143, inv_pivot_2, pivot_3,
-            pivot_4, pivot_5, pivot_6, t2_176, t2_178, t2_181, t2_184, t2_185, t2_194, t2_196,
-            t2_199, t2_202, t2_206, t2_208, t2_211, t2_214, t2_215, t2_216, t2_217, t2_218,
-            t2_221,
-        ]
-    };
-    // loops: solve with A_e (Eq. 8, 10)
-    let [
-        x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-        x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-        x_q3_p2, x_q3_p3,
-    ] = {
-        let t3_1 = (-t2_35).mul_add(t2_184, t2_221);
-        let t3_2 = inv_pivot_2 * t3_1;
-        let t3_3 = (-t2_178).mul_add(t2_100, u_s1_3_p1z);
-        let t3_4 = t2_99.mul_add(t2_181, t3_3);
-        let t3_5 = (-t2_94).mul_add(t2_184, t3_4);
-        let t3_6 = t2_104.mul_add(t3_2, t3_5);
-        let t3_7 = like.lift(3.3333333333333335) * t3_6;
-        let t3_8 = -t3_7;
-        let t3_9 = sin_s1_3 * t2_196;
-        let t3_10 = (-e_s1_3_s1_1z).mul_add(t2_199, t3_9);
-        let t3_11 = like.lift(0.3).mul_add(t3_10, t2_76);
-        let t3_12 = t2_35.mul_add(t2_202, t3_11);
-        let t3_13 = inv_pivot_2 * t3_12;
-        let t3_14 = (-t2_196).mul_add(t2_100, t2_48);
-        let t3_15 = (-t2_99).mul_add(t2_199, t3_14);
-        let t3_16 = (-t2_94).mul_add(t2_202, t3_15);
-        let t3_17 = (-t2_104).mul_add(t3_13, t3_16);
-        let t3_18 = like.lift(3.3333333333333335) * t3_17;
-        let t3_19 = sin_s1_3 * t2_208;
-        let t3_20 = e_s1_3_s1_1z.mul_add(t2_211, t3_19);
-        let t3_21 = like.lift(0.3) * t3_20;
-        let t3_22 = t2_35.mul_add(t2_214, t3_21);
-        let t3_23 = inv_pivot_2 * t3_22;
-        let t3_24 = t2_208 * t2_100;
-        let t3_25 = (-t2_99).mul_add(t2_211, t3_24);
-        let t3_26 = t2_94.mul_add(t2_214, t3_25);
-        let t3_27 = t2_104.mul_add(t3_23, t3_26);
-        let t3_28 = like.lift(3.3333333333333335) * t3_27;
-        let t3_29 = -t3_28;
-        let t3_30 = -t3_2;
-        let t3_31 = -t3_13;
-        let t3_32 = -t3_23;
-        let t3_33 = -t2_176;
-        let t3_34 = -t2_194;
-        let t3_35 = -t2_206;
-        let t3_36 = -pivot_5;
+        let t2_157 = t2_153 * inv_pivot_6;
+        let t2_158 = (-t2_140).mul_add(t2_157, t2_134);
+        let t2_159 = inv_pivot_5 * t2_158;
+        let t2_160 = t2_137.mul_add(t2_157, t2_121);
+        let t2_161 = t2_124.mul_add(t2_159, t2_160);
+        let t2_162 = inv_pivot_4 * t2_161;
+        let t2_163 = t2_135.mul_add(t2_157, like.lift(1.0));
+        let t2_164 = t2_122.mul_add(t2_159, t2_163);
+        let t2_165 = (-t2_118).mul_add(t2_162, t2_164);
+        let t2_166 = inv_pivot_3 * t2_165;
+        let t2_167 = -t2_166;
+        let t2_168 = t2_126 * t2_151;
+        let t2_169 = t2_168 * inv_pivot_6;
+        let t2_170 = t2_140.mul_add(t2_169, t2_126);
+        let t2_171 = inv_pivot_5 * t2_170;
+        let t2_172 = t2_124 * t2_171;
+        let t2_173 = (-t2_137).mul_add(t2_169, t2_172);
+        let t2_174 = inv_pivot_4 * t2_173;
+        let t2_175 = t2_135 * t2_169;
+        let t2_176 = (-t2_122).mul_add(t2_171, t2_175);
+        let t2_177 = t2_118.mul_add(t2_174, t2_176);
+        let t2_178 = inv_pivot_3 * t2_177;
+        let t2_179 = -t2_178;
+        let t2_180 = t2_143 * inv_pivot_6;
+        let t2_181 = inv_pivot_5 * t2_140;
+        let t2_182 = t2_181 * t2_180;
+        let t2_183 = t2_124 * t2_182;
+        let t2_184 = (-t2_137).mul_add(t2_180, t2_183);
+        let t2_185 = inv_pivot_4 * t2_184;
+        let t2_186 = t2_135 * t2_180;
+        let t2_187 = (-t2_122).mul_add(t2_182, t2_186);
+        let t2_188 = t2_118.mul_add(t2_185, t2_187);
+        let t2_189 = inv_pivot_3 * t2_188;
+        let t2_190 = -t2_162;
+        let t2_191 = -t2_185;
+        let t2_192 = -t2_180;
+        let t2_193 = -t2_159;
+        let t2_194 = -t2_182;
+        let t2_195 = t2_50 * t2_157;
+        let t2_196 = (-t2_53).mul_add(t2_159, t2_195);
+        let t2_197 = t2_48.mul_add(t2_162, t2_196);
+        let t2_198 = like.lift(2.309401076758503) * t2_125;
+        let t2_199 = t2_197 * t2_198;
+        let t2_200 = (-t2_50).mul_add(t2_169, like.lift(0.8660254037844386));
+        let t2_201 = (-t2_53).mul_add(t2_171, t2_200);
+        let t2_202 = t2_48.mul_add(t2_174, t2_201);
+        let t2_203 = t2_202 * t2_198;
+        let t2_204 = -t2_203;
+        let t2_205 = t2_48 * t2_185;
+        let t2_206 = (-t2_50).mul_add(t2_180, t2_205);
+        let t2_207 = (-t2_53).mul_add(t2_182, t2_206);
+        let t2_208 = t2_207 * t2_198;
+        let t2_209 = t2_90 * t2_157;
+        let t2_210 = (-t2_93).mul_add(t2_159, t2_209);
+        let t2_211 = t2_88.mul_add(t2_162, t2_210);
+        let t2_212 = like.lift(2.309401076758503) * t2_142;
+        let t2_213 = t2_211 * t2_212;
+        let t2_214 = -t2_213;
+        let t2_215 = t2_88 * t2_174;
+        let t2_216 = (-t2_90).mul_add(t2_169, t2_215);
+        let t2_217 = (-t2_93).mul_add(t2_171, t2_216);
+        let t2_218 = t2_217 * t2_212;
+        let t2_219 = (-t2_90).mul_add(t2_180, like.lift(0.8660254037844386));
+        let t2_220 = (-t2_93).mul_add(t2_182, t2_219);
+        let t2_221 = t2_88.mul_add(t2_185, t2_220);
+        let t2_222 = t2_221 * t2_212;
+        let t2_223 = -t2_222;
+        let t2_224 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_36 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_95 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t2_224 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_185, t2_202, t2_214], [t2_215, t2_216, t2_211], [t2_178, t2_217, t2_218],
-                [t3_8, t3_18, t3_29], [t3_30, t3_31, t3_32], [t3_33, t3_34, t3_35],
+                [t2_167, t2_179, t2_189], [t2_190, t2_174, t2_191], [t2_157, t2_169, t2_192],
+                [t2_193, t2_171, t2_194], [t2_199, t2_204, t2_208], [t2_214, t2_218, t2_223],
             ],
             margin,
             || (
                 [
-                    [t2_35, t2_36, t2_38, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_69, t2_71, t2_72, like.lift(0.0), t2_87, like.lift(0.0)],
-                    [t2_95, t2_99, t2_100, like.lift(-0.3), t2_104, like.lift(0.0)],
-                    [t2_35, t2_36, t2_38, like.lift(0.0), like.lift(0.0), t2_117],
-                    [t2_118, t2_70, t2_119, like.lift(0.0), like.lift(0.0), t2_127],
-                    [t2_130, t2_132, t2_133, like.lift(-0.3), like.lift(0.0), t2_138],
+                    [like.lift(0.0), t2_48, t2_51, t2_54, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_64, t2_66, t2_69, t2_70, like.lift(0.0)],
+                    [t2_74, t2_75, t2_77, t2_80, t2_82, like.lift(0.0)],
+                    [like.lift(0.0), t2_88, t2_91, t2_94, like.lift(0.0), t2_95],
+                    [t2_97, t2_100, t2_102, t2_105, like.lift(0.0), t2_106],
+                    [t2_109, t2_110, t2_112, t2_115, like.lift(0.0), t2_117],
                 ],
                 [
-                    [t2_139, t2_140, like.lift(0.0)], [t2_141, t2_58, like.lift(0.0)],
-                    [u_s1_3_p1z, t2_142, like.lift(0.0)], [t2_139, like.lift(0.0), t2_120],
-                    [t2_141, like.lift(0.0), t2_143], [u_s1_3_p1z, like.lift(0.0), t2_106],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-            x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-            x_q3_p2, x_q3_p3,
+            t2_19, t2_21, t2_25, t2_30, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2,
+            x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3,
+            x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
         ]
     };
     // tau
     {
-        let t4_1 = cos_s1_2 * t2_19;
-        let t4_2 = (-sin_s1_2).mul_add(t2_21, t4_1);
-        let t4_3 = sin_q2 * p_mz_rod2;
-        let t4_4 = (-cos_q2).mul_add(p_my_rod2, t4_3);
-        let t4_5 = like.lift(9.81) * t4_4;
-        let t4_6 = -t4_5;
-        let t4_7 = sin_q3 * p_mz_rod3;
-        let t4_8 = (-cos_q3).mul_add(p_my_rod3, t4_7);
-        let t4_9 = like.lift(9.81) * t4_8;
-        let t4_10 = -t4_9;
-        let t4_11 = t4_10 * x_q3_p1;
-        let t4_12 = t4_6.mul_add(x_q2_p1, t4_11);
-        let t4_13 = (-t2_21).mul_add(x_s1_3_p1, t4_12);
-        let t4_14 = (-t2_25).mul_add(x_s1_2_p1, t4_13);
-        let t4_15 = (-t4_2).mul_add(x_s1_1_p1, t4_14);
-        let t4_16 = t2_30.mul_add(x_q1_p1, t4_15);
-        let t4_17 = -t4_16;
-        tau[0] = t4_17;
-        let t4_18 = t4_10 * x_q3_p2;
-        let t4_19 = t4_6.mul_add(x_q2_p2, t4_18);
-        let t4_20 = (-t2_21).mul_add(x_s1_3_p2, t4_19);
-        let t4_21 = (-t2_25).mul_add(x_s1_2_p2, t4_20);
-        let t4_22 = (-t4_2).mul_add(x_s1_1_p2, t4_21);
-        let t4_23 = t2_30.mul_add(x_q1_p2, t4_22);
-        let t4_24 = -t4_23;
-        tau[1] = t4_24;
-        let t4_25 = t4_10 * x_q3_p3;
-        let t4_26 = t4_6.mul_add(x_q2_p3, t4_25);
-        let t4_27 = (-t2_21).mul_add(x_s1_3_p3, t4_26);
-        let t4_28 = (-t2_25).mul_add(x_s1_2_p3, t4_27);
-        let t4_29 = (-t4_2).mul_add(x_s1_1_p3, t4_28);
-        let t4_30 = t2_30.mul_add(x_q1_p3, t4_29);
-        let t4_31 = -t4_30;
-        tau[2] = t4_31;
+        let t3_1 = cos_s1_2 * t2_19;
+        let t3_2 = (-sin_s1_2).mul_add(t2_21, t3_1);
+        let t3_3 = sin_q2 * p_mz_rod2;
+        let t3_4 = (-cos_q2).mul_add(p_my_rod2, t3_3);
+        let t3_5 = like.lift(9.81) * t3_4;
+        let t3_6 = -t3_5;
+        let t3_7 = sin_q3 * p_mz_rod3;
+        let t3_8 = (-cos_q3).mul_add(p_my_rod3, t3_7);
+        let t3_9 = like.lift(9.81) * t3_8;
+        let t3_10 = -t3_9;
+        let t3_11 = t3_10 * x_q3_p1;
+        let t3_12 = t3_6.mul_add(x_q2_p1, t3_11);
+        let t3_13 = (-t2_21).mul_add(x_s1_3_p1, t3_12);
+        let t3_14 = (-t2_25).mul_add(x_s1_2_p1, t3_13);
+        let t3_15 = (-t3_2).mul_add(x_s1_1_p1, t3_14);
+        let t3_16 = t2_30.mul_add(x_q1_p1, t3_15);
+        let t3_17 = -t3_16;
+        tau[0] = t3_17;
+        let t3_18 = t3_10 * x_q3_p2;
+        let t3_19 = t3_6.mul_add(x_q2_p2, t3_18);
+        let t3_20 = (-t2_21).mul_add(x_s1_3_p2, t3_19);
+        let t3_21 = (-t2_25).mul_add(x_s1_2_p2, t3_20);
+        let t3_22 = (-t3_2).mul_add(x_s1_1_p2, t3_21);
+        let t3_23 = t2_30.mul_add(x_q1_p2, t3_22);
+        let t3_24 = -t3_23;
+        tau[1] = t3_24;
+        let t3_25 = t3_10 * x_q3_p3;
+        let t3_26 = t3_6.mul_add(x_q2_p3, t3_25);
+        let t3_27 = (-t2_21).mul_add(x_s1_3_p3, t3_26);
+        let t3_28 = (-t2_25).mul_add(x_s1_2_p3, t3_27);
+        let t3_29 = (-t3_2).mul_add(x_s1_1_p3, t3_28);
+        let t3_30 = t2_30.mul_add(x_q1_p3, t3_29);
+        let t3_31 = -t3_30;
+        tau[2] = t3_31;
     }
     (tau, Condition { pivot: condition })
 }
@@ -8116,7 +7726,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 298 additions, 421 multiplications, 5 divisions, 6 sines and cosines.
+/// 304 additions, 436 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -8130,678 +7740,650 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
     let mut condition = like.lift(1.0);
     // sines and cosines
     let [
-        sin_q1, cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q2,
+        sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
         cos_q2, sin_q3, cos_q3,
     ] = {
         let [
-            (sin_q1, cos_q1), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2), (sin_s1_3, cos_s1_3),
+            (sin_q1, cos_q1), (sin_s1_3, cos_s1_3), (sin_s1_1, cos_s1_1), (sin_s1_2, cos_s1_2),
             (sin_q2, cos_q2), (sin_q3, cos_q3),
         ] =
-            T::sin_cos_all([q1, s1_1, s1_2, s1_3, q2, q3]);
+            T::sin_cos_all([q1, s1_3, s1_1, s1_2, q2, q3]);
         [
-            sin_q1, cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q2,
+            sin_q1, cos_q1, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_q2,
             cos_q2, sin_q3, cos_q3,
         ]
     };
     // tau, part 1
     let [
-        t2_1, t2_3, t2_6, e_s1_3_s1_1z, t2_7, t2_8, t2_9, e_s1_3_q1y, u_s1_3_p1y, u_s1_3_p1z,
-        t2_19, t2_33, pivot_2, t2_45, t2_46, t2_47, t2_48, u_s1_2_p1x, t2_52, t2_64, t2_71,
-        t2_72, e_s1_3_s1_1y, t2_76, t2_77, t2_81, t2_83, t2_87, t2_93, t2_94, t2_95, t2_96,
-        t2_97, t2_104, t2_107, t2_109, t2_110, t2_114, t2_115, t2_117, w_s1_3x, t2_121, t2_122,
-        t2_123, t2_124, t2_129, t2_130, t2_137, w_s1_3z, t2_139, t2_140, t2_157, t2_158,
-        t2_159, t2_160, t2_161, t2_162, t2_173, t2_174, t2_175, t2_176, t2_180, t2_184, t2_187,
-        t2_188, t2_192, t2_193, t2_208, t2_216, t2_217, t2_218, t2_219, t2_224, inv_pivot_2,
-        t2_225,
+        t2_1, t2_24, t2_26, t2_27, t2_29, t2_30, pivot_1, pivot_3, t2_40, t2_42, t2_45, t2_46,
+        t2_50, t2_51, t2_53, t2_56, t2_58, t2_64, t2_66, t2_67, t2_69, t2_70, t2_71, t2_73,
+        t2_76, t2_78, t2_81, t2_82, t2_85, t2_86, t2_88, t2_90, t2_91, t2_93, t2_134, t2_140,
+        t2_141, t2_163, t2_176, t2_181, t2_187, t2_188, t2_195, t2_201, t2_202, inv_pivot_3,
+        t2_203, t2_204, t2_205, pivot_4, inv_pivot_4, t2_208, t2_209, t2_211, t2_212, t2_213,
+        t2_214, t2_218, pivot_5, inv_pivot_5, t2_223, t2_224, t2_226, t2_229, t2_230, t2_231,
+        t2_232, t2_233, t2_235,
     ] = {
         let t2_1 = d_q1 * d_q1;
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t2_2 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t2_2);
-        let t2_3 = like.lift(0.5) * cos_s1_2;
-        let t2_4 = like.lift(0.1) + like.lift(0.2);
-        let t2_5 = e_s1_3_q1z * t2_4;
-        let t2_6 = sin_s1_1.mul_add(t2_3, t2_5);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t2_7 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t2_8 = like.lift(0.3) * sin_s1_3;
-        let t2_9 = -t2_8;
-        let t2_10 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t2_10);
-        let t2_11 = like.lift(0.5) * e_s1_3_q1y;
+        let t2_2 = sin_q1 * cos_s1_1;
+        let t2_3 = sin_q1 * sin_s1_1;
+        let t2_4 = sin_s1_2 * t2_3;
+        let t2_5 = cos_q1.mul_add(cos_s1_2, t2_4);
+        let t2_6 = sin_s1_3 * t2_5;
+        let t2_7 = cos_s1_3.mul_add(t2_2, t2_6);
+        let t2_8 = like.lift(0.1) * t2_7;
+        let t2_9 = like.lift(0.2) * t2_7;
+        let t2_10 = cos_q1 * sin_s1_2;
+        let t2_11 = (-cos_s1_2).mul_add(t2_3, t2_10);
+        let t2_12 = like.lift(0.17320508075688773) * t2_11;
+        let t2_13 = t2_8 + t2_9;
+        let t2_14 = t2_13 - t2_12;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_12 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_12);
-        let t2_13 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_13);
-        let t2_14 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t2_15 = t2_11 + t2_14;
-        let t2_16 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t2_17 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t2_17);
-        let t2_18 = like.lift(0.5) * u_s1_3_p1z;
-        let t2_19 = t2_16 - t2_18;
-        let t2_20 = sin_q1 * cos_s1_1;
-        let t2_21 = sin_q1 * sin_s1_1;
-        let t2_22 = sin_s1_2 * t2_21;
-        let t2_23 = cos_q1.mul_add(cos_s1_2, t2_22);
-        let t2_24 = sin_s1_3 * t2_20;
-        let t2_25 = (-cos_s1_3).mul_add(t2_23, t2_24);
-        let t2_26 = sin_q2 * t2_19;
-        let t2_27 = (-cos_q2).mul_add(t2_25, t2_26);
-        let t2_28 = like.lift(0.5) * e_s1_3_q1z;
-        let t2_29 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t2_30 = t2_28 + t2_29;
-        let t2_31 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t2_32 = like.lift(0.5) * u_s1_3_p1y;
-        let t2_33 = t2_31 - t2_32;
-        let t2_34 = sin_s1_3 * t2_23;
-        let t2_35 = cos_s1_3.mul_add(t2_20, t2_34);
-        let t2_36 = sin_q2 * t2_33;
-        let t2_37 = (-cos_q2).mul_add(t2_35, t2_36);
-        let t2_38 = t2_30 * t2_37;
-        let t2_39 = (-t2_15).mul_add(t2_27, t2_38);
-        let t2_40 = like.lift(0.5) * t2_39;
-        let pivot_2 = -t2_40;
-        let t2_41 = sin_s1_1 * sin_s1_2;
-        let t2_42 = sin_s1_3 * t2_41;
-        let t2_43 = cos_s1_1.mul_add(cos_s1_3, t2_42);
-        let u_s1_3_q1y = like.lift(0.5) * t2_43;
-        let t2_44 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t2_45 = u_s1_3_q1y - t2_44;
-        let t2_46 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t2_47 = -t2_46;
-        let t2_48 = like.lift(0.17320508075688773) * sin_s1_3;
+        let t2_15 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_15);
+        let t2_16 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_16);
+        let t2_17 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_18 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_19 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_19);
+        let t2_20 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_21 = t2_17 + t2_18;
+        let t2_22 = t2_21 + t2_20;
+        let t2_23 = cos_q1 * t2_22;
+        let t2_24 = sin_q1.mul_add(t2_14, t2_23);
+        let t2_25 = u_s1_1_p1y * t2_14;
+        let t2_26 = (-t2_2).mul_add(t2_22, t2_25);
+        let t2_27 = -t2_26;
+        let t2_28 = t2_11 * t2_22;
+        let t2_29 = u_s1_2_p1x.mul_add(t2_14, t2_28);
+        let t2_30 = -t2_29;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_31 = like.lift(0.5).mul_add(cos_q1, t2_9);
+        let t2_32 = t2_12 - t2_8;
+        let pivot_3 = t2_31 - t2_32;
+        let t2_33 = sin_s1_1 * cos_s1_3;
+        let t2_34 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_34).mul_add(sin_s1_2, t2_33);
+        let t2_35 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_49 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t2_50 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_50);
-        let t2_51 = like.lift(0.5) * u_s1_2_p1x;
-        let t2_52 = t2_49 + t2_51;
-        let t2_53 = cos_q1 * sin_s1_2;
-        let t2_54 = (-cos_s1_2).mul_add(t2_21, t2_53);
-        let t2_55 = sin_q2 * t2_52;
-        let t2_56 = (-cos_q2).mul_add(t2_54, t2_55);
-        let t2_57 = like.lift(0.5) * e_s1_2_q1x;
-        let t2_58 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t2_59 = t2_57 - t2_58;
-        let t2_60 = t2_59 * t2_27;
-        let t2_61 = (-t2_30).mul_add(t2_56, t2_60);
-        let t2_62 = like.lift(0.5) * t2_61;
-        let t2_63 = -t2_62;
-        let t2_64 = -t2_63;
-        let t2_65 = cos_s1_3 * t2_41;
-        let t2_66 = (-cos_s1_1).mul_add(sin_s1_3, t2_65);
-        let t2_67 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t2_66, t2_67);
-        let t2_68 = like.lift(0.1) * e_s1_2_q1x;
-        let t2_69 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t2_70 = u_platform_q1z + t2_68;
-        let t2_71 = t2_70 + t2_69;
-        let t2_72 = -t2_71;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t2_73 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t2_74 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t2_75 = u_platform_s1_1z + t2_73;
-        let t2_76 = t2_75 + t2_74;
-        let t2_77 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_78 = t2_15 * t2_56;
-        let t2_79 = (-t2_59).mul_add(t2_37, t2_78);
-        let t2_80 = like.lift(0.5) * t2_79;
+        let t2_36 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_37 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_38 = t2_36 - t2_37;
+        let t2_39 = t2_35 - t2_38;
+        let t2_40 = cos_q1 * t2_39;
+        let t2_41 = t2_2 * t2_39;
+        let t2_42 = (-sin_s1_1).mul_add(t2_14, t2_41);
+        let t2_43 = t2_11 * t2_39;
+        let t2_44 = (-e_s1_2_q1x).mul_add(t2_14, t2_43);
+        let t2_45 = -t2_44;
+        let t2_46 = like.lift(0.25) * cos_q2;
+        let t2_47 = like.lift(0.5) * sin_q1;
+        let t2_48 = t2_20 + t2_17;
+        let t2_49 = t2_47 - t2_18;
+        let t2_50 = t2_49 - t2_48;
+        let t2_51 = sin_q1 * t2_39;
+        let t2_52 = sin_s1_1 * t2_22;
+        let t2_53 = (-u_s1_1_p1y).mul_add(t2_39, t2_52);
+        let t2_54 = u_s1_2_p1x * t2_39;
+        let t2_55 = e_s1_2_q1x.mul_add(t2_22, t2_54);
+        let t2_56 = -t2_55;
+        let t2_57 = like.lift(0.5) * sin_q2;
+        let t2_58 = -t2_57;
+        let t2_59 = t2_8 + t2_9;
+        let t2_60 = t2_59 + t2_12;
+        let t2_61 = t2_17 + t2_18;
+        let t2_62 = t2_61 - t2_20;
+        let t2_63 = cos_q1 * t2_62;
+        let t2_64 = sin_q1.mul_add(t2_60, t2_63);
+        let t2_65 = u_s1_1_p1y * t2_60;
+        let t2_66 = (-t2_2).mul_add(t2_62, t2_65);
+        let t2_67 = -t2_66;
+        let t2_68 = t2_11 * t2_62;
+        let t2_69 = u_s1_2_p1x.mul_add(t2_60, t2_68);
+        let t2_70 = -t2_69;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_71 = -pivot_2;
+        let t2_72 = t2_12 + t2_8;
+        let t2_73 = t2_31 + t2_72;
+        let t2_74 = t2_36 + t2_37;
+        let t2_75 = t2_35 + t2_74;
+        let t2_76 = cos_q1 * t2_75;
+        let t2_77 = t2_2 * t2_75;
+        let t2_78 = (-sin_s1_1).mul_add(t2_60, t2_77);
+        let t2_79 = t2_11 * t2_75;
+        let t2_80 = (-e_s1_2_q1x).mul_add(t2_60, t2_79);
         let t2_81 = -t2_80;
-        let t2_82 = t2_11 - t2_14;
-        let t2_83 = t2_16 + t2_18;
-        let t2_84 = cos_q3 * t2_25;
-        let t2_85 = sin_q3.mul_add(t2_83, t2_84);
-        let t2_86 = t2_28 - t2_29;
-        let t2_87 = t2_31 + t2_32;
-        let t2_88 = cos_q3 * t2_35;
-        let t2_89 = sin_q3.mul_add(t2_87, t2_88);
-        let t2_90 = t2_86 * t2_89;
-        let t2_91 = (-t2_82).mul_add(t2_85, t2_90);
-        let t2_92 = like.lift(0.5) * t2_91;
+        let t2_82 = like.lift(0.25) * cos_q3;
+        let t2_83 = t2_20 - t2_17;
+        let t2_84 = t2_47 - t2_18;
+        let t2_85 = t2_84 + t2_83;
+        let t2_86 = sin_q1 * t2_75;
+        let t2_87 = sin_s1_1 * t2_62;
+        let t2_88 = (-u_s1_1_p1y).mul_add(t2_75, t2_87);
+        let t2_89 = u_s1_2_p1x * t2_75;
+        let t2_90 = e_s1_2_q1x.mul_add(t2_62, t2_89);
+        let t2_91 = -t2_90;
+        let t2_92 = like.lift(0.5) * sin_q3;
         let t2_93 = -t2_92;
-        let t2_94 = -t2_93;
-        let t2_95 = u_s1_3_q1y + t2_44;
-        let t2_96 = -t2_48;
-        let t2_97 = t2_49 - t2_51;
-        let t2_98 = cos_q3 * t2_54;
-        let t2_99 = sin_q3.mul_add(t2_97, t2_98);
-        let t2_100 = t2_57 + t2_58;
-        let t2_101 = t2_100 * t2_85;
-        let t2_102 = (-t2_86).mul_add(t2_99, t2_101);
-        let t2_103 = like.lift(0.5) * t2_102;
-        let t2_104 = -t2_103;
-        let t2_105 = u_platform_q1z + t2_68;
-        let t2_106 = t2_105 - t2_69;
-        let t2_107 = -t2_106;
-        let t2_108 = u_platform_s1_1z + t2_73;
-        let t2_109 = t2_108 - t2_74;
-        let t2_110 = -t2_77;
-        let t2_111 = t2_82 * t2_99;
-        let t2_112 = (-t2_100).mul_add(t2_89, t2_111);
-        let t2_113 = like.lift(0.5) * t2_112;
-        let t2_114 = -t2_113;
-        let t2_115 = -t2_114;
-        let t2_116 = like.lift(0.5) * sin_s1_2;
-        let t2_117 = t2_116 * t2_1;
-        let w_s1_1y = sin_s1_1 * d_q1;
-        let w_s1_2y = d_s1_2 - w_s1_1y;
-        let w_s1_1x = cos_s1_1 * d_q1;
-        let t2_118 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_118);
-        let t2_119 = sin_s1_3 * w_s1_2z;
-        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t2_119);
-        let t2_120 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t2_120);
-        let w_s1_3x = d_s1_3 - w_s1_2x;
-        let t2_121 = w_s1_3y * w_s1_3x;
-        let t2_122 = w_s1_2x * w_s1_2y;
-        let t2_123 = d_s1_1 * w_s1_1y;
-        let t2_124 = w_s1_1x * w_s1_1y;
-        let t2_125 = like.lift(2.0) * t2_123;
-        let t2_126 = t2_122 + t2_122;
-        let t2_127 = (-cos_s1_2).mul_add(t2_124, t2_126);
-        let t2_128 = sin_s1_2.mul_add(t2_125, t2_127);
-        let t2_129 = d_s1_1 * w_s1_1x;
-        let t2_130 = w_s1_2z * w_s1_2x;
-        let t2_131 = t2_129 - t2_130;
-        let t2_132 = cos_s1_3 * t2_128;
-        let t2_133 = (-sin_s1_3).mul_add(t2_131, t2_132);
-        let t2_134 = t2_121 + t2_121;
-        let t2_135 = t2_134 + t2_133;
-        let t2_136 = like.lift(0.2).mul_add(t2_135, t2_117);
-        let t2_137 = w_s1_3y * w_s1_3y;
-        let t2_138 = sin_s1_3 * w_s1_2y;
-        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_138);
-        let t2_139 = w_s1_3z * w_s1_3z;
-        let t2_140 = t2_137 + t2_139;
-        let t2_141 = like.lift(0.17320508075688773) * t2_140;
-        let t2_142 = like.lift(0.1) * t2_135;
-        let t2_143 = t2_15 * d_q2;
-        let t2_144 = t2_59 * d_q2;
-        let t2_145 = t2_56 * t2_143;
-        let t2_146 = (-t2_37).mul_add(t2_144, t2_145);
-        let t2_147 = like.lift(0.5) * t2_146;
-        let t2_148 = -t2_147;
-        let t2_149 = t2_30 * d_q2;
-        let t2_150 = t2_27 * t2_144;
-        let t2_151 = (-t2_56).mul_add(t2_149, t2_150);
-        let t2_152 = like.lift(0.5) * t2_151;
-        let t2_153 = -t2_152;
-        let t2_154 = t2_136 - t2_141;
-        let t2_155 = t2_154 + t2_142;
-        let t2_156 = t2_149.mul_add(t2_153, t2_155);
-        let t2_157 = (-t2_143).mul_add(t2_148, t2_156);
-        let t2_158 = cos_s1_2 * t2_1;
-        let t2_159 = w_s1_3x * w_s1_3x;
-        let t2_160 = t2_159 + t2_139;
-        let t2_161 = like.lift(0.2) * t2_160;
-        let t2_162 = like.lift(0.5) * sin_s1_3;
-        let t2_163 = t2_158.mul_add(t2_162, t2_161);
-        let t2_164 = like.lift(0.17320508075688773) * t2_133;
-        let t2_165 = like.lift(0.1) * t2_160;
-        let t2_166 = t2_37 * t2_149;
-        let t2_167 = (-t2_27).mul_add(t2_143, t2_166);
-        let t2_168 = like.lift(0.5) * t2_167;
-        let t2_169 = -t2_168;
-        let t2_170 = t2_163 + t2_164;
-        let t2_171 = t2_170 + t2_165;
-        let t2_172 = t2_144.mul_add(t2_148, t2_171);
-        let t2_173 = (-t2_149).mul_add(t2_169, t2_172);
-        let t2_174 = -t2_173;
-        let t2_175 = w_s1_2z * w_s1_2y;
-        let t2_176 = w_s1_3y * w_s1_3z;
-        let t2_177 = sin_s1_2.mul_add(t2_124, t2_175);
-        let t2_178 = cos_s1_2.mul_add(t2_125, t2_177);
-        let t2_179 = t2_178 + t2_176;
-        let t2_180 = like.lift(0.5) * cos_s1_3;
-        let t2_181 = like.lift(0.2) * t2_179;
-        let t2_182 = t2_158.mul_add(t2_180, t2_181);
-        let t2_183 = cos_s1_3 * t2_131;
-        let t2_184 = sin_s1_3.mul_add(t2_128, t2_183);
-        let t2_185 = like.lift(0.17320508075688773) * t2_184;
-        let t2_186 = like.lift(0.1) * t2_179;
-        let t2_187 = t2_144 * t2_153;
-        let t2_188 = t2_143 * t2_169;
-        let t2_189 = t2_182 - t2_185;
-        let t2_190 = t2_189 + t2_186;
-        let t2_191 = t2_190 + t2_187;
-        let t2_192 = t2_191 - t2_188;
-        let t2_193 = -t2_192;
-        let t2_194 = t2_82 * d_q3;
-        let t2_195 = t2_100 * d_q3;
-        let t2_196 = t2_99 * t2_194;
-        let t2_197 = (-t2_89).mul_add(t2_195, t2_196);
-        let t2_198 = like.lift(0.5) * t2_197;
-        let t2_199 = -t2_198;
-        let t2_200 = t2_86 * d_q3;
-        let t2_201 = t2_85 * t2_195;
-        let t2_202 = (-t2_99).mul_add(t2_200, t2_201);
-        let t2_203 = like.lift(0.5) * t2_202;
-        let t2_204 = -t2_203;
-        let t2_205 = t2_136 + t2_141;
-        let t2_206 = t2_205 + t2_142;
-        let t2_207 = (-t2_200).mul_add(t2_204, t2_206);
-        let t2_208 = t2_194.mul_add(t2_199, t2_207);
-        let t2_209 = t2_89 * t2_200;
-        let t2_210 = (-t2_85).mul_add(t2_194, t2_209);
-        let t2_211 = like.lift(0.5) * t2_210;
-        let t2_212 = -t2_211;
-        let t2_213 = t2_163 - t2_164;
-        let t2_214 = t2_213 + t2_165;
-        let t2_215 = (-t2_195).mul_add(t2_199, t2_214);
-        let t2_216 = t2_200.mul_add(t2_212, t2_215);
-        let t2_217 = -t2_216;
-        let t2_218 = t2_195 * t2_204;
-        let t2_219 = t2_194 * t2_212;
-        let t2_220 = t2_182 + t2_185;
-        let t2_221 = t2_220 + t2_186;
-        let t2_222 = t2_221 - t2_218;
-        let t2_223 = t2_222 + t2_219;
-        let t2_224 = -t2_223;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_225 = t2_63 * inv_pivot_2;
+        let t2_94 = cos_q1 * d_q1;
+        let t2_95 = cos_q1 * d_s1_1;
+        let t2_96 = t2_2 * d_q1;
+        let t2_97 = sin_s1_1.mul_add(t2_95, t2_96);
+        let t2_98 = t2_2.mul_add(d_s1_2, t2_95);
+        let t2_99 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
+        let t2_100 = t2_11 * t2_99;
+        let t2_101 = e_s1_2_q1x.mul_add(t2_98, t2_100);
+        let t2_102 = d_s1_2 * t2_97;
+        let t2_103 = (-d_s1_3).mul_add(t2_101, t2_102);
+        let t2_104 = d_s1_1.mul_add(t2_94, t2_103);
+        let t2_105 = sin_q1 * d_q1;
+        let t2_106 = sin_q1 * d_s1_1;
+        let t2_107 = u_s1_1_p1y * d_q1;
+        let t2_108 = (-sin_s1_1).mul_add(t2_106, t2_107);
+        let t2_109 = (-u_s1_1_p1y).mul_add(d_s1_2, t2_106);
+        let t2_110 = e_s1_2_q1x * t2_109;
+        let t2_111 = u_s1_2_p1x.mul_add(t2_99, t2_110);
+        let t2_112 = d_s1_1 * t2_105;
+        let t2_113 = (-d_s1_3).mul_add(t2_111, t2_112);
+        let t2_114 = (-d_s1_2).mul_add(t2_108, t2_113);
+        let t2_115 = (-u_s1_2_p1x).mul_add(d_s1_3, t2_109);
+        let t2_116 = e_s1_2_q1x.mul_add(d_s1_3, t2_99);
+        let t2_117 = e_s1_3_q1y * t2_115;
+        let t2_118 = (-u_s1_3_p1y).mul_add(t2_116, t2_117);
+        let t2_119 = like.lift(0.2) * t2_118;
+        let t2_120 = -t2_119;
+        let t2_121 = (-t2_11).mul_add(d_s1_3, t2_98);
+        let t2_122 = t2_7 * t2_116;
+        let t2_123 = e_s1_3_q1y.mul_add(t2_121, t2_122);
+        let t2_124 = like.lift(0.2) * t2_123;
+        let t2_125 = u_s1_3_p1y * t2_114;
+        let t2_126 = (-t2_7).mul_add(t2_104, t2_125);
+        let t2_127 = t2_115 * t2_120;
+        let t2_128 = like.lift(-0.2).mul_add(t2_126, t2_127);
+        let t2_129 = (-t2_121).mul_add(t2_124, t2_128);
+        let t2_130 = t2_38 * t2_115;
+        let t2_131 = t2_48.mul_add(t2_116, t2_130);
+        let t2_132 = t2_32 * t2_116;
+        let t2_133 = t2_38.mul_add(t2_121, t2_132);
+        let t2_134 = d_q2 * d_q2;
+        let t2_135 = sin_q2 * t2_134;
+        let t2_136 = like.lift(-0.4330127018922193).mul_add(t2_135, t2_129);
+        let t2_137 = (-t2_48).mul_add(t2_114, t2_136);
+        let t2_138 = (-t2_32).mul_add(t2_104, t2_137);
+        let t2_139 = t2_121.mul_add(t2_133, t2_138);
+        let t2_140 = t2_115.mul_add(t2_131, t2_139);
+        let t2_141 = -t2_140;
+        let t2_142 = t2_11 * t2_109;
+        let t2_143 = (-u_s1_2_p1x).mul_add(t2_98, t2_142);
+        let t2_144 = d_s1_2 * cos_s1_1;
+        let t2_145 = t2_144 * d_s1_1;
+        let t2_146 = (-d_s1_3).mul_add(t2_143, t2_145);
+        let t2_147 = u_s1_3_p1y * t2_121;
+        let t2_148 = t2_7.mul_add(t2_115, t2_147);
+        let t2_149 = like.lift(0.2) * t2_148;
+        let t2_150 = like.lift(0.5) * d_q1;
+        let t2_151 = t2_7 * t2_146;
+        let t2_152 = e_s1_3_q1y.mul_add(t2_114, t2_151);
+        let t2_153 = t2_105 * t2_150;
+        let t2_154 = like.lift(0.2).mul_add(t2_152, t2_153);
+        let t2_155 = (-t2_116).mul_add(t2_120, t2_154);
+        let t2_156 = (-t2_121).mul_add(t2_149, t2_155);
+        let t2_157 = t2_32 * t2_115;
+        let t2_158 = (-t2_48).mul_add(t2_121, t2_157);
+        let t2_159 = like.lift(0.25).mul_add(t2_135, t2_156);
+        let t2_160 = (-t2_32).mul_add(t2_146, t2_159);
+        let t2_161 = (-t2_38).mul_add(t2_114, t2_160);
+        let t2_162 = (-t2_116).mul_add(t2_131, t2_161);
+        let t2_163 = t2_121.mul_add(t2_158, t2_162);
+        let t2_164 = e_s1_3_q1y * t2_104;
+        let t2_165 = u_s1_3_p1y.mul_add(t2_146, t2_164);
+        let t2_166 = t2_94 * t2_150;
+        let t2_167 = like.lift(0.2).mul_add(t2_165, t2_166);
+        let t2_168 = t2_115.mul_add(t2_149, t2_167);
+        let t2_169 = t2_116.mul_add(t2_124, t2_168);
+        let t2_170 = like.lift(0.5) * cos_q2;
+        let t2_171 = (-t2_170).mul_add(t2_134, t2_169);
+        let t2_172 = (-t2_38).mul_add(t2_104, t2_171);
+        let t2_173 = t2_48.mul_add(t2_146, t2_172);
+        let t2_174 = (-t2_115).mul_add(t2_158, t2_173);
+        let t2_175 = (-t2_116).mul_add(t2_133, t2_174);
+        let t2_176 = -t2_175;
+        let t2_177 = t2_74 * t2_115;
+        let t2_178 = t2_83.mul_add(t2_116, t2_177);
+        let t2_179 = t2_72 * t2_116;
+        let t2_180 = t2_74.mul_add(t2_121, t2_179);
+        let t2_181 = d_q3 * d_q3;
+        let t2_182 = sin_q3 * t2_181;
+        let t2_183 = like.lift(0.4330127018922193).mul_add(t2_182, t2_129);
+        let t2_184 = t2_83.mul_add(t2_114, t2_183);
+        let t2_185 = t2_72.mul_add(t2_104, t2_184);
+        let t2_186 = (-t2_121).mul_add(t2_180, t2_185);
+        let t2_187 = (-t2_115).mul_add(t2_178, t2_186);
+        let t2_188 = -t2_187;
+        let t2_189 = t2_72 * t2_115;
+        let t2_190 = (-t2_83).mul_add(t2_121, t2_189);
+        let t2_191 = like.lift(0.25).mul_add(t2_182, t2_156);
+        let t2_192 = t2_72.mul_add(t2_146, t2_191);
+        let t2_193 = t2_74.mul_add(t2_114, t2_192);
+        let t2_194 = t2_116.mul_add(t2_178, t2_193);
+        let t2_195 = (-t2_121).mul_add(t2_190, t2_194);
+        let t2_196 = like.lift(0.5) * cos_q3;
+        let t2_197 = (-t2_196).mul_add(t2_181, t2_169);
+        let t2_198 = t2_74.mul_add(t2_104, t2_197);
+        let t2_199 = (-t2_83).mul_add(t2_146, t2_198);
+        let t2_200 = t2_115.mul_add(t2_190, t2_199);
+        let t2_201 = t2_116.mul_add(t2_180, t2_200);
+        let t2_202 = -t2_201;
+        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_203 = like.lift(0.5773502691896257).mul_add(t2_140, t2_163);
+        let t2_204 = like.lift(-0.5773502691896257).mul_add(t2_24, t2_40);
+        let t2_205 = t2_73 * inv_pivot_3;
+        let t2_206 = (-t2_204).mul_add(t2_205, t2_76);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_64, t2_206);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_207 = (-t2_205).mul_add(t2_203, t2_195);
+        let t2_208 = like.lift(-0.5773502691896257).mul_add(t2_187, t2_207);
+        let t2_209 = like.lift(-0.5773502691896257).mul_add(t2_29, t2_44);
+        let t2_210 = (-t2_209).mul_add(t2_205, t2_80);
+        let t2_211 = like.lift(0.5773502691896257).mul_add(t2_69, t2_210);
+        let t2_212 = like.lift(1.0) / cos_q2;
+        let t2_213 = sin_q2 * t2_212;
+        let t2_214 = t2_50 * inv_pivot_3;
+        let t2_215 = like.lift(1.1547005383792515) * t2_213;
+        let t2_216 = (-t2_204).mul_add(t2_214, t2_51);
+        let t2_217 = t2_24.mul_add(t2_215, t2_216);
+        let t2_218 = t2_217 * inv_pivot_4;
+        let t2_219 = (-t2_211).mul_add(t2_218, t2_55);
+        let t2_220 = (-t2_209).mul_add(t2_214, t2_219);
+        let pivot_5 = t2_29.mul_add(t2_215, t2_220);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_221 = t2_218.mul_add(t2_208, t2_175);
+        let t2_222 = t2_214.mul_add(t2_203, t2_221);
+        let t2_223 = t2_140.mul_add(t2_215, t2_222);
+        let t2_224 = like.lift(0.5773502691896257).mul_add(t2_26, t2_42);
+        let t2_225 = (-t2_224).mul_add(t2_205, t2_78);
+        let t2_226 = like.lift(-0.5773502691896257).mul_add(t2_66, t2_225);
+        let t2_227 = (-t2_226).mul_add(t2_218, t2_53);
+        let t2_228 = (-t2_224).mul_add(t2_214, t2_227);
+        let t2_229 = (-t2_26).mul_add(t2_215, t2_228);
+        let t2_230 = like.lift(1.0) / cos_q3;
+        let t2_231 = sin_q3 * t2_230;
+        let t2_232 = t2_85 * inv_pivot_3;
+        let t2_233 = like.lift(1.1547005383792515) * t2_231;
+        let t2_234 = (-t2_204).mul_add(t2_232, t2_86);
+        let t2_235 = (-t2_64).mul_add(t2_233, t2_234);
         [
-            t2_1, t2_3, t2_6, e_s1_3_s1_1z, t2_7, t2_8, t2_9, e_s1_3_q1y, u_s1_3_p1y,
-            u_s1_3_p1z, t2_19, t2_33, pivot_2, t2_45, t2_46, t2_47, t2_48, u_s1_2_p1x, t2_52,
-            t2_64, t2_71, t2_72, e_s1_3_s1_1y, t2_76, t2_77, t2_81, t2_83, t2_87, t2_93, t2_94,
-            t2_95, t2_96, t2_97, t2_104, t2_107, t2_109, t2_110, t2_114, t2_115, t2_117,
-            w_s1_3x, t2_121, t2_122, t2_123, t2_124, t2_129, t2_130, t2_137, w_s1_3z, t2_139,
-            t2_140, t2_157, t2_158, t2_159, t2_160, t2_161, t2_162, t2_173, t2_174, t2_175,
-            t2_176, t2_180, t2_184, t2_187, t2_188, t2_192, t2_193, t2_208, t2_216, t2_217,
-            t2_218, t2_219, t2_224, inv_pivot_2, t2_225,
+            t2_1, t2_24, t2_26, t2_27, t2_29, t2_30, pivot_1, pivot_3, t2_40, t2_42, t2_45,
+            t2_46, t2_50, t2_51, t2_53, t2_56, t2_58, t2_64, t2_66, t2_67, t2_69, t2_70, t2_71,
+            t2_73, t2_76, t2_78, t2_81, t2_82, t2_85, t2_86, t2_88, t2_90, t2_91, t2_93,
+            t2_134, t2_140, t2_141, t2_163, t2_176, t2_181, t2_187, t2_188, t2_195, t2_201,
+            t2_202, inv_pivot_3, t2_203, t2_204, t2_205, pivot_4, inv_pivot_4, t2_208, t2_209,
+            t2_211, t2_212, t2_213, t2_214, t2_218, pivot_5, inv_pivot_5, t2_223, t2_224,
+            t2_226, t2_229, t2_230, t2_231, t2_232, t2_233, t2_235,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        pivot_3, inv_pivot_3, t3_2, t3_3, pivot_4, inv_pivot_4, t3_5, t3_6, t3_7, t3_10, t3_14,
-        inv_pivot_5, t3_25, t3_26, t3_28, t3_31, pivot_6, inv_pivot_6, t3_57, al_rod1x,
-        al_s1_1z, t3_58, t3_59, al_rod2x, al_rod3x,
+        t3_1, t3_5, pivot_6, inv_pivot_6, t3_27, t3_33, t3_35, al_rod1x, al_s1_1z, t3_36,
+        t3_37, al_rod2x, al_rod3x,
     ] = {
-        let pivot_3 = t2_6.mul_add(t2_225, t2_45);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_1 = (-t2_225).mul_add(t2_157, t2_173);
-        let t3_2 = (-t2_225).mul_add(t2_7, t2_46);
-        let t3_3 = t2_6 * inv_pivot_3;
-        let pivot_4 = t3_2.mul_add(t3_3, t2_7);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_4 = t3_3.mul_add(t3_1, t2_208);
-        let t3_5 = (-t2_225).mul_add(t2_8, t2_48);
-        let t3_6 = t3_5.mul_add(t3_3, t2_8);
-        let t3_7 = t2_81 * inv_pivot_2;
-        let t3_8 = t2_6 * t3_7;
-        let t3_9 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t3_8);
-        let t3_10 = t3_9 * inv_pivot_3;
-        let t3_11 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t3_12 = (-t3_2).mul_add(t3_10, t3_11);
-        let t3_13 = (-t3_7).mul_add(t2_7, t3_12);
-        let t3_14 = t3_13 * inv_pivot_4;
-        let t3_15 = t3_6 * t3_14;
-        let t3_16 = t3_5.mul_add(t3_10, t3_15);
-        let t3_17 = t3_7.mul_add(t2_8, t3_16);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t3_17);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_18 = (-t3_14).mul_add(t3_4, t2_188);
-        let t3_19 = (-t3_10).mul_add(t3_1, t3_18);
-        let t3_20 = (-t3_7).mul_add(t2_157, t3_19);
-        let t3_21 = t3_20 - t2_187;
-        let t3_22 = t3_21 + t2_219;
-        let t3_23 = like.lift(0.34641016151377546).mul_add(t2_184, t3_22);
-        let t3_24 = t3_23 - t2_218;
-        let t3_25 = t2_93.mul_add(t3_14, t2_114);
-        let t3_26 = t2_95 * inv_pivot_3;
-        let t3_27 = t3_2.mul_add(t3_26, t2_46);
-        let t3_28 = t3_27 * inv_pivot_4;
-        let t3_29 = (-t3_6).mul_add(t3_28, t2_48);
-        let t3_30 = t3_5.mul_add(t3_26, t3_29);
-        let t3_31 = t3_30 * inv_pivot_5;
-        let t3_32 = t3_25.mul_add(t3_31, t2_104);
-        let pivot_6 = t2_93.mul_add(t3_28, t3_32);
+        let t3_1 = t2_235 * inv_pivot_4;
+        let t3_2 = (-t2_211).mul_add(t3_1, t2_90);
+        let t3_3 = (-t2_209).mul_add(t2_232, t3_2);
+        let t3_4 = (-t2_69).mul_add(t2_233, t3_3);
+        let t3_5 = t3_4 * inv_pivot_5;
+        let t3_6 = (-t2_229).mul_add(t3_5, t2_88);
+        let t3_7 = (-t2_226).mul_add(t3_1, t3_6);
+        let t3_8 = (-t2_224).mul_add(t2_232, t3_7);
+        let pivot_6 = t2_66.mul_add(t2_233, t3_8);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_33 = (-t3_31).mul_add(t3_24, t2_216);
-        let t3_34 = t3_28.mul_add(t3_4, t3_33);
-        let t3_35 = (-t3_26).mul_add(t3_1, t3_34);
-        let t3_36 = inv_pivot_6 * t3_35;
-        let t3_37 = t3_25.mul_add(t3_36, t3_24);
-        let t3_38 = inv_pivot_5 * t3_37;
-        let t3_39 = (-t2_93).mul_add(t3_36, t3_4);
-        let t3_40 = t3_6.mul_add(t3_38, t3_39);
-        let t3_41 = inv_pivot_4 * t3_40;
-        let t3_42 = t3_5.mul_add(t3_38, t3_1);
-        let t3_43 = (-t3_2).mul_add(t3_41, t3_42);
-        let t3_44 = inv_pivot_3 * t3_43;
-        let t3_45 = -t3_44;
-        let t3_46 = sin_s1_3 * t3_38;
-        let t3_47 = (-e_s1_3_s1_1z).mul_add(t3_41, t3_46);
-        let t3_48 = like.lift(0.3).mul_add(t3_47, t2_157);
-        let t3_49 = t2_6.mul_add(t3_44, t3_48);
-        let t3_50 = inv_pivot_2 * t3_49;
-        let t3_51 = t3_38.mul_add(t2_77, t2_192);
-        let t3_52 = t2_76.mul_add(t3_41, t3_51);
-        let t3_53 = t2_71.mul_add(t3_44, t3_52);
-        let t3_54 = t2_81.mul_add(t3_50, t3_53);
-        let t3_55 = like.lift(3.3333333333333335) * t3_54;
-        let t3_56 = -t3_36;
-        let t3_57 = -pivot_5;
+        let t3_9 = (-t3_5).mul_add(t2_223, t2_201);
+        let t3_10 = t3_1.mul_add(t2_208, t3_9);
+        let t3_11 = t2_232.mul_add(t2_203, t3_10);
+        let t3_12 = (-t2_187).mul_add(t2_233, t3_11);
+        let t3_13 = inv_pivot_6 * t3_12;
+        let t3_14 = (-t2_229).mul_add(t3_13, t2_223);
+        let t3_15 = inv_pivot_5 * t3_14;
+        let t3_16 = t2_226.mul_add(t3_13, t2_208);
+        let t3_17 = t2_211.mul_add(t3_15, t3_16);
+        let t3_18 = inv_pivot_4 * t3_17;
+        let t3_19 = t2_224.mul_add(t3_13, t2_203);
+        let t3_20 = t2_209.mul_add(t3_15, t3_19);
+        let t3_21 = (-t2_204).mul_add(t3_18, t3_20);
+        let t3_22 = inv_pivot_3 * t3_21;
+        let t3_23 = -t3_13;
+        let t3_24 = t2_26.mul_add(t3_13, t2_140);
+        let t3_25 = (-t2_29).mul_add(t3_15, t3_24);
+        let t3_26 = t2_24.mul_add(t3_18, t3_25);
+        let t3_27 = like.lift(2.309401076758503) * t2_212;
+        let t3_28 = t3_26 * t3_27;
+        let t3_29 = -t3_28;
+        let t3_30 = t2_66.mul_add(t3_13, t2_187);
+        let t3_31 = (-t2_69).mul_add(t3_15, t3_30);
+        let t3_32 = t2_64.mul_add(t3_18, t3_31);
+        let t3_33 = like.lift(2.309401076758503) * t2_230;
+        let t3_34 = t3_32 * t3_33;
+        let t3_35 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_57 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
-        let ([[al_rod1x], [al_s1_1z], [t3_58], [t3_59], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
-            [[t3_45], [t3_41], [t3_38], [t3_55], [t3_50], [t3_56]],
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_71 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_35 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
+        let ([[al_rod1x], [al_s1_1z], [t3_36], [t3_37], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
+            [[t3_22], [t3_18], [t3_23], [t3_15], [t3_29], [t3_34]],
             margin,
             || (
                 [
-                    [t2_6, t2_7, t2_9, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_45, t2_47, t2_48, like.lift(0.0), t2_64, like.lift(0.0)],
-                    [t2_72, t2_76, t2_77, like.lift(-0.3), t2_81, like.lift(0.0)],
-                    [t2_6, t2_7, t2_9, like.lift(0.0), like.lift(0.0), t2_94],
-                    [t2_95, t2_46, t2_96, like.lift(0.0), like.lift(0.0), t2_104],
-                    [t2_107, t2_109, t2_110, like.lift(-0.3), like.lift(0.0), t2_115],
+                    [like.lift(0.0), t2_24, t2_27, t2_30, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_40, t2_42, t2_45, t2_46, like.lift(0.0)],
+                    [t2_50, t2_51, t2_53, t2_56, t2_58, like.lift(0.0)],
+                    [like.lift(0.0), t2_64, t2_67, t2_70, like.lift(0.0), t2_71],
+                    [t2_73, t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
+                    [t2_85, t2_86, t2_88, t2_91, like.lift(0.0), t2_93],
                 ],
-                [[t2_157], [t2_174], [t2_193], [t2_208], [t2_217], [t2_224]],
+                [[t2_141], [t2_163], [t2_176], [t2_188], [t2_195], [t2_202]],
             ),
         );
         condition = condition.min(found);
         [
-            pivot_3, inv_pivot_3, t3_2, t3_3, pivot_4, inv_pivot_4, t3_5, t3_6, t3_7, t3_10,
-            t3_14, inv_pivot_5, t3_25, t3_26, t3_28, t3_31, pivot_6, inv_pivot_6, t3_57,
-            al_rod1x, al_s1_1z, t3_58, t3_59, al_rod2x, al_rod3x,
+            t3_1, t3_5, pivot_6, inv_pivot_6, t3_27, t3_33, t3_35, al_rod1x, al_s1_1z, t3_36,
+            t3_37, al_rod2x, al_rod3x,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_42, t4_46, t4_76, t4_88, t4_92, t4_96, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+        t4_55, t4_59, t4_94, t4_106, t4_110, t4_114, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
         x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3,
         x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
-        let t4_1 = cos_s1_1 * al_rod1x;
-        let t4_2 = t2_123 + t2_123;
-        let t4_3 = t4_2 - t4_1;
-        let t4_4 = t2_124 + al_s1_1z;
-        let t4_5 = t2_122 + t2_122;
-        let t4_6 = (-cos_s1_2).mul_add(t4_4, t4_5);
-        let t4_7 = sin_s1_2.mul_add(t4_3, t4_6);
-        let t4_8 = sin_s1_1 * al_rod1x;
-        let t4_9 = t2_130 + t3_58;
-        let t4_10 = t4_9 - t2_129;
-        let t4_11 = t4_10 - t4_8;
-        let t4_12 = sin_s1_3 * t4_11;
-        let t4_13 = cos_s1_3.mul_add(t4_7, t4_12);
-        let t4_14 = t3_59 - t2_175;
-        let t4_15 = (-sin_s1_2).mul_add(t4_4, t4_14);
-        let al_s1_3x = (-cos_s1_2).mul_add(t4_3, t4_15);
-        let t4_16 = t2_176 + al_s1_3x;
-        let t4_17 = p_mz_platform * t4_16;
-        let t4_18 = p_mx_platform.mul_add(t4_13, t4_17);
-        let t4_19 = t2_160.mul_add(p_my_platform, t4_18);
-        let t4_20 = t2_159 + t2_137;
-        let t4_21 = sin_s1_3 * t4_7;
-        let t4_22 = (-cos_s1_3).mul_add(t4_11, t4_21);
-        let t4_23 = t2_176 - al_s1_3x;
-        let t4_24 = t4_20 * p_mz_platform;
-        let t4_25 = p_my_platform.mul_add(t4_23, t4_24);
-        let t4_26 = (-p_mx_platform).mul_add(t4_22, t4_25);
-        let t4_27 = cos_s1_3 * t4_26;
-        let t4_28 = sin_s1_3.mul_add(t4_19, t4_27);
-        let al_s1_3z = t2_121 + t4_13;
-        let t4_29 = t2_121 + al_s1_3z;
-        let t4_30 = w_s1_3z * w_s1_3x;
-        let al_s1_3y = t4_30 + t4_22;
-        let t4_31 = t4_30 + al_s1_3y;
-        let t4_32 = p_mz_platform * t4_31;
-        let t4_33 = (-p_my_platform).mul_add(t4_29, t4_32);
-        let t4_34 = t2_140.mul_add(p_mx_platform, t4_33);
-        let t4_35 = cos_s1_2 * t4_34;
-        let t4_36 = sin_s1_2.mul_add(t4_28, t4_35);
-        let t4_37 = cos_s1_3 * t4_19;
-        let t4_38 = (-sin_s1_3).mul_add(t4_26, t4_37);
-        let t4_39 = cos_s1_1 * t4_38;
-        let t4_40 = sin_s1_1.mul_add(t4_36, t4_39);
-        let t4_41 = p_mz_rod1.mul_add(al_rod1x, t4_40);
-        let t4_42 = t2_1.mul_add(p_my_rod1, t4_41);
-        let t4_43 = t2_1 * p_mz_rod1;
-        let t4_44 = (-p_my_rod1).mul_add(al_rod1x, t4_43);
-        let t4_45 = (-sin_s1_2).mul_add(t4_34, t4_44);
-        let t4_46 = cos_s1_2.mul_add(t4_28, t4_45);
-        let t4_47 = p_ixx_platform - p_izz_platform;
-        let t4_48 = t2_159 - t2_139;
-        let t4_49 = like.lift(0.2).mul_add(t4_29, t2_117);
-        let a_platformx = (-t4_8).mul_add(t2_3, t4_49);
-        let t4_50 = sin_s1_2.mul_add(t4_8, t2_158);
-        let a_s1_2z = like.lift(0.5) * t4_50;
-        let t4_51 = t4_1 * t2_162;
-        let t4_52 = like.lift(-0.2).mul_add(t4_23, t4_51);
-        let a_platformz = (-cos_s1_3).mul_add(a_s1_2z, t4_52);
-        let t4_53 = t2_176 - al_s1_3x;
-        let t4_54 = t2_121 + al_s1_3z;
-        let t4_55 = p_iyz_platform * t4_54;
-        let t4_56 = p_ixy_platform.mul_add(t4_53, t4_55);
-        let t4_57 = t4_48.mul_add(p_ixz_platform, t4_56);
-        let t4_58 = t4_30.mul_add(t4_47, t4_57);
-        let t4_59 = p_iyy_platform.mul_add(al_s1_3y, t4_58);
-        let t4_60 = p_mx_platform.mul_add(a_platformz, t4_59);
-        let t4_61 = (-p_mz_platform).mul_add(a_platformx, t4_60);
-        let t4_62 = p_ixx_platform - p_iyy_platform;
-        let t4_63 = t2_159 - t2_137;
-        let t4_64 = sin_s1_3.mul_add(a_s1_2z, t2_161);
-        let a_platformy = t4_1.mul_add(t2_180, t4_64);
-        let t4_65 = t2_176 + al_s1_3x;
-        let t4_66 = t4_30 + al_s1_3y;
-        let t4_67 = like.lift(0.2) * t4_34;
-        let t4_68 = p_ixz_platform.mul_add(t4_65, t4_67);
-        let t4_69 = (-p_iyz_platform).mul_add(t4_66, t4_68);
-        let t4_70 = t4_63.mul_add(p_ixy_platform, t4_69);
-        let t4_71 = (-t2_121).mul_add(t4_62, t4_70);
-        let t4_72 = (-p_izz_platform).mul_add(al_s1_3z, t4_71);
-        let t4_73 = (-p_my_platform).mul_add(a_platformx, t4_72);
-        let t4_74 = (-p_mx_platform).mul_add(a_platformy, t4_73);
-        let t4_75 = sin_s1_3 * t4_61;
-        let t4_76 = (-cos_s1_3).mul_add(t4_74, t4_75);
-        let t4_77 = p_iyy_platform - p_izz_platform;
-        let t4_78 = t2_137 - t2_139;
-        let t4_79 = t4_30 - al_s1_3y;
-        let t4_80 = t2_121 - al_s1_3z;
-        let t4_81 = p_ixy_platform * t4_79;
-        let t4_82 = like.lift(-0.2).mul_add(t4_26, t4_81);
-        let t4_83 = p_ixz_platform.mul_add(t4_80, t4_82);
-        let t4_84 = t4_78.mul_add(p_iyz_platform, t4_83);
-        let t4_85 = t2_176.mul_add(t4_77, t4_84);
-        let t4_86 = p_ixx_platform.mul_add(al_s1_3x, t4_85);
-        let t4_87 = p_mz_platform.mul_add(a_platformy, t4_86);
-        let t4_88 = p_my_platform.mul_add(a_platformz, t4_87);
-        let t4_89 = sin_s1_2 * t4_76;
-        let t4_90 = (-cos_s1_2).mul_add(t4_88, t4_89);
-        let t4_91 = sin_s1_3 * t4_74;
-        let t4_92 = cos_s1_3.mul_add(t4_61, t4_91);
-        let t4_93 = p_ixx_rod1 * al_rod1x;
-        let t4_94 = like.lift(0.5).mul_add(t4_40, t4_93);
-        let t4_95 = sin_s1_1.mul_add(t4_92, t4_94);
-        let t4_96 = (-cos_s1_1).mul_add(t4_90, t4_95);
-        let t4_97 = -u_s1_2_p1x;
-        let t4_98 = -t2_52;
-        let t4_99 = -u_s1_3_p1y;
-        let t4_100 = -t2_19;
-        let t4_101 = -t2_87;
-        let t4_102 = u_s1_2_p1x.mul_add(t2_225, u_s1_3_p1y);
-        let t4_103 = (-t4_102).mul_add(t3_3, u_s1_2_p1x);
-        let t4_104 = t4_103 * t3_14;
-        let t4_105 = (-t4_102).mul_add(t3_10, t4_104);
-        let t4_106 = u_s1_2_p1x.mul_add(t3_7, t4_105);
-        let t4_107 = (-t4_106).mul_add(t3_31, u_s1_3_p1y);
-        let t4_108 = (-t4_103).mul_add(t3_28, t4_107);
-        let t4_109 = (-t4_102).mul_add(t3_26, t4_108);
-        let t4_110 = t4_109 * inv_pivot_6;
-        let t4_111 = t3_25.mul_add(t4_110, t4_106);
-        let t4_112 = inv_pivot_5 * t4_111;
-        let t4_113 = t2_93.mul_add(t4_110, t4_103);
-        let t4_114 = (-t3_6).mul_add(t4_112, t4_113);
-        let t4_115 = inv_pivot_4 * t4_114;
-        let t4_116 = t3_5.mul_add(t4_112, t4_102);
-        let t4_117 = t3_2.mul_add(t4_115, t4_116);
-        let t4_118 = inv_pivot_3 * t4_117;
-        let t4_119 = -t4_118;
-        let t4_120 = (-t2_52).mul_add(t2_225, t2_33);
-        let t4_121 = t4_120 * t3_3;
-        let t4_122 = (-t4_121).mul_add(t3_14, t2_19);
-        let t4_123 = (-t4_120).mul_add(t3_10, t4_122);
-        let t4_124 = (-t2_52).mul_add(t3_7, t4_123);
-        let t4_125 = t4_124 * t3_31;
-        let t4_126 = (-t4_121).mul_add(t3_28, t4_125);
-        let t4_127 = t4_120.mul_add(t3_26, t4_126);
-        let t4_128 = t4_127 * inv_pivot_6;
-        let t4_129 = (-t3_25).mul_add(t4_128, t4_124);
-        let t4_130 = inv_pivot_5 * t4_129;
-        let t4_131 = t2_93.mul_add(t4_128, t4_121);
-        let t4_132 = t3_6.mul_add(t4_130, t4_131);
-        let t4_133 = inv_pivot_4 * t4_132;
-        let t4_134 = t3_5.mul_add(t4_130, t4_120);
-        let t4_135 = (-t3_2).mul_add(t4_133, t4_134);
-        let t4_136 = inv_pivot_3 * t4_135;
-        let t4_137 = t2_97.mul_add(t3_14, t2_83);
-        let t4_138 = t4_137.mul_add(t3_31, t2_87);
-        let t4_139 = t2_97.mul_add(t3_28, t4_138);
-        let t4_140 = t4_139 * inv_pivot_6;
-        let t4_141 = (-t3_25).mul_add(t4_140, t4_137);
-        let t4_142 = inv_pivot_5 * t4_141;
-        let t4_143 = (-t2_93).mul_add(t4_140, t2_97);
-        let t4_144 = (-t3_6).mul_add(t4_142, t4_143);
-        let t4_145 = inv_pivot_4 * t4_144;
-        let t4_146 = t3_5 * t4_142;
-        let t4_147 = t3_2.mul_add(t4_145, t4_146);
-        let t4_148 = inv_pivot_3 * t4_147;
-        let t4_149 = -t4_115;
-        let t4_150 = -t4_133;
-        let t4_151 = -t4_130;
-        let t4_152 = -t4_142;
-        let t4_153 = sin_s1_3 * t4_112;
-        let t4_154 = e_s1_3_s1_1z.mul_add(t4_115, t4_153);
-        let t4_155 = like.lift(-0.3).mul_add(t4_154, u_s1_2_p1x);
-        let t4_156 = (-t2_6).mul_add(t4_118, t4_155);
-        let t4_157 = inv_pivot_2 * t4_156;
-        let t4_158 = (-t4_112).mul_add(t2_77, u_s1_3_p1z);
-        let t4_159 = t2_76.mul_add(t4_115, t4_158);
-        let t4_160 = (-t2_71).mul_add(t4_118, t4_159);
-        let t4_161 = t2_81.mul_add(t4_157, t4_160);
-        let t4_162 = like.lift(3.3333333333333335) * t4_161;
-        let t4_163 = -t4_162;
-        let t4_164 = sin_s1_3 * t4_130;
-        let t4_165 = (-e_s1_3_s1_1z).mul_add(t4_133, t4_164);
-        let t4_166 = like.lift(0.3).mul_add(t4_165, t2_52);
-        let t4_167 = t2_6.mul_add(t4_136, t4_166);
-        let t4_168 = inv_pivot_2 * t4_167;
-        let t4_169 = (-t4_130).mul_add(t2_77, t2_19);
-        let t4_170 = (-t2_76).mul_add(t4_133, t4_169);
-        let t4_171 = (-t2_71).mul_add(t4_136, t4_170);
-        let t4_172 = (-t2_81).mul_add(t4_168, t4_171);
-        let t4_173 = like.lift(3.3333333333333335) * t4_172;
-        let t4_174 = sin_s1_3 * t4_142;
-        let t4_175 = e_s1_3_s1_1z.mul_add(t4_145, t4_174);
-        let t4_176 = like.lift(0.3) * t4_175;
-        let t4_177 = t2_6.mul_add(t4_148, t4_176);
-        let t4_178 = inv_pivot_2 * t4_177;
-        let t4_179 = t4_142 * t2_77;
-        let t4_180 = (-t2_76).mul_add(t4_145, t4_179);
-        let t4_181 = t2_71.mul_add(t4_148, t4_180);
-        let t4_182 = t2_81.mul_add(t4_178, t4_181);
-        let t4_183 = like.lift(3.3333333333333335) * t4_182;
-        let t4_184 = -t4_183;
-        let t4_185 = -t4_157;
-        let t4_186 = -t4_168;
-        let t4_187 = -t4_178;
-        let t4_188 = -t4_110;
-        let t4_189 = -t4_128;
-        let t4_190 = -t4_140;
+        let w_s1_1x = cos_s1_1 * d_q1;
+        let t4_1 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_1);
+        let w_s1_3x = d_s1_3 - w_s1_2x;
+        let t4_2 = w_s1_3x * w_s1_3x;
+        let w_s1_1y = sin_s1_1 * d_q1;
+        let w_s1_2y = d_s1_2 - w_s1_1y;
+        let t4_3 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_3);
+        let t4_4 = sin_s1_3 * w_s1_2y;
+        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_4);
+        let t4_5 = w_s1_3z * w_s1_3z;
+        let t4_6 = t4_2 + t4_5;
+        let t4_7 = w_s1_2x * w_s1_2y;
+        let t4_8 = d_s1_1 * w_s1_1y;
+        let t4_9 = cos_s1_1 * al_rod1x;
+        let t4_10 = t4_8 + t4_8;
+        let t4_11 = t4_10 - t4_9;
+        let t4_12 = w_s1_1x.mul_add(w_s1_1y, al_s1_1z);
+        let t4_13 = t4_7 + t4_7;
+        let t4_14 = (-cos_s1_2).mul_add(t4_12, t4_13);
+        let t4_15 = sin_s1_2.mul_add(t4_11, t4_14);
+        let t4_16 = sin_s1_1 * al_rod1x;
+        let t4_17 = w_s1_2z.mul_add(w_s1_2x, t3_36);
+        let t4_18 = (-d_s1_1).mul_add(w_s1_1x, t4_17);
+        let t4_19 = t4_18 - t4_16;
+        let t4_20 = sin_s1_3 * t4_19;
+        let t4_21 = cos_s1_3.mul_add(t4_15, t4_20);
+        let t4_22 = sin_s1_3 * w_s1_2z;
+        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t4_22);
+        let t4_23 = w_s1_3y * w_s1_3z;
+        let t4_24 = (-w_s1_2z).mul_add(w_s1_2y, t3_37);
+        let t4_25 = (-sin_s1_2).mul_add(t4_12, t4_24);
+        let al_s1_3x = (-cos_s1_2).mul_add(t4_11, t4_25);
+        let t4_26 = t4_23 + al_s1_3x;
+        let t4_27 = p_mz_platform * t4_26;
+        let t4_28 = p_mx_platform.mul_add(t4_21, t4_27);
+        let t4_29 = t4_6.mul_add(p_my_platform, t4_28);
+        let t4_30 = w_s1_3y * w_s1_3y;
+        let t4_31 = t4_2 + t4_30;
+        let t4_32 = sin_s1_3 * t4_15;
+        let t4_33 = (-cos_s1_3).mul_add(t4_19, t4_32);
+        let t4_34 = t4_23 - al_s1_3x;
+        let t4_35 = t4_31 * p_mz_platform;
+        let t4_36 = p_my_platform.mul_add(t4_34, t4_35);
+        let t4_37 = (-p_mx_platform).mul_add(t4_33, t4_36);
+        let t4_38 = cos_s1_3 * t4_37;
+        let t4_39 = sin_s1_3.mul_add(t4_29, t4_38);
+        let t4_40 = t4_30 + t4_5;
+        let t4_41 = w_s1_3y * w_s1_3x;
+        let al_s1_3z = t4_41 + t4_21;
+        let t4_42 = t4_41 + al_s1_3z;
+        let t4_43 = w_s1_3z * w_s1_3x;
+        let al_s1_3y = t4_43 + t4_33;
+        let t4_44 = t4_43 + al_s1_3y;
+        let t4_45 = p_mz_platform * t4_44;
+        let t4_46 = (-p_my_platform).mul_add(t4_42, t4_45);
+        let t4_47 = t4_40.mul_add(p_mx_platform, t4_46);
+        let t4_48 = cos_s1_2 * t4_47;
+        let t4_49 = sin_s1_2.mul_add(t4_39, t4_48);
+        let t4_50 = cos_s1_3 * t4_29;
+        let t4_51 = (-sin_s1_3).mul_add(t4_37, t4_50);
+        let t4_52 = cos_s1_1 * t4_51;
+        let t4_53 = sin_s1_1.mul_add(t4_49, t4_52);
+        let t4_54 = p_mz_rod1.mul_add(al_rod1x, t4_53);
+        let t4_55 = t2_1.mul_add(p_my_rod1, t4_54);
+        let t4_56 = t2_1 * p_mz_rod1;
+        let t4_57 = (-p_my_rod1).mul_add(al_rod1x, t4_56);
+        let t4_58 = (-sin_s1_2).mul_add(t4_47, t4_57);
+        let t4_59 = cos_s1_2.mul_add(t4_39, t4_58);
+        let t4_60 = p_ixx_platform - p_izz_platform;
+        let t4_61 = t4_2 - t4_5;
+        let t4_62 = cos_s1_2 * t4_16;
+        let t4_63 = (-sin_s1_2).mul_add(t2_1, t4_62);
+        let t4_64 = like.lift(0.2) * t4_42;
+        let a_platformx = like.lift(-0.5).mul_add(t4_63, t4_64);
+        let t4_65 = sin_s1_2 * t4_16;
+        let t4_66 = cos_s1_2.mul_add(t2_1, t4_65);
+        let a_s1_2z = like.lift(0.5) * t4_66;
+        let t4_67 = like.lift(0.5) * t4_9;
+        let t4_68 = sin_s1_3 * t4_67;
+        let t4_69 = like.lift(-0.2).mul_add(t4_34, t4_68);
+        let a_platformz = (-cos_s1_3).mul_add(a_s1_2z, t4_69);
+        let t4_70 = t4_23 - al_s1_3x;
+        let t4_71 = t4_41 + al_s1_3z;
+        let t4_72 = p_iyz_platform * t4_71;
+        let t4_73 = p_ixy_platform.mul_add(t4_70, t4_72);
+        let t4_74 = t4_61.mul_add(p_ixz_platform, t4_73);
+        let t4_75 = t4_43.mul_add(t4_60, t4_74);
+        let t4_76 = p_iyy_platform.mul_add(al_s1_3y, t4_75);
+        let t4_77 = p_mx_platform.mul_add(a_platformz, t4_76);
+        let t4_78 = (-p_mz_platform).mul_add(a_platformx, t4_77);
+        let t4_79 = p_ixx_platform - p_iyy_platform;
+        let t4_80 = t4_2 - t4_30;
+        let t4_81 = like.lift(0.2) * t4_6;
+        let t4_82 = sin_s1_3.mul_add(a_s1_2z, t4_81);
+        let a_platformy = cos_s1_3.mul_add(t4_67, t4_82);
+        let t4_83 = t4_23 + al_s1_3x;
+        let t4_84 = t4_43 + al_s1_3y;
+        let t4_85 = like.lift(0.2) * t4_47;
+        let t4_86 = p_ixz_platform.mul_add(t4_83, t4_85);
+        let t4_87 = (-p_iyz_platform).mul_add(t4_84, t4_86);
+        let t4_88 = t4_80.mul_add(p_ixy_platform, t4_87);
+        let t4_89 = (-t4_41).mul_add(t4_79, t4_88);
+        let t4_90 = (-p_izz_platform).mul_add(al_s1_3z, t4_89);
+        let t4_91 = (-p_my_platform).mul_add(a_platformx, t4_90);
+        let t4_92 = (-p_mx_platform).mul_add(a_platformy, t4_91);
+        let t4_93 = sin_s1_3 * t4_78;
+        let t4_94 = (-cos_s1_3).mul_add(t4_92, t4_93);
+        let t4_95 = p_iyy_platform - p_izz_platform;
+        let t4_96 = t4_30 - t4_5;
+        let t4_97 = t4_43 - al_s1_3y;
+        let t4_98 = t4_41 - al_s1_3z;
+        let t4_99 = p_ixy_platform * t4_97;
+        let t4_100 = like.lift(-0.2).mul_add(t4_37, t4_99);
+        let t4_101 = p_ixz_platform.mul_add(t4_98, t4_100);
+        let t4_102 = t4_96.mul_add(p_iyz_platform, t4_101);
+        let t4_103 = t4_23.mul_add(t4_95, t4_102);
+        let t4_104 = p_ixx_platform.mul_add(al_s1_3x, t4_103);
+        let t4_105 = p_mz_platform.mul_add(a_platformy, t4_104);
+        let t4_106 = p_my_platform.mul_add(a_platformz, t4_105);
+        let t4_107 = sin_s1_2 * t4_94;
+        let t4_108 = (-cos_s1_2).mul_add(t4_106, t4_107);
+        let t4_109 = sin_s1_3 * t4_92;
+        let t4_110 = cos_s1_3.mul_add(t4_78, t4_109);
+        let t4_111 = p_ixx_rod1 * al_rod1x;
+        let t4_112 = like.lift(0.5).mul_add(t4_53, t4_111);
+        let t4_113 = sin_s1_1.mul_add(t4_110, t4_112);
+        let t4_114 = (-cos_s1_1).mul_add(t4_108, t4_113);
+        let t4_115 = like.lift(1.0) - t2_205;
+        let t4_116 = t4_115.mul_add(t2_218, t2_214);
+        let t4_117 = (-t4_116).mul_add(t3_5, t2_232);
+        let t4_118 = t4_115.mul_add(t3_1, t4_117);
+        let t4_119 = t4_118 * inv_pivot_6;
+        let t4_120 = (-t2_229).mul_add(t4_119, t4_116);
+        let t4_121 = inv_pivot_5 * t4_120;
+        let t4_122 = t2_226.mul_add(t4_119, t4_115);
+        let t4_123 = t2_211.mul_add(t4_121, t4_122);
+        let t4_124 = inv_pivot_4 * t4_123;
+        let t4_125 = t2_224.mul_add(t4_119, like.lift(1.0));
+        let t4_126 = t2_209.mul_add(t4_121, t4_125);
+        let t4_127 = (-t2_204).mul_add(t4_124, t4_126);
+        let t4_128 = inv_pivot_3 * t4_127;
+        let t4_129 = -t4_128;
+        let t4_130 = t2_213 * t3_5;
+        let t4_131 = t4_130 * inv_pivot_6;
+        let t4_132 = t2_229.mul_add(t4_131, t2_213);
+        let t4_133 = inv_pivot_5 * t4_132;
+        let t4_134 = t2_211 * t4_133;
+        let t4_135 = (-t2_226).mul_add(t4_131, t4_134);
+        let t4_136 = inv_pivot_4 * t4_135;
+        let t4_137 = t2_224 * t4_131;
+        let t4_138 = (-t2_209).mul_add(t4_133, t4_137);
+        let t4_139 = t2_204.mul_add(t4_136, t4_138);
+        let t4_140 = inv_pivot_3 * t4_139;
+        let t4_141 = -t4_140;
+        let t4_142 = t2_231 * inv_pivot_6;
+        let t4_143 = inv_pivot_5 * t2_229;
+        let t4_144 = t4_143 * t4_142;
+        let t4_145 = t2_211 * t4_144;
+        let t4_146 = (-t2_226).mul_add(t4_142, t4_145);
+        let t4_147 = inv_pivot_4 * t4_146;
+        let t4_148 = t2_224 * t4_142;
+        let t4_149 = (-t2_209).mul_add(t4_144, t4_148);
+        let t4_150 = t2_204.mul_add(t4_147, t4_149);
+        let t4_151 = inv_pivot_3 * t4_150;
+        let t4_152 = -t4_124;
+        let t4_153 = -t4_147;
+        let t4_154 = -t4_142;
+        let t4_155 = -t4_121;
+        let t4_156 = -t4_144;
+        let t4_157 = t2_26 * t4_119;
+        let t4_158 = (-t2_29).mul_add(t4_121, t4_157);
+        let t4_159 = t2_24.mul_add(t4_124, t4_158);
+        let t4_160 = t4_159 * t3_27;
+        let t4_161 = (-t2_26).mul_add(t4_131, like.lift(0.8660254037844386));
+        let t4_162 = (-t2_29).mul_add(t4_133, t4_161);
+        let t4_163 = t2_24.mul_add(t4_136, t4_162);
+        let t4_164 = t4_163 * t3_27;
+        let t4_165 = -t4_164;
+        let t4_166 = t2_24 * t4_147;
+        let t4_167 = (-t2_26).mul_add(t4_142, t4_166);
+        let t4_168 = (-t2_29).mul_add(t4_144, t4_167);
+        let t4_169 = t4_168 * t3_27;
+        let t4_170 = t2_66 * t4_119;
+        let t4_171 = (-t2_69).mul_add(t4_121, t4_170);
+        let t4_172 = t2_64.mul_add(t4_124, t4_171);
+        let t4_173 = t4_172 * t3_33;
+        let t4_174 = -t4_173;
+        let t4_175 = t2_64 * t4_136;
+        let t4_176 = (-t2_66).mul_add(t4_131, t4_175);
+        let t4_177 = (-t2_69).mul_add(t4_133, t4_176);
+        let t4_178 = t4_177 * t3_33;
+        let t4_179 = (-t2_66).mul_add(t4_142, like.lift(0.8660254037844386));
+        let t4_180 = (-t2_69).mul_add(t4_144, t4_179);
+        let t4_181 = t2_64.mul_add(t4_147, t4_180);
+        let t4_182 = t4_181 * t3_33;
+        let t4_183 = -t4_182;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_57 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_71 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t3_35 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_119, t4_136, t4_148], [t4_149, t4_150, t4_145], [t4_112, t4_151, t4_152],
-                [t4_163, t4_173, t4_184], [t4_185, t4_186, t4_187], [t4_188, t4_189, t4_190],
+                [t4_129, t4_141, t4_151], [t4_152, t4_136, t4_153], [t4_119, t4_131, t4_154],
+                [t4_155, t4_133, t4_156], [t4_160, t4_165, t4_169], [t4_174, t4_178, t4_183],
             ],
             margin,
             || (
                 [
-                    [t2_6, t2_7, t2_9, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_45, t2_47, t2_48, like.lift(0.0), t2_64, like.lift(0.0)],
-                    [t2_72, t2_76, t2_77, like.lift(-0.3), t2_81, like.lift(0.0)],
-                    [t2_6, t2_7, t2_9, like.lift(0.0), like.lift(0.0), t2_94],
-                    [t2_95, t2_46, t2_96, like.lift(0.0), like.lift(0.0), t2_104],
-                    [t2_107, t2_109, t2_110, like.lift(-0.3), like.lift(0.0), t2_115],
+                    [like.lift(0.0), t2_24, t2_27, t2_30, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_40, t2_42, t2_45, t2_46, like.lift(0.0)],
+                    [t2_50, t2_51, t2_53, t2_56, t2_58, like.lift(0.0)],
+                    [like.lift(0.0), t2_64, t2_67, t2_70, like.lift(0.0), t2_71],
+                    [t2_73, t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
+                    [t2_85, t2_86, t2_88, t2_91, like.lift(0.0), t2_93],
                 ],
                 [
-                    [t4_97, t4_98, like.lift(0.0)], [t4_99, t2_33, like.lift(0.0)],
-                    [u_s1_3_p1z, t4_100, like.lift(0.0)], [t4_97, like.lift(0.0), t2_97],
-                    [t4_99, like.lift(0.0), t4_101], [u_s1_3_p1z, like.lift(0.0), t2_83],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t4_42, t4_46, t4_76, t4_88, t4_92, t4_96, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+            t4_55, t4_59, t4_94, t4_106, t4_110, t4_114, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
             x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2,
             x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
         ]
     };
     // tau
     {
-        let t5_1 = sin_s1_2 * t4_88;
-        let t5_2 = cos_s1_2.mul_add(t4_76, t5_1);
+        let t5_1 = sin_s1_2 * t4_106;
+        let t5_2 = cos_s1_2.mul_add(t4_94, t5_1);
         let t5_3 = p_ixx_rod2 * al_rod2x;
         let t5_4 = p_ixx_rod3 * al_rod3x;
         let t5_5 = t5_4 * x_q3_p1;
         let t5_6 = t5_3.mul_add(x_q2_p1, t5_5);
-        let t5_7 = t4_88.mul_add(x_s1_3_p1, t5_6);
-        let t5_8 = (-t4_92).mul_add(x_s1_2_p1, t5_7);
+        let t5_7 = t4_106.mul_add(x_s1_3_p1, t5_6);
+        let t5_8 = (-t4_110).mul_add(x_s1_2_p1, t5_7);
         let t5_9 = (-t5_2).mul_add(x_s1_1_p1, t5_8);
-        let t5_10 = t4_96.mul_add(x_q1_p1, t5_9);
-        let t5_11 = (-sin_q1).mul_add(t4_46, t5_10);
-        let t5_12 = cos_q1.mul_add(t4_42, t5_11);
+        let t5_10 = t4_114.mul_add(x_q1_p1, t5_9);
+        let t5_11 = (-sin_q1).mul_add(t4_59, t5_10);
+        let t5_12 = cos_q1.mul_add(t4_55, t5_11);
         let t5_13 = -t5_12;
         tau[0] = t5_13;
-        let t5_14 = d_q2 * d_q2;
-        let t5_15 = p_mz_rod2 * al_rod2x;
-        let t5_16 = t5_14.mul_add(p_my_rod2, t5_15);
-        let t5_17 = t5_14 * p_mz_rod2;
-        let t5_18 = (-p_my_rod2).mul_add(al_rod2x, t5_17);
-        let t5_19 = t5_4 * x_q3_p2;
-        let t5_20 = t5_3.mul_add(x_q2_p2, t5_19);
-        let t5_21 = (-sin_q2).mul_add(t5_18, t5_20);
-        let t5_22 = cos_q2.mul_add(t5_16, t5_21);
-        let t5_23 = t4_88.mul_add(x_s1_3_p2, t5_22);
-        let t5_24 = (-t4_92).mul_add(x_s1_2_p2, t5_23);
-        let t5_25 = (-t5_2).mul_add(x_s1_1_p2, t5_24);
-        let t5_26 = t4_96.mul_add(x_q1_p2, t5_25);
-        let t5_27 = -t5_26;
-        tau[1] = t5_27;
-        let t5_28 = d_q3 * d_q3;
-        let t5_29 = p_mz_rod3 * al_rod3x;
-        let t5_30 = t5_28.mul_add(p_my_rod3, t5_29);
-        let t5_31 = t5_28 * p_mz_rod3;
-        let t5_32 = (-p_my_rod3).mul_add(al_rod3x, t5_31);
-        let t5_33 = t5_4 * x_q3_p3;
-        let t5_34 = (-sin_q3).mul_add(t5_32, t5_33);
-        let t5_35 = cos_q3.mul_add(t5_30, t5_34);
-        let t5_36 = t5_3.mul_add(x_q2_p3, t5_35);
-        let t5_37 = t4_88.mul_add(x_s1_3_p3, t5_36);
-        let t5_38 = (-t4_92).mul_add(x_s1_2_p3, t5_37);
-        let t5_39 = (-t5_2).mul_add(x_s1_1_p3, t5_38);
-        let t5_40 = t4_96.mul_add(x_q1_p3, t5_39);
-        let t5_41 = -t5_40;
-        tau[2] = t5_41;
+        let t5_14 = p_mz_rod2 * al_rod2x;
+        let t5_15 = t2_134.mul_add(p_my_rod2, t5_14);
+        let t5_16 = t2_134 * p_mz_rod2;
+        let t5_17 = (-p_my_rod2).mul_add(al_rod2x, t5_16);
+        let t5_18 = t5_4 * x_q3_p2;
+        let t5_19 = t5_3.mul_add(x_q2_p2, t5_18);
+        let t5_20 = (-sin_q2).mul_add(t5_17, t5_19);
+        let t5_21 = cos_q2.mul_add(t5_15, t5_20);
+        let t5_22 = t4_106.mul_add(x_s1_3_p2, t5_21);
+        let t5_23 = (-t4_110).mul_add(x_s1_2_p2, t5_22);
+        let t5_24 = (-t5_2).mul_add(x_s1_1_p2, t5_23);
+        let t5_25 = t4_114.mul_add(x_q1_p2, t5_24);
+        let t5_26 = -t5_25;
+        tau[1] = t5_26;
+        let t5_27 = p_mz_rod3 * al_rod3x;
+        let t5_28 = t2_181.mul_add(p_my_rod3, t5_27);
+        let t5_29 = t2_181 * p_mz_rod3;
+        let t5_30 = (-p_my_rod3).mul_add(al_rod3x, t5_29);
+        let t5_31 = t5_4 * x_q3_p3;
+        let t5_32 = (-sin_q3).mul_add(t5_30, t5_31);
+        let t5_33 = cos_q3.mul_add(t5_28, t5_32);
+        let t5_34 = t5_3.mul_add(x_q2_p3, t5_33);
+        let t5_35 = t4_106.mul_add(x_s1_3_p3, t5_34);
+        let t5_36 = (-t4_110).mul_add(x_s1_2_p3, t5_35);
+        let t5_37 = (-t5_2).mul_add(x_s1_1_p3, t5_36);
+        let t5_38 = t4_114.mul_add(x_q1_p3, t5_37);
+        let t5_39 = -t5_38;
+        tau[2] = t5_39;
     }
     (tau, Condition { pivot: condition })
 }
@@ -8812,7 +8394,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 249 additions, 369 multiplications, 5 divisions, 6 sines and cosines.
+/// 235 additions, 338 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -8839,14 +8421,11 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], 
             cos_q2, sin_q3, cos_q3,
         ]
     };
-    // M, part 1
+    // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_2, t2_4, t2_6, t2_10, t2_13, t2_18, e_s1_3_s1_1z, t2_19, t2_21, t2_24, u_s1_3_p1z,
-        t2_45, pivot_2, t2_53, t2_57, t2_58, t2_59, t2_60, t2_76, t2_83, t2_84, t2_88, t2_89,
-        t2_93, t2_95, t2_106, t2_107, t2_108, t2_109, t2_116, t2_119, t2_121, t2_122, t2_127,
-        t2_128, t2_129, t2_130, t2_131, t2_132, inv_pivot_2, pivot_3, pivot_4, pivot_5,
-        pivot_6, t2_165, t2_167, t2_174, t2_183, t2_191, t2_195, t2_197, t2_200, t2_203,
-        t2_204, t2_205, t2_206, t2_207, t2_212, t2_218, t2_223, t2_225,
+        t2_2, t2_4, t2_6, t2_10, t2_13, t2_27, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2,
+        x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1,
+        x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
         let t2_1 = cos_s1_3 * p_mz_platform;
         let t2_2 = sin_s1_3.mul_add(p_my_platform, t2_1);
@@ -8861,493 +8440,440 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], 
         let t2_11 = p_mz_rod1 + t2_10;
         let t2_12 = cos_q1 * t2_11;
         let t2_13 = sin_q1.mul_add(t2_8, t2_12);
-        let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t2_14 = cos_s1_3 * e_s1_2_q1z;
-        let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t2_14);
-        let t2_15 = like.lift(0.1) + like.lift(0.2);
-        let t2_16 = e_s1_3_q1z * t2_15;
-        let t2_17 = like.lift(0.5) * sin_s1_1;
-        let t2_18 = t2_17.mul_add(cos_s1_2, t2_16);
-        let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t2_19 = like.lift(0.3) * e_s1_3_s1_1z;
-        let t2_20 = like.lift(0.3) * sin_s1_3;
-        let t2_21 = -t2_20;
-        let t2_22 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t2_22);
-        let t2_23 = like.lift(0.5) * e_s1_3_q1y;
+        let t2_14 = sin_q1 * cos_s1_1;
+        let t2_15 = sin_q1 * sin_s1_1;
+        let t2_16 = sin_s1_2 * t2_15;
+        let t2_17 = cos_q1.mul_add(cos_s1_2, t2_16);
+        let t2_18 = sin_s1_3 * t2_17;
+        let t2_19 = cos_s1_3.mul_add(t2_14, t2_18);
+        let t2_20 = like.lift(0.1) * t2_19;
+        let t2_21 = like.lift(0.2) * t2_19;
+        let t2_22 = cos_q1 * sin_s1_2;
+        let t2_23 = (-cos_s1_2).mul_add(t2_15, t2_22);
+        let t2_24 = like.lift(0.17320508075688773) * t2_23;
+        let t2_25 = t2_20 + t2_21;
+        let t2_26 = t2_25 - t2_24;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_24 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_24);
-        let t2_25 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_25);
-        let t2_26 = like.lift(0.8660254037844386) * u_s1_3_p1y;
-        let t2_27 = t2_23 + t2_26;
-        let t2_28 = like.lift(0.8660254037844386) * e_s1_3_q1z;
-        let t2_29 = cos_s1_3 * u_s1_2_p1z;
-        let u_s1_3_p1z = sin_s1_3.mul_add(u_s1_1_p1y, t2_29);
-        let t2_30 = like.lift(0.5) * u_s1_3_p1z;
-        let t2_31 = t2_28 - t2_30;
-        let t2_32 = sin_q1 * cos_s1_1;
-        let t2_33 = sin_q1 * sin_s1_1;
-        let t2_34 = sin_s1_2 * t2_33;
-        let t2_35 = cos_q1.mul_add(cos_s1_2, t2_34);
-        let t2_36 = sin_s1_3 * t2_32;
-        let t2_37 = (-cos_s1_3).mul_add(t2_35, t2_36);
-        let t2_38 = sin_q2 * t2_31;
-        let t2_39 = (-cos_q2).mul_add(t2_37, t2_38);
-        let t2_40 = like.lift(0.5) * e_s1_3_q1z;
-        let t2_41 = like.lift(0.8660254037844386) * u_s1_3_p1z;
-        let t2_42 = t2_40 + t2_41;
-        let t2_43 = like.lift(0.8660254037844386) * e_s1_3_q1y;
-        let t2_44 = like.lift(0.5) * u_s1_3_p1y;
-        let t2_45 = t2_43 - t2_44;
-        let t2_46 = sin_s1_3 * t2_35;
-        let t2_47 = cos_s1_3.mul_add(t2_32, t2_46);
-        let t2_48 = sin_q2 * t2_45;
-        let t2_49 = (-cos_q2).mul_add(t2_47, t2_48);
-        let t2_50 = t2_42 * t2_49;
-        let t2_51 = (-t2_27).mul_add(t2_39, t2_50);
-        let t2_52 = like.lift(0.5) * t2_51;
-        let pivot_2 = -t2_52;
-        let t2_53 = sin_s1_1 * sin_s1_2;
-        let t2_54 = sin_s1_3 * t2_53;
-        let t2_55 = cos_s1_1.mul_add(cos_s1_3, t2_54);
-        let u_s1_3_q1y = like.lift(0.5) * t2_55;
-        let t2_56 = like.lift(0.17320508075688773) * e_s1_3_q1z;
-        let t2_57 = u_s1_3_q1y - t2_56;
-        let t2_58 = like.lift(0.17320508075688773) * e_s1_3_s1_1z;
-        let t2_59 = -t2_58;
-        let t2_60 = like.lift(0.17320508075688773) * sin_s1_3;
+        let t2_27 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_27);
+        let t2_28 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_28);
+        let t2_29 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_30 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_31 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_31);
+        let t2_32 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_33 = t2_29 + t2_30;
+        let t2_34 = t2_33 + t2_32;
+        let t2_35 = cos_q1 * t2_34;
+        let t2_36 = sin_q1.mul_add(t2_26, t2_35);
+        let t2_37 = u_s1_1_p1y * t2_26;
+        let t2_38 = (-t2_14).mul_add(t2_34, t2_37);
+        let t2_39 = -t2_38;
+        let t2_40 = t2_23 * t2_34;
+        let t2_41 = u_s1_2_p1x.mul_add(t2_26, t2_40);
+        let t2_42 = -t2_41;
+        let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
+        let t2_43 = like.lift(0.5).mul_add(cos_q1, t2_21);
+        let t2_44 = t2_43 - t2_24;
+        let pivot_3 = t2_44 + t2_20;
+        let t2_45 = sin_s1_1 * cos_s1_3;
+        let t2_46 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_46).mul_add(sin_s1_2, t2_45);
+        let t2_47 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_61 = like.lift(0.8660254037844386) * e_s1_2_q1x;
-        let t2_62 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_62);
-        let t2_63 = like.lift(0.5) * u_s1_2_p1x;
-        let t2_64 = t2_61 + t2_63;
-        let t2_65 = cos_q1 * sin_s1_2;
-        let t2_66 = (-cos_s1_2).mul_add(t2_33, t2_65);
-        let t2_67 = sin_q2 * t2_64;
-        let t2_68 = (-cos_q2).mul_add(t2_66, t2_67);
-        let t2_69 = like.lift(0.5) * e_s1_2_q1x;
-        let t2_70 = like.lift(0.8660254037844386) * u_s1_2_p1x;
-        let t2_71 = t2_69 - t2_70;
-        let t2_72 = t2_71 * t2_39;
-        let t2_73 = (-t2_42).mul_add(t2_68, t2_72);
-        let t2_74 = like.lift(0.5) * t2_73;
-        let t2_75 = -t2_74;
-        let t2_76 = -t2_75;
-        let t2_77 = cos_s1_3 * t2_53;
-        let t2_78 = (-cos_s1_1).mul_add(sin_s1_3, t2_77);
-        let t2_79 = like.lift(0.2) * e_s1_2_q1x;
-        let u_platform_q1z = like.lift(-0.5).mul_add(t2_78, t2_79);
-        let t2_80 = like.lift(0.1) * e_s1_2_q1x;
-        let t2_81 = like.lift(0.17320508075688773) * e_s1_3_q1y;
-        let t2_82 = u_platform_q1z + t2_80;
-        let t2_83 = t2_82 + t2_81;
-        let t2_84 = -t2_83;
-        let u_platform_s1_1z = like.lift(0.2) * sin_s1_2;
-        let t2_85 = like.lift(0.1) * sin_s1_2;
-        let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t2_86 = like.lift(0.17320508075688773) * e_s1_3_s1_1y;
-        let t2_87 = u_platform_s1_1z + t2_85;
-        let t2_88 = t2_87 + t2_86;
-        let t2_89 = like.lift(0.17320508075688773) * cos_s1_3;
-        let t2_90 = t2_27 * t2_68;
-        let t2_91 = (-t2_71).mul_add(t2_49, t2_90);
-        let t2_92 = like.lift(0.5) * t2_91;
+        let t2_48 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_49 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_50 = t2_47 - t2_48;
+        let t2_51 = t2_50 + t2_49;
+        let t2_52 = cos_q1 * t2_51;
+        let t2_53 = t2_14 * t2_51;
+        let t2_54 = (-sin_s1_1).mul_add(t2_26, t2_53);
+        let t2_55 = t2_23 * t2_51;
+        let t2_56 = (-e_s1_2_q1x).mul_add(t2_26, t2_55);
+        let t2_57 = -t2_56;
+        let t2_58 = like.lift(0.25) * cos_q2;
+        let t2_59 = like.lift(0.5) * sin_q1;
+        let t2_60 = t2_59 - t2_30;
+        let t2_61 = t2_60 - t2_32;
+        let t2_62 = t2_61 - t2_29;
+        let t2_63 = sin_q1 * t2_51;
+        let t2_64 = sin_s1_1 * t2_34;
+        let t2_65 = (-u_s1_1_p1y).mul_add(t2_51, t2_64);
+        let t2_66 = u_s1_2_p1x * t2_51;
+        let t2_67 = e_s1_2_q1x.mul_add(t2_34, t2_66);
+        let t2_68 = -t2_67;
+        let t2_69 = like.lift(0.5) * sin_q2;
+        let t2_70 = -t2_69;
+        let t2_71 = t2_20 + t2_21;
+        let t2_72 = t2_71 + t2_24;
+        let t2_73 = t2_29 + t2_30;
+        let t2_74 = t2_73 - t2_32;
+        let t2_75 = cos_q1 * t2_74;
+        let t2_76 = sin_q1.mul_add(t2_72, t2_75);
+        let t2_77 = u_s1_1_p1y * t2_72;
+        let t2_78 = (-t2_14).mul_add(t2_74, t2_77);
+        let t2_79 = -t2_78;
+        let t2_80 = t2_23 * t2_74;
+        let t2_81 = u_s1_2_p1x.mul_add(t2_72, t2_80);
+        let t2_82 = -t2_81;
+        let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
+        let t2_83 = -pivot_2;
+        let t2_84 = t2_43 + t2_24;
+        let t2_85 = t2_84 + t2_20;
+        let t2_86 = t2_47 + t2_48;
+        let t2_87 = t2_86 + t2_49;
+        let t2_88 = cos_q1 * t2_87;
+        let t2_89 = t2_14 * t2_87;
+        let t2_90 = (-sin_s1_1).mul_add(t2_72, t2_89);
+        let t2_91 = t2_23 * t2_87;
+        let t2_92 = (-e_s1_2_q1x).mul_add(t2_72, t2_91);
         let t2_93 = -t2_92;
-        let t2_94 = t2_23 - t2_26;
-        let t2_95 = t2_28 + t2_30;
-        let t2_96 = cos_q3 * t2_37;
-        let t2_97 = sin_q3.mul_add(t2_95, t2_96);
-        let t2_98 = t2_40 - t2_41;
-        let t2_99 = t2_43 + t2_44;
-        let t2_100 = cos_q3 * t2_47;
-        let t2_101 = sin_q3.mul_add(t2_99, t2_100);
-        let t2_102 = t2_98 * t2_101;
-        let t2_103 = (-t2_94).mul_add(t2_97, t2_102);
-        let t2_104 = like.lift(0.5) * t2_103;
+        let t2_94 = like.lift(0.25) * cos_q3;
+        let t2_95 = t2_59 - t2_30;
+        let t2_96 = t2_95 + t2_32;
+        let t2_97 = t2_96 - t2_29;
+        let t2_98 = sin_q1 * t2_87;
+        let t2_99 = sin_s1_1 * t2_74;
+        let t2_100 = (-u_s1_1_p1y).mul_add(t2_87, t2_99);
+        let t2_101 = u_s1_2_p1x * t2_87;
+        let t2_102 = e_s1_2_q1x.mul_add(t2_74, t2_101);
+        let t2_103 = -t2_102;
+        let t2_104 = like.lift(0.5) * sin_q3;
         let t2_105 = -t2_104;
-        let t2_106 = -t2_105;
-        let t2_107 = u_s1_3_q1y + t2_56;
-        let t2_108 = -t2_60;
-        let t2_109 = t2_61 - t2_63;
-        let t2_110 = cos_q3 * t2_66;
-        let t2_111 = sin_q3.mul_add(t2_109, t2_110);
-        let t2_112 = t2_69 + t2_70;
-        let t2_113 = t2_112 * t2_97;
-        let t2_114 = (-t2_98).mul_add(t2_111, t2_113);
-        let t2_115 = like.lift(0.5) * t2_114;
-        let t2_116 = -t2_115;
-        let t2_117 = u_platform_q1z + t2_80;
-        let t2_118 = t2_117 - t2_81;
-        let t2_119 = -t2_118;
-        let t2_120 = u_platform_s1_1z + t2_85;
-        let t2_121 = t2_120 - t2_86;
-        let t2_122 = -t2_89;
-        let t2_123 = t2_94 * t2_111;
-        let t2_124 = (-t2_112).mul_add(t2_101, t2_123);
-        let t2_125 = like.lift(0.5) * t2_124;
-        let t2_126 = -t2_125;
-        let t2_127 = -t2_126;
-        let t2_128 = -u_s1_2_p1x;
-        let t2_129 = -t2_64;
-        let t2_130 = -u_s1_3_p1y;
-        let t2_131 = -t2_31;
-        let t2_132 = -t2_99;
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_133 = t2_75 * inv_pivot_2;
-        let pivot_3 = t2_18.mul_add(t2_133, t2_57);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_134 = u_s1_2_p1x.mul_add(t2_133, u_s1_3_p1y);
-        let t2_135 = (-t2_133).mul_add(t2_19, t2_58);
-        let t2_136 = t2_18 * inv_pivot_3;
-        let pivot_4 = t2_135.mul_add(t2_136, t2_19);
+        let t2_106 = like.lift(-0.5773502691896257).mul_add(t2_36, t2_52);
+        let t2_107 = t2_85 * inv_pivot_3;
+        let t2_108 = (-t2_106).mul_add(t2_107, t2_88);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_76, t2_108);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_137 = (-t2_134).mul_add(t2_136, u_s1_2_p1x);
-        let t2_138 = (-t2_133).mul_add(t2_20, t2_60);
-        let t2_139 = t2_138.mul_add(t2_136, t2_20);
-        let t2_140 = t2_93 * inv_pivot_2;
-        let t2_141 = t2_18 * t2_140;
-        let t2_142 = like.lift(0.34641016151377546).mul_add(e_s1_3_q1y, t2_141);
-        let t2_143 = t2_142 * inv_pivot_3;
-        let t2_144 = like.lift(0.34641016151377546) * e_s1_3_s1_1y;
-        let t2_145 = (-t2_135).mul_add(t2_143, t2_144);
-        let t2_146 = (-t2_140).mul_add(t2_19, t2_145);
-        let t2_147 = t2_146 * inv_pivot_4;
-        let t2_148 = t2_139 * t2_147;
-        let t2_149 = t2_138.mul_add(t2_143, t2_148);
-        let t2_150 = t2_140.mul_add(t2_20, t2_149);
-        let pivot_5 = like.lift(0.34641016151377546).mul_add(cos_s1_3, t2_150);
+        let t2_109 = like.lift(1.0) - t2_107;
+        let t2_110 = like.lift(-0.5773502691896257).mul_add(t2_41, t2_56);
+        let t2_111 = (-t2_110).mul_add(t2_107, t2_92);
+        let t2_112 = like.lift(0.5773502691896257).mul_add(t2_81, t2_111);
+        let t2_113 = like.lift(1.0) / cos_q2;
+        let t2_114 = sin_q2 * t2_113;
+        let t2_115 = t2_62 * inv_pivot_3;
+        let t2_116 = like.lift(1.1547005383792515) * t2_114;
+        let t2_117 = (-t2_106).mul_add(t2_115, t2_63);
+        let t2_118 = t2_36.mul_add(t2_116, t2_117);
+        let t2_119 = t2_118 * inv_pivot_4;
+        let t2_120 = (-t2_112).mul_add(t2_119, t2_67);
+        let t2_121 = (-t2_110).mul_add(t2_115, t2_120);
+        let pivot_5 = t2_41.mul_add(t2_116, t2_121);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_151 = t2_137 * t2_147;
-        let t2_152 = (-t2_134).mul_add(t2_143, t2_151);
-        let t2_153 = u_s1_2_p1x.mul_add(t2_140, t2_152);
-        let t2_154 = t2_105.mul_add(t2_147, t2_126);
-        let t2_155 = t2_107 * inv_pivot_3;
-        let t2_156 = t2_135.mul_add(t2_155, t2_58);
-        let t2_157 = t2_156 * inv_pivot_4;
-        let t2_158 = (-t2_139).mul_add(t2_157, t2_60);
-        let t2_159 = t2_138.mul_add(t2_155, t2_158);
-        let t2_160 = t2_159 * inv_pivot_5;
-        let t2_161 = (-t2_153).mul_add(t2_160, u_s1_3_p1y);
-        let t2_162 = (-t2_137).mul_add(t2_157, t2_161);
-        let t2_163 = (-t2_134).mul_add(t2_155, t2_162);
-        let t2_164 = t2_154.mul_add(t2_160, t2_116);
-        let pivot_6 = t2_105.mul_add(t2_157, t2_164);
+        let t2_122 = t2_109.mul_add(t2_119, t2_115);
+        let t2_123 = like.lift(0.5773502691896257).mul_add(t2_38, t2_54);
+        let t2_124 = (-t2_123).mul_add(t2_107, t2_90);
+        let t2_125 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_124);
+        let t2_126 = (-t2_125).mul_add(t2_119, t2_65);
+        let t2_127 = (-t2_123).mul_add(t2_115, t2_126);
+        let t2_128 = (-t2_38).mul_add(t2_116, t2_127);
+        let t2_129 = t2_97 * inv_pivot_3;
+        let t2_130 = like.lift(1.0) / cos_q3;
+        let t2_131 = sin_q3 * t2_130;
+        let t2_132 = like.lift(1.1547005383792515) * t2_131;
+        let t2_133 = (-t2_106).mul_add(t2_129, t2_98);
+        let t2_134 = (-t2_76).mul_add(t2_132, t2_133);
+        let t2_135 = t2_134 * inv_pivot_4;
+        let t2_136 = (-t2_112).mul_add(t2_135, t2_102);
+        let t2_137 = (-t2_110).mul_add(t2_129, t2_136);
+        let t2_138 = (-t2_81).mul_add(t2_132, t2_137);
+        let t2_139 = t2_138 * inv_pivot_5;
+        let t2_140 = (-t2_122).mul_add(t2_139, t2_129);
+        let t2_141 = t2_109.mul_add(t2_135, t2_140);
+        let t2_142 = (-t2_128).mul_add(t2_139, t2_100);
+        let t2_143 = (-t2_125).mul_add(t2_135, t2_142);
+        let t2_144 = (-t2_123).mul_add(t2_129, t2_143);
+        let pivot_6 = t2_78.mul_add(t2_132, t2_144);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_165 = t2_163 * inv_pivot_6;
-        let t2_166 = t2_154.mul_add(t2_165, t2_153);
-        let t2_167 = inv_pivot_5 * t2_166;
-        let t2_168 = t2_105.mul_add(t2_165, t2_137);
-        let t2_169 = (-t2_139).mul_add(t2_167, t2_168);
-        let t2_170 = inv_pivot_4 * t2_169;
-        let t2_171 = t2_138.mul_add(t2_167, t2_134);
-        let t2_172 = t2_135.mul_add(t2_170, t2_171);
-        let t2_173 = inv_pivot_3 * t2_172;
-        let t2_174 = -t2_173;
-        let t2_175 = (-t2_64).mul_add(t2_133, t2_45);
-        let t2_176 = t2_175 * t2_136;
-        let t2_177 = (-t2_176).mul_add(t2_147, t2_31);
-        let t2_178 = (-t2_175).mul_add(t2_143, t2_177);
-        let t2_179 = (-t2_64).mul_add(t2_140, t2_178);
-        let t2_180 = t2_179 * t2_160;
-        let t2_181 = (-t2_176).mul_add(t2_157, t2_180);
-        let t2_182 = t2_175.mul_add(t2_155, t2_181);
-        let t2_183 = t2_182 * inv_pivot_6;
-        let t2_184 = (-t2_154).mul_add(t2_183, t2_179);
-        let t2_185 = inv_pivot_5 * t2_184;
-        let t2_186 = t2_105.mul_add(t2_183, t2_176);
-        let t2_187 = t2_139.mul_add(t2_185, t2_186);
-        let t2_188 = inv_pivot_4 * t2_187;
-        let t2_189 = t2_138.mul_add(t2_185, t2_175);
-        let t2_190 = (-t2_135).mul_add(t2_188, t2_189);
-        let t2_191 = inv_pivot_3 * t2_190;
-        let t2_192 = t2_109.mul_add(t2_147, t2_95);
-        let t2_193 = t2_192.mul_add(t2_160, t2_99);
-        let t2_194 = t2_109.mul_add(t2_157, t2_193);
-        let t2_195 = t2_194 * inv_pivot_6;
-        let t2_196 = (-t2_154).mul_add(t2_195, t2_192);
-        let t2_197 = inv_pivot_5 * t2_196;
-        let t2_198 = (-t2_105).mul_add(t2_195, t2_109);
-        let t2_199 = (-t2_139).mul_add(t2_197, t2_198);
-        let t2_200 = inv_pivot_4 * t2_199;
-        let t2_201 = t2_138 * t2_197;
-        let t2_202 = t2_135.mul_add(t2_200, t2_201);
-        let t2_203 = inv_pivot_3 * t2_202;
-        let t2_204 = -t2_170;
-        let t2_205 = -t2_188;
-        let t2_206 = -t2_185;
-        let t2_207 = -t2_197;
-        let t2_208 = sin_s1_3 * t2_167;
-        let t2_209 = e_s1_3_s1_1z.mul_add(t2_170, t2_208);
-        let t2_210 = like.lift(-0.3).mul_add(t2_209, u_s1_2_p1x);
-        let t2_211 = (-t2_18).mul_add(t2_173, t2_210);
-        let t2_212 = inv_pivot_2 * t2_211;
-        let t2_213 = (-t2_167).mul_add(t2_89, u_s1_3_p1z);
-        let t2_214 = t2_88.mul_add(t2_170, t2_213);
-        let t2_215 = (-t2_83).mul_add(t2_173, t2_214);
-        let t2_216 = t2_93.mul_add(t2_212, t2_215);
-        let t2_217 = like.lift(3.3333333333333335) * t2_216;
-        let t2_218 = -t2_217;
-        let t2_219 = sin_s1_3 * t2_185;
-        let t2_220 = (-e_s1_3_s1_1z).mul_add(t2_188, t2_219);
-        let t2_221 = like.lift(0.3).mul_add(t2_220, t2_64);
-        let t2_222 = t2_18.mul_add(t2_191, t2_221);
-        let t2_223 = inv_pivot_2 * t2_222;
-        let t2_224 = (-t2_185).mul_add(t2_89, t2_31);
-        let t2_225 = (-t2_88).mul_add(t2_188, t2_224);
-        [
-            t2_2, t2_4, t2_6, t2_10, t2_13, t2_18, e_s1_3_s1_1z, t2_19, t2_21, t2_24,
-            u_s1_3_p1z, t2_45, pivot_2, t2_53, t2_57, t2_58, t2_59, t2_60, t2_76, t2_83, t2_84,
-            t2_88, t2_89, t2_93, t2_95, t2_106, t2_107, t2_108, t2_109, t2_116, t2_119, t2_121,
-            t2_122, t2_127, t2_128, t2_129, t2_130, t2_131, t2_132, inv_pivot_2, pivot_3,
-            pivot_4, pivot_5, pivot_6, t2_165, t2_167, t2_174, t2_183, t2_191, t2_195, t2_197,
-            t2_200, t2_203, t2_204, t2_205, t2_206, t2_207, t2_212, t2_218, t2_223, t2_225,
-        ]
-    };
-    // loops: solve with A_e (Eq. 8, 10)
-    let [
-        x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-        x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-        x_q3_p2, x_q3_p3,
-    ] = {
-        let t3_1 = (-t2_83).mul_add(t2_191, t2_225);
-        let t3_2 = (-t2_93).mul_add(t2_223, t3_1);
-        let t3_3 = like.lift(3.3333333333333335) * t3_2;
-        let t3_4 = sin_s1_3 * t2_197;
-        let t3_5 = e_s1_3_s1_1z.mul_add(t2_200, t3_4);
-        let t3_6 = like.lift(0.3) * t3_5;
-        let t3_7 = t2_18.mul_add(t2_203, t3_6);
-        let t3_8 = inv_pivot_2 * t3_7;
-        let t3_9 = t2_197 * t2_89;
-        let t3_10 = (-t2_88).mul_add(t2_200, t3_9);
-        let t3_11 = t2_83.mul_add(t2_203, t3_10);
-        let t3_12 = t2_93.mul_add(t3_8, t3_11);
-        let t3_13 = like.lift(3.3333333333333335) * t3_12;
-        let t3_14 = -t3_13;
-        let t3_15 = -t2_212;
-        let t3_16 = -t2_223;
-        let t3_17 = -t3_8;
-        let t3_18 = -t2_165;
-        let t3_19 = -t2_183;
-        let t3_20 = -t2_195;
-        let t3_21 = -pivot_5;
+        let t2_145 = t2_141 * inv_pivot_6;
+        let t2_146 = (-t2_128).mul_add(t2_145, t2_122);
+        let t2_147 = inv_pivot_5 * t2_146;
+        let t2_148 = t2_125.mul_add(t2_145, t2_109);
+        let t2_149 = t2_112.mul_add(t2_147, t2_148);
+        let t2_150 = inv_pivot_4 * t2_149;
+        let t2_151 = t2_123.mul_add(t2_145, like.lift(1.0));
+        let t2_152 = t2_110.mul_add(t2_147, t2_151);
+        let t2_153 = (-t2_106).mul_add(t2_150, t2_152);
+        let t2_154 = inv_pivot_3 * t2_153;
+        let t2_155 = -t2_154;
+        let t2_156 = t2_114 * t2_139;
+        let t2_157 = t2_156 * inv_pivot_6;
+        let t2_158 = t2_128.mul_add(t2_157, t2_114);
+        let t2_159 = inv_pivot_5 * t2_158;
+        let t2_160 = t2_112 * t2_159;
+        let t2_161 = (-t2_125).mul_add(t2_157, t2_160);
+        let t2_162 = inv_pivot_4 * t2_161;
+        let t2_163 = t2_123 * t2_157;
+        let t2_164 = (-t2_110).mul_add(t2_159, t2_163);
+        let t2_165 = t2_106.mul_add(t2_162, t2_164);
+        let t2_166 = inv_pivot_3 * t2_165;
+        let t2_167 = -t2_166;
+        let t2_168 = t2_131 * inv_pivot_6;
+        let t2_169 = inv_pivot_5 * t2_128;
+        let t2_170 = t2_169 * t2_168;
+        let t2_171 = t2_112 * t2_170;
+        let t2_172 = (-t2_125).mul_add(t2_168, t2_171);
+        let t2_173 = inv_pivot_4 * t2_172;
+        let t2_174 = t2_123 * t2_168;
+        let t2_175 = (-t2_110).mul_add(t2_170, t2_174);
+        let t2_176 = t2_106.mul_add(t2_173, t2_175);
+        let t2_177 = inv_pivot_3 * t2_176;
+        let t2_178 = -t2_150;
+        let t2_179 = -t2_173;
+        let t2_180 = -t2_168;
+        let t2_181 = -t2_147;
+        let t2_182 = -t2_170;
+        let t2_183 = t2_38 * t2_145;
+        let t2_184 = (-t2_41).mul_add(t2_147, t2_183);
+        let t2_185 = t2_36.mul_add(t2_150, t2_184);
+        let t2_186 = like.lift(2.309401076758503) * t2_113;
+        let t2_187 = t2_185 * t2_186;
+        let t2_188 = (-t2_38).mul_add(t2_157, like.lift(0.8660254037844386));
+        let t2_189 = (-t2_41).mul_add(t2_159, t2_188);
+        let t2_190 = t2_36.mul_add(t2_162, t2_189);
+        let t2_191 = t2_190 * t2_186;
+        let t2_192 = -t2_191;
+        let t2_193 = t2_36 * t2_173;
+        let t2_194 = (-t2_38).mul_add(t2_168, t2_193);
+        let t2_195 = (-t2_41).mul_add(t2_170, t2_194);
+        let t2_196 = t2_195 * t2_186;
+        let t2_197 = t2_78 * t2_145;
+        let t2_198 = (-t2_81).mul_add(t2_147, t2_197);
+        let t2_199 = t2_76.mul_add(t2_150, t2_198);
+        let t2_200 = like.lift(2.309401076758503) * t2_130;
+        let t2_201 = t2_199 * t2_200;
+        let t2_202 = -t2_201;
+        let t2_203 = t2_76 * t2_162;
+        let t2_204 = (-t2_78).mul_add(t2_157, t2_203);
+        let t2_205 = (-t2_81).mul_add(t2_159, t2_204);
+        let t2_206 = t2_205 * t2_200;
+        let t2_207 = (-t2_78).mul_add(t2_168, like.lift(0.8660254037844386));
+        let t2_208 = (-t2_81).mul_add(t2_170, t2_207);
+        let t2_209 = t2_76.mul_add(t2_173, t2_208);
+        let t2_210 = t2_209 * t2_200;
+        let t2_211 = -t2_210;
+        let t2_212 = -pivot_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.5892521509609296)).abs()
-            .min((pivot_3 * like.lift(2.1385463585394944)).abs())
-            .min((pivot_4 * like.lift(3.3960785085304397)).abs())
-            .min((t3_21 * like.lift(2.7755363549939664)).abs())
-            .min((pivot_6 * like.lift(1.0910894511799618)).abs());
+        let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
+            .min((t2_83 * like.lift(2.4888041299057773)).abs())
+            .min((pivot_3 * like.lift(2.2795308120892552)).abs())
+            .min((pivot_4 * like.lift(1.5748519708717799)).abs())
+            .min((t2_212 * like.lift(3.327667645468371)).abs())
+            .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
             [x_s1_2_p1, x_s1_2_p2, x_s1_2_p3], [x_s1_3_p1, x_s1_3_p2, x_s1_3_p3],
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_174, t2_191, t2_203], [t2_204, t2_205, t2_200], [t2_167, t2_206, t2_207],
-                [t2_218, t3_3, t3_14], [t3_15, t3_16, t3_17], [t3_18, t3_19, t3_20],
+                [t2_155, t2_167, t2_177], [t2_178, t2_162, t2_179], [t2_145, t2_157, t2_180],
+                [t2_181, t2_159, t2_182], [t2_187, t2_192, t2_196], [t2_202, t2_206, t2_211],
             ],
             margin,
             || (
                 [
-                    [t2_18, t2_19, t2_21, like.lift(0.0), pivot_2, like.lift(0.0)],
-                    [t2_57, t2_59, t2_60, like.lift(0.0), t2_76, like.lift(0.0)],
-                    [t2_84, t2_88, t2_89, like.lift(-0.3), t2_93, like.lift(0.0)],
-                    [t2_18, t2_19, t2_21, like.lift(0.0), like.lift(0.0), t2_106],
-                    [t2_107, t2_58, t2_108, like.lift(0.0), like.lift(0.0), t2_116],
-                    [t2_119, t2_121, t2_122, like.lift(-0.3), like.lift(0.0), t2_127],
+                    [like.lift(0.0), t2_36, t2_39, t2_42, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_52, t2_54, t2_57, t2_58, like.lift(0.0)],
+                    [t2_62, t2_63, t2_65, t2_68, t2_70, like.lift(0.0)],
+                    [like.lift(0.0), t2_76, t2_79, t2_82, like.lift(0.0), t2_83],
+                    [t2_85, t2_88, t2_90, t2_93, like.lift(0.0), t2_94],
+                    [t2_97, t2_98, t2_100, t2_103, like.lift(0.0), t2_105],
                 ],
                 [
-                    [t2_128, t2_129, like.lift(0.0)], [t2_130, t2_45, like.lift(0.0)],
-                    [u_s1_3_p1z, t2_131, like.lift(0.0)], [t2_128, like.lift(0.0), t2_109],
-                    [t2_130, like.lift(0.0), t2_132], [u_s1_3_p1z, like.lift(0.0), t2_95],
+                    [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
+                    [like.lift(-1.0), like.lift(-0.5), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.8660254037844386)],
+                    [like.lift(-1.0), like.lift(0.0), like.lift(-0.5)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-            x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-            x_q3_p2, x_q3_p3,
+            t2_2, t2_4, t2_6, t2_10, t2_13, t2_27, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+            x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2,
+            x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
         ]
     };
     // M
     {
-        let t4_1 = cos_s1_1 * t2_4;
-        let t4_2 = (-sin_s1_1).mul_add(t2_6, t4_1);
-        let t4_3 = cos_q1 * t4_2;
-        let t4_4 = sin_s1_1 * t2_10;
-        let t4_5 = sin_q1 * t2_4;
-        let t4_6 = cos_q1.mul_add(t4_4, t4_5);
-        let t4_7 = t2_6 * t2_53;
-        let t4_8 = (-cos_s1_1).mul_add(t2_2, t4_7);
-        let t4_9 = cos_q1 * t4_8;
-        let t4_10 = (-t2_6).mul_add(t2_24, t4_9);
-        let t4_11 = like.lift(-0.2).mul_add(p_mx_platform, p_ixy_platform);
-        let t4_12 = cos_s1_3 * p_ixz_platform;
-        let t4_13 = sin_s1_3.mul_add(t4_11, t4_12);
-        let t4_14 = cos_s1_2 * t4_13;
-        let t4_15 = like.lift(-0.2).mul_add(p_mz_platform, p_iyz_platform);
-        let t4_16 = cos_s1_3 * t4_15;
-        let t4_17 = sin_s1_3.mul_add(p_iyy_platform, t4_16);
-        let t4_18 = sin_s1_3 * t4_15;
-        let t4_19 = like.lift(0.4) * p_my_platform;
-        let t4_20 = p_izz_platform + t4_19;
-        let t4_21 = cos_s1_3.mul_add(t4_20, t4_18);
-        let t4_22 = cos_s1_3 * t4_21;
-        let t4_23 = sin_s1_3.mul_add(t4_17, t4_22);
-        let t4_24 = sin_s1_2.mul_add(t4_23, t4_14);
-        let t4_25 = sin_s1_2 * t4_13;
-        let t4_26 = p_ixx_platform + t4_19;
-        let t4_27 = cos_s1_2.mul_add(t4_26, t4_25);
-        let t4_28 = cos_s1_2 * t4_27;
-        let t4_29 = sin_s1_2.mul_add(t4_24, t4_28);
-        let t4_30 = cos_s1_3.mul_add(p_iyy_platform, -t4_18);
-        let t4_31 = (-sin_s1_3).mul_add(t4_20, t4_16);
-        let t4_32 = cos_s1_3 * t4_31;
-        let t4_33 = sin_s1_3.mul_add(t4_30, t4_32);
-        let t4_34 = cos_s1_3 * t4_11;
-        let t4_35 = (-sin_s1_3).mul_add(p_ixz_platform, t4_34);
-        let t4_36 = cos_s1_2 * t4_35;
-        let t4_37 = sin_s1_2.mul_add(t4_33, t4_36);
-        let t4_38 = cos_s1_1 * t4_29;
-        let t4_39 = (-sin_s1_1).mul_add(t4_37, t4_38);
-        let t4_40 = cos_s1_3 * t4_30;
-        let t4_41 = (-sin_s1_3).mul_add(t4_31, t4_40);
-        let t4_42 = cos_s1_1 * t4_37;
-        let t4_43 = (-sin_s1_1).mul_add(t4_41, t4_42);
-        let t4_44 = p_ixx_rod1 + t2_10;
-        let t4_45 = (-sin_s1_1).mul_add(t4_43, t4_44);
-        let t4_46 = cos_s1_1.mul_add(t4_39, t4_45);
-        let t4_47 = cos_s1_2 * t4_24;
-        let t4_48 = (-sin_s1_2).mul_add(t4_27, t4_47);
-        let t4_49 = cos_s1_2 * t4_33;
-        let t4_50 = (-sin_s1_2).mul_add(t4_35, t4_49);
-        let t4_51 = cos_s1_1 * t4_48;
-        let t4_52 = like.lift(-0.5).mul_add(t4_2, t4_51);
-        let t4_53 = (-sin_s1_1).mul_add(t4_50, t4_52);
-        let t4_54 = like.lift(-0.5).mul_add(t4_4, t4_43);
-        let t4_55 = cos_s1_1 * t4_27;
-        let t4_56 = like.lift(-0.5).mul_add(t4_8, t4_55);
-        let t4_57 = (-sin_s1_1).mul_add(t4_35, t4_56);
-        let t4_58 = t4_57.mul_add(x_s1_3_p1, t2_13);
-        let t4_59 = t4_54.mul_add(x_s1_2_p1, t4_58);
-        let t4_60 = t4_53.mul_add(x_s1_1_p1, t4_59);
-        let t4_61 = t4_46.mul_add(x_q1_p1, t4_60);
-        let t4_62 = (-cos_s1_2).mul_add(t4_23, t4_25);
-        let t4_63 = (-sin_s1_2).mul_add(t4_26, t4_14);
-        let t4_64 = sin_s1_2 * t4_63;
-        let t4_65 = cos_s1_2.mul_add(t4_62, t4_64);
-        let t4_66 = (-t4_63).mul_add(x_s1_3_p1, t4_3);
-        let t4_67 = (-t4_50).mul_add(x_s1_2_p1, t4_66);
-        let t4_68 = t4_65.mul_add(x_s1_1_p1, t4_67);
-        let t4_69 = (-t4_53).mul_add(x_q1_p1, t4_68);
-        let t4_70 = (-t4_35).mul_add(x_s1_3_p1, t4_6);
-        let t4_71 = (-t4_41).mul_add(x_s1_2_p1, t4_70);
-        let t4_72 = (-t4_50).mul_add(x_s1_1_p1, t4_71);
-        let t4_73 = (-t4_54).mul_add(x_q1_p1, t4_72);
-        let t4_74 = (-t4_26).mul_add(x_s1_3_p1, t4_10);
-        let t4_75 = (-t4_35).mul_add(x_s1_2_p1, t4_74);
-        let t4_76 = (-t4_63).mul_add(x_s1_1_p1, t4_75);
-        let t4_77 = (-t4_57).mul_add(x_q1_p1, t4_76);
-        let t4_78 = t4_61 + t2_13;
-        let t4_79 = t4_69 + t4_3;
-        let t4_80 = t4_73 + t4_6;
-        let t4_81 = t4_77 + t4_10;
-        let t4_82 = x_q3_p1 * p_ixx_rod3;
-        let t4_83 = t4_82.mul_add(x_q3_p1, p_m_carriage1);
-        let t4_84 = x_q2_p1 * p_ixx_rod2;
-        let t4_85 = t4_84.mul_add(x_q2_p1, t4_83);
-        let t4_86 = (-x_s1_3_p1).mul_add(t4_81, t4_85);
-        let t4_87 = (-x_s1_2_p1).mul_add(t4_80, t4_86);
-        let t4_88 = (-x_s1_1_p1).mul_add(t4_79, t4_87);
-        let t4_89 = x_q1_p1.mul_add(t4_78, t4_88);
-        let t4_90 = t4_57 * x_s1_3_p2;
-        let t4_91 = t4_54.mul_add(x_s1_2_p2, t4_90);
-        let t4_92 = t4_53.mul_add(x_s1_1_p2, t4_91);
-        let t4_93 = t4_46.mul_add(x_q1_p2, t4_92);
-        let t4_94 = t4_63 * x_s1_3_p2;
-        let t4_95 = t4_50.mul_add(x_s1_2_p2, t4_94);
-        let t4_96 = (-t4_65).mul_add(x_s1_1_p2, t4_95);
-        let t4_97 = t4_53.mul_add(x_q1_p2, t4_96);
-        let t4_98 = t4_35 * x_s1_3_p2;
-        let t4_99 = t4_41.mul_add(x_s1_2_p2, t4_98);
-        let t4_100 = t4_50.mul_add(x_s1_1_p2, t4_99);
-        let t4_101 = t4_54.mul_add(x_q1_p2, t4_100);
-        let t4_102 = t4_26 * x_s1_3_p2;
-        let t4_103 = t4_35.mul_add(x_s1_2_p2, t4_102);
-        let t4_104 = t4_63.mul_add(x_s1_1_p2, t4_103);
-        let t4_105 = t4_57.mul_add(x_q1_p2, t4_104);
-        let t4_106 = cos_q2 * p_mz_rod2;
-        let t4_107 = sin_q2.mul_add(p_my_rod2, t4_106);
-        let t4_108 = p_ixx_rod2.mul_add(x_q2_p2, t4_107);
-        let t4_109 = p_ixx_rod3 * x_q3_p2;
-        let t4_110 = x_q3_p1 * t4_109;
-        let t4_111 = x_q2_p1.mul_add(t4_108, t4_110);
-        let t4_112 = x_s1_3_p1.mul_add(t4_105, t4_111);
-        let t4_113 = x_s1_2_p1.mul_add(t4_101, t4_112);
-        let t4_114 = x_s1_1_p1.mul_add(t4_97, t4_113);
-        let t4_115 = x_q1_p1.mul_add(t4_93, t4_114);
-        let t4_116 = (-t4_10).mul_add(x_s1_3_p2, t4_115);
-        let t4_117 = (-t4_6).mul_add(x_s1_2_p2, t4_116);
-        let t4_118 = (-t4_3).mul_add(x_s1_1_p2, t4_117);
-        let t4_119 = t2_13.mul_add(x_q1_p2, t4_118);
-        let t4_120 = t4_57 * x_s1_3_p3;
-        let t4_121 = t4_54.mul_add(x_s1_2_p3, t4_120);
-        let t4_122 = t4_53.mul_add(x_s1_1_p3, t4_121);
-        let t4_123 = t4_46.mul_add(x_q1_p3, t4_122);
-        let t4_124 = t4_63 * x_s1_3_p3;
-        let t4_125 = t4_50.mul_add(x_s1_2_p3, t4_124);
-        let t4_126 = (-t4_65).mul_add(x_s1_1_p3, t4_125);
-        let t4_127 = t4_53.mul_add(x_q1_p3, t4_126);
-        let t4_128 = t4_35 * x_s1_3_p3;
-        let t4_129 = t4_41.mul_add(x_s1_2_p3, t4_128);
-        let t4_130 = t4_50.mul_add(x_s1_1_p3, t4_129);
-        let t4_131 = t4_54.mul_add(x_q1_p3, t4_130);
-        let t4_132 = t4_26 * x_s1_3_p3;
-        let t4_133 = t4_35.mul_add(x_s1_2_p3, t4_132);
-        let t4_134 = t4_63.mul_add(x_s1_1_p3, t4_133);
-        let t4_135 = t4_57.mul_add(x_q1_p3, t4_134);
-        let t4_136 = p_ixx_rod2 * x_q2_p3;
-        let t4_137 = cos_q3 * p_mz_rod3;
-        let t4_138 = sin_q3.mul_add(p_my_rod3, t4_137);
-        let t4_139 = p_ixx_rod3.mul_add(x_q3_p3, t4_138);
-        let t4_140 = x_q3_p1 * t4_139;
-        let t4_141 = x_q2_p1.mul_add(t4_136, t4_140);
-        let t4_142 = x_s1_3_p1.mul_add(t4_135, t4_141);
-        let t4_143 = x_s1_2_p1.mul_add(t4_131, t4_142);
-        let t4_144 = x_s1_1_p1.mul_add(t4_127, t4_143);
-        let t4_145 = x_q1_p1.mul_add(t4_123, t4_144);
-        let t4_146 = (-t4_10).mul_add(x_s1_3_p3, t4_145);
-        let t4_147 = (-t4_6).mul_add(x_s1_2_p3, t4_146);
-        let t4_148 = (-t4_3).mul_add(x_s1_1_p3, t4_147);
-        let t4_149 = t2_13.mul_add(x_q1_p3, t4_148);
-        m[0] = [t4_89, t4_119, t4_149];
-        let t4_150 = t4_108 + t4_107;
-        let t4_151 = x_q3_p2 * t4_109;
-        let t4_152 = x_q2_p2.mul_add(t4_150, t4_151);
-        let t4_153 = x_s1_3_p2.mul_add(t4_105, t4_152);
-        let t4_154 = x_s1_2_p2.mul_add(t4_101, t4_153);
-        let t4_155 = x_s1_1_p2.mul_add(t4_97, t4_154);
-        let t4_156 = x_q1_p2.mul_add(t4_93, t4_155);
-        let t4_157 = x_q3_p2 * t4_139;
-        let t4_158 = x_q2_p2.mul_add(t4_136, t4_157);
-        let t4_159 = t4_107.mul_add(x_q2_p3, t4_158);
-        let t4_160 = x_s1_3_p2.mul_add(t4_135, t4_159);
-        let t4_161 = x_s1_2_p2.mul_add(t4_131, t4_160);
-        let t4_162 = x_s1_1_p2.mul_add(t4_127, t4_161);
-        let t4_163 = x_q1_p2.mul_add(t4_123, t4_162);
-        m[1] = [t4_119, t4_156, t4_163];
-        let t4_164 = t4_139 + t4_138;
-        let t4_165 = x_q3_p3 * t4_164;
-        let t4_166 = x_q2_p3.mul_add(t4_136, t4_165);
-        let t4_167 = x_s1_3_p3.mul_add(t4_135, t4_166);
-        let t4_168 = x_s1_2_p3.mul_add(t4_131, t4_167);
-        let t4_169 = x_s1_1_p3.mul_add(t4_127, t4_168);
-        let t4_170 = x_q1_p3.mul_add(t4_123, t4_169);
-        m[2] = [t4_149, t4_163, t4_170];
+        let t3_1 = sin_s1_1 * t2_6;
+        let t3_2 = cos_s1_1.mul_add(t2_4, -t3_1);
+        let t3_3 = cos_q1 * t3_2;
+        let t3_4 = sin_s1_1 * t2_10;
+        let t3_5 = sin_q1 * t2_4;
+        let t3_6 = cos_q1.mul_add(t3_4, t3_5);
+        let t3_7 = sin_s1_2 * t3_1;
+        let t3_8 = (-cos_s1_1).mul_add(t2_2, t3_7);
+        let t3_9 = cos_q1 * t3_8;
+        let t3_10 = (-t2_6).mul_add(t2_27, t3_9);
+        let t3_11 = like.lift(-0.2).mul_add(p_mx_platform, p_ixy_platform);
+        let t3_12 = cos_s1_3 * p_ixz_platform;
+        let t3_13 = sin_s1_3.mul_add(t3_11, t3_12);
+        let t3_14 = cos_s1_2 * t3_13;
+        let t3_15 = like.lift(-0.2).mul_add(p_mz_platform, p_iyz_platform);
+        let t3_16 = cos_s1_3 * t3_15;
+        let t3_17 = sin_s1_3.mul_add(p_iyy_platform, t3_16);
+        let t3_18 = sin_s1_3 * t3_15;
+        let t3_19 = like.lift(0.4) * p_my_platform;
+        let t3_20 = p_izz_platform + t3_19;
+        let t3_21 = cos_s1_3.mul_add(t3_20, t3_18);
+        let t3_22 = cos_s1_3 * t3_21;
+        let t3_23 = sin_s1_3.mul_add(t3_17, t3_22);
+        let t3_24 = sin_s1_2.mul_add(t3_23, t3_14);
+        let t3_25 = sin_s1_2 * t3_13;
+        let t3_26 = p_ixx_platform + t3_19;
+        let t3_27 = cos_s1_2.mul_add(t3_26, t3_25);
+        let t3_28 = cos_s1_2 * t3_27;
+        let t3_29 = sin_s1_2.mul_add(t3_24, t3_28);
+        let t3_30 = cos_s1_3.mul_add(p_iyy_platform, -t3_18);
+        let t3_31 = (-sin_s1_3).mul_add(t3_20, t3_16);
+        let t3_32 = cos_s1_3 * t3_31;
+        let t3_33 = sin_s1_3.mul_add(t3_30, t3_32);
+        let t3_34 = cos_s1_3 * t3_11;
+        let t3_35 = (-sin_s1_3).mul_add(p_ixz_platform, t3_34);
+        let t3_36 = cos_s1_2 * t3_35;
+        let t3_37 = sin_s1_2.mul_add(t3_33, t3_36);
+        let t3_38 = cos_s1_1 * t3_29;
+        let t3_39 = (-sin_s1_1).mul_add(t3_37, t3_38);
+        let t3_40 = cos_s1_3 * t3_30;
+        let t3_41 = (-sin_s1_3).mul_add(t3_31, t3_40);
+        let t3_42 = cos_s1_1 * t3_37;
+        let t3_43 = (-sin_s1_1).mul_add(t3_41, t3_42);
+        let t3_44 = p_ixx_rod1 + t2_10;
+        let t3_45 = (-sin_s1_1).mul_add(t3_43, t3_44);
+        let t3_46 = cos_s1_1.mul_add(t3_39, t3_45);
+        let t3_47 = cos_s1_2 * t3_24;
+        let t3_48 = (-sin_s1_2).mul_add(t3_27, t3_47);
+        let t3_49 = cos_s1_2 * t3_33;
+        let t3_50 = (-sin_s1_2).mul_add(t3_35, t3_49);
+        let t3_51 = cos_s1_1 * t3_48;
+        let t3_52 = like.lift(-0.5).mul_add(t3_2, t3_51);
+        let t3_53 = (-sin_s1_1).mul_add(t3_50, t3_52);
+        let t3_54 = like.lift(-0.5).mul_add(t3_4, t3_43);
+        let t3_55 = cos_s1_1 * t3_27;
+        let t3_56 = like.lift(-0.5).mul_add(t3_8, t3_55);
+        let t3_57 = (-sin_s1_1).mul_add(t3_35, t3_56);
+        let t3_58 = t3_57.mul_add(x_s1_3_p1, t2_13);
+        let t3_59 = t3_54.mul_add(x_s1_2_p1, t3_58);
+        let t3_60 = t3_53.mul_add(x_s1_1_p1, t3_59);
+        let t3_61 = t3_46.mul_add(x_q1_p1, t3_60);
+        let t3_62 = (-cos_s1_2).mul_add(t3_23, t3_25);
+        let t3_63 = (-sin_s1_2).mul_add(t3_26, t3_14);
+        let t3_64 = sin_s1_2 * t3_63;
+        let t3_65 = cos_s1_2.mul_add(t3_62, t3_64);
+        let t3_66 = (-t3_63).mul_add(x_s1_3_p1, t3_3);
+        let t3_67 = (-t3_50).mul_add(x_s1_2_p1, t3_66);
+        let t3_68 = t3_65.mul_add(x_s1_1_p1, t3_67);
+        let t3_69 = (-t3_53).mul_add(x_q1_p1, t3_68);
+        let t3_70 = (-t3_35).mul_add(x_s1_3_p1, t3_6);
+        let t3_71 = (-t3_41).mul_add(x_s1_2_p1, t3_70);
+        let t3_72 = (-t3_50).mul_add(x_s1_1_p1, t3_71);
+        let t3_73 = (-t3_54).mul_add(x_q1_p1, t3_72);
+        let t3_74 = (-t3_26).mul_add(x_s1_3_p1, t3_10);
+        let t3_75 = (-t3_35).mul_add(x_s1_2_p1, t3_74);
+        let t3_76 = (-t3_63).mul_add(x_s1_1_p1, t3_75);
+        let t3_77 = (-t3_57).mul_add(x_q1_p1, t3_76);
+        let t3_78 = t3_61 + t2_13;
+        let t3_79 = t3_69 + t3_3;
+        let t3_80 = t3_73 + t3_6;
+        let t3_81 = t3_77 + t3_10;
+        let t3_82 = x_q3_p1 * p_ixx_rod3;
+        let t3_83 = t3_82.mul_add(x_q3_p1, p_m_carriage1);
+        let t3_84 = x_q2_p1 * p_ixx_rod2;
+        let t3_85 = t3_84.mul_add(x_q2_p1, t3_83);
+        let t3_86 = (-x_s1_3_p1).mul_add(t3_81, t3_85);
+        let t3_87 = (-x_s1_2_p1).mul_add(t3_80, t3_86);
+        let t3_88 = (-x_s1_1_p1).mul_add(t3_79, t3_87);
+        let t3_89 = x_q1_p1.mul_add(t3_78, t3_88);
+        let t3_90 = t3_57 * x_s1_3_p2;
+        let t3_91 = t3_54.mul_add(x_s1_2_p2, t3_90);
+        let t3_92 = t3_53.mul_add(x_s1_1_p2, t3_91);
+        let t3_93 = t3_46.mul_add(x_q1_p2, t3_92);
+        let t3_94 = t3_63 * x_s1_3_p2;
+        let t3_95 = t3_50.mul_add(x_s1_2_p2, t3_94);
+        let t3_96 = (-t3_65).mul_add(x_s1_1_p2, t3_95);
+        let t3_97 = t3_53.mul_add(x_q1_p2, t3_96);
+        let t3_98 = t3_35 * x_s1_3_p2;
+        let t3_99 = t3_41.mul_add(x_s1_2_p2, t3_98);
+        let t3_100 = t3_50.mul_add(x_s1_1_p2, t3_99);
+        let t3_101 = t3_54.mul_add(x_q1_p2, t3_100);
+        let t3_102 = t3_26 * x_s1_3_p2;
+        let t3_103 = t3_35.mul_add(x_s1_2_p2, t3_102);
+        let t3_104 = t3_63.mul_add(x_s1_1_p2, t3_103);
+        let t3_105 = t3_57.mul_add(x_q1_p2, t3_104);
+        let t3_106 = cos_q2 * p_mz_rod2;
+        let t3_107 = sin_q2.mul_add(p_my_rod2, t3_106);
+        let t3_108 = p_ixx_rod2.mul_add(x_q2_p2, t3_107);
+        let t3_109 = p_ixx_rod3 * x_q3_p2;
+        let t3_110 = x_q3_p1 * t3_109;
+        let t3_111 = x_q2_p1.mul_add(t3_108, t3_110);
+        let t3_112 = x_s1_3_p1.mul_add(t3_105, t3_111);
+        let t3_113 = x_s1_2_p1.mul_add(t3_101, t3_112);
+        let t3_114 = x_s1_1_p1.mul_add(t3_97, t3_113);
+        let t3_115 = x_q1_p1.mul_add(t3_93, t3_114);
+        let t3_116 = (-t3_10).mul_add(x_s1_3_p2, t3_115);
+        let t3_117 = (-t3_6).mul_add(x_s1_2_p2, t3_116);
+        let t3_118 = (-t3_3).mul_add(x_s1_1_p2, t3_117);
+        let t3_119 = t2_13.mul_add(x_q1_p2, t3_118);
+        let t3_120 = t3_57 * x_s1_3_p3;
+        let t3_121 = t3_54.mul_add(x_s1_2_p3, t3_120);
+        let t3_122 = t3_53.mul_add(x_s1_1_p3, t3_121);
+        let t3_123 = t3_46.mul_add(x_q1_p3, t3_122);
+        let t3_124 = t3_63 * x_s1_3_p3;
+        let t3_125 = t3_50.mul_add(x_s1_2_p3, t3_124);
+        let t3_126 = (-t3_65).mul_add(x_s1_1_p3, t3_125);
+        let t3_127 = t3_53.mul_add(x_q1_p3, t3_126);
+        let t3_128 = t3_35 * x_s1_3_p3;
+        let t3_129 = t3_41.mul_add(x_s1_2_p3, t3_128);
+        let t3_130 = t3_50.mul_add(x_s1_1_p3, t3_129);
+        let t3_131 = t3_54.mul_add(x_q1_p3, t3_130);
+        let t3_132 = t3_26 * x_s1_3_p3;
+        let t3_133 = t3_35.mul_add(x_s1_2_p3, t3_132);
+        let t3_134 = t3_63.mul_add(x_s1_1_p3, t3_133);
+        let t3_135 = t3_57.mul_add(x_q1_p3, t3_134);
+        let t3_136 = p_ixx_rod2 * x_q2_p3;
+        let t3_137 = cos_q3 * p_mz_rod3;
+        let t3_138 = sin_q3.mul_add(p_my_rod3, t3_137);
+        let t3_139 = p_ixx_rod3.mul_add(x_q3_p3, t3_138);
+        let t3_140 = x_q3_p1 * t3_139;
+        let t3_141 = x_q2_p1.mul_add(t3_136, t3_140);
+        let t3_142 = x_s1_3_p1.mul_add(t3_135, t3_141);
+        let t3_143 = x_s1_2_p1.mul_add(t3_131, t3_142);
+        let t3_144 = x_s1_1_p1.mul_add(t3_127, t3_143);
+        let t3_145 = x_q1_p1.mul_add(t3_123, t3_144);
+        let t3_146 = (-t3_10).mul_add(x_s1_3_p3, t3_145);
+        let t3_147 = (-t3_6).mul_add(x_s1_2_p3, t3_146);
+        let t3_148 = (-t3_3).mul_add(x_s1_1_p3, t3_147);
+        let t3_149 = t2_13.mul_add(x_q1_p3, t3_148);
+        m[0] = [t3_89, t3_119, t3_149];
+        let t3_150 = t3_108 + t3_107;
+        let t3_151 = x_q3_p2 * t3_109;
+        let t3_152 = x_q2_p2.mul_add(t3_150, t3_151);
+        let t3_153 = x_s1_3_p2.mul_add(t3_105, t3_152);
+        let t3_154 = x_s1_2_p2.mul_add(t3_101, t3_153);
+        let t3_155 = x_s1_1_p2.mul_add(t3_97, t3_154);
+        let t3_156 = x_q1_p2.mul_add(t3_93, t3_155);
+        let t3_157 = x_q3_p2 * t3_139;
+        let t3_158 = x_q2_p2.mul_add(t3_136, t3_157);
+        let t3_159 = t3_107.mul_add(x_q2_p3, t3_158);
+        let t3_160 = x_s1_3_p2.mul_add(t3_135, t3_159);
+        let t3_161 = x_s1_2_p2.mul_add(t3_131, t3_160);
+        let t3_162 = x_s1_1_p2.mul_add(t3_127, t3_161);
+        let t3_163 = x_q1_p2.mul_add(t3_123, t3_162);
+        m[1] = [t3_119, t3_156, t3_163];
+        let t3_164 = t3_139 + t3_138;
+        let t3_165 = x_q3_p3 * t3_164;
+        let t3_166 = x_q2_p3.mul_add(t3_136, t3_165);
+        let t3_167 = x_s1_3_p3.mul_add(t3_135, t3_166);
+        let t3_168 = x_s1_2_p3.mul_add(t3_131, t3_167);
+        let t3_169 = x_s1_1_p3.mul_add(t3_127, t3_168);
+        let t3_170 = x_q1_p3.mul_add(t3_123, t3_169);
+        m[2] = [t3_149, t3_163, t3_170];
     }
     (m, Condition { pivot: condition })
 }
