@@ -530,7 +530,7 @@ def main():
         ratio = lambda x: f"{own / x:.3f}" if math.isfinite(x) else "-"
         batch = {k: f"{ours[f'{robot} {k}'] / own:.3f}" if f"{robot} {k}" in ours else "-" for k in ("batch", "batch avx2")}
         print(f"| {robot} | {own:.0f} | {counted(robot)} | {cell(casadi)} | {ratio(casadi)} | {cell(full)} | {ratio(full)} "
-              f"| {batch['batch']} | {batch['batch avx2']} | {ours[f'{robot} inverse dynamics']:.0f} | {ours[f'{robot} normal equations']:.0f} |")
+              f"| {batch['batch']} | {batch['batch avx2']} | {ours[f'{robot} inverse dynamics']:.0f} | {cell(ours.get(f'{robot} normal equations', math.inf))} |")
     for robot, known in KNOWN.items():
         n = 6 if robot == "puma560" else 7
         found = min(fast[f"{robot}_base"], plain[f"{robot}_base"]) / yard[n]
