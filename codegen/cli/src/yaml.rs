@@ -66,7 +66,8 @@ mod tests {
         let mut bomb = "a0: &a0 [x]\n".to_owned();
         for k in 1..40 {
             let before = k - 1;
-            bomb += &format!("a{k}: &a{k} [*a{before}, *a{before}, *a{before}]\n");
+            let line = format!("a{k}: &a{k} [*a{before}, *a{before}, *a{before}]\n");
+            bomb.push_str(&line);
         }
         assert!(value(&bomb).is_err());
     }
