@@ -25,41 +25,6 @@ impl Eliminated {
         let pairs = self.rows.iter().zip(&self.columns);
         pairs.map(|(row, c)| row[*c].abs())
     }
-
-    /// What is left of further rows when these are taken out of them: the largest entry in the
-    /// first `width` columns. No more than rounding, where they add no rank.
-    pub(super) fn left_of(&self, mut rows: Vec<Vec<Wide>>, width: usize) -> Wide {
-        for (pivot_row, &column) in self.rows.iter().zip(&self.columns) {
-            let Some(inverse) = pivot_row[column].reciprocal() else {
-                continue;
-            };
-            take_out(&mut rows, pivot_row, column, inverse);
-        }
-        let entries = rows.iter().flat_map(|row| &row[..width]);
-        entries.fold(Wide::ZERO, |most, x| most.max(x.abs()))
-    }
-}
-
-/// Takes a row out of others, so that they are zero at its pivot's column.
-fn take_out(rows: &mut [Vec<Wide>], pivot_row: &[Wide], column: usize, inverse: Wide) {
-    let carried: Vec<usize> = (0..pivot_row.len())
-        .filter(|&c| c != column && !pivot_row[c].is_zero())
-        .collect();
-    for row in rows {
-        if row[column].is_zero() {
-            continue;
-        }
-        let factor = row[column] * inverse;
-        row[column] = Wide::ZERO;
-        for &c in &carried {
-            row[c] = row[c] - factor * pivot_row[c];
-        }
-    }
-}
-
-/// Whether a size is more than rounding beside the first pivot's.
-pub(super) fn counts(size: Wide, first: Wide) -> bool {
-    size.cmp_abs(&first.abs().scaled(-ROUNDING)).is_gt()
 }
 
 /// Eliminates the first `width` columns.
@@ -81,15 +46,30 @@ pub(super) fn eliminate(mut rows: Vec<Vec<Wide>>, width: usize) -> Eliminated {
             }
         }
         let (i, column, pivot) = best;
-        let first = *first.get_or_insert(pivot);
-        let inverse = pivot.reciprocal().filter(|_| counts(pivot, first));
-        let Some(inverse) = inverse else {
+        let floor = first.get_or_insert(pivot).abs().scaled(-ROUNDING);
+        let inverse = pivot.reciprocal();
+        let Some(inverse) = inverse.filter(|_| pivot.cmp_abs(&floor).is_gt()) else {
             done.dropped = pivot.abs();
             return done;
         };
         let pivot_row = rows.swap_remove(i);
         free.retain(|&c| c != column);
-        take_out(&mut rows, &pivot_row, column, inverse);
+        let carried: Vec<usize> = free
+            .iter()
+            .copied()
+            .chain(width..pivot_row.len())
+            .filter(|&c| !pivot_row[c].is_zero())
+            .collect();
+        for row in &mut rows {
+            if row[column].is_zero() {
+                continue;
+            }
+            let factor = row[column] * inverse;
+            row[column] = Wide::ZERO;
+            for &c in &carried {
+                row[c] = row[c] - factor * pivot_row[c];
+            }
+        }
         done.rows.push(pivot_row);
         done.columns.push(column);
     }

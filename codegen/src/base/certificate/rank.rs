@@ -1,6 +1,6 @@
 //! The rank of the sampled rows, and questions about their null space.
 
-use super::linear::{Eliminated, counts, eliminate, independent, solve};
+use super::linear::{eliminate, independent, solve};
 use super::wide::{DIGITS, Wide};
 
 /// A gap of fewer orders of magnitude between kept and dropped leaves the rank
@@ -46,8 +46,8 @@ pub struct Samples {
     rows: Vec<Vec<Wide>>,
     /// By column, the power of two that it is multiplied by in the rows.
     units: Vec<i32>,
-    /// A basis of the rows' span, with its pivots.
-    basis: Eliminated,
+    /// A basis of the rows' span.
+    basis: Vec<Vec<Wide>>,
     certificate: Certificate,
 }
 
@@ -72,23 +72,25 @@ impl Samples {
         Samples {
             rows,
             units,
-            basis: done,
+            basis: done.rows,
             certificate,
         }
     }
 
     /// Adds the rows of more states; whether they raised the rank.
     pub(super) fn extend(&mut self, fresh: Vec<Vec<Wide>>, states: usize) -> bool {
-        // the basis has been eliminated: only the fresh rows are work
-        let left = self.basis.left_of(fresh.clone(), self.certificate.columns);
-        let largest = self.basis.pivots().next().unwrap_or(Wide::ZERO);
-        let grown = counts(left, largest);
+        let columns = self.certificate.columns;
+        let together = self.basis.iter().chain(&fresh).cloned();
+        let done = eliminate(together.collect(), columns);
+        let grown = done.rows.len() > self.certificate.rank;
         self.rows.extend(fresh);
         if grown {
             let rows = core::mem::take(&mut self.rows);
             *self = Samples::new(rows, core::mem::take(&mut self.units), states);
         } else {
-            let dropped = left.checked_div(largest).map_or(0.0, |p| p.to_f64());
+            let largest = done.pivots().next();
+            let part = largest.and_then(|l| done.dropped.checked_div(l));
+            let dropped = part.map_or(0.0, |p| p.to_f64());
             self.certificate.largest_dropped = self.certificate.largest_dropped.max(dropped);
             self.certificate.states = states;
         }
@@ -102,7 +104,7 @@ impl Samples {
 
     /// The rank of some of the columns.
     pub fn rank_of(&self, columns: &[usize]) -> usize {
-        let rows = self.basis.rows.iter();
+        let rows = self.basis.iter();
         let chosen = rows.map(|row| columns.iter().map(|&c| row[c]).collect());
         eliminate(chosen.collect(), columns.len()).rows.len()
     }
@@ -110,7 +112,7 @@ impl Samples {
     /// The first columns, in this order, that do not follow from those before:
     /// the base that keeps what comes first.
     pub fn independent(&self, order: &[usize]) -> Vec<usize> {
-        independent(self.basis.rows.clone(), order)
+        independent(self.basis.clone(), order)
     }
 
     /// What the rows make of a direction in the space of the parameters, as a
@@ -161,7 +163,7 @@ impl Samples {
     pub fn circuit(&self, columns: &[usize]) -> Option<Vec<Wide>> {
         let (first, others) = columns.split_first()?;
         let pick = |columns: &[usize]| -> Vec<Vec<Wide>> {
-            let rows = self.basis.rows.iter();
+            let rows = self.basis.iter();
             rows.map(|row| columns.iter().map(|&c| row[c]).collect())
                 .collect()
         };
@@ -185,12 +187,12 @@ impl Samples {
     ///
     /// A kept column's own coefficients are a unit vector.
     pub fn combinations(&self, kept: &[usize]) -> Option<Vec<Vec<Wide>>> {
-        if kept.len() != self.basis.rows.len() {
+        if kept.len() != self.basis.len() {
             return None;
         }
-        let rows = self.basis.rows.iter();
+        let rows = self.basis.iter();
         let matrix = rows.map(|row| kept.iter().map(|&c| row[c]).collect());
-        let by_kept = solve(matrix.collect(), self.basis.rows.clone())?;
+        let by_kept = solve(matrix.collect(), self.basis.clone())?;
         let unit = |k: usize, at: usize| if k == at { Wide::ONE } else { Wide::ZERO };
         let true_size = |x: Wide, k: usize, c: usize| x.scaled(self.units[k] - self.units[c]);
         let column = |c: usize| -> Vec<Wide> {
