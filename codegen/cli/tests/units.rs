@@ -31,7 +31,19 @@ fn each(value: Option<&mut Value>, exponent: i32) {
 /// The spec with lengths in units of 10^-`length` m and masses in 10^-`mass` kg, seconds kept.
 /// Limits go; friction and rotors of turning joints are torques, and scale with mass length^2.
 fn rescaled(text: &str, length: i32, mass: i32) -> String {
-    let mut spec: Value = serde_saphyr::from_str(text).unwrap();
+    // `y` is an axis
+    let options = serde_saphyr::options! { strict_booleans: true };
+    let mut spec: Value = serde_saphyr::from_str_with_options(text, options).unwrap();
+    // names follow from earlier ones: they stay in their order, as they are
+    spec.as_object_mut().unwrap().remove("geometry");
+    let mut inside = false;
+    let names = text.lines().filter(|line| {
+        if !line.starts_with([' ', '#']) && !line.is_empty() {
+            inside = line.starts_with("geometry:");
+        }
+        inside
+    });
+    let names: String = names.flat_map(|line| [line, "\n"]).collect();
     if spec.get("gravity").is_none() {
         spec["gravity"] = json!([0, 0, -9.81]);
     }
@@ -83,7 +95,7 @@ fn rescaled(text: &str, length: i32, mass: i32) -> String {
             each(body.get_mut("inertia"), mass + 2 * length);
         }
     }
-    serde_saphyr::to_string(&spec).unwrap()
+    names + &serde_saphyr::to_string(&spec).unwrap()
 }
 
 /// The unit of a parameter in the new units, by its label.
