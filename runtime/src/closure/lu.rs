@@ -215,7 +215,7 @@ pub(super) fn rows(matrix: &[f64], size: usize) -> impl Iterator<Item = &[f64]> 
     })
 }
 
-fn rows_mut(matrix: &mut [f64], size: usize) -> impl Iterator<Item = &mut [f64]> {
+pub(super) fn rows_mut(matrix: &mut [f64], size: usize) -> impl Iterator<Item = &mut [f64]> {
     let mut rest = matrix;
     core::iter::from_fn(move || {
         let all = core::mem::take(&mut rest);

@@ -4,6 +4,7 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
+use super::lu::{rows, rows_mut};
 use crate::{Condition, Model, Motion, SizeError};
 
 /// Sizes up to this times the unit, or one over it, keep the unit.
@@ -53,7 +54,11 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         };
         let mut poses = vec![0.0; 12 * info.bodies.len()];
         model.poses(info.home, &mut poses)?;
-        let places = poses.chunks_exact(12).flat_map(|pose| pose.iter().skip(9));
+        let places = poses
+            .as_chunks::<12>()
+            .0
+            .iter()
+            .flat_map(|pose| pose.iter().skip(9));
         let slides = (0..n)
             .filter(|k| shifts(*k))
             .filter_map(|k| info.home.get(k));
@@ -84,8 +89,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
 
     /// Which rows are lengths: those whose terms are nearer to the unit of length than to 1.
     fn units_of(&self, a: &[f64], columns: &[f64]) -> Vec<f64> {
-        let rows = a.chunks_exact(columns.len().max(1));
-        let sizes: Vec<f64> = rows
+        let sizes: Vec<f64> = rows(a, columns.len())
             .map(|row| {
                 row.iter()
                     .zip(columns)
@@ -143,7 +147,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
     pub(super) fn jacobian(&mut self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
         self.take(q);
         self.model.jacobian(&self.q, out)?;
-        for (row, unit) in out.chunks_exact_mut(q.len().max(1)).zip(&self.rows) {
+        for (row, unit) in rows_mut(out, q.len()).zip(&self.rows) {
             for (a, coordinate) in row.iter_mut().zip(&self.coordinates) {
                 *a *= coordinate / unit;
             }
@@ -171,7 +175,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
     ) -> Result<(), SizeError> {
         self.take(q);
         self.model.dependent_jacobian(&self.q, out)?;
-        let rows = out.chunks_exact_mut(self.dependent.len().max(1));
+        let rows = rows_mut(out, self.dependent.len());
         for (row, unit) in rows.zip(&self.square) {
             for (a, at) in row.iter_mut().zip(&self.dependent) {
                 *a *= unit_at(&self.coordinates, *at) / unit;

@@ -55,10 +55,9 @@ pub(super) fn sin_cos_all<const N: usize>(angles: &[f64; N]) -> Option<[(f64, f6
     let mut all = [(0.0, 0.0); N];
     // registers are filled up with zeros: five angles in two full ones take half as long as four
     // in a register and one by itself
-    let whole = N - N % 8;
-    let (head, rest) = angles.split_at(whole);
-    let (out, out_rest) = all.split_at_mut(whole);
-    for (angles, out) in head.chunks_exact(8).zip(out.chunks_exact_mut(8)) {
+    let (head, rest) = angles.as_chunks::<8>();
+    let (out, out_rest) = all.as_chunks_mut::<8>();
+    for (angles, out) in head.iter().zip(out) {
         together::<8>(angles, out);
     }
     match rest.len() {
