@@ -164,9 +164,9 @@ impl Scale {
     /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     /// let (layout, all) = (Layout::new(&labels)?, Combinations::identity(&labels));
     /// let seen = all.select(&[5, 6])?;
-    /// assert_eq!(Scale::near(&layout, &seen, &[0.2, 1.5], 1.0), Scale::default());
+    /// assert_eq!(Scale::near(&layout, &seen, &[0.02, 0.15], 1.0), Scale::default());
     /// // the same in millimetres and tonnes: t mm^2 and t mm
-    /// let scale = Scale::near(&layout, &seen, &[0.2e3, 1.5], 256.0);
+    /// let scale = Scale::near(&layout, &seen, &[0.02e3, 0.15], 256.0);
     /// assert!(scale.length > 50.0 && scale.mass < 1e-2);
     /// # Ok::<(), regen_runtime::feasibility::FeasibilityError>(())
     /// ```

@@ -25,7 +25,14 @@ fn cargo(arguments: &[&str]) -> String {
 
 /// The packages of the workspace and all that Cargo.lock holds for them.
 static PACKAGES: LazyLock<Vec<Value>> = LazyLock::new(|| {
-    let text = cargo(&["metadata", "--format-version", "1", "--locked"]);
+    let text = cargo(&[
+        "metadata",
+        "--format-version",
+        "1",
+        "--locked",
+        "--features",
+        "regen-fuzz/targets",
+    ]);
     let all: Value = serde_json::from_str(&text).unwrap();
     all["packages"].as_array().unwrap().clone()
 });
