@@ -1,6 +1,6 @@
 //! Which way of building each body's columns takes the fewest operations.
 
-use crate::sym::{Ex, Graph};
+use crate::sym::{Ex, Graph, Tally};
 
 /// A body's rows, ten entries each, once for every way of building them: the first is about the
 /// link's origin.
@@ -22,29 +22,29 @@ pub(super) fn cheapest(g: &Graph, blocks: &[Block], wanted: &[bool]) -> Vec<usiz
         let entries = entries.flat_map(move |row| row.iter().zip(wanted));
         entries.filter(|(_, wanted)| **wanted).map(|(e, _)| *e)
     };
-    let price = |ways: &[usize]| {
-        let all = ways
-            .iter()
-            .enumerate()
-            .flat_map(|(body, way)| roots(body, *way));
-        g.price(all, &mut Vec::new())
-    };
     let most = blocks.iter().map(Vec::len).max().unwrap_or(1);
     let mut best: Option<(usize, Vec<usize>)> = None;
     for start in 0..most {
         let has = |block: &Block| if start < block.len() { start } else { 0 };
         let mut ways: Vec<usize> = blocks.iter().map(has).collect();
-        let mut least = price(&ways);
+        let mut tally = Tally::new(g);
+        for (body, way) in ways.iter().enumerate() {
+            tally.add(roots(body, *way));
+        }
+        let mut least = tally.price();
         for _ in 0..SWEEPS {
             let before = least;
             for body in 0..blocks.len() {
                 for way in 0..blocks[body].len() {
-                    let old = std::mem::replace(&mut ways[body], way);
-                    let new = price(&ways);
-                    if new < least {
-                        least = new;
+                    let old = ways[body];
+                    tally.add(roots(body, way));
+                    tally.remove(roots(body, old));
+                    if tally.price() < least {
+                        least = tally.price();
+                        ways[body] = way;
                     } else {
-                        ways[body] = old;
+                        tally.add(roots(body, old));
+                        tally.remove(roots(body, way));
                     }
                 }
             }

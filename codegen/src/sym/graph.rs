@@ -323,6 +323,21 @@ impl Graph {
             .unwrap_or(Ex::ZERO)
     }
 
+    /// What a node takes beyond its children, in additions.
+    pub(super) fn cost(&self, ex: Ex) -> usize {
+        match self.node(ex) {
+            Node::Constant(_) | Node::Symbol(_) | Node::Neg(_) | Node::Solved(..) => 0,
+            Node::Add(..)
+            | Node::Sub(..)
+            | Node::Mul(..)
+            | Node::Sign(_)
+            | Node::Positive(_)
+            | Node::Negative(_) => 1,
+            Node::Div(..) => 6,
+            Node::Sin(_) | Node::Cos(_) => 10,
+        }
+    }
+
     /// How many operations the expressions take that are not among `known`
     /// yet: the price of building them, with everything shared counted once.
     /// The nodes counted join `known`.
@@ -334,17 +349,7 @@ impl Graph {
             if std::mem::replace(&mut known[ex.index()], true) {
                 continue;
             }
-            price += match self.node(ex) {
-                Node::Constant(_) | Node::Symbol(_) | Node::Neg(_) | Node::Solved(..) => 0,
-                Node::Add(..)
-                | Node::Sub(..)
-                | Node::Mul(..)
-                | Node::Sign(_)
-                | Node::Positive(_)
-                | Node::Negative(_) => 1,
-                Node::Div(..) => 6,
-                Node::Sin(_) | Node::Cos(_) => 10,
-            };
+            price += self.cost(ex);
             stack.extend(self.children(ex));
         }
         price

@@ -8,9 +8,11 @@ pub mod print;
 mod real;
 mod simplify;
 mod surd;
+mod tally;
 mod vector;
 
 pub use angle::{Angle, AngleId};
 pub use graph::{Ex, Graph, Node, SymbolId, System, SystemId};
 pub use number::Number;
+pub use tally::Tally;
 pub use vector::{IDENTITY, M3, V3, ZERO3, transposed};
