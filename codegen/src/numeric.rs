@@ -20,28 +20,24 @@ pub fn solve_pivoted(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Solution {
     scale_rows(&mut a, Some(&mut b));
     let mut column_of = (0..unknowns).collect::<Vec<_>>();
     let (mut smallest, mut largest) = (f64::INFINITY, 0.0_f64);
+    let mut sizes = Sizes::of(&a);
     for k in 0..unknowns {
-        let Some((row, column, size)) = largest_entry(&a, k, rows, unknowns) else {
+        let Some((row, column, size)) = sizes.largest_entry(&a, k) else {
             smallest = 0.0;
             break;
         };
         a.swap(k, row);
         b.swap(k, row);
+        sizes.swap(k, row);
         for r in &mut a {
             r.swap(k, column);
         }
         column_of.swap(k, column);
         smallest = smallest.min(size);
         largest = largest.max(size);
-        let (pivot_a, pivot_b) = (a[k].clone(), b[k].clone());
-        for i in k + 1..rows {
-            let factor = a[i][k] / pivot_a[k];
-            if factor == 0.0 {
-                continue;
-            }
-            for (x, p) in a[i].iter_mut().zip(&pivot_a).skip(k) {
-                *x -= factor * p;
-            }
+        let pivot_b = b[k].clone();
+        let touched = eliminate(&mut a, k, &mut sizes);
+        for (i, factor) in touched {
             for (x, p) in b[i].iter_mut().zip(&pivot_b) {
                 *x -= factor * p;
             }
@@ -77,9 +73,13 @@ pub fn solve_pivoted(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Solution {
 /// hold nothing but rounding.
 const FLOOR: f64 = 1.0 / 1024.0;
 
+/// The largest entry of a row; what is no number counts as nothing.
+fn size(row: &[f64]) -> f64 {
+    row.iter().fold(0.0_f64, |m, x| m.max(x.abs()))
+}
+
 /// Divides every row by its largest entry, so that metres and radians compare.
 fn scale_rows(a: &mut [Vec<f64>], mut b: Option<&mut Vec<Vec<f64>>>) {
-    let size = |row: &[f64]| row.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     let whole = a.iter().fold(0.0_f64, |m, row| m.max(size(row)));
     for (i, row) in a.iter_mut().enumerate() {
         let size = size(row).max(FLOOR * whole);
@@ -96,22 +96,51 @@ fn scale_rows(a: &mut [Vec<f64>], mut b: Option<&mut Vec<Vec<f64>>>) {
     }
 }
 
-fn largest_entry(
-    a: &[Vec<f64>],
-    from: usize,
-    rows: usize,
-    columns: usize,
-) -> Option<(usize, usize, f64)> {
-    let mut best: Option<(usize, usize, f64)> = None;
-    for (i, row) in a.iter().enumerate().take(rows).skip(from) {
-        for (j, x) in row.iter().enumerate().take(columns).skip(from) {
-            let size = x.abs();
-            if size > best.map_or(0.0, |b| b.2) {
-                best = Some((i, j, size));
+/// The largest entry of each row of a matrix that is being eliminated, among the columns that are
+/// left. Loops share few coordinates, so most rows stay as they are from pivot to pivot.
+struct Sizes(Vec<f64>);
+
+impl Sizes {
+    fn of(a: &[Vec<f64>]) -> Sizes {
+        Sizes(a.iter().map(|row| size(row)).collect())
+    }
+
+    fn swap(&mut self, i: usize, j: usize) {
+        self.0.swap(i, j);
+    }
+
+    /// The first of the largest entries, row by row, at and after `from`; none where all are zero.
+    fn largest_entry(&self, a: &[Vec<f64>], from: usize) -> Option<(usize, usize, f64)> {
+        let mut best: Option<(usize, f64)> = None;
+        for (i, &size) in self.0.iter().enumerate().skip(from) {
+            if size > best.map_or(0.0, |b| b.1) {
+                best = Some((i, size));
             }
         }
+        let (row, size) = best?;
+        let column = a[row][from..].iter().position(|x| x.abs() == size)?;
+        Some((row, from + column, size))
     }
-    best
+}
+
+/// Subtracts row `k` from those below it so that column `k` is zero there, and tells how often
+/// from which.
+fn eliminate(a: &mut [Vec<f64>], k: usize, sizes: &mut Sizes) -> Vec<(usize, f64)> {
+    let pivot = a[k].clone();
+    let filled: Vec<usize> = (k..pivot.len()).filter(|&j| pivot[j] != 0.0).collect();
+    let mut touched = Vec::new();
+    for (i, row) in a.iter_mut().enumerate().skip(k + 1) {
+        if row[k] == 0.0 {
+            continue;
+        }
+        let factor = row[k] / pivot[k];
+        for &j in &filled {
+            row[j] -= factor * pivot[j];
+        }
+        sizes.0[i] = size(&row[k + 1..]);
+        touched.push((i, factor));
+    }
+    touched
 }
 
 /// The rank of a matrix whose dependent part is below `tolerance` times its
@@ -124,8 +153,9 @@ pub fn rank_and_columns(mut a: Vec<Vec<f64>>, tolerance: f64) -> (usize, Vec<usi
     let mut order = (0..columns).collect::<Vec<_>>();
     let mut largest = 0.0_f64;
     let mut rank = 0;
+    let mut sizes = Sizes::of(&a);
     while rank < rows.min(columns) {
-        let Some((row, column, size)) = largest_entry(&a, rank, rows, columns) else {
+        let Some((row, column, size)) = sizes.largest_entry(&a, rank) else {
             break;
         };
         largest = largest.max(size);
@@ -133,17 +163,12 @@ pub fn rank_and_columns(mut a: Vec<Vec<f64>>, tolerance: f64) -> (usize, Vec<usi
             break;
         }
         a.swap(rank, row);
+        sizes.swap(rank, row);
         for r in &mut a {
             r.swap(rank, column);
         }
         order.swap(rank, column);
-        let pivot = a[rank].clone();
-        for r in a.iter_mut().skip(rank + 1) {
-            let factor = r[rank] / pivot[rank];
-            for (x, p) in r.iter_mut().zip(&pivot).skip(rank) {
-                *x -= factor * p;
-            }
-        }
+        eliminate(&mut a, rank, &mut sizes);
         rank += 1;
     }
     order.truncate(rank);

@@ -3,7 +3,7 @@
 use crate::model::Model;
 use crate::numeric::{rank_and_columns, solve_pivoted};
 use crate::sym::eval::Evaluator;
-use crate::sym::{Ex, Graph};
+use crate::sym::Graph;
 
 use super::rows::Equations;
 use super::units::Units;
@@ -46,6 +46,8 @@ pub struct NumericLoops<'g> {
     evaluator: Evaluator<'g>,
     rows: usize,
     coordinates: usize,
+    /// Row and column of each entry of A that is not always zero.
+    filled: Vec<(usize, usize)>,
     units: Units,
 }
 
@@ -53,10 +55,17 @@ impl<'g> NumericLoops<'g> {
     /// From the equations in the world. The coordinates must be the graph's
     /// first symbols, in order.
     pub fn new(g: &'g Graph, equations: &Equations, model: &Model) -> Self {
-        let jacobian = equations.jacobian.iter().flatten();
-        let roots: Vec<Ex> = equations.residual.iter().chain(jacobian).copied().collect();
+        let mut roots = equations.residual.clone();
+        let mut filled = Vec::new();
+        for (i, row) in equations.jacobian.iter().enumerate() {
+            for (c, entry) in row.iter().enumerate().filter(|(_, e)| !e.is_zero()) {
+                roots.push(*entry);
+                filled.push((i, c));
+            }
+        }
         NumericLoops {
             evaluator: Evaluator::new(g, roots),
+            filled,
             rows: equations.residual.len(),
             coordinates: model.coordinates.len(),
             units: Units::of(model),
@@ -71,11 +80,11 @@ impl<'g> NumericLoops<'g> {
     /// f and A at a state, in the mechanism's units.
     pub fn normal(&self, q: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let (mut f, mut a) = self.at(q);
-        for ((f, row), unit) in f.iter_mut().zip(&mut a).zip(&self.units.rows) {
+        for (f, unit) in f.iter_mut().zip(&self.units.rows) {
             *f /= unit;
-            for (x, coordinate) in row.iter_mut().zip(&self.units.coordinates) {
-                *x *= coordinate / unit;
-            }
+        }
+        for &(i, c) in &self.filled {
+            a[i][c] *= self.units.coordinates[c] / self.units.rows[i];
         }
         (f, a)
     }
@@ -83,9 +92,12 @@ impl<'g> NumericLoops<'g> {
     /// f and A at a state.
     pub fn at(&self, q: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let mut values = self.evaluator.run(q);
-        let jacobian = values.split_off(self.rows);
-        let rows = jacobian.chunks(self.coordinates.max(1));
-        (values, rows.map(<[f64]>::to_vec).collect())
+        let entries = values.split_off(self.rows);
+        let mut a = vec![vec![0.0; self.coordinates]; self.rows];
+        for (&(i, c), entry) in self.filled.iter().zip(entries) {
+            a[i][c] = entry;
+        }
+        (values, a)
     }
 
     /// Newton's method over the coordinates in `free`, damped where the

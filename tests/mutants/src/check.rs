@@ -16,6 +16,7 @@ pub fn check(copy: &Path, drawn: &Path, crates: &[&str]) -> Told<()> {
         .args([
             "check",
             "--release",
+            "--tests",
             "--keep-going",
             "--message-format=json",
         ])
