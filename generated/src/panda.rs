@@ -492,7 +492,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         states: 10,
         digits: 96,
         smallest_kept: 0.06443587991857339,
-        largest_dropped: 1.75304699983182e-96,
+        largest_dropped: 2.086830857766661e-96,
     }),
     complete: true,
 };

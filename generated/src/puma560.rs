@@ -417,7 +417,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         states: 10,
         digits: 96,
         smallest_kept: 0.07610751970887711,
-        largest_dropped: 1.9658548145560364e-96,
+        largest_dropped: 2.72717415170224e-96,
     }),
     complete: true,
 };

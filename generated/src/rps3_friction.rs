@@ -403,7 +403,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         states: 21,
         digits: 96,
         smallest_kept: 0.0008413924441972498,
-        largest_dropped: 1.392109148535955e-96,
+        largest_dropped: 1.371131308806484e-96,
     }),
     complete: true,
 };

@@ -403,7 +403,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         states: 10,
         digits: 96,
         smallest_kept: 0.047859710393642486,
-        largest_dropped: 1.232877467928548e-96,
+        largest_dropped: 1.2503804443987247e-96,
     }),
     complete: true,
 };

@@ -377,7 +377,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         states: 10,
         digits: 96,
         smallest_kept: 0.03677623684978388,
-        largest_dropped: 9.460220748411218e-97,
+        largest_dropped: 1.1990869988770822e-96,
     }),
     complete: true,
 };

@@ -781,7 +781,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         states: 20,
         digits: 96,
         smallest_kept: 0.002427923313020283,
-        largest_dropped: 7.046598344881896e-97,
+        largest_dropped: 1.0919275972604921e-96,
     }),
     complete: true,
 };

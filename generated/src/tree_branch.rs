@@ -340,7 +340,7 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
         states: 10,
         digits: 96,
         smallest_kept: 0.04161296415959255,
-        largest_dropped: 1.1826028542905984e-96,
+        largest_dropped: 1.5541635661050935e-96,
     }),
     complete: true,
 };

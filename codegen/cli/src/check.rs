@@ -8,13 +8,16 @@ use serde::Serialize;
 
 use crate::args::{CheckArgs, Format};
 use crate::exit::Failure;
+use crate::progress::spinner;
 use crate::{load, table, terminal};
 
 /// Runs the command.
 pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
-    let explanation =
-        pipeline::explain(&source, None).map_err(|report| Failure::Spec(vec![report]))?;
+    let working = spinner(format!("looking at how {} moves", source.name));
+    let explanation = pipeline::explain(&source, None);
+    working.finish_and_clear();
+    let explanation = explanation.map_err(|report| Failure::Spec(vec![report]))?;
     terminal::print(&match args.format {
         Format::Human => human(&explanation),
         Format::Json => table::json(&json(&explanation)),

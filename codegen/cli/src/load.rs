@@ -10,6 +10,7 @@ use regen_codegen::robot::Robot;
 use regen_codegen::spec;
 
 use crate::exit::Failure;
+use crate::progress::spinner;
 
 /// Largest file of states, factors or trajectories, in bytes: some million states.
 const MAX_BYTES: usize = 1 << 28;
@@ -64,7 +65,11 @@ pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
 
 /// Derives one robot.
 pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
-    pipeline::derive(source).map_err(|report| Failure::Spec(vec![report]))
+    // the certificate of a large mechanism takes seconds, and grows with the cube of its parameters
+    let working = spinner(format!("deriving the base parameters of {}", source.name));
+    let robot = pipeline::derive(source);
+    working.finish_and_clear();
+    robot.map_err(|report| Failure::Spec(vec![report]))
 }
 
 /// Reads and derives one robot without its base parameters: quick for large ones too.

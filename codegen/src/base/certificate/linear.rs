@@ -75,6 +75,38 @@ pub(super) fn eliminate(mut rows: Vec<Vec<Wide>>, width: usize) -> Eliminated {
     }
 }
 
+impl Eliminated {
+    /// The largest number that is left of more rows, and whether it is more than rounding: then
+    /// they are not in the span of those that were eliminated.
+    pub(super) fn left_of(&self, rows: Vec<Vec<Wide>>) -> (Wide, bool) {
+        let mut left = Wide::ZERO;
+        let inverses: Vec<Option<Wide>> = self
+            .rows
+            .iter()
+            .zip(&self.columns)
+            .map(|(row, &c)| row[c].reciprocal())
+            .collect();
+        for mut row in rows {
+            for ((pivot_row, &column), inverse) in self.rows.iter().zip(&self.columns).zip(&inverses)
+            {
+                let Some(inverse) = inverse.filter(|_| !row[column].is_zero()) else {
+                    continue;
+                };
+                let factor = row[column] * inverse;
+                for (x, p) in row.iter_mut().zip(pivot_row) {
+                    if !p.is_zero() {
+                        *x = *x - factor * *p;
+                    }
+                }
+                row[column] = Wide::ZERO;
+            }
+            left = row.iter().map(|x| x.abs()).fold(left, Wide::max);
+        }
+        let floor = self.pivots().next().map(|first| first.scaled(-ROUNDING));
+        (left, floor.is_none_or(|f| left.cmp_abs(&f).is_gt()) && !left.is_zero())
+    }
+}
+
 /// The first columns, in a given order, that do not follow from those before.
 pub(super) fn independent(mut rows: Vec<Vec<Wide>>, order: &[usize]) -> Vec<usize> {
     let entries = rows.iter().flatten().map(|x| x.abs());

@@ -1,6 +1,6 @@
 //! The rank of the sampled rows, and questions about their null space.
 
-use super::linear::{eliminate, independent, solve};
+use super::linear::{Eliminated, eliminate, independent, solve};
 use super::wide::{DIGITS, Wide};
 
 /// A gap of fewer orders of magnitude between kept and dropped leaves the rank
@@ -47,7 +47,7 @@ pub struct Samples {
     /// By column, the power of two that it is multiplied by in the rows.
     units: Vec<i32>,
     /// A basis of the rows' span.
-    basis: Vec<Vec<Wide>>,
+    basis: Eliminated,
     certificate: Certificate,
 }
 
@@ -72,24 +72,21 @@ impl Samples {
         Samples {
             rows,
             units,
-            basis: done.rows,
+            basis: done,
             certificate,
         }
     }
 
     /// Adds the rows of more states; whether they raised the rank.
     pub(super) fn extend(&mut self, fresh: Vec<Vec<Wide>>, states: usize) -> bool {
-        let columns = self.certificate.columns;
-        let together = self.basis.iter().chain(&fresh).cloned();
-        let done = eliminate(together.collect(), columns);
-        let grown = done.rows.len() > self.certificate.rank;
+        let (left, grown) = self.basis.left_of(fresh.clone());
         self.rows.extend(fresh);
         if grown {
             let rows = core::mem::take(&mut self.rows);
             *self = Samples::new(rows, core::mem::take(&mut self.units), states);
         } else {
-            let largest = done.pivots().next();
-            let part = largest.and_then(|l| done.dropped.checked_div(l));
+            let largest = self.basis.pivots().next();
+            let part = largest.and_then(|l| left.checked_div(l));
             let dropped = part.map_or(0.0, |p| p.to_f64());
             self.certificate.largest_dropped = self.certificate.largest_dropped.max(dropped);
             self.certificate.states = states;
@@ -104,7 +101,7 @@ impl Samples {
 
     /// The rank of some of the columns.
     pub fn rank_of(&self, columns: &[usize]) -> usize {
-        let rows = self.basis.iter();
+        let rows = self.basis.rows.iter();
         let chosen = rows.map(|row| columns.iter().map(|&c| row[c]).collect());
         eliminate(chosen.collect(), columns.len()).rows.len()
     }
@@ -112,7 +109,7 @@ impl Samples {
     /// The first columns, in this order, that do not follow from those before:
     /// the base that keeps what comes first.
     pub fn independent(&self, order: &[usize]) -> Vec<usize> {
-        independent(self.basis.clone(), order)
+        independent(self.basis.rows.clone(), order)
     }
 
     /// What the rows make of a direction in the space of the parameters, as a
@@ -163,7 +160,7 @@ impl Samples {
     pub fn circuit(&self, columns: &[usize]) -> Option<Vec<Wide>> {
         let (first, others) = columns.split_first()?;
         let pick = |columns: &[usize]| -> Vec<Vec<Wide>> {
-            let rows = self.basis.iter();
+            let rows = self.basis.rows.iter();
             rows.map(|row| columns.iter().map(|&c| row[c]).collect())
                 .collect()
         };
@@ -187,12 +184,12 @@ impl Samples {
     ///
     /// A kept column's own coefficients are a unit vector.
     pub fn combinations(&self, kept: &[usize]) -> Option<Vec<Vec<Wide>>> {
-        if kept.len() != self.basis.len() {
+        if kept.len() != self.basis.rows.len() {
             return None;
         }
-        let rows = self.basis.iter();
+        let rows = self.basis.rows.iter();
         let matrix = rows.map(|row| kept.iter().map(|&c| row[c]).collect());
-        let by_kept = solve(matrix.collect(), self.basis.clone())?;
+        let by_kept = solve(matrix.collect(), self.basis.rows.clone())?;
         let unit = |k: usize, at: usize| if k == at { Wide::ONE } else { Wide::ZERO };
         let true_size = |x: Wide, k: usize, c: usize| x.scaled(self.units[k] - self.units[c]);
         let column = |c: usize| -> Vec<Wide> {

@@ -22,6 +22,9 @@ type Twist = [Wide; 6];
 /// No fewer states, however many rows each has.
 const LEAST_STATES: usize = 8;
 
+/// Of the mass matrix's entries, about as many as this a column are sampled, or all there are.
+const ROWS_PER_COLUMN: usize = 4;
+
 /// How many states give at least twice as many rows as there are columns, also
 /// where only gravity's columns and rows are counted.
 pub(super) fn states_needed(model: &Model) -> usize {
@@ -133,6 +136,8 @@ pub(super) struct Rows<'a> {
     evaluator: Evaluator<'a>,
     /// Velocities per state for the rows of friction.
     velocities: usize,
+    /// The part of the mass matrix's entries beside its diagonal that is sampled.
+    share: f64,
     units: Units,
     /// By parameter, the power of two that its column is multiplied by.
     columns: Vec<i32>,
@@ -155,11 +160,16 @@ impl<'a> Rows<'a> {
             0 => 0,
             _ => (2 * friction).div_ceil(states).max(3),
         };
+        // many coordinates have more entries than it takes to see all columns
+        let n = model.independent.len();
+        let entries = states * (n * (n + 1) / 2);
+        let share = (ROWS_PER_COLUMN * model.parameters.len()) as f64 / entries.max(1) as f64;
         Rows {
             model,
             expressions,
             evaluator: Evaluator::new(g, expressions.roots()),
             velocities,
+            share,
             units,
             columns: column_units(model, units),
             collected: Vec::new(),
@@ -199,6 +209,9 @@ impl<'a> Rows<'a> {
         }
         for j in 0..width {
             for k in j..width {
+                if k > j && self.share < 1.0 && random.next() > 2.0 * self.share - 1.0 {
+                    continue;
+                }
                 let entry = |kind: ParameterKind| match kind {
                     ParameterKind::Rotor { coordinate } => {
                         state.j[coordinate][j] * state.j[coordinate][k]
