@@ -286,6 +286,30 @@ fn in_a_browser_the_view_draws_each_moment_without_errors() {
     }
 }
 
+/// The cuts that the view shows in red at a moment.
+fn red(browser: &Path, page: &Path, part: &str) -> String {
+    let (dom, told) = rendered(browser, page, &format!("#t={part}"));
+    assert!(told.is_empty(), "{told:?}");
+    let (_, open) = dom.split_once("data-open=\"").unwrap();
+    open[..open.find('"').unwrap()].to_owned()
+}
+
+#[test]
+fn in_a_browser_loops_that_close_do_not_gape_between_samples() {
+    let Some(browser) = browser() else { return };
+    let dir = scratch("pages_gaps");
+    // two large turns with few samples: what is drawn between them is open by a part in 2000
+    let page = view(&dir, "fivebar.yaml");
+    assert_eq!(red(&browser, &page, "0.0463"), "");
+    let text = fs::read_to_string(root().join("robots/fivebar.yaml")).unwrap();
+    let cut = text.find("cuts:").unwrap();
+    let wrong = text[..cut].to_owned() + &text[cut..].replacen("xyz: [", "xyz: [9+", 1);
+    assert_ne!(wrong, text);
+    fs::write(dir.join("wrong.yaml"), wrong).unwrap();
+    regen(&dir, &["view", "wrong.yaml", "--out", "wrong.html"]).ended(3);
+    assert_eq!(red(&browser, &dir.join("wrong.html"), "0"), "tip");
+}
+
 #[test]
 fn in_a_browser_the_report_has_its_figures_and_no_errors() {
     let Some(browser) = browser() else { return };

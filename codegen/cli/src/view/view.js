@@ -47,6 +47,7 @@
     }
     return out;
   }
+  const sampleBefore = (part) => (samples > 1 ? Math.floor(part * (samples - 1)) / (samples - 1) : 0);
   function valuesAt(part) {
     const x = part * (samples - 1);
     const k = Math.min(Math.floor(x), Math.max(samples - 2, 0));
@@ -274,12 +275,16 @@
       if (by("names").checked) word(before.p, j.name, dye, j.actuated);
     }
   }
-  function drawCuts(poses) {
+  function drawCuts(poses, sample) {
+    const open = [];
     for (const cut of cuts) {
       const [a, b] = ends(poses, cut);
       // slides and cylinders let the origins part along the axis
       const free = cut.kind === "prismatic" || cut.kind === "cylindrical";
-      const wrong = !free && long(sub(a.p, b.p)) > 1e-4 * size;
+      // judged at the sample before: what is between two closed samples gapes by the way it is
+      // drawn, and samples are rounded to micrometres
+      const gap = long(sub(...ends(sample, cut).map((e) => e.p)));
+      const wrong = !free && gap > Math.max(1e-4 * size, 4e-6);
       const dye = wrong ? ink.wrong : ink.cut;
       if (wrong) line(a.p, b.p, 2.5, ink.wrong, [3, 5]);
       for (const e of wrong ? [a, b] : [a]) {
@@ -290,9 +295,10 @@
           if (by("axes").checked) line(sub(e.p, times(axis, 2.2 * glyph)), add(e.p, times(axis, 2.2 * glyph)), 1.25, dye, [2, 4]);
         }
       }
-      const gap = long(sub(a.p, b.p));
+      if (wrong) open.push(cut.name);
       if (by("names").checked) word(a.p, wrong ? `${cut.name}: open by ${gap.toPrecision(3)} m` : cut.name, dye, true);
     }
+    by("scene").dataset.open = open.join(" ");
   }
 
   function draw(part) {
@@ -303,7 +309,7 @@
     const poses = posesAt(part);
     if (by("bodies").checked) drawBodies(poses);
     drawJoints(poses);
-    if (by("cuts").checked) drawCuts(poses);
+    if (by("cuts").checked) drawCuts(poses, posesAt(sampleBefore(part)));
     triad(WORLD, 3.2 * glyph, 2, true);
     if (by("frames").checked) data.bodies.forEach((b) => triad(poses[b.link], 2.2 * glyph, 2, true));
     if (by("labels").checked) {
