@@ -191,3 +191,40 @@ fn drives_beside_the_mobility_are_named() {
     assert!(all.contains("actuated are q1 q3 q4"), "{all}");
     assert!(all.contains("3 drives for mobility 2"), "{all}");
 }
+
+#[test]
+fn nominal_inertias_that_no_body_has_are_named() {
+    let base = file("robots/fivebar.yaml");
+    let all = |text: &str| -> Vec<String> {
+        let trouble = explained(text).trouble.into_iter();
+        trouble.map(|fact| fact.text).collect()
+    };
+    assert_eq!(all(&base), [""; 0]);
+    let fat = base.replacen(
+        "inertia: [1e-5, 0, 0, 1.8e-3, 0, 1.8e-3]",
+        "inertia: [1e-5, 0, 0, 1.8e-3, 0, 1.9e-3]",
+        1,
+    );
+    assert_ne!(fat, base);
+    let told = all(&fat);
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert!(told[0].contains("nominal inertia of '1'"), "{told:?}");
+}
+
+#[test]
+fn rotors_explain_only_the_moments_that_they_took_over() {
+    let base = file("robots/fivebar.yaml");
+    let driven = base.replace("actuated: true", "actuated: true, rotor_inertia: true");
+    let driven = explained(&driven);
+    let alone = together(&driven, "Izz(1)").unwrap();
+    assert!(alone.contains("the rotor of q1"), "{alone}");
+    let outer = together(&driven, "m(2)").unwrap();
+    assert!(
+        outer.contains("what joint q2 does not change of body 2"),
+        "{outer}"
+    );
+    for one in &driven.merged {
+        let rotors = one.reason.as_deref().unwrap().contains("rotor of");
+        assert_eq!(rotors, one.parameter.starts_with("Izz("), "{one:?}");
+    }
+}

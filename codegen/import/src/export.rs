@@ -8,10 +8,10 @@ use crate::edits::Edits;
 use crate::fields::Fields;
 use crate::layout::{self, Draft};
 use crate::log::{Log, Note};
-use crate::physical::{Flaw, flaw};
 use crate::pose::{Pose, V3, about, difference, norm, tensor_in, transposed};
 use crate::tree::{Inertia, Tree};
 use crate::{frames, urdf, xml};
+use regen_codegen::spec::{Flaw, flaw};
 
 /// Values for a spec's bodies and joints, in the spec's frames.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use crate::frames::{joint_frame, motion};
 use crate::log::{Log, Place};
 use crate::names::Names;
-use crate::physical::{Flaw, flaw};
 use crate::pose::{Pose, tensor_in};
 use crate::tree::{Coupling, Inertia, Joint, Kind, Link, Tree};
+use regen_codegen::spec::{Flaw, flaw};
 
 /// A spec about to be written.
 #[derive(Clone, Debug, Default)]

@@ -43,7 +43,6 @@ mod log;
 mod mjcf;
 mod names;
 mod number;
-mod physical;
 mod pose;
 mod tree;
 mod urdf;

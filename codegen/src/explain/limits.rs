@@ -1,10 +1,10 @@
-//! Where limits and singularities trouble the numbers.
+//! Where limits, singularities and nominal inertias trouble the numbers.
 
 use crate::constraints::{NumericLoops, world_equations, world_views};
 use crate::kinematics::{Frames, Geometry};
 use crate::model::Model;
 use crate::numeric::solve_pivoted;
-use crate::spec::{JointKind, Quantity, Spec};
+use crate::spec::{Flaw, JointKind, Quantity, Spec, flaw};
 use crate::sym::eval::Evaluator;
 use crate::sym::{Ex, Graph};
 
@@ -14,6 +14,9 @@ use super::Fact;
 const NEAR: f64 = 0.05;
 /// Home is near a singularity where the smallest pivot is this part of the largest.
 const NEARLY_SINGULAR: f64 = 1e-3;
+/// Inertias of thin rods and plates are on the border of what bodies have, and printed in few
+/// digits.
+const PRINTED: f64 = 1e-3;
 
 /// What is to be said of limits, cones and singularities at home.
 pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
@@ -72,6 +75,22 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
         }
     }
     facts
+}
+
+/// Nominal inertias that no body has.
+pub(super) fn inertias(spec: &Spec) -> Vec<Fact> {
+    let broken = spec.bodies.iter().filter(|(_, body)| {
+        let tensor = body.inertia.each_ref().map(|entry| entry.value.to_f64());
+        flaw(tensor, PRINTED) == Some(Flaw::Triangle)
+    });
+    let told = broken.map(|(label, _)| {
+        Fact::given(format!(
+            "no body has the nominal inertia of '{}': two principal moments are less than the \
+             third together; the order is Ixx, Ixy, Ixz, Iyy, Iyz, Izz, about the centre of mass",
+            label.value
+        ))
+    });
+    told.collect()
 }
 
 /// Cones of the tree's joints, whose angle is that of two of their coordinates.

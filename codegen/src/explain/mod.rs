@@ -200,6 +200,7 @@ pub fn explain(
     let ties = ties(spec, model);
     let states = observe(model, home, SEED, STATES);
     let mut trouble = limits::facts(spec, model, home);
+    trouble.extend(limits::inertias(spec));
     if let Err(why) = &states {
         trouble.push(Fact::given(format!("nothing could be sampled: {why}")));
     }

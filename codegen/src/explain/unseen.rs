@@ -163,7 +163,8 @@ impl Bodies<'_> {
         if row.layer == Layer::Completed {
             return self.special(&bodies, &rotors);
         }
-        if !rotors.is_empty() {
+        // beside several bodies, a rotor only stands for the moment of inertia that it took over
+        if !rotors.is_empty() && bodies.len() < 2 {
             return Some(format!(
                 "the rotor of {} turns as fast as what it moves",
                 coordinates(&rotors)

@@ -11,6 +11,7 @@
 mod check;
 mod expression;
 mod labels;
+mod physical;
 mod raw;
 mod resolve;
 mod schema;
@@ -19,7 +20,9 @@ mod suggest;
 mod types;
 mod yaml;
 
+pub use physical::{Flaw, flaw};
 pub use schema::schema;
+pub use suggest::nearest;
 pub use types::*;
 pub use yaml::MAX_BYTES;
 

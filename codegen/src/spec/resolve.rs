@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::check::canonical;
 use super::expression::{Ast, evaluate, linear, quantity};
+use super::physical::{Flaw, flaw};
 use super::raw::{
     RawBase, RawCut, RawDh, RawInertia, RawJoint, RawLimb, RawLimits, RawPlacement, RawSpec,
 };
@@ -14,6 +15,9 @@ use super::types::{
 };
 use crate::diag::{Diagnostic, Sink, Span};
 use crate::sym::Number;
+
+/// What comes out of rounding alone, relative to the largest entry.
+const ROUNDING: f64 = 1e-12;
 
 /// Evaluates a spec whose names are checked; `None` if something was reported.
 pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
@@ -318,7 +322,8 @@ impl Resolver<'_> {
         if mass.value.is_negative() {
             self.refuse(&raw.mass, "a mass must not be negative");
         }
-        if !is_semidefinite(&inertia.each_ref().map(|entry| entry.value.to_f64())) {
+        let tensor = inertia.each_ref().map(|entry| entry.value.to_f64());
+        if flaw(tensor, ROUNDING) == Some(Flaw::Indefinite) {
             let span = raw
                 .inertia
                 .iter()
@@ -385,46 +390,5 @@ fn zero(span: Span) -> Quantity {
         expr: ast.to_expr(),
         value: evaluate(&ast, &|_| None).unwrap_or_else(|_| Number::zero()),
         span,
-    }
-}
-
-/// Whether `[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]` has no negative eigenvalue, up to rounding.
-fn is_semidefinite(entries: &[f64; 6]) -> bool {
-    /// Principal minors of a singular matrix come out this far off at most, relative to the largest entry.
-    const ROUNDING: f64 = 1e-12;
-    let scale = entries
-        .iter()
-        .fold(0.0, |scale: f64, entry| scale.max(entry.abs()));
-    if scale == 0.0 {
-        return true;
-    }
-    let [xx, xy, xz, yy, yz, zz] = entries.map(|entry| entry / scale);
-    let minors = [
-        xx,
-        yy,
-        zz,
-        xx * yy - xy * xy,
-        xx * zz - xz * xz,
-        yy * zz - yz * yz,
-        xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz),
-    ];
-    minors.iter().all(|minor| *minor >= -ROUNDING)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn semidefinite_inertias_are_told_from_others() {
-        assert!(is_semidefinite(&[1.0, 0.0, 0.0, 1.0, 0.0, 1.0]));
-        assert!(is_semidefinite(&[0.0; 6]));
-        // a rod along (1, 1, 0): singular
-        assert!(is_semidefinite(&[1.0, -1.0, 0.0, 1.0, 0.0, 2.0]));
-        assert!(!is_semidefinite(&[1.0, 0.0, 0.0, -1.0, 0.0, 1.0]));
-        assert!(!is_semidefinite(&[1.0, 2.0, 0.0, 1.0, 0.0, 1.0]));
-        assert!(!is_semidefinite(&[
-            1e-9, 0.9e-9, 0.9e-9, 1e-9, -0.9e-9, 1e-9
-        ]));
     }
 }

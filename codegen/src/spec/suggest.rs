@@ -5,8 +5,15 @@ pub(super) fn did_you_mean<'a>(word: &str, known: impl IntoIterator<Item = &'a s
     nearest(word, known).map_or_else(String::new, |near| format!("; did you mean '{near}'?"))
 }
 
-/// The known word nearest to a misspelt one, the first of equals.
-pub(super) fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+/// The known word nearest to a misspelt one, the first of equals; none where all are far.
+///
+/// ```
+/// use regen_codegen::spec::nearest;
+///
+/// assert_eq!(nearest("chekc", ["check", "view"]), Some("check"));
+/// assert_eq!(nearest("draw", ["check", "view"]), None);
+/// ```
+pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     const LONGEST: usize = 64;
     const MOST: usize = 1000;
     // one slip in short words, two in longer ones

@@ -2,7 +2,7 @@
 
 /// What is wrong with an inertia.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Flaw {
+pub enum Flaw {
     /// It turns some way with negative energy.
     Indefinite,
     /// Two principal moments are less than the third together.
@@ -11,7 +11,17 @@ pub(crate) enum Flaw {
 
 /// The flaw of a tensor `xx xy xz yy yz zz` about the centre of mass, if it has one
 /// that is larger than `tolerance` beside its largest entry.
-pub(crate) fn flaw(tensor: [f64; 6], tolerance: f64) -> Option<Flaw> {
+///
+/// ```
+/// use regen_codegen::spec::{Flaw, flaw};
+///
+/// let disc = [1.0, 0.0, 0.0, 1.0, 0.0, 2.0];
+/// assert_eq!(flaw(disc, 1e-12), None);
+/// // nothing is thinner than a disc
+/// let none = [1.0, 0.0, 0.0, 1.0, 0.0, 2.1];
+/// assert_eq!(flaw(none, 1e-12), Some(Flaw::Triangle));
+/// ```
+pub fn flaw(tensor: [f64; 6], tolerance: f64) -> Option<Flaw> {
     if !is_semidefinite(tensor, tolerance) {
         return Some(Flaw::Indefinite);
     }
@@ -47,10 +57,11 @@ mod tests {
 
     #[test]
     fn flaws_are_told_apart() {
-        // a ball, a rod, a disc
+        // a ball, a rod, a rod along (1, 1, 0), a disc
         for sound in [
             [1.0, 0.0, 0.0, 1.0, 0.0, 1.0],
             [1.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+            [1.0, -1.0, 0.0, 1.0, 0.0, 2.0],
             [1.0, 0.0, 0.0, 1.0, 0.0, 2.0],
             [0.0; 6],
         ] {
@@ -62,6 +73,11 @@ mod tests {
         );
         assert_eq!(
             flaw([1.0, 1.1, 0.0, 1.0, 0.0, 1.0], 1e-12),
+            Some(Flaw::Indefinite)
+        );
+        // only the determinant is negative, and all is small
+        assert_eq!(
+            flaw([1e-9, 0.9e-9, 0.9e-9, 1e-9, -0.9e-9, 1e-9], 1e-12),
             Some(Flaw::Indefinite)
         );
         assert_eq!(
