@@ -70,7 +70,7 @@ fn cell(lines: &mut [String], row: usize, column: usize, with: &str) {
 /// A name, what is done to the log, and arguments beside it.
 type Mistake = (&'static str, fn(&mut Vec<String>), &'static [&'static str]);
 
-const LOGS: [Mistake; 20] = [
+const LOGS: [Mistake; 23] = [
     (
         "no time",
         |l| l[0] = l[0].replacen("t,", "seconds,", 1),
@@ -104,6 +104,13 @@ const LOGS: [Mistake; 20] = [
         &[],
     ),
     ("an encoder jumps a turn", |l| cell(l, 200, 1, "8.4"), &[]),
+    ("no header", |l| drop(l.remove(0)), &[]),
+    (
+        "semicolons",
+        |l| l.iter_mut().for_each(|row| *row = row.replace(',', ";")),
+        &[],
+    ),
+    ("an empty cell", |l| cell(l, 7, 1, ""), &[]),
     ("only a header", |l| l.truncate(1), &[]),
     ("nothing", Vec::clear, &[]),
     ("ten rows", |l| l.truncate(11), &[]),

@@ -221,6 +221,21 @@ impl Layout {
         if header.iter().all(String::is_empty) {
             return Err("it is empty; its first row must name the columns".to_owned());
         }
+        if header.iter().all(|title| title.parse::<f64>().is_ok()) {
+            return Err(format!(
+                "its first row has numbers, {}: it must name the columns",
+                listed(&header)
+            ));
+        }
+        if let [whole] = &header[..]
+            && let Some(mark) = whole.chars().find(|c| [';', '\t'].contains(c))
+        {
+            let mark = if mark == ';' { "semicolons" } else { "tabs" };
+            return Err(format!(
+                "its columns are separated by {mark}: separate them by commas, with points in \
+                 decimals"
+            ));
+        }
         let place = |name: &str| header.iter().position(|h| h == name);
         // Which of two columns of the same name is meant, nobody knows.
         let once = |index: usize| -> Result<usize, String> {

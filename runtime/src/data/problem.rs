@@ -106,6 +106,9 @@ impl fmt::Display for Problem {
             Fault::Entries { found, expected } => {
                 write!(f, "{found} entries, the header has {expected}")
             }
+            Fault::NotANumber { column, text } if text.trim().is_empty() => {
+                write!(f, "nothing stands in column `{column}`")
+            }
             Fault::NotANumber { column, text } => {
                 write!(f, "`{text}` in column `{column}` is no finite number")
             }

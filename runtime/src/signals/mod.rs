@@ -128,7 +128,9 @@ impl fmt::Display for SignalError {
             Self::Cutoff { cutoff, most } => write!(
                 f,
                 "the cutoff of {cutoff} Hz must be above 0 and below half the sampling rate, \
-                 {most:.6} Hz"
+                 {} Hz",
+                // the rate comes from clocks
+                (most * 1e6).round() / 1e6
             ),
             Self::Setting(what) => f.write_str(what),
         }
