@@ -40,6 +40,12 @@ pub(crate) struct Table {
     facts: Vec<(&'static str, String)>,
 }
 
+/// The combinations of the base parameters that functions take, each in one line.
+pub(crate) fn combinations(robot: &Robot, analysis: &Analysis) -> Vec<String> {
+    let table = Table::new(robot, analysis, Style::Short, &[]);
+    table.rows.iter().map(Row::plain).collect()
+}
+
 impl Table {
     pub(crate) fn new(
         robot: &Robot,
@@ -125,13 +131,13 @@ impl Table {
         }
         out.push_str("\n| No | Base parameter | Rests on |\n| --: | :-- | :-- |\n");
         for (k, row) in self.rows.iter().enumerate() {
-            let text: String = row
-                .parts
-                .iter()
-                .enumerate()
-                .map(|(k, p)| p.plain(k))
-                .collect();
-            let _ = writeln!(out, "| {} | `{text}` | {} |", k + 1, row.rests_on());
+            let _ = writeln!(
+                out,
+                "| {} | `{}` | {} |",
+                k + 1,
+                row.plain(),
+                row.rests_on()
+            );
         }
         out
     }
@@ -228,6 +234,11 @@ impl Row {
     /// The layer, marked where factors are not known as functions of the names.
     fn rests_on(&self) -> String {
         format!("{}{}", layer(self.layer), mark(self.exactness))
+    }
+
+    fn plain(&self) -> String {
+        let parts = self.parts.iter().enumerate();
+        parts.map(|(k, part)| part.plain(k)).collect()
     }
 
     /// Lines of the combination: broken between terms, or else between the words of a term.

@@ -18,8 +18,9 @@ pub(crate) fn human(json: &Json) -> String {
         json.equations
     );
     let condition = format!(
-        "{:.4e}, with columns scaled {:.4e}",
-        json.condition, json.scaled_condition
+        "{}, with columns scaled {}",
+        table::figure(json.condition),
+        table::figure(json.scaled_condition)
     );
     out.push_str(&table::field("equations", &json.kind));
     out.push_str(&table::field("condition", &condition));

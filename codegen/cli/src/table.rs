@@ -77,9 +77,36 @@ fn wrapped(text: &str, indent: usize) -> String {
     out
 }
 
-/// A figure in five digits.
+/// A figure in five digits, with an exponent only where it is hard to read without.
 pub(crate) fn figure(value: f64) -> String {
-    format!("{value:.4e}")
+    figure_of(5, value)
+}
+
+/// A figure in some digits, with an exponent only where it is hard to read without.
+pub(crate) fn figure_of(digits: usize, value: f64) -> String {
+    let digits = digits.max(1);
+    let text = format!("{value:.*e}", digits - 1);
+    // the exponent of what is printed: 0.99999 may round to 1.0
+    let exponent = text
+        .split_once('e')
+        .and_then(|(_, e)| e.parse::<i32>().ok());
+    match exponent {
+        _ if value == 0.0 => "0".to_owned(),
+        Some(exponent @ -3..=4) => {
+            let places = (digits as i32 - 1 - exponent).max(0).unsigned_abs();
+            format!("{value:.*}", places as usize)
+        }
+        _ => text,
+    }
+}
+
+/// How large a number is, that counts by its exponent; zero plainly.
+pub(crate) fn size(digits: usize, value: f64) -> String {
+    if value == 0.0 {
+        "0".to_owned()
+    } else {
+        format!("{value:.*e}", digits.max(1) - 1)
+    }
 }
 
 #[cfg(test)]
@@ -96,6 +123,29 @@ mod tests {
             columns(&["x", "n"], &rows),
             "  x       n\n  a       1\n  bcd  1234\n"
         );
+    }
+
+    #[test]
+    fn figures_have_an_exponent_only_where_they_are_hard_to_read_without() {
+        for (value, text) in [
+            (0.0, "0"),
+            (-0.0, "0"),
+            (2.2, "2.2000"),
+            (-1.4143, "-1.4143"),
+            (0.001, "0.0010000"),
+            (0.000_999_999_9, "0.0010000"),
+            (0.000_36, "3.6000e-4"),
+            (9_999.99, "10000"),
+            (12_345.6, "12346"),
+            (123_456.0, "1.2346e5"),
+            (f64::NAN, "NaN"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(figure(value), text);
+        }
+        assert_eq!(size(2, 0.0), "0");
+        assert_eq!(size(2, 1.23e-16), "1.2e-16");
+        assert_eq!(size(1, 1.0), "1e0");
     }
 
     #[test]

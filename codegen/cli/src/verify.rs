@@ -122,8 +122,8 @@ pub(crate) fn checks(checks: &[Check]) -> String {
         .map(|check| {
             vec![
                 check.name.to_owned(),
-                format!("{:.1e}", check.largest),
-                format!("{:.0e}", check.bound),
+                table::size(2, check.largest),
+                table::size(1, check.bound),
                 if check.ok { "ok" } else { "FAILED" }.to_owned(),
             ]
         })

@@ -68,8 +68,14 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     };
     let outcome = excite(&model, &Differentiable(&robot), &settings, watch);
     bar.finish_and_clear();
+    let interrupted = stop.load(Ordering::Relaxed);
     let found = match outcome? {
         Outcome::Found(found) => found,
+        Outcome::Infeasible { .. } | Outcome::NotClosed if interrupted => {
+            return Err(Failure::Numeric(
+                "stopped before a trajectory was found that keeps every limit".to_owned(),
+            ));
+        }
         Outcome::Infeasible {
             limit,
             excess,
@@ -93,7 +99,6 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
             ));
         }
     };
-    let interrupted = stop.load(Ordering::Relaxed);
     if interrupted {
         terminal::note("stopped: this is the best so far");
     }
@@ -192,13 +197,18 @@ fn human(trajectory: &Trajectory, found: &Excitation) -> String {
     let figures = found.figures;
     let mut out = format!(
         "{}, {} harmonics of {} Hz\n",
-        trajectory.robot, trajectory.harmonics, trajectory.base_frequency
+        trajectory.robot,
+        trajectory.harmonics,
+        table::figure(trajectory.base_frequency)
     );
     let _ = writeln!(
         out,
         "  condition     {:.4} with scaled columns (Eq. 27), {:.4} without (Eq. 24)\n  \
-         -log det      {:.4} (Eq. 26)\n  smallest      singular value {:.4e}\n",
-        figures.scaled_condition, figures.condition, figures.determinant, figures.smallest_singular
+         -log det      {:.4} (Eq. 26)\n  smallest      singular value {}\n",
+        figures.scaled_condition,
+        figures.condition,
+        figures.determinant,
+        table::figure(figures.smallest_singular)
     );
     let mut margins: Vec<&Margin> = found.margins.iter().collect();
     margins.sort_by(|a, b| a.left.total_cmp(&b.left));

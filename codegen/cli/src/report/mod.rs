@@ -16,7 +16,7 @@ use crate::args::{IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
 use crate::interpreted::{BaseTerms, Interpreted};
 use crate::parameters::ParameterFile;
-use crate::{load, observe, parameters, terminal, write};
+use crate::{load, observe, parameters, table, terminal, write};
 
 use charts::Figure;
 use gather::{Errors, Predictor, Seen, Spectra};
@@ -217,7 +217,10 @@ impl Report<'_> {
 /// How logs were differentiated.
 fn method(reading: &ReadingArgs) -> String {
     if let Some((frequency, harmonics)) = reading.fourier {
-        format!("Fourier series of {harmonics} harmonics of {frequency} Hz")
+        format!(
+            "Fourier series of {harmonics} harmonics of {} Hz",
+            table::figure(frequency)
+        )
     } else if let Some((cutoff, order)) = reading.butterworth {
         format!(
             "zero-phase Butterworth filter of order {order} at {cutoff} Hz, central differences"

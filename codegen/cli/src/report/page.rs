@@ -6,6 +6,7 @@ use regen_runtime::{BaseModel, Model, Motion};
 
 use super::charts::Figure;
 use super::{Errors, Report};
+use crate::base_table;
 
 /// Text that is safe between tags and in quotes.
 fn escaped(text: &str) -> String {
@@ -168,36 +169,11 @@ fn summary(report: &Report<'_>) -> String {
 }
 
 fn base(report: &Report<'_>) -> String {
-    /// Longer coefficients are printed as numbers.
-    const LONGEST: usize = 28;
-    let rows: Vec<Vec<String>> = report
-        .model
-        .base_info()
-        .base
-        .iter()
-        .enumerate()
-        .map(|(k, parameter)| {
-            let mut text = String::new();
-            for (j, term) in parameter.terms.iter().enumerate() {
-                let label = escaped(term.parameter);
-                if j == 0 {
-                    text.push_str(&label);
-                    continue;
-                }
-                let plain = |one: f64| (term.value - one).abs() < 1e-15;
-                let _ = if plain(1.0) {
-                    write!(text, " + {label}")
-                } else if plain(-1.0) {
-                    write!(text, " − {label}")
-                } else if term.coefficient.len() <= LONGEST {
-                    write!(text, " + ({}) {label}", escaped(term.coefficient))
-                } else {
-                    let sign = if term.value < 0.0 { "−" } else { "+" };
-                    write!(text, " {sign} {} {label}", four(term.value.abs()))
-                };
-            }
-            vec![(k + 1).to_string(), text]
-        })
+    let analysis = report.robot.analysis.as_ref();
+    let combinations =
+        analysis.map_or_else(Vec::new, |a| base_table::combinations(report.robot, a));
+    let rows: Vec<Vec<String>> = (combinations.iter().enumerate())
+        .map(|(k, text)| vec![(k + 1).to_string(), escaped(text)])
         .collect();
     let caption = "Table 1. Base parameters: the combinations on which the forces depend";
     section(

@@ -294,7 +294,7 @@ fn human(json: &Json) -> String {
         .map(|(k, run)| {
             let figures = [run.tracking, run.drift, run.imbalance, run.work, run.loss];
             std::iter::once((k + 1).to_string())
-                .chain(figures.map(|x| format!("{x:.2e}")))
+                .chain(figures.map(|x| table::figure_of(3, x)))
                 .collect()
         })
         .collect();
