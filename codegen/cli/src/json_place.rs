@@ -1,6 +1,7 @@
 //! Where mistakes in a JSON file stand: its parts are parsed one by one, each a slice of the text.
 
 use regen_codegen::diag::{Diagnostic, Source, Span};
+use serde_json::error::Category;
 use serde_json::value::RawValue;
 
 /// Where a part of the source's text starts in it.
@@ -39,5 +40,9 @@ pub(crate) fn unparsed(
     // Without its own " at line 1 column 2", which counts from the part.
     let whole = error.to_string();
     let message = whole.rsplit_once(" at line ").map_or(&*whole, |(m, _)| m);
+    let message = match error.classify() {
+        Category::Syntax | Category::Eof => format!("not JSON: {message}"),
+        Category::Data | Category::Io => message.to_owned(),
+    };
     Diagnostic::new(Span::new(at, at + 1), message).path(path)
 }

@@ -58,14 +58,14 @@ mod yaml;
 
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::CommandFactory;
 
 use args::{Cli, Command};
 use exit::Failure;
 
 fn main() -> ExitCode {
     interrupt::listen();
-    match run(Cli::parse()) {
+    match args::parse().and_then(run) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             terminal::complain(&failure);

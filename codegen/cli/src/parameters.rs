@@ -303,7 +303,7 @@ pub(crate) fn value(path: &Path) -> Result<Value, Failure> {
     if is_yaml(path) {
         return yaml::value(&text).map_err(wrong);
     }
-    serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))
+    serde_json::from_str(&text).map_err(|error| wrong(format!("not JSON: {error}")))
 }
 
 /// What is read of a file; deviations may be unknown, and are not needed.

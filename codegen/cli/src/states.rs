@@ -1,6 +1,6 @@
 //! The states of `regen eval`: from JSON to numbers, errors with their places.
 
-use regen_codegen::diag::{Diagnostic, Report, Source};
+use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 use regen_codegen::robot::Robot;
 use serde::Deserialize;
 use serde_json::value::RawValue;
@@ -80,6 +80,18 @@ impl<'a> Reader<'a> {
         let text = &self.source.text;
         let list: Vec<&RawValue> = match serde_json::from_str(text) {
             Ok(list) => list,
+            Err(error) if error.is_data() => {
+                // a state that stands alone, say
+                let start = text.len() - text.trim_start().len();
+                let mistake = Diagnostic::new(
+                    Span::new(start, start + 1),
+                    "expected a list of states, in [ ]",
+                );
+                let one = r#"[{"q": [...], "qd": [...], "qdd": [...]}]"#;
+                self.errors
+                    .push(mistake.hint(format!("such as {one}; see `regen eval --help`")));
+                return Vec::new();
+            }
             Err(error) => {
                 self.json_error(text, &error, "");
                 return Vec::new();

@@ -53,6 +53,34 @@ fn a_wrong_command_line_exits_with_2() {
 }
 
 #[test]
+fn a_word_that_is_neither_a_command_nor_a_file_is_told_the_nearest_command() {
+    let dir = scratch("neither");
+    for (args, text) in [
+        (&["chekc", "arm.yaml"][..], "'chekc'; did you mean 'check'?"),
+        (&["Info"], "'Info'; did you mean 'info'?"),
+        (&["frobnicate"], "`regen --help` lists the commands"),
+    ] {
+        let run = regen(&dir, args).ended(2);
+        assert!(run.err.contains(text), "{}", run.err);
+    }
+    // a file may have a plain name
+    fs::write(dir.join("arm"), pendulum("arm")).unwrap();
+    regen(&dir, &["arm", "--out", "o"]).ended(0);
+}
+
+#[test]
+fn negative_numbers_are_values_of_options() {
+    let dir = scratch("negative");
+    fs::write(dir.join("arm.yaml"), pendulum("arm")).unwrap();
+    let run = regen(&dir, &["excite", "arm.yaml", "--frequency", "-1"]).ended(3);
+    assert!(
+        run.err.contains("the frequency must be positive"),
+        "{}",
+        run.err
+    );
+}
+
+#[test]
 fn a_wrong_spec_exits_with_3_and_shows_the_place() {
     let dir = scratch("spec");
     fs::write(

@@ -204,3 +204,19 @@ fn what_cannot_be_simulated_is_said_and_leaves_no_file() {
     // a controller this slow does not hold it
     says(&["--pid", "0,0,0", "--duration", "9"], 4, "ended after");
 }
+
+#[test]
+fn bodies_without_any_value_are_named_in_short() {
+    let dir = scratch("simulate_bare");
+    let text = fs::read_to_string(robot("fivebar.yaml")).unwrap();
+    let given = |line: &&str| !line.starts_with("  2: {mass") && !line.starts_with("  4: {mass");
+    let bare: Vec<&str> = text.lines().filter(given).collect();
+    fs::write(dir.join("bare.yaml"), bare.join("\n")).unwrap();
+    let run = regen(&dir, &["simulate", "bare.yaml", "--out", "log.csv"]).ended(3);
+    assert!(
+        run.err
+            .contains("no nominal values of body 2, body 4; state"),
+        "{}",
+        run.err
+    );
+}

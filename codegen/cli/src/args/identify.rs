@@ -9,13 +9,14 @@ use crate::report::ReportOptions;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-Writes one triangular factor per effort: all that least squares needs of the logs,
-of the same size whatever their length. Factors of any number of runs are merged
-by `regen identify --from`, in any order, with the same result. The file carries
-a digest of the model: factors of another robot or geometry are refused.
+Writes one triangular factor per effort: all that least squares needs of the
+logs, of the same size whatever their length. Factors of any number of runs are
+merged by `regen identify --from`, in any order, with the same result. The file
+carries a digest of the model: factors of another robot or geometry are refused.
 
 Example:
-  regen observe robots/3rps.yaml monday.csv --out monday.json --fourier 0.1333,11")]
+  regen observe robots/3rps.yaml monday.csv --out monday.json \\
+      --fourier 0.1333,11")]
 pub(crate) struct ObserveArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
@@ -25,11 +26,11 @@ pub(crate) struct ObserveArgs {
     /// Where the factors are written
     #[arg(long, value_name = "FACTORS")]
     pub(crate) out: PathBuf,
-    #[command(flatten)]
-    pub(crate) reading: ReadingArgs,
     /// How the summary is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,
+    #[command(flatten)]
+    pub(crate) reading: ReadingArgs,
 }
 
 #[derive(Debug, Args)]
@@ -44,17 +45,19 @@ Examples:
   regen identify robots/3rps.yaml run.csv --butterworth 4,20 --decimate 10
   regen identify robots/fivebar.yaml run.csv --local 0.05 --huber 1.345
   regen identify robots/3rps.yaml --from monday.json tuesday.json --out p.json
-  regen identify arm.yaml run.csv --column q1=angle:deg --column 'tau_q1=i:A*0.12'
-  regen identify arm.yaml run.csv --feasible --prior weighted:20 --bodies new.yaml
+  regen identify arm.yaml run.csv --column q1=angle:deg \\
+      --column 'tau_q1=i:A*0.12'
+  regen identify arm.yaml run.csv --feasible --prior weighted:20 \\
+      --bodies new.yaml
   regen identify arm.yaml run.csv --friction --against other.csv slow.csv
   regen identify arm.yaml run.csv --reduce --against other.csv
 
 With --feasible the parameters of --out are physical: the semidefinite programme
 finds all ten of each body, friction and rotors that are not negative. What the
-data leave open is taken close to the spec's nominal values. With --friction they
-have the spec's nonlinear friction too; its samples stay in memory (--decimate).
-With --against, or more models than one, a table has eps_RA (Eq. 33) of each
-model on each log, as the chapter's Table 4.")]
+data leave open is taken close to the spec's nominal values. With --friction
+they have the spec's nonlinear friction too; its samples stay in memory
+(--decimate). With --against, or more models than one, a table has eps_RA
+(Eq. 33) of each model on each log, as the chapter's Table 4.")]
 pub(crate) struct IdentifyArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
@@ -64,10 +67,6 @@ pub(crate) struct IdentifyArgs {
     /// Factor files instead of logs, merged
     #[arg(long, num_args = 1.., value_name = "FACTORS", conflicts_with_all = ["logs", "huber", "cross"])]
     pub(crate) from: Vec<PathBuf>,
-    #[command(flatten)]
-    pub(crate) reading: ReadingArgs,
-    #[command(flatten)]
-    pub(crate) physical: PhysicalArgs,
     /// How the efforts are weighted against each other
     #[arg(long, value_enum, default_value_t)]
     pub(crate) weighting: WeightingArg,
@@ -87,19 +86,24 @@ pub(crate) struct IdentifyArgs {
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
     pub(crate) out: Option<PathBuf>,
-    #[command(flatten)]
-    pub(crate) report: ReportOptions,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,
+    // options behind these would come under their headings
+    #[command(flatten)]
+    pub(crate) reading: ReadingArgs,
+    #[command(flatten)]
+    pub(crate) physical: PhysicalArgs,
+    #[command(flatten)]
+    pub(crate) report: ReportOptions,
 }
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
-PARAMS is a file that `regen identify --out` wrote, or an object (JSON, or YAML if
-its name ends so) with the
-labels of all parameters or of all base parameters as keys. The table has a row
-for each PARAMS and a column for each log: eps_RA (Eq. 33) in percent.
+PARAMS is a file that `regen identify --out` wrote, or an object (JSON, or YAML
+if its name ends so) with the labels of all parameters or of all base parameters
+as keys. The table has a row for each PARAMS and a column for each log: eps_RA
+(Eq. 33) in percent.
 
 Examples:
   regen validate robots/3rps.yaml p.json run3.csv run4.csv --fourier 0.1333,11
@@ -116,11 +120,11 @@ pub(crate) struct ValidateArgs {
     /// Further parameters to compare with
     #[arg(long, value_name = "PARAMS", num_args = 1..)]
     pub(crate) beside: Vec<PathBuf>,
-    #[command(flatten)]
-    pub(crate) reading: ReadingArgs,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,
+    #[command(flatten)]
+    pub(crate) reading: ReadingArgs,
 }
 
 /// How logs are read and differentiated.

@@ -3,14 +3,18 @@
 mod identify;
 mod physical;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use regen_codegen::spec::nearest;
 
 pub(crate) use identify::{
     IdentifyArgs, ObserveArgs, ProblemsArg, ReadingArgs, ValidateArgs, WeightingArg,
 };
 pub(crate) use physical::{PhysicalArgs, PriorArg};
+
+use crate::exit::Failure;
 
 pub(crate) use crate::excite::ExciteArgs;
 pub(crate) use crate::report::ReportArgs;
@@ -56,6 +60,50 @@ on a terminal, and never when NO_COLOR is set.";
 
 fn after_help() -> String {
     format!("{EXAMPLES}\n\n{EXIT_CODES}")
+}
+
+/// The command line, or what is wrong with a word that is neither command nor file; ends the
+/// process where the command line asks for help, or is wrong otherwise.
+pub(crate) fn parse() -> Result<Cli, Failure> {
+    let command = with_negative_numbers(Cli::command());
+    let words: Vec<OsString> = std::env::args_os().collect();
+    if let Some(word) = words.get(1).and_then(|word| word.to_str())
+        && let Some(why) = neither(&command, word)
+    {
+        return Err(Failure::Usage(why));
+    }
+    let parsed = command.get_matches_from(words);
+    Cli::from_arg_matches(&parsed).map_err(|error| Failure::Usage(error.to_string()))
+}
+
+/// What is wrong with a first word that looks like a command and is none.
+fn neither(command: &clap::Command, word: &str) -> Option<String> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    let looks = word.starts_with(|c: char| c.is_ascii_alphabetic()) && word.chars().all(plain);
+    if !looks || word == "help" || command.find_subcommand(word).is_some() || exists(word) {
+        return None;
+    }
+    let known = command.get_subcommands().map(clap::Command::get_name);
+    let near = match nearest(word, known) {
+        Some(near) => format!("did you mean '{near}'?"),
+        None => "`regen --help` lists the commands".to_owned(),
+    };
+    Some(format!("there is no command and no file '{word}'; {near}"))
+}
+
+fn exists(word: &str) -> bool {
+    std::path::Path::new(word).exists()
+}
+
+/// Numbers may be negative wherever an option takes a value: what is wrong with them is then
+/// said by who knows what they mean.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes = |arg: clap::Arg| {
+        let values = arg.get_action().takes_values() && !arg.is_positional();
+        arg.allow_negative_numbers(values)
+    };
+    let command = command.mut_args(takes);
+    command.mut_subcommands(|sub| sub.mut_args(takes))
 }
 
 /// Dynamics of robots with closed loops, from a YAML spec to specialised Rust
@@ -125,8 +173,8 @@ pub(crate) enum Command {
         command: Option<String>,
     },
     /// Print a completion script, to be sourced by your shell
-    #[command(after_help = "Example:\n  regen completions bash > \
-        ~/.local/share/bash-completion/completions/regen")]
+    #[command(after_help = "Example:\n  regen completions bash \\\n      \
+        > ~/.local/share/bash-completion/completions/regen")]
     Completions {
         /// The shell to complete for
         shell: clap_complete::Shell,
@@ -391,9 +439,9 @@ axes that are nearly parallel have other base parameters than parallel ones;
 A loop that the format cannot express is added with --cut: the joint at which it
 is open, by its name, its type and a frame on each of two bodies,
   NAME:TYPE:BODY@x,y,z[,roll,pitch,yaw]:BODY@x,y,z[,roll,pitch,yaw]
-TYPE is spherical, universal, revolute, prismatic, cylindrical or fixed, along or
-about the frames' z axes. Bodies are the file's links, or world; frames are in
-the links' frames, angles in radians (pi/2 is allowed). Without its frame the
+TYPE is spherical, universal, revolute, prismatic, cylindrical or fixed, along
+or about the frames' z axes. Bodies are the file's links, or world; frames are
+in the links' frames, angles in radians (pi/2 is allowed). Without its frame the
 second body has the first one's where the file's zero configuration has it.
 
 Examples:
@@ -471,4 +519,41 @@ pub(crate) struct ExportArgs {
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_of_help_are_not_broken_anew() {
+        let cli = Cli::command();
+        let all = std::iter::once(&cli).chain(cli.get_subcommands());
+        for command in all {
+            let Some(help) = command.get_after_help() else {
+                continue;
+            };
+            for line in help.to_string().lines() {
+                let name = command.get_name();
+                assert!(
+                    line.chars().count() <= crate::table::WIDTH,
+                    "{name}: {line}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn options_of_estimation_do_not_stand_under_the_headings_of_others() {
+        let cli = Cli::command();
+        for command in cli.get_subcommands() {
+            let own = ["format", "out", "huber", "confidence", "cross"];
+            for arg in command.get_arguments() {
+                if own.contains(&arg.get_id().as_str()) {
+                    let name = command.get_name();
+                    assert_eq!(arg.get_help_heading(), None, "{name}: {}", arg.get_id());
+                }
+            }
+        }
+    }
 }

@@ -11,10 +11,10 @@ use crate::args::Format;
 #[command(after_help = "\
 The independent coordinates follow finite Fourier series (Eq. 25) that make the
 observation matrix of the base parameters well conditioned. Limits are those of
-the spec, changed by --limit and --cone; they hold over the whole period, between
-samples too: positions, velocities and accelerations of all coordinates, cones of
-spherical joints, efforts of the actuators at the nominal parameters, and a
-margin from singularities. The loops stay closed on the branch of `home`.
+the spec, changed by --limit and --cone; they hold over the whole period,
+between samples too: positions, velocities and accelerations of all coordinates,
+cones of spherical joints, efforts of the actuators at the nominal parameters,
+and a margin from singularities. The loops stay closed on the branch of `home`.
 
 If no trajectory keeps all limits, the one that is in the way is named, and the
 exit code is 4. Ctrl-C ends the search with the best found so far. The same seed
@@ -22,9 +22,11 @@ gives the same file, on any number of threads.
 
 Examples:
   regen excite robots/3rps.yaml --out t.json
-  regen excite robots/3rps.yaml --harmonics 11 --frequency 0.13333 --samples 75 \\
-      --limit q2.velocity=-0.6,0.6 --cone s1=45deg --cone s2=45deg --seed 7
-  regen excite robots/fivebar.yaml --criterion determinant --at-rest --out t.json")]
+  regen excite robots/3rps.yaml --harmonics 11 --frequency 0.13333 \\
+      --samples 75 --limit q2.velocity=-0.6,0.6 --cone s1=45deg \\
+      --cone s2=45deg --seed 7
+  regen excite robots/fivebar.yaml --criterion determinant --at-rest \\
+      --out t.json")]
 pub(crate) struct ExciteArgs {
     /// The robot's spec
     pub(crate) file: PathBuf,
@@ -35,8 +37,8 @@ pub(crate) struct ExciteArgs {
     /// The number of harmonics
     #[arg(long, value_name = "N", default_value_t = 11)]
     pub(crate) harmonics: usize,
-    /// The frequency of the first harmonic in Hz
-    #[arg(long, value_name = "HZ", default_value_t = 1.0 / 7.5)]
+    /// The frequency of the first harmonic in Hz [default: 2/15, a period of 7.5 s]
+    #[arg(long, value_name = "HZ", default_value_t = 1.0 / 7.5, hide_default_value = true)]
     pub(crate) frequency: f64,
     /// Samples in a period
     #[arg(long, value_name = "N", default_value_t = 75)]

@@ -11,14 +11,15 @@ use crate::args::Format;
 Every actuated joint has a PID controller that samples at 100 Hz, on top of the
 constant effort that holds the start against gravity. Without --pid, its gains
 follow from the robot's inertia at the start and the bandwidth. Friction is that
-of the spec, with its nominal coefficients; efforts are limited as the spec says.
+of the spec, with its nominal coefficients; efforts are limited as the spec
+says.
 
-Without --trajectory each independent coordinate swings about home, at 0.1 Hz and
-its multiples, by at most 40 % of the way that limits and loops leave it.
+Without --trajectory each independent coordinate swings about home, at 0.1 Hz
+and its multiples, by at most 40 % of the way that limits and loops leave it.
 
-The log has t, the measured positions of the actuated joints and their efforts as
-tau_NAME, which is what `regen identify` reads. With --exact it has positions,
-velocities and accelerations of all coordinates as they are.
+The log has t, the measured positions of the actuated joints and their efforts
+as tau_NAME, which is what `regen identify` reads. With --exact it has
+positions, velocities and accelerations of all coordinates as they are.
 
 PARAMS is a JSON object of labels with values, laid over the nominal ones, or a
 file of `regen identify --out`.

@@ -40,11 +40,7 @@ pub(super) fn read(
             None => return identified(args, path),
         }
     }
-    let labels = info.parameters.iter().zip(&values);
-    let missing: Vec<&str> = labels
-        .filter(|(_, value)| value.is_none())
-        .map(|(label, _)| *label)
-        .collect();
+    let missing = missing(&info, &values);
     if missing.is_empty() {
         return Ok((values.into_iter().flatten().collect(), Vec::new()));
     }
@@ -54,6 +50,34 @@ pub(super) fn read(
         args.file.display(),
         missing.join(", ")
     )))
+}
+
+/// What has no value, bodies that have none at all in short.
+fn missing(info: &Info<'_>, values: &[Option<f64>]) -> Vec<String> {
+    /// A body's parameters, which come first.
+    const INERTIAL: usize = 10;
+    let mut found = Vec::new();
+    let (bodies, others) = values.split_at(values.len().min(INERTIAL * info.bodies.len()));
+    let (labels, other_labels) = info.parameters.split_at(bodies.len());
+    for ((body, values), labels) in (info.bodies.iter())
+        .zip(bodies.chunks(INERTIAL))
+        .zip(labels.chunks(INERTIAL))
+    {
+        if values.iter().all(Option::is_none) {
+            found.push(format!("body {body}"));
+        } else {
+            found.extend(unknown(labels, values));
+        }
+    }
+    found.extend(unknown(other_labels, others));
+    found
+}
+
+fn unknown(labels: &[&str], values: &[Option<f64>]) -> impl Iterator<Item = String> {
+    let pairs = labels.iter().zip(values);
+    pairs
+        .filter(|(_, value)| value.is_none())
+        .map(|(label, _)| (*label).to_owned())
 }
 
 /// Parameters that have the base parameters of a file; the others are zero.
