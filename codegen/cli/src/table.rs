@@ -87,17 +87,14 @@ pub(crate) fn figure_of(digits: usize, value: f64) -> String {
     let digits = digits.max(1);
     let text = format!("{value:.*e}", digits - 1);
     // the exponent of what is printed: 0.99999 may round to 1.0
-    let exponent = text
-        .split_once('e')
-        .and_then(|(_, e)| e.parse::<i32>().ok());
-    match exponent {
-        _ if value == 0.0 => "0".to_owned(),
-        Some(exponent @ -3..=4) => {
-            let places = (digits as i32 - 1 - exponent).max(0).unsigned_abs();
-            format!("{value:.*}", places as usize)
-        }
-        _ => text,
-    }
+    let exponent = text.split_once('e').and_then(|(_, e)| e.parse().ok());
+    let places = match exponent {
+        _ if value == 0.0 => return "0".to_owned(),
+        Some(before @ 0_isize..=4) => (digits - 1).saturating_sub(before.unsigned_abs()),
+        Some(after @ -3..=-1) => digits - 1 + after.unsigned_abs(),
+        _ => return text,
+    };
+    format!("{value:.places$}")
 }
 
 /// How large a number is, that counts by its exponent; zero plainly.
