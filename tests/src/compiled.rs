@@ -1,30 +1,13 @@
 //! Compiled engines: every `regen_runtime::Model`, checked in or of the macro.
 
-use nalgebra::DMatrix;
 use regen_codegen::robot::FunctionKind;
 use regen_runtime::{Condition, Model, SizeError, Status};
 
-use crate::engine::{Answer, Engine, Names};
+use crate::engine::{Answer, Names};
+use crate::functions::Functions;
 
 /// A model as an engine.
 pub struct Compiled<'a>(pub &'a dyn Model<f64>);
-
-impl Compiled<'_> {
-    fn call(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<Vec<f64>> {
-        call_model(self.0, kind, inputs)
-    }
-
-    /// The regressors' shape: columns of dof entries.
-    fn columns(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<DMatrix<f64>> {
-        let flat = self.call(kind, inputs)?;
-        let info = self.0.info();
-        Ok(DMatrix::from_column_slice(
-            info.dof(),
-            info.parameters.len(),
-            &flat,
-        ))
-    }
-}
 
 fn call_model(model: &dyn Model<f64>, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<Vec<f64>> {
     let info = model.info();
@@ -77,7 +60,7 @@ fn call_model(model: &dyn Model<f64>, kind: FunctionKind, inputs: &[&[f64]]) -> 
     }
 }
 
-impl Engine for Compiled<'_> {
+impl Functions for Compiled<'_> {
     fn names(&self) -> Names {
         let info = self.0.info();
         let all = |list: &[&str]| list.iter().map(|s| (*s).to_owned()).collect();
@@ -109,79 +92,15 @@ impl Engine for Compiled<'_> {
         self.0.info().home.to_vec()
     }
 
-    fn constraints(&self, q: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Constraints, &[q])
+    fn rows(&self) -> usize {
+        self.0.info().rows
     }
 
-    fn jacobian(&self, q: &[f64]) -> Answer<DMatrix<f64>> {
-        let flat = self.call(FunctionKind::Jacobian, &[q])?;
-        Ok(DMatrix::from_row_slice(self.0.info().rows, q.len(), &flat))
+    fn dof(&self) -> usize {
+        self.0.info().dof()
     }
 
-    fn bias(&self, q: &[f64], qd: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Bias, &[q, qd])
-    }
-
-    fn newton_step(&self, q: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::NewtonStep, &[q])
-    }
-
-    fn velocities(&self, q: &[f64], qd_i: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Velocities, &[q, qd_i])
-    }
-
-    fn accelerations(&self, q: &[f64], qd: &[f64], qdd_i: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Accelerations, &[q, qd, qdd_i])
-    }
-
-    fn regressor(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Answer<DMatrix<f64>> {
-        self.columns(FunctionKind::Regressor, &[q, qd, qdd])
-    }
-
-    fn inverse_dynamics(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
-        phi: &[f64],
-    ) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::InverseDynamics, &[q, qd, qdd, phi])
-    }
-
-    fn gravity(&self, q: &[f64], phi: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Gravity, &[q, phi])
-    }
-
-    fn bias_forces(&self, q: &[f64], qd: &[f64], phi: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::BiasForces, &[q, qd, phi])
-    }
-
-    fn mass_matrix(&self, q: &[f64], phi: &[f64]) -> Answer<DMatrix<f64>> {
-        let flat = self.call(FunctionKind::MassMatrix, &[q, phi])?;
-        let dof = self.0.info().dof();
-        Ok(DMatrix::from_row_slice(dof, dof, &flat))
-    }
-
-    fn slotine_li(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qd_r_i: &[f64],
-        qdd_r_i: &[f64],
-    ) -> Answer<DMatrix<f64>> {
-        self.columns(FunctionKind::SlotineLi, &[q, qd, qd_r_i, qdd_r_i])
-    }
-
-    fn efforts(&self, q: &[f64], tau_actuated: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Efforts, &[q, tau_actuated])
-    }
-
-    fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>> {
-        let flat = self.call(FunctionKind::Poses, &[q])?;
-        Ok(flat.as_chunks::<12>().0.to_vec())
-    }
-
-    fn cones(&self, q: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Cones, &[q])
+    fn call(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<Vec<f64>> {
+        call_model(self.0, kind, inputs)
     }
 }

@@ -1,12 +1,12 @@
 //! The engine under test, interpreted: programs as they leave the derivation.
 
-use nalgebra::DMatrix;
 use regen_codegen::diag::Source;
 use regen_codegen::interpret::run;
 use regen_codegen::pipeline::{BaseFrom, DeriveError, derive, derive_with};
 use regen_codegen::robot::{FunctionKind, Robot};
 
-use crate::engine::{Answer, Engine, Names};
+use crate::engine::{Answer, Names};
+use crate::functions::Functions;
 
 /// A robot derived from a spec, its programs interpreted.
 #[derive(Debug)]
@@ -45,32 +45,9 @@ impl Derived {
         let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
         Derived::new(&path.display().to_string(), &text)
     }
-
-    fn call(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<Vec<f64>> {
-        let Some(function) = self.robot.function(kind) else {
-            return Ok(Vec::new());
-        };
-        let (values, condition) = run(&function.program, inputs);
-        if condition > 1e-10 {
-            Ok(values)
-        } else {
-            Err(format!("{} is singular ({condition:e})", kind.name()))
-        }
-    }
-
-    /// A result stored column by column.
-    fn columns(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<DMatrix<f64>> {
-        let rows = self.robot.independent.len();
-        let values = self.call(kind, inputs)?;
-        Ok(DMatrix::from_column_slice(
-            rows,
-            values.len() / rows,
-            &values,
-        ))
-    }
 }
 
-impl Engine for Derived {
+impl Functions for Derived {
     fn names(&self) -> Names {
         let robot = &self.robot;
         let of = |which: &[usize]| {
@@ -103,81 +80,23 @@ impl Engine for Derived {
         self.robot.home.clone()
     }
 
-    fn constraints(&self, q: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Constraints, &[q])
+    fn rows(&self) -> usize {
+        self.robot.rows
     }
 
-    fn jacobian(&self, q: &[f64]) -> Answer<DMatrix<f64>> {
-        let values = self.call(FunctionKind::Jacobian, &[q])?;
-        Ok(DMatrix::from_row_slice(self.robot.rows, q.len(), &values))
+    fn dof(&self) -> usize {
+        self.robot.independent.len()
     }
 
-    fn bias(&self, q: &[f64], qd: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Bias, &[q, qd])
-    }
-
-    fn newton_step(&self, q: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::NewtonStep, &[q])
-    }
-
-    fn velocities(&self, q: &[f64], qd_i: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Velocities, &[q, qd_i])
-    }
-
-    fn accelerations(&self, q: &[f64], qd: &[f64], qdd_i: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Accelerations, &[q, qd, qdd_i])
-    }
-
-    fn regressor(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Answer<DMatrix<f64>> {
-        self.columns(FunctionKind::Regressor, &[q, qd, qdd])
-    }
-
-    fn inverse_dynamics(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
-        phi: &[f64],
-    ) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::InverseDynamics, &[q, qd, qdd, phi])
-    }
-
-    fn gravity(&self, q: &[f64], phi: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Gravity, &[q, phi])
-    }
-
-    fn bias_forces(&self, q: &[f64], qd: &[f64], phi: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::BiasForces, &[q, qd, phi])
-    }
-
-    fn mass_matrix(&self, q: &[f64], phi: &[f64]) -> Answer<DMatrix<f64>> {
-        self.columns(FunctionKind::MassMatrix, &[q, phi])
-    }
-
-    fn slotine_li(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qd_r_i: &[f64],
-        qdd_r_i: &[f64],
-    ) -> Answer<DMatrix<f64>> {
-        self.columns(FunctionKind::SlotineLi, &[q, qd, qd_r_i, qdd_r_i])
-    }
-
-    fn efforts(&self, q: &[f64], tau_actuated: &[f64]) -> Answer<Vec<f64>> {
-        self.call(FunctionKind::Efforts, &[q, tau_actuated])
-    }
-
-    fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>> {
-        let values = self.call(FunctionKind::Poses, &[q])?;
-        let (poses, _) = values.as_chunks::<12>();
-        Ok(poses.to_vec())
-    }
-
-    fn cones(&self, q: &[f64]) -> Answer<Vec<f64>> {
-        if self.robot.cones.is_empty() {
+    fn call(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<Vec<f64>> {
+        let Some(function) = self.robot.function(kind) else {
             return Ok(Vec::new());
+        };
+        let (values, condition) = run(&function.program, inputs);
+        if condition > 1e-10 {
+            Ok(values)
+        } else {
+            Err(format!("{} is singular ({condition:e})", kind.name()))
         }
-        self.call(FunctionKind::Cones, &[q])
     }
 }

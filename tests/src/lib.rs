@@ -13,9 +13,9 @@
 pub mod base;
 pub mod compiled;
 pub mod derived;
-pub mod derived_model;
 pub mod engine;
 pub mod files;
+mod functions;
 pub mod platform;
 pub mod random;
 pub mod random_spec;

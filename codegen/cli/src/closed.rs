@@ -3,8 +3,8 @@
 use regen_runtime::{Closure, Outcome};
 
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::states::Motion;
+use regen_interpreted::Interpreted;
 
 /// The whole motion; the inner error says why there is none.
 pub(crate) fn close(

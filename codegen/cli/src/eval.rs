@@ -12,9 +12,9 @@ use serde::Serialize;
 use crate::args::{EvalArgs, Format};
 use crate::closed::close;
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::states::{self, Motion, State};
 use crate::{load, table, terminal};
+use regen_interpreted::Interpreted;
 
 /// The JSON of one state.
 #[derive(Serialize)]

@@ -11,7 +11,6 @@ use serde::Serialize;
 use crate::args::{Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
 use crate::identify_table::human;
-use crate::interpreted::{BaseTerms, Interpreted};
 use crate::observe::{self, FileJson};
 use crate::parameters::{FrictionRow, ParameterFile, ParameterRow, PhysicalRow};
 use crate::physical::{self, Found};
@@ -19,6 +18,7 @@ use crate::predicted::{self, OnLog};
 use crate::reduce::{self, StepJson};
 use crate::suspect::{self, Suspicion};
 use crate::{identify_friction, load, outputs, progress, table, terminal, write};
+use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen identify`.
 #[derive(Serialize)]

@@ -9,10 +9,10 @@ use regen_runtime::identify::{Kind, observe};
 use crate::args::{IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
 use crate::identify::{Start, json};
-use crate::interpreted::Interpreted;
 use crate::observe::{self, FileJson};
 use crate::parameters::ParameterFile;
 use crate::physical;
+use regen_interpreted::Interpreted;
 
 /// Passes that find the efforts' noise; two settle it to a percent.
 const PASSES: usize = 3;

@@ -17,9 +17,9 @@ use regen_runtime::identify::{Identified, Kind, Options, Recorded, identify, obs
 use regen_runtime::signals::{Fourier, Method};
 use regen_runtime::{BaseModel, Closure, Model, Motion};
 
-use crate::interpreted::{BaseTerms, Interpreted};
 use crate::load;
 use crate::verify::Random;
+use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The frequency of all trajectories, Hz.
 const FREQUENCY: f64 = 0.2;

@@ -21,7 +21,6 @@ mod identify_table;
 mod identify_tests;
 mod import;
 mod info;
-mod interpreted;
 mod interrupt;
 mod json_place;
 mod load;

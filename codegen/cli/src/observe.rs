@@ -11,10 +11,10 @@ use serde::Serialize;
 
 use crate::args::{Format, ObserveArgs, ProblemsArg, ReadingArgs};
 use crate::exit::Failure;
-use crate::interpreted::{BaseTerms, Interpreted};
 use crate::progress::spinner;
 use crate::watch::Watched;
 use crate::{load, table, terminal, write};
+use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen observe`.
 #[derive(Serialize)]

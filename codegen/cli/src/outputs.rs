@@ -8,8 +8,8 @@ use regen_runtime::feasibility::{Layout, bodies_yaml, rust_constants, unit};
 use regen_runtime::{BaseModel, Info, Model};
 
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::physical::Found;
+use regen_interpreted::Interpreted;
 
 /// What a spec that was written may differ by from the values it was written for: sums about the
 /// centre of mass and back.

@@ -13,10 +13,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::load;
 use crate::physical::Found;
 use crate::yaml;
+use regen_interpreted::Interpreted;
 
 /// Relative deviations below this, in percent, are of well identified parameters (section 5.3).
 pub(crate) const WELL: f64 = regen_runtime::identifiability::WELL;

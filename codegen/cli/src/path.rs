@@ -7,9 +7,9 @@ use regen_runtime::signals::Fourier;
 use regen_runtime::simulate::Reference;
 
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::sweep;
 use crate::trajectory::Trajectory;
+use regen_interpreted::Interpreted;
 
 /// The fundamental frequency of the motion that is made without a file, Hz.
 const GENTLE: f64 = 0.1;

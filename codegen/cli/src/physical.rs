@@ -10,8 +10,8 @@ use regen_runtime::{BaseModel, Closure, Friction, Model};
 
 use crate::args::{PhysicalArgs, PriorArg};
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::terminal;
+use regen_interpreted::Interpreted;
 
 /// A model that was found.
 #[derive(Clone, Debug)]

@@ -9,9 +9,9 @@ use serde::Serialize;
 
 use crate::args::ReadingArgs;
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::watch::Watched;
 use crate::{observe, table};
+use regen_interpreted::Interpreted;
 
 /// A model's error on a log.
 #[derive(Clone, Debug, Serialize)]

@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::parameters::ParameterFile;
 use crate::physical::Found;
 use crate::{observe, physical};
+use regen_interpreted::Interpreted;
 
 /// A step in JSON.
 #[derive(Clone, Debug, Serialize)]

@@ -9,7 +9,7 @@ use regen_runtime::identify::{Kind, Options, identify};
 use regen_runtime::{BaseModel, Model};
 use serde::Serialize;
 
-use crate::interpreted::Interpreted;
+use regen_interpreted::Interpreted;
 
 /// eps_RA in percent from which on a log is looked at: with friction that is not modelled, robots
 /// reach 5 to 15.

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use regen_runtime::{Closure, Info, Model, Motion};
 
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
+use regen_interpreted::Interpreted;
 
 /// Parts in which the way to a limit is walked.
 const PARTS: usize = 40;

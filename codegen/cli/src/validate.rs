@@ -9,8 +9,8 @@ use serde::Serialize;
 
 use crate::args::{Format, ValidateArgs};
 use crate::exit::Failure;
-use crate::interpreted::{BaseTerms, Interpreted};
 use crate::{load, observe, parameters, predicted, table, terminal};
+use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen validate`.
 #[derive(Serialize)]

@@ -9,9 +9,9 @@ use serde::Serialize;
 
 use crate::closed::close;
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::states::Motion;
 use crate::{table, verify_base};
+use regen_interpreted::Interpreted;
 
 /// Closed states that are tried.
 const STATES: usize = 8;

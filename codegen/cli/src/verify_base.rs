@@ -3,9 +3,9 @@
 use regen_codegen::base::Base;
 use regen_runtime::{BaseModel, Model, SizeError};
 
-use crate::interpreted::Interpreted;
 use crate::states::Motion;
 use crate::verify::{ROUNDING, Random, Worst, fill, larger, product};
+use regen_interpreted::Interpreted;
 
 /// Every set of parameters with the same base parameters has the same forces, which the functions
 /// over base parameters compute.

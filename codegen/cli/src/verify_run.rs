@@ -10,11 +10,11 @@ use serde::Serialize;
 
 use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::numeric::{Numeric, Rank};
 use crate::verify::{self, Check, Random, Reach, larger};
 use crate::workspace::Workspace;
 use crate::{base, evidence, load, model, modules, table, terminal};
+use regen_interpreted::Interpreted;
 
 /// Rows of the observation matrix per column.
 const ROWS_PER_COLUMN: usize = 4;

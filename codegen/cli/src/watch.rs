@@ -5,8 +5,8 @@ use regen_runtime::data::{DataError, Logs};
 use regen_runtime::estimate::EstimateError;
 use regen_runtime::identify::{Row, Source};
 
-use crate::interpreted::Interpreted;
 use crate::progress;
+use regen_interpreted::Interpreted;
 
 /// Rows between two steps of a bar.
 const EVERY: u64 = 64;

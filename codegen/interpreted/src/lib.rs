@@ -1,4 +1,22 @@
 //! A derived robot as a model without compiling it: its programs run by the interpreter.
+//!
+//! ```
+//! use regen_codegen::{diag::Source, pipeline};
+//! use regen_interpreted::Interpreted;
+//! use regen_runtime::Model;
+//!
+//! let text = "name: pendulum\nlimbs:\n  - name: arm\n    base: {rpy: [-pi/2, 0, 0]}\n    \
+//!             joints:\n      - {name: q1, type: revolute, body: 1, actuated: true}\n";
+//! let robot = pipeline::derive(&Source::new("pendulum.yaml", text))?;
+//! let model = Interpreted::new(&robot);
+//! // 2 kg at 0.5 m along x, which is level at 0
+//! let mut phi = [0.0; 10];
+//! (phi[6], phi[9]) = (1.0, 2.0);
+//! let mut tau = [0.0];
+//! model.gravity(&[0.0], &phi, &mut tau)?;
+//! assert!((tau[0].abs() - 9.81).abs() < 1e-12);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 use regen_codegen::interpret;
 use regen_codegen::model::MotionKind;
@@ -10,7 +28,7 @@ use regen_runtime::{
 };
 
 /// A robot and the borrowed names that [`Model::info`] lends.
-pub(crate) struct Interpreted<'a> {
+pub struct Interpreted<'a> {
     robot: &'a Robot,
     coordinates: Vec<&'a str>,
     parameters: Vec<&'a str>,
@@ -23,11 +41,11 @@ pub(crate) struct Interpreted<'a> {
 }
 
 /// The terms of a robot's base parameters, for [`Interpreted::with_terms`] to lend.
-pub(crate) struct BaseTerms<'a>(Vec<(&'a str, Vec<BaseTerm<'a>>)>);
+pub struct BaseTerms<'a>(Vec<(&'a str, Vec<BaseTerm<'a>>)>);
 
 impl<'a> BaseTerms<'a> {
     /// The terms of the base parameters that functions take.
-    pub(crate) fn new(robot: &'a Robot) -> Self {
+    pub fn new(robot: &'a Robot) -> Self {
         let label = |column: usize| robot.parameters.get(column).map_or("?", String::as_str);
         let analysis = robot.analysis.iter();
         let kept = analysis
@@ -51,7 +69,7 @@ type Input<'a> = (&'static str, usize, &'a [f64]);
 
 impl<'a> Interpreted<'a> {
     /// The model of a robot; its base parameters have no terms to show.
-    pub(crate) fn new(robot: &'a Robot) -> Self {
+    pub fn new(robot: &'a Robot) -> Self {
         let null = robot.analysis.iter().flat_map(|a| &a.base.null);
         let free = null.filter_map(|d| robot.parameters.get(d.column));
         Self {
@@ -82,7 +100,7 @@ impl<'a> Interpreted<'a> {
     }
 
     /// The model of a robot with its base parameters.
-    pub(crate) fn with_terms(robot: &'a Robot, terms: &'a BaseTerms<'a>) -> Self {
+    pub fn with_terms(robot: &'a Robot, terms: &'a BaseTerms<'a>) -> Self {
         let base = terms
             .0
             .iter()
@@ -118,7 +136,7 @@ impl<'a> Interpreted<'a> {
     }
 
     /// The number of base parameters.
-    pub(crate) fn rank(&self) -> usize {
+    pub fn rank(&self) -> usize {
         let analysis = self.robot.analysis.as_ref();
         analysis.map_or(0, |analysis| analysis.base.rank())
     }

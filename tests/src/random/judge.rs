@@ -2,11 +2,11 @@
 //! differences, and the closure on a path and back.
 
 use regen_codegen::emit::{Options, module};
+use regen_interpreted::Interpreted;
 use regen_runtime::{Closure, Outcome};
 
 use super::Sample;
 use crate::derived::Derived;
-use crate::derived_model::DerivedModel;
 use crate::engine::{Engine, Figures, check_engine};
 use crate::reference::{Mechanism, Random};
 
@@ -88,7 +88,7 @@ pub fn closure(derived: &Derived, mechanism: &Mechanism, seed: u64) -> Result<()
     if mechanism.dependent.is_empty() {
         return Ok(());
     }
-    let model = DerivedModel::new(&derived.robot);
+    let model = Interpreted::new(&derived.robot);
     let mut closure = Closure::new(&model).map_err(|e| e.to_string())?;
     let home = closure.home().clone();
     if home.outcome != Outcome::Closed {

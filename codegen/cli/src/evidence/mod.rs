@@ -29,11 +29,11 @@ use regen_runtime::Closure;
 
 use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::states::Motion;
 use crate::verify::{self, Random, Reach};
 use crate::workspace::{self, Workspace};
 use crate::{load, progress, terminal};
+use regen_interpreted::Interpreted;
 
 pub(crate) use rounding::certain as regressor;
 

@@ -20,9 +20,9 @@ use tangents::Differentiable;
 
 use crate::args::Format;
 use crate::exit::Failure;
-use crate::interpreted::{BaseTerms, Interpreted};
 use crate::trajectory::Trajectory;
 use crate::{interrupt, load, observe, progress, table, terminal};
+use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen excite`.
 #[derive(Serialize)]

@@ -13,9 +13,9 @@ use serde_json::Value;
 use super::{Bench, FREQUENCY, HARMONICS, Made, csv, made, normal, scratch, series, truth};
 use crate::args::{Cli, Command};
 use crate::exit::Failure;
-use crate::interpreted::{BaseTerms, Interpreted};
 use crate::verify::Random;
 use crate::{export, identify, load, observe, parameters, validate};
+use regen_interpreted::{BaseTerms, Interpreted};
 
 /// Runs a command line; spaces divide its words.
 fn regen(line: &str) -> Result<(), Failure> {

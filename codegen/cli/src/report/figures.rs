@@ -5,8 +5,8 @@ use regen_runtime::{BaseModel, Limits, Model, Motion};
 use super::charts::{self, BLUE, DYES, Figure, GREY, Line, Look, ORANGE, RED};
 use super::gather::{Predictor, Seen, Spectra};
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::parameters::{ParameterFile, WELL};
+use regen_interpreted::Interpreted;
 
 /// Points of a line at most: more is not seen, and makes pages heavy.
 const POINTS: usize = 1500;

@@ -11,8 +11,8 @@ use regen_runtime::{BaseModel, Model};
 
 use crate::args::ReadingArgs;
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::{observe, predicted};
+use regen_interpreted::Interpreted;
 
 /// States of the regressor at most whose singular values are shown.
 const STATES: usize = 300;

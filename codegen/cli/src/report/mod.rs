@@ -14,9 +14,9 @@ use regen_runtime::{BaseModel, Model};
 
 use crate::args::{IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
-use crate::interpreted::{BaseTerms, Interpreted};
 use crate::parameters::ParameterFile;
 use crate::{load, observe, parameters, table, terminal, write};
+use regen_interpreted::{BaseTerms, Interpreted};
 
 use charts::Figure;
 use gather::{Errors, Predictor, Seen, Spectra};

@@ -6,7 +6,7 @@ use regen_runtime::{Closure, Model};
 
 use super::args::SimulateArgs;
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
+use regen_interpreted::Interpreted;
 
 /// One controller per actuated joint and the constant effort under each.
 pub(super) struct Control {

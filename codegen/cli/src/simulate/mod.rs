@@ -18,9 +18,9 @@ use serde::Serialize;
 
 use crate::args::Format;
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::path::Path as Motion;
 use crate::{load, progress, table, terminal, write};
+use regen_interpreted::Interpreted;
 
 /// The JSON of `regen simulate`.
 #[derive(Serialize)]

@@ -8,8 +8,8 @@ use regen_runtime::{BaseModel, Info, Joint, Model};
 
 use super::args::SimulateArgs;
 use crate::exit::Failure;
-use crate::interpreted::{BaseTerms, Interpreted};
 use crate::{load, parameters};
+use regen_interpreted::{BaseTerms, Interpreted};
 
 /// All parameters: nominal values, with those of a file over them; or any that have the base
 /// parameters of a file, and the friction beside them.

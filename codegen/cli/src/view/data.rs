@@ -8,9 +8,9 @@ use regen_runtime::{Closure, Model};
 use serde::Serialize;
 
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::path::Path;
 use crate::sweep;
+use regen_interpreted::Interpreted;
 
 /// Samples of one coordinate's sweep, and its time in s.
 const SWEEP: (usize, f64) = (40, 4.0);

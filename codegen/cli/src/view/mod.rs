@@ -9,8 +9,8 @@ use regen_codegen::pipeline::{self, BaseFrom, DeriveError};
 use regen_codegen::scene::Scene;
 
 use crate::exit::Failure;
-use crate::interpreted::Interpreted;
 use crate::{load, table, terminal, write};
+use regen_interpreted::Interpreted;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
