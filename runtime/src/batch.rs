@@ -221,23 +221,55 @@ where
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Samples { q, qd, qdd, len } = self.samples;
-        let mut w = [[Lane::splat(simd, 0.0); DOF]; COLUMNS];
-        let mut first = 0;
-        while first < len {
-            let end = len.min(first + S::F64_LANES);
-            let q = loaded(simd, &q, first, end);
-            let qd = loaded(simd, &qd, first, end);
-            let qdd = loaded(simd, &qdd, first, end);
-            let condition = K::base_entries(&q, &qd, &qdd, &mut w);
-            self.consumer.take(&Block {
-                first: self.offset + first,
-                len: end - first,
-                w: &w,
-                condition,
-            });
-            first = end;
+        let whole = len - len % S::F64_LANES;
+        let mut w = Aligned([[Lane::splat(simd, 0.0); DOF]; COLUMNS]);
+        let rest = [q, qd, qdd].map(|series| loaded(simd, &series, whole, len));
+        let [rest_q, rest_qd, rest_qdd] = rest.each_ref().map(one_register);
+        let [mut q, mut qd, mut qdd] = [q, qd, qdd].map(whole_registers::<S, N>);
+        let (mut first, mut count) = (0, whole / S::F64_LANES);
+        loop {
+            for i in 0..count {
+                let at = |series: &[&[S::f64s]; N]| {
+                    let mut lanes = [Lane::splat(simd, 0.0); N];
+                    for (lane, series) in lanes.iter_mut().zip(series) {
+                        lane.v = series[i];
+                    }
+                    lanes
+                };
+                let condition = K::base_entries(&at(&q), &at(&qd), &at(&qdd), &mut w.0);
+                self.consumer.take(&Block {
+                    first: self.offset + first,
+                    len: S::F64_LANES.min(len - first),
+                    w: &w.0,
+                    condition,
+                });
+                first += S::F64_LANES;
+            }
+            if first >= len {
+                break;
+            }
+            // the loop once more, for what does not fill a register: the kernel is inlined, so it
+            // stands in one place only
+            (q, qd, qdd, count) = (rest_q, rest_qd, rest_qdd, 1);
         }
     }
+}
+
+/// `pulp` aligns its registers like single numbers. Where they straddle lines of the cache, storing
+/// them takes twice as long, and many times as long across pages.
+#[repr(align(64))]
+struct Aligned<T>(T);
+
+/// What of every series fills whole registers.
+#[inline(always)]
+fn whole_registers<S: Simd, const N: usize>(series: [&[f64]; N]) -> [&[S::f64s]; N] {
+    series.map(|series| S::as_simd_f64s(series).0)
+}
+
+/// Each lane as a series of one register.
+#[inline(always)]
+fn one_register<S: Simd, const N: usize>(lanes: &[Lane<S>; N]) -> [&[S::f64s]; N] {
+    lanes.each_ref().map(|lane| core::slice::from_ref(&lane.v))
 }
 
 /// Samples of every series side by side: one lane each, zeros beyond.

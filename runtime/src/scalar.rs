@@ -96,6 +96,7 @@ pub trait Scalar:
     ///
     /// For `f64` a polynomial in vector registers where all angles are within 2^20 rad, each
     /// result within one ulp; otherwise, and for other types, as [`sin_cos`](Scalar::sin_cos).
+    /// `Lane` does the same for all angles, one check for all of them.
     ///
     /// ```
     /// use regen_runtime::Scalar;

@@ -186,9 +186,13 @@ mod lane {
         bytemuck::cast_slice::<S::f64s, f64>(&[lane.v]).to_vec()
     }
 
-    /// Runs a check on the best instruction set and on the one without any.
+    /// Runs a check on every instruction set that is there, and without any.
     fn everywhere<F: WithSimd<Output = ()> + Copy>(check: F) {
         Arch::new().dispatch(check);
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = pulp::x86::V3::try_new() {
+            Simd::vectorize(simd, check);
+        }
         check.with_simd(pulp::Scalar);
     }
 
@@ -228,6 +232,32 @@ mod lane {
                         "{x:e}: {found:e}, {expected:e}"
                     );
                 }
+            }
+        }
+    }
+
+    #[derive(Clone, Copy)]
+    struct Together<'a>(&'a [f64]);
+    impl WithSimd for Together<'_> {
+        type Output = ();
+        fn with_simd<S: Simd>(self, simd: S) {
+            let angles: [Lane<S>; 3] = core::array::from_fn(|i| lanes(simd, &self.0[8 * i..]));
+            let bits = |(sin, cos): (Lane<S>, Lane<S>)| {
+                [sin, cos].map(|x| {
+                    values_of(x)
+                        .into_iter()
+                        .map(f64::to_bits)
+                        .collect::<Vec<_>>()
+                })
+            };
+            let within = |x: &Lane<S>| values_of(*x).iter().all(|x| x.abs() < Lane::<S>::REACH);
+            let together = Lane::sin_cos_all(angles);
+            if angles.iter().all(within) {
+                assert_eq!(together.map(bits), angles.map(|x| bits(x.sin_cos())));
+            } else {
+                let library =
+                    |x: Lane<S>| bits((x.map(|x| x.sin_cos().0), x.map(|x| x.sin_cos().1)));
+                assert_eq!(together.map(bits), angles.map(library));
             }
         }
     }
@@ -303,6 +333,17 @@ mod lane {
             x in prop::collection::vec(-1e300..1e300_f64, 7),
         ) {
             everywhere(Angles(&[x.as_slice(), &[0.5]].concat()));
+        }
+
+        #[test]
+        fn angles_at_once_are_as_one_by_one(
+            mut x in prop::collection::vec(-1e5..1e5_f64, 24),
+            far in prop::option::of(0..24_usize),
+        ) {
+            if let Some(far) = far {
+                x[far] = 3e6;
+            }
+            everywhere(Together(&x));
         }
 
         #[test]

@@ -92,67 +92,113 @@ impl<S: Simd> Lane<S> {
         Self { v, ..self }
     }
 
-    /// Sine and cosine for |x| up to [`Lane::REACH`].
+    /// Where the value is not NaN, which is no number's equal.
     #[inline(always)]
-    fn sin_cos_near(self) -> (Self, Self) {
-        // the sum rounds to an integer of quarter turns
-        let magic = self.lift(MAGIC);
-        let shifted = self.mul_add(self.lift(TWO_OVER_PI), magic);
-        let quarters = shifted - magic;
-        let (y, tail) = self.reduce(quarters);
+    fn is_number(self) -> LaneMask<S> {
+        LaneMask {
+            simd: self.simd,
+            mask: self.simd.equal_f64s(self.v, self.v),
+        }
+    }
+
+    /// Whether products are fused with sums: -2^-60 is lost where the product is rounded. Both
+    /// numbers are constants, so that the compiler knows the answer.
+    #[inline(always)]
+    fn fuses(self) -> bool {
+        let small = f64::EPSILON * 4_194_304.0;
+        let (low, high) = (self.lift(1.0 - small), self.lift(1.0 + small));
+        let lost = low.mul_add(high, self.lift(-1.0));
+        bytemuck::cast_slice::<S::f64s, f64>(core::slice::from_ref(&lost.v))
+            .iter()
+            .any(|x| *x != 0.0)
+    }
+
+    /// `self - quarters * pi/2` as a value and what is lost in it.
+    #[inline(always)]
+    fn reduced(self, quarters: Self) -> (Self, Self) {
+        if self.fuses() {
+            // exact: a multiple of the last place of x or of pi/2, and below one
+            let first = (-quarters).mul_add(self.lift(core::f64::consts::FRAC_PI_2), self);
+            let low = self.lift(HALF_PI_LOW);
+            let second = quarters * low;
+            let (y, error) = two_sum(first, -second);
+            let rounded = quarters.mul_add(low, -second);
+            let last = quarters.mul_add(self.lift(HALF_PI_LAST), rounded);
+            (y, error - last)
+        } else {
+            // the three leading parts of pi/2 have 33 bits, so that their products with an
+            // integer of 20 bits are exact (Cody and Waite); the sums keep what they round off
+            let first = self - quarters * self.lift(HALF_PI[0]);
+            let (second, error_2) = two_sum(first, -(quarters * self.lift(HALF_PI[1])));
+            let (third, error_3) = two_sum(second, -(quarters * self.lift(HALF_PI[2])));
+            let rest = (error_2 + error_3) - quarters * self.lift(HALF_PI[3]);
+            let y = third + rest;
+            (y, (third - y) + rest)
+        }
+    }
+
+    /// Sine and cosine of y + tail, |y| up to pi/4, and as many quarter turns as the last bits of
+    /// `shifted` say.
+    #[inline(always)]
+    fn turned(self, tail: Self, shifted: Self) -> (Self, Self) {
+        let (simd, y) = (self.simd, self);
         let z = y * y;
-
+        let half = z * y.lift(0.5);
         // sin(y + tail) = y + (y^3 S(y^2) + tail cos y)
-        let half = z * self.lift(0.5);
-        let sin_rest = (y * z).mul_add(polynomial(z, &SIN), tail * (self.lift(1.0) - half));
-        let sin = y + sin_rest;
+        let leading = y.lift(1.0) - half;
+        let sin = y + (y * z).mul_add(polynomial(z, &SIN), tail * leading);
+        // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail); what 1 - y^2/2 rounds off comes back
+        let lost = (y.lift(1.0) - leading) - half;
+        let cos = leading + (z * z).mul_add(polynomial(z, &COS), (-y).mul_add(tail, lost));
 
-        // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail); what 1 - y^2/2 rounds off comes back.
-        let leading = self.lift(1.0) - half;
-        let lost = (self.lift(1.0) - leading) - half;
-        let cos = leading + (lost + (z * z).mul_add(polynomial(z, &COS), -(y * tail)));
-
-        // Quarter turns, from -2 to 2: odd ones swap, and each has its signs.
-        let turn = quarters - (quarters * self.lift(0.25)).round() * self.lift(4.0);
-        let (size, half) = (turn.abs(), self.lift(0.5));
-        let even = Self::select(
-            size.less(half),
-            self.lift(1.0),
-            (size - self.lift(1.0)).abs(),
+        // odd quarter turns swap the two; the sine's sign is the second last bit, the cosine's
+        // the sum of the last two
+        let bits = simd.transmute_u64s_f64s(shifted.v);
+        let has = |bit: u64| {
+            let bit = simd.splat_u64s(bit);
+            simd.equal_u64s(simd.and_u64s(bits, bit), bit)
+        };
+        let (last, second) = (has(1), has(2));
+        let (odd, sin_negative, cos_negative) = (
+            LaneMask { simd, mask: last },
+            LaneMask { simd, mask: second },
+            LaneMask {
+                simd,
+                mask: simd.xor_m64s(second, last),
+            },
         );
-        let swap = even.less(half);
-        let (s, c) = (Self::select(swap, cos, sin), Self::select(swap, sin, cos));
-        let s_negative = Self::select(turn.less(-half), self.lift(1.0), size - self.lift(1.0));
-        let c_negative = Self::select(turn.less(half), -turn - self.lift(1.0), turn);
+        let (s, c) = (Self::select(odd, cos, sin), Self::select(odd, sin, cos));
         (
-            Self::select(half.less(s_negative), -s, s),
-            Self::select(half.less(c_negative), -c, c),
+            Self::select(sin_negative, -s, s),
+            Self::select(cos_negative, -c, c),
         )
-    }
-
-    /// To the nearest integer, for |x| below 2^51.
-    #[inline(always)]
-    fn round(self) -> Self {
-        let magic = self.lift(6_755_399_441_055_744.0);
-        (self + magic) - magic
-    }
-
-    /// `self - quarters * pi/2` as a value and its rounding error (Cody and Waite).
-    ///
-    /// The three leading parts of pi/2 have 33 bits, so that their products with an integer
-    /// of 20 bits are exact; the sums keep what they round off.
-    #[inline(always)]
-    fn reduce(self, quarters: Self) -> (Self, Self) {
-        let first = self - quarters * self.lift(HALF_PI[0]);
-        let (second, error_2) = two_sum(first, -(quarters * self.lift(HALF_PI[1])));
-        let (third, error_3) = two_sum(second, -(quarters * self.lift(HALF_PI[2])));
-        let rest = (error_2 + error_3) - quarters * self.lift(HALF_PI[3]);
-        let y = third + rest;
-        (y, (third - y) + rest)
     }
 }
 
 const TWO_OVER_PI: f64 = core::f64::consts::FRAC_2_PI;
+
+/// What is left of pi/2 beside its double, and beside that and this.
+const HALF_PI_LOW: f64 = 6.123_233_995_736_766e-17;
+const HALF_PI_LAST: f64 = -1.497_384_904_859_183_3e-33;
+
+/// Sines and cosines of angles up to [`Lane::REACH`]. Each loop is short enough for the compiler
+/// to unroll it, so that the angles stay in registers and are computed side by side.
+#[inline(always)]
+fn sin_cos_near<S: Simd, const N: usize>(angles: [Lane<S>; N]) -> [(Lane<S>, Lane<S>); N] {
+    let mut shifted = angles;
+    for x in &mut shifted {
+        // the sum rounds to an integer of quarter turns
+        *x = x.mul_add(x.lift(TWO_OVER_PI), x.lift(MAGIC));
+    }
+    let mut reduced = angles.map(|x| (x, x));
+    for ((y, tail), (x, shifted)) in reduced.iter_mut().zip(angles.iter().zip(&shifted)) {
+        (*y, *tail) = x.reduced(*shifted - x.lift(MAGIC));
+    }
+    for ((y, tail), shifted) in reduced.iter_mut().zip(&shifted) {
+        (*y, *tail) = y.turned(*tail, *shifted);
+    }
+    reduced
+}
 
 /// The polynomial with these coefficients, lowest power first.
 #[inline(always)]
@@ -244,10 +290,24 @@ impl<S: Simd> Scalar for Lane<S> {
 
     #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
-        if Self::all(self.abs().less(self.lift(Self::REACH))) {
-            self.sin_cos_near()
+        let [both] = Self::sin_cos_all([self]);
+        both
+    }
+
+    #[inline(always)]
+    fn sin_cos_all<const N: usize>(angles: [Self; N]) -> [(Self, Self); N] {
+        let [first, ..] = angles.as_slice() else {
+            return angles.map(|x| (x, x));
+        };
+        let simd = first.simd;
+        let mut within = first.abs().less(first.lift(Self::REACH)).mask;
+        for x in &angles {
+            within = simd.and_m64s(within, x.abs().less(x.lift(Self::REACH)).mask);
+        }
+        if Self::all(LaneMask { simd, mask: within }) {
+            sin_cos_near(angles)
         } else {
-            sin_cos_each(self)
+            angles.map(sin_cos_each)
         }
     }
 
@@ -272,6 +332,18 @@ impl<S: Simd> Scalar for Lane<S> {
             simd: self.simd,
             mask: self.simd.less_than_f64s(self.v, other.v),
         }
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        let smaller = Self::select(self.less(other), self, other);
+        Self::select(self.is_number(), smaller, self)
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        let larger = Self::select(other.less(self), self, other);
+        Self::select(self.is_number(), larger, self)
     }
 
     #[inline(always)]

@@ -111,6 +111,24 @@ macro_rules! scalar {
             }
 
             #[inline]
+            fn min(self, other: Self) -> Self {
+                if self < other || self.is_nan() {
+                    self
+                } else {
+                    other
+                }
+            }
+
+            #[inline]
+            fn max(self, other: Self) -> Self {
+                if other < self || self.is_nan() {
+                    self
+                } else {
+                    other
+                }
+            }
+
+            #[inline]
             fn select(mask: bool, yes: Self, no: Self) -> Self {
                 if mask { yes } else { no }
             }
