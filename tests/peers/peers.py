@@ -427,10 +427,10 @@ def compile_pinocchio(models):
     return program
 
 
-def compile_ours():
-    environment = {**os.environ, "RUSTFLAGS": "-C target-cpu=native", "CARGO_TARGET_DIR": str(WORK / "ours")}
-    subprocess.run(["cargo", "build", "--release"], cwd=HERE / "ours", env=environment, check=True)
-    return WORK / "ours" / "release" / "peers-ours"
+def compile_ours(package="ours"):
+    environment = {**os.environ, "RUSTFLAGS": "-C target-cpu=native", "CARGO_TARGET_DIR": str(WORK / package)}
+    subprocess.run(["cargo", "build", "--release"], cwd=HERE / package, env=environment, check=True)
+    return WORK / package / "release" / f"peers-{package}"
 
 
 def agree(ours, functions):
@@ -482,21 +482,54 @@ def counted(robot):
     return f"{mul}/{add}" + (f" + {div} div" if div else "")
 
 
-def plot(ours):
+def plot(points, line, label, along, title, file):
+    """Times over a number, beside a line."""
     import matplotlib
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    lines = [line.split() for line in run([ours, "growth"]).splitlines()[1:]]
-    count = [(int(c), float(s)) for c, s in (line for line in lines if len(line) == 2)]
     figure, axes = pyplot.subplots(figsize=(5, 4))
-    axes.loglog([c for c, _ in count], [s for _, s in count], "o-", label="PUMA 560, base regressor")
-    axes.loglog([c for c, _ in count], [c * count[0][1] / count[0][0] for c, _ in count], ":", label="in proportion")
-    axes.set(xlabel="samples", ylabel="s", title="time grows in proportion to the samples")
+    axes.plot([x for x, _ in points], [y for _, y in points], "o-", label=label)
+    axes.plot([x for x, _ in points], [line(x) for x, _ in points], ":", label="straight line")
+    axes.set(xlabel=along, ylabel="s", title=title)
     axes.legend()
-    figure.savefig(HERE / "samples.svg", metadata={"Date": None})
-    print("samples: " + ", ".join(f"{c}: {1e9 * s / c:.1f} ns each" for c, s in count))
+    return figure, axes, HERE / file
+
+
+def save(figure, file):
+    import matplotlib
+
+    # the same points give the same bytes
+    with matplotlib.rc_context({"svg.hashsalt": "peers"}):
+        figure.savefig(file, metadata={"Date": None})
+
+
+def plot_samples(ours):
+    lines = [line.split() for line in run([ours, "growth"]).splitlines()[1:]]
+    points = [(int(c), float(s)) for c, s in (line for line in lines if len(line) == 2)]
+    (first, least), *_ = points
+    figure, axes, file = plot(points, lambda x: x * least / first, "PUMA 560, base regressor",
+                              "samples", "time grows in proportion to the samples", "samples.svg")
+    axes.set(xscale="log", yscale="log")
+    save(figure, file)
+    print("samples: " + ", ".join(f"{c}: {1e9 * s / c:.1f} ns each" for c, s in points))
     print(*(" ".join(line) + " s" for line in lines if line[0] == "threads"), sep="\n")
+
+
+def plot_legs(legs):
+    least = {}
+    for _ in range(ROUNDS):
+        for line in run([legs]).splitlines():
+            count, ns = line.split()
+            least[int(count)] = min(float(ns), least.get(int(count), math.inf))
+    points = [(n, 1e-9 * ns) for n, ns in least.items()]
+    (first, low), *_, (last, high) = points
+    line = lambda x: low + (high - low) * (x - first) / (last - first)
+    figure, axes, file = plot(points, line, "n-UPS platform, regressor", "legs",
+                              "each leg takes as long as the one before", "legs.svg")
+    axes.set(xlim=0, ylim=0)
+    save(figure, file)
+    print("legs: " + ", ".join(f"{n}: {ns:.0f} ns" for n, ns in least.items()))
 
 
 def main():
@@ -536,7 +569,8 @@ def main():
         found = min(fast[f"{robot}_base"], plain[f"{robot}_base"]) / yard[n]
         verdict = "holds" if found <= 1.15 * known else "VOID: the peer is slower than it is known to be"
         print(f"CasADi's {robot} is {found:.2f} times the sines and cosines, known {known:.2f}: {verdict}")
-    plot(ours_program)
+    plot_samples(ours_program)
+    plot_legs(compile_ours("legs"))
     (WORK / "figures.json").write_text(json.dumps(dict(ours=ours, casadi_fast=fast, casadi_plain=plain, pinocchio=pin), indent=1))
 
 
