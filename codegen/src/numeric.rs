@@ -118,7 +118,7 @@ impl Sizes {
             }
         }
         let (row, size) = best?;
-        let column = a[row][from..].iter().position(|x| x.abs() == size)?;
+        let column = a[row][from..].iter().position(|x| x.abs() >= size)?;
         Some((row, from + column, size))
     }
 }

@@ -246,3 +246,25 @@ fn sines_of_angles_in_rational_proportion_are_related() {
     assert_eq!(parallel.rank(), 2);
     assert!(skew.rank() > 2);
 }
+
+#[test]
+fn lengths_written_as_powers_and_quotients_are_the_same_symbols() {
+    let arm = |length: &str| {
+        format!(
+            "name: arm\ngeometry: {{L: 2, h: 0.5}}\nlimbs:\n  - name: arm\n    joints:\n      \
+             - {{name: q1, type: revolute, body: b1, actuated: true}}\n      \
+             - {{name: q2, type: revolute, dh: {{a: \"{length}\"}}, body: b2, actuated: true}}\n\
+             gravity: [0, -9.81, 0]\n"
+        )
+    };
+    let by = |length: &str| table(&arm(length));
+    assert!(by("L").join(" ").contains("L^2 m(b2)"), "{:?}", by("L"));
+    let inverse = by("1/L");
+    assert!(inverse.join(" ").contains("1/L m(b2)"), "{inverse:?}");
+    assert_eq!(by("L^-1"), inverse);
+    assert_eq!(by("L^2*L^-3"), inverse);
+    assert_ne!(by("L^1"), inverse);
+    // a sum in a denominator keeps its brackets
+    let quotient = by("h/(L + h)").join(" ");
+    assert!(quotient.contains("/(L + h)"), "{quotient}");
+}

@@ -2,8 +2,8 @@
 
 use crate::model::Model;
 use crate::numeric::{rank_and_columns, solve_pivoted};
-use crate::sym::eval::Evaluator;
 use crate::sym::Graph;
+use crate::sym::eval::Evaluator;
 
 use super::rows::Equations;
 use super::units::Units;
@@ -285,4 +285,27 @@ fn dependent_columns(a: &[Vec<f64>], order: &[usize], rank: usize, apart: f64) -
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_chosen_in_order_unless_they_follow_or_are_nothing() {
+        // the second is twice the first, the third is nothing beside the others
+        let a = vec![vec![1.0, 2.0, 0.0, 0.5], vec![0.0, 0.0, 1e-12, 3.0]];
+        assert_eq!(dependent_columns(&a, &[0, 1, 2, 3], 2, 0.1), [0, 3]);
+        assert_eq!(dependent_columns(&a, &[2, 1, 0, 3], 2, 0.1), [1, 3]);
+        // no column twice, and no more than asked for
+        assert_eq!(dependent_columns(&a, &[3, 3, 0], 2, 0.1), [3, 0]);
+        assert_eq!(dependent_columns(&a, &[3, 0], 1, 0.1), [3]);
+    }
+
+    #[test]
+    fn a_column_near_the_span_is_left_to_a_smaller_distance() {
+        let a = vec![vec![1.0, 1.0, 0.0], vec![0.0, 0.01, 1.0]];
+        assert_eq!(dependent_columns(&a, &[0, 1, 2], 2, 0.1), [0, 2]);
+        assert_eq!(dependent_columns(&a, &[0, 1, 2], 2, 1e-4), [0, 1]);
+    }
 }

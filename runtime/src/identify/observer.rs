@@ -43,6 +43,13 @@ pub enum Kind {
 
 impl Kind {
     /// Its name in files.
+    ///
+    /// ```
+    /// use regen_runtime::identify::Kind;
+    ///
+    /// assert_eq!(Kind::Forces.name(), "forces");
+    /// assert_eq!(Kind::Energy { window: 0.5 }.name(), "energy over 0.5 s");
+    /// ```
     pub fn name(self) -> String {
         match self {
             Self::Forces => "forces".to_owned(),

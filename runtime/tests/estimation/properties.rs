@@ -60,10 +60,12 @@ fn merging_in_any_order_is_one_factor_of_all_rows() {
     let x = [1.0, -2.0, 0.5, 3.0];
     let mut whole = Accumulator::new(&origin(&["a", "b"], 4));
     let mut parts = Vec::new();
+    let mut efforts = [Vec::new(), Vec::new()];
     for rows in [300, 7, 1000, 2, 513] {
         let mut part = Accumulator::new(&origin(&["a", "b"], 4));
         for (effort, sigma) in [(0, 0.1), (1, 1.0)] {
             let (w, tau) = block(&mut random, rows, &x, sigma);
+            efforts[effort].extend_from_slice(&tau);
             for (t, tau) in tau.iter().enumerate() {
                 part.push(effort, &w[t..], rows, *tau, 1.0).unwrap();
                 whole.push(effort, &w[t..], rows, *tau, 1.0).unwrap();
@@ -71,7 +73,12 @@ fn merging_in_any_order_is_one_factor_of_all_rows() {
         }
         parts.push(part.finish().unwrap());
     }
-    let whole = Estimate::new(&whole.finish().unwrap(), Weighting::PerEffort).unwrap();
+    let whole = whole.finish().unwrap();
+    for (mean, all) in whole.means().iter().zip(&efforts) {
+        let true_mean = all.iter().sum::<f64>() / all.len() as f64;
+        assert!((mean - true_mean).abs() < 1e-12, "{mean} {true_mean}");
+    }
+    let whole = Estimate::new(&whole, Weighting::PerEffort).unwrap();
     let forward = FactorSet::merged(parts.clone()).unwrap();
     parts.reverse();
     parts.swap(1, 3);
@@ -186,7 +193,13 @@ fn choosing_tying_and_fixing_columns_is_least_squares_on_the_changed_matrix() {
         &factor(&[columns[0].to_vec(), columns[2].to_vec()], &rest),
     );
     assert!(whole.select(&[3]).is_err());
-    assert!(whole.fixed(&[(3, 1.0)]).is_err());
+    let error = whole.fixed(&[(3, 1.0)]).unwrap_err();
+    let size = EstimateError::Size {
+        what: "known",
+        expected: 3,
+        got: 4,
+    };
+    assert_eq!(error, size);
 }
 
 /// The mean over the parameters of how often the interval holds the truth: 6,000 draws have a

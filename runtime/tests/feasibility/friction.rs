@@ -138,3 +138,37 @@ fn a_law_with_columns_of_its_own_is_refused() {
     };
     assert!(FrictionData::new(&[], &[joint], 1).is_err());
 }
+
+#[test]
+fn weighing_the_rows_of_data_is_as_weighing_them_when_they_come() {
+    let labels = crate::robots::labels(1);
+    let joints = [FrictionJoint {
+        name: "j0".to_owned(),
+        friction: Friction::Stribeck,
+    }];
+    // powers of two, so that the order of multiplications leaves the same bits
+    let weights = [0.5, 4.0];
+    let filled = |when: &[f64; 2]| {
+        let mut data = FrictionData::new(&labels, &joints, 2).unwrap();
+        for t in 0..40 {
+            let entry = |k: usize| (0.3 * t as f64 + 1.7 * k as f64).sin();
+            let w: Vec<f64> = (0..2 * labels.len()).map(entry).collect();
+            data.push(
+                &w,
+                &[entry(50), entry(51)],
+                &[entry(52)],
+                &[1.0, 0.25],
+                when,
+            )
+            .unwrap();
+        }
+        data
+    };
+    let mut later = filled(&[1.0, 1.0]);
+    later.weigh(&weights).unwrap();
+    assert_eq!(
+        later.linear_factor().unwrap(),
+        filled(&weights).linear_factor().unwrap()
+    );
+    assert!(later.weigh(&[1.0]).is_err() && later.weigh(&[1.0, 0.0]).is_err());
+}

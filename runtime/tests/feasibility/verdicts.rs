@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 use regen_runtime::feasibility::{
-    Combinations, InfeasibilityCertificate, Layout, SYMBOLS, Scale, Verdict, pseudo_inertia,
-    verdict,
+    Combinations, InfeasibilityCertificate, Layout, SYMBOLS, Scale, Verdict, bodies_yaml,
+    pseudo_inertia, verdict,
 };
 
 use crate::robots::{Robot, robot};
@@ -186,5 +186,32 @@ fn misuse_is_an_error_and_not_a_verdict() {
     assert!(
         Layout::new(&[labels.clone(), labels].concat()).is_err(),
         "labels twice"
+    );
+}
+
+#[test]
+fn a_body_in_yaml_has_its_inertia_about_its_own_centre() {
+    let layout = Layout::new(&crate::robots::labels(1)).unwrap();
+    // in binary fractions, so that nothing is rounded
+    let (m, [x, y, z]) = (2.0, [0.5, 0.25, -0.125]);
+    let own = [0.5, 0.125, -0.0625, 0.75, 0.03125, 1.0];
+    let phi = [
+        own[0] + m * (y * y + z * z),
+        own[1] - m * x * y,
+        own[2] - m * x * z,
+        own[3] + m * (x * x + z * z),
+        own[4] - m * y * z,
+        own[5] + m * (x * x + y * y),
+        m * x,
+        m * y,
+        m * z,
+        m,
+        0.0,
+    ];
+    let text = bodies_yaml(&layout, &phi[..layout.len()]).unwrap();
+    assert_eq!(
+        text,
+        "bodies:\n  1: {mass: 2.0, com: [0.5, 0.25, -0.125], \
+         inertia: [0.5, 0.125, -0.0625, 0.75, 0.03125, 1.0]}\n"
     );
 }

@@ -7,7 +7,7 @@
 //! regen-mutants draw all.json SEED COUNT > drawn.json
 //! regen-mutants plant COPY drawn.json          # rewrites the copy's sources
 //! regen-mutants check COPY drawn.json CRATE... # which of them compile
-//! regen-mutants run COPY drawn.json CRATE...   # tests each, one line of JSON a mutant
+//! regen-mutants run COPY drawn.json SECONDS CRATE... # tests each, one line of JSON a mutant
 //! ```
 
 mod check;
@@ -28,11 +28,11 @@ fn main() -> ExitCode {
         ["draw", list, seed, count] => draw::draw(Path::new(list), seed, count),
         ["plant", copy, drawn] => plant::plant(Path::new(copy), Path::new(drawn)),
         ["check", copy, drawn, ref crates @ ..] => check::check(Path::new(copy), Path::new(drawn), crates),
-        ["run", copy, drawn, ref crates @ ..] => {
-            run::run(Path::new(copy), Path::new(drawn), crates)
+        ["run", copy, drawn, seconds, ref crates @ ..] => {
+            run::run(Path::new(copy), Path::new(drawn), seconds, crates)
         }
         _ => Err(
-            "draw LIST SEED COUNT | plant COPY DRAWN | check COPY DRAWN CRATE... | run COPY DRAWN CRATE..."
+            "draw LIST SEED COUNT | plant COPY DRAWN | check COPY DRAWN CRATE... | run COPY DRAWN SECONDS CRATE..."
                 .into(),
         ),
     };

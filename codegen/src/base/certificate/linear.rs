@@ -87,7 +87,8 @@ impl Eliminated {
             .map(|(row, &c)| row[c].reciprocal())
             .collect();
         for mut row in rows {
-            for ((pivot_row, &column), inverse) in self.rows.iter().zip(&self.columns).zip(&inverses)
+            for ((pivot_row, &column), inverse) in
+                self.rows.iter().zip(&self.columns).zip(&inverses)
             {
                 let Some(inverse) = inverse.filter(|_| !row[column].is_zero()) else {
                     continue;
@@ -103,7 +104,10 @@ impl Eliminated {
             left = row.iter().map(|x| x.abs()).fold(left, Wide::max);
         }
         let floor = self.pivots().next().map(|first| first.scaled(-ROUNDING));
-        (left, floor.is_none_or(|f| left.cmp_abs(&f).is_gt()) && !left.is_zero())
+        (
+            left,
+            floor.is_none_or(|f| left.cmp_abs(&f).is_gt()) && !left.is_zero(),
+        )
     }
 }
 

@@ -171,4 +171,17 @@ mod tests {
         assert_eq!(found(&Number::pi()), None);
         assert_eq!(found(&Number::ratio(3, 10).unwrap().sin_cos().0), None);
     }
+
+    #[test]
+    fn digits_agree_to_fifty_eight_places_and_no_fewer() {
+        let third = Number::ratio(1, 3).unwrap();
+        let off = |digits: i32| {
+            let ten = Wide::from_f64(10.0).reciprocal().unwrap();
+            let small = (0..digits).fold(Wide::ONE, |x, _| x * ten);
+            Wide::from_number(&third) + small
+        };
+        assert!(agree(&Wide::from_number(&third), &third));
+        assert!(agree(&off(70), &third));
+        assert!(!agree(&off(50), &third) && !agree(&off(3), &third));
+    }
 }
