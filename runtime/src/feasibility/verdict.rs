@@ -347,10 +347,13 @@ pub fn verdict(
         }
     }
     let certificate = certify(weights)?;
+    // of what the functional sees: a large coefficient of friction beside it is no part of it
     let largest = beta
         .iter()
         .zip(combinations.rows())
-        .map(|(b, row)| {
+        .zip(&certificate.weights)
+        .filter(|(_, weight)| **weight != 0.0)
+        .map(|((b, row), _)| {
             let unit = row.iter().zip(&units).map(|(f, u)| f.abs() * u);
             b.abs() / unit.fold(f64::MIN_POSITIVE, f64::max)
         })

@@ -151,7 +151,7 @@ fn weighing_the_rows_of_data_is_as_weighing_them_when_they_come() {
     let filled = |when: &[f64; 2]| {
         let mut data = FrictionData::new(&labels, &joints, 2).unwrap();
         for t in 0..40 {
-            let entry = |k: usize| (0.3 * t as f64 + 1.7 * k as f64).sin();
+            let entry = |k: usize| (0.3 * f64::from(t) + 1.7 * k as f64).sin();
             let w: Vec<f64> = (0..2 * labels.len()).map(entry).collect();
             data.push(
                 &w,
