@@ -268,3 +268,36 @@ fn lengths_written_as_powers_and_quotients_are_the_same_symbols() {
     let quotient = by("h/(L + h)").join(" ");
     assert!(quotient.contains("/(L + h)"), "{quotient}");
 }
+
+#[test]
+fn friction_of_geared_joints_adds_up_by_the_ratio_and_turns_with_its_sign() {
+    let geared = |friction: &str| {
+        format!(
+            "name: geared\nlimbs:\n  - name: first\n    joints:\n      \
+             - {{name: q1, type: revolute, body: 1, actuated: true, friction: {friction}}}\n  \
+             - name: second\n    base: {{xyz: [0.3, 0, 0]}}\n    joints:\n      \
+             - {{name: q2, type: revolute, body: 2, friction: {friction}}}\n\
+             couplings: {{q2: -2*q1}}\nhome: {{q1: 0.3}}\n"
+        )
+    };
+    // twice as fast: power goes by the square of the ratio, dry friction by the ratio
+    assert_eq!(
+        table(&geared("linear")),
+        [
+            "Izz(1) + 4 Izz(2)",
+            "Fv(q2) + 1/4 Fv(q1)",
+            "Fc(q2) + 1/2 Fc(q1)"
+        ]
+    );
+    // and the other way round: what opposes one opposes the other backwards
+    assert_eq!(
+        table(&geared("asymmetric")),
+        [
+            "Izz(1) + 4 Izz(2)",
+            "Fv+(q2) + 1/4 Fv-(q1)",
+            "Fc+(q2) + 1/2 Fc-(q1)",
+            "Fv-(q2) + 1/4 Fv+(q1)",
+            "Fc-(q2) + 1/2 Fc+(q1)"
+        ]
+    );
+}

@@ -192,6 +192,8 @@ impl Program {
             .env("CARGO_MANIFEST_DIR", &self.package)
             .env("REGEN_MUTANT", number.to_string())
             .env("INSTA_UPDATE", "no")
+            // what fails for one fault is no case for the next
+            .env("PROPTEST_DISABLE_FAILURE_PERSISTENCE", "1")
             .env("RUST_TEST_THREADS", "1")
             .stdout(Stdio::null())
             .stderr(Stdio::null())
