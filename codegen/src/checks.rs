@@ -2,7 +2,7 @@
 //! close, independent coordinates that do not fit the mobility, cuts that are
 //! closed with a half turn too much.
 
-use crate::base::Base;
+use crate::base::{self, Base};
 use crate::constraints::{HomeProblem, world_views};
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
 use crate::kinematics::Frames;
@@ -19,6 +19,24 @@ fn list(names: impl Iterator<Item = String>) -> String {
 /// Where the choice of independent coordinates stands, or else the name.
 fn independent_span(spec: &Spec) -> Span {
     spec.independent.as_ref().map_or(spec.name.span, |i| i.span)
+}
+
+/// Base parameters are derived up to a certain size.
+pub(crate) fn within_reach(source: &Source, spec: &Spec, model: &Model) -> Result<(), Report> {
+    let mut sink = Sink::new();
+    if !base::is_within_reach(model) {
+        let message = format!(
+            "the robot has {} dynamic parameters; base parameters are derived up to {}",
+            model.parameters.len(),
+            base::MOST_PARAMETERS
+        );
+        sink.push(
+            Diagnostic::new(spec.name.span, message)
+                .path("name")
+                .hint("what does not need them works: `regen info`, `eval`, `simulate` and `view`"),
+        );
+    }
+    sink.finish(source)
 }
 
 /// A problem at home as a report.

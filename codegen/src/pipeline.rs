@@ -42,7 +42,8 @@ impl From<Report> for DeriveError {
     }
 }
 
-/// Derives a robot, with its base parameters, from the text of its spec.
+/// Derives a robot, with its base parameters, from the text of its spec; without
+/// them where it has more than [`base::MOST_PARAMETERS`].
 ///
 /// # Errors
 /// A report with the place of every mistake in the spec: of its syntax, its
@@ -50,7 +51,7 @@ impl From<Report> for DeriveError {
 /// mobility.
 pub fn derive(source: &Source) -> Result<Robot, Report> {
     assemble(source, |spec, model, home| {
-        Ok(Some(base::analyse(spec, model, home)))
+        Ok(base::is_within_reach(model).then(|| base::analyse(spec, model, home)))
     })
 }
 
@@ -61,6 +62,7 @@ pub fn derive(source: &Source) -> Result<Robot, Report> {
 /// As [`derive()`]; or why what was stored cannot be used.
 pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveError> {
     assemble(source, |spec, model, home| match from {
+        _ if !base::is_within_reach(model) => Ok(None),
         BaseFrom::Nowhere => Ok(None),
         BaseFrom::Store(Some(text)) => base::restore(text, source, spec, model)
             .map(Some)
@@ -70,14 +72,24 @@ pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveE
     })
 }
 
+/// Whether base parameters of a spec would be derived, before the work is done.
+///
+/// # Errors
+/// A report of mistakes in the spec, or of what puts them out of reach.
+pub fn within_reach(source: &Source) -> Result<(), Report> {
+    let spec = spec::parse(source)?;
+    crate::checks::within_reach(source, &spec, &model::build(&spec))
+}
+
 /// Explains a robot in words, from the text of its spec and the analysis of its
 /// base parameters, if there is one already.
 ///
 /// # Errors
-/// As [`derive()`].
+/// As [`derive()`]; or where base parameters are out of reach.
 pub fn explain(source: &Source, analysis: Option<&Analysis>) -> Result<Explanation, Report> {
     let spec = spec::parse(source)?;
     let model = model::build(&spec);
+    crate::checks::within_reach(source, &spec, &model)?;
     let mut g = Graph::new();
     let _ = Symbols::new(&mut g, &model);
     let frames = Frames::new(&mut g, &model, Geometry::Values);

@@ -1,7 +1,9 @@
 //! `regen base`: the base parameters, and what is certain about them.
 
 use regen_codegen::base::certificate::Certificate;
-use regen_codegen::base::{Analysis, BaseParameter, Exactness, Layer, Term, store};
+use regen_codegen::base::{
+    Analysis, BaseParameter, Exactness, Layer, MOST_PARAMETERS, Term, store,
+};
 use regen_codegen::diag::Source;
 use regen_codegen::explain::Merged;
 use regen_codegen::pipeline;
@@ -17,7 +19,7 @@ use crate::{load, table, terminal, write};
 /// Runs the command.
 pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
-    let robot = load::derived(&source)?;
+    let robot = load::with_base(&source)?;
     let analysis = analysis(&robot)?;
     if args.store {
         let beside = args.file.with_extension("base");
@@ -83,7 +85,13 @@ pub(crate) fn mark(exactness: Exactness) -> &'static str {
 /// The analysis of a robot.
 pub(crate) fn analysis(robot: &Robot) -> Result<&Analysis, Failure> {
     let analysis = robot.analysis.as_ref();
-    analysis.ok_or_else(|| Failure::Check(format!("{} has no base parameters", robot.name)))
+    analysis.ok_or_else(|| {
+        Failure::Check(format!(
+            "{} has {} dynamic parameters; base parameters are derived up to {MOST_PARAMETERS}",
+            robot.name,
+            robot.parameters.len()
+        ))
+    })
 }
 
 /// Why a base is not known to be complete.

@@ -105,7 +105,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         return Err(Failure::Input("--huber must be above 0".to_owned()));
     }
     let source = load::source(&args.file)?;
-    let robot = load::derived(&source)?;
+    let robot = load::with_base(&source)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;

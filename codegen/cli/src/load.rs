@@ -72,6 +72,12 @@ pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
     robot.map_err(|report| Failure::Spec(vec![report]))
 }
 
+/// Derives one robot whose base parameters are what is wanted.
+pub(crate) fn with_base(source: &Source) -> Result<Robot, Failure> {
+    pipeline::within_reach(source).map_err(|report| Failure::Spec(vec![report]))?;
+    derived(source)
+}
+
 /// Reads and derives one robot without its base parameters: quick for large ones too.
 pub(crate) fn without_base(path: &Path) -> Result<Robot, Failure> {
     pipeline::derive_with(&source(path)?, BaseFrom::Nowhere).map_err(|error| match error {

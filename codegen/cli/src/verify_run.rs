@@ -83,7 +83,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
             "several specs are verified with --all".to_owned(),
         ));
     };
-    let robot = load::robot(file)?;
+    let robot = load::with_base(&load::source(file)?)?;
     let analysis = base::analysis(&robot)?;
     let states = states(&robot, args.states)?;
     let same = same_source(&robot, file)?;

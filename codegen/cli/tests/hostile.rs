@@ -249,6 +249,11 @@ fn descriptions_made_to_break_the_reader_are_answered() {
         assert!(err.contains(told), "{name}: {told}\n{err}");
         assert!(err.len() < 60_000, "{name}: {} bytes", err.len());
     }
+    fs::write(dir.join("r.yaml"), chain(160, "revolute")).unwrap();
+    for command in ["base", "check", "verify"] {
+        let (_, err) = answer(&dir, "base parameters out of reach", &[command, "r.yaml"]);
+        assert!(err.contains("up to 1500"), "{command}: {err}");
+    }
     if Path::new("/dev/zero").exists() {
         answer(&dir, "a file without end", &["info", "/dev/zero"]);
     }

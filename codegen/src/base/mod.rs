@@ -127,6 +127,16 @@ pub struct Base {
     pub coincidences: Vec<String>,
 }
 
+/// Of how many parameters base parameters are derived. The certificate of a chain of a hundred
+/// general joints, 1000 parameters, takes about a minute, its memory and time grow with the square
+/// and the cube, and nobody has identified anything of that size.
+pub const MOST_PARAMETERS: usize = 1500;
+
+/// Whether a mechanism's base parameters are derived at all.
+pub fn is_within_reach(model: &Model) -> bool {
+    model.parameters.len() <= MOST_PARAMETERS
+}
+
 /// The base parameters from layers 1 and 2. With a `target`, the dimension of
 /// the null space over all columns, the search ends when it is reached.
 pub fn derive(spec: &Spec, model: &Model, target: Option<usize>) -> Base {

@@ -6,7 +6,8 @@
 //! Files are of people one may not know, so everything has a limit that is told where it is passed: 1 MiB of text,
 //! 64 levels and 20,000 nodes with aliases expanded (`yaml.rs`); 10,000 characters, 100 levels and 500 operations in a
 //! chain for an expression, every value between the smallest and the largest double (`expression`); 256 coordinates,
-//! 384 bodies, 640 equations of cuts and couplings (`check/limits.rs`).
+//! 384 bodies, 640 equations of cuts and couplings (`check/limits.rs`); base parameters are derived of 1500 parameters
+//! (`crate::base::MOST_PARAMETERS`).
 
 mod check;
 mod expression;

@@ -127,7 +127,7 @@ fn files(named: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 
 fn of_file(file: &Path) -> Result<Evidence, Failure> {
     let source = load::source(file)?;
-    let robot = load::derived(&source)?;
+    let robot = load::with_base(&source)?;
     let reference = Mechanism::from_yaml(&source.text).map_err(|why| {
         Failure::Check(format!(
             "{}: the second derivation cannot read this: {why}",

@@ -1,5 +1,7 @@
-//! Linear algebra in multiple precision: complete pivoting, and no scaling of
-//! rows, since a row of rounding must stay one.
+//! Linear algebra in multiple precision. Rows are not scaled, since a row of
+//! rounding must stay one.
+
+use std::collections::BTreeMap;
 
 use super::wide::Wide;
 
@@ -15,6 +17,8 @@ pub(super) struct Eliminated {
     pub(super) rows: Vec<Vec<Wide>>,
     /// The pivots' columns.
     pub(super) columns: Vec<usize>,
+    /// The largest entry there was.
+    pub(super) largest: Wide,
     /// The largest entry left over: rounding, or 0.
     pub(super) dropped: Wide,
 }
@@ -27,32 +31,120 @@ impl Eliminated {
     }
 }
 
+/// From so many columns on, pivots are chosen that keep the rows short.
+const MANY: usize = 200;
+
+/// A row that is not a pivot's yet, and what the choice of a pivot asks of it.
+struct Open {
+    row: Vec<Wide>,
+    /// The column of its largest entry, and that entry.
+    column: usize,
+    largest: Wide,
+    /// How many entries it has.
+    entries: usize,
+}
+
+impl Open {
+    fn new(row: Vec<Wide>, free: &[usize]) -> Open {
+        let mut open = Open {
+            row,
+            column: 0,
+            largest: Wide::ZERO,
+            entries: 0,
+        };
+        open.look(free);
+        open
+    }
+
+    fn look(&mut self, free: &[usize]) {
+        (self.column, self.largest, self.entries) = (0, Wide::ZERO, 0);
+        for &c in free {
+            let x = &self.row[c];
+            if x.is_zero() {
+                continue;
+            }
+            self.entries += 1;
+            if x.cmp_abs(&self.largest).is_gt() {
+                (self.column, self.largest) = (c, *x);
+            }
+        }
+    }
+}
+
+/// The largest entry there is: its row and column. The first of equal ones.
+fn largest_entry(rows: &[Open]) -> Option<(usize, usize)> {
+    let mut best: Option<(usize, &Open)> = None;
+    for (i, row) in rows.iter().enumerate() {
+        if best.is_none_or(|(_, b)| row.largest.cmp_abs(&b.largest).is_gt()) {
+            best = Some((i, row));
+        }
+    }
+    best.map(|(i, row)| (i, row.column))
+}
+
+/// Of the shortest rows that have one, an entry whose exponent is that of the largest in its
+/// column: pivots are taken away from other rows with factors below 2, so that rounding does not
+/// grow. `floor` is rounding.
+fn entry_of_a_short_row(rows: &[Open], free: &[usize], floor: &Wide) -> Option<(usize, usize)> {
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    order.sort_by_key(|&i| rows[i].entries);
+    let mut columns: BTreeMap<usize, Wide> = BTreeMap::new();
+    for &i in &order {
+        let row = &rows[i].row;
+        for &c in free {
+            let x = &row[c];
+            if x.cmp_abs(floor).is_le() {
+                continue;
+            }
+            let largest = columns.entry(c).or_insert_with(|| {
+                let entries = rows.iter().map(|r| r.row[c].abs());
+                entries.fold(Wide::ZERO, Wide::max)
+            });
+            if x.exponent() == largest.exponent() {
+                return Some((i, c));
+            }
+        }
+    }
+    None
+}
+
 /// Eliminates the first `width` columns.
-pub(super) fn eliminate(mut rows: Vec<Vec<Wide>>, width: usize) -> Eliminated {
+///
+/// Pivots are the largest entries there are. Where there are many columns, they are the largest of
+/// their columns or near it, and are taken from the shortest rows: in a chain the energies of the
+/// last bodies depend on few parameters, and rows that begin with those stay short, where the
+/// largest entries would fill all of them.
+pub(super) fn eliminate(rows: Vec<Vec<Wide>>, width: usize) -> Eliminated {
+    eliminate_in_order(rows, width, width >= MANY)
+}
+
+fn eliminate_in_order(rows: Vec<Vec<Wide>>, width: usize, short_first: bool) -> Eliminated {
+    let mut free = (0..width).collect::<Vec<_>>();
+    let mut rows: Vec<Open> = rows.into_iter().map(|row| Open::new(row, &free)).collect();
+    let largest = |rows: &[Open]| {
+        let entries = rows.iter().map(|r| r.largest.abs());
+        entries.fold(Wide::ZERO, Wide::max)
+    };
     let mut done = Eliminated {
         rows: Vec::new(),
         columns: Vec::new(),
+        largest: largest(&rows),
         dropped: Wide::ZERO,
     };
-    let mut free = (0..width).collect::<Vec<_>>();
-    let mut first = None;
+    let floor = done.largest.scaled(-ROUNDING);
     loop {
-        let mut best = (0, 0, Wide::ZERO);
-        for (i, row) in rows.iter().enumerate() {
-            for &c in &free {
-                if row[c].cmp_abs(&best.2).is_gt() {
-                    best = (i, c, row[c]);
-                }
-            }
-        }
-        let (i, column, pivot) = best;
-        let floor = first.get_or_insert(pivot).abs().scaled(-ROUNDING);
-        let inverse = pivot.reciprocal();
-        let Some(inverse) = inverse.filter(|_| pivot.cmp_abs(&floor).is_gt()) else {
-            done.dropped = pivot.abs();
+        let chosen = if short_first {
+            entry_of_a_short_row(&rows, &free, &floor)
+        } else {
+            largest_entry(&rows)
+        };
+        let able = chosen.filter(|&(i, c)| rows[i].row[c].cmp_abs(&floor).is_gt());
+        let inverse = able.and_then(|(i, c)| Some((i, c, rows[i].row[c].reciprocal()?)));
+        let Some((i, column, inverse)) = inverse else {
+            done.dropped = done.dropped.max(largest(&rows));
             return done;
         };
-        let pivot_row = rows.swap_remove(i);
+        let pivot_row = rows.swap_remove(i).row;
         free.retain(|&c| c != column);
         let carried: Vec<usize> = free
             .iter()
@@ -60,7 +152,8 @@ pub(super) fn eliminate(mut rows: Vec<Vec<Wide>>, width: usize) -> Eliminated {
             .chain(width..pivot_row.len())
             .filter(|&c| !pivot_row[c].is_zero())
             .collect();
-        for row in &mut rows {
+        for open in &mut rows {
+            let row = &mut open.row;
             if row[column].is_zero() {
                 continue;
             }
@@ -69,6 +162,17 @@ pub(super) fn eliminate(mut rows: Vec<Vec<Wide>>, width: usize) -> Eliminated {
             for &c in &carried {
                 row[c] = row[c] - factor * pivot_row[c];
             }
+            open.look(&free);
+        }
+        if short_first {
+            // a row of rounding is full, and would be carried along to the end
+            rows.retain(|r| {
+                let kept = r.largest.cmp_abs(&floor).is_gt();
+                if !kept {
+                    done.dropped = done.dropped.max(r.largest.abs());
+                }
+                kept
+            });
         }
         done.rows.push(pivot_row);
         done.columns.push(column);
@@ -103,11 +207,8 @@ impl Eliminated {
             }
             left = row.iter().map(|x| x.abs()).fold(left, Wide::max);
         }
-        let floor = self.pivots().next().map(|first| first.scaled(-ROUNDING));
-        (
-            left,
-            floor.is_none_or(|f| left.cmp_abs(&f).is_gt()) && !left.is_zero(),
-        )
+        let floor = self.largest.scaled(-ROUNDING);
+        (left, left.cmp_abs(&floor).is_gt())
     }
 }
 
@@ -145,10 +246,10 @@ pub(super) fn independent(mut rows: Vec<Vec<Wide>>, order: &[usize]) -> Vec<usiz
 /// rounding, and the largest number dropped as a part of that size.
 pub fn rank_of(rows: Vec<Vec<Wide>>, size: Wide) -> (usize, f64) {
     let width = rows.first().map_or(0, Vec::len);
-    let done = eliminate(rows, width);
+    // the largest first, so that pivots come in order of size
+    let done = eliminate_in_order(rows, width, false);
     let floor = size.scaled(-ROUNDING);
     let kept = done.pivots().filter(|p| p.cmp_abs(&floor).is_gt()).count();
-    // pivots come in order of size
     let dropped = done.pivots().nth(kept).unwrap_or(done.dropped);
     let part = dropped.checked_div(size);
     (kept, part.map_or(0.0, |p| p.to_f64().abs()))
@@ -254,6 +355,36 @@ mod tests {
     fn a_singular_system_has_no_solution() {
         let a = wide(&[&[1.0, 2.0], &[2.0, 4.0]]);
         assert!(solve(a, wide(&[&[1.0], &[2.0]])).is_none());
+    }
+
+    #[test]
+    fn short_rows_first_find_the_rank_that_the_largest_entries_find() {
+        // rows of a chain: each begins at a column of its own, and combinations of them
+        let width = 40;
+        let mut number = 0.37_f64;
+        let mut next = || {
+            number = (number * 997.13 + 0.71).fract();
+            Wide::from_f64(number - 0.5)
+        };
+        let mut rows: Vec<Vec<Wide>> = (0..60)
+            .map(|i| {
+                let mut row = vec![Wide::ZERO; width];
+                row.iter_mut().skip(i % 30).for_each(|x| *x = next());
+                row
+            })
+            .collect();
+        // three columns follow from others
+        for row in &mut rows {
+            row[35] = row[33] + row[34];
+            row[36] = row[32] - row[34].scaled(1);
+            row[39] = Wide::ZERO;
+        }
+        let complete = eliminate_in_order(rows.clone(), width, false);
+        let short = eliminate_in_order(rows, width, true);
+        assert_eq!((complete.rows.len(), short.rows.len()), (37, 37));
+        let part = |x: Wide| x.checked_div(short.largest).unwrap().log10();
+        assert!(part(short.dropped) < -88.0, "{}", part(short.dropped));
+        assert!(short.pivots().all(|p| part(p) > -6.0));
     }
 
     #[test]

@@ -39,11 +39,17 @@ impl Certificate {
     }
 }
 
+fn largest_of(values: &[Wide]) -> Wide {
+    values.iter().fold(Wide::ZERO, |m, x| m.max(x.abs()))
+}
+
 /// Sampled rows over the parameters' columns.
 #[derive(Clone, Debug)]
 pub struct Samples {
     /// In units of their own.
     rows: Vec<Vec<Wide>>,
+    /// The largest of their entries.
+    largest: Wide,
     /// By column, the power of two that it is multiplied by in the rows.
     units: Vec<i32>,
     /// A basis of the rows' span.
@@ -56,8 +62,7 @@ impl Samples {
         let columns = units.len();
         let done = eliminate(rows.clone(), columns);
         let part = |x: Wide| {
-            let largest = done.pivots().next();
-            let quotient = largest.and_then(|l| x.checked_div(l));
+            let quotient = x.checked_div(done.largest);
             quotient.map_or(0.0, |q| q.to_f64())
         };
         let smallest = done.pivots().reduce(|a, b| if b < a { b } else { a });
@@ -70,6 +75,10 @@ impl Samples {
             largest_dropped: part(done.dropped),
         };
         Samples {
+            largest: rows
+                .iter()
+                .map(|row| largest_of(row))
+                .fold(Wide::ZERO, Wide::max),
             rows,
             units,
             basis: done,
@@ -80,13 +89,16 @@ impl Samples {
     /// Adds the rows of more states; whether they raised the rank.
     pub(super) fn extend(&mut self, fresh: Vec<Vec<Wide>>, states: usize) -> bool {
         let (left, grown) = self.basis.left_of(fresh.clone());
+        self.largest = fresh
+            .iter()
+            .map(|row| largest_of(row))
+            .fold(self.largest, Wide::max);
         self.rows.extend(fresh);
         if grown {
             let rows = core::mem::take(&mut self.rows);
             *self = Samples::new(rows, core::mem::take(&mut self.units), states);
         } else {
-            let largest = self.basis.pivots().next();
-            let part = largest.and_then(|l| left.checked_div(l));
+            let part = left.checked_div(self.basis.largest);
             let dropped = part.map_or(0.0, |p| p.to_f64());
             self.certificate.largest_dropped = self.certificate.largest_dropped.max(dropped);
             self.certificate.states = states;
@@ -134,16 +146,16 @@ impl Samples {
     /// rounding for a null direction, also for one of columns that are all zero.
     pub fn left_over(&self, direction: &[Wide]) -> f64 {
         let direction = &self.in_units(direction)[..];
-        let size = |values: &[Wide]| values.iter().fold(Wide::ZERO, |m, x| m.max(x.abs()));
-        let entries = self.rows.iter().map(|row| size(row));
-        let largest = entries.fold(Wide::ZERO, Wide::max) * size(direction);
+        let largest = self.largest * largest_of(direction);
         // a direction has few entries
         let support: Vec<usize> = (0..direction.len())
             .filter(|&c| !direction[c].is_zero())
             .collect();
         let sums = self.rows.iter().map(|row| {
-            let terms = support.iter().map(|&c| row[c] * direction[c]);
-            terms.fold(Wide::ZERO, |sum, term| sum + term).abs()
+            let terms = support.iter().filter(|&&c| !row[c].is_zero());
+            terms
+                .fold(Wide::ZERO, |sum, &c| sum + row[c] * direction[c])
+                .abs()
         });
         let worst = sums.fold(Wide::ZERO, Wide::max);
         worst.checked_div(largest).map_or(0.0, |part| part.to_f64())

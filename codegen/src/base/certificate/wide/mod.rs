@@ -59,6 +59,11 @@ impl Wide {
         self.exponent == i32::MIN
     }
 
+    /// The least e with `|self| < 2^e`, far below any other for 0.
+    pub(super) fn exponent(&self) -> i32 {
+        self.exponent.max(-EXPONENT_LIMIT)
+    }
+
     /// Whether this is less than 0.
     pub fn is_negative(&self) -> bool {
         self.negative
