@@ -168,7 +168,7 @@ fn large_robots_keep_their_values_in_arrays() {
     // the arguments of the one, the results of a solve of the other are too many to be named
     for (spec, part) in [(chain(), ", phi["), (twelve_legs(), "let (solved, found)")] {
         let text = emit(&spec);
-        for part in [part, " = kept[0];", "[kept["] {
+        for part in [part, " = kept[0];", "mul_add(kept["] {
             assert!(text.contains(part), "{part}");
         }
         let largest = largest_scope(&text);

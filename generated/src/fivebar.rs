@@ -256,14 +256,14 @@ pub fn constraints<T: Scalar>(q: &[T; 4]) -> [T; 5] {
     {
         let t2_1 = cos_q1 - cos_q3;
         let t2_2 = cos_q1_q2 - cos_q3_q4;
-        let t2_3 = like.lift(0.4).mul_add(t2_2, like.lift(-0.2));
-        let t2_4 = like.lift(0.3).mul_add(t2_1, t2_3);
-        let t2_5 = -t2_4;
-        f[0] = t2_5;
-        let t2_6 = sin_q1 - sin_q3;
-        let t2_7 = sin_q1_q2 - sin_q3_q4;
-        let t2_8 = like.lift(0.4) * t2_7;
-        let t2_9 = like.lift(0.3).mul_add(t2_6, t2_8);
+        let t2_3 = sin_q1 - sin_q3;
+        let t2_4 = sin_q1_q2 - sin_q3_q4;
+        let t2_5 = like.lift(0.4).mul_add(t2_2, like.lift(-0.2));
+        let t2_6 = like.lift(0.3).mul_add(t2_1, t2_5);
+        let t2_7 = -t2_6;
+        f[0] = t2_7;
+        let t2_8 = like.lift(0.4) * t2_4;
+        let t2_9 = like.lift(0.3).mul_add(t2_3, t2_8);
         let t2_10 = -t2_9;
         f[2] = t2_10;
     }
@@ -293,25 +293,31 @@ pub fn jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 4]; 5] {
     // row 1
     {
         let t2_1 = like.lift(0.4) * sin_q1_q2;
+        a[0][1] = t2_1;
         let t2_2 = like.lift(0.3).mul_add(sin_q1, t2_1);
+        a[0][0] = t2_2;
         let t2_3 = like.lift(0.4) * sin_q3_q4;
         let t2_4 = like.lift(0.3).mul_add(sin_q3, t2_3);
         let t2_5 = -t2_4;
+        a[0][2] = t2_5;
         let t2_6 = -t2_3;
-        a[0] = [t2_2, t2_1, t2_5, t2_6];
+        a[0][3] = t2_6;
     }
     // row 2
     {
     }
     // row 3
     {
-        let t4_1 = like.lift(0.4) * cos_q1_q2;
-        let t4_2 = like.lift(0.3).mul_add(cos_q1, t4_1);
-        let t4_3 = -t4_2;
-        let t4_4 = -t4_1;
-        let t4_5 = like.lift(0.4) * cos_q3_q4;
-        let t4_6 = like.lift(0.3).mul_add(cos_q3, t4_5);
-        a[2] = [t4_3, t4_4, t4_6, t4_5];
+        let t4_1 = like.lift(0.4) * cos_q3_q4;
+        a[2][3] = t4_1;
+        let t4_2 = like.lift(0.3).mul_add(cos_q3, t4_1);
+        a[2][2] = t4_2;
+        let t4_3 = like.lift(0.4) * cos_q1_q2;
+        let t4_4 = like.lift(0.3).mul_add(cos_q1, t4_3);
+        let t4_5 = -t4_4;
+        a[2][0] = t4_5;
+        let t4_6 = -t4_3;
+        a[2][1] = t4_6;
     }
     // row 4
     {
@@ -333,7 +339,6 @@ pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
     let like = q[0];
     let mut b = [like.lift(0.0); 5];
     let [q1, q2, q3, q4] = *q;
-    let [d_q1, d_q2, d_q3, d_q4] = *qd;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4] = {
         let t1_1 = q2 + q1;
@@ -344,29 +349,30 @@ pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
             T::sin_cos_all([q1, t1_1, q3, t1_2]);
         [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4]
     };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
     // b (Eq. 7)
     {
         let t2_1 = d_q1 + d_q2;
-        let t2_2 = d_q3 + d_q4;
-        let t2_3 = t2_2 * t2_2;
-        let t2_4 = t2_1 * t2_1;
-        let t2_5 = d_q3 * d_q3;
-        let t2_6 = d_q1 * d_q1;
-        let t2_7 = cos_q1 * t2_6;
-        let t2_8 = (-cos_q3).mul_add(t2_5, t2_7);
-        let t2_9 = cos_q1_q2 * t2_4;
-        let t2_10 = (-cos_q3_q4).mul_add(t2_3, t2_9);
-        let t2_11 = like.lift(0.4) * t2_10;
-        let t2_12 = like.lift(0.3).mul_add(t2_8, t2_11);
-        let t2_13 = -t2_12;
-        b[0] = t2_13;
-        let t2_14 = sin_q1 * t2_6;
-        let t2_15 = (-sin_q3).mul_add(t2_5, t2_14);
-        let t2_16 = sin_q1_q2 * t2_4;
-        let t2_17 = (-sin_q3_q4).mul_add(t2_3, t2_16);
-        let t2_18 = like.lift(0.4) * t2_17;
-        let t2_19 = like.lift(0.3).mul_add(t2_15, t2_18);
-        let t2_20 = -t2_19;
+        let t2_2 = t2_1 * t2_1;
+        let t2_3 = cos_q1_q2 * t2_2;
+        let t2_4 = sin_q1_q2 * t2_2;
+        let t2_5 = d_q3 + d_q4;
+        let t2_6 = t2_5 * t2_5;
+        let t2_7 = (-cos_q3_q4).mul_add(t2_6, t2_3);
+        let t2_8 = (-sin_q3_q4).mul_add(t2_6, t2_4);
+        let t2_9 = like.lift(0.4) * t2_7;
+        let t2_10 = like.lift(0.4) * t2_8;
+        let t2_11 = d_q3 * d_q3;
+        let t2_12 = d_q1 * d_q1;
+        let t2_13 = cos_q1 * t2_12;
+        let t2_14 = (-cos_q3).mul_add(t2_11, t2_13);
+        let t2_15 = sin_q1 * t2_12;
+        let t2_16 = (-sin_q3).mul_add(t2_11, t2_15);
+        let t2_17 = like.lift(0.3).mul_add(t2_14, t2_9);
+        let t2_18 = like.lift(0.3).mul_add(t2_16, t2_10);
+        let t2_19 = -t2_17;
+        b[0] = t2_19;
+        let t2_20 = -t2_18;
         b[2] = t2_20;
     }
     b
@@ -381,8 +387,8 @@ pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
 pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 2];
-    let [q1, q2, q3, q4] = *q;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
         sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2, sin_q1_q2,
@@ -406,22 +412,22 @@ pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
     };
     // A_e dq_e = -f
     {
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_1 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_2 = cos_q1_q2_minus_q3 - cos_q2;
-        let t2_3 = like.lift(-0.3).mul_add(t2_2, like.lift(0.4));
+        let t2_1 = cos_q1_q2_minus_q3 - cos_q2;
+        let t2_2 = sin_q1_q2_minus_q3 - sin_q2;
+        let t2_3 = like.lift(-0.3).mul_add(t2_1, like.lift(0.4));
         let t2_4 = like.lift(-0.2).mul_add(cos_q1_q2, t2_3);
-        let t2_5 = t2_4 - t2_1;
-        let t2_6 = sin_q1_q2_minus_q3 - sin_q2;
-        let t2_7 = like.lift(0.3).mul_add(t2_6, pivot_2);
-        let t2_8 = like.lift(0.2).mul_add(sin_q1_q2, t2_7);
-        let t2_9 = -t2_8;
-        let t2_10 = -t2_9;
-        let t2_11 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_12 = t2_5 * t2_11;
-        let t2_13 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_12, t2_9);
-        let t2_14 = like.lift(2.5) * t2_13;
-        let t2_15 = like.lift(2.5) * t2_12;
+        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_5 = like.lift(0.3).mul_add(t2_2, pivot_2);
+        let t2_6 = like.lift(0.2).mul_add(sin_q1_q2, t2_5);
+        let t2_7 = -t2_6;
+        let t2_8 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_9 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_10 = t2_4 - t2_9;
+        let t2_11 = t2_10 * t2_8;
+        let t2_12 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_11, t2_7);
+        let t2_13 = -t2_7;
+        let t2_14 = like.lift(2.5) * t2_12;
+        let t2_15 = like.lift(2.5) * t2_11;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[t2_16], [t2_17]], found) = ::regen_runtime::guarded(
@@ -429,16 +435,15 @@ pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_1],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_9],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_5], [t2_10], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_10], [t2_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_16;
-        dq_e[1] = t2_17;
+        dq_e[0] = t2_16; dq_e[1] = t2_17;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -455,12 +460,13 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 2]; 2] {
     let [q1, q2, q3, q4] = *q;
     // A_e (Eq. 8)
     {
+        a_e[0][0] = like.lift(-0.4);
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - q4;
         let (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4) = t1_3.sin_cos();
         let t1_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        a_e[0] = [like.lift(-0.4), t1_4];
+        a_e[0][1] = t1_4;
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
         a_e[1][1] = pivot_2;
     }
@@ -477,9 +483,8 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 2]; 2] {
 pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 4];
-    let [q1, q2, q3, q4] = *q;
-    let [d_q1, d_q3] = *qd_i;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
         sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
@@ -500,24 +505,26 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
             sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
         ]
     };
+    let [d_q1, d_q3] = *qd_i;
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_1 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_2 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_3 = like.lift(0.3) * sin_q2;
+        qd[0] = d_q1; qd[2] = d_q3;
+        let t2_1 = like.lift(0.3) * sin_q2;
+        let t2_2 = t2_1 * d_q1;
+        let t2_3 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
         let t2_4 = t2_3 * d_q1;
-        let t2_5 = (-t2_2).mul_add(d_q3, t2_4);
-        let t2_6 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_7 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_1);
-        let t2_8 = t2_6 * d_q1;
-        let t2_9 = (-t2_7).mul_add(d_q3, t2_8);
-        let t2_10 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_11 = t2_10 * t2_5;
-        let t2_12 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_11, t2_9);
+        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_5 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_6 = (-t2_5).mul_add(d_q3, t2_2);
+        let t2_7 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_8 = t2_7 * t2_6;
+        let t2_9 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_10 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_9);
+        let t2_11 = (-t2_10).mul_add(d_q3, t2_4);
+        let t2_12 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_8, t2_11);
         let t2_13 = like.lift(2.5) * t2_12;
         let t2_14 = -t2_13;
-        let t2_15 = like.lift(2.5) * t2_11;
+        let t2_15 = like.lift(2.5) * t2_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[t2_16], [t2_17]], found) = ::regen_runtime::guarded(
@@ -525,18 +532,15 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_1],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_9],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_5], [t2_9], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_6], [t2_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t2_16;
-        qd[3] = t2_17;
-        qd[0] = d_q1;
-        qd[2] = d_q3;
+        qd[1] = t2_16; qd[3] = t2_17;
     }
     (qd, Condition { pivot: condition })
 }
@@ -552,10 +556,8 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
 pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 4];
-    let [q1, q2, q3, q4] = *q;
-    let [d_q1, d_q2, d_q3, d_q4] = *qd;
-    let [dd_q1, dd_q3] = *qdd_i;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
         sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
@@ -576,35 +578,38 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
             sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
         ]
     };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [dd_q1, dd_q3] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
+        qdd[0] = dd_q1; qdd[2] = dd_q3;
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_1 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_2 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_3 = d_q1 * d_q1;
-        let t2_4 = d_q1 + d_q2;
-        let t2_5 = d_q3 + d_q4;
+        let t2_1 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_2 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_3 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_4 = d_q1 * d_q1;
+        let t2_5 = d_q1 + d_q2;
         let t2_6 = t2_5 * t2_5;
-        let t2_7 = d_q3 * d_q3;
-        let t2_8 = sin_q2 * dd_q1;
-        let t2_9 = (-cos_q2).mul_add(t2_3, t2_8);
-        let t2_10 = cos_q1_q2_minus_q3.mul_add(t2_7, t2_9);
-        let t2_11 = t2_4 * t2_4;
-        let t2_12 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_6, t2_11);
-        let t2_13 = like.lift(0.3) * t2_10;
-        let t2_14 = (-t2_2).mul_add(dd_q3, t2_13);
-        let t2_15 = like.lift(-0.4).mul_add(t2_12, t2_14);
-        let t2_16 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_17 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_1);
-        let t2_18 = sin_q2 * t2_3;
-        let t2_19 = (-sin_q1_q2_minus_q3).mul_add(t2_7, t2_18);
-        let t2_20 = t2_16 * dd_q1;
-        let t2_21 = (-t2_17).mul_add(dd_q3, t2_20);
-        let t2_22 = like.lift(0.3).mul_add(t2_19, t2_21);
-        let t2_23 = (-pivot_2).mul_add(t2_6, t2_22);
-        let t2_24 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_25 = t2_24 * t2_15;
-        let t2_26 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_25, t2_23);
+        let t2_7 = d_q3 + d_q4;
+        let t2_8 = t2_7 * t2_7;
+        let t2_9 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_8, t2_6);
+        let t2_10 = d_q3 * d_q3;
+        let t2_11 = sin_q2 * t2_4;
+        let t2_12 = (-sin_q1_q2_minus_q3).mul_add(t2_10, t2_11);
+        let t2_13 = sin_q2 * dd_q1;
+        let t2_14 = (-cos_q2).mul_add(t2_4, t2_13);
+        let t2_15 = cos_q1_q2_minus_q3.mul_add(t2_10, t2_14);
+        let t2_16 = like.lift(0.3) * t2_15;
+        let t2_17 = (-t2_3).mul_add(dd_q3, t2_16);
+        let t2_18 = like.lift(-0.4).mul_add(t2_9, t2_17);
+        let t2_19 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_20 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_2);
+        let t2_21 = t2_19 * dd_q1;
+        let t2_22 = (-t2_20).mul_add(dd_q3, t2_21);
+        let t2_23 = like.lift(0.3).mul_add(t2_12, t2_22);
+        let t2_24 = (-pivot_2).mul_add(t2_8, t2_23);
+        let t2_25 = t2_1 * t2_18;
+        let t2_26 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_25, t2_24);
         let t2_27 = like.lift(2.5) * t2_26;
         let t2_28 = -t2_27;
         let t2_29 = like.lift(2.5) * t2_25;
@@ -615,18 +620,15 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_1],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_2],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_15], [t2_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_18], [t2_24], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t2_30;
-        qdd[3] = t2_31;
-        qdd[0] = dd_q1;
-        qdd[2] = dd_q3;
+        qdd[1] = t2_30; qdd[3] = t2_31;
     }
     (qdd, Condition { pivot: condition })
 }
@@ -684,162 +686,168 @@ pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, q3, q4] = *q;
-    let [d_q1, d_q2, d_q3, d_q4] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
             T::sin_cos_all([q1, q2, q3, q4]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
     };
+    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, a_1x] = {
+        w[5][0] = dd_q1;
         let a_1y = like.lift(9.81) * cos_q1;
         w[6][0] = a_1y;
         let a_1x = like.lift(9.81) * sin_q1;
         let t2_1 = -a_1x;
         w[7][0] = t2_1;
-        w[5][0] = dd_q1;
         [a_1y, a_1x]
     };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
-    let [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+    let [t3_1, t3_3, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t3_1 = like.lift(0.3).mul_add(dd_q1, a_1y);
+        let t3_2 = like.lift(0.3) * d_q1;
+        let t3_3 = t3_2.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
-        let t3_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
-        let t3_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
-        let t3_3 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_3);
-        let t3_4 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_4);
-        let t3_5 = sin_q1_q2_minus_q3 * cos_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_5);
-        let t3_6 = cos_q1_q2_minus_q3 * cos_q4;
-        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_6);
+        let t3_4 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
+        let t3_5 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
+        let t3_6 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_6);
+        let t3_7 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_7);
+        let t3_8 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_8);
+        let t3_9 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_9);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t3_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_10 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_11 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_12 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_13 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_12);
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t3_8 = -u_2_q1x;
-        let t3_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t3_10 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t3_11 = -t3_10;
-        let t3_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_7);
-        let t3_13 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t3_14 = sin_q2 * t3_13;
-        let t3_15 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_16 = (-t3_15).mul_add(t3_14, t3_10);
-        let t3_17 = like.lift(2.5) * t3_16;
-        let t3_18 = t3_9 * t3_13;
-        let t3_19 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_18, t3_12);
-        let t3_20 = like.lift(2.5) * t3_19;
-        let t3_21 = -t3_20;
-        let t3_22 = like.lift(0.75) * t3_14;
-        let t3_23 = -t3_22;
-        let t3_24 = like.lift(2.5) * t3_18;
+        let t3_14 = -u_2_q1x;
+        let t3_15 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_16 = -t3_15;
+        let t3_17 = sin_q2 * t3_11;
+        let t3_18 = t3_10 * t3_11;
+        let t3_19 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_20 = (-t3_19).mul_add(t3_17, t3_15);
+        let t3_21 = like.lift(2.5) * t3_20;
+        let t3_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_18, t3_13);
+        let t3_23 = like.lift(2.5) * t3_22;
+        let t3_24 = -t3_23;
+        let t3_25 = like.lift(0.75) * t3_17;
+        let t3_26 = -t3_25;
+        let t3_27 = like.lift(2.5) * t3_18;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t3_17, t3_21], [t3_23, t3_24]],
+            [[t3_21, t3_24], [t3_26, t3_27]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_12],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_8, t3_9], [t3_11, t3_12], [like.lift(0.0), like.lift(0.0)],
+                    [t3_14, t3_10], [t3_16, t3_13], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t3_1, t3_3, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let t4_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
+        w[15][0] = w_izz_2_q1;
         let w_izz_2_q3 = x_q2_q3 * al_2z;
         let t4_2 = -w_izz_2_q3;
-        w[15] = [w_izz_2_q1, t4_2];
-        let t4_3 = like.lift(0.3) * d_q1;
-        let t4_4 = t4_3.mul_add(d_q1, -a_1x);
-        let t4_5 = like.lift(0.3).mul_add(dd_q1, a_1y);
-        let t4_6 = cos_q2 * t4_5;
-        let a_2y = sin_q2.mul_add(t4_4, t4_6);
+        w[15][1] = t4_2;
+        let t4_3 = cos_q2 * t3_1;
+        let a_2y = sin_q2.mul_add(t3_3, t4_3);
+        let t4_4 = cos_q2 * t3_3;
+        let a_2x = (-sin_q2).mul_add(t3_1, t4_4);
+        let w_mx_2_q3 = x_q2_q3 * a_2y;
+        let t4_5 = -w_mx_2_q3;
+        w[16][1] = t4_5;
+        let w_my_2_q3 = x_q2_q3 * a_2x;
+        let t4_6 = -w_my_2_q3;
+        w[17][1] = t4_6;
         let w_2z = d_q1 + d_q2;
         let t4_7 = w_2z * w_2z;
         let t4_8 = cos_q2 * al_2z;
         let t4_9 = (-sin_q2).mul_add(t4_7, t4_8);
-        let t4_10 = a_2y * t4_1;
-        let w_mx_2_q1 = like.lift(0.3).mul_add(t4_9, t4_10);
-        let w_mx_2_q3 = x_q2_q3 * a_2y;
-        let t4_11 = -w_mx_2_q3;
-        w[16] = [w_mx_2_q1, t4_11];
-        let t4_12 = cos_q2 * t4_4;
-        let a_2x = (-sin_q2).mul_add(t4_5, t4_12);
-        let t4_13 = cos_q2 * t4_7;
-        let t4_14 = sin_q2.mul_add(al_2z, t4_13);
-        let t4_15 = a_2x * t4_1;
-        let w_my_2_q1 = like.lift(-0.3).mul_add(t4_14, t4_15);
-        let w_my_2_q3 = x_q2_q3 * a_2x;
-        let t4_16 = -w_my_2_q3;
-        w[17] = [w_my_2_q1, t4_16];
-        let t4_17 = cos_q2 * a_2y;
-        let t4_18 = (-sin_q2).mul_add(a_2x, t4_17);
-        let t4_19 = like.lift(0.3) * t4_18;
-        let w_m_2_q1 = -t4_19;
-        let t4_20 = -w_m_2_q1;
-        w[19][0] = t4_20;
+        let t4_10 = cos_q2 * t4_7;
+        let t4_11 = sin_q2.mul_add(al_2z, t4_10);
+        let t4_12 = cos_q2 * a_2y;
+        let t4_13 = a_2y * t4_1;
+        let w_mx_2_q1 = like.lift(0.3).mul_add(t4_9, t4_13);
+        w[16][0] = w_mx_2_q1;
+        let t4_14 = a_2x * t4_1;
+        let w_my_2_q1 = like.lift(-0.3).mul_add(t4_11, t4_14);
+        w[17][0] = w_my_2_q1;
+        let t4_15 = (-sin_q2).mul_add(a_2x, t4_12);
+        let t4_16 = like.lift(0.3) * t4_15;
+        let w_m_2_q1 = -t4_16;
+        let t4_17 = -w_m_2_q1;
+        w[19][0] = t4_17;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_3y, a_3x] = {
+        w[25][1] = dd_q3;
         let a_3y = like.lift(9.81) * cos_q3;
         w[26][1] = a_3y;
         let a_3x = like.lift(9.81) * sin_q3;
         let t5_1 = -a_3x;
         w[27][1] = t5_1;
-        w[25][1] = dd_q3;
         [a_3y, a_3x]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_4z = dd_q3 + dd_q4;
-        let w_izz_4_q1 = x_q4_q1 * al_4z;
-        let t6_1 = -w_izz_4_q1;
-        let t6_2 = like.lift(1.0) - x_q4_q3;
-        let w_izz_4_q3 = al_4z * t6_2;
-        w[35] = [t6_1, w_izz_4_q3];
+        let t6_1 = like.lift(1.0) - x_q4_q3;
+        let t6_2 = like.lift(0.3).mul_add(dd_q3, a_3y);
         let t6_3 = like.lift(0.3) * d_q3;
         let t6_4 = (-t6_3).mul_add(d_q3, a_3x);
-        let t6_5 = like.lift(0.3).mul_add(dd_q3, a_3y);
+        let al_4z = dd_q3 + dd_q4;
+        let w_izz_4_q3 = al_4z * t6_1;
+        w[35][1] = w_izz_4_q3;
+        let w_izz_4_q1 = x_q4_q1 * al_4z;
+        let t6_5 = -w_izz_4_q1;
+        w[35][0] = t6_5;
         let t6_6 = sin_q4 * t6_4;
-        let a_4y = (-cos_q4).mul_add(t6_5, t6_6);
+        let a_4y = (-cos_q4).mul_add(t6_2, t6_6);
+        let t6_7 = sin_q4 * t6_2;
+        let a_4x = cos_q4.mul_add(t6_4, t6_7);
         let w_mx_4_q1 = x_q4_q1 * a_4y;
-        let w_4z = d_q3 + d_q4;
-        let t6_7 = w_4z * w_4z;
-        let t6_8 = cos_q4 * al_4z;
-        let t6_9 = (-sin_q4).mul_add(t6_7, t6_8);
-        let t6_10 = a_4y * t6_2;
-        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_9, t6_10);
-        let t6_11 = -w_mx_4_q3;
-        w[36] = [w_mx_4_q1, t6_11];
-        let t6_12 = sin_q4 * t6_5;
-        let a_4x = cos_q4.mul_add(t6_4, t6_12);
+        w[36][0] = w_mx_4_q1;
         let w_my_4_q1 = x_q4_q1 * a_4x;
-        let t6_13 = cos_q4 * t6_7;
-        let t6_14 = sin_q4.mul_add(al_4z, t6_13);
-        let t6_15 = a_4x * t6_2;
-        let w_my_4_q3 = like.lift(0.3).mul_add(t6_14, t6_15);
-        let t6_16 = -w_my_4_q3;
-        w[37] = [w_my_4_q1, t6_16];
-        let t6_17 = cos_q4 * a_4y;
-        let t6_18 = (-sin_q4).mul_add(a_4x, t6_17);
-        let t6_19 = like.lift(0.3) * t6_18;
+        w[37][0] = w_my_4_q1;
+        let w_4z = d_q3 + d_q4;
+        let t6_8 = w_4z * w_4z;
+        let t6_9 = cos_q4 * al_4z;
+        let t6_10 = (-sin_q4).mul_add(t6_8, t6_9);
+        let t6_11 = cos_q4 * t6_8;
+        let t6_12 = sin_q4.mul_add(al_4z, t6_11);
+        let t6_13 = cos_q4 * a_4y;
+        let t6_14 = (-sin_q4).mul_add(a_4x, t6_13);
+        let t6_15 = a_4y * t6_1;
+        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_10, t6_15);
+        let t6_16 = a_4x * t6_1;
+        let w_my_4_q3 = like.lift(0.3).mul_add(t6_12, t6_16);
+        let t6_17 = -w_mx_4_q3;
+        w[36][1] = t6_17;
+        let t6_18 = -w_my_4_q3;
+        w[37][1] = t6_18;
+        let t6_19 = like.lift(0.3) * t6_14;
         let w_m_4_q3 = -t6_19;
         w[39][1] = w_m_4_q3;
     }
@@ -858,7 +866,14 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
+    let mut condition = like.lift(1.0);
     let [q1, q2, q3, q4] = *q;
+    // sines and cosines
+    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
+        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q1, q2, q3, q4]);
+        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
+    };
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
     let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     let [
@@ -866,15 +881,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         _, p_m_2, _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, _, _, _, _, _, _, p_izz_4, p_mx_4,
         p_my_4, _, p_m_4,
     ] = *phi;
-    let mut condition = like.lift(1.0);
-    // sines and cosines
-    let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
-        let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
-            T::sin_cos_all([q1, q2, q3, q4]);
-        [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
-    };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_10, t2_19, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+    let [t2_10, t2_19, t2_23, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dd_q1 + dd_q2;
         let t2_1 = like.lift(0.3) * d_q1;
         let t2_2 = t2_1 * d_q1;
@@ -888,109 +896,109 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         let t2_8 = al_2z * p_izz_2;
         let t2_9 = a_2x.mul_add(p_my_2, t2_8);
         let t2_10 = a_2y.mul_add(p_mx_2, t2_9);
+        let t2_11 = a_2x * p_m_2;
+        let t2_12 = al_2z.mul_add(p_my_2, t2_11);
+        let t2_13 = a_2y * p_m_2;
         let w_2z = d_q1 + d_q2;
-        let t2_11 = w_2z * w_2z;
-        let t2_12 = a_2x * p_m_2;
-        let t2_13 = al_2z.mul_add(p_my_2, t2_12);
-        let t2_14 = t2_11.mul_add(p_mx_2, t2_13);
-        let t2_15 = a_2y * p_m_2;
-        let t2_16 = (-t2_11).mul_add(p_my_2, t2_15);
-        let t2_17 = al_2z.mul_add(p_mx_2, t2_16);
-        let t2_18 = sin_q2 * t2_14;
+        let t2_14 = w_2z * w_2z;
+        let t2_15 = (-t2_14).mul_add(p_my_2, t2_13);
+        let t2_16 = t2_14.mul_add(p_mx_2, t2_12);
+        let t2_17 = al_2z.mul_add(p_mx_2, t2_15);
+        let t2_18 = sin_q2 * t2_16;
         let t2_19 = (-cos_q2).mul_add(t2_17, t2_18);
         let t2_20 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_20);
         let t2_21 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_21);
-        let t2_22 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_22);
-        let t2_23 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_23);
-        let t2_24 = sin_q1_q2_minus_q3 * cos_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_24);
-        let t2_25 = cos_q1_q2_minus_q3 * cos_q4;
-        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_25);
+        let t2_22 = sin_q1 * p_my_1;
+        let t2_23 = (-cos_q1).mul_add(p_mx_1, t2_22);
+        let t2_24 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_25 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_25);
+        let t2_26 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_26);
+        let t2_27 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_27);
+        let t2_28 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_28);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_26 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_29 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_30 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_31 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_32 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_31);
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_27 = -u_2_q1x;
-        let t2_28 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_29 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_30 = -t2_29;
-        let t2_31 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_26);
-        let t2_32 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_33 = sin_q2 * t2_32;
-        let t2_34 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_35 = (-t2_34).mul_add(t2_33, t2_29);
-        let t2_36 = like.lift(2.5) * t2_35;
-        let t2_37 = t2_28 * t2_32;
-        let t2_38 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_37, t2_31);
+        let t2_33 = -u_2_q1x;
+        let t2_34 = sin_q2 * t2_30;
+        let t2_35 = t2_29 * t2_30;
+        let t2_36 = -t2_24;
+        let t2_37 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_38 = (-t2_37).mul_add(t2_34, t2_24);
         let t2_39 = like.lift(2.5) * t2_38;
-        let t2_40 = -t2_39;
-        let t2_41 = like.lift(0.75) * t2_33;
+        let t2_40 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_35, t2_32);
+        let t2_41 = like.lift(2.5) * t2_40;
         let t2_42 = -t2_41;
-        let t2_43 = like.lift(2.5) * t2_37;
+        let t2_43 = like.lift(0.75) * t2_34;
+        let t2_44 = -t2_43;
+        let t2_45 = like.lift(2.5) * t2_35;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_36, t2_40], [t2_42, t2_43]],
+            [[t2_39, t2_42], [t2_44, t2_45]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_26],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_31],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_27, t2_28], [t2_30, t2_31], [like.lift(0.0), like.lift(0.0)],
+                    [t2_33, t2_29], [t2_36, t2_32], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t2_10, t2_19, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_10, t2_19, t2_23, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
         let al_4z = dd_q3 + dd_q4;
         let t3_1 = like.lift(9.81) * sin_q3;
-        let t3_2 = like.lift(0.3) * d_q3;
-        let t3_3 = (-t3_2).mul_add(d_q3, t3_1);
-        let t3_4 = like.lift(0.3) * dd_q3;
-        let t3_5 = like.lift(9.81).mul_add(cos_q3, t3_4);
-        let t3_6 = sin_q4 * t3_3;
-        let a_4y = (-cos_q4).mul_add(t3_5, t3_6);
-        let t3_7 = sin_q4 * t3_5;
-        let a_4x = cos_q4.mul_add(t3_3, t3_7);
-        let t3_8 = al_4z * p_izz_4;
-        let t3_9 = (-a_4x).mul_add(p_my_4, t3_8);
-        let t3_10 = (-a_4y).mul_add(p_mx_4, t3_9);
-        let t3_11 = sin_q1 * p_my_1;
-        let t3_12 = (-cos_q1).mul_add(p_mx_1, t3_11);
-        let t3_13 = (-t3_10).mul_add(x_q4_q1, t2_10);
-        let t3_14 = (-t2_10).mul_add(x_q2_q1, t3_13);
-        let t3_15 = dd_q1.mul_add(p_izz_1, t3_14);
-        let t3_16 = like.lift(-9.81).mul_add(t3_12, t3_15);
-        let t3_17 = like.lift(-0.3).mul_add(t2_19, t3_16);
-        tau[0] = t3_17;
+        let t3_2 = sin_q3 * p_my_3;
+        let t3_3 = (-cos_q3).mul_add(p_mx_3, t3_2);
+        let t3_4 = like.lift(0.3) * d_q3;
+        let t3_5 = (-t3_4).mul_add(d_q3, t3_1);
+        let t3_6 = like.lift(0.3) * dd_q3;
+        let t3_7 = like.lift(9.81).mul_add(cos_q3, t3_6);
+        let t3_8 = sin_q4 * t3_5;
+        let a_4y = (-cos_q4).mul_add(t3_7, t3_8);
+        let t3_9 = sin_q4 * t3_7;
+        let a_4x = cos_q4.mul_add(t3_5, t3_9);
+        let t3_10 = al_4z * p_izz_4;
+        let t3_11 = (-a_4x).mul_add(p_my_4, t3_10);
+        let t3_12 = (-a_4y).mul_add(p_mx_4, t3_11);
+        let t3_13 = (-t3_12).mul_add(x_q4_q1, t2_10);
+        let t3_14 = (-t3_12).mul_add(x_q4_q3, t3_12);
+        let t3_15 = (-t2_10).mul_add(x_q2_q1, t3_13);
+        let t3_16 = (-t2_10).mul_add(x_q2_q3, t3_14);
+        let t3_17 = dd_q1.mul_add(p_izz_1, t3_15);
+        let t3_18 = like.lift(-9.81).mul_add(t2_23, t3_17);
+        let t3_19 = like.lift(-0.3).mul_add(t2_19, t3_18);
+        tau[0] = t3_19;
+        let t3_20 = dd_q3.mul_add(p_izz_3, t3_16);
+        let t3_21 = like.lift(-9.81).mul_add(t3_3, t3_20);
+        let t3_22 = a_4x * p_m_4;
+        let t3_23 = (-al_4z).mul_add(p_my_4, t3_22);
+        let t3_24 = a_4y * p_m_4;
         let w_4z = d_q3 + d_q4;
-        let t3_18 = w_4z * w_4z;
-        let t3_19 = a_4x * p_m_4;
-        let t3_20 = (-al_4z).mul_add(p_my_4, t3_19);
-        let t3_21 = (-t3_18).mul_add(p_mx_4, t3_20);
-        let t3_22 = a_4y * p_m_4;
-        let t3_23 = t3_18.mul_add(p_my_4, t3_22);
-        let t3_24 = (-al_4z).mul_add(p_mx_4, t3_23);
-        let t3_25 = sin_q4 * t3_21;
-        let t3_26 = (-cos_q4).mul_add(t3_24, t3_25);
-        let t3_27 = sin_q3 * p_my_3;
-        let t3_28 = (-cos_q3).mul_add(p_mx_3, t3_27);
-        let t3_29 = (-t3_10).mul_add(x_q4_q3, t3_10);
-        let t3_30 = (-t2_10).mul_add(x_q2_q3, t3_29);
-        let t3_31 = dd_q3.mul_add(p_izz_3, t3_30);
-        let t3_32 = like.lift(-9.81).mul_add(t3_28, t3_31);
-        let t3_33 = like.lift(0.3).mul_add(t3_26, t3_32);
-        tau[1] = t3_33;
+        let t3_25 = w_4z * w_4z;
+        let t3_26 = (-t3_25).mul_add(p_mx_4, t3_23);
+        let t3_27 = t3_25.mul_add(p_my_4, t3_24);
+        let t3_28 = (-al_4z).mul_add(p_mx_4, t3_27);
+        let t3_29 = sin_q4 * t3_26;
+        let t3_30 = (-cos_q4).mul_add(t3_28, t3_29);
+        let t3_31 = like.lift(0.3).mul_add(t3_30, t3_21);
+        tau[1] = t3_31;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1005,12 +1013,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
 pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
-    let [q1, q2, q3, q4] = *q;
-    let [
-        _, _, _, _, _, _, p_mx_1, p_my_1, _, _, _, _, _, _, _, _, p_mx_2, p_my_2, _, p_m_2, _,
-        _, _, _, _, _, p_mx_3, p_my_3, _, _, _, _, _, _, _, _, p_mx_4, p_my_4, _, p_m_4,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
@@ -1031,82 +1035,86 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
             cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
         ]
     };
+    let [
+        _, _, _, _, _, _, p_mx_1, p_my_1, _, _, _, _, _, _, _, _, p_mx_2, p_my_2, _, p_m_2, _,
+        _, _, _, _, _, p_mx_3, p_my_3, _, _, _, _, _, _, _, _, p_mx_4, p_my_4, _, p_m_4,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_6, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let t2_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
-        let t2_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
-        let t2_3 = sin_q1_q2 * p_my_2;
-        let t2_4 = (-cos_q1_q2).mul_add(p_mx_2, t2_3);
-        let t2_5 = like.lift(9.81) * t2_4;
-        let t2_6 = -t2_5;
+    let [t2_4, t2_9, t2_10, t2_14, t2_25, t2_26, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t2_1 = sin_q3_q4 * p_my_4;
+        let t2_2 = (-cos_q3_q4).mul_add(p_mx_4, t2_1);
+        let t2_3 = like.lift(9.81) * t2_2;
+        let t2_4 = -t2_3;
+        let t2_5 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_5);
+        let t2_6 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_6);
+        let t2_7 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_8 = sin_q1 * p_my_1;
+        let t2_9 = (-cos_q1).mul_add(p_mx_1, t2_8);
+        let t2_10 = like.lift(2.943) * cos_q1;
+        let t2_11 = sin_q1_q2 * p_my_2;
+        let t2_12 = (-cos_q1_q2).mul_add(p_mx_2, t2_11);
+        let t2_13 = like.lift(9.81) * t2_12;
+        let t2_14 = -t2_13;
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_8 = -u_2_q1x;
-        let t2_9 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_9);
-        let t2_10 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_10);
-        let t2_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_12 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_13 = -t2_12;
-        let t2_14 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_7);
         let t2_15 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_16 = sin_q2 * t2_15;
-        let t2_17 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_18 = (-t2_17).mul_add(t2_16, t2_12);
-        let t2_19 = like.lift(2.5) * t2_18;
-        let t2_20 = t2_11 * t2_15;
-        let t2_21 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_20, t2_14);
-        let t2_22 = like.lift(2.5) * t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = like.lift(0.75) * t2_16;
-        let t2_25 = -t2_24;
-        let t2_26 = like.lift(2.5) * t2_20;
+        let t2_16 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t2_17 = -u_2_q1x;
+        let t2_18 = sin_q2 * t2_15;
+        let t2_19 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_19);
+        let t2_20 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_20);
+        let t2_21 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_22 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_16);
+        let t2_23 = t2_21 * t2_15;
+        let t2_24 = sin_q3 * p_my_3;
+        let t2_25 = (-cos_q3).mul_add(p_mx_3, t2_24);
+        let t2_26 = like.lift(2.943) * cos_q3;
+        let t2_27 = -t2_7;
+        let t2_28 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_29 = (-t2_28).mul_add(t2_18, t2_7);
+        let t2_30 = like.lift(2.5) * t2_29;
+        let t2_31 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_23, t2_22);
+        let t2_32 = like.lift(2.5) * t2_31;
+        let t2_33 = -t2_32;
+        let t2_34 = like.lift(0.75) * t2_18;
+        let t2_35 = -t2_34;
+        let t2_36 = like.lift(2.5) * t2_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_19, t2_23], [t2_25, t2_26]],
+            [[t2_30, t2_33], [t2_35, t2_36]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_16],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_8, t2_11], [t2_13, t2_14], [like.lift(0.0), like.lift(0.0)],
+                    [t2_17, t2_21], [t2_27, t2_22], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t2_6, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_4, t2_9, t2_10, t2_14, t2_25, t2_26, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
-        let t3_1 = sin_q3_q4 * p_my_4;
-        let t3_2 = (-cos_q3_q4).mul_add(p_mx_4, t3_1);
-        let t3_3 = like.lift(9.81) * t3_2;
-        let t3_4 = -t3_3;
-        let t3_5 = sin_q1 * p_my_1;
-        let t3_6 = (-cos_q1).mul_add(p_mx_1, t3_5);
-        let t3_7 = (-t3_4).mul_add(x_q4_q1, t2_6);
-        let t3_8 = (-t2_6).mul_add(x_q2_q1, t3_7);
-        let t3_9 = like.lift(-9.81).mul_add(t3_6, t3_8);
-        let t3_10 = like.lift(2.943) * cos_q1;
-        let t3_11 = t3_10.mul_add(p_m_2, t3_9);
-        tau[0] = t3_11;
-        let t3_12 = sin_q3 * p_my_3;
-        let t3_13 = (-cos_q3).mul_add(p_mx_3, t3_12);
-        let t3_14 = (-t3_4).mul_add(x_q4_q3, t3_4);
-        let t3_15 = (-t2_6).mul_add(x_q2_q3, t3_14);
-        let t3_16 = like.lift(-9.81).mul_add(t3_13, t3_15);
-        let t3_17 = like.lift(2.943) * cos_q3;
-        let t3_18 = t3_17.mul_add(p_m_4, t3_16);
-        tau[1] = t3_18;
+        let t3_1 = (-t2_4).mul_add(x_q4_q1, t2_14);
+        let t3_2 = (-t2_14).mul_add(x_q2_q1, t3_1);
+        let t3_3 = like.lift(-9.81).mul_add(t2_9, t3_2);
+        let t3_4 = (-t2_4).mul_add(x_q4_q3, t2_4);
+        let t3_5 = (-t2_14).mul_add(x_q2_q3, t3_4);
+        let t3_6 = like.lift(-9.81).mul_add(t2_25, t3_5);
+        let t3_7 = t2_10.mul_add(p_m_2, t3_3);
+        tau[0] = t3_7;
+        let t3_8 = t2_26.mul_add(p_m_4, t3_6);
+        tau[1] = t3_8;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1122,13 +1130,8 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
 pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
-    let [q1, q2, q3, q4] = *q;
-    let [d_q1, d_q2, d_q3, d_q4] = *qd;
-    let [
-        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2, _, _,
-        _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, p_m_4,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
@@ -1137,105 +1140,110 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
             T::sin_cos_all([t1_2, q4, q2]);
         [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2]
     };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_5, t2_6, t2_7, t2_8, t2_14, t2_18,
-        al_2z, al_4z,
+        cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_4, t2_6, t2_7, t2_8, t2_9, t2_10, t2_12,
+        t2_21, al_2z, al_4z,
     ] = {
         let t2_1 = sin_q1_q2_minus_q3 * cos_q4;
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_1);
         let t2_2 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_2);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_3 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_4 = d_q1 * d_q1;
-        let t2_5 = cos_q2 * t2_4;
+        let t2_3 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_5 = d_q1 * d_q1;
+        let t2_6 = cos_q2 * t2_5;
+        let t2_7 = sin_q2 * t2_5;
         let w_2z = d_q1 + d_q2;
-        let t2_6 = w_2z * w_2z;
+        let t2_8 = w_2z * w_2z;
         let w_4z = d_q3 + d_q4;
-        let t2_7 = w_4z * w_4z;
-        let t2_8 = d_q3 * d_q3;
-        let t2_9 = (-cos_q1_q2_minus_q3).mul_add(t2_8, t2_5);
-        let t2_10 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_7, t2_6);
-        let t2_11 = like.lift(0.4) * t2_10;
-        let t2_12 = like.lift(0.3).mul_add(t2_9, t2_11);
-        let t2_13 = -t2_12;
-        let t2_14 = sin_q2 * t2_4;
-        let t2_15 = (-sin_q1_q2_minus_q3).mul_add(t2_8, t2_14);
-        let t2_16 = like.lift(0.3) * t2_15;
-        let t2_17 = (-t2_7).mul_add(pivot_2, t2_16);
-        let t2_18 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_19 = t2_18 * t2_12;
-        let t2_20 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_19, t2_17);
-        let t2_21 = like.lift(2.5) * t2_20;
-        let t2_22 = -t2_21;
-        let t2_23 = like.lift(2.5) * t2_19;
+        let t2_9 = w_4z * w_4z;
+        let t2_10 = d_q3 * d_q3;
+        let t2_11 = (-cos_q1_q2_minus_q3).mul_add(t2_10, t2_6);
+        let t2_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_4);
+        let t2_13 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_9, t2_8);
+        let t2_14 = like.lift(0.4) * t2_13;
+        let t2_15 = like.lift(0.3).mul_add(t2_11, t2_14);
+        let t2_16 = -t2_15;
+        let t2_17 = t2_3 * t2_15;
+        let t2_18 = (-sin_q1_q2_minus_q3).mul_add(t2_10, t2_7);
+        let t2_19 = like.lift(0.3) * t2_18;
+        let t2_20 = (-t2_9).mul_add(pivot_2, t2_19);
+        let t2_21 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_22 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_17, t2_20);
+        let t2_23 = like.lift(2.5) * t2_22;
         let t2_24 = -t2_23;
+        let t2_25 = like.lift(2.5) * t2_17;
+        let t2_26 = -t2_25;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[al_2z], [al_4z]], found) = ::regen_runtime::guarded(
-            [[t2_22], [t2_24]],
+            [[t2_24], [t2_26]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_3],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_4],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_13], [t2_17], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_16], [t2_20], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_5, t2_6, t2_7, t2_8, t2_14, t2_18,
-            al_2z, al_4z,
+            cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_4, t2_6, t2_7, t2_8, t2_9, t2_10,
+            t2_12, t2_21, al_2z, al_4z,
         ]
     };
+    let [
+        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2, _, _,
+        _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, p_m_4,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [t3_4, t3_13, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let t3_1 = t2_5 * p_my_2;
-        let t3_2 = t2_14.mul_add(p_mx_2, t3_1);
+        let t3_1 = t2_6 * p_my_2;
+        let t3_2 = t2_7.mul_add(p_mx_2, t3_1);
         let t3_3 = p_izz_2 * al_2z;
         let t3_4 = like.lift(0.3).mul_add(t3_2, t3_3);
         let t3_5 = like.lift(0.3) * p_m_2;
-        let t3_6 = t2_5 * t3_5;
-        let t3_7 = p_my_2.mul_add(al_2z, t3_6);
-        let t3_8 = t2_6.mul_add(p_mx_2, t3_7);
-        let t3_9 = t2_14 * t3_5;
-        let t3_10 = p_mx_2.mul_add(al_2z, t3_9);
-        let t3_11 = (-t2_6).mul_add(p_my_2, t3_10);
-        let t3_12 = sin_q2 * t3_8;
+        let t3_6 = t2_6 * t3_5;
+        let t3_7 = t2_7 * t3_5;
+        let t3_8 = p_my_2.mul_add(al_2z, t3_6);
+        let t3_9 = p_mx_2.mul_add(al_2z, t3_7);
+        let t3_10 = t2_8.mul_add(p_mx_2, t3_8);
+        let t3_11 = (-t2_8).mul_add(p_my_2, t3_9);
+        let t3_12 = sin_q2 * t3_10;
         let t3_13 = (-cos_q2).mul_add(t3_11, t3_12);
+        let t3_14 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t3_14 = -u_2_q1x;
-        let t3_15 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t3_16 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t3_17 = -t3_16;
-        let t3_18 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_3);
-        let t3_19 = sin_q2 * t2_18;
-        let t3_20 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_21 = (-t3_20).mul_add(t3_19, t3_16);
-        let t3_22 = like.lift(2.5) * t3_21;
-        let t3_23 = t3_15 * t2_18;
-        let t3_24 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_23, t3_18);
-        let t3_25 = like.lift(2.5) * t3_24;
+        let t3_15 = -u_2_q1x;
+        let t3_16 = sin_q2 * t2_3;
+        let t3_17 = t2_21 * t2_3;
+        let t3_18 = -t3_14;
+        let t3_19 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_20 = (-t3_19).mul_add(t3_16, t3_14);
+        let t3_21 = like.lift(2.5) * t3_20;
+        let t3_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_17, t2_12);
+        let t3_23 = like.lift(2.5) * t3_22;
+        let t3_24 = -t3_23;
+        let t3_25 = like.lift(0.75) * t3_16;
         let t3_26 = -t3_25;
-        let t3_27 = like.lift(0.75) * t3_19;
-        let t3_28 = -t3_27;
-        let t3_29 = like.lift(2.5) * t3_23;
+        let t3_27 = like.lift(2.5) * t3_17;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t3_22, t3_26], [t3_28, t3_29]],
+            [[t3_21, t3_24], [t3_26, t3_27]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_3],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_4],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_14, t3_15], [t3_17, t3_18], [like.lift(0.0), like.lift(0.0)],
+                    [t3_15, t2_21], [t3_18, t2_12], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
@@ -1245,28 +1253,28 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
     };
     // tau
     {
-        let t4_1 = sin_q4 * t2_8;
-        let t4_2 = cos_q4 * t2_8;
+        let t4_1 = sin_q4 * t2_10;
+        let t4_2 = cos_q4 * t2_10;
         let t4_3 = p_my_4 * t4_2;
         let t4_4 = p_mx_4.mul_add(t4_1, t4_3);
         let t4_5 = p_izz_4 * al_4z;
         let t4_6 = like.lift(0.3).mul_add(t4_4, t4_5);
         let t4_7 = (-t4_6).mul_add(x_q4_q1, t3_4);
         let t4_8 = (-t3_4).mul_add(x_q2_q1, t4_7);
-        let t4_9 = like.lift(-0.3).mul_add(t3_13, t4_8);
-        tau[0] = t4_9;
-        let t4_10 = like.lift(0.3) * p_m_4;
-        let t4_11 = t4_2 * t4_10;
-        let t4_12 = p_my_4.mul_add(al_4z, t4_11);
-        let t4_13 = t2_7.mul_add(p_mx_4, t4_12);
-        let t4_14 = t4_1 * t4_10;
-        let t4_15 = p_mx_4.mul_add(al_4z, t4_14);
-        let t4_16 = (-t2_7).mul_add(p_my_4, t4_15);
-        let t4_17 = sin_q4 * t4_13;
-        let t4_18 = (-cos_q4).mul_add(t4_16, t4_17);
-        let t4_19 = (-t4_6).mul_add(x_q4_q3, t4_6);
-        let t4_20 = (-t3_4).mul_add(x_q2_q3, t4_19);
-        let t4_21 = like.lift(-0.3).mul_add(t4_18, t4_20);
+        let t4_9 = (-t4_6).mul_add(x_q4_q3, t4_6);
+        let t4_10 = like.lift(-0.3).mul_add(t3_13, t4_8);
+        tau[0] = t4_10;
+        let t4_11 = (-t3_4).mul_add(x_q2_q3, t4_9);
+        let t4_12 = like.lift(0.3) * p_m_4;
+        let t4_13 = t4_2 * t4_12;
+        let t4_14 = t4_1 * t4_12;
+        let t4_15 = p_my_4.mul_add(al_4z, t4_13);
+        let t4_16 = p_mx_4.mul_add(al_4z, t4_14);
+        let t4_17 = t2_9.mul_add(p_mx_4, t4_15);
+        let t4_18 = (-t2_9).mul_add(p_my_4, t4_16);
+        let t4_19 = sin_q4 * t4_17;
+        let t4_20 = (-cos_q4).mul_add(t4_18, t4_19);
+        let t4_21 = like.lift(-0.3).mul_add(t4_20, t4_11);
         tau[1] = t4_21;
     }
     (tau, Condition { pivot: condition })
@@ -1282,12 +1290,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
 pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 2]; 2];
-    let [q1, q2, q3, q4] = *q;
-    let [
-        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2,
-        _, _, _, _, _, p_izz_3, _, _, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, p_m_4,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {
         let t1_1 = q2 + q1;
@@ -1296,86 +1300,91 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
             T::sin_cos_all([q2, t1_2, q4]);
         [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4]
     };
+    let [
+        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2,
+        _, _, _, _, _, p_izz_3, _, _, _, _, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, p_m_4,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_3, t2_4, t2_5, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+    let [t2_4, t2_5, t2_6, t2_10, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
-        let t2_3 = like.lift(0.3).mul_add(p_m_2, t2_2);
-        let t2_4 = like.lift(0.3) * t2_2;
-        let t2_5 = p_izz_2 + t2_4;
-        let t2_6 = sin_q1_q2_minus_q3 * cos_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_6);
-        let t2_7 = cos_q1_q2_minus_q3 * cos_q4;
-        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_7);
+        let t2_3 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_4 = like.lift(0.3).mul_add(p_m_2, t2_2);
+        let t2_5 = like.lift(0.3) * t2_2;
+        let t2_6 = p_izz_2 + t2_5;
+        let t2_7 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_7);
+        let t2_8 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_8);
+        let t2_9 = cos_q4 * p_mx_4;
+        let t2_10 = (-sin_q4).mul_add(p_my_4, t2_9);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_8 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_12 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_13 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_14 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_13);
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_9 = -u_2_q1x;
-        let t2_10 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_11 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_12 = -t2_11;
-        let t2_13 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_8);
-        let t2_14 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_15 = sin_q2 * t2_14;
-        let t2_16 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_17 = (-t2_16).mul_add(t2_15, t2_11);
-        let t2_18 = like.lift(2.5) * t2_17;
-        let t2_19 = t2_10 * t2_14;
-        let t2_20 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_19, t2_13);
+        let t2_15 = -u_2_q1x;
+        let t2_16 = sin_q2 * t2_12;
+        let t2_17 = t2_11 * t2_12;
+        let t2_18 = -t2_3;
+        let t2_19 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_20 = (-t2_19).mul_add(t2_16, t2_3);
         let t2_21 = like.lift(2.5) * t2_20;
-        let t2_22 = -t2_21;
-        let t2_23 = like.lift(0.75) * t2_15;
+        let t2_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_17, t2_14);
+        let t2_23 = like.lift(2.5) * t2_22;
         let t2_24 = -t2_23;
-        let t2_25 = like.lift(2.5) * t2_19;
+        let t2_25 = like.lift(0.75) * t2_16;
+        let t2_26 = -t2_25;
+        let t2_27 = like.lift(2.5) * t2_17;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_18, t2_22], [t2_24, t2_25]],
+            [[t2_21, t2_24], [t2_26, t2_27]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_8],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_13],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_9, t2_10], [t2_12, t2_13], [like.lift(0.0), like.lift(0.0)],
+                    [t2_15, t2_11], [t2_18, t2_14], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t2_3, t2_4, t2_5, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_4, t2_5, t2_6, t2_10, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // M
     {
-        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_5);
-        let t3_2 = t3_1 + t2_5;
+        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_6);
+        let t3_2 = t3_1 + t2_6;
         let t3_3 = x_q4_q1 * p_izz_4;
         let t3_4 = t3_3.mul_add(x_q4_q1, p_izz_1);
         let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
         let t3_6 = t3_5 + p_izz_2;
-        let t3_7 = like.lift(0.3).mul_add(t2_3, t3_6);
-        let t3_8 = t3_7 + t2_4;
+        let t3_7 = like.lift(0.3).mul_add(t2_4, t3_6);
+        let t3_8 = t3_7 + t2_5;
+        m[0][0] = t3_8;
         let t3_9 = p_izz_2 * x_q2_q3;
-        let t3_10 = cos_q4 * p_mx_4;
-        let t3_11 = (-sin_q4).mul_add(p_my_4, t3_10);
-        let t3_12 = like.lift(0.3) * t3_11;
-        let t3_13 = p_izz_4 + t3_12;
-        let t3_14 = (-p_izz_4).mul_add(x_q4_q3, t3_13);
-        let t3_15 = x_q4_q1 * t3_14;
-        let t3_16 = (-x_q2_q1).mul_add(t3_9, t3_15);
-        let t3_17 = t2_5.mul_add(x_q2_q3, t3_16);
-        let t3_18 = -t3_17;
-        m[0] = [t3_8, t3_18];
-        let t3_19 = like.lift(0.3).mul_add(p_m_4, t3_11);
-        let t3_20 = t3_14 + t3_13;
-        let t3_21 = (-x_q4_q3).mul_add(t3_20, p_izz_3);
-        let t3_22 = x_q2_q3.mul_add(t3_9, t3_21);
-        let t3_23 = t3_22 + p_izz_4;
-        let t3_24 = like.lift(0.3).mul_add(t3_19, t3_23);
-        let t3_25 = t3_24 + t3_12;
-        m[1] = [t3_18, t3_25];
+        let t3_10 = like.lift(0.3) * t2_10;
+        let t3_11 = like.lift(0.3).mul_add(p_m_4, t2_10);
+        let t3_12 = p_izz_4 + t3_10;
+        let t3_13 = (-p_izz_4).mul_add(x_q4_q3, t3_12);
+        let t3_14 = x_q4_q1 * t3_13;
+        let t3_15 = (-x_q2_q1).mul_add(t3_9, t3_14);
+        let t3_16 = t2_6.mul_add(x_q2_q3, t3_15);
+        let t3_17 = t3_13 + t3_12;
+        let t3_18 = (-x_q4_q3).mul_add(t3_17, p_izz_3);
+        let t3_19 = x_q2_q3.mul_add(t3_9, t3_18);
+        let t3_20 = -t3_16;
+        m[0][1] = t3_20; m[1][0] = t3_20;
+        let t3_21 = t3_19 + p_izz_4;
+        let t3_22 = like.lift(0.3).mul_add(t3_11, t3_21);
+        let t3_23 = t3_22 + t3_10;
+        m[1][1] = t3_23;
     }
     (m, Condition { pivot: condition })
 }
@@ -1434,104 +1443,107 @@ pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T;
 #[inline(always)]
 pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, q3, q4] = *q;
-    let [d_q1, d_q2, d_q3, d_q4] = *qd;
-    let [r_q1, r_q3] = *qd_r;
-    let [dr_q1, dr_q3] = *qdd_r;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
             T::sin_cos_all([q1, q2, q3, q4]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
     };
+    let [dr_q1, dr_q3] = *qdd_r;
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, a_1x] = {
+        y[5][0] = dr_q1;
         let a_1y = like.lift(9.81) * cos_q1;
         y[6][0] = a_1y;
         let a_1x = like.lift(9.81) * sin_q1;
         let t2_1 = -a_1x;
         y[7][0] = t2_1;
-        y[5][0] = dr_q1;
         [a_1y, a_1x]
     };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [r_q1, r_q3] = *qd_r;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4, pivot_2, t3_7,
-        t3_8, t3_9, w_2z, u_2_q1x, t3_12, t3_13, t3_16, t3_22, t3_23,
+        t3_1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4, pivot_2,
+        t3_8, t3_9, t3_10, t3_11, t3_12, w_2z, t3_15, t3_16, t3_17, t3_25, t3_26,
     ] = {
-        let t3_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
-        let t3_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
-        let t3_3 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_3);
-        let t3_4 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_4);
-        let t3_5 = sin_q1_q2_minus_q3 * cos_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_5);
-        let t3_6 = cos_q1_q2_minus_q3 * cos_q4;
-        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_6);
+        let t3_1 = like.lift(0.3).mul_add(dr_q1, a_1y);
+        let t3_2 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_2);
+        let t3_3 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_3);
+        let t3_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_4);
+        let t3_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_5);
+        let t3_6 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_6);
+        let t3_7 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_7);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t3_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_8 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t3_9 = d_q1 * r_q1;
+        let t3_8 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_9 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_10 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_11 = d_q1 * r_q1;
+        let t3_12 = like.lift(-0.3).mul_add(t3_11, a_1x);
         let w_2z = d_q1 + d_q2;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t3_10 = r_q1 * u_2_q1x;
-        let t3_11 = (-t3_8).mul_add(r_q3, t3_10);
-        let t3_12 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t3_13 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_7);
-        let t3_14 = t3_12 * r_q1;
-        let t3_15 = (-t3_13).mul_add(r_q3, t3_14);
-        let t3_16 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t3_17 = t3_16 * t3_11;
-        let t3_18 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_17, t3_15);
-        let t3_19 = like.lift(2.5) * t3_18;
-        let t3_20 = -t3_19;
-        let t3_21 = like.lift(2.5) * t3_17;
+        let t3_13 = r_q1 * u_2_q1x;
+        let t3_14 = (-t3_10).mul_add(r_q3, t3_13);
+        let t3_15 = -u_2_q1x;
+        let t3_16 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_17 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_9);
+        let t3_18 = t3_16 * r_q1;
+        let t3_19 = (-t3_17).mul_add(r_q3, t3_18);
+        let t3_20 = t3_8 * t3_14;
+        let t3_21 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_20, t3_19);
+        let t3_22 = like.lift(2.5) * t3_21;
+        let t3_23 = -t3_22;
+        let t3_24 = like.lift(2.5) * t3_20;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t3_22], [t3_23]], found) = ::regen_runtime::guarded(
-            [[t3_20], [t3_21]],
+        let ([[t3_25], [t3_26]], found) = ::regen_runtime::guarded(
+            [[t3_23], [t3_24]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_9],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_11], [t3_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_14], [t3_19], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4, pivot_2, t3_7,
-            t3_8, t3_9, w_2z, u_2_q1x, t3_12, t3_13, t3_16, t3_22, t3_23,
+            t3_1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4, pivot_2,
+            t3_8, t3_9, t3_10, t3_11, t3_12, w_2z, t3_15, t3_16, t3_17, t3_25, t3_26,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [t4_2, t4_4, t4_5, t4_24, t4_25] = {
-        let t4_1 = r_q1 + t3_22;
+        let t4_1 = r_q1 + t3_25;
         let t4_2 = w_2z * t4_1;
+        let t4_3 = r_q3 + t3_26;
         let w_4z = d_q3 + d_q4;
-        let t4_3 = r_q3 + t3_23;
         let t4_4 = w_4z * t4_3;
         let t4_5 = d_q3 * r_q3;
-        let t4_6 = sin_q2 * dr_q1;
-        let t4_7 = (-cos_q2).mul_add(t3_9, t4_6);
-        let t4_8 = cos_q1_q2_minus_q3.mul_add(t4_5, t4_7);
-        let t4_9 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_4, t4_2);
-        let t4_10 = like.lift(0.3) * t4_8;
-        let t4_11 = (-t3_8).mul_add(dr_q3, t4_10);
-        let t4_12 = like.lift(-0.4).mul_add(t4_9, t4_11);
-        let t4_13 = sin_q2 * t3_9;
-        let t4_14 = (-sin_q1_q2_minus_q3).mul_add(t4_5, t4_13);
-        let t4_15 = t3_12 * dr_q1;
-        let t4_16 = (-t3_13).mul_add(dr_q3, t4_15);
-        let t4_17 = like.lift(0.3).mul_add(t4_14, t4_16);
+        let t4_6 = sin_q2 * t3_11;
+        let t4_7 = (-sin_q1_q2_minus_q3).mul_add(t4_5, t4_6);
+        let t4_8 = sin_q2 * dr_q1;
+        let t4_9 = (-cos_q2).mul_add(t3_11, t4_8);
+        let t4_10 = cos_q1_q2_minus_q3.mul_add(t4_5, t4_9);
+        let t4_11 = like.lift(0.3) * t4_10;
+        let t4_12 = (-t3_10).mul_add(dr_q3, t4_11);
+        let t4_13 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_4, t4_2);
+        let t4_14 = like.lift(-0.4).mul_add(t4_13, t4_12);
+        let t4_15 = t3_16 * dr_q1;
+        let t4_16 = (-t3_17).mul_add(dr_q3, t4_15);
+        let t4_17 = like.lift(0.3).mul_add(t4_7, t4_16);
         let t4_18 = (-t4_4).mul_add(pivot_2, t4_17);
-        let t4_19 = t3_16 * t4_12;
+        let t4_19 = t3_8 * t4_14;
         let t4_20 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_19, t4_18);
         let t4_21 = like.lift(2.5) * t4_20;
         let t4_22 = -t4_21;
@@ -1543,11 +1555,11 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_9],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t4_12], [t4_18], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_14], [t4_18], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1556,32 +1568,31 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dr_q1 + t4_24;
-        let t5_1 = -u_2_q1x;
-        let t5_2 = -t3_12;
-        let t5_3 = sin_q2 * t3_16;
+        let t5_1 = -t3_16;
+        let t5_2 = sin_q2 * t3_8;
+        let t5_3 = t3_10 * t3_8;
         let t5_4 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t5_5 = (-t5_4).mul_add(t5_3, t3_12);
+        let t5_5 = (-t5_4).mul_add(t5_2, t3_16);
         let t5_6 = like.lift(2.5) * t5_5;
-        let t5_7 = t3_8 * t3_16;
-        let t5_8 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t5_7, t3_13);
-        let t5_9 = like.lift(2.5) * t5_8;
-        let t5_10 = -t5_9;
-        let t5_11 = like.lift(0.75) * t5_3;
-        let t5_12 = -t5_11;
-        let t5_13 = like.lift(2.5) * t5_7;
+        let t5_7 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t5_3, t3_17);
+        let t5_8 = like.lift(2.5) * t5_7;
+        let t5_9 = -t5_8;
+        let t5_10 = like.lift(0.75) * t5_2;
+        let t5_11 = -t5_10;
+        let t5_12 = like.lift(2.5) * t5_3;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t5_6, t5_10], [t5_12, t5_13]],
+            [[t5_6, t5_9], [t5_11, t5_12]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_9],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t5_1, t3_8], [t5_2, t3_13], [like.lift(0.0), like.lift(0.0)],
+                    [t3_15, t3_10], [t5_1, t3_17], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
@@ -1593,76 +1604,80 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
     {
         let t6_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t6_1;
+        y[15][0] = w_izz_2_q1;
         let w_izz_2_q3 = x_q2_q3 * al_2z;
         let t6_2 = -w_izz_2_q3;
-        y[15] = [w_izz_2_q1, t6_2];
-        let t6_3 = like.lift(-0.3).mul_add(t3_9, a_1x);
-        let t6_4 = like.lift(0.3).mul_add(dr_q1, a_1y);
-        let t6_5 = sin_q2 * t6_3;
-        let a_2y = (-cos_q2).mul_add(t6_4, t6_5);
-        let t6_6 = cos_q2 * al_2z;
-        let t6_7 = (-sin_q2).mul_add(t4_2, t6_6);
-        let t6_8 = a_2y * t6_1;
-        let w_mx_2_q1 = like.lift(-0.3).mul_add(t6_7, t6_8);
-        let t6_9 = -w_mx_2_q1;
+        y[15][1] = t6_2;
+        let t6_3 = sin_q2 * t3_12;
+        let a_2y = (-cos_q2).mul_add(t3_1, t6_3);
+        let t6_4 = sin_q2 * t3_1;
+        let a_2x = cos_q2.mul_add(t3_12, t6_4);
         let w_mx_2_q3 = x_q2_q3 * a_2y;
-        y[16] = [t6_9, w_mx_2_q3];
-        let t6_10 = sin_q2 * t6_4;
-        let a_2x = cos_q2.mul_add(t6_3, t6_10);
-        let t6_11 = cos_q2 * t4_2;
-        let t6_12 = sin_q2.mul_add(al_2z, t6_11);
-        let t6_13 = a_2x * t6_1;
-        let w_my_2_q1 = like.lift(0.3).mul_add(t6_12, t6_13);
-        let t6_14 = -w_my_2_q1;
+        y[16][1] = w_mx_2_q3;
         let w_my_2_q3 = x_q2_q3 * a_2x;
-        y[17] = [t6_14, w_my_2_q3];
-        let t6_15 = cos_q2 * a_2y;
-        let t6_16 = (-sin_q2).mul_add(a_2x, t6_15);
-        let t6_17 = like.lift(0.3) * t6_16;
-        let w_m_2_q1 = -t6_17;
+        y[17][1] = w_my_2_q3;
+        let t6_5 = cos_q2 * al_2z;
+        let t6_6 = (-sin_q2).mul_add(t4_2, t6_5);
+        let t6_7 = cos_q2 * t4_2;
+        let t6_8 = sin_q2.mul_add(al_2z, t6_7);
+        let t6_9 = cos_q2 * a_2y;
+        let t6_10 = (-sin_q2).mul_add(a_2x, t6_9);
+        let t6_11 = a_2y * t6_1;
+        let w_mx_2_q1 = like.lift(-0.3).mul_add(t6_6, t6_11);
+        let t6_12 = a_2x * t6_1;
+        let w_my_2_q1 = like.lift(0.3).mul_add(t6_8, t6_12);
+        let t6_13 = -w_mx_2_q1;
+        y[16][0] = t6_13;
+        let t6_14 = -w_my_2_q1;
+        y[17][0] = t6_14;
+        let t6_15 = like.lift(0.3) * t6_10;
+        let w_m_2_q1 = -t6_15;
         y[19][0] = w_m_2_q1;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_3y, a_3x] = {
+        y[25][1] = dr_q3;
         let a_3y = like.lift(9.81) * cos_q3;
         y[26][1] = a_3y;
         let a_3x = like.lift(9.81) * sin_q3;
         let t7_1 = -a_3x;
         y[27][1] = t7_1;
-        y[25][1] = dr_q3;
         [a_3y, a_3x]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        let t8_1 = like.lift(-0.3).mul_add(t4_5, a_3x);
         let al_4z = dr_q3 + t4_25;
-        let w_izz_4_q1 = x_q4_q1 * al_4z;
-        let t8_1 = -w_izz_4_q1;
         let t8_2 = like.lift(1.0) - x_q4_q3;
         let w_izz_4_q3 = al_4z * t8_2;
-        y[35] = [t8_1, w_izz_4_q3];
-        let t8_3 = like.lift(-0.3).mul_add(t4_5, a_3x);
-        let t8_4 = like.lift(0.3).mul_add(dr_q3, a_3y);
-        let t8_5 = sin_q4 * t8_3;
-        let a_4y = (-cos_q4).mul_add(t8_4, t8_5);
+        y[35][1] = w_izz_4_q3;
+        let t8_3 = like.lift(0.3).mul_add(dr_q3, a_3y);
+        let w_izz_4_q1 = x_q4_q1 * al_4z;
+        let t8_4 = -w_izz_4_q1;
+        y[35][0] = t8_4;
+        let t8_5 = sin_q4 * t8_1;
+        let a_4y = (-cos_q4).mul_add(t8_3, t8_5);
+        let t8_6 = sin_q4 * t8_3;
+        let a_4x = cos_q4.mul_add(t8_1, t8_6);
         let w_mx_4_q1 = x_q4_q1 * a_4y;
-        let t8_6 = cos_q4 * al_4z;
-        let t8_7 = (-sin_q4).mul_add(t4_4, t8_6);
-        let t8_8 = a_4y * t8_2;
-        let w_mx_4_q3 = like.lift(-0.3).mul_add(t8_7, t8_8);
-        let t8_9 = -w_mx_4_q3;
-        y[36] = [w_mx_4_q1, t8_9];
-        let t8_10 = sin_q4 * t8_4;
-        let a_4x = cos_q4.mul_add(t8_3, t8_10);
+        y[36][0] = w_mx_4_q1;
         let w_my_4_q1 = x_q4_q1 * a_4x;
-        let t8_11 = cos_q4 * t4_4;
-        let t8_12 = sin_q4.mul_add(al_4z, t8_11);
-        let t8_13 = a_4x * t8_2;
-        let w_my_4_q3 = like.lift(0.3).mul_add(t8_12, t8_13);
-        let t8_14 = -w_my_4_q3;
-        y[37] = [w_my_4_q1, t8_14];
-        let t8_15 = cos_q4 * a_4y;
-        let t8_16 = (-sin_q4).mul_add(a_4x, t8_15);
-        let t8_17 = like.lift(0.3) * t8_16;
+        y[37][0] = w_my_4_q1;
+        let t8_7 = cos_q4 * al_4z;
+        let t8_8 = (-sin_q4).mul_add(t4_4, t8_7);
+        let t8_9 = cos_q4 * t4_4;
+        let t8_10 = sin_q4.mul_add(al_4z, t8_9);
+        let t8_11 = cos_q4 * a_4y;
+        let t8_12 = (-sin_q4).mul_add(a_4x, t8_11);
+        let t8_13 = a_4y * t8_2;
+        let w_mx_4_q3 = like.lift(-0.3).mul_add(t8_8, t8_13);
+        let t8_14 = a_4x * t8_2;
+        let w_my_4_q3 = like.lift(0.3).mul_add(t8_10, t8_14);
+        let t8_15 = -w_mx_4_q3;
+        y[36][1] = t8_15;
+        let t8_16 = -w_my_4_q3;
+        y[37][1] = t8_16;
+        let t8_17 = like.lift(0.3) * t8_12;
         let w_m_4_q3 = -t8_17;
         y[39][1] = w_m_4_q3;
     }
@@ -1682,8 +1697,7 @@ pub fn efforts<T: Scalar>(q: &[T; 4], tau: &[T; 2]) -> ([T; 2], Condition<T>) {
     let [tau_q1, tau_q3] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
-        left[0] = tau_q1;
-        left[1] = tau_q3;
+        left[0] = tau_q1; left[1] = tau_q3;
     }
     (left, Condition::regular(like))
 }
@@ -1710,27 +1724,35 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
     };
     // body 1
     {
+        poses[0][0] = cos_q1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
         let t2_1 = -sin_q1;
-        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
+        poses[0][1] = t2_1;
     }
     // body 2
     {
+        poses[1][0] = cos_q1_q2; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2;
         let t3_1 = -sin_q1_q2;
+        poses[1][1] = t3_1;
         let t3_2 = like.lift(0.3) * cos_q1;
+        poses[1][9] = t3_2;
         let t3_3 = like.lift(0.3) * sin_q1;
-        poses[1][0] = cos_q1_q2; poses[1][1] = t3_1; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2; poses[1][9] = t3_2; poses[1][11] = t3_3;
+        poses[1][11] = t3_3;
     }
     // body 3
     {
+        poses[2][0] = cos_q3; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q3; poses[2][7] = cos_q3; poses[2][9] = like.lift(0.2);
         let t4_1 = -sin_q3;
-        poses[2][0] = cos_q3; poses[2][1] = t4_1; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q3; poses[2][7] = cos_q3; poses[2][9] = like.lift(0.2);
+        poses[2][1] = t4_1;
     }
     // body 4
     {
+        poses[3][0] = cos_q3_q4; poses[3][5] = like.lift(-1.0); poses[3][6] = sin_q3_q4; poses[3][7] = cos_q3_q4;
         let t5_1 = -sin_q3_q4;
+        poses[3][1] = t5_1;
         let t5_2 = like.lift(0.3).mul_add(cos_q3, like.lift(0.2));
+        poses[3][9] = t5_2;
         let t5_3 = like.lift(0.3) * sin_q3;
-        poses[3][0] = cos_q3_q4; poses[3][1] = t5_1; poses[3][5] = like.lift(-1.0); poses[3][6] = sin_q3_q4; poses[3][7] = cos_q3_q4; poses[3][9] = t5_2; poses[3][11] = t5_3;
+        poses[3][11] = t5_3;
     }
     poses
 }
@@ -1759,155 +1781,161 @@ pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut 
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 11]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, q3, q4] = *q;
-    let [d_q1, d_q2, d_q3, d_q4] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
             T::sin_cos_all([q1, q2, q3, q4]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
     };
+    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     // body 1
     let [a_1y, a_1x] = {
+        w[0][0] = dd_q1;
         let a_1y = like.lift(9.81) * cos_q1;
         w[1][0] = a_1y;
         let a_1x = like.lift(9.81) * sin_q1;
         let t2_1 = -a_1x;
         w[2][0] = t2_1;
-        w[0][0] = dd_q1;
         [a_1y, a_1x]
     };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
-    let [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+    let [t3_1, t3_3, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t3_1 = like.lift(0.3).mul_add(dd_q1, a_1y);
+        let t3_2 = like.lift(0.3) * d_q1;
+        let t3_3 = t3_2.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
-        let t3_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
-        let t3_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
-        let t3_3 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_3);
-        let t3_4 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_4);
-        let t3_5 = sin_q1_q2_minus_q3 * cos_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_5);
-        let t3_6 = cos_q1_q2_minus_q3 * cos_q4;
-        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_6);
+        let t3_4 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
+        let t3_5 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
+        let t3_6 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_6);
+        let t3_7 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_7);
+        let t3_8 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_8);
+        let t3_9 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_9);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t3_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_10 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_11 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_12 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_13 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_12);
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t3_8 = -u_2_q1x;
-        let t3_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t3_10 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t3_11 = -t3_10;
-        let t3_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_7);
-        let t3_13 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t3_14 = sin_q2 * t3_13;
-        let t3_15 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_16 = (-t3_15).mul_add(t3_14, t3_10);
-        let t3_17 = like.lift(2.5) * t3_16;
-        let t3_18 = t3_9 * t3_13;
-        let t3_19 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_18, t3_12);
-        let t3_20 = like.lift(2.5) * t3_19;
-        let t3_21 = -t3_20;
-        let t3_22 = like.lift(0.75) * t3_14;
-        let t3_23 = -t3_22;
-        let t3_24 = like.lift(2.5) * t3_18;
+        let t3_14 = -u_2_q1x;
+        let t3_15 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_16 = -t3_15;
+        let t3_17 = sin_q2 * t3_11;
+        let t3_18 = t3_10 * t3_11;
+        let t3_19 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_20 = (-t3_19).mul_add(t3_17, t3_15);
+        let t3_21 = like.lift(2.5) * t3_20;
+        let t3_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_18, t3_13);
+        let t3_23 = like.lift(2.5) * t3_22;
+        let t3_24 = -t3_23;
+        let t3_25 = like.lift(0.75) * t3_17;
+        let t3_26 = -t3_25;
+        let t3_27 = like.lift(2.5) * t3_18;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t3_17, t3_21], [t3_23, t3_24]],
+            [[t3_21, t3_24], [t3_26, t3_27]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_12],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_8, t3_9], [t3_11, t3_12], [like.lift(0.0), like.lift(0.0)],
+                    [t3_14, t3_10], [t3_16, t3_13], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t3_1, t3_3, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // body 2
     {
         let t4_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
+        w[3][0] = w_izz_2_q1;
         let w_izz_2_q3 = al_2z * x_q2_q3;
         let t4_2 = -w_izz_2_q3;
-        w[3] = [w_izz_2_q1, t4_2];
+        w[3][1] = t4_2;
         let w_2z = d_q1 + d_q2;
         let t4_3 = w_2z * w_2z;
-        let t4_4 = like.lift(0.3) * d_q1;
-        let t4_5 = t4_4.mul_add(d_q1, -a_1x);
-        let t4_6 = like.lift(0.3).mul_add(dd_q1, a_1y);
-        let t4_7 = cos_q2 * t4_6;
-        let a_2y = sin_q2.mul_add(t4_5, t4_7);
-        let t4_8 = cos_q2 * al_2z;
-        let t4_9 = (-sin_q2).mul_add(t4_3, t4_8);
-        let t4_10 = a_2y * t4_1;
-        let t4_11 = like.lift(0.3).mul_add(t4_9, t4_10);
-        let w_mx_2_q1 = -t4_11;
-        let t4_12 = -w_mx_2_q1;
+        let t4_4 = cos_q2 * t3_1;
+        let a_2y = sin_q2.mul_add(t3_3, t4_4);
+        let t4_5 = cos_q2 * t3_3;
+        let a_2x = (-sin_q2).mul_add(t3_1, t4_5);
         let w_mx_2_q3 = a_2y * x_q2_q3;
-        let t4_13 = -w_mx_2_q3;
-        w[4] = [t4_12, t4_13];
-        let t4_14 = cos_q2 * t4_5;
-        let a_2x = (-sin_q2).mul_add(t4_6, t4_14);
-        let t4_15 = cos_q2 * t4_3;
-        let t4_16 = sin_q2.mul_add(al_2z, t4_15);
-        let t4_17 = like.lift(0.3) * t4_16;
-        let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_17);
-        let t4_18 = -w_my_2_q1;
+        let t4_6 = -w_mx_2_q3;
+        w[4][1] = t4_6;
         let w_my_2_q3 = a_2x * x_q2_q3;
-        let t4_19 = -w_my_2_q3;
-        w[5] = [t4_18, t4_19];
+        let t4_7 = -w_my_2_q3;
+        w[5][1] = t4_7;
+        let t4_8 = a_2y * t4_1;
+        let t4_9 = cos_q2 * al_2z;
+        let t4_10 = (-sin_q2).mul_add(t4_3, t4_9);
+        let t4_11 = cos_q2 * t4_3;
+        let t4_12 = sin_q2.mul_add(al_2z, t4_11);
+        let t4_13 = like.lift(0.3) * t4_12;
+        let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_13);
+        let t4_14 = like.lift(0.3).mul_add(t4_10, t4_8);
+        let t4_15 = -w_my_2_q1;
+        w[5][0] = t4_15;
+        let w_mx_2_q1 = -t4_14;
+        let t4_16 = -w_mx_2_q1;
+        w[4][0] = t4_16;
     }
     // body 3
     let [a_3x] = {
+        w[6][1] = dd_q3;
         let a_3x = like.lift(9.81) * sin_q3;
         let t5_1 = -a_3x;
         w[7][1] = t5_1;
-        w[6][1] = dd_q3;
         [a_3x]
     };
     // body 4
     {
+        let t6_1 = like.lift(1.0) - x_q4_q3;
+        let t6_2 = like.lift(0.3) * d_q3;
+        let t6_3 = (-t6_2).mul_add(d_q3, a_3x);
+        let t6_4 = like.lift(0.3) * dd_q3;
+        let t6_5 = like.lift(9.81).mul_add(cos_q3, t6_4);
         let al_4z = dd_q3 + dd_q4;
+        let w_izz_4_q3 = al_4z * t6_1;
+        w[8][1] = w_izz_4_q3;
         let w_izz_4_q1 = al_4z * x_q4_q1;
-        let t6_1 = -w_izz_4_q1;
-        let t6_2 = like.lift(1.0) - x_q4_q3;
-        let w_izz_4_q3 = al_4z * t6_2;
-        w[8] = [t6_1, w_izz_4_q3];
-        let t6_3 = like.lift(0.3) * d_q3;
-        let t6_4 = (-t6_3).mul_add(d_q3, a_3x);
-        let t6_5 = like.lift(0.3) * dd_q3;
-        let t6_6 = like.lift(9.81).mul_add(cos_q3, t6_5);
-        let t6_7 = sin_q4 * t6_4;
-        let a_4y = (-cos_q4).mul_add(t6_6, t6_7);
+        let t6_6 = -w_izz_4_q1;
+        w[8][0] = t6_6;
+        let t6_7 = sin_q4 * t6_3;
+        let a_4y = (-cos_q4).mul_add(t6_5, t6_7);
+        let t6_8 = sin_q4 * t6_5;
+        let a_4x = cos_q4.mul_add(t6_3, t6_8);
         let w_mx_4_q1 = a_4y * x_q4_q1;
-        let w_4z = d_q3 + d_q4;
-        let t6_8 = w_4z * w_4z;
-        let t6_9 = cos_q4 * al_4z;
-        let t6_10 = (-sin_q4).mul_add(t6_8, t6_9);
-        let t6_11 = a_4y * t6_2;
-        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_10, t6_11);
-        let t6_12 = -w_mx_4_q3;
-        w[9] = [w_mx_4_q1, t6_12];
-        let t6_13 = sin_q4 * t6_6;
-        let a_4x = cos_q4.mul_add(t6_4, t6_13);
+        w[9][0] = w_mx_4_q1;
         let w_my_4_q1 = a_4x * x_q4_q1;
-        let t6_14 = cos_q4 * t6_8;
+        w[10][0] = w_my_4_q1;
+        let t6_9 = a_4y * t6_1;
+        let t6_10 = a_4x * t6_1;
+        let w_4z = d_q3 + d_q4;
+        let t6_11 = w_4z * w_4z;
+        let t6_12 = cos_q4 * al_4z;
+        let t6_13 = (-sin_q4).mul_add(t6_11, t6_12);
+        let t6_14 = cos_q4 * t6_11;
         let t6_15 = sin_q4.mul_add(al_4z, t6_14);
-        let t6_16 = a_4x * t6_2;
-        let w_my_4_q3 = like.lift(0.3).mul_add(t6_15, t6_16);
+        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_13, t6_9);
+        let w_my_4_q3 = like.lift(0.3).mul_add(t6_15, t6_10);
+        let t6_16 = -w_mx_4_q3;
+        w[9][1] = t6_16;
         let t6_17 = -w_my_4_q3;
-        w[10] = [w_my_4_q1, t6_17];
+        w[10][1] = t6_17;
     }
     Condition { pivot: condition }
 }
@@ -1928,39 +1956,36 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
     ] = *phi;
     // combinations
     {
+        beta[2] = p_my_1; beta[5] = p_my_2; beta[7] = p_my_3; beta[10] = p_my_4;
         let t1_1 = like.lift(0.3) * p_mx_3;
-        let t1_2 = p_m_2 + p_m_4;
-        let t1_3 = like.lift(0.09).mul_add(t1_2, p_izz_1);
-        let t1_4 = t1_3 + t1_1;
-        beta[0] = t1_4;
-        let t1_5 = p_m_2 + p_m_4;
-        let t1_6 = like.lift(0.3).mul_add(t1_5, p_mx_1);
-        let t1_7 = t1_6 + p_mx_3;
-        beta[1] = t1_7;
-        let t1_8 = like.lift(0.16) * p_m_4;
-        let t1_9 = like.lift(0.5333333333333333) * p_mx_3;
-        let t1_10 = p_izz_2 + t1_8;
-        let t1_11 = t1_10 + t1_9;
-        beta[3] = t1_11;
-        let t1_12 = like.lift(0.4) * p_m_4;
-        let t1_13 = like.lift(1.3333333333333333) * p_mx_3;
-        let t1_14 = p_mx_2 + t1_12;
-        let t1_15 = t1_14 + t1_13;
-        beta[4] = t1_15;
-        let t1_16 = p_izz_3 - t1_1;
-        beta[6] = t1_16;
-        let t1_17 = t1_9 - p_izz_4;
-        let t1_18 = t1_17 + t1_8;
-        let t1_19 = -t1_18;
-        beta[8] = t1_19;
-        let t1_20 = t1_13 - p_mx_4;
-        let t1_21 = t1_20 + t1_12;
+        let t1_2 = p_izz_3 - t1_1;
+        beta[6] = t1_2;
+        let t1_3 = p_m_2 + p_m_4;
+        let t1_4 = like.lift(0.09).mul_add(t1_3, p_izz_1);
+        let t1_5 = t1_4 + t1_1;
+        beta[0] = t1_5;
+        let t1_6 = p_m_2 + p_m_4;
+        let t1_7 = like.lift(0.3).mul_add(t1_6, p_mx_1);
+        let t1_8 = t1_7 + p_mx_3;
+        beta[1] = t1_8;
+        let t1_9 = like.lift(0.16) * p_m_4;
+        let t1_10 = like.lift(0.5333333333333333) * p_mx_3;
+        let t1_11 = p_izz_2 + t1_9;
+        let t1_12 = t1_11 + t1_10;
+        beta[3] = t1_12;
+        let t1_13 = t1_10 - p_izz_4;
+        let t1_14 = t1_13 + t1_9;
+        let t1_15 = -t1_14;
+        beta[8] = t1_15;
+        let t1_16 = like.lift(0.4) * p_m_4;
+        let t1_17 = like.lift(1.3333333333333333) * p_mx_3;
+        let t1_18 = p_mx_2 + t1_16;
+        let t1_19 = t1_18 + t1_17;
+        beta[4] = t1_19;
+        let t1_20 = t1_17 - p_mx_4;
+        let t1_21 = t1_20 + t1_16;
         let t1_22 = -t1_21;
         beta[9] = t1_22;
-        beta[2] = p_my_1;
-        beta[5] = p_my_2;
-        beta[7] = p_my_3;
-        beta[10] = p_my_4;
     }
     beta
 }
@@ -1986,62 +2011,30 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40
     ] = *free;
     // phi
     {
+        phi[0] = p_ixx_1; phi[1] = p_ixy_1; phi[2] = p_ixz_1; phi[3] = p_iyy_1; phi[4] = p_iyz_1; phi[7] = p_my_1; phi[8] = p_mz_1; phi[9] = p_m_1; phi[10] = p_ixx_2; phi[11] = p_ixy_2; phi[12] = p_ixz_2; phi[13] = p_iyy_2; phi[14] = p_iyz_2; phi[17] = p_my_2; phi[18] = p_mz_2; phi[19] = p_m_2; phi[20] = p_ixx_3; phi[21] = p_ixy_3; phi[22] = p_ixz_3; phi[23] = p_iyy_3; phi[24] = p_iyz_3; phi[26] = p_mx_3; phi[27] = p_my_3; phi[28] = p_mz_3; phi[29] = p_m_3; phi[30] = p_ixx_4; phi[31] = p_ixy_4; phi[32] = p_ixz_4; phi[33] = p_iyy_4; phi[34] = p_iyz_4; phi[37] = p_my_4; phi[38] = p_mz_4; phi[39] = p_m_4;
         let t1_1 = like.lift(0.3) * p_mx_3;
-        let t1_2 = p_m_2 + p_m_4;
-        let t1_3 = like.lift(-0.09).mul_add(t1_2, p_izz_1);
-        let t1_4 = t1_3 - t1_1;
-        phi[5] = t1_4;
-        let t1_5 = p_m_2 + p_m_4;
-        let t1_6 = like.lift(-0.3).mul_add(t1_5, p_mx_1);
-        let t1_7 = t1_6 - p_mx_3;
-        phi[6] = t1_7;
-        let t1_8 = like.lift(0.5333333333333333) * p_mx_3;
-        let t1_9 = like.lift(0.16).mul_add(p_m_4, t1_8);
-        let t1_10 = p_izz_2 - t1_9;
-        phi[15] = t1_10;
-        let t1_11 = like.lift(1.3333333333333333) * p_mx_3;
-        let t1_12 = like.lift(0.4).mul_add(p_m_4, t1_11);
-        let t1_13 = p_mx_2 - t1_12;
-        phi[16] = t1_13;
-        let t1_14 = p_izz_3 + t1_1;
-        phi[25] = t1_14;
-        let t1_15 = p_izz_4 + t1_9;
-        phi[35] = t1_15;
-        let t1_16 = p_mx_4 + t1_12;
+        let t1_2 = p_izz_3 + t1_1;
+        phi[25] = t1_2;
+        let t1_3 = p_m_2 + p_m_4;
+        let t1_4 = like.lift(-0.09).mul_add(t1_3, p_izz_1);
+        let t1_5 = t1_4 - t1_1;
+        phi[5] = t1_5;
+        let t1_6 = p_m_2 + p_m_4;
+        let t1_7 = like.lift(-0.3).mul_add(t1_6, p_mx_1);
+        let t1_8 = t1_7 - p_mx_3;
+        phi[6] = t1_8;
+        let t1_9 = like.lift(0.5333333333333333) * p_mx_3;
+        let t1_10 = like.lift(0.16).mul_add(p_m_4, t1_9);
+        let t1_11 = p_izz_2 - t1_10;
+        phi[15] = t1_11;
+        let t1_12 = p_izz_4 + t1_10;
+        phi[35] = t1_12;
+        let t1_13 = like.lift(1.3333333333333333) * p_mx_3;
+        let t1_14 = like.lift(0.4).mul_add(p_m_4, t1_13);
+        let t1_15 = p_mx_2 - t1_14;
+        phi[16] = t1_15;
+        let t1_16 = p_mx_4 + t1_14;
         phi[36] = t1_16;
-        phi[0] = p_ixx_1;
-        phi[1] = p_ixy_1;
-        phi[2] = p_ixz_1;
-        phi[3] = p_iyy_1;
-        phi[4] = p_iyz_1;
-        phi[7] = p_my_1;
-        phi[8] = p_mz_1;
-        phi[9] = p_m_1;
-        phi[10] = p_ixx_2;
-        phi[11] = p_ixy_2;
-        phi[12] = p_ixz_2;
-        phi[13] = p_iyy_2;
-        phi[14] = p_iyz_2;
-        phi[17] = p_my_2;
-        phi[18] = p_mz_2;
-        phi[19] = p_m_2;
-        phi[20] = p_ixx_3;
-        phi[21] = p_ixy_3;
-        phi[22] = p_ixz_3;
-        phi[23] = p_iyy_3;
-        phi[24] = p_iyz_3;
-        phi[26] = p_mx_3;
-        phi[27] = p_my_3;
-        phi[28] = p_mz_3;
-        phi[29] = p_m_3;
-        phi[30] = p_ixx_4;
-        phi[31] = p_ixy_4;
-        phi[32] = p_ixz_4;
-        phi[33] = p_iyy_4;
-        phi[34] = p_iyz_4;
-        phi[37] = p_my_4;
-        phi[38] = p_mz_4;
-        phi[39] = p_m_4;
     }
     phi
 }
@@ -2058,22 +2051,22 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
-    let [q1, q2, q3, q4] = *q;
-    let [d_q1, d_q2, d_q3, d_q4] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
-    let [
-        p_izz_1, p_mx_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_my_3, p_izz_4, p_mx_4,
-        p_my_4,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3), (sin_q4, cos_q4)] =
             T::sin_cos_all([q1, q2, q3, q4]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4]
     };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
+    let [
+        p_izz_1, p_mx_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_my_3, p_izz_4, p_mx_4,
+        p_my_4,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_10, t2_17, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+    let [t2_10, t2_17, t2_21, t2_25, t2_27, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dd_q1 + dd_q2;
         let t2_1 = like.lift(0.3) * d_q1;
         let t2_2 = t2_1 * d_q1;
@@ -2099,91 +2092,91 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_18);
         let t2_19 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_19);
-        let t2_20 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_20);
-        let t2_21 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_21);
-        let t2_22 = sin_q1_q2_minus_q3 * cos_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_22);
-        let t2_23 = cos_q1_q2_minus_q3 * cos_q4;
-        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_23);
+        let t2_20 = sin_q1 * p_my_1;
+        let t2_21 = (-cos_q1).mul_add(p_mx_1, t2_20);
+        let t2_22 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_23 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_23);
+        let t2_24 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_24);
+        let t2_25 = like.lift(9.81) * sin_q3;
+        let t2_26 = like.lift(0.3) * dd_q3;
+        let t2_27 = like.lift(9.81).mul_add(cos_q3, t2_26);
+        let t2_28 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_28);
+        let t2_29 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_29);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_24 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_30 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_31 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_32 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_33 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_32);
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_25 = -u_2_q1x;
-        let t2_26 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_27 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_28 = -t2_27;
-        let t2_29 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_24);
-        let t2_30 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_31 = sin_q2 * t2_30;
-        let t2_32 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_33 = (-t2_32).mul_add(t2_31, t2_27);
-        let t2_34 = like.lift(2.5) * t2_33;
-        let t2_35 = t2_26 * t2_30;
-        let t2_36 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_35, t2_29);
-        let t2_37 = like.lift(2.5) * t2_36;
-        let t2_38 = -t2_37;
-        let t2_39 = like.lift(0.75) * t2_31;
-        let t2_40 = -t2_39;
-        let t2_41 = like.lift(2.5) * t2_35;
+        let t2_34 = -u_2_q1x;
+        let t2_35 = sin_q2 * t2_31;
+        let t2_36 = t2_30 * t2_31;
+        let t2_37 = -t2_22;
+        let t2_38 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_39 = (-t2_38).mul_add(t2_35, t2_22);
+        let t2_40 = like.lift(2.5) * t2_39;
+        let t2_41 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_36, t2_33);
+        let t2_42 = like.lift(2.5) * t2_41;
+        let t2_43 = -t2_42;
+        let t2_44 = like.lift(0.75) * t2_35;
+        let t2_45 = -t2_44;
+        let t2_46 = like.lift(2.5) * t2_36;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_34, t2_38], [t2_40, t2_41]],
+            [[t2_40, t2_43], [t2_45, t2_46]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_24],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_32],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_25, t2_26], [t2_28, t2_29], [like.lift(0.0), like.lift(0.0)],
+                    [t2_34, t2_30], [t2_37, t2_33], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t2_10, t2_17, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_10, t2_17, t2_21, t2_25, t2_27, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
         let al_4z = dd_q3 + dd_q4;
-        let t3_1 = like.lift(9.81) * sin_q3;
-        let t3_2 = like.lift(0.3) * d_q3;
-        let t3_3 = (-t3_2).mul_add(d_q3, t3_1);
-        let t3_4 = like.lift(0.3) * dd_q3;
-        let t3_5 = like.lift(9.81).mul_add(cos_q3, t3_4);
-        let t3_6 = sin_q4 * t3_3;
-        let a_4y = (-cos_q4).mul_add(t3_5, t3_6);
-        let t3_7 = sin_q4 * t3_5;
-        let a_4x = cos_q4.mul_add(t3_3, t3_7);
-        let t3_8 = al_4z * p_izz_4;
-        let t3_9 = (-a_4x).mul_add(p_my_4, t3_8);
-        let t3_10 = (-a_4y).mul_add(p_mx_4, t3_9);
-        let t3_11 = sin_q1 * p_my_1;
-        let t3_12 = (-cos_q1).mul_add(p_mx_1, t3_11);
-        let t3_13 = (-t3_10).mul_add(x_q4_q1, t2_10);
-        let t3_14 = (-t2_10).mul_add(x_q2_q1, t3_13);
-        let t3_15 = dd_q1.mul_add(p_izz_1, t3_14);
-        let t3_16 = like.lift(-9.81).mul_add(t3_12, t3_15);
-        let t3_17 = like.lift(-0.3).mul_add(t2_17, t3_16);
-        tau[0] = t3_17;
+        let t3_1 = like.lift(0.3) * d_q3;
+        let t3_2 = (-t3_1).mul_add(d_q3, t2_25);
+        let t3_3 = sin_q4 * t3_2;
+        let a_4y = (-cos_q4).mul_add(t2_27, t3_3);
+        let t3_4 = sin_q4 * t2_27;
+        let a_4x = cos_q4.mul_add(t3_2, t3_4);
+        let t3_5 = al_4z * p_izz_4;
+        let t3_6 = (-a_4x).mul_add(p_my_4, t3_5);
+        let t3_7 = (-a_4y).mul_add(p_mx_4, t3_6);
+        let t3_8 = (-t3_7).mul_add(x_q4_q1, t2_10);
+        let t3_9 = (-t3_7).mul_add(x_q4_q3, t3_7);
+        let t3_10 = (-t2_10).mul_add(x_q2_q3, t3_9);
+        let t3_11 = (-t2_10).mul_add(x_q2_q1, t3_8);
+        let t3_12 = (-p_my_3).mul_add(t2_25, t3_10);
+        let t3_13 = dd_q1.mul_add(p_izz_1, t3_11);
+        let t3_14 = like.lift(-9.81).mul_add(t2_21, t3_13);
+        let t3_15 = like.lift(-0.3).mul_add(t2_17, t3_14);
+        tau[0] = t3_15;
+        let t3_16 = dd_q3.mul_add(p_izz_3, t3_12);
         let w_4z = d_q3 + d_q4;
-        let t3_18 = w_4z * w_4z;
-        let t3_19 = al_4z * p_my_4;
-        let t3_20 = t3_18.mul_add(p_mx_4, t3_19);
+        let t3_17 = w_4z * w_4z;
+        let t3_18 = al_4z * p_my_4;
+        let t3_19 = t3_17.mul_add(p_mx_4, t3_18);
+        let t3_20 = sin_q4 * t3_19;
         let t3_21 = al_4z * p_mx_4;
-        let t3_22 = (-t3_18).mul_add(p_my_4, t3_21);
-        let t3_23 = sin_q4 * t3_20;
-        let t3_24 = (-cos_q4).mul_add(t3_22, t3_23);
-        let t3_25 = (-t3_10).mul_add(x_q4_q3, t3_10);
-        let t3_26 = (-t2_10).mul_add(x_q2_q3, t3_25);
-        let t3_27 = (-p_my_3).mul_add(t3_1, t3_26);
-        let t3_28 = dd_q3.mul_add(p_izz_3, t3_27);
-        let t3_29 = like.lift(-0.3).mul_add(t3_24, t3_28);
-        tau[1] = t3_29;
+        let t3_22 = (-t3_17).mul_add(p_my_4, t3_21);
+        let t3_23 = (-cos_q4).mul_add(t3_22, t3_20);
+        let t3_24 = like.lift(-0.3).mul_add(t3_23, t3_16);
+        tau[1] = t3_24;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2198,9 +2191,8 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
 pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
-    let [q1, q2, q3, q4] = *q;
-    let [_, p_mx_1, p_my_1, _, p_mx_2, p_my_2, _, p_my_3, _, p_mx_4, p_my_4] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
@@ -2221,78 +2213,79 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition
             cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
         ]
     };
+    let [_, p_mx_1, p_my_1, _, p_mx_2, p_my_2, _, p_my_3, _, p_mx_4, p_my_4] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_6, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let t2_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
-        let t2_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
-        let t2_3 = sin_q1_q2 * p_my_2;
-        let t2_4 = (-cos_q1_q2).mul_add(p_mx_2, t2_3);
-        let t2_5 = like.lift(9.81) * t2_4;
-        let t2_6 = -t2_5;
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_7 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_8 = -u_2_q1x;
-        let t2_9 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_9);
-        let t2_10 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_10);
-        let t2_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_12 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+    let [t2_4, t2_8, t2_13, t2_23, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t2_1 = sin_q3_q4 * p_my_4;
+        let t2_2 = (-cos_q3_q4).mul_add(p_mx_4, t2_1);
+        let t2_3 = like.lift(9.81) * t2_2;
+        let t2_4 = -t2_3;
+        let t2_5 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_5);
+        let t2_6 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_6);
+        let t2_7 = sin_q1 * p_my_1;
+        let t2_8 = (-cos_q1).mul_add(p_mx_1, t2_7);
+        let t2_9 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_10 = sin_q1_q2 * p_my_2;
+        let t2_11 = (-cos_q1_q2).mul_add(p_mx_2, t2_10);
+        let t2_12 = like.lift(9.81) * t2_11;
         let t2_13 = -t2_12;
-        let t2_14 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_7);
-        let t2_15 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_16 = sin_q2 * t2_15;
-        let t2_17 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_18 = (-t2_17).mul_add(t2_16, t2_12);
-        let t2_19 = like.lift(2.5) * t2_18;
-        let t2_20 = t2_11 * t2_15;
-        let t2_21 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_20, t2_14);
-        let t2_22 = like.lift(2.5) * t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = like.lift(0.75) * t2_16;
-        let t2_25 = -t2_24;
-        let t2_26 = like.lift(2.5) * t2_20;
+        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_14 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_15 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t2_16 = -u_2_q1x;
+        let t2_17 = sin_q2 * t2_14;
+        let t2_18 = sin_q1_q2 * cos_q3;
+        let t2_19 = cos_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_18);
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_19);
+        let t2_20 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_21 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_15);
+        let t2_22 = t2_20 * t2_14;
+        let t2_23 = like.lift(9.81) * sin_q3;
+        let t2_24 = -t2_9;
+        let t2_25 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_26 = (-t2_25).mul_add(t2_17, t2_9);
+        let t2_27 = like.lift(2.5) * t2_26;
+        let t2_28 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_22, t2_21);
+        let t2_29 = like.lift(2.5) * t2_28;
+        let t2_30 = -t2_29;
+        let t2_31 = like.lift(0.75) * t2_17;
+        let t2_32 = -t2_31;
+        let t2_33 = like.lift(2.5) * t2_22;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_19, t2_23], [t2_25, t2_26]],
+            [[t2_27, t2_30], [t2_32, t2_33]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_7],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_15],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_8, t2_11], [t2_13, t2_14], [like.lift(0.0), like.lift(0.0)],
+                    [t2_16, t2_20], [t2_24, t2_21], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t2_6, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_4, t2_8, t2_13, t2_23, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
-        let t3_1 = sin_q3_q4 * p_my_4;
-        let t3_2 = (-cos_q3_q4).mul_add(p_mx_4, t3_1);
-        let t3_3 = like.lift(9.81) * t3_2;
-        let t3_4 = -t3_3;
-        let t3_5 = sin_q1 * p_my_1;
-        let t3_6 = (-cos_q1).mul_add(p_mx_1, t3_5);
-        let t3_7 = (-t3_4).mul_add(x_q4_q1, t2_6);
-        let t3_8 = (-t2_6).mul_add(x_q2_q1, t3_7);
-        let t3_9 = like.lift(-9.81).mul_add(t3_6, t3_8);
-        tau[0] = t3_9;
-        let t3_10 = t3_4.mul_add(x_q4_q3, -t3_4);
-        let t3_11 = t2_6.mul_add(x_q2_q3, t3_10);
-        let t3_12 = like.lift(9.81) * sin_q3;
-        let t3_13 = t3_12.mul_add(p_my_3, t3_11);
-        let t3_14 = -t3_13;
-        tau[1] = t3_14;
+        let t3_1 = (-t2_4).mul_add(x_q4_q1, t2_13);
+        let t3_2 = (-t2_13).mul_add(x_q2_q1, t3_1);
+        let t3_3 = t2_4.mul_add(x_q4_q3, -t2_4);
+        let t3_4 = t2_13.mul_add(x_q2_q3, t3_3);
+        let t3_5 = like.lift(-9.81).mul_add(t2_8, t3_2);
+        tau[0] = t3_5;
+        let t3_6 = t2_23.mul_add(p_my_3, t3_4);
+        let t3_7 = -t3_6;
+        tau[1] = t3_7;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2308,10 +2301,8 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition
 pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
-    let [q1, q2, q3, q4] = *q;
-    let [d_q1, d_q2, d_q3, d_q4] = *qd;
-    let [_, _, _, p_izz_2, p_mx_2, p_my_2, _, _, p_izz_4, p_mx_4, p_my_4] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
@@ -2320,130 +2311,132 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
             T::sin_cos_all([t1_2, q4, q2]);
         [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2]
     };
+    let [d_q1, d_q2, d_q3, d_q4] = *qd;
+    let [_, _, _, p_izz_2, p_mx_2, p_my_2, _, _, p_izz_4, p_mx_4, p_my_4] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_5, t2_6, t2_7, t2_8, t2_14, t2_18,
-        al_2z, al_4z,
+        cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_4, t2_8, t2_9, t2_10, t2_13, t2_17,
+        t2_18, al_2z, al_4z,
     ] = {
         let t2_1 = sin_q1_q2_minus_q3 * cos_q4;
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_1);
         let t2_2 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_2);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_3 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_4 = d_q1 * d_q1;
-        let t2_5 = cos_q2 * t2_4;
+        let t2_3 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_5 = d_q1 * d_q1;
+        let t2_6 = cos_q2 * t2_5;
+        let t2_7 = sin_q2 * t2_5;
         let w_2z = d_q1 + d_q2;
-        let t2_6 = w_2z * w_2z;
+        let t2_8 = w_2z * w_2z;
         let w_4z = d_q3 + d_q4;
-        let t2_7 = w_4z * w_4z;
-        let t2_8 = d_q3 * d_q3;
-        let t2_9 = (-cos_q1_q2_minus_q3).mul_add(t2_8, t2_5);
-        let t2_10 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_7, t2_6);
-        let t2_11 = like.lift(0.4) * t2_10;
-        let t2_12 = like.lift(0.3).mul_add(t2_9, t2_11);
-        let t2_13 = -t2_12;
-        let t2_14 = sin_q2 * t2_4;
-        let t2_15 = (-sin_q1_q2_minus_q3).mul_add(t2_8, t2_14);
-        let t2_16 = like.lift(0.3) * t2_15;
-        let t2_17 = (-t2_7).mul_add(pivot_2, t2_16);
-        let t2_18 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_19 = t2_18 * t2_12;
-        let t2_20 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_19, t2_17);
-        let t2_21 = like.lift(2.5) * t2_20;
+        let t2_9 = w_4z * w_4z;
+        let t2_10 = d_q3 * d_q3;
+        let t2_11 = (-cos_q1_q2_minus_q3).mul_add(t2_10, t2_6);
+        let t2_12 = t2_6 * p_my_2;
+        let t2_13 = t2_7.mul_add(p_mx_2, t2_12);
+        let t2_14 = (-sin_q1_q2_minus_q3).mul_add(t2_10, t2_7);
+        let t2_15 = like.lift(0.3) * t2_14;
+        let t2_16 = (-t2_9).mul_add(pivot_2, t2_15);
+        let t2_17 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_18 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_4);
+        let t2_19 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_9, t2_8);
+        let t2_20 = like.lift(0.4) * t2_19;
+        let t2_21 = like.lift(0.3).mul_add(t2_11, t2_20);
         let t2_22 = -t2_21;
-        let t2_23 = like.lift(2.5) * t2_19;
-        let t2_24 = -t2_23;
+        let t2_23 = t2_3 * t2_21;
+        let t2_24 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_23, t2_16);
+        let t2_25 = like.lift(2.5) * t2_24;
+        let t2_26 = -t2_25;
+        let t2_27 = like.lift(2.5) * t2_23;
+        let t2_28 = -t2_27;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[al_2z], [al_4z]], found) = ::regen_runtime::guarded(
-            [[t2_22], [t2_24]],
+            [[t2_26], [t2_28]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_3],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_4],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_13], [t2_17], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_22], [t2_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_5, t2_6, t2_7, t2_8, t2_14, t2_18,
-            al_2z, al_4z,
+            cos_q1_q2_minus_q3_minus_q4, pivot_2, t2_3, t2_4, t2_8, t2_9, t2_10, t2_13, t2_17,
+            t2_18, al_2z, al_4z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_4, t3_10, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let t3_1 = t2_5 * p_my_2;
-        let t3_2 = t2_14.mul_add(p_mx_2, t3_1);
-        let t3_3 = p_izz_2 * al_2z;
-        let t3_4 = like.lift(0.3).mul_add(t3_2, t3_3);
-        let t3_5 = p_my_2 * al_2z;
-        let t3_6 = t2_6.mul_add(p_mx_2, t3_5);
-        let t3_7 = t2_6 * p_my_2;
-        let t3_8 = (-p_mx_2).mul_add(al_2z, t3_7);
-        let t3_9 = cos_q2 * t3_8;
-        let t3_10 = sin_q2.mul_add(t3_6, t3_9);
+    let [t3_2, t3_8, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+        let t3_1 = p_izz_2 * al_2z;
+        let t3_2 = like.lift(0.3).mul_add(t2_13, t3_1);
+        let t3_3 = p_my_2 * al_2z;
+        let t3_4 = t2_8.mul_add(p_mx_2, t3_3);
+        let t3_5 = t2_8 * p_my_2;
+        let t3_6 = (-p_mx_2).mul_add(al_2z, t3_5);
+        let t3_7 = cos_q2 * t3_6;
+        let t3_8 = sin_q2.mul_add(t3_4, t3_7);
+        let t3_9 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t3_11 = -u_2_q1x;
-        let t3_12 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t3_13 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t3_14 = -t3_13;
-        let t3_15 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_3);
-        let t3_16 = sin_q2 * t2_18;
-        let t3_17 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_18 = (-t3_17).mul_add(t3_16, t3_13);
-        let t3_19 = like.lift(2.5) * t3_18;
-        let t3_20 = t3_12 * t2_18;
-        let t3_21 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_20, t3_15);
-        let t3_22 = like.lift(2.5) * t3_21;
-        let t3_23 = -t3_22;
-        let t3_24 = like.lift(0.75) * t3_16;
-        let t3_25 = -t3_24;
-        let t3_26 = like.lift(2.5) * t3_20;
+        let t3_10 = -u_2_q1x;
+        let t3_11 = sin_q2 * t2_3;
+        let t3_12 = t2_17 * t2_3;
+        let t3_13 = -t3_9;
+        let t3_14 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_15 = (-t3_14).mul_add(t3_11, t3_9);
+        let t3_16 = like.lift(2.5) * t3_15;
+        let t3_17 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_12, t2_18);
+        let t3_18 = like.lift(2.5) * t3_17;
+        let t3_19 = -t3_18;
+        let t3_20 = like.lift(0.75) * t3_11;
+        let t3_21 = -t3_20;
+        let t3_22 = like.lift(2.5) * t3_12;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t3_19, t3_23], [t3_25, t3_26]],
+            [[t3_16, t3_19], [t3_21, t3_22]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_3],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_4],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_11, t3_12], [t3_14, t3_15], [like.lift(0.0), like.lift(0.0)],
+                    [t3_10, t2_17], [t3_13, t2_18], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t3_4, t3_10, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t3_2, t3_8, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // tau
     {
-        let t4_1 = cos_q4 * t2_8;
+        let t4_1 = cos_q4 * t2_10;
         let t4_2 = t4_1 * p_my_4;
-        let t4_3 = sin_q4 * t2_8;
+        let t4_3 = sin_q4 * t2_10;
         let t4_4 = t4_3.mul_add(p_mx_4, t4_2);
         let t4_5 = p_izz_4 * al_4z;
         let t4_6 = like.lift(0.3).mul_add(t4_4, t4_5);
-        let t4_7 = (-t4_6).mul_add(x_q4_q1, t3_4);
-        let t4_8 = (-t3_4).mul_add(x_q2_q1, t4_7);
-        let t4_9 = like.lift(-0.3).mul_add(t3_10, t4_8);
-        tau[0] = t4_9;
-        let t4_10 = p_my_4 * al_4z;
-        let t4_11 = t2_7.mul_add(p_mx_4, t4_10);
-        let t4_12 = t2_7 * p_my_4;
-        let t4_13 = (-p_mx_4).mul_add(al_4z, t4_12);
-        let t4_14 = cos_q4 * t4_13;
-        let t4_15 = sin_q4.mul_add(t4_11, t4_14);
-        let t4_16 = (-t4_6).mul_add(x_q4_q3, t4_6);
-        let t4_17 = (-t3_4).mul_add(x_q2_q3, t4_16);
-        let t4_18 = like.lift(-0.3).mul_add(t4_15, t4_17);
+        let t4_7 = (-t4_6).mul_add(x_q4_q1, t3_2);
+        let t4_8 = (-t3_2).mul_add(x_q2_q1, t4_7);
+        let t4_9 = (-t4_6).mul_add(x_q4_q3, t4_6);
+        let t4_10 = like.lift(-0.3).mul_add(t3_8, t4_8);
+        tau[0] = t4_10;
+        let t4_11 = (-t3_2).mul_add(x_q2_q3, t4_9);
+        let t4_12 = p_my_4 * al_4z;
+        let t4_13 = t2_9.mul_add(p_mx_4, t4_12);
+        let t4_14 = t2_9 * p_my_4;
+        let t4_15 = (-p_mx_4).mul_add(al_4z, t4_14);
+        let t4_16 = cos_q4 * t4_15;
+        let t4_17 = sin_q4.mul_add(t4_13, t4_16);
+        let t4_18 = like.lift(-0.3).mul_add(t4_17, t4_11);
         tau[1] = t4_18;
     }
     (tau, Condition { pivot: condition })
@@ -2459,9 +2452,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 2]; 2];
-    let [q1, q2, q3, q4] = *q;
-    let [p_izz_1, _, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, p_izz_4, p_mx_4, p_my_4] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {
         let t1_1 = q2 + q1;
@@ -2470,80 +2462,82 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], 
             T::sin_cos_all([q2, t1_2, q4]);
         [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4]
     };
+    let [p_izz_1, _, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, p_izz_4, p_mx_4, p_my_4] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_2, t2_3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+    let [t2_2, t2_4, t2_8, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
-        let t2_3 = like.lift(0.3).mul_add(t2_2, p_izz_2);
-        let t2_4 = sin_q1_q2_minus_q3 * cos_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_4);
-        let t2_5 = cos_q1_q2_minus_q3 * cos_q4;
-        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_5);
+        let t2_3 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_4 = like.lift(0.3).mul_add(t2_2, p_izz_2);
+        let t2_5 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_5);
+        let t2_6 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_6);
+        let t2_7 = cos_q4 * p_mx_4;
+        let t2_8 = (-sin_q4).mul_add(p_my_4, t2_7);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_6 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_10 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_11 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_11);
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t2_7 = -u_2_q1x;
-        let t2_8 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_9 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_10 = -t2_9;
-        let t2_11 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_6);
-        let t2_12 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_13 = sin_q2 * t2_12;
-        let t2_14 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_15 = (-t2_14).mul_add(t2_13, t2_9);
-        let t2_16 = like.lift(2.5) * t2_15;
-        let t2_17 = t2_8 * t2_12;
-        let t2_18 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_17, t2_11);
+        let t2_13 = -u_2_q1x;
+        let t2_14 = sin_q2 * t2_10;
+        let t2_15 = t2_9 * t2_10;
+        let t2_16 = -t2_3;
+        let t2_17 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_18 = (-t2_17).mul_add(t2_14, t2_3);
         let t2_19 = like.lift(2.5) * t2_18;
-        let t2_20 = -t2_19;
-        let t2_21 = like.lift(0.75) * t2_13;
+        let t2_20 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_15, t2_12);
+        let t2_21 = like.lift(2.5) * t2_20;
         let t2_22 = -t2_21;
-        let t2_23 = like.lift(2.5) * t2_17;
+        let t2_23 = like.lift(0.75) * t2_14;
+        let t2_24 = -t2_23;
+        let t2_25 = like.lift(2.5) * t2_15;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t2_16, t2_20], [t2_22, t2_23]],
+            [[t2_19, t2_22], [t2_24, t2_25]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_6],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_11],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_7, t2_8], [t2_10, t2_11], [like.lift(0.0), like.lift(0.0)],
+                    [t2_13, t2_9], [t2_16, t2_12], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t2_2, t2_3, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t2_2, t2_4, t2_8, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // M
     {
-        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_3);
-        let t3_2 = t3_1 + t2_3;
+        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_4);
+        let t3_2 = t3_1 + t2_4;
         let t3_3 = x_q4_q1 * p_izz_4;
         let t3_4 = t3_3.mul_add(x_q4_q1, p_izz_1);
         let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
         let t3_6 = like.lift(0.6).mul_add(t2_2, t3_5);
         let t3_7 = t3_6 + p_izz_2;
+        m[0][0] = t3_7;
         let t3_8 = p_izz_2 * x_q2_q3;
-        let t3_9 = cos_q4 * p_mx_4;
-        let t3_10 = (-sin_q4).mul_add(p_my_4, t3_9);
-        let t3_11 = like.lift(0.3).mul_add(t3_10, p_izz_4);
-        let t3_12 = (-p_izz_4).mul_add(x_q4_q3, t3_11);
-        let t3_13 = x_q4_q1 * t3_12;
-        let t3_14 = (-x_q2_q1).mul_add(t3_8, t3_13);
-        let t3_15 = t2_3.mul_add(x_q2_q3, t3_14);
-        let t3_16 = -t3_15;
-        m[0] = [t3_7, t3_16];
-        let t3_17 = t3_12 + t3_11;
-        let t3_18 = (-x_q4_q3).mul_add(t3_17, p_izz_3);
-        let t3_19 = x_q2_q3.mul_add(t3_8, t3_18);
-        let t3_20 = like.lift(0.6).mul_add(t3_10, t3_19);
-        let t3_21 = t3_20 + p_izz_4;
-        m[1] = [t3_16, t3_21];
+        let t3_9 = like.lift(0.3).mul_add(t2_8, p_izz_4);
+        let t3_10 = (-p_izz_4).mul_add(x_q4_q3, t3_9);
+        let t3_11 = x_q4_q1 * t3_10;
+        let t3_12 = (-x_q2_q1).mul_add(t3_8, t3_11);
+        let t3_13 = t2_4.mul_add(x_q2_q3, t3_12);
+        let t3_14 = t3_10 + t3_9;
+        let t3_15 = (-x_q4_q3).mul_add(t3_14, p_izz_3);
+        let t3_16 = x_q2_q3.mul_add(t3_8, t3_15);
+        let t3_17 = like.lift(0.6).mul_add(t2_8, t3_16);
+        let t3_18 = -t3_13;
+        m[0][1] = t3_18; m[1][0] = t3_18;
+        let t3_19 = t3_17 + p_izz_4;
+        m[1][1] = t3_19;
     }
     (m, Condition { pivot: condition })
 }

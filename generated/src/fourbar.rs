@@ -251,22 +251,26 @@ pub fn jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 3]; 5] {
     // row 1
     {
         let t2_1 = like.lift(0.35) * sin_q1_q2;
+        a[0][1] = t2_1;
         let t2_2 = like.lift(0.12).mul_add(sin_q1, t2_1);
+        a[0][0] = t2_2;
         let t2_3 = like.lift(0.3) * sin_q3;
         let t2_4 = -t2_3;
-        a[0] = [t2_2, t2_1, t2_4];
+        a[0][2] = t2_4;
     }
     // row 2
     {
     }
     // row 3
     {
-        let t4_1 = like.lift(0.35) * cos_q1_q2;
-        let t4_2 = like.lift(0.12).mul_add(cos_q1, t4_1);
-        let t4_3 = -t4_2;
-        let t4_4 = -t4_1;
-        let t4_5 = like.lift(0.3) * cos_q3;
-        a[2] = [t4_3, t4_4, t4_5];
+        let t4_1 = like.lift(0.3) * cos_q3;
+        a[2][2] = t4_1;
+        let t4_2 = like.lift(0.35) * cos_q1_q2;
+        let t4_3 = like.lift(0.12).mul_add(cos_q1, t4_2);
+        let t4_4 = -t4_3;
+        a[2][0] = t4_4;
+        let t4_5 = -t4_2;
+        a[2][1] = t4_5;
     }
     // row 4
     {
@@ -288,7 +292,6 @@ pub fn bias<T: Scalar>(q: &[T; 3], qd: &[T; 3]) -> [T; 5] {
     let like = q[0];
     let mut b = [like.lift(0.0); 5];
     let [q1, q2, q3] = *q;
-    let [d_q1, d_q2, d_q3] = *qd;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3] = {
         let t1_1 = q2 + q1;
@@ -296,24 +299,25 @@ pub fn bias<T: Scalar>(q: &[T; 3], qd: &[T; 3]) -> [T; 5] {
             T::sin_cos_all([q1, t1_1, q3]);
         [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3]
     };
+    let [d_q1, d_q2, d_q3] = *qd;
     // b (Eq. 7)
     {
         let t2_1 = d_q1 + d_q2;
         let t2_2 = like.lift(0.35) * t2_1;
         let t2_3 = t2_1 * t2_2;
-        let t2_4 = like.lift(0.3) * d_q3;
-        let t2_5 = d_q3 * t2_4;
-        let t2_6 = like.lift(0.12) * d_q1;
-        let t2_7 = d_q1 * t2_6;
-        let t2_8 = cos_q1_q2 * t2_3;
-        let t2_9 = (-cos_q3).mul_add(t2_5, t2_8);
-        let t2_10 = cos_q1.mul_add(t2_7, t2_9);
-        let t2_11 = -t2_10;
-        b[0] = t2_11;
-        let t2_12 = sin_q1_q2 * t2_3;
-        let t2_13 = (-sin_q3).mul_add(t2_5, t2_12);
-        let t2_14 = sin_q1.mul_add(t2_7, t2_13);
-        let t2_15 = -t2_14;
+        let t2_4 = cos_q1_q2 * t2_3;
+        let t2_5 = sin_q1_q2 * t2_3;
+        let t2_6 = like.lift(0.3) * d_q3;
+        let t2_7 = d_q3 * t2_6;
+        let t2_8 = (-cos_q3).mul_add(t2_7, t2_4);
+        let t2_9 = (-sin_q3).mul_add(t2_7, t2_5);
+        let t2_10 = like.lift(0.12) * d_q1;
+        let t2_11 = d_q1 * t2_10;
+        let t2_12 = cos_q1.mul_add(t2_11, t2_8);
+        let t2_13 = sin_q1.mul_add(t2_11, t2_9);
+        let t2_14 = -t2_12;
+        b[0] = t2_14;
+        let t2_15 = -t2_13;
         b[2] = t2_15;
     }
     b
@@ -328,8 +332,8 @@ pub fn bias<T: Scalar>(q: &[T; 3], qd: &[T; 3]) -> [T; 5] {
 pub fn newton_step<T: Scalar>(q: &[T; 3]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 2];
-    let [q1, q2, q3] = *q;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2, sin_q1_q2, cos_q1_q2] = {
         let t1_1 = q2 + q1;
@@ -343,19 +347,19 @@ pub fn newton_step<T: Scalar>(q: &[T; 3]) -> ([T; 2], Condition<T>) {
     };
     // A_e dq_e = -f
     {
+        let t2_1 = like.lift(-0.4).mul_add(cos_q1_q2, like.lift(0.35));
+        let t2_2 = like.lift(0.12).mul_add(cos_q2, t2_1);
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_1 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t2_2 = like.lift(-0.4).mul_add(cos_q1_q2, like.lift(0.35));
-        let t2_3 = like.lift(0.12).mul_add(cos_q2, t2_2);
-        let t2_4 = t2_3 - t2_1;
-        let t2_5 = like.lift(0.12).mul_add(sin_q2, -pivot_2);
-        let t2_6 = like.lift(-0.4).mul_add(sin_q1_q2, t2_5);
-        let t2_7 = -t2_6;
-        let t2_8 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_9 = t2_4 * t2_8;
-        let t2_10 = cos_q1_q2_minus_q3.mul_add(t2_9, t2_6);
-        let t2_11 = like.lift(2.857142857142857) * t2_10;
-        let t2_12 = like.lift(3.3333333333333335) * t2_9;
+        let t2_3 = like.lift(0.12).mul_add(sin_q2, -pivot_2);
+        let t2_4 = like.lift(-0.4).mul_add(sin_q1_q2, t2_3);
+        let t2_5 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_6 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_7 = t2_2 - t2_6;
+        let t2_8 = t2_7 * t2_5;
+        let t2_9 = cos_q1_q2_minus_q3.mul_add(t2_8, t2_4);
+        let t2_10 = -t2_4;
+        let t2_11 = like.lift(2.857142857142857) * t2_9;
+        let t2_12 = like.lift(3.3333333333333335) * t2_8;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[t2_13], [t2_14]], found) = ::regen_runtime::guarded(
@@ -363,16 +367,15 @@ pub fn newton_step<T: Scalar>(q: &[T; 3]) -> ([T; 2], Condition<T>) {
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_1],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_6],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_4], [t2_7], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_7], [t2_10], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_13;
-        dq_e[1] = t2_14;
+        dq_e[0] = t2_13; dq_e[1] = t2_14;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -389,11 +392,12 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 2]; 2] {
     let [q1, q2, q3] = *q;
     // A_e (Eq. 8)
     {
+        a_e[0][0] = like.lift(-0.35);
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
         let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_2.sin_cos();
         let t1_3 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        a_e[0] = [like.lift(-0.35), t1_3];
+        a_e[0][1] = t1_3;
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
         a_e[1][1] = pivot_2;
     }
@@ -410,9 +414,8 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 2]; 2] {
 pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 3];
-    let [q1, q2, q3] = *q;
-    let [d_q1] = *qd_i;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
@@ -421,21 +424,23 @@ pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>
             T::sin_cos_all([t1_2, q2]);
         [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2]
     };
+    let [d_q1] = *qd_i;
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
+        qd[0] = d_q1;
+        let t2_1 = sin_q2 * d_q1;
+        let t2_2 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_3 = t2_2 * d_q1;
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_1 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t2_2 = sin_q2 * d_q1;
-        let t2_3 = like.lift(0.12) * t2_2;
-        let t2_4 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_5 = t2_4 * d_q1;
-        let t2_6 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_7 = t2_6 * t2_2;
+        let t2_4 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_5 = t2_4 * t2_1;
+        let t2_6 = like.lift(0.12) * t2_1;
+        let t2_7 = like.lift(0.3) * cos_q1_q2_minus_q3;
         let t2_8 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t2_9 = (-t2_8).mul_add(t2_7, t2_5);
+        let t2_9 = (-t2_8).mul_add(t2_5, t2_3);
         let t2_10 = like.lift(2.857142857142857) * t2_9;
         let t2_11 = -t2_10;
-        let t2_12 = like.lift(0.4) * t2_7;
+        let t2_12 = like.lift(0.4) * t2_5;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[t2_13], [t2_14]], found) = ::regen_runtime::guarded(
@@ -443,17 +448,15 @@ pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_1],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_3], [t2_5], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_6], [t2_3], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t2_13;
-        qd[2] = t2_14;
-        qd[0] = d_q1;
+        qd[1] = t2_13; qd[2] = t2_14;
     }
     (qd, Condition { pivot: condition })
 }
@@ -469,10 +472,8 @@ pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>
 pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 3];
-    let [q1, q2, q3] = *q;
-    let [d_q1, d_q2, d_q3] = *qd;
-    let [dd_q1] = *qdd_i;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
@@ -481,8 +482,11 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
             T::sin_cos_all([t1_2, q2]);
         [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2]
     };
+    let [d_q1, d_q2, d_q3] = *qd;
+    let [dd_q1] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
+        qdd[0] = dd_q1;
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
         let t2_1 = like.lift(0.3) * cos_q1_q2_minus_q3;
         let t2_2 = d_q1 * d_q1;
@@ -521,9 +525,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t2_23;
-        qdd[2] = t2_24;
-        qdd[0] = dd_q1;
+        qdd[1] = t2_23; qdd[2] = t2_24;
     }
     (qdd, Condition { pivot: condition })
 }
@@ -567,109 +569,109 @@ pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 30]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, q3] = *q;
-    let [d_q1, d_q2, _] = *qd;
-    let [dd_q1, dd_q2, dd_q3] = *qdd;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3)] =
             T::sin_cos_all([q1, q2, q3]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3]
     };
+    let [dd_q1, dd_q2, dd_q3] = *qdd;
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, a_1x] = {
+        w[5][0] = dd_q1;
         let a_1y = like.lift(9.81) * cos_q1;
-        w[6] = [a_1y];
+        w[6][0] = a_1y;
         let a_1x = like.lift(9.81) * sin_q1;
         let t2_1 = -a_1x;
-        w[7] = [t2_1];
-        w[5] = [dd_q1];
+        w[7][0] = t2_1;
         [a_1y, a_1x]
     };
+    let [d_q1, d_q2, _] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
-    let [al_2z, x_q2_q1, x_q3_q1] = {
+    let [t3_1, t3_3, al_2z, x_q2_q1, x_q3_q1] = {
+        let t3_1 = like.lift(0.12).mul_add(dd_q1, a_1y);
+        let t3_2 = like.lift(0.12) * d_q1;
+        let t3_3 = t3_2.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
-        let t3_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
-        let t3_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
-        let t3_3 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_3);
-        let t3_4 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_4);
+        let t3_4 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
+        let t3_5 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
+        let t3_6 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_6);
+        let t3_7 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_7);
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t3_5 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t3_6 = -u_2_q1x;
-        let t3_7 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t3_8 = -t3_7;
-        let t3_9 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t3_10 = sin_q2 * t3_9;
+        let t3_8 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t3_9 = sin_q2 * t3_8;
+        let t3_10 = like.lift(0.3) * cos_q1_q2_minus_q3;
         let t3_11 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t3_12 = (-t3_11).mul_add(t3_10, t3_7);
-        let t3_13 = like.lift(2.857142857142857) * t3_12;
-        let t3_14 = like.lift(0.4) * t3_10;
-        let t3_15 = -t3_14;
+        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let t3_12 = -u_2_q1x;
+        let t3_13 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_14 = (-t3_11).mul_add(t3_9, t3_13);
+        let t3_15 = -t3_13;
+        let t3_16 = like.lift(2.857142857142857) * t3_14;
+        let t3_17 = like.lift(0.4) * t3_9;
+        let t3_18 = -t3_17;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
-            [[t3_13], [t3_15]],
+            [[t3_16], [t3_18]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_5],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_10],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_6], [t3_8], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_12], [t3_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [al_2z, x_q2_q1, x_q3_q1]
+        [t3_1, t3_3, al_2z, x_q2_q1, x_q3_q1]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let t4_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
-        w[15] = [w_izz_2_q1];
-        let t4_2 = like.lift(0.12) * d_q1;
-        let t4_3 = t4_2.mul_add(d_q1, -a_1x);
-        let t4_4 = like.lift(0.12).mul_add(dd_q1, a_1y);
-        let t4_5 = cos_q2 * t4_4;
-        let a_2y = sin_q2.mul_add(t4_3, t4_5);
+        w[15][0] = w_izz_2_q1;
+        let t4_2 = cos_q2 * t3_1;
+        let a_2y = sin_q2.mul_add(t3_3, t4_2);
+        let t4_3 = cos_q2 * t3_3;
+        let a_2x = (-sin_q2).mul_add(t3_1, t4_3);
         let w_2z = d_q1 + d_q2;
-        let t4_6 = w_2z * w_2z;
-        let t4_7 = cos_q2 * al_2z;
-        let t4_8 = (-sin_q2).mul_add(t4_6, t4_7);
-        let t4_9 = a_2y * t4_1;
-        let w_mx_2_q1 = like.lift(0.12).mul_add(t4_8, t4_9);
-        w[16] = [w_mx_2_q1];
-        let t4_10 = cos_q2 * t4_3;
-        let a_2x = (-sin_q2).mul_add(t4_4, t4_10);
-        let t4_11 = cos_q2 * t4_6;
-        let t4_12 = sin_q2.mul_add(al_2z, t4_11);
-        let t4_13 = a_2x * t4_1;
-        let w_my_2_q1 = like.lift(-0.12).mul_add(t4_12, t4_13);
-        w[17] = [w_my_2_q1];
-        let t4_14 = cos_q2 * a_2y;
-        let t4_15 = (-sin_q2).mul_add(a_2x, t4_14);
-        let t4_16 = like.lift(0.12) * t4_15;
-        let w_m_2_q1 = -t4_16;
-        let t4_17 = -w_m_2_q1;
-        w[19] = [t4_17];
+        let t4_4 = w_2z * w_2z;
+        let t4_5 = cos_q2 * al_2z;
+        let t4_6 = (-sin_q2).mul_add(t4_4, t4_5);
+        let t4_7 = cos_q2 * t4_4;
+        let t4_8 = sin_q2.mul_add(al_2z, t4_7);
+        let t4_9 = cos_q2 * a_2y;
+        let t4_10 = a_2y * t4_1;
+        let w_mx_2_q1 = like.lift(0.12).mul_add(t4_6, t4_10);
+        w[16][0] = w_mx_2_q1;
+        let t4_11 = a_2x * t4_1;
+        let w_my_2_q1 = like.lift(-0.12).mul_add(t4_8, t4_11);
+        w[17][0] = w_my_2_q1;
+        let t4_12 = (-sin_q2).mul_add(a_2x, t4_9);
+        let t4_13 = like.lift(0.12) * t4_12;
+        let w_m_2_q1 = -t4_13;
+        let t4_14 = -w_m_2_q1;
+        w[19][0] = t4_14;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let w_izz_3_q1 = dd_q3 * x_q3_q1;
         let t5_1 = -w_izz_3_q1;
-        w[25] = [t5_1];
+        w[25][0] = t5_1;
         let t5_2 = like.lift(9.81) * x_q3_q1;
+        let w_my_3_q1 = sin_q3 * t5_2;
+        w[27][0] = w_my_3_q1;
         let w_mx_3_q1 = cos_q3 * t5_2;
         let t5_3 = -w_mx_3_q1;
-        w[26] = [t5_3];
-        let w_my_3_q1 = sin_q3 * t5_2;
-        w[27] = [w_my_3_q1];
+        w[26][0] = t5_3;
     }
     Condition { pivot: condition }
 }
@@ -686,22 +688,22 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
-    let [q1, q2, q3] = *q;
-    let [d_q1, d_q2, _] = *qd;
-    let [dd_q1, dd_q2, dd_q3] = *qdd;
-    let [
-        _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2,
-        _, p_m_2, _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, _,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3)] =
             T::sin_cos_all([q1, q2, q3]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3]
     };
+    let [d_q1, d_q2, _] = *qd;
+    let [dd_q1, dd_q2, dd_q3] = *qdd;
+    let [
+        _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2,
+        _, p_m_2, _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, _,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_10, t2_19, x_q2_q1, x_q3_q1] = {
+    let [t2_10, t2_19, t2_23, t2_30, x_q2_q1, x_q3_q1] = {
         let al_2z = dd_q1 + dd_q2;
         let t2_1 = like.lift(0.12) * d_q1;
         let t2_2 = t2_1 * d_q1;
@@ -715,68 +717,68 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
         let t2_8 = al_2z * p_izz_2;
         let t2_9 = a_2x.mul_add(p_my_2, t2_8);
         let t2_10 = a_2y.mul_add(p_mx_2, t2_9);
+        let t2_11 = a_2x * p_m_2;
+        let t2_12 = al_2z.mul_add(p_my_2, t2_11);
+        let t2_13 = a_2y * p_m_2;
         let w_2z = d_q1 + d_q2;
-        let t2_11 = w_2z * w_2z;
-        let t2_12 = a_2x * p_m_2;
-        let t2_13 = al_2z.mul_add(p_my_2, t2_12);
-        let t2_14 = t2_11.mul_add(p_mx_2, t2_13);
-        let t2_15 = a_2y * p_m_2;
-        let t2_16 = (-t2_11).mul_add(p_my_2, t2_15);
-        let t2_17 = al_2z.mul_add(p_mx_2, t2_16);
-        let t2_18 = sin_q2 * t2_14;
+        let t2_14 = w_2z * w_2z;
+        let t2_15 = (-t2_14).mul_add(p_my_2, t2_13);
+        let t2_16 = t2_14.mul_add(p_mx_2, t2_12);
+        let t2_17 = al_2z.mul_add(p_mx_2, t2_15);
+        let t2_18 = sin_q2 * t2_16;
         let t2_19 = (-cos_q2).mul_add(t2_17, t2_18);
         let t2_20 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_20);
         let t2_21 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_21);
-        let t2_22 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_22);
-        let t2_23 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_23);
+        let t2_22 = sin_q1 * p_my_1;
+        let t2_23 = (-cos_q1).mul_add(p_mx_1, t2_22);
+        let t2_24 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_25 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_25);
+        let t2_26 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_26);
+        let t2_27 = sin_q3 * p_my_3;
+        let t2_28 = (-cos_q3).mul_add(p_mx_3, t2_27);
+        let t2_29 = dd_q3 * p_izz_3;
+        let t2_30 = like.lift(-9.81).mul_add(t2_28, t2_29);
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_24 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_31 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_32 = sin_q2 * t2_31;
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t2_25 = -u_2_q1x;
-        let t2_26 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_27 = -t2_26;
-        let t2_28 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_29 = sin_q2 * t2_28;
-        let t2_30 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t2_31 = (-t2_30).mul_add(t2_29, t2_26);
-        let t2_32 = like.lift(2.857142857142857) * t2_31;
-        let t2_33 = like.lift(0.4) * t2_29;
-        let t2_34 = -t2_33;
+        let t2_33 = -u_2_q1x;
+        let t2_34 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_35 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_36 = (-t2_35).mul_add(t2_32, t2_24);
+        let t2_37 = -t2_24;
+        let t2_38 = like.lift(2.857142857142857) * t2_36;
+        let t2_39 = like.lift(0.4) * t2_32;
+        let t2_40 = -t2_39;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
-            [[t2_32], [t2_34]],
+            [[t2_38], [t2_40]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_24],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_34],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_25], [t2_27], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_33], [t2_37], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t2_10, t2_19, x_q2_q1, x_q3_q1]
+        [t2_10, t2_19, t2_23, t2_30, x_q2_q1, x_q3_q1]
     };
     // tau
     {
-        let t3_1 = sin_q3 * p_my_3;
-        let t3_2 = (-cos_q3).mul_add(p_mx_3, t3_1);
-        let t3_3 = dd_q3 * p_izz_3;
-        let t3_4 = like.lift(-9.81).mul_add(t3_2, t3_3);
-        let t3_5 = sin_q1 * p_my_1;
-        let t3_6 = (-cos_q1).mul_add(p_mx_1, t3_5);
-        let t3_7 = (-t3_4).mul_add(x_q3_q1, t2_10);
-        let t3_8 = (-t2_10).mul_add(x_q2_q1, t3_7);
-        let t3_9 = dd_q1.mul_add(p_izz_1, t3_8);
-        let t3_10 = like.lift(-9.81).mul_add(t3_6, t3_9);
-        let t3_11 = like.lift(-0.12).mul_add(t2_19, t3_10);
-        tau[0] = t3_11;
+        let t3_1 = (-t2_30).mul_add(x_q3_q1, t2_10);
+        let t3_2 = (-t2_10).mul_add(x_q2_q1, t3_1);
+        let t3_3 = dd_q1.mul_add(p_izz_1, t3_2);
+        let t3_4 = like.lift(-9.81).mul_add(t2_23, t3_3);
+        let t3_5 = like.lift(-0.12).mul_add(t2_19, t3_4);
+        tau[0] = t3_5;
     }
     (tau, Condition { pivot: condition })
 }
@@ -791,76 +793,76 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
 pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
-    let [q1, q2, q3] = *q;
-    let [
-        _, _, _, _, _, _, p_mx_1, p_my_1, _, _, _, _, _, _, _, _, p_mx_2, p_my_2, _, p_m_2, _,
-        _, _, _, _, _, p_mx_3, p_my_3, _, _,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3)] =
             T::sin_cos_all([q1, q2, q3]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3]
     };
+    let [
+        _, _, _, _, _, _, p_mx_1, p_my_1, _, _, _, _, _, _, _, _, p_mx_2, p_my_2, _, p_m_2, _,
+        _, _, _, _, _, p_mx_3, p_my_3, _, _,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_6, x_q2_q1, x_q3_q1] = {
+    let [t2_5, t2_6, t2_10, t2_16, x_q2_q1, x_q3_q1] = {
         let t2_1 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
         let t2_2 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
-        let t2_3 = sin_q1_q2 * p_my_2;
-        let t2_4 = (-cos_q1_q2).mul_add(p_mx_2, t2_3);
-        let t2_5 = like.lift(9.81) * t2_4;
-        let t2_6 = -t2_5;
-        let t2_7 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_7);
-        let t2_8 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_8);
+        let t2_3 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_4 = sin_q1 * p_my_1;
+        let t2_5 = (-cos_q1).mul_add(p_mx_1, t2_4);
+        let t2_6 = like.lift(1.1772) * cos_q1;
+        let t2_7 = sin_q1_q2 * p_my_2;
+        let t2_8 = (-cos_q1_q2).mul_add(p_mx_2, t2_7);
+        let t2_9 = like.lift(9.81) * t2_8;
+        let t2_10 = -t2_9;
+        let t2_11 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_11);
+        let t2_12 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_12);
+        let t2_13 = sin_q3 * p_my_3;
+        let t2_14 = (-cos_q3).mul_add(p_mx_3, t2_13);
+        let t2_15 = like.lift(9.81) * t2_14;
+        let t2_16 = -t2_15;
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_9 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_17 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_18 = sin_q2 * t2_17;
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t2_10 = -u_2_q1x;
-        let t2_11 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_12 = -t2_11;
-        let t2_13 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_14 = sin_q2 * t2_13;
-        let t2_15 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t2_16 = (-t2_15).mul_add(t2_14, t2_11);
-        let t2_17 = like.lift(2.857142857142857) * t2_16;
-        let t2_18 = like.lift(0.4) * t2_14;
-        let t2_19 = -t2_18;
+        let t2_19 = -u_2_q1x;
+        let t2_20 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_21 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_22 = (-t2_21).mul_add(t2_18, t2_3);
+        let t2_23 = -t2_3;
+        let t2_24 = like.lift(2.857142857142857) * t2_22;
+        let t2_25 = like.lift(0.4) * t2_18;
+        let t2_26 = -t2_25;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
-            [[t2_17], [t2_19]],
+            [[t2_24], [t2_26]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_9],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_20],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_10], [t2_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_19], [t2_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t2_6, x_q2_q1, x_q3_q1]
+        [t2_5, t2_6, t2_10, t2_16, x_q2_q1, x_q3_q1]
     };
     // tau
     {
-        let t3_1 = sin_q3 * p_my_3;
-        let t3_2 = (-cos_q3).mul_add(p_mx_3, t3_1);
-        let t3_3 = like.lift(9.81) * t3_2;
-        let t3_4 = -t3_3;
-        let t3_5 = sin_q1 * p_my_1;
-        let t3_6 = (-cos_q1).mul_add(p_mx_1, t3_5);
-        let t3_7 = (-t3_4).mul_add(x_q3_q1, t2_6);
-        let t3_8 = (-t2_6).mul_add(x_q2_q1, t3_7);
-        let t3_9 = like.lift(-9.81).mul_add(t3_6, t3_8);
-        let t3_10 = like.lift(1.1772) * cos_q1;
-        let t3_11 = t3_10.mul_add(p_m_2, t3_9);
-        tau[0] = t3_11;
+        let t3_1 = (-t2_16).mul_add(x_q3_q1, t2_10);
+        let t3_2 = (-t2_10).mul_add(x_q2_q1, t3_1);
+        let t3_3 = like.lift(-9.81).mul_add(t2_5, t3_2);
+        let t3_4 = t2_6.mul_add(p_m_2, t3_3);
+        tau[0] = t3_4;
     }
     (tau, Condition { pivot: condition })
 }
@@ -876,13 +878,8 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
 pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
-    let [q1, q2, q3] = *q;
-    let [d_q1, d_q2, d_q3] = *qd;
-    let [
-        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2, _, _,
-        _, _, _, p_izz_3, _, _, _, _,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
@@ -891,34 +888,36 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
             T::sin_cos_all([t1_2, q2]);
         [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2]
     };
+    let [d_q1, d_q2, d_q3] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
-    let [pivot_2, t2_1, t2_3, t2_4, t2_11, t2_14, al_2z, al_3z] = {
+    let [pivot_2, t2_1, t2_3, t2_4, t2_5, t2_16, al_2z, al_3z] = {
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
         let t2_1 = like.lift(0.3) * cos_q1_q2_minus_q3;
         let t2_2 = d_q1 * d_q1;
         let t2_3 = cos_q2 * t2_2;
+        let t2_4 = sin_q2 * t2_2;
         let w_2z = d_q1 + d_q2;
-        let t2_4 = w_2z * w_2z;
-        let t2_5 = like.lift(0.3) * d_q3;
-        let t2_6 = d_q3 * t2_5;
-        let t2_7 = like.lift(0.35) * t2_4;
-        let t2_8 = (-cos_q1_q2_minus_q3).mul_add(t2_6, t2_7);
-        let t2_9 = like.lift(0.12).mul_add(t2_3, t2_8);
-        let t2_10 = -t2_9;
-        let t2_11 = sin_q2 * t2_2;
-        let t2_12 = like.lift(0.12) * t2_11;
-        let t2_13 = (-sin_q1_q2_minus_q3).mul_add(t2_6, t2_12);
-        let t2_14 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_15 = t2_14 * t2_9;
-        let t2_16 = cos_q1_q2_minus_q3.mul_add(t2_15, t2_13);
-        let t2_17 = like.lift(2.857142857142857) * t2_16;
-        let t2_18 = -t2_17;
-        let t2_19 = like.lift(3.3333333333333335) * t2_15;
-        let t2_20 = -t2_19;
+        let t2_5 = w_2z * w_2z;
+        let t2_6 = like.lift(0.3) * d_q3;
+        let t2_7 = d_q3 * t2_6;
+        let t2_8 = like.lift(0.35) * t2_5;
+        let t2_9 = (-cos_q1_q2_minus_q3).mul_add(t2_7, t2_8);
+        let t2_10 = like.lift(0.12).mul_add(t2_3, t2_9);
+        let t2_11 = like.lift(0.12) * t2_4;
+        let t2_12 = (-sin_q1_q2_minus_q3).mul_add(t2_7, t2_11);
+        let t2_13 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_14 = -t2_10;
+        let t2_15 = t2_13 * t2_10;
+        let t2_16 = sin_q2 * t2_13;
+        let t2_17 = cos_q1_q2_minus_q3.mul_add(t2_15, t2_12);
+        let t2_18 = like.lift(2.857142857142857) * t2_17;
+        let t2_19 = -t2_18;
+        let t2_20 = like.lift(3.3333333333333335) * t2_15;
+        let t2_21 = -t2_20;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[al_2z], [al_3z]], found) = ::regen_runtime::guarded(
-            [[t2_18], [t2_20]],
+            [[t2_19], [t2_21]],
             margin,
             || (
                 [
@@ -926,36 +925,40 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_10], [t2_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_14], [t2_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [pivot_2, t2_1, t2_3, t2_4, t2_11, t2_14, al_2z, al_3z]
+        [pivot_2, t2_1, t2_3, t2_4, t2_5, t2_16, al_2z, al_3z]
     };
+    let [
+        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2, _, _,
+        _, _, _, p_izz_3, _, _, _, _,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_4, t3_13, x_q2_q1, x_q3_q1] = {
-        let t3_1 = t2_3 * p_my_2;
-        let t3_2 = t2_11.mul_add(p_mx_2, t3_1);
-        let t3_3 = p_izz_2 * al_2z;
-        let t3_4 = like.lift(0.12).mul_add(t3_2, t3_3);
-        let t3_5 = like.lift(0.12) * p_m_2;
-        let t3_6 = t2_3 * t3_5;
-        let t3_7 = p_my_2.mul_add(al_2z, t3_6);
-        let t3_8 = t2_4.mul_add(p_mx_2, t3_7);
-        let t3_9 = t2_11 * t3_5;
-        let t3_10 = p_mx_2.mul_add(al_2z, t3_9);
-        let t3_11 = (-t2_4).mul_add(p_my_2, t3_10);
-        let t3_12 = sin_q2 * t3_8;
-        let t3_13 = (-cos_q2).mul_add(t3_11, t3_12);
+    let [t3_2, t3_6, t3_15, x_q2_q1, x_q3_q1] = {
+        let t3_1 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t3_2 = p_izz_3 * al_3z;
+        let t3_3 = t2_3 * p_my_2;
+        let t3_4 = t2_4.mul_add(p_mx_2, t3_3);
+        let t3_5 = p_izz_2 * al_2z;
+        let t3_6 = like.lift(0.12).mul_add(t3_4, t3_5);
+        let t3_7 = like.lift(0.12) * p_m_2;
+        let t3_8 = t2_3 * t3_7;
+        let t3_9 = t2_4 * t3_7;
+        let t3_10 = p_my_2.mul_add(al_2z, t3_8);
+        let t3_11 = p_mx_2.mul_add(al_2z, t3_9);
+        let t3_12 = t2_5.mul_add(p_mx_2, t3_10);
+        let t3_13 = (-t2_5).mul_add(p_my_2, t3_11);
+        let t3_14 = sin_q2 * t3_12;
+        let t3_15 = (-cos_q2).mul_add(t3_13, t3_14);
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t3_14 = -u_2_q1x;
-        let t3_15 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t3_16 = -t3_15;
-        let t3_17 = sin_q2 * t2_14;
-        let t3_18 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t3_19 = (-t3_18).mul_add(t3_17, t3_15);
-        let t3_20 = like.lift(2.857142857142857) * t3_19;
-        let t3_21 = like.lift(0.4) * t3_17;
+        let t3_16 = -u_2_q1x;
+        let t3_17 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_18 = (-t3_1).mul_add(t2_16, t3_17);
+        let t3_19 = -t3_17;
+        let t3_20 = like.lift(2.857142857142857) * t3_18;
+        let t3_21 = like.lift(0.4) * t2_16;
         let t3_22 = -t3_21;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
@@ -968,19 +971,18 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_14], [t3_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_16], [t3_19], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t3_4, t3_13, x_q2_q1, x_q3_q1]
+        [t3_2, t3_6, t3_15, x_q2_q1, x_q3_q1]
     };
     // tau
     {
-        let t4_1 = p_izz_3 * al_3z;
-        let t4_2 = (-t4_1).mul_add(x_q3_q1, t3_4);
-        let t4_3 = (-t3_4).mul_add(x_q2_q1, t4_2);
-        let t4_4 = like.lift(-0.12).mul_add(t3_13, t4_3);
-        tau[0] = t4_4;
+        let t4_1 = (-t3_2).mul_add(x_q3_q1, t3_6);
+        let t4_2 = (-t3_6).mul_add(x_q2_q1, t4_1);
+        let t4_3 = like.lift(-0.12).mul_add(t3_15, t4_2);
+        tau[0] = t4_3;
     }
     (tau, Condition { pivot: condition })
 }
@@ -995,12 +997,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
 pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 1]; 1];
-    let [q1, q2, q3] = *q;
-    let [
-        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2,
-        _, _, _, _, _, p_izz_3, _, _, _, _,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3] = {
         let t1_1 = q2 + q1;
@@ -1009,25 +1007,29 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
             T::sin_cos_all([q2, t1_2]);
         [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3]
     };
+    let [
+        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2,
+        _, _, _, _, _, p_izz_3, _, _, _, _,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_3, t2_4, t2_5, x_q2_q1, x_q3_q1] = {
+    let [t2_4, t2_5, t2_6, x_q2_q1, x_q3_q1] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
-        let t2_3 = like.lift(0.12).mul_add(p_m_2, t2_2);
-        let t2_4 = like.lift(0.12) * t2_2;
-        let t2_5 = p_izz_2 + t2_4;
+        let t2_3 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_4 = like.lift(0.12).mul_add(p_m_2, t2_2);
+        let t2_5 = like.lift(0.12) * t2_2;
+        let t2_6 = p_izz_2 + t2_5;
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_6 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_7 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_8 = sin_q2 * t2_7;
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t2_7 = -u_2_q1x;
-        let t2_8 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_9 = -t2_8;
-        let t2_10 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_11 = sin_q2 * t2_10;
-        let t2_12 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t2_13 = (-t2_12).mul_add(t2_11, t2_8);
-        let t2_14 = like.lift(2.857142857142857) * t2_13;
-        let t2_15 = like.lift(0.4) * t2_11;
+        let t2_9 = -u_2_q1x;
+        let t2_10 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_11 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_12 = (-t2_11).mul_add(t2_8, t2_3);
+        let t2_13 = -t2_3;
+        let t2_14 = like.lift(2.857142857142857) * t2_12;
+        let t2_15 = like.lift(0.4) * t2_8;
         let t2_16 = -t2_15;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
@@ -1036,27 +1038,27 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_6],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_10],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_7], [t2_9], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_9], [t2_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t2_3, t2_4, t2_5, x_q2_q1, x_q3_q1]
+        [t2_4, t2_5, t2_6, x_q2_q1, x_q3_q1]
     };
     // M
     {
-        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_5);
-        let t3_2 = t3_1 + t2_5;
+        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_6);
+        let t3_2 = t3_1 + t2_6;
         let t3_3 = x_q3_q1 * p_izz_3;
         let t3_4 = t3_3.mul_add(x_q3_q1, p_izz_1);
         let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
         let t3_6 = t3_5 + p_izz_2;
-        let t3_7 = like.lift(0.12).mul_add(t2_3, t3_6);
-        let t3_8 = t3_7 + t2_4;
-        m[0] = [t3_8];
+        let t3_7 = like.lift(0.12).mul_add(t2_4, t3_6);
+        let t3_8 = t3_7 + t2_5;
+        m[0][0] = t3_8;
     }
     (m, Condition { pivot: condition })
 }
@@ -1101,134 +1103,136 @@ pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T;
 #[inline(always)]
 pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, q3] = *q;
-    let [d_q1, d_q2, d_q3] = *qd;
-    let [r_q1] = *qd_r;
-    let [dr_q1] = *qdd_r;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3)] =
             T::sin_cos_all([q1, q2, q3]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3]
     };
+    let [dr_q1] = *qdd_r;
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, a_1x] = {
+        y[5][0] = dr_q1;
         let a_1y = like.lift(9.81) * cos_q1;
-        y[6] = [a_1y];
+        y[6][0] = a_1y;
         let a_1x = like.lift(9.81) * sin_q1;
         let t2_1 = -a_1x;
-        y[7] = [t2_1];
-        y[5] = [dr_q1];
+        y[7][0] = t2_1;
         [a_1y, a_1x]
     };
+    let [d_q1, d_q2, d_q3] = *qd;
+    let [r_q1] = *qd_r;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, pivot_2, t3_5, t3_6, w_2z, t3_9, t3_11, t3_13,
-        t3_18, t3_19,
+        t3_1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, pivot_2, t3_6, t3_7, t3_8, w_2z, t3_11,
+        t3_13, t3_15, t3_20, t3_21,
     ] = {
-        let t3_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
-        let t3_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
-        let t3_3 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_3);
-        let t3_4 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_4);
+        let t3_1 = like.lift(0.12).mul_add(dr_q1, a_1y);
+        let t3_2 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_2);
+        let t3_3 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_3);
+        let t3_4 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_4);
+        let t3_5 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_5);
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t3_5 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t3_6 = d_q1 * r_q1;
+        let t3_6 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t3_7 = d_q1 * r_q1;
+        let t3_8 = like.lift(-0.12).mul_add(t3_7, a_1x);
         let w_2z = d_q1 + d_q2;
-        let t3_7 = sin_q2 * r_q1;
-        let t3_8 = like.lift(0.12) * t3_7;
-        let t3_9 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t3_10 = t3_9 * r_q1;
-        let t3_11 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t3_12 = t3_11 * t3_7;
-        let t3_13 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t3_14 = (-t3_12).mul_add(t3_13, t3_10);
-        let t3_15 = like.lift(2.857142857142857) * t3_14;
-        let t3_16 = -t3_15;
-        let t3_17 = like.lift(0.4) * t3_12;
+        let t3_9 = sin_q2 * r_q1;
+        let t3_10 = like.lift(0.12) * t3_9;
+        let t3_11 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_12 = t3_11 * r_q1;
+        let t3_13 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t3_14 = t3_13 * t3_9;
+        let t3_15 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t3_16 = (-t3_14).mul_add(t3_15, t3_12);
+        let t3_17 = like.lift(2.857142857142857) * t3_16;
+        let t3_18 = -t3_17;
+        let t3_19 = like.lift(0.4) * t3_14;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[t3_18], [t3_19]], found) = ::regen_runtime::guarded(
-            [[t3_16], [t3_17]],
+        let ([[t3_20], [t3_21]], found) = ::regen_runtime::guarded(
+            [[t3_18], [t3_19]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_5],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_6],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_8], [t3_10], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_10], [t3_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, pivot_2, t3_5, t3_6, w_2z, t3_9, t3_11,
-            t3_13, t3_18, t3_19,
+            t3_1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, pivot_2, t3_6, t3_7, t3_8, w_2z,
+            t3_11, t3_13, t3_15, t3_20, t3_21,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t4_2, u_2_q1x, t4_18, al_3z] = {
-        let t4_1 = r_q1 + t3_18;
+    let [t4_2, t4_13, t4_19, al_3z] = {
+        let t4_1 = r_q1 + t3_20;
         let t4_2 = w_2z * t4_1;
         let t4_3 = like.lift(0.3) * d_q3;
-        let t4_4 = t3_19 * t4_3;
-        let t4_5 = sin_q2 * dr_q1;
-        let t4_6 = (-cos_q2).mul_add(t3_6, t4_5);
-        let t4_7 = like.lift(0.12) * t4_6;
-        let t4_8 = cos_q1_q2_minus_q3.mul_add(t4_4, t4_7);
-        let t4_9 = like.lift(-0.35).mul_add(t4_2, t4_8);
+        let t4_4 = t3_21 * t4_3;
+        let t4_5 = t3_11 * dr_q1;
+        let t4_6 = (-sin_q1_q2_minus_q3).mul_add(t4_4, t4_5);
+        let t4_7 = sin_q2 * dr_q1;
+        let t4_8 = (-cos_q2).mul_add(t3_7, t4_7);
+        let t4_9 = like.lift(0.12) * t4_8;
+        let t4_10 = cos_q1_q2_minus_q3.mul_add(t4_4, t4_9);
+        let t4_11 = like.lift(-0.35).mul_add(t4_2, t4_10);
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t4_10 = t3_9 * dr_q1;
-        let t4_11 = (-sin_q1_q2_minus_q3).mul_add(t4_4, t4_10);
-        let t4_12 = t3_6.mul_add(u_2_q1x, t4_11);
-        let t4_13 = t3_11 * t4_9;
-        let t4_14 = (-cos_q1_q2_minus_q3).mul_add(t4_13, t4_12);
-        let t4_15 = like.lift(2.857142857142857) * t4_14;
-        let t4_16 = -t4_15;
-        let t4_17 = like.lift(3.3333333333333335) * t4_13;
+        let t4_12 = t3_7.mul_add(u_2_q1x, t4_6);
+        let t4_13 = -u_2_q1x;
+        let t4_14 = t3_13 * t4_11;
+        let t4_15 = (-cos_q1_q2_minus_q3).mul_add(t4_14, t4_12);
+        let t4_16 = like.lift(2.857142857142857) * t4_15;
+        let t4_17 = -t4_16;
+        let t4_18 = like.lift(3.3333333333333335) * t4_14;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[t4_18], [al_3z]], found) = ::regen_runtime::guarded(
-            [[t4_16], [t4_17]],
+        let ([[t4_19], [al_3z]], found) = ::regen_runtime::guarded(
+            [[t4_17], [t4_18]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_5],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_6],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t4_9], [t4_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_11], [t4_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t4_2, u_2_q1x, t4_18, al_3z]
+        [t4_2, t4_13, t4_19, al_3z]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_q3_q1] = {
-        let al_2z = dr_q1 + t4_18;
-        let t5_1 = -u_2_q1x;
-        let t5_2 = -t3_9;
-        let t5_3 = sin_q2 * t3_11;
-        let t5_4 = (-t5_3).mul_add(t3_13, t3_9);
-        let t5_5 = like.lift(2.857142857142857) * t5_4;
-        let t5_6 = like.lift(0.4) * t5_3;
-        let t5_7 = -t5_6;
+        let al_2z = dr_q1 + t4_19;
+        let t5_1 = sin_q2 * t3_13;
+        let t5_2 = (-t5_1).mul_add(t3_15, t3_11);
+        let t5_3 = -t3_11;
+        let t5_4 = like.lift(2.857142857142857) * t5_2;
+        let t5_5 = like.lift(0.4) * t5_1;
+        let t5_6 = -t5_5;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
-            [[t5_5], [t5_7]],
+            [[t5_4], [t5_6]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_5],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_6],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t5_1], [t5_2], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_13], [t5_3], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1238,42 +1242,40 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
     {
         let t6_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t6_1;
-        y[15] = [w_izz_2_q1];
-        let t6_2 = like.lift(-0.12).mul_add(t3_6, a_1x);
-        let t6_3 = like.lift(0.12).mul_add(dr_q1, a_1y);
-        let t6_4 = sin_q2 * t6_2;
-        let a_2y = (-cos_q2).mul_add(t6_3, t6_4);
-        let t6_5 = cos_q2 * al_2z;
-        let t6_6 = (-sin_q2).mul_add(t4_2, t6_5);
-        let t6_7 = a_2y * t6_1;
-        let w_mx_2_q1 = like.lift(-0.12).mul_add(t6_6, t6_7);
-        let t6_8 = -w_mx_2_q1;
-        y[16] = [t6_8];
-        let t6_9 = sin_q2 * t6_3;
-        let a_2x = cos_q2.mul_add(t6_2, t6_9);
-        let t6_10 = cos_q2 * t4_2;
-        let t6_11 = sin_q2.mul_add(al_2z, t6_10);
-        let t6_12 = a_2x * t6_1;
-        let w_my_2_q1 = like.lift(0.12).mul_add(t6_11, t6_12);
+        y[15][0] = w_izz_2_q1;
+        let t6_2 = sin_q2 * t3_8;
+        let a_2y = (-cos_q2).mul_add(t3_1, t6_2);
+        let t6_3 = sin_q2 * t3_1;
+        let a_2x = cos_q2.mul_add(t3_8, t6_3);
+        let t6_4 = cos_q2 * al_2z;
+        let t6_5 = (-sin_q2).mul_add(t4_2, t6_4);
+        let t6_6 = cos_q2 * t4_2;
+        let t6_7 = sin_q2.mul_add(al_2z, t6_6);
+        let t6_8 = cos_q2 * a_2y;
+        let t6_9 = (-sin_q2).mul_add(a_2x, t6_8);
+        let t6_10 = a_2y * t6_1;
+        let w_mx_2_q1 = like.lift(-0.12).mul_add(t6_5, t6_10);
+        let t6_11 = a_2x * t6_1;
+        let w_my_2_q1 = like.lift(0.12).mul_add(t6_7, t6_11);
+        let t6_12 = -w_mx_2_q1;
+        y[16][0] = t6_12;
         let t6_13 = -w_my_2_q1;
-        y[17] = [t6_13];
-        let t6_14 = cos_q2 * a_2y;
-        let t6_15 = (-sin_q2).mul_add(a_2x, t6_14);
-        let t6_16 = like.lift(0.12) * t6_15;
-        let w_m_2_q1 = -t6_16;
-        y[19] = [w_m_2_q1];
+        y[17][0] = t6_13;
+        let t6_14 = like.lift(0.12) * t6_9;
+        let w_m_2_q1 = -t6_14;
+        y[19][0] = w_m_2_q1;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         let w_izz_3_q1 = al_3z * x_q3_q1;
         let t7_1 = -w_izz_3_q1;
-        y[25] = [t7_1];
+        y[25][0] = t7_1;
         let t7_2 = like.lift(9.81) * x_q3_q1;
+        let w_my_3_q1 = sin_q3 * t7_2;
+        y[27][0] = w_my_3_q1;
         let w_mx_3_q1 = cos_q3 * t7_2;
         let t7_3 = -w_mx_3_q1;
-        y[26] = [t7_3];
-        let w_my_3_q1 = sin_q3 * t7_2;
-        y[27] = [w_my_3_q1];
+        y[26][0] = t7_3;
     }
     Condition { pivot: condition }
 }
@@ -1315,20 +1317,25 @@ pub fn poses<T: Scalar>(q: &[T; 3]) -> [[T; 12]; 3] {
     };
     // body 1
     {
+        poses[0][0] = cos_q1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
         let t2_1 = -sin_q1;
-        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
+        poses[0][1] = t2_1;
     }
     // body 2
     {
+        poses[1][0] = cos_q1_q2; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2;
         let t3_1 = -sin_q1_q2;
+        poses[1][1] = t3_1;
         let t3_2 = like.lift(0.12) * cos_q1;
+        poses[1][9] = t3_2;
         let t3_3 = like.lift(0.12) * sin_q1;
-        poses[1][0] = cos_q1_q2; poses[1][1] = t3_1; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2; poses[1][9] = t3_2; poses[1][11] = t3_3;
+        poses[1][11] = t3_3;
     }
     // body 3
     {
+        poses[2][0] = cos_q3; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q3; poses[2][7] = cos_q3; poses[2][9] = like.lift(0.4);
         let t4_1 = -sin_q3;
-        poses[2][0] = cos_q3; poses[2][1] = t4_1; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q3; poses[2][7] = cos_q3; poses[2][9] = like.lift(0.4);
+        poses[2][1] = t4_1;
     }
     poses
 }
@@ -1351,105 +1358,105 @@ pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut 
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 8]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, q3] = *q;
-    let [d_q1, d_q2, _] = *qd;
-    let [dd_q1, dd_q2, dd_q3] = *qdd;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3)] =
             T::sin_cos_all([q1, q2, q3]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3]
     };
+    let [dd_q1, dd_q2, dd_q3] = *qdd;
     // body 1
     let [a_1x] = {
+        w[0][0] = dd_q1;
         let a_1x = like.lift(9.81) * sin_q1;
         let t2_1 = -a_1x;
-        w[1] = [t2_1];
-        w[0] = [dd_q1];
+        w[1][0] = t2_1;
         [a_1x]
     };
+    let [d_q1, d_q2, _] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
-    let [al_2z, x_q2_q1, x_q3_q1] = {
+    let [t3_2, al_2z, t3_6, x_q2_q1, x_q3_q1] = {
+        let t3_1 = like.lift(0.12) * d_q1;
+        let t3_2 = t3_1.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
-        let t3_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
-        let t3_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
-        let t3_3 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_3);
-        let t3_4 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_4);
+        let t3_3 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_3);
+        let t3_4 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_4);
+        let t3_5 = like.lift(0.12) * dd_q1;
+        let t3_6 = like.lift(9.81).mul_add(cos_q1, t3_5);
+        let t3_7 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_7);
+        let t3_8 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_8);
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t3_5 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t3_6 = -u_2_q1x;
-        let t3_7 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t3_8 = -t3_7;
         let t3_9 = like.lift(1.0) / sin_q1_q2_minus_q3;
         let t3_10 = sin_q2 * t3_9;
-        let t3_11 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t3_12 = (-t3_11).mul_add(t3_10, t3_7);
-        let t3_13 = like.lift(2.857142857142857) * t3_12;
-        let t3_14 = like.lift(0.4) * t3_10;
-        let t3_15 = -t3_14;
+        let t3_11 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t3_12 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let t3_13 = -u_2_q1x;
+        let t3_14 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_15 = (-t3_12).mul_add(t3_10, t3_14);
+        let t3_16 = -t3_14;
+        let t3_17 = like.lift(2.857142857142857) * t3_15;
+        let t3_18 = like.lift(0.4) * t3_10;
+        let t3_19 = -t3_18;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
-            [[t3_13], [t3_15]],
+            [[t3_17], [t3_19]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_5],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_11],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_6], [t3_8], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_13], [t3_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [al_2z, x_q2_q1, x_q3_q1]
+        [t3_2, al_2z, t3_6, x_q2_q1, x_q3_q1]
     };
     // body 2
     {
         let t4_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
-        w[2] = [w_izz_2_q1];
+        w[2][0] = w_izz_2_q1;
         let w_2z = d_q1 + d_q2;
         let t4_2 = w_2z * w_2z;
-        let t4_3 = like.lift(0.12) * d_q1;
-        let t4_4 = t4_3.mul_add(d_q1, -a_1x);
-        let t4_5 = like.lift(0.12) * dd_q1;
-        let t4_6 = like.lift(9.81).mul_add(cos_q1, t4_5);
-        let t4_7 = cos_q2 * t4_6;
-        let a_2y = sin_q2.mul_add(t4_4, t4_7);
-        let t4_8 = cos_q2 * al_2z;
-        let t4_9 = (-sin_q2).mul_add(t4_2, t4_8);
-        let t4_10 = a_2y * t4_1;
-        let t4_11 = like.lift(0.12).mul_add(t4_9, t4_10);
+        let t4_3 = cos_q2 * t3_6;
+        let a_2y = sin_q2.mul_add(t3_2, t4_3);
+        let t4_4 = cos_q2 * t3_2;
+        let a_2x = (-sin_q2).mul_add(t3_6, t4_4);
+        let t4_5 = a_2y * t4_1;
+        let t4_6 = cos_q2 * al_2z;
+        let t4_7 = (-sin_q2).mul_add(t4_2, t4_6);
+        let t4_8 = cos_q2 * t4_2;
+        let t4_9 = sin_q2.mul_add(al_2z, t4_8);
+        let t4_10 = like.lift(0.12) * t4_9;
+        let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_10);
+        let t4_11 = like.lift(0.12).mul_add(t4_7, t4_5);
+        let t4_12 = -w_my_2_q1;
+        w[4][0] = t4_12;
         let w_mx_2_q1 = -t4_11;
-        let t4_12 = -w_mx_2_q1;
-        w[3] = [t4_12];
-        let t4_13 = cos_q2 * t4_4;
-        let a_2x = (-sin_q2).mul_add(t4_6, t4_13);
-        let t4_14 = cos_q2 * t4_2;
-        let t4_15 = sin_q2.mul_add(al_2z, t4_14);
-        let t4_16 = like.lift(0.12) * t4_15;
-        let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_16);
-        let t4_17 = -w_my_2_q1;
-        w[4] = [t4_17];
+        let t4_13 = -w_mx_2_q1;
+        w[3][0] = t4_13;
     }
     // body 3
     {
         let w_izz_3_q1 = dd_q3 * x_q3_q1;
         let t5_1 = -w_izz_3_q1;
-        w[5] = [t5_1];
+        w[5][0] = t5_1;
         let t5_2 = like.lift(9.81) * x_q3_q1;
+        let w_my_3_q1 = sin_q3 * t5_2;
+        w[7][0] = w_my_3_q1;
         let w_mx_3_q1 = cos_q3 * t5_2;
         let t5_3 = -w_mx_3_q1;
-        w[6] = [t5_3];
-        let w_my_3_q1 = sin_q3 * t5_2;
-        w[7] = [w_my_3_q1];
+        w[6][0] = t5_3;
     }
     Condition { pivot: condition }
 }
@@ -1469,6 +1476,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 8] {
     ] = *phi;
     // combinations
     {
+        beta[1] = p_my_1; beta[4] = p_my_2; beta[7] = p_my_3;
         let t1_1 = like.lift(-0.12).mul_add(p_mx_1, p_izz_1);
         beta[0] = t1_1;
         let t1_2 = like.lift(-1.0208333333333333).mul_add(p_mx_1, p_izz_2);
@@ -1483,9 +1491,6 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 8] {
         let t1_8 = like.lift(2.5).mul_add(p_mx_1, p_mx_3);
         let t1_9 = like.lift(0.3).mul_add(p_m_2, t1_8);
         beta[6] = t1_9;
-        beta[1] = p_my_1;
-        beta[4] = p_my_2;
-        beta[7] = p_my_3;
     }
     beta
 }
@@ -1508,6 +1513,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30]
     ] = *free;
     // phi
     {
+        phi[0] = p_ixx_1; phi[1] = p_ixy_1; phi[2] = p_ixz_1; phi[3] = p_iyy_1; phi[4] = p_iyz_1; phi[6] = p_mx_1; phi[7] = p_my_1; phi[8] = p_mz_1; phi[9] = p_m_1; phi[10] = p_ixx_2; phi[11] = p_ixy_2; phi[12] = p_ixz_2; phi[13] = p_iyy_2; phi[14] = p_iyz_2; phi[17] = p_my_2; phi[18] = p_mz_2; phi[19] = p_m_2; phi[20] = p_ixx_3; phi[21] = p_ixy_3; phi[22] = p_ixz_3; phi[23] = p_iyy_3; phi[24] = p_iyz_3; phi[27] = p_my_3; phi[28] = p_mz_3; phi[29] = p_m_3;
         let t1_1 = like.lift(0.12).mul_add(p_mx_1, p_izz_1);
         phi[5] = t1_1;
         let t1_2 = like.lift(1.0208333333333333).mul_add(p_mx_1, p_izz_2);
@@ -1522,31 +1528,6 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30]
         let t1_8 = like.lift(-2.5).mul_add(p_mx_1, p_mx_3);
         let t1_9 = like.lift(-0.3).mul_add(p_m_2, t1_8);
         phi[26] = t1_9;
-        phi[0] = p_ixx_1;
-        phi[1] = p_ixy_1;
-        phi[2] = p_ixz_1;
-        phi[3] = p_iyy_1;
-        phi[4] = p_iyz_1;
-        phi[6] = p_mx_1;
-        phi[7] = p_my_1;
-        phi[8] = p_mz_1;
-        phi[9] = p_m_1;
-        phi[10] = p_ixx_2;
-        phi[11] = p_ixy_2;
-        phi[12] = p_ixz_2;
-        phi[13] = p_iyy_2;
-        phi[14] = p_iyz_2;
-        phi[17] = p_my_2;
-        phi[18] = p_mz_2;
-        phi[19] = p_m_2;
-        phi[20] = p_ixx_3;
-        phi[21] = p_ixy_3;
-        phi[22] = p_ixz_3;
-        phi[23] = p_iyy_3;
-        phi[24] = p_iyz_3;
-        phi[27] = p_my_3;
-        phi[28] = p_mz_3;
-        phi[29] = p_m_3;
     }
     phi
 }
@@ -1563,19 +1544,19 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30]
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
-    let [q1, q2, q3] = *q;
-    let [d_q1, d_q2, _] = *qd;
-    let [dd_q1, dd_q2, dd_q3] = *qdd;
-    let [p_izz_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_mx_3, p_my_3] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3)] =
             T::sin_cos_all([q1, q2, q3]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3]
     };
+    let [d_q1, d_q2, _] = *qd;
+    let [dd_q1, dd_q2, dd_q3] = *qdd;
+    let [p_izz_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_mx_3, p_my_3] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_1, t2_10, t2_17, x_q2_q1, x_q3_q1] = {
+    let [t2_1, t2_10, t2_17, t2_26, x_q2_q1, x_q3_q1] = {
         let al_2z = dd_q1 + dd_q2;
         let t2_1 = like.lift(9.81) * sin_q1;
         let t2_2 = like.lift(0.12) * d_q1;
@@ -1601,52 +1582,52 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_18);
         let t2_19 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_19);
-        let t2_20 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_20);
-        let t2_21 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_21);
+        let t2_20 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_21 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_21);
+        let t2_22 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_22);
+        let t2_23 = sin_q3 * p_my_3;
+        let t2_24 = (-cos_q3).mul_add(p_mx_3, t2_23);
+        let t2_25 = dd_q3 * p_izz_3;
+        let t2_26 = like.lift(-9.81).mul_add(t2_24, t2_25);
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_22 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_27 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_28 = sin_q2 * t2_27;
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t2_23 = -u_2_q1x;
-        let t2_24 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_25 = -t2_24;
-        let t2_26 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_27 = sin_q2 * t2_26;
-        let t2_28 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t2_29 = (-t2_28).mul_add(t2_27, t2_24);
-        let t2_30 = like.lift(2.857142857142857) * t2_29;
-        let t2_31 = like.lift(0.4) * t2_27;
-        let t2_32 = -t2_31;
+        let t2_29 = -u_2_q1x;
+        let t2_30 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_31 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_32 = (-t2_31).mul_add(t2_28, t2_20);
+        let t2_33 = -t2_20;
+        let t2_34 = like.lift(2.857142857142857) * t2_32;
+        let t2_35 = like.lift(0.4) * t2_28;
+        let t2_36 = -t2_35;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
-            [[t2_30], [t2_32]],
+            [[t2_34], [t2_36]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_22],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_30],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_23], [t2_25], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_29], [t2_33], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t2_1, t2_10, t2_17, x_q2_q1, x_q3_q1]
+        [t2_1, t2_10, t2_17, t2_26, x_q2_q1, x_q3_q1]
     };
     // tau
     {
-        let t3_1 = sin_q3 * p_my_3;
-        let t3_2 = (-cos_q3).mul_add(p_mx_3, t3_1);
-        let t3_3 = dd_q3 * p_izz_3;
-        let t3_4 = like.lift(-9.81).mul_add(t3_2, t3_3);
-        let t3_5 = (-t3_4).mul_add(x_q3_q1, t2_10);
-        let t3_6 = (-t2_10).mul_add(x_q2_q1, t3_5);
-        let t3_7 = (-p_my_1).mul_add(t2_1, t3_6);
-        let t3_8 = dd_q1.mul_add(p_izz_1, t3_7);
-        let t3_9 = like.lift(-0.12).mul_add(t2_17, t3_8);
-        tau[0] = t3_9;
+        let t3_1 = (-t2_26).mul_add(x_q3_q1, t2_10);
+        let t3_2 = (-t2_10).mul_add(x_q2_q1, t3_1);
+        let t3_3 = (-p_my_1).mul_add(t2_1, t3_2);
+        let t3_4 = dd_q1.mul_add(p_izz_1, t3_3);
+        let t3_5 = like.lift(-0.12).mul_add(t2_17, t3_4);
+        tau[0] = t3_5;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1661,71 +1642,71 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
 pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
-    let [q1, q2, q3] = *q;
-    let [_, p_my_1, _, p_mx_2, p_my_2, _, p_mx_3, p_my_3] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
         let [(sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q3, cos_q3)] =
             T::sin_cos_all([q1, q2, q3]);
         [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3]
     };
+    let [_, p_my_1, _, p_mx_2, p_my_2, _, p_mx_3, p_my_3] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_6, x_q2_q1, x_q3_q1] = {
+    let [t2_4, t2_8, t2_14, x_q2_q1, x_q3_q1] = {
         let t2_1 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
         let t2_2 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
-        let t2_3 = sin_q1_q2 * p_my_2;
-        let t2_4 = (-cos_q1_q2).mul_add(p_mx_2, t2_3);
-        let t2_5 = like.lift(9.81) * t2_4;
-        let t2_6 = -t2_5;
-        let t2_7 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_7);
-        let t2_8 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_8);
+        let t2_3 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_4 = like.lift(9.81) * sin_q1;
+        let t2_5 = sin_q1_q2 * p_my_2;
+        let t2_6 = (-cos_q1_q2).mul_add(p_mx_2, t2_5);
+        let t2_7 = like.lift(9.81) * t2_6;
+        let t2_8 = -t2_7;
+        let t2_9 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_9);
+        let t2_10 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_10);
+        let t2_11 = sin_q3 * p_my_3;
+        let t2_12 = (-cos_q3).mul_add(p_mx_3, t2_11);
+        let t2_13 = like.lift(9.81) * t2_12;
+        let t2_14 = -t2_13;
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_9 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_15 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_16 = sin_q2 * t2_15;
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t2_10 = -u_2_q1x;
-        let t2_11 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_12 = -t2_11;
-        let t2_13 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_14 = sin_q2 * t2_13;
-        let t2_15 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t2_16 = (-t2_15).mul_add(t2_14, t2_11);
-        let t2_17 = like.lift(2.857142857142857) * t2_16;
-        let t2_18 = like.lift(0.4) * t2_14;
-        let t2_19 = -t2_18;
+        let t2_17 = -u_2_q1x;
+        let t2_18 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_19 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_20 = (-t2_19).mul_add(t2_16, t2_3);
+        let t2_21 = -t2_3;
+        let t2_22 = like.lift(2.857142857142857) * t2_20;
+        let t2_23 = like.lift(0.4) * t2_16;
+        let t2_24 = -t2_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
-            [[t2_17], [t2_19]],
+            [[t2_22], [t2_24]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_9],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_18],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_10], [t2_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_17], [t2_21], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t2_6, x_q2_q1, x_q3_q1]
+        [t2_4, t2_8, t2_14, x_q2_q1, x_q3_q1]
     };
     // tau
     {
-        let t3_1 = sin_q3 * p_my_3;
-        let t3_2 = (-cos_q3).mul_add(p_mx_3, t3_1);
-        let t3_3 = like.lift(9.81) * t3_2;
+        let t3_1 = t2_14.mul_add(x_q3_q1, -t2_8);
+        let t3_2 = t2_8.mul_add(x_q2_q1, t3_1);
+        let t3_3 = t2_4.mul_add(p_my_1, t3_2);
         let t3_4 = -t3_3;
-        let t3_5 = t3_4.mul_add(x_q3_q1, -t2_6);
-        let t3_6 = t2_6.mul_add(x_q2_q1, t3_5);
-        let t3_7 = like.lift(9.81) * sin_q1;
-        let t3_8 = t3_7.mul_add(p_my_1, t3_6);
-        let t3_9 = -t3_8;
-        tau[0] = t3_9;
+        tau[0] = t3_4;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1741,10 +1722,8 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<
 pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
-    let [q1, q2, q3] = *q;
-    let [d_q1, d_q2, d_q3] = *qd;
-    let [_, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, _] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
         let t1_1 = q2 + q1;
@@ -1753,34 +1732,39 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([
             T::sin_cos_all([t1_2, q2]);
         [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2]
     };
+    let [d_q1, d_q2, d_q3] = *qd;
+    let [_, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, _] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
-    let [pivot_2, t2_1, t2_3, t2_4, t2_11, t2_14, al_2z, al_3z] = {
+    let [pivot_2, t2_1, t2_5, t2_12, t2_18, al_2z, al_3z] = {
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
         let t2_1 = like.lift(0.3) * cos_q1_q2_minus_q3;
         let t2_2 = d_q1 * d_q1;
         let t2_3 = cos_q2 * t2_2;
+        let t2_4 = sin_q2 * t2_2;
         let w_2z = d_q1 + d_q2;
-        let t2_4 = w_2z * w_2z;
-        let t2_5 = like.lift(0.3) * d_q3;
-        let t2_6 = d_q3 * t2_5;
-        let t2_7 = like.lift(0.35) * t2_4;
-        let t2_8 = (-cos_q1_q2_minus_q3).mul_add(t2_6, t2_7);
-        let t2_9 = like.lift(0.12).mul_add(t2_3, t2_8);
-        let t2_10 = -t2_9;
-        let t2_11 = sin_q2 * t2_2;
-        let t2_12 = like.lift(0.12) * t2_11;
-        let t2_13 = (-sin_q1_q2_minus_q3).mul_add(t2_6, t2_12);
-        let t2_14 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_15 = t2_14 * t2_9;
-        let t2_16 = cos_q1_q2_minus_q3.mul_add(t2_15, t2_13);
-        let t2_17 = like.lift(2.857142857142857) * t2_16;
-        let t2_18 = -t2_17;
-        let t2_19 = like.lift(3.3333333333333335) * t2_15;
-        let t2_20 = -t2_19;
+        let t2_5 = w_2z * w_2z;
+        let t2_6 = like.lift(0.3) * d_q3;
+        let t2_7 = d_q3 * t2_6;
+        let t2_8 = like.lift(0.35) * t2_5;
+        let t2_9 = (-cos_q1_q2_minus_q3).mul_add(t2_7, t2_8);
+        let t2_10 = like.lift(0.12).mul_add(t2_3, t2_9);
+        let t2_11 = t2_3 * p_my_2;
+        let t2_12 = t2_4.mul_add(p_mx_2, t2_11);
+        let t2_13 = like.lift(0.12) * t2_4;
+        let t2_14 = (-sin_q1_q2_minus_q3).mul_add(t2_7, t2_13);
+        let t2_15 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_16 = -t2_10;
+        let t2_17 = t2_15 * t2_10;
+        let t2_18 = sin_q2 * t2_15;
+        let t2_19 = cos_q1_q2_minus_q3.mul_add(t2_17, t2_14);
+        let t2_20 = like.lift(2.857142857142857) * t2_19;
+        let t2_21 = -t2_20;
+        let t2_22 = like.lift(3.3333333333333335) * t2_17;
+        let t2_23 = -t2_22;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[al_2z], [al_3z]], found) = ::regen_runtime::guarded(
-            [[t2_18], [t2_20]],
+            [[t2_21], [t2_23]],
             margin,
             || (
                 [
@@ -1788,38 +1772,36 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_10], [t2_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_16], [t2_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [pivot_2, t2_1, t2_3, t2_4, t2_11, t2_14, al_2z, al_3z]
+        [pivot_2, t2_1, t2_5, t2_12, t2_18, al_2z, al_3z]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_4, t3_10, x_q2_q1, x_q3_q1] = {
-        let t3_1 = t2_3 * p_my_2;
-        let t3_2 = t2_11.mul_add(p_mx_2, t3_1);
+    let [t3_2, t3_4, t3_10, x_q2_q1, x_q3_q1] = {
+        let t3_1 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t3_2 = p_izz_3 * al_3z;
         let t3_3 = p_izz_2 * al_2z;
-        let t3_4 = like.lift(0.12).mul_add(t3_2, t3_3);
+        let t3_4 = like.lift(0.12).mul_add(t2_12, t3_3);
         let t3_5 = p_my_2 * al_2z;
-        let t3_6 = t2_4.mul_add(p_mx_2, t3_5);
-        let t3_7 = t2_4 * p_my_2;
+        let t3_6 = t2_5.mul_add(p_mx_2, t3_5);
+        let t3_7 = t2_5 * p_my_2;
         let t3_8 = (-p_mx_2).mul_add(al_2z, t3_7);
         let t3_9 = cos_q2 * t3_8;
         let t3_10 = sin_q2.mul_add(t3_6, t3_9);
         let u_2_q1x = like.lift(0.12) * sin_q2;
         let t3_11 = -u_2_q1x;
         let t3_12 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t3_13 = -t3_12;
-        let t3_14 = sin_q2 * t2_14;
-        let t3_15 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t3_16 = (-t3_15).mul_add(t3_14, t3_12);
-        let t3_17 = like.lift(2.857142857142857) * t3_16;
-        let t3_18 = like.lift(0.4) * t3_14;
-        let t3_19 = -t3_18;
+        let t3_13 = (-t3_1).mul_add(t2_18, t3_12);
+        let t3_14 = -t3_12;
+        let t3_15 = like.lift(2.857142857142857) * t3_13;
+        let t3_16 = like.lift(0.4) * t2_18;
+        let t3_17 = -t3_16;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
-            [[t3_17], [t3_19]],
+            [[t3_15], [t3_17]],
             margin,
             || (
                 [
@@ -1827,19 +1809,18 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_11], [t3_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_11], [t3_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t3_4, t3_10, x_q2_q1, x_q3_q1]
+        [t3_2, t3_4, t3_10, x_q2_q1, x_q3_q1]
     };
     // tau
     {
-        let t4_1 = p_izz_3 * al_3z;
-        let t4_2 = (-t4_1).mul_add(x_q3_q1, t3_4);
-        let t4_3 = (-t3_4).mul_add(x_q2_q1, t4_2);
-        let t4_4 = like.lift(-0.12).mul_add(t3_10, t4_3);
-        tau[0] = t4_4;
+        let t4_1 = (-t3_2).mul_add(x_q3_q1, t3_4);
+        let t4_2 = (-t3_4).mul_add(x_q2_q1, t4_1);
+        let t4_3 = like.lift(-0.12).mul_add(t3_10, t4_2);
+        tau[0] = t4_3;
     }
     (tau, Condition { pivot: condition })
 }
@@ -1854,9 +1835,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([[T; 1]; 1], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 1]; 1];
-    let [q1, q2, q3] = *q;
-    let [p_izz_1, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, _] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3] = {
         let t1_1 = q2 + q1;
@@ -1865,23 +1845,24 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([[T; 1]; 1], C
             T::sin_cos_all([q2, t1_2]);
         [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3]
     };
+    let [p_izz_1, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, _] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_2, t2_3, x_q2_q1, x_q3_q1] = {
+    let [t2_2, t2_4, x_q2_q1, x_q3_q1] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
-        let t2_3 = like.lift(0.12).mul_add(t2_2, p_izz_2);
+        let t2_3 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_4 = like.lift(0.12).mul_add(t2_2, p_izz_2);
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_4 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_5 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_6 = sin_q2 * t2_5;
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t2_5 = -u_2_q1x;
-        let t2_6 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_7 = -t2_6;
-        let t2_8 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_9 = sin_q2 * t2_8;
-        let t2_10 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t2_11 = (-t2_10).mul_add(t2_9, t2_6);
-        let t2_12 = like.lift(2.857142857142857) * t2_11;
-        let t2_13 = like.lift(0.4) * t2_9;
+        let t2_7 = -u_2_q1x;
+        let t2_8 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_9 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_10 = (-t2_9).mul_add(t2_6, t2_3);
+        let t2_11 = -t2_3;
+        let t2_12 = like.lift(2.857142857142857) * t2_10;
+        let t2_13 = like.lift(0.4) * t2_6;
         let t2_14 = -t2_13;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
@@ -1890,26 +1871,26 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([[T; 1]; 1], C
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_4],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_8],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_5], [t2_7], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_7], [t2_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t2_2, t2_3, x_q2_q1, x_q3_q1]
+        [t2_2, t2_4, x_q2_q1, x_q3_q1]
     };
     // M
     {
-        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_3);
-        let t3_2 = t3_1 + t2_3;
+        let t3_1 = (-p_izz_2).mul_add(x_q2_q1, t2_4);
+        let t3_2 = t3_1 + t2_4;
         let t3_3 = x_q3_q1 * p_izz_3;
         let t3_4 = t3_3.mul_add(x_q3_q1, p_izz_1);
         let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
         let t3_6 = like.lift(0.24).mul_add(t2_2, t3_5);
         let t3_7 = t3_6 + p_izz_2;
-        m[0] = [t3_7];
+        m[0][0] = t3_7;
     }
     (m, Condition { pivot: condition })
 }

@@ -403,29 +403,29 @@ pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 6] {
     };
     // f (Eq. 6)
     {
-        let t2_1 = like.lift(0.14207) * cos_q3_pin;
-        let t2_2 = like.lift(0.0456).mul_add(cos_q3, t2_1);
-        let t2_3 = like.lift(0.0456).mul_add(cos_q2_elbow, t2_2);
-        let t2_4 = like.lift(-0.14207).mul_add(cos_q2, t2_3);
-        let t2_5 = cos_q1 * t2_4;
-        let t2_6 = -t2_5;
-        f[0] = t2_6;
-        let t2_7 = like.lift(0.14207) * cos_q3_pin;
-        let t2_8 = like.lift(0.0456).mul_add(cos_q3, t2_7);
-        let t2_9 = like.lift(0.0456).mul_add(cos_q2_elbow, t2_8);
-        let t2_10 = like.lift(-0.14207).mul_add(cos_q2, t2_9);
-        let t2_11 = sin_q1 * t2_10;
-        let t2_12 = -t2_11;
-        f[1] = t2_12;
-        let t2_13 = sin_q3 + sin_q2_elbow;
-        let t2_14 = sin_q3_pin - sin_q2;
-        let t2_15 = like.lift(0.14207) * t2_14;
-        let t2_16 = like.lift(0.0456).mul_add(t2_13, t2_15);
-        let t2_17 = -t2_16;
-        f[2] = t2_17;
-        let t2_18 = elbow + q2;
-        let t2_19 = t2_18 + wrist;
-        f[5] = t2_19;
+        let t2_1 = sin_q3 + sin_q2_elbow;
+        let t2_2 = sin_q3_pin - sin_q2;
+        let t2_3 = like.lift(0.14207) * t2_2;
+        let t2_4 = like.lift(0.0456).mul_add(t2_1, t2_3);
+        let t2_5 = -t2_4;
+        f[2] = t2_5;
+        let t2_6 = elbow + q2;
+        let t2_7 = t2_6 + wrist;
+        f[5] = t2_7;
+        let t2_8 = like.lift(0.14207) * cos_q3_pin;
+        let t2_9 = like.lift(0.0456).mul_add(cos_q3, t2_8);
+        let t2_10 = like.lift(0.14207) * cos_q3_pin;
+        let t2_11 = like.lift(0.0456).mul_add(cos_q3, t2_10);
+        let t2_12 = like.lift(0.0456).mul_add(cos_q2_elbow, t2_9);
+        let t2_13 = like.lift(0.0456).mul_add(cos_q2_elbow, t2_11);
+        let t2_14 = like.lift(-0.14207).mul_add(cos_q2, t2_12);
+        let t2_15 = cos_q1 * t2_14;
+        let t2_16 = like.lift(-0.14207).mul_add(cos_q2, t2_13);
+        let t2_17 = sin_q1 * t2_16;
+        let t2_18 = -t2_15;
+        f[0] = t2_18;
+        let t2_19 = -t2_17;
+        f[1] = t2_19;
     }
     f
 }
@@ -458,59 +458,70 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 6] {
         ]
     };
     // row 1
-    let [t2_1, t2_2, t2_3, t2_4, t2_7, t2_10, t2_11, t2_15, t2_16] = {
+    let [t2_1, t2_2, t2_3, t2_4, t2_6, t2_7, t2_12, t2_13, t2_16] = {
         let t2_1 = like.lift(0.0456) * cos_q2_elbow;
-        let t2_2 = sin_q1 * t2_1;
-        let t2_3 = like.lift(0.14207) * cos_q2;
-        let t2_4 = sin_q1 * t2_3;
-        let t2_5 = like.lift(0.14207) * cos_q3_pin;
-        let t2_6 = like.lift(0.0456).mul_add(cos_q3, t2_5);
-        let t2_7 = sin_q1 * t2_6;
-        let t2_8 = t2_2 - t2_4;
-        let t2_9 = t2_8 + t2_7;
-        let t2_10 = like.lift(0.0456) * sin_q2_elbow;
-        let t2_11 = like.lift(0.14207).mul_add(sin_q2, -t2_10);
-        let t2_12 = cos_q1 * t2_11;
-        let t2_13 = -t2_12;
-        let t2_14 = cos_q1 * t2_10;
-        let t2_15 = like.lift(0.14207) * sin_q3_pin;
-        let t2_16 = like.lift(0.0456).mul_add(sin_q3, t2_15);
-        let t2_17 = cos_q1 * t2_16;
-        let t2_18 = cos_q1 * t2_15;
-        a[0][0] = t2_9; a[0][1] = t2_13; a[0][2] = t2_14; a[0][5] = t2_17; a[0][6] = t2_18;
-        [t2_1, t2_2, t2_3, t2_4, t2_7, t2_10, t2_11, t2_15, t2_16]
+        let t2_2 = like.lift(0.14207) * cos_q2;
+        let t2_3 = like.lift(0.0456) * sin_q2_elbow;
+        let t2_4 = like.lift(0.14207).mul_add(sin_q2, -t2_3);
+        let t2_5 = cos_q1 * t2_3;
+        a[0][2] = t2_5;
+        let t2_6 = like.lift(0.14207) * sin_q3_pin;
+        let t2_7 = like.lift(0.0456).mul_add(sin_q3, t2_6);
+        let t2_8 = cos_q1 * t2_7;
+        a[0][5] = t2_8;
+        let t2_9 = cos_q1 * t2_6;
+        a[0][6] = t2_9;
+        let t2_10 = cos_q1 * t2_4;
+        let t2_11 = -t2_10;
+        a[0][1] = t2_11;
+        let t2_12 = sin_q1 * t2_1;
+        let t2_13 = sin_q1 * t2_2;
+        let t2_14 = like.lift(0.14207) * cos_q3_pin;
+        let t2_15 = like.lift(0.0456).mul_add(cos_q3, t2_14);
+        let t2_16 = sin_q1 * t2_15;
+        let t2_17 = t2_12 - t2_13;
+        let t2_18 = t2_17 + t2_16;
+        a[0][0] = t2_18;
+        [t2_1, t2_2, t2_3, t2_4, t2_6, t2_7, t2_12, t2_13, t2_16]
     };
     // row 2
-    let [t3_1, t3_2, t3_5] = {
-        let t3_1 = cos_q1 * t2_1;
-        let t3_2 = cos_q1 * t2_3;
-        let t3_3 = like.lift(0.14207) * cos_q3_pin;
-        let t3_4 = like.lift(0.0456).mul_add(cos_q3, t3_3);
-        let t3_5 = cos_q1 * t3_4;
-        let t3_6 = t3_1 - t3_2;
-        let t3_7 = t3_6 + t3_5;
-        let t3_8 = -t3_7;
-        let t3_9 = sin_q1 * t2_11;
-        let t3_10 = -t3_9;
-        let t3_11 = sin_q1 * t2_10;
-        let t3_12 = sin_q1 * t2_16;
-        let t3_13 = sin_q1 * t2_15;
-        a[1][0] = t3_8; a[1][1] = t3_10; a[1][2] = t3_11; a[1][5] = t3_12; a[1][6] = t3_13;
-        [t3_1, t3_2, t3_5]
+    let [t3_6, t3_9, t3_10] = {
+        let t3_1 = sin_q1 * t2_3;
+        a[1][2] = t3_1;
+        let t3_2 = sin_q1 * t2_7;
+        a[1][5] = t3_2;
+        let t3_3 = sin_q1 * t2_6;
+        a[1][6] = t3_3;
+        let t3_4 = sin_q1 * t2_4;
+        let t3_5 = -t3_4;
+        a[1][1] = t3_5;
+        let t3_6 = cos_q1 * t2_2;
+        let t3_7 = like.lift(0.14207) * cos_q3_pin;
+        let t3_8 = like.lift(0.0456).mul_add(cos_q3, t3_7);
+        let t3_9 = cos_q1 * t3_8;
+        let t3_10 = cos_q1 * t2_1;
+        let t3_11 = t3_10 - t3_6;
+        let t3_12 = t3_11 + t3_9;
+        let t3_13 = -t3_12;
+        a[1][0] = t3_13;
+        [t3_6, t3_9, t3_10]
     };
     // row 3
     {
-        let t4_1 = t2_4 - t2_2;
-        let t4_2 = t3_2 - t3_1;
+        let t4_1 = t2_13 - t2_12;
+        let t4_2 = t3_6 - t3_10;
         let t4_3 = cos_q1 * t4_2;
         let t4_4 = sin_q1.mul_add(t4_1, t4_3);
-        let t4_5 = -t2_1;
-        let t4_6 = cos_q1 * t3_5;
-        let t4_7 = sin_q1.mul_add(t2_7, t4_6);
-        let t4_8 = -t4_7;
+        a[2][1] = t4_4;
+        let t4_5 = cos_q1 * t3_9;
+        let t4_6 = sin_q1.mul_add(t2_16, t4_5);
+        let t4_7 = -t2_1;
+        a[2][2] = t4_7;
+        let t4_8 = -t4_6;
+        a[2][5] = t4_8;
         let t4_9 = like.lift(0.14207) * cos_q3_pin;
         let t4_10 = -t4_9;
-        a[2][1] = t4_4; a[2][2] = t4_5; a[2][5] = t4_8; a[2][6] = t4_10;
+        a[2][6] = t4_10;
     }
     // row 4
     {
@@ -536,7 +547,6 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 6] {
     let like = q[0];
     let mut b = [like.lift(0.0); 6];
     let [q1, q2, elbow, _, _, q3, pin] = *q;
-    let [d_q1, d_q2, d_elbow, _, _, d_q3, d_pin] = *qd;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q3, cos_q3, sin_q3_pin, cos_q3_pin, sin_q2, cos_q2, sin_q2_elbow,
@@ -554,6 +564,7 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 6] {
             sin_q2_elbow, cos_q2_elbow,
         ]
     };
+    let [d_q1, d_q2, d_elbow, _, _, d_q3, d_pin] = *qd;
     // b (Eq. 7)
     {
         let t2_1 = d_q1 * cos_q1;
@@ -568,156 +579,156 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 6] {
         let t2_10 = (-cos_q3).mul_add(t2_1, t2_9);
         let t2_11 = like.lift(0.0456) * t2_10;
         let t2_12 = -t2_11;
-        let t2_13 = d_pin.mul_add(t2_4, t2_5);
-        let t2_14 = sin_q3_pin * t2_13;
-        let t2_15 = cos_q1.mul_add(d_pin, t2_6);
-        let t2_16 = sin_q1 * cos_q3_pin;
-        let t2_17 = sin_q1.mul_add(d_pin, t2_8);
-        let t2_18 = t2_16 * t2_17;
-        let t2_19 = cos_q1 * cos_q3_pin;
-        let t2_20 = t2_19 * t2_15;
-        let t2_21 = t2_20 + t2_18;
-        let t2_22 = like.lift(0.14207) * t2_21;
-        let t2_23 = t2_19 * d_q1;
-        let t2_24 = sin_q3_pin * t2_17;
-        let t2_25 = t2_24 - t2_23;
-        let t2_26 = like.lift(0.14207) * t2_25;
-        let t2_27 = -t2_26;
-        let t2_28 = d_q2 * t2_4;
-        let t2_29 = cos_q1 * d_q2;
-        let t2_30 = cos_q2 * d_q2;
-        let t2_31 = sin_q1 * d_q2;
-        let t2_32 = sin_q2 * t2_31;
-        let t2_33 = (-cos_q2).mul_add(t2_1, t2_32);
-        let t2_34 = like.lift(0.14207) * t2_33;
-        let t2_35 = -t2_34;
-        let t2_36 = d_elbow.mul_add(t2_4, t2_28);
-        let t2_37 = cos_q1.mul_add(d_elbow, t2_29);
-        let t2_38 = sin_q1 * cos_q2_elbow;
-        let t2_39 = sin_q1.mul_add(d_elbow, t2_31);
-        let t2_40 = cos_q1 * cos_q2_elbow;
-        let t2_41 = t2_40 * t2_37;
-        let t2_42 = t2_38.mul_add(t2_39, t2_41);
-        let t2_43 = like.lift(0.0456) * t2_42;
-        let t2_44 = sin_q2_elbow * t2_39;
-        let t2_45 = (-t2_40).mul_add(d_q1, t2_44);
-        let t2_46 = like.lift(0.0456) * t2_45;
-        let t2_47 = -t2_46;
-        let t2_48 = t2_12 + t2_27;
-        let t2_49 = t2_48 - t2_35;
-        let t2_50 = t2_49 + t2_47;
-        let t2_51 = sin_q3 * t2_5;
-        let t2_52 = (-t2_6).mul_add(t2_7, t2_51);
-        let t2_53 = sin_q2_elbow.mul_add(t2_36, t2_52);
-        let t2_54 = (-sin_q2).mul_add(t2_28, t2_14);
-        let t2_55 = t2_29.mul_add(t2_30, t2_54);
-        let t2_56 = like.lift(-0.14207).mul_add(t2_55, t2_3);
-        let t2_57 = like.lift(-0.0456).mul_add(t2_53, t2_56);
-        let t2_58 = d_q1.mul_add(t2_50, t2_57);
-        let t2_59 = t2_15.mul_add(t2_22, t2_58);
-        let t2_60 = t2_59 - t2_3;
-        let t2_61 = t2_37.mul_add(t2_43, t2_60);
-        let t2_62 = -t2_61;
-        b[0] = t2_62;
-        let t2_63 = d_q1 * t2_4;
-        let t2_64 = like.lift(0.0132) * t2_63;
-        let t2_65 = d_q3 * t2_1;
-        let t2_66 = cos_q3 * t2_4;
-        let t2_67 = sin_q3.mul_add(t2_6, t2_66);
-        let t2_68 = like.lift(0.0456) * t2_67;
-        let t2_69 = d_pin.mul_add(t2_1, t2_65);
-        let t2_70 = sin_q3_pin * t2_69;
-        let t2_71 = sin_q3_pin * t2_15;
-        let t2_72 = t2_16 * d_q1;
-        let t2_73 = t2_72 + t2_71;
-        let t2_74 = like.lift(0.14207) * t2_73;
-        let t2_75 = d_q2 * t2_1;
-        let t2_76 = cos_q2 * t2_4;
-        let t2_77 = sin_q2.mul_add(t2_29, t2_76);
-        let t2_78 = like.lift(0.14207) * t2_77;
-        let t2_79 = d_elbow.mul_add(t2_1, t2_75);
-        let t2_80 = t2_38 * d_q1;
-        let t2_81 = sin_q2_elbow.mul_add(t2_37, t2_80);
-        let t2_82 = like.lift(0.0456) * t2_81;
-        let t2_83 = t2_68 + t2_74;
-        let t2_84 = t2_83 - t2_78;
-        let t2_85 = t2_84 + t2_82;
-        let t2_86 = sin_q3 * t2_65;
-        let t2_87 = t2_8.mul_add(t2_7, t2_86);
-        let t2_88 = sin_q2_elbow.mul_add(t2_79, t2_87);
-        let t2_89 = (-sin_q2).mul_add(t2_75, t2_70);
-        let t2_90 = (-t2_31).mul_add(t2_30, t2_89);
-        let t2_91 = like.lift(0.14207).mul_add(t2_90, t2_64);
-        let t2_92 = like.lift(0.0456).mul_add(t2_88, t2_91);
-        let t2_93 = d_q1.mul_add(t2_85, t2_92);
-        let t2_94 = t2_17.mul_add(t2_22, t2_93);
-        let t2_95 = t2_94 - t2_64;
-        let t2_96 = t2_39.mul_add(t2_43, t2_95);
-        let t2_97 = -t2_96;
-        b[1] = t2_97;
-        let t2_98 = t2_40 * t2_36;
-        let t2_99 = (-t2_38).mul_add(t2_79, t2_98);
-        let t2_100 = t2_19 * t2_13;
-        let t2_101 = (-t2_16).mul_add(t2_69, t2_100);
-        let t2_102 = t2_8 * t2_12;
-        let t2_103 = (-t2_6).mul_add(t2_68, t2_102);
-        let t2_104 = like.lift(-0.14207).mul_add(t2_101, t2_103);
-        let t2_105 = (-t2_15).mul_add(t2_74, t2_104);
-        let t2_106 = t2_17.mul_add(t2_27, t2_105);
-        let t2_107 = t2_29.mul_add(t2_78, t2_106);
-        let t2_108 = (-t2_31).mul_add(t2_35, t2_107);
-        let t2_109 = like.lift(-0.0456).mul_add(t2_99, t2_108);
-        let t2_110 = (-t2_37).mul_add(t2_82, t2_109);
-        let t2_111 = t2_39.mul_add(t2_47, t2_110);
-        b[2] = t2_111;
-        let t2_112 = t2_71 + t2_72;
-        let t2_113 = t2_23 - t2_24;
-        let t2_114 = cos_q1 * t2_39;
-        let t2_115 = (-sin_q1).mul_add(t2_37, t2_114);
-        let t2_116 = t2_18 + t2_20;
-        let t2_117 = t2_115 * t2_116;
-        let t2_118 = (-t2_4).mul_add(t2_113, t2_117);
-        let t2_119 = t2_1.mul_add(t2_112, t2_118);
-        let t2_120 = (-d_q1).mul_add(t2_113, t2_14);
-        let t2_121 = (-t2_15).mul_add(t2_116, t2_120);
-        let t2_122 = t2_17.mul_add(t2_116, t2_70);
-        let t2_123 = d_q1.mul_add(t2_112, t2_122);
-        let t2_124 = (-t2_37).mul_add(t2_115, t2_63);
-        let t2_125 = t2_39.mul_add(t2_115, t2_2);
-        let t2_126 = t2_1 * t2_37;
-        let t2_127 = t2_4.mul_add(t2_39, t2_126);
-        let t2_128 = (-sin_q1).mul_add(t2_36, t2_127);
-        let t2_129 = (-cos_q1).mul_add(t2_79, t2_128);
-        let t2_130 = (-cos_q1).mul_add(t2_123, t2_119);
-        let t2_131 = (-sin_q1).mul_add(t2_121, t2_130);
-        let t2_132 = t2_131 + t2_119;
-        let t2_133 = (-sin_q3_pin).mul_add(t2_129, t2_132);
-        let t2_134 = (-t2_16).mul_add(t2_125, t2_133);
-        let t2_135 = t2_19.mul_add(t2_124, t2_134);
-        b[3] = t2_135;
-        let t2_136 = sin_q1 * sin_q3_pin;
-        let t2_137 = cos_q3_pin * t2_15;
-        let t2_138 = (-t2_136).mul_add(d_q1, t2_137);
+        let t2_13 = cos_q3 * t2_4;
+        let t2_14 = sin_q3.mul_add(t2_6, t2_13);
+        let t2_15 = like.lift(0.0456) * t2_14;
+        let t2_16 = d_pin.mul_add(t2_4, t2_5);
+        let t2_17 = sin_q3 * t2_5;
+        let t2_18 = (-t2_6).mul_add(t2_7, t2_17);
+        let t2_19 = sin_q3_pin * t2_16;
+        let t2_20 = cos_q1.mul_add(d_pin, t2_6);
+        let t2_21 = t2_8 * t2_12;
+        let t2_22 = (-t2_6).mul_add(t2_15, t2_21);
+        let t2_23 = sin_q1 * cos_q3_pin;
+        let t2_24 = sin_q1.mul_add(d_pin, t2_8);
+        let t2_25 = t2_23 * t2_24;
+        let t2_26 = cos_q1 * cos_q3_pin;
+        let t2_27 = t2_26 * t2_20;
+        let t2_28 = t2_27 + t2_25;
+        let t2_29 = t2_25 + t2_27;
+        let t2_30 = like.lift(0.14207) * t2_28;
+        let t2_31 = t2_26 * d_q1;
+        let t2_32 = sin_q3_pin * t2_24;
+        let t2_33 = t2_32 - t2_31;
+        let t2_34 = t2_31 - t2_32;
+        let t2_35 = like.lift(0.14207) * t2_33;
+        let t2_36 = -t2_35;
+        let t2_37 = t2_12 + t2_36;
+        let t2_38 = d_q2 * t2_4;
+        let t2_39 = cos_q1 * d_q2;
+        let t2_40 = cos_q2 * d_q2;
+        let t2_41 = sin_q1 * d_q2;
+        let t2_42 = sin_q2 * t2_41;
+        let t2_43 = (-cos_q2).mul_add(t2_1, t2_42);
+        let t2_44 = like.lift(0.14207) * t2_43;
+        let t2_45 = -t2_44;
+        let t2_46 = t2_37 - t2_45;
+        let t2_47 = cos_q2 * t2_4;
+        let t2_48 = sin_q2.mul_add(t2_39, t2_47);
+        let t2_49 = like.lift(0.14207) * t2_48;
+        let t2_50 = d_elbow.mul_add(t2_4, t2_38);
+        let t2_51 = sin_q2_elbow.mul_add(t2_50, t2_18);
+        let t2_52 = (-sin_q2).mul_add(t2_38, t2_19);
+        let t2_53 = t2_39.mul_add(t2_40, t2_52);
+        let t2_54 = like.lift(-0.14207).mul_add(t2_53, t2_3);
+        let t2_55 = like.lift(-0.0456).mul_add(t2_51, t2_54);
+        let t2_56 = (-d_q1).mul_add(t2_34, t2_19);
+        let t2_57 = (-t2_20).mul_add(t2_29, t2_56);
+        let t2_58 = cos_q1.mul_add(d_elbow, t2_39);
+        let t2_59 = sin_q1 * cos_q2_elbow;
+        let t2_60 = cos_q1 * cos_q2_elbow;
+        let t2_61 = sin_q1.mul_add(d_elbow, t2_41);
+        let t2_62 = t2_60 * t2_58;
+        let t2_63 = t2_59.mul_add(t2_61, t2_62);
+        let t2_64 = like.lift(0.0456) * t2_63;
+        let t2_65 = sin_q2_elbow * t2_61;
+        let t2_66 = (-t2_60).mul_add(d_q1, t2_65);
+        let t2_67 = like.lift(0.0456) * t2_66;
+        let t2_68 = -t2_67;
+        let t2_69 = t2_46 + t2_68;
+        let t2_70 = d_q1.mul_add(t2_69, t2_55);
+        let t2_71 = t2_20.mul_add(t2_30, t2_70);
+        let t2_72 = t2_71 - t2_3;
+        let t2_73 = t2_58.mul_add(t2_64, t2_72);
+        let t2_74 = -t2_73;
+        b[0] = t2_74;
+        let t2_75 = t2_60 * t2_50;
+        let t2_76 = d_q1 * t2_4;
+        let t2_77 = like.lift(0.0132) * t2_76;
+        let t2_78 = d_q3 * t2_1;
+        let t2_79 = sin_q3 * t2_78;
+        let t2_80 = t2_8.mul_add(t2_7, t2_79);
+        let t2_81 = d_pin.mul_add(t2_1, t2_78);
+        let t2_82 = sin_q3_pin * t2_81;
+        let t2_83 = sin_q3_pin * t2_20;
+        let t2_84 = t2_23 * d_q1;
+        let t2_85 = t2_84 + t2_83;
+        let t2_86 = t2_83 + t2_84;
+        let t2_87 = like.lift(0.14207) * t2_85;
+        let t2_88 = t2_15 + t2_87;
+        let t2_89 = t2_88 - t2_49;
+        let t2_90 = d_q2 * t2_1;
+        let t2_91 = (-sin_q2).mul_add(t2_90, t2_82);
+        let t2_92 = (-t2_41).mul_add(t2_40, t2_91);
+        let t2_93 = d_elbow.mul_add(t2_1, t2_90);
+        let t2_94 = sin_q2_elbow.mul_add(t2_93, t2_80);
+        let t2_95 = like.lift(0.14207).mul_add(t2_92, t2_77);
+        let t2_96 = like.lift(0.0456).mul_add(t2_94, t2_95);
+        let t2_97 = (-t2_59).mul_add(t2_93, t2_75);
+        let t2_98 = t2_59 * d_q1;
+        let t2_99 = sin_q2_elbow.mul_add(t2_58, t2_98);
+        let t2_100 = like.lift(0.0456) * t2_99;
+        let t2_101 = t2_89 + t2_100;
+        let t2_102 = d_q1.mul_add(t2_101, t2_96);
+        let t2_103 = t2_24.mul_add(t2_30, t2_102);
+        let t2_104 = t2_103 - t2_77;
+        let t2_105 = t2_61.mul_add(t2_64, t2_104);
+        let t2_106 = -t2_105;
+        b[1] = t2_106;
+        let t2_107 = t2_24.mul_add(t2_29, t2_82);
+        let t2_108 = d_q1.mul_add(t2_86, t2_107);
+        let t2_109 = t2_26 * t2_16;
+        let t2_110 = (-t2_23).mul_add(t2_81, t2_109);
+        let t2_111 = like.lift(-0.14207).mul_add(t2_110, t2_22);
+        let t2_112 = (-t2_20).mul_add(t2_87, t2_111);
+        let t2_113 = t2_24.mul_add(t2_36, t2_112);
+        let t2_114 = t2_39.mul_add(t2_49, t2_113);
+        let t2_115 = (-t2_41).mul_add(t2_45, t2_114);
+        let t2_116 = like.lift(-0.0456).mul_add(t2_97, t2_115);
+        let t2_117 = (-t2_58).mul_add(t2_100, t2_116);
+        let t2_118 = t2_61.mul_add(t2_68, t2_117);
+        b[2] = t2_118;
+        let t2_119 = cos_q3_pin * t2_16;
+        let t2_120 = cos_q3_pin * t2_81;
+        let t2_121 = cos_q1 * t2_61;
+        let t2_122 = (-sin_q1).mul_add(t2_58, t2_121);
+        let t2_123 = t2_122 * t2_29;
+        let t2_124 = (-t2_4).mul_add(t2_34, t2_123);
+        let t2_125 = t2_1.mul_add(t2_86, t2_124);
+        let t2_126 = (-cos_q1).mul_add(t2_108, t2_125);
+        let t2_127 = (-sin_q1).mul_add(t2_57, t2_126);
+        let t2_128 = t2_127 + t2_125;
+        let t2_129 = (-t2_58).mul_add(t2_122, t2_76);
+        let t2_130 = t2_61.mul_add(t2_122, t2_2);
+        let t2_131 = t2_1 * t2_58;
+        let t2_132 = t2_4.mul_add(t2_61, t2_131);
+        let t2_133 = (-sin_q1).mul_add(t2_50, t2_132);
+        let t2_134 = (-cos_q1).mul_add(t2_93, t2_133);
+        let t2_135 = (-sin_q3_pin).mul_add(t2_134, t2_128);
+        let t2_136 = (-t2_23).mul_add(t2_130, t2_135);
+        let t2_137 = t2_26.mul_add(t2_129, t2_136);
+        b[3] = t2_137;
+        let t2_138 = sin_q1 * sin_q3_pin;
         let t2_139 = cos_q1 * sin_q3_pin;
-        let t2_140 = cos_q3_pin * t2_17;
-        let t2_141 = t2_139.mul_add(d_q1, t2_140);
-        let t2_142 = t2_139 * t2_15;
-        let t2_143 = t2_136.mul_add(t2_17, t2_142);
-        let t2_144 = t2_4 * t2_141;
-        let t2_145 = (-t2_115).mul_add(t2_143, t2_144);
-        let t2_146 = t2_1.mul_add(t2_138, t2_145);
-        let t2_147 = cos_q3_pin * t2_13;
-        let t2_148 = d_q1.mul_add(t2_141, t2_147);
-        let t2_149 = t2_15.mul_add(t2_143, t2_148);
-        let t2_150 = cos_q3_pin * t2_69;
-        let t2_151 = (-t2_17).mul_add(t2_143, t2_150);
-        let t2_152 = d_q1.mul_add(t2_138, t2_151);
-        let t2_153 = (-cos_q1).mul_add(t2_152, t2_146);
-        let t2_154 = (-sin_q1).mul_add(t2_149, t2_153);
-        let t2_155 = t2_154 + t2_146;
-        let t2_156 = (-cos_q3_pin).mul_add(t2_129, t2_155);
-        let t2_157 = t2_136.mul_add(t2_125, t2_156);
-        let t2_158 = (-t2_139).mul_add(t2_124, t2_157);
+        let t2_140 = cos_q3_pin * t2_20;
+        let t2_141 = (-t2_138).mul_add(d_q1, t2_140);
+        let t2_142 = cos_q3_pin * t2_24;
+        let t2_143 = t2_139.mul_add(d_q1, t2_142);
+        let t2_144 = t2_4 * t2_143;
+        let t2_145 = d_q1.mul_add(t2_143, t2_119);
+        let t2_146 = t2_139 * t2_20;
+        let t2_147 = t2_138.mul_add(t2_24, t2_146);
+        let t2_148 = (-t2_122).mul_add(t2_147, t2_144);
+        let t2_149 = t2_1.mul_add(t2_141, t2_148);
+        let t2_150 = (-t2_24).mul_add(t2_147, t2_120);
+        let t2_151 = t2_20.mul_add(t2_147, t2_145);
+        let t2_152 = d_q1.mul_add(t2_141, t2_150);
+        let t2_153 = (-cos_q1).mul_add(t2_152, t2_149);
+        let t2_154 = (-sin_q1).mul_add(t2_151, t2_153);
+        let t2_155 = t2_154 + t2_149;
+        let t2_156 = (-cos_q3_pin).mul_add(t2_134, t2_155);
+        let t2_157 = t2_138.mul_add(t2_130, t2_156);
+        let t2_158 = (-t2_139).mul_add(t2_129, t2_157);
         b[4] = t2_158;
     }
     b
@@ -732,8 +743,8 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 6] {
 pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 3];
-    let [_, q2, elbow, wrist, _, q3, pin] = *q;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, _, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, sin_q3_pin,
@@ -758,55 +769,53 @@ pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 3], Condition<T>) {
     };
     // A_e dq_e = -f
     {
+        let t2_1 = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
+        let t2_2 = like.lift(0.0456) * sin_q3;
+        let t2_3 = like.lift(-0.14207).mul_add(cos_q2_minus_q3_minus_pin, like.lift(0.14207));
+        let t2_4 = like.lift(0.0132) - t2_1;
+        let t2_5 = (-cos_q3_pin).mul_add(t2_4, t2_3);
+        let t2_6 = sin_q3_pin.mul_add(t2_2, t2_5);
+        let t2_7 = like.lift(0.0132) - t2_1;
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_1 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_2 = -t2_1;
-        let t2_3 = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let t2_4 = like.lift(0.0456) * sin_q3;
-        let t2_5 = like.lift(0.0132) - t2_3;
-        let t2_6 = like.lift(-0.14207).mul_add(cos_q2_minus_q3_minus_pin, like.lift(0.14207));
-        let t2_7 = (-cos_q3_pin).mul_add(t2_5, t2_6);
-        let t2_8 = sin_q3_pin.mul_add(t2_4, t2_7);
-        let t2_9 = t2_8 + t2_1;
-        let t2_10 = like.lift(0.0132) - t2_3;
-        let t2_11 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_12 = (-sin_q3_pin).mul_add(t2_10, t2_11);
-        let t2_13 = (-cos_q3_pin).mul_add(t2_4, t2_12);
-        let t2_14 = -t2_13;
-        let t2_15 = elbow + q2;
-        let t2_16 = t2_15 + wrist;
-        let t2_17 = -t2_16;
-        let t2_18 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_19 = t2_9 * t2_18;
-        let t2_20 = like.lift(21.92982456140351) * t2_19;
-        let t2_21 = t2_16 + t2_20;
+        let t2_8 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_9 = (-sin_q3_pin).mul_add(t2_7, t2_8);
+        let t2_10 = (-cos_q3_pin).mul_add(t2_2, t2_9);
+        let t2_11 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_12 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_13 = t2_6 + t2_12;
+        let t2_14 = -t2_12;
+        let t2_15 = t2_13 * t2_11;
+        let t2_16 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_15, t2_10);
+        let t2_17 = -t2_10;
+        let t2_18 = like.lift(21.92982456140351) * t2_15;
+        let t2_19 = like.lift(7.038783698176955) * t2_16;
+        let t2_20 = elbow + q2;
+        let t2_21 = t2_20 + wrist;
         let t2_22 = -t2_21;
-        let t2_23 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_19, t2_13);
-        let t2_24 = like.lift(7.038783698176955) * t2_23;
+        let t2_23 = t2_21 + t2_18;
+        let t2_24 = -t2_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([[t2_25], [t2_26], [t2_27]], found) = ::regen_runtime::guarded(
-            [[t2_20], [t2_22], [t2_24]],
+            [[t2_18], [t2_24], [t2_19]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_14, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_9], [t2_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_17],
+                    [t2_13], [t2_17], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_22],
                 ],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_25;
-        dq_e[1] = t2_26;
-        dq_e[2] = t2_27;
+        dq_e[0] = t2_25; dq_e[1] = t2_26; dq_e[2] = t2_27;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -823,16 +832,16 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 3]; 3] {
     let [_, q2, elbow, _, _, q3, pin] = *q;
     // A_e (Eq. 8)
     {
+        a_e[0][0] = like.lift(1.0); a_e[0][1] = like.lift(1.0); a_e[1][2] = like.lift(-0.14207);
         let t1_1 = elbow + q2;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - pin;
         let (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin) = t1_3.sin_cos();
-        let t1_4 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t1_5 = -t1_4;
-        a_e[1][0] = t1_5; a_e[1][2] = like.lift(-0.14207);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
         a_e[2][0] = pivot_3;
-        a_e[0][0] = like.lift(1.0); a_e[0][1] = like.lift(1.0);
+        let t1_4 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t1_5 = -t1_4;
+        a_e[1][0] = t1_5;
     }
     a_e
 }
@@ -847,9 +856,8 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 3]; 3] {
 pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 4]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 7];
-    let [_, q2, elbow, _, _, q3, pin] = *q;
-    let [d_q1, d_q2, d_q4, d_q3] = *qd_i;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, _, _, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
@@ -870,56 +878,52 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 4]) -> ([T; 7], Condition<T>
             sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
         ]
     };
+    let [d_q1, d_q2, d_q4, d_q3] = *qd_i;
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
+        qd[0] = d_q1; qd[1] = d_q2; qd[4] = d_q4; qd[5] = d_q3;
+        let t2_1 = like.lift(0.0456) * sin_pin;
+        let t2_2 = t2_1 * d_q3;
+        let t2_3 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_1 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_2 = -t2_1;
-        let t2_3 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_4 = like.lift(0.0456) * sin_pin;
-        let t2_5 = t2_4 * d_q3;
-        let t2_6 = t2_3.mul_add(d_q2, t2_5);
-        let t2_7 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_1);
-        let t2_8 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t2_9 = t2_7 * d_q2;
-        let t2_10 = (-t2_8).mul_add(d_q3, t2_9);
-        let t2_11 = -t2_10;
-        let t2_12 = -d_q2;
-        let t2_13 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_14 = t2_13 * t2_6;
-        let t2_15 = like.lift(21.92982456140351) * t2_14;
-        let t2_16 = d_q2 + t2_15;
-        let t2_17 = -t2_16;
-        let t2_18 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_14, t2_10);
-        let t2_19 = like.lift(7.038783698176955) * t2_18;
+        let t2_4 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_5 = t2_4.mul_add(d_q2, t2_2);
+        let t2_6 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_7 = t2_6 * t2_5;
+        let t2_8 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_9 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_8);
+        let t2_10 = t2_9 * d_q2;
+        let t2_11 = (-t2_3).mul_add(d_q3, t2_10);
+        let t2_12 = -t2_8;
+        let t2_13 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_7, t2_11);
+        let t2_14 = -t2_11;
+        let t2_15 = like.lift(21.92982456140351) * t2_7;
+        let t2_16 = like.lift(7.038783698176955) * t2_13;
+        let t2_17 = -d_q2;
+        let t2_18 = d_q2 + t2_15;
+        let t2_19 = -t2_18;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([[t2_20], [t2_21], [t2_22]], found) = ::regen_runtime::guarded(
-            [[t2_15], [t2_17], [t2_19]],
+            [[t2_15], [t2_19], [t2_16]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_12, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_6], [t2_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_12],
+                    [t2_5], [t2_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_17],
                 ],
             ),
         );
         condition = condition.min(found);
-        qd[2] = t2_20;
-        qd[3] = t2_21;
-        qd[6] = t2_22;
-        qd[0] = d_q1;
-        qd[1] = d_q2;
-        qd[4] = d_q4;
-        qd[5] = d_q3;
+        qd[2] = t2_20; qd[3] = t2_21; qd[6] = t2_22;
     }
     (qd, Condition { pivot: condition })
 }
@@ -935,10 +939,8 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 4]) -> ([T; 7], Condition<T>
 pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 7];
-    let [_, q2, elbow, _, _, q3, pin] = *q;
-    let [_, d_q2, d_elbow, _, _, d_q3, d_pin] = *qd;
-    let [dd_q1, dd_q2, dd_q4, dd_q3] = *qdd_i;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, _, _, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
@@ -959,71 +961,68 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T;
             sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
         ]
     };
+    let [_, d_q2, d_elbow, _, _, d_q3, d_pin] = *qd;
+    let [dd_q1, dd_q2, dd_q4, dd_q3] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
+        qdd[0] = dd_q1; qdd[1] = dd_q2; qdd[4] = dd_q4; qdd[5] = dd_q3;
+        let t2_1 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_1 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_2 = -t2_1;
-        let t2_3 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
-        let t2_4 = t2_3 - pivot_3;
-        let t2_5 = d_q3 * d_q3;
-        let t2_6 = d_q3 + d_pin;
-        let t2_7 = d_q2 + d_elbow;
-        let t2_8 = t2_7 * t2_7;
-        let t2_9 = d_q2 * d_q2;
+        let t2_2 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_3 = -t2_2;
+        let t2_4 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_2);
+        let t2_5 = t2_4 * dd_q2;
+        let t2_6 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_7 = (-t2_6).mul_add(dd_q3, t2_5);
+        let t2_8 = t2_1 - pivot_3;
+        let t2_9 = d_q3 * d_q3;
         let t2_10 = sin_pin * dd_q3;
-        let t2_11 = (-cos_pin).mul_add(t2_5, t2_10);
-        let t2_12 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_8, t2_11);
-        let t2_13 = t2_6 * t2_6;
-        let t2_14 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_9, t2_13);
-        let t2_15 = like.lift(0.0456) * t2_12;
-        let t2_16 = t2_4.mul_add(dd_q2, t2_15);
-        let t2_17 = like.lift(-0.14207).mul_add(t2_14, t2_16);
-        let t2_18 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_1);
-        let t2_19 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t2_20 = sin_pin * t2_5;
-        let t2_21 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_8, t2_20);
-        let t2_22 = t2_18 * dd_q2;
-        let t2_23 = (-t2_19).mul_add(dd_q3, t2_22);
-        let t2_24 = like.lift(-0.0456).mul_add(t2_21, t2_23);
-        let t2_25 = (-t2_3).mul_add(t2_9, t2_24);
-        let t2_26 = -t2_25;
-        let t2_27 = -dd_q2;
-        let t2_28 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_29 = t2_28 * t2_17;
-        let t2_30 = like.lift(21.92982456140351) * t2_29;
-        let t2_31 = dd_q2 + t2_30;
-        let t2_32 = -t2_31;
-        let t2_33 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_29, t2_25);
-        let t2_34 = like.lift(7.038783698176955) * t2_33;
+        let t2_11 = (-cos_pin).mul_add(t2_9, t2_10);
+        let t2_12 = sin_pin * t2_9;
+        let t2_13 = d_q3 + d_pin;
+        let t2_14 = t2_13 * t2_13;
+        let t2_15 = d_q2 * d_q2;
+        let t2_16 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_15, t2_14);
+        let t2_17 = d_q2 + d_elbow;
+        let t2_18 = t2_17 * t2_17;
+        let t2_19 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_18, t2_12);
+        let t2_20 = like.lift(-0.0456).mul_add(t2_19, t2_7);
+        let t2_21 = (-t2_1).mul_add(t2_15, t2_20);
+        let t2_22 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_18, t2_11);
+        let t2_23 = like.lift(0.0456) * t2_22;
+        let t2_24 = t2_8.mul_add(dd_q2, t2_23);
+        let t2_25 = like.lift(-0.14207).mul_add(t2_16, t2_24);
+        let t2_26 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_27 = t2_26 * t2_25;
+        let t2_28 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_27, t2_21);
+        let t2_29 = -t2_21;
+        let t2_30 = like.lift(21.92982456140351) * t2_27;
+        let t2_31 = like.lift(7.038783698176955) * t2_28;
+        let t2_32 = -dd_q2;
+        let t2_33 = dd_q2 + t2_30;
+        let t2_34 = -t2_33;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([[t2_35], [t2_36], [t2_37]], found) = ::regen_runtime::guarded(
-            [[t2_30], [t2_32], [t2_34]],
+            [[t2_30], [t2_34], [t2_31]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_2, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_3, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_17], [t2_26], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_27],
+                    [t2_25], [t2_29], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_32],
                 ],
             ),
         );
         condition = condition.min(found);
-        qdd[2] = t2_35;
-        qdd[3] = t2_36;
-        qdd[6] = t2_37;
-        qdd[0] = dd_q1;
-        qdd[1] = dd_q2;
-        qdd[4] = dd_q4;
-        qdd[5] = dd_q3;
+        qdd[2] = t2_35; qdd[3] = t2_36; qdd[6] = t2_37;
     }
     (qdd, Condition { pivot: condition })
 }
@@ -1109,10 +1108,8 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 70]) -> Condition<T> {
     let like = q[0];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
-    let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q3, cos_q3, sin_pin, cos_pin, sin_wrist,
@@ -1128,13 +1125,19 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
             cos_wrist, sin_q4, cos_q4,
         ]
     };
+    let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
     // body column: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         w[5][0] = dd_q1;
     }
+    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
     // body arm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [w_ixz_arm_q2, t3_5, t3_10, t3_11, t3_12, t3_22, t3_23, a_army, a_armx, w_m_arm_q1] = {
+    let [w_m_arm_q1, w_ixz_arm_q2, t3_8, t3_9, t3_17, t3_20, t3_24, t3_25, a_army, a_armx] = {
+        w[15][1] = dd_q2;
+        let w_m_arm_q1 = like.lift(0.00017424) * dd_q1;
+        w[19][0] = w_m_arm_q1;
         let w_ixz_arm_q2 = sin_q2 * dd_q1;
+        w[12][1] = w_ixz_arm_q2;
         let w_army = cos_q2 * d_q1;
         let t3_1 = d_q2 * w_army;
         let al_armx = w_ixz_arm_q2 + t3_1;
@@ -1142,115 +1145,127 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         let t3_2 = d_q2 * w_armx;
         let t3_3 = cos_q2 * t3_2;
         let w_ixx_arm_q1 = sin_q2.mul_add(al_armx, t3_3);
+        w[10][0] = w_ixx_arm_q1;
+        let t3_4 = t3_1 + al_armx;
+        let t3_5 = sin_q2 * t3_1;
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t3_4 = -w_ixx_arm_q2;
-        w[10][0] = w_ixx_arm_q1; w[10][1] = t3_4;
+        w[13][1] = w_ixx_arm_q2;
+        let t3_6 = -w_ixx_arm_q2;
+        w[10][1] = t3_6;
+        let t3_7 = w_armx * w_armx;
+        let t3_8 = w_army * w_army;
+        let w_ixy_arm_q2 = t3_7 - t3_8;
+        w[11][1] = w_ixy_arm_q2;
         let w_iyz_arm_q2 = cos_q2 * dd_q1;
+        w[14][1] = w_iyz_arm_q2;
         let al_army = w_iyz_arm_q2 - t3_2;
-        let t3_5 = t3_2 - al_army;
-        let t3_6 = t3_1 + al_armx;
-        let t3_7 = sin_q2 * t3_5;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_6, t3_7);
-        let t3_8 = -w_ixy_arm_q1;
-        let t3_9 = w_armx * w_armx;
-        let t3_10 = w_army * w_army;
-        let w_ixy_arm_q2 = t3_9 - t3_10;
-        w[11][0] = t3_8; w[11][1] = w_ixy_arm_q2;
-        let t3_11 = dd_q2 + w_ixx_arm_q2;
-        let t3_12 = d_q2 * d_q2;
-        let t3_13 = t3_9 - t3_12;
-        let t3_14 = sin_q2 * t3_11;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_13, t3_14);
-        w[12][0] = w_ixz_arm_q1; w[12][1] = w_ixz_arm_q2;
-        let t3_15 = sin_q2 * t3_1;
-        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t3_15);
-        let t3_16 = -w_iyy_arm_q1;
-        w[13][0] = t3_16; w[13][1] = w_ixx_arm_q2;
-        let t3_17 = t3_10 - t3_12;
+        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t3_5);
+        let t3_9 = t3_2 - al_army;
+        let t3_10 = -w_iyy_arm_q1;
+        w[13][0] = t3_10;
+        let t3_11 = t3_9 - w_iyz_arm_q2;
+        let t3_12 = like.lift(0.0132) * t3_11;
+        let w_mx_arm_q1 = -t3_12;
+        w[16][0] = w_mx_arm_q1;
+        let t3_13 = sin_q2 * t3_9;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_4, t3_13);
+        let t3_14 = -w_ixy_arm_q1;
+        w[11][0] = t3_14;
+        let t3_15 = t3_4 + w_ixz_arm_q2;
+        let w_my_arm_q1 = like.lift(0.0132) * t3_15;
+        let t3_16 = -w_my_arm_q1;
+        w[17][0] = t3_16;
+        let t3_17 = dd_q2 + w_ixx_arm_q2;
         let t3_18 = dd_q2 - w_ixx_arm_q2;
         let t3_19 = cos_q2 * t3_18;
-        let w_iyz_arm_q1 = sin_q2.mul_add(t3_17, t3_19);
-        w[14][0] = w_iyz_arm_q1; w[14][1] = w_iyz_arm_q2;
-        let t3_20 = t3_5 - w_iyz_arm_q2;
-        let t3_21 = like.lift(0.0132) * t3_20;
-        let w_mx_arm_q1 = -t3_21;
-        let t3_22 = d_q1 * d_q1;
-        let t3_23 = like.lift(0.0132) * t3_22;
-        let t3_24 = like.lift(9.81) * cos_q2;
-        let a_army = sin_q2.mul_add(t3_23, t3_24);
-        w[16][0] = w_mx_arm_q1; w[16][1] = a_army;
-        let t3_25 = t3_6 + w_ixz_arm_q2;
-        let w_my_arm_q1 = like.lift(0.0132) * t3_25;
-        let t3_26 = -w_my_arm_q1;
-        let t3_27 = cos_q2 * t3_23;
+        let t3_20 = d_q2 * d_q2;
+        let t3_21 = t3_8 - t3_20;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_21, t3_19);
+        w[14][0] = w_iyz_arm_q1;
+        let t3_22 = t3_7 - t3_20;
+        let t3_23 = sin_q2 * t3_17;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_22, t3_23);
+        w[12][0] = w_ixz_arm_q1;
+        let t3_24 = d_q1 * d_q1;
+        let t3_25 = like.lift(0.0132) * t3_24;
+        let t3_26 = like.lift(9.81) * cos_q2;
+        let a_army = sin_q2.mul_add(t3_25, t3_26);
+        w[16][1] = a_army;
+        let t3_27 = cos_q2 * t3_25;
         let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_27);
-        w[17][0] = t3_26; w[17][1] = a_armx;
-        let t3_28 = (-sin_q2).mul_add(a_army, t3_23);
+        w[17][1] = a_armx;
+        let t3_28 = (-sin_q2).mul_add(a_army, t3_25);
         let w_mz_arm_q1 = (-cos_q2).mul_add(a_armx, t3_28);
         w[18][0] = w_mz_arm_q1;
-        let w_m_arm_q1 = like.lift(0.00017424) * dd_q1;
-        w[19][0] = w_m_arm_q1;
-        w[15][1] = dd_q2;
-        [w_ixz_arm_q2, t3_5, t3_10, t3_11, t3_12, t3_22, t3_23, a_army, a_armx, w_m_arm_q1]
+        [w_m_arm_q1, w_ixz_arm_q2, t3_8, t3_9, t3_17, t3_20, t3_24, t3_25, a_army, a_armx]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q2_elbow, cos_q2_elbow, w_forearmz, w_forearmy, t4_3, t4_4, al_forearmx,
-        w_forearmx, t4_5, w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2,
-        x_wrist_q3, x_pin_q2, x_pin_q3,
+        t4_2, t4_3, t4_4, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_7, t4_8, t4_9,
+        w_ixx_forearm_q1, t4_11, t4_12, t4_13, t4_14, u_forearm_q1z, x_elbow_q2, x_elbow_q3,
+        x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t4_1 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_1);
-        let t4_2 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_2);
+        let t4_1 = t3_8 + t3_20;
+        let t4_2 = like.lift(0.14207).mul_add(t4_1, a_armx);
+        let t4_3 = like.lift(0.14207).mul_add(t3_17, a_army);
+        let w_mz_forearm_q2 = like.lift(0.14207) * w_ixz_arm_q2;
+        let t4_4 = -w_mz_forearm_q2;
+        let t4_5 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_5);
+        let t4_6 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_6);
         let w_forearmz = d_q2 + d_elbow;
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t4_3 = w_forearmz * w_forearmy;
-        let t4_4 = sin_q2_elbow * dd_q1;
-        let al_forearmx = t4_3 + t4_4;
+        let t4_7 = w_forearmz * w_forearmy;
+        let t4_8 = sin_q2_elbow * dd_q1;
+        let al_forearmx = t4_7 + t4_8;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t4_5 = w_forearmz * w_forearmx;
-        let t4_6 = cos_q2_elbow * t4_5;
-        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t4_6);
-        let t4_7 = w_forearmx * w_forearmy;
-        let t4_8 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_8);
-        let t4_9 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_9);
-        let t4_10 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_10);
-        let t4_11 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_11);
+        let t4_9 = w_forearmz * w_forearmx;
+        let t4_10 = cos_q2_elbow * t4_9;
+        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t4_10);
+        let t4_11 = t4_7 + al_forearmx;
+        let t4_12 = w_forearmx * w_forearmy;
+        let t4_13 = w_forearmx * w_forearmx;
+        let t4_14 = w_forearmy * w_forearmy;
+        let t4_15 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_15);
+        let t4_16 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_16);
+        let t4_17 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_17);
+        let t4_18 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_18);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t4_12 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t4_13 = -t4_12;
-        let t4_14 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_14);
-        let t4_15 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_15);
-        let t4_16 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_16);
-        let t4_17 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_17);
-        let t4_18 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t4_19 = -t4_18;
+        let t4_19 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_20 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_21 = -t4_20;
+        let t4_22 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_22);
+        let t4_23 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_23);
+        let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
+        let t4_24 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_24);
+        let t4_25 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_25);
+        let t4_26 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t4_27 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_20);
+        let t4_28 = -t4_26;
+        let t4_29 = t4_26 * t4_19;
+        let t4_30 = sin_pin * t4_19;
+        let t4_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_29, t4_27);
+        let t4_32 = like.lift(21.92982456140351) * t4_29;
+        let t4_33 = like.lift(7.038783698176955) * t4_31;
+        let t4_34 = -t4_33;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_20 = -u_rod_q3x;
-        let t4_21 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_12);
-        let t4_22 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_23 = -t4_22;
-        let t4_24 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t4_25 = t4_18 * t4_24;
-        let t4_26 = like.lift(21.92982456140351) * t4_25;
-        let t4_27 = -t4_26;
-        let t4_28 = sin_pin * t4_24;
-        let t4_29 = -t4_28;
-        let t4_30 = like.lift(1.0) + t4_26;
-        let t4_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_25, t4_21);
-        let t4_32 = like.lift(7.038783698176955) * t4_31;
-        let t4_33 = -t4_32;
-        let t4_34 = t4_28.mul_add(t4_12, t4_22);
-        let t4_35 = like.lift(7.038783698176955) * t4_34;
+        let t4_35 = -u_rod_q3x;
+        let t4_36 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_37 = t4_30.mul_add(t4_20, t4_36);
+        let t4_38 = -t4_36;
+        let t4_39 = like.lift(7.038783698176955) * t4_37;
+        let t4_40 = -t4_32;
+        let t4_41 = like.lift(1.0) + t4_32;
+        let t4_42 = -t4_30;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -1258,23 +1273,23 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t4_27, like.lift(0.0), t4_29],
-                [like.lift(0.0), t4_30, like.lift(0.0), t4_28],
-                [like.lift(0.0), t4_33, like.lift(0.0), t4_35],
+                [like.lift(0.0), t4_40, like.lift(0.0), t4_42],
+                [like.lift(0.0), t4_41, like.lift(0.0), t4_30],
+                [like.lift(0.0), t4_34, like.lift(0.0), t4_39],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_13, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_21, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t4_19, like.lift(0.0), t4_20],
-                    [like.lift(0.0), t4_21, like.lift(0.0), t4_23],
+                    [like.lift(0.0), t4_28, like.lift(0.0), t4_35],
+                    [like.lift(0.0), t4_27, like.lift(0.0), t4_38],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1284,435 +1299,491 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         );
         condition = condition.min(found);
         [
-            sin_q2_elbow, cos_q2_elbow, w_forearmz, w_forearmy, t4_3, t4_4, al_forearmx,
-            w_forearmx, t4_5, w_ixx_forearm_q1, t4_7, x_elbow_q2, x_elbow_q3, x_wrist_q2,
-            x_wrist_q3, x_pin_q2, x_pin_q3,
+            t4_2, t4_3, t4_4, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_7, t4_8, t4_9,
+            w_ixx_forearm_q1, t4_11, t4_12, t4_13, t4_14, u_forearm_q1z, x_elbow_q2,
+            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // body forearm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        t5_1, t5_4, al_forearmz, t5_12, w_ixz_forearm_q3, a_armz, a_forearmz, u_forearm_q1z,
-        a_forearmy, t5_30, a_forearmx,
+        t5_2, w_ixz_forearm_q3, t5_7, al_forearmz, t5_16, t5_26, a_armz, a_forearmz,
+        a_forearmy, a_forearmx,
     ] = {
-        let t5_1 = like.lift(1.0) - x_elbow_q2;
-        let w_ixx_forearm_q2 = t4_7 * t5_1;
-        let t5_2 = -w_ixx_forearm_q2;
-        let w_ixx_forearm_q3 = x_elbow_q3 * t4_7;
-        w[20][0] = w_ixx_forearm_q1; w[20][1] = t5_2; w[20][3] = w_ixx_forearm_q3;
-        let t5_3 = cos_q2_elbow * dd_q1;
-        let al_forearmy = t4_5 - t5_3;
-        let t5_4 = t4_5 + al_forearmy;
-        let t5_5 = t4_3 + al_forearmx;
-        let t5_6 = sin_q2_elbow * t5_4;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_5, t5_6);
-        let t5_7 = -w_ixy_forearm_q1;
-        let t5_8 = w_forearmx * w_forearmx;
-        let t5_9 = w_forearmy * w_forearmy;
-        let t5_10 = t5_8 - t5_9;
-        let w_ixy_forearm_q2 = t5_10 * t5_1;
-        let w_ixy_forearm_q3 = x_elbow_q3 * t5_10;
-        let t5_11 = -w_ixy_forearm_q3;
-        w[21][0] = t5_7; w[21][1] = w_ixy_forearm_q2; w[21][3] = t5_11;
+        w[20][0] = w_ixx_forearm_q1; w[28][1] = t4_4;
+        let w_ixx_forearm_q3 = x_elbow_q3 * t4_12;
+        w[20][3] = w_ixx_forearm_q3;
+        let t5_1 = -w_ixx_forearm_q3;
+        w[23][3] = t5_1;
+        let t5_2 = like.lift(1.0) - x_elbow_q2;
+        let w_ixz_forearm_q2 = t4_8 * t5_2;
+        w[22][1] = w_ixz_forearm_q2;
+        let w_ixz_forearm_q3 = x_elbow_q3 * t4_8;
+        let t5_3 = -w_ixz_forearm_q3;
+        w[22][3] = t5_3;
+        let w_ixx_forearm_q2 = t4_12 * t5_2;
+        w[23][1] = w_ixx_forearm_q2;
+        let t5_4 = -w_ixx_forearm_q2;
+        w[20][1] = t5_4;
+        let t5_5 = cos_q2_elbow * dd_q1;
+        let w_iyz_forearm_q2 = t5_5 * t5_2;
+        w[24][1] = w_iyz_forearm_q2;
+        let w_iyz_forearm_q3 = x_elbow_q3 * t5_5;
+        let t5_6 = -w_iyz_forearm_q3;
+        w[24][3] = t5_6;
+        let al_forearmy = t4_9 - t5_5;
+        let t5_7 = t4_9 + al_forearmy;
+        let t5_8 = cos_q2_elbow * al_forearmy;
+        let w_iyy_forearm_q1 = sin_q2_elbow.mul_add(t4_7, t5_8);
+        let t5_9 = -w_iyy_forearm_q1;
+        w[23][0] = t5_9;
+        let t5_10 = sin_q2_elbow * t5_7;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t4_11, t5_10);
+        let t5_11 = -w_ixy_forearm_q1;
+        w[21][0] = t5_11;
+        let t5_12 = u_forearm_q1z * t4_11;
+        let t5_13 = t4_13 - t4_14;
+        let w_ixy_forearm_q2 = t5_13 * t5_2;
+        w[21][1] = w_ixy_forearm_q2;
+        let w_ixy_forearm_q3 = x_elbow_q3 * t5_13;
+        let t5_14 = -w_ixy_forearm_q3;
+        w[21][3] = t5_14;
         let al_forearmz = dd_q2 + dd_elbow;
-        let t5_12 = al_forearmz + t4_7;
-        let t5_13 = w_forearmz * w_forearmz;
-        let t5_14 = t5_8 - t5_13;
-        let t5_15 = sin_q2_elbow * t5_12;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_14, t5_15);
-        let w_ixz_forearm_q2 = t4_4 * t5_1;
-        let w_ixz_forearm_q3 = x_elbow_q3 * t4_4;
-        let t5_16 = -w_ixz_forearm_q3;
-        w[22][0] = w_ixz_forearm_q1; w[22][1] = w_ixz_forearm_q2; w[22][3] = t5_16;
-        let t5_17 = cos_q2_elbow * al_forearmy;
-        let w_iyy_forearm_q1 = sin_q2_elbow.mul_add(t4_3, t5_17);
-        let t5_18 = -w_iyy_forearm_q1;
-        let t5_19 = -w_ixx_forearm_q3;
-        w[23][0] = t5_18; w[23][1] = w_ixx_forearm_q2; w[23][3] = t5_19;
-        let t5_20 = t5_9 - t5_13;
-        let t5_21 = al_forearmz - t4_7;
-        let t5_22 = cos_q2_elbow * t5_21;
-        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_20, t5_22);
-        let w_iyz_forearm_q2 = t5_3 * t5_1;
-        let w_iyz_forearm_q3 = x_elbow_q3 * t5_3;
-        let t5_23 = -w_iyz_forearm_q3;
-        w[24][0] = w_iyz_forearm_q1; w[24][1] = w_iyz_forearm_q2; w[24][3] = t5_23;
-        let w_izz_forearm_q2 = al_forearmz * t5_1;
+        let w_izz_forearm_q2 = al_forearmz * t5_2;
+        w[25][1] = w_izz_forearm_q2;
         let w_izz_forearm_q3 = x_elbow_q3 * al_forearmz;
-        let t5_24 = -w_izz_forearm_q3;
-        w[25][1] = w_izz_forearm_q2; w[25][3] = t5_24;
+        let t5_15 = -w_izz_forearm_q3;
+        w[25][3] = t5_15;
+        let t5_16 = al_forearmz + t4_12;
+        let t5_17 = al_forearmz - t4_12;
+        let t5_18 = w_forearmz * w_forearmz;
+        let t5_19 = t4_13 - t5_18;
+        let t5_20 = sin_q2_elbow * t5_16;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_19, t5_20);
+        w[22][0] = w_ixz_forearm_q1;
+        let t5_21 = t4_13 + t5_18;
+        let t5_22 = cos_elbow * t5_21;
+        let t5_23 = sin_elbow.mul_add(t5_17, t5_22);
+        let t5_24 = cos_q2_elbow * t5_17;
+        let t5_25 = t4_14 - t5_18;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_25, t5_24);
+        w[24][0] = w_iyz_forearm_q1;
+        let t5_26 = t4_14 + t5_18;
         let a_armz = like.lift(0.0132) * dd_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t3_5, a_armz);
-        let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let t5_25 = cos_q2_elbow * a_forearmz;
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_4, t5_25);
-        let t5_26 = t3_10 + t3_12;
-        let t5_27 = like.lift(0.14207).mul_add(t5_26, a_armx);
-        let t5_28 = like.lift(0.14207).mul_add(t3_11, a_army);
-        let t5_29 = cos_elbow * t5_28;
-        let a_forearmy = sin_elbow.mul_add(t5_27, t5_29);
-        let t5_30 = t5_9 + t5_13;
-        let t5_31 = cos_elbow * t5_12;
-        let t5_32 = (-sin_elbow).mul_add(t5_30, t5_31);
-        let t5_33 = a_forearmy * t5_1;
-        let w_mx_forearm_q2 = like.lift(0.14207).mul_add(t5_32, t5_33);
-        let w_mx_forearm_q3 = x_elbow_q3 * a_forearmy;
-        let t5_34 = -w_mx_forearm_q3;
-        w[26][0] = w_mx_forearm_q1; w[26][1] = w_mx_forearm_q2; w[26][3] = t5_34;
-        let t5_35 = u_forearm_q1z * t5_5;
-        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_35);
-        let t5_36 = -w_my_forearm_q1;
-        let t5_37 = cos_elbow * t5_27;
-        let a_forearmx = (-sin_elbow).mul_add(t5_28, t5_37);
-        let t5_38 = t5_8 + t5_13;
-        let t5_39 = cos_elbow * t5_38;
-        let t5_40 = sin_elbow.mul_add(t5_21, t5_39);
-        let t5_41 = a_forearmx * t5_1;
-        let w_my_forearm_q2 = like.lift(-0.14207).mul_add(t5_40, t5_41);
-        let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
-        let t5_42 = -w_my_forearm_q3;
-        w[27][0] = t5_36; w[27][1] = w_my_forearm_q2; w[27][3] = t5_42;
-        let t5_43 = sin_q2_elbow * a_forearmy;
-        let t5_44 = (-u_forearm_q1z).mul_add(t3_22, t5_43);
-        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t5_44);
-        let t5_45 = -w_mz_forearm_q1;
-        let w_mz_forearm_q2 = like.lift(0.14207) * w_ixz_arm_q2;
-        let t5_46 = -w_mz_forearm_q2;
-        w[28][0] = t5_45; w[28][1] = t5_46;
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_9, a_armz);
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_12);
+        let t5_27 = -w_my_forearm_q1;
+        w[27][0] = t5_27;
         let w_m_forearm_q1 = u_forearm_q1z * a_forearmz;
-        let t5_47 = cos_elbow * a_forearmy;
-        let t5_48 = (-sin_elbow).mul_add(a_forearmx, t5_47);
-        let t5_49 = like.lift(0.14207) * t5_48;
-        let w_m_forearm_q2 = -t5_49;
-        let t5_50 = -w_m_forearm_q2;
-        w[29][0] = w_m_forearm_q1; w[29][1] = t5_50;
+        w[29][0] = w_m_forearm_q1;
+        let t5_28 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_7, t5_28);
+        w[26][0] = w_mx_forearm_q1;
+        let t5_29 = cos_elbow * t4_3;
+        let a_forearmy = sin_elbow.mul_add(t4_2, t5_29);
+        let t5_30 = cos_elbow * t4_2;
+        let a_forearmx = (-sin_elbow).mul_add(t4_3, t5_30);
+        let t5_31 = a_forearmx * t5_2;
+        let w_my_forearm_q2 = like.lift(-0.14207).mul_add(t5_23, t5_31);
+        w[27][1] = w_my_forearm_q2;
+        let w_mx_forearm_q3 = x_elbow_q3 * a_forearmy;
+        let t5_32 = -w_mx_forearm_q3;
+        w[26][3] = t5_32;
+        let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
+        let t5_33 = -w_my_forearm_q3;
+        w[27][3] = t5_33;
+        let t5_34 = cos_elbow * t5_16;
+        let t5_35 = (-sin_elbow).mul_add(t5_26, t5_34);
+        let t5_36 = a_forearmy * t5_2;
+        let w_mx_forearm_q2 = like.lift(0.14207).mul_add(t5_35, t5_36);
+        w[26][1] = w_mx_forearm_q2;
+        let t5_37 = sin_q2_elbow * a_forearmy;
+        let t5_38 = (-u_forearm_q1z).mul_add(t3_24, t5_37);
+        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t5_38);
+        let t5_39 = -w_mz_forearm_q1;
+        w[28][0] = t5_39;
+        let t5_40 = cos_elbow * a_forearmy;
+        let t5_41 = (-sin_elbow).mul_add(a_forearmx, t5_40);
+        let t5_42 = like.lift(0.14207) * t5_41;
+        let w_m_forearm_q2 = -t5_42;
+        let t5_43 = -w_m_forearm_q2;
+        w[29][1] = t5_43;
         [
-            t5_1, t5_4, al_forearmz, t5_12, w_ixz_forearm_q3, a_armz, a_forearmz,
-            u_forearm_q1z, a_forearmy, t5_30, a_forearmx,
+            t5_2, w_ixz_forearm_q3, t5_7, al_forearmz, t5_16, t5_26, a_armz, a_forearmz,
+            a_forearmy, a_forearmx,
         ]
     };
     // body wrist: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, w_wristz, w_wristx, al_wristy, t6_11,
-        t6_12, t6_20, t6_31, a_wristz, u_wrist_q1z, a_wristy, t6_41, u_wrist_q2x, t6_45,
-        u_wrist_q2y, a_wristx,
+        a_wristz, w_wristz, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy,
+        w_wristx, t6_14, al_wristy, t6_24, t6_35, t6_36, t6_42, a_wristy, a_wristx,
+        u_wrist_q2x, u_wrist_q2y, t6_48,
     ] = {
-        let t6_1 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t6_1);
-        let t6_2 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_2);
-        let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let w_wristz = d_wrist + w_forearmz;
-        let t6_3 = w_wristy * w_wristz;
-        let t6_4 = dd_q1 * sin_q2_elbow_wrist;
-        let al_wristx = t6_3 + t6_4;
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t6_5 = w_wristx * w_wristz;
-        let t6_6 = cos_q2_elbow_wrist * t6_5;
-        let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t6_6);
-        let t6_7 = w_wristx * w_wristy;
-        let t6_8 = x_wrist_q2 - t5_1;
-        let w_ixx_wrist_q2 = t6_7 * t6_8;
-        let t6_9 = x_elbow_q3 + x_wrist_q3;
-        let w_ixx_wrist_q3 = t6_7 * t6_9;
-        w[30][0] = w_ixx_wrist_q1; w[30][1] = w_ixx_wrist_q2; w[30][3] = w_ixx_wrist_q3;
-        let t6_10 = dd_q1 * cos_q2_elbow_wrist;
-        let al_wristy = t6_5 - t6_10;
-        let t6_11 = t6_5 + al_wristy;
-        let t6_12 = t6_3 + al_wristx;
-        let t6_13 = sin_q2_elbow_wrist * t6_11;
-        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_12, t6_13);
-        let t6_14 = -w_ixy_wrist_q1;
-        let t6_15 = w_wristx * w_wristx;
-        let t6_16 = w_wristy * w_wristy;
-        let t6_17 = t6_15 - t6_16;
-        let w_ixy_wrist_q2 = t6_17 * t6_8;
-        let t6_18 = -w_ixy_wrist_q2;
-        let w_ixy_wrist_q3 = t6_17 * t6_9;
-        let t6_19 = -w_ixy_wrist_q3;
-        w[31][0] = t6_14; w[31][1] = t6_18; w[31][3] = t6_19;
-        let al_wristz = dd_wrist + al_forearmz;
-        let t6_20 = al_wristz + t6_7;
-        let t6_21 = w_wristz * w_wristz;
-        let t6_22 = t6_15 - t6_21;
-        let t6_23 = sin_q2_elbow_wrist * t6_20;
-        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_22, t6_23);
-        let w_ixz_wrist_q2 = t6_4 * t6_8;
-        let t6_24 = -w_ixz_wrist_q2;
-        let w_ixz_wrist_q3 = t6_4 * t6_9;
-        let t6_25 = -w_ixz_wrist_q3;
-        w[32][0] = w_ixz_wrist_q1; w[32][1] = t6_24; w[32][3] = t6_25;
-        let t6_26 = cos_q2_elbow_wrist * al_wristy;
-        let w_iyy_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_3, t6_26);
-        let t6_27 = -w_iyy_wrist_q1;
-        let t6_28 = -w_ixx_wrist_q2;
-        let t6_29 = -w_ixx_wrist_q3;
-        w[33][0] = t6_27; w[33][1] = t6_28; w[33][3] = t6_29;
-        let t6_30 = t6_16 - t6_21;
-        let t6_31 = al_wristz - t6_7;
-        let t6_32 = cos_q2_elbow_wrist * t6_31;
-        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_30, t6_32);
-        let w_iyz_wrist_q2 = t6_10 * t6_8;
-        let t6_33 = -w_iyz_wrist_q2;
-        let w_iyz_wrist_q3 = t6_10 * t6_9;
-        let t6_34 = -w_iyz_wrist_q3;
-        w[34][0] = w_iyz_wrist_q1; w[34][1] = t6_33; w[34][3] = t6_34;
-        let w_izz_wrist_q2 = al_wristz * t6_8;
-        let t6_35 = -w_izz_wrist_q2;
-        let w_izz_wrist_q3 = al_wristz * t6_9;
-        let t6_36 = -w_izz_wrist_q3;
-        w[35][1] = t6_35; w[35][3] = t6_36;
-        let a_wristz = like.lift(-0.15852).mul_add(t5_4, a_forearmz);
-        let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let t6_37 = a_wristz * cos_q2_elbow_wrist;
-        let w_mx_wrist_q1 = (-t6_11).mul_add(u_wrist_q1z, t6_37);
-        let t6_38 = like.lift(0.15852).mul_add(t5_30, a_forearmx);
-        let t6_39 = like.lift(0.15852).mul_add(t5_12, a_forearmy);
-        let t6_40 = cos_wrist * t6_39;
-        let a_wristy = sin_wrist.mul_add(t6_38, t6_40);
-        let t6_41 = t6_16 + t6_21;
-        let t6_42 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
-        let t6_43 = like.lift(0.14207) * sin_elbow;
-        let t6_44 = sin_wrist * t6_42;
-        let u_wrist_q2x = cos_wrist.mul_add(t6_43, t6_44);
-        let t6_45 = like.lift(0.15852) * x_elbow_q2;
-        let t6_46 = (-sin_wrist).mul_add(t6_45, u_wrist_q2x);
-        let t6_47 = sin_wrist * t6_43;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t6_42, t6_47);
-        let t6_48 = cos_wrist.mul_add(t6_45, u_wrist_q2y);
-        let t6_49 = a_wristy * t6_8;
-        let t6_50 = t6_20.mul_add(t6_48, t6_49);
-        let w_mx_wrist_q2 = t6_41.mul_add(t6_46, t6_50);
-        let t6_51 = -w_mx_wrist_q2;
-        let t6_52 = sin_wrist * x_elbow_q3;
-        let t6_53 = cos_wrist * x_elbow_q3;
-        let t6_54 = t6_20 * t6_53;
-        let t6_55 = (-t6_41).mul_add(t6_52, t6_54);
-        let t6_56 = a_wristy * t6_9;
-        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_55, t6_56);
-        let t6_57 = -w_mx_wrist_q3;
-        w[36][0] = w_mx_wrist_q1; w[36][1] = t6_51; w[36][3] = t6_57;
-        let t6_58 = t6_12 * u_wrist_q1z;
-        let w_my_wrist_q1 = a_wristz.mul_add(sin_q2_elbow_wrist, t6_58);
-        let t6_59 = -w_my_wrist_q1;
-        let t6_60 = cos_wrist * t6_38;
-        let a_wristx = (-sin_wrist).mul_add(t6_39, t6_60);
-        let t6_61 = t6_15 + t6_21;
-        let t6_62 = a_wristx * t6_8;
-        let t6_63 = (-t6_61).mul_add(t6_48, t6_62);
-        let w_my_wrist_q2 = t6_31.mul_add(t6_46, t6_63);
-        let t6_64 = -w_my_wrist_q2;
-        let t6_65 = t6_61 * t6_53;
-        let t6_66 = t6_31.mul_add(t6_52, t6_65);
-        let t6_67 = a_wristx * t6_9;
-        let w_my_wrist_q3 = like.lift(-0.15852).mul_add(t6_66, t6_67);
-        let t6_68 = -w_my_wrist_q3;
-        w[37][0] = t6_59; w[37][1] = t6_64; w[37][3] = t6_68;
-        let t6_69 = sin_q2_elbow_wrist * a_wristy;
-        let t6_70 = (-t3_22).mul_add(u_wrist_q1z, t6_69);
-        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t6_70);
-        let t6_71 = -w_mz_wrist_q1;
-        let t6_72 = t6_4 * t6_48;
-        let w_mz_wrist_q2 = t6_10.mul_add(t6_46, t6_72);
+        let a_wristz = like.lift(-0.15852).mul_add(t5_7, a_forearmz);
+        let t6_1 = like.lift(0.15852).mul_add(t5_26, a_forearmx);
+        let t6_2 = like.lift(0.15852).mul_add(t5_16, a_forearmy);
         let w_mz_wrist_q3 = like.lift(0.15852) * w_ixz_forearm_q3;
-        w[38][0] = t6_71; w[38][1] = w_mz_wrist_q2; w[38][3] = w_mz_wrist_q3;
+        w[38][3] = w_mz_wrist_q3;
+        let w_wristz = d_wrist + w_forearmz;
+        let t6_3 = x_wrist_q2 - t5_2;
+        let al_wristz = dd_wrist + al_forearmz;
+        let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
+        let t6_4 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t6_5 = like.lift(0.14207) * sin_elbow;
         let w_m_wrist_q1 = a_wristz * u_wrist_q1z;
-        let t6_73 = a_wristy * t6_48;
-        let w_m_wrist_q2 = a_wristx.mul_add(t6_46, t6_73);
-        let t6_74 = -w_m_wrist_q2;
-        let t6_75 = a_wristy * t6_53;
-        let t6_76 = (-a_wristx).mul_add(t6_52, t6_75);
-        let t6_77 = like.lift(0.15852) * t6_76;
-        let w_m_wrist_q3 = -t6_77;
-        w[39][0] = w_m_wrist_q1; w[39][1] = t6_74; w[39][3] = w_m_wrist_q3;
+        w[39][0] = w_m_wrist_q1;
+        let w_izz_wrist_q2 = al_wristz * t6_3;
+        let t6_6 = -w_izz_wrist_q2;
+        w[35][1] = t6_6;
+        let t6_7 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t6_7);
+        let t6_8 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_8);
+        let w_wristy = d_q1 * cos_q2_elbow_wrist;
+        let t6_9 = w_wristy * w_wristz;
+        let t6_10 = dd_q1 * sin_q2_elbow_wrist;
+        let w_ixz_wrist_q2 = t6_10 * t6_3;
+        let t6_11 = -w_ixz_wrist_q2;
+        w[32][1] = t6_11;
+        let al_wristx = t6_9 + t6_10;
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t6_12 = w_wristx * w_wristz;
+        let t6_13 = cos_q2_elbow_wrist * t6_12;
+        let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t6_13);
+        w[30][0] = w_ixx_wrist_q1;
+        let t6_14 = t6_9 + al_wristx;
+        let t6_15 = w_wristx * w_wristy;
+        let w_ixx_wrist_q2 = t6_15 * t6_3;
+        w[30][1] = w_ixx_wrist_q2;
+        let t6_16 = -w_ixx_wrist_q2;
+        w[33][1] = t6_16;
+        let t6_17 = x_elbow_q3 + x_wrist_q3;
+        let w_ixx_wrist_q3 = t6_15 * t6_17;
+        w[30][3] = w_ixx_wrist_q3;
+        let t6_18 = -w_ixx_wrist_q3;
+        w[33][3] = t6_18;
+        let w_ixz_wrist_q3 = t6_10 * t6_17;
+        let t6_19 = -w_ixz_wrist_q3;
+        w[32][3] = t6_19;
+        let w_izz_wrist_q3 = al_wristz * t6_17;
+        let t6_20 = -w_izz_wrist_q3;
+        w[35][3] = t6_20;
+        let t6_21 = dd_q1 * cos_q2_elbow_wrist;
+        let w_iyz_wrist_q2 = t6_21 * t6_3;
+        let t6_22 = -w_iyz_wrist_q2;
+        w[34][1] = t6_22;
+        let w_iyz_wrist_q3 = t6_21 * t6_17;
+        let t6_23 = -w_iyz_wrist_q3;
+        w[34][3] = t6_23;
+        let al_wristy = t6_12 - t6_21;
+        let t6_24 = t6_12 + al_wristy;
+        let t6_25 = cos_q2_elbow_wrist * al_wristy;
+        let w_iyy_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_9, t6_25);
+        let t6_26 = -w_iyy_wrist_q1;
+        w[33][0] = t6_26;
+        let t6_27 = a_wristz * cos_q2_elbow_wrist;
+        let w_mx_wrist_q1 = (-t6_24).mul_add(u_wrist_q1z, t6_27);
+        w[36][0] = w_mx_wrist_q1;
+        let t6_28 = sin_q2_elbow_wrist * t6_24;
+        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_14, t6_28);
+        let t6_29 = -w_ixy_wrist_q1;
+        w[31][0] = t6_29;
+        let t6_30 = w_wristx * w_wristx;
+        let t6_31 = w_wristy * w_wristy;
+        let t6_32 = t6_30 - t6_31;
+        let w_ixy_wrist_q2 = t6_32 * t6_3;
+        let t6_33 = -w_ixy_wrist_q2;
+        w[31][1] = t6_33;
+        let w_ixy_wrist_q3 = t6_32 * t6_17;
+        let t6_34 = -w_ixy_wrist_q3;
+        w[31][3] = t6_34;
+        let t6_35 = al_wristz + t6_15;
+        let t6_36 = al_wristz - t6_15;
+        let t6_37 = w_wristz * w_wristz;
+        let t6_38 = t6_30 - t6_37;
+        let t6_39 = sin_q2_elbow_wrist * t6_35;
+        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_38, t6_39);
+        w[32][0] = w_ixz_wrist_q1;
+        let t6_40 = t6_30 + t6_37;
+        let t6_41 = t6_31 - t6_37;
+        let t6_42 = t6_31 + t6_37;
+        let t6_43 = cos_q2_elbow_wrist * t6_36;
+        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_41, t6_43);
+        w[34][0] = w_iyz_wrist_q1;
+        let t6_44 = cos_wrist * t6_2;
+        let a_wristy = sin_wrist.mul_add(t6_1, t6_44);
+        let t6_45 = cos_wrist * t6_1;
+        let a_wristx = (-sin_wrist).mul_add(t6_2, t6_45);
+        let t6_46 = sin_wrist * t6_4;
+        let u_wrist_q2x = cos_wrist.mul_add(t6_5, t6_46);
+        let t6_47 = sin_wrist * t6_5;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t6_4, t6_47);
+        let t6_48 = like.lift(0.15852) * x_elbow_q2;
+        let t6_49 = (-sin_wrist).mul_add(t6_48, u_wrist_q2x);
+        let t6_50 = cos_wrist.mul_add(t6_48, u_wrist_q2y);
+        let t6_51 = t6_10 * t6_50;
+        let w_mz_wrist_q2 = t6_21.mul_add(t6_49, t6_51);
+        w[38][1] = w_mz_wrist_q2;
+        let t6_52 = a_wristy * t6_3;
+        let t6_53 = t6_35.mul_add(t6_50, t6_52);
+        let w_mx_wrist_q2 = t6_42.mul_add(t6_49, t6_53);
+        let t6_54 = -w_mx_wrist_q2;
+        w[36][1] = t6_54;
+        let t6_55 = a_wristx * t6_3;
+        let t6_56 = (-t6_40).mul_add(t6_50, t6_55);
+        let w_my_wrist_q2 = t6_36.mul_add(t6_49, t6_56);
+        let t6_57 = -w_my_wrist_q2;
+        w[37][1] = t6_57;
+        let t6_58 = a_wristy * t6_50;
+        let w_m_wrist_q2 = a_wristx.mul_add(t6_49, t6_58);
+        let t6_59 = -w_m_wrist_q2;
+        w[39][1] = t6_59;
+        let t6_60 = sin_wrist * x_elbow_q3;
+        let t6_61 = cos_wrist * x_elbow_q3;
+        let t6_62 = t6_40 * t6_61;
+        let t6_63 = t6_36.mul_add(t6_60, t6_62);
+        let t6_64 = a_wristx * t6_17;
+        let w_my_wrist_q3 = like.lift(-0.15852).mul_add(t6_63, t6_64);
+        let t6_65 = -w_my_wrist_q3;
+        w[37][3] = t6_65;
+        let t6_66 = a_wristy * t6_17;
+        let t6_67 = t6_35 * t6_61;
+        let t6_68 = (-t6_42).mul_add(t6_60, t6_67);
+        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_68, t6_66);
+        let t6_69 = -w_mx_wrist_q3;
+        w[36][3] = t6_69;
+        let t6_70 = a_wristy * t6_61;
+        let t6_71 = (-a_wristx).mul_add(t6_60, t6_70);
+        let t6_72 = like.lift(0.15852) * t6_71;
+        let w_m_wrist_q3 = -t6_72;
+        w[39][3] = w_m_wrist_q3;
+        let t6_73 = t6_14 * u_wrist_q1z;
+        let w_my_wrist_q1 = a_wristz.mul_add(sin_q2_elbow_wrist, t6_73);
+        let t6_74 = -w_my_wrist_q1;
+        w[37][0] = t6_74;
+        let t6_75 = sin_q2_elbow_wrist * a_wristy;
+        let t6_76 = (-t3_24).mul_add(u_wrist_q1z, t6_75);
+        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t6_76);
+        let t6_77 = -w_mz_wrist_q1;
+        w[38][0] = t6_77;
         [
-            sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, w_wristz, w_wristx, al_wristy,
-            t6_11, t6_12, t6_20, t6_31, a_wristz, u_wrist_q1z, a_wristy, t6_41, u_wrist_q2x,
-            t6_45, u_wrist_q2y, a_wristx,
+            a_wristz, w_wristz, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy,
+            w_wristx, t6_14, al_wristy, t6_24, t6_35, t6_36, t6_42, a_wristy, a_wristx,
+            u_wrist_q2x, u_wrist_q2y, t6_48,
         ]
     };
     // body flange: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t7_1 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_1);
+        let t7_1 = like.lift(0.05).mul_add(t6_42, a_wristx);
+        let t7_2 = like.lift(-0.05).mul_add(t6_24, a_wristz);
+        let a_flangez = like.lift(0.05).mul_add(t6_35, a_wristy);
         let w_flangez = d_q4 - w_wristy;
-        let t7_2 = w_flangey * w_flangez;
-        let t7_3 = cos_q4 * t6_12;
-        let w_ixz_flange_q4 = sin_q4.mul_add(t6_31, t7_3);
-        let al_flangex = t7_2 - w_ixz_flange_q4;
-        let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t7_4 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t7_4);
-        let t7_5 = w_flangex * w_flangez;
-        let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t7_6 = t7_5 * e_flange_q1y;
-        let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t7_7 = cos_q2_elbow_wrist * w_ixx_flange_q4;
-        let t7_8 = al_flangex.mul_add(e_flange_q1x, t7_6);
-        let w_ixx_flange_q1 = t7_8 + t7_7;
-        let t7_9 = -w_ixx_flange_q1;
-        let t7_10 = x_wrist_q2 + x_elbow_q2;
-        let t7_11 = (-sin_q4).mul_add(t7_10, sin_q4);
-        let t7_12 = x_wrist_q2 + x_elbow_q2;
-        let t7_13 = (-cos_q4).mul_add(t7_12, cos_q4);
-        let t7_14 = t7_5 * t7_13;
-        let w_ixx_flange_q2 = al_flangex.mul_add(t7_11, -t7_14);
-        let t7_15 = -w_ixx_flange_q2;
-        let t7_16 = x_wrist_q3 + x_elbow_q3;
-        let t7_17 = sin_q4 * t7_16;
-        let t7_18 = x_wrist_q3 + x_elbow_q3;
-        let t7_19 = cos_q4 * t7_18;
-        let t7_20 = t7_5 * t7_19;
-        let w_ixx_flange_q3 = al_flangex.mul_add(t7_17, -t7_20);
-        w[40] = [t7_9, t7_15, w_ixx_flange_q4, w_ixx_flange_q3];
-        let t7_21 = cos_q4 * t6_31;
-        let w_iyz_flange_q4 = (-sin_q4).mul_add(t6_12, t7_21);
-        let al_flangey = t7_5 - w_iyz_flange_q4;
-        let t7_22 = t7_5 + al_flangey;
-        let t7_23 = t7_2 + al_flangex;
-        let t7_24 = w_flangex * w_flangex;
-        let t7_25 = w_flangey * w_flangey;
-        let w_ixy_flange_q4 = t7_24 - t7_25;
-        let t7_26 = cos_q2_elbow_wrist * w_ixy_flange_q4;
-        let t7_27 = (-t7_23).mul_add(e_flange_q1y, t7_26);
-        let w_ixy_flange_q1 = t7_22.mul_add(e_flange_q1x, t7_27);
-        let t7_28 = -w_ixy_flange_q1;
-        let t7_29 = t7_23 * t7_13;
-        let w_ixy_flange_q2 = t7_22.mul_add(t7_11, t7_29);
-        let t7_30 = -w_ixy_flange_q2;
-        let t7_31 = t7_23 * t7_19;
-        let w_ixy_flange_q3 = t7_22.mul_add(t7_17, t7_31);
-        w[41] = [t7_28, t7_30, w_ixy_flange_q4, w_ixy_flange_q3];
         let al_flangez = dd_q4 + al_wristy;
-        let t7_32 = al_flangez - w_ixx_flange_q4;
-        let t7_33 = w_flangez * w_flangez;
-        let t7_34 = t7_24 - t7_33;
-        let t7_35 = e_flange_q1y * t7_34;
-        let t7_36 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t7_35);
-        let w_ixz_flange_q1 = t7_32.mul_add(e_flange_q1x, t7_36);
-        let t7_37 = t7_32 * t7_11;
-        let w_ixz_flange_q2 = (-t7_34).mul_add(t7_13, t7_37);
-        let t7_38 = t7_32 * t7_17;
-        let w_ixz_flange_q3 = (-t7_34).mul_add(t7_19, t7_38);
-        let t7_39 = -w_ixz_flange_q3;
-        w[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t7_39];
-        let t7_40 = t7_2 * e_flange_q1x;
-        let t7_41 = al_flangey.mul_add(e_flange_q1y, t7_7);
-        let w_iyy_flange_q1 = t7_41 + t7_40;
-        let t7_42 = t7_2 * t7_11;
-        let w_iyy_flange_q2 = (-al_flangey).mul_add(t7_13, t7_42);
-        let t7_43 = -w_ixx_flange_q4;
-        let t7_44 = t7_2 * t7_17;
-        let w_iyy_flange_q3 = (-al_flangey).mul_add(t7_19, t7_44);
-        let t7_45 = -w_iyy_flange_q3;
-        w[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t7_43, t7_45];
-        let t7_46 = t7_25 - t7_33;
-        let t7_47 = al_flangez + w_ixx_flange_q4;
-        let t7_48 = e_flange_q1x * t7_46;
-        let t7_49 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t7_48);
-        let w_iyz_flange_q1 = (-t7_47).mul_add(e_flange_q1y, t7_49);
-        let t7_50 = t7_47 * t7_13;
-        let w_iyz_flange_q2 = t7_46.mul_add(t7_11, t7_50);
-        let t7_51 = t7_47 * t7_19;
-        let w_iyz_flange_q3 = t7_46.mul_add(t7_17, t7_51);
-        let t7_52 = -w_iyz_flange_q3;
-        w[44] = [w_iyz_flange_q1, w_iyz_flange_q2, w_iyz_flange_q4, t7_52];
-        let t7_53 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_6);
-        let w_izz_flange_q1 = t7_53 - t7_40;
-        let w_izz_flange_q2 = t7_14 + t7_42;
-        let t7_54 = -w_izz_flange_q2;
-        let w_izz_flange_q3 = t7_20 + t7_44;
-        w[45] = [w_izz_flange_q1, t7_54, al_flangez, w_izz_flange_q3];
-        let t7_55 = like.lift(0.05).mul_add(t6_41, a_wristx);
-        let t7_56 = like.lift(-0.05).mul_add(t6_11, a_wristz);
-        let t7_57 = sin_q4 * t7_55;
-        let a_flangey = (-cos_q4).mul_add(t7_56, t7_57);
-        let a_flangez = like.lift(0.05).mul_add(t6_20, a_wristy);
-        let t7_58 = t7_25 + t7_33;
-        let t7_59 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
-        let u_flange_q1x = sin_q4 * t7_59;
-        let u_flange_q1y = cos_q4 * t7_59;
-        let t7_60 = a_flangez * e_flange_q1y;
-        let t7_61 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_60);
-        let t7_62 = t7_32.mul_add(u_flange_q1y, t7_61);
-        let w_mx_flange_q1 = (-t7_58).mul_add(u_flange_q1x, t7_62);
-        let t7_63 = -w_mx_flange_q1;
-        let t7_64 = sin_wrist * cos_q4;
-        let t7_65 = cos_q4 * u_wrist_q2x;
-        let t7_66 = (-t7_64).mul_add(t6_45, t7_65);
-        let t7_67 = sin_wrist * sin_q4;
-        let t7_68 = sin_q4 * u_wrist_q2x;
-        let t7_69 = (-t7_67).mul_add(t6_45, t7_68);
+        w[45][2] = al_flangez;
+        let t7_3 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
         let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
-        let t7_70 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
-        let t7_71 = (-x_elbow_q2).mul_add(u_flange_elbowz, t7_70);
-        let t7_72 = t7_71 - u_wrist_q2y;
-        let t7_73 = a_flangez * t7_13;
-        let t7_74 = (-t7_22).mul_add(t7_72, t7_73);
-        let t7_75 = (-t7_32).mul_add(t7_69, t7_74);
-        let w_mx_flange_q2 = (-t7_58).mul_add(t7_66, t7_75);
-        let t7_76 = x_elbow_q3 * t7_64;
-        let t7_77 = x_elbow_q3 * t7_67;
-        let t7_78 = like.lift(0.05) * x_wrist_q3;
-        let t7_79 = x_elbow_q3.mul_add(u_flange_elbowz, t7_78);
-        let t7_80 = t7_32 * t7_77;
-        let t7_81 = t7_58.mul_add(t7_76, t7_80);
-        let t7_82 = a_flangez * t7_19;
-        let t7_83 = (-t7_22).mul_add(t7_79, t7_82);
-        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_81, t7_83);
-        let t7_84 = -w_mx_flange_q3;
-        w[46] = [t7_63, w_mx_flange_q2, a_flangey, t7_84];
-        let t7_85 = sin_q4 * t7_56;
-        let a_flangex = cos_q4.mul_add(t7_55, t7_85);
-        let t7_86 = t7_24 + t7_33;
-        let t7_87 = cos_q2_elbow_wrist * a_flangex;
-        let t7_88 = a_flangez.mul_add(e_flange_q1x, t7_87);
-        let t7_89 = (-t7_86).mul_add(u_flange_q1y, t7_88);
-        let w_my_flange_q1 = (-t7_47).mul_add(u_flange_q1x, t7_89);
-        let t7_90 = -w_my_flange_q1;
-        let t7_91 = a_flangez * t7_11;
-        let t7_92 = (-t7_23).mul_add(t7_72, t7_91);
-        let t7_93 = (-t7_86).mul_add(t7_69, t7_92);
-        let w_my_flange_q2 = t7_47.mul_add(t7_66, t7_93);
-        let t7_94 = -w_my_flange_q2;
-        let t7_95 = t7_86 * t7_77;
-        let t7_96 = (-t7_47).mul_add(t7_76, t7_95);
-        let t7_97 = a_flangez * t7_17;
-        let t7_98 = (-t7_23).mul_add(t7_79, t7_97);
-        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_96, t7_98);
-        w[47] = [t7_90, t7_94, a_flangex, w_my_flange_q3];
-        let t7_99 = a_flangex * e_flange_q1y;
-        let t7_100 = (-a_flangey).mul_add(e_flange_q1x, t7_99);
-        let t7_101 = w_ixz_flange_q4.mul_add(u_flange_q1y, t7_100);
-        let w_mz_flange_q1 = (-w_iyz_flange_q4).mul_add(u_flange_q1x, t7_101);
-        let t7_102 = t7_24 + t7_25;
-        let t7_103 = a_flangey * t7_11;
-        let t7_104 = a_flangex.mul_add(t7_13, t7_103);
-        let t7_105 = (-t7_102).mul_add(t7_72, t7_104);
-        let t7_106 = (-w_ixz_flange_q4).mul_add(t7_69, t7_105);
-        let w_mz_flange_q2 = (-w_iyz_flange_q4).mul_add(t7_66, t7_106);
-        let t7_107 = -w_mz_flange_q2;
-        let t7_108 = w_ixz_flange_q4 * t7_77;
-        let t7_109 = w_iyz_flange_q4.mul_add(t7_76, t7_108);
-        let t7_110 = a_flangey * t7_17;
-        let t7_111 = a_flangex.mul_add(t7_19, t7_110);
-        let t7_112 = (-t7_102).mul_add(t7_79, t7_111);
-        let w_mz_flange_q3 = like.lift(-0.15852).mul_add(t7_109, t7_112);
-        w[48][0] = w_mz_flange_q1; w[48][1] = t7_107; w[48][3] = w_mz_flange_q3;
-        let t7_113 = a_flangex * u_flange_q1x;
-        let w_m_flange_q1 = (-a_flangey).mul_add(u_flange_q1y, t7_113);
-        let t7_114 = a_flangey * t7_69;
-        let t7_115 = (-a_flangez).mul_add(t7_72, t7_114);
-        let w_m_flange_q2 = a_flangex.mul_add(t7_66, t7_115);
-        let t7_116 = -w_m_flange_q2;
-        let t7_117 = a_flangey * t7_77;
-        let t7_118 = a_flangex.mul_add(t7_76, t7_117);
-        let t7_119 = like.lift(0.15852) * t7_118;
-        let w_m_flange_q3 = (-a_flangez).mul_add(t7_79, t7_119);
-        w[49][0] = w_m_flange_q1; w[49][1] = t7_116; w[49][3] = w_m_flange_q3;
+        let t7_4 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_4);
+        let t7_5 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t7_5);
+        let t7_6 = w_flangey * w_flangez;
+        let t7_7 = cos_q4 * t6_14;
+        let w_ixz_flange_q4 = sin_q4.mul_add(t6_36, t7_7);
+        w[42][2] = w_ixz_flange_q4;
+        let t7_8 = cos_q4 * t6_36;
+        let w_iyz_flange_q4 = (-sin_q4).mul_add(t6_14, t7_8);
+        w[44][2] = w_iyz_flange_q4;
+        let al_flangex = t7_6 - w_ixz_flange_q4;
+        let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
+        let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
+        let t7_9 = w_flangex * w_flangez;
+        let t7_10 = w_flangez * w_flangez;
+        let t7_11 = t7_9 * e_flange_q1y;
+        let w_ixx_flange_q4 = w_flangex * w_flangey;
+        w[40][2] = w_ixx_flange_q4;
+        let t7_12 = w_flangex * w_flangex;
+        let t7_13 = w_flangey * w_flangey;
+        let t7_14 = -w_ixx_flange_q4;
+        w[43][2] = t7_14;
+        let t7_15 = cos_q2_elbow_wrist * w_ixx_flange_q4;
+        let t7_16 = al_flangex.mul_add(e_flange_q1x, t7_11);
+        let w_ixx_flange_q1 = t7_16 + t7_15;
+        let t7_17 = -w_ixx_flange_q1;
+        w[40][0] = t7_17;
+        let t7_18 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_11);
+        let t7_19 = t7_6 * e_flange_q1x;
+        let w_izz_flange_q1 = t7_18 - t7_19;
+        w[45][0] = w_izz_flange_q1;
+        let t7_20 = x_wrist_q2 + x_elbow_q2;
+        let t7_21 = (-sin_q4).mul_add(t7_20, sin_q4);
+        let t7_22 = x_wrist_q2 + x_elbow_q2;
+        let t7_23 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t7_24 = (-x_elbow_q2).mul_add(u_flange_elbowz, t7_23);
+        let t7_25 = t7_24 - u_wrist_q2y;
+        let t7_26 = (-cos_q4).mul_add(t7_22, cos_q4);
+        let t7_27 = like.lift(0.05) * x_wrist_q3;
+        let t7_28 = x_elbow_q3.mul_add(u_flange_elbowz, t7_27);
+        let t7_29 = t7_9 * t7_26;
+        let w_ixx_flange_q2 = al_flangex.mul_add(t7_21, -t7_29);
+        let t7_30 = -w_ixx_flange_q2;
+        w[40][1] = t7_30;
+        let t7_31 = x_wrist_q3 + x_elbow_q3;
+        let t7_32 = sin_q4 * t7_31;
+        let t7_33 = x_wrist_q3 + x_elbow_q3;
+        let t7_34 = cos_q4 * t7_33;
+        let t7_35 = t7_9 * t7_34;
+        let w_ixx_flange_q3 = al_flangex.mul_add(t7_32, -t7_35);
+        w[40][3] = w_ixx_flange_q3;
+        let t7_36 = t7_6 + al_flangex;
+        let t7_37 = t7_6 * t7_32;
+        let w_izz_flange_q3 = t7_35 + t7_37;
+        w[45][3] = w_izz_flange_q3;
+        let t7_38 = t7_6 * t7_21;
+        let w_izz_flange_q2 = t7_29 + t7_38;
+        let t7_39 = -w_izz_flange_q2;
+        w[45][1] = t7_39;
+        let al_flangey = t7_9 - w_iyz_flange_q4;
+        let t7_40 = al_flangey.mul_add(e_flange_q1y, t7_15);
+        let w_iyy_flange_q1 = t7_40 + t7_19;
+        w[43][0] = w_iyy_flange_q1;
+        let w_iyy_flange_q2 = (-al_flangey).mul_add(t7_26, t7_38);
+        w[43][1] = w_iyy_flange_q2;
+        let w_iyy_flange_q3 = (-al_flangey).mul_add(t7_34, t7_37);
+        let t7_41 = t7_9 + al_flangey;
+        let t7_42 = -w_iyy_flange_q3;
+        w[43][3] = t7_42;
+        let t7_43 = t7_36 * t7_34;
+        let w_ixy_flange_q3 = t7_41.mul_add(t7_32, t7_43);
+        w[41][3] = w_ixy_flange_q3;
+        let w_ixy_flange_q4 = t7_12 - t7_13;
+        w[41][2] = w_ixy_flange_q4;
+        let t7_44 = cos_q2_elbow_wrist * w_ixy_flange_q4;
+        let t7_45 = (-t7_36).mul_add(e_flange_q1y, t7_44);
+        let w_ixy_flange_q1 = t7_41.mul_add(e_flange_q1x, t7_45);
+        let t7_46 = -w_ixy_flange_q1;
+        w[41][0] = t7_46;
+        let t7_47 = t7_36 * t7_26;
+        let w_ixy_flange_q2 = t7_41.mul_add(t7_21, t7_47);
+        let t7_48 = -w_ixy_flange_q2;
+        w[41][1] = t7_48;
+        let t7_49 = al_flangez - w_ixx_flange_q4;
+        let t7_50 = al_flangez + w_ixx_flange_q4;
+        let t7_51 = t7_12 - t7_10;
+        let t7_52 = t7_49 * t7_21;
+        let w_ixz_flange_q2 = (-t7_51).mul_add(t7_26, t7_52);
+        w[42][1] = w_ixz_flange_q2;
+        let t7_53 = e_flange_q1y * t7_51;
+        let t7_54 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t7_53);
+        let w_ixz_flange_q1 = t7_49.mul_add(e_flange_q1x, t7_54);
+        w[42][0] = w_ixz_flange_q1;
+        let t7_55 = t7_49 * t7_32;
+        let w_ixz_flange_q3 = (-t7_51).mul_add(t7_34, t7_55);
+        let t7_56 = -w_ixz_flange_q3;
+        w[42][3] = t7_56;
+        let t7_57 = t7_13 - t7_10;
+        let t7_58 = t7_50 * t7_26;
+        let w_iyz_flange_q2 = t7_57.mul_add(t7_21, t7_58);
+        w[44][1] = w_iyz_flange_q2;
+        let t7_59 = e_flange_q1x * t7_57;
+        let t7_60 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t7_59);
+        let w_iyz_flange_q1 = (-t7_50).mul_add(e_flange_q1y, t7_60);
+        w[44][0] = w_iyz_flange_q1;
+        let t7_61 = t7_50 * t7_34;
+        let w_iyz_flange_q3 = t7_57.mul_add(t7_32, t7_61);
+        let t7_62 = -w_iyz_flange_q3;
+        w[44][3] = t7_62;
+        let t7_63 = sin_q4 * t7_1;
+        let a_flangey = (-cos_q4).mul_add(t7_2, t7_63);
+        w[46][2] = a_flangey;
+        let t7_64 = sin_q4 * t7_2;
+        let a_flangex = cos_q4.mul_add(t7_1, t7_64);
+        w[47][2] = a_flangex;
+        let t7_65 = t7_13 + t7_10;
+        let t7_66 = t7_12 + t7_10;
+        let t7_67 = t7_12 + t7_13;
+        let u_flange_q1x = sin_q4 * t7_3;
+        let u_flange_q1y = cos_q4 * t7_3;
+        let t7_68 = a_flangex * u_flange_q1x;
+        let w_m_flange_q1 = (-a_flangey).mul_add(u_flange_q1y, t7_68);
+        w[49][0] = w_m_flange_q1;
+        let t7_69 = a_flangez * e_flange_q1y;
+        let t7_70 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_69);
+        let t7_71 = t7_49.mul_add(u_flange_q1y, t7_70);
+        let w_mx_flange_q1 = (-t7_65).mul_add(u_flange_q1x, t7_71);
+        let t7_72 = -w_mx_flange_q1;
+        w[46][0] = t7_72;
+        let t7_73 = cos_q2_elbow_wrist * a_flangex;
+        let t7_74 = a_flangez.mul_add(e_flange_q1x, t7_73);
+        let t7_75 = a_flangex * e_flange_q1y;
+        let t7_76 = (-a_flangey).mul_add(e_flange_q1x, t7_75);
+        let t7_77 = w_ixz_flange_q4.mul_add(u_flange_q1y, t7_76);
+        let t7_78 = (-t7_66).mul_add(u_flange_q1y, t7_74);
+        let w_mz_flange_q1 = (-w_iyz_flange_q4).mul_add(u_flange_q1x, t7_77);
+        w[48][0] = w_mz_flange_q1;
+        let w_my_flange_q1 = (-t7_50).mul_add(u_flange_q1x, t7_78);
+        let t7_79 = -w_my_flange_q1;
+        w[47][0] = t7_79;
+        let t7_80 = sin_wrist * cos_q4;
+        let t7_81 = cos_q4 * u_wrist_q2x;
+        let t7_82 = (-t7_80).mul_add(t6_48, t7_81);
+        let t7_83 = sin_wrist * sin_q4;
+        let t7_84 = sin_q4 * u_wrist_q2x;
+        let t7_85 = (-t7_83).mul_add(t6_48, t7_84);
+        let t7_86 = x_elbow_q3 * t7_80;
+        let t7_87 = x_elbow_q3 * t7_83;
+        let t7_88 = a_flangez * t7_26;
+        let t7_89 = (-t7_41).mul_add(t7_25, t7_88);
+        let t7_90 = (-t7_49).mul_add(t7_85, t7_89);
+        let w_mx_flange_q2 = (-t7_65).mul_add(t7_82, t7_90);
+        w[46][1] = w_mx_flange_q2;
+        let t7_91 = t7_49 * t7_87;
+        let t7_92 = t7_65.mul_add(t7_86, t7_91);
+        let t7_93 = a_flangez * t7_34;
+        let t7_94 = (-t7_41).mul_add(t7_28, t7_93);
+        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_92, t7_94);
+        let t7_95 = -w_mx_flange_q3;
+        w[46][3] = t7_95;
+        let t7_96 = a_flangey * t7_21;
+        let t7_97 = a_flangex.mul_add(t7_26, t7_96);
+        let t7_98 = a_flangez * t7_21;
+        let t7_99 = (-t7_36).mul_add(t7_25, t7_98);
+        let t7_100 = (-t7_66).mul_add(t7_85, t7_99);
+        let w_my_flange_q2 = t7_50.mul_add(t7_82, t7_100);
+        let t7_101 = -w_my_flange_q2;
+        w[47][1] = t7_101;
+        let t7_102 = t7_66 * t7_87;
+        let t7_103 = (-t7_50).mul_add(t7_86, t7_102);
+        let t7_104 = (-t7_67).mul_add(t7_25, t7_97);
+        let t7_105 = (-w_ixz_flange_q4).mul_add(t7_85, t7_104);
+        let w_mz_flange_q2 = (-w_iyz_flange_q4).mul_add(t7_82, t7_105);
+        let t7_106 = -w_mz_flange_q2;
+        w[48][1] = t7_106;
+        let t7_107 = w_ixz_flange_q4 * t7_87;
+        let t7_108 = w_iyz_flange_q4.mul_add(t7_86, t7_107);
+        let t7_109 = a_flangey * t7_85;
+        let t7_110 = (-a_flangez).mul_add(t7_25, t7_109);
+        let w_m_flange_q2 = a_flangex.mul_add(t7_82, t7_110);
+        let t7_111 = -w_m_flange_q2;
+        w[49][1] = t7_111;
+        let t7_112 = a_flangey * t7_87;
+        let t7_113 = a_flangex.mul_add(t7_86, t7_112);
+        let t7_114 = a_flangey * t7_32;
+        let t7_115 = a_flangex.mul_add(t7_34, t7_114);
+        let t7_116 = (-t7_67).mul_add(t7_28, t7_115);
+        let w_mz_flange_q3 = like.lift(-0.15852).mul_add(t7_108, t7_116);
+        w[48][3] = w_mz_flange_q3;
+        let t7_117 = a_flangez * t7_32;
+        let t7_118 = (-t7_36).mul_add(t7_28, t7_117);
+        let t7_119 = like.lift(0.15852) * t7_113;
+        let w_m_flange_q3 = (-a_flangez).mul_add(t7_28, t7_119);
+        w[49][3] = w_m_flange_q3;
+        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_103, t7_118);
+        w[47][3] = w_my_flange_q3;
     }
     // body crank: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [w_ixz_crank_q3, t8_5, t8_10, t8_11, t8_12, a_cranky, a_crankx] = {
+    let [w_ixz_crank_q3, t8_8, t8_9, t8_17, t8_19, a_cranky, a_crankx] = {
+        w[55][3] = dd_q3; w[59][0] = w_m_arm_q1;
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
+        w[52][3] = w_ixz_crank_q3;
         let w_cranky = cos_q3 * d_q1;
         let t8_1 = d_q3 * w_cranky;
         let al_crankx = w_ixz_crank_q3 + t8_1;
@@ -1720,162 +1791,183 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         let t8_2 = d_q3 * w_crankx;
         let t8_3 = cos_q3 * t8_2;
         let w_ixx_crank_q1 = sin_q3.mul_add(al_crankx, t8_3);
+        w[50][0] = w_ixx_crank_q1;
+        let t8_4 = t8_1 + al_crankx;
+        let t8_5 = sin_q3 * t8_1;
         let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let t8_4 = -w_ixx_crank_q3;
-        w[50][0] = w_ixx_crank_q1; w[50][3] = t8_4;
+        w[53][3] = w_ixx_crank_q3;
+        let t8_6 = -w_ixx_crank_q3;
+        w[50][3] = t8_6;
+        let t8_7 = w_crankx * w_crankx;
+        let t8_8 = w_cranky * w_cranky;
+        let w_ixy_crank_q3 = t8_7 - t8_8;
+        w[51][3] = w_ixy_crank_q3;
         let w_iyz_crank_q3 = cos_q3 * dd_q1;
+        w[54][3] = w_iyz_crank_q3;
         let al_cranky = w_iyz_crank_q3 - t8_2;
-        let t8_5 = t8_2 - al_cranky;
-        let t8_6 = t8_1 + al_crankx;
-        let t8_7 = sin_q3 * t8_5;
-        let w_ixy_crank_q1 = (-cos_q3).mul_add(t8_6, t8_7);
-        let t8_8 = -w_ixy_crank_q1;
-        let t8_9 = w_crankx * w_crankx;
-        let t8_10 = w_cranky * w_cranky;
-        let w_ixy_crank_q3 = t8_9 - t8_10;
-        w[51][0] = t8_8; w[51][3] = w_ixy_crank_q3;
-        let t8_11 = dd_q3 + w_ixx_crank_q3;
-        let t8_12 = d_q3 * d_q3;
-        let t8_13 = t8_12 - t8_9;
-        let t8_14 = cos_q3 * t8_13;
-        let w_ixz_crank_q1 = sin_q3.mul_add(t8_11, t8_14);
-        w[52][0] = w_ixz_crank_q1; w[52][3] = w_ixz_crank_q3;
-        let t8_15 = sin_q3 * t8_1;
-        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t8_15);
-        let t8_16 = -w_iyy_crank_q1;
-        w[53][0] = t8_16; w[53][3] = w_ixx_crank_q3;
-        let t8_17 = t8_12 - t8_10;
+        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t8_5);
+        let t8_9 = t8_2 - al_cranky;
+        let t8_10 = -w_iyy_crank_q1;
+        w[53][0] = t8_10;
+        let t8_11 = t8_9 - w_iyz_crank_q3;
+        let t8_12 = like.lift(0.0132) * t8_11;
+        let w_mx_crank_q1 = -t8_12;
+        w[56][0] = w_mx_crank_q1;
+        let t8_13 = sin_q3 * t8_9;
+        let w_ixy_crank_q1 = (-cos_q3).mul_add(t8_4, t8_13);
+        let t8_14 = -w_ixy_crank_q1;
+        w[51][0] = t8_14;
+        let t8_15 = t8_4 + w_ixz_crank_q3;
+        let w_my_crank_q1 = like.lift(0.0132) * t8_15;
+        let t8_16 = -w_my_crank_q1;
+        w[57][0] = t8_16;
+        let t8_17 = dd_q3 + w_ixx_crank_q3;
         let t8_18 = dd_q3 - w_ixx_crank_q3;
-        let t8_19 = sin_q3 * t8_17;
-        let w_iyz_crank_q1 = (-cos_q3).mul_add(t8_18, t8_19);
-        let t8_20 = -w_iyz_crank_q1;
-        w[54][0] = t8_20; w[54][3] = w_iyz_crank_q3;
-        let t8_21 = t8_5 - w_iyz_crank_q3;
-        let t8_22 = like.lift(0.0132) * t8_21;
-        let w_mx_crank_q1 = -t8_22;
-        let t8_23 = like.lift(9.81) * cos_q3;
-        let a_cranky = sin_q3.mul_add(t3_23, t8_23);
-        w[56][0] = w_mx_crank_q1; w[56][3] = a_cranky;
-        let t8_24 = t8_6 + w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.0132) * t8_24;
-        let t8_25 = -w_my_crank_q1;
-        let t8_26 = cos_q3 * t3_23;
+        let t8_19 = d_q3 * d_q3;
+        let t8_20 = t8_19 - t8_7;
+        let t8_21 = cos_q3 * t8_20;
+        let w_ixz_crank_q1 = sin_q3.mul_add(t8_17, t8_21);
+        w[52][0] = w_ixz_crank_q1;
+        let t8_22 = t8_19 - t8_8;
+        let t8_23 = sin_q3 * t8_22;
+        let w_iyz_crank_q1 = (-cos_q3).mul_add(t8_18, t8_23);
+        let t8_24 = -w_iyz_crank_q1;
+        w[54][0] = t8_24;
+        let t8_25 = like.lift(9.81) * cos_q3;
+        let a_cranky = sin_q3.mul_add(t3_25, t8_25);
+        w[56][3] = a_cranky;
+        let t8_26 = cos_q3 * t3_25;
         let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_26);
-        w[57][0] = t8_25; w[57][3] = a_crankx;
-        let t8_27 = (-sin_q3).mul_add(a_cranky, t3_23);
+        w[57][3] = a_crankx;
+        let t8_27 = (-sin_q3).mul_add(a_cranky, t3_25);
         let w_mz_crank_q1 = (-cos_q3).mul_add(a_crankx, t8_27);
         w[58][0] = w_mz_crank_q1;
-        w[55][3] = dd_q3;
-        w[59][0] = w_m_arm_q1;
-        [w_ixz_crank_q3, t8_5, t8_10, t8_11, t8_12, a_cranky, a_crankx]
+        [w_ixz_crank_q3, t8_8, t8_9, t8_17, t8_19, a_cranky, a_crankx]
     };
     // body rod: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t9_1 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_1);
-        let t9_2 = cos_q3 * cos_pin;
-        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_2);
+        let t9_1 = t8_19 + t8_8;
+        let a_rodz = like.lift(-0.0456).mul_add(t8_9, a_armz);
+        let t9_2 = like.lift(0.0456).mul_add(t9_1, a_crankx);
+        let t9_3 = like.lift(0.0456).mul_add(t8_17, a_cranky);
+        let w_mz_rod_q3 = like.lift(0.0456) * w_ixz_crank_q3;
+        let t9_4 = -w_mz_rod_q3;
+        w[68][3] = t9_4;
+        let t9_5 = like.lift(1.0) - x_pin_q3;
+        let t9_6 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_6);
+        let t9_7 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_7);
+        let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
+        let w_m_rod_q1 = u_rod_q1z * a_rodz;
+        w[69][0] = w_m_rod_q1;
         let w_rodz = d_q3 + d_pin;
         let w_rody = cos_q3_pin * d_q1;
-        let t9_3 = w_rodz * w_rody;
-        let t9_4 = sin_q3_pin * dd_q1;
-        let al_rodx = t9_3 + t9_4;
+        let t9_8 = w_rodz * w_rody;
+        let t9_9 = sin_q3_pin * dd_q1;
+        let w_ixz_rod_q3 = t9_9 * t9_5;
+        w[62][3] = w_ixz_rod_q3;
+        let w_ixz_rod_q2 = x_pin_q2 * t9_9;
+        let t9_10 = -w_ixz_rod_q2;
+        w[62][1] = t9_10;
+        let al_rodx = t9_8 + t9_9;
         let w_rodx = sin_q3_pin * d_q1;
-        let t9_5 = w_rodz * w_rodx;
-        let t9_6 = cos_q3_pin * t9_5;
-        let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t9_6);
-        let t9_7 = w_rodx * w_rody;
-        let w_ixx_rod_q2 = x_pin_q2 * t9_7;
-        let t9_8 = like.lift(1.0) - x_pin_q3;
-        let w_ixx_rod_q3 = t9_7 * t9_8;
-        let t9_9 = -w_ixx_rod_q3;
-        w[60][0] = w_ixx_rod_q1; w[60][1] = w_ixx_rod_q2; w[60][3] = t9_9;
-        let t9_10 = cos_q3_pin * dd_q1;
-        let al_rody = t9_5 - t9_10;
-        let t9_11 = t9_5 + al_rody;
-        let t9_12 = t9_3 + al_rodx;
-        let t9_13 = sin_q3_pin * t9_11;
-        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t9_12, t9_13);
-        let t9_14 = -w_ixy_rod_q1;
-        let t9_15 = w_rodx * w_rodx;
-        let t9_16 = w_rody * w_rody;
-        let t9_17 = t9_15 - t9_16;
-        let w_ixy_rod_q2 = x_pin_q2 * t9_17;
-        let t9_18 = -w_ixy_rod_q2;
-        let w_ixy_rod_q3 = t9_17 * t9_8;
-        w[61][0] = t9_14; w[61][1] = t9_18; w[61][3] = w_ixy_rod_q3;
+        let t9_11 = w_rodz * w_rodx;
+        let t9_12 = w_rodz * w_rodz;
+        let t9_13 = cos_q3_pin * t9_11;
+        let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t9_13);
+        w[60][0] = w_ixx_rod_q1;
+        let t9_14 = t9_8 + al_rodx;
+        let t9_15 = w_rodx * w_rody;
+        let t9_16 = w_rodx * w_rodx;
+        let t9_17 = w_rody * w_rody;
+        let w_ixx_rod_q2 = x_pin_q2 * t9_15;
+        w[60][1] = w_ixx_rod_q2;
+        let t9_18 = -w_ixx_rod_q2;
+        w[63][1] = t9_18;
+        let w_ixx_rod_q3 = t9_15 * t9_5;
+        w[63][3] = w_ixx_rod_q3;
+        let t9_19 = -w_ixx_rod_q3;
+        w[60][3] = t9_19;
+        let t9_20 = cos_q3_pin * dd_q1;
+        let w_iyz_rod_q3 = t9_20 * t9_5;
+        w[64][3] = w_iyz_rod_q3;
+        let w_iyz_rod_q2 = x_pin_q2 * t9_20;
+        let t9_21 = -w_iyz_rod_q2;
+        w[64][1] = t9_21;
+        let al_rody = t9_11 - t9_20;
+        let t9_22 = t9_11 + al_rody;
+        let t9_23 = cos_q3_pin * al_rody;
+        let w_iyy_rod_q1 = sin_q3_pin.mul_add(t9_8, t9_23);
+        let t9_24 = -w_iyy_rod_q1;
+        w[63][0] = t9_24;
+        let t9_25 = cos_q3_pin * a_rodz;
+        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t9_22, t9_25);
+        w[66][0] = w_mx_rod_q1;
+        let t9_26 = sin_q3_pin * t9_22;
+        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t9_14, t9_26);
+        let t9_27 = -w_ixy_rod_q1;
+        w[61][0] = t9_27;
+        let t9_28 = u_rod_q1z * t9_14;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_28);
+        let t9_29 = -w_my_rod_q1;
+        w[67][0] = t9_29;
+        let t9_30 = t9_16 - t9_17;
+        let w_ixy_rod_q3 = t9_30 * t9_5;
+        w[61][3] = w_ixy_rod_q3;
+        let w_ixy_rod_q2 = x_pin_q2 * t9_30;
+        let t9_31 = -w_ixy_rod_q2;
+        w[61][1] = t9_31;
         let al_rodz = dd_q3 + dd_pin;
-        let t9_19 = al_rodz + t9_7;
-        let t9_20 = w_rodz * w_rodz;
-        let t9_21 = t9_20 - t9_15;
-        let t9_22 = cos_q3_pin * t9_21;
-        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t9_19, t9_22);
-        let w_ixz_rod_q2 = x_pin_q2 * t9_4;
-        let t9_23 = -w_ixz_rod_q2;
-        let w_ixz_rod_q3 = t9_4 * t9_8;
-        w[62][0] = w_ixz_rod_q1; w[62][1] = t9_23; w[62][3] = w_ixz_rod_q3;
-        let t9_24 = cos_q3_pin * al_rody;
-        let w_iyy_rod_q1 = sin_q3_pin.mul_add(t9_3, t9_24);
-        let t9_25 = -w_iyy_rod_q1;
-        let t9_26 = -w_ixx_rod_q2;
-        w[63][0] = t9_25; w[63][1] = t9_26; w[63][3] = w_ixx_rod_q3;
-        let t9_27 = t9_20 - t9_16;
-        let t9_28 = al_rodz - t9_7;
-        let t9_29 = sin_q3_pin * t9_27;
-        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t9_28, t9_29);
-        let t9_30 = -w_iyz_rod_q1;
-        let w_iyz_rod_q2 = x_pin_q2 * t9_10;
-        let t9_31 = -w_iyz_rod_q2;
-        let w_iyz_rod_q3 = t9_10 * t9_8;
-        w[64][0] = t9_30; w[64][1] = t9_31; w[64][3] = w_iyz_rod_q3;
+        let w_izz_rod_q3 = al_rodz * t9_5;
+        w[65][3] = w_izz_rod_q3;
         let w_izz_rod_q2 = x_pin_q2 * al_rodz;
         let t9_32 = -w_izz_rod_q2;
-        let w_izz_rod_q3 = al_rodz * t9_8;
-        w[65][1] = t9_32; w[65][3] = w_izz_rod_q3;
-        let a_rodz = like.lift(-0.0456).mul_add(t8_5, a_armz);
-        let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let t9_33 = cos_q3_pin * a_rodz;
-        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t9_11, t9_33);
-        let t9_34 = t8_12 + t8_10;
-        let t9_35 = like.lift(0.0456).mul_add(t9_34, a_crankx);
-        let t9_36 = like.lift(0.0456).mul_add(t8_11, a_cranky);
-        let t9_37 = cos_pin * t9_36;
-        let a_rody = sin_pin.mul_add(t9_35, t9_37);
+        w[65][1] = t9_32;
+        let t9_33 = al_rodz + t9_15;
+        let t9_34 = al_rodz - t9_15;
+        let t9_35 = t9_12 - t9_16;
+        let t9_36 = cos_q3_pin * t9_35;
+        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t9_33, t9_36);
+        w[62][0] = w_ixz_rod_q1;
+        let t9_37 = cos_pin * t9_33;
+        let t9_38 = t9_12 + t9_16;
+        let t9_39 = cos_pin * t9_38;
+        let t9_40 = sin_pin.mul_add(t9_34, t9_39);
+        let t9_41 = t9_12 + t9_17;
+        let t9_42 = t9_12 - t9_17;
+        let t9_43 = (-sin_pin).mul_add(t9_41, t9_37);
+        let t9_44 = sin_q3_pin * t9_42;
+        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t9_34, t9_44);
+        let t9_45 = -w_iyz_rod_q1;
+        w[64][0] = t9_45;
+        let t9_46 = cos_pin * t9_3;
+        let a_rody = sin_pin.mul_add(t9_2, t9_46);
+        let t9_47 = sin_q3_pin * a_rody;
+        let t9_48 = (-u_rod_q1z).mul_add(t3_24, t9_47);
+        let t9_49 = cos_pin * t9_2;
+        let a_rodx = (-sin_pin).mul_add(t9_3, t9_49);
+        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t9_48);
+        let t9_50 = -w_mz_rod_q1;
+        w[68][0] = t9_50;
+        let t9_51 = cos_pin * a_rody;
+        let t9_52 = (-sin_pin).mul_add(a_rodx, t9_51);
+        let t9_53 = a_rody * t9_5;
+        let w_mx_rod_q3 = like.lift(0.0456).mul_add(t9_43, t9_53);
+        w[66][3] = w_mx_rod_q3;
+        let t9_54 = a_rodx * t9_5;
+        let w_my_rod_q3 = like.lift(-0.0456).mul_add(t9_40, t9_54);
+        w[67][3] = w_my_rod_q3;
         let w_mx_rod_q2 = x_pin_q2 * a_rody;
-        let t9_38 = -w_mx_rod_q2;
-        let t9_39 = t9_20 + t9_16;
-        let t9_40 = cos_pin * t9_19;
-        let t9_41 = (-sin_pin).mul_add(t9_39, t9_40);
-        let t9_42 = a_rody * t9_8;
-        let w_mx_rod_q3 = like.lift(0.0456).mul_add(t9_41, t9_42);
-        w[66][0] = w_mx_rod_q1; w[66][1] = t9_38; w[66][3] = w_mx_rod_q3;
-        let t9_43 = u_rod_q1z * t9_12;
-        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_43);
-        let t9_44 = -w_my_rod_q1;
-        let t9_45 = cos_pin * t9_35;
-        let a_rodx = (-sin_pin).mul_add(t9_36, t9_45);
         let w_my_rod_q2 = x_pin_q2 * a_rodx;
-        let t9_46 = -w_my_rod_q2;
-        let t9_47 = t9_20 + t9_15;
-        let t9_48 = cos_pin * t9_47;
-        let t9_49 = sin_pin.mul_add(t9_28, t9_48);
-        let t9_50 = a_rodx * t9_8;
-        let w_my_rod_q3 = like.lift(-0.0456).mul_add(t9_49, t9_50);
-        w[67][0] = t9_44; w[67][1] = t9_46; w[67][3] = w_my_rod_q3;
-        let t9_51 = sin_q3_pin * a_rody;
-        let t9_52 = (-u_rod_q1z).mul_add(t3_22, t9_51);
-        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t9_52);
-        let t9_53 = -w_mz_rod_q1;
-        let w_mz_rod_q3 = like.lift(0.0456) * w_ixz_crank_q3;
-        let t9_54 = -w_mz_rod_q3;
-        w[68][0] = t9_53; w[68][3] = t9_54;
-        let w_m_rod_q1 = u_rod_q1z * a_rodz;
-        let t9_55 = cos_pin * a_rody;
-        let t9_56 = (-sin_pin).mul_add(a_rodx, t9_55);
-        let t9_57 = like.lift(0.0456) * t9_56;
+        let t9_55 = -w_mx_rod_q2;
+        w[66][1] = t9_55;
+        let t9_56 = -w_my_rod_q2;
+        w[67][1] = t9_56;
+        let t9_57 = like.lift(0.0456) * t9_52;
         let w_m_rod_q3 = -t9_57;
         let t9_58 = -w_m_rod_q3;
-        w[69][0] = w_m_rod_q1; w[69][3] = t9_58;
+        w[69][3] = t9_58;
     }
     Condition { pivot: condition }
 }
@@ -1892,22 +1984,8 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
-    let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
-    let [
-        _, _, _, _, _, p_izz_column, _, _, _, _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyy_arm,
-        p_iyz_arm, p_izz_arm, p_mx_arm, p_my_arm, p_mz_arm, p_m_arm, p_ixx_forearm,
-        p_ixy_forearm, p_ixz_forearm, p_iyy_forearm, p_iyz_forearm, p_izz_forearm,
-        p_mx_forearm, p_my_forearm, p_mz_forearm, p_m_forearm, p_ixx_wrist, p_ixy_wrist,
-        p_ixz_wrist, p_iyy_wrist, p_iyz_wrist, p_izz_wrist, p_mx_wrist, p_my_wrist, p_mz_wrist,
-        p_m_wrist, p_ixx_flange, p_ixy_flange, p_ixz_flange, p_iyy_flange, p_iyz_flange,
-        p_izz_flange, p_mx_flange, p_my_flange, p_mz_flange, p_m_flange, p_ixx_crank,
-        p_ixy_crank, p_ixz_crank, p_iyy_crank, p_iyz_crank, p_izz_crank, p_mx_crank,
-        p_my_crank, p_mz_crank, p_m_crank, p_ixx_rod, p_ixy_rod, p_ixz_rod, p_iyy_rod,
-        p_iyz_rod, p_izz_rod, p_mx_rod, p_my_rod, p_mz_rod, p_m_rod,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
@@ -1923,20 +2001,32 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
             cos_wrist, sin_q4, cos_q4,
         ]
     };
+    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
+    let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
+    let [
+        _, _, _, _, _, p_izz_column, _, _, _, _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyy_arm,
+        p_iyz_arm, p_izz_arm, p_mx_arm, p_my_arm, p_mz_arm, p_m_arm, p_ixx_forearm,
+        p_ixy_forearm, p_ixz_forearm, p_iyy_forearm, p_iyz_forearm, p_izz_forearm,
+        p_mx_forearm, p_my_forearm, p_mz_forearm, p_m_forearm, p_ixx_wrist, p_ixy_wrist,
+        p_ixz_wrist, p_iyy_wrist, p_iyz_wrist, p_izz_wrist, p_mx_wrist, p_my_wrist, p_mz_wrist,
+        p_m_wrist, p_ixx_flange, p_ixy_flange, p_ixz_flange, p_iyy_flange, p_iyz_flange,
+        p_izz_flange, p_mx_flange, p_my_flange, p_mz_flange, p_m_flange, p_ixx_crank,
+        p_ixy_crank, p_ixz_crank, p_iyy_crank, p_iyz_crank, p_izz_crank, p_mx_crank,
+        p_my_crank, p_mz_crank, p_m_crank, p_ixx_rod, p_ixy_rod, p_ixz_rod, p_iyy_rod,
+        p_iyz_rod, p_izz_rod, p_mx_rod, p_my_rod, p_mz_rod, p_m_rod,
+    ] = *phi;
     // tau, part 1
     let [
-        t2_1, al_crankx, t2_2, al_cranky, w_ixx_crank_q3, t2_5, t2_7, a_cranky, t2_12, t2_13,
-        al_rodx, t2_14, t2_15, al_rody, al_rodz, t2_16, t2_18, t2_19, a_armz, a_crankx, a_rody,
-        t2_38, a_rodx, t2_60, t2_62, t2_81, t2_86, t2_87, al_armx, w_armx, t2_88, al_army,
-        w_ixx_arm_q2, t2_89, t2_90, t2_91, t2_92, a_army, sin_q2_elbow, cos_q2_elbow, t2_96,
-        t2_97, al_forearmx, w_forearmx, t2_98, t2_99, al_forearmy, al_forearmz, t2_100, t2_101,
-        t2_102, t2_103, t2_104, t2_105, a_forearmz, a_armx, a_forearmy, t2_114, t2_115,
-        al_wristx, t2_116, t2_117, al_wristy, al_wristz, t2_118, t2_120, t2_121, t2_123,
-        a_wristz, a_forearmx, t2_125, t2_127, a_wristy, t2_131, t2_132, t2_133,
-        w_ixz_flange_q4, al_flangex, t2_136, w_iyz_flange_q4, al_flangey, al_flangez,
-        w_ixx_flange_q4, t2_139, t2_140, t2_142, a_flangez, a_wristx, t2_144, t2_146,
-        a_flangey, t2_157, t2_159, a_flangex, t2_170, t2_181, t2_182, t2_183, t2_184, t2_185,
-        w_ixy_flange_q4, t2_186, t2_189,
+        w_ixx_crank_q3, t2_8, a_cranky, a_armz, a_crankx, w_ixy_crank_q3, t2_47, t2_82, t2_93,
+        t2_102, t2_107, t2_112, t2_113, t2_114, al_armx, t2_115, al_army, w_ixx_arm_q2, t2_118,
+        t2_120, a_army, a_armx, sin_q2_elbow, cos_q2_elbow, t2_125, t2_126, al_forearmx,
+        t2_127, al_forearmy, al_forearmz, t2_129, t2_131, t2_132, t2_133, t2_134, t2_135,
+        a_forearmz, t2_138, w_ixy_arm_q2, a_forearmy, a_forearmx, t2_150, t2_151, al_wristx,
+        t2_152, al_wristy, al_wristz, t2_153, t2_154, t2_156, t2_157, t2_158, a_wristz, t2_160,
+        t2_161, t2_163, a_wristy, a_wristx, t2_171, t2_172, t2_175, w_ixz_flange_q4,
+        w_iyz_flange_q4, al_flangex, t2_178, t2_179, al_flangey, al_flangez, w_ixx_flange_q4,
+        t2_180, t2_181, t2_182, t2_183, t2_184, a_flangez, t2_186, t2_187, t2_188, t2_189,
+        t2_190,
     ] = {
         let w_cranky = cos_q3 * d_q1;
         let t2_1 = d_q3 * w_cranky;
@@ -1945,471 +2035,500 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let t2_2 = d_q3 * w_crankx;
         let al_cranky = cos_q3.mul_add(dd_q1, -t2_2);
         let w_ixx_crank_q3 = w_crankx * w_cranky;
-        let t2_3 = p_iyy_crank - p_izz_crank;
-        let t2_4 = d_q3 * d_q3;
-        let t2_5 = w_cranky * w_cranky;
-        let t2_6 = t2_4 - t2_5;
-        let t2_7 = d_q1 * d_q1;
-        let t2_8 = like.lift(0.0132) * t2_7;
-        let t2_9 = like.lift(9.81) * cos_q3;
-        let a_cranky = sin_q3.mul_add(t2_8, t2_9);
+        let t2_3 = w_cranky * w_cranky;
+        let t2_4 = w_crankx * w_crankx;
+        let t2_5 = p_iyy_crank - p_izz_crank;
+        let t2_6 = d_q3 * d_q3;
+        let t2_7 = t2_6 - t2_3;
+        let t2_8 = d_q1 * d_q1;
+        let t2_9 = like.lift(0.0132) * t2_8;
+        let t2_10 = like.lift(9.81) * cos_q3;
+        let a_cranky = sin_q3.mul_add(t2_9, t2_10);
         let w_rodz = d_q3 + d_pin;
-        let t2_10 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_10);
-        let t2_11 = cos_q3 * cos_pin;
-        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_11);
+        let t2_11 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_11);
+        let t2_12 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_12);
         let w_rody = cos_q3_pin * d_q1;
-        let t2_12 = w_rodz * w_rody;
-        let t2_13 = sin_q3_pin * dd_q1;
-        let al_rodx = t2_12 + t2_13;
+        let t2_13 = cos_q3_pin * dd_q1;
+        let t2_14 = w_rodz * w_rody;
+        let t2_15 = sin_q3_pin * dd_q1;
         let w_rodx = sin_q3_pin * d_q1;
-        let t2_14 = w_rodz * w_rodx;
-        let t2_15 = cos_q3_pin * dd_q1;
-        let al_rody = t2_14 - t2_15;
+        let al_rodx = t2_14 + t2_15;
+        let t2_16 = w_rodz * w_rodx;
+        let t2_17 = w_rodz * w_rodz;
+        let al_rody = t2_16 - t2_13;
         let al_rodz = dd_q3 + dd_pin;
-        let t2_16 = w_rodx * w_rody;
-        let t2_17 = p_iyy_rod - p_izz_rod;
-        let t2_18 = w_rodz * w_rodz;
+        let t2_18 = w_rodx * w_rody;
         let t2_19 = w_rody * w_rody;
-        let t2_20 = t2_18 - t2_19;
+        let t2_20 = w_rodx * w_rodx;
+        let t2_21 = p_iyy_rod - p_izz_rod;
+        let t2_22 = t2_17 - t2_19;
         let a_armz = like.lift(0.0132) * dd_q1;
-        let t2_21 = t2_2 - al_cranky;
-        let a_rodz = like.lift(-0.0456).mul_add(t2_21, a_armz);
-        let t2_22 = cos_q3 * t2_8;
-        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t2_22);
-        let t2_23 = t2_4 + t2_5;
-        let t2_24 = like.lift(0.0456).mul_add(t2_23, a_crankx);
-        let t2_25 = dd_q3 + w_ixx_crank_q3;
-        let t2_26 = like.lift(0.0456).mul_add(t2_25, a_cranky);
-        let t2_27 = cos_pin * t2_26;
-        let a_rody = sin_pin.mul_add(t2_24, t2_27);
-        let t2_28 = al_rody + t2_14;
-        let t2_29 = al_rodz + t2_16;
-        let t2_30 = p_ixz_rod * t2_29;
-        let t2_31 = (-p_ixy_rod).mul_add(t2_28, t2_30);
-        let t2_32 = al_rodx.mul_add(p_ixx_rod, t2_31);
-        let t2_33 = (-t2_20).mul_add(p_iyz_rod, t2_32);
-        let t2_34 = (-t2_12).mul_add(t2_17, t2_33);
-        let t2_35 = (-a_rody).mul_add(p_mz_rod, t2_34);
-        let t2_36 = (-a_rodz).mul_add(p_my_rod, t2_35);
-        let t2_37 = p_ixx_rod - p_izz_rod;
-        let t2_38 = w_rodx * w_rodx;
-        let t2_39 = t2_18 - t2_38;
-        let t2_40 = cos_pin * t2_24;
-        let a_rodx = (-sin_pin).mul_add(t2_26, t2_40);
-        let t2_41 = al_rodx + t2_12;
-        let t2_42 = al_rodz - t2_16;
-        let t2_43 = p_iyz_rod * t2_42;
-        let t2_44 = (-al_rody).mul_add(p_iyy_rod, t2_43);
-        let t2_45 = p_ixy_rod.mul_add(t2_41, t2_44);
-        let t2_46 = t2_39.mul_add(p_ixz_rod, t2_45);
-        let t2_47 = t2_14.mul_add(t2_37, t2_46);
-        let t2_48 = a_rodz.mul_add(p_mx_rod, t2_47);
-        let t2_49 = (-a_rodx).mul_add(p_mz_rod, t2_48);
-        let t2_50 = al_cranky - t2_2;
-        let t2_51 = dd_q3 + w_ixx_crank_q3;
-        let t2_52 = p_ixz_crank * t2_51;
-        let t2_53 = p_ixy_crank.mul_add(t2_50, t2_52);
-        let t2_54 = al_crankx.mul_add(p_ixx_crank, t2_53);
-        let t2_55 = (-t2_6).mul_add(p_iyz_crank, t2_54);
-        let t2_56 = (-t2_1).mul_add(t2_3, t2_55);
-        let t2_57 = (-a_cranky).mul_add(p_mz_crank, t2_56);
-        let t2_58 = (-p_my_crank).mul_add(a_armz, t2_57);
-        let t2_59 = (-sin_pin).mul_add(t2_49, t2_58);
-        let t2_60 = cos_pin.mul_add(t2_36, t2_59);
-        let t2_61 = p_ixx_crank - p_izz_crank;
-        let t2_62 = w_crankx * w_crankx;
-        let t2_63 = t2_4 - t2_62;
-        let t2_64 = t2_14 + al_rody;
-        let t2_65 = t2_12 + al_rodx;
-        let t2_66 = a_rodz * p_m_rod;
-        let t2_67 = t2_7.mul_add(p_mz_rod, t2_66);
-        let t2_68 = (-t2_65).mul_add(p_my_rod, t2_67);
-        let t2_69 = (-t2_64).mul_add(p_mx_rod, t2_68);
-        let t2_70 = al_crankx + t2_1;
-        let t2_71 = dd_q3 - w_ixx_crank_q3;
-        let t2_72 = p_iyz_crank * t2_71;
-        let t2_73 = al_cranky.mul_add(p_iyy_crank, t2_72);
-        let t2_74 = p_ixy_crank.mul_add(t2_70, t2_73);
-        let t2_75 = t2_63.mul_add(p_ixz_crank, t2_74);
-        let t2_76 = t2_2.mul_add(t2_61, t2_75);
-        let t2_77 = p_mx_crank.mul_add(a_armz, t2_76);
-        let t2_78 = (-a_crankx).mul_add(p_mz_crank, t2_77);
-        let t2_79 = like.lift(0.0456).mul_add(t2_69, t2_78);
-        let t2_80 = cos_pin.mul_add(t2_49, t2_79);
-        let t2_81 = sin_pin.mul_add(t2_36, t2_80);
-        let t2_82 = t2_1 + al_crankx;
-        let t2_83 = p_m_crank.mul_add(a_armz, t2_69);
-        let t2_84 = t2_7.mul_add(p_mz_crank, t2_83);
-        let t2_85 = (-t2_82).mul_add(p_my_crank, t2_84);
-        let t2_86 = (-t2_21).mul_add(p_mx_crank, t2_85);
+        let t2_23 = t2_2 - al_cranky;
+        let a_rodz = like.lift(-0.0456).mul_add(t2_23, a_armz);
+        let t2_24 = cos_q3 * t2_9;
+        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t2_24);
+        let t2_25 = t2_6 + t2_3;
+        let t2_26 = like.lift(0.0456).mul_add(t2_25, a_crankx);
+        let t2_27 = t2_6 - t2_4;
+        let w_ixy_crank_q3 = t2_4 - t2_3;
+        let t2_28 = dd_q3 + w_ixx_crank_q3;
+        let t2_29 = like.lift(0.0456).mul_add(t2_28, a_cranky);
+        let t2_30 = cos_pin * t2_29;
+        let a_rody = sin_pin.mul_add(t2_26, t2_30);
+        let t2_31 = cos_pin * t2_26;
+        let a_rodx = (-sin_pin).mul_add(t2_29, t2_31);
+        let t2_32 = a_rodx * p_m_rod;
+        let t2_33 = (-t2_13).mul_add(p_mz_rod, t2_32);
+        let t2_34 = al_rodz - t2_18;
+        let t2_35 = t2_34.mul_add(p_my_rod, t2_33);
+        let t2_36 = t2_17 + t2_19;
+        let t2_37 = t2_36.mul_add(p_mx_rod, t2_35);
+        let t2_38 = t2_20 - t2_19;
+        let t2_39 = sin_pin * t2_37;
+        let t2_40 = a_rody * p_m_rod;
+        let t2_41 = (-t2_15).mul_add(p_mz_rod, t2_40);
+        let t2_42 = t2_17 + t2_20;
+        let t2_43 = t2_17 - t2_20;
+        let t2_44 = (-t2_42).mul_add(p_my_rod, t2_41);
+        let t2_45 = al_rodz + t2_18;
+        let t2_46 = t2_45.mul_add(p_mx_rod, t2_44);
+        let t2_47 = (-cos_pin).mul_add(t2_46, t2_39);
+        let t2_48 = al_rody + t2_16;
+        let t2_49 = al_rodz + t2_18;
+        let t2_50 = p_ixz_rod * t2_49;
+        let t2_51 = (-p_ixy_rod).mul_add(t2_48, t2_50);
+        let t2_52 = al_rodx.mul_add(p_ixx_rod, t2_51);
+        let t2_53 = (-t2_22).mul_add(p_iyz_rod, t2_52);
+        let t2_54 = (-t2_14).mul_add(t2_21, t2_53);
+        let t2_55 = (-a_rody).mul_add(p_mz_rod, t2_54);
+        let t2_56 = (-a_rodz).mul_add(p_my_rod, t2_55);
+        let t2_57 = p_ixx_rod - p_izz_rod;
+        let t2_58 = al_rodx + t2_14;
+        let t2_59 = al_rodz - t2_18;
+        let t2_60 = p_iyz_rod * t2_59;
+        let t2_61 = (-al_rody).mul_add(p_iyy_rod, t2_60);
+        let t2_62 = p_ixy_rod.mul_add(t2_58, t2_61);
+        let t2_63 = t2_43.mul_add(p_ixz_rod, t2_62);
+        let t2_64 = t2_16.mul_add(t2_57, t2_63);
+        let t2_65 = a_rodz.mul_add(p_mx_rod, t2_64);
+        let t2_66 = (-a_rodx).mul_add(p_mz_rod, t2_65);
+        let t2_67 = a_rodz * p_m_rod;
+        let t2_68 = t2_8.mul_add(p_mz_rod, t2_67);
+        let t2_69 = al_rodz * p_izz_rod;
+        let t2_70 = t2_14 + al_rodx;
+        let t2_71 = (-t2_70).mul_add(p_my_rod, t2_68);
+        let t2_72 = al_rodx - t2_14;
+        let t2_73 = t2_16 + al_rody;
+        let t2_74 = al_rody - t2_16;
+        let t2_75 = (-p_iyz_rod).mul_add(t2_74, t2_69);
+        let t2_76 = p_ixz_rod.mul_add(t2_72, t2_75);
+        let t2_77 = (-t2_73).mul_add(p_mx_rod, t2_71);
+        let t2_78 = t2_38.mul_add(p_ixy_rod, t2_76);
+        let t2_79 = p_ixx_rod - p_iyy_rod;
+        let t2_80 = (-t2_18).mul_add(t2_79, t2_78);
+        let t2_81 = a_rodx.mul_add(p_my_rod, t2_80);
+        let t2_82 = a_rody.mul_add(p_mx_rod, t2_81);
+        let t2_83 = al_cranky - t2_2;
+        let t2_84 = dd_q3 + w_ixx_crank_q3;
+        let t2_85 = p_ixz_crank * t2_84;
+        let t2_86 = p_ixy_crank.mul_add(t2_83, t2_85);
+        let t2_87 = al_crankx.mul_add(p_ixx_crank, t2_86);
+        let t2_88 = (-t2_7).mul_add(p_iyz_crank, t2_87);
+        let t2_89 = (-t2_1).mul_add(t2_5, t2_88);
+        let t2_90 = (-a_cranky).mul_add(p_mz_crank, t2_89);
+        let t2_91 = (-p_my_crank).mul_add(a_armz, t2_90);
+        let t2_92 = (-sin_pin).mul_add(t2_66, t2_91);
+        let t2_93 = cos_pin.mul_add(t2_56, t2_92);
+        let t2_94 = p_ixx_crank - p_izz_crank;
+        let t2_95 = al_crankx + t2_1;
+        let t2_96 = dd_q3 - w_ixx_crank_q3;
+        let t2_97 = p_iyz_crank * t2_96;
+        let t2_98 = al_cranky.mul_add(p_iyy_crank, t2_97);
+        let t2_99 = p_ixy_crank.mul_add(t2_95, t2_98);
+        let t2_100 = t2_27.mul_add(p_ixz_crank, t2_99);
+        let t2_101 = t2_2.mul_add(t2_94, t2_100);
+        let t2_102 = al_cranky + t2_2;
+        let t2_103 = p_mx_crank.mul_add(a_armz, t2_101);
+        let t2_104 = (-a_crankx).mul_add(p_mz_crank, t2_103);
+        let t2_105 = like.lift(0.0456).mul_add(t2_77, t2_104);
+        let t2_106 = cos_pin.mul_add(t2_66, t2_105);
+        let t2_107 = sin_pin.mul_add(t2_56, t2_106);
+        let t2_108 = p_m_crank.mul_add(a_armz, t2_77);
+        let t2_109 = t2_8.mul_add(p_mz_crank, t2_108);
+        let t2_110 = t2_1 + al_crankx;
+        let t2_111 = (-t2_110).mul_add(p_my_crank, t2_109);
+        let t2_112 = (-t2_23).mul_add(p_mx_crank, t2_111);
+        let t2_113 = al_crankx - t2_1;
         let w_army = cos_q2 * d_q1;
-        let t2_87 = d_q2 * w_army;
-        let al_armx = sin_q2.mul_add(dd_q1, t2_87);
+        let t2_114 = d_q2 * w_army;
+        let al_armx = sin_q2.mul_add(dd_q1, t2_114);
         let w_armx = sin_q2 * d_q1;
-        let t2_88 = d_q2 * w_armx;
-        let al_army = cos_q2.mul_add(dd_q1, -t2_88);
+        let t2_115 = d_q2 * w_armx;
+        let al_army = cos_q2.mul_add(dd_q1, -t2_115);
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t2_89 = p_iyy_arm - p_izz_arm;
-        let t2_90 = w_army * w_army;
-        let t2_91 = d_q2 * d_q2;
-        let t2_92 = t2_90 - t2_91;
-        let t2_93 = like.lift(9.81) * cos_q2;
-        let a_army = sin_q2.mul_add(t2_8, t2_93);
+        let t2_116 = w_army * w_army;
+        let t2_117 = w_armx * w_armx;
+        let t2_118 = p_iyy_arm - p_izz_arm;
+        let t2_119 = d_q2 * d_q2;
+        let t2_120 = t2_116 - t2_119;
+        let t2_121 = like.lift(9.81) * cos_q2;
+        let a_army = sin_q2.mul_add(t2_9, t2_121);
+        let t2_122 = cos_q2 * t2_9;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_122);
         let w_forearmz = d_q2 + d_elbow;
-        let t2_94 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_94);
-        let t2_95 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_95);
+        let t2_123 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_123);
+        let t2_124 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_124);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t2_96 = w_forearmz * w_forearmy;
-        let t2_97 = sin_q2_elbow * dd_q1;
-        let al_forearmx = t2_96 + t2_97;
+        let t2_125 = w_forearmz * w_forearmy;
+        let t2_126 = sin_q2_elbow * dd_q1;
+        let al_forearmx = t2_125 + t2_126;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t2_98 = w_forearmz * w_forearmx;
-        let t2_99 = cos_q2_elbow * dd_q1;
-        let al_forearmy = t2_98 - t2_99;
+        let t2_127 = w_forearmz * w_forearmx;
+        let t2_128 = cos_q2_elbow * dd_q1;
+        let al_forearmy = t2_127 - t2_128;
         let al_forearmz = dd_q2 + dd_elbow;
-        let t2_100 = w_forearmx * w_forearmy;
-        let t2_101 = p_iyy_forearm - p_izz_forearm;
-        let t2_102 = w_forearmy * w_forearmy;
-        let t2_103 = w_forearmz * w_forearmz;
-        let t2_104 = t2_102 - t2_103;
-        let t2_105 = t2_88 - al_army;
-        let a_forearmz = like.lift(-0.14207).mul_add(t2_105, a_armz);
-        let t2_106 = cos_q2 * t2_8;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_106);
-        let t2_107 = t2_90 + t2_91;
-        let t2_108 = like.lift(0.14207).mul_add(t2_107, a_armx);
-        let t2_109 = dd_q2 + w_ixx_arm_q2;
-        let t2_110 = like.lift(0.14207).mul_add(t2_109, a_army);
-        let t2_111 = cos_elbow * t2_110;
-        let a_forearmy = sin_elbow.mul_add(t2_108, t2_111);
-        let t2_112 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_112);
-        let t2_113 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_113);
-        let w_wristy = d_q1 * cos_q2_elbow_wrist;
+        let t2_129 = w_forearmx * w_forearmy;
+        let t2_130 = w_forearmy * w_forearmy;
+        let t2_131 = w_forearmx * w_forearmx;
+        let t2_132 = p_iyy_forearm - p_izz_forearm;
+        let t2_133 = w_forearmz * w_forearmz;
         let w_wristz = d_wrist + w_forearmz;
-        let t2_114 = w_wristy * w_wristz;
-        let t2_115 = dd_q1 * sin_q2_elbow_wrist;
-        let al_wristx = t2_114 + t2_115;
+        let t2_134 = t2_130 - t2_133;
+        let t2_135 = t2_115 - al_army;
+        let a_forearmz = like.lift(-0.14207).mul_add(t2_135, a_armz);
+        let t2_136 = t2_116 + t2_119;
+        let t2_137 = like.lift(0.14207).mul_add(t2_136, a_armx);
+        let t2_138 = t2_117 - t2_119;
+        let w_ixy_arm_q2 = t2_117 - t2_116;
+        let t2_139 = dd_q2 + w_ixx_arm_q2;
+        let t2_140 = like.lift(0.14207).mul_add(t2_139, a_army);
+        let t2_141 = cos_elbow * t2_140;
+        let a_forearmy = sin_elbow.mul_add(t2_137, t2_141);
+        let t2_142 = cos_elbow * t2_137;
+        let a_forearmx = (-sin_elbow).mul_add(t2_140, t2_142);
+        let t2_143 = a_forearmx * p_m_forearm;
+        let t2_144 = (-t2_128).mul_add(p_mz_forearm, t2_143);
+        let t2_145 = al_forearmz - t2_129;
+        let t2_146 = t2_145.mul_add(p_my_forearm, t2_144);
+        let t2_147 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_147);
+        let t2_148 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_148);
+        let w_wristy = d_q1 * cos_q2_elbow_wrist;
+        let t2_149 = dd_q1 * cos_q2_elbow_wrist;
+        let t2_150 = w_wristy * w_wristz;
+        let t2_151 = dd_q1 * sin_q2_elbow_wrist;
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t2_116 = w_wristx * w_wristz;
-        let t2_117 = dd_q1 * cos_q2_elbow_wrist;
-        let al_wristy = t2_116 - t2_117;
+        let al_wristx = t2_150 + t2_151;
+        let t2_152 = w_wristx * w_wristz;
+        let al_wristy = t2_152 - t2_149;
         let al_wristz = dd_wrist + al_forearmz;
-        let t2_118 = w_wristx * w_wristy;
-        let t2_119 = p_iyy_wrist - p_izz_wrist;
-        let t2_120 = w_wristy * w_wristy;
-        let t2_121 = w_wristz * w_wristz;
-        let t2_122 = t2_120 - t2_121;
-        let t2_123 = t2_98 + al_forearmy;
-        let a_wristz = like.lift(-0.15852).mul_add(t2_123, a_forearmz);
-        let t2_124 = cos_elbow * t2_108;
-        let a_forearmx = (-sin_elbow).mul_add(t2_110, t2_124);
-        let t2_125 = t2_102 + t2_103;
-        let t2_126 = like.lift(0.15852).mul_add(t2_125, a_forearmx);
-        let t2_127 = al_forearmz + t2_100;
-        let t2_128 = like.lift(0.15852).mul_add(t2_127, a_forearmy);
-        let t2_129 = cos_wrist * t2_128;
-        let a_wristy = sin_wrist.mul_add(t2_126, t2_129);
-        let t2_130 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_130);
+        let t2_153 = w_wristx * w_wristy;
+        let t2_154 = p_iyy_wrist - p_izz_wrist;
+        let t2_155 = w_wristy * w_wristy;
         let w_flangez = d_q4 - w_wristy;
-        let t2_131 = w_flangey * w_flangez;
-        let t2_132 = al_wristz - t2_118;
-        let t2_133 = t2_114 + al_wristx;
-        let t2_134 = cos_q4 * t2_133;
-        let w_ixz_flange_q4 = sin_q4.mul_add(t2_132, t2_134);
-        let al_flangex = t2_131 - w_ixz_flange_q4;
-        let t2_135 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t2_135);
-        let t2_136 = w_flangex * w_flangez;
-        let t2_137 = cos_q4 * t2_132;
-        let w_iyz_flange_q4 = (-sin_q4).mul_add(t2_133, t2_137);
-        let al_flangey = t2_136 - w_iyz_flange_q4;
+        let t2_156 = w_wristz * w_wristz;
+        let t2_157 = t2_155 - t2_156;
+        let t2_158 = t2_127 + al_forearmy;
+        let a_wristz = like.lift(-0.15852).mul_add(t2_158, a_forearmz);
+        let t2_159 = t2_130 + t2_133;
+        let t2_160 = t2_131 - t2_130;
+        let t2_161 = t2_159.mul_add(p_mx_forearm, t2_146);
+        let t2_162 = like.lift(0.15852).mul_add(t2_159, a_forearmx);
+        let t2_163 = al_forearmz + t2_129;
+        let t2_164 = like.lift(0.15852).mul_add(t2_163, a_forearmy);
+        let t2_165 = cos_wrist * t2_164;
+        let a_wristy = sin_wrist.mul_add(t2_162, t2_165);
+        let t2_166 = cos_wrist * t2_162;
+        let a_wristx = (-sin_wrist).mul_add(t2_164, t2_166);
+        let t2_167 = a_wristx * p_m_wrist;
+        let t2_168 = (-t2_149).mul_add(p_mz_wrist, t2_167);
+        let t2_169 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_169);
+        let t2_170 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t2_170);
+        let t2_171 = w_wristx * w_wristx;
+        let t2_172 = w_flangey * w_flangez;
+        let t2_173 = al_wristz - t2_153;
+        let t2_174 = t2_173.mul_add(p_my_wrist, t2_168);
+        let t2_175 = t2_150 + al_wristx;
+        let t2_176 = cos_q4 * t2_175;
+        let w_ixz_flange_q4 = sin_q4.mul_add(t2_173, t2_176);
+        let t2_177 = cos_q4 * t2_173;
+        let w_iyz_flange_q4 = (-sin_q4).mul_add(t2_175, t2_177);
+        let al_flangex = t2_172 - w_ixz_flange_q4;
+        let t2_178 = w_flangex * w_flangez;
+        let t2_179 = w_flangez * w_flangez;
+        let al_flangey = t2_178 - w_iyz_flange_q4;
         let al_flangez = dd_q4 + al_wristy;
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_138 = p_iyy_flange - p_izz_flange;
-        let t2_139 = w_flangey * w_flangey;
-        let t2_140 = w_flangez * w_flangez;
-        let t2_141 = t2_139 - t2_140;
-        let t2_142 = al_wristz + t2_118;
-        let a_flangez = like.lift(0.05).mul_add(t2_142, a_wristy);
-        let t2_143 = cos_wrist * t2_126;
-        let a_wristx = (-sin_wrist).mul_add(t2_128, t2_143);
-        let t2_144 = t2_120 + t2_121;
-        let t2_145 = like.lift(0.05).mul_add(t2_144, a_wristx);
-        let t2_146 = t2_116 + al_wristy;
-        let t2_147 = like.lift(-0.05).mul_add(t2_146, a_wristz);
-        let t2_148 = sin_q4 * t2_145;
-        let a_flangey = (-cos_q4).mul_add(t2_147, t2_148);
-        let t2_149 = al_flangey + t2_136;
-        let t2_150 = al_flangez - w_ixx_flange_q4;
-        let t2_151 = p_ixy_flange * t2_149;
-        let t2_152 = (-p_ixz_flange).mul_add(t2_150, t2_151);
-        let t2_153 = al_flangex.mul_add(p_ixx_flange, t2_152);
-        let t2_154 = (-t2_141).mul_add(p_iyz_flange, t2_153);
-        let t2_155 = (-t2_131).mul_add(t2_138, t2_154);
-        let t2_156 = a_flangey.mul_add(p_mz_flange, t2_155);
-        let t2_157 = a_flangez.mul_add(p_my_flange, t2_156);
-        let t2_158 = p_ixx_flange - p_izz_flange;
-        let t2_159 = w_flangex * w_flangex;
-        let t2_160 = t2_159 - t2_140;
-        let t2_161 = sin_q4 * t2_147;
-        let a_flangex = cos_q4.mul_add(t2_145, t2_161);
-        let t2_162 = al_flangex + t2_131;
-        let t2_163 = al_flangez + w_ixx_flange_q4;
-        let t2_164 = al_flangey * p_iyy_flange;
-        let t2_165 = (-p_iyz_flange).mul_add(t2_163, t2_164);
-        let t2_166 = p_ixy_flange.mul_add(t2_162, t2_165);
-        let t2_167 = t2_160.mul_add(p_ixz_flange, t2_166);
-        let t2_168 = (-t2_136).mul_add(t2_158, t2_167);
-        let t2_169 = (-a_flangez).mul_add(p_mx_flange, t2_168);
-        let t2_170 = a_flangex.mul_add(p_mz_flange, t2_169);
-        let t2_171 = al_wristy + t2_116;
-        let t2_172 = al_wristz + t2_118;
-        let t2_173 = p_ixz_wrist * t2_172;
-        let t2_174 = (-p_ixy_wrist).mul_add(t2_171, t2_173);
-        let t2_175 = al_wristx.mul_add(p_ixx_wrist, t2_174);
-        let t2_176 = t2_122.mul_add(p_iyz_wrist, t2_175);
-        let t2_177 = (-t2_114).mul_add(t2_119, t2_176);
-        let t2_178 = (-a_wristy).mul_add(p_mz_wrist, t2_177);
-        let t2_179 = (-a_wristz).mul_add(p_my_wrist, t2_178);
-        let t2_180 = sin_q4.mul_add(t2_170, t2_179);
-        let t2_181 = (-cos_q4).mul_add(t2_157, t2_180);
-        let t2_182 = p_ixx_wrist - p_izz_wrist;
-        let t2_183 = w_wristx * w_wristx;
-        let t2_184 = t2_183 - t2_121;
-        let t2_185 = p_ixx_flange - p_iyy_flange;
-        let w_ixy_flange_q4 = t2_159 - t2_139;
-        let t2_186 = al_flangex - t2_131;
-        let t2_187 = al_flangey - t2_136;
-        let t2_188 = p_iyz_flange * t2_187;
-        let t2_189 = (-al_flangez).mul_add(p_izz_flange, t2_188);
+        let t2_180 = w_flangey * w_flangey;
+        let t2_181 = w_flangex * w_flangex;
+        let t2_182 = p_iyy_flange - p_izz_flange;
+        let t2_183 = t2_180 - t2_179;
+        let t2_184 = al_wristz + t2_153;
+        let a_flangez = like.lift(0.05).mul_add(t2_184, a_wristy);
+        let t2_185 = t2_155 + t2_156;
+        let t2_186 = t2_171 - t2_155;
+        let t2_187 = t2_185.mul_add(p_mx_wrist, t2_174);
+        let t2_188 = like.lift(0.05).mul_add(t2_185, a_wristx);
+        let t2_189 = t2_152 + al_wristy;
+        let t2_190 = like.lift(-0.05).mul_add(t2_189, a_wristz);
         [
-            t2_1, al_crankx, t2_2, al_cranky, w_ixx_crank_q3, t2_5, t2_7, a_cranky, t2_12,
-            t2_13, al_rodx, t2_14, t2_15, al_rody, al_rodz, t2_16, t2_18, t2_19, a_armz,
-            a_crankx, a_rody, t2_38, a_rodx, t2_60, t2_62, t2_81, t2_86, t2_87, al_armx,
-            w_armx, t2_88, al_army, w_ixx_arm_q2, t2_89, t2_90, t2_91, t2_92, a_army,
-            sin_q2_elbow, cos_q2_elbow, t2_96, t2_97, al_forearmx, w_forearmx, t2_98, t2_99,
-            al_forearmy, al_forearmz, t2_100, t2_101, t2_102, t2_103, t2_104, t2_105,
-            a_forearmz, a_armx, a_forearmy, t2_114, t2_115, al_wristx, t2_116, t2_117,
-            al_wristy, al_wristz, t2_118, t2_120, t2_121, t2_123, a_wristz, a_forearmx, t2_125,
-            t2_127, a_wristy, t2_131, t2_132, t2_133, w_ixz_flange_q4, al_flangex, t2_136,
-            w_iyz_flange_q4, al_flangey, al_flangez, w_ixx_flange_q4, t2_139, t2_140, t2_142,
-            a_flangez, a_wristx, t2_144, t2_146, a_flangey, t2_157, t2_159, a_flangex, t2_170,
-            t2_181, t2_182, t2_183, t2_184, t2_185, w_ixy_flange_q4, t2_186, t2_189,
+            w_ixx_crank_q3, t2_8, a_cranky, a_armz, a_crankx, w_ixy_crank_q3, t2_47, t2_82,
+            t2_93, t2_102, t2_107, t2_112, t2_113, t2_114, al_armx, t2_115, al_army,
+            w_ixx_arm_q2, t2_118, t2_120, a_army, a_armx, sin_q2_elbow, cos_q2_elbow, t2_125,
+            t2_126, al_forearmx, t2_127, al_forearmy, al_forearmz, t2_129, t2_131, t2_132,
+            t2_133, t2_134, t2_135, a_forearmz, t2_138, w_ixy_arm_q2, a_forearmy, a_forearmx,
+            t2_150, t2_151, al_wristx, t2_152, al_wristy, al_wristz, t2_153, t2_154, t2_156,
+            t2_157, t2_158, a_wristz, t2_160, t2_161, t2_163, a_wristy, a_wristx, t2_171,
+            t2_172, t2_175, w_ixz_flange_q4, w_iyz_flange_q4, al_flangex, t2_178, t2_179,
+            al_flangey, al_flangez, w_ixx_flange_q4, t2_180, t2_181, t2_182, t2_183, t2_184,
+            a_flangez, t2_186, t2_187, t2_188, t2_189, t2_190,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_5, t3_102, t3_103, w_ixy_arm_q2, t3_126, t3_149, t3_163, x_elbow_q2, x_elbow_q3,
+        t3_56, t3_89, t3_113, t3_153, t3_177, t3_185, t3_191, t3_192, x_elbow_q2, x_elbow_q3,
         x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t3_1 = p_ixz_flange.mul_add(t2_186, t2_189);
-        let t3_2 = (-w_ixy_flange_q4).mul_add(p_ixy_flange, t3_1);
-        let t3_3 = (-w_ixx_flange_q4).mul_add(t2_185, t3_2);
-        let t3_4 = (-a_flangex).mul_add(p_my_flange, t3_3);
-        let t3_5 = (-a_flangey).mul_add(p_mx_flange, t3_4);
-        let t3_6 = t2_139 + t2_140;
-        let t3_7 = al_flangez + w_ixx_flange_q4;
-        let t3_8 = a_flangex * p_m_flange;
-        let t3_9 = (-w_iyz_flange_q4).mul_add(p_mz_flange, t3_8);
-        let t3_10 = t3_7.mul_add(p_my_flange, t3_9);
-        let t3_11 = t3_6.mul_add(p_mx_flange, t3_10);
-        let t3_12 = al_flangez - w_ixx_flange_q4;
-        let t3_13 = t2_159 + t2_140;
-        let t3_14 = a_flangey * p_m_flange;
-        let t3_15 = (-w_ixz_flange_q4).mul_add(p_mz_flange, t3_14);
-        let t3_16 = (-t3_13).mul_add(p_my_flange, t3_15);
-        let t3_17 = t3_12.mul_add(p_mx_flange, t3_16);
-        let t3_18 = sin_q4 * t3_11;
-        let t3_19 = (-cos_q4).mul_add(t3_17, t3_18);
-        let t3_20 = al_wristx + t2_114;
-        let t3_21 = al_wristz - t2_118;
-        let t3_22 = p_iyz_wrist.mul_add(t3_21, t3_5);
-        let t3_23 = (-al_wristy).mul_add(p_iyy_wrist, t3_22);
-        let t3_24 = p_ixy_wrist.mul_add(t3_20, t3_23);
-        let t3_25 = (-t2_184).mul_add(p_ixz_wrist, t3_24);
-        let t3_26 = t2_116.mul_add(t2_182, t3_25);
-        let t3_27 = a_wristz.mul_add(p_mx_wrist, t3_26);
-        let t3_28 = (-a_wristx).mul_add(p_mz_wrist, t3_27);
-        let t3_29 = like.lift(0.05).mul_add(t3_19, t3_28);
-        let t3_30 = al_forearmy + t2_98;
-        let t3_31 = al_forearmz + t2_100;
-        let t3_32 = p_ixz_forearm * t3_31;
-        let t3_33 = (-p_ixy_forearm).mul_add(t3_30, t3_32);
-        let t3_34 = al_forearmx.mul_add(p_ixx_forearm, t3_33);
-        let t3_35 = t2_104.mul_add(p_iyz_forearm, t3_34);
-        let t3_36 = (-t2_96).mul_add(t2_101, t3_35);
-        let t3_37 = (-a_forearmy).mul_add(p_mz_forearm, t3_36);
-        let t3_38 = (-a_forearmz).mul_add(p_my_forearm, t3_37);
-        let t3_39 = (-sin_wrist).mul_add(t3_29, t3_38);
-        let t3_40 = cos_wrist.mul_add(t2_181, t3_39);
-        let t3_41 = p_ixx_forearm - p_izz_forearm;
-        let t3_42 = w_forearmx * w_forearmx;
-        let t3_43 = t3_42 - t2_103;
-        let t3_44 = a_wristz.mul_add(p_m_wrist, t3_19);
-        let t3_45 = t2_7.mul_add(p_mz_wrist, t3_44);
-        let t3_46 = (-t2_133).mul_add(p_my_wrist, t3_45);
-        let t3_47 = (-t2_146).mul_add(p_mx_wrist, t3_46);
-        let t3_48 = al_forearmx + t2_96;
-        let t3_49 = al_forearmz - t2_100;
-        let t3_50 = p_iyz_forearm * t3_49;
-        let t3_51 = (-al_forearmy).mul_add(p_iyy_forearm, t3_50);
-        let t3_52 = p_ixy_forearm.mul_add(t3_48, t3_51);
-        let t3_53 = (-t3_43).mul_add(p_ixz_forearm, t3_52);
-        let t3_54 = t2_98.mul_add(t3_41, t3_53);
-        let t3_55 = a_forearmz.mul_add(p_mx_forearm, t3_54);
-        let t3_56 = (-a_forearmx).mul_add(p_mz_forearm, t3_55);
-        let t3_57 = like.lift(0.15852).mul_add(t3_47, t3_56);
-        let t3_58 = cos_wrist.mul_add(t3_29, t3_57);
-        let t3_59 = sin_wrist.mul_add(t2_181, t3_58);
-        let t3_60 = al_army - t2_88;
-        let t3_61 = dd_q2 + w_ixx_arm_q2;
-        let t3_62 = p_ixz_arm * t3_61;
-        let t3_63 = p_ixy_arm.mul_add(t3_60, t3_62);
-        let t3_64 = al_armx.mul_add(p_ixx_arm, t3_63);
-        let t3_65 = t2_92.mul_add(p_iyz_arm, t3_64);
-        let t3_66 = (-t2_87).mul_add(t2_89, t3_65);
-        let t3_67 = (-a_army).mul_add(p_mz_arm, t3_66);
-        let t3_68 = (-p_my_arm).mul_add(a_armz, t3_67);
-        let t3_69 = (-sin_elbow).mul_add(t3_59, t3_68);
-        let t3_70 = cos_elbow.mul_add(t3_40, t3_69);
-        let t3_71 = p_ixx_arm - p_izz_arm;
-        let t3_72 = w_armx * w_armx;
-        let t3_73 = t3_72 - t2_91;
-        let t3_74 = t2_96 + al_forearmx;
-        let t3_75 = a_forearmz.mul_add(p_m_forearm, t3_47);
-        let t3_76 = t2_7.mul_add(p_mz_forearm, t3_75);
-        let t3_77 = (-t3_74).mul_add(p_my_forearm, t3_76);
-        let t3_78 = (-t2_123).mul_add(p_mx_forearm, t3_77);
-        let t3_79 = al_armx + t2_87;
-        let t3_80 = dd_q2 - w_ixx_arm_q2;
-        let t3_81 = p_iyz_arm * t3_80;
-        let t3_82 = al_army.mul_add(p_iyy_arm, t3_81);
-        let t3_83 = p_ixy_arm.mul_add(t3_79, t3_82);
-        let t3_84 = (-t3_73).mul_add(p_ixz_arm, t3_83);
-        let t3_85 = t2_88.mul_add(t3_71, t3_84);
-        let t3_86 = p_mx_arm.mul_add(a_armz, t3_85);
-        let t3_87 = (-a_armx).mul_add(p_mz_arm, t3_86);
-        let t3_88 = like.lift(0.14207).mul_add(t3_78, t3_87);
-        let t3_89 = cos_elbow.mul_add(t3_59, t3_88);
-        let t3_90 = sin_elbow.mul_add(t3_40, t3_89);
-        let t3_91 = t2_87 + al_armx;
-        let t3_92 = p_m_arm.mul_add(a_armz, t3_78);
-        let t3_93 = t2_7.mul_add(p_mz_arm, t3_92);
-        let t3_94 = (-t3_91).mul_add(p_my_arm, t3_93);
-        let t3_95 = (-t2_105).mul_add(p_mx_arm, t3_94);
-        let t3_96 = t2_86 + t3_95;
-        let t3_97 = dd_q1 * p_izz_column;
-        let t3_98 = like.lift(0.0132).mul_add(t3_96, t3_97);
-        let t3_99 = cos_q3.mul_add(t2_81, t3_98);
-        let t3_100 = sin_q3.mul_add(t2_60, t3_99);
-        let t3_101 = cos_q2.mul_add(t3_90, t3_100);
-        let t3_102 = sin_q2.mul_add(t3_70, t3_101);
-        let t3_103 = p_ixx_arm - p_iyy_arm;
-        let w_ixy_arm_q2 = t3_72 - t2_90;
-        let t3_104 = p_ixx_forearm - p_iyy_forearm;
-        let t3_105 = t3_42 - t2_102;
-        let t3_106 = p_ixx_wrist - p_iyy_wrist;
-        let t3_107 = t2_183 - t2_120;
-        let t3_108 = t2_136 + al_flangey;
-        let t3_109 = t2_131 + al_flangex;
-        let t3_110 = t2_159 + t2_139;
-        let t3_111 = a_flangez * p_m_flange;
-        let t3_112 = t3_110.mul_add(p_mz_flange, t3_111);
-        let t3_113 = t3_109.mul_add(p_my_flange, t3_112);
-        let t3_114 = (-t3_108).mul_add(p_mx_flange, t3_113);
-        let t3_115 = al_wristx - t2_114;
-        let t3_116 = al_wristy - t2_116;
-        let t3_117 = al_wristz * p_izz_wrist;
-        let t3_118 = (-p_iyz_wrist).mul_add(t3_116, t3_117);
-        let t3_119 = p_ixz_wrist.mul_add(t3_115, t3_118);
-        let t3_120 = t3_107.mul_add(p_ixy_wrist, t3_119);
-        let t3_121 = (-t2_118).mul_add(t3_106, t3_120);
-        let t3_122 = a_wristx.mul_add(p_my_wrist, t3_121);
-        let t3_123 = a_wristy.mul_add(p_mx_wrist, t3_122);
-        let t3_124 = like.lift(0.05).mul_add(t3_114, t3_123);
-        let t3_125 = (-cos_q4).mul_add(t2_170, t3_124);
-        let t3_126 = (-sin_q4).mul_add(t2_157, t3_125);
-        let t3_127 = a_wristx * p_m_wrist;
-        let t3_128 = (-t2_117).mul_add(p_mz_wrist, t3_127);
-        let t3_129 = t2_132.mul_add(p_my_wrist, t3_128);
-        let t3_130 = t2_144.mul_add(p_mx_wrist, t3_129);
-        let t3_131 = sin_q4.mul_add(t3_17, t3_130);
-        let t3_132 = cos_q4.mul_add(t3_11, t3_131);
-        let t3_133 = t2_183 + t2_121;
-        let t3_134 = a_wristy.mul_add(p_m_wrist, t3_114);
-        let t3_135 = (-t2_115).mul_add(p_mz_wrist, t3_134);
-        let t3_136 = (-t3_133).mul_add(p_my_wrist, t3_135);
-        let t3_137 = t2_142.mul_add(p_mx_wrist, t3_136);
-        let t3_138 = sin_wrist * t3_132;
-        let t3_139 = (-cos_wrist).mul_add(t3_137, t3_138);
-        let t3_140 = al_forearmx - t2_96;
-        let t3_141 = al_forearmy - t2_98;
-        let t3_142 = al_forearmz.mul_add(p_izz_forearm, t3_126);
-        let t3_143 = (-p_iyz_forearm).mul_add(t3_141, t3_142);
-        let t3_144 = p_ixz_forearm.mul_add(t3_140, t3_143);
-        let t3_145 = t3_105.mul_add(p_ixy_forearm, t3_144);
-        let t3_146 = (-t2_100).mul_add(t3_104, t3_145);
-        let t3_147 = a_forearmx.mul_add(p_my_forearm, t3_146);
-        let t3_148 = a_forearmy.mul_add(p_mx_forearm, t3_147);
-        let t3_149 = like.lift(-0.15852).mul_add(t3_139, t3_148);
-        let t3_150 = al_forearmz - t2_100;
-        let t3_151 = a_forearmx * p_m_forearm;
-        let t3_152 = (-t2_99).mul_add(p_mz_forearm, t3_151);
-        let t3_153 = t3_150.mul_add(p_my_forearm, t3_152);
-        let t3_154 = t2_125.mul_add(p_mx_forearm, t3_153);
-        let t3_155 = sin_wrist.mul_add(t3_137, t3_154);
-        let t3_156 = cos_wrist.mul_add(t3_132, t3_155);
-        let t3_157 = t3_42 + t2_103;
-        let t3_158 = a_forearmy.mul_add(p_m_forearm, -t3_139);
-        let t3_159 = (-t2_97).mul_add(p_mz_forearm, t3_158);
-        let t3_160 = (-t3_157).mul_add(p_my_forearm, t3_159);
-        let t3_161 = t2_127.mul_add(p_mx_forearm, t3_160);
-        let t3_162 = sin_elbow * t3_156;
-        let t3_163 = (-cos_elbow).mul_add(t3_161, t3_162);
-        let t3_164 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t3_164);
-        let t3_165 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t3_165);
-        let t3_166 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t3_166);
-        let t3_167 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t3_167);
+        let t3_1 = sin_q4 * t2_188;
+        let a_flangey = (-cos_q4).mul_add(t2_190, t3_1);
+        let t3_2 = sin_q4 * t2_190;
+        let a_flangex = cos_q4.mul_add(t2_188, t3_2);
+        let t3_3 = a_flangex * p_m_flange;
+        let t3_4 = (-w_iyz_flange_q4).mul_add(p_mz_flange, t3_3);
+        let t3_5 = al_flangez + w_ixx_flange_q4;
+        let t3_6 = t3_5.mul_add(p_my_flange, t3_4);
+        let t3_7 = t2_180 + t2_179;
+        let t3_8 = t3_7.mul_add(p_mx_flange, t3_6);
+        let t3_9 = a_flangey * p_m_flange;
+        let t3_10 = (-w_ixz_flange_q4).mul_add(p_mz_flange, t3_9);
+        let t3_11 = t2_181 + t2_179;
+        let t3_12 = (-t3_11).mul_add(p_my_flange, t3_10);
+        let t3_13 = t2_181 - t2_179;
+        let t3_14 = al_flangez - w_ixx_flange_q4;
+        let t3_15 = t3_14.mul_add(p_mx_flange, t3_12);
+        let t3_16 = sin_q4.mul_add(t3_15, t2_187);
+        let t3_17 = cos_q4.mul_add(t3_8, t3_16);
+        let t3_18 = sin_q4 * t3_8;
+        let t3_19 = (-cos_q4).mul_add(t3_15, t3_18);
+        let t3_20 = al_flangey + t2_178;
+        let t3_21 = p_ixy_flange * t3_20;
+        let t3_22 = al_flangez - w_ixx_flange_q4;
+        let t3_23 = (-p_ixz_flange).mul_add(t3_22, t3_21);
+        let t3_24 = al_flangex.mul_add(p_ixx_flange, t3_23);
+        let t3_25 = (-t2_183).mul_add(p_iyz_flange, t3_24);
+        let t3_26 = (-t2_172).mul_add(t2_182, t3_25);
+        let t3_27 = a_flangey.mul_add(p_mz_flange, t3_26);
+        let t3_28 = a_flangez.mul_add(p_my_flange, t3_27);
+        let t3_29 = p_ixx_flange - p_izz_flange;
+        let t3_30 = al_flangex + t2_172;
+        let t3_31 = al_flangez + w_ixx_flange_q4;
+        let t3_32 = al_flangey * p_iyy_flange;
+        let t3_33 = (-p_iyz_flange).mul_add(t3_31, t3_32);
+        let t3_34 = p_ixy_flange.mul_add(t3_30, t3_33);
+        let t3_35 = t3_13.mul_add(p_ixz_flange, t3_34);
+        let t3_36 = (-t2_178).mul_add(t3_29, t3_35);
+        let t3_37 = (-a_flangez).mul_add(p_mx_flange, t3_36);
+        let t3_38 = a_flangex.mul_add(p_mz_flange, t3_37);
+        let t3_39 = a_flangez * p_m_flange;
+        let t3_40 = t2_181 + t2_180;
+        let w_ixy_flange_q4 = t2_181 - t2_180;
+        let t3_41 = t3_40.mul_add(p_mz_flange, t3_39);
+        let t3_42 = t2_172 + al_flangex;
+        let t3_43 = al_flangex - t2_172;
+        let t3_44 = t3_42.mul_add(p_my_flange, t3_41);
+        let t3_45 = t2_178 + al_flangey;
+        let t3_46 = al_flangey - t2_178;
+        let t3_47 = (-t3_45).mul_add(p_mx_flange, t3_44);
+        let t3_48 = p_iyz_flange * t3_46;
+        let t3_49 = (-al_flangez).mul_add(p_izz_flange, t3_48);
+        let t3_50 = p_ixz_flange.mul_add(t3_43, t3_49);
+        let t3_51 = (-w_ixy_flange_q4).mul_add(p_ixy_flange, t3_50);
+        let t3_52 = p_ixx_flange - p_iyy_flange;
+        let t3_53 = (-w_ixx_flange_q4).mul_add(t3_52, t3_51);
+        let t3_54 = (-a_flangex).mul_add(p_my_flange, t3_53);
+        let t3_55 = (-a_flangey).mul_add(p_mx_flange, t3_54);
+        let t3_56 = -t3_55;
+        let t3_57 = al_wristz - t2_153;
+        let t3_58 = p_iyz_wrist.mul_add(t3_57, t3_55);
+        let t3_59 = (-al_wristy).mul_add(p_iyy_wrist, t3_58);
+        let t3_60 = al_wristx + t2_150;
+        let t3_61 = p_ixy_wrist.mul_add(t3_60, t3_59);
+        let t3_62 = t2_171 - t2_156;
+        let t3_63 = (-t3_62).mul_add(p_ixz_wrist, t3_61);
+        let t3_64 = t2_171 + t2_156;
+        let t3_65 = p_ixx_wrist - p_izz_wrist;
+        let t3_66 = t2_152.mul_add(t3_65, t3_63);
+        let t3_67 = a_wristz.mul_add(p_mx_wrist, t3_66);
+        let t3_68 = (-a_wristx).mul_add(p_mz_wrist, t3_67);
+        let t3_69 = like.lift(0.05).mul_add(t3_19, t3_68);
+        let t3_70 = a_wristz.mul_add(p_m_wrist, t3_19);
+        let t3_71 = t2_8.mul_add(p_mz_wrist, t3_70);
+        let t3_72 = (-t2_175).mul_add(p_my_wrist, t3_71);
+        let t3_73 = (-t2_189).mul_add(p_mx_wrist, t3_72);
+        let t3_74 = a_wristy.mul_add(p_m_wrist, t3_47);
+        let t3_75 = (-t2_151).mul_add(p_mz_wrist, t3_74);
+        let t3_76 = (-t3_64).mul_add(p_my_wrist, t3_75);
+        let t3_77 = t2_184.mul_add(p_mx_wrist, t3_76);
+        let t3_78 = sin_wrist.mul_add(t3_77, t2_161);
+        let t3_79 = cos_wrist.mul_add(t3_17, t3_78);
+        let t3_80 = sin_wrist * t3_17;
+        let t3_81 = (-cos_wrist).mul_add(t3_77, t3_80);
+        let t3_82 = sin_elbow * t3_79;
+        let t3_83 = a_forearmy.mul_add(p_m_forearm, -t3_81);
+        let t3_84 = (-t2_126).mul_add(p_mz_forearm, t3_83);
+        let t3_85 = t2_131 + t2_133;
+        let t3_86 = (-t3_85).mul_add(p_my_forearm, t3_84);
+        let t3_87 = t2_163.mul_add(p_mx_forearm, t3_86);
+        let t3_88 = t2_131 - t2_133;
+        let t3_89 = (-cos_elbow).mul_add(t3_87, t3_82);
+        let t3_90 = al_wristy + t2_152;
+        let t3_91 = al_wristy - t2_152;
+        let t3_92 = al_wristz * p_izz_wrist;
+        let t3_93 = (-p_iyz_wrist).mul_add(t3_91, t3_92);
+        let t3_94 = al_wristz + t2_153;
+        let t3_95 = p_ixz_wrist * t3_94;
+        let t3_96 = (-p_ixy_wrist).mul_add(t3_90, t3_95);
+        let t3_97 = al_wristx.mul_add(p_ixx_wrist, t3_96);
+        let t3_98 = t2_157.mul_add(p_iyz_wrist, t3_97);
+        let t3_99 = (-t2_150).mul_add(t2_154, t3_98);
+        let t3_100 = al_wristx - t2_150;
+        let t3_101 = p_ixz_wrist.mul_add(t3_100, t3_93);
+        let t3_102 = t2_186.mul_add(p_ixy_wrist, t3_101);
+        let t3_103 = (-a_wristy).mul_add(p_mz_wrist, t3_99);
+        let t3_104 = (-a_wristz).mul_add(p_my_wrist, t3_103);
+        let t3_105 = p_ixx_wrist - p_iyy_wrist;
+        let t3_106 = (-t2_153).mul_add(t3_105, t3_102);
+        let t3_107 = a_wristx.mul_add(p_my_wrist, t3_106);
+        let t3_108 = a_wristy.mul_add(p_mx_wrist, t3_107);
+        let t3_109 = like.lift(0.05).mul_add(t3_47, t3_108);
+        let t3_110 = sin_q4.mul_add(t3_38, t3_104);
+        let t3_111 = (-cos_q4).mul_add(t3_38, t3_109);
+        let t3_112 = (-cos_q4).mul_add(t3_28, t3_110);
+        let t3_113 = (-sin_q4).mul_add(t3_28, t3_111);
+        let t3_114 = al_forearmy + t2_127;
+        let t3_115 = al_forearmz + t2_129;
+        let t3_116 = p_ixz_forearm * t3_115;
+        let t3_117 = (-p_ixy_forearm).mul_add(t3_114, t3_116);
+        let t3_118 = al_forearmx.mul_add(p_ixx_forearm, t3_117);
+        let t3_119 = t2_134.mul_add(p_iyz_forearm, t3_118);
+        let t3_120 = (-t2_125).mul_add(t2_132, t3_119);
+        let t3_121 = (-a_forearmy).mul_add(p_mz_forearm, t3_120);
+        let t3_122 = (-a_forearmz).mul_add(p_my_forearm, t3_121);
+        let t3_123 = (-sin_wrist).mul_add(t3_69, t3_122);
+        let t3_124 = cos_wrist.mul_add(t3_112, t3_123);
+        let t3_125 = p_ixx_forearm - p_izz_forearm;
+        let t3_126 = al_forearmx + t2_125;
+        let t3_127 = al_forearmz - t2_129;
+        let t3_128 = p_iyz_forearm * t3_127;
+        let t3_129 = (-al_forearmy).mul_add(p_iyy_forearm, t3_128);
+        let t3_130 = p_ixy_forearm.mul_add(t3_126, t3_129);
+        let t3_131 = (-t3_88).mul_add(p_ixz_forearm, t3_130);
+        let t3_132 = t2_127.mul_add(t3_125, t3_131);
+        let t3_133 = al_forearmy - t2_127;
+        let t3_134 = al_forearmz.mul_add(p_izz_forearm, t3_113);
+        let t3_135 = (-p_iyz_forearm).mul_add(t3_133, t3_134);
+        let t3_136 = a_forearmz.mul_add(p_mx_forearm, t3_132);
+        let t3_137 = (-a_forearmx).mul_add(p_mz_forearm, t3_136);
+        let t3_138 = like.lift(0.15852).mul_add(t3_73, t3_137);
+        let t3_139 = cos_wrist.mul_add(t3_69, t3_138);
+        let t3_140 = sin_wrist.mul_add(t3_112, t3_139);
+        let t3_141 = a_forearmz.mul_add(p_m_forearm, t3_73);
+        let t3_142 = t2_8.mul_add(p_mz_forearm, t3_141);
+        let t3_143 = t2_125 + al_forearmx;
+        let t3_144 = (-t3_143).mul_add(p_my_forearm, t3_142);
+        let t3_145 = al_forearmx - t2_125;
+        let t3_146 = p_ixz_forearm.mul_add(t3_145, t3_135);
+        let t3_147 = (-t2_158).mul_add(p_mx_forearm, t3_144);
+        let t3_148 = t2_160.mul_add(p_ixy_forearm, t3_146);
+        let t3_149 = p_ixx_forearm - p_iyy_forearm;
+        let t3_150 = (-t2_129).mul_add(t3_149, t3_148);
+        let t3_151 = a_forearmx.mul_add(p_my_forearm, t3_150);
+        let t3_152 = a_forearmy.mul_add(p_mx_forearm, t3_151);
+        let t3_153 = like.lift(-0.15852).mul_add(t3_81, t3_152);
+        let t3_154 = p_m_arm.mul_add(a_armz, t3_147);
+        let t3_155 = t2_8.mul_add(p_mz_arm, t3_154);
+        let t3_156 = t2_114 + al_armx;
+        let t3_157 = (-t3_156).mul_add(p_my_arm, t3_155);
+        let t3_158 = (-t2_135).mul_add(p_mx_arm, t3_157);
+        let t3_159 = t2_112 + t3_158;
+        let t3_160 = dd_q1 * p_izz_column;
+        let t3_161 = like.lift(0.0132).mul_add(t3_159, t3_160);
+        let t3_162 = cos_q3.mul_add(t2_107, t3_161);
+        let t3_163 = sin_q3.mul_add(t2_93, t3_162);
+        let t3_164 = al_army - t2_115;
+        let t3_165 = dd_q2 + w_ixx_arm_q2;
+        let t3_166 = p_ixz_arm * t3_165;
+        let t3_167 = p_ixy_arm.mul_add(t3_164, t3_166);
+        let t3_168 = al_armx.mul_add(p_ixx_arm, t3_167);
+        let t3_169 = t2_120.mul_add(p_iyz_arm, t3_168);
+        let t3_170 = (-t2_114).mul_add(t2_118, t3_169);
+        let t3_171 = (-a_army).mul_add(p_mz_arm, t3_170);
+        let t3_172 = (-p_my_arm).mul_add(a_armz, t3_171);
+        let t3_173 = (-sin_elbow).mul_add(t3_140, t3_172);
+        let t3_174 = cos_elbow.mul_add(t3_124, t3_173);
+        let t3_175 = p_ixx_arm - p_izz_arm;
+        let t3_176 = al_armx + t2_114;
+        let t3_177 = al_armx - t2_114;
+        let t3_178 = dd_q2 - w_ixx_arm_q2;
+        let t3_179 = p_iyz_arm * t3_178;
+        let t3_180 = al_army.mul_add(p_iyy_arm, t3_179);
+        let t3_181 = p_ixy_arm.mul_add(t3_176, t3_180);
+        let t3_182 = (-t2_138).mul_add(p_ixz_arm, t3_181);
+        let t3_183 = t2_115.mul_add(t3_175, t3_182);
+        let t3_184 = p_mx_arm.mul_add(a_armz, t3_183);
+        let t3_185 = al_army + t2_115;
+        let t3_186 = (-a_armx).mul_add(p_mz_arm, t3_184);
+        let t3_187 = like.lift(0.14207).mul_add(t3_147, t3_186);
+        let t3_188 = cos_elbow.mul_add(t3_140, t3_187);
+        let t3_189 = sin_elbow.mul_add(t3_124, t3_188);
+        let t3_190 = cos_q2.mul_add(t3_189, t3_163);
+        let t3_191 = sin_q2.mul_add(t3_174, t3_190);
+        let t3_192 = p_ixx_arm - p_iyy_arm;
+        let t3_193 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t3_193);
+        let t3_194 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t3_194);
+        let t3_195 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t3_195);
+        let t3_196 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t3_196);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t3_168 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t3_169 = -t3_168;
-        let t3_170 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_170);
-        let t3_171 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_171);
-        let t3_172 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_172);
-        let t3_173 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_173);
-        let t3_174 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_175 = -t3_174;
+        let t3_197 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t3_198 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t3_199 = -t3_198;
+        let t3_200 = sin_q2 * cos_q3;
+        let t3_201 = cos_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_200);
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_201);
+        let t3_202 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_202);
+        let t3_203 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_203);
+        let t3_204 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t3_205 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_198);
+        let t3_206 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_207 = -t3_204;
+        let t3_208 = t3_204 * t3_197;
+        let t3_209 = sin_pin * t3_197;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_176 = -u_rod_q3x;
-        let t3_177 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_168);
-        let t3_178 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t3_179 = -t3_178;
-        let t3_180 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_181 = t3_174 * t3_180;
-        let t3_182 = like.lift(21.92982456140351) * t3_181;
-        let t3_183 = -t3_182;
-        let t3_184 = sin_pin * t3_180;
-        let t3_185 = -t3_184;
-        let t3_186 = like.lift(1.0) + t3_182;
-        let t3_187 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_181, t3_177);
-        let t3_188 = like.lift(7.038783698176955) * t3_187;
-        let t3_189 = -t3_188;
-        let t3_190 = t3_184.mul_add(t3_168, t3_178);
-        let t3_191 = like.lift(7.038783698176955) * t3_190;
+        let t3_210 = -u_rod_q3x;
+        let t3_211 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_208, t3_205);
+        let t3_212 = like.lift(21.92982456140351) * t3_208;
+        let t3_213 = like.lift(7.038783698176955) * t3_211;
+        let t3_214 = -t3_213;
+        let t3_215 = t3_209.mul_add(t3_198, t3_206);
+        let t3_216 = -t3_206;
+        let t3_217 = like.lift(7.038783698176955) * t3_215;
+        let t3_218 = -t3_212;
+        let t3_219 = like.lift(1.0) + t3_212;
+        let t3_220 = -t3_209;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -2417,23 +2536,23 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_183, like.lift(0.0), t3_185],
-                [like.lift(0.0), t3_186, like.lift(0.0), t3_184],
-                [like.lift(0.0), t3_189, like.lift(0.0), t3_191],
+                [like.lift(0.0), t3_218, like.lift(0.0), t3_220],
+                [like.lift(0.0), t3_219, like.lift(0.0), t3_209],
+                [like.lift(0.0), t3_214, like.lift(0.0), t3_217],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_169, like.lift(0.0), like.lift(-0.14207)],
+                    [t3_199, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_175, like.lift(0.0), t3_176],
-                    [like.lift(0.0), t3_177, like.lift(0.0), t3_179],
+                    [like.lift(0.0), t3_207, like.lift(0.0), t3_210],
+                    [like.lift(0.0), t3_205, like.lift(0.0), t3_216],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2443,70 +2562,38 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         );
         condition = condition.min(found);
         [
-            t3_5, t3_102, t3_103, w_ixy_arm_q2, t3_126, t3_149, t3_163, x_elbow_q2, x_elbow_q3,
-            x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t3_56, t3_89, t3_113, t3_153, t3_177, t3_185, t3_191, t3_192, x_elbow_q2,
+            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t4_1 = p_ixx_rod - p_iyy_rod;
-        let t4_2 = t2_38 - t2_19;
-        let t4_3 = al_rodx - t2_12;
-        let t4_4 = al_rody - t2_14;
-        let t4_5 = al_rodz * p_izz_rod;
-        let t4_6 = (-p_iyz_rod).mul_add(t4_4, t4_5);
-        let t4_7 = p_ixz_rod.mul_add(t4_3, t4_6);
-        let t4_8 = t4_2.mul_add(p_ixy_rod, t4_7);
-        let t4_9 = (-t2_16).mul_add(t4_1, t4_8);
-        let t4_10 = a_rodx.mul_add(p_my_rod, t4_9);
-        let t4_11 = a_rody.mul_add(p_mx_rod, t4_10);
-        let t4_12 = al_armx - t2_87;
-        let t4_13 = al_army + t2_88;
-        let t4_14 = (-t4_11).mul_add(x_pin_q2, t3_149);
-        let t4_15 = (-t3_126).mul_add(x_wrist_q2, t4_14);
-        let t4_16 = (-t3_149).mul_add(x_elbow_q2, t4_15);
-        let t4_17 = dd_q2.mul_add(p_izz_arm, t4_16);
-        let t4_18 = p_iyz_arm.mul_add(t4_13, t4_17);
-        let t4_19 = p_ixz_arm.mul_add(t4_12, t4_18);
-        let t4_20 = w_ixy_arm_q2.mul_add(p_ixy_arm, t4_19);
-        let t4_21 = (-w_ixx_arm_q2).mul_add(t3_103, t4_20);
-        let t4_22 = a_armx.mul_add(p_my_arm, t4_21);
-        let t4_23 = a_army.mul_add(p_mx_arm, t4_22);
-        let t4_24 = like.lift(-0.14207).mul_add(t3_163, t4_23);
-        tau[1] = t4_24;
-        let t4_25 = -t3_5;
-        tau[2] = t4_25;
-        let t4_26 = p_ixx_crank - p_iyy_crank;
-        let w_ixy_crank_q3 = t2_62 - t2_5;
-        let t4_27 = t2_18 + t2_19;
-        let t4_28 = al_rodz - t2_16;
-        let t4_29 = a_rodx * p_m_rod;
-        let t4_30 = (-t2_15).mul_add(p_mz_rod, t4_29);
-        let t4_31 = t4_28.mul_add(p_my_rod, t4_30);
-        let t4_32 = t4_27.mul_add(p_mx_rod, t4_31);
-        let t4_33 = al_rodz + t2_16;
-        let t4_34 = t2_18 + t2_38;
-        let t4_35 = a_rody * p_m_rod;
-        let t4_36 = (-t2_13).mul_add(p_mz_rod, t4_35);
-        let t4_37 = (-t4_34).mul_add(p_my_rod, t4_36);
-        let t4_38 = t4_33.mul_add(p_mx_rod, t4_37);
-        let t4_39 = sin_pin * t4_32;
-        let t4_40 = (-cos_pin).mul_add(t4_38, t4_39);
-        let t4_41 = al_crankx - t2_1;
-        let t4_42 = al_cranky + t2_2;
-        let t4_43 = (-t4_11).mul_add(x_pin_q3, t4_11);
-        let t4_44 = dd_q3.mul_add(p_izz_crank, t4_43);
-        let t4_45 = p_iyz_crank.mul_add(t4_42, t4_44);
-        let t4_46 = p_ixz_crank.mul_add(t4_41, t4_45);
-        let t4_47 = w_ixy_crank_q3.mul_add(p_ixy_crank, t4_46);
-        let t4_48 = (-w_ixx_crank_q3).mul_add(t4_26, t4_47);
-        let t4_49 = a_crankx.mul_add(p_my_crank, t4_48);
-        let t4_50 = a_cranky.mul_add(p_mx_crank, t4_49);
-        let t4_51 = like.lift(-0.0456).mul_add(t4_40, t4_50);
-        let t4_52 = (-t3_126).mul_add(x_wrist_q3, t4_51);
-        let t4_53 = (-t3_149).mul_add(x_elbow_q3, t4_52);
-        tau[3] = t4_53;
-        tau[0] = t3_102;
+        tau[0] = t3_191; tau[2] = t3_56;
+        let t4_1 = (-t2_82).mul_add(x_pin_q2, t3_153);
+        let t4_2 = (-t3_113).mul_add(x_wrist_q2, t4_1);
+        let t4_3 = (-t3_153).mul_add(x_elbow_q2, t4_2);
+        let t4_4 = (-t2_82).mul_add(x_pin_q3, t2_82);
+        let t4_5 = dd_q2.mul_add(p_izz_arm, t4_3);
+        let t4_6 = p_iyz_arm.mul_add(t3_185, t4_5);
+        let t4_7 = p_ixz_arm.mul_add(t3_177, t4_6);
+        let t4_8 = w_ixy_arm_q2.mul_add(p_ixy_arm, t4_7);
+        let t4_9 = (-w_ixx_arm_q2).mul_add(t3_192, t4_8);
+        let t4_10 = a_armx.mul_add(p_my_arm, t4_9);
+        let t4_11 = a_army.mul_add(p_mx_arm, t4_10);
+        let t4_12 = like.lift(-0.14207).mul_add(t3_89, t4_11);
+        tau[1] = t4_12;
+        let t4_13 = dd_q3.mul_add(p_izz_crank, t4_4);
+        let t4_14 = p_iyz_crank.mul_add(t2_102, t4_13);
+        let t4_15 = p_ixz_crank.mul_add(t2_113, t4_14);
+        let t4_16 = w_ixy_crank_q3.mul_add(p_ixy_crank, t4_15);
+        let t4_17 = p_ixx_crank - p_iyy_crank;
+        let t4_18 = (-w_ixx_crank_q3).mul_add(t4_17, t4_16);
+        let t4_19 = a_crankx.mul_add(p_my_crank, t4_18);
+        let t4_20 = a_cranky.mul_add(p_mx_crank, t4_19);
+        let t4_21 = like.lift(-0.0456).mul_add(t2_47, t4_20);
+        let t4_22 = (-t3_113).mul_add(x_wrist_q3, t4_21);
+        let t4_23 = (-t3_153).mul_add(x_elbow_q3, t4_22);
+        tau[3] = t4_23;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2521,15 +2608,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
 pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [
-        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_mx_arm, p_my_arm, p_mz_arm, _, _, _,
-        _, _, _, _, p_mx_forearm, p_my_forearm, p_mz_forearm, p_m_forearm, _, _, _, _, _, _,
-        p_mx_wrist, p_my_wrist, p_mz_wrist, p_m_wrist, _, _, _, _, _, _, p_mx_flange,
-        p_my_flange, p_mz_flange, p_m_flange, _, _, _, _, _, _, p_mx_crank, p_my_crank,
-        p_mz_crank, _, _, _, _, _, _, _, p_mx_rod, p_my_rod, p_mz_rod, p_m_rod,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q3, cos_q3, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, sin_q4,
@@ -2545,124 +2625,134 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
             cos_q4, sin_pin, cos_pin,
         ]
     };
+    let [
+        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_mx_arm, p_my_arm, p_mz_arm, _, _, _,
+        _, _, _, _, p_mx_forearm, p_my_forearm, p_mz_forearm, p_m_forearm, _, _, _, _, _, _,
+        p_mx_wrist, p_my_wrist, p_mz_wrist, p_m_wrist, _, _, _, _, _, _, p_mx_flange,
+        p_my_flange, p_mz_flange, p_m_flange, _, _, _, _, _, _, p_mx_crank, p_my_crank,
+        p_mz_crank, _, _, _, _, _, _, _, p_mx_rod, p_my_rod, p_mz_rod, p_m_rod,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_24, t2_44, t2_51, t2_62, t2_69, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
-        x_pin_q2, x_pin_q3,
+        t2_20, t2_45, t2_53, t2_63, t2_70, t2_81, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+        x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
         let t2_1 = cos_q3 * p_mz_rod;
         let t2_2 = cos_q3.mul_add(p_mz_crank, t2_1);
         let t2_3 = like.lift(9.81) * t2_2;
-        let t2_4 = sin_q3 * p_mz_rod;
-        let t2_5 = sin_q3.mul_add(p_mz_crank, t2_4);
-        let t2_6 = like.lift(9.81) * t2_5;
-        let t2_7 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_7);
-        let t2_8 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_8);
-        let t2_9 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_9);
-        let t2_10 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_10);
+        let t2_4 = sin_q3 * t2_3;
+        let t2_5 = sin_q3 * p_mz_rod;
+        let t2_6 = sin_q3.mul_add(p_mz_crank, t2_5);
+        let t2_7 = like.lift(9.81) * t2_6;
+        let t2_8 = (-cos_q3).mul_add(t2_7, t2_4);
+        let t2_9 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_9);
+        let t2_10 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_10);
+        let t2_11 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_11);
+        let t2_12 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_12);
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t2_11 = e_flange_q1y * p_mz_flange;
-        let t2_12 = (-cos_q2_elbow_wrist).mul_add(p_my_flange, t2_11);
-        let t2_13 = like.lift(9.81) * t2_12;
-        let t2_14 = -t2_13;
+        let t2_13 = e_flange_q1y * p_mz_flange;
+        let t2_14 = (-cos_q2_elbow_wrist).mul_add(p_my_flange, t2_13);
+        let t2_15 = like.lift(9.81) * t2_14;
+        let t2_16 = -t2_15;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t2_15 = cos_q2_elbow_wrist * p_mx_flange;
-        let t2_16 = e_flange_q1x.mul_add(p_mz_flange, t2_15);
-        let t2_17 = like.lift(9.81) * t2_16;
-        let t2_18 = like.lift(9.81) * p_mz_wrist;
-        let t2_19 = cos_q2_elbow_wrist * t2_18;
-        let t2_20 = sin_q4.mul_add(t2_17, t2_19);
-        let t2_21 = cos_q4.mul_add(t2_14, t2_20);
-        let t2_22 = e_flange_q1x * p_my_flange;
-        let t2_23 = e_flange_q1y.mul_add(p_mx_flange, t2_22);
-        let t2_24 = like.lift(9.81) * t2_23;
-        let t2_25 = sin_q2_elbow_wrist.mul_add(t2_18, t2_24);
-        let t2_26 = like.lift(9.81) * p_mz_forearm;
-        let t2_27 = cos_q2_elbow * t2_26;
-        let t2_28 = sin_wrist.mul_add(t2_25, t2_27);
-        let t2_29 = cos_wrist.mul_add(t2_21, t2_28);
-        let t2_30 = sin_q2_elbow * t2_26;
-        let t2_31 = cos_wrist.mul_add(t2_25, t2_30);
-        let t2_32 = (-sin_wrist).mul_add(t2_21, t2_31);
-        let t2_33 = like.lift(9.81) * p_mz_arm;
-        let t2_34 = cos_q2 * t2_33;
-        let t2_35 = sin_elbow.mul_add(t2_32, t2_34);
-        let t2_36 = cos_elbow.mul_add(t2_29, t2_35);
-        let t2_37 = sin_q2 * t2_33;
-        let t2_38 = cos_elbow.mul_add(t2_32, t2_37);
-        let t2_39 = (-sin_elbow).mul_add(t2_29, t2_38);
-        let t2_40 = sin_q3 * t2_3;
-        let t2_41 = (-cos_q3).mul_add(t2_6, t2_40);
-        let t2_42 = (-cos_q2).mul_add(t2_39, t2_41);
-        let t2_43 = sin_q2.mul_add(t2_36, t2_42);
-        let t2_44 = -t2_43;
-        let t2_45 = cos_q2_elbow_wrist * p_m_flange;
-        let t2_46 = sin_q2_elbow_wrist * p_my_wrist;
-        let t2_47 = (-cos_q2_elbow_wrist).mul_add(p_mx_wrist, t2_46);
-        let t2_48 = like.lift(0.4905) * t2_45;
-        let t2_49 = like.lift(-9.81).mul_add(t2_47, t2_48);
-        let t2_50 = cos_q4.mul_add(t2_17, t2_49);
-        let t2_51 = (-sin_q4).mul_add(t2_14, t2_50);
-        let t2_52 = sin_q2_elbow_wrist * p_m_flange;
-        let t2_53 = sin_q2_elbow_wrist.mul_add(p_m_wrist, t2_52);
-        let t2_54 = like.lift(9.81) * t2_53;
-        let t2_55 = cos_q2_elbow_wrist.mul_add(p_m_wrist, t2_45);
-        let t2_56 = like.lift(9.81) * t2_55;
-        let t2_57 = cos_wrist * t2_56;
-        let t2_58 = sin_wrist.mul_add(t2_54, t2_57);
-        let t2_59 = sin_q2_elbow * p_my_forearm;
-        let t2_60 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_59);
-        let t2_61 = like.lift(-9.81).mul_add(t2_60, t2_51);
-        let t2_62 = like.lift(0.15852).mul_add(t2_58, t2_61);
-        let t2_63 = like.lift(9.81) * p_m_forearm;
-        let t2_64 = sin_q2_elbow * t2_63;
-        let t2_65 = (-sin_wrist).mul_add(t2_56, t2_64);
-        let t2_66 = cos_wrist.mul_add(t2_54, t2_65);
-        let t2_67 = cos_q2_elbow.mul_add(t2_63, t2_58);
-        let t2_68 = cos_elbow * t2_67;
-        let t2_69 = sin_elbow.mul_add(t2_66, t2_68);
-        let t2_70 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_70);
-        let t2_71 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_71);
-        let t2_72 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_72);
-        let t2_73 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_73);
+        let t2_17 = e_flange_q1x * p_my_flange;
+        let t2_18 = e_flange_q1y.mul_add(p_mx_flange, t2_17);
+        let t2_19 = like.lift(9.81) * t2_18;
+        let t2_20 = -t2_19;
+        let t2_21 = cos_q2_elbow_wrist * p_mx_flange;
+        let t2_22 = e_flange_q1x.mul_add(p_mz_flange, t2_21);
+        let t2_23 = like.lift(9.81) * t2_22;
+        let t2_24 = like.lift(9.81) * p_mz_wrist;
+        let t2_25 = sin_q2_elbow_wrist.mul_add(t2_24, t2_19);
+        let t2_26 = cos_q2_elbow_wrist * t2_24;
+        let t2_27 = sin_q4.mul_add(t2_23, t2_26);
+        let t2_28 = cos_q4.mul_add(t2_16, t2_27);
+        let t2_29 = like.lift(9.81) * p_mz_forearm;
+        let t2_30 = cos_q2_elbow * t2_29;
+        let t2_31 = sin_wrist.mul_add(t2_25, t2_30);
+        let t2_32 = sin_q2_elbow * t2_29;
+        let t2_33 = cos_wrist.mul_add(t2_25, t2_32);
+        let t2_34 = cos_wrist.mul_add(t2_28, t2_31);
+        let t2_35 = (-sin_wrist).mul_add(t2_28, t2_33);
+        let t2_36 = like.lift(9.81) * p_mz_arm;
+        let t2_37 = cos_q2 * t2_36;
+        let t2_38 = sin_elbow.mul_add(t2_35, t2_37);
+        let t2_39 = sin_q2 * t2_36;
+        let t2_40 = cos_elbow.mul_add(t2_35, t2_39);
+        let t2_41 = (-sin_elbow).mul_add(t2_34, t2_40);
+        let t2_42 = cos_elbow.mul_add(t2_34, t2_38);
+        let t2_43 = (-cos_q2).mul_add(t2_41, t2_8);
+        let t2_44 = sin_q2.mul_add(t2_42, t2_43);
+        let t2_45 = -t2_44;
+        let t2_46 = cos_q2_elbow_wrist * p_m_flange;
+        let t2_47 = sin_q2_elbow_wrist * p_my_wrist;
+        let t2_48 = (-cos_q2_elbow_wrist).mul_add(p_mx_wrist, t2_47);
+        let t2_49 = cos_q2_elbow_wrist.mul_add(p_m_wrist, t2_46);
+        let t2_50 = like.lift(0.4905) * t2_46;
+        let t2_51 = like.lift(-9.81).mul_add(t2_48, t2_50);
+        let t2_52 = cos_q4.mul_add(t2_23, t2_51);
+        let t2_53 = (-sin_q4).mul_add(t2_16, t2_52);
+        let t2_54 = like.lift(9.81) * t2_49;
+        let t2_55 = sin_q2_elbow_wrist * p_m_flange;
+        let t2_56 = sin_q2_elbow_wrist.mul_add(p_m_wrist, t2_55);
+        let t2_57 = like.lift(9.81) * t2_56;
+        let t2_58 = cos_wrist * t2_54;
+        let t2_59 = sin_wrist.mul_add(t2_57, t2_58);
+        let t2_60 = sin_q2_elbow * p_my_forearm;
+        let t2_61 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_60);
+        let t2_62 = like.lift(-9.81).mul_add(t2_61, t2_53);
+        let t2_63 = like.lift(0.15852).mul_add(t2_59, t2_62);
+        let t2_64 = like.lift(9.81) * p_m_forearm;
+        let t2_65 = cos_q2_elbow.mul_add(t2_64, t2_59);
+        let t2_66 = sin_q2_elbow * t2_64;
+        let t2_67 = (-sin_wrist).mul_add(t2_54, t2_66);
+        let t2_68 = cos_wrist.mul_add(t2_57, t2_67);
+        let t2_69 = cos_elbow * t2_65;
+        let t2_70 = sin_elbow.mul_add(t2_68, t2_69);
+        let t2_71 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_71);
+        let t2_72 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_72);
+        let t2_73 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_73);
+        let t2_74 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_74);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_74 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_75 = -t2_74;
-        let t2_76 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_76);
-        let t2_77 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_77);
-        let t2_78 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_78);
-        let t2_79 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_79);
-        let t2_80 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_81 = -t2_80;
+        let t2_75 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_76 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_77 = -t2_76;
+        let t2_78 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_78);
+        let t2_79 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_79);
+        let t2_80 = sin_q2 * p_my_arm;
+        let t2_81 = (-cos_q2).mul_add(p_mx_arm, t2_80);
+        let t2_82 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_82);
+        let t2_83 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_83);
+        let t2_84 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_85 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_76);
+        let t2_86 = -t2_84;
+        let t2_87 = t2_84 * t2_75;
+        let t2_88 = sin_pin * t2_75;
+        let t2_89 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_87, t2_85);
+        let t2_90 = like.lift(21.92982456140351) * t2_87;
+        let t2_91 = like.lift(7.038783698176955) * t2_89;
+        let t2_92 = -t2_91;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t2_82 = -u_rod_q3x;
-        let t2_83 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_74);
-        let t2_84 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t2_85 = -t2_84;
-        let t2_86 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_87 = t2_80 * t2_86;
-        let t2_88 = like.lift(21.92982456140351) * t2_87;
-        let t2_89 = -t2_88;
-        let t2_90 = sin_pin * t2_86;
-        let t2_91 = -t2_90;
-        let t2_92 = like.lift(1.0) + t2_88;
-        let t2_93 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_87, t2_83);
-        let t2_94 = like.lift(7.038783698176955) * t2_93;
-        let t2_95 = -t2_94;
-        let t2_96 = t2_90.mul_add(t2_74, t2_84);
-        let t2_97 = like.lift(7.038783698176955) * t2_96;
+        let t2_93 = -u_rod_q3x;
+        let t2_94 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_95 = t2_88.mul_add(t2_76, t2_94);
+        let t2_96 = -t2_94;
+        let t2_97 = like.lift(7.038783698176955) * t2_95;
+        let t2_98 = -t2_90;
+        let t2_99 = like.lift(1.0) + t2_90;
+        let t2_100 = -t2_88;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -2670,23 +2760,23 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t2_89, like.lift(0.0), t2_91],
-                [like.lift(0.0), t2_92, like.lift(0.0), t2_90],
-                [like.lift(0.0), t2_95, like.lift(0.0), t2_97],
+                [like.lift(0.0), t2_98, like.lift(0.0), t2_100],
+                [like.lift(0.0), t2_99, like.lift(0.0), t2_88],
+                [like.lift(0.0), t2_92, like.lift(0.0), t2_97],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_75, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_77, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t2_81, like.lift(0.0), t2_82],
-                    [like.lift(0.0), t2_83, like.lift(0.0), t2_85],
+                    [like.lift(0.0), t2_86, like.lift(0.0), t2_93],
+                    [like.lift(0.0), t2_85, like.lift(0.0), t2_96],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2696,12 +2786,13 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
         );
         condition = condition.min(found);
         [
-            t2_24, t2_44, t2_51, t2_62, t2_69, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
-            x_pin_q2, x_pin_q3,
+            t2_20, t2_45, t2_53, t2_63, t2_70, t2_81, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+            x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
+        tau[0] = t2_45; tau[2] = t2_20;
         let t3_1 = sin_q3 * cos_pin;
         let sin_q3_pin = cos_q3.mul_add(sin_pin, t3_1);
         let t3_2 = cos_q3 * cos_pin;
@@ -2710,26 +2801,21 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
         let t3_4 = (-cos_q3_pin).mul_add(p_mx_rod, t3_3);
         let t3_5 = like.lift(9.81) * t3_4;
         let t3_6 = -t3_5;
-        let t3_7 = sin_q2 * p_my_arm;
-        let t3_8 = (-cos_q2).mul_add(p_mx_arm, t3_7);
-        let t3_9 = (-t3_6).mul_add(x_pin_q2, t2_62);
-        let t3_10 = (-t2_51).mul_add(x_wrist_q2, t3_9);
-        let t3_11 = (-t2_62).mul_add(x_elbow_q2, t3_10);
-        let t3_12 = like.lift(-9.81).mul_add(t3_8, t3_11);
-        let t3_13 = like.lift(0.14207).mul_add(t2_69, t3_12);
-        tau[1] = t3_13;
-        let t3_14 = -t2_24;
-        tau[2] = t3_14;
-        let t3_15 = sin_q3 * p_my_crank;
-        let t3_16 = (-cos_q3).mul_add(p_mx_crank, t3_15);
-        let t3_17 = (-t3_6).mul_add(x_pin_q3, t3_6);
-        let t3_18 = like.lift(-9.81).mul_add(t3_16, t3_17);
-        let t3_19 = like.lift(0.447336) * cos_q3;
-        let t3_20 = t3_19.mul_add(p_m_rod, t3_18);
-        let t3_21 = (-t2_51).mul_add(x_wrist_q3, t3_20);
-        let t3_22 = (-t2_62).mul_add(x_elbow_q3, t3_21);
-        tau[3] = t3_22;
-        tau[0] = t2_44;
+        let t3_7 = (-t3_6).mul_add(x_pin_q2, t2_63);
+        let t3_8 = (-t2_53).mul_add(x_wrist_q2, t3_7);
+        let t3_9 = (-t2_63).mul_add(x_elbow_q2, t3_8);
+        let t3_10 = like.lift(-9.81).mul_add(t2_81, t3_9);
+        let t3_11 = like.lift(0.14207).mul_add(t2_70, t3_10);
+        tau[1] = t3_11;
+        let t3_12 = (-t3_6).mul_add(x_pin_q3, t3_6);
+        let t3_13 = sin_q3 * p_my_crank;
+        let t3_14 = (-cos_q3).mul_add(p_mx_crank, t3_13);
+        let t3_15 = like.lift(-9.81).mul_add(t3_14, t3_12);
+        let t3_16 = like.lift(0.447336) * cos_q3;
+        let t3_17 = t3_16.mul_add(p_m_rod, t3_15);
+        let t3_18 = (-t2_53).mul_add(x_wrist_q3, t3_17);
+        let t3_19 = (-t2_63).mul_add(x_elbow_q3, t3_18);
+        tau[3] = t3_19;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2745,21 +2831,8 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
 pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
-    let [
-        _, _, _, _, _, _, _, _, _, _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyy_arm, p_iyz_arm,
-        p_izz_arm, p_mx_arm, p_my_arm, p_mz_arm, _, p_ixx_forearm, p_ixy_forearm,
-        p_ixz_forearm, p_iyy_forearm, p_iyz_forearm, p_izz_forearm, p_mx_forearm, p_my_forearm,
-        p_mz_forearm, p_m_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyy_wrist,
-        p_iyz_wrist, p_izz_wrist, p_mx_wrist, p_my_wrist, p_mz_wrist, p_m_wrist, p_ixx_flange,
-        p_ixy_flange, p_ixz_flange, p_iyy_flange, p_iyz_flange, p_izz_flange, p_mx_flange,
-        p_my_flange, p_mz_flange, p_m_flange, p_ixx_crank, p_ixy_crank, p_ixz_crank,
-        p_iyy_crank, p_iyz_crank, p_izz_crank, p_mx_crank, p_my_crank, p_mz_crank, _,
-        p_ixx_rod, p_ixy_rod, p_ixz_rod, p_iyy_rod, p_iyz_rod, p_izz_rod, p_mx_rod, p_my_rod,
-        p_mz_rod, p_m_rod,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
@@ -2775,489 +2848,503 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
             cos_wrist, sin_q4, cos_q4,
         ]
     };
+    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
+    let [
+        _, _, _, _, _, _, _, _, _, _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyy_arm, p_iyz_arm,
+        p_izz_arm, p_mx_arm, p_my_arm, p_mz_arm, _, p_ixx_forearm, p_ixy_forearm,
+        p_ixz_forearm, p_iyy_forearm, p_iyz_forearm, p_izz_forearm, p_mx_forearm, p_my_forearm,
+        p_mz_forearm, p_m_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyy_wrist,
+        p_iyz_wrist, p_izz_wrist, p_mx_wrist, p_my_wrist, p_mz_wrist, p_m_wrist, p_ixx_flange,
+        p_ixy_flange, p_ixz_flange, p_iyy_flange, p_iyz_flange, p_izz_flange, p_mx_flange,
+        p_my_flange, p_mz_flange, p_m_flange, p_ixx_crank, p_ixy_crank, p_ixz_crank,
+        p_iyy_crank, p_iyz_crank, p_izz_crank, p_mx_crank, p_my_crank, p_mz_crank, _,
+        p_ixx_rod, p_ixy_rod, p_ixz_rod, p_iyy_rod, p_iyz_rod, p_izz_rod, p_mx_rod, p_my_rod,
+        p_mz_rod, p_m_rod,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        w_crankx, al_cranky, t2_1, w_ixx_crank_q3, al_crankx, t2_2, t2_3, t2_4, t2_5, t2_6,
-        t2_7, w_rodx, al_rody, t2_10, t2_11, al_rodx, t2_12, t2_13, t2_14, t2_15, sin_q2_elbow,
-        cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_22, t2_23,
-        cos_q2_minus_q3_minus_pin, w_forearmz, t2_28, t2_29, t2_36, t2_41, al_forearmz, t2_48,
-        al_rodz,
+        al_cranky, t2_1, w_ixx_crank_q3, t2_2, al_crankx, t2_3, t2_5, t2_6, t2_7, t2_8, t2_9,
+        al_rody, t2_12, t2_13, t2_14, al_rodx, t2_15, t2_16, t2_18, t2_19, sin_q2_elbow,
+        cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_26, t2_27, w_forearmz,
+        t2_33, t2_34, t2_40, t2_46, t2_48, al_forearmz, t2_54, al_rodz,
     ] = {
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
         let t2_1 = al_cranky * p_ixy_crank;
         let w_cranky = cos_q3 * d_q1;
         let w_ixx_crank_q3 = w_crankx * w_cranky;
+        let t2_2 = w_crankx * w_crankx;
         let al_crankx = d_q3 * w_cranky;
-        let t2_2 = p_iyy_crank - p_izz_crank;
-        let t2_3 = d_q3 * d_q3;
-        let t2_4 = w_cranky * w_cranky;
-        let t2_5 = t2_3 - t2_4;
-        let t2_6 = d_q1 * d_q1;
-        let t2_7 = sin_q3 * t2_6;
+        let t2_3 = w_cranky * w_cranky;
+        let t2_4 = p_iyy_crank - p_izz_crank;
+        let t2_5 = t2_4 - p_ixx_crank;
+        let t2_6 = d_q3 * d_q3;
+        let t2_7 = t2_6 - t2_3;
+        let t2_8 = d_q1 * d_q1;
+        let t2_9 = sin_q3 * t2_8;
         let w_rodz = d_q3 + d_pin;
-        let t2_8 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_8);
-        let t2_9 = cos_q3 * cos_pin;
-        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_9);
+        let t2_10 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_10);
         let w_rodx = sin_q3_pin * d_q1;
-        let al_rody = w_rodz * w_rodx;
-        let t2_10 = al_rody * p_ixy_rod;
+        let t2_11 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_11);
         let w_rody = cos_q3_pin * d_q1;
-        let t2_11 = w_rodx * w_rody;
+        let al_rody = w_rodz * w_rodx;
+        let t2_12 = al_rody * p_ixy_rod;
+        let t2_13 = w_rodx * w_rody;
+        let t2_14 = w_rodx * w_rodx;
         let al_rodx = w_rodz * w_rody;
-        let t2_12 = p_iyy_rod - p_izz_rod;
-        let t2_13 = w_rodz * w_rodz;
-        let t2_14 = w_rody * w_rody;
-        let t2_15 = t2_13 - t2_14;
-        let t2_16 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_16);
-        let t2_17 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_17);
-        let t2_18 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_18);
-        let t2_19 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_19);
-        let t2_20 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_20);
-        let t2_21 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_21);
+        let t2_15 = w_rodz * w_rodz;
+        let t2_16 = w_rody * w_rody;
+        let t2_17 = p_iyy_rod - p_izz_rod;
+        let t2_18 = t2_17 - p_ixx_rod;
+        let t2_19 = t2_15 - t2_16;
+        let t2_20 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_20);
+        let t2_21 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_21);
+        let t2_22 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_22);
+        let t2_23 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_23);
+        let t2_24 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_24);
+        let t2_25 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_25);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_22 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_24);
-        let t2_25 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_25);
-        let t2_26 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_26);
-        let t2_27 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_27);
+        let t2_26 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_27 = -t2_26;
+        let t2_28 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_28);
+        let t2_29 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_29);
+        let t2_30 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_30);
+        let t2_31 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_31);
+        let t2_32 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
         let w_forearmz = d_q2 + d_elbow;
-        let t2_28 = w_forearmz * w_forearmz;
-        let t2_29 = d_q2 * d_q2;
-        let t2_30 = cos_pin * t2_3;
-        let t2_31 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_28, t2_30);
-        let t2_32 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_29, t2_13);
-        let t2_33 = like.lift(0.14207) * t2_32;
-        let t2_34 = like.lift(0.0456).mul_add(t2_31, t2_33);
-        let t2_35 = -t2_34;
-        let t2_36 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
-        let t2_37 = sin_pin * t2_3;
-        let t2_38 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_28, t2_37);
-        let t2_39 = like.lift(0.0456) * t2_38;
-        let t2_40 = t2_29.mul_add(t2_36, t2_39);
-        let t2_41 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_42 = t2_41 * t2_34;
-        let t2_43 = like.lift(21.92982456140351) * t2_42;
-        let t2_44 = -t2_43;
-        let t2_45 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_42, t2_40);
-        let t2_46 = like.lift(7.038783698176955) * t2_45;
-        let t2_47 = -t2_46;
+        let t2_33 = w_forearmz * w_forearmz;
+        let t2_34 = d_q2 * d_q2;
+        let t2_35 = cos_pin * t2_6;
+        let t2_36 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_33, t2_35);
+        let t2_37 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_34, t2_15);
+        let t2_38 = like.lift(0.14207) * t2_37;
+        let t2_39 = like.lift(0.0456).mul_add(t2_36, t2_38);
+        let t2_40 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_26);
+        let t2_41 = -t2_39;
+        let t2_42 = sin_pin * t2_6;
+        let t2_43 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_33, t2_42);
+        let t2_44 = like.lift(0.0456) * t2_43;
+        let t2_45 = t2_34.mul_add(t2_32, t2_44);
+        let t2_46 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_47 = t2_46 * t2_39;
+        let t2_48 = t2_32 - pivot_3;
+        let t2_49 = like.lift(21.92982456140351) * t2_47;
+        let t2_50 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_47, t2_45);
+        let t2_51 = like.lift(7.038783698176955) * t2_50;
+        let t2_52 = -t2_51;
+        let t2_53 = -t2_49;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[al_forearmz], [t2_48], [al_rodz]], found) = ::regen_runtime::guarded(
-            [[t2_44], [t2_43], [t2_47]],
+        let ([[al_forearmz], [t2_54], [al_rodz]], found) = ::regen_runtime::guarded(
+            [[t2_53], [t2_49], [t2_52]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_23, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_27, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_35], [t2_40], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_41], [t2_45], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                     [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            w_crankx, al_cranky, t2_1, w_ixx_crank_q3, al_crankx, t2_2, t2_3, t2_4, t2_5, t2_6,
-            t2_7, w_rodx, al_rody, t2_10, t2_11, al_rodx, t2_12, t2_13, t2_14, t2_15,
-            sin_q2_elbow, cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_22, t2_23,
-            cos_q2_minus_q3_minus_pin, w_forearmz, t2_28, t2_29, t2_36, t2_41, al_forearmz,
-            t2_48, al_rodz,
+            al_cranky, t2_1, w_ixx_crank_q3, t2_2, al_crankx, t2_3, t2_5, t2_6, t2_7, t2_8,
+            t2_9, al_rody, t2_12, t2_13, t2_14, al_rodx, t2_15, t2_16, t2_18, t2_19,
+            sin_q2_elbow, cos_q2_elbow, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_26, t2_27,
+            w_forearmz, t2_33, t2_34, t2_40, t2_46, t2_48, al_forearmz, t2_54, al_rodz,
         ]
     };
     // tau, part 2
     let [
-        t3_1, a_rody, t3_19, a_rodx, t3_38, t3_41, t3_56, t3_60, w_armx, al_army, t3_61,
-        w_ixx_arm_q2, al_armx, t3_63, t3_64, t3_65, al_forearmy, t3_67, al_forearmx, t3_69,
-        t3_71, a_forearmy, t3_81, t3_83, t3_84, al_wristz, t3_86, t3_87, a_forearmx, t3_90,
-        a_wristy, t3_94, t3_96, t3_98, t3_101, al_flangex, al_flangey, t3_107, a_flangez,
-        t3_108, a_wristx, t3_121, t3_123, t3_134, t3_147, t3_158, t3_164, t3_170, t3_192,
-        t3_195, t3_201, t3_212, t3_213, t3_214, t3_216,
+        w_ixy_crank_q3, a_rody, a_rodx, t3_41, t3_43, t3_51, t3_59, al_army, t3_60,
+        w_ixx_arm_q2, al_armx, t3_64, t3_65, t3_66, al_forearmy, t3_67, t3_68, t3_69,
+        al_forearmx, t3_72, t3_73, t3_74, t3_78, w_ixy_arm_q2, a_forearmy, a_forearmx,
+        al_wristy, t3_92, a_wristz, t3_93, t3_96, a_wristx, t3_146, t3_148, t3_184, t3_189,
+        t3_202, t3_206, t3_209, t3_210, t3_212, t3_214,
     ] = {
-        let t3_1 = cos_q3 * t2_6;
-        let t3_2 = t2_3 + t2_4;
+        let al_wristz = al_forearmz + t2_54;
+        let t3_1 = cos_q3 * t2_8;
+        let t3_2 = t2_6 + t2_3;
         let t3_3 = like.lift(0.0456) * t3_2;
         let t3_4 = like.lift(0.0132).mul_add(t3_1, t3_3);
-        let t3_5 = like.lift(0.0456) * w_ixx_crank_q3;
-        let t3_6 = like.lift(0.0132).mul_add(t2_7, t3_5);
-        let t3_7 = cos_pin * t3_6;
-        let a_rody = sin_pin.mul_add(t3_4, t3_7);
-        let t3_8 = like.lift(0.0912) * al_cranky;
-        let t3_9 = t2_11 + al_rodz;
-        let t3_10 = t2_12 - p_ixx_rod;
-        let t3_11 = (-p_ixz_rod).mul_add(t3_9, t2_10);
-        let t3_12 = t2_15.mul_add(p_iyz_rod, t3_11);
-        let t3_13 = al_rodx.mul_add(t3_10, t3_12);
-        let t3_14 = t3_13 + t2_10;
-        let t3_15 = p_mz_rod.mul_add(a_rody, t3_14);
-        let t3_16 = (-p_my_rod).mul_add(t3_8, t3_15);
-        let t3_17 = al_rodx * p_ixy_rod;
-        let t3_18 = p_ixx_rod - p_izz_rod;
-        let t3_19 = w_rodx * w_rodx;
-        let t3_20 = t2_13 - t3_19;
-        let t3_21 = cos_pin * t3_4;
-        let a_rodx = (-sin_pin).mul_add(t3_6, t3_21);
-        let t3_22 = t2_11 - al_rodz;
-        let t3_23 = t3_18 - p_iyy_rod;
-        let t3_24 = p_iyz_rod.mul_add(t3_22, -t3_17);
-        let t3_25 = (-t3_20).mul_add(p_ixz_rod, t3_24);
-        let t3_26 = (-al_rody).mul_add(t3_23, t3_25);
-        let t3_27 = t3_26 - t3_17;
-        let t3_28 = p_mx_rod.mul_add(t3_8, t3_27);
-        let t3_29 = p_mz_rod.mul_add(a_rodx, t3_28);
-        let t3_30 = like.lift(0.0132) * p_mz_crank;
-        let t3_31 = t2_2 - p_ixx_crank;
-        let t3_32 = t2_7.mul_add(t3_30, t2_1);
-        let t3_33 = (-w_ixx_crank_q3).mul_add(p_ixz_crank, t3_32);
-        let t3_34 = t2_5.mul_add(p_iyz_crank, t3_33);
-        let t3_35 = al_crankx.mul_add(t3_31, t3_34);
-        let t3_36 = t3_35 + t2_1;
-        let t3_37 = (-sin_pin).mul_add(t3_29, t3_36);
-        let t3_38 = cos_pin.mul_add(t3_16, t3_37);
-        let t3_39 = al_crankx * p_ixy_crank;
-        let t3_40 = p_ixx_crank - p_izz_crank;
-        let t3_41 = w_crankx * w_crankx;
-        let t3_42 = t2_3 - t3_41;
-        let t3_43 = al_rodx * p_my_rod;
-        let t3_44 = al_rody.mul_add(p_mx_rod, t3_43);
-        let t3_45 = p_m_rod * t3_8;
-        let t3_46 = (-t2_6).mul_add(p_mz_rod, t3_45);
-        let t3_47 = like.lift(2.0).mul_add(t3_44, t3_46);
-        let t3_48 = t3_40 - p_iyy_crank;
-        let t3_49 = t3_1.mul_add(t3_30, -t3_39);
-        let t3_50 = w_ixx_crank_q3.mul_add(p_iyz_crank, t3_49);
-        let t3_51 = (-t3_42).mul_add(p_ixz_crank, t3_50);
-        let t3_52 = (-al_cranky).mul_add(t3_48, t3_51);
-        let t3_53 = t3_52 - t3_39;
-        let t3_54 = like.lift(0.0456).mul_add(t3_47, t3_53);
-        let t3_55 = cos_pin.mul_add(t3_29, t3_54);
-        let t3_56 = sin_pin.mul_add(t3_16, t3_55);
-        let t3_57 = al_crankx * p_my_crank;
-        let t3_58 = al_cranky.mul_add(p_mx_crank, t3_57);
-        let t3_59 = t2_6.mul_add(p_mz_crank, -t3_47);
-        let t3_60 = like.lift(-2.0).mul_add(t3_58, t3_59);
+        let t3_5 = t2_6 - t2_2;
+        let w_ixy_crank_q3 = t2_2 - t2_3;
+        let t3_6 = like.lift(0.0456) * w_ixx_crank_q3;
+        let t3_7 = like.lift(0.0132).mul_add(t2_9, t3_6);
+        let t3_8 = cos_pin * t3_7;
+        let a_rody = sin_pin.mul_add(t3_4, t3_8);
+        let t3_9 = cos_pin * t3_4;
+        let a_rodx = (-sin_pin).mul_add(t3_7, t3_9);
+        let t3_10 = like.lift(0.0912) * al_cranky;
+        let t3_11 = t2_13 + al_rodz;
+        let t3_12 = (-p_ixz_rod).mul_add(t3_11, t2_12);
+        let t3_13 = t2_19.mul_add(p_iyz_rod, t3_12);
+        let t3_14 = al_rodx.mul_add(t2_18, t3_13);
+        let t3_15 = t3_14 + t2_12;
+        let t3_16 = p_mz_rod.mul_add(a_rody, t3_15);
+        let t3_17 = (-p_my_rod).mul_add(t3_10, t3_16);
+        let t3_18 = al_rodx * p_ixy_rod;
+        let t3_19 = al_rodx * p_my_rod;
+        let t3_20 = al_rody.mul_add(p_mx_rod, t3_19);
+        let t3_21 = p_ixx_rod - p_izz_rod;
+        let t3_22 = t3_21 - p_iyy_rod;
+        let t3_23 = t2_15 - t2_14;
+        let t3_24 = t2_13 - al_rodz;
+        let t3_25 = p_iyz_rod.mul_add(t3_24, -t3_18);
+        let t3_26 = (-t3_23).mul_add(p_ixz_rod, t3_25);
+        let t3_27 = (-al_rody).mul_add(t3_22, t3_26);
+        let t3_28 = t3_27 - t3_18;
+        let t3_29 = p_mx_rod.mul_add(t3_10, t3_28);
+        let t3_30 = p_mz_rod.mul_add(a_rodx, t3_29);
+        let t3_31 = p_m_rod * t3_10;
+        let t3_32 = (-t2_8).mul_add(p_mz_rod, t3_31);
+        let t3_33 = like.lift(2.0).mul_add(t3_20, t3_32);
+        let t3_34 = like.lift(0.0132) * p_mz_crank;
+        let t3_35 = t2_9.mul_add(t3_34, t2_1);
+        let t3_36 = (-w_ixx_crank_q3).mul_add(p_ixz_crank, t3_35);
+        let t3_37 = t2_7.mul_add(p_iyz_crank, t3_36);
+        let t3_38 = al_crankx.mul_add(t2_5, t3_37);
+        let t3_39 = t3_38 + t2_1;
+        let t3_40 = (-sin_pin).mul_add(t3_30, t3_39);
+        let t3_41 = cos_pin.mul_add(t3_17, t3_40);
+        let t3_42 = t3_1 * p_my_crank;
+        let t3_43 = t2_9.mul_add(p_mx_crank, t3_42);
+        let t3_44 = al_crankx * p_ixy_crank;
+        let t3_45 = t3_1.mul_add(t3_34, -t3_44);
+        let t3_46 = w_ixx_crank_q3.mul_add(p_iyz_crank, t3_45);
+        let t3_47 = (-t3_5).mul_add(p_ixz_crank, t3_46);
+        let t3_48 = al_crankx * p_my_crank;
+        let t3_49 = al_cranky.mul_add(p_mx_crank, t3_48);
+        let t3_50 = t2_8.mul_add(p_mz_crank, -t3_33);
+        let t3_51 = like.lift(-2.0).mul_add(t3_49, t3_50);
+        let t3_52 = p_ixx_crank - p_izz_crank;
+        let t3_53 = t3_52 - p_iyy_crank;
+        let t3_54 = (-al_cranky).mul_add(t3_53, t3_47);
+        let t3_55 = t3_54 - t3_44;
+        let t3_56 = like.lift(0.0456).mul_add(t3_33, t3_55);
+        let t3_57 = cos_pin.mul_add(t3_30, t3_56);
+        let t3_58 = sin_pin.mul_add(t3_17, t3_57);
+        let t3_59 = cos_q3 * t3_58;
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let t3_61 = al_army * p_ixy_arm;
+        let t3_60 = al_army * p_ixy_arm;
         let w_army = cos_q2 * d_q1;
         let w_ixx_arm_q2 = w_armx * w_army;
+        let t3_61 = w_armx * w_armx;
         let al_armx = d_q2 * w_army;
-        let t3_62 = p_iyy_arm - p_izz_arm;
-        let t3_63 = w_army * w_army;
-        let t3_64 = t3_63 - t2_29;
-        let t3_65 = sin_q2 * t2_6;
+        let t3_62 = w_army * w_army;
+        let t3_63 = p_iyy_arm - p_izz_arm;
+        let t3_64 = t3_63 - p_ixx_arm;
+        let t3_65 = t3_62 - t2_34;
+        let t3_66 = sin_q2 * t2_8;
         let w_forearmx = sin_q2_elbow * d_q1;
         let al_forearmy = w_forearmz * w_forearmx;
-        let t3_66 = al_forearmy * p_ixy_forearm;
+        let t3_67 = al_forearmy * p_ixy_forearm;
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t3_67 = w_forearmx * w_forearmy;
+        let t3_68 = w_forearmx * w_forearmy;
+        let t3_69 = w_forearmx * w_forearmx;
         let al_forearmx = w_forearmz * w_forearmy;
-        let t3_68 = p_iyy_forearm - p_izz_forearm;
-        let t3_69 = w_forearmy * w_forearmy;
-        let t3_70 = t3_69 - t2_28;
-        let t3_71 = cos_q2 * t2_6;
-        let t3_72 = t3_63 + t2_29;
-        let t3_73 = like.lift(0.14207) * t3_72;
-        let t3_74 = like.lift(0.0132).mul_add(t3_71, t3_73);
-        let t3_75 = like.lift(0.14207) * w_ixx_arm_q2;
-        let t3_76 = like.lift(0.0132).mul_add(t3_65, t3_75);
-        let t3_77 = cos_elbow * t3_76;
-        let a_forearmy = sin_elbow.mul_add(t3_74, t3_77);
-        let t3_78 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_78);
-        let t3_79 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_79);
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t3_70 = w_forearmy * w_forearmy;
         let w_wristz = d_wrist + w_forearmz;
-        let al_wristy = w_wristx * w_wristz;
-        let t3_80 = al_wristy * p_ixy_wrist;
+        let t3_71 = p_iyy_forearm - p_izz_forearm;
+        let t3_72 = t3_71 - p_ixx_forearm;
+        let t3_73 = t3_70 - t2_33;
+        let t3_74 = cos_q2 * t2_8;
+        let t3_75 = t3_62 + t2_34;
+        let t3_76 = like.lift(0.14207) * t3_75;
+        let t3_77 = like.lift(0.0132).mul_add(t3_74, t3_76);
+        let t3_78 = t3_61 - t2_34;
+        let w_ixy_arm_q2 = t3_61 - t3_62;
+        let t3_79 = like.lift(0.14207) * w_ixx_arm_q2;
+        let t3_80 = like.lift(0.0132).mul_add(t3_66, t3_79);
+        let t3_81 = cos_elbow * t3_80;
+        let a_forearmy = sin_elbow.mul_add(t3_77, t3_81);
+        let t3_82 = cos_elbow * t3_77;
+        let a_forearmx = (-sin_elbow).mul_add(t3_80, t3_82);
+        let t3_83 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_83);
+        let t3_84 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_84);
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t3_81 = w_wristx * w_wristy;
+        let al_wristy = w_wristx * w_wristz;
+        let t3_85 = al_wristy * p_ixy_wrist;
+        let t3_86 = w_wristx * w_wristy;
         let al_wristx = w_wristy * w_wristz;
-        let t3_82 = p_iyy_wrist - p_izz_wrist;
-        let t3_83 = w_wristy * w_wristy;
-        let t3_84 = w_wristz * w_wristz;
-        let t3_85 = t3_83 - t3_84;
-        let al_wristz = al_forearmz + t2_48;
-        let t3_86 = like.lift(0.28414) * al_army;
-        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_86);
-        let t3_87 = t3_69 + t2_28;
-        let t3_88 = cos_elbow * t3_74;
-        let a_forearmx = (-sin_elbow).mul_add(t3_76, t3_88);
-        let t3_89 = like.lift(0.15852).mul_add(t3_87, a_forearmx);
-        let t3_90 = t3_67 + al_forearmz;
-        let t3_91 = like.lift(0.15852).mul_add(t3_90, a_forearmy);
-        let t3_92 = cos_wrist * t3_91;
-        let a_wristy = sin_wrist.mul_add(t3_89, t3_92);
-        let t3_93 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t3_93);
+        let t3_87 = p_iyy_wrist - p_izz_wrist;
+        let t3_88 = t3_87 - p_ixx_wrist;
+        let t3_89 = w_wristy * w_wristy;
         let w_flangez = d_q4 - w_wristy;
-        let t3_94 = w_flangex * w_flangez;
-        let t3_95 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_95);
+        let t3_90 = w_wristz * w_wristz;
+        let t3_91 = t3_89 - t3_90;
+        let t3_92 = like.lift(0.28414) * al_army;
+        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_92);
+        let t3_93 = t3_70 + t2_33;
+        let t3_94 = t3_69 - t3_70;
+        let t3_95 = like.lift(0.15852).mul_add(t3_93, a_forearmx);
+        let t3_96 = t3_68 + al_forearmz;
+        let t3_97 = like.lift(0.15852).mul_add(t3_96, a_forearmy);
+        let t3_98 = cos_wrist * t3_97;
+        let a_wristy = sin_wrist.mul_add(t3_95, t3_98);
+        let t3_99 = cos_wrist * t3_95;
+        let a_wristx = (-sin_wrist).mul_add(t3_97, t3_99);
+        let t3_100 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t3_100);
+        let t3_101 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_101);
+        let t3_102 = w_wristx * w_wristx;
+        let t3_103 = w_flangex * w_flangez;
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t3_96 = w_flangey * w_flangez;
-        let t3_97 = p_iyy_flange - p_izz_flange;
-        let t3_98 = w_flangey * w_flangey;
-        let t3_99 = w_flangez * w_flangez;
-        let t3_100 = t3_98 - t3_99;
-        let t3_101 = t3_81 - al_wristz;
-        let t3_102 = like.lift(2.0) * al_wristx;
-        let t3_103 = sin_q4 * t3_101;
-        let t3_104 = (-cos_q4).mul_add(t3_102, t3_103);
-        let al_flangex = t3_96 + t3_104;
-        let t3_105 = sin_q4 * t3_102;
-        let t3_106 = cos_q4.mul_add(t3_101, t3_105);
-        let al_flangey = t3_94 + t3_106;
-        let t3_107 = t3_81 + al_wristz;
-        let a_flangez = like.lift(0.05).mul_add(t3_107, a_wristy);
-        let t3_108 = t3_83 + t3_84;
-        let t3_109 = cos_wrist * t3_89;
-        let a_wristx = (-sin_wrist).mul_add(t3_91, t3_109);
-        let t3_110 = like.lift(0.05).mul_add(t3_108, a_wristx);
-        let t3_111 = like.lift(0.1).mul_add(al_wristy, a_wristz);
-        let t3_112 = cos_q4 * t3_111;
-        let a_flangey = sin_q4.mul_add(t3_110, t3_112);
-        let t3_113 = t3_94 + al_flangey;
-        let t3_114 = w_ixx_flange_q4 - al_wristy;
-        let t3_115 = p_ixy_flange * t3_113;
-        let t3_116 = p_ixz_flange.mul_add(t3_114, t3_115);
-        let t3_117 = (-t3_100).mul_add(p_iyz_flange, t3_116);
-        let t3_118 = (-t3_96).mul_add(t3_97, t3_117);
-        let t3_119 = p_ixx_flange.mul_add(al_flangex, t3_118);
-        let t3_120 = p_mz_flange.mul_add(a_flangey, t3_119);
-        let t3_121 = p_my_flange.mul_add(a_flangez, t3_120);
-        let t3_122 = p_ixx_flange - p_izz_flange;
-        let t3_123 = w_flangex * w_flangex;
-        let t3_124 = t3_123 - t3_99;
-        let t3_125 = cos_q4 * t3_110;
-        let a_flangex = (-sin_q4).mul_add(t3_111, t3_125);
-        let t3_126 = t3_96 + al_flangex;
-        let t3_127 = w_ixx_flange_q4 + al_wristy;
-        let t3_128 = p_iyz_flange * t3_127;
-        let t3_129 = (-p_ixy_flange).mul_add(t3_126, t3_128);
-        let t3_130 = (-t3_124).mul_add(p_ixz_flange, t3_129);
-        let t3_131 = t3_94.mul_add(t3_122, t3_130);
-        let t3_132 = (-p_iyy_flange).mul_add(al_flangey, t3_131);
-        let t3_133 = p_mx_flange.mul_add(a_flangez, t3_132);
-        let t3_134 = (-p_mz_flange).mul_add(a_flangex, t3_133);
-        let t3_135 = t3_81 + al_wristz;
-        let t3_136 = t3_82 - p_ixx_wrist;
-        let t3_137 = (-p_ixz_wrist).mul_add(t3_135, t3_80);
-        let t3_138 = (-t3_85).mul_add(p_iyz_wrist, t3_137);
-        let t3_139 = al_wristx.mul_add(t3_136, t3_138);
-        let t3_140 = t3_139 + t3_80;
-        let t3_141 = p_mz_wrist.mul_add(a_wristy, t3_140);
-        let t3_142 = (-p_my_wrist).mul_add(a_wristz, t3_141);
-        let t3_143 = sin_q4.mul_add(t3_134, t3_142);
-        let t3_144 = cos_q4.mul_add(t3_121, t3_143);
-        let t3_145 = al_wristx * p_ixy_wrist;
-        let t3_146 = p_ixx_wrist - p_izz_wrist;
-        let t3_147 = w_wristx * w_wristx;
-        let t3_148 = t3_147 - t3_84;
-        let t3_149 = p_ixx_flange - p_iyy_flange;
-        let w_ixy_flange_q4 = t3_123 - t3_98;
-        let t3_150 = t3_96 - al_flangex;
-        let t3_151 = t3_94 - al_flangey;
-        let t3_152 = p_ixz_flange * t3_150;
-        let t3_153 = p_iyz_flange.mul_add(t3_151, t3_152);
-        let t3_154 = w_ixy_flange_q4.mul_add(p_ixy_flange, t3_153);
-        let t3_155 = w_ixx_flange_q4.mul_add(t3_149, t3_154);
-        let t3_156 = al_wristy.mul_add(p_izz_flange, t3_155);
-        let t3_157 = p_my_flange.mul_add(a_flangex, t3_156);
-        let t3_158 = p_mx_flange.mul_add(a_flangey, t3_157);
-        let t3_159 = t3_98 + t3_99;
-        let t3_160 = al_wristy + w_ixx_flange_q4;
-        let t3_161 = p_m_flange * a_flangex;
-        let t3_162 = p_mz_flange.mul_add(t3_106, t3_161);
-        let t3_163 = p_my_flange.mul_add(t3_160, t3_162);
-        let t3_164 = t3_159.mul_add(p_mx_flange, t3_163);
-        let t3_165 = t3_123 + t3_99;
-        let t3_166 = al_wristy - w_ixx_flange_q4;
-        let t3_167 = p_m_flange * a_flangey;
-        let t3_168 = p_mz_flange.mul_add(t3_104, t3_167);
-        let t3_169 = p_mx_flange.mul_add(t3_166, t3_168);
-        let t3_170 = (-t3_165).mul_add(p_my_flange, t3_169);
-        let t3_171 = sin_q4 * t3_164;
-        let t3_172 = (-cos_q4).mul_add(t3_170, t3_171);
-        let t3_173 = t3_81 - al_wristz;
-        let t3_174 = t3_146 - p_iyy_wrist;
-        let t3_175 = p_iyz_wrist.mul_add(t3_173, t3_158);
-        let t3_176 = t3_175 - t3_145;
-        let t3_177 = t3_148.mul_add(p_ixz_wrist, t3_176);
-        let t3_178 = (-al_wristy).mul_add(t3_174, t3_177);
-        let t3_179 = t3_178 - t3_145;
-        let t3_180 = p_mx_wrist.mul_add(a_wristz, t3_179);
-        let t3_181 = p_mz_wrist.mul_add(a_wristx, t3_180);
-        let t3_182 = like.lift(-0.05).mul_add(t3_172, t3_181);
-        let t3_183 = t3_67 + al_forearmz;
-        let t3_184 = t3_68 - p_ixx_forearm;
-        let t3_185 = (-p_ixz_forearm).mul_add(t3_183, t3_66);
-        let t3_186 = (-t3_70).mul_add(p_iyz_forearm, t3_185);
-        let t3_187 = al_forearmx.mul_add(t3_184, t3_186);
-        let t3_188 = t3_187 + t3_66;
-        let t3_189 = p_mz_forearm.mul_add(a_forearmy, t3_188);
-        let t3_190 = (-p_my_forearm).mul_add(t3_86, t3_189);
-        let t3_191 = (-sin_wrist).mul_add(t3_182, t3_190);
-        let t3_192 = cos_wrist.mul_add(t3_144, t3_191);
-        let t3_193 = al_forearmx * p_ixy_forearm;
-        let t3_194 = p_ixx_forearm - p_izz_forearm;
-        let t3_195 = w_forearmx * w_forearmx;
-        let t3_196 = t3_195 - t2_28;
-        let t3_197 = al_wristx * p_my_wrist;
-        let t3_198 = al_wristy.mul_add(p_mx_wrist, t3_197);
-        let t3_199 = p_m_wrist.mul_add(a_wristz, -t3_172);
-        let t3_200 = (-t2_6).mul_add(p_mz_wrist, t3_199);
-        let t3_201 = like.lift(2.0).mul_add(t3_198, t3_200);
-        let t3_202 = t3_67 - al_forearmz;
-        let t3_203 = t3_194 - p_iyy_forearm;
-        let t3_204 = p_iyz_forearm.mul_add(t3_202, -t3_193);
-        let t3_205 = t3_196.mul_add(p_ixz_forearm, t3_204);
-        let t3_206 = (-al_forearmy).mul_add(t3_203, t3_205);
-        let t3_207 = t3_206 - t3_193;
-        let t3_208 = p_mx_forearm.mul_add(t3_86, t3_207);
-        let t3_209 = p_mz_forearm.mul_add(a_forearmx, t3_208);
-        let t3_210 = like.lift(0.15852).mul_add(t3_201, t3_209);
-        let t3_211 = cos_wrist.mul_add(t3_182, t3_210);
-        let t3_212 = sin_wrist.mul_add(t3_144, t3_211);
-        let t3_213 = like.lift(0.0132) * p_mz_arm;
-        let t3_214 = t3_62 - p_ixx_arm;
-        let t3_215 = t3_65.mul_add(t3_213, t3_61);
-        let t3_216 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t3_215);
+        let t3_104 = w_flangex * w_flangex;
+        let t3_105 = w_flangey * w_flangez;
+        let t3_106 = w_flangey * w_flangey;
+        let t3_107 = w_flangez * w_flangez;
+        let t3_108 = p_iyy_flange - p_izz_flange;
+        let t3_109 = t3_106 - t3_107;
+        let t3_110 = t3_86 - al_wristz;
+        let t3_111 = like.lift(2.0) * al_wristx;
+        let t3_112 = sin_q4 * t3_110;
+        let t3_113 = (-cos_q4).mul_add(t3_111, t3_112);
+        let t3_114 = sin_q4 * t3_111;
+        let t3_115 = cos_q4.mul_add(t3_110, t3_114);
+        let t3_116 = p_m_wrist * a_wristx;
+        let t3_117 = (-p_my_wrist).mul_add(t3_110, t3_116);
+        let al_flangex = t3_105 + t3_113;
+        let al_flangey = t3_103 + t3_115;
+        let t3_118 = t3_86 + al_wristz;
+        let a_flangez = like.lift(0.05).mul_add(t3_118, a_wristy);
+        let t3_119 = t3_89 + t3_90;
+        let t3_120 = t3_102 - t3_89;
+        let t3_121 = t3_120 * p_ixy_wrist;
+        let t3_122 = p_izz_wrist.mul_add(al_wristz, t3_121);
+        let t3_123 = t3_119.mul_add(p_mx_wrist, t3_117);
+        let t3_124 = like.lift(0.05).mul_add(t3_119, a_wristx);
+        let t3_125 = p_ixx_wrist - p_iyy_wrist;
+        let t3_126 = (-t3_86).mul_add(t3_125, t3_122);
+        let t3_127 = p_my_wrist.mul_add(a_wristx, t3_126);
+        let t3_128 = p_mx_wrist.mul_add(a_wristy, t3_127);
+        let t3_129 = like.lift(0.1).mul_add(al_wristy, a_wristz);
+        let t3_130 = cos_q4 * t3_129;
+        let a_flangey = sin_q4.mul_add(t3_124, t3_130);
+        let t3_131 = cos_q4 * t3_124;
+        let a_flangex = (-sin_q4).mul_add(t3_129, t3_131);
+        let t3_132 = p_m_flange * a_flangex;
+        let t3_133 = p_mz_flange.mul_add(t3_115, t3_132);
+        let t3_134 = al_wristy + w_ixx_flange_q4;
+        let t3_135 = p_my_flange.mul_add(t3_134, t3_133);
+        let t3_136 = t3_106 + t3_107;
+        let t3_137 = t3_136.mul_add(p_mx_flange, t3_135);
+        let t3_138 = p_m_flange * a_flangey;
+        let t3_139 = p_mz_flange.mul_add(t3_113, t3_138);
+        let t3_140 = al_wristy - w_ixx_flange_q4;
+        let t3_141 = p_mx_flange.mul_add(t3_140, t3_139);
+        let t3_142 = t3_104 + t3_107;
+        let t3_143 = (-t3_142).mul_add(p_my_flange, t3_141);
+        let t3_144 = t3_104 - t3_107;
+        let t3_145 = sin_q4.mul_add(t3_143, t3_123);
+        let t3_146 = cos_q4.mul_add(t3_137, t3_145);
+        let t3_147 = sin_q4 * t3_137;
+        let t3_148 = (-cos_q4).mul_add(t3_143, t3_147);
+        let t3_149 = t3_103 + al_flangey;
+        let t3_150 = p_ixy_flange * t3_149;
+        let t3_151 = w_ixx_flange_q4 - al_wristy;
+        let t3_152 = p_ixz_flange.mul_add(t3_151, t3_150);
+        let t3_153 = (-t3_109).mul_add(p_iyz_flange, t3_152);
+        let t3_154 = (-t3_105).mul_add(t3_108, t3_153);
+        let t3_155 = p_ixx_flange.mul_add(al_flangex, t3_154);
+        let t3_156 = p_mz_flange.mul_add(a_flangey, t3_155);
+        let t3_157 = p_my_flange.mul_add(a_flangez, t3_156);
+        let t3_158 = p_ixx_flange - p_izz_flange;
+        let t3_159 = t3_105 + al_flangex;
+        let t3_160 = w_ixx_flange_q4 + al_wristy;
+        let t3_161 = p_iyz_flange * t3_160;
+        let t3_162 = (-p_ixy_flange).mul_add(t3_159, t3_161);
+        let t3_163 = (-t3_144).mul_add(p_ixz_flange, t3_162);
+        let t3_164 = t3_103.mul_add(t3_158, t3_163);
+        let t3_165 = (-p_iyy_flange).mul_add(al_flangey, t3_164);
+        let t3_166 = p_mx_flange.mul_add(a_flangez, t3_165);
+        let t3_167 = (-p_mz_flange).mul_add(a_flangex, t3_166);
+        let t3_168 = p_m_flange * a_flangez;
+        let t3_169 = t3_104 + t3_106;
+        let w_ixy_flange_q4 = t3_104 - t3_106;
+        let t3_170 = t3_169.mul_add(p_mz_flange, t3_168);
+        let t3_171 = t3_105 + al_flangex;
+        let t3_172 = t3_105 - al_flangex;
+        let t3_173 = p_my_flange.mul_add(t3_171, t3_170);
+        let t3_174 = p_ixz_flange * t3_172;
+        let t3_175 = t3_103 - al_flangey;
+        let t3_176 = p_iyz_flange.mul_add(t3_175, t3_174);
+        let t3_177 = t3_103 + al_flangey;
+        let t3_178 = w_ixy_flange_q4.mul_add(p_ixy_flange, t3_176);
+        let t3_179 = (-p_mx_flange).mul_add(t3_177, t3_173);
+        let t3_180 = p_ixx_flange - p_iyy_flange;
+        let t3_181 = w_ixx_flange_q4.mul_add(t3_180, t3_178);
+        let t3_182 = al_wristy.mul_add(p_izz_flange, t3_181);
+        let t3_183 = p_my_flange.mul_add(a_flangex, t3_182);
+        let t3_184 = p_mx_flange.mul_add(a_flangey, t3_183);
+        let t3_185 = like.lift(0.05).mul_add(t3_179, t3_128);
+        let t3_186 = p_m_wrist.mul_add(a_wristy, t3_179);
+        let t3_187 = p_mx_wrist.mul_add(t3_118, t3_186);
+        let t3_188 = cos_q4.mul_add(t3_167, t3_185);
+        let t3_189 = (-sin_q4).mul_add(t3_157, t3_188);
+        let t3_190 = t3_94.mul_add(p_ixy_forearm, t3_189);
+        let t3_191 = p_izz_forearm.mul_add(al_forearmz, t3_190);
+        let t3_192 = t3_86 - al_wristz;
+        let t3_193 = t3_86 + al_wristz;
+        let t3_194 = p_iyz_wrist.mul_add(t3_192, t3_184);
+        let t3_195 = (-p_ixz_wrist).mul_add(t3_193, t3_85);
+        let t3_196 = (-t3_91).mul_add(p_iyz_wrist, t3_195);
+        let t3_197 = al_wristx.mul_add(t3_88, t3_196);
+        let t3_198 = t3_197 + t3_85;
+        let t3_199 = p_mz_wrist.mul_add(a_wristy, t3_198);
+        let t3_200 = (-p_my_wrist).mul_add(a_wristz, t3_199);
+        let t3_201 = sin_q4.mul_add(t3_167, t3_200);
+        let t3_202 = cos_q4.mul_add(t3_157, t3_201);
+        let t3_203 = p_ixx_forearm - p_iyy_forearm;
+        let t3_204 = (-t3_68).mul_add(t3_203, t3_191);
+        let t3_205 = p_my_forearm.mul_add(a_forearmx, t3_204);
+        let t3_206 = p_mx_forearm.mul_add(a_forearmy, t3_205);
+        let t3_207 = t3_102 + t3_90;
+        let t3_208 = t3_102 - t3_90;
+        let t3_209 = (-t3_207).mul_add(p_my_wrist, t3_187);
+        let t3_210 = al_wristx * p_ixy_wrist;
+        let t3_211 = t3_194 - t3_210;
+        let t3_212 = t3_208.mul_add(p_ixz_wrist, t3_211);
+        let t3_213 = al_wristx * p_my_wrist;
+        let t3_214 = al_wristy.mul_add(p_mx_wrist, t3_213);
         [
-            t3_1, a_rody, t3_19, a_rodx, t3_38, t3_41, t3_56, t3_60, w_armx, al_army, t3_61,
-            w_ixx_arm_q2, al_armx, t3_63, t3_64, t3_65, al_forearmy, t3_67, al_forearmx, t3_69,
-            t3_71, a_forearmy, t3_81, t3_83, t3_84, al_wristz, t3_86, t3_87, a_forearmx, t3_90,
-            a_wristy, t3_94, t3_96, t3_98, t3_101, al_flangex, al_flangey, t3_107, a_flangez,
-            t3_108, a_wristx, t3_121, t3_123, t3_134, t3_147, t3_158, t3_164, t3_170, t3_192,
-            t3_195, t3_201, t3_212, t3_213, t3_214, t3_216,
+            w_ixy_crank_q3, a_rody, a_rodx, t3_41, t3_43, t3_51, t3_59, al_army, t3_60,
+            w_ixx_arm_q2, al_armx, t3_64, t3_65, t3_66, al_forearmy, t3_67, t3_68, t3_69,
+            al_forearmx, t3_72, t3_73, t3_74, t3_78, w_ixy_arm_q2, a_forearmy, a_forearmx,
+            al_wristy, t3_92, a_wristz, t3_93, t3_96, a_wristx, t3_146, t3_148, t3_184, t3_189,
+            t3_202, t3_206, t3_209, t3_210, t3_212, t3_214,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_34, t4_35, w_ixy_arm_q2, t4_54, t4_71, t4_83, x_elbow_q2, x_elbow_q3, x_wrist_q2,
-        x_wrist_q3, x_pin_q2, x_pin_q3,
+        t4_51, t4_54, t4_64, t4_84, t4_85, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+        x_pin_q2, x_pin_q3,
     ] = {
-        let t4_1 = (-t3_64).mul_add(p_iyz_arm, t3_216);
-        let t4_2 = al_armx.mul_add(t3_214, t4_1);
-        let t4_3 = t4_2 + t3_61;
-        let t4_4 = (-sin_elbow).mul_add(t3_212, t4_3);
-        let t4_5 = cos_elbow.mul_add(t3_192, t4_4);
-        let t4_6 = al_armx * p_ixy_arm;
-        let t4_7 = p_ixx_arm - p_izz_arm;
-        let t4_8 = w_armx * w_armx;
-        let t4_9 = t4_8 - t2_29;
-        let t4_10 = al_forearmx * p_my_forearm;
-        let t4_11 = al_forearmy.mul_add(p_mx_forearm, t4_10);
-        let t4_12 = p_m_forearm.mul_add(t3_86, t3_201);
-        let t4_13 = (-t2_6).mul_add(p_mz_forearm, t4_12);
-        let t4_14 = like.lift(2.0).mul_add(t4_11, t4_13);
-        let t4_15 = t4_7 - p_iyy_arm;
-        let t4_16 = t3_71.mul_add(t3_213, -t4_6);
-        let t4_17 = w_ixx_arm_q2.mul_add(p_iyz_arm, t4_16);
-        let t4_18 = t4_9.mul_add(p_ixz_arm, t4_17);
-        let t4_19 = (-al_army).mul_add(t4_15, t4_18);
-        let t4_20 = t4_19 - t4_6;
-        let t4_21 = like.lift(0.14207).mul_add(t4_14, t4_20);
-        let t4_22 = cos_elbow.mul_add(t3_212, t4_21);
-        let t4_23 = sin_elbow.mul_add(t3_192, t4_22);
-        let t4_24 = al_armx * p_my_arm;
-        let t4_25 = al_army.mul_add(p_mx_arm, t4_24);
-        let t4_26 = t2_6.mul_add(p_mz_arm, -t4_14);
-        let t4_27 = like.lift(-2.0).mul_add(t4_25, t4_26);
-        let t4_28 = t3_60 + t4_27;
-        let t4_29 = cos_q3 * t3_56;
-        let t4_30 = like.lift(-0.0132).mul_add(t4_28, t4_29);
-        let t4_31 = sin_q3.mul_add(t3_38, t4_30);
-        let t4_32 = cos_q2.mul_add(t4_23, t4_31);
-        let t4_33 = sin_q2.mul_add(t4_5, t4_32);
-        let t4_34 = -t4_33;
-        let t4_35 = p_ixx_arm - p_iyy_arm;
-        let w_ixy_arm_q2 = t4_8 - t3_63;
-        let t4_36 = t3_195 - t3_69;
-        let t4_37 = p_ixx_forearm - p_iyy_forearm;
-        let t4_38 = t3_147 - t3_83;
-        let t4_39 = p_ixx_wrist - p_iyy_wrist;
-        let t4_40 = t3_123 + t3_98;
-        let t4_41 = t3_94 + al_flangey;
-        let t4_42 = t3_96 + al_flangex;
-        let t4_43 = p_m_flange * a_flangez;
-        let t4_44 = t4_40.mul_add(p_mz_flange, t4_43);
-        let t4_45 = p_my_flange.mul_add(t4_42, t4_44);
-        let t4_46 = (-p_mx_flange).mul_add(t4_41, t4_45);
-        let t4_47 = t4_38 * p_ixy_wrist;
-        let t4_48 = p_izz_wrist.mul_add(al_wristz, t4_47);
-        let t4_49 = (-t3_81).mul_add(t4_39, t4_48);
-        let t4_50 = p_my_wrist.mul_add(a_wristx, t4_49);
-        let t4_51 = p_mx_wrist.mul_add(a_wristy, t4_50);
-        let t4_52 = like.lift(0.05).mul_add(t4_46, t4_51);
-        let t4_53 = cos_q4.mul_add(t3_134, t4_52);
-        let t4_54 = (-sin_q4).mul_add(t3_121, t4_53);
-        let t4_55 = p_m_wrist * a_wristx;
-        let t4_56 = (-p_my_wrist).mul_add(t3_101, t4_55);
-        let t4_57 = t3_108.mul_add(p_mx_wrist, t4_56);
-        let t4_58 = sin_q4.mul_add(t3_170, t4_57);
-        let t4_59 = cos_q4.mul_add(t3_164, t4_58);
-        let t4_60 = t3_147 + t3_84;
-        let t4_61 = p_m_wrist.mul_add(a_wristy, t4_46);
-        let t4_62 = p_mx_wrist.mul_add(t3_107, t4_61);
-        let t4_63 = (-t4_60).mul_add(p_my_wrist, t4_62);
-        let t4_64 = sin_wrist * t4_59;
-        let t4_65 = (-cos_wrist).mul_add(t4_63, t4_64);
-        let t4_66 = t4_36.mul_add(p_ixy_forearm, t4_54);
-        let t4_67 = p_izz_forearm.mul_add(al_forearmz, t4_66);
-        let t4_68 = (-t3_67).mul_add(t4_37, t4_67);
-        let t4_69 = p_my_forearm.mul_add(a_forearmx, t4_68);
-        let t4_70 = p_mx_forearm.mul_add(a_forearmy, t4_69);
-        let t4_71 = like.lift(-0.15852).mul_add(t4_65, t4_70);
-        let t4_72 = t3_67 - al_forearmz;
-        let t4_73 = p_m_forearm * a_forearmx;
-        let t4_74 = (-p_my_forearm).mul_add(t4_72, t4_73);
-        let t4_75 = t3_87.mul_add(p_mx_forearm, t4_74);
-        let t4_76 = sin_wrist.mul_add(t4_63, t4_75);
-        let t4_77 = cos_wrist.mul_add(t4_59, t4_76);
-        let t4_78 = t3_195 + t2_28;
-        let t4_79 = p_m_forearm.mul_add(a_forearmy, -t4_65);
-        let t4_80 = p_mx_forearm.mul_add(t3_90, t4_79);
-        let t4_81 = (-t4_78).mul_add(p_my_forearm, t4_80);
-        let t4_82 = sin_elbow * t4_77;
-        let t4_83 = (-cos_elbow).mul_add(t4_81, t4_82);
-        let t4_84 = t2_36 - pivot_3;
-        let t4_85 = -t4_84;
-        let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_86 = -u_rod_q3x;
-        let t4_87 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_22);
-        let t4_88 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_89 = -t4_88;
-        let t4_90 = t4_84 * t2_41;
-        let t4_91 = like.lift(21.92982456140351) * t4_90;
+        let t4_1 = p_ixx_wrist - p_izz_wrist;
+        let t4_2 = t4_1 - p_iyy_wrist;
+        let t4_3 = (-al_wristy).mul_add(t4_2, t3_212);
+        let t4_4 = t4_3 - t3_210;
+        let t4_5 = p_mx_wrist.mul_add(a_wristz, t4_4);
+        let t4_6 = p_mz_wrist.mul_add(a_wristx, t4_5);
+        let t4_7 = like.lift(-0.05).mul_add(t3_148, t4_6);
+        let t4_8 = p_m_wrist.mul_add(a_wristz, -t3_148);
+        let t4_9 = (-t2_8).mul_add(p_mz_wrist, t4_8);
+        let t4_10 = like.lift(2.0).mul_add(t3_214, t4_9);
+        let t4_11 = t3_68 + al_forearmz;
+        let t4_12 = (-p_ixz_forearm).mul_add(t4_11, t3_67);
+        let t4_13 = (-t3_73).mul_add(p_iyz_forearm, t4_12);
+        let t4_14 = al_forearmx.mul_add(t3_72, t4_13);
+        let t4_15 = t4_14 + t3_67;
+        let t4_16 = p_mz_forearm.mul_add(a_forearmy, t4_15);
+        let t4_17 = (-p_my_forearm).mul_add(t3_92, t4_16);
+        let t4_18 = (-sin_wrist).mul_add(t4_7, t4_17);
+        let t4_19 = cos_wrist.mul_add(t3_202, t4_18);
+        let t4_20 = al_forearmx * p_ixy_forearm;
+        let t4_21 = al_forearmx * p_my_forearm;
+        let t4_22 = al_forearmy.mul_add(p_mx_forearm, t4_21);
+        let t4_23 = p_ixx_forearm - p_izz_forearm;
+        let t4_24 = t4_23 - p_iyy_forearm;
+        let t4_25 = t3_69 - t2_33;
+        let t4_26 = t3_69 + t2_33;
+        let t4_27 = t3_68 - al_forearmz;
+        let t4_28 = t3_68 - al_forearmz;
+        let t4_29 = p_iyz_forearm.mul_add(t4_27, -t4_20);
+        let t4_30 = t4_25.mul_add(p_ixz_forearm, t4_29);
+        let t4_31 = (-al_forearmy).mul_add(t4_24, t4_30);
+        let t4_32 = t4_31 - t4_20;
+        let t4_33 = p_mx_forearm.mul_add(t3_92, t4_32);
+        let t4_34 = p_mz_forearm.mul_add(a_forearmx, t4_33);
+        let t4_35 = like.lift(0.15852).mul_add(t4_10, t4_34);
+        let t4_36 = cos_wrist.mul_add(t4_7, t4_35);
+        let t4_37 = sin_wrist.mul_add(t3_202, t4_36);
+        let t4_38 = p_m_forearm.mul_add(t3_92, t4_10);
+        let t4_39 = (-t2_8).mul_add(p_mz_forearm, t4_38);
+        let t4_40 = like.lift(2.0).mul_add(t4_22, t4_39);
+        let t4_41 = p_m_forearm * a_forearmx;
+        let t4_42 = (-p_my_forearm).mul_add(t4_28, t4_41);
+        let t4_43 = t3_93.mul_add(p_mx_forearm, t4_42);
+        let t4_44 = t2_8.mul_add(p_mz_arm, -t4_40);
+        let t4_45 = sin_wrist.mul_add(t3_209, t4_43);
+        let t4_46 = sin_wrist * t3_146;
+        let t4_47 = (-cos_wrist).mul_add(t3_209, t4_46);
+        let t4_48 = cos_wrist.mul_add(t3_146, t4_45);
+        let t4_49 = p_m_forearm.mul_add(a_forearmy, -t4_47);
+        let t4_50 = p_mx_forearm.mul_add(t3_96, t4_49);
+        let t4_51 = like.lift(-0.15852).mul_add(t4_47, t3_206);
+        let t4_52 = (-t4_26).mul_add(p_my_forearm, t4_50);
+        let t4_53 = sin_elbow * t4_48;
+        let t4_54 = (-cos_elbow).mul_add(t4_52, t4_53);
+        let t4_55 = like.lift(0.0132) * p_mz_arm;
+        let t4_56 = t3_66.mul_add(t4_55, t3_60);
+        let t4_57 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t4_56);
+        let t4_58 = (-t3_65).mul_add(p_iyz_arm, t4_57);
+        let t4_59 = al_armx.mul_add(t3_64, t4_58);
+        let t4_60 = t4_59 + t3_60;
+        let t4_61 = (-sin_elbow).mul_add(t4_37, t4_60);
+        let t4_62 = cos_elbow.mul_add(t4_19, t4_61);
+        let t4_63 = t3_74 * p_my_arm;
+        let t4_64 = t3_66.mul_add(p_mx_arm, t4_63);
+        let t4_65 = al_armx * p_ixy_arm;
+        let t4_66 = t3_74.mul_add(t4_55, -t4_65);
+        let t4_67 = w_ixx_arm_q2.mul_add(p_iyz_arm, t4_66);
+        let t4_68 = t3_78.mul_add(p_ixz_arm, t4_67);
+        let t4_69 = al_armx * p_my_arm;
+        let t4_70 = al_army.mul_add(p_mx_arm, t4_69);
+        let t4_71 = like.lift(-2.0).mul_add(t4_70, t4_44);
+        let t4_72 = t3_51 + t4_71;
+        let t4_73 = like.lift(-0.0132).mul_add(t4_72, t3_59);
+        let t4_74 = sin_q3.mul_add(t3_41, t4_73);
+        let t4_75 = p_ixx_arm - p_izz_arm;
+        let t4_76 = t4_75 - p_iyy_arm;
+        let t4_77 = (-al_army).mul_add(t4_76, t4_68);
+        let t4_78 = t4_77 - t4_65;
+        let t4_79 = like.lift(0.14207).mul_add(t4_40, t4_78);
+        let t4_80 = cos_elbow.mul_add(t4_37, t4_79);
+        let t4_81 = sin_elbow.mul_add(t4_19, t4_80);
+        let t4_82 = cos_q2.mul_add(t4_81, t4_74);
+        let t4_83 = sin_q2.mul_add(t4_62, t4_82);
+        let t4_84 = -t4_83;
+        let t4_85 = p_ixx_arm - p_iyy_arm;
+        let t4_86 = -t2_48;
+        let t4_87 = t2_48 * t2_46;
+        let t4_88 = sin_pin * t2_46;
+        let t4_89 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_87, t2_40);
+        let t4_90 = like.lift(21.92982456140351) * t4_87;
+        let t4_91 = like.lift(7.038783698176955) * t4_89;
         let t4_92 = -t4_91;
-        let t4_93 = sin_pin * t2_41;
-        let t4_94 = -t4_93;
-        let t4_95 = like.lift(1.0) + t4_91;
-        let t4_96 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_90, t4_87);
-        let t4_97 = like.lift(7.038783698176955) * t4_96;
-        let t4_98 = -t4_97;
-        let t4_99 = t4_93.mul_add(t2_22, t4_88);
-        let t4_100 = like.lift(7.038783698176955) * t4_99;
+        let u_rod_q3x = like.lift(0.0456) * sin_pin;
+        let t4_93 = -u_rod_q3x;
+        let t4_94 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_95 = t4_88.mul_add(t2_26, t4_94);
+        let t4_96 = -t4_94;
+        let t4_97 = like.lift(7.038783698176955) * t4_95;
+        let t4_98 = -t4_90;
+        let t4_99 = like.lift(1.0) + t4_90;
+        let t4_100 = -t4_88;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -3265,23 +3352,23 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t4_92, like.lift(0.0), t4_94],
-                [like.lift(0.0), t4_95, like.lift(0.0), t4_93],
                 [like.lift(0.0), t4_98, like.lift(0.0), t4_100],
+                [like.lift(0.0), t4_99, like.lift(0.0), t4_88],
+                [like.lift(0.0), t4_92, like.lift(0.0), t4_97],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_23, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_27, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t4_85, like.lift(0.0), t4_86],
-                    [like.lift(0.0), t4_87, like.lift(0.0), t4_89],
+                    [like.lift(0.0), t4_86, like.lift(0.0), t4_93],
+                    [like.lift(0.0), t2_40, like.lift(0.0), t4_96],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3291,57 +3378,51 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
         );
         condition = condition.min(found);
         [
-            t4_34, t4_35, w_ixy_arm_q2, t4_54, t4_71, t4_83, x_elbow_q2, x_elbow_q3,
-            x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t4_51, t4_54, t4_64, t4_84, t4_85, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+            x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t5_1 = t3_19 - t2_14;
-        let t5_2 = p_ixx_rod - p_iyy_rod;
-        let t5_3 = t5_1 * p_ixy_rod;
-        let t5_4 = p_izz_rod.mul_add(al_rodz, t5_3);
-        let t5_5 = (-t2_11).mul_add(t5_2, t5_4);
-        let t5_6 = p_my_rod.mul_add(a_rodx, t5_5);
-        let t5_7 = p_mx_rod.mul_add(a_rody, t5_6);
-        let t5_8 = t3_71 * p_my_arm;
-        let t5_9 = t3_65.mul_add(p_mx_arm, t5_8);
-        let t5_10 = t5_7.mul_add(x_pin_q2, -t4_71);
-        let t5_11 = t4_54.mul_add(x_wrist_q2, t5_10);
-        let t5_12 = t4_71.mul_add(x_elbow_q2, t5_11);
+        tau[0] = t4_84; tau[2] = t3_184;
+        let t5_1 = t2_14 - t2_16;
+        let t5_2 = t5_1 * p_ixy_rod;
+        let t5_3 = p_izz_rod.mul_add(al_rodz, t5_2);
+        let t5_4 = t2_15 + t2_16;
+        let t5_5 = t2_15 + t2_14;
+        let t5_6 = p_ixx_rod - p_iyy_rod;
+        let t5_7 = (-t2_13).mul_add(t5_6, t5_3);
+        let t5_8 = p_my_rod.mul_add(a_rodx, t5_7);
+        let t5_9 = p_mx_rod.mul_add(a_rody, t5_8);
+        let t5_10 = t5_9.mul_add(x_pin_q2, -t4_51);
+        let t5_11 = t3_189.mul_add(x_wrist_q2, t5_10);
+        let t5_12 = t4_51.mul_add(x_elbow_q2, t5_11);
         let t5_13 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t5_12);
-        let t5_14 = w_ixx_arm_q2.mul_add(t4_35, t5_13);
-        let t5_15 = like.lift(-0.0132).mul_add(t5_9, t5_14);
-        let t5_16 = like.lift(0.14207).mul_add(t4_83, t5_15);
-        let t5_17 = -t5_16;
-        tau[1] = t5_17;
-        let t5_18 = p_ixx_crank - p_iyy_crank;
-        let w_ixy_crank_q3 = t3_41 - t2_4;
-        let t5_19 = t2_13 + t2_14;
-        let t5_20 = t2_11 - al_rodz;
-        let t5_21 = p_m_rod * a_rodx;
-        let t5_22 = (-p_my_rod).mul_add(t5_20, t5_21);
-        let t5_23 = t5_19.mul_add(p_mx_rod, t5_22);
-        let t5_24 = t2_13 + t3_19;
-        let t5_25 = t2_11 + al_rodz;
-        let t5_26 = p_m_rod * a_rody;
-        let t5_27 = p_mx_rod.mul_add(t5_25, t5_26);
-        let t5_28 = (-t5_24).mul_add(p_my_rod, t5_27);
-        let t5_29 = sin_pin * t5_23;
-        let t5_30 = (-cos_pin).mul_add(t5_28, t5_29);
-        let t5_31 = t3_1 * p_my_crank;
-        let t5_32 = t2_7.mul_add(p_mx_crank, t5_31);
-        let t5_33 = t5_7.mul_add(x_pin_q3, -t5_7);
-        let t5_34 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t5_33);
-        let t5_35 = w_ixx_crank_q3.mul_add(t5_18, t5_34);
-        let t5_36 = like.lift(-0.0132).mul_add(t5_32, t5_35);
-        let t5_37 = like.lift(0.0456).mul_add(t5_30, t5_36);
-        let t5_38 = t4_54.mul_add(x_wrist_q3, t5_37);
-        let t5_39 = t4_71.mul_add(x_elbow_q3, t5_38);
-        let t5_40 = -t5_39;
-        tau[3] = t5_40;
-        tau[0] = t4_34;
-        tau[2] = t3_158;
+        let t5_14 = w_ixx_arm_q2.mul_add(t4_85, t5_13);
+        let t5_15 = like.lift(-0.0132).mul_add(t4_64, t5_14);
+        let t5_16 = like.lift(0.14207).mul_add(t4_54, t5_15);
+        let t5_17 = t5_9.mul_add(x_pin_q3, -t5_9);
+        let t5_18 = -t5_16;
+        tau[1] = t5_18;
+        let t5_19 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t5_17);
+        let t5_20 = p_ixx_crank - p_iyy_crank;
+        let t5_21 = w_ixx_crank_q3.mul_add(t5_20, t5_19);
+        let t5_22 = like.lift(-0.0132).mul_add(t3_43, t5_21);
+        let t5_23 = p_m_rod * a_rodx;
+        let t5_24 = p_m_rod * a_rody;
+        let t5_25 = t2_13 - al_rodz;
+        let t5_26 = (-p_my_rod).mul_add(t5_25, t5_23);
+        let t5_27 = t5_4.mul_add(p_mx_rod, t5_26);
+        let t5_28 = t2_13 + al_rodz;
+        let t5_29 = p_mx_rod.mul_add(t5_28, t5_24);
+        let t5_30 = (-t5_5).mul_add(p_my_rod, t5_29);
+        let t5_31 = sin_pin * t5_27;
+        let t5_32 = (-cos_pin).mul_add(t5_30, t5_31);
+        let t5_33 = like.lift(0.0456).mul_add(t5_32, t5_22);
+        let t5_34 = t3_189.mul_add(x_wrist_q3, t5_33);
+        let t5_35 = t4_51.mul_add(x_elbow_q3, t5_34);
+        let t5_36 = -t5_35;
+        tau[3] = t5_36;
     }
     (tau, Condition { pivot: condition })
 }
@@ -3356,20 +3437,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
 pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 4]; 4];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [
-        _, _, _, _, _, p_izz_column, _, _, _, _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyy_arm,
-        p_iyz_arm, p_izz_arm, p_mx_arm, p_my_arm, _, p_m_arm, p_ixx_forearm, p_ixy_forearm,
-        p_ixz_forearm, p_iyy_forearm, p_iyz_forearm, p_izz_forearm, p_mx_forearm, p_my_forearm,
-        p_mz_forearm, p_m_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyy_wrist,
-        p_iyz_wrist, p_izz_wrist, p_mx_wrist, p_my_wrist, p_mz_wrist, p_m_wrist, p_ixx_flange,
-        p_ixy_flange, p_ixz_flange, p_iyy_flange, p_iyz_flange, p_izz_flange, p_mx_flange,
-        p_my_flange, p_mz_flange, p_m_flange, p_ixx_crank, p_ixy_crank, p_ixz_crank,
-        p_iyy_crank, p_iyz_crank, p_izz_crank, p_mx_crank, p_my_crank, _, p_m_crank, p_ixx_rod,
-        p_ixy_rod, p_ixz_rod, p_iyy_rod, p_iyz_rod, p_izz_rod, p_mx_rod, p_my_rod, p_mz_rod,
-        p_m_rod,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
@@ -3385,194 +3454,221 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
             cos_wrist, sin_q4, cos_q4,
         ]
     };
+    let [
+        _, _, _, _, _, p_izz_column, _, _, _, _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyy_arm,
+        p_iyz_arm, p_izz_arm, p_mx_arm, p_my_arm, _, p_m_arm, p_ixx_forearm, p_ixy_forearm,
+        p_ixz_forearm, p_iyy_forearm, p_iyz_forearm, p_izz_forearm, p_mx_forearm, p_my_forearm,
+        p_mz_forearm, p_m_forearm, p_ixx_wrist, p_ixy_wrist, p_ixz_wrist, p_iyy_wrist,
+        p_iyz_wrist, p_izz_wrist, p_mx_wrist, p_my_wrist, p_mz_wrist, p_m_wrist, p_ixx_flange,
+        p_ixy_flange, p_ixz_flange, p_iyy_flange, p_iyz_flange, p_izz_flange, p_mx_flange,
+        p_my_flange, p_mz_flange, p_m_flange, p_ixx_crank, p_ixy_crank, p_ixz_crank,
+        p_iyy_crank, p_iyz_crank, p_izz_crank, p_mx_crank, p_my_crank, _, p_m_crank, p_ixx_rod,
+        p_ixy_rod, p_ixz_rod, p_iyy_rod, p_iyz_rod, p_izz_rod, p_mx_rod, p_my_rod, p_mz_rod,
+        p_m_rod,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_19, t2_20, t2_32, t2_34, t2_39, t2_46, t2_48, t2_49, t2_58, t2_68, t2_71, t2_72,
-        t2_94, t2_95, t2_114, t2_116, t2_121, t2_124, t2_129, t2_135, t2_138, t2_140,
-        x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t2_23, t2_32, t2_47, t2_55, t2_60, t2_61, t2_96, t2_97, t2_99, t2_115, t2_127, t2_128,
+        t2_130, t2_135, t2_138, t2_140, t2_151, t2_153, t2_155, x_elbow_q2, x_elbow_q3,
+        x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
         let t2_1 = sin_pin * p_ixy_rod;
         let t2_2 = cos_pin.mul_add(p_ixx_rod, -t2_1);
-        let t2_3 = cos_pin * p_ixy_rod;
-        let t2_4 = (-sin_pin).mul_add(p_iyy_rod, t2_3);
-        let t2_5 = (-sin_pin).mul_add(t2_4, p_ixx_crank);
-        let t2_6 = cos_pin.mul_add(t2_2, t2_5);
-        let t2_7 = cos_pin * p_my_rod;
-        let t2_8 = sin_pin.mul_add(p_mx_rod, t2_7);
-        let t2_9 = like.lift(-0.0456).mul_add(t2_8, p_ixy_crank);
-        let t2_10 = cos_pin.mul_add(t2_4, t2_9);
-        let t2_11 = sin_pin.mul_add(t2_2, t2_10);
-        let t2_12 = cos_q3 * t2_11;
-        let t2_13 = sin_q3.mul_add(t2_6, t2_12);
-        let t2_14 = sin_pin.mul_add(p_ixx_rod, t2_3);
-        let t2_15 = cos_pin.mul_add(p_iyy_rod, t2_1);
-        let t2_16 = cos_pin * p_mx_rod;
-        let t2_17 = (-sin_pin).mul_add(p_my_rod, t2_16);
-        let t2_18 = like.lift(0.0456).mul_add(p_m_rod, t2_17);
-        let t2_19 = like.lift(0.0456) * t2_17;
-        let t2_20 = like.lift(0.0456).mul_add(t2_18, t2_19);
-        let t2_21 = cos_pin.mul_add(t2_15, p_iyy_crank);
-        let t2_22 = sin_pin.mul_add(t2_14, t2_21);
-        let t2_23 = t2_22 + t2_20;
-        let t2_24 = cos_q3 * t2_23;
-        let t2_25 = sin_q3.mul_add(t2_11, t2_24);
-        let t2_26 = p_mx_crank + t2_18;
-        let t2_27 = p_my_crank + t2_8;
-        let t2_28 = cos_q3 * t2_26;
-        let t2_29 = (-sin_q3).mul_add(t2_27, t2_28);
-        let t2_30 = p_m_crank + p_m_rod;
-        let t2_31 = like.lift(0.0132).mul_add(t2_30, t2_29);
-        let t2_32 = sin_q4 * p_ixy_flange;
-        let t2_33 = cos_q4.mul_add(p_ixx_flange, -t2_32);
-        let t2_34 = cos_q4 * p_ixy_flange;
-        let t2_35 = (-sin_q4).mul_add(p_iyy_flange, t2_34);
-        let t2_36 = (-sin_q4).mul_add(t2_35, p_ixx_wrist);
-        let t2_37 = cos_q4.mul_add(t2_33, t2_36);
-        let t2_38 = cos_q4 * p_ixz_flange;
-        let t2_39 = (-sin_q4).mul_add(p_iyz_flange, t2_38);
-        let t2_40 = like.lift(0.05).mul_add(p_mz_flange, p_ixy_wrist);
-        let t2_41 = t2_40 - t2_39;
-        let t2_42 = sin_wrist * t2_41;
-        let t2_43 = cos_wrist.mul_add(t2_37, -t2_42);
-        let t2_44 = cos_wrist * t2_41;
-        let t2_45 = cos_q4 * p_mx_flange;
-        let t2_46 = (-sin_q4).mul_add(p_my_flange, t2_45);
-        let t2_47 = like.lift(0.05).mul_add(p_m_flange, t2_46);
-        let t2_48 = like.lift(0.05) * t2_46;
-        let t2_49 = like.lift(0.05).mul_add(t2_47, t2_48);
-        let t2_50 = p_iyy_wrist + p_izz_flange;
-        let t2_51 = t2_50 + t2_49;
-        let t2_52 = (-sin_wrist).mul_add(t2_51, t2_44);
-        let t2_53 = (-sin_wrist).mul_add(t2_52, p_ixx_forearm);
-        let t2_54 = cos_wrist.mul_add(t2_43, t2_53);
-        let t2_55 = p_mx_wrist + t2_47;
-        let t2_56 = p_my_wrist - p_mz_flange;
-        let t2_57 = cos_wrist * t2_56;
-        let t2_58 = sin_wrist.mul_add(t2_55, t2_57);
-        let t2_59 = like.lift(-0.15852).mul_add(t2_58, p_ixy_forearm);
-        let t2_60 = cos_wrist.mul_add(t2_52, t2_59);
-        let t2_61 = sin_wrist.mul_add(t2_43, t2_60);
-        let t2_62 = sin_elbow * t2_61;
-        let t2_63 = cos_elbow.mul_add(t2_54, -t2_62);
-        let t2_64 = cos_elbow * t2_61;
-        let t2_65 = sin_wrist.mul_add(t2_37, t2_44);
-        let t2_66 = cos_wrist.mul_add(t2_51, t2_42);
-        let t2_67 = cos_wrist * t2_55;
-        let t2_68 = (-sin_wrist).mul_add(t2_56, t2_67);
-        let t2_69 = p_m_wrist + p_m_flange;
-        let t2_70 = like.lift(0.15852).mul_add(t2_69, t2_68);
-        let t2_71 = like.lift(0.15852) * t2_68;
-        let t2_72 = like.lift(0.15852).mul_add(t2_70, t2_71);
-        let t2_73 = cos_wrist.mul_add(t2_66, p_iyy_forearm);
-        let t2_74 = sin_wrist.mul_add(t2_65, t2_73);
-        let t2_75 = t2_74 + t2_72;
-        let t2_76 = (-sin_elbow).mul_add(t2_75, t2_64);
-        let t2_77 = (-sin_elbow).mul_add(t2_76, p_ixx_arm);
-        let t2_78 = cos_elbow.mul_add(t2_63, t2_77);
-        let t2_79 = p_mx_forearm + t2_70;
-        let t2_80 = p_my_forearm + t2_58;
-        let t2_81 = cos_elbow * t2_80;
-        let t2_82 = sin_elbow.mul_add(t2_79, t2_81);
-        let t2_83 = like.lift(-0.14207).mul_add(t2_82, p_ixy_arm);
-        let t2_84 = cos_elbow.mul_add(t2_76, t2_83);
-        let t2_85 = sin_elbow.mul_add(t2_63, t2_84);
-        let t2_86 = cos_q2 * t2_85;
-        let t2_87 = sin_q2.mul_add(t2_78, t2_86);
-        let t2_88 = sin_elbow.mul_add(t2_54, t2_64);
-        let t2_89 = cos_elbow.mul_add(t2_75, t2_62);
-        let t2_90 = cos_elbow * t2_79;
-        let t2_91 = (-sin_elbow).mul_add(t2_80, t2_90);
-        let t2_92 = p_m_forearm + t2_69;
-        let t2_93 = like.lift(0.14207).mul_add(t2_92, t2_91);
-        let t2_94 = like.lift(0.14207) * t2_91;
-        let t2_95 = like.lift(0.14207).mul_add(t2_93, t2_94);
-        let t2_96 = cos_elbow.mul_add(t2_89, p_iyy_arm);
-        let t2_97 = sin_elbow.mul_add(t2_88, t2_96);
-        let t2_98 = t2_97 + t2_95;
-        let t2_99 = cos_q2 * t2_98;
-        let t2_100 = sin_q2.mul_add(t2_85, t2_99);
-        let t2_101 = p_mx_arm + t2_93;
-        let t2_102 = p_my_arm + t2_82;
-        let t2_103 = cos_q2 * t2_101;
-        let t2_104 = (-sin_q2).mul_add(t2_102, t2_103);
-        let t2_105 = p_m_arm + t2_92;
-        let t2_106 = like.lift(0.0132).mul_add(t2_105, t2_104);
-        let t2_107 = t2_29 + t2_31;
-        let t2_108 = t2_107 + t2_104;
-        let t2_109 = t2_108 + t2_106;
-        let t2_110 = cos_q3.mul_add(t2_25, p_izz_column);
-        let t2_111 = sin_q3.mul_add(t2_13, t2_110);
-        let t2_112 = like.lift(0.0132).mul_add(t2_109, t2_111);
-        let t2_113 = cos_q2.mul_add(t2_100, t2_112);
-        let t2_114 = sin_q2.mul_add(t2_87, t2_113);
-        let t2_115 = cos_q4 * p_my_flange;
-        let t2_116 = sin_q4.mul_add(p_mx_flange, t2_115);
-        let t2_117 = like.lift(-0.05).mul_add(t2_116, p_ixz_wrist);
-        let t2_118 = cos_q4.mul_add(t2_35, t2_117);
-        let t2_119 = sin_q4.mul_add(t2_33, t2_118);
-        let t2_120 = cos_q4 * p_iyz_flange;
-        let t2_121 = sin_q4.mul_add(p_ixz_flange, t2_120);
-        let t2_122 = p_iyz_wrist - t2_121;
-        let t2_123 = cos_wrist * t2_119;
-        let t2_124 = (-sin_wrist).mul_add(t2_122, t2_123);
-        let t2_125 = p_mz_wrist + t2_116;
-        let t2_126 = like.lift(-0.15852).mul_add(t2_125, p_ixz_forearm);
-        let t2_127 = t2_126 + t2_124;
-        let t2_128 = cos_wrist * t2_122;
-        let t2_129 = sin_wrist.mul_add(t2_119, t2_128);
-        let t2_130 = p_iyz_forearm + t2_129;
-        let t2_131 = cos_elbow * t2_127;
-        let t2_132 = (-sin_elbow).mul_add(t2_130, t2_131);
-        let t2_133 = p_mz_forearm + t2_125;
-        let t2_134 = like.lift(-0.14207).mul_add(t2_133, p_ixz_arm);
-        let t2_135 = t2_134 + t2_132;
-        let t2_136 = cos_elbow * t2_130;
-        let t2_137 = sin_elbow.mul_add(t2_127, t2_136);
-        let t2_138 = p_iyz_arm + t2_137;
-        let t2_139 = cos_q2 * t2_137;
-        let t2_140 = sin_q2.mul_add(t2_132, t2_139);
-        let t2_141 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_141);
-        let t2_142 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_142);
-        let t2_143 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_143);
-        let t2_144 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_144);
-        let t2_145 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_145);
-        let t2_146 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_146);
+        let t2_3 = cos_pin.mul_add(p_iyy_rod, t2_1);
+        let t2_4 = cos_pin.mul_add(t2_3, p_iyy_crank);
+        let t2_5 = cos_pin * p_ixy_rod;
+        let t2_6 = sin_pin.mul_add(p_ixx_rod, t2_5);
+        let t2_7 = sin_pin.mul_add(t2_6, t2_4);
+        let t2_8 = (-sin_pin).mul_add(p_iyy_rod, t2_5);
+        let t2_9 = (-sin_pin).mul_add(t2_8, p_ixx_crank);
+        let t2_10 = cos_pin.mul_add(t2_2, t2_9);
+        let t2_11 = cos_pin * p_my_rod;
+        let t2_12 = sin_pin.mul_add(p_mx_rod, t2_11);
+        let t2_13 = like.lift(-0.0456).mul_add(t2_12, p_ixy_crank);
+        let t2_14 = cos_pin.mul_add(t2_8, t2_13);
+        let t2_15 = sin_pin.mul_add(t2_2, t2_14);
+        let t2_16 = p_my_crank + t2_12;
+        let t2_17 = cos_q3 * t2_15;
+        let t2_18 = sin_q3.mul_add(t2_10, t2_17);
+        let t2_19 = cos_pin * p_mx_rod;
+        let t2_20 = (-sin_pin).mul_add(p_my_rod, t2_19);
+        let t2_21 = like.lift(0.0456).mul_add(p_m_rod, t2_20);
+        let t2_22 = like.lift(0.0456) * t2_20;
+        let t2_23 = like.lift(0.0456).mul_add(t2_21, t2_22);
+        let t2_24 = t2_7 + t2_23;
+        let t2_25 = cos_q3 * t2_24;
+        let t2_26 = sin_q3.mul_add(t2_15, t2_25);
+        let t2_27 = cos_q3.mul_add(t2_26, p_izz_column);
+        let t2_28 = sin_q3.mul_add(t2_18, t2_27);
+        let t2_29 = p_mx_crank + t2_21;
+        let t2_30 = cos_q3 * t2_29;
+        let t2_31 = (-sin_q3).mul_add(t2_16, t2_30);
+        let t2_32 = p_izz_rod + t2_22;
+        let t2_33 = p_m_crank + p_m_rod;
+        let t2_34 = like.lift(0.0132).mul_add(t2_33, t2_31);
+        let t2_35 = t2_31 + t2_34;
+        let t2_36 = sin_q4 * p_ixy_flange;
+        let t2_37 = cos_q4.mul_add(p_ixx_flange, -t2_36);
+        let t2_38 = cos_q4.mul_add(p_iyy_flange, t2_36);
+        let t2_39 = cos_q4.mul_add(t2_38, p_izz_wrist);
+        let t2_40 = cos_q4 * p_ixy_flange;
+        let t2_41 = sin_q4.mul_add(p_ixx_flange, t2_40);
+        let t2_42 = sin_q4.mul_add(t2_41, t2_39);
+        let t2_43 = (-sin_q4).mul_add(p_iyy_flange, t2_40);
+        let t2_44 = (-sin_q4).mul_add(t2_43, p_ixx_wrist);
+        let t2_45 = cos_q4.mul_add(t2_37, t2_44);
+        let t2_46 = cos_q4 * p_ixz_flange;
+        let t2_47 = (-sin_q4).mul_add(p_iyz_flange, t2_46);
+        let t2_48 = like.lift(0.05).mul_add(p_mz_flange, p_ixy_wrist);
+        let t2_49 = t2_48 - t2_47;
+        let t2_50 = sin_wrist * t2_49;
+        let t2_51 = cos_wrist * t2_49;
+        let t2_52 = cos_wrist.mul_add(t2_45, -t2_50);
+        let t2_53 = sin_wrist.mul_add(t2_45, t2_51);
+        let t2_54 = cos_q4 * p_mx_flange;
+        let t2_55 = (-sin_q4).mul_add(p_my_flange, t2_54);
+        let t2_56 = like.lift(0.05).mul_add(p_m_flange, t2_55);
+        let t2_57 = like.lift(0.05) * t2_55;
+        let t2_58 = like.lift(0.05).mul_add(t2_56, t2_57);
+        let t2_59 = p_mx_wrist + t2_56;
+        let t2_60 = p_izz_flange + t2_57;
+        let t2_61 = t2_42 + t2_58;
+        let t2_62 = p_iyy_wrist + p_izz_flange;
+        let t2_63 = t2_62 + t2_58;
+        let t2_64 = (-sin_wrist).mul_add(t2_63, t2_51);
+        let t2_65 = cos_wrist.mul_add(t2_63, t2_50);
+        let t2_66 = cos_wrist.mul_add(t2_65, p_iyy_forearm);
+        let t2_67 = sin_wrist.mul_add(t2_53, t2_66);
+        let t2_68 = (-sin_wrist).mul_add(t2_64, p_ixx_forearm);
+        let t2_69 = cos_wrist.mul_add(t2_52, t2_68);
+        let t2_70 = p_my_wrist - p_mz_flange;
+        let t2_71 = cos_wrist * t2_70;
+        let t2_72 = sin_wrist.mul_add(t2_59, t2_71);
+        let t2_73 = cos_wrist * t2_59;
+        let t2_74 = (-sin_wrist).mul_add(t2_70, t2_73);
+        let t2_75 = like.lift(-0.15852).mul_add(t2_72, p_ixy_forearm);
+        let t2_76 = cos_wrist.mul_add(t2_64, t2_75);
+        let t2_77 = sin_wrist.mul_add(t2_52, t2_76);
+        let t2_78 = sin_elbow * t2_77;
+        let t2_79 = cos_elbow * t2_77;
+        let t2_80 = cos_elbow.mul_add(t2_69, -t2_78);
+        let t2_81 = sin_elbow.mul_add(t2_69, t2_79);
+        let t2_82 = p_m_wrist + p_m_flange;
+        let t2_83 = like.lift(0.15852).mul_add(t2_82, t2_74);
+        let t2_84 = p_m_forearm + t2_82;
+        let t2_85 = like.lift(0.15852) * t2_74;
+        let t2_86 = sin_elbow * t2_72;
+        let t2_87 = (-cos_elbow).mul_add(t2_74, t2_86);
+        let t2_88 = p_my_forearm + t2_72;
+        let t2_89 = like.lift(0.15852).mul_add(t2_83, t2_85);
+        let t2_90 = t2_67 + t2_89;
+        let t2_91 = (-sin_elbow).mul_add(t2_90, t2_79);
+        let t2_92 = cos_elbow.mul_add(t2_90, t2_78);
+        let t2_93 = cos_elbow.mul_add(t2_92, p_iyy_arm);
+        let t2_94 = sin_elbow.mul_add(t2_81, t2_93);
+        let t2_95 = p_mx_forearm + t2_83;
+        let t2_96 = t2_61 + t2_85;
+        let t2_97 = like.lift(-0.14207).mul_add(t2_87, t2_96);
+        let t2_98 = p_izz_forearm + t2_61;
+        let t2_99 = t2_98 + t2_89;
+        let t2_100 = (-sin_elbow).mul_add(t2_91, p_ixx_arm);
+        let t2_101 = cos_elbow.mul_add(t2_80, t2_100);
+        let t2_102 = cos_elbow * t2_88;
+        let t2_103 = sin_elbow.mul_add(t2_95, t2_102);
+        let t2_104 = cos_elbow * t2_95;
+        let t2_105 = (-sin_elbow).mul_add(t2_88, t2_104);
+        let t2_106 = like.lift(-0.14207).mul_add(t2_103, p_ixy_arm);
+        let t2_107 = cos_elbow.mul_add(t2_91, t2_106);
+        let t2_108 = sin_elbow.mul_add(t2_80, t2_107);
+        let t2_109 = p_my_arm + t2_103;
+        let t2_110 = cos_q2 * t2_108;
+        let t2_111 = sin_q2.mul_add(t2_101, t2_110);
+        let t2_112 = like.lift(0.14207).mul_add(t2_84, t2_105);
+        let t2_113 = like.lift(0.14207) * t2_105;
+        let t2_114 = p_m_arm + t2_84;
+        let t2_115 = like.lift(0.14207).mul_add(t2_112, t2_113);
+        let t2_116 = t2_94 + t2_115;
+        let t2_117 = cos_q2 * t2_116;
+        let t2_118 = sin_q2.mul_add(t2_108, t2_117);
+        let t2_119 = p_mx_arm + t2_112;
+        let t2_120 = cos_q2 * t2_119;
+        let t2_121 = (-sin_q2).mul_add(t2_109, t2_120);
+        let t2_122 = like.lift(0.0132).mul_add(t2_114, t2_121);
+        let t2_123 = t2_35 + t2_121;
+        let t2_124 = t2_123 + t2_122;
+        let t2_125 = like.lift(0.0132).mul_add(t2_124, t2_28);
+        let t2_126 = cos_q2.mul_add(t2_118, t2_125);
+        let t2_127 = sin_q2.mul_add(t2_111, t2_126);
+        let t2_128 = t2_99 + t2_113;
+        let t2_129 = cos_q4 * p_my_flange;
+        let t2_130 = sin_q4.mul_add(p_mx_flange, t2_129);
+        let t2_131 = like.lift(-0.05).mul_add(t2_130, p_ixz_wrist);
+        let t2_132 = cos_q4.mul_add(t2_43, t2_131);
+        let t2_133 = sin_q4.mul_add(t2_37, t2_132);
+        let t2_134 = cos_q4 * p_iyz_flange;
+        let t2_135 = sin_q4.mul_add(p_ixz_flange, t2_134);
+        let t2_136 = p_iyz_wrist - t2_135;
+        let t2_137 = cos_wrist * t2_133;
+        let t2_138 = (-sin_wrist).mul_add(t2_136, t2_137);
+        let t2_139 = cos_wrist * t2_136;
+        let t2_140 = sin_wrist.mul_add(t2_133, t2_139);
+        let t2_141 = p_mz_wrist + t2_130;
+        let t2_142 = like.lift(-0.15852).mul_add(t2_141, p_ixz_forearm);
+        let t2_143 = t2_142 + t2_138;
+        let t2_144 = p_mz_forearm + t2_141;
+        let t2_145 = like.lift(-0.14207).mul_add(t2_144, p_ixz_arm);
+        let t2_146 = p_iyz_forearm + t2_140;
+        let t2_147 = cos_elbow * t2_143;
+        let t2_148 = (-sin_elbow).mul_add(t2_146, t2_147);
+        let t2_149 = cos_elbow * t2_146;
+        let t2_150 = sin_elbow.mul_add(t2_143, t2_149);
+        let t2_151 = t2_145 + t2_148;
+        let t2_152 = cos_q2 * t2_150;
+        let t2_153 = sin_q2.mul_add(t2_148, t2_152);
+        let t2_154 = p_iyz_arm + t2_150;
+        let t2_155 = cos_q2 * t2_154;
+        let t2_156 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_156);
+        let t2_157 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_157);
+        let t2_158 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_158);
+        let t2_159 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_159);
+        let t2_160 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_160);
+        let t2_161 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_161);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_147 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_148 = -t2_147;
-        let t2_149 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_149);
-        let t2_150 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_150);
-        let t2_151 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_151);
-        let t2_152 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_152);
-        let t2_153 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_154 = -t2_153;
-        let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t2_155 = -u_rod_q3x;
-        let t2_156 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_147);
-        let t2_157 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t2_158 = -t2_157;
-        let t2_159 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_160 = t2_153 * t2_159;
-        let t2_161 = like.lift(21.92982456140351) * t2_160;
-        let t2_162 = -t2_161;
-        let t2_163 = sin_pin * t2_159;
+        let t2_162 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_163 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
         let t2_164 = -t2_163;
-        let t2_165 = like.lift(1.0) + t2_161;
-        let t2_166 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_160, t2_156);
-        let t2_167 = like.lift(7.038783698176955) * t2_166;
-        let t2_168 = -t2_167;
-        let t2_169 = t2_163.mul_add(t2_147, t2_157);
-        let t2_170 = like.lift(7.038783698176955) * t2_169;
+        let t2_165 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_165);
+        let t2_166 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_166);
+        let t2_167 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_167);
+        let t2_168 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_168);
+        let t2_169 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_170 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_163);
+        let t2_171 = -t2_169;
+        let t2_172 = t2_169 * t2_162;
+        let t2_173 = sin_pin * t2_162;
+        let t2_174 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_172, t2_170);
+        let t2_175 = like.lift(21.92982456140351) * t2_172;
+        let t2_176 = like.lift(7.038783698176955) * t2_174;
+        let t2_177 = -t2_176;
+        let u_rod_q3x = like.lift(0.0456) * sin_pin;
+        let t2_178 = -u_rod_q3x;
+        let t2_179 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_180 = t2_173.mul_add(t2_163, t2_179);
+        let t2_181 = -t2_179;
+        let t2_182 = like.lift(7.038783698176955) * t2_180;
+        let t2_183 = -t2_175;
+        let t2_184 = like.lift(1.0) + t2_175;
+        let t2_185 = -t2_173;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -3580,23 +3676,23 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t2_162, like.lift(0.0), t2_164],
-                [like.lift(0.0), t2_165, like.lift(0.0), t2_163],
-                [like.lift(0.0), t2_168, like.lift(0.0), t2_170],
+                [like.lift(0.0), t2_183, like.lift(0.0), t2_185],
+                [like.lift(0.0), t2_184, like.lift(0.0), t2_173],
+                [like.lift(0.0), t2_177, like.lift(0.0), t2_182],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_148, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_164, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t2_154, like.lift(0.0), t2_155],
-                    [like.lift(0.0), t2_156, like.lift(0.0), t2_158],
+                    [like.lift(0.0), t2_171, like.lift(0.0), t2_178],
+                    [like.lift(0.0), t2_170, like.lift(0.0), t2_181],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3606,17 +3702,18 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
         );
         condition = condition.min(found);
         [
-            t2_19, t2_20, t2_32, t2_34, t2_39, t2_46, t2_48, t2_49, t2_58, t2_68, t2_71, t2_72,
-            t2_94, t2_95, t2_114, t2_116, t2_121, t2_124, t2_129, t2_135, t2_138, t2_140,
-            x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t2_23, t2_32, t2_47, t2_55, t2_60, t2_61, t2_96, t2_97, t2_99, t2_115, t2_127,
+            t2_128, t2_130, t2_135, t2_138, t2_140, t2_151, t2_153, t2_155, x_elbow_q2,
+            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // M
     {
-        let t3_1 = cos_elbow * t2_124;
-        let t3_2 = (-sin_elbow).mul_add(t2_129, t3_1);
-        let t3_3 = cos_elbow * t2_129;
-        let t3_4 = sin_elbow.mul_add(t2_124, t3_3);
+        m[0][0] = t2_127; m[2][2] = p_izz_flange;
+        let t3_1 = cos_elbow * t2_138;
+        let t3_2 = (-sin_elbow).mul_add(t2_140, t3_1);
+        let t3_3 = cos_elbow * t2_140;
+        let t3_4 = sin_elbow.mul_add(t2_138, t3_3);
         let t3_5 = cos_q2 * t3_4;
         let t3_6 = sin_q2.mul_add(t3_2, t3_5);
         let t3_7 = cos_pin * p_ixz_rod;
@@ -3624,91 +3721,80 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
         let t3_9 = cos_pin * p_iyz_rod;
         let t3_10 = sin_pin.mul_add(p_ixz_rod, t3_9);
         let t3_11 = cos_q3 * t3_10;
-        let t3_12 = sin_q3.mul_add(t3_8, t3_11);
-        let t3_13 = cos_q2 * t2_138;
-        let t3_14 = (-t3_12).mul_add(x_pin_q2, t3_13);
-        let t3_15 = (-t3_6).mul_add(x_wrist_q2, t3_14);
-        let t3_16 = (-t2_140).mul_add(x_elbow_q2, t3_15);
-        let t3_17 = sin_q2.mul_add(t2_135, t3_16);
-        let t3_18 = p_izz_flange + t2_48;
-        let t3_19 = sin_wrist * t3_18;
-        let t3_20 = cos_wrist.mul_add(t2_39, t3_19);
-        let t3_21 = sin_wrist * t2_39;
-        let t3_22 = like.lift(-0.15852).mul_add(t2_46, t3_21);
-        let t3_23 = (-cos_wrist).mul_add(t3_18, t3_22);
-        let t3_24 = cos_elbow * t3_20;
-        let t3_25 = (-sin_elbow).mul_add(t3_23, t3_24);
-        let t3_26 = cos_elbow * t3_23;
-        let t3_27 = like.lift(-0.14207).mul_add(t2_46, t3_26);
-        let t3_28 = sin_elbow.mul_add(t3_20, t3_27);
-        let t3_29 = cos_q2 * t3_28;
-        let t3_30 = like.lift(-0.0132).mul_add(t2_46, t3_29);
-        let t3_31 = sin_q2.mul_add(t3_25, t3_30);
-        let t3_32 = like.lift(-0.0456).mul_add(p_mz_rod, p_ixz_crank);
-        let t3_33 = t3_32 + t3_8;
-        let t3_34 = p_iyz_crank + t3_10;
-        let t3_35 = cos_q3 * t3_34;
-        let t3_36 = (-t3_12).mul_add(x_pin_q3, t3_35);
-        let t3_37 = sin_q3.mul_add(t3_33, t3_36);
-        let t3_38 = (-t3_6).mul_add(x_wrist_q3, t3_37);
-        let t3_39 = (-t2_140).mul_add(x_elbow_q3, t3_38);
-        m[0] = [t2_114, t3_17, t3_31, t3_39];
-        let t3_40 = sin_q4.mul_add(p_ixx_flange, t2_34);
-        let t3_41 = cos_q4.mul_add(p_iyy_flange, t2_32);
-        let t3_42 = cos_q4.mul_add(t3_41, p_izz_wrist);
-        let t3_43 = sin_q4.mul_add(t3_40, t3_42);
-        let t3_44 = t3_43 + t2_49;
-        let t3_45 = p_izz_forearm + t3_44;
-        let t3_46 = t3_45 + t2_72;
-        let t3_47 = t3_46 + t2_94;
-        let t3_48 = t3_44 + t2_71;
-        let t3_49 = sin_elbow * t2_58;
-        let t3_50 = (-cos_elbow).mul_add(t2_68, t3_49);
-        let t3_51 = like.lift(-0.14207).mul_add(t3_50, t3_48);
-        let t3_52 = (-t3_48).mul_add(x_wrist_q2, t3_47);
-        let t3_53 = (-t3_46).mul_add(x_elbow_q2, t3_52);
-        let t3_54 = (-t3_44).mul_add(x_wrist_q2, t3_51);
-        let t3_55 = (-t3_48).mul_add(x_elbow_q2, t3_54);
-        let t3_56 = t3_53 + t3_47;
-        let t3_57 = t3_55 + t3_51;
-        let t3_58 = x_pin_q2 * p_izz_rod;
-        let t3_59 = t3_58.mul_add(x_pin_q2, p_izz_arm);
-        let t3_60 = (-x_wrist_q2).mul_add(t3_57, t3_59);
-        let t3_61 = (-x_elbow_q2).mul_add(t3_56, t3_60);
-        let t3_62 = t3_61 + t3_46;
-        let t3_63 = t3_62 + t2_95;
-        let t3_64 = like.lift(0.15852) * sin_wrist;
-        let t3_65 = (-t3_64).mul_add(t2_116, t2_121);
-        let t3_66 = sin_elbow * cos_wrist;
-        let sin_elbow_wrist = cos_elbow.mul_add(sin_wrist, t3_66);
-        let t3_67 = (-t2_121).mul_add(x_wrist_q2, t3_65);
-        let t3_68 = (-t3_65).mul_add(x_elbow_q2, t3_67);
-        let t3_69 = like.lift(0.14207) * t2_116;
-        let t3_70 = (-t3_69).mul_add(sin_elbow_wrist, t3_68);
-        let t3_71 = t3_48 * x_wrist_q3;
-        let t3_72 = t3_46.mul_add(x_elbow_q3, t3_71);
-        let t3_73 = t3_44 * x_wrist_q3;
-        let t3_74 = t3_48.mul_add(x_elbow_q3, t3_73);
-        let t3_75 = p_izz_rod + t2_19;
-        let t3_76 = (-p_izz_rod).mul_add(x_pin_q3, t3_75);
-        let t3_77 = x_pin_q2 * t3_76;
-        let t3_78 = (-x_wrist_q2).mul_add(t3_74, t3_77);
-        let t3_79 = (-x_elbow_q2).mul_add(t3_72, t3_78);
-        let t3_80 = t3_51.mul_add(x_wrist_q3, t3_79);
-        let t3_81 = t3_47.mul_add(x_elbow_q3, t3_80);
-        let t3_82 = -t3_81;
-        m[1] = [t3_17, t3_63, t3_70, t3_82];
-        let t3_83 = t2_121 * x_wrist_q3;
-        let t3_84 = t3_65.mul_add(x_elbow_q3, t3_83);
-        let t3_85 = -t3_84;
-        m[2] = [t3_31, t3_70, p_izz_flange, t3_85];
-        let t3_86 = t3_76 + t3_75;
-        let t3_87 = (-x_pin_q3).mul_add(t3_86, p_izz_crank);
-        let t3_88 = t3_87 + p_izz_rod;
-        let t3_89 = t3_88 + t2_20;
-        let t3_90 = x_wrist_q3.mul_add(t3_74, t3_89);
-        let t3_91 = x_elbow_q3.mul_add(t3_72, t3_90);
-        m[3] = [t3_39, t3_82, t3_85, t3_91];
+        let t3_12 = p_iyz_crank + t3_10;
+        let t3_13 = cos_q3 * t3_12;
+        let t3_14 = sin_q3.mul_add(t3_8, t3_11);
+        let t3_15 = (-t3_14).mul_add(x_pin_q2, t2_155);
+        let t3_16 = (-t3_14).mul_add(x_pin_q3, t3_13);
+        let t3_17 = (-t3_6).mul_add(x_wrist_q2, t3_15);
+        let t3_18 = (-t2_153).mul_add(x_elbow_q2, t3_17);
+        let t3_19 = sin_q2.mul_add(t2_151, t3_18);
+        m[0][1] = t3_19; m[1][0] = t3_19;
+        let t3_20 = like.lift(-0.0456).mul_add(p_mz_rod, p_ixz_crank);
+        let t3_21 = t3_20 + t3_8;
+        let t3_22 = sin_q3.mul_add(t3_21, t3_16);
+        let t3_23 = (-t3_6).mul_add(x_wrist_q3, t3_22);
+        let t3_24 = (-t2_153).mul_add(x_elbow_q3, t3_23);
+        m[0][3] = t3_24; m[3][0] = t3_24;
+        let t3_25 = sin_wrist * t2_60;
+        let t3_26 = cos_wrist.mul_add(t2_47, t3_25);
+        let t3_27 = sin_wrist * t2_47;
+        let t3_28 = like.lift(-0.15852).mul_add(t2_55, t3_27);
+        let t3_29 = (-cos_wrist).mul_add(t2_60, t3_28);
+        let t3_30 = sin_elbow * cos_wrist;
+        let sin_elbow_wrist = cos_elbow.mul_add(sin_wrist, t3_30);
+        let t3_31 = like.lift(0.15852) * sin_wrist;
+        let t3_32 = (-t3_31).mul_add(t2_130, t2_135);
+        let t3_33 = like.lift(0.14207) * t2_130;
+        let t3_34 = cos_elbow * t3_26;
+        let t3_35 = (-sin_elbow).mul_add(t3_29, t3_34);
+        let t3_36 = cos_elbow * t3_29;
+        let t3_37 = like.lift(-0.14207).mul_add(t2_55, t3_36);
+        let t3_38 = sin_elbow.mul_add(t3_26, t3_37);
+        let t3_39 = cos_q2 * t3_38;
+        let t3_40 = like.lift(-0.0132).mul_add(t2_55, t3_39);
+        let t3_41 = sin_q2.mul_add(t3_35, t3_40);
+        m[0][2] = t3_41; m[2][0] = t3_41;
+        let t3_42 = (-t2_96).mul_add(x_wrist_q2, t2_128);
+        let t3_43 = (-t2_99).mul_add(x_elbow_q2, t3_42);
+        let t3_44 = t3_43 + t2_128;
+        let t3_45 = (-t2_61).mul_add(x_wrist_q2, t2_97);
+        let t3_46 = (-t2_96).mul_add(x_elbow_q2, t3_45);
+        let t3_47 = t3_46 + t2_97;
+        let t3_48 = t2_61 * x_wrist_q3;
+        let t3_49 = t2_96.mul_add(x_elbow_q3, t3_48);
+        let t3_50 = t2_96 * x_wrist_q3;
+        let t3_51 = t2_99.mul_add(x_elbow_q3, t3_50);
+        let t3_52 = x_pin_q2 * p_izz_rod;
+        let t3_53 = t3_52.mul_add(x_pin_q2, p_izz_arm);
+        let t3_54 = (-x_wrist_q2).mul_add(t3_47, t3_53);
+        let t3_55 = (-x_elbow_q2).mul_add(t3_44, t3_54);
+        let t3_56 = t3_55 + t2_99;
+        let t3_57 = t3_56 + t2_115;
+        m[1][1] = t3_57;
+        let t3_58 = (-t2_135).mul_add(x_wrist_q2, t3_32);
+        let t3_59 = (-t3_32).mul_add(x_elbow_q2, t3_58);
+        let t3_60 = (-t3_33).mul_add(sin_elbow_wrist, t3_59);
+        m[1][2] = t3_60; m[2][1] = t3_60;
+        let t3_61 = t2_135 * x_wrist_q3;
+        let t3_62 = t3_32.mul_add(x_elbow_q3, t3_61);
+        let t3_63 = -t3_62;
+        m[2][3] = t3_63; m[3][2] = t3_63;
+        let t3_64 = (-p_izz_rod).mul_add(x_pin_q3, t2_32);
+        let t3_65 = x_pin_q2 * t3_64;
+        let t3_66 = (-x_wrist_q2).mul_add(t3_49, t3_65);
+        let t3_67 = (-x_elbow_q2).mul_add(t3_51, t3_66);
+        let t3_68 = t2_97.mul_add(x_wrist_q3, t3_67);
+        let t3_69 = t2_128.mul_add(x_elbow_q3, t3_68);
+        let t3_70 = t3_64 + t2_32;
+        let t3_71 = -t3_69;
+        m[1][3] = t3_71; m[3][1] = t3_71;
+        let t3_72 = (-x_pin_q3).mul_add(t3_70, p_izz_crank);
+        let t3_73 = t3_72 + p_izz_rod;
+        let t3_74 = t3_73 + t2_23;
+        let t3_75 = x_wrist_q3.mul_add(t3_49, t3_74);
+        let t3_76 = x_elbow_q3.mul_add(t3_51, t3_75);
+        m[3][3] = t3_76;
     }
     (m, Condition { pivot: condition })
 }
@@ -3795,11 +3881,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd_r: &[T;
 #[inline(always)]
 pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 70]) -> Condition<T> {
     let like = q[0];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
-    let [r_q1, r_q2, r_q4, r_q3] = *qd_r;
-    let [dr_q1, dr_q2, dr_q4, dr_q3] = *qdd_r;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q3, cos_q3, sin_pin, cos_pin, sin_wrist,
@@ -3815,191 +3898,216 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
             cos_wrist, sin_q4, cos_q4,
         ]
     };
+    let [dr_q1, dr_q2, dr_q4, dr_q3] = *qdd_r;
     // body column: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         y[5][0] = dr_q1;
     }
+    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
+    let [r_q1, r_q2, r_q4, r_q3] = *qd_r;
     // body arm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [w_ixz_arm_q2, t3_11, t3_16, t3_17, t3_18, t3_29, t3_30, a_army, a_armx, w_m_arm_q1] = {
+    let [w_m_arm_q1, w_ixz_arm_q2, t3_5, t3_16, t3_24, t3_27, t3_31, t3_32, a_army, a_armx] = {
+        y[15][1] = dr_q2;
+        let w_m_arm_q1 = like.lift(0.00017424) * dr_q1;
+        y[19][0] = w_m_arm_q1;
         let w_ixz_arm_q2 = sin_q2 * dr_q1;
+        y[12][1] = w_ixz_arm_q2;
         let w_army = cos_q2 * d_q1;
         let t3_1 = cos_q2 * r_q1;
         let t3_2 = d_q2 * t3_1;
         let t3_3 = w_army.mul_add(r_q2, t3_2);
         let t3_4 = like.lift(0.5) * t3_3;
+        let t3_5 = w_army * t3_1;
         let al_armx = w_ixz_arm_q2 + t3_4;
         let w_armx = sin_q2 * d_q1;
-        let t3_5 = sin_q2 * r_q1;
-        let t3_6 = d_q2 * t3_5;
-        let t3_7 = w_armx.mul_add(r_q2, t3_6);
-        let t3_8 = like.lift(0.5) * t3_7;
-        let t3_9 = cos_q2 * t3_8;
-        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx, t3_9);
         let w_ixx_arm_q2 = w_armx * t3_1;
-        let t3_10 = -w_ixx_arm_q2;
-        y[10][0] = w_ixx_arm_q1; y[10][1] = t3_10;
+        y[13][1] = w_ixx_arm_q2;
+        let t3_6 = -w_ixx_arm_q2;
+        y[10][1] = t3_6;
+        let t3_7 = sin_q2 * r_q1;
+        let t3_8 = d_q2 * t3_7;
+        let t3_9 = w_armx.mul_add(r_q2, t3_8);
+        let t3_10 = w_armx * t3_7;
+        let t3_11 = like.lift(0.5) * t3_9;
+        let w_ixy_arm_q2 = t3_10 - t3_5;
+        y[11][1] = w_ixy_arm_q2;
+        let t3_12 = cos_q2 * t3_11;
+        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx, t3_12);
+        y[10][0] = w_ixx_arm_q1;
+        let t3_13 = t3_4 + al_armx;
+        let t3_14 = sin_q2 * t3_4;
+        let w_izz_arm_q1 = t3_12 - t3_14;
+        let t3_15 = -w_izz_arm_q1;
+        y[15][0] = t3_15;
         let w_iyz_arm_q2 = cos_q2 * dr_q1;
-        let al_army = w_iyz_arm_q2 - t3_8;
-        let t3_11 = t3_8 - al_army;
-        let t3_12 = t3_4 + al_armx;
-        let t3_13 = sin_q2 * t3_11;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_12, t3_13);
-        let t3_14 = -w_ixy_arm_q1;
-        let t3_15 = w_armx * t3_5;
-        let t3_16 = w_army * t3_1;
-        let w_ixy_arm_q2 = t3_15 - t3_16;
-        y[11][0] = t3_14; y[11][1] = w_ixy_arm_q2;
-        let t3_17 = dr_q2 + w_ixx_arm_q2;
-        let t3_18 = d_q2 * r_q2;
-        let t3_19 = t3_15 - t3_18;
-        let t3_20 = sin_q2 * t3_17;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_19, t3_20);
-        y[12][0] = w_ixz_arm_q1; y[12][1] = w_ixz_arm_q2;
-        let t3_21 = sin_q2 * t3_4;
-        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t3_21);
-        let t3_22 = -w_iyy_arm_q1;
-        y[13][0] = t3_22; y[13][1] = w_ixx_arm_q2;
-        let t3_23 = t3_16 - t3_18;
-        let t3_24 = dr_q2 - w_ixx_arm_q2;
-        let t3_25 = cos_q2 * t3_24;
-        let w_iyz_arm_q1 = sin_q2.mul_add(t3_23, t3_25);
-        y[14][0] = w_iyz_arm_q1; y[14][1] = w_iyz_arm_q2;
-        let w_izz_arm_q1 = t3_9 - t3_21;
-        let t3_26 = -w_izz_arm_q1;
-        y[15][0] = t3_26; y[15][1] = dr_q2;
-        let t3_27 = t3_11 - w_iyz_arm_q2;
-        let t3_28 = like.lift(0.0132) * t3_27;
-        let w_mx_arm_q1 = -t3_28;
-        let t3_29 = d_q1 * r_q1;
-        let t3_30 = like.lift(0.0132) * t3_29;
-        let t3_31 = sin_q2 * t3_30;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t3_31);
-        y[16][0] = w_mx_arm_q1; y[16][1] = a_army;
-        let t3_32 = t3_12 + w_ixz_arm_q2;
-        let w_my_arm_q1 = like.lift(0.0132) * t3_32;
-        let t3_33 = -w_my_arm_q1;
+        y[14][1] = w_iyz_arm_q2;
+        let al_army = w_iyz_arm_q2 - t3_11;
+        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t3_14);
+        let t3_16 = t3_11 - al_army;
+        let t3_17 = -w_iyy_arm_q1;
+        y[13][0] = t3_17;
+        let t3_18 = t3_16 - w_iyz_arm_q2;
+        let t3_19 = like.lift(0.0132) * t3_18;
+        let w_mx_arm_q1 = -t3_19;
+        y[16][0] = w_mx_arm_q1;
+        let t3_20 = sin_q2 * t3_16;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_13, t3_20);
+        let t3_21 = -w_ixy_arm_q1;
+        y[11][0] = t3_21;
+        let t3_22 = t3_13 + w_ixz_arm_q2;
+        let w_my_arm_q1 = like.lift(0.0132) * t3_22;
+        let t3_23 = -w_my_arm_q1;
+        y[17][0] = t3_23;
+        let t3_24 = dr_q2 + w_ixx_arm_q2;
+        let t3_25 = dr_q2 - w_ixx_arm_q2;
+        let t3_26 = cos_q2 * t3_25;
+        let t3_27 = d_q2 * r_q2;
+        let t3_28 = t3_5 - t3_27;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_28, t3_26);
+        y[14][0] = w_iyz_arm_q1;
+        let t3_29 = t3_10 - t3_27;
+        let t3_30 = sin_q2 * t3_24;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_29, t3_30);
+        y[12][0] = w_ixz_arm_q1;
+        let t3_31 = d_q1 * r_q1;
+        let t3_32 = like.lift(0.0132) * t3_31;
+        let t3_33 = sin_q2 * t3_32;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t3_33);
+        y[16][1] = a_army;
         let t3_34 = like.lift(9.81) * sin_q2;
-        let a_armx = (-cos_q2).mul_add(t3_30, t3_34);
+        let a_armx = (-cos_q2).mul_add(t3_32, t3_34);
         let t3_35 = -a_armx;
-        y[17][0] = t3_33; y[17][1] = t3_35;
-        let t3_36 = (-sin_q2).mul_add(a_army, t3_30);
+        y[17][1] = t3_35;
+        let t3_36 = (-sin_q2).mul_add(a_army, t3_32);
         let w_mz_arm_q1 = cos_q2.mul_add(a_armx, t3_36);
         y[18][0] = w_mz_arm_q1;
-        let w_m_arm_q1 = like.lift(0.00017424) * dr_q1;
-        y[19][0] = w_m_arm_q1;
-        [w_ixz_arm_q2, t3_11, t3_16, t3_17, t3_18, t3_29, t3_30, a_army, a_armx, w_m_arm_q1]
+        [w_m_arm_q1, w_ixz_arm_q2, t3_5, t3_16, t3_24, t3_27, t3_31, t3_32, a_army, a_armx]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q2_elbow, cos_q2_elbow, w_forearmy, sin_q2_elbow_minus_q3_minus_pin,
-        cos_q2_elbow_minus_q3_minus_pin, pivot_3, t4_7, t4_8, cos_q2_minus_q3_minus_pin, t4_13,
-        t4_14, u_rod_q3x, t4_17, t4_18, t4_23, t4_30, t4_31, t4_32,
+        t4_1, t4_3, t4_4, sin_q2_elbow, cos_q2_elbow, w_forearmy,
+        sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t4_11,
+        t4_12, u_forearm_q1z, cos_q2_minus_q3_minus_pin, t4_17, t4_18, t4_21, t4_22, t4_23,
+        t4_28, t4_35, t4_36, t4_37,
     ] = {
-        let t4_1 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_1);
-        let t4_2 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_2);
+        let t4_1 = like.lift(0.14207).mul_add(t3_24, a_army);
+        let t4_2 = t3_5 + t3_27;
+        let t4_3 = like.lift(-0.14207).mul_add(t4_2, a_armx);
+        let w_mz_forearm_q2 = like.lift(0.14207) * w_ixz_arm_q2;
+        let t4_4 = -w_mz_forearm_q2;
+        let t4_5 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_5);
+        let t4_6 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_6);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t4_3 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_3);
-        let t4_4 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_4);
-        let t4_5 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_5);
-        let t4_6 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_6);
+        let t4_7 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_7);
+        let t4_8 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_8);
+        let t4_9 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_9);
+        let t4_10 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_10);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t4_7 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t4_8 = -t4_7;
-        let t4_9 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_9);
-        let t4_10 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_10);
-        let t4_11 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_11);
-        let t4_12 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_12);
-        let t4_13 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
-        let t4_14 = t4_13 - pivot_3;
+        let t4_11 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_12 = -t4_11;
+        let t4_13 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_13);
+        let t4_14 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_14);
+        let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
+        let t4_15 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_15);
+        let t4_16 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_16);
+        let t4_17 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
+        let t4_18 = t4_17 - pivot_3;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_15 = r_q3 * u_rod_q3x;
-        let t4_16 = t4_14.mul_add(r_q2, t4_15);
-        let t4_17 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_7);
-        let t4_18 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_19 = t4_17 * r_q2;
-        let t4_20 = (-t4_18).mul_add(r_q3, t4_19);
-        let t4_21 = -t4_20;
-        let t4_22 = -r_q2;
-        let t4_23 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t4_24 = t4_23 * t4_16;
-        let t4_25 = like.lift(21.92982456140351) * t4_24;
-        let t4_26 = r_q2 + t4_25;
-        let t4_27 = -t4_26;
-        let t4_28 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_24, t4_20);
-        let t4_29 = like.lift(7.038783698176955) * t4_28;
+        let t4_19 = r_q3 * u_rod_q3x;
+        let t4_20 = t4_18.mul_add(r_q2, t4_19);
+        let t4_21 = -u_rod_q3x;
+        let t4_22 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_11);
+        let t4_23 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_24 = t4_22 * r_q2;
+        let t4_25 = (-t4_23).mul_add(r_q3, t4_24);
+        let t4_26 = -t4_25;
+        let t4_27 = -r_q2;
+        let t4_28 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_29 = t4_28 * t4_20;
+        let t4_30 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_29, t4_25);
+        let t4_31 = like.lift(21.92982456140351) * t4_29;
+        let t4_32 = like.lift(7.038783698176955) * t4_30;
+        let t4_33 = r_q2 + t4_31;
+        let t4_34 = -t4_33;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t4_30], [t4_31], [t4_32]], found) = ::regen_runtime::guarded(
-            [[t4_25], [t4_27], [t4_29]],
+        let ([[t4_35], [t4_36], [t4_37]], found) = ::regen_runtime::guarded(
+            [[t4_31], [t4_34], [t4_32]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_8, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_12, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t4_16], [t4_21], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t4_22],
+                    [t4_20], [t4_26], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t4_27],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q2_elbow, cos_q2_elbow, w_forearmy, sin_q2_elbow_minus_q3_minus_pin,
-            cos_q2_elbow_minus_q3_minus_pin, pivot_3, t4_7, t4_8, cos_q2_minus_q3_minus_pin,
-            t4_13, t4_14, u_rod_q3x, t4_17, t4_18, t4_23, t4_30, t4_31, t4_32,
+            t4_1, t4_3, t4_4, sin_q2_elbow, cos_q2_elbow, w_forearmy,
+            sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t4_11,
+            t4_12, u_forearm_q1z, cos_q2_minus_q3_minus_pin, t4_17, t4_18, t4_21, t4_22, t4_23,
+            t4_28, t4_35, t4_36, t4_37,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t5_1, w_forearmz, t5_2, t5_5, t5_6, al_forearmx, w_forearmx, t5_7, t5_10, t5_11,
-        w_ixx_forearm_q1, t5_12, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-        x_pin_q3,
+        t5_1, t5_2, w_forearmz, t5_7, t5_8, t5_9, t5_13, t5_14, w_ixx_forearm_q1, t5_16, t5_17,
+        t5_18, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t5_1 = r_q2 + t4_30;
+        let t5_1 = r_q2 + t4_35;
+        let t5_2 = r_q3 + t4_37;
         let w_forearmz = d_q2 + d_elbow;
-        let t5_2 = cos_q2_elbow * r_q1;
-        let t5_3 = w_forearmz * t5_2;
-        let t5_4 = w_forearmy.mul_add(t5_1, t5_3);
-        let t5_5 = like.lift(0.5) * t5_4;
-        let t5_6 = sin_q2_elbow * dr_q1;
-        let al_forearmx = t5_5 + t5_6;
+        let t5_3 = cos_q2_elbow * r_q1;
+        let t5_4 = w_forearmz * t5_3;
+        let t5_5 = w_forearmy.mul_add(t5_1, t5_4);
+        let t5_6 = like.lift(0.5) * t5_5;
+        let t5_7 = w_forearmy * t5_3;
+        let t5_8 = sin_q2_elbow * dr_q1;
+        let al_forearmx = t5_6 + t5_8;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t5_7 = sin_q2_elbow * r_q1;
-        let t5_8 = w_forearmz * t5_7;
-        let t5_9 = w_forearmx.mul_add(t5_1, t5_8);
-        let t5_10 = like.lift(0.5) * t5_9;
-        let t5_11 = cos_q2_elbow * t5_10;
-        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t5_11);
-        let t5_12 = w_forearmx * t5_2;
-        let t5_13 = -t4_14;
-        let t5_14 = -u_rod_q3x;
-        let t5_15 = -t4_18;
-        let t5_16 = t4_14 * t4_23;
-        let t5_17 = like.lift(21.92982456140351) * t5_16;
-        let t5_18 = -t5_17;
-        let t5_19 = sin_pin * t4_23;
-        let t5_20 = -t5_19;
-        let t5_21 = like.lift(1.0) + t5_17;
-        let t5_22 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t5_16, t4_17);
-        let t5_23 = like.lift(7.038783698176955) * t5_22;
-        let t5_24 = -t5_23;
-        let t5_25 = t5_19.mul_add(t4_7, t4_18);
-        let t5_26 = like.lift(7.038783698176955) * t5_25;
+        let t5_9 = w_forearmx * t5_3;
+        let t5_10 = sin_q2_elbow * r_q1;
+        let t5_11 = w_forearmz * t5_10;
+        let t5_12 = w_forearmx.mul_add(t5_1, t5_11);
+        let t5_13 = w_forearmx * t5_10;
+        let t5_14 = like.lift(0.5) * t5_12;
+        let t5_15 = cos_q2_elbow * t5_14;
+        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t5_15);
+        let t5_16 = t5_6 + al_forearmx;
+        let t5_17 = sin_q2_elbow * t5_6;
+        let w_izz_forearm_q1 = t5_15 - t5_17;
+        let t5_18 = -w_izz_forearm_q1;
+        let t5_19 = -t4_18;
+        let t5_20 = -t4_23;
+        let t5_21 = t4_18 * t4_28;
+        let t5_22 = like.lift(21.92982456140351) * t5_21;
+        let t5_23 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t5_21, t4_22);
+        let t5_24 = like.lift(7.038783698176955) * t5_23;
+        let t5_25 = -t5_24;
+        let t5_26 = -t5_22;
+        let t5_27 = like.lift(1.0) + t5_22;
+        let t5_28 = sin_pin * t4_28;
+        let t5_29 = t5_28.mul_add(t4_11, t4_23);
+        let t5_30 = like.lift(7.038783698176955) * t5_29;
+        let t5_31 = -t5_28;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -4007,23 +4115,23 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t5_18, like.lift(0.0), t5_20],
-                [like.lift(0.0), t5_21, like.lift(0.0), t5_19],
-                [like.lift(0.0), t5_24, like.lift(0.0), t5_26],
+                [like.lift(0.0), t5_26, like.lift(0.0), t5_31],
+                [like.lift(0.0), t5_27, like.lift(0.0), t5_28],
+                [like.lift(0.0), t5_25, like.lift(0.0), t5_30],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_8, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_12, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t5_13, like.lift(0.0), t5_14],
-                    [like.lift(0.0), t4_17, like.lift(0.0), t5_15],
+                    [like.lift(0.0), t5_19, like.lift(0.0), t4_21],
+                    [like.lift(0.0), t4_22, like.lift(0.0), t5_20],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4033,686 +4141,743 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         );
         condition = condition.min(found);
         [
-            t5_1, w_forearmz, t5_2, t5_5, t5_6, al_forearmx, w_forearmx, t5_7, t5_10, t5_11,
-            w_ixx_forearm_q1, t5_12, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-            x_pin_q3,
+            t5_1, t5_2, w_forearmz, t5_7, t5_8, t5_9, t5_13, t5_14, w_ixx_forearm_q1, t5_16,
+            t5_17, t5_18, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t6_1, w_ixx_forearm_q2, t6_2, w_ixx_forearm_q3, t6_3, al_forearmy, t6_4, t6_5, t6_7,
-        t6_8, t6_9, w_ixy_forearm_q2, t6_11, t6_12, w_rodz, t6_13, t6_14, t6_15, t6_37, t6_38,
-        t6_39,
+        w_ixx_forearm_q3, t6_3, t6_4, w_ixz_forearm_q2, w_ixz_forearm_q3, t6_5,
+        w_ixx_forearm_q2, t6_6, w_iyz_forearm_q2, t6_8, t6_9, t6_10, t6_12, t6_13,
+        w_ixy_forearm_q2, t6_15, t6_16, w_rodz, t6_17, t6_19, t6_38, t6_39, t6_40,
     ] = {
-        let t6_1 = like.lift(1.0) - x_elbow_q2;
-        let w_ixx_forearm_q2 = t5_12 * t6_1;
-        let t6_2 = -w_ixx_forearm_q2;
-        let w_ixx_forearm_q3 = x_elbow_q3 * t5_12;
-        let t6_3 = cos_q2_elbow * dr_q1;
-        let al_forearmy = t5_10 - t6_3;
-        let t6_4 = t5_10 + al_forearmy;
-        let t6_5 = t5_5 + al_forearmx;
-        let t6_6 = sin_q2_elbow * t6_4;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t6_5, t6_6);
-        let t6_7 = -w_ixy_forearm_q1;
-        let t6_8 = w_forearmx * t5_7;
-        let t6_9 = w_forearmy * t5_2;
-        let t6_10 = t6_8 - t6_9;
-        let w_ixy_forearm_q2 = t6_10 * t6_1;
-        let w_ixy_forearm_q3 = x_elbow_q3 * t6_10;
-        let t6_11 = -w_ixy_forearm_q3;
-        let t6_12 = d_q3 * r_q3;
+        let t6_1 = t4_22 * dr_q2;
+        let t6_2 = (-t4_23).mul_add(dr_q3, t6_1);
+        let w_ixx_forearm_q3 = x_elbow_q3 * t5_9;
+        let t6_3 = -w_ixx_forearm_q3;
+        let t6_4 = like.lift(1.0) - x_elbow_q2;
+        let w_ixz_forearm_q2 = t5_8 * t6_4;
+        let w_ixz_forearm_q3 = x_elbow_q3 * t5_8;
+        let t6_5 = -w_ixz_forearm_q3;
+        let w_ixx_forearm_q2 = t5_9 * t6_4;
+        let t6_6 = -w_ixx_forearm_q2;
+        let t6_7 = cos_q2_elbow * dr_q1;
+        let w_iyz_forearm_q2 = t6_7 * t6_4;
+        let w_iyz_forearm_q3 = x_elbow_q3 * t6_7;
+        let t6_8 = -w_iyz_forearm_q3;
+        let al_forearmy = t5_14 - t6_7;
+        let w_iyy_forearm_q1 = cos_q2_elbow.mul_add(al_forearmy, t5_17);
+        let t6_9 = t5_14 + al_forearmy;
+        let t6_10 = -w_iyy_forearm_q1;
+        let t6_11 = sin_q2_elbow * t6_9;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_16, t6_11);
+        let t6_12 = -w_ixy_forearm_q1;
+        let t6_13 = u_forearm_q1z * t5_16;
+        let t6_14 = t5_13 - t5_7;
+        let w_ixy_forearm_q2 = t6_14 * t6_4;
+        let w_ixy_forearm_q3 = x_elbow_q3 * t6_14;
+        let t6_15 = -w_ixy_forearm_q3;
+        let t6_16 = d_q3 * r_q3;
         let w_rodz = d_q3 + d_pin;
-        let t6_13 = r_q3 + t4_32;
-        let t6_14 = w_rodz * t6_13;
-        let t6_15 = t5_1 * w_forearmz;
-        let t6_16 = sin_pin * dr_q3;
-        let t6_17 = (-cos_pin).mul_add(t6_12, t6_16);
-        let t6_18 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_15, t6_17);
-        let t6_19 = (-cos_q2_minus_q3_minus_pin).mul_add(t3_18, t6_14);
-        let t6_20 = like.lift(0.0456) * t6_18;
-        let t6_21 = t4_14.mul_add(dr_q2, t6_20);
-        let t6_22 = like.lift(-0.14207).mul_add(t6_19, t6_21);
-        let t6_23 = sin_pin * t6_12;
-        let t6_24 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t6_15, t6_23);
-        let t6_25 = t4_17 * dr_q2;
-        let t6_26 = (-t4_18).mul_add(dr_q3, t6_25);
-        let t6_27 = like.lift(-0.0456).mul_add(t6_24, t6_26);
-        let t6_28 = (-t3_18).mul_add(t4_13, t6_27);
-        let t6_29 = -t6_28;
-        let t6_30 = -dr_q2;
-        let t6_31 = t4_23 * t6_22;
-        let t6_32 = like.lift(21.92982456140351) * t6_31;
-        let t6_33 = dr_q2 + t6_32;
-        let t6_34 = -t6_33;
-        let t6_35 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_31, t6_28);
-        let t6_36 = like.lift(7.038783698176955) * t6_35;
+        let t6_17 = w_rodz * t5_2;
+        let t6_18 = (-cos_q2_minus_q3_minus_pin).mul_add(t3_27, t6_17);
+        let t6_19 = t5_1 * w_forearmz;
+        let t6_20 = sin_pin * t6_16;
+        let t6_21 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t6_19, t6_20);
+        let t6_22 = like.lift(-0.0456).mul_add(t6_21, t6_2);
+        let t6_23 = (-t3_27).mul_add(t4_17, t6_22);
+        let t6_24 = sin_pin * dr_q3;
+        let t6_25 = (-cos_pin).mul_add(t6_16, t6_24);
+        let t6_26 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_19, t6_25);
+        let t6_27 = like.lift(0.0456) * t6_26;
+        let t6_28 = t4_18.mul_add(dr_q2, t6_27);
+        let t6_29 = like.lift(-0.14207).mul_add(t6_18, t6_28);
+        let t6_30 = t4_28 * t6_29;
+        let t6_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_30, t6_23);
+        let t6_32 = -t6_23;
+        let t6_33 = like.lift(21.92982456140351) * t6_30;
+        let t6_34 = like.lift(7.038783698176955) * t6_31;
+        let t6_35 = -dr_q2;
+        let t6_36 = dr_q2 + t6_33;
+        let t6_37 = -t6_36;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t6_37], [t6_38], [t6_39]], found) = ::regen_runtime::guarded(
-            [[t6_32], [t6_34], [t6_36]],
+        let ([[t6_38], [t6_39], [t6_40]], found) = ::regen_runtime::guarded(
+            [[t6_33], [t6_37], [t6_34]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_8, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_12, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t6_22], [t6_29], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t6_30],
+                    [t6_29], [t6_32], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t6_35],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t6_1, w_ixx_forearm_q2, t6_2, w_ixx_forearm_q3, t6_3, al_forearmy, t6_4, t6_5,
-            t6_7, t6_8, t6_9, w_ixy_forearm_q2, t6_11, t6_12, w_rodz, t6_13, t6_14, t6_15,
-            t6_37, t6_38, t6_39,
+            w_ixx_forearm_q3, t6_3, t6_4, w_ixz_forearm_q2, w_ixz_forearm_q3, t6_5,
+            w_ixx_forearm_q2, t6_6, w_iyz_forearm_q2, t6_8, t6_9, t6_10, t6_12, t6_13,
+            w_ixy_forearm_q2, t6_15, t6_16, w_rodz, t6_17, t6_19, t6_38, t6_39, t6_40,
         ]
     };
     // body forearm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [
-        al_forearmz, t7_1, w_ixz_forearm_q3, a_armz, a_forearmz, u_forearm_q1z, a_forearmy,
-        t7_19, a_forearmx,
-    ] = {
-        let al_forearmz = dr_q2 + t6_37;
-        let t7_1 = al_forearmz + t5_12;
-        let t7_2 = t6_8 - t6_15;
-        let t7_3 = sin_q2_elbow * t7_1;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t7_2, t7_3);
-        let w_ixz_forearm_q2 = t5_6 * t6_1;
-        let w_ixz_forearm_q3 = x_elbow_q3 * t5_6;
-        let t7_4 = -w_ixz_forearm_q3;
-        y[22][0] = w_ixz_forearm_q1; y[22][1] = w_ixz_forearm_q2; y[22][3] = t7_4;
-        let t7_5 = sin_q2_elbow * t5_5;
-        let w_iyy_forearm_q1 = cos_q2_elbow.mul_add(al_forearmy, t7_5);
-        let t7_6 = -w_iyy_forearm_q1;
-        let t7_7 = -w_ixx_forearm_q3;
-        y[23][0] = t7_6; y[23][1] = w_ixx_forearm_q2; y[23][3] = t7_7;
-        let t7_8 = t6_9 - t6_15;
-        let t7_9 = al_forearmz - t5_12;
-        let t7_10 = cos_q2_elbow * t7_9;
-        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t7_8, t7_10);
-        let w_iyz_forearm_q2 = t6_3 * t6_1;
-        let w_iyz_forearm_q3 = x_elbow_q3 * t6_3;
-        let t7_11 = -w_iyz_forearm_q3;
-        y[24][0] = w_iyz_forearm_q1; y[24][1] = w_iyz_forearm_q2; y[24][3] = t7_11;
-        let w_izz_forearm_q1 = t5_11 - t7_5;
-        let t7_12 = -w_izz_forearm_q1;
-        let w_izz_forearm_q2 = al_forearmz * t6_1;
+    let [al_forearmz, t7_2, t7_11, a_armz, a_forearmz, a_forearmy, a_forearmx] = {
+        y[20][0] = w_ixx_forearm_q1; y[20][1] = t6_6; y[20][3] = w_ixx_forearm_q3; y[21][0] = t6_12; y[21][1] = w_ixy_forearm_q2; y[21][3] = t6_15; y[22][1] = w_ixz_forearm_q2; y[22][3] = t6_5; y[23][0] = t6_10; y[23][1] = w_ixx_forearm_q2; y[23][3] = t6_3; y[24][1] = w_iyz_forearm_q2; y[24][3] = t6_8; y[25][0] = t5_18; y[28][1] = t4_4;
+        let al_forearmz = dr_q2 + t6_38;
+        let w_izz_forearm_q2 = al_forearmz * t6_4;
+        y[25][1] = w_izz_forearm_q2;
         let w_izz_forearm_q3 = x_elbow_q3 * al_forearmz;
-        let t7_13 = -w_izz_forearm_q3;
-        y[25][0] = t7_12; y[25][1] = w_izz_forearm_q2; y[25][3] = t7_13;
+        let t7_1 = -w_izz_forearm_q3;
+        y[25][3] = t7_1;
+        let t7_2 = al_forearmz + t5_9;
+        let t7_3 = al_forearmz - t5_9;
+        let t7_4 = t5_13 - t6_19;
+        let t7_5 = sin_q2_elbow * t7_2;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t7_4, t7_5);
+        y[22][0] = w_ixz_forearm_q1;
+        let t7_6 = t5_13 + t6_19;
+        let t7_7 = cos_elbow * t7_6;
+        let t7_8 = sin_elbow.mul_add(t7_3, t7_7);
+        let t7_9 = cos_q2_elbow * t7_3;
+        let t7_10 = t5_7 - t6_19;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t7_10, t7_9);
+        y[24][0] = w_iyz_forearm_q1;
+        let t7_11 = t5_7 + t6_19;
         let a_armz = like.lift(0.0132) * dr_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t3_11, a_armz);
-        let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let t7_14 = cos_q2_elbow * a_forearmz;
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t6_4, t7_14);
-        let t7_15 = t3_16 + t3_18;
-        let t7_16 = like.lift(-0.14207).mul_add(t7_15, a_armx);
-        let t7_17 = like.lift(0.14207).mul_add(t3_17, a_army);
-        let t7_18 = sin_elbow * t7_16;
-        let a_forearmy = (-cos_elbow).mul_add(t7_17, t7_18);
-        let t7_19 = t6_9 + t6_15;
-        let t7_20 = cos_elbow * t7_1;
-        let t7_21 = (-sin_elbow).mul_add(t7_19, t7_20);
-        let t7_22 = a_forearmy * t6_1;
-        let w_mx_forearm_q2 = like.lift(-0.14207).mul_add(t7_21, t7_22);
-        let t7_23 = -w_mx_forearm_q2;
-        let w_mx_forearm_q3 = x_elbow_q3 * a_forearmy;
-        y[26][0] = w_mx_forearm_q1; y[26][1] = t7_23; y[26][3] = w_mx_forearm_q3;
-        let t7_24 = u_forearm_q1z * t6_5;
-        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t7_24);
-        let t7_25 = -w_my_forearm_q1;
-        let t7_26 = sin_elbow * t7_17;
-        let a_forearmx = cos_elbow.mul_add(t7_16, t7_26);
-        let t7_27 = t6_8 + t6_15;
-        let t7_28 = cos_elbow * t7_27;
-        let t7_29 = sin_elbow.mul_add(t7_9, t7_28);
-        let t7_30 = a_forearmx * t6_1;
-        let w_my_forearm_q2 = like.lift(0.14207).mul_add(t7_29, t7_30);
-        let t7_31 = -w_my_forearm_q2;
-        let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
-        y[27][0] = t7_25; y[27][1] = t7_31; y[27][3] = w_my_forearm_q3;
-        let t7_32 = u_forearm_q1z * t3_29;
-        let t7_33 = sin_q2_elbow.mul_add(a_forearmy, t7_32);
-        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t7_33);
-        let w_mz_forearm_q2 = like.lift(0.14207) * w_ixz_arm_q2;
-        let t7_34 = -w_mz_forearm_q2;
-        y[28][0] = w_mz_forearm_q1; y[28][1] = t7_34;
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_16, a_armz);
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t6_13);
+        let t7_12 = -w_my_forearm_q1;
+        y[27][0] = t7_12;
         let w_m_forearm_q1 = u_forearm_q1z * a_forearmz;
-        let t7_35 = cos_elbow * a_forearmy;
-        let t7_36 = (-sin_elbow).mul_add(a_forearmx, t7_35);
-        let t7_37 = like.lift(0.14207) * t7_36;
-        let w_m_forearm_q2 = -t7_37;
-        y[29][0] = w_m_forearm_q1; y[29][1] = w_m_forearm_q2;
-        y[20][0] = w_ixx_forearm_q1; y[20][1] = t6_2; y[20][3] = w_ixx_forearm_q3;
-        y[21][0] = t6_7; y[21][1] = w_ixy_forearm_q2; y[21][3] = t6_11;
-        [
-            al_forearmz, t7_1, w_ixz_forearm_q3, a_armz, a_forearmz, u_forearm_q1z, a_forearmy,
-            t7_19, a_forearmx,
-        ]
+        y[29][0] = w_m_forearm_q1;
+        let t7_13 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t6_9, t7_13);
+        y[26][0] = w_mx_forearm_q1;
+        let t7_14 = sin_elbow * t4_3;
+        let a_forearmy = (-cos_elbow).mul_add(t4_1, t7_14);
+        let t7_15 = sin_elbow * t4_1;
+        let a_forearmx = cos_elbow.mul_add(t4_3, t7_15);
+        let w_mx_forearm_q3 = x_elbow_q3 * a_forearmy;
+        y[26][3] = w_mx_forearm_q3;
+        let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
+        y[27][3] = w_my_forearm_q3;
+        let t7_16 = a_forearmx * t6_4;
+        let w_my_forearm_q2 = like.lift(0.14207).mul_add(t7_8, t7_16);
+        let t7_17 = -w_my_forearm_q2;
+        y[27][1] = t7_17;
+        let t7_18 = cos_elbow * t7_2;
+        let t7_19 = (-sin_elbow).mul_add(t7_11, t7_18);
+        let t7_20 = a_forearmy * t6_4;
+        let w_mx_forearm_q2 = like.lift(-0.14207).mul_add(t7_19, t7_20);
+        let t7_21 = -w_mx_forearm_q2;
+        y[26][1] = t7_21;
+        let t7_22 = u_forearm_q1z * t3_31;
+        let t7_23 = sin_q2_elbow.mul_add(a_forearmy, t7_22);
+        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t7_23);
+        y[28][0] = w_mz_forearm_q1;
+        let t7_24 = cos_elbow * a_forearmy;
+        let t7_25 = (-sin_elbow).mul_add(a_forearmx, t7_24);
+        let t7_26 = like.lift(0.14207) * t7_25;
+        let w_m_forearm_q2 = -t7_26;
+        y[29][1] = w_m_forearm_q2;
+        [al_forearmz, t7_2, t7_11, a_armz, a_forearmz, a_forearmy, a_forearmx]
     };
     // body wrist: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t8_3, w_wristz, t8_4, w_wristx, t8_9,
-        t8_12, al_wristy, t8_19, t8_20, t8_28, t8_39, a_wristz, u_wrist_q1z, a_wristy, t8_50,
-        u_wrist_q2x, t8_54, u_wrist_q2y, a_wristx,
+        t8_1, a_wristz, w_wristz, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist,
+        w_wristy, t8_10, w_wristx, t8_16, t8_19, t8_22, al_wristy, t8_35, t8_44, t8_45, t8_51,
+        a_wristy, a_wristx, u_wrist_q2x, u_wrist_q2y, t8_57,
     ] = {
-        let t8_1 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t8_1);
-        let t8_2 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t8_2);
-        let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t8_3 = t4_31 + t5_1;
-        let w_wristz = d_wrist + w_forearmz;
-        let t8_4 = cos_q2_elbow_wrist * r_q1;
-        let t8_5 = w_wristz * t8_4;
-        let t8_6 = w_wristy.mul_add(t8_3, t8_5);
-        let t8_7 = like.lift(0.5) * t8_6;
-        let t8_8 = sin_q2_elbow_wrist * dr_q1;
-        let al_wristx = t8_7 + t8_8;
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t8_9 = sin_q2_elbow_wrist * r_q1;
-        let t8_10 = w_wristz * t8_9;
-        let t8_11 = w_wristx.mul_add(t8_3, t8_10);
-        let t8_12 = like.lift(0.5) * cos_q2_elbow_wrist;
-        let t8_13 = t8_11 * t8_12;
-        let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t8_13);
-        let t8_14 = w_wristx * t8_4;
-        let t8_15 = x_wrist_q2 - t6_1;
-        let w_ixx_wrist_q2 = t8_14 * t8_15;
-        let t8_16 = x_elbow_q3 + x_wrist_q3;
-        let w_ixx_wrist_q3 = t8_14 * t8_16;
-        y[30][0] = w_ixx_wrist_q1; y[30][1] = w_ixx_wrist_q2; y[30][3] = w_ixx_wrist_q3;
-        let t8_17 = like.lift(0.5) * t8_11;
-        let t8_18 = cos_q2_elbow_wrist * dr_q1;
-        let al_wristy = t8_17 - t8_18;
-        let t8_19 = t8_17 + al_wristy;
-        let t8_20 = t8_7 + al_wristx;
-        let t8_21 = sin_q2_elbow_wrist * t8_19;
-        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_20, t8_21);
-        let t8_22 = -w_ixy_wrist_q1;
-        let t8_23 = w_wristx * t8_9;
-        let t8_24 = w_wristy * t8_4;
-        let t8_25 = t8_23 - t8_24;
-        let w_ixy_wrist_q2 = t8_25 * t8_15;
-        let t8_26 = -w_ixy_wrist_q2;
-        let w_ixy_wrist_q3 = t8_25 * t8_16;
-        let t8_27 = -w_ixy_wrist_q3;
-        y[31][0] = t8_22; y[31][1] = t8_26; y[31][3] = t8_27;
-        let al_wristz = t6_38 + al_forearmz;
-        let t8_28 = al_wristz + t8_14;
-        let t8_29 = w_wristz * t8_3;
-        let t8_30 = t8_23 - t8_29;
-        let t8_31 = sin_q2_elbow_wrist * t8_28;
-        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_30, t8_31);
-        let w_ixz_wrist_q2 = t8_8 * t8_15;
-        let t8_32 = -w_ixz_wrist_q2;
-        let w_ixz_wrist_q3 = t8_8 * t8_16;
-        let t8_33 = -w_ixz_wrist_q3;
-        y[32][0] = w_ixz_wrist_q1; y[32][1] = t8_32; y[32][3] = t8_33;
-        let t8_34 = sin_q2_elbow_wrist * t8_7;
-        let w_iyy_wrist_q1 = cos_q2_elbow_wrist.mul_add(al_wristy, t8_34);
-        let t8_35 = -w_iyy_wrist_q1;
-        let t8_36 = -w_ixx_wrist_q2;
-        let t8_37 = -w_ixx_wrist_q3;
-        y[33][0] = t8_35; y[33][1] = t8_36; y[33][3] = t8_37;
-        let t8_38 = t8_24 - t8_29;
-        let t8_39 = al_wristz - t8_14;
-        let t8_40 = cos_q2_elbow_wrist * t8_39;
-        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t8_38, t8_40);
-        let w_iyz_wrist_q2 = t8_18 * t8_15;
-        let t8_41 = -w_iyz_wrist_q2;
-        let w_iyz_wrist_q3 = t8_18 * t8_16;
-        let t8_42 = -w_iyz_wrist_q3;
-        y[34][0] = w_iyz_wrist_q1; y[34][1] = t8_41; y[34][3] = t8_42;
-        let w_izz_wrist_q1 = t8_13 - t8_34;
-        let t8_43 = -w_izz_wrist_q1;
-        let w_izz_wrist_q2 = al_wristz * t8_15;
-        let t8_44 = -w_izz_wrist_q2;
-        let w_izz_wrist_q3 = al_wristz * t8_16;
-        let t8_45 = -w_izz_wrist_q3;
-        y[35][0] = t8_43; y[35][1] = t8_44; y[35][3] = t8_45;
-        let a_wristz = like.lift(-0.15852).mul_add(t6_4, a_forearmz);
-        let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let t8_46 = cos_q2_elbow_wrist * a_wristz;
-        let w_mx_wrist_q1 = (-u_wrist_q1z).mul_add(t8_19, t8_46);
-        let t8_47 = like.lift(-0.15852).mul_add(t7_19, a_forearmx);
-        let t8_48 = like.lift(-0.15852).mul_add(t7_1, a_forearmy);
-        let t8_49 = cos_wrist * t8_48;
-        let a_wristy = sin_wrist.mul_add(t8_47, t8_49);
-        let t8_50 = t8_24 + t8_29;
-        let t8_51 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
-        let t8_52 = like.lift(0.14207) * sin_elbow;
-        let t8_53 = sin_wrist * t8_51;
-        let u_wrist_q2x = cos_wrist.mul_add(t8_52, t8_53);
-        let t8_54 = like.lift(0.15852) * x_elbow_q2;
-        let t8_55 = (-sin_wrist).mul_add(t8_54, u_wrist_q2x);
-        let t8_56 = sin_wrist * t8_52;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t8_51, t8_56);
-        let t8_57 = cos_wrist.mul_add(t8_54, u_wrist_q2y);
-        let t8_58 = a_wristy * t8_15;
-        let t8_59 = (-t8_28).mul_add(t8_57, t8_58);
-        let w_mx_wrist_q2 = (-t8_50).mul_add(t8_55, t8_59);
-        let t8_60 = sin_wrist * x_elbow_q3;
-        let t8_61 = cos_wrist * x_elbow_q3;
-        let t8_62 = t8_28 * t8_61;
-        let t8_63 = (-t8_50).mul_add(t8_60, t8_62);
-        let t8_64 = a_wristy * t8_16;
-        let w_mx_wrist_q3 = like.lift(-0.15852).mul_add(t8_63, t8_64);
-        y[36][0] = w_mx_wrist_q1; y[36][1] = w_mx_wrist_q2; y[36][3] = w_mx_wrist_q3;
-        let t8_65 = u_wrist_q1z * t8_20;
-        let w_my_wrist_q1 = sin_q2_elbow_wrist.mul_add(a_wristz, t8_65);
-        let t8_66 = -w_my_wrist_q1;
-        let t8_67 = cos_wrist * t8_47;
-        let a_wristx = (-sin_wrist).mul_add(t8_48, t8_67);
-        let t8_68 = t8_23 + t8_29;
-        let t8_69 = a_wristx * t8_15;
-        let t8_70 = t8_68.mul_add(t8_57, t8_69);
-        let w_my_wrist_q2 = (-t8_39).mul_add(t8_55, t8_70);
-        let t8_71 = t8_68 * t8_61;
-        let t8_72 = t8_39.mul_add(t8_60, t8_71);
-        let t8_73 = a_wristx * t8_16;
-        let w_my_wrist_q3 = like.lift(0.15852).mul_add(t8_72, t8_73);
-        y[37][0] = t8_66; y[37][1] = w_my_wrist_q2; y[37][3] = w_my_wrist_q3;
-        let t8_74 = u_wrist_q1z * t3_29;
-        let t8_75 = sin_q2_elbow_wrist.mul_add(a_wristy, t8_74);
-        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t8_75);
-        let t8_76 = t8_8 * t8_57;
-        let w_mz_wrist_q2 = t8_18.mul_add(t8_55, t8_76);
+        let t8_1 = t4_36 + t5_1;
+        let al_wristz = t6_39 + al_forearmz;
+        let a_wristz = like.lift(-0.15852).mul_add(t6_9, a_forearmz);
+        let t8_2 = like.lift(-0.15852).mul_add(t7_11, a_forearmx);
+        let t8_3 = like.lift(-0.15852).mul_add(t7_2, a_forearmy);
         let w_mz_wrist_q3 = like.lift(0.15852) * w_ixz_forearm_q3;
-        y[38][0] = w_mz_wrist_q1; y[38][1] = w_mz_wrist_q2; y[38][3] = w_mz_wrist_q3;
+        y[38][3] = w_mz_wrist_q3;
+        let w_wristz = d_wrist + w_forearmz;
+        let t8_4 = x_wrist_q2 - t6_4;
+        let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
+        let t8_5 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t8_6 = like.lift(0.14207) * sin_elbow;
         let w_m_wrist_q1 = u_wrist_q1z * a_wristz;
-        let t8_77 = a_wristy * t8_57;
-        let w_m_wrist_q2 = a_wristx.mul_add(t8_55, t8_77);
-        let t8_78 = a_wristy * t8_61;
-        let t8_79 = (-a_wristx).mul_add(t8_60, t8_78);
-        let t8_80 = like.lift(0.15852) * t8_79;
-        let w_m_wrist_q3 = -t8_80;
-        let t8_81 = -w_m_wrist_q3;
-        y[39][0] = w_m_wrist_q1; y[39][1] = w_m_wrist_q2; y[39][3] = t8_81;
+        y[39][0] = w_m_wrist_q1;
+        let w_izz_wrist_q2 = al_wristz * t8_4;
+        let t8_7 = -w_izz_wrist_q2;
+        y[35][1] = t8_7;
+        let t8_8 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t8_8);
+        let t8_9 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t8_9);
+        let w_wristy = d_q1 * cos_q2_elbow_wrist;
+        let t8_10 = cos_q2_elbow_wrist * r_q1;
+        let t8_11 = w_wristz * t8_10;
+        let t8_12 = w_wristy.mul_add(t8_1, t8_11);
+        let t8_13 = like.lift(0.5) * t8_12;
+        let t8_14 = sin_q2_elbow_wrist * dr_q1;
+        let w_ixz_wrist_q2 = t8_14 * t8_4;
+        let t8_15 = -w_ixz_wrist_q2;
+        y[32][1] = t8_15;
+        let al_wristx = t8_13 + t8_14;
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t8_16 = sin_q2_elbow_wrist * r_q1;
+        let t8_17 = w_wristz * t8_16;
+        let t8_18 = w_wristx.mul_add(t8_1, t8_17);
+        let t8_19 = like.lift(0.5) * cos_q2_elbow_wrist;
+        let t8_20 = t8_18 * t8_19;
+        let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t8_20);
+        y[30][0] = w_ixx_wrist_q1;
+        let t8_21 = like.lift(0.5) * t8_18;
+        let t8_22 = t8_13 + al_wristx;
+        let t8_23 = sin_q2_elbow_wrist * t8_13;
+        let w_izz_wrist_q1 = t8_20 - t8_23;
+        let t8_24 = -w_izz_wrist_q1;
+        y[35][0] = t8_24;
+        let t8_25 = w_wristx * t8_10;
+        let w_ixx_wrist_q2 = t8_25 * t8_4;
+        y[30][1] = w_ixx_wrist_q2;
+        let t8_26 = -w_ixx_wrist_q2;
+        y[33][1] = t8_26;
+        let t8_27 = x_elbow_q3 + x_wrist_q3;
+        let w_ixx_wrist_q3 = t8_25 * t8_27;
+        y[30][3] = w_ixx_wrist_q3;
+        let t8_28 = -w_ixx_wrist_q3;
+        y[33][3] = t8_28;
+        let w_ixz_wrist_q3 = t8_14 * t8_27;
+        let t8_29 = -w_ixz_wrist_q3;
+        y[32][3] = t8_29;
+        let w_izz_wrist_q3 = al_wristz * t8_27;
+        let t8_30 = -w_izz_wrist_q3;
+        y[35][3] = t8_30;
+        let t8_31 = cos_q2_elbow_wrist * dr_q1;
+        let w_iyz_wrist_q2 = t8_31 * t8_4;
+        let t8_32 = -w_iyz_wrist_q2;
+        y[34][1] = t8_32;
+        let w_iyz_wrist_q3 = t8_31 * t8_27;
+        let t8_33 = -w_iyz_wrist_q3;
+        y[34][3] = t8_33;
+        let al_wristy = t8_21 - t8_31;
+        let w_iyy_wrist_q1 = cos_q2_elbow_wrist.mul_add(al_wristy, t8_23);
+        let t8_34 = -w_iyy_wrist_q1;
+        y[33][0] = t8_34;
+        let t8_35 = t8_21 + al_wristy;
+        let t8_36 = cos_q2_elbow_wrist * a_wristz;
+        let w_mx_wrist_q1 = (-u_wrist_q1z).mul_add(t8_35, t8_36);
+        y[36][0] = w_mx_wrist_q1;
+        let t8_37 = sin_q2_elbow_wrist * t8_35;
+        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_22, t8_37);
+        let t8_38 = -w_ixy_wrist_q1;
+        y[31][0] = t8_38;
+        let t8_39 = w_wristx * t8_16;
+        let t8_40 = w_wristy * t8_10;
+        let t8_41 = t8_39 - t8_40;
+        let w_ixy_wrist_q2 = t8_41 * t8_4;
+        let t8_42 = -w_ixy_wrist_q2;
+        y[31][1] = t8_42;
+        let w_ixy_wrist_q3 = t8_41 * t8_27;
+        let t8_43 = -w_ixy_wrist_q3;
+        y[31][3] = t8_43;
+        let t8_44 = al_wristz + t8_25;
+        let t8_45 = al_wristz - t8_25;
+        let t8_46 = w_wristz * t8_1;
+        let t8_47 = t8_39 - t8_46;
+        let t8_48 = sin_q2_elbow_wrist * t8_44;
+        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_47, t8_48);
+        y[32][0] = w_ixz_wrist_q1;
+        let t8_49 = t8_39 + t8_46;
+        let t8_50 = t8_40 - t8_46;
+        let t8_51 = t8_40 + t8_46;
+        let t8_52 = cos_q2_elbow_wrist * t8_45;
+        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t8_50, t8_52);
+        y[34][0] = w_iyz_wrist_q1;
+        let t8_53 = cos_wrist * t8_3;
+        let a_wristy = sin_wrist.mul_add(t8_2, t8_53);
+        let t8_54 = cos_wrist * t8_2;
+        let a_wristx = (-sin_wrist).mul_add(t8_3, t8_54);
+        let t8_55 = sin_wrist * t8_5;
+        let u_wrist_q2x = cos_wrist.mul_add(t8_6, t8_55);
+        let t8_56 = sin_wrist * t8_6;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t8_5, t8_56);
+        let t8_57 = like.lift(0.15852) * x_elbow_q2;
+        let t8_58 = (-sin_wrist).mul_add(t8_57, u_wrist_q2x);
+        let t8_59 = cos_wrist.mul_add(t8_57, u_wrist_q2y);
+        let t8_60 = t8_14 * t8_59;
+        let w_mz_wrist_q2 = t8_31.mul_add(t8_58, t8_60);
+        y[38][1] = w_mz_wrist_q2;
+        let t8_61 = a_wristy * t8_59;
+        let w_m_wrist_q2 = a_wristx.mul_add(t8_58, t8_61);
+        y[39][1] = w_m_wrist_q2;
+        let t8_62 = a_wristy * t8_4;
+        let t8_63 = (-t8_44).mul_add(t8_59, t8_62);
+        let w_mx_wrist_q2 = (-t8_51).mul_add(t8_58, t8_63);
+        y[36][1] = w_mx_wrist_q2;
+        let t8_64 = a_wristx * t8_4;
+        let t8_65 = t8_49.mul_add(t8_59, t8_64);
+        let w_my_wrist_q2 = (-t8_45).mul_add(t8_58, t8_65);
+        y[37][1] = w_my_wrist_q2;
+        let t8_66 = sin_wrist * x_elbow_q3;
+        let t8_67 = cos_wrist * x_elbow_q3;
+        let t8_68 = t8_49 * t8_67;
+        let t8_69 = t8_45.mul_add(t8_66, t8_68);
+        let t8_70 = a_wristx * t8_27;
+        let w_my_wrist_q3 = like.lift(0.15852).mul_add(t8_69, t8_70);
+        y[37][3] = w_my_wrist_q3;
+        let t8_71 = a_wristy * t8_27;
+        let t8_72 = t8_44 * t8_67;
+        let t8_73 = (-t8_51).mul_add(t8_66, t8_72);
+        let w_mx_wrist_q3 = like.lift(-0.15852).mul_add(t8_73, t8_71);
+        y[36][3] = w_mx_wrist_q3;
+        let t8_74 = a_wristy * t8_67;
+        let t8_75 = (-a_wristx).mul_add(t8_66, t8_74);
+        let t8_76 = like.lift(0.15852) * t8_75;
+        let w_m_wrist_q3 = -t8_76;
+        let t8_77 = -w_m_wrist_q3;
+        y[39][3] = t8_77;
+        let t8_78 = u_wrist_q1z * t8_22;
+        let w_my_wrist_q1 = sin_q2_elbow_wrist.mul_add(a_wristz, t8_78);
+        let t8_79 = -w_my_wrist_q1;
+        y[37][0] = t8_79;
+        let t8_80 = u_wrist_q1z * t3_31;
+        let t8_81 = sin_q2_elbow_wrist.mul_add(a_wristy, t8_80);
+        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t8_81);
+        y[38][0] = w_mz_wrist_q1;
         [
-            sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy, t8_3, w_wristz, t8_4, w_wristx,
-            t8_9, t8_12, al_wristy, t8_19, t8_20, t8_28, t8_39, a_wristz, u_wrist_q1z,
-            a_wristy, t8_50, u_wrist_q2x, t8_54, u_wrist_q2y, a_wristx,
+            t8_1, a_wristz, w_wristz, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist,
+            w_wristy, t8_10, w_wristx, t8_16, t8_19, t8_22, al_wristy, t8_35, t8_44, t8_45,
+            t8_51, a_wristy, a_wristx, u_wrist_q2x, u_wrist_q2y, t8_57,
         ]
     };
     // body flange: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t9_1 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t9_1);
-        let t9_2 = r_q4 - t8_4;
+        let t9_1 = like.lift(-0.05).mul_add(t8_51, a_wristx);
+        let t9_2 = like.lift(-0.05).mul_add(t8_35, a_wristz);
+        let a_flangez = like.lift(-0.05).mul_add(t8_44, a_wristy);
+        let t9_3 = r_q4 - t8_10;
         let w_flangez = d_q4 - w_wristy;
-        let t9_3 = sin_q4 * t8_9;
-        let t9_4 = (-cos_q4).mul_add(t8_3, t9_3);
-        let t9_5 = w_flangez * t9_4;
-        let t9_6 = w_flangey.mul_add(t9_2, t9_5);
-        let t9_7 = like.lift(0.5) * t9_6;
-        let t9_8 = cos_q4 * t8_20;
-        let w_ixz_flange_q4 = sin_q4.mul_add(t8_39, t9_8);
-        let al_flangex = t9_7 - w_ixz_flange_q4;
-        let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t9_9 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t9_9);
-        let t9_10 = sin_q4 * t8_3;
-        let t9_11 = cos_q4.mul_add(t8_9, t9_10);
-        let t9_12 = w_flangez * t9_11;
-        let t9_13 = w_flangex.mul_add(t9_2, t9_12);
-        let t9_14 = like.lift(0.5) * t9_13;
-        let t9_15 = e_flange_q1y * t9_14;
-        let t9_16 = w_flangey * t9_11;
-        let t9_17 = w_flangex.mul_add(t9_4, t9_16);
-        let t9_18 = t9_17 * t8_12;
-        let t9_19 = e_flange_q1x.mul_add(al_flangex, t9_15);
-        let w_ixx_flange_q1 = t9_19 + t9_18;
-        let t9_20 = -w_ixx_flange_q1;
-        let t9_21 = x_wrist_q2 + x_elbow_q2;
-        let t9_22 = (-sin_q4).mul_add(t9_21, sin_q4);
-        let t9_23 = x_wrist_q2 + x_elbow_q2;
-        let t9_24 = (-cos_q4).mul_add(t9_23, cos_q4);
-        let t9_25 = t9_24 * t9_14;
-        let w_ixx_flange_q2 = al_flangex.mul_add(t9_22, -t9_25);
-        let t9_26 = -w_ixx_flange_q2;
-        let w_ixx_flange_q4 = like.lift(0.5) * t9_17;
-        let t9_27 = x_wrist_q3 + x_elbow_q3;
-        let t9_28 = sin_q4 * t9_27;
-        let t9_29 = x_wrist_q3 + x_elbow_q3;
-        let t9_30 = cos_q4 * t9_29;
-        let t9_31 = t9_30 * t9_14;
-        let w_ixx_flange_q3 = al_flangex.mul_add(t9_28, -t9_31);
-        y[40] = [t9_20, t9_26, w_ixx_flange_q4, w_ixx_flange_q3];
-        let t9_32 = cos_q4 * t8_39;
-        let w_iyz_flange_q4 = (-sin_q4).mul_add(t8_20, t9_32);
-        let al_flangey = t9_14 - w_iyz_flange_q4;
-        let t9_33 = t9_14 + al_flangey;
-        let t9_34 = t9_7 + al_flangex;
-        let t9_35 = w_flangex * t9_11;
-        let t9_36 = w_flangey * t9_4;
-        let w_ixy_flange_q4 = t9_35 - t9_36;
-        let t9_37 = cos_q2_elbow_wrist * w_ixy_flange_q4;
-        let t9_38 = (-e_flange_q1y).mul_add(t9_34, t9_37);
-        let w_ixy_flange_q1 = e_flange_q1x.mul_add(t9_33, t9_38);
-        let t9_39 = -w_ixy_flange_q1;
-        let t9_40 = t9_34 * t9_24;
-        let w_ixy_flange_q2 = t9_33.mul_add(t9_22, t9_40);
-        let t9_41 = -w_ixy_flange_q2;
-        let t9_42 = t9_34 * t9_30;
-        let w_ixy_flange_q3 = t9_33.mul_add(t9_28, t9_42);
-        y[41] = [t9_39, t9_41, w_ixy_flange_q4, w_ixy_flange_q3];
         let al_flangez = dr_q4 + al_wristy;
-        let t9_43 = al_flangez - w_ixx_flange_q4;
-        let t9_44 = w_flangez * t9_2;
-        let t9_45 = t9_35 - t9_44;
-        let t9_46 = e_flange_q1y * t9_45;
-        let t9_47 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t9_46);
-        let w_ixz_flange_q1 = e_flange_q1x.mul_add(t9_43, t9_47);
-        let t9_48 = t9_43 * t9_22;
-        let w_ixz_flange_q2 = (-t9_45).mul_add(t9_24, t9_48);
-        let t9_49 = t9_43 * t9_28;
-        let w_ixz_flange_q3 = (-t9_45).mul_add(t9_30, t9_49);
-        let t9_50 = -w_ixz_flange_q3;
-        y[42] = [w_ixz_flange_q1, w_ixz_flange_q2, w_ixz_flange_q4, t9_50];
-        let t9_51 = e_flange_q1x * t9_7;
-        let t9_52 = e_flange_q1y.mul_add(al_flangey, t9_18);
-        let w_iyy_flange_q1 = t9_52 + t9_51;
-        let t9_53 = t9_22 * t9_7;
-        let w_iyy_flange_q2 = (-al_flangey).mul_add(t9_24, t9_53);
-        let t9_54 = -w_ixx_flange_q4;
-        let t9_55 = t9_28 * t9_7;
-        let w_iyy_flange_q3 = (-al_flangey).mul_add(t9_30, t9_55);
-        let t9_56 = -w_iyy_flange_q3;
-        y[43] = [w_iyy_flange_q1, w_iyy_flange_q2, t9_54, t9_56];
-        let t9_57 = t9_36 - t9_44;
-        let t9_58 = al_flangez + w_ixx_flange_q4;
-        let t9_59 = e_flange_q1x * t9_57;
-        let t9_60 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t9_59);
-        let w_iyz_flange_q1 = (-e_flange_q1y).mul_add(t9_58, t9_60);
-        let t9_61 = t9_58 * t9_24;
-        let w_iyz_flange_q2 = t9_57.mul_add(t9_22, t9_61);
-        let t9_62 = t9_58 * t9_30;
-        let w_iyz_flange_q3 = t9_57.mul_add(t9_28, t9_62);
-        let t9_63 = -w_iyz_flange_q3;
-        y[44] = [w_iyz_flange_q1, w_iyz_flange_q2, w_iyz_flange_q4, t9_63];
-        let t9_64 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t9_15);
-        let w_izz_flange_q1 = t9_64 - t9_51;
-        let w_izz_flange_q2 = t9_25 + t9_53;
-        let t9_65 = -w_izz_flange_q2;
-        let w_izz_flange_q3 = t9_31 + t9_55;
-        y[45] = [w_izz_flange_q1, t9_65, al_flangez, w_izz_flange_q3];
-        let t9_66 = like.lift(-0.05).mul_add(t8_50, a_wristx);
-        let t9_67 = like.lift(-0.05).mul_add(t8_19, a_wristz);
-        let t9_68 = cos_q4 * t9_67;
-        let a_flangey = sin_q4.mul_add(t9_66, t9_68);
-        let a_flangez = like.lift(-0.05).mul_add(t8_28, a_wristy);
-        let t9_69 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
-        let u_flange_q1x = sin_q4 * t9_69;
-        let t9_70 = t9_36 + t9_44;
-        let u_flange_q1y = cos_q4 * t9_69;
-        let t9_71 = e_flange_q1y * a_flangez;
-        let t9_72 = cos_q2_elbow_wrist.mul_add(a_flangey, t9_71);
-        let t9_73 = (-u_flange_q1y).mul_add(t9_43, t9_72);
-        let w_mx_flange_q1 = u_flange_q1x.mul_add(t9_70, t9_73);
-        let t9_74 = sin_wrist * cos_q4;
-        let t9_75 = cos_q4 * u_wrist_q2x;
-        let t9_76 = (-t9_74).mul_add(t8_54, t9_75);
-        let t9_77 = sin_wrist * sin_q4;
-        let t9_78 = sin_q4 * u_wrist_q2x;
-        let t9_79 = (-t9_77).mul_add(t8_54, t9_78);
+        y[45][2] = al_flangez;
+        let t9_4 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
         let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
-        let t9_80 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
-        let t9_81 = (-u_flange_elbowz).mul_add(x_elbow_q2, t9_80);
-        let t9_82 = t9_81 - u_wrist_q2y;
-        let t9_83 = a_flangez * t9_24;
-        let t9_84 = t9_33.mul_add(t9_82, t9_83);
-        let t9_85 = t9_43.mul_add(t9_79, t9_84);
-        let w_mx_flange_q2 = t9_70.mul_add(t9_76, t9_85);
-        let t9_86 = -w_mx_flange_q2;
-        let t9_87 = -a_flangey;
-        let t9_88 = t9_74 * x_elbow_q3;
-        let t9_89 = t9_77 * x_elbow_q3;
-        let t9_90 = like.lift(0.05) * x_wrist_q3;
-        let t9_91 = u_flange_elbowz.mul_add(x_elbow_q3, t9_90);
-        let t9_92 = t9_43 * t9_89;
-        let t9_93 = t9_70.mul_add(t9_88, t9_92);
-        let t9_94 = a_flangez * t9_30;
-        let t9_95 = t9_33.mul_add(t9_91, t9_94);
-        let w_mx_flange_q3 = like.lift(0.15852).mul_add(t9_93, t9_95);
-        y[46] = [w_mx_flange_q1, t9_86, t9_87, w_mx_flange_q3];
-        let t9_96 = cos_q4 * t9_66;
-        let a_flangex = (-sin_q4).mul_add(t9_67, t9_96);
-        let t9_97 = t9_35 + t9_44;
-        let t9_98 = cos_q2_elbow_wrist * a_flangex;
-        let t9_99 = e_flange_q1x.mul_add(a_flangez, t9_98);
-        let t9_100 = u_flange_q1y.mul_add(t9_97, t9_99);
-        let w_my_flange_q1 = u_flange_q1x.mul_add(t9_58, t9_100);
-        let t9_101 = a_flangez * t9_22;
-        let t9_102 = t9_34.mul_add(t9_82, t9_101);
-        let t9_103 = t9_97.mul_add(t9_79, t9_102);
-        let w_my_flange_q2 = (-t9_58).mul_add(t9_76, t9_103);
-        let t9_104 = -a_flangex;
-        let t9_105 = t9_97 * t9_89;
-        let t9_106 = (-t9_58).mul_add(t9_88, t9_105);
-        let t9_107 = a_flangez * t9_28;
-        let t9_108 = t9_34.mul_add(t9_91, t9_107);
-        let w_my_flange_q3 = like.lift(0.15852).mul_add(t9_106, t9_108);
-        let t9_109 = -w_my_flange_q3;
-        y[47] = [w_my_flange_q1, w_my_flange_q2, t9_104, t9_109];
-        let t9_110 = e_flange_q1y * a_flangex;
-        let t9_111 = (-e_flange_q1x).mul_add(a_flangey, t9_110);
-        let t9_112 = (-u_flange_q1y).mul_add(w_ixz_flange_q4, t9_111);
-        let w_mz_flange_q1 = u_flange_q1x.mul_add(w_iyz_flange_q4, t9_112);
-        let t9_113 = -w_mz_flange_q1;
-        let t9_114 = t9_35 + t9_36;
-        let t9_115 = a_flangey * t9_22;
-        let t9_116 = a_flangex.mul_add(t9_24, t9_115);
-        let t9_117 = t9_114.mul_add(t9_82, t9_116);
-        let t9_118 = w_ixz_flange_q4.mul_add(t9_79, t9_117);
-        let w_mz_flange_q2 = w_iyz_flange_q4.mul_add(t9_76, t9_118);
-        let t9_119 = w_ixz_flange_q4 * t9_89;
-        let t9_120 = w_iyz_flange_q4.mul_add(t9_88, t9_119);
-        let t9_121 = a_flangey * t9_28;
-        let t9_122 = a_flangex.mul_add(t9_30, t9_121);
-        let t9_123 = t9_114.mul_add(t9_91, t9_122);
-        let w_mz_flange_q3 = like.lift(0.15852).mul_add(t9_120, t9_123);
-        let t9_124 = -w_mz_flange_q3;
-        y[48][0] = t9_113; y[48][1] = w_mz_flange_q2; y[48][3] = t9_124;
-        let t9_125 = u_flange_q1x * a_flangex;
-        let w_m_flange_q1 = (-u_flange_q1y).mul_add(a_flangey, t9_125);
-        let t9_126 = -w_m_flange_q1;
-        let t9_127 = a_flangey * t9_79;
-        let t9_128 = (-a_flangez).mul_add(t9_82, t9_127);
-        let w_m_flange_q2 = a_flangex.mul_add(t9_76, t9_128);
-        let t9_129 = a_flangey * t9_89;
-        let t9_130 = a_flangex.mul_add(t9_88, t9_129);
-        let t9_131 = like.lift(0.15852) * t9_130;
-        let w_m_flange_q3 = (-a_flangez).mul_add(t9_91, t9_131);
+        let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
+        let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
+        let t9_5 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t9_5);
+        let t9_6 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t9_6);
+        let t9_7 = sin_q4 * t8_16;
+        let t9_8 = (-cos_q4).mul_add(t8_1, t9_7);
+        let t9_9 = sin_q4 * t8_1;
+        let t9_10 = cos_q4.mul_add(t8_16, t9_9);
+        let t9_11 = w_flangez * t9_8;
+        let t9_12 = w_flangey.mul_add(t9_3, t9_11);
+        let t9_13 = like.lift(0.5) * t9_12;
+        let t9_14 = cos_q4 * t8_22;
+        let w_ixz_flange_q4 = sin_q4.mul_add(t8_45, t9_14);
+        y[42][2] = w_ixz_flange_q4;
+        let t9_15 = cos_q4 * t8_45;
+        let w_iyz_flange_q4 = (-sin_q4).mul_add(t8_22, t9_15);
+        y[44][2] = w_iyz_flange_q4;
+        let al_flangex = t9_13 - w_ixz_flange_q4;
+        let t9_16 = w_flangez * t9_10;
+        let t9_17 = w_flangex.mul_add(t9_3, t9_16);
+        let t9_18 = w_flangez * t9_3;
+        let t9_19 = like.lift(0.5) * t9_17;
+        let t9_20 = e_flange_q1y * t9_19;
+        let t9_21 = w_flangey * t9_10;
+        let t9_22 = w_flangex.mul_add(t9_8, t9_21);
+        let t9_23 = w_flangex * t9_10;
+        let t9_24 = w_flangey * t9_8;
+        let t9_25 = t9_22 * t8_19;
+        let w_ixx_flange_q4 = like.lift(0.5) * t9_22;
+        y[40][2] = w_ixx_flange_q4;
+        let t9_26 = -w_ixx_flange_q4;
+        y[43][2] = t9_26;
+        let t9_27 = e_flange_q1x.mul_add(al_flangex, t9_20);
+        let w_ixx_flange_q1 = t9_27 + t9_25;
+        let t9_28 = -w_ixx_flange_q1;
+        y[40][0] = t9_28;
+        let t9_29 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t9_20);
+        let t9_30 = e_flange_q1x * t9_13;
+        let w_izz_flange_q1 = t9_29 - t9_30;
+        y[45][0] = w_izz_flange_q1;
+        let t9_31 = x_wrist_q2 + x_elbow_q2;
+        let t9_32 = (-sin_q4).mul_add(t9_31, sin_q4);
+        let t9_33 = x_wrist_q2 + x_elbow_q2;
+        let t9_34 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t9_35 = (-u_flange_elbowz).mul_add(x_elbow_q2, t9_34);
+        let t9_36 = t9_35 - u_wrist_q2y;
+        let t9_37 = (-cos_q4).mul_add(t9_33, cos_q4);
+        let t9_38 = like.lift(0.05) * x_wrist_q3;
+        let t9_39 = u_flange_elbowz.mul_add(x_elbow_q3, t9_38);
+        let t9_40 = t9_37 * t9_19;
+        let w_ixx_flange_q2 = al_flangex.mul_add(t9_32, -t9_40);
+        let t9_41 = -w_ixx_flange_q2;
+        y[40][1] = t9_41;
+        let t9_42 = x_wrist_q3 + x_elbow_q3;
+        let t9_43 = sin_q4 * t9_42;
+        let t9_44 = x_wrist_q3 + x_elbow_q3;
+        let t9_45 = cos_q4 * t9_44;
+        let t9_46 = t9_45 * t9_19;
+        let w_ixx_flange_q3 = al_flangex.mul_add(t9_43, -t9_46);
+        y[40][3] = w_ixx_flange_q3;
+        let t9_47 = t9_13 + al_flangex;
+        let t9_48 = t9_43 * t9_13;
+        let w_izz_flange_q3 = t9_46 + t9_48;
+        y[45][3] = w_izz_flange_q3;
+        let t9_49 = t9_32 * t9_13;
+        let w_izz_flange_q2 = t9_40 + t9_49;
+        let t9_50 = -w_izz_flange_q2;
+        y[45][1] = t9_50;
+        let al_flangey = t9_19 - w_iyz_flange_q4;
+        let t9_51 = e_flange_q1y.mul_add(al_flangey, t9_25);
+        let w_iyy_flange_q1 = t9_51 + t9_30;
+        y[43][0] = w_iyy_flange_q1;
+        let w_iyy_flange_q2 = (-al_flangey).mul_add(t9_37, t9_49);
+        y[43][1] = w_iyy_flange_q2;
+        let w_iyy_flange_q3 = (-al_flangey).mul_add(t9_45, t9_48);
+        let t9_52 = t9_19 + al_flangey;
+        let t9_53 = -w_iyy_flange_q3;
+        y[43][3] = t9_53;
+        let t9_54 = t9_47 * t9_45;
+        let w_ixy_flange_q3 = t9_52.mul_add(t9_43, t9_54);
+        y[41][3] = w_ixy_flange_q3;
+        let w_ixy_flange_q4 = t9_23 - t9_24;
+        y[41][2] = w_ixy_flange_q4;
+        let t9_55 = cos_q2_elbow_wrist * w_ixy_flange_q4;
+        let t9_56 = (-e_flange_q1y).mul_add(t9_47, t9_55);
+        let w_ixy_flange_q1 = e_flange_q1x.mul_add(t9_52, t9_56);
+        let t9_57 = -w_ixy_flange_q1;
+        y[41][0] = t9_57;
+        let t9_58 = t9_47 * t9_37;
+        let w_ixy_flange_q2 = t9_52.mul_add(t9_32, t9_58);
+        let t9_59 = -w_ixy_flange_q2;
+        y[41][1] = t9_59;
+        let t9_60 = al_flangez - w_ixx_flange_q4;
+        let t9_61 = al_flangez + w_ixx_flange_q4;
+        let t9_62 = t9_23 - t9_18;
+        let t9_63 = t9_60 * t9_32;
+        let w_ixz_flange_q2 = (-t9_62).mul_add(t9_37, t9_63);
+        y[42][1] = w_ixz_flange_q2;
+        let t9_64 = e_flange_q1y * t9_62;
+        let t9_65 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t9_64);
+        let w_ixz_flange_q1 = e_flange_q1x.mul_add(t9_60, t9_65);
+        y[42][0] = w_ixz_flange_q1;
+        let t9_66 = t9_60 * t9_43;
+        let w_ixz_flange_q3 = (-t9_62).mul_add(t9_45, t9_66);
+        let t9_67 = -w_ixz_flange_q3;
+        y[42][3] = t9_67;
+        let t9_68 = t9_24 - t9_18;
+        let t9_69 = t9_61 * t9_37;
+        let w_iyz_flange_q2 = t9_68.mul_add(t9_32, t9_69);
+        y[44][1] = w_iyz_flange_q2;
+        let t9_70 = e_flange_q1x * t9_68;
+        let t9_71 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t9_70);
+        let w_iyz_flange_q1 = (-e_flange_q1y).mul_add(t9_61, t9_71);
+        y[44][0] = w_iyz_flange_q1;
+        let t9_72 = t9_61 * t9_45;
+        let w_iyz_flange_q3 = t9_68.mul_add(t9_43, t9_72);
+        let t9_73 = -w_iyz_flange_q3;
+        y[44][3] = t9_73;
+        let t9_74 = cos_q4 * t9_2;
+        let a_flangey = sin_q4.mul_add(t9_1, t9_74);
+        let t9_75 = cos_q4 * t9_1;
+        let a_flangex = (-sin_q4).mul_add(t9_2, t9_75);
+        let t9_76 = -a_flangey;
+        y[46][2] = t9_76;
+        let t9_77 = -a_flangex;
+        y[47][2] = t9_77;
+        let u_flange_q1x = sin_q4 * t9_4;
+        let u_flange_q1y = cos_q4 * t9_4;
+        let t9_78 = t9_24 + t9_18;
+        let t9_79 = t9_23 + t9_18;
+        let t9_80 = t9_23 + t9_24;
+        let t9_81 = e_flange_q1y * a_flangez;
+        let t9_82 = cos_q2_elbow_wrist.mul_add(a_flangey, t9_81);
+        let t9_83 = (-u_flange_q1y).mul_add(t9_60, t9_82);
+        let w_mx_flange_q1 = u_flange_q1x.mul_add(t9_78, t9_83);
+        y[46][0] = w_mx_flange_q1;
+        let t9_84 = cos_q2_elbow_wrist * a_flangex;
+        let t9_85 = e_flange_q1x.mul_add(a_flangez, t9_84);
+        let t9_86 = u_flange_q1y.mul_add(t9_79, t9_85);
+        let w_my_flange_q1 = u_flange_q1x.mul_add(t9_61, t9_86);
+        y[47][0] = w_my_flange_q1;
+        let t9_87 = e_flange_q1y * a_flangex;
+        let t9_88 = (-e_flange_q1x).mul_add(a_flangey, t9_87);
+        let t9_89 = (-u_flange_q1y).mul_add(w_ixz_flange_q4, t9_88);
+        let w_mz_flange_q1 = u_flange_q1x.mul_add(w_iyz_flange_q4, t9_89);
+        let t9_90 = -w_mz_flange_q1;
+        y[48][0] = t9_90;
+        let t9_91 = u_flange_q1x * a_flangex;
+        let w_m_flange_q1 = (-u_flange_q1y).mul_add(a_flangey, t9_91);
+        let t9_92 = -w_m_flange_q1;
+        y[49][0] = t9_92;
+        let t9_93 = sin_wrist * cos_q4;
+        let t9_94 = cos_q4 * u_wrist_q2x;
+        let t9_95 = (-t9_93).mul_add(t8_57, t9_94);
+        let t9_96 = sin_wrist * sin_q4;
+        let t9_97 = sin_q4 * u_wrist_q2x;
+        let t9_98 = (-t9_96).mul_add(t8_57, t9_97);
+        let t9_99 = t9_93 * x_elbow_q3;
+        let t9_100 = t9_96 * x_elbow_q3;
+        let t9_101 = a_flangez * t9_37;
+        let t9_102 = t9_52.mul_add(t9_36, t9_101);
+        let t9_103 = t9_60.mul_add(t9_98, t9_102);
+        let w_mx_flange_q2 = t9_78.mul_add(t9_95, t9_103);
+        let t9_104 = -w_mx_flange_q2;
+        y[46][1] = t9_104;
+        let t9_105 = t9_60 * t9_100;
+        let t9_106 = t9_78.mul_add(t9_99, t9_105);
+        let t9_107 = a_flangez * t9_45;
+        let t9_108 = t9_52.mul_add(t9_39, t9_107);
+        let w_mx_flange_q3 = like.lift(0.15852).mul_add(t9_106, t9_108);
+        y[46][3] = w_mx_flange_q3;
+        let t9_109 = a_flangey * t9_32;
+        let t9_110 = a_flangex.mul_add(t9_37, t9_109);
+        let t9_111 = a_flangez * t9_32;
+        let t9_112 = t9_47.mul_add(t9_36, t9_111);
+        let t9_113 = t9_79.mul_add(t9_98, t9_112);
+        let w_my_flange_q2 = (-t9_61).mul_add(t9_95, t9_113);
+        y[47][1] = w_my_flange_q2;
+        let t9_114 = t9_79 * t9_100;
+        let t9_115 = (-t9_61).mul_add(t9_99, t9_114);
+        let t9_116 = t9_80.mul_add(t9_36, t9_110);
+        let t9_117 = w_ixz_flange_q4.mul_add(t9_98, t9_116);
+        let w_mz_flange_q2 = w_iyz_flange_q4.mul_add(t9_95, t9_117);
+        y[48][1] = w_mz_flange_q2;
+        let t9_118 = w_ixz_flange_q4 * t9_100;
+        let t9_119 = w_iyz_flange_q4.mul_add(t9_99, t9_118);
+        let t9_120 = a_flangey * t9_98;
+        let t9_121 = (-a_flangez).mul_add(t9_36, t9_120);
+        let w_m_flange_q2 = a_flangex.mul_add(t9_95, t9_121);
+        y[49][1] = w_m_flange_q2;
+        let t9_122 = a_flangey * t9_100;
+        let t9_123 = a_flangex.mul_add(t9_99, t9_122);
+        let t9_124 = a_flangey * t9_43;
+        let t9_125 = a_flangex.mul_add(t9_45, t9_124);
+        let t9_126 = t9_80.mul_add(t9_39, t9_125);
+        let w_mz_flange_q3 = like.lift(0.15852).mul_add(t9_119, t9_126);
+        let t9_127 = -w_mz_flange_q3;
+        y[48][3] = t9_127;
+        let t9_128 = a_flangez * t9_43;
+        let t9_129 = t9_47.mul_add(t9_39, t9_128);
+        let w_my_flange_q3 = like.lift(0.15852).mul_add(t9_115, t9_129);
+        let t9_130 = like.lift(0.15852) * t9_123;
+        let w_m_flange_q3 = (-a_flangez).mul_add(t9_39, t9_130);
+        let t9_131 = -w_my_flange_q3;
+        y[47][3] = t9_131;
         let t9_132 = -w_m_flange_q3;
-        y[49][0] = t9_126; y[49][1] = w_m_flange_q2; y[49][3] = t9_132;
+        y[49][3] = t9_132;
     }
     // body crank: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [w_ixz_crank_q3, t10_11, t10_16, t10_17, a_cranky, a_crankx] = {
+    let [w_ixz_crank_q3, t10_5, t10_14, t10_20, a_cranky, a_crankx] = {
+        y[55][3] = dr_q3; y[59][0] = w_m_arm_q1;
         let w_ixz_crank_q3 = sin_q3 * dr_q1;
+        y[52][3] = w_ixz_crank_q3;
         let w_cranky = cos_q3 * d_q1;
         let t10_1 = cos_q3 * r_q1;
         let t10_2 = d_q3 * t10_1;
         let t10_3 = w_cranky.mul_add(r_q3, t10_2);
         let t10_4 = like.lift(0.5) * t10_3;
+        let t10_5 = w_cranky * t10_1;
         let al_crankx = w_ixz_crank_q3 + t10_4;
         let w_crankx = sin_q3 * d_q1;
-        let t10_5 = sin_q3 * r_q1;
-        let t10_6 = d_q3 * t10_5;
-        let t10_7 = w_crankx.mul_add(r_q3, t10_6);
-        let t10_8 = like.lift(0.5) * t10_7;
-        let t10_9 = cos_q3 * t10_8;
-        let w_ixx_crank_q1 = sin_q3.mul_add(al_crankx, t10_9);
         let w_ixx_crank_q3 = w_crankx * t10_1;
-        let t10_10 = -w_ixx_crank_q3;
-        y[50][0] = w_ixx_crank_q1; y[50][3] = t10_10;
+        y[53][3] = w_ixx_crank_q3;
+        let t10_6 = -w_ixx_crank_q3;
+        y[50][3] = t10_6;
+        let t10_7 = sin_q3 * r_q1;
+        let t10_8 = d_q3 * t10_7;
+        let t10_9 = w_crankx.mul_add(r_q3, t10_8);
+        let t10_10 = w_crankx * t10_7;
+        let t10_11 = like.lift(0.5) * t10_9;
+        let w_ixy_crank_q3 = t10_10 - t10_5;
+        y[51][3] = w_ixy_crank_q3;
+        let t10_12 = t6_16 - t10_10;
+        let t10_13 = cos_q3 * t10_12;
+        let t10_14 = dr_q3 + w_ixx_crank_q3;
+        let w_ixz_crank_q1 = sin_q3.mul_add(t10_14, t10_13);
+        y[52][0] = w_ixz_crank_q1;
+        let t10_15 = dr_q3 - w_ixx_crank_q3;
+        let t10_16 = cos_q3 * t10_11;
+        let w_ixx_crank_q1 = sin_q3.mul_add(al_crankx, t10_16);
+        y[50][0] = w_ixx_crank_q1;
+        let t10_17 = t10_4 + al_crankx;
+        let t10_18 = sin_q3 * t10_4;
+        let w_izz_crank_q1 = t10_16 - t10_18;
+        let t10_19 = -w_izz_crank_q1;
+        y[55][0] = t10_19;
         let w_iyz_crank_q3 = cos_q3 * dr_q1;
-        let al_cranky = w_iyz_crank_q3 - t10_8;
-        let t10_11 = t10_8 - al_cranky;
-        let t10_12 = t10_4 + al_crankx;
-        let t10_13 = sin_q3 * t10_11;
-        let w_ixy_crank_q1 = (-cos_q3).mul_add(t10_12, t10_13);
-        let t10_14 = -w_ixy_crank_q1;
-        let t10_15 = w_crankx * t10_5;
-        let t10_16 = w_cranky * t10_1;
-        let w_ixy_crank_q3 = t10_15 - t10_16;
-        y[51][0] = t10_14; y[51][3] = w_ixy_crank_q3;
-        let t10_17 = dr_q3 + w_ixx_crank_q3;
-        let t10_18 = t6_12 - t10_15;
-        let t10_19 = cos_q3 * t10_18;
-        let w_ixz_crank_q1 = sin_q3.mul_add(t10_17, t10_19);
-        y[52][0] = w_ixz_crank_q1; y[52][3] = w_ixz_crank_q3;
-        let t10_20 = sin_q3 * t10_4;
-        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t10_20);
+        y[54][3] = w_iyz_crank_q3;
+        let al_cranky = w_iyz_crank_q3 - t10_11;
+        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t10_18);
+        let t10_20 = t10_11 - al_cranky;
         let t10_21 = -w_iyy_crank_q1;
-        y[53][0] = t10_21; y[53][3] = w_ixx_crank_q3;
-        let t10_22 = t6_12 - t10_16;
-        let t10_23 = dr_q3 - w_ixx_crank_q3;
-        let t10_24 = sin_q3 * t10_22;
-        let w_iyz_crank_q1 = (-cos_q3).mul_add(t10_23, t10_24);
-        let t10_25 = -w_iyz_crank_q1;
-        y[54][0] = t10_25; y[54][3] = w_iyz_crank_q3;
-        let w_izz_crank_q1 = t10_9 - t10_20;
-        let t10_26 = -w_izz_crank_q1;
-        y[55][0] = t10_26; y[55][3] = dr_q3;
-        let t10_27 = t10_11 - w_iyz_crank_q3;
-        let t10_28 = like.lift(0.0132) * t10_27;
-        let w_mx_crank_q1 = -t10_28;
-        let t10_29 = sin_q3 * t3_30;
-        let a_cranky = like.lift(9.81).mul_add(cos_q3, t10_29);
-        y[56][0] = w_mx_crank_q1; y[56][3] = a_cranky;
-        let t10_30 = t10_12 + w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.0132) * t10_30;
-        let t10_31 = -w_my_crank_q1;
+        y[53][0] = t10_21;
+        let t10_22 = t10_20 - w_iyz_crank_q3;
+        let t10_23 = like.lift(0.0132) * t10_22;
+        let w_mx_crank_q1 = -t10_23;
+        y[56][0] = w_mx_crank_q1;
+        let t10_24 = sin_q3 * t10_20;
+        let w_ixy_crank_q1 = (-cos_q3).mul_add(t10_17, t10_24);
+        let t10_25 = -w_ixy_crank_q1;
+        y[51][0] = t10_25;
+        let t10_26 = t10_17 + w_ixz_crank_q3;
+        let w_my_crank_q1 = like.lift(0.0132) * t10_26;
+        let t10_27 = -w_my_crank_q1;
+        y[57][0] = t10_27;
+        let t10_28 = t6_16 - t10_5;
+        let t10_29 = sin_q3 * t10_28;
+        let w_iyz_crank_q1 = (-cos_q3).mul_add(t10_15, t10_29);
+        let t10_30 = -w_iyz_crank_q1;
+        y[54][0] = t10_30;
+        let t10_31 = sin_q3 * t3_32;
+        let a_cranky = like.lift(9.81).mul_add(cos_q3, t10_31);
+        y[56][3] = a_cranky;
         let t10_32 = like.lift(9.81) * sin_q3;
-        let a_crankx = (-cos_q3).mul_add(t3_30, t10_32);
-        let t10_33 = -a_crankx;
-        y[57][0] = t10_31; y[57][3] = t10_33;
-        let t10_34 = (-sin_q3).mul_add(a_cranky, t3_30);
-        let w_mz_crank_q1 = cos_q3.mul_add(a_crankx, t10_34);
+        let a_crankx = (-cos_q3).mul_add(t3_32, t10_32);
+        let t10_33 = (-sin_q3).mul_add(a_cranky, t3_32);
+        let w_mz_crank_q1 = cos_q3.mul_add(a_crankx, t10_33);
         y[58][0] = w_mz_crank_q1;
-        y[59][0] = w_m_arm_q1;
-        [w_ixz_crank_q3, t10_11, t10_16, t10_17, a_cranky, a_crankx]
+        let t10_34 = -a_crankx;
+        y[57][3] = t10_34;
+        [w_ixz_crank_q3, t10_5, t10_14, t10_20, a_cranky, a_crankx]
     };
     // body rod: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t11_1 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t11_1);
-        let t11_2 = cos_q3 * cos_pin;
-        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t11_2);
-        let w_rody = cos_q3_pin * d_q1;
-        let t11_3 = cos_q3_pin * r_q1;
-        let t11_4 = w_rodz * t11_3;
-        let t11_5 = w_rody.mul_add(t6_13, t11_4);
-        let t11_6 = like.lift(0.5) * t11_5;
-        let t11_7 = sin_q3_pin * dr_q1;
-        let al_rodx = t11_6 + t11_7;
-        let w_rodx = sin_q3_pin * d_q1;
-        let t11_8 = sin_q3_pin * r_q1;
-        let t11_9 = w_rodz * t11_8;
-        let t11_10 = w_rodx.mul_add(t6_13, t11_9);
-        let t11_11 = like.lift(0.5) * t11_10;
-        let t11_12 = cos_q3_pin * t11_11;
-        let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t11_12);
-        let t11_13 = w_rodx * t11_3;
-        let w_ixx_rod_q2 = x_pin_q2 * t11_13;
-        let t11_14 = like.lift(1.0) - x_pin_q3;
-        let w_ixx_rod_q3 = t11_13 * t11_14;
-        let t11_15 = -w_ixx_rod_q3;
-        y[60][0] = w_ixx_rod_q1; y[60][1] = w_ixx_rod_q2; y[60][3] = t11_15;
-        let t11_16 = cos_q3_pin * dr_q1;
-        let al_rody = t11_11 - t11_16;
-        let t11_17 = t11_11 + al_rody;
-        let t11_18 = t11_6 + al_rodx;
-        let t11_19 = sin_q3_pin * t11_17;
-        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t11_18, t11_19);
-        let t11_20 = -w_ixy_rod_q1;
-        let t11_21 = w_rodx * t11_8;
-        let t11_22 = w_rody * t11_3;
-        let t11_23 = t11_21 - t11_22;
-        let w_ixy_rod_q2 = x_pin_q2 * t11_23;
-        let t11_24 = -w_ixy_rod_q2;
-        let w_ixy_rod_q3 = t11_23 * t11_14;
-        y[61][0] = t11_20; y[61][1] = t11_24; y[61][3] = w_ixy_rod_q3;
-        let al_rodz = dr_q3 + t6_39;
-        let t11_25 = al_rodz + t11_13;
-        let t11_26 = t6_14 - t11_21;
-        let t11_27 = cos_q3_pin * t11_26;
-        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t11_25, t11_27);
-        let w_ixz_rod_q2 = x_pin_q2 * t11_7;
-        let t11_28 = -w_ixz_rod_q2;
-        let w_ixz_rod_q3 = t11_7 * t11_14;
-        y[62][0] = w_ixz_rod_q1; y[62][1] = t11_28; y[62][3] = w_ixz_rod_q3;
-        let t11_29 = sin_q3_pin * t11_6;
-        let w_iyy_rod_q1 = cos_q3_pin.mul_add(al_rody, t11_29);
-        let t11_30 = -w_iyy_rod_q1;
-        let t11_31 = -w_ixx_rod_q2;
-        y[63][0] = t11_30; y[63][1] = t11_31; y[63][3] = w_ixx_rod_q3;
-        let t11_32 = t6_14 - t11_22;
-        let t11_33 = al_rodz - t11_13;
-        let t11_34 = sin_q3_pin * t11_32;
-        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t11_33, t11_34);
-        let t11_35 = -w_iyz_rod_q1;
-        let w_iyz_rod_q2 = x_pin_q2 * t11_16;
-        let t11_36 = -w_iyz_rod_q2;
-        let w_iyz_rod_q3 = t11_16 * t11_14;
-        y[64][0] = t11_35; y[64][1] = t11_36; y[64][3] = w_iyz_rod_q3;
-        let w_izz_rod_q1 = t11_12 - t11_29;
-        let t11_37 = -w_izz_rod_q1;
-        let w_izz_rod_q2 = x_pin_q2 * al_rodz;
-        let t11_38 = -w_izz_rod_q2;
-        let w_izz_rod_q3 = al_rodz * t11_14;
-        y[65][0] = t11_37; y[65][1] = t11_38; y[65][3] = w_izz_rod_q3;
-        let a_rodz = like.lift(-0.0456).mul_add(t10_11, a_armz);
-        let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let t11_39 = cos_q3_pin * a_rodz;
-        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t11_17, t11_39);
-        let t11_40 = t6_12 + t10_16;
-        let t11_41 = like.lift(-0.0456).mul_add(t11_40, a_crankx);
-        let t11_42 = like.lift(0.0456).mul_add(t10_17, a_cranky);
-        let t11_43 = sin_pin * t11_41;
-        let a_rody = (-cos_pin).mul_add(t11_42, t11_43);
-        let w_mx_rod_q2 = x_pin_q2 * a_rody;
-        let t11_44 = t6_14 + t11_22;
-        let t11_45 = cos_pin * t11_25;
-        let t11_46 = (-sin_pin).mul_add(t11_44, t11_45);
-        let t11_47 = a_rody * t11_14;
-        let w_mx_rod_q3 = like.lift(-0.0456).mul_add(t11_46, t11_47);
-        let t11_48 = -w_mx_rod_q3;
-        y[66][0] = w_mx_rod_q1; y[66][1] = w_mx_rod_q2; y[66][3] = t11_48;
-        let t11_49 = u_rod_q1z * t11_18;
-        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t11_49);
-        let t11_50 = -w_my_rod_q1;
-        let t11_51 = sin_pin * t11_42;
-        let a_rodx = cos_pin.mul_add(t11_41, t11_51);
-        let w_my_rod_q2 = x_pin_q2 * a_rodx;
-        let t11_52 = t6_14 + t11_21;
-        let t11_53 = cos_pin * t11_52;
-        let t11_54 = sin_pin.mul_add(t11_33, t11_53);
-        let t11_55 = a_rodx * t11_14;
-        let w_my_rod_q3 = like.lift(0.0456).mul_add(t11_54, t11_55);
-        let t11_56 = -w_my_rod_q3;
-        y[67][0] = t11_50; y[67][1] = w_my_rod_q2; y[67][3] = t11_56;
-        let t11_57 = u_rod_q1z * t3_29;
-        let t11_58 = sin_q3_pin.mul_add(a_rody, t11_57);
-        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t11_58);
+        let t11_1 = t6_16 + t10_5;
+        let a_rodz = like.lift(-0.0456).mul_add(t10_20, a_armz);
+        let t11_2 = like.lift(-0.0456).mul_add(t11_1, a_crankx);
+        let t11_3 = like.lift(0.0456).mul_add(t10_14, a_cranky);
         let w_mz_rod_q3 = like.lift(0.0456) * w_ixz_crank_q3;
-        let t11_59 = -w_mz_rod_q3;
-        y[68][0] = w_mz_rod_q1; y[68][3] = t11_59;
+        let t11_4 = -w_mz_rod_q3;
+        y[68][3] = t11_4;
+        let t11_5 = like.lift(1.0) - x_pin_q3;
+        let al_rodz = dr_q3 + t6_40;
+        let w_izz_rod_q3 = al_rodz * t11_5;
+        y[65][3] = w_izz_rod_q3;
+        let w_izz_rod_q2 = x_pin_q2 * al_rodz;
+        let t11_6 = -w_izz_rod_q2;
+        y[65][1] = t11_6;
+        let t11_7 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t11_7);
+        let t11_8 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t11_8);
+        let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
+        let t11_9 = u_rod_q1z * t3_31;
         let w_m_rod_q1 = u_rod_q1z * a_rodz;
-        let t11_60 = cos_pin * a_rody;
-        let t11_61 = (-sin_pin).mul_add(a_rodx, t11_60);
-        let t11_62 = like.lift(0.0456) * t11_61;
-        let w_m_rod_q3 = -t11_62;
-        y[69][0] = w_m_rod_q1; y[69][3] = w_m_rod_q3;
+        y[69][0] = w_m_rod_q1;
+        let w_rody = cos_q3_pin * d_q1;
+        let t11_10 = cos_q3_pin * r_q1;
+        let t11_11 = w_rodz * t11_10;
+        let t11_12 = w_rody.mul_add(t5_2, t11_11);
+        let t11_13 = like.lift(0.5) * t11_12;
+        let t11_14 = w_rody * t11_10;
+        let t11_15 = sin_q3_pin * dr_q1;
+        let w_ixz_rod_q3 = t11_15 * t11_5;
+        y[62][3] = w_ixz_rod_q3;
+        let w_ixz_rod_q2 = x_pin_q2 * t11_15;
+        let t11_16 = -w_ixz_rod_q2;
+        y[62][1] = t11_16;
+        let al_rodx = t11_13 + t11_15;
+        let w_rodx = sin_q3_pin * d_q1;
+        let t11_17 = w_rodx * t11_10;
+        let w_ixx_rod_q2 = x_pin_q2 * t11_17;
+        y[60][1] = w_ixx_rod_q2;
+        let t11_18 = -w_ixx_rod_q2;
+        y[63][1] = t11_18;
+        let w_ixx_rod_q3 = t11_17 * t11_5;
+        y[63][3] = w_ixx_rod_q3;
+        let t11_19 = -w_ixx_rod_q3;
+        y[60][3] = t11_19;
+        let t11_20 = sin_q3_pin * r_q1;
+        let t11_21 = w_rodz * t11_20;
+        let t11_22 = w_rodx.mul_add(t5_2, t11_21);
+        let t11_23 = w_rodx * t11_20;
+        let t11_24 = like.lift(0.5) * t11_22;
+        let t11_25 = cos_q3_pin * t11_24;
+        let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t11_25);
+        y[60][0] = w_ixx_rod_q1;
+        let t11_26 = t11_13 + al_rodx;
+        let t11_27 = sin_q3_pin * t11_13;
+        let w_izz_rod_q1 = t11_25 - t11_27;
+        let t11_28 = -w_izz_rod_q1;
+        y[65][0] = t11_28;
+        let t11_29 = cos_q3_pin * dr_q1;
+        let w_iyz_rod_q3 = t11_29 * t11_5;
+        y[64][3] = w_iyz_rod_q3;
+        let w_iyz_rod_q2 = x_pin_q2 * t11_29;
+        let t11_30 = -w_iyz_rod_q2;
+        y[64][1] = t11_30;
+        let al_rody = t11_24 - t11_29;
+        let w_iyy_rod_q1 = cos_q3_pin.mul_add(al_rody, t11_27);
+        let t11_31 = t11_24 + al_rody;
+        let t11_32 = -w_iyy_rod_q1;
+        y[63][0] = t11_32;
+        let t11_33 = cos_q3_pin * a_rodz;
+        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t11_31, t11_33);
+        y[66][0] = w_mx_rod_q1;
+        let t11_34 = u_rod_q1z * t11_26;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t11_34);
+        let t11_35 = -w_my_rod_q1;
+        y[67][0] = t11_35;
+        let t11_36 = sin_q3_pin * t11_31;
+        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t11_26, t11_36);
+        let t11_37 = -w_ixy_rod_q1;
+        y[61][0] = t11_37;
+        let t11_38 = t11_23 - t11_14;
+        let w_ixy_rod_q3 = t11_38 * t11_5;
+        y[61][3] = w_ixy_rod_q3;
+        let w_ixy_rod_q2 = x_pin_q2 * t11_38;
+        let t11_39 = -w_ixy_rod_q2;
+        y[61][1] = t11_39;
+        let t11_40 = al_rodz + t11_17;
+        let t11_41 = al_rodz - t11_17;
+        let t11_42 = t6_17 - t11_23;
+        let t11_43 = cos_q3_pin * t11_42;
+        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t11_40, t11_43);
+        y[62][0] = w_ixz_rod_q1;
+        let t11_44 = cos_pin * t11_40;
+        let t11_45 = t6_17 + t11_23;
+        let t11_46 = cos_pin * t11_45;
+        let t11_47 = sin_pin.mul_add(t11_41, t11_46);
+        let t11_48 = t6_17 + t11_14;
+        let t11_49 = t6_17 - t11_14;
+        let t11_50 = (-sin_pin).mul_add(t11_48, t11_44);
+        let t11_51 = sin_q3_pin * t11_49;
+        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t11_41, t11_51);
+        let t11_52 = -w_iyz_rod_q1;
+        y[64][0] = t11_52;
+        let t11_53 = sin_pin * t11_2;
+        let a_rody = (-cos_pin).mul_add(t11_3, t11_53);
+        let t11_54 = sin_q3_pin.mul_add(a_rody, t11_9);
+        let t11_55 = sin_pin * t11_3;
+        let a_rodx = cos_pin.mul_add(t11_2, t11_55);
+        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t11_54);
+        y[68][0] = w_mz_rod_q1;
+        let t11_56 = cos_pin * a_rody;
+        let t11_57 = (-sin_pin).mul_add(a_rodx, t11_56);
+        let t11_58 = like.lift(0.0456) * t11_57;
+        let w_m_rod_q3 = -t11_58;
+        y[69][3] = w_m_rod_q3;
+        let w_mx_rod_q2 = x_pin_q2 * a_rody;
+        y[66][1] = w_mx_rod_q2;
+        let w_my_rod_q2 = x_pin_q2 * a_rodx;
+        y[67][1] = w_my_rod_q2;
+        let t11_59 = a_rody * t11_5;
+        let w_mx_rod_q3 = like.lift(-0.0456).mul_add(t11_50, t11_59);
+        let t11_60 = a_rodx * t11_5;
+        let w_my_rod_q3 = like.lift(0.0456).mul_add(t11_47, t11_60);
+        let t11_61 = -w_mx_rod_q3;
+        y[66][3] = t11_61;
+        let t11_62 = -w_my_rod_q3;
+        y[67][3] = t11_62;
     }
     Condition { pivot: condition }
 }
@@ -4730,10 +4895,7 @@ pub fn efforts<T: Scalar>(q: &[T; 7], tau: &[T; 4]) -> ([T; 4], Condition<T>) {
     let [tau_q1, tau_q2, tau_q4, tau_q3] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
-        left[0] = tau_q1;
-        left[1] = tau_q2;
-        left[2] = tau_q4;
-        left[3] = tau_q3;
+        left[0] = tau_q1; left[1] = tau_q2; left[2] = tau_q4; left[3] = tau_q3;
     }
     (left, Condition::regular(like))
 }
@@ -4770,95 +4932,138 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
     };
     // body column
     {
+        poses[0][0] = cos_q1; poses[0][3] = sin_q1; poses[0][4] = cos_q1; poses[0][8] = like.lift(1.0); poses[0][11] = like.lift(0.1056);
         let t2_1 = -sin_q1;
-        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][3] = sin_q1; poses[0][4] = cos_q1; poses[0][8] = like.lift(1.0); poses[0][11] = like.lift(0.1056);
+        poses[0][1] = t2_1;
     }
     // body arm
-    let [t3_1, t3_4, t3_7, t3_8, t3_9] = {
-        let t3_1 = cos_q1 * cos_q2;
+    let [t3_1, t3_6, t3_7, t3_8, t3_9] = {
+        poses[1][2] = sin_q1; poses[1][6] = sin_q2; poses[1][7] = cos_q2; poses[1][11] = like.lift(0.1056);
+        let t3_1 = -cos_q1;
+        poses[1][5] = t3_1;
         let t3_2 = cos_q1 * sin_q2;
         let t3_3 = -t3_2;
-        let t3_4 = sin_q1 * cos_q2;
-        let t3_5 = sin_q1 * sin_q2;
-        let t3_6 = -t3_5;
-        let t3_7 = -cos_q1;
+        poses[1][1] = t3_3;
+        let t3_4 = sin_q1 * sin_q2;
+        let t3_5 = -t3_4;
+        poses[1][4] = t3_5;
+        let t3_6 = cos_q1 * cos_q2;
+        poses[1][0] = t3_6;
+        let t3_7 = sin_q1 * cos_q2;
+        poses[1][3] = t3_7;
         let t3_8 = like.lift(0.0132) * cos_q1;
+        poses[1][9] = t3_8;
         let t3_9 = like.lift(0.0132) * sin_q1;
-        poses[1][0] = t3_1; poses[1][1] = t3_3; poses[1][2] = sin_q1; poses[1][3] = t3_4; poses[1][4] = t3_6; poses[1][5] = t3_7; poses[1][6] = sin_q2; poses[1][7] = cos_q2; poses[1][9] = t3_8; poses[1][10] = t3_9; poses[1][11] = like.lift(0.1056);
-        [t3_1, t3_4, t3_7, t3_8, t3_9]
+        poses[1][10] = t3_9;
+        [t3_1, t3_6, t3_7, t3_8, t3_9]
     };
     // body forearm
-    let [t4_1, t4_4, t4_7, t4_8, t4_9] = {
-        let t4_1 = cos_q1 * cos_q2_elbow;
-        let t4_2 = cos_q1 * sin_q2_elbow;
-        let t4_3 = -t4_2;
-        let t4_4 = sin_q1 * cos_q2_elbow;
-        let t4_5 = sin_q1 * sin_q2_elbow;
-        let t4_6 = -t4_5;
-        let t4_7 = like.lift(0.14207).mul_add(t3_1, t3_8);
-        let t4_8 = like.lift(0.14207).mul_add(t3_4, t3_9);
-        let t4_9 = like.lift(0.14207).mul_add(sin_q2, like.lift(0.1056));
-        poses[2][0] = t4_1; poses[2][1] = t4_3; poses[2][2] = sin_q1; poses[2][3] = t4_4; poses[2][4] = t4_6; poses[2][5] = t3_7; poses[2][6] = sin_q2_elbow; poses[2][7] = cos_q2_elbow; poses[2][9] = t4_7; poses[2][10] = t4_8; poses[2][11] = t4_9;
-        [t4_1, t4_4, t4_7, t4_8, t4_9]
+    let [t4_1, t4_2, t4_3, t4_8, t4_9] = {
+        poses[2][2] = sin_q1; poses[2][5] = t3_1; poses[2][6] = sin_q2_elbow; poses[2][7] = cos_q2_elbow;
+        let t4_1 = like.lift(0.14207).mul_add(t3_6, t3_8);
+        poses[2][9] = t4_1;
+        let t4_2 = like.lift(0.14207).mul_add(t3_7, t3_9);
+        poses[2][10] = t4_2;
+        let t4_3 = like.lift(0.14207).mul_add(sin_q2, like.lift(0.1056));
+        poses[2][11] = t4_3;
+        let t4_4 = cos_q1 * sin_q2_elbow;
+        let t4_5 = -t4_4;
+        poses[2][1] = t4_5;
+        let t4_6 = sin_q1 * sin_q2_elbow;
+        let t4_7 = -t4_6;
+        poses[2][4] = t4_7;
+        let t4_8 = cos_q1 * cos_q2_elbow;
+        poses[2][0] = t4_8;
+        let t4_9 = sin_q1 * cos_q2_elbow;
+        poses[2][3] = t4_9;
+        [t4_1, t4_2, t4_3, t4_8, t4_9]
     };
     // body wrist
-    let [t5_1, t5_2, t5_4, t5_5, t5_7, t5_8, t5_9] = {
-        let t5_1 = cos_q1 * cos_q2_elbow_wrist;
-        let t5_2 = cos_q1 * sin_q2_elbow_wrist;
-        let t5_3 = -t5_2;
-        let t5_4 = sin_q1 * cos_q2_elbow_wrist;
-        let t5_5 = sin_q1 * sin_q2_elbow_wrist;
-        let t5_6 = -t5_5;
-        let t5_7 = like.lift(0.15852).mul_add(t4_1, t4_7);
-        let t5_8 = like.lift(0.15852).mul_add(t4_4, t4_8);
-        let t5_9 = like.lift(0.15852).mul_add(sin_q2_elbow, t4_9);
-        poses[3][0] = t5_1; poses[3][1] = t5_3; poses[3][2] = sin_q1; poses[3][3] = t5_4; poses[3][4] = t5_6; poses[3][5] = t3_7; poses[3][6] = sin_q2_elbow_wrist; poses[3][7] = cos_q2_elbow_wrist; poses[3][9] = t5_7; poses[3][10] = t5_8; poses[3][11] = t5_9;
-        [t5_1, t5_2, t5_4, t5_5, t5_7, t5_8, t5_9]
+    let [t5_1, t5_2, t5_3, t5_4, t5_6, t5_8, t5_9] = {
+        poses[3][2] = sin_q1; poses[3][5] = t3_1; poses[3][6] = sin_q2_elbow_wrist; poses[3][7] = cos_q2_elbow_wrist;
+        let t5_1 = like.lift(0.15852).mul_add(t4_8, t4_1);
+        poses[3][9] = t5_1;
+        let t5_2 = like.lift(0.15852).mul_add(t4_9, t4_2);
+        poses[3][10] = t5_2;
+        let t5_3 = like.lift(0.15852).mul_add(sin_q2_elbow, t4_3);
+        poses[3][11] = t5_3;
+        let t5_4 = cos_q1 * sin_q2_elbow_wrist;
+        let t5_5 = -t5_4;
+        poses[3][1] = t5_5;
+        let t5_6 = sin_q1 * sin_q2_elbow_wrist;
+        let t5_7 = -t5_6;
+        poses[3][4] = t5_7;
+        let t5_8 = cos_q1 * cos_q2_elbow_wrist;
+        poses[3][0] = t5_8;
+        let t5_9 = sin_q1 * cos_q2_elbow_wrist;
+        poses[3][3] = t5_9;
+        [t5_1, t5_2, t5_3, t5_4, t5_6, t5_8, t5_9]
     };
     // body flange
     {
-        let t6_1 = sin_q1 * sin_q4;
-        let t6_2 = cos_q4.mul_add(t5_1, t6_1);
-        let t6_3 = sin_q4 * t5_1;
-        let t6_4 = (-sin_q1).mul_add(cos_q4, t6_3);
-        let t6_5 = -t6_4;
-        let t6_6 = cos_q4 * t5_4;
-        let t6_7 = (-cos_q1).mul_add(sin_q4, t6_6);
-        let t6_8 = cos_q1 * cos_q4;
-        let t6_9 = sin_q4.mul_add(t5_4, t6_8);
-        let t6_10 = -t6_9;
+        poses[4][2] = t5_4; poses[4][5] = t5_6;
+        let t6_1 = -cos_q2_elbow_wrist;
+        poses[4][8] = t6_1;
+        let t6_2 = like.lift(0.05).mul_add(t5_8, t5_1);
+        poses[4][9] = t6_2;
+        let t6_3 = like.lift(0.05).mul_add(t5_9, t5_2);
+        poses[4][10] = t6_3;
+        let t6_4 = like.lift(0.05).mul_add(sin_q2_elbow_wrist, t5_3);
+        poses[4][11] = t6_4;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
+        poses[4][6] = e_flange_q1x;
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t6_11 = -e_flange_q1y;
-        let t6_12 = -cos_q2_elbow_wrist;
-        let t6_13 = like.lift(0.05).mul_add(t5_1, t5_7);
-        let t6_14 = like.lift(0.05).mul_add(t5_4, t5_8);
-        let t6_15 = like.lift(0.05).mul_add(sin_q2_elbow_wrist, t5_9);
-        poses[4] = [t6_2, t6_5, t5_2, t6_7, t6_10, t5_5, e_flange_q1x, t6_11, t6_12, t6_13, t6_14, t6_15];
+        let t6_5 = -e_flange_q1y;
+        poses[4][7] = t6_5;
+        let t6_6 = sin_q1 * sin_q4;
+        let t6_7 = cos_q4.mul_add(t5_8, t6_6);
+        poses[4][0] = t6_7;
+        let t6_8 = sin_q4 * t5_8;
+        let t6_9 = (-sin_q1).mul_add(cos_q4, t6_8);
+        let t6_10 = -t6_9;
+        poses[4][1] = t6_10;
+        let t6_11 = cos_q4 * t5_9;
+        let t6_12 = (-cos_q1).mul_add(sin_q4, t6_11);
+        poses[4][3] = t6_12;
+        let t6_13 = cos_q1 * cos_q4;
+        let t6_14 = sin_q4.mul_add(t5_9, t6_13);
+        let t6_15 = -t6_14;
+        poses[4][4] = t6_15;
     }
     // body crank
-    let [t7_1, t7_4] = {
-        let t7_1 = cos_q1 * cos_q3;
-        let t7_2 = cos_q1 * sin_q3;
-        let t7_3 = -t7_2;
-        let t7_4 = sin_q1 * cos_q3;
-        let t7_5 = sin_q1 * sin_q3;
-        let t7_6 = -t7_5;
-        poses[5][0] = t7_1; poses[5][1] = t7_3; poses[5][2] = sin_q1; poses[5][3] = t7_4; poses[5][4] = t7_6; poses[5][5] = t3_7; poses[5][6] = sin_q3; poses[5][7] = cos_q3; poses[5][9] = t3_8; poses[5][10] = t3_9; poses[5][11] = like.lift(0.1056);
-        [t7_1, t7_4]
+    let [t7_5, t7_6] = {
+        poses[5][2] = sin_q1; poses[5][5] = t3_1; poses[5][6] = sin_q3; poses[5][7] = cos_q3; poses[5][9] = t3_8; poses[5][10] = t3_9; poses[5][11] = like.lift(0.1056);
+        let t7_1 = cos_q1 * sin_q3;
+        let t7_2 = -t7_1;
+        poses[5][1] = t7_2;
+        let t7_3 = sin_q1 * sin_q3;
+        let t7_4 = -t7_3;
+        poses[5][4] = t7_4;
+        let t7_5 = cos_q1 * cos_q3;
+        poses[5][0] = t7_5;
+        let t7_6 = sin_q1 * cos_q3;
+        poses[5][3] = t7_6;
+        [t7_5, t7_6]
     };
     // body rod
     {
-        let t8_1 = cos_q1 * cos_q3_pin;
-        let t8_2 = cos_q1 * sin_q3_pin;
-        let t8_3 = -t8_2;
-        let t8_4 = sin_q1 * cos_q3_pin;
-        let t8_5 = sin_q1 * sin_q3_pin;
-        let t8_6 = -t8_5;
-        let t8_7 = like.lift(0.0456).mul_add(t7_1, t3_8);
-        let t8_8 = like.lift(0.0456).mul_add(t7_4, t3_9);
-        let t8_9 = like.lift(0.0456).mul_add(sin_q3, like.lift(0.1056));
-        poses[6][0] = t8_1; poses[6][1] = t8_3; poses[6][2] = sin_q1; poses[6][3] = t8_4; poses[6][4] = t8_6; poses[6][5] = t3_7; poses[6][6] = sin_q3_pin; poses[6][7] = cos_q3_pin; poses[6][9] = t8_7; poses[6][10] = t8_8; poses[6][11] = t8_9;
+        poses[6][2] = sin_q1; poses[6][5] = t3_1; poses[6][6] = sin_q3_pin; poses[6][7] = cos_q3_pin;
+        let t8_1 = like.lift(0.0456).mul_add(t7_5, t3_8);
+        poses[6][9] = t8_1;
+        let t8_2 = like.lift(0.0456).mul_add(t7_6, t3_9);
+        poses[6][10] = t8_2;
+        let t8_3 = like.lift(0.0456).mul_add(sin_q3, like.lift(0.1056));
+        poses[6][11] = t8_3;
+        let t8_4 = cos_q1 * cos_q3_pin;
+        poses[6][0] = t8_4;
+        let t8_5 = sin_q1 * cos_q3_pin;
+        poses[6][3] = t8_5;
+        let t8_6 = cos_q1 * sin_q3_pin;
+        let t8_7 = sin_q1 * sin_q3_pin;
+        let t8_8 = -t8_6;
+        poses[6][1] = t8_8;
+        let t8_9 = -t8_7;
+        poses[6][4] = t8_9;
     }
     poses
 }
@@ -4901,10 +5106,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 22]) -> Condition<T> {
     let like = q[0];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
-    let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q2, cos_q2, sin_elbow, cos_elbow, sin_q3, cos_q3, sin_pin, cos_pin, sin_wrist,
@@ -4920,120 +5123,136 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
             cos_wrist, sin_q4, cos_q4,
         ]
     };
+    let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
     // body column
     {
         w[0][0] = dd_q1;
     }
+    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
     // body arm
-    let [t3_4, t3_9, t3_10, t3_11, t3_20, a_army, a_armx] = {
+    let [t3_7, t3_9, t3_14, t3_17, t3_22, a_army, a_armx] = {
+        w[5][1] = dd_q2;
         let w_ixz_arm_q2 = sin_q2 * dd_q1;
+        w[3][1] = w_ixz_arm_q2;
         let w_army = cos_q2 * d_q1;
         let al_armx = d_q2 * w_army;
         let al_armx_2 = w_ixz_arm_q2 + al_armx;
+        let t3_1 = al_armx + al_armx_2;
+        let t3_2 = t3_1 + w_ixz_arm_q2;
+        let w_my_arm_q1 = like.lift(0.0132) * t3_2;
+        let t3_3 = -w_my_arm_q1;
+        w[7][0] = t3_3;
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let t3_1 = cos_q2 * al_army;
-        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx_2, t3_1);
+        let t3_4 = cos_q2 * al_army;
+        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx_2, t3_4);
+        w[1][0] = w_ixx_arm_q1;
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t3_2 = -w_ixx_arm_q2;
-        w[1][0] = w_ixx_arm_q1; w[1][1] = t3_2;
+        let t3_5 = -w_ixx_arm_q2;
+        w[1][1] = t3_5;
+        let t3_6 = w_armx * w_armx;
+        let t3_7 = w_army * w_army;
+        let w_ixy_arm_q2 = t3_6 - t3_7;
+        w[2][1] = w_ixy_arm_q2;
         let w_iyz_arm_q2 = cos_q2 * dd_q1;
-        let t3_3 = al_army - w_iyz_arm_q2;
-        let t3_4 = t3_3 + al_army;
-        let t3_5 = al_armx + al_armx_2;
-        let t3_6 = sin_q2 * t3_4;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_5, t3_6);
-        let t3_7 = -w_ixy_arm_q1;
-        let t3_8 = w_armx * w_armx;
-        let t3_9 = w_army * w_army;
-        let w_ixy_arm_q2 = t3_8 - t3_9;
-        w[2][0] = t3_7; w[2][1] = w_ixy_arm_q2;
-        let t3_10 = dd_q2 + w_ixx_arm_q2;
-        let t3_11 = d_q2 * d_q2;
-        let t3_12 = t3_8 - t3_11;
-        let t3_13 = sin_q2 * t3_10;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_12, t3_13);
-        w[3][0] = w_ixz_arm_q1; w[3][1] = w_ixz_arm_q2;
-        let t3_14 = t3_9 - t3_11;
+        w[4][1] = w_iyz_arm_q2;
+        let t3_8 = al_army - w_iyz_arm_q2;
+        let t3_9 = t3_8 + al_army;
+        let t3_10 = t3_9 - w_iyz_arm_q2;
+        let t3_11 = like.lift(0.0132) * t3_10;
+        let w_mx_arm_q1 = -t3_11;
+        w[6][0] = w_mx_arm_q1;
+        let t3_12 = sin_q2 * t3_9;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_1, t3_12);
+        let t3_13 = -w_ixy_arm_q1;
+        w[2][0] = t3_13;
+        let t3_14 = dd_q2 + w_ixx_arm_q2;
         let t3_15 = dd_q2 - w_ixx_arm_q2;
         let t3_16 = cos_q2 * t3_15;
-        let w_iyz_arm_q1 = sin_q2.mul_add(t3_14, t3_16);
-        w[4][0] = w_iyz_arm_q1; w[4][1] = w_iyz_arm_q2;
-        let t3_17 = t3_4 - w_iyz_arm_q2;
-        let t3_18 = like.lift(0.0132) * t3_17;
-        let w_mx_arm_q1 = -t3_18;
-        let t3_19 = d_q1 * d_q1;
-        let t3_20 = like.lift(0.0132) * t3_19;
-        let t3_21 = sin_q2 * t3_20;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t3_21);
-        w[6][0] = w_mx_arm_q1; w[6][1] = a_army;
-        let t3_22 = t3_5 + w_ixz_arm_q2;
-        let w_my_arm_q1 = like.lift(0.0132) * t3_22;
-        let t3_23 = -w_my_arm_q1;
-        let t3_24 = cos_q2 * t3_20;
+        let t3_17 = d_q2 * d_q2;
+        let t3_18 = t3_7 - t3_17;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_18, t3_16);
+        w[4][0] = w_iyz_arm_q1;
+        let t3_19 = t3_6 - t3_17;
+        let t3_20 = sin_q2 * t3_14;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_19, t3_20);
+        w[3][0] = w_ixz_arm_q1;
+        let t3_21 = d_q1 * d_q1;
+        let t3_22 = like.lift(0.0132) * t3_21;
+        let t3_23 = sin_q2 * t3_22;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t3_23);
+        w[6][1] = a_army;
+        let t3_24 = cos_q2 * t3_22;
         let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_24);
-        w[7][0] = t3_23; w[7][1] = a_armx;
-        w[5][1] = dd_q2;
-        [t3_4, t3_9, t3_10, t3_11, t3_20, a_army, a_armx]
+        w[7][1] = a_armx;
+        [t3_7, t3_9, t3_14, t3_17, t3_22, a_army, a_armx]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q2_elbow, cos_q2_elbow, w_forearmz, w_forearmy, al_forearmx, t4_3, al_forearmx_2,
-        w_forearmx, al_forearmy, w_ixx_forearm_q1, t4_5, x_elbow_q2, x_elbow_q3, x_wrist_q2,
-        x_wrist_q3, x_pin_q2, x_pin_q3,
+        t4_2, t4_3, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_6, t4_7, w_ixx_forearm_q1, t4_9,
+        t4_10, t4_11, t4_12, u_forearm_q1z, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+        x_pin_q2, x_pin_q3,
     ] = {
-        let t4_1 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_1);
-        let t4_2 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_2);
+        let t4_1 = t3_7 + t3_17;
+        let t4_2 = like.lift(0.14207).mul_add(t4_1, a_armx);
+        let t4_3 = like.lift(0.14207).mul_add(t3_14, a_army);
+        let t4_4 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_4);
+        let t4_5 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_5);
         let w_forearmz = d_q2 + d_elbow;
         let w_forearmy = cos_q2_elbow * d_q1;
         let al_forearmx = w_forearmz * w_forearmy;
-        let t4_3 = sin_q2_elbow * dd_q1;
-        let al_forearmx_2 = al_forearmx + t4_3;
+        let t4_6 = sin_q2_elbow * dd_q1;
+        let al_forearmx_2 = al_forearmx + t4_6;
+        let t4_7 = al_forearmx + al_forearmx_2;
         let w_forearmx = sin_q2_elbow * d_q1;
         let al_forearmy = w_forearmz * w_forearmx;
-        let t4_4 = cos_q2_elbow * al_forearmy;
-        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx_2, t4_4);
-        let t4_5 = w_forearmx * w_forearmy;
-        let t4_6 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_6);
-        let t4_7 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_7);
-        let t4_8 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_8);
-        let t4_9 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_9);
+        let t4_8 = cos_q2_elbow * al_forearmy;
+        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx_2, t4_8);
+        let t4_9 = al_forearmy + al_forearmy;
+        let t4_10 = w_forearmx * w_forearmy;
+        let t4_11 = w_forearmx * w_forearmx;
+        let t4_12 = w_forearmy * w_forearmy;
+        let t4_13 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_13);
+        let t4_14 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_14);
+        let t4_15 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_15);
+        let t4_16 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_16);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t4_10 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t4_11 = -t4_10;
-        let t4_12 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_12);
-        let t4_13 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_13);
-        let t4_14 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_14);
-        let t4_15 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_15);
-        let t4_16 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t4_17 = -t4_16;
+        let t4_17 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_18 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_19 = -t4_18;
+        let t4_20 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_20);
+        let t4_21 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_21);
+        let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
+        let t4_22 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_22);
+        let t4_23 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_23);
+        let t4_24 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t4_25 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_18);
+        let t4_26 = -t4_24;
+        let t4_27 = t4_24 * t4_17;
+        let t4_28 = sin_pin * t4_17;
+        let t4_29 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_27, t4_25);
+        let t4_30 = like.lift(21.92982456140351) * t4_27;
+        let t4_31 = like.lift(7.038783698176955) * t4_29;
+        let t4_32 = -t4_31;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_18 = -u_rod_q3x;
-        let t4_19 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_10);
-        let t4_20 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_21 = -t4_20;
-        let t4_22 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t4_23 = t4_16 * t4_22;
-        let t4_24 = like.lift(21.92982456140351) * t4_23;
-        let t4_25 = -t4_24;
-        let t4_26 = sin_pin * t4_22;
-        let t4_27 = -t4_26;
-        let t4_28 = like.lift(1.0) + t4_24;
-        let t4_29 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_23, t4_19);
-        let t4_30 = like.lift(7.038783698176955) * t4_29;
-        let t4_31 = -t4_30;
-        let t4_32 = t4_26.mul_add(t4_10, t4_20);
-        let t4_33 = like.lift(7.038783698176955) * t4_32;
+        let t4_33 = -u_rod_q3x;
+        let t4_34 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_35 = t4_28.mul_add(t4_18, t4_34);
+        let t4_36 = -t4_34;
+        let t4_37 = like.lift(7.038783698176955) * t4_35;
+        let t4_38 = -t4_30;
+        let t4_39 = like.lift(1.0) + t4_30;
+        let t4_40 = -t4_28;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -5041,23 +5260,23 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t4_25, like.lift(0.0), t4_27],
-                [like.lift(0.0), t4_28, like.lift(0.0), t4_26],
-                [like.lift(0.0), t4_31, like.lift(0.0), t4_33],
+                [like.lift(0.0), t4_38, like.lift(0.0), t4_40],
+                [like.lift(0.0), t4_39, like.lift(0.0), t4_28],
+                [like.lift(0.0), t4_32, like.lift(0.0), t4_37],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_11, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_19, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t4_17, like.lift(0.0), t4_18],
-                    [like.lift(0.0), t4_19, like.lift(0.0), t4_21],
+                    [like.lift(0.0), t4_26, like.lift(0.0), t4_33],
+                    [like.lift(0.0), t4_25, like.lift(0.0), t4_36],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5067,260 +5286,270 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         );
         condition = condition.min(found);
         [
-            sin_q2_elbow, cos_q2_elbow, w_forearmz, w_forearmy, al_forearmx, t4_3,
-            al_forearmx_2, w_forearmx, al_forearmy, w_ixx_forearm_q1, t4_5, x_elbow_q2,
-            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t4_2, t4_3, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_6, t4_7, w_ixx_forearm_q1,
+            t4_9, t4_10, t4_11, t4_12, u_forearm_q1z, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+            x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // body forearm
-    let [
-        t5_1, t5_5, al_forearmz, t5_13, a_armz, a_forearmz, u_forearm_q1z, t5_24, a_forearmy,
-        a_forearmx,
-    ] = {
-        let t5_1 = like.lift(1.0) - x_elbow_q2;
-        let w_ixx_forearm_q2 = t4_5 * t5_1;
-        let t5_2 = -w_ixx_forearm_q2;
-        let w_ixx_forearm_q3 = t4_5 * x_elbow_q3;
-        w[8][0] = w_ixx_forearm_q1; w[8][1] = t5_2; w[8][3] = w_ixx_forearm_q3;
-        let t5_3 = cos_q2_elbow * dd_q1;
-        let t5_4 = al_forearmy + al_forearmy;
-        let t5_5 = t5_4 - t5_3;
-        let t5_6 = al_forearmx + al_forearmx_2;
+    let [t5_2, t5_5, al_forearmz, t5_13, t5_23, a_armz, a_forearmz, a_forearmy, a_forearmx] = {
+        w[8][0] = w_ixx_forearm_q1;
+        let w_ixx_forearm_q3 = t4_10 * x_elbow_q3;
+        w[8][3] = w_ixx_forearm_q3;
+        let w_ixz_forearm_q3 = t4_6 * x_elbow_q3;
+        let t5_1 = -w_ixz_forearm_q3;
+        w[10][3] = t5_1;
+        let t5_2 = like.lift(1.0) - x_elbow_q2;
+        let w_ixz_forearm_q2 = t4_6 * t5_2;
+        w[10][1] = w_ixz_forearm_q2;
+        let w_ixx_forearm_q2 = t4_10 * t5_2;
+        let t5_3 = -w_ixx_forearm_q2;
+        w[8][1] = t5_3;
+        let t5_4 = cos_q2_elbow * dd_q1;
+        let t5_5 = t4_9 - t5_4;
+        let w_iyz_forearm_q2 = t5_4 * t5_2;
+        w[11][1] = w_iyz_forearm_q2;
+        let w_iyz_forearm_q3 = t5_4 * x_elbow_q3;
+        let t5_6 = -w_iyz_forearm_q3;
+        w[11][3] = t5_6;
         let t5_7 = sin_q2_elbow * t5_5;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_6, t5_7);
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t4_7, t5_7);
         let t5_8 = -w_ixy_forearm_q1;
-        let t5_9 = w_forearmx * w_forearmx;
-        let t5_10 = w_forearmy * w_forearmy;
-        let t5_11 = t5_9 - t5_10;
-        let w_ixy_forearm_q2 = t5_11 * t5_1;
-        let w_ixy_forearm_q3 = t5_11 * x_elbow_q3;
-        let t5_12 = -w_ixy_forearm_q3;
-        w[9][0] = t5_8; w[9][1] = w_ixy_forearm_q2; w[9][3] = t5_12;
+        w[9][0] = t5_8;
+        let t5_9 = u_forearm_q1z * t4_7;
+        let t5_10 = t4_11 - t4_12;
+        let w_ixy_forearm_q2 = t5_10 * t5_2;
+        w[9][1] = w_ixy_forearm_q2;
+        let w_ixy_forearm_q3 = t5_10 * x_elbow_q3;
+        let t5_11 = -w_ixy_forearm_q3;
+        w[9][3] = t5_11;
         let al_forearmz = dd_q2 + dd_elbow;
-        let t5_13 = al_forearmz + t4_5;
-        let t5_14 = w_forearmz * w_forearmz;
-        let t5_15 = t5_9 - t5_14;
-        let t5_16 = sin_q2_elbow * t5_13;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_15, t5_16);
-        let w_ixz_forearm_q2 = t4_3 * t5_1;
-        let w_ixz_forearm_q3 = t4_3 * x_elbow_q3;
-        let t5_17 = -w_ixz_forearm_q3;
-        w[10][0] = w_ixz_forearm_q1; w[10][1] = w_ixz_forearm_q2; w[10][3] = t5_17;
-        let t5_18 = t5_10 - t5_14;
-        let t5_19 = al_forearmz - t4_5;
-        let t5_20 = cos_q2_elbow * t5_19;
-        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_18, t5_20);
-        let w_iyz_forearm_q2 = t5_3 * t5_1;
-        let w_iyz_forearm_q3 = t5_3 * x_elbow_q3;
-        let t5_21 = -w_iyz_forearm_q3;
-        w[11][0] = w_iyz_forearm_q1; w[11][1] = w_iyz_forearm_q2; w[11][3] = t5_21;
-        let w_izz_forearm_q2 = al_forearmz * t5_1;
+        let w_izz_forearm_q2 = al_forearmz * t5_2;
+        w[12][1] = w_izz_forearm_q2;
         let w_izz_forearm_q3 = al_forearmz * x_elbow_q3;
-        let t5_22 = -w_izz_forearm_q3;
-        w[12][1] = w_izz_forearm_q2; w[12][3] = t5_22;
+        let t5_12 = -w_izz_forearm_q3;
+        w[12][3] = t5_12;
+        let t5_13 = al_forearmz + t4_10;
+        let t5_14 = al_forearmz - t4_10;
+        let t5_15 = w_forearmz * w_forearmz;
+        let t5_16 = t4_11 - t5_15;
+        let t5_17 = sin_q2_elbow * t5_13;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_16, t5_17);
+        w[10][0] = w_ixz_forearm_q1;
+        let t5_18 = t4_11 + t5_15;
+        let t5_19 = cos_elbow * t5_18;
+        let t5_20 = sin_elbow.mul_add(t5_14, t5_19);
+        let t5_21 = cos_q2_elbow * t5_14;
+        let t5_22 = t4_12 - t5_15;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_22, t5_21);
+        w[11][0] = w_iyz_forearm_q1;
+        let t5_23 = t4_12 + t5_15;
+        let t5_24 = like.lift(0.14207) * t5_20;
         let a_armz = like.lift(0.0132) * dd_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t3_4, a_armz);
-        let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let t5_23 = cos_q2_elbow * a_forearmz;
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_5, t5_23);
-        let t5_24 = t5_10 + t5_14;
-        let t5_25 = t3_9 + t3_11;
-        let t5_26 = like.lift(0.14207).mul_add(t5_25, a_armx);
-        let t5_27 = like.lift(0.14207).mul_add(t3_10, a_army);
-        let t5_28 = cos_elbow * t5_27;
-        let a_forearmy = sin_elbow.mul_add(t5_26, t5_28);
-        let t5_29 = cos_elbow * t5_13;
-        let t5_30 = (-sin_elbow).mul_add(t5_24, t5_29);
-        let t5_31 = a_forearmy * t5_1;
-        let t5_32 = like.lift(0.14207).mul_add(t5_30, t5_31);
-        let w_mx_forearm_q2 = -t5_32;
-        let t5_33 = -w_mx_forearm_q2;
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_9, a_armz);
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_9);
+        let t5_25 = -w_my_forearm_q1;
+        w[14][0] = t5_25;
+        let t5_26 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_5, t5_26);
+        w[13][0] = w_mx_forearm_q1;
+        let t5_27 = cos_elbow * t4_3;
+        let a_forearmy = sin_elbow.mul_add(t4_2, t5_27);
+        let t5_28 = cos_elbow * t4_2;
+        let a_forearmx = (-sin_elbow).mul_add(t4_3, t5_28);
+        let w_my_forearm_q2 = (-a_forearmx).mul_add(t5_2, t5_24);
+        let t5_29 = -w_my_forearm_q2;
+        w[14][1] = t5_29;
         let w_mx_forearm_q3 = a_forearmy * x_elbow_q3;
-        let t5_34 = -w_mx_forearm_q3;
-        w[13][0] = w_mx_forearm_q1; w[13][1] = t5_33; w[13][3] = t5_34;
-        let t5_35 = u_forearm_q1z * t5_6;
-        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_35);
-        let t5_36 = -w_my_forearm_q1;
-        let t5_37 = t5_9 + t5_14;
-        let t5_38 = cos_elbow * t5_26;
-        let a_forearmx = (-sin_elbow).mul_add(t5_27, t5_38);
-        let t5_39 = cos_elbow * t5_37;
-        let t5_40 = sin_elbow.mul_add(t5_19, t5_39);
-        let t5_41 = like.lift(0.14207) * t5_40;
-        let w_my_forearm_q2 = (-a_forearmx).mul_add(t5_1, t5_41);
-        let t5_42 = -w_my_forearm_q2;
+        let t5_30 = -w_mx_forearm_q3;
+        w[13][3] = t5_30;
         let w_my_forearm_q3 = a_forearmx * x_elbow_q3;
-        let t5_43 = -w_my_forearm_q3;
-        w[14][0] = t5_36; w[14][1] = t5_42; w[14][3] = t5_43;
-        [
-            t5_1, t5_5, al_forearmz, t5_13, a_armz, a_forearmz, u_forearm_q1z, t5_24,
-            a_forearmy, a_forearmx,
-        ]
+        let t5_31 = -w_my_forearm_q3;
+        w[14][3] = t5_31;
+        let t5_32 = cos_elbow * t5_13;
+        let t5_33 = (-sin_elbow).mul_add(t5_23, t5_32);
+        let t5_34 = a_forearmy * t5_2;
+        let t5_35 = like.lift(0.14207).mul_add(t5_33, t5_34);
+        let w_mx_forearm_q2 = -t5_35;
+        let t5_36 = -w_mx_forearm_q2;
+        w[13][1] = t5_36;
+        [t5_2, t5_5, al_forearmz, t5_13, t5_23, a_armz, a_forearmz, a_forearmy, a_forearmx]
     };
     // body wrist
     let [
-        a_wristz, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx, w_wristz, al_wristy_2,
-        t6_3, u_wrist_q1z, t6_5, t6_6, a_wristy, w_wristy, t6_10, u_wrist_q2x, t6_14,
-        al_wristz, t6_16, t6_17, u_wrist_q2y,
+        a_wristz, t6_1, t6_2, w_wristz, u_wrist_q1z, al_wristz, sin_q2_elbow_wrist,
+        cos_q2_elbow_wrist, w_wristx, al_wristy_2, t6_8, a_wristy, w_wristy, t6_13,
+        u_wrist_q2x, u_wrist_q2y, t6_16, t6_18, t6_19,
     ] = {
         let a_wristz = like.lift(-0.15852).mul_add(t5_5, a_forearmz);
-        let t6_1 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t6_1);
-        let t6_2 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_2);
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t6_1 = like.lift(0.15852).mul_add(t5_23, a_forearmx);
+        let t6_2 = like.lift(0.15852).mul_add(t5_13, a_forearmy);
         let w_wristz = d_wrist + w_forearmz;
+        let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
+        let t6_3 = x_wrist_q2 - t5_2;
+        let t6_4 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t6_5 = like.lift(0.14207) * sin_elbow;
+        let al_wristz = dd_wrist + al_forearmz;
+        let t6_6 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t6_6);
+        let t6_7 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_7);
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let al_wristy = w_wristx * w_wristz;
         let al_wristy_2 = (-dd_q1).mul_add(cos_q2_elbow_wrist, al_wristy);
-        let t6_3 = al_wristy + al_wristy_2;
-        let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let t6_4 = a_wristz * cos_q2_elbow_wrist;
-        let w_mx_wrist_q1 = (-t6_3).mul_add(u_wrist_q1z, t6_4);
-        let t6_5 = like.lift(0.15852).mul_add(t5_24, a_forearmx);
-        let t6_6 = like.lift(0.15852).mul_add(t5_13, a_forearmy);
-        let t6_7 = cos_wrist * t6_6;
-        let a_wristy = sin_wrist.mul_add(t6_5, t6_7);
-        let t6_8 = x_wrist_q2 - t5_1;
+        let t6_8 = al_wristy + al_wristy_2;
+        let t6_9 = a_wristz * cos_q2_elbow_wrist;
+        let w_mx_wrist_q1 = (-t6_8).mul_add(u_wrist_q1z, t6_9);
+        w[15][0] = w_mx_wrist_q1;
+        let t6_10 = cos_wrist * t6_2;
+        let a_wristy = sin_wrist.mul_add(t6_1, t6_10);
+        let t6_11 = a_wristy * t6_3;
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t6_9 = w_wristz * w_wristz;
-        let t6_10 = w_wristy.mul_add(w_wristy, t6_9);
-        let t6_11 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
-        let t6_12 = like.lift(0.14207) * sin_elbow;
-        let t6_13 = sin_wrist * t6_11;
-        let u_wrist_q2x = cos_wrist.mul_add(t6_12, t6_13);
-        let t6_14 = like.lift(0.15852) * x_elbow_q2;
-        let t6_15 = (-sin_wrist).mul_add(t6_14, u_wrist_q2x);
-        let al_wristz = dd_wrist + al_forearmz;
-        let t6_16 = w_wristx * w_wristy;
-        let t6_17 = al_wristz + t6_16;
-        let t6_18 = sin_wrist * t6_12;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t6_11, t6_18);
-        let t6_19 = cos_wrist.mul_add(t6_14, u_wrist_q2y);
-        let t6_20 = a_wristy * t6_8;
-        let t6_21 = t6_17.mul_add(t6_19, t6_20);
-        let w_mx_wrist_q2 = t6_10.mul_add(t6_15, t6_21);
+        let t6_12 = w_wristz * w_wristz;
+        let t6_13 = w_wristy.mul_add(w_wristy, t6_12);
+        let t6_14 = sin_wrist * t6_4;
+        let u_wrist_q2x = cos_wrist.mul_add(t6_5, t6_14);
+        let t6_15 = sin_wrist * t6_5;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t6_4, t6_15);
+        let t6_16 = like.lift(0.15852) * x_elbow_q2;
+        let t6_17 = (-sin_wrist).mul_add(t6_16, u_wrist_q2x);
+        let t6_18 = w_wristx * w_wristy;
+        let t6_19 = al_wristz + t6_18;
+        let t6_20 = cos_wrist.mul_add(t6_16, u_wrist_q2y);
+        let t6_21 = t6_19.mul_add(t6_20, t6_11);
+        let w_mx_wrist_q2 = t6_13.mul_add(t6_17, t6_21);
         let t6_22 = -w_mx_wrist_q2;
+        w[15][1] = t6_22;
         let t6_23 = x_elbow_q3 + x_wrist_q3;
-        let t6_24 = t6_17 * cos_wrist;
-        let t6_25 = t6_24 * x_elbow_q3;
-        let t6_26 = t6_10 * sin_wrist;
-        let t6_27 = (-t6_26).mul_add(x_elbow_q3, t6_25);
-        let t6_28 = a_wristy * t6_23;
-        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_27, t6_28);
+        let t6_24 = a_wristy * t6_23;
+        let t6_25 = t6_19 * cos_wrist;
+        let t6_26 = t6_25 * x_elbow_q3;
+        let t6_27 = t6_13 * sin_wrist;
+        let t6_28 = (-t6_27).mul_add(x_elbow_q3, t6_26);
+        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_28, t6_24);
         let t6_29 = -w_mx_wrist_q3;
-        w[15][0] = w_mx_wrist_q1; w[15][1] = t6_22; w[15][3] = t6_29;
+        w[15][3] = t6_29;
         [
-            a_wristz, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristx, w_wristz, al_wristy_2,
-            t6_3, u_wrist_q1z, t6_5, t6_6, a_wristy, w_wristy, t6_10, u_wrist_q2x, t6_14,
-            al_wristz, t6_16, t6_17, u_wrist_q2y,
+            a_wristz, t6_1, t6_2, w_wristz, u_wrist_q1z, al_wristz, sin_q2_elbow_wrist,
+            cos_q2_elbow_wrist, w_wristx, al_wristy_2, t6_8, a_wristy, w_wristy, t6_13,
+            u_wrist_q2x, u_wrist_q2y, t6_16, t6_18, t6_19,
         ]
     };
     // body flange
     {
-        let t7_1 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t7_1);
-        let w_flangez = d_q4 - w_wristy;
-        let t7_2 = w_flangex * w_flangez;
-        let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t7_3 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_3);
-        let t7_4 = w_flangey * w_flangez;
-        let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
+        let t7_1 = like.lift(-0.05).mul_add(t6_8, a_wristz);
+        let a_flangez = like.lift(0.05).mul_add(t6_19, a_wristy);
+        let t7_2 = al_wristz - t6_18;
+        let t7_3 = like.lift(0.05) * t6_13;
+        let t7_4 = (-sin_wrist).mul_add(t6_2, t7_3);
+        let t7_5 = cos_wrist.mul_add(t6_1, t7_4);
         let al_flangez = dd_q4 + al_wristy_2;
-        let t7_5 = t7_2 * e_flange_q1y;
-        let t7_6 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_5);
-        let w_izz_flange_q1 = (-t7_4).mul_add(e_flange_q1x, t7_6);
-        let t7_7 = x_wrist_q2 + x_elbow_q2;
-        let t7_8 = (-cos_q4).mul_add(t7_7, cos_q4);
-        let t7_9 = x_wrist_q2 + x_elbow_q2;
-        let t7_10 = (-sin_q4).mul_add(t7_9, sin_q4);
-        let t7_11 = t7_4 * t7_10;
-        let w_izz_flange_q2 = t7_2.mul_add(t7_8, t7_11);
-        let t7_12 = -w_izz_flange_q2;
-        let t7_13 = x_wrist_q3 + x_elbow_q3;
-        let t7_14 = cos_q4 * t7_13;
-        let t7_15 = x_wrist_q3 + x_elbow_q3;
-        let t7_16 = sin_q4 * t7_15;
-        let t7_17 = t7_4 * t7_16;
-        let w_izz_flange_q3 = t7_2.mul_add(t7_14, t7_17);
-        w[16] = [w_izz_flange_q1, t7_12, al_flangez, w_izz_flange_q3];
-        let t7_18 = like.lift(0.05) * t6_10;
-        let t7_19 = (-sin_wrist).mul_add(t6_6, t7_18);
-        let t7_20 = cos_wrist.mul_add(t6_5, t7_19);
-        let t7_21 = like.lift(-0.05).mul_add(t6_3, a_wristz);
-        let t7_22 = sin_q4 * t7_20;
-        let a_flangey = (-cos_q4).mul_add(t7_21, t7_22);
-        let a_flangez = like.lift(0.05).mul_add(t6_17, a_wristy);
-        let t7_23 = w_flangez * w_flangez;
-        let t7_24 = w_flangey.mul_add(w_flangey, t7_23);
-        let t7_25 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
-        let u_flange_q1x = sin_q4 * t7_25;
-        let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t7_26 = al_flangez - w_ixx_flange_q4;
-        let u_flange_q1y = cos_q4 * t7_25;
-        let t7_27 = a_flangez * e_flange_q1y;
-        let t7_28 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_27);
-        let t7_29 = t7_26.mul_add(u_flange_q1y, t7_28);
-        let w_mx_flange_q1 = (-t7_24).mul_add(u_flange_q1x, t7_29);
-        let t7_30 = -w_mx_flange_q1;
-        let t7_31 = sin_wrist * cos_q4;
-        let t7_32 = cos_q4 * u_wrist_q2x;
-        let t7_33 = (-t7_31).mul_add(t6_14, t7_32);
-        let t7_34 = sin_wrist * sin_q4;
-        let t7_35 = sin_q4 * u_wrist_q2x;
-        let t7_36 = (-t7_34).mul_add(t6_14, t7_35);
-        let t7_37 = al_wristz - t6_16;
-        let al_wristx = w_wristy * w_wristz;
-        let t7_38 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
-        let t7_39 = t7_38 + al_wristx;
-        let t7_40 = t7_2 + t7_2;
-        let t7_41 = sin_q4.mul_add(t7_39, t7_40);
-        let t7_42 = (-cos_q4).mul_add(t7_37, t7_41);
+        w[16][2] = al_flangez;
+        let t7_6 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
         let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
-        let t7_43 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
-        let t7_44 = (-u_flange_elbowz).mul_add(x_elbow_q2, t7_43);
-        let t7_45 = t7_44 - u_wrist_q2y;
-        let t7_46 = a_flangez * t7_8;
-        let t7_47 = (-t7_42).mul_add(t7_45, t7_46);
-        let t7_48 = (-t7_26).mul_add(t7_36, t7_47);
-        let w_mx_flange_q2 = (-t7_24).mul_add(t7_33, t7_48);
-        let t7_49 = t7_31 * x_elbow_q3;
-        let t7_50 = t7_34 * x_elbow_q3;
-        let t7_51 = like.lift(0.05) * x_wrist_q3;
-        let t7_52 = u_flange_elbowz.mul_add(x_elbow_q3, t7_51);
-        let t7_53 = t7_26 * t7_50;
-        let t7_54 = t7_24.mul_add(t7_49, t7_53);
-        let t7_55 = a_flangez * t7_14;
-        let t7_56 = (-t7_42).mul_add(t7_52, t7_55);
-        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_54, t7_56);
-        let t7_57 = -w_mx_flange_q3;
-        w[17] = [t7_30, w_mx_flange_q2, a_flangey, t7_57];
-        let t7_58 = sin_q4 * t7_21;
-        let a_flangex = cos_q4.mul_add(t7_20, t7_58);
-        let t7_59 = al_flangez + w_ixx_flange_q4;
-        let t7_60 = w_flangex.mul_add(w_flangex, t7_23);
-        let t7_61 = cos_q2_elbow_wrist * a_flangex;
-        let t7_62 = a_flangez.mul_add(e_flange_q1x, t7_61);
-        let t7_63 = (-t7_60).mul_add(u_flange_q1y, t7_62);
-        let w_my_flange_q1 = (-t7_59).mul_add(u_flange_q1x, t7_63);
-        let t7_64 = -w_my_flange_q1;
-        let t7_65 = t7_4 + t7_4;
-        let t7_66 = (-cos_q4).mul_add(t7_39, t7_65);
-        let t7_67 = (-sin_q4).mul_add(t7_37, t7_66);
-        let t7_68 = a_flangez * t7_10;
-        let t7_69 = (-t7_67).mul_add(t7_45, t7_68);
-        let t7_70 = (-t7_60).mul_add(t7_36, t7_69);
-        let w_my_flange_q2 = t7_59.mul_add(t7_33, t7_70);
-        let t7_71 = -w_my_flange_q2;
-        let t7_72 = t7_60 * t7_50;
-        let t7_73 = (-t7_59).mul_add(t7_49, t7_72);
-        let t7_74 = a_flangez * t7_16;
-        let t7_75 = (-t7_67).mul_add(t7_52, t7_74);
-        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_73, t7_75);
-        w[18] = [t7_64, t7_71, a_flangex, w_my_flange_q3];
+        let t7_7 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t7_7);
+        let t7_8 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_8);
+        let al_wristx = w_wristy * w_wristz;
+        let w_flangez = d_q4 - w_wristy;
+        let t7_9 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
+        let t7_10 = t7_9 + al_wristx;
+        let t7_11 = w_flangex * w_flangez;
+        let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
+        let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
+        let t7_12 = w_flangey * w_flangez;
+        let t7_13 = w_flangez * w_flangez;
+        let t7_14 = t7_11 * e_flange_q1y;
+        let t7_15 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_14);
+        let w_izz_flange_q1 = (-t7_12).mul_add(e_flange_q1x, t7_15);
+        w[16][0] = w_izz_flange_q1;
+        let t7_16 = a_flangez * e_flange_q1y;
+        let t7_17 = x_wrist_q2 + x_elbow_q2;
+        let t7_18 = (-cos_q4).mul_add(t7_17, cos_q4);
+        let t7_19 = x_wrist_q2 + x_elbow_q2;
+        let t7_20 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t7_21 = (-u_flange_elbowz).mul_add(x_elbow_q2, t7_20);
+        let t7_22 = t7_21 - u_wrist_q2y;
+        let t7_23 = (-sin_q4).mul_add(t7_19, sin_q4);
+        let t7_24 = like.lift(0.05) * x_wrist_q3;
+        let t7_25 = u_flange_elbowz.mul_add(x_elbow_q3, t7_24);
+        let t7_26 = t7_12 * t7_23;
+        let w_izz_flange_q2 = t7_11.mul_add(t7_18, t7_26);
+        let t7_27 = -w_izz_flange_q2;
+        w[16][1] = t7_27;
+        let t7_28 = a_flangez * t7_18;
+        let t7_29 = a_flangez * t7_23;
+        let t7_30 = x_wrist_q3 + x_elbow_q3;
+        let t7_31 = cos_q4 * t7_30;
+        let t7_32 = x_wrist_q3 + x_elbow_q3;
+        let t7_33 = sin_q4 * t7_32;
+        let t7_34 = t7_12 * t7_33;
+        let w_izz_flange_q3 = t7_11.mul_add(t7_31, t7_34);
+        w[16][3] = w_izz_flange_q3;
+        let t7_35 = t7_11 + t7_11;
+        let t7_36 = sin_q4.mul_add(t7_10, t7_35);
+        let t7_37 = t7_12 + t7_12;
+        let t7_38 = (-cos_q4).mul_add(t7_10, t7_37);
+        let t7_39 = (-cos_q4).mul_add(t7_2, t7_36);
+        let t7_40 = (-sin_q4).mul_add(t7_2, t7_38);
+        let t7_41 = (-t7_39).mul_add(t7_22, t7_28);
+        let t7_42 = (-t7_40).mul_add(t7_22, t7_29);
+        let t7_43 = a_flangez * t7_31;
+        let t7_44 = (-t7_39).mul_add(t7_25, t7_43);
+        let t7_45 = a_flangez * t7_33;
+        let t7_46 = (-t7_40).mul_add(t7_25, t7_45);
+        let t7_47 = sin_q4 * t7_5;
+        let a_flangey = (-cos_q4).mul_add(t7_1, t7_47);
+        w[17][2] = a_flangey;
+        let t7_48 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_16);
+        let t7_49 = sin_q4 * t7_1;
+        let a_flangex = cos_q4.mul_add(t7_5, t7_49);
+        w[18][2] = a_flangex;
+        let t7_50 = cos_q2_elbow_wrist * a_flangex;
+        let t7_51 = a_flangez.mul_add(e_flange_q1x, t7_50);
+        let t7_52 = w_flangey.mul_add(w_flangey, t7_13);
+        let w_ixx_flange_q4 = w_flangex * w_flangey;
+        let t7_53 = w_flangex.mul_add(w_flangex, t7_13);
+        let u_flange_q1x = sin_q4 * t7_6;
+        let u_flange_q1y = cos_q4 * t7_6;
+        let t7_54 = (-t7_53).mul_add(u_flange_q1y, t7_51);
+        let t7_55 = al_flangez - w_ixx_flange_q4;
+        let t7_56 = t7_55.mul_add(u_flange_q1y, t7_48);
+        let t7_57 = al_flangez + w_ixx_flange_q4;
+        let w_mx_flange_q1 = (-t7_52).mul_add(u_flange_q1x, t7_56);
+        let w_my_flange_q1 = (-t7_57).mul_add(u_flange_q1x, t7_54);
+        let t7_58 = -w_mx_flange_q1;
+        w[17][0] = t7_58;
+        let t7_59 = -w_my_flange_q1;
+        w[18][0] = t7_59;
+        let t7_60 = sin_wrist * cos_q4;
+        let t7_61 = cos_q4 * u_wrist_q2x;
+        let t7_62 = (-t7_60).mul_add(t6_16, t7_61);
+        let t7_63 = sin_wrist * sin_q4;
+        let t7_64 = sin_q4 * u_wrist_q2x;
+        let t7_65 = (-t7_63).mul_add(t6_16, t7_64);
+        let t7_66 = (-t7_55).mul_add(t7_65, t7_41);
+        let w_mx_flange_q2 = (-t7_52).mul_add(t7_62, t7_66);
+        w[17][1] = w_mx_flange_q2;
+        let t7_67 = (-t7_53).mul_add(t7_65, t7_42);
+        let w_my_flange_q2 = t7_57.mul_add(t7_62, t7_67);
+        let t7_68 = -w_my_flange_q2;
+        w[18][1] = t7_68;
+        let t7_69 = t7_60 * x_elbow_q3;
+        let t7_70 = t7_63 * x_elbow_q3;
+        let t7_71 = t7_55 * t7_70;
+        let t7_72 = t7_52.mul_add(t7_69, t7_71);
+        let t7_73 = t7_53 * t7_70;
+        let t7_74 = (-t7_57).mul_add(t7_69, t7_73);
+        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_74, t7_46);
+        w[18][3] = w_my_flange_q3;
+        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_72, t7_44);
+        let t7_75 = -w_mx_flange_q3;
+        w[17][3] = t7_75;
     }
     // body crank
-    let [w_crankx, t8_2, a_cranky, w_cranky, a_crankx] = {
+    let [w_crankx, t8_2, a_cranky, a_crankx, w_cranky] = {
         let w_iyz_crank_q3 = cos_q3 * dd_q1;
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
@@ -5329,59 +5558,63 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t8_3 = t8_2 - w_iyz_crank_q3;
         let t8_4 = like.lift(0.0132) * t8_3;
         let w_mx_crank_q1 = -t8_4;
-        let t8_5 = sin_q3 * t3_20;
+        w[19][0] = w_mx_crank_q1;
+        let t8_5 = sin_q3 * t3_22;
         let a_cranky = like.lift(9.81).mul_add(cos_q3, t8_5);
-        w[19][0] = w_mx_crank_q1; w[19][3] = a_cranky;
+        w[19][3] = a_cranky;
+        let t8_6 = cos_q3 * t3_22;
+        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_6);
+        w[20][3] = a_crankx;
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
         let w_cranky = cos_q3 * d_q1;
         let al_crankx = d_q3 * w_cranky;
-        let t8_6 = al_crankx + w_ixz_crank_q3;
-        let t8_7 = t8_6 + al_crankx;
-        let t8_8 = t8_7 + w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.0132) * t8_8;
-        let t8_9 = -w_my_crank_q1;
-        let t8_10 = cos_q3 * t3_20;
-        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_10);
-        w[20][0] = t8_9; w[20][3] = a_crankx;
-        [w_crankx, t8_2, a_cranky, w_cranky, a_crankx]
+        let t8_7 = al_crankx + w_ixz_crank_q3;
+        let t8_8 = t8_7 + al_crankx;
+        let t8_9 = t8_8 + w_ixz_crank_q3;
+        let w_my_crank_q1 = like.lift(0.0132) * t8_9;
+        let t8_10 = -w_my_crank_q1;
+        w[20][0] = t8_10;
+        [w_crankx, t8_2, a_cranky, a_crankx, w_cranky]
     };
     // body rod
     {
-        let t9_1 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_1);
-        let t9_2 = cos_q3 * cos_pin;
-        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_2);
         let a_rodz = like.lift(-0.0456).mul_add(t8_2, a_armz);
-        let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let w_rodz = d_q3 + d_pin;
-        let w_rody = cos_q3_pin * d_q1;
-        let al_rodx = w_rodz * w_rody;
-        let t9_3 = sin_q3_pin.mul_add(dd_q1, al_rodx);
-        let t9_4 = t9_3 + al_rodx;
-        let t9_5 = u_rod_q1z * t9_4;
-        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_5);
-        let t9_6 = -w_my_rod_q1;
-        let t9_7 = w_cranky * w_cranky;
-        let t9_8 = d_q3.mul_add(d_q3, t9_7);
-        let t9_9 = like.lift(0.0456).mul_add(t9_8, a_crankx);
-        let t9_10 = w_crankx.mul_add(w_cranky, dd_q3);
-        let t9_11 = like.lift(0.0456).mul_add(t9_10, a_cranky);
-        let t9_12 = cos_pin * t9_9;
-        let a_rodx = (-sin_pin).mul_add(t9_11, t9_12);
+        let t9_1 = w_crankx.mul_add(w_cranky, dd_q3);
+        let t9_2 = like.lift(0.0456).mul_add(t9_1, a_cranky);
+        let t9_3 = w_cranky * w_cranky;
+        let t9_4 = d_q3.mul_add(d_q3, t9_3);
+        let t9_5 = like.lift(0.0456).mul_add(t9_4, a_crankx);
+        let t9_6 = cos_pin * t9_5;
+        let a_rodx = (-sin_pin).mul_add(t9_2, t9_6);
         let w_my_rod_q2 = a_rodx * x_pin_q2;
-        let t9_13 = -w_my_rod_q2;
+        let t9_7 = -w_my_rod_q2;
+        w[21][1] = t9_7;
+        let t9_8 = like.lift(1.0) - x_pin_q3;
+        let t9_9 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_9);
+        let t9_10 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_10);
+        let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
+        let w_rody = cos_q3_pin * d_q1;
+        let w_rodz = d_q3 + d_pin;
+        let al_rodx = w_rodz * w_rody;
+        let t9_11 = sin_q3_pin.mul_add(dd_q1, al_rodx);
+        let t9_12 = t9_11 + al_rodx;
+        let t9_13 = u_rod_q1z * t9_12;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_13);
+        let t9_14 = -w_my_rod_q1;
+        w[21][0] = t9_14;
         let w_rodx = sin_q3_pin * d_q1;
-        let t9_14 = (-w_rodx).mul_add(w_rody, dd_q3);
-        let t9_15 = t9_14 + dd_pin;
+        let t9_15 = (-w_rodx).mul_add(w_rody, dd_q3);
         let t9_16 = w_rodx * w_rodx;
         let t9_17 = w_rodz.mul_add(w_rodz, t9_16);
-        let t9_18 = like.lift(1.0) - x_pin_q3;
-        let t9_19 = cos_pin * t9_17;
-        let t9_20 = sin_pin.mul_add(t9_15, t9_19);
+        let t9_18 = cos_pin * t9_17;
+        let t9_19 = t9_15 + dd_pin;
+        let t9_20 = sin_pin.mul_add(t9_19, t9_18);
         let t9_21 = like.lift(0.0456) * t9_20;
-        let w_my_rod_q3 = (-a_rodx).mul_add(t9_18, t9_21);
+        let w_my_rod_q3 = (-a_rodx).mul_add(t9_8, t9_21);
         let t9_22 = -w_my_rod_q3;
-        w[21][0] = t9_6; w[21][1] = t9_13; w[21][3] = t9_22;
+        w[21][3] = t9_22;
     }
     Condition { pivot: condition }
 }
@@ -5407,89 +5640,83 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 22] {
     ] = *phi;
     // combinations
     {
-        let t1_1 = p_m_arm + p_m_crank;
-        let t1_2 = like.lift(0.0479867153).mul_add(p_m_flange, p_iyy_arm);
-        let t1_3 = like.lift(0.0454867153).mul_add(p_m_wrist, t1_2);
-        let t1_4 = like.lift(0.0203581249).mul_add(p_m_forearm, t1_3);
-        let t1_5 = like.lift(0.0022536).mul_add(p_m_rod, t1_4);
-        let t1_6 = like.lift(0.00017424).mul_add(t1_1, t1_5);
-        let t1_7 = t1_6 + p_iyy_forearm;
-        let t1_8 = t1_7 + p_iyy_wrist;
-        let t1_9 = t1_8 + p_iyy_crank;
-        let t1_10 = t1_9 + p_izz_column;
-        let t1_11 = t1_10 + p_iyy_rod;
-        beta[0] = t1_11;
-        let t1_12 = like.lift(0.0201838849) * p_m_flange;
-        let t1_13 = like.lift(0.0201838849) * p_m_wrist;
-        let t1_14 = like.lift(0.0201838849) * p_m_forearm;
-        let t1_15 = p_iyy_arm - p_ixx_rod;
-        let t1_16 = t1_15 - p_ixx_arm;
-        let t1_17 = t1_16 + p_iyy_rod;
-        let t1_18 = t1_17 + t1_12;
-        let t1_19 = t1_18 + t1_13;
-        let t1_20 = t1_19 + t1_14;
-        let t1_21 = -t1_20;
-        beta[1] = t1_21;
-        let t1_22 = p_ixy_arm + p_ixy_rod;
-        beta[2] = t1_22;
-        let t1_23 = p_mz_forearm + p_mz_wrist;
-        let t1_24 = like.lift(-0.14207).mul_add(t1_23, p_ixz_arm);
-        let t1_25 = t1_24 + p_ixz_rod;
-        beta[3] = t1_25;
-        let t1_26 = p_iyz_arm + p_iyz_rod;
-        beta[4] = t1_26;
-        let t1_27 = t1_14 + t1_13;
-        let t1_28 = t1_27 + t1_12;
+        beta[7] = p_my_arm; beta[14] = p_my_forearm; beta[16] = p_izz_flange; beta[17] = p_mx_flange; beta[18] = p_my_flange; beta[20] = p_my_crank; beta[21] = p_my_rod;
+        let t1_1 = p_ixy_arm + p_ixy_rod;
+        beta[2] = t1_1;
+        let t1_2 = p_iyz_arm + p_iyz_rod;
+        beta[4] = t1_2;
+        let t1_3 = p_ixy_forearm + p_ixy_crank;
+        beta[9] = t1_3;
+        let t1_4 = p_iyz_forearm - p_iyz_crank;
+        beta[11] = t1_4;
+        let t1_5 = like.lift(0.05).mul_add(p_m_flange, p_mx_wrist);
+        beta[15] = t1_5;
+        let t1_6 = p_m_arm + p_m_crank;
+        let t1_7 = like.lift(0.0479867153).mul_add(p_m_flange, p_iyy_arm);
+        let t1_8 = like.lift(0.0454867153).mul_add(p_m_wrist, t1_7);
+        let t1_9 = like.lift(0.0203581249).mul_add(p_m_forearm, t1_8);
+        let t1_10 = like.lift(0.0022536).mul_add(p_m_rod, t1_9);
+        let t1_11 = like.lift(0.00017424).mul_add(t1_6, t1_10);
+        let t1_12 = t1_11 + p_iyy_forearm;
+        let t1_13 = t1_12 + p_iyy_wrist;
+        let t1_14 = t1_13 + p_iyy_crank;
+        let t1_15 = t1_14 + p_izz_column;
+        let t1_16 = t1_15 + p_iyy_rod;
+        beta[0] = t1_16;
+        let t1_17 = like.lift(0.0201838849) * p_m_flange;
+        let t1_18 = like.lift(0.0201838849) * p_m_wrist;
+        let t1_19 = like.lift(0.0201838849) * p_m_forearm;
+        let t1_20 = p_iyy_arm - p_ixx_rod;
+        let t1_21 = t1_20 - p_ixx_arm;
+        let t1_22 = t1_21 + p_iyy_rod;
+        let t1_23 = t1_22 + t1_17;
+        let t1_24 = t1_23 + t1_18;
+        let t1_25 = t1_24 + t1_19;
+        let t1_26 = t1_19 + t1_18;
+        let t1_27 = -t1_25;
+        beta[1] = t1_27;
+        let t1_28 = t1_26 + t1_17;
         let t1_29 = t1_28 + p_izz_arm;
         let t1_30 = t1_29 + p_izz_rod;
         beta[5] = t1_30;
-        let t1_31 = p_m_forearm + p_m_wrist;
-        let t1_32 = t1_31 + p_m_flange;
-        let t1_33 = like.lift(0.14207).mul_add(t1_32, p_mx_arm);
-        let t1_34 = t1_33 + p_mx_rod;
-        beta[6] = t1_34;
-        let t1_35 = like.lift(0.00207936) * p_m_rod;
-        let t1_36 = like.lift(0.0251285904) * p_m_flange;
-        let t1_37 = like.lift(0.0251285904) * p_m_wrist;
-        let t1_38 = p_iyy_forearm - p_ixx_crank;
-        let t1_39 = t1_38 - p_ixx_forearm;
-        let t1_40 = t1_39 + p_iyy_crank;
-        let t1_41 = t1_40 + t1_35;
-        let t1_42 = t1_41 + t1_36;
-        let t1_43 = t1_42 + t1_37;
-        let t1_44 = -t1_43;
-        beta[8] = t1_44;
-        let t1_45 = p_ixy_forearm + p_ixy_crank;
-        beta[9] = t1_45;
-        let t1_46 = like.lift(-0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
-        let t1_47 = like.lift(0.0456).mul_add(p_mz_rod, t1_46);
-        let t1_48 = t1_47 - p_ixz_crank;
-        beta[10] = t1_48;
-        let t1_49 = p_iyz_forearm - p_iyz_crank;
-        beta[11] = t1_49;
-        let t1_50 = t1_37 + t1_36;
-        let t1_51 = t1_50 + t1_35;
-        let t1_52 = t1_51 + p_izz_forearm;
-        let t1_53 = t1_52 + p_izz_crank;
-        beta[12] = t1_53;
-        let t1_54 = like.lift(0.32096853663686914) * p_mx_rod;
-        let t1_55 = p_m_wrist + p_m_flange;
-        let t1_56 = like.lift(0.15852).mul_add(t1_55, p_mx_forearm);
-        let t1_57 = t1_56 - t1_54;
-        beta[13] = t1_57;
-        let t1_58 = like.lift(0.05).mul_add(p_m_flange, p_mx_wrist);
-        beta[15] = t1_58;
-        let t1_59 = like.lift(-0.0456).mul_add(p_m_rod, t1_54);
+        let t1_31 = p_mz_forearm + p_mz_wrist;
+        let t1_32 = like.lift(-0.14207).mul_add(t1_31, p_ixz_arm);
+        let t1_33 = t1_32 + p_ixz_rod;
+        beta[3] = t1_33;
+        let t1_34 = p_m_forearm + p_m_wrist;
+        let t1_35 = t1_34 + p_m_flange;
+        let t1_36 = like.lift(0.14207).mul_add(t1_35, p_mx_arm);
+        let t1_37 = t1_36 + p_mx_rod;
+        beta[6] = t1_37;
+        let t1_38 = like.lift(0.00207936) * p_m_rod;
+        let t1_39 = like.lift(0.0251285904) * p_m_flange;
+        let t1_40 = like.lift(0.0251285904) * p_m_wrist;
+        let t1_41 = p_iyy_forearm - p_ixx_crank;
+        let t1_42 = t1_41 - p_ixx_forearm;
+        let t1_43 = t1_42 + p_iyy_crank;
+        let t1_44 = t1_43 + t1_38;
+        let t1_45 = t1_44 + t1_39;
+        let t1_46 = t1_45 + t1_40;
+        let t1_47 = t1_40 + t1_39;
+        let t1_48 = -t1_46;
+        beta[8] = t1_48;
+        let t1_49 = t1_47 + t1_38;
+        let t1_50 = t1_49 + p_izz_forearm;
+        let t1_51 = t1_50 + p_izz_crank;
+        beta[12] = t1_51;
+        let t1_52 = like.lift(-0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
+        let t1_53 = like.lift(0.0456).mul_add(p_mz_rod, t1_52);
+        let t1_54 = t1_53 - p_ixz_crank;
+        beta[10] = t1_54;
+        let t1_55 = like.lift(0.32096853663686914) * p_mx_rod;
+        let t1_56 = p_m_wrist + p_m_flange;
+        let t1_57 = like.lift(0.15852).mul_add(t1_56, p_mx_forearm);
+        let t1_58 = t1_57 - t1_55;
+        beta[13] = t1_58;
+        let t1_59 = like.lift(-0.0456).mul_add(p_m_rod, t1_55);
         let t1_60 = t1_59 - p_mx_crank;
         let t1_61 = -t1_60;
         beta[19] = t1_61;
-        beta[7] = p_my_arm;
-        beta[14] = p_my_forearm;
-        beta[16] = p_izz_flange;
-        beta[17] = p_mx_flange;
-        beta[18] = p_my_flange;
-        beta[20] = p_my_crank;
-        beta[21] = p_my_rod;
     }
     beta
 }
@@ -5522,134 +5749,80 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70
     ] = *free;
     // phi
     {
-        let t1_1 = p_m_arm + p_m_crank;
-        let t1_2 = like.lift(-0.0479867153).mul_add(p_m_flange, p_izz_column);
-        let t1_3 = like.lift(-0.0454867153).mul_add(p_m_wrist, t1_2);
-        let t1_4 = like.lift(-0.0203581249).mul_add(p_m_forearm, t1_3);
-        let t1_5 = like.lift(-0.0022536).mul_add(p_m_rod, t1_4);
-        let t1_6 = like.lift(-0.00017424).mul_add(t1_1, t1_5);
-        let t1_7 = t1_6 - p_iyy_arm;
-        let t1_8 = t1_7 - p_iyy_forearm;
-        let t1_9 = t1_8 - p_iyy_wrist;
-        let t1_10 = t1_9 - p_iyy_crank;
-        let t1_11 = t1_10 - p_iyy_rod;
-        phi[5] = t1_11;
-        let t1_12 = like.lift(0.0201838849) * p_m_flange;
-        let t1_13 = like.lift(0.0201838849) * p_m_wrist;
-        let t1_14 = like.lift(0.0201838849) * p_m_forearm;
-        let t1_15 = p_ixx_arm + p_iyy_arm;
-        let t1_16 = t1_15 - p_ixx_rod;
-        let t1_17 = t1_16 + p_iyy_rod;
-        let t1_18 = t1_17 + t1_12;
-        let t1_19 = t1_18 + t1_13;
-        let t1_20 = t1_19 + t1_14;
-        phi[10] = t1_20;
-        let t1_21 = p_ixy_arm - p_ixy_rod;
-        phi[11] = t1_21;
-        let t1_22 = p_mz_forearm + p_mz_wrist;
-        let t1_23 = like.lift(0.14207).mul_add(t1_22, p_ixz_arm);
-        let t1_24 = t1_23 - p_ixz_rod;
-        phi[12] = t1_24;
-        let t1_25 = p_iyz_arm - p_iyz_rod;
-        phi[14] = t1_25;
-        let t1_26 = p_izz_arm - t1_14;
-        let t1_27 = t1_26 - t1_13;
+        phi[0] = p_ixx_column; phi[1] = p_ixy_column; phi[2] = p_ixz_column; phi[3] = p_iyy_column; phi[4] = p_iyz_column; phi[6] = p_mx_column; phi[7] = p_my_column; phi[8] = p_mz_column; phi[9] = p_m_column; phi[13] = p_iyy_arm; phi[17] = p_my_arm; phi[18] = p_mz_arm; phi[19] = p_m_arm; phi[23] = p_iyy_forearm; phi[27] = p_my_forearm; phi[28] = p_mz_forearm; phi[29] = p_m_forearm; phi[30] = p_ixx_wrist; phi[31] = p_ixy_wrist; phi[32] = p_ixz_wrist; phi[33] = p_iyy_wrist; phi[34] = p_iyz_wrist; phi[35] = p_izz_wrist; phi[37] = p_my_wrist; phi[38] = p_mz_wrist; phi[39] = p_m_wrist; phi[40] = p_ixx_flange; phi[41] = p_ixy_flange; phi[42] = p_ixz_flange; phi[43] = p_iyy_flange; phi[44] = p_iyz_flange; phi[45] = p_izz_flange; phi[46] = p_mx_flange; phi[47] = p_my_flange; phi[48] = p_mz_flange; phi[49] = p_m_flange; phi[50] = p_ixx_crank; phi[51] = p_ixy_crank; phi[52] = p_ixz_crank; phi[53] = p_iyy_crank; phi[54] = p_iyz_crank; phi[55] = p_izz_crank; phi[57] = p_my_crank; phi[58] = p_mz_crank; phi[59] = p_m_crank; phi[60] = p_ixx_rod; phi[61] = p_ixy_rod; phi[62] = p_ixz_rod; phi[63] = p_iyy_rod; phi[64] = p_iyz_rod; phi[65] = p_izz_rod; phi[66] = p_mx_rod; phi[67] = p_my_rod; phi[68] = p_mz_rod; phi[69] = p_m_rod;
+        let t1_1 = p_ixy_arm - p_ixy_rod;
+        phi[11] = t1_1;
+        let t1_2 = p_iyz_arm - p_iyz_rod;
+        phi[14] = t1_2;
+        let t1_3 = p_ixy_forearm - p_ixy_crank;
+        phi[21] = t1_3;
+        let t1_4 = p_iyz_forearm + p_iyz_crank;
+        phi[24] = t1_4;
+        let t1_5 = like.lift(-0.05).mul_add(p_m_flange, p_mx_wrist);
+        phi[36] = t1_5;
+        let t1_6 = p_m_arm + p_m_crank;
+        let t1_7 = like.lift(-0.0479867153).mul_add(p_m_flange, p_izz_column);
+        let t1_8 = like.lift(-0.0454867153).mul_add(p_m_wrist, t1_7);
+        let t1_9 = like.lift(-0.0203581249).mul_add(p_m_forearm, t1_8);
+        let t1_10 = like.lift(-0.0022536).mul_add(p_m_rod, t1_9);
+        let t1_11 = like.lift(-0.00017424).mul_add(t1_6, t1_10);
+        let t1_12 = t1_11 - p_iyy_arm;
+        let t1_13 = t1_12 - p_iyy_forearm;
+        let t1_14 = t1_13 - p_iyy_wrist;
+        let t1_15 = t1_14 - p_iyy_crank;
+        let t1_16 = t1_15 - p_iyy_rod;
+        phi[5] = t1_16;
+        let t1_17 = like.lift(0.0201838849) * p_m_flange;
+        let t1_18 = like.lift(0.0201838849) * p_m_wrist;
+        let t1_19 = like.lift(0.0201838849) * p_m_forearm;
+        let t1_20 = p_ixx_arm + p_iyy_arm;
+        let t1_21 = t1_20 - p_ixx_rod;
+        let t1_22 = t1_21 + p_iyy_rod;
+        let t1_23 = t1_22 + t1_17;
+        let t1_24 = t1_23 + t1_18;
+        let t1_25 = t1_24 + t1_19;
+        phi[10] = t1_25;
+        let t1_26 = p_izz_arm - t1_19;
+        let t1_27 = t1_26 - t1_18;
         let t1_28 = t1_27 - p_izz_rod;
-        let t1_29 = t1_28 - t1_12;
+        let t1_29 = t1_28 - t1_17;
         phi[15] = t1_29;
-        let t1_30 = p_m_forearm + p_m_wrist;
-        let t1_31 = t1_30 + p_m_flange;
-        let t1_32 = like.lift(-0.14207).mul_add(t1_31, p_mx_arm);
-        let t1_33 = t1_32 - p_mx_rod;
-        phi[16] = t1_33;
-        let t1_34 = like.lift(0.00207936) * p_m_rod;
-        let t1_35 = like.lift(0.0251285904) * p_m_flange;
-        let t1_36 = like.lift(0.0251285904) * p_m_wrist;
-        let t1_37 = p_ixx_forearm + p_iyy_forearm;
-        let t1_38 = t1_37 - p_ixx_crank;
-        let t1_39 = t1_38 + p_iyy_crank;
-        let t1_40 = t1_39 + t1_34;
-        let t1_41 = t1_40 + t1_35;
-        let t1_42 = t1_41 + t1_36;
-        phi[20] = t1_42;
-        let t1_43 = p_ixy_forearm - p_ixy_crank;
-        phi[21] = t1_43;
-        let t1_44 = like.lift(0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
-        let t1_45 = like.lift(-0.0456).mul_add(p_mz_rod, t1_44);
-        let t1_46 = t1_45 + p_ixz_crank;
-        phi[22] = t1_46;
-        let t1_47 = p_iyz_forearm + p_iyz_crank;
-        phi[24] = t1_47;
-        let t1_48 = p_izz_forearm - t1_36;
-        let t1_49 = t1_48 - t1_35;
-        let t1_50 = t1_49 - p_izz_crank;
-        let t1_51 = t1_50 - t1_34;
-        phi[25] = t1_51;
-        let t1_52 = like.lift(0.32096853663686914) * p_mx_rod;
-        let t1_53 = p_m_wrist + p_m_flange;
-        let t1_54 = like.lift(-0.15852).mul_add(t1_53, p_mx_forearm);
-        let t1_55 = t1_54 + t1_52;
-        phi[26] = t1_55;
-        let t1_56 = like.lift(-0.05).mul_add(p_m_flange, p_mx_wrist);
-        phi[36] = t1_56;
-        let t1_57 = like.lift(-0.0456).mul_add(p_m_rod, p_mx_crank);
-        let t1_58 = t1_57 + t1_52;
-        phi[56] = t1_58;
-        phi[0] = p_ixx_column;
-        phi[1] = p_ixy_column;
-        phi[2] = p_ixz_column;
-        phi[3] = p_iyy_column;
-        phi[4] = p_iyz_column;
-        phi[6] = p_mx_column;
-        phi[7] = p_my_column;
-        phi[8] = p_mz_column;
-        phi[9] = p_m_column;
-        phi[13] = p_iyy_arm;
-        phi[17] = p_my_arm;
-        phi[18] = p_mz_arm;
-        phi[19] = p_m_arm;
-        phi[23] = p_iyy_forearm;
-        phi[27] = p_my_forearm;
-        phi[28] = p_mz_forearm;
-        phi[29] = p_m_forearm;
-        phi[30] = p_ixx_wrist;
-        phi[31] = p_ixy_wrist;
-        phi[32] = p_ixz_wrist;
-        phi[33] = p_iyy_wrist;
-        phi[34] = p_iyz_wrist;
-        phi[35] = p_izz_wrist;
-        phi[37] = p_my_wrist;
-        phi[38] = p_mz_wrist;
-        phi[39] = p_m_wrist;
-        phi[40] = p_ixx_flange;
-        phi[41] = p_ixy_flange;
-        phi[42] = p_ixz_flange;
-        phi[43] = p_iyy_flange;
-        phi[44] = p_iyz_flange;
-        phi[45] = p_izz_flange;
-        phi[46] = p_mx_flange;
-        phi[47] = p_my_flange;
-        phi[48] = p_mz_flange;
-        phi[49] = p_m_flange;
-        phi[50] = p_ixx_crank;
-        phi[51] = p_ixy_crank;
-        phi[52] = p_ixz_crank;
-        phi[53] = p_iyy_crank;
-        phi[54] = p_iyz_crank;
-        phi[55] = p_izz_crank;
-        phi[57] = p_my_crank;
-        phi[58] = p_mz_crank;
-        phi[59] = p_m_crank;
-        phi[60] = p_ixx_rod;
-        phi[61] = p_ixy_rod;
-        phi[62] = p_ixz_rod;
-        phi[63] = p_iyy_rod;
-        phi[64] = p_iyz_rod;
-        phi[65] = p_izz_rod;
-        phi[66] = p_mx_rod;
-        phi[67] = p_my_rod;
-        phi[68] = p_mz_rod;
-        phi[69] = p_m_rod;
+        let t1_30 = p_mz_forearm + p_mz_wrist;
+        let t1_31 = like.lift(0.14207).mul_add(t1_30, p_ixz_arm);
+        let t1_32 = t1_31 - p_ixz_rod;
+        phi[12] = t1_32;
+        let t1_33 = p_m_forearm + p_m_wrist;
+        let t1_34 = t1_33 + p_m_flange;
+        let t1_35 = like.lift(-0.14207).mul_add(t1_34, p_mx_arm);
+        let t1_36 = t1_35 - p_mx_rod;
+        phi[16] = t1_36;
+        let t1_37 = like.lift(0.00207936) * p_m_rod;
+        let t1_38 = like.lift(0.0251285904) * p_m_flange;
+        let t1_39 = like.lift(0.0251285904) * p_m_wrist;
+        let t1_40 = p_ixx_forearm + p_iyy_forearm;
+        let t1_41 = t1_40 - p_ixx_crank;
+        let t1_42 = t1_41 + p_iyy_crank;
+        let t1_43 = t1_42 + t1_37;
+        let t1_44 = t1_43 + t1_38;
+        let t1_45 = t1_44 + t1_39;
+        phi[20] = t1_45;
+        let t1_46 = p_izz_forearm - t1_39;
+        let t1_47 = t1_46 - t1_38;
+        let t1_48 = t1_47 - p_izz_crank;
+        let t1_49 = t1_48 - t1_37;
+        phi[25] = t1_49;
+        let t1_50 = like.lift(0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
+        let t1_51 = like.lift(-0.0456).mul_add(p_mz_rod, t1_50);
+        let t1_52 = t1_51 + p_ixz_crank;
+        phi[22] = t1_52;
+        let t1_53 = like.lift(0.32096853663686914) * p_mx_rod;
+        let t1_54 = like.lift(-0.0456).mul_add(p_m_rod, p_mx_crank);
+        let t1_55 = t1_54 + t1_53;
+        phi[56] = t1_55;
+        let t1_56 = p_m_wrist + p_m_flange;
+        let t1_57 = like.lift(-0.15852).mul_add(t1_56, p_mx_forearm);
+        let t1_58 = t1_57 + t1_53;
+        phi[26] = t1_58;
     }
     phi
 }
@@ -5666,16 +5839,8 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
-    let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
-    let [
-        p_izz_column, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm,
-        p_my_arm, p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
-        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
-        p_mx_crank, p_my_crank, p_my_rod,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
@@ -5691,12 +5856,18 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
             cos_wrist, sin_q4, cos_q4,
         ]
     };
+    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
+    let [dd_q1, dd_q2, dd_elbow, dd_wrist, dd_q4, dd_q3, dd_pin] = *qdd;
+    let [
+        p_izz_column, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm,
+        p_my_arm, p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
+        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
+        p_mx_crank, p_my_crank, p_my_rod,
+    ] = *beta;
     // tau, part 1
     let [
-        w_crankx, w_rodz, sin_q3_pin, w_rody, w_cranky, al_armx, al_armx_2, al_army, al_army_2,
-        w_ixx_arm_q2, t2_33, a_armx, a_army, t2_69, t2_142, w_ixy_arm_q2, t2_158, t2_174,
-        t2_184, sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, pivot_3,
-        t2_189, t2_190, sin_q2_minus_q3,
+        t2_17, t2_21, t2_23, w_ixx_arm_q2, sin_q2_elbow, cos_q2_elbow, t2_45, a_armx,
+        w_ixy_arm_q2, a_army, t2_90, t2_101, t2_146, t2_158, t2_165, t2_190, t2_196,
     ] = {
         let a_armz = like.lift(0.0132) * dd_q1;
         let w_crankx = sin_q3 * d_q1;
@@ -5717,15 +5888,26 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t2_8 = sin_q3_pin.mul_add(dd_q1, al_rodx);
         let t2_9 = t2_8 + al_rodx;
         let t2_10 = t2_9 * p_my_rod;
-        let t2_11 = p_mx_crank * a_armz;
-        let t2_12 = like.lift(-0.0456).mul_add(t2_10, t2_11);
-        let t2_13 = (-sin_pin).mul_add(t2_3, t2_12);
+        let w_rodx = sin_q3_pin * d_q1;
+        let t2_11 = (-w_rodx).mul_add(w_rody, dd_q3);
+        let t2_12 = w_rodx * w_rodx;
+        let t2_13 = w_rodz.mul_add(w_rodz, t2_12);
+        let t2_14 = t2_11 + dd_pin;
+        let t2_15 = cos_pin * t2_13;
+        let t2_16 = sin_pin.mul_add(t2_14, t2_15);
+        let t2_17 = p_my_rod * t2_16;
+        let t2_18 = p_mx_crank * a_armz;
+        let t2_19 = like.lift(-0.0456).mul_add(t2_10, t2_18);
+        let t2_20 = (-sin_pin).mul_add(t2_3, t2_19);
         let w_cranky = cos_q3 * d_q1;
+        let t2_21 = w_crankx.mul_add(w_cranky, dd_q3);
         let al_crankx = d_q3 * w_cranky;
-        let t2_14 = sin_q3.mul_add(dd_q1, al_crankx);
-        let t2_15 = t2_14 + al_crankx;
-        let t2_16 = t2_15.mul_add(p_my_crank, t2_10);
-        let t2_17 = t2_2.mul_add(p_mx_crank, t2_16);
+        let t2_22 = w_cranky * w_cranky;
+        let t2_23 = d_q3.mul_add(d_q3, t2_22);
+        let t2_24 = sin_q3.mul_add(dd_q1, al_crankx);
+        let t2_25 = t2_24 + al_crankx;
+        let t2_26 = t2_25.mul_add(p_my_crank, t2_10);
+        let t2_27 = t2_2.mul_add(p_mx_crank, t2_26);
         let w_army = cos_q2 * d_q1;
         let al_armx = d_q2 * w_army;
         let al_armx_2 = sin_q2.mul_add(dd_q1, al_armx);
@@ -5733,14 +5915,15 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let al_army = d_q2 * w_armx;
         let al_army_2 = cos_q2.mul_add(dd_q1, -al_army);
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t2_18 = w_army * w_army;
-        let t2_19 = d_q2 * d_q2;
-        let t2_20 = t2_18 - t2_19;
+        let t2_28 = w_army * w_army;
+        let t2_29 = w_armx * w_armx;
+        let t2_30 = d_q2 * d_q2;
+        let t2_31 = t2_28 - t2_30;
         let w_forearmz = d_q2 + d_elbow;
-        let t2_21 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_21);
-        let t2_22 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_22);
+        let t2_32 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_32);
+        let t2_33 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_33);
         let w_forearmy = cos_q2_elbow * d_q1;
         let al_forearmx = w_forearmz * w_forearmy;
         let al_forearmx_2 = sin_q2_elbow.mul_add(dd_q1, al_forearmx);
@@ -5748,240 +5931,239 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let al_forearmy = w_forearmz * w_forearmx;
         let al_forearmy_2 = (-cos_q2_elbow).mul_add(dd_q1, al_forearmy);
         let al_forearmz = dd_q2 + dd_elbow;
-        let t2_23 = w_forearmx * w_forearmy;
-        let t2_24 = w_forearmy * w_forearmy;
-        let t2_25 = w_forearmz * w_forearmz;
-        let t2_26 = t2_24 - t2_25;
-        let t2_27 = al_army - al_army_2;
-        let a_forearmz = like.lift(-0.14207).mul_add(t2_27, a_armz);
-        let t2_28 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_28);
-        let t2_29 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_29);
-        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t2_34 = w_forearmx * w_forearmy;
+        let t2_35 = w_forearmy * w_forearmy;
+        let t2_36 = w_forearmx * w_forearmx;
+        let t2_37 = w_forearmz * w_forearmz;
         let w_wristz = d_wrist + w_forearmz;
-        let t2_30 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_30);
+        let t2_38 = t2_35 - t2_37;
+        let t2_39 = al_army - al_army_2;
+        let a_forearmz = like.lift(-0.14207).mul_add(t2_39, a_armz);
+        let t2_40 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_40);
+        let t2_41 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_41);
+        let w_wristx = d_q1 * sin_q2_elbow_wrist;
+        let t2_42 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_42);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
         let w_flangez = d_q4 - w_wristy;
-        let t2_31 = w_flangey * w_flangez;
-        let t2_32 = d_q1 * d_q1;
-        let t2_33 = like.lift(0.0132) * t2_32;
-        let t2_34 = cos_q2 * t2_33;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_34);
-        let t2_35 = t2_18 + t2_19;
-        let t2_36 = like.lift(0.14207).mul_add(t2_35, a_armx);
-        let t2_37 = sin_q2 * t2_33;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t2_37);
-        let t2_38 = dd_q2 + w_ixx_arm_q2;
-        let t2_39 = like.lift(0.14207).mul_add(t2_38, a_army);
-        let t2_40 = cos_elbow * t2_36;
-        let a_forearmx = (-sin_elbow).mul_add(t2_39, t2_40);
-        let t2_41 = t2_24 + t2_25;
-        let t2_42 = like.lift(0.15852).mul_add(t2_41, a_forearmx);
-        let t2_43 = cos_elbow * t2_39;
-        let a_forearmy = sin_elbow.mul_add(t2_36, t2_43);
-        let t2_44 = al_forearmz + t2_23;
-        let t2_45 = like.lift(0.15852).mul_add(t2_44, a_forearmy);
-        let t2_46 = cos_wrist * t2_45;
-        let a_wristy = sin_wrist.mul_add(t2_42, t2_46);
+        let t2_43 = w_flangey * w_flangez;
+        let t2_44 = d_q1 * d_q1;
+        let t2_45 = like.lift(0.0132) * t2_44;
+        let t2_46 = cos_q2 * t2_45;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_46);
+        let t2_47 = t2_28 + t2_30;
+        let t2_48 = like.lift(0.14207).mul_add(t2_47, a_armx);
+        let t2_49 = t2_29 - t2_30;
+        let w_ixy_arm_q2 = t2_29 - t2_28;
+        let t2_50 = sin_q2 * t2_45;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t2_50);
+        let t2_51 = dd_q2 + w_ixx_arm_q2;
+        let t2_52 = like.lift(0.14207).mul_add(t2_51, a_army);
+        let t2_53 = cos_elbow * t2_48;
+        let a_forearmx = (-sin_elbow).mul_add(t2_52, t2_53);
+        let t2_54 = cos_elbow * t2_52;
+        let a_forearmy = sin_elbow.mul_add(t2_48, t2_54);
+        let t2_55 = t2_35 + t2_37;
+        let t2_56 = t2_36 - t2_35;
+        let t2_57 = like.lift(0.15852).mul_add(t2_55, a_forearmx);
+        let t2_58 = al_forearmz + t2_34;
+        let t2_59 = like.lift(0.15852).mul_add(t2_58, a_forearmy);
+        let t2_60 = cos_wrist * t2_59;
+        let a_wristy = sin_wrist.mul_add(t2_57, t2_60);
         let al_wristz = dd_wrist + al_forearmz;
-        let t2_47 = w_wristx * w_wristy;
-        let t2_48 = al_wristz + t2_47;
-        let a_flangez = like.lift(0.05).mul_add(t2_48, a_wristy);
-        let t2_49 = a_flangez * p_my_flange;
-        let t2_50 = t2_31.mul_add(p_izz_flange, t2_49);
-        let t2_51 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t2_51);
-        let t2_52 = w_flangex * w_flangez;
-        let t2_53 = t2_52 * p_izz_flange;
-        let t2_54 = (-a_flangez).mul_add(p_mx_flange, t2_53);
-        let t2_55 = cos_q4 * t2_50;
-        let t2_56 = (-sin_q4).mul_add(t2_54, t2_55);
-        let t2_57 = al_forearmy + al_forearmy_2;
-        let a_wristz = like.lift(-0.15852).mul_add(t2_57, a_forearmz);
+        let t2_61 = w_wristx * w_wristy;
+        let t2_62 = al_wristz + t2_61;
+        let t2_63 = al_wristz - t2_61;
+        let a_flangez = like.lift(0.05).mul_add(t2_62, a_wristy);
+        let t2_64 = a_wristy * p_mx_wrist;
+        let t2_65 = a_flangez * p_my_flange;
+        let t2_66 = t2_43.mul_add(p_izz_flange, t2_65);
+        let t2_67 = t2_43 + t2_43;
+        let t2_68 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t2_68);
         let al_wristy = w_wristx * w_wristz;
         let al_wristy_2 = (-dd_q1).mul_add(cos_q2_elbow_wrist, al_wristy);
+        let t2_69 = al_wristy + al_wristy_2;
         let al_flangez = dd_q4 + al_wristy_2;
-        let t2_58 = w_wristz * w_wristz;
-        let t2_59 = w_wristy.mul_add(w_wristy, t2_58);
-        let t2_60 = like.lift(0.05) * t2_59;
-        let t2_61 = (-sin_wrist).mul_add(t2_45, t2_60);
-        let t2_62 = cos_wrist.mul_add(t2_42, t2_61);
-        let t2_63 = al_wristy + al_wristy_2;
-        let t2_64 = like.lift(-0.05).mul_add(t2_63, a_wristz);
-        let t2_65 = sin_q4 * t2_62;
-        let a_flangey = (-cos_q4).mul_add(t2_64, t2_65);
-        let t2_66 = sin_q4 * t2_64;
-        let a_flangex = cos_q4.mul_add(t2_62, t2_66);
-        let t2_67 = al_flangez * p_izz_flange;
-        let t2_68 = a_flangex.mul_add(p_my_flange, t2_67);
-        let t2_69 = a_flangey.mul_add(p_mx_flange, t2_68);
-        let t2_70 = w_flangez * w_flangez;
-        let t2_71 = w_flangey.mul_add(w_flangey, t2_70);
-        let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_72 = al_flangez + w_ixx_flange_q4;
-        let t2_73 = t2_72 * p_my_flange;
-        let t2_74 = t2_71.mul_add(p_mx_flange, t2_73);
-        let t2_75 = al_flangez - w_ixx_flange_q4;
-        let t2_76 = w_flangex.mul_add(w_flangex, t2_70);
-        let t2_77 = t2_75 * p_mx_flange;
-        let t2_78 = (-t2_76).mul_add(p_my_flange, t2_77);
-        let t2_79 = sin_q4 * t2_74;
-        let t2_80 = (-cos_q4).mul_add(t2_78, t2_79);
-        let t2_81 = a_wristz.mul_add(p_mx_wrist, -t2_69);
-        let t2_82 = like.lift(0.05).mul_add(t2_80, t2_81);
-        let t2_83 = al_forearmy_2 + al_forearmy;
-        let t2_84 = al_forearmz + t2_23;
-        let t2_85 = p_ixz_forearm * t2_84;
-        let t2_86 = (-a_forearmz).mul_add(p_my_forearm, t2_85);
-        let t2_87 = (-p_ixy_forearm).mul_add(t2_83, t2_86);
-        let t2_88 = al_forearmx_2.mul_add(p_ixx_forearm, t2_87);
-        let t2_89 = t2_26.mul_add(p_iyz_forearm, t2_88);
-        let t2_90 = al_forearmx.mul_add(p_izz_forearm, t2_89);
-        let t2_91 = (-sin_wrist).mul_add(t2_82, t2_90);
-        let t2_92 = (-cos_wrist).mul_add(t2_56, t2_91);
-        let t2_93 = p_ixx_forearm - p_izz_forearm;
-        let t2_94 = w_forearmx * w_forearmx;
-        let t2_95 = t2_94 - t2_25;
-        let t2_96 = t2_63.mul_add(p_mx_wrist, -t2_80);
-        let t2_97 = al_forearmx_2 + al_forearmx;
-        let t2_98 = al_forearmz - t2_23;
-        let t2_99 = a_forearmz * p_mx_forearm;
-        let t2_100 = p_iyz_forearm.mul_add(t2_98, t2_99);
-        let t2_101 = p_ixy_forearm.mul_add(t2_97, t2_100);
-        let t2_102 = (-t2_95).mul_add(p_ixz_forearm, t2_101);
-        let t2_103 = al_forearmy.mul_add(t2_93, t2_102);
-        let t2_104 = like.lift(-0.15852).mul_add(t2_96, t2_103);
-        let t2_105 = cos_wrist.mul_add(t2_82, t2_104);
-        let t2_106 = (-sin_wrist).mul_add(t2_56, t2_105);
-        let t2_107 = al_army_2 - al_army;
-        let t2_108 = dd_q2 + w_ixx_arm_q2;
-        let t2_109 = p_ixz_arm * t2_108;
-        let t2_110 = (-p_my_arm).mul_add(a_armz, t2_109);
-        let t2_111 = p_ixy_arm.mul_add(t2_107, t2_110);
-        let t2_112 = al_armx_2.mul_add(p_ixx_arm, t2_111);
-        let t2_113 = t2_20.mul_add(p_iyz_arm, t2_112);
-        let t2_114 = al_armx.mul_add(p_izz_arm, t2_113);
-        let t2_115 = (-sin_elbow).mul_add(t2_106, t2_114);
-        let t2_116 = cos_elbow.mul_add(t2_92, t2_115);
-        let t2_117 = p_ixx_arm - p_izz_arm;
-        let t2_118 = w_armx * w_armx;
-        let t2_119 = t2_118 - t2_19;
-        let t2_120 = al_forearmx + al_forearmx_2;
-        let t2_121 = t2_120.mul_add(p_my_forearm, t2_96);
-        let t2_122 = t2_57.mul_add(p_mx_forearm, t2_121);
-        let t2_123 = al_armx_2 + al_armx;
-        let t2_124 = dd_q2 - w_ixx_arm_q2;
-        let t2_125 = p_mx_arm * a_armz;
-        let t2_126 = p_iyz_arm.mul_add(t2_124, t2_125);
-        let t2_127 = p_ixy_arm.mul_add(t2_123, t2_126);
-        let t2_128 = (-t2_119).mul_add(p_ixz_arm, t2_127);
-        let t2_129 = al_army.mul_add(t2_117, t2_128);
-        let t2_130 = like.lift(-0.14207).mul_add(t2_122, t2_129);
-        let t2_131 = cos_elbow.mul_add(t2_106, t2_130);
-        let t2_132 = sin_elbow.mul_add(t2_92, t2_131);
-        let t2_133 = al_armx + al_armx_2;
-        let t2_134 = t2_133.mul_add(p_my_arm, t2_122);
-        let t2_135 = t2_27.mul_add(p_mx_arm, t2_134);
-        let t2_136 = t2_17 + t2_135;
-        let t2_137 = dd_q1 * p_izz_column;
-        let t2_138 = like.lift(-0.0132).mul_add(t2_136, t2_137);
-        let t2_139 = cos_q3.mul_add(t2_13, t2_138);
-        let t2_140 = (-sin_q3).mul_add(t2_5, t2_139);
-        let t2_141 = cos_q2.mul_add(t2_132, t2_140);
-        let t2_142 = sin_q2.mul_add(t2_116, t2_141);
-        let w_ixy_arm_q2 = t2_118 - t2_18;
-        let t2_143 = t2_94 - t2_24;
-        let t2_144 = al_wristz - t2_47;
+        let t2_70 = w_flangex * w_flangez;
+        let t2_71 = w_flangez * w_flangez;
+        let t2_72 = t2_70 * p_izz_flange;
+        let t2_73 = (-a_flangez).mul_add(p_mx_flange, t2_72);
+        let t2_74 = t2_70 + t2_70;
+        let t2_75 = cos_q4 * t2_66;
+        let t2_76 = (-sin_q4).mul_add(t2_73, t2_75);
+        let t2_77 = al_forearmy + al_forearmy_2;
+        let a_wristz = like.lift(-0.15852).mul_add(t2_77, a_forearmz);
+        let t2_78 = w_wristz * w_wristz;
+        let t2_79 = w_wristy.mul_add(w_wristy, t2_78);
         let al_wristx = w_wristy * w_wristz;
-        let t2_145 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
-        let t2_146 = t2_145 + al_wristx;
-        let t2_147 = t2_52 + t2_52;
-        let t2_148 = sin_q4.mul_add(t2_146, t2_147);
-        let t2_149 = (-cos_q4).mul_add(t2_144, t2_148);
-        let t2_150 = t2_31 + t2_31;
-        let t2_151 = (-cos_q4).mul_add(t2_146, t2_150);
-        let t2_152 = (-sin_q4).mul_add(t2_144, t2_151);
-        let t2_153 = t2_149 * p_mx_flange;
-        let t2_154 = (-t2_152).mul_add(p_my_flange, t2_153);
-        let t2_155 = a_wristy * p_mx_wrist;
-        let t2_156 = like.lift(-0.05).mul_add(t2_154, t2_155);
-        let t2_157 = (-cos_q4).mul_add(t2_54, t2_156);
-        let t2_158 = (-sin_q4).mul_add(t2_50, t2_157);
-        let t2_159 = t2_59 * p_mx_wrist;
-        let t2_160 = sin_q4.mul_add(t2_78, t2_159);
-        let t2_161 = cos_q4.mul_add(t2_74, t2_160);
-        let t2_162 = t2_48.mul_add(p_mx_wrist, -t2_154);
-        let t2_163 = sin_wrist * t2_161;
-        let t2_164 = (-cos_wrist).mul_add(t2_162, t2_163);
-        let t2_165 = al_forearmx_2 - al_forearmx;
-        let t2_166 = al_forearmy_2 - al_forearmy;
-        let t2_167 = al_forearmz.mul_add(p_izz_forearm, t2_158);
-        let t2_168 = (-p_iyz_forearm).mul_add(t2_166, t2_167);
-        let t2_169 = p_ixz_forearm.mul_add(t2_165, t2_168);
-        let t2_170 = t2_143.mul_add(p_ixy_forearm, t2_169);
-        let t2_171 = (-t2_23).mul_add(p_ixx_forearm, t2_170);
-        let t2_172 = a_forearmx.mul_add(p_my_forearm, t2_171);
-        let t2_173 = a_forearmy.mul_add(p_mx_forearm, t2_172);
-        let t2_174 = like.lift(-0.15852).mul_add(t2_164, t2_173);
-        let t2_175 = al_forearmz - t2_23;
-        let t2_176 = t2_175 * p_my_forearm;
-        let t2_177 = t2_41.mul_add(p_mx_forearm, t2_176);
-        let t2_178 = sin_wrist.mul_add(t2_162, t2_177);
-        let t2_179 = cos_wrist.mul_add(t2_161, t2_178);
-        let t2_180 = t2_94 + t2_25;
-        let t2_181 = t2_44.mul_add(p_mx_forearm, -t2_164);
-        let t2_182 = (-t2_180).mul_add(p_my_forearm, t2_181);
-        let t2_183 = sin_elbow * t2_179;
-        let t2_184 = (-cos_elbow).mul_add(t2_182, t2_183);
-        let t2_185 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_185);
-        let t2_186 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_186);
-        let t2_187 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_187);
-        let t2_188 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_188);
-        let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_189 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_190 = -t2_189;
-        let t2_191 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_191);
+        let t2_80 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
+        let t2_81 = t2_80 + al_wristx;
+        let t2_82 = sin_q4.mul_add(t2_81, t2_74);
+        let t2_83 = (-cos_q4).mul_add(t2_81, t2_67);
+        let t2_84 = (-cos_q4).mul_add(t2_63, t2_82);
+        let t2_85 = (-sin_q4).mul_add(t2_63, t2_83);
+        let t2_86 = t2_84 * p_mx_flange;
+        let t2_87 = (-t2_85).mul_add(p_my_flange, t2_86);
+        let t2_88 = like.lift(-0.05).mul_add(t2_87, t2_64);
+        let t2_89 = (-cos_q4).mul_add(t2_73, t2_88);
+        let t2_90 = (-sin_q4).mul_add(t2_66, t2_89);
+        let t2_91 = t2_62.mul_add(p_mx_wrist, -t2_87);
+        let t2_92 = like.lift(0.05) * t2_79;
+        let t2_93 = (-sin_wrist).mul_add(t2_59, t2_92);
+        let t2_94 = cos_wrist.mul_add(t2_57, t2_93);
+        let t2_95 = t2_79 * p_mx_wrist;
+        let t2_96 = like.lift(-0.05).mul_add(t2_69, a_wristz);
+        let t2_97 = sin_q4 * t2_94;
+        let a_flangey = (-cos_q4).mul_add(t2_96, t2_97);
+        let t2_98 = sin_q4 * t2_96;
+        let a_flangex = cos_q4.mul_add(t2_94, t2_98);
+        let t2_99 = al_flangez * p_izz_flange;
+        let t2_100 = a_flangex.mul_add(p_my_flange, t2_99);
+        let t2_101 = a_flangey.mul_add(p_mx_flange, t2_100);
+        let t2_102 = a_wristz.mul_add(p_mx_wrist, -t2_101);
+        let t2_103 = w_flangey.mul_add(w_flangey, t2_71);
+        let w_ixx_flange_q4 = w_flangex * w_flangey;
+        let t2_104 = w_flangex.mul_add(w_flangex, t2_71);
+        let t2_105 = al_flangez + w_ixx_flange_q4;
+        let t2_106 = al_flangez - w_ixx_flange_q4;
+        let t2_107 = t2_105 * p_my_flange;
+        let t2_108 = t2_103.mul_add(p_mx_flange, t2_107);
+        let t2_109 = t2_106 * p_mx_flange;
+        let t2_110 = (-t2_104).mul_add(p_my_flange, t2_109);
+        let t2_111 = sin_q4.mul_add(t2_110, t2_95);
+        let t2_112 = sin_q4 * t2_108;
+        let t2_113 = (-cos_q4).mul_add(t2_110, t2_112);
+        let t2_114 = cos_q4.mul_add(t2_108, t2_111);
+        let t2_115 = like.lift(0.05).mul_add(t2_113, t2_102);
+        let t2_116 = t2_69.mul_add(p_mx_wrist, -t2_113);
+        let t2_117 = al_forearmy_2 + al_forearmy;
+        let t2_118 = al_forearmy_2 - al_forearmy;
+        let t2_119 = al_forearmz.mul_add(p_izz_forearm, t2_90);
+        let t2_120 = (-p_iyz_forearm).mul_add(t2_118, t2_119);
+        let t2_121 = al_forearmx_2 - al_forearmx;
+        let t2_122 = p_ixz_forearm.mul_add(t2_121, t2_120);
+        let t2_123 = t2_56.mul_add(p_ixy_forearm, t2_122);
+        let t2_124 = (-t2_34).mul_add(p_ixx_forearm, t2_123);
+        let t2_125 = a_forearmx.mul_add(p_my_forearm, t2_124);
+        let t2_126 = a_forearmy.mul_add(p_mx_forearm, t2_125);
+        let t2_127 = al_forearmz + t2_34;
+        let t2_128 = p_ixz_forearm * t2_127;
+        let t2_129 = (-a_forearmz).mul_add(p_my_forearm, t2_128);
+        let t2_130 = (-p_ixy_forearm).mul_add(t2_117, t2_129);
+        let t2_131 = al_forearmx_2.mul_add(p_ixx_forearm, t2_130);
+        let t2_132 = t2_38.mul_add(p_iyz_forearm, t2_131);
+        let t2_133 = al_forearmx.mul_add(p_izz_forearm, t2_132);
+        let t2_134 = (-sin_wrist).mul_add(t2_115, t2_133);
+        let t2_135 = (-cos_wrist).mul_add(t2_76, t2_134);
+        let t2_136 = a_forearmz * p_mx_forearm;
+        let t2_137 = al_forearmz - t2_34;
+        let t2_138 = p_iyz_forearm.mul_add(t2_137, t2_136);
+        let t2_139 = al_forearmz - t2_34;
+        let t2_140 = t2_139 * p_my_forearm;
+        let t2_141 = t2_55.mul_add(p_mx_forearm, t2_140);
+        let t2_142 = sin_wrist.mul_add(t2_91, t2_141);
+        let t2_143 = cos_wrist.mul_add(t2_114, t2_142);
+        let t2_144 = sin_wrist * t2_114;
+        let t2_145 = (-cos_wrist).mul_add(t2_91, t2_144);
+        let t2_146 = like.lift(-0.15852).mul_add(t2_145, t2_126);
+        let t2_147 = t2_58.mul_add(p_mx_forearm, -t2_145);
+        let t2_148 = sin_elbow * t2_143;
+        let t2_149 = al_forearmx_2 + al_forearmx;
+        let t2_150 = p_ixy_forearm.mul_add(t2_149, t2_138);
+        let t2_151 = al_forearmx + al_forearmx_2;
+        let t2_152 = t2_151.mul_add(p_my_forearm, t2_116);
+        let t2_153 = t2_77.mul_add(p_mx_forearm, t2_152);
+        let t2_154 = t2_36 - t2_37;
+        let t2_155 = t2_36 + t2_37;
+        let t2_156 = (-t2_155).mul_add(p_my_forearm, t2_147);
+        let t2_157 = (-t2_154).mul_add(p_ixz_forearm, t2_150);
+        let t2_158 = (-cos_elbow).mul_add(t2_156, t2_148);
+        let t2_159 = p_ixx_forearm - p_izz_forearm;
+        let t2_160 = al_forearmy.mul_add(t2_159, t2_157);
+        let t2_161 = like.lift(-0.15852).mul_add(t2_116, t2_160);
+        let t2_162 = cos_wrist.mul_add(t2_115, t2_161);
+        let t2_163 = (-sin_wrist).mul_add(t2_76, t2_162);
+        let t2_164 = al_army_2 - al_army;
+        let t2_165 = al_army_2 + al_army;
+        let t2_166 = dd_q2 + w_ixx_arm_q2;
+        let t2_167 = p_ixz_arm * t2_166;
+        let t2_168 = (-p_my_arm).mul_add(a_armz, t2_167);
+        let t2_169 = p_ixy_arm.mul_add(t2_164, t2_168);
+        let t2_170 = al_armx_2.mul_add(p_ixx_arm, t2_169);
+        let t2_171 = t2_31.mul_add(p_iyz_arm, t2_170);
+        let t2_172 = al_armx.mul_add(p_izz_arm, t2_171);
+        let t2_173 = (-sin_elbow).mul_add(t2_163, t2_172);
+        let t2_174 = cos_elbow.mul_add(t2_135, t2_173);
+        let t2_175 = p_mx_arm * a_armz;
+        let t2_176 = dd_q2 - w_ixx_arm_q2;
+        let t2_177 = p_iyz_arm.mul_add(t2_176, t2_175);
+        let t2_178 = al_armx_2 + al_armx;
+        let t2_179 = p_ixy_arm.mul_add(t2_178, t2_177);
+        let t2_180 = (-t2_49).mul_add(p_ixz_arm, t2_179);
+        let t2_181 = p_ixx_arm - p_izz_arm;
+        let t2_182 = al_army.mul_add(t2_181, t2_180);
+        let t2_183 = like.lift(-0.14207).mul_add(t2_153, t2_182);
+        let t2_184 = cos_elbow.mul_add(t2_163, t2_183);
+        let t2_185 = sin_elbow.mul_add(t2_135, t2_184);
+        let t2_186 = al_armx + al_armx_2;
+        let t2_187 = t2_186.mul_add(p_my_arm, t2_153);
+        let t2_188 = t2_39.mul_add(p_mx_arm, t2_187);
+        let t2_189 = t2_27 + t2_188;
+        let t2_190 = al_armx_2 - al_armx;
+        let t2_191 = dd_q1 * p_izz_column;
+        let t2_192 = like.lift(-0.0132).mul_add(t2_189, t2_191);
+        let t2_193 = cos_q3.mul_add(t2_20, t2_192);
+        let t2_194 = (-sin_q3).mul_add(t2_5, t2_193);
+        let t2_195 = cos_q2.mul_add(t2_185, t2_194);
+        let t2_196 = sin_q2.mul_add(t2_174, t2_195);
         [
-            w_crankx, w_rodz, sin_q3_pin, w_rody, w_cranky, al_armx, al_armx_2, al_army,
-            al_army_2, w_ixx_arm_q2, t2_33, a_armx, a_army, t2_69, t2_142, w_ixy_arm_q2,
-            t2_158, t2_174, t2_184, sin_q2_elbow_minus_q3_minus_pin,
-            cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_189, t2_190, sin_q2_minus_q3,
+            t2_17, t2_21, t2_23, w_ixx_arm_q2, sin_q2_elbow, cos_q2_elbow, t2_45, a_armx,
+            w_ixy_arm_q2, a_army, t2_90, t2_101, t2_146, t2_158, t2_165, t2_190, t2_196,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3] = {
-        let t3_1 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_1);
-        let t3_2 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_2);
-        let t3_3 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_3);
-        let t3_4 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_5 = -t3_4;
+        let t3_1 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t3_1);
+        let t3_2 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t3_2);
+        let t3_3 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t3_3);
+        let t3_4 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t3_4);
+        let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
+        let t3_5 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t3_6 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t3_7 = -t3_6;
+        let t3_8 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_8);
+        let t3_9 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_9);
+        let t3_10 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_10);
+        let t3_11 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_11);
+        let t3_12 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t3_13 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_6);
+        let t3_14 = -t3_12;
+        let t3_15 = t3_12 * t3_5;
+        let t3_16 = sin_pin * t3_5;
+        let t3_17 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_15, t3_13);
+        let t3_18 = like.lift(21.92982456140351) * t3_15;
+        let t3_19 = like.lift(7.038783698176955) * t3_17;
+        let t3_20 = -t3_19;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_6 = -u_rod_q3x;
-        let t3_7 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_189);
-        let t3_8 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t3_9 = -t3_8;
-        let t3_10 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_11 = t3_4 * t3_10;
-        let t3_12 = like.lift(21.92982456140351) * t3_11;
-        let t3_13 = -t3_12;
-        let t3_14 = sin_pin * t3_10;
-        let t3_15 = -t3_14;
-        let t3_16 = like.lift(1.0) + t3_12;
-        let t3_17 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_11, t3_7);
-        let t3_18 = like.lift(7.038783698176955) * t3_17;
-        let t3_19 = -t3_18;
-        let t3_20 = t3_14.mul_add(t2_189, t3_8);
-        let t3_21 = like.lift(7.038783698176955) * t3_20;
+        let t3_21 = -u_rod_q3x;
+        let t3_22 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_23 = t3_16.mul_add(t3_6, t3_22);
+        let t3_24 = -t3_22;
+        let t3_25 = like.lift(7.038783698176955) * t3_23;
+        let t3_26 = -t3_18;
+        let t3_27 = like.lift(1.0) + t3_18;
+        let t3_28 = -t3_16;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -5989,23 +6171,23 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_13, like.lift(0.0), t3_15],
-                [like.lift(0.0), t3_16, like.lift(0.0), t3_14],
-                [like.lift(0.0), t3_19, like.lift(0.0), t3_21],
+                [like.lift(0.0), t3_26, like.lift(0.0), t3_28],
+                [like.lift(0.0), t3_27, like.lift(0.0), t3_16],
+                [like.lift(0.0), t3_20, like.lift(0.0), t3_25],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_190, like.lift(0.0), like.lift(-0.14207)],
+                    [t3_7, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_5, like.lift(0.0), t3_6],
-                    [like.lift(0.0), t3_7, like.lift(0.0), t3_9],
+                    [like.lift(0.0), t3_14, like.lift(0.0), t3_21],
+                    [like.lift(0.0), t3_13, like.lift(0.0), t3_24],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6018,49 +6200,35 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
     };
     // tau
     {
-        let t4_1 = cos_q3 * t2_33;
+        tau[0] = t2_196; tau[2] = t2_101;
+        let t4_1 = cos_q3 * t2_45;
+        let t4_2 = sin_q3 * t2_45;
         let a_crankx = like.lift(-9.81).mul_add(sin_q3, t4_1);
-        let t4_2 = w_cranky * w_cranky;
-        let t4_3 = d_q3.mul_add(d_q3, t4_2);
-        let t4_4 = like.lift(0.0456).mul_add(t4_3, a_crankx);
-        let t4_5 = sin_q3 * t2_33;
-        let a_cranky = like.lift(9.81).mul_add(cos_q3, t4_5);
-        let t4_6 = w_crankx.mul_add(w_cranky, dd_q3);
-        let t4_7 = like.lift(0.0456).mul_add(t4_6, a_cranky);
-        let t4_8 = cos_pin * t4_4;
-        let a_rodx = (-sin_pin).mul_add(t4_7, t4_8);
-        let t4_9 = a_rodx * p_my_rod;
-        let t4_10 = al_armx_2 - al_armx;
-        let t4_11 = al_army_2 + al_army;
-        let t4_12 = (-t4_9).mul_add(x_pin_q2, t2_174);
-        let t4_13 = (-t2_158).mul_add(x_wrist_q2, t4_12);
-        let t4_14 = (-t2_174).mul_add(x_elbow_q2, t4_13);
-        let t4_15 = dd_q2.mul_add(p_izz_arm, t4_14);
-        let t4_16 = p_iyz_arm.mul_add(t4_11, t4_15);
-        let t4_17 = p_ixz_arm.mul_add(t4_10, t4_16);
-        let t4_18 = w_ixy_arm_q2.mul_add(p_ixy_arm, t4_17);
-        let t4_19 = (-w_ixx_arm_q2).mul_add(p_ixx_arm, t4_18);
-        let t4_20 = a_armx.mul_add(p_my_arm, t4_19);
-        let t4_21 = a_army.mul_add(p_mx_arm, t4_20);
-        let t4_22 = like.lift(-0.14207).mul_add(t2_184, t4_21);
-        tau[1] = t4_22;
-        let w_rodx = sin_q3_pin * d_q1;
-        let t4_23 = (-w_rodx).mul_add(w_rody, dd_q3);
-        let t4_24 = t4_23 + dd_pin;
-        let t4_25 = w_rodx * w_rodx;
-        let t4_26 = w_rodz.mul_add(w_rodz, t4_25);
-        let t4_27 = cos_pin * t4_26;
-        let t4_28 = sin_pin.mul_add(t4_24, t4_27);
-        let t4_29 = p_my_rod * t4_28;
-        let t4_30 = (-t4_9).mul_add(x_pin_q3, t4_9);
-        let t4_31 = a_crankx.mul_add(p_my_crank, t4_30);
-        let t4_32 = a_cranky.mul_add(p_mx_crank, t4_31);
-        let t4_33 = like.lift(-0.0456).mul_add(t4_29, t4_32);
-        let t4_34 = (-t2_158).mul_add(x_wrist_q3, t4_33);
-        let t4_35 = (-t2_174).mul_add(x_elbow_q3, t4_34);
-        tau[3] = t4_35;
-        tau[0] = t2_142;
-        tau[2] = t2_69;
+        let a_cranky = like.lift(9.81).mul_add(cos_q3, t4_2);
+        let t4_3 = like.lift(0.0456).mul_add(t2_23, a_crankx);
+        let t4_4 = cos_pin * t4_3;
+        let t4_5 = like.lift(0.0456).mul_add(t2_21, a_cranky);
+        let a_rodx = (-sin_pin).mul_add(t4_5, t4_4);
+        let t4_6 = a_rodx * p_my_rod;
+        let t4_7 = (-t4_6).mul_add(x_pin_q2, t2_146);
+        let t4_8 = (-t2_90).mul_add(x_wrist_q2, t4_7);
+        let t4_9 = (-t4_6).mul_add(x_pin_q3, t4_6);
+        let t4_10 = a_crankx.mul_add(p_my_crank, t4_9);
+        let t4_11 = a_cranky.mul_add(p_mx_crank, t4_10);
+        let t4_12 = like.lift(-0.0456).mul_add(t2_17, t4_11);
+        let t4_13 = (-t2_90).mul_add(x_wrist_q3, t4_12);
+        let t4_14 = (-t2_146).mul_add(x_elbow_q3, t4_13);
+        tau[3] = t4_14;
+        let t4_15 = (-t2_146).mul_add(x_elbow_q2, t4_8);
+        let t4_16 = dd_q2.mul_add(p_izz_arm, t4_15);
+        let t4_17 = p_iyz_arm.mul_add(t2_165, t4_16);
+        let t4_18 = p_ixz_arm.mul_add(t2_190, t4_17);
+        let t4_19 = w_ixy_arm_q2.mul_add(p_ixy_arm, t4_18);
+        let t4_20 = (-w_ixx_arm_q2).mul_add(p_ixx_arm, t4_19);
+        let t4_21 = a_armx.mul_add(p_my_arm, t4_20);
+        let t4_22 = a_army.mul_add(p_mx_arm, t4_21);
+        let t4_23 = like.lift(-0.14207).mul_add(t2_158, t4_22);
+        tau[1] = t4_23;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6075,12 +6243,8 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
 pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [
-        _, _, _, _, _, _, p_mx_arm, p_my_arm, _, _, _, _, _, p_mx_forearm, p_my_forearm,
-        p_mx_wrist, _, p_mx_flange, p_my_flange, p_mx_crank, p_my_crank, p_my_rod,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist, cos_wrist, sin_q4, cos_q4, sin_q3,
@@ -6096,10 +6260,14 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
             cos_q3, sin_pin, cos_pin,
         ]
     };
+    let [
+        _, _, _, _, _, _, p_mx_arm, p_my_arm, _, _, _, _, _, p_mx_forearm, p_my_forearm,
+        p_mx_wrist, _, p_mx_flange, p_my_flange, p_mx_crank, p_my_crank, p_my_rod,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_14, t2_25, t2_29, t2_32, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
-        x_pin_q3,
+        t2_18, t2_19, t2_30, t2_33, t2_60, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+        x_pin_q2, x_pin_q3,
     ] = {
         let t2_1 = sin_q2 * cos_elbow;
         let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_1);
@@ -6111,70 +6279,74 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
         let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_4);
         let t2_5 = cos_q2_elbow_wrist * p_my_flange;
         let t2_6 = cos_q2_elbow_wrist * p_mx_flange;
-        let t2_7 = sin_q4 * t2_6;
-        let t2_8 = cos_q4.mul_add(t2_5, t2_7);
-        let t2_9 = like.lift(9.81) * t2_8;
-        let t2_10 = cos_q4 * sin_q2_elbow_wrist;
-        let t2_11 = t2_10 * p_my_flange;
-        let t2_12 = sin_q4 * sin_q2_elbow_wrist;
-        let t2_13 = t2_12.mul_add(p_mx_flange, t2_11);
-        let t2_14 = like.lift(9.81) * t2_13;
-        let t2_15 = sin_wrist * t2_14;
-        let t2_16 = cos_wrist.mul_add(t2_9, t2_15);
-        let t2_17 = sin_wrist * t2_9;
-        let t2_18 = (-cos_wrist).mul_add(t2_14, t2_17);
-        let t2_19 = cos_elbow * t2_16;
-        let t2_20 = (-sin_elbow).mul_add(t2_18, t2_19);
-        let t2_21 = cos_elbow * t2_18;
-        let t2_22 = sin_elbow.mul_add(t2_16, t2_21);
-        let t2_23 = cos_q2 * t2_22;
-        let t2_24 = sin_q2.mul_add(t2_20, t2_23);
-        let t2_25 = -t2_24;
-        let t2_26 = cos_q2_elbow_wrist * p_mx_wrist;
-        let t2_27 = cos_q4.mul_add(t2_6, t2_26);
-        let t2_28 = (-sin_q4).mul_add(t2_5, t2_27);
-        let t2_29 = like.lift(9.81) * t2_28;
-        let t2_30 = sin_q2_elbow * p_my_forearm;
-        let t2_31 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_30);
-        let t2_32 = like.lift(-9.81).mul_add(t2_31, t2_29);
-        let t2_33 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_33);
-        let t2_34 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_34);
-        let t2_35 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_35);
-        let t2_36 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_36);
+        let t2_7 = cos_q2_elbow_wrist * p_mx_wrist;
+        let t2_8 = cos_q4.mul_add(t2_6, t2_7);
+        let t2_9 = sin_q4 * t2_6;
+        let t2_10 = cos_q4.mul_add(t2_5, t2_9);
+        let t2_11 = (-sin_q4).mul_add(t2_5, t2_8);
+        let t2_12 = like.lift(9.81) * t2_10;
+        let t2_13 = cos_q4 * sin_q2_elbow_wrist;
+        let t2_14 = sin_q4 * sin_q2_elbow_wrist;
+        let t2_15 = t2_13 * p_my_flange;
+        let t2_16 = t2_14.mul_add(p_mx_flange, t2_15);
+        let t2_17 = like.lift(9.81) * t2_16;
+        let t2_18 = like.lift(9.81) * t2_11;
+        let t2_19 = -t2_17;
+        let t2_20 = sin_wrist * t2_17;
+        let t2_21 = sin_wrist * t2_12;
+        let t2_22 = cos_wrist.mul_add(t2_12, t2_20);
+        let t2_23 = (-cos_wrist).mul_add(t2_17, t2_21);
+        let t2_24 = cos_elbow * t2_22;
+        let t2_25 = cos_elbow * t2_23;
+        let t2_26 = (-sin_elbow).mul_add(t2_23, t2_24);
+        let t2_27 = sin_elbow.mul_add(t2_22, t2_25);
+        let t2_28 = cos_q2 * t2_27;
+        let t2_29 = sin_q2.mul_add(t2_26, t2_28);
+        let t2_30 = -t2_29;
+        let t2_31 = sin_q2_elbow * p_my_forearm;
+        let t2_32 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_31);
+        let t2_33 = like.lift(-9.81).mul_add(t2_32, t2_18);
+        let t2_34 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_34);
+        let t2_35 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_35);
+        let t2_36 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_36);
+        let t2_37 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_37);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_37 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_38 = -t2_37;
-        let t2_39 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_39);
-        let t2_40 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_40);
-        let t2_41 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_41);
-        let t2_42 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_42);
-        let t2_43 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_44 = -t2_43;
+        let t2_38 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_39 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_40 = -t2_39;
+        let t2_41 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_41);
+        let t2_42 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_42);
+        let t2_43 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_43);
+        let t2_44 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_44);
+        let t2_45 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_46 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_39);
+        let t2_47 = -t2_45;
+        let t2_48 = t2_45 * t2_38;
+        let t2_49 = sin_pin * t2_38;
+        let t2_50 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_48, t2_46);
+        let t2_51 = like.lift(21.92982456140351) * t2_48;
+        let t2_52 = like.lift(7.038783698176955) * t2_50;
+        let t2_53 = -t2_52;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t2_45 = -u_rod_q3x;
-        let t2_46 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_37);
-        let t2_47 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t2_48 = -t2_47;
-        let t2_49 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_50 = t2_43 * t2_49;
-        let t2_51 = like.lift(21.92982456140351) * t2_50;
-        let t2_52 = -t2_51;
-        let t2_53 = sin_pin * t2_49;
-        let t2_54 = -t2_53;
-        let t2_55 = like.lift(1.0) + t2_51;
-        let t2_56 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_50, t2_46);
-        let t2_57 = like.lift(7.038783698176955) * t2_56;
-        let t2_58 = -t2_57;
-        let t2_59 = t2_53.mul_add(t2_37, t2_47);
-        let t2_60 = like.lift(7.038783698176955) * t2_59;
+        let t2_54 = -u_rod_q3x;
+        let t2_55 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_55);
+        let t2_56 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_57 = t2_49.mul_add(t2_39, t2_56);
+        let t2_58 = -t2_56;
+        let t2_59 = like.lift(7.038783698176955) * t2_57;
+        let t2_60 = sin_q3_pin * p_my_rod;
+        let t2_61 = -t2_51;
+        let t2_62 = like.lift(1.0) + t2_51;
+        let t2_63 = -t2_49;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6182,23 +6354,23 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t2_52, like.lift(0.0), t2_54],
-                [like.lift(0.0), t2_55, like.lift(0.0), t2_53],
-                [like.lift(0.0), t2_58, like.lift(0.0), t2_60],
+                [like.lift(0.0), t2_61, like.lift(0.0), t2_63],
+                [like.lift(0.0), t2_62, like.lift(0.0), t2_49],
+                [like.lift(0.0), t2_53, like.lift(0.0), t2_59],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_38, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_40, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t2_44, like.lift(0.0), t2_45],
-                    [like.lift(0.0), t2_46, like.lift(0.0), t2_48],
+                    [like.lift(0.0), t2_47, like.lift(0.0), t2_54],
+                    [like.lift(0.0), t2_46, like.lift(0.0), t2_58],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6208,32 +6380,27 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
         );
         condition = condition.min(found);
         [
-            t2_14, t2_25, t2_29, t2_32, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+            t2_18, t2_19, t2_30, t2_33, t2_60, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
             x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t3_1 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t3_1);
-        let t3_2 = sin_q3_pin * p_my_rod;
-        let t3_3 = t3_2 * x_pin_q2;
-        let t3_4 = (-sin_q2).mul_add(p_my_arm, t3_3);
-        let t3_5 = cos_q2.mul_add(p_mx_arm, t3_4);
-        let t3_6 = like.lift(9.81).mul_add(t3_5, t2_32);
-        let t3_7 = (-t2_29).mul_add(x_wrist_q2, t3_6);
-        let t3_8 = (-t2_32).mul_add(x_elbow_q2, t3_7);
-        tau[1] = t3_8;
-        let t3_9 = -t2_14;
-        tau[2] = t3_9;
-        let t3_10 = t3_2.mul_add(x_pin_q3, -t3_2);
-        let t3_11 = (-sin_q3).mul_add(p_my_crank, t3_10);
-        let t3_12 = cos_q3.mul_add(p_mx_crank, t3_11);
-        let t3_13 = like.lift(9.81) * t3_12;
-        let t3_14 = (-t2_29).mul_add(x_wrist_q3, t3_13);
-        let t3_15 = (-t2_32).mul_add(x_elbow_q3, t3_14);
-        tau[3] = t3_15;
-        tau[0] = t2_25;
+        tau[0] = t2_30; tau[2] = t2_19;
+        let t3_1 = t2_60 * x_pin_q2;
+        let t3_2 = (-sin_q2).mul_add(p_my_arm, t3_1);
+        let t3_3 = t2_60.mul_add(x_pin_q3, -t2_60);
+        let t3_4 = (-sin_q3).mul_add(p_my_crank, t3_3);
+        let t3_5 = cos_q2.mul_add(p_mx_arm, t3_2);
+        let t3_6 = cos_q3.mul_add(p_mx_crank, t3_4);
+        let t3_7 = like.lift(9.81).mul_add(t3_5, t2_33);
+        let t3_8 = (-t2_18).mul_add(x_wrist_q2, t3_7);
+        let t3_9 = (-t2_33).mul_add(x_elbow_q2, t3_8);
+        tau[1] = t3_9;
+        let t3_10 = like.lift(9.81) * t3_6;
+        let t3_11 = (-t2_18).mul_add(x_wrist_q3, t3_10);
+        let t3_12 = (-t2_33).mul_add(x_elbow_q3, t3_11);
+        tau[3] = t3_12;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6249,15 +6416,8 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
 pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
-    let [
-        _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm, p_my_arm,
-        p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
-        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
-        p_mx_crank, p_my_crank, p_my_rod,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
@@ -6273,313 +6433,341 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
             cos_wrist, sin_q4, cos_q4,
         ]
     };
+    let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
+    let [
+        _, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm, p_my_arm,
+        p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
+        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
+        p_mx_crank, p_my_crank, p_my_rod,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        w_crankx, t2_1, t2_2, sin_q3_pin, w_rody, t2_8, w_cranky, t2_12, w_armx, al_army,
-        t2_13, w_ixx_arm_q2, al_armx, t2_14, t2_15, t2_16, w_forearmz, sin_q2_elbow,
-        cos_q2_elbow, w_forearmx, al_forearmy, t2_19, t2_20, al_forearmx, t2_21, t2_22, t2_23,
-        cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_28, t2_29, t2_30, t2_31,
-        cos_q2_minus_q3_minus_pin, t2_42, t2_47, al_forearmz, t2_54, al_rodz,
+        t2_3, w_rodx, w_rody, t2_11, t2_12, t2_13, t2_17, al_army, w_ixx_arm_q2, t2_19,
+        al_armx, t2_20, t2_21, t2_27, sin_q2_elbow, cos_q2_elbow, al_forearmy, t2_30, t2_31,
+        t2_32, al_forearmx, t2_33, t2_34, w_wristz, t2_35, cos_q2_elbow_minus_q3_minus_pin,
+        pivot_3, t2_40, t2_41, t2_44, t2_56, t2_57, t2_61, t2_62, al_forearmz, t2_70, al_rodz,
     ] = {
         let w_crankx = sin_q3 * d_q1;
         let al_cranky = d_q3 * w_crankx;
-        let t2_1 = al_cranky * p_my_rod;
+        let t2_1 = like.lift(0.0456) * w_crankx;
+        let t2_2 = al_cranky * p_my_rod;
         let w_rodz = d_q3 + d_pin;
-        let t2_2 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_2);
-        let t2_3 = cos_q3 * cos_pin;
-        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_3);
+        let t2_3 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_3);
+        let w_rodx = sin_q3_pin * d_q1;
+        let t2_4 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t2_4);
         let w_rody = cos_q3_pin * d_q1;
-        let t2_4 = w_rodz * w_rody;
-        let t2_5 = t2_4 * p_my_rod;
-        let t2_6 = (-sin_pin).mul_add(t2_1, t2_5);
-        let t2_7 = like.lift(0.0912) * t2_6;
-        let t2_8 = -t2_7;
+        let t2_5 = w_rodz * w_rody;
+        let t2_6 = t2_5 * p_my_rod;
+        let t2_7 = w_rodz * w_rodz;
+        let t2_8 = (-sin_pin).mul_add(t2_2, t2_6);
+        let t2_9 = like.lift(0.0912) * t2_8;
+        let t2_10 = -t2_9;
+        let t2_11 = cos_q3 * t2_10;
+        let t2_12 = like.lift(0.0912) * t2_2;
         let w_cranky = cos_q3 * d_q1;
-        let t2_9 = d_q3 * w_cranky;
-        let t2_10 = t2_9.mul_add(p_my_crank, t2_5);
-        let t2_11 = al_cranky.mul_add(p_mx_crank, t2_10);
-        let t2_12 = like.lift(2.0) * t2_11;
+        let t2_13 = t2_1 * w_cranky;
+        let t2_14 = d_q3 * w_cranky;
+        let t2_15 = t2_14.mul_add(p_my_crank, t2_6);
+        let t2_16 = al_cranky.mul_add(p_mx_crank, t2_15);
+        let t2_17 = like.lift(2.0) * t2_16;
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let t2_13 = al_army * p_ixy_arm;
+        let t2_18 = al_army * p_ixy_arm;
         let w_army = cos_q2 * d_q1;
         let w_ixx_arm_q2 = w_armx * w_army;
+        let t2_19 = w_armx * w_armx;
         let al_armx = d_q2 * w_army;
-        let t2_14 = w_army * w_army;
-        let t2_15 = d_q2 * d_q2;
-        let t2_16 = t2_14 - t2_15;
+        let t2_20 = w_army * w_army;
+        let t2_21 = d_q2 * d_q2;
+        let t2_22 = t2_20 - t2_21;
+        let t2_23 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t2_18);
+        let t2_24 = (-t2_22).mul_add(p_iyz_arm, t2_23);
+        let t2_25 = p_izz_arm + p_ixx_arm;
+        let t2_26 = (-al_armx).mul_add(t2_25, t2_24);
+        let t2_27 = t2_26 + t2_18;
         let w_forearmz = d_q2 + d_elbow;
-        let t2_17 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_17);
-        let t2_18 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_18);
+        let t2_28 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_28);
+        let t2_29 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_29);
         let w_forearmx = sin_q2_elbow * d_q1;
         let al_forearmy = w_forearmz * w_forearmx;
-        let t2_19 = al_forearmy * p_ixy_forearm;
+        let t2_30 = al_forearmy * p_ixy_forearm;
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t2_20 = w_forearmx * w_forearmy;
+        let t2_31 = w_forearmx * w_forearmy;
+        let t2_32 = w_forearmx * w_forearmx;
         let al_forearmx = w_forearmz * w_forearmy;
-        let t2_21 = w_forearmy * w_forearmy;
-        let t2_22 = w_forearmz * w_forearmz;
-        let t2_23 = t2_21 - t2_22;
-        let t2_24 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_24);
-        let t2_25 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_25);
-        let t2_26 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_26);
-        let t2_27 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_27);
+        let t2_33 = w_forearmy * w_forearmy;
+        let t2_34 = w_forearmz * w_forearmz;
+        let w_wristz = d_wrist + w_forearmz;
+        let t2_35 = t2_33 - t2_34;
+        let t2_36 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_36);
+        let t2_37 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_37);
+        let t2_38 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_38);
+        let t2_39 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_39);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_28 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_29 = -t2_28;
-        let t2_30 = d_q3 * d_q3;
-        let t2_31 = w_rodz * w_rodz;
-        let t2_32 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_32);
-        let t2_33 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_33);
-        let t2_34 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_34);
-        let t2_35 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_35);
-        let t2_36 = cos_pin * t2_30;
-        let t2_37 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_22, t2_36);
-        let t2_38 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_15, t2_31);
-        let t2_39 = like.lift(0.14207) * t2_38;
-        let t2_40 = like.lift(0.0456).mul_add(t2_37, t2_39);
+        let t2_40 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
         let t2_41 = -t2_40;
-        let t2_42 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
-        let t2_43 = sin_pin * t2_30;
-        let t2_44 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_22, t2_43);
-        let t2_45 = like.lift(0.0456) * t2_44;
-        let t2_46 = t2_15.mul_add(t2_42, t2_45);
-        let t2_47 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_48 = t2_47 * t2_40;
-        let t2_49 = like.lift(21.92982456140351) * t2_48;
-        let t2_50 = -t2_49;
-        let t2_51 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_48, t2_46);
-        let t2_52 = like.lift(7.038783698176955) * t2_51;
-        let t2_53 = -t2_52;
+        let t2_42 = d_q3 * d_q3;
+        let t2_43 = w_cranky.mul_add(w_cranky, t2_42);
+        let t2_44 = like.lift(0.0456) * t2_43;
+        let t2_45 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_45);
+        let t2_46 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_46);
+        let t2_47 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_47);
+        let t2_48 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_48);
+        let t2_49 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
+        let t2_50 = cos_pin * t2_42;
+        let t2_51 = cos_q2_elbow_minus_q3_minus_pin.mul_add(t2_34, t2_50);
+        let t2_52 = sin_pin * t2_42;
+        let t2_53 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t2_34, t2_52);
+        let t2_54 = like.lift(0.0456) * t2_53;
+        let t2_55 = t2_21.mul_add(t2_49, t2_54);
+        let t2_56 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_57 = t2_49 - pivot_3;
+        let t2_58 = (-cos_q2_minus_q3_minus_pin).mul_add(t2_21, t2_7);
+        let t2_59 = like.lift(0.14207) * t2_58;
+        let t2_60 = like.lift(0.0456).mul_add(t2_51, t2_59);
+        let t2_61 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_40);
+        let t2_62 = w_rodx.mul_add(w_rodx, t2_7);
+        let t2_63 = -t2_60;
+        let t2_64 = t2_56 * t2_60;
+        let t2_65 = like.lift(21.92982456140351) * t2_64;
+        let t2_66 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_64, t2_55);
+        let t2_67 = like.lift(7.038783698176955) * t2_66;
+        let t2_68 = -t2_67;
+        let t2_69 = -t2_65;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[al_forearmz], [t2_54], [al_rodz]], found) = ::regen_runtime::guarded(
-            [[t2_50], [t2_49], [t2_53]],
+        let ([[al_forearmz], [t2_70], [al_rodz]], found) = ::regen_runtime::guarded(
+            [[t2_69], [t2_65], [t2_68]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_29, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_41, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_41], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_63], [t2_55], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                     [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            w_crankx, t2_1, t2_2, sin_q3_pin, w_rody, t2_8, w_cranky, t2_12, w_armx, al_army,
-            t2_13, w_ixx_arm_q2, al_armx, t2_14, t2_15, t2_16, w_forearmz, sin_q2_elbow,
-            cos_q2_elbow, w_forearmx, al_forearmy, t2_19, t2_20, al_forearmx, t2_21, t2_22,
-            t2_23, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_28, t2_29, t2_30, t2_31,
-            cos_q2_minus_q3_minus_pin, t2_42, t2_47, al_forearmz, t2_54, al_rodz,
+            t2_3, w_rodx, w_rody, t2_11, t2_12, t2_13, t2_17, al_army, w_ixx_arm_q2, t2_19,
+            al_armx, t2_20, t2_21, t2_27, sin_q2_elbow, cos_q2_elbow, al_forearmy, t2_30,
+            t2_31, t2_32, al_forearmx, t2_33, t2_34, w_wristz, t2_35,
+            cos_q2_elbow_minus_q3_minus_pin, pivot_3, t2_40, t2_41, t2_44, t2_56, t2_57, t2_61,
+            t2_62, al_forearmz, t2_70, al_rodz,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_6, t3_7, t3_11, t3_41, t3_109, w_ixy_arm_q2, t3_124, t3_136, t3_146, x_elbow_q2,
-        x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t3_5, t3_19, t3_21, w_ixy_arm_q2, t3_29, t3_69, t3_85, t3_105, t3_111, t3_153,
+        x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t3_1 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_1);
-        let t3_2 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_2);
+        let t3_1 = w_rodx.mul_add(w_rody, -al_rodz);
+        let t3_2 = sin_pin * t3_1;
+        let t3_3 = (-cos_pin).mul_add(t2_62, t3_2);
+        let al_wristz = al_forearmz + t2_70;
+        let t3_4 = p_my_rod * t3_3;
+        let t3_5 = -t3_4;
+        let t3_6 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_6);
+        let t3_7 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_7);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let w_wristz = d_wrist + w_forearmz;
-        let t3_3 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_3);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
+        let t3_8 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_8);
         let w_flangez = d_q4 - w_wristy;
-        let t3_4 = w_flangey * w_flangez;
-        let t3_5 = t2_21 + t2_22;
-        let t3_6 = d_q1 * d_q1;
-        let t3_7 = cos_q2 * t3_6;
-        let t3_8 = t2_14 + t2_15;
-        let t3_9 = like.lift(0.14207) * t3_8;
-        let t3_10 = like.lift(0.0132).mul_add(t3_7, t3_9);
-        let t3_11 = sin_q2 * t3_6;
-        let t3_12 = like.lift(0.14207) * w_ixx_arm_q2;
-        let t3_13 = like.lift(0.0132).mul_add(t3_11, t3_12);
-        let t3_14 = cos_elbow * t3_10;
-        let a_forearmx = (-sin_elbow).mul_add(t3_13, t3_14);
-        let t3_15 = like.lift(0.15852).mul_add(t3_5, a_forearmx);
-        let t3_16 = cos_elbow * t3_13;
-        let a_forearmy = sin_elbow.mul_add(t3_10, t3_16);
-        let t3_17 = t2_20 + al_forearmz;
-        let t3_18 = like.lift(0.15852).mul_add(t3_17, a_forearmy);
-        let t3_19 = cos_wrist * t3_18;
-        let a_wristy = sin_wrist.mul_add(t3_15, t3_19);
-        let t3_20 = w_wristx * w_wristy;
-        let al_wristz = al_forearmz + t2_54;
-        let t3_21 = t3_20 + al_wristz;
-        let a_flangez = like.lift(0.05).mul_add(t3_21, a_wristy);
-        let t3_22 = p_my_flange * a_flangez;
-        let t3_23 = t3_4.mul_add(p_izz_flange, t3_22);
-        let t3_24 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t3_24);
-        let t3_25 = w_flangex * w_flangez;
-        let t3_26 = t3_25 * p_izz_flange;
-        let t3_27 = (-p_mx_flange).mul_add(a_flangez, t3_26);
-        let t3_28 = cos_q4 * t3_23;
-        let t3_29 = (-sin_q4).mul_add(t3_27, t3_28);
-        let t3_30 = like.lift(0.28414) * al_army;
-        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_30);
+        let t3_9 = w_flangey * w_flangez;
+        let t3_10 = t2_33 + t2_34;
+        let t3_11 = t2_32 - t2_33;
+        let t3_12 = d_q1 * d_q1;
+        let t3_13 = cos_q3 * t3_12;
+        let t3_14 = like.lift(0.0132).mul_add(t3_13, t2_44);
+        let t3_15 = sin_q3 * t3_12;
+        let t3_16 = like.lift(0.0132).mul_add(t3_15, t2_13);
+        let t3_17 = cos_pin * t3_14;
+        let a_rodx = (-sin_pin).mul_add(t3_16, t3_17);
+        let t3_18 = t3_13 * p_my_crank;
+        let t3_19 = t3_15.mul_add(p_mx_crank, t3_18);
+        let t3_20 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_21 = a_rodx * p_my_rod;
+        let t3_22 = cos_q2 * t3_12;
+        let t3_23 = sin_q2 * t3_12;
+        let t3_24 = t2_20 + t2_21;
+        let t3_25 = like.lift(0.14207) * t3_24;
+        let t3_26 = like.lift(0.0132).mul_add(t3_22, t3_25);
+        let t3_27 = t2_19 - t2_21;
+        let w_ixy_arm_q2 = t2_19 - t2_20;
+        let t3_28 = t3_22 * p_my_arm;
+        let t3_29 = t3_23.mul_add(p_mx_arm, t3_28);
+        let t3_30 = like.lift(0.14207) * w_ixx_arm_q2;
+        let t3_31 = like.lift(0.0132).mul_add(t3_23, t3_30);
+        let t3_32 = cos_elbow * t3_26;
+        let a_forearmx = (-sin_elbow).mul_add(t3_31, t3_32);
+        let t3_33 = cos_elbow * t3_31;
+        let a_forearmy = sin_elbow.mul_add(t3_26, t3_33);
+        let t3_34 = like.lift(0.15852).mul_add(t3_10, a_forearmx);
+        let t3_35 = t3_10 * p_mx_forearm;
+        let t3_36 = t2_31 - al_forearmz;
+        let t3_37 = (-p_my_forearm).mul_add(t3_36, t3_35);
+        let t3_38 = t2_31 + al_forearmz;
+        let t3_39 = like.lift(0.15852).mul_add(t3_38, a_forearmy);
+        let t3_40 = cos_wrist * t3_39;
+        let a_wristy = sin_wrist.mul_add(t3_34, t3_40);
+        let t3_41 = w_wristx * w_wristy;
+        let t3_42 = t3_41 + al_wristz;
+        let t3_43 = t3_41 - al_wristz;
+        let a_flangez = like.lift(0.05).mul_add(t3_42, a_wristy);
+        let t3_44 = p_mx_wrist * a_wristy;
+        let t3_45 = p_my_flange * a_flangez;
+        let t3_46 = t3_9.mul_add(p_izz_flange, t3_45);
+        let t3_47 = t3_9 + t3_9;
+        let t3_48 = sin_q4.mul_add(t3_43, t3_47);
+        let t3_49 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t3_49);
         let al_wristy = w_wristx * w_wristz;
-        let t3_31 = like.lift(0.1).mul_add(al_wristy, a_wristz);
-        let t3_32 = w_wristz * w_wristz;
-        let t3_33 = w_wristy.mul_add(w_wristy, t3_32);
-        let t3_34 = like.lift(0.05) * t3_33;
-        let t3_35 = (-sin_wrist).mul_add(t3_18, t3_34);
-        let t3_36 = cos_wrist.mul_add(t3_15, t3_35);
-        let t3_37 = sin_q4 * t3_36;
-        let a_flangey = cos_q4.mul_add(t3_31, t3_37);
-        let t3_38 = sin_q4 * t3_31;
-        let a_flangex = (-cos_q4).mul_add(t3_36, t3_38);
-        let t3_39 = al_wristy * p_izz_flange;
-        let t3_40 = (-p_my_flange).mul_add(a_flangex, t3_39);
-        let t3_41 = p_mx_flange.mul_add(a_flangey, t3_40);
-        let t3_42 = w_flangez * w_flangez;
-        let t3_43 = w_flangey.mul_add(w_flangey, t3_42);
-        let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t3_44 = al_wristy + w_ixx_flange_q4;
-        let t3_45 = t3_44 * p_my_flange;
-        let t3_46 = t3_43.mul_add(p_mx_flange, t3_45);
-        let t3_47 = w_flangex.mul_add(w_flangex, t3_42);
-        let t3_48 = al_wristy - w_ixx_flange_q4;
-        let t3_49 = t3_47 * p_my_flange;
-        let t3_50 = (-t3_48).mul_add(p_mx_flange, t3_49);
-        let t3_51 = cos_q4 * t3_50;
-        let t3_52 = sin_q4.mul_add(t3_46, t3_51);
-        let t3_53 = a_wristz.mul_add(p_mx_wrist, t3_41);
-        let t3_54 = like.lift(-0.05).mul_add(t3_52, t3_53);
-        let t3_55 = t2_20 + al_forearmz;
-        let t3_56 = p_izz_forearm + p_ixx_forearm;
-        let t3_57 = (-p_my_forearm).mul_add(t3_30, t2_19);
-        let t3_58 = (-p_ixz_forearm).mul_add(t3_55, t3_57);
-        let t3_59 = (-t2_23).mul_add(p_iyz_forearm, t3_58);
-        let t3_60 = (-al_forearmx).mul_add(t3_56, t3_59);
-        let t3_61 = t3_60 + t2_19;
-        let t3_62 = (-sin_wrist).mul_add(t3_54, t3_61);
-        let t3_63 = cos_wrist.mul_add(t3_29, t3_62);
-        let t3_64 = al_forearmx * p_ixy_forearm;
-        let t3_65 = p_ixx_forearm - p_izz_forearm;
-        let t3_66 = w_forearmx * w_forearmx;
-        let t3_67 = t3_66 - t2_22;
-        let t3_68 = like.lift(2.0) * al_wristy;
-        let t3_69 = t3_68.mul_add(p_mx_wrist, -t3_52);
-        let t3_70 = t2_20 - al_forearmz;
-        let t3_71 = p_mx_forearm.mul_add(t3_30, -t3_64);
-        let t3_72 = p_iyz_forearm.mul_add(t3_70, t3_71);
-        let t3_73 = t3_67.mul_add(p_ixz_forearm, t3_72);
-        let t3_74 = (-al_forearmy).mul_add(t3_65, t3_73);
-        let t3_75 = t3_74 - t3_64;
-        let t3_76 = like.lift(0.15852).mul_add(t3_69, t3_75);
-        let t3_77 = cos_wrist.mul_add(t3_54, t3_76);
-        let t3_78 = sin_wrist.mul_add(t3_29, t3_77);
-        let t3_79 = p_izz_arm + p_ixx_arm;
-        let t3_80 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t2_13);
-        let t3_81 = (-t2_16).mul_add(p_iyz_arm, t3_80);
-        let t3_82 = (-al_armx).mul_add(t3_79, t3_81);
-        let t3_83 = t3_82 + t2_13;
-        let t3_84 = (-sin_elbow).mul_add(t3_78, t3_83);
-        let t3_85 = cos_elbow.mul_add(t3_63, t3_84);
-        let t3_86 = al_armx * p_ixy_arm;
-        let t3_87 = p_ixx_arm - p_izz_arm;
-        let t3_88 = w_armx * w_armx;
-        let t3_89 = t3_88 - t2_15;
-        let t3_90 = al_forearmx * p_my_forearm;
-        let t3_91 = al_forearmy.mul_add(p_mx_forearm, t3_90);
-        let t3_92 = like.lift(2.0).mul_add(t3_91, t3_69);
-        let t3_93 = (-w_ixx_arm_q2).mul_add(p_iyz_arm, t3_86);
-        let t3_94 = t3_93 + t3_86;
-        let t3_95 = (-t3_89).mul_add(p_ixz_arm, t3_94);
-        let t3_96 = al_army.mul_add(t3_87, t3_95);
-        let t3_97 = like.lift(-0.14207).mul_add(t3_92, t3_96);
-        let t3_98 = (-cos_elbow).mul_add(t3_78, t3_97);
-        let t3_99 = (-sin_elbow).mul_add(t3_63, t3_98);
-        let t3_100 = al_armx * p_my_arm;
-        let t3_101 = al_army.mul_add(p_mx_arm, t3_100);
-        let t3_102 = like.lift(2.0).mul_add(t3_101, t3_92);
-        let t3_103 = t2_12 + t3_102;
-        let t3_104 = cos_q3 * t2_8;
-        let t3_105 = like.lift(-0.0132).mul_add(t3_103, t3_104);
-        let t3_106 = like.lift(0.0912) * t2_1;
-        let t3_107 = t3_106.mul_add(t2_2, t3_105);
-        let t3_108 = cos_q2.mul_add(t3_99, t3_107);
-        let t3_109 = (-sin_q2).mul_add(t3_85, t3_108);
-        let w_ixy_arm_q2 = t3_88 - t2_14;
-        let t3_110 = t3_66 - t2_21;
+        let t3_50 = w_flangex * w_flangez;
+        let t3_51 = w_flangez * w_flangez;
+        let t3_52 = t3_50 * p_izz_flange;
+        let t3_53 = (-p_mx_flange).mul_add(a_flangez, t3_52);
+        let t3_54 = t3_50 + t3_50;
+        let t3_55 = cos_q4.mul_add(t3_43, t3_54);
+        let t3_56 = cos_q4 * t3_46;
+        let t3_57 = (-sin_q4).mul_add(t3_53, t3_56);
+        let t3_58 = like.lift(0.28414) * al_army;
+        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_58);
+        let t3_59 = like.lift(0.1).mul_add(al_wristy, a_wristz);
+        let t3_60 = w_wristz * w_wristz;
+        let t3_61 = w_wristy.mul_add(w_wristy, t3_60);
         let al_wristx = w_wristy * w_wristz;
-        let t3_111 = t3_20 - al_wristz;
-        let t3_112 = like.lift(2.0) * al_wristx;
-        let t3_113 = t3_25 + t3_25;
-        let t3_114 = cos_q4.mul_add(t3_111, t3_113);
-        let t3_115 = sin_q4.mul_add(t3_112, t3_114);
-        let t3_116 = t3_4 + t3_4;
-        let t3_117 = sin_q4.mul_add(t3_111, t3_116);
-        let t3_118 = (-cos_q4).mul_add(t3_112, t3_117);
-        let t3_119 = p_mx_flange * t3_115;
-        let t3_120 = (-p_my_flange).mul_add(t3_118, t3_119);
-        let t3_121 = p_mx_wrist * a_wristy;
-        let t3_122 = like.lift(-0.05).mul_add(t3_120, t3_121);
-        let t3_123 = (-cos_q4).mul_add(t3_27, t3_122);
-        let t3_124 = (-sin_q4).mul_add(t3_23, t3_123);
-        let t3_125 = t3_33 * p_mx_wrist;
-        let t3_126 = (-sin_q4).mul_add(t3_50, t3_125);
-        let t3_127 = cos_q4.mul_add(t3_46, t3_126);
-        let t3_128 = p_mx_wrist.mul_add(t3_21, -t3_120);
-        let t3_129 = sin_wrist * t3_127;
-        let t3_130 = (-cos_wrist).mul_add(t3_128, t3_129);
-        let t3_131 = t3_110.mul_add(p_ixy_forearm, t3_124);
-        let t3_132 = p_izz_forearm.mul_add(al_forearmz, t3_131);
-        let t3_133 = (-t2_20).mul_add(p_ixx_forearm, t3_132);
-        let t3_134 = a_forearmx.mul_add(p_my_forearm, t3_133);
-        let t3_135 = a_forearmy.mul_add(p_mx_forearm, t3_134);
-        let t3_136 = like.lift(-0.15852).mul_add(t3_130, t3_135);
-        let t3_137 = t2_20 - al_forearmz;
-        let t3_138 = t3_5 * p_mx_forearm;
-        let t3_139 = (-p_my_forearm).mul_add(t3_137, t3_138);
-        let t3_140 = sin_wrist.mul_add(t3_128, t3_139);
-        let t3_141 = cos_wrist.mul_add(t3_127, t3_140);
-        let t3_142 = t3_66 + t2_22;
-        let t3_143 = (-p_mx_forearm).mul_add(t3_17, t3_130);
-        let t3_144 = t3_142.mul_add(p_my_forearm, t3_143);
-        let t3_145 = cos_elbow * t3_144;
-        let t3_146 = sin_elbow.mul_add(t3_141, t3_145);
-        let t3_147 = t2_42 - pivot_3;
-        let t3_148 = -t3_147;
+        let t3_62 = like.lift(2.0) * al_wristx;
+        let t3_63 = sin_q4.mul_add(t3_62, t3_55);
+        let t3_64 = (-cos_q4).mul_add(t3_62, t3_48);
+        let t3_65 = p_mx_flange * t3_63;
+        let t3_66 = (-p_my_flange).mul_add(t3_64, t3_65);
+        let t3_67 = like.lift(-0.05).mul_add(t3_66, t3_44);
+        let t3_68 = (-cos_q4).mul_add(t3_53, t3_67);
+        let t3_69 = (-sin_q4).mul_add(t3_46, t3_68);
+        let t3_70 = p_mx_wrist.mul_add(t3_42, -t3_66);
+        let t3_71 = t3_11.mul_add(p_ixy_forearm, t3_69);
+        let t3_72 = p_izz_forearm.mul_add(al_forearmz, t3_71);
+        let t3_73 = (-t2_31).mul_add(p_ixx_forearm, t3_72);
+        let t3_74 = a_forearmx.mul_add(p_my_forearm, t3_73);
+        let t3_75 = a_forearmy.mul_add(p_mx_forearm, t3_74);
+        let t3_76 = sin_wrist.mul_add(t3_70, t3_37);
+        let t3_77 = like.lift(0.05) * t3_61;
+        let t3_78 = (-sin_wrist).mul_add(t3_39, t3_77);
+        let t3_79 = cos_wrist.mul_add(t3_34, t3_78);
+        let t3_80 = t3_61 * p_mx_wrist;
+        let t3_81 = sin_q4 * t3_79;
+        let a_flangey = cos_q4.mul_add(t3_59, t3_81);
+        let t3_82 = sin_q4 * t3_59;
+        let a_flangex = (-cos_q4).mul_add(t3_79, t3_82);
+        let t3_83 = al_wristy * p_izz_flange;
+        let t3_84 = (-p_my_flange).mul_add(a_flangex, t3_83);
+        let t3_85 = p_mx_flange.mul_add(a_flangey, t3_84);
+        let t3_86 = a_wristz.mul_add(p_mx_wrist, t3_85);
+        let t3_87 = w_flangey.mul_add(w_flangey, t3_51);
+        let w_ixx_flange_q4 = w_flangex * w_flangey;
+        let t3_88 = w_flangex.mul_add(w_flangex, t3_51);
+        let t3_89 = t3_88 * p_my_flange;
+        let t3_90 = al_wristy - w_ixx_flange_q4;
+        let t3_91 = (-t3_90).mul_add(p_mx_flange, t3_89);
+        let t3_92 = al_wristy + w_ixx_flange_q4;
+        let t3_93 = t3_92 * p_my_flange;
+        let t3_94 = t3_87.mul_add(p_mx_flange, t3_93);
+        let t3_95 = like.lift(2.0) * al_wristy;
+        let t3_96 = (-sin_q4).mul_add(t3_91, t3_80);
+        let t3_97 = cos_q4 * t3_91;
+        let t3_98 = sin_q4.mul_add(t3_94, t3_97);
+        let t3_99 = cos_q4.mul_add(t3_94, t3_96);
+        let t3_100 = like.lift(-0.05).mul_add(t3_98, t3_86);
+        let t3_101 = t3_95.mul_add(p_mx_wrist, -t3_98);
+        let t3_102 = cos_wrist.mul_add(t3_99, t3_76);
+        let t3_103 = sin_wrist * t3_99;
+        let t3_104 = (-cos_wrist).mul_add(t3_70, t3_103);
+        let t3_105 = like.lift(-0.15852).mul_add(t3_104, t3_75);
+        let t3_106 = (-p_mx_forearm).mul_add(t3_38, t3_104);
+        let t3_107 = t2_32 + t2_34;
+        let t3_108 = t2_32 - t2_34;
+        let t3_109 = t3_107.mul_add(p_my_forearm, t3_106);
+        let t3_110 = cos_elbow * t3_109;
+        let t3_111 = sin_elbow.mul_add(t3_102, t3_110);
+        let t3_112 = t2_31 + al_forearmz;
+        let t3_113 = t2_31 - al_forearmz;
+        let t3_114 = (-p_my_forearm).mul_add(t3_58, t2_30);
+        let t3_115 = (-p_ixz_forearm).mul_add(t3_112, t3_114);
+        let t3_116 = (-t2_35).mul_add(p_iyz_forearm, t3_115);
+        let t3_117 = p_izz_forearm + p_ixx_forearm;
+        let t3_118 = (-al_forearmx).mul_add(t3_117, t3_116);
+        let t3_119 = t3_118 + t2_30;
+        let t3_120 = (-sin_wrist).mul_add(t3_100, t3_119);
+        let t3_121 = cos_wrist.mul_add(t3_57, t3_120);
+        let t3_122 = al_forearmx * p_ixy_forearm;
+        let t3_123 = p_mx_forearm.mul_add(t3_58, -t3_122);
+        let t3_124 = p_iyz_forearm.mul_add(t3_113, t3_123);
+        let t3_125 = t3_108.mul_add(p_ixz_forearm, t3_124);
+        let t3_126 = al_forearmx * p_my_forearm;
+        let t3_127 = al_forearmy.mul_add(p_mx_forearm, t3_126);
+        let t3_128 = p_ixx_forearm - p_izz_forearm;
+        let t3_129 = (-al_forearmy).mul_add(t3_128, t3_125);
+        let t3_130 = t3_129 - t3_122;
+        let t3_131 = like.lift(0.15852).mul_add(t3_101, t3_130);
+        let t3_132 = cos_wrist.mul_add(t3_100, t3_131);
+        let t3_133 = sin_wrist.mul_add(t3_57, t3_132);
+        let t3_134 = like.lift(2.0).mul_add(t3_127, t3_101);
+        let t3_135 = (-sin_elbow).mul_add(t3_133, t2_27);
+        let t3_136 = cos_elbow.mul_add(t3_121, t3_135);
+        let t3_137 = al_armx * p_ixy_arm;
+        let t3_138 = al_armx * p_my_arm;
+        let t3_139 = al_army.mul_add(p_mx_arm, t3_138);
+        let t3_140 = like.lift(2.0).mul_add(t3_139, t3_134);
+        let t3_141 = t2_17 + t3_140;
+        let t3_142 = like.lift(-0.0132).mul_add(t3_141, t2_11);
+        let t3_143 = t2_12.mul_add(t2_3, t3_142);
+        let t3_144 = (-w_ixx_arm_q2).mul_add(p_iyz_arm, t3_137);
+        let t3_145 = t3_144 + t3_137;
+        let t3_146 = (-t3_27).mul_add(p_ixz_arm, t3_145);
+        let t3_147 = p_ixx_arm - p_izz_arm;
+        let t3_148 = al_army.mul_add(t3_147, t3_146);
+        let t3_149 = like.lift(-0.14207).mul_add(t3_134, t3_148);
+        let t3_150 = (-cos_elbow).mul_add(t3_133, t3_149);
+        let t3_151 = (-sin_elbow).mul_add(t3_121, t3_150);
+        let t3_152 = cos_q2.mul_add(t3_151, t3_143);
+        let t3_153 = (-sin_q2).mul_add(t3_136, t3_152);
+        let t3_154 = -t2_57;
+        let t3_155 = t2_57 * t2_56;
+        let t3_156 = sin_pin * t2_56;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_149 = -u_rod_q3x;
-        let t3_150 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_28);
-        let t3_151 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t3_152 = -t3_151;
-        let t3_153 = t3_147 * t2_47;
-        let t3_154 = like.lift(21.92982456140351) * t3_153;
-        let t3_155 = -t3_154;
-        let t3_156 = sin_pin * t2_47;
-        let t3_157 = -t3_156;
-        let t3_158 = like.lift(1.0) + t3_154;
-        let t3_159 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_153, t3_150);
-        let t3_160 = like.lift(7.038783698176955) * t3_159;
+        let t3_157 = -u_rod_q3x;
+        let t3_158 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_155, t2_61);
+        let t3_159 = like.lift(21.92982456140351) * t3_155;
+        let t3_160 = like.lift(7.038783698176955) * t3_158;
         let t3_161 = -t3_160;
-        let t3_162 = t3_156.mul_add(t2_28, t3_151);
-        let t3_163 = like.lift(7.038783698176955) * t3_162;
+        let t3_162 = t3_156.mul_add(t2_40, t3_20);
+        let t3_163 = -t3_20;
+        let t3_164 = like.lift(7.038783698176955) * t3_162;
+        let t3_165 = -t3_159;
+        let t3_166 = like.lift(1.0) + t3_159;
+        let t3_167 = -t3_156;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6587,23 +6775,23 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_155, like.lift(0.0), t3_157],
-                [like.lift(0.0), t3_158, like.lift(0.0), t3_156],
-                [like.lift(0.0), t3_161, like.lift(0.0), t3_163],
+                [like.lift(0.0), t3_165, like.lift(0.0), t3_167],
+                [like.lift(0.0), t3_166, like.lift(0.0), t3_156],
+                [like.lift(0.0), t3_161, like.lift(0.0), t3_164],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_29, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_41, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_148, like.lift(0.0), t3_149],
-                    [like.lift(0.0), t3_150, like.lift(0.0), t3_152],
+                    [like.lift(0.0), t3_154, like.lift(0.0), t3_157],
+                    [like.lift(0.0), t2_61, like.lift(0.0), t3_163],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6613,51 +6801,28 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         );
         condition = condition.min(found);
         [
-            t3_6, t3_7, t3_11, t3_41, t3_109, w_ixy_arm_q2, t3_124, t3_136, t3_146, x_elbow_q2,
-            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t3_5, t3_19, t3_21, w_ixy_arm_q2, t3_29, t3_69, t3_85, t3_105, t3_111, t3_153,
+            x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        let t4_1 = cos_q3 * t3_6;
-        let t4_2 = w_cranky.mul_add(w_cranky, t2_30);
-        let t4_3 = like.lift(0.0456) * t4_2;
-        let t4_4 = like.lift(0.0132).mul_add(t4_1, t4_3);
-        let t4_5 = sin_q3 * t3_6;
-        let t4_6 = like.lift(0.0456) * w_crankx;
-        let t4_7 = t4_6 * w_cranky;
-        let t4_8 = like.lift(0.0132).mul_add(t4_5, t4_7);
-        let t4_9 = cos_pin * t4_4;
-        let a_rodx = (-sin_pin).mul_add(t4_8, t4_9);
-        let t4_10 = a_rodx * p_my_rod;
-        let t4_11 = t3_7 * p_my_arm;
-        let t4_12 = t3_11.mul_add(p_mx_arm, t4_11);
-        let t4_13 = t4_10.mul_add(x_pin_q2, -t3_136);
-        let t4_14 = t3_124.mul_add(x_wrist_q2, t4_13);
-        let t4_15 = t3_136.mul_add(x_elbow_q2, t4_14);
-        let t4_16 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t4_15);
-        let t4_17 = w_ixx_arm_q2.mul_add(p_ixx_arm, t4_16);
-        let t4_18 = like.lift(-0.0132).mul_add(t4_12, t4_17);
-        let t4_19 = like.lift(0.14207).mul_add(t3_146, t4_18);
-        let t4_20 = -t4_19;
-        tau[1] = t4_20;
-        let w_rodx = sin_q3_pin * d_q1;
-        let t4_21 = w_rodx.mul_add(w_rodx, t2_31);
-        let t4_22 = w_rodx.mul_add(w_rody, -al_rodz);
-        let t4_23 = sin_pin * t4_22;
-        let t4_24 = (-cos_pin).mul_add(t4_21, t4_23);
-        let t4_25 = p_my_rod * t4_24;
-        let t4_26 = -t4_25;
-        let t4_27 = t4_1 * p_my_crank;
-        let t4_28 = t4_5.mul_add(p_mx_crank, t4_27);
-        let t4_29 = (-t4_10).mul_add(x_pin_q3, t4_10);
-        let t4_30 = like.lift(0.0132).mul_add(t4_28, t4_29);
-        let t4_31 = like.lift(-0.0456).mul_add(t4_26, t4_30);
-        let t4_32 = (-t3_124).mul_add(x_wrist_q3, t4_31);
-        let t4_33 = (-t3_136).mul_add(x_elbow_q3, t4_32);
-        tau[3] = t4_33;
-        tau[0] = t3_109;
-        tau[2] = t3_41;
+        tau[0] = t3_153; tau[2] = t3_85;
+        let t4_1 = t3_21.mul_add(x_pin_q2, -t3_105);
+        let t4_2 = t3_69.mul_add(x_wrist_q2, t4_1);
+        let t4_3 = t3_105.mul_add(x_elbow_q2, t4_2);
+        let t4_4 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t4_3);
+        let t4_5 = w_ixx_arm_q2.mul_add(p_ixx_arm, t4_4);
+        let t4_6 = like.lift(-0.0132).mul_add(t3_29, t4_5);
+        let t4_7 = like.lift(0.14207).mul_add(t3_111, t4_6);
+        let t4_8 = (-t3_21).mul_add(x_pin_q3, t3_21);
+        let t4_9 = like.lift(0.0132).mul_add(t3_19, t4_8);
+        let t4_10 = like.lift(-0.0456).mul_add(t3_5, t4_9);
+        let t4_11 = (-t3_69).mul_add(x_wrist_q3, t4_10);
+        let t4_12 = (-t3_105).mul_add(x_elbow_q3, t4_11);
+        tau[3] = t4_12;
+        let t4_13 = -t4_7;
+        tau[1] = t4_13;
     }
     (tau, Condition { pivot: condition })
 }
@@ -6672,14 +6837,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 4]; 4];
-    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
-    let [
-        p_izz_column, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm,
-        p_my_arm, p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
-        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
-        p_mx_crank, p_my_crank, p_my_rod,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [_, q2, elbow, wrist, q4, q3, pin] = *q;
     // sines and cosines
     let [
         sin_q3, cos_q3, sin_pin, cos_pin, sin_q2, cos_q2, sin_elbow, cos_elbow, sin_wrist,
@@ -6695,11 +6854,17 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], 
             cos_wrist, sin_q4, cos_q4,
         ]
     };
+    let [
+        p_izz_column, p_ixx_arm, p_ixy_arm, p_ixz_arm, p_iyz_arm, p_izz_arm, p_mx_arm,
+        p_my_arm, p_ixx_forearm, p_ixy_forearm, p_ixz_forearm, p_iyz_forearm, p_izz_forearm,
+        p_mx_forearm, p_my_forearm, p_mx_wrist, p_izz_flange, p_mx_flange, p_my_flange,
+        p_mx_crank, p_my_crank, p_my_rod,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_2, t2_3, t2_12, t2_13, t2_17, t2_24, t2_25, t2_43, t2_44, t2_58, t2_60, t2_63,
-        t2_67, t2_69, t2_72, t2_74, sin_q2_elbow, cos_q2_elbow, x_elbow_q2, x_elbow_q3,
-        x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t2_3, t2_12, t2_14, t2_17, t2_21, t2_37, t2_41, t2_52, t2_64, t2_65, t2_68, t2_74,
+        t2_76, t2_78, t2_79, t2_86, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+        x_pin_q3,
     ] = {
         let t2_1 = cos_pin * p_my_rod;
         let t2_2 = sin_pin * p_my_rod;
@@ -6707,116 +6872,125 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], 
         let t2_4 = like.lift(0.0456) * sin_q3;
         let t2_5 = cos_q3 * t2_3;
         let t2_6 = t2_1.mul_add(t2_4, t2_5);
-        let t2_7 = p_mx_crank - t2_2;
+        let t2_7 = t2_1.mul_add(t2_4, t2_6);
         let t2_8 = p_my_crank + t2_1;
-        let t2_9 = cos_q3 * t2_7;
-        let t2_10 = (-sin_q3).mul_add(t2_8, t2_9);
-        let t2_11 = cos_q4 * p_mx_flange;
-        let t2_12 = (-sin_q4).mul_add(p_my_flange, t2_11);
-        let t2_13 = like.lift(0.1) * t2_12;
-        let t2_14 = p_izz_flange + t2_13;
-        let t2_15 = sin_wrist * t2_14;
-        let t2_16 = sin_wrist.mul_add(t2_15, p_ixx_forearm);
-        let t2_17 = p_mx_wrist + t2_12;
-        let t2_18 = sin_wrist * t2_17;
-        let t2_19 = like.lift(-0.15852).mul_add(t2_18, p_ixy_forearm);
-        let t2_20 = (-cos_wrist).mul_add(t2_15, t2_19);
-        let t2_21 = sin_elbow * t2_20;
-        let t2_22 = cos_elbow.mul_add(t2_16, -t2_21);
-        let t2_23 = cos_elbow * t2_20;
-        let t2_24 = cos_wrist * t2_17;
-        let t2_25 = like.lift(0.31704) * t2_24;
-        let t2_26 = cos_wrist * cos_wrist;
-        let t2_27 = t2_26.mul_add(t2_14, t2_25);
-        let t2_28 = (-sin_elbow).mul_add(t2_27, t2_23);
-        let t2_29 = (-sin_elbow).mul_add(t2_28, p_ixx_arm);
-        let t2_30 = cos_elbow.mul_add(t2_22, t2_29);
-        let t2_31 = p_mx_forearm + t2_24;
-        let t2_32 = p_my_forearm + t2_18;
-        let t2_33 = cos_elbow * t2_32;
-        let t2_34 = sin_elbow.mul_add(t2_31, t2_33);
-        let t2_35 = like.lift(-0.14207).mul_add(t2_34, p_ixy_arm);
-        let t2_36 = cos_elbow.mul_add(t2_28, t2_35);
-        let t2_37 = sin_elbow.mul_add(t2_22, t2_36);
-        let t2_38 = cos_q2 * t2_37;
-        let t2_39 = sin_q2.mul_add(t2_30, t2_38);
-        let t2_40 = sin_elbow.mul_add(t2_16, t2_23);
-        let t2_41 = cos_elbow.mul_add(t2_27, t2_21);
-        let t2_42 = cos_elbow * t2_31;
-        let t2_43 = (-sin_elbow).mul_add(t2_32, t2_42);
-        let t2_44 = like.lift(0.28414) * t2_43;
-        let t2_45 = cos_elbow.mul_add(t2_41, t2_44);
-        let t2_46 = sin_elbow.mul_add(t2_40, t2_45);
-        let t2_47 = cos_q2 * t2_46;
-        let t2_48 = sin_q2.mul_add(t2_37, t2_47);
-        let t2_49 = p_mx_arm + t2_43;
-        let t2_50 = p_my_arm + t2_34;
-        let t2_51 = cos_q2 * t2_49;
-        let t2_52 = (-sin_q2).mul_add(t2_50, t2_51);
-        let t2_53 = t2_10 + t2_52;
-        let t2_54 = t2_1.mul_add(t2_4, t2_6);
-        let t2_55 = like.lift(0.0264).mul_add(t2_53, p_izz_column);
-        let t2_56 = (-cos_q3).mul_add(t2_54, t2_55);
-        let t2_57 = cos_q2.mul_add(t2_48, t2_56);
-        let t2_58 = sin_q2.mul_add(t2_39, t2_57);
-        let t2_59 = cos_q4 * p_my_flange;
-        let t2_60 = sin_q4.mul_add(p_mx_flange, t2_59);
-        let t2_61 = like.lift(0.05).mul_add(cos_wrist, like.lift(0.15852));
-        let t2_62 = (-t2_60).mul_add(t2_61, p_ixz_forearm);
-        let t2_63 = sin_wrist * t2_60;
-        let t2_64 = like.lift(-0.05).mul_add(t2_63, p_iyz_forearm);
-        let t2_65 = cos_elbow * t2_62;
-        let t2_66 = (-sin_elbow).mul_add(t2_64, t2_65);
-        let t2_67 = like.lift(0.14207) * t2_60;
-        let t2_68 = p_ixz_arm - t2_67;
-        let t2_69 = t2_68 + t2_66;
-        let t2_70 = cos_elbow * t2_64;
-        let t2_71 = sin_elbow.mul_add(t2_62, t2_70);
-        let t2_72 = p_iyz_arm + t2_71;
-        let t2_73 = cos_q2 * t2_71;
-        let t2_74 = sin_q2.mul_add(t2_66, t2_73);
-        let t2_75 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_75);
-        let t2_76 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_76);
-        let t2_77 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_77);
-        let t2_78 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_78);
-        let t2_79 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_79);
-        let t2_80 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_80);
+        let t2_9 = p_mx_crank - t2_2;
+        let t2_10 = cos_q3 * t2_9;
+        let t2_11 = (-sin_q3).mul_add(t2_8, t2_10);
+        let t2_12 = like.lift(0.0456) * t2_2;
+        let t2_13 = cos_q4 * p_mx_flange;
+        let t2_14 = (-sin_q4).mul_add(p_my_flange, t2_13);
+        let t2_15 = cos_q4 * p_my_flange;
+        let t2_16 = sin_q4.mul_add(p_mx_flange, t2_15);
+        let t2_17 = like.lift(0.1) * t2_14;
+        let t2_18 = p_izz_flange + t2_17;
+        let t2_19 = sin_wrist * t2_18;
+        let t2_20 = sin_wrist.mul_add(t2_19, p_ixx_forearm);
+        let t2_21 = p_mx_wrist + t2_14;
+        let t2_22 = sin_wrist * t2_21;
+        let t2_23 = like.lift(-0.15852).mul_add(t2_22, p_ixy_forearm);
+        let t2_24 = (-cos_wrist).mul_add(t2_19, t2_23);
+        let t2_25 = p_my_forearm + t2_22;
+        let t2_26 = sin_elbow * t2_24;
+        let t2_27 = cos_elbow * t2_24;
+        let t2_28 = cos_elbow.mul_add(t2_20, -t2_26);
+        let t2_29 = sin_elbow.mul_add(t2_20, t2_27);
+        let t2_30 = cos_wrist * t2_21;
+        let t2_31 = like.lift(0.31704) * t2_30;
+        let t2_32 = cos_wrist * cos_wrist;
+        let t2_33 = t2_32.mul_add(t2_18, t2_31);
+        let t2_34 = (-sin_elbow).mul_add(t2_33, t2_27);
+        let t2_35 = cos_elbow.mul_add(t2_33, t2_26);
+        let t2_36 = p_izz_forearm + t2_17;
+        let t2_37 = t2_36 + t2_31;
+        let t2_38 = (-sin_elbow).mul_add(t2_34, p_ixx_arm);
+        let t2_39 = cos_elbow.mul_add(t2_28, t2_38);
+        let t2_40 = p_mx_forearm + t2_30;
+        let t2_41 = like.lift(0.15852).mul_add(t2_30, t2_17);
+        let t2_42 = cos_elbow * t2_25;
+        let t2_43 = sin_elbow.mul_add(t2_40, t2_42);
+        let t2_44 = cos_elbow * t2_40;
+        let t2_45 = (-sin_elbow).mul_add(t2_25, t2_44);
+        let t2_46 = like.lift(-0.14207).mul_add(t2_43, p_ixy_arm);
+        let t2_47 = cos_elbow.mul_add(t2_34, t2_46);
+        let t2_48 = sin_elbow.mul_add(t2_28, t2_47);
+        let t2_49 = p_my_arm + t2_43;
+        let t2_50 = cos_q2 * t2_48;
+        let t2_51 = sin_q2.mul_add(t2_39, t2_50);
+        let t2_52 = like.lift(0.28414) * t2_45;
+        let t2_53 = cos_elbow.mul_add(t2_35, t2_52);
+        let t2_54 = sin_elbow.mul_add(t2_29, t2_53);
+        let t2_55 = cos_q2 * t2_54;
+        let t2_56 = sin_q2.mul_add(t2_48, t2_55);
+        let t2_57 = p_mx_arm + t2_45;
+        let t2_58 = cos_q2 * t2_57;
+        let t2_59 = (-sin_q2).mul_add(t2_49, t2_58);
+        let t2_60 = t2_11 + t2_59;
+        let t2_61 = like.lift(0.0264).mul_add(t2_60, p_izz_column);
+        let t2_62 = (-cos_q3).mul_add(t2_7, t2_61);
+        let t2_63 = cos_q2.mul_add(t2_56, t2_62);
+        let t2_64 = sin_q2.mul_add(t2_51, t2_63);
+        let t2_65 = like.lift(0.14207).mul_add(t2_45, t2_37);
+        let t2_66 = like.lift(0.05).mul_add(cos_wrist, like.lift(0.15852));
+        let t2_67 = (-t2_16).mul_add(t2_66, p_ixz_forearm);
+        let t2_68 = sin_wrist * t2_16;
+        let t2_69 = like.lift(-0.05).mul_add(t2_68, p_iyz_forearm);
+        let t2_70 = cos_elbow * t2_67;
+        let t2_71 = (-sin_elbow).mul_add(t2_69, t2_70);
+        let t2_72 = cos_elbow * t2_69;
+        let t2_73 = sin_elbow.mul_add(t2_67, t2_72);
+        let t2_74 = like.lift(0.14207) * t2_16;
+        let t2_75 = p_ixz_arm - t2_74;
+        let t2_76 = t2_75 + t2_71;
+        let t2_77 = cos_q2 * t2_73;
+        let t2_78 = sin_q2.mul_add(t2_71, t2_77);
+        let t2_79 = p_iyz_arm + t2_73;
+        let t2_80 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_80);
+        let t2_81 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_81);
+        let t2_82 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_82);
+        let t2_83 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_83);
+        let t2_84 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_84);
+        let t2_85 = sin_q2_elbow_wrist * t2_16;
+        let t2_86 = like.lift(0.05) * t2_85;
+        let t2_87 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_87);
+        let t2_88 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_88);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_81 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_82 = -t2_81;
-        let t2_83 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_83);
-        let t2_84 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_84);
-        let t2_85 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_85);
-        let t2_86 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_86);
-        let t2_87 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_88 = -t2_87;
+        let t2_89 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_90 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_91 = -t2_90;
+        let t2_92 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_92);
+        let t2_93 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_93);
+        let t2_94 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_94);
+        let t2_95 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_95);
+        let t2_96 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_97 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_90);
+        let t2_98 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_99 = -t2_96;
+        let t2_100 = t2_96 * t2_89;
+        let t2_101 = sin_pin * t2_89;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t2_89 = -u_rod_q3x;
-        let t2_90 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_81);
-        let t2_91 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t2_92 = -t2_91;
-        let t2_93 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_94 = t2_87 * t2_93;
-        let t2_95 = like.lift(21.92982456140351) * t2_94;
-        let t2_96 = -t2_95;
-        let t2_97 = sin_pin * t2_93;
-        let t2_98 = -t2_97;
-        let t2_99 = like.lift(1.0) + t2_95;
-        let t2_100 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_94, t2_90);
-        let t2_101 = like.lift(7.038783698176955) * t2_100;
-        let t2_102 = -t2_101;
-        let t2_103 = t2_97.mul_add(t2_81, t2_91);
-        let t2_104 = like.lift(7.038783698176955) * t2_103;
+        let t2_102 = -u_rod_q3x;
+        let t2_103 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_100, t2_97);
+        let t2_104 = like.lift(21.92982456140351) * t2_100;
+        let t2_105 = like.lift(7.038783698176955) * t2_103;
+        let t2_106 = -t2_105;
+        let t2_107 = t2_101.mul_add(t2_90, t2_98);
+        let t2_108 = -t2_98;
+        let t2_109 = like.lift(7.038783698176955) * t2_107;
+        let t2_110 = -t2_104;
+        let t2_111 = like.lift(1.0) + t2_104;
+        let t2_112 = -t2_101;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6824,23 +6998,23 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], 
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t2_96, like.lift(0.0), t2_98],
-                [like.lift(0.0), t2_99, like.lift(0.0), t2_97],
-                [like.lift(0.0), t2_102, like.lift(0.0), t2_104],
+                [like.lift(0.0), t2_110, like.lift(0.0), t2_112],
+                [like.lift(0.0), t2_111, like.lift(0.0), t2_101],
+                [like.lift(0.0), t2_106, like.lift(0.0), t2_109],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_82, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_91, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t2_88, like.lift(0.0), t2_89],
-                    [like.lift(0.0), t2_90, like.lift(0.0), t2_92],
+                    [like.lift(0.0), t2_99, like.lift(0.0), t2_102],
+                    [like.lift(0.0), t2_97, like.lift(0.0), t2_108],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6850,81 +7024,77 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], 
         );
         condition = condition.min(found);
         [
-            t2_2, t2_3, t2_12, t2_13, t2_17, t2_24, t2_25, t2_43, t2_44, t2_58, t2_60, t2_63,
-            t2_67, t2_69, t2_72, t2_74, sin_q2_elbow, cos_q2_elbow, x_elbow_q2, x_elbow_q3,
-            x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t2_3, t2_12, t2_14, t2_17, t2_21, t2_37, t2_41, t2_52, t2_64, t2_65, t2_68, t2_74,
+            t2_76, t2_78, t2_79, t2_86, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+            x_pin_q2, x_pin_q3,
         ]
     };
     // M
     {
-        let t3_1 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_1);
-        let t3_2 = sin_q2_elbow_wrist * t2_60;
-        let t3_3 = like.lift(0.05) * t3_2;
-        let t3_4 = x_wrist_q2 * t3_3;
-        let t3_5 = (-t2_74).mul_add(x_elbow_q2, t3_4);
-        let t3_6 = cos_q2.mul_add(t2_72, t3_5);
-        let t3_7 = sin_q2.mul_add(t2_69, t3_6);
-        let t3_8 = like.lift(0.05).mul_add(t2_12, p_izz_flange);
-        let t3_9 = sin_wrist * t3_8;
-        let t3_10 = like.lift(0.15852) * t2_12;
-        let t3_11 = cos_wrist.mul_add(t3_8, t3_10);
-        let t3_12 = sin_elbow * t3_11;
-        let t3_13 = cos_elbow.mul_add(t3_9, t3_12);
-        let t3_14 = sin_elbow * t3_9;
-        let t3_15 = like.lift(-0.14207).mul_add(t2_12, t3_14);
-        let t3_16 = (-cos_elbow).mul_add(t3_11, t3_15);
-        let t3_17 = cos_q2 * t3_16;
-        let t3_18 = like.lift(-0.0132).mul_add(t2_12, t3_17);
-        let t3_19 = sin_q2.mul_add(t3_13, t3_18);
-        let t3_20 = t2_74 * x_elbow_q3;
-        let t3_21 = (-x_wrist_q3).mul_add(t3_3, t3_20);
-        let t3_22 = -t3_21;
-        m[0] = [t2_58, t3_7, t3_19, t3_22];
-        let t3_23 = p_izz_forearm + t2_13;
-        let t3_24 = t3_23 + t2_25;
-        let t3_25 = like.lift(0.14207).mul_add(t2_43, t3_24);
-        let t3_26 = like.lift(0.15852).mul_add(t2_24, t2_13);
+        m[0][0] = t2_64; m[2][2] = p_izz_flange;
+        let t3_1 = x_pin_q2 * t2_12;
+        let t3_2 = x_pin_q3 * t2_12;
+        let t3_3 = t3_2 - t2_3;
+        let t3_4 = t3_3 + t3_2;
+        let t3_5 = like.lift(0.15852) * t2_68;
+        let t3_6 = t3_5 * x_elbow_q3;
+        m[2][3] = t3_6; m[3][2] = t3_6;
+        let t3_7 = t2_68.mul_add(x_elbow_q2, -t2_68);
+        let t3_8 = x_wrist_q2 * t2_86;
+        let t3_9 = (-t2_78).mul_add(x_elbow_q2, t3_8);
+        let t3_10 = cos_q2.mul_add(t2_79, t3_9);
+        let t3_11 = sin_q2.mul_add(t2_76, t3_10);
+        m[0][1] = t3_11; m[1][0] = t3_11;
+        let t3_12 = t2_78 * x_elbow_q3;
+        let t3_13 = (-x_wrist_q3).mul_add(t2_86, t3_12);
+        let t3_14 = -t3_13;
+        m[0][3] = t3_14; m[3][0] = t3_14;
+        let t3_15 = like.lift(0.05).mul_add(t2_14, p_izz_flange);
+        let t3_16 = sin_wrist * t3_15;
+        let t3_17 = like.lift(0.15852) * t2_14;
+        let t3_18 = cos_wrist.mul_add(t3_15, t3_17);
+        let t3_19 = sin_elbow * t3_18;
+        let t3_20 = cos_elbow.mul_add(t3_16, t3_19);
+        let t3_21 = sin_elbow * t3_16;
+        let t3_22 = like.lift(-0.14207).mul_add(t2_14, t3_21);
+        let t3_23 = (-cos_elbow).mul_add(t3_18, t3_22);
+        let t3_24 = cos_q2 * t3_23;
+        let t3_25 = like.lift(-0.0132).mul_add(t2_14, t3_24);
+        let t3_26 = sin_q2.mul_add(t3_20, t3_25);
+        m[0][2] = t3_26; m[2][0] = t3_26;
         let t3_27 = sin_elbow * cos_wrist;
         let sin_elbow_wrist = cos_elbow.mul_add(sin_wrist, t3_27);
         let t3_28 = cos_elbow * cos_wrist;
         let cos_elbow_wrist = (-sin_elbow).mul_add(sin_wrist, t3_28);
-        let t3_29 = like.lift(0.14207) * cos_elbow_wrist;
-        let t3_30 = t3_29.mul_add(t2_17, t3_26);
-        let t3_31 = (-t3_26).mul_add(x_wrist_q2, t3_25);
-        let t3_32 = (-t3_24).mul_add(x_elbow_q2, t3_31);
-        let t3_33 = (-x_wrist_q2).mul_add(t2_13, t3_30);
-        let t3_34 = (-t3_26).mul_add(x_elbow_q2, t3_33);
-        let t3_35 = t3_32 + t3_25;
-        let t3_36 = t3_34 + t3_30;
-        let t3_37 = (-x_wrist_q2).mul_add(t3_36, p_izz_arm);
-        let t3_38 = (-x_elbow_q2).mul_add(t3_35, t3_37);
-        let t3_39 = t3_38 + t3_24;
-        let t3_40 = t3_39 + t2_44;
-        let t3_41 = t2_63.mul_add(x_elbow_q2, -t2_63);
-        let t3_42 = sin_elbow_wrist * t2_67;
-        let t3_43 = like.lift(-0.15852).mul_add(t3_41, t3_42);
-        let t3_44 = -t3_43;
-        let t3_45 = t3_26 * x_wrist_q3;
-        let t3_46 = t3_24.mul_add(x_elbow_q3, t3_45);
-        let t3_47 = x_wrist_q3 * t2_13;
-        let t3_48 = t3_26.mul_add(x_elbow_q3, t3_47);
-        let t3_49 = like.lift(0.0456) * t2_2;
-        let t3_50 = x_pin_q2 * t3_49;
-        let t3_51 = x_wrist_q2.mul_add(t3_48, t3_50);
-        let t3_52 = x_elbow_q2.mul_add(t3_46, t3_51);
-        let t3_53 = (-t3_30).mul_add(x_wrist_q3, t3_52);
-        let t3_54 = (-t3_25).mul_add(x_elbow_q3, t3_53);
-        m[1] = [t3_7, t3_40, t3_44, t3_54];
-        let t3_55 = like.lift(0.15852) * t2_63;
-        let t3_56 = t3_55 * x_elbow_q3;
-        m[2] = [t3_19, t3_44, p_izz_flange, t3_56];
-        let t3_57 = x_pin_q3 * t3_49;
-        let t3_58 = t3_57 - t2_3;
-        let t3_59 = t3_58 + t3_57;
-        let t3_60 = x_wrist_q3.mul_add(t3_48, t3_59);
-        let t3_61 = x_elbow_q3.mul_add(t3_46, t3_60);
-        m[3] = [t3_22, t3_54, t3_56, t3_61];
+        let t3_29 = sin_elbow_wrist * t2_74;
+        let t3_30 = like.lift(-0.15852).mul_add(t3_7, t3_29);
+        let t3_31 = -t3_30;
+        m[1][2] = t3_31; m[2][1] = t3_31;
+        let t3_32 = like.lift(0.14207) * cos_elbow_wrist;
+        let t3_33 = t3_32.mul_add(t2_21, t2_41);
+        let t3_34 = (-t2_41).mul_add(x_wrist_q2, t2_65);
+        let t3_35 = (-t2_37).mul_add(x_elbow_q2, t3_34);
+        let t3_36 = t3_35 + t2_65;
+        let t3_37 = (-x_wrist_q2).mul_add(t2_17, t3_33);
+        let t3_38 = (-t2_41).mul_add(x_elbow_q2, t3_37);
+        let t3_39 = t3_38 + t3_33;
+        let t3_40 = (-x_wrist_q2).mul_add(t3_39, p_izz_arm);
+        let t3_41 = (-x_elbow_q2).mul_add(t3_36, t3_40);
+        let t3_42 = t3_41 + t2_37;
+        let t3_43 = t3_42 + t2_52;
+        m[1][1] = t3_43;
+        let t3_44 = x_wrist_q3 * t2_17;
+        let t3_45 = t2_41.mul_add(x_elbow_q3, t3_44);
+        let t3_46 = x_wrist_q2.mul_add(t3_45, t3_1);
+        let t3_47 = x_wrist_q3.mul_add(t3_45, t3_4);
+        let t3_48 = t2_41 * x_wrist_q3;
+        let t3_49 = t2_37.mul_add(x_elbow_q3, t3_48);
+        let t3_50 = x_elbow_q2.mul_add(t3_49, t3_46);
+        let t3_51 = (-t3_33).mul_add(x_wrist_q3, t3_50);
+        let t3_52 = (-t2_65).mul_add(x_elbow_q3, t3_51);
+        m[1][3] = t3_52; m[3][1] = t3_52;
+        let t3_53 = x_elbow_q3.mul_add(t3_49, t3_47);
+        m[3][3] = t3_53;
     }
     (m, Condition { pivot: condition })
 }

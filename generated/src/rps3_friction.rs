@@ -435,58 +435,58 @@ pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
     };
     // f (Eq. 6)
     {
-        let t2_1 = sin_q1.mul_add(q2, like.lift(0.26344492783122625));
-        let t2_2 = cos_q1 * cos_s1_1;
-        let t2_3 = sin_q1 * sin_s1_2;
-        let t2_4 = (-cos_s1_2).mul_add(t2_2, t2_3);
-        let t2_5 = sin_q6 * q7;
-        let t2_6 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_7 = like.lift(0.5).mul_add(t2_5, t2_6);
-        let t2_8 = t2_7 + like.lift(0.13172246391561312);
-        let t2_9 = -t2_8;
-        f[0] = t2_9;
-        let t2_10 = sin_s1_1 * cos_s1_2;
-        let t2_11 = like.lift(0.4563).mul_add(t2_10, like.lift(-0.22815));
-        let t2_12 = like.lift(-0.8660254037844386).mul_add(t2_5, t2_11);
-        let t2_13 = -t2_12;
-        f[1] = t2_13;
-        let t2_14 = cos_q1 * q2;
-        let t2_15 = sin_q1 * cos_s1_1;
-        let t2_16 = cos_s1_2 * t2_15;
-        let t2_17 = cos_q1.mul_add(sin_s1_2, t2_16);
-        let t2_18 = (-cos_q6).mul_add(q7, t2_14);
-        let t2_19 = like.lift(-0.4563).mul_add(t2_17, t2_18);
-        let t2_20 = -t2_19;
-        f[2] = t2_20;
-        let t2_21 = sin_s1_2 * t2_2;
-        let t2_22 = sin_q1.mul_add(cos_s1_2, t2_21);
-        let t2_23 = sin_s1_1 * cos_s1_3;
-        let t2_24 = cos_q1 * t2_23;
-        let t2_25 = (-sin_s1_3).mul_add(t2_22, t2_24);
-        let t2_26 = sin_q8 * q9;
-        let t2_27 = like.lift(-0.39516739174683935).mul_add(t2_25, t2_1);
-        let t2_28 = like.lift(-0.22815).mul_add(t2_4, t2_27);
-        let t2_29 = like.lift(0.5).mul_add(t2_26, t2_28);
-        let t2_30 = t2_29 + like.lift(0.13172246391561312);
-        let t2_31 = -t2_30;
-        f[3] = t2_31;
-        let t2_32 = sin_s1_3 * sin_s1_1;
-        let t2_33 = t2_32 * sin_s1_2;
-        let t2_34 = cos_s1_1.mul_add(cos_s1_3, t2_33);
-        let t2_35 = like.lift(0.39516739174683935).mul_add(t2_34, like.lift(0.22815));
-        let t2_36 = like.lift(0.22815).mul_add(t2_10, t2_35);
-        let t2_37 = like.lift(0.8660254037844386).mul_add(t2_26, t2_36);
-        let t2_38 = -t2_37;
-        f[4] = t2_38;
-        let t2_39 = cos_q1 * cos_s1_2;
-        let t2_40 = (-sin_s1_2).mul_add(t2_15, t2_39);
-        let t2_41 = sin_s1_3 * t2_40;
-        let t2_42 = sin_q1.mul_add(t2_23, t2_41);
-        let t2_43 = (-cos_q8).mul_add(q9, t2_14);
-        let t2_44 = like.lift(0.39516739174683935).mul_add(t2_42, t2_43);
-        let t2_45 = like.lift(-0.22815).mul_add(t2_17, t2_44);
+        let t2_1 = sin_q6 * q7;
+        let t2_2 = sin_q8 * q9;
+        let t2_3 = sin_q1.mul_add(q2, like.lift(0.26344492783122625));
+        let t2_4 = cos_q1 * cos_s1_1;
+        let t2_5 = sin_q1 * sin_s1_2;
+        let t2_6 = (-cos_s1_2).mul_add(t2_4, t2_5);
+        let t2_7 = sin_s1_2 * t2_4;
+        let t2_8 = sin_q1.mul_add(cos_s1_2, t2_7);
+        let t2_9 = like.lift(-0.4563).mul_add(t2_6, t2_3);
+        let t2_10 = like.lift(0.5).mul_add(t2_1, t2_9);
+        let t2_11 = t2_10 + like.lift(0.13172246391561312);
+        let t2_12 = -t2_11;
+        f[0] = t2_12;
+        let t2_13 = sin_s1_1 * cos_s1_2;
+        let t2_14 = like.lift(0.4563).mul_add(t2_13, like.lift(-0.22815));
+        let t2_15 = like.lift(-0.8660254037844386).mul_add(t2_1, t2_14);
+        let t2_16 = -t2_15;
+        f[1] = t2_16;
+        let t2_17 = cos_q1 * q2;
+        let t2_18 = (-cos_q6).mul_add(q7, t2_17);
+        let t2_19 = (-cos_q8).mul_add(q9, t2_17);
+        let t2_20 = sin_q1 * cos_s1_1;
+        let t2_21 = cos_s1_2 * t2_20;
+        let t2_22 = cos_q1 * cos_s1_2;
+        let t2_23 = (-sin_s1_2).mul_add(t2_20, t2_22);
+        let t2_24 = cos_q1.mul_add(sin_s1_2, t2_21);
+        let t2_25 = like.lift(-0.4563).mul_add(t2_24, t2_18);
+        let t2_26 = -t2_25;
+        f[2] = t2_26;
+        let t2_27 = sin_s1_3 * t2_23;
+        let t2_28 = sin_s1_1 * cos_s1_3;
+        let t2_29 = sin_q1.mul_add(t2_28, t2_27);
+        let t2_30 = cos_q1 * t2_28;
+        let t2_31 = (-sin_s1_3).mul_add(t2_8, t2_30);
+        let t2_32 = like.lift(-0.39516739174683935).mul_add(t2_31, t2_3);
+        let t2_33 = sin_s1_3 * sin_s1_1;
+        let t2_34 = t2_33 * sin_s1_2;
+        let t2_35 = cos_s1_1.mul_add(cos_s1_3, t2_34);
+        let t2_36 = like.lift(0.39516739174683935).mul_add(t2_29, t2_19);
+        let t2_37 = like.lift(-0.22815).mul_add(t2_24, t2_36);
+        let t2_38 = like.lift(-0.22815).mul_add(t2_6, t2_32);
+        let t2_39 = -t2_37;
+        f[5] = t2_39;
+        let t2_40 = like.lift(0.39516739174683935).mul_add(t2_35, like.lift(0.22815));
+        let t2_41 = like.lift(0.22815).mul_add(t2_13, t2_40);
+        let t2_42 = like.lift(0.8660254037844386).mul_add(t2_2, t2_41);
+        let t2_43 = like.lift(0.5).mul_add(t2_2, t2_38);
+        let t2_44 = -t2_42;
+        f[4] = t2_44;
+        let t2_45 = t2_43 + like.lift(0.13172246391561312);
         let t2_46 = -t2_45;
-        f[5] = t2_46;
+        f[3] = t2_46;
     }
     f
 }
@@ -517,128 +517,156 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         ]
     };
     // row 1
-    let [t2_1, t2_2, t2_4, t2_7, t2_8, t2_9, t2_11, t2_15] = {
-        let t2_1 = cos_q1 * q2;
-        let t2_2 = sin_q1 * cos_s1_1;
-        let t2_3 = cos_s1_2 * t2_2;
-        let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
-        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+    let [t2_1, t2_2, t2_7, t2_8, t2_10, t2_13, t2_14, t2_16] = {
+        let t2_1 = -sin_q1;
+        a[0][1] = t2_1;
+        let t2_2 = cos_q6 * q7;
+        let t2_3 = like.lift(0.5) * t2_2;
+        let t2_4 = -t2_3;
+        a[0][5] = t2_4;
+        let t2_5 = like.lift(0.5) * sin_q6;
         let t2_6 = -t2_5;
-        let t2_7 = -sin_q1;
-        let t2_8 = sin_s1_1 * cos_s1_2;
-        let t2_9 = like.lift(0.4563) * t2_8;
-        let t2_10 = cos_q1 * t2_9;
-        let t2_11 = sin_q1 * sin_s1_1;
-        let t2_12 = t2_11 * t2_8;
-        let t2_13 = cos_s1_1.mul_add(t2_4, t2_12);
+        a[0][6] = t2_6;
+        let t2_7 = cos_q1 * q2;
+        let t2_8 = sin_q1 * cos_s1_1;
+        let t2_9 = cos_s1_2 * t2_8;
+        let t2_10 = cos_q1.mul_add(sin_s1_2, t2_9);
+        let t2_11 = like.lift(-0.4563).mul_add(t2_10, t2_7);
+        let t2_12 = -t2_11;
+        a[0][0] = t2_12;
+        let t2_13 = sin_s1_1 * cos_s1_2;
         let t2_14 = like.lift(0.4563) * t2_13;
-        let t2_15 = cos_q6 * q7;
-        let t2_16 = like.lift(0.5) * t2_15;
-        let t2_17 = -t2_16;
-        let t2_18 = like.lift(0.5) * sin_q6;
-        let t2_19 = -t2_18;
-        a[0][0] = t2_6; a[0][1] = t2_7; a[0][2] = t2_10; a[0][3] = t2_14; a[0][5] = t2_17; a[0][6] = t2_19;
-        [t2_1, t2_2, t2_4, t2_7, t2_8, t2_9, t2_11, t2_15]
+        let t2_15 = cos_q1 * t2_14;
+        a[0][2] = t2_15;
+        let t2_16 = sin_q1 * sin_s1_1;
+        let t2_17 = t2_16 * t2_13;
+        let t2_18 = cos_s1_1.mul_add(t2_10, t2_17);
+        let t2_19 = like.lift(0.4563) * t2_18;
+        a[0][3] = t2_19;
+        [t2_1, t2_2, t2_7, t2_8, t2_10, t2_13, t2_14, t2_16]
     };
     // row 2
-    let [t3_1, t3_3, t3_8] = {
-        let t3_1 = cos_q1 * cos_s1_1;
-        let t3_2 = sin_q1 * sin_s1_2;
-        let t3_3 = (-cos_s1_2).mul_add(t3_1, t3_2);
-        let t3_4 = sin_q1 * t2_4;
-        let t3_5 = (-cos_q1).mul_add(t3_3, t3_4);
-        let t3_6 = like.lift(0.4563) * t3_5;
-        let t3_7 = -t3_6;
-        let t3_8 = cos_q1 * sin_s1_1;
-        let t3_9 = t3_8 * t2_4;
-        let t3_10 = t2_11.mul_add(t3_3, t3_9);
-        let t3_11 = like.lift(0.4563) * t3_10;
-        let t3_12 = like.lift(0.8660254037844386) * t2_15;
-        let t3_13 = like.lift(0.8660254037844386) * sin_q6;
-        a[1][2] = t3_7; a[1][3] = t3_11; a[1][5] = t3_12; a[1][6] = t3_13;
-        [t3_1, t3_3, t3_8]
+    let [t3_3, t3_5, t3_10] = {
+        let t3_1 = like.lift(0.8660254037844386) * t2_2;
+        a[1][5] = t3_1;
+        let t3_2 = like.lift(0.8660254037844386) * sin_q6;
+        a[1][6] = t3_2;
+        let t3_3 = cos_q1 * cos_s1_1;
+        let t3_4 = sin_q1 * sin_s1_2;
+        let t3_5 = (-cos_s1_2).mul_add(t3_3, t3_4);
+        let t3_6 = sin_q1 * t2_10;
+        let t3_7 = (-cos_q1).mul_add(t3_5, t3_6);
+        let t3_8 = like.lift(0.4563) * t3_7;
+        let t3_9 = -t3_8;
+        a[1][2] = t3_9;
+        let t3_10 = cos_q1 * sin_s1_1;
+        let t3_11 = t3_10 * t2_10;
+        let t3_12 = t2_16.mul_add(t3_5, t3_11);
+        let t3_13 = like.lift(0.4563) * t3_12;
+        a[1][3] = t3_13;
+        [t3_3, t3_5, t3_10]
     };
     // row 3
-    let [t4_1, t4_3] = {
-        let t4_1 = sin_q1 * q2;
-        let t4_2 = like.lift(-0.4563).mul_add(t3_3, t4_1);
-        let t4_3 = -cos_q1;
-        let t4_4 = sin_q1 * t2_9;
-        let t4_5 = -t4_4;
-        let t4_6 = cos_s1_1 * t3_3;
-        let t4_7 = (-t3_8).mul_add(t2_8, t4_6);
-        let t4_8 = like.lift(0.4563) * t4_7;
-        let t4_9 = -t4_8;
-        let t4_10 = sin_q6 * q7;
+    let [t4_5, t4_6] = {
+        a[2][6] = cos_q6;
+        let t4_1 = sin_q1 * t2_14;
+        let t4_2 = -t4_1;
+        a[2][2] = t4_2;
+        let t4_3 = sin_q6 * q7;
+        let t4_4 = -t4_3;
+        a[2][5] = t4_4;
+        let t4_5 = -cos_q1;
+        a[2][1] = t4_5;
+        let t4_6 = sin_q1 * q2;
+        let t4_7 = like.lift(-0.4563).mul_add(t3_5, t4_6);
+        a[2][0] = t4_7;
+        let t4_8 = cos_s1_1 * t3_5;
+        let t4_9 = (-t3_10).mul_add(t2_13, t4_8);
+        let t4_10 = like.lift(0.4563) * t4_9;
         let t4_11 = -t4_10;
-        a[2][0] = t4_2; a[2][1] = t4_3; a[2][2] = t4_5; a[2][3] = t4_9; a[2][5] = t4_11; a[2][6] = cos_q6;
-        [t4_1, t4_3]
+        a[2][3] = t4_11;
+        [t4_5, t4_6]
     };
     // row 4
-    let [t5_6, t5_13, t5_19] = {
-        let t5_1 = cos_q1 * cos_s1_2;
-        let t5_2 = (-sin_s1_2).mul_add(t2_2, t5_1);
-        let t5_3 = sin_s1_3 * t5_2;
-        let t5_4 = cos_s1_3.mul_add(t2_11, t5_3);
-        let t5_5 = like.lift(0.22815) * t2_4;
-        let t5_6 = like.lift(-0.39516739174683935).mul_add(t5_4, t5_5);
-        let t5_7 = t2_1 - t5_6;
-        let t5_8 = -t5_7;
-        let t5_9 = sin_s1_3 * sin_s1_1;
-        let t5_10 = t5_9 * sin_s1_2;
-        let t5_11 = cos_s1_1.mul_add(cos_s1_3, t5_10);
-        let t5_12 = like.lift(0.39516739174683935) * t5_11;
-        let t5_13 = like.lift(0.22815).mul_add(t2_8, t5_12);
-        let t5_14 = cos_q1 * t5_13;
-        let t5_15 = t2_11 * t5_13;
-        let t5_16 = cos_s1_1.mul_add(t5_6, t5_15);
-        let t5_17 = t2_8 * t5_6;
-        let t5_18 = (-t2_4).mul_add(t5_13, t5_17);
-        let t5_19 = cos_q8 * q9;
-        let t5_20 = like.lift(0.5) * t5_19;
+    let [t5_5, t5_7, t5_13] = {
+        a[3][1] = t2_1;
+        let t5_1 = sin_s1_3 * sin_s1_1;
+        let t5_2 = t5_1 * sin_s1_2;
+        let t5_3 = cos_s1_1.mul_add(cos_s1_3, t5_2);
+        let t5_4 = like.lift(0.39516739174683935) * t5_3;
+        let t5_5 = like.lift(0.22815).mul_add(t2_13, t5_4);
+        let t5_6 = cos_q1 * t5_5;
+        a[3][2] = t5_6;
+        let t5_7 = cos_q8 * q9;
+        let t5_8 = cos_q1 * cos_s1_2;
+        let t5_9 = (-sin_s1_2).mul_add(t2_8, t5_8);
+        let t5_10 = sin_s1_3 * t5_9;
+        let t5_11 = cos_s1_3.mul_add(t2_16, t5_10);
+        let t5_12 = like.lift(0.22815) * t2_10;
+        let t5_13 = like.lift(-0.39516739174683935).mul_add(t5_11, t5_12);
+        let t5_14 = t2_7 - t5_13;
+        let t5_15 = -t5_14;
+        a[3][0] = t5_15;
+        let t5_16 = t2_16 * t5_5;
+        let t5_17 = cos_s1_1.mul_add(t5_13, t5_16);
+        a[3][3] = t5_17;
+        let t5_18 = t2_13 * t5_13;
+        let t5_19 = (-t2_10).mul_add(t5_5, t5_18);
+        a[3][4] = t5_19;
+        let t5_20 = like.lift(0.5) * t5_7;
         let t5_21 = -t5_20;
+        a[3][7] = t5_21;
         let t5_22 = like.lift(0.5) * sin_q8;
         let t5_23 = -t5_22;
-        a[3][0] = t5_8; a[3][1] = t2_7; a[3][2] = t5_14; a[3][3] = t5_16; a[3][4] = t5_18; a[3][7] = t5_21; a[3][8] = t5_23;
-        [t5_6, t5_13, t5_19]
+        a[3][8] = t5_23;
+        [t5_5, t5_7, t5_13]
     };
     // row 5
-    let [t6_1, t6_6, t6_7] = {
-        let t6_1 = like.lift(0.22815) * t3_3;
-        let t6_2 = sin_s1_2 * t3_1;
-        let t6_3 = sin_q1.mul_add(cos_s1_2, t6_2);
-        let t6_4 = cos_s1_3 * t3_8;
-        let t6_5 = (-sin_s1_3).mul_add(t6_3, t6_4);
-        let t6_6 = like.lift(0.39516739174683935) * t6_5;
-        let t6_7 = t6_1 + t6_6;
-        let t6_8 = cos_q1 * t6_7;
-        let t6_9 = (-sin_q1).mul_add(t5_6, t6_8);
-        let t6_10 = t3_8 * t5_6;
-        let t6_11 = t2_11.mul_add(t6_7, t6_10);
-        let t6_12 = t2_4 * t6_7;
-        let t6_13 = (-t3_3).mul_add(t5_6, t6_12);
-        let t6_14 = -t6_13;
-        let t6_15 = like.lift(0.8660254037844386) * t5_19;
-        let t6_16 = -t6_15;
-        let t6_17 = like.lift(0.8660254037844386) * sin_q8;
+    let [t6_7, t6_10, t6_11] = {
+        let t6_1 = sin_s1_2 * t3_3;
+        let t6_2 = sin_q1.mul_add(cos_s1_2, t6_1);
+        let t6_3 = cos_s1_3 * t3_10;
+        let t6_4 = (-sin_s1_3).mul_add(t6_2, t6_3);
+        let t6_5 = like.lift(0.8660254037844386) * t5_7;
+        let t6_6 = -t6_5;
+        a[4][7] = t6_6;
+        let t6_7 = like.lift(0.39516739174683935) * t6_4;
+        let t6_8 = like.lift(0.8660254037844386) * sin_q8;
+        let t6_9 = -t6_8;
+        a[4][8] = t6_9;
+        let t6_10 = like.lift(0.22815) * t3_5;
+        let t6_11 = t6_10 + t6_7;
+        let t6_12 = cos_q1 * t6_11;
+        let t6_13 = (-sin_q1).mul_add(t5_13, t6_12);
+        a[4][2] = t6_13;
+        let t6_14 = t3_10 * t5_13;
+        let t6_15 = t2_16.mul_add(t6_11, t6_14);
+        a[4][3] = t6_15;
+        let t6_16 = t2_10 * t6_11;
+        let t6_17 = (-t3_5).mul_add(t5_13, t6_16);
         let t6_18 = -t6_17;
-        a[4][2] = t6_9; a[4][3] = t6_11; a[4][4] = t6_14; a[4][7] = t6_16; a[4][8] = t6_18;
-        [t6_1, t6_6, t6_7]
+        a[4][4] = t6_18;
+        [t6_7, t6_10, t6_11]
     };
     // row 6
     {
-        let t7_1 = t6_6 - t4_1;
-        let t7_2 = t7_1 + t6_1;
-        let t7_3 = -t7_2;
-        let t7_4 = sin_q1 * t5_13;
-        let t7_5 = -t7_4;
-        let t7_6 = t3_8 * t5_13;
-        let t7_7 = (-cos_s1_1).mul_add(t6_7, t7_6);
-        let t7_8 = t3_3 * t5_13;
-        let t7_9 = (-t2_8).mul_add(t6_7, t7_8);
+        a[5][1] = t4_5; a[5][8] = cos_q8;
+        let t7_1 = t6_7 - t4_6;
+        let t7_2 = t7_1 + t6_10;
+        let t7_3 = t3_10 * t5_5;
+        let t7_4 = (-cos_s1_1).mul_add(t6_11, t7_3);
+        a[5][3] = t7_4;
+        let t7_5 = t3_5 * t5_5;
+        let t7_6 = (-t2_13).mul_add(t6_11, t7_5);
+        a[5][4] = t7_6;
+        let t7_7 = sin_q1 * t5_5;
+        let t7_8 = -t7_2;
+        a[5][0] = t7_8;
+        let t7_9 = -t7_7;
+        a[5][2] = t7_9;
         let t7_10 = sin_q8 * q9;
         let t7_11 = -t7_10;
-        a[5][0] = t7_3; a[5][1] = t4_3; a[5][2] = t7_5; a[5][3] = t7_7; a[5][4] = t7_9; a[5][7] = t7_11; a[5][8] = cos_q8;
+        a[5][7] = t7_11;
     }
     a
 }
@@ -654,7 +682,6 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
     let like = q[0];
     let mut b = [like.lift(0.0); 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
@@ -670,6 +697,7 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
             cos_s1_3, sin_q8, cos_q8,
         ]
     };
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // b (Eq. 7)
     {
         let t2_1 = d_q1 * cos_q1;
@@ -678,140 +706,140 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
         let t2_4 = like.lift(2.0) * d_q2;
         let t2_5 = t2_3 * t2_2;
         let t2_6 = (-t2_1).mul_add(t2_4, t2_5);
-        let t2_7 = sin_q1 * cos_s1_1;
-        let t2_8 = cos_s1_2 * t2_7;
-        let t2_9 = cos_q1.mul_add(sin_s1_2, t2_8);
-        let t2_10 = cos_q1 * cos_s1_1;
-        let t2_11 = sin_q1 * sin_s1_2;
-        let t2_12 = (-cos_s1_2).mul_add(t2_10, t2_11);
-        let t2_13 = cos_q1 * d_s1_1;
-        let t2_14 = sin_q1 * sin_s1_1;
-        let t2_15 = t2_14.mul_add(d_s1_2, t2_13);
-        let t2_16 = sin_q1 * d_s1_1;
-        let t2_17 = cos_q1 * sin_s1_1;
-        let t2_18 = (-t2_17).mul_add(d_s1_2, t2_16);
-        let t2_19 = t2_12 * t2_15;
-        let t2_20 = (-t2_9).mul_add(t2_18, t2_19);
-        let t2_21 = d_s1_3 * t2_20;
-        let t2_22 = d_s1_2 * sin_s1_1;
-        let t2_23 = t2_22.mul_add(d_s1_1, t2_21);
-        let t2_24 = sin_s1_1 * cos_s1_2;
-        let t2_25 = t2_17 * d_q1;
-        let t2_26 = cos_s1_1.mul_add(t2_16, t2_25);
-        let t2_27 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_28 = t2_12 * t2_27;
-        let t2_29 = t2_24.mul_add(t2_18, t2_28);
-        let t2_30 = d_s1_1 * t2_2;
-        let t2_31 = (-d_s1_3).mul_add(t2_29, t2_30);
-        let t2_32 = (-d_s1_2).mul_add(t2_26, t2_31);
-        let t2_33 = t2_24.mul_add(d_s1_3, t2_27);
-        let t2_34 = (-t2_12).mul_add(d_s1_3, t2_18);
-        let t2_35 = t2_12 * t2_33;
-        let t2_36 = t2_24.mul_add(t2_34, t2_35);
-        let t2_37 = like.lift(0.4563) * t2_36;
-        let t2_38 = (-t2_9).mul_add(d_s1_3, t2_15);
-        let t2_39 = t2_9 * t2_34;
-        let t2_40 = (-t2_12).mul_add(t2_38, t2_39);
-        let t2_41 = like.lift(0.4563) * t2_40;
-        let t2_42 = -t2_41;
-        let t2_43 = q7 * d_q6;
-        let t2_44 = sin_q6 * d_q6;
-        let t2_45 = t2_44 * t2_43;
-        let t2_46 = d_q7 * cos_q6;
-        let t2_47 = t2_46 * d_q6;
-        let t2_48 = t2_24 * t2_32;
-        let t2_49 = t2_9.mul_add(t2_23, t2_48);
-        let t2_50 = like.lift(-0.4563).mul_add(t2_49, t2_6);
-        let t2_51 = (-t2_38).mul_add(t2_42, t2_50);
-        let t2_52 = (-t2_33).mul_add(t2_37, t2_51);
-        let t2_53 = like.lift(0.5).mul_add(t2_45, t2_52);
-        let t2_54 = t2_53 - t2_47;
-        let t2_55 = -t2_54;
-        b[0] = t2_55;
-        let t2_56 = t2_14 * d_q1;
-        let t2_57 = (-cos_s1_1).mul_add(t2_13, t2_56);
-        let t2_58 = t2_24 * t2_15;
-        let t2_59 = t2_9.mul_add(t2_27, t2_58);
-        let t2_60 = d_s1_2 * t2_57;
-        let t2_61 = (-d_s1_3).mul_add(t2_59, t2_60);
-        let t2_62 = d_s1_1.mul_add(t2_1, t2_61);
-        let t2_63 = t2_24 * t2_38;
-        let t2_64 = t2_9.mul_add(t2_33, t2_63);
-        let t2_65 = like.lift(0.4563) * t2_64;
-        let t2_66 = t2_9 * t2_62;
-        let t2_67 = t2_12.mul_add(t2_32, t2_66);
-        let t2_68 = like.lift(0.4563) * t2_67;
-        let t2_69 = (-t2_34).mul_add(t2_37, t2_68);
-        let t2_70 = (-t2_38).mul_add(t2_65, t2_69);
-        let t2_71 = like.lift(-1.7320508075688772).mul_add(t2_47, t2_70);
-        let t2_72 = like.lift(0.8660254037844386).mul_add(t2_45, t2_71);
-        b[1] = t2_72;
-        let t2_73 = t2_2 * t2_4;
-        let t2_74 = t2_3.mul_add(t2_1, t2_73);
-        let t2_75 = t2_12 * t2_23;
-        let t2_76 = (-t2_24).mul_add(t2_62, t2_75);
-        let t2_77 = like.lift(2.0) * d_q7;
-        let t2_78 = t2_77 * sin_q6;
-        let t2_79 = cos_q6.mul_add(t2_43, t2_78);
-        let t2_80 = like.lift(0.4563).mul_add(t2_76, t2_74);
-        let t2_81 = (-t2_33).mul_add(t2_65, t2_80);
-        let t2_82 = t2_34.mul_add(t2_42, t2_81);
-        let t2_83 = (-d_q6).mul_add(t2_79, t2_82);
+        let t2_7 = t2_2 * t2_4;
+        let t2_8 = t2_3.mul_add(t2_1, t2_7);
+        let t2_9 = d_s1_1 * t2_2;
+        let t2_10 = sin_q1 * cos_s1_1;
+        let t2_11 = cos_s1_2 * t2_10;
+        let t2_12 = cos_q1.mul_add(sin_s1_2, t2_11);
+        let t2_13 = cos_q1 * cos_s1_2;
+        let t2_14 = (-sin_s1_2).mul_add(t2_10, t2_13);
+        let t2_15 = sin_s1_3 * t2_14;
+        let t2_16 = cos_q1 * cos_s1_1;
+        let t2_17 = sin_q1 * sin_s1_2;
+        let t2_18 = (-cos_s1_2).mul_add(t2_16, t2_17);
+        let t2_19 = sin_s1_2 * t2_16;
+        let t2_20 = sin_q1.mul_add(cos_s1_2, t2_19);
+        let t2_21 = sin_s1_1 * cos_s1_2;
+        let t2_22 = sin_s1_3 * sin_s1_1;
+        let t2_23 = t2_22 * sin_s1_2;
+        let t2_24 = cos_s1_1.mul_add(cos_s1_3, t2_23);
+        let t2_25 = like.lift(0.39516739174683935) * t2_24;
+        let t2_26 = like.lift(0.22815).mul_add(t2_21, t2_25);
+        let t2_27 = cos_q1 * d_s1_1;
+        let t2_28 = cos_q1 * sin_s1_1;
+        let t2_29 = cos_s1_3 * t2_28;
+        let t2_30 = (-sin_s1_3).mul_add(t2_20, t2_29);
+        let t2_31 = like.lift(0.39516739174683935) * t2_30;
+        let t2_32 = like.lift(0.22815).mul_add(t2_18, t2_31);
+        let t2_33 = sin_q1 * sin_s1_1;
+        let t2_34 = cos_s1_3.mul_add(t2_33, t2_15);
+        let t2_35 = sin_q1 * d_s1_1;
+        let t2_36 = d_s1_2 * sin_s1_1;
+        let t2_37 = like.lift(0.22815) * t2_12;
+        let t2_38 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_37);
+        let t2_39 = t2_33.mul_add(d_s1_2, t2_27);
+        let t2_40 = t2_33 * d_q1;
+        let t2_41 = (-cos_s1_1).mul_add(t2_27, t2_40);
+        let t2_42 = d_s1_2 * t2_41;
+        let t2_43 = (-t2_28).mul_add(d_s1_2, t2_35);
+        let t2_44 = t2_28 * d_q1;
+        let t2_45 = cos_s1_1.mul_add(t2_35, t2_44);
+        let t2_46 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_47 = t2_18 * t2_39;
+        let t2_48 = (-t2_12).mul_add(t2_43, t2_47);
+        let t2_49 = d_s1_3 * t2_48;
+        let t2_50 = t2_36.mul_add(d_s1_1, t2_49);
+        let t2_51 = t2_18 * t2_46;
+        let t2_52 = t2_21.mul_add(t2_43, t2_51);
+        let t2_53 = (-d_s1_3).mul_add(t2_52, t2_9);
+        let t2_54 = (-d_s1_2).mul_add(t2_45, t2_53);
+        let t2_55 = (-t2_18).mul_add(d_s1_3, t2_43);
+        let t2_56 = t2_21.mul_add(d_s1_3, t2_46);
+        let t2_57 = t2_21 * t2_39;
+        let t2_58 = t2_12.mul_add(t2_46, t2_57);
+        let t2_59 = (-d_s1_3).mul_add(t2_58, t2_42);
+        let t2_60 = d_s1_1.mul_add(t2_1, t2_59);
+        let t2_61 = (-t2_12).mul_add(d_s1_3, t2_39);
+        let t2_62 = t2_18 * t2_56;
+        let t2_63 = t2_21.mul_add(t2_55, t2_62);
+        let t2_64 = like.lift(0.4563) * t2_63;
+        let t2_65 = t2_12 * t2_55;
+        let t2_66 = (-t2_18).mul_add(t2_61, t2_65);
+        let t2_67 = like.lift(0.4563) * t2_66;
+        let t2_68 = -t2_67;
+        let t2_69 = q7 * d_q6;
+        let t2_70 = sin_q6 * d_q6;
+        let t2_71 = t2_70 * t2_69;
+        let t2_72 = like.lift(2.0) * d_q7;
+        let t2_73 = t2_72 * sin_q6;
+        let t2_74 = cos_q6.mul_add(t2_69, t2_73);
+        let t2_75 = d_q7 * cos_q6;
+        let t2_76 = t2_75 * d_q6;
+        let t2_77 = t2_21 * t2_54;
+        let t2_78 = t2_12.mul_add(t2_50, t2_77);
+        let t2_79 = like.lift(-0.4563).mul_add(t2_78, t2_6);
+        let t2_80 = (-t2_61).mul_add(t2_68, t2_79);
+        let t2_81 = (-t2_56).mul_add(t2_64, t2_80);
+        let t2_82 = like.lift(0.5).mul_add(t2_71, t2_81);
+        let t2_83 = t2_82 - t2_76;
         let t2_84 = -t2_83;
-        b[2] = t2_84;
-        let t2_85 = cos_q1 * cos_s1_2;
-        let t2_86 = (-sin_s1_2).mul_add(t2_7, t2_85);
-        let t2_87 = sin_s1_3 * t2_86;
-        let t2_88 = cos_s1_3.mul_add(t2_14, t2_87);
-        let t2_89 = like.lift(0.22815) * t2_9;
-        let t2_90 = like.lift(-0.39516739174683935).mul_add(t2_88, t2_89);
-        let t2_91 = sin_s1_3 * sin_s1_1;
-        let t2_92 = t2_91 * sin_s1_2;
-        let t2_93 = cos_s1_1.mul_add(cos_s1_3, t2_92);
-        let t2_94 = like.lift(0.39516739174683935) * t2_93;
-        let t2_95 = like.lift(0.22815).mul_add(t2_24, t2_94);
-        let t2_96 = sin_s1_2 * t2_10;
-        let t2_97 = sin_q1.mul_add(cos_s1_2, t2_96);
-        let t2_98 = cos_s1_3 * t2_17;
-        let t2_99 = (-sin_s1_3).mul_add(t2_97, t2_98);
-        let t2_100 = like.lift(0.39516739174683935) * t2_99;
-        let t2_101 = like.lift(0.22815).mul_add(t2_12, t2_100);
-        let t2_102 = t2_101 * t2_33;
-        let t2_103 = t2_95.mul_add(t2_34, t2_102);
-        let t2_104 = t2_101 * t2_38;
-        let t2_105 = (-t2_90).mul_add(t2_34, t2_104);
-        let t2_106 = q9 * d_q8;
-        let t2_107 = sin_q8 * d_q8;
-        let t2_108 = t2_107 * t2_106;
-        let t2_109 = d_q9 * cos_q8;
-        let t2_110 = t2_109 * d_q8;
-        let t2_111 = (-t2_95).mul_add(t2_32, t2_6);
-        let t2_112 = (-t2_90).mul_add(t2_23, t2_111);
-        let t2_113 = (-t2_38).mul_add(t2_105, t2_112);
-        let t2_114 = (-t2_33).mul_add(t2_103, t2_113);
-        let t2_115 = like.lift(0.5).mul_add(t2_108, t2_114);
-        let t2_116 = t2_115 - t2_110;
-        let t2_117 = -t2_116;
-        b[3] = t2_117;
-        let t2_118 = t2_95 * t2_38;
-        let t2_119 = t2_90.mul_add(t2_33, t2_118);
-        let t2_120 = t2_90 * t2_62;
-        let t2_121 = t2_101.mul_add(t2_32, t2_120);
-        let t2_122 = (-t2_34).mul_add(t2_103, t2_121);
-        let t2_123 = (-t2_38).mul_add(t2_119, t2_122);
-        let t2_124 = like.lift(1.7320508075688772).mul_add(t2_110, t2_123);
-        let t2_125 = like.lift(-0.8660254037844386).mul_add(t2_108, t2_124);
-        b[4] = t2_125;
-        let t2_126 = like.lift(2.0) * d_q9;
-        let t2_127 = t2_126 * sin_q8;
-        let t2_128 = cos_q8.mul_add(t2_106, t2_127);
-        let t2_129 = t2_101.mul_add(t2_23, t2_74);
-        let t2_130 = (-t2_95).mul_add(t2_62, t2_129);
-        let t2_131 = (-t2_33).mul_add(t2_119, t2_130);
-        let t2_132 = t2_34.mul_add(t2_105, t2_131);
-        let t2_133 = (-d_q8).mul_add(t2_128, t2_132);
+        b[0] = t2_84;
+        let t2_85 = (-t2_26).mul_add(t2_54, t2_6);
+        let t2_86 = (-t2_38).mul_add(t2_50, t2_85);
+        let t2_87 = t2_21 * t2_61;
+        let t2_88 = t2_12.mul_add(t2_56, t2_87);
+        let t2_89 = like.lift(0.4563) * t2_88;
+        let t2_90 = t2_12 * t2_60;
+        let t2_91 = t2_18.mul_add(t2_54, t2_90);
+        let t2_92 = like.lift(0.4563) * t2_91;
+        let t2_93 = (-t2_55).mul_add(t2_64, t2_92);
+        let t2_94 = (-t2_61).mul_add(t2_89, t2_93);
+        let t2_95 = like.lift(-1.7320508075688772).mul_add(t2_76, t2_94);
+        let t2_96 = like.lift(0.8660254037844386).mul_add(t2_71, t2_95);
+        b[1] = t2_96;
+        let t2_97 = t2_18 * t2_50;
+        let t2_98 = (-t2_21).mul_add(t2_60, t2_97);
+        let t2_99 = like.lift(0.4563).mul_add(t2_98, t2_8);
+        let t2_100 = (-t2_56).mul_add(t2_89, t2_99);
+        let t2_101 = t2_55.mul_add(t2_68, t2_100);
+        let t2_102 = (-d_q6).mul_add(t2_74, t2_101);
+        let t2_103 = -t2_102;
+        b[2] = t2_103;
+        let t2_104 = t2_32.mul_add(t2_50, t2_8);
+        let t2_105 = (-t2_26).mul_add(t2_60, t2_104);
+        let t2_106 = t2_38 * t2_60;
+        let t2_107 = t2_32.mul_add(t2_54, t2_106);
+        let t2_108 = t2_32 * t2_56;
+        let t2_109 = t2_26.mul_add(t2_55, t2_108);
+        let t2_110 = t2_32 * t2_61;
+        let t2_111 = (-t2_38).mul_add(t2_55, t2_110);
+        let t2_112 = t2_26 * t2_61;
+        let t2_113 = t2_38.mul_add(t2_56, t2_112);
+        let t2_114 = (-t2_61).mul_add(t2_111, t2_86);
+        let t2_115 = (-t2_55).mul_add(t2_109, t2_107);
+        let t2_116 = (-t2_56).mul_add(t2_113, t2_105);
+        let t2_117 = (-t2_56).mul_add(t2_109, t2_114);
+        let t2_118 = (-t2_61).mul_add(t2_113, t2_115);
+        let t2_119 = t2_55.mul_add(t2_111, t2_116);
+        let t2_120 = q9 * d_q8;
+        let t2_121 = sin_q8 * d_q8;
+        let t2_122 = t2_121 * t2_120;
+        let t2_123 = like.lift(0.5).mul_add(t2_122, t2_117);
+        let t2_124 = like.lift(2.0) * d_q9;
+        let t2_125 = t2_124 * sin_q8;
+        let t2_126 = cos_q8.mul_add(t2_120, t2_125);
+        let t2_127 = (-d_q8).mul_add(t2_126, t2_119);
+        let t2_128 = -t2_127;
+        b[5] = t2_128;
+        let t2_129 = d_q9 * cos_q8;
+        let t2_130 = t2_129 * d_q8;
+        let t2_131 = like.lift(1.7320508075688772).mul_add(t2_130, t2_118);
+        let t2_132 = like.lift(-0.8660254037844386).mul_add(t2_122, t2_131);
+        b[4] = t2_132;
+        let t2_133 = t2_123 - t2_130;
         let t2_134 = -t2_133;
-        b[5] = t2_134;
+        b[3] = t2_134;
     }
     b
 }
@@ -825,8 +853,8 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
 pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 6];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
@@ -844,200 +872,195 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
     };
     // A_e dq_e = -f
     {
-        let t2_1 = cos_q1 * q2;
-        let t2_2 = sin_q1 * cos_s1_1;
-        let t2_3 = cos_s1_2 * t2_2;
-        let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
-        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_6 = -t2_5;
-        let t2_7 = sin_s1_1 * cos_s1_2;
-        let t2_8 = like.lift(0.4563) * t2_7;
-        let t2_9 = cos_q1 * t2_8;
-        let t2_10 = sin_q1 * sin_s1_1;
-        let t2_11 = t2_10 * t2_7;
-        let t2_12 = cos_s1_1.mul_add(t2_4, t2_11);
-        let t2_13 = like.lift(0.4563) * t2_12;
-        let t2_14 = cos_q6 * q7;
-        let t2_15 = like.lift(0.5) * t2_14;
-        let t2_16 = -t2_15;
-        let t2_17 = sin_q1 * q2;
-        let t2_18 = cos_q1 * cos_s1_1;
-        let t2_19 = sin_q1 * sin_s1_2;
-        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
-        let t2_21 = like.lift(0.4563) * t2_20;
-        let t2_22 = t2_17 - t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q1 * t2_8;
-        let t2_25 = cos_q1 * sin_s1_1;
-        let t2_26 = cos_s1_1 * t2_20;
-        let t2_27 = (-t2_25).mul_add(t2_7, t2_26);
-        let t2_28 = like.lift(0.4563) * t2_27;
-        let t2_29 = -t2_28;
-        let t2_30 = -t2_29;
-        let t2_31 = sin_q6 * q7;
-        let t2_32 = sin_q1 * t2_4;
-        let t2_33 = (-cos_q1).mul_add(t2_20, t2_32);
-        let t2_34 = like.lift(0.4563) * t2_33;
-        let t2_35 = -t2_34;
-        let t2_36 = t2_25 * t2_4;
-        let t2_37 = t2_10.mul_add(t2_20, t2_36);
-        let t2_38 = like.lift(0.4563) * t2_37;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
-        let t2_39 = cos_q1 * cos_s1_2;
-        let t2_40 = (-sin_s1_2).mul_add(t2_2, t2_39);
-        let t2_41 = sin_s1_3 * t2_40;
-        let t2_42 = cos_s1_3.mul_add(t2_10, t2_41);
-        let t2_43 = like.lift(0.22815) * t2_4;
-        let t2_44 = like.lift(-0.39516739174683935).mul_add(t2_42, t2_43);
-        let t2_45 = t2_1 - t2_44;
-        let t2_46 = -t2_45;
-        let t2_47 = sin_s1_3 * sin_s1_1;
-        let t2_48 = t2_47 * sin_s1_2;
-        let t2_49 = cos_s1_1.mul_add(cos_s1_3, t2_48);
-        let t2_50 = like.lift(0.39516739174683935) * t2_49;
-        let t2_51 = like.lift(0.22815).mul_add(t2_7, t2_50);
-        let t2_52 = cos_q1 * t2_51;
-        let t2_53 = t2_10 * t2_51;
-        let t2_54 = cos_s1_1.mul_add(t2_44, t2_53);
-        let t2_55 = t2_7 * t2_44;
-        let t2_56 = (-t2_4).mul_add(t2_51, t2_55);
-        let t2_57 = cos_q8 * q9;
-        let t2_58 = like.lift(0.5) * t2_57;
-        let t2_59 = -t2_58;
-        let t2_60 = sin_s1_2 * t2_18;
-        let t2_61 = sin_q1.mul_add(cos_s1_2, t2_60);
-        let t2_62 = cos_s1_3 * t2_25;
-        let t2_63 = (-sin_s1_3).mul_add(t2_61, t2_62);
-        let t2_64 = like.lift(0.39516739174683935) * t2_63;
-        let t2_65 = like.lift(0.22815) * t2_20;
-        let t2_66 = t2_64 - t2_17;
-        let t2_67 = t2_66 + t2_65;
-        let t2_68 = sin_q1 * t2_51;
-        let t2_69 = t2_65 + t2_64;
-        let t2_70 = t2_25 * t2_51;
-        let t2_71 = (-cos_s1_1).mul_add(t2_69, t2_70);
-        let t2_72 = -t2_71;
-        let t2_73 = t2_20 * t2_51;
-        let t2_74 = (-t2_7).mul_add(t2_69, t2_73);
-        let t2_75 = -t2_74;
-        let t2_76 = sin_q8 * q9;
-        let t2_77 = cos_q1 * t2_69;
-        let t2_78 = (-sin_q1).mul_add(t2_44, t2_77);
-        let t2_79 = t2_25 * t2_44;
-        let t2_80 = t2_10.mul_add(t2_69, t2_79);
-        let t2_81 = t2_4 * t2_69;
-        let t2_82 = (-t2_20).mul_add(t2_44, t2_81);
-        let t2_83 = -t2_82;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_57;
-        let t2_84 = -pivot_2;
-        let t2_85 = like.lift(0.26344492783122625) + t2_17;
-        let t2_86 = t2_85 - t2_21;
-        let t2_87 = like.lift(0.5).mul_add(t2_31, t2_86);
-        let t2_88 = t2_87 + like.lift(0.13172246391561312);
-        let t2_89 = t2_5 - t2_14;
-        let t2_90 = -t2_89;
-        let t2_91 = like.lift(-0.8660254037844386).mul_add(t2_31, t2_8);
-        let t2_92 = t2_91 - like.lift(0.22815);
-        let t2_93 = t2_85 - t2_69;
-        let t2_94 = like.lift(0.5).mul_add(t2_76, t2_93);
-        let t2_95 = t2_94 + like.lift(0.13172246391561312);
-        let t2_96 = t2_45 - t2_57;
-        let t2_97 = -t2_96;
-        let t2_98 = like.lift(0.8660254037844386).mul_add(t2_76, t2_51);
-        let t2_99 = t2_98 + like.lift(0.22815);
-        let t2_100 = like.lift(0.5773502691896257).mul_add(t2_82, t2_56);
-        let t2_101 = like.lift(1.0) / t2_57;
-        let t2_102 = t2_76 * t2_101;
-        let t2_103 = like.lift(1.1547005383792515) * t2_102;
-        let pivot_3 = t2_82.mul_add(t2_103, t2_74);
+        let t2_1 = cos_q6 * q7;
+        let t2_2 = sin_q6 * q7;
+        let t2_3 = cos_q8 * q9;
+        let t2_4 = sin_q8 * q9;
+        let t2_5 = cos_q1 * q2;
+        let t2_6 = sin_q1 * cos_s1_1;
+        let t2_7 = cos_s1_2 * t2_6;
+        let t2_8 = cos_q1.mul_add(sin_s1_2, t2_7);
+        let t2_9 = cos_q1 * cos_s1_2;
+        let t2_10 = (-sin_s1_2).mul_add(t2_6, t2_9);
+        let t2_11 = sin_s1_3 * t2_10;
+        let t2_12 = like.lift(-0.4563).mul_add(t2_8, t2_5);
+        let t2_13 = -t2_12;
+        let t2_14 = sin_s1_1 * cos_s1_2;
+        let t2_15 = like.lift(0.4563) * t2_14;
+        let t2_16 = cos_q1 * t2_15;
+        let t2_17 = sin_q1 * sin_s1_1;
+        let t2_18 = cos_s1_3.mul_add(t2_17, t2_11);
+        let t2_19 = like.lift(0.22815) * t2_8;
+        let t2_20 = like.lift(-0.39516739174683935).mul_add(t2_18, t2_19);
+        let t2_21 = t2_5 - t2_20;
+        let t2_22 = t2_17 * t2_14;
+        let t2_23 = cos_s1_1.mul_add(t2_8, t2_22);
+        let t2_24 = like.lift(0.4563) * t2_23;
+        let t2_25 = like.lift(0.5) * t2_1;
+        let t2_26 = -t2_25;
+        let t2_27 = sin_q1 * q2;
+        let t2_28 = cos_q1 * cos_s1_1;
+        let t2_29 = sin_q1 * sin_s1_2;
+        let t2_30 = (-cos_s1_2).mul_add(t2_28, t2_29);
+        let t2_31 = sin_s1_2 * t2_28;
+        let t2_32 = sin_q1.mul_add(cos_s1_2, t2_31);
+        let t2_33 = sin_s1_3 * sin_s1_1;
+        let t2_34 = t2_33 * sin_s1_2;
+        let t2_35 = cos_q1 * sin_s1_1;
+        let t2_36 = cos_s1_3 * t2_35;
+        let t2_37 = (-sin_s1_3).mul_add(t2_32, t2_36);
+        let t2_38 = cos_s1_1.mul_add(cos_s1_3, t2_34);
+        let t2_39 = like.lift(0.39516739174683935) * t2_38;
+        let t2_40 = like.lift(0.22815).mul_add(t2_14, t2_39);
+        let t2_41 = like.lift(0.39516739174683935) * t2_37;
+        let t2_42 = like.lift(0.4563) * t2_30;
+        let t2_43 = t2_27 - t2_42;
+        let t2_44 = -t2_43;
+        let t2_45 = sin_q1 * t2_15;
+        let t2_46 = like.lift(-0.8660254037844386).mul_add(t2_2, t2_15);
+        let t2_47 = t2_46 - like.lift(0.22815);
+        let t2_48 = cos_s1_1 * t2_30;
+        let t2_49 = (-t2_35).mul_add(t2_14, t2_48);
+        let t2_50 = like.lift(0.4563) * t2_49;
+        let t2_51 = -t2_50;
+        let t2_52 = -t2_51;
+        let t2_53 = sin_q1 * t2_8;
+        let t2_54 = (-cos_q1).mul_add(t2_30, t2_53);
+        let t2_55 = like.lift(0.4563) * t2_54;
+        let t2_56 = -t2_55;
+        let t2_57 = t2_35 * t2_8;
+        let t2_58 = t2_17.mul_add(t2_30, t2_57);
+        let t2_59 = like.lift(0.4563) * t2_58;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_1;
+        let t2_60 = -t2_21;
+        let t2_61 = cos_q1 * t2_40;
+        let t2_62 = t2_17 * t2_40;
+        let t2_63 = cos_s1_1.mul_add(t2_20, t2_62);
+        let t2_64 = t2_14 * t2_20;
+        let t2_65 = (-t2_8).mul_add(t2_40, t2_64);
+        let t2_66 = like.lift(0.5) * t2_3;
+        let t2_67 = -t2_66;
+        let t2_68 = like.lift(0.22815) * t2_30;
+        let t2_69 = t2_41 - t2_27;
+        let t2_70 = t2_69 + t2_68;
+        let t2_71 = t2_68 + t2_41;
+        let t2_72 = cos_q1 * t2_71;
+        let t2_73 = (-sin_q1).mul_add(t2_20, t2_72);
+        let t2_74 = sin_q1 * t2_40;
+        let t2_75 = t2_8 * t2_71;
+        let t2_76 = (-t2_30).mul_add(t2_20, t2_75);
+        let t2_77 = t2_30 * t2_40;
+        let t2_78 = (-t2_14).mul_add(t2_71, t2_77);
+        let t2_79 = t2_35 * t2_20;
+        let t2_80 = t2_17.mul_add(t2_71, t2_79);
+        let t2_81 = t2_35 * t2_40;
+        let t2_82 = (-cos_s1_1).mul_add(t2_71, t2_81);
+        let t2_83 = like.lift(0.26344492783122625) + t2_27;
+        let t2_84 = t2_83 - t2_42;
+        let t2_85 = t2_83 - t2_71;
+        let t2_86 = like.lift(0.5).mul_add(t2_2, t2_84);
+        let t2_87 = t2_86 + like.lift(0.13172246391561312);
+        let t2_88 = like.lift(0.5).mul_add(t2_4, t2_85);
+        let t2_89 = t2_88 + like.lift(0.13172246391561312);
+        let t2_90 = like.lift(0.8660254037844386).mul_add(t2_4, t2_40);
+        let t2_91 = t2_90 + like.lift(0.22815);
+        let t2_92 = -t2_82;
+        let t2_93 = -t2_78;
+        let t2_94 = -t2_76;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_3;
+        let t2_95 = -pivot_2;
+        let t2_96 = t2_12 - t2_1;
+        let t2_97 = like.lift(1.0) / t2_1;
+        let t2_98 = -t2_96;
+        let t2_99 = t2_21 - t2_3;
+        let t2_100 = like.lift(1.0) / t2_3;
+        let t2_101 = -t2_99;
+        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_76, t2_65);
+        let t2_103 = t2_4 * t2_100;
+        let t2_104 = like.lift(1.1547005383792515) * t2_103;
+        let pivot_3 = t2_76.mul_add(t2_104, t2_78);
+        let t2_105 = (-t2_91).mul_add(t2_104, t2_99);
+        let t2_106 = (-t2_80).mul_add(t2_104, t2_82);
+        let t2_107 = t2_73.mul_add(t2_104, t2_74);
+        let t2_108 = like.lift(1.1547005383792515) * t2_100;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_104 = t2_100 * inv_pivot_3;
-        let t2_105 = (-t2_67).mul_add(t2_104, t2_45);
-        let t2_106 = like.lift(0.5773502691896257).mul_add(t2_35, t2_9);
-        let t2_107 = t2_78.mul_add(t2_103, t2_68);
-        let t2_108 = t2_107.mul_add(t2_104, t2_52);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_108);
+        let t2_109 = t2_102 * inv_pivot_3;
+        let t2_110 = (-t2_70).mul_add(t2_109, t2_21);
+        let t2_111 = -pivot_3;
+        let t2_112 = like.lift(0.5773502691896257).mul_add(t2_56, t2_16);
+        let t2_113 = t2_107.mul_add(t2_109, t2_61);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_73, t2_113);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_109 = t2_106 * inv_pivot_4;
-        let pivot_5 = (-t2_105).mul_add(t2_109, t2_5);
+        let t2_114 = t2_112 * inv_pivot_4;
+        let pivot_5 = (-t2_110).mul_add(t2_114, t2_12);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_110 = (-t2_99).mul_add(t2_103, t2_96);
-        let t2_111 = (-t2_104).mul_add(t2_110, t2_95);
-        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_99, t2_111);
-        let t2_113 = (-t2_109).mul_add(t2_112, t2_88);
-        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_92, t2_113);
-        let t2_115 = (-t2_80).mul_add(t2_103, t2_71);
-        let t2_116 = (-t2_115).mul_add(t2_104, t2_54);
-        let t2_117 = like.lift(-0.5773502691896257).mul_add(t2_80, t2_116);
-        let t2_118 = (-t2_117).mul_add(t2_109, t2_13);
-        let t2_119 = like.lift(0.5773502691896257).mul_add(t2_38, t2_118);
-        let t2_120 = like.lift(1.0) / t2_14;
-        let t2_121 = t2_31 * t2_120;
-        let t2_122 = like.lift(1.1547005383792515) * t2_121;
-        let t2_123 = (-t2_35).mul_add(t2_122, t2_24);
-        let t2_124 = t2_123 * inv_pivot_4;
-        let t2_125 = (-t2_105).mul_add(t2_124, t2_22);
-        let t2_126 = t2_125 * inv_pivot_5;
-        let t2_127 = t2_119.mul_add(t2_126, t2_29);
-        let t2_128 = t2_117.mul_add(t2_124, t2_127);
-        let pivot_6 = t2_38.mul_add(t2_122, t2_128);
+        let t2_115 = -pivot_5;
+        let t2_116 = (-t2_109).mul_add(t2_105, t2_89);
+        let t2_117 = like.lift(-0.5773502691896257).mul_add(t2_91, t2_116);
+        let t2_118 = (-t2_106).mul_add(t2_109, t2_63);
+        let t2_119 = like.lift(-0.5773502691896257).mul_add(t2_80, t2_118);
+        let t2_120 = (-t2_114).mul_add(t2_117, t2_87);
+        let t2_121 = like.lift(0.5773502691896257).mul_add(t2_47, t2_120);
+        let t2_122 = (-t2_119).mul_add(t2_114, t2_24);
+        let t2_123 = like.lift(0.5773502691896257).mul_add(t2_59, t2_122);
+        let t2_124 = t2_2 * t2_97;
+        let t2_125 = like.lift(1.1547005383792515) * t2_124;
+        let t2_126 = like.lift(1.1547005383792515) * t2_97;
+        let t2_127 = (-t2_56).mul_add(t2_125, t2_45);
+        let t2_128 = t2_127 * inv_pivot_4;
+        let t2_129 = (-t2_110).mul_add(t2_128, t2_43);
+        let t2_130 = t2_129 * inv_pivot_5;
+        let t2_131 = t2_123.mul_add(t2_130, t2_51);
+        let t2_132 = t2_130.mul_add(t2_121, t2_96);
+        let t2_133 = t2_119.mul_add(t2_128, t2_131);
+        let t2_134 = t2_128.mul_add(t2_117, t2_132);
+        let pivot_6 = t2_59.mul_add(t2_125, t2_133);
+        let t2_135 = t2_47.mul_add(t2_125, t2_134);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_129 = t2_126.mul_add(t2_114, t2_89);
-        let t2_130 = t2_124.mul_add(t2_112, t2_129);
-        let t2_131 = t2_92.mul_add(t2_122, t2_130);
-        let t2_132 = inv_pivot_6 * t2_131;
-        let t2_133 = (-t2_119).mul_add(t2_132, t2_114);
-        let t2_134 = inv_pivot_5 * t2_133;
-        let t2_135 = -t2_134;
-        let t2_136 = (-t2_117).mul_add(t2_132, t2_112);
-        let t2_137 = (-t2_105).mul_add(t2_134, t2_136);
-        let t2_138 = inv_pivot_4 * t2_137;
-        let t2_139 = (-t2_115).mul_add(t2_132, t2_110);
-        let t2_140 = (-t2_67).mul_add(t2_134, t2_139);
-        let t2_141 = t2_107.mul_add(t2_138, t2_140);
-        let t2_142 = inv_pivot_3 * t2_141;
-        let t2_143 = (-t2_38).mul_add(t2_132, t2_92);
-        let t2_144 = (-t2_35).mul_add(t2_138, t2_143);
-        let t2_145 = like.lift(1.1547005383792515) * t2_120;
-        let t2_146 = t2_145 * t2_144;
-        let t2_147 = (-t2_80).mul_add(t2_132, t2_99);
-        let t2_148 = (-t2_78).mul_add(t2_138, t2_147);
-        let t2_149 = t2_82.mul_add(t2_142, t2_148);
-        let t2_150 = like.lift(1.1547005383792515) * t2_101;
-        let t2_151 = t2_150 * t2_149;
-        let t2_152 = -t2_151;
-        let t2_153 = -pivot_3;
-        let t2_154 = -pivot_5;
-        let t2_155 = -pivot_6;
+        let t2_136 = inv_pivot_6 * t2_135;
+        let t2_137 = (-t2_123).mul_add(t2_136, t2_121);
+        let t2_138 = inv_pivot_5 * t2_137;
+        let t2_139 = (-t2_119).mul_add(t2_136, t2_117);
+        let t2_140 = (-t2_110).mul_add(t2_138, t2_139);
+        let t2_141 = inv_pivot_4 * t2_140;
+        let t2_142 = (-t2_106).mul_add(t2_136, t2_105);
+        let t2_143 = (-t2_70).mul_add(t2_138, t2_142);
+        let t2_144 = t2_107.mul_add(t2_141, t2_143);
+        let t2_145 = inv_pivot_3 * t2_144;
+        let t2_146 = -t2_138;
+        let t2_147 = -pivot_6;
+        let t2_148 = (-t2_59).mul_add(t2_136, t2_47);
+        let t2_149 = (-t2_56).mul_add(t2_141, t2_148);
+        let t2_150 = t2_126 * t2_149;
+        let t2_151 = (-t2_80).mul_add(t2_136, t2_91);
+        let t2_152 = (-t2_73).mul_add(t2_141, t2_151);
+        let t2_153 = t2_76.mul_add(t2_145, t2_152);
+        let t2_154 = t2_108 * t2_153;
+        let t2_155 = -t2_154;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_84 * like.lift(1.8955297449982944)).abs())
-            .min((t2_153 * like.lift(2.6463477742948585)).abs())
+            .min((t2_95 * like.lift(1.8955297449982944)).abs())
+            .min((t2_111 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_154 * like.lift(0.8284577646309275)).abs())
-            .min((t2_155 * like.lift(2.1915406530791146)).abs());
+            .min((t2_115 * like.lift(0.8284577646309275)).abs())
+            .min((t2_147 * like.lift(2.1915406530791146)).abs());
         let ([[t2_156], [t2_157], [t2_158], [t2_159], [t2_160], [t2_161]], found) = ::regen_runtime::guarded(
-            [[t2_135], [t2_138], [t2_132], [t2_142], [t2_146], [t2_152]],
+            [[t2_146], [t2_141], [t2_136], [t2_145], [t2_150], [t2_155]],
             margin,
             || (
                 [
-                    [t2_6, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
-                    [t2_23, t2_24, t2_30, like.lift(0.0), t2_31, like.lift(0.0)],
-                    [like.lift(0.0), t2_35, t2_38, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_46, t2_52, t2_54, t2_56, like.lift(0.0), t2_59],
-                    [t2_67, t2_68, t2_72, t2_75, like.lift(0.0), t2_76],
-                    [like.lift(0.0), t2_78, t2_80, t2_83, like.lift(0.0), t2_84],
+                    [t2_13, t2_16, t2_24, like.lift(0.0), t2_26, like.lift(0.0)],
+                    [t2_44, t2_45, t2_52, like.lift(0.0), t2_2, like.lift(0.0)],
+                    [like.lift(0.0), t2_56, t2_59, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_60, t2_61, t2_63, t2_65, like.lift(0.0), t2_67],
+                    [t2_70, t2_74, t2_92, t2_93, like.lift(0.0), t2_4],
+                    [like.lift(0.0), t2_73, t2_80, t2_94, like.lift(0.0), t2_95],
                 ],
-                [[t2_88], [t2_90], [t2_92], [t2_95], [t2_97], [t2_99]],
+                [[t2_87], [t2_98], [t2_47], [t2_89], [t2_101], [t2_91]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_156;
-        dq_e[1] = t2_157;
-        dq_e[2] = t2_158;
-        dq_e[3] = t2_159;
-        dq_e[4] = t2_160;
-        dq_e[5] = t2_161;
+        dq_e[0] = t2_156; dq_e[1] = t2_157; dq_e[2] = t2_158; dq_e[3] = t2_159; dq_e[4] = t2_160; dq_e[5] = t2_161;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -1069,97 +1092,116 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
     };
     // A_e (Eq. 8)
     {
-        let t2_1 = cos_q1 * cos_s1_1;
-        let t2_2 = sin_q1 * sin_s1_2;
-        let t2_3 = (-cos_s1_2).mul_add(t2_1, t2_2);
-        let t2_4 = sin_q1 * cos_s1_1;
-        let t2_5 = cos_s1_2 * t2_4;
-        let t2_6 = cos_q1.mul_add(sin_s1_2, t2_5);
-        let t2_7 = sin_q1 * t2_6;
-        let t2_8 = (-cos_q1).mul_add(t2_3, t2_7);
-        let t2_9 = like.lift(0.4563) * t2_8;
-        let t2_10 = -t2_9;
-        let t2_11 = sin_q1 * sin_s1_1;
-        let t2_12 = cos_q1 * sin_s1_1;
-        let t2_13 = t2_12 * t2_6;
-        let t2_14 = t2_11.mul_add(t2_3, t2_13);
-        let t2_15 = like.lift(0.4563) * t2_14;
-        let t2_16 = cos_q6 * q7;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_16;
-        a_e[0][1] = t2_10; a_e[0][2] = t2_15; a_e[0][4] = pivot_1;
-        let t2_17 = like.lift(0.22815) * t2_3;
-        let t2_18 = sin_s1_2 * t2_1;
-        let t2_19 = sin_q1.mul_add(cos_s1_2, t2_18);
-        let t2_20 = cos_s1_3 * t2_12;
-        let t2_21 = (-sin_s1_3).mul_add(t2_19, t2_20);
-        let t2_22 = like.lift(0.39516739174683935) * t2_21;
-        let t2_23 = t2_17 + t2_22;
-        let t2_24 = cos_q1 * cos_s1_2;
-        let t2_25 = (-sin_s1_2).mul_add(t2_4, t2_24);
-        let t2_26 = sin_s1_3 * t2_25;
-        let t2_27 = cos_s1_3.mul_add(t2_11, t2_26);
-        let t2_28 = like.lift(0.22815) * t2_6;
-        let t2_29 = like.lift(-0.39516739174683935).mul_add(t2_27, t2_28);
-        let t2_30 = cos_q1 * t2_23;
-        let t2_31 = (-sin_q1).mul_add(t2_29, t2_30);
-        let t2_32 = t2_12 * t2_29;
-        let t2_33 = t2_11.mul_add(t2_23, t2_32);
-        let t2_34 = t2_6 * t2_23;
-        let t2_35 = (-t2_3).mul_add(t2_29, t2_34);
-        let t2_36 = -t2_35;
-        let t2_37 = cos_q8 * q9;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_37;
-        let t2_38 = -pivot_2;
-        a_e[1][1] = t2_31; a_e[1][2] = t2_33; a_e[1][3] = t2_36; a_e[1][5] = t2_38;
-        let t2_39 = sin_q1 * q2;
-        let t2_40 = t2_22 - t2_39;
-        let t2_41 = t2_40 + t2_17;
-        let t2_42 = sin_s1_1 * cos_s1_2;
-        let t2_43 = sin_s1_3 * sin_s1_1;
-        let t2_44 = t2_43 * sin_s1_2;
-        let t2_45 = cos_s1_1.mul_add(cos_s1_3, t2_44);
-        let t2_46 = like.lift(0.39516739174683935) * t2_45;
-        let t2_47 = like.lift(0.22815).mul_add(t2_42, t2_46);
-        let t2_48 = sin_q1 * t2_47;
-        let t2_49 = t2_12 * t2_47;
-        let t2_50 = (-cos_s1_1).mul_add(t2_23, t2_49);
-        let t2_51 = -t2_50;
-        let t2_52 = t2_3 * t2_47;
-        let t2_53 = (-t2_42).mul_add(t2_23, t2_52);
-        let t2_54 = -t2_53;
-        let t2_55 = sin_q8 * q9;
-        a_e[2][0] = t2_41; a_e[2][1] = t2_48; a_e[2][2] = t2_51; a_e[2][3] = t2_54; a_e[2][5] = t2_55;
-        let t2_56 = cos_q1 * q2;
-        let t2_57 = t2_56 - t2_29;
-        let t2_58 = -t2_57;
-        let t2_59 = cos_q1 * t2_47;
-        let t2_60 = t2_11 * t2_47;
-        let t2_61 = cos_s1_1.mul_add(t2_29, t2_60);
-        let t2_62 = t2_42 * t2_29;
-        let t2_63 = (-t2_6).mul_add(t2_47, t2_62);
-        let t2_64 = like.lift(0.5) * t2_37;
-        let t2_65 = -t2_64;
-        a_e[3][0] = t2_58; a_e[3][1] = t2_59; a_e[3][2] = t2_61; a_e[3][3] = t2_63; a_e[3][5] = t2_65;
-        let t2_66 = like.lift(-0.4563).mul_add(t2_6, t2_56);
-        let t2_67 = -t2_66;
-        let t2_68 = like.lift(0.4563) * t2_42;
-        let t2_69 = cos_q1 * t2_68;
-        let t2_70 = t2_11 * t2_42;
-        let t2_71 = cos_s1_1.mul_add(t2_6, t2_70);
-        let t2_72 = like.lift(0.4563) * t2_71;
-        let t2_73 = like.lift(0.5) * t2_16;
-        let t2_74 = -t2_73;
-        a_e[4][0] = t2_67; a_e[4][1] = t2_69; a_e[4][2] = t2_72; a_e[4][4] = t2_74;
-        let t2_75 = like.lift(-0.4563).mul_add(t2_3, t2_39);
-        let t2_76 = -t2_75;
-        let t2_77 = sin_q1 * t2_68;
-        let t2_78 = cos_s1_1 * t2_3;
-        let t2_79 = (-t2_12).mul_add(t2_42, t2_78);
-        let t2_80 = like.lift(0.4563) * t2_79;
-        let t2_81 = -t2_80;
+        let t2_1 = sin_q8 * q9;
+        a_e[2][5] = t2_1;
+        let t2_2 = sin_q6 * q7;
+        a_e[5][4] = t2_2;
+        let t2_3 = cos_q6 * q7;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_3;
+        a_e[0][4] = pivot_1;
+        let t2_4 = like.lift(0.5) * t2_3;
+        let t2_5 = -t2_4;
+        a_e[4][4] = t2_5;
+        let t2_6 = cos_q8 * q9;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_6;
+        let t2_7 = -pivot_2;
+        a_e[1][5] = t2_7;
+        let t2_8 = like.lift(0.5) * t2_6;
+        let t2_9 = -t2_8;
+        a_e[3][5] = t2_9;
+        let t2_10 = cos_q1 * cos_s1_1;
+        let t2_11 = sin_q1 * sin_s1_2;
+        let t2_12 = (-cos_s1_2).mul_add(t2_10, t2_11);
+        let t2_13 = sin_s1_2 * t2_10;
+        let t2_14 = sin_q1.mul_add(cos_s1_2, t2_13);
+        let t2_15 = sin_q1 * cos_s1_1;
+        let t2_16 = cos_s1_2 * t2_15;
+        let t2_17 = cos_q1.mul_add(sin_s1_2, t2_16);
+        let t2_18 = cos_q1 * cos_s1_2;
+        let t2_19 = (-sin_s1_2).mul_add(t2_15, t2_18);
+        let t2_20 = sin_s1_3 * t2_19;
+        let t2_21 = sin_s1_1 * cos_s1_2;
+        let t2_22 = sin_s1_3 * sin_s1_1;
+        let t2_23 = t2_22 * sin_s1_2;
+        let t2_24 = cos_s1_1.mul_add(cos_s1_3, t2_23);
+        let t2_25 = like.lift(0.39516739174683935) * t2_24;
+        let t2_26 = like.lift(0.22815).mul_add(t2_21, t2_25);
+        let t2_27 = sin_q1 * t2_26;
+        a_e[2][1] = t2_27;
+        let t2_28 = cos_q1 * t2_26;
+        a_e[3][1] = t2_28;
+        let t2_29 = sin_q1 * t2_17;
+        let t2_30 = (-cos_q1).mul_add(t2_12, t2_29);
+        let t2_31 = like.lift(0.4563) * t2_30;
+        let t2_32 = -t2_31;
+        a_e[0][1] = t2_32;
+        let t2_33 = sin_q1 * sin_s1_1;
+        let t2_34 = cos_q1 * sin_s1_1;
+        let t2_35 = cos_s1_3 * t2_34;
+        let t2_36 = (-sin_s1_3).mul_add(t2_14, t2_35);
+        let t2_37 = cos_s1_3.mul_add(t2_33, t2_20);
+        let t2_38 = like.lift(0.39516739174683935) * t2_36;
+        let t2_39 = like.lift(0.22815) * t2_17;
+        let t2_40 = like.lift(-0.39516739174683935).mul_add(t2_37, t2_39);
+        let t2_41 = t2_33 * t2_26;
+        let t2_42 = cos_s1_1.mul_add(t2_40, t2_41);
+        a_e[3][2] = t2_42;
+        let t2_43 = t2_21 * t2_40;
+        let t2_44 = (-t2_17).mul_add(t2_26, t2_43);
+        a_e[3][3] = t2_44;
+        let t2_45 = t2_34 * t2_17;
+        let t2_46 = t2_33.mul_add(t2_12, t2_45);
+        let t2_47 = like.lift(0.4563) * t2_46;
+        a_e[0][2] = t2_47;
+        let t2_48 = like.lift(0.22815) * t2_12;
+        let t2_49 = t2_48 + t2_38;
+        let t2_50 = cos_q1 * t2_49;
+        let t2_51 = (-sin_q1).mul_add(t2_40, t2_50);
+        a_e[1][1] = t2_51;
+        let t2_52 = t2_34 * t2_40;
+        let t2_53 = t2_33.mul_add(t2_49, t2_52);
+        a_e[1][2] = t2_53;
+        let t2_54 = t2_33 * t2_21;
+        let t2_55 = cos_s1_1.mul_add(t2_17, t2_54);
+        let t2_56 = like.lift(0.4563) * t2_55;
+        a_e[4][2] = t2_56;
+        let t2_57 = t2_17 * t2_49;
+        let t2_58 = (-t2_12).mul_add(t2_40, t2_57);
+        let t2_59 = -t2_58;
+        a_e[1][3] = t2_59;
+        let t2_60 = sin_q1 * q2;
+        let t2_61 = t2_38 - t2_60;
+        let t2_62 = t2_61 + t2_48;
+        a_e[2][0] = t2_62;
+        let t2_63 = like.lift(-0.4563).mul_add(t2_12, t2_60);
+        let t2_64 = -t2_63;
+        a_e[5][0] = t2_64;
+        let t2_65 = like.lift(0.4563) * t2_21;
+        let t2_66 = sin_q1 * t2_65;
+        a_e[5][1] = t2_66;
+        let t2_67 = cos_q1 * t2_65;
+        a_e[4][1] = t2_67;
+        let t2_68 = cos_q1 * q2;
+        let t2_69 = t2_68 - t2_40;
+        let t2_70 = like.lift(-0.4563).mul_add(t2_17, t2_68);
+        let t2_71 = -t2_69;
+        a_e[3][0] = t2_71;
+        let t2_72 = -t2_70;
+        a_e[4][0] = t2_72;
+        let t2_73 = t2_34 * t2_26;
+        let t2_74 = (-cos_s1_1).mul_add(t2_49, t2_73);
+        let t2_75 = -t2_74;
+        a_e[2][2] = t2_75;
+        let t2_76 = t2_12 * t2_26;
+        let t2_77 = (-t2_21).mul_add(t2_49, t2_76);
+        let t2_78 = cos_s1_1 * t2_12;
+        let t2_79 = (-t2_34).mul_add(t2_21, t2_78);
+        let t2_80 = -t2_77;
+        a_e[2][3] = t2_80;
+        let t2_81 = like.lift(0.4563) * t2_79;
         let t2_82 = -t2_81;
-        let t2_83 = sin_q6 * q7;
-        a_e[5][0] = t2_76; a_e[5][1] = t2_77; a_e[5][2] = t2_82; a_e[5][4] = t2_83;
+        let t2_83 = -t2_82;
+        a_e[5][2] = t2_83;
     }
     a_e
 }
@@ -1174,9 +1216,8 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
 pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 9];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q2, d_q7, d_q9] = *qd_i;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
@@ -1192,201 +1233,195 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
             cos_s1_3, sin_q8, cos_q8,
         ]
     };
+    let [d_q2, d_q7, d_q9] = *qd_i;
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
+        qd[1] = d_q2; qd[6] = d_q7; qd[8] = d_q9;
         let t2_1 = cos_q1 * q2;
         let t2_2 = sin_q1 * cos_s1_1;
         let t2_3 = cos_s1_2 * t2_2;
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
-        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_6 = -t2_5;
-        let t2_7 = sin_s1_1 * cos_s1_2;
-        let t2_8 = like.lift(0.4563) * t2_7;
-        let t2_9 = cos_q1 * t2_8;
-        let t2_10 = sin_q1 * sin_s1_1;
-        let t2_11 = t2_10 * t2_7;
-        let t2_12 = cos_s1_1.mul_add(t2_4, t2_11);
-        let t2_13 = like.lift(0.4563) * t2_12;
-        let t2_14 = cos_q6 * q7;
-        let t2_15 = like.lift(0.5) * t2_14;
-        let t2_16 = -t2_15;
-        let t2_17 = sin_q1 * q2;
-        let t2_18 = cos_q1 * cos_s1_1;
-        let t2_19 = sin_q1 * sin_s1_2;
-        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
-        let t2_21 = like.lift(-0.4563).mul_add(t2_20, t2_17);
-        let t2_22 = -t2_21;
-        let t2_23 = sin_q1 * t2_8;
-        let t2_24 = cos_q1 * sin_s1_1;
-        let t2_25 = cos_s1_1 * t2_20;
-        let t2_26 = (-t2_24).mul_add(t2_7, t2_25);
-        let t2_27 = like.lift(0.4563) * t2_26;
-        let t2_28 = -t2_27;
-        let t2_29 = -t2_28;
-        let t2_30 = sin_q6 * q7;
-        let t2_31 = sin_q1 * t2_4;
-        let t2_32 = (-cos_q1).mul_add(t2_20, t2_31);
-        let t2_33 = like.lift(0.4563) * t2_32;
-        let t2_34 = -t2_33;
-        let t2_35 = t2_24 * t2_4;
-        let t2_36 = t2_10.mul_add(t2_20, t2_35);
-        let t2_37 = like.lift(0.4563) * t2_36;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
-        let t2_38 = cos_q1 * cos_s1_2;
-        let t2_39 = (-sin_s1_2).mul_add(t2_2, t2_38);
-        let t2_40 = sin_s1_3 * t2_39;
-        let t2_41 = cos_s1_3.mul_add(t2_10, t2_40);
-        let t2_42 = like.lift(0.22815) * t2_4;
-        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
-        let t2_44 = t2_1 - t2_43;
-        let t2_45 = -t2_44;
-        let t2_46 = sin_s1_3 * sin_s1_1;
-        let t2_47 = t2_46 * sin_s1_2;
-        let t2_48 = cos_s1_1.mul_add(cos_s1_3, t2_47);
-        let t2_49 = like.lift(0.39516739174683935) * t2_48;
-        let t2_50 = like.lift(0.22815).mul_add(t2_7, t2_49);
-        let t2_51 = cos_q1 * t2_50;
-        let t2_52 = t2_10 * t2_50;
-        let t2_53 = cos_s1_1.mul_add(t2_43, t2_52);
-        let t2_54 = t2_7 * t2_43;
-        let t2_55 = (-t2_4).mul_add(t2_50, t2_54);
-        let t2_56 = cos_q8 * q9;
-        let t2_57 = like.lift(0.5) * t2_56;
-        let t2_58 = -t2_57;
-        let t2_59 = sin_s1_2 * t2_18;
-        let t2_60 = sin_q1.mul_add(cos_s1_2, t2_59);
-        let t2_61 = cos_s1_3 * t2_24;
-        let t2_62 = (-sin_s1_3).mul_add(t2_60, t2_61);
-        let t2_63 = like.lift(0.39516739174683935) * t2_62;
-        let t2_64 = like.lift(0.22815) * t2_20;
-        let t2_65 = t2_63 - t2_17;
-        let t2_66 = t2_65 + t2_64;
-        let t2_67 = sin_q1 * t2_50;
-        let t2_68 = t2_64 + t2_63;
-        let t2_69 = t2_24 * t2_50;
-        let t2_70 = (-cos_s1_1).mul_add(t2_68, t2_69);
-        let t2_71 = -t2_70;
-        let t2_72 = t2_20 * t2_50;
-        let t2_73 = (-t2_7).mul_add(t2_68, t2_72);
-        let t2_74 = -t2_73;
-        let t2_75 = sin_q8 * q9;
-        let t2_76 = cos_q1 * t2_68;
-        let t2_77 = (-sin_q1).mul_add(t2_43, t2_76);
-        let t2_78 = t2_24 * t2_43;
-        let t2_79 = t2_10.mul_add(t2_68, t2_78);
-        let t2_80 = t2_4 * t2_68;
-        let t2_81 = (-t2_20).mul_add(t2_43, t2_80);
-        let t2_82 = -t2_81;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_56;
-        let t2_83 = -pivot_2;
-        let t2_84 = sin_q1 * d_q2;
-        let t2_85 = sin_q6 * d_q7;
-        let t2_86 = like.lift(0.5).mul_add(t2_85, t2_84);
-        let t2_87 = cos_q1 * d_q2;
-        let t2_88 = (-cos_q6).mul_add(d_q7, t2_87);
-        let t2_89 = -t2_88;
-        let t2_90 = like.lift(0.8660254037844386) * t2_85;
-        let t2_91 = -t2_90;
-        let t2_92 = sin_q8 * d_q9;
-        let t2_93 = like.lift(0.5).mul_add(t2_92, t2_84);
-        let t2_94 = (-cos_q8).mul_add(d_q9, t2_87);
+        let t2_5 = cos_q1 * cos_s1_2;
+        let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
+        let t2_7 = sin_s1_3 * t2_6;
+        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_9 = -t2_8;
+        let t2_10 = sin_s1_1 * cos_s1_2;
+        let t2_11 = like.lift(0.4563) * t2_10;
+        let t2_12 = cos_q1 * t2_11;
+        let t2_13 = sin_q1 * t2_11;
+        let t2_14 = sin_q1 * sin_s1_1;
+        let t2_15 = cos_s1_3.mul_add(t2_14, t2_7);
+        let t2_16 = like.lift(0.22815) * t2_4;
+        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
+        let t2_18 = t2_1 - t2_17;
+        let t2_19 = t2_14 * t2_10;
+        let t2_20 = cos_s1_1.mul_add(t2_4, t2_19);
+        let t2_21 = like.lift(0.4563) * t2_20;
+        let t2_22 = cos_q6 * q7;
+        let t2_23 = like.lift(0.5) * t2_22;
+        let t2_24 = -t2_23;
+        let t2_25 = sin_q1 * q2;
+        let t2_26 = cos_q1 * cos_s1_1;
+        let t2_27 = sin_q1 * sin_s1_2;
+        let t2_28 = (-cos_s1_2).mul_add(t2_26, t2_27);
+        let t2_29 = sin_s1_2 * t2_26;
+        let t2_30 = sin_q1.mul_add(cos_s1_2, t2_29);
+        let t2_31 = sin_s1_3 * sin_s1_1;
+        let t2_32 = t2_31 * sin_s1_2;
+        let t2_33 = cos_q1 * sin_s1_1;
+        let t2_34 = cos_s1_3 * t2_33;
+        let t2_35 = (-sin_s1_3).mul_add(t2_30, t2_34);
+        let t2_36 = cos_s1_1.mul_add(cos_s1_3, t2_32);
+        let t2_37 = like.lift(0.39516739174683935) * t2_36;
+        let t2_38 = like.lift(0.22815).mul_add(t2_10, t2_37);
+        let t2_39 = like.lift(0.39516739174683935) * t2_35;
+        let t2_40 = like.lift(-0.4563).mul_add(t2_28, t2_25);
+        let t2_41 = t2_39 - t2_25;
+        let t2_42 = -t2_40;
+        let t2_43 = cos_s1_1 * t2_28;
+        let t2_44 = (-t2_33).mul_add(t2_10, t2_43);
+        let t2_45 = like.lift(0.4563) * t2_44;
+        let t2_46 = -t2_45;
+        let t2_47 = -t2_46;
+        let t2_48 = sin_q6 * q7;
+        let t2_49 = sin_q6 * d_q7;
+        let t2_50 = sin_q1 * t2_4;
+        let t2_51 = (-cos_q1).mul_add(t2_28, t2_50);
+        let t2_52 = like.lift(0.4563) * t2_51;
+        let t2_53 = -t2_52;
+        let t2_54 = t2_33 * t2_4;
+        let t2_55 = t2_14.mul_add(t2_28, t2_54);
+        let t2_56 = like.lift(0.4563) * t2_55;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_22;
+        let t2_57 = like.lift(1.0) / t2_22;
+        let t2_58 = -t2_18;
+        let t2_59 = cos_q1 * t2_38;
+        let t2_60 = t2_14 * t2_38;
+        let t2_61 = cos_s1_1.mul_add(t2_17, t2_60);
+        let t2_62 = t2_10 * t2_17;
+        let t2_63 = (-t2_4).mul_add(t2_38, t2_62);
+        let t2_64 = cos_q8 * q9;
+        let t2_65 = like.lift(0.5) * t2_64;
+        let t2_66 = -t2_65;
+        let t2_67 = like.lift(0.22815) * t2_28;
+        let t2_68 = t2_41 + t2_67;
+        let t2_69 = t2_67 + t2_39;
+        let t2_70 = t2_4 * t2_69;
+        let t2_71 = (-t2_28).mul_add(t2_17, t2_70);
+        let t2_72 = t2_28 * t2_38;
+        let t2_73 = (-t2_10).mul_add(t2_69, t2_72);
+        let t2_74 = t2_33 * t2_38;
+        let t2_75 = (-cos_s1_1).mul_add(t2_69, t2_74);
+        let t2_76 = t2_33 * t2_17;
+        let t2_77 = t2_14.mul_add(t2_69, t2_76);
+        let t2_78 = cos_q1 * t2_69;
+        let t2_79 = (-sin_q1).mul_add(t2_17, t2_78);
+        let t2_80 = sin_q1 * t2_38;
+        let t2_81 = sin_q1 * d_q2;
+        let t2_82 = cos_q1 * d_q2;
+        let t2_83 = (-cos_q6).mul_add(d_q7, t2_82);
+        let t2_84 = (-cos_q8).mul_add(d_q9, t2_82);
+        let t2_85 = -t2_75;
+        let t2_86 = -t2_73;
+        let t2_87 = sin_q8 * q9;
+        let t2_88 = sin_q8 * d_q9;
+        let t2_89 = -t2_71;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_64;
+        let t2_90 = -pivot_2;
+        let t2_91 = like.lift(1.0) / t2_64;
+        let t2_92 = like.lift(0.5).mul_add(t2_49, t2_81);
+        let t2_93 = -t2_83;
+        let t2_94 = like.lift(0.8660254037844386) * t2_49;
         let t2_95 = -t2_94;
-        let t2_96 = like.lift(0.8660254037844386) * t2_92;
-        let t2_97 = like.lift(0.5773502691896257).mul_add(t2_81, t2_55);
-        let t2_98 = like.lift(1.0) / t2_56;
-        let t2_99 = t2_75 * t2_98;
-        let t2_100 = like.lift(1.1547005383792515) * t2_99;
-        let pivot_3 = t2_81.mul_add(t2_100, t2_73);
+        let t2_96 = like.lift(0.5).mul_add(t2_88, t2_81);
+        let t2_97 = -t2_84;
+        let t2_98 = like.lift(0.8660254037844386) * t2_88;
+        let t2_99 = t2_87 * t2_91;
+        let t2_100 = (-t2_99).mul_add(t2_88, t2_84);
+        let t2_101 = like.lift(1.1547005383792515) * t2_99;
+        let pivot_3 = t2_71.mul_add(t2_101, t2_73);
+        let t2_102 = (-t2_77).mul_add(t2_101, t2_75);
+        let t2_103 = t2_79.mul_add(t2_101, t2_80);
+        let t2_104 = like.lift(1.1547005383792515) * t2_91;
+        let t2_105 = like.lift(0.5773502691896257).mul_add(t2_71, t2_63);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_101 = t2_97 * inv_pivot_3;
-        let t2_102 = (-t2_66).mul_add(t2_101, t2_44);
-        let t2_103 = like.lift(0.5773502691896257).mul_add(t2_34, t2_9);
-        let t2_104 = t2_77.mul_add(t2_100, t2_67);
-        let t2_105 = t2_104.mul_add(t2_101, t2_51);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_105);
+        let t2_106 = t2_105 * inv_pivot_3;
+        let t2_107 = (-t2_68).mul_add(t2_106, t2_18);
+        let t2_108 = -pivot_3;
+        let t2_109 = like.lift(0.5773502691896257).mul_add(t2_53, t2_12);
+        let t2_110 = t2_103.mul_add(t2_106, t2_59);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_110);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_106 = t2_103 * inv_pivot_4;
-        let pivot_5 = (-t2_102).mul_add(t2_106, t2_5);
+        let t2_111 = t2_109 * inv_pivot_4;
+        let pivot_5 = (-t2_107).mul_add(t2_111, t2_8);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_107 = (-t2_99).mul_add(t2_92, t2_94);
-        let t2_108 = (-t2_101).mul_add(t2_107, t2_84);
-        let t2_109 = (-t2_106).mul_add(t2_108, t2_84);
-        let t2_110 = (-t2_79).mul_add(t2_100, t2_70);
-        let t2_111 = (-t2_110).mul_add(t2_101, t2_53);
-        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_111);
-        let t2_113 = (-t2_112).mul_add(t2_106, t2_13);
-        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_37, t2_113);
-        let t2_115 = like.lift(1.0) / t2_14;
-        let t2_116 = t2_30 * t2_115;
-        let t2_117 = like.lift(1.1547005383792515) * t2_116;
-        let t2_118 = (-t2_34).mul_add(t2_117, t2_23);
-        let t2_119 = t2_118 * inv_pivot_4;
-        let t2_120 = (-t2_102).mul_add(t2_119, t2_21);
-        let t2_121 = t2_120 * inv_pivot_5;
-        let t2_122 = t2_114.mul_add(t2_121, t2_28);
-        let t2_123 = t2_112.mul_add(t2_119, t2_122);
-        let pivot_6 = t2_37.mul_add(t2_117, t2_123);
+        let t2_112 = -pivot_5;
+        let t2_113 = (-t2_106).mul_add(t2_100, t2_81);
+        let t2_114 = (-t2_111).mul_add(t2_113, t2_81);
+        let t2_115 = (-t2_102).mul_add(t2_106, t2_61);
+        let t2_116 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_115);
+        let t2_117 = (-t2_116).mul_add(t2_111, t2_21);
+        let t2_118 = like.lift(0.5773502691896257).mul_add(t2_56, t2_117);
+        let t2_119 = t2_48 * t2_57;
+        let t2_120 = like.lift(1.1547005383792515) * t2_57;
+        let t2_121 = like.lift(1.1547005383792515) * t2_119;
+        let t2_122 = (-t2_53).mul_add(t2_121, t2_13);
+        let t2_123 = t2_122 * inv_pivot_4;
+        let t2_124 = (-t2_107).mul_add(t2_123, t2_40);
+        let t2_125 = t2_124 * inv_pivot_5;
+        let t2_126 = t2_118.mul_add(t2_125, t2_46);
+        let t2_127 = t2_125.mul_add(t2_114, t2_83);
+        let t2_128 = t2_123.mul_add(t2_113, t2_127);
+        let t2_129 = (-t2_119).mul_add(t2_49, t2_128);
+        let t2_130 = t2_116.mul_add(t2_123, t2_126);
+        let pivot_6 = t2_56.mul_add(t2_121, t2_130);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_124 = t2_121.mul_add(t2_109, t2_88);
-        let t2_125 = t2_119.mul_add(t2_108, t2_124);
-        let t2_126 = (-t2_116).mul_add(t2_85, t2_125);
-        let t2_127 = inv_pivot_6 * t2_126;
-        let t2_128 = (-t2_114).mul_add(t2_127, t2_109);
-        let t2_129 = inv_pivot_5 * t2_128;
-        let t2_130 = -t2_129;
-        let t2_131 = (-t2_112).mul_add(t2_127, t2_108);
-        let t2_132 = (-t2_102).mul_add(t2_129, t2_131);
-        let t2_133 = inv_pivot_4 * t2_132;
-        let t2_134 = (-t2_110).mul_add(t2_127, t2_107);
-        let t2_135 = (-t2_66).mul_add(t2_129, t2_134);
-        let t2_136 = t2_104.mul_add(t2_133, t2_135);
-        let t2_137 = inv_pivot_3 * t2_136;
-        let t2_138 = t2_37.mul_add(t2_127, t2_90);
-        let t2_139 = t2_34.mul_add(t2_133, t2_138);
-        let t2_140 = like.lift(1.1547005383792515) * t2_115;
-        let t2_141 = t2_140 * t2_139;
-        let t2_142 = -t2_141;
-        let t2_143 = (-t2_79).mul_add(t2_127, t2_96);
-        let t2_144 = (-t2_77).mul_add(t2_133, t2_143);
-        let t2_145 = t2_81.mul_add(t2_137, t2_144);
-        let t2_146 = like.lift(1.1547005383792515) * t2_98;
-        let t2_147 = t2_146 * t2_145;
-        let t2_148 = -t2_147;
-        let t2_149 = -pivot_3;
-        let t2_150 = -pivot_5;
-        let t2_151 = -pivot_6;
+        let t2_131 = inv_pivot_6 * t2_129;
+        let t2_132 = (-t2_118).mul_add(t2_131, t2_114);
+        let t2_133 = inv_pivot_5 * t2_132;
+        let t2_134 = (-t2_116).mul_add(t2_131, t2_113);
+        let t2_135 = (-t2_107).mul_add(t2_133, t2_134);
+        let t2_136 = inv_pivot_4 * t2_135;
+        let t2_137 = (-t2_102).mul_add(t2_131, t2_100);
+        let t2_138 = (-t2_68).mul_add(t2_133, t2_137);
+        let t2_139 = t2_103.mul_add(t2_136, t2_138);
+        let t2_140 = inv_pivot_3 * t2_139;
+        let t2_141 = -t2_133;
+        let t2_142 = t2_56.mul_add(t2_131, t2_94);
+        let t2_143 = t2_53.mul_add(t2_136, t2_142);
+        let t2_144 = t2_120 * t2_143;
+        let t2_145 = -t2_144;
+        let t2_146 = -pivot_6;
+        let t2_147 = (-t2_77).mul_add(t2_131, t2_98);
+        let t2_148 = (-t2_79).mul_add(t2_136, t2_147);
+        let t2_149 = t2_71.mul_add(t2_140, t2_148);
+        let t2_150 = t2_104 * t2_149;
+        let t2_151 = -t2_150;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_83 * like.lift(1.8955297449982944)).abs())
-            .min((t2_149 * like.lift(2.6463477742948585)).abs())
+            .min((t2_90 * like.lift(1.8955297449982944)).abs())
+            .min((t2_108 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_150 * like.lift(0.8284577646309275)).abs())
-            .min((t2_151 * like.lift(2.1915406530791146)).abs());
+            .min((t2_112 * like.lift(0.8284577646309275)).abs())
+            .min((t2_146 * like.lift(2.1915406530791146)).abs());
         let ([[t2_152], [t2_153], [t2_154], [t2_155], [t2_156], [t2_157]], found) = ::regen_runtime::guarded(
-            [[t2_130], [t2_133], [t2_127], [t2_137], [t2_142], [t2_148]],
+            [[t2_141], [t2_136], [t2_131], [t2_140], [t2_145], [t2_151]],
             margin,
             || (
                 [
-                    [t2_6, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
-                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
-                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_45, t2_51, t2_53, t2_55, like.lift(0.0), t2_58],
-                    [t2_66, t2_67, t2_71, t2_74, like.lift(0.0), t2_75],
-                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
+                    [t2_9, t2_12, t2_21, like.lift(0.0), t2_24, like.lift(0.0)],
+                    [t2_42, t2_13, t2_47, like.lift(0.0), t2_48, like.lift(0.0)],
+                    [like.lift(0.0), t2_53, t2_56, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_58, t2_59, t2_61, t2_63, like.lift(0.0), t2_66],
+                    [t2_68, t2_80, t2_85, t2_86, like.lift(0.0), t2_87],
+                    [like.lift(0.0), t2_79, t2_77, t2_89, like.lift(0.0), t2_90],
                 ],
-                [[t2_86], [t2_89], [t2_91], [t2_93], [t2_95], [t2_96]],
+                [[t2_92], [t2_93], [t2_95], [t2_96], [t2_97], [t2_98]],
             ),
         );
         condition = condition.min(found);
-        qd[0] = t2_152;
-        qd[2] = t2_153;
-        qd[3] = t2_154;
-        qd[4] = t2_155;
-        qd[5] = t2_156;
-        qd[7] = t2_157;
-        qd[1] = d_q2;
-        qd[6] = d_q7;
-        qd[8] = d_q9;
+        qd[0] = t2_152; qd[2] = t2_153; qd[3] = t2_154; qd[4] = t2_155; qd[5] = t2_156; qd[7] = t2_157;
     }
     (qd, Condition { pivot: condition })
 }
@@ -1402,10 +1437,8 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
 pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 9];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    let [dd_q2, dd_q7, dd_q9] = *qdd_i;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
@@ -1421,325 +1454,320 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
             cos_s1_3, sin_q8, cos_q8,
         ]
     };
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
+    let [dd_q2, dd_q7, dd_q9] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 1
     let [
-        t2_6, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34, t2_37, pivot_1, t2_45,
-        t2_51, t2_53, t2_55, t2_58, t2_66, t2_67, t2_71, t2_74, t2_75, t2_77, t2_79, t2_81,
-        t2_82, t2_83, t2_132, t2_156, t2_164, t2_182, t2_194, t2_201, t2_203, pivot_3,
-        inv_pivot_3, t2_209, pivot_4, pivot_5, t2_212, t2_217, t2_222, pivot_6, t2_234, t2_236,
-        t2_239, t2_240,
+        t2_9, t2_12, t2_13, t2_20, t2_23, t2_36, t2_46, t2_47, t2_51, t2_54, pivot_1, t2_56,
+        t2_57, t2_59, t2_61, t2_64, t2_67, t2_69, t2_72, t2_75, t2_76, t2_78, t2_80, t2_82,
+        t2_83, t2_84, t2_149, t2_161, t2_168, t2_195, t2_201, t2_203, t2_207, t2_208,
+        inv_pivot_3, t2_210, t2_211, t2_213, t2_214, t2_216, pivot_4, t2_219, inv_pivot_4,
+        t2_225, t2_228, pivot_6, t2_238, t2_240,
     ] = {
         let t2_1 = cos_q1 * q2;
         let t2_2 = sin_q1 * cos_s1_1;
         let t2_3 = cos_s1_2 * t2_2;
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
-        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_6 = -t2_5;
-        let t2_7 = sin_s1_1 * cos_s1_2;
-        let t2_8 = like.lift(0.4563) * t2_7;
-        let t2_9 = cos_q1 * t2_8;
-        let t2_10 = sin_q1 * sin_s1_1;
-        let t2_11 = t2_10 * t2_7;
-        let t2_12 = cos_s1_1.mul_add(t2_4, t2_11);
-        let t2_13 = like.lift(0.4563) * t2_12;
-        let t2_14 = cos_q6 * q7;
-        let t2_15 = like.lift(0.5) * t2_14;
-        let t2_16 = -t2_15;
-        let t2_17 = sin_q1 * q2;
-        let t2_18 = cos_q1 * cos_s1_1;
-        let t2_19 = sin_q1 * sin_s1_2;
-        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
-        let t2_21 = like.lift(-0.4563).mul_add(t2_20, t2_17);
-        let t2_22 = -t2_21;
-        let t2_23 = sin_q1 * t2_8;
-        let t2_24 = cos_q1 * sin_s1_1;
-        let t2_25 = cos_s1_1 * t2_20;
-        let t2_26 = (-t2_24).mul_add(t2_7, t2_25);
-        let t2_27 = like.lift(0.4563) * t2_26;
-        let t2_28 = -t2_27;
-        let t2_29 = -t2_28;
-        let t2_30 = sin_q6 * q7;
-        let t2_31 = sin_q1 * t2_4;
-        let t2_32 = (-cos_q1).mul_add(t2_20, t2_31);
-        let t2_33 = like.lift(0.4563) * t2_32;
-        let t2_34 = -t2_33;
-        let t2_35 = t2_24 * t2_4;
-        let t2_36 = t2_10.mul_add(t2_20, t2_35);
-        let t2_37 = like.lift(0.4563) * t2_36;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
-        let t2_38 = cos_q1 * cos_s1_2;
-        let t2_39 = (-sin_s1_2).mul_add(t2_2, t2_38);
-        let t2_40 = sin_s1_3 * t2_39;
-        let t2_41 = cos_s1_3.mul_add(t2_10, t2_40);
-        let t2_42 = like.lift(0.22815) * t2_4;
-        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
-        let t2_44 = t2_1 - t2_43;
+        let t2_5 = cos_q1 * cos_s1_2;
+        let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
+        let t2_7 = sin_s1_3 * t2_6;
+        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_9 = -t2_8;
+        let t2_10 = sin_s1_1 * cos_s1_2;
+        let t2_11 = like.lift(0.4563) * t2_10;
+        let t2_12 = cos_q1 * t2_11;
+        let t2_13 = sin_q1 * t2_11;
+        let t2_14 = sin_q1 * sin_s1_1;
+        let t2_15 = cos_s1_3.mul_add(t2_14, t2_7);
+        let t2_16 = like.lift(0.22815) * t2_4;
+        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
+        let t2_18 = t2_14 * t2_10;
+        let t2_19 = cos_s1_1.mul_add(t2_4, t2_18);
+        let t2_20 = like.lift(0.4563) * t2_19;
+        let t2_21 = cos_q6 * q7;
+        let t2_22 = like.lift(0.5) * t2_21;
+        let t2_23 = -t2_22;
+        let t2_24 = sin_q1 * q2;
+        let t2_25 = cos_q1 * cos_s1_1;
+        let t2_26 = sin_q1 * sin_s1_2;
+        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
+        let t2_28 = sin_s1_2 * t2_25;
+        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
+        let t2_30 = sin_s1_3 * sin_s1_1;
+        let t2_31 = t2_30 * sin_s1_2;
+        let t2_32 = cos_s1_1.mul_add(cos_s1_3, t2_31);
+        let t2_33 = like.lift(0.39516739174683935) * t2_32;
+        let t2_34 = like.lift(0.22815).mul_add(t2_10, t2_33);
+        let t2_35 = like.lift(-0.4563).mul_add(t2_27, t2_24);
+        let t2_36 = -t2_35;
+        let t2_37 = cos_q1 * sin_s1_1;
+        let t2_38 = cos_s1_3 * t2_37;
+        let t2_39 = (-sin_s1_3).mul_add(t2_29, t2_38);
+        let t2_40 = like.lift(0.39516739174683935) * t2_39;
+        let t2_41 = d_s1_2 * sin_s1_1;
+        let t2_42 = cos_s1_1 * t2_27;
+        let t2_43 = (-t2_37).mul_add(t2_10, t2_42);
+        let t2_44 = like.lift(0.4563) * t2_43;
         let t2_45 = -t2_44;
-        let t2_46 = sin_s1_3 * sin_s1_1;
-        let t2_47 = t2_46 * sin_s1_2;
-        let t2_48 = cos_s1_1.mul_add(cos_s1_3, t2_47);
-        let t2_49 = like.lift(0.39516739174683935) * t2_48;
-        let t2_50 = like.lift(0.22815).mul_add(t2_7, t2_49);
-        let t2_51 = cos_q1 * t2_50;
-        let t2_52 = t2_10 * t2_50;
-        let t2_53 = cos_s1_1.mul_add(t2_43, t2_52);
-        let t2_54 = t2_7 * t2_43;
-        let t2_55 = (-t2_4).mul_add(t2_50, t2_54);
-        let t2_56 = cos_q8 * q9;
-        let t2_57 = like.lift(0.5) * t2_56;
-        let t2_58 = -t2_57;
-        let t2_59 = sin_s1_2 * t2_18;
-        let t2_60 = sin_q1.mul_add(cos_s1_2, t2_59);
-        let t2_61 = cos_s1_3 * t2_24;
-        let t2_62 = (-sin_s1_3).mul_add(t2_60, t2_61);
-        let t2_63 = like.lift(0.39516739174683935) * t2_62;
-        let t2_64 = like.lift(0.22815) * t2_20;
-        let t2_65 = t2_63 - t2_17;
-        let t2_66 = t2_65 + t2_64;
-        let t2_67 = sin_q1 * t2_50;
-        let t2_68 = t2_64 + t2_63;
-        let t2_69 = t2_24 * t2_50;
-        let t2_70 = (-cos_s1_1).mul_add(t2_68, t2_69);
-        let t2_71 = -t2_70;
-        let t2_72 = t2_20 * t2_50;
-        let t2_73 = (-t2_7).mul_add(t2_68, t2_72);
-        let t2_74 = -t2_73;
-        let t2_75 = sin_q8 * q9;
-        let t2_76 = cos_q1 * t2_68;
-        let t2_77 = (-sin_q1).mul_add(t2_43, t2_76);
-        let t2_78 = t2_24 * t2_43;
-        let t2_79 = t2_10.mul_add(t2_68, t2_78);
-        let t2_80 = t2_4 * t2_68;
-        let t2_81 = (-t2_20).mul_add(t2_43, t2_80);
-        let t2_82 = -t2_81;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_56;
-        let t2_83 = -pivot_2;
-        let t2_84 = cos_q1 * d_q1;
-        let t2_85 = d_q1 * d_q1;
-        let t2_86 = like.lift(2.0) * d_q2;
-        let t2_87 = t2_17 * t2_85;
-        let t2_88 = (-t2_84).mul_add(t2_86, t2_87);
-        let t2_89 = cos_q1 * d_s1_1;
-        let t2_90 = t2_10.mul_add(d_s1_2, t2_89);
-        let t2_91 = sin_q1 * d_s1_1;
-        let t2_92 = (-t2_24).mul_add(d_s1_2, t2_91);
-        let t2_93 = t2_20 * t2_90;
-        let t2_94 = (-t2_4).mul_add(t2_92, t2_93);
-        let t2_95 = d_s1_3 * t2_94;
-        let t2_96 = d_s1_2 * sin_s1_1;
-        let t2_97 = t2_96.mul_add(d_s1_1, t2_95);
-        let t2_98 = sin_q1 * d_q1;
-        let t2_99 = t2_24 * d_q1;
-        let t2_100 = cos_s1_1.mul_add(t2_91, t2_99);
-        let t2_101 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_102 = t2_20 * t2_101;
-        let t2_103 = t2_7.mul_add(t2_92, t2_102);
-        let t2_104 = d_s1_1 * t2_98;
-        let t2_105 = (-d_s1_3).mul_add(t2_103, t2_104);
-        let t2_106 = (-d_s1_2).mul_add(t2_100, t2_105);
-        let t2_107 = t2_7.mul_add(d_s1_3, t2_101);
-        let t2_108 = (-t2_20).mul_add(d_s1_3, t2_92);
-        let t2_109 = t2_20 * t2_107;
-        let t2_110 = t2_7.mul_add(t2_108, t2_109);
-        let t2_111 = like.lift(0.4563) * t2_110;
-        let t2_112 = (-t2_4).mul_add(d_s1_3, t2_90);
-        let t2_113 = t2_4 * t2_108;
-        let t2_114 = (-t2_20).mul_add(t2_112, t2_113);
-        let t2_115 = like.lift(0.4563) * t2_114;
-        let t2_116 = -t2_115;
-        let t2_117 = d_q6 * t2_30;
-        let t2_118 = t2_117 * d_q6;
-        let t2_119 = d_q7 * cos_q6;
-        let t2_120 = t2_119 * d_q6;
-        let t2_121 = sin_q1 * dd_q2;
-        let t2_122 = sin_q6 * dd_q7;
-        let t2_123 = t2_7 * t2_106;
-        let t2_124 = t2_4.mul_add(t2_97, t2_123);
-        let t2_125 = t2_118 - t2_122;
-        let t2_126 = like.lift(-0.4563).mul_add(t2_124, t2_88);
-        let t2_127 = (-t2_112).mul_add(t2_116, t2_126);
-        let t2_128 = (-t2_107).mul_add(t2_111, t2_127);
-        let t2_129 = like.lift(0.5).mul_add(t2_125, t2_128);
-        let t2_130 = t2_129 - t2_120;
-        let t2_131 = t2_130 - t2_121;
-        let t2_132 = -t2_131;
-        let t2_133 = t2_98 * t2_86;
-        let t2_134 = t2_1.mul_add(t2_85, t2_133);
-        let t2_135 = t2_10 * d_q1;
-        let t2_136 = (-cos_s1_1).mul_add(t2_89, t2_135);
-        let t2_137 = t2_7 * t2_90;
-        let t2_138 = t2_4.mul_add(t2_101, t2_137);
-        let t2_139 = d_s1_2 * t2_136;
-        let t2_140 = (-d_s1_3).mul_add(t2_138, t2_139);
-        let t2_141 = d_s1_1.mul_add(t2_84, t2_140);
-        let t2_142 = t2_7 * t2_112;
-        let t2_143 = t2_4.mul_add(t2_107, t2_142);
-        let t2_144 = like.lift(0.4563) * t2_143;
-        let t2_145 = cos_q1 * dd_q2;
-        let t2_146 = t2_20 * t2_97;
-        let t2_147 = (-t2_7).mul_add(t2_141, t2_146);
-        let t2_148 = like.lift(2.0) * d_q7;
-        let t2_149 = t2_148 * sin_q6;
-        let t2_150 = t2_14.mul_add(d_q6, t2_149);
-        let t2_151 = like.lift(0.4563).mul_add(t2_147, t2_134);
-        let t2_152 = (-t2_107).mul_add(t2_144, t2_151);
-        let t2_153 = t2_108.mul_add(t2_116, t2_152);
-        let t2_154 = (-d_q6).mul_add(t2_150, t2_153);
-        let t2_155 = cos_q6.mul_add(dd_q7, t2_154);
-        let t2_156 = t2_155 - t2_145;
-        let t2_157 = t2_4 * t2_141;
-        let t2_158 = t2_20.mul_add(t2_106, t2_157);
-        let t2_159 = t2_122 - t2_118;
-        let t2_160 = like.lift(0.4563) * t2_158;
-        let t2_161 = like.lift(-0.8660254037844386).mul_add(t2_159, t2_160);
-        let t2_162 = (-t2_108).mul_add(t2_111, t2_161);
-        let t2_163 = (-t2_112).mul_add(t2_144, t2_162);
-        let t2_164 = like.lift(-1.7320508075688772).mul_add(t2_120, t2_163);
-        let t2_165 = t2_68 * t2_107;
-        let t2_166 = t2_50.mul_add(t2_108, t2_165);
-        let t2_167 = t2_68 * t2_112;
-        let t2_168 = (-t2_43).mul_add(t2_108, t2_167);
-        let t2_169 = d_q8 * t2_75;
-        let t2_170 = t2_169 * d_q8;
-        let t2_171 = d_q9 * cos_q8;
-        let t2_172 = t2_171 * d_q8;
-        let t2_173 = sin_q8 * dd_q9;
-        let t2_174 = t2_170 - t2_173;
-        let t2_175 = (-t2_50).mul_add(t2_106, t2_88);
-        let t2_176 = (-t2_43).mul_add(t2_97, t2_175);
-        let t2_177 = (-t2_112).mul_add(t2_168, t2_176);
-        let t2_178 = (-t2_107).mul_add(t2_166, t2_177);
-        let t2_179 = like.lift(0.5).mul_add(t2_174, t2_178);
-        let t2_180 = t2_179 - t2_172;
-        let t2_181 = t2_180 - t2_121;
-        let t2_182 = -t2_181;
-        let t2_183 = t2_50 * t2_112;
-        let t2_184 = t2_43.mul_add(t2_107, t2_183);
-        let t2_185 = like.lift(2.0) * d_q9;
-        let t2_186 = t2_185 * sin_q8;
-        let t2_187 = t2_56.mul_add(d_q8, t2_186);
-        let t2_188 = t2_68.mul_add(t2_97, t2_134);
-        let t2_189 = (-t2_50).mul_add(t2_141, t2_188);
-        let t2_190 = (-t2_107).mul_add(t2_184, t2_189);
-        let t2_191 = t2_108.mul_add(t2_168, t2_190);
-        let t2_192 = (-d_q8).mul_add(t2_187, t2_191);
-        let t2_193 = cos_q8.mul_add(dd_q9, t2_192);
-        let t2_194 = t2_193 - t2_145;
-        let t2_195 = t2_173 - t2_170;
-        let t2_196 = like.lift(0.8660254037844386) * t2_195;
-        let t2_197 = t2_43.mul_add(t2_141, t2_196);
-        let t2_198 = t2_68.mul_add(t2_106, t2_197);
-        let t2_199 = (-t2_108).mul_add(t2_166, t2_198);
-        let t2_200 = (-t2_112).mul_add(t2_184, t2_199);
-        let t2_201 = like.lift(1.7320508075688772).mul_add(t2_172, t2_200);
-        let t2_202 = like.lift(0.5773502691896257).mul_add(t2_81, t2_55);
-        let t2_203 = like.lift(1.0) / t2_56;
-        let t2_204 = t2_75 * t2_203;
-        let t2_205 = like.lift(1.1547005383792515) * t2_204;
-        let pivot_3 = t2_81.mul_add(t2_205, t2_73);
+        let t2_46 = -t2_45;
+        let t2_47 = sin_q6 * q7;
+        let t2_48 = sin_q1 * t2_4;
+        let t2_49 = (-cos_q1).mul_add(t2_27, t2_48);
+        let t2_50 = like.lift(0.4563) * t2_49;
+        let t2_51 = -t2_50;
+        let t2_52 = t2_37 * t2_4;
+        let t2_53 = t2_14.mul_add(t2_27, t2_52);
+        let t2_54 = like.lift(0.4563) * t2_53;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
+        let t2_55 = t2_1 - t2_17;
+        let t2_56 = -t2_55;
+        let t2_57 = cos_q1 * t2_34;
+        let t2_58 = t2_14 * t2_34;
+        let t2_59 = cos_s1_1.mul_add(t2_17, t2_58);
+        let t2_60 = t2_10 * t2_17;
+        let t2_61 = (-t2_4).mul_add(t2_34, t2_60);
+        let t2_62 = cos_q8 * q9;
+        let t2_63 = like.lift(0.5) * t2_62;
+        let t2_64 = -t2_63;
+        let t2_65 = like.lift(0.22815) * t2_27;
+        let t2_66 = t2_40 - t2_24;
+        let t2_67 = t2_66 + t2_65;
+        let t2_68 = t2_65 + t2_40;
+        let t2_69 = sin_q1 * t2_34;
+        let t2_70 = t2_37 * t2_34;
+        let t2_71 = (-cos_s1_1).mul_add(t2_68, t2_70);
+        let t2_72 = -t2_71;
+        let t2_73 = t2_27 * t2_34;
+        let t2_74 = (-t2_10).mul_add(t2_68, t2_73);
+        let t2_75 = -t2_74;
+        let t2_76 = sin_q8 * q9;
+        let t2_77 = cos_q1 * t2_68;
+        let t2_78 = (-sin_q1).mul_add(t2_17, t2_77);
+        let t2_79 = t2_37 * t2_17;
+        let t2_80 = t2_14.mul_add(t2_68, t2_79);
+        let t2_81 = t2_4 * t2_68;
+        let t2_82 = (-t2_27).mul_add(t2_17, t2_81);
+        let t2_83 = -t2_82;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_62;
+        let t2_84 = -pivot_2;
+        let t2_85 = cos_q1 * d_q1;
+        let t2_86 = d_q1 * d_q1;
+        let t2_87 = t2_24 * t2_86;
+        let t2_88 = like.lift(2.0) * d_q2;
+        let t2_89 = (-t2_85).mul_add(t2_88, t2_87);
+        let t2_90 = cos_q1 * d_s1_1;
+        let t2_91 = cos_q1 * dd_q2;
+        let t2_92 = t2_14.mul_add(d_s1_2, t2_90);
+        let t2_93 = t2_14 * d_q1;
+        let t2_94 = (-cos_s1_1).mul_add(t2_90, t2_93);
+        let t2_95 = d_s1_2 * t2_94;
+        let t2_96 = sin_q1 * d_s1_1;
+        let t2_97 = (-t2_37).mul_add(d_s1_2, t2_96);
+        let t2_98 = t2_37 * d_q1;
+        let t2_99 = cos_s1_1.mul_add(t2_96, t2_98);
+        let t2_100 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_101 = t2_27 * t2_92;
+        let t2_102 = (-t2_4).mul_add(t2_97, t2_101);
+        let t2_103 = d_s1_3 * t2_102;
+        let t2_104 = t2_41.mul_add(d_s1_1, t2_103);
+        let t2_105 = sin_q1 * d_q1;
+        let t2_106 = t2_105 * t2_88;
+        let t2_107 = t2_1.mul_add(t2_86, t2_106);
+        let t2_108 = d_s1_1 * t2_105;
+        let t2_109 = sin_q1 * dd_q2;
+        let t2_110 = t2_27 * t2_100;
+        let t2_111 = t2_10.mul_add(t2_97, t2_110);
+        let t2_112 = (-d_s1_3).mul_add(t2_111, t2_108);
+        let t2_113 = (-d_s1_2).mul_add(t2_99, t2_112);
+        let t2_114 = (-t2_27).mul_add(d_s1_3, t2_97);
+        let t2_115 = t2_10.mul_add(d_s1_3, t2_100);
+        let t2_116 = t2_10 * t2_92;
+        let t2_117 = t2_4.mul_add(t2_100, t2_116);
+        let t2_118 = (-d_s1_3).mul_add(t2_117, t2_95);
+        let t2_119 = d_s1_1.mul_add(t2_85, t2_118);
+        let t2_120 = (-t2_4).mul_add(d_s1_3, t2_92);
+        let t2_121 = t2_27 * t2_115;
+        let t2_122 = t2_10.mul_add(t2_114, t2_121);
+        let t2_123 = like.lift(0.4563) * t2_122;
+        let t2_124 = t2_4 * t2_114;
+        let t2_125 = (-t2_27).mul_add(t2_120, t2_124);
+        let t2_126 = like.lift(0.4563) * t2_125;
+        let t2_127 = -t2_126;
+        let t2_128 = d_q6 * t2_47;
+        let t2_129 = t2_128 * d_q6;
+        let t2_130 = d_q7 * cos_q6;
+        let t2_131 = t2_130 * d_q6;
+        let t2_132 = sin_q6 * dd_q7;
+        let t2_133 = like.lift(2.0) * d_q7;
+        let t2_134 = t2_133 * sin_q6;
+        let t2_135 = t2_21.mul_add(d_q6, t2_134);
+        let t2_136 = like.lift(1.0) / t2_21;
+        let t2_137 = t2_10 * t2_113;
+        let t2_138 = t2_4.mul_add(t2_104, t2_137);
+        let t2_139 = like.lift(-0.4563).mul_add(t2_138, t2_89);
+        let t2_140 = (-t2_120).mul_add(t2_127, t2_139);
+        let t2_141 = (-t2_115).mul_add(t2_123, t2_140);
+        let t2_142 = (-t2_34).mul_add(t2_113, t2_89);
+        let t2_143 = (-t2_17).mul_add(t2_104, t2_142);
+        let t2_144 = t2_129 - t2_132;
+        let t2_145 = like.lift(0.5).mul_add(t2_144, t2_141);
+        let t2_146 = t2_132 - t2_129;
+        let t2_147 = t2_145 - t2_131;
+        let t2_148 = t2_147 - t2_109;
+        let t2_149 = -t2_148;
+        let t2_150 = t2_10 * t2_120;
+        let t2_151 = t2_4.mul_add(t2_115, t2_150);
+        let t2_152 = like.lift(0.4563) * t2_151;
+        let t2_153 = t2_4 * t2_119;
+        let t2_154 = t2_27.mul_add(t2_113, t2_153);
+        let t2_155 = t2_27 * t2_104;
+        let t2_156 = (-t2_10).mul_add(t2_119, t2_155);
+        let t2_157 = like.lift(0.4563) * t2_154;
+        let t2_158 = like.lift(-0.8660254037844386).mul_add(t2_146, t2_157);
+        let t2_159 = (-t2_114).mul_add(t2_123, t2_158);
+        let t2_160 = (-t2_120).mul_add(t2_152, t2_159);
+        let t2_161 = like.lift(-1.7320508075688772).mul_add(t2_131, t2_160);
+        let t2_162 = like.lift(0.4563).mul_add(t2_156, t2_107);
+        let t2_163 = (-t2_115).mul_add(t2_152, t2_162);
+        let t2_164 = t2_114.mul_add(t2_127, t2_163);
+        let t2_165 = (-d_q6).mul_add(t2_135, t2_164);
+        let t2_166 = cos_q6.mul_add(dd_q7, t2_165);
+        let t2_167 = t2_68.mul_add(t2_104, t2_107);
+        let t2_168 = t2_166 - t2_91;
+        let t2_169 = (-t2_34).mul_add(t2_119, t2_167);
+        let t2_170 = t2_68 * t2_115;
+        let t2_171 = t2_34.mul_add(t2_114, t2_170);
+        let t2_172 = t2_34 * t2_120;
+        let t2_173 = t2_17.mul_add(t2_115, t2_172);
+        let t2_174 = (-t2_115).mul_add(t2_173, t2_169);
+        let t2_175 = t2_68 * t2_120;
+        let t2_176 = (-t2_17).mul_add(t2_114, t2_175);
+        let t2_177 = (-t2_120).mul_add(t2_176, t2_143);
+        let t2_178 = (-t2_115).mul_add(t2_171, t2_177);
+        let t2_179 = t2_114.mul_add(t2_176, t2_174);
+        let t2_180 = d_q8 * t2_76;
+        let t2_181 = t2_180 * d_q8;
+        let t2_182 = d_q9 * cos_q8;
+        let t2_183 = t2_182 * d_q8;
+        let t2_184 = sin_q8 * dd_q9;
+        let t2_185 = t2_181 - t2_184;
+        let t2_186 = like.lift(0.5).mul_add(t2_185, t2_178);
+        let t2_187 = t2_184 - t2_181;
+        let t2_188 = like.lift(0.8660254037844386) * t2_187;
+        let t2_189 = t2_17.mul_add(t2_119, t2_188);
+        let t2_190 = t2_68.mul_add(t2_113, t2_189);
+        let t2_191 = (-t2_114).mul_add(t2_171, t2_190);
+        let t2_192 = (-t2_120).mul_add(t2_173, t2_191);
+        let t2_193 = t2_186 - t2_183;
+        let t2_194 = t2_193 - t2_109;
+        let t2_195 = like.lift(1.7320508075688772).mul_add(t2_183, t2_192);
+        let t2_196 = like.lift(2.0) * d_q9;
+        let t2_197 = t2_196 * sin_q8;
+        let t2_198 = t2_62.mul_add(d_q8, t2_197);
+        let t2_199 = (-d_q8).mul_add(t2_198, t2_179);
+        let t2_200 = cos_q8.mul_add(dd_q9, t2_199);
+        let t2_201 = t2_200 - t2_91;
+        let t2_202 = like.lift(1.0) / t2_62;
+        let t2_203 = -t2_194;
+        let t2_204 = like.lift(0.5773502691896257).mul_add(t2_82, t2_61);
+        let t2_205 = t2_76 * t2_202;
+        let t2_206 = like.lift(1.1547005383792515) * t2_205;
+        let pivot_3 = t2_82.mul_add(t2_206, t2_74);
+        let t2_207 = (-t2_80).mul_add(t2_206, t2_71);
+        let t2_208 = like.lift(1.1547005383792515) * t2_202;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_206 = t2_202 * inv_pivot_3;
-        let t2_207 = (-t2_66).mul_add(t2_206, t2_44);
-        let t2_208 = like.lift(0.5773502691896257).mul_add(t2_34, t2_9);
-        let t2_209 = t2_77.mul_add(t2_205, t2_67);
-        let t2_210 = t2_209.mul_add(t2_206, t2_51);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_210);
+        let t2_209 = t2_204 * inv_pivot_3;
+        let t2_210 = (-t2_67).mul_add(t2_209, t2_55);
+        let t2_211 = -pivot_3;
+        let t2_212 = like.lift(0.5773502691896257).mul_add(t2_51, t2_12);
+        let t2_213 = t2_78.mul_add(t2_206, t2_69);
+        let t2_214 = t2_195.mul_add(t2_206, t2_201);
+        let t2_215 = (-t2_209).mul_add(t2_214, t2_194);
+        let t2_216 = like.lift(0.5773502691896257).mul_add(t2_195, t2_215);
+        let t2_217 = t2_213.mul_add(t2_209, t2_57);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_217);
+        let t2_218 = (-t2_207).mul_add(t2_209, t2_59);
+        let t2_219 = like.lift(-0.5773502691896257).mul_add(t2_80, t2_218);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_211 = t2_208 * inv_pivot_4;
-        let pivot_5 = (-t2_207).mul_add(t2_211, t2_5);
+        let t2_220 = t2_212 * inv_pivot_4;
+        let pivot_5 = (-t2_210).mul_add(t2_220, t2_8);
+        let t2_221 = (-t2_220).mul_add(t2_216, t2_148);
+        let t2_222 = like.lift(-0.5773502691896257).mul_add(t2_161, t2_221);
+        let t2_223 = (-t2_219).mul_add(t2_220, t2_20);
+        let t2_224 = like.lift(0.5773502691896257).mul_add(t2_54, t2_223);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_212 = t2_201.mul_add(t2_205, t2_194);
-        let t2_213 = (-t2_206).mul_add(t2_212, t2_181);
-        let t2_214 = like.lift(0.5773502691896257).mul_add(t2_201, t2_213);
-        let t2_215 = (-t2_211).mul_add(t2_214, t2_131);
-        let t2_216 = like.lift(-0.5773502691896257).mul_add(t2_164, t2_215);
-        let t2_217 = (-t2_79).mul_add(t2_205, t2_70);
-        let t2_218 = (-t2_217).mul_add(t2_206, t2_53);
-        let t2_219 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_218);
-        let t2_220 = (-t2_219).mul_add(t2_211, t2_13);
-        let t2_221 = like.lift(0.5773502691896257).mul_add(t2_37, t2_220);
-        let t2_222 = like.lift(1.0) / t2_14;
-        let t2_223 = t2_30 * t2_222;
-        let t2_224 = like.lift(1.1547005383792515) * t2_223;
-        let t2_225 = (-t2_34).mul_add(t2_224, t2_23);
-        let t2_226 = t2_225 * inv_pivot_4;
-        let t2_227 = (-t2_207).mul_add(t2_226, t2_21);
-        let t2_228 = t2_227 * inv_pivot_5;
-        let t2_229 = t2_221.mul_add(t2_228, t2_28);
-        let t2_230 = t2_219.mul_add(t2_226, t2_229);
-        let pivot_6 = t2_37.mul_add(t2_224, t2_230);
+        let t2_225 = -pivot_5;
+        let t2_226 = t2_47 * t2_136;
+        let t2_227 = like.lift(1.1547005383792515) * t2_226;
+        let t2_228 = like.lift(1.1547005383792515) * t2_136;
+        let t2_229 = (-t2_51).mul_add(t2_227, t2_13);
+        let t2_230 = t2_229 * inv_pivot_4;
+        let t2_231 = (-t2_210).mul_add(t2_230, t2_35);
+        let t2_232 = t2_231 * inv_pivot_5;
+        let t2_233 = t2_224.mul_add(t2_232, t2_45);
+        let t2_234 = t2_219.mul_add(t2_230, t2_233);
+        let t2_235 = t2_232.mul_add(t2_222, t2_168);
+        let t2_236 = t2_230.mul_add(t2_216, t2_235);
+        let pivot_6 = t2_54.mul_add(t2_227, t2_234);
+        let t2_237 = (-t2_161).mul_add(t2_227, t2_236);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_231 = t2_228.mul_add(t2_216, t2_156);
-        let t2_232 = t2_226.mul_add(t2_214, t2_231);
-        let t2_233 = (-t2_164).mul_add(t2_224, t2_232);
-        let t2_234 = inv_pivot_6 * t2_233;
-        let t2_235 = (-t2_221).mul_add(t2_234, t2_216);
-        let t2_236 = inv_pivot_5 * t2_235;
-        let t2_237 = (-t2_219).mul_add(t2_234, t2_214);
-        let t2_238 = (-t2_207).mul_add(t2_236, t2_237);
-        let t2_239 = inv_pivot_4 * t2_238;
-        let t2_240 = -t2_239;
+        let t2_238 = inv_pivot_6 * t2_237;
+        let t2_239 = (-t2_224).mul_add(t2_238, t2_222);
+        let t2_240 = inv_pivot_5 * t2_239;
         [
-            t2_6, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34, t2_37, pivot_1, t2_45,
-            t2_51, t2_53, t2_55, t2_58, t2_66, t2_67, t2_71, t2_74, t2_75, t2_77, t2_79, t2_81,
-            t2_82, t2_83, t2_132, t2_156, t2_164, t2_182, t2_194, t2_201, t2_203, pivot_3,
-            inv_pivot_3, t2_209, pivot_4, pivot_5, t2_212, t2_217, t2_222, pivot_6, t2_234,
-            t2_236, t2_239, t2_240,
+            t2_9, t2_12, t2_13, t2_20, t2_23, t2_36, t2_46, t2_47, t2_51, t2_54, pivot_1,
+            t2_56, t2_57, t2_59, t2_61, t2_64, t2_67, t2_69, t2_72, t2_75, t2_76, t2_78, t2_80,
+            t2_82, t2_83, t2_84, t2_149, t2_161, t2_168, t2_195, t2_201, t2_203, t2_207,
+            t2_208, inv_pivot_3, t2_210, t2_211, t2_213, t2_214, t2_216, pivot_4, t2_219,
+            inv_pivot_4, t2_225, t2_228, pivot_6, t2_238, t2_240,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
-        let t3_1 = -t2_234;
-        let t3_2 = (-t2_217).mul_add(t2_234, t2_212);
-        let t3_3 = (-t2_66).mul_add(t2_236, t3_2);
-        let t3_4 = t2_209.mul_add(t2_239, t3_3);
-        let t3_5 = inv_pivot_3 * t3_4;
-        let t3_6 = -t3_5;
-        let t3_7 = t2_37.mul_add(t2_234, t2_164);
-        let t3_8 = t2_34.mul_add(t2_239, t3_7);
-        let t3_9 = like.lift(1.1547005383792515) * t2_222;
-        let t3_10 = t3_9 * t3_8;
-        let t3_11 = t2_79.mul_add(t2_234, t2_201);
-        let t3_12 = t2_77.mul_add(t2_239, t3_11);
-        let t3_13 = (-t2_81).mul_add(t3_5, t3_12);
-        let t3_14 = like.lift(1.1547005383792515) * t2_203;
-        let t3_15 = t3_14 * t3_13;
-        let t3_16 = -t3_15;
-        let t3_17 = -pivot_3;
-        let t3_18 = -pivot_5;
-        let t3_19 = -pivot_6;
+        qdd[1] = dd_q2; qdd[6] = dd_q7; qdd[8] = dd_q9;
+        let t3_1 = (-t2_219).mul_add(t2_238, t2_216);
+        let t3_2 = (-t2_210).mul_add(t2_240, t3_1);
+        let t3_3 = inv_pivot_4 * t3_2;
+        let t3_4 = (-t2_207).mul_add(t2_238, t2_214);
+        let t3_5 = (-t2_67).mul_add(t2_240, t3_4);
+        let t3_6 = t2_213.mul_add(t3_3, t3_5);
+        let t3_7 = inv_pivot_3 * t3_6;
+        let t3_8 = -pivot_6;
+        let t3_9 = -t3_3;
+        let t3_10 = -t2_238;
+        let t3_11 = -t3_7;
+        let t3_12 = t2_54.mul_add(t2_238, t2_161);
+        let t3_13 = t2_51.mul_add(t3_3, t3_12);
+        let t3_14 = t2_228 * t3_13;
+        let t3_15 = t2_80.mul_add(t2_238, t2_195);
+        let t3_16 = t2_78.mul_add(t3_3, t3_15);
+        let t3_17 = (-t2_82).mul_add(t3_7, t3_16);
+        let t3_18 = t2_208 * t3_17;
+        let t3_19 = -t3_18;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_83 * like.lift(1.8955297449982944)).abs())
-            .min((t3_17 * like.lift(2.6463477742948585)).abs())
+            .min((t2_84 * like.lift(1.8955297449982944)).abs())
+            .min((t2_211 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t3_18 * like.lift(0.8284577646309275)).abs())
-            .min((t3_19 * like.lift(2.1915406530791146)).abs());
+            .min((t2_225 * like.lift(0.8284577646309275)).abs())
+            .min((t3_8 * like.lift(2.1915406530791146)).abs());
         let ([[t3_20], [t3_21], [t3_22], [t3_23], [t3_24], [t3_25]], found) = ::regen_runtime::guarded(
-            [[t2_236], [t2_240], [t3_1], [t3_6], [t3_10], [t3_16]],
+            [[t2_240], [t3_9], [t3_10], [t3_11], [t3_14], [t3_19]],
             margin,
             || (
                 [
-                    [t2_6, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
-                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
-                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_45, t2_51, t2_53, t2_55, like.lift(0.0), t2_58],
-                    [t2_66, t2_67, t2_71, t2_74, like.lift(0.0), t2_75],
-                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
+                    [t2_9, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
+                    [t2_36, t2_13, t2_46, like.lift(0.0), t2_47, like.lift(0.0)],
+                    [like.lift(0.0), t2_51, t2_54, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_56, t2_57, t2_59, t2_61, like.lift(0.0), t2_64],
+                    [t2_67, t2_69, t2_72, t2_75, like.lift(0.0), t2_76],
+                    [like.lift(0.0), t2_78, t2_80, t2_83, like.lift(0.0), t2_84],
                 ],
-                [[t2_132], [t2_156], [t2_164], [t2_182], [t2_194], [t2_201]],
+                [[t2_149], [t2_168], [t2_161], [t2_203], [t2_201], [t2_195]],
             ),
         );
         condition = condition.min(found);
-        qdd[0] = t3_20;
-        qdd[2] = t3_21;
-        qdd[3] = t3_22;
-        qdd[4] = t3_23;
-        qdd[5] = t3_24;
-        qdd[7] = t3_25;
-        qdd[1] = dd_q2;
-        qdd[6] = dd_q7;
-        qdd[8] = dd_q9;
+        qdd[0] = t3_20; qdd[2] = t3_21; qdd[3] = t3_22; qdd[4] = t3_23; qdd[5] = t3_24; qdd[7] = t3_25;
     }
     (qdd, Condition { pivot: condition })
 }
@@ -1811,10 +1839,8 @@ pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 79]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
@@ -1832,663 +1858,716 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
-        x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2,
-        x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_109, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+        x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
+        x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
         let t2_1 = cos_q1 * q2;
         let t2_2 = sin_q1 * cos_s1_1;
         let t2_3 = cos_s1_2 * t2_2;
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
-        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_6 = -t2_5;
+        let t2_5 = cos_q1 * cos_s1_2;
+        let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
+        let t2_7 = sin_s1_3 * t2_6;
+        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_9 = -t2_8;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_7 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_8 = cos_q1 * t2_7;
-        let t2_9 = sin_q1 * sin_s1_1;
-        let t2_10 = t2_9 * e_s1_2_q1x;
-        let t2_11 = cos_s1_1.mul_add(t2_4, t2_10);
-        let t2_12 = like.lift(0.4563) * t2_11;
-        let t2_13 = cos_q6 * q7;
-        let t2_14 = like.lift(0.5) * t2_13;
-        let t2_15 = -t2_14;
-        let t2_16 = sin_q1 * q2;
-        let t2_17 = cos_q1 * cos_s1_1;
-        let t2_18 = sin_q1 * sin_s1_2;
-        let t2_19 = (-cos_s1_2).mul_add(t2_17, t2_18);
-        let t2_20 = like.lift(-0.4563).mul_add(t2_19, t2_16);
-        let t2_21 = -t2_20;
-        let t2_22 = sin_q1 * t2_7;
-        let t2_23 = cos_q1 * sin_s1_1;
-        let t2_24 = cos_s1_1 * t2_19;
-        let t2_25 = (-t2_23).mul_add(e_s1_2_q1x, t2_24);
-        let t2_26 = like.lift(0.4563) * t2_25;
-        let t2_27 = -t2_26;
-        let t2_28 = -t2_27;
-        let t2_29 = sin_q6 * q7;
-        let t2_30 = sin_q1 * t2_4;
-        let t2_31 = (-cos_q1).mul_add(t2_19, t2_30);
-        let t2_32 = like.lift(0.4563) * t2_31;
-        let t2_33 = -t2_32;
-        let t2_34 = t2_23 * t2_4;
-        let t2_35 = t2_9.mul_add(t2_19, t2_34);
-        let t2_36 = like.lift(0.4563) * t2_35;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_13;
-        let t2_37 = cos_q1 * cos_s1_2;
-        let t2_38 = (-sin_s1_2).mul_add(t2_2, t2_37);
-        let t2_39 = sin_s1_3 * t2_38;
-        let t2_40 = cos_s1_3.mul_add(t2_9, t2_39);
-        let t2_41 = like.lift(0.22815) * t2_4;
-        let t2_42 = like.lift(-0.39516739174683935).mul_add(t2_40, t2_41);
-        let t2_43 = t2_1 - t2_42;
-        let t2_44 = -t2_43;
+        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_11 = cos_q1 * t2_10;
+        let t2_12 = sin_q1 * t2_10;
+        let t2_13 = sin_q1 * sin_s1_1;
+        let t2_14 = cos_s1_3.mul_add(t2_13, t2_7);
+        let t2_15 = like.lift(0.22815) * t2_4;
+        let t2_16 = like.lift(-0.39516739174683935).mul_add(t2_14, t2_15);
+        let t2_17 = t2_1 - t2_16;
+        let t2_18 = t2_13 * e_s1_2_q1x;
+        let t2_19 = cos_s1_1.mul_add(t2_4, t2_18);
+        let t2_20 = like.lift(0.4563) * t2_19;
+        let t2_21 = cos_q6 * q7;
+        let t2_22 = like.lift(0.5) * t2_21;
+        let t2_23 = -t2_22;
+        let t2_24 = sin_q1 * q2;
+        let t2_25 = cos_q1 * cos_s1_1;
+        let t2_26 = sin_q1 * sin_s1_2;
+        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
+        let t2_28 = sin_s1_2 * t2_25;
+        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
+        let t2_30 = like.lift(-0.4563).mul_add(t2_27, t2_24);
+        let t2_31 = -t2_30;
+        let t2_32 = cos_q1 * sin_s1_1;
+        let t2_33 = cos_s1_3 * t2_32;
+        let t2_34 = (-sin_s1_3).mul_add(t2_29, t2_33);
+        let t2_35 = like.lift(0.39516739174683935) * t2_34;
+        let t2_36 = t2_35 - t2_24;
+        let t2_37 = cos_s1_1 * t2_27;
+        let t2_38 = (-t2_32).mul_add(e_s1_2_q1x, t2_37);
+        let t2_39 = like.lift(0.4563) * t2_38;
+        let t2_40 = -t2_39;
+        let t2_41 = -t2_40;
+        let t2_42 = sin_q6 * q7;
+        let t2_43 = sin_q1 * t2_4;
+        let t2_44 = (-cos_q1).mul_add(t2_27, t2_43);
+        let t2_45 = like.lift(0.4563) * t2_44;
+        let t2_46 = -t2_45;
+        let t2_47 = t2_32 * t2_4;
+        let t2_48 = t2_13.mul_add(t2_27, t2_47);
+        let t2_49 = like.lift(0.4563) * t2_48;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
+        let t2_50 = like.lift(1.0) / t2_21;
+        let t2_51 = -t2_17;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let t2_45 = sin_s1_3 * e_s1_2_q1z;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_45);
-        let t2_46 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_47 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_46);
-        let t2_48 = cos_q1 * t2_47;
-        let t2_49 = t2_9 * t2_47;
-        let t2_50 = cos_s1_1.mul_add(t2_42, t2_49);
-        let t2_51 = e_s1_2_q1x * t2_42;
-        let t2_52 = (-t2_4).mul_add(t2_47, t2_51);
-        let t2_53 = cos_q8 * q9;
-        let t2_54 = like.lift(0.5) * t2_53;
-        let t2_55 = -t2_54;
-        let t2_56 = sin_s1_2 * t2_17;
-        let t2_57 = sin_q1.mul_add(cos_s1_2, t2_56);
-        let t2_58 = cos_s1_3 * t2_23;
-        let t2_59 = (-sin_s1_3).mul_add(t2_57, t2_58);
-        let t2_60 = like.lift(0.39516739174683935) * t2_59;
-        let t2_61 = like.lift(0.22815) * t2_19;
-        let t2_62 = t2_60 - t2_16;
-        let t2_63 = t2_62 + t2_61;
-        let t2_64 = sin_q1 * t2_47;
-        let t2_65 = t2_61 + t2_60;
-        let t2_66 = t2_23 * t2_47;
-        let t2_67 = (-cos_s1_1).mul_add(t2_65, t2_66);
-        let t2_68 = -t2_67;
-        let t2_69 = t2_19 * t2_47;
-        let t2_70 = (-e_s1_2_q1x).mul_add(t2_65, t2_69);
-        let t2_71 = -t2_70;
-        let t2_72 = sin_q8 * q9;
-        let t2_73 = cos_q1 * t2_65;
-        let t2_74 = (-sin_q1).mul_add(t2_42, t2_73);
-        let t2_75 = t2_23 * t2_42;
-        let t2_76 = t2_9.mul_add(t2_65, t2_75);
-        let t2_77 = t2_4 * t2_65;
-        let t2_78 = (-t2_19).mul_add(t2_42, t2_77);
-        let t2_79 = -t2_78;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_53;
-        let t2_80 = -pivot_2;
-        let t2_81 = -sin_q1;
-        let t2_82 = like.lift(0.5) * sin_q6;
-        let t2_83 = -t2_82;
-        let t2_84 = -cos_q6;
-        let t2_85 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_86 = like.lift(0.5) * sin_q8;
-        let t2_87 = -t2_86;
-        let t2_88 = -cos_q8;
-        let t2_89 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_90 = -t2_89;
-        let t2_91 = like.lift(0.5773502691896257).mul_add(t2_78, t2_52);
-        let t2_92 = like.lift(1.0) / t2_53;
-        let t2_93 = t2_72 * t2_92;
-        let t2_94 = like.lift(1.1547005383792515) * t2_93;
-        let pivot_3 = t2_78.mul_add(t2_94, t2_70);
+        let t2_52 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
+        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
+        let t2_55 = cos_q1 * t2_54;
+        let t2_56 = t2_13 * t2_54;
+        let t2_57 = cos_s1_1.mul_add(t2_16, t2_56);
+        let t2_58 = e_s1_2_q1x * t2_16;
+        let t2_59 = (-t2_4).mul_add(t2_54, t2_58);
+        let t2_60 = cos_q8 * q9;
+        let t2_61 = like.lift(0.5) * t2_60;
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.22815) * t2_27;
+        let t2_64 = t2_36 + t2_63;
+        let t2_65 = t2_63 + t2_35;
+        let t2_66 = t2_4 * t2_65;
+        let t2_67 = (-t2_27).mul_add(t2_16, t2_66);
+        let t2_68 = t2_27 * t2_54;
+        let t2_69 = (-e_s1_2_q1x).mul_add(t2_65, t2_68);
+        let t2_70 = t2_32 * t2_16;
+        let t2_71 = t2_13.mul_add(t2_65, t2_70);
+        let t2_72 = t2_32 * t2_54;
+        let t2_73 = sin_q1 * t2_54;
+        let t2_74 = (-cos_s1_1).mul_add(t2_65, t2_72);
+        let t2_75 = cos_q1 * t2_65;
+        let t2_76 = (-sin_q1).mul_add(t2_16, t2_75);
+        let t2_77 = -t2_74;
+        let t2_78 = -t2_69;
+        let t2_79 = sin_q8 * q9;
+        let t2_80 = -t2_67;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
+        let t2_81 = -pivot_2;
+        let t2_82 = like.lift(1.0) / t2_60;
+        let t2_83 = -sin_q1;
+        let t2_84 = like.lift(0.5) * sin_q6;
+        let t2_85 = -t2_84;
+        let t2_86 = -cos_q6;
+        let t2_87 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_88 = like.lift(0.5) * sin_q8;
+        let t2_89 = -t2_88;
+        let t2_90 = -cos_q8;
+        let t2_91 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_92 = -t2_91;
+        let t2_93 = like.lift(0.5773502691896257).mul_add(t2_67, t2_59);
+        let t2_94 = t2_79 * t2_82;
+        let t2_95 = like.lift(1.1547005383792515) * t2_82;
+        let t2_96 = like.lift(1.1547005383792515) * t2_94;
+        let pivot_3 = t2_67.mul_add(t2_96, t2_69);
+        let t2_97 = (-t2_71).mul_add(t2_96, t2_74);
+        let t2_98 = t2_76.mul_add(t2_96, t2_73);
+        let t2_99 = sin_q8.mul_add(t2_94, cos_q8);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_95 = t2_91 * inv_pivot_3;
-        let t2_96 = (-t2_63).mul_add(t2_95, t2_43);
-        let t2_97 = like.lift(0.5773502691896257).mul_add(t2_33, t2_8);
-        let t2_98 = t2_74.mul_add(t2_94, t2_64);
-        let t2_99 = t2_98.mul_add(t2_95, t2_48);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_99);
+        let t2_100 = t2_93 * inv_pivot_3;
+        let t2_101 = (-t2_64).mul_add(t2_100, t2_17);
+        let t2_102 = -pivot_3;
+        let t2_103 = like.lift(0.5773502691896257).mul_add(t2_46, t2_11);
+        let t2_104 = t2_98.mul_add(t2_100, t2_55);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_104);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_100 = t2_97 * inv_pivot_4;
-        let pivot_5 = (-t2_96).mul_add(t2_100, t2_5);
+        let t2_105 = t2_103 * inv_pivot_4;
+        let pivot_5 = (-t2_101).mul_add(t2_105, t2_8);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_101 = (-cos_q1).mul_add(t2_95, sin_q1);
-        let t2_102 = (-t2_101).mul_add(t2_100, sin_q1);
-        let t2_103 = (-t2_76).mul_add(t2_94, t2_67);
-        let t2_104 = (-t2_103).mul_add(t2_95, t2_50);
-        let t2_105 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_104);
-        let t2_106 = (-t2_105).mul_add(t2_100, t2_12);
-        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_36, t2_106);
-        let t2_108 = like.lift(1.0) / t2_13;
-        let t2_109 = t2_29 * t2_108;
-        let t2_110 = like.lift(1.1547005383792515) * t2_109;
-        let t2_111 = (-t2_33).mul_add(t2_110, t2_22);
-        let t2_112 = t2_111 * inv_pivot_4;
-        let t2_113 = (-t2_96).mul_add(t2_112, t2_20);
-        let t2_114 = t2_113 * inv_pivot_5;
-        let t2_115 = t2_102.mul_add(t2_114, cos_q1);
-        let t2_116 = t2_101.mul_add(t2_112, t2_115);
-        let t2_117 = t2_107.mul_add(t2_114, t2_27);
-        let t2_118 = t2_105.mul_add(t2_112, t2_117);
-        let pivot_6 = t2_36.mul_add(t2_110, t2_118);
+        let t2_106 = -pivot_5;
+        let t2_107 = (-cos_q1).mul_add(t2_100, sin_q1);
+        let t2_108 = (-t2_107).mul_add(t2_105, sin_q1);
+        let t2_109 = like.lift(9.81) * sin_q1;
+        let t2_110 = (-t2_97).mul_add(t2_100, t2_57);
+        let t2_111 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_110);
+        let t2_112 = t2_99 * t2_100;
+        let t2_113 = (-t2_111).mul_add(t2_105, t2_20);
+        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_49, t2_113);
+        let t2_115 = t2_112 * t2_105;
+        let t2_116 = t2_42 * t2_50;
+        let t2_117 = like.lift(1.1547005383792515) * t2_50;
+        let t2_118 = like.lift(1.1547005383792515) * t2_116;
+        let t2_119 = sin_q6.mul_add(t2_116, cos_q6);
+        let t2_120 = (-t2_46).mul_add(t2_118, t2_12);
+        let t2_121 = t2_120 * inv_pivot_4;
+        let t2_122 = (-t2_101).mul_add(t2_121, t2_30);
+        let t2_123 = t2_122 * inv_pivot_5;
+        let t2_124 = t2_114.mul_add(t2_123, t2_40);
+        let t2_125 = t2_111.mul_add(t2_121, t2_124);
+        let pivot_6 = t2_49.mul_add(t2_118, t2_125);
+        let t2_126 = t2_108.mul_add(t2_123, cos_q1);
+        let t2_127 = t2_107.mul_add(t2_121, t2_126);
+        let t2_128 = t2_112 * t2_121;
+        let t2_129 = (-t2_115).mul_add(t2_123, t2_128);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_119 = t2_116 * inv_pivot_6;
-        let t2_120 = (-t2_107).mul_add(t2_119, t2_102);
-        let t2_121 = inv_pivot_5 * t2_120;
-        let t2_122 = sin_q6.mul_add(t2_109, cos_q6);
-        let t2_123 = t2_122 * inv_pivot_6;
-        let t2_124 = inv_pivot_5 * t2_107;
-        let t2_125 = t2_124 * t2_123;
-        let t2_126 = sin_q8.mul_add(t2_93, cos_q8);
-        let t2_127 = t2_126 * t2_95;
-        let t2_128 = t2_127 * t2_100;
-        let t2_129 = t2_127 * t2_112;
-        let t2_130 = (-t2_128).mul_add(t2_114, t2_129);
-        let t2_131 = t2_130 * inv_pivot_6;
-        let t2_132 = t2_107.mul_add(t2_131, t2_128);
-        let t2_133 = inv_pivot_5 * t2_132;
-        let t2_134 = -t2_133;
-        let t2_135 = (-t2_105).mul_add(t2_119, t2_101);
-        let t2_136 = (-t2_96).mul_add(t2_121, t2_135);
-        let t2_137 = inv_pivot_4 * t2_136;
-        let t2_138 = -t2_137;
-        let t2_139 = t2_96 * t2_125;
-        let t2_140 = (-t2_105).mul_add(t2_123, t2_139);
+        let t2_130 = t2_127 * inv_pivot_6;
+        let t2_131 = (-t2_114).mul_add(t2_130, t2_108);
+        let t2_132 = inv_pivot_5 * t2_131;
+        let t2_133 = t2_119 * inv_pivot_6;
+        let t2_134 = t2_129 * inv_pivot_6;
+        let t2_135 = t2_114.mul_add(t2_134, t2_115);
+        let t2_136 = inv_pivot_5 * t2_114;
+        let t2_137 = inv_pivot_5 * t2_135;
+        let t2_138 = t2_136 * t2_133;
+        let t2_139 = (-t2_111).mul_add(t2_130, t2_107);
+        let t2_140 = (-t2_101).mul_add(t2_132, t2_139);
         let t2_141 = inv_pivot_4 * t2_140;
-        let t2_142 = (-t2_105).mul_add(t2_131, t2_127);
-        let t2_143 = t2_96.mul_add(t2_133, t2_142);
-        let t2_144 = inv_pivot_4 * t2_143;
-        let t2_145 = -t2_144;
-        let t2_146 = -t2_119;
-        let t2_147 = -t2_131;
-        let t2_148 = (-t2_103).mul_add(t2_119, cos_q1);
-        let t2_149 = (-t2_63).mul_add(t2_121, t2_148);
-        let t2_150 = t2_98.mul_add(t2_137, t2_149);
-        let t2_151 = inv_pivot_3 * t2_150;
-        let t2_152 = -t2_151;
-        let t2_153 = t2_63 * t2_125;
-        let t2_154 = (-t2_103).mul_add(t2_123, t2_153);
-        let t2_155 = t2_98.mul_add(t2_141, t2_154);
-        let t2_156 = inv_pivot_3 * t2_155;
-        let t2_157 = t2_103.mul_add(t2_131, t2_126);
-        let t2_158 = (-t2_63).mul_add(t2_133, t2_157);
-        let t2_159 = (-t2_98).mul_add(t2_144, t2_158);
-        let t2_160 = inv_pivot_3 * t2_159;
-        let t2_161 = t2_36 * t2_119;
-        let t2_162 = t2_33.mul_add(t2_137, t2_161);
-        let t2_163 = like.lift(1.1547005383792515) * t2_108;
-        let t2_164 = t2_162 * t2_163;
-        let t2_165 = (-t2_36).mul_add(t2_123, t2_85);
-        let t2_166 = (-t2_33).mul_add(t2_141, t2_165);
-        let t2_167 = t2_166 * t2_163;
-        let t2_168 = t2_36 * t2_131;
-        let t2_169 = t2_33.mul_add(t2_144, t2_168);
-        let t2_170 = t2_169 * t2_163;
-        let t2_171 = t2_78 * t2_151;
-        let t2_172 = (-t2_76).mul_add(t2_119, t2_171);
-        let t2_173 = (-t2_74).mul_add(t2_137, t2_172);
-        let t2_174 = like.lift(1.1547005383792515) * t2_92;
-        let t2_175 = t2_173 * t2_174;
-        let t2_176 = t2_78 * t2_156;
-        let t2_177 = (-t2_76).mul_add(t2_123, t2_176);
-        let t2_178 = (-t2_74).mul_add(t2_141, t2_177);
-        let t2_179 = t2_178 * t2_174;
-        let t2_180 = -t2_179;
-        let t2_181 = (-t2_76).mul_add(t2_131, t2_89);
-        let t2_182 = (-t2_74).mul_add(t2_144, t2_181);
-        let t2_183 = (-t2_78).mul_add(t2_160, t2_182);
-        let t2_184 = t2_183 * t2_174;
-        let t2_185 = -pivot_3;
-        let t2_186 = -pivot_5;
-        let t2_187 = -pivot_6;
+        let t2_142 = (-t2_111).mul_add(t2_134, t2_112);
+        let t2_143 = t2_101.mul_add(t2_137, t2_142);
+        let t2_144 = t2_101 * t2_138;
+        let t2_145 = (-t2_111).mul_add(t2_133, t2_144);
+        let t2_146 = inv_pivot_4 * t2_145;
+        let t2_147 = inv_pivot_4 * t2_143;
+        let t2_148 = t2_97.mul_add(t2_134, t2_99);
+        let t2_149 = (-t2_64).mul_add(t2_137, t2_148);
+        let t2_150 = -t2_137;
+        let t2_151 = (-t2_98).mul_add(t2_147, t2_149);
+        let t2_152 = inv_pivot_3 * t2_151;
+        let t2_153 = (-t2_71).mul_add(t2_134, t2_91);
+        let t2_154 = (-t2_76).mul_add(t2_147, t2_153);
+        let t2_155 = (-t2_67).mul_add(t2_152, t2_154);
+        let t2_156 = t2_155 * t2_95;
+        let t2_157 = -pivot_6;
+        let t2_158 = -t2_141;
+        let t2_159 = -t2_147;
+        let t2_160 = t2_49 * t2_134;
+        let t2_161 = t2_46.mul_add(t2_147, t2_160);
+        let t2_162 = -t2_134;
+        let t2_163 = t2_161 * t2_117;
+        let t2_164 = -t2_130;
+        let t2_165 = (-t2_97).mul_add(t2_130, cos_q1);
+        let t2_166 = (-t2_64).mul_add(t2_132, t2_165);
+        let t2_167 = t2_98.mul_add(t2_141, t2_166);
+        let t2_168 = inv_pivot_3 * t2_167;
+        let t2_169 = t2_64 * t2_138;
+        let t2_170 = (-t2_97).mul_add(t2_133, t2_169);
+        let t2_171 = t2_98.mul_add(t2_146, t2_170);
+        let t2_172 = inv_pivot_3 * t2_171;
+        let t2_173 = -t2_168;
+        let t2_174 = t2_67 * t2_168;
+        let t2_175 = (-t2_71).mul_add(t2_130, t2_174);
+        let t2_176 = t2_49 * t2_130;
+        let t2_177 = t2_46.mul_add(t2_141, t2_176);
+        let t2_178 = (-t2_76).mul_add(t2_141, t2_175);
+        let t2_179 = t2_177 * t2_117;
+        let t2_180 = t2_178 * t2_95;
+        let t2_181 = t2_67 * t2_172;
+        let t2_182 = (-t2_71).mul_add(t2_133, t2_181);
+        let t2_183 = (-t2_76).mul_add(t2_146, t2_182);
+        let t2_184 = t2_183 * t2_95;
+        let t2_185 = -t2_184;
+        let t2_186 = (-t2_49).mul_add(t2_133, t2_87);
+        let t2_187 = (-t2_46).mul_add(t2_146, t2_186);
+        let t2_188 = t2_187 * t2_117;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_80 * like.lift(1.8955297449982944)).abs())
-            .min((t2_185 * like.lift(2.6463477742948585)).abs())
+            .min((t2_81 * like.lift(1.8955297449982944)).abs())
+            .min((t2_102 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_186 * like.lift(0.8284577646309275)).abs())
-            .min((t2_187 * like.lift(2.1915406530791146)).abs());
+            .min((t2_106 * like.lift(0.8284577646309275)).abs())
+            .min((t2_157 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_121, t2_125, t2_134], [t2_138, t2_141, t2_145], [t2_146, t2_123, t2_147],
-                [t2_152, t2_156, t2_160], [t2_164, t2_167, t2_170], [t2_175, t2_180, t2_184],
+                [t2_132, t2_138, t2_150], [t2_158, t2_146, t2_159], [t2_164, t2_133, t2_162],
+                [t2_173, t2_172, t2_152], [t2_179, t2_188, t2_163], [t2_180, t2_185, t2_156],
             ],
             margin,
             || (
                 [
-                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
-                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
-                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
-                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
-                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
+                    [t2_9, t2_11, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
+                    [t2_31, t2_12, t2_41, like.lift(0.0), t2_42, like.lift(0.0)],
+                    [like.lift(0.0), t2_46, t2_49, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_51, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
+                    [t2_64, t2_73, t2_77, t2_78, like.lift(0.0), t2_79],
+                    [like.lift(0.0), t2_76, t2_71, t2_80, like.lift(0.0), t2_81],
                 ],
                 [
-                    [t2_81, t2_83, like.lift(0.0)], [cos_q1, t2_84, like.lift(0.0)],
-                    [like.lift(0.0), t2_85, like.lift(0.0)], [t2_81, like.lift(0.0), t2_87],
-                    [cos_q1, like.lift(0.0), t2_88], [like.lift(0.0), like.lift(0.0), t2_90],
+                    [t2_83, t2_85, like.lift(0.0)], [cos_q1, t2_86, like.lift(0.0)],
+                    [like.lift(0.0), t2_87, like.lift(0.0)], [t2_83, like.lift(0.0), t2_89],
+                    [cos_q1, like.lift(0.0), t2_90], [like.lift(0.0), like.lift(0.0), t2_92],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
-            x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
-            x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_109, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
+            x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
+    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t3_1, t3_2, t3_3, a_1y, t3_4] = {
-        let w_izz_1_q2 = dd_q1 * x_q1_q2;
-        let t3_1 = -w_izz_1_q2;
-        let w_izz_1_q7 = dd_q1 * x_q1_q7;
-        let t3_2 = -w_izz_1_q7;
-        let w_izz_1_q9 = dd_q1 * x_q1_q9;
-        let t3_3 = -w_izz_1_q9;
-        w[5] = [t3_1, t3_2, t3_3];
+    let [a_1y, t3_1, t3_2, t3_3] = {
         let a_1y = like.lift(9.81) * cos_q1;
         let w_mx_1_q2 = x_q1_q2 * a_1y;
+        w[6][0] = w_mx_1_q2;
         let w_mx_1_q7 = x_q1_q7 * a_1y;
+        w[6][1] = w_mx_1_q7;
         let w_mx_1_q9 = x_q1_q9 * a_1y;
-        w[6] = [w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
-        let t3_4 = like.lift(9.81) * sin_q1;
-        let w_my_1_q2 = x_q1_q2 * t3_4;
-        let t3_5 = -w_my_1_q2;
-        let w_my_1_q7 = x_q1_q7 * t3_4;
-        let t3_6 = -w_my_1_q7;
-        let w_my_1_q9 = x_q1_q9 * t3_4;
-        let t3_7 = -w_my_1_q9;
-        w[7] = [t3_5, t3_6, t3_7];
-        [t3_1, t3_2, t3_3, a_1y, t3_4]
+        w[6][2] = w_mx_1_q9;
+        let w_izz_1_q2 = dd_q1 * x_q1_q2;
+        let t3_1 = -w_izz_1_q2;
+        w[5][0] = t3_1;
+        let w_izz_1_q7 = dd_q1 * x_q1_q7;
+        let t3_2 = -w_izz_1_q7;
+        w[5][1] = t3_2;
+        let w_izz_1_q9 = dd_q1 * x_q1_q9;
+        let t3_3 = -w_izz_1_q9;
+        w[5][2] = t3_3;
+        let w_my_1_q2 = x_q1_q2 * t2_109;
+        let t3_4 = -w_my_1_q2;
+        w[7][0] = t3_4;
+        let w_my_1_q7 = x_q1_q7 * t2_109;
+        let t3_5 = -w_my_1_q7;
+        w[7][1] = t3_5;
+        let w_my_1_q9 = x_q1_q9 * t2_109;
+        let t3_6 = -w_my_1_q9;
+        w[7][2] = t3_6;
+        [a_1y, t3_1, t3_2, t3_3]
     };
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_2z, a_2x] = {
-        let t4_1 = d_q1 * d_q1;
-        let t4_2 = (-q2).mul_add(t4_1, dd_q2);
-        let a_2z = t4_2 + a_1y;
-        let t4_3 = q2 * x_q1_q2;
-        let t4_4 = x_q1_q2.mul_add(a_2z, -dd_q1);
-        let w_mx_2_q2 = t4_1.mul_add(t4_3, t4_4);
+        w[13][0] = t3_1; w[13][1] = t3_2; w[13][2] = t3_3;
+        let t4_1 = like.lift(2.0) * d_q1;
+        let t4_2 = (-t4_1).mul_add(d_q2, t2_109);
+        let t4_3 = d_q1 * d_q1;
+        let t4_4 = (-q2).mul_add(t4_3, dd_q2);
+        let a_2z = t4_4 + a_1y;
         let t4_5 = dd_q2 + a_1y;
         let w_mx_2_q7 = x_q1_q7 * t4_5;
+        w[16][1] = w_mx_2_q7;
         let w_mx_2_q9 = x_q1_q9 * t4_5;
-        w[16] = [w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
-        let t4_6 = q2 * dd_q1;
-        let t4_7 = like.lift(2.0) * d_q1;
-        let t4_8 = (-t4_7).mul_add(d_q2, t3_4);
-        let a_2x = t4_8 - t4_6;
-        let t4_9 = x_q1_q2.mul_add(a_2x, -t4_1);
-        let w_mz_2_q2 = (-dd_q1).mul_add(t4_3, t4_9);
-        let t4_10 = t4_6 - a_2x;
+        w[16][2] = w_mx_2_q9;
+        let t4_6 = q2 * x_q1_q2;
+        let t4_7 = x_q1_q2.mul_add(a_2z, -dd_q1);
+        let w_mx_2_q2 = t4_3.mul_add(t4_6, t4_7);
+        w[16][0] = w_mx_2_q2;
+        let t4_8 = q2 * dd_q1;
+        let a_2x = t4_2 - t4_8;
+        let t4_9 = x_q1_q2.mul_add(a_2x, -t4_3);
+        let w_mz_2_q2 = (-dd_q1).mul_add(t4_6, t4_9);
+        w[18][0] = w_mz_2_q2;
+        let w_m_2_q2 = a_2x.mul_add(t4_6, a_2z);
+        w[19][0] = w_m_2_q2;
+        let t4_10 = t4_8 - a_2x;
         let w_mz_2_q7 = x_q1_q7 * t4_10;
         let t4_11 = -w_mz_2_q7;
+        w[18][1] = t4_11;
         let w_mz_2_q9 = x_q1_q9 * t4_10;
         let t4_12 = -w_mz_2_q9;
-        w[18] = [w_mz_2_q2, t4_11, t4_12];
-        let w_m_2_q2 = a_2x.mul_add(t4_3, a_2z);
+        w[18][2] = t4_12;
         let t4_13 = q2 * a_2x;
         let w_m_2_q7 = x_q1_q7 * t4_13;
+        w[19][1] = w_m_2_q7;
         let w_m_2_q9 = x_q1_q9 * t4_13;
-        w[19] = [w_m_2_q2, w_m_2_q7, w_m_2_q9];
-        w[13] = [t3_1, t3_2, t3_3];
+        w[19][2] = w_m_2_q9;
         [a_2z, a_2x]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        let t5_1 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
+        let t5_2 = e_s1_2_q1x.mul_add(x_q1_q2, t5_1);
+        let t5_3 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
+        let t5_4 = e_s1_2_q1x.mul_add(x_q1_q7, t5_3);
+        let t5_5 = (-sin_s1_2).mul_add(x_s1_1_q9, x_s1_3_q9);
+        let t5_6 = e_s1_2_q1x.mul_add(x_q1_q9, t5_5);
+        let t5_7 = cos_s1_1 * sin_s1_3;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t5_7);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let t5_1 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_1);
+        let t5_8 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_8);
         let w_s1_1y = cos_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t5_2 = d_s1_1 * w_s1_1y;
-        let t5_3 = sin_s1_1.mul_add(dd_q1, t5_2);
-        let t5_4 = t5_3 + t5_2;
-        let t5_5 = (-w_s1_1x).mul_add(w_s1_1y, dd_s1_1);
-        let t5_6 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t5_7 = (-sin_s1_2).mul_add(t5_5, t5_6);
-        let al_3x = cos_s1_2.mul_add(t5_4, t5_7);
-        let t5_8 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
-        let t5_9 = e_s1_2_q1x.mul_add(x_q1_q2, t5_8);
-        let t5_10 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_10);
-        let t5_11 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_11);
+        let t5_9 = d_s1_1 * w_s1_1y;
+        let t5_10 = (-w_s1_1x).mul_add(w_s1_1y, dd_s1_1);
+        let t5_11 = sin_s1_1.mul_add(dd_q1, t5_9);
+        let t5_12 = t5_11 + t5_9;
+        let t5_13 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t5_14 = (-sin_s1_2).mul_add(t5_10, t5_13);
+        let al_3x = cos_s1_2.mul_add(t5_12, t5_14);
+        let t5_15 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_15);
+        let t5_16 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_16);
+        let t5_17 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
+        let t5_18 = (-d_s1_1).mul_add(w_s1_1x, t5_17);
+        let t5_19 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t5_19);
+        let t5_20 = w_s1_2x * w_s1_2y;
+        let t5_21 = t5_20 + t5_20;
+        let t5_22 = (-cos_s1_2).mul_add(t5_10, t5_21);
+        let t5_23 = (-sin_s1_2).mul_add(t5_12, t5_22);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t5_12 = w_3z * w_3x;
+        let t5_24 = cos_s1_1.mul_add(dd_q1, t5_18);
+        let t5_25 = w_3z * w_3x;
         let u_3_q2y = cos_s1_2 * sin_s1_3;
-        let t5_13 = cos_s1_3 * x_s1_2_q2;
-        let t5_14 = u_3_q2y.mul_add(x_s1_1_q2, t5_13);
-        let t5_15 = e_3_q1y.mul_add(x_q1_q2, t5_14);
-        let t5_16 = t5_12 * t5_15;
-        let t5_17 = sin_s1_3 * w_s1_2z;
-        let w_3y = cos_s1_3.mul_add(w_s1_2y, t5_17);
-        let t5_18 = w_3y * w_3x;
-        let t5_19 = cos_s1_1 * sin_s1_3;
-        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t5_19);
+        let t5_26 = cos_s1_3 * x_s1_2_q2;
+        let t5_27 = u_3_q2y.mul_add(x_s1_1_q2, t5_26);
+        let t5_28 = e_3_q1y.mul_add(x_q1_q2, t5_27);
+        let t5_29 = sin_s1_3 * x_s1_2_q2;
         let u_3_q2z = cos_s1_2 * cos_s1_3;
-        let t5_20 = sin_s1_3 * x_s1_2_q2;
-        let t5_21 = (-u_3_q2z).mul_add(x_s1_1_q2, t5_20);
-        let t5_22 = e_3_q1z.mul_add(x_q1_q2, t5_21);
-        let t5_23 = t5_18 * t5_22;
-        let t5_24 = al_3x.mul_add(t5_9, t5_23);
-        let w_ixx_3_q2 = t5_24 - t5_16;
-        let t5_25 = -w_ixx_3_q2;
-        let t5_26 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
-        let t5_27 = e_s1_2_q1x.mul_add(x_q1_q7, t5_26);
-        let t5_28 = cos_s1_3 * x_s1_2_q7;
-        let t5_29 = u_3_q2y.mul_add(x_s1_1_q7, t5_28);
-        let t5_30 = e_3_q1y.mul_add(x_q1_q7, t5_29);
-        let t5_31 = t5_12 * t5_30;
-        let t5_32 = sin_s1_3 * x_s1_2_q7;
-        let t5_33 = (-u_3_q2z).mul_add(x_s1_1_q7, t5_32);
-        let t5_34 = e_3_q1z.mul_add(x_q1_q7, t5_33);
-        let t5_35 = t5_18 * t5_34;
-        let t5_36 = al_3x.mul_add(t5_27, t5_35);
-        let w_ixx_3_q7 = t5_36 - t5_31;
-        let t5_37 = -w_ixx_3_q7;
-        let t5_38 = (-sin_s1_2).mul_add(x_s1_1_q9, x_s1_3_q9);
-        let t5_39 = e_s1_2_q1x.mul_add(x_q1_q9, t5_38);
-        let t5_40 = cos_s1_3 * x_s1_2_q9;
-        let t5_41 = u_3_q2y.mul_add(x_s1_1_q9, t5_40);
-        let t5_42 = e_3_q1y.mul_add(x_q1_q9, t5_41);
-        let t5_43 = t5_12 * t5_42;
-        let t5_44 = sin_s1_3 * x_s1_2_q9;
-        let t5_45 = (-u_3_q2z).mul_add(x_s1_1_q9, t5_44);
-        let t5_46 = e_3_q1z.mul_add(x_q1_q9, t5_45);
-        let t5_47 = t5_18 * t5_46;
-        let t5_48 = al_3x.mul_add(t5_39, t5_47);
-        let w_ixx_3_q9 = t5_48 - t5_43;
-        let t5_49 = -w_ixx_3_q9;
-        w[20] = [t5_25, t5_37, t5_49];
-        let t5_50 = w_s1_2x * w_s1_2y;
-        let t5_51 = t5_50 + t5_50;
-        let t5_52 = (-cos_s1_2).mul_add(t5_5, t5_51);
-        let t5_53 = (-sin_s1_2).mul_add(t5_4, t5_52);
-        let t5_54 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
-        let t5_55 = (-d_s1_1).mul_add(w_s1_1x, t5_54);
-        let t5_56 = cos_s1_1.mul_add(dd_q1, t5_55);
-        let t5_57 = sin_s1_3 * t5_53;
-        let t5_58 = (-cos_s1_3).mul_add(t5_56, t5_57);
-        let t5_59 = w_3y * w_3z;
-        let t5_60 = al_3x - t5_59;
-        let t5_61 = w_3x * w_3x;
-        let t5_62 = w_3y * w_3y;
-        let t5_63 = t5_61 - t5_62;
-        let t5_64 = t5_63 * t5_22;
-        let t5_65 = (-t5_60).mul_add(t5_15, t5_64);
-        let w_ixy_3_q2 = t5_58.mul_add(t5_9, t5_65);
-        let t5_66 = t5_63 * t5_34;
-        let t5_67 = (-t5_60).mul_add(t5_30, t5_66);
-        let w_ixy_3_q7 = t5_58.mul_add(t5_27, t5_67);
-        let t5_68 = t5_63 * t5_46;
-        let t5_69 = (-t5_60).mul_add(t5_42, t5_68);
-        let w_ixy_3_q9 = t5_58.mul_add(t5_39, t5_69);
-        w[21] = [w_ixy_3_q2, w_ixy_3_q7, w_ixy_3_q9];
-        let t5_70 = sin_s1_3 * t5_56;
-        let t5_71 = cos_s1_3.mul_add(t5_53, t5_70);
-        let t5_72 = w_3z * w_3z;
-        let t5_73 = t5_61 - t5_72;
-        let t5_74 = al_3x + t5_59;
-        let t5_75 = t5_74 * t5_22;
-        let t5_76 = t5_73.mul_add(t5_15, t5_75);
-        let w_ixz_3_q2 = t5_71.mul_add(t5_9, t5_76);
-        let t5_77 = t5_74 * t5_34;
-        let t5_78 = t5_73.mul_add(t5_30, t5_77);
-        let w_ixz_3_q7 = t5_71.mul_add(t5_27, t5_78);
-        let t5_79 = t5_74 * t5_46;
-        let t5_80 = t5_73.mul_add(t5_42, t5_79);
-        let w_ixz_3_q9 = t5_71.mul_add(t5_39, t5_80);
-        w[22] = [w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
-        let t5_81 = t5_59 * t5_9;
-        let al_3y = t5_12 + t5_58;
-        let t5_82 = al_3y.mul_add(t5_15, t5_23);
+        let t5_30 = (-u_3_q2z).mul_add(x_s1_1_q2, t5_29);
+        let t5_31 = e_3_q1z.mul_add(x_q1_q2, t5_30);
+        let t5_32 = t5_25 * t5_28;
+        let t5_33 = w_3y * w_3x;
+        let t5_34 = w_3x * w_3x;
+        let t5_35 = t5_33 * t5_31;
+        let t5_36 = al_3x.mul_add(t5_2, t5_35);
+        let w_ixx_3_q2 = t5_36 - t5_32;
+        let t5_37 = -w_ixx_3_q2;
+        w[20][0] = t5_37;
+        let t5_38 = cos_s1_3 * x_s1_2_q7;
+        let t5_39 = u_3_q2y.mul_add(x_s1_1_q7, t5_38);
+        let t5_40 = sin_s1_3 * x_s1_2_q7;
+        let t5_41 = (-u_3_q2z).mul_add(x_s1_1_q7, t5_40);
+        let t5_42 = e_3_q1y.mul_add(x_q1_q7, t5_39);
+        let t5_43 = e_3_q1z.mul_add(x_q1_q7, t5_41);
+        let t5_44 = t5_25 * t5_42;
+        let t5_45 = t5_33 * t5_43;
+        let t5_46 = al_3x.mul_add(t5_4, t5_45);
+        let w_ixx_3_q7 = t5_46 - t5_44;
+        let t5_47 = -w_ixx_3_q7;
+        w[20][1] = t5_47;
+        let t5_48 = cos_s1_3 * x_s1_2_q9;
+        let t5_49 = u_3_q2y.mul_add(x_s1_1_q9, t5_48);
+        let t5_50 = e_3_q1y.mul_add(x_q1_q9, t5_49);
+        let t5_51 = sin_s1_3 * x_s1_2_q9;
+        let t5_52 = (-u_3_q2z).mul_add(x_s1_1_q9, t5_51);
+        let t5_53 = e_3_q1z.mul_add(x_q1_q9, t5_52);
+        let t5_54 = t5_25 * t5_50;
+        let t5_55 = t5_33 * t5_53;
+        let t5_56 = al_3x.mul_add(t5_6, t5_55);
+        let w_ixx_3_q9 = t5_56 - t5_54;
+        let t5_57 = -w_ixx_3_q9;
+        w[20][2] = t5_57;
+        let t5_58 = sin_s1_3 * t5_23;
+        let t5_59 = (-cos_s1_3).mul_add(t5_24, t5_58);
+        let t5_60 = sin_s1_3 * t5_24;
+        let t5_61 = cos_s1_3.mul_add(t5_23, t5_60);
+        let t5_62 = w_3y * w_3z;
+        let t5_63 = w_3y * w_3y;
+        let t5_64 = w_3z * w_3z;
+        let t5_65 = al_3x - t5_62;
+        let t5_66 = al_3x + t5_62;
+        let t5_67 = t5_34 - t5_63;
+        let t5_68 = t5_67 * t5_31;
+        let t5_69 = (-t5_65).mul_add(t5_28, t5_68);
+        let w_ixy_3_q2 = t5_59.mul_add(t5_2, t5_69);
+        w[21][0] = w_ixy_3_q2;
+        let t5_70 = t5_67 * t5_43;
+        let t5_71 = (-t5_65).mul_add(t5_42, t5_70);
+        let w_ixy_3_q7 = t5_59.mul_add(t5_4, t5_71);
+        w[21][1] = w_ixy_3_q7;
+        let t5_72 = t5_67 * t5_53;
+        let t5_73 = (-t5_65).mul_add(t5_50, t5_72);
+        let w_ixy_3_q9 = t5_59.mul_add(t5_6, t5_73);
+        w[21][2] = w_ixy_3_q9;
+        let t5_74 = t5_34 - t5_64;
+        let t5_75 = t5_66 * t5_31;
+        let t5_76 = t5_74.mul_add(t5_28, t5_75);
+        let w_ixz_3_q2 = t5_61.mul_add(t5_2, t5_76);
+        w[22][0] = w_ixz_3_q2;
+        let t5_77 = t5_66 * t5_43;
+        let t5_78 = t5_74.mul_add(t5_42, t5_77);
+        let w_ixz_3_q7 = t5_61.mul_add(t5_4, t5_78);
+        w[22][1] = w_ixz_3_q7;
+        let t5_79 = t5_66 * t5_53;
+        let t5_80 = t5_74.mul_add(t5_50, t5_79);
+        let w_ixz_3_q9 = t5_61.mul_add(t5_6, t5_80);
+        w[22][2] = w_ixz_3_q9;
+        let t5_81 = t5_62 * t5_2;
+        let al_3y = t5_25 + t5_59;
+        let t5_82 = al_3y.mul_add(t5_28, t5_35);
         let w_iyy_3_q2 = t5_82 - t5_81;
-        let t5_83 = t5_59 * t5_27;
-        let t5_84 = al_3y.mul_add(t5_30, t5_35);
-        let w_iyy_3_q7 = t5_84 - t5_83;
-        let t5_85 = t5_59 * t5_39;
-        let t5_86 = al_3y.mul_add(t5_42, t5_47);
-        let w_iyy_3_q9 = t5_86 - t5_85;
-        w[23] = [w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9];
-        let t5_87 = t5_62 - t5_72;
-        let al_3z = t5_18 + t5_71;
-        let t5_88 = t5_18 + al_3z;
-        let t5_89 = t5_12 + al_3y;
-        let t5_90 = t5_89 * t5_22;
-        let t5_91 = (-t5_88).mul_add(t5_15, t5_90);
-        let w_iyz_3_q2 = t5_87.mul_add(t5_9, t5_91);
-        let t5_92 = -w_iyz_3_q2;
-        let t5_93 = t5_89 * t5_34;
-        let t5_94 = (-t5_88).mul_add(t5_30, t5_93);
-        let w_iyz_3_q7 = t5_87.mul_add(t5_27, t5_94);
-        let t5_95 = -w_iyz_3_q7;
-        let t5_96 = t5_89 * t5_46;
-        let t5_97 = (-t5_88).mul_add(t5_42, t5_96);
-        let w_iyz_3_q9 = t5_87.mul_add(t5_39, t5_97);
-        let t5_98 = -w_iyz_3_q9;
-        w[24] = [t5_92, t5_95, t5_98];
-        let t5_99 = al_3z.mul_add(t5_22, t5_16);
-        let w_izz_3_q2 = t5_99 - t5_81;
-        let t5_100 = -w_izz_3_q2;
-        let t5_101 = al_3z.mul_add(t5_34, t5_31);
-        let w_izz_3_q7 = t5_101 - t5_83;
-        let t5_102 = -w_izz_3_q7;
-        let t5_103 = al_3z.mul_add(t5_46, t5_43);
-        let w_izz_3_q9 = t5_103 - t5_85;
-        let t5_104 = -w_izz_3_q9;
-        w[25] = [t5_100, t5_102, t5_104];
+        w[23][0] = w_iyy_3_q2;
+        let t5_83 = al_3y.mul_add(t5_42, t5_45);
+        let t5_84 = al_3y.mul_add(t5_50, t5_55);
+        let t5_85 = t5_25 + al_3y;
+        let t5_86 = t5_62 * t5_4;
+        let w_iyy_3_q7 = t5_83 - t5_86;
+        w[23][1] = w_iyy_3_q7;
+        let t5_87 = t5_62 * t5_6;
+        let w_iyy_3_q9 = t5_84 - t5_87;
+        w[23][2] = w_iyy_3_q9;
+        let t5_88 = t5_63 - t5_64;
+        let al_3z = t5_33 + t5_61;
+        let t5_89 = al_3z.mul_add(t5_31, t5_32);
+        let w_izz_3_q2 = t5_89 - t5_81;
+        let t5_90 = -w_izz_3_q2;
+        w[25][0] = t5_90;
+        let t5_91 = al_3z.mul_add(t5_43, t5_44);
+        let w_izz_3_q7 = t5_91 - t5_86;
+        let t5_92 = -w_izz_3_q7;
+        w[25][1] = t5_92;
+        let t5_93 = al_3z.mul_add(t5_53, t5_54);
+        let w_izz_3_q9 = t5_93 - t5_87;
+        let t5_94 = t5_33 + al_3z;
+        let t5_95 = -w_izz_3_q9;
+        w[25][2] = t5_95;
+        let t5_96 = t5_85 * t5_31;
+        let t5_97 = (-t5_94).mul_add(t5_28, t5_96);
+        let w_iyz_3_q2 = t5_88.mul_add(t5_2, t5_97);
+        let t5_98 = -w_iyz_3_q2;
+        w[24][0] = t5_98;
+        let t5_99 = t5_85 * t5_43;
+        let t5_100 = (-t5_94).mul_add(t5_42, t5_99);
+        let w_iyz_3_q7 = t5_88.mul_add(t5_4, t5_100);
+        let t5_101 = -w_iyz_3_q7;
+        w[24][1] = t5_101;
+        let t5_102 = t5_85 * t5_53;
+        let t5_103 = (-t5_94).mul_add(t5_50, t5_102);
+        let w_iyz_3_q9 = t5_88.mul_add(t5_6, t5_103);
+        let t5_104 = -w_iyz_3_q9;
+        w[24][2] = t5_104;
         let a_s1_1y = sin_s1_1 * a_2x;
         let a_s1_1x = cos_s1_1 * a_2x;
+        let u_s1_1_q1x = q2 * cos_s1_1;
+        let u_s1_1_q1y = q2 * sin_s1_1;
         let t5_105 = cos_s1_2 * a_2z;
         let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_105);
-        let t5_106 = sin_s1_3 * a_s1_2z;
-        let a_3y = cos_s1_3.mul_add(a_s1_1y, t5_106);
-        let t5_107 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t5_107);
-        let t5_108 = t5_62 + t5_72;
-        let u_s1_1_q1x = q2 * cos_s1_1;
+        let t5_106 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t5_106);
         let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
-        let t5_109 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
-        let u_s1_1_q1y = q2 * sin_s1_1;
         let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
-        let t5_110 = cos_s1_3 * u_s1_1_q1y;
-        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t5_110);
-        let t5_111 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
-        let t5_112 = cos_s1_3 * u_s1_2_q1z;
-        let u_3_q1z = sin_s1_3.mul_add(u_s1_1_q1y, t5_112);
-        let t5_113 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
-        let t5_114 = a_3y * t5_22;
-        let t5_115 = (-a_3z).mul_add(t5_15, t5_114);
-        let t5_116 = t5_58.mul_add(t5_113, t5_115);
-        let t5_117 = (-t5_71).mul_add(t5_111, t5_116);
-        let w_mx_3_q2 = t5_108.mul_add(t5_109, t5_117);
-        let t5_118 = u_s1_2_q1x * x_q1_q7;
-        let t5_119 = u_3_q1y * x_q1_q7;
-        let t5_120 = u_3_q1z * x_q1_q7;
-        let t5_121 = a_3y * t5_34;
-        let t5_122 = (-a_3z).mul_add(t5_30, t5_121);
-        let t5_123 = (-t5_58).mul_add(t5_120, t5_122);
-        let t5_124 = (-t5_71).mul_add(t5_119, t5_123);
-        let w_mx_3_q7 = t5_108.mul_add(t5_118, t5_124);
-        let t5_125 = u_s1_2_q1x * x_q1_q9;
-        let t5_126 = u_3_q1y * x_q1_q9;
-        let t5_127 = u_3_q1z * x_q1_q9;
-        let t5_128 = a_3y * t5_46;
-        let t5_129 = (-a_3z).mul_add(t5_42, t5_128);
-        let t5_130 = (-t5_58).mul_add(t5_127, t5_129);
-        let t5_131 = (-t5_71).mul_add(t5_126, t5_130);
-        let w_mx_3_q9 = t5_108.mul_add(t5_125, t5_131);
-        w[26] = [w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
-        let t5_132 = cos_s1_2 * a_s1_1x;
-        let a_s1_2x = sin_s1_2.mul_add(a_2z, t5_132);
-        let t5_133 = t5_61 + t5_72;
-        let t5_134 = a_s1_2x * t5_22;
-        let t5_135 = a_3z.mul_add(t5_9, t5_134);
-        let t5_136 = t5_60.mul_add(t5_113, t5_135);
-        let t5_137 = (-t5_133).mul_add(t5_111, t5_136);
-        let w_my_3_q2 = (-t5_88).mul_add(t5_109, t5_137);
-        let t5_138 = a_s1_2x * t5_34;
-        let t5_139 = a_3z.mul_add(t5_27, t5_138);
-        let t5_140 = (-t5_60).mul_add(t5_120, t5_139);
-        let t5_141 = (-t5_133).mul_add(t5_119, t5_140);
-        let w_my_3_q7 = (-t5_88).mul_add(t5_118, t5_141);
-        let t5_142 = a_s1_2x * t5_46;
-        let t5_143 = a_3z.mul_add(t5_39, t5_142);
-        let t5_144 = (-t5_60).mul_add(t5_127, t5_143);
-        let t5_145 = (-t5_133).mul_add(t5_126, t5_144);
-        let w_my_3_q9 = (-t5_88).mul_add(t5_125, t5_145);
-        w[27] = [w_my_3_q2, w_my_3_q7, w_my_3_q9];
-        let t5_146 = t5_61 + t5_62;
-        let t5_147 = a_3y * t5_9;
-        let t5_148 = a_s1_2x.mul_add(t5_15, t5_147);
-        let t5_149 = (-t5_146).mul_add(t5_113, t5_148);
-        let t5_150 = (-t5_74).mul_add(t5_111, t5_149);
-        let w_mz_3_q2 = t5_89.mul_add(t5_109, t5_150);
-        let t5_151 = a_3y * t5_27;
-        let t5_152 = a_s1_2x.mul_add(t5_30, t5_151);
-        let t5_153 = t5_146.mul_add(t5_120, t5_152);
-        let t5_154 = (-t5_74).mul_add(t5_119, t5_153);
-        let w_mz_3_q7 = t5_89.mul_add(t5_118, t5_154);
-        let t5_155 = a_3y * t5_39;
-        let t5_156 = a_s1_2x.mul_add(t5_42, t5_155);
-        let t5_157 = t5_146.mul_add(t5_127, t5_156);
-        let t5_158 = (-t5_74).mul_add(t5_126, t5_157);
-        let w_mz_3_q9 = t5_89.mul_add(t5_125, t5_158);
-        w[28] = [w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
-        let t5_159 = a_3y * t5_111;
-        let t5_160 = (-a_3z).mul_add(t5_113, t5_159);
-        let w_m_3_q2 = a_s1_2x.mul_add(t5_109, t5_160);
-        let t5_161 = a_3z * t5_120;
-        let t5_162 = a_3y.mul_add(t5_119, t5_161);
-        let w_m_3_q7 = a_s1_2x.mul_add(t5_118, t5_162);
-        let t5_163 = a_3z * t5_127;
-        let t5_164 = a_3y.mul_add(t5_126, t5_163);
-        let w_m_3_q9 = a_s1_2x.mul_add(t5_125, t5_164);
-        w[29] = [w_m_3_q2, w_m_3_q7, w_m_3_q9];
+        let t5_107 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
+        let t5_108 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t5_108);
+        let t5_109 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t5_109);
+        let t5_110 = t5_63 + t5_64;
+        let t5_111 = t5_34 + t5_64;
+        let t5_112 = t5_34 + t5_63;
+        let t5_113 = cos_s1_3 * u_s1_1_q1y;
+        let t5_114 = cos_s1_3 * u_s1_2_q1z;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t5_113);
+        let u_3_q1z = sin_s1_3.mul_add(u_s1_1_q1y, t5_114);
+        let t5_115 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t5_116 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t5_117 = a_3y * t5_31;
+        let t5_118 = (-a_3z).mul_add(t5_28, t5_117);
+        let t5_119 = t5_59.mul_add(t5_116, t5_118);
+        let t5_120 = (-t5_61).mul_add(t5_115, t5_119);
+        let w_mx_3_q2 = t5_110.mul_add(t5_107, t5_120);
+        w[26][0] = w_mx_3_q2;
+        let t5_121 = a_s1_2x * t5_31;
+        let t5_122 = a_3z.mul_add(t5_2, t5_121);
+        let t5_123 = a_3y * t5_2;
+        let t5_124 = a_s1_2x.mul_add(t5_28, t5_123);
+        let t5_125 = t5_65.mul_add(t5_116, t5_122);
+        let t5_126 = (-t5_111).mul_add(t5_115, t5_125);
+        let w_my_3_q2 = (-t5_94).mul_add(t5_107, t5_126);
+        w[27][0] = w_my_3_q2;
+        let t5_127 = (-t5_112).mul_add(t5_116, t5_124);
+        let t5_128 = (-t5_66).mul_add(t5_115, t5_127);
+        let w_mz_3_q2 = t5_85.mul_add(t5_107, t5_128);
+        w[28][0] = w_mz_3_q2;
+        let t5_129 = a_3y * t5_115;
+        let t5_130 = (-a_3z).mul_add(t5_116, t5_129);
+        let w_m_3_q2 = a_s1_2x.mul_add(t5_107, t5_130);
+        w[29][0] = w_m_3_q2;
+        let t5_131 = u_s1_2_q1x * x_q1_q7;
+        let t5_132 = u_s1_2_q1x * x_q1_q9;
+        let t5_133 = u_3_q1y * x_q1_q7;
+        let t5_134 = u_3_q1z * x_q1_q7;
+        let t5_135 = u_3_q1y * x_q1_q9;
+        let t5_136 = u_3_q1z * x_q1_q9;
+        let t5_137 = a_3y * t5_43;
+        let t5_138 = (-a_3z).mul_add(t5_42, t5_137);
+        let t5_139 = (-t5_59).mul_add(t5_134, t5_138);
+        let t5_140 = (-t5_61).mul_add(t5_133, t5_139);
+        let w_mx_3_q7 = t5_110.mul_add(t5_131, t5_140);
+        w[26][1] = w_mx_3_q7;
+        let t5_141 = a_s1_2x * t5_43;
+        let t5_142 = a_3z.mul_add(t5_4, t5_141);
+        let t5_143 = a_3y * t5_4;
+        let t5_144 = a_s1_2x.mul_add(t5_42, t5_143);
+        let t5_145 = (-t5_65).mul_add(t5_134, t5_142);
+        let t5_146 = (-t5_111).mul_add(t5_133, t5_145);
+        let w_my_3_q7 = (-t5_94).mul_add(t5_131, t5_146);
+        w[27][1] = w_my_3_q7;
+        let t5_147 = t5_112.mul_add(t5_134, t5_144);
+        let t5_148 = (-t5_66).mul_add(t5_133, t5_147);
+        let w_mz_3_q7 = t5_85.mul_add(t5_131, t5_148);
+        w[28][1] = w_mz_3_q7;
+        let t5_149 = a_3z * t5_134;
+        let t5_150 = a_3y.mul_add(t5_133, t5_149);
+        let w_m_3_q7 = a_s1_2x.mul_add(t5_131, t5_150);
+        w[29][1] = w_m_3_q7;
+        let t5_151 = a_3y * t5_53;
+        let t5_152 = (-a_3z).mul_add(t5_50, t5_151);
+        let t5_153 = (-t5_59).mul_add(t5_136, t5_152);
+        let t5_154 = (-t5_61).mul_add(t5_135, t5_153);
+        let w_mx_3_q9 = t5_110.mul_add(t5_132, t5_154);
+        w[26][2] = w_mx_3_q9;
+        let t5_155 = a_s1_2x * t5_53;
+        let t5_156 = a_3z.mul_add(t5_6, t5_155);
+        let t5_157 = (-t5_65).mul_add(t5_136, t5_156);
+        let t5_158 = (-t5_111).mul_add(t5_135, t5_157);
+        let w_my_3_q9 = (-t5_94).mul_add(t5_132, t5_158);
+        w[27][2] = w_my_3_q9;
+        let t5_159 = a_3y * t5_6;
+        let t5_160 = a_s1_2x.mul_add(t5_50, t5_159);
+        let t5_161 = t5_112.mul_add(t5_136, t5_160);
+        let t5_162 = (-t5_66).mul_add(t5_135, t5_161);
+        let t5_163 = a_3z * t5_136;
+        let t5_164 = a_3y.mul_add(t5_135, t5_163);
+        let w_mz_3_q9 = t5_85.mul_add(t5_132, t5_162);
+        w[28][2] = w_mz_3_q9;
+        let w_m_3_q9 = a_s1_2x.mul_add(t5_132, t5_164);
+        w[29][2] = w_m_3_q9;
     }
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t6_1, t6_2, t6_3, a_4y, t6_4] = {
-        let w_izz_4_q2 = dd_q6 * x_q6_q2;
-        let t6_1 = -w_izz_4_q2;
-        let w_izz_4_q7 = dd_q6 * x_q6_q7;
-        let t6_2 = -w_izz_4_q7;
-        let w_izz_4_q9 = dd_q6 * x_q6_q9;
-        let t6_3 = -w_izz_4_q9;
-        w[35] = [t6_1, t6_2, t6_3];
+    let [a_4y, t6_1, t6_2, t6_3, t6_4] = {
         let a_4y = like.lift(9.81) * cos_q6;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
+        w[36][0] = w_mx_4_q2;
         let w_mx_4_q7 = x_q6_q7 * a_4y;
+        w[36][1] = w_mx_4_q7;
         let w_mx_4_q9 = x_q6_q9 * a_4y;
-        w[36] = [w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
-        let t6_4 = like.lift(9.81) * sin_q6;
-        let w_my_4_q2 = x_q6_q2 * t6_4;
+        w[36][2] = w_mx_4_q9;
+        let t6_1 = like.lift(9.81) * sin_q6;
+        let w_izz_4_q2 = dd_q6 * x_q6_q2;
+        let t6_2 = -w_izz_4_q2;
+        w[35][0] = t6_2;
+        let w_izz_4_q7 = dd_q6 * x_q6_q7;
+        let t6_3 = -w_izz_4_q7;
+        w[35][1] = t6_3;
+        let w_izz_4_q9 = dd_q6 * x_q6_q9;
+        let t6_4 = -w_izz_4_q9;
+        w[35][2] = t6_4;
+        let w_my_4_q2 = x_q6_q2 * t6_1;
         let t6_5 = -w_my_4_q2;
-        let w_my_4_q7 = x_q6_q7 * t6_4;
+        w[37][0] = t6_5;
+        let w_my_4_q7 = x_q6_q7 * t6_1;
         let t6_6 = -w_my_4_q7;
-        let w_my_4_q9 = x_q6_q9 * t6_4;
+        w[37][1] = t6_6;
+        let w_my_4_q9 = x_q6_q9 * t6_1;
         let t6_7 = -w_my_4_q9;
-        w[37] = [t6_5, t6_6, t6_7];
-        [t6_1, t6_2, t6_3, a_4y, t6_4]
+        w[37][2] = t6_7;
+        [a_4y, t6_1, t6_2, t6_3, t6_4]
     };
     // body 5: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t7_1 = dd_q7 + a_4y;
-        let w_mx_5_q2 = x_q6_q2 * t7_1;
-        let t7_2 = d_q6 * d_q6;
-        let t7_3 = (-q7).mul_add(t7_2, dd_q7);
-        let a_5z = t7_3 + a_4y;
-        let t7_4 = q7 * x_q6_q7;
-        let t7_5 = x_q6_q7.mul_add(a_5z, -dd_q6);
-        let w_mx_5_q7 = t7_2.mul_add(t7_4, t7_5);
-        let w_mx_5_q9 = x_q6_q9 * t7_1;
-        w[46] = [w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
-        let t7_6 = q7 * dd_q6;
-        let t7_7 = like.lift(2.0) * d_q6;
-        let t7_8 = (-t7_7).mul_add(d_q7, t6_4);
-        let a_5x = t7_8 - t7_6;
-        let t7_9 = t7_6 - a_5x;
-        let w_mz_5_q2 = x_q6_q2 * t7_9;
-        let t7_10 = -w_mz_5_q2;
-        let t7_11 = x_q6_q7.mul_add(a_5x, -t7_2);
-        let w_mz_5_q7 = (-dd_q6).mul_add(t7_4, t7_11);
-        let w_mz_5_q9 = x_q6_q9 * t7_9;
-        let t7_12 = -w_mz_5_q9;
-        w[48] = [t7_10, w_mz_5_q7, t7_12];
-        let t7_13 = q7 * a_5x;
-        let w_m_5_q2 = x_q6_q2 * t7_13;
-        let w_m_5_q7 = a_5x.mul_add(t7_4, a_5z);
-        let w_m_5_q9 = x_q6_q9 * t7_13;
-        w[49] = [w_m_5_q2, w_m_5_q7, w_m_5_q9];
-        w[43] = [t6_1, t6_2, t6_3];
+        w[43][0] = t6_2; w[43][1] = t6_3; w[43][2] = t6_4;
+        let t7_1 = like.lift(2.0) * d_q6;
+        let t7_2 = (-t7_1).mul_add(d_q7, t6_1);
+        let t7_3 = dd_q7 + a_4y;
+        let w_mx_5_q2 = x_q6_q2 * t7_3;
+        w[46][0] = w_mx_5_q2;
+        let w_mx_5_q9 = x_q6_q9 * t7_3;
+        w[46][2] = w_mx_5_q9;
+        let t7_4 = d_q6 * d_q6;
+        let t7_5 = (-q7).mul_add(t7_4, dd_q7);
+        let a_5z = t7_5 + a_4y;
+        let t7_6 = q7 * x_q6_q7;
+        let t7_7 = x_q6_q7.mul_add(a_5z, -dd_q6);
+        let w_mx_5_q7 = t7_4.mul_add(t7_6, t7_7);
+        w[46][1] = w_mx_5_q7;
+        let t7_8 = q7 * dd_q6;
+        let a_5x = t7_2 - t7_8;
+        let t7_9 = x_q6_q7.mul_add(a_5x, -t7_4);
+        let w_mz_5_q7 = (-dd_q6).mul_add(t7_6, t7_9);
+        w[48][1] = w_mz_5_q7;
+        let w_m_5_q7 = a_5x.mul_add(t7_6, a_5z);
+        w[49][1] = w_m_5_q7;
+        let t7_10 = t7_8 - a_5x;
+        let t7_11 = q7 * a_5x;
+        let w_m_5_q2 = x_q6_q2 * t7_11;
+        w[49][0] = w_m_5_q2;
+        let w_m_5_q9 = x_q6_q9 * t7_11;
+        w[49][2] = w_m_5_q9;
+        let w_mz_5_q2 = x_q6_q2 * t7_10;
+        let w_mz_5_q9 = x_q6_q9 * t7_10;
+        let t7_12 = -w_mz_5_q2;
+        w[48][0] = t7_12;
+        let t7_13 = -w_mz_5_q9;
+        w[48][2] = t7_13;
     }
     // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t8_1, t8_2, t8_3, a_6y, t8_4] = {
-        let w_izz_6_q2 = dd_q8 * x_q8_q2;
-        let t8_1 = -w_izz_6_q2;
-        let w_izz_6_q7 = dd_q8 * x_q8_q7;
-        let t8_2 = -w_izz_6_q7;
-        let w_izz_6_q9 = dd_q8 * x_q8_q9;
-        let t8_3 = -w_izz_6_q9;
-        w[55] = [t8_1, t8_2, t8_3];
+    let [a_6y, t8_1, t8_2, t8_3, t8_4] = {
         let a_6y = like.lift(9.81) * cos_q8;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
+        w[56][0] = w_mx_6_q2;
         let w_mx_6_q7 = x_q8_q7 * a_6y;
+        w[56][1] = w_mx_6_q7;
         let w_mx_6_q9 = x_q8_q9 * a_6y;
-        w[56] = [w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
-        let t8_4 = like.lift(9.81) * sin_q8;
-        let w_my_6_q2 = x_q8_q2 * t8_4;
+        w[56][2] = w_mx_6_q9;
+        let t8_1 = like.lift(9.81) * sin_q8;
+        let w_izz_6_q2 = dd_q8 * x_q8_q2;
+        let t8_2 = -w_izz_6_q2;
+        w[55][0] = t8_2;
+        let w_izz_6_q7 = dd_q8 * x_q8_q7;
+        let t8_3 = -w_izz_6_q7;
+        w[55][1] = t8_3;
+        let w_izz_6_q9 = dd_q8 * x_q8_q9;
+        let t8_4 = -w_izz_6_q9;
+        w[55][2] = t8_4;
+        let w_my_6_q2 = x_q8_q2 * t8_1;
         let t8_5 = -w_my_6_q2;
-        let w_my_6_q7 = x_q8_q7 * t8_4;
+        w[57][0] = t8_5;
+        let w_my_6_q7 = x_q8_q7 * t8_1;
         let t8_6 = -w_my_6_q7;
-        let w_my_6_q9 = x_q8_q9 * t8_4;
+        w[57][1] = t8_6;
+        let w_my_6_q9 = x_q8_q9 * t8_1;
         let t8_7 = -w_my_6_q9;
-        w[57] = [t8_5, t8_6, t8_7];
-        [t8_1, t8_2, t8_3, a_6y, t8_4]
+        w[57][2] = t8_7;
+        [a_6y, t8_1, t8_2, t8_3, t8_4]
     };
     // body 7: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t9_1 = dd_q9 + a_6y;
-        let w_mx_7_q2 = x_q8_q2 * t9_1;
-        let w_mx_7_q7 = x_q8_q7 * t9_1;
-        let t9_2 = d_q8 * d_q8;
-        let t9_3 = (-q9).mul_add(t9_2, dd_q9);
-        let a_7z = t9_3 + a_6y;
-        let t9_4 = q9 * x_q8_q9;
-        let t9_5 = x_q8_q9.mul_add(a_7z, -dd_q8);
-        let w_mx_7_q9 = t9_2.mul_add(t9_4, t9_5);
-        w[66] = [w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
-        let t9_6 = q9 * dd_q8;
-        let t9_7 = like.lift(2.0) * d_q8;
-        let t9_8 = (-t9_7).mul_add(d_q9, t8_4);
-        let a_7x = t9_8 - t9_6;
-        let t9_9 = t9_6 - a_7x;
-        let w_mz_7_q2 = x_q8_q2 * t9_9;
-        let t9_10 = -w_mz_7_q2;
-        let w_mz_7_q7 = x_q8_q7 * t9_9;
-        let t9_11 = -w_mz_7_q7;
-        let t9_12 = x_q8_q9.mul_add(a_7x, -t9_2);
-        let w_mz_7_q9 = (-dd_q8).mul_add(t9_4, t9_12);
-        w[68] = [t9_10, t9_11, w_mz_7_q9];
-        let t9_13 = q9 * a_7x;
-        let w_m_7_q2 = x_q8_q2 * t9_13;
-        let w_m_7_q7 = x_q8_q7 * t9_13;
-        let w_m_7_q9 = a_7x.mul_add(t9_4, a_7z);
-        w[69] = [w_m_7_q2, w_m_7_q7, w_m_7_q9];
-        w[63] = [t8_1, t8_2, t8_3];
+        w[63][0] = t8_2; w[63][1] = t8_3; w[63][2] = t8_4;
+        let t9_1 = like.lift(2.0) * d_q8;
+        let t9_2 = (-t9_1).mul_add(d_q9, t8_1);
+        let t9_3 = dd_q9 + a_6y;
+        let w_mx_7_q2 = x_q8_q2 * t9_3;
+        w[66][0] = w_mx_7_q2;
+        let w_mx_7_q7 = x_q8_q7 * t9_3;
+        w[66][1] = w_mx_7_q7;
+        let t9_4 = d_q8 * d_q8;
+        let t9_5 = (-q9).mul_add(t9_4, dd_q9);
+        let a_7z = t9_5 + a_6y;
+        let t9_6 = q9 * x_q8_q9;
+        let t9_7 = x_q8_q9.mul_add(a_7z, -dd_q8);
+        let w_mx_7_q9 = t9_4.mul_add(t9_6, t9_7);
+        w[66][2] = w_mx_7_q9;
+        let t9_8 = q9 * dd_q8;
+        let a_7x = t9_2 - t9_8;
+        let t9_9 = x_q8_q9.mul_add(a_7x, -t9_4);
+        let w_mz_7_q9 = (-dd_q8).mul_add(t9_6, t9_9);
+        w[68][2] = w_mz_7_q9;
+        let w_m_7_q9 = a_7x.mul_add(t9_6, a_7z);
+        w[69][2] = w_m_7_q9;
+        let t9_10 = t9_8 - a_7x;
+        let t9_11 = q9 * a_7x;
+        let w_m_7_q2 = x_q8_q2 * t9_11;
+        w[69][0] = w_m_7_q2;
+        let w_m_7_q7 = x_q8_q7 * t9_11;
+        w[69][1] = w_m_7_q7;
+        let w_mz_7_q2 = x_q8_q2 * t9_10;
+        let w_mz_7_q7 = x_q8_q7 * t9_10;
+        let t9_12 = -w_mz_7_q2;
+        w[68][0] = t9_12;
+        let t9_13 = -w_mz_7_q7;
+        w[68][1] = t9_13;
     }
     // friction and rotors (Eq. 14-19)
     {
+        w[70][0] = d_q2; w[72][1] = d_q7; w[74][2] = d_q9; w[76][0] = dd_q2; w[77][1] = dd_q7; w[78][2] = dd_q9;
         let w_fc_q2_q2 = d_q2.sign();
         w[71][0] = w_fc_q2_q2;
         let w_fc_q7_q7 = d_q7.sign();
         w[73][1] = w_fc_q7_q7;
         let w_fc_q9_q9 = d_q9.sign();
         w[75][2] = w_fc_q9_q9;
-        w[70][0] = d_q2;
-        w[72][1] = d_q7;
-        w[74][2] = d_q9;
-        w[76][0] = dd_q2;
-        w[77][1] = dd_q7;
-        w[78][2] = dd_q9;
     }
     Condition { pivot: condition }
 }
@@ -2505,18 +2584,8 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
-    let [
-        _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, p_iyy_2, _, _, p_mx_2, _,
-        p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3,
-        p_mz_3, p_m_3, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, _, _, _, _, p_iyy_5, _, _,
-        p_mx_5, _, p_mz_5, p_m_5, _, _, _, _, _, p_izz_6, p_mx_6, p_my_6, _, _, _, _, _,
-        p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9,
-        p_fc_q9, p_j_q2, p_j_q7, p_j_q9,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_q6,
@@ -2532,14 +2601,24 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
             cos_q6, sin_q8, cos_q8,
         ]
     };
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
+    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
+    let [
+        _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, p_iyy_2, _, _, p_mx_2, _,
+        p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3,
+        p_mz_3, p_m_3, _, _, _, _, _, p_izz_4, p_mx_4, p_my_4, _, _, _, _, _, p_iyy_5, _, _,
+        p_mx_5, _, p_mz_5, p_m_5, _, _, _, _, _, p_izz_6, p_mx_6, p_my_6, _, _, _, _, _,
+        p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9,
+        p_fc_q9, p_j_q2, p_j_q7, p_j_q9,
+    ] = *phi;
     // tau, part 1
     let [
-        t2_1, a_2z, t2_47, t2_57, w_fc_q2_q2, t2_81, t2_92, t2_96, t2_115, t2_121, t2_123,
-        t2_127, t2_128, t2_130, t2_135, t2_136, t2_137, t2_142, t2_143, t2_144, t2_148, t2_151,
-        pivot_1, t2_159, t2_164, t2_166, t2_168, t2_171, t2_179, t2_180, t2_184, t2_187,
-        t2_188, t2_190, t2_192, t2_194, t2_195, t2_196, t2_197, t2_199, t2_200, t2_201, t2_203,
-        t2_204, t2_205, t2_206, t2_208, t2_209, pivot_3, inv_pivot_3, t2_211, t2_212, t2_214,
-        pivot_4, inv_pivot_4, t2_216, pivot_5, inv_pivot_5, t2_217, t2_218, t2_219, t2_220,
+        t2_1, a_2z, t2_50, t2_59, w_fc_q2_q2, t2_92, t2_96, t2_100, t2_117, t2_125, t2_126,
+        t2_128, t2_129, t2_137, t2_140, t2_147, t2_148, t2_161, t2_162, t2_163, t2_167, t2_170,
+        pivot_1, t2_171, t2_172, t2_173, t2_175, t2_177, t2_180, t2_182, t2_185, t2_191,
+        t2_193, t2_194, t2_195, t2_196, t2_197, t2_198, t2_199, t2_201, t2_203, t2_204, t2_205,
+        t2_207, t2_208, t2_209, t2_210, t2_213, t2_215, t2_216, t2_217, inv_pivot_3, t2_218,
+        t2_219, t2_220, t2_221, pivot_4, inv_pivot_4,
     ] = {
         let t2_1 = d_q1 * d_q1;
         let t2_2 = (-q2).mul_add(t2_1, dd_q2);
@@ -2552,253 +2631,252 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let a_s1_1x = cos_s1_1 * a_2x;
         let t2_6 = cos_s1_2 * a_2z;
         let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_6);
-        let t2_7 = sin_s1_3 * a_s1_2z;
-        let a_3y = cos_s1_3.mul_add(a_s1_1y, t2_7);
+        let t2_7 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t2_7);
+        let t2_8 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t2_8);
+        let t2_9 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_9);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let t2_8 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t2_8);
+        let t2_10 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t2_10);
         let w_s1_1y = cos_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t2_9 = w_s1_2x * w_s1_2y;
-        let t2_10 = d_s1_1 * w_s1_1y;
-        let t2_11 = sin_s1_1.mul_add(dd_q1, t2_10);
-        let t2_12 = t2_11 + t2_10;
-        let t2_13 = (-w_s1_1x).mul_add(w_s1_1y, dd_s1_1);
-        let t2_14 = t2_9 + t2_9;
-        let t2_15 = (-cos_s1_2).mul_add(t2_13, t2_14);
-        let t2_16 = (-sin_s1_2).mul_add(t2_12, t2_15);
-        let t2_17 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_17);
-        let t2_18 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
-        let t2_19 = (-d_s1_1).mul_add(w_s1_1x, t2_18);
-        let t2_20 = cos_s1_1.mul_add(dd_q1, t2_19);
-        let t2_21 = sin_s1_3 * t2_20;
-        let t2_22 = cos_s1_3.mul_add(t2_16, t2_21);
+        let t2_11 = w_s1_2x * w_s1_2y;
+        let t2_12 = t2_11 + t2_11;
+        let t2_13 = d_s1_1 * w_s1_1y;
+        let t2_14 = (-w_s1_1x).mul_add(w_s1_1y, dd_s1_1);
+        let t2_15 = (-cos_s1_2).mul_add(t2_14, t2_12);
+        let t2_16 = sin_s1_1.mul_add(dd_q1, t2_13);
+        let t2_17 = t2_16 + t2_13;
+        let t2_18 = (-sin_s1_2).mul_add(t2_17, t2_15);
+        let t2_19 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_19);
+        let t2_20 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
+        let t2_21 = (-d_s1_1).mul_add(w_s1_1x, t2_20);
+        let t2_22 = cos_s1_1.mul_add(dd_q1, t2_21);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t2_23 = w_3x * w_3x;
-        let t2_24 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_24);
-        let t2_25 = w_3z * w_3z;
-        let t2_26 = t2_23 + t2_25;
-        let t2_27 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t2_28 = (-sin_s1_2).mul_add(t2_13, t2_27);
-        let al_3x = cos_s1_2.mul_add(t2_12, t2_28);
-        let t2_29 = sin_s1_3 * w_s1_2z;
-        let w_3y = cos_s1_3.mul_add(w_s1_2y, t2_29);
-        let t2_30 = w_3y * w_3z;
-        let t2_31 = al_3x + t2_30;
-        let t2_32 = a_3y * p_m_3;
-        let t2_33 = (-t2_31).mul_add(p_mz_3, t2_32);
-        let t2_34 = (-t2_26).mul_add(p_my_3, t2_33);
-        let t2_35 = (-t2_22).mul_add(p_mx_3, t2_34);
-        let t2_36 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_36);
-        let t2_37 = sin_s1_3 * t2_16;
-        let t2_38 = (-cos_s1_3).mul_add(t2_20, t2_37);
-        let t2_39 = al_3x - t2_30;
-        let t2_40 = w_3y * w_3y;
-        let t2_41 = t2_23 + t2_40;
-        let t2_42 = a_3z * p_m_3;
-        let t2_43 = t2_41.mul_add(p_mz_3, t2_42);
-        let t2_44 = (-t2_39).mul_add(p_my_3, t2_43);
-        let t2_45 = (-t2_38).mul_add(p_mx_3, t2_44);
-        let t2_46 = sin_s1_3 * t2_35;
-        let t2_47 = (-cos_s1_3).mul_add(t2_45, t2_46);
-        let t2_48 = cos_s1_2 * a_s1_1x;
-        let a_s1_2x = sin_s1_2.mul_add(a_2z, t2_48);
-        let t2_49 = t2_40 + t2_25;
-        let t2_50 = w_3y * w_3x;
-        let al_3z = t2_50 + t2_22;
-        let t2_51 = t2_50 + al_3z;
-        let t2_52 = w_3z * w_3x;
-        let al_3y = t2_52 + t2_38;
-        let t2_53 = t2_52 + al_3y;
-        let t2_54 = a_s1_2x * p_m_3;
-        let t2_55 = t2_53.mul_add(p_mz_3, t2_54);
-        let t2_56 = (-t2_51).mul_add(p_my_3, t2_55);
-        let t2_57 = t2_49.mul_add(p_mx_3, t2_56);
+        let t2_23 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t2_24 = (-sin_s1_2).mul_add(t2_14, t2_23);
+        let al_3x = cos_s1_2.mul_add(t2_17, t2_24);
+        let t2_25 = sin_s1_3 * t2_22;
+        let t2_26 = cos_s1_3.mul_add(t2_18, t2_25);
+        let t2_27 = sin_s1_3 * t2_18;
+        let t2_28 = (-cos_s1_3).mul_add(t2_22, t2_27);
+        let t2_29 = w_3x * w_3x;
+        let t2_30 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_30);
+        let t2_31 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t2_31);
+        let t2_32 = w_3z * w_3z;
+        let t2_33 = t2_29 + t2_32;
+        let t2_34 = w_3y * w_3z;
+        let t2_35 = w_3z * w_3x;
+        let t2_36 = w_3y * w_3x;
+        let t2_37 = w_3y * w_3y;
+        let t2_38 = al_3x + t2_34;
+        let t2_39 = a_3y * p_m_3;
+        let t2_40 = (-t2_38).mul_add(p_mz_3, t2_39);
+        let t2_41 = (-t2_33).mul_add(p_my_3, t2_40);
+        let t2_42 = (-t2_26).mul_add(p_mx_3, t2_41);
+        let al_3z = t2_36 + t2_26;
+        let t2_43 = al_3x - t2_34;
+        let t2_44 = t2_29 + t2_37;
+        let t2_45 = a_3z * p_m_3;
+        let t2_46 = t2_44.mul_add(p_mz_3, t2_45);
+        let t2_47 = (-t2_43).mul_add(p_my_3, t2_46);
+        let t2_48 = (-t2_28).mul_add(p_mx_3, t2_47);
+        let al_3y = t2_35 + t2_28;
+        let t2_49 = sin_s1_3 * t2_42;
+        let t2_50 = (-cos_s1_3).mul_add(t2_48, t2_49);
+        let t2_51 = sin_s1_3 * t2_48;
+        let t2_52 = cos_s1_3.mul_add(t2_42, t2_51);
+        let t2_53 = t2_37 + t2_32;
+        let t2_54 = t2_36 + al_3z;
+        let t2_55 = t2_35 + al_3y;
+        let t2_56 = a_s1_2x * p_m_3;
+        let t2_57 = t2_55.mul_add(p_mz_3, t2_56);
+        let t2_58 = (-t2_54).mul_add(p_my_3, t2_57);
+        let t2_59 = t2_53.mul_add(p_mx_3, t2_58);
         let w_fc_q2_q2 = d_q2.sign();
-        let t2_58 = p_ixx_3 - p_izz_3;
-        let t2_59 = t2_23 - t2_25;
-        let t2_60 = al_3x - t2_30;
-        let t2_61 = al_3z + t2_50;
-        let t2_62 = p_ixy_3 * t2_60;
-        let t2_63 = (-p_iyz_3).mul_add(t2_61, t2_62);
-        let t2_64 = (-al_3y).mul_add(p_iyy_3, t2_63);
-        let t2_65 = (-t2_59).mul_add(p_ixz_3, t2_64);
-        let t2_66 = (-t2_52).mul_add(t2_58, t2_65);
-        let t2_67 = a_3z.mul_add(p_mx_3, t2_66);
-        let t2_68 = (-a_s1_2x).mul_add(p_mz_3, t2_67);
-        let t2_69 = p_ixx_3 - p_iyy_3;
-        let t2_70 = t2_23 - t2_40;
-        let t2_71 = al_3x + t2_30;
-        let t2_72 = al_3y + t2_52;
-        let t2_73 = p_ixz_3 * t2_71;
-        let t2_74 = (-al_3z).mul_add(p_izz_3, t2_73);
-        let t2_75 = (-p_iyz_3).mul_add(t2_72, t2_74);
-        let t2_76 = t2_70.mul_add(p_ixy_3, t2_75);
-        let t2_77 = (-t2_50).mul_add(t2_69, t2_76);
-        let t2_78 = a_s1_2x.mul_add(p_my_3, t2_77);
-        let t2_79 = a_3y.mul_add(p_mx_3, t2_78);
-        let t2_80 = cos_s1_3 * t2_79;
-        let t2_81 = sin_s1_3.mul_add(t2_68, t2_80);
-        let t2_82 = p_iyy_3 - p_izz_3;
-        let t2_83 = t2_40 - t2_25;
-        let t2_84 = al_3y - t2_52;
-        let t2_85 = al_3z - t2_50;
-        let t2_86 = al_3x * p_ixx_3;
-        let t2_87 = (-p_ixz_3).mul_add(t2_85, t2_86);
-        let t2_88 = (-p_ixy_3).mul_add(t2_84, t2_87);
-        let t2_89 = t2_83.mul_add(p_iyz_3, t2_88);
-        let t2_90 = t2_30.mul_add(t2_82, t2_89);
-        let t2_91 = (-a_3y).mul_add(p_mz_3, t2_90);
-        let t2_92 = (-a_3z).mul_add(p_my_3, t2_91);
-        let t2_93 = cos_s1_2 * t2_92;
-        let t2_94 = sin_s1_2.mul_add(t2_81, t2_93);
-        let t2_95 = cos_s1_3 * t2_68;
-        let t2_96 = (-sin_s1_3).mul_add(t2_79, t2_95);
-        let t2_97 = sin_s1_2 * t2_47;
-        let t2_98 = (-cos_s1_2).mul_add(t2_57, t2_97);
-        let t2_99 = sin_s1_3 * t2_45;
-        let t2_100 = cos_s1_3.mul_add(t2_35, t2_99);
-        let t2_101 = a_2x * p_m_2;
-        let t2_102 = (-dd_q1).mul_add(p_mz_2, t2_101);
-        let t2_103 = t2_1.mul_add(p_mx_2, t2_102);
-        let t2_104 = sin_s1_1.mul_add(t2_100, t2_103);
-        let t2_105 = (-cos_s1_1).mul_add(t2_98, t2_104);
-        let t2_106 = sin_q1 * p_my_1;
-        let t2_107 = (-cos_q1).mul_add(p_mx_1, t2_106);
-        let t2_108 = p_izz_1 + p_iyy_2;
-        let t2_109 = dd_q1 * t2_108;
-        let t2_110 = like.lift(9.81).mul_add(t2_107, t2_109);
-        let t2_111 = (-q2).mul_add(t2_105, t2_110);
-        let t2_112 = (-a_2z).mul_add(p_mx_2, t2_111);
-        let t2_113 = (-a_2x).mul_add(p_mz_2, t2_112);
-        let t2_114 = cos_s1_1.mul_add(t2_96, t2_113);
-        let t2_115 = sin_s1_1.mul_add(t2_94, t2_114);
-        let t2_116 = cos_q1 * q2;
-        let t2_117 = sin_q1 * cos_s1_1;
-        let t2_118 = cos_s1_2 * t2_117;
-        let t2_119 = cos_q1.mul_add(sin_s1_2, t2_118);
-        let t2_120 = like.lift(-0.4563).mul_add(t2_119, t2_116);
-        let t2_121 = -t2_120;
+        let t2_60 = p_ixx_3 - p_izz_3;
+        let t2_61 = t2_29 - t2_32;
+        let t2_62 = t2_29 - t2_37;
+        let t2_63 = t2_37 - t2_32;
+        let t2_64 = al_3x - t2_34;
+        let t2_65 = p_ixy_3 * t2_64;
+        let t2_66 = al_3z + t2_36;
+        let t2_67 = (-p_iyz_3).mul_add(t2_66, t2_65);
+        let t2_68 = (-al_3y).mul_add(p_iyy_3, t2_67);
+        let t2_69 = (-t2_61).mul_add(p_ixz_3, t2_68);
+        let t2_70 = (-t2_35).mul_add(t2_60, t2_69);
+        let t2_71 = a_3z.mul_add(p_mx_3, t2_70);
+        let t2_72 = (-a_s1_2x).mul_add(p_mz_3, t2_71);
+        let t2_73 = p_ixx_3 - p_iyy_3;
+        let t2_74 = al_3x + t2_34;
+        let t2_75 = p_ixz_3 * t2_74;
+        let t2_76 = (-al_3z).mul_add(p_izz_3, t2_75);
+        let t2_77 = al_3z - t2_36;
+        let t2_78 = al_3x * p_ixx_3;
+        let t2_79 = (-p_ixz_3).mul_add(t2_77, t2_78);
+        let t2_80 = al_3y + t2_35;
+        let t2_81 = (-p_iyz_3).mul_add(t2_80, t2_76);
+        let t2_82 = t2_62.mul_add(p_ixy_3, t2_81);
+        let t2_83 = (-t2_36).mul_add(t2_73, t2_82);
+        let t2_84 = al_3y - t2_35;
+        let t2_85 = (-p_ixy_3).mul_add(t2_84, t2_79);
+        let t2_86 = a_s1_2x.mul_add(p_my_3, t2_83);
+        let t2_87 = t2_63.mul_add(p_iyz_3, t2_85);
+        let t2_88 = p_iyy_3 - p_izz_3;
+        let t2_89 = t2_34.mul_add(t2_88, t2_87);
+        let t2_90 = (-a_3y).mul_add(p_mz_3, t2_89);
+        let t2_91 = a_3y.mul_add(p_mx_3, t2_86);
+        let t2_92 = (-a_3z).mul_add(p_my_3, t2_90);
+        let t2_93 = cos_s1_3 * t2_91;
+        let t2_94 = sin_s1_3.mul_add(t2_72, t2_93);
+        let t2_95 = cos_s1_3 * t2_72;
+        let t2_96 = (-sin_s1_3).mul_add(t2_91, t2_95);
+        let t2_97 = cos_s1_2 * t2_92;
+        let t2_98 = sin_s1_2.mul_add(t2_94, t2_97);
+        let t2_99 = cos_s1_2 * t2_94;
+        let t2_100 = (-sin_s1_2).mul_add(t2_92, t2_99);
+        let t2_101 = sin_s1_2 * t2_50;
+        let t2_102 = (-cos_s1_2).mul_add(t2_59, t2_101);
+        let t2_103 = a_2x * p_m_2;
+        let t2_104 = (-dd_q1).mul_add(p_mz_2, t2_103);
+        let t2_105 = t2_1.mul_add(p_mx_2, t2_104);
+        let t2_106 = sin_s1_1.mul_add(t2_52, t2_105);
+        let t2_107 = (-cos_s1_1).mul_add(t2_102, t2_106);
+        let t2_108 = sin_q1 * p_my_1;
+        let t2_109 = (-cos_q1).mul_add(p_mx_1, t2_108);
+        let t2_110 = p_izz_1 + p_iyy_2;
+        let t2_111 = dd_q1 * t2_110;
+        let t2_112 = like.lift(9.81).mul_add(t2_109, t2_111);
+        let t2_113 = (-q2).mul_add(t2_107, t2_112);
+        let t2_114 = (-a_2z).mul_add(p_mx_2, t2_113);
+        let t2_115 = (-a_2x).mul_add(p_mz_2, t2_114);
+        let t2_116 = cos_s1_1.mul_add(t2_96, t2_115);
+        let t2_117 = sin_s1_1.mul_add(t2_98, t2_116);
+        let t2_118 = cos_q1 * q2;
+        let t2_119 = sin_q1 * cos_s1_1;
+        let t2_120 = cos_s1_2 * t2_119;
+        let t2_121 = cos_q1.mul_add(sin_s1_2, t2_120);
+        let t2_122 = cos_q1 * cos_s1_2;
+        let t2_123 = (-sin_s1_2).mul_add(t2_119, t2_122);
+        let t2_124 = sin_s1_3 * t2_123;
+        let t2_125 = like.lift(-0.4563).mul_add(t2_121, t2_118);
+        let t2_126 = -t2_125;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_122 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_123 = cos_q1 * t2_122;
-        let t2_124 = sin_q1 * sin_s1_1;
-        let t2_125 = t2_124 * e_s1_2_q1x;
-        let t2_126 = cos_s1_1.mul_add(t2_119, t2_125);
-        let t2_127 = like.lift(0.4563) * t2_126;
-        let t2_128 = cos_q6 * q7;
-        let t2_129 = like.lift(0.5) * t2_128;
-        let t2_130 = -t2_129;
-        let t2_131 = sin_q1 * q2;
-        let t2_132 = cos_q1 * cos_s1_1;
-        let t2_133 = sin_q1 * sin_s1_2;
-        let t2_134 = (-cos_s1_2).mul_add(t2_132, t2_133);
-        let t2_135 = like.lift(-0.4563).mul_add(t2_134, t2_131);
-        let t2_136 = -t2_135;
-        let t2_137 = sin_q1 * t2_122;
-        let t2_138 = cos_q1 * sin_s1_1;
-        let t2_139 = cos_s1_1 * t2_134;
-        let t2_140 = (-t2_138).mul_add(e_s1_2_q1x, t2_139);
-        let t2_141 = like.lift(0.4563) * t2_140;
-        let t2_142 = -t2_141;
-        let t2_143 = -t2_142;
-        let t2_144 = sin_q6 * q7;
-        let t2_145 = sin_q1 * t2_119;
-        let t2_146 = (-cos_q1).mul_add(t2_134, t2_145);
-        let t2_147 = like.lift(0.4563) * t2_146;
+        let t2_127 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_128 = cos_q1 * t2_127;
+        let t2_129 = sin_q1 * t2_127;
+        let t2_130 = sin_q1 * sin_s1_1;
+        let t2_131 = cos_s1_3.mul_add(t2_130, t2_124);
+        let t2_132 = like.lift(0.22815) * t2_121;
+        let t2_133 = like.lift(-0.39516739174683935).mul_add(t2_131, t2_132);
+        let t2_134 = t2_118 - t2_133;
+        let t2_135 = t2_130 * e_s1_2_q1x;
+        let t2_136 = cos_s1_1.mul_add(t2_121, t2_135);
+        let t2_137 = like.lift(0.4563) * t2_136;
+        let t2_138 = cos_q6 * q7;
+        let t2_139 = like.lift(0.5) * t2_138;
+        let t2_140 = -t2_139;
+        let t2_141 = sin_q1 * q2;
+        let t2_142 = cos_q1 * cos_s1_1;
+        let t2_143 = sin_q1 * sin_s1_2;
+        let t2_144 = (-cos_s1_2).mul_add(t2_142, t2_143);
+        let t2_145 = sin_s1_2 * t2_142;
+        let t2_146 = sin_q1.mul_add(cos_s1_2, t2_145);
+        let t2_147 = like.lift(-0.4563).mul_add(t2_144, t2_141);
         let t2_148 = -t2_147;
-        let t2_149 = t2_138 * t2_119;
-        let t2_150 = t2_124.mul_add(t2_134, t2_149);
-        let t2_151 = like.lift(0.4563) * t2_150;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_128;
-        let t2_152 = cos_q1 * cos_s1_2;
-        let t2_153 = (-sin_s1_2).mul_add(t2_117, t2_152);
-        let t2_154 = sin_s1_3 * t2_153;
-        let t2_155 = cos_s1_3.mul_add(t2_124, t2_154);
-        let t2_156 = like.lift(0.22815) * t2_119;
-        let t2_157 = like.lift(-0.39516739174683935).mul_add(t2_155, t2_156);
-        let t2_158 = t2_116 - t2_157;
-        let t2_159 = -t2_158;
-        let t2_160 = sin_s1_3 * sin_s1_1;
-        let t2_161 = t2_160 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_161);
-        let t2_162 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_163 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_162);
-        let t2_164 = cos_q1 * t2_163;
-        let t2_165 = t2_124 * t2_163;
-        let t2_166 = cos_s1_1.mul_add(t2_157, t2_165);
-        let t2_167 = e_s1_2_q1x * t2_157;
-        let t2_168 = (-t2_119).mul_add(t2_163, t2_167);
-        let t2_169 = cos_q8 * q9;
-        let t2_170 = like.lift(0.5) * t2_169;
-        let t2_171 = -t2_170;
-        let t2_172 = sin_s1_2 * t2_132;
-        let t2_173 = sin_q1.mul_add(cos_s1_2, t2_172);
-        let t2_174 = cos_s1_3 * t2_138;
-        let t2_175 = (-sin_s1_3).mul_add(t2_173, t2_174);
-        let t2_176 = like.lift(0.39516739174683935) * t2_175;
-        let t2_177 = like.lift(0.22815) * t2_134;
-        let t2_178 = t2_176 - t2_131;
-        let t2_179 = t2_178 + t2_177;
-        let t2_180 = sin_q1 * t2_163;
-        let t2_181 = t2_177 + t2_176;
-        let t2_182 = t2_138 * t2_163;
-        let t2_183 = (-cos_s1_1).mul_add(t2_181, t2_182);
-        let t2_184 = -t2_183;
-        let t2_185 = t2_134 * t2_163;
-        let t2_186 = (-e_s1_2_q1x).mul_add(t2_181, t2_185);
-        let t2_187 = -t2_186;
-        let t2_188 = sin_q8 * q9;
-        let t2_189 = cos_q1 * t2_181;
-        let t2_190 = (-sin_q1).mul_add(t2_157, t2_189);
-        let t2_191 = t2_138 * t2_157;
-        let t2_192 = t2_124.mul_add(t2_181, t2_191);
-        let t2_193 = t2_119 * t2_181;
-        let t2_194 = (-t2_134).mul_add(t2_157, t2_193);
-        let t2_195 = -t2_194;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_169;
-        let t2_196 = -pivot_2;
-        let t2_197 = -sin_q1;
-        let t2_198 = like.lift(0.5) * sin_q6;
-        let t2_199 = -t2_198;
-        let t2_200 = -cos_q6;
-        let t2_201 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_202 = like.lift(0.5) * sin_q8;
+        let t2_149 = cos_q1 * sin_s1_1;
+        let t2_150 = sin_s1_3 * sin_s1_1;
+        let t2_151 = cos_s1_3 * t2_149;
+        let t2_152 = (-sin_s1_3).mul_add(t2_146, t2_151);
+        let t2_153 = t2_150 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_153);
+        let t2_154 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_155 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_154);
+        let t2_156 = like.lift(0.39516739174683935) * t2_152;
+        let t2_157 = t2_156 - t2_141;
+        let t2_158 = cos_s1_1 * t2_144;
+        let t2_159 = (-t2_149).mul_add(e_s1_2_q1x, t2_158);
+        let t2_160 = like.lift(0.4563) * t2_159;
+        let t2_161 = -t2_160;
+        let t2_162 = -t2_161;
+        let t2_163 = sin_q6 * q7;
+        let t2_164 = sin_q1 * t2_121;
+        let t2_165 = (-cos_q1).mul_add(t2_144, t2_164);
+        let t2_166 = like.lift(0.4563) * t2_165;
+        let t2_167 = -t2_166;
+        let t2_168 = t2_149 * t2_121;
+        let t2_169 = t2_130.mul_add(t2_144, t2_168);
+        let t2_170 = like.lift(0.4563) * t2_169;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_138;
+        let t2_171 = like.lift(1.0) / t2_138;
+        let t2_172 = -t2_134;
+        let t2_173 = cos_q1 * t2_155;
+        let t2_174 = t2_130 * t2_155;
+        let t2_175 = cos_s1_1.mul_add(t2_133, t2_174);
+        let t2_176 = e_s1_2_q1x * t2_133;
+        let t2_177 = (-t2_121).mul_add(t2_155, t2_176);
+        let t2_178 = cos_q8 * q9;
+        let t2_179 = like.lift(0.5) * t2_178;
+        let t2_180 = -t2_179;
+        let t2_181 = like.lift(0.22815) * t2_144;
+        let t2_182 = t2_157 + t2_181;
+        let t2_183 = t2_181 + t2_156;
+        let t2_184 = t2_121 * t2_183;
+        let t2_185 = (-t2_144).mul_add(t2_133, t2_184);
+        let t2_186 = t2_144 * t2_155;
+        let t2_187 = (-e_s1_2_q1x).mul_add(t2_183, t2_186);
+        let t2_188 = t2_149 * t2_155;
+        let t2_189 = (-cos_s1_1).mul_add(t2_183, t2_188);
+        let t2_190 = t2_149 * t2_133;
+        let t2_191 = t2_130.mul_add(t2_183, t2_190);
+        let t2_192 = cos_q1 * t2_183;
+        let t2_193 = (-sin_q1).mul_add(t2_133, t2_192);
+        let t2_194 = sin_q1 * t2_155;
+        let t2_195 = -t2_189;
+        let t2_196 = -t2_187;
+        let t2_197 = sin_q8 * q9;
+        let t2_198 = -t2_185;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_178;
+        let t2_199 = -pivot_2;
+        let t2_200 = like.lift(1.0) / t2_178;
+        let t2_201 = -sin_q1;
+        let t2_202 = like.lift(0.5) * sin_q6;
         let t2_203 = -t2_202;
-        let t2_204 = -cos_q8;
-        let t2_205 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_206 = -t2_205;
-        let t2_207 = like.lift(0.5773502691896257).mul_add(t2_194, t2_168);
-        let t2_208 = like.lift(1.0) / t2_169;
-        let t2_209 = t2_188 * t2_208;
-        let t2_210 = like.lift(1.1547005383792515) * t2_209;
-        let pivot_3 = t2_194.mul_add(t2_210, t2_186);
+        let t2_204 = -cos_q6;
+        let t2_205 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_206 = like.lift(0.5) * sin_q8;
+        let t2_207 = -t2_206;
+        let t2_208 = -cos_q8;
+        let t2_209 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_210 = -t2_209;
+        let t2_211 = like.lift(0.5773502691896257).mul_add(t2_185, t2_177);
+        let t2_212 = t2_197 * t2_200;
+        let t2_213 = like.lift(1.1547005383792515) * t2_200;
+        let t2_214 = like.lift(1.1547005383792515) * t2_212;
+        let pivot_3 = t2_185.mul_add(t2_214, t2_187);
+        let t2_215 = (-t2_191).mul_add(t2_214, t2_189);
+        let t2_216 = t2_193.mul_add(t2_214, t2_194);
+        let t2_217 = sin_q8.mul_add(t2_212, cos_q8);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_211 = t2_207 * inv_pivot_3;
-        let t2_212 = (-t2_179).mul_add(t2_211, t2_158);
-        let t2_213 = like.lift(0.5773502691896257).mul_add(t2_148, t2_123);
-        let t2_214 = t2_190.mul_add(t2_210, t2_180);
-        let t2_215 = t2_214.mul_add(t2_211, t2_164);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_190, t2_215);
+        let t2_218 = t2_211 * inv_pivot_3;
+        let t2_219 = (-t2_182).mul_add(t2_218, t2_134);
+        let t2_220 = -pivot_3;
+        let t2_221 = like.lift(0.5773502691896257).mul_add(t2_167, t2_128);
+        let t2_222 = t2_216.mul_add(t2_218, t2_173);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_193, t2_222);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_216 = t2_213 * inv_pivot_4;
-        let pivot_5 = (-t2_212).mul_add(t2_216, t2_120);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_217 = (-cos_q1).mul_add(t2_211, sin_q1);
-        let t2_218 = (-t2_217).mul_add(t2_216, sin_q1);
-        let t2_219 = (-t2_192).mul_add(t2_210, t2_183);
-        let t2_220 = (-t2_219).mul_add(t2_211, t2_166);
         [
-            t2_1, a_2z, t2_47, t2_57, w_fc_q2_q2, t2_81, t2_92, t2_96, t2_115, t2_121, t2_123,
-            t2_127, t2_128, t2_130, t2_135, t2_136, t2_137, t2_142, t2_143, t2_144, t2_148,
-            t2_151, pivot_1, t2_159, t2_164, t2_166, t2_168, t2_171, t2_179, t2_180, t2_184,
-            t2_187, t2_188, t2_190, t2_192, t2_194, t2_195, t2_196, t2_197, t2_199, t2_200,
-            t2_201, t2_203, t2_204, t2_205, t2_206, t2_208, t2_209, pivot_3, inv_pivot_3,
-            t2_211, t2_212, t2_214, pivot_4, inv_pivot_4, t2_216, pivot_5, inv_pivot_5, t2_217,
-            t2_218, t2_219, t2_220,
+            t2_1, a_2z, t2_50, t2_59, w_fc_q2_q2, t2_92, t2_96, t2_100, t2_117, t2_125, t2_126,
+            t2_128, t2_129, t2_137, t2_140, t2_147, t2_148, t2_161, t2_162, t2_163, t2_167,
+            t2_170, pivot_1, t2_171, t2_172, t2_173, t2_175, t2_177, t2_180, t2_182, t2_185,
+            t2_191, t2_193, t2_194, t2_195, t2_196, t2_197, t2_198, t2_199, t2_201, t2_203,
+            t2_204, t2_205, t2_207, t2_208, t2_209, t2_210, t2_213, t2_215, t2_216, t2_217,
+            inv_pivot_3, t2_218, t2_219, t2_220, t2_221, pivot_4, inv_pivot_4,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -2807,121 +2885,123 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t3_1 = like.lift(-0.5773502691896257).mul_add(t2_192, t2_220);
-        let t3_2 = (-t3_1).mul_add(t2_216, t2_127);
-        let t3_3 = like.lift(0.5773502691896257).mul_add(t2_151, t3_2);
-        let t3_4 = like.lift(1.0) / t2_128;
-        let t3_5 = t2_144 * t3_4;
-        let t3_6 = like.lift(1.1547005383792515) * t3_5;
-        let t3_7 = (-t2_148).mul_add(t3_6, t2_137);
-        let t3_8 = t3_7 * inv_pivot_4;
-        let t3_9 = (-t2_212).mul_add(t3_8, t2_135);
-        let t3_10 = t3_9 * inv_pivot_5;
-        let t3_11 = t2_218.mul_add(t3_10, cos_q1);
-        let t3_12 = t2_217.mul_add(t3_8, t3_11);
-        let t3_13 = t3_3.mul_add(t3_10, t2_142);
-        let t3_14 = t3_1.mul_add(t3_8, t3_13);
-        let pivot_6 = t2_151.mul_add(t3_6, t3_14);
+        let t3_1 = t2_221 * inv_pivot_4;
+        let pivot_5 = (-t2_219).mul_add(t3_1, t2_125);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t3_2 = -pivot_5;
+        let t3_3 = (-cos_q1).mul_add(t2_218, sin_q1);
+        let t3_4 = (-t3_3).mul_add(t3_1, sin_q1);
+        let t3_5 = (-t2_215).mul_add(t2_218, t2_175);
+        let t3_6 = like.lift(-0.5773502691896257).mul_add(t2_191, t3_5);
+        let t3_7 = t2_217 * t2_218;
+        let t3_8 = (-t3_6).mul_add(t3_1, t2_137);
+        let t3_9 = like.lift(0.5773502691896257).mul_add(t2_170, t3_8);
+        let t3_10 = t3_7 * t3_1;
+        let t3_11 = t2_163 * t2_171;
+        let t3_12 = like.lift(1.1547005383792515) * t2_171;
+        let t3_13 = like.lift(1.1547005383792515) * t3_11;
+        let t3_14 = sin_q6.mul_add(t3_11, cos_q6);
+        let t3_15 = (-t2_167).mul_add(t3_13, t2_129);
+        let t3_16 = t3_15 * inv_pivot_4;
+        let t3_17 = (-t2_219).mul_add(t3_16, t2_147);
+        let t3_18 = t3_17 * inv_pivot_5;
+        let t3_19 = t3_9.mul_add(t3_18, t2_161);
+        let t3_20 = t3_6.mul_add(t3_16, t3_19);
+        let pivot_6 = t2_170.mul_add(t3_13, t3_20);
+        let t3_21 = t3_4.mul_add(t3_18, cos_q1);
+        let t3_22 = t3_3.mul_add(t3_16, t3_21);
+        let t3_23 = t3_7 * t3_16;
+        let t3_24 = (-t3_10).mul_add(t3_18, t3_23);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_15 = t3_12 * inv_pivot_6;
-        let t3_16 = (-t3_3).mul_add(t3_15, t2_218);
-        let t3_17 = inv_pivot_5 * t3_16;
-        let t3_18 = sin_q6.mul_add(t3_5, cos_q6);
-        let t3_19 = t3_18 * inv_pivot_6;
-        let t3_20 = inv_pivot_5 * t3_3;
-        let t3_21 = t3_20 * t3_19;
-        let t3_22 = sin_q8.mul_add(t2_209, cos_q8);
-        let t3_23 = t3_22 * t2_211;
-        let t3_24 = t3_23 * t2_216;
-        let t3_25 = t3_23 * t3_8;
-        let t3_26 = (-t3_24).mul_add(t3_10, t3_25);
-        let t3_27 = t3_26 * inv_pivot_6;
-        let t3_28 = t3_3.mul_add(t3_27, t3_24);
-        let t3_29 = inv_pivot_5 * t3_28;
-        let t3_30 = -t3_29;
-        let t3_31 = (-t3_1).mul_add(t3_15, t2_217);
-        let t3_32 = (-t2_212).mul_add(t3_17, t3_31);
-        let t3_33 = inv_pivot_4 * t3_32;
-        let t3_34 = -t3_33;
-        let t3_35 = t2_212 * t3_21;
-        let t3_36 = (-t3_1).mul_add(t3_19, t3_35);
-        let t3_37 = inv_pivot_4 * t3_36;
-        let t3_38 = (-t3_1).mul_add(t3_27, t3_23);
-        let t3_39 = t2_212.mul_add(t3_29, t3_38);
-        let t3_40 = inv_pivot_4 * t3_39;
-        let t3_41 = -t3_40;
-        let t3_42 = -t3_15;
-        let t3_43 = -t3_27;
-        let t3_44 = (-t2_219).mul_add(t3_15, cos_q1);
-        let t3_45 = (-t2_179).mul_add(t3_17, t3_44);
-        let t3_46 = t2_214.mul_add(t3_33, t3_45);
+        let t3_25 = t3_22 * inv_pivot_6;
+        let t3_26 = (-t3_9).mul_add(t3_25, t3_4);
+        let t3_27 = inv_pivot_5 * t3_26;
+        let t3_28 = t3_14 * inv_pivot_6;
+        let t3_29 = t3_24 * inv_pivot_6;
+        let t3_30 = t3_9.mul_add(t3_29, t3_10);
+        let t3_31 = inv_pivot_5 * t3_9;
+        let t3_32 = inv_pivot_5 * t3_30;
+        let t3_33 = t3_31 * t3_28;
+        let t3_34 = (-t3_6).mul_add(t3_25, t3_3);
+        let t3_35 = (-t2_219).mul_add(t3_27, t3_34);
+        let t3_36 = inv_pivot_4 * t3_35;
+        let t3_37 = (-t3_6).mul_add(t3_29, t3_7);
+        let t3_38 = t2_219.mul_add(t3_32, t3_37);
+        let t3_39 = t2_219 * t3_33;
+        let t3_40 = (-t3_6).mul_add(t3_28, t3_39);
+        let t3_41 = inv_pivot_4 * t3_40;
+        let t3_42 = inv_pivot_4 * t3_38;
+        let t3_43 = t2_215.mul_add(t3_29, t2_217);
+        let t3_44 = (-t2_182).mul_add(t3_32, t3_43);
+        let t3_45 = -t3_32;
+        let t3_46 = (-t2_216).mul_add(t3_42, t3_44);
         let t3_47 = inv_pivot_3 * t3_46;
-        let t3_48 = -t3_47;
-        let t3_49 = t2_179 * t3_21;
-        let t3_50 = (-t2_219).mul_add(t3_19, t3_49);
-        let t3_51 = t2_214.mul_add(t3_37, t3_50);
-        let t3_52 = inv_pivot_3 * t3_51;
-        let t3_53 = t2_219.mul_add(t3_27, t3_22);
-        let t3_54 = (-t2_179).mul_add(t3_29, t3_53);
-        let t3_55 = (-t2_214).mul_add(t3_40, t3_54);
-        let t3_56 = inv_pivot_3 * t3_55;
-        let t3_57 = t2_151 * t3_15;
-        let t3_58 = t2_148.mul_add(t3_33, t3_57);
-        let t3_59 = like.lift(1.1547005383792515) * t3_4;
-        let t3_60 = t3_58 * t3_59;
-        let t3_61 = (-t2_151).mul_add(t3_19, t2_201);
-        let t3_62 = (-t2_148).mul_add(t3_37, t3_61);
-        let t3_63 = t3_62 * t3_59;
-        let t3_64 = t2_151 * t3_27;
-        let t3_65 = t2_148.mul_add(t3_40, t3_64);
-        let t3_66 = t3_65 * t3_59;
-        let t3_67 = t2_194 * t3_47;
-        let t3_68 = (-t2_192).mul_add(t3_15, t3_67);
-        let t3_69 = (-t2_190).mul_add(t3_33, t3_68);
-        let t3_70 = like.lift(1.1547005383792515) * t2_208;
-        let t3_71 = t3_69 * t3_70;
-        let t3_72 = t2_194 * t3_52;
-        let t3_73 = (-t2_192).mul_add(t3_19, t3_72);
-        let t3_74 = (-t2_190).mul_add(t3_37, t3_73);
-        let t3_75 = t3_74 * t3_70;
-        let t3_76 = -t3_75;
-        let t3_77 = (-t2_192).mul_add(t3_27, t2_205);
-        let t3_78 = (-t2_190).mul_add(t3_40, t3_77);
-        let t3_79 = (-t2_194).mul_add(t3_56, t3_78);
-        let t3_80 = t3_79 * t3_70;
-        let t3_81 = -pivot_3;
-        let t3_82 = -pivot_5;
-        let t3_83 = -pivot_6;
+        let t3_48 = (-t2_191).mul_add(t3_29, t2_209);
+        let t3_49 = (-t2_193).mul_add(t3_42, t3_48);
+        let t3_50 = (-t2_185).mul_add(t3_47, t3_49);
+        let t3_51 = t3_50 * t2_213;
+        let t3_52 = -pivot_6;
+        let t3_53 = -t3_36;
+        let t3_54 = -t3_42;
+        let t3_55 = t2_170 * t3_29;
+        let t3_56 = t2_167.mul_add(t3_42, t3_55);
+        let t3_57 = -t3_29;
+        let t3_58 = t3_56 * t3_12;
+        let t3_59 = -t3_25;
+        let t3_60 = (-t2_215).mul_add(t3_25, cos_q1);
+        let t3_61 = (-t2_182).mul_add(t3_27, t3_60);
+        let t3_62 = t2_216.mul_add(t3_36, t3_61);
+        let t3_63 = inv_pivot_3 * t3_62;
+        let t3_64 = t2_182 * t3_33;
+        let t3_65 = (-t2_215).mul_add(t3_28, t3_64);
+        let t3_66 = t2_216.mul_add(t3_41, t3_65);
+        let t3_67 = inv_pivot_3 * t3_66;
+        let t3_68 = -t3_63;
+        let t3_69 = t2_185 * t3_63;
+        let t3_70 = (-t2_191).mul_add(t3_25, t3_69);
+        let t3_71 = t2_170 * t3_25;
+        let t3_72 = t2_167.mul_add(t3_36, t3_71);
+        let t3_73 = (-t2_193).mul_add(t3_36, t3_70);
+        let t3_74 = t3_72 * t3_12;
+        let t3_75 = t3_73 * t2_213;
+        let t3_76 = t2_185 * t3_67;
+        let t3_77 = (-t2_191).mul_add(t3_28, t3_76);
+        let t3_78 = (-t2_193).mul_add(t3_41, t3_77);
+        let t3_79 = t3_78 * t2_213;
+        let t3_80 = -t3_79;
+        let t3_81 = (-t2_170).mul_add(t3_28, t2_205);
+        let t3_82 = (-t2_167).mul_add(t3_41, t3_81);
+        let t3_83 = t3_82 * t3_12;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_196 * like.lift(1.8955297449982944)).abs())
-            .min((t3_81 * like.lift(2.6463477742948585)).abs())
+            .min((t2_199 * like.lift(1.8955297449982944)).abs())
+            .min((t2_220 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t3_82 * like.lift(0.8284577646309275)).abs())
-            .min((t3_83 * like.lift(2.1915406530791146)).abs());
+            .min((t3_2 * like.lift(0.8284577646309275)).abs())
+            .min((t3_52 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_17, t3_21, t3_30], [t3_34, t3_37, t3_41], [t3_42, t3_19, t3_43],
-                [t3_48, t3_52, t3_56], [t3_60, t3_63, t3_66], [t3_71, t3_76, t3_80],
+                [t3_27, t3_33, t3_45], [t3_53, t3_41, t3_54], [t3_59, t3_28, t3_57],
+                [t3_68, t3_67, t3_47], [t3_74, t3_83, t3_58], [t3_75, t3_80, t3_51],
             ],
             margin,
             || (
                 [
-                    [t2_121, t2_123, t2_127, like.lift(0.0), t2_130, like.lift(0.0)],
-                    [t2_136, t2_137, t2_143, like.lift(0.0), t2_144, like.lift(0.0)],
-                    [like.lift(0.0), t2_148, t2_151, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_159, t2_164, t2_166, t2_168, like.lift(0.0), t2_171],
-                    [t2_179, t2_180, t2_184, t2_187, like.lift(0.0), t2_188],
-                    [like.lift(0.0), t2_190, t2_192, t2_195, like.lift(0.0), t2_196],
+                    [t2_126, t2_128, t2_137, like.lift(0.0), t2_140, like.lift(0.0)],
+                    [t2_148, t2_129, t2_162, like.lift(0.0), t2_163, like.lift(0.0)],
+                    [like.lift(0.0), t2_167, t2_170, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_172, t2_173, t2_175, t2_177, like.lift(0.0), t2_180],
+                    [t2_182, t2_194, t2_195, t2_196, like.lift(0.0), t2_197],
+                    [like.lift(0.0), t2_193, t2_191, t2_198, like.lift(0.0), t2_199],
                 ],
                 [
-                    [t2_197, t2_199, like.lift(0.0)], [cos_q1, t2_200, like.lift(0.0)],
-                    [like.lift(0.0), t2_201, like.lift(0.0)], [t2_197, like.lift(0.0), t2_203],
-                    [cos_q1, like.lift(0.0), t2_204], [like.lift(0.0), like.lift(0.0), t2_206],
+                    [t2_201, t2_203, like.lift(0.0)], [cos_q1, t2_204, like.lift(0.0)],
+                    [like.lift(0.0), t2_205, like.lift(0.0)], [t2_201, like.lift(0.0), t2_207],
+                    [cos_q1, like.lift(0.0), t2_208], [like.lift(0.0), like.lift(0.0), t2_210],
                 ],
             ),
         );
@@ -2934,11 +3014,11 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
     };
     // tau
     {
-        let t4_1 = cos_s1_2 * t2_81;
-        let t4_2 = (-sin_s1_2).mul_add(t2_92, t4_1);
-        let t4_3 = like.lift(9.81) * sin_q6;
+        let t4_1 = like.lift(9.81) * sin_q6;
+        let t4_2 = sin_q6 * p_my_4;
+        let t4_3 = (-cos_q6).mul_add(p_mx_4, t4_2);
         let t4_4 = like.lift(2.0) * d_q6;
-        let t4_5 = (-t4_4).mul_add(d_q7, t4_3);
+        let t4_5 = (-t4_4).mul_add(d_q7, t4_1);
         let a_5x = (-q7).mul_add(dd_q6, t4_5);
         let t4_6 = d_q6 * d_q6;
         let t4_7 = (-q7).mul_add(t4_6, dd_q7);
@@ -2946,17 +3026,17 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t4_8 = a_5x * p_m_5;
         let t4_9 = (-dd_q6).mul_add(p_mz_5, t4_8);
         let t4_10 = t4_6.mul_add(p_mx_5, t4_9);
-        let t4_11 = sin_q6 * p_my_4;
-        let t4_12 = (-cos_q6).mul_add(p_mx_4, t4_11);
-        let t4_13 = p_izz_4 + p_iyy_5;
-        let t4_14 = dd_q6 * t4_13;
-        let t4_15 = like.lift(9.81).mul_add(t4_12, t4_14);
-        let t4_16 = (-q7).mul_add(t4_10, t4_15);
-        let t4_17 = (-a_5z).mul_add(p_mx_5, t4_16);
-        let t4_18 = (-a_5x).mul_add(p_mz_5, t4_17);
-        let t4_19 = like.lift(9.81) * sin_q8;
+        let t4_11 = p_izz_4 + p_iyy_5;
+        let t4_12 = dd_q6 * t4_11;
+        let t4_13 = like.lift(9.81).mul_add(t4_3, t4_12);
+        let t4_14 = (-q7).mul_add(t4_10, t4_13);
+        let t4_15 = (-a_5z).mul_add(p_mx_5, t4_14);
+        let t4_16 = (-a_5x).mul_add(p_mz_5, t4_15);
+        let t4_17 = like.lift(9.81) * sin_q8;
+        let t4_18 = sin_q8 * p_my_6;
+        let t4_19 = (-cos_q8).mul_add(p_mx_6, t4_18);
         let t4_20 = like.lift(2.0) * d_q8;
-        let t4_21 = (-t4_20).mul_add(d_q9, t4_19);
+        let t4_21 = (-t4_20).mul_add(d_q9, t4_17);
         let a_7x = (-q9).mul_add(dd_q8, t4_21);
         let t4_22 = d_q8 * d_q8;
         let t4_23 = (-q9).mul_add(t4_22, dd_q9);
@@ -2964,57 +3044,55 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t4_24 = a_7x * p_m_7;
         let t4_25 = (-dd_q8).mul_add(p_mz_7, t4_24);
         let t4_26 = t4_22.mul_add(p_mx_7, t4_25);
-        let t4_27 = sin_q8 * p_my_6;
-        let t4_28 = (-cos_q8).mul_add(p_mx_6, t4_27);
-        let t4_29 = p_izz_6 + p_iyy_7;
-        let t4_30 = dd_q8 * t4_29;
-        let t4_31 = like.lift(9.81).mul_add(t4_28, t4_30);
-        let t4_32 = (-q9).mul_add(t4_26, t4_31);
-        let t4_33 = (-a_7z).mul_add(p_mx_7, t4_32);
-        let t4_34 = (-a_7x).mul_add(p_mz_7, t4_33);
-        let t4_35 = dd_q2 * p_j_q2;
-        let t4_36 = (-t4_34).mul_add(x_q8_q2, t4_35);
-        let t4_37 = (-t4_18).mul_add(x_q6_q2, t4_36);
-        let t4_38 = (-t2_92).mul_add(x_s1_3_q2, t4_37);
-        let t4_39 = (-t2_96).mul_add(x_s1_2_q2, t4_38);
-        let t4_40 = (-t4_2).mul_add(x_s1_1_q2, t4_39);
-        let t4_41 = (-t2_115).mul_add(x_q1_q2, t4_40);
-        let t4_42 = w_fc_q2_q2.mul_add(p_fc_q2, t4_41);
-        let t4_43 = d_q2.mul_add(p_fv_q2, t4_42);
-        let t4_44 = a_2z.mul_add(p_m_2, t4_43);
-        let t4_45 = (-t2_1).mul_add(p_mz_2, t4_44);
-        let t4_46 = (-dd_q1).mul_add(p_mx_2, t4_45);
-        let t4_47 = sin_s1_2.mul_add(t2_57, t4_46);
-        let t4_48 = cos_s1_2.mul_add(t2_47, t4_47);
-        tau[0] = t4_48;
+        let t4_27 = p_izz_6 + p_iyy_7;
+        let t4_28 = dd_q8 * t4_27;
+        let t4_29 = like.lift(9.81).mul_add(t4_19, t4_28);
+        let t4_30 = (-q9).mul_add(t4_26, t4_29);
+        let t4_31 = (-a_7z).mul_add(p_mx_7, t4_30);
+        let t4_32 = (-a_7x).mul_add(p_mz_7, t4_31);
+        let t4_33 = dd_q2 * p_j_q2;
+        let t4_34 = (-t4_32).mul_add(x_q8_q2, t4_33);
+        let t4_35 = (-t4_16).mul_add(x_q6_q2, t4_34);
+        let t4_36 = (-t2_92).mul_add(x_s1_3_q2, t4_35);
+        let t4_37 = (-t2_96).mul_add(x_s1_2_q2, t4_36);
+        let t4_38 = (-t2_100).mul_add(x_s1_1_q2, t4_37);
+        let t4_39 = (-t2_117).mul_add(x_q1_q2, t4_38);
+        let t4_40 = w_fc_q2_q2.mul_add(p_fc_q2, t4_39);
+        let t4_41 = d_q2.mul_add(p_fv_q2, t4_40);
+        let t4_42 = a_2z.mul_add(p_m_2, t4_41);
+        let t4_43 = (-t2_1).mul_add(p_mz_2, t4_42);
+        let t4_44 = (-dd_q1).mul_add(p_mx_2, t4_43);
+        let t4_45 = sin_s1_2.mul_add(t2_59, t4_44);
+        let t4_46 = cos_s1_2.mul_add(t2_50, t4_45);
+        tau[0] = t4_46;
+        let t4_47 = dd_q7 * p_j_q7;
+        let t4_48 = (-t4_32).mul_add(x_q8_q7, t4_47);
         let w_fc_q7_q7 = d_q7.sign();
-        let t4_49 = dd_q7 * p_j_q7;
-        let t4_50 = (-t4_34).mul_add(x_q8_q7, t4_49);
-        let t4_51 = w_fc_q7_q7.mul_add(p_fc_q7, t4_50);
-        let t4_52 = d_q7.mul_add(p_fv_q7, t4_51);
-        let t4_53 = a_5z.mul_add(p_m_5, t4_52);
-        let t4_54 = (-t4_6).mul_add(p_mz_5, t4_53);
-        let t4_55 = (-dd_q6).mul_add(p_mx_5, t4_54);
-        let t4_56 = (-t4_18).mul_add(x_q6_q7, t4_55);
-        let t4_57 = (-t2_92).mul_add(x_s1_3_q7, t4_56);
-        let t4_58 = (-t2_96).mul_add(x_s1_2_q7, t4_57);
-        let t4_59 = (-t4_2).mul_add(x_s1_1_q7, t4_58);
-        let t4_60 = (-t2_115).mul_add(x_q1_q7, t4_59);
-        tau[1] = t4_60;
+        let t4_49 = w_fc_q7_q7.mul_add(p_fc_q7, t4_48);
+        let t4_50 = d_q7.mul_add(p_fv_q7, t4_49);
+        let t4_51 = a_5z.mul_add(p_m_5, t4_50);
+        let t4_52 = (-t4_6).mul_add(p_mz_5, t4_51);
+        let t4_53 = (-dd_q6).mul_add(p_mx_5, t4_52);
+        let t4_54 = (-t4_16).mul_add(x_q6_q7, t4_53);
+        let t4_55 = (-t2_92).mul_add(x_s1_3_q7, t4_54);
+        let t4_56 = (-t2_96).mul_add(x_s1_2_q7, t4_55);
+        let t4_57 = (-t2_100).mul_add(x_s1_1_q7, t4_56);
+        let t4_58 = (-t2_117).mul_add(x_q1_q7, t4_57);
+        tau[1] = t4_58;
         let w_fc_q9_q9 = d_q9.sign();
-        let t4_61 = dd_q9 * p_j_q9;
-        let t4_62 = w_fc_q9_q9.mul_add(p_fc_q9, t4_61);
-        let t4_63 = d_q9.mul_add(p_fv_q9, t4_62);
-        let t4_64 = a_7z.mul_add(p_m_7, t4_63);
-        let t4_65 = (-t4_22).mul_add(p_mz_7, t4_64);
-        let t4_66 = (-dd_q8).mul_add(p_mx_7, t4_65);
-        let t4_67 = (-t4_34).mul_add(x_q8_q9, t4_66);
-        let t4_68 = (-t4_18).mul_add(x_q6_q9, t4_67);
-        let t4_69 = (-t2_92).mul_add(x_s1_3_q9, t4_68);
-        let t4_70 = (-t2_96).mul_add(x_s1_2_q9, t4_69);
-        let t4_71 = (-t4_2).mul_add(x_s1_1_q9, t4_70);
-        let t4_72 = (-t2_115).mul_add(x_q1_q9, t4_71);
-        tau[2] = t4_72;
+        let t4_59 = dd_q9 * p_j_q9;
+        let t4_60 = w_fc_q9_q9.mul_add(p_fc_q9, t4_59);
+        let t4_61 = d_q9.mul_add(p_fv_q9, t4_60);
+        let t4_62 = a_7z.mul_add(p_m_7, t4_61);
+        let t4_63 = (-t4_22).mul_add(p_mz_7, t4_62);
+        let t4_64 = (-dd_q8).mul_add(p_mx_7, t4_63);
+        let t4_65 = (-t4_32).mul_add(x_q8_q9, t4_64);
+        let t4_66 = (-t4_16).mul_add(x_q6_q9, t4_65);
+        let t4_67 = (-t2_92).mul_add(x_s1_3_q9, t4_66);
+        let t4_68 = (-t2_96).mul_add(x_s1_2_q9, t4_67);
+        let t4_69 = (-t2_100).mul_add(x_s1_1_q9, t4_68);
+        let t4_70 = (-t2_117).mul_add(x_q1_q9, t4_69);
+        tau[2] = t4_70;
     }
     (tau, Condition { pivot: condition })
 }
@@ -3029,14 +3107,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
 pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [
-        _, _, _, _, _, _, p_mx_1, p_my_1, _, _, _, _, _, _, _, _, p_mx_2, _, p_mz_2, p_m_2, _,
-        _, _, _, _, _, p_mx_3, p_my_3, p_mz_3, p_m_3, _, _, _, _, _, _, p_mx_4, p_my_4, _, _,
-        _, _, _, _, _, _, p_mx_5, _, p_mz_5, p_m_5, _, _, _, _, _, _, p_mx_6, p_my_6, _, _, _,
-        _, _, _, _, _, p_mx_7, _, p_mz_7, p_m_7, _, _, _, _, _, _, _, _, _,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_q6,
@@ -3052,9 +3124,15 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
             cos_q6, sin_q8, cos_q8,
         ]
     };
+    let [
+        _, _, _, _, _, _, p_mx_1, p_my_1, _, _, _, _, _, _, _, _, p_mx_2, _, p_mz_2, p_m_2, _,
+        _, _, _, _, _, p_mx_3, p_my_3, p_mz_3, p_m_3, _, _, _, _, _, _, p_mx_4, p_my_4, _, _,
+        _, _, _, _, _, _, p_mx_5, _, p_mz_5, p_m_5, _, _, _, _, _, _, p_mx_6, p_my_6, _, _, _,
+        _, _, _, _, _, p_mx_7, _, p_mz_7, p_m_7, _, _, _, _, _, _, _, _, _,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_14, t2_18, t2_24, t2_26, t2_30, t2_35, t2_46, t2_72, t2_114, x_q1_q2, x_q1_q7,
+        t2_17, t2_25, t2_31, t2_35, t2_39, t2_42, t2_53, t2_89, t2_123, x_q1_q2, x_q1_q7,
         x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
         x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
@@ -3063,282 +3141,284 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
         let t2_3 = cos_q1 * cos_s1_2;
         let t2_4 = sin_q1 * cos_s1_1;
         let t2_5 = sin_s1_2 * t2_4;
-        let t2_6 = t2_5 - t2_3;
-        let t2_7 = like.lift(9.81) * t2_6;
-        let a_s1_2z = -t2_7;
-        let t2_8 = sin_s1_3 * a_s1_2z;
-        let a_3y = like.lift(9.81).mul_add(t2_2, t2_8);
-        let t2_9 = p_m_3 * a_3y;
-        let t2_10 = like.lift(9.81) * sin_s1_3;
-        let t2_11 = t2_10 * t2_1;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_11);
-        let t2_12 = p_m_3 * a_3z;
-        let t2_13 = sin_s1_3 * t2_9;
-        let t2_14 = (-cos_s1_3).mul_add(t2_12, t2_13);
-        let t2_15 = cos_q1 * sin_s1_2;
-        let t2_16 = cos_s1_2 * t2_4;
-        let t2_17 = t2_16 + t2_15;
-        let a_s1_2x = like.lift(9.81) * t2_17;
-        let t2_18 = p_m_3 * a_s1_2x;
-        let t2_19 = p_mz_3 * a_s1_2x;
-        let t2_20 = (-p_mx_3).mul_add(a_3z, t2_19);
-        let t2_21 = p_my_3 * a_s1_2x;
-        let t2_22 = p_mx_3.mul_add(a_3y, t2_21);
-        let t2_23 = sin_s1_3 * t2_20;
-        let t2_24 = (-cos_s1_3).mul_add(t2_22, t2_23);
-        let t2_25 = p_mz_3 * a_3y;
-        let t2_26 = p_my_3.mul_add(a_3z, t2_25);
-        let t2_27 = cos_s1_2 * t2_26;
-        let t2_28 = sin_s1_2.mul_add(t2_24, t2_27);
-        let t2_29 = sin_s1_3 * t2_22;
-        let t2_30 = cos_s1_3.mul_add(t2_20, t2_29);
-        let t2_31 = sin_s1_2 * t2_14;
-        let t2_32 = (-cos_s1_2).mul_add(t2_18, t2_31);
-        let t2_33 = sin_s1_3 * t2_12;
-        let t2_34 = cos_s1_3.mul_add(t2_9, t2_33);
-        let t2_35 = like.lift(9.81) * p_m_2;
-        let t2_36 = sin_q1 * t2_35;
-        let t2_37 = sin_s1_1.mul_add(t2_34, t2_36);
-        let t2_38 = (-cos_s1_1).mul_add(t2_32, t2_37);
-        let t2_39 = sin_q1 * p_my_1;
-        let t2_40 = (-cos_q1).mul_add(p_mx_1, t2_39);
-        let t2_41 = (-cos_q1).mul_add(p_mx_2, t2_40);
-        let t2_42 = (-sin_q1).mul_add(p_mz_2, t2_41);
-        let t2_43 = q2 * t2_38;
-        let t2_44 = like.lift(-9.81).mul_add(t2_42, t2_43);
-        let t2_45 = cos_s1_1.mul_add(t2_30, t2_44);
-        let t2_46 = sin_s1_1.mul_add(t2_28, t2_45);
-        let t2_47 = cos_q1 * q2;
-        let t2_48 = t2_15 + t2_16;
-        let t2_49 = like.lift(-0.4563).mul_add(t2_48, t2_47);
-        let t2_50 = -t2_49;
+        let t2_6 = cos_s1_2 * t2_4;
+        let t2_7 = t2_5 - t2_3;
+        let t2_8 = t2_3 - t2_5;
+        let t2_9 = like.lift(9.81) * t2_7;
+        let a_s1_2z = -t2_9;
+        let t2_10 = sin_s1_3.mul_add(t2_8, t2_2);
+        let t2_11 = sin_s1_3 * a_s1_2z;
+        let a_3y = like.lift(9.81).mul_add(t2_2, t2_11);
+        let t2_12 = p_m_3 * a_3y;
+        let t2_13 = like.lift(9.81) * sin_s1_3;
+        let t2_14 = t2_13 * t2_1;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_14);
+        let t2_15 = p_m_3 * a_3z;
+        let t2_16 = sin_s1_3 * t2_12;
+        let t2_17 = (-cos_s1_3).mul_add(t2_15, t2_16);
+        let t2_18 = sin_s1_3 * t2_15;
+        let t2_19 = cos_s1_3.mul_add(t2_12, t2_18);
+        let t2_20 = cos_q1 * sin_s1_2;
+        let t2_21 = t2_6 + t2_20;
+        let t2_22 = t2_20 + t2_6;
+        let a_s1_2x = like.lift(9.81) * t2_21;
+        let t2_23 = like.lift(0.22815) * t2_22;
+        let t2_24 = like.lift(-0.39516739174683935).mul_add(t2_10, t2_23);
+        let t2_25 = p_m_3 * a_s1_2x;
+        let t2_26 = p_mz_3 * a_s1_2x;
+        let t2_27 = (-p_mx_3).mul_add(a_3z, t2_26);
+        let t2_28 = p_my_3 * a_s1_2x;
+        let t2_29 = p_mx_3.mul_add(a_3y, t2_28);
+        let t2_30 = p_mz_3 * a_3y;
+        let t2_31 = p_my_3.mul_add(a_3z, t2_30);
+        let t2_32 = sin_s1_3 * t2_27;
+        let t2_33 = (-cos_s1_3).mul_add(t2_29, t2_32);
+        let t2_34 = sin_s1_3 * t2_29;
+        let t2_35 = cos_s1_3.mul_add(t2_27, t2_34);
+        let t2_36 = cos_s1_2 * t2_31;
+        let t2_37 = sin_s1_2.mul_add(t2_33, t2_36);
+        let t2_38 = cos_s1_2 * t2_33;
+        let t2_39 = (-sin_s1_2).mul_add(t2_31, t2_38);
+        let t2_40 = sin_s1_2 * t2_17;
+        let t2_41 = (-cos_s1_2).mul_add(t2_25, t2_40);
+        let t2_42 = like.lift(9.81) * p_m_2;
+        let t2_43 = sin_q1 * t2_42;
+        let t2_44 = sin_s1_1.mul_add(t2_19, t2_43);
+        let t2_45 = (-cos_s1_1).mul_add(t2_41, t2_44);
+        let t2_46 = q2 * t2_45;
+        let t2_47 = sin_q1 * p_my_1;
+        let t2_48 = (-cos_q1).mul_add(p_mx_1, t2_47);
+        let t2_49 = (-cos_q1).mul_add(p_mx_2, t2_48);
+        let t2_50 = (-sin_q1).mul_add(p_mz_2, t2_49);
+        let t2_51 = like.lift(-9.81).mul_add(t2_50, t2_46);
+        let t2_52 = cos_s1_1.mul_add(t2_35, t2_51);
+        let t2_53 = sin_s1_1.mul_add(t2_37, t2_52);
+        let t2_54 = cos_q1 * q2;
+        let t2_55 = like.lift(-0.4563).mul_add(t2_22, t2_54);
+        let t2_56 = t2_54 - t2_24;
+        let t2_57 = -t2_55;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_51 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_52 = cos_q1 * t2_51;
-        let t2_53 = t2_1 * e_s1_2_q1x;
-        let t2_54 = cos_s1_1.mul_add(t2_48, t2_53);
-        let t2_55 = like.lift(0.4563) * t2_54;
-        let t2_56 = cos_q6 * q7;
-        let t2_57 = like.lift(0.5) * t2_56;
-        let t2_58 = -t2_57;
-        let t2_59 = sin_q1 * q2;
-        let t2_60 = cos_q1 * cos_s1_1;
-        let t2_61 = sin_q1 * sin_s1_2;
-        let t2_62 = (-cos_s1_2).mul_add(t2_60, t2_61);
-        let t2_63 = like.lift(-0.4563).mul_add(t2_62, t2_59);
-        let t2_64 = -t2_63;
-        let t2_65 = sin_q1 * t2_51;
-        let t2_66 = cos_q1 * sin_s1_1;
-        let t2_67 = cos_s1_1 * t2_62;
-        let t2_68 = (-t2_66).mul_add(e_s1_2_q1x, t2_67);
-        let t2_69 = like.lift(0.4563) * t2_68;
-        let t2_70 = -t2_69;
-        let t2_71 = -t2_70;
-        let t2_72 = q7 * sin_q6;
-        let t2_73 = sin_q1 * t2_48;
-        let t2_74 = (-cos_q1).mul_add(t2_62, t2_73);
-        let t2_75 = like.lift(0.4563) * t2_74;
-        let t2_76 = -t2_75;
-        let t2_77 = t2_66 * t2_48;
-        let t2_78 = t2_1.mul_add(t2_62, t2_77);
-        let t2_79 = like.lift(0.4563) * t2_78;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_56;
-        let t2_80 = t2_3 - t2_5;
-        let t2_81 = sin_s1_3.mul_add(t2_80, t2_2);
-        let t2_82 = like.lift(0.22815) * t2_48;
-        let t2_83 = like.lift(-0.39516739174683935).mul_add(t2_81, t2_82);
-        let t2_84 = t2_47 - t2_83;
-        let t2_85 = -t2_84;
-        let t2_86 = sin_s1_3 * sin_s1_1;
-        let t2_87 = t2_86 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_87);
-        let t2_88 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_89 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_88);
-        let t2_90 = cos_q1 * t2_89;
-        let t2_91 = t2_1 * t2_89;
-        let t2_92 = cos_s1_1.mul_add(t2_83, t2_91);
-        let t2_93 = e_s1_2_q1x * t2_83;
-        let t2_94 = (-t2_48).mul_add(t2_89, t2_93);
-        let t2_95 = cos_q8 * q9;
-        let t2_96 = like.lift(0.5) * t2_95;
-        let t2_97 = -t2_96;
-        let t2_98 = sin_s1_2 * t2_60;
-        let t2_99 = sin_q1.mul_add(cos_s1_2, t2_98);
-        let t2_100 = cos_s1_3 * t2_66;
-        let t2_101 = (-sin_s1_3).mul_add(t2_99, t2_100);
-        let t2_102 = like.lift(0.39516739174683935) * t2_101;
-        let t2_103 = like.lift(0.22815) * t2_62;
-        let t2_104 = t2_102 - t2_59;
-        let t2_105 = t2_104 + t2_103;
-        let t2_106 = sin_q1 * t2_89;
-        let t2_107 = t2_103 + t2_102;
-        let t2_108 = t2_66 * t2_89;
-        let t2_109 = (-cos_s1_1).mul_add(t2_107, t2_108);
-        let t2_110 = -t2_109;
-        let t2_111 = t2_62 * t2_89;
-        let t2_112 = (-e_s1_2_q1x).mul_add(t2_107, t2_111);
-        let t2_113 = -t2_112;
-        let t2_114 = q9 * sin_q8;
-        let t2_115 = cos_q1 * t2_107;
-        let t2_116 = (-sin_q1).mul_add(t2_83, t2_115);
-        let t2_117 = t2_66 * t2_83;
-        let t2_118 = t2_1.mul_add(t2_107, t2_117);
-        let t2_119 = t2_48 * t2_107;
-        let t2_120 = (-t2_62).mul_add(t2_83, t2_119);
-        let t2_121 = -t2_120;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_95;
-        let t2_122 = -pivot_2;
-        let t2_123 = -sin_q1;
-        let t2_124 = like.lift(0.5) * sin_q6;
-        let t2_125 = -t2_124;
-        let t2_126 = -cos_q6;
-        let t2_127 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_128 = like.lift(0.5) * sin_q8;
+        let t2_58 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_59 = cos_q1 * t2_58;
+        let t2_60 = sin_q1 * t2_58;
+        let t2_61 = t2_1 * e_s1_2_q1x;
+        let t2_62 = cos_s1_1.mul_add(t2_22, t2_61);
+        let t2_63 = like.lift(0.4563) * t2_62;
+        let t2_64 = cos_q6 * q7;
+        let t2_65 = like.lift(0.5) * t2_64;
+        let t2_66 = -t2_65;
+        let t2_67 = sin_q1 * q2;
+        let t2_68 = cos_q1 * cos_s1_1;
+        let t2_69 = sin_q1 * sin_s1_2;
+        let t2_70 = (-cos_s1_2).mul_add(t2_68, t2_69);
+        let t2_71 = sin_s1_2 * t2_68;
+        let t2_72 = sin_q1.mul_add(cos_s1_2, t2_71);
+        let t2_73 = like.lift(-0.4563).mul_add(t2_70, t2_67);
+        let t2_74 = -t2_73;
+        let t2_75 = cos_q1 * sin_s1_1;
+        let t2_76 = sin_s1_3 * sin_s1_1;
+        let t2_77 = cos_s1_3 * t2_75;
+        let t2_78 = (-sin_s1_3).mul_add(t2_72, t2_77);
+        let t2_79 = t2_76 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_79);
+        let t2_80 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_81 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_80);
+        let t2_82 = like.lift(0.39516739174683935) * t2_78;
+        let t2_83 = t2_82 - t2_67;
+        let t2_84 = cos_s1_1 * t2_70;
+        let t2_85 = (-t2_75).mul_add(e_s1_2_q1x, t2_84);
+        let t2_86 = like.lift(0.4563) * t2_85;
+        let t2_87 = -t2_86;
+        let t2_88 = -t2_87;
+        let t2_89 = q7 * sin_q6;
+        let t2_90 = sin_q1 * t2_22;
+        let t2_91 = (-cos_q1).mul_add(t2_70, t2_90);
+        let t2_92 = like.lift(0.4563) * t2_91;
+        let t2_93 = -t2_92;
+        let t2_94 = t2_75 * t2_22;
+        let t2_95 = t2_1.mul_add(t2_70, t2_94);
+        let t2_96 = like.lift(0.4563) * t2_95;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_64;
+        let t2_97 = like.lift(1.0) / t2_64;
+        let t2_98 = -t2_56;
+        let t2_99 = cos_q1 * t2_81;
+        let t2_100 = t2_1 * t2_81;
+        let t2_101 = cos_s1_1.mul_add(t2_24, t2_100);
+        let t2_102 = e_s1_2_q1x * t2_24;
+        let t2_103 = (-t2_22).mul_add(t2_81, t2_102);
+        let t2_104 = cos_q8 * q9;
+        let t2_105 = like.lift(0.5) * t2_104;
+        let t2_106 = -t2_105;
+        let t2_107 = like.lift(0.22815) * t2_70;
+        let t2_108 = t2_83 + t2_107;
+        let t2_109 = t2_107 + t2_82;
+        let t2_110 = t2_22 * t2_109;
+        let t2_111 = (-t2_70).mul_add(t2_24, t2_110);
+        let t2_112 = t2_70 * t2_81;
+        let t2_113 = (-e_s1_2_q1x).mul_add(t2_109, t2_112);
+        let t2_114 = t2_75 * t2_81;
+        let t2_115 = (-cos_s1_1).mul_add(t2_109, t2_114);
+        let t2_116 = t2_75 * t2_24;
+        let t2_117 = t2_1.mul_add(t2_109, t2_116);
+        let t2_118 = cos_q1 * t2_109;
+        let t2_119 = (-sin_q1).mul_add(t2_24, t2_118);
+        let t2_120 = sin_q1 * t2_81;
+        let t2_121 = -t2_115;
+        let t2_122 = -t2_113;
+        let t2_123 = q9 * sin_q8;
+        let t2_124 = -t2_111;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_104;
+        let t2_125 = -pivot_2;
+        let t2_126 = like.lift(1.0) / t2_104;
+        let t2_127 = -sin_q1;
+        let t2_128 = like.lift(0.5) * sin_q6;
         let t2_129 = -t2_128;
-        let t2_130 = -cos_q8;
-        let t2_131 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_132 = -t2_131;
-        let t2_133 = like.lift(0.5773502691896257).mul_add(t2_120, t2_94);
-        let t2_134 = like.lift(1.0) / t2_95;
-        let t2_135 = t2_114 * t2_134;
-        let t2_136 = like.lift(1.1547005383792515) * t2_135;
-        let pivot_3 = t2_120.mul_add(t2_136, t2_112);
+        let t2_130 = -cos_q6;
+        let t2_131 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_132 = like.lift(0.5) * sin_q8;
+        let t2_133 = -t2_132;
+        let t2_134 = -cos_q8;
+        let t2_135 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_136 = -t2_135;
+        let t2_137 = like.lift(0.5773502691896257).mul_add(t2_111, t2_103);
+        let t2_138 = t2_123 * t2_126;
+        let t2_139 = like.lift(1.1547005383792515) * t2_126;
+        let t2_140 = like.lift(1.1547005383792515) * t2_138;
+        let pivot_3 = t2_111.mul_add(t2_140, t2_113);
+        let t2_141 = (-t2_117).mul_add(t2_140, t2_115);
+        let t2_142 = t2_119.mul_add(t2_140, t2_120);
+        let t2_143 = sin_q8.mul_add(t2_138, cos_q8);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_137 = t2_133 * inv_pivot_3;
-        let t2_138 = (-t2_105).mul_add(t2_137, t2_84);
-        let t2_139 = like.lift(0.5773502691896257).mul_add(t2_76, t2_52);
-        let t2_140 = t2_116.mul_add(t2_136, t2_106);
-        let t2_141 = t2_140.mul_add(t2_137, t2_90);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_116, t2_141);
+        let t2_144 = t2_137 * inv_pivot_3;
+        let t2_145 = (-t2_108).mul_add(t2_144, t2_56);
+        let t2_146 = -pivot_3;
+        let t2_147 = like.lift(0.5773502691896257).mul_add(t2_93, t2_59);
+        let t2_148 = t2_142.mul_add(t2_144, t2_99);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_119, t2_148);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_142 = t2_139 * inv_pivot_4;
-        let pivot_5 = (-t2_138).mul_add(t2_142, t2_49);
+        let t2_149 = t2_147 * inv_pivot_4;
+        let pivot_5 = (-t2_145).mul_add(t2_149, t2_55);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_143 = (-cos_q1).mul_add(t2_137, sin_q1);
-        let t2_144 = (-t2_143).mul_add(t2_142, sin_q1);
-        let t2_145 = (-t2_118).mul_add(t2_136, t2_109);
-        let t2_146 = (-t2_145).mul_add(t2_137, t2_92);
-        let t2_147 = like.lift(-0.5773502691896257).mul_add(t2_118, t2_146);
-        let t2_148 = (-t2_147).mul_add(t2_142, t2_55);
-        let t2_149 = like.lift(0.5773502691896257).mul_add(t2_79, t2_148);
-        let t2_150 = like.lift(1.0) / t2_56;
-        let t2_151 = t2_72 * t2_150;
-        let t2_152 = like.lift(1.1547005383792515) * t2_151;
-        let t2_153 = (-t2_76).mul_add(t2_152, t2_65);
-        let t2_154 = t2_153 * inv_pivot_4;
-        let t2_155 = (-t2_138).mul_add(t2_154, t2_63);
-        let t2_156 = t2_155 * inv_pivot_5;
-        let t2_157 = t2_144.mul_add(t2_156, cos_q1);
-        let t2_158 = t2_143.mul_add(t2_154, t2_157);
-        let t2_159 = t2_149.mul_add(t2_156, t2_70);
-        let t2_160 = t2_147.mul_add(t2_154, t2_159);
-        let pivot_6 = t2_79.mul_add(t2_152, t2_160);
+        let t2_150 = -pivot_5;
+        let t2_151 = (-cos_q1).mul_add(t2_144, sin_q1);
+        let t2_152 = (-t2_151).mul_add(t2_149, sin_q1);
+        let t2_153 = (-t2_141).mul_add(t2_144, t2_101);
+        let t2_154 = like.lift(-0.5773502691896257).mul_add(t2_117, t2_153);
+        let t2_155 = t2_143 * t2_144;
+        let t2_156 = (-t2_154).mul_add(t2_149, t2_63);
+        let t2_157 = like.lift(0.5773502691896257).mul_add(t2_96, t2_156);
+        let t2_158 = t2_155 * t2_149;
+        let t2_159 = t2_89 * t2_97;
+        let t2_160 = like.lift(1.1547005383792515) * t2_97;
+        let t2_161 = like.lift(1.1547005383792515) * t2_159;
+        let t2_162 = sin_q6.mul_add(t2_159, cos_q6);
+        let t2_163 = (-t2_93).mul_add(t2_161, t2_60);
+        let t2_164 = t2_163 * inv_pivot_4;
+        let t2_165 = (-t2_145).mul_add(t2_164, t2_73);
+        let t2_166 = t2_165 * inv_pivot_5;
+        let t2_167 = t2_157.mul_add(t2_166, t2_87);
+        let t2_168 = t2_154.mul_add(t2_164, t2_167);
+        let pivot_6 = t2_96.mul_add(t2_161, t2_168);
+        let t2_169 = t2_152.mul_add(t2_166, cos_q1);
+        let t2_170 = t2_151.mul_add(t2_164, t2_169);
+        let t2_171 = t2_155 * t2_164;
+        let t2_172 = (-t2_158).mul_add(t2_166, t2_171);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_161 = t2_158 * inv_pivot_6;
-        let t2_162 = (-t2_149).mul_add(t2_161, t2_144);
-        let t2_163 = inv_pivot_5 * t2_162;
-        let t2_164 = sin_q6.mul_add(t2_151, cos_q6);
-        let t2_165 = t2_164 * inv_pivot_6;
-        let t2_166 = inv_pivot_5 * t2_149;
-        let t2_167 = t2_166 * t2_165;
-        let t2_168 = sin_q8.mul_add(t2_135, cos_q8);
-        let t2_169 = t2_168 * t2_137;
-        let t2_170 = t2_169 * t2_142;
-        let t2_171 = t2_169 * t2_154;
-        let t2_172 = (-t2_170).mul_add(t2_156, t2_171);
-        let t2_173 = t2_172 * inv_pivot_6;
-        let t2_174 = t2_149.mul_add(t2_173, t2_170);
+        let t2_173 = t2_170 * inv_pivot_6;
+        let t2_174 = (-t2_157).mul_add(t2_173, t2_152);
         let t2_175 = inv_pivot_5 * t2_174;
-        let t2_176 = -t2_175;
-        let t2_177 = (-t2_147).mul_add(t2_161, t2_143);
-        let t2_178 = (-t2_138).mul_add(t2_163, t2_177);
-        let t2_179 = inv_pivot_4 * t2_178;
-        let t2_180 = -t2_179;
-        let t2_181 = t2_138 * t2_167;
-        let t2_182 = (-t2_147).mul_add(t2_165, t2_181);
-        let t2_183 = inv_pivot_4 * t2_182;
-        let t2_184 = (-t2_147).mul_add(t2_173, t2_169);
-        let t2_185 = t2_138.mul_add(t2_175, t2_184);
-        let t2_186 = inv_pivot_4 * t2_185;
-        let t2_187 = -t2_186;
-        let t2_188 = -t2_161;
-        let t2_189 = -t2_173;
-        let t2_190 = (-t2_145).mul_add(t2_161, cos_q1);
-        let t2_191 = (-t2_105).mul_add(t2_163, t2_190);
-        let t2_192 = t2_140.mul_add(t2_179, t2_191);
-        let t2_193 = inv_pivot_3 * t2_192;
-        let t2_194 = -t2_193;
-        let t2_195 = t2_105 * t2_167;
-        let t2_196 = (-t2_145).mul_add(t2_165, t2_195);
-        let t2_197 = t2_140.mul_add(t2_183, t2_196);
-        let t2_198 = inv_pivot_3 * t2_197;
-        let t2_199 = t2_145.mul_add(t2_173, t2_168);
-        let t2_200 = (-t2_105).mul_add(t2_175, t2_199);
-        let t2_201 = (-t2_140).mul_add(t2_186, t2_200);
-        let t2_202 = inv_pivot_3 * t2_201;
-        let t2_203 = t2_79 * t2_161;
-        let t2_204 = t2_76.mul_add(t2_179, t2_203);
-        let t2_205 = like.lift(1.1547005383792515) * t2_150;
-        let t2_206 = t2_204 * t2_205;
-        let t2_207 = (-t2_79).mul_add(t2_165, t2_127);
-        let t2_208 = (-t2_76).mul_add(t2_183, t2_207);
-        let t2_209 = t2_208 * t2_205;
-        let t2_210 = t2_79 * t2_173;
-        let t2_211 = t2_76.mul_add(t2_186, t2_210);
-        let t2_212 = t2_211 * t2_205;
-        let t2_213 = t2_120 * t2_193;
-        let t2_214 = (-t2_118).mul_add(t2_161, t2_213);
-        let t2_215 = (-t2_116).mul_add(t2_179, t2_214);
-        let t2_216 = like.lift(1.1547005383792515) * t2_134;
-        let t2_217 = t2_215 * t2_216;
-        let t2_218 = t2_120 * t2_198;
-        let t2_219 = (-t2_118).mul_add(t2_165, t2_218);
-        let t2_220 = (-t2_116).mul_add(t2_183, t2_219);
-        let t2_221 = t2_220 * t2_216;
-        let t2_222 = -t2_221;
-        let t2_223 = (-t2_118).mul_add(t2_173, t2_131);
-        let t2_224 = (-t2_116).mul_add(t2_186, t2_223);
-        let t2_225 = (-t2_120).mul_add(t2_202, t2_224);
-        let t2_226 = t2_225 * t2_216;
-        let t2_227 = -pivot_3;
-        let t2_228 = -pivot_5;
-        let t2_229 = -pivot_6;
+        let t2_176 = t2_162 * inv_pivot_6;
+        let t2_177 = t2_172 * inv_pivot_6;
+        let t2_178 = t2_157.mul_add(t2_177, t2_158);
+        let t2_179 = inv_pivot_5 * t2_157;
+        let t2_180 = inv_pivot_5 * t2_178;
+        let t2_181 = t2_179 * t2_176;
+        let t2_182 = (-t2_154).mul_add(t2_173, t2_151);
+        let t2_183 = (-t2_145).mul_add(t2_175, t2_182);
+        let t2_184 = inv_pivot_4 * t2_183;
+        let t2_185 = (-t2_154).mul_add(t2_177, t2_155);
+        let t2_186 = t2_145.mul_add(t2_180, t2_185);
+        let t2_187 = t2_145 * t2_181;
+        let t2_188 = (-t2_154).mul_add(t2_176, t2_187);
+        let t2_189 = inv_pivot_4 * t2_188;
+        let t2_190 = inv_pivot_4 * t2_186;
+        let t2_191 = t2_141.mul_add(t2_177, t2_143);
+        let t2_192 = (-t2_108).mul_add(t2_180, t2_191);
+        let t2_193 = -t2_180;
+        let t2_194 = (-t2_142).mul_add(t2_190, t2_192);
+        let t2_195 = inv_pivot_3 * t2_194;
+        let t2_196 = (-t2_117).mul_add(t2_177, t2_135);
+        let t2_197 = (-t2_119).mul_add(t2_190, t2_196);
+        let t2_198 = (-t2_111).mul_add(t2_195, t2_197);
+        let t2_199 = t2_198 * t2_139;
+        let t2_200 = -pivot_6;
+        let t2_201 = -t2_184;
+        let t2_202 = -t2_190;
+        let t2_203 = t2_96 * t2_177;
+        let t2_204 = t2_93.mul_add(t2_190, t2_203);
+        let t2_205 = -t2_177;
+        let t2_206 = t2_204 * t2_160;
+        let t2_207 = -t2_173;
+        let t2_208 = (-t2_141).mul_add(t2_173, cos_q1);
+        let t2_209 = (-t2_108).mul_add(t2_175, t2_208);
+        let t2_210 = t2_142.mul_add(t2_184, t2_209);
+        let t2_211 = inv_pivot_3 * t2_210;
+        let t2_212 = t2_108 * t2_181;
+        let t2_213 = (-t2_141).mul_add(t2_176, t2_212);
+        let t2_214 = t2_142.mul_add(t2_189, t2_213);
+        let t2_215 = inv_pivot_3 * t2_214;
+        let t2_216 = -t2_211;
+        let t2_217 = t2_111 * t2_211;
+        let t2_218 = (-t2_117).mul_add(t2_173, t2_217);
+        let t2_219 = t2_96 * t2_173;
+        let t2_220 = t2_93.mul_add(t2_184, t2_219);
+        let t2_221 = (-t2_119).mul_add(t2_184, t2_218);
+        let t2_222 = t2_220 * t2_160;
+        let t2_223 = t2_221 * t2_139;
+        let t2_224 = t2_111 * t2_215;
+        let t2_225 = (-t2_117).mul_add(t2_176, t2_224);
+        let t2_226 = (-t2_119).mul_add(t2_189, t2_225);
+        let t2_227 = t2_226 * t2_139;
+        let t2_228 = -t2_227;
+        let t2_229 = (-t2_96).mul_add(t2_176, t2_131);
+        let t2_230 = (-t2_93).mul_add(t2_189, t2_229);
+        let t2_231 = t2_230 * t2_160;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_122 * like.lift(1.8955297449982944)).abs())
-            .min((t2_227 * like.lift(2.6463477742948585)).abs())
+            .min((t2_125 * like.lift(1.8955297449982944)).abs())
+            .min((t2_146 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_228 * like.lift(0.8284577646309275)).abs())
-            .min((t2_229 * like.lift(2.1915406530791146)).abs());
+            .min((t2_150 * like.lift(0.8284577646309275)).abs())
+            .min((t2_200 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_163, t2_167, t2_176], [t2_180, t2_183, t2_187], [t2_188, t2_165, t2_189],
-                [t2_194, t2_198, t2_202], [t2_206, t2_209, t2_212], [t2_217, t2_222, t2_226],
+                [t2_175, t2_181, t2_193], [t2_201, t2_189, t2_202], [t2_207, t2_176, t2_205],
+                [t2_216, t2_215, t2_195], [t2_222, t2_231, t2_206], [t2_223, t2_228, t2_199],
             ],
             margin,
             || (
                 [
-                    [t2_50, t2_52, t2_55, like.lift(0.0), t2_58, like.lift(0.0)],
-                    [t2_64, t2_65, t2_71, like.lift(0.0), t2_72, like.lift(0.0)],
-                    [like.lift(0.0), t2_76, t2_79, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_85, t2_90, t2_92, t2_94, like.lift(0.0), t2_97],
-                    [t2_105, t2_106, t2_110, t2_113, like.lift(0.0), t2_114],
-                    [like.lift(0.0), t2_116, t2_118, t2_121, like.lift(0.0), t2_122],
+                    [t2_57, t2_59, t2_63, like.lift(0.0), t2_66, like.lift(0.0)],
+                    [t2_74, t2_60, t2_88, like.lift(0.0), t2_89, like.lift(0.0)],
+                    [like.lift(0.0), t2_93, t2_96, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_98, t2_99, t2_101, t2_103, like.lift(0.0), t2_106],
+                    [t2_108, t2_120, t2_121, t2_122, like.lift(0.0), t2_123],
+                    [like.lift(0.0), t2_119, t2_117, t2_124, like.lift(0.0), t2_125],
                 ],
                 [
-                    [t2_123, t2_125, like.lift(0.0)], [cos_q1, t2_126, like.lift(0.0)],
-                    [like.lift(0.0), t2_127, like.lift(0.0)], [t2_123, like.lift(0.0), t2_129],
-                    [cos_q1, like.lift(0.0), t2_130], [like.lift(0.0), like.lift(0.0), t2_132],
+                    [t2_127, t2_129, like.lift(0.0)], [cos_q1, t2_130, like.lift(0.0)],
+                    [like.lift(0.0), t2_131, like.lift(0.0)], [t2_127, like.lift(0.0), t2_133],
+                    [cos_q1, like.lift(0.0), t2_134], [like.lift(0.0), like.lift(0.0), t2_136],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_14, t2_18, t2_24, t2_26, t2_30, t2_35, t2_46, t2_72, t2_114, x_q1_q2, x_q1_q7,
+            t2_17, t2_25, t2_31, t2_35, t2_39, t2_42, t2_53, t2_89, t2_123, x_q1_q2, x_q1_q7,
             x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9,
             x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7,
             x_q8_q9,
@@ -3346,50 +3426,48 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     };
     // tau
     {
-        let t3_1 = cos_s1_2 * t2_24;
-        let t3_2 = (-sin_s1_2).mul_add(t2_26, t3_1);
-        let t3_3 = sin_q6 * p_my_4;
-        let t3_4 = (-cos_q6).mul_add(p_mx_4, t3_3);
-        let t3_5 = (-p_m_5).mul_add(t2_72, t3_4);
-        let t3_6 = (-cos_q6).mul_add(p_mx_5, t3_5);
-        let t3_7 = (-sin_q6).mul_add(p_mz_5, t3_6);
-        let t3_8 = like.lift(9.81) * t3_7;
-        let t3_9 = -t3_8;
-        let t3_10 = sin_q8 * p_my_6;
-        let t3_11 = (-cos_q8).mul_add(p_mx_6, t3_10);
-        let t3_12 = (-p_m_7).mul_add(t2_114, t3_11);
-        let t3_13 = (-cos_q8).mul_add(p_mx_7, t3_12);
-        let t3_14 = (-sin_q8).mul_add(p_mz_7, t3_13);
-        let t3_15 = like.lift(9.81) * t3_14;
-        let t3_16 = -t3_15;
-        let t3_17 = t3_16 * x_q8_q2;
-        let t3_18 = t3_9.mul_add(x_q6_q2, t3_17);
-        let t3_19 = t2_26.mul_add(x_s1_3_q2, t3_18);
-        let t3_20 = t2_30.mul_add(x_s1_2_q2, t3_19);
-        let t3_21 = t3_2.mul_add(x_s1_1_q2, t3_20);
-        let t3_22 = t2_46.mul_add(x_q1_q2, t3_21);
-        let t3_23 = cos_q1.mul_add(t2_35, t3_22);
-        let t3_24 = sin_s1_2.mul_add(t2_18, t3_23);
-        let t3_25 = cos_s1_2.mul_add(t2_14, t3_24);
-        tau[0] = t3_25;
-        let t3_26 = t3_16 * x_q8_q7;
-        let t3_27 = like.lift(9.81) * cos_q6;
-        let t3_28 = t3_27.mul_add(p_m_5, t3_26);
-        let t3_29 = t3_9.mul_add(x_q6_q7, t3_28);
-        let t3_30 = t2_26.mul_add(x_s1_3_q7, t3_29);
-        let t3_31 = t2_30.mul_add(x_s1_2_q7, t3_30);
-        let t3_32 = t3_2.mul_add(x_s1_1_q7, t3_31);
-        let t3_33 = t2_46.mul_add(x_q1_q7, t3_32);
-        tau[1] = t3_33;
-        let t3_34 = like.lift(9.81) * cos_q8;
-        let t3_35 = t3_34 * p_m_7;
-        let t3_36 = t3_16.mul_add(x_q8_q9, t3_35);
-        let t3_37 = t3_9.mul_add(x_q6_q9, t3_36);
-        let t3_38 = t2_26.mul_add(x_s1_3_q9, t3_37);
-        let t3_39 = t2_30.mul_add(x_s1_2_q9, t3_38);
-        let t3_40 = t3_2.mul_add(x_s1_1_q9, t3_39);
-        let t3_41 = t2_46.mul_add(x_q1_q9, t3_40);
-        tau[2] = t3_41;
+        let t3_1 = sin_q6 * p_my_4;
+        let t3_2 = (-cos_q6).mul_add(p_mx_4, t3_1);
+        let t3_3 = (-p_m_5).mul_add(t2_89, t3_2);
+        let t3_4 = (-cos_q6).mul_add(p_mx_5, t3_3);
+        let t3_5 = (-sin_q6).mul_add(p_mz_5, t3_4);
+        let t3_6 = like.lift(9.81) * t3_5;
+        let t3_7 = -t3_6;
+        let t3_8 = like.lift(9.81) * cos_q6;
+        let t3_9 = sin_q8 * p_my_6;
+        let t3_10 = (-cos_q8).mul_add(p_mx_6, t3_9);
+        let t3_11 = (-p_m_7).mul_add(t2_123, t3_10);
+        let t3_12 = (-cos_q8).mul_add(p_mx_7, t3_11);
+        let t3_13 = (-sin_q8).mul_add(p_mz_7, t3_12);
+        let t3_14 = like.lift(9.81) * t3_13;
+        let t3_15 = -t3_14;
+        let t3_16 = t3_15 * x_q8_q2;
+        let t3_17 = t3_7.mul_add(x_q6_q2, t3_16);
+        let t3_18 = t2_31.mul_add(x_s1_3_q2, t3_17);
+        let t3_19 = t2_35.mul_add(x_s1_2_q2, t3_18);
+        let t3_20 = t2_39.mul_add(x_s1_1_q2, t3_19);
+        let t3_21 = t2_53.mul_add(x_q1_q2, t3_20);
+        let t3_22 = cos_q1.mul_add(t2_42, t3_21);
+        let t3_23 = sin_s1_2.mul_add(t2_25, t3_22);
+        let t3_24 = cos_s1_2.mul_add(t2_17, t3_23);
+        tau[0] = t3_24;
+        let t3_25 = t3_15 * x_q8_q7;
+        let t3_26 = t3_8.mul_add(p_m_5, t3_25);
+        let t3_27 = t3_7.mul_add(x_q6_q7, t3_26);
+        let t3_28 = t2_31.mul_add(x_s1_3_q7, t3_27);
+        let t3_29 = t2_35.mul_add(x_s1_2_q7, t3_28);
+        let t3_30 = t2_39.mul_add(x_s1_1_q7, t3_29);
+        let t3_31 = t2_53.mul_add(x_q1_q7, t3_30);
+        tau[1] = t3_31;
+        let t3_32 = like.lift(9.81) * cos_q8;
+        let t3_33 = t3_32 * p_m_7;
+        let t3_34 = t3_15.mul_add(x_q8_q9, t3_33);
+        let t3_35 = t3_7.mul_add(x_q6_q9, t3_34);
+        let t3_36 = t2_31.mul_add(x_s1_3_q9, t3_35);
+        let t3_37 = t2_35.mul_add(x_s1_2_q9, t3_36);
+        let t3_38 = t2_39.mul_add(x_s1_1_q9, t3_37);
+        let t3_39 = t2_53.mul_add(x_q1_q9, t3_38);
+        tau[2] = t3_39;
     }
     (tau, Condition { pivot: condition })
 }
@@ -3405,16 +3483,8 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
 pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    let [
-        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, p_iyy_2, _, _, p_mx_2, _, p_mz_2, p_m_2,
-        p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3, p_m_3, _,
-        _, _, _, _, p_izz_4, _, _, _, _, _, _, _, p_iyy_5, _, _, p_mx_5, _, p_mz_5, p_m_5, _,
-        _, _, _, _, p_izz_6, _, _, _, _, _, _, _, p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7,
-        p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9, p_fc_q9, _, _, _,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
@@ -3430,15 +3500,16 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
             cos_s1_3, sin_q8, cos_q8,
         ]
     };
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // tau, part 1
     let [
-        w_fc_q2_q2, t2_1, a_2z, t2_7, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34,
-        t2_37, pivot_1, t2_45, t2_50, t2_52, t2_54, t2_57, t2_65, t2_66, t2_70, t2_73, t2_74,
-        t2_76, t2_78, t2_80, t2_81, t2_82, t2_84, t2_115, t2_126, t2_139, t2_147, t2_154,
-        t2_159, t2_169, t2_172, t2_179, t2_185, t2_187, t2_188, pivot_3, inv_pivot_3, t2_190,
-        t2_191, t2_193, pivot_4, inv_pivot_4, t2_195, pivot_5, inv_pivot_5, t2_201, t2_203,
-        t2_205, t2_207, t2_210, t2_212, pivot_6, inv_pivot_6, t2_220, t2_224, t2_225, t2_229,
-        t2_230, t2_233, t2_234, t2_236,
+        w_fc_q2_q2, t2_1, a_2z, t2_10, t2_12, t2_13, t2_20, t2_23, t2_31, t2_40, t2_41, t2_45,
+        t2_48, pivot_1, t2_50, t2_55, t2_57, t2_59, t2_62, t2_65, t2_68, t2_71, t2_74, t2_75,
+        t2_77, t2_79, t2_81, t2_82, t2_83, t2_85, t2_124, t2_137, t2_149, t2_157, t2_160,
+        t2_174, t2_181, t2_182, t2_183, t2_186, t2_190, t2_192, t2_193, t2_194, inv_pivot_3,
+        t2_195, t2_196, t2_197, t2_199, pivot_4, inv_pivot_4, t2_204, inv_pivot_5, t2_207,
+        t2_209, t2_211, t2_213, t2_216, t2_218, t2_220, inv_pivot_6, t2_223, t2_224, t2_228,
+        t2_230, t2_233, t2_236,
     ] = {
         let w_fc_q2_q2 = d_q2.sign();
         let t2_1 = d_q1 * d_q1;
@@ -3447,609 +3518,616 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
         let t2_3 = sin_q1 * cos_s1_1;
         let t2_4 = cos_s1_2 * t2_3;
         let t2_5 = cos_q1.mul_add(sin_s1_2, t2_4);
-        let t2_6 = like.lift(-0.4563).mul_add(t2_5, t2_2);
-        let t2_7 = -t2_6;
+        let t2_6 = cos_q1 * cos_s1_2;
+        let t2_7 = (-sin_s1_2).mul_add(t2_3, t2_6);
+        let t2_8 = sin_s1_3 * t2_7;
+        let t2_9 = like.lift(-0.4563).mul_add(t2_5, t2_2);
+        let t2_10 = -t2_9;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_8 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_9 = cos_q1 * t2_8;
-        let t2_10 = sin_q1 * sin_s1_1;
-        let t2_11 = t2_10 * e_s1_2_q1x;
-        let t2_12 = cos_s1_1.mul_add(t2_5, t2_11);
-        let t2_13 = like.lift(0.4563) * t2_12;
-        let t2_14 = cos_q6 * q7;
-        let t2_15 = like.lift(0.5) * t2_14;
-        let t2_16 = -t2_15;
-        let t2_17 = sin_q1 * q2;
-        let t2_18 = cos_q1 * cos_s1_1;
-        let t2_19 = sin_q1 * sin_s1_2;
-        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
-        let t2_21 = like.lift(-0.4563).mul_add(t2_20, t2_17);
-        let t2_22 = -t2_21;
-        let t2_23 = sin_q1 * t2_8;
-        let t2_24 = cos_q1 * sin_s1_1;
-        let t2_25 = cos_s1_1 * t2_20;
-        let t2_26 = (-t2_24).mul_add(e_s1_2_q1x, t2_25);
-        let t2_27 = like.lift(0.4563) * t2_26;
-        let t2_28 = -t2_27;
-        let t2_29 = -t2_28;
-        let t2_30 = sin_q6 * q7;
-        let t2_31 = sin_q1 * t2_5;
-        let t2_32 = (-cos_q1).mul_add(t2_20, t2_31);
-        let t2_33 = like.lift(0.4563) * t2_32;
-        let t2_34 = -t2_33;
-        let t2_35 = t2_24 * t2_5;
-        let t2_36 = t2_10.mul_add(t2_20, t2_35);
-        let t2_37 = like.lift(0.4563) * t2_36;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
-        let t2_38 = cos_q1 * cos_s1_2;
-        let t2_39 = (-sin_s1_2).mul_add(t2_3, t2_38);
-        let t2_40 = sin_s1_3 * t2_39;
-        let t2_41 = cos_s1_3.mul_add(t2_10, t2_40);
-        let t2_42 = like.lift(0.22815) * t2_5;
-        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
-        let t2_44 = t2_2 - t2_43;
+        let t2_11 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_12 = cos_q1 * t2_11;
+        let t2_13 = sin_q1 * t2_11;
+        let t2_14 = sin_q1 * sin_s1_1;
+        let t2_15 = cos_s1_3.mul_add(t2_14, t2_8);
+        let t2_16 = like.lift(0.22815) * t2_5;
+        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
+        let t2_18 = t2_14 * e_s1_2_q1x;
+        let t2_19 = cos_s1_1.mul_add(t2_5, t2_18);
+        let t2_20 = like.lift(0.4563) * t2_19;
+        let t2_21 = cos_q6 * q7;
+        let t2_22 = like.lift(0.5) * t2_21;
+        let t2_23 = -t2_22;
+        let t2_24 = sin_q1 * q2;
+        let t2_25 = cos_q1 * cos_s1_1;
+        let t2_26 = sin_q1 * sin_s1_2;
+        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
+        let t2_28 = sin_s1_2 * t2_25;
+        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
+        let t2_30 = like.lift(-0.4563).mul_add(t2_27, t2_24);
+        let t2_31 = -t2_30;
+        let t2_32 = cos_q1 * sin_s1_1;
+        let t2_33 = cos_s1_3 * t2_32;
+        let t2_34 = (-sin_s1_3).mul_add(t2_29, t2_33);
+        let t2_35 = like.lift(0.39516739174683935) * t2_34;
+        let t2_36 = cos_s1_1 * t2_27;
+        let t2_37 = (-t2_32).mul_add(e_s1_2_q1x, t2_36);
+        let t2_38 = like.lift(0.4563) * t2_37;
+        let t2_39 = -t2_38;
+        let t2_40 = -t2_39;
+        let t2_41 = sin_q6 * q7;
+        let t2_42 = sin_q1 * t2_5;
+        let t2_43 = (-cos_q1).mul_add(t2_27, t2_42);
+        let t2_44 = like.lift(0.4563) * t2_43;
         let t2_45 = -t2_44;
-        let t2_46 = sin_s1_3 * sin_s1_1;
-        let t2_47 = t2_46 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_47);
-        let t2_48 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_49 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_48);
-        let t2_50 = cos_q1 * t2_49;
-        let t2_51 = t2_10 * t2_49;
-        let t2_52 = cos_s1_1.mul_add(t2_43, t2_51);
-        let t2_53 = e_s1_2_q1x * t2_43;
-        let t2_54 = (-t2_5).mul_add(t2_49, t2_53);
-        let t2_55 = cos_q8 * q9;
-        let t2_56 = like.lift(0.5) * t2_55;
-        let t2_57 = -t2_56;
-        let t2_58 = sin_s1_2 * t2_18;
-        let t2_59 = sin_q1.mul_add(cos_s1_2, t2_58);
-        let t2_60 = cos_s1_3 * t2_24;
-        let t2_61 = (-sin_s1_3).mul_add(t2_59, t2_60);
-        let t2_62 = like.lift(0.39516739174683935) * t2_61;
-        let t2_63 = like.lift(0.22815) * t2_20;
-        let t2_64 = t2_62 - t2_17;
+        let t2_46 = t2_32 * t2_5;
+        let t2_47 = t2_14.mul_add(t2_27, t2_46);
+        let t2_48 = like.lift(0.4563) * t2_47;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
+        let t2_49 = t2_2 - t2_17;
+        let t2_50 = -t2_49;
+        let t2_51 = sin_s1_3 * sin_s1_1;
+        let t2_52 = t2_51 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
+        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
+        let t2_55 = cos_q1 * t2_54;
+        let t2_56 = t2_14 * t2_54;
+        let t2_57 = cos_s1_1.mul_add(t2_17, t2_56);
+        let t2_58 = e_s1_2_q1x * t2_17;
+        let t2_59 = (-t2_5).mul_add(t2_54, t2_58);
+        let t2_60 = cos_q8 * q9;
+        let t2_61 = like.lift(0.5) * t2_60;
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.22815) * t2_27;
+        let t2_64 = t2_35 - t2_24;
         let t2_65 = t2_64 + t2_63;
-        let t2_66 = sin_q1 * t2_49;
-        let t2_67 = t2_63 + t2_62;
-        let t2_68 = t2_24 * t2_49;
-        let t2_69 = (-cos_s1_1).mul_add(t2_67, t2_68);
-        let t2_70 = -t2_69;
-        let t2_71 = t2_20 * t2_49;
-        let t2_72 = (-e_s1_2_q1x).mul_add(t2_67, t2_71);
-        let t2_73 = -t2_72;
-        let t2_74 = sin_q8 * q9;
-        let t2_75 = cos_q1 * t2_67;
-        let t2_76 = (-sin_q1).mul_add(t2_43, t2_75);
-        let t2_77 = t2_24 * t2_43;
-        let t2_78 = t2_10.mul_add(t2_67, t2_77);
-        let t2_79 = t2_5 * t2_67;
-        let t2_80 = (-t2_20).mul_add(t2_43, t2_79);
-        let t2_81 = -t2_80;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_55;
-        let t2_82 = -pivot_2;
-        let t2_83 = cos_q1 * d_q1;
-        let t2_84 = like.lift(2.0) * d_q2;
-        let t2_85 = t2_17 * t2_1;
-        let t2_86 = (-t2_83).mul_add(t2_84, t2_85);
+        let t2_66 = t2_63 + t2_35;
+        let t2_67 = t2_24 * t2_1;
+        let t2_68 = sin_q1 * t2_54;
+        let t2_69 = t2_32 * t2_54;
+        let t2_70 = (-cos_s1_1).mul_add(t2_66, t2_69);
+        let t2_71 = -t2_70;
+        let t2_72 = t2_27 * t2_54;
+        let t2_73 = (-e_s1_2_q1x).mul_add(t2_66, t2_72);
+        let t2_74 = -t2_73;
+        let t2_75 = sin_q8 * q9;
+        let t2_76 = cos_q1 * t2_66;
+        let t2_77 = (-sin_q1).mul_add(t2_17, t2_76);
+        let t2_78 = t2_32 * t2_17;
+        let t2_79 = t2_14.mul_add(t2_66, t2_78);
+        let t2_80 = t2_5 * t2_66;
+        let t2_81 = (-t2_27).mul_add(t2_17, t2_80);
+        let t2_82 = -t2_81;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
+        let t2_83 = -pivot_2;
+        let t2_84 = cos_q1 * d_q1;
+        let t2_85 = like.lift(2.0) * d_q2;
+        let t2_86 = (-t2_84).mul_add(t2_85, t2_67);
         let t2_87 = cos_q1 * d_s1_1;
-        let t2_88 = t2_10.mul_add(d_s1_2, t2_87);
-        let t2_89 = sin_q1 * d_s1_1;
-        let t2_90 = (-t2_24).mul_add(d_s1_2, t2_89);
-        let t2_91 = t2_20 * t2_88;
-        let t2_92 = (-t2_5).mul_add(t2_90, t2_91);
-        let t2_93 = d_s1_3 * t2_92;
-        let t2_94 = d_s1_2 * sin_s1_1;
-        let t2_95 = t2_94.mul_add(d_s1_1, t2_93);
-        let t2_96 = sin_q1 * d_q1;
-        let t2_97 = t2_24 * d_q1;
-        let t2_98 = cos_s1_1.mul_add(t2_89, t2_97);
-        let t2_99 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_100 = t2_20 * t2_99;
-        let t2_101 = e_s1_2_q1x.mul_add(t2_90, t2_100);
-        let t2_102 = d_s1_1 * t2_96;
-        let t2_103 = (-d_s1_3).mul_add(t2_101, t2_102);
-        let t2_104 = (-d_s1_2).mul_add(t2_98, t2_103);
-        let t2_105 = e_s1_2_q1x.mul_add(d_s1_3, t2_99);
-        let t2_106 = (-t2_20).mul_add(d_s1_3, t2_90);
-        let t2_107 = t2_20 * t2_105;
-        let t2_108 = e_s1_2_q1x.mul_add(t2_106, t2_107);
-        let t2_109 = like.lift(0.4563) * t2_108;
-        let t2_110 = (-t2_5).mul_add(d_s1_3, t2_88);
-        let t2_111 = t2_5 * t2_106;
-        let t2_112 = (-t2_20).mul_add(t2_110, t2_111);
-        let t2_113 = like.lift(0.4563) * t2_112;
-        let t2_114 = -t2_113;
-        let t2_115 = d_q6 * d_q6;
-        let t2_116 = t2_30 * t2_115;
-        let t2_117 = d_q7 * cos_q6;
-        let t2_118 = t2_117 * d_q6;
-        let t2_119 = e_s1_2_q1x * t2_104;
-        let t2_120 = t2_5.mul_add(t2_95, t2_119);
-        let t2_121 = like.lift(-0.4563).mul_add(t2_120, t2_86);
-        let t2_122 = (-t2_110).mul_add(t2_114, t2_121);
-        let t2_123 = (-t2_105).mul_add(t2_109, t2_122);
-        let t2_124 = like.lift(0.5).mul_add(t2_116, t2_123);
-        let t2_125 = t2_124 - t2_118;
-        let t2_126 = -t2_125;
-        let t2_127 = t2_96 * t2_84;
-        let t2_128 = t2_2.mul_add(t2_1, t2_127);
-        let t2_129 = t2_10 * d_q1;
-        let t2_130 = (-cos_s1_1).mul_add(t2_87, t2_129);
-        let t2_131 = e_s1_2_q1x * t2_88;
-        let t2_132 = t2_5.mul_add(t2_99, t2_131);
-        let t2_133 = d_s1_2 * t2_130;
-        let t2_134 = (-d_s1_3).mul_add(t2_132, t2_133);
-        let t2_135 = d_s1_1.mul_add(t2_83, t2_134);
-        let t2_136 = e_s1_2_q1x * t2_110;
-        let t2_137 = t2_5.mul_add(t2_105, t2_136);
-        let t2_138 = like.lift(0.4563) * t2_137;
-        let t2_139 = like.lift(2.0) * d_q7;
-        let t2_140 = t2_20 * t2_95;
-        let t2_141 = (-e_s1_2_q1x).mul_add(t2_135, t2_140);
-        let t2_142 = sin_q6 * t2_139;
-        let t2_143 = t2_14.mul_add(d_q6, t2_142);
-        let t2_144 = like.lift(0.4563).mul_add(t2_141, t2_128);
-        let t2_145 = (-t2_105).mul_add(t2_138, t2_144);
-        let t2_146 = t2_106.mul_add(t2_114, t2_145);
-        let t2_147 = (-d_q6).mul_add(t2_143, t2_146);
-        let t2_148 = t2_5 * t2_135;
-        let t2_149 = t2_20.mul_add(t2_104, t2_148);
-        let t2_150 = like.lift(0.4563) * t2_149;
-        let t2_151 = (-t2_106).mul_add(t2_109, t2_150);
-        let t2_152 = (-t2_110).mul_add(t2_138, t2_151);
-        let t2_153 = like.lift(-1.7320508075688772).mul_add(t2_118, t2_152);
-        let t2_154 = like.lift(0.8660254037844386).mul_add(t2_116, t2_153);
-        let t2_155 = t2_67 * t2_105;
-        let t2_156 = t2_49.mul_add(t2_106, t2_155);
-        let t2_157 = t2_67 * t2_110;
-        let t2_158 = (-t2_43).mul_add(t2_106, t2_157);
-        let t2_159 = d_q8 * d_q8;
-        let t2_160 = t2_74 * t2_159;
-        let t2_161 = d_q9 * cos_q8;
-        let t2_162 = t2_161 * d_q8;
-        let t2_163 = (-t2_49).mul_add(t2_104, t2_86);
-        let t2_164 = (-t2_43).mul_add(t2_95, t2_163);
-        let t2_165 = (-t2_110).mul_add(t2_158, t2_164);
-        let t2_166 = (-t2_105).mul_add(t2_156, t2_165);
-        let t2_167 = like.lift(0.5).mul_add(t2_160, t2_166);
-        let t2_168 = t2_167 - t2_162;
-        let t2_169 = -t2_168;
-        let t2_170 = t2_49 * t2_110;
-        let t2_171 = t2_43.mul_add(t2_105, t2_170);
-        let t2_172 = like.lift(2.0) * d_q9;
-        let t2_173 = sin_q8 * t2_172;
-        let t2_174 = t2_55.mul_add(d_q8, t2_173);
-        let t2_175 = t2_67.mul_add(t2_95, t2_128);
-        let t2_176 = (-t2_49).mul_add(t2_135, t2_175);
-        let t2_177 = (-t2_105).mul_add(t2_171, t2_176);
-        let t2_178 = t2_106.mul_add(t2_158, t2_177);
-        let t2_179 = (-d_q8).mul_add(t2_174, t2_178);
-        let t2_180 = t2_43 * t2_135;
-        let t2_181 = t2_67.mul_add(t2_104, t2_180);
-        let t2_182 = (-t2_106).mul_add(t2_156, t2_181);
-        let t2_183 = (-t2_110).mul_add(t2_171, t2_182);
-        let t2_184 = like.lift(1.7320508075688772).mul_add(t2_162, t2_183);
-        let t2_185 = like.lift(-0.8660254037844386).mul_add(t2_160, t2_184);
-        let t2_186 = like.lift(0.5773502691896257).mul_add(t2_80, t2_54);
-        let t2_187 = like.lift(1.0) / t2_55;
-        let t2_188 = t2_74 * t2_187;
-        let t2_189 = like.lift(1.1547005383792515) * t2_188;
-        let pivot_3 = t2_80.mul_add(t2_189, t2_72);
+        let t2_88 = t2_14.mul_add(d_s1_2, t2_87);
+        let t2_89 = t2_14 * d_q1;
+        let t2_90 = (-cos_s1_1).mul_add(t2_87, t2_89);
+        let t2_91 = d_s1_2 * t2_90;
+        let t2_92 = sin_q1 * d_s1_1;
+        let t2_93 = (-t2_32).mul_add(d_s1_2, t2_92);
+        let t2_94 = t2_32 * d_q1;
+        let t2_95 = cos_s1_1.mul_add(t2_92, t2_94);
+        let t2_96 = t2_27 * t2_88;
+        let t2_97 = (-t2_5).mul_add(t2_93, t2_96);
+        let t2_98 = d_s1_3 * t2_97;
+        let t2_99 = d_s1_2 * sin_s1_1;
+        let t2_100 = t2_99.mul_add(d_s1_1, t2_98);
+        let t2_101 = sin_q1 * d_q1;
+        let t2_102 = t2_101 * t2_85;
+        let t2_103 = t2_2.mul_add(t2_1, t2_102);
+        let t2_104 = d_s1_1 * t2_101;
+        let t2_105 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_106 = t2_27 * t2_105;
+        let t2_107 = e_s1_2_q1x.mul_add(t2_93, t2_106);
+        let t2_108 = (-d_s1_3).mul_add(t2_107, t2_104);
+        let t2_109 = (-d_s1_2).mul_add(t2_95, t2_108);
+        let t2_110 = (-t2_27).mul_add(d_s1_3, t2_93);
+        let t2_111 = e_s1_2_q1x.mul_add(d_s1_3, t2_105);
+        let t2_112 = e_s1_2_q1x * t2_88;
+        let t2_113 = t2_5.mul_add(t2_105, t2_112);
+        let t2_114 = (-d_s1_3).mul_add(t2_113, t2_91);
+        let t2_115 = d_s1_1.mul_add(t2_84, t2_114);
+        let t2_116 = (-t2_5).mul_add(d_s1_3, t2_88);
+        let t2_117 = t2_27 * t2_111;
+        let t2_118 = e_s1_2_q1x.mul_add(t2_110, t2_117);
+        let t2_119 = like.lift(0.4563) * t2_118;
+        let t2_120 = t2_5 * t2_110;
+        let t2_121 = (-t2_27).mul_add(t2_116, t2_120);
+        let t2_122 = like.lift(0.4563) * t2_121;
+        let t2_123 = -t2_122;
+        let t2_124 = d_q6 * d_q6;
+        let t2_125 = t2_41 * t2_124;
+        let t2_126 = d_q7 * cos_q6;
+        let t2_127 = t2_126 * d_q6;
+        let t2_128 = e_s1_2_q1x * t2_109;
+        let t2_129 = t2_5.mul_add(t2_100, t2_128);
+        let t2_130 = like.lift(-0.4563).mul_add(t2_129, t2_86);
+        let t2_131 = (-t2_116).mul_add(t2_123, t2_130);
+        let t2_132 = (-t2_111).mul_add(t2_119, t2_131);
+        let t2_133 = like.lift(0.5).mul_add(t2_125, t2_132);
+        let t2_134 = t2_133 - t2_127;
+        let t2_135 = (-t2_54).mul_add(t2_109, t2_86);
+        let t2_136 = (-t2_17).mul_add(t2_100, t2_135);
+        let t2_137 = -t2_134;
+        let t2_138 = e_s1_2_q1x * t2_116;
+        let t2_139 = t2_5.mul_add(t2_111, t2_138);
+        let t2_140 = like.lift(0.4563) * t2_139;
+        let t2_141 = t2_5 * t2_115;
+        let t2_142 = t2_27.mul_add(t2_109, t2_141);
+        let t2_143 = t2_27 * t2_100;
+        let t2_144 = (-e_s1_2_q1x).mul_add(t2_115, t2_143);
+        let t2_145 = like.lift(0.4563) * t2_142;
+        let t2_146 = (-t2_110).mul_add(t2_119, t2_145);
+        let t2_147 = (-t2_116).mul_add(t2_140, t2_146);
+        let t2_148 = like.lift(-1.7320508075688772).mul_add(t2_127, t2_147);
+        let t2_149 = like.lift(0.8660254037844386).mul_add(t2_125, t2_148);
+        let t2_150 = like.lift(0.4563).mul_add(t2_144, t2_103);
+        let t2_151 = (-t2_111).mul_add(t2_140, t2_150);
+        let t2_152 = t2_110.mul_add(t2_123, t2_151);
+        let t2_153 = t2_66.mul_add(t2_100, t2_103);
+        let t2_154 = (-t2_54).mul_add(t2_115, t2_153);
+        let t2_155 = t2_17 * t2_115;
+        let t2_156 = t2_66.mul_add(t2_109, t2_155);
+        let t2_157 = like.lift(2.0) * d_q7;
+        let t2_158 = sin_q6 * t2_157;
+        let t2_159 = t2_21.mul_add(d_q6, t2_158);
+        let t2_160 = (-d_q6).mul_add(t2_159, t2_152);
+        let t2_161 = like.lift(1.0) / t2_21;
+        let t2_162 = t2_66 * t2_111;
+        let t2_163 = t2_54.mul_add(t2_110, t2_162);
+        let t2_164 = t2_66 * t2_116;
+        let t2_165 = (-t2_17).mul_add(t2_110, t2_164);
+        let t2_166 = t2_54 * t2_116;
+        let t2_167 = t2_17.mul_add(t2_111, t2_166);
+        let t2_168 = (-t2_116).mul_add(t2_165, t2_136);
+        let t2_169 = (-t2_111).mul_add(t2_167, t2_154);
+        let t2_170 = (-t2_110).mul_add(t2_163, t2_156);
+        let t2_171 = (-t2_111).mul_add(t2_163, t2_168);
+        let t2_172 = t2_110.mul_add(t2_165, t2_169);
+        let t2_173 = (-t2_116).mul_add(t2_167, t2_170);
+        let t2_174 = d_q8 * d_q8;
+        let t2_175 = t2_75 * t2_174;
+        let t2_176 = like.lift(0.5).mul_add(t2_175, t2_171);
+        let t2_177 = d_q9 * cos_q8;
+        let t2_178 = t2_177 * d_q8;
+        let t2_179 = like.lift(1.7320508075688772).mul_add(t2_178, t2_173);
+        let t2_180 = t2_176 - t2_178;
+        let t2_181 = like.lift(-0.8660254037844386).mul_add(t2_175, t2_179);
+        let t2_182 = -t2_180;
+        let t2_183 = like.lift(2.0) * d_q9;
+        let t2_184 = sin_q8 * t2_183;
+        let t2_185 = t2_60.mul_add(d_q8, t2_184);
+        let t2_186 = (-d_q8).mul_add(t2_185, t2_172);
+        let t2_187 = like.lift(1.0) / t2_60;
+        let t2_188 = like.lift(0.5773502691896257).mul_add(t2_81, t2_59);
+        let t2_189 = t2_75 * t2_187;
+        let t2_190 = like.lift(1.1547005383792515) * t2_187;
+        let t2_191 = like.lift(1.1547005383792515) * t2_189;
+        let pivot_3 = t2_81.mul_add(t2_191, t2_73);
+        let t2_192 = (-t2_79).mul_add(t2_191, t2_70);
+        let t2_193 = sin_q8.mul_add(t2_189, cos_q8);
+        let t2_194 = -cos_q8;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_190 = t2_186 * inv_pivot_3;
-        let t2_191 = (-t2_65).mul_add(t2_190, t2_44);
-        let t2_192 = like.lift(0.5773502691896257).mul_add(t2_34, t2_9);
-        let t2_193 = t2_76.mul_add(t2_189, t2_66);
-        let t2_194 = t2_193.mul_add(t2_190, t2_50);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_194);
+        let t2_195 = t2_188 * inv_pivot_3;
+        let t2_196 = (-t2_65).mul_add(t2_195, t2_49);
+        let t2_197 = -pivot_3;
+        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_45, t2_12);
+        let t2_199 = t2_77.mul_add(t2_191, t2_68);
+        let t2_200 = t2_181.mul_add(t2_191, t2_186);
+        let t2_201 = (-t2_195).mul_add(t2_200, t2_180);
+        let t2_202 = like.lift(0.5773502691896257).mul_add(t2_181, t2_201);
+        let t2_203 = t2_199.mul_add(t2_195, t2_55);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_203);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_195 = t2_192 * inv_pivot_4;
-        let pivot_5 = (-t2_191).mul_add(t2_195, t2_6);
+        let t2_204 = t2_198 * inv_pivot_4;
+        let pivot_5 = (-t2_196).mul_add(t2_204, t2_9);
+        let t2_205 = (-t2_204).mul_add(t2_202, t2_134);
+        let t2_206 = like.lift(-0.5773502691896257).mul_add(t2_149, t2_205);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_196 = t2_185.mul_add(t2_189, t2_179);
-        let t2_197 = (-t2_190).mul_add(t2_196, t2_168);
-        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_185, t2_197);
-        let t2_199 = (-t2_195).mul_add(t2_198, t2_125);
-        let t2_200 = like.lift(-0.5773502691896257).mul_add(t2_154, t2_199);
-        let t2_201 = (-t2_78).mul_add(t2_189, t2_69);
-        let t2_202 = (-t2_201).mul_add(t2_190, t2_52);
-        let t2_203 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_202);
-        let t2_204 = (-t2_203).mul_add(t2_195, t2_13);
-        let t2_205 = like.lift(0.5773502691896257).mul_add(t2_37, t2_204);
-        let t2_206 = like.lift(1.0) / t2_14;
-        let t2_207 = t2_30 * t2_206;
-        let t2_208 = like.lift(1.1547005383792515) * t2_207;
-        let t2_209 = (-t2_34).mul_add(t2_208, t2_23);
-        let t2_210 = t2_209 * inv_pivot_4;
-        let t2_211 = (-t2_191).mul_add(t2_210, t2_21);
-        let t2_212 = t2_211 * inv_pivot_5;
-        let t2_213 = t2_205.mul_add(t2_212, t2_28);
-        let t2_214 = t2_203.mul_add(t2_210, t2_213);
-        let pivot_6 = t2_37.mul_add(t2_208, t2_214);
+        let t2_207 = -pivot_5;
+        let t2_208 = (-t2_192).mul_add(t2_195, t2_57);
+        let t2_209 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_208);
+        let t2_210 = (-t2_209).mul_add(t2_204, t2_20);
+        let t2_211 = like.lift(0.5773502691896257).mul_add(t2_48, t2_210);
+        let t2_212 = t2_41 * t2_161;
+        let t2_213 = like.lift(1.1547005383792515) * t2_161;
+        let t2_214 = like.lift(1.1547005383792515) * t2_212;
+        let t2_215 = sin_q6.mul_add(t2_212, cos_q6);
+        let t2_216 = -cos_q6;
+        let t2_217 = (-t2_45).mul_add(t2_214, t2_13);
+        let t2_218 = t2_217 * inv_pivot_4;
+        let t2_219 = (-t2_196).mul_add(t2_218, t2_30);
+        let t2_220 = t2_219 * inv_pivot_5;
+        let t2_221 = t2_211.mul_add(t2_220, t2_39);
+        let t2_222 = t2_209.mul_add(t2_218, t2_221);
+        let pivot_6 = t2_48.mul_add(t2_214, t2_222);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_215 = t2_212.mul_add(t2_200, t2_147);
-        let t2_216 = t2_210.mul_add(t2_198, t2_215);
-        let t2_217 = (-t2_154).mul_add(t2_208, t2_216);
-        let t2_218 = inv_pivot_6 * t2_217;
-        let t2_219 = (-t2_205).mul_add(t2_218, t2_200);
-        let t2_220 = inv_pivot_5 * t2_219;
-        let t2_221 = (-t2_203).mul_add(t2_218, t2_198);
-        let t2_222 = (-t2_191).mul_add(t2_220, t2_221);
-        let t2_223 = inv_pivot_4 * t2_222;
-        let t2_224 = -t2_223;
-        let t2_225 = -t2_218;
-        let t2_226 = (-t2_201).mul_add(t2_218, t2_196);
-        let t2_227 = (-t2_65).mul_add(t2_220, t2_226);
-        let t2_228 = t2_193.mul_add(t2_223, t2_227);
-        let t2_229 = inv_pivot_3 * t2_228;
-        let t2_230 = -t2_229;
-        let t2_231 = t2_37.mul_add(t2_218, t2_154);
-        let t2_232 = t2_34.mul_add(t2_223, t2_231);
-        let t2_233 = like.lift(1.1547005383792515) * t2_206;
-        let t2_234 = t2_232 * t2_233;
-        let t2_235 = t2_78.mul_add(t2_218, t2_185);
-        let t2_236 = t2_76.mul_add(t2_223, t2_235);
+        let t2_223 = -pivot_6;
+        let t2_224 = t2_215 * inv_pivot_6;
+        let t2_225 = t2_220.mul_add(t2_206, t2_160);
+        let t2_226 = t2_218.mul_add(t2_202, t2_225);
+        let t2_227 = (-t2_149).mul_add(t2_214, t2_226);
+        let t2_228 = inv_pivot_6 * t2_227;
+        let t2_229 = (-t2_211).mul_add(t2_228, t2_206);
+        let t2_230 = inv_pivot_5 * t2_229;
+        let t2_231 = (-t2_209).mul_add(t2_228, t2_202);
+        let t2_232 = (-t2_196).mul_add(t2_230, t2_231);
+        let t2_233 = inv_pivot_4 * t2_232;
+        let t2_234 = (-t2_192).mul_add(t2_228, t2_200);
+        let t2_235 = (-t2_65).mul_add(t2_230, t2_234);
+        let t2_236 = t2_199.mul_add(t2_233, t2_235);
         [
-            w_fc_q2_q2, t2_1, a_2z, t2_7, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30,
-            t2_34, t2_37, pivot_1, t2_45, t2_50, t2_52, t2_54, t2_57, t2_65, t2_66, t2_70,
-            t2_73, t2_74, t2_76, t2_78, t2_80, t2_81, t2_82, t2_84, t2_115, t2_126, t2_139,
-            t2_147, t2_154, t2_159, t2_169, t2_172, t2_179, t2_185, t2_187, t2_188, pivot_3,
-            inv_pivot_3, t2_190, t2_191, t2_193, pivot_4, inv_pivot_4, t2_195, pivot_5,
-            inv_pivot_5, t2_201, t2_203, t2_205, t2_207, t2_210, t2_212, pivot_6, inv_pivot_6,
-            t2_220, t2_224, t2_225, t2_229, t2_230, t2_233, t2_234, t2_236,
+            w_fc_q2_q2, t2_1, a_2z, t2_10, t2_12, t2_13, t2_20, t2_23, t2_31, t2_40, t2_41,
+            t2_45, t2_48, pivot_1, t2_50, t2_55, t2_57, t2_59, t2_62, t2_65, t2_68, t2_71,
+            t2_74, t2_75, t2_77, t2_79, t2_81, t2_82, t2_83, t2_85, t2_124, t2_137, t2_149,
+            t2_157, t2_160, t2_174, t2_181, t2_182, t2_183, t2_186, t2_190, t2_192, t2_193,
+            t2_194, inv_pivot_3, t2_195, t2_196, t2_197, t2_199, pivot_4, inv_pivot_4, t2_204,
+            inv_pivot_5, t2_207, t2_209, t2_211, t2_213, t2_216, t2_218, t2_220, inv_pivot_6,
+            t2_223, t2_224, t2_228, t2_230, t2_233, t2_236,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_2, t3_5, t3_6, t3_7, al_1z, al_s1_1z, t3_8, t3_9, al_4z, al_6z] = {
-        let t3_1 = (-t2_80).mul_add(t2_229, t2_236);
-        let t3_2 = like.lift(1.1547005383792515) * t2_187;
-        let t3_3 = t3_1 * t3_2;
-        let t3_4 = -t3_3;
-        let t3_5 = -pivot_3;
-        let t3_6 = -pivot_5;
-        let t3_7 = -pivot_6;
+    let [al_1z, al_s1_1z, t3_13, t3_14, al_4z, al_6z] = {
+        let t3_1 = inv_pivot_3 * t2_236;
+        let t3_2 = -t2_233;
+        let t3_3 = -t2_228;
+        let t3_4 = -t3_1;
+        let t3_5 = t2_48.mul_add(t2_228, t2_149);
+        let t3_6 = t2_45.mul_add(t2_233, t3_5);
+        let t3_7 = t2_79.mul_add(t2_228, t2_181);
+        let t3_8 = t2_77.mul_add(t2_233, t3_7);
+        let t3_9 = (-t2_81).mul_add(t3_1, t3_8);
+        let t3_10 = t3_6 * t2_213;
+        let t3_11 = t3_9 * t2_190;
+        let t3_12 = -t3_11;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_82 * like.lift(1.8955297449982944)).abs())
-            .min((t3_5 * like.lift(2.6463477742948585)).abs())
+            .min((t2_83 * like.lift(1.8955297449982944)).abs())
+            .min((t2_197 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t3_6 * like.lift(0.8284577646309275)).abs())
-            .min((t3_7 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t3_8], [t3_9], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
-            [[t2_220], [t2_224], [t2_225], [t2_230], [t2_234], [t3_4]],
+            .min((t2_207 * like.lift(0.8284577646309275)).abs())
+            .min((t2_223 * like.lift(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t3_13], [t3_14], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+            [[t2_230], [t3_2], [t3_3], [t3_4], [t3_10], [t3_12]],
             margin,
             || (
                 [
-                    [t2_7, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
-                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
-                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_45, t2_50, t2_52, t2_54, like.lift(0.0), t2_57],
-                    [t2_65, t2_66, t2_70, t2_73, like.lift(0.0), t2_74],
-                    [like.lift(0.0), t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
+                    [t2_10, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
+                    [t2_31, t2_13, t2_40, like.lift(0.0), t2_41, like.lift(0.0)],
+                    [like.lift(0.0), t2_45, t2_48, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
+                    [t2_65, t2_68, t2_71, t2_74, like.lift(0.0), t2_75],
+                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
                 ],
-                [[t2_126], [t2_147], [t2_154], [t2_169], [t2_179], [t2_185]],
+                [[t2_137], [t2_160], [t2_149], [t2_182], [t2_186], [t2_181]],
             ),
         );
         condition = condition.min(found);
-        [t3_2, t3_5, t3_6, t3_7, al_1z, al_s1_1z, t3_8, t3_9, al_4z, al_6z]
+        [al_1z, al_s1_1z, t3_13, t3_14, al_4z, al_6z]
     };
+    let [
+        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, p_iyy_2, _, _, p_mx_2, _, p_mz_2, p_m_2,
+        p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3, p_m_3, _,
+        _, _, _, _, p_izz_4, _, _, _, _, _, _, _, p_iyy_5, _, _, p_mx_5, _, p_mz_5, p_m_5, _,
+        _, _, _, _, p_izz_6, _, _, _, _, _, _, _, p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7,
+        p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9, p_fc_q9, _, _, _,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_43, t4_53, t4_77, t4_88, t4_92, t4_108, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
-        x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
-        x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        a_5x, a_7x, t4_48, t4_57, t4_90, t4_94, t4_98, t4_112, x_q1_q2, x_q1_q7, x_q1_q9,
+        x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
+        x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
         let t4_1 = q2 * al_1z;
-        let a_2x = d_q1.mul_add(t2_84, t4_1);
+        let a_2x = d_q1.mul_add(t2_85, t4_1);
+        let t4_2 = q7 * al_4z;
+        let a_5x = d_q6.mul_add(t2_157, t4_2);
+        let t4_3 = q9 * al_6z;
+        let a_7x = d_q8.mul_add(t2_183, t4_3);
         let a_s1_1y = sin_s1_1 * a_2x;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let t4_2 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_2);
-        let t4_3 = sin_s1_3 * a_s1_2z;
-        let a_3y = cos_s1_3.mul_add(a_s1_1y, t4_3);
+        let t4_4 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_4);
+        let t4_5 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t4_5);
+        let t4_6 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t4_6);
+        let t4_7 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_7);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let t4_4 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_4);
+        let t4_8 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_8);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t4_5 = w_3x * w_3x;
+        let t4_9 = w_3x * w_3x;
         let w_s1_1y = cos_s1_1 * d_q1;
+        let t4_10 = w_s1_1x.mul_add(w_s1_1y, -al_s1_1z);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t4_6 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_6);
-        let t4_7 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_7);
-        let t4_8 = w_3z * w_3z;
-        let t4_9 = t4_5 + t4_8;
-        let t4_10 = w_s1_2x * w_s1_2y;
         let t4_11 = d_s1_1 * w_s1_1y;
         let t4_12 = sin_s1_1.mul_add(al_1z, t4_11);
         let t4_13 = t4_12 + t4_11;
-        let t4_14 = w_s1_1x.mul_add(w_s1_1y, -al_s1_1z);
-        let t4_15 = t4_10 + t4_10;
-        let t4_16 = cos_s1_2.mul_add(t4_14, t4_15);
-        let t4_17 = (-sin_s1_2).mul_add(t4_13, t4_16);
-        let t4_18 = w_s1_2z.mul_add(w_s1_2x, t3_8);
-        let t4_19 = cos_s1_1.mul_add(al_1z, t4_18);
-        let t4_20 = (-d_s1_1).mul_add(w_s1_1x, t4_19);
-        let t4_21 = sin_s1_3 * t4_20;
-        let t4_22 = cos_s1_3.mul_add(t4_17, t4_21);
-        let t4_23 = sin_s1_3 * w_s1_2z;
-        let w_3y = cos_s1_3.mul_add(w_s1_2y, t4_23);
-        let t4_24 = w_3y * w_3z;
-        let t4_25 = (-w_s1_2z).mul_add(w_s1_2y, t3_9);
-        let t4_26 = sin_s1_2.mul_add(t4_14, t4_25);
-        let al_3x = cos_s1_2.mul_add(t4_13, t4_26);
-        let t4_27 = t4_24 + al_3x;
-        let t4_28 = p_m_3 * a_3y;
-        let t4_29 = p_mz_3.mul_add(t4_27, t4_28);
-        let t4_30 = p_mx_3.mul_add(t4_22, t4_29);
-        let t4_31 = t4_9.mul_add(p_my_3, t4_30);
-        let t4_32 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_32);
-        let t4_33 = w_3y * w_3y;
-        let t4_34 = t4_5 + t4_33;
-        let t4_35 = sin_s1_3 * t4_17;
-        let t4_36 = (-cos_s1_3).mul_add(t4_20, t4_35);
-        let t4_37 = t4_24 - al_3x;
-        let t4_38 = p_m_3 * a_3z;
-        let t4_39 = (-t4_34).mul_add(p_mz_3, t4_38);
-        let t4_40 = (-p_my_3).mul_add(t4_37, t4_39);
-        let t4_41 = p_mx_3.mul_add(t4_36, t4_40);
-        let t4_42 = sin_s1_3 * t4_31;
-        let t4_43 = (-cos_s1_3).mul_add(t4_41, t4_42);
-        let t4_44 = cos_s1_2 * a_s1_1x;
-        let a_s1_2x = sin_s1_2.mul_add(a_2z, t4_44);
-        let t4_45 = t4_33 + t4_8;
-        let t4_46 = w_3y * w_3x;
-        let al_3z = t4_46 + t4_22;
-        let t4_47 = t4_46 + al_3z;
-        let t4_48 = w_3z * w_3x;
-        let al_3y = t4_48 + t4_36;
-        let t4_49 = t4_48 + al_3y;
-        let t4_50 = p_m_3 * a_s1_2x;
-        let t4_51 = (-p_mz_3).mul_add(t4_49, t4_50);
-        let t4_52 = p_my_3.mul_add(t4_47, t4_51);
-        let t4_53 = (-t4_45).mul_add(p_mx_3, t4_52);
-        let t4_54 = p_ixx_3 - p_izz_3;
-        let t4_55 = t4_5 - t4_8;
-        let t4_56 = t4_24 - al_3x;
-        let t4_57 = t4_46 + al_3z;
-        let t4_58 = p_iyz_3 * t4_57;
-        let t4_59 = p_ixy_3.mul_add(t4_56, t4_58);
-        let t4_60 = t4_55.mul_add(p_ixz_3, t4_59);
-        let t4_61 = t4_48.mul_add(t4_54, t4_60);
-        let t4_62 = p_iyy_3.mul_add(al_3y, t4_61);
-        let t4_63 = p_mx_3.mul_add(a_3z, t4_62);
-        let t4_64 = (-p_mz_3).mul_add(a_s1_2x, t4_63);
-        let t4_65 = p_ixx_3 - p_iyy_3;
-        let t4_66 = t4_5 - t4_33;
-        let t4_67 = t4_24 + al_3x;
-        let t4_68 = t4_48 + al_3y;
-        let t4_69 = p_ixz_3 * t4_67;
-        let t4_70 = (-p_iyz_3).mul_add(t4_68, t4_69);
-        let t4_71 = t4_66.mul_add(p_ixy_3, t4_70);
-        let t4_72 = (-t4_46).mul_add(t4_65, t4_71);
-        let t4_73 = (-p_izz_3).mul_add(al_3z, t4_72);
-        let t4_74 = (-p_my_3).mul_add(a_s1_2x, t4_73);
-        let t4_75 = (-p_mx_3).mul_add(a_3y, t4_74);
-        let t4_76 = sin_s1_3 * t4_64;
-        let t4_77 = (-cos_s1_3).mul_add(t4_75, t4_76);
-        let t4_78 = p_iyy_3 - p_izz_3;
-        let t4_79 = t4_33 - t4_8;
-        let t4_80 = t4_48 - al_3y;
-        let t4_81 = t4_46 - al_3z;
-        let t4_82 = p_ixy_3 * t4_80;
+        let t4_14 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_14);
+        let t4_15 = w_s1_2z.mul_add(w_s1_2x, t3_13);
+        let t4_16 = cos_s1_1.mul_add(al_1z, t4_15);
+        let t4_17 = (-d_s1_1).mul_add(w_s1_1x, t4_16);
+        let t4_18 = w_s1_2x * w_s1_2y;
+        let t4_19 = t4_18 + t4_18;
+        let t4_20 = cos_s1_2.mul_add(t4_10, t4_19);
+        let t4_21 = (-w_s1_2z).mul_add(w_s1_2y, t3_14);
+        let t4_22 = sin_s1_2.mul_add(t4_10, t4_21);
+        let t4_23 = (-sin_s1_2).mul_add(t4_13, t4_20);
+        let al_3x = cos_s1_2.mul_add(t4_13, t4_22);
+        let t4_24 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_24);
+        let t4_25 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t4_25);
+        let t4_26 = w_3z * w_3z;
+        let t4_27 = t4_9 + t4_26;
+        let t4_28 = sin_s1_3 * t4_17;
+        let t4_29 = cos_s1_3.mul_add(t4_23, t4_28);
+        let t4_30 = sin_s1_3 * t4_23;
+        let t4_31 = (-cos_s1_3).mul_add(t4_17, t4_30);
+        let t4_32 = w_3y * w_3z;
+        let t4_33 = w_3z * w_3x;
+        let t4_34 = w_3y * w_3x;
+        let t4_35 = w_3y * w_3y;
+        let t4_36 = t4_32 + al_3x;
+        let t4_37 = p_m_3 * a_3y;
+        let t4_38 = p_mz_3.mul_add(t4_36, t4_37);
+        let t4_39 = p_mx_3.mul_add(t4_29, t4_38);
+        let t4_40 = t4_27.mul_add(p_my_3, t4_39);
+        let al_3z = t4_34 + t4_29;
+        let t4_41 = t4_9 + t4_35;
+        let t4_42 = p_m_3 * a_3z;
+        let t4_43 = (-t4_41).mul_add(p_mz_3, t4_42);
+        let t4_44 = t4_32 - al_3x;
+        let t4_45 = (-p_my_3).mul_add(t4_44, t4_43);
+        let t4_46 = p_mx_3.mul_add(t4_31, t4_45);
+        let al_3y = t4_33 + t4_31;
+        let t4_47 = sin_s1_3 * t4_40;
+        let t4_48 = (-cos_s1_3).mul_add(t4_46, t4_47);
+        let t4_49 = sin_s1_3 * t4_46;
+        let t4_50 = cos_s1_3.mul_add(t4_40, t4_49);
+        let t4_51 = t4_35 + t4_26;
+        let t4_52 = t4_34 + al_3z;
+        let t4_53 = t4_33 + al_3y;
+        let t4_54 = p_m_3 * a_s1_2x;
+        let t4_55 = (-p_mz_3).mul_add(t4_53, t4_54);
+        let t4_56 = p_my_3.mul_add(t4_52, t4_55);
+        let t4_57 = (-t4_51).mul_add(p_mx_3, t4_56);
+        let t4_58 = p_ixx_3 - p_izz_3;
+        let t4_59 = t4_9 - t4_26;
+        let t4_60 = t4_9 - t4_35;
+        let t4_61 = t4_35 - t4_26;
+        let t4_62 = t4_32 - al_3x;
+        let t4_63 = t4_34 + al_3z;
+        let t4_64 = p_iyz_3 * t4_63;
+        let t4_65 = p_ixy_3.mul_add(t4_62, t4_64);
+        let t4_66 = t4_59.mul_add(p_ixz_3, t4_65);
+        let t4_67 = t4_33.mul_add(t4_58, t4_66);
+        let t4_68 = p_iyy_3.mul_add(al_3y, t4_67);
+        let t4_69 = p_mx_3.mul_add(a_3z, t4_68);
+        let t4_70 = (-p_mz_3).mul_add(a_s1_2x, t4_69);
+        let t4_71 = p_ixx_3 - p_iyy_3;
+        let t4_72 = t4_32 + al_3x;
+        let t4_73 = p_ixz_3 * t4_72;
+        let t4_74 = t4_33 + al_3y;
+        let t4_75 = (-p_iyz_3).mul_add(t4_74, t4_73);
+        let t4_76 = t4_60.mul_add(p_ixy_3, t4_75);
+        let t4_77 = (-t4_34).mul_add(t4_71, t4_76);
+        let t4_78 = t4_33 - al_3y;
+        let t4_79 = (-p_izz_3).mul_add(al_3z, t4_77);
+        let t4_80 = (-p_my_3).mul_add(a_s1_2x, t4_79);
+        let t4_81 = t4_34 - al_3z;
+        let t4_82 = p_ixy_3 * t4_78;
         let t4_83 = p_ixz_3.mul_add(t4_81, t4_82);
-        let t4_84 = t4_79.mul_add(p_iyz_3, t4_83);
-        let t4_85 = t4_24.mul_add(t4_78, t4_84);
-        let t4_86 = p_ixx_3.mul_add(al_3x, t4_85);
-        let t4_87 = p_mz_3.mul_add(a_3y, t4_86);
-        let t4_88 = p_my_3.mul_add(a_3z, t4_87);
-        let t4_89 = sin_s1_2 * t4_77;
-        let t4_90 = (-cos_s1_2).mul_add(t4_88, t4_89);
-        let t4_91 = sin_s1_3 * t4_75;
-        let t4_92 = cos_s1_3.mul_add(t4_64, t4_91);
-        let t4_93 = sin_s1_2 * t4_43;
-        let t4_94 = (-cos_s1_2).mul_add(t4_53, t4_93);
-        let t4_95 = sin_s1_3 * t4_41;
-        let t4_96 = cos_s1_3.mul_add(t4_31, t4_95);
-        let t4_97 = p_m_2 * a_2x;
-        let t4_98 = p_mz_2.mul_add(al_1z, t4_97);
-        let t4_99 = (-t2_1).mul_add(p_mx_2, t4_98);
-        let t4_100 = sin_s1_1.mul_add(t4_96, t4_99);
-        let t4_101 = (-cos_s1_1).mul_add(t4_94, t4_100);
-        let t4_102 = p_izz_1 + p_iyy_2;
-        let t4_103 = al_1z * t4_102;
-        let t4_104 = q2.mul_add(t4_101, t4_103);
-        let t4_105 = a_2z.mul_add(p_mx_2, t4_104);
-        let t4_106 = p_mz_2.mul_add(a_2x, t4_105);
-        let t4_107 = (-cos_s1_1).mul_add(t4_92, t4_106);
-        let t4_108 = (-sin_s1_1).mul_add(t4_90, t4_107);
-        let t4_109 = -sin_q1;
-        let t4_110 = like.lift(0.5) * sin_q6;
-        let t4_111 = -t4_110;
-        let t4_112 = -cos_q6;
-        let t4_113 = like.lift(0.8660254037844386) * sin_q6;
-        let t4_114 = like.lift(0.5) * sin_q8;
+        let t4_84 = t4_61.mul_add(p_iyz_3, t4_83);
+        let t4_85 = p_iyy_3 - p_izz_3;
+        let t4_86 = t4_32.mul_add(t4_85, t4_84);
+        let t4_87 = p_ixx_3.mul_add(al_3x, t4_86);
+        let t4_88 = p_mz_3.mul_add(a_3y, t4_87);
+        let t4_89 = (-p_mx_3).mul_add(a_3y, t4_80);
+        let t4_90 = p_my_3.mul_add(a_3z, t4_88);
+        let t4_91 = sin_s1_3 * t4_70;
+        let t4_92 = sin_s1_3 * t4_89;
+        let t4_93 = (-cos_s1_3).mul_add(t4_89, t4_91);
+        let t4_94 = cos_s1_3.mul_add(t4_70, t4_92);
+        let t4_95 = sin_s1_2 * t4_93;
+        let t4_96 = (-cos_s1_2).mul_add(t4_90, t4_95);
+        let t4_97 = sin_s1_2 * t4_90;
+        let t4_98 = cos_s1_2.mul_add(t4_93, t4_97);
+        let t4_99 = sin_s1_2 * t4_48;
+        let t4_100 = (-cos_s1_2).mul_add(t4_57, t4_99);
+        let t4_101 = p_m_2 * a_2x;
+        let t4_102 = p_mz_2.mul_add(al_1z, t4_101);
+        let t4_103 = (-t2_1).mul_add(p_mx_2, t4_102);
+        let t4_104 = sin_s1_1.mul_add(t4_50, t4_103);
+        let t4_105 = (-cos_s1_1).mul_add(t4_100, t4_104);
+        let t4_106 = p_izz_1 + p_iyy_2;
+        let t4_107 = al_1z * t4_106;
+        let t4_108 = q2.mul_add(t4_105, t4_107);
+        let t4_109 = a_2z.mul_add(p_mx_2, t4_108);
+        let t4_110 = p_mz_2.mul_add(a_2x, t4_109);
+        let t4_111 = (-cos_s1_1).mul_add(t4_94, t4_110);
+        let t4_112 = (-sin_s1_1).mul_add(t4_96, t4_111);
+        let t4_113 = -sin_q1;
+        let t4_114 = like.lift(0.5) * sin_q6;
         let t4_115 = -t4_114;
-        let t4_116 = -cos_q8;
-        let t4_117 = like.lift(0.8660254037844386) * sin_q8;
+        let t4_116 = like.lift(0.8660254037844386) * sin_q6;
+        let t4_117 = like.lift(0.5) * sin_q8;
         let t4_118 = -t4_117;
-        let t4_119 = (-cos_q1).mul_add(t2_190, sin_q1);
-        let t4_120 = (-t4_119).mul_add(t2_195, sin_q1);
-        let t4_121 = t4_120.mul_add(t2_212, cos_q1);
-        let t4_122 = t4_119.mul_add(t2_210, t4_121);
-        let t4_123 = t4_122 * inv_pivot_6;
-        let t4_124 = (-t2_205).mul_add(t4_123, t4_120);
-        let t4_125 = inv_pivot_5 * t4_124;
-        let t4_126 = sin_q6.mul_add(t2_207, cos_q6);
-        let t4_127 = t4_126 * inv_pivot_6;
-        let t4_128 = inv_pivot_5 * t2_205;
-        let t4_129 = t4_128 * t4_127;
-        let t4_130 = sin_q8.mul_add(t2_188, cos_q8);
-        let t4_131 = t4_130 * t2_190;
-        let t4_132 = t4_131 * t2_195;
-        let t4_133 = t4_131 * t2_210;
-        let t4_134 = (-t4_132).mul_add(t2_212, t4_133);
-        let t4_135 = t4_134 * inv_pivot_6;
-        let t4_136 = t2_205.mul_add(t4_135, t4_132);
-        let t4_137 = inv_pivot_5 * t4_136;
-        let t4_138 = -t4_137;
-        let t4_139 = (-t2_203).mul_add(t4_123, t4_119);
-        let t4_140 = (-t2_191).mul_add(t4_125, t4_139);
-        let t4_141 = inv_pivot_4 * t4_140;
-        let t4_142 = -t4_141;
-        let t4_143 = t2_191 * t4_129;
-        let t4_144 = (-t2_203).mul_add(t4_127, t4_143);
-        let t4_145 = inv_pivot_4 * t4_144;
-        let t4_146 = (-t2_203).mul_add(t4_135, t4_131);
-        let t4_147 = t2_191.mul_add(t4_137, t4_146);
-        let t4_148 = inv_pivot_4 * t4_147;
-        let t4_149 = -t4_148;
-        let t4_150 = -t4_123;
-        let t4_151 = -t4_135;
-        let t4_152 = (-t2_201).mul_add(t4_123, cos_q1);
-        let t4_153 = (-t2_65).mul_add(t4_125, t4_152);
-        let t4_154 = t2_193.mul_add(t4_141, t4_153);
-        let t4_155 = inv_pivot_3 * t4_154;
-        let t4_156 = -t4_155;
-        let t4_157 = t2_65 * t4_129;
-        let t4_158 = (-t2_201).mul_add(t4_127, t4_157);
-        let t4_159 = t2_193.mul_add(t4_145, t4_158);
-        let t4_160 = inv_pivot_3 * t4_159;
-        let t4_161 = t2_201.mul_add(t4_135, t4_130);
-        let t4_162 = (-t2_65).mul_add(t4_137, t4_161);
-        let t4_163 = (-t2_193).mul_add(t4_148, t4_162);
-        let t4_164 = inv_pivot_3 * t4_163;
-        let t4_165 = t2_37 * t4_123;
-        let t4_166 = t2_34.mul_add(t4_141, t4_165);
-        let t4_167 = t4_166 * t2_233;
-        let t4_168 = (-t2_37).mul_add(t4_127, t4_113);
-        let t4_169 = (-t2_34).mul_add(t4_145, t4_168);
-        let t4_170 = t4_169 * t2_233;
-        let t4_171 = t2_37 * t4_135;
-        let t4_172 = t2_34.mul_add(t4_148, t4_171);
-        let t4_173 = t4_172 * t2_233;
-        let t4_174 = t2_80 * t4_155;
-        let t4_175 = (-t2_78).mul_add(t4_123, t4_174);
-        let t4_176 = (-t2_76).mul_add(t4_141, t4_175);
-        let t4_177 = t4_176 * t3_2;
-        let t4_178 = t2_80 * t4_160;
-        let t4_179 = (-t2_78).mul_add(t4_127, t4_178);
-        let t4_180 = (-t2_76).mul_add(t4_145, t4_179);
-        let t4_181 = t4_180 * t3_2;
+        let t4_119 = like.lift(0.8660254037844386) * sin_q8;
+        let t4_120 = -t4_119;
+        let t4_121 = (-cos_q1).mul_add(t2_195, sin_q1);
+        let t4_122 = (-t4_121).mul_add(t2_204, sin_q1);
+        let t4_123 = t2_193 * t2_195;
+        let t4_124 = t4_123 * t2_204;
+        let t4_125 = t4_122.mul_add(t2_220, cos_q1);
+        let t4_126 = t4_121.mul_add(t2_218, t4_125);
+        let t4_127 = t4_123 * t2_218;
+        let t4_128 = (-t4_124).mul_add(t2_220, t4_127);
+        let t4_129 = t4_126 * inv_pivot_6;
+        let t4_130 = t4_128 * inv_pivot_6;
+        let t4_131 = (-t2_211).mul_add(t4_129, t4_122);
+        let t4_132 = inv_pivot_5 * t4_131;
+        let t4_133 = t2_211.mul_add(t4_130, t4_124);
+        let t4_134 = inv_pivot_5 * t2_211;
+        let t4_135 = inv_pivot_5 * t4_133;
+        let t4_136 = t4_134 * t2_224;
+        let t4_137 = (-t2_209).mul_add(t4_129, t4_121);
+        let t4_138 = (-t2_196).mul_add(t4_132, t4_137);
+        let t4_139 = inv_pivot_4 * t4_138;
+        let t4_140 = (-t2_209).mul_add(t4_130, t4_123);
+        let t4_141 = t2_196.mul_add(t4_135, t4_140);
+        let t4_142 = t2_196 * t4_136;
+        let t4_143 = (-t2_209).mul_add(t2_224, t4_142);
+        let t4_144 = inv_pivot_4 * t4_143;
+        let t4_145 = inv_pivot_4 * t4_141;
+        let t4_146 = t2_192.mul_add(t4_130, t2_193);
+        let t4_147 = (-t2_65).mul_add(t4_135, t4_146);
+        let t4_148 = -t4_135;
+        let t4_149 = (-t2_199).mul_add(t4_145, t4_147);
+        let t4_150 = inv_pivot_3 * t4_149;
+        let t4_151 = (-t2_79).mul_add(t4_130, t4_119);
+        let t4_152 = (-t2_77).mul_add(t4_145, t4_151);
+        let t4_153 = (-t2_81).mul_add(t4_150, t4_152);
+        let t4_154 = t4_153 * t2_190;
+        let t4_155 = -t4_139;
+        let t4_156 = -t4_145;
+        let t4_157 = t2_48 * t4_130;
+        let t4_158 = t2_45.mul_add(t4_145, t4_157);
+        let t4_159 = -t4_130;
+        let t4_160 = t4_158 * t2_213;
+        let t4_161 = -t4_129;
+        let t4_162 = (-t2_192).mul_add(t4_129, cos_q1);
+        let t4_163 = (-t2_65).mul_add(t4_132, t4_162);
+        let t4_164 = t2_199.mul_add(t4_139, t4_163);
+        let t4_165 = inv_pivot_3 * t4_164;
+        let t4_166 = t2_65 * t4_136;
+        let t4_167 = (-t2_192).mul_add(t2_224, t4_166);
+        let t4_168 = t2_199.mul_add(t4_144, t4_167);
+        let t4_169 = inv_pivot_3 * t4_168;
+        let t4_170 = -t4_165;
+        let t4_171 = t2_81 * t4_165;
+        let t4_172 = (-t2_79).mul_add(t4_129, t4_171);
+        let t4_173 = t2_48 * t4_129;
+        let t4_174 = t2_45.mul_add(t4_139, t4_173);
+        let t4_175 = (-t2_77).mul_add(t4_139, t4_172);
+        let t4_176 = t4_174 * t2_213;
+        let t4_177 = t4_175 * t2_190;
+        let t4_178 = t2_81 * t4_169;
+        let t4_179 = (-t2_79).mul_add(t2_224, t4_178);
+        let t4_180 = (-t2_77).mul_add(t4_144, t4_179);
+        let t4_181 = t4_180 * t2_190;
         let t4_182 = -t4_181;
-        let t4_183 = (-t2_78).mul_add(t4_135, t4_117);
-        let t4_184 = (-t2_76).mul_add(t4_148, t4_183);
-        let t4_185 = (-t2_80).mul_add(t4_164, t4_184);
-        let t4_186 = t4_185 * t3_2;
+        let t4_183 = (-t2_48).mul_add(t2_224, t4_116);
+        let t4_184 = (-t2_45).mul_add(t4_144, t4_183);
+        let t4_185 = t4_184 * t2_213;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_82 * like.lift(1.8955297449982944)).abs())
-            .min((t3_5 * like.lift(2.6463477742948585)).abs())
+            .min((t2_83 * like.lift(1.8955297449982944)).abs())
+            .min((t2_197 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t3_6 * like.lift(0.8284577646309275)).abs())
-            .min((t3_7 * like.lift(2.1915406530791146)).abs());
+            .min((t2_207 * like.lift(0.8284577646309275)).abs())
+            .min((t2_223 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_125, t4_129, t4_138], [t4_142, t4_145, t4_149], [t4_150, t4_127, t4_151],
-                [t4_156, t4_160, t4_164], [t4_167, t4_170, t4_173], [t4_177, t4_182, t4_186],
+                [t4_132, t4_136, t4_148], [t4_155, t4_144, t4_156], [t4_161, t2_224, t4_159],
+                [t4_170, t4_169, t4_150], [t4_176, t4_185, t4_160], [t4_177, t4_182, t4_154],
             ],
             margin,
             || (
                 [
-                    [t2_7, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
-                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
-                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_45, t2_50, t2_52, t2_54, like.lift(0.0), t2_57],
-                    [t2_65, t2_66, t2_70, t2_73, like.lift(0.0), t2_74],
-                    [like.lift(0.0), t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
+                    [t2_10, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
+                    [t2_31, t2_13, t2_40, like.lift(0.0), t2_41, like.lift(0.0)],
+                    [like.lift(0.0), t2_45, t2_48, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
+                    [t2_65, t2_68, t2_71, t2_74, like.lift(0.0), t2_75],
+                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
                 ],
                 [
-                    [t4_109, t4_111, like.lift(0.0)], [cos_q1, t4_112, like.lift(0.0)],
-                    [like.lift(0.0), t4_113, like.lift(0.0)], [t4_109, like.lift(0.0), t4_115],
-                    [cos_q1, like.lift(0.0), t4_116], [like.lift(0.0), like.lift(0.0), t4_118],
+                    [t4_113, t4_115, like.lift(0.0)], [cos_q1, t2_216, like.lift(0.0)],
+                    [like.lift(0.0), t4_116, like.lift(0.0)], [t4_113, like.lift(0.0), t4_118],
+                    [cos_q1, like.lift(0.0), t2_194], [like.lift(0.0), like.lift(0.0), t4_120],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t4_43, t4_53, t4_77, t4_88, t4_92, t4_108, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
-            x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
-            x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+            a_5x, a_7x, t4_48, t4_57, t4_90, t4_94, t4_98, t4_112, x_q1_q2, x_q1_q7, x_q1_q9,
+            x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
+            x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // tau
     {
-        let t5_1 = sin_s1_2 * t4_88;
-        let t5_2 = cos_s1_2.mul_add(t4_77, t5_1);
-        let t5_3 = q7 * al_4z;
-        let a_5x = d_q6.mul_add(t2_139, t5_3);
-        let a_5z = q7 * t2_115;
-        let t5_4 = p_m_5 * a_5x;
-        let t5_5 = p_mz_5.mul_add(al_4z, t5_4);
-        let t5_6 = (-t2_115).mul_add(p_mx_5, t5_5);
-        let t5_7 = p_izz_4 + p_iyy_5;
-        let t5_8 = al_4z * t5_7;
-        let t5_9 = q7.mul_add(t5_6, t5_8);
-        let t5_10 = a_5z.mul_add(p_mx_5, t5_9);
-        let t5_11 = p_mz_5.mul_add(a_5x, t5_10);
-        let t5_12 = q9 * al_6z;
-        let a_7x = d_q8.mul_add(t2_172, t5_12);
-        let a_7z = q9 * t2_159;
-        let t5_13 = p_m_7 * a_7x;
-        let t5_14 = p_mz_7.mul_add(al_6z, t5_13);
-        let t5_15 = (-t2_159).mul_add(p_mx_7, t5_14);
-        let t5_16 = p_izz_6 + p_iyy_7;
-        let t5_17 = al_6z * t5_16;
-        let t5_18 = q9.mul_add(t5_15, t5_17);
-        let t5_19 = a_7z.mul_add(p_mx_7, t5_18);
-        let t5_20 = p_mz_7.mul_add(a_7x, t5_19);
-        let t5_21 = t4_92 * x_s1_2_q2;
-        let t5_22 = (-t5_20).mul_add(x_q8_q2, t5_21);
-        let t5_23 = (-t5_11).mul_add(x_q6_q2, t5_22);
-        let t5_24 = (-t4_88).mul_add(x_s1_3_q2, t5_23);
-        let t5_25 = t5_2.mul_add(x_s1_1_q2, t5_24);
-        let t5_26 = (-t4_108).mul_add(x_q1_q2, t5_25);
-        let t5_27 = w_fc_q2_q2.mul_add(p_fc_q2, t5_26);
-        let t5_28 = d_q2.mul_add(p_fv_q2, t5_27);
-        let t5_29 = (-a_2z).mul_add(p_m_2, t5_28);
-        let t5_30 = (-p_mx_2).mul_add(al_1z, t5_29);
-        let t5_31 = (-t2_1).mul_add(p_mz_2, t5_30);
-        let t5_32 = (-sin_s1_2).mul_add(t4_53, t5_31);
-        let t5_33 = (-cos_s1_2).mul_add(t4_43, t5_32);
-        tau[0] = t5_33;
+        let t5_1 = t4_94 * x_s1_2_q2;
+        let a_5z = q7 * t2_124;
+        let t5_2 = p_m_5 * a_5x;
+        let t5_3 = p_mz_5.mul_add(al_4z, t5_2);
+        let t5_4 = (-t2_124).mul_add(p_mx_5, t5_3);
+        let t5_5 = p_izz_4 + p_iyy_5;
+        let t5_6 = al_4z * t5_5;
+        let t5_7 = q7.mul_add(t5_4, t5_6);
+        let t5_8 = a_5z.mul_add(p_mx_5, t5_7);
+        let t5_9 = p_mz_5.mul_add(a_5x, t5_8);
+        let a_7z = q9 * t2_174;
+        let t5_10 = p_m_7 * a_7x;
+        let t5_11 = p_mz_7.mul_add(al_6z, t5_10);
+        let t5_12 = (-t2_174).mul_add(p_mx_7, t5_11);
+        let t5_13 = p_izz_6 + p_iyy_7;
+        let t5_14 = al_6z * t5_13;
+        let t5_15 = q9.mul_add(t5_12, t5_14);
+        let t5_16 = a_7z.mul_add(p_mx_7, t5_15);
+        let t5_17 = p_mz_7.mul_add(a_7x, t5_16);
+        let t5_18 = (-t5_17).mul_add(x_q8_q2, t5_1);
+        let t5_19 = (-t5_9).mul_add(x_q6_q2, t5_18);
+        let t5_20 = (-t4_90).mul_add(x_s1_3_q2, t5_19);
+        let t5_21 = t4_98.mul_add(x_s1_1_q2, t5_20);
+        let t5_22 = (-t4_112).mul_add(x_q1_q2, t5_21);
+        let t5_23 = w_fc_q2_q2.mul_add(p_fc_q2, t5_22);
+        let t5_24 = d_q2.mul_add(p_fv_q2, t5_23);
+        let t5_25 = (-a_2z).mul_add(p_m_2, t5_24);
+        let t5_26 = (-p_mx_2).mul_add(al_1z, t5_25);
+        let t5_27 = (-t2_1).mul_add(p_mz_2, t5_26);
+        let t5_28 = (-sin_s1_2).mul_add(t4_57, t5_27);
+        let t5_29 = (-cos_s1_2).mul_add(t4_48, t5_28);
+        tau[0] = t5_29;
         let w_fc_q7_q7 = d_q7.sign();
-        let t5_34 = w_fc_q7_q7 * p_fc_q7;
-        let t5_35 = (-t5_20).mul_add(x_q8_q7, t5_34);
-        let t5_36 = d_q7.mul_add(p_fv_q7, t5_35);
-        let t5_37 = (-a_5z).mul_add(p_m_5, t5_36);
-        let t5_38 = (-p_mx_5).mul_add(al_4z, t5_37);
-        let t5_39 = (-t2_115).mul_add(p_mz_5, t5_38);
-        let t5_40 = (-t5_11).mul_add(x_q6_q7, t5_39);
-        let t5_41 = (-t4_88).mul_add(x_s1_3_q7, t5_40);
-        let t5_42 = t4_92.mul_add(x_s1_2_q7, t5_41);
-        let t5_43 = t5_2.mul_add(x_s1_1_q7, t5_42);
-        let t5_44 = (-t4_108).mul_add(x_q1_q7, t5_43);
-        tau[1] = t5_44;
+        let t5_30 = w_fc_q7_q7 * p_fc_q7;
+        let t5_31 = (-t5_17).mul_add(x_q8_q7, t5_30);
+        let t5_32 = d_q7.mul_add(p_fv_q7, t5_31);
+        let t5_33 = (-a_5z).mul_add(p_m_5, t5_32);
+        let t5_34 = (-p_mx_5).mul_add(al_4z, t5_33);
+        let t5_35 = (-t2_124).mul_add(p_mz_5, t5_34);
+        let t5_36 = (-t5_9).mul_add(x_q6_q7, t5_35);
+        let t5_37 = (-t4_90).mul_add(x_s1_3_q7, t5_36);
+        let t5_38 = t4_94.mul_add(x_s1_2_q7, t5_37);
+        let t5_39 = t4_98.mul_add(x_s1_1_q7, t5_38);
+        let t5_40 = (-t4_112).mul_add(x_q1_q7, t5_39);
+        tau[1] = t5_40;
         let w_fc_q9_q9 = d_q9.sign();
-        let t5_45 = w_fc_q9_q9 * p_fc_q9;
-        let t5_46 = d_q9.mul_add(p_fv_q9, t5_45);
-        let t5_47 = (-a_7z).mul_add(p_m_7, t5_46);
-        let t5_48 = (-p_mx_7).mul_add(al_6z, t5_47);
-        let t5_49 = (-t2_159).mul_add(p_mz_7, t5_48);
-        let t5_50 = (-t5_20).mul_add(x_q8_q9, t5_49);
-        let t5_51 = (-t5_11).mul_add(x_q6_q9, t5_50);
-        let t5_52 = (-t4_88).mul_add(x_s1_3_q9, t5_51);
-        let t5_53 = t4_92.mul_add(x_s1_2_q9, t5_52);
-        let t5_54 = t5_2.mul_add(x_s1_1_q9, t5_53);
-        let t5_55 = (-t4_108).mul_add(x_q1_q9, t5_54);
-        tau[2] = t5_55;
+        let t5_41 = w_fc_q9_q9 * p_fc_q9;
+        let t5_42 = d_q9.mul_add(p_fv_q9, t5_41);
+        let t5_43 = (-a_7z).mul_add(p_m_7, t5_42);
+        let t5_44 = (-p_mx_7).mul_add(al_6z, t5_43);
+        let t5_45 = (-t2_174).mul_add(p_mz_7, t5_44);
+        let t5_46 = (-t5_17).mul_add(x_q8_q9, t5_45);
+        let t5_47 = (-t5_9).mul_add(x_q6_q9, t5_46);
+        let t5_48 = (-t4_90).mul_add(x_s1_3_q9, t5_47);
+        let t5_49 = t4_94.mul_add(x_s1_2_q9, t5_48);
+        let t5_50 = t4_98.mul_add(x_s1_1_q9, t5_49);
+        let t5_51 = (-t4_112).mul_add(x_q1_q9, t5_50);
+        tau[2] = t5_51;
     }
     (tau, Condition { pivot: condition })
 }
@@ -4064,15 +4142,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
 pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [
-        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, p_iyy_2, _, _, p_mx_2, _, p_mz_2, p_m_2,
-        p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3, p_m_3, _,
-        _, _, _, _, p_izz_4, _, _, _, _, _, _, _, p_iyy_5, _, _, p_mx_5, _, p_mz_5, p_m_5, _,
-        _, _, _, _, p_izz_6, _, _, _, _, _, _, _, p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7, _,
-        _, _, _, _, _, p_j_q2, p_j_q7, p_j_q9,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q6,
@@ -4088,6 +4159,13 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([[T; 3]; 3], Condit
             cos_q6, sin_q8, cos_q8,
         ]
     };
+    let [
+        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, p_iyy_2, _, _, p_mx_2, _, p_mz_2, p_m_2,
+        p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_mz_3, p_m_3, _,
+        _, _, _, _, p_izz_4, _, _, _, _, _, _, _, p_iyy_5, _, _, p_mx_5, _, p_mz_5, p_m_5, _,
+        _, _, _, _, p_izz_6, _, _, _, _, _, _, _, p_iyy_7, _, _, p_mx_7, _, p_mz_7, p_m_7, _,
+        _, _, _, _, _, p_j_q2, p_j_q7, p_j_q9,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
         t2_1, t2_3, t2_5, t2_7, t2_9, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
@@ -4107,232 +4185,232 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([[T; 3]; 3], Condit
         let t2_11 = sin_q1 * cos_s1_1;
         let t2_12 = cos_s1_2 * t2_11;
         let t2_13 = cos_q1.mul_add(sin_s1_2, t2_12);
-        let t2_14 = like.lift(-0.4563).mul_add(t2_13, t2_10);
-        let t2_15 = -t2_14;
+        let t2_14 = cos_q1 * cos_s1_2;
+        let t2_15 = (-sin_s1_2).mul_add(t2_11, t2_14);
+        let t2_16 = sin_s1_3 * t2_15;
+        let t2_17 = like.lift(-0.4563).mul_add(t2_13, t2_10);
+        let t2_18 = -t2_17;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_16 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_17 = cos_q1 * t2_16;
-        let t2_18 = sin_q1 * sin_s1_1;
-        let t2_19 = t2_18 * e_s1_2_q1x;
-        let t2_20 = cos_s1_1.mul_add(t2_13, t2_19);
-        let t2_21 = like.lift(0.4563) * t2_20;
-        let t2_22 = cos_q6 * q7;
-        let t2_23 = like.lift(0.5) * t2_22;
-        let t2_24 = -t2_23;
-        let t2_25 = sin_q1 * q2;
-        let t2_26 = cos_q1 * cos_s1_1;
-        let t2_27 = sin_q1 * sin_s1_2;
-        let t2_28 = (-cos_s1_2).mul_add(t2_26, t2_27);
-        let t2_29 = like.lift(-0.4563).mul_add(t2_28, t2_25);
-        let t2_30 = -t2_29;
-        let t2_31 = sin_q1 * t2_16;
-        let t2_32 = cos_q1 * sin_s1_1;
-        let t2_33 = cos_s1_1 * t2_28;
-        let t2_34 = (-t2_32).mul_add(e_s1_2_q1x, t2_33);
-        let t2_35 = like.lift(0.4563) * t2_34;
-        let t2_36 = -t2_35;
-        let t2_37 = -t2_36;
-        let t2_38 = sin_q6 * q7;
-        let t2_39 = sin_q1 * t2_13;
-        let t2_40 = (-cos_q1).mul_add(t2_28, t2_39);
-        let t2_41 = like.lift(0.4563) * t2_40;
-        let t2_42 = -t2_41;
-        let t2_43 = t2_32 * t2_13;
-        let t2_44 = t2_18.mul_add(t2_28, t2_43);
-        let t2_45 = like.lift(0.4563) * t2_44;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_22;
-        let t2_46 = cos_q1 * cos_s1_2;
-        let t2_47 = (-sin_s1_2).mul_add(t2_11, t2_46);
-        let t2_48 = sin_s1_3 * t2_47;
-        let t2_49 = cos_s1_3.mul_add(t2_18, t2_48);
-        let t2_50 = like.lift(0.22815) * t2_13;
-        let t2_51 = like.lift(-0.39516739174683935).mul_add(t2_49, t2_50);
-        let t2_52 = t2_10 - t2_51;
-        let t2_53 = -t2_52;
-        let t2_54 = sin_s1_3 * sin_s1_1;
-        let t2_55 = t2_54 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_55);
-        let t2_56 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_57 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_56);
-        let t2_58 = cos_q1 * t2_57;
-        let t2_59 = t2_18 * t2_57;
-        let t2_60 = cos_s1_1.mul_add(t2_51, t2_59);
-        let t2_61 = e_s1_2_q1x * t2_51;
-        let t2_62 = (-t2_13).mul_add(t2_57, t2_61);
-        let t2_63 = cos_q8 * q9;
-        let t2_64 = like.lift(0.5) * t2_63;
-        let t2_65 = -t2_64;
-        let t2_66 = sin_s1_2 * t2_26;
-        let t2_67 = sin_q1.mul_add(cos_s1_2, t2_66);
-        let t2_68 = cos_s1_3 * t2_32;
-        let t2_69 = (-sin_s1_3).mul_add(t2_67, t2_68);
-        let t2_70 = like.lift(0.39516739174683935) * t2_69;
-        let t2_71 = like.lift(0.22815) * t2_28;
-        let t2_72 = t2_70 - t2_25;
-        let t2_73 = t2_72 + t2_71;
-        let t2_74 = sin_q1 * t2_57;
-        let t2_75 = t2_71 + t2_70;
-        let t2_76 = t2_32 * t2_57;
-        let t2_77 = (-cos_s1_1).mul_add(t2_75, t2_76);
-        let t2_78 = -t2_77;
-        let t2_79 = t2_28 * t2_57;
-        let t2_80 = (-e_s1_2_q1x).mul_add(t2_75, t2_79);
-        let t2_81 = -t2_80;
-        let t2_82 = sin_q8 * q9;
-        let t2_83 = cos_q1 * t2_75;
-        let t2_84 = (-sin_q1).mul_add(t2_51, t2_83);
-        let t2_85 = t2_32 * t2_51;
-        let t2_86 = t2_18.mul_add(t2_75, t2_85);
-        let t2_87 = t2_13 * t2_75;
-        let t2_88 = (-t2_28).mul_add(t2_51, t2_87);
-        let t2_89 = -t2_88;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_63;
-        let t2_90 = -pivot_2;
-        let t2_91 = -sin_q1;
-        let t2_92 = like.lift(0.5) * sin_q6;
-        let t2_93 = -t2_92;
-        let t2_94 = -cos_q6;
-        let t2_95 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_96 = like.lift(0.5) * sin_q8;
-        let t2_97 = -t2_96;
-        let t2_98 = -cos_q8;
-        let t2_99 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_100 = -t2_99;
-        let t2_101 = like.lift(0.5773502691896257).mul_add(t2_88, t2_62);
-        let t2_102 = like.lift(1.0) / t2_63;
-        let t2_103 = t2_82 * t2_102;
-        let t2_104 = like.lift(1.1547005383792515) * t2_103;
-        let pivot_3 = t2_88.mul_add(t2_104, t2_80);
+        let t2_19 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_20 = cos_q1 * t2_19;
+        let t2_21 = sin_q1 * t2_19;
+        let t2_22 = sin_q1 * sin_s1_1;
+        let t2_23 = cos_s1_3.mul_add(t2_22, t2_16);
+        let t2_24 = like.lift(0.22815) * t2_13;
+        let t2_25 = like.lift(-0.39516739174683935).mul_add(t2_23, t2_24);
+        let t2_26 = t2_10 - t2_25;
+        let t2_27 = t2_22 * e_s1_2_q1x;
+        let t2_28 = cos_s1_1.mul_add(t2_13, t2_27);
+        let t2_29 = like.lift(0.4563) * t2_28;
+        let t2_30 = cos_q6 * q7;
+        let t2_31 = like.lift(0.5) * t2_30;
+        let t2_32 = -t2_31;
+        let t2_33 = sin_q1 * q2;
+        let t2_34 = cos_q1 * cos_s1_1;
+        let t2_35 = sin_q1 * sin_s1_2;
+        let t2_36 = (-cos_s1_2).mul_add(t2_34, t2_35);
+        let t2_37 = sin_s1_2 * t2_34;
+        let t2_38 = sin_q1.mul_add(cos_s1_2, t2_37);
+        let t2_39 = like.lift(-0.4563).mul_add(t2_36, t2_33);
+        let t2_40 = -t2_39;
+        let t2_41 = cos_q1 * sin_s1_1;
+        let t2_42 = cos_s1_3 * t2_41;
+        let t2_43 = (-sin_s1_3).mul_add(t2_38, t2_42);
+        let t2_44 = like.lift(0.39516739174683935) * t2_43;
+        let t2_45 = t2_44 - t2_33;
+        let t2_46 = cos_s1_1 * t2_36;
+        let t2_47 = (-t2_41).mul_add(e_s1_2_q1x, t2_46);
+        let t2_48 = like.lift(0.4563) * t2_47;
+        let t2_49 = -t2_48;
+        let t2_50 = -t2_49;
+        let t2_51 = sin_q6 * q7;
+        let t2_52 = sin_q1 * t2_13;
+        let t2_53 = (-cos_q1).mul_add(t2_36, t2_52);
+        let t2_54 = like.lift(0.4563) * t2_53;
+        let t2_55 = -t2_54;
+        let t2_56 = t2_41 * t2_13;
+        let t2_57 = t2_22.mul_add(t2_36, t2_56);
+        let t2_58 = like.lift(0.4563) * t2_57;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_30;
+        let t2_59 = like.lift(1.0) / t2_30;
+        let t2_60 = -t2_26;
+        let t2_61 = sin_s1_3 * sin_s1_1;
+        let t2_62 = t2_61 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_62);
+        let t2_63 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_64 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_63);
+        let t2_65 = cos_q1 * t2_64;
+        let t2_66 = t2_22 * t2_64;
+        let t2_67 = cos_s1_1.mul_add(t2_25, t2_66);
+        let t2_68 = e_s1_2_q1x * t2_25;
+        let t2_69 = (-t2_13).mul_add(t2_64, t2_68);
+        let t2_70 = cos_q8 * q9;
+        let t2_71 = like.lift(0.5) * t2_70;
+        let t2_72 = -t2_71;
+        let t2_73 = like.lift(0.22815) * t2_36;
+        let t2_74 = t2_45 + t2_73;
+        let t2_75 = t2_73 + t2_44;
+        let t2_76 = t2_13 * t2_75;
+        let t2_77 = (-t2_36).mul_add(t2_25, t2_76);
+        let t2_78 = t2_36 * t2_64;
+        let t2_79 = (-e_s1_2_q1x).mul_add(t2_75, t2_78);
+        let t2_80 = t2_41 * t2_25;
+        let t2_81 = t2_22.mul_add(t2_75, t2_80);
+        let t2_82 = t2_41 * t2_64;
+        let t2_83 = sin_q1 * t2_64;
+        let t2_84 = (-cos_s1_1).mul_add(t2_75, t2_82);
+        let t2_85 = cos_q1 * t2_75;
+        let t2_86 = (-sin_q1).mul_add(t2_25, t2_85);
+        let t2_87 = -t2_84;
+        let t2_88 = -t2_79;
+        let t2_89 = sin_q8 * q9;
+        let t2_90 = -t2_77;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_70;
+        let t2_91 = -pivot_2;
+        let t2_92 = like.lift(1.0) / t2_70;
+        let t2_93 = -sin_q1;
+        let t2_94 = like.lift(0.5) * sin_q6;
+        let t2_95 = -t2_94;
+        let t2_96 = -cos_q6;
+        let t2_97 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_98 = t2_51 * t2_59;
+        let t2_99 = sin_q6.mul_add(t2_98, cos_q6);
+        let t2_100 = like.lift(1.1547005383792515) * t2_98;
+        let t2_101 = like.lift(1.1547005383792515) * t2_59;
+        let t2_102 = like.lift(0.5) * sin_q8;
+        let t2_103 = -t2_102;
+        let t2_104 = -cos_q8;
+        let t2_105 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_106 = t2_89 * t2_92;
+        let t2_107 = sin_q8.mul_add(t2_106, cos_q8);
+        let t2_108 = like.lift(1.1547005383792515) * t2_106;
+        let pivot_3 = t2_77.mul_add(t2_108, t2_79);
+        let t2_109 = (-t2_81).mul_add(t2_108, t2_84);
+        let t2_110 = t2_86.mul_add(t2_108, t2_83);
+        let t2_111 = like.lift(1.1547005383792515) * t2_92;
+        let t2_112 = -t2_105;
+        let t2_113 = like.lift(0.5773502691896257).mul_add(t2_77, t2_69);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_105 = t2_101 * inv_pivot_3;
-        let t2_106 = (-t2_73).mul_add(t2_105, t2_52);
-        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_42, t2_17);
-        let t2_108 = t2_84.mul_add(t2_104, t2_74);
-        let t2_109 = t2_108.mul_add(t2_105, t2_58);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_84, t2_109);
+        let t2_114 = t2_113 * inv_pivot_3;
+        let t2_115 = (-t2_74).mul_add(t2_114, t2_26);
+        let t2_116 = -pivot_3;
+        let t2_117 = like.lift(0.5773502691896257).mul_add(t2_55, t2_20);
+        let t2_118 = t2_110.mul_add(t2_114, t2_65);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_86, t2_118);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_110 = t2_107 * inv_pivot_4;
-        let pivot_5 = (-t2_106).mul_add(t2_110, t2_14);
+        let t2_119 = t2_117 * inv_pivot_4;
+        let pivot_5 = (-t2_115).mul_add(t2_119, t2_17);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_111 = (-cos_q1).mul_add(t2_105, sin_q1);
-        let t2_112 = (-t2_111).mul_add(t2_110, sin_q1);
-        let t2_113 = (-t2_86).mul_add(t2_104, t2_77);
-        let t2_114 = (-t2_113).mul_add(t2_105, t2_60);
-        let t2_115 = like.lift(-0.5773502691896257).mul_add(t2_86, t2_114);
-        let t2_116 = (-t2_115).mul_add(t2_110, t2_21);
-        let t2_117 = like.lift(0.5773502691896257).mul_add(t2_45, t2_116);
-        let t2_118 = like.lift(1.0) / t2_22;
-        let t2_119 = t2_38 * t2_118;
-        let t2_120 = like.lift(1.1547005383792515) * t2_119;
-        let t2_121 = (-t2_42).mul_add(t2_120, t2_31);
-        let t2_122 = t2_121 * inv_pivot_4;
-        let t2_123 = (-t2_106).mul_add(t2_122, t2_29);
-        let t2_124 = t2_123 * inv_pivot_5;
-        let t2_125 = t2_112.mul_add(t2_124, cos_q1);
-        let t2_126 = t2_111.mul_add(t2_122, t2_125);
-        let t2_127 = t2_117.mul_add(t2_124, t2_36);
-        let t2_128 = t2_115.mul_add(t2_122, t2_127);
-        let pivot_6 = t2_45.mul_add(t2_120, t2_128);
+        let t2_120 = -pivot_5;
+        let t2_121 = (-cos_q1).mul_add(t2_114, sin_q1);
+        let t2_122 = (-t2_121).mul_add(t2_119, sin_q1);
+        let t2_123 = (-t2_109).mul_add(t2_114, t2_67);
+        let t2_124 = like.lift(-0.5773502691896257).mul_add(t2_81, t2_123);
+        let t2_125 = t2_107 * t2_114;
+        let t2_126 = (-t2_124).mul_add(t2_119, t2_29);
+        let t2_127 = like.lift(0.5773502691896257).mul_add(t2_58, t2_126);
+        let t2_128 = t2_125 * t2_119;
+        let t2_129 = (-t2_55).mul_add(t2_100, t2_21);
+        let t2_130 = t2_129 * inv_pivot_4;
+        let t2_131 = (-t2_115).mul_add(t2_130, t2_39);
+        let t2_132 = t2_131 * inv_pivot_5;
+        let t2_133 = t2_127.mul_add(t2_132, t2_49);
+        let t2_134 = t2_124.mul_add(t2_130, t2_133);
+        let pivot_6 = t2_58.mul_add(t2_100, t2_134);
+        let t2_135 = t2_122.mul_add(t2_132, cos_q1);
+        let t2_136 = t2_121.mul_add(t2_130, t2_135);
+        let t2_137 = t2_125 * t2_130;
+        let t2_138 = (-t2_128).mul_add(t2_132, t2_137);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_129 = t2_126 * inv_pivot_6;
-        let t2_130 = (-t2_117).mul_add(t2_129, t2_112);
-        let t2_131 = inv_pivot_5 * t2_130;
-        let t2_132 = sin_q6.mul_add(t2_119, cos_q6);
-        let t2_133 = t2_132 * inv_pivot_6;
-        let t2_134 = inv_pivot_5 * t2_117;
-        let t2_135 = t2_134 * t2_133;
-        let t2_136 = sin_q8.mul_add(t2_103, cos_q8);
-        let t2_137 = t2_136 * t2_105;
-        let t2_138 = t2_137 * t2_110;
-        let t2_139 = t2_137 * t2_122;
-        let t2_140 = (-t2_138).mul_add(t2_124, t2_139);
-        let t2_141 = t2_140 * inv_pivot_6;
-        let t2_142 = t2_117.mul_add(t2_141, t2_138);
-        let t2_143 = inv_pivot_5 * t2_142;
-        let t2_144 = -t2_143;
-        let t2_145 = (-t2_115).mul_add(t2_129, t2_111);
-        let t2_146 = (-t2_106).mul_add(t2_131, t2_145);
-        let t2_147 = inv_pivot_4 * t2_146;
-        let t2_148 = -t2_147;
-        let t2_149 = t2_106 * t2_135;
-        let t2_150 = (-t2_115).mul_add(t2_133, t2_149);
-        let t2_151 = inv_pivot_4 * t2_150;
-        let t2_152 = (-t2_115).mul_add(t2_141, t2_137);
-        let t2_153 = t2_106.mul_add(t2_143, t2_152);
-        let t2_154 = inv_pivot_4 * t2_153;
-        let t2_155 = -t2_154;
-        let t2_156 = -t2_129;
-        let t2_157 = -t2_141;
-        let t2_158 = (-t2_113).mul_add(t2_129, cos_q1);
-        let t2_159 = (-t2_73).mul_add(t2_131, t2_158);
-        let t2_160 = t2_108.mul_add(t2_147, t2_159);
+        let t2_139 = t2_136 * inv_pivot_6;
+        let t2_140 = (-t2_127).mul_add(t2_139, t2_122);
+        let t2_141 = inv_pivot_5 * t2_140;
+        let t2_142 = t2_99 * inv_pivot_6;
+        let t2_143 = t2_138 * inv_pivot_6;
+        let t2_144 = t2_127.mul_add(t2_143, t2_128);
+        let t2_145 = inv_pivot_5 * t2_127;
+        let t2_146 = inv_pivot_5 * t2_144;
+        let t2_147 = t2_145 * t2_142;
+        let t2_148 = (-t2_124).mul_add(t2_139, t2_121);
+        let t2_149 = (-t2_115).mul_add(t2_141, t2_148);
+        let t2_150 = inv_pivot_4 * t2_149;
+        let t2_151 = (-t2_124).mul_add(t2_143, t2_125);
+        let t2_152 = t2_115.mul_add(t2_146, t2_151);
+        let t2_153 = t2_115 * t2_147;
+        let t2_154 = (-t2_124).mul_add(t2_142, t2_153);
+        let t2_155 = inv_pivot_4 * t2_154;
+        let t2_156 = inv_pivot_4 * t2_152;
+        let t2_157 = t2_109.mul_add(t2_143, t2_107);
+        let t2_158 = (-t2_74).mul_add(t2_146, t2_157);
+        let t2_159 = -t2_146;
+        let t2_160 = (-t2_110).mul_add(t2_156, t2_158);
         let t2_161 = inv_pivot_3 * t2_160;
-        let t2_162 = -t2_161;
-        let t2_163 = t2_73 * t2_135;
-        let t2_164 = (-t2_113).mul_add(t2_133, t2_163);
-        let t2_165 = t2_108.mul_add(t2_151, t2_164);
-        let t2_166 = inv_pivot_3 * t2_165;
-        let t2_167 = t2_113.mul_add(t2_141, t2_136);
-        let t2_168 = (-t2_73).mul_add(t2_143, t2_167);
-        let t2_169 = (-t2_108).mul_add(t2_154, t2_168);
-        let t2_170 = inv_pivot_3 * t2_169;
-        let t2_171 = t2_45 * t2_129;
-        let t2_172 = t2_42.mul_add(t2_147, t2_171);
-        let t2_173 = like.lift(1.1547005383792515) * t2_118;
-        let t2_174 = t2_172 * t2_173;
-        let t2_175 = (-t2_45).mul_add(t2_133, t2_95);
-        let t2_176 = (-t2_42).mul_add(t2_151, t2_175);
-        let t2_177 = t2_176 * t2_173;
-        let t2_178 = t2_45 * t2_141;
-        let t2_179 = t2_42.mul_add(t2_154, t2_178);
-        let t2_180 = t2_179 * t2_173;
-        let t2_181 = t2_88 * t2_161;
-        let t2_182 = (-t2_86).mul_add(t2_129, t2_181);
-        let t2_183 = (-t2_84).mul_add(t2_147, t2_182);
-        let t2_184 = like.lift(1.1547005383792515) * t2_102;
-        let t2_185 = t2_183 * t2_184;
-        let t2_186 = t2_88 * t2_166;
-        let t2_187 = (-t2_86).mul_add(t2_133, t2_186);
-        let t2_188 = (-t2_84).mul_add(t2_151, t2_187);
-        let t2_189 = t2_188 * t2_184;
-        let t2_190 = -t2_189;
-        let t2_191 = (-t2_86).mul_add(t2_141, t2_99);
-        let t2_192 = (-t2_84).mul_add(t2_154, t2_191);
-        let t2_193 = (-t2_88).mul_add(t2_170, t2_192);
-        let t2_194 = t2_193 * t2_184;
-        let t2_195 = -pivot_3;
-        let t2_196 = -pivot_5;
-        let t2_197 = -pivot_6;
+        let t2_162 = (-t2_81).mul_add(t2_143, t2_105);
+        let t2_163 = (-t2_86).mul_add(t2_156, t2_162);
+        let t2_164 = (-t2_77).mul_add(t2_161, t2_163);
+        let t2_165 = t2_164 * t2_111;
+        let t2_166 = -pivot_6;
+        let t2_167 = -t2_150;
+        let t2_168 = -t2_156;
+        let t2_169 = t2_58 * t2_143;
+        let t2_170 = t2_55.mul_add(t2_156, t2_169);
+        let t2_171 = -t2_143;
+        let t2_172 = t2_170 * t2_101;
+        let t2_173 = -t2_139;
+        let t2_174 = (-t2_109).mul_add(t2_139, cos_q1);
+        let t2_175 = (-t2_74).mul_add(t2_141, t2_174);
+        let t2_176 = t2_110.mul_add(t2_150, t2_175);
+        let t2_177 = inv_pivot_3 * t2_176;
+        let t2_178 = t2_74 * t2_147;
+        let t2_179 = (-t2_109).mul_add(t2_142, t2_178);
+        let t2_180 = t2_110.mul_add(t2_155, t2_179);
+        let t2_181 = inv_pivot_3 * t2_180;
+        let t2_182 = -t2_177;
+        let t2_183 = t2_77 * t2_177;
+        let t2_184 = (-t2_81).mul_add(t2_139, t2_183);
+        let t2_185 = t2_58 * t2_139;
+        let t2_186 = t2_55.mul_add(t2_150, t2_185);
+        let t2_187 = (-t2_86).mul_add(t2_150, t2_184);
+        let t2_188 = t2_186 * t2_101;
+        let t2_189 = t2_187 * t2_111;
+        let t2_190 = t2_77 * t2_181;
+        let t2_191 = (-t2_81).mul_add(t2_142, t2_190);
+        let t2_192 = (-t2_86).mul_add(t2_155, t2_191);
+        let t2_193 = t2_192 * t2_111;
+        let t2_194 = -t2_193;
+        let t2_195 = (-t2_58).mul_add(t2_142, t2_97);
+        let t2_196 = (-t2_55).mul_add(t2_155, t2_195);
+        let t2_197 = t2_196 * t2_101;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_90 * like.lift(1.8955297449982944)).abs())
-            .min((t2_195 * like.lift(2.6463477742948585)).abs())
+            .min((t2_91 * like.lift(1.8955297449982944)).abs())
+            .min((t2_116 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_196 * like.lift(0.8284577646309275)).abs())
-            .min((t2_197 * like.lift(2.1915406530791146)).abs());
+            .min((t2_120 * like.lift(0.8284577646309275)).abs())
+            .min((t2_166 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_131, t2_135, t2_144], [t2_148, t2_151, t2_155], [t2_156, t2_133, t2_157],
-                [t2_162, t2_166, t2_170], [t2_174, t2_177, t2_180], [t2_185, t2_190, t2_194],
+                [t2_141, t2_147, t2_159], [t2_167, t2_155, t2_168], [t2_173, t2_142, t2_171],
+                [t2_182, t2_181, t2_161], [t2_188, t2_197, t2_172], [t2_189, t2_194, t2_165],
             ],
             margin,
             || (
                 [
-                    [t2_15, t2_17, t2_21, like.lift(0.0), t2_24, like.lift(0.0)],
-                    [t2_30, t2_31, t2_37, like.lift(0.0), t2_38, like.lift(0.0)],
-                    [like.lift(0.0), t2_42, t2_45, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_53, t2_58, t2_60, t2_62, like.lift(0.0), t2_65],
-                    [t2_73, t2_74, t2_78, t2_81, like.lift(0.0), t2_82],
-                    [like.lift(0.0), t2_84, t2_86, t2_89, like.lift(0.0), t2_90],
+                    [t2_18, t2_20, t2_29, like.lift(0.0), t2_32, like.lift(0.0)],
+                    [t2_40, t2_21, t2_50, like.lift(0.0), t2_51, like.lift(0.0)],
+                    [like.lift(0.0), t2_55, t2_58, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_60, t2_65, t2_67, t2_69, like.lift(0.0), t2_72],
+                    [t2_74, t2_83, t2_87, t2_88, like.lift(0.0), t2_89],
+                    [like.lift(0.0), t2_86, t2_81, t2_90, like.lift(0.0), t2_91],
                 ],
                 [
-                    [t2_91, t2_93, like.lift(0.0)], [cos_q1, t2_94, like.lift(0.0)],
-                    [like.lift(0.0), t2_95, like.lift(0.0)], [t2_91, like.lift(0.0), t2_97],
-                    [cos_q1, like.lift(0.0), t2_98], [like.lift(0.0), like.lift(0.0), t2_100],
+                    [t2_93, t2_95, like.lift(0.0)], [cos_q1, t2_96, like.lift(0.0)],
+                    [like.lift(0.0), t2_97, like.lift(0.0)], [t2_93, like.lift(0.0), t2_103],
+                    [cos_q1, like.lift(0.0), t2_104], [like.lift(0.0), like.lift(0.0), t2_112],
                 ],
             ),
         );
@@ -4346,179 +4424,182 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([[T; 3]; 3], Condit
     // M
     {
         let t3_1 = cos_s1_2 * t2_7;
-        let t3_2 = cos_s1_3 * p_ixz_3;
-        let t3_3 = sin_s1_3.mul_add(p_ixy_3, t3_2);
-        let t3_4 = cos_s1_2 * t3_3;
-        let t3_5 = cos_s1_3 * p_iyz_3;
-        let t3_6 = sin_s1_3.mul_add(p_iyy_3, t3_5);
-        let t3_7 = sin_s1_3 * p_iyz_3;
-        let t3_8 = cos_s1_3.mul_add(p_izz_3, t3_7);
-        let t3_9 = cos_s1_3 * t3_8;
-        let t3_10 = sin_s1_3.mul_add(t3_6, t3_9);
-        let t3_11 = sin_s1_2.mul_add(t3_10, t3_4);
-        let t3_12 = sin_s1_2 * t3_3;
-        let t3_13 = cos_s1_2.mul_add(p_ixx_3, t3_12);
-        let t3_14 = cos_s1_2 * t3_13;
-        let t3_15 = sin_s1_2.mul_add(t3_11, t3_14);
-        let t3_16 = cos_s1_3.mul_add(p_iyy_3, -t3_7);
-        let t3_17 = (-sin_s1_3).mul_add(p_izz_3, t3_5);
-        let t3_18 = cos_s1_3 * t3_17;
-        let t3_19 = sin_s1_3.mul_add(t3_16, t3_18);
-        let t3_20 = cos_s1_3 * p_ixy_3;
-        let t3_21 = (-sin_s1_3).mul_add(p_ixz_3, t3_20);
-        let t3_22 = cos_s1_2 * t3_21;
-        let t3_23 = sin_s1_2.mul_add(t3_19, t3_22);
-        let t3_24 = cos_s1_1 * t3_23;
-        let t3_25 = sin_s1_1.mul_add(t3_15, t3_24);
-        let t3_26 = cos_s1_3 * t3_16;
-        let t3_27 = (-sin_s1_3).mul_add(t3_17, t3_26);
-        let t3_28 = cos_s1_1 * t3_27;
-        let t3_29 = sin_s1_1.mul_add(t3_23, t3_28);
-        let t3_30 = cos_s1_2 * t2_3;
-        let t3_31 = (-sin_s1_2).mul_add(p_mx_3, t3_30);
-        let t3_32 = p_mz_2 + t3_31;
-        let t3_33 = q2.mul_add(t2_1, t3_32);
-        let t3_34 = t3_32 + t3_33;
-        let t3_35 = p_izz_1 + p_iyy_2;
-        let t3_36 = cos_s1_1.mul_add(t3_29, t3_35);
-        let t3_37 = sin_s1_1.mul_add(t3_25, t3_36);
-        let t3_38 = q2.mul_add(t3_34, t3_37);
-        let t3_39 = cos_s1_2 * t3_11;
-        let t3_40 = (-sin_s1_2).mul_add(t3_13, t3_39);
-        let t3_41 = cos_s1_2 * t3_19;
-        let t3_42 = (-sin_s1_2).mul_add(t3_21, t3_41);
-        let t3_43 = cos_s1_1 * t2_7;
-        let t3_44 = sin_s1_1.mul_add(t2_5, t3_43);
-        let t3_45 = cos_s1_1 * t3_42;
-        let t3_46 = (-q2).mul_add(t3_44, t3_45);
-        let t3_47 = sin_s1_1.mul_add(t3_40, t3_46);
-        let t3_48 = q2 * cos_s1_1;
-        let t3_49 = t3_48.mul_add(t3_31, t3_29);
-        let t3_50 = sin_s1_1 * t2_3;
-        let t3_51 = sin_s1_2.mul_add(t3_43, t3_50);
-        let t3_52 = q2 * t3_51;
-        let t3_53 = cos_s1_1.mul_add(t3_21, t3_52);
-        let t3_54 = sin_s1_1.mul_add(t3_13, t3_53);
-        let t3_55 = t3_54.mul_add(x_s1_3_q2, t2_9);
-        let t3_56 = t3_49.mul_add(x_s1_2_q2, t3_55);
-        let t3_57 = t3_47.mul_add(x_s1_1_q2, t3_56);
-        let t3_58 = t3_38.mul_add(x_q1_q2, t3_57);
-        let t3_59 = (-cos_s1_2).mul_add(t3_10, t3_12);
-        let t3_60 = (-sin_s1_2).mul_add(p_ixx_3, t3_4);
-        let t3_61 = sin_s1_2 * t3_60;
-        let t3_62 = cos_s1_2.mul_add(t3_59, t3_61);
-        let t3_63 = t3_60 * x_s1_3_q2;
-        let t3_64 = t3_42.mul_add(x_s1_2_q2, t3_63);
-        let t3_65 = (-t3_62).mul_add(x_s1_1_q2, t3_64);
-        let t3_66 = t3_47.mul_add(x_q1_q2, t3_65);
-        let t3_67 = t3_21.mul_add(x_s1_3_q2, t2_5);
-        let t3_68 = t3_27.mul_add(x_s1_2_q2, t3_67);
-        let t3_69 = t3_42.mul_add(x_s1_1_q2, t3_68);
-        let t3_70 = t3_49.mul_add(x_q1_q2, t3_69);
-        let t3_71 = (-p_ixx_3).mul_add(x_s1_3_q2, t3_1);
-        let t3_72 = (-t3_21).mul_add(x_s1_2_q2, t3_71);
-        let t3_73 = (-t3_60).mul_add(x_s1_1_q2, t3_72);
-        let t3_74 = (-t3_54).mul_add(x_q1_q2, t3_73);
-        let t3_75 = q7.mul_add(p_m_5, p_mz_5);
-        let t3_76 = p_mz_5 + t3_75;
-        let t3_77 = p_izz_4 + p_iyy_5;
-        let t3_78 = q7.mul_add(t3_76, t3_77);
-        let t3_79 = q9.mul_add(p_m_7, p_mz_7);
-        let t3_80 = p_mz_7 + t3_79;
-        let t3_81 = p_izz_6 + p_iyy_7;
-        let t3_82 = q9.mul_add(t3_80, t3_81);
-        let t3_83 = t3_58 + t2_9;
-        let t3_84 = t3_70 + t2_5;
-        let t3_85 = t3_74 + t3_1;
-        let t3_86 = x_q8_q2 * t3_82;
+        let t3_2 = cos_s1_1 * t2_7;
+        let t3_3 = cos_s1_3 * p_ixz_3;
+        let t3_4 = sin_s1_3.mul_add(p_ixy_3, t3_3);
+        let t3_5 = cos_s1_2 * t3_4;
+        let t3_6 = sin_s1_2 * t3_4;
+        let t3_7 = cos_s1_3 * p_iyz_3;
+        let t3_8 = sin_s1_3.mul_add(p_iyy_3, t3_7);
+        let t3_9 = (-sin_s1_3).mul_add(p_izz_3, t3_7);
+        let t3_10 = sin_s1_3 * p_iyz_3;
+        let t3_11 = cos_s1_3.mul_add(p_izz_3, t3_10);
+        let t3_12 = cos_s1_3 * t3_11;
+        let t3_13 = sin_s1_3.mul_add(t3_8, t3_12);
+        let t3_14 = cos_s1_3.mul_add(p_iyy_3, -t3_10);
+        let t3_15 = sin_s1_2.mul_add(t3_13, t3_5);
+        let t3_16 = (-cos_s1_2).mul_add(t3_13, t3_6);
+        let t3_17 = cos_s1_2.mul_add(p_ixx_3, t3_6);
+        let t3_18 = (-sin_s1_2).mul_add(p_ixx_3, t3_5);
+        let t3_19 = sin_s1_2 * t3_18;
+        let t3_20 = cos_s1_2.mul_add(t3_16, t3_19);
+        let t3_21 = cos_s1_2 * t3_17;
+        let t3_22 = sin_s1_2.mul_add(t3_15, t3_21);
+        let t3_23 = cos_s1_2 * t3_15;
+        let t3_24 = (-sin_s1_2).mul_add(t3_17, t3_23);
+        let t3_25 = cos_s1_3 * t3_9;
+        let t3_26 = sin_s1_3.mul_add(t3_14, t3_25);
+        let t3_27 = cos_s1_3 * t3_14;
+        let t3_28 = (-sin_s1_3).mul_add(t3_9, t3_27);
+        let t3_29 = cos_s1_3 * p_ixy_3;
+        let t3_30 = (-sin_s1_3).mul_add(p_ixz_3, t3_29);
+        let t3_31 = cos_s1_2 * t3_30;
+        let t3_32 = sin_s1_2.mul_add(t3_26, t3_31);
+        let t3_33 = cos_s1_2 * t3_26;
+        let t3_34 = cos_s1_2 * t2_3;
+        let t3_35 = (-sin_s1_2).mul_add(p_mx_3, t3_34);
+        let t3_36 = (-sin_s1_2).mul_add(t3_30, t3_33);
+        let t3_37 = sin_s1_1 * t2_3;
+        let t3_38 = sin_s1_2.mul_add(t3_2, t3_37);
+        let t3_39 = sin_s1_1.mul_add(t2_5, t3_2);
+        let t3_40 = q2 * t3_38;
+        let t3_41 = cos_s1_1.mul_add(t3_30, t3_40);
+        let t3_42 = sin_s1_1.mul_add(t3_17, t3_41);
+        let t3_43 = cos_s1_1 * t3_32;
+        let t3_44 = sin_s1_1.mul_add(t3_22, t3_43);
+        let t3_45 = cos_s1_1 * t3_28;
+        let t3_46 = sin_s1_1.mul_add(t3_32, t3_45);
+        let t3_47 = cos_s1_1 * t3_36;
+        let t3_48 = (-q2).mul_add(t3_39, t3_47);
+        let t3_49 = sin_s1_1.mul_add(t3_24, t3_48);
+        let t3_50 = p_mz_2 + t3_35;
+        let t3_51 = q2.mul_add(t2_1, t3_50);
+        let t3_52 = t3_50 + t3_51;
+        let t3_53 = q2 * cos_s1_1;
+        let t3_54 = t3_53.mul_add(t3_35, t3_46);
+        let t3_55 = p_izz_1 + p_iyy_2;
+        let t3_56 = cos_s1_1.mul_add(t3_46, t3_55);
+        let t3_57 = sin_s1_1.mul_add(t3_44, t3_56);
+        let t3_58 = q2.mul_add(t3_52, t3_57);
+        let t3_59 = t3_42.mul_add(x_s1_3_q2, t2_9);
+        let t3_60 = t3_54.mul_add(x_s1_2_q2, t3_59);
+        let t3_61 = t3_49.mul_add(x_s1_1_q2, t3_60);
+        let t3_62 = t3_58.mul_add(x_q1_q2, t3_61);
+        let t3_63 = t3_62 + t2_9;
+        let t3_64 = t3_18 * x_s1_3_q2;
+        let t3_65 = t3_36.mul_add(x_s1_2_q2, t3_64);
+        let t3_66 = (-t3_20).mul_add(x_s1_1_q2, t3_65);
+        let t3_67 = t3_49.mul_add(x_q1_q2, t3_66);
+        let t3_68 = t3_30.mul_add(x_s1_3_q2, t2_5);
+        let t3_69 = t3_28.mul_add(x_s1_2_q2, t3_68);
+        let t3_70 = t3_36.mul_add(x_s1_1_q2, t3_69);
+        let t3_71 = t3_54.mul_add(x_q1_q2, t3_70);
+        let t3_72 = t3_71 + t2_5;
+        let t3_73 = (-p_ixx_3).mul_add(x_s1_3_q2, t3_1);
+        let t3_74 = (-t3_30).mul_add(x_s1_2_q2, t3_73);
+        let t3_75 = (-t3_18).mul_add(x_s1_1_q2, t3_74);
+        let t3_76 = (-t3_42).mul_add(x_q1_q2, t3_75);
+        let t3_77 = t3_76 + t3_1;
+        let t3_78 = q7.mul_add(p_m_5, p_mz_5);
+        let t3_79 = p_mz_5 + t3_78;
+        let t3_80 = p_izz_4 + p_iyy_5;
+        let t3_81 = q7.mul_add(t3_79, t3_80);
+        let t3_82 = q9.mul_add(p_m_7, p_mz_7);
+        let t3_83 = p_mz_7 + t3_82;
+        let t3_84 = p_izz_6 + p_iyy_7;
+        let t3_85 = q9.mul_add(t3_83, t3_84);
+        let t3_86 = x_q8_q2 * t3_85;
         let t3_87 = t3_86.mul_add(x_q8_q2, p_j_q2);
-        let t3_88 = x_q6_q2 * t3_78;
+        let t3_88 = x_q6_q2 * t3_81;
         let t3_89 = t3_88.mul_add(x_q6_q2, t3_87);
-        let t3_90 = (-x_s1_3_q2).mul_add(t3_85, t3_89);
-        let t3_91 = x_s1_2_q2.mul_add(t3_84, t3_90);
-        let t3_92 = x_s1_1_q2.mul_add(t3_66, t3_91);
-        let t3_93 = x_q1_q2.mul_add(t3_83, t3_92);
+        let t3_90 = (-x_s1_3_q2).mul_add(t3_77, t3_89);
+        let t3_91 = x_s1_2_q2.mul_add(t3_72, t3_90);
+        let t3_92 = x_s1_1_q2.mul_add(t3_67, t3_91);
+        let t3_93 = x_q1_q2.mul_add(t3_63, t3_92);
         let t3_94 = t3_93 + t2_1;
-        let t3_95 = t3_54 * x_s1_3_q7;
-        let t3_96 = t3_49.mul_add(x_s1_2_q7, t3_95);
-        let t3_97 = t3_47.mul_add(x_s1_1_q7, t3_96);
-        let t3_98 = t3_38.mul_add(x_q1_q7, t3_97);
-        let t3_99 = t3_60 * x_s1_3_q7;
-        let t3_100 = t3_42.mul_add(x_s1_2_q7, t3_99);
-        let t3_101 = (-t3_62).mul_add(x_s1_1_q7, t3_100);
-        let t3_102 = t3_47.mul_add(x_q1_q7, t3_101);
-        let t3_103 = t3_21 * x_s1_3_q7;
-        let t3_104 = t3_27.mul_add(x_s1_2_q7, t3_103);
-        let t3_105 = t3_42.mul_add(x_s1_1_q7, t3_104);
-        let t3_106 = t3_49.mul_add(x_q1_q7, t3_105);
-        let t3_107 = p_ixx_3 * x_s1_3_q7;
-        let t3_108 = t3_21.mul_add(x_s1_2_q7, t3_107);
-        let t3_109 = t3_60.mul_add(x_s1_1_q7, t3_108);
-        let t3_110 = t3_54.mul_add(x_q1_q7, t3_109);
-        let t3_111 = t3_78.mul_add(x_q6_q7, p_mx_5);
-        let t3_112 = t3_82 * x_q8_q7;
-        let t3_113 = x_q8_q2 * t3_112;
-        let t3_114 = x_q6_q2.mul_add(t3_111, t3_113);
-        let t3_115 = x_s1_3_q2.mul_add(t3_110, t3_114);
-        let t3_116 = x_s1_2_q2.mul_add(t3_106, t3_115);
-        let t3_117 = x_s1_1_q2.mul_add(t3_102, t3_116);
-        let t3_118 = x_q1_q2.mul_add(t3_98, t3_117);
-        let t3_119 = (-t3_1).mul_add(x_s1_3_q7, t3_118);
-        let t3_120 = t2_5.mul_add(x_s1_2_q7, t3_119);
-        let t3_121 = t2_9.mul_add(x_q1_q7, t3_120);
-        let t3_122 = t3_54 * x_s1_3_q9;
-        let t3_123 = t3_49.mul_add(x_s1_2_q9, t3_122);
-        let t3_124 = t3_47.mul_add(x_s1_1_q9, t3_123);
-        let t3_125 = t3_38.mul_add(x_q1_q9, t3_124);
-        let t3_126 = t3_60 * x_s1_3_q9;
-        let t3_127 = t3_42.mul_add(x_s1_2_q9, t3_126);
-        let t3_128 = (-t3_62).mul_add(x_s1_1_q9, t3_127);
-        let t3_129 = t3_47.mul_add(x_q1_q9, t3_128);
-        let t3_130 = t3_21 * x_s1_3_q9;
-        let t3_131 = t3_27.mul_add(x_s1_2_q9, t3_130);
-        let t3_132 = t3_42.mul_add(x_s1_1_q9, t3_131);
-        let t3_133 = t3_49.mul_add(x_q1_q9, t3_132);
-        let t3_134 = p_ixx_3 * x_s1_3_q9;
-        let t3_135 = t3_21.mul_add(x_s1_2_q9, t3_134);
-        let t3_136 = t3_60.mul_add(x_s1_1_q9, t3_135);
-        let t3_137 = t3_54.mul_add(x_q1_q9, t3_136);
-        let t3_138 = t3_78 * x_q6_q9;
-        let t3_139 = t3_82.mul_add(x_q8_q9, p_mx_7);
-        let t3_140 = x_q8_q2 * t3_139;
-        let t3_141 = x_q6_q2.mul_add(t3_138, t3_140);
-        let t3_142 = x_s1_3_q2.mul_add(t3_137, t3_141);
-        let t3_143 = x_s1_2_q2.mul_add(t3_133, t3_142);
-        let t3_144 = x_s1_1_q2.mul_add(t3_129, t3_143);
-        let t3_145 = x_q1_q2.mul_add(t3_125, t3_144);
-        let t3_146 = (-t3_1).mul_add(x_s1_3_q9, t3_145);
-        let t3_147 = t2_5.mul_add(x_s1_2_q9, t3_146);
-        let t3_148 = t2_9.mul_add(x_q1_q9, t3_147);
-        m[0] = [t3_94, t3_121, t3_148];
-        let t3_149 = p_mx_5 + t3_111;
-        let t3_150 = x_q8_q7.mul_add(t3_112, p_m_5);
-        let t3_151 = x_q6_q7.mul_add(t3_149, t3_150);
-        let t3_152 = t3_151 + p_j_q7;
-        let t3_153 = x_s1_3_q7.mul_add(t3_110, t3_152);
-        let t3_154 = x_s1_2_q7.mul_add(t3_106, t3_153);
-        let t3_155 = x_s1_1_q7.mul_add(t3_102, t3_154);
-        let t3_156 = x_q1_q7.mul_add(t3_98, t3_155);
-        let t3_157 = x_q8_q7 * t3_139;
-        let t3_158 = p_mx_5.mul_add(x_q6_q9, t3_157);
-        let t3_159 = x_q6_q7.mul_add(t3_138, t3_158);
-        let t3_160 = x_s1_3_q7.mul_add(t3_137, t3_159);
-        let t3_161 = x_s1_2_q7.mul_add(t3_133, t3_160);
-        let t3_162 = x_s1_1_q7.mul_add(t3_129, t3_161);
-        let t3_163 = x_q1_q7.mul_add(t3_125, t3_162);
-        m[1] = [t3_121, t3_156, t3_163];
-        let t3_164 = p_mx_7 + t3_139;
-        let t3_165 = x_q8_q9.mul_add(t3_164, p_m_7);
-        let t3_166 = t3_165 + p_j_q9;
-        let t3_167 = x_q6_q9.mul_add(t3_138, t3_166);
-        let t3_168 = x_s1_3_q9.mul_add(t3_137, t3_167);
-        let t3_169 = x_s1_2_q9.mul_add(t3_133, t3_168);
-        let t3_170 = x_s1_1_q9.mul_add(t3_129, t3_169);
-        let t3_171 = x_q1_q9.mul_add(t3_125, t3_170);
-        m[2] = [t3_148, t3_163, t3_171];
+        m[0][0] = t3_94;
+        let t3_95 = t3_42 * x_s1_3_q7;
+        let t3_96 = t3_54.mul_add(x_s1_2_q7, t3_95);
+        let t3_97 = t3_49.mul_add(x_s1_1_q7, t3_96);
+        let t3_98 = t3_58.mul_add(x_q1_q7, t3_97);
+        let t3_99 = t3_18 * x_s1_3_q7;
+        let t3_100 = t3_36.mul_add(x_s1_2_q7, t3_99);
+        let t3_101 = (-t3_20).mul_add(x_s1_1_q7, t3_100);
+        let t3_102 = t3_49.mul_add(x_q1_q7, t3_101);
+        let t3_103 = t3_30 * x_s1_3_q7;
+        let t3_104 = t3_28.mul_add(x_s1_2_q7, t3_103);
+        let t3_105 = t3_36.mul_add(x_s1_1_q7, t3_104);
+        let t3_106 = t3_54.mul_add(x_q1_q7, t3_105);
+        let t3_107 = t3_30 * x_s1_3_q9;
+        let t3_108 = t3_28.mul_add(x_s1_2_q9, t3_107);
+        let t3_109 = t3_36.mul_add(x_s1_1_q9, t3_108);
+        let t3_110 = t3_54.mul_add(x_q1_q9, t3_109);
+        let t3_111 = t3_42 * x_s1_3_q9;
+        let t3_112 = t3_54.mul_add(x_s1_2_q9, t3_111);
+        let t3_113 = t3_49.mul_add(x_s1_1_q9, t3_112);
+        let t3_114 = t3_58.mul_add(x_q1_q9, t3_113);
+        let t3_115 = t3_18 * x_s1_3_q9;
+        let t3_116 = t3_36.mul_add(x_s1_2_q9, t3_115);
+        let t3_117 = (-t3_20).mul_add(x_s1_1_q9, t3_116);
+        let t3_118 = t3_49.mul_add(x_q1_q9, t3_117);
+        let t3_119 = p_ixx_3 * x_s1_3_q7;
+        let t3_120 = t3_30.mul_add(x_s1_2_q7, t3_119);
+        let t3_121 = t3_18.mul_add(x_s1_1_q7, t3_120);
+        let t3_122 = t3_42.mul_add(x_q1_q7, t3_121);
+        let t3_123 = p_ixx_3 * x_s1_3_q9;
+        let t3_124 = t3_30.mul_add(x_s1_2_q9, t3_123);
+        let t3_125 = t3_18.mul_add(x_s1_1_q9, t3_124);
+        let t3_126 = t3_42.mul_add(x_q1_q9, t3_125);
+        let t3_127 = t3_81.mul_add(x_q6_q7, p_mx_5);
+        let t3_128 = t3_81 * x_q6_q9;
+        let t3_129 = t3_85 * x_q8_q7;
+        let t3_130 = t3_85.mul_add(x_q8_q9, p_mx_7);
+        let t3_131 = p_mx_7 + t3_130;
+        let t3_132 = x_q8_q9.mul_add(t3_131, p_m_7);
+        let t3_133 = t3_132 + p_j_q9;
+        let t3_134 = x_q6_q9.mul_add(t3_128, t3_133);
+        let t3_135 = x_s1_3_q9.mul_add(t3_126, t3_134);
+        let t3_136 = x_s1_2_q9.mul_add(t3_110, t3_135);
+        let t3_137 = x_s1_1_q9.mul_add(t3_118, t3_136);
+        let t3_138 = x_q1_q9.mul_add(t3_114, t3_137);
+        m[2][2] = t3_138;
+        let t3_139 = x_q8_q7 * t3_130;
+        let t3_140 = p_mx_5.mul_add(x_q6_q9, t3_139);
+        let t3_141 = x_q8_q2 * t3_130;
+        let t3_142 = x_q8_q2 * t3_129;
+        let t3_143 = x_q8_q7.mul_add(t3_129, p_m_5);
+        let t3_144 = x_q6_q2.mul_add(t3_127, t3_142);
+        let t3_145 = x_q6_q2.mul_add(t3_128, t3_141);
+        let t3_146 = x_q6_q7.mul_add(t3_128, t3_140);
+        let t3_147 = p_mx_5 + t3_127;
+        let t3_148 = x_q6_q7.mul_add(t3_147, t3_143);
+        let t3_149 = x_s1_3_q2.mul_add(t3_122, t3_144);
+        let t3_150 = x_s1_3_q2.mul_add(t3_126, t3_145);
+        let t3_151 = x_s1_3_q7.mul_add(t3_126, t3_146);
+        let t3_152 = t3_148 + p_j_q7;
+        let t3_153 = x_s1_3_q7.mul_add(t3_122, t3_152);
+        let t3_154 = x_s1_2_q2.mul_add(t3_106, t3_149);
+        let t3_155 = x_s1_2_q2.mul_add(t3_110, t3_150);
+        let t3_156 = x_s1_2_q7.mul_add(t3_106, t3_153);
+        let t3_157 = x_s1_2_q7.mul_add(t3_110, t3_151);
+        let t3_158 = x_s1_1_q7.mul_add(t3_102, t3_156);
+        let t3_159 = x_s1_1_q7.mul_add(t3_118, t3_157);
+        let t3_160 = x_s1_1_q2.mul_add(t3_102, t3_154);
+        let t3_161 = x_s1_1_q2.mul_add(t3_118, t3_155);
+        let t3_162 = x_q1_q7.mul_add(t3_98, t3_158);
+        m[1][1] = t3_162;
+        let t3_163 = x_q1_q2.mul_add(t3_98, t3_160);
+        let t3_164 = (-t3_1).mul_add(x_s1_3_q7, t3_163);
+        let t3_165 = x_q1_q2.mul_add(t3_114, t3_161);
+        let t3_166 = (-t3_1).mul_add(x_s1_3_q9, t3_165);
+        let t3_167 = t2_5.mul_add(x_s1_2_q9, t3_166);
+        let t3_168 = t2_5.mul_add(x_s1_2_q7, t3_164);
+        let t3_169 = t2_9.mul_add(x_q1_q9, t3_167);
+        m[0][2] = t3_169; m[2][0] = t3_169;
+        let t3_170 = t2_9.mul_add(x_q1_q7, t3_168);
+        m[0][1] = t3_170; m[1][0] = t3_170;
+        let t3_171 = x_q1_q7.mul_add(t3_114, t3_159);
+        m[1][2] = t3_171; m[2][1] = t3_171;
     }
     (m, Condition { pivot: condition })
 }
@@ -4591,11 +4672,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T;
 #[inline(always)]
 pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 79]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    let [r_q2, r_q7, r_q9] = *qd_r;
-    let [dr_q2, dr_q7, dr_q9] = *qdd_r;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
@@ -4611,100 +4689,102 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
             cos_s1_3, sin_q8, cos_q8,
         ]
     };
+    let [r_q2, r_q7, r_q9] = *qd_r;
+    let [dr_q2, dr_q7, dr_q9] = *qdd_r;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_1, t2_4, t2_6, e_s1_2_q1x, t2_8, t2_9, t2_12, t2_13, t2_15, t2_16, t2_19, t2_21,
-        t2_22, t2_23, t2_28, t2_29, t2_33, t2_36, pivot_1, t2_42, t2_44, e_s1_2_q1z, e_3_q1y,
-        t2_47, t2_48, t2_50, t2_52, t2_53, t2_55, t2_63, t2_64, t2_65, t2_68, t2_71, t2_72,
-        t2_74, t2_76, t2_78, t2_79, t2_80, t2_81, t2_82, t2_98, t2_99, inv_pivot_3, t2_100,
-        t2_101, t2_103, pivot_4, inv_pivot_4, t2_105, inv_pivot_5, t2_109, t2_111, t2_113,
-        t2_115, t2_116, t2_118, t2_120, inv_pivot_6, t2_139, t2_145, t2_148, t2_149, t2_150,
-        t2_151, t2_152, t2_153, t2_154, t2_155, t2_156,
+        t2_1, t2_4, t2_9, e_s1_2_q1x, t2_11, t2_12, t2_13, t2_16, t2_19, t2_20, t2_22, t2_23,
+        t2_26, t2_30, t2_31, t2_39, t2_40, t2_44, t2_47, pivot_1, t2_49, e_s1_2_q1z, e_3_q1y,
+        t2_52, t2_53, t2_55, t2_57, t2_58, t2_60, t2_63, t2_64, t2_65, t2_68, t2_71, t2_72,
+        t2_74, t2_76, t2_78, t2_79, t2_80, t2_81, t2_82, t2_100, t2_101, t2_102, t2_103,
+        inv_pivot_3, t2_104, t2_105, t2_106, t2_108, pivot_4, inv_pivot_4, t2_110, inv_pivot_5,
+        t2_111, t2_115, t2_117, t2_120, t2_121, t2_123, t2_125, inv_pivot_6, t2_147, t2_148,
+        t2_154, t2_155, t2_156, t2_157, t2_158, t2_159,
     ] = {
         let t2_1 = cos_q1 * q2;
         let t2_2 = sin_q1 * cos_s1_1;
         let t2_3 = cos_s1_2 * t2_2;
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
-        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_6 = -t2_5;
+        let t2_5 = cos_q1 * cos_s1_2;
+        let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
+        let t2_7 = sin_s1_3 * t2_6;
+        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_9 = -t2_8;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_7 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_8 = cos_q1 * t2_7;
-        let t2_9 = sin_q1 * sin_s1_1;
-        let t2_10 = t2_9 * e_s1_2_q1x;
-        let t2_11 = cos_s1_1.mul_add(t2_4, t2_10);
-        let t2_12 = like.lift(0.4563) * t2_11;
-        let t2_13 = cos_q6 * q7;
-        let t2_14 = like.lift(0.5) * t2_13;
-        let t2_15 = -t2_14;
-        let t2_16 = sin_q1 * q2;
-        let t2_17 = cos_q1 * cos_s1_1;
-        let t2_18 = sin_q1 * sin_s1_2;
-        let t2_19 = (-cos_s1_2).mul_add(t2_17, t2_18);
-        let t2_20 = like.lift(-0.4563).mul_add(t2_19, t2_16);
-        let t2_21 = -t2_20;
-        let t2_22 = sin_q1 * t2_7;
-        let t2_23 = cos_q1 * sin_s1_1;
-        let t2_24 = cos_s1_1 * t2_19;
-        let t2_25 = (-t2_23).mul_add(e_s1_2_q1x, t2_24);
-        let t2_26 = like.lift(0.4563) * t2_25;
-        let t2_27 = -t2_26;
-        let t2_28 = -t2_27;
-        let t2_29 = sin_q6 * q7;
-        let t2_30 = sin_q1 * t2_4;
-        let t2_31 = (-cos_q1).mul_add(t2_19, t2_30);
-        let t2_32 = like.lift(0.4563) * t2_31;
-        let t2_33 = -t2_32;
-        let t2_34 = t2_23 * t2_4;
-        let t2_35 = t2_9.mul_add(t2_19, t2_34);
-        let t2_36 = like.lift(0.4563) * t2_35;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_13;
-        let t2_37 = cos_q1 * cos_s1_2;
-        let t2_38 = (-sin_s1_2).mul_add(t2_2, t2_37);
-        let t2_39 = sin_s1_3 * t2_38;
-        let t2_40 = cos_s1_3.mul_add(t2_9, t2_39);
-        let t2_41 = like.lift(0.22815) * t2_4;
-        let t2_42 = like.lift(-0.39516739174683935).mul_add(t2_40, t2_41);
-        let t2_43 = t2_1 - t2_42;
+        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_11 = cos_q1 * t2_10;
+        let t2_12 = sin_q1 * t2_10;
+        let t2_13 = sin_q1 * sin_s1_1;
+        let t2_14 = cos_s1_3.mul_add(t2_13, t2_7);
+        let t2_15 = like.lift(0.22815) * t2_4;
+        let t2_16 = like.lift(-0.39516739174683935).mul_add(t2_14, t2_15);
+        let t2_17 = t2_13 * e_s1_2_q1x;
+        let t2_18 = cos_s1_1.mul_add(t2_4, t2_17);
+        let t2_19 = like.lift(0.4563) * t2_18;
+        let t2_20 = cos_q6 * q7;
+        let t2_21 = like.lift(0.5) * t2_20;
+        let t2_22 = -t2_21;
+        let t2_23 = sin_q1 * q2;
+        let t2_24 = cos_q1 * cos_s1_1;
+        let t2_25 = sin_q1 * sin_s1_2;
+        let t2_26 = (-cos_s1_2).mul_add(t2_24, t2_25);
+        let t2_27 = sin_s1_2 * t2_24;
+        let t2_28 = sin_q1.mul_add(cos_s1_2, t2_27);
+        let t2_29 = like.lift(-0.4563).mul_add(t2_26, t2_23);
+        let t2_30 = -t2_29;
+        let t2_31 = cos_q1 * sin_s1_1;
+        let t2_32 = cos_s1_3 * t2_31;
+        let t2_33 = (-sin_s1_3).mul_add(t2_28, t2_32);
+        let t2_34 = like.lift(0.39516739174683935) * t2_33;
+        let t2_35 = cos_s1_1 * t2_26;
+        let t2_36 = (-t2_31).mul_add(e_s1_2_q1x, t2_35);
+        let t2_37 = like.lift(0.4563) * t2_36;
+        let t2_38 = -t2_37;
+        let t2_39 = -t2_38;
+        let t2_40 = sin_q6 * q7;
+        let t2_41 = sin_q1 * t2_4;
+        let t2_42 = (-cos_q1).mul_add(t2_26, t2_41);
+        let t2_43 = like.lift(0.4563) * t2_42;
         let t2_44 = -t2_43;
+        let t2_45 = t2_31 * t2_4;
+        let t2_46 = t2_13.mul_add(t2_26, t2_45);
+        let t2_47 = like.lift(0.4563) * t2_46;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_20;
+        let t2_48 = t2_1 - t2_16;
+        let t2_49 = -t2_48;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let t2_45 = sin_s1_3 * e_s1_2_q1z;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_45);
-        let t2_46 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_47 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_46);
-        let t2_48 = cos_q1 * t2_47;
-        let t2_49 = t2_9 * t2_47;
-        let t2_50 = cos_s1_1.mul_add(t2_42, t2_49);
-        let t2_51 = e_s1_2_q1x * t2_42;
-        let t2_52 = (-t2_4).mul_add(t2_47, t2_51);
-        let t2_53 = cos_q8 * q9;
-        let t2_54 = like.lift(0.5) * t2_53;
-        let t2_55 = -t2_54;
-        let t2_56 = sin_s1_2 * t2_17;
-        let t2_57 = sin_q1.mul_add(cos_s1_2, t2_56);
-        let t2_58 = cos_s1_3 * t2_23;
-        let t2_59 = (-sin_s1_3).mul_add(t2_57, t2_58);
-        let t2_60 = like.lift(0.39516739174683935) * t2_59;
-        let t2_61 = like.lift(0.22815) * t2_19;
-        let t2_62 = t2_60 - t2_16;
+        let t2_50 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_50);
+        let t2_51 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_52 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_51);
+        let t2_53 = cos_q1 * t2_52;
+        let t2_54 = t2_13 * t2_52;
+        let t2_55 = cos_s1_1.mul_add(t2_16, t2_54);
+        let t2_56 = e_s1_2_q1x * t2_16;
+        let t2_57 = (-t2_4).mul_add(t2_52, t2_56);
+        let t2_58 = cos_q8 * q9;
+        let t2_59 = like.lift(0.5) * t2_58;
+        let t2_60 = -t2_59;
+        let t2_61 = like.lift(0.22815) * t2_26;
+        let t2_62 = t2_34 - t2_23;
         let t2_63 = t2_62 + t2_61;
-        let t2_64 = sin_q1 * t2_47;
-        let t2_65 = t2_61 + t2_60;
-        let t2_66 = t2_23 * t2_47;
-        let t2_67 = (-cos_s1_1).mul_add(t2_65, t2_66);
+        let t2_64 = t2_61 + t2_34;
+        let t2_65 = sin_q1 * t2_52;
+        let t2_66 = t2_31 * t2_52;
+        let t2_67 = (-cos_s1_1).mul_add(t2_64, t2_66);
         let t2_68 = -t2_67;
-        let t2_69 = t2_19 * t2_47;
-        let t2_70 = (-e_s1_2_q1x).mul_add(t2_65, t2_69);
+        let t2_69 = t2_26 * t2_52;
+        let t2_70 = (-e_s1_2_q1x).mul_add(t2_64, t2_69);
         let t2_71 = -t2_70;
         let t2_72 = sin_q8 * q9;
-        let t2_73 = cos_q1 * t2_65;
-        let t2_74 = (-sin_q1).mul_add(t2_42, t2_73);
-        let t2_75 = t2_23 * t2_42;
-        let t2_76 = t2_9.mul_add(t2_65, t2_75);
-        let t2_77 = t2_4 * t2_65;
-        let t2_78 = (-t2_19).mul_add(t2_42, t2_77);
+        let t2_73 = cos_q1 * t2_64;
+        let t2_74 = (-sin_q1).mul_add(t2_16, t2_73);
+        let t2_75 = t2_31 * t2_16;
+        let t2_76 = t2_13.mul_add(t2_64, t2_75);
+        let t2_77 = t2_4 * t2_64;
+        let t2_78 = (-t2_26).mul_add(t2_16, t2_77);
         let t2_79 = -t2_78;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_53;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_58;
         let t2_80 = -pivot_2;
         let t2_81 = sin_q1 * dr_q2;
         let t2_82 = sin_q6 * dr_q7;
@@ -4713,374 +4793,378 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t2_85 = like.lift(0.5).mul_add(t2_84, t2_83);
         let t2_86 = cos_q1 * r_q2;
         let t2_87 = (-cos_q6).mul_add(r_q7, t2_86);
-        let t2_88 = -t2_87;
-        let t2_89 = like.lift(0.8660254037844386) * t2_84;
-        let t2_90 = -t2_89;
-        let t2_91 = sin_q8 * r_q9;
-        let t2_92 = like.lift(0.5).mul_add(t2_91, t2_83);
-        let t2_93 = (-cos_q8).mul_add(r_q9, t2_86);
-        let t2_94 = -t2_93;
-        let t2_95 = like.lift(0.8660254037844386) * t2_91;
-        let t2_96 = like.lift(0.5773502691896257).mul_add(t2_78, t2_52);
-        let t2_97 = like.lift(1.0) / t2_53;
+        let t2_88 = (-cos_q8).mul_add(r_q9, t2_86);
+        let t2_89 = -t2_87;
+        let t2_90 = like.lift(0.8660254037844386) * t2_84;
+        let t2_91 = -t2_90;
+        let t2_92 = sin_q8 * r_q9;
+        let t2_93 = like.lift(0.5).mul_add(t2_92, t2_83);
+        let t2_94 = -t2_88;
+        let t2_95 = like.lift(0.8660254037844386) * t2_92;
+        let t2_96 = like.lift(0.5773502691896257).mul_add(t2_78, t2_57);
+        let t2_97 = like.lift(1.0) / t2_58;
         let t2_98 = t2_72 * t2_97;
-        let t2_99 = like.lift(1.1547005383792515) * t2_98;
-        let pivot_3 = t2_78.mul_add(t2_99, t2_70);
+        let t2_99 = (-t2_98).mul_add(t2_92, t2_88);
+        let t2_100 = like.lift(1.1547005383792515) * t2_97;
+        let t2_101 = like.lift(1.1547005383792515) * t2_98;
+        let pivot_3 = t2_78.mul_add(t2_101, t2_70);
+        let t2_102 = (-t2_76).mul_add(t2_101, t2_67);
+        let t2_103 = sin_q8.mul_add(t2_98, cos_q8);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_100 = t2_96 * inv_pivot_3;
-        let t2_101 = (-t2_63).mul_add(t2_100, t2_43);
-        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_33, t2_8);
-        let t2_103 = t2_74.mul_add(t2_99, t2_64);
-        let t2_104 = t2_103.mul_add(t2_100, t2_48);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_104);
+        let t2_104 = t2_96 * inv_pivot_3;
+        let t2_105 = (-t2_63).mul_add(t2_104, t2_48);
+        let t2_106 = -pivot_3;
+        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_44, t2_11);
+        let t2_108 = t2_74.mul_add(t2_101, t2_65);
+        let t2_109 = t2_108.mul_add(t2_104, t2_53);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_109);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_105 = t2_102 * inv_pivot_4;
-        let pivot_5 = (-t2_101).mul_add(t2_105, t2_5);
+        let t2_110 = t2_107 * inv_pivot_4;
+        let pivot_5 = (-t2_105).mul_add(t2_110, t2_8);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_106 = (-t2_98).mul_add(t2_91, t2_93);
-        let t2_107 = (-t2_100).mul_add(t2_106, t2_83);
-        let t2_108 = (-t2_105).mul_add(t2_107, t2_83);
-        let t2_109 = (-t2_76).mul_add(t2_99, t2_67);
-        let t2_110 = (-t2_109).mul_add(t2_100, t2_50);
-        let t2_111 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_110);
-        let t2_112 = (-t2_111).mul_add(t2_105, t2_12);
-        let t2_113 = like.lift(0.5773502691896257).mul_add(t2_36, t2_112);
-        let t2_114 = like.lift(1.0) / t2_13;
-        let t2_115 = t2_29 * t2_114;
-        let t2_116 = like.lift(1.1547005383792515) * t2_115;
-        let t2_117 = (-t2_33).mul_add(t2_116, t2_22);
-        let t2_118 = t2_117 * inv_pivot_4;
-        let t2_119 = (-t2_101).mul_add(t2_118, t2_20);
-        let t2_120 = t2_119 * inv_pivot_5;
-        let t2_121 = t2_113.mul_add(t2_120, t2_27);
-        let t2_122 = t2_111.mul_add(t2_118, t2_121);
-        let pivot_6 = t2_36.mul_add(t2_116, t2_122);
+        let t2_111 = -pivot_5;
+        let t2_112 = (-t2_104).mul_add(t2_99, t2_83);
+        let t2_113 = (-t2_110).mul_add(t2_112, t2_83);
+        let t2_114 = (-t2_102).mul_add(t2_104, t2_55);
+        let t2_115 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_114);
+        let t2_116 = (-t2_115).mul_add(t2_110, t2_19);
+        let t2_117 = like.lift(0.5773502691896257).mul_add(t2_47, t2_116);
+        let t2_118 = like.lift(1.0) / t2_20;
+        let t2_119 = t2_40 * t2_118;
+        let t2_120 = like.lift(1.1547005383792515) * t2_118;
+        let t2_121 = like.lift(1.1547005383792515) * t2_119;
+        let t2_122 = (-t2_44).mul_add(t2_121, t2_12);
+        let t2_123 = t2_122 * inv_pivot_4;
+        let t2_124 = (-t2_105).mul_add(t2_123, t2_29);
+        let t2_125 = t2_124 * inv_pivot_5;
+        let t2_126 = t2_117.mul_add(t2_125, t2_38);
+        let t2_127 = t2_115.mul_add(t2_123, t2_126);
+        let pivot_6 = t2_47.mul_add(t2_121, t2_127);
+        let t2_128 = t2_125.mul_add(t2_113, t2_87);
+        let t2_129 = t2_123.mul_add(t2_112, t2_128);
+        let t2_130 = (-t2_119).mul_add(t2_84, t2_129);
+        let t2_131 = sin_q6.mul_add(t2_119, cos_q6);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_123 = t2_120.mul_add(t2_108, t2_87);
-        let t2_124 = t2_118.mul_add(t2_107, t2_123);
-        let t2_125 = (-t2_115).mul_add(t2_84, t2_124);
-        let t2_126 = inv_pivot_6 * t2_125;
-        let t2_127 = (-t2_113).mul_add(t2_126, t2_108);
-        let t2_128 = inv_pivot_5 * t2_127;
-        let t2_129 = -t2_128;
-        let t2_130 = (-t2_111).mul_add(t2_126, t2_107);
-        let t2_131 = (-t2_101).mul_add(t2_128, t2_130);
-        let t2_132 = inv_pivot_4 * t2_131;
-        let t2_133 = (-t2_109).mul_add(t2_126, t2_106);
-        let t2_134 = (-t2_63).mul_add(t2_128, t2_133);
-        let t2_135 = t2_103.mul_add(t2_132, t2_134);
-        let t2_136 = inv_pivot_3 * t2_135;
-        let t2_137 = t2_36.mul_add(t2_126, t2_89);
-        let t2_138 = t2_33.mul_add(t2_132, t2_137);
-        let t2_139 = like.lift(1.1547005383792515) * t2_114;
-        let t2_140 = t2_138 * t2_139;
-        let t2_141 = -t2_140;
-        let t2_142 = (-t2_76).mul_add(t2_126, t2_95);
-        let t2_143 = (-t2_74).mul_add(t2_132, t2_142);
-        let t2_144 = t2_78.mul_add(t2_136, t2_143);
-        let t2_145 = like.lift(1.1547005383792515) * t2_97;
-        let t2_146 = t2_144 * t2_145;
-        let t2_147 = -t2_146;
-        let t2_148 = -pivot_3;
-        let t2_149 = -pivot_5;
-        let t2_150 = -pivot_6;
+        let t2_132 = inv_pivot_6 * t2_130;
+        let t2_133 = (-t2_117).mul_add(t2_132, t2_113);
+        let t2_134 = inv_pivot_5 * t2_133;
+        let t2_135 = (-t2_115).mul_add(t2_132, t2_112);
+        let t2_136 = (-t2_105).mul_add(t2_134, t2_135);
+        let t2_137 = inv_pivot_4 * t2_136;
+        let t2_138 = (-t2_102).mul_add(t2_132, t2_99);
+        let t2_139 = (-t2_63).mul_add(t2_134, t2_138);
+        let t2_140 = -t2_134;
+        let t2_141 = t2_108.mul_add(t2_137, t2_139);
+        let t2_142 = inv_pivot_3 * t2_141;
+        let t2_143 = t2_47.mul_add(t2_132, t2_90);
+        let t2_144 = t2_44.mul_add(t2_137, t2_143);
+        let t2_145 = t2_144 * t2_120;
+        let t2_146 = -t2_145;
+        let t2_147 = -pivot_6;
+        let t2_148 = t2_131 * inv_pivot_6;
+        let t2_149 = (-t2_76).mul_add(t2_132, t2_95);
+        let t2_150 = (-t2_74).mul_add(t2_137, t2_149);
+        let t2_151 = t2_78.mul_add(t2_142, t2_150);
+        let t2_152 = t2_151 * t2_100;
+        let t2_153 = -t2_152;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
             .min((t2_80 * like.lift(1.8955297449982944)).abs())
-            .min((t2_148 * like.lift(2.6463477742948585)).abs())
+            .min((t2_106 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_149 * like.lift(0.8284577646309275)).abs())
-            .min((t2_150 * like.lift(2.1915406530791146)).abs());
-        let ([[t2_151], [t2_152], [t2_153], [t2_154], [t2_155], [t2_156]], found) = ::regen_runtime::guarded(
-            [[t2_129], [t2_132], [t2_126], [t2_136], [t2_141], [t2_147]],
+            .min((t2_111 * like.lift(0.8284577646309275)).abs())
+            .min((t2_147 * like.lift(2.1915406530791146)).abs());
+        let ([[t2_154], [t2_155], [t2_156], [t2_157], [t2_158], [t2_159]], found) = ::regen_runtime::guarded(
+            [[t2_140], [t2_137], [t2_132], [t2_142], [t2_146], [t2_153]],
             margin,
             || (
                 [
-                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
-                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
-                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
-                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
+                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
+                    [t2_30, t2_12, t2_39, like.lift(0.0), t2_40, like.lift(0.0)],
+                    [like.lift(0.0), t2_44, t2_47, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_49, t2_53, t2_55, t2_57, like.lift(0.0), t2_60],
+                    [t2_63, t2_65, t2_68, t2_71, like.lift(0.0), t2_72],
                     [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
                 ],
-                [[t2_85], [t2_88], [t2_90], [t2_92], [t2_94], [t2_95]],
+                [[t2_85], [t2_89], [t2_91], [t2_93], [t2_94], [t2_95]],
             ),
         );
         condition = condition.min(found);
         [
-            t2_1, t2_4, t2_6, e_s1_2_q1x, t2_8, t2_9, t2_12, t2_13, t2_15, t2_16, t2_19, t2_21,
-            t2_22, t2_23, t2_28, t2_29, t2_33, t2_36, pivot_1, t2_42, t2_44, e_s1_2_q1z,
-            e_3_q1y, t2_47, t2_48, t2_50, t2_52, t2_53, t2_55, t2_63, t2_64, t2_65, t2_68,
-            t2_71, t2_72, t2_74, t2_76, t2_78, t2_79, t2_80, t2_81, t2_82, t2_98, t2_99,
-            inv_pivot_3, t2_100, t2_101, t2_103, pivot_4, inv_pivot_4, t2_105, inv_pivot_5,
-            t2_109, t2_111, t2_113, t2_115, t2_116, t2_118, t2_120, inv_pivot_6, t2_139,
-            t2_145, t2_148, t2_149, t2_150, t2_151, t2_152, t2_153, t2_154, t2_155, t2_156,
+            t2_1, t2_4, t2_9, e_s1_2_q1x, t2_11, t2_12, t2_13, t2_16, t2_19, t2_20, t2_22,
+            t2_23, t2_26, t2_30, t2_31, t2_39, t2_40, t2_44, t2_47, pivot_1, t2_49, e_s1_2_q1z,
+            e_3_q1y, t2_52, t2_53, t2_55, t2_57, t2_58, t2_60, t2_63, t2_64, t2_65, t2_68,
+            t2_71, t2_72, t2_74, t2_76, t2_78, t2_79, t2_80, t2_81, t2_82, t2_100, t2_101,
+            t2_102, t2_103, inv_pivot_3, t2_104, t2_105, t2_106, t2_108, pivot_4, inv_pivot_4,
+            t2_110, inv_pivot_5, t2_111, t2_115, t2_117, t2_120, t2_121, t2_123, t2_125,
+            inv_pivot_6, t2_147, t2_148, t2_154, t2_155, t2_156, t2_157, t2_158, t2_159,
         ]
     };
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_3, t3_72, t3_74, t3_76, t3_156, t3_158, t3_160, al_1z, al_s1_1z, t3_227, t3_228,
+        t3_7, t3_99, t3_100, t3_104, t3_161, t3_162, t3_166, al_1z, al_s1_1z, t3_227, t3_228,
         al_4z, al_6z,
     ] = {
-        let t3_1 = cos_q1 * d_q1;
-        let t3_2 = cos_q1 * t2_151;
-        let t3_3 = d_q1 * t2_151;
-        let t3_4 = t2_16 * t3_3;
-        let t3_5 = (-d_q2).mul_add(t3_2, t3_4);
-        let t3_6 = (-t3_1).mul_add(r_q2, t3_5);
-        let t3_7 = sin_q1 * d_q1;
-        let t3_8 = sin_q1 * t2_151;
-        let t3_9 = d_s1_1 * t3_8;
-        let t3_10 = t3_7.mul_add(t2_152, t3_9);
-        let t3_11 = sin_q1 * d_s1_1;
-        let t3_12 = t2_23 * d_q1;
-        let t3_13 = cos_s1_1.mul_add(t3_11, t3_12);
-        let t3_14 = sin_q1 * t2_152;
-        let t3_15 = cos_s1_1 * t3_14;
-        let t3_16 = t2_23.mul_add(t2_151, t3_15);
-        let t3_17 = d_s1_2 * t3_16;
-        let t3_18 = t3_13.mul_add(t2_153, t3_17);
-        let t3_19 = (-t2_23).mul_add(d_s1_2, t3_11);
-        let t3_20 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t3_21 = t2_19 * t3_20;
-        let t3_22 = e_s1_2_q1x.mul_add(t3_19, t3_21);
-        let t3_23 = cos_s1_1.mul_add(t2_153, t2_151);
-        let t3_24 = (-t2_23).mul_add(t2_153, t3_14);
-        let t3_25 = e_s1_2_q1x * t3_24;
-        let t3_26 = t2_19.mul_add(t3_23, t3_25);
-        let t3_27 = d_s1_3 * t3_26;
-        let t3_28 = t3_22.mul_add(t2_154, t3_27);
-        let t3_29 = t3_28 + t3_18;
-        let t3_30 = t3_29 - t3_10;
-        let t3_31 = like.lift(0.5) * t3_30;
-        let t3_32 = -t3_31;
-        let t3_33 = d_s1_2 * t2_152;
-        let t3_34 = d_s1_1.mul_add(t2_153, t3_33);
-        let t3_35 = sin_s1_1 * t3_34;
-        let t3_36 = cos_q1 * d_s1_1;
-        let t3_37 = t2_9.mul_add(d_s1_2, t3_36);
-        let t3_38 = t2_19 * t3_37;
-        let t3_39 = (-t2_4).mul_add(t3_19, t3_38);
-        let t3_40 = cos_q1 * t2_152;
-        let t3_41 = t2_9.mul_add(t2_153, t3_40);
-        let t3_42 = t2_4 * t3_24;
-        let t3_43 = (-t2_19).mul_add(t3_41, t3_42);
-        let t3_44 = t3_39 * t2_154;
-        let t3_45 = (-d_s1_3).mul_add(t3_43, t3_44);
-        let t3_46 = t3_45 + t3_35;
-        let t3_47 = like.lift(0.5) * t3_46;
-        let t3_48 = (-t2_4).mul_add(d_s1_3, t3_37);
-        let t3_49 = (-t2_19).mul_add(t2_154, t3_24);
-        let t3_50 = (-t2_4).mul_add(t2_154, t3_41);
-        let t3_51 = t2_19 * t3_50;
-        let t3_52 = (-t2_4).mul_add(t3_49, t3_51);
-        let t3_53 = like.lift(0.4563) * t3_52;
-        let t3_54 = -t3_53;
-        let t3_55 = e_s1_2_q1x.mul_add(d_s1_3, t3_20);
-        let t3_56 = e_s1_2_q1x.mul_add(t2_154, t3_23);
-        let t3_57 = e_s1_2_q1x * t3_49;
-        let t3_58 = t2_19.mul_add(t3_56, t3_57);
-        let t3_59 = like.lift(0.4563) * t3_58;
-        let t3_60 = (-t2_19).mul_add(d_s1_3, t3_19);
-        let t3_61 = t2_4 * t3_60;
-        let t3_62 = (-t2_19).mul_add(t3_48, t3_61);
-        let t3_63 = like.lift(0.4563) * t3_62;
-        let t3_64 = -t3_63;
-        let t3_65 = t2_19 * t3_55;
-        let t3_66 = e_s1_2_q1x.mul_add(t3_60, t3_65);
-        let t3_67 = like.lift(0.4563) * t3_66;
-        let t3_68 = t3_48 * t3_54;
-        let t3_69 = (-t3_55).mul_add(t3_59, t3_68);
-        let t3_70 = (-t3_67).mul_add(t3_56, t3_69);
-        let t3_71 = (-t3_64).mul_add(t3_50, t3_70);
-        let t3_72 = d_q6 * t2_155;
-        let t3_73 = t2_29 * t3_72;
-        let t3_74 = d_q6 * r_q7;
-        let t3_75 = cos_q6 * t3_74;
-        let t3_76 = d_q7 * t2_155;
-        let t3_77 = cos_q6 * t3_76;
-        let t3_78 = t2_82 - t3_71;
-        let t3_79 = t3_78 - t3_73;
-        let t3_80 = t3_79 + t3_77;
-        let t3_81 = t3_80 + t3_75;
-        let t3_82 = t2_4 * t3_47;
-        let t3_83 = e_s1_2_q1x.mul_add(t3_32, t3_82);
-        let t3_84 = like.lift(0.5).mul_add(t3_81, t2_81);
-        let t3_85 = t3_84 - t3_6;
-        let t3_86 = like.lift(0.4563).mul_add(t3_83, t3_85);
-        let t3_87 = cos_q1 * dr_q2;
-        let t3_88 = t2_1 * t3_3;
-        let t3_89 = d_q2.mul_add(t3_8, t3_88);
-        let t3_90 = t3_7.mul_add(r_q2, t3_89);
-        let t3_91 = d_s1_1 * t3_2;
-        let t3_92 = t3_1.mul_add(t2_152, t3_91);
-        let t3_93 = t2_9 * d_q1;
-        let t3_94 = (-cos_s1_1).mul_add(t3_36, t3_93);
-        let t3_95 = cos_s1_1 * t3_40;
-        let t3_96 = (-t2_9).mul_add(t2_151, t3_95);
-        let t3_97 = t3_94 * t2_153;
-        let t3_98 = (-d_s1_2).mul_add(t3_96, t3_97);
-        let t3_99 = e_s1_2_q1x * t3_37;
-        let t3_100 = t2_4.mul_add(t3_20, t3_99);
-        let t3_101 = t2_4 * t3_23;
-        let t3_102 = e_s1_2_q1x.mul_add(t3_41, t3_101);
-        let t3_103 = d_s1_3 * t3_102;
-        let t3_104 = t3_100.mul_add(t2_154, t3_103);
-        let t3_105 = t3_104 - t3_98;
-        let t3_106 = t3_105 - t3_92;
-        let t3_107 = like.lift(0.5) * t3_106;
-        let t3_108 = -t3_107;
-        let t3_109 = t2_4 * t3_56;
-        let t3_110 = e_s1_2_q1x.mul_add(t3_50, t3_109);
-        let t3_111 = like.lift(0.4563) * t3_110;
-        let t3_112 = e_s1_2_q1x * t3_48;
-        let t3_113 = t2_4.mul_add(t3_55, t3_112);
-        let t3_114 = like.lift(0.4563) * t3_113;
-        let t3_115 = t3_60 * t3_54;
-        let t3_116 = t3_55.mul_add(t3_111, t3_115);
-        let t3_117 = (-t3_64).mul_add(t3_49, t3_116);
-        let t3_118 = t3_114.mul_add(t3_56, t3_117);
-        let t3_119 = e_s1_2_q1x * t3_108;
-        let t3_120 = (-t2_19).mul_add(t3_47, t3_119);
-        let t3_121 = t2_13 * t2_155;
-        let t3_122 = sin_q6.mul_add(r_q7, t3_121);
-        let t3_123 = (-cos_q6).mul_add(dr_q7, t3_87);
-        let t3_124 = like.lift(0.5).mul_add(t3_118, t3_123);
-        let t3_125 = t3_124 - t3_90;
-        let t3_126 = like.lift(0.4563).mul_add(t3_120, t3_125);
-        let t3_127 = d_q6.mul_add(t3_122, t3_126);
-        let t3_128 = sin_q6.mul_add(t3_76, t3_127);
-        let t3_129 = -t3_128;
-        let t3_130 = t3_48 * t3_111;
-        let t3_131 = t3_60.mul_add(t3_59, t3_130);
-        let t3_132 = t3_114.mul_add(t3_50, t3_131);
-        let t3_133 = t3_67.mul_add(t3_49, t3_132);
-        let t3_134 = t2_82 - t3_73;
-        let t3_135 = t3_134 + t3_77;
-        let t3_136 = t3_135 + t3_75;
-        let t3_137 = t2_19 * t3_32;
-        let t3_138 = t2_4.mul_add(t3_108, t3_137);
-        let t3_139 = like.lift(0.8660254037844386) * t3_136;
-        let t3_140 = like.lift(0.5).mul_add(t3_133, t3_139);
-        let t3_141 = like.lift(-0.4563).mul_add(t3_138, t3_140);
-        let t3_142 = -t3_141;
-        let t3_143 = sin_q8 * dr_q9;
-        let t3_144 = t2_42 * t3_49;
-        let t3_145 = (-t2_65).mul_add(t3_50, t3_144);
-        let t3_146 = t2_47 * t3_49;
-        let t3_147 = t2_65.mul_add(t3_56, t3_146);
-        let t3_148 = t2_65 * t3_48;
-        let t3_149 = (-t2_42).mul_add(t3_60, t3_148);
-        let t3_150 = t2_65 * t3_55;
-        let t3_151 = t2_47.mul_add(t3_60, t3_150);
-        let t3_152 = t3_48 * t3_145;
-        let t3_153 = (-t3_55).mul_add(t3_147, t3_152);
-        let t3_154 = (-t3_151).mul_add(t3_56, t3_153);
-        let t3_155 = (-t3_149).mul_add(t3_50, t3_154);
-        let t3_156 = d_q8 * t2_156;
-        let t3_157 = t2_72 * t3_156;
-        let t3_158 = d_q8 * r_q9;
-        let t3_159 = cos_q8 * t3_158;
-        let t3_160 = d_q9 * t2_156;
-        let t3_161 = cos_q8 * t3_160;
-        let t3_162 = t3_143 - t3_155;
-        let t3_163 = t3_162 - t3_157;
-        let t3_164 = t3_163 + t3_161;
-        let t3_165 = t3_164 + t3_159;
-        let t3_166 = like.lift(0.5).mul_add(t3_165, t2_81);
-        let t3_167 = t3_166 - t3_6;
-        let t3_168 = t2_42.mul_add(t3_47, t3_167);
-        let t3_169 = t2_47.mul_add(t3_32, t3_168);
-        let t3_170 = t2_42 * t3_56;
-        let t3_171 = t2_47.mul_add(t3_50, t3_170);
-        let t3_172 = t2_47 * t3_48;
-        let t3_173 = t2_42.mul_add(t3_55, t3_172);
-        let t3_174 = t3_60 * t3_145;
-        let t3_175 = t3_55.mul_add(t3_171, t3_174);
-        let t3_176 = (-t3_149).mul_add(t3_49, t3_175);
-        let t3_177 = t3_173.mul_add(t3_56, t3_176);
-        let t3_178 = t2_53 * t2_156;
-        let t3_179 = sin_q8.mul_add(r_q9, t3_178);
-        let t3_180 = (-cos_q8).mul_add(dr_q9, t3_87);
-        let t3_181 = like.lift(0.5).mul_add(t3_177, t3_180);
-        let t3_182 = t3_181 - t3_90;
-        let t3_183 = t2_47.mul_add(t3_108, t3_182);
-        let t3_184 = (-t2_65).mul_add(t3_47, t3_183);
-        let t3_185 = d_q8.mul_add(t3_179, t3_184);
-        let t3_186 = sin_q8.mul_add(t3_160, t3_185);
-        let t3_187 = -t3_186;
-        let t3_188 = t3_48 * t3_171;
-        let t3_189 = t3_60.mul_add(t3_147, t3_188);
-        let t3_190 = t3_173.mul_add(t3_50, t3_189);
-        let t3_191 = t3_151.mul_add(t3_49, t3_190);
-        let t3_192 = t3_143 - t3_157;
-        let t3_193 = t3_192 + t3_161;
-        let t3_194 = t3_193 + t3_159;
-        let t3_195 = like.lift(0.8660254037844386) * t3_194;
-        let t3_196 = like.lift(-0.5).mul_add(t3_191, t3_195);
-        let t3_197 = t2_65.mul_add(t3_32, t3_196);
-        let t3_198 = t2_42.mul_add(t3_108, t3_197);
-        let t3_199 = (-t3_198).mul_add(t2_99, t3_186);
-        let t3_200 = (-t2_100).mul_add(t3_199, t3_169);
-        let t3_201 = like.lift(-0.5773502691896257).mul_add(t3_198, t3_200);
-        let t3_202 = (-t2_105).mul_add(t3_201, t3_86);
-        let t3_203 = like.lift(-0.5773502691896257).mul_add(t3_141, t3_202);
-        let t3_204 = t2_120.mul_add(t3_203, t3_128);
-        let t3_205 = t2_118.mul_add(t3_201, t3_204);
-        let t3_206 = (-t3_141).mul_add(t2_116, t3_205);
+        let t3_1 = t2_20 * t2_158;
+        let t3_2 = sin_q6.mul_add(r_q7, t3_1);
+        let t3_3 = t2_58 * t2_159;
+        let t3_4 = sin_q8.mul_add(r_q9, t3_3);
+        let t3_5 = cos_q1 * d_q1;
+        let t3_6 = cos_q1 * t2_154;
+        let t3_7 = d_q1 * t2_154;
+        let t3_8 = t2_23 * t3_7;
+        let t3_9 = (-d_q2).mul_add(t3_6, t3_8);
+        let t3_10 = (-t3_5).mul_add(r_q2, t3_9);
+        let t3_11 = d_s1_1 * t3_6;
+        let t3_12 = t3_5.mul_add(t2_155, t3_11);
+        let t3_13 = t2_1 * t3_7;
+        let t3_14 = sin_q1 * d_q1;
+        let t3_15 = sin_q1 * t2_154;
+        let t3_16 = d_q2.mul_add(t3_15, t3_13);
+        let t3_17 = d_s1_1 * t3_15;
+        let t3_18 = t3_14.mul_add(t2_155, t3_17);
+        let t3_19 = t3_14.mul_add(r_q2, t3_16);
+        let t3_20 = sin_q1 * d_s1_1;
+        let t3_21 = t2_31 * d_q1;
+        let t3_22 = cos_s1_1.mul_add(t3_20, t3_21);
+        let t3_23 = (-t2_31).mul_add(d_s1_2, t3_20);
+        let t3_24 = sin_q1 * t2_155;
+        let t3_25 = cos_s1_1 * t3_24;
+        let t3_26 = t2_31.mul_add(t2_154, t3_25);
+        let t3_27 = (-t2_31).mul_add(t2_156, t3_24);
+        let t3_28 = d_s1_2 * t3_26;
+        let t3_29 = t3_22.mul_add(t2_156, t3_28);
+        let t3_30 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t3_31 = t2_26 * t3_30;
+        let t3_32 = e_s1_2_q1x.mul_add(t3_23, t3_31);
+        let t3_33 = cos_s1_1.mul_add(t2_156, t2_154);
+        let t3_34 = e_s1_2_q1x * t3_27;
+        let t3_35 = t2_26.mul_add(t3_33, t3_34);
+        let t3_36 = d_s1_3 * t3_35;
+        let t3_37 = t3_32.mul_add(t2_157, t3_36);
+        let t3_38 = t3_37 + t3_29;
+        let t3_39 = t3_38 - t3_18;
+        let t3_40 = like.lift(0.5) * t3_39;
+        let t3_41 = -t3_40;
+        let t3_42 = d_s1_2 * t2_155;
+        let t3_43 = d_s1_1.mul_add(t2_156, t3_42);
+        let t3_44 = sin_s1_1 * t3_43;
+        let t3_45 = cos_q1 * d_s1_1;
+        let t3_46 = t2_13.mul_add(d_s1_2, t3_45);
+        let t3_47 = t2_13 * d_q1;
+        let t3_48 = (-cos_s1_1).mul_add(t3_45, t3_47);
+        let t3_49 = t3_48 * t2_156;
+        let t3_50 = t2_26 * t3_46;
+        let t3_51 = (-t2_4).mul_add(t3_23, t3_50);
+        let t3_52 = t3_51 * t2_157;
+        let t3_53 = (-t2_26).mul_add(d_s1_3, t3_23);
+        let t3_54 = cos_q1 * t2_155;
+        let t3_55 = t2_13.mul_add(t2_156, t3_54);
+        let t3_56 = cos_s1_1 * t3_54;
+        let t3_57 = (-t2_13).mul_add(t2_154, t3_56);
+        let t3_58 = (-d_s1_2).mul_add(t3_57, t3_49);
+        let t3_59 = t2_4 * t3_27;
+        let t3_60 = (-t2_26).mul_add(t3_55, t3_59);
+        let t3_61 = (-d_s1_3).mul_add(t3_60, t3_52);
+        let t3_62 = t3_61 + t3_44;
+        let t3_63 = like.lift(0.5) * t3_62;
+        let t3_64 = (-t2_26).mul_add(t2_157, t3_27);
+        let t3_65 = (-t2_4).mul_add(d_s1_3, t3_46);
+        let t3_66 = e_s1_2_q1x * t3_46;
+        let t3_67 = t2_4.mul_add(t3_30, t3_66);
+        let t3_68 = e_s1_2_q1x.mul_add(d_s1_3, t3_30);
+        let t3_69 = (-t2_4).mul_add(t2_157, t3_55);
+        let t3_70 = t2_4 * t3_33;
+        let t3_71 = e_s1_2_q1x.mul_add(t3_55, t3_70);
+        let t3_72 = d_s1_3 * t3_71;
+        let t3_73 = t3_67.mul_add(t2_157, t3_72);
+        let t3_74 = t3_73 - t3_58;
+        let t3_75 = t3_74 - t3_12;
+        let t3_76 = e_s1_2_q1x.mul_add(t2_157, t3_33);
+        let t3_77 = like.lift(0.5) * t3_75;
+        let t3_78 = -t3_77;
+        let t3_79 = t2_26 * t3_69;
+        let t3_80 = (-t2_4).mul_add(t3_64, t3_79);
+        let t3_81 = like.lift(0.4563) * t3_80;
+        let t3_82 = -t3_81;
+        let t3_83 = e_s1_2_q1x * t3_64;
+        let t3_84 = t2_26.mul_add(t3_76, t3_83);
+        let t3_85 = like.lift(0.4563) * t3_84;
+        let t3_86 = t2_4 * t3_53;
+        let t3_87 = (-t2_26).mul_add(t3_65, t3_86);
+        let t3_88 = like.lift(0.4563) * t3_87;
+        let t3_89 = -t3_88;
+        let t3_90 = t2_26 * t3_68;
+        let t3_91 = e_s1_2_q1x.mul_add(t3_53, t3_90);
+        let t3_92 = like.lift(0.4563) * t3_91;
+        let t3_93 = t3_65 * t3_82;
+        let t3_94 = (-t3_68).mul_add(t3_85, t3_93);
+        let t3_95 = (-t3_92).mul_add(t3_76, t3_94);
+        let t3_96 = (-t3_89).mul_add(t3_69, t3_95);
+        let t3_97 = t2_82 - t3_96;
+        let t3_98 = t3_53 * t3_82;
+        let t3_99 = d_q6 * t2_158;
+        let t3_100 = d_q7 * t2_158;
+        let t3_101 = t2_40 * t3_99;
+        let t3_102 = t3_97 - t3_101;
+        let t3_103 = t2_82 - t3_101;
+        let t3_104 = d_q6 * r_q7;
+        let t3_105 = cos_q6 * t3_104;
+        let t3_106 = cos_q6 * t3_100;
+        let t3_107 = t3_102 + t3_106;
+        let t3_108 = t3_103 + t3_106;
+        let t3_109 = t3_107 + t3_105;
+        let t3_110 = t3_108 + t3_105;
+        let t3_111 = like.lift(0.5).mul_add(t3_109, t2_81);
+        let t3_112 = t3_111 - t3_10;
+        let t3_113 = like.lift(0.8660254037844386) * t3_110;
+        let t3_114 = t2_4 * t3_63;
+        let t3_115 = e_s1_2_q1x.mul_add(t3_41, t3_114);
+        let t3_116 = like.lift(0.4563).mul_add(t3_115, t3_112);
+        let t3_117 = cos_q1 * dr_q2;
+        let t3_118 = t2_4 * t3_76;
+        let t3_119 = e_s1_2_q1x.mul_add(t3_69, t3_118);
+        let t3_120 = like.lift(0.4563) * t3_119;
+        let t3_121 = t3_68.mul_add(t3_120, t3_98);
+        let t3_122 = (-t3_89).mul_add(t3_64, t3_121);
+        let t3_123 = t3_65 * t3_120;
+        let t3_124 = t3_53.mul_add(t3_85, t3_123);
+        let t3_125 = e_s1_2_q1x * t3_65;
+        let t3_126 = t2_4.mul_add(t3_68, t3_125);
+        let t3_127 = like.lift(0.4563) * t3_126;
+        let t3_128 = t3_127.mul_add(t3_69, t3_124);
+        let t3_129 = t3_92.mul_add(t3_64, t3_128);
+        let t3_130 = t3_127.mul_add(t3_76, t3_122);
+        let t3_131 = like.lift(0.5).mul_add(t3_129, t3_113);
+        let t3_132 = (-cos_q6).mul_add(dr_q7, t3_117);
+        let t3_133 = like.lift(0.5).mul_add(t3_130, t3_132);
+        let t3_134 = t3_133 - t3_19;
+        let t3_135 = (-cos_q8).mul_add(dr_q9, t3_117);
+        let t3_136 = t2_26 * t3_41;
+        let t3_137 = t2_4.mul_add(t3_78, t3_136);
+        let t3_138 = like.lift(-0.4563).mul_add(t3_137, t3_131);
+        let t3_139 = e_s1_2_q1x * t3_78;
+        let t3_140 = (-t2_26).mul_add(t3_63, t3_139);
+        let t3_141 = like.lift(0.4563).mul_add(t3_140, t3_134);
+        let t3_142 = d_q6.mul_add(t3_2, t3_141);
+        let t3_143 = sin_q6.mul_add(t3_100, t3_142);
+        let t3_144 = -t3_143;
+        let t3_145 = -t3_138;
+        let t3_146 = sin_q8 * dr_q9;
+        let t3_147 = t2_16 * t3_64;
+        let t3_148 = (-t2_64).mul_add(t3_69, t3_147);
+        let t3_149 = t2_52 * t3_64;
+        let t3_150 = t2_64.mul_add(t3_76, t3_149);
+        let t3_151 = t2_64 * t3_65;
+        let t3_152 = (-t2_16).mul_add(t3_53, t3_151);
+        let t3_153 = t2_64 * t3_68;
+        let t3_154 = t2_52.mul_add(t3_53, t3_153);
+        let t3_155 = t3_65 * t3_148;
+        let t3_156 = (-t3_68).mul_add(t3_150, t3_155);
+        let t3_157 = (-t3_154).mul_add(t3_76, t3_156);
+        let t3_158 = (-t3_152).mul_add(t3_69, t3_157);
+        let t3_159 = t3_146 - t3_158;
+        let t3_160 = t3_53 * t3_148;
+        let t3_161 = d_q8 * t2_159;
+        let t3_162 = d_q9 * t2_159;
+        let t3_163 = t2_72 * t3_161;
+        let t3_164 = t3_159 - t3_163;
+        let t3_165 = t3_146 - t3_163;
+        let t3_166 = d_q8 * r_q9;
+        let t3_167 = cos_q8 * t3_166;
+        let t3_168 = cos_q8 * t3_162;
+        let t3_169 = t3_164 + t3_168;
+        let t3_170 = t3_165 + t3_168;
+        let t3_171 = t3_169 + t3_167;
+        let t3_172 = like.lift(0.5).mul_add(t3_171, t2_81);
+        let t3_173 = t3_172 - t3_10;
+        let t3_174 = t3_170 + t3_167;
+        let t3_175 = t2_16.mul_add(t3_63, t3_173);
+        let t3_176 = t2_52.mul_add(t3_41, t3_175);
+        let t3_177 = like.lift(0.8660254037844386) * t3_174;
+        let t3_178 = t2_16 * t3_76;
+        let t3_179 = t2_52.mul_add(t3_69, t3_178);
+        let t3_180 = t3_68.mul_add(t3_179, t3_160);
+        let t3_181 = t3_65 * t3_179;
+        let t3_182 = t3_53.mul_add(t3_150, t3_181);
+        let t3_183 = (-t3_152).mul_add(t3_64, t3_180);
+        let t3_184 = t2_52 * t3_65;
+        let t3_185 = t2_16.mul_add(t3_68, t3_184);
+        let t3_186 = t3_185.mul_add(t3_69, t3_182);
+        let t3_187 = t3_185.mul_add(t3_76, t3_183);
+        let t3_188 = t3_154.mul_add(t3_64, t3_186);
+        let t3_189 = like.lift(0.5).mul_add(t3_187, t3_135);
+        let t3_190 = t3_189 - t3_19;
+        let t3_191 = t2_52.mul_add(t3_78, t3_190);
+        let t3_192 = (-t2_64).mul_add(t3_63, t3_191);
+        let t3_193 = like.lift(-0.5).mul_add(t3_188, t3_177);
+        let t3_194 = t2_64.mul_add(t3_41, t3_193);
+        let t3_195 = t2_16.mul_add(t3_78, t3_194);
+        let t3_196 = d_q8.mul_add(t3_4, t3_192);
+        let t3_197 = sin_q8.mul_add(t3_162, t3_196);
+        let t3_198 = (-t3_195).mul_add(t2_101, t3_197);
+        let t3_199 = -t3_197;
+        let t3_200 = (-t2_104).mul_add(t3_198, t3_176);
+        let t3_201 = like.lift(-0.5773502691896257).mul_add(t3_195, t3_200);
+        let t3_202 = (-t2_110).mul_add(t3_201, t3_116);
+        let t3_203 = like.lift(-0.5773502691896257).mul_add(t3_138, t3_202);
+        let t3_204 = t2_125.mul_add(t3_203, t3_143);
+        let t3_205 = t2_123.mul_add(t3_201, t3_204);
+        let t3_206 = (-t3_138).mul_add(t2_121, t3_205);
         let t3_207 = inv_pivot_6 * t3_206;
-        let t3_208 = (-t2_113).mul_add(t3_207, t3_203);
+        let t3_208 = (-t2_117).mul_add(t3_207, t3_203);
         let t3_209 = inv_pivot_5 * t3_208;
-        let t3_210 = -t3_209;
-        let t3_211 = (-t2_111).mul_add(t3_207, t3_201);
-        let t3_212 = (-t2_101).mul_add(t3_209, t3_211);
-        let t3_213 = inv_pivot_4 * t3_212;
-        let t3_214 = (-t2_109).mul_add(t3_207, t3_199);
-        let t3_215 = (-t2_63).mul_add(t3_209, t3_214);
-        let t3_216 = t2_103.mul_add(t3_213, t3_215);
+        let t3_210 = (-t2_115).mul_add(t3_207, t3_201);
+        let t3_211 = (-t2_105).mul_add(t3_209, t3_210);
+        let t3_212 = inv_pivot_4 * t3_211;
+        let t3_213 = (-t2_102).mul_add(t3_207, t3_198);
+        let t3_214 = (-t2_63).mul_add(t3_209, t3_213);
+        let t3_215 = -t3_209;
+        let t3_216 = t2_108.mul_add(t3_212, t3_214);
         let t3_217 = inv_pivot_3 * t3_216;
-        let t3_218 = t2_36.mul_add(t3_207, t3_141);
-        let t3_219 = t2_33.mul_add(t3_213, t3_218);
-        let t3_220 = t3_219 * t2_139;
+        let t3_218 = t2_47.mul_add(t3_207, t3_138);
+        let t3_219 = t2_44.mul_add(t3_212, t3_218);
+        let t3_220 = t3_219 * t2_120;
         let t3_221 = -t3_220;
-        let t3_222 = (-t2_76).mul_add(t3_207, t3_198);
-        let t3_223 = (-t2_74).mul_add(t3_213, t3_222);
+        let t3_222 = (-t2_76).mul_add(t3_207, t3_195);
+        let t3_223 = (-t2_74).mul_add(t3_212, t3_222);
         let t3_224 = t2_78.mul_add(t3_217, t3_223);
-        let t3_225 = t3_224 * t2_145;
+        let t3_225 = t3_224 * t2_100;
         let t3_226 = -t3_225;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
             .min((t2_80 * like.lift(1.8955297449982944)).abs())
-            .min((t2_148 * like.lift(2.6463477742948585)).abs())
+            .min((t2_106 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_149 * like.lift(0.8284577646309275)).abs())
-            .min((t2_150 * like.lift(2.1915406530791146)).abs());
+            .min((t2_111 * like.lift(0.8284577646309275)).abs())
+            .min((t2_147 * like.lift(2.1915406530791146)).abs());
         let ([[al_1z], [al_s1_1z], [t3_227], [t3_228], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
-            [[t3_210], [t3_213], [t3_207], [t3_217], [t3_221], [t3_226]],
+            [[t3_215], [t3_212], [t3_207], [t3_217], [t3_221], [t3_226]],
             margin,
             || (
                 [
-                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
-                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
-                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
-                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
+                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
+                    [t2_30, t2_12, t2_39, like.lift(0.0), t2_40, like.lift(0.0)],
+                    [like.lift(0.0), t2_44, t2_47, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_49, t2_53, t2_55, t2_57, like.lift(0.0), t2_60],
+                    [t2_63, t2_65, t2_68, t2_71, like.lift(0.0), t2_72],
                     [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
                 ],
-                [[t3_86], [t3_129], [t3_142], [t3_169], [t3_187], [t3_198]],
+                [[t3_116], [t3_144], [t3_145], [t3_176], [t3_199], [t3_195]],
             ),
         );
         condition = condition.min(found);
         [
-            t3_3, t3_72, t3_74, t3_76, t3_156, t3_158, t3_160, al_1z, al_s1_1z, t3_227, t3_228,
-            al_4z, al_6z,
+            t3_7, t3_99, t3_100, t3_104, t3_161, t3_162, t3_166, al_1z, al_s1_1z, t3_227,
+            t3_228, al_4z, al_6z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
-        x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
-        x_q8_q7, x_q8_q9,
+        t4_15, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
+        x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9,
+        x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
         let t4_1 = -sin_q1;
         let t4_2 = like.lift(0.5) * sin_q6;
@@ -5092,98 +5176,96 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t4_8 = -cos_q8;
         let t4_9 = like.lift(0.8660254037844386) * sin_q8;
         let t4_10 = -t4_9;
-        let t4_11 = (-cos_q1).mul_add(t2_100, sin_q1);
-        let t4_12 = (-t4_11).mul_add(t2_105, sin_q1);
-        let t4_13 = t4_12.mul_add(t2_120, cos_q1);
-        let t4_14 = t4_11.mul_add(t2_118, t4_13);
-        let t4_15 = t4_14 * inv_pivot_6;
-        let t4_16 = (-t2_113).mul_add(t4_15, t4_12);
-        let t4_17 = inv_pivot_5 * t4_16;
-        let t4_18 = sin_q6.mul_add(t2_115, cos_q6);
-        let t4_19 = t4_18 * inv_pivot_6;
-        let t4_20 = inv_pivot_5 * t2_113;
-        let t4_21 = t4_20 * t4_19;
-        let t4_22 = sin_q8.mul_add(t2_98, cos_q8);
-        let t4_23 = t4_22 * t2_100;
-        let t4_24 = t4_23 * t2_105;
-        let t4_25 = t4_23 * t2_118;
-        let t4_26 = (-t4_24).mul_add(t2_120, t4_25);
-        let t4_27 = t4_26 * inv_pivot_6;
-        let t4_28 = t2_113.mul_add(t4_27, t4_24);
-        let t4_29 = inv_pivot_5 * t4_28;
-        let t4_30 = -t4_29;
-        let t4_31 = (-t2_111).mul_add(t4_15, t4_11);
-        let t4_32 = (-t2_101).mul_add(t4_17, t4_31);
-        let t4_33 = inv_pivot_4 * t4_32;
-        let t4_34 = -t4_33;
-        let t4_35 = t2_101 * t4_21;
-        let t4_36 = (-t2_111).mul_add(t4_19, t4_35);
-        let t4_37 = inv_pivot_4 * t4_36;
-        let t4_38 = (-t2_111).mul_add(t4_27, t4_23);
-        let t4_39 = t2_101.mul_add(t4_29, t4_38);
-        let t4_40 = inv_pivot_4 * t4_39;
-        let t4_41 = -t4_40;
-        let t4_42 = -t4_15;
-        let t4_43 = -t4_27;
-        let t4_44 = (-t2_109).mul_add(t4_15, cos_q1);
-        let t4_45 = (-t2_63).mul_add(t4_17, t4_44);
-        let t4_46 = t2_103.mul_add(t4_33, t4_45);
-        let t4_47 = inv_pivot_3 * t4_46;
-        let t4_48 = -t4_47;
-        let t4_49 = t2_63 * t4_21;
-        let t4_50 = (-t2_109).mul_add(t4_19, t4_49);
-        let t4_51 = t2_103.mul_add(t4_37, t4_50);
-        let t4_52 = inv_pivot_3 * t4_51;
-        let t4_53 = t2_109.mul_add(t4_27, t4_22);
-        let t4_54 = (-t2_63).mul_add(t4_29, t4_53);
-        let t4_55 = (-t2_103).mul_add(t4_40, t4_54);
+        let t4_11 = (-cos_q1).mul_add(t2_104, sin_q1);
+        let t4_12 = t2_103 * t2_104;
+        let t4_13 = (-t4_11).mul_add(t2_110, sin_q1);
+        let t4_14 = t4_12 * t2_110;
+        let t4_15 = like.lift(9.81) * sin_q1;
+        let t4_16 = t4_13.mul_add(t2_125, cos_q1);
+        let t4_17 = t4_11.mul_add(t2_123, t4_16);
+        let t4_18 = t4_12 * t2_123;
+        let t4_19 = (-t4_14).mul_add(t2_125, t4_18);
+        let t4_20 = t4_17 * inv_pivot_6;
+        let t4_21 = t4_19 * inv_pivot_6;
+        let t4_22 = (-t2_117).mul_add(t4_20, t4_13);
+        let t4_23 = inv_pivot_5 * t4_22;
+        let t4_24 = t2_117.mul_add(t4_21, t4_14);
+        let t4_25 = inv_pivot_5 * t2_117;
+        let t4_26 = inv_pivot_5 * t4_24;
+        let t4_27 = t4_25 * t2_148;
+        let t4_28 = (-t2_115).mul_add(t4_20, t4_11);
+        let t4_29 = (-t2_105).mul_add(t4_23, t4_28);
+        let t4_30 = inv_pivot_4 * t4_29;
+        let t4_31 = (-t2_115).mul_add(t4_21, t4_12);
+        let t4_32 = t2_105.mul_add(t4_26, t4_31);
+        let t4_33 = t2_105 * t4_27;
+        let t4_34 = (-t2_115).mul_add(t2_148, t4_33);
+        let t4_35 = inv_pivot_4 * t4_34;
+        let t4_36 = inv_pivot_4 * t4_32;
+        let t4_37 = t2_102.mul_add(t4_21, t2_103);
+        let t4_38 = (-t2_63).mul_add(t4_26, t4_37);
+        let t4_39 = -t4_26;
+        let t4_40 = (-t2_108).mul_add(t4_36, t4_38);
+        let t4_41 = inv_pivot_3 * t4_40;
+        let t4_42 = (-t2_76).mul_add(t4_21, t4_9);
+        let t4_43 = (-t2_74).mul_add(t4_36, t4_42);
+        let t4_44 = (-t2_78).mul_add(t4_41, t4_43);
+        let t4_45 = t4_44 * t2_100;
+        let t4_46 = -t4_30;
+        let t4_47 = -t4_36;
+        let t4_48 = t2_47 * t4_21;
+        let t4_49 = t2_44.mul_add(t4_36, t4_48);
+        let t4_50 = -t4_21;
+        let t4_51 = t4_49 * t2_120;
+        let t4_52 = -t4_20;
+        let t4_53 = (-t2_102).mul_add(t4_20, cos_q1);
+        let t4_54 = (-t2_63).mul_add(t4_23, t4_53);
+        let t4_55 = t2_108.mul_add(t4_30, t4_54);
         let t4_56 = inv_pivot_3 * t4_55;
-        let t4_57 = t2_36 * t4_15;
-        let t4_58 = t2_33.mul_add(t4_33, t4_57);
-        let t4_59 = t4_58 * t2_139;
-        let t4_60 = (-t2_36).mul_add(t4_19, t4_5);
-        let t4_61 = (-t2_33).mul_add(t4_37, t4_60);
-        let t4_62 = t4_61 * t2_139;
-        let t4_63 = t2_36 * t4_27;
-        let t4_64 = t2_33.mul_add(t4_40, t4_63);
-        let t4_65 = t4_64 * t2_139;
-        let t4_66 = t2_78 * t4_47;
-        let t4_67 = (-t2_76).mul_add(t4_15, t4_66);
-        let t4_68 = (-t2_74).mul_add(t4_33, t4_67);
-        let t4_69 = t4_68 * t2_145;
-        let t4_70 = t2_78 * t4_52;
-        let t4_71 = (-t2_76).mul_add(t4_19, t4_70);
-        let t4_72 = (-t2_74).mul_add(t4_37, t4_71);
-        let t4_73 = t4_72 * t2_145;
-        let t4_74 = -t4_73;
-        let t4_75 = (-t2_76).mul_add(t4_27, t4_9);
-        let t4_76 = (-t2_74).mul_add(t4_40, t4_75);
-        let t4_77 = (-t2_78).mul_add(t4_56, t4_76);
-        let t4_78 = t4_77 * t2_145;
+        let t4_57 = t2_63 * t4_27;
+        let t4_58 = (-t2_102).mul_add(t2_148, t4_57);
+        let t4_59 = t2_108.mul_add(t4_35, t4_58);
+        let t4_60 = inv_pivot_3 * t4_59;
+        let t4_61 = -t4_56;
+        let t4_62 = t2_78 * t4_56;
+        let t4_63 = (-t2_76).mul_add(t4_20, t4_62);
+        let t4_64 = t2_47 * t4_20;
+        let t4_65 = t2_44.mul_add(t4_30, t4_64);
+        let t4_66 = (-t2_74).mul_add(t4_30, t4_63);
+        let t4_67 = t4_65 * t2_120;
+        let t4_68 = t4_66 * t2_100;
+        let t4_69 = t2_78 * t4_60;
+        let t4_70 = (-t2_76).mul_add(t2_148, t4_69);
+        let t4_71 = (-t2_74).mul_add(t4_35, t4_70);
+        let t4_72 = t4_71 * t2_100;
+        let t4_73 = -t4_72;
+        let t4_74 = (-t2_47).mul_add(t2_148, t4_5);
+        let t4_75 = (-t2_44).mul_add(t4_35, t4_74);
+        let t4_76 = t4_75 * t2_120;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
             .min((t2_80 * like.lift(1.8955297449982944)).abs())
-            .min((t2_148 * like.lift(2.6463477742948585)).abs())
+            .min((t2_106 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_149 * like.lift(0.8284577646309275)).abs())
-            .min((t2_150 * like.lift(2.1915406530791146)).abs());
+            .min((t2_111 * like.lift(0.8284577646309275)).abs())
+            .min((t2_147 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_17, t4_21, t4_30], [t4_34, t4_37, t4_41], [t4_42, t4_19, t4_43],
-                [t4_48, t4_52, t4_56], [t4_59, t4_62, t4_65], [t4_69, t4_74, t4_78],
+                [t4_23, t4_27, t4_39], [t4_46, t4_35, t4_47], [t4_52, t2_148, t4_50],
+                [t4_61, t4_60, t4_41], [t4_67, t4_76, t4_51], [t4_68, t4_73, t4_45],
             ],
             margin,
             || (
                 [
-                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
-                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
-                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
-                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
+                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
+                    [t2_30, t2_12, t2_39, like.lift(0.0), t2_40, like.lift(0.0)],
+                    [like.lift(0.0), t2_44, t2_47, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_49, t2_53, t2_55, t2_57, like.lift(0.0), t2_60],
+                    [t2_63, t2_65, t2_68, t2_71, like.lift(0.0), t2_72],
                     [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
                 ],
                 [
@@ -5195,449 +5277,499 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         );
         condition = condition.min(found);
         [
-            x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
-            x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
-            x_q8_q7, x_q8_q9,
+            t4_15, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
+            x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9,
+            x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t5_1, t5_2, t5_3, a_1y, t5_4] = {
-        let w_izz_1_q2 = al_1z * x_q1_q2;
-        let t5_1 = -w_izz_1_q2;
-        let w_izz_1_q7 = al_1z * x_q1_q7;
-        let t5_2 = -w_izz_1_q7;
-        let w_izz_1_q9 = al_1z * x_q1_q9;
-        let t5_3 = -w_izz_1_q9;
-        y[5] = [t5_1, t5_2, t5_3];
+    let [a_1y, t5_1, t5_2, t5_3] = {
         let a_1y = like.lift(9.81) * cos_q1;
         let w_mx_1_q2 = x_q1_q2 * a_1y;
+        y[6][0] = w_mx_1_q2;
         let w_mx_1_q7 = x_q1_q7 * a_1y;
+        y[6][1] = w_mx_1_q7;
         let w_mx_1_q9 = x_q1_q9 * a_1y;
-        y[6] = [w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
-        let t5_4 = like.lift(9.81) * sin_q1;
-        let w_my_1_q2 = x_q1_q2 * t5_4;
-        let t5_5 = -w_my_1_q2;
-        let w_my_1_q7 = x_q1_q7 * t5_4;
-        let t5_6 = -w_my_1_q7;
-        let w_my_1_q9 = x_q1_q9 * t5_4;
-        let t5_7 = -w_my_1_q9;
-        y[7] = [t5_5, t5_6, t5_7];
-        [t5_1, t5_2, t5_3, a_1y, t5_4]
+        y[6][2] = w_mx_1_q9;
+        let w_izz_1_q2 = al_1z * x_q1_q2;
+        let t5_1 = -w_izz_1_q2;
+        y[5][0] = t5_1;
+        let w_izz_1_q7 = al_1z * x_q1_q7;
+        let t5_2 = -w_izz_1_q7;
+        y[5][1] = t5_2;
+        let w_izz_1_q9 = al_1z * x_q1_q9;
+        let t5_3 = -w_izz_1_q9;
+        y[5][2] = t5_3;
+        let w_my_1_q2 = x_q1_q2 * t4_15;
+        let t5_4 = -w_my_1_q2;
+        y[7][0] = t5_4;
+        let w_my_1_q7 = x_q1_q7 * t4_15;
+        let t5_5 = -w_my_1_q7;
+        y[7][1] = t5_5;
+        let w_my_1_q9 = x_q1_q9 * t4_15;
+        let t5_6 = -w_my_1_q9;
+        y[7][2] = t5_6;
+        [a_1y, t5_1, t5_2, t5_3]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_2z, a_2x] = {
-        let t6_1 = (-q2).mul_add(t3_3, dr_q2);
+        y[13][0] = t5_1; y[13][1] = t5_2; y[13][2] = t5_3;
+        let t6_1 = (-q2).mul_add(t3_7, dr_q2);
         let a_2z = t6_1 + a_1y;
-        let t6_2 = q2 * x_q1_q2;
-        let t6_3 = x_q1_q2.mul_add(a_2z, -al_1z);
-        let w_mx_2_q2 = t3_3.mul_add(t6_2, t6_3);
-        let t6_4 = a_1y + dr_q2;
-        let w_mx_2_q7 = x_q1_q7 * t6_4;
-        let w_mx_2_q9 = x_q1_q9 * t6_4;
-        y[16] = [w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
+        let t6_2 = a_1y + dr_q2;
+        let w_mx_2_q7 = x_q1_q7 * t6_2;
+        y[16][1] = w_mx_2_q7;
+        let w_mx_2_q9 = x_q1_q9 * t6_2;
+        y[16][2] = w_mx_2_q9;
+        let t6_3 = q2 * x_q1_q2;
+        let t6_4 = x_q1_q2.mul_add(a_2z, -al_1z);
+        let w_mx_2_q2 = t3_7.mul_add(t6_3, t6_4);
+        y[16][0] = w_mx_2_q2;
         let t6_5 = q2 * al_1z;
-        let t6_6 = t5_4 - t6_5;
-        let t6_7 = (-d_q2).mul_add(t2_151, t6_6);
+        let t6_6 = t4_15 - t6_5;
+        let t6_7 = (-d_q2).mul_add(t2_154, t6_6);
         let a_2x = (-d_q1).mul_add(r_q2, t6_7);
-        let t6_8 = x_q1_q2.mul_add(a_2x, -t3_3);
-        let w_mz_2_q2 = (-al_1z).mul_add(t6_2, t6_8);
+        let t6_8 = x_q1_q2.mul_add(a_2x, -t3_7);
+        let w_mz_2_q2 = (-al_1z).mul_add(t6_3, t6_8);
+        y[18][0] = w_mz_2_q2;
+        let w_m_2_q2 = a_2x.mul_add(t6_3, a_2z);
+        y[19][0] = w_m_2_q2;
         let t6_9 = t6_5 - a_2x;
         let w_mz_2_q7 = x_q1_q7 * t6_9;
         let t6_10 = -w_mz_2_q7;
+        y[18][1] = t6_10;
         let w_mz_2_q9 = x_q1_q9 * t6_9;
         let t6_11 = -w_mz_2_q9;
-        y[18] = [w_mz_2_q2, t6_10, t6_11];
-        let w_m_2_q2 = a_2x.mul_add(t6_2, a_2z);
+        y[18][2] = t6_11;
         let t6_12 = q2 * a_2x;
         let w_m_2_q7 = x_q1_q7 * t6_12;
+        y[19][1] = w_m_2_q7;
         let w_m_2_q9 = x_q1_q9 * t6_12;
-        y[19] = [w_m_2_q2, w_m_2_q7, w_m_2_q9];
-        y[13] = [t5_1, t5_2, t5_3];
+        y[19][2] = w_m_2_q9;
         [a_2z, a_2x]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        let t7_1 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
+        let t7_2 = e_s1_2_q1x.mul_add(x_q1_q2, t7_1);
+        let t7_3 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
+        let t7_4 = e_s1_2_q1x.mul_add(x_q1_q7, t7_3);
+        let t7_5 = (-sin_s1_2).mul_add(x_s1_1_q9, x_s1_3_q9);
+        let t7_6 = e_s1_2_q1x.mul_add(x_q1_q9, t7_5);
+        let t7_7 = cos_s1_1 * sin_s1_3;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t7_7);
         let w_s1_1y = cos_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t7_1 = sin_s1_1 * t2_151;
-        let t7_2 = sin_s1_2 * t7_1;
-        let t7_3 = cos_s1_2.mul_add(t2_152, t7_2);
+        let t7_8 = sin_s1_1 * t2_154;
+        let t7_9 = cos_s1_1 * t2_154;
+        let t7_10 = t2_156 + t7_9;
+        let t7_11 = d_s1_1 * t7_9;
+        let t7_12 = w_s1_1y.mul_add(t2_155, t7_11);
+        let t7_13 = like.lift(0.5) * t7_12;
         let w_s1_1x = sin_s1_1 * d_q1;
-        let t7_4 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t7_4);
-        let t7_5 = cos_s1_1 * t2_151;
-        let t7_6 = t2_153 + t7_5;
-        let t7_7 = w_s1_2z * t7_6;
-        let t7_8 = w_s1_2y.mul_add(t7_3, t7_7);
-        let t7_9 = d_s1_1 * t7_5;
-        let t7_10 = w_s1_1y.mul_add(t2_152, t7_9);
-        let t7_11 = like.lift(0.5) * t7_10;
-        let t7_12 = sin_s1_1.mul_add(al_1z, t7_11);
-        let t7_13 = t7_12 + t7_11;
-        let t7_14 = (-w_s1_1x).mul_add(t7_5, al_s1_1z);
-        let t7_15 = like.lift(-0.5).mul_add(t7_8, t3_228);
-        let t7_16 = (-sin_s1_2).mul_add(t7_14, t7_15);
-        let al_3x = cos_s1_2.mul_add(t7_13, t7_16);
-        let t7_17 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
-        let t7_18 = e_s1_2_q1x.mul_add(x_q1_q2, t7_17);
-        let t7_19 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t7_19);
+        let t7_14 = (-w_s1_1x).mul_add(t7_9, al_s1_1z);
+        let t7_15 = sin_s1_1.mul_add(al_1z, t7_13);
+        let t7_16 = t7_15 + t7_13;
+        let t7_17 = sin_s1_2 * t7_8;
+        let t7_18 = cos_s1_2.mul_add(t2_155, t7_17);
+        let t7_19 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t7_19);
+        let t7_20 = w_s1_2z * t7_10;
+        let t7_21 = w_s1_2y.mul_add(t7_18, t7_20);
+        let t7_22 = like.lift(-0.5).mul_add(t7_21, t3_228);
+        let t7_23 = (-sin_s1_2).mul_add(t7_14, t7_22);
+        let al_3x = cos_s1_2.mul_add(t7_16, t7_23);
+        let t7_24 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t7_24);
+        let t7_25 = d_s1_1 * t7_8;
+        let t7_26 = w_s1_1x.mul_add(t2_155, t7_25);
+        let t7_27 = sin_s1_2 * t2_155;
+        let t7_28 = (-cos_s1_2).mul_add(t7_8, t7_27);
+        let t7_29 = t2_157 - t7_28;
         let w_3x = d_s1_3 - w_s1_2x;
-        let t7_20 = sin_s1_3 * t7_6;
-        let t7_21 = (-cos_s1_3).mul_add(t7_3, t7_20);
-        let t7_22 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t7_22);
-        let t7_23 = sin_s1_2 * t2_152;
-        let t7_24 = (-cos_s1_2).mul_add(t7_1, t7_23);
-        let t7_25 = t2_154 - t7_24;
-        let t7_26 = w_3z * t7_25;
-        let t7_27 = w_3x.mul_add(t7_21, t7_26);
+        let t7_30 = sin_s1_3 * t7_10;
+        let t7_31 = (-cos_s1_3).mul_add(t7_18, t7_30);
+        let t7_32 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t7_32);
+        let t7_33 = w_3z * t7_29;
+        let t7_34 = w_3x.mul_add(t7_31, t7_33);
+        let t7_35 = like.lift(0.5) * t7_34;
         let u_3_q2y = cos_s1_2 * sin_s1_3;
-        let t7_28 = cos_s1_3 * x_s1_2_q2;
-        let t7_29 = u_3_q2y.mul_add(x_s1_1_q2, t7_28);
-        let t7_30 = e_3_q1y.mul_add(x_q1_q2, t7_29);
-        let t7_31 = like.lift(0.5) * t7_27;
-        let t7_32 = t7_30 * t7_31;
-        let t7_33 = sin_s1_3 * t7_3;
-        let t7_34 = cos_s1_3.mul_add(t7_6, t7_33);
-        let t7_35 = sin_s1_3 * w_s1_2z;
-        let w_3y = cos_s1_3.mul_add(w_s1_2y, t7_35);
-        let t7_36 = w_3y * t7_25;
-        let t7_37 = w_3x.mul_add(t7_34, t7_36);
-        let t7_38 = cos_s1_1 * sin_s1_3;
-        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t7_38);
-        let u_3_q2z = cos_s1_2 * cos_s1_3;
+        let t7_36 = cos_s1_3 * x_s1_2_q2;
+        let t7_37 = u_3_q2y.mul_add(x_s1_1_q2, t7_36);
+        let t7_38 = e_3_q1y.mul_add(x_q1_q2, t7_37);
         let t7_39 = sin_s1_3 * x_s1_2_q2;
+        let u_3_q2z = cos_s1_2 * cos_s1_3;
         let t7_40 = (-u_3_q2z).mul_add(x_s1_1_q2, t7_39);
         let t7_41 = e_3_q1z.mul_add(x_q1_q2, t7_40);
-        let t7_42 = like.lift(0.5) * t7_37;
-        let t7_43 = t7_41 * t7_42;
-        let t7_44 = al_3x.mul_add(t7_18, t7_43);
-        let w_ixx_3_q2 = t7_44 - t7_32;
-        let t7_45 = -w_ixx_3_q2;
-        let t7_46 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
-        let t7_47 = e_s1_2_q1x.mul_add(x_q1_q7, t7_46);
-        let t7_48 = cos_s1_3 * x_s1_2_q7;
-        let t7_49 = u_3_q2y.mul_add(x_s1_1_q7, t7_48);
-        let t7_50 = e_3_q1y.mul_add(x_q1_q7, t7_49);
-        let t7_51 = t7_50 * t7_31;
-        let t7_52 = sin_s1_3 * x_s1_2_q7;
-        let t7_53 = (-u_3_q2z).mul_add(x_s1_1_q7, t7_52);
-        let t7_54 = e_3_q1z.mul_add(x_q1_q7, t7_53);
-        let t7_55 = t7_54 * t7_42;
-        let t7_56 = al_3x.mul_add(t7_47, t7_55);
-        let w_ixx_3_q7 = t7_56 - t7_51;
-        let t7_57 = -w_ixx_3_q7;
-        let t7_58 = (-sin_s1_2).mul_add(x_s1_1_q9, x_s1_3_q9);
-        let t7_59 = e_s1_2_q1x.mul_add(x_q1_q9, t7_58);
-        let t7_60 = cos_s1_3 * x_s1_2_q9;
-        let t7_61 = u_3_q2y.mul_add(x_s1_1_q9, t7_60);
-        let t7_62 = e_3_q1y.mul_add(x_q1_q9, t7_61);
-        let t7_63 = t7_62 * t7_31;
-        let t7_64 = sin_s1_3 * x_s1_2_q9;
-        let t7_65 = (-u_3_q2z).mul_add(x_s1_1_q9, t7_64);
-        let t7_66 = e_3_q1z.mul_add(x_q1_q9, t7_65);
-        let t7_67 = t7_66 * t7_42;
-        let t7_68 = al_3x.mul_add(t7_59, t7_67);
-        let w_ixx_3_q9 = t7_68 - t7_63;
-        let t7_69 = -w_ixx_3_q9;
-        y[20] = [t7_45, t7_57, t7_69];
-        let t7_70 = w_s1_2y * t7_24;
-        let t7_71 = w_s1_2x.mul_add(t7_6, t7_70);
-        let t7_72 = like.lift(0.5) * t7_71;
-        let t7_73 = t7_72 + t7_72;
-        let t7_74 = (-cos_s1_2).mul_add(t7_14, t7_73);
-        let t7_75 = (-sin_s1_2).mul_add(t7_13, t7_74);
-        let t7_76 = d_s1_1 * t7_1;
-        let t7_77 = w_s1_1x.mul_add(t2_152, t7_76);
-        let t7_78 = w_s1_2z * t7_24;
-        let t7_79 = w_s1_2x.mul_add(t7_3, t7_78);
-        let t7_80 = t7_79 - t7_77;
-        let t7_81 = like.lift(0.5).mul_add(t7_80, t3_227);
-        let t7_82 = cos_s1_1.mul_add(al_1z, t7_81);
-        let t7_83 = sin_s1_3 * t7_75;
-        let t7_84 = (-cos_s1_3).mul_add(t7_82, t7_83);
-        let t7_85 = w_3z * t7_34;
-        let t7_86 = w_3y.mul_add(t7_21, t7_85);
-        let t7_87 = like.lift(0.5) * t7_86;
-        let t7_88 = al_3x - t7_87;
-        let t7_89 = w_3x * t7_25;
-        let t7_90 = w_3y * t7_34;
-        let t7_91 = t7_89 - t7_90;
-        let t7_92 = t7_91 * t7_41;
-        let t7_93 = (-t7_88).mul_add(t7_30, t7_92);
-        let w_ixy_3_q2 = t7_84.mul_add(t7_18, t7_93);
-        let t7_94 = t7_91 * t7_54;
-        let t7_95 = (-t7_88).mul_add(t7_50, t7_94);
-        let w_ixy_3_q7 = t7_84.mul_add(t7_47, t7_95);
-        let t7_96 = t7_91 * t7_66;
-        let t7_97 = (-t7_88).mul_add(t7_62, t7_96);
-        let w_ixy_3_q9 = t7_84.mul_add(t7_59, t7_97);
-        y[21] = [w_ixy_3_q2, w_ixy_3_q7, w_ixy_3_q9];
-        let t7_98 = sin_s1_3 * t7_82;
-        let t7_99 = cos_s1_3.mul_add(t7_75, t7_98);
-        let t7_100 = w_3z * t7_21;
-        let t7_101 = t7_89 - t7_100;
-        let t7_102 = al_3x + t7_87;
-        let t7_103 = t7_102 * t7_41;
-        let t7_104 = t7_101.mul_add(t7_30, t7_103);
-        let w_ixz_3_q2 = t7_99.mul_add(t7_18, t7_104);
-        let t7_105 = t7_102 * t7_54;
-        let t7_106 = t7_101.mul_add(t7_50, t7_105);
-        let w_ixz_3_q7 = t7_99.mul_add(t7_47, t7_106);
-        let t7_107 = t7_102 * t7_66;
-        let t7_108 = t7_101.mul_add(t7_62, t7_107);
-        let w_ixz_3_q9 = t7_99.mul_add(t7_59, t7_108);
-        y[22] = [w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
-        let t7_109 = t7_18 * t7_87;
-        let al_3y = t7_31 + t7_84;
-        let t7_110 = al_3y.mul_add(t7_30, t7_43);
+        let t7_42 = t7_38 * t7_35;
+        let t7_43 = sin_s1_3 * t7_18;
+        let t7_44 = cos_s1_3.mul_add(t7_10, t7_43);
+        let t7_45 = w_s1_2y * t7_28;
+        let t7_46 = w_s1_2x.mul_add(t7_10, t7_45);
+        let t7_47 = w_s1_2z * t7_28;
+        let t7_48 = w_s1_2x.mul_add(t7_18, t7_47);
+        let t7_49 = t7_48 - t7_26;
+        let t7_50 = like.lift(0.5).mul_add(t7_49, t3_227);
+        let t7_51 = cos_s1_1.mul_add(al_1z, t7_50);
+        let t7_52 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t7_52);
+        let t7_53 = like.lift(0.5) * t7_46;
+        let t7_54 = t7_53 + t7_53;
+        let t7_55 = (-cos_s1_2).mul_add(t7_14, t7_54);
+        let t7_56 = (-sin_s1_2).mul_add(t7_16, t7_55);
+        let t7_57 = w_3y * t7_29;
+        let t7_58 = w_3x.mul_add(t7_44, t7_57);
+        let t7_59 = w_3x * t7_29;
+        let t7_60 = like.lift(0.5) * t7_58;
+        let t7_61 = t7_41 * t7_60;
+        let t7_62 = al_3x.mul_add(t7_2, t7_61);
+        let w_ixx_3_q2 = t7_62 - t7_42;
+        let t7_63 = -w_ixx_3_q2;
+        y[20][0] = t7_63;
+        let t7_64 = cos_s1_3 * x_s1_2_q7;
+        let t7_65 = u_3_q2y.mul_add(x_s1_1_q7, t7_64);
+        let t7_66 = sin_s1_3 * x_s1_2_q7;
+        let t7_67 = (-u_3_q2z).mul_add(x_s1_1_q7, t7_66);
+        let t7_68 = e_3_q1y.mul_add(x_q1_q7, t7_65);
+        let t7_69 = e_3_q1z.mul_add(x_q1_q7, t7_67);
+        let t7_70 = t7_68 * t7_35;
+        let t7_71 = t7_69 * t7_60;
+        let t7_72 = al_3x.mul_add(t7_4, t7_71);
+        let w_ixx_3_q7 = t7_72 - t7_70;
+        let t7_73 = -w_ixx_3_q7;
+        y[20][1] = t7_73;
+        let t7_74 = cos_s1_3 * x_s1_2_q9;
+        let t7_75 = u_3_q2y.mul_add(x_s1_1_q9, t7_74);
+        let t7_76 = e_3_q1y.mul_add(x_q1_q9, t7_75);
+        let t7_77 = sin_s1_3 * x_s1_2_q9;
+        let t7_78 = (-u_3_q2z).mul_add(x_s1_1_q9, t7_77);
+        let t7_79 = e_3_q1z.mul_add(x_q1_q9, t7_78);
+        let t7_80 = t7_76 * t7_35;
+        let t7_81 = t7_79 * t7_60;
+        let t7_82 = al_3x.mul_add(t7_6, t7_81);
+        let w_ixx_3_q9 = t7_82 - t7_80;
+        let t7_83 = -w_ixx_3_q9;
+        y[20][2] = t7_83;
+        let t7_84 = sin_s1_3 * t7_56;
+        let t7_85 = (-cos_s1_3).mul_add(t7_51, t7_84);
+        let t7_86 = sin_s1_3 * t7_51;
+        let t7_87 = cos_s1_3.mul_add(t7_56, t7_86);
+        let t7_88 = w_3z * t7_44;
+        let t7_89 = w_3y.mul_add(t7_31, t7_88);
+        let t7_90 = w_3y * t7_44;
+        let t7_91 = w_3z * t7_31;
+        let t7_92 = like.lift(0.5) * t7_89;
+        let t7_93 = al_3x - t7_92;
+        let t7_94 = al_3x + t7_92;
+        let t7_95 = t7_59 - t7_90;
+        let t7_96 = t7_95 * t7_41;
+        let t7_97 = (-t7_93).mul_add(t7_38, t7_96);
+        let w_ixy_3_q2 = t7_85.mul_add(t7_2, t7_97);
+        y[21][0] = w_ixy_3_q2;
+        let t7_98 = t7_95 * t7_69;
+        let t7_99 = (-t7_93).mul_add(t7_68, t7_98);
+        let w_ixy_3_q7 = t7_85.mul_add(t7_4, t7_99);
+        y[21][1] = w_ixy_3_q7;
+        let t7_100 = t7_95 * t7_79;
+        let t7_101 = (-t7_93).mul_add(t7_76, t7_100);
+        let w_ixy_3_q9 = t7_85.mul_add(t7_6, t7_101);
+        y[21][2] = w_ixy_3_q9;
+        let t7_102 = t7_59 - t7_91;
+        let t7_103 = t7_94 * t7_41;
+        let t7_104 = t7_102.mul_add(t7_38, t7_103);
+        let w_ixz_3_q2 = t7_87.mul_add(t7_2, t7_104);
+        y[22][0] = w_ixz_3_q2;
+        let t7_105 = t7_94 * t7_69;
+        let t7_106 = t7_102.mul_add(t7_68, t7_105);
+        let w_ixz_3_q7 = t7_87.mul_add(t7_4, t7_106);
+        y[22][1] = w_ixz_3_q7;
+        let t7_107 = t7_94 * t7_79;
+        let t7_108 = t7_102.mul_add(t7_76, t7_107);
+        let w_ixz_3_q9 = t7_87.mul_add(t7_6, t7_108);
+        y[22][2] = w_ixz_3_q9;
+        let t7_109 = t7_2 * t7_92;
+        let al_3y = t7_35 + t7_85;
+        let t7_110 = al_3y.mul_add(t7_38, t7_61);
         let w_iyy_3_q2 = t7_110 - t7_109;
-        let t7_111 = t7_47 * t7_87;
-        let t7_112 = al_3y.mul_add(t7_50, t7_55);
-        let w_iyy_3_q7 = t7_112 - t7_111;
-        let t7_113 = t7_59 * t7_87;
-        let t7_114 = al_3y.mul_add(t7_62, t7_67);
-        let w_iyy_3_q9 = t7_114 - t7_113;
-        y[23] = [w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9];
-        let t7_115 = t7_90 - t7_100;
-        let al_3z = t7_42 + t7_99;
-        let t7_116 = t7_42 + al_3z;
-        let t7_117 = t7_31 + al_3y;
-        let t7_118 = t7_117 * t7_41;
-        let t7_119 = (-t7_116).mul_add(t7_30, t7_118);
-        let w_iyz_3_q2 = t7_115.mul_add(t7_18, t7_119);
-        let t7_120 = -w_iyz_3_q2;
-        let t7_121 = t7_117 * t7_54;
-        let t7_122 = (-t7_116).mul_add(t7_50, t7_121);
-        let w_iyz_3_q7 = t7_115.mul_add(t7_47, t7_122);
-        let t7_123 = -w_iyz_3_q7;
-        let t7_124 = t7_117 * t7_66;
-        let t7_125 = (-t7_116).mul_add(t7_62, t7_124);
-        let w_iyz_3_q9 = t7_115.mul_add(t7_59, t7_125);
-        let t7_126 = -w_iyz_3_q9;
-        y[24] = [t7_120, t7_123, t7_126];
-        let t7_127 = al_3z.mul_add(t7_41, t7_32);
-        let w_izz_3_q2 = t7_127 - t7_109;
-        let t7_128 = -w_izz_3_q2;
-        let t7_129 = al_3z.mul_add(t7_54, t7_51);
-        let w_izz_3_q7 = t7_129 - t7_111;
-        let t7_130 = -w_izz_3_q7;
-        let t7_131 = al_3z.mul_add(t7_66, t7_63);
-        let w_izz_3_q9 = t7_131 - t7_113;
-        let t7_132 = -w_izz_3_q9;
-        y[25] = [t7_128, t7_130, t7_132];
+        y[23][0] = w_iyy_3_q2;
+        let t7_111 = al_3y.mul_add(t7_68, t7_71);
+        let t7_112 = al_3y.mul_add(t7_76, t7_81);
+        let t7_113 = t7_35 + al_3y;
+        let t7_114 = t7_4 * t7_92;
+        let w_iyy_3_q7 = t7_111 - t7_114;
+        y[23][1] = w_iyy_3_q7;
+        let t7_115 = t7_6 * t7_92;
+        let w_iyy_3_q9 = t7_112 - t7_115;
+        y[23][2] = w_iyy_3_q9;
+        let t7_116 = t7_90 - t7_91;
+        let al_3z = t7_60 + t7_87;
+        let t7_117 = al_3z.mul_add(t7_41, t7_42);
+        let w_izz_3_q2 = t7_117 - t7_109;
+        let t7_118 = -w_izz_3_q2;
+        y[25][0] = t7_118;
+        let t7_119 = al_3z.mul_add(t7_69, t7_70);
+        let w_izz_3_q7 = t7_119 - t7_114;
+        let t7_120 = -w_izz_3_q7;
+        y[25][1] = t7_120;
+        let t7_121 = al_3z.mul_add(t7_79, t7_80);
+        let w_izz_3_q9 = t7_121 - t7_115;
+        let t7_122 = t7_60 + al_3z;
+        let t7_123 = -w_izz_3_q9;
+        y[25][2] = t7_123;
+        let t7_124 = t7_113 * t7_41;
+        let t7_125 = (-t7_122).mul_add(t7_38, t7_124);
+        let w_iyz_3_q2 = t7_116.mul_add(t7_2, t7_125);
+        let t7_126 = -w_iyz_3_q2;
+        y[24][0] = t7_126;
+        let t7_127 = t7_113 * t7_69;
+        let t7_128 = (-t7_122).mul_add(t7_68, t7_127);
+        let w_iyz_3_q7 = t7_116.mul_add(t7_4, t7_128);
+        let t7_129 = -w_iyz_3_q7;
+        y[24][1] = t7_129;
+        let t7_130 = t7_113 * t7_79;
+        let t7_131 = (-t7_122).mul_add(t7_76, t7_130);
+        let w_iyz_3_q9 = t7_116.mul_add(t7_6, t7_131);
+        let t7_132 = -w_iyz_3_q9;
+        y[24][2] = t7_132;
         let a_s1_1y = sin_s1_1 * a_2x;
         let a_s1_1x = cos_s1_1 * a_2x;
+        let u_s1_1_q1x = q2 * cos_s1_1;
+        let u_s1_1_q1y = q2 * sin_s1_1;
         let t7_133 = cos_s1_2 * a_2z;
         let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t7_133);
-        let t7_134 = sin_s1_3 * a_s1_2z;
-        let a_3y = cos_s1_3.mul_add(a_s1_1y, t7_134);
-        let t7_135 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t7_135);
-        let t7_136 = t7_90 + t7_100;
-        let u_s1_1_q1x = q2 * cos_s1_1;
+        let t7_134 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t7_134);
         let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
-        let t7_137 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
-        let u_s1_1_q1y = q2 * sin_s1_1;
         let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
-        let t7_138 = cos_s1_3 * u_s1_1_q1y;
-        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t7_138);
-        let t7_139 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
-        let t7_140 = cos_s1_3 * u_s1_2_q1z;
-        let u_3_q1z = sin_s1_3.mul_add(u_s1_1_q1y, t7_140);
-        let t7_141 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
-        let t7_142 = a_3y * t7_41;
-        let t7_143 = (-a_3z).mul_add(t7_30, t7_142);
-        let t7_144 = t7_84.mul_add(t7_141, t7_143);
-        let t7_145 = (-t7_99).mul_add(t7_139, t7_144);
-        let w_mx_3_q2 = t7_136.mul_add(t7_137, t7_145);
-        let t7_146 = u_s1_2_q1x * x_q1_q7;
-        let t7_147 = u_3_q1y * x_q1_q7;
-        let t7_148 = u_3_q1z * x_q1_q7;
-        let t7_149 = a_3y * t7_54;
-        let t7_150 = (-a_3z).mul_add(t7_50, t7_149);
-        let t7_151 = (-t7_84).mul_add(t7_148, t7_150);
-        let t7_152 = (-t7_99).mul_add(t7_147, t7_151);
-        let w_mx_3_q7 = t7_136.mul_add(t7_146, t7_152);
-        let t7_153 = u_s1_2_q1x * x_q1_q9;
-        let t7_154 = u_3_q1y * x_q1_q9;
-        let t7_155 = u_3_q1z * x_q1_q9;
-        let t7_156 = a_3y * t7_66;
-        let t7_157 = (-a_3z).mul_add(t7_62, t7_156);
-        let t7_158 = (-t7_84).mul_add(t7_155, t7_157);
-        let t7_159 = (-t7_99).mul_add(t7_154, t7_158);
-        let w_mx_3_q9 = t7_136.mul_add(t7_153, t7_159);
-        y[26] = [w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
-        let t7_160 = cos_s1_2 * a_s1_1x;
-        let a_s1_2x = sin_s1_2.mul_add(a_2z, t7_160);
-        let t7_161 = t7_89 + t7_100;
-        let t7_162 = a_s1_2x * t7_41;
-        let t7_163 = a_3z.mul_add(t7_18, t7_162);
-        let t7_164 = t7_88.mul_add(t7_141, t7_163);
-        let t7_165 = (-t7_161).mul_add(t7_139, t7_164);
-        let w_my_3_q2 = (-t7_116).mul_add(t7_137, t7_165);
-        let t7_166 = a_s1_2x * t7_54;
-        let t7_167 = a_3z.mul_add(t7_47, t7_166);
-        let t7_168 = (-t7_88).mul_add(t7_148, t7_167);
-        let t7_169 = (-t7_161).mul_add(t7_147, t7_168);
-        let w_my_3_q7 = (-t7_116).mul_add(t7_146, t7_169);
-        let t7_170 = a_s1_2x * t7_66;
-        let t7_171 = a_3z.mul_add(t7_59, t7_170);
-        let t7_172 = (-t7_88).mul_add(t7_155, t7_171);
-        let t7_173 = (-t7_161).mul_add(t7_154, t7_172);
-        let w_my_3_q9 = (-t7_116).mul_add(t7_153, t7_173);
-        y[27] = [w_my_3_q2, w_my_3_q7, w_my_3_q9];
-        let t7_174 = t7_89 + t7_90;
-        let t7_175 = a_3y * t7_18;
-        let t7_176 = a_s1_2x.mul_add(t7_30, t7_175);
-        let t7_177 = (-t7_174).mul_add(t7_141, t7_176);
-        let t7_178 = (-t7_102).mul_add(t7_139, t7_177);
-        let w_mz_3_q2 = t7_117.mul_add(t7_137, t7_178);
-        let t7_179 = a_3y * t7_47;
-        let t7_180 = a_s1_2x.mul_add(t7_50, t7_179);
-        let t7_181 = t7_174.mul_add(t7_148, t7_180);
-        let t7_182 = (-t7_102).mul_add(t7_147, t7_181);
-        let w_mz_3_q7 = t7_117.mul_add(t7_146, t7_182);
-        let t7_183 = a_3y * t7_59;
-        let t7_184 = a_s1_2x.mul_add(t7_62, t7_183);
-        let t7_185 = t7_174.mul_add(t7_155, t7_184);
-        let t7_186 = (-t7_102).mul_add(t7_154, t7_185);
-        let w_mz_3_q9 = t7_117.mul_add(t7_153, t7_186);
-        y[28] = [w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
-        let t7_187 = a_3y * t7_139;
-        let t7_188 = (-a_3z).mul_add(t7_141, t7_187);
-        let w_m_3_q2 = a_s1_2x.mul_add(t7_137, t7_188);
-        let t7_189 = a_3z * t7_148;
-        let t7_190 = a_3y.mul_add(t7_147, t7_189);
-        let w_m_3_q7 = a_s1_2x.mul_add(t7_146, t7_190);
-        let t7_191 = a_3z * t7_155;
-        let t7_192 = a_3y.mul_add(t7_154, t7_191);
-        let w_m_3_q9 = a_s1_2x.mul_add(t7_153, t7_192);
-        y[29] = [w_m_3_q2, w_m_3_q7, w_m_3_q9];
+        let t7_135 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
+        let t7_136 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t7_136);
+        let t7_137 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t7_137);
+        let t7_138 = t7_90 + t7_91;
+        let t7_139 = t7_59 + t7_91;
+        let t7_140 = t7_59 + t7_90;
+        let t7_141 = cos_s1_3 * u_s1_1_q1y;
+        let t7_142 = cos_s1_3 * u_s1_2_q1z;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t7_141);
+        let u_3_q1z = sin_s1_3.mul_add(u_s1_1_q1y, t7_142);
+        let t7_143 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t7_144 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t7_145 = a_3y * t7_41;
+        let t7_146 = (-a_3z).mul_add(t7_38, t7_145);
+        let t7_147 = t7_85.mul_add(t7_144, t7_146);
+        let t7_148 = (-t7_87).mul_add(t7_143, t7_147);
+        let w_mx_3_q2 = t7_138.mul_add(t7_135, t7_148);
+        y[26][0] = w_mx_3_q2;
+        let t7_149 = a_s1_2x * t7_41;
+        let t7_150 = a_3z.mul_add(t7_2, t7_149);
+        let t7_151 = a_3y * t7_2;
+        let t7_152 = a_s1_2x.mul_add(t7_38, t7_151);
+        let t7_153 = t7_93.mul_add(t7_144, t7_150);
+        let t7_154 = (-t7_139).mul_add(t7_143, t7_153);
+        let w_my_3_q2 = (-t7_122).mul_add(t7_135, t7_154);
+        y[27][0] = w_my_3_q2;
+        let t7_155 = (-t7_140).mul_add(t7_144, t7_152);
+        let t7_156 = (-t7_94).mul_add(t7_143, t7_155);
+        let w_mz_3_q2 = t7_113.mul_add(t7_135, t7_156);
+        y[28][0] = w_mz_3_q2;
+        let t7_157 = a_3y * t7_143;
+        let t7_158 = (-a_3z).mul_add(t7_144, t7_157);
+        let w_m_3_q2 = a_s1_2x.mul_add(t7_135, t7_158);
+        y[29][0] = w_m_3_q2;
+        let t7_159 = u_s1_2_q1x * x_q1_q7;
+        let t7_160 = u_s1_2_q1x * x_q1_q9;
+        let t7_161 = u_3_q1y * x_q1_q7;
+        let t7_162 = u_3_q1z * x_q1_q7;
+        let t7_163 = u_3_q1y * x_q1_q9;
+        let t7_164 = u_3_q1z * x_q1_q9;
+        let t7_165 = a_3y * t7_69;
+        let t7_166 = (-a_3z).mul_add(t7_68, t7_165);
+        let t7_167 = (-t7_85).mul_add(t7_162, t7_166);
+        let t7_168 = (-t7_87).mul_add(t7_161, t7_167);
+        let w_mx_3_q7 = t7_138.mul_add(t7_159, t7_168);
+        y[26][1] = w_mx_3_q7;
+        let t7_169 = a_s1_2x * t7_69;
+        let t7_170 = a_3z.mul_add(t7_4, t7_169);
+        let t7_171 = a_3y * t7_4;
+        let t7_172 = a_s1_2x.mul_add(t7_68, t7_171);
+        let t7_173 = (-t7_93).mul_add(t7_162, t7_170);
+        let t7_174 = (-t7_139).mul_add(t7_161, t7_173);
+        let w_my_3_q7 = (-t7_122).mul_add(t7_159, t7_174);
+        y[27][1] = w_my_3_q7;
+        let t7_175 = t7_140.mul_add(t7_162, t7_172);
+        let t7_176 = (-t7_94).mul_add(t7_161, t7_175);
+        let w_mz_3_q7 = t7_113.mul_add(t7_159, t7_176);
+        y[28][1] = w_mz_3_q7;
+        let t7_177 = a_3z * t7_162;
+        let t7_178 = a_3y.mul_add(t7_161, t7_177);
+        let w_m_3_q7 = a_s1_2x.mul_add(t7_159, t7_178);
+        y[29][1] = w_m_3_q7;
+        let t7_179 = a_3y * t7_79;
+        let t7_180 = (-a_3z).mul_add(t7_76, t7_179);
+        let t7_181 = (-t7_85).mul_add(t7_164, t7_180);
+        let t7_182 = (-t7_87).mul_add(t7_163, t7_181);
+        let w_mx_3_q9 = t7_138.mul_add(t7_160, t7_182);
+        y[26][2] = w_mx_3_q9;
+        let t7_183 = a_s1_2x * t7_79;
+        let t7_184 = a_3z.mul_add(t7_6, t7_183);
+        let t7_185 = (-t7_93).mul_add(t7_164, t7_184);
+        let t7_186 = (-t7_139).mul_add(t7_163, t7_185);
+        let w_my_3_q9 = (-t7_122).mul_add(t7_160, t7_186);
+        y[27][2] = w_my_3_q9;
+        let t7_187 = a_3y * t7_6;
+        let t7_188 = a_s1_2x.mul_add(t7_76, t7_187);
+        let t7_189 = t7_140.mul_add(t7_164, t7_188);
+        let t7_190 = (-t7_94).mul_add(t7_163, t7_189);
+        let t7_191 = a_3z * t7_164;
+        let t7_192 = a_3y.mul_add(t7_163, t7_191);
+        let w_mz_3_q9 = t7_113.mul_add(t7_160, t7_190);
+        y[28][2] = w_mz_3_q9;
+        let w_m_3_q9 = a_s1_2x.mul_add(t7_160, t7_192);
+        y[29][2] = w_m_3_q9;
     }
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t8_1, t8_2, t8_3, a_4y, t8_4] = {
-        let w_izz_4_q2 = al_4z * x_q6_q2;
-        let t8_1 = -w_izz_4_q2;
-        let w_izz_4_q7 = al_4z * x_q6_q7;
-        let t8_2 = -w_izz_4_q7;
-        let w_izz_4_q9 = al_4z * x_q6_q9;
-        let t8_3 = -w_izz_4_q9;
-        y[35] = [t8_1, t8_2, t8_3];
+    let [a_4y, t8_1, t8_2, t8_3, t8_4] = {
         let a_4y = like.lift(9.81) * cos_q6;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
+        y[36][0] = w_mx_4_q2;
         let w_mx_4_q7 = x_q6_q7 * a_4y;
+        y[36][1] = w_mx_4_q7;
         let w_mx_4_q9 = x_q6_q9 * a_4y;
-        y[36] = [w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
-        let t8_4 = like.lift(9.81) * sin_q6;
-        let w_my_4_q2 = x_q6_q2 * t8_4;
+        y[36][2] = w_mx_4_q9;
+        let t8_1 = like.lift(9.81) * sin_q6;
+        let w_izz_4_q2 = al_4z * x_q6_q2;
+        let t8_2 = -w_izz_4_q2;
+        y[35][0] = t8_2;
+        let w_izz_4_q7 = al_4z * x_q6_q7;
+        let t8_3 = -w_izz_4_q7;
+        y[35][1] = t8_3;
+        let w_izz_4_q9 = al_4z * x_q6_q9;
+        let t8_4 = -w_izz_4_q9;
+        y[35][2] = t8_4;
+        let w_my_4_q2 = x_q6_q2 * t8_1;
         let t8_5 = -w_my_4_q2;
-        let w_my_4_q7 = x_q6_q7 * t8_4;
+        y[37][0] = t8_5;
+        let w_my_4_q7 = x_q6_q7 * t8_1;
         let t8_6 = -w_my_4_q7;
-        let w_my_4_q9 = x_q6_q9 * t8_4;
+        y[37][1] = t8_6;
+        let w_my_4_q9 = x_q6_q9 * t8_1;
         let t8_7 = -w_my_4_q9;
-        y[37] = [t8_5, t8_6, t8_7];
-        [t8_1, t8_2, t8_3, a_4y, t8_4]
+        y[37][2] = t8_7;
+        [a_4y, t8_1, t8_2, t8_3, t8_4]
     };
     // body 5: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        y[43][0] = t8_2; y[43][1] = t8_3; y[43][2] = t8_4;
         let t9_1 = a_4y + dr_q7;
         let w_mx_5_q2 = x_q6_q2 * t9_1;
-        let t9_2 = (-q7).mul_add(t3_72, dr_q7);
+        y[46][0] = w_mx_5_q2;
+        let w_mx_5_q9 = x_q6_q9 * t9_1;
+        y[46][2] = w_mx_5_q9;
+        let t9_2 = (-q7).mul_add(t3_99, dr_q7);
         let a_5z = t9_2 + a_4y;
         let t9_3 = q7 * x_q6_q7;
         let t9_4 = x_q6_q7.mul_add(a_5z, -al_4z);
-        let w_mx_5_q7 = t3_72.mul_add(t9_3, t9_4);
-        let w_mx_5_q9 = x_q6_q9 * t9_1;
-        y[46] = [w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
+        let w_mx_5_q7 = t3_99.mul_add(t9_3, t9_4);
+        y[46][1] = w_mx_5_q7;
         let t9_5 = q7 * al_4z;
-        let t9_6 = t8_4 - t9_5;
-        let t9_7 = t9_6 - t3_76;
-        let a_5x = t9_7 - t3_74;
-        let t9_8 = t9_5 - a_5x;
-        let w_mz_5_q2 = x_q6_q2 * t9_8;
-        let t9_9 = -w_mz_5_q2;
-        let t9_10 = x_q6_q7.mul_add(a_5x, -t3_72);
-        let w_mz_5_q7 = (-al_4z).mul_add(t9_3, t9_10);
-        let w_mz_5_q9 = x_q6_q9 * t9_8;
-        let t9_11 = -w_mz_5_q9;
-        y[48] = [t9_9, w_mz_5_q7, t9_11];
-        let t9_12 = q7 * a_5x;
-        let w_m_5_q2 = x_q6_q2 * t9_12;
+        let t9_6 = t8_1 - t9_5;
+        let t9_7 = t9_6 - t3_100;
+        let a_5x = t9_7 - t3_104;
+        let t9_8 = x_q6_q7.mul_add(a_5x, -t3_99);
+        let w_mz_5_q7 = (-al_4z).mul_add(t9_3, t9_8);
+        y[48][1] = w_mz_5_q7;
         let w_m_5_q7 = a_5x.mul_add(t9_3, a_5z);
-        let w_m_5_q9 = x_q6_q9 * t9_12;
-        y[49] = [w_m_5_q2, w_m_5_q7, w_m_5_q9];
-        y[43] = [t8_1, t8_2, t8_3];
+        y[49][1] = w_m_5_q7;
+        let t9_9 = t9_5 - a_5x;
+        let t9_10 = q7 * a_5x;
+        let w_m_5_q2 = x_q6_q2 * t9_10;
+        y[49][0] = w_m_5_q2;
+        let w_m_5_q9 = x_q6_q9 * t9_10;
+        y[49][2] = w_m_5_q9;
+        let w_mz_5_q2 = x_q6_q2 * t9_9;
+        let w_mz_5_q9 = x_q6_q9 * t9_9;
+        let t9_11 = -w_mz_5_q2;
+        y[48][0] = t9_11;
+        let t9_12 = -w_mz_5_q9;
+        y[48][2] = t9_12;
     }
     // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t10_1, t10_2, t10_3, a_6y, t10_4] = {
-        let w_izz_6_q2 = al_6z * x_q8_q2;
-        let t10_1 = -w_izz_6_q2;
-        let w_izz_6_q7 = al_6z * x_q8_q7;
-        let t10_2 = -w_izz_6_q7;
-        let w_izz_6_q9 = al_6z * x_q8_q9;
-        let t10_3 = -w_izz_6_q9;
-        y[55] = [t10_1, t10_2, t10_3];
+    let [a_6y, t10_1, t10_2, t10_3, t10_4] = {
         let a_6y = like.lift(9.81) * cos_q8;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
+        y[56][0] = w_mx_6_q2;
         let w_mx_6_q7 = x_q8_q7 * a_6y;
+        y[56][1] = w_mx_6_q7;
         let w_mx_6_q9 = x_q8_q9 * a_6y;
-        y[56] = [w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
-        let t10_4 = like.lift(9.81) * sin_q8;
-        let w_my_6_q2 = x_q8_q2 * t10_4;
+        y[56][2] = w_mx_6_q9;
+        let t10_1 = like.lift(9.81) * sin_q8;
+        let w_izz_6_q2 = al_6z * x_q8_q2;
+        let t10_2 = -w_izz_6_q2;
+        y[55][0] = t10_2;
+        let w_izz_6_q7 = al_6z * x_q8_q7;
+        let t10_3 = -w_izz_6_q7;
+        y[55][1] = t10_3;
+        let w_izz_6_q9 = al_6z * x_q8_q9;
+        let t10_4 = -w_izz_6_q9;
+        y[55][2] = t10_4;
+        let w_my_6_q2 = x_q8_q2 * t10_1;
         let t10_5 = -w_my_6_q2;
-        let w_my_6_q7 = x_q8_q7 * t10_4;
+        y[57][0] = t10_5;
+        let w_my_6_q7 = x_q8_q7 * t10_1;
         let t10_6 = -w_my_6_q7;
-        let w_my_6_q9 = x_q8_q9 * t10_4;
+        y[57][1] = t10_6;
+        let w_my_6_q9 = x_q8_q9 * t10_1;
         let t10_7 = -w_my_6_q9;
-        y[57] = [t10_5, t10_6, t10_7];
-        [t10_1, t10_2, t10_3, a_6y, t10_4]
+        y[57][2] = t10_7;
+        [a_6y, t10_1, t10_2, t10_3, t10_4]
     };
     // body 7: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        y[63][0] = t10_2; y[63][1] = t10_3; y[63][2] = t10_4;
         let t11_1 = a_6y + dr_q9;
         let w_mx_7_q2 = x_q8_q2 * t11_1;
+        y[66][0] = w_mx_7_q2;
         let w_mx_7_q7 = x_q8_q7 * t11_1;
-        let t11_2 = (-q9).mul_add(t3_156, dr_q9);
+        y[66][1] = w_mx_7_q7;
+        let t11_2 = (-q9).mul_add(t3_161, dr_q9);
         let a_7z = t11_2 + a_6y;
         let t11_3 = q9 * x_q8_q9;
         let t11_4 = x_q8_q9.mul_add(a_7z, -al_6z);
-        let w_mx_7_q9 = t3_156.mul_add(t11_3, t11_4);
-        y[66] = [w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
+        let w_mx_7_q9 = t3_161.mul_add(t11_3, t11_4);
+        y[66][2] = w_mx_7_q9;
         let t11_5 = q9 * al_6z;
-        let t11_6 = t10_4 - t11_5;
-        let t11_7 = t11_6 - t3_160;
-        let a_7x = t11_7 - t3_158;
-        let t11_8 = t11_5 - a_7x;
-        let w_mz_7_q2 = x_q8_q2 * t11_8;
-        let t11_9 = -w_mz_7_q2;
-        let w_mz_7_q7 = x_q8_q7 * t11_8;
-        let t11_10 = -w_mz_7_q7;
-        let t11_11 = x_q8_q9.mul_add(a_7x, -t3_156);
-        let w_mz_7_q9 = (-al_6z).mul_add(t11_3, t11_11);
-        y[68] = [t11_9, t11_10, w_mz_7_q9];
-        let t11_12 = q9 * a_7x;
-        let w_m_7_q2 = x_q8_q2 * t11_12;
-        let w_m_7_q7 = x_q8_q7 * t11_12;
+        let t11_6 = t10_1 - t11_5;
+        let t11_7 = t11_6 - t3_162;
+        let a_7x = t11_7 - t3_166;
+        let t11_8 = x_q8_q9.mul_add(a_7x, -t3_161);
+        let w_mz_7_q9 = (-al_6z).mul_add(t11_3, t11_8);
+        y[68][2] = w_mz_7_q9;
         let w_m_7_q9 = a_7x.mul_add(t11_3, a_7z);
-        y[69] = [w_m_7_q2, w_m_7_q7, w_m_7_q9];
-        y[63] = [t10_1, t10_2, t10_3];
+        y[69][2] = w_m_7_q9;
+        let t11_9 = t11_5 - a_7x;
+        let t11_10 = q9 * a_7x;
+        let w_m_7_q2 = x_q8_q2 * t11_10;
+        y[69][0] = w_m_7_q2;
+        let w_m_7_q7 = x_q8_q7 * t11_10;
+        y[69][1] = w_m_7_q7;
+        let w_mz_7_q2 = x_q8_q2 * t11_9;
+        let w_mz_7_q7 = x_q8_q7 * t11_9;
+        let t11_11 = -w_mz_7_q2;
+        y[68][0] = t11_11;
+        let t11_12 = -w_mz_7_q7;
+        y[68][1] = t11_12;
     }
     // friction and rotors (Eq. 14-19)
     {
+        y[70][0] = r_q2; y[72][1] = r_q7; y[74][2] = r_q9; y[76][0] = dr_q2; y[77][1] = dr_q7; y[78][2] = dr_q9;
         let w_fc_q2_q2 = d_q2.sign();
         y[71][0] = w_fc_q2_q2;
         let w_fc_q7_q7 = d_q7.sign();
         y[73][1] = w_fc_q7_q7;
         let w_fc_q9_q9 = d_q9.sign();
         y[75][2] = w_fc_q9_q9;
-        y[70][0] = r_q2;
-        y[72][1] = r_q7;
-        y[74][2] = r_q9;
-        y[76][0] = dr_q2;
-        y[77][1] = dr_q7;
-        y[78][2] = dr_q9;
     }
     Condition { pivot: condition }
 }
@@ -5655,9 +5787,7 @@ pub fn efforts<T: Scalar>(q: &[T; 9], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
     let [tau_q2, tau_q7, tau_q9] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
-        left[0] = tau_q2;
-        left[1] = tau_q7;
-        left[2] = tau_q9;
+        left[0] = tau_q2; left[1] = tau_q7; left[2] = tau_q9;
     }
     (left, Condition::regular(like))
 }
@@ -5689,100 +5819,134 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
     };
     // body 1
     let [t2_1] = {
+        poses[0][0] = cos_q1; poses[0][5] = like.lift(1.0); poses[0][9] = like.lift(0.26344492783122625);
         let t2_1 = -sin_q1;
+        poses[0][1] = t2_1; poses[0][6] = t2_1;
         let t2_2 = -cos_q1;
-        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][5] = like.lift(1.0); poses[0][6] = t2_1; poses[0][7] = t2_2; poses[0][9] = like.lift(0.26344492783122625);
+        poses[0][7] = t2_2;
         [t2_1]
     };
     // body 2
     let [t3_1, t3_2] = {
+        poses[1][0] = cos_q1; poses[1][2] = sin_q1; poses[1][4] = like.lift(1.0); poses[1][6] = t2_1; poses[1][8] = cos_q1;
         let t3_1 = sin_q1.mul_add(q2, like.lift(0.26344492783122625));
+        poses[1][9] = t3_1;
         let t3_2 = cos_q1 * q2;
-        poses[1][0] = cos_q1; poses[1][2] = sin_q1; poses[1][4] = like.lift(1.0); poses[1][6] = t2_1; poses[1][8] = cos_q1; poses[1][9] = t3_1; poses[1][11] = t3_2;
+        poses[1][11] = t3_2;
         [t3_1, t3_2]
     };
     // body 3
     {
+        poses[2][9] = t3_1; poses[2][11] = t3_2;
+        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
+        poses[2][3] = e_s1_2_q1x;
         let t4_1 = cos_q1 * cos_s1_1;
         let t4_2 = sin_q1 * sin_s1_2;
         let t4_3 = (-cos_s1_2).mul_add(t4_1, t4_2);
         let t4_4 = -t4_3;
-        let t4_5 = cos_q1 * sin_s1_1;
-        let t4_6 = sin_s1_2 * t4_1;
-        let t4_7 = sin_q1.mul_add(cos_s1_2, t4_6);
-        let t4_8 = cos_s1_3 * t4_5;
-        let t4_9 = (-sin_s1_3).mul_add(t4_7, t4_8);
-        let t4_10 = -t4_9;
-        let t4_11 = cos_s1_3 * t4_7;
-        let t4_12 = sin_s1_3.mul_add(t4_5, t4_11);
-        let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
+        poses[2][0] = t4_4;
+        let t4_5 = sin_s1_2 * t4_1;
+        let t4_6 = sin_q1.mul_add(cos_s1_2, t4_5);
+        let t4_7 = cos_q1 * sin_s1_1;
+        let t4_8 = cos_s1_3 * t4_6;
+        let t4_9 = sin_s1_3.mul_add(t4_7, t4_8);
+        poses[2][2] = t4_9;
+        let t4_10 = cos_s1_3 * t4_7;
+        let t4_11 = (-sin_s1_3).mul_add(t4_6, t4_10);
+        let t4_12 = -t4_11;
+        poses[2][1] = t4_12;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let t4_13 = sin_s1_3 * e_s1_2_q1z;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t4_13);
-        let t4_14 = cos_s1_1 * sin_s1_3;
-        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t4_14);
-        let t4_15 = -e_3_q1z;
-        let t4_16 = sin_q1 * cos_s1_1;
-        let t4_17 = cos_s1_2 * t4_16;
-        let t4_18 = cos_q1.mul_add(sin_s1_2, t4_17);
-        let t4_19 = -t4_18;
-        let t4_20 = sin_q1 * sin_s1_1;
-        let t4_21 = cos_q1 * cos_s1_2;
-        let t4_22 = (-sin_s1_2).mul_add(t4_16, t4_21);
-        let t4_23 = sin_s1_3 * t4_22;
-        let t4_24 = cos_s1_3.mul_add(t4_20, t4_23);
-        let t4_25 = sin_s1_3 * t4_20;
-        let t4_26 = (-cos_s1_3).mul_add(t4_22, t4_25);
+        let t4_13 = sin_q1 * sin_s1_1;
+        let t4_14 = sin_q1 * cos_s1_1;
+        let t4_15 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t4_15);
+        poses[2][4] = e_3_q1y;
+        let t4_16 = cos_s1_1 * sin_s1_3;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t4_16);
+        let t4_17 = -e_3_q1z;
+        poses[2][5] = t4_17;
+        let t4_18 = cos_s1_2 * t4_14;
+        let t4_19 = cos_q1.mul_add(sin_s1_2, t4_18);
+        let t4_20 = cos_q1 * cos_s1_2;
+        let t4_21 = (-sin_s1_2).mul_add(t4_14, t4_20);
+        let t4_22 = -t4_19;
+        poses[2][6] = t4_22;
+        let t4_23 = sin_s1_3 * t4_21;
+        let t4_24 = cos_s1_3.mul_add(t4_13, t4_23);
+        poses[2][7] = t4_24;
+        let t4_25 = sin_s1_3 * t4_13;
+        let t4_26 = (-cos_s1_3).mul_add(t4_21, t4_25);
         let t4_27 = -t4_26;
-        poses[2][0] = t4_4; poses[2][1] = t4_10; poses[2][2] = t4_12; poses[2][3] = e_s1_2_q1x; poses[2][4] = e_3_q1y; poses[2][5] = t4_15; poses[2][6] = t4_19; poses[2][7] = t4_24; poses[2][8] = t4_27; poses[2][9] = t3_1; poses[2][11] = t3_2;
+        poses[2][8] = t4_27;
     }
     // body 4
-    let [t5_2, t5_3, t5_4, t5_5, t5_7] = {
-        let t5_1 = like.lift(0.5) * cos_q6;
-        let t5_2 = -t5_1;
-        let t5_3 = like.lift(0.5) * sin_q6;
-        let t5_4 = like.lift(0.8660254037844386) * cos_q6;
-        let t5_5 = like.lift(0.8660254037844386) * sin_q6;
-        let t5_6 = -t5_5;
-        let t5_7 = -sin_q6;
-        let t5_8 = -cos_q6;
-        poses[3][0] = t5_2; poses[3][1] = t5_3; poses[3][2] = like.lift(-0.8660254037844386); poses[3][3] = t5_4; poses[3][4] = t5_6; poses[3][5] = like.lift(-0.5); poses[3][6] = t5_7; poses[3][7] = t5_8; poses[3][9] = like.lift(-0.13172246391561312); poses[3][10] = like.lift(0.22815);
-        [t5_2, t5_3, t5_4, t5_5, t5_7]
+    let [t5_1, t5_2, t5_5, t5_6, t5_8] = {
+        poses[3][2] = like.lift(-0.8660254037844386); poses[3][5] = like.lift(-0.5); poses[3][9] = like.lift(-0.13172246391561312); poses[3][10] = like.lift(0.22815);
+        let t5_1 = like.lift(0.8660254037844386) * cos_q6;
+        poses[3][3] = t5_1;
+        let t5_2 = -sin_q6;
+        poses[3][6] = t5_2;
+        let t5_3 = -cos_q6;
+        poses[3][7] = t5_3;
+        let t5_4 = like.lift(0.5) * cos_q6;
+        let t5_5 = -t5_4;
+        poses[3][0] = t5_5;
+        let t5_6 = like.lift(0.8660254037844386) * sin_q6;
+        let t5_7 = -t5_6;
+        poses[3][4] = t5_7;
+        let t5_8 = like.lift(0.5) * sin_q6;
+        poses[3][1] = t5_8;
+        [t5_1, t5_2, t5_5, t5_6, t5_8]
     };
     // body 5
     {
-        let t6_1 = -t5_3;
-        let t6_2 = sin_q6 * q7;
-        let t6_3 = like.lift(0.5).mul_add(t6_2, like.lift(0.13172246391561312));
-        let t6_4 = -t6_3;
-        let t6_5 = like.lift(0.8660254037844386).mul_add(t6_2, like.lift(0.22815));
-        let t6_6 = cos_q6 * q7;
-        poses[4][0] = t5_2; poses[4][1] = like.lift(-0.8660254037844386); poses[4][2] = t6_1; poses[4][3] = t5_4; poses[4][4] = like.lift(-0.5); poses[4][5] = t5_5; poses[4][6] = t5_7; poses[4][8] = cos_q6; poses[4][9] = t6_4; poses[4][10] = t6_5; poses[4][11] = t6_6;
+        poses[4][0] = t5_5; poses[4][1] = like.lift(-0.8660254037844386); poses[4][3] = t5_1; poses[4][4] = like.lift(-0.5); poses[4][5] = t5_6; poses[4][6] = t5_2; poses[4][8] = cos_q6;
+        let t6_1 = -t5_8;
+        poses[4][2] = t6_1;
+        let t6_2 = cos_q6 * q7;
+        poses[4][11] = t6_2;
+        let t6_3 = sin_q6 * q7;
+        let t6_4 = like.lift(0.8660254037844386).mul_add(t6_3, like.lift(0.22815));
+        poses[4][10] = t6_4;
+        let t6_5 = like.lift(0.5).mul_add(t6_3, like.lift(0.13172246391561312));
+        let t6_6 = -t6_5;
+        poses[4][9] = t6_6;
     }
     // body 6
-    let [t7_2, t7_3, t7_5, t7_6, t7_7] = {
-        let t7_1 = like.lift(0.5) * cos_q8;
-        let t7_2 = -t7_1;
-        let t7_3 = like.lift(0.5) * sin_q8;
-        let t7_4 = like.lift(0.8660254037844386) * cos_q8;
-        let t7_5 = -t7_4;
-        let t7_6 = like.lift(0.8660254037844386) * sin_q8;
-        let t7_7 = -sin_q8;
-        let t7_8 = -cos_q8;
-        poses[5][0] = t7_2; poses[5][1] = t7_3; poses[5][2] = like.lift(0.8660254037844386); poses[5][3] = t7_5; poses[5][4] = t7_6; poses[5][5] = like.lift(-0.5); poses[5][6] = t7_7; poses[5][7] = t7_8; poses[5][9] = like.lift(-0.13172246391561312); poses[5][10] = like.lift(-0.22815);
-        [t7_2, t7_3, t7_5, t7_6, t7_7]
+    let [t7_1, t7_4, t7_6, t7_7, t7_8] = {
+        poses[5][2] = like.lift(0.8660254037844386); poses[5][5] = like.lift(-0.5); poses[5][9] = like.lift(-0.13172246391561312); poses[5][10] = like.lift(-0.22815);
+        let t7_1 = -sin_q8;
+        poses[5][6] = t7_1;
+        let t7_2 = -cos_q8;
+        poses[5][7] = t7_2;
+        let t7_3 = like.lift(0.5) * cos_q8;
+        let t7_4 = -t7_3;
+        poses[5][0] = t7_4;
+        let t7_5 = like.lift(0.8660254037844386) * cos_q8;
+        let t7_6 = -t7_5;
+        poses[5][3] = t7_6;
+        let t7_7 = like.lift(0.5) * sin_q8;
+        poses[5][1] = t7_7;
+        let t7_8 = like.lift(0.8660254037844386) * sin_q8;
+        poses[5][4] = t7_8;
+        [t7_1, t7_4, t7_6, t7_7, t7_8]
     };
     // body 7
     {
-        let t8_1 = -t7_3;
-        let t8_2 = -t7_6;
-        let t8_3 = sin_q8 * q9;
-        let t8_4 = like.lift(0.5).mul_add(t8_3, like.lift(0.13172246391561312));
-        let t8_5 = -t8_4;
-        let t8_6 = like.lift(0.8660254037844386).mul_add(t8_3, like.lift(0.22815));
-        let t8_7 = -t8_6;
-        let t8_8 = cos_q8 * q9;
-        poses[6][0] = t7_2; poses[6][1] = like.lift(0.8660254037844386); poses[6][2] = t8_1; poses[6][3] = t7_5; poses[6][4] = like.lift(-0.5); poses[6][5] = t8_2; poses[6][6] = t7_7; poses[6][8] = cos_q8; poses[6][9] = t8_5; poses[6][10] = t8_7; poses[6][11] = t8_8;
+        poses[6][0] = t7_4; poses[6][1] = like.lift(0.8660254037844386); poses[6][3] = t7_6; poses[6][4] = like.lift(-0.5); poses[6][6] = t7_1; poses[6][8] = cos_q8;
+        let t8_1 = -t7_7;
+        poses[6][2] = t8_1;
+        let t8_2 = -t7_8;
+        poses[6][5] = t8_2;
+        let t8_3 = cos_q8 * q9;
+        poses[6][11] = t8_3;
+        let t8_4 = sin_q8 * q9;
+        let t8_5 = like.lift(0.5).mul_add(t8_4, like.lift(0.13172246391561312));
+        let t8_6 = -t8_5;
+        poses[6][9] = t8_6;
+        let t8_7 = like.lift(0.8660254037844386).mul_add(t8_4, like.lift(0.22815));
+        let t8_8 = -t8_7;
+        poses[6][10] = t8_8;
     }
     poses
 }
@@ -5818,34 +5982,34 @@ pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
         cosines[0] = u_3_q2z;
     }
     // cone of s2
-    let [t3_6, t3_10, e_3_q1z] = {
+    let [e_3_q1z, t3_11, t3_12] = {
         let t3_1 = sin_s1_2 * cos_s1_1;
-        let t3_2 = cos_q1 * cos_s1_2;
-        let t3_3 = (-sin_q1).mul_add(t3_1, t3_2);
+        let t3_2 = cos_s1_1 * sin_s1_3;
+        let t3_3 = cos_s1_3 * sin_s1_1;
+        let e_3_q1z = (-t3_3).mul_add(sin_s1_2, t3_2);
         let t3_4 = sin_s1_3 * sin_s1_1;
-        let t3_5 = sin_q1 * t3_4;
-        let t3_6 = (-cos_s1_3).mul_add(t3_3, t3_5);
+        let t3_5 = cos_q1 * cos_s1_2;
+        let t3_6 = (-sin_q1).mul_add(t3_1, t3_5);
         let t3_7 = cos_q1 * t3_1;
         let t3_8 = sin_q1.mul_add(cos_s1_2, t3_7);
-        let t3_9 = cos_s1_3 * t3_8;
-        let t3_10 = cos_q1.mul_add(t3_4, t3_9);
-        let t3_11 = cos_s1_1 * sin_s1_3;
-        let t3_12 = cos_s1_3 * sin_s1_1;
-        let e_3_q1z = (-t3_12).mul_add(sin_s1_2, t3_11);
-        let t3_13 = like.lift(0.8660254037844386) * e_3_q1z;
-        let t3_14 = like.lift(0.5).mul_add(t3_10, t3_13);
-        let t3_15 = cos_q6 * t3_6;
-        let t3_16 = sin_q6.mul_add(t3_14, t3_15);
+        let t3_9 = sin_q1 * t3_4;
+        let t3_10 = cos_s1_3 * t3_8;
+        let t3_11 = (-cos_s1_3).mul_add(t3_6, t3_9);
+        let t3_12 = cos_q1.mul_add(t3_4, t3_10);
+        let t3_13 = cos_q6 * t3_11;
+        let t3_14 = like.lift(0.8660254037844386) * e_3_q1z;
+        let t3_15 = like.lift(0.5).mul_add(t3_12, t3_14);
+        let t3_16 = sin_q6.mul_add(t3_15, t3_13);
         let t3_17 = -t3_16;
         cosines[1] = t3_17;
-        [t3_6, t3_10, e_3_q1z]
+        [e_3_q1z, t3_11, t3_12]
     };
     // cone of s3
     {
-        let t4_1 = like.lift(0.8660254037844386) * e_3_q1z;
-        let t4_2 = like.lift(-0.5).mul_add(t3_10, t4_1);
-        let t4_3 = cos_q8 * t3_6;
-        let t4_4 = (-sin_q8).mul_add(t4_2, t4_3);
+        let t4_1 = cos_q8 * t3_11;
+        let t4_2 = like.lift(0.8660254037844386) * e_3_q1z;
+        let t4_3 = like.lift(-0.5).mul_add(t3_12, t4_2);
+        let t4_4 = (-sin_q8).mul_add(t4_3, t4_1);
         let t4_5 = -t4_4;
         cosines[2] = t4_5;
     }
@@ -5880,10 +6044,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut 
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 34]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
@@ -5901,628 +6063,675 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
-        x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2,
-        x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_109, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+        x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
+        x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
         let t2_1 = cos_q1 * q2;
         let t2_2 = sin_q1 * cos_s1_1;
         let t2_3 = cos_s1_2 * t2_2;
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
-        let t2_5 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_6 = -t2_5;
+        let t2_5 = cos_q1 * cos_s1_2;
+        let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
+        let t2_7 = sin_s1_3 * t2_6;
+        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_9 = -t2_8;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_7 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_8 = cos_q1 * t2_7;
-        let t2_9 = sin_q1 * sin_s1_1;
-        let t2_10 = t2_9 * e_s1_2_q1x;
-        let t2_11 = cos_s1_1.mul_add(t2_4, t2_10);
-        let t2_12 = like.lift(0.4563) * t2_11;
-        let t2_13 = cos_q6 * q7;
-        let t2_14 = like.lift(0.5) * t2_13;
-        let t2_15 = -t2_14;
-        let t2_16 = sin_q1 * q2;
-        let t2_17 = cos_q1 * cos_s1_1;
-        let t2_18 = sin_q1 * sin_s1_2;
-        let t2_19 = (-cos_s1_2).mul_add(t2_17, t2_18);
-        let t2_20 = like.lift(-0.4563).mul_add(t2_19, t2_16);
-        let t2_21 = -t2_20;
-        let t2_22 = sin_q1 * t2_7;
-        let t2_23 = cos_q1 * sin_s1_1;
-        let t2_24 = cos_s1_1 * t2_19;
-        let t2_25 = (-t2_23).mul_add(e_s1_2_q1x, t2_24);
-        let t2_26 = like.lift(0.4563) * t2_25;
-        let t2_27 = -t2_26;
-        let t2_28 = -t2_27;
-        let t2_29 = sin_q6 * q7;
-        let t2_30 = sin_q1 * t2_4;
-        let t2_31 = (-cos_q1).mul_add(t2_19, t2_30);
-        let t2_32 = like.lift(0.4563) * t2_31;
-        let t2_33 = -t2_32;
-        let t2_34 = t2_23 * t2_4;
-        let t2_35 = t2_9.mul_add(t2_19, t2_34);
-        let t2_36 = like.lift(0.4563) * t2_35;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_13;
-        let t2_37 = cos_q1 * cos_s1_2;
-        let t2_38 = (-sin_s1_2).mul_add(t2_2, t2_37);
-        let t2_39 = sin_s1_3 * t2_38;
-        let t2_40 = cos_s1_3.mul_add(t2_9, t2_39);
-        let t2_41 = like.lift(0.22815) * t2_4;
-        let t2_42 = like.lift(-0.39516739174683935).mul_add(t2_40, t2_41);
-        let t2_43 = t2_1 - t2_42;
-        let t2_44 = -t2_43;
+        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_11 = cos_q1 * t2_10;
+        let t2_12 = sin_q1 * t2_10;
+        let t2_13 = sin_q1 * sin_s1_1;
+        let t2_14 = cos_s1_3.mul_add(t2_13, t2_7);
+        let t2_15 = like.lift(0.22815) * t2_4;
+        let t2_16 = like.lift(-0.39516739174683935).mul_add(t2_14, t2_15);
+        let t2_17 = t2_1 - t2_16;
+        let t2_18 = t2_13 * e_s1_2_q1x;
+        let t2_19 = cos_s1_1.mul_add(t2_4, t2_18);
+        let t2_20 = like.lift(0.4563) * t2_19;
+        let t2_21 = cos_q6 * q7;
+        let t2_22 = like.lift(0.5) * t2_21;
+        let t2_23 = -t2_22;
+        let t2_24 = sin_q1 * q2;
+        let t2_25 = cos_q1 * cos_s1_1;
+        let t2_26 = sin_q1 * sin_s1_2;
+        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
+        let t2_28 = sin_s1_2 * t2_25;
+        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
+        let t2_30 = like.lift(-0.4563).mul_add(t2_27, t2_24);
+        let t2_31 = -t2_30;
+        let t2_32 = cos_q1 * sin_s1_1;
+        let t2_33 = cos_s1_3 * t2_32;
+        let t2_34 = (-sin_s1_3).mul_add(t2_29, t2_33);
+        let t2_35 = like.lift(0.39516739174683935) * t2_34;
+        let t2_36 = t2_35 - t2_24;
+        let t2_37 = cos_s1_1 * t2_27;
+        let t2_38 = (-t2_32).mul_add(e_s1_2_q1x, t2_37);
+        let t2_39 = like.lift(0.4563) * t2_38;
+        let t2_40 = -t2_39;
+        let t2_41 = -t2_40;
+        let t2_42 = sin_q6 * q7;
+        let t2_43 = sin_q1 * t2_4;
+        let t2_44 = (-cos_q1).mul_add(t2_27, t2_43);
+        let t2_45 = like.lift(0.4563) * t2_44;
+        let t2_46 = -t2_45;
+        let t2_47 = t2_32 * t2_4;
+        let t2_48 = t2_13.mul_add(t2_27, t2_47);
+        let t2_49 = like.lift(0.4563) * t2_48;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
+        let t2_50 = like.lift(1.0) / t2_21;
+        let t2_51 = -t2_17;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let t2_45 = sin_s1_3 * e_s1_2_q1z;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_45);
-        let t2_46 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_47 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_46);
-        let t2_48 = cos_q1 * t2_47;
-        let t2_49 = t2_9 * t2_47;
-        let t2_50 = cos_s1_1.mul_add(t2_42, t2_49);
-        let t2_51 = e_s1_2_q1x * t2_42;
-        let t2_52 = (-t2_4).mul_add(t2_47, t2_51);
-        let t2_53 = cos_q8 * q9;
-        let t2_54 = like.lift(0.5) * t2_53;
-        let t2_55 = -t2_54;
-        let t2_56 = sin_s1_2 * t2_17;
-        let t2_57 = sin_q1.mul_add(cos_s1_2, t2_56);
-        let t2_58 = cos_s1_3 * t2_23;
-        let t2_59 = (-sin_s1_3).mul_add(t2_57, t2_58);
-        let t2_60 = like.lift(0.39516739174683935) * t2_59;
-        let t2_61 = like.lift(0.22815) * t2_19;
-        let t2_62 = t2_60 - t2_16;
-        let t2_63 = t2_62 + t2_61;
-        let t2_64 = sin_q1 * t2_47;
-        let t2_65 = t2_61 + t2_60;
-        let t2_66 = t2_23 * t2_47;
-        let t2_67 = (-cos_s1_1).mul_add(t2_65, t2_66);
-        let t2_68 = -t2_67;
-        let t2_69 = t2_19 * t2_47;
-        let t2_70 = (-e_s1_2_q1x).mul_add(t2_65, t2_69);
-        let t2_71 = -t2_70;
-        let t2_72 = sin_q8 * q9;
-        let t2_73 = cos_q1 * t2_65;
-        let t2_74 = (-sin_q1).mul_add(t2_42, t2_73);
-        let t2_75 = t2_23 * t2_42;
-        let t2_76 = t2_9.mul_add(t2_65, t2_75);
-        let t2_77 = t2_4 * t2_65;
-        let t2_78 = (-t2_19).mul_add(t2_42, t2_77);
-        let t2_79 = -t2_78;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_53;
-        let t2_80 = -pivot_2;
-        let t2_81 = -sin_q1;
-        let t2_82 = like.lift(0.5) * sin_q6;
-        let t2_83 = -t2_82;
-        let t2_84 = -cos_q6;
-        let t2_85 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_86 = like.lift(0.5) * sin_q8;
-        let t2_87 = -t2_86;
-        let t2_88 = -cos_q8;
-        let t2_89 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_90 = -t2_89;
-        let t2_91 = like.lift(0.5773502691896257).mul_add(t2_78, t2_52);
-        let t2_92 = like.lift(1.0) / t2_53;
-        let t2_93 = t2_72 * t2_92;
-        let t2_94 = like.lift(1.1547005383792515) * t2_93;
-        let pivot_3 = t2_78.mul_add(t2_94, t2_70);
+        let t2_52 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
+        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
+        let t2_55 = cos_q1 * t2_54;
+        let t2_56 = t2_13 * t2_54;
+        let t2_57 = cos_s1_1.mul_add(t2_16, t2_56);
+        let t2_58 = e_s1_2_q1x * t2_16;
+        let t2_59 = (-t2_4).mul_add(t2_54, t2_58);
+        let t2_60 = cos_q8 * q9;
+        let t2_61 = like.lift(0.5) * t2_60;
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.22815) * t2_27;
+        let t2_64 = t2_36 + t2_63;
+        let t2_65 = t2_63 + t2_35;
+        let t2_66 = t2_4 * t2_65;
+        let t2_67 = (-t2_27).mul_add(t2_16, t2_66);
+        let t2_68 = t2_27 * t2_54;
+        let t2_69 = (-e_s1_2_q1x).mul_add(t2_65, t2_68);
+        let t2_70 = t2_32 * t2_16;
+        let t2_71 = t2_13.mul_add(t2_65, t2_70);
+        let t2_72 = t2_32 * t2_54;
+        let t2_73 = sin_q1 * t2_54;
+        let t2_74 = (-cos_s1_1).mul_add(t2_65, t2_72);
+        let t2_75 = cos_q1 * t2_65;
+        let t2_76 = (-sin_q1).mul_add(t2_16, t2_75);
+        let t2_77 = -t2_74;
+        let t2_78 = -t2_69;
+        let t2_79 = sin_q8 * q9;
+        let t2_80 = -t2_67;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
+        let t2_81 = -pivot_2;
+        let t2_82 = like.lift(1.0) / t2_60;
+        let t2_83 = -sin_q1;
+        let t2_84 = like.lift(0.5) * sin_q6;
+        let t2_85 = -t2_84;
+        let t2_86 = -cos_q6;
+        let t2_87 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_88 = like.lift(0.5) * sin_q8;
+        let t2_89 = -t2_88;
+        let t2_90 = -cos_q8;
+        let t2_91 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_92 = -t2_91;
+        let t2_93 = like.lift(0.5773502691896257).mul_add(t2_67, t2_59);
+        let t2_94 = t2_79 * t2_82;
+        let t2_95 = like.lift(1.1547005383792515) * t2_82;
+        let t2_96 = like.lift(1.1547005383792515) * t2_94;
+        let pivot_3 = t2_67.mul_add(t2_96, t2_69);
+        let t2_97 = (-t2_71).mul_add(t2_96, t2_74);
+        let t2_98 = t2_76.mul_add(t2_96, t2_73);
+        let t2_99 = sin_q8.mul_add(t2_94, cos_q8);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_95 = t2_91 * inv_pivot_3;
-        let t2_96 = (-t2_63).mul_add(t2_95, t2_43);
-        let t2_97 = like.lift(0.5773502691896257).mul_add(t2_33, t2_8);
-        let t2_98 = t2_74.mul_add(t2_94, t2_64);
-        let t2_99 = t2_98.mul_add(t2_95, t2_48);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_99);
+        let t2_100 = t2_93 * inv_pivot_3;
+        let t2_101 = (-t2_64).mul_add(t2_100, t2_17);
+        let t2_102 = -pivot_3;
+        let t2_103 = like.lift(0.5773502691896257).mul_add(t2_46, t2_11);
+        let t2_104 = t2_98.mul_add(t2_100, t2_55);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_104);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_100 = t2_97 * inv_pivot_4;
-        let pivot_5 = (-t2_96).mul_add(t2_100, t2_5);
+        let t2_105 = t2_103 * inv_pivot_4;
+        let pivot_5 = (-t2_101).mul_add(t2_105, t2_8);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_101 = (-cos_q1).mul_add(t2_95, sin_q1);
-        let t2_102 = (-t2_101).mul_add(t2_100, sin_q1);
-        let t2_103 = (-t2_76).mul_add(t2_94, t2_67);
-        let t2_104 = (-t2_103).mul_add(t2_95, t2_50);
-        let t2_105 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_104);
-        let t2_106 = (-t2_105).mul_add(t2_100, t2_12);
-        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_36, t2_106);
-        let t2_108 = like.lift(1.0) / t2_13;
-        let t2_109 = t2_29 * t2_108;
-        let t2_110 = like.lift(1.1547005383792515) * t2_109;
-        let t2_111 = (-t2_33).mul_add(t2_110, t2_22);
-        let t2_112 = t2_111 * inv_pivot_4;
-        let t2_113 = (-t2_96).mul_add(t2_112, t2_20);
-        let t2_114 = t2_113 * inv_pivot_5;
-        let t2_115 = t2_102.mul_add(t2_114, cos_q1);
-        let t2_116 = t2_101.mul_add(t2_112, t2_115);
-        let t2_117 = t2_107.mul_add(t2_114, t2_27);
-        let t2_118 = t2_105.mul_add(t2_112, t2_117);
-        let pivot_6 = t2_36.mul_add(t2_110, t2_118);
+        let t2_106 = -pivot_5;
+        let t2_107 = (-cos_q1).mul_add(t2_100, sin_q1);
+        let t2_108 = (-t2_107).mul_add(t2_105, sin_q1);
+        let t2_109 = like.lift(9.81) * sin_q1;
+        let t2_110 = (-t2_97).mul_add(t2_100, t2_57);
+        let t2_111 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_110);
+        let t2_112 = t2_99 * t2_100;
+        let t2_113 = (-t2_111).mul_add(t2_105, t2_20);
+        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_49, t2_113);
+        let t2_115 = t2_112 * t2_105;
+        let t2_116 = t2_42 * t2_50;
+        let t2_117 = like.lift(1.1547005383792515) * t2_50;
+        let t2_118 = like.lift(1.1547005383792515) * t2_116;
+        let t2_119 = sin_q6.mul_add(t2_116, cos_q6);
+        let t2_120 = (-t2_46).mul_add(t2_118, t2_12);
+        let t2_121 = t2_120 * inv_pivot_4;
+        let t2_122 = (-t2_101).mul_add(t2_121, t2_30);
+        let t2_123 = t2_122 * inv_pivot_5;
+        let t2_124 = t2_114.mul_add(t2_123, t2_40);
+        let t2_125 = t2_111.mul_add(t2_121, t2_124);
+        let pivot_6 = t2_49.mul_add(t2_118, t2_125);
+        let t2_126 = t2_108.mul_add(t2_123, cos_q1);
+        let t2_127 = t2_107.mul_add(t2_121, t2_126);
+        let t2_128 = t2_112 * t2_121;
+        let t2_129 = (-t2_115).mul_add(t2_123, t2_128);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_119 = t2_116 * inv_pivot_6;
-        let t2_120 = (-t2_107).mul_add(t2_119, t2_102);
-        let t2_121 = inv_pivot_5 * t2_120;
-        let t2_122 = sin_q6.mul_add(t2_109, cos_q6);
-        let t2_123 = t2_122 * inv_pivot_6;
-        let t2_124 = inv_pivot_5 * t2_107;
-        let t2_125 = t2_124 * t2_123;
-        let t2_126 = sin_q8.mul_add(t2_93, cos_q8);
-        let t2_127 = t2_126 * t2_95;
-        let t2_128 = t2_127 * t2_100;
-        let t2_129 = t2_127 * t2_112;
-        let t2_130 = (-t2_128).mul_add(t2_114, t2_129);
-        let t2_131 = t2_130 * inv_pivot_6;
-        let t2_132 = t2_107.mul_add(t2_131, t2_128);
-        let t2_133 = inv_pivot_5 * t2_132;
-        let t2_134 = -t2_133;
-        let t2_135 = (-t2_105).mul_add(t2_119, t2_101);
-        let t2_136 = (-t2_96).mul_add(t2_121, t2_135);
-        let t2_137 = inv_pivot_4 * t2_136;
-        let t2_138 = -t2_137;
-        let t2_139 = t2_96 * t2_125;
-        let t2_140 = (-t2_105).mul_add(t2_123, t2_139);
+        let t2_130 = t2_127 * inv_pivot_6;
+        let t2_131 = (-t2_114).mul_add(t2_130, t2_108);
+        let t2_132 = inv_pivot_5 * t2_131;
+        let t2_133 = t2_119 * inv_pivot_6;
+        let t2_134 = t2_129 * inv_pivot_6;
+        let t2_135 = t2_114.mul_add(t2_134, t2_115);
+        let t2_136 = inv_pivot_5 * t2_114;
+        let t2_137 = inv_pivot_5 * t2_135;
+        let t2_138 = t2_136 * t2_133;
+        let t2_139 = (-t2_111).mul_add(t2_130, t2_107);
+        let t2_140 = (-t2_101).mul_add(t2_132, t2_139);
         let t2_141 = inv_pivot_4 * t2_140;
-        let t2_142 = (-t2_105).mul_add(t2_131, t2_127);
-        let t2_143 = t2_96.mul_add(t2_133, t2_142);
-        let t2_144 = inv_pivot_4 * t2_143;
-        let t2_145 = -t2_144;
-        let t2_146 = -t2_119;
-        let t2_147 = -t2_131;
-        let t2_148 = (-t2_103).mul_add(t2_119, cos_q1);
-        let t2_149 = (-t2_63).mul_add(t2_121, t2_148);
-        let t2_150 = t2_98.mul_add(t2_137, t2_149);
-        let t2_151 = inv_pivot_3 * t2_150;
-        let t2_152 = -t2_151;
-        let t2_153 = t2_63 * t2_125;
-        let t2_154 = (-t2_103).mul_add(t2_123, t2_153);
-        let t2_155 = t2_98.mul_add(t2_141, t2_154);
-        let t2_156 = inv_pivot_3 * t2_155;
-        let t2_157 = t2_103.mul_add(t2_131, t2_126);
-        let t2_158 = (-t2_63).mul_add(t2_133, t2_157);
-        let t2_159 = (-t2_98).mul_add(t2_144, t2_158);
-        let t2_160 = inv_pivot_3 * t2_159;
-        let t2_161 = t2_36 * t2_119;
-        let t2_162 = t2_33.mul_add(t2_137, t2_161);
-        let t2_163 = like.lift(1.1547005383792515) * t2_108;
-        let t2_164 = t2_162 * t2_163;
-        let t2_165 = (-t2_36).mul_add(t2_123, t2_85);
-        let t2_166 = (-t2_33).mul_add(t2_141, t2_165);
-        let t2_167 = t2_166 * t2_163;
-        let t2_168 = t2_36 * t2_131;
-        let t2_169 = t2_33.mul_add(t2_144, t2_168);
-        let t2_170 = t2_169 * t2_163;
-        let t2_171 = t2_78 * t2_151;
-        let t2_172 = (-t2_76).mul_add(t2_119, t2_171);
-        let t2_173 = (-t2_74).mul_add(t2_137, t2_172);
-        let t2_174 = like.lift(1.1547005383792515) * t2_92;
-        let t2_175 = t2_173 * t2_174;
-        let t2_176 = t2_78 * t2_156;
-        let t2_177 = (-t2_76).mul_add(t2_123, t2_176);
-        let t2_178 = (-t2_74).mul_add(t2_141, t2_177);
-        let t2_179 = t2_178 * t2_174;
-        let t2_180 = -t2_179;
-        let t2_181 = (-t2_76).mul_add(t2_131, t2_89);
-        let t2_182 = (-t2_74).mul_add(t2_144, t2_181);
-        let t2_183 = (-t2_78).mul_add(t2_160, t2_182);
-        let t2_184 = t2_183 * t2_174;
-        let t2_185 = -pivot_3;
-        let t2_186 = -pivot_5;
-        let t2_187 = -pivot_6;
+        let t2_142 = (-t2_111).mul_add(t2_134, t2_112);
+        let t2_143 = t2_101.mul_add(t2_137, t2_142);
+        let t2_144 = t2_101 * t2_138;
+        let t2_145 = (-t2_111).mul_add(t2_133, t2_144);
+        let t2_146 = inv_pivot_4 * t2_145;
+        let t2_147 = inv_pivot_4 * t2_143;
+        let t2_148 = t2_97.mul_add(t2_134, t2_99);
+        let t2_149 = (-t2_64).mul_add(t2_137, t2_148);
+        let t2_150 = -t2_137;
+        let t2_151 = (-t2_98).mul_add(t2_147, t2_149);
+        let t2_152 = inv_pivot_3 * t2_151;
+        let t2_153 = (-t2_71).mul_add(t2_134, t2_91);
+        let t2_154 = (-t2_76).mul_add(t2_147, t2_153);
+        let t2_155 = (-t2_67).mul_add(t2_152, t2_154);
+        let t2_156 = t2_155 * t2_95;
+        let t2_157 = -pivot_6;
+        let t2_158 = -t2_141;
+        let t2_159 = -t2_147;
+        let t2_160 = t2_49 * t2_134;
+        let t2_161 = t2_46.mul_add(t2_147, t2_160);
+        let t2_162 = -t2_134;
+        let t2_163 = t2_161 * t2_117;
+        let t2_164 = -t2_130;
+        let t2_165 = (-t2_97).mul_add(t2_130, cos_q1);
+        let t2_166 = (-t2_64).mul_add(t2_132, t2_165);
+        let t2_167 = t2_98.mul_add(t2_141, t2_166);
+        let t2_168 = inv_pivot_3 * t2_167;
+        let t2_169 = t2_64 * t2_138;
+        let t2_170 = (-t2_97).mul_add(t2_133, t2_169);
+        let t2_171 = t2_98.mul_add(t2_146, t2_170);
+        let t2_172 = inv_pivot_3 * t2_171;
+        let t2_173 = -t2_168;
+        let t2_174 = t2_67 * t2_168;
+        let t2_175 = (-t2_71).mul_add(t2_130, t2_174);
+        let t2_176 = t2_49 * t2_130;
+        let t2_177 = t2_46.mul_add(t2_141, t2_176);
+        let t2_178 = (-t2_76).mul_add(t2_141, t2_175);
+        let t2_179 = t2_177 * t2_117;
+        let t2_180 = t2_178 * t2_95;
+        let t2_181 = t2_67 * t2_172;
+        let t2_182 = (-t2_71).mul_add(t2_133, t2_181);
+        let t2_183 = (-t2_76).mul_add(t2_146, t2_182);
+        let t2_184 = t2_183 * t2_95;
+        let t2_185 = -t2_184;
+        let t2_186 = (-t2_49).mul_add(t2_133, t2_87);
+        let t2_187 = (-t2_46).mul_add(t2_146, t2_186);
+        let t2_188 = t2_187 * t2_117;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_80 * like.lift(1.8955297449982944)).abs())
-            .min((t2_185 * like.lift(2.6463477742948585)).abs())
+            .min((t2_81 * like.lift(1.8955297449982944)).abs())
+            .min((t2_102 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_186 * like.lift(0.8284577646309275)).abs())
-            .min((t2_187 * like.lift(2.1915406530791146)).abs());
+            .min((t2_106 * like.lift(0.8284577646309275)).abs())
+            .min((t2_157 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_121, t2_125, t2_134], [t2_138, t2_141, t2_145], [t2_146, t2_123, t2_147],
-                [t2_152, t2_156, t2_160], [t2_164, t2_167, t2_170], [t2_175, t2_180, t2_184],
+                [t2_132, t2_138, t2_150], [t2_158, t2_146, t2_159], [t2_164, t2_133, t2_162],
+                [t2_173, t2_172, t2_152], [t2_179, t2_188, t2_163], [t2_180, t2_185, t2_156],
             ],
             margin,
             || (
                 [
-                    [t2_6, t2_8, t2_12, like.lift(0.0), t2_15, like.lift(0.0)],
-                    [t2_21, t2_22, t2_28, like.lift(0.0), t2_29, like.lift(0.0)],
-                    [like.lift(0.0), t2_33, t2_36, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_44, t2_48, t2_50, t2_52, like.lift(0.0), t2_55],
-                    [t2_63, t2_64, t2_68, t2_71, like.lift(0.0), t2_72],
-                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
+                    [t2_9, t2_11, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
+                    [t2_31, t2_12, t2_41, like.lift(0.0), t2_42, like.lift(0.0)],
+                    [like.lift(0.0), t2_46, t2_49, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_51, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
+                    [t2_64, t2_73, t2_77, t2_78, like.lift(0.0), t2_79],
+                    [like.lift(0.0), t2_76, t2_71, t2_80, like.lift(0.0), t2_81],
                 ],
                 [
-                    [t2_81, t2_83, like.lift(0.0)], [cos_q1, t2_84, like.lift(0.0)],
-                    [like.lift(0.0), t2_85, like.lift(0.0)], [t2_81, like.lift(0.0), t2_87],
-                    [cos_q1, like.lift(0.0), t2_88], [like.lift(0.0), like.lift(0.0), t2_90],
+                    [t2_83, t2_85, like.lift(0.0)], [cos_q1, t2_86, like.lift(0.0)],
+                    [like.lift(0.0), t2_87, like.lift(0.0)], [t2_83, like.lift(0.0), t2_89],
+                    [cos_q1, like.lift(0.0), t2_90], [like.lift(0.0), like.lift(0.0), t2_92],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7,
-            x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
-            x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_109, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
+            x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
+    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
     // body 1
-    let [a_1y, t3_4] = {
-        let w_izz_1_q2 = dd_q1 * x_q1_q2;
-        let t3_1 = -w_izz_1_q2;
-        let w_izz_1_q7 = dd_q1 * x_q1_q7;
-        let t3_2 = -w_izz_1_q7;
-        let w_izz_1_q9 = dd_q1 * x_q1_q9;
-        let t3_3 = -w_izz_1_q9;
-        w[0] = [t3_1, t3_2, t3_3];
+    let [a_1y] = {
         let a_1y = like.lift(9.81) * cos_q1;
         let w_mx_1_q2 = x_q1_q2 * a_1y;
+        w[1][0] = w_mx_1_q2;
         let w_mx_1_q7 = x_q1_q7 * a_1y;
+        w[1][1] = w_mx_1_q7;
         let w_mx_1_q9 = x_q1_q9 * a_1y;
-        w[1] = [w_mx_1_q2, w_mx_1_q7, w_mx_1_q9];
-        let t3_4 = like.lift(9.81) * sin_q1;
-        let w_my_1_q2 = x_q1_q2 * t3_4;
-        let t3_5 = -w_my_1_q2;
-        let w_my_1_q7 = x_q1_q7 * t3_4;
-        let t3_6 = -w_my_1_q7;
-        let w_my_1_q9 = x_q1_q9 * t3_4;
-        let t3_7 = -w_my_1_q9;
-        w[2] = [t3_5, t3_6, t3_7];
-        [a_1y, t3_4]
+        w[1][2] = w_mx_1_q9;
+        let w_izz_1_q2 = dd_q1 * x_q1_q2;
+        let t3_1 = -w_izz_1_q2;
+        w[0][0] = t3_1;
+        let w_izz_1_q7 = dd_q1 * x_q1_q7;
+        let t3_2 = -w_izz_1_q7;
+        w[0][1] = t3_2;
+        let w_izz_1_q9 = dd_q1 * x_q1_q9;
+        let t3_3 = -w_izz_1_q9;
+        w[0][2] = t3_3;
+        let w_my_1_q2 = x_q1_q2 * t2_109;
+        let t3_4 = -w_my_1_q2;
+        w[2][0] = t3_4;
+        let w_my_1_q7 = x_q1_q7 * t2_109;
+        let t3_5 = -w_my_1_q7;
+        w[2][1] = t3_5;
+        let w_my_1_q9 = x_q1_q9 * t2_109;
+        let t3_6 = -w_my_1_q9;
+        w[2][2] = t3_6;
+        [a_1y]
     };
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // body 2
     let [a_2z, a_2x] = {
-        let t4_1 = d_q1 * d_q1;
-        let t4_2 = dd_q2 + a_1y;
-        let a_2z = (-q2).mul_add(t4_1, t4_2);
-        let t4_3 = q2 * x_q1_q2;
-        let t4_4 = a_2z.mul_add(x_q1_q2, -dd_q1);
-        let w_mx_2_q2 = t4_1.mul_add(t4_3, t4_4);
+        let t4_1 = like.lift(2.0) * d_q1;
+        let t4_2 = (-t4_1).mul_add(d_q2, t2_109);
+        let t4_3 = d_q1 * d_q1;
+        let t4_4 = dd_q2 + a_1y;
+        let a_2z = (-q2).mul_add(t4_3, t4_4);
         let t4_5 = dd_q2 + a_1y;
         let w_mx_2_q7 = t4_5 * x_q1_q7;
+        w[3][1] = w_mx_2_q7;
         let w_mx_2_q9 = t4_5 * x_q1_q9;
-        w[3] = [w_mx_2_q2, w_mx_2_q7, w_mx_2_q9];
-        let t4_6 = q2 * dd_q1;
-        let t4_7 = like.lift(2.0) * d_q1;
-        let t4_8 = (-t4_7).mul_add(d_q2, t3_4);
-        let a_2x = t4_8 - t4_6;
-        let t4_9 = a_2x.mul_add(x_q1_q2, -t4_1);
-        let w_mz_2_q2 = (-dd_q1).mul_add(t4_3, t4_9);
-        let t4_10 = t4_6 - a_2x;
+        w[3][2] = w_mx_2_q9;
+        let t4_6 = q2 * x_q1_q2;
+        let t4_7 = a_2z.mul_add(x_q1_q2, -dd_q1);
+        let w_mx_2_q2 = t4_3.mul_add(t4_6, t4_7);
+        w[3][0] = w_mx_2_q2;
+        let t4_8 = q2 * dd_q1;
+        let a_2x = t4_2 - t4_8;
+        let t4_9 = a_2x.mul_add(x_q1_q2, -t4_3);
+        let w_mz_2_q2 = (-dd_q1).mul_add(t4_6, t4_9);
+        w[4][0] = w_mz_2_q2;
+        let t4_10 = t4_8 - a_2x;
         let w_mz_2_q7 = t4_10 * x_q1_q7;
         let t4_11 = -w_mz_2_q7;
+        w[4][1] = t4_11;
         let w_mz_2_q9 = t4_10 * x_q1_q9;
         let t4_12 = -w_mz_2_q9;
-        w[4] = [w_mz_2_q2, t4_11, t4_12];
+        w[4][2] = t4_12;
         [a_2z, a_2x]
     };
     // body 3
     {
+        let t5_1 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
+        let t5_2 = e_s1_2_q1x.mul_add(x_q1_q2, t5_1);
+        let t5_3 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
+        let t5_4 = e_s1_2_q1x.mul_add(x_q1_q7, t5_3);
+        let t5_5 = (-sin_s1_2).mul_add(x_s1_1_q9, x_s1_3_q9);
+        let t5_6 = e_s1_2_q1x.mul_add(x_q1_q9, t5_5);
+        let t5_7 = cos_s1_1 * sin_s1_3;
+        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t5_7);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let t5_1 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_1);
+        let t5_8 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_8);
         let w_s1_1y = cos_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t5_2 = d_s1_1 * w_s1_1y;
-        let t5_3 = sin_s1_1.mul_add(dd_q1, t5_2);
-        let t5_4 = t5_3 + t5_2;
-        let t5_5 = (-w_s1_1x).mul_add(w_s1_1y, dd_s1_1);
-        let t5_6 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t5_7 = (-sin_s1_2).mul_add(t5_5, t5_6);
-        let al_3x = cos_s1_2.mul_add(t5_4, t5_7);
-        let t5_8 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
-        let t5_9 = e_s1_2_q1x.mul_add(x_q1_q2, t5_8);
-        let t5_10 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_10);
-        let t5_11 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_11);
+        let t5_9 = d_s1_1 * w_s1_1y;
+        let t5_10 = (-w_s1_1x).mul_add(w_s1_1y, dd_s1_1);
+        let t5_11 = sin_s1_1.mul_add(dd_q1, t5_9);
+        let t5_12 = t5_11 + t5_9;
+        let t5_13 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t5_14 = (-sin_s1_2).mul_add(t5_10, t5_13);
+        let al_3x = cos_s1_2.mul_add(t5_12, t5_14);
+        let t5_15 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_15);
+        let t5_16 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_16);
+        let t5_17 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
+        let t5_18 = (-d_s1_1).mul_add(w_s1_1x, t5_17);
+        let t5_19 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t5_19);
+        let t5_20 = w_s1_2x * w_s1_2y;
+        let t5_21 = t5_20 + t5_20;
+        let t5_22 = (-cos_s1_2).mul_add(t5_10, t5_21);
+        let t5_23 = (-sin_s1_2).mul_add(t5_12, t5_22);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t5_12 = w_3z * w_3x;
+        let t5_24 = cos_s1_1.mul_add(dd_q1, t5_18);
+        let t5_25 = w_3z * w_3x;
         let u_3_q2y = cos_s1_2 * sin_s1_3;
-        let t5_13 = cos_s1_3 * x_s1_2_q2;
-        let t5_14 = u_3_q2y.mul_add(x_s1_1_q2, t5_13);
-        let t5_15 = e_3_q1y.mul_add(x_q1_q2, t5_14);
-        let t5_16 = t5_12 * t5_15;
-        let t5_17 = sin_s1_3 * w_s1_2z;
-        let w_3y = cos_s1_3.mul_add(w_s1_2y, t5_17);
-        let t5_18 = w_3y * w_3x;
-        let t5_19 = cos_s1_1 * sin_s1_3;
-        let e_3_q1z = (-cos_s1_3).mul_add(e_s1_2_q1z, t5_19);
+        let t5_26 = cos_s1_3 * x_s1_2_q2;
+        let t5_27 = u_3_q2y.mul_add(x_s1_1_q2, t5_26);
+        let t5_28 = e_3_q1y.mul_add(x_q1_q2, t5_27);
+        let t5_29 = sin_s1_3 * x_s1_2_q2;
         let u_3_q2z = cos_s1_2 * cos_s1_3;
-        let t5_20 = sin_s1_3 * x_s1_2_q2;
-        let t5_21 = (-u_3_q2z).mul_add(x_s1_1_q2, t5_20);
-        let t5_22 = e_3_q1z.mul_add(x_q1_q2, t5_21);
-        let t5_23 = t5_18 * t5_22;
-        let t5_24 = al_3x.mul_add(t5_9, t5_23);
-        let w_ixx_3_q2 = t5_24 - t5_16;
-        let t5_25 = -w_ixx_3_q2;
-        let t5_26 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
-        let t5_27 = e_s1_2_q1x.mul_add(x_q1_q7, t5_26);
-        let t5_28 = cos_s1_3 * x_s1_2_q7;
-        let t5_29 = u_3_q2y.mul_add(x_s1_1_q7, t5_28);
-        let t5_30 = e_3_q1y.mul_add(x_q1_q7, t5_29);
-        let t5_31 = t5_12 * t5_30;
-        let t5_32 = sin_s1_3 * x_s1_2_q7;
-        let t5_33 = (-u_3_q2z).mul_add(x_s1_1_q7, t5_32);
-        let t5_34 = e_3_q1z.mul_add(x_q1_q7, t5_33);
-        let t5_35 = t5_18 * t5_34;
-        let t5_36 = al_3x.mul_add(t5_27, t5_35);
-        let w_ixx_3_q7 = t5_36 - t5_31;
-        let t5_37 = -w_ixx_3_q7;
-        let t5_38 = (-sin_s1_2).mul_add(x_s1_1_q9, x_s1_3_q9);
-        let t5_39 = e_s1_2_q1x.mul_add(x_q1_q9, t5_38);
-        let t5_40 = cos_s1_3 * x_s1_2_q9;
-        let t5_41 = u_3_q2y.mul_add(x_s1_1_q9, t5_40);
-        let t5_42 = e_3_q1y.mul_add(x_q1_q9, t5_41);
-        let t5_43 = t5_12 * t5_42;
-        let t5_44 = sin_s1_3 * x_s1_2_q9;
-        let t5_45 = (-u_3_q2z).mul_add(x_s1_1_q9, t5_44);
-        let t5_46 = e_3_q1z.mul_add(x_q1_q9, t5_45);
-        let t5_47 = t5_18 * t5_46;
-        let t5_48 = al_3x.mul_add(t5_39, t5_47);
-        let w_ixx_3_q9 = t5_48 - t5_43;
-        let t5_49 = -w_ixx_3_q9;
-        w[5] = [t5_25, t5_37, t5_49];
-        let t5_50 = w_s1_2x * w_s1_2y;
-        let t5_51 = t5_50 + t5_50;
-        let t5_52 = (-cos_s1_2).mul_add(t5_5, t5_51);
-        let t5_53 = (-sin_s1_2).mul_add(t5_4, t5_52);
-        let t5_54 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
-        let t5_55 = (-d_s1_1).mul_add(w_s1_1x, t5_54);
-        let t5_56 = cos_s1_1.mul_add(dd_q1, t5_55);
-        let t5_57 = sin_s1_3 * t5_53;
-        let t5_58 = (-cos_s1_3).mul_add(t5_56, t5_57);
-        let t5_59 = w_3y * w_3z;
-        let t5_60 = al_3x - t5_59;
-        let t5_61 = w_3x * w_3x;
-        let t5_62 = w_3y * w_3y;
-        let t5_63 = t5_61 - t5_62;
-        let t5_64 = t5_63 * t5_22;
-        let t5_65 = (-t5_60).mul_add(t5_15, t5_64);
-        let w_ixy_3_q2 = t5_58.mul_add(t5_9, t5_65);
-        let t5_66 = t5_63 * t5_34;
-        let t5_67 = (-t5_60).mul_add(t5_30, t5_66);
-        let w_ixy_3_q7 = t5_58.mul_add(t5_27, t5_67);
-        let t5_68 = t5_63 * t5_46;
-        let t5_69 = (-t5_60).mul_add(t5_42, t5_68);
-        let w_ixy_3_q9 = t5_58.mul_add(t5_39, t5_69);
-        w[6] = [w_ixy_3_q2, w_ixy_3_q7, w_ixy_3_q9];
-        let t5_70 = sin_s1_3 * t5_56;
-        let t5_71 = cos_s1_3.mul_add(t5_53, t5_70);
-        let t5_72 = w_3z * w_3z;
-        let t5_73 = t5_61 - t5_72;
-        let t5_74 = al_3x + t5_59;
-        let t5_75 = t5_74 * t5_22;
-        let t5_76 = t5_73.mul_add(t5_15, t5_75);
-        let w_ixz_3_q2 = t5_71.mul_add(t5_9, t5_76);
-        let t5_77 = t5_74 * t5_34;
-        let t5_78 = t5_73.mul_add(t5_30, t5_77);
-        let w_ixz_3_q7 = t5_71.mul_add(t5_27, t5_78);
-        let t5_79 = t5_74 * t5_46;
-        let t5_80 = t5_73.mul_add(t5_42, t5_79);
-        let w_ixz_3_q9 = t5_71.mul_add(t5_39, t5_80);
-        w[7] = [w_ixz_3_q2, w_ixz_3_q7, w_ixz_3_q9];
-        let t5_81 = t5_59 * t5_9;
-        let al_3y = t5_12 + t5_58;
-        let t5_82 = al_3y.mul_add(t5_15, t5_23);
-        let w_iyy_3_q2 = t5_82 - t5_81;
-        let t5_83 = t5_59 * t5_27;
-        let t5_84 = al_3y.mul_add(t5_30, t5_35);
-        let w_iyy_3_q7 = t5_84 - t5_83;
-        let t5_85 = t5_59 * t5_39;
-        let t5_86 = al_3y.mul_add(t5_42, t5_47);
-        let w_iyy_3_q9 = t5_86 - t5_85;
-        w[8] = [w_iyy_3_q2, w_iyy_3_q7, w_iyy_3_q9];
-        let t5_87 = t5_62 - t5_72;
-        let al_3z = t5_18 + t5_71;
-        let t5_88 = t5_18 + al_3z;
-        let t5_89 = t5_12 + al_3y;
-        let t5_90 = t5_89 * t5_22;
-        let t5_91 = (-t5_88).mul_add(t5_15, t5_90);
-        let w_iyz_3_q2 = t5_87.mul_add(t5_9, t5_91);
-        let t5_92 = -w_iyz_3_q2;
-        let t5_93 = t5_89 * t5_34;
-        let t5_94 = (-t5_88).mul_add(t5_30, t5_93);
-        let w_iyz_3_q7 = t5_87.mul_add(t5_27, t5_94);
-        let t5_95 = -w_iyz_3_q7;
-        let t5_96 = t5_89 * t5_46;
-        let t5_97 = (-t5_88).mul_add(t5_42, t5_96);
-        let w_iyz_3_q9 = t5_87.mul_add(t5_39, t5_97);
-        let t5_98 = -w_iyz_3_q9;
-        w[9] = [t5_92, t5_95, t5_98];
-        let t5_99 = al_3z.mul_add(t5_22, t5_16);
-        let w_izz_3_q2 = t5_99 - t5_81;
-        let t5_100 = -w_izz_3_q2;
-        let t5_101 = al_3z.mul_add(t5_34, t5_31);
-        let w_izz_3_q7 = t5_101 - t5_83;
-        let t5_102 = -w_izz_3_q7;
-        let t5_103 = al_3z.mul_add(t5_46, t5_43);
-        let w_izz_3_q9 = t5_103 - t5_85;
-        let t5_104 = -w_izz_3_q9;
-        w[10] = [t5_100, t5_102, t5_104];
+        let t5_30 = (-u_3_q2z).mul_add(x_s1_1_q2, t5_29);
+        let t5_31 = e_3_q1z.mul_add(x_q1_q2, t5_30);
+        let t5_32 = t5_25 * t5_28;
+        let t5_33 = w_3y * w_3x;
+        let t5_34 = w_3x * w_3x;
+        let t5_35 = t5_33 * t5_31;
+        let t5_36 = al_3x.mul_add(t5_2, t5_35);
+        let w_ixx_3_q2 = t5_36 - t5_32;
+        let t5_37 = -w_ixx_3_q2;
+        w[5][0] = t5_37;
+        let t5_38 = cos_s1_3 * x_s1_2_q7;
+        let t5_39 = u_3_q2y.mul_add(x_s1_1_q7, t5_38);
+        let t5_40 = sin_s1_3 * x_s1_2_q7;
+        let t5_41 = (-u_3_q2z).mul_add(x_s1_1_q7, t5_40);
+        let t5_42 = e_3_q1y.mul_add(x_q1_q7, t5_39);
+        let t5_43 = e_3_q1z.mul_add(x_q1_q7, t5_41);
+        let t5_44 = t5_25 * t5_42;
+        let t5_45 = t5_33 * t5_43;
+        let t5_46 = al_3x.mul_add(t5_4, t5_45);
+        let w_ixx_3_q7 = t5_46 - t5_44;
+        let t5_47 = -w_ixx_3_q7;
+        w[5][1] = t5_47;
+        let t5_48 = cos_s1_3 * x_s1_2_q9;
+        let t5_49 = u_3_q2y.mul_add(x_s1_1_q9, t5_48);
+        let t5_50 = e_3_q1y.mul_add(x_q1_q9, t5_49);
+        let t5_51 = sin_s1_3 * x_s1_2_q9;
+        let t5_52 = (-u_3_q2z).mul_add(x_s1_1_q9, t5_51);
+        let t5_53 = e_3_q1z.mul_add(x_q1_q9, t5_52);
+        let t5_54 = t5_25 * t5_50;
+        let t5_55 = t5_33 * t5_53;
+        let t5_56 = al_3x.mul_add(t5_6, t5_55);
+        let w_ixx_3_q9 = t5_56 - t5_54;
+        let t5_57 = -w_ixx_3_q9;
+        w[5][2] = t5_57;
+        let t5_58 = sin_s1_3 * t5_23;
+        let t5_59 = (-cos_s1_3).mul_add(t5_24, t5_58);
+        let t5_60 = sin_s1_3 * t5_24;
+        let t5_61 = cos_s1_3.mul_add(t5_23, t5_60);
+        let t5_62 = w_3y * w_3z;
+        let t5_63 = w_3y * w_3y;
+        let t5_64 = w_3z * w_3z;
+        let t5_65 = al_3x - t5_62;
+        let t5_66 = al_3x + t5_62;
+        let t5_67 = t5_34 - t5_63;
+        let t5_68 = t5_67 * t5_31;
+        let t5_69 = (-t5_65).mul_add(t5_28, t5_68);
+        let w_ixy_3_q2 = t5_59.mul_add(t5_2, t5_69);
+        w[6][0] = w_ixy_3_q2;
+        let t5_70 = t5_67 * t5_43;
+        let t5_71 = (-t5_65).mul_add(t5_42, t5_70);
+        let w_ixy_3_q7 = t5_59.mul_add(t5_4, t5_71);
+        w[6][1] = w_ixy_3_q7;
+        let t5_72 = t5_67 * t5_53;
+        let t5_73 = (-t5_65).mul_add(t5_50, t5_72);
+        let w_ixy_3_q9 = t5_59.mul_add(t5_6, t5_73);
+        w[6][2] = w_ixy_3_q9;
+        let t5_74 = t5_34 - t5_64;
+        let t5_75 = t5_34 + t5_63;
+        let t5_76 = t5_66 * t5_31;
+        let t5_77 = t5_74.mul_add(t5_28, t5_76);
+        let w_ixz_3_q2 = t5_61.mul_add(t5_2, t5_77);
+        w[7][0] = w_ixz_3_q2;
+        let t5_78 = t5_66 * t5_43;
+        let t5_79 = t5_74.mul_add(t5_42, t5_78);
+        let w_ixz_3_q7 = t5_61.mul_add(t5_4, t5_79);
+        w[7][1] = w_ixz_3_q7;
+        let t5_80 = t5_66 * t5_53;
+        let t5_81 = t5_74.mul_add(t5_50, t5_80);
+        let w_ixz_3_q9 = t5_61.mul_add(t5_6, t5_81);
+        w[7][2] = w_ixz_3_q9;
+        let t5_82 = t5_62 * t5_2;
+        let al_3y = t5_25 + t5_59;
+        let t5_83 = al_3y.mul_add(t5_28, t5_35);
+        let w_iyy_3_q2 = t5_83 - t5_82;
+        w[8][0] = w_iyy_3_q2;
+        let t5_84 = al_3y.mul_add(t5_42, t5_45);
+        let t5_85 = al_3y.mul_add(t5_50, t5_55);
+        let t5_86 = t5_25 + al_3y;
+        let t5_87 = t5_62 * t5_4;
+        let w_iyy_3_q7 = t5_84 - t5_87;
+        w[8][1] = w_iyy_3_q7;
+        let t5_88 = t5_62 * t5_6;
+        let w_iyy_3_q9 = t5_85 - t5_88;
+        w[8][2] = w_iyy_3_q9;
+        let t5_89 = t5_63 - t5_64;
+        let t5_90 = t5_63 + t5_64;
+        let al_3z = t5_33 + t5_61;
+        let t5_91 = al_3z.mul_add(t5_31, t5_32);
+        let w_izz_3_q2 = t5_91 - t5_82;
+        let t5_92 = -w_izz_3_q2;
+        w[10][0] = t5_92;
+        let t5_93 = al_3z.mul_add(t5_43, t5_44);
+        let w_izz_3_q7 = t5_93 - t5_87;
+        let t5_94 = -w_izz_3_q7;
+        w[10][1] = t5_94;
+        let t5_95 = al_3z.mul_add(t5_53, t5_54);
+        let w_izz_3_q9 = t5_95 - t5_88;
+        let t5_96 = t5_33 + al_3z;
+        let t5_97 = -w_izz_3_q9;
+        w[10][2] = t5_97;
+        let t5_98 = t5_86 * t5_31;
+        let t5_99 = (-t5_96).mul_add(t5_28, t5_98);
+        let w_iyz_3_q2 = t5_89.mul_add(t5_2, t5_99);
+        let t5_100 = -w_iyz_3_q2;
+        w[9][0] = t5_100;
+        let t5_101 = t5_86 * t5_43;
+        let t5_102 = (-t5_96).mul_add(t5_42, t5_101);
+        let w_iyz_3_q7 = t5_89.mul_add(t5_4, t5_102);
+        let t5_103 = -w_iyz_3_q7;
+        w[9][1] = t5_103;
+        let t5_104 = t5_86 * t5_53;
+        let t5_105 = (-t5_96).mul_add(t5_50, t5_104);
+        let w_iyz_3_q9 = t5_89.mul_add(t5_6, t5_105);
+        let t5_106 = -w_iyz_3_q9;
+        w[9][2] = t5_106;
         let a_s1_1y = sin_s1_1 * a_2x;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let t5_105 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_105);
-        let t5_106 = sin_s1_3 * a_s1_2z;
-        let a_3y = cos_s1_3.mul_add(a_s1_1y, t5_106);
-        let t5_107 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t5_107);
-        let t5_108 = t5_62 + t5_72;
         let u_s1_1_q1x = q2 * cos_s1_1;
-        let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
-        let t5_109 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
         let u_s1_1_q1y = q2 * sin_s1_1;
+        let t5_107 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_107);
+        let t5_108 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t5_108);
+        let u_s1_2_q1x = cos_s1_2 * u_s1_1_q1x;
         let u_s1_2_q1z = sin_s1_2 * u_s1_1_q1x;
-        let t5_110 = cos_s1_3 * u_s1_1_q1y;
-        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t5_110);
-        let t5_111 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
-        let t5_112 = cos_s1_3 * u_s1_2_q1z;
-        let u_3_q1z = sin_s1_3.mul_add(u_s1_1_q1y, t5_112);
-        let t5_113 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
-        let t5_114 = a_3y * t5_22;
-        let t5_115 = (-a_3z).mul_add(t5_15, t5_114);
-        let t5_116 = t5_58.mul_add(t5_113, t5_115);
-        let t5_117 = (-t5_71).mul_add(t5_111, t5_116);
-        let w_mx_3_q2 = t5_108.mul_add(t5_109, t5_117);
-        let t5_118 = u_s1_2_q1x * x_q1_q7;
-        let t5_119 = u_3_q1y * x_q1_q7;
-        let t5_120 = u_3_q1z * x_q1_q7;
-        let t5_121 = a_3y * t5_34;
-        let t5_122 = (-a_3z).mul_add(t5_30, t5_121);
-        let t5_123 = (-t5_58).mul_add(t5_120, t5_122);
-        let t5_124 = (-t5_71).mul_add(t5_119, t5_123);
-        let w_mx_3_q7 = t5_108.mul_add(t5_118, t5_124);
-        let t5_125 = u_s1_2_q1x * x_q1_q9;
-        let t5_126 = u_3_q1y * x_q1_q9;
-        let t5_127 = u_3_q1z * x_q1_q9;
-        let t5_128 = a_3y * t5_46;
-        let t5_129 = (-a_3z).mul_add(t5_42, t5_128);
-        let t5_130 = (-t5_58).mul_add(t5_127, t5_129);
-        let t5_131 = (-t5_71).mul_add(t5_126, t5_130);
-        let w_mx_3_q9 = t5_108.mul_add(t5_125, t5_131);
-        w[11] = [w_mx_3_q2, w_mx_3_q7, w_mx_3_q9];
-        let t5_132 = cos_s1_2 * a_s1_1x;
-        let a_s1_2x = sin_s1_2.mul_add(a_2z, t5_132);
-        let t5_133 = t5_61 + t5_62;
-        let t5_134 = a_3y * t5_9;
-        let t5_135 = a_s1_2x.mul_add(t5_15, t5_134);
-        let t5_136 = (-t5_133).mul_add(t5_113, t5_135);
-        let t5_137 = (-t5_74).mul_add(t5_111, t5_136);
-        let w_mz_3_q2 = t5_89.mul_add(t5_109, t5_137);
-        let t5_138 = a_3y * t5_27;
-        let t5_139 = a_s1_2x.mul_add(t5_30, t5_138);
-        let t5_140 = t5_133.mul_add(t5_120, t5_139);
-        let t5_141 = (-t5_74).mul_add(t5_119, t5_140);
-        let w_mz_3_q7 = t5_89.mul_add(t5_118, t5_141);
-        let t5_142 = a_3y * t5_39;
-        let t5_143 = a_s1_2x.mul_add(t5_42, t5_142);
-        let t5_144 = t5_133.mul_add(t5_127, t5_143);
-        let t5_145 = (-t5_74).mul_add(t5_126, t5_144);
-        let w_mz_3_q9 = t5_89.mul_add(t5_125, t5_145);
-        w[12] = [w_mz_3_q2, w_mz_3_q7, w_mz_3_q9];
+        let t5_109 = u_s1_2_q1x.mul_add(x_q1_q2, sin_s1_2);
+        let t5_110 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t5_110);
+        let t5_111 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t5_111);
+        let t5_112 = a_3y * t5_31;
+        let t5_113 = (-a_3z).mul_add(t5_28, t5_112);
+        let t5_114 = a_3y * t5_2;
+        let t5_115 = a_s1_2x.mul_add(t5_28, t5_114);
+        let t5_116 = a_3y * t5_43;
+        let t5_117 = (-a_3z).mul_add(t5_42, t5_116);
+        let t5_118 = a_3y * t5_53;
+        let t5_119 = (-a_3z).mul_add(t5_50, t5_118);
+        let t5_120 = a_3y * t5_4;
+        let t5_121 = a_3y * t5_6;
+        let t5_122 = a_s1_2x.mul_add(t5_42, t5_120);
+        let t5_123 = a_s1_2x.mul_add(t5_50, t5_121);
+        let t5_124 = cos_s1_3 * u_s1_1_q1y;
+        let t5_125 = cos_s1_3 * u_s1_2_q1z;
+        let u_3_q1y = (-sin_s1_3).mul_add(u_s1_2_q1z, t5_124);
+        let u_3_q1z = sin_s1_3.mul_add(u_s1_1_q1y, t5_125);
+        let t5_126 = u_3_q1y.mul_add(x_q1_q2, u_3_q2y);
+        let t5_127 = (-u_3_q1z).mul_add(x_q1_q2, u_3_q2z);
+        let t5_128 = t5_59.mul_add(t5_127, t5_113);
+        let t5_129 = (-t5_75).mul_add(t5_127, t5_115);
+        let t5_130 = (-t5_61).mul_add(t5_126, t5_128);
+        let t5_131 = (-t5_66).mul_add(t5_126, t5_129);
+        let w_mx_3_q2 = t5_90.mul_add(t5_109, t5_130);
+        w[11][0] = w_mx_3_q2;
+        let w_mz_3_q2 = t5_86.mul_add(t5_109, t5_131);
+        w[12][0] = w_mz_3_q2;
+        let t5_132 = u_s1_2_q1x * x_q1_q7;
+        let t5_133 = u_s1_2_q1x * x_q1_q9;
+        let t5_134 = u_3_q1y * x_q1_q7;
+        let t5_135 = u_3_q1z * x_q1_q7;
+        let t5_136 = (-t5_59).mul_add(t5_135, t5_117);
+        let t5_137 = t5_75.mul_add(t5_135, t5_122);
+        let t5_138 = (-t5_61).mul_add(t5_134, t5_136);
+        let t5_139 = (-t5_66).mul_add(t5_134, t5_137);
+        let w_mx_3_q7 = t5_90.mul_add(t5_132, t5_138);
+        w[11][1] = w_mx_3_q7;
+        let w_mz_3_q7 = t5_86.mul_add(t5_132, t5_139);
+        w[12][1] = w_mz_3_q7;
+        let t5_140 = u_3_q1z * x_q1_q9;
+        let t5_141 = u_3_q1y * x_q1_q9;
+        let t5_142 = (-t5_59).mul_add(t5_140, t5_119);
+        let t5_143 = t5_75.mul_add(t5_140, t5_123);
+        let t5_144 = (-t5_61).mul_add(t5_141, t5_142);
+        let t5_145 = (-t5_66).mul_add(t5_141, t5_143);
+        let w_mx_3_q9 = t5_90.mul_add(t5_133, t5_144);
+        w[11][2] = w_mx_3_q9;
+        let w_mz_3_q9 = t5_86.mul_add(t5_133, t5_145);
+        w[12][2] = w_mz_3_q9;
     }
     // body 4
-    let [a_4y, t6_4] = {
-        let w_izz_4_q2 = dd_q6 * x_q6_q2;
-        let t6_1 = -w_izz_4_q2;
-        let w_izz_4_q7 = dd_q6 * x_q6_q7;
-        let t6_2 = -w_izz_4_q7;
-        let w_izz_4_q9 = dd_q6 * x_q6_q9;
-        let t6_3 = -w_izz_4_q9;
-        w[13] = [t6_1, t6_2, t6_3];
+    let [a_4y, t6_1] = {
         let a_4y = like.lift(9.81) * cos_q6;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
+        w[14][0] = w_mx_4_q2;
         let w_mx_4_q7 = x_q6_q7 * a_4y;
+        w[14][1] = w_mx_4_q7;
         let w_mx_4_q9 = x_q6_q9 * a_4y;
-        w[14] = [w_mx_4_q2, w_mx_4_q7, w_mx_4_q9];
-        let t6_4 = like.lift(9.81) * sin_q6;
-        let w_my_4_q2 = x_q6_q2 * t6_4;
+        w[14][2] = w_mx_4_q9;
+        let t6_1 = like.lift(9.81) * sin_q6;
+        let w_izz_4_q2 = dd_q6 * x_q6_q2;
+        let t6_2 = -w_izz_4_q2;
+        w[13][0] = t6_2;
+        let w_izz_4_q7 = dd_q6 * x_q6_q7;
+        let t6_3 = -w_izz_4_q7;
+        w[13][1] = t6_3;
+        let w_izz_4_q9 = dd_q6 * x_q6_q9;
+        let t6_4 = -w_izz_4_q9;
+        w[13][2] = t6_4;
+        let w_my_4_q2 = x_q6_q2 * t6_1;
         let t6_5 = -w_my_4_q2;
-        let w_my_4_q7 = x_q6_q7 * t6_4;
+        w[15][0] = t6_5;
+        let w_my_4_q7 = x_q6_q7 * t6_1;
         let t6_6 = -w_my_4_q7;
-        let w_my_4_q9 = x_q6_q9 * t6_4;
+        w[15][1] = t6_6;
+        let w_my_4_q9 = x_q6_q9 * t6_1;
         let t6_7 = -w_my_4_q9;
-        w[15] = [t6_5, t6_6, t6_7];
-        [a_4y, t6_4]
+        w[15][2] = t6_7;
+        [a_4y, t6_1]
     };
     // body 5
     {
-        let t7_1 = dd_q7 + a_4y;
-        let w_mx_5_q2 = t7_1 * x_q6_q2;
-        let t7_2 = d_q6 * d_q6;
+        let t7_1 = like.lift(2.0) * d_q6;
+        let t7_2 = (-t7_1).mul_add(d_q7, t6_1);
         let t7_3 = dd_q7 + a_4y;
-        let a_5z = (-q7).mul_add(t7_2, t7_3);
-        let t7_4 = q7 * x_q6_q7;
-        let t7_5 = a_5z.mul_add(x_q6_q7, -dd_q6);
-        let w_mx_5_q7 = t7_2.mul_add(t7_4, t7_5);
-        let w_mx_5_q9 = t7_1 * x_q6_q9;
-        w[16] = [w_mx_5_q2, w_mx_5_q7, w_mx_5_q9];
-        let t7_6 = q7 * dd_q6;
-        let t7_7 = like.lift(2.0) * d_q6;
-        let t7_8 = (-t7_7).mul_add(d_q7, t6_4);
-        let a_5x = t7_8 - t7_6;
-        let t7_9 = t7_6 - a_5x;
-        let w_mz_5_q2 = t7_9 * x_q6_q2;
-        let t7_10 = -w_mz_5_q2;
-        let t7_11 = a_5x.mul_add(x_q6_q7, -t7_2);
-        let w_mz_5_q7 = (-dd_q6).mul_add(t7_4, t7_11);
-        let w_mz_5_q9 = t7_9 * x_q6_q9;
-        let t7_12 = -w_mz_5_q9;
-        w[17] = [t7_10, w_mz_5_q7, t7_12];
-        let t7_13 = q7 * a_5x;
-        let w_m_5_q2 = t7_13 * x_q6_q2;
-        let w_m_5_q7 = a_5x.mul_add(t7_4, a_5z);
-        let w_m_5_q9 = t7_13 * x_q6_q9;
-        w[18] = [w_m_5_q2, w_m_5_q7, w_m_5_q9];
+        let w_mx_5_q2 = t7_3 * x_q6_q2;
+        w[16][0] = w_mx_5_q2;
+        let w_mx_5_q9 = t7_3 * x_q6_q9;
+        w[16][2] = w_mx_5_q9;
+        let t7_4 = dd_q7 + a_4y;
+        let t7_5 = d_q6 * d_q6;
+        let a_5z = (-q7).mul_add(t7_5, t7_4);
+        let t7_6 = q7 * x_q6_q7;
+        let t7_7 = a_5z.mul_add(x_q6_q7, -dd_q6);
+        let w_mx_5_q7 = t7_5.mul_add(t7_6, t7_7);
+        w[16][1] = w_mx_5_q7;
+        let t7_8 = q7 * dd_q6;
+        let a_5x = t7_2 - t7_8;
+        let t7_9 = a_5x.mul_add(x_q6_q7, -t7_5);
+        let w_mz_5_q7 = (-dd_q6).mul_add(t7_6, t7_9);
+        w[17][1] = w_mz_5_q7;
+        let w_m_5_q7 = a_5x.mul_add(t7_6, a_5z);
+        w[18][1] = w_m_5_q7;
+        let t7_10 = t7_8 - a_5x;
+        let t7_11 = q7 * a_5x;
+        let w_m_5_q2 = t7_11 * x_q6_q2;
+        w[18][0] = w_m_5_q2;
+        let w_m_5_q9 = t7_11 * x_q6_q9;
+        w[18][2] = w_m_5_q9;
+        let w_mz_5_q2 = t7_10 * x_q6_q2;
+        let w_mz_5_q9 = t7_10 * x_q6_q9;
+        let t7_12 = -w_mz_5_q2;
+        w[17][0] = t7_12;
+        let t7_13 = -w_mz_5_q9;
+        w[17][2] = t7_13;
     }
     // body 6
-    let [a_6y, t8_4] = {
-        let w_izz_6_q2 = dd_q8 * x_q8_q2;
-        let t8_1 = -w_izz_6_q2;
-        let w_izz_6_q7 = dd_q8 * x_q8_q7;
-        let t8_2 = -w_izz_6_q7;
-        let w_izz_6_q9 = dd_q8 * x_q8_q9;
-        let t8_3 = -w_izz_6_q9;
-        w[19] = [t8_1, t8_2, t8_3];
+    let [a_6y, t8_1] = {
         let a_6y = like.lift(9.81) * cos_q8;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
+        w[20][0] = w_mx_6_q2;
         let w_mx_6_q7 = x_q8_q7 * a_6y;
+        w[20][1] = w_mx_6_q7;
         let w_mx_6_q9 = x_q8_q9 * a_6y;
-        w[20] = [w_mx_6_q2, w_mx_6_q7, w_mx_6_q9];
-        let t8_4 = like.lift(9.81) * sin_q8;
-        let w_my_6_q2 = x_q8_q2 * t8_4;
+        w[20][2] = w_mx_6_q9;
+        let t8_1 = like.lift(9.81) * sin_q8;
+        let w_izz_6_q2 = dd_q8 * x_q8_q2;
+        let t8_2 = -w_izz_6_q2;
+        w[19][0] = t8_2;
+        let w_izz_6_q7 = dd_q8 * x_q8_q7;
+        let t8_3 = -w_izz_6_q7;
+        w[19][1] = t8_3;
+        let w_izz_6_q9 = dd_q8 * x_q8_q9;
+        let t8_4 = -w_izz_6_q9;
+        w[19][2] = t8_4;
+        let w_my_6_q2 = x_q8_q2 * t8_1;
         let t8_5 = -w_my_6_q2;
-        let w_my_6_q7 = x_q8_q7 * t8_4;
+        w[21][0] = t8_5;
+        let w_my_6_q7 = x_q8_q7 * t8_1;
         let t8_6 = -w_my_6_q7;
-        let w_my_6_q9 = x_q8_q9 * t8_4;
+        w[21][1] = t8_6;
+        let w_my_6_q9 = x_q8_q9 * t8_1;
         let t8_7 = -w_my_6_q9;
-        w[21] = [t8_5, t8_6, t8_7];
-        [a_6y, t8_4]
+        w[21][2] = t8_7;
+        [a_6y, t8_1]
     };
     // body 7
     {
-        let t9_1 = dd_q9 + a_6y;
-        let w_mx_7_q2 = t9_1 * x_q8_q2;
-        let w_mx_7_q7 = t9_1 * x_q8_q7;
-        let t9_2 = d_q8 * d_q8;
+        let t9_1 = like.lift(2.0) * d_q8;
+        let t9_2 = (-t9_1).mul_add(d_q9, t8_1);
         let t9_3 = dd_q9 + a_6y;
-        let a_7z = (-q9).mul_add(t9_2, t9_3);
-        let t9_4 = q9 * x_q8_q9;
-        let t9_5 = a_7z.mul_add(x_q8_q9, -dd_q8);
-        let w_mx_7_q9 = t9_2.mul_add(t9_4, t9_5);
-        w[22] = [w_mx_7_q2, w_mx_7_q7, w_mx_7_q9];
-        let t9_6 = q9 * dd_q8;
-        let t9_7 = like.lift(2.0) * d_q8;
-        let t9_8 = (-t9_7).mul_add(d_q9, t8_4);
-        let a_7x = t9_8 - t9_6;
-        let t9_9 = t9_6 - a_7x;
-        let w_mz_7_q2 = t9_9 * x_q8_q2;
-        let t9_10 = -w_mz_7_q2;
-        let w_mz_7_q7 = t9_9 * x_q8_q7;
-        let t9_11 = -w_mz_7_q7;
-        let t9_12 = a_7x.mul_add(x_q8_q9, -t9_2);
-        let w_mz_7_q9 = (-dd_q8).mul_add(t9_4, t9_12);
-        w[23] = [t9_10, t9_11, w_mz_7_q9];
-        let t9_13 = q9 * a_7x;
-        let w_m_7_q2 = t9_13 * x_q8_q2;
-        let w_m_7_q7 = t9_13 * x_q8_q7;
-        let w_m_7_q9 = a_7x.mul_add(t9_4, a_7z);
-        w[24] = [w_m_7_q2, w_m_7_q7, w_m_7_q9];
+        let w_mx_7_q2 = t9_3 * x_q8_q2;
+        w[22][0] = w_mx_7_q2;
+        let w_mx_7_q7 = t9_3 * x_q8_q7;
+        w[22][1] = w_mx_7_q7;
+        let t9_4 = dd_q9 + a_6y;
+        let t9_5 = d_q8 * d_q8;
+        let a_7z = (-q9).mul_add(t9_5, t9_4);
+        let t9_6 = q9 * x_q8_q9;
+        let t9_7 = a_7z.mul_add(x_q8_q9, -dd_q8);
+        let w_mx_7_q9 = t9_5.mul_add(t9_6, t9_7);
+        w[22][2] = w_mx_7_q9;
+        let t9_8 = q9 * dd_q8;
+        let a_7x = t9_2 - t9_8;
+        let t9_9 = a_7x.mul_add(x_q8_q9, -t9_5);
+        let w_mz_7_q9 = (-dd_q8).mul_add(t9_6, t9_9);
+        w[23][2] = w_mz_7_q9;
+        let w_m_7_q9 = a_7x.mul_add(t9_6, a_7z);
+        w[24][2] = w_m_7_q9;
+        let t9_10 = t9_8 - a_7x;
+        let t9_11 = q9 * a_7x;
+        let w_m_7_q2 = t9_11 * x_q8_q2;
+        w[24][0] = w_m_7_q2;
+        let w_m_7_q7 = t9_11 * x_q8_q7;
+        w[24][1] = w_m_7_q7;
+        let w_mz_7_q2 = t9_10 * x_q8_q2;
+        let w_mz_7_q7 = t9_10 * x_q8_q7;
+        let t9_12 = -w_mz_7_q2;
+        w[23][0] = t9_12;
+        let t9_13 = -w_mz_7_q7;
+        w[23][1] = t9_13;
     }
     // friction and rotors (Eq. 14-19)
     {
+        w[25][0] = d_q2; w[27][1] = d_q7; w[29][2] = d_q9; w[31][0] = dd_q2; w[32][1] = dd_q7; w[33][2] = dd_q9;
         let w_fc_q2_q2 = d_q2.sign();
         w[26][0] = w_fc_q2_q2;
         let w_fc_q7_q7 = d_q7.sign();
         w[28][1] = w_fc_q7_q7;
         let w_fc_q9_q9 = d_q9.sign();
         w[30][2] = w_fc_q9_q9;
-        w[25][0] = d_q2;
-        w[27][1] = d_q7;
-        w[29][2] = d_q9;
-        w[31][0] = dd_q2;
-        w[32][1] = dd_q7;
-        w[33][2] = dd_q9;
     }
     Condition { pivot: condition }
 }
@@ -6546,62 +6755,39 @@ pub fn to_base<T: Scalar>(phi: &[T; 79]) -> [T; 34] {
     ] = *phi;
     // combinations
     {
+        beta[1] = p_mx_1; beta[2] = p_my_1; beta[3] = p_mx_2; beta[4] = p_mz_2; beta[7] = p_ixz_3; beta[9] = p_iyz_3; beta[12] = p_mz_3; beta[14] = p_mx_4; beta[15] = p_my_4; beta[16] = p_mx_5; beta[17] = p_mz_5; beta[20] = p_mx_6; beta[21] = p_my_6; beta[22] = p_mx_7; beta[23] = p_mz_7; beta[25] = p_fv_q2; beta[26] = p_fc_q2; beta[27] = p_fv_q7; beta[28] = p_fc_q7; beta[29] = p_fv_q9; beta[30] = p_fc_q9; beta[31] = p_j_q2; beta[32] = p_j_q7; beta[33] = p_j_q9;
         let t1_1 = p_izz_1 + p_iyy_2;
         beta[0] = t1_1;
-        let t1_2 = like.lift(0.39516739174683935) * p_my_3;
-        let t1_3 = p_ixx_3 - t1_2;
-        beta[5] = t1_3;
-        let t1_4 = like.lift(0.22815).mul_add(p_my_3, p_ixy_3);
-        beta[6] = t1_4;
-        let t1_5 = like.lift(0.20820969) * p_m_3;
-        let t1_6 = like.lift(0.20820969) * p_m_2;
-        let t1_7 = p_iyy_3 + t1_2;
-        let t1_8 = t1_7 - t1_5;
-        let t1_9 = t1_8 - t1_6;
-        beta[8] = t1_9;
-        let t1_10 = t1_6 - p_izz_3;
-        let t1_11 = t1_10 + t1_5;
-        let t1_12 = -t1_11;
-        beta[10] = t1_12;
-        let t1_13 = p_m_2 + p_m_3;
-        let t1_14 = like.lift(-0.4563).mul_add(t1_13, p_mx_3);
-        let t1_15 = like.lift(0.5773502691896257).mul_add(p_my_3, t1_14);
-        beta[11] = t1_15;
-        let t1_16 = p_izz_4 + p_iyy_5;
-        beta[13] = t1_16;
-        let t1_17 = like.lift(2.5305731719904703) * p_my_3;
-        let t1_18 = p_m_2 + p_m_3;
-        let t1_19 = t1_18 + p_m_5;
-        let t1_20 = t1_19 - t1_17;
-        beta[18] = t1_20;
-        let t1_21 = p_izz_6 + p_iyy_7;
-        beta[19] = t1_21;
-        let t1_22 = p_m_7 + t1_17;
-        beta[24] = t1_22;
-        beta[1] = p_mx_1;
-        beta[2] = p_my_1;
-        beta[3] = p_mx_2;
-        beta[4] = p_mz_2;
-        beta[7] = p_ixz_3;
-        beta[9] = p_iyz_3;
-        beta[12] = p_mz_3;
-        beta[14] = p_mx_4;
-        beta[15] = p_my_4;
-        beta[16] = p_mx_5;
-        beta[17] = p_mz_5;
-        beta[20] = p_mx_6;
-        beta[21] = p_my_6;
-        beta[22] = p_mx_7;
-        beta[23] = p_mz_7;
-        beta[25] = p_fv_q2;
-        beta[26] = p_fc_q2;
-        beta[27] = p_fv_q7;
-        beta[28] = p_fc_q7;
-        beta[29] = p_fv_q9;
-        beta[30] = p_fc_q9;
-        beta[31] = p_j_q2;
-        beta[32] = p_j_q7;
-        beta[33] = p_j_q9;
+        let t1_2 = like.lift(0.22815).mul_add(p_my_3, p_ixy_3);
+        beta[6] = t1_2;
+        let t1_3 = p_izz_4 + p_iyy_5;
+        beta[13] = t1_3;
+        let t1_4 = p_izz_6 + p_iyy_7;
+        beta[19] = t1_4;
+        let t1_5 = like.lift(0.39516739174683935) * p_my_3;
+        let t1_6 = p_ixx_3 - t1_5;
+        beta[5] = t1_6;
+        let t1_7 = p_iyy_3 + t1_5;
+        let t1_8 = like.lift(0.20820969) * p_m_3;
+        let t1_9 = t1_7 - t1_8;
+        let t1_10 = like.lift(0.20820969) * p_m_2;
+        let t1_11 = t1_9 - t1_10;
+        beta[8] = t1_11;
+        let t1_12 = t1_10 - p_izz_3;
+        let t1_13 = t1_12 + t1_8;
+        let t1_14 = -t1_13;
+        beta[10] = t1_14;
+        let t1_15 = p_m_2 + p_m_3;
+        let t1_16 = like.lift(-0.4563).mul_add(t1_15, p_mx_3);
+        let t1_17 = like.lift(0.5773502691896257).mul_add(p_my_3, t1_16);
+        beta[11] = t1_17;
+        let t1_18 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_19 = p_m_7 + t1_18;
+        beta[24] = t1_19;
+        let t1_20 = p_m_2 + p_m_3;
+        let t1_21 = t1_20 + p_m_5;
+        let t1_22 = t1_21 - t1_18;
+        beta[18] = t1_22;
     }
     beta
 }
@@ -6631,106 +6817,38 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 45]) -> [T; 79
     ] = *free;
     // phi
     {
+        phi[0] = p_ixx_1; phi[1] = p_ixy_1; phi[2] = p_ixz_1; phi[3] = p_iyy_1; phi[4] = p_iyz_1; phi[6] = p_mx_1; phi[7] = p_my_1; phi[8] = p_mz_1; phi[9] = p_m_1; phi[10] = p_ixx_2; phi[11] = p_ixy_2; phi[12] = p_ixz_2; phi[13] = p_iyy_2; phi[14] = p_iyz_2; phi[15] = p_izz_2; phi[16] = p_mx_2; phi[17] = p_my_2; phi[18] = p_mz_2; phi[19] = p_m_2; phi[22] = p_ixz_3; phi[24] = p_iyz_3; phi[27] = p_my_3; phi[28] = p_mz_3; phi[29] = p_m_3; phi[30] = p_ixx_4; phi[31] = p_ixy_4; phi[32] = p_ixz_4; phi[33] = p_iyy_4; phi[34] = p_iyz_4; phi[36] = p_mx_4; phi[37] = p_my_4; phi[38] = p_mz_4; phi[39] = p_m_4; phi[40] = p_ixx_5; phi[41] = p_ixy_5; phi[42] = p_ixz_5; phi[43] = p_iyy_5; phi[44] = p_iyz_5; phi[45] = p_izz_5; phi[46] = p_mx_5; phi[47] = p_my_5; phi[48] = p_mz_5; phi[50] = p_ixx_6; phi[51] = p_ixy_6; phi[52] = p_ixz_6; phi[53] = p_iyy_6; phi[54] = p_iyz_6; phi[56] = p_mx_6; phi[57] = p_my_6; phi[58] = p_mz_6; phi[59] = p_m_6; phi[60] = p_ixx_7; phi[61] = p_ixy_7; phi[62] = p_ixz_7; phi[63] = p_iyy_7; phi[64] = p_iyz_7; phi[65] = p_izz_7; phi[66] = p_mx_7; phi[67] = p_my_7; phi[68] = p_mz_7; phi[70] = p_fv_q2; phi[71] = p_fc_q2; phi[72] = p_fv_q7; phi[73] = p_fc_q7; phi[74] = p_fv_q9; phi[75] = p_fc_q9; phi[76] = p_j_q2; phi[77] = p_j_q7; phi[78] = p_j_q9;
         let t1_1 = p_izz_1 - p_iyy_2;
         phi[5] = t1_1;
-        let t1_2 = like.lift(0.39516739174683935) * p_my_3;
-        let t1_3 = p_ixx_3 + t1_2;
-        phi[20] = t1_3;
-        let t1_4 = like.lift(-0.22815).mul_add(p_my_3, p_ixy_3);
-        phi[21] = t1_4;
-        let t1_5 = like.lift(0.20820969) * p_m_3;
-        let t1_6 = like.lift(0.20820969) * p_m_2;
-        let t1_7 = p_iyy_3 - t1_2;
-        let t1_8 = t1_7 + t1_5;
-        let t1_9 = t1_8 + t1_6;
-        phi[23] = t1_9;
-        let t1_10 = p_izz_3 + t1_5;
-        let t1_11 = t1_10 + t1_6;
-        phi[25] = t1_11;
-        let t1_12 = p_m_2 + p_m_3;
-        let t1_13 = like.lift(0.4563).mul_add(t1_12, p_mx_3);
-        let t1_14 = like.lift(-0.5773502691896257).mul_add(p_my_3, t1_13);
-        phi[26] = t1_14;
-        let t1_15 = p_izz_4 - p_iyy_5;
-        phi[35] = t1_15;
-        let t1_16 = like.lift(2.5305731719904703) * p_my_3;
-        let t1_17 = p_m_5 - p_m_2;
-        let t1_18 = t1_17 - p_m_3;
-        let t1_19 = t1_18 + t1_16;
-        phi[49] = t1_19;
-        let t1_20 = p_izz_6 - p_iyy_7;
-        phi[55] = t1_20;
-        let t1_21 = p_m_7 - t1_16;
-        phi[69] = t1_21;
-        phi[0] = p_ixx_1;
-        phi[1] = p_ixy_1;
-        phi[2] = p_ixz_1;
-        phi[3] = p_iyy_1;
-        phi[4] = p_iyz_1;
-        phi[6] = p_mx_1;
-        phi[7] = p_my_1;
-        phi[8] = p_mz_1;
-        phi[9] = p_m_1;
-        phi[10] = p_ixx_2;
-        phi[11] = p_ixy_2;
-        phi[12] = p_ixz_2;
-        phi[13] = p_iyy_2;
-        phi[14] = p_iyz_2;
-        phi[15] = p_izz_2;
-        phi[16] = p_mx_2;
-        phi[17] = p_my_2;
-        phi[18] = p_mz_2;
-        phi[19] = p_m_2;
-        phi[22] = p_ixz_3;
-        phi[24] = p_iyz_3;
-        phi[27] = p_my_3;
-        phi[28] = p_mz_3;
-        phi[29] = p_m_3;
-        phi[30] = p_ixx_4;
-        phi[31] = p_ixy_4;
-        phi[32] = p_ixz_4;
-        phi[33] = p_iyy_4;
-        phi[34] = p_iyz_4;
-        phi[36] = p_mx_4;
-        phi[37] = p_my_4;
-        phi[38] = p_mz_4;
-        phi[39] = p_m_4;
-        phi[40] = p_ixx_5;
-        phi[41] = p_ixy_5;
-        phi[42] = p_ixz_5;
-        phi[43] = p_iyy_5;
-        phi[44] = p_iyz_5;
-        phi[45] = p_izz_5;
-        phi[46] = p_mx_5;
-        phi[47] = p_my_5;
-        phi[48] = p_mz_5;
-        phi[50] = p_ixx_6;
-        phi[51] = p_ixy_6;
-        phi[52] = p_ixz_6;
-        phi[53] = p_iyy_6;
-        phi[54] = p_iyz_6;
-        phi[56] = p_mx_6;
-        phi[57] = p_my_6;
-        phi[58] = p_mz_6;
-        phi[59] = p_m_6;
-        phi[60] = p_ixx_7;
-        phi[61] = p_ixy_7;
-        phi[62] = p_ixz_7;
-        phi[63] = p_iyy_7;
-        phi[64] = p_iyz_7;
-        phi[65] = p_izz_7;
-        phi[66] = p_mx_7;
-        phi[67] = p_my_7;
-        phi[68] = p_mz_7;
-        phi[70] = p_fv_q2;
-        phi[71] = p_fc_q2;
-        phi[72] = p_fv_q7;
-        phi[73] = p_fc_q7;
-        phi[74] = p_fv_q9;
-        phi[75] = p_fc_q9;
-        phi[76] = p_j_q2;
-        phi[77] = p_j_q7;
-        phi[78] = p_j_q9;
+        let t1_2 = like.lift(-0.22815).mul_add(p_my_3, p_ixy_3);
+        phi[21] = t1_2;
+        let t1_3 = p_izz_4 - p_iyy_5;
+        phi[35] = t1_3;
+        let t1_4 = p_izz_6 - p_iyy_7;
+        phi[55] = t1_4;
+        let t1_5 = like.lift(0.39516739174683935) * p_my_3;
+        let t1_6 = p_ixx_3 + t1_5;
+        phi[20] = t1_6;
+        let t1_7 = p_iyy_3 - t1_5;
+        let t1_8 = like.lift(0.20820969) * p_m_3;
+        let t1_9 = t1_7 + t1_8;
+        let t1_10 = p_izz_3 + t1_8;
+        let t1_11 = like.lift(0.20820969) * p_m_2;
+        let t1_12 = t1_9 + t1_11;
+        phi[23] = t1_12;
+        let t1_13 = t1_10 + t1_11;
+        phi[25] = t1_13;
+        let t1_14 = p_m_2 + p_m_3;
+        let t1_15 = like.lift(0.4563).mul_add(t1_14, p_mx_3);
+        let t1_16 = like.lift(-0.5773502691896257).mul_add(p_my_3, t1_15);
+        phi[26] = t1_16;
+        let t1_17 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_18 = p_m_7 - t1_17;
+        phi[69] = t1_18;
+        let t1_19 = p_m_5 - p_m_2;
+        let t1_20 = t1_19 - p_m_3;
+        let t1_21 = t1_20 + t1_17;
+        phi[49] = t1_21;
     }
     phi
 }
@@ -6747,16 +6865,8 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 45]) -> [T; 79
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
-    let [
-        p_izz_1, p_mx_1, p_my_1, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3,
-        p_izz_3, p_mx_3, p_mz_3, p_izz_4, p_mx_4, p_my_4, p_mx_5, p_mz_5, p_m_5, p_izz_6,
-        p_mx_6, p_my_6, p_mx_7, p_mz_7, p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9,
-        p_fc_q9, p_j_q2, p_j_q7, p_j_q9,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_s1_1, cos_s1_1, sin_q1, cos_q1, sin_q6,
@@ -6772,15 +6882,23 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
             cos_q6, sin_q8, cos_q8,
         ]
     };
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
+    let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
+    let [
+        p_izz_1, p_mx_1, p_my_1, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3,
+        p_izz_3, p_mx_3, p_mz_3, p_izz_4, p_mx_4, p_my_4, p_mx_5, p_mz_5, p_m_5, p_izz_6,
+        p_mx_6, p_my_6, p_mx_7, p_mz_7, p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9,
+        p_fc_q9, p_j_q2, p_j_q7, p_j_q9,
+    ] = *beta;
     // tau, part 1
     let [
-        t2_1, t2_33, t2_39, w_fc_q2_q2, t2_71, t2_81, t2_85, t2_102, t2_108, t2_110, t2_114,
-        t2_117, t2_123, t2_124, t2_130, t2_131, t2_135, t2_138, pivot_1, t2_146, t2_151,
-        t2_153, t2_155, t2_158, t2_166, t2_167, t2_171, t2_174, t2_175, t2_177, t2_179, t2_181,
-        t2_182, t2_183, t2_184, t2_186, t2_187, t2_188, t2_190, t2_191, t2_192, t2_193, t2_195,
-        t2_196, pivot_3, inv_pivot_3, t2_198, t2_199, t2_201, pivot_4, inv_pivot_4, t2_203,
-        pivot_5, inv_pivot_5, t2_204, t2_205, t2_206, t2_208, t2_210, t2_211, t2_212, t2_213,
-        t2_215, t2_217, t2_219, t2_220,
+        t2_1, t2_36, t2_42, w_fc_q2_q2, t2_81, t2_85, t2_89, t2_104, t2_113, t2_115, t2_116,
+        t2_124, t2_127, t2_134, t2_135, t2_148, t2_149, t2_150, t2_154, t2_157, pivot_1,
+        t2_158, t2_159, t2_160, t2_162, t2_164, t2_167, t2_169, t2_172, t2_178, t2_180, t2_181,
+        t2_182, t2_183, t2_184, t2_185, t2_186, t2_188, t2_190, t2_191, t2_192, t2_194, t2_195,
+        t2_196, t2_197, t2_200, t2_202, t2_203, t2_204, inv_pivot_3, t2_206, t2_207, pivot_4,
+        inv_pivot_4, inv_pivot_5, t2_211, t2_212, t2_213, t2_215, t2_216, t2_218, t2_219,
+        t2_220,
     ] = {
         let t2_1 = d_q1 * d_q1;
         let w_s1_1x = sin_s1_1 * d_q1;
@@ -6789,257 +6907,257 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let w_s1_1y = cos_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 + w_s1_1y;
         let t2_3 = w_s1_2x * w_s1_2y;
-        let t2_4 = d_s1_1 * w_s1_1y;
-        let t2_5 = sin_s1_1.mul_add(dd_q1, t2_4);
-        let t2_6 = t2_5 + t2_4;
-        let t2_7 = (-w_s1_1x).mul_add(w_s1_1y, dd_s1_1);
-        let t2_8 = t2_3 + t2_3;
-        let t2_9 = (-cos_s1_2).mul_add(t2_7, t2_8);
-        let t2_10 = (-sin_s1_2).mul_add(t2_6, t2_9);
+        let t2_4 = t2_3 + t2_3;
+        let t2_5 = d_s1_1 * w_s1_1y;
+        let t2_6 = (-w_s1_1x).mul_add(w_s1_1y, dd_s1_1);
+        let t2_7 = (-cos_s1_2).mul_add(t2_6, t2_4);
+        let t2_8 = sin_s1_1.mul_add(dd_q1, t2_5);
+        let t2_9 = t2_8 + t2_5;
+        let t2_10 = (-sin_s1_2).mul_add(t2_9, t2_7);
         let t2_11 = sin_s1_2 * w_s1_1x;
         let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t2_11);
         let t2_12 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
         let t2_13 = (-d_s1_1).mul_add(w_s1_1x, t2_12);
         let t2_14 = cos_s1_1.mul_add(dd_q1, t2_13);
-        let t2_15 = sin_s1_3 * t2_14;
-        let t2_16 = cos_s1_3.mul_add(t2_10, t2_15);
-        let t2_17 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t2_18 = (-sin_s1_2).mul_add(t2_7, t2_17);
-        let al_3x = cos_s1_2.mul_add(t2_6, t2_18);
-        let t2_19 = sin_s1_3 * w_s1_2z;
-        let w_3y = cos_s1_3.mul_add(w_s1_2y, t2_19);
-        let t2_20 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_20);
-        let t2_21 = w_3y * w_3z;
-        let t2_22 = al_3x + t2_21;
-        let t2_23 = t2_22 * p_mz_3;
-        let t2_24 = t2_16.mul_add(p_mx_3, t2_23);
-        let t2_25 = sin_s1_3 * t2_10;
-        let t2_26 = (-cos_s1_3).mul_add(t2_14, t2_25);
         let w_3x = d_s1_3 - w_s1_2x;
+        let t2_15 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t2_16 = (-sin_s1_2).mul_add(t2_6, t2_15);
+        let al_3x = cos_s1_2.mul_add(t2_9, t2_16);
+        let t2_17 = sin_s1_3 * t2_14;
+        let t2_18 = cos_s1_3.mul_add(t2_10, t2_17);
+        let t2_19 = sin_s1_3 * t2_10;
+        let t2_20 = (-cos_s1_3).mul_add(t2_14, t2_19);
+        let t2_21 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t2_21);
+        let t2_22 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t2_22);
+        let t2_23 = w_3y * w_3z;
+        let t2_24 = al_3x + t2_23;
+        let t2_25 = t2_24 * p_mz_3;
+        let t2_26 = t2_18.mul_add(p_mx_3, t2_25);
         let t2_27 = w_3x * w_3x;
         let t2_28 = w_3y * w_3y;
-        let t2_29 = t2_27 + t2_28;
-        let t2_30 = t2_26 * p_mx_3;
-        let t2_31 = (-t2_29).mul_add(p_mz_3, t2_30);
-        let t2_32 = sin_s1_3 * t2_24;
-        let t2_33 = (-cos_s1_3).mul_add(t2_31, t2_32);
-        let t2_34 = w_3z * w_3z;
-        let t2_35 = t2_28 + t2_34;
-        let t2_36 = w_3z * w_3x;
-        let al_3y = t2_36 + t2_26;
-        let t2_37 = t2_36 + al_3y;
-        let t2_38 = t2_37 * p_mz_3;
-        let t2_39 = t2_35.mul_add(p_mx_3, t2_38);
+        let t2_29 = w_3y * w_3x;
+        let t2_30 = w_3z * w_3x;
+        let t2_31 = w_3z * w_3z;
+        let al_3z = t2_29 + t2_18;
+        let t2_32 = t2_27 + t2_28;
+        let t2_33 = t2_20 * p_mx_3;
+        let t2_34 = (-t2_32).mul_add(p_mz_3, t2_33);
+        let al_3y = t2_30 + t2_20;
+        let t2_35 = sin_s1_3 * t2_26;
+        let t2_36 = (-cos_s1_3).mul_add(t2_34, t2_35);
+        let t2_37 = sin_s1_3 * t2_34;
+        let t2_38 = cos_s1_3.mul_add(t2_26, t2_37);
+        let t2_39 = t2_28 + t2_31;
+        let t2_40 = t2_30 + al_3y;
+        let t2_41 = t2_40 * p_mz_3;
+        let t2_42 = t2_39.mul_add(p_mx_3, t2_41);
         let w_fc_q2_q2 = d_q2.sign();
-        let t2_40 = like.lift(9.81) * sin_q1;
-        let t2_41 = like.lift(2.0) * d_q1;
-        let t2_42 = (-t2_41).mul_add(d_q2, t2_40);
-        let a_2x = (-q2).mul_add(dd_q1, t2_42);
-        let t2_43 = like.lift(9.81).mul_add(cos_q1, dd_q2);
-        let a_2z = (-q2).mul_add(t2_1, t2_43);
-        let t2_44 = w_3y * w_3x;
-        let al_3z = t2_44 + t2_16;
-        let t2_45 = p_ixx_3 - p_izz_3;
-        let t2_46 = t2_27 - t2_34;
+        let t2_43 = like.lift(9.81) * sin_q1;
+        let t2_44 = like.lift(2.0) * d_q1;
+        let t2_45 = (-t2_44).mul_add(d_q2, t2_43);
+        let a_2x = (-q2).mul_add(dd_q1, t2_45);
+        let t2_46 = like.lift(9.81).mul_add(cos_q1, dd_q2);
+        let a_2z = (-q2).mul_add(t2_1, t2_46);
+        let t2_47 = p_ixx_3 - p_izz_3;
+        let t2_48 = t2_27 - t2_31;
+        let t2_49 = t2_27 - t2_28;
+        let t2_50 = t2_28 - t2_31;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let t2_47 = cos_s1_2 * a_s1_1x;
-        let a_s1_2x = sin_s1_2.mul_add(a_2z, t2_47);
+        let t2_51 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t2_51);
+        let t2_52 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_52);
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t2_48 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_48);
-        let t2_49 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_49);
-        let t2_50 = al_3x - t2_21;
-        let t2_51 = al_3z + t2_44;
-        let t2_52 = p_ixy_3 * t2_50;
-        let t2_53 = (-p_iyz_3).mul_add(t2_51, t2_52);
-        let t2_54 = (-al_3y).mul_add(p_iyy_3, t2_53);
-        let t2_55 = (-t2_46).mul_add(p_ixz_3, t2_54);
-        let t2_56 = (-t2_36).mul_add(t2_45, t2_55);
-        let t2_57 = a_3z.mul_add(p_mx_3, t2_56);
-        let t2_58 = (-a_s1_2x).mul_add(p_mz_3, t2_57);
-        let t2_59 = p_ixx_3 - p_iyy_3;
-        let t2_60 = t2_27 - t2_28;
-        let t2_61 = sin_s1_3 * a_s1_2z;
-        let a_3y = cos_s1_3.mul_add(a_s1_1y, t2_61);
-        let t2_62 = al_3x + t2_21;
-        let t2_63 = al_3y + t2_36;
-        let t2_64 = a_3y * p_mx_3;
-        let t2_65 = (-al_3z).mul_add(p_izz_3, t2_64);
-        let t2_66 = (-p_iyz_3).mul_add(t2_63, t2_65);
-        let t2_67 = p_ixz_3.mul_add(t2_62, t2_66);
-        let t2_68 = t2_60.mul_add(p_ixy_3, t2_67);
-        let t2_69 = (-t2_44).mul_add(t2_59, t2_68);
-        let t2_70 = cos_s1_3 * t2_69;
-        let t2_71 = sin_s1_3.mul_add(t2_58, t2_70);
-        let t2_72 = p_iyy_3 - p_izz_3;
-        let t2_73 = t2_28 - t2_34;
-        let t2_74 = al_3y - t2_36;
-        let t2_75 = al_3z - t2_44;
-        let t2_76 = al_3x * p_ixx_3;
-        let t2_77 = (-a_3y).mul_add(p_mz_3, t2_76);
-        let t2_78 = (-p_ixz_3).mul_add(t2_75, t2_77);
-        let t2_79 = (-p_ixy_3).mul_add(t2_74, t2_78);
-        let t2_80 = t2_73.mul_add(p_iyz_3, t2_79);
-        let t2_81 = t2_21.mul_add(t2_72, t2_80);
-        let t2_82 = cos_s1_2 * t2_81;
-        let t2_83 = sin_s1_2.mul_add(t2_71, t2_82);
-        let t2_84 = cos_s1_3 * t2_58;
-        let t2_85 = (-sin_s1_3).mul_add(t2_69, t2_84);
-        let t2_86 = cos_s1_2 * t2_39;
-        let t2_87 = sin_s1_2.mul_add(t2_33, t2_86);
-        let t2_88 = sin_s1_3 * t2_31;
-        let t2_89 = cos_s1_3.mul_add(t2_24, t2_88);
-        let t2_90 = t2_1 * p_mx_2;
-        let t2_91 = (-dd_q1).mul_add(p_mz_2, t2_90);
-        let t2_92 = (-sin_s1_1).mul_add(t2_89, t2_91);
-        let t2_93 = cos_s1_1.mul_add(t2_87, t2_92);
-        let t2_94 = sin_q1 * p_my_1;
-        let t2_95 = (-cos_q1).mul_add(p_mx_1, t2_94);
-        let t2_96 = dd_q1 * p_izz_1;
-        let t2_97 = like.lift(9.81).mul_add(t2_95, t2_96);
-        let t2_98 = (-q2).mul_add(t2_93, t2_97);
-        let t2_99 = (-a_2z).mul_add(p_mx_2, t2_98);
-        let t2_100 = (-a_2x).mul_add(p_mz_2, t2_99);
-        let t2_101 = cos_s1_1.mul_add(t2_85, t2_100);
-        let t2_102 = sin_s1_1.mul_add(t2_83, t2_101);
-        let t2_103 = cos_q1 * q2;
-        let t2_104 = sin_q1 * cos_s1_1;
-        let t2_105 = cos_s1_2 * t2_104;
-        let t2_106 = cos_q1.mul_add(sin_s1_2, t2_105);
-        let t2_107 = like.lift(-0.4563).mul_add(t2_106, t2_103);
-        let t2_108 = -t2_107;
+        let t2_53 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_53);
+        let t2_54 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t2_54);
+        let t2_55 = al_3x - t2_23;
+        let t2_56 = p_ixy_3 * t2_55;
+        let t2_57 = al_3z + t2_29;
+        let t2_58 = (-p_iyz_3).mul_add(t2_57, t2_56);
+        let t2_59 = (-al_3y).mul_add(p_iyy_3, t2_58);
+        let t2_60 = (-t2_48).mul_add(p_ixz_3, t2_59);
+        let t2_61 = (-t2_30).mul_add(t2_47, t2_60);
+        let t2_62 = a_3z.mul_add(p_mx_3, t2_61);
+        let t2_63 = (-a_s1_2x).mul_add(p_mz_3, t2_62);
+        let t2_64 = p_ixx_3 - p_iyy_3;
+        let t2_65 = al_3x + t2_23;
+        let t2_66 = al_3x * p_ixx_3;
+        let t2_67 = (-a_3y).mul_add(p_mz_3, t2_66);
+        let t2_68 = a_3y * p_mx_3;
+        let t2_69 = (-al_3z).mul_add(p_izz_3, t2_68);
+        let t2_70 = al_3z - t2_29;
+        let t2_71 = (-p_ixz_3).mul_add(t2_70, t2_67);
+        let t2_72 = al_3y + t2_30;
+        let t2_73 = (-p_iyz_3).mul_add(t2_72, t2_69);
+        let t2_74 = p_ixz_3.mul_add(t2_65, t2_73);
+        let t2_75 = t2_49.mul_add(p_ixy_3, t2_74);
+        let t2_76 = (-t2_29).mul_add(t2_64, t2_75);
+        let t2_77 = al_3y - t2_30;
+        let t2_78 = (-p_ixy_3).mul_add(t2_77, t2_71);
+        let t2_79 = t2_50.mul_add(p_iyz_3, t2_78);
+        let t2_80 = p_iyy_3 - p_izz_3;
+        let t2_81 = t2_23.mul_add(t2_80, t2_79);
+        let t2_82 = cos_s1_3 * t2_76;
+        let t2_83 = sin_s1_3.mul_add(t2_63, t2_82);
+        let t2_84 = cos_s1_3 * t2_63;
+        let t2_85 = (-sin_s1_3).mul_add(t2_76, t2_84);
+        let t2_86 = cos_s1_2 * t2_81;
+        let t2_87 = sin_s1_2.mul_add(t2_83, t2_86);
+        let t2_88 = cos_s1_2 * t2_83;
+        let t2_89 = (-sin_s1_2).mul_add(t2_81, t2_88);
+        let t2_90 = cos_s1_2 * t2_42;
+        let t2_91 = sin_s1_2.mul_add(t2_36, t2_90);
+        let t2_92 = t2_1 * p_mx_2;
+        let t2_93 = (-dd_q1).mul_add(p_mz_2, t2_92);
+        let t2_94 = (-sin_s1_1).mul_add(t2_38, t2_93);
+        let t2_95 = cos_s1_1.mul_add(t2_91, t2_94);
+        let t2_96 = sin_q1 * p_my_1;
+        let t2_97 = (-cos_q1).mul_add(p_mx_1, t2_96);
+        let t2_98 = dd_q1 * p_izz_1;
+        let t2_99 = like.lift(9.81).mul_add(t2_97, t2_98);
+        let t2_100 = (-q2).mul_add(t2_95, t2_99);
+        let t2_101 = (-a_2z).mul_add(p_mx_2, t2_100);
+        let t2_102 = (-a_2x).mul_add(p_mz_2, t2_101);
+        let t2_103 = cos_s1_1.mul_add(t2_85, t2_102);
+        let t2_104 = sin_s1_1.mul_add(t2_87, t2_103);
+        let t2_105 = cos_q1 * q2;
+        let t2_106 = sin_q1 * cos_s1_1;
+        let t2_107 = cos_s1_2 * t2_106;
+        let t2_108 = cos_q1.mul_add(sin_s1_2, t2_107);
+        let t2_109 = cos_q1 * cos_s1_2;
+        let t2_110 = (-sin_s1_2).mul_add(t2_106, t2_109);
+        let t2_111 = sin_s1_3 * t2_110;
+        let t2_112 = like.lift(-0.4563).mul_add(t2_108, t2_105);
+        let t2_113 = -t2_112;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_109 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_110 = cos_q1 * t2_109;
-        let t2_111 = sin_q1 * sin_s1_1;
-        let t2_112 = t2_111 * e_s1_2_q1x;
-        let t2_113 = cos_s1_1.mul_add(t2_106, t2_112);
-        let t2_114 = like.lift(0.4563) * t2_113;
-        let t2_115 = cos_q6 * q7;
-        let t2_116 = like.lift(0.5) * t2_115;
-        let t2_117 = -t2_116;
-        let t2_118 = sin_q1 * q2;
-        let t2_119 = cos_q1 * cos_s1_1;
-        let t2_120 = sin_q1 * sin_s1_2;
-        let t2_121 = (-cos_s1_2).mul_add(t2_119, t2_120);
-        let t2_122 = like.lift(-0.4563).mul_add(t2_121, t2_118);
-        let t2_123 = -t2_122;
-        let t2_124 = sin_q1 * t2_109;
-        let t2_125 = cos_q1 * sin_s1_1;
-        let t2_126 = cos_s1_1 * t2_121;
-        let t2_127 = (-t2_125).mul_add(e_s1_2_q1x, t2_126);
-        let t2_128 = like.lift(0.4563) * t2_127;
-        let t2_129 = -t2_128;
-        let t2_130 = -t2_129;
-        let t2_131 = sin_q6 * q7;
-        let t2_132 = sin_q1 * t2_106;
-        let t2_133 = (-cos_q1).mul_add(t2_121, t2_132);
-        let t2_134 = like.lift(0.4563) * t2_133;
+        let t2_114 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_115 = cos_q1 * t2_114;
+        let t2_116 = sin_q1 * t2_114;
+        let t2_117 = sin_q1 * sin_s1_1;
+        let t2_118 = cos_s1_3.mul_add(t2_117, t2_111);
+        let t2_119 = like.lift(0.22815) * t2_108;
+        let t2_120 = like.lift(-0.39516739174683935).mul_add(t2_118, t2_119);
+        let t2_121 = t2_105 - t2_120;
+        let t2_122 = t2_117 * e_s1_2_q1x;
+        let t2_123 = cos_s1_1.mul_add(t2_108, t2_122);
+        let t2_124 = like.lift(0.4563) * t2_123;
+        let t2_125 = cos_q6 * q7;
+        let t2_126 = like.lift(0.5) * t2_125;
+        let t2_127 = -t2_126;
+        let t2_128 = sin_q1 * q2;
+        let t2_129 = cos_q1 * cos_s1_1;
+        let t2_130 = sin_q1 * sin_s1_2;
+        let t2_131 = (-cos_s1_2).mul_add(t2_129, t2_130);
+        let t2_132 = sin_s1_2 * t2_129;
+        let t2_133 = sin_q1.mul_add(cos_s1_2, t2_132);
+        let t2_134 = like.lift(-0.4563).mul_add(t2_131, t2_128);
         let t2_135 = -t2_134;
-        let t2_136 = t2_125 * t2_106;
-        let t2_137 = t2_111.mul_add(t2_121, t2_136);
-        let t2_138 = like.lift(0.4563) * t2_137;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_115;
-        let t2_139 = cos_q1 * cos_s1_2;
-        let t2_140 = (-sin_s1_2).mul_add(t2_104, t2_139);
-        let t2_141 = sin_s1_3 * t2_140;
-        let t2_142 = cos_s1_3.mul_add(t2_111, t2_141);
-        let t2_143 = like.lift(0.22815) * t2_106;
-        let t2_144 = like.lift(-0.39516739174683935).mul_add(t2_142, t2_143);
-        let t2_145 = t2_103 - t2_144;
-        let t2_146 = -t2_145;
-        let t2_147 = sin_s1_3 * sin_s1_1;
-        let t2_148 = t2_147 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_148);
-        let t2_149 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_150 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_149);
-        let t2_151 = cos_q1 * t2_150;
-        let t2_152 = t2_111 * t2_150;
-        let t2_153 = cos_s1_1.mul_add(t2_144, t2_152);
-        let t2_154 = e_s1_2_q1x * t2_144;
-        let t2_155 = (-t2_106).mul_add(t2_150, t2_154);
-        let t2_156 = cos_q8 * q9;
-        let t2_157 = like.lift(0.5) * t2_156;
-        let t2_158 = -t2_157;
-        let t2_159 = sin_s1_2 * t2_119;
-        let t2_160 = sin_q1.mul_add(cos_s1_2, t2_159);
-        let t2_161 = cos_s1_3 * t2_125;
-        let t2_162 = (-sin_s1_3).mul_add(t2_160, t2_161);
-        let t2_163 = like.lift(0.39516739174683935) * t2_162;
-        let t2_164 = like.lift(0.22815) * t2_121;
-        let t2_165 = t2_163 - t2_118;
-        let t2_166 = t2_165 + t2_164;
-        let t2_167 = sin_q1 * t2_150;
-        let t2_168 = t2_164 + t2_163;
-        let t2_169 = t2_125 * t2_150;
-        let t2_170 = (-cos_s1_1).mul_add(t2_168, t2_169);
-        let t2_171 = -t2_170;
-        let t2_172 = t2_121 * t2_150;
-        let t2_173 = (-e_s1_2_q1x).mul_add(t2_168, t2_172);
-        let t2_174 = -t2_173;
-        let t2_175 = sin_q8 * q9;
-        let t2_176 = cos_q1 * t2_168;
-        let t2_177 = (-sin_q1).mul_add(t2_144, t2_176);
-        let t2_178 = t2_125 * t2_144;
-        let t2_179 = t2_111.mul_add(t2_168, t2_178);
-        let t2_180 = t2_106 * t2_168;
-        let t2_181 = (-t2_121).mul_add(t2_144, t2_180);
-        let t2_182 = -t2_181;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_156;
-        let t2_183 = -pivot_2;
-        let t2_184 = -sin_q1;
-        let t2_185 = like.lift(0.5) * sin_q6;
-        let t2_186 = -t2_185;
-        let t2_187 = -cos_q6;
-        let t2_188 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_189 = like.lift(0.5) * sin_q8;
+        let t2_136 = cos_q1 * sin_s1_1;
+        let t2_137 = sin_s1_3 * sin_s1_1;
+        let t2_138 = cos_s1_3 * t2_136;
+        let t2_139 = (-sin_s1_3).mul_add(t2_133, t2_138);
+        let t2_140 = t2_137 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_140);
+        let t2_141 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_142 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_141);
+        let t2_143 = like.lift(0.39516739174683935) * t2_139;
+        let t2_144 = t2_143 - t2_128;
+        let t2_145 = cos_s1_1 * t2_131;
+        let t2_146 = (-t2_136).mul_add(e_s1_2_q1x, t2_145);
+        let t2_147 = like.lift(0.4563) * t2_146;
+        let t2_148 = -t2_147;
+        let t2_149 = -t2_148;
+        let t2_150 = sin_q6 * q7;
+        let t2_151 = sin_q1 * t2_108;
+        let t2_152 = (-cos_q1).mul_add(t2_131, t2_151);
+        let t2_153 = like.lift(0.4563) * t2_152;
+        let t2_154 = -t2_153;
+        let t2_155 = t2_136 * t2_108;
+        let t2_156 = t2_117.mul_add(t2_131, t2_155);
+        let t2_157 = like.lift(0.4563) * t2_156;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_125;
+        let t2_158 = like.lift(1.0) / t2_125;
+        let t2_159 = -t2_121;
+        let t2_160 = cos_q1 * t2_142;
+        let t2_161 = t2_117 * t2_142;
+        let t2_162 = cos_s1_1.mul_add(t2_120, t2_161);
+        let t2_163 = e_s1_2_q1x * t2_120;
+        let t2_164 = (-t2_108).mul_add(t2_142, t2_163);
+        let t2_165 = cos_q8 * q9;
+        let t2_166 = like.lift(0.5) * t2_165;
+        let t2_167 = -t2_166;
+        let t2_168 = like.lift(0.22815) * t2_131;
+        let t2_169 = t2_144 + t2_168;
+        let t2_170 = t2_168 + t2_143;
+        let t2_171 = t2_108 * t2_170;
+        let t2_172 = (-t2_131).mul_add(t2_120, t2_171);
+        let t2_173 = t2_131 * t2_142;
+        let t2_174 = (-e_s1_2_q1x).mul_add(t2_170, t2_173);
+        let t2_175 = t2_136 * t2_142;
+        let t2_176 = (-cos_s1_1).mul_add(t2_170, t2_175);
+        let t2_177 = t2_136 * t2_120;
+        let t2_178 = t2_117.mul_add(t2_170, t2_177);
+        let t2_179 = cos_q1 * t2_170;
+        let t2_180 = (-sin_q1).mul_add(t2_120, t2_179);
+        let t2_181 = sin_q1 * t2_142;
+        let t2_182 = -t2_176;
+        let t2_183 = -t2_174;
+        let t2_184 = sin_q8 * q9;
+        let t2_185 = -t2_172;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_165;
+        let t2_186 = -pivot_2;
+        let t2_187 = like.lift(1.0) / t2_165;
+        let t2_188 = -sin_q1;
+        let t2_189 = like.lift(0.5) * sin_q6;
         let t2_190 = -t2_189;
-        let t2_191 = -cos_q8;
-        let t2_192 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_193 = -t2_192;
-        let t2_194 = like.lift(0.5773502691896257).mul_add(t2_181, t2_155);
-        let t2_195 = like.lift(1.0) / t2_156;
-        let t2_196 = t2_175 * t2_195;
-        let t2_197 = like.lift(1.1547005383792515) * t2_196;
-        let pivot_3 = t2_181.mul_add(t2_197, t2_173);
+        let t2_191 = -cos_q6;
+        let t2_192 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_193 = like.lift(0.5) * sin_q8;
+        let t2_194 = -t2_193;
+        let t2_195 = -cos_q8;
+        let t2_196 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_197 = -t2_196;
+        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_172, t2_164);
+        let t2_199 = t2_184 * t2_187;
+        let t2_200 = like.lift(1.1547005383792515) * t2_187;
+        let t2_201 = like.lift(1.1547005383792515) * t2_199;
+        let pivot_3 = t2_172.mul_add(t2_201, t2_174);
+        let t2_202 = (-t2_178).mul_add(t2_201, t2_176);
+        let t2_203 = t2_180.mul_add(t2_201, t2_181);
+        let t2_204 = sin_q8.mul_add(t2_199, cos_q8);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_198 = t2_194 * inv_pivot_3;
-        let t2_199 = (-t2_166).mul_add(t2_198, t2_145);
-        let t2_200 = like.lift(0.5773502691896257).mul_add(t2_135, t2_110);
-        let t2_201 = t2_177.mul_add(t2_197, t2_167);
-        let t2_202 = t2_201.mul_add(t2_198, t2_151);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_177, t2_202);
+        let t2_205 = t2_198 * inv_pivot_3;
+        let t2_206 = (-t2_169).mul_add(t2_205, t2_121);
+        let t2_207 = -pivot_3;
+        let t2_208 = like.lift(0.5773502691896257).mul_add(t2_154, t2_115);
+        let t2_209 = t2_203.mul_add(t2_205, t2_160);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_180, t2_209);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_203 = t2_200 * inv_pivot_4;
-        let pivot_5 = (-t2_199).mul_add(t2_203, t2_107);
+        let t2_210 = t2_208 * inv_pivot_4;
+        let pivot_5 = (-t2_206).mul_add(t2_210, t2_112);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_204 = (-cos_q1).mul_add(t2_198, sin_q1);
-        let t2_205 = (-t2_204).mul_add(t2_203, sin_q1);
-        let t2_206 = (-t2_179).mul_add(t2_197, t2_170);
-        let t2_207 = (-t2_206).mul_add(t2_198, t2_153);
-        let t2_208 = like.lift(-0.5773502691896257).mul_add(t2_179, t2_207);
-        let t2_209 = (-t2_208).mul_add(t2_203, t2_114);
-        let t2_210 = like.lift(0.5773502691896257).mul_add(t2_138, t2_209);
-        let t2_211 = like.lift(1.0) / t2_115;
-        let t2_212 = t2_131 * t2_211;
-        let t2_213 = like.lift(1.1547005383792515) * t2_212;
-        let t2_214 = (-t2_135).mul_add(t2_213, t2_124);
-        let t2_215 = t2_214 * inv_pivot_4;
-        let t2_216 = (-t2_199).mul_add(t2_215, t2_122);
-        let t2_217 = t2_216 * inv_pivot_5;
-        let t2_218 = t2_205.mul_add(t2_217, cos_q1);
-        let t2_219 = t2_204.mul_add(t2_215, t2_218);
-        let t2_220 = t2_210.mul_add(t2_217, t2_129);
+        let t2_211 = -pivot_5;
+        let t2_212 = (-cos_q1).mul_add(t2_205, sin_q1);
+        let t2_213 = (-t2_212).mul_add(t2_210, sin_q1);
+        let t2_214 = (-t2_202).mul_add(t2_205, t2_162);
+        let t2_215 = like.lift(-0.5773502691896257).mul_add(t2_178, t2_214);
+        let t2_216 = t2_204 * t2_205;
+        let t2_217 = (-t2_215).mul_add(t2_210, t2_124);
+        let t2_218 = like.lift(0.5773502691896257).mul_add(t2_157, t2_217);
+        let t2_219 = t2_216 * t2_210;
+        let t2_220 = t2_150 * t2_158;
         [
-            t2_1, t2_33, t2_39, w_fc_q2_q2, t2_71, t2_81, t2_85, t2_102, t2_108, t2_110,
-            t2_114, t2_117, t2_123, t2_124, t2_130, t2_131, t2_135, t2_138, pivot_1, t2_146,
-            t2_151, t2_153, t2_155, t2_158, t2_166, t2_167, t2_171, t2_174, t2_175, t2_177,
-            t2_179, t2_181, t2_182, t2_183, t2_184, t2_186, t2_187, t2_188, t2_190, t2_191,
-            t2_192, t2_193, t2_195, t2_196, pivot_3, inv_pivot_3, t2_198, t2_199, t2_201,
-            pivot_4, inv_pivot_4, t2_203, pivot_5, inv_pivot_5, t2_204, t2_205, t2_206, t2_208,
-            t2_210, t2_211, t2_212, t2_213, t2_215, t2_217, t2_219, t2_220,
+            t2_1, t2_36, t2_42, w_fc_q2_q2, t2_81, t2_85, t2_89, t2_104, t2_113, t2_115,
+            t2_116, t2_124, t2_127, t2_134, t2_135, t2_148, t2_149, t2_150, t2_154, t2_157,
+            pivot_1, t2_158, t2_159, t2_160, t2_162, t2_164, t2_167, t2_169, t2_172, t2_178,
+            t2_180, t2_181, t2_182, t2_183, t2_184, t2_185, t2_186, t2_188, t2_190, t2_191,
+            t2_192, t2_194, t2_195, t2_196, t2_197, t2_200, t2_202, t2_203, t2_204,
+            inv_pivot_3, t2_206, t2_207, pivot_4, inv_pivot_4, inv_pivot_5, t2_211, t2_212,
+            t2_213, t2_215, t2_216, t2_218, t2_219, t2_220,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -7048,108 +7166,110 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t3_1 = t2_208.mul_add(t2_215, t2_220);
-        let pivot_6 = t2_138.mul_add(t2_213, t3_1);
+        let t3_1 = like.lift(1.1547005383792515) * t2_158;
+        let t3_2 = like.lift(1.1547005383792515) * t2_220;
+        let t3_3 = sin_q6.mul_add(t2_220, cos_q6);
+        let t3_4 = (-t2_154).mul_add(t3_2, t2_116);
+        let t3_5 = t3_4 * inv_pivot_4;
+        let t3_6 = (-t2_206).mul_add(t3_5, t2_134);
+        let t3_7 = t3_6 * inv_pivot_5;
+        let t3_8 = t2_218.mul_add(t3_7, t2_148);
+        let t3_9 = t2_215.mul_add(t3_5, t3_8);
+        let pivot_6 = t2_157.mul_add(t3_2, t3_9);
+        let t3_10 = t2_213.mul_add(t3_7, cos_q1);
+        let t3_11 = t2_212.mul_add(t3_5, t3_10);
+        let t3_12 = t2_216 * t3_5;
+        let t3_13 = (-t2_219).mul_add(t3_7, t3_12);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_2 = t2_219 * inv_pivot_6;
-        let t3_3 = (-t2_210).mul_add(t3_2, t2_205);
-        let t3_4 = inv_pivot_5 * t3_3;
-        let t3_5 = sin_q6.mul_add(t2_212, cos_q6);
-        let t3_6 = t3_5 * inv_pivot_6;
-        let t3_7 = inv_pivot_5 * t2_210;
-        let t3_8 = t3_7 * t3_6;
-        let t3_9 = sin_q8.mul_add(t2_196, cos_q8);
-        let t3_10 = t3_9 * t2_198;
-        let t3_11 = t3_10 * t2_203;
-        let t3_12 = t3_10 * t2_215;
-        let t3_13 = (-t3_11).mul_add(t2_217, t3_12);
-        let t3_14 = t3_13 * inv_pivot_6;
-        let t3_15 = t2_210.mul_add(t3_14, t3_11);
+        let t3_14 = t3_11 * inv_pivot_6;
+        let t3_15 = (-t2_218).mul_add(t3_14, t2_213);
         let t3_16 = inv_pivot_5 * t3_15;
-        let t3_17 = -t3_16;
-        let t3_18 = (-t2_208).mul_add(t3_2, t2_204);
-        let t3_19 = (-t2_199).mul_add(t3_4, t3_18);
-        let t3_20 = inv_pivot_4 * t3_19;
-        let t3_21 = -t3_20;
-        let t3_22 = t2_199 * t3_8;
-        let t3_23 = (-t2_208).mul_add(t3_6, t3_22);
-        let t3_24 = inv_pivot_4 * t3_23;
-        let t3_25 = (-t2_208).mul_add(t3_14, t3_10);
-        let t3_26 = t2_199.mul_add(t3_16, t3_25);
-        let t3_27 = inv_pivot_4 * t3_26;
-        let t3_28 = -t3_27;
-        let t3_29 = -t3_2;
-        let t3_30 = -t3_14;
-        let t3_31 = (-t2_206).mul_add(t3_2, cos_q1);
-        let t3_32 = (-t2_166).mul_add(t3_4, t3_31);
-        let t3_33 = t2_201.mul_add(t3_20, t3_32);
-        let t3_34 = inv_pivot_3 * t3_33;
-        let t3_35 = -t3_34;
-        let t3_36 = t2_166 * t3_8;
-        let t3_37 = (-t2_206).mul_add(t3_6, t3_36);
-        let t3_38 = t2_201.mul_add(t3_24, t3_37);
-        let t3_39 = inv_pivot_3 * t3_38;
-        let t3_40 = t2_206.mul_add(t3_14, t3_9);
-        let t3_41 = (-t2_166).mul_add(t3_16, t3_40);
-        let t3_42 = (-t2_201).mul_add(t3_27, t3_41);
-        let t3_43 = inv_pivot_3 * t3_42;
-        let t3_44 = t2_138 * t3_2;
-        let t3_45 = t2_135.mul_add(t3_20, t3_44);
-        let t3_46 = like.lift(1.1547005383792515) * t2_211;
-        let t3_47 = t3_45 * t3_46;
-        let t3_48 = (-t2_138).mul_add(t3_6, t2_188);
-        let t3_49 = (-t2_135).mul_add(t3_24, t3_48);
-        let t3_50 = t3_49 * t3_46;
-        let t3_51 = t2_138 * t3_14;
-        let t3_52 = t2_135.mul_add(t3_27, t3_51);
-        let t3_53 = t3_52 * t3_46;
-        let t3_54 = t2_181 * t3_34;
-        let t3_55 = (-t2_179).mul_add(t3_2, t3_54);
-        let t3_56 = (-t2_177).mul_add(t3_20, t3_55);
-        let t3_57 = like.lift(1.1547005383792515) * t2_195;
-        let t3_58 = t3_56 * t3_57;
-        let t3_59 = t2_181 * t3_39;
-        let t3_60 = (-t2_179).mul_add(t3_6, t3_59);
-        let t3_61 = (-t2_177).mul_add(t3_24, t3_60);
-        let t3_62 = t3_61 * t3_57;
-        let t3_63 = -t3_62;
-        let t3_64 = (-t2_179).mul_add(t3_14, t2_192);
-        let t3_65 = (-t2_177).mul_add(t3_27, t3_64);
-        let t3_66 = (-t2_181).mul_add(t3_43, t3_65);
-        let t3_67 = t3_66 * t3_57;
-        let t3_68 = -pivot_3;
-        let t3_69 = -pivot_5;
-        let t3_70 = -pivot_6;
+        let t3_17 = t3_3 * inv_pivot_6;
+        let t3_18 = t3_13 * inv_pivot_6;
+        let t3_19 = t2_218.mul_add(t3_18, t2_219);
+        let t3_20 = inv_pivot_5 * t2_218;
+        let t3_21 = inv_pivot_5 * t3_19;
+        let t3_22 = t3_20 * t3_17;
+        let t3_23 = (-t2_215).mul_add(t3_14, t2_212);
+        let t3_24 = (-t2_206).mul_add(t3_16, t3_23);
+        let t3_25 = inv_pivot_4 * t3_24;
+        let t3_26 = (-t2_215).mul_add(t3_18, t2_216);
+        let t3_27 = t2_206.mul_add(t3_21, t3_26);
+        let t3_28 = t2_206 * t3_22;
+        let t3_29 = (-t2_215).mul_add(t3_17, t3_28);
+        let t3_30 = inv_pivot_4 * t3_29;
+        let t3_31 = inv_pivot_4 * t3_27;
+        let t3_32 = t2_202.mul_add(t3_18, t2_204);
+        let t3_33 = (-t2_169).mul_add(t3_21, t3_32);
+        let t3_34 = -t3_21;
+        let t3_35 = (-t2_203).mul_add(t3_31, t3_33);
+        let t3_36 = inv_pivot_3 * t3_35;
+        let t3_37 = (-t2_178).mul_add(t3_18, t2_196);
+        let t3_38 = (-t2_180).mul_add(t3_31, t3_37);
+        let t3_39 = (-t2_172).mul_add(t3_36, t3_38);
+        let t3_40 = t3_39 * t2_200;
+        let t3_41 = -pivot_6;
+        let t3_42 = -t3_25;
+        let t3_43 = -t3_31;
+        let t3_44 = t2_157 * t3_18;
+        let t3_45 = t2_154.mul_add(t3_31, t3_44);
+        let t3_46 = -t3_18;
+        let t3_47 = t3_45 * t3_1;
+        let t3_48 = -t3_14;
+        let t3_49 = (-t2_202).mul_add(t3_14, cos_q1);
+        let t3_50 = (-t2_169).mul_add(t3_16, t3_49);
+        let t3_51 = t2_203.mul_add(t3_25, t3_50);
+        let t3_52 = inv_pivot_3 * t3_51;
+        let t3_53 = t2_169 * t3_22;
+        let t3_54 = (-t2_202).mul_add(t3_17, t3_53);
+        let t3_55 = t2_203.mul_add(t3_30, t3_54);
+        let t3_56 = inv_pivot_3 * t3_55;
+        let t3_57 = -t3_52;
+        let t3_58 = t2_172 * t3_52;
+        let t3_59 = (-t2_178).mul_add(t3_14, t3_58);
+        let t3_60 = t2_157 * t3_14;
+        let t3_61 = t2_154.mul_add(t3_25, t3_60);
+        let t3_62 = (-t2_180).mul_add(t3_25, t3_59);
+        let t3_63 = t3_61 * t3_1;
+        let t3_64 = t3_62 * t2_200;
+        let t3_65 = t2_172 * t3_56;
+        let t3_66 = (-t2_178).mul_add(t3_17, t3_65);
+        let t3_67 = (-t2_180).mul_add(t3_30, t3_66);
+        let t3_68 = t3_67 * t2_200;
+        let t3_69 = -t3_68;
+        let t3_70 = (-t2_157).mul_add(t3_17, t2_192);
+        let t3_71 = (-t2_154).mul_add(t3_30, t3_70);
+        let t3_72 = t3_71 * t3_1;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_183 * like.lift(1.8955297449982944)).abs())
-            .min((t3_68 * like.lift(2.6463477742948585)).abs())
+            .min((t2_186 * like.lift(1.8955297449982944)).abs())
+            .min((t2_207 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t3_69 * like.lift(0.8284577646309275)).abs())
-            .min((t3_70 * like.lift(2.1915406530791146)).abs());
+            .min((t2_211 * like.lift(0.8284577646309275)).abs())
+            .min((t3_41 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_4, t3_8, t3_17], [t3_21, t3_24, t3_28], [t3_29, t3_6, t3_30],
-                [t3_35, t3_39, t3_43], [t3_47, t3_50, t3_53], [t3_58, t3_63, t3_67],
+                [t3_16, t3_22, t3_34], [t3_42, t3_30, t3_43], [t3_48, t3_17, t3_46],
+                [t3_57, t3_56, t3_36], [t3_63, t3_72, t3_47], [t3_64, t3_69, t3_40],
             ],
             margin,
             || (
                 [
-                    [t2_108, t2_110, t2_114, like.lift(0.0), t2_117, like.lift(0.0)],
-                    [t2_123, t2_124, t2_130, like.lift(0.0), t2_131, like.lift(0.0)],
-                    [like.lift(0.0), t2_135, t2_138, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_146, t2_151, t2_153, t2_155, like.lift(0.0), t2_158],
-                    [t2_166, t2_167, t2_171, t2_174, like.lift(0.0), t2_175],
-                    [like.lift(0.0), t2_177, t2_179, t2_182, like.lift(0.0), t2_183],
+                    [t2_113, t2_115, t2_124, like.lift(0.0), t2_127, like.lift(0.0)],
+                    [t2_135, t2_116, t2_149, like.lift(0.0), t2_150, like.lift(0.0)],
+                    [like.lift(0.0), t2_154, t2_157, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_159, t2_160, t2_162, t2_164, like.lift(0.0), t2_167],
+                    [t2_169, t2_181, t2_182, t2_183, like.lift(0.0), t2_184],
+                    [like.lift(0.0), t2_180, t2_178, t2_185, like.lift(0.0), t2_186],
                 ],
                 [
-                    [t2_184, t2_186, like.lift(0.0)], [cos_q1, t2_187, like.lift(0.0)],
-                    [like.lift(0.0), t2_188, like.lift(0.0)], [t2_184, like.lift(0.0), t2_190],
-                    [cos_q1, like.lift(0.0), t2_191], [like.lift(0.0), like.lift(0.0), t2_193],
+                    [t2_188, t2_190, like.lift(0.0)], [cos_q1, t2_191, like.lift(0.0)],
+                    [like.lift(0.0), t2_192, like.lift(0.0)], [t2_188, like.lift(0.0), t2_194],
+                    [cos_q1, like.lift(0.0), t2_195], [like.lift(0.0), like.lift(0.0), t2_197],
                 ],
             ),
         );
@@ -7162,85 +7282,83 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
     };
     // tau
     {
-        let t4_1 = cos_s1_2 * t2_71;
-        let t4_2 = (-sin_s1_2).mul_add(t2_81, t4_1);
-        let t4_3 = like.lift(9.81) * sin_q6;
-        let t4_4 = like.lift(2.0) * d_q6;
-        let t4_5 = (-t4_4).mul_add(d_q7, t4_3);
-        let a_5x = (-q7).mul_add(dd_q6, t4_5);
-        let t4_6 = d_q6 * d_q6;
-        let t4_7 = like.lift(9.81).mul_add(cos_q6, dd_q7);
-        let a_5z = (-q7).mul_add(t4_6, t4_7);
-        let t4_8 = a_5x * p_m_5;
-        let t4_9 = (-dd_q6).mul_add(p_mz_5, t4_8);
-        let t4_10 = t4_6.mul_add(p_mx_5, t4_9);
-        let t4_11 = sin_q6 * p_my_4;
-        let t4_12 = (-cos_q6).mul_add(p_mx_4, t4_11);
-        let t4_13 = dd_q6 * p_izz_4;
-        let t4_14 = like.lift(9.81).mul_add(t4_12, t4_13);
-        let t4_15 = (-q7).mul_add(t4_10, t4_14);
-        let t4_16 = (-a_5z).mul_add(p_mx_5, t4_15);
-        let t4_17 = (-a_5x).mul_add(p_mz_5, t4_16);
-        let t4_18 = like.lift(9.81) * sin_q8;
-        let t4_19 = like.lift(2.0) * d_q8;
-        let t4_20 = (-t4_19).mul_add(d_q9, t4_18);
-        let a_7x = (-q9).mul_add(dd_q8, t4_20);
-        let t4_21 = d_q8 * d_q8;
-        let t4_22 = like.lift(9.81).mul_add(cos_q8, dd_q9);
-        let a_7z = (-q9).mul_add(t4_21, t4_22);
-        let t4_23 = a_7x * p_m_7;
-        let t4_24 = (-dd_q8).mul_add(p_mz_7, t4_23);
-        let t4_25 = t4_21.mul_add(p_mx_7, t4_24);
-        let t4_26 = sin_q8 * p_my_6;
-        let t4_27 = (-cos_q8).mul_add(p_mx_6, t4_26);
-        let t4_28 = dd_q8 * p_izz_6;
-        let t4_29 = like.lift(9.81).mul_add(t4_27, t4_28);
-        let t4_30 = (-q9).mul_add(t4_25, t4_29);
-        let t4_31 = (-a_7z).mul_add(p_mx_7, t4_30);
-        let t4_32 = (-a_7x).mul_add(p_mz_7, t4_31);
-        let t4_33 = t4_32 * x_q8_q2;
-        let t4_34 = t4_17.mul_add(x_q6_q2, t4_33);
-        let t4_35 = t2_81.mul_add(x_s1_3_q2, t4_34);
-        let t4_36 = t2_85.mul_add(x_s1_2_q2, t4_35);
-        let t4_37 = t4_2.mul_add(x_s1_1_q2, t4_36);
-        let t4_38 = t2_102.mul_add(x_q1_q2, t4_37);
-        let t4_39 = (-dd_q2).mul_add(p_j_q2, t4_38);
-        let t4_40 = (-w_fc_q2_q2).mul_add(p_fc_q2, t4_39);
-        let t4_41 = (-d_q2).mul_add(p_fv_q2, t4_40);
-        let t4_42 = t2_1.mul_add(p_mz_2, t4_41);
-        let t4_43 = dd_q1.mul_add(p_mx_2, t4_42);
-        let t4_44 = (-sin_s1_2).mul_add(t2_39, t4_43);
-        let t4_45 = cos_s1_2.mul_add(t2_33, t4_44);
-        let t4_46 = -t4_45;
-        tau[0] = t4_46;
+        let t4_1 = like.lift(9.81) * sin_q6;
+        let t4_2 = sin_q6 * p_my_4;
+        let t4_3 = (-cos_q6).mul_add(p_mx_4, t4_2);
+        let t4_4 = like.lift(9.81).mul_add(cos_q6, dd_q7);
+        let t4_5 = like.lift(2.0) * d_q6;
+        let t4_6 = (-t4_5).mul_add(d_q7, t4_1);
+        let a_5x = (-q7).mul_add(dd_q6, t4_6);
+        let t4_7 = dd_q6 * p_izz_4;
+        let t4_8 = like.lift(9.81).mul_add(t4_3, t4_7);
+        let t4_9 = d_q6 * d_q6;
+        let a_5z = (-q7).mul_add(t4_9, t4_4);
+        let t4_10 = a_5x * p_m_5;
+        let t4_11 = (-dd_q6).mul_add(p_mz_5, t4_10);
+        let t4_12 = t4_9.mul_add(p_mx_5, t4_11);
+        let t4_13 = (-q7).mul_add(t4_12, t4_8);
+        let t4_14 = (-a_5z).mul_add(p_mx_5, t4_13);
+        let t4_15 = (-a_5x).mul_add(p_mz_5, t4_14);
+        let t4_16 = like.lift(9.81) * sin_q8;
+        let t4_17 = sin_q8 * p_my_6;
+        let t4_18 = (-cos_q8).mul_add(p_mx_6, t4_17);
+        let t4_19 = like.lift(9.81).mul_add(cos_q8, dd_q9);
+        let t4_20 = like.lift(2.0) * d_q8;
+        let t4_21 = (-t4_20).mul_add(d_q9, t4_16);
+        let a_7x = (-q9).mul_add(dd_q8, t4_21);
+        let t4_22 = dd_q8 * p_izz_6;
+        let t4_23 = like.lift(9.81).mul_add(t4_18, t4_22);
+        let t4_24 = d_q8 * d_q8;
+        let a_7z = (-q9).mul_add(t4_24, t4_19);
+        let t4_25 = a_7x * p_m_7;
+        let t4_26 = (-dd_q8).mul_add(p_mz_7, t4_25);
+        let t4_27 = t4_24.mul_add(p_mx_7, t4_26);
+        let t4_28 = (-q9).mul_add(t4_27, t4_23);
+        let t4_29 = (-a_7z).mul_add(p_mx_7, t4_28);
+        let t4_30 = (-a_7x).mul_add(p_mz_7, t4_29);
+        let t4_31 = t4_30 * x_q8_q2;
+        let t4_32 = t4_15.mul_add(x_q6_q2, t4_31);
+        let t4_33 = t2_81.mul_add(x_s1_3_q2, t4_32);
+        let t4_34 = t2_85.mul_add(x_s1_2_q2, t4_33);
+        let t4_35 = t2_89.mul_add(x_s1_1_q2, t4_34);
+        let t4_36 = t2_104.mul_add(x_q1_q2, t4_35);
+        let t4_37 = (-dd_q2).mul_add(p_j_q2, t4_36);
+        let t4_38 = (-w_fc_q2_q2).mul_add(p_fc_q2, t4_37);
+        let t4_39 = (-d_q2).mul_add(p_fv_q2, t4_38);
+        let t4_40 = t2_1.mul_add(p_mz_2, t4_39);
+        let t4_41 = dd_q1.mul_add(p_mx_2, t4_40);
+        let t4_42 = (-sin_s1_2).mul_add(t2_42, t4_41);
+        let t4_43 = cos_s1_2.mul_add(t2_36, t4_42);
+        let t4_44 = -t4_43;
+        tau[0] = t4_44;
+        let t4_45 = dd_q7 * p_j_q7;
+        let t4_46 = (-t4_30).mul_add(x_q8_q7, t4_45);
         let w_fc_q7_q7 = d_q7.sign();
-        let t4_47 = dd_q7 * p_j_q7;
-        let t4_48 = (-t4_32).mul_add(x_q8_q7, t4_47);
-        let t4_49 = w_fc_q7_q7.mul_add(p_fc_q7, t4_48);
-        let t4_50 = d_q7.mul_add(p_fv_q7, t4_49);
-        let t4_51 = a_5z.mul_add(p_m_5, t4_50);
-        let t4_52 = (-t4_6).mul_add(p_mz_5, t4_51);
-        let t4_53 = (-dd_q6).mul_add(p_mx_5, t4_52);
-        let t4_54 = (-t4_17).mul_add(x_q6_q7, t4_53);
-        let t4_55 = (-t2_81).mul_add(x_s1_3_q7, t4_54);
-        let t4_56 = (-t2_85).mul_add(x_s1_2_q7, t4_55);
-        let t4_57 = (-t4_2).mul_add(x_s1_1_q7, t4_56);
-        let t4_58 = (-t2_102).mul_add(x_q1_q7, t4_57);
-        tau[1] = t4_58;
+        let t4_47 = w_fc_q7_q7.mul_add(p_fc_q7, t4_46);
+        let t4_48 = d_q7.mul_add(p_fv_q7, t4_47);
+        let t4_49 = a_5z.mul_add(p_m_5, t4_48);
+        let t4_50 = (-t4_9).mul_add(p_mz_5, t4_49);
+        let t4_51 = (-dd_q6).mul_add(p_mx_5, t4_50);
+        let t4_52 = (-t4_15).mul_add(x_q6_q7, t4_51);
+        let t4_53 = (-t2_81).mul_add(x_s1_3_q7, t4_52);
+        let t4_54 = (-t2_85).mul_add(x_s1_2_q7, t4_53);
+        let t4_55 = (-t2_89).mul_add(x_s1_1_q7, t4_54);
+        let t4_56 = (-t2_104).mul_add(x_q1_q7, t4_55);
+        tau[1] = t4_56;
         let w_fc_q9_q9 = d_q9.sign();
-        let t4_59 = dd_q9 * p_j_q9;
-        let t4_60 = w_fc_q9_q9.mul_add(p_fc_q9, t4_59);
-        let t4_61 = d_q9.mul_add(p_fv_q9, t4_60);
-        let t4_62 = a_7z.mul_add(p_m_7, t4_61);
-        let t4_63 = (-t4_21).mul_add(p_mz_7, t4_62);
-        let t4_64 = (-dd_q8).mul_add(p_mx_7, t4_63);
-        let t4_65 = (-t4_32).mul_add(x_q8_q9, t4_64);
-        let t4_66 = (-t4_17).mul_add(x_q6_q9, t4_65);
-        let t4_67 = (-t2_81).mul_add(x_s1_3_q9, t4_66);
-        let t4_68 = (-t2_85).mul_add(x_s1_2_q9, t4_67);
-        let t4_69 = (-t4_2).mul_add(x_s1_1_q9, t4_68);
-        let t4_70 = (-t2_102).mul_add(x_q1_q9, t4_69);
-        tau[2] = t4_70;
+        let t4_57 = dd_q9 * p_j_q9;
+        let t4_58 = w_fc_q9_q9.mul_add(p_fc_q9, t4_57);
+        let t4_59 = d_q9.mul_add(p_fv_q9, t4_58);
+        let t4_60 = a_7z.mul_add(p_m_7, t4_59);
+        let t4_61 = (-t4_24).mul_add(p_mz_7, t4_60);
+        let t4_62 = (-dd_q8).mul_add(p_mx_7, t4_61);
+        let t4_63 = (-t4_30).mul_add(x_q8_q9, t4_62);
+        let t4_64 = (-t4_15).mul_add(x_q6_q9, t4_63);
+        let t4_65 = (-t2_81).mul_add(x_s1_3_q9, t4_64);
+        let t4_66 = (-t2_85).mul_add(x_s1_2_q9, t4_65);
+        let t4_67 = (-t2_89).mul_add(x_s1_1_q9, t4_66);
+        let t4_68 = (-t2_104).mul_add(x_q1_q9, t4_67);
+        tau[2] = t4_68;
     }
     (tau, Condition { pivot: condition })
 }
@@ -7255,13 +7373,8 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
 pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [
-        _, p_mx_1, p_my_1, p_mx_2, p_mz_2, _, _, _, _, _, _, p_mx_3, p_mz_3, _, p_mx_4, p_my_4,
-        p_mx_5, p_mz_5, p_m_5, _, p_mx_6, p_my_6, p_mx_7, p_mz_7, p_m_7, _, _, _, _, _, _, _,
-        _, _,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q6,
@@ -7277,324 +7390,329 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition
             cos_q6, sin_q8, cos_q8,
         ]
     };
+    let [
+        _, p_mx_1, p_my_1, p_mx_2, p_mz_2, _, _, _, _, _, _, p_mx_3, p_mz_3, _, p_mx_4, p_my_4,
+        p_mx_5, p_mz_5, p_m_5, _, p_mx_6, p_my_6, p_mx_7, p_mz_7, p_m_7, _, _, _, _, _, _, _,
+        _, _,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_18, t2_19, t2_23, t2_30, t2_56, t2_98, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+        t2_22, t2_26, t2_30, t2_37, t2_73, t2_107, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
         x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
         x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
         let t2_1 = cos_q1 * sin_s1_2;
         let t2_2 = sin_q1 * cos_s1_1;
         let t2_3 = cos_s1_2 * t2_2;
-        let t2_4 = t2_3 + t2_1;
-        let a_s1_2x = like.lift(9.81) * t2_4;
-        let t2_5 = sin_q1 * sin_s1_1;
-        let t2_6 = cos_q1 * cos_s1_2;
-        let t2_7 = sin_s1_2 * t2_2;
-        let t2_8 = t2_7 - t2_6;
-        let t2_9 = like.lift(9.81) * t2_8;
-        let a_s1_2z = -t2_9;
-        let t2_10 = like.lift(9.81) * sin_s1_3;
-        let t2_11 = t2_10 * t2_5;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_11);
-        let t2_12 = a_s1_2x * p_mz_3;
-        let t2_13 = (-a_3z).mul_add(p_mx_3, t2_12);
-        let t2_14 = cos_s1_3 * t2_5;
-        let t2_15 = sin_s1_3 * a_s1_2z;
-        let a_3y = like.lift(9.81).mul_add(t2_14, t2_15);
-        let t2_16 = a_3y * p_mx_3;
-        let t2_17 = sin_s1_3 * t2_13;
-        let t2_18 = (-cos_s1_3).mul_add(t2_16, t2_17);
-        let t2_19 = a_3y * p_mz_3;
-        let t2_20 = cos_s1_2 * t2_19;
-        let t2_21 = sin_s1_2.mul_add(t2_18, t2_20);
-        let t2_22 = sin_s1_3 * t2_16;
-        let t2_23 = cos_s1_3.mul_add(t2_13, t2_22);
-        let t2_24 = sin_q1 * p_my_1;
-        let t2_25 = (-cos_q1).mul_add(p_mx_1, t2_24);
-        let t2_26 = (-cos_q1).mul_add(p_mx_2, t2_25);
-        let t2_27 = (-sin_q1).mul_add(p_mz_2, t2_26);
-        let t2_28 = cos_s1_1 * t2_23;
-        let t2_29 = like.lift(-9.81).mul_add(t2_27, t2_28);
-        let t2_30 = sin_s1_1.mul_add(t2_21, t2_29);
-        let t2_31 = cos_q1 * q2;
-        let t2_32 = t2_1 + t2_3;
-        let t2_33 = like.lift(-0.4563).mul_add(t2_32, t2_31);
-        let t2_34 = -t2_33;
+        let t2_4 = sin_s1_2 * t2_2;
+        let t2_5 = t2_3 + t2_1;
+        let t2_6 = t2_1 + t2_3;
+        let a_s1_2x = like.lift(9.81) * t2_5;
+        let t2_7 = a_s1_2x * p_mz_3;
+        let t2_8 = sin_q1 * sin_s1_1;
+        let t2_9 = cos_q1 * cos_s1_2;
+        let t2_10 = t2_4 - t2_9;
+        let t2_11 = t2_9 - t2_4;
+        let t2_12 = like.lift(9.81) * t2_10;
+        let a_s1_2z = -t2_12;
+        let t2_13 = like.lift(9.81) * sin_s1_3;
+        let t2_14 = t2_13 * t2_8;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_14);
+        let t2_15 = (-a_3z).mul_add(p_mx_3, t2_7);
+        let t2_16 = sin_s1_3 * a_s1_2z;
+        let t2_17 = cos_s1_3 * t2_8;
+        let a_3y = like.lift(9.81).mul_add(t2_17, t2_16);
+        let t2_18 = sin_s1_3.mul_add(t2_11, t2_17);
+        let t2_19 = like.lift(0.22815) * t2_6;
+        let t2_20 = like.lift(-0.39516739174683935).mul_add(t2_18, t2_19);
+        let t2_21 = a_3y * p_mx_3;
+        let t2_22 = a_3y * p_mz_3;
+        let t2_23 = sin_s1_3 * t2_15;
+        let t2_24 = (-cos_s1_3).mul_add(t2_21, t2_23);
+        let t2_25 = sin_s1_3 * t2_21;
+        let t2_26 = cos_s1_3.mul_add(t2_15, t2_25);
+        let t2_27 = cos_s1_2 * t2_22;
+        let t2_28 = sin_s1_2.mul_add(t2_24, t2_27);
+        let t2_29 = cos_s1_2 * t2_24;
+        let t2_30 = (-sin_s1_2).mul_add(t2_22, t2_29);
+        let t2_31 = sin_q1 * p_my_1;
+        let t2_32 = (-cos_q1).mul_add(p_mx_1, t2_31);
+        let t2_33 = (-cos_q1).mul_add(p_mx_2, t2_32);
+        let t2_34 = (-sin_q1).mul_add(p_mz_2, t2_33);
+        let t2_35 = cos_s1_1 * t2_26;
+        let t2_36 = like.lift(-9.81).mul_add(t2_34, t2_35);
+        let t2_37 = sin_s1_1.mul_add(t2_28, t2_36);
+        let t2_38 = cos_q1 * q2;
+        let t2_39 = like.lift(-0.4563).mul_add(t2_6, t2_38);
+        let t2_40 = t2_38 - t2_20;
+        let t2_41 = -t2_39;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_35 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_36 = cos_q1 * t2_35;
-        let t2_37 = t2_5 * e_s1_2_q1x;
-        let t2_38 = cos_s1_1.mul_add(t2_32, t2_37);
-        let t2_39 = like.lift(0.4563) * t2_38;
-        let t2_40 = cos_q6 * q7;
-        let t2_41 = like.lift(0.5) * t2_40;
-        let t2_42 = -t2_41;
-        let t2_43 = sin_q1 * q2;
-        let t2_44 = cos_q1 * cos_s1_1;
-        let t2_45 = sin_q1 * sin_s1_2;
-        let t2_46 = (-cos_s1_2).mul_add(t2_44, t2_45);
-        let t2_47 = like.lift(-0.4563).mul_add(t2_46, t2_43);
-        let t2_48 = -t2_47;
-        let t2_49 = sin_q1 * t2_35;
-        let t2_50 = cos_q1 * sin_s1_1;
-        let t2_51 = cos_s1_1 * t2_46;
-        let t2_52 = (-t2_50).mul_add(e_s1_2_q1x, t2_51);
-        let t2_53 = like.lift(0.4563) * t2_52;
-        let t2_54 = -t2_53;
-        let t2_55 = -t2_54;
-        let t2_56 = q7 * sin_q6;
-        let t2_57 = sin_q1 * t2_32;
-        let t2_58 = (-cos_q1).mul_add(t2_46, t2_57);
-        let t2_59 = like.lift(0.4563) * t2_58;
-        let t2_60 = -t2_59;
-        let t2_61 = t2_50 * t2_32;
-        let t2_62 = t2_5.mul_add(t2_46, t2_61);
-        let t2_63 = like.lift(0.4563) * t2_62;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_40;
-        let t2_64 = t2_6 - t2_7;
-        let t2_65 = sin_s1_3.mul_add(t2_64, t2_14);
-        let t2_66 = like.lift(0.22815) * t2_32;
-        let t2_67 = like.lift(-0.39516739174683935).mul_add(t2_65, t2_66);
-        let t2_68 = t2_31 - t2_67;
-        let t2_69 = -t2_68;
-        let t2_70 = sin_s1_3 * sin_s1_1;
-        let t2_71 = t2_70 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_71);
-        let t2_72 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_73 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_72);
-        let t2_74 = cos_q1 * t2_73;
-        let t2_75 = t2_5 * t2_73;
-        let t2_76 = cos_s1_1.mul_add(t2_67, t2_75);
-        let t2_77 = e_s1_2_q1x * t2_67;
-        let t2_78 = (-t2_32).mul_add(t2_73, t2_77);
-        let t2_79 = cos_q8 * q9;
-        let t2_80 = like.lift(0.5) * t2_79;
-        let t2_81 = -t2_80;
-        let t2_82 = sin_s1_2 * t2_44;
-        let t2_83 = sin_q1.mul_add(cos_s1_2, t2_82);
-        let t2_84 = cos_s1_3 * t2_50;
-        let t2_85 = (-sin_s1_3).mul_add(t2_83, t2_84);
-        let t2_86 = like.lift(0.39516739174683935) * t2_85;
-        let t2_87 = like.lift(0.22815) * t2_46;
-        let t2_88 = t2_86 - t2_43;
-        let t2_89 = t2_88 + t2_87;
-        let t2_90 = sin_q1 * t2_73;
-        let t2_91 = t2_87 + t2_86;
-        let t2_92 = t2_50 * t2_73;
-        let t2_93 = (-cos_s1_1).mul_add(t2_91, t2_92);
-        let t2_94 = -t2_93;
-        let t2_95 = t2_46 * t2_73;
-        let t2_96 = (-e_s1_2_q1x).mul_add(t2_91, t2_95);
-        let t2_97 = -t2_96;
-        let t2_98 = q9 * sin_q8;
-        let t2_99 = cos_q1 * t2_91;
-        let t2_100 = (-sin_q1).mul_add(t2_67, t2_99);
-        let t2_101 = t2_50 * t2_67;
-        let t2_102 = t2_5.mul_add(t2_91, t2_101);
-        let t2_103 = t2_32 * t2_91;
-        let t2_104 = (-t2_46).mul_add(t2_67, t2_103);
-        let t2_105 = -t2_104;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_79;
-        let t2_106 = -pivot_2;
-        let t2_107 = -sin_q1;
-        let t2_108 = like.lift(0.5) * sin_q6;
-        let t2_109 = -t2_108;
-        let t2_110 = -cos_q6;
-        let t2_111 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_112 = like.lift(0.5) * sin_q8;
+        let t2_42 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_43 = cos_q1 * t2_42;
+        let t2_44 = sin_q1 * t2_42;
+        let t2_45 = t2_8 * e_s1_2_q1x;
+        let t2_46 = cos_s1_1.mul_add(t2_6, t2_45);
+        let t2_47 = like.lift(0.4563) * t2_46;
+        let t2_48 = cos_q6 * q7;
+        let t2_49 = like.lift(0.5) * t2_48;
+        let t2_50 = -t2_49;
+        let t2_51 = sin_q1 * q2;
+        let t2_52 = cos_q1 * cos_s1_1;
+        let t2_53 = sin_q1 * sin_s1_2;
+        let t2_54 = (-cos_s1_2).mul_add(t2_52, t2_53);
+        let t2_55 = sin_s1_2 * t2_52;
+        let t2_56 = sin_q1.mul_add(cos_s1_2, t2_55);
+        let t2_57 = sin_s1_3 * sin_s1_1;
+        let t2_58 = t2_57 * sin_s1_2;
+        let t2_59 = cos_q1 * sin_s1_1;
+        let t2_60 = cos_s1_3 * t2_59;
+        let t2_61 = (-sin_s1_3).mul_add(t2_56, t2_60);
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_58);
+        let t2_62 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_63 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_62);
+        let t2_64 = like.lift(0.39516739174683935) * t2_61;
+        let t2_65 = like.lift(-0.4563).mul_add(t2_54, t2_51);
+        let t2_66 = t2_64 - t2_51;
+        let t2_67 = -t2_65;
+        let t2_68 = cos_s1_1 * t2_54;
+        let t2_69 = (-t2_59).mul_add(e_s1_2_q1x, t2_68);
+        let t2_70 = like.lift(0.4563) * t2_69;
+        let t2_71 = -t2_70;
+        let t2_72 = -t2_71;
+        let t2_73 = q7 * sin_q6;
+        let t2_74 = sin_q1 * t2_6;
+        let t2_75 = (-cos_q1).mul_add(t2_54, t2_74);
+        let t2_76 = like.lift(0.4563) * t2_75;
+        let t2_77 = -t2_76;
+        let t2_78 = t2_59 * t2_6;
+        let t2_79 = t2_8.mul_add(t2_54, t2_78);
+        let t2_80 = like.lift(0.4563) * t2_79;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_48;
+        let t2_81 = like.lift(1.0) / t2_48;
+        let t2_82 = -t2_40;
+        let t2_83 = cos_q1 * t2_63;
+        let t2_84 = t2_8 * t2_63;
+        let t2_85 = cos_s1_1.mul_add(t2_20, t2_84);
+        let t2_86 = e_s1_2_q1x * t2_20;
+        let t2_87 = (-t2_6).mul_add(t2_63, t2_86);
+        let t2_88 = cos_q8 * q9;
+        let t2_89 = like.lift(0.5) * t2_88;
+        let t2_90 = -t2_89;
+        let t2_91 = like.lift(0.22815) * t2_54;
+        let t2_92 = t2_66 + t2_91;
+        let t2_93 = t2_91 + t2_64;
+        let t2_94 = t2_6 * t2_93;
+        let t2_95 = (-t2_54).mul_add(t2_20, t2_94);
+        let t2_96 = t2_54 * t2_63;
+        let t2_97 = (-e_s1_2_q1x).mul_add(t2_93, t2_96);
+        let t2_98 = t2_59 * t2_63;
+        let t2_99 = (-cos_s1_1).mul_add(t2_93, t2_98);
+        let t2_100 = t2_59 * t2_20;
+        let t2_101 = t2_8.mul_add(t2_93, t2_100);
+        let t2_102 = cos_q1 * t2_93;
+        let t2_103 = (-sin_q1).mul_add(t2_20, t2_102);
+        let t2_104 = sin_q1 * t2_63;
+        let t2_105 = -t2_99;
+        let t2_106 = -t2_97;
+        let t2_107 = q9 * sin_q8;
+        let t2_108 = -t2_95;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_88;
+        let t2_109 = -pivot_2;
+        let t2_110 = like.lift(1.0) / t2_88;
+        let t2_111 = -sin_q1;
+        let t2_112 = like.lift(0.5) * sin_q6;
         let t2_113 = -t2_112;
-        let t2_114 = -cos_q8;
-        let t2_115 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_116 = -t2_115;
-        let t2_117 = like.lift(0.5773502691896257).mul_add(t2_104, t2_78);
-        let t2_118 = like.lift(1.0) / t2_79;
-        let t2_119 = t2_98 * t2_118;
-        let t2_120 = like.lift(1.1547005383792515) * t2_119;
-        let pivot_3 = t2_104.mul_add(t2_120, t2_96);
+        let t2_114 = -cos_q6;
+        let t2_115 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_116 = like.lift(0.5) * sin_q8;
+        let t2_117 = -t2_116;
+        let t2_118 = -cos_q8;
+        let t2_119 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_120 = -t2_119;
+        let t2_121 = like.lift(0.5773502691896257).mul_add(t2_95, t2_87);
+        let t2_122 = t2_107 * t2_110;
+        let t2_123 = like.lift(1.1547005383792515) * t2_110;
+        let t2_124 = like.lift(1.1547005383792515) * t2_122;
+        let pivot_3 = t2_95.mul_add(t2_124, t2_97);
+        let t2_125 = (-t2_101).mul_add(t2_124, t2_99);
+        let t2_126 = t2_103.mul_add(t2_124, t2_104);
+        let t2_127 = sin_q8.mul_add(t2_122, cos_q8);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_121 = t2_117 * inv_pivot_3;
-        let t2_122 = (-t2_89).mul_add(t2_121, t2_68);
-        let t2_123 = like.lift(0.5773502691896257).mul_add(t2_60, t2_36);
-        let t2_124 = t2_100.mul_add(t2_120, t2_90);
-        let t2_125 = t2_124.mul_add(t2_121, t2_74);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_100, t2_125);
+        let t2_128 = t2_121 * inv_pivot_3;
+        let t2_129 = (-t2_92).mul_add(t2_128, t2_40);
+        let t2_130 = -pivot_3;
+        let t2_131 = like.lift(0.5773502691896257).mul_add(t2_77, t2_43);
+        let t2_132 = t2_126.mul_add(t2_128, t2_83);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_103, t2_132);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_126 = t2_123 * inv_pivot_4;
-        let pivot_5 = (-t2_122).mul_add(t2_126, t2_33);
+        let t2_133 = t2_131 * inv_pivot_4;
+        let pivot_5 = (-t2_129).mul_add(t2_133, t2_39);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_127 = (-cos_q1).mul_add(t2_121, sin_q1);
-        let t2_128 = (-t2_127).mul_add(t2_126, sin_q1);
-        let t2_129 = (-t2_102).mul_add(t2_120, t2_93);
-        let t2_130 = (-t2_129).mul_add(t2_121, t2_76);
-        let t2_131 = like.lift(-0.5773502691896257).mul_add(t2_102, t2_130);
-        let t2_132 = (-t2_131).mul_add(t2_126, t2_39);
-        let t2_133 = like.lift(0.5773502691896257).mul_add(t2_63, t2_132);
-        let t2_134 = like.lift(1.0) / t2_40;
-        let t2_135 = t2_56 * t2_134;
-        let t2_136 = like.lift(1.1547005383792515) * t2_135;
-        let t2_137 = (-t2_60).mul_add(t2_136, t2_49);
-        let t2_138 = t2_137 * inv_pivot_4;
-        let t2_139 = (-t2_122).mul_add(t2_138, t2_47);
-        let t2_140 = t2_139 * inv_pivot_5;
-        let t2_141 = t2_128.mul_add(t2_140, cos_q1);
-        let t2_142 = t2_127.mul_add(t2_138, t2_141);
-        let t2_143 = t2_133.mul_add(t2_140, t2_54);
-        let t2_144 = t2_131.mul_add(t2_138, t2_143);
-        let pivot_6 = t2_63.mul_add(t2_136, t2_144);
+        let t2_134 = -pivot_5;
+        let t2_135 = (-cos_q1).mul_add(t2_128, sin_q1);
+        let t2_136 = (-t2_135).mul_add(t2_133, sin_q1);
+        let t2_137 = (-t2_125).mul_add(t2_128, t2_85);
+        let t2_138 = like.lift(-0.5773502691896257).mul_add(t2_101, t2_137);
+        let t2_139 = t2_127 * t2_128;
+        let t2_140 = (-t2_138).mul_add(t2_133, t2_47);
+        let t2_141 = like.lift(0.5773502691896257).mul_add(t2_80, t2_140);
+        let t2_142 = t2_139 * t2_133;
+        let t2_143 = t2_73 * t2_81;
+        let t2_144 = like.lift(1.1547005383792515) * t2_81;
+        let t2_145 = like.lift(1.1547005383792515) * t2_143;
+        let t2_146 = sin_q6.mul_add(t2_143, cos_q6);
+        let t2_147 = (-t2_77).mul_add(t2_145, t2_44);
+        let t2_148 = t2_147 * inv_pivot_4;
+        let t2_149 = (-t2_129).mul_add(t2_148, t2_65);
+        let t2_150 = t2_149 * inv_pivot_5;
+        let t2_151 = t2_141.mul_add(t2_150, t2_71);
+        let t2_152 = t2_138.mul_add(t2_148, t2_151);
+        let pivot_6 = t2_80.mul_add(t2_145, t2_152);
+        let t2_153 = t2_136.mul_add(t2_150, cos_q1);
+        let t2_154 = t2_135.mul_add(t2_148, t2_153);
+        let t2_155 = t2_139 * t2_148;
+        let t2_156 = (-t2_142).mul_add(t2_150, t2_155);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_145 = t2_142 * inv_pivot_6;
-        let t2_146 = (-t2_133).mul_add(t2_145, t2_128);
-        let t2_147 = inv_pivot_5 * t2_146;
-        let t2_148 = sin_q6.mul_add(t2_135, cos_q6);
-        let t2_149 = t2_148 * inv_pivot_6;
-        let t2_150 = inv_pivot_5 * t2_133;
-        let t2_151 = t2_150 * t2_149;
-        let t2_152 = sin_q8.mul_add(t2_119, cos_q8);
-        let t2_153 = t2_152 * t2_121;
-        let t2_154 = t2_153 * t2_126;
-        let t2_155 = t2_153 * t2_138;
-        let t2_156 = (-t2_154).mul_add(t2_140, t2_155);
-        let t2_157 = t2_156 * inv_pivot_6;
-        let t2_158 = t2_133.mul_add(t2_157, t2_154);
+        let t2_157 = t2_154 * inv_pivot_6;
+        let t2_158 = (-t2_141).mul_add(t2_157, t2_136);
         let t2_159 = inv_pivot_5 * t2_158;
-        let t2_160 = -t2_159;
-        let t2_161 = (-t2_131).mul_add(t2_145, t2_127);
-        let t2_162 = (-t2_122).mul_add(t2_147, t2_161);
-        let t2_163 = inv_pivot_4 * t2_162;
-        let t2_164 = -t2_163;
-        let t2_165 = t2_122 * t2_151;
-        let t2_166 = (-t2_131).mul_add(t2_149, t2_165);
-        let t2_167 = inv_pivot_4 * t2_166;
-        let t2_168 = (-t2_131).mul_add(t2_157, t2_153);
-        let t2_169 = t2_122.mul_add(t2_159, t2_168);
-        let t2_170 = inv_pivot_4 * t2_169;
-        let t2_171 = -t2_170;
-        let t2_172 = -t2_145;
-        let t2_173 = -t2_157;
-        let t2_174 = (-t2_129).mul_add(t2_145, cos_q1);
-        let t2_175 = (-t2_89).mul_add(t2_147, t2_174);
-        let t2_176 = t2_124.mul_add(t2_163, t2_175);
-        let t2_177 = inv_pivot_3 * t2_176;
-        let t2_178 = -t2_177;
-        let t2_179 = t2_89 * t2_151;
-        let t2_180 = (-t2_129).mul_add(t2_149, t2_179);
-        let t2_181 = t2_124.mul_add(t2_167, t2_180);
-        let t2_182 = inv_pivot_3 * t2_181;
-        let t2_183 = t2_129.mul_add(t2_157, t2_152);
-        let t2_184 = (-t2_89).mul_add(t2_159, t2_183);
-        let t2_185 = (-t2_124).mul_add(t2_170, t2_184);
-        let t2_186 = inv_pivot_3 * t2_185;
-        let t2_187 = t2_63 * t2_145;
-        let t2_188 = t2_60.mul_add(t2_163, t2_187);
-        let t2_189 = like.lift(1.1547005383792515) * t2_134;
-        let t2_190 = t2_188 * t2_189;
-        let t2_191 = (-t2_63).mul_add(t2_149, t2_111);
-        let t2_192 = (-t2_60).mul_add(t2_167, t2_191);
-        let t2_193 = t2_192 * t2_189;
-        let t2_194 = t2_63 * t2_157;
-        let t2_195 = t2_60.mul_add(t2_170, t2_194);
-        let t2_196 = t2_195 * t2_189;
-        let t2_197 = t2_104 * t2_177;
-        let t2_198 = (-t2_102).mul_add(t2_145, t2_197);
-        let t2_199 = (-t2_100).mul_add(t2_163, t2_198);
-        let t2_200 = like.lift(1.1547005383792515) * t2_118;
-        let t2_201 = t2_199 * t2_200;
-        let t2_202 = t2_104 * t2_182;
-        let t2_203 = (-t2_102).mul_add(t2_149, t2_202);
-        let t2_204 = (-t2_100).mul_add(t2_167, t2_203);
-        let t2_205 = t2_204 * t2_200;
-        let t2_206 = -t2_205;
-        let t2_207 = (-t2_102).mul_add(t2_157, t2_115);
-        let t2_208 = (-t2_100).mul_add(t2_170, t2_207);
-        let t2_209 = (-t2_104).mul_add(t2_186, t2_208);
-        let t2_210 = t2_209 * t2_200;
-        let t2_211 = -pivot_3;
-        let t2_212 = -pivot_5;
-        let t2_213 = -pivot_6;
+        let t2_160 = t2_146 * inv_pivot_6;
+        let t2_161 = t2_156 * inv_pivot_6;
+        let t2_162 = t2_141.mul_add(t2_161, t2_142);
+        let t2_163 = inv_pivot_5 * t2_141;
+        let t2_164 = inv_pivot_5 * t2_162;
+        let t2_165 = t2_163 * t2_160;
+        let t2_166 = (-t2_138).mul_add(t2_157, t2_135);
+        let t2_167 = (-t2_129).mul_add(t2_159, t2_166);
+        let t2_168 = inv_pivot_4 * t2_167;
+        let t2_169 = (-t2_138).mul_add(t2_161, t2_139);
+        let t2_170 = t2_129.mul_add(t2_164, t2_169);
+        let t2_171 = t2_129 * t2_165;
+        let t2_172 = (-t2_138).mul_add(t2_160, t2_171);
+        let t2_173 = inv_pivot_4 * t2_172;
+        let t2_174 = inv_pivot_4 * t2_170;
+        let t2_175 = t2_125.mul_add(t2_161, t2_127);
+        let t2_176 = (-t2_92).mul_add(t2_164, t2_175);
+        let t2_177 = -t2_164;
+        let t2_178 = (-t2_126).mul_add(t2_174, t2_176);
+        let t2_179 = inv_pivot_3 * t2_178;
+        let t2_180 = (-t2_101).mul_add(t2_161, t2_119);
+        let t2_181 = (-t2_103).mul_add(t2_174, t2_180);
+        let t2_182 = (-t2_95).mul_add(t2_179, t2_181);
+        let t2_183 = t2_182 * t2_123;
+        let t2_184 = -pivot_6;
+        let t2_185 = -t2_168;
+        let t2_186 = -t2_174;
+        let t2_187 = t2_80 * t2_161;
+        let t2_188 = t2_77.mul_add(t2_174, t2_187);
+        let t2_189 = -t2_161;
+        let t2_190 = t2_188 * t2_144;
+        let t2_191 = -t2_157;
+        let t2_192 = (-t2_125).mul_add(t2_157, cos_q1);
+        let t2_193 = (-t2_92).mul_add(t2_159, t2_192);
+        let t2_194 = t2_126.mul_add(t2_168, t2_193);
+        let t2_195 = inv_pivot_3 * t2_194;
+        let t2_196 = t2_92 * t2_165;
+        let t2_197 = (-t2_125).mul_add(t2_160, t2_196);
+        let t2_198 = t2_126.mul_add(t2_173, t2_197);
+        let t2_199 = inv_pivot_3 * t2_198;
+        let t2_200 = -t2_195;
+        let t2_201 = t2_95 * t2_195;
+        let t2_202 = (-t2_101).mul_add(t2_157, t2_201);
+        let t2_203 = t2_80 * t2_157;
+        let t2_204 = t2_77.mul_add(t2_168, t2_203);
+        let t2_205 = (-t2_103).mul_add(t2_168, t2_202);
+        let t2_206 = t2_204 * t2_144;
+        let t2_207 = t2_205 * t2_123;
+        let t2_208 = t2_95 * t2_199;
+        let t2_209 = (-t2_101).mul_add(t2_160, t2_208);
+        let t2_210 = (-t2_103).mul_add(t2_173, t2_209);
+        let t2_211 = t2_210 * t2_123;
+        let t2_212 = -t2_211;
+        let t2_213 = (-t2_80).mul_add(t2_160, t2_115);
+        let t2_214 = (-t2_77).mul_add(t2_173, t2_213);
+        let t2_215 = t2_214 * t2_144;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_106 * like.lift(1.8955297449982944)).abs())
-            .min((t2_211 * like.lift(2.6463477742948585)).abs())
+            .min((t2_109 * like.lift(1.8955297449982944)).abs())
+            .min((t2_130 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_212 * like.lift(0.8284577646309275)).abs())
-            .min((t2_213 * like.lift(2.1915406530791146)).abs());
+            .min((t2_134 * like.lift(0.8284577646309275)).abs())
+            .min((t2_184 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_147, t2_151, t2_160], [t2_164, t2_167, t2_171], [t2_172, t2_149, t2_173],
-                [t2_178, t2_182, t2_186], [t2_190, t2_193, t2_196], [t2_201, t2_206, t2_210],
+                [t2_159, t2_165, t2_177], [t2_185, t2_173, t2_186], [t2_191, t2_160, t2_189],
+                [t2_200, t2_199, t2_179], [t2_206, t2_215, t2_190], [t2_207, t2_212, t2_183],
             ],
             margin,
             || (
                 [
-                    [t2_34, t2_36, t2_39, like.lift(0.0), t2_42, like.lift(0.0)],
-                    [t2_48, t2_49, t2_55, like.lift(0.0), t2_56, like.lift(0.0)],
-                    [like.lift(0.0), t2_60, t2_63, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_69, t2_74, t2_76, t2_78, like.lift(0.0), t2_81],
-                    [t2_89, t2_90, t2_94, t2_97, like.lift(0.0), t2_98],
-                    [like.lift(0.0), t2_100, t2_102, t2_105, like.lift(0.0), t2_106],
+                    [t2_41, t2_43, t2_47, like.lift(0.0), t2_50, like.lift(0.0)],
+                    [t2_67, t2_44, t2_72, like.lift(0.0), t2_73, like.lift(0.0)],
+                    [like.lift(0.0), t2_77, t2_80, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_82, t2_83, t2_85, t2_87, like.lift(0.0), t2_90],
+                    [t2_92, t2_104, t2_105, t2_106, like.lift(0.0), t2_107],
+                    [like.lift(0.0), t2_103, t2_101, t2_108, like.lift(0.0), t2_109],
                 ],
                 [
-                    [t2_107, t2_109, like.lift(0.0)], [cos_q1, t2_110, like.lift(0.0)],
-                    [like.lift(0.0), t2_111, like.lift(0.0)], [t2_107, like.lift(0.0), t2_113],
-                    [cos_q1, like.lift(0.0), t2_114], [like.lift(0.0), like.lift(0.0), t2_116],
+                    [t2_111, t2_113, like.lift(0.0)], [cos_q1, t2_114, like.lift(0.0)],
+                    [like.lift(0.0), t2_115, like.lift(0.0)], [t2_111, like.lift(0.0), t2_117],
+                    [cos_q1, like.lift(0.0), t2_118], [like.lift(0.0), like.lift(0.0), t2_120],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_18, t2_19, t2_23, t2_30, t2_56, t2_98, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            t2_22, t2_26, t2_30, t2_37, t2_73, t2_107, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
             x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
             x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // tau
     {
-        let t3_1 = cos_s1_2 * t2_18;
-        let t3_2 = (-sin_s1_2).mul_add(t2_19, t3_1);
-        let t3_3 = sin_q6 * p_my_4;
-        let t3_4 = (-cos_q6).mul_add(p_mx_4, t3_3);
-        let t3_5 = (-p_m_5).mul_add(t2_56, t3_4);
-        let t3_6 = (-cos_q6).mul_add(p_mx_5, t3_5);
-        let t3_7 = (-sin_q6).mul_add(p_mz_5, t3_6);
-        let t3_8 = like.lift(9.81) * t3_7;
-        let t3_9 = -t3_8;
-        let t3_10 = sin_q8 * p_my_6;
-        let t3_11 = (-cos_q8).mul_add(p_mx_6, t3_10);
-        let t3_12 = (-p_m_7).mul_add(t2_98, t3_11);
-        let t3_13 = (-cos_q8).mul_add(p_mx_7, t3_12);
-        let t3_14 = (-sin_q8).mul_add(p_mz_7, t3_13);
-        let t3_15 = like.lift(9.81) * t3_14;
-        let t3_16 = -t3_15;
-        let t3_17 = t3_16 * x_q8_q2;
-        let t3_18 = t3_9.mul_add(x_q6_q2, t3_17);
-        let t3_19 = t2_19.mul_add(x_s1_3_q2, t3_18);
-        let t3_20 = t2_23.mul_add(x_s1_2_q2, t3_19);
-        let t3_21 = t3_2.mul_add(x_s1_1_q2, t3_20);
-        let t3_22 = t2_30.mul_add(x_q1_q2, t3_21);
-        tau[0] = t3_22;
-        let t3_23 = t3_16 * x_q8_q7;
-        let t3_24 = like.lift(9.81) * cos_q6;
-        let t3_25 = t3_24.mul_add(p_m_5, t3_23);
-        let t3_26 = t3_9.mul_add(x_q6_q7, t3_25);
-        let t3_27 = t2_19.mul_add(x_s1_3_q7, t3_26);
-        let t3_28 = t2_23.mul_add(x_s1_2_q7, t3_27);
-        let t3_29 = t3_2.mul_add(x_s1_1_q7, t3_28);
-        let t3_30 = t2_30.mul_add(x_q1_q7, t3_29);
-        tau[1] = t3_30;
-        let t3_31 = like.lift(9.81) * cos_q8;
-        let t3_32 = t3_31 * p_m_7;
-        let t3_33 = t3_16.mul_add(x_q8_q9, t3_32);
-        let t3_34 = t3_9.mul_add(x_q6_q9, t3_33);
-        let t3_35 = t2_19.mul_add(x_s1_3_q9, t3_34);
-        let t3_36 = t2_23.mul_add(x_s1_2_q9, t3_35);
-        let t3_37 = t3_2.mul_add(x_s1_1_q9, t3_36);
-        let t3_38 = t2_30.mul_add(x_q1_q9, t3_37);
-        tau[2] = t3_38;
+        let t3_1 = sin_q6 * p_my_4;
+        let t3_2 = (-cos_q6).mul_add(p_mx_4, t3_1);
+        let t3_3 = (-p_m_5).mul_add(t2_73, t3_2);
+        let t3_4 = (-cos_q6).mul_add(p_mx_5, t3_3);
+        let t3_5 = (-sin_q6).mul_add(p_mz_5, t3_4);
+        let t3_6 = like.lift(9.81) * t3_5;
+        let t3_7 = -t3_6;
+        let t3_8 = like.lift(9.81) * cos_q6;
+        let t3_9 = sin_q8 * p_my_6;
+        let t3_10 = (-cos_q8).mul_add(p_mx_6, t3_9);
+        let t3_11 = (-p_m_7).mul_add(t2_107, t3_10);
+        let t3_12 = (-cos_q8).mul_add(p_mx_7, t3_11);
+        let t3_13 = (-sin_q8).mul_add(p_mz_7, t3_12);
+        let t3_14 = like.lift(9.81) * t3_13;
+        let t3_15 = -t3_14;
+        let t3_16 = t3_15 * x_q8_q2;
+        let t3_17 = t3_7.mul_add(x_q6_q2, t3_16);
+        let t3_18 = t2_22.mul_add(x_s1_3_q2, t3_17);
+        let t3_19 = t2_26.mul_add(x_s1_2_q2, t3_18);
+        let t3_20 = t2_30.mul_add(x_s1_1_q2, t3_19);
+        let t3_21 = t2_37.mul_add(x_q1_q2, t3_20);
+        tau[0] = t3_21;
+        let t3_22 = t3_15 * x_q8_q7;
+        let t3_23 = t3_8.mul_add(p_m_5, t3_22);
+        let t3_24 = t3_7.mul_add(x_q6_q7, t3_23);
+        let t3_25 = t2_22.mul_add(x_s1_3_q7, t3_24);
+        let t3_26 = t2_26.mul_add(x_s1_2_q7, t3_25);
+        let t3_27 = t2_30.mul_add(x_s1_1_q7, t3_26);
+        let t3_28 = t2_37.mul_add(x_q1_q7, t3_27);
+        tau[1] = t3_28;
+        let t3_29 = like.lift(9.81) * cos_q8;
+        let t3_30 = t3_29 * p_m_7;
+        let t3_31 = t3_15.mul_add(x_q8_q9, t3_30);
+        let t3_32 = t3_7.mul_add(x_q6_q9, t3_31);
+        let t3_33 = t2_22.mul_add(x_s1_3_q9, t3_32);
+        let t3_34 = t2_26.mul_add(x_s1_2_q9, t3_33);
+        let t3_35 = t2_30.mul_add(x_s1_1_q9, t3_34);
+        let t3_36 = t2_37.mul_add(x_q1_q9, t3_35);
+        tau[2] = t3_36;
     }
     (tau, Condition { pivot: condition })
 }
@@ -7610,14 +7728,8 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition
 pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    let [
-        p_izz_1, _, _, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3,
-        p_mx_3, p_mz_3, p_izz_4, _, _, p_mx_5, p_mz_5, p_m_5, p_izz_6, _, _, p_mx_7, p_mz_7,
-        p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9, p_fc_q9, _, _, _,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_s1_2, cos_s1_2, sin_s1_1, cos_s1_1, sin_q6, cos_q6, sin_s1_3,
@@ -7633,15 +7745,16 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> (
             cos_s1_3, sin_q8, cos_q8,
         ]
     };
+    let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // tau, part 1
     let [
-        w_fc_q2_q2, t2_1, t2_7, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34, t2_37,
-        pivot_1, t2_45, t2_50, t2_52, t2_54, t2_57, t2_65, t2_66, t2_70, t2_73, t2_74, t2_76,
-        t2_78, t2_80, t2_81, t2_82, t2_84, t2_115, t2_126, t2_139, t2_147, t2_154, t2_159,
-        t2_169, t2_172, t2_179, t2_185, t2_187, t2_188, pivot_3, inv_pivot_3, t2_190, t2_191,
-        t2_193, pivot_4, inv_pivot_4, t2_195, pivot_5, inv_pivot_5, t2_201, t2_203, t2_205,
-        t2_207, t2_210, t2_212, pivot_6, inv_pivot_6, t2_220, t2_224, t2_225, t2_230, t2_233,
-        t2_234, t2_237,
+        w_fc_q2_q2, t2_1, t2_10, t2_12, t2_13, t2_20, t2_23, t2_31, t2_40, t2_41, t2_45, t2_48,
+        pivot_1, t2_50, t2_55, t2_57, t2_59, t2_62, t2_65, t2_68, t2_71, t2_74, t2_75, t2_77,
+        t2_79, t2_81, t2_82, t2_83, t2_85, t2_124, t2_137, t2_149, t2_157, t2_160, t2_174,
+        t2_181, t2_182, t2_183, t2_186, t2_190, t2_192, t2_193, t2_194, inv_pivot_3, t2_195,
+        t2_196, t2_197, t2_199, pivot_4, inv_pivot_4, t2_204, inv_pivot_5, t2_207, t2_209,
+        t2_211, t2_213, t2_216, t2_218, t2_220, inv_pivot_6, t2_223, t2_224, t2_228, t2_230,
+        t2_233, t2_237,
     ] = {
         let w_fc_q2_q2 = d_q2.sign();
         let t2_1 = d_q1 * d_q1;
@@ -7649,594 +7762,599 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> (
         let t2_3 = sin_q1 * cos_s1_1;
         let t2_4 = cos_s1_2 * t2_3;
         let t2_5 = cos_q1.mul_add(sin_s1_2, t2_4);
-        let t2_6 = like.lift(-0.4563).mul_add(t2_5, t2_2);
-        let t2_7 = -t2_6;
+        let t2_6 = cos_q1 * cos_s1_2;
+        let t2_7 = (-sin_s1_2).mul_add(t2_3, t2_6);
+        let t2_8 = sin_s1_3 * t2_7;
+        let t2_9 = like.lift(-0.4563).mul_add(t2_5, t2_2);
+        let t2_10 = -t2_9;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_8 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_9 = cos_q1 * t2_8;
-        let t2_10 = sin_q1 * sin_s1_1;
-        let t2_11 = t2_10 * e_s1_2_q1x;
-        let t2_12 = cos_s1_1.mul_add(t2_5, t2_11);
-        let t2_13 = like.lift(0.4563) * t2_12;
-        let t2_14 = cos_q6 * q7;
-        let t2_15 = like.lift(0.5) * t2_14;
-        let t2_16 = -t2_15;
-        let t2_17 = sin_q1 * q2;
-        let t2_18 = cos_q1 * cos_s1_1;
-        let t2_19 = sin_q1 * sin_s1_2;
-        let t2_20 = (-cos_s1_2).mul_add(t2_18, t2_19);
-        let t2_21 = like.lift(-0.4563).mul_add(t2_20, t2_17);
-        let t2_22 = -t2_21;
-        let t2_23 = sin_q1 * t2_8;
-        let t2_24 = cos_q1 * sin_s1_1;
-        let t2_25 = cos_s1_1 * t2_20;
-        let t2_26 = (-t2_24).mul_add(e_s1_2_q1x, t2_25);
-        let t2_27 = like.lift(0.4563) * t2_26;
-        let t2_28 = -t2_27;
-        let t2_29 = -t2_28;
-        let t2_30 = sin_q6 * q7;
-        let t2_31 = sin_q1 * t2_5;
-        let t2_32 = (-cos_q1).mul_add(t2_20, t2_31);
-        let t2_33 = like.lift(0.4563) * t2_32;
-        let t2_34 = -t2_33;
-        let t2_35 = t2_24 * t2_5;
-        let t2_36 = t2_10.mul_add(t2_20, t2_35);
-        let t2_37 = like.lift(0.4563) * t2_36;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_14;
-        let t2_38 = cos_q1 * cos_s1_2;
-        let t2_39 = (-sin_s1_2).mul_add(t2_3, t2_38);
-        let t2_40 = sin_s1_3 * t2_39;
-        let t2_41 = cos_s1_3.mul_add(t2_10, t2_40);
-        let t2_42 = like.lift(0.22815) * t2_5;
-        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
-        let t2_44 = t2_2 - t2_43;
+        let t2_11 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_12 = cos_q1 * t2_11;
+        let t2_13 = sin_q1 * t2_11;
+        let t2_14 = sin_q1 * sin_s1_1;
+        let t2_15 = cos_s1_3.mul_add(t2_14, t2_8);
+        let t2_16 = like.lift(0.22815) * t2_5;
+        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
+        let t2_18 = t2_14 * e_s1_2_q1x;
+        let t2_19 = cos_s1_1.mul_add(t2_5, t2_18);
+        let t2_20 = like.lift(0.4563) * t2_19;
+        let t2_21 = cos_q6 * q7;
+        let t2_22 = like.lift(0.5) * t2_21;
+        let t2_23 = -t2_22;
+        let t2_24 = sin_q1 * q2;
+        let t2_25 = cos_q1 * cos_s1_1;
+        let t2_26 = sin_q1 * sin_s1_2;
+        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
+        let t2_28 = sin_s1_2 * t2_25;
+        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
+        let t2_30 = like.lift(-0.4563).mul_add(t2_27, t2_24);
+        let t2_31 = -t2_30;
+        let t2_32 = cos_q1 * sin_s1_1;
+        let t2_33 = cos_s1_3 * t2_32;
+        let t2_34 = (-sin_s1_3).mul_add(t2_29, t2_33);
+        let t2_35 = like.lift(0.39516739174683935) * t2_34;
+        let t2_36 = cos_s1_1 * t2_27;
+        let t2_37 = (-t2_32).mul_add(e_s1_2_q1x, t2_36);
+        let t2_38 = like.lift(0.4563) * t2_37;
+        let t2_39 = -t2_38;
+        let t2_40 = -t2_39;
+        let t2_41 = sin_q6 * q7;
+        let t2_42 = sin_q1 * t2_5;
+        let t2_43 = (-cos_q1).mul_add(t2_27, t2_42);
+        let t2_44 = like.lift(0.4563) * t2_43;
         let t2_45 = -t2_44;
-        let t2_46 = sin_s1_3 * sin_s1_1;
-        let t2_47 = t2_46 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_47);
-        let t2_48 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_49 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_48);
-        let t2_50 = cos_q1 * t2_49;
-        let t2_51 = t2_10 * t2_49;
-        let t2_52 = cos_s1_1.mul_add(t2_43, t2_51);
-        let t2_53 = e_s1_2_q1x * t2_43;
-        let t2_54 = (-t2_5).mul_add(t2_49, t2_53);
-        let t2_55 = cos_q8 * q9;
-        let t2_56 = like.lift(0.5) * t2_55;
-        let t2_57 = -t2_56;
-        let t2_58 = sin_s1_2 * t2_18;
-        let t2_59 = sin_q1.mul_add(cos_s1_2, t2_58);
-        let t2_60 = cos_s1_3 * t2_24;
-        let t2_61 = (-sin_s1_3).mul_add(t2_59, t2_60);
-        let t2_62 = like.lift(0.39516739174683935) * t2_61;
-        let t2_63 = like.lift(0.22815) * t2_20;
-        let t2_64 = t2_62 - t2_17;
+        let t2_46 = t2_32 * t2_5;
+        let t2_47 = t2_14.mul_add(t2_27, t2_46);
+        let t2_48 = like.lift(0.4563) * t2_47;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
+        let t2_49 = t2_2 - t2_17;
+        let t2_50 = -t2_49;
+        let t2_51 = sin_s1_3 * sin_s1_1;
+        let t2_52 = t2_51 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
+        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
+        let t2_55 = cos_q1 * t2_54;
+        let t2_56 = t2_14 * t2_54;
+        let t2_57 = cos_s1_1.mul_add(t2_17, t2_56);
+        let t2_58 = e_s1_2_q1x * t2_17;
+        let t2_59 = (-t2_5).mul_add(t2_54, t2_58);
+        let t2_60 = cos_q8 * q9;
+        let t2_61 = like.lift(0.5) * t2_60;
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(0.22815) * t2_27;
+        let t2_64 = t2_35 - t2_24;
         let t2_65 = t2_64 + t2_63;
-        let t2_66 = sin_q1 * t2_49;
-        let t2_67 = t2_63 + t2_62;
-        let t2_68 = t2_24 * t2_49;
-        let t2_69 = (-cos_s1_1).mul_add(t2_67, t2_68);
-        let t2_70 = -t2_69;
-        let t2_71 = t2_20 * t2_49;
-        let t2_72 = (-e_s1_2_q1x).mul_add(t2_67, t2_71);
-        let t2_73 = -t2_72;
-        let t2_74 = sin_q8 * q9;
-        let t2_75 = cos_q1 * t2_67;
-        let t2_76 = (-sin_q1).mul_add(t2_43, t2_75);
-        let t2_77 = t2_24 * t2_43;
-        let t2_78 = t2_10.mul_add(t2_67, t2_77);
-        let t2_79 = t2_5 * t2_67;
-        let t2_80 = (-t2_20).mul_add(t2_43, t2_79);
-        let t2_81 = -t2_80;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_55;
-        let t2_82 = -pivot_2;
-        let t2_83 = cos_q1 * d_q1;
-        let t2_84 = like.lift(2.0) * d_q2;
-        let t2_85 = t2_17 * t2_1;
-        let t2_86 = (-t2_83).mul_add(t2_84, t2_85);
+        let t2_66 = t2_63 + t2_35;
+        let t2_67 = t2_24 * t2_1;
+        let t2_68 = sin_q1 * t2_54;
+        let t2_69 = t2_32 * t2_54;
+        let t2_70 = (-cos_s1_1).mul_add(t2_66, t2_69);
+        let t2_71 = -t2_70;
+        let t2_72 = t2_27 * t2_54;
+        let t2_73 = (-e_s1_2_q1x).mul_add(t2_66, t2_72);
+        let t2_74 = -t2_73;
+        let t2_75 = sin_q8 * q9;
+        let t2_76 = cos_q1 * t2_66;
+        let t2_77 = (-sin_q1).mul_add(t2_17, t2_76);
+        let t2_78 = t2_32 * t2_17;
+        let t2_79 = t2_14.mul_add(t2_66, t2_78);
+        let t2_80 = t2_5 * t2_66;
+        let t2_81 = (-t2_27).mul_add(t2_17, t2_80);
+        let t2_82 = -t2_81;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
+        let t2_83 = -pivot_2;
+        let t2_84 = cos_q1 * d_q1;
+        let t2_85 = like.lift(2.0) * d_q2;
+        let t2_86 = (-t2_84).mul_add(t2_85, t2_67);
         let t2_87 = cos_q1 * d_s1_1;
-        let t2_88 = t2_10.mul_add(d_s1_2, t2_87);
-        let t2_89 = sin_q1 * d_s1_1;
-        let t2_90 = (-t2_24).mul_add(d_s1_2, t2_89);
-        let t2_91 = t2_20 * t2_88;
-        let t2_92 = (-t2_5).mul_add(t2_90, t2_91);
-        let t2_93 = d_s1_3 * t2_92;
-        let t2_94 = d_s1_2 * sin_s1_1;
-        let t2_95 = t2_94.mul_add(d_s1_1, t2_93);
-        let t2_96 = sin_q1 * d_q1;
-        let t2_97 = t2_24 * d_q1;
-        let t2_98 = cos_s1_1.mul_add(t2_89, t2_97);
-        let t2_99 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_100 = t2_20 * t2_99;
-        let t2_101 = e_s1_2_q1x.mul_add(t2_90, t2_100);
-        let t2_102 = d_s1_1 * t2_96;
-        let t2_103 = (-d_s1_3).mul_add(t2_101, t2_102);
-        let t2_104 = (-d_s1_2).mul_add(t2_98, t2_103);
-        let t2_105 = e_s1_2_q1x.mul_add(d_s1_3, t2_99);
-        let t2_106 = (-t2_20).mul_add(d_s1_3, t2_90);
-        let t2_107 = t2_20 * t2_105;
-        let t2_108 = e_s1_2_q1x.mul_add(t2_106, t2_107);
-        let t2_109 = like.lift(0.4563) * t2_108;
-        let t2_110 = (-t2_5).mul_add(d_s1_3, t2_88);
-        let t2_111 = t2_5 * t2_106;
-        let t2_112 = (-t2_20).mul_add(t2_110, t2_111);
-        let t2_113 = like.lift(0.4563) * t2_112;
-        let t2_114 = -t2_113;
-        let t2_115 = d_q6 * d_q6;
-        let t2_116 = t2_30 * t2_115;
-        let t2_117 = d_q7 * cos_q6;
-        let t2_118 = t2_117 * d_q6;
-        let t2_119 = e_s1_2_q1x * t2_104;
-        let t2_120 = t2_5.mul_add(t2_95, t2_119);
-        let t2_121 = like.lift(-0.4563).mul_add(t2_120, t2_86);
-        let t2_122 = (-t2_110).mul_add(t2_114, t2_121);
-        let t2_123 = (-t2_105).mul_add(t2_109, t2_122);
-        let t2_124 = like.lift(0.5).mul_add(t2_116, t2_123);
-        let t2_125 = t2_124 - t2_118;
-        let t2_126 = -t2_125;
-        let t2_127 = t2_96 * t2_84;
-        let t2_128 = t2_2.mul_add(t2_1, t2_127);
-        let t2_129 = t2_10 * d_q1;
-        let t2_130 = (-cos_s1_1).mul_add(t2_87, t2_129);
-        let t2_131 = e_s1_2_q1x * t2_88;
-        let t2_132 = t2_5.mul_add(t2_99, t2_131);
-        let t2_133 = d_s1_2 * t2_130;
-        let t2_134 = (-d_s1_3).mul_add(t2_132, t2_133);
-        let t2_135 = d_s1_1.mul_add(t2_83, t2_134);
-        let t2_136 = e_s1_2_q1x * t2_110;
-        let t2_137 = t2_5.mul_add(t2_105, t2_136);
-        let t2_138 = like.lift(0.4563) * t2_137;
-        let t2_139 = like.lift(2.0) * d_q7;
-        let t2_140 = t2_20 * t2_95;
-        let t2_141 = (-e_s1_2_q1x).mul_add(t2_135, t2_140);
-        let t2_142 = sin_q6 * t2_139;
-        let t2_143 = t2_14.mul_add(d_q6, t2_142);
-        let t2_144 = like.lift(0.4563).mul_add(t2_141, t2_128);
-        let t2_145 = (-t2_105).mul_add(t2_138, t2_144);
-        let t2_146 = t2_106.mul_add(t2_114, t2_145);
-        let t2_147 = (-d_q6).mul_add(t2_143, t2_146);
-        let t2_148 = t2_5 * t2_135;
-        let t2_149 = t2_20.mul_add(t2_104, t2_148);
-        let t2_150 = like.lift(0.4563) * t2_149;
-        let t2_151 = (-t2_106).mul_add(t2_109, t2_150);
-        let t2_152 = (-t2_110).mul_add(t2_138, t2_151);
-        let t2_153 = like.lift(-1.7320508075688772).mul_add(t2_118, t2_152);
-        let t2_154 = like.lift(0.8660254037844386).mul_add(t2_116, t2_153);
-        let t2_155 = t2_67 * t2_105;
-        let t2_156 = t2_49.mul_add(t2_106, t2_155);
-        let t2_157 = t2_67 * t2_110;
-        let t2_158 = (-t2_43).mul_add(t2_106, t2_157);
-        let t2_159 = d_q8 * d_q8;
-        let t2_160 = t2_74 * t2_159;
-        let t2_161 = d_q9 * cos_q8;
-        let t2_162 = t2_161 * d_q8;
-        let t2_163 = (-t2_49).mul_add(t2_104, t2_86);
-        let t2_164 = (-t2_43).mul_add(t2_95, t2_163);
-        let t2_165 = (-t2_110).mul_add(t2_158, t2_164);
-        let t2_166 = (-t2_105).mul_add(t2_156, t2_165);
-        let t2_167 = like.lift(0.5).mul_add(t2_160, t2_166);
-        let t2_168 = t2_167 - t2_162;
-        let t2_169 = -t2_168;
-        let t2_170 = t2_49 * t2_110;
-        let t2_171 = t2_43.mul_add(t2_105, t2_170);
-        let t2_172 = like.lift(2.0) * d_q9;
-        let t2_173 = sin_q8 * t2_172;
-        let t2_174 = t2_55.mul_add(d_q8, t2_173);
-        let t2_175 = t2_67.mul_add(t2_95, t2_128);
-        let t2_176 = (-t2_49).mul_add(t2_135, t2_175);
-        let t2_177 = (-t2_105).mul_add(t2_171, t2_176);
-        let t2_178 = t2_106.mul_add(t2_158, t2_177);
-        let t2_179 = (-d_q8).mul_add(t2_174, t2_178);
-        let t2_180 = t2_43 * t2_135;
-        let t2_181 = t2_67.mul_add(t2_104, t2_180);
-        let t2_182 = (-t2_106).mul_add(t2_156, t2_181);
-        let t2_183 = (-t2_110).mul_add(t2_171, t2_182);
-        let t2_184 = like.lift(1.7320508075688772).mul_add(t2_162, t2_183);
-        let t2_185 = like.lift(-0.8660254037844386).mul_add(t2_160, t2_184);
-        let t2_186 = like.lift(0.5773502691896257).mul_add(t2_80, t2_54);
-        let t2_187 = like.lift(1.0) / t2_55;
-        let t2_188 = t2_74 * t2_187;
-        let t2_189 = like.lift(1.1547005383792515) * t2_188;
-        let pivot_3 = t2_80.mul_add(t2_189, t2_72);
+        let t2_88 = t2_14.mul_add(d_s1_2, t2_87);
+        let t2_89 = t2_14 * d_q1;
+        let t2_90 = (-cos_s1_1).mul_add(t2_87, t2_89);
+        let t2_91 = d_s1_2 * t2_90;
+        let t2_92 = sin_q1 * d_s1_1;
+        let t2_93 = (-t2_32).mul_add(d_s1_2, t2_92);
+        let t2_94 = t2_32 * d_q1;
+        let t2_95 = cos_s1_1.mul_add(t2_92, t2_94);
+        let t2_96 = t2_27 * t2_88;
+        let t2_97 = (-t2_5).mul_add(t2_93, t2_96);
+        let t2_98 = d_s1_3 * t2_97;
+        let t2_99 = d_s1_2 * sin_s1_1;
+        let t2_100 = t2_99.mul_add(d_s1_1, t2_98);
+        let t2_101 = sin_q1 * d_q1;
+        let t2_102 = t2_101 * t2_85;
+        let t2_103 = t2_2.mul_add(t2_1, t2_102);
+        let t2_104 = d_s1_1 * t2_101;
+        let t2_105 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_106 = t2_27 * t2_105;
+        let t2_107 = e_s1_2_q1x.mul_add(t2_93, t2_106);
+        let t2_108 = (-d_s1_3).mul_add(t2_107, t2_104);
+        let t2_109 = (-d_s1_2).mul_add(t2_95, t2_108);
+        let t2_110 = (-t2_27).mul_add(d_s1_3, t2_93);
+        let t2_111 = e_s1_2_q1x.mul_add(d_s1_3, t2_105);
+        let t2_112 = e_s1_2_q1x * t2_88;
+        let t2_113 = t2_5.mul_add(t2_105, t2_112);
+        let t2_114 = (-d_s1_3).mul_add(t2_113, t2_91);
+        let t2_115 = d_s1_1.mul_add(t2_84, t2_114);
+        let t2_116 = (-t2_5).mul_add(d_s1_3, t2_88);
+        let t2_117 = t2_27 * t2_111;
+        let t2_118 = e_s1_2_q1x.mul_add(t2_110, t2_117);
+        let t2_119 = like.lift(0.4563) * t2_118;
+        let t2_120 = t2_5 * t2_110;
+        let t2_121 = (-t2_27).mul_add(t2_116, t2_120);
+        let t2_122 = like.lift(0.4563) * t2_121;
+        let t2_123 = -t2_122;
+        let t2_124 = d_q6 * d_q6;
+        let t2_125 = t2_41 * t2_124;
+        let t2_126 = d_q7 * cos_q6;
+        let t2_127 = t2_126 * d_q6;
+        let t2_128 = e_s1_2_q1x * t2_109;
+        let t2_129 = t2_5.mul_add(t2_100, t2_128);
+        let t2_130 = like.lift(-0.4563).mul_add(t2_129, t2_86);
+        let t2_131 = (-t2_116).mul_add(t2_123, t2_130);
+        let t2_132 = (-t2_111).mul_add(t2_119, t2_131);
+        let t2_133 = like.lift(0.5).mul_add(t2_125, t2_132);
+        let t2_134 = t2_133 - t2_127;
+        let t2_135 = (-t2_54).mul_add(t2_109, t2_86);
+        let t2_136 = (-t2_17).mul_add(t2_100, t2_135);
+        let t2_137 = -t2_134;
+        let t2_138 = e_s1_2_q1x * t2_116;
+        let t2_139 = t2_5.mul_add(t2_111, t2_138);
+        let t2_140 = like.lift(0.4563) * t2_139;
+        let t2_141 = t2_5 * t2_115;
+        let t2_142 = t2_27.mul_add(t2_109, t2_141);
+        let t2_143 = t2_27 * t2_100;
+        let t2_144 = (-e_s1_2_q1x).mul_add(t2_115, t2_143);
+        let t2_145 = like.lift(0.4563) * t2_142;
+        let t2_146 = (-t2_110).mul_add(t2_119, t2_145);
+        let t2_147 = (-t2_116).mul_add(t2_140, t2_146);
+        let t2_148 = like.lift(-1.7320508075688772).mul_add(t2_127, t2_147);
+        let t2_149 = like.lift(0.8660254037844386).mul_add(t2_125, t2_148);
+        let t2_150 = like.lift(0.4563).mul_add(t2_144, t2_103);
+        let t2_151 = (-t2_111).mul_add(t2_140, t2_150);
+        let t2_152 = t2_110.mul_add(t2_123, t2_151);
+        let t2_153 = t2_66.mul_add(t2_100, t2_103);
+        let t2_154 = (-t2_54).mul_add(t2_115, t2_153);
+        let t2_155 = t2_17 * t2_115;
+        let t2_156 = t2_66.mul_add(t2_109, t2_155);
+        let t2_157 = like.lift(2.0) * d_q7;
+        let t2_158 = sin_q6 * t2_157;
+        let t2_159 = t2_21.mul_add(d_q6, t2_158);
+        let t2_160 = (-d_q6).mul_add(t2_159, t2_152);
+        let t2_161 = like.lift(1.0) / t2_21;
+        let t2_162 = t2_66 * t2_111;
+        let t2_163 = t2_54.mul_add(t2_110, t2_162);
+        let t2_164 = t2_66 * t2_116;
+        let t2_165 = (-t2_17).mul_add(t2_110, t2_164);
+        let t2_166 = t2_54 * t2_116;
+        let t2_167 = t2_17.mul_add(t2_111, t2_166);
+        let t2_168 = (-t2_116).mul_add(t2_165, t2_136);
+        let t2_169 = (-t2_111).mul_add(t2_167, t2_154);
+        let t2_170 = (-t2_110).mul_add(t2_163, t2_156);
+        let t2_171 = (-t2_111).mul_add(t2_163, t2_168);
+        let t2_172 = t2_110.mul_add(t2_165, t2_169);
+        let t2_173 = (-t2_116).mul_add(t2_167, t2_170);
+        let t2_174 = d_q8 * d_q8;
+        let t2_175 = t2_75 * t2_174;
+        let t2_176 = like.lift(0.5).mul_add(t2_175, t2_171);
+        let t2_177 = d_q9 * cos_q8;
+        let t2_178 = t2_177 * d_q8;
+        let t2_179 = like.lift(1.7320508075688772).mul_add(t2_178, t2_173);
+        let t2_180 = t2_176 - t2_178;
+        let t2_181 = like.lift(-0.8660254037844386).mul_add(t2_175, t2_179);
+        let t2_182 = -t2_180;
+        let t2_183 = like.lift(2.0) * d_q9;
+        let t2_184 = sin_q8 * t2_183;
+        let t2_185 = t2_60.mul_add(d_q8, t2_184);
+        let t2_186 = (-d_q8).mul_add(t2_185, t2_172);
+        let t2_187 = like.lift(1.0) / t2_60;
+        let t2_188 = like.lift(0.5773502691896257).mul_add(t2_81, t2_59);
+        let t2_189 = t2_75 * t2_187;
+        let t2_190 = like.lift(1.1547005383792515) * t2_187;
+        let t2_191 = like.lift(1.1547005383792515) * t2_189;
+        let pivot_3 = t2_81.mul_add(t2_191, t2_73);
+        let t2_192 = (-t2_79).mul_add(t2_191, t2_70);
+        let t2_193 = sin_q8.mul_add(t2_189, cos_q8);
+        let t2_194 = -cos_q8;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_190 = t2_186 * inv_pivot_3;
-        let t2_191 = (-t2_65).mul_add(t2_190, t2_44);
-        let t2_192 = like.lift(0.5773502691896257).mul_add(t2_34, t2_9);
-        let t2_193 = t2_76.mul_add(t2_189, t2_66);
-        let t2_194 = t2_193.mul_add(t2_190, t2_50);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_194);
+        let t2_195 = t2_188 * inv_pivot_3;
+        let t2_196 = (-t2_65).mul_add(t2_195, t2_49);
+        let t2_197 = -pivot_3;
+        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_45, t2_12);
+        let t2_199 = t2_77.mul_add(t2_191, t2_68);
+        let t2_200 = t2_181.mul_add(t2_191, t2_186);
+        let t2_201 = (-t2_195).mul_add(t2_200, t2_180);
+        let t2_202 = like.lift(0.5773502691896257).mul_add(t2_181, t2_201);
+        let t2_203 = t2_199.mul_add(t2_195, t2_55);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_203);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_195 = t2_192 * inv_pivot_4;
-        let pivot_5 = (-t2_191).mul_add(t2_195, t2_6);
+        let t2_204 = t2_198 * inv_pivot_4;
+        let pivot_5 = (-t2_196).mul_add(t2_204, t2_9);
+        let t2_205 = (-t2_204).mul_add(t2_202, t2_134);
+        let t2_206 = like.lift(-0.5773502691896257).mul_add(t2_149, t2_205);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_196 = t2_185.mul_add(t2_189, t2_179);
-        let t2_197 = (-t2_190).mul_add(t2_196, t2_168);
-        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_185, t2_197);
-        let t2_199 = (-t2_195).mul_add(t2_198, t2_125);
-        let t2_200 = like.lift(-0.5773502691896257).mul_add(t2_154, t2_199);
-        let t2_201 = (-t2_78).mul_add(t2_189, t2_69);
-        let t2_202 = (-t2_201).mul_add(t2_190, t2_52);
-        let t2_203 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_202);
-        let t2_204 = (-t2_203).mul_add(t2_195, t2_13);
-        let t2_205 = like.lift(0.5773502691896257).mul_add(t2_37, t2_204);
-        let t2_206 = like.lift(1.0) / t2_14;
-        let t2_207 = t2_30 * t2_206;
-        let t2_208 = like.lift(1.1547005383792515) * t2_207;
-        let t2_209 = (-t2_34).mul_add(t2_208, t2_23);
-        let t2_210 = t2_209 * inv_pivot_4;
-        let t2_211 = (-t2_191).mul_add(t2_210, t2_21);
-        let t2_212 = t2_211 * inv_pivot_5;
-        let t2_213 = t2_205.mul_add(t2_212, t2_28);
-        let t2_214 = t2_203.mul_add(t2_210, t2_213);
-        let pivot_6 = t2_37.mul_add(t2_208, t2_214);
+        let t2_207 = -pivot_5;
+        let t2_208 = (-t2_192).mul_add(t2_195, t2_57);
+        let t2_209 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_208);
+        let t2_210 = (-t2_209).mul_add(t2_204, t2_20);
+        let t2_211 = like.lift(0.5773502691896257).mul_add(t2_48, t2_210);
+        let t2_212 = t2_41 * t2_161;
+        let t2_213 = like.lift(1.1547005383792515) * t2_161;
+        let t2_214 = like.lift(1.1547005383792515) * t2_212;
+        let t2_215 = sin_q6.mul_add(t2_212, cos_q6);
+        let t2_216 = -cos_q6;
+        let t2_217 = (-t2_45).mul_add(t2_214, t2_13);
+        let t2_218 = t2_217 * inv_pivot_4;
+        let t2_219 = (-t2_196).mul_add(t2_218, t2_30);
+        let t2_220 = t2_219 * inv_pivot_5;
+        let t2_221 = t2_211.mul_add(t2_220, t2_39);
+        let t2_222 = t2_209.mul_add(t2_218, t2_221);
+        let pivot_6 = t2_48.mul_add(t2_214, t2_222);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_215 = t2_212.mul_add(t2_200, t2_147);
-        let t2_216 = t2_210.mul_add(t2_198, t2_215);
-        let t2_217 = (-t2_154).mul_add(t2_208, t2_216);
-        let t2_218 = inv_pivot_6 * t2_217;
-        let t2_219 = (-t2_205).mul_add(t2_218, t2_200);
-        let t2_220 = inv_pivot_5 * t2_219;
-        let t2_221 = (-t2_203).mul_add(t2_218, t2_198);
-        let t2_222 = (-t2_191).mul_add(t2_220, t2_221);
-        let t2_223 = inv_pivot_4 * t2_222;
-        let t2_224 = -t2_223;
-        let t2_225 = -t2_218;
-        let t2_226 = (-t2_201).mul_add(t2_218, t2_196);
-        let t2_227 = (-t2_65).mul_add(t2_220, t2_226);
-        let t2_228 = t2_193.mul_add(t2_223, t2_227);
-        let t2_229 = inv_pivot_3 * t2_228;
-        let t2_230 = -t2_229;
-        let t2_231 = t2_37.mul_add(t2_218, t2_154);
-        let t2_232 = t2_34.mul_add(t2_223, t2_231);
-        let t2_233 = like.lift(1.1547005383792515) * t2_206;
-        let t2_234 = t2_232 * t2_233;
-        let t2_235 = t2_78.mul_add(t2_218, t2_185);
-        let t2_236 = t2_76.mul_add(t2_223, t2_235);
-        let t2_237 = (-t2_80).mul_add(t2_229, t2_236);
+        let t2_223 = -pivot_6;
+        let t2_224 = t2_215 * inv_pivot_6;
+        let t2_225 = t2_220.mul_add(t2_206, t2_160);
+        let t2_226 = t2_218.mul_add(t2_202, t2_225);
+        let t2_227 = (-t2_149).mul_add(t2_214, t2_226);
+        let t2_228 = inv_pivot_6 * t2_227;
+        let t2_229 = (-t2_211).mul_add(t2_228, t2_206);
+        let t2_230 = inv_pivot_5 * t2_229;
+        let t2_231 = (-t2_209).mul_add(t2_228, t2_202);
+        let t2_232 = (-t2_196).mul_add(t2_230, t2_231);
+        let t2_233 = inv_pivot_4 * t2_232;
+        let t2_234 = (-t2_192).mul_add(t2_228, t2_200);
+        let t2_235 = (-t2_65).mul_add(t2_230, t2_234);
+        let t2_236 = t2_199.mul_add(t2_233, t2_235);
+        let t2_237 = inv_pivot_3 * t2_236;
         [
-            w_fc_q2_q2, t2_1, t2_7, t2_9, t2_13, t2_16, t2_22, t2_23, t2_29, t2_30, t2_34,
-            t2_37, pivot_1, t2_45, t2_50, t2_52, t2_54, t2_57, t2_65, t2_66, t2_70, t2_73,
-            t2_74, t2_76, t2_78, t2_80, t2_81, t2_82, t2_84, t2_115, t2_126, t2_139, t2_147,
-            t2_154, t2_159, t2_169, t2_172, t2_179, t2_185, t2_187, t2_188, pivot_3,
-            inv_pivot_3, t2_190, t2_191, t2_193, pivot_4, inv_pivot_4, t2_195, pivot_5,
-            inv_pivot_5, t2_201, t2_203, t2_205, t2_207, t2_210, t2_212, pivot_6, inv_pivot_6,
-            t2_220, t2_224, t2_225, t2_230, t2_233, t2_234, t2_237,
+            w_fc_q2_q2, t2_1, t2_10, t2_12, t2_13, t2_20, t2_23, t2_31, t2_40, t2_41, t2_45,
+            t2_48, pivot_1, t2_50, t2_55, t2_57, t2_59, t2_62, t2_65, t2_68, t2_71, t2_74,
+            t2_75, t2_77, t2_79, t2_81, t2_82, t2_83, t2_85, t2_124, t2_137, t2_149, t2_157,
+            t2_160, t2_174, t2_181, t2_182, t2_183, t2_186, t2_190, t2_192, t2_193, t2_194,
+            inv_pivot_3, t2_195, t2_196, t2_197, t2_199, pivot_4, inv_pivot_4, t2_204,
+            inv_pivot_5, t2_207, t2_209, t2_211, t2_213, t2_216, t2_218, t2_220, inv_pivot_6,
+            t2_223, t2_224, t2_228, t2_230, t2_233, t2_237,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_1, t3_4, t3_5, t3_6, al_1z, al_s1_1z, t3_7, t3_8, al_4z, al_6z] = {
-        let t3_1 = like.lift(1.1547005383792515) * t2_187;
-        let t3_2 = t2_237 * t3_1;
-        let t3_3 = -t3_2;
-        let t3_4 = -pivot_3;
-        let t3_5 = -pivot_5;
-        let t3_6 = -pivot_6;
+    let [al_1z, al_s1_1z, t3_12, t3_13, al_4z, al_6z] = {
+        let t3_1 = -t2_233;
+        let t3_2 = -t2_228;
+        let t3_3 = -t2_237;
+        let t3_4 = t2_48.mul_add(t2_228, t2_149);
+        let t3_5 = t2_45.mul_add(t2_233, t3_4);
+        let t3_6 = t2_79.mul_add(t2_228, t2_181);
+        let t3_7 = t2_77.mul_add(t2_233, t3_6);
+        let t3_8 = (-t2_81).mul_add(t2_237, t3_7);
+        let t3_9 = t3_5 * t2_213;
+        let t3_10 = t3_8 * t2_190;
+        let t3_11 = -t3_10;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_82 * like.lift(1.8955297449982944)).abs())
-            .min((t3_4 * like.lift(2.6463477742948585)).abs())
+            .min((t2_83 * like.lift(1.8955297449982944)).abs())
+            .min((t2_197 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t3_5 * like.lift(0.8284577646309275)).abs())
-            .min((t3_6 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t3_7], [t3_8], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
-            [[t2_220], [t2_224], [t2_225], [t2_230], [t2_234], [t3_3]],
+            .min((t2_207 * like.lift(0.8284577646309275)).abs())
+            .min((t2_223 * like.lift(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t3_12], [t3_13], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+            [[t2_230], [t3_1], [t3_2], [t3_3], [t3_9], [t3_11]],
             margin,
             || (
                 [
-                    [t2_7, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
-                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
-                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_45, t2_50, t2_52, t2_54, like.lift(0.0), t2_57],
-                    [t2_65, t2_66, t2_70, t2_73, like.lift(0.0), t2_74],
-                    [like.lift(0.0), t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
+                    [t2_10, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
+                    [t2_31, t2_13, t2_40, like.lift(0.0), t2_41, like.lift(0.0)],
+                    [like.lift(0.0), t2_45, t2_48, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
+                    [t2_65, t2_68, t2_71, t2_74, like.lift(0.0), t2_75],
+                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
                 ],
-                [[t2_126], [t2_147], [t2_154], [t2_169], [t2_179], [t2_185]],
+                [[t2_137], [t2_160], [t2_149], [t2_182], [t2_186], [t2_181]],
             ),
         );
         condition = condition.min(found);
-        [t3_1, t3_4, t3_5, t3_6, al_1z, al_s1_1z, t3_7, t3_8, al_4z, al_6z]
+        [al_1z, al_s1_1z, t3_12, t3_13, al_4z, al_6z]
     };
+    let [
+        p_izz_1, _, _, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3,
+        p_mx_3, p_mz_3, p_izz_4, _, _, p_mx_5, p_mz_5, p_m_5, p_izz_6, _, _, p_mx_7, p_mz_7,
+        p_m_7, p_fv_q2, p_fc_q2, p_fv_q7, p_fc_q7, p_fv_q9, p_fc_q9, _, _, _,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_32, t4_38, t4_67, t4_77, t4_81, t4_95, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
-        x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
-        x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        a_5x, a_7x, t4_38, t4_44, t4_79, t4_83, t4_87, t4_99, x_q1_q2, x_q1_q7, x_q1_q9,
+        x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
+        x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
+        let t4_1 = q2 * al_1z;
+        let a_2x = d_q1.mul_add(t2_85, t4_1);
+        let t4_2 = q7 * al_4z;
+        let a_5x = d_q6.mul_add(t2_157, t4_2);
+        let t4_3 = q9 * al_6z;
+        let a_7x = d_q8.mul_add(t2_183, t4_3);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let t4_1 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_1);
+        let t4_4 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_4);
         let w_s1_1y = cos_s1_1 * d_q1;
+        let t4_5 = w_s1_1x.mul_add(w_s1_1y, -al_s1_1z);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t4_2 = w_s1_2x * w_s1_2y;
-        let t4_3 = d_s1_1 * w_s1_1y;
-        let t4_4 = sin_s1_1.mul_add(al_1z, t4_3);
-        let t4_5 = t4_4 + t4_3;
-        let t4_6 = w_s1_1x.mul_add(w_s1_1y, -al_s1_1z);
-        let t4_7 = t4_2 + t4_2;
-        let t4_8 = cos_s1_2.mul_add(t4_6, t4_7);
-        let t4_9 = (-sin_s1_2).mul_add(t4_5, t4_8);
-        let t4_10 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_10);
-        let t4_11 = w_s1_2z.mul_add(w_s1_2x, t3_7);
-        let t4_12 = cos_s1_1.mul_add(al_1z, t4_11);
-        let t4_13 = (-d_s1_1).mul_add(w_s1_1x, t4_12);
-        let t4_14 = sin_s1_3 * t4_13;
-        let t4_15 = cos_s1_3.mul_add(t4_9, t4_14);
-        let t4_16 = sin_s1_3 * w_s1_2z;
-        let w_3y = cos_s1_3.mul_add(w_s1_2y, t4_16);
-        let t4_17 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_17);
-        let t4_18 = w_3y * w_3z;
-        let t4_19 = (-w_s1_2z).mul_add(w_s1_2y, t3_8);
-        let t4_20 = sin_s1_2.mul_add(t4_6, t4_19);
-        let al_3x = cos_s1_2.mul_add(t4_5, t4_20);
-        let t4_21 = t4_18 + al_3x;
-        let t4_22 = p_mz_3 * t4_21;
-        let t4_23 = p_mx_3.mul_add(t4_15, t4_22);
+        let t4_6 = d_s1_1 * w_s1_1y;
+        let t4_7 = sin_s1_1.mul_add(al_1z, t4_6);
+        let t4_8 = t4_7 + t4_6;
+        let t4_9 = w_s1_2x * w_s1_2y;
+        let t4_10 = t4_9 + t4_9;
+        let t4_11 = cos_s1_2.mul_add(t4_5, t4_10);
+        let t4_12 = (-sin_s1_2).mul_add(t4_8, t4_11);
+        let t4_13 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_13);
+        let t4_14 = (-w_s1_2z).mul_add(w_s1_2y, t3_13);
+        let t4_15 = sin_s1_2.mul_add(t4_5, t4_14);
+        let al_3x = cos_s1_2.mul_add(t4_8, t4_15);
+        let t4_16 = w_s1_2z.mul_add(w_s1_2x, t3_12);
+        let t4_17 = cos_s1_1.mul_add(al_1z, t4_16);
+        let t4_18 = (-d_s1_1).mul_add(w_s1_1x, t4_17);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t4_24 = w_3x * w_3x;
-        let t4_25 = w_3y * w_3y;
-        let t4_26 = t4_24 + t4_25;
-        let t4_27 = sin_s1_3 * t4_9;
-        let t4_28 = (-cos_s1_3).mul_add(t4_13, t4_27);
-        let t4_29 = t4_26 * p_mz_3;
-        let t4_30 = (-p_mx_3).mul_add(t4_28, t4_29);
-        let t4_31 = cos_s1_3 * t4_30;
-        let t4_32 = sin_s1_3.mul_add(t4_23, t4_31);
+        let t4_19 = sin_s1_3 * t4_18;
+        let t4_20 = cos_s1_3.mul_add(t4_12, t4_19);
+        let t4_21 = sin_s1_3 * t4_12;
+        let t4_22 = (-cos_s1_3).mul_add(t4_18, t4_21);
+        let t4_23 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t4_23);
+        let t4_24 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_24);
+        let t4_25 = w_3y * w_3z;
+        let t4_26 = t4_25 + al_3x;
+        let t4_27 = p_mz_3 * t4_26;
+        let t4_28 = p_mx_3.mul_add(t4_20, t4_27);
+        let t4_29 = w_3x * w_3x;
+        let t4_30 = w_3y * w_3y;
+        let t4_31 = w_3y * w_3x;
+        let t4_32 = w_3z * w_3x;
         let t4_33 = w_3z * w_3z;
-        let t4_34 = t4_25 + t4_33;
-        let t4_35 = w_3z * w_3x;
-        let al_3y = t4_35 + t4_28;
-        let t4_36 = t4_35 + al_3y;
-        let t4_37 = p_mz_3 * t4_36;
-        let t4_38 = t4_34.mul_add(p_mx_3, t4_37);
-        let t4_39 = q2 * al_1z;
-        let a_2x = d_q1.mul_add(t2_84, t4_39);
+        let al_3z = t4_31 + t4_20;
+        let t4_34 = t4_29 + t4_30;
+        let t4_35 = t4_34 * p_mz_3;
+        let t4_36 = (-p_mx_3).mul_add(t4_22, t4_35);
+        let al_3y = t4_32 + t4_22;
+        let t4_37 = cos_s1_3 * t4_36;
+        let t4_38 = sin_s1_3.mul_add(t4_28, t4_37);
+        let t4_39 = cos_s1_3 * t4_28;
+        let t4_40 = (-sin_s1_3).mul_add(t4_36, t4_39);
+        let t4_41 = t4_30 + t4_33;
+        let t4_42 = t4_32 + al_3y;
+        let t4_43 = p_mz_3 * t4_42;
+        let t4_44 = t4_41.mul_add(p_mx_3, t4_43);
         let a_2z = q2 * t2_1;
-        let t4_40 = w_3y * w_3x;
-        let t4_41 = p_ixx_3 - p_izz_3;
-        let t4_42 = t4_24 - t4_33;
-        let al_3z = t4_40 + t4_15;
+        let t4_45 = p_ixx_3 - p_izz_3;
+        let t4_46 = t4_29 - t4_33;
+        let t4_47 = t4_29 - t4_30;
+        let t4_48 = t4_30 - t4_33;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let t4_43 = cos_s1_2 * a_s1_1x;
-        let a_s1_2x = sin_s1_2.mul_add(a_2z, t4_43);
+        let t4_49 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t4_49);
+        let t4_50 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_50);
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t4_44 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_44);
-        let t4_45 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_45);
-        let t4_46 = t4_18 - al_3x;
-        let t4_47 = t4_40 + al_3z;
-        let t4_48 = p_iyz_3 * t4_47;
-        let t4_49 = p_ixy_3.mul_add(t4_46, t4_48);
-        let t4_50 = t4_42.mul_add(p_ixz_3, t4_49);
-        let t4_51 = t4_35.mul_add(t4_41, t4_50);
-        let t4_52 = p_iyy_3.mul_add(al_3y, t4_51);
-        let t4_53 = p_mx_3.mul_add(a_3z, t4_52);
-        let t4_54 = (-p_mz_3).mul_add(a_s1_2x, t4_53);
-        let t4_55 = p_ixx_3 - p_iyy_3;
-        let t4_56 = t4_24 - t4_25;
-        let t4_57 = sin_s1_3 * a_s1_2z;
-        let a_3y = cos_s1_3.mul_add(a_s1_1y, t4_57);
-        let t4_58 = t4_18 + al_3x;
-        let t4_59 = t4_35 + al_3y;
-        let t4_60 = p_ixz_3 * t4_58;
-        let t4_61 = (-p_mx_3).mul_add(a_3y, t4_60);
-        let t4_62 = (-p_iyz_3).mul_add(t4_59, t4_61);
-        let t4_63 = t4_56.mul_add(p_ixy_3, t4_62);
-        let t4_64 = (-t4_40).mul_add(t4_55, t4_63);
-        let t4_65 = (-p_izz_3).mul_add(al_3z, t4_64);
-        let t4_66 = sin_s1_3 * t4_54;
-        let t4_67 = (-cos_s1_3).mul_add(t4_65, t4_66);
-        let t4_68 = p_iyy_3 - p_izz_3;
-        let t4_69 = t4_25 - t4_33;
-        let t4_70 = t4_35 - al_3y;
-        let t4_71 = t4_40 - al_3z;
-        let t4_72 = p_mz_3 * a_3y;
-        let t4_73 = p_ixy_3.mul_add(t4_70, t4_72);
-        let t4_74 = p_ixz_3.mul_add(t4_71, t4_73);
-        let t4_75 = t4_69.mul_add(p_iyz_3, t4_74);
-        let t4_76 = t4_18.mul_add(t4_68, t4_75);
-        let t4_77 = p_ixx_3.mul_add(al_3x, t4_76);
-        let t4_78 = sin_s1_2 * t4_67;
-        let t4_79 = (-cos_s1_2).mul_add(t4_77, t4_78);
-        let t4_80 = sin_s1_3 * t4_65;
-        let t4_81 = cos_s1_3.mul_add(t4_54, t4_80);
-        let t4_82 = cos_s1_2 * t4_38;
-        let t4_83 = sin_s1_2.mul_add(t4_32, t4_82);
-        let t4_84 = cos_s1_3 * t4_23;
-        let t4_85 = (-sin_s1_3).mul_add(t4_30, t4_84);
-        let t4_86 = t2_1 * p_mx_2;
-        let t4_87 = (-p_mz_2).mul_add(al_1z, t4_86);
-        let t4_88 = (-sin_s1_1).mul_add(t4_85, t4_87);
-        let t4_89 = cos_s1_1.mul_add(t4_83, t4_88);
-        let t4_90 = p_izz_1 * al_1z;
-        let t4_91 = (-q2).mul_add(t4_89, t4_90);
-        let t4_92 = a_2z.mul_add(p_mx_2, t4_91);
-        let t4_93 = p_mz_2.mul_add(a_2x, t4_92);
-        let t4_94 = (-cos_s1_1).mul_add(t4_81, t4_93);
-        let t4_95 = (-sin_s1_1).mul_add(t4_79, t4_94);
-        let t4_96 = -sin_q1;
-        let t4_97 = like.lift(0.5) * sin_q6;
-        let t4_98 = -t4_97;
-        let t4_99 = -cos_q6;
-        let t4_100 = like.lift(0.8660254037844386) * sin_q6;
-        let t4_101 = like.lift(0.5) * sin_q8;
+        let t4_51 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_51);
+        let t4_52 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t4_52);
+        let t4_53 = t4_25 - al_3x;
+        let t4_54 = t4_31 + al_3z;
+        let t4_55 = p_iyz_3 * t4_54;
+        let t4_56 = p_ixy_3.mul_add(t4_53, t4_55);
+        let t4_57 = t4_46.mul_add(p_ixz_3, t4_56);
+        let t4_58 = t4_32.mul_add(t4_45, t4_57);
+        let t4_59 = p_iyy_3.mul_add(al_3y, t4_58);
+        let t4_60 = p_mx_3.mul_add(a_3z, t4_59);
+        let t4_61 = (-p_mz_3).mul_add(a_s1_2x, t4_60);
+        let t4_62 = p_ixx_3 - p_iyy_3;
+        let t4_63 = t4_25 + al_3x;
+        let t4_64 = p_ixz_3 * t4_63;
+        let t4_65 = (-p_mx_3).mul_add(a_3y, t4_64);
+        let t4_66 = p_mz_3 * a_3y;
+        let t4_67 = t4_32 + al_3y;
+        let t4_68 = (-p_iyz_3).mul_add(t4_67, t4_65);
+        let t4_69 = t4_47.mul_add(p_ixy_3, t4_68);
+        let t4_70 = t4_32 - al_3y;
+        let t4_71 = (-t4_31).mul_add(t4_62, t4_69);
+        let t4_72 = p_ixy_3.mul_add(t4_70, t4_66);
+        let t4_73 = t4_31 - al_3z;
+        let t4_74 = p_ixz_3.mul_add(t4_73, t4_72);
+        let t4_75 = (-p_izz_3).mul_add(al_3z, t4_71);
+        let t4_76 = t4_48.mul_add(p_iyz_3, t4_74);
+        let t4_77 = p_iyy_3 - p_izz_3;
+        let t4_78 = t4_25.mul_add(t4_77, t4_76);
+        let t4_79 = p_ixx_3.mul_add(al_3x, t4_78);
+        let t4_80 = sin_s1_3 * t4_61;
+        let t4_81 = sin_s1_3 * t4_75;
+        let t4_82 = (-cos_s1_3).mul_add(t4_75, t4_80);
+        let t4_83 = cos_s1_3.mul_add(t4_61, t4_81);
+        let t4_84 = sin_s1_2 * t4_82;
+        let t4_85 = (-cos_s1_2).mul_add(t4_79, t4_84);
+        let t4_86 = sin_s1_2 * t4_79;
+        let t4_87 = cos_s1_2.mul_add(t4_82, t4_86);
+        let t4_88 = cos_s1_2 * t4_44;
+        let t4_89 = sin_s1_2.mul_add(t4_38, t4_88);
+        let t4_90 = t2_1 * p_mx_2;
+        let t4_91 = (-p_mz_2).mul_add(al_1z, t4_90);
+        let t4_92 = (-sin_s1_1).mul_add(t4_40, t4_91);
+        let t4_93 = cos_s1_1.mul_add(t4_89, t4_92);
+        let t4_94 = p_izz_1 * al_1z;
+        let t4_95 = (-q2).mul_add(t4_93, t4_94);
+        let t4_96 = a_2z.mul_add(p_mx_2, t4_95);
+        let t4_97 = p_mz_2.mul_add(a_2x, t4_96);
+        let t4_98 = (-cos_s1_1).mul_add(t4_83, t4_97);
+        let t4_99 = (-sin_s1_1).mul_add(t4_85, t4_98);
+        let t4_100 = -sin_q1;
+        let t4_101 = like.lift(0.5) * sin_q6;
         let t4_102 = -t4_101;
-        let t4_103 = -cos_q8;
-        let t4_104 = like.lift(0.8660254037844386) * sin_q8;
+        let t4_103 = like.lift(0.8660254037844386) * sin_q6;
+        let t4_104 = like.lift(0.5) * sin_q8;
         let t4_105 = -t4_104;
-        let t4_106 = (-cos_q1).mul_add(t2_190, sin_q1);
-        let t4_107 = (-t4_106).mul_add(t2_195, sin_q1);
-        let t4_108 = t4_107.mul_add(t2_212, cos_q1);
-        let t4_109 = t4_106.mul_add(t2_210, t4_108);
-        let t4_110 = t4_109 * inv_pivot_6;
-        let t4_111 = (-t2_205).mul_add(t4_110, t4_107);
-        let t4_112 = inv_pivot_5 * t4_111;
-        let t4_113 = sin_q6.mul_add(t2_207, cos_q6);
-        let t4_114 = t4_113 * inv_pivot_6;
-        let t4_115 = inv_pivot_5 * t2_205;
-        let t4_116 = t4_115 * t4_114;
-        let t4_117 = sin_q8.mul_add(t2_188, cos_q8);
-        let t4_118 = t4_117 * t2_190;
-        let t4_119 = t4_118 * t2_195;
-        let t4_120 = t4_118 * t2_210;
-        let t4_121 = (-t4_119).mul_add(t2_212, t4_120);
-        let t4_122 = t4_121 * inv_pivot_6;
-        let t4_123 = t2_205.mul_add(t4_122, t4_119);
-        let t4_124 = inv_pivot_5 * t4_123;
-        let t4_125 = -t4_124;
-        let t4_126 = (-t2_203).mul_add(t4_110, t4_106);
-        let t4_127 = (-t2_191).mul_add(t4_112, t4_126);
-        let t4_128 = inv_pivot_4 * t4_127;
-        let t4_129 = -t4_128;
-        let t4_130 = t2_191 * t4_116;
-        let t4_131 = (-t2_203).mul_add(t4_114, t4_130);
-        let t4_132 = inv_pivot_4 * t4_131;
-        let t4_133 = (-t2_203).mul_add(t4_122, t4_118);
-        let t4_134 = t2_191.mul_add(t4_124, t4_133);
-        let t4_135 = inv_pivot_4 * t4_134;
-        let t4_136 = -t4_135;
-        let t4_137 = -t4_110;
-        let t4_138 = -t4_122;
-        let t4_139 = (-t2_201).mul_add(t4_110, cos_q1);
-        let t4_140 = (-t2_65).mul_add(t4_112, t4_139);
-        let t4_141 = t2_193.mul_add(t4_128, t4_140);
-        let t4_142 = inv_pivot_3 * t4_141;
-        let t4_143 = -t4_142;
-        let t4_144 = t2_65 * t4_116;
-        let t4_145 = (-t2_201).mul_add(t4_114, t4_144);
-        let t4_146 = t2_193.mul_add(t4_132, t4_145);
-        let t4_147 = inv_pivot_3 * t4_146;
-        let t4_148 = t2_201.mul_add(t4_122, t4_117);
-        let t4_149 = (-t2_65).mul_add(t4_124, t4_148);
-        let t4_150 = (-t2_193).mul_add(t4_135, t4_149);
-        let t4_151 = inv_pivot_3 * t4_150;
-        let t4_152 = t2_37 * t4_110;
-        let t4_153 = t2_34.mul_add(t4_128, t4_152);
-        let t4_154 = t4_153 * t2_233;
-        let t4_155 = (-t2_37).mul_add(t4_114, t4_100);
-        let t4_156 = (-t2_34).mul_add(t4_132, t4_155);
-        let t4_157 = t4_156 * t2_233;
-        let t4_158 = t2_37 * t4_122;
-        let t4_159 = t2_34.mul_add(t4_135, t4_158);
-        let t4_160 = t4_159 * t2_233;
-        let t4_161 = t2_80 * t4_142;
-        let t4_162 = (-t2_78).mul_add(t4_110, t4_161);
-        let t4_163 = (-t2_76).mul_add(t4_128, t4_162);
-        let t4_164 = t4_163 * t3_1;
-        let t4_165 = t2_80 * t4_147;
-        let t4_166 = (-t2_78).mul_add(t4_114, t4_165);
-        let t4_167 = (-t2_76).mul_add(t4_132, t4_166);
-        let t4_168 = t4_167 * t3_1;
+        let t4_106 = like.lift(0.8660254037844386) * sin_q8;
+        let t4_107 = -t4_106;
+        let t4_108 = (-cos_q1).mul_add(t2_195, sin_q1);
+        let t4_109 = (-t4_108).mul_add(t2_204, sin_q1);
+        let t4_110 = t2_193 * t2_195;
+        let t4_111 = t4_110 * t2_204;
+        let t4_112 = t4_109.mul_add(t2_220, cos_q1);
+        let t4_113 = t4_108.mul_add(t2_218, t4_112);
+        let t4_114 = t4_110 * t2_218;
+        let t4_115 = (-t4_111).mul_add(t2_220, t4_114);
+        let t4_116 = t4_113 * inv_pivot_6;
+        let t4_117 = t4_115 * inv_pivot_6;
+        let t4_118 = (-t2_211).mul_add(t4_116, t4_109);
+        let t4_119 = inv_pivot_5 * t4_118;
+        let t4_120 = t2_211.mul_add(t4_117, t4_111);
+        let t4_121 = inv_pivot_5 * t2_211;
+        let t4_122 = inv_pivot_5 * t4_120;
+        let t4_123 = t4_121 * t2_224;
+        let t4_124 = (-t2_209).mul_add(t4_116, t4_108);
+        let t4_125 = (-t2_196).mul_add(t4_119, t4_124);
+        let t4_126 = inv_pivot_4 * t4_125;
+        let t4_127 = (-t2_209).mul_add(t4_117, t4_110);
+        let t4_128 = t2_196.mul_add(t4_122, t4_127);
+        let t4_129 = t2_196 * t4_123;
+        let t4_130 = (-t2_209).mul_add(t2_224, t4_129);
+        let t4_131 = inv_pivot_4 * t4_130;
+        let t4_132 = inv_pivot_4 * t4_128;
+        let t4_133 = t2_192.mul_add(t4_117, t2_193);
+        let t4_134 = (-t2_65).mul_add(t4_122, t4_133);
+        let t4_135 = -t4_122;
+        let t4_136 = (-t2_199).mul_add(t4_132, t4_134);
+        let t4_137 = inv_pivot_3 * t4_136;
+        let t4_138 = (-t2_79).mul_add(t4_117, t4_106);
+        let t4_139 = (-t2_77).mul_add(t4_132, t4_138);
+        let t4_140 = (-t2_81).mul_add(t4_137, t4_139);
+        let t4_141 = t4_140 * t2_190;
+        let t4_142 = -t4_126;
+        let t4_143 = -t4_132;
+        let t4_144 = t2_48 * t4_117;
+        let t4_145 = t2_45.mul_add(t4_132, t4_144);
+        let t4_146 = -t4_117;
+        let t4_147 = t4_145 * t2_213;
+        let t4_148 = -t4_116;
+        let t4_149 = (-t2_192).mul_add(t4_116, cos_q1);
+        let t4_150 = (-t2_65).mul_add(t4_119, t4_149);
+        let t4_151 = t2_199.mul_add(t4_126, t4_150);
+        let t4_152 = inv_pivot_3 * t4_151;
+        let t4_153 = t2_65 * t4_123;
+        let t4_154 = (-t2_192).mul_add(t2_224, t4_153);
+        let t4_155 = t2_199.mul_add(t4_131, t4_154);
+        let t4_156 = inv_pivot_3 * t4_155;
+        let t4_157 = -t4_152;
+        let t4_158 = t2_81 * t4_152;
+        let t4_159 = (-t2_79).mul_add(t4_116, t4_158);
+        let t4_160 = t2_48 * t4_116;
+        let t4_161 = t2_45.mul_add(t4_126, t4_160);
+        let t4_162 = (-t2_77).mul_add(t4_126, t4_159);
+        let t4_163 = t4_161 * t2_213;
+        let t4_164 = t4_162 * t2_190;
+        let t4_165 = t2_81 * t4_156;
+        let t4_166 = (-t2_79).mul_add(t2_224, t4_165);
+        let t4_167 = (-t2_77).mul_add(t4_131, t4_166);
+        let t4_168 = t4_167 * t2_190;
         let t4_169 = -t4_168;
-        let t4_170 = (-t2_78).mul_add(t4_122, t4_104);
-        let t4_171 = (-t2_76).mul_add(t4_135, t4_170);
-        let t4_172 = (-t2_80).mul_add(t4_151, t4_171);
-        let t4_173 = t4_172 * t3_1;
+        let t4_170 = (-t2_48).mul_add(t2_224, t4_103);
+        let t4_171 = (-t2_45).mul_add(t4_131, t4_170);
+        let t4_172 = t4_171 * t2_213;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_82 * like.lift(1.8955297449982944)).abs())
-            .min((t3_4 * like.lift(2.6463477742948585)).abs())
+            .min((t2_83 * like.lift(1.8955297449982944)).abs())
+            .min((t2_197 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t3_5 * like.lift(0.8284577646309275)).abs())
-            .min((t3_6 * like.lift(2.1915406530791146)).abs());
+            .min((t2_207 * like.lift(0.8284577646309275)).abs())
+            .min((t2_223 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_112, t4_116, t4_125], [t4_129, t4_132, t4_136], [t4_137, t4_114, t4_138],
-                [t4_143, t4_147, t4_151], [t4_154, t4_157, t4_160], [t4_164, t4_169, t4_173],
+                [t4_119, t4_123, t4_135], [t4_142, t4_131, t4_143], [t4_148, t2_224, t4_146],
+                [t4_157, t4_156, t4_137], [t4_163, t4_172, t4_147], [t4_164, t4_169, t4_141],
             ],
             margin,
             || (
                 [
-                    [t2_7, t2_9, t2_13, like.lift(0.0), t2_16, like.lift(0.0)],
-                    [t2_22, t2_23, t2_29, like.lift(0.0), t2_30, like.lift(0.0)],
-                    [like.lift(0.0), t2_34, t2_37, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_45, t2_50, t2_52, t2_54, like.lift(0.0), t2_57],
-                    [t2_65, t2_66, t2_70, t2_73, like.lift(0.0), t2_74],
-                    [like.lift(0.0), t2_76, t2_78, t2_81, like.lift(0.0), t2_82],
+                    [t2_10, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
+                    [t2_31, t2_13, t2_40, like.lift(0.0), t2_41, like.lift(0.0)],
+                    [like.lift(0.0), t2_45, t2_48, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
+                    [t2_65, t2_68, t2_71, t2_74, like.lift(0.0), t2_75],
+                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
                 ],
                 [
-                    [t4_96, t4_98, like.lift(0.0)], [cos_q1, t4_99, like.lift(0.0)],
-                    [like.lift(0.0), t4_100, like.lift(0.0)], [t4_96, like.lift(0.0), t4_102],
-                    [cos_q1, like.lift(0.0), t4_103], [like.lift(0.0), like.lift(0.0), t4_105],
+                    [t4_100, t4_102, like.lift(0.0)], [cos_q1, t2_216, like.lift(0.0)],
+                    [like.lift(0.0), t4_103, like.lift(0.0)], [t4_100, like.lift(0.0), t4_105],
+                    [cos_q1, like.lift(0.0), t2_194], [like.lift(0.0), like.lift(0.0), t4_107],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t4_32, t4_38, t4_67, t4_77, t4_81, t4_95, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
-            x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
-            x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+            a_5x, a_7x, t4_38, t4_44, t4_79, t4_83, t4_87, t4_99, x_q1_q2, x_q1_q7, x_q1_q9,
+            x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
+            x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // tau
     {
-        let t5_1 = sin_s1_2 * t4_77;
-        let t5_2 = cos_s1_2.mul_add(t4_67, t5_1);
-        let t5_3 = q7 * al_4z;
-        let a_5x = d_q6.mul_add(t2_139, t5_3);
-        let a_5z = q7 * t2_115;
-        let t5_4 = p_m_5 * a_5x;
-        let t5_5 = p_mz_5.mul_add(al_4z, t5_4);
-        let t5_6 = (-t2_115).mul_add(p_mx_5, t5_5);
-        let t5_7 = p_izz_4 * al_4z;
-        let t5_8 = q7.mul_add(t5_6, t5_7);
-        let t5_9 = a_5z.mul_add(p_mx_5, t5_8);
-        let t5_10 = p_mz_5.mul_add(a_5x, t5_9);
-        let t5_11 = q9 * al_6z;
-        let a_7x = d_q8.mul_add(t2_172, t5_11);
-        let a_7z = q9 * t2_159;
-        let t5_12 = p_m_7 * a_7x;
-        let t5_13 = p_mz_7.mul_add(al_6z, t5_12);
-        let t5_14 = (-t2_159).mul_add(p_mx_7, t5_13);
-        let t5_15 = p_izz_6 * al_6z;
-        let t5_16 = q9.mul_add(t5_14, t5_15);
-        let t5_17 = a_7z.mul_add(p_mx_7, t5_16);
-        let t5_18 = p_mz_7.mul_add(a_7x, t5_17);
-        let t5_19 = t4_81 * x_s1_2_q2;
-        let t5_20 = (-t5_18).mul_add(x_q8_q2, t5_19);
-        let t5_21 = (-t5_10).mul_add(x_q6_q2, t5_20);
-        let t5_22 = (-t4_77).mul_add(x_s1_3_q2, t5_21);
-        let t5_23 = t5_2.mul_add(x_s1_1_q2, t5_22);
-        let t5_24 = (-t4_95).mul_add(x_q1_q2, t5_23);
-        let t5_25 = w_fc_q2_q2.mul_add(p_fc_q2, t5_24);
-        let t5_26 = d_q2.mul_add(p_fv_q2, t5_25);
-        let t5_27 = (-p_mx_2).mul_add(al_1z, t5_26);
-        let t5_28 = (-t2_1).mul_add(p_mz_2, t5_27);
-        let t5_29 = sin_s1_2.mul_add(t4_38, t5_28);
-        let t5_30 = (-cos_s1_2).mul_add(t4_32, t5_29);
-        tau[0] = t5_30;
+        let t5_1 = t4_83 * x_s1_2_q2;
+        let a_5z = q7 * t2_124;
+        let t5_2 = p_m_5 * a_5x;
+        let t5_3 = p_mz_5.mul_add(al_4z, t5_2);
+        let t5_4 = (-t2_124).mul_add(p_mx_5, t5_3);
+        let t5_5 = p_izz_4 * al_4z;
+        let t5_6 = q7.mul_add(t5_4, t5_5);
+        let t5_7 = a_5z.mul_add(p_mx_5, t5_6);
+        let t5_8 = p_mz_5.mul_add(a_5x, t5_7);
+        let a_7z = q9 * t2_174;
+        let t5_9 = p_m_7 * a_7x;
+        let t5_10 = p_mz_7.mul_add(al_6z, t5_9);
+        let t5_11 = (-t2_174).mul_add(p_mx_7, t5_10);
+        let t5_12 = p_izz_6 * al_6z;
+        let t5_13 = q9.mul_add(t5_11, t5_12);
+        let t5_14 = a_7z.mul_add(p_mx_7, t5_13);
+        let t5_15 = p_mz_7.mul_add(a_7x, t5_14);
+        let t5_16 = (-t5_15).mul_add(x_q8_q2, t5_1);
+        let t5_17 = (-t5_8).mul_add(x_q6_q2, t5_16);
+        let t5_18 = (-t4_79).mul_add(x_s1_3_q2, t5_17);
+        let t5_19 = t4_87.mul_add(x_s1_1_q2, t5_18);
+        let t5_20 = (-t4_99).mul_add(x_q1_q2, t5_19);
+        let t5_21 = w_fc_q2_q2.mul_add(p_fc_q2, t5_20);
+        let t5_22 = d_q2.mul_add(p_fv_q2, t5_21);
+        let t5_23 = (-p_mx_2).mul_add(al_1z, t5_22);
+        let t5_24 = (-t2_1).mul_add(p_mz_2, t5_23);
+        let t5_25 = sin_s1_2.mul_add(t4_44, t5_24);
+        let t5_26 = (-cos_s1_2).mul_add(t4_38, t5_25);
+        tau[0] = t5_26;
         let w_fc_q7_q7 = d_q7.sign();
-        let t5_31 = w_fc_q7_q7 * p_fc_q7;
-        let t5_32 = (-t5_18).mul_add(x_q8_q7, t5_31);
-        let t5_33 = d_q7.mul_add(p_fv_q7, t5_32);
-        let t5_34 = (-a_5z).mul_add(p_m_5, t5_33);
-        let t5_35 = (-p_mx_5).mul_add(al_4z, t5_34);
-        let t5_36 = (-t2_115).mul_add(p_mz_5, t5_35);
-        let t5_37 = (-t5_10).mul_add(x_q6_q7, t5_36);
-        let t5_38 = (-t4_77).mul_add(x_s1_3_q7, t5_37);
-        let t5_39 = t4_81.mul_add(x_s1_2_q7, t5_38);
-        let t5_40 = t5_2.mul_add(x_s1_1_q7, t5_39);
-        let t5_41 = (-t4_95).mul_add(x_q1_q7, t5_40);
-        tau[1] = t5_41;
+        let t5_27 = w_fc_q7_q7 * p_fc_q7;
+        let t5_28 = (-t5_15).mul_add(x_q8_q7, t5_27);
+        let t5_29 = d_q7.mul_add(p_fv_q7, t5_28);
+        let t5_30 = (-a_5z).mul_add(p_m_5, t5_29);
+        let t5_31 = (-p_mx_5).mul_add(al_4z, t5_30);
+        let t5_32 = (-t2_124).mul_add(p_mz_5, t5_31);
+        let t5_33 = (-t5_8).mul_add(x_q6_q7, t5_32);
+        let t5_34 = (-t4_79).mul_add(x_s1_3_q7, t5_33);
+        let t5_35 = t4_83.mul_add(x_s1_2_q7, t5_34);
+        let t5_36 = t4_87.mul_add(x_s1_1_q7, t5_35);
+        let t5_37 = (-t4_99).mul_add(x_q1_q7, t5_36);
+        tau[1] = t5_37;
         let w_fc_q9_q9 = d_q9.sign();
-        let t5_42 = w_fc_q9_q9 * p_fc_q9;
-        let t5_43 = d_q9.mul_add(p_fv_q9, t5_42);
-        let t5_44 = (-a_7z).mul_add(p_m_7, t5_43);
-        let t5_45 = (-p_mx_7).mul_add(al_6z, t5_44);
-        let t5_46 = (-t2_159).mul_add(p_mz_7, t5_45);
-        let t5_47 = (-t5_18).mul_add(x_q8_q9, t5_46);
-        let t5_48 = (-t5_10).mul_add(x_q6_q9, t5_47);
-        let t5_49 = (-t4_77).mul_add(x_s1_3_q9, t5_48);
-        let t5_50 = t4_81.mul_add(x_s1_2_q9, t5_49);
-        let t5_51 = t5_2.mul_add(x_s1_1_q9, t5_50);
-        let t5_52 = (-t4_95).mul_add(x_q1_q9, t5_51);
-        tau[2] = t5_52;
+        let t5_38 = w_fc_q9_q9 * p_fc_q9;
+        let t5_39 = d_q9.mul_add(p_fv_q9, t5_38);
+        let t5_40 = (-a_7z).mul_add(p_m_7, t5_39);
+        let t5_41 = (-p_mx_7).mul_add(al_6z, t5_40);
+        let t5_42 = (-t2_174).mul_add(p_mz_7, t5_41);
+        let t5_43 = (-t5_15).mul_add(x_q8_q9, t5_42);
+        let t5_44 = (-t5_8).mul_add(x_q6_q9, t5_43);
+        let t5_45 = (-t4_79).mul_add(x_s1_3_q9, t5_44);
+        let t5_46 = t4_83.mul_add(x_s1_2_q9, t5_45);
+        let t5_47 = t4_87.mul_add(x_s1_1_q9, t5_46);
+        let t5_48 = (-t4_99).mul_add(x_q1_q9, t5_47);
+        tau[2] = t5_48;
     }
     (tau, Condition { pivot: condition })
 }
@@ -8251,13 +8369,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> (
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
-    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
-    let [
-        p_izz_1, _, _, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3,
-        p_mx_3, p_mz_3, p_izz_4, _, _, p_mx_5, p_mz_5, p_m_5, p_izz_6, _, _, p_mx_7, p_mz_7,
-        p_m_7, _, _, _, _, _, _, p_j_q2, p_j_q7, p_j_q9,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
         sin_s1_1, cos_s1_1, sin_s1_2, cos_s1_2, sin_s1_3, cos_s1_3, sin_q1, cos_q1, sin_q6,
@@ -8273,6 +8386,11 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([[T; 3]; 3], 
             cos_q6, sin_q8, cos_q8,
         ]
     };
+    let [
+        p_izz_1, _, _, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3,
+        p_mx_3, p_mz_3, p_izz_4, _, _, p_mx_5, p_mz_5, p_m_5, p_izz_6, _, _, p_mx_7, p_mz_7,
+        p_m_7, _, _, _, _, _, _, p_j_q2, p_j_q7, p_j_q9,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
         t2_1, t2_3, t2_4, t2_6, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9,
@@ -8289,232 +8407,232 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([[T; 3]; 3], 
         let t2_8 = sin_q1 * cos_s1_1;
         let t2_9 = cos_s1_2 * t2_8;
         let t2_10 = cos_q1.mul_add(sin_s1_2, t2_9);
-        let t2_11 = like.lift(-0.4563).mul_add(t2_10, t2_7);
-        let t2_12 = -t2_11;
+        let t2_11 = cos_q1 * cos_s1_2;
+        let t2_12 = (-sin_s1_2).mul_add(t2_8, t2_11);
+        let t2_13 = sin_s1_3 * t2_12;
+        let t2_14 = like.lift(-0.4563).mul_add(t2_10, t2_7);
+        let t2_15 = -t2_14;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_13 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_14 = cos_q1 * t2_13;
-        let t2_15 = sin_q1 * sin_s1_1;
-        let t2_16 = t2_15 * e_s1_2_q1x;
-        let t2_17 = cos_s1_1.mul_add(t2_10, t2_16);
-        let t2_18 = like.lift(0.4563) * t2_17;
-        let t2_19 = cos_q6 * q7;
-        let t2_20 = like.lift(0.5) * t2_19;
-        let t2_21 = -t2_20;
-        let t2_22 = sin_q1 * q2;
-        let t2_23 = cos_q1 * cos_s1_1;
-        let t2_24 = sin_q1 * sin_s1_2;
-        let t2_25 = (-cos_s1_2).mul_add(t2_23, t2_24);
-        let t2_26 = like.lift(-0.4563).mul_add(t2_25, t2_22);
-        let t2_27 = -t2_26;
-        let t2_28 = sin_q1 * t2_13;
-        let t2_29 = cos_q1 * sin_s1_1;
-        let t2_30 = cos_s1_1 * t2_25;
-        let t2_31 = (-t2_29).mul_add(e_s1_2_q1x, t2_30);
-        let t2_32 = like.lift(0.4563) * t2_31;
-        let t2_33 = -t2_32;
-        let t2_34 = -t2_33;
-        let t2_35 = sin_q6 * q7;
-        let t2_36 = sin_q1 * t2_10;
-        let t2_37 = (-cos_q1).mul_add(t2_25, t2_36);
-        let t2_38 = like.lift(0.4563) * t2_37;
-        let t2_39 = -t2_38;
-        let t2_40 = t2_29 * t2_10;
-        let t2_41 = t2_15.mul_add(t2_25, t2_40);
-        let t2_42 = like.lift(0.4563) * t2_41;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_19;
-        let t2_43 = cos_q1 * cos_s1_2;
-        let t2_44 = (-sin_s1_2).mul_add(t2_8, t2_43);
-        let t2_45 = sin_s1_3 * t2_44;
-        let t2_46 = cos_s1_3.mul_add(t2_15, t2_45);
-        let t2_47 = like.lift(0.22815) * t2_10;
-        let t2_48 = like.lift(-0.39516739174683935).mul_add(t2_46, t2_47);
-        let t2_49 = t2_7 - t2_48;
-        let t2_50 = -t2_49;
-        let t2_51 = sin_s1_3 * sin_s1_1;
-        let t2_52 = t2_51 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
-        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
-        let t2_55 = cos_q1 * t2_54;
-        let t2_56 = t2_15 * t2_54;
-        let t2_57 = cos_s1_1.mul_add(t2_48, t2_56);
-        let t2_58 = e_s1_2_q1x * t2_48;
-        let t2_59 = (-t2_10).mul_add(t2_54, t2_58);
-        let t2_60 = cos_q8 * q9;
-        let t2_61 = like.lift(0.5) * t2_60;
-        let t2_62 = -t2_61;
-        let t2_63 = sin_s1_2 * t2_23;
-        let t2_64 = sin_q1.mul_add(cos_s1_2, t2_63);
-        let t2_65 = cos_s1_3 * t2_29;
-        let t2_66 = (-sin_s1_3).mul_add(t2_64, t2_65);
-        let t2_67 = like.lift(0.39516739174683935) * t2_66;
-        let t2_68 = like.lift(0.22815) * t2_25;
-        let t2_69 = t2_67 - t2_22;
-        let t2_70 = t2_69 + t2_68;
-        let t2_71 = sin_q1 * t2_54;
-        let t2_72 = t2_68 + t2_67;
-        let t2_73 = t2_29 * t2_54;
-        let t2_74 = (-cos_s1_1).mul_add(t2_72, t2_73);
-        let t2_75 = -t2_74;
-        let t2_76 = t2_25 * t2_54;
-        let t2_77 = (-e_s1_2_q1x).mul_add(t2_72, t2_76);
-        let t2_78 = -t2_77;
-        let t2_79 = sin_q8 * q9;
-        let t2_80 = cos_q1 * t2_72;
-        let t2_81 = (-sin_q1).mul_add(t2_48, t2_80);
-        let t2_82 = t2_29 * t2_48;
-        let t2_83 = t2_15.mul_add(t2_72, t2_82);
-        let t2_84 = t2_10 * t2_72;
-        let t2_85 = (-t2_25).mul_add(t2_48, t2_84);
-        let t2_86 = -t2_85;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
-        let t2_87 = -pivot_2;
-        let t2_88 = -sin_q1;
-        let t2_89 = like.lift(0.5) * sin_q6;
-        let t2_90 = -t2_89;
-        let t2_91 = -cos_q6;
-        let t2_92 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_93 = like.lift(0.5) * sin_q8;
-        let t2_94 = -t2_93;
-        let t2_95 = -cos_q8;
-        let t2_96 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_97 = -t2_96;
-        let t2_98 = like.lift(0.5773502691896257).mul_add(t2_85, t2_59);
-        let t2_99 = like.lift(1.0) / t2_60;
-        let t2_100 = t2_79 * t2_99;
-        let t2_101 = like.lift(1.1547005383792515) * t2_100;
-        let pivot_3 = t2_85.mul_add(t2_101, t2_77);
+        let t2_16 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_17 = cos_q1 * t2_16;
+        let t2_18 = sin_q1 * t2_16;
+        let t2_19 = sin_q1 * sin_s1_1;
+        let t2_20 = cos_s1_3.mul_add(t2_19, t2_13);
+        let t2_21 = like.lift(0.22815) * t2_10;
+        let t2_22 = like.lift(-0.39516739174683935).mul_add(t2_20, t2_21);
+        let t2_23 = t2_7 - t2_22;
+        let t2_24 = t2_19 * e_s1_2_q1x;
+        let t2_25 = cos_s1_1.mul_add(t2_10, t2_24);
+        let t2_26 = like.lift(0.4563) * t2_25;
+        let t2_27 = cos_q6 * q7;
+        let t2_28 = like.lift(0.5) * t2_27;
+        let t2_29 = -t2_28;
+        let t2_30 = sin_q1 * q2;
+        let t2_31 = cos_q1 * cos_s1_1;
+        let t2_32 = sin_q1 * sin_s1_2;
+        let t2_33 = (-cos_s1_2).mul_add(t2_31, t2_32);
+        let t2_34 = sin_s1_2 * t2_31;
+        let t2_35 = sin_q1.mul_add(cos_s1_2, t2_34);
+        let t2_36 = like.lift(-0.4563).mul_add(t2_33, t2_30);
+        let t2_37 = -t2_36;
+        let t2_38 = cos_q1 * sin_s1_1;
+        let t2_39 = cos_s1_3 * t2_38;
+        let t2_40 = (-sin_s1_3).mul_add(t2_35, t2_39);
+        let t2_41 = like.lift(0.39516739174683935) * t2_40;
+        let t2_42 = t2_41 - t2_30;
+        let t2_43 = cos_s1_1 * t2_33;
+        let t2_44 = (-t2_38).mul_add(e_s1_2_q1x, t2_43);
+        let t2_45 = like.lift(0.4563) * t2_44;
+        let t2_46 = -t2_45;
+        let t2_47 = -t2_46;
+        let t2_48 = sin_q6 * q7;
+        let t2_49 = sin_q1 * t2_10;
+        let t2_50 = (-cos_q1).mul_add(t2_33, t2_49);
+        let t2_51 = like.lift(0.4563) * t2_50;
+        let t2_52 = -t2_51;
+        let t2_53 = t2_38 * t2_10;
+        let t2_54 = t2_19.mul_add(t2_33, t2_53);
+        let t2_55 = like.lift(0.4563) * t2_54;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_27;
+        let t2_56 = like.lift(1.0) / t2_27;
+        let t2_57 = -t2_23;
+        let t2_58 = sin_s1_3 * sin_s1_1;
+        let t2_59 = t2_58 * sin_s1_2;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_59);
+        let t2_60 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_61 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_60);
+        let t2_62 = cos_q1 * t2_61;
+        let t2_63 = t2_19 * t2_61;
+        let t2_64 = cos_s1_1.mul_add(t2_22, t2_63);
+        let t2_65 = e_s1_2_q1x * t2_22;
+        let t2_66 = (-t2_10).mul_add(t2_61, t2_65);
+        let t2_67 = cos_q8 * q9;
+        let t2_68 = like.lift(0.5) * t2_67;
+        let t2_69 = -t2_68;
+        let t2_70 = like.lift(0.22815) * t2_33;
+        let t2_71 = t2_42 + t2_70;
+        let t2_72 = t2_70 + t2_41;
+        let t2_73 = t2_10 * t2_72;
+        let t2_74 = (-t2_33).mul_add(t2_22, t2_73);
+        let t2_75 = t2_33 * t2_61;
+        let t2_76 = (-e_s1_2_q1x).mul_add(t2_72, t2_75);
+        let t2_77 = t2_38 * t2_22;
+        let t2_78 = t2_19.mul_add(t2_72, t2_77);
+        let t2_79 = t2_38 * t2_61;
+        let t2_80 = sin_q1 * t2_61;
+        let t2_81 = (-cos_s1_1).mul_add(t2_72, t2_79);
+        let t2_82 = cos_q1 * t2_72;
+        let t2_83 = (-sin_q1).mul_add(t2_22, t2_82);
+        let t2_84 = -t2_81;
+        let t2_85 = -t2_76;
+        let t2_86 = sin_q8 * q9;
+        let t2_87 = -t2_74;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_67;
+        let t2_88 = -pivot_2;
+        let t2_89 = like.lift(1.0) / t2_67;
+        let t2_90 = -sin_q1;
+        let t2_91 = like.lift(0.5) * sin_q6;
+        let t2_92 = -t2_91;
+        let t2_93 = -cos_q6;
+        let t2_94 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_95 = t2_48 * t2_56;
+        let t2_96 = sin_q6.mul_add(t2_95, cos_q6);
+        let t2_97 = like.lift(1.1547005383792515) * t2_95;
+        let t2_98 = like.lift(1.1547005383792515) * t2_56;
+        let t2_99 = like.lift(0.5) * sin_q8;
+        let t2_100 = -t2_99;
+        let t2_101 = -cos_q8;
+        let t2_102 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_103 = t2_86 * t2_89;
+        let t2_104 = sin_q8.mul_add(t2_103, cos_q8);
+        let t2_105 = like.lift(1.1547005383792515) * t2_103;
+        let pivot_3 = t2_74.mul_add(t2_105, t2_76);
+        let t2_106 = (-t2_78).mul_add(t2_105, t2_81);
+        let t2_107 = t2_83.mul_add(t2_105, t2_80);
+        let t2_108 = like.lift(1.1547005383792515) * t2_89;
+        let t2_109 = -t2_102;
+        let t2_110 = like.lift(0.5773502691896257).mul_add(t2_74, t2_66);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_102 = t2_98 * inv_pivot_3;
-        let t2_103 = (-t2_70).mul_add(t2_102, t2_49);
-        let t2_104 = like.lift(0.5773502691896257).mul_add(t2_39, t2_14);
-        let t2_105 = t2_81.mul_add(t2_101, t2_71);
-        let t2_106 = t2_105.mul_add(t2_102, t2_55);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_81, t2_106);
+        let t2_111 = t2_110 * inv_pivot_3;
+        let t2_112 = (-t2_71).mul_add(t2_111, t2_23);
+        let t2_113 = -pivot_3;
+        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_52, t2_17);
+        let t2_115 = t2_107.mul_add(t2_111, t2_62);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_83, t2_115);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_107 = t2_104 * inv_pivot_4;
-        let pivot_5 = (-t2_103).mul_add(t2_107, t2_11);
+        let t2_116 = t2_114 * inv_pivot_4;
+        let pivot_5 = (-t2_112).mul_add(t2_116, t2_14);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_108 = (-cos_q1).mul_add(t2_102, sin_q1);
-        let t2_109 = (-t2_108).mul_add(t2_107, sin_q1);
-        let t2_110 = (-t2_83).mul_add(t2_101, t2_74);
-        let t2_111 = (-t2_110).mul_add(t2_102, t2_57);
-        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_83, t2_111);
-        let t2_113 = (-t2_112).mul_add(t2_107, t2_18);
-        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_42, t2_113);
-        let t2_115 = like.lift(1.0) / t2_19;
-        let t2_116 = t2_35 * t2_115;
-        let t2_117 = like.lift(1.1547005383792515) * t2_116;
-        let t2_118 = (-t2_39).mul_add(t2_117, t2_28);
-        let t2_119 = t2_118 * inv_pivot_4;
-        let t2_120 = (-t2_103).mul_add(t2_119, t2_26);
-        let t2_121 = t2_120 * inv_pivot_5;
-        let t2_122 = t2_109.mul_add(t2_121, cos_q1);
-        let t2_123 = t2_108.mul_add(t2_119, t2_122);
-        let t2_124 = t2_114.mul_add(t2_121, t2_33);
-        let t2_125 = t2_112.mul_add(t2_119, t2_124);
-        let pivot_6 = t2_42.mul_add(t2_117, t2_125);
+        let t2_117 = -pivot_5;
+        let t2_118 = (-cos_q1).mul_add(t2_111, sin_q1);
+        let t2_119 = (-t2_118).mul_add(t2_116, sin_q1);
+        let t2_120 = (-t2_106).mul_add(t2_111, t2_64);
+        let t2_121 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_120);
+        let t2_122 = t2_104 * t2_111;
+        let t2_123 = (-t2_121).mul_add(t2_116, t2_26);
+        let t2_124 = like.lift(0.5773502691896257).mul_add(t2_55, t2_123);
+        let t2_125 = t2_122 * t2_116;
+        let t2_126 = (-t2_52).mul_add(t2_97, t2_18);
+        let t2_127 = t2_126 * inv_pivot_4;
+        let t2_128 = (-t2_112).mul_add(t2_127, t2_36);
+        let t2_129 = t2_128 * inv_pivot_5;
+        let t2_130 = t2_124.mul_add(t2_129, t2_46);
+        let t2_131 = t2_121.mul_add(t2_127, t2_130);
+        let pivot_6 = t2_55.mul_add(t2_97, t2_131);
+        let t2_132 = t2_119.mul_add(t2_129, cos_q1);
+        let t2_133 = t2_118.mul_add(t2_127, t2_132);
+        let t2_134 = t2_122 * t2_127;
+        let t2_135 = (-t2_125).mul_add(t2_129, t2_134);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_126 = t2_123 * inv_pivot_6;
-        let t2_127 = (-t2_114).mul_add(t2_126, t2_109);
-        let t2_128 = inv_pivot_5 * t2_127;
-        let t2_129 = sin_q6.mul_add(t2_116, cos_q6);
-        let t2_130 = t2_129 * inv_pivot_6;
-        let t2_131 = inv_pivot_5 * t2_114;
-        let t2_132 = t2_131 * t2_130;
-        let t2_133 = sin_q8.mul_add(t2_100, cos_q8);
-        let t2_134 = t2_133 * t2_102;
-        let t2_135 = t2_134 * t2_107;
-        let t2_136 = t2_134 * t2_119;
-        let t2_137 = (-t2_135).mul_add(t2_121, t2_136);
-        let t2_138 = t2_137 * inv_pivot_6;
-        let t2_139 = t2_114.mul_add(t2_138, t2_135);
-        let t2_140 = inv_pivot_5 * t2_139;
-        let t2_141 = -t2_140;
-        let t2_142 = (-t2_112).mul_add(t2_126, t2_108);
-        let t2_143 = (-t2_103).mul_add(t2_128, t2_142);
-        let t2_144 = inv_pivot_4 * t2_143;
-        let t2_145 = -t2_144;
-        let t2_146 = t2_103 * t2_132;
-        let t2_147 = (-t2_112).mul_add(t2_130, t2_146);
-        let t2_148 = inv_pivot_4 * t2_147;
-        let t2_149 = (-t2_112).mul_add(t2_138, t2_134);
-        let t2_150 = t2_103.mul_add(t2_140, t2_149);
-        let t2_151 = inv_pivot_4 * t2_150;
-        let t2_152 = -t2_151;
-        let t2_153 = -t2_126;
-        let t2_154 = -t2_138;
-        let t2_155 = (-t2_110).mul_add(t2_126, cos_q1);
-        let t2_156 = (-t2_70).mul_add(t2_128, t2_155);
-        let t2_157 = t2_105.mul_add(t2_144, t2_156);
+        let t2_136 = t2_133 * inv_pivot_6;
+        let t2_137 = (-t2_124).mul_add(t2_136, t2_119);
+        let t2_138 = inv_pivot_5 * t2_137;
+        let t2_139 = t2_96 * inv_pivot_6;
+        let t2_140 = t2_135 * inv_pivot_6;
+        let t2_141 = t2_124.mul_add(t2_140, t2_125);
+        let t2_142 = inv_pivot_5 * t2_124;
+        let t2_143 = inv_pivot_5 * t2_141;
+        let t2_144 = t2_142 * t2_139;
+        let t2_145 = (-t2_121).mul_add(t2_136, t2_118);
+        let t2_146 = (-t2_112).mul_add(t2_138, t2_145);
+        let t2_147 = inv_pivot_4 * t2_146;
+        let t2_148 = (-t2_121).mul_add(t2_140, t2_122);
+        let t2_149 = t2_112.mul_add(t2_143, t2_148);
+        let t2_150 = t2_112 * t2_144;
+        let t2_151 = (-t2_121).mul_add(t2_139, t2_150);
+        let t2_152 = inv_pivot_4 * t2_151;
+        let t2_153 = inv_pivot_4 * t2_149;
+        let t2_154 = t2_106.mul_add(t2_140, t2_104);
+        let t2_155 = (-t2_71).mul_add(t2_143, t2_154);
+        let t2_156 = -t2_143;
+        let t2_157 = (-t2_107).mul_add(t2_153, t2_155);
         let t2_158 = inv_pivot_3 * t2_157;
-        let t2_159 = -t2_158;
-        let t2_160 = t2_70 * t2_132;
-        let t2_161 = (-t2_110).mul_add(t2_130, t2_160);
-        let t2_162 = t2_105.mul_add(t2_148, t2_161);
-        let t2_163 = inv_pivot_3 * t2_162;
-        let t2_164 = t2_110.mul_add(t2_138, t2_133);
-        let t2_165 = (-t2_70).mul_add(t2_140, t2_164);
-        let t2_166 = (-t2_105).mul_add(t2_151, t2_165);
-        let t2_167 = inv_pivot_3 * t2_166;
-        let t2_168 = t2_42 * t2_126;
-        let t2_169 = t2_39.mul_add(t2_144, t2_168);
-        let t2_170 = like.lift(1.1547005383792515) * t2_115;
-        let t2_171 = t2_169 * t2_170;
-        let t2_172 = (-t2_42).mul_add(t2_130, t2_92);
-        let t2_173 = (-t2_39).mul_add(t2_148, t2_172);
-        let t2_174 = t2_173 * t2_170;
-        let t2_175 = t2_42 * t2_138;
-        let t2_176 = t2_39.mul_add(t2_151, t2_175);
-        let t2_177 = t2_176 * t2_170;
-        let t2_178 = t2_85 * t2_158;
-        let t2_179 = (-t2_83).mul_add(t2_126, t2_178);
-        let t2_180 = (-t2_81).mul_add(t2_144, t2_179);
-        let t2_181 = like.lift(1.1547005383792515) * t2_99;
-        let t2_182 = t2_180 * t2_181;
-        let t2_183 = t2_85 * t2_163;
-        let t2_184 = (-t2_83).mul_add(t2_130, t2_183);
-        let t2_185 = (-t2_81).mul_add(t2_148, t2_184);
-        let t2_186 = t2_185 * t2_181;
-        let t2_187 = -t2_186;
-        let t2_188 = (-t2_83).mul_add(t2_138, t2_96);
-        let t2_189 = (-t2_81).mul_add(t2_151, t2_188);
-        let t2_190 = (-t2_85).mul_add(t2_167, t2_189);
-        let t2_191 = t2_190 * t2_181;
-        let t2_192 = -pivot_3;
-        let t2_193 = -pivot_5;
-        let t2_194 = -pivot_6;
+        let t2_159 = (-t2_78).mul_add(t2_140, t2_102);
+        let t2_160 = (-t2_83).mul_add(t2_153, t2_159);
+        let t2_161 = (-t2_74).mul_add(t2_158, t2_160);
+        let t2_162 = t2_161 * t2_108;
+        let t2_163 = -pivot_6;
+        let t2_164 = -t2_147;
+        let t2_165 = -t2_153;
+        let t2_166 = t2_55 * t2_140;
+        let t2_167 = t2_52.mul_add(t2_153, t2_166);
+        let t2_168 = -t2_140;
+        let t2_169 = t2_167 * t2_98;
+        let t2_170 = -t2_136;
+        let t2_171 = (-t2_106).mul_add(t2_136, cos_q1);
+        let t2_172 = (-t2_71).mul_add(t2_138, t2_171);
+        let t2_173 = t2_107.mul_add(t2_147, t2_172);
+        let t2_174 = inv_pivot_3 * t2_173;
+        let t2_175 = t2_71 * t2_144;
+        let t2_176 = (-t2_106).mul_add(t2_139, t2_175);
+        let t2_177 = t2_107.mul_add(t2_152, t2_176);
+        let t2_178 = inv_pivot_3 * t2_177;
+        let t2_179 = -t2_174;
+        let t2_180 = t2_74 * t2_174;
+        let t2_181 = (-t2_78).mul_add(t2_136, t2_180);
+        let t2_182 = t2_55 * t2_136;
+        let t2_183 = t2_52.mul_add(t2_147, t2_182);
+        let t2_184 = (-t2_83).mul_add(t2_147, t2_181);
+        let t2_185 = t2_183 * t2_98;
+        let t2_186 = t2_184 * t2_108;
+        let t2_187 = t2_74 * t2_178;
+        let t2_188 = (-t2_78).mul_add(t2_139, t2_187);
+        let t2_189 = (-t2_83).mul_add(t2_152, t2_188);
+        let t2_190 = t2_189 * t2_108;
+        let t2_191 = -t2_190;
+        let t2_192 = (-t2_55).mul_add(t2_139, t2_94);
+        let t2_193 = (-t2_52).mul_add(t2_152, t2_192);
+        let t2_194 = t2_193 * t2_98;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_87 * like.lift(1.8955297449982944)).abs())
-            .min((t2_192 * like.lift(2.6463477742948585)).abs())
+            .min((t2_88 * like.lift(1.8955297449982944)).abs())
+            .min((t2_113 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_193 * like.lift(0.8284577646309275)).abs())
-            .min((t2_194 * like.lift(2.1915406530791146)).abs());
+            .min((t2_117 * like.lift(0.8284577646309275)).abs())
+            .min((t2_163 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_128, t2_132, t2_141], [t2_145, t2_148, t2_152], [t2_153, t2_130, t2_154],
-                [t2_159, t2_163, t2_167], [t2_171, t2_174, t2_177], [t2_182, t2_187, t2_191],
+                [t2_138, t2_144, t2_156], [t2_164, t2_152, t2_165], [t2_170, t2_139, t2_168],
+                [t2_179, t2_178, t2_158], [t2_185, t2_194, t2_169], [t2_186, t2_191, t2_162],
             ],
             margin,
             || (
                 [
-                    [t2_12, t2_14, t2_18, like.lift(0.0), t2_21, like.lift(0.0)],
-                    [t2_27, t2_28, t2_34, like.lift(0.0), t2_35, like.lift(0.0)],
-                    [like.lift(0.0), t2_39, t2_42, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
-                    [t2_70, t2_71, t2_75, t2_78, like.lift(0.0), t2_79],
-                    [like.lift(0.0), t2_81, t2_83, t2_86, like.lift(0.0), t2_87],
+                    [t2_15, t2_17, t2_26, like.lift(0.0), t2_29, like.lift(0.0)],
+                    [t2_37, t2_18, t2_47, like.lift(0.0), t2_48, like.lift(0.0)],
+                    [like.lift(0.0), t2_52, t2_55, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_57, t2_62, t2_64, t2_66, like.lift(0.0), t2_69],
+                    [t2_71, t2_80, t2_84, t2_85, like.lift(0.0), t2_86],
+                    [like.lift(0.0), t2_83, t2_78, t2_87, like.lift(0.0), t2_88],
                 ],
                 [
-                    [t2_88, t2_90, like.lift(0.0)], [cos_q1, t2_91, like.lift(0.0)],
-                    [like.lift(0.0), t2_92, like.lift(0.0)], [t2_88, like.lift(0.0), t2_94],
-                    [cos_q1, like.lift(0.0), t2_95], [like.lift(0.0), like.lift(0.0), t2_97],
+                    [t2_90, t2_92, like.lift(0.0)], [cos_q1, t2_93, like.lift(0.0)],
+                    [like.lift(0.0), t2_94, like.lift(0.0)], [t2_90, like.lift(0.0), t2_100],
+                    [cos_q1, like.lift(0.0), t2_101], [like.lift(0.0), like.lift(0.0), t2_109],
                 ],
             ),
         );
@@ -8528,174 +8646,177 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([[T; 3]; 3], 
     // M
     {
         let t3_1 = cos_s1_2 * t2_4;
-        let t3_2 = cos_s1_3 * p_ixz_3;
-        let t3_3 = sin_s1_3.mul_add(p_ixy_3, t3_2);
-        let t3_4 = cos_s1_2 * t3_3;
-        let t3_5 = cos_s1_3 * p_iyz_3;
-        let t3_6 = sin_s1_3.mul_add(p_iyy_3, t3_5);
-        let t3_7 = sin_s1_3 * p_iyz_3;
-        let t3_8 = cos_s1_3.mul_add(p_izz_3, t3_7);
-        let t3_9 = cos_s1_3 * t3_8;
-        let t3_10 = sin_s1_3.mul_add(t3_6, t3_9);
-        let t3_11 = sin_s1_2.mul_add(t3_10, t3_4);
-        let t3_12 = sin_s1_2 * t3_3;
-        let t3_13 = cos_s1_2.mul_add(p_ixx_3, t3_12);
-        let t3_14 = cos_s1_2 * t3_13;
-        let t3_15 = sin_s1_2.mul_add(t3_11, t3_14);
-        let t3_16 = cos_s1_3.mul_add(p_iyy_3, -t3_7);
-        let t3_17 = (-sin_s1_3).mul_add(p_izz_3, t3_5);
-        let t3_18 = cos_s1_3 * t3_17;
-        let t3_19 = sin_s1_3.mul_add(t3_16, t3_18);
-        let t3_20 = cos_s1_3 * p_ixy_3;
-        let t3_21 = (-sin_s1_3).mul_add(p_ixz_3, t3_20);
-        let t3_22 = cos_s1_2 * t3_21;
-        let t3_23 = sin_s1_2.mul_add(t3_19, t3_22);
-        let t3_24 = cos_s1_1 * t3_23;
-        let t3_25 = sin_s1_1.mul_add(t3_15, t3_24);
-        let t3_26 = cos_s1_3 * t3_16;
-        let t3_27 = (-sin_s1_3).mul_add(t3_17, t3_26);
-        let t3_28 = cos_s1_1 * t3_27;
-        let t3_29 = sin_s1_1.mul_add(t3_23, t3_28);
-        let t3_30 = cos_s1_2 * t2_1;
-        let t3_31 = (-sin_s1_2).mul_add(p_mx_3, t3_30);
-        let t3_32 = p_mz_2 + t3_31;
-        let t3_33 = like.lift(2.0) * q2;
-        let t3_34 = t3_33.mul_add(t3_32, p_izz_1);
-        let t3_35 = cos_s1_1.mul_add(t3_29, t3_34);
-        let t3_36 = sin_s1_1.mul_add(t3_25, t3_35);
-        let t3_37 = cos_s1_2 * t3_11;
-        let t3_38 = (-sin_s1_2).mul_add(t3_13, t3_37);
-        let t3_39 = cos_s1_2 * t3_19;
-        let t3_40 = (-sin_s1_2).mul_add(t3_21, t3_39);
-        let t3_41 = cos_s1_1 * t2_4;
-        let t3_42 = sin_s1_1.mul_add(t2_3, -t3_41);
-        let t3_43 = cos_s1_1 * t3_40;
-        let t3_44 = (-q2).mul_add(t3_42, t3_43);
-        let t3_45 = sin_s1_1.mul_add(t3_38, t3_44);
-        let t3_46 = q2 * cos_s1_1;
-        let t3_47 = t3_46.mul_add(t3_31, t3_29);
-        let t3_48 = sin_s1_2 * t3_41;
-        let t3_49 = (-sin_s1_1).mul_add(t2_1, t3_48);
-        let t3_50 = cos_s1_1 * t3_21;
-        let t3_51 = (-q2).mul_add(t3_49, t3_50);
-        let t3_52 = sin_s1_1.mul_add(t3_13, t3_51);
-        let t3_53 = t3_52.mul_add(x_s1_3_q2, t2_6);
-        let t3_54 = t3_47.mul_add(x_s1_2_q2, t3_53);
-        let t3_55 = t3_45.mul_add(x_s1_1_q2, t3_54);
-        let t3_56 = t3_36.mul_add(x_q1_q2, t3_55);
-        let t3_57 = (-cos_s1_2).mul_add(t3_10, t3_12);
-        let t3_58 = (-sin_s1_2).mul_add(p_ixx_3, t3_4);
-        let t3_59 = sin_s1_2 * t3_58;
-        let t3_60 = cos_s1_2.mul_add(t3_57, t3_59);
-        let t3_61 = t3_58 * x_s1_3_q2;
-        let t3_62 = t3_40.mul_add(x_s1_2_q2, t3_61);
-        let t3_63 = (-t3_60).mul_add(x_s1_1_q2, t3_62);
-        let t3_64 = t3_45.mul_add(x_q1_q2, t3_63);
-        let t3_65 = t3_21.mul_add(x_s1_3_q2, t2_3);
-        let t3_66 = t3_27.mul_add(x_s1_2_q2, t3_65);
-        let t3_67 = t3_40.mul_add(x_s1_1_q2, t3_66);
-        let t3_68 = t3_47.mul_add(x_q1_q2, t3_67);
-        let t3_69 = p_ixx_3.mul_add(x_s1_3_q2, t3_1);
-        let t3_70 = t3_21.mul_add(x_s1_2_q2, t3_69);
-        let t3_71 = t3_58.mul_add(x_s1_1_q2, t3_70);
-        let t3_72 = t3_52.mul_add(x_q1_q2, t3_71);
-        let t3_73 = q7.mul_add(p_m_5, p_mz_5);
-        let t3_74 = p_mz_5 + t3_73;
-        let t3_75 = q7.mul_add(t3_74, p_izz_4);
-        let t3_76 = q9.mul_add(p_m_7, p_mz_7);
-        let t3_77 = p_mz_7 + t3_76;
-        let t3_78 = q9.mul_add(t3_77, p_izz_6);
-        let t3_79 = t3_56 + t2_6;
-        let t3_80 = t3_68 + t2_3;
-        let t3_81 = t3_72 + t3_1;
-        let t3_82 = x_q8_q2 * t3_78;
+        let t3_2 = cos_s1_1 * t2_4;
+        let t3_3 = cos_s1_3 * p_ixz_3;
+        let t3_4 = sin_s1_3.mul_add(p_ixy_3, t3_3);
+        let t3_5 = cos_s1_2 * t3_4;
+        let t3_6 = sin_s1_2 * t3_4;
+        let t3_7 = cos_s1_3 * p_iyz_3;
+        let t3_8 = sin_s1_3.mul_add(p_iyy_3, t3_7);
+        let t3_9 = (-sin_s1_3).mul_add(p_izz_3, t3_7);
+        let t3_10 = sin_s1_3 * p_iyz_3;
+        let t3_11 = cos_s1_3.mul_add(p_izz_3, t3_10);
+        let t3_12 = cos_s1_3 * t3_11;
+        let t3_13 = sin_s1_3.mul_add(t3_8, t3_12);
+        let t3_14 = cos_s1_3.mul_add(p_iyy_3, -t3_10);
+        let t3_15 = sin_s1_2.mul_add(t3_13, t3_5);
+        let t3_16 = (-cos_s1_2).mul_add(t3_13, t3_6);
+        let t3_17 = cos_s1_2.mul_add(p_ixx_3, t3_6);
+        let t3_18 = (-sin_s1_2).mul_add(p_ixx_3, t3_5);
+        let t3_19 = sin_s1_2 * t3_18;
+        let t3_20 = cos_s1_2.mul_add(t3_16, t3_19);
+        let t3_21 = cos_s1_2 * t3_17;
+        let t3_22 = sin_s1_2.mul_add(t3_15, t3_21);
+        let t3_23 = cos_s1_2 * t3_15;
+        let t3_24 = (-sin_s1_2).mul_add(t3_17, t3_23);
+        let t3_25 = cos_s1_3 * t3_9;
+        let t3_26 = sin_s1_3.mul_add(t3_14, t3_25);
+        let t3_27 = cos_s1_3 * t3_14;
+        let t3_28 = (-sin_s1_3).mul_add(t3_9, t3_27);
+        let t3_29 = cos_s1_3 * p_ixy_3;
+        let t3_30 = (-sin_s1_3).mul_add(p_ixz_3, t3_29);
+        let t3_31 = cos_s1_2 * t3_30;
+        let t3_32 = sin_s1_2.mul_add(t3_26, t3_31);
+        let t3_33 = cos_s1_2 * t3_26;
+        let t3_34 = cos_s1_2 * t2_1;
+        let t3_35 = (-sin_s1_2).mul_add(p_mx_3, t3_34);
+        let t3_36 = (-sin_s1_2).mul_add(t3_30, t3_33);
+        let t3_37 = sin_s1_2 * t3_2;
+        let t3_38 = (-sin_s1_1).mul_add(t2_1, t3_37);
+        let t3_39 = sin_s1_1.mul_add(t2_3, -t3_2);
+        let t3_40 = cos_s1_1 * t3_32;
+        let t3_41 = sin_s1_1.mul_add(t3_22, t3_40);
+        let t3_42 = cos_s1_1 * t3_28;
+        let t3_43 = sin_s1_1.mul_add(t3_32, t3_42);
+        let t3_44 = cos_s1_1 * t3_36;
+        let t3_45 = (-q2).mul_add(t3_39, t3_44);
+        let t3_46 = sin_s1_1.mul_add(t3_24, t3_45);
+        let t3_47 = cos_s1_1 * t3_30;
+        let t3_48 = (-q2).mul_add(t3_38, t3_47);
+        let t3_49 = sin_s1_1.mul_add(t3_17, t3_48);
+        let t3_50 = p_mz_2 + t3_35;
+        let t3_51 = like.lift(2.0) * q2;
+        let t3_52 = t3_51.mul_add(t3_50, p_izz_1);
+        let t3_53 = cos_s1_1.mul_add(t3_43, t3_52);
+        let t3_54 = sin_s1_1.mul_add(t3_41, t3_53);
+        let t3_55 = q2 * cos_s1_1;
+        let t3_56 = t3_55.mul_add(t3_35, t3_43);
+        let t3_57 = t3_49.mul_add(x_s1_3_q2, t2_6);
+        let t3_58 = t3_56.mul_add(x_s1_2_q2, t3_57);
+        let t3_59 = t3_46.mul_add(x_s1_1_q2, t3_58);
+        let t3_60 = t3_54.mul_add(x_q1_q2, t3_59);
+        let t3_61 = t3_60 + t2_6;
+        let t3_62 = t3_18 * x_s1_3_q2;
+        let t3_63 = t3_36.mul_add(x_s1_2_q2, t3_62);
+        let t3_64 = (-t3_20).mul_add(x_s1_1_q2, t3_63);
+        let t3_65 = t3_46.mul_add(x_q1_q2, t3_64);
+        let t3_66 = t3_30.mul_add(x_s1_3_q2, t2_3);
+        let t3_67 = t3_28.mul_add(x_s1_2_q2, t3_66);
+        let t3_68 = t3_36.mul_add(x_s1_1_q2, t3_67);
+        let t3_69 = t3_56.mul_add(x_q1_q2, t3_68);
+        let t3_70 = t3_69 + t2_3;
+        let t3_71 = p_ixx_3.mul_add(x_s1_3_q2, t3_1);
+        let t3_72 = t3_30.mul_add(x_s1_2_q2, t3_71);
+        let t3_73 = t3_18.mul_add(x_s1_1_q2, t3_72);
+        let t3_74 = t3_49.mul_add(x_q1_q2, t3_73);
+        let t3_75 = t3_74 + t3_1;
+        let t3_76 = q7.mul_add(p_m_5, p_mz_5);
+        let t3_77 = p_mz_5 + t3_76;
+        let t3_78 = q7.mul_add(t3_77, p_izz_4);
+        let t3_79 = q9.mul_add(p_m_7, p_mz_7);
+        let t3_80 = p_mz_7 + t3_79;
+        let t3_81 = q9.mul_add(t3_80, p_izz_6);
+        let t3_82 = x_q8_q2 * t3_81;
         let t3_83 = t3_82.mul_add(x_q8_q2, p_j_q2);
-        let t3_84 = x_q6_q2 * t3_75;
+        let t3_84 = x_q6_q2 * t3_78;
         let t3_85 = t3_84.mul_add(x_q6_q2, t3_83);
-        let t3_86 = x_s1_3_q2.mul_add(t3_81, t3_85);
-        let t3_87 = x_s1_2_q2.mul_add(t3_80, t3_86);
-        let t3_88 = x_s1_1_q2.mul_add(t3_64, t3_87);
-        let t3_89 = x_q1_q2.mul_add(t3_79, t3_88);
-        let t3_90 = t3_52 * x_s1_3_q7;
-        let t3_91 = t3_47.mul_add(x_s1_2_q7, t3_90);
-        let t3_92 = t3_45.mul_add(x_s1_1_q7, t3_91);
-        let t3_93 = t3_36.mul_add(x_q1_q7, t3_92);
-        let t3_94 = t3_58 * x_s1_3_q7;
-        let t3_95 = t3_40.mul_add(x_s1_2_q7, t3_94);
-        let t3_96 = (-t3_60).mul_add(x_s1_1_q7, t3_95);
-        let t3_97 = t3_45.mul_add(x_q1_q7, t3_96);
-        let t3_98 = t3_21 * x_s1_3_q7;
-        let t3_99 = t3_27.mul_add(x_s1_2_q7, t3_98);
-        let t3_100 = t3_40.mul_add(x_s1_1_q7, t3_99);
-        let t3_101 = t3_47.mul_add(x_q1_q7, t3_100);
-        let t3_102 = p_ixx_3 * x_s1_3_q7;
-        let t3_103 = t3_21.mul_add(x_s1_2_q7, t3_102);
-        let t3_104 = t3_58.mul_add(x_s1_1_q7, t3_103);
-        let t3_105 = t3_52.mul_add(x_q1_q7, t3_104);
-        let t3_106 = t3_75.mul_add(x_q6_q7, p_mx_5);
-        let t3_107 = t3_78 * x_q8_q7;
-        let t3_108 = x_q8_q2 * t3_107;
-        let t3_109 = x_q6_q2.mul_add(t3_106, t3_108);
-        let t3_110 = x_s1_3_q2.mul_add(t3_105, t3_109);
-        let t3_111 = x_s1_2_q2.mul_add(t3_101, t3_110);
-        let t3_112 = x_s1_1_q2.mul_add(t3_97, t3_111);
-        let t3_113 = x_q1_q2.mul_add(t3_93, t3_112);
-        let t3_114 = t3_1.mul_add(x_s1_3_q7, t3_113);
-        let t3_115 = t2_3.mul_add(x_s1_2_q7, t3_114);
-        let t3_116 = t2_6.mul_add(x_q1_q7, t3_115);
-        let t3_117 = t3_52 * x_s1_3_q9;
-        let t3_118 = t3_47.mul_add(x_s1_2_q9, t3_117);
-        let t3_119 = t3_45.mul_add(x_s1_1_q9, t3_118);
-        let t3_120 = t3_36.mul_add(x_q1_q9, t3_119);
-        let t3_121 = t3_58 * x_s1_3_q9;
-        let t3_122 = t3_40.mul_add(x_s1_2_q9, t3_121);
-        let t3_123 = (-t3_60).mul_add(x_s1_1_q9, t3_122);
-        let t3_124 = t3_45.mul_add(x_q1_q9, t3_123);
-        let t3_125 = t3_21 * x_s1_3_q9;
-        let t3_126 = t3_27.mul_add(x_s1_2_q9, t3_125);
-        let t3_127 = t3_40.mul_add(x_s1_1_q9, t3_126);
-        let t3_128 = t3_47.mul_add(x_q1_q9, t3_127);
-        let t3_129 = p_ixx_3 * x_s1_3_q9;
-        let t3_130 = t3_21.mul_add(x_s1_2_q9, t3_129);
-        let t3_131 = t3_58.mul_add(x_s1_1_q9, t3_130);
-        let t3_132 = t3_52.mul_add(x_q1_q9, t3_131);
-        let t3_133 = t3_75 * x_q6_q9;
-        let t3_134 = t3_78.mul_add(x_q8_q9, p_mx_7);
-        let t3_135 = x_q8_q2 * t3_134;
-        let t3_136 = x_q6_q2.mul_add(t3_133, t3_135);
-        let t3_137 = x_s1_3_q2.mul_add(t3_132, t3_136);
-        let t3_138 = x_s1_2_q2.mul_add(t3_128, t3_137);
-        let t3_139 = x_s1_1_q2.mul_add(t3_124, t3_138);
-        let t3_140 = x_q1_q2.mul_add(t3_120, t3_139);
-        let t3_141 = t3_1.mul_add(x_s1_3_q9, t3_140);
-        let t3_142 = t2_3.mul_add(x_s1_2_q9, t3_141);
-        let t3_143 = t2_6.mul_add(x_q1_q9, t3_142);
-        m[0] = [t3_89, t3_116, t3_143];
-        let t3_144 = p_mx_5 + t3_106;
-        let t3_145 = x_q8_q7.mul_add(t3_107, p_m_5);
-        let t3_146 = x_q6_q7.mul_add(t3_144, t3_145);
-        let t3_147 = t3_146 + p_j_q7;
-        let t3_148 = x_s1_3_q7.mul_add(t3_105, t3_147);
-        let t3_149 = x_s1_2_q7.mul_add(t3_101, t3_148);
-        let t3_150 = x_s1_1_q7.mul_add(t3_97, t3_149);
-        let t3_151 = x_q1_q7.mul_add(t3_93, t3_150);
-        let t3_152 = x_q8_q7 * t3_134;
-        let t3_153 = p_mx_5.mul_add(x_q6_q9, t3_152);
-        let t3_154 = x_q6_q7.mul_add(t3_133, t3_153);
-        let t3_155 = x_s1_3_q7.mul_add(t3_132, t3_154);
-        let t3_156 = x_s1_2_q7.mul_add(t3_128, t3_155);
-        let t3_157 = x_s1_1_q7.mul_add(t3_124, t3_156);
-        let t3_158 = x_q1_q7.mul_add(t3_120, t3_157);
-        m[1] = [t3_116, t3_151, t3_158];
-        let t3_159 = p_mx_7 + t3_134;
-        let t3_160 = x_q8_q9.mul_add(t3_159, p_m_7);
-        let t3_161 = t3_160 + p_j_q9;
-        let t3_162 = x_q6_q9.mul_add(t3_133, t3_161);
-        let t3_163 = x_s1_3_q9.mul_add(t3_132, t3_162);
-        let t3_164 = x_s1_2_q9.mul_add(t3_128, t3_163);
-        let t3_165 = x_s1_1_q9.mul_add(t3_124, t3_164);
-        let t3_166 = x_q1_q9.mul_add(t3_120, t3_165);
-        m[2] = [t3_143, t3_158, t3_166];
+        let t3_86 = x_s1_3_q2.mul_add(t3_75, t3_85);
+        let t3_87 = x_s1_2_q2.mul_add(t3_70, t3_86);
+        let t3_88 = x_s1_1_q2.mul_add(t3_65, t3_87);
+        let t3_89 = x_q1_q2.mul_add(t3_61, t3_88);
+        m[0][0] = t3_89;
+        let t3_90 = t3_49 * x_s1_3_q7;
+        let t3_91 = t3_56.mul_add(x_s1_2_q7, t3_90);
+        let t3_92 = t3_46.mul_add(x_s1_1_q7, t3_91);
+        let t3_93 = t3_54.mul_add(x_q1_q7, t3_92);
+        let t3_94 = t3_18 * x_s1_3_q7;
+        let t3_95 = t3_36.mul_add(x_s1_2_q7, t3_94);
+        let t3_96 = (-t3_20).mul_add(x_s1_1_q7, t3_95);
+        let t3_97 = t3_46.mul_add(x_q1_q7, t3_96);
+        let t3_98 = t3_30 * x_s1_3_q7;
+        let t3_99 = t3_28.mul_add(x_s1_2_q7, t3_98);
+        let t3_100 = t3_36.mul_add(x_s1_1_q7, t3_99);
+        let t3_101 = t3_56.mul_add(x_q1_q7, t3_100);
+        let t3_102 = t3_30 * x_s1_3_q9;
+        let t3_103 = t3_28.mul_add(x_s1_2_q9, t3_102);
+        let t3_104 = t3_36.mul_add(x_s1_1_q9, t3_103);
+        let t3_105 = t3_56.mul_add(x_q1_q9, t3_104);
+        let t3_106 = t3_49 * x_s1_3_q9;
+        let t3_107 = t3_56.mul_add(x_s1_2_q9, t3_106);
+        let t3_108 = t3_46.mul_add(x_s1_1_q9, t3_107);
+        let t3_109 = t3_54.mul_add(x_q1_q9, t3_108);
+        let t3_110 = t3_18 * x_s1_3_q9;
+        let t3_111 = t3_36.mul_add(x_s1_2_q9, t3_110);
+        let t3_112 = (-t3_20).mul_add(x_s1_1_q9, t3_111);
+        let t3_113 = t3_46.mul_add(x_q1_q9, t3_112);
+        let t3_114 = p_ixx_3 * x_s1_3_q7;
+        let t3_115 = t3_30.mul_add(x_s1_2_q7, t3_114);
+        let t3_116 = t3_18.mul_add(x_s1_1_q7, t3_115);
+        let t3_117 = t3_49.mul_add(x_q1_q7, t3_116);
+        let t3_118 = p_ixx_3 * x_s1_3_q9;
+        let t3_119 = t3_30.mul_add(x_s1_2_q9, t3_118);
+        let t3_120 = t3_18.mul_add(x_s1_1_q9, t3_119);
+        let t3_121 = t3_49.mul_add(x_q1_q9, t3_120);
+        let t3_122 = t3_78.mul_add(x_q6_q7, p_mx_5);
+        let t3_123 = t3_78 * x_q6_q9;
+        let t3_124 = t3_81 * x_q8_q7;
+        let t3_125 = t3_81.mul_add(x_q8_q9, p_mx_7);
+        let t3_126 = p_mx_7 + t3_125;
+        let t3_127 = x_q8_q9.mul_add(t3_126, p_m_7);
+        let t3_128 = t3_127 + p_j_q9;
+        let t3_129 = x_q6_q9.mul_add(t3_123, t3_128);
+        let t3_130 = x_s1_3_q9.mul_add(t3_121, t3_129);
+        let t3_131 = x_s1_2_q9.mul_add(t3_105, t3_130);
+        let t3_132 = x_s1_1_q9.mul_add(t3_113, t3_131);
+        let t3_133 = x_q1_q9.mul_add(t3_109, t3_132);
+        m[2][2] = t3_133;
+        let t3_134 = x_q8_q7 * t3_125;
+        let t3_135 = p_mx_5.mul_add(x_q6_q9, t3_134);
+        let t3_136 = x_q8_q2 * t3_125;
+        let t3_137 = x_q8_q2 * t3_124;
+        let t3_138 = x_q8_q7.mul_add(t3_124, p_m_5);
+        let t3_139 = x_q6_q2.mul_add(t3_122, t3_137);
+        let t3_140 = x_q6_q2.mul_add(t3_123, t3_136);
+        let t3_141 = x_q6_q7.mul_add(t3_123, t3_135);
+        let t3_142 = p_mx_5 + t3_122;
+        let t3_143 = x_q6_q7.mul_add(t3_142, t3_138);
+        let t3_144 = x_s1_3_q2.mul_add(t3_117, t3_139);
+        let t3_145 = x_s1_3_q2.mul_add(t3_121, t3_140);
+        let t3_146 = x_s1_3_q7.mul_add(t3_121, t3_141);
+        let t3_147 = t3_143 + p_j_q7;
+        let t3_148 = x_s1_3_q7.mul_add(t3_117, t3_147);
+        let t3_149 = x_s1_2_q2.mul_add(t3_101, t3_144);
+        let t3_150 = x_s1_2_q2.mul_add(t3_105, t3_145);
+        let t3_151 = x_s1_2_q7.mul_add(t3_101, t3_148);
+        let t3_152 = x_s1_2_q7.mul_add(t3_105, t3_146);
+        let t3_153 = x_s1_1_q7.mul_add(t3_97, t3_151);
+        let t3_154 = x_s1_1_q7.mul_add(t3_113, t3_152);
+        let t3_155 = x_s1_1_q2.mul_add(t3_97, t3_149);
+        let t3_156 = x_s1_1_q2.mul_add(t3_113, t3_150);
+        let t3_157 = x_q1_q7.mul_add(t3_93, t3_153);
+        m[1][1] = t3_157;
+        let t3_158 = x_q1_q2.mul_add(t3_93, t3_155);
+        let t3_159 = t3_1.mul_add(x_s1_3_q7, t3_158);
+        let t3_160 = x_q1_q2.mul_add(t3_109, t3_156);
+        let t3_161 = t3_1.mul_add(x_s1_3_q9, t3_160);
+        let t3_162 = t2_3.mul_add(x_s1_2_q9, t3_161);
+        let t3_163 = t2_3.mul_add(x_s1_2_q7, t3_159);
+        let t3_164 = t2_6.mul_add(x_q1_q9, t3_162);
+        m[0][2] = t3_164; m[2][0] = t3_164;
+        let t3_165 = t2_6.mul_add(x_q1_q7, t3_163);
+        m[0][1] = t3_165; m[1][0] = t3_165;
+        let t3_166 = x_q1_q7.mul_add(t3_109, t3_154);
+        m[1][2] = t3_166; m[2][1] = t3_166;
     }
     (m, Condition { pivot: condition })
 }

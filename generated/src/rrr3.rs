@@ -369,39 +369,39 @@ pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 10] {
     // f (Eq. 6)
     {
         let t2_1 = cos_q1_q2 + cos_q1;
-        let t2_2 = like.lift(0.4) * t2_1;
-        let t2_3 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_4 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_5 = cos_q4_q5 + cos_q4;
-        let t2_6 = t2_2 - t2_3;
-        let t2_7 = t2_6 + t2_4;
-        let t2_8 = like.lift(-0.4).mul_add(t2_5, t2_7);
-        let t2_9 = t2_8 + like.lift(0.45);
-        let t2_10 = -t2_9;
-        f[0] = t2_10;
-        let t2_11 = sin_q1_q2 + sin_q1;
-        let t2_12 = like.lift(0.4).mul_add(t2_11, like.lift(0.5196152422706631));
-        let t2_13 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_14 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_15 = sin_q4_q5 + sin_q4;
-        let t2_16 = t2_12 - t2_13;
-        let t2_17 = t2_16 - t2_14;
-        let t2_18 = like.lift(-0.4).mul_add(t2_15, t2_17);
-        let t2_19 = t2_18 + like.lift(0.25980762113533157);
+        let t2_2 = cos_q4_q5 + cos_q4;
+        let t2_3 = sin_q1_q2 + sin_q1;
+        let t2_4 = sin_q4_q5 + sin_q4;
+        let t2_5 = cos_q6_q7 + cos_q6;
+        let t2_6 = sin_q6_q7 + sin_q6;
+        let t2_7 = like.lift(0.4) * t2_1;
+        let t2_8 = like.lift(0.4).mul_add(t2_3, like.lift(0.5196152422706631));
+        let t2_9 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_10 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_11 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_12 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_13 = t2_7 - t2_9;
+        let t2_14 = t2_7 + t2_9;
+        let t2_15 = t2_13 + t2_11;
+        let t2_16 = t2_14 + t2_11;
+        let t2_17 = like.lift(-0.4).mul_add(t2_2, t2_15);
+        let t2_18 = like.lift(-0.4).mul_add(t2_5, t2_16);
+        let t2_19 = t2_17 + like.lift(0.45);
         let t2_20 = -t2_19;
-        f[2] = t2_20;
-        let t2_21 = cos_q6_q7 + cos_q6;
-        let t2_22 = t2_2 + t2_3;
-        let t2_23 = t2_22 + t2_4;
-        let t2_24 = like.lift(-0.4).mul_add(t2_21, t2_23);
-        let t2_25 = t2_24 - like.lift(0.45);
-        let t2_26 = -t2_25;
-        f[5] = t2_26;
-        let t2_27 = sin_q6_q7 + sin_q6;
-        let t2_28 = t2_12 + t2_13;
-        let t2_29 = t2_28 - t2_14;
-        let t2_30 = like.lift(-0.4).mul_add(t2_27, t2_29);
-        let t2_31 = t2_30 + like.lift(0.25980762113533157);
+        f[0] = t2_20;
+        let t2_21 = t2_18 - like.lift(0.45);
+        let t2_22 = -t2_21;
+        f[5] = t2_22;
+        let t2_23 = t2_8 - t2_12;
+        let t2_24 = t2_8 + t2_12;
+        let t2_25 = t2_23 - t2_10;
+        let t2_26 = t2_24 - t2_10;
+        let t2_27 = like.lift(-0.4).mul_add(t2_4, t2_25);
+        let t2_28 = like.lift(-0.4).mul_add(t2_6, t2_26);
+        let t2_29 = t2_27 + like.lift(0.25980762113533157);
+        let t2_30 = -t2_29;
+        f[2] = t2_30;
+        let t2_31 = t2_28 + like.lift(0.25980762113533157);
         let t2_32 = -t2_31;
         f[7] = t2_32;
     }
@@ -439,43 +439,51 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 10] {
         ]
     };
     // row 1
-    let [t2_1, t2_2, t2_3, t2_4] = {
-        let t2_1 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_2 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_3 = like.lift(0.4) * sin_q1_q2;
-        let t2_4 = like.lift(0.4).mul_add(sin_q1, t2_3);
-        let t2_5 = t2_1 + t2_2;
-        let t2_6 = t2_5 - t2_4;
-        let t2_7 = -t2_6;
-        let t2_8 = t2_2 + t2_1;
-        let t2_9 = t2_3 - t2_8;
-        let t2_10 = -t2_8;
-        let t2_11 = like.lift(0.4) * sin_q4_q5;
-        let t2_12 = like.lift(0.4).mul_add(sin_q4, t2_11);
-        let t2_13 = -t2_12;
-        let t2_14 = -t2_11;
-        a[0][0] = t2_7; a[0][1] = t2_9; a[0][2] = t2_10; a[0][3] = t2_13; a[0][4] = t2_14;
-        [t2_1, t2_2, t2_3, t2_4]
+    let [t2_1, t2_2, t2_7, t2_8] = {
+        let t2_1 = like.lift(0.4) * sin_q1_q2;
+        let t2_2 = like.lift(0.4).mul_add(sin_q1, t2_1);
+        let t2_3 = like.lift(0.4) * sin_q4_q5;
+        let t2_4 = like.lift(0.4).mul_add(sin_q4, t2_3);
+        let t2_5 = -t2_4;
+        a[0][3] = t2_5;
+        let t2_6 = -t2_3;
+        a[0][4] = t2_6;
+        let t2_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_8 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_9 = t2_7 + t2_8;
+        let t2_10 = t2_9 - t2_2;
+        let t2_11 = -t2_10;
+        a[0][0] = t2_11;
+        let t2_12 = t2_8 + t2_7;
+        let t2_13 = t2_1 - t2_12;
+        a[0][1] = t2_13;
+        let t2_14 = -t2_12;
+        a[0][2] = t2_14;
+        [t2_1, t2_2, t2_7, t2_8]
     };
     // row 2
     {
     }
     // row 3
-    let [t4_1, t4_2, t4_3, t4_4] = {
-        let t4_1 = like.lift(0.4) * cos_q1_q2;
-        let t4_2 = like.lift(0.4).mul_add(cos_q1, t4_1);
-        let t4_3 = like.lift(0.04) * cos_q1_q2_q3;
-        let t4_4 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t4_5 = t4_3 - t4_4;
-        let t4_6 = t4_2 - t4_5;
-        let t4_7 = -t4_6;
-        let t4_8 = t4_4 + t4_1;
-        let t4_9 = t4_8 - t4_3;
-        let t4_10 = -t4_9;
-        let t4_11 = like.lift(0.4) * cos_q4_q5;
-        let t4_12 = like.lift(0.4).mul_add(cos_q4, t4_11);
-        a[2][0] = t4_7; a[2][1] = t4_10; a[2][2] = t4_5; a[2][3] = t4_12; a[2][4] = t4_11;
-        [t4_1, t4_2, t4_3, t4_4]
+    let [t4_3, t4_4, t4_5, t4_6] = {
+        let t4_1 = like.lift(0.4) * cos_q4_q5;
+        a[2][4] = t4_1;
+        let t4_2 = like.lift(0.4).mul_add(cos_q4, t4_1);
+        a[2][3] = t4_2;
+        let t4_3 = like.lift(0.4) * cos_q1_q2;
+        let t4_4 = like.lift(0.4).mul_add(cos_q1, t4_3);
+        let t4_5 = like.lift(0.04) * cos_q1_q2_q3;
+        let t4_6 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t4_7 = t4_5 - t4_6;
+        a[2][2] = t4_7;
+        let t4_8 = t4_4 - t4_7;
+        let t4_9 = -t4_8;
+        a[2][0] = t4_9;
+        let t4_10 = t4_6 + t4_3;
+        let t4_11 = t4_10 - t4_5;
+        let t4_12 = -t4_11;
+        a[2][1] = t4_12;
+        [t4_3, t4_4, t4_5, t4_6]
     };
     // row 4
     {
@@ -485,32 +493,40 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 10] {
     }
     // row 6
     {
-        let t7_1 = t2_1 - t2_2;
-        let t7_2 = t7_1 - t2_4;
-        let t7_3 = -t7_2;
-        let t7_4 = t2_2 - t2_1;
-        let t7_5 = t2_3 + t7_4;
+        let t7_1 = t2_8 - t2_7;
+        a[5][2] = t7_1;
+        let t7_2 = t2_1 + t7_1;
+        a[5][1] = t7_2;
+        let t7_3 = t2_7 - t2_8;
+        let t7_4 = t7_3 - t2_2;
+        let t7_5 = -t7_4;
+        a[5][0] = t7_5;
         let t7_6 = like.lift(0.4) * sin_q6_q7;
         let t7_7 = like.lift(0.4).mul_add(sin_q6, t7_6);
         let t7_8 = -t7_7;
+        a[5][5] = t7_8;
         let t7_9 = -t7_6;
-        a[5][0] = t7_3; a[5][1] = t7_5; a[5][2] = t7_4; a[5][5] = t7_8; a[5][6] = t7_9;
+        a[5][6] = t7_9;
     }
     // row 7
     {
     }
     // row 8
     {
-        let t9_1 = t4_3 + t4_4;
-        let t9_2 = t4_2 + t9_1;
-        let t9_3 = -t9_2;
-        let t9_4 = t4_4 + t4_1;
-        let t9_5 = t9_4 + t4_3;
-        let t9_6 = -t9_5;
-        let t9_7 = -t9_1;
-        let t9_8 = like.lift(0.4) * cos_q6_q7;
-        let t9_9 = like.lift(0.4).mul_add(cos_q6, t9_8);
-        a[7][0] = t9_3; a[7][1] = t9_6; a[7][2] = t9_7; a[7][5] = t9_9; a[7][6] = t9_8;
+        let t9_1 = like.lift(0.4) * cos_q6_q7;
+        a[7][6] = t9_1;
+        let t9_2 = like.lift(0.4).mul_add(cos_q6, t9_1);
+        a[7][5] = t9_2;
+        let t9_3 = t4_6 + t4_3;
+        let t9_4 = t9_3 + t4_5;
+        let t9_5 = t4_5 + t4_6;
+        let t9_6 = -t9_4;
+        a[7][1] = t9_6;
+        let t9_7 = t4_4 + t9_5;
+        let t9_8 = -t9_7;
+        a[7][0] = t9_8;
+        let t9_9 = -t9_5;
+        a[7][2] = t9_9;
     }
     // row 9
     {
@@ -532,7 +548,6 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 10] {
     let like = q[0];
     let mut b = [like.lift(0.0); 10];
     let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_q3, cos_q1_q2_q3, sin_q4, cos_q4,
@@ -553,56 +568,57 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 10] {
             sin_q4_q5, cos_q4_q5, sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
         ]
     };
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
     // b (Eq. 7)
     {
         let t2_1 = d_q1 + d_q2;
         let t2_2 = t2_1 * t2_1;
-        let t2_3 = d_q1 * d_q1;
-        let t2_4 = cos_q1_q2 * t2_2;
-        let t2_5 = cos_q1.mul_add(t2_3, t2_4);
-        let t2_6 = like.lift(0.4) * t2_5;
-        let t2_7 = d_q3 + t2_1;
-        let t2_8 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_9 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_10 = t2_8 - t2_9;
-        let t2_11 = d_q4 + d_q5;
-        let t2_12 = t2_11 * t2_11;
-        let t2_13 = d_q4 * d_q4;
-        let t2_14 = t2_7 * t2_7;
-        let t2_15 = cos_q4_q5 * t2_12;
-        let t2_16 = cos_q4.mul_add(t2_13, t2_15);
-        let t2_17 = (-t2_10).mul_add(t2_14, t2_6);
-        let t2_18 = like.lift(-0.4).mul_add(t2_16, t2_17);
-        let t2_19 = -t2_18;
-        b[0] = t2_19;
-        let t2_20 = sin_q1_q2 * t2_2;
-        let t2_21 = sin_q1.mul_add(t2_3, t2_20);
-        let t2_22 = like.lift(0.4) * t2_21;
-        let t2_23 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_24 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_25 = t2_23 + t2_24;
-        let t2_26 = sin_q4_q5 * t2_12;
-        let t2_27 = sin_q4.mul_add(t2_13, t2_26);
-        let t2_28 = (-t2_25).mul_add(t2_14, t2_22);
-        let t2_29 = like.lift(-0.4).mul_add(t2_27, t2_28);
-        let t2_30 = -t2_29;
-        b[2] = t2_30;
-        let t2_31 = t2_8 + t2_9;
-        let t2_32 = d_q6 + d_q7;
-        let t2_33 = t2_32 * t2_32;
-        let t2_34 = d_q6 * d_q6;
-        let t2_35 = cos_q6_q7 * t2_33;
-        let t2_36 = cos_q6.mul_add(t2_34, t2_35);
-        let t2_37 = t2_31.mul_add(t2_14, t2_6);
-        let t2_38 = like.lift(-0.4).mul_add(t2_36, t2_37);
-        let t2_39 = -t2_38;
-        b[5] = t2_39;
-        let t2_40 = t2_23 - t2_24;
-        let t2_41 = sin_q6_q7 * t2_33;
-        let t2_42 = sin_q6.mul_add(t2_34, t2_41);
-        let t2_43 = t2_40.mul_add(t2_14, t2_22);
-        let t2_44 = like.lift(-0.4).mul_add(t2_42, t2_43);
-        let t2_45 = -t2_44;
+        let t2_3 = cos_q1_q2 * t2_2;
+        let t2_4 = sin_q1_q2 * t2_2;
+        let t2_5 = d_q3 + t2_1;
+        let t2_6 = t2_5 * t2_5;
+        let t2_7 = d_q1 * d_q1;
+        let t2_8 = cos_q1.mul_add(t2_7, t2_3);
+        let t2_9 = sin_q1.mul_add(t2_7, t2_4);
+        let t2_10 = like.lift(0.4) * t2_8;
+        let t2_11 = like.lift(0.4) * t2_9;
+        let t2_12 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_13 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_14 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_15 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_16 = t2_12 - t2_14;
+        let t2_17 = t2_12 + t2_14;
+        let t2_18 = (-t2_16).mul_add(t2_6, t2_10);
+        let t2_19 = t2_17.mul_add(t2_6, t2_10);
+        let t2_20 = d_q4 + d_q5;
+        let t2_21 = t2_20 * t2_20;
+        let t2_22 = cos_q4_q5 * t2_21;
+        let t2_23 = sin_q4_q5 * t2_21;
+        let t2_24 = d_q4 * d_q4;
+        let t2_25 = cos_q4.mul_add(t2_24, t2_22);
+        let t2_26 = sin_q4.mul_add(t2_24, t2_23);
+        let t2_27 = like.lift(-0.4).mul_add(t2_25, t2_18);
+        let t2_28 = -t2_27;
+        b[0] = t2_28;
+        let t2_29 = t2_15 + t2_13;
+        let t2_30 = t2_15 - t2_13;
+        let t2_31 = (-t2_29).mul_add(t2_6, t2_11);
+        let t2_32 = t2_30.mul_add(t2_6, t2_11);
+        let t2_33 = like.lift(-0.4).mul_add(t2_26, t2_31);
+        let t2_34 = -t2_33;
+        b[2] = t2_34;
+        let t2_35 = d_q6 + d_q7;
+        let t2_36 = t2_35 * t2_35;
+        let t2_37 = cos_q6_q7 * t2_36;
+        let t2_38 = sin_q6_q7 * t2_36;
+        let t2_39 = d_q6 * d_q6;
+        let t2_40 = cos_q6.mul_add(t2_39, t2_37);
+        let t2_41 = sin_q6.mul_add(t2_39, t2_38);
+        let t2_42 = like.lift(-0.4).mul_add(t2_40, t2_19);
+        let t2_43 = like.lift(-0.4).mul_add(t2_41, t2_32);
+        let t2_44 = -t2_42;
+        b[5] = t2_44;
+        let t2_45 = -t2_43;
         b[7] = t2_45;
     }
     b
@@ -617,8 +633,8 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 10] {
 pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 4];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
@@ -648,114 +664,111 @@ pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 4], Condition<T>) {
     };
     // A_e dq_e = -f
     {
-        let t2_1 = like.lift(0.4) * sin_q1_q2;
-        let t2_2 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_2);
-        let t2_3 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_3);
-        let t2_4 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_5 = like.lift(0.04).mul_add(sin_q1_q2_q3, t2_4);
-        let t2_6 = t2_1 - t2_5;
-        let t2_7 = -t2_5;
-        let t2_8 = like.lift(0.4) * sin_q4_q5;
-        let t2_9 = -t2_8;
-        let t2_10 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_11 = like.lift(0.4) * cos_q1_q2;
-        let t2_12 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_13 = t2_10 + t2_11;
-        let t2_14 = t2_13 - t2_12;
-        let t2_15 = -t2_14;
-        let t2_16 = t2_12 - t2_10;
+        let t2_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_2 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_3 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
+        let t2_4 = like.lift(-0.4).mul_add(cos_q1_q2_q3_minus_q6, like.lift(0.04));
+        let t2_5 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q6, like.lift(0.06928203230275509));
+        let t2_6 = like.lift(0.4) * sin_q1_q2;
+        let t2_7 = t2_3 + t2_6;
+        let t2_8 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_8);
+        let t2_9 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_9);
+        let t2_10 = like.lift(0.4) * cos_q1_q2;
+        let t2_11 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_12 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_13 = like.lift(0.4).mul_add(cos_q1, t2_10);
+        let t2_14 = t2_7 + like.lift(0.25980762113533157);
+        let t2_15 = sin_q1_q2_q3.mul_add(t2_14, t2_4);
+        let t2_16 = t2_13 - like.lift(0.45);
+        let t2_17 = cos_q1_q2_q3.mul_add(t2_16, t2_15);
+        let t2_18 = t2_17 - t2_2;
+        let t2_19 = t2_7 + like.lift(0.25980762113533157);
+        let t2_20 = (-cos_q1_q2_q3).mul_add(t2_19, t2_5);
+        let t2_21 = t2_13 - like.lift(0.45);
+        let t2_22 = sin_q1_q2_q3.mul_add(t2_21, t2_20);
+        let t2_23 = t2_22 - t2_1;
+        let t2_24 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_25 = like.lift(0.04).mul_add(sin_q1_q2_q3, t2_24);
+        let t2_26 = t2_7 - t2_25;
+        let t2_27 = like.lift(-0.4).mul_add(sin_q4, t2_26);
+        let t2_28 = t2_6 - t2_25;
+        let t2_29 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_30 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_31 = t2_29 + t2_10;
+        let t2_32 = t2_31 - t2_30;
+        let t2_33 = t2_30 - t2_29;
+        let t2_34 = t2_13 - t2_33;
+        let t2_35 = like.lift(-0.4).mul_add(cos_q4, t2_34);
+        let t2_36 = t2_35 + like.lift(0.45);
+        let t2_37 = t2_27 + like.lift(0.25980762113533157);
+        let t2_38 = -t2_25;
+        let t2_39 = like.lift(0.4) * sin_q4_q5;
+        let t2_40 = t2_37 - t2_39;
+        let t2_41 = -t2_39;
+        let t2_42 = -t2_32;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_17 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_18 = -t2_17;
-        let t2_19 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_20 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
-        let t2_21 = -t2_20;
-        let t2_22 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_23 = like.lift(0.4).mul_add(cos_q1, t2_11);
-        let t2_24 = t2_23 - t2_16;
-        let t2_25 = like.lift(-0.4).mul_add(cos_q4, t2_24);
-        let t2_26 = t2_25 + like.lift(0.45);
-        let t2_27 = t2_26 - pivot_1;
-        let t2_28 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
-        let t2_29 = t2_28 + t2_1;
-        let t2_30 = t2_29 - t2_5;
-        let t2_31 = like.lift(-0.4).mul_add(sin_q4, t2_30);
-        let t2_32 = t2_31 + like.lift(0.25980762113533157);
-        let t2_33 = t2_32 - t2_8;
-        let t2_34 = t2_29 + like.lift(0.25980762113533157);
-        let t2_35 = t2_23 - like.lift(0.45);
-        let t2_36 = like.lift(-0.4).mul_add(cos_q1_q2_q3_minus_q6, like.lift(0.04));
-        let t2_37 = sin_q1_q2_q3.mul_add(t2_34, t2_36);
-        let t2_38 = cos_q1_q2_q3.mul_add(t2_35, t2_37);
-        let t2_39 = t2_38 - t2_22;
-        let t2_40 = t2_23 - like.lift(0.45);
-        let t2_41 = t2_29 + like.lift(0.25980762113533157);
-        let t2_42 = like.lift(-0.4).mul_add(sin_q1_q2_q3_minus_q6, like.lift(0.06928203230275509));
-        let t2_43 = (-cos_q1_q2_q3).mul_add(t2_41, t2_42);
-        let t2_44 = sin_q1_q2_q3.mul_add(t2_40, t2_43);
-        let t2_45 = t2_44 - t2_19;
-        let t2_46 = -t2_45;
-        let t2_47 = like.lift(1.0) / cos_q4_q5;
-        let t2_48 = sin_q4_q5 * t2_47;
-        let pivot_2 = (-t2_14).mul_add(t2_48, t2_6);
+        let t2_43 = t2_36 - pivot_1;
+        let t2_44 = like.lift(1.0) / cos_q4_q5;
+        let t2_45 = sin_q4_q5 * t2_44;
+        let t2_46 = (-t2_33).mul_add(t2_45, t2_25);
+        let t2_47 = like.lift(2.5) * t2_44;
+        let t2_48 = -t2_11;
+        let t2_49 = -t2_12;
+        let t2_50 = -t2_23;
+        let pivot_2 = (-t2_32).mul_add(t2_45, t2_28);
+        let t2_51 = t2_40.mul_add(t2_45, t2_43);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_49 = t2_33.mul_add(t2_48, t2_27);
-        let t2_50 = (-t2_16).mul_add(t2_48, t2_5);
-        let t2_51 = t2_20 * inv_pivot_2;
-        let pivot_3 = t2_50.mul_add(t2_51, like.lift(0.04));
+        let t2_52 = t2_12 * inv_pivot_2;
+        let t2_53 = (-t2_52).mul_add(t2_51, t2_23);
+        let pivot_3 = t2_46.mul_add(t2_52, like.lift(0.04));
+        let t2_54 = t2_11 * inv_pivot_2;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_52 = (-t2_51).mul_add(t2_49, t2_45);
-        let t2_53 = t2_17 * inv_pivot_2;
-        let t2_54 = t2_50.mul_add(t2_53, like.lift(0.06928203230275509));
-        let t2_55 = t2_54 * inv_pivot_3;
-        let pivot_4 = (-t2_55).mul_add(t2_22, t2_19);
+        let t2_55 = -pivot_3;
+        let t2_56 = t2_46.mul_add(t2_54, like.lift(0.06928203230275509));
+        let t2_57 = t2_56 * inv_pivot_3;
+        let t2_58 = t2_57.mul_add(t2_53, t2_18);
+        let t2_59 = t2_54.mul_add(t2_51, t2_58);
+        let pivot_4 = (-t2_57).mul_add(t2_2, t2_1);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_56 = t2_55.mul_add(t2_52, t2_39);
-        let t2_57 = t2_53.mul_add(t2_49, t2_56);
-        let t2_58 = inv_pivot_4 * t2_57;
-        let t2_59 = t2_58.mul_add(t2_22, t2_52);
-        let t2_60 = inv_pivot_3 * t2_59;
-        let t2_61 = t2_50.mul_add(t2_60, t2_49);
-        let t2_62 = inv_pivot_2 * t2_61;
-        let t2_63 = (-t2_16).mul_add(t2_60, t2_33);
-        let t2_64 = t2_14.mul_add(t2_62, t2_63);
-        let t2_65 = like.lift(2.5) * t2_47;
-        let t2_66 = t2_65 * t2_64;
-        let t2_67 = -pivot_3;
+        let t2_60 = inv_pivot_4 * t2_59;
+        let t2_61 = t2_60.mul_add(t2_2, t2_53);
+        let t2_62 = inv_pivot_3 * t2_61;
+        let t2_63 = t2_46.mul_add(t2_62, t2_51);
+        let t2_64 = inv_pivot_2 * t2_63;
+        let t2_65 = (-t2_33).mul_add(t2_62, t2_40);
+        let t2_66 = t2_32.mul_add(t2_64, t2_65);
+        let t2_67 = t2_47 * t2_66;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_67 * like.lift(17.496940338012887)).abs())
+            .min((t2_55 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([[t2_68], [t2_69], [t2_70], [t2_71]], found) = ::regen_runtime::guarded(
-            [[t2_62], [t2_60], [t2_66], [t2_58]],
+            [[t2_64], [t2_62], [t2_67], [t2_60]],
             margin,
             || (
                 [
-                    [t2_6, t2_7, t2_9, like.lift(0.0)],
-                    [t2_15, t2_16, pivot_1, like.lift(0.0)],
+                    [t2_28, t2_38, t2_41, like.lift(0.0)],
+                    [t2_42, t2_33, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_18, like.lift(-0.06928203230275509), like.lift(0.0), t2_19],
-                    [t2_21, like.lift(-0.04), like.lift(0.0), t2_22],
+                    [t2_48, like.lift(-0.06928203230275509), like.lift(0.0), t2_1],
+                    [t2_49, like.lift(-0.04), like.lift(0.0), t2_2],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_27], [t2_33], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_39], [t2_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_43], [t2_40], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_18], [t2_50], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_68;
-        dq_e[1] = t2_69;
-        dq_e[2] = t2_70;
-        dq_e[3] = t2_71;
+        dq_e[0] = t2_68; dq_e[1] = t2_69; dq_e[2] = t2_70; dq_e[3] = t2_71;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -793,33 +806,40 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 4]; 4] {
     };
     // A_e (Eq. 8)
     {
-        let t2_1 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_1);
-        let t2_2 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_2);
-        let t2_3 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_4 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_5 = like.lift(0.4).mul_add(cos_q1_q2, t2_3);
-        let t2_6 = t2_5 - t2_4;
-        let t2_7 = -t2_6;
-        let t2_8 = t2_4 - t2_3;
+        a_e[2][1] = like.lift(-0.04); a_e[3][1] = like.lift(-0.06928203230275509);
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        a_e[0][0] = t2_7; a_e[0][1] = t2_8; a_e[0][2] = pivot_1;
-        let t2_9 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_10 = like.lift(0.04).mul_add(sin_q1_q2_q3, t2_9);
-        let t2_11 = like.lift(0.4).mul_add(sin_q1_q2, -t2_10);
-        let t2_12 = -t2_10;
-        let t2_13 = like.lift(0.4) * sin_q4_q5;
-        let t2_14 = -t2_13;
-        a_e[1][0] = t2_11; a_e[1][1] = t2_12; a_e[1][2] = t2_14;
-        let t2_15 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        a_e[0][2] = pivot_1;
+        let t2_1 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        a_e[2][3] = t2_1;
+        let t2_2 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        a_e[3][3] = t2_2;
+        let t2_3 = like.lift(0.4) * sin_q4_q5;
+        let t2_4 = -t2_3;
+        a_e[1][2] = t2_4;
+        let t2_5 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_6 = -t2_5;
+        a_e[2][0] = t2_6;
+        let t2_7 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_8 = -t2_7;
+        a_e[3][0] = t2_8;
+        let t2_9 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_9);
+        let t2_10 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_10);
+        let t2_11 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_12 = like.lift(0.4).mul_add(cos_q1_q2, t2_11);
+        let t2_13 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_14 = t2_13 - t2_11;
+        a_e[0][1] = t2_14;
+        let t2_15 = t2_12 - t2_13;
         let t2_16 = -t2_15;
-        let t2_17 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        a_e[2][0] = t2_16; a_e[2][1] = like.lift(-0.04); a_e[2][3] = t2_17;
-        let t2_18 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_19 = -t2_18;
-        let t2_20 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        a_e[3][0] = t2_19; a_e[3][1] = like.lift(-0.06928203230275509); a_e[3][3] = t2_20;
+        a_e[0][0] = t2_16;
+        let t2_17 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_18 = like.lift(0.04).mul_add(sin_q1_q2_q3, t2_17);
+        let t2_19 = like.lift(0.4).mul_add(sin_q1_q2, -t2_18);
+        a_e[1][0] = t2_19;
+        let t2_20 = -t2_18;
+        a_e[1][1] = t2_20;
     }
     a_e
 }
@@ -834,9 +854,8 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 4]; 4] {
 pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 7];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q4, d_q6] = *qd_i;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
@@ -863,124 +882,120 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>
             sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
         ]
     };
+    let [d_q1, d_q4, d_q6] = *qd_i;
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        let t2_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
-        let t2_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
-        let t2_3 = like.lift(0.4) * sin_q1_q2;
-        let t2_4 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_4);
-        let t2_5 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_5);
-        let t2_6 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_8 = t2_6 + t2_7;
-        let t2_9 = t2_3 - t2_8;
-        let t2_10 = -t2_8;
-        let t2_11 = like.lift(0.4) * sin_q4_q5;
-        let t2_12 = -t2_11;
-        let t2_13 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_14 = like.lift(0.4) * cos_q1_q2;
-        let t2_15 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_16 = t2_13 + t2_14;
-        let t2_17 = t2_16 - t2_15;
-        let t2_18 = -t2_17;
-        let t2_19 = t2_15 - t2_13;
+        qd[0] = d_q1; qd[3] = d_q4; qd[5] = d_q6;
+        let t2_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_2 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_3 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_1);
+        let t2_4 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_2);
+        let t2_5 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_5);
+        let t2_6 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_6);
+        let t2_7 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_8 = like.lift(0.4) * sin_q2;
+        let t2_9 = like.lift(0.4) * sin_q1_q2;
+        let t2_10 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_10);
+        let t2_11 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_11);
+        let t2_12 = like.lift(0.4) * cos_q1_q2;
+        let t2_13 = like.lift(0.4).mul_add(cos_q1, t2_12);
+        let t2_14 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_16 = t2_15 + t2_12;
+        let t2_17 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_18 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_19 = t2_16 - t2_18;
+        let t2_20 = t2_18 - t2_15;
+        let t2_21 = t2_13 - t2_20;
+        let t2_22 = t2_21 * d_q1;
+        let t2_23 = t2_17 + t2_14;
+        let t2_24 = t2_14 + t2_17;
+        let t2_25 = like.lift(-0.4).mul_add(sin_q1, t2_23);
+        let t2_26 = t2_25 - t2_9;
+        let t2_27 = t2_9 - t2_24;
+        let t2_28 = -t2_24;
+        let t2_29 = like.lift(0.4) * sin_q4_q5;
+        let t2_30 = like.lift(0.4).mul_add(sin_q4, t2_29);
+        let t2_31 = t2_30 * d_q4;
+        let t2_32 = t2_26.mul_add(d_q1, t2_31);
+        let t2_33 = -t2_29;
+        let t2_34 = -t2_19;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_20 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_21 = -t2_20;
-        let t2_22 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_23 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
-        let t2_24 = -t2_23;
-        let t2_25 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_26 = t2_7 + t2_6;
-        let t2_27 = like.lift(-0.4).mul_add(sin_q1, t2_26);
-        let t2_28 = t2_27 - t2_3;
-        let t2_29 = like.lift(0.4).mul_add(sin_q4, t2_11);
-        let t2_30 = t2_29 * d_q4;
-        let t2_31 = t2_28.mul_add(d_q1, t2_30);
-        let t2_32 = like.lift(0.4).mul_add(cos_q1, t2_14);
-        let t2_33 = t2_32 - t2_19;
-        let t2_34 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t2_35 = t2_33 * d_q1;
-        let t2_36 = (-t2_34).mul_add(d_q4, t2_35);
-        let t2_37 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_38 = like.lift(0.4) * sin_q2;
-        let t2_39 = sin_q3.mul_add(t2_37, like.lift(0.06928203230275509));
-        let t2_40 = cos_q3.mul_add(t2_38, t2_39);
-        let t2_41 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_22);
-        let t2_42 = t2_40 * d_q1;
-        let t2_43 = (-t2_41).mul_add(d_q6, t2_42);
-        let t2_44 = cos_q3.mul_add(t2_37, like.lift(0.04));
-        let t2_45 = (-sin_q3).mul_add(t2_38, t2_44);
-        let t2_46 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_25);
-        let t2_47 = t2_45 * d_q1;
-        let t2_48 = (-t2_46).mul_add(d_q6, t2_47);
-        let t2_49 = like.lift(1.0) / cos_q4_q5;
-        let t2_50 = sin_q4_q5 * t2_49;
-        let pivot_2 = (-t2_17).mul_add(t2_50, t2_9);
+        let t2_35 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_36 = (-t2_35).mul_add(d_q4, t2_22);
+        let t2_37 = like.lift(1.0) / cos_q4_q5;
+        let t2_38 = sin_q4_q5 * t2_37;
+        let t2_39 = (-t2_20).mul_add(t2_38, t2_24);
+        let t2_40 = like.lift(2.5) * t2_37;
+        let t2_41 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_42 = -t2_41;
+        let t2_43 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_44 = -t2_43;
+        let t2_45 = sin_q3.mul_add(t2_7, like.lift(0.06928203230275509));
+        let t2_46 = cos_q3.mul_add(t2_7, like.lift(0.04));
+        let t2_47 = cos_q3.mul_add(t2_8, t2_45);
+        let t2_48 = (-sin_q3).mul_add(t2_8, t2_46);
+        let t2_49 = t2_47 * d_q1;
+        let t2_50 = (-t2_3).mul_add(d_q6, t2_49);
+        let t2_51 = t2_48 * d_q1;
+        let t2_52 = (-t2_4).mul_add(d_q6, t2_51);
+        let pivot_2 = (-t2_19).mul_add(t2_38, t2_27);
+        let t2_53 = t2_38.mul_add(t2_36, t2_32);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_51 = t2_50.mul_add(t2_36, t2_31);
-        let t2_52 = (-t2_19).mul_add(t2_50, t2_8);
-        let t2_53 = t2_23 * inv_pivot_2;
-        let pivot_3 = t2_52.mul_add(t2_53, like.lift(0.04));
+        let t2_54 = t2_43 * inv_pivot_2;
+        let t2_55 = t2_41 * inv_pivot_2;
+        let pivot_3 = t2_39.mul_add(t2_54, like.lift(0.04));
+        let t2_56 = t2_54.mul_add(t2_53, t2_52);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_54 = t2_53.mul_add(t2_51, t2_48);
-        let t2_55 = t2_20 * inv_pivot_2;
-        let t2_56 = t2_52.mul_add(t2_55, like.lift(0.06928203230275509));
-        let t2_57 = t2_56 * inv_pivot_3;
-        let pivot_4 = (-t2_57).mul_add(t2_25, t2_22);
+        let t2_57 = -pivot_3;
+        let t2_58 = t2_39.mul_add(t2_55, like.lift(0.06928203230275509));
+        let t2_59 = t2_58 * inv_pivot_3;
+        let t2_60 = (-t2_59).mul_add(t2_56, t2_50);
+        let t2_61 = t2_55.mul_add(t2_53, t2_60);
+        let pivot_4 = (-t2_59).mul_add(t2_2, t2_1);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_58 = (-t2_57).mul_add(t2_54, t2_43);
-        let t2_59 = t2_55.mul_add(t2_51, t2_58);
-        let t2_60 = inv_pivot_4 * t2_59;
-        let t2_61 = (-t2_60).mul_add(t2_25, t2_54);
-        let t2_62 = inv_pivot_3 * t2_61;
-        let t2_63 = (-t2_52).mul_add(t2_62, t2_51);
-        let t2_64 = inv_pivot_2 * t2_63;
-        let t2_65 = -t2_62;
-        let t2_66 = t2_19.mul_add(t2_62, t2_36);
-        let t2_67 = t2_17.mul_add(t2_64, t2_66);
-        let t2_68 = like.lift(2.5) * t2_49;
-        let t2_69 = t2_68 * t2_67;
-        let t2_70 = -pivot_3;
+        let t2_62 = inv_pivot_4 * t2_61;
+        let t2_63 = (-t2_62).mul_add(t2_2, t2_56);
+        let t2_64 = inv_pivot_3 * t2_63;
+        let t2_65 = (-t2_39).mul_add(t2_64, t2_53);
+        let t2_66 = inv_pivot_2 * t2_65;
+        let t2_67 = t2_20.mul_add(t2_64, t2_36);
+        let t2_68 = t2_19.mul_add(t2_66, t2_67);
+        let t2_69 = t2_40 * t2_68;
+        let t2_70 = -t2_64;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_70 * like.lift(17.496940338012887)).abs())
+            .min((t2_57 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([[t2_71], [t2_72], [t2_73], [t2_74]], found) = ::regen_runtime::guarded(
-            [[t2_64], [t2_65], [t2_69], [t2_60]],
+            [[t2_66], [t2_70], [t2_69], [t2_62]],
             margin,
             || (
                 [
-                    [t2_9, t2_10, t2_12, like.lift(0.0)],
-                    [t2_18, t2_19, pivot_1, like.lift(0.0)],
+                    [t2_27, t2_28, t2_33, like.lift(0.0)],
+                    [t2_34, t2_20, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_21, like.lift(-0.06928203230275509), like.lift(0.0), t2_22],
-                    [t2_24, like.lift(-0.04), like.lift(0.0), t2_25],
+                    [t2_42, like.lift(-0.06928203230275509), like.lift(0.0), t2_1],
+                    [t2_44, like.lift(-0.04), like.lift(0.0), t2_2],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_31], [t2_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_43], [t2_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_32], [t2_36], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_50], [t2_52], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t2_71;
-        qd[2] = t2_72;
-        qd[4] = t2_73;
-        qd[6] = t2_74;
-        qd[0] = d_q1;
-        qd[3] = d_q4;
-        qd[5] = d_q6;
+        qd[1] = t2_71; qd[2] = t2_72; qd[4] = t2_73; qd[6] = t2_74;
     }
     (qd, Condition { pivot: condition })
 }
@@ -996,10 +1011,8 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 3]) -> ([T; 7], Condition<T>
 pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 7];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
-    let [dd_q1, dd_q4, dd_q6] = *qdd_i;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
@@ -1026,8 +1039,11 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
             sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
         ]
     };
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
+    let [dd_q1, dd_q4, dd_q6] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
+        qdd[0] = dd_q1; qdd[3] = dd_q4; qdd[5] = dd_q6;
         let t2_1 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
         let t2_2 = cos_q1 * cos_q2;
@@ -1038,154 +1054,148 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 3]) -> ([T;
         let t2_5 = cos_q1_q2 * cos_q3;
         let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_5);
         let t2_6 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_8 = t2_6 + t2_7;
-        let t2_9 = t2_3 - t2_8;
-        let t2_10 = -t2_8;
-        let t2_11 = like.lift(0.4) * sin_q4_q5;
-        let t2_12 = -t2_11;
-        let t2_13 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_14 = like.lift(0.4) * cos_q1_q2;
-        let t2_15 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_16 = t2_13 + t2_14;
-        let t2_17 = t2_16 - t2_15;
-        let t2_18 = -t2_17;
-        let t2_19 = t2_15 - t2_13;
+        let t2_7 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_8 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_9 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_10 = t2_6 + t2_8;
+        let t2_11 = t2_8 + t2_6;
+        let t2_12 = like.lift(-0.4).mul_add(sin_q1, t2_11);
+        let t2_13 = t2_12 - t2_3;
+        let t2_14 = t2_3 - t2_10;
+        let t2_15 = -t2_10;
+        let t2_16 = like.lift(0.4) * sin_q4_q5;
+        let t2_17 = -t2_16;
+        let t2_18 = like.lift(0.4).mul_add(sin_q4, t2_16);
+        let t2_19 = like.lift(0.4) * cos_q1_q2;
+        let t2_20 = t2_7 + t2_19;
+        let t2_21 = t2_20 - t2_9;
+        let t2_22 = t2_9 - t2_7;
+        let t2_23 = like.lift(0.4).mul_add(cos_q1, t2_19);
+        let t2_24 = t2_23 - t2_22;
+        let t2_25 = -t2_21;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_20 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_21 = -t2_20;
-        let t2_22 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_23 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
-        let t2_24 = -t2_23;
-        let t2_25 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_26 = d_q1 + d_q2;
-        let t2_27 = d_q3 + t2_26;
-        let t2_28 = d_q4 + d_q5;
-        let t2_29 = t2_7 + t2_6;
-        let t2_30 = like.lift(-0.4).mul_add(sin_q1, t2_29);
-        let t2_31 = t2_30 - t2_3;
-        let t2_32 = like.lift(0.4).mul_add(sin_q4, t2_11);
-        let t2_33 = t2_28 * t2_28;
-        let t2_34 = d_q4 * d_q4;
-        let t2_35 = t2_27 * t2_27;
-        let t2_36 = t2_26 * t2_26;
-        let t2_37 = d_q1 * d_q1;
-        let t2_38 = cos_q1_q2 * t2_36;
-        let t2_39 = cos_q1.mul_add(t2_37, t2_38);
-        let t2_40 = (-cos_q4_q5).mul_add(t2_33, t2_39);
-        let t2_41 = (-cos_q4).mul_add(t2_34, t2_40);
-        let t2_42 = like.lift(0.4) * t2_41;
-        let t2_43 = (-t2_19).mul_add(t2_35, t2_42);
-        let t2_44 = (-t2_32).mul_add(dd_q4, t2_43);
-        let t2_45 = (-t2_31).mul_add(dd_q1, t2_44);
-        let t2_46 = -t2_45;
-        let t2_47 = like.lift(0.4).mul_add(cos_q1, t2_14);
-        let t2_48 = t2_47 - t2_19;
-        let t2_49 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t2_50 = sin_q1_q2 * t2_36;
-        let t2_51 = sin_q1.mul_add(t2_37, t2_50);
-        let t2_52 = (-sin_q4_q5).mul_add(t2_33, t2_51);
-        let t2_53 = (-sin_q4).mul_add(t2_34, t2_52);
-        let t2_54 = like.lift(0.4) * t2_53;
-        let t2_55 = (-t2_8).mul_add(t2_35, t2_54);
-        let t2_56 = t2_49.mul_add(dd_q4, t2_55);
-        let t2_57 = (-t2_48).mul_add(dd_q1, t2_56);
-        let t2_58 = -t2_57;
-        let t2_59 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_60 = like.lift(0.4) * sin_q2;
-        let t2_61 = sin_q3.mul_add(t2_59, like.lift(0.06928203230275509));
-        let t2_62 = cos_q3.mul_add(t2_60, t2_61);
-        let t2_63 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_22);
-        let t2_64 = cos_q2.mul_add(t2_37, t2_36);
-        let t2_65 = like.lift(0.4) * t2_64;
-        let t2_66 = sin_q2 * t2_37;
-        let t2_67 = d_q6 + d_q7;
-        let t2_68 = t2_67 * t2_67;
-        let t2_69 = d_q6 * d_q6;
-        let t2_70 = sin_q3 * t2_66;
-        let t2_71 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t2_68, t2_70);
-        let t2_72 = cos_q1_q2_q3_minus_q6.mul_add(t2_69, t2_71);
-        let t2_73 = t2_62 * dd_q1;
-        let t2_74 = (-t2_63).mul_add(dd_q6, t2_73);
-        let t2_75 = like.lift(-0.04).mul_add(t2_35, t2_74);
-        let t2_76 = like.lift(0.4).mul_add(t2_72, t2_75);
-        let t2_77 = (-cos_q3).mul_add(t2_65, t2_76);
-        let t2_78 = cos_q3.mul_add(t2_59, like.lift(0.04));
-        let t2_79 = (-sin_q3).mul_add(t2_60, t2_78);
-        let t2_80 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_25);
-        let t2_81 = cos_q3 * t2_66;
-        let t2_82 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t2_68, t2_81);
-        let t2_83 = (-sin_q1_q2_q3_minus_q6).mul_add(t2_69, t2_82);
-        let t2_84 = t2_79 * dd_q1;
-        let t2_85 = (-t2_80).mul_add(dd_q6, t2_84);
-        let t2_86 = like.lift(0.06928203230275509).mul_add(t2_35, t2_85);
-        let t2_87 = like.lift(0.4).mul_add(t2_83, t2_86);
-        let t2_88 = sin_q3.mul_add(t2_65, t2_87);
-        let t2_89 = like.lift(1.0) / cos_q4_q5;
-        let t2_90 = sin_q4_q5 * t2_89;
-        let pivot_2 = (-t2_17).mul_add(t2_90, t2_9);
+        let t2_26 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_27 = -t2_26;
+        let t2_28 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_29 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_30 = -t2_29;
+        let t2_31 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_32 = d_q1 + d_q2;
+        let t2_33 = d_q3 + t2_32;
+        let t2_34 = t2_33 * t2_33;
+        let t2_35 = t2_32 * t2_32;
+        let t2_36 = cos_q1_q2 * t2_35;
+        let t2_37 = sin_q1_q2 * t2_35;
+        let t2_38 = d_q1 * d_q1;
+        let t2_39 = cos_q1.mul_add(t2_38, t2_36);
+        let t2_40 = sin_q1.mul_add(t2_38, t2_37);
+        let t2_41 = cos_q2.mul_add(t2_38, t2_35);
+        let t2_42 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_43 = like.lift(0.4) * t2_41;
+        let t2_44 = sin_q2 * t2_38;
+        let t2_45 = like.lift(0.4) * sin_q2;
+        let t2_46 = d_q4 + d_q5;
+        let t2_47 = t2_46 * t2_46;
+        let t2_48 = (-cos_q4_q5).mul_add(t2_47, t2_39);
+        let t2_49 = (-sin_q4_q5).mul_add(t2_47, t2_40);
+        let t2_50 = like.lift(1.0) / cos_q4_q5;
+        let t2_51 = sin_q4_q5 * t2_50;
+        let t2_52 = like.lift(2.5) * t2_50;
+        let t2_53 = d_q4 * d_q4;
+        let t2_54 = (-sin_q4).mul_add(t2_53, t2_49);
+        let t2_55 = (-cos_q4).mul_add(t2_53, t2_48);
+        let t2_56 = like.lift(0.4) * t2_55;
+        let t2_57 = (-t2_22).mul_add(t2_34, t2_56);
+        let t2_58 = (-t2_18).mul_add(dd_q4, t2_57);
+        let t2_59 = (-t2_13).mul_add(dd_q1, t2_58);
+        let t2_60 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_61 = like.lift(0.4) * t2_54;
+        let t2_62 = (-t2_10).mul_add(t2_34, t2_61);
+        let t2_63 = t2_60.mul_add(dd_q4, t2_62);
+        let t2_64 = (-t2_24).mul_add(dd_q1, t2_63);
+        let t2_65 = (-t2_22).mul_add(t2_51, t2_10);
+        let t2_66 = -t2_59;
+        let t2_67 = t2_51.mul_add(t2_64, t2_59);
+        let pivot_2 = (-t2_21).mul_add(t2_51, t2_14);
+        let t2_68 = -t2_64;
+        let t2_69 = sin_q3.mul_add(t2_42, like.lift(0.06928203230275509));
+        let t2_70 = cos_q3.mul_add(t2_45, t2_69);
+        let t2_71 = cos_q3.mul_add(t2_42, like.lift(0.04));
+        let t2_72 = (-sin_q3).mul_add(t2_45, t2_71);
+        let t2_73 = t2_70 * dd_q1;
+        let t2_74 = t2_72 * dd_q1;
+        let t2_75 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_28);
+        let t2_76 = (-t2_75).mul_add(dd_q6, t2_73);
+        let t2_77 = like.lift(-0.04).mul_add(t2_34, t2_76);
+        let t2_78 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_31);
+        let t2_79 = (-t2_78).mul_add(dd_q6, t2_74);
+        let t2_80 = like.lift(0.06928203230275509).mul_add(t2_34, t2_79);
+        let t2_81 = d_q6 + d_q7;
+        let t2_82 = t2_81 * t2_81;
+        let t2_83 = sin_q3 * t2_44;
+        let t2_84 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t2_82, t2_83);
+        let t2_85 = cos_q3 * t2_44;
+        let t2_86 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t2_82, t2_85);
+        let t2_87 = d_q6 * d_q6;
+        let t2_88 = cos_q1_q2_q3_minus_q6.mul_add(t2_87, t2_84);
+        let t2_89 = (-sin_q1_q2_q3_minus_q6).mul_add(t2_87, t2_86);
+        let t2_90 = like.lift(0.4).mul_add(t2_88, t2_77);
+        let t2_91 = like.lift(0.4).mul_add(t2_89, t2_80);
+        let t2_92 = (-cos_q3).mul_add(t2_43, t2_90);
+        let t2_93 = sin_q3.mul_add(t2_43, t2_91);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_91 = t2_90.mul_add(t2_57, t2_45);
-        let t2_92 = (-t2_19).mul_add(t2_90, t2_8);
-        let t2_93 = t2_23 * inv_pivot_2;
-        let pivot_3 = t2_92.mul_add(t2_93, like.lift(0.04));
+        let t2_94 = t2_29 * inv_pivot_2;
+        let t2_95 = t2_26 * inv_pivot_2;
+        let pivot_3 = t2_65.mul_add(t2_94, like.lift(0.04));
+        let t2_96 = (-t2_94).mul_add(t2_67, t2_93);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_94 = (-t2_93).mul_add(t2_91, t2_88);
-        let t2_95 = t2_20 * inv_pivot_2;
-        let t2_96 = t2_92.mul_add(t2_95, like.lift(0.06928203230275509));
-        let t2_97 = t2_96 * inv_pivot_3;
-        let pivot_4 = (-t2_97).mul_add(t2_25, t2_22);
+        let t2_97 = -pivot_3;
+        let t2_98 = t2_65.mul_add(t2_95, like.lift(0.06928203230275509));
+        let t2_99 = t2_98 * inv_pivot_3;
+        let t2_100 = (-t2_99).mul_add(t2_96, t2_92);
+        let t2_101 = (-t2_95).mul_add(t2_67, t2_100);
+        let pivot_4 = (-t2_99).mul_add(t2_31, t2_28);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_98 = (-t2_97).mul_add(t2_94, t2_77);
-        let t2_99 = (-t2_95).mul_add(t2_91, t2_98);
-        let t2_100 = inv_pivot_4 * t2_99;
-        let t2_101 = (-t2_100).mul_add(t2_25, t2_94);
-        let t2_102 = inv_pivot_3 * t2_101;
-        let t2_103 = t2_92.mul_add(t2_102, t2_91);
-        let t2_104 = inv_pivot_2 * t2_103;
-        let t2_105 = -t2_104;
-        let t2_106 = -t2_102;
-        let t2_107 = (-t2_19).mul_add(t2_102, t2_57);
-        let t2_108 = t2_17.mul_add(t2_104, t2_107);
-        let t2_109 = like.lift(2.5) * t2_89;
-        let t2_110 = t2_109 * t2_108;
-        let t2_111 = -t2_110;
-        let t2_112 = -pivot_3;
+        let t2_102 = inv_pivot_4 * t2_101;
+        let t2_103 = (-t2_102).mul_add(t2_31, t2_96);
+        let t2_104 = inv_pivot_3 * t2_103;
+        let t2_105 = t2_65.mul_add(t2_104, t2_67);
+        let t2_106 = inv_pivot_2 * t2_105;
+        let t2_107 = (-t2_22).mul_add(t2_104, t2_64);
+        let t2_108 = t2_21.mul_add(t2_106, t2_107);
+        let t2_109 = t2_52 * t2_108;
+        let t2_110 = -t2_106;
+        let t2_111 = -t2_104;
+        let t2_112 = -t2_109;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_112 * like.lift(17.496940338012887)).abs())
+            .min((t2_97 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([[t2_113], [t2_114], [t2_115], [t2_116]], found) = ::regen_runtime::guarded(
-            [[t2_105], [t2_106], [t2_111], [t2_100]],
+            [[t2_110], [t2_111], [t2_112], [t2_102]],
             margin,
             || (
                 [
-                    [t2_9, t2_10, t2_12, like.lift(0.0)],
-                    [t2_18, t2_19, pivot_1, like.lift(0.0)],
+                    [t2_14, t2_15, t2_17, like.lift(0.0)],
+                    [t2_25, t2_22, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_21, like.lift(-0.06928203230275509), like.lift(0.0), t2_22],
-                    [t2_24, like.lift(-0.04), like.lift(0.0), t2_25],
+                    [t2_27, like.lift(-0.06928203230275509), like.lift(0.0), t2_28],
+                    [t2_30, like.lift(-0.04), like.lift(0.0), t2_31],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_46], [t2_58], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_77], [t2_88], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_66], [t2_68], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_92], [t2_93], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t2_113;
-        qdd[2] = t2_114;
-        qdd[4] = t2_115;
-        qdd[6] = t2_116;
-        qdd[0] = dd_q1;
-        qdd[3] = dd_q4;
-        qdd[5] = dd_q6;
+        qdd[1] = t2_113; qdd[2] = t2_114; qdd[4] = t2_115; qdd[6] = t2_116;
     }
     (qdd, Condition { pivot: condition })
 }
@@ -1266,10 +1276,8 @@ pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
@@ -1285,176 +1293,182 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
             sin_q6, cos_q6, sin_q7, cos_q7,
         ]
     };
+    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
     // body crank1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank1y, a_crank1x] = {
+        w[5][0] = dd_q1;
         let a_crank1y = like.lift(9.81) * cos_q1;
         w[6][0] = a_crank1y;
         let a_crank1x = like.lift(9.81) * sin_q1;
         let t2_1 = -a_crank1x;
         w[7][0] = t2_1;
-        w[5][0] = dd_q1;
         [a_crank1y, a_crank1x]
     };
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        al_rod1z, t3_22, t3_30, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
-        x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t3_1, t3_3, al_rod1z, t3_35, t3_46, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
+        x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
+        x_q7_q6,
     ] = {
+        let t3_1 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
+        let t3_2 = like.lift(0.4) * d_q1;
+        let t3_3 = t3_2.mul_add(d_q1, -a_crank1x);
         let al_rod1z = dd_q1 + dd_q2;
-        let t3_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
-        let t3_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
-        let t3_3 = like.lift(0.4) * sin_q1_q2;
-        let t3_4 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_4);
-        let t3_5 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_5);
-        let t3_6 = like.lift(0.04) * sin_q1_q2_q3;
-        let t3_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t3_8 = t3_6 + t3_7;
-        let t3_9 = t3_3 - t3_8;
-        let t3_10 = -t3_8;
-        let t3_11 = sin_q4 * cos_q5;
-        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t3_11);
-        let t3_12 = cos_q4 * cos_q5;
-        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t3_12);
-        let t3_13 = like.lift(0.4) * sin_q4_q5;
-        let t3_14 = -t3_13;
-        let t3_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t3_16 = like.lift(0.4) * cos_q1_q2;
-        let t3_17 = like.lift(0.04) * cos_q1_q2_q3;
-        let t3_18 = t3_15 + t3_16;
-        let t3_19 = t3_18 - t3_17;
-        let t3_20 = -t3_19;
-        let t3_21 = t3_17 - t3_15;
+        let t3_4 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
+        let t3_5 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
+        let t3_6 = like.lift(0.4) * sin_q1_q2;
+        let t3_7 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_7);
+        let t3_8 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_8);
+        let t3_9 = like.lift(0.4) * cos_q1_q2;
+        let t3_10 = like.lift(0.4).mul_add(cos_q1, t3_9);
+        let t3_11 = like.lift(0.04) * sin_q1_q2_q3;
+        let t3_12 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t3_13 = t3_12 + t3_11;
+        let t3_14 = t3_11 + t3_12;
+        let t3_15 = like.lift(-0.4).mul_add(sin_q1, t3_13);
+        let t3_16 = t3_15 - t3_6;
+        let t3_17 = t3_6 - t3_14;
+        let t3_18 = -t3_14;
+        let t3_19 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t3_19);
+        let t3_20 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t3_20);
+        let t3_21 = like.lift(0.4) * sin_q4_q5;
+        let t3_22 = -t3_21;
+        let t3_23 = like.lift(0.4).mul_add(sin_q4, t3_21);
+        let t3_24 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t3_25 = t3_24 + t3_9;
+        let t3_26 = like.lift(0.04) * cos_q1_q2_q3;
+        let t3_27 = t3_25 - t3_26;
+        let t3_28 = t3_26 - t3_24;
+        let t3_29 = t3_10 - t3_28;
+        let t3_30 = -t3_27;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t3_22 = like.lift(0.4) * sin_q3;
-        let t3_23 = like.lift(0.06928203230275509) + t3_22;
-        let t3_24 = -t3_23;
-        let t3_25 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_25);
-        let t3_26 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_26);
-        let t3_27 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_27);
-        let t3_28 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_28);
-        let t3_29 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t3_30 = like.lift(0.4) * cos_q3;
-        let t3_31 = like.lift(0.04) + t3_30;
-        let t3_32 = -t3_31;
-        let t3_33 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t3_34 = t3_7 + t3_6;
-        let t3_35 = like.lift(-0.4).mul_add(sin_q1, t3_34);
-        let t3_36 = t3_35 - t3_3;
+        let t3_31 = like.lift(1.0) / cos_q4_q5;
+        let t3_32 = sin_q4_q5 * t3_31;
+        let t3_33 = (-t3_28).mul_add(t3_32, t3_14);
+        let t3_34 = like.lift(2.5) * t3_31;
+        let t3_35 = like.lift(0.4) * sin_q3;
+        let t3_36 = like.lift(0.06928203230275509) + t3_35;
         let t3_37 = -t3_36;
-        let t3_38 = like.lift(0.4).mul_add(sin_q4, t3_13);
-        let t3_39 = -t3_38;
-        let t3_40 = like.lift(0.4).mul_add(cos_q1, t3_16);
-        let t3_41 = t3_40 - t3_21;
-        let t3_42 = -t3_41;
-        let t3_43 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t3_44 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t3_45 = sin_q3 * t3_44;
-        let u_platform_q1x = sin_q2.mul_add(t3_30, t3_45);
-        let t3_46 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t3_47 = -t3_46;
-        let t3_48 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t3_29);
-        let t3_49 = sin_q2 * t3_22;
-        let u_platform_q1y = (-cos_q3).mul_add(t3_44, t3_49);
-        let t3_50 = like.lift(0.04) - u_platform_q1y;
-        let t3_51 = -t3_50;
-        let t3_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_33);
-        let t3_53 = like.lift(1.0) / cos_q4_q5;
-        let t3_54 = sin_q4_q5 * t3_53;
-        let pivot_2 = (-t3_19).mul_add(t3_54, t3_9);
+        let t3_38 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_38);
+        let t3_39 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_39);
+        let t3_40 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_40);
+        let t3_41 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t3_42 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_42);
+        let t3_43 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t3_44 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t3_41);
+        let t3_45 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_43);
+        let t3_46 = like.lift(0.4) * cos_q3;
+        let t3_47 = like.lift(0.04) + t3_46;
+        let t3_48 = -t3_47;
+        let t3_49 = -t3_16;
+        let t3_50 = t3_29.mul_add(t3_32, t3_16);
+        let t3_51 = -t3_23;
+        let t3_52 = -t3_29;
+        let t3_53 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t3_54 = (-t3_53).mul_add(t3_32, t3_23);
+        let pivot_2 = (-t3_27).mul_add(t3_32, t3_17);
+        let t3_55 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_56 = sin_q3 * t3_55;
+        let u_platform_q1x = sin_q2.mul_add(t3_46, t3_56);
+        let t3_57 = sin_q2 * t3_35;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_55, t3_57);
+        let t3_58 = like.lift(0.06928203230275509) + u_platform_q1x;
+        let t3_59 = -t3_58;
+        let t3_60 = like.lift(0.04) - u_platform_q1y;
+        let t3_61 = -t3_60;
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_55 = t3_41.mul_add(t3_54, t3_36);
-        let t3_56 = (-t3_21).mul_add(t3_54, t3_8);
-        let t3_57 = t3_31 * inv_pivot_2;
-        let pivot_3 = t3_56.mul_add(t3_57, like.lift(0.04));
+        let t3_62 = t3_47 * inv_pivot_2;
+        let t3_63 = t3_50.mul_add(t3_62, t3_60);
+        let t3_64 = t3_36 * inv_pivot_2;
+        let pivot_3 = t3_33.mul_add(t3_62, like.lift(0.04));
+        let t3_65 = t3_54 * t3_62;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_58 = t3_55.mul_add(t3_57, t3_50);
-        let t3_59 = t3_23 * inv_pivot_2;
-        let t3_60 = t3_56.mul_add(t3_59, like.lift(0.06928203230275509));
-        let t3_61 = t3_60 * inv_pivot_3;
-        let t3_62 = (-t3_58).mul_add(t3_61, t3_46);
-        let t3_63 = t3_55.mul_add(t3_59, t3_62);
-        let pivot_4 = (-t3_61).mul_add(t3_33, t3_29);
+        let t3_66 = -pivot_3;
+        let t3_67 = t3_33.mul_add(t3_64, like.lift(0.06928203230275509));
+        let t3_68 = t3_67 * inv_pivot_3;
+        let t3_69 = (-t3_63).mul_add(t3_68, t3_58);
+        let t3_70 = t3_50.mul_add(t3_64, t3_69);
+        let t3_71 = t3_54 * t3_64;
+        let t3_72 = (-t3_65).mul_add(t3_68, t3_71);
+        let pivot_4 = (-t3_68).mul_add(t3_43, t3_41);
+        let t3_73 = (-t3_45).mul_add(t3_68, t3_44);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_64 = t3_63 * inv_pivot_4;
-        let t3_65 = (-t3_64).mul_add(t3_33, t3_58);
-        let t3_66 = inv_pivot_3 * t3_65;
-        let t3_67 = (-t3_56).mul_add(t3_66, t3_55);
-        let t3_68 = inv_pivot_2 * t3_67;
-        let t3_69 = -t3_68;
-        let t3_70 = (-t3_43).mul_add(t3_54, t3_38);
-        let t3_71 = t3_70 * t3_57;
-        let t3_72 = t3_70 * t3_59;
-        let t3_73 = (-t3_71).mul_add(t3_61, t3_72);
-        let t3_74 = t3_73 * inv_pivot_4;
-        let t3_75 = (-t3_74).mul_add(t3_33, t3_71);
+        let t3_74 = t3_70 * inv_pivot_4;
+        let t3_75 = (-t3_74).mul_add(t3_43, t3_63);
         let t3_76 = inv_pivot_3 * t3_75;
-        let t3_77 = (-t3_56).mul_add(t3_76, t3_70);
+        let t3_77 = (-t3_33).mul_add(t3_76, t3_50);
         let t3_78 = inv_pivot_2 * t3_77;
-        let t3_79 = -t3_78;
-        let t3_80 = (-t3_52).mul_add(t3_61, t3_48);
-        let t3_81 = t3_80 * inv_pivot_4;
-        let t3_82 = (-t3_81).mul_add(t3_33, t3_52);
-        let t3_83 = inv_pivot_3 * t3_82;
-        let t3_84 = inv_pivot_2 * t3_56;
-        let t3_85 = t3_84 * t3_83;
-        let t3_86 = -t3_85;
-        let t3_87 = -t3_83;
-        let t3_88 = t3_21.mul_add(t3_66, t3_41);
-        let t3_89 = t3_19.mul_add(t3_68, t3_88);
-        let t3_90 = like.lift(2.5) * t3_53;
-        let t3_91 = t3_89 * t3_90;
-        let t3_92 = -t3_91;
-        let t3_93 = (-t3_21).mul_add(t3_76, t3_43);
-        let t3_94 = (-t3_19).mul_add(t3_78, t3_93);
-        let t3_95 = t3_94 * t3_90;
-        let t3_96 = t3_19 * t3_85;
-        let t3_97 = (-t3_21).mul_add(t3_83, t3_96);
-        let t3_98 = t3_97 * t3_90;
-        let t3_99 = -t3_98;
-        let t3_100 = -t3_64;
-        let t3_101 = -t3_74;
-        let t3_102 = -pivot_3;
+        let t3_79 = t3_72 * inv_pivot_4;
+        let t3_80 = t3_73 * inv_pivot_4;
+        let t3_81 = (-t3_79).mul_add(t3_43, t3_65);
+        let t3_82 = inv_pivot_3 * t3_81;
+        let t3_83 = (-t3_33).mul_add(t3_82, t3_54);
+        let t3_84 = inv_pivot_2 * t3_83;
+        let t3_85 = inv_pivot_2 * t3_33;
+        let t3_86 = t3_28.mul_add(t3_76, t3_29);
+        let t3_87 = t3_27.mul_add(t3_78, t3_86);
+        let t3_88 = -t3_78;
+        let t3_89 = t3_87 * t3_34;
+        let t3_90 = -t3_89;
+        let t3_91 = -t3_74;
+        let t3_92 = -t3_79;
+        let t3_93 = (-t3_80).mul_add(t3_43, t3_45);
+        let t3_94 = inv_pivot_3 * t3_93;
+        let t3_95 = t3_85 * t3_94;
+        let t3_96 = -t3_84;
+        let t3_97 = (-t3_28).mul_add(t3_82, t3_53);
+        let t3_98 = (-t3_27).mul_add(t3_84, t3_97);
+        let t3_99 = t3_98 * t3_34;
+        let t3_100 = t3_27 * t3_95;
+        let t3_101 = (-t3_28).mul_add(t3_94, t3_100);
+        let t3_102 = t3_101 * t3_34;
+        let t3_103 = -t3_95;
+        let t3_104 = -t3_94;
+        let t3_105 = -t3_102;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t3_102 * like.lift(17.496940338012887)).abs())
+            .min((t3_66 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_69, t3_79, t3_86], [t3_66, t3_76, t3_87], [t3_92, t3_95, t3_99],
-                [t3_100, t3_101, t3_81],
+                [t3_88, t3_96, t3_103], [t3_76, t3_82, t3_104], [t3_90, t3_99, t3_105],
+                [t3_91, t3_92, t3_80],
             ],
             margin,
             || (
                 [
-                    [t3_9, t3_10, t3_14, like.lift(0.0)],
-                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
+                    [t3_17, t3_18, t3_22, like.lift(0.0)],
+                    [t3_30, t3_28, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
-                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
+                    [t3_37, like.lift(-0.06928203230275509), like.lift(0.0), t3_41],
+                    [t3_48, like.lift(-0.04), like.lift(0.0), t3_43],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_37, t3_39, like.lift(0.0)], [t3_42, t3_43, like.lift(0.0)],
+                    [t3_49, t3_51, like.lift(0.0)], [t3_52, t3_53, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_47, like.lift(0.0), t3_48], [t3_51, like.lift(0.0), t3_52],
+                    [t3_59, like.lift(0.0), t3_44], [t3_61, like.lift(0.0), t3_45],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1463,223 +1477,247 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         );
         condition = condition.min(found);
         [
-            al_rod1z, t3_22, t3_30, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
-            x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t3_1, t3_3, al_rod1z, t3_35, t3_46, u_platform_q1x, u_platform_q1y, x_q2_q1,
+            x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1,
+            x_q7_q4, x_q7_q6,
         ]
     };
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t4_1, a_rod1y, w_rod1z, t4_8, a_rod1x] = {
-        let t4_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_rod1_q1 = al_rod1z * t4_1;
+    let [t4_3, a_rod1y, a_rod1x, w_rod1z, t4_10] = {
         let w_izz_rod1_q4 = x_q2_q4 * al_rod1z;
-        let t4_2 = -w_izz_rod1_q4;
+        let t4_1 = -w_izz_rod1_q4;
+        w[15][1] = t4_1;
         let w_izz_rod1_q6 = x_q2_q6 * al_rod1z;
-        let t4_3 = -w_izz_rod1_q6;
-        w[15] = [w_izz_rod1_q1, t4_2, t4_3];
-        let t4_4 = like.lift(0.4) * d_q1;
-        let t4_5 = t4_4.mul_add(d_q1, -a_crank1x);
-        let t4_6 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
-        let t4_7 = cos_q2 * t4_6;
-        let a_rod1y = sin_q2.mul_add(t4_5, t4_7);
-        let w_rod1z = d_q1 + d_q2;
-        let t4_8 = w_rod1z * w_rod1z;
-        let t4_9 = cos_q2 * al_rod1z;
-        let t4_10 = (-sin_q2).mul_add(t4_8, t4_9);
-        let t4_11 = a_rod1y * t4_1;
-        let w_mx_rod1_q1 = like.lift(0.4).mul_add(t4_10, t4_11);
+        let t4_2 = -w_izz_rod1_q6;
+        w[15][2] = t4_2;
+        let t4_3 = like.lift(1.0) - x_q2_q1;
+        let w_izz_rod1_q1 = al_rod1z * t4_3;
+        w[15][0] = w_izz_rod1_q1;
+        let t4_4 = cos_q2 * t3_1;
+        let a_rod1y = sin_q2.mul_add(t3_3, t4_4);
+        let t4_5 = cos_q2 * t3_3;
+        let a_rod1x = (-sin_q2).mul_add(t3_1, t4_5);
         let w_mx_rod1_q4 = x_q2_q4 * a_rod1y;
-        let t4_12 = -w_mx_rod1_q4;
+        let t4_6 = -w_mx_rod1_q4;
+        w[16][1] = t4_6;
         let w_mx_rod1_q6 = x_q2_q6 * a_rod1y;
-        let t4_13 = -w_mx_rod1_q6;
-        w[16] = [w_mx_rod1_q1, t4_12, t4_13];
-        let t4_14 = cos_q2 * t4_5;
-        let a_rod1x = (-sin_q2).mul_add(t4_6, t4_14);
-        let t4_15 = cos_q2 * t4_8;
-        let t4_16 = sin_q2.mul_add(al_rod1z, t4_15);
-        let t4_17 = a_rod1x * t4_1;
-        let w_my_rod1_q1 = like.lift(-0.4).mul_add(t4_16, t4_17);
+        let t4_7 = -w_mx_rod1_q6;
+        w[16][2] = t4_7;
         let w_my_rod1_q4 = x_q2_q4 * a_rod1x;
-        let t4_18 = -w_my_rod1_q4;
+        let t4_8 = -w_my_rod1_q4;
+        w[17][1] = t4_8;
         let w_my_rod1_q6 = x_q2_q6 * a_rod1x;
-        let t4_19 = -w_my_rod1_q6;
-        w[17] = [w_my_rod1_q1, t4_18, t4_19];
-        let t4_20 = cos_q2 * a_rod1y;
-        let t4_21 = (-sin_q2).mul_add(a_rod1x, t4_20);
-        let t4_22 = like.lift(0.4) * t4_21;
-        let w_m_rod1_q1 = -t4_22;
-        let t4_23 = -w_m_rod1_q1;
-        w[19][0] = t4_23;
-        [t4_1, a_rod1y, w_rod1z, t4_8, a_rod1x]
+        let t4_9 = -w_my_rod1_q6;
+        w[17][2] = t4_9;
+        let w_rod1z = d_q1 + d_q2;
+        let t4_10 = w_rod1z * w_rod1z;
+        let t4_11 = cos_q2 * al_rod1z;
+        let t4_12 = (-sin_q2).mul_add(t4_10, t4_11);
+        let t4_13 = a_rod1y * t4_3;
+        let w_mx_rod1_q1 = like.lift(0.4).mul_add(t4_12, t4_13);
+        w[16][0] = w_mx_rod1_q1;
+        let t4_14 = cos_q2 * t4_10;
+        let t4_15 = sin_q2.mul_add(al_rod1z, t4_14);
+        let t4_16 = cos_q2 * a_rod1y;
+        let t4_17 = (-sin_q2).mul_add(a_rod1x, t4_16);
+        let t4_18 = a_rod1x * t4_3;
+        let w_my_rod1_q1 = like.lift(-0.4).mul_add(t4_15, t4_18);
+        w[17][0] = w_my_rod1_q1;
+        let t4_19 = like.lift(0.4) * t4_17;
+        let w_m_rod1_q1 = -t4_19;
+        let t4_20 = -w_m_rod1_q1;
+        w[19][0] = t4_20;
+        [t4_3, a_rod1y, a_rod1x, w_rod1z, t4_10]
     };
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        let t5_1 = x_q3_q1 - t4_3;
+        let t5_2 = like.lift(0.4).mul_add(t4_10, a_rod1x);
+        let t5_3 = (-x_q2_q1).mul_add(t3_35, u_platform_q1x);
+        let t5_4 = x_q2_q1.mul_add(t3_46, u_platform_q1y);
+        let t5_5 = x_q2_q4 + x_q3_q4;
+        let t5_6 = x_q2_q6 + x_q3_q6;
+        let t5_7 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
         let al_platformz = dd_q3 + al_rod1z;
-        let t5_1 = x_q3_q1 - t4_1;
-        let w_izz_platform_q1 = al_platformz * t5_1;
-        let t5_2 = -w_izz_platform_q1;
-        let t5_3 = x_q2_q4 + x_q3_q4;
-        let w_izz_platform_q4 = al_platformz * t5_3;
-        let t5_4 = -w_izz_platform_q4;
-        let t5_5 = x_q2_q6 + x_q3_q6;
-        let w_izz_platform_q6 = al_platformz * t5_5;
-        let t5_6 = -w_izz_platform_q6;
-        w[25] = [t5_2, t5_4, t5_6];
-        let t5_7 = like.lift(0.4).mul_add(t4_8, a_rod1x);
-        let t5_8 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let t5_9 = cos_q3 * t5_8;
-        let a_platformy = sin_q3.mul_add(t5_7, t5_9);
         let w_platformz = d_q3 + w_rod1z;
-        let t5_10 = w_platformz * w_platformz;
-        let t5_11 = (-x_q2_q1).mul_add(t3_22, u_platform_q1x);
-        let t5_12 = x_q2_q1.mul_add(t3_30, u_platform_q1y);
-        let t5_13 = a_platformy * t5_1;
-        let t5_14 = al_platformz.mul_add(t5_12, t5_13);
-        let w_mx_platform_q1 = t5_10.mul_add(t5_11, t5_14);
-        let t5_15 = -w_mx_platform_q1;
-        let t5_16 = sin_q3 * x_q2_q4;
-        let t5_17 = cos_q3 * x_q2_q4;
-        let t5_18 = al_platformz * t5_17;
-        let t5_19 = (-t5_10).mul_add(t5_16, t5_18);
-        let t5_20 = a_platformy * t5_3;
-        let w_mx_platform_q4 = like.lift(0.4).mul_add(t5_19, t5_20);
-        let t5_21 = -w_mx_platform_q4;
-        let t5_22 = sin_q3 * x_q2_q6;
-        let t5_23 = cos_q3 * x_q2_q6;
-        let t5_24 = al_platformz * t5_23;
-        let t5_25 = (-t5_10).mul_add(t5_22, t5_24);
-        let t5_26 = a_platformy * t5_5;
-        let w_mx_platform_q6 = like.lift(0.4).mul_add(t5_25, t5_26);
-        let t5_27 = -w_mx_platform_q6;
-        w[26] = [t5_15, t5_21, t5_27];
-        let t5_28 = cos_q3 * t5_7;
-        let a_platformx = (-sin_q3).mul_add(t5_8, t5_28);
-        let t5_29 = a_platformx * t5_1;
-        let t5_30 = (-t5_10).mul_add(t5_12, t5_29);
-        let w_my_platform_q1 = al_platformz.mul_add(t5_11, t5_30);
-        let t5_31 = -w_my_platform_q1;
-        let t5_32 = t5_10 * t5_17;
-        let t5_33 = al_platformz.mul_add(t5_16, t5_32);
-        let t5_34 = a_platformx * t5_3;
-        let w_my_platform_q4 = like.lift(-0.4).mul_add(t5_33, t5_34);
-        let t5_35 = -w_my_platform_q4;
-        let t5_36 = t5_10 * t5_23;
+        let t5_8 = w_platformz * w_platformz;
+        let w_izz_platform_q1 = al_platformz * t5_1;
+        let t5_9 = -w_izz_platform_q1;
+        w[25][0] = t5_9;
+        let w_izz_platform_q4 = al_platformz * t5_5;
+        let t5_10 = -w_izz_platform_q4;
+        w[25][1] = t5_10;
+        let w_izz_platform_q6 = al_platformz * t5_6;
+        let t5_11 = -w_izz_platform_q6;
+        w[25][2] = t5_11;
+        let t5_12 = cos_q3 * t5_7;
+        let a_platformy = sin_q3.mul_add(t5_2, t5_12);
+        let t5_13 = cos_q3 * t5_2;
+        let a_platformx = (-sin_q3).mul_add(t5_7, t5_13);
+        let t5_14 = a_platformy * t5_1;
+        let t5_15 = al_platformz.mul_add(t5_4, t5_14);
+        let w_mx_platform_q1 = t5_8.mul_add(t5_3, t5_15);
+        let t5_16 = -w_mx_platform_q1;
+        w[26][0] = t5_16;
+        let t5_17 = a_platformx * t5_1;
+        let t5_18 = (-t5_8).mul_add(t5_4, t5_17);
+        let w_my_platform_q1 = al_platformz.mul_add(t5_3, t5_18);
+        let t5_19 = -w_my_platform_q1;
+        w[27][0] = t5_19;
+        let t5_20 = a_platformy * t5_4;
+        let w_m_platform_q1 = a_platformx.mul_add(t5_3, t5_20);
+        let t5_21 = -w_m_platform_q1;
+        w[29][0] = t5_21;
+        let t5_22 = sin_q3 * x_q2_q4;
+        let t5_23 = cos_q3 * x_q2_q4;
+        let t5_24 = sin_q3 * x_q2_q6;
+        let t5_25 = cos_q3 * x_q2_q6;
+        let t5_26 = al_platformz * t5_23;
+        let t5_27 = (-t5_8).mul_add(t5_22, t5_26);
+        let t5_28 = a_platformy * t5_5;
+        let w_mx_platform_q4 = like.lift(0.4).mul_add(t5_27, t5_28);
+        let t5_29 = -w_mx_platform_q4;
+        w[26][1] = t5_29;
+        let t5_30 = a_platformx * t5_5;
+        let t5_31 = al_platformz * t5_25;
+        let t5_32 = (-t5_8).mul_add(t5_24, t5_31);
+        let t5_33 = a_platformy * t5_6;
+        let w_mx_platform_q6 = like.lift(0.4).mul_add(t5_32, t5_33);
+        let t5_34 = -w_mx_platform_q6;
+        w[26][2] = t5_34;
+        let t5_35 = a_platformx * t5_6;
+        let t5_36 = t5_8 * t5_23;
         let t5_37 = al_platformz.mul_add(t5_22, t5_36);
-        let t5_38 = a_platformx * t5_5;
-        let w_my_platform_q6 = like.lift(-0.4).mul_add(t5_37, t5_38);
-        let t5_39 = -w_my_platform_q6;
-        w[27] = [t5_31, t5_35, t5_39];
-        let t5_40 = a_platformy * t5_12;
-        let w_m_platform_q1 = a_platformx.mul_add(t5_11, t5_40);
-        let t5_41 = -w_m_platform_q1;
-        let t5_42 = a_platformy * t5_17;
-        let t5_43 = (-a_platformx).mul_add(t5_16, t5_42);
-        let t5_44 = like.lift(0.4) * t5_43;
-        let w_m_platform_q4 = -t5_44;
-        let t5_45 = a_platformy * t5_23;
-        let t5_46 = (-a_platformx).mul_add(t5_22, t5_45);
-        let t5_47 = like.lift(0.4) * t5_46;
+        let w_my_platform_q4 = like.lift(-0.4).mul_add(t5_37, t5_30);
+        let t5_38 = -w_my_platform_q4;
+        w[27][1] = t5_38;
+        let t5_39 = t5_8 * t5_25;
+        let t5_40 = al_platformz.mul_add(t5_24, t5_39);
+        let w_my_platform_q6 = like.lift(-0.4).mul_add(t5_40, t5_35);
+        let t5_41 = -w_my_platform_q6;
+        w[27][2] = t5_41;
+        let t5_42 = a_platformy * t5_23;
+        let t5_43 = a_platformy * t5_25;
+        let t5_44 = (-a_platformx).mul_add(t5_22, t5_42);
+        let t5_45 = (-a_platformx).mul_add(t5_24, t5_43);
+        let t5_46 = like.lift(0.4) * t5_44;
+        let w_m_platform_q4 = -t5_46;
+        w[29][1] = w_m_platform_q4;
+        let t5_47 = like.lift(0.4) * t5_45;
         let w_m_platform_q6 = -t5_47;
-        w[29] = [t5_41, w_m_platform_q4, w_m_platform_q6];
+        w[29][2] = w_m_platform_q6;
     }
     // body crank2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank2y, a_crank2x] = {
+        w[35][1] = dd_q4;
         let a_crank2y = like.lift(9.81) * cos_q4;
         w[36][1] = a_crank2y;
         let a_crank2x = like.lift(9.81) * sin_q4;
         let t6_1 = -a_crank2x;
         w[37][1] = t6_1;
-        w[35][1] = dd_q4;
         [a_crank2y, a_crank2x]
     };
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        let t7_1 = like.lift(1.0) - x_q5_q4;
+        let t7_2 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
+        let t7_3 = like.lift(0.4) * d_q4;
+        let t7_4 = (-t7_3).mul_add(d_q4, a_crank2x);
         let al_rod2z = dd_q4 + dd_q5;
+        let w_izz_rod2_q4 = al_rod2z * t7_1;
+        w[45][1] = w_izz_rod2_q4;
         let w_izz_rod2_q1 = x_q5_q1 * al_rod2z;
-        let t7_1 = -w_izz_rod2_q1;
-        let t7_2 = like.lift(1.0) - x_q5_q4;
-        let w_izz_rod2_q4 = al_rod2z * t7_2;
+        let t7_5 = -w_izz_rod2_q1;
+        w[45][0] = t7_5;
         let w_izz_rod2_q6 = x_q5_q6 * al_rod2z;
-        let t7_3 = -w_izz_rod2_q6;
-        w[45] = [t7_1, w_izz_rod2_q4, t7_3];
-        let t7_4 = like.lift(0.4) * d_q4;
-        let t7_5 = (-t7_4).mul_add(d_q4, a_crank2x);
-        let t7_6 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
-        let t7_7 = sin_q5 * t7_5;
-        let a_rod2y = (-cos_q5).mul_add(t7_6, t7_7);
+        let t7_6 = -w_izz_rod2_q6;
+        w[45][2] = t7_6;
+        let t7_7 = sin_q5 * t7_4;
+        let a_rod2y = (-cos_q5).mul_add(t7_2, t7_7);
+        let t7_8 = sin_q5 * t7_2;
+        let a_rod2x = cos_q5.mul_add(t7_4, t7_8);
         let w_mx_rod2_q1 = x_q5_q1 * a_rod2y;
-        let w_rod2z = d_q4 + d_q5;
-        let t7_8 = w_rod2z * w_rod2z;
-        let t7_9 = cos_q5 * al_rod2z;
-        let t7_10 = (-sin_q5).mul_add(t7_8, t7_9);
-        let t7_11 = a_rod2y * t7_2;
-        let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t7_10, t7_11);
-        let t7_12 = -w_mx_rod2_q4;
-        let w_mx_rod2_q6 = x_q5_q6 * a_rod2y;
-        w[46] = [w_mx_rod2_q1, t7_12, w_mx_rod2_q6];
-        let t7_13 = sin_q5 * t7_6;
-        let a_rod2x = cos_q5.mul_add(t7_5, t7_13);
+        w[46][0] = w_mx_rod2_q1;
         let w_my_rod2_q1 = x_q5_q1 * a_rod2x;
-        let t7_14 = cos_q5 * t7_8;
-        let t7_15 = sin_q5.mul_add(al_rod2z, t7_14);
-        let t7_16 = a_rod2x * t7_2;
-        let w_my_rod2_q4 = like.lift(0.4).mul_add(t7_15, t7_16);
-        let t7_17 = -w_my_rod2_q4;
+        w[47][0] = w_my_rod2_q1;
+        let w_mx_rod2_q6 = x_q5_q6 * a_rod2y;
+        w[46][2] = w_mx_rod2_q6;
         let w_my_rod2_q6 = x_q5_q6 * a_rod2x;
-        w[47] = [w_my_rod2_q1, t7_17, w_my_rod2_q6];
-        let t7_18 = cos_q5 * a_rod2y;
-        let t7_19 = (-sin_q5).mul_add(a_rod2x, t7_18);
-        let t7_20 = like.lift(0.4) * t7_19;
+        w[47][2] = w_my_rod2_q6;
+        let w_rod2z = d_q4 + d_q5;
+        let t7_9 = w_rod2z * w_rod2z;
+        let t7_10 = cos_q5 * al_rod2z;
+        let t7_11 = (-sin_q5).mul_add(t7_9, t7_10);
+        let t7_12 = cos_q5 * t7_9;
+        let t7_13 = sin_q5.mul_add(al_rod2z, t7_12);
+        let t7_14 = cos_q5 * a_rod2y;
+        let t7_15 = (-sin_q5).mul_add(a_rod2x, t7_14);
+        let t7_16 = a_rod2y * t7_1;
+        let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t7_11, t7_16);
+        let t7_17 = a_rod2x * t7_1;
+        let w_my_rod2_q4 = like.lift(0.4).mul_add(t7_13, t7_17);
+        let t7_18 = -w_mx_rod2_q4;
+        w[46][1] = t7_18;
+        let t7_19 = -w_my_rod2_q4;
+        w[47][1] = t7_19;
+        let t7_20 = like.lift(0.4) * t7_15;
         let w_m_rod2_q4 = -t7_20;
         w[49][1] = w_m_rod2_q4;
     }
     // body crank3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank3y, a_crank3x] = {
+        w[55][2] = dd_q6;
         let a_crank3y = like.lift(9.81) * cos_q6;
         w[56][2] = a_crank3y;
         let a_crank3x = like.lift(9.81) * sin_q6;
         let t8_1 = -a_crank3x;
         w[57][2] = t8_1;
-        w[55][2] = dd_q6;
         [a_crank3y, a_crank3x]
     };
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        let t9_1 = like.lift(1.0) - x_q7_q6;
+        let t9_2 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
+        let t9_3 = like.lift(0.4) * d_q6;
+        let t9_4 = (-t9_3).mul_add(d_q6, a_crank3x);
         let al_rod3z = dd_q6 + dd_q7;
+        let w_izz_rod3_q6 = al_rod3z * t9_1;
+        w[65][2] = w_izz_rod3_q6;
         let w_izz_rod3_q1 = x_q7_q1 * al_rod3z;
-        let t9_1 = -w_izz_rod3_q1;
+        let t9_5 = -w_izz_rod3_q1;
+        w[65][0] = t9_5;
         let w_izz_rod3_q4 = x_q7_q4 * al_rod3z;
-        let t9_2 = -w_izz_rod3_q4;
-        let t9_3 = like.lift(1.0) - x_q7_q6;
-        let w_izz_rod3_q6 = al_rod3z * t9_3;
-        w[65] = [t9_1, t9_2, w_izz_rod3_q6];
-        let t9_4 = like.lift(0.4) * d_q6;
-        let t9_5 = (-t9_4).mul_add(d_q6, a_crank3x);
-        let t9_6 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
-        let t9_7 = sin_q7 * t9_5;
-        let a_rod3y = (-cos_q7).mul_add(t9_6, t9_7);
+        let t9_6 = -w_izz_rod3_q4;
+        w[65][1] = t9_6;
+        let t9_7 = sin_q7 * t9_4;
+        let a_rod3y = (-cos_q7).mul_add(t9_2, t9_7);
+        let t9_8 = sin_q7 * t9_2;
+        let a_rod3x = cos_q7.mul_add(t9_4, t9_8);
         let w_mx_rod3_q1 = x_q7_q1 * a_rod3y;
-        let w_mx_rod3_q4 = x_q7_q4 * a_rod3y;
-        let w_rod3z = d_q6 + d_q7;
-        let t9_8 = w_rod3z * w_rod3z;
-        let t9_9 = cos_q7 * al_rod3z;
-        let t9_10 = (-sin_q7).mul_add(t9_8, t9_9);
-        let t9_11 = a_rod3y * t9_3;
-        let w_mx_rod3_q6 = like.lift(-0.4).mul_add(t9_10, t9_11);
-        let t9_12 = -w_mx_rod3_q6;
-        w[66] = [w_mx_rod3_q1, w_mx_rod3_q4, t9_12];
-        let t9_13 = sin_q7 * t9_6;
-        let a_rod3x = cos_q7.mul_add(t9_5, t9_13);
+        w[66][0] = w_mx_rod3_q1;
         let w_my_rod3_q1 = x_q7_q1 * a_rod3x;
+        w[67][0] = w_my_rod3_q1;
+        let w_mx_rod3_q4 = x_q7_q4 * a_rod3y;
+        w[66][1] = w_mx_rod3_q4;
         let w_my_rod3_q4 = x_q7_q4 * a_rod3x;
-        let t9_14 = cos_q7 * t9_8;
-        let t9_15 = sin_q7.mul_add(al_rod3z, t9_14);
-        let t9_16 = a_rod3x * t9_3;
-        let w_my_rod3_q6 = like.lift(0.4).mul_add(t9_15, t9_16);
-        let t9_17 = -w_my_rod3_q6;
-        w[67] = [w_my_rod3_q1, w_my_rod3_q4, t9_17];
-        let t9_18 = cos_q7 * a_rod3y;
-        let t9_19 = (-sin_q7).mul_add(a_rod3x, t9_18);
-        let t9_20 = like.lift(0.4) * t9_19;
+        w[67][1] = w_my_rod3_q4;
+        let w_rod3z = d_q6 + d_q7;
+        let t9_9 = w_rod3z * w_rod3z;
+        let t9_10 = cos_q7 * al_rod3z;
+        let t9_11 = (-sin_q7).mul_add(t9_9, t9_10);
+        let t9_12 = cos_q7 * t9_9;
+        let t9_13 = sin_q7.mul_add(al_rod3z, t9_12);
+        let t9_14 = cos_q7 * a_rod3y;
+        let t9_15 = (-sin_q7).mul_add(a_rod3x, t9_14);
+        let t9_16 = a_rod3y * t9_1;
+        let w_mx_rod3_q6 = like.lift(-0.4).mul_add(t9_11, t9_16);
+        let t9_17 = a_rod3x * t9_1;
+        let w_my_rod3_q6 = like.lift(0.4).mul_add(t9_13, t9_17);
+        let t9_18 = -w_mx_rod3_q6;
+        w[66][2] = t9_18;
+        let t9_19 = -w_my_rod3_q6;
+        w[67][2] = t9_19;
+        let t9_20 = like.lift(0.4) * t9_15;
         let w_m_rod3_q6 = -t9_20;
         w[69][2] = w_m_rod3_q6;
     }
@@ -1698,18 +1736,8 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
-    let [
-        _, _, _, _, _, p_izz_crank1, p_mx_crank1, p_my_crank1, _, _, _, _, _, _, _, p_izz_rod1,
-        p_mx_rod1, p_my_rod1, _, p_m_rod1, _, _, _, _, _, p_izz_platform, p_mx_platform,
-        p_my_platform, _, p_m_platform, _, _, _, _, _, p_izz_crank2, p_mx_crank2, p_my_crank2,
-        _, _, _, _, _, _, _, p_izz_rod2, p_mx_rod2, p_my_rod2, _, p_m_rod2, _, _, _, _, _,
-        p_izz_crank3, p_mx_crank3, p_my_crank3, _, _, _, _, _, _, _, p_izz_rod3, p_mx_rod3,
-        p_my_rod3, _, p_m_rod3,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
@@ -1725,10 +1753,20 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
             sin_q6, cos_q6, sin_q7, cos_q7,
         ]
     };
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
+    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
+    let [
+        _, _, _, _, _, p_izz_crank1, p_mx_crank1, p_my_crank1, _, _, _, _, _, _, _, p_izz_rod1,
+        p_mx_rod1, p_my_rod1, _, p_m_rod1, _, _, _, _, _, p_izz_platform, p_mx_platform,
+        p_my_platform, _, p_m_platform, _, _, _, _, _, p_izz_crank2, p_mx_crank2, p_my_crank2,
+        _, _, _, _, _, _, _, p_izz_rod2, p_mx_rod2, p_my_rod2, _, p_m_rod2, _, _, _, _, _,
+        p_izz_crank3, p_mx_crank3, p_my_crank3, _, _, _, _, _, _, _, p_izz_rod3, p_mx_rod3,
+        p_my_rod3, _, p_m_rod3,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_15, t2_28, t2_38, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
-        x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_16, t2_28, t2_38, t2_55, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6,
+        x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
         let al_rod1z = dd_q1 + dd_q2;
         let t2_1 = like.lift(0.4) * d_q1;
@@ -1743,190 +1781,192 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let al_platformz = dd_q3 + al_rod1z;
         let w_rod1z = d_q1 + d_q2;
         let t2_8 = w_rod1z * w_rod1z;
-        let t2_9 = like.lift(0.4).mul_add(t2_8, a_rod1x);
-        let t2_10 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let t2_11 = cos_q3 * t2_10;
-        let a_platformy = sin_q3.mul_add(t2_9, t2_11);
-        let t2_12 = cos_q3 * t2_9;
-        let a_platformx = (-sin_q3).mul_add(t2_10, t2_12);
-        let t2_13 = al_platformz * p_izz_platform;
-        let t2_14 = a_platformx.mul_add(p_my_platform, t2_13);
-        let t2_15 = a_platformy.mul_add(p_mx_platform, t2_14);
         let w_platformz = d_q3 + w_rod1z;
-        let t2_16 = w_platformz * w_platformz;
+        let t2_9 = w_platformz * w_platformz;
+        let t2_10 = like.lift(0.4).mul_add(t2_8, a_rod1x);
+        let t2_11 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
+        let t2_12 = cos_q3 * t2_11;
+        let a_platformy = sin_q3.mul_add(t2_10, t2_12);
+        let t2_13 = cos_q3 * t2_10;
+        let a_platformx = (-sin_q3).mul_add(t2_11, t2_13);
+        let t2_14 = al_platformz * p_izz_platform;
+        let t2_15 = a_platformx.mul_add(p_my_platform, t2_14);
+        let t2_16 = a_platformy.mul_add(p_mx_platform, t2_15);
         let t2_17 = a_platformx * p_m_platform;
         let t2_18 = al_platformz.mul_add(p_my_platform, t2_17);
-        let t2_19 = t2_16.mul_add(p_mx_platform, t2_18);
+        let t2_19 = t2_9.mul_add(p_mx_platform, t2_18);
         let t2_20 = a_platformy * p_m_platform;
-        let t2_21 = (-t2_16).mul_add(p_my_platform, t2_20);
+        let t2_21 = (-t2_9).mul_add(p_my_platform, t2_20);
         let t2_22 = al_platformz.mul_add(p_mx_platform, t2_21);
         let t2_23 = sin_q3 * t2_19;
         let t2_24 = (-cos_q3).mul_add(t2_22, t2_23);
-        let t2_25 = al_rod1z.mul_add(p_izz_rod1, t2_15);
+        let t2_25 = al_rod1z.mul_add(p_izz_rod1, t2_16);
         let t2_26 = a_rod1x.mul_add(p_my_rod1, t2_25);
         let t2_27 = a_rod1y.mul_add(p_mx_rod1, t2_26);
         let t2_28 = like.lift(-0.4).mul_add(t2_24, t2_27);
-        let t2_29 = a_rod1x * p_m_rod1;
-        let t2_30 = al_rod1z.mul_add(p_my_rod1, t2_29);
-        let t2_31 = t2_8.mul_add(p_mx_rod1, t2_30);
-        let t2_32 = sin_q3.mul_add(t2_22, t2_31);
-        let t2_33 = cos_q3.mul_add(t2_19, t2_32);
-        let t2_34 = a_rod1y.mul_add(p_m_rod1, -t2_24);
-        let t2_35 = (-t2_8).mul_add(p_my_rod1, t2_34);
-        let t2_36 = al_rod1z.mul_add(p_mx_rod1, t2_35);
-        let t2_37 = sin_q2 * t2_33;
+        let t2_29 = a_rod1y.mul_add(p_m_rod1, -t2_24);
+        let t2_30 = a_rod1x * p_m_rod1;
+        let t2_31 = al_rod1z.mul_add(p_my_rod1, t2_30);
+        let t2_32 = t2_8.mul_add(p_mx_rod1, t2_31);
+        let t2_33 = sin_q3.mul_add(t2_22, t2_32);
+        let t2_34 = (-t2_8).mul_add(p_my_rod1, t2_29);
+        let t2_35 = cos_q3.mul_add(t2_19, t2_33);
+        let t2_36 = al_rod1z.mul_add(p_mx_rod1, t2_34);
+        let t2_37 = sin_q2 * t2_35;
         let t2_38 = (-cos_q2).mul_add(t2_36, t2_37);
         let t2_39 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_39);
         let t2_40 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_40);
-        let t2_41 = like.lift(0.4) * sin_q1_q2;
-        let t2_42 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_42);
-        let t2_43 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_43);
-        let t2_44 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_45 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_46 = t2_44 + t2_45;
-        let t2_47 = t2_41 - t2_46;
-        let t2_48 = -t2_46;
-        let t2_49 = sin_q4 * cos_q5;
-        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_49);
-        let t2_50 = cos_q4 * cos_q5;
-        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_50);
-        let t2_51 = like.lift(0.4) * sin_q4_q5;
-        let t2_52 = -t2_51;
-        let t2_53 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_54 = like.lift(0.4) * cos_q1_q2;
-        let t2_55 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_56 = t2_53 + t2_54;
-        let t2_57 = t2_56 - t2_55;
-        let t2_58 = -t2_57;
-        let t2_59 = t2_55 - t2_53;
-        let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_60 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_41 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_42 = like.lift(0.4) * sin_q2;
+        let t2_43 = like.lift(0.4) * sin_q1_q2;
+        let t2_44 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_44);
+        let t2_45 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_45);
+        let t2_46 = like.lift(0.4) * cos_q1_q2;
+        let t2_47 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_48 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_49 = t2_47 + t2_48;
+        let t2_50 = t2_48 + t2_47;
+        let t2_51 = like.lift(-0.4).mul_add(sin_q1, t2_50);
+        let t2_52 = t2_51 - t2_43;
+        let t2_53 = t2_43 - t2_49;
+        let t2_54 = sin_q1 * p_my_crank1;
+        let t2_55 = (-cos_q1).mul_add(p_mx_crank1, t2_54);
+        let t2_56 = like.lift(0.4).mul_add(cos_q1, t2_46);
+        let t2_57 = -t2_49;
+        let t2_58 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_58);
+        let t2_59 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_59);
+        let t2_60 = like.lift(0.4) * sin_q4_q5;
         let t2_61 = -t2_60;
-        let t2_62 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_62);
-        let t2_63 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_63);
-        let t2_64 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_64);
-        let t2_65 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_65);
-        let t2_66 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_67 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
-        let t2_68 = -t2_67;
-        let t2_69 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_70 = t2_45 + t2_44;
-        let t2_71 = like.lift(-0.4).mul_add(sin_q1, t2_70);
-        let t2_72 = t2_71 - t2_41;
-        let t2_73 = -t2_72;
-        let t2_74 = like.lift(0.4).mul_add(sin_q4, t2_51);
+        let t2_62 = like.lift(0.4).mul_add(sin_q4, t2_60);
+        let t2_63 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_64 = t2_63 + t2_46;
+        let t2_65 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_66 = t2_64 - t2_65;
+        let t2_67 = t2_65 - t2_63;
+        let t2_68 = t2_56 - t2_67;
+        let t2_69 = -t2_66;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_70 = like.lift(1.0) / cos_q4_q5;
+        let t2_71 = sin_q4_q5 * t2_70;
+        let t2_72 = (-t2_67).mul_add(t2_71, t2_49);
+        let t2_73 = like.lift(2.5) * t2_70;
+        let t2_74 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
         let t2_75 = -t2_74;
-        let t2_76 = like.lift(0.4).mul_add(cos_q1, t2_54);
-        let t2_77 = t2_76 - t2_59;
-        let t2_78 = -t2_77;
-        let t2_79 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t2_80 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_81 = like.lift(0.4) * sin_q2;
-        let t2_82 = sin_q3.mul_add(t2_80, like.lift(0.06928203230275509));
-        let t2_83 = cos_q3.mul_add(t2_81, t2_82);
-        let t2_84 = -t2_83;
-        let t2_85 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_66);
-        let t2_86 = cos_q3.mul_add(t2_80, like.lift(0.04));
-        let t2_87 = (-sin_q3).mul_add(t2_81, t2_86);
-        let t2_88 = -t2_87;
-        let t2_89 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_69);
-        let t2_90 = like.lift(1.0) / cos_q4_q5;
-        let t2_91 = sin_q4_q5 * t2_90;
-        let pivot_2 = (-t2_57).mul_add(t2_91, t2_47);
+        let t2_76 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_76);
+        let t2_77 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_77);
+        let t2_78 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_78);
+        let t2_79 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_80 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_80);
+        let t2_81 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_82 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_79);
+        let t2_83 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_81);
+        let t2_84 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_85 = -t2_84;
+        let t2_86 = -t2_52;
+        let t2_87 = t2_68.mul_add(t2_71, t2_52);
+        let t2_88 = -t2_62;
+        let t2_89 = -t2_68;
+        let t2_90 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_91 = (-t2_90).mul_add(t2_71, t2_62);
+        let pivot_2 = (-t2_66).mul_add(t2_71, t2_53);
+        let t2_92 = sin_q3.mul_add(t2_41, like.lift(0.06928203230275509));
+        let t2_93 = cos_q3.mul_add(t2_41, like.lift(0.04));
+        let t2_94 = cos_q3.mul_add(t2_42, t2_92);
+        let t2_95 = (-sin_q3).mul_add(t2_42, t2_93);
+        let t2_96 = -t2_94;
+        let t2_97 = -t2_95;
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_92 = t2_77.mul_add(t2_91, t2_72);
-        let t2_93 = (-t2_59).mul_add(t2_91, t2_46);
-        let t2_94 = t2_67 * inv_pivot_2;
-        let pivot_3 = t2_93.mul_add(t2_94, like.lift(0.04));
+        let t2_98 = t2_84 * inv_pivot_2;
+        let t2_99 = t2_87.mul_add(t2_98, t2_95);
+        let t2_100 = t2_74 * inv_pivot_2;
+        let pivot_3 = t2_72.mul_add(t2_98, like.lift(0.04));
+        let t2_101 = t2_91 * t2_98;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_95 = t2_92.mul_add(t2_94, t2_87);
-        let t2_96 = t2_60 * inv_pivot_2;
-        let t2_97 = t2_93.mul_add(t2_96, like.lift(0.06928203230275509));
-        let t2_98 = t2_97 * inv_pivot_3;
-        let t2_99 = (-t2_95).mul_add(t2_98, t2_83);
-        let t2_100 = t2_92.mul_add(t2_96, t2_99);
-        let pivot_4 = (-t2_98).mul_add(t2_69, t2_66);
+        let t2_102 = -pivot_3;
+        let t2_103 = t2_72.mul_add(t2_100, like.lift(0.06928203230275509));
+        let t2_104 = t2_103 * inv_pivot_3;
+        let t2_105 = (-t2_99).mul_add(t2_104, t2_94);
+        let t2_106 = t2_87.mul_add(t2_100, t2_105);
+        let t2_107 = t2_91 * t2_100;
+        let t2_108 = (-t2_101).mul_add(t2_104, t2_107);
+        let pivot_4 = (-t2_104).mul_add(t2_81, t2_79);
+        let t2_109 = (-t2_83).mul_add(t2_104, t2_82);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_101 = t2_100 * inv_pivot_4;
-        let t2_102 = (-t2_101).mul_add(t2_69, t2_95);
-        let t2_103 = inv_pivot_3 * t2_102;
-        let t2_104 = (-t2_93).mul_add(t2_103, t2_92);
-        let t2_105 = inv_pivot_2 * t2_104;
-        let t2_106 = -t2_105;
-        let t2_107 = (-t2_79).mul_add(t2_91, t2_74);
-        let t2_108 = t2_107 * t2_94;
-        let t2_109 = t2_107 * t2_96;
-        let t2_110 = (-t2_108).mul_add(t2_98, t2_109);
-        let t2_111 = t2_110 * inv_pivot_4;
-        let t2_112 = (-t2_111).mul_add(t2_69, t2_108);
-        let t2_113 = inv_pivot_3 * t2_112;
-        let t2_114 = (-t2_93).mul_add(t2_113, t2_107);
-        let t2_115 = inv_pivot_2 * t2_114;
-        let t2_116 = -t2_115;
-        let t2_117 = (-t2_89).mul_add(t2_98, t2_85);
-        let t2_118 = t2_117 * inv_pivot_4;
-        let t2_119 = (-t2_118).mul_add(t2_69, t2_89);
-        let t2_120 = inv_pivot_3 * t2_119;
-        let t2_121 = inv_pivot_2 * t2_93;
-        let t2_122 = t2_121 * t2_120;
-        let t2_123 = -t2_122;
-        let t2_124 = -t2_120;
-        let t2_125 = t2_59.mul_add(t2_103, t2_77);
-        let t2_126 = t2_57.mul_add(t2_105, t2_125);
-        let t2_127 = like.lift(2.5) * t2_90;
-        let t2_128 = t2_126 * t2_127;
-        let t2_129 = -t2_128;
-        let t2_130 = (-t2_59).mul_add(t2_113, t2_79);
-        let t2_131 = (-t2_57).mul_add(t2_115, t2_130);
-        let t2_132 = t2_131 * t2_127;
-        let t2_133 = t2_57 * t2_122;
-        let t2_134 = (-t2_59).mul_add(t2_120, t2_133);
-        let t2_135 = t2_134 * t2_127;
-        let t2_136 = -t2_135;
-        let t2_137 = -t2_101;
-        let t2_138 = -t2_111;
-        let t2_139 = -pivot_3;
+        let t2_110 = t2_106 * inv_pivot_4;
+        let t2_111 = (-t2_110).mul_add(t2_81, t2_99);
+        let t2_112 = inv_pivot_3 * t2_111;
+        let t2_113 = (-t2_72).mul_add(t2_112, t2_87);
+        let t2_114 = inv_pivot_2 * t2_113;
+        let t2_115 = t2_108 * inv_pivot_4;
+        let t2_116 = t2_109 * inv_pivot_4;
+        let t2_117 = (-t2_115).mul_add(t2_81, t2_101);
+        let t2_118 = inv_pivot_3 * t2_117;
+        let t2_119 = (-t2_72).mul_add(t2_118, t2_91);
+        let t2_120 = inv_pivot_2 * t2_119;
+        let t2_121 = inv_pivot_2 * t2_72;
+        let t2_122 = t2_67.mul_add(t2_112, t2_68);
+        let t2_123 = t2_66.mul_add(t2_114, t2_122);
+        let t2_124 = -t2_114;
+        let t2_125 = t2_123 * t2_73;
+        let t2_126 = -t2_125;
+        let t2_127 = -t2_110;
+        let t2_128 = -t2_115;
+        let t2_129 = (-t2_116).mul_add(t2_81, t2_83);
+        let t2_130 = inv_pivot_3 * t2_129;
+        let t2_131 = t2_121 * t2_130;
+        let t2_132 = -t2_120;
+        let t2_133 = (-t2_67).mul_add(t2_118, t2_90);
+        let t2_134 = (-t2_66).mul_add(t2_120, t2_133);
+        let t2_135 = t2_134 * t2_73;
+        let t2_136 = t2_66 * t2_131;
+        let t2_137 = (-t2_67).mul_add(t2_130, t2_136);
+        let t2_138 = t2_137 * t2_73;
+        let t2_139 = -t2_131;
+        let t2_140 = -t2_130;
+        let t2_141 = -t2_138;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_139 * like.lift(17.496940338012887)).abs())
+            .min((t2_102 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_106, t2_116, t2_123], [t2_103, t2_113, t2_124], [t2_129, t2_132, t2_136],
-                [t2_137, t2_138, t2_118],
+                [t2_124, t2_132, t2_139], [t2_112, t2_118, t2_140], [t2_126, t2_135, t2_141],
+                [t2_127, t2_128, t2_116],
             ],
             margin,
             || (
                 [
-                    [t2_47, t2_48, t2_52, like.lift(0.0)],
-                    [t2_58, t2_59, pivot_1, like.lift(0.0)],
+                    [t2_53, t2_57, t2_61, like.lift(0.0)],
+                    [t2_69, t2_67, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_61, like.lift(-0.06928203230275509), like.lift(0.0), t2_66],
-                    [t2_68, like.lift(-0.04), like.lift(0.0), t2_69],
+                    [t2_75, like.lift(-0.06928203230275509), like.lift(0.0), t2_79],
+                    [t2_85, like.lift(-0.04), like.lift(0.0), t2_81],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_73, t2_75, like.lift(0.0)], [t2_78, t2_79, like.lift(0.0)],
+                    [t2_86, t2_88, like.lift(0.0)], [t2_89, t2_90, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_84, like.lift(0.0), t2_85], [t2_88, like.lift(0.0), t2_89],
+                    [t2_96, like.lift(0.0), t2_82], [t2_97, like.lift(0.0), t2_83],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1935,88 +1975,86 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         );
         condition = condition.min(found);
         [
-            t2_15, t2_28, t2_38, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
-            x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_16, t2_28, t2_38, t2_55, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6,
+            x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
         let al_rod2z = dd_q4 + dd_q5;
         let t3_1 = like.lift(9.81) * sin_q4;
-        let t3_2 = like.lift(0.4) * d_q4;
-        let t3_3 = (-t3_2).mul_add(d_q4, t3_1);
-        let t3_4 = like.lift(0.4) * dd_q4;
-        let t3_5 = like.lift(9.81).mul_add(cos_q4, t3_4);
-        let t3_6 = sin_q5 * t3_3;
-        let a_rod2y = (-cos_q5).mul_add(t3_5, t3_6);
-        let t3_7 = sin_q5 * t3_5;
-        let a_rod2x = cos_q5.mul_add(t3_3, t3_7);
-        let t3_8 = al_rod2z * p_izz_rod2;
-        let t3_9 = (-a_rod2x).mul_add(p_my_rod2, t3_8);
-        let t3_10 = (-a_rod2y).mul_add(p_mx_rod2, t3_9);
+        let t3_2 = sin_q4 * p_my_crank2;
+        let t3_3 = (-cos_q4).mul_add(p_mx_crank2, t3_2);
+        let t3_4 = like.lift(0.4) * d_q4;
+        let t3_5 = (-t3_4).mul_add(d_q4, t3_1);
+        let t3_6 = like.lift(0.4) * dd_q4;
+        let t3_7 = like.lift(9.81).mul_add(cos_q4, t3_6);
+        let t3_8 = sin_q5 * t3_5;
+        let a_rod2y = (-cos_q5).mul_add(t3_7, t3_8);
+        let t3_9 = sin_q5 * t3_7;
+        let a_rod2x = cos_q5.mul_add(t3_5, t3_9);
+        let t3_10 = al_rod2z * p_izz_rod2;
+        let t3_11 = (-a_rod2x).mul_add(p_my_rod2, t3_10);
+        let t3_12 = (-a_rod2y).mul_add(p_mx_rod2, t3_11);
+        let t3_13 = a_rod2x * p_m_rod2;
+        let t3_14 = (-al_rod2z).mul_add(p_my_rod2, t3_13);
+        let t3_15 = a_rod2y * p_m_rod2;
         let al_rod3z = dd_q6 + dd_q7;
-        let t3_11 = like.lift(9.81) * sin_q6;
-        let t3_12 = like.lift(0.4) * d_q6;
-        let t3_13 = (-t3_12).mul_add(d_q6, t3_11);
-        let t3_14 = like.lift(0.4) * dd_q6;
-        let t3_15 = like.lift(9.81).mul_add(cos_q6, t3_14);
-        let t3_16 = sin_q7 * t3_13;
-        let a_rod3y = (-cos_q7).mul_add(t3_15, t3_16);
-        let t3_17 = sin_q7 * t3_15;
-        let a_rod3x = cos_q7.mul_add(t3_13, t3_17);
-        let t3_18 = al_rod3z * p_izz_rod3;
-        let t3_19 = (-a_rod3x).mul_add(p_my_rod3, t3_18);
-        let t3_20 = (-a_rod3y).mul_add(p_mx_rod3, t3_19);
-        let t3_21 = sin_q1 * p_my_crank1;
-        let t3_22 = (-cos_q1).mul_add(p_mx_crank1, t3_21);
-        let t3_23 = (-t3_20).mul_add(x_q7_q1, t2_28);
-        let t3_24 = (-t3_10).mul_add(x_q5_q1, t3_23);
-        let t3_25 = (-t2_15).mul_add(x_q3_q1, t3_24);
-        let t3_26 = (-t2_28).mul_add(x_q2_q1, t3_25);
-        let t3_27 = dd_q1.mul_add(p_izz_crank1, t3_26);
-        let t3_28 = like.lift(-9.81).mul_add(t3_22, t3_27);
-        let t3_29 = like.lift(-0.4).mul_add(t2_38, t3_28);
-        tau[0] = t3_29;
+        let t3_16 = like.lift(9.81) * sin_q6;
+        let t3_17 = sin_q6 * p_my_crank3;
+        let t3_18 = (-cos_q6).mul_add(p_mx_crank3, t3_17);
+        let t3_19 = like.lift(0.4) * d_q6;
+        let t3_20 = (-t3_19).mul_add(d_q6, t3_16);
+        let t3_21 = like.lift(0.4) * dd_q6;
+        let t3_22 = like.lift(9.81).mul_add(cos_q6, t3_21);
+        let t3_23 = sin_q7 * t3_20;
+        let a_rod3y = (-cos_q7).mul_add(t3_22, t3_23);
+        let t3_24 = sin_q7 * t3_22;
+        let a_rod3x = cos_q7.mul_add(t3_20, t3_24);
+        let t3_25 = al_rod3z * p_izz_rod3;
+        let t3_26 = (-a_rod3x).mul_add(p_my_rod3, t3_25);
+        let t3_27 = (-a_rod3y).mul_add(p_mx_rod3, t3_26);
+        let t3_28 = (-t3_27).mul_add(x_q7_q1, t2_28);
+        let t3_29 = (-t3_12).mul_add(x_q5_q1, t3_28);
+        let t3_30 = (-t2_16).mul_add(x_q3_q1, t3_29);
+        let t3_31 = (-t2_28).mul_add(x_q2_q1, t3_30);
+        let t3_32 = dd_q1.mul_add(p_izz_crank1, t3_31);
+        let t3_33 = like.lift(-9.81).mul_add(t2_55, t3_32);
+        let t3_34 = like.lift(-0.4).mul_add(t2_38, t3_33);
+        tau[0] = t3_34;
+        let t3_35 = (-t3_27).mul_add(x_q7_q4, t3_12);
+        let t3_36 = (-t3_12).mul_add(x_q5_q4, t3_35);
+        let t3_37 = (-t3_27).mul_add(x_q7_q6, t3_27);
+        let t3_38 = dd_q4.mul_add(p_izz_crank2, t3_36);
+        let t3_39 = like.lift(-9.81).mul_add(t3_3, t3_38);
+        let t3_40 = dd_q6.mul_add(p_izz_crank3, t3_37);
+        let t3_41 = like.lift(-9.81).mul_add(t3_18, t3_40);
+        let t3_42 = a_rod3x * p_m_rod3;
+        let t3_43 = (-al_rod3z).mul_add(p_my_rod3, t3_42);
+        let t3_44 = a_rod3y * p_m_rod3;
         let w_rod2z = d_q4 + d_q5;
-        let t3_30 = w_rod2z * w_rod2z;
-        let t3_31 = a_rod2x * p_m_rod2;
-        let t3_32 = (-al_rod2z).mul_add(p_my_rod2, t3_31);
-        let t3_33 = (-t3_30).mul_add(p_mx_rod2, t3_32);
-        let t3_34 = a_rod2y * p_m_rod2;
-        let t3_35 = t3_30.mul_add(p_my_rod2, t3_34);
-        let t3_36 = (-al_rod2z).mul_add(p_mx_rod2, t3_35);
-        let t3_37 = sin_q5 * t3_33;
-        let t3_38 = (-cos_q5).mul_add(t3_36, t3_37);
-        let t3_39 = sin_q4 * p_my_crank2;
-        let t3_40 = (-cos_q4).mul_add(p_mx_crank2, t3_39);
-        let t3_41 = (-t3_20).mul_add(x_q7_q4, t3_10);
-        let t3_42 = (-t3_10).mul_add(x_q5_q4, t3_41);
-        let t3_43 = dd_q4.mul_add(p_izz_crank2, t3_42);
-        let t3_44 = like.lift(-9.81).mul_add(t3_40, t3_43);
-        let t3_45 = like.lift(0.4).mul_add(t3_38, t3_44);
-        let t3_46 = (-t2_15).mul_add(x_q3_q4, t3_45);
-        let t3_47 = (-t2_28).mul_add(x_q2_q4, t3_46);
-        tau[1] = t3_47;
+        let t3_45 = w_rod2z * w_rod2z;
+        let t3_46 = (-t3_45).mul_add(p_mx_rod2, t3_14);
+        let t3_47 = t3_45.mul_add(p_my_rod2, t3_15);
+        let t3_48 = (-al_rod2z).mul_add(p_mx_rod2, t3_47);
+        let t3_49 = sin_q5 * t3_46;
+        let t3_50 = (-cos_q5).mul_add(t3_48, t3_49);
+        let t3_51 = like.lift(0.4).mul_add(t3_50, t3_39);
+        let t3_52 = (-t2_16).mul_add(x_q3_q4, t3_51);
+        let t3_53 = (-t2_28).mul_add(x_q2_q4, t3_52);
+        tau[1] = t3_53;
         let w_rod3z = d_q6 + d_q7;
-        let t3_48 = w_rod3z * w_rod3z;
-        let t3_49 = a_rod3x * p_m_rod3;
-        let t3_50 = (-al_rod3z).mul_add(p_my_rod3, t3_49);
-        let t3_51 = (-t3_48).mul_add(p_mx_rod3, t3_50);
-        let t3_52 = a_rod3y * p_m_rod3;
-        let t3_53 = t3_48.mul_add(p_my_rod3, t3_52);
-        let t3_54 = (-al_rod3z).mul_add(p_mx_rod3, t3_53);
-        let t3_55 = sin_q7 * t3_51;
-        let t3_56 = (-cos_q7).mul_add(t3_54, t3_55);
-        let t3_57 = sin_q6 * p_my_crank3;
-        let t3_58 = (-cos_q6).mul_add(p_mx_crank3, t3_57);
-        let t3_59 = (-t3_20).mul_add(x_q7_q6, t3_20);
-        let t3_60 = dd_q6.mul_add(p_izz_crank3, t3_59);
-        let t3_61 = like.lift(-9.81).mul_add(t3_58, t3_60);
-        let t3_62 = like.lift(0.4).mul_add(t3_56, t3_61);
-        let t3_63 = (-t3_10).mul_add(x_q5_q6, t3_62);
-        let t3_64 = (-t2_15).mul_add(x_q3_q6, t3_63);
-        let t3_65 = (-t2_28).mul_add(x_q2_q6, t3_64);
-        tau[2] = t3_65;
+        let t3_54 = w_rod3z * w_rod3z;
+        let t3_55 = (-t3_54).mul_add(p_mx_rod3, t3_43);
+        let t3_56 = t3_54.mul_add(p_my_rod3, t3_44);
+        let t3_57 = (-al_rod3z).mul_add(p_mx_rod3, t3_56);
+        let t3_58 = sin_q7 * t3_55;
+        let t3_59 = (-cos_q7).mul_add(t3_57, t3_58);
+        let t3_60 = like.lift(0.4).mul_add(t3_59, t3_41);
+        let t3_61 = (-t3_12).mul_add(x_q5_q6, t3_60);
+        let t3_62 = (-t2_16).mul_add(x_q3_q6, t3_61);
+        let t3_63 = (-t2_28).mul_add(x_q2_q6, t3_62);
+        tau[2] = t3_63;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2031,15 +2069,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
 pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [
-        _, _, _, _, _, _, p_mx_crank1, p_my_crank1, _, _, _, _, _, _, _, _, p_mx_rod1,
-        p_my_rod1, _, p_m_rod1, _, _, _, _, _, _, p_mx_platform, p_my_platform, _,
-        p_m_platform, _, _, _, _, _, _, p_mx_crank2, p_my_crank2, _, _, _, _, _, _, _, _,
-        p_mx_rod2, p_my_rod2, _, p_m_rod2, _, _, _, _, _, _, p_mx_crank3, p_my_crank3, _, _, _,
-        _, _, _, _, _, p_mx_rod3, p_my_rod3, _, p_m_rod3,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
@@ -2064,170 +2095,194 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
             sin_q6, cos_q6, sin_q6_q7, cos_q6_q7,
         ]
     };
+    let [
+        _, _, _, _, _, _, p_mx_crank1, p_my_crank1, _, _, _, _, _, _, _, _, p_mx_rod1,
+        p_my_rod1, _, p_m_rod1, _, _, _, _, _, _, p_mx_platform, p_my_platform, _,
+        p_m_platform, _, _, _, _, _, _, p_mx_crank2, p_my_crank2, _, _, _, _, _, _, _, _,
+        p_mx_rod2, p_my_rod2, _, p_m_rod2, _, _, _, _, _, _, p_mx_crank3, p_my_crank3, _, _, _,
+        _, _, _, _, _, p_mx_rod3, p_my_rod3, _, p_m_rod3,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_8, t2_13, t2_20, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
-        x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_6, t2_14, t2_19, t2_28, t2_39, t2_46, t2_62, t2_73, t2_74, t2_85, x_q2_q1, x_q2_q4,
+        x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
+        x_q7_q6,
     ] = {
-        let t2_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
-        let t2_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
-        let t2_3 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_3);
-        let t2_4 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_4);
-        let t2_5 = sin_q1_q2_q3 * p_my_platform;
-        let t2_6 = (-cos_q1_q2_q3).mul_add(p_mx_platform, t2_5);
-        let t2_7 = like.lift(9.81) * t2_6;
-        let t2_8 = -t2_7;
-        let t2_9 = cos_q1_q2 * p_m_platform;
-        let t2_10 = sin_q1_q2 * p_my_rod1;
-        let t2_11 = (-cos_q1_q2).mul_add(p_mx_rod1, t2_10);
-        let t2_12 = like.lift(-9.81).mul_add(t2_11, t2_8);
-        let t2_13 = like.lift(3.924).mul_add(t2_9, t2_12);
-        let t2_14 = sin_q1_q2 * p_m_platform;
-        let t2_15 = sin_q1_q2.mul_add(p_m_rod1, t2_14);
-        let t2_16 = like.lift(9.81) * t2_15;
-        let t2_17 = cos_q1_q2.mul_add(p_m_rod1, t2_9);
-        let t2_18 = like.lift(9.81) * t2_17;
-        let t2_19 = cos_q2 * t2_18;
-        let t2_20 = sin_q2.mul_add(t2_16, t2_19);
-        let t2_21 = like.lift(0.4) * sin_q1_q2;
-        let t2_22 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_23 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_24 = t2_22 + t2_23;
-        let t2_25 = t2_21 - t2_24;
-        let t2_26 = -t2_24;
-        let t2_27 = like.lift(0.4) * sin_q4_q5;
-        let t2_28 = -t2_27;
-        let t2_29 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_30 = like.lift(0.4) * cos_q1_q2;
-        let t2_31 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_32 = t2_29 + t2_30;
-        let t2_33 = t2_32 - t2_31;
-        let t2_34 = -t2_33;
-        let t2_35 = t2_31 - t2_29;
+        let t2_1 = sin_q6_q7 * p_my_rod3;
+        let t2_2 = (-cos_q6_q7).mul_add(p_mx_rod3, t2_1);
+        let t2_3 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_4 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_5 = like.lift(9.81) * t2_2;
+        let t2_6 = -t2_5;
+        let t2_7 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_7);
+        let t2_8 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_8);
+        let t2_9 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_9);
+        let t2_10 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_10);
+        let t2_11 = sin_q1_q2_q3 * p_my_platform;
+        let t2_12 = (-cos_q1_q2_q3).mul_add(p_mx_platform, t2_11);
+        let t2_13 = like.lift(9.81) * t2_12;
+        let t2_14 = -t2_13;
+        let t2_15 = cos_q1_q2 * p_m_platform;
+        let t2_16 = sin_q1_q2 * p_my_rod1;
+        let t2_17 = (-cos_q1_q2).mul_add(p_mx_rod1, t2_16);
+        let t2_18 = like.lift(-9.81).mul_add(t2_17, t2_14);
+        let t2_19 = like.lift(3.924).mul_add(t2_15, t2_18);
+        let t2_20 = cos_q1_q2.mul_add(p_m_rod1, t2_15);
+        let t2_21 = like.lift(9.81) * t2_20;
+        let t2_22 = cos_q2 * t2_21;
+        let t2_23 = like.lift(0.4) * cos_q1_q2;
+        let t2_24 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_25 = sin_q1_q2 * p_m_platform;
+        let t2_26 = sin_q1_q2.mul_add(p_m_rod1, t2_25);
+        let t2_27 = like.lift(9.81) * t2_26;
+        let t2_28 = sin_q2.mul_add(t2_27, t2_22);
+        let t2_29 = like.lift(0.4) * sin_q1_q2;
+        let t2_30 = like.lift(0.4) * sin_q2;
+        let t2_31 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_32 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_33 = t2_31 + t2_32;
+        let t2_34 = t2_32 + t2_31;
+        let t2_35 = like.lift(-0.4).mul_add(sin_q1, t2_34);
+        let t2_36 = t2_35 - t2_29;
+        let t2_37 = t2_29 - t2_33;
+        let t2_38 = sin_q1 * p_my_crank1;
+        let t2_39 = (-cos_q1).mul_add(p_mx_crank1, t2_38);
+        let t2_40 = like.lift(0.4).mul_add(cos_q1, t2_23);
+        let t2_41 = -t2_33;
+        let t2_42 = like.lift(0.4) * sin_q4_q5;
+        let t2_43 = -t2_42;
+        let t2_44 = like.lift(0.4).mul_add(sin_q4, t2_42);
+        let t2_45 = sin_q4 * p_my_crank2;
+        let t2_46 = (-cos_q4).mul_add(p_mx_crank2, t2_45);
+        let t2_47 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_48 = t2_47 + t2_23;
+        let t2_49 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_50 = t2_48 - t2_49;
+        let t2_51 = t2_49 - t2_47;
+        let t2_52 = t2_40 - t2_51;
+        let t2_53 = -t2_50;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_36 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_37 = -t2_36;
-        let t2_38 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_39 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
-        let t2_40 = -t2_39;
-        let t2_41 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_42 = t2_23 + t2_22;
-        let t2_43 = like.lift(-0.4).mul_add(sin_q1, t2_42);
-        let t2_44 = t2_43 - t2_21;
-        let t2_45 = -t2_44;
-        let t2_46 = like.lift(0.4).mul_add(sin_q4, t2_27);
-        let t2_47 = -t2_46;
-        let t2_48 = like.lift(0.4).mul_add(cos_q1, t2_30);
-        let t2_49 = t2_48 - t2_35;
-        let t2_50 = -t2_49;
-        let t2_51 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t2_52 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_53 = like.lift(0.4) * sin_q2;
-        let t2_54 = sin_q3.mul_add(t2_52, like.lift(0.06928203230275509));
-        let t2_55 = cos_q3.mul_add(t2_53, t2_54);
-        let t2_56 = -t2_55;
-        let t2_57 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_57);
-        let t2_58 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_58);
-        let t2_59 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_38);
-        let t2_60 = cos_q3.mul_add(t2_52, like.lift(0.04));
-        let t2_61 = (-sin_q3).mul_add(t2_53, t2_60);
-        let t2_62 = -t2_61;
-        let t2_63 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_41);
-        let t2_64 = like.lift(1.0) / cos_q4_q5;
-        let t2_65 = sin_q4_q5 * t2_64;
-        let pivot_2 = (-t2_33).mul_add(t2_65, t2_25);
+        let t2_54 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_55 = -t2_54;
+        let t2_56 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_57 = -t2_56;
+        let t2_58 = -t2_36;
+        let t2_59 = -t2_44;
+        let t2_60 = -t2_52;
+        let t2_61 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_62 = like.lift(3.924) * cos_q4;
+        let t2_63 = sin_q3.mul_add(t2_24, like.lift(0.06928203230275509));
+        let t2_64 = cos_q3.mul_add(t2_24, like.lift(0.04));
+        let t2_65 = cos_q3.mul_add(t2_30, t2_63);
+        let t2_66 = (-sin_q3).mul_add(t2_30, t2_64);
+        let t2_67 = -t2_65;
+        let t2_68 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_68);
+        let t2_69 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_69);
+        let t2_70 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_3);
+        let t2_71 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_4);
+        let t2_72 = sin_q6 * p_my_crank3;
+        let t2_73 = (-cos_q6).mul_add(p_mx_crank3, t2_72);
+        let t2_74 = like.lift(3.924) * cos_q6;
+        let t2_75 = -t2_66;
+        let t2_76 = like.lift(1.0) / cos_q4_q5;
+        let t2_77 = sin_q4_q5 * p_my_rod2;
+        let t2_78 = (-cos_q4_q5).mul_add(p_mx_rod2, t2_77);
+        let t2_79 = sin_q4_q5 * t2_76;
+        let t2_80 = t2_52.mul_add(t2_79, t2_36);
+        let t2_81 = (-t2_51).mul_add(t2_79, t2_33);
+        let t2_82 = (-t2_61).mul_add(t2_79, t2_44);
+        let pivot_2 = (-t2_50).mul_add(t2_79, t2_37);
+        let t2_83 = like.lift(2.5) * t2_76;
+        let t2_84 = like.lift(9.81) * t2_78;
+        let t2_85 = -t2_84;
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_66 = t2_49.mul_add(t2_65, t2_44);
-        let t2_67 = (-t2_35).mul_add(t2_65, t2_24);
-        let t2_68 = t2_39 * inv_pivot_2;
-        let pivot_3 = t2_67.mul_add(t2_68, like.lift(0.04));
+        let t2_86 = t2_56 * inv_pivot_2;
+        let t2_87 = t2_80.mul_add(t2_86, t2_66);
+        let t2_88 = t2_54 * inv_pivot_2;
+        let pivot_3 = t2_81.mul_add(t2_86, like.lift(0.04));
+        let t2_89 = t2_82 * t2_86;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_69 = t2_66.mul_add(t2_68, t2_61);
-        let t2_70 = t2_36 * inv_pivot_2;
-        let t2_71 = t2_67.mul_add(t2_70, like.lift(0.06928203230275509));
-        let t2_72 = t2_71 * inv_pivot_3;
-        let t2_73 = (-t2_69).mul_add(t2_72, t2_55);
-        let t2_74 = t2_66.mul_add(t2_70, t2_73);
-        let pivot_4 = (-t2_72).mul_add(t2_41, t2_38);
+        let t2_90 = -pivot_3;
+        let t2_91 = t2_81.mul_add(t2_88, like.lift(0.06928203230275509));
+        let t2_92 = t2_91 * inv_pivot_3;
+        let t2_93 = (-t2_87).mul_add(t2_92, t2_65);
+        let t2_94 = t2_80.mul_add(t2_88, t2_93);
+        let t2_95 = t2_82 * t2_88;
+        let t2_96 = (-t2_89).mul_add(t2_92, t2_95);
+        let pivot_4 = (-t2_92).mul_add(t2_4, t2_3);
+        let t2_97 = (-t2_71).mul_add(t2_92, t2_70);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_75 = t2_74 * inv_pivot_4;
-        let t2_76 = (-t2_75).mul_add(t2_41, t2_69);
-        let t2_77 = inv_pivot_3 * t2_76;
-        let t2_78 = (-t2_67).mul_add(t2_77, t2_66);
-        let t2_79 = inv_pivot_2 * t2_78;
-        let t2_80 = -t2_79;
-        let t2_81 = (-t2_51).mul_add(t2_65, t2_46);
-        let t2_82 = t2_81 * t2_68;
-        let t2_83 = t2_81 * t2_70;
-        let t2_84 = (-t2_82).mul_add(t2_72, t2_83);
-        let t2_85 = t2_84 * inv_pivot_4;
-        let t2_86 = (-t2_85).mul_add(t2_41, t2_82);
-        let t2_87 = inv_pivot_3 * t2_86;
-        let t2_88 = (-t2_67).mul_add(t2_87, t2_81);
-        let t2_89 = inv_pivot_2 * t2_88;
-        let t2_90 = -t2_89;
-        let t2_91 = (-t2_63).mul_add(t2_72, t2_59);
-        let t2_92 = t2_91 * inv_pivot_4;
-        let t2_93 = (-t2_92).mul_add(t2_41, t2_63);
-        let t2_94 = inv_pivot_3 * t2_93;
-        let t2_95 = inv_pivot_2 * t2_67;
-        let t2_96 = t2_95 * t2_94;
-        let t2_97 = -t2_96;
-        let t2_98 = -t2_94;
-        let t2_99 = t2_35.mul_add(t2_77, t2_49);
-        let t2_100 = t2_33.mul_add(t2_79, t2_99);
-        let t2_101 = like.lift(2.5) * t2_64;
-        let t2_102 = t2_100 * t2_101;
-        let t2_103 = -t2_102;
-        let t2_104 = (-t2_35).mul_add(t2_87, t2_51);
-        let t2_105 = (-t2_33).mul_add(t2_89, t2_104);
-        let t2_106 = t2_105 * t2_101;
-        let t2_107 = t2_33 * t2_96;
-        let t2_108 = (-t2_35).mul_add(t2_94, t2_107);
-        let t2_109 = t2_108 * t2_101;
-        let t2_110 = -t2_109;
-        let t2_111 = -t2_75;
-        let t2_112 = -t2_85;
-        let t2_113 = -pivot_3;
+        let t2_98 = t2_94 * inv_pivot_4;
+        let t2_99 = (-t2_98).mul_add(t2_4, t2_87);
+        let t2_100 = inv_pivot_3 * t2_99;
+        let t2_101 = (-t2_81).mul_add(t2_100, t2_80);
+        let t2_102 = inv_pivot_2 * t2_101;
+        let t2_103 = t2_96 * inv_pivot_4;
+        let t2_104 = t2_97 * inv_pivot_4;
+        let t2_105 = (-t2_103).mul_add(t2_4, t2_89);
+        let t2_106 = inv_pivot_3 * t2_105;
+        let t2_107 = (-t2_81).mul_add(t2_106, t2_82);
+        let t2_108 = inv_pivot_2 * t2_107;
+        let t2_109 = inv_pivot_2 * t2_81;
+        let t2_110 = t2_51.mul_add(t2_100, t2_52);
+        let t2_111 = t2_50.mul_add(t2_102, t2_110);
+        let t2_112 = -t2_102;
+        let t2_113 = t2_111 * t2_83;
+        let t2_114 = -t2_113;
+        let t2_115 = -t2_98;
+        let t2_116 = -t2_103;
+        let t2_117 = (-t2_104).mul_add(t2_4, t2_71);
+        let t2_118 = inv_pivot_3 * t2_117;
+        let t2_119 = t2_109 * t2_118;
+        let t2_120 = -t2_108;
+        let t2_121 = (-t2_51).mul_add(t2_106, t2_61);
+        let t2_122 = (-t2_50).mul_add(t2_108, t2_121);
+        let t2_123 = t2_122 * t2_83;
+        let t2_124 = t2_50 * t2_119;
+        let t2_125 = (-t2_51).mul_add(t2_118, t2_124);
+        let t2_126 = t2_125 * t2_83;
+        let t2_127 = -t2_119;
+        let t2_128 = -t2_118;
+        let t2_129 = -t2_126;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_113 * like.lift(17.496940338012887)).abs())
+            .min((t2_90 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_80, t2_90, t2_97], [t2_77, t2_87, t2_98], [t2_103, t2_106, t2_110],
-                [t2_111, t2_112, t2_92],
+                [t2_112, t2_120, t2_127], [t2_100, t2_106, t2_128], [t2_114, t2_123, t2_129],
+                [t2_115, t2_116, t2_104],
             ],
             margin,
             || (
                 [
-                    [t2_25, t2_26, t2_28, like.lift(0.0)],
-                    [t2_34, t2_35, pivot_1, like.lift(0.0)],
+                    [t2_37, t2_41, t2_43, like.lift(0.0)],
+                    [t2_53, t2_51, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_37, like.lift(-0.06928203230275509), like.lift(0.0), t2_38],
-                    [t2_40, like.lift(-0.04), like.lift(0.0), t2_41],
+                    [t2_55, like.lift(-0.06928203230275509), like.lift(0.0), t2_3],
+                    [t2_57, like.lift(-0.04), like.lift(0.0), t2_4],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_45, t2_47, like.lift(0.0)], [t2_50, t2_51, like.lift(0.0)],
+                    [t2_58, t2_59, like.lift(0.0)], [t2_60, t2_61, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_56, like.lift(0.0), t2_59], [t2_62, like.lift(0.0), t2_63],
+                    [t2_67, like.lift(0.0), t2_70], [t2_75, like.lift(0.0), t2_71],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2236,49 +2291,34 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         );
         condition = condition.min(found);
         [
-            t2_8, t2_13, t2_20, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
-            x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_6, t2_14, t2_19, t2_28, t2_39, t2_46, t2_62, t2_73, t2_74, t2_85, x_q2_q1,
+            x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1,
+            x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
-        let t3_1 = sin_q4_q5 * p_my_rod2;
-        let t3_2 = (-cos_q4_q5).mul_add(p_mx_rod2, t3_1);
-        let t3_3 = like.lift(9.81) * t3_2;
-        let t3_4 = -t3_3;
-        let t3_5 = sin_q6_q7 * p_my_rod3;
-        let t3_6 = (-cos_q6_q7).mul_add(p_mx_rod3, t3_5);
-        let t3_7 = like.lift(9.81) * t3_6;
-        let t3_8 = -t3_7;
-        let t3_9 = sin_q1 * p_my_crank1;
-        let t3_10 = (-cos_q1).mul_add(p_mx_crank1, t3_9);
-        let t3_11 = (-t3_8).mul_add(x_q7_q1, t2_13);
-        let t3_12 = (-t3_4).mul_add(x_q5_q1, t3_11);
-        let t3_13 = (-t2_8).mul_add(x_q3_q1, t3_12);
-        let t3_14 = (-t2_13).mul_add(x_q2_q1, t3_13);
-        let t3_15 = like.lift(-9.81).mul_add(t3_10, t3_14);
-        let t3_16 = like.lift(0.4).mul_add(t2_20, t3_15);
-        tau[0] = t3_16;
-        let t3_17 = sin_q4 * p_my_crank2;
-        let t3_18 = (-cos_q4).mul_add(p_mx_crank2, t3_17);
-        let t3_19 = (-t3_8).mul_add(x_q7_q4, t3_4);
-        let t3_20 = (-t3_4).mul_add(x_q5_q4, t3_19);
-        let t3_21 = like.lift(-9.81).mul_add(t3_18, t3_20);
-        let t3_22 = like.lift(3.924) * cos_q4;
-        let t3_23 = t3_22.mul_add(p_m_rod2, t3_21);
-        let t3_24 = (-t2_8).mul_add(x_q3_q4, t3_23);
-        let t3_25 = (-t2_13).mul_add(x_q2_q4, t3_24);
-        tau[1] = t3_25;
-        let t3_26 = sin_q6 * p_my_crank3;
-        let t3_27 = (-cos_q6).mul_add(p_mx_crank3, t3_26);
-        let t3_28 = (-t3_8).mul_add(x_q7_q6, t3_8);
-        let t3_29 = like.lift(-9.81).mul_add(t3_27, t3_28);
-        let t3_30 = like.lift(3.924) * cos_q6;
-        let t3_31 = t3_30.mul_add(p_m_rod3, t3_29);
-        let t3_32 = (-t3_4).mul_add(x_q5_q6, t3_31);
-        let t3_33 = (-t2_8).mul_add(x_q3_q6, t3_32);
-        let t3_34 = (-t2_13).mul_add(x_q2_q6, t3_33);
-        tau[2] = t3_34;
+        let t3_1 = (-t2_6).mul_add(x_q7_q1, t2_19);
+        let t3_2 = (-t2_85).mul_add(x_q5_q1, t3_1);
+        let t3_3 = (-t2_14).mul_add(x_q3_q1, t3_2);
+        let t3_4 = (-t2_19).mul_add(x_q2_q1, t3_3);
+        let t3_5 = like.lift(-9.81).mul_add(t2_39, t3_4);
+        let t3_6 = like.lift(0.4).mul_add(t2_28, t3_5);
+        tau[0] = t3_6;
+        let t3_7 = (-t2_6).mul_add(x_q7_q4, t2_85);
+        let t3_8 = (-t2_85).mul_add(x_q5_q4, t3_7);
+        let t3_9 = like.lift(-9.81).mul_add(t2_46, t3_8);
+        let t3_10 = t2_62.mul_add(p_m_rod2, t3_9);
+        let t3_11 = (-t2_14).mul_add(x_q3_q4, t3_10);
+        let t3_12 = (-t2_19).mul_add(x_q2_q4, t3_11);
+        tau[1] = t3_12;
+        let t3_13 = (-t2_6).mul_add(x_q7_q6, t2_6);
+        let t3_14 = like.lift(-9.81).mul_add(t2_73, t3_13);
+        let t3_15 = t2_74.mul_add(p_m_rod3, t3_14);
+        let t3_16 = (-t2_85).mul_add(x_q5_q6, t3_15);
+        let t3_17 = (-t2_14).mul_add(x_q3_q6, t3_16);
+        let t3_18 = (-t2_19).mul_add(x_q2_q6, t3_17);
+        tau[2] = t3_18;
     }
     (tau, Condition { pivot: condition })
 }
@@ -2294,16 +2334,8 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
 pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
-    let [
-        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_rod1, p_mx_rod1, p_my_rod1, _,
-        p_m_rod1, _, _, _, _, _, p_izz_platform, p_mx_platform, p_my_platform, _, p_m_platform,
-        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_rod2, p_mx_rod2, p_my_rod2, _,
-        p_m_rod2, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_rod3, p_mx_rod3,
-        p_my_rod3, _, p_m_rod3,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
@@ -2322,12 +2354,13 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
             sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
         ]
     };
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_3, t2_6, t2_7, t2_9, t2_10, t2_13, t2_14, t2_16, t2_19, t2_20, t2_21, pivot_1,
-        t2_23, t2_26, t2_28, t2_29, t2_30, t2_31, t2_32, t2_33, t2_49, t2_52, t2_53, t2_54,
-        t2_55, t2_62, t2_69, pivot_2, inv_pivot_2, t2_71, t2_72, inv_pivot_3, t2_74, t2_76,
-        pivot_4, inv_pivot_4, t2_88, t2_92, al_rod1z, t2_93, al_rod2z, al_rod3z,
+        t2_13, t2_14, t2_15, t2_19, t2_20, t2_23, t2_24, t2_26, t2_27, pivot_1, t2_29, t2_32,
+        t2_34, t2_35, t2_36, t2_37, t2_43, t2_47, t2_48, t2_49, t2_56, t2_57, t2_61, t2_62,
+        t2_65, t2_66, t2_67, t2_72, t2_75, t2_76, pivot_2, inv_pivot_2, t2_82, t2_83,
+        inv_pivot_3, t2_84, t2_87, pivot_4, inv_pivot_4, al_rod1z, t2_102, al_rod2z, al_rod3z,
     ] = {
         let t2_1 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
@@ -2339,272 +2372,280 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t2_5 = cos_q1_q2 * cos_q3;
         let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_5);
         let t2_6 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_8 = t2_6 + t2_7;
-        let t2_9 = t2_3 - t2_8;
-        let t2_10 = -t2_8;
-        let t2_11 = sin_q4 * cos_q5;
-        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_11);
-        let t2_12 = cos_q4 * cos_q5;
-        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_12);
-        let t2_13 = like.lift(0.4) * sin_q4_q5;
-        let t2_14 = -t2_13;
-        let t2_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_16 = like.lift(0.4) * cos_q1_q2;
-        let t2_17 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_18 = t2_15 + t2_16;
-        let t2_19 = t2_18 - t2_17;
-        let t2_20 = -t2_19;
-        let t2_21 = t2_17 - t2_15;
+        let t2_7 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_8 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_9 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_10 = t2_6 + t2_8;
+        let t2_11 = t2_8 + t2_6;
+        let t2_12 = like.lift(-0.4).mul_add(sin_q1, t2_11);
+        let t2_13 = t2_12 - t2_3;
+        let t2_14 = t2_3 - t2_10;
+        let t2_15 = -t2_10;
+        let t2_16 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_16);
+        let t2_17 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_17);
+        let t2_18 = like.lift(0.4) * sin_q4_q5;
+        let t2_19 = -t2_18;
+        let t2_20 = like.lift(0.4).mul_add(sin_q4, t2_18);
+        let t2_21 = like.lift(0.4) * cos_q1_q2;
+        let t2_22 = t2_7 + t2_21;
+        let t2_23 = t2_22 - t2_9;
+        let t2_24 = t2_9 - t2_7;
+        let t2_25 = like.lift(0.4).mul_add(cos_q1, t2_21);
+        let t2_26 = t2_25 - t2_24;
+        let t2_27 = -t2_23;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_22 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_24);
-        let t2_25 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_25);
-        let t2_26 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_27 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
-        let t2_28 = -t2_27;
-        let t2_29 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_28 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_29 = -t2_28;
+        let t2_30 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_30);
+        let t2_31 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_31);
+        let t2_32 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_33 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_34 = -t2_33;
+        let t2_35 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let w_rod1z = d_q1 + d_q2;
         let w_platformz = d_q3 + w_rod1z;
+        let t2_36 = w_platformz * w_platformz;
+        let t2_37 = w_rod1z * w_rod1z;
+        let t2_38 = cos_q1_q2 * t2_37;
+        let t2_39 = sin_q1_q2 * t2_37;
+        let t2_40 = d_q1 * d_q1;
+        let t2_41 = cos_q1.mul_add(t2_40, t2_38);
+        let t2_42 = sin_q1.mul_add(t2_40, t2_39);
         let w_rod2z = d_q4 + d_q5;
-        let t2_30 = w_rod2z * w_rod2z;
-        let t2_31 = w_platformz * w_platformz;
-        let t2_32 = w_rod1z * w_rod1z;
-        let t2_33 = d_q4 * d_q4;
-        let t2_34 = d_q1 * d_q1;
-        let t2_35 = cos_q1_q2 * t2_32;
-        let t2_36 = cos_q1.mul_add(t2_34, t2_35);
-        let t2_37 = (-cos_q4_q5).mul_add(t2_30, t2_36);
-        let t2_38 = (-cos_q4).mul_add(t2_33, t2_37);
-        let t2_39 = like.lift(0.4) * t2_38;
-        let t2_40 = (-t2_21).mul_add(t2_31, t2_39);
-        let t2_41 = -t2_40;
-        let t2_42 = sin_q1_q2 * t2_32;
-        let t2_43 = sin_q1.mul_add(t2_34, t2_42);
-        let t2_44 = (-sin_q4_q5).mul_add(t2_30, t2_43);
-        let t2_45 = (-sin_q4).mul_add(t2_33, t2_44);
-        let t2_46 = like.lift(0.4) * t2_45;
-        let t2_47 = (-t2_8).mul_add(t2_31, t2_46);
-        let t2_48 = -t2_47;
-        let t2_49 = cos_q2 * t2_34;
-        let t2_50 = t2_32 + t2_49;
-        let t2_51 = like.lift(0.4) * t2_50;
-        let t2_52 = cos_q3 * t2_51;
-        let t2_53 = sin_q2 * t2_34;
+        let t2_43 = w_rod2z * w_rod2z;
+        let t2_44 = (-cos_q4_q5).mul_add(t2_43, t2_41);
+        let t2_45 = (-sin_q4_q5).mul_add(t2_43, t2_42);
+        let t2_46 = like.lift(1.0) / cos_q4_q5;
+        let t2_47 = sin_q4_q5 * t2_46;
+        let t2_48 = like.lift(2.5) * t2_46;
+        let t2_49 = d_q4 * d_q4;
+        let t2_50 = (-sin_q4).mul_add(t2_49, t2_45);
+        let t2_51 = (-cos_q4).mul_add(t2_49, t2_44);
+        let t2_52 = like.lift(0.4) * t2_51;
+        let t2_53 = (-t2_24).mul_add(t2_36, t2_52);
+        let t2_54 = like.lift(0.4) * t2_50;
+        let t2_55 = (-t2_10).mul_add(t2_36, t2_54);
+        let t2_56 = (-t2_24).mul_add(t2_47, t2_10);
+        let t2_57 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_58 = -t2_53;
+        let t2_59 = t2_47.mul_add(t2_55, t2_53);
+        let t2_60 = -t2_55;
+        let t2_61 = cos_q2 * t2_40;
+        let t2_62 = sin_q2 * t2_40;
+        let t2_63 = t2_37 + t2_61;
+        let t2_64 = like.lift(0.4) * t2_63;
+        let t2_65 = cos_q3 * t2_64;
+        let t2_66 = sin_q3 * t2_64;
         let w_rod3z = d_q6 + d_q7;
-        let t2_54 = w_rod3z * w_rod3z;
-        let t2_55 = d_q6 * d_q6;
-        let t2_56 = sin_q3 * t2_53;
-        let t2_57 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t2_54, t2_56);
-        let t2_58 = cos_q1_q2_q3_minus_q6.mul_add(t2_55, t2_57);
-        let t2_59 = like.lift(0.04).mul_add(t2_31, t2_52);
-        let t2_60 = like.lift(-0.4).mul_add(t2_58, t2_59);
-        let t2_61 = -t2_60;
-        let t2_62 = sin_q3 * t2_51;
-        let t2_63 = cos_q3 * t2_53;
-        let t2_64 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t2_54, t2_63);
-        let t2_65 = (-sin_q1_q2_q3_minus_q6).mul_add(t2_55, t2_64);
-        let t2_66 = like.lift(0.06928203230275509).mul_add(t2_31, t2_62);
-        let t2_67 = like.lift(0.4).mul_add(t2_65, t2_66);
-        let t2_68 = like.lift(1.0) / cos_q4_q5;
-        let t2_69 = sin_q4_q5 * t2_68;
-        let pivot_2 = (-t2_19).mul_add(t2_69, t2_9);
+        let t2_67 = w_rod3z * w_rod3z;
+        let t2_68 = sin_q3 * t2_62;
+        let t2_69 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t2_67, t2_68);
+        let t2_70 = cos_q3 * t2_62;
+        let t2_71 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t2_67, t2_70);
+        let t2_72 = d_q6 * d_q6;
+        let t2_73 = cos_q1_q2_q3_minus_q6.mul_add(t2_72, t2_69);
+        let t2_74 = (-sin_q1_q2_q3_minus_q6).mul_add(t2_72, t2_71);
+        let t2_75 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_32);
+        let t2_76 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_35);
+        let t2_77 = like.lift(0.04).mul_add(t2_36, t2_65);
+        let t2_78 = like.lift(-0.4).mul_add(t2_73, t2_77);
+        let t2_79 = like.lift(0.06928203230275509).mul_add(t2_36, t2_66);
+        let t2_80 = like.lift(0.4).mul_add(t2_74, t2_79);
+        let t2_81 = -t2_78;
+        let pivot_2 = (-t2_23).mul_add(t2_47, t2_14);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_70 = t2_69.mul_add(t2_47, t2_40);
-        let t2_71 = (-t2_21).mul_add(t2_69, t2_8);
-        let t2_72 = t2_27 * inv_pivot_2;
-        let pivot_3 = t2_71.mul_add(t2_72, like.lift(0.04));
+        let t2_82 = t2_33 * inv_pivot_2;
+        let t2_83 = t2_28 * inv_pivot_2;
+        let pivot_3 = t2_56.mul_add(t2_82, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_73 = (-t2_72).mul_add(t2_70, t2_67);
-        let t2_74 = t2_22 * inv_pivot_2;
-        let t2_75 = t2_71.mul_add(t2_74, like.lift(0.06928203230275509));
-        let t2_76 = t2_75 * inv_pivot_3;
-        let pivot_4 = (-t2_76).mul_add(t2_29, t2_26);
+        let t2_84 = -pivot_3;
+        let t2_85 = (-t2_82).mul_add(t2_59, t2_80);
+        let t2_86 = t2_56.mul_add(t2_83, like.lift(0.06928203230275509));
+        let t2_87 = t2_86 * inv_pivot_3;
+        let t2_88 = t2_87.mul_add(t2_85, t2_78);
+        let t2_89 = t2_83.mul_add(t2_59, t2_88);
+        let pivot_4 = (-t2_87).mul_add(t2_35, t2_32);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_77 = t2_76.mul_add(t2_73, t2_60);
-        let t2_78 = t2_74.mul_add(t2_70, t2_77);
-        let t2_79 = inv_pivot_4 * t2_78;
-        let t2_80 = t2_79.mul_add(t2_29, t2_73);
-        let t2_81 = inv_pivot_3 * t2_80;
-        let t2_82 = t2_71.mul_add(t2_81, t2_70);
-        let t2_83 = inv_pivot_2 * t2_82;
-        let t2_84 = -t2_83;
-        let t2_85 = -t2_81;
-        let t2_86 = (-t2_21).mul_add(t2_81, t2_47);
-        let t2_87 = t2_19.mul_add(t2_83, t2_86);
-        let t2_88 = like.lift(2.5) * t2_68;
-        let t2_89 = t2_87 * t2_88;
-        let t2_90 = -t2_89;
-        let t2_91 = -t2_79;
-        let t2_92 = -pivot_3;
+        let t2_90 = inv_pivot_4 * t2_89;
+        let t2_91 = t2_90.mul_add(t2_35, t2_85);
+        let t2_92 = inv_pivot_3 * t2_91;
+        let t2_93 = t2_56.mul_add(t2_92, t2_59);
+        let t2_94 = inv_pivot_2 * t2_93;
+        let t2_95 = (-t2_24).mul_add(t2_92, t2_55);
+        let t2_96 = -t2_92;
+        let t2_97 = t2_23.mul_add(t2_94, t2_95);
+        let t2_98 = -t2_94;
+        let t2_99 = t2_97 * t2_48;
+        let t2_100 = -t2_99;
+        let t2_101 = -t2_90;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_92 * like.lift(17.496940338012887)).abs())
+            .min((t2_84 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
-        let ([[al_rod1z], [t2_93], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
-            [[t2_84], [t2_85], [t2_90], [t2_91]],
+        let ([[al_rod1z], [t2_102], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
+            [[t2_98], [t2_96], [t2_100], [t2_101]],
             margin,
             || (
                 [
-                    [t2_9, t2_10, t2_14, like.lift(0.0)],
-                    [t2_20, t2_21, pivot_1, like.lift(0.0)],
+                    [t2_14, t2_15, t2_19, like.lift(0.0)],
+                    [t2_27, t2_24, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_23, like.lift(-0.06928203230275509), like.lift(0.0), t2_26],
-                    [t2_28, like.lift(-0.04), like.lift(0.0), t2_29],
+                    [t2_29, like.lift(-0.06928203230275509), like.lift(0.0), t2_32],
+                    [t2_34, like.lift(-0.04), like.lift(0.0), t2_35],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_41], [t2_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_61], [t2_67], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_58], [t2_60], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_81], [t2_80], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_3, t2_6, t2_7, t2_9, t2_10, t2_13, t2_14, t2_16, t2_19, t2_20, t2_21, pivot_1,
-            t2_23, t2_26, t2_28, t2_29, t2_30, t2_31, t2_32, t2_33, t2_49, t2_52, t2_53, t2_54,
-            t2_55, t2_62, t2_69, pivot_2, inv_pivot_2, t2_71, t2_72, inv_pivot_3, t2_74, t2_76,
-            pivot_4, inv_pivot_4, t2_88, t2_92, al_rod1z, t2_93, al_rod2z, al_rod3z,
+            t2_13, t2_14, t2_15, t2_19, t2_20, t2_23, t2_24, t2_26, t2_27, pivot_1, t2_29,
+            t2_32, t2_34, t2_35, t2_36, t2_37, t2_43, t2_47, t2_48, t2_49, t2_56, t2_57, t2_61,
+            t2_62, t2_65, t2_66, t2_67, t2_72, t2_75, t2_76, pivot_2, inv_pivot_2, t2_82,
+            t2_83, inv_pivot_3, t2_84, t2_87, pivot_4, inv_pivot_4, al_rod1z, t2_102, al_rod2z,
+            al_rod3z,
         ]
     };
+    let [
+        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_rod1, p_mx_rod1, p_my_rod1, _,
+        p_m_rod1, _, _, _, _, _, p_izz_platform, p_mx_platform, p_my_platform, _, p_m_platform,
+        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_rod2, p_mx_rod2, p_my_rod2, _,
+        p_m_rod2, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_rod3, p_mx_rod3,
+        p_my_rod3, _, p_m_rod3,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
         t3_5, t3_17, t3_28, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
         x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let al_platformz = al_rod1z + t2_93;
-        let t3_1 = al_rod1z + t2_53;
+        let al_platformz = al_rod1z + t2_102;
+        let t3_1 = al_rod1z + t2_62;
         let t3_2 = like.lift(0.4) * t3_1;
-        let a_platformy = cos_q3.mul_add(t3_2, t2_62);
-        let a_platformx = (-sin_q3).mul_add(t3_2, t2_52);
+        let a_platformy = cos_q3.mul_add(t3_2, t2_66);
+        let a_platformx = (-sin_q3).mul_add(t3_2, t2_65);
         let t3_3 = p_izz_platform * al_platformz;
         let t3_4 = p_my_platform.mul_add(a_platformx, t3_3);
         let t3_5 = p_mx_platform.mul_add(a_platformy, t3_4);
         let t3_6 = p_m_platform * a_platformx;
         let t3_7 = p_my_platform.mul_add(al_platformz, t3_6);
-        let t3_8 = t2_31.mul_add(p_mx_platform, t3_7);
-        let t3_9 = p_m_platform * a_platformy;
-        let t3_10 = p_mx_platform.mul_add(al_platformz, t3_9);
-        let t3_11 = (-t2_31).mul_add(p_my_platform, t3_10);
-        let t3_12 = sin_q3 * t3_8;
+        let t3_8 = p_m_platform * a_platformy;
+        let t3_9 = p_mx_platform.mul_add(al_platformz, t3_8);
+        let t3_10 = t2_36.mul_add(p_mx_platform, t3_7);
+        let t3_11 = (-t2_36).mul_add(p_my_platform, t3_9);
+        let t3_12 = sin_q3 * t3_10;
         let t3_13 = (-cos_q3).mul_add(t3_11, t3_12);
-        let t3_14 = t2_49.mul_add(p_my_rod1, -t3_13);
-        let t3_15 = t2_53.mul_add(p_mx_rod1, t3_14);
+        let t3_14 = t2_61.mul_add(p_my_rod1, -t3_13);
+        let t3_15 = t2_62.mul_add(p_mx_rod1, t3_14);
         let t3_16 = p_izz_rod1.mul_add(al_rod1z, t3_5);
         let t3_17 = like.lift(0.4).mul_add(t3_15, t3_16);
         let t3_18 = like.lift(0.4) * p_m_rod1;
-        let t3_19 = t2_49 * t3_18;
-        let t3_20 = p_my_rod1.mul_add(al_rod1z, t3_19);
-        let t3_21 = t2_32.mul_add(p_mx_rod1, t3_20);
-        let t3_22 = sin_q3.mul_add(t3_11, t3_21);
-        let t3_23 = cos_q3.mul_add(t3_8, t3_22);
-        let t3_24 = t2_53.mul_add(t3_18, -t3_13);
-        let t3_25 = p_mx_rod1.mul_add(al_rod1z, t3_24);
-        let t3_26 = (-t2_32).mul_add(p_my_rod1, t3_25);
-        let t3_27 = sin_q2 * t3_23;
+        let t3_19 = t2_62.mul_add(t3_18, -t3_13);
+        let t3_20 = t2_61 * t3_18;
+        let t3_21 = p_my_rod1.mul_add(al_rod1z, t3_20);
+        let t3_22 = p_mx_rod1.mul_add(al_rod1z, t3_19);
+        let t3_23 = t2_37.mul_add(p_mx_rod1, t3_21);
+        let t3_24 = sin_q3.mul_add(t3_11, t3_23);
+        let t3_25 = cos_q3.mul_add(t3_10, t3_24);
+        let t3_26 = (-t2_37).mul_add(p_my_rod1, t3_22);
+        let t3_27 = sin_q2 * t3_25;
         let t3_28 = (-cos_q2).mul_add(t3_26, t3_27);
-        let t3_29 = t2_7 + t2_6;
-        let t3_30 = like.lift(-0.4).mul_add(sin_q1, t3_29);
-        let t3_31 = t3_30 - t2_3;
-        let t3_32 = -t3_31;
-        let t3_33 = like.lift(0.4).mul_add(sin_q4, t2_13);
-        let t3_34 = -t3_33;
-        let t3_35 = like.lift(0.4).mul_add(cos_q1, t2_16);
-        let t3_36 = t3_35 - t2_21;
-        let t3_37 = -t3_36;
-        let t3_38 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t3_39 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t3_40 = like.lift(0.4) * sin_q2;
-        let t3_41 = sin_q3.mul_add(t3_39, like.lift(0.06928203230275509));
-        let t3_42 = cos_q3.mul_add(t3_40, t3_41);
-        let t3_43 = -t3_42;
-        let t3_44 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_26);
-        let t3_45 = cos_q3.mul_add(t3_39, like.lift(0.04));
-        let t3_46 = (-sin_q3).mul_add(t3_40, t3_45);
-        let t3_47 = -t3_46;
-        let t3_48 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_29);
-        let t3_49 = t3_36.mul_add(t2_69, t3_31);
-        let t3_50 = t3_49.mul_add(t2_72, t3_46);
-        let t3_51 = (-t3_50).mul_add(t2_76, t3_42);
-        let t3_52 = t3_49.mul_add(t2_74, t3_51);
+        let t3_29 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_30 = like.lift(0.4) * sin_q2;
+        let t3_31 = -t2_13;
+        let t3_32 = t2_26.mul_add(t2_47, t2_13);
+        let t3_33 = (-t2_57).mul_add(t2_47, t2_20);
+        let t3_34 = -t2_20;
+        let t3_35 = -t2_26;
+        let t3_36 = sin_q3.mul_add(t3_29, like.lift(0.06928203230275509));
+        let t3_37 = cos_q3.mul_add(t3_29, like.lift(0.04));
+        let t3_38 = cos_q3.mul_add(t3_30, t3_36);
+        let t3_39 = (-sin_q3).mul_add(t3_30, t3_37);
+        let t3_40 = -t3_38;
+        let t3_41 = -t3_39;
+        let t3_42 = t3_32.mul_add(t2_82, t3_39);
+        let t3_43 = (-t3_42).mul_add(t2_87, t3_38);
+        let t3_44 = t3_32.mul_add(t2_83, t3_43);
+        let t3_45 = t3_44 * inv_pivot_4;
+        let t3_46 = (-t3_45).mul_add(t2_35, t3_42);
+        let t3_47 = inv_pivot_3 * t3_46;
+        let t3_48 = (-t2_56).mul_add(t3_47, t3_32);
+        let t3_49 = inv_pivot_2 * t3_48;
+        let t3_50 = t3_33 * t2_82;
+        let t3_51 = t3_33 * t2_83;
+        let t3_52 = (-t3_50).mul_add(t2_87, t3_51);
         let t3_53 = t3_52 * inv_pivot_4;
-        let t3_54 = (-t3_53).mul_add(t2_29, t3_50);
-        let t3_55 = inv_pivot_3 * t3_54;
-        let t3_56 = (-t2_71).mul_add(t3_55, t3_49);
-        let t3_57 = inv_pivot_2 * t3_56;
-        let t3_58 = -t3_57;
-        let t3_59 = (-t3_38).mul_add(t2_69, t3_33);
-        let t3_60 = t3_59 * t2_72;
-        let t3_61 = t3_59 * t2_74;
-        let t3_62 = (-t3_60).mul_add(t2_76, t3_61);
-        let t3_63 = t3_62 * inv_pivot_4;
-        let t3_64 = (-t3_63).mul_add(t2_29, t3_60);
-        let t3_65 = inv_pivot_3 * t3_64;
-        let t3_66 = (-t2_71).mul_add(t3_65, t3_59);
-        let t3_67 = inv_pivot_2 * t3_66;
-        let t3_68 = -t3_67;
-        let t3_69 = (-t3_48).mul_add(t2_76, t3_44);
-        let t3_70 = t3_69 * inv_pivot_4;
-        let t3_71 = (-t3_70).mul_add(t2_29, t3_48);
-        let t3_72 = inv_pivot_3 * t3_71;
-        let t3_73 = inv_pivot_2 * t2_71;
-        let t3_74 = t3_73 * t3_72;
-        let t3_75 = -t3_74;
-        let t3_76 = -t3_72;
-        let t3_77 = t2_21.mul_add(t3_55, t3_36);
-        let t3_78 = t2_19.mul_add(t3_57, t3_77);
-        let t3_79 = t3_78 * t2_88;
-        let t3_80 = -t3_79;
-        let t3_81 = (-t2_21).mul_add(t3_65, t3_38);
-        let t3_82 = (-t2_19).mul_add(t3_67, t3_81);
-        let t3_83 = t3_82 * t2_88;
-        let t3_84 = t2_19 * t3_74;
-        let t3_85 = (-t2_21).mul_add(t3_72, t3_84);
-        let t3_86 = t3_85 * t2_88;
-        let t3_87 = -t3_86;
-        let t3_88 = -t3_53;
-        let t3_89 = -t3_63;
+        let t3_54 = (-t2_76).mul_add(t2_87, t2_75);
+        let t3_55 = t3_54 * inv_pivot_4;
+        let t3_56 = (-t3_53).mul_add(t2_35, t3_50);
+        let t3_57 = inv_pivot_3 * t3_56;
+        let t3_58 = (-t2_56).mul_add(t3_57, t3_33);
+        let t3_59 = inv_pivot_2 * t3_58;
+        let t3_60 = inv_pivot_2 * t2_56;
+        let t3_61 = t2_24.mul_add(t3_47, t2_26);
+        let t3_62 = t2_23.mul_add(t3_49, t3_61);
+        let t3_63 = -t3_49;
+        let t3_64 = t3_62 * t2_48;
+        let t3_65 = -t3_64;
+        let t3_66 = -t3_45;
+        let t3_67 = -t3_53;
+        let t3_68 = (-t3_55).mul_add(t2_35, t2_76);
+        let t3_69 = inv_pivot_3 * t3_68;
+        let t3_70 = t3_60 * t3_69;
+        let t3_71 = -t3_59;
+        let t3_72 = (-t2_24).mul_add(t3_57, t2_57);
+        let t3_73 = (-t2_23).mul_add(t3_59, t3_72);
+        let t3_74 = t3_73 * t2_48;
+        let t3_75 = t2_23 * t3_70;
+        let t3_76 = (-t2_24).mul_add(t3_69, t3_75);
+        let t3_77 = t3_76 * t2_48;
+        let t3_78 = -t3_70;
+        let t3_79 = -t3_69;
+        let t3_80 = -t3_77;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_92 * like.lift(17.496940338012887)).abs())
+            .min((t2_84 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_58, t3_68, t3_75], [t3_55, t3_65, t3_76], [t3_80, t3_83, t3_87],
-                [t3_88, t3_89, t3_70],
+                [t3_63, t3_71, t3_78], [t3_47, t3_57, t3_79], [t3_65, t3_74, t3_80],
+                [t3_66, t3_67, t3_55],
             ],
             margin,
             || (
                 [
-                    [t2_9, t2_10, t2_14, like.lift(0.0)],
-                    [t2_20, t2_21, pivot_1, like.lift(0.0)],
+                    [t2_14, t2_15, t2_19, like.lift(0.0)],
+                    [t2_27, t2_24, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_23, like.lift(-0.06928203230275509), like.lift(0.0), t2_26],
-                    [t2_28, like.lift(-0.04), like.lift(0.0), t2_29],
+                    [t2_29, like.lift(-0.06928203230275509), like.lift(0.0), t2_32],
+                    [t2_34, like.lift(-0.04), like.lift(0.0), t2_35],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_32, t3_34, like.lift(0.0)], [t3_37, t3_38, like.lift(0.0)],
+                    [t3_31, t3_34, like.lift(0.0)], [t3_35, t2_57, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_43, like.lift(0.0), t3_44], [t3_47, like.lift(0.0), t3_48],
+                    [t3_40, like.lift(0.0), t2_75], [t3_41, like.lift(0.0), t2_76],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2619,14 +2660,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
     };
     // tau
     {
-        let t4_1 = sin_q5 * t2_33;
-        let t4_2 = cos_q5 * t2_33;
+        let t4_1 = sin_q5 * t2_49;
+        let t4_2 = cos_q5 * t2_49;
         let t4_3 = p_my_rod2 * t4_2;
         let t4_4 = p_mx_rod2.mul_add(t4_1, t4_3);
         let t4_5 = p_izz_rod2 * al_rod2z;
         let t4_6 = like.lift(0.4).mul_add(t4_4, t4_5);
-        let t4_7 = sin_q7 * t2_55;
-        let t4_8 = cos_q7 * t2_55;
+        let t4_7 = sin_q7 * t2_72;
+        let t4_8 = cos_q7 * t2_72;
         let t4_9 = p_my_rod3 * t4_8;
         let t4_10 = p_mx_rod3.mul_add(t4_7, t4_9);
         let t4_11 = p_izz_rod3 * al_rod3z;
@@ -2637,32 +2678,32 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
         let t4_16 = (-t3_17).mul_add(x_q2_q1, t4_15);
         let t4_17 = like.lift(-0.4).mul_add(t3_28, t4_16);
         tau[0] = t4_17;
-        let t4_18 = like.lift(0.4) * p_m_rod2;
-        let t4_19 = t4_2 * t4_18;
-        let t4_20 = p_my_rod2.mul_add(al_rod2z, t4_19);
-        let t4_21 = t2_30.mul_add(p_mx_rod2, t4_20);
-        let t4_22 = t4_1 * t4_18;
-        let t4_23 = p_mx_rod2.mul_add(al_rod2z, t4_22);
-        let t4_24 = (-t2_30).mul_add(p_my_rod2, t4_23);
-        let t4_25 = sin_q5 * t4_21;
-        let t4_26 = (-cos_q5).mul_add(t4_24, t4_25);
-        let t4_27 = (-t4_12).mul_add(x_q7_q4, t4_6);
-        let t4_28 = (-t4_6).mul_add(x_q5_q4, t4_27);
-        let t4_29 = like.lift(-0.4).mul_add(t4_26, t4_28);
-        let t4_30 = (-t3_5).mul_add(x_q3_q4, t4_29);
-        let t4_31 = (-t3_17).mul_add(x_q2_q4, t4_30);
-        tau[1] = t4_31;
-        let t4_32 = like.lift(0.4) * p_m_rod3;
-        let t4_33 = t4_8 * t4_32;
-        let t4_34 = p_my_rod3.mul_add(al_rod3z, t4_33);
-        let t4_35 = t2_54.mul_add(p_mx_rod3, t4_34);
-        let t4_36 = t4_7 * t4_32;
-        let t4_37 = p_mx_rod3.mul_add(al_rod3z, t4_36);
-        let t4_38 = (-t2_54).mul_add(p_my_rod3, t4_37);
-        let t4_39 = sin_q7 * t4_35;
-        let t4_40 = (-cos_q7).mul_add(t4_38, t4_39);
-        let t4_41 = (-t4_12).mul_add(x_q7_q6, t4_12);
-        let t4_42 = like.lift(-0.4).mul_add(t4_40, t4_41);
+        let t4_18 = (-t4_12).mul_add(x_q7_q4, t4_6);
+        let t4_19 = (-t4_6).mul_add(x_q5_q4, t4_18);
+        let t4_20 = (-t4_12).mul_add(x_q7_q6, t4_12);
+        let t4_21 = like.lift(0.4) * p_m_rod2;
+        let t4_22 = t4_2 * t4_21;
+        let t4_23 = t4_1 * t4_21;
+        let t4_24 = p_my_rod2.mul_add(al_rod2z, t4_22);
+        let t4_25 = p_mx_rod2.mul_add(al_rod2z, t4_23);
+        let t4_26 = t2_43.mul_add(p_mx_rod2, t4_24);
+        let t4_27 = (-t2_43).mul_add(p_my_rod2, t4_25);
+        let t4_28 = sin_q5 * t4_26;
+        let t4_29 = (-cos_q5).mul_add(t4_27, t4_28);
+        let t4_30 = like.lift(-0.4).mul_add(t4_29, t4_19);
+        let t4_31 = (-t3_5).mul_add(x_q3_q4, t4_30);
+        let t4_32 = (-t3_17).mul_add(x_q2_q4, t4_31);
+        tau[1] = t4_32;
+        let t4_33 = like.lift(0.4) * p_m_rod3;
+        let t4_34 = t4_8 * t4_33;
+        let t4_35 = t4_7 * t4_33;
+        let t4_36 = p_my_rod3.mul_add(al_rod3z, t4_34);
+        let t4_37 = p_mx_rod3.mul_add(al_rod3z, t4_35);
+        let t4_38 = t2_67.mul_add(p_mx_rod3, t4_36);
+        let t4_39 = (-t2_67).mul_add(p_my_rod3, t4_37);
+        let t4_40 = sin_q7 * t4_38;
+        let t4_41 = (-cos_q7).mul_add(t4_39, t4_40);
+        let t4_42 = like.lift(-0.4).mul_add(t4_41, t4_20);
         let t4_43 = (-t4_6).mul_add(x_q5_q6, t4_42);
         let t4_44 = (-t3_5).mul_add(x_q3_q6, t4_43);
         let t4_45 = (-t3_17).mul_add(x_q2_q6, t4_44);
@@ -2681,15 +2722,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 3]
 pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [
-        _, _, _, _, _, p_izz_crank1, _, _, _, _, _, _, _, _, _, p_izz_rod1, p_mx_rod1,
-        p_my_rod1, _, p_m_rod1, _, _, _, _, _, p_izz_platform, p_mx_platform, p_my_platform, _,
-        p_m_platform, _, _, _, _, _, p_izz_crank2, _, _, _, _, _, _, _, _, _, p_izz_rod2,
-        p_mx_rod2, p_my_rod2, _, p_m_rod2, _, _, _, _, _, p_izz_crank3, _, _, _, _, _, _, _, _,
-        _, p_izz_rod3, p_mx_rod3, p_my_rod3, _, p_m_rod3,
-    ] = *phi;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q3, cos_q3, sin_q2, cos_q2, sin_q1, cos_q1, sin_q4, cos_q4, sin_q5, cos_q5,
@@ -2708,10 +2742,17 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
             sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
         ]
     };
+    let [
+        _, _, _, _, _, p_izz_crank1, _, _, _, _, _, _, _, _, _, p_izz_rod1, p_mx_rod1,
+        p_my_rod1, _, p_m_rod1, _, _, _, _, _, p_izz_platform, p_mx_platform, p_my_platform, _,
+        p_m_platform, _, _, _, _, _, p_izz_crank2, _, _, _, _, _, _, _, _, _, p_izz_rod2,
+        p_mx_rod2, p_my_rod2, _, p_m_rod2, _, _, _, _, _, p_izz_crank3, _, _, _, _, _, _, _, _,
+        _, p_izz_rod3, p_mx_rod3, p_my_rod3, _, p_m_rod3,
+    ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_2, t2_4, t2_7, t2_10, t2_15, t2_16, t2_17, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1,
-        x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_7, t2_10, t2_17, t2_19, t2_20, t2_21, t2_47, t2_70, x_q2_q1, x_q2_q4, x_q2_q6,
+        x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
         let t2_1 = cos_q3 * p_mx_platform;
         let t2_2 = (-sin_q3).mul_add(p_my_platform, t2_1);
@@ -2721,163 +2762,171 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_6 = like.lift(0.4).mul_add(t2_3, t2_5);
         let t2_7 = t2_6 + t2_4;
         let t2_8 = p_mx_rod1 + t2_3;
-        let t2_9 = cos_q3 * p_my_platform;
-        let t2_10 = sin_q3.mul_add(p_mx_platform, t2_9);
-        let t2_11 = p_my_rod1 + t2_10;
-        let t2_12 = cos_q2 * t2_8;
-        let t2_13 = (-sin_q2).mul_add(t2_11, t2_12);
-        let t2_14 = p_m_rod1 + p_m_platform;
-        let t2_15 = like.lift(0.4).mul_add(t2_14, t2_13);
-        let t2_16 = like.lift(0.4) * t2_13;
-        let t2_17 = t2_7 + t2_16;
-        let t2_18 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_18);
-        let t2_19 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_19);
-        let t2_20 = like.lift(0.4) * sin_q1_q2;
-        let t2_21 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_21);
-        let t2_22 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_22);
-        let t2_23 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_24 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_25 = t2_23 + t2_24;
-        let t2_26 = t2_20 - t2_25;
-        let t2_27 = -t2_25;
-        let t2_28 = sin_q4 * cos_q5;
-        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_28);
-        let t2_29 = cos_q4 * cos_q5;
-        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_29);
-        let t2_30 = like.lift(0.4) * sin_q4_q5;
-        let t2_31 = -t2_30;
-        let t2_32 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_33 = like.lift(0.4) * cos_q1_q2;
+        let t2_9 = cos_q2 * t2_8;
+        let t2_10 = p_izz_platform + t2_4;
+        let t2_11 = cos_q3 * p_my_platform;
+        let t2_12 = sin_q3.mul_add(p_mx_platform, t2_11);
+        let t2_13 = p_my_rod1 + t2_12;
+        let t2_14 = (-sin_q2).mul_add(t2_13, t2_9);
+        let t2_15 = sin_q2 * t2_12;
+        let t2_16 = (-cos_q2).mul_add(t2_2, t2_15);
+        let t2_17 = like.lift(-0.4).mul_add(t2_16, t2_10);
+        let t2_18 = p_m_rod1 + p_m_platform;
+        let t2_19 = like.lift(0.4).mul_add(t2_18, t2_14);
+        let t2_20 = like.lift(0.4) * t2_14;
+        let t2_21 = t2_7 + t2_20;
+        let t2_22 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_22);
+        let t2_23 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_23);
+        let t2_24 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_25 = like.lift(0.4) * sin_q1_q2;
+        let t2_26 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_26);
+        let t2_27 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_27);
+        let t2_28 = like.lift(0.4) * cos_q1_q2;
+        let t2_29 = like.lift(0.4).mul_add(cos_q1, t2_28);
+        let t2_30 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_31 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_32 = t2_31 + t2_28;
+        let t2_33 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
         let t2_34 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_35 = t2_32 + t2_33;
-        let t2_36 = t2_35 - t2_34;
-        let t2_37 = -t2_36;
-        let t2_38 = t2_34 - t2_32;
+        let t2_35 = t2_32 - t2_34;
+        let t2_36 = t2_34 - t2_31;
+        let t2_37 = t2_29 - t2_36;
+        let t2_38 = t2_33 + t2_30;
+        let t2_39 = t2_30 + t2_33;
+        let t2_40 = like.lift(-0.4).mul_add(sin_q1, t2_38);
+        let t2_41 = t2_40 - t2_25;
+        let t2_42 = t2_25 - t2_39;
+        let t2_43 = -t2_39;
+        let t2_44 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_44);
+        let t2_45 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_45);
+        let t2_46 = cos_q5 * p_mx_rod2;
+        let t2_47 = (-sin_q5).mul_add(p_my_rod2, t2_46);
+        let t2_48 = like.lift(0.4) * sin_q4_q5;
+        let t2_49 = like.lift(0.4).mul_add(sin_q4, t2_48);
+        let t2_50 = -t2_48;
+        let t2_51 = -t2_35;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_39 = like.lift(0.4) * sin_q3;
-        let t2_40 = like.lift(0.06928203230275509) + t2_39;
-        let t2_41 = -t2_40;
-        let t2_42 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_42);
-        let t2_43 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_43);
-        let t2_44 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_45 = like.lift(0.4) * cos_q3;
-        let t2_46 = like.lift(0.04) + t2_45;
-        let t2_47 = -t2_46;
-        let t2_48 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_49 = t2_24 + t2_23;
-        let t2_50 = like.lift(-0.4).mul_add(sin_q1, t2_49);
-        let t2_51 = t2_50 - t2_20;
-        let t2_52 = -t2_51;
-        let t2_53 = like.lift(0.4).mul_add(sin_q4, t2_30);
-        let t2_54 = -t2_53;
-        let t2_55 = like.lift(0.4).mul_add(cos_q1, t2_33);
-        let t2_56 = t2_55 - t2_38;
-        let t2_57 = -t2_56;
-        let t2_58 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t2_59 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_60 = sin_q3.mul_add(t2_59, like.lift(0.06928203230275509));
-        let t2_61 = sin_q2.mul_add(t2_45, t2_60);
-        let t2_62 = -t2_61;
-        let t2_63 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_44);
-        let t2_64 = cos_q3.mul_add(t2_59, like.lift(0.04));
-        let t2_65 = (-sin_q2).mul_add(t2_39, t2_64);
-        let t2_66 = -t2_65;
-        let t2_67 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_48);
-        let t2_68 = like.lift(1.0) / cos_q4_q5;
-        let t2_69 = sin_q4_q5 * t2_68;
-        let pivot_2 = (-t2_36).mul_add(t2_69, t2_26);
+        let t2_52 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_53 = like.lift(1.0) / cos_q4_q5;
+        let t2_54 = sin_q4_q5 * t2_53;
+        let t2_55 = (-t2_36).mul_add(t2_54, t2_39);
+        let t2_56 = like.lift(2.5) * t2_53;
+        let t2_57 = like.lift(0.4) * sin_q3;
+        let t2_58 = sin_q3.mul_add(t2_24, like.lift(0.06928203230275509));
+        let t2_59 = cos_q3.mul_add(t2_24, like.lift(0.04));
+        let t2_60 = like.lift(0.4) * cos_q3;
+        let t2_61 = sin_q2.mul_add(t2_60, t2_58);
+        let t2_62 = (-sin_q2).mul_add(t2_57, t2_59);
+        let t2_63 = like.lift(0.06928203230275509) + t2_57;
+        let t2_64 = like.lift(0.04) + t2_60;
+        let t2_65 = -t2_63;
+        let t2_66 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_66);
+        let t2_67 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_68 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_68);
+        let t2_69 = cos_q7 * p_mx_rod3;
+        let t2_70 = (-sin_q7).mul_add(p_my_rod3, t2_69);
+        let t2_71 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_72 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_67);
+        let t2_73 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_71);
+        let t2_74 = -t2_64;
+        let t2_75 = -t2_41;
+        let t2_76 = t2_37.mul_add(t2_54, t2_41);
+        let t2_77 = -t2_49;
+        let t2_78 = (-t2_52).mul_add(t2_54, t2_49);
+        let pivot_2 = (-t2_35).mul_add(t2_54, t2_42);
+        let t2_79 = -t2_37;
+        let t2_80 = -t2_61;
+        let t2_81 = -t2_62;
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_70 = t2_56.mul_add(t2_69, t2_51);
-        let t2_71 = (-t2_38).mul_add(t2_69, t2_25);
-        let t2_72 = t2_46 * inv_pivot_2;
-        let pivot_3 = t2_71.mul_add(t2_72, like.lift(0.04));
+        let t2_82 = t2_64 * inv_pivot_2;
+        let t2_83 = t2_76.mul_add(t2_82, t2_62);
+        let t2_84 = t2_63 * inv_pivot_2;
+        let pivot_3 = t2_55.mul_add(t2_82, like.lift(0.04));
+        let t2_85 = t2_78 * t2_82;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_73 = t2_70.mul_add(t2_72, t2_65);
-        let t2_74 = t2_40 * inv_pivot_2;
-        let t2_75 = t2_71.mul_add(t2_74, like.lift(0.06928203230275509));
-        let t2_76 = t2_75 * inv_pivot_3;
-        let t2_77 = (-t2_73).mul_add(t2_76, t2_61);
-        let t2_78 = t2_70.mul_add(t2_74, t2_77);
-        let pivot_4 = (-t2_76).mul_add(t2_48, t2_44);
+        let t2_86 = -pivot_3;
+        let t2_87 = t2_55.mul_add(t2_84, like.lift(0.06928203230275509));
+        let t2_88 = t2_87 * inv_pivot_3;
+        let t2_89 = (-t2_83).mul_add(t2_88, t2_61);
+        let t2_90 = t2_76.mul_add(t2_84, t2_89);
+        let t2_91 = t2_78 * t2_84;
+        let t2_92 = (-t2_85).mul_add(t2_88, t2_91);
+        let pivot_4 = (-t2_88).mul_add(t2_71, t2_67);
+        let t2_93 = (-t2_73).mul_add(t2_88, t2_72);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_79 = t2_78 * inv_pivot_4;
-        let t2_80 = (-t2_79).mul_add(t2_48, t2_73);
-        let t2_81 = inv_pivot_3 * t2_80;
-        let t2_82 = (-t2_71).mul_add(t2_81, t2_70);
-        let t2_83 = inv_pivot_2 * t2_82;
-        let t2_84 = -t2_83;
-        let t2_85 = (-t2_58).mul_add(t2_69, t2_53);
-        let t2_86 = t2_85 * t2_72;
-        let t2_87 = t2_85 * t2_74;
-        let t2_88 = (-t2_86).mul_add(t2_76, t2_87);
-        let t2_89 = t2_88 * inv_pivot_4;
-        let t2_90 = (-t2_89).mul_add(t2_48, t2_86);
-        let t2_91 = inv_pivot_3 * t2_90;
-        let t2_92 = (-t2_71).mul_add(t2_91, t2_85);
-        let t2_93 = inv_pivot_2 * t2_92;
-        let t2_94 = -t2_93;
-        let t2_95 = (-t2_67).mul_add(t2_76, t2_63);
-        let t2_96 = t2_95 * inv_pivot_4;
-        let t2_97 = (-t2_96).mul_add(t2_48, t2_67);
-        let t2_98 = inv_pivot_3 * t2_97;
-        let t2_99 = inv_pivot_2 * t2_71;
-        let t2_100 = t2_99 * t2_98;
-        let t2_101 = -t2_100;
-        let t2_102 = -t2_98;
-        let t2_103 = t2_38.mul_add(t2_81, t2_56);
-        let t2_104 = t2_36.mul_add(t2_83, t2_103);
-        let t2_105 = like.lift(2.5) * t2_68;
-        let t2_106 = t2_104 * t2_105;
-        let t2_107 = -t2_106;
-        let t2_108 = (-t2_38).mul_add(t2_91, t2_58);
-        let t2_109 = (-t2_36).mul_add(t2_93, t2_108);
-        let t2_110 = t2_109 * t2_105;
-        let t2_111 = t2_36 * t2_100;
-        let t2_112 = (-t2_38).mul_add(t2_98, t2_111);
-        let t2_113 = t2_112 * t2_105;
-        let t2_114 = -t2_113;
-        let t2_115 = -t2_79;
-        let t2_116 = -t2_89;
-        let t2_117 = -pivot_3;
+        let t2_94 = t2_90 * inv_pivot_4;
+        let t2_95 = (-t2_94).mul_add(t2_71, t2_83);
+        let t2_96 = inv_pivot_3 * t2_95;
+        let t2_97 = (-t2_55).mul_add(t2_96, t2_76);
+        let t2_98 = inv_pivot_2 * t2_97;
+        let t2_99 = t2_92 * inv_pivot_4;
+        let t2_100 = t2_93 * inv_pivot_4;
+        let t2_101 = (-t2_99).mul_add(t2_71, t2_85);
+        let t2_102 = inv_pivot_3 * t2_101;
+        let t2_103 = (-t2_55).mul_add(t2_102, t2_78);
+        let t2_104 = inv_pivot_2 * t2_103;
+        let t2_105 = inv_pivot_2 * t2_55;
+        let t2_106 = t2_36.mul_add(t2_96, t2_37);
+        let t2_107 = t2_35.mul_add(t2_98, t2_106);
+        let t2_108 = -t2_98;
+        let t2_109 = t2_107 * t2_56;
+        let t2_110 = -t2_109;
+        let t2_111 = -t2_94;
+        let t2_112 = -t2_99;
+        let t2_113 = (-t2_100).mul_add(t2_71, t2_73);
+        let t2_114 = inv_pivot_3 * t2_113;
+        let t2_115 = t2_105 * t2_114;
+        let t2_116 = -t2_104;
+        let t2_117 = (-t2_36).mul_add(t2_102, t2_52);
+        let t2_118 = (-t2_35).mul_add(t2_104, t2_117);
+        let t2_119 = t2_118 * t2_56;
+        let t2_120 = t2_35 * t2_115;
+        let t2_121 = (-t2_36).mul_add(t2_114, t2_120);
+        let t2_122 = t2_121 * t2_56;
+        let t2_123 = -t2_115;
+        let t2_124 = -t2_114;
+        let t2_125 = -t2_122;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_117 * like.lift(17.496940338012887)).abs())
+            .min((t2_86 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_84, t2_94, t2_101], [t2_81, t2_91, t2_102], [t2_107, t2_110, t2_114],
-                [t2_115, t2_116, t2_96],
+                [t2_108, t2_116, t2_123], [t2_96, t2_102, t2_124], [t2_110, t2_119, t2_125],
+                [t2_111, t2_112, t2_100],
             ],
             margin,
             || (
                 [
-                    [t2_26, t2_27, t2_31, like.lift(0.0)],
-                    [t2_37, t2_38, pivot_1, like.lift(0.0)],
+                    [t2_42, t2_43, t2_50, like.lift(0.0)],
+                    [t2_51, t2_36, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_41, like.lift(-0.06928203230275509), like.lift(0.0), t2_44],
-                    [t2_47, like.lift(-0.04), like.lift(0.0), t2_48],
+                    [t2_65, like.lift(-0.06928203230275509), like.lift(0.0), t2_67],
+                    [t2_74, like.lift(-0.04), like.lift(0.0), t2_71],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_52, t2_54, like.lift(0.0)], [t2_57, t2_58, like.lift(0.0)],
+                    [t2_75, t2_77, like.lift(0.0)], [t2_79, t2_52, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_62, like.lift(0.0), t2_63], [t2_66, like.lift(0.0), t2_67],
+                    [t2_80, like.lift(0.0), t2_72], [t2_81, like.lift(0.0), t2_73],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2886,92 +2935,87 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         );
         condition = condition.min(found);
         [
-            t2_2, t2_4, t2_7, t2_10, t2_15, t2_16, t2_17, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1,
-            x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_7, t2_10, t2_17, t2_19, t2_20, t2_21, t2_47, t2_70, x_q2_q1, x_q2_q4, x_q2_q6,
+            x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // M
     {
-        let t3_1 = p_izz_platform + t2_4;
-        let t3_2 = sin_q2 * t2_10;
-        let t3_3 = (-cos_q2).mul_add(t2_2, t3_2);
-        let t3_4 = like.lift(-0.4).mul_add(t3_3, t3_1);
-        let t3_5 = (-t3_1).mul_add(x_q3_q1, t2_17);
-        let t3_6 = (-t2_7).mul_add(x_q2_q1, t3_5);
-        let t3_7 = (-p_izz_platform).mul_add(x_q3_q1, t3_4);
-        let t3_8 = (-t3_1).mul_add(x_q2_q1, t3_7);
-        let t3_9 = t3_6 + t2_17;
-        let t3_10 = t3_8 + t3_4;
-        let t3_11 = x_q7_q1 * p_izz_rod3;
-        let t3_12 = t3_11.mul_add(x_q7_q1, p_izz_crank1);
-        let t3_13 = x_q5_q1 * p_izz_rod2;
-        let t3_14 = t3_13.mul_add(x_q5_q1, t3_12);
-        let t3_15 = (-x_q3_q1).mul_add(t3_10, t3_14);
-        let t3_16 = (-x_q2_q1).mul_add(t3_9, t3_15);
-        let t3_17 = t3_16 + t2_7;
-        let t3_18 = like.lift(0.4).mul_add(t2_15, t3_17);
-        let t3_19 = t3_18 + t2_16;
-        let t3_20 = t3_1 * x_q3_q4;
-        let t3_21 = t2_7.mul_add(x_q2_q4, t3_20);
-        let t3_22 = p_izz_platform * x_q3_q4;
-        let t3_23 = t3_1.mul_add(x_q2_q4, t3_22);
-        let t3_24 = cos_q5 * p_mx_rod2;
-        let t3_25 = (-sin_q5).mul_add(p_my_rod2, t3_24);
-        let t3_26 = like.lift(0.4) * t3_25;
-        let t3_27 = p_izz_rod2 + t3_26;
-        let t3_28 = (-p_izz_rod2).mul_add(x_q5_q4, t3_27);
-        let t3_29 = p_izz_rod3 * x_q7_q4;
-        let t3_30 = x_q5_q1 * t3_28;
-        let t3_31 = (-x_q7_q1).mul_add(t3_29, t3_30);
-        let t3_32 = (-x_q3_q1).mul_add(t3_23, t3_31);
-        let t3_33 = (-x_q2_q1).mul_add(t3_21, t3_32);
-        let t3_34 = t3_4.mul_add(x_q3_q4, t3_33);
-        let t3_35 = t2_17.mul_add(x_q2_q4, t3_34);
-        let t3_36 = -t3_35;
-        let t3_37 = t3_1 * x_q3_q6;
-        let t3_38 = t2_7.mul_add(x_q2_q6, t3_37);
-        let t3_39 = p_izz_platform * x_q3_q6;
-        let t3_40 = t3_1.mul_add(x_q2_q6, t3_39);
-        let t3_41 = p_izz_rod2 * x_q5_q6;
-        let t3_42 = cos_q7 * p_mx_rod3;
-        let t3_43 = (-sin_q7).mul_add(p_my_rod3, t3_42);
-        let t3_44 = like.lift(0.4) * t3_43;
-        let t3_45 = p_izz_rod3 + t3_44;
-        let t3_46 = (-p_izz_rod3).mul_add(x_q7_q6, t3_45);
-        let t3_47 = x_q7_q1 * t3_46;
-        let t3_48 = (-x_q5_q1).mul_add(t3_41, t3_47);
-        let t3_49 = (-x_q3_q1).mul_add(t3_40, t3_48);
-        let t3_50 = (-x_q2_q1).mul_add(t3_38, t3_49);
-        let t3_51 = t3_4.mul_add(x_q3_q6, t3_50);
-        let t3_52 = t2_17.mul_add(x_q2_q6, t3_51);
-        let t3_53 = -t3_52;
-        m[0] = [t3_19, t3_36, t3_53];
-        let t3_54 = like.lift(0.4).mul_add(p_m_rod2, t3_25);
-        let t3_55 = t3_28 + t3_27;
-        let t3_56 = x_q7_q4.mul_add(t3_29, p_izz_crank2);
-        let t3_57 = (-x_q5_q4).mul_add(t3_55, t3_56);
-        let t3_58 = t3_57 + p_izz_rod2;
-        let t3_59 = like.lift(0.4).mul_add(t3_54, t3_58);
-        let t3_60 = t3_59 + t3_26;
-        let t3_61 = x_q3_q4.mul_add(t3_23, t3_60);
-        let t3_62 = x_q2_q4.mul_add(t3_21, t3_61);
-        let t3_63 = x_q7_q4 * t3_46;
-        let t3_64 = (-x_q5_q4).mul_add(t3_41, t3_63);
-        let t3_65 = t3_27.mul_add(x_q5_q6, t3_64);
-        let t3_66 = (-x_q3_q4).mul_add(t3_40, t3_65);
-        let t3_67 = (-x_q2_q4).mul_add(t3_38, t3_66);
-        let t3_68 = -t3_67;
-        m[1] = [t3_36, t3_62, t3_68];
-        let t3_69 = like.lift(0.4).mul_add(p_m_rod3, t3_43);
-        let t3_70 = t3_46 + t3_45;
-        let t3_71 = (-x_q7_q6).mul_add(t3_70, p_izz_crank3);
-        let t3_72 = t3_71 + p_izz_rod3;
-        let t3_73 = like.lift(0.4).mul_add(t3_69, t3_72);
-        let t3_74 = t3_73 + t3_44;
-        let t3_75 = x_q5_q6.mul_add(t3_41, t3_74);
-        let t3_76 = x_q3_q6.mul_add(t3_40, t3_75);
-        let t3_77 = x_q2_q6.mul_add(t3_38, t3_76);
-        m[2] = [t3_53, t3_68, t3_77];
+        let t3_1 = (-t2_10).mul_add(x_q3_q1, t2_21);
+        let t3_2 = (-t2_7).mul_add(x_q2_q1, t3_1);
+        let t3_3 = t3_2 + t2_21;
+        let t3_4 = (-p_izz_platform).mul_add(x_q3_q1, t2_17);
+        let t3_5 = (-t2_10).mul_add(x_q2_q1, t3_4);
+        let t3_6 = t3_5 + t2_17;
+        let t3_7 = x_q7_q1 * p_izz_rod3;
+        let t3_8 = t3_7.mul_add(x_q7_q1, p_izz_crank1);
+        let t3_9 = x_q5_q1 * p_izz_rod2;
+        let t3_10 = t3_9.mul_add(x_q5_q1, t3_8);
+        let t3_11 = (-x_q3_q1).mul_add(t3_6, t3_10);
+        let t3_12 = (-x_q2_q1).mul_add(t3_3, t3_11);
+        let t3_13 = t3_12 + t2_7;
+        let t3_14 = like.lift(0.4).mul_add(t2_19, t3_13);
+        let t3_15 = t3_14 + t2_20;
+        m[0][0] = t3_15;
+        let t3_16 = t2_10 * x_q3_q4;
+        let t3_17 = t2_7.mul_add(x_q2_q4, t3_16);
+        let t3_18 = t2_10 * x_q3_q6;
+        let t3_19 = t2_7.mul_add(x_q2_q6, t3_18);
+        let t3_20 = p_izz_platform * x_q3_q4;
+        let t3_21 = t2_10.mul_add(x_q2_q4, t3_20);
+        let t3_22 = p_izz_platform * x_q3_q6;
+        let t3_23 = t2_10.mul_add(x_q2_q6, t3_22);
+        let t3_24 = like.lift(0.4) * t2_47;
+        let t3_25 = like.lift(0.4).mul_add(p_m_rod2, t2_47);
+        let t3_26 = p_izz_rod2 + t3_24;
+        let t3_27 = (-p_izz_rod2).mul_add(x_q5_q4, t3_26);
+        let t3_28 = p_izz_rod3 * x_q7_q4;
+        let t3_29 = x_q5_q1 * t3_27;
+        let t3_30 = (-x_q7_q1).mul_add(t3_28, t3_29);
+        let t3_31 = (-x_q3_q1).mul_add(t3_21, t3_30);
+        let t3_32 = (-x_q2_q1).mul_add(t3_17, t3_31);
+        let t3_33 = t2_17.mul_add(x_q3_q4, t3_32);
+        let t3_34 = t2_21.mul_add(x_q2_q4, t3_33);
+        let t3_35 = -t3_34;
+        m[0][1] = t3_35; m[1][0] = t3_35;
+        let t3_36 = t3_27 + t3_26;
+        let t3_37 = x_q7_q4.mul_add(t3_28, p_izz_crank2);
+        let t3_38 = (-x_q5_q4).mul_add(t3_36, t3_37);
+        let t3_39 = t3_38 + p_izz_rod2;
+        let t3_40 = like.lift(0.4).mul_add(t3_25, t3_39);
+        let t3_41 = t3_40 + t3_24;
+        let t3_42 = x_q3_q4.mul_add(t3_21, t3_41);
+        let t3_43 = x_q2_q4.mul_add(t3_17, t3_42);
+        m[1][1] = t3_43;
+        let t3_44 = p_izz_rod2 * x_q5_q6;
+        let t3_45 = like.lift(0.4) * t2_70;
+        let t3_46 = like.lift(0.4).mul_add(p_m_rod3, t2_70);
+        let t3_47 = p_izz_rod3 + t3_45;
+        let t3_48 = (-p_izz_rod3).mul_add(x_q7_q6, t3_47);
+        let t3_49 = x_q7_q1 * t3_48;
+        let t3_50 = (-x_q5_q1).mul_add(t3_44, t3_49);
+        let t3_51 = (-x_q3_q1).mul_add(t3_23, t3_50);
+        let t3_52 = (-x_q2_q1).mul_add(t3_19, t3_51);
+        let t3_53 = t2_17.mul_add(x_q3_q6, t3_52);
+        let t3_54 = t2_21.mul_add(x_q2_q6, t3_53);
+        let t3_55 = -t3_54;
+        m[0][2] = t3_55; m[2][0] = t3_55;
+        let t3_56 = x_q7_q4 * t3_48;
+        let t3_57 = (-x_q5_q4).mul_add(t3_44, t3_56);
+        let t3_58 = t3_26.mul_add(x_q5_q6, t3_57);
+        let t3_59 = (-x_q3_q4).mul_add(t3_23, t3_58);
+        let t3_60 = (-x_q2_q4).mul_add(t3_19, t3_59);
+        let t3_61 = t3_48 + t3_47;
+        let t3_62 = -t3_60;
+        m[1][2] = t3_62; m[2][1] = t3_62;
+        let t3_63 = (-x_q7_q6).mul_add(t3_61, p_izz_crank3);
+        let t3_64 = t3_63 + p_izz_rod3;
+        let t3_65 = like.lift(0.4).mul_add(t3_46, t3_64);
+        let t3_66 = t3_65 + t3_45;
+        let t3_67 = x_q5_q6.mul_add(t3_44, t3_66);
+        let t3_68 = x_q3_q6.mul_add(t3_23, t3_67);
+        let t3_69 = x_q2_q6.mul_add(t3_19, t3_68);
+        m[2][2] = t3_69;
     }
     (m, Condition { pivot: condition })
 }
@@ -3053,11 +3097,8 @@ pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T;
 #[inline(always)]
 pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
-    let [r_q1, r_q4, r_q6] = *qd_r;
-    let [dr_q1, dr_q4, dr_q6] = *qdd_r;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
@@ -3073,340 +3114,345 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
             sin_q6, cos_q6, sin_q7, cos_q7,
         ]
     };
+    let [dr_q1, dr_q4, dr_q6] = *qdd_r;
     // body crank1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank1y, a_crank1x] = {
+        y[5][0] = dr_q1;
         let a_crank1y = like.lift(9.81) * cos_q1;
         y[6][0] = a_crank1y;
         let a_crank1x = like.lift(9.81) * sin_q1;
         let t2_1 = -a_crank1x;
         y[7][0] = t2_1;
-        y[5][0] = dr_q1;
         [a_crank1y, a_crank1x]
     };
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
+    let [r_q1, r_q4, r_q6] = *qd_r;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        sin_q1_q2, cos_q1_q2, t3_8, t3_9, t3_10, sin_q4_q5, cos_q4_q5, t3_14, t3_19, t3_20,
-        t3_21, pivot_1, t3_22, t3_24, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
-        sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, t3_29, t3_30, t3_32,
-        t3_33, t3_36, t3_37, w_rod1z, t3_41, t3_42, t3_45, u_platform_q1x, t3_48, t3_49,
-        u_platform_q1y, t3_53, t3_54, t3_58, pivot_2, inv_pivot_2, t3_60, t3_61, inv_pivot_3,
-        t3_63, t3_65, pivot_4, inv_pivot_4, t3_76, t3_78, t3_79, t3_80, t3_81, t3_82,
+        t3_1, sin_q1_q2, cos_q1_q2, t3_9, t3_12, t3_13, t3_14, sin_q4_q5, cos_q4_q5, t3_18,
+        t3_19, t3_24, t3_25, t3_27, t3_28, pivot_1, t3_29, t3_31, sin_q1_q2_q3_minus_q6,
+        cos_q1_q2_q3_minus_q6, sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7,
+        t3_36, t3_37, t3_39, t3_40, w_rod1z, t3_43, t3_46, u_platform_q1x, u_platform_q1y,
+        t3_50, t3_51, t3_54, t3_55, t3_59, t3_60, pivot_2, inv_pivot_2, t3_61, t3_62, t3_64,
+        inv_pivot_3, t3_65, t3_68, pivot_4, inv_pivot_4, t3_80, t3_81, t3_82, t3_83,
     ] = {
-        let t3_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
-        let t3_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
-        let t3_3 = like.lift(0.4) * sin_q1_q2;
-        let t3_4 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_4);
-        let t3_5 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_5);
-        let t3_6 = like.lift(0.04) * sin_q1_q2_q3;
-        let t3_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t3_8 = t3_6 + t3_7;
-        let t3_9 = t3_3 - t3_8;
-        let t3_10 = -t3_8;
-        let t3_11 = sin_q4 * cos_q5;
-        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t3_11);
-        let t3_12 = cos_q4 * cos_q5;
-        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t3_12);
-        let t3_13 = like.lift(0.4) * sin_q4_q5;
-        let t3_14 = -t3_13;
-        let t3_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t3_16 = like.lift(0.4) * cos_q1_q2;
-        let t3_17 = like.lift(0.04) * cos_q1_q2_q3;
-        let t3_18 = t3_15 + t3_16;
-        let t3_19 = t3_18 - t3_17;
-        let t3_20 = -t3_19;
-        let t3_21 = t3_17 - t3_15;
+        let t3_1 = like.lift(0.4).mul_add(dr_q1, a_crank1y);
+        let t3_2 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_2);
+        let t3_3 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_3);
+        let t3_4 = like.lift(0.4) * sin_q1_q2;
+        let t3_5 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_5);
+        let t3_6 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_6);
+        let t3_7 = like.lift(0.04) * sin_q1_q2_q3;
+        let t3_8 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t3_9 = t3_7 + t3_8;
+        let t3_10 = t3_8 + t3_7;
+        let t3_11 = like.lift(-0.4).mul_add(sin_q1, t3_10);
+        let t3_12 = t3_11 - t3_4;
+        let t3_13 = t3_4 - t3_9;
+        let t3_14 = -t3_9;
+        let t3_15 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t3_15);
+        let t3_16 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t3_16);
+        let t3_17 = like.lift(0.4) * sin_q4_q5;
+        let t3_18 = -t3_17;
+        let t3_19 = like.lift(0.4).mul_add(sin_q4, t3_17);
+        let t3_20 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t3_21 = like.lift(0.4) * cos_q1_q2;
+        let t3_22 = like.lift(0.04) * cos_q1_q2_q3;
+        let t3_23 = t3_20 + t3_21;
+        let t3_24 = t3_23 - t3_22;
+        let t3_25 = t3_22 - t3_20;
+        let t3_26 = like.lift(0.4).mul_add(cos_q1, t3_21);
+        let t3_27 = t3_26 - t3_25;
+        let t3_28 = -t3_24;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t3_22 = like.lift(0.4) * sin_q3;
-        let t3_23 = like.lift(0.06928203230275509) + t3_22;
-        let t3_24 = -t3_23;
-        let t3_25 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_25);
-        let t3_26 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_26);
-        let t3_27 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_27);
-        let t3_28 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_28);
-        let t3_29 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t3_30 = like.lift(0.4) * cos_q3;
-        let t3_31 = like.lift(0.04) + t3_30;
-        let t3_32 = -t3_31;
-        let t3_33 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t3_34 = t3_7 + t3_6;
-        let t3_35 = like.lift(-0.4).mul_add(sin_q1, t3_34);
-        let t3_36 = t3_35 - t3_3;
-        let t3_37 = like.lift(0.4).mul_add(sin_q4, t3_13);
+        let t3_29 = like.lift(0.4) * sin_q3;
+        let t3_30 = like.lift(0.06928203230275509) + t3_29;
+        let t3_31 = -t3_30;
+        let t3_32 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_32);
+        let t3_33 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_33);
+        let t3_34 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_34);
+        let t3_35 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_35);
+        let t3_36 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t3_37 = like.lift(0.4) * cos_q3;
+        let t3_38 = like.lift(0.04) + t3_37;
+        let t3_39 = -t3_38;
+        let t3_40 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let w_rod1z = d_q1 + d_q2;
-        let t3_38 = t3_37 * r_q4;
-        let t3_39 = t3_36.mul_add(r_q1, t3_38);
-        let t3_40 = like.lift(0.4).mul_add(cos_q1, t3_16);
-        let t3_41 = t3_40 - t3_21;
-        let t3_42 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t3_43 = t3_41 * r_q1;
-        let t3_44 = (-t3_42).mul_add(r_q4, t3_43);
-        let t3_45 = like.lift(0.4) * cos_q2;
-        let t3_46 = like.lift(0.4) + t3_45;
-        let t3_47 = sin_q3 * t3_46;
-        let u_platform_q1x = sin_q2.mul_add(t3_30, t3_47);
-        let t3_48 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t3_49 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t3_29);
-        let t3_50 = t3_48 * r_q1;
-        let t3_51 = (-t3_49).mul_add(r_q6, t3_50);
-        let t3_52 = sin_q2 * t3_22;
-        let u_platform_q1y = (-cos_q3).mul_add(t3_46, t3_52);
-        let t3_53 = like.lift(0.04) - u_platform_q1y;
-        let t3_54 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_33);
-        let t3_55 = t3_53 * r_q1;
-        let t3_56 = (-t3_54).mul_add(r_q6, t3_55);
-        let t3_57 = like.lift(1.0) / cos_q4_q5;
-        let t3_58 = sin_q4_q5 * t3_57;
-        let pivot_2 = (-t3_19).mul_add(t3_58, t3_9);
+        let t3_41 = t3_19 * r_q4;
+        let t3_42 = t3_12.mul_add(r_q1, t3_41);
+        let t3_43 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t3_44 = t3_27 * r_q1;
+        let t3_45 = (-t3_43).mul_add(r_q4, t3_44);
+        let t3_46 = like.lift(0.4) * cos_q2;
+        let t3_47 = like.lift(0.4) + t3_46;
+        let t3_48 = sin_q3 * t3_47;
+        let u_platform_q1x = sin_q2.mul_add(t3_37, t3_48);
+        let t3_49 = sin_q2 * t3_29;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_47, t3_49);
+        let t3_50 = like.lift(0.06928203230275509) + u_platform_q1x;
+        let t3_51 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t3_36);
+        let t3_52 = t3_50 * r_q1;
+        let t3_53 = (-t3_51).mul_add(r_q6, t3_52);
+        let t3_54 = like.lift(0.04) - u_platform_q1y;
+        let t3_55 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_40);
+        let t3_56 = t3_54 * r_q1;
+        let t3_57 = (-t3_55).mul_add(r_q6, t3_56);
+        let t3_58 = like.lift(1.0) / cos_q4_q5;
+        let t3_59 = sin_q4_q5 * t3_58;
+        let t3_60 = like.lift(2.5) * t3_58;
+        let pivot_2 = (-t3_24).mul_add(t3_59, t3_13);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_59 = t3_58.mul_add(t3_44, t3_39);
-        let t3_60 = (-t3_21).mul_add(t3_58, t3_8);
-        let t3_61 = t3_31 * inv_pivot_2;
-        let pivot_3 = t3_60.mul_add(t3_61, like.lift(0.04));
+        let t3_61 = t3_38 * inv_pivot_2;
+        let t3_62 = t3_30 * inv_pivot_2;
+        let t3_63 = t3_59.mul_add(t3_45, t3_42);
+        let t3_64 = (-t3_25).mul_add(t3_59, t3_9);
+        let pivot_3 = t3_64.mul_add(t3_61, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_62 = t3_61.mul_add(t3_59, t3_56);
-        let t3_63 = t3_23 * inv_pivot_2;
-        let t3_64 = t3_60.mul_add(t3_63, like.lift(0.06928203230275509));
-        let t3_65 = t3_64 * inv_pivot_3;
-        let pivot_4 = (-t3_65).mul_add(t3_33, t3_29);
+        let t3_65 = -pivot_3;
+        let t3_66 = t3_61.mul_add(t3_63, t3_57);
+        let t3_67 = t3_64.mul_add(t3_62, like.lift(0.06928203230275509));
+        let t3_68 = t3_67 * inv_pivot_3;
+        let pivot_4 = (-t3_68).mul_add(t3_40, t3_36);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_66 = (-t3_65).mul_add(t3_62, t3_51);
-        let t3_67 = t3_63.mul_add(t3_59, t3_66);
-        let t3_68 = inv_pivot_4 * t3_67;
-        let t3_69 = (-t3_68).mul_add(t3_33, t3_62);
-        let t3_70 = inv_pivot_3 * t3_69;
-        let t3_71 = (-t3_60).mul_add(t3_70, t3_59);
-        let t3_72 = inv_pivot_2 * t3_71;
-        let t3_73 = -t3_70;
-        let t3_74 = t3_21.mul_add(t3_70, t3_44);
-        let t3_75 = t3_19.mul_add(t3_72, t3_74);
-        let t3_76 = like.lift(2.5) * t3_57;
-        let t3_77 = t3_75 * t3_76;
-        let t3_78 = -pivot_3;
+        let t3_69 = (-t3_68).mul_add(t3_66, t3_53);
+        let t3_70 = t3_62.mul_add(t3_63, t3_69);
+        let t3_71 = inv_pivot_4 * t3_70;
+        let t3_72 = (-t3_71).mul_add(t3_40, t3_66);
+        let t3_73 = inv_pivot_3 * t3_72;
+        let t3_74 = (-t3_64).mul_add(t3_73, t3_63);
+        let t3_75 = inv_pivot_2 * t3_74;
+        let t3_76 = -t3_73;
+        let t3_77 = t3_25.mul_add(t3_73, t3_45);
+        let t3_78 = t3_24.mul_add(t3_75, t3_77);
+        let t3_79 = t3_78 * t3_60;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t3_78 * like.lift(17.496940338012887)).abs())
+            .min((t3_65 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
-        let ([[t3_79], [t3_80], [t3_81], [t3_82]], found) = ::regen_runtime::guarded(
-            [[t3_72], [t3_73], [t3_77], [t3_68]],
+        let ([[t3_80], [t3_81], [t3_82], [t3_83]], found) = ::regen_runtime::guarded(
+            [[t3_75], [t3_76], [t3_79], [t3_71]],
             margin,
             || (
                 [
-                    [t3_9, t3_10, t3_14, like.lift(0.0)],
-                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
+                    [t3_13, t3_14, t3_18, like.lift(0.0)],
+                    [t3_28, t3_25, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
-                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
+                    [t3_31, like.lift(-0.06928203230275509), like.lift(0.0), t3_36],
+                    [t3_39, like.lift(-0.04), like.lift(0.0), t3_40],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_39], [t3_44], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t3_51], [t3_56], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t3_42], [t3_45], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t3_53], [t3_57], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            sin_q1_q2, cos_q1_q2, t3_8, t3_9, t3_10, sin_q4_q5, cos_q4_q5, t3_14, t3_19, t3_20,
-            t3_21, pivot_1, t3_22, t3_24, sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6,
-            sin_q1_q2_q3_minus_q6_minus_q7, cos_q1_q2_q3_minus_q6_minus_q7, t3_29, t3_30,
-            t3_32, t3_33, t3_36, t3_37, w_rod1z, t3_41, t3_42, t3_45, u_platform_q1x, t3_48,
-            t3_49, u_platform_q1y, t3_53, t3_54, t3_58, pivot_2, inv_pivot_2, t3_60, t3_61,
-            inv_pivot_3, t3_63, t3_65, pivot_4, inv_pivot_4, t3_76, t3_78, t3_79, t3_80, t3_81,
-            t3_82,
+            t3_1, sin_q1_q2, cos_q1_q2, t3_9, t3_12, t3_13, t3_14, sin_q4_q5, cos_q4_q5, t3_18,
+            t3_19, t3_24, t3_25, t3_27, t3_28, pivot_1, t3_29, t3_31, sin_q1_q2_q3_minus_q6,
+            cos_q1_q2_q3_minus_q6, sin_q1_q2_q3_minus_q6_minus_q7,
+            cos_q1_q2_q3_minus_q6_minus_q7, t3_36, t3_37, t3_39, t3_40, w_rod1z, t3_43, t3_46,
+            u_platform_q1x, u_platform_q1y, t3_50, t3_51, t3_54, t3_55, t3_59, t3_60, pivot_2,
+            inv_pivot_2, t3_61, t3_62, t3_64, inv_pivot_3, t3_65, t3_68, pivot_4, inv_pivot_4,
+            t3_80, t3_81, t3_82, t3_83,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t4_4, t4_5, t4_6, t4_7, t4_8, t4_25, t4_29, t4_30, t4_60, t4_61, t4_62, t4_63] = {
-        let t4_1 = r_q1 + t3_79;
+    let [t4_4, t4_5, t4_9, t4_15, t4_16, t4_17, t4_28, t4_35, t4_61, t4_62, t4_63, t4_64] = {
+        let t4_1 = r_q1 + t3_80;
+        let t4_2 = t3_81 + t4_1;
+        let t4_3 = r_q4 + t3_82;
+        let t4_4 = w_rod1z * t4_1;
         let w_platformz = d_q3 + w_rod1z;
-        let t4_2 = t3_80 + t4_1;
-        let w_rod2z = d_q4 + d_q5;
-        let t4_3 = r_q4 + t3_81;
-        let t4_4 = w_rod2z * t4_3;
         let t4_5 = w_platformz * t4_2;
-        let t4_6 = w_rod1z * t4_1;
-        let t4_7 = d_q4 * r_q4;
-        let t4_8 = d_q1 * r_q1;
-        let t4_9 = cos_q1_q2 * t4_6;
-        let t4_10 = cos_q1.mul_add(t4_8, t4_9);
-        let t4_11 = (-cos_q4_q5).mul_add(t4_4, t4_10);
-        let t4_12 = (-cos_q4).mul_add(t4_7, t4_11);
-        let t4_13 = t3_37 * dr_q4;
-        let t4_14 = t3_36.mul_add(dr_q1, t4_13);
-        let t4_15 = t3_21.mul_add(t4_5, t4_14);
-        let t4_16 = like.lift(-0.4).mul_add(t4_12, t4_15);
-        let t4_17 = sin_q1_q2 * t4_6;
-        let t4_18 = sin_q1.mul_add(t4_8, t4_17);
-        let t4_19 = (-sin_q4_q5).mul_add(t4_4, t4_18);
-        let t4_20 = (-sin_q4).mul_add(t4_7, t4_19);
-        let t4_21 = t3_41 * dr_q1;
-        let t4_22 = (-t3_42).mul_add(dr_q4, t4_21);
-        let t4_23 = t3_8.mul_add(t4_5, t4_22);
-        let t4_24 = like.lift(-0.4).mul_add(t4_20, t4_23);
-        let t4_25 = like.lift(0.4) * t4_6;
-        let t4_26 = t4_8.mul_add(t3_45, t4_25);
-        let t4_27 = sin_q2 * t4_8;
+        let t4_6 = cos_q1_q2 * t4_4;
+        let t4_7 = sin_q1_q2 * t4_4;
+        let t4_8 = r_q6 + t3_83;
+        let w_rod2z = d_q4 + d_q5;
+        let t4_9 = w_rod2z * t4_3;
+        let t4_10 = d_q1 * r_q1;
+        let t4_11 = cos_q1.mul_add(t4_10, t4_6);
+        let t4_12 = sin_q1.mul_add(t4_10, t4_7);
+        let t4_13 = (-cos_q4_q5).mul_add(t4_9, t4_11);
+        let t4_14 = (-sin_q4_q5).mul_add(t4_9, t4_12);
+        let t4_15 = like.lift(-0.4).mul_add(t4_10, a_crank1x);
         let w_rod3z = d_q6 + d_q7;
-        let t4_28 = r_q6 + t3_82;
-        let t4_29 = w_rod3z * t4_28;
-        let t4_30 = d_q6 * r_q6;
-        let t4_31 = sin_q3 * t4_27;
-        let t4_32 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t4_29, t4_31);
-        let t4_33 = cos_q1_q2_q3_minus_q6.mul_add(t4_30, t4_32);
-        let t4_34 = t3_48 * dr_q1;
-        let t4_35 = (-t3_49).mul_add(dr_q6, t4_34);
-        let t4_36 = like.lift(-0.04).mul_add(t4_5, t4_35);
-        let t4_37 = like.lift(0.4).mul_add(t4_33, t4_36);
-        let t4_38 = (-cos_q3).mul_add(t4_26, t4_37);
-        let t4_39 = cos_q3 * t4_27;
-        let t4_40 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t4_29, t4_39);
-        let t4_41 = (-sin_q1_q2_q3_minus_q6).mul_add(t4_30, t4_40);
-        let t4_42 = t3_53 * dr_q1;
-        let t4_43 = (-t3_54).mul_add(dr_q6, t4_42);
-        let t4_44 = like.lift(0.06928203230275509).mul_add(t4_5, t4_43);
-        let t4_45 = like.lift(0.4).mul_add(t4_41, t4_44);
-        let t4_46 = sin_q3.mul_add(t4_26, t4_45);
-        let t4_47 = t3_58.mul_add(t4_24, t4_16);
-        let t4_48 = t3_61.mul_add(t4_47, t4_46);
-        let t4_49 = (-t3_65).mul_add(t4_48, t4_38);
-        let t4_50 = t3_63.mul_add(t4_47, t4_49);
-        let t4_51 = inv_pivot_4 * t4_50;
-        let t4_52 = (-t4_51).mul_add(t3_33, t4_48);
-        let t4_53 = inv_pivot_3 * t4_52;
-        let t4_54 = (-t3_60).mul_add(t4_53, t4_47);
-        let t4_55 = inv_pivot_2 * t4_54;
-        let t4_56 = -t4_53;
-        let t4_57 = t3_21.mul_add(t4_53, t4_24);
-        let t4_58 = t3_19.mul_add(t4_55, t4_57);
-        let t4_59 = t4_58 * t3_76;
+        let t4_16 = w_rod3z * t4_8;
+        let t4_17 = d_q4 * r_q4;
+        let t4_18 = (-cos_q4).mul_add(t4_17, t4_13);
+        let t4_19 = (-sin_q4).mul_add(t4_17, t4_14);
+        let t4_20 = t3_19 * dr_q4;
+        let t4_21 = t3_12.mul_add(dr_q1, t4_20);
+        let t4_22 = t3_25.mul_add(t4_5, t4_21);
+        let t4_23 = like.lift(-0.4).mul_add(t4_18, t4_22);
+        let t4_24 = t3_27 * dr_q1;
+        let t4_25 = (-t3_43).mul_add(dr_q4, t4_24);
+        let t4_26 = t3_9.mul_add(t4_5, t4_25);
+        let t4_27 = like.lift(-0.4).mul_add(t4_19, t4_26);
+        let t4_28 = like.lift(0.4) * t4_4;
+        let t4_29 = t4_10.mul_add(t3_46, t4_28);
+        let t4_30 = sin_q2 * t4_10;
+        let t4_31 = sin_q3 * t4_30;
+        let t4_32 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t4_16, t4_31);
+        let t4_33 = cos_q3 * t4_30;
+        let t4_34 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t4_16, t4_33);
+        let t4_35 = d_q6 * r_q6;
+        let t4_36 = cos_q1_q2_q3_minus_q6.mul_add(t4_35, t4_32);
+        let t4_37 = (-sin_q1_q2_q3_minus_q6).mul_add(t4_35, t4_34);
+        let t4_38 = t3_50 * dr_q1;
+        let t4_39 = (-t3_51).mul_add(dr_q6, t4_38);
+        let t4_40 = like.lift(-0.04).mul_add(t4_5, t4_39);
+        let t4_41 = like.lift(0.4).mul_add(t4_36, t4_40);
+        let t4_42 = (-cos_q3).mul_add(t4_29, t4_41);
+        let t4_43 = t3_54 * dr_q1;
+        let t4_44 = (-t3_55).mul_add(dr_q6, t4_43);
+        let t4_45 = like.lift(0.06928203230275509).mul_add(t4_5, t4_44);
+        let t4_46 = like.lift(0.4).mul_add(t4_37, t4_45);
+        let t4_47 = sin_q3.mul_add(t4_29, t4_46);
+        let t4_48 = t3_59.mul_add(t4_27, t4_23);
+        let t4_49 = t3_61.mul_add(t4_48, t4_47);
+        let t4_50 = (-t3_68).mul_add(t4_49, t4_42);
+        let t4_51 = t3_62.mul_add(t4_48, t4_50);
+        let t4_52 = inv_pivot_4 * t4_51;
+        let t4_53 = (-t4_52).mul_add(t3_40, t4_49);
+        let t4_54 = inv_pivot_3 * t4_53;
+        let t4_55 = (-t3_64).mul_add(t4_54, t4_48);
+        let t4_56 = inv_pivot_2 * t4_55;
+        let t4_57 = -t4_54;
+        let t4_58 = t3_25.mul_add(t4_54, t4_27);
+        let t4_59 = t3_24.mul_add(t4_56, t4_58);
+        let t4_60 = t4_59 * t3_60;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t3_78 * like.lift(17.496940338012887)).abs())
+            .min((t3_65 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
-        let ([[t4_60], [t4_61], [t4_62], [t4_63]], found) = ::regen_runtime::guarded(
-            [[t4_55], [t4_56], [t4_59], [t4_51]],
+        let ([[t4_61], [t4_62], [t4_63], [t4_64]], found) = ::regen_runtime::guarded(
+            [[t4_56], [t4_57], [t4_60], [t4_52]],
             margin,
             || (
                 [
-                    [t3_9, t3_10, t3_14, like.lift(0.0)],
-                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
+                    [t3_13, t3_14, t3_18, like.lift(0.0)],
+                    [t3_28, t3_25, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
-                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
+                    [t3_31, like.lift(-0.06928203230275509), like.lift(0.0), t3_36],
+                    [t3_39, like.lift(-0.04), like.lift(0.0), t3_40],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t4_16], [t4_24], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t4_38], [t4_46], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t4_23], [t4_27], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t4_42], [t4_47], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t4_4, t4_5, t4_6, t4_7, t4_8, t4_25, t4_29, t4_30, t4_60, t4_61, t4_62, t4_63]
+        [t4_4, t4_5, t4_9, t4_15, t4_16, t4_17, t4_28, t4_35, t4_61, t4_62, t4_63, t4_64]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
         al_rod1z, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
         x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let al_rod1z = dr_q1 + t4_60;
-        let t5_1 = -t3_36;
-        let t5_2 = -t3_37;
-        let t5_3 = -t3_41;
-        let t5_4 = -t3_48;
-        let t5_5 = -t3_53;
-        let t5_6 = t3_41.mul_add(t3_58, t3_36);
-        let t5_7 = t5_6.mul_add(t3_61, t3_53);
-        let t5_8 = (-t5_7).mul_add(t3_65, t3_48);
-        let t5_9 = t5_6.mul_add(t3_63, t5_8);
-        let t5_10 = t5_9 * inv_pivot_4;
-        let t5_11 = (-t5_10).mul_add(t3_33, t5_7);
-        let t5_12 = inv_pivot_3 * t5_11;
-        let t5_13 = (-t3_60).mul_add(t5_12, t5_6);
-        let t5_14 = inv_pivot_2 * t5_13;
-        let t5_15 = -t5_14;
-        let t5_16 = (-t3_42).mul_add(t3_58, t3_37);
-        let t5_17 = t5_16 * t3_61;
-        let t5_18 = t5_16 * t3_63;
-        let t5_19 = (-t5_17).mul_add(t3_65, t5_18);
-        let t5_20 = t5_19 * inv_pivot_4;
-        let t5_21 = (-t5_20).mul_add(t3_33, t5_17);
-        let t5_22 = inv_pivot_3 * t5_21;
-        let t5_23 = (-t3_60).mul_add(t5_22, t5_16);
-        let t5_24 = inv_pivot_2 * t5_23;
-        let t5_25 = -t5_24;
-        let t5_26 = (-t3_54).mul_add(t3_65, t3_49);
-        let t5_27 = t5_26 * inv_pivot_4;
-        let t5_28 = (-t5_27).mul_add(t3_33, t3_54);
-        let t5_29 = inv_pivot_3 * t5_28;
-        let t5_30 = inv_pivot_2 * t3_60;
-        let t5_31 = t5_30 * t5_29;
-        let t5_32 = -t5_31;
-        let t5_33 = -t5_29;
-        let t5_34 = t3_21.mul_add(t5_12, t3_41);
-        let t5_35 = t3_19.mul_add(t5_14, t5_34);
-        let t5_36 = t5_35 * t3_76;
-        let t5_37 = -t5_36;
-        let t5_38 = (-t3_21).mul_add(t5_22, t3_42);
-        let t5_39 = (-t3_19).mul_add(t5_24, t5_38);
-        let t5_40 = t5_39 * t3_76;
-        let t5_41 = t3_19 * t5_31;
-        let t5_42 = (-t3_21).mul_add(t5_29, t5_41);
-        let t5_43 = t5_42 * t3_76;
-        let t5_44 = -t5_43;
-        let t5_45 = -t5_10;
-        let t5_46 = -t5_20;
+        let al_rod1z = dr_q1 + t4_61;
+        let t5_1 = -t3_12;
+        let t5_2 = t3_27.mul_add(t3_59, t3_12);
+        let t5_3 = (-t3_43).mul_add(t3_59, t3_19);
+        let t5_4 = -t3_19;
+        let t5_5 = -t3_27;
+        let t5_6 = -t3_50;
+        let t5_7 = -t3_54;
+        let t5_8 = t5_2.mul_add(t3_61, t3_54);
+        let t5_9 = (-t5_8).mul_add(t3_68, t3_50);
+        let t5_10 = t5_2.mul_add(t3_62, t5_9);
+        let t5_11 = t5_10 * inv_pivot_4;
+        let t5_12 = (-t5_11).mul_add(t3_40, t5_8);
+        let t5_13 = inv_pivot_3 * t5_12;
+        let t5_14 = (-t3_64).mul_add(t5_13, t5_2);
+        let t5_15 = inv_pivot_2 * t5_14;
+        let t5_16 = t5_3 * t3_61;
+        let t5_17 = t5_3 * t3_62;
+        let t5_18 = (-t5_16).mul_add(t3_68, t5_17);
+        let t5_19 = t5_18 * inv_pivot_4;
+        let t5_20 = (-t3_55).mul_add(t3_68, t3_51);
+        let t5_21 = t5_20 * inv_pivot_4;
+        let t5_22 = (-t5_19).mul_add(t3_40, t5_16);
+        let t5_23 = inv_pivot_3 * t5_22;
+        let t5_24 = (-t3_64).mul_add(t5_23, t5_3);
+        let t5_25 = inv_pivot_2 * t5_24;
+        let t5_26 = inv_pivot_2 * t3_64;
+        let t5_27 = t3_25.mul_add(t5_13, t3_27);
+        let t5_28 = t3_24.mul_add(t5_15, t5_27);
+        let t5_29 = -t5_15;
+        let t5_30 = t5_28 * t3_60;
+        let t5_31 = -t5_30;
+        let t5_32 = -t5_11;
+        let t5_33 = -t5_19;
+        let t5_34 = (-t5_21).mul_add(t3_40, t3_55);
+        let t5_35 = inv_pivot_3 * t5_34;
+        let t5_36 = t5_26 * t5_35;
+        let t5_37 = -t5_25;
+        let t5_38 = (-t3_25).mul_add(t5_23, t3_43);
+        let t5_39 = (-t3_24).mul_add(t5_25, t5_38);
+        let t5_40 = t5_39 * t3_60;
+        let t5_41 = t3_24 * t5_36;
+        let t5_42 = (-t3_25).mul_add(t5_35, t5_41);
+        let t5_43 = t5_42 * t3_60;
+        let t5_44 = -t5_36;
+        let t5_45 = -t5_35;
+        let t5_46 = -t5_43;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t3_78 * like.lift(17.496940338012887)).abs())
+            .min((t3_65 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t5_15, t5_25, t5_32], [t5_12, t5_22, t5_33], [t5_37, t5_40, t5_44],
-                [t5_45, t5_46, t5_27],
+                [t5_29, t5_37, t5_44], [t5_13, t5_23, t5_45], [t5_31, t5_40, t5_46],
+                [t5_32, t5_33, t5_21],
             ],
             margin,
             || (
                 [
-                    [t3_9, t3_10, t3_14, like.lift(0.0)],
-                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
+                    [t3_13, t3_14, t3_18, like.lift(0.0)],
+                    [t3_28, t3_25, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
-                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
+                    [t3_31, like.lift(-0.06928203230275509), like.lift(0.0), t3_36],
+                    [t3_39, like.lift(-0.04), like.lift(0.0), t3_40],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t5_1, t5_2, like.lift(0.0)], [t5_3, t3_42, like.lift(0.0)],
+                    [t5_1, t5_4, like.lift(0.0)], [t5_5, t3_43, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t5_4, like.lift(0.0), t3_49], [t5_5, like.lift(0.0), t3_54],
+                    [t5_6, like.lift(0.0), t3_51], [t5_7, like.lift(0.0), t3_55],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3420,204 +3466,228 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 3], qdd
         ]
     };
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [t6_1, a_rod1y, a_rod1x] = {
-        let t6_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_rod1_q1 = al_rod1z * t6_1;
+    let [t6_3, a_rod1y, a_rod1x] = {
         let w_izz_rod1_q4 = x_q2_q4 * al_rod1z;
-        let t6_2 = -w_izz_rod1_q4;
+        let t6_1 = -w_izz_rod1_q4;
+        y[15][1] = t6_1;
         let w_izz_rod1_q6 = x_q2_q6 * al_rod1z;
-        let t6_3 = -w_izz_rod1_q6;
-        y[15] = [w_izz_rod1_q1, t6_2, t6_3];
-        let t6_4 = like.lift(-0.4).mul_add(t4_8, a_crank1x);
-        let t6_5 = like.lift(0.4).mul_add(dr_q1, a_crank1y);
-        let t6_6 = sin_q2 * t6_4;
-        let a_rod1y = (-cos_q2).mul_add(t6_5, t6_6);
-        let t6_7 = cos_q2 * al_rod1z;
-        let t6_8 = (-sin_q2).mul_add(t4_6, t6_7);
-        let t6_9 = a_rod1y * t6_1;
-        let w_mx_rod1_q1 = like.lift(-0.4).mul_add(t6_8, t6_9);
-        let t6_10 = -w_mx_rod1_q1;
+        let t6_2 = -w_izz_rod1_q6;
+        y[15][2] = t6_2;
+        let t6_3 = like.lift(1.0) - x_q2_q1;
+        let w_izz_rod1_q1 = al_rod1z * t6_3;
+        y[15][0] = w_izz_rod1_q1;
+        let t6_4 = sin_q2 * t4_15;
+        let a_rod1y = (-cos_q2).mul_add(t3_1, t6_4);
+        let t6_5 = sin_q2 * t3_1;
+        let a_rod1x = cos_q2.mul_add(t4_15, t6_5);
         let w_mx_rod1_q4 = x_q2_q4 * a_rod1y;
+        y[16][1] = w_mx_rod1_q4;
         let w_mx_rod1_q6 = x_q2_q6 * a_rod1y;
-        y[16] = [t6_10, w_mx_rod1_q4, w_mx_rod1_q6];
-        let t6_11 = sin_q2 * t6_5;
-        let a_rod1x = cos_q2.mul_add(t6_4, t6_11);
-        let t6_12 = cos_q2 * t4_6;
-        let t6_13 = sin_q2.mul_add(al_rod1z, t6_12);
-        let t6_14 = a_rod1x * t6_1;
-        let w_my_rod1_q1 = like.lift(0.4).mul_add(t6_13, t6_14);
-        let t6_15 = -w_my_rod1_q1;
+        y[16][2] = w_mx_rod1_q6;
         let w_my_rod1_q4 = x_q2_q4 * a_rod1x;
+        y[17][1] = w_my_rod1_q4;
         let w_my_rod1_q6 = x_q2_q6 * a_rod1x;
-        y[17] = [t6_15, w_my_rod1_q4, w_my_rod1_q6];
-        let t6_16 = cos_q2 * a_rod1y;
-        let t6_17 = (-sin_q2).mul_add(a_rod1x, t6_16);
-        let t6_18 = like.lift(0.4) * t6_17;
-        let w_m_rod1_q1 = -t6_18;
+        y[17][2] = w_my_rod1_q6;
+        let t6_6 = cos_q2 * al_rod1z;
+        let t6_7 = (-sin_q2).mul_add(t4_4, t6_6);
+        let t6_8 = cos_q2 * t4_4;
+        let t6_9 = sin_q2.mul_add(al_rod1z, t6_8);
+        let t6_10 = cos_q2 * a_rod1y;
+        let t6_11 = (-sin_q2).mul_add(a_rod1x, t6_10);
+        let t6_12 = like.lift(0.4) * t6_11;
+        let w_m_rod1_q1 = -t6_12;
         y[19][0] = w_m_rod1_q1;
-        [t6_1, a_rod1y, a_rod1x]
+        let t6_13 = a_rod1y * t6_3;
+        let w_mx_rod1_q1 = like.lift(-0.4).mul_add(t6_7, t6_13);
+        let t6_14 = -w_mx_rod1_q1;
+        y[16][0] = t6_14;
+        let t6_15 = a_rod1x * t6_3;
+        let w_my_rod1_q1 = like.lift(0.4).mul_add(t6_9, t6_15);
+        let t6_16 = -w_my_rod1_q1;
+        y[17][0] = t6_16;
+        [t6_3, a_rod1y, a_rod1x]
     };
     // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_platformz = t4_61 + al_rod1z;
-        let t7_1 = x_q3_q1 - t6_1;
+        let t7_1 = x_q3_q1 - t6_3;
+        let t7_2 = t4_28 - a_rod1x;
+        let t7_3 = (-x_q2_q1).mul_add(t3_29, u_platform_q1x);
+        let t7_4 = x_q2_q1.mul_add(t3_37, u_platform_q1y);
+        let al_platformz = t4_62 + al_rod1z;
+        let t7_5 = like.lift(-0.4).mul_add(al_rod1z, a_rod1y);
+        let t7_6 = x_q2_q4 + x_q3_q4;
+        let t7_7 = x_q2_q6 + x_q3_q6;
         let w_izz_platform_q1 = al_platformz * t7_1;
-        let t7_2 = -w_izz_platform_q1;
-        let t7_3 = x_q2_q4 + x_q3_q4;
-        let w_izz_platform_q4 = al_platformz * t7_3;
-        let t7_4 = -w_izz_platform_q4;
-        let t7_5 = x_q2_q6 + x_q3_q6;
-        let w_izz_platform_q6 = al_platformz * t7_5;
-        let t7_6 = -w_izz_platform_q6;
-        y[25] = [t7_2, t7_4, t7_6];
-        let t7_7 = t4_25 - a_rod1x;
-        let t7_8 = like.lift(-0.4).mul_add(al_rod1z, a_rod1y);
-        let t7_9 = sin_q3 * t7_7;
-        let a_platformy = (-cos_q3).mul_add(t7_8, t7_9);
-        let t7_10 = (-x_q2_q1).mul_add(t3_22, u_platform_q1x);
-        let t7_11 = x_q2_q1.mul_add(t3_30, u_platform_q1y);
-        let t7_12 = a_platformy * t7_1;
-        let t7_13 = al_platformz.mul_add(t7_11, t7_12);
-        let w_mx_platform_q1 = t4_5.mul_add(t7_10, t7_13);
-        let t7_14 = -w_mx_platform_q1;
-        let t7_15 = sin_q3 * x_q2_q4;
-        let t7_16 = cos_q3 * x_q2_q4;
-        let t7_17 = al_platformz * t7_16;
-        let t7_18 = (-t4_5).mul_add(t7_15, t7_17);
-        let t7_19 = a_platformy * t7_3;
-        let w_mx_platform_q4 = like.lift(0.4).mul_add(t7_18, t7_19);
-        let t7_20 = -w_mx_platform_q4;
-        let t7_21 = sin_q3 * x_q2_q6;
-        let t7_22 = cos_q3 * x_q2_q6;
-        let t7_23 = al_platformz * t7_22;
-        let t7_24 = (-t4_5).mul_add(t7_21, t7_23);
-        let t7_25 = a_platformy * t7_5;
-        let w_mx_platform_q6 = like.lift(0.4).mul_add(t7_24, t7_25);
-        let t7_26 = -w_mx_platform_q6;
-        y[26] = [t7_14, t7_20, t7_26];
-        let t7_27 = sin_q3 * t7_8;
-        let a_platformx = cos_q3.mul_add(t7_7, t7_27);
-        let t7_28 = a_platformx * t7_1;
-        let t7_29 = (-t4_5).mul_add(t7_11, t7_28);
-        let w_my_platform_q1 = al_platformz.mul_add(t7_10, t7_29);
-        let t7_30 = -w_my_platform_q1;
-        let t7_31 = t4_5 * t7_16;
-        let t7_32 = al_platformz.mul_add(t7_15, t7_31);
-        let t7_33 = a_platformx * t7_3;
-        let w_my_platform_q4 = like.lift(-0.4).mul_add(t7_32, t7_33);
-        let t7_34 = -w_my_platform_q4;
+        let t7_8 = -w_izz_platform_q1;
+        y[25][0] = t7_8;
+        let w_izz_platform_q4 = al_platformz * t7_6;
+        let t7_9 = -w_izz_platform_q4;
+        y[25][1] = t7_9;
+        let w_izz_platform_q6 = al_platformz * t7_7;
+        let t7_10 = -w_izz_platform_q6;
+        y[25][2] = t7_10;
+        let t7_11 = sin_q3 * t7_2;
+        let a_platformy = (-cos_q3).mul_add(t7_5, t7_11);
+        let t7_12 = sin_q3 * t7_5;
+        let a_platformx = cos_q3.mul_add(t7_2, t7_12);
+        let t7_13 = a_platformy * t7_1;
+        let t7_14 = al_platformz.mul_add(t7_4, t7_13);
+        let w_mx_platform_q1 = t4_5.mul_add(t7_3, t7_14);
+        let t7_15 = -w_mx_platform_q1;
+        y[26][0] = t7_15;
+        let t7_16 = a_platformx * t7_1;
+        let t7_17 = (-t4_5).mul_add(t7_4, t7_16);
+        let w_my_platform_q1 = al_platformz.mul_add(t7_3, t7_17);
+        let t7_18 = -w_my_platform_q1;
+        y[27][0] = t7_18;
+        let t7_19 = a_platformy * t7_4;
+        let w_m_platform_q1 = a_platformx.mul_add(t7_3, t7_19);
+        let t7_20 = -w_m_platform_q1;
+        y[29][0] = t7_20;
+        let t7_21 = sin_q3 * x_q2_q4;
+        let t7_22 = cos_q3 * x_q2_q4;
+        let t7_23 = sin_q3 * x_q2_q6;
+        let t7_24 = cos_q3 * x_q2_q6;
+        let t7_25 = al_platformz * t7_22;
+        let t7_26 = (-t4_5).mul_add(t7_21, t7_25);
+        let t7_27 = a_platformy * t7_6;
+        let w_mx_platform_q4 = like.lift(0.4).mul_add(t7_26, t7_27);
+        let t7_28 = -w_mx_platform_q4;
+        y[26][1] = t7_28;
+        let t7_29 = a_platformx * t7_6;
+        let t7_30 = al_platformz * t7_24;
+        let t7_31 = (-t4_5).mul_add(t7_23, t7_30);
+        let t7_32 = a_platformy * t7_7;
+        let w_mx_platform_q6 = like.lift(0.4).mul_add(t7_31, t7_32);
+        let t7_33 = -w_mx_platform_q6;
+        y[26][2] = t7_33;
+        let t7_34 = a_platformx * t7_7;
         let t7_35 = t4_5 * t7_22;
         let t7_36 = al_platformz.mul_add(t7_21, t7_35);
-        let t7_37 = a_platformx * t7_5;
-        let w_my_platform_q6 = like.lift(-0.4).mul_add(t7_36, t7_37);
-        let t7_38 = -w_my_platform_q6;
-        y[27] = [t7_30, t7_34, t7_38];
-        let t7_39 = a_platformy * t7_11;
-        let w_m_platform_q1 = a_platformx.mul_add(t7_10, t7_39);
-        let t7_40 = -w_m_platform_q1;
-        let t7_41 = a_platformy * t7_16;
-        let t7_42 = (-a_platformx).mul_add(t7_15, t7_41);
-        let t7_43 = like.lift(0.4) * t7_42;
-        let w_m_platform_q4 = -t7_43;
-        let t7_44 = a_platformy * t7_22;
-        let t7_45 = (-a_platformx).mul_add(t7_21, t7_44);
-        let t7_46 = like.lift(0.4) * t7_45;
+        let w_my_platform_q4 = like.lift(-0.4).mul_add(t7_36, t7_29);
+        let t7_37 = -w_my_platform_q4;
+        y[27][1] = t7_37;
+        let t7_38 = t4_5 * t7_24;
+        let t7_39 = al_platformz.mul_add(t7_23, t7_38);
+        let w_my_platform_q6 = like.lift(-0.4).mul_add(t7_39, t7_34);
+        let t7_40 = -w_my_platform_q6;
+        y[27][2] = t7_40;
+        let t7_41 = a_platformy * t7_22;
+        let t7_42 = a_platformy * t7_24;
+        let t7_43 = (-a_platformx).mul_add(t7_21, t7_41);
+        let t7_44 = (-a_platformx).mul_add(t7_23, t7_42);
+        let t7_45 = like.lift(0.4) * t7_43;
+        let w_m_platform_q4 = -t7_45;
+        y[29][1] = w_m_platform_q4;
+        let t7_46 = like.lift(0.4) * t7_44;
         let w_m_platform_q6 = -t7_46;
-        y[29] = [t7_40, w_m_platform_q4, w_m_platform_q6];
+        y[29][2] = w_m_platform_q6;
     }
     // body crank2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank2y, a_crank2x] = {
+        y[35][1] = dr_q4;
         let a_crank2y = like.lift(9.81) * cos_q4;
         y[36][1] = a_crank2y;
         let a_crank2x = like.lift(9.81) * sin_q4;
         let t8_1 = -a_crank2x;
         y[37][1] = t8_1;
-        y[35][1] = dr_q4;
         [a_crank2y, a_crank2x]
     };
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_rod2z = dr_q4 + t4_62;
-        let w_izz_rod2_q1 = x_q5_q1 * al_rod2z;
-        let t9_1 = -w_izz_rod2_q1;
+        let t9_1 = like.lift(-0.4).mul_add(t4_17, a_crank2x);
+        let al_rod2z = dr_q4 + t4_63;
         let t9_2 = like.lift(1.0) - x_q5_q4;
         let w_izz_rod2_q4 = al_rod2z * t9_2;
+        y[45][1] = w_izz_rod2_q4;
+        let t9_3 = like.lift(0.4).mul_add(dr_q4, a_crank2y);
+        let w_izz_rod2_q1 = x_q5_q1 * al_rod2z;
+        let t9_4 = -w_izz_rod2_q1;
+        y[45][0] = t9_4;
         let w_izz_rod2_q6 = x_q5_q6 * al_rod2z;
-        let t9_3 = -w_izz_rod2_q6;
-        y[45] = [t9_1, w_izz_rod2_q4, t9_3];
-        let t9_4 = like.lift(-0.4).mul_add(t4_7, a_crank2x);
-        let t9_5 = like.lift(0.4).mul_add(dr_q4, a_crank2y);
-        let t9_6 = sin_q5 * t9_4;
-        let a_rod2y = (-cos_q5).mul_add(t9_5, t9_6);
+        let t9_5 = -w_izz_rod2_q6;
+        y[45][2] = t9_5;
+        let t9_6 = sin_q5 * t9_1;
+        let a_rod2y = (-cos_q5).mul_add(t9_3, t9_6);
+        let t9_7 = sin_q5 * t9_3;
+        let a_rod2x = cos_q5.mul_add(t9_1, t9_7);
         let w_mx_rod2_q1 = x_q5_q1 * a_rod2y;
-        let t9_7 = cos_q5 * al_rod2z;
-        let t9_8 = (-sin_q5).mul_add(t4_4, t9_7);
-        let t9_9 = a_rod2y * t9_2;
-        let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t9_8, t9_9);
-        let t9_10 = -w_mx_rod2_q4;
-        let w_mx_rod2_q6 = x_q5_q6 * a_rod2y;
-        y[46] = [w_mx_rod2_q1, t9_10, w_mx_rod2_q6];
-        let t9_11 = sin_q5 * t9_5;
-        let a_rod2x = cos_q5.mul_add(t9_4, t9_11);
+        y[46][0] = w_mx_rod2_q1;
         let w_my_rod2_q1 = x_q5_q1 * a_rod2x;
-        let t9_12 = cos_q5 * t4_4;
-        let t9_13 = sin_q5.mul_add(al_rod2z, t9_12);
-        let t9_14 = a_rod2x * t9_2;
-        let w_my_rod2_q4 = like.lift(0.4).mul_add(t9_13, t9_14);
-        let t9_15 = -w_my_rod2_q4;
+        y[47][0] = w_my_rod2_q1;
+        let w_mx_rod2_q6 = x_q5_q6 * a_rod2y;
+        y[46][2] = w_mx_rod2_q6;
         let w_my_rod2_q6 = x_q5_q6 * a_rod2x;
-        y[47] = [w_my_rod2_q1, t9_15, w_my_rod2_q6];
-        let t9_16 = cos_q5 * a_rod2y;
-        let t9_17 = (-sin_q5).mul_add(a_rod2x, t9_16);
-        let t9_18 = like.lift(0.4) * t9_17;
+        y[47][2] = w_my_rod2_q6;
+        let t9_8 = cos_q5 * al_rod2z;
+        let t9_9 = (-sin_q5).mul_add(t4_9, t9_8);
+        let t9_10 = cos_q5 * t4_9;
+        let t9_11 = sin_q5.mul_add(al_rod2z, t9_10);
+        let t9_12 = cos_q5 * a_rod2y;
+        let t9_13 = (-sin_q5).mul_add(a_rod2x, t9_12);
+        let t9_14 = a_rod2y * t9_2;
+        let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t9_9, t9_14);
+        let t9_15 = a_rod2x * t9_2;
+        let w_my_rod2_q4 = like.lift(0.4).mul_add(t9_11, t9_15);
+        let t9_16 = -w_mx_rod2_q4;
+        y[46][1] = t9_16;
+        let t9_17 = -w_my_rod2_q4;
+        y[47][1] = t9_17;
+        let t9_18 = like.lift(0.4) * t9_13;
         let w_m_rod2_q4 = -t9_18;
         y[49][1] = w_m_rod2_q4;
     }
     // body crank3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank3y, a_crank3x] = {
+        y[55][2] = dr_q6;
         let a_crank3y = like.lift(9.81) * cos_q6;
         y[56][2] = a_crank3y;
         let a_crank3x = like.lift(9.81) * sin_q6;
         let t10_1 = -a_crank3x;
         y[57][2] = t10_1;
-        y[55][2] = dr_q6;
         [a_crank3y, a_crank3x]
     };
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let al_rod3z = dr_q6 + t4_63;
+        let t11_1 = like.lift(-0.4).mul_add(t4_35, a_crank3x);
+        let al_rod3z = dr_q6 + t4_64;
+        let t11_2 = like.lift(1.0) - x_q7_q6;
+        let w_izz_rod3_q6 = al_rod3z * t11_2;
+        y[65][2] = w_izz_rod3_q6;
+        let t11_3 = like.lift(0.4).mul_add(dr_q6, a_crank3y);
         let w_izz_rod3_q1 = x_q7_q1 * al_rod3z;
-        let t11_1 = -w_izz_rod3_q1;
+        let t11_4 = -w_izz_rod3_q1;
+        y[65][0] = t11_4;
         let w_izz_rod3_q4 = x_q7_q4 * al_rod3z;
-        let t11_2 = -w_izz_rod3_q4;
-        let t11_3 = like.lift(1.0) - x_q7_q6;
-        let w_izz_rod3_q6 = al_rod3z * t11_3;
-        y[65] = [t11_1, t11_2, w_izz_rod3_q6];
-        let t11_4 = like.lift(-0.4).mul_add(t4_30, a_crank3x);
-        let t11_5 = like.lift(0.4).mul_add(dr_q6, a_crank3y);
-        let t11_6 = sin_q7 * t11_4;
-        let a_rod3y = (-cos_q7).mul_add(t11_5, t11_6);
+        let t11_5 = -w_izz_rod3_q4;
+        y[65][1] = t11_5;
+        let t11_6 = sin_q7 * t11_1;
+        let a_rod3y = (-cos_q7).mul_add(t11_3, t11_6);
+        let t11_7 = sin_q7 * t11_3;
+        let a_rod3x = cos_q7.mul_add(t11_1, t11_7);
         let w_mx_rod3_q1 = x_q7_q1 * a_rod3y;
-        let w_mx_rod3_q4 = x_q7_q4 * a_rod3y;
-        let t11_7 = cos_q7 * al_rod3z;
-        let t11_8 = (-sin_q7).mul_add(t4_29, t11_7);
-        let t11_9 = a_rod3y * t11_3;
-        let w_mx_rod3_q6 = like.lift(-0.4).mul_add(t11_8, t11_9);
-        let t11_10 = -w_mx_rod3_q6;
-        y[66] = [w_mx_rod3_q1, w_mx_rod3_q4, t11_10];
-        let t11_11 = sin_q7 * t11_5;
-        let a_rod3x = cos_q7.mul_add(t11_4, t11_11);
+        y[66][0] = w_mx_rod3_q1;
         let w_my_rod3_q1 = x_q7_q1 * a_rod3x;
+        y[67][0] = w_my_rod3_q1;
+        let w_mx_rod3_q4 = x_q7_q4 * a_rod3y;
+        y[66][1] = w_mx_rod3_q4;
         let w_my_rod3_q4 = x_q7_q4 * a_rod3x;
-        let t11_12 = cos_q7 * t4_29;
-        let t11_13 = sin_q7.mul_add(al_rod3z, t11_12);
-        let t11_14 = a_rod3x * t11_3;
-        let w_my_rod3_q6 = like.lift(0.4).mul_add(t11_13, t11_14);
-        let t11_15 = -w_my_rod3_q6;
-        y[67] = [w_my_rod3_q1, w_my_rod3_q4, t11_15];
-        let t11_16 = cos_q7 * a_rod3y;
-        let t11_17 = (-sin_q7).mul_add(a_rod3x, t11_16);
-        let t11_18 = like.lift(0.4) * t11_17;
+        y[67][1] = w_my_rod3_q4;
+        let t11_8 = cos_q7 * al_rod3z;
+        let t11_9 = (-sin_q7).mul_add(t4_16, t11_8);
+        let t11_10 = cos_q7 * t4_16;
+        let t11_11 = sin_q7.mul_add(al_rod3z, t11_10);
+        let t11_12 = cos_q7 * a_rod3y;
+        let t11_13 = (-sin_q7).mul_add(a_rod3x, t11_12);
+        let t11_14 = a_rod3y * t11_2;
+        let w_mx_rod3_q6 = like.lift(-0.4).mul_add(t11_9, t11_14);
+        let t11_15 = a_rod3x * t11_2;
+        let w_my_rod3_q6 = like.lift(0.4).mul_add(t11_11, t11_15);
+        let t11_16 = -w_mx_rod3_q6;
+        y[66][2] = t11_16;
+        let t11_17 = -w_my_rod3_q6;
+        y[67][2] = t11_17;
+        let t11_18 = like.lift(0.4) * t11_13;
         let w_m_rod3_q6 = -t11_18;
         y[69][2] = w_m_rod3_q6;
     }
@@ -3637,9 +3707,7 @@ pub fn efforts<T: Scalar>(q: &[T; 7], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
     let [tau_q1, tau_q4, tau_q6] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
-        left[0] = tau_q1;
-        left[1] = tau_q4;
-        left[2] = tau_q6;
+        left[0] = tau_q1; left[1] = tau_q4; left[2] = tau_q6;
     }
     (left, Condition::regular(like))
 }
@@ -3676,50 +3744,65 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
     };
     // body crank1
     {
+        poses[0][0] = cos_q1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1; poses[0][11] = like.lift(0.5196152422706631);
         let t2_1 = -sin_q1;
-        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1; poses[0][11] = like.lift(0.5196152422706631);
+        poses[0][1] = t2_1;
     }
     // body rod1
     let [t3_2, t3_3] = {
+        poses[1][0] = cos_q1_q2; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2;
         let t3_1 = -sin_q1_q2;
+        poses[1][1] = t3_1;
         let t3_2 = like.lift(0.4) * cos_q1;
+        poses[1][9] = t3_2;
         let t3_3 = like.lift(0.4).mul_add(sin_q1, like.lift(0.5196152422706631));
-        poses[1][0] = cos_q1_q2; poses[1][1] = t3_1; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2; poses[1][9] = t3_2; poses[1][11] = t3_3;
+        poses[1][11] = t3_3;
         [t3_2, t3_3]
     };
     // body platform
     {
-        let t4_1 = -sin_q1_q2_q3;
-        let t4_2 = like.lift(0.4).mul_add(cos_q1_q2, t3_2);
-        let t4_3 = like.lift(0.4).mul_add(sin_q1_q2, t3_3);
-        poses[2][0] = cos_q1_q2_q3; poses[2][1] = t4_1; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q1_q2_q3; poses[2][7] = cos_q1_q2_q3; poses[2][9] = t4_2; poses[2][11] = t4_3;
+        poses[2][0] = cos_q1_q2_q3; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q1_q2_q3; poses[2][7] = cos_q1_q2_q3;
+        let t4_1 = like.lift(0.4).mul_add(cos_q1_q2, t3_2);
+        poses[2][9] = t4_1;
+        let t4_2 = like.lift(0.4).mul_add(sin_q1_q2, t3_3);
+        poses[2][11] = t4_2;
+        let t4_3 = -sin_q1_q2_q3;
+        poses[2][1] = t4_3;
     }
     // body crank2
     {
+        poses[3][0] = cos_q4; poses[3][5] = like.lift(-1.0); poses[3][6] = sin_q4; poses[3][7] = cos_q4; poses[3][9] = like.lift(-0.45); poses[3][11] = like.lift(-0.25980762113533157);
         let t5_1 = -sin_q4;
-        poses[3][0] = cos_q4; poses[3][1] = t5_1; poses[3][5] = like.lift(-1.0); poses[3][6] = sin_q4; poses[3][7] = cos_q4; poses[3][9] = like.lift(-0.45); poses[3][11] = like.lift(-0.25980762113533157);
+        poses[3][1] = t5_1;
     }
     // body rod2
     {
+        poses[4][0] = cos_q4_q5; poses[4][5] = like.lift(-1.0); poses[4][6] = sin_q4_q5; poses[4][7] = cos_q4_q5;
         let t6_1 = -sin_q4_q5;
+        poses[4][1] = t6_1;
         let t6_2 = like.lift(-0.4).mul_add(cos_q4, like.lift(0.45));
         let t6_3 = -t6_2;
+        poses[4][9] = t6_3;
         let t6_4 = like.lift(-0.4).mul_add(sin_q4, like.lift(0.25980762113533157));
         let t6_5 = -t6_4;
-        poses[4][0] = cos_q4_q5; poses[4][1] = t6_1; poses[4][5] = like.lift(-1.0); poses[4][6] = sin_q4_q5; poses[4][7] = cos_q4_q5; poses[4][9] = t6_3; poses[4][11] = t6_5;
+        poses[4][11] = t6_5;
     }
     // body crank3
     {
+        poses[5][0] = cos_q6; poses[5][5] = like.lift(-1.0); poses[5][6] = sin_q6; poses[5][7] = cos_q6; poses[5][9] = like.lift(0.45); poses[5][11] = like.lift(-0.25980762113533157);
         let t7_1 = -sin_q6;
-        poses[5][0] = cos_q6; poses[5][1] = t7_1; poses[5][5] = like.lift(-1.0); poses[5][6] = sin_q6; poses[5][7] = cos_q6; poses[5][9] = like.lift(0.45); poses[5][11] = like.lift(-0.25980762113533157);
+        poses[5][1] = t7_1;
     }
     // body rod3
     {
+        poses[6][0] = cos_q6_q7; poses[6][5] = like.lift(-1.0); poses[6][6] = sin_q6_q7; poses[6][7] = cos_q6_q7;
         let t8_1 = -sin_q6_q7;
+        poses[6][1] = t8_1;
         let t8_2 = like.lift(0.4).mul_add(cos_q6, like.lift(0.45));
+        poses[6][9] = t8_2;
         let t8_3 = like.lift(-0.4).mul_add(sin_q6, like.lift(0.25980762113533157));
         let t8_4 = -t8_3;
-        poses[6][0] = cos_q6_q7; poses[6][1] = t8_1; poses[6][5] = like.lift(-1.0); poses[6][6] = sin_q6_q7; poses[6][7] = cos_q6_q7; poses[6][9] = t8_2; poses[6][11] = t8_4;
+        poses[6][11] = t8_4;
     }
     poses
 }
@@ -3752,10 +3835,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut 
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 3]; 19]) -> Condition<T> {
     let like = q[0];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
@@ -3771,176 +3852,182 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
             sin_q6, cos_q6, sin_q7, cos_q7,
         ]
     };
+    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
     // body crank1
     let [a_crank1y, a_crank1x] = {
+        w[0][0] = dd_q1;
         let a_crank1y = like.lift(9.81) * cos_q1;
         w[1][0] = a_crank1y;
         let a_crank1x = like.lift(9.81) * sin_q1;
         let t2_1 = -a_crank1x;
         w[2][0] = t2_1;
-        w[0][0] = dd_q1;
         [a_crank1y, a_crank1x]
     };
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        al_rod1z, t3_22, t3_30, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
-        x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t3_1, t3_3, al_rod1z, t3_35, t3_46, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4,
+        x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4,
+        x_q7_q6,
     ] = {
+        let t3_1 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
+        let t3_2 = like.lift(0.4) * d_q1;
+        let t3_3 = t3_2.mul_add(d_q1, -a_crank1x);
         let al_rod1z = dd_q1 + dd_q2;
-        let t3_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_1);
-        let t3_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_2);
-        let t3_3 = like.lift(0.4) * sin_q1_q2;
-        let t3_4 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_4);
-        let t3_5 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_5);
-        let t3_6 = like.lift(0.04) * sin_q1_q2_q3;
-        let t3_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t3_8 = t3_6 + t3_7;
-        let t3_9 = t3_3 - t3_8;
-        let t3_10 = -t3_8;
-        let t3_11 = sin_q4 * cos_q5;
-        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t3_11);
-        let t3_12 = cos_q4 * cos_q5;
-        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t3_12);
-        let t3_13 = like.lift(0.4) * sin_q4_q5;
-        let t3_14 = -t3_13;
-        let t3_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t3_16 = like.lift(0.4) * cos_q1_q2;
-        let t3_17 = like.lift(0.04) * cos_q1_q2_q3;
-        let t3_18 = t3_15 + t3_16;
-        let t3_19 = t3_18 - t3_17;
-        let t3_20 = -t3_19;
-        let t3_21 = t3_17 - t3_15;
+        let t3_4 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
+        let t3_5 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
+        let t3_6 = like.lift(0.4) * sin_q1_q2;
+        let t3_7 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t3_7);
+        let t3_8 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t3_8);
+        let t3_9 = like.lift(0.4) * cos_q1_q2;
+        let t3_10 = like.lift(0.4).mul_add(cos_q1, t3_9);
+        let t3_11 = like.lift(0.04) * sin_q1_q2_q3;
+        let t3_12 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t3_13 = t3_12 + t3_11;
+        let t3_14 = t3_11 + t3_12;
+        let t3_15 = like.lift(-0.4).mul_add(sin_q1, t3_13);
+        let t3_16 = t3_15 - t3_6;
+        let t3_17 = t3_6 - t3_14;
+        let t3_18 = -t3_14;
+        let t3_19 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t3_19);
+        let t3_20 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t3_20);
+        let t3_21 = like.lift(0.4) * sin_q4_q5;
+        let t3_22 = -t3_21;
+        let t3_23 = like.lift(0.4).mul_add(sin_q4, t3_21);
+        let t3_24 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t3_25 = t3_24 + t3_9;
+        let t3_26 = like.lift(0.04) * cos_q1_q2_q3;
+        let t3_27 = t3_25 - t3_26;
+        let t3_28 = t3_26 - t3_24;
+        let t3_29 = t3_10 - t3_28;
+        let t3_30 = -t3_27;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t3_22 = like.lift(0.4) * sin_q3;
-        let t3_23 = like.lift(0.06928203230275509) + t3_22;
-        let t3_24 = -t3_23;
-        let t3_25 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_25);
-        let t3_26 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_26);
-        let t3_27 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_27);
-        let t3_28 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_28);
-        let t3_29 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t3_30 = like.lift(0.4) * cos_q3;
-        let t3_31 = like.lift(0.04) + t3_30;
-        let t3_32 = -t3_31;
-        let t3_33 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t3_34 = t3_7 + t3_6;
-        let t3_35 = like.lift(-0.4).mul_add(sin_q1, t3_34);
-        let t3_36 = t3_35 - t3_3;
+        let t3_31 = like.lift(1.0) / cos_q4_q5;
+        let t3_32 = sin_q4_q5 * t3_31;
+        let t3_33 = (-t3_28).mul_add(t3_32, t3_14);
+        let t3_34 = like.lift(2.5) * t3_31;
+        let t3_35 = like.lift(0.4) * sin_q3;
+        let t3_36 = like.lift(0.06928203230275509) + t3_35;
         let t3_37 = -t3_36;
-        let t3_38 = like.lift(0.4).mul_add(sin_q4, t3_13);
-        let t3_39 = -t3_38;
-        let t3_40 = like.lift(0.4).mul_add(cos_q1, t3_16);
-        let t3_41 = t3_40 - t3_21;
-        let t3_42 = -t3_41;
-        let t3_43 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t3_44 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t3_45 = sin_q3 * t3_44;
-        let u_platform_q1x = sin_q2.mul_add(t3_30, t3_45);
-        let t3_46 = like.lift(0.06928203230275509) + u_platform_q1x;
-        let t3_47 = -t3_46;
-        let t3_48 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t3_29);
-        let t3_49 = sin_q2 * t3_22;
-        let u_platform_q1y = (-cos_q3).mul_add(t3_44, t3_49);
-        let t3_50 = like.lift(0.04) - u_platform_q1y;
-        let t3_51 = -t3_50;
-        let t3_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_33);
-        let t3_53 = like.lift(1.0) / cos_q4_q5;
-        let t3_54 = sin_q4_q5 * t3_53;
-        let pivot_2 = (-t3_19).mul_add(t3_54, t3_9);
+        let t3_38 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t3_38);
+        let t3_39 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t3_39);
+        let t3_40 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t3_40);
+        let t3_41 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t3_42 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t3_42);
+        let t3_43 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t3_44 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t3_41);
+        let t3_45 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t3_43);
+        let t3_46 = like.lift(0.4) * cos_q3;
+        let t3_47 = like.lift(0.04) + t3_46;
+        let t3_48 = -t3_47;
+        let t3_49 = -t3_16;
+        let t3_50 = t3_29.mul_add(t3_32, t3_16);
+        let t3_51 = -t3_23;
+        let t3_52 = -t3_29;
+        let t3_53 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t3_54 = (-t3_53).mul_add(t3_32, t3_23);
+        let pivot_2 = (-t3_27).mul_add(t3_32, t3_17);
+        let t3_55 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_56 = sin_q3 * t3_55;
+        let u_platform_q1x = sin_q2.mul_add(t3_46, t3_56);
+        let t3_57 = sin_q2 * t3_35;
+        let u_platform_q1y = (-cos_q3).mul_add(t3_55, t3_57);
+        let t3_58 = like.lift(0.06928203230275509) + u_platform_q1x;
+        let t3_59 = -t3_58;
+        let t3_60 = like.lift(0.04) - u_platform_q1y;
+        let t3_61 = -t3_60;
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_55 = t3_41.mul_add(t3_54, t3_36);
-        let t3_56 = (-t3_21).mul_add(t3_54, t3_8);
-        let t3_57 = t3_31 * inv_pivot_2;
-        let pivot_3 = t3_56.mul_add(t3_57, like.lift(0.04));
+        let t3_62 = t3_47 * inv_pivot_2;
+        let t3_63 = t3_50.mul_add(t3_62, t3_60);
+        let t3_64 = t3_36 * inv_pivot_2;
+        let pivot_3 = t3_33.mul_add(t3_62, like.lift(0.04));
+        let t3_65 = t3_54 * t3_62;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_58 = t3_55.mul_add(t3_57, t3_50);
-        let t3_59 = t3_23 * inv_pivot_2;
-        let t3_60 = t3_56.mul_add(t3_59, like.lift(0.06928203230275509));
-        let t3_61 = t3_60 * inv_pivot_3;
-        let t3_62 = (-t3_58).mul_add(t3_61, t3_46);
-        let t3_63 = t3_55.mul_add(t3_59, t3_62);
-        let pivot_4 = (-t3_61).mul_add(t3_33, t3_29);
+        let t3_66 = -pivot_3;
+        let t3_67 = t3_33.mul_add(t3_64, like.lift(0.06928203230275509));
+        let t3_68 = t3_67 * inv_pivot_3;
+        let t3_69 = (-t3_63).mul_add(t3_68, t3_58);
+        let t3_70 = t3_50.mul_add(t3_64, t3_69);
+        let t3_71 = t3_54 * t3_64;
+        let t3_72 = (-t3_65).mul_add(t3_68, t3_71);
+        let pivot_4 = (-t3_68).mul_add(t3_43, t3_41);
+        let t3_73 = (-t3_45).mul_add(t3_68, t3_44);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_64 = t3_63 * inv_pivot_4;
-        let t3_65 = (-t3_64).mul_add(t3_33, t3_58);
-        let t3_66 = inv_pivot_3 * t3_65;
-        let t3_67 = (-t3_56).mul_add(t3_66, t3_55);
-        let t3_68 = inv_pivot_2 * t3_67;
-        let t3_69 = -t3_68;
-        let t3_70 = (-t3_43).mul_add(t3_54, t3_38);
-        let t3_71 = t3_70 * t3_57;
-        let t3_72 = t3_70 * t3_59;
-        let t3_73 = (-t3_71).mul_add(t3_61, t3_72);
-        let t3_74 = t3_73 * inv_pivot_4;
-        let t3_75 = (-t3_74).mul_add(t3_33, t3_71);
+        let t3_74 = t3_70 * inv_pivot_4;
+        let t3_75 = (-t3_74).mul_add(t3_43, t3_63);
         let t3_76 = inv_pivot_3 * t3_75;
-        let t3_77 = (-t3_56).mul_add(t3_76, t3_70);
+        let t3_77 = (-t3_33).mul_add(t3_76, t3_50);
         let t3_78 = inv_pivot_2 * t3_77;
-        let t3_79 = -t3_78;
-        let t3_80 = (-t3_52).mul_add(t3_61, t3_48);
-        let t3_81 = t3_80 * inv_pivot_4;
-        let t3_82 = (-t3_81).mul_add(t3_33, t3_52);
-        let t3_83 = inv_pivot_3 * t3_82;
-        let t3_84 = inv_pivot_2 * t3_56;
-        let t3_85 = t3_84 * t3_83;
-        let t3_86 = -t3_85;
-        let t3_87 = -t3_83;
-        let t3_88 = t3_21.mul_add(t3_66, t3_41);
-        let t3_89 = t3_19.mul_add(t3_68, t3_88);
-        let t3_90 = like.lift(2.5) * t3_53;
-        let t3_91 = t3_89 * t3_90;
-        let t3_92 = -t3_91;
-        let t3_93 = (-t3_21).mul_add(t3_76, t3_43);
-        let t3_94 = (-t3_19).mul_add(t3_78, t3_93);
-        let t3_95 = t3_94 * t3_90;
-        let t3_96 = t3_19 * t3_85;
-        let t3_97 = (-t3_21).mul_add(t3_83, t3_96);
-        let t3_98 = t3_97 * t3_90;
-        let t3_99 = -t3_98;
-        let t3_100 = -t3_64;
-        let t3_101 = -t3_74;
-        let t3_102 = -pivot_3;
+        let t3_79 = t3_72 * inv_pivot_4;
+        let t3_80 = t3_73 * inv_pivot_4;
+        let t3_81 = (-t3_79).mul_add(t3_43, t3_65);
+        let t3_82 = inv_pivot_3 * t3_81;
+        let t3_83 = (-t3_33).mul_add(t3_82, t3_54);
+        let t3_84 = inv_pivot_2 * t3_83;
+        let t3_85 = inv_pivot_2 * t3_33;
+        let t3_86 = t3_28.mul_add(t3_76, t3_29);
+        let t3_87 = t3_27.mul_add(t3_78, t3_86);
+        let t3_88 = -t3_78;
+        let t3_89 = t3_87 * t3_34;
+        let t3_90 = -t3_89;
+        let t3_91 = -t3_74;
+        let t3_92 = -t3_79;
+        let t3_93 = (-t3_80).mul_add(t3_43, t3_45);
+        let t3_94 = inv_pivot_3 * t3_93;
+        let t3_95 = t3_85 * t3_94;
+        let t3_96 = -t3_84;
+        let t3_97 = (-t3_28).mul_add(t3_82, t3_53);
+        let t3_98 = (-t3_27).mul_add(t3_84, t3_97);
+        let t3_99 = t3_98 * t3_34;
+        let t3_100 = t3_27 * t3_95;
+        let t3_101 = (-t3_28).mul_add(t3_94, t3_100);
+        let t3_102 = t3_101 * t3_34;
+        let t3_103 = -t3_95;
+        let t3_104 = -t3_94;
+        let t3_105 = -t3_102;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t3_102 * like.lift(17.496940338012887)).abs())
+            .min((t3_66 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_69, t3_79, t3_86], [t3_66, t3_76, t3_87], [t3_92, t3_95, t3_99],
-                [t3_100, t3_101, t3_81],
+                [t3_88, t3_96, t3_103], [t3_76, t3_82, t3_104], [t3_90, t3_99, t3_105],
+                [t3_91, t3_92, t3_80],
             ],
             margin,
             || (
                 [
-                    [t3_9, t3_10, t3_14, like.lift(0.0)],
-                    [t3_20, t3_21, pivot_1, like.lift(0.0)],
+                    [t3_17, t3_18, t3_22, like.lift(0.0)],
+                    [t3_30, t3_28, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_24, like.lift(-0.06928203230275509), like.lift(0.0), t3_29],
-                    [t3_32, like.lift(-0.04), like.lift(0.0), t3_33],
+                    [t3_37, like.lift(-0.06928203230275509), like.lift(0.0), t3_41],
+                    [t3_48, like.lift(-0.04), like.lift(0.0), t3_43],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_37, t3_39, like.lift(0.0)], [t3_42, t3_43, like.lift(0.0)],
+                    [t3_49, t3_51, like.lift(0.0)], [t3_52, t3_53, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_47, like.lift(0.0), t3_48], [t3_51, like.lift(0.0), t3_52],
+                    [t3_59, like.lift(0.0), t3_44], [t3_61, like.lift(0.0), t3_45],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3949,171 +4036,189 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         );
         condition = condition.min(found);
         [
-            al_rod1z, t3_22, t3_30, u_platform_q1x, u_platform_q1y, x_q2_q1, x_q2_q4, x_q2_q6,
-            x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t3_1, t3_3, al_rod1z, t3_35, t3_46, u_platform_q1x, u_platform_q1y, x_q2_q1,
+            x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1,
+            x_q7_q4, x_q7_q6,
         ]
     };
     // body rod1
-    let [t4_1, w_rod1z, t4_4, a_rod1y, a_rod1x] = {
-        let t4_1 = like.lift(1.0) - x_q2_q1;
-        let w_izz_rod1_q1 = al_rod1z * t4_1;
+    let [t4_3, w_rod1z, t4_4, a_rod1y, a_rod1x] = {
         let w_izz_rod1_q4 = al_rod1z * x_q2_q4;
-        let t4_2 = -w_izz_rod1_q4;
+        let t4_1 = -w_izz_rod1_q4;
+        w[3][1] = t4_1;
         let w_izz_rod1_q6 = al_rod1z * x_q2_q6;
-        let t4_3 = -w_izz_rod1_q6;
-        w[3] = [w_izz_rod1_q1, t4_2, t4_3];
+        let t4_2 = -w_izz_rod1_q6;
+        w[3][2] = t4_2;
+        let t4_3 = like.lift(1.0) - x_q2_q1;
+        let w_izz_rod1_q1 = al_rod1z * t4_3;
+        w[3][0] = w_izz_rod1_q1;
         let w_rod1z = d_q1 + d_q2;
         let t4_4 = w_rod1z * w_rod1z;
-        let t4_5 = like.lift(0.4) * d_q1;
-        let t4_6 = t4_5.mul_add(d_q1, -a_crank1x);
-        let t4_7 = like.lift(0.4).mul_add(dd_q1, a_crank1y);
-        let t4_8 = cos_q2 * t4_7;
-        let a_rod1y = sin_q2.mul_add(t4_6, t4_8);
-        let t4_9 = cos_q2 * al_rod1z;
-        let t4_10 = (-sin_q2).mul_add(t4_4, t4_9);
-        let t4_11 = a_rod1y * t4_1;
-        let t4_12 = like.lift(0.4).mul_add(t4_10, t4_11);
-        let w_mx_rod1_q1 = -t4_12;
-        let t4_13 = -w_mx_rod1_q1;
+        let t4_5 = cos_q2 * t3_1;
+        let a_rod1y = sin_q2.mul_add(t3_3, t4_5);
+        let t4_6 = cos_q2 * t3_3;
+        let a_rod1x = (-sin_q2).mul_add(t3_1, t4_6);
         let w_mx_rod1_q4 = a_rod1y * x_q2_q4;
-        let t4_14 = -w_mx_rod1_q4;
+        let t4_7 = -w_mx_rod1_q4;
+        w[4][1] = t4_7;
         let w_mx_rod1_q6 = a_rod1y * x_q2_q6;
-        let t4_15 = -w_mx_rod1_q6;
-        w[4] = [t4_13, t4_14, t4_15];
-        let t4_16 = cos_q2 * t4_6;
-        let a_rod1x = (-sin_q2).mul_add(t4_7, t4_16);
-        let t4_17 = cos_q2 * t4_4;
-        let t4_18 = sin_q2.mul_add(al_rod1z, t4_17);
-        let t4_19 = like.lift(0.4) * t4_18;
-        let w_my_rod1_q1 = (-a_rod1x).mul_add(t4_1, t4_19);
-        let t4_20 = -w_my_rod1_q1;
+        let t4_8 = -w_mx_rod1_q6;
+        w[4][2] = t4_8;
         let w_my_rod1_q4 = a_rod1x * x_q2_q4;
-        let t4_21 = -w_my_rod1_q4;
+        let t4_9 = -w_my_rod1_q4;
+        w[5][1] = t4_9;
         let w_my_rod1_q6 = a_rod1x * x_q2_q6;
-        let t4_22 = -w_my_rod1_q6;
-        w[5] = [t4_20, t4_21, t4_22];
-        [t4_1, w_rod1z, t4_4, a_rod1y, a_rod1x]
+        let t4_10 = -w_my_rod1_q6;
+        w[5][2] = t4_10;
+        let t4_11 = cos_q2 * al_rod1z;
+        let t4_12 = (-sin_q2).mul_add(t4_4, t4_11);
+        let t4_13 = cos_q2 * t4_4;
+        let t4_14 = sin_q2.mul_add(al_rod1z, t4_13);
+        let t4_15 = like.lift(0.4) * t4_14;
+        let w_my_rod1_q1 = (-a_rod1x).mul_add(t4_3, t4_15);
+        let t4_16 = -w_my_rod1_q1;
+        w[5][0] = t4_16;
+        let t4_17 = a_rod1y * t4_3;
+        let t4_18 = like.lift(0.4).mul_add(t4_12, t4_17);
+        let w_mx_rod1_q1 = -t4_18;
+        let t4_19 = -w_mx_rod1_q1;
+        w[4][0] = t4_19;
+        [t4_3, w_rod1z, t4_4, a_rod1y, a_rod1x]
     };
     // body platform
     {
+        let t5_1 = x_q3_q1 - t4_3;
+        let t5_2 = like.lift(0.4).mul_add(t4_4, a_rod1x);
+        let t5_3 = (-x_q2_q1).mul_add(t3_35, u_platform_q1x);
+        let t5_4 = x_q2_q1.mul_add(t3_46, u_platform_q1y);
+        let t5_5 = x_q2_q4 + x_q3_q4;
+        let t5_6 = x_q2_q6 + x_q3_q6;
+        let t5_7 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
+        let t5_8 = cos_q3 * t5_2;
+        let a_platformx = (-sin_q3).mul_add(t5_7, t5_8);
         let al_platformz = dd_q3 + al_rod1z;
-        let t5_1 = x_q3_q1 - t4_1;
-        let w_izz_platform_q1 = al_platformz * t5_1;
-        let t5_2 = -w_izz_platform_q1;
-        let t5_3 = x_q2_q4 + x_q3_q4;
-        let w_izz_platform_q4 = al_platformz * t5_3;
-        let t5_4 = -w_izz_platform_q4;
-        let t5_5 = x_q2_q6 + x_q3_q6;
-        let w_izz_platform_q6 = al_platformz * t5_5;
-        let t5_6 = -w_izz_platform_q6;
-        w[6] = [t5_2, t5_4, t5_6];
-        let t5_7 = like.lift(0.4).mul_add(t4_4, a_rod1x);
-        let t5_8 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let t5_9 = cos_q3 * t5_7;
-        let a_platformx = (-sin_q3).mul_add(t5_8, t5_9);
-        let t5_10 = (-x_q2_q1).mul_add(t3_22, u_platform_q1x);
         let w_platformz = d_q3 + w_rod1z;
-        let t5_11 = w_platformz * w_platformz;
-        let t5_12 = x_q2_q1.mul_add(t3_30, u_platform_q1y);
-        let t5_13 = a_platformx * t5_1;
-        let t5_14 = (-t5_11).mul_add(t5_12, t5_13);
-        let w_my_platform_q1 = al_platformz.mul_add(t5_10, t5_14);
-        let t5_15 = -w_my_platform_q1;
-        let t5_16 = cos_q3 * t5_11;
-        let t5_17 = sin_q3 * al_platformz;
-        let t5_18 = x_q2_q4 * t5_16;
-        let t5_19 = x_q2_q4.mul_add(t5_17, t5_18);
-        let t5_20 = a_platformx * t5_3;
-        let w_my_platform_q4 = like.lift(-0.4).mul_add(t5_19, t5_20);
-        let t5_21 = -w_my_platform_q4;
-        let t5_22 = x_q2_q6 * t5_16;
-        let t5_23 = x_q2_q6.mul_add(t5_17, t5_22);
-        let t5_24 = a_platformx * t5_5;
-        let w_my_platform_q6 = like.lift(-0.4).mul_add(t5_23, t5_24);
+        let t5_9 = w_platformz * w_platformz;
+        let t5_10 = cos_q3 * t5_9;
+        let t5_11 = a_platformx * t5_1;
+        let t5_12 = (-t5_9).mul_add(t5_4, t5_11);
+        let w_my_platform_q1 = al_platformz.mul_add(t5_3, t5_12);
+        let t5_13 = -w_my_platform_q1;
+        w[7][0] = t5_13;
+        let w_izz_platform_q1 = al_platformz * t5_1;
+        let t5_14 = -w_izz_platform_q1;
+        w[6][0] = t5_14;
+        let t5_15 = sin_q3 * al_platformz;
+        let w_izz_platform_q4 = al_platformz * t5_5;
+        let t5_16 = -w_izz_platform_q4;
+        w[6][1] = t5_16;
+        let w_izz_platform_q6 = al_platformz * t5_6;
+        let t5_17 = -w_izz_platform_q6;
+        w[6][2] = t5_17;
+        let t5_18 = a_platformx * t5_5;
+        let t5_19 = a_platformx * t5_6;
+        let t5_20 = x_q2_q4 * t5_10;
+        let t5_21 = x_q2_q4.mul_add(t5_15, t5_20);
+        let w_my_platform_q4 = like.lift(-0.4).mul_add(t5_21, t5_18);
+        let t5_22 = x_q2_q6 * t5_10;
+        let t5_23 = x_q2_q6.mul_add(t5_15, t5_22);
+        let w_my_platform_q6 = like.lift(-0.4).mul_add(t5_23, t5_19);
+        let t5_24 = -w_my_platform_q4;
+        w[7][1] = t5_24;
         let t5_25 = -w_my_platform_q6;
-        w[7] = [t5_15, t5_21, t5_25];
+        w[7][2] = t5_25;
     }
     // body crank2
     let [a_crank2y, a_crank2x] = {
+        w[8][1] = dd_q4;
         let a_crank2y = like.lift(9.81) * cos_q4;
         w[9][1] = a_crank2y;
         let a_crank2x = like.lift(9.81) * sin_q4;
         let t6_1 = -a_crank2x;
         w[10][1] = t6_1;
-        w[8][1] = dd_q4;
         [a_crank2y, a_crank2x]
     };
     // body rod2
     {
+        let t7_1 = like.lift(1.0) - x_q5_q4;
+        let t7_2 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
+        let t7_3 = like.lift(0.4) * d_q4;
+        let t7_4 = (-t7_3).mul_add(d_q4, a_crank2x);
         let al_rod2z = dd_q4 + dd_q5;
+        let w_izz_rod2_q4 = al_rod2z * t7_1;
+        w[11][1] = w_izz_rod2_q4;
         let w_izz_rod2_q1 = al_rod2z * x_q5_q1;
-        let t7_1 = -w_izz_rod2_q1;
-        let t7_2 = like.lift(1.0) - x_q5_q4;
-        let w_izz_rod2_q4 = al_rod2z * t7_2;
+        let t7_5 = -w_izz_rod2_q1;
+        w[11][0] = t7_5;
         let w_izz_rod2_q6 = al_rod2z * x_q5_q6;
-        let t7_3 = -w_izz_rod2_q6;
-        w[11] = [t7_1, w_izz_rod2_q4, t7_3];
-        let t7_4 = like.lift(0.4) * d_q4;
-        let t7_5 = (-t7_4).mul_add(d_q4, a_crank2x);
-        let t7_6 = like.lift(0.4).mul_add(dd_q4, a_crank2y);
-        let t7_7 = sin_q5 * t7_5;
-        let a_rod2y = (-cos_q5).mul_add(t7_6, t7_7);
+        let t7_6 = -w_izz_rod2_q6;
+        w[11][2] = t7_6;
+        let t7_7 = sin_q5 * t7_4;
+        let a_rod2y = (-cos_q5).mul_add(t7_2, t7_7);
+        let t7_8 = sin_q5 * t7_2;
+        let a_rod2x = cos_q5.mul_add(t7_4, t7_8);
         let w_mx_rod2_q1 = a_rod2y * x_q5_q1;
-        let w_rod2z = d_q4 + d_q5;
-        let t7_8 = w_rod2z * w_rod2z;
-        let t7_9 = cos_q5 * al_rod2z;
-        let t7_10 = (-sin_q5).mul_add(t7_8, t7_9);
-        let t7_11 = a_rod2y * t7_2;
-        let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t7_10, t7_11);
-        let t7_12 = -w_mx_rod2_q4;
-        let w_mx_rod2_q6 = a_rod2y * x_q5_q6;
-        w[12] = [w_mx_rod2_q1, t7_12, w_mx_rod2_q6];
-        let t7_13 = sin_q5 * t7_6;
-        let a_rod2x = cos_q5.mul_add(t7_5, t7_13);
+        w[12][0] = w_mx_rod2_q1;
         let w_my_rod2_q1 = a_rod2x * x_q5_q1;
-        let t7_14 = cos_q5 * t7_8;
-        let t7_15 = sin_q5.mul_add(al_rod2z, t7_14);
-        let t7_16 = a_rod2x * t7_2;
-        let w_my_rod2_q4 = like.lift(0.4).mul_add(t7_15, t7_16);
-        let t7_17 = -w_my_rod2_q4;
+        w[13][0] = w_my_rod2_q1;
+        let w_mx_rod2_q6 = a_rod2y * x_q5_q6;
+        w[12][2] = w_mx_rod2_q6;
         let w_my_rod2_q6 = a_rod2x * x_q5_q6;
-        w[13] = [w_my_rod2_q1, t7_17, w_my_rod2_q6];
+        w[13][2] = w_my_rod2_q6;
+        let t7_9 = a_rod2y * t7_1;
+        let t7_10 = a_rod2x * t7_1;
+        let w_rod2z = d_q4 + d_q5;
+        let t7_11 = w_rod2z * w_rod2z;
+        let t7_12 = cos_q5 * al_rod2z;
+        let t7_13 = (-sin_q5).mul_add(t7_11, t7_12);
+        let t7_14 = cos_q5 * t7_11;
+        let t7_15 = sin_q5.mul_add(al_rod2z, t7_14);
+        let w_mx_rod2_q4 = like.lift(-0.4).mul_add(t7_13, t7_9);
+        let w_my_rod2_q4 = like.lift(0.4).mul_add(t7_15, t7_10);
+        let t7_16 = -w_mx_rod2_q4;
+        w[12][1] = t7_16;
+        let t7_17 = -w_my_rod2_q4;
+        w[13][1] = t7_17;
     }
     // body crank3
     let [a_crank3y, a_crank3x] = {
+        w[14][2] = dd_q6;
         let a_crank3y = like.lift(9.81) * cos_q6;
         w[15][2] = a_crank3y;
         let a_crank3x = like.lift(9.81) * sin_q6;
         let t8_1 = -a_crank3x;
         w[16][2] = t8_1;
-        w[14][2] = dd_q6;
         [a_crank3y, a_crank3x]
     };
     // body rod3
     {
-        let al_rod3z = dd_q6 + dd_q7;
-        let w_izz_rod3_q1 = al_rod3z * x_q7_q1;
-        let t9_1 = -w_izz_rod3_q1;
-        let w_izz_rod3_q4 = al_rod3z * x_q7_q4;
-        let t9_2 = -w_izz_rod3_q4;
-        let t9_3 = like.lift(1.0) - x_q7_q6;
-        let w_izz_rod3_q6 = al_rod3z * t9_3;
-        w[17] = [t9_1, t9_2, w_izz_rod3_q6];
+        let t9_1 = like.lift(1.0) - x_q7_q6;
+        let t9_2 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
+        let t9_3 = sin_q7 * t9_2;
         let t9_4 = like.lift(0.4) * d_q6;
         let t9_5 = (-t9_4).mul_add(d_q6, a_crank3x);
-        let t9_6 = like.lift(0.4).mul_add(dd_q6, a_crank3y);
-        let t9_7 = sin_q7 * t9_6;
-        let a_rod3x = cos_q7.mul_add(t9_5, t9_7);
+        let a_rod3x = cos_q7.mul_add(t9_5, t9_3);
         let w_my_rod3_q1 = a_rod3x * x_q7_q1;
+        w[18][0] = w_my_rod3_q1;
         let w_my_rod3_q4 = a_rod3x * x_q7_q4;
+        w[18][1] = w_my_rod3_q4;
+        let t9_6 = a_rod3x * t9_1;
+        let al_rod3z = dd_q6 + dd_q7;
+        let w_izz_rod3_q6 = al_rod3z * t9_1;
+        w[17][2] = w_izz_rod3_q6;
+        let w_izz_rod3_q1 = al_rod3z * x_q7_q1;
+        let t9_7 = -w_izz_rod3_q1;
+        w[17][0] = t9_7;
+        let w_izz_rod3_q4 = al_rod3z * x_q7_q4;
+        let t9_8 = -w_izz_rod3_q4;
+        w[17][1] = t9_8;
         let w_rod3z = d_q6 + d_q7;
-        let t9_8 = cos_q7 * w_rod3z;
-        let t9_9 = t9_8 * w_rod3z;
-        let t9_10 = sin_q7.mul_add(al_rod3z, t9_9);
-        let t9_11 = a_rod3x * t9_3;
-        let w_my_rod3_q6 = like.lift(0.4).mul_add(t9_10, t9_11);
+        let t9_9 = cos_q7 * w_rod3z;
+        let t9_10 = t9_9 * w_rod3z;
+        let t9_11 = sin_q7.mul_add(al_rod3z, t9_10);
+        let w_my_rod3_q6 = like.lift(0.4).mul_add(t9_11, t9_6);
         let t9_12 = -w_my_rod3_q6;
-        w[18] = [w_my_rod3_q1, w_my_rod3_q4, t9_12];
+        w[18][2] = t9_12;
     }
     Condition { pivot: condition }
 }
@@ -4137,69 +4242,64 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 19] {
     ] = *phi;
     // combinations
     {
-        let t1_1 = like.lift(0.8) * p_mx_rod3;
-        let t1_2 = like.lift(0.16) * p_m_platform;
-        let t1_3 = like.lift(4.0) * p_mx_platform;
-        let t1_4 = like.lift(0.16).mul_add(p_m_rod1, p_izz_crank1);
-        let t1_5 = t1_4 + t1_1;
-        let t1_6 = t1_5 + t1_2;
-        let t1_7 = t1_6 + t1_3;
-        beta[0] = t1_7;
-        let t1_8 = like.lift(0.4) * p_m_platform;
-        let t1_9 = like.lift(2.0) * p_mx_rod3;
-        let t1_10 = like.lift(10.0) * p_mx_platform;
-        let t1_11 = like.lift(0.4).mul_add(p_m_rod1, t1_8);
-        let t1_12 = t1_11 + p_mx_crank1;
+        beta[2] = p_my_crank1; beta[5] = p_my_rod1; beta[10] = p_my_crank2; beta[13] = p_my_rod2; beta[16] = p_my_crank3; beta[18] = p_my_rod3;
+        let t1_1 = like.lift(0.032).mul_add(p_mx_rod3, p_izz_platform);
+        let t1_2 = like.lift(0.16).mul_add(p_mx_platform, t1_1);
+        beta[6] = t1_2;
+        let t1_3 = like.lift(-0.34641016151377546).mul_add(p_mx_rod3, p_my_platform);
+        let t1_4 = like.lift(-1.7320508075688772).mul_add(p_mx_platform, t1_3);
+        beta[7] = t1_4;
+        let t1_5 = like.lift(0.4).mul_add(p_m_rod3, p_mx_crank3);
+        let t1_6 = t1_5 - p_mx_rod3;
+        beta[15] = t1_6;
+        let t1_7 = like.lift(0.8) * p_mx_rod3;
+        let t1_8 = like.lift(0.16) * p_m_platform;
+        let t1_9 = like.lift(4.0) * p_mx_platform;
+        let t1_10 = like.lift(0.16).mul_add(p_m_rod1, p_izz_crank1);
+        let t1_11 = t1_10 + t1_7;
+        let t1_12 = t1_11 + t1_8;
         let t1_13 = t1_12 + t1_9;
-        let t1_14 = t1_13 + t1_10;
-        beta[1] = t1_14;
-        let t1_15 = t1_3 + t1_2;
-        let t1_16 = t1_15 + p_izz_rod1;
-        let t1_17 = t1_16 + t1_1;
-        beta[3] = t1_17;
-        let t1_18 = t1_10 + t1_8;
-        let t1_19 = t1_18 + p_mx_rod1;
-        let t1_20 = t1_19 + t1_9;
-        beta[4] = t1_20;
-        let t1_21 = like.lift(0.032).mul_add(p_mx_rod3, p_izz_platform);
-        let t1_22 = like.lift(0.16).mul_add(p_mx_platform, t1_21);
-        beta[6] = t1_22;
-        let t1_23 = like.lift(-0.34641016151377546).mul_add(p_mx_rod3, p_my_platform);
-        let t1_24 = like.lift(-1.7320508075688772).mul_add(p_mx_platform, t1_23);
-        beta[7] = t1_24;
-        let t1_25 = like.lift(0.4) * p_mx_rod3;
-        let t1_26 = like.lift(-0.16).mul_add(p_m_rod2, t1_3);
-        let t1_27 = t1_26 - p_izz_crank2;
-        let t1_28 = t1_27 + t1_25;
-        let t1_29 = -t1_28;
-        beta[8] = t1_29;
-        let t1_30 = like.lift(-0.4).mul_add(p_m_rod2, t1_10);
-        let t1_31 = t1_30 - p_mx_crank2;
-        let t1_32 = t1_31 + p_mx_rod3;
-        let t1_33 = -t1_32;
-        beta[9] = t1_33;
-        let t1_34 = t1_3 - p_izz_rod2;
-        let t1_35 = t1_34 + t1_25;
-        let t1_36 = -t1_35;
-        beta[11] = t1_36;
-        let t1_37 = t1_10 - p_mx_rod2;
-        let t1_38 = t1_37 + p_mx_rod3;
-        let t1_39 = -t1_38;
-        beta[12] = t1_39;
-        let t1_40 = like.lift(0.16).mul_add(p_m_rod3, p_izz_crank3);
-        let t1_41 = t1_40 - t1_25;
-        beta[14] = t1_41;
-        let t1_42 = like.lift(0.4).mul_add(p_m_rod3, p_mx_crank3);
-        let t1_43 = t1_42 - p_mx_rod3;
-        beta[15] = t1_43;
-        let t1_44 = p_izz_rod3 - t1_25;
-        beta[17] = t1_44;
-        beta[2] = p_my_crank1;
-        beta[5] = p_my_rod1;
-        beta[10] = p_my_crank2;
-        beta[13] = p_my_rod2;
-        beta[16] = p_my_crank3;
-        beta[18] = p_my_rod3;
+        beta[0] = t1_13;
+        let t1_14 = t1_9 + t1_8;
+        let t1_15 = t1_14 + p_izz_rod1;
+        let t1_16 = t1_15 + t1_7;
+        beta[3] = t1_16;
+        let t1_17 = like.lift(0.4) * p_m_platform;
+        let t1_18 = like.lift(2.0) * p_mx_rod3;
+        let t1_19 = like.lift(10.0) * p_mx_platform;
+        let t1_20 = like.lift(0.4).mul_add(p_m_rod1, t1_17);
+        let t1_21 = t1_20 + p_mx_crank1;
+        let t1_22 = t1_21 + t1_18;
+        let t1_23 = t1_22 + t1_19;
+        beta[1] = t1_23;
+        let t1_24 = t1_19 + t1_17;
+        let t1_25 = t1_24 + p_mx_rod1;
+        let t1_26 = t1_25 + t1_18;
+        beta[4] = t1_26;
+        let t1_27 = like.lift(0.4) * p_mx_rod3;
+        let t1_28 = p_izz_rod3 - t1_27;
+        beta[17] = t1_28;
+        let t1_29 = like.lift(0.16).mul_add(p_m_rod3, p_izz_crank3);
+        let t1_30 = t1_29 - t1_27;
+        beta[14] = t1_30;
+        let t1_31 = like.lift(-0.16).mul_add(p_m_rod2, t1_9);
+        let t1_32 = t1_31 - p_izz_crank2;
+        let t1_33 = t1_32 + t1_27;
+        let t1_34 = -t1_33;
+        beta[8] = t1_34;
+        let t1_35 = t1_9 - p_izz_rod2;
+        let t1_36 = t1_35 + t1_27;
+        let t1_37 = -t1_36;
+        beta[11] = t1_37;
+        let t1_38 = like.lift(-0.4).mul_add(p_m_rod2, t1_19);
+        let t1_39 = t1_38 - p_mx_crank2;
+        let t1_40 = t1_39 + p_mx_rod3;
+        let t1_41 = -t1_40;
+        beta[9] = t1_41;
+        let t1_42 = t1_19 - p_mx_rod2;
+        let t1_43 = t1_42 + p_mx_rod3;
+        let t1_44 = -t1_43;
+        beta[12] = t1_44;
     }
     beta
 }
@@ -4232,112 +4332,56 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
     ] = *free;
     // phi
     {
-        let t1_1 = like.lift(0.16) * p_m_platform;
-        let t1_2 = like.lift(0.8).mul_add(p_mx_rod3, t1_1);
-        let t1_3 = like.lift(4.0) * p_mx_platform;
-        let t1_4 = like.lift(-0.16).mul_add(p_m_rod1, p_izz_crank1);
-        let t1_5 = t1_4 - t1_2;
-        let t1_6 = t1_5 - t1_3;
-        phi[5] = t1_6;
-        let t1_7 = like.lift(0.4) * p_m_platform;
-        let t1_8 = like.lift(2.0).mul_add(p_mx_rod3, t1_7);
-        let t1_9 = like.lift(10.0) * p_mx_platform;
-        let t1_10 = like.lift(-0.4).mul_add(p_m_rod1, p_mx_crank1);
-        let t1_11 = t1_10 - t1_8;
-        let t1_12 = t1_11 - t1_9;
-        phi[6] = t1_12;
-        let t1_13 = p_izz_rod1 - t1_2;
-        let t1_14 = t1_13 - t1_3;
-        phi[15] = t1_14;
-        let t1_15 = p_mx_rod1 - t1_8;
-        let t1_16 = t1_15 - t1_9;
-        phi[16] = t1_16;
-        let t1_17 = like.lift(-0.032).mul_add(p_mx_rod3, p_izz_platform);
-        let t1_18 = like.lift(-0.16).mul_add(p_mx_platform, t1_17);
-        phi[25] = t1_18;
-        let t1_19 = like.lift(0.34641016151377546).mul_add(p_mx_rod3, p_my_platform);
-        let t1_20 = like.lift(1.7320508075688772).mul_add(p_mx_platform, t1_19);
-        phi[27] = t1_20;
-        let t1_21 = like.lift(0.4) * p_mx_rod3;
-        let t1_22 = p_izz_crank2 + t1_3;
-        let t1_23 = like.lift(-0.16).mul_add(p_m_rod2, t1_22);
-        let t1_24 = t1_23 + t1_21;
-        phi[35] = t1_24;
-        let t1_25 = p_mx_crank2 + t1_9;
+        phi[0] = p_ixx_crank1; phi[1] = p_ixy_crank1; phi[2] = p_ixz_crank1; phi[3] = p_iyy_crank1; phi[4] = p_iyz_crank1; phi[7] = p_my_crank1; phi[8] = p_mz_crank1; phi[9] = p_m_crank1; phi[10] = p_ixx_rod1; phi[11] = p_ixy_rod1; phi[12] = p_ixz_rod1; phi[13] = p_iyy_rod1; phi[14] = p_iyz_rod1; phi[17] = p_my_rod1; phi[18] = p_mz_rod1; phi[19] = p_m_rod1; phi[20] = p_ixx_platform; phi[21] = p_ixy_platform; phi[22] = p_ixz_platform; phi[23] = p_iyy_platform; phi[24] = p_iyz_platform; phi[26] = p_mx_platform; phi[28] = p_mz_platform; phi[29] = p_m_platform; phi[30] = p_ixx_crank2; phi[31] = p_ixy_crank2; phi[32] = p_ixz_crank2; phi[33] = p_iyy_crank2; phi[34] = p_iyz_crank2; phi[37] = p_my_crank2; phi[38] = p_mz_crank2; phi[39] = p_m_crank2; phi[40] = p_ixx_rod2; phi[41] = p_ixy_rod2; phi[42] = p_ixz_rod2; phi[43] = p_iyy_rod2; phi[44] = p_iyz_rod2; phi[47] = p_my_rod2; phi[48] = p_mz_rod2; phi[49] = p_m_rod2; phi[50] = p_ixx_crank3; phi[51] = p_ixy_crank3; phi[52] = p_ixz_crank3; phi[53] = p_iyy_crank3; phi[54] = p_iyz_crank3; phi[57] = p_my_crank3; phi[58] = p_mz_crank3; phi[59] = p_m_crank3; phi[60] = p_ixx_rod3; phi[61] = p_ixy_rod3; phi[62] = p_ixz_rod3; phi[63] = p_iyy_rod3; phi[64] = p_iyz_rod3; phi[66] = p_mx_rod3; phi[67] = p_my_rod3; phi[68] = p_mz_rod3; phi[69] = p_m_rod3;
+        let t1_1 = like.lift(-0.032).mul_add(p_mx_rod3, p_izz_platform);
+        let t1_2 = like.lift(-0.16).mul_add(p_mx_platform, t1_1);
+        phi[25] = t1_2;
+        let t1_3 = like.lift(0.34641016151377546).mul_add(p_mx_rod3, p_my_platform);
+        let t1_4 = like.lift(1.7320508075688772).mul_add(p_mx_platform, t1_3);
+        phi[27] = t1_4;
+        let t1_5 = like.lift(-0.4).mul_add(p_m_rod3, p_mx_crank3);
+        let t1_6 = t1_5 + p_mx_rod3;
+        phi[56] = t1_6;
+        let t1_7 = like.lift(0.16) * p_m_platform;
+        let t1_8 = like.lift(0.8).mul_add(p_mx_rod3, t1_7);
+        let t1_9 = like.lift(4.0) * p_mx_platform;
+        let t1_10 = p_izz_rod1 - t1_8;
+        let t1_11 = t1_10 - t1_9;
+        phi[15] = t1_11;
+        let t1_12 = like.lift(-0.16).mul_add(p_m_rod1, p_izz_crank1);
+        let t1_13 = t1_12 - t1_8;
+        let t1_14 = t1_13 - t1_9;
+        phi[5] = t1_14;
+        let t1_15 = like.lift(0.4) * p_m_platform;
+        let t1_16 = like.lift(2.0).mul_add(p_mx_rod3, t1_15);
+        let t1_17 = like.lift(10.0) * p_mx_platform;
+        let t1_18 = p_mx_rod1 - t1_16;
+        let t1_19 = t1_18 - t1_17;
+        phi[16] = t1_19;
+        let t1_20 = like.lift(-0.4).mul_add(p_m_rod1, p_mx_crank1);
+        let t1_21 = t1_20 - t1_16;
+        let t1_22 = t1_21 - t1_17;
+        phi[6] = t1_22;
+        let t1_23 = p_mx_rod2 + p_mx_rod3;
+        let t1_24 = t1_23 + t1_17;
+        phi[46] = t1_24;
+        let t1_25 = p_mx_crank2 + t1_17;
         let t1_26 = like.lift(-0.4).mul_add(p_m_rod2, t1_25);
         let t1_27 = t1_26 + p_mx_rod3;
         phi[36] = t1_27;
-        let t1_28 = p_izz_rod2 + t1_3;
-        let t1_29 = t1_28 + t1_21;
-        phi[45] = t1_29;
-        let t1_30 = p_mx_rod2 + p_mx_rod3;
-        let t1_31 = t1_30 + t1_9;
-        phi[46] = t1_31;
-        let t1_32 = like.lift(-0.16).mul_add(p_m_rod3, p_izz_crank3);
-        let t1_33 = t1_32 + t1_21;
-        phi[55] = t1_33;
-        let t1_34 = like.lift(-0.4).mul_add(p_m_rod3, p_mx_crank3);
-        let t1_35 = t1_34 + p_mx_rod3;
-        phi[56] = t1_35;
-        let t1_36 = p_izz_rod3 + t1_21;
-        phi[65] = t1_36;
-        phi[0] = p_ixx_crank1;
-        phi[1] = p_ixy_crank1;
-        phi[2] = p_ixz_crank1;
-        phi[3] = p_iyy_crank1;
-        phi[4] = p_iyz_crank1;
-        phi[7] = p_my_crank1;
-        phi[8] = p_mz_crank1;
-        phi[9] = p_m_crank1;
-        phi[10] = p_ixx_rod1;
-        phi[11] = p_ixy_rod1;
-        phi[12] = p_ixz_rod1;
-        phi[13] = p_iyy_rod1;
-        phi[14] = p_iyz_rod1;
-        phi[17] = p_my_rod1;
-        phi[18] = p_mz_rod1;
-        phi[19] = p_m_rod1;
-        phi[20] = p_ixx_platform;
-        phi[21] = p_ixy_platform;
-        phi[22] = p_ixz_platform;
-        phi[23] = p_iyy_platform;
-        phi[24] = p_iyz_platform;
-        phi[26] = p_mx_platform;
-        phi[28] = p_mz_platform;
-        phi[29] = p_m_platform;
-        phi[30] = p_ixx_crank2;
-        phi[31] = p_ixy_crank2;
-        phi[32] = p_ixz_crank2;
-        phi[33] = p_iyy_crank2;
-        phi[34] = p_iyz_crank2;
-        phi[37] = p_my_crank2;
-        phi[38] = p_mz_crank2;
-        phi[39] = p_m_crank2;
-        phi[40] = p_ixx_rod2;
-        phi[41] = p_ixy_rod2;
-        phi[42] = p_ixz_rod2;
-        phi[43] = p_iyy_rod2;
-        phi[44] = p_iyz_rod2;
-        phi[47] = p_my_rod2;
-        phi[48] = p_mz_rod2;
-        phi[49] = p_m_rod2;
-        phi[50] = p_ixx_crank3;
-        phi[51] = p_ixy_crank3;
-        phi[52] = p_ixz_crank3;
-        phi[53] = p_iyy_crank3;
-        phi[54] = p_iyz_crank3;
-        phi[57] = p_my_crank3;
-        phi[58] = p_mz_crank3;
-        phi[59] = p_m_crank3;
-        phi[60] = p_ixx_rod3;
-        phi[61] = p_ixy_rod3;
-        phi[62] = p_ixz_rod3;
-        phi[63] = p_iyy_rod3;
-        phi[64] = p_iyz_rod3;
-        phi[66] = p_mx_rod3;
-        phi[67] = p_my_rod3;
-        phi[68] = p_mz_rod3;
-        phi[69] = p_m_rod3;
+        let t1_28 = like.lift(0.4) * p_mx_rod3;
+        let t1_29 = p_izz_rod3 + t1_28;
+        phi[65] = t1_29;
+        let t1_30 = p_izz_rod2 + t1_9;
+        let t1_31 = t1_30 + t1_28;
+        phi[45] = t1_31;
+        let t1_32 = p_izz_crank2 + t1_9;
+        let t1_33 = like.lift(-0.16).mul_add(p_m_rod2, t1_32);
+        let t1_34 = t1_33 + t1_28;
+        phi[35] = t1_34;
+        let t1_35 = like.lift(-0.16).mul_add(p_m_rod3, p_izz_crank3);
+        let t1_36 = t1_35 + t1_28;
+        phi[55] = t1_36;
     }
     phi
 }
@@ -4354,15 +4398,8 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
-    let [
-        p_izz_crank1, p_mx_crank1, p_my_crank1, p_izz_rod1, p_mx_rod1, p_my_rod1,
-        p_izz_platform, p_my_platform, p_izz_crank2, p_mx_crank2, p_my_crank2, p_izz_rod2,
-        p_mx_rod2, p_my_rod2, p_izz_crank3, p_mx_crank3, p_my_crank3, p_izz_rod3, p_my_rod3,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6,
@@ -4378,10 +4415,17 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
             sin_q6, cos_q6, sin_q7, cos_q7,
         ]
     };
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
+    let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6, dd_q7] = *qdd;
+    let [
+        p_izz_crank1, p_mx_crank1, p_my_crank1, p_izz_rod1, p_mx_rod1, p_my_rod1,
+        p_izz_platform, p_my_platform, p_izz_crank2, p_mx_crank2, p_my_crank2, p_izz_rod2,
+        p_mx_rod2, p_my_rod2, p_izz_crank3, p_mx_crank3, p_my_crank3, p_izz_rod3, p_my_rod3,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_13, t2_22, t2_30, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
-        x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_15, t2_22, t2_30, t2_47, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6,
+        x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
         let al_rod1z = dd_q1 + dd_q2;
         let t2_1 = like.lift(0.4) * d_q1;
@@ -4396,181 +4440,183 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let al_platformz = dd_q3 + al_rod1z;
         let w_rod1z = d_q1 + d_q2;
         let t2_8 = w_rod1z * w_rod1z;
-        let t2_9 = like.lift(0.4).mul_add(t2_8, a_rod1x);
-        let t2_10 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
-        let t2_11 = cos_q3 * t2_9;
-        let a_platformx = (-sin_q3).mul_add(t2_10, t2_11);
-        let t2_12 = a_platformx * p_my_platform;
-        let t2_13 = al_platformz.mul_add(p_izz_platform, t2_12);
-        let t2_14 = al_platformz * p_my_platform;
         let w_platformz = d_q3 + w_rod1z;
-        let t2_15 = w_platformz * w_platformz;
-        let t2_16 = t2_15 * p_my_platform;
-        let t2_17 = cos_q3 * t2_16;
-        let t2_18 = sin_q3.mul_add(t2_14, t2_17);
-        let t2_19 = al_rod1z.mul_add(p_izz_rod1, t2_13);
-        let t2_20 = a_rod1x.mul_add(p_my_rod1, t2_19);
-        let t2_21 = a_rod1y.mul_add(p_mx_rod1, t2_20);
-        let t2_22 = like.lift(-0.4).mul_add(t2_18, t2_21);
-        let t2_23 = al_rod1z * p_my_rod1;
-        let t2_24 = t2_8.mul_add(p_mx_rod1, t2_23);
-        let t2_25 = (-sin_q3).mul_add(t2_16, t2_24);
-        let t2_26 = cos_q3.mul_add(t2_14, t2_25);
-        let t2_27 = al_rod1z.mul_add(p_mx_rod1, -t2_18);
-        let t2_28 = (-t2_8).mul_add(p_my_rod1, t2_27);
-        let t2_29 = sin_q2 * t2_26;
+        let t2_9 = w_platformz * w_platformz;
+        let t2_10 = t2_9 * p_my_platform;
+        let t2_11 = like.lift(0.4).mul_add(t2_8, a_rod1x);
+        let t2_12 = cos_q3 * t2_11;
+        let t2_13 = like.lift(0.4).mul_add(al_rod1z, a_rod1y);
+        let a_platformx = (-sin_q3).mul_add(t2_13, t2_12);
+        let t2_14 = a_platformx * p_my_platform;
+        let t2_15 = al_platformz.mul_add(p_izz_platform, t2_14);
+        let t2_16 = al_platformz * p_my_platform;
+        let t2_17 = al_rod1z.mul_add(p_izz_rod1, t2_15);
+        let t2_18 = a_rod1x.mul_add(p_my_rod1, t2_17);
+        let t2_19 = a_rod1y.mul_add(p_mx_rod1, t2_18);
+        let t2_20 = cos_q3 * t2_10;
+        let t2_21 = sin_q3.mul_add(t2_16, t2_20);
+        let t2_22 = like.lift(-0.4).mul_add(t2_21, t2_19);
+        let t2_23 = al_rod1z.mul_add(p_mx_rod1, -t2_21);
+        let t2_24 = al_rod1z * p_my_rod1;
+        let t2_25 = t2_8.mul_add(p_mx_rod1, t2_24);
+        let t2_26 = (-sin_q3).mul_add(t2_10, t2_25);
+        let t2_27 = cos_q3.mul_add(t2_16, t2_26);
+        let t2_28 = (-t2_8).mul_add(p_my_rod1, t2_23);
+        let t2_29 = sin_q2 * t2_27;
         let t2_30 = (-cos_q2).mul_add(t2_28, t2_29);
         let t2_31 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_31);
         let t2_32 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_32);
-        let t2_33 = like.lift(0.4) * sin_q1_q2;
-        let t2_34 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_34);
-        let t2_35 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_35);
-        let t2_36 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_37 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_38 = t2_36 + t2_37;
-        let t2_39 = t2_33 - t2_38;
-        let t2_40 = -t2_38;
-        let t2_41 = sin_q4 * cos_q5;
-        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_41);
-        let t2_42 = cos_q4 * cos_q5;
-        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_42);
-        let t2_43 = like.lift(0.4) * sin_q4_q5;
-        let t2_44 = -t2_43;
-        let t2_45 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_46 = like.lift(0.4) * cos_q1_q2;
-        let t2_47 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_48 = t2_45 + t2_46;
-        let t2_49 = t2_48 - t2_47;
-        let t2_50 = -t2_49;
-        let t2_51 = t2_47 - t2_45;
-        let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_52 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_33 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_34 = like.lift(0.4) * sin_q2;
+        let t2_35 = like.lift(0.4) * sin_q1_q2;
+        let t2_36 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_36);
+        let t2_37 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_37);
+        let t2_38 = like.lift(0.4) * cos_q1_q2;
+        let t2_39 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_40 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_41 = t2_39 + t2_40;
+        let t2_42 = t2_40 + t2_39;
+        let t2_43 = like.lift(-0.4).mul_add(sin_q1, t2_42);
+        let t2_44 = t2_43 - t2_35;
+        let t2_45 = t2_35 - t2_41;
+        let t2_46 = sin_q1 * p_my_crank1;
+        let t2_47 = (-cos_q1).mul_add(p_mx_crank1, t2_46);
+        let t2_48 = like.lift(0.4).mul_add(cos_q1, t2_38);
+        let t2_49 = -t2_41;
+        let t2_50 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_50);
+        let t2_51 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_51);
+        let t2_52 = like.lift(0.4) * sin_q4_q5;
         let t2_53 = -t2_52;
-        let t2_54 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_54);
-        let t2_55 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_55);
-        let t2_56 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_56);
-        let t2_57 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_57);
-        let t2_58 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_59 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
-        let t2_60 = -t2_59;
-        let t2_61 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_62 = t2_37 + t2_36;
-        let t2_63 = like.lift(-0.4).mul_add(sin_q1, t2_62);
-        let t2_64 = t2_63 - t2_33;
-        let t2_65 = -t2_64;
-        let t2_66 = like.lift(0.4).mul_add(sin_q4, t2_43);
+        let t2_54 = like.lift(0.4).mul_add(sin_q4, t2_52);
+        let t2_55 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_56 = t2_55 + t2_38;
+        let t2_57 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_58 = t2_56 - t2_57;
+        let t2_59 = t2_57 - t2_55;
+        let t2_60 = t2_48 - t2_59;
+        let t2_61 = -t2_58;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_62 = like.lift(1.0) / cos_q4_q5;
+        let t2_63 = sin_q4_q5 * t2_62;
+        let t2_64 = (-t2_59).mul_add(t2_63, t2_41);
+        let t2_65 = like.lift(2.5) * t2_62;
+        let t2_66 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
         let t2_67 = -t2_66;
-        let t2_68 = like.lift(0.4).mul_add(cos_q1, t2_46);
-        let t2_69 = t2_68 - t2_51;
-        let t2_70 = -t2_69;
-        let t2_71 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t2_72 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_73 = like.lift(0.4) * sin_q2;
-        let t2_74 = sin_q3.mul_add(t2_72, like.lift(0.06928203230275509));
-        let t2_75 = cos_q3.mul_add(t2_73, t2_74);
-        let t2_76 = -t2_75;
-        let t2_77 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_58);
-        let t2_78 = cos_q3.mul_add(t2_72, like.lift(0.04));
-        let t2_79 = (-sin_q3).mul_add(t2_73, t2_78);
-        let t2_80 = -t2_79;
-        let t2_81 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_61);
-        let t2_82 = like.lift(1.0) / cos_q4_q5;
-        let t2_83 = sin_q4_q5 * t2_82;
-        let pivot_2 = (-t2_49).mul_add(t2_83, t2_39);
+        let t2_68 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_68);
+        let t2_69 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_69);
+        let t2_70 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_70);
+        let t2_71 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_72 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_72);
+        let t2_73 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_74 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_71);
+        let t2_75 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_73);
+        let t2_76 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_77 = -t2_76;
+        let t2_78 = -t2_44;
+        let t2_79 = t2_60.mul_add(t2_63, t2_44);
+        let t2_80 = -t2_54;
+        let t2_81 = -t2_60;
+        let t2_82 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_83 = (-t2_82).mul_add(t2_63, t2_54);
+        let pivot_2 = (-t2_58).mul_add(t2_63, t2_45);
+        let t2_84 = sin_q3.mul_add(t2_33, like.lift(0.06928203230275509));
+        let t2_85 = cos_q3.mul_add(t2_33, like.lift(0.04));
+        let t2_86 = cos_q3.mul_add(t2_34, t2_84);
+        let t2_87 = (-sin_q3).mul_add(t2_34, t2_85);
+        let t2_88 = -t2_86;
+        let t2_89 = -t2_87;
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_84 = t2_69.mul_add(t2_83, t2_64);
-        let t2_85 = (-t2_51).mul_add(t2_83, t2_38);
-        let t2_86 = t2_59 * inv_pivot_2;
-        let pivot_3 = t2_85.mul_add(t2_86, like.lift(0.04));
+        let t2_90 = t2_76 * inv_pivot_2;
+        let t2_91 = t2_79.mul_add(t2_90, t2_87);
+        let t2_92 = t2_66 * inv_pivot_2;
+        let pivot_3 = t2_64.mul_add(t2_90, like.lift(0.04));
+        let t2_93 = t2_83 * t2_90;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_87 = t2_84.mul_add(t2_86, t2_79);
-        let t2_88 = t2_52 * inv_pivot_2;
-        let t2_89 = t2_85.mul_add(t2_88, like.lift(0.06928203230275509));
-        let t2_90 = t2_89 * inv_pivot_3;
-        let t2_91 = (-t2_87).mul_add(t2_90, t2_75);
-        let t2_92 = t2_84.mul_add(t2_88, t2_91);
-        let pivot_4 = (-t2_90).mul_add(t2_61, t2_58);
+        let t2_94 = -pivot_3;
+        let t2_95 = t2_64.mul_add(t2_92, like.lift(0.06928203230275509));
+        let t2_96 = t2_95 * inv_pivot_3;
+        let t2_97 = (-t2_91).mul_add(t2_96, t2_86);
+        let t2_98 = t2_79.mul_add(t2_92, t2_97);
+        let t2_99 = t2_83 * t2_92;
+        let t2_100 = (-t2_93).mul_add(t2_96, t2_99);
+        let pivot_4 = (-t2_96).mul_add(t2_73, t2_71);
+        let t2_101 = (-t2_75).mul_add(t2_96, t2_74);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_93 = t2_92 * inv_pivot_4;
-        let t2_94 = (-t2_93).mul_add(t2_61, t2_87);
-        let t2_95 = inv_pivot_3 * t2_94;
-        let t2_96 = (-t2_85).mul_add(t2_95, t2_84);
-        let t2_97 = inv_pivot_2 * t2_96;
-        let t2_98 = -t2_97;
-        let t2_99 = (-t2_71).mul_add(t2_83, t2_66);
-        let t2_100 = t2_99 * t2_86;
-        let t2_101 = t2_99 * t2_88;
-        let t2_102 = (-t2_100).mul_add(t2_90, t2_101);
-        let t2_103 = t2_102 * inv_pivot_4;
-        let t2_104 = (-t2_103).mul_add(t2_61, t2_100);
-        let t2_105 = inv_pivot_3 * t2_104;
-        let t2_106 = (-t2_85).mul_add(t2_105, t2_99);
-        let t2_107 = inv_pivot_2 * t2_106;
-        let t2_108 = -t2_107;
-        let t2_109 = (-t2_81).mul_add(t2_90, t2_77);
-        let t2_110 = t2_109 * inv_pivot_4;
-        let t2_111 = (-t2_110).mul_add(t2_61, t2_81);
-        let t2_112 = inv_pivot_3 * t2_111;
-        let t2_113 = inv_pivot_2 * t2_85;
-        let t2_114 = t2_113 * t2_112;
-        let t2_115 = -t2_114;
-        let t2_116 = -t2_112;
-        let t2_117 = t2_51.mul_add(t2_95, t2_69);
-        let t2_118 = t2_49.mul_add(t2_97, t2_117);
-        let t2_119 = like.lift(2.5) * t2_82;
-        let t2_120 = t2_118 * t2_119;
-        let t2_121 = -t2_120;
-        let t2_122 = (-t2_51).mul_add(t2_105, t2_71);
-        let t2_123 = (-t2_49).mul_add(t2_107, t2_122);
-        let t2_124 = t2_123 * t2_119;
-        let t2_125 = t2_49 * t2_114;
-        let t2_126 = (-t2_51).mul_add(t2_112, t2_125);
-        let t2_127 = t2_126 * t2_119;
-        let t2_128 = -t2_127;
-        let t2_129 = -t2_93;
-        let t2_130 = -t2_103;
-        let t2_131 = -pivot_3;
+        let t2_102 = t2_98 * inv_pivot_4;
+        let t2_103 = (-t2_102).mul_add(t2_73, t2_91);
+        let t2_104 = inv_pivot_3 * t2_103;
+        let t2_105 = (-t2_64).mul_add(t2_104, t2_79);
+        let t2_106 = inv_pivot_2 * t2_105;
+        let t2_107 = t2_100 * inv_pivot_4;
+        let t2_108 = t2_101 * inv_pivot_4;
+        let t2_109 = (-t2_107).mul_add(t2_73, t2_93);
+        let t2_110 = inv_pivot_3 * t2_109;
+        let t2_111 = (-t2_64).mul_add(t2_110, t2_83);
+        let t2_112 = inv_pivot_2 * t2_111;
+        let t2_113 = inv_pivot_2 * t2_64;
+        let t2_114 = t2_59.mul_add(t2_104, t2_60);
+        let t2_115 = t2_58.mul_add(t2_106, t2_114);
+        let t2_116 = -t2_106;
+        let t2_117 = t2_115 * t2_65;
+        let t2_118 = -t2_117;
+        let t2_119 = -t2_102;
+        let t2_120 = -t2_107;
+        let t2_121 = (-t2_108).mul_add(t2_73, t2_75);
+        let t2_122 = inv_pivot_3 * t2_121;
+        let t2_123 = t2_113 * t2_122;
+        let t2_124 = -t2_112;
+        let t2_125 = (-t2_59).mul_add(t2_110, t2_82);
+        let t2_126 = (-t2_58).mul_add(t2_112, t2_125);
+        let t2_127 = t2_126 * t2_65;
+        let t2_128 = t2_58 * t2_123;
+        let t2_129 = (-t2_59).mul_add(t2_122, t2_128);
+        let t2_130 = t2_129 * t2_65;
+        let t2_131 = -t2_123;
+        let t2_132 = -t2_122;
+        let t2_133 = -t2_130;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_131 * like.lift(17.496940338012887)).abs())
+            .min((t2_94 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_98, t2_108, t2_115], [t2_95, t2_105, t2_116], [t2_121, t2_124, t2_128],
-                [t2_129, t2_130, t2_110],
+                [t2_116, t2_124, t2_131], [t2_104, t2_110, t2_132], [t2_118, t2_127, t2_133],
+                [t2_119, t2_120, t2_108],
             ],
             margin,
             || (
                 [
-                    [t2_39, t2_40, t2_44, like.lift(0.0)],
-                    [t2_50, t2_51, pivot_1, like.lift(0.0)],
+                    [t2_45, t2_49, t2_53, like.lift(0.0)],
+                    [t2_61, t2_59, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_53, like.lift(-0.06928203230275509), like.lift(0.0), t2_58],
-                    [t2_60, like.lift(-0.04), like.lift(0.0), t2_61],
+                    [t2_67, like.lift(-0.06928203230275509), like.lift(0.0), t2_71],
+                    [t2_77, like.lift(-0.04), like.lift(0.0), t2_73],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_65, t2_67, like.lift(0.0)], [t2_70, t2_71, like.lift(0.0)],
+                    [t2_78, t2_80, like.lift(0.0)], [t2_81, t2_82, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_76, like.lift(0.0), t2_77], [t2_80, like.lift(0.0), t2_81],
+                    [t2_88, like.lift(0.0), t2_74], [t2_89, like.lift(0.0), t2_75],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4579,78 +4625,76 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         );
         condition = condition.min(found);
         [
-            t2_13, t2_22, t2_30, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
-            x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_15, t2_22, t2_30, t2_47, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6,
+            x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
         let al_rod2z = dd_q4 + dd_q5;
         let t3_1 = like.lift(9.81) * sin_q4;
-        let t3_2 = like.lift(0.4) * d_q4;
-        let t3_3 = (-t3_2).mul_add(d_q4, t3_1);
-        let t3_4 = like.lift(0.4) * dd_q4;
-        let t3_5 = like.lift(9.81).mul_add(cos_q4, t3_4);
-        let t3_6 = sin_q5 * t3_3;
-        let a_rod2y = (-cos_q5).mul_add(t3_5, t3_6);
-        let t3_7 = sin_q5 * t3_5;
-        let a_rod2x = cos_q5.mul_add(t3_3, t3_7);
-        let t3_8 = al_rod2z * p_izz_rod2;
-        let t3_9 = (-a_rod2x).mul_add(p_my_rod2, t3_8);
-        let t3_10 = (-a_rod2y).mul_add(p_mx_rod2, t3_9);
+        let t3_2 = sin_q4 * p_my_crank2;
+        let t3_3 = (-cos_q4).mul_add(p_mx_crank2, t3_2);
+        let t3_4 = like.lift(0.4) * d_q4;
+        let t3_5 = (-t3_4).mul_add(d_q4, t3_1);
+        let t3_6 = like.lift(0.4) * dd_q4;
+        let t3_7 = like.lift(9.81).mul_add(cos_q4, t3_6);
+        let t3_8 = sin_q5 * t3_5;
+        let a_rod2y = (-cos_q5).mul_add(t3_7, t3_8);
+        let t3_9 = sin_q5 * t3_7;
+        let a_rod2x = cos_q5.mul_add(t3_5, t3_9);
+        let t3_10 = al_rod2z * p_izz_rod2;
+        let t3_11 = (-a_rod2x).mul_add(p_my_rod2, t3_10);
+        let t3_12 = (-a_rod2y).mul_add(p_mx_rod2, t3_11);
         let al_rod3z = dd_q6 + dd_q7;
-        let t3_11 = like.lift(9.81) * sin_q6;
-        let t3_12 = like.lift(0.4) * d_q6;
-        let t3_13 = (-t3_12).mul_add(d_q6, t3_11);
-        let t3_14 = like.lift(0.4) * dd_q6;
-        let t3_15 = like.lift(9.81).mul_add(cos_q6, t3_14);
-        let t3_16 = sin_q7 * t3_15;
-        let a_rod3x = cos_q7.mul_add(t3_13, t3_16);
-        let t3_17 = al_rod3z * p_izz_rod3;
-        let t3_18 = (-a_rod3x).mul_add(p_my_rod3, t3_17);
-        let t3_19 = sin_q1 * p_my_crank1;
-        let t3_20 = (-cos_q1).mul_add(p_mx_crank1, t3_19);
-        let t3_21 = (-t3_18).mul_add(x_q7_q1, t2_22);
-        let t3_22 = (-t3_10).mul_add(x_q5_q1, t3_21);
-        let t3_23 = (-t2_13).mul_add(x_q3_q1, t3_22);
-        let t3_24 = (-t2_22).mul_add(x_q2_q1, t3_23);
-        let t3_25 = dd_q1.mul_add(p_izz_crank1, t3_24);
-        let t3_26 = like.lift(-9.81).mul_add(t3_20, t3_25);
-        let t3_27 = like.lift(-0.4).mul_add(t2_30, t3_26);
-        tau[0] = t3_27;
+        let t3_13 = like.lift(9.81) * sin_q6;
+        let t3_14 = sin_q6 * p_my_crank3;
+        let t3_15 = (-cos_q6).mul_add(p_mx_crank3, t3_14);
+        let t3_16 = like.lift(0.4) * d_q6;
+        let t3_17 = (-t3_16).mul_add(d_q6, t3_13);
+        let t3_18 = like.lift(0.4) * dd_q6;
+        let t3_19 = like.lift(9.81).mul_add(cos_q6, t3_18);
+        let t3_20 = sin_q7 * t3_19;
+        let a_rod3x = cos_q7.mul_add(t3_17, t3_20);
+        let t3_21 = al_rod3z * p_izz_rod3;
+        let t3_22 = (-a_rod3x).mul_add(p_my_rod3, t3_21);
+        let t3_23 = (-t3_22).mul_add(x_q7_q1, t2_22);
+        let t3_24 = (-t3_12).mul_add(x_q5_q1, t3_23);
+        let t3_25 = (-t2_15).mul_add(x_q3_q1, t3_24);
+        let t3_26 = (-t2_22).mul_add(x_q2_q1, t3_25);
+        let t3_27 = dd_q1.mul_add(p_izz_crank1, t3_26);
+        let t3_28 = like.lift(-9.81).mul_add(t2_47, t3_27);
+        let t3_29 = like.lift(-0.4).mul_add(t2_30, t3_28);
+        tau[0] = t3_29;
+        let t3_30 = (-t3_22).mul_add(x_q7_q4, t3_12);
+        let t3_31 = (-t3_12).mul_add(x_q5_q4, t3_30);
+        let t3_32 = (-t3_22).mul_add(x_q7_q6, t3_22);
+        let t3_33 = dd_q4.mul_add(p_izz_crank2, t3_31);
+        let t3_34 = like.lift(-9.81).mul_add(t3_3, t3_33);
+        let t3_35 = dd_q6.mul_add(p_izz_crank3, t3_32);
+        let t3_36 = like.lift(-9.81).mul_add(t3_15, t3_35);
         let w_rod2z = d_q4 + d_q5;
-        let t3_28 = w_rod2z * w_rod2z;
-        let t3_29 = al_rod2z * p_my_rod2;
-        let t3_30 = t3_28.mul_add(p_mx_rod2, t3_29);
-        let t3_31 = al_rod2z * p_mx_rod2;
-        let t3_32 = (-t3_28).mul_add(p_my_rod2, t3_31);
-        let t3_33 = sin_q5 * t3_30;
-        let t3_34 = (-cos_q5).mul_add(t3_32, t3_33);
-        let t3_35 = sin_q4 * p_my_crank2;
-        let t3_36 = (-cos_q4).mul_add(p_mx_crank2, t3_35);
-        let t3_37 = (-t3_18).mul_add(x_q7_q4, t3_10);
-        let t3_38 = (-t3_10).mul_add(x_q5_q4, t3_37);
-        let t3_39 = dd_q4.mul_add(p_izz_crank2, t3_38);
-        let t3_40 = like.lift(-9.81).mul_add(t3_36, t3_39);
-        let t3_41 = like.lift(-0.4).mul_add(t3_34, t3_40);
-        let t3_42 = (-t2_13).mul_add(x_q3_q4, t3_41);
-        let t3_43 = (-t2_22).mul_add(x_q2_q4, t3_42);
-        tau[1] = t3_43;
+        let t3_37 = w_rod2z * w_rod2z;
+        let t3_38 = al_rod2z * p_my_rod2;
+        let t3_39 = t3_37.mul_add(p_mx_rod2, t3_38);
+        let t3_40 = sin_q5 * t3_39;
+        let t3_41 = al_rod2z * p_mx_rod2;
+        let t3_42 = (-t3_37).mul_add(p_my_rod2, t3_41);
+        let t3_43 = (-cos_q5).mul_add(t3_42, t3_40);
+        let t3_44 = like.lift(-0.4).mul_add(t3_43, t3_34);
+        let t3_45 = (-t2_15).mul_add(x_q3_q4, t3_44);
+        let t3_46 = (-t2_22).mul_add(x_q2_q4, t3_45);
+        tau[1] = t3_46;
         let w_rod3z = d_q6 + d_q7;
-        let t3_44 = cos_q7 * w_rod3z;
-        let t3_45 = t3_44 * w_rod3z;
-        let t3_46 = sin_q7.mul_add(al_rod3z, t3_45);
-        let t3_47 = p_my_rod3 * t3_46;
-        let t3_48 = sin_q6 * p_my_crank3;
-        let t3_49 = (-cos_q6).mul_add(p_mx_crank3, t3_48);
-        let t3_50 = (-t3_18).mul_add(x_q7_q6, t3_18);
-        let t3_51 = dd_q6.mul_add(p_izz_crank3, t3_50);
-        let t3_52 = like.lift(-9.81).mul_add(t3_49, t3_51);
-        let t3_53 = like.lift(-0.4).mul_add(t3_47, t3_52);
-        let t3_54 = (-t3_10).mul_add(x_q5_q6, t3_53);
-        let t3_55 = (-t2_13).mul_add(x_q3_q6, t3_54);
-        let t3_56 = (-t2_22).mul_add(x_q2_q6, t3_55);
-        tau[2] = t3_56;
+        let t3_47 = cos_q7 * w_rod3z;
+        let t3_48 = t3_47 * w_rod3z;
+        let t3_49 = sin_q7.mul_add(al_rod3z, t3_48);
+        let t3_50 = p_my_rod3 * t3_49;
+        let t3_51 = like.lift(-0.4).mul_add(t3_50, t3_36);
+        let t3_52 = (-t3_12).mul_add(x_q5_q6, t3_51);
+        let t3_53 = (-t2_15).mul_add(x_q3_q6, t3_52);
+        let t3_54 = (-t2_22).mul_add(x_q2_q6, t3_53);
+        tau[2] = t3_54;
     }
     (tau, Condition { pivot: condition })
 }
@@ -4665,12 +4709,8 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
 pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [
-        _, p_mx_crank1, p_my_crank1, _, p_mx_rod1, p_my_rod1, _, p_my_platform, _, p_mx_crank2,
-        p_my_crank2, _, p_mx_rod2, p_my_rod2, _, p_mx_crank3, p_my_crank3, _, p_my_rod3,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4_q5, cos_q4_q5,
@@ -4695,159 +4735,168 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
             sin_q6, cos_q6, sin_q6_q7,
         ]
     };
+    let [
+        _, p_mx_crank1, p_my_crank1, _, p_mx_rod1, p_my_rod1, _, p_my_platform, _, p_mx_crank2,
+        p_my_crank2, _, p_mx_rod2, p_my_rod2, _, p_mx_crank3, p_my_crank3, _, p_my_rod3,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_5, t2_9, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
-        x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_3, t2_10, t2_14, t2_63, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6,
+        x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let t2_1 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
-        let t2_2 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
-        let t2_3 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_3);
-        let t2_4 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_4);
-        let t2_5 = sin_q1_q2_q3 * p_my_platform;
-        let t2_6 = sin_q1_q2.mul_add(p_my_rod1, t2_5);
-        let t2_7 = (-cos_q1_q2).mul_add(p_mx_rod1, t2_6);
-        let t2_8 = like.lift(9.81) * t2_7;
-        let t2_9 = -t2_8;
-        let t2_10 = like.lift(0.4) * sin_q1_q2;
-        let t2_11 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_12 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_13 = t2_11 + t2_12;
-        let t2_14 = t2_10 - t2_13;
-        let t2_15 = -t2_13;
-        let t2_16 = like.lift(0.4) * sin_q4_q5;
-        let t2_17 = -t2_16;
-        let t2_18 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_19 = like.lift(0.4) * cos_q1_q2;
-        let t2_20 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_21 = t2_18 + t2_19;
-        let t2_22 = t2_21 - t2_20;
-        let t2_23 = -t2_22;
-        let t2_24 = t2_20 - t2_18;
-        let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_25 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_1 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_2 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_3 = sin_q6_q7 * p_my_rod3;
+        let t2_4 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_4);
+        let t2_5 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_5);
+        let t2_6 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_7 = like.lift(0.4) * sin_q2;
+        let t2_8 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_8);
+        let t2_9 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_9);
+        let t2_10 = sin_q1_q2_q3 * p_my_platform;
+        let t2_11 = sin_q1_q2.mul_add(p_my_rod1, t2_10);
+        let t2_12 = (-cos_q1_q2).mul_add(p_mx_rod1, t2_11);
+        let t2_13 = like.lift(9.81) * t2_12;
+        let t2_14 = -t2_13;
+        let t2_15 = like.lift(0.4) * sin_q1_q2;
+        let t2_16 = like.lift(0.4) * cos_q1_q2;
+        let t2_17 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_18 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_19 = t2_17 + t2_18;
+        let t2_20 = t2_18 + t2_17;
+        let t2_21 = like.lift(-0.4).mul_add(sin_q1, t2_20);
+        let t2_22 = t2_21 - t2_15;
+        let t2_23 = t2_15 - t2_19;
+        let t2_24 = -t2_19;
+        let t2_25 = like.lift(0.4) * sin_q4_q5;
         let t2_26 = -t2_25;
-        let t2_27 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_28 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
-        let t2_29 = -t2_28;
-        let t2_30 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_31 = t2_12 + t2_11;
-        let t2_32 = like.lift(-0.4).mul_add(sin_q1, t2_31);
-        let t2_33 = t2_32 - t2_10;
-        let t2_34 = -t2_33;
-        let t2_35 = like.lift(0.4).mul_add(sin_q4, t2_16);
-        let t2_36 = -t2_35;
-        let t2_37 = like.lift(0.4).mul_add(cos_q1, t2_19);
-        let t2_38 = t2_37 - t2_24;
+        let t2_27 = like.lift(0.4).mul_add(sin_q4, t2_25);
+        let t2_28 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_29 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_30 = t2_28 + t2_16;
+        let t2_31 = t2_30 - t2_29;
+        let t2_32 = t2_29 - t2_28;
+        let t2_33 = like.lift(0.4).mul_add(cos_q1, t2_16);
+        let t2_34 = t2_33 - t2_32;
+        let t2_35 = -t2_31;
+        let pivot_1 = like.lift(0.4) * cos_q4_q5;
+        let t2_36 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_37 = -t2_36;
+        let t2_38 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
         let t2_39 = -t2_38;
-        let t2_40 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t2_41 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_42 = like.lift(0.4) * sin_q2;
-        let t2_43 = sin_q3.mul_add(t2_41, like.lift(0.06928203230275509));
-        let t2_44 = cos_q3.mul_add(t2_42, t2_43);
-        let t2_45 = -t2_44;
-        let t2_46 = sin_q1_q2_q3 * cos_q6;
-        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_46);
-        let t2_47 = cos_q1_q2_q3 * cos_q6;
-        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_47);
-        let t2_48 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_27);
-        let t2_49 = cos_q3.mul_add(t2_41, like.lift(0.04));
-        let t2_50 = (-sin_q3).mul_add(t2_42, t2_49);
-        let t2_51 = -t2_50;
-        let t2_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_30);
-        let t2_53 = like.lift(1.0) / cos_q4_q5;
-        let t2_54 = sin_q4_q5 * t2_53;
-        let pivot_2 = (-t2_22).mul_add(t2_54, t2_14);
+        let t2_40 = -t2_22;
+        let t2_41 = -t2_27;
+        let t2_42 = -t2_34;
+        let t2_43 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_44 = sin_q3.mul_add(t2_6, like.lift(0.06928203230275509));
+        let t2_45 = cos_q3.mul_add(t2_6, like.lift(0.04));
+        let t2_46 = cos_q3.mul_add(t2_7, t2_44);
+        let t2_47 = (-sin_q3).mul_add(t2_7, t2_45);
+        let t2_48 = -t2_46;
+        let t2_49 = sin_q1_q2_q3 * cos_q6;
+        let sin_q1_q2_q3_minus_q6 = (-cos_q1_q2_q3).mul_add(sin_q6, t2_49);
+        let t2_50 = cos_q1_q2_q3 * cos_q6;
+        let cos_q1_q2_q3_minus_q6 = sin_q1_q2_q3.mul_add(sin_q6, t2_50);
+        let t2_51 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_1);
+        let t2_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_2);
+        let t2_53 = -t2_47;
+        let t2_54 = like.lift(1.0) / cos_q4_q5;
+        let t2_55 = sin_q4_q5 * p_my_rod2;
+        let t2_56 = (-cos_q4_q5).mul_add(p_mx_rod2, t2_55);
+        let t2_57 = sin_q4_q5 * t2_54;
+        let t2_58 = t2_34.mul_add(t2_57, t2_22);
+        let t2_59 = (-t2_32).mul_add(t2_57, t2_19);
+        let t2_60 = (-t2_43).mul_add(t2_57, t2_27);
+        let pivot_2 = (-t2_31).mul_add(t2_57, t2_23);
+        let t2_61 = like.lift(2.5) * t2_54;
+        let t2_62 = like.lift(9.81) * t2_56;
+        let t2_63 = -t2_62;
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_55 = t2_38.mul_add(t2_54, t2_33);
-        let t2_56 = (-t2_24).mul_add(t2_54, t2_13);
-        let t2_57 = t2_28 * inv_pivot_2;
-        let pivot_3 = t2_56.mul_add(t2_57, like.lift(0.04));
+        let t2_64 = t2_38 * inv_pivot_2;
+        let t2_65 = t2_58.mul_add(t2_64, t2_47);
+        let t2_66 = t2_36 * inv_pivot_2;
+        let pivot_3 = t2_59.mul_add(t2_64, like.lift(0.04));
+        let t2_67 = t2_60 * t2_64;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_58 = t2_55.mul_add(t2_57, t2_50);
-        let t2_59 = t2_25 * inv_pivot_2;
-        let t2_60 = t2_56.mul_add(t2_59, like.lift(0.06928203230275509));
-        let t2_61 = t2_60 * inv_pivot_3;
-        let t2_62 = (-t2_58).mul_add(t2_61, t2_44);
-        let t2_63 = t2_55.mul_add(t2_59, t2_62);
-        let pivot_4 = (-t2_61).mul_add(t2_30, t2_27);
+        let t2_68 = -pivot_3;
+        let t2_69 = t2_59.mul_add(t2_66, like.lift(0.06928203230275509));
+        let t2_70 = t2_69 * inv_pivot_3;
+        let t2_71 = (-t2_65).mul_add(t2_70, t2_46);
+        let t2_72 = t2_58.mul_add(t2_66, t2_71);
+        let t2_73 = t2_60 * t2_66;
+        let t2_74 = (-t2_67).mul_add(t2_70, t2_73);
+        let pivot_4 = (-t2_70).mul_add(t2_2, t2_1);
+        let t2_75 = (-t2_52).mul_add(t2_70, t2_51);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_64 = t2_63 * inv_pivot_4;
-        let t2_65 = (-t2_64).mul_add(t2_30, t2_58);
-        let t2_66 = inv_pivot_3 * t2_65;
-        let t2_67 = (-t2_56).mul_add(t2_66, t2_55);
-        let t2_68 = inv_pivot_2 * t2_67;
-        let t2_69 = -t2_68;
-        let t2_70 = (-t2_40).mul_add(t2_54, t2_35);
-        let t2_71 = t2_70 * t2_57;
-        let t2_72 = t2_70 * t2_59;
-        let t2_73 = (-t2_71).mul_add(t2_61, t2_72);
-        let t2_74 = t2_73 * inv_pivot_4;
-        let t2_75 = (-t2_74).mul_add(t2_30, t2_71);
-        let t2_76 = inv_pivot_3 * t2_75;
-        let t2_77 = (-t2_56).mul_add(t2_76, t2_70);
-        let t2_78 = inv_pivot_2 * t2_77;
-        let t2_79 = -t2_78;
-        let t2_80 = (-t2_52).mul_add(t2_61, t2_48);
-        let t2_81 = t2_80 * inv_pivot_4;
-        let t2_82 = (-t2_81).mul_add(t2_30, t2_52);
-        let t2_83 = inv_pivot_3 * t2_82;
-        let t2_84 = inv_pivot_2 * t2_56;
-        let t2_85 = t2_84 * t2_83;
-        let t2_86 = -t2_85;
-        let t2_87 = -t2_83;
-        let t2_88 = t2_24.mul_add(t2_66, t2_38);
-        let t2_89 = t2_22.mul_add(t2_68, t2_88);
-        let t2_90 = like.lift(2.5) * t2_53;
-        let t2_91 = t2_89 * t2_90;
+        let t2_76 = t2_72 * inv_pivot_4;
+        let t2_77 = (-t2_76).mul_add(t2_2, t2_65);
+        let t2_78 = inv_pivot_3 * t2_77;
+        let t2_79 = (-t2_59).mul_add(t2_78, t2_58);
+        let t2_80 = inv_pivot_2 * t2_79;
+        let t2_81 = t2_74 * inv_pivot_4;
+        let t2_82 = t2_75 * inv_pivot_4;
+        let t2_83 = (-t2_81).mul_add(t2_2, t2_67);
+        let t2_84 = inv_pivot_3 * t2_83;
+        let t2_85 = (-t2_59).mul_add(t2_84, t2_60);
+        let t2_86 = inv_pivot_2 * t2_85;
+        let t2_87 = inv_pivot_2 * t2_59;
+        let t2_88 = t2_32.mul_add(t2_78, t2_34);
+        let t2_89 = t2_31.mul_add(t2_80, t2_88);
+        let t2_90 = -t2_80;
+        let t2_91 = t2_89 * t2_61;
         let t2_92 = -t2_91;
-        let t2_93 = (-t2_24).mul_add(t2_76, t2_40);
-        let t2_94 = (-t2_22).mul_add(t2_78, t2_93);
-        let t2_95 = t2_94 * t2_90;
-        let t2_96 = t2_22 * t2_85;
-        let t2_97 = (-t2_24).mul_add(t2_83, t2_96);
-        let t2_98 = t2_97 * t2_90;
-        let t2_99 = -t2_98;
-        let t2_100 = -t2_64;
-        let t2_101 = -t2_74;
-        let t2_102 = -pivot_3;
+        let t2_93 = -t2_76;
+        let t2_94 = -t2_81;
+        let t2_95 = (-t2_82).mul_add(t2_2, t2_52);
+        let t2_96 = inv_pivot_3 * t2_95;
+        let t2_97 = t2_87 * t2_96;
+        let t2_98 = -t2_86;
+        let t2_99 = (-t2_32).mul_add(t2_84, t2_43);
+        let t2_100 = (-t2_31).mul_add(t2_86, t2_99);
+        let t2_101 = t2_100 * t2_61;
+        let t2_102 = t2_31 * t2_97;
+        let t2_103 = (-t2_32).mul_add(t2_96, t2_102);
+        let t2_104 = t2_103 * t2_61;
+        let t2_105 = -t2_97;
+        let t2_106 = -t2_96;
+        let t2_107 = -t2_104;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_102 * like.lift(17.496940338012887)).abs())
+            .min((t2_68 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_69, t2_79, t2_86], [t2_66, t2_76, t2_87], [t2_92, t2_95, t2_99],
-                [t2_100, t2_101, t2_81],
+                [t2_90, t2_98, t2_105], [t2_78, t2_84, t2_106], [t2_92, t2_101, t2_107],
+                [t2_93, t2_94, t2_82],
             ],
             margin,
             || (
                 [
-                    [t2_14, t2_15, t2_17, like.lift(0.0)],
-                    [t2_23, t2_24, pivot_1, like.lift(0.0)],
+                    [t2_23, t2_24, t2_26, like.lift(0.0)],
+                    [t2_35, t2_32, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_26, like.lift(-0.06928203230275509), like.lift(0.0), t2_27],
-                    [t2_29, like.lift(-0.04), like.lift(0.0), t2_30],
+                    [t2_37, like.lift(-0.06928203230275509), like.lift(0.0), t2_1],
+                    [t2_39, like.lift(-0.04), like.lift(0.0), t2_2],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_34, t2_36, like.lift(0.0)], [t2_39, t2_40, like.lift(0.0)],
+                    [t2_40, t2_41, like.lift(0.0)], [t2_42, t2_43, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_45, like.lift(0.0), t2_48], [t2_51, like.lift(0.0), t2_52],
+                    [t2_48, like.lift(0.0), t2_51], [t2_53, like.lift(0.0), t2_52],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4856,41 +4905,36 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
         );
         condition = condition.min(found);
         [
-            t2_5, t2_9, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4,
-            x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_3, t2_10, t2_14, t2_63, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6,
+            x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
-        let t3_1 = sin_q4_q5 * p_my_rod2;
-        let t3_2 = (-cos_q4_q5).mul_add(p_mx_rod2, t3_1);
-        let t3_3 = like.lift(9.81) * t3_2;
-        let t3_4 = -t3_3;
-        let t3_5 = sin_q6_q7 * p_my_rod3;
-        let t3_6 = t3_5 * x_q7_q1;
-        let t3_7 = t2_5.mul_add(x_q3_q1, t3_6);
-        let t3_8 = (-sin_q1).mul_add(p_my_crank1, t3_7);
-        let t3_9 = cos_q1.mul_add(p_mx_crank1, t3_8);
-        let t3_10 = like.lift(9.81).mul_add(t3_9, t2_9);
-        let t3_11 = (-t3_4).mul_add(x_q5_q1, t3_10);
-        let t3_12 = (-t2_9).mul_add(x_q2_q1, t3_11);
-        tau[0] = t3_12;
-        let t3_13 = t3_5 * x_q7_q4;
-        let t3_14 = (-sin_q4).mul_add(p_my_crank2, t3_13);
-        let t3_15 = cos_q4.mul_add(p_mx_crank2, t3_14);
-        let t3_16 = t2_5.mul_add(x_q3_q4, t3_15);
-        let t3_17 = like.lift(9.81).mul_add(t3_16, t3_4);
-        let t3_18 = (-t3_4).mul_add(x_q5_q4, t3_17);
-        let t3_19 = (-t2_9).mul_add(x_q2_q4, t3_18);
-        tau[1] = t3_19;
-        let t3_20 = t3_5.mul_add(x_q7_q6, -t3_5);
-        let t3_21 = (-sin_q6).mul_add(p_my_crank3, t3_20);
-        let t3_22 = cos_q6.mul_add(p_mx_crank3, t3_21);
-        let t3_23 = t2_5.mul_add(x_q3_q6, t3_22);
-        let t3_24 = like.lift(9.81) * t3_23;
-        let t3_25 = (-t3_4).mul_add(x_q5_q6, t3_24);
-        let t3_26 = (-t2_9).mul_add(x_q2_q6, t3_25);
-        tau[2] = t3_26;
+        let t3_1 = t2_3 * x_q7_q1;
+        let t3_2 = t2_10.mul_add(x_q3_q1, t3_1);
+        let t3_3 = (-sin_q1).mul_add(p_my_crank1, t3_2);
+        let t3_4 = cos_q1.mul_add(p_mx_crank1, t3_3);
+        let t3_5 = like.lift(9.81).mul_add(t3_4, t2_14);
+        let t3_6 = (-t2_63).mul_add(x_q5_q1, t3_5);
+        let t3_7 = (-t2_14).mul_add(x_q2_q1, t3_6);
+        tau[0] = t3_7;
+        let t3_8 = t2_3 * x_q7_q4;
+        let t3_9 = (-sin_q4).mul_add(p_my_crank2, t3_8);
+        let t3_10 = cos_q4.mul_add(p_mx_crank2, t3_9);
+        let t3_11 = t2_3.mul_add(x_q7_q6, -t2_3);
+        let t3_12 = (-sin_q6).mul_add(p_my_crank3, t3_11);
+        let t3_13 = cos_q6.mul_add(p_mx_crank3, t3_12);
+        let t3_14 = t2_10.mul_add(x_q3_q4, t3_10);
+        let t3_15 = t2_10.mul_add(x_q3_q6, t3_13);
+        let t3_16 = like.lift(9.81).mul_add(t3_14, t2_63);
+        let t3_17 = (-t2_63).mul_add(x_q5_q4, t3_16);
+        let t3_18 = (-t2_14).mul_add(x_q2_q4, t3_17);
+        tau[1] = t3_18;
+        let t3_19 = like.lift(9.81) * t3_15;
+        let t3_20 = (-t2_63).mul_add(x_q5_q6, t3_19);
+        let t3_21 = (-t2_14).mul_add(x_q2_q6, t3_20);
+        tau[2] = t3_21;
     }
     (tau, Condition { pivot: condition })
 }
@@ -4906,13 +4950,8 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition
 pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
-    let [
-        _, _, _, p_izz_rod1, p_mx_rod1, p_my_rod1, p_izz_platform, p_my_platform, _, _, _,
-        p_izz_rod2, p_mx_rod2, p_my_rod2, _, _, _, p_izz_rod3, p_my_rod3,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5,
@@ -4931,12 +4970,17 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
             sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
         ]
     };
+    let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6, d_q7] = *qd;
+    let [
+        _, _, _, p_izz_rod1, p_mx_rod1, p_my_rod1, p_izz_platform, p_my_platform, _, _, _,
+        p_izz_rod2, p_mx_rod2, p_my_rod2, _, _, _, p_izz_rod3, p_my_rod3,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_3, t2_6, t2_7, t2_9, t2_10, t2_13, t2_14, t2_16, t2_19, t2_20, t2_21, pivot_1,
-        t2_23, t2_26, t2_28, t2_29, t2_30, t2_31, t2_32, t2_33, t2_49, t2_52, t2_53, t2_54,
-        t2_55, t2_69, pivot_2, inv_pivot_2, t2_71, t2_72, inv_pivot_3, t2_74, t2_76, pivot_4,
-        inv_pivot_4, t2_88, t2_92, al_rod1z, t2_93, al_rod2z, al_rod3z,
+        t2_13, t2_14, t2_15, t2_19, t2_20, t2_23, t2_24, t2_26, t2_27, pivot_1, t2_29, t2_32,
+        t2_34, t2_35, t2_37, t2_43, t2_47, t2_48, t2_49, t2_56, t2_57, t2_61, t2_62, t2_65,
+        t2_66, t2_71, t2_74, t2_75, t2_81, pivot_2, inv_pivot_2, t2_83, t2_84, inv_pivot_3,
+        t2_85, t2_88, pivot_4, inv_pivot_4, al_rod1z, t2_103, al_rod2z, al_rod3z,
     ] = {
         let t2_1 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
@@ -4948,263 +4992,271 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         let t2_5 = cos_q1_q2 * cos_q3;
         let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_5);
         let t2_6 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_7 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_8 = t2_6 + t2_7;
-        let t2_9 = t2_3 - t2_8;
-        let t2_10 = -t2_8;
-        let t2_11 = sin_q4 * cos_q5;
-        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_11);
-        let t2_12 = cos_q4 * cos_q5;
-        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_12);
-        let t2_13 = like.lift(0.4) * sin_q4_q5;
-        let t2_14 = -t2_13;
-        let t2_15 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_16 = like.lift(0.4) * cos_q1_q2;
-        let t2_17 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_18 = t2_15 + t2_16;
-        let t2_19 = t2_18 - t2_17;
-        let t2_20 = -t2_19;
-        let t2_21 = t2_17 - t2_15;
+        let t2_7 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_8 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_9 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_10 = t2_6 + t2_8;
+        let t2_11 = t2_8 + t2_6;
+        let t2_12 = like.lift(-0.4).mul_add(sin_q1, t2_11);
+        let t2_13 = t2_12 - t2_3;
+        let t2_14 = t2_3 - t2_10;
+        let t2_15 = -t2_10;
+        let t2_16 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_16);
+        let t2_17 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_17);
+        let t2_18 = like.lift(0.4) * sin_q4_q5;
+        let t2_19 = -t2_18;
+        let t2_20 = like.lift(0.4).mul_add(sin_q4, t2_18);
+        let t2_21 = like.lift(0.4) * cos_q1_q2;
+        let t2_22 = t2_7 + t2_21;
+        let t2_23 = t2_22 - t2_9;
+        let t2_24 = t2_9 - t2_7;
+        let t2_25 = like.lift(0.4).mul_add(cos_q1, t2_21);
+        let t2_26 = t2_25 - t2_24;
+        let t2_27 = -t2_23;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_22 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_24);
-        let t2_25 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_25);
-        let t2_26 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_27 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
-        let t2_28 = -t2_27;
-        let t2_29 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_28 = like.lift(0.4).mul_add(sin_q3, like.lift(0.06928203230275509));
+        let t2_29 = -t2_28;
+        let t2_30 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_30);
+        let t2_31 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_31);
+        let t2_32 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_33 = like.lift(0.4).mul_add(cos_q3, like.lift(0.04));
+        let t2_34 = -t2_33;
+        let t2_35 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
         let w_rod1z = d_q1 + d_q2;
         let w_platformz = d_q3 + w_rod1z;
+        let t2_36 = w_platformz * w_platformz;
+        let t2_37 = w_rod1z * w_rod1z;
+        let t2_38 = cos_q1_q2 * t2_37;
+        let t2_39 = sin_q1_q2 * t2_37;
+        let t2_40 = d_q1 * d_q1;
+        let t2_41 = cos_q1.mul_add(t2_40, t2_38);
+        let t2_42 = sin_q1.mul_add(t2_40, t2_39);
         let w_rod2z = d_q4 + d_q5;
-        let t2_30 = w_rod2z * w_rod2z;
-        let t2_31 = w_platformz * w_platformz;
-        let t2_32 = w_rod1z * w_rod1z;
-        let t2_33 = d_q4 * d_q4;
-        let t2_34 = d_q1 * d_q1;
-        let t2_35 = cos_q1_q2 * t2_32;
-        let t2_36 = cos_q1.mul_add(t2_34, t2_35);
-        let t2_37 = (-cos_q4_q5).mul_add(t2_30, t2_36);
-        let t2_38 = (-cos_q4).mul_add(t2_33, t2_37);
-        let t2_39 = like.lift(0.4) * t2_38;
-        let t2_40 = (-t2_21).mul_add(t2_31, t2_39);
-        let t2_41 = -t2_40;
-        let t2_42 = sin_q1_q2 * t2_32;
-        let t2_43 = sin_q1.mul_add(t2_34, t2_42);
-        let t2_44 = (-sin_q4_q5).mul_add(t2_30, t2_43);
-        let t2_45 = (-sin_q4).mul_add(t2_33, t2_44);
-        let t2_46 = like.lift(0.4) * t2_45;
-        let t2_47 = (-t2_8).mul_add(t2_31, t2_46);
-        let t2_48 = -t2_47;
-        let t2_49 = cos_q2 * t2_34;
-        let t2_50 = t2_32 + t2_49;
-        let t2_51 = like.lift(0.4) * t2_50;
-        let t2_52 = cos_q3 * t2_51;
-        let t2_53 = sin_q2 * t2_34;
+        let t2_43 = w_rod2z * w_rod2z;
+        let t2_44 = (-cos_q4_q5).mul_add(t2_43, t2_41);
+        let t2_45 = (-sin_q4_q5).mul_add(t2_43, t2_42);
+        let t2_46 = like.lift(1.0) / cos_q4_q5;
+        let t2_47 = sin_q4_q5 * t2_46;
+        let t2_48 = like.lift(2.5) * t2_46;
+        let t2_49 = d_q4 * d_q4;
+        let t2_50 = (-sin_q4).mul_add(t2_49, t2_45);
+        let t2_51 = (-cos_q4).mul_add(t2_49, t2_44);
+        let t2_52 = like.lift(0.4) * t2_51;
+        let t2_53 = (-t2_24).mul_add(t2_36, t2_52);
+        let t2_54 = like.lift(0.4) * t2_50;
+        let t2_55 = (-t2_10).mul_add(t2_36, t2_54);
+        let t2_56 = (-t2_24).mul_add(t2_47, t2_10);
+        let t2_57 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_58 = -t2_53;
+        let t2_59 = t2_47.mul_add(t2_55, t2_53);
+        let t2_60 = -t2_55;
+        let t2_61 = cos_q2 * t2_40;
+        let t2_62 = sin_q2 * t2_40;
+        let t2_63 = t2_37 + t2_61;
+        let t2_64 = like.lift(0.4) * t2_63;
+        let t2_65 = cos_q3 * t2_64;
         let w_rod3z = d_q6 + d_q7;
-        let t2_54 = w_rod3z * w_rod3z;
-        let t2_55 = d_q6 * d_q6;
-        let t2_56 = sin_q3 * t2_53;
-        let t2_57 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t2_54, t2_56);
-        let t2_58 = cos_q1_q2_q3_minus_q6.mul_add(t2_55, t2_57);
-        let t2_59 = like.lift(0.04).mul_add(t2_31, t2_52);
-        let t2_60 = like.lift(-0.4).mul_add(t2_58, t2_59);
-        let t2_61 = -t2_60;
-        let t2_62 = cos_q3 * t2_53;
-        let t2_63 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t2_54, t2_62);
-        let t2_64 = (-sin_q1_q2_q3_minus_q6).mul_add(t2_55, t2_63);
-        let t2_65 = like.lift(0.06928203230275509) * t2_31;
-        let t2_66 = like.lift(0.4).mul_add(t2_64, t2_65);
-        let t2_67 = sin_q3.mul_add(t2_51, t2_66);
-        let t2_68 = like.lift(1.0) / cos_q4_q5;
-        let t2_69 = sin_q4_q5 * t2_68;
-        let pivot_2 = (-t2_19).mul_add(t2_69, t2_9);
+        let t2_66 = w_rod3z * w_rod3z;
+        let t2_67 = sin_q3 * t2_62;
+        let t2_68 = cos_q1_q2_q3_minus_q6_minus_q7.mul_add(t2_66, t2_67);
+        let t2_69 = cos_q3 * t2_62;
+        let t2_70 = (-sin_q1_q2_q3_minus_q6_minus_q7).mul_add(t2_66, t2_69);
+        let t2_71 = d_q6 * d_q6;
+        let t2_72 = cos_q1_q2_q3_minus_q6.mul_add(t2_71, t2_68);
+        let t2_73 = (-sin_q1_q2_q3_minus_q6).mul_add(t2_71, t2_70);
+        let t2_74 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_32);
+        let t2_75 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_35);
+        let t2_76 = like.lift(0.04).mul_add(t2_36, t2_65);
+        let t2_77 = like.lift(-0.4).mul_add(t2_72, t2_76);
+        let t2_78 = like.lift(0.06928203230275509) * t2_36;
+        let t2_79 = like.lift(0.4).mul_add(t2_73, t2_78);
+        let t2_80 = sin_q3.mul_add(t2_64, t2_79);
+        let t2_81 = t2_36 * p_my_platform;
+        let t2_82 = -t2_77;
+        let pivot_2 = (-t2_23).mul_add(t2_47, t2_14);
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_70 = t2_69.mul_add(t2_47, t2_40);
-        let t2_71 = (-t2_21).mul_add(t2_69, t2_8);
-        let t2_72 = t2_27 * inv_pivot_2;
-        let pivot_3 = t2_71.mul_add(t2_72, like.lift(0.04));
+        let t2_83 = t2_33 * inv_pivot_2;
+        let t2_84 = t2_28 * inv_pivot_2;
+        let pivot_3 = t2_56.mul_add(t2_83, like.lift(0.04));
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_73 = (-t2_72).mul_add(t2_70, t2_67);
-        let t2_74 = t2_22 * inv_pivot_2;
-        let t2_75 = t2_71.mul_add(t2_74, like.lift(0.06928203230275509));
-        let t2_76 = t2_75 * inv_pivot_3;
-        let pivot_4 = (-t2_76).mul_add(t2_29, t2_26);
+        let t2_85 = -pivot_3;
+        let t2_86 = (-t2_83).mul_add(t2_59, t2_80);
+        let t2_87 = t2_56.mul_add(t2_84, like.lift(0.06928203230275509));
+        let t2_88 = t2_87 * inv_pivot_3;
+        let t2_89 = t2_88.mul_add(t2_86, t2_77);
+        let t2_90 = t2_84.mul_add(t2_59, t2_89);
+        let pivot_4 = (-t2_88).mul_add(t2_35, t2_32);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_77 = t2_76.mul_add(t2_73, t2_60);
-        let t2_78 = t2_74.mul_add(t2_70, t2_77);
-        let t2_79 = inv_pivot_4 * t2_78;
-        let t2_80 = t2_79.mul_add(t2_29, t2_73);
-        let t2_81 = inv_pivot_3 * t2_80;
-        let t2_82 = t2_71.mul_add(t2_81, t2_70);
-        let t2_83 = inv_pivot_2 * t2_82;
-        let t2_84 = -t2_83;
-        let t2_85 = -t2_81;
-        let t2_86 = (-t2_21).mul_add(t2_81, t2_47);
-        let t2_87 = t2_19.mul_add(t2_83, t2_86);
-        let t2_88 = like.lift(2.5) * t2_68;
-        let t2_89 = t2_87 * t2_88;
-        let t2_90 = -t2_89;
-        let t2_91 = -t2_79;
-        let t2_92 = -pivot_3;
+        let t2_91 = inv_pivot_4 * t2_90;
+        let t2_92 = t2_91.mul_add(t2_35, t2_86);
+        let t2_93 = inv_pivot_3 * t2_92;
+        let t2_94 = t2_56.mul_add(t2_93, t2_59);
+        let t2_95 = inv_pivot_2 * t2_94;
+        let t2_96 = (-t2_24).mul_add(t2_93, t2_55);
+        let t2_97 = -t2_93;
+        let t2_98 = t2_23.mul_add(t2_95, t2_96);
+        let t2_99 = -t2_95;
+        let t2_100 = t2_98 * t2_48;
+        let t2_101 = -t2_100;
+        let t2_102 = -t2_91;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_92 * like.lift(17.496940338012887)).abs())
+            .min((t2_85 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
-        let ([[al_rod1z], [t2_93], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
-            [[t2_84], [t2_85], [t2_90], [t2_91]],
+        let ([[al_rod1z], [t2_103], [al_rod2z], [al_rod3z]], found) = ::regen_runtime::guarded(
+            [[t2_99], [t2_97], [t2_101], [t2_102]],
             margin,
             || (
                 [
-                    [t2_9, t2_10, t2_14, like.lift(0.0)],
-                    [t2_20, t2_21, pivot_1, like.lift(0.0)],
+                    [t2_14, t2_15, t2_19, like.lift(0.0)],
+                    [t2_27, t2_24, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_23, like.lift(-0.06928203230275509), like.lift(0.0), t2_26],
-                    [t2_28, like.lift(-0.04), like.lift(0.0), t2_29],
+                    [t2_29, like.lift(-0.06928203230275509), like.lift(0.0), t2_32],
+                    [t2_34, like.lift(-0.04), like.lift(0.0), t2_35],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_41], [t2_48], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_61], [t2_67], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_58], [t2_60], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_82], [t2_80], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_3, t2_6, t2_7, t2_9, t2_10, t2_13, t2_14, t2_16, t2_19, t2_20, t2_21, pivot_1,
-            t2_23, t2_26, t2_28, t2_29, t2_30, t2_31, t2_32, t2_33, t2_49, t2_52, t2_53, t2_54,
-            t2_55, t2_69, pivot_2, inv_pivot_2, t2_71, t2_72, inv_pivot_3, t2_74, t2_76,
-            pivot_4, inv_pivot_4, t2_88, t2_92, al_rod1z, t2_93, al_rod2z, al_rod3z,
+            t2_13, t2_14, t2_15, t2_19, t2_20, t2_23, t2_24, t2_26, t2_27, pivot_1, t2_29,
+            t2_32, t2_34, t2_35, t2_37, t2_43, t2_47, t2_48, t2_49, t2_56, t2_57, t2_61, t2_62,
+            t2_65, t2_66, t2_71, t2_74, t2_75, t2_81, pivot_2, inv_pivot_2, t2_83, t2_84,
+            inv_pivot_3, t2_85, t2_88, pivot_4, inv_pivot_4, al_rod1z, t2_103, al_rod2z,
+            al_rod3z,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_4, t3_12, t3_20, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
-        x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t3_6, t3_7, t3_11, t3_22, t3_27, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6,
+        x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
-        let al_platformz = al_rod1z + t2_93;
-        let t3_1 = al_rod1z + t2_53;
-        let t3_2 = like.lift(0.4) * t3_1;
-        let a_platformx = (-sin_q3).mul_add(t3_2, t2_52);
-        let t3_3 = p_my_platform * a_platformx;
-        let t3_4 = p_izz_platform.mul_add(al_platformz, t3_3);
-        let t3_5 = t2_31 * p_my_platform;
-        let t3_6 = p_my_platform * al_platformz;
-        let t3_7 = sin_q3 * t3_6;
-        let t3_8 = cos_q3.mul_add(t3_5, t3_7);
-        let t3_9 = t2_49.mul_add(p_my_rod1, -t3_8);
-        let t3_10 = t2_53.mul_add(p_mx_rod1, t3_9);
-        let t3_11 = p_izz_rod1.mul_add(al_rod1z, t3_4);
-        let t3_12 = like.lift(0.4).mul_add(t3_10, t3_11);
-        let t3_13 = p_my_rod1 * al_rod1z;
-        let t3_14 = t2_32.mul_add(p_mx_rod1, t3_13);
-        let t3_15 = cos_q3.mul_add(t3_6, t3_14);
-        let t3_16 = (-sin_q3).mul_add(t3_5, t3_15);
-        let t3_17 = (-p_mx_rod1).mul_add(al_rod1z, t3_8);
-        let t3_18 = t2_32.mul_add(p_my_rod1, t3_17);
+        let t3_1 = sin_q7 * al_rod3z;
+        let t3_2 = cos_q7.mul_add(t2_66, t3_1);
+        let al_platformz = al_rod1z + t2_103;
+        let t3_3 = like.lift(0.4) * cos_q7;
+        let t3_4 = t3_3 * p_my_rod3;
+        let t3_5 = t3_4 * t2_71;
+        let t3_6 = p_izz_rod3.mul_add(al_rod3z, t3_5);
+        let t3_7 = p_my_rod3 * t3_2;
+        let t3_8 = al_rod1z + t2_62;
+        let t3_9 = like.lift(0.4) * t3_8;
+        let a_platformx = (-sin_q3).mul_add(t3_9, t2_65);
+        let t3_10 = p_my_platform * a_platformx;
+        let t3_11 = p_izz_platform.mul_add(al_platformz, t3_10);
+        let t3_12 = p_my_platform * al_platformz;
+        let t3_13 = sin_q3 * t3_12;
+        let t3_14 = cos_q3.mul_add(t2_81, t3_13);
+        let t3_15 = t2_61.mul_add(p_my_rod1, -t3_14);
+        let t3_16 = t2_62.mul_add(p_mx_rod1, t3_15);
+        let t3_17 = (-p_mx_rod1).mul_add(al_rod1z, t3_14);
+        let t3_18 = t2_37.mul_add(p_my_rod1, t3_17);
         let t3_19 = cos_q2 * t3_18;
-        let t3_20 = sin_q2.mul_add(t3_16, t3_19);
-        let t3_21 = t2_7 + t2_6;
-        let t3_22 = like.lift(-0.4).mul_add(sin_q1, t3_21);
-        let t3_23 = t3_22 - t2_3;
-        let t3_24 = -t3_23;
-        let t3_25 = like.lift(0.4).mul_add(sin_q4, t2_13);
-        let t3_26 = -t3_25;
-        let t3_27 = like.lift(0.4).mul_add(cos_q1, t2_16);
-        let t3_28 = t3_27 - t2_21;
-        let t3_29 = -t3_28;
-        let t3_30 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t3_31 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t3_32 = like.lift(0.4) * sin_q2;
-        let t3_33 = sin_q3.mul_add(t3_31, like.lift(0.06928203230275509));
-        let t3_34 = cos_q3.mul_add(t3_32, t3_33);
-        let t3_35 = -t3_34;
-        let t3_36 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_26);
-        let t3_37 = cos_q3.mul_add(t3_31, like.lift(0.04));
-        let t3_38 = (-sin_q3).mul_add(t3_32, t3_37);
-        let t3_39 = -t3_38;
-        let t3_40 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_29);
-        let t3_41 = t3_28.mul_add(t2_69, t3_23);
-        let t3_42 = t3_41.mul_add(t2_72, t3_38);
-        let t3_43 = (-t3_42).mul_add(t2_76, t3_34);
-        let t3_44 = t3_41.mul_add(t2_74, t3_43);
-        let t3_45 = t3_44 * inv_pivot_4;
-        let t3_46 = (-t3_45).mul_add(t2_29, t3_42);
-        let t3_47 = inv_pivot_3 * t3_46;
-        let t3_48 = (-t2_71).mul_add(t3_47, t3_41);
-        let t3_49 = inv_pivot_2 * t3_48;
-        let t3_50 = -t3_49;
-        let t3_51 = (-t3_30).mul_add(t2_69, t3_25);
-        let t3_52 = t3_51 * t2_72;
-        let t3_53 = t3_51 * t2_74;
-        let t3_54 = (-t3_52).mul_add(t2_76, t3_53);
-        let t3_55 = t3_54 * inv_pivot_4;
-        let t3_56 = (-t3_55).mul_add(t2_29, t3_52);
-        let t3_57 = inv_pivot_3 * t3_56;
-        let t3_58 = (-t2_71).mul_add(t3_57, t3_51);
-        let t3_59 = inv_pivot_2 * t3_58;
-        let t3_60 = -t3_59;
-        let t3_61 = (-t3_40).mul_add(t2_76, t3_36);
-        let t3_62 = t3_61 * inv_pivot_4;
-        let t3_63 = (-t3_62).mul_add(t2_29, t3_40);
-        let t3_64 = inv_pivot_3 * t3_63;
-        let t3_65 = inv_pivot_2 * t2_71;
-        let t3_66 = t3_65 * t3_64;
-        let t3_67 = -t3_66;
-        let t3_68 = -t3_64;
-        let t3_69 = t2_21.mul_add(t3_47, t3_28);
-        let t3_70 = t2_19.mul_add(t3_49, t3_69);
-        let t3_71 = t3_70 * t2_88;
-        let t3_72 = -t3_71;
-        let t3_73 = (-t2_21).mul_add(t3_57, t3_30);
-        let t3_74 = (-t2_19).mul_add(t3_59, t3_73);
-        let t3_75 = t3_74 * t2_88;
-        let t3_76 = t2_19 * t3_66;
-        let t3_77 = (-t2_21).mul_add(t3_64, t3_76);
-        let t3_78 = t3_77 * t2_88;
-        let t3_79 = -t3_78;
-        let t3_80 = -t3_45;
-        let t3_81 = -t3_55;
+        let t3_20 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t3_21 = p_izz_rod1.mul_add(al_rod1z, t3_11);
+        let t3_22 = like.lift(0.4).mul_add(t3_16, t3_21);
+        let t3_23 = p_my_rod1 * al_rod1z;
+        let t3_24 = t2_37.mul_add(p_mx_rod1, t3_23);
+        let t3_25 = cos_q3.mul_add(t3_12, t3_24);
+        let t3_26 = (-sin_q3).mul_add(t2_81, t3_25);
+        let t3_27 = sin_q2.mul_add(t3_26, t3_19);
+        let t3_28 = like.lift(0.4) * sin_q2;
+        let t3_29 = -t2_13;
+        let t3_30 = t2_26.mul_add(t2_47, t2_13);
+        let t3_31 = (-t2_57).mul_add(t2_47, t2_20);
+        let t3_32 = -t2_20;
+        let t3_33 = -t2_26;
+        let t3_34 = sin_q3.mul_add(t3_20, like.lift(0.06928203230275509));
+        let t3_35 = cos_q3.mul_add(t3_20, like.lift(0.04));
+        let t3_36 = cos_q3.mul_add(t3_28, t3_34);
+        let t3_37 = (-sin_q3).mul_add(t3_28, t3_35);
+        let t3_38 = -t3_36;
+        let t3_39 = -t3_37;
+        let t3_40 = t3_30.mul_add(t2_83, t3_37);
+        let t3_41 = (-t3_40).mul_add(t2_88, t3_36);
+        let t3_42 = t3_30.mul_add(t2_84, t3_41);
+        let t3_43 = t3_42 * inv_pivot_4;
+        let t3_44 = (-t3_43).mul_add(t2_35, t3_40);
+        let t3_45 = inv_pivot_3 * t3_44;
+        let t3_46 = (-t2_56).mul_add(t3_45, t3_30);
+        let t3_47 = inv_pivot_2 * t3_46;
+        let t3_48 = t3_31 * t2_83;
+        let t3_49 = t3_31 * t2_84;
+        let t3_50 = (-t3_48).mul_add(t2_88, t3_49);
+        let t3_51 = t3_50 * inv_pivot_4;
+        let t3_52 = (-t2_75).mul_add(t2_88, t2_74);
+        let t3_53 = t3_52 * inv_pivot_4;
+        let t3_54 = (-t3_51).mul_add(t2_35, t3_48);
+        let t3_55 = inv_pivot_3 * t3_54;
+        let t3_56 = (-t2_56).mul_add(t3_55, t3_31);
+        let t3_57 = inv_pivot_2 * t3_56;
+        let t3_58 = inv_pivot_2 * t2_56;
+        let t3_59 = t2_24.mul_add(t3_45, t2_26);
+        let t3_60 = t2_23.mul_add(t3_47, t3_59);
+        let t3_61 = -t3_47;
+        let t3_62 = t3_60 * t2_48;
+        let t3_63 = -t3_62;
+        let t3_64 = -t3_43;
+        let t3_65 = -t3_51;
+        let t3_66 = (-t3_53).mul_add(t2_35, t2_75);
+        let t3_67 = inv_pivot_3 * t3_66;
+        let t3_68 = t3_58 * t3_67;
+        let t3_69 = -t3_57;
+        let t3_70 = (-t2_24).mul_add(t3_55, t2_57);
+        let t3_71 = (-t2_23).mul_add(t3_57, t3_70);
+        let t3_72 = t3_71 * t2_48;
+        let t3_73 = t2_23 * t3_68;
+        let t3_74 = (-t2_24).mul_add(t3_67, t3_73);
+        let t3_75 = t3_74 * t2_48;
+        let t3_76 = -t3_68;
+        let t3_77 = -t3_67;
+        let t3_78 = -t3_75;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_92 * like.lift(17.496940338012887)).abs())
+            .min((t2_85 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_50, t3_60, t3_67], [t3_47, t3_57, t3_68], [t3_72, t3_75, t3_79],
-                [t3_80, t3_81, t3_62],
+                [t3_61, t3_69, t3_76], [t3_45, t3_55, t3_77], [t3_63, t3_72, t3_78],
+                [t3_64, t3_65, t3_53],
             ],
             margin,
             || (
                 [
-                    [t2_9, t2_10, t2_14, like.lift(0.0)],
-                    [t2_20, t2_21, pivot_1, like.lift(0.0)],
+                    [t2_14, t2_15, t2_19, like.lift(0.0)],
+                    [t2_27, t2_24, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_23, like.lift(-0.06928203230275509), like.lift(0.0), t2_26],
-                    [t2_28, like.lift(-0.04), like.lift(0.0), t2_29],
+                    [t2_29, like.lift(-0.06928203230275509), like.lift(0.0), t2_32],
+                    [t2_34, like.lift(-0.04), like.lift(0.0), t2_35],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_24, t3_26, like.lift(0.0)], [t3_29, t3_30, like.lift(0.0)],
+                    [t3_29, t3_32, like.lift(0.0)], [t3_33, t2_57, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t3_35, like.lift(0.0), t3_36], [t3_39, like.lift(0.0), t3_40],
+                    [t3_38, like.lift(0.0), t2_74], [t3_39, like.lift(0.0), t2_75],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5213,49 +5265,42 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
         );
         condition = condition.min(found);
         [
-            t3_4, t3_12, t3_20, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
-            x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t3_6, t3_7, t3_11, t3_22, t3_27, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4,
+            x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // tau
     {
-        let t4_1 = cos_q5 * t2_33;
-        let t4_2 = t4_1 * p_my_rod2;
-        let t4_3 = sin_q5 * t2_33;
-        let t4_4 = t4_3.mul_add(p_mx_rod2, t4_2);
-        let t4_5 = p_izz_rod2 * al_rod2z;
-        let t4_6 = like.lift(0.4).mul_add(t4_4, t4_5);
-        let t4_7 = like.lift(0.4) * cos_q7;
-        let t4_8 = t4_7 * p_my_rod3;
-        let t4_9 = t4_8 * t2_55;
-        let t4_10 = p_izz_rod3.mul_add(al_rod3z, t4_9);
-        let t4_11 = (-t4_10).mul_add(x_q7_q1, t3_12);
-        let t4_12 = (-t4_6).mul_add(x_q5_q1, t4_11);
-        let t4_13 = (-t3_4).mul_add(x_q3_q1, t4_12);
-        let t4_14 = (-t3_12).mul_add(x_q2_q1, t4_13);
-        let t4_15 = like.lift(-0.4).mul_add(t3_20, t4_14);
-        tau[0] = t4_15;
-        let t4_16 = p_my_rod2 * al_rod2z;
-        let t4_17 = t2_30.mul_add(p_mx_rod2, t4_16);
-        let t4_18 = t2_30 * p_my_rod2;
-        let t4_19 = (-p_mx_rod2).mul_add(al_rod2z, t4_18);
-        let t4_20 = cos_q5 * t4_19;
-        let t4_21 = sin_q5.mul_add(t4_17, t4_20);
-        let t4_22 = (-t4_10).mul_add(x_q7_q4, t4_6);
-        let t4_23 = (-t4_6).mul_add(x_q5_q4, t4_22);
-        let t4_24 = like.lift(-0.4).mul_add(t4_21, t4_23);
-        let t4_25 = (-t3_4).mul_add(x_q3_q4, t4_24);
-        let t4_26 = (-t3_12).mul_add(x_q2_q4, t4_25);
-        tau[1] = t4_26;
-        let t4_27 = sin_q7 * al_rod3z;
-        let t4_28 = cos_q7.mul_add(t2_54, t4_27);
-        let t4_29 = p_my_rod3 * t4_28;
-        let t4_30 = (-t4_10).mul_add(x_q7_q6, t4_10);
-        let t4_31 = like.lift(-0.4).mul_add(t4_29, t4_30);
-        let t4_32 = (-t4_6).mul_add(x_q5_q6, t4_31);
-        let t4_33 = (-t3_4).mul_add(x_q3_q6, t4_32);
-        let t4_34 = (-t3_12).mul_add(x_q2_q6, t4_33);
-        tau[2] = t4_34;
+        let t4_1 = (-t3_6).mul_add(x_q7_q6, t3_6);
+        let t4_2 = like.lift(-0.4).mul_add(t3_7, t4_1);
+        let t4_3 = (-t3_6).mul_add(x_q7_q1, t3_22);
+        let t4_4 = cos_q5 * t2_49;
+        let t4_5 = t4_4 * p_my_rod2;
+        let t4_6 = sin_q5 * t2_49;
+        let t4_7 = t4_6.mul_add(p_mx_rod2, t4_5);
+        let t4_8 = p_izz_rod2 * al_rod2z;
+        let t4_9 = like.lift(0.4).mul_add(t4_7, t4_8);
+        let t4_10 = (-t4_9).mul_add(x_q5_q1, t4_3);
+        let t4_11 = (-t3_11).mul_add(x_q3_q1, t4_10);
+        let t4_12 = (-t3_22).mul_add(x_q2_q1, t4_11);
+        let t4_13 = like.lift(-0.4).mul_add(t3_27, t4_12);
+        tau[0] = t4_13;
+        let t4_14 = (-t3_6).mul_add(x_q7_q4, t4_9);
+        let t4_15 = (-t4_9).mul_add(x_q5_q6, t4_2);
+        let t4_16 = (-t3_11).mul_add(x_q3_q6, t4_15);
+        let t4_17 = (-t4_9).mul_add(x_q5_q4, t4_14);
+        let t4_18 = (-t3_22).mul_add(x_q2_q6, t4_16);
+        tau[2] = t4_18;
+        let t4_19 = p_my_rod2 * al_rod2z;
+        let t4_20 = t2_43.mul_add(p_mx_rod2, t4_19);
+        let t4_21 = t2_43 * p_my_rod2;
+        let t4_22 = (-p_mx_rod2).mul_add(al_rod2z, t4_21);
+        let t4_23 = cos_q5 * t4_22;
+        let t4_24 = sin_q5.mul_add(t4_20, t4_23);
+        let t4_25 = like.lift(-0.4).mul_add(t4_24, t4_17);
+        let t4_26 = (-t3_11).mul_add(x_q3_q4, t4_25);
+        let t4_27 = (-t3_22).mul_add(x_q2_q4, t4_26);
+        tau[1] = t4_27;
     }
     (tau, Condition { pivot: condition })
 }
@@ -5270,13 +5315,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 19]) -> (
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
-    let [q1, q2, q3, q4, q5, q6, q7] = *q;
-    let [
-        p_izz_crank1, _, _, p_izz_rod1, p_mx_rod1, p_my_rod1, p_izz_platform, p_my_platform,
-        p_izz_crank2, _, _, p_izz_rod2, p_mx_rod2, p_my_rod2, p_izz_crank3, _, _, p_izz_rod3,
-        p_my_rod3,
-    ] = *beta;
     let mut condition = like.lift(1.0);
+    let [q1, q2, q3, q4, q5, q6, q7] = *q;
     // sines and cosines
     let [
         sin_q3, cos_q3, sin_q2, cos_q2, sin_q1, cos_q1, sin_q4, cos_q4, sin_q5, cos_q5,
@@ -5295,167 +5335,180 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
             sin_q1_q2_q3_minus_q6, cos_q1_q2_q3_minus_q6, sin_q7, cos_q7,
         ]
     };
+    let [
+        p_izz_crank1, _, _, p_izz_rod1, p_mx_rod1, p_my_rod1, p_izz_platform, p_my_platform,
+        p_izz_crank2, _, _, p_izz_rod2, p_mx_rod2, p_my_rod2, p_izz_crank3, _, _, p_izz_rod3,
+        p_my_rod3,
+    ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_1, t2_3, t2_7, t2_8, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6, x_q5_q1,
-        x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+        t2_3, t2_6, t2_8, t2_9, t2_34, t2_53, t2_69, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1,
+        x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
     ] = {
         let t2_1 = sin_q3 * p_my_platform;
         let t2_2 = like.lift(-0.8).mul_add(t2_1, p_izz_rod1);
         let t2_3 = t2_2 + p_izz_platform;
         let t2_4 = p_mx_rod1 - t2_1;
-        let t2_5 = cos_q3.mul_add(p_my_platform, p_my_rod1);
-        let t2_6 = cos_q2 * t2_4;
-        let t2_7 = (-sin_q2).mul_add(t2_5, t2_6);
-        let t2_8 = like.lift(0.4).mul_add(t2_7, t2_3);
-        let t2_9 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_9);
-        let t2_10 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_10);
-        let t2_11 = like.lift(0.4) * sin_q1_q2;
-        let t2_12 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_12);
-        let t2_13 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_13);
-        let t2_14 = like.lift(0.04) * sin_q1_q2_q3;
-        let t2_15 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
-        let t2_16 = t2_14 + t2_15;
-        let t2_17 = t2_11 - t2_16;
-        let t2_18 = -t2_16;
-        let t2_19 = sin_q4 * cos_q5;
-        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_19);
-        let t2_20 = cos_q4 * cos_q5;
-        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_20);
-        let t2_21 = like.lift(0.4) * sin_q4_q5;
-        let t2_22 = -t2_21;
-        let t2_23 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
-        let t2_24 = like.lift(0.4) * cos_q1_q2;
-        let t2_25 = like.lift(0.04) * cos_q1_q2_q3;
-        let t2_26 = t2_23 + t2_24;
-        let t2_27 = t2_26 - t2_25;
-        let t2_28 = -t2_27;
-        let t2_29 = t2_25 - t2_23;
+        let t2_5 = cos_q2 * t2_4;
+        let t2_6 = like.lift(-0.4).mul_add(t2_1, p_izz_platform);
+        let t2_7 = cos_q3.mul_add(p_my_platform, p_my_rod1);
+        let t2_8 = (-sin_q2).mul_add(t2_7, t2_5);
+        let t2_9 = like.lift(0.4).mul_add(t2_8, t2_3);
+        let t2_10 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_10);
+        let t2_11 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_11);
+        let t2_12 = like.lift(0.4) * sin_q1_q2;
+        let t2_13 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_q3 = cos_q1_q2.mul_add(sin_q3, t2_13);
+        let t2_14 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_q3 = (-sin_q1_q2).mul_add(sin_q3, t2_14);
+        let t2_15 = like.lift(0.4) * cos_q1_q2;
+        let t2_16 = like.lift(0.4).mul_add(cos_q1, t2_15);
+        let t2_17 = like.lift(0.04) * sin_q1_q2_q3;
+        let t2_18 = like.lift(0.06928203230275509) * sin_q1_q2_q3;
+        let t2_19 = t2_18 + t2_15;
+        let t2_20 = like.lift(0.06928203230275509) * cos_q1_q2_q3;
+        let t2_21 = like.lift(0.04) * cos_q1_q2_q3;
+        let t2_22 = t2_19 - t2_21;
+        let t2_23 = t2_21 - t2_18;
+        let t2_24 = t2_16 - t2_23;
+        let t2_25 = t2_20 + t2_17;
+        let t2_26 = t2_17 + t2_20;
+        let t2_27 = like.lift(-0.4).mul_add(sin_q1, t2_25);
+        let t2_28 = t2_27 - t2_12;
+        let t2_29 = t2_12 - t2_26;
+        let t2_30 = -t2_26;
+        let t2_31 = sin_q4 * cos_q5;
+        let sin_q4_q5 = cos_q4.mul_add(sin_q5, t2_31);
+        let t2_32 = cos_q4 * cos_q5;
+        let cos_q4_q5 = (-sin_q4).mul_add(sin_q5, t2_32);
+        let t2_33 = cos_q5 * p_mx_rod2;
+        let t2_34 = (-sin_q5).mul_add(p_my_rod2, t2_33);
+        let t2_35 = like.lift(0.4) * sin_q4_q5;
+        let t2_36 = like.lift(0.4).mul_add(sin_q4, t2_35);
+        let t2_37 = -t2_35;
+        let t2_38 = -t2_22;
         let pivot_1 = like.lift(0.4) * cos_q4_q5;
-        let t2_30 = like.lift(0.4) * sin_q3;
-        let t2_31 = like.lift(0.06928203230275509) + t2_30;
-        let t2_32 = -t2_31;
-        let t2_33 = sin_q1_q2_q3_minus_q6 * cos_q7;
-        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_33);
-        let t2_34 = cos_q1_q2_q3_minus_q6 * cos_q7;
-        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_34);
-        let t2_35 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
-        let t2_36 = like.lift(0.4) * cos_q3;
-        let t2_37 = like.lift(0.04) + t2_36;
-        let t2_38 = -t2_37;
-        let t2_39 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
-        let t2_40 = t2_15 + t2_14;
-        let t2_41 = like.lift(-0.4).mul_add(sin_q1, t2_40);
-        let t2_42 = t2_41 - t2_11;
-        let t2_43 = -t2_42;
-        let t2_44 = like.lift(0.4).mul_add(sin_q4, t2_21);
-        let t2_45 = -t2_44;
-        let t2_46 = like.lift(0.4).mul_add(cos_q1, t2_24);
-        let t2_47 = t2_46 - t2_29;
-        let t2_48 = -t2_47;
-        let t2_49 = like.lift(0.4).mul_add(cos_q4, pivot_1);
-        let t2_50 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
-        let t2_51 = sin_q3.mul_add(t2_50, like.lift(0.06928203230275509));
-        let t2_52 = sin_q2.mul_add(t2_36, t2_51);
-        let t2_53 = -t2_52;
-        let t2_54 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_35);
-        let t2_55 = cos_q3.mul_add(t2_50, like.lift(0.04));
-        let t2_56 = (-sin_q2).mul_add(t2_30, t2_55);
-        let t2_57 = -t2_56;
-        let t2_58 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_39);
-        let t2_59 = like.lift(1.0) / cos_q4_q5;
-        let t2_60 = sin_q4_q5 * t2_59;
-        let pivot_2 = (-t2_27).mul_add(t2_60, t2_17);
+        let t2_39 = like.lift(0.4).mul_add(cos_q4, pivot_1);
+        let t2_40 = like.lift(1.0) / cos_q4_q5;
+        let t2_41 = sin_q4_q5 * t2_40;
+        let t2_42 = (-t2_23).mul_add(t2_41, t2_26);
+        let t2_43 = like.lift(2.5) * t2_40;
+        let t2_44 = like.lift(0.4) * sin_q3;
+        let t2_45 = like.lift(0.06928203230275509) + t2_44;
+        let t2_46 = -t2_45;
+        let t2_47 = sin_q1_q2_q3_minus_q6 * cos_q7;
+        let sin_q1_q2_q3_minus_q6_minus_q7 = (-cos_q1_q2_q3_minus_q6).mul_add(sin_q7, t2_47);
+        let t2_48 = cos_q1_q2_q3_minus_q6 * cos_q7;
+        let cos_q1_q2_q3_minus_q6_minus_q7 = sin_q1_q2_q3_minus_q6.mul_add(sin_q7, t2_48);
+        let t2_49 = like.lift(0.4) * sin_q1_q2_q3_minus_q6_minus_q7;
+        let t2_50 = like.lift(0.4) * cos_q1_q2_q3_minus_q6_minus_q7;
+        let t2_51 = like.lift(0.4).mul_add(sin_q1_q2_q3_minus_q6, t2_49);
+        let t2_52 = like.lift(0.4).mul_add(cos_q1_q2_q3_minus_q6, t2_50);
+        let t2_53 = sin_q7 * p_my_rod3;
+        let t2_54 = like.lift(0.4) * cos_q3;
+        let t2_55 = like.lift(0.04) + t2_54;
+        let t2_56 = -t2_55;
+        let t2_57 = -t2_28;
+        let t2_58 = t2_24.mul_add(t2_41, t2_28);
+        let t2_59 = -t2_36;
+        let t2_60 = (-t2_39).mul_add(t2_41, t2_36);
+        let pivot_2 = (-t2_22).mul_add(t2_41, t2_29);
+        let t2_61 = -t2_24;
+        let t2_62 = like.lift(0.4).mul_add(cos_q2, like.lift(0.4));
+        let t2_63 = sin_q3.mul_add(t2_62, like.lift(0.06928203230275509));
+        let t2_64 = sin_q2.mul_add(t2_54, t2_63);
+        let t2_65 = cos_q3.mul_add(t2_62, like.lift(0.04));
+        let t2_66 = sin_q2 * cos_q3;
+        let t2_67 = (-sin_q2).mul_add(t2_44, t2_65);
+        let sin_q2_q3 = cos_q2.mul_add(sin_q3, t2_66);
+        let t2_68 = like.lift(0.4) * p_my_platform;
+        let t2_69 = (-t2_68).mul_add(sin_q2_q3, t2_6);
+        let t2_70 = -t2_64;
+        let t2_71 = -t2_67;
         let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_61 = t2_47.mul_add(t2_60, t2_42);
-        let t2_62 = (-t2_29).mul_add(t2_60, t2_16);
-        let t2_63 = t2_37 * inv_pivot_2;
-        let pivot_3 = t2_62.mul_add(t2_63, like.lift(0.04));
+        let t2_72 = t2_55 * inv_pivot_2;
+        let t2_73 = t2_58.mul_add(t2_72, t2_67);
+        let t2_74 = t2_45 * inv_pivot_2;
+        let pivot_3 = t2_42.mul_add(t2_72, like.lift(0.04));
+        let t2_75 = t2_60 * t2_72;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_64 = t2_61.mul_add(t2_63, t2_56);
-        let t2_65 = t2_31 * inv_pivot_2;
-        let t2_66 = t2_62.mul_add(t2_65, like.lift(0.06928203230275509));
-        let t2_67 = t2_66 * inv_pivot_3;
-        let t2_68 = (-t2_64).mul_add(t2_67, t2_52);
-        let t2_69 = t2_61.mul_add(t2_65, t2_68);
-        let pivot_4 = (-t2_67).mul_add(t2_39, t2_35);
+        let t2_76 = -pivot_3;
+        let t2_77 = t2_42.mul_add(t2_74, like.lift(0.06928203230275509));
+        let t2_78 = t2_77 * inv_pivot_3;
+        let t2_79 = (-t2_73).mul_add(t2_78, t2_64);
+        let t2_80 = t2_58.mul_add(t2_74, t2_79);
+        let t2_81 = t2_60 * t2_74;
+        let t2_82 = (-t2_75).mul_add(t2_78, t2_81);
+        let pivot_4 = (-t2_78).mul_add(t2_50, t2_49);
+        let t2_83 = (-t2_52).mul_add(t2_78, t2_51);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_70 = t2_69 * inv_pivot_4;
-        let t2_71 = (-t2_70).mul_add(t2_39, t2_64);
-        let t2_72 = inv_pivot_3 * t2_71;
-        let t2_73 = (-t2_62).mul_add(t2_72, t2_61);
-        let t2_74 = inv_pivot_2 * t2_73;
-        let t2_75 = -t2_74;
-        let t2_76 = (-t2_49).mul_add(t2_60, t2_44);
-        let t2_77 = t2_76 * t2_63;
-        let t2_78 = t2_76 * t2_65;
-        let t2_79 = (-t2_77).mul_add(t2_67, t2_78);
-        let t2_80 = t2_79 * inv_pivot_4;
-        let t2_81 = (-t2_80).mul_add(t2_39, t2_77);
-        let t2_82 = inv_pivot_3 * t2_81;
-        let t2_83 = (-t2_62).mul_add(t2_82, t2_76);
-        let t2_84 = inv_pivot_2 * t2_83;
-        let t2_85 = -t2_84;
-        let t2_86 = (-t2_58).mul_add(t2_67, t2_54);
-        let t2_87 = t2_86 * inv_pivot_4;
-        let t2_88 = (-t2_87).mul_add(t2_39, t2_58);
-        let t2_89 = inv_pivot_3 * t2_88;
-        let t2_90 = inv_pivot_2 * t2_62;
-        let t2_91 = t2_90 * t2_89;
-        let t2_92 = -t2_91;
-        let t2_93 = -t2_89;
-        let t2_94 = t2_29.mul_add(t2_72, t2_47);
-        let t2_95 = t2_27.mul_add(t2_74, t2_94);
-        let t2_96 = like.lift(2.5) * t2_59;
-        let t2_97 = t2_95 * t2_96;
-        let t2_98 = -t2_97;
-        let t2_99 = (-t2_29).mul_add(t2_82, t2_49);
-        let t2_100 = (-t2_27).mul_add(t2_84, t2_99);
-        let t2_101 = t2_100 * t2_96;
-        let t2_102 = t2_27 * t2_91;
-        let t2_103 = (-t2_29).mul_add(t2_89, t2_102);
-        let t2_104 = t2_103 * t2_96;
-        let t2_105 = -t2_104;
-        let t2_106 = -t2_70;
-        let t2_107 = -t2_80;
-        let t2_108 = -pivot_3;
+        let t2_84 = t2_80 * inv_pivot_4;
+        let t2_85 = (-t2_84).mul_add(t2_50, t2_73);
+        let t2_86 = inv_pivot_3 * t2_85;
+        let t2_87 = (-t2_42).mul_add(t2_86, t2_58);
+        let t2_88 = inv_pivot_2 * t2_87;
+        let t2_89 = t2_82 * inv_pivot_4;
+        let t2_90 = t2_83 * inv_pivot_4;
+        let t2_91 = (-t2_89).mul_add(t2_50, t2_75);
+        let t2_92 = inv_pivot_3 * t2_91;
+        let t2_93 = (-t2_42).mul_add(t2_92, t2_60);
+        let t2_94 = inv_pivot_2 * t2_93;
+        let t2_95 = inv_pivot_2 * t2_42;
+        let t2_96 = t2_23.mul_add(t2_86, t2_24);
+        let t2_97 = t2_22.mul_add(t2_88, t2_96);
+        let t2_98 = -t2_88;
+        let t2_99 = t2_97 * t2_43;
+        let t2_100 = -t2_99;
+        let t2_101 = -t2_84;
+        let t2_102 = -t2_89;
+        let t2_103 = (-t2_90).mul_add(t2_50, t2_52);
+        let t2_104 = inv_pivot_3 * t2_103;
+        let t2_105 = t2_95 * t2_104;
+        let t2_106 = -t2_94;
+        let t2_107 = (-t2_23).mul_add(t2_92, t2_39);
+        let t2_108 = (-t2_22).mul_add(t2_94, t2_107);
+        let t2_109 = t2_108 * t2_43;
+        let t2_110 = t2_22 * t2_105;
+        let t2_111 = (-t2_23).mul_add(t2_104, t2_110);
+        let t2_112 = t2_111 * t2_43;
+        let t2_113 = -t2_105;
+        let t2_114 = -t2_104;
+        let t2_115 = -t2_112;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.6563845995423425)).abs()
             .min((pivot_2 * like.lift(2.2678159988964297)).abs())
-            .min((t2_108 * like.lift(17.496940338012887)).abs())
+            .min((t2_76 * like.lift(17.496940338012887)).abs())
             .min((pivot_4 * like.lift(2.6702462158418983)).abs());
         let ([
             [x_q2_q1, x_q2_q4, x_q2_q6], [x_q3_q1, x_q3_q4, x_q3_q6],
             [x_q5_q1, x_q5_q4, x_q5_q6], [x_q7_q1, x_q7_q4, x_q7_q6],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_75, t2_85, t2_92], [t2_72, t2_82, t2_93], [t2_98, t2_101, t2_105],
-                [t2_106, t2_107, t2_87],
+                [t2_98, t2_106, t2_113], [t2_86, t2_92, t2_114], [t2_100, t2_109, t2_115],
+                [t2_101, t2_102, t2_90],
             ],
             margin,
             || (
                 [
-                    [t2_17, t2_18, t2_22, like.lift(0.0)],
-                    [t2_28, t2_29, pivot_1, like.lift(0.0)],
+                    [t2_29, t2_30, t2_37, like.lift(0.0)],
+                    [t2_38, t2_23, pivot_1, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_32, like.lift(-0.06928203230275509), like.lift(0.0), t2_35],
-                    [t2_38, like.lift(-0.04), like.lift(0.0), t2_39],
+                    [t2_46, like.lift(-0.06928203230275509), like.lift(0.0), t2_49],
+                    [t2_56, like.lift(-0.04), like.lift(0.0), t2_50],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_43, t2_45, like.lift(0.0)], [t2_48, t2_49, like.lift(0.0)],
+                    [t2_57, t2_59, like.lift(0.0)], [t2_61, t2_39, like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
-                    [t2_53, like.lift(0.0), t2_54], [t2_57, like.lift(0.0), t2_58],
+                    [t2_70, like.lift(0.0), t2_51], [t2_71, like.lift(0.0), t2_52],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5464,85 +5517,80 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 19]) -> ([[T; 3]; 3], 
         );
         condition = condition.min(found);
         [
-            t2_1, t2_3, t2_7, t2_8, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1, x_q3_q4, x_q3_q6,
-            x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
+            t2_3, t2_6, t2_8, t2_9, t2_34, t2_53, t2_69, x_q2_q1, x_q2_q4, x_q2_q6, x_q3_q1,
+            x_q3_q4, x_q3_q6, x_q5_q1, x_q5_q4, x_q5_q6, x_q7_q1, x_q7_q4, x_q7_q6,
         ]
     };
     // M
     {
-        let t3_1 = like.lift(-0.4).mul_add(t2_1, p_izz_platform);
-        let t3_2 = sin_q2 * cos_q3;
-        let sin_q2_q3 = cos_q2.mul_add(sin_q3, t3_2);
-        let t3_3 = like.lift(0.4) * p_my_platform;
-        let t3_4 = (-t3_3).mul_add(sin_q2_q3, t3_1);
-        let t3_5 = (-t3_1).mul_add(x_q3_q1, t2_8);
-        let t3_6 = (-t2_3).mul_add(x_q2_q1, t3_5);
-        let t3_7 = (-p_izz_platform).mul_add(x_q3_q1, t3_4);
-        let t3_8 = (-t3_1).mul_add(x_q2_q1, t3_7);
-        let t3_9 = t3_6 + t2_8;
-        let t3_10 = t3_8 + t3_4;
-        let t3_11 = x_q7_q1 * p_izz_rod3;
-        let t3_12 = t3_11.mul_add(x_q7_q1, p_izz_crank1);
-        let t3_13 = x_q5_q1 * p_izz_rod2;
-        let t3_14 = t3_13.mul_add(x_q5_q1, t3_12);
-        let t3_15 = (-x_q3_q1).mul_add(t3_10, t3_14);
-        let t3_16 = (-x_q2_q1).mul_add(t3_9, t3_15);
-        let t3_17 = like.lift(0.8).mul_add(t2_7, t3_16);
-        let t3_18 = t3_17 + t2_3;
-        let t3_19 = t3_1 * x_q3_q4;
-        let t3_20 = t2_3.mul_add(x_q2_q4, t3_19);
-        let t3_21 = p_izz_platform * x_q3_q4;
-        let t3_22 = t3_1.mul_add(x_q2_q4, t3_21);
-        let t3_23 = cos_q5 * p_mx_rod2;
-        let t3_24 = (-sin_q5).mul_add(p_my_rod2, t3_23);
-        let t3_25 = like.lift(0.4).mul_add(t3_24, p_izz_rod2);
-        let t3_26 = (-p_izz_rod2).mul_add(x_q5_q4, t3_25);
-        let t3_27 = p_izz_rod3 * x_q7_q4;
-        let t3_28 = x_q5_q1 * t3_26;
-        let t3_29 = (-x_q7_q1).mul_add(t3_27, t3_28);
-        let t3_30 = (-x_q3_q1).mul_add(t3_22, t3_29);
-        let t3_31 = (-x_q2_q1).mul_add(t3_20, t3_30);
-        let t3_32 = t3_4.mul_add(x_q3_q4, t3_31);
-        let t3_33 = t2_8.mul_add(x_q2_q4, t3_32);
-        let t3_34 = -t3_33;
-        let t3_35 = t3_1 * x_q3_q6;
-        let t3_36 = t2_3.mul_add(x_q2_q6, t3_35);
-        let t3_37 = p_izz_platform * x_q3_q6;
-        let t3_38 = t3_1.mul_add(x_q2_q6, t3_37);
-        let t3_39 = p_izz_rod2 * x_q5_q6;
-        let t3_40 = sin_q7 * p_my_rod3;
-        let t3_41 = like.lift(-0.4).mul_add(t3_40, p_izz_rod3);
+        let t3_1 = (-t2_6).mul_add(x_q3_q1, t2_9);
+        let t3_2 = (-t2_3).mul_add(x_q2_q1, t3_1);
+        let t3_3 = t3_2 + t2_9;
+        let t3_4 = (-p_izz_platform).mul_add(x_q3_q1, t2_69);
+        let t3_5 = (-t2_6).mul_add(x_q2_q1, t3_4);
+        let t3_6 = t3_5 + t2_69;
+        let t3_7 = x_q7_q1 * p_izz_rod3;
+        let t3_8 = t3_7.mul_add(x_q7_q1, p_izz_crank1);
+        let t3_9 = x_q5_q1 * p_izz_rod2;
+        let t3_10 = t3_9.mul_add(x_q5_q1, t3_8);
+        let t3_11 = (-x_q3_q1).mul_add(t3_6, t3_10);
+        let t3_12 = (-x_q2_q1).mul_add(t3_3, t3_11);
+        let t3_13 = like.lift(0.8).mul_add(t2_8, t3_12);
+        let t3_14 = t3_13 + t2_3;
+        m[0][0] = t3_14;
+        let t3_15 = t2_6 * x_q3_q4;
+        let t3_16 = t2_3.mul_add(x_q2_q4, t3_15);
+        let t3_17 = t2_6 * x_q3_q6;
+        let t3_18 = t2_3.mul_add(x_q2_q6, t3_17);
+        let t3_19 = p_izz_platform * x_q3_q4;
+        let t3_20 = t2_6.mul_add(x_q2_q4, t3_19);
+        let t3_21 = p_izz_platform * x_q3_q6;
+        let t3_22 = t2_6.mul_add(x_q2_q6, t3_21);
+        let t3_23 = like.lift(0.4).mul_add(t2_34, p_izz_rod2);
+        let t3_24 = (-p_izz_rod2).mul_add(x_q5_q4, t3_23);
+        let t3_25 = p_izz_rod3 * x_q7_q4;
+        let t3_26 = x_q5_q1 * t3_24;
+        let t3_27 = (-x_q7_q1).mul_add(t3_25, t3_26);
+        let t3_28 = (-x_q3_q1).mul_add(t3_20, t3_27);
+        let t3_29 = (-x_q2_q1).mul_add(t3_16, t3_28);
+        let t3_30 = t2_69.mul_add(x_q3_q4, t3_29);
+        let t3_31 = t2_9.mul_add(x_q2_q4, t3_30);
+        let t3_32 = -t3_31;
+        m[0][1] = t3_32; m[1][0] = t3_32;
+        let t3_33 = t3_24 + t3_23;
+        let t3_34 = x_q7_q4.mul_add(t3_25, p_izz_crank2);
+        let t3_35 = (-x_q5_q4).mul_add(t3_33, t3_34);
+        let t3_36 = like.lift(0.8).mul_add(t2_34, t3_35);
+        let t3_37 = t3_36 + p_izz_rod2;
+        let t3_38 = x_q3_q4.mul_add(t3_20, t3_37);
+        let t3_39 = x_q2_q4.mul_add(t3_16, t3_38);
+        m[1][1] = t3_39;
+        let t3_40 = p_izz_rod2 * x_q5_q6;
+        let t3_41 = like.lift(-0.4).mul_add(t2_53, p_izz_rod3);
         let t3_42 = (-p_izz_rod3).mul_add(x_q7_q6, t3_41);
         let t3_43 = x_q7_q1 * t3_42;
-        let t3_44 = (-x_q5_q1).mul_add(t3_39, t3_43);
-        let t3_45 = (-x_q3_q1).mul_add(t3_38, t3_44);
-        let t3_46 = (-x_q2_q1).mul_add(t3_36, t3_45);
-        let t3_47 = t3_4.mul_add(x_q3_q6, t3_46);
-        let t3_48 = t2_8.mul_add(x_q2_q6, t3_47);
+        let t3_44 = (-x_q5_q1).mul_add(t3_40, t3_43);
+        let t3_45 = (-x_q3_q1).mul_add(t3_22, t3_44);
+        let t3_46 = (-x_q2_q1).mul_add(t3_18, t3_45);
+        let t3_47 = t2_69.mul_add(x_q3_q6, t3_46);
+        let t3_48 = t2_9.mul_add(x_q2_q6, t3_47);
         let t3_49 = -t3_48;
-        m[0] = [t3_18, t3_34, t3_49];
-        let t3_50 = t3_26 + t3_25;
-        let t3_51 = x_q7_q4.mul_add(t3_27, p_izz_crank2);
-        let t3_52 = (-x_q5_q4).mul_add(t3_50, t3_51);
-        let t3_53 = like.lift(0.8).mul_add(t3_24, t3_52);
-        let t3_54 = t3_53 + p_izz_rod2;
-        let t3_55 = x_q3_q4.mul_add(t3_22, t3_54);
-        let t3_56 = x_q2_q4.mul_add(t3_20, t3_55);
-        let t3_57 = x_q7_q4 * t3_42;
-        let t3_58 = (-x_q5_q4).mul_add(t3_39, t3_57);
-        let t3_59 = t3_25.mul_add(x_q5_q6, t3_58);
-        let t3_60 = (-x_q3_q4).mul_add(t3_38, t3_59);
-        let t3_61 = (-x_q2_q4).mul_add(t3_36, t3_60);
-        let t3_62 = -t3_61;
-        m[1] = [t3_34, t3_56, t3_62];
-        let t3_63 = t3_42 + t3_41;
-        let t3_64 = (-x_q7_q6).mul_add(t3_63, p_izz_crank3);
-        let t3_65 = like.lift(-0.8).mul_add(t3_40, t3_64);
-        let t3_66 = t3_65 + p_izz_rod3;
-        let t3_67 = x_q5_q6.mul_add(t3_39, t3_66);
-        let t3_68 = x_q3_q6.mul_add(t3_38, t3_67);
-        let t3_69 = x_q2_q6.mul_add(t3_36, t3_68);
-        m[2] = [t3_49, t3_62, t3_69];
+        m[0][2] = t3_49; m[2][0] = t3_49;
+        let t3_50 = x_q7_q4 * t3_42;
+        let t3_51 = (-x_q5_q4).mul_add(t3_40, t3_50);
+        let t3_52 = t3_23.mul_add(x_q5_q6, t3_51);
+        let t3_53 = (-x_q3_q4).mul_add(t3_22, t3_52);
+        let t3_54 = (-x_q2_q4).mul_add(t3_18, t3_53);
+        let t3_55 = t3_42 + t3_41;
+        let t3_56 = (-x_q7_q6).mul_add(t3_55, p_izz_crank3);
+        let t3_57 = -t3_54;
+        m[1][2] = t3_57; m[2][1] = t3_57;
+        let t3_58 = like.lift(-0.8).mul_add(t2_53, t3_56);
+        let t3_59 = t3_58 + p_izz_rod3;
+        let t3_60 = x_q5_q6.mul_add(t3_40, t3_59);
+        let t3_61 = x_q3_q6.mul_add(t3_22, t3_60);
+        let t3_62 = x_q2_q6.mul_add(t3_18, t3_61);
+        m[2][2] = t3_62;
     }
     (m, Condition { pivot: condition })
 }

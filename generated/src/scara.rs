@@ -216,10 +216,7 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 4]) -> ([T; 4], Condition<T>
     let [d_q1, d_q2, d_q3, d_q4] = *qd_i;
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
-        qd[0] = d_q1;
-        qd[1] = d_q2;
-        qd[2] = d_q3;
-        qd[3] = d_q4;
+        qd[0] = d_q1; qd[1] = d_q2; qd[2] = d_q3; qd[3] = d_q4;
     }
     (qd, Condition::regular(like))
 }
@@ -238,10 +235,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 4]) -> ([T;
     let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
-        qdd[0] = dd_q1;
-        qdd[1] = dd_q2;
-        qdd[2] = dd_q3;
-        qdd[3] = dd_q4;
+        qdd[0] = dd_q1; qdd[1] = dd_q2; qdd[2] = dd_q3; qdd[3] = dd_q4;
     }
     let _ = qd;
     (qdd, Condition::regular(like))
@@ -307,114 +301,127 @@ pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 
 pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 40]) -> Condition<T> {
     let like = q[0];
     let [_, q2, _, q4] = *q;
-    let [d_q1, d_q2, _, d_q4] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q4, cos_q4] = {
         let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
             T::sin_cos_all([q2, q4]);
         [sin_q2, cos_q2, sin_q4, cos_q4]
     };
+    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         w[5][0] = dd_q1;
     }
+    let [d_q1, d_q2, _, d_q4] = *qd;
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_2z, a_2y, w_2z, t3_4, t3_5, t3_6, t3_7, a_2x, t3_12] = {
+    let [al_2z, a_2y, a_2x, w_2z, t3_7, t3_8, t3_11, t3_14, t3_16] = {
         let al_2z = dd_q1 + dd_q2;
         w[15][0] = al_2z; w[15][1] = al_2z;
         let t3_1 = d_q1 * d_q1;
         let t3_2 = cos_q2 * dd_q1;
         let t3_3 = sin_q2.mul_add(t3_1, t3_2);
         let a_2y = like.lift(0.325) * t3_3;
+        w[16][1] = a_2y;
+        let t3_4 = sin_q2 * dd_q1;
+        let t3_5 = (-cos_q2).mul_add(t3_1, t3_4);
+        let t3_6 = like.lift(0.325) * t3_5;
+        let a_2x = -t3_6;
+        w[17][1] = a_2x;
         let w_2z = d_q1 + d_q2;
-        let t3_4 = w_2z * w_2z;
-        let t3_5 = like.lift(0.325) * sin_q2;
-        let t3_6 = t3_4 * t3_5;
-        let t3_7 = like.lift(0.325) * cos_q2;
-        let t3_8 = al_2z.mul_add(t3_7, a_2y);
-        let w_mx_2_q1 = t3_8 - t3_6;
-        w[16][0] = w_mx_2_q1; w[16][1] = a_2y;
-        let t3_9 = sin_q2 * dd_q1;
-        let t3_10 = (-cos_q2).mul_add(t3_1, t3_9);
-        let t3_11 = like.lift(0.325) * t3_10;
-        let a_2x = -t3_11;
-        let t3_12 = al_2z * t3_5;
-        let t3_13 = (-t3_4).mul_add(t3_7, a_2x);
-        let w_my_2_q1 = t3_13 - t3_12;
-        w[17][0] = w_my_2_q1; w[17][1] = a_2x;
-        let t3_14 = cos_q2 * a_2y;
-        let t3_15 = (-sin_q2).mul_add(a_2x, t3_14);
-        let t3_16 = like.lift(0.325) * t3_15;
-        let w_m_2_q1 = -t3_16;
-        let t3_17 = -w_m_2_q1;
-        w[19][0] = t3_17;
-        [al_2z, a_2y, w_2z, t3_4, t3_5, t3_6, t3_7, a_2x, t3_12]
+        let t3_7 = w_2z * w_2z;
+        let t3_8 = like.lift(0.325) * sin_q2;
+        let t3_9 = cos_q2 * a_2y;
+        let t3_10 = (-sin_q2).mul_add(a_2x, t3_9);
+        let t3_11 = like.lift(0.325) * cos_q2;
+        let t3_12 = like.lift(0.325) * t3_10;
+        let w_m_2_q1 = -t3_12;
+        let t3_13 = -w_m_2_q1;
+        w[19][0] = t3_13;
+        let t3_14 = t3_7 * t3_8;
+        let t3_15 = al_2z.mul_add(t3_11, a_2y);
+        let w_mx_2_q1 = t3_15 - t3_14;
+        w[16][0] = w_mx_2_q1;
+        let t3_16 = al_2z * t3_8;
+        let t3_17 = (-t3_7).mul_add(t3_11, a_2x);
+        let w_my_2_q1 = t3_17 - t3_16;
+        w[17][0] = w_my_2_q1;
+        [al_2z, a_2y, a_2x, w_2z, t3_7, t3_8, t3_11, t3_14, t3_16]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [a_3y, u_3_q1y, a_3x, t4_8] = {
-        let t4_1 = like.lift(0.275) * al_2z;
-        let a_3y = a_2y + t4_1;
-        let u_3_q1y = like.lift(0.275) + t3_7;
-        let t4_2 = al_2z.mul_add(u_3_q1y, a_3y);
-        let w_mx_3_q1 = t4_2 - t3_6;
-        let w_mx_3_q2 = t4_1 + a_3y;
-        w[26][0] = w_mx_3_q1; w[26][1] = w_mx_3_q2;
-        let a_3x = like.lift(0.275).mul_add(t3_4, a_2x);
-        let t4_3 = (-t3_4).mul_add(u_3_q1y, a_3x);
-        let w_my_3_q1 = t4_3 - t3_12;
-        let t4_4 = -w_my_3_q1;
-        let t4_5 = -a_2x;
-        w[27][0] = t4_4; w[27][1] = t4_5;
-        let t4_6 = a_3x * t3_5;
-        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t4_6);
-        let t4_7 = -w_m_3_q1;
-        let w_m_3_q2 = like.lift(0.275) * a_3y;
-        let a_3z = like.lift(9.81) - dd_q3;
-        let t4_8 = -a_3z;
-        w[29][0] = t4_7; w[29][1] = w_m_3_q2; w[29][2] = t4_8;
+    let [u_3_q1y, a_3x, t4_4, a_3y] = {
         w[25][0] = al_2z; w[25][1] = al_2z;
-        [a_3y, u_3_q1y, a_3x, t4_8]
+        let u_3_q1y = like.lift(0.275) + t3_11;
+        let t4_1 = -a_2x;
+        w[27][1] = t4_1;
+        let a_3x = like.lift(0.275).mul_add(t3_7, a_2x);
+        let t4_2 = (-t3_7).mul_add(u_3_q1y, a_3x);
+        let w_my_3_q1 = t4_2 - t3_16;
+        let t4_3 = -w_my_3_q1;
+        w[27][0] = t4_3;
+        let a_3z = like.lift(9.81) - dd_q3;
+        let t4_4 = -a_3z;
+        w[29][2] = t4_4;
+        let t4_5 = like.lift(0.275) * al_2z;
+        let a_3y = a_2y + t4_5;
+        let w_mx_3_q2 = t4_5 + a_3y;
+        w[26][1] = w_mx_3_q2;
+        let t4_6 = al_2z.mul_add(u_3_q1y, a_3y);
+        let w_mx_3_q1 = t4_6 - t3_14;
+        w[26][0] = w_mx_3_q1;
+        let w_m_3_q2 = like.lift(0.275) * a_3y;
+        w[29][1] = w_m_3_q2;
+        let t4_7 = a_3x * t3_8;
+        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t4_7);
+        let t4_8 = -w_m_3_q1;
+        w[29][0] = t4_8;
+        [u_3_q1y, a_3x, t4_4, a_3y]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        w[39][2] = t4_4;
         let al_4z = dd_q4 - al_2z;
+        w[35][3] = al_4z;
         let t5_1 = -al_4z;
-        w[35][0] = t5_1; w[35][1] = t5_1; w[35][3] = al_4z;
-        let t5_2 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t5_2);
+        w[35][0] = t5_1; w[35][1] = t5_1;
         let w_4z = d_q4 - w_2z;
-        let t5_3 = w_4z * w_4z;
-        let t5_4 = cos_q4 * t3_5;
-        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_4);
-        let t5_5 = cos_q4 * u_3_q1y;
-        let u_4_q1y = sin_q4.mul_add(t3_5, t5_5);
-        let t5_6 = al_4z.mul_add(u_4_q1y, a_4y);
-        let w_mx_4_q1 = t5_3.mul_add(u_4_q1x, t5_6);
-        let t5_7 = -w_mx_4_q1;
-        let t5_8 = cos_q4 * al_4z;
-        let t5_9 = (-sin_q4).mul_add(t5_3, t5_8);
-        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_9, a_4y);
-        let t5_10 = -w_mx_4_q2;
-        w[36][0] = t5_7; w[36][1] = t5_10; w[36][3] = a_4y;
-        let t5_11 = sin_q4 * a_3y;
-        let a_4x = cos_q4.mul_add(a_3x, t5_11);
-        let t5_12 = (-t5_3).mul_add(u_4_q1y, a_4x);
+        let t5_2 = w_4z * w_4z;
+        let t5_3 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t5_3);
+        w[36][3] = a_4y;
+        let t5_4 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t5_4);
+        w[37][3] = a_4x;
+        let t5_5 = cos_q4 * t3_8;
+        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_5);
+        let t5_6 = cos_q4 * u_3_q1y;
+        let u_4_q1y = sin_q4.mul_add(t3_8, t5_6);
+        let t5_7 = al_4z.mul_add(u_4_q1y, a_4y);
+        let w_mx_4_q1 = t5_2.mul_add(u_4_q1x, t5_7);
+        let t5_8 = -w_mx_4_q1;
+        w[36][0] = t5_8;
+        let t5_9 = cos_q4 * al_4z;
+        let t5_10 = (-sin_q4).mul_add(t5_2, t5_9);
+        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_10, a_4y);
+        let t5_11 = -w_mx_4_q2;
+        w[36][1] = t5_11;
+        let t5_12 = (-t5_2).mul_add(u_4_q1y, a_4x);
         let w_my_4_q1 = al_4z.mul_add(u_4_q1x, t5_12);
         let t5_13 = -w_my_4_q1;
-        let t5_14 = cos_q4 * t5_3;
+        w[37][0] = t5_13;
+        let t5_14 = cos_q4 * t5_2;
         let t5_15 = sin_q4.mul_add(al_4z, t5_14);
         let w_my_4_q2 = like.lift(-0.275).mul_add(t5_15, a_4x);
         let t5_16 = -w_my_4_q2;
-        w[37][0] = t5_13; w[37][1] = t5_16; w[37][3] = a_4x;
+        w[37][1] = t5_16;
         let t5_17 = a_4y * u_4_q1y;
         let w_m_4_q1 = a_4x.mul_add(u_4_q1x, t5_17);
-        let t5_18 = -w_m_4_q1;
-        let t5_19 = cos_q4 * a_4y;
-        let t5_20 = (-sin_q4).mul_add(a_4x, t5_19);
-        let t5_21 = like.lift(0.275) * t5_20;
+        let t5_18 = cos_q4 * a_4y;
+        let t5_19 = (-sin_q4).mul_add(a_4x, t5_18);
+        let t5_20 = -w_m_4_q1;
+        w[39][0] = t5_20;
+        let t5_21 = like.lift(0.275) * t5_19;
         let w_m_4_q2 = -t5_21;
-        w[39][0] = t5_18; w[39][1] = w_m_4_q2; w[39][2] = t4_8;
+        w[39][1] = w_m_4_q2;
     }
     Condition::regular(like)
 }
@@ -432,6 +439,12 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
     let [_, q2, _, q4] = *q;
+    // sines and cosines
+    let [sin_q2, cos_q2, sin_q4, cos_q4] = {
+        let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
+            T::sin_cos_all([q2, q4]);
+        [sin_q2, cos_q2, sin_q4, cos_q4]
+    };
     let [d_q1, d_q2, _, d_q4] = *qd;
     let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     let [
@@ -439,12 +452,6 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, p_m_3, _, _, _, _, _, p_izz_4, p_mx_4,
         p_my_4, _, p_m_4,
     ] = *phi;
-    // sines and cosines
-    let [sin_q2, cos_q2, sin_q4, cos_q4] = {
-        let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
-            T::sin_cos_all([q2, q4]);
-        [sin_q2, cos_q2, sin_q4, cos_q4]
-    };
     // tau
     {
         let al_2z = dd_q1 + dd_q2;
@@ -459,52 +466,52 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         let a_3y = like.lift(0.275).mul_add(al_2z, a_2y);
         let w_2z = d_q1 + d_q2;
         let t2_7 = w_2z * w_2z;
+        let w_4z = d_q4 - w_2z;
+        let t2_8 = w_4z * w_4z;
         let a_3x = like.lift(0.275).mul_add(t2_7, a_2x);
         let al_4z = dd_q4 - al_2z;
-        let t2_8 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t2_8);
-        let t2_9 = sin_q4 * a_3y;
-        let a_4x = cos_q4.mul_add(a_3x, t2_9);
-        let t2_10 = al_4z * p_izz_4;
-        let t2_11 = a_4x.mul_add(p_my_4, t2_10);
-        let t2_12 = a_4y.mul_add(p_mx_4, t2_11);
-        tau[3] = t2_12;
-        let w_4z = d_q4 - w_2z;
-        let t2_13 = w_4z * w_4z;
+        let t2_9 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t2_9);
+        let t2_10 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t2_10);
+        let t2_11 = al_4z * p_izz_4;
+        let t2_12 = a_4x.mul_add(p_my_4, t2_11);
+        let t2_13 = a_4y.mul_add(p_mx_4, t2_12);
+        tau[3] = t2_13;
         let t2_14 = a_4x * p_m_4;
         let t2_15 = al_4z.mul_add(p_my_4, t2_14);
-        let t2_16 = t2_13.mul_add(p_mx_4, t2_15);
+        let t2_16 = t2_8.mul_add(p_mx_4, t2_15);
         let t2_17 = a_4y * p_m_4;
-        let t2_18 = (-t2_13).mul_add(p_my_4, t2_17);
+        let t2_18 = (-t2_8).mul_add(p_my_4, t2_17);
         let t2_19 = al_4z.mul_add(p_mx_4, t2_18);
-        let t2_20 = a_3y * p_m_3;
-        let t2_21 = t2_7.mul_add(p_my_3, t2_20);
-        let t2_22 = al_2z.mul_add(p_mx_3, t2_21);
-        let t2_23 = (-cos_q4).mul_add(t2_19, t2_22);
-        let t2_24 = sin_q4.mul_add(t2_16, t2_23);
-        let t2_25 = p_izz_2 + p_izz_3;
-        let t2_26 = al_2z.mul_add(t2_25, -t2_12);
-        let t2_27 = a_2x.mul_add(p_my_2, t2_26);
-        let t2_28 = a_2y.mul_add(p_mx_2, t2_27);
-        let t2_29 = like.lift(0.275).mul_add(t2_24, t2_28);
-        let t2_30 = (-a_3x).mul_add(p_my_3, t2_29);
-        let t2_31 = a_3y.mul_add(p_mx_3, t2_30);
-        tau[1] = t2_31;
-        let t2_32 = p_my_2 - p_my_3;
-        let t2_33 = p_mx_2 + p_mx_3;
-        let t2_34 = a_2x * p_m_2;
-        let t2_35 = al_2z.mul_add(t2_32, t2_34);
-        let t2_36 = t2_7.mul_add(t2_33, t2_35);
-        let t2_37 = a_3x.mul_add(p_m_3, t2_36);
-        let t2_38 = sin_q4.mul_add(t2_19, t2_37);
-        let t2_39 = cos_q4.mul_add(t2_16, t2_38);
-        let t2_40 = a_2y.mul_add(p_m_2, t2_24);
+        let t2_20 = p_izz_2 + p_izz_3;
+        let t2_21 = al_2z.mul_add(t2_20, -t2_13);
+        let t2_22 = a_2x.mul_add(p_my_2, t2_21);
+        let t2_23 = a_2y.mul_add(p_mx_2, t2_22);
+        let t2_24 = a_2x * p_m_2;
+        let t2_25 = p_my_2 - p_my_3;
+        let t2_26 = al_2z.mul_add(t2_25, t2_24);
+        let t2_27 = p_mx_2 + p_mx_3;
+        let t2_28 = t2_7.mul_add(t2_27, t2_26);
+        let t2_29 = a_3x.mul_add(p_m_3, t2_28);
+        let t2_30 = sin_q4.mul_add(t2_19, t2_29);
+        let t2_31 = cos_q4.mul_add(t2_16, t2_30);
+        let t2_32 = sin_q2 * t2_31;
+        let t2_33 = a_3y * p_m_3;
+        let t2_34 = t2_7.mul_add(p_my_3, t2_33);
+        let t2_35 = al_2z.mul_add(p_mx_3, t2_34);
+        let t2_36 = (-cos_q4).mul_add(t2_19, t2_35);
+        let t2_37 = sin_q4.mul_add(t2_16, t2_36);
+        let t2_38 = like.lift(0.275).mul_add(t2_37, t2_23);
+        let t2_39 = (-a_3x).mul_add(p_my_3, t2_38);
+        let t2_40 = a_2y.mul_add(p_m_2, t2_37);
         let t2_41 = (-t2_7).mul_add(p_my_2, t2_40);
         let t2_42 = al_2z.mul_add(p_mx_2, t2_41);
-        let t2_43 = sin_q2 * t2_39;
-        let t2_44 = (-cos_q2).mul_add(t2_42, t2_43);
-        let t2_45 = dd_q1.mul_add(p_izz_1, t2_31);
-        let t2_46 = like.lift(-0.325).mul_add(t2_44, t2_45);
+        let t2_43 = (-cos_q2).mul_add(t2_42, t2_32);
+        let t2_44 = a_3y.mul_add(p_mx_3, t2_39);
+        tau[1] = t2_44;
+        let t2_45 = dd_q1.mul_add(p_izz_1, t2_44);
+        let t2_46 = like.lift(-0.325).mul_add(t2_43, t2_45);
         tau[0] = t2_46;
         let a_3z = like.lift(9.81) - dd_q3;
         let t2_47 = p_m_4 + p_m_3;
@@ -551,17 +558,17 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 4]
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
     let [_, q2, _, q4] = *q;
-    let [d_q1, d_q2, _, d_q4] = *qd;
-    let [
-        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_mx_2, p_my_2, _, p_m_2, _, _, _, _,
-        _, _, p_mx_3, p_my_3, _, p_m_3, _, _, _, _, _, _, p_mx_4, p_my_4, _, p_m_4,
-    ] = *phi;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q4, cos_q4] = {
         let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
             T::sin_cos_all([q2, q4]);
         [sin_q2, cos_q2, sin_q4, cos_q4]
     };
+    let [d_q1, d_q2, _, d_q4] = *qd;
+    let [
+        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_mx_2, p_my_2, _, p_m_2, _, _, _, _,
+        _, _, p_mx_3, p_my_3, _, p_m_3, _, _, _, _, _, _, p_mx_4, p_my_4, _, p_m_4,
+    ] = *phi;
     // tau
     {
         let t2_1 = d_q1 * d_q1;
@@ -569,44 +576,44 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 4]
         let t2_3 = cos_q2 * t2_1;
         let w_2z = d_q1 + d_q2;
         let t2_4 = w_2z * w_2z;
-        let t2_5 = like.lift(0.325) * t2_3;
-        let a_3x = like.lift(0.275).mul_add(t2_4, t2_5);
-        let t2_6 = like.lift(0.325) * t2_2;
-        let t2_7 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(t2_6, t2_7);
-        let t2_8 = sin_q4 * t2_6;
-        let a_4x = cos_q4.mul_add(a_3x, t2_8);
-        let t2_9 = p_my_4 * a_4x;
-        let t2_10 = p_mx_4.mul_add(a_4y, t2_9);
-        tau[3] = t2_10;
         let w_4z = d_q4 - w_2z;
-        let t2_11 = w_4z * w_4z;
-        let t2_12 = p_m_4 * a_4x;
-        let t2_13 = t2_11.mul_add(p_mx_4, t2_12);
-        let t2_14 = t2_11 * p_my_4;
-        let t2_15 = (-p_m_4).mul_add(a_4y, t2_14);
-        let t2_16 = p_m_3 * t2_6;
-        let t2_17 = t2_4.mul_add(p_my_3, t2_16);
-        let t2_18 = cos_q4.mul_add(t2_15, t2_17);
-        let t2_19 = sin_q4.mul_add(t2_13, t2_18);
-        let t2_20 = t2_3 * p_my_2;
-        let t2_21 = t2_2.mul_add(p_mx_2, t2_20);
-        let t2_22 = t2_2.mul_add(p_mx_3, t2_21);
-        let t2_23 = like.lift(0.325).mul_add(t2_22, -t2_10);
-        let t2_24 = like.lift(0.275).mul_add(t2_19, t2_23);
-        let t2_25 = (-p_my_3).mul_add(a_3x, t2_24);
-        tau[1] = t2_25;
-        let t2_26 = p_mx_2 + p_mx_3;
-        let t2_27 = p_m_2 * t2_5;
-        let t2_28 = t2_4.mul_add(t2_26, t2_27);
-        let t2_29 = p_m_3.mul_add(a_3x, t2_28);
-        let t2_30 = (-sin_q4).mul_add(t2_15, t2_29);
-        let t2_31 = cos_q4.mul_add(t2_13, t2_30);
-        let t2_32 = t2_4.mul_add(p_my_2, -t2_19);
-        let t2_33 = (-p_m_2).mul_add(t2_6, t2_32);
-        let t2_34 = cos_q2 * t2_33;
-        let t2_35 = sin_q2.mul_add(t2_31, t2_34);
-        let t2_36 = like.lift(-0.325).mul_add(t2_35, t2_25);
+        let t2_5 = w_4z * w_4z;
+        let t2_6 = like.lift(0.325) * t2_3;
+        let t2_7 = t2_3 * p_my_2;
+        let t2_8 = t2_2.mul_add(p_mx_2, t2_7);
+        let t2_9 = t2_2.mul_add(p_mx_3, t2_8);
+        let t2_10 = like.lift(0.325) * t2_2;
+        let a_3x = like.lift(0.275).mul_add(t2_4, t2_6);
+        let t2_11 = p_m_2 * t2_6;
+        let t2_12 = p_mx_2 + p_mx_3;
+        let t2_13 = t2_4.mul_add(t2_12, t2_11);
+        let t2_14 = p_m_3.mul_add(a_3x, t2_13);
+        let t2_15 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(t2_10, t2_15);
+        let t2_16 = sin_q4 * t2_10;
+        let a_4x = cos_q4.mul_add(a_3x, t2_16);
+        let t2_17 = p_my_4 * a_4x;
+        let t2_18 = p_mx_4.mul_add(a_4y, t2_17);
+        tau[3] = t2_18;
+        let t2_19 = like.lift(0.325).mul_add(t2_9, -t2_18);
+        let t2_20 = p_m_4 * a_4x;
+        let t2_21 = t2_5.mul_add(p_mx_4, t2_20);
+        let t2_22 = t2_5 * p_my_4;
+        let t2_23 = (-p_m_4).mul_add(a_4y, t2_22);
+        let t2_24 = (-sin_q4).mul_add(t2_23, t2_14);
+        let t2_25 = cos_q4.mul_add(t2_21, t2_24);
+        let t2_26 = p_m_3 * t2_10;
+        let t2_27 = t2_4.mul_add(p_my_3, t2_26);
+        let t2_28 = cos_q4.mul_add(t2_23, t2_27);
+        let t2_29 = sin_q4.mul_add(t2_21, t2_28);
+        let t2_30 = like.lift(0.275).mul_add(t2_29, t2_19);
+        let t2_31 = t2_4.mul_add(p_my_2, -t2_29);
+        let t2_32 = (-p_m_2).mul_add(t2_10, t2_31);
+        let t2_33 = cos_q2 * t2_32;
+        let t2_34 = sin_q2.mul_add(t2_25, t2_33);
+        let t2_35 = (-p_my_3).mul_add(a_3x, t2_30);
+        tau[1] = t2_35;
+        let t2_36 = like.lift(-0.325).mul_add(t2_34, t2_35);
         tau[0] = t2_36;
     }
     (tau, Condition::regular(like))
@@ -623,52 +630,55 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 4]; 4], Condit
     let like = q[0];
     let mut m = [[like.lift(0.0); 4]; 4];
     let [_, q2, _, q4] = *q;
-    let [
-        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2,
-        _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, p_m_3, _, _, _, _, _, p_izz_4, p_mx_4,
-        p_my_4, _, p_m_4,
-    ] = *phi;
     // sines and cosines
     let [sin_q4, cos_q4, sin_q2, cos_q2] = {
         let [(sin_q4, cos_q4), (sin_q2, cos_q2)] =
             T::sin_cos_all([q4, q2]);
         [sin_q4, cos_q4, sin_q2, cos_q2]
     };
+    let [
+        _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2,
+        _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, p_m_3, _, _, _, _, _, p_izz_4, p_mx_4,
+        p_my_4, _, p_m_4,
+    ] = *phi;
     // M
     {
+        m[3][3] = p_izz_4;
         let t2_1 = sin_q4 * p_my_4;
         let t2_2 = (-cos_q4).mul_add(p_mx_4, t2_1);
-        let t2_3 = p_mx_3 - t2_2;
-        let t2_4 = p_m_3 + p_m_4;
-        m[2][2] = t2_4;
-        let t2_5 = like.lift(0.275).mul_add(t2_4, t2_3);
-        let t2_6 = t2_3 + t2_5;
-        let t2_7 = p_izz_2 + p_izz_4;
-        let t2_8 = t2_7 + p_izz_3;
-        let t2_9 = like.lift(0.275).mul_add(t2_6, t2_8);
-        let t2_10 = p_mx_2 + t2_5;
-        let t2_11 = sin_q4 * p_mx_4;
-        let t2_12 = cos_q4.mul_add(p_my_4, t2_11);
-        let t2_13 = p_my_2 - p_my_3;
-        let t2_14 = t2_13 - t2_12;
-        let t2_15 = cos_q2 * t2_10;
-        let t2_16 = (-sin_q2).mul_add(t2_14, t2_15);
-        let t2_17 = p_m_2 + t2_4;
-        let t2_18 = like.lift(0.325).mul_add(t2_17, t2_16);
-        let t2_19 = like.lift(0.325) * t2_16;
-        let t2_20 = p_izz_1 + t2_9;
-        let t2_21 = like.lift(0.325).mul_add(t2_18, t2_20);
-        let t2_22 = t2_21 + t2_19;
-        let t2_23 = t2_9 + t2_19;
-        let t2_24 = like.lift(-0.275).mul_add(t2_2, p_izz_4);
-        let t2_25 = sin_q2 * t2_12;
-        let t2_26 = (-cos_q2).mul_add(t2_2, t2_25);
-        let t2_27 = like.lift(0.325).mul_add(t2_26, t2_24);
-        let t2_28 = -t2_27;
-        m[0][0] = t2_22; m[0][1] = t2_23; m[0][3] = t2_28;
-        let t2_29 = -t2_24;
-        m[1][0] = t2_23; m[1][1] = t2_9; m[1][3] = t2_29;
-        m[3][0] = t2_28; m[3][1] = t2_29; m[3][3] = p_izz_4;
+        let t2_3 = sin_q4 * p_mx_4;
+        let t2_4 = cos_q4.mul_add(p_my_4, t2_3);
+        let t2_5 = p_mx_3 - t2_2;
+        let t2_6 = p_m_3 + p_m_4;
+        m[2][2] = t2_6;
+        let t2_7 = like.lift(0.275).mul_add(t2_6, t2_5);
+        let t2_8 = t2_5 + t2_7;
+        let t2_9 = p_mx_2 + t2_7;
+        let t2_10 = cos_q2 * t2_9;
+        let t2_11 = p_m_2 + t2_6;
+        let t2_12 = sin_q2 * t2_4;
+        let t2_13 = (-cos_q2).mul_add(t2_2, t2_12);
+        let t2_14 = like.lift(-0.275).mul_add(t2_2, p_izz_4);
+        let t2_15 = like.lift(0.325).mul_add(t2_13, t2_14);
+        let t2_16 = -t2_15;
+        m[0][3] = t2_16; m[3][0] = t2_16;
+        let t2_17 = -t2_14;
+        m[1][3] = t2_17; m[3][1] = t2_17;
+        let t2_18 = p_my_2 - p_my_3;
+        let t2_19 = t2_18 - t2_4;
+        let t2_20 = (-sin_q2).mul_add(t2_19, t2_10);
+        let t2_21 = like.lift(0.325).mul_add(t2_11, t2_20);
+        let t2_22 = like.lift(0.325) * t2_20;
+        let t2_23 = p_izz_2 + p_izz_4;
+        let t2_24 = t2_23 + p_izz_3;
+        let t2_25 = like.lift(0.275).mul_add(t2_8, t2_24);
+        m[1][1] = t2_25;
+        let t2_26 = t2_25 + t2_22;
+        m[0][1] = t2_26; m[1][0] = t2_26;
+        let t2_27 = p_izz_1 + t2_25;
+        let t2_28 = like.lift(0.325).mul_add(t2_21, t2_27);
+        let t2_29 = t2_28 + t2_22;
+        m[0][0] = t2_29;
     }
     (m, Condition::regular(like))
 }
@@ -734,117 +744,130 @@ pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 4], qdd_r: &[T;
 pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 40]) -> Condition<T> {
     let like = q[0];
     let [_, q2, _, q4] = *q;
-    let [d_q1, d_q2, _, d_q4] = *qd;
-    let [r_q1, r_q2, _, r_q4] = *qd_r;
-    let [dr_q1, dr_q2, dr_q3, dr_q4] = *qdd_r;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q4, cos_q4] = {
         let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
             T::sin_cos_all([q2, q4]);
         [sin_q2, cos_q2, sin_q4, cos_q4]
     };
+    let [dr_q1, dr_q2, dr_q3, dr_q4] = *qdd_r;
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         y[5][0] = dr_q1;
     }
+    let [d_q1, d_q2, _, d_q4] = *qd;
+    let [r_q1, r_q2, _, r_q4] = *qd_r;
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_2z, a_2y, w_2z, t3_4, t3_5, t3_6, t3_7, t3_8, a_2x, t3_13] = {
+    let [al_2z, a_2y, a_2x, w_2z, t3_7, t3_8, t3_9, t3_12, t3_15, t3_17] = {
         let al_2z = dr_q1 + dr_q2;
         y[15][0] = al_2z; y[15][1] = al_2z;
         let t3_1 = d_q1 * r_q1;
         let t3_2 = cos_q2 * dr_q1;
         let t3_3 = sin_q2.mul_add(t3_1, t3_2);
         let a_2y = like.lift(0.325) * t3_3;
+        y[16][1] = a_2y;
+        let t3_4 = sin_q2 * dr_q1;
+        let t3_5 = (-cos_q2).mul_add(t3_1, t3_4);
+        let t3_6 = like.lift(0.325) * t3_5;
+        let a_2x = -t3_6;
+        y[17][1] = a_2x;
         let w_2z = d_q1 + d_q2;
-        let t3_4 = r_q1 + r_q2;
-        let t3_5 = w_2z * t3_4;
-        let t3_6 = like.lift(0.325) * sin_q2;
-        let t3_7 = t3_5 * t3_6;
-        let t3_8 = like.lift(0.325) * cos_q2;
-        let t3_9 = al_2z.mul_add(t3_8, a_2y);
-        let w_mx_2_q1 = t3_9 - t3_7;
-        y[16][0] = w_mx_2_q1; y[16][1] = a_2y;
-        let t3_10 = sin_q2 * dr_q1;
-        let t3_11 = (-cos_q2).mul_add(t3_1, t3_10);
-        let t3_12 = like.lift(0.325) * t3_11;
-        let a_2x = -t3_12;
-        let t3_13 = al_2z * t3_6;
-        let t3_14 = (-t3_5).mul_add(t3_8, a_2x);
-        let w_my_2_q1 = t3_14 - t3_13;
-        y[17][0] = w_my_2_q1; y[17][1] = a_2x;
-        let t3_15 = cos_q2 * a_2y;
-        let t3_16 = (-sin_q2).mul_add(a_2x, t3_15);
-        let t3_17 = like.lift(0.325) * t3_16;
-        let w_m_2_q1 = -t3_17;
-        let t3_18 = -w_m_2_q1;
-        y[19][0] = t3_18;
-        [al_2z, a_2y, w_2z, t3_4, t3_5, t3_6, t3_7, t3_8, a_2x, t3_13]
+        let t3_7 = r_q1 + r_q2;
+        let t3_8 = w_2z * t3_7;
+        let t3_9 = like.lift(0.325) * sin_q2;
+        let t3_10 = cos_q2 * a_2y;
+        let t3_11 = (-sin_q2).mul_add(a_2x, t3_10);
+        let t3_12 = like.lift(0.325) * cos_q2;
+        let t3_13 = like.lift(0.325) * t3_11;
+        let w_m_2_q1 = -t3_13;
+        let t3_14 = -w_m_2_q1;
+        y[19][0] = t3_14;
+        let t3_15 = t3_8 * t3_9;
+        let t3_16 = al_2z.mul_add(t3_12, a_2y);
+        let w_mx_2_q1 = t3_16 - t3_15;
+        y[16][0] = w_mx_2_q1;
+        let t3_17 = al_2z * t3_9;
+        let t3_18 = (-t3_8).mul_add(t3_12, a_2x);
+        let w_my_2_q1 = t3_18 - t3_17;
+        y[17][0] = w_my_2_q1;
+        [al_2z, a_2y, a_2x, w_2z, t3_7, t3_8, t3_9, t3_12, t3_15, t3_17]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [a_3y, u_3_q1y, a_3x, t4_8] = {
-        let t4_1 = like.lift(0.275) * al_2z;
-        let a_3y = a_2y + t4_1;
-        let u_3_q1y = like.lift(0.275) + t3_8;
-        let t4_2 = u_3_q1y.mul_add(al_2z, a_3y);
-        let w_mx_3_q1 = t4_2 - t3_7;
-        let w_mx_3_q2 = t4_1 + a_3y;
-        y[26][0] = w_mx_3_q1; y[26][1] = w_mx_3_q2;
-        let a_3x = like.lift(0.275).mul_add(t3_5, a_2x);
-        let t4_3 = (-u_3_q1y).mul_add(t3_5, a_3x);
-        let w_my_3_q1 = t4_3 - t3_13;
-        let t4_4 = -w_my_3_q1;
-        let t4_5 = -a_2x;
-        y[27][0] = t4_4; y[27][1] = t4_5;
-        let t4_6 = a_3x * t3_6;
-        let w_m_3_q1 = (-u_3_q1y).mul_add(a_3y, t4_6);
-        let t4_7 = -w_m_3_q1;
-        let w_m_3_q2 = like.lift(0.275) * a_3y;
-        let a_3z = like.lift(9.81) - dr_q3;
-        let t4_8 = -a_3z;
-        y[29][0] = t4_7; y[29][1] = w_m_3_q2; y[29][2] = t4_8;
+    let [u_3_q1y, a_3x, t4_4, a_3y] = {
         y[25][0] = al_2z; y[25][1] = al_2z;
-        [a_3y, u_3_q1y, a_3x, t4_8]
+        let u_3_q1y = like.lift(0.275) + t3_12;
+        let t4_1 = -a_2x;
+        y[27][1] = t4_1;
+        let a_3x = like.lift(0.275).mul_add(t3_8, a_2x);
+        let t4_2 = (-u_3_q1y).mul_add(t3_8, a_3x);
+        let w_my_3_q1 = t4_2 - t3_17;
+        let t4_3 = -w_my_3_q1;
+        y[27][0] = t4_3;
+        let a_3z = like.lift(9.81) - dr_q3;
+        let t4_4 = -a_3z;
+        y[29][2] = t4_4;
+        let t4_5 = like.lift(0.275) * al_2z;
+        let a_3y = a_2y + t4_5;
+        let w_mx_3_q2 = t4_5 + a_3y;
+        y[26][1] = w_mx_3_q2;
+        let t4_6 = u_3_q1y.mul_add(al_2z, a_3y);
+        let w_mx_3_q1 = t4_6 - t3_15;
+        y[26][0] = w_mx_3_q1;
+        let w_m_3_q2 = like.lift(0.275) * a_3y;
+        y[29][1] = w_m_3_q2;
+        let t4_7 = a_3x * t3_9;
+        let w_m_3_q1 = (-u_3_q1y).mul_add(a_3y, t4_7);
+        let t4_8 = -w_m_3_q1;
+        y[29][0] = t4_8;
+        [u_3_q1y, a_3x, t4_4, a_3y]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        y[39][2] = t4_4;
         let al_4z = dr_q4 - al_2z;
+        y[35][3] = al_4z;
         let t5_1 = -al_4z;
-        y[35][0] = t5_1; y[35][1] = t5_1; y[35][3] = al_4z;
-        let t5_2 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t5_2);
-        let t5_3 = cos_q4 * t3_6;
-        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_3);
+        y[35][0] = t5_1; y[35][1] = t5_1;
         let w_4z = d_q4 - w_2z;
-        let t5_4 = r_q4 - t3_4;
-        let t5_5 = w_4z * t5_4;
-        let t5_6 = cos_q4 * u_3_q1y;
-        let u_4_q1y = sin_q4.mul_add(t3_6, t5_6);
-        let t5_7 = u_4_q1y.mul_add(al_4z, a_4y);
-        let w_mx_4_q1 = u_4_q1x.mul_add(t5_5, t5_7);
-        let t5_8 = -w_mx_4_q1;
-        let t5_9 = cos_q4 * al_4z;
-        let t5_10 = (-sin_q4).mul_add(t5_5, t5_9);
-        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_10, a_4y);
-        let t5_11 = -w_mx_4_q2;
-        y[36][0] = t5_8; y[36][1] = t5_11; y[36][3] = a_4y;
-        let t5_12 = sin_q4 * a_3y;
-        let a_4x = cos_q4.mul_add(a_3x, t5_12);
-        let t5_13 = (-u_4_q1y).mul_add(t5_5, a_4x);
+        let t5_2 = r_q4 - t3_7;
+        let t5_3 = w_4z * t5_2;
+        let t5_4 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t5_4);
+        y[36][3] = a_4y;
+        let t5_5 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t5_5);
+        y[37][3] = a_4x;
+        let t5_6 = cos_q4 * t3_9;
+        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_6);
+        let t5_7 = cos_q4 * u_3_q1y;
+        let u_4_q1y = sin_q4.mul_add(t3_9, t5_7);
+        let t5_8 = u_4_q1y.mul_add(al_4z, a_4y);
+        let w_mx_4_q1 = u_4_q1x.mul_add(t5_3, t5_8);
+        let t5_9 = -w_mx_4_q1;
+        y[36][0] = t5_9;
+        let t5_10 = cos_q4 * al_4z;
+        let t5_11 = (-sin_q4).mul_add(t5_3, t5_10);
+        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_11, a_4y);
+        let t5_12 = -w_mx_4_q2;
+        y[36][1] = t5_12;
+        let t5_13 = (-u_4_q1y).mul_add(t5_3, a_4x);
         let w_my_4_q1 = u_4_q1x.mul_add(al_4z, t5_13);
         let t5_14 = -w_my_4_q1;
-        let t5_15 = cos_q4 * t5_5;
+        y[37][0] = t5_14;
+        let t5_15 = cos_q4 * t5_3;
         let t5_16 = sin_q4.mul_add(al_4z, t5_15);
         let w_my_4_q2 = like.lift(-0.275).mul_add(t5_16, a_4x);
         let t5_17 = -w_my_4_q2;
-        y[37][0] = t5_14; y[37][1] = t5_17; y[37][3] = a_4x;
+        y[37][1] = t5_17;
         let t5_18 = u_4_q1y * a_4y;
         let w_m_4_q1 = u_4_q1x.mul_add(a_4x, t5_18);
-        let t5_19 = -w_m_4_q1;
-        let t5_20 = cos_q4 * a_4y;
-        let t5_21 = (-sin_q4).mul_add(a_4x, t5_20);
-        let t5_22 = like.lift(0.275) * t5_21;
+        let t5_19 = cos_q4 * a_4y;
+        let t5_20 = (-sin_q4).mul_add(a_4x, t5_19);
+        let t5_21 = -w_m_4_q1;
+        y[39][0] = t5_21;
+        let t5_22 = like.lift(0.275) * t5_20;
         let w_m_4_q2 = -t5_22;
-        y[39][0] = t5_19; y[39][1] = w_m_4_q2; y[39][2] = t4_8;
+        y[39][1] = w_m_4_q2;
     }
     Condition::regular(like)
 }
@@ -862,10 +885,7 @@ pub fn efforts<T: Scalar>(q: &[T; 4], tau: &[T; 4]) -> ([T; 4], Condition<T>) {
     let [tau_q1, tau_q2, tau_q3, tau_q4] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
-        left[0] = tau_q1;
-        left[1] = tau_q2;
-        left[2] = tau_q3;
-        left[3] = tau_q4;
+        left[0] = tau_q1; left[1] = tau_q2; left[2] = tau_q3; left[3] = tau_q4;
     }
     (left, Condition::regular(like))
 }
@@ -893,30 +913,39 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
     };
     // body 1
     {
+        poses[0][0] = cos_q1; poses[0][3] = sin_q1; poses[0][4] = cos_q1; poses[0][8] = like.lift(1.0); poses[0][11] = like.lift(0.387);
         let t2_1 = -sin_q1;
-        poses[0][0] = cos_q1; poses[0][1] = t2_1; poses[0][3] = sin_q1; poses[0][4] = cos_q1; poses[0][8] = like.lift(1.0); poses[0][11] = like.lift(0.387);
+        poses[0][1] = t2_1;
     }
     // body 2
     let [t3_2, t3_3] = {
+        poses[1][0] = cos_q1_q2; poses[1][3] = sin_q1_q2; poses[1][4] = cos_q1_q2; poses[1][8] = like.lift(1.0); poses[1][11] = like.lift(0.387);
         let t3_1 = -sin_q1_q2;
+        poses[1][1] = t3_1;
         let t3_2 = like.lift(0.325) * cos_q1;
+        poses[1][9] = t3_2;
         let t3_3 = like.lift(0.325) * sin_q1;
-        poses[1][0] = cos_q1_q2; poses[1][1] = t3_1; poses[1][3] = sin_q1_q2; poses[1][4] = cos_q1_q2; poses[1][8] = like.lift(1.0); poses[1][9] = t3_2; poses[1][10] = t3_3; poses[1][11] = like.lift(0.387);
+        poses[1][10] = t3_3;
         [t3_2, t3_3]
     };
     // body 3
-    let [t4_2, t4_3, t4_4] = {
-        let t4_1 = -cos_q1_q2;
+    let [t4_1, t4_2, t4_4] = {
+        poses[2][0] = cos_q1_q2; poses[2][1] = sin_q1_q2; poses[2][3] = sin_q1_q2; poses[2][8] = like.lift(-1.0);
+        let t4_1 = like.lift(0.275).mul_add(sin_q1_q2, t3_3);
+        poses[2][10] = t4_1;
         let t4_2 = like.lift(0.275).mul_add(cos_q1_q2, t3_2);
-        let t4_3 = like.lift(0.275).mul_add(sin_q1_q2, t3_3);
+        poses[2][9] = t4_2;
+        let t4_3 = -cos_q1_q2;
+        poses[2][4] = t4_3;
         let t4_4 = like.lift(0.387) - q3;
-        poses[2][0] = cos_q1_q2; poses[2][1] = sin_q1_q2; poses[2][3] = sin_q1_q2; poses[2][4] = t4_1; poses[2][8] = like.lift(-1.0); poses[2][9] = t4_2; poses[2][10] = t4_3; poses[2][11] = t4_4;
-        [t4_2, t4_3, t4_4]
+        poses[2][11] = t4_4;
+        [t4_1, t4_2, t4_4]
     };
     // body 4
     {
+        poses[3][0] = cos_q1_q2_minus_q4; poses[3][1] = sin_q1_q2_minus_q4; poses[3][3] = sin_q1_q2_minus_q4; poses[3][8] = like.lift(-1.0); poses[3][9] = t4_2; poses[3][10] = t4_1; poses[3][11] = t4_4;
         let t5_1 = -cos_q1_q2_minus_q4;
-        poses[3][0] = cos_q1_q2_minus_q4; poses[3][1] = sin_q1_q2_minus_q4; poses[3][3] = sin_q1_q2_minus_q4; poses[3][4] = t5_1; poses[3][8] = like.lift(-1.0); poses[3][9] = t4_2; poses[3][10] = t4_3; poses[3][11] = t4_4;
+        poses[3][4] = t5_1;
     }
     poses
 }
@@ -949,88 +978,97 @@ pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut 
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 8]) -> Condition<T> {
     let like = q[0];
     let [_, q2, _, q4] = *q;
-    let [d_q1, d_q2, _, d_q4] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q4, cos_q4] = {
         let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
             T::sin_cos_all([q2, q4]);
         [sin_q2, cos_q2, sin_q4, cos_q4]
     };
+    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
     // body 1
     {
         w[0][0] = dd_q1;
     }
+    let [d_q1, d_q2, _, d_q4] = *qd;
     // body 2
-    let [al_2z, a_2y, w_2z, t3_4, a_2x] = {
+    let [al_2z, a_2y, a_2x, w_2z, t3_7] = {
         let al_2z = dd_q1 + dd_q2;
         w[1][0] = al_2z; w[1][1] = al_2z;
         let t3_1 = d_q1 * d_q1;
         let t3_2 = cos_q2 * dd_q1;
         let t3_3 = sin_q2.mul_add(t3_1, t3_2);
         let a_2y = like.lift(0.325) * t3_3;
+        w[2][1] = a_2y;
+        let t3_4 = sin_q2 * dd_q1;
+        let t3_5 = (-cos_q2).mul_add(t3_1, t3_4);
+        let t3_6 = like.lift(0.325) * t3_5;
+        let a_2x = -t3_6;
+        w[3][1] = a_2x;
         let w_2z = d_q1 + d_q2;
-        let t3_4 = w_2z * w_2z;
-        let t3_5 = cos_q2 * al_2z;
-        let t3_6 = (-sin_q2).mul_add(t3_4, t3_5);
-        let w_mx_2_q1 = like.lift(0.325).mul_add(t3_6, a_2y);
-        w[2][0] = w_mx_2_q1; w[2][1] = a_2y;
-        let t3_7 = sin_q2 * dd_q1;
-        let t3_8 = (-cos_q2).mul_add(t3_1, t3_7);
-        let t3_9 = like.lift(0.325) * t3_8;
-        let a_2x = -t3_9;
-        let t3_10 = cos_q2 * t3_4;
+        let t3_7 = w_2z * w_2z;
+        let t3_8 = cos_q2 * al_2z;
+        let t3_9 = (-sin_q2).mul_add(t3_7, t3_8);
+        let w_mx_2_q1 = like.lift(0.325).mul_add(t3_9, a_2y);
+        w[2][0] = w_mx_2_q1;
+        let t3_10 = cos_q2 * t3_7;
         let t3_11 = sin_q2.mul_add(al_2z, t3_10);
         let w_my_2_q1 = like.lift(-0.325).mul_add(t3_11, a_2x);
-        w[3][0] = w_my_2_q1; w[3][1] = a_2x;
-        [al_2z, a_2y, w_2z, t3_4, a_2x]
+        w[3][0] = w_my_2_q1;
+        [al_2z, a_2y, a_2x, w_2z, t3_7]
     };
     // body 3
     let [a_3x, a_3y, u_3_q1y, t4_1] = {
-        let a_3x = like.lift(0.275).mul_add(t3_4, a_2x);
+        let a_3x = like.lift(0.275).mul_add(t3_7, a_2x);
         let a_3y = like.lift(0.275).mul_add(al_2z, a_2y);
         let u_3_q1y = like.lift(0.325).mul_add(cos_q2, like.lift(0.275));
         let t4_1 = like.lift(0.325) * sin_q2;
-        let t4_2 = a_3x * t4_1;
-        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t4_2);
-        let t4_3 = -w_m_3_q1;
         let w_m_3_q2 = like.lift(0.275) * a_3y;
+        w[4][1] = w_m_3_q2;
         let a_3z = like.lift(9.81) - dd_q3;
-        let t4_4 = -a_3z;
-        w[4][0] = t4_3; w[4][1] = w_m_3_q2; w[4][2] = t4_4;
+        let t4_2 = -a_3z;
+        w[4][2] = t4_2;
+        let t4_3 = a_3x * t4_1;
+        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t4_3);
+        let t4_4 = -w_m_3_q1;
+        w[4][0] = t4_4;
         [a_3x, a_3y, u_3_q1y, t4_1]
     };
     // body 4
     {
         let al_4z = dd_q4 - al_2z;
+        w[5][3] = al_4z;
         let t5_1 = -al_4z;
-        w[5][0] = t5_1; w[5][1] = t5_1; w[5][3] = al_4z;
-        let t5_2 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t5_2);
+        w[5][0] = t5_1; w[5][1] = t5_1;
         let w_4z = d_q4 - w_2z;
-        let t5_3 = w_4z * w_4z;
-        let t5_4 = cos_q4 * t4_1;
-        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_4);
-        let t5_5 = cos_q4 * u_3_q1y;
-        let u_4_q1y = sin_q4.mul_add(t4_1, t5_5);
-        let t5_6 = al_4z.mul_add(u_4_q1y, a_4y);
-        let w_mx_4_q1 = t5_3.mul_add(u_4_q1x, t5_6);
-        let t5_7 = -w_mx_4_q1;
-        let t5_8 = cos_q4 * al_4z;
-        let t5_9 = (-sin_q4).mul_add(t5_3, t5_8);
-        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_9, a_4y);
-        let t5_10 = -w_mx_4_q2;
-        w[6][0] = t5_7; w[6][1] = t5_10; w[6][3] = a_4y;
-        let t5_11 = sin_q4 * a_3y;
-        let a_4x = cos_q4.mul_add(a_3x, t5_11);
-        let t5_12 = (-t5_3).mul_add(u_4_q1y, a_4x);
-        let w_my_4_q1 = al_4z.mul_add(u_4_q1x, t5_12);
-        let t5_13 = -w_my_4_q1;
-        let t5_14 = cos_q4 * t5_3;
-        let t5_15 = sin_q4.mul_add(al_4z, t5_14);
-        let w_my_4_q2 = like.lift(-0.275).mul_add(t5_15, a_4x);
+        let t5_2 = w_4z * w_4z;
+        let t5_3 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t5_3);
+        w[6][3] = a_4y;
+        let t5_4 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t5_4);
+        w[7][3] = a_4x;
+        let t5_5 = cos_q4 * t4_1;
+        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_5);
+        let t5_6 = cos_q4 * u_3_q1y;
+        let u_4_q1y = sin_q4.mul_add(t4_1, t5_6);
+        let t5_7 = al_4z.mul_add(u_4_q1y, a_4y);
+        let w_mx_4_q1 = t5_2.mul_add(u_4_q1x, t5_7);
+        let t5_8 = -w_mx_4_q1;
+        w[6][0] = t5_8;
+        let t5_9 = (-t5_2).mul_add(u_4_q1y, a_4x);
+        let w_my_4_q1 = al_4z.mul_add(u_4_q1x, t5_9);
+        let t5_10 = -w_my_4_q1;
+        w[7][0] = t5_10;
+        let t5_11 = cos_q4 * al_4z;
+        let t5_12 = (-sin_q4).mul_add(t5_2, t5_11);
+        let t5_13 = cos_q4 * t5_2;
+        let t5_14 = sin_q4.mul_add(al_4z, t5_13);
+        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_12, a_4y);
+        let w_my_4_q2 = like.lift(-0.275).mul_add(t5_14, a_4x);
+        let t5_15 = -w_mx_4_q2;
+        w[6][1] = t5_15;
         let t5_16 = -w_my_4_q2;
-        w[7][0] = t5_13; w[7][1] = t5_16; w[7][3] = a_4x;
+        w[7][1] = t5_16;
     }
     Condition::regular(like)
 }
@@ -1051,20 +1089,18 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 8] {
     ] = *phi;
     // combinations
     {
+        beta[5] = p_izz_4; beta[6] = p_mx_4; beta[7] = p_my_4;
         let t1_1 = like.lift(0.105625).mul_add(p_m_2, p_izz_1);
         beta[0] = t1_1;
-        let t1_2 = like.lift(0.55).mul_add(p_mx_3, p_izz_2);
-        let t1_3 = t1_2 + p_izz_3;
-        beta[1] = t1_3;
-        let t1_4 = p_mx_2 + p_mx_3;
-        beta[2] = t1_4;
-        let t1_5 = p_my_2 - p_my_3;
-        beta[3] = t1_5;
-        let t1_6 = p_m_3 + p_m_4;
-        beta[4] = t1_6;
-        beta[5] = p_izz_4;
-        beta[6] = p_mx_4;
-        beta[7] = p_my_4;
+        let t1_2 = p_mx_2 + p_mx_3;
+        beta[2] = t1_2;
+        let t1_3 = p_my_2 - p_my_3;
+        beta[3] = t1_3;
+        let t1_4 = p_m_3 + p_m_4;
+        beta[4] = t1_4;
+        let t1_5 = like.lift(0.55).mul_add(p_mx_3, p_izz_2);
+        let t1_6 = t1_5 + p_izz_3;
+        beta[1] = t1_6;
     }
     beta
 }
@@ -1088,52 +1124,18 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 32]) -> [T; 40]
     ] = *free;
     // phi
     {
+        phi[0] = p_ixx_1; phi[1] = p_ixy_1; phi[2] = p_ixz_1; phi[3] = p_iyy_1; phi[4] = p_iyz_1; phi[6] = p_mx_1; phi[7] = p_my_1; phi[8] = p_mz_1; phi[9] = p_m_1; phi[10] = p_ixx_2; phi[11] = p_ixy_2; phi[12] = p_ixz_2; phi[13] = p_iyy_2; phi[14] = p_iyz_2; phi[18] = p_mz_2; phi[19] = p_m_2; phi[20] = p_ixx_3; phi[21] = p_ixy_3; phi[22] = p_ixz_3; phi[23] = p_iyy_3; phi[24] = p_iyz_3; phi[25] = p_izz_3; phi[26] = p_mx_3; phi[27] = p_my_3; phi[28] = p_mz_3; phi[30] = p_ixx_4; phi[31] = p_ixy_4; phi[32] = p_ixz_4; phi[33] = p_iyy_4; phi[34] = p_iyz_4; phi[35] = p_izz_4; phi[36] = p_mx_4; phi[37] = p_my_4; phi[38] = p_mz_4; phi[39] = p_m_4;
         let t1_1 = like.lift(-0.105625).mul_add(p_m_2, p_izz_1);
         phi[5] = t1_1;
-        let t1_2 = like.lift(-0.55).mul_add(p_mx_3, p_izz_2);
-        let t1_3 = t1_2 - p_izz_3;
-        phi[15] = t1_3;
-        let t1_4 = p_mx_2 - p_mx_3;
-        phi[16] = t1_4;
-        let t1_5 = p_my_2 + p_my_3;
-        phi[17] = t1_5;
-        let t1_6 = p_m_3 - p_m_4;
-        phi[29] = t1_6;
-        phi[0] = p_ixx_1;
-        phi[1] = p_ixy_1;
-        phi[2] = p_ixz_1;
-        phi[3] = p_iyy_1;
-        phi[4] = p_iyz_1;
-        phi[6] = p_mx_1;
-        phi[7] = p_my_1;
-        phi[8] = p_mz_1;
-        phi[9] = p_m_1;
-        phi[10] = p_ixx_2;
-        phi[11] = p_ixy_2;
-        phi[12] = p_ixz_2;
-        phi[13] = p_iyy_2;
-        phi[14] = p_iyz_2;
-        phi[18] = p_mz_2;
-        phi[19] = p_m_2;
-        phi[20] = p_ixx_3;
-        phi[21] = p_ixy_3;
-        phi[22] = p_ixz_3;
-        phi[23] = p_iyy_3;
-        phi[24] = p_iyz_3;
-        phi[25] = p_izz_3;
-        phi[26] = p_mx_3;
-        phi[27] = p_my_3;
-        phi[28] = p_mz_3;
-        phi[30] = p_ixx_4;
-        phi[31] = p_ixy_4;
-        phi[32] = p_ixz_4;
-        phi[33] = p_iyy_4;
-        phi[34] = p_iyz_4;
-        phi[35] = p_izz_4;
-        phi[36] = p_mx_4;
-        phi[37] = p_my_4;
-        phi[38] = p_mz_4;
-        phi[39] = p_m_4;
+        let t1_2 = p_mx_2 - p_mx_3;
+        phi[16] = t1_2;
+        let t1_3 = p_my_2 + p_my_3;
+        phi[17] = t1_3;
+        let t1_4 = p_m_3 - p_m_4;
+        phi[29] = t1_4;
+        let t1_5 = like.lift(-0.55).mul_add(p_mx_3, p_izz_2);
+        let t1_6 = t1_5 - p_izz_3;
+        phi[15] = t1_6;
     }
     phi
 }
@@ -1151,15 +1153,15 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
     let [_, q2, _, q4] = *q;
-    let [d_q1, d_q2, _, d_q4] = *qd;
-    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
-    let [p_izz_1, p_izz_2, p_mx_2, p_my_2, p_m_3, p_izz_4, p_mx_4, p_my_4] = *beta;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q4, cos_q4] = {
         let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
             T::sin_cos_all([q2, q4]);
         [sin_q2, cos_q2, sin_q4, cos_q4]
     };
+    let [d_q1, d_q2, _, d_q4] = *qd;
+    let [dd_q1, dd_q2, dd_q3, dd_q4] = *qdd;
+    let [p_izz_1, p_izz_2, p_mx_2, p_my_2, p_m_3, p_izz_4, p_mx_4, p_my_4] = *beta;
     // tau
     {
         let al_2z = dd_q1 + dd_q2;
@@ -1174,39 +1176,39 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
         let al_4z = dd_q4 - al_2z;
         let w_2z = d_q1 + d_q2;
         let t2_7 = w_2z * w_2z;
+        let w_4z = d_q4 - w_2z;
+        let t2_8 = w_4z * w_4z;
         let a_3x = like.lift(0.275).mul_add(t2_7, a_2x);
         let a_3y = like.lift(0.275).mul_add(al_2z, a_2y);
-        let t2_8 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t2_8);
-        let t2_9 = sin_q4 * a_3y;
-        let a_4x = cos_q4.mul_add(a_3x, t2_9);
-        let t2_10 = al_4z * p_izz_4;
-        let t2_11 = a_4x.mul_add(p_my_4, t2_10);
-        let t2_12 = a_4y.mul_add(p_mx_4, t2_11);
-        tau[3] = t2_12;
-        let w_4z = d_q4 - w_2z;
-        let t2_13 = w_4z * w_4z;
-        let t2_14 = al_4z * p_my_4;
-        let t2_15 = t2_13.mul_add(p_mx_4, t2_14);
-        let t2_16 = al_4z * p_mx_4;
-        let t2_17 = (-t2_13).mul_add(p_my_4, t2_16);
-        let t2_18 = a_3y * p_m_3;
-        let t2_19 = (-cos_q4).mul_add(t2_17, t2_18);
-        let t2_20 = sin_q4.mul_add(t2_15, t2_19);
-        let t2_21 = al_2z.mul_add(p_izz_2, -t2_12);
-        let t2_22 = a_2x.mul_add(p_my_2, t2_21);
-        let t2_23 = a_2y.mul_add(p_mx_2, t2_22);
-        let t2_24 = like.lift(0.275).mul_add(t2_20, t2_23);
+        let t2_9 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t2_9);
+        let t2_10 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t2_10);
+        let t2_11 = a_3y * p_m_3;
+        let t2_12 = al_4z * p_izz_4;
+        let t2_13 = a_4x.mul_add(p_my_4, t2_12);
+        let t2_14 = a_4y.mul_add(p_mx_4, t2_13);
+        tau[3] = t2_14;
+        let t2_15 = al_2z.mul_add(p_izz_2, -t2_14);
+        let t2_16 = a_2x.mul_add(p_my_2, t2_15);
+        let t2_17 = a_2y.mul_add(p_mx_2, t2_16);
+        let t2_18 = al_4z * p_my_4;
+        let t2_19 = t2_8.mul_add(p_mx_4, t2_18);
+        let t2_20 = al_4z * p_mx_4;
+        let t2_21 = (-t2_8).mul_add(p_my_4, t2_20);
+        let t2_22 = (-cos_q4).mul_add(t2_21, t2_11);
+        let t2_23 = sin_q4.mul_add(t2_19, t2_22);
+        let t2_24 = like.lift(0.275).mul_add(t2_23, t2_17);
         tau[1] = t2_24;
-        let t2_25 = al_2z * p_my_2;
-        let t2_26 = t2_7.mul_add(p_mx_2, t2_25);
-        let t2_27 = a_3x.mul_add(p_m_3, t2_26);
-        let t2_28 = sin_q4.mul_add(t2_17, t2_27);
-        let t2_29 = cos_q4.mul_add(t2_15, t2_28);
-        let t2_30 = (-t2_7).mul_add(p_my_2, t2_20);
-        let t2_31 = al_2z.mul_add(p_mx_2, t2_30);
-        let t2_32 = sin_q2 * t2_29;
-        let t2_33 = (-cos_q2).mul_add(t2_31, t2_32);
+        let t2_25 = (-t2_7).mul_add(p_my_2, t2_23);
+        let t2_26 = al_2z.mul_add(p_mx_2, t2_25);
+        let t2_27 = al_2z * p_my_2;
+        let t2_28 = t2_7.mul_add(p_mx_2, t2_27);
+        let t2_29 = a_3x.mul_add(p_m_3, t2_28);
+        let t2_30 = sin_q4.mul_add(t2_21, t2_29);
+        let t2_31 = cos_q4.mul_add(t2_19, t2_30);
+        let t2_32 = sin_q2 * t2_31;
+        let t2_33 = (-cos_q2).mul_add(t2_26, t2_32);
         let t2_34 = dd_q1.mul_add(p_izz_1, t2_24);
         let t2_35 = like.lift(-0.325).mul_add(t2_33, t2_34);
         tau[0] = t2_35;
@@ -1250,14 +1252,14 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 8]) -> ([
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
     let [_, q2, _, q4] = *q;
-    let [d_q1, d_q2, _, d_q4] = *qd;
-    let [_, _, p_mx_2, p_my_2, p_m_3, _, p_mx_4, p_my_4] = *beta;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q4, cos_q4] = {
         let [(sin_q2, cos_q2), (sin_q4, cos_q4)] =
             T::sin_cos_all([q2, q4]);
         [sin_q2, cos_q2, sin_q4, cos_q4]
     };
+    let [d_q1, d_q2, _, d_q4] = *qd;
+    let [_, _, p_mx_2, p_my_2, p_m_3, _, p_mx_4, p_my_4] = *beta;
     // tau
     {
         let t2_1 = d_q1 * d_q1;
@@ -1265,36 +1267,36 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 8]) -> ([
         let t2_3 = cos_q2 * t2_1;
         let w_2z = d_q1 + d_q2;
         let t2_4 = w_2z * w_2z;
-        let t2_5 = like.lift(0.275) * t2_4;
-        let a_3x = like.lift(0.325).mul_add(t2_3, t2_5);
-        let t2_6 = like.lift(0.325) * t2_2;
-        let t2_7 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(t2_6, t2_7);
-        let t2_8 = sin_q4 * t2_6;
-        let a_4x = cos_q4.mul_add(a_3x, t2_8);
-        let t2_9 = a_4x * p_my_4;
-        let t2_10 = a_4y.mul_add(p_mx_4, t2_9);
-        tau[3] = t2_10;
         let w_4z = d_q4 - w_2z;
-        let t2_11 = w_4z * w_4z;
-        let t2_12 = t2_11 * p_mx_4;
-        let t2_13 = t2_11 * p_my_4;
-        let t2_14 = p_m_3 * t2_6;
-        let t2_15 = cos_q4.mul_add(t2_13, t2_14);
-        let t2_16 = sin_q4.mul_add(t2_12, t2_15);
-        let t2_17 = t2_3 * p_my_2;
-        let t2_18 = t2_2.mul_add(p_mx_2, t2_17);
-        let t2_19 = like.lift(0.325).mul_add(t2_18, -t2_10);
-        let t2_20 = like.lift(0.275).mul_add(t2_16, t2_19);
-        tau[1] = t2_20;
-        let t2_21 = t2_4 * p_mx_2;
-        let t2_22 = a_3x.mul_add(p_m_3, t2_21);
-        let t2_23 = (-sin_q4).mul_add(t2_13, t2_22);
-        let t2_24 = cos_q4.mul_add(t2_12, t2_23);
-        let t2_25 = t2_4.mul_add(p_my_2, -t2_16);
-        let t2_26 = cos_q2 * t2_25;
-        let t2_27 = sin_q2.mul_add(t2_24, t2_26);
-        let t2_28 = like.lift(-0.325).mul_add(t2_27, t2_20);
+        let t2_5 = w_4z * w_4z;
+        let t2_6 = like.lift(0.275) * t2_4;
+        let a_3x = like.lift(0.325).mul_add(t2_3, t2_6);
+        let t2_7 = t2_3 * p_my_2;
+        let t2_8 = t2_2.mul_add(p_mx_2, t2_7);
+        let t2_9 = like.lift(0.325) * t2_2;
+        let t2_10 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(t2_9, t2_10);
+        let t2_11 = sin_q4 * t2_9;
+        let a_4x = cos_q4.mul_add(a_3x, t2_11);
+        let t2_12 = a_4x * p_my_4;
+        let t2_13 = a_4y.mul_add(p_mx_4, t2_12);
+        tau[3] = t2_13;
+        let t2_14 = like.lift(0.325).mul_add(t2_8, -t2_13);
+        let t2_15 = p_m_3 * t2_9;
+        let t2_16 = t2_4 * p_mx_2;
+        let t2_17 = a_3x.mul_add(p_m_3, t2_16);
+        let t2_18 = t2_5 * p_mx_4;
+        let t2_19 = t2_5 * p_my_4;
+        let t2_20 = cos_q4.mul_add(t2_19, t2_15);
+        let t2_21 = (-sin_q4).mul_add(t2_19, t2_17);
+        let t2_22 = sin_q4.mul_add(t2_18, t2_20);
+        let t2_23 = cos_q4.mul_add(t2_18, t2_21);
+        let t2_24 = t2_4.mul_add(p_my_2, -t2_22);
+        let t2_25 = cos_q2 * t2_24;
+        let t2_26 = sin_q2.mul_add(t2_23, t2_25);
+        let t2_27 = like.lift(0.275).mul_add(t2_22, t2_14);
+        tau[1] = t2_27;
+        let t2_28 = like.lift(-0.325).mul_add(t2_26, t2_27);
         tau[0] = t2_28;
     }
     (tau, Condition::regular(like))
@@ -1311,42 +1313,44 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 8]) -> ([[T; 4]; 4], C
     let like = q[0];
     let mut m = [[like.lift(0.0); 4]; 4];
     let [_, q2, _, q4] = *q;
-    let [p_izz_1, p_izz_2, p_mx_2, p_my_2, p_m_3, p_izz_4, p_mx_4, p_my_4] = *beta;
     // sines and cosines
     let [sin_q4, cos_q4, sin_q2, cos_q2] = {
         let [(sin_q4, cos_q4), (sin_q2, cos_q2)] =
             T::sin_cos_all([q4, q2]);
         [sin_q4, cos_q4, sin_q2, cos_q2]
     };
+    let [p_izz_1, p_izz_2, p_mx_2, p_my_2, p_m_3, p_izz_4, p_mx_4, p_my_4] = *beta;
     // M
     {
+        m[2][2] = p_m_3; m[3][3] = p_izz_4;
         let t2_1 = sin_q4 * p_my_4;
         let t2_2 = (-cos_q4).mul_add(p_mx_4, t2_1);
-        let t2_3 = like.lift(-0.275).mul_add(p_m_3, t2_2);
-        let t2_4 = like.lift(-0.275).mul_add(t2_2, p_izz_4);
-        let t2_5 = like.lift(-0.275).mul_add(t2_3, p_izz_2);
-        let t2_6 = t2_5 + t2_4;
-        let t2_7 = p_mx_2 - t2_3;
-        let t2_8 = sin_q4 * p_mx_4;
-        let t2_9 = cos_q4.mul_add(p_my_4, t2_8);
-        let t2_10 = p_my_2 - t2_9;
-        let t2_11 = cos_q2 * t2_7;
-        let t2_12 = (-sin_q2).mul_add(t2_10, t2_11);
-        let t2_13 = like.lift(0.325).mul_add(p_m_3, t2_12);
-        let t2_14 = like.lift(0.325) * t2_12;
-        let t2_15 = p_izz_1 + t2_6;
-        let t2_16 = like.lift(0.325).mul_add(t2_13, t2_15);
-        let t2_17 = t2_16 + t2_14;
-        let t2_18 = t2_6 + t2_14;
-        let t2_19 = sin_q2 * t2_9;
-        let t2_20 = (-cos_q2).mul_add(t2_2, t2_19);
-        let t2_21 = like.lift(0.325).mul_add(t2_20, t2_4);
-        let t2_22 = -t2_21;
-        m[0][0] = t2_17; m[0][1] = t2_18; m[0][3] = t2_22;
-        let t2_23 = -t2_4;
-        m[1][0] = t2_18; m[1][1] = t2_6; m[1][3] = t2_23;
-        m[3][0] = t2_22; m[3][1] = t2_23; m[3][3] = p_izz_4;
-        m[2][2] = p_m_3;
+        let t2_3 = sin_q4 * p_mx_4;
+        let t2_4 = cos_q4.mul_add(p_my_4, t2_3);
+        let t2_5 = like.lift(-0.275).mul_add(p_m_3, t2_2);
+        let t2_6 = like.lift(-0.275).mul_add(t2_2, p_izz_4);
+        let t2_7 = -t2_6;
+        m[1][3] = t2_7; m[3][1] = t2_7;
+        let t2_8 = sin_q2 * t2_4;
+        let t2_9 = (-cos_q2).mul_add(t2_2, t2_8);
+        let t2_10 = like.lift(0.325).mul_add(t2_9, t2_6);
+        let t2_11 = -t2_10;
+        m[0][3] = t2_11; m[3][0] = t2_11;
+        let t2_12 = p_my_2 - t2_4;
+        let t2_13 = like.lift(-0.275).mul_add(t2_5, p_izz_2);
+        let t2_14 = t2_13 + t2_6;
+        m[1][1] = t2_14;
+        let t2_15 = p_mx_2 - t2_5;
+        let t2_16 = cos_q2 * t2_15;
+        let t2_17 = (-sin_q2).mul_add(t2_12, t2_16);
+        let t2_18 = like.lift(0.325).mul_add(p_m_3, t2_17);
+        let t2_19 = like.lift(0.325) * t2_17;
+        let t2_20 = t2_14 + t2_19;
+        m[0][1] = t2_20; m[1][0] = t2_20;
+        let t2_21 = p_izz_1 + t2_14;
+        let t2_22 = like.lift(0.325).mul_add(t2_18, t2_21);
+        let t2_23 = t2_22 + t2_19;
+        m[0][0] = t2_23;
     }
     (m, Condition::regular(like))
 }

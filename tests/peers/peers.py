@@ -467,12 +467,14 @@ def agree_pinocchio(ours, pin):
     assert worst < 1e-9
 
 
-def figures(program):
-    least = {}
+def figures(programs):
+    """The least time of each figure of each program; the programs take turns."""
+    least = [{} for _ in programs]
     for _ in range(ROUNDS):
-        for line in run([program]).splitlines():
-            name, value = line.split("\t")
-            least[name] = min(float(value), least.get(name, 1e30))
+        for program, best in zip(programs, least):
+            for line in run([program]).splitlines():
+                name, value = line.split("\t")
+                best[name] = min(float(value), best.get(name, 1e30))
     return least
 
 
@@ -544,7 +546,7 @@ def main():
     plain = compile_casadi(ca, functions, ["-O3", "-march=native"], "plain")
     pin = compile_pinocchio({robot: links(robot) for robot in SERIAL})
     agree_pinocchio(ours_program, pin)
-    ours, fast, plain, pin = (figures(p) for p in (ours_program, fast, plain, pin))
+    ours, fast, plain, pin = figures([ours_program, fast, plain, pin])
     import pinocchio
 
     model = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())[1]

@@ -251,7 +251,9 @@ impl Body<'_> {
     }
 
     fn write(&mut self) {
-        self.write_inputs();
+        let first = &self.program.arguments[0].name;
+        self.line(1, &format!("let like = {first}[0];"));
+        let mut inputs = self.inputs_by_block();
         if self.program.solves() {
             self.line(1, "let mut condition = like.lift(1.0);");
         }
@@ -266,41 +268,51 @@ impl Body<'_> {
             self.kept = handed.into_iter().zip(0..).collect();
         }
         for index in 0..self.blocks.len() {
+            for (items, tail) in inputs.remove(&index).unwrap_or_default() {
+                self.list(1, "let ", &items, &tail);
+            }
             self.write_block(index);
         }
     }
 
-    fn write_inputs(&mut self) {
-        let mut used: Vec<Vec<bool>> = self.inputs.iter().map(|a| vec![false; a.len()]).collect();
-        let steps = self.program.steps.iter().flat_map(|s| s.op.operands());
-        for operand in steps.chain(self.program.outputs.iter().copied()) {
-            if let Operand::Input { argument, element } = operand {
-                used[argument][element] = true;
+    /// By argument, which of its elements are used, and the first block that uses one.
+    fn used_inputs(&self) -> Vec<(Vec<bool>, Option<usize>)> {
+        let unused = self.inputs.iter().map(|a| (vec![false; a.len()], None));
+        let mut used: Vec<(Vec<bool>, Option<usize>)> = unused.collect();
+        for (index, block) in self.blocks.iter().enumerate() {
+            let steps = self.program.steps[block.steps.clone()].iter();
+            let outputs = self.program.outputs[block.outputs.clone()].iter().copied();
+            for operand in steps.flat_map(|s| s.op.operands()).chain(outputs) {
+                if let Operand::Input { argument, element } = operand {
+                    let (elements, first) = &mut used[argument];
+                    elements[element] = true;
+                    first.get_or_insert(index);
+                }
             }
         }
-        self.line(
-            1,
-            &format!("let like = {}[0];", self.program.arguments[0].name),
-        );
-        let count = used.iter().flatten().filter(|used| **used).count();
-        for (argument, used) in used.iter().enumerate() {
-            if !used.contains(&true) {
-                continue;
-            }
+        used
+    }
+
+    /// The statements that take arguments apart, by the block before which they stand: what waits
+    /// for the sines and cosines would go through memory.
+    fn inputs_by_block(&mut self) -> BTreeMap<usize, Vec<(Vec<String>, String)>> {
+        let used = self.used_inputs();
+        let count = used.iter().flat_map(|(u, _)| u).filter(|u| **u).count();
+        let mut bindings: BTreeMap<usize, Vec<(Vec<String>, String)>> = BTreeMap::new();
+        for (argument, (used, first)) in used.iter().enumerate() {
+            let Some(first) = first else { continue };
+            let name = &self.program.arguments[argument].name;
             if count > SCOPE {
-                let name = &self.program.arguments[argument].name;
                 let elements = (0..used.len()).map(|element| format!("{name}[{element}]"));
                 self.inputs[argument] = elements.collect();
                 continue;
             }
-            let items: Vec<String> = self.inputs[argument]
-                .iter()
-                .zip(used)
-                .map(|(name, used)| if *used { name.clone() } else { "_".to_owned() })
-                .collect();
-            let tail = format!(" = *{};", self.program.arguments[argument].name);
-            self.list(1, "let ", &items, &tail);
+            let items = self.inputs[argument].iter().zip(used);
+            let items = items.map(|(name, used)| if *used { name.clone() } else { "_".to_owned() });
+            let binding = (items.collect(), format!(" = *{name};"));
+            bindings.entry(*first).or_default().push(binding);
         }
+        bindings
     }
 
     fn write_block(&mut self, index: usize) {
@@ -325,6 +337,9 @@ impl Body<'_> {
         }
         let renamed = self.take_from_array(index);
         let mut stores = self.stores(index, outputs);
+        if let Some(stores) = stores.remove(&None) {
+            self.line(2, &stores.join(" "));
+        }
         let last = steps.end;
         for at in steps {
             let angles = self.angles_at(at, last);
@@ -333,12 +348,9 @@ impl Body<'_> {
             } else if angles == 1 || !matches!(self.program.steps[at].op, Op::SinCos(_)) {
                 self.write_step(at);
             }
-            for store in stores.remove(&Some(at)).unwrap_or_default() {
-                self.line(2, &store);
+            if let Some(stores) = stores.remove(&Some(at)) {
+                self.line(2, &stores.join(" "));
             }
-        }
-        for store in stores.remove(&None).unwrap_or_default() {
-            self.line(2, &store);
         }
         let names = names(self);
         if names.is_empty() {
@@ -391,59 +403,36 @@ impl Body<'_> {
         renamed
     }
 
-    /// Statements that store outputs, by the step after which they can stand:
-    /// whole rows or columns at once. `None` is after the last step.
+    /// Statements that store outputs, by the step after which they can stand: each entry at once,
+    /// so that no register waits for the others of its column. `None` is before the first step.
     fn stores(
         &self,
         index: usize,
         outputs: std::ops::Range<usize>,
     ) -> BTreeMap<Option<usize>, Vec<String>> {
         let output = &self.program.output;
-        let inner = output.shape.get(1).copied().unwrap_or(1);
-        let first = self.blocks[index].steps.start;
-        let mut defined = BTreeMap::new();
-        for (offset, step) in self.program.steps[self.blocks[index].steps.clone()]
-            .iter()
-            .enumerate()
-        {
-            for result in &step.results {
-                defined.insert(*result, first + offset);
-            }
-        }
+        let steps = self.blocks[index].steps.clone();
+        let results = steps
+            .clone()
+            .zip(&self.program.steps[steps])
+            .flat_map(|(at, step)| step.results.iter().map(move |t| (*t, at)));
+        let defined: BTreeMap<Temp, usize> = results.collect();
         let mut stores: BTreeMap<Option<usize>, Vec<String>> = BTreeMap::new();
-        let all = &self.program.outputs;
-        for start in (outputs.start..outputs.end).step_by(inner.max(1)) {
-            let end = (start + inner).min(outputs.end);
-            let operands = &all[start..end];
-            let after = operands
-                .iter()
-                .filter_map(|o| match o {
-                    Operand::Temp(t) => defined.get(t).copied(),
-                    _ => None,
-                })
-                .max();
-            let name = &output.name;
+        for at in outputs {
+            let operand = &self.program.outputs[at];
             // zeros are there already
-            let is_zero = |o: &Operand| matches!(o, Operand::Constant(c) if *c == 0.0);
-            let text = if output.shape.len() != 2 {
-                let value = operands.first().filter(|o| !is_zero(o));
-                let Some(value) = value else { continue };
-                format!("{name}[{start}] = {};", self.operand(value))
-            } else if operands.iter().any(is_zero) {
-                let outer = start / inner;
-                let entries = operands.iter().enumerate().filter(|(_, o)| !is_zero(o));
-                let entries = entries
-                    .map(|(at, o)| format!("{name}[{outer}][{at}] = {};", self.operand(o)))
-                    .collect::<Vec<_>>();
-                if entries.is_empty() {
-                    continue;
-                }
-                entries.join(" ")
-            } else {
-                let values: Vec<String> = operands.iter().map(|o| self.operand(o)).collect();
-                format!("{name}[{}] = [{}];", start / inner, values.join(", "))
+            if matches!(operand, Operand::Constant(c) if *c == 0.0) {
+                continue;
+            }
+            let after = match operand {
+                Operand::Temp(t) => defined.get(t).copied(),
+                Operand::Input { .. } | Operand::Constant(_) => None,
             };
-            // before any step: the first block's first line would do, the end as well
+            let place = match output.shape.get(1) {
+                Some(&inner) => format!("[{}][{}]", at / inner.max(1), at % inner.max(1)),
+                None => format!("[{at}]"),
+            };
+            let text = format!("{}{place} = {};", output.name, self.operand(operand));
             stores.entry(after).or_default().push(text);
         }
         stores

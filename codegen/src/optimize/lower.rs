@@ -7,6 +7,7 @@ use crate::sym::{Ex, Graph, Node, SymbolId, SystemId};
 
 use super::angles::Angles;
 use super::factor::factor;
+use super::order::order;
 use super::program::{Argument, Group, Op, Operand, Output, Program, SolveStep, Step, Temp};
 
 /// What a program shall compute.
@@ -70,6 +71,7 @@ pub fn lower(g: &Graph, request: Request) -> Program {
     program.drop_unused();
     factor(&mut program);
     program.angles_first();
+    order(&mut program);
     program
 }
 

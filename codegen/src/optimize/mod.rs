@@ -4,6 +4,7 @@
 mod angles;
 mod factor;
 mod lower;
+mod order;
 mod program;
 
 pub use lower::{Request, lower};

@@ -84,8 +84,7 @@ fn figure(all: &mut Vec<Figure>, name: String, calls: usize, run: impl FnMut() +
 
 macro_rules! one_by_one {
     ($all:ident, $robot:ident) => {{
-        use $robot::{BASE, COORDINATES, HOME, INDEPENDENT};
-        const N: usize = COORDINATES.len();
+        use $robot::{BASE, HOME, INDEPENDENT};
         const DOF: usize = INDEPENDENT.len();
         const P: usize = BASE.len();
         let one = state(&HOME, 0.3);
