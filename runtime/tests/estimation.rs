@@ -4,5 +4,7 @@
 
 #[path = "estimation/properties.rs"]
 mod properties;
+#[path = "estimation/spectrum.rs"]
+mod spectrum;
 #[path = "estimation/vectors.rs"]
 mod vectors;

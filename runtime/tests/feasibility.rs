@@ -4,9 +4,21 @@
 
 #[path = "feasibility/friction.rs"]
 mod friction;
+#[path = "feasibility/friction_logs.rs"]
+mod friction_logs;
 #[path = "feasibility/identified.rs"]
 mod identified;
+#[path = "feasibility/outputs.rs"]
+mod outputs;
 #[path = "feasibility/robots.rs"]
 mod robots;
+#[path = "feasibility/scales.rs"]
+mod scales;
 #[path = "feasibility/verdicts.rs"]
 mod verdicts;
+
+#[allow(unreachable_pub, reason = "examples include the files too")]
+mod models {
+    include!("models/slider_crank.rs");
+    include!("models/slider_crank_base.rs");
+}

@@ -183,7 +183,6 @@ pub struct Autocorrelated {
     window: Vec<f64>,
     /// Lower triangle used only.
     squares: Vec<f64>,
-    samples: usize,
 }
 
 impl Autocorrelated {
@@ -194,7 +193,6 @@ impl Autocorrelated {
             recent: VecDeque::new(),
             window: vec![0.0; parameters],
             squares: vec![0.0; parameters * parameters],
-            samples: 0,
         }
     }
 
@@ -205,7 +203,6 @@ impl Autocorrelated {
     /// When the length does not fit.
     pub fn push(&mut self, score: &[f64]) -> Result<(), EstimateError> {
         size("score", self.window.len(), score.len())?;
-        self.samples += 1;
         for (sum, u) in self.window.iter_mut().zip(score) {
             *sum += u;
         }

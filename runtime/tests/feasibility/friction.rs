@@ -8,7 +8,7 @@ use regen_runtime::friction::{FrictionData, FrictionFit, FrictionJoint, fit};
 use crate::robots::{Robot, robot};
 
 /// The laws as the spec states them.
-fn force(friction: Friction, v: f64, x: &[f64]) -> f64 {
+pub(crate) fn force(friction: Friction, v: f64, x: &[f64]) -> f64 {
     let sign = if v == 0.0 { 0.0 } else { v.signum() };
     match (friction, x) {
         (Friction::Stribeck, [fc, fs, vs, delta, fv]) => {

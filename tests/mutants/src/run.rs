@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use serde_json::{Value, json};
 
@@ -35,16 +35,19 @@ enum Went {
 pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> Told<()> {
     let most: f64 = seconds.parse().map_err(|e| format!("seconds: {e}"))?;
     let programs = build(copy, crates)?;
-    // what each takes is kept beside the results, for going on
+    // what each takes is kept beside the results, for going on; one built since is timed again,
+    // which also tells whether it passes without any fault
     let kept = copy.join("times.json");
+    let timed = modified(&kept);
     let mut times: BTreeMap<String, f64> = std::fs::read_to_string(&kept)
         .ok()
         .and_then(|t| serde_json::from_str(&t).ok())
         .unwrap_or_default();
     let mut fit = Vec::new();
     for mut program in programs {
-        let takes = if let Some(takes) = times.get(&program.name()) {
-            *takes
+        let known = times.get(&program.name()).copied();
+        let takes = if let Some(takes) = known.filter(|_| modified(&program.path) < timed) {
+            takes
         } else {
             let before = Instant::now();
             match program.went(0, Duration::from_secs(900))? {
@@ -117,7 +120,8 @@ pub fn run(copy: &Path, drawn: &Path, seconds: &str, crates: &[&str]) -> Told<()
                     *caught.entry((folder, at)).or_default() += 1;
                 }
                 let by = by.map(|b| b.1);
-                let line = json!({ "number": number, "name": mutant["name"], "by": by, "up to": most });
+                let line =
+                    json!({ "number": number, "name": mutant["name"], "by": by, "up to": most });
                 let mut lines = lines.lock().map_err(|e| e.to_string())?;
                 lines.push_str(&format!("{line}\n"));
                 std::fs::write(&results, &*lines).map_err(|e| e.to_string())?;
@@ -179,10 +183,24 @@ impl Program {
         }
     }
 
+    /// The folder of its crate, and what it is called there.
     fn name(&self) -> String {
-        let name = self.path.file_name().unwrap_or_default().to_string_lossy();
-        name.rsplit_once('-').map_or(&*name, |(n, _)| n).to_owned()
+        let name = |path: &Path| {
+            path.file_name()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned()
+        };
+        let (package, own) = (name(&self.package), name(&self.path));
+        let own = own.rsplit_once('-').map_or(&*own, |(n, _)| n);
+        format!("{package}/{own}")
     }
+}
+
+/// When a file was written; long ago if there is none.
+fn modified(path: &Path) -> SystemTime {
+    let written = std::fs::metadata(path).and_then(|m| m.modified());
+    written.unwrap_or(SystemTime::UNIX_EPOCH)
 }
 
 impl Program {
