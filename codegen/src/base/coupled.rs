@@ -236,6 +236,7 @@ fn ratio(ties: &[Form], a: usize, b: usize) -> Option<Number> {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
 
     #[test]
@@ -246,5 +247,29 @@ mod tests {
         assert_eq!(ratio(&ties, 0, 2), Some(n(-6)));
         assert_eq!(ratio(&ties, 0, 1), Some(n(-2)));
         assert_eq!(ratio(&ties, 0, 3), None);
+    }
+
+    #[test]
+    fn coupled_coordinates_have_their_constants_where_the_others_are_zero() {
+        let text = "\
+name: chain
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true}
+      - {name: q2, type: revolute, dh: {a: 0.3}, body: 2}
+      - {name: q3, type: revolute, dh: {a: 0.3}, body: 3}
+couplings: {q3: -2*q2 + 1/4, q2: 3*q1 + 1/2}
+";
+        let spec = crate::spec::parse(&crate::diag::Source::new("chain.yaml", text)).unwrap();
+        let model = crate::model::build(&spec);
+        let at = |name: &str| {
+            let place = model.coordinates.iter().position(|c| c.name == name);
+            value(&model, place.unwrap(), 0)
+        };
+        assert_eq!(at("q1"), Number::zero());
+        assert_eq!(at("q2"), Number::ratio(1, 2).unwrap());
+        // 1/4 - 2 (1/2)
+        assert_eq!(at("q3"), Number::ratio(-3, 4).unwrap());
     }
 }

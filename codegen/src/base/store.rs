@@ -290,6 +290,13 @@ mod tests {
     }
 
     #[test]
+    fn problems_say_what_they_are() {
+        let said = |problem: StoreProblem| problem.to_string();
+        assert!(said(StoreProblem::OutOfDate).contains("another version of the spec"));
+        assert!(said(StoreProblem::Malformed).contains("not what regen writes"));
+    }
+
+    #[test]
     fn what_is_stored_comes_back() {
         let (source, spec, model, analysis) = five_bar();
         let text = store(&source, &analysis);

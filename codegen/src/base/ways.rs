@@ -266,6 +266,7 @@ pub fn follows(ties: &[Form], form: &[(usize, Number)]) -> bool {
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used)]
     use super::*;
 
     #[test]
@@ -275,5 +276,71 @@ mod tests {
         assert!(follows(&ties, &[(0, n(3)), (2, n(3))]));
         assert!(follows(&ties, &[(1, n(1)), (1, n(-1))]));
         assert!(!follows(&ties, &[(0, n(1))]));
+    }
+
+    /// A link that turns about its x (0), y (1) or z (2) by a coordinate, its frame turned before.
+    fn turned(placement: &[(Axis, i64)], coordinate: usize, axis: usize) -> Way {
+        let quarter = Number::pi().mul(&Number::ratio(1, 2).unwrap());
+        let steps = placement
+            .iter()
+            .map(|(axis, quarters)| Step::Rotate(*axis, quarter.mul(&Number::from_i64(*quarters))));
+        let mut way = Way::ground();
+        way.place(&steps.collect());
+        way.turn(coordinate, axis);
+        way
+    }
+
+    #[test]
+    fn links_turn_alike_where_the_ties_say_so_about_the_same_direction() {
+        let n = Number::from_i64;
+        let (same, opposite) = (
+            vec![vec![(0, n(1)), (1, n(-1))]],
+            vec![vec![(0, n(1)), (1, n(1))]],
+        );
+        let along = turned(&[], 0, 2);
+        // y turned into z, the same direction
+        let again = turned(&[(Axis::X, 1)], 1, 1);
+        assert!(along.turns_as(&again, &same) ^ along.turns_as(&again, &opposite));
+        let again = turned(&[(Axis::Z, 3)], 1, 2);
+        assert!(along.turns_as(&again, &same));
+        assert!(!along.turns_as(&again, &opposite));
+        // upside down: the other way round about the opposite direction
+        let against = turned(&[(Axis::X, 2)], 1, 2);
+        assert!(along.turns_as(&against, &opposite));
+        assert!(!along.turns_as(&against, &same));
+        // about another direction never
+        let across = turned(&[], 1, 0);
+        assert!(!along.turns_as(&across, &same) && !along.turns_as(&across, &opposite));
+        // nor where axes are not parallel
+        let mut bent = turned(&[], 1, 2);
+        bent.turn(2, 0);
+        assert!(!along.turns_as(&bent, &same));
+    }
+
+    #[test]
+    fn a_slide_across_the_axis_leaves_a_motion_planar_and_one_along_it_does_not() {
+        for (slide, free) in [
+            (0, Freedom::Planar),
+            (1, Freedom::Planar),
+            (2, Freedom::Direction),
+        ] {
+            let mut before = Way::ground();
+            before.slide(slide);
+            before.turn(0, 2);
+            assert_eq!(before.freedom(&[]), free, "slide {slide}, then turn");
+            let mut behind = turned(&[], 0, 2);
+            behind.slide(slide);
+            assert_eq!(behind.freedom(&[]), free, "turn, then slide {slide}");
+        }
+        // a slide in the plane and one along the axis
+        let mut both = Way::ground();
+        both.slide(2);
+        both.slide(0);
+        both.turn(0, 2);
+        assert_eq!(both.freedom(&[]), Freedom::Direction);
+        // held by a tie, it only slides
+        let tie = vec![vec![(0, Number::one())]];
+        assert_eq!(both.freedom(&tie), Freedom::Translates);
+        assert_eq!(turned(&[], 0, 2).freedom(&[]), Freedom::Spin);
     }
 }

@@ -239,3 +239,34 @@ pub fn eliminate(g: &mut Graph, matrix: &[Vec<Ex>], rhs: &[Vec<Ex>], plan: &Plan
         left,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// The plan of a matrix all of whose entries may vary, from these samples.
+    fn planned(samples: &[[[f64; 2]; 2]]) -> Plan {
+        let structure = vec![vec![Some(false); 2]; 2];
+        let samples: Vec<Vec<Vec<f64>>> = samples
+            .iter()
+            .map(|rows| rows.iter().map(|row| row.to_vec()).collect())
+            .collect();
+        plan(&structure, &samples).unwrap()
+    }
+
+    #[test]
+    fn pivots_that_are_small_or_change_their_sign_are_counted() {
+        let steady = planned(&[[[2.0, 0.1], [0.1, 1.0]], [[1.5, -0.1], [0.1, 2.0]]]);
+        assert_eq!(steady.unfit, 0);
+        // the second pivot changes its sign between the samples
+        let turning = planned(&[[[2.0, 0.0], [0.0, 1.0]], [[2.0, 0.0], [0.0, -1.0]]]);
+        assert_eq!(turning.unfit, 1);
+        // both do
+        let both = planned(&[[[2.0, 0.0], [0.0, 1.0]], [[-2.0, 0.0], [0.0, -1.0]]]);
+        assert_eq!(both.unfit, 2);
+        // either entry of a column is once small beside the other
+        let small = planned(&[[[1.0, 0.0], [0.01, 1.0]], [[0.01, 1.0], [1.0, 0.0]]]);
+        assert!(small.unfit >= 1);
+    }
+}

@@ -308,4 +308,14 @@ mod tests {
         assert_eq!(dependent_columns(&a, &[0, 1, 2], 2, 0.1), [0, 2]);
         assert_eq!(dependent_columns(&a, &[0, 1, 2], 2, 1e-4), [0, 1]);
     }
+
+    #[test]
+    fn a_column_s_distance_counts_as_a_part_of_its_length() {
+        // both are at the same angle to the first
+        let a = vec![vec![1.0, 50.0, 0.02], vec![0.0, 2.5, 0.001]];
+        for column in [1, 2] {
+            assert_eq!(dependent_columns(&a, &[0, column], 2, 0.1), [0]);
+            assert_eq!(dependent_columns(&a, &[0, column], 2, 0.01), [0, column]);
+        }
+    }
 }

@@ -105,3 +105,59 @@ fn range(loops: &NumericLoops<'_>, model: &Model, home: &[f64], c: usize) -> f64
         _ => usual,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::super::home::close_home;
+    use super::super::rows::world_equations;
+    use super::*;
+    use crate::diag::Source;
+    use crate::kinematics::{Frames, Geometry};
+    use crate::sym::Graph;
+
+    /// How far the one coordinate of a pendulum with these limits is moved.
+    fn moved(limits: &str) -> f64 {
+        let text = format!(
+            "name: one\nlimbs:\n  - name: arm\n    joints:\n      \
+             - {{name: q1, type: revolute, body: 1, actuated: true{limits}}}\nhome: {{q1: 1/2}}\n"
+        );
+        let model =
+            crate::model::build(&crate::spec::parse(&Source::new("one.yaml", text)).unwrap());
+        let mut g = Graph::new();
+        for coordinate in &model.coordinates {
+            g.symbol(&coordinate.name);
+        }
+        let frames = Frames::new(&mut g, &model, Geometry::Values);
+        let equations = world_equations(&mut g, &frames, &model, None);
+        let loops = NumericLoops::new(&g, &equations, &model);
+        let home = close_home(&loops, &model).unwrap();
+        let states = closed_states(&loops, &model, &home);
+        let farthest = states
+            .iter()
+            .fold(0.0, |m: f64, q| m.max((q[0] - home[0]).abs()));
+        let range = range(&loops, &model, &home, 0);
+        assert!(
+            farthest <= range && farthest > 0.5 * range,
+            "{farthest} of {range}"
+        );
+        range
+    }
+
+    #[test]
+    fn coordinates_are_moved_within_their_limits_and_not_too_far() {
+        let usual = moved("");
+        assert!((0.2..0.5).contains(&usual), "{usual}");
+        // the nearer limit is 0.05 from home
+        let narrow = moved(", limits: {position: [-3, 0.55]}");
+        assert!((narrow - 0.05).abs() < 1e-12, "{narrow}");
+        // wide limits let it go farther than none do
+        let wide = moved(", limits: {position: [-9, 9]}");
+        assert!((wide / usual - 3.0).abs() < 1e-12, "{wide} {usual}");
+        let some = moved(", limits: {position: [0, 9]}");
+        assert!((some - 0.5).abs() < 1e-12, "{some}");
+        // a home at its limit says nothing of the room
+        let at_limit = moved(", limits: {position: [0.5, 2]}");
+        assert!((at_limit - usual).abs() < 1e-12, "{at_limit}");
+    }
+}

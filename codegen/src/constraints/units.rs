@@ -81,7 +81,18 @@ mod tests {
 
     #[test]
     fn usual_sizes_stay_as_they_are_and_others_end_within_sixteen_of_their_unit() {
-        for size in [0.07, 0.4563, 1.0, 15.0, 0.0, f64::NAN, f64::INFINITY] {
+        // up to the bounds themselves, a sixteenth and sixteen
+        for size in [
+            0.0625,
+            0.07,
+            0.4563,
+            1.0,
+            15.0,
+            16.0,
+            0.0,
+            f64::NAN,
+            f64::INFINITY,
+        ] {
             assert_eq!(coarse(size), 1.0, "{size}");
         }
         for size in [1e-9, 4e-5, 0.01, 456.3, 1e6, 3e11, 1e-200, 1e200] {

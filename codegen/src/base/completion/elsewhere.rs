@@ -179,3 +179,24 @@ fn value(expr: &Expr, names: &[(String, Number)]) -> Option<Number> {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    #[test]
+    fn groups_are_merged_only_where_there_are_two() {
+        let group = |name: &str| Group {
+            name: name.to_owned(),
+            value: Number::one(),
+            members: vec![name.to_owned(), format!("{name}_again")],
+        };
+        let all = [group("a"), group("b"), group("c")];
+        assert!(Group::merged(all[..0].iter()).is_none());
+        assert!(Group::merged(all[..1].iter()).is_none());
+        let merged = Group::merged(all[1..].iter()).unwrap();
+        let members: Vec<&str> = merged.members().collect();
+        assert_eq!(members, ["b", "b_again", "c", "c_again"]);
+    }
+}

@@ -180,3 +180,57 @@ fn sum(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
     }
     None
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// What is seen of a function of two lengths, a and b, where each is changed alone and both
+    /// together.
+    fn observed(f: impl Fn(&Number, &Number) -> Number) -> (Observed, Vec<Group>, Number) {
+        let text = "name: two\ngeometry: {a: 0.3, b: 0.7}\nlimbs: [{name: arm, joints: \
+                    [{name: q1, type: revolute, body: 1, actuated: true}]}]\n";
+        let source = crate::diag::Source::new("two.yaml", text);
+        let groups = super::super::elsewhere::groups(&crate::spec::parse(&source).unwrap());
+        let [a, b] = ["0.3", "0.7"].map(|d| Number::parse_decimal(d).unwrap());
+        let wide = |x: &Number| Wide::from_number(x);
+        let scale = Number::ratio(33, 32).unwrap();
+        let at = |s: &Number, t: &Number| wide(&f(&a.mul(s), &b.mul(t)));
+        let one = Number::one();
+        // large numbers with nothing in common, as where mechanisms are sampled
+        let together = [(1_037_720, 1_075_437), (970_520, 941_037)].map(|(p, q)| {
+            let scales = [p, q].map(|n| Number::ratio(n, 1_000_003).unwrap());
+            Elsewhere {
+                value: at(&scales[0], &scales[1]),
+                scales: scales.to_vec(),
+            }
+        });
+        let observed = Observed {
+            value: at(&one, &one),
+            alone: vec![Some(at(&scale, &one)), Some(at(&one, &scale))],
+            together: together.to_vec(),
+        };
+        (observed, groups, scale)
+    }
+
+    #[test]
+    fn products_of_lengths_and_sums_of_their_ratios_are_found_from_their_values() {
+        let half = Number::ratio(1, 2).unwrap();
+        let functions: [&dyn Fn(&Number, &Number) -> Number; 4] = [
+            &|a, b| a.mul(b).mul(&half),
+            &|a, b| b.mul(b).div(a).unwrap(),
+            &|a, b| a.div(b).unwrap().add(&half),
+            &|a, b| a.div(b).unwrap().sub(&b.mul(b).div(&a.mul(a)).unwrap()),
+        ];
+        for (k, f) in functions.into_iter().enumerate() {
+            let (seen, groups, scale) = observed(f);
+            let fit = Fit::find(&seen, &groups, &scale);
+            let fit = fit.unwrap_or_else(|| panic!("function {k}"));
+            // at lengths that it was not found from
+            let scales = [5, 3].map(Number::from_i64);
+            let [a, b] = [(3, 2), (21, 10)].map(|(p, q)| Number::ratio(p, q).unwrap());
+            assert_eq!(fit.value(&groups, Some(&scales)), Some(f(&a, &b)), "{k}");
+        }
+    }
+}

@@ -348,3 +348,28 @@ impl Circuits {
         recognise(&value).map_or(Factor::Digits(value), Factor::Constant)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+    use super::*;
+
+    /// The mass of a pendulum's body has no effect, its moment about the axis has.
+    #[test]
+    fn directions_that_move_what_is_sampled_are_refuted() {
+        let text = "name: one\nlimbs: [{name: arm, joints: \
+                    [{name: q1, type: revolute, body: 1, actuated: true}]}]\n";
+        let source = crate::diag::Source::new("one.yaml", text);
+        let model = crate::model::build(&crate::spec::parse(&source).unwrap());
+        let samples = certify(&model, &[0.0], 1).unwrap();
+        let sampled = Sampled::new(&samples, &[0.0], 1);
+        let along = |label: &str| {
+            let column = model.parameters.iter().position(|p| p.label == label);
+            Vector::from([(column.unwrap(), Element::one())])
+        };
+        let (unseen, seen) = (along("m(1)"), along("Izz(1)"));
+        assert_eq!(sampled.refuted(&[]), 0);
+        assert_eq!(sampled.refuted(std::slice::from_ref(&unseen)), 0);
+        assert_eq!(sampled.refuted(&[unseen, seen.clone(), seen]), 2);
+    }
+}

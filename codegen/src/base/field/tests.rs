@@ -147,3 +147,25 @@ fn what_is_left_of_sines_is_exact() {
     assert!(e.value().is_exact());
     assert_eq!(f.text(&e), "1/7");
 }
+
+#[test]
+fn an_expression_that_is_too_long_is_written_as_its_value() {
+    let mut f = Field::default();
+    let half = Number::ratio(1, 2).unwrap();
+    let name = f.variable(Variable::Name("l".to_owned()), half.clone());
+    let long = Element {
+        value: half.clone(),
+        form: Form::TooLong,
+    };
+    // what is made of it has no form either
+    let sum = f.add(&name, &long);
+    for (element, known, text) in [
+        (Element::exact(half), true, "1/2"),
+        (name, true, "l"),
+        (long, false, "1/2"),
+        (sum, false, "1"),
+    ] {
+        assert_eq!(element.has_form(), known, "{text}");
+        assert_eq!(f.text(&element), text);
+    }
+}
