@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![cfg(feature = "feasibility")]
 
+#[path = "feasibility/completions.rs"]
+mod completions;
 #[path = "feasibility/friction.rs"]
 mod friction;
 #[path = "feasibility/friction_logs.rs"]
