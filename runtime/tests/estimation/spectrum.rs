@@ -59,8 +59,8 @@ fn the_condition_of_two_columns_follows_from_the_angle_between_them() {
 #[test]
 fn what_is_singular_has_an_infinite_condition_and_says_which_part_of_one() {
     let nothing = factor(&[[0.0; 4], [0.0; 4]]).spectrum().unwrap();
-    assert_eq!(nothing.condition(), f64::INFINITY);
-    assert_eq!(nothing.scaled_condition(), f64::INFINITY);
+    // infinite, not a number that is none
+    assert!(nothing.condition() > f64::MAX && nothing.scaled_condition() > f64::MAX);
     assert_eq!(nothing.rank(), 0);
     let no_columns = factor(&[]).spectrum().unwrap();
     assert_eq!(no_columns.condition().to_bits(), 1.0_f64.to_bits());

@@ -96,7 +96,7 @@ fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
 
 /// What is measured of the robot: Izz and a rotor's inertia only by their sum, and some of the
 /// rest; the signs of noise are such that constraints bind.
-fn measured(units: Units, options: &dyn Fn(Options) -> Options) -> Physical {
+fn measured(units: Units, options: fn(Units, Options) -> Options) -> Physical {
     let labels = labels();
     let layout = Layout::new(&labels).unwrap();
     let all = Combinations::identity(&labels);
@@ -112,45 +112,47 @@ fn measured(units: Units, options: &dyn Fn(Options) -> Options) -> Physical {
         w[5 * k] = 1.0 / units.of(name);
     }
     factor.push_block(&w, &[0.6, 0.5, 2.0, 0.2]).unwrap();
-    let options = options(Options {
+    let plain = Options {
         scale: units.scale(),
         noise: Some(0.1),
         ..Options::default()
-    });
+    };
+    let options = options(units, plain);
     identify(&factor, &seen, &layout, &options).unwrap()
 }
 
 #[test]
 fn a_robot_in_other_units_is_found_as_the_same_robot() {
-    let plain = |_: Units| Box::new(|o: Options| o) as Box<dyn Fn(Options) -> Options>;
-    let margin = |_: Units| {
-        Box::new(|o: Options| Options { margin: 0.05, ..o }) as Box<dyn Fn(Options) -> Options>
+    let limited = |units: Units, plain: Options| Options {
+        bounds: vec![Bound {
+            parameter: "m(1)".to_owned(),
+            lowest: 0.0,
+            highest: 1.5 * units.mass,
+        }],
+        totals: vec![Total {
+            parameters: vec!["Iyy(1)".to_owned(), "Izz(1)".to_owned()],
+            value: 0.9 * units.of("Izz"),
+        }],
+        priors: vec![Prior {
+            parameter: "J(q1)".to_owned(),
+            value: 0.1 * units.of("J"),
+            deviation: 0.05 * units.of("J"),
+        }],
+        ..plain
     };
-    let limited = |units: Units| {
-        Box::new(move |o: Options| Options {
-            bounds: vec![Bound {
-                parameter: "m(1)".to_owned(),
-                lowest: 0.0,
-                highest: 1.5 * units.mass,
-            }],
-            totals: vec![Total {
-                parameters: vec!["Iyy(1)".to_owned(), "Izz(1)".to_owned()],
-                value: 0.9 * units.of("Izz"),
-            }],
-            priors: vec![Prior {
-                parameter: "J(q1)".to_owned(),
-                value: 0.1 * units.of("J"),
-                deviation: 0.05 * units.of("J"),
-            }],
-            ..o
-        }) as Box<dyn Fn(Options) -> Options>
-    };
-    let all: [&dyn Fn(Units) -> Box<dyn Fn(Options) -> Options>; 3] = [&plain, &margin, &limited];
+    let all: [fn(Units, Options) -> Options; 3] = [
+        |_, plain| plain,
+        |_, plain| Options {
+            margin: 0.05,
+            ..plain
+        },
+        limited,
+    ];
     for (k, options) in all.into_iter().enumerate() {
-        let usual = measured(USUAL, &*options(USUAL));
+        let usual = measured(USUAL, options);
         assert!(usual.phi[10] > 1e-3, "the rotor has a part: {usual:?}");
         for units in OTHERS {
-            let other = measured(units, &*options(units));
+            let other = measured(units, options);
             assert_eq!(other.outcome, usual.outcome, "{k}");
             for ((a, b), label) in other.phi.iter().zip(&usual.phi).zip(labels()) {
                 let a = a / units.of(&label);

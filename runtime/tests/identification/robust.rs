@@ -204,11 +204,9 @@ fn the_bandwidth_follows_from_the_correlation_of_neighbours() {
         let alpha = 4.0 * own * own / (1.0 - own * own).powi(2);
         let lags = 1.1447 * (alpha * SAMPLES as f64).cbrt();
         let quarter = (SAMPLES / 4) as f64;
-        assert_eq!(
-            found.bandwidth,
-            1 + lags.floor().min(quarter) as usize,
-            "{rho}"
-        );
+        let exact = 1.0 + lags.floor().min(quarter);
+        let off = (found.bandwidth as f64 - exact).abs();
+        assert!(off < 0.5, "{rho}: {} {exact}", found.bandwidth);
         assert!(found.bandwidth >= widest, "more correlation, more lags");
         widest = found.bandwidth;
     }

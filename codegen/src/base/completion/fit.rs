@@ -186,6 +186,8 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
+    type Function<'a> = &'a dyn Fn(&Number, &Number) -> Number;
+
     /// What is seen of a function of two lengths, a and b, where each is changed alone and both
     /// together.
     fn observed(f: impl Fn(&Number, &Number) -> Number) -> (Observed, Vec<Group>, Number) {
@@ -217,7 +219,7 @@ mod tests {
     #[test]
     fn products_of_lengths_and_sums_of_their_ratios_are_found_from_their_values() {
         let half = Number::ratio(1, 2).unwrap();
-        let functions: [&dyn Fn(&Number, &Number) -> Number; 4] = [
+        let functions: [Function<'_>; 4] = [
             &|a, b| a.mul(b).mul(&half),
             &|a, b| b.mul(b).div(a).unwrap(),
             &|a, b| a.div(b).unwrap().add(&half),
