@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![cfg(feature = "estimation")]
 
+#[path = "estimation/correlated.rs"]
+mod correlated;
 #[path = "estimation/properties.rs"]
 mod properties;
 #[path = "estimation/spectrum.rs"]

@@ -125,3 +125,57 @@ fn what_does_not_move_with_the_mechanism_leaves_it_unmeasured() {
     let found = completion.complete(&[3.0], &[0.0], &[0.0]).unwrap();
     assert_eq!(found, Completed::Unmeasured);
 }
+
+#[test]
+fn what_is_measured_wrongly_is_refused() {
+    let model = model();
+    let made = |measured: &[usize], deviations: &[f64]| {
+        Completion::new(&model, measured, deviations).map(|_| ())
+    };
+    assert_eq!(made(&[0, 2], &[0.1, 0.1]), Ok(()));
+    for (measured, deviations) in [
+        (&[][..], &[][..]),
+        (&[0], &[0.1, 0.1]),
+        (&[3], &[0.1]),
+        (&[0, 0], &[0.1, 0.1]),
+        (&[0], &[0.0]),
+        (&[0], &[-1.0]),
+        (&[0], &[f64::NAN]),
+        (&[0], &[f64::INFINITY]),
+    ] {
+        assert!(
+            made(measured, deviations).is_err(),
+            "{measured:?} {deviations:?}"
+        );
+    }
+    let mut completion = Completion::new(&model, &[0, 2], &[0.1, 0.1]).unwrap();
+    let (two, one) = (at(HOME), [0.0]);
+    let both = [two[0], two[2]];
+    assert!(completion.complete(&one, &both, &both).is_err());
+    assert!(completion.complete(&both, &one, &both).is_err());
+    assert!(completion.complete(&both, &both, &one).is_err());
+}
+
+/// A rod shorter than the crank: it cannot follow all the way round.
+#[test]
+fn states_that_the_mechanism_does_not_reach_are_told_as_open() {
+    let model = SliderCrank {
+        rod: 0.5,
+        home: [0.0, 0.0, 1.5],
+        ..SliderCrank::default()
+    };
+    for measured in [&[0][..], &[0, 2]] {
+        let deviations = vec![0.1; measured.len()];
+        let mut completion = Completion::new(&model, measured, &deviations).unwrap();
+        let none = vec![0.0; measured.len()];
+        let mut complete = |crank: f64, slider: f64| {
+            let q = [crank, slider];
+            let found = completion.complete(&q[..measured.len()], &none, &none);
+            matches!(found.unwrap(), Completed::State(_))
+        };
+        let reached = |crank: f64| crank.cos() + (0.25 - crank.sin().powi(2)).sqrt();
+        assert!(complete(0.3, reached(0.3)), "{measured:?}");
+        // the rod reaches the slider's way up to a crank angle of 30 degrees
+        assert!(!complete(1.2, 0.4), "{measured:?}");
+    }
+}
