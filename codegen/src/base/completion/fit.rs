@@ -52,13 +52,19 @@ impl Fit {
             let zero = observed.together.iter().all(|e| is_rounding(&e.value));
             return zero.then(|| Fit(Vec::new()));
         }
-        let fit = monomial(observed, groups, scale).or_else(|| sum(observed, groups, scale))?;
+        monomial(observed, groups, scale)
+            .filter(|fit| fit.holds(observed, groups))
+            .or_else(|| sum(observed, groups, scale))
+    }
+
+    /// Whether this is the factor, as given and wherever it was seen with all names changed.
+    fn holds(&self, observed: &Observed, groups: &[Group]) -> bool {
         let everywhere = observed.together.iter();
-        let holds = everywhere
-            .map(|e| (fit.value(groups, Some(&e.scales)), e.value))
-            .chain([(fit.value(groups, None), observed.value)])
-            .all(|(found, value)| found.is_some_and(|f| agree(&value, &f)));
-        (holds && !observed.together.is_empty()).then_some(fit)
+        !observed.together.is_empty()
+            && everywhere
+                .map(|e| (self.value(groups, Some(&e.scales)), e.value))
+                .chain([(self.value(groups, None), observed.value)])
+                .all(|(found, value)| found.is_some_and(|f| agree(&value, &f)))
     }
 
     fn value(&self, groups: &[Group], scales: Option<&[Number]>) -> Option<Number> {
@@ -175,7 +181,11 @@ fn sum(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit> {
                 factor: root.mul(&Number::from_rational(f)),
                 powers,
             });
-            return Some(Fit(terms.filter(|t| !t.factor.is_zero()).collect()));
+            let fit = Fit(terms.filter(|t| !t.factor.is_zero()).collect());
+            // digits of some terms relate by chance: elsewhere they do not
+            if fit.holds(observed, groups) {
+                return Some(fit);
+            }
         }
     }
     None
@@ -219,7 +229,8 @@ mod tests {
     #[test]
     fn products_of_lengths_and_sums_of_their_ratios_are_found_from_their_values() {
         let half = Number::ratio(1, 2).unwrap();
-        let functions: [Function<'_>; 4] = [
+        let functions: [Function<'_>; 5] = [
+            &|a, b| a.add(&b.mul(&half)),
             &|a, b| a.mul(b).mul(&half),
             &|a, b| b.mul(b).div(a).unwrap(),
             &|a, b| a.div(b).unwrap().add(&half),
