@@ -7,6 +7,10 @@
 
 use super::program::{Op, Operand, Program, Step, Temp};
 
+/// Groups of more steps stay as they are: ordering takes time with the square of the steps, and
+/// only bodies at the end of very long chains have such groups.
+const MOST_STEPS: usize = 4000;
+
 /// Orders the steps of every group.
 pub(super) fn order(program: &mut Program) {
     let operands: Vec<Vec<Temp>> = program.steps.iter().map(values_of).collect();
@@ -20,7 +24,7 @@ pub(super) fn order(program: &mut Program) {
         let operands = &operands[group.steps.clone()];
         // sines and cosines are taken in a row
         let angles = |step: &&Step| matches!(step.op, Op::SinCos(_));
-        if steps.iter().filter(angles).count() > 1 {
+        if steps.iter().filter(angles).count() > 1 || steps.len() > MOST_STEPS {
             for value in operands.iter().flatten() {
                 left[value.0 as usize] -= 1;
             }

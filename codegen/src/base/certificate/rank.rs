@@ -22,9 +22,9 @@ pub struct Certificate {
     pub states: usize,
     /// Decimal digits carried.
     pub digits: usize,
-    /// The smallest pivot kept, as a part of the largest.
+    /// The smallest pivot kept, as a part of the largest entry of all.
     pub smallest_kept: f64,
-    /// The largest number dropped, as a part of the largest pivot; 0 where
+    /// The largest number dropped, as a part of the largest entry; 0 where
     /// nothing was left.
     pub largest_dropped: f64,
 }
