@@ -12,25 +12,25 @@
 //! | [`constraints`] | 9 | 4 | 0 | 4 |
 //! | [`jacobian`] | 6 | 8 | 0 | 4 |
 //! | [`bias`] | 10 | 16 | 0 | 4 |
-//! | [`newton_step`] | 14 | 10 | 1 | 4 |
+//! | [`newton_step`] | 12 | 10 | 1 | 4 |
 //! | [`dependent_jacobian`] | 3 | 2 | 0 | 1 |
-//! | [`velocities`] | 11 | 14 | 1 | 3 |
-//! | [`accelerations`] | 20 | 26 | 1 | 3 |
-//! | [`regressor`] | 35 | 77 | 1 | 4 |
+//! | [`velocities`] | 9 | 14 | 1 | 3 |
+//! | [`accelerations`] | 18 | 26 | 1 | 3 |
+//! | [`regressor`] | 33 | 73 | 1 | 4 |
 //! | [`inverse_dynamics`] | 49 | 83 | 1 | 4 |
-//! | [`gravity`] | 25 | 43 | 1 | 5 |
+//! | [`gravity`] | 24 | 43 | 1 | 5 |
 //! | [`bias_forces`] | 37 | 70 | 1 | 3 |
-//! | [`mass_matrix`] | 31 | 40 | 1 | 3 |
-//! | [`slotine_li`] | 50 | 102 | 1 | 4 |
+//! | [`mass_matrix`] | 30 | 39 | 1 | 3 |
+//! | [`slotine_li`] | 48 | 98 | 1 | 4 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 3 | 4 | 0 | 4 |
 //! | [`base_regressor`] | 33 | 71 | 1 | 4 |
-//! | [`to_base`] | 15 | 7 | 0 | 0 |
-//! | [`parameters_from_base`] | 13 | 7 | 0 | 0 |
+//! | [`to_base`] | 14 | 7 | 0 | 0 |
+//! | [`parameters_from_base`] | 12 | 7 | 0 | 0 |
 //! | [`base_inverse_dynamics`] | 44 | 77 | 1 | 4 |
-//! | [`base_gravity`] | 22 | 38 | 1 | 5 |
+//! | [`base_gravity`] | 21 | 38 | 1 | 5 |
 //! | [`base_bias_forces`] | 33 | 64 | 1 | 3 |
-//! | [`base_mass_matrix`] | 27 | 38 | 1 | 3 |
+//! | [`base_mass_matrix`] | 26 | 37 | 1 | 3 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -383,7 +383,7 @@ pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 14 additions, 10 multiplications, 1 divisions, 4 sines and cosines.
+/// 12 additions, 10 multiplications, 1 divisions, 4 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 2];
@@ -398,13 +398,11 @@ pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - q4;
         let t1_4 = q2 + q1;
-        let t1_5 = q2 + q1;
-        let t1_6 = t1_5 - q3;
         let [
             (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q2, cos_q2),
             (sin_q1_q2, cos_q1_q2), (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3),
         ] =
-            T::sin_cos_all([t1_3, q2, t1_4, t1_6]);
+            T::sin_cos_all([t1_3, q2, t1_4, t1_2]);
         [
             sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
             sin_q1_q2, cos_q1_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
@@ -419,31 +417,30 @@ pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
         let t2_5 = like.lift(0.3).mul_add(t2_2, pivot_2);
         let t2_6 = like.lift(0.2).mul_add(sin_q1_q2, t2_5);
-        let t2_7 = -t2_6;
-        let t2_8 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_9 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_10 = t2_4 - t2_9;
-        let t2_11 = t2_10 * t2_8;
-        let t2_12 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_11, t2_7);
-        let t2_13 = -t2_7;
-        let t2_14 = like.lift(2.5) * t2_12;
-        let t2_15 = like.lift(2.5) * t2_11;
+        let t2_7 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_8 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_9 = t2_4 - t2_8;
+        let t2_10 = t2_9 * t2_7;
+        let t2_11 = -t2_6;
+        let t2_12 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_10, t2_11);
+        let t2_13 = like.lift(2.5) * t2_12;
+        let t2_14 = like.lift(2.5) * t2_10;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t2_16], [t2_17]], found) = ::regen_runtime::guarded(
-            [[t2_14], [t2_15]],
+        let ([[t2_15], [t2_16]], found) = ::regen_runtime::guarded(
+            [[t2_13], [t2_14]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_9],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_8],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_10], [t2_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_9], [t2_6], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_16; dq_e[1] = t2_17;
+        dq_e[0] = t2_15; dq_e[1] = t2_16;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -479,7 +476,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 2]; 2] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 11 additions, 14 multiplications, 1 divisions, 3 sines and cosines.
+/// 9 additions, 14 multiplications, 1 divisions, 3 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 4];
@@ -493,13 +490,11 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - q4;
-        let t1_4 = q2 + q1;
-        let t1_5 = t1_4 - q3;
         let [
             (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q2, cos_q2),
             (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3),
         ] =
-            T::sin_cos_all([t1_3, q2, t1_5]);
+            T::sin_cos_all([t1_3, q2, t1_2]);
         [
             sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
             sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
@@ -552,7 +547,7 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 20 additions, 26 multiplications, 1 divisions, 3 sines and cosines.
+/// 18 additions, 26 multiplications, 1 divisions, 3 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 4];
@@ -566,13 +561,11 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - q4;
-        let t1_4 = q2 + q1;
-        let t1_5 = t1_4 - q3;
         let [
             (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q2, cos_q2),
             (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3),
         ] =
-            T::sin_cos_all([t1_3, q2, t1_5]);
+            T::sin_cos_all([t1_3, q2, t1_2]);
         [
             sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4, sin_q2, cos_q2,
             sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
@@ -640,7 +633,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 35 additions, 77 multiplications, 1 divisions, 4 sines and cosines.
+/// 33 additions, 73 multiplications, 1 divisions, 4 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0] = [zero; 2];
@@ -707,65 +700,67 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
     };
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_1, t3_3, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
+    let [t3_1, t3_2, t3_4, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let t3_1 = like.lift(0.3).mul_add(dd_q1, a_1y);
-        let t3_2 = like.lift(0.3) * d_q1;
-        let t3_3 = t3_2.mul_add(d_q1, -a_1x);
+        let t3_2 = like.lift(0.3) * t3_1;
+        let t3_3 = like.lift(0.3) * d_q1;
+        let t3_4 = t3_3.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
-        let t3_4 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
-        let t3_5 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
-        let t3_6 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_6);
-        let t3_7 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_7);
-        let t3_8 = sin_q1_q2_minus_q3 * cos_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_8);
-        let t3_9 = cos_q1_q2_minus_q3 * cos_q4;
-        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_9);
+        let t3_5 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_5);
+        let t3_6 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_6);
+        let t3_7 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_7);
+        let t3_8 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_8);
+        let t3_9 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_9);
+        let t3_10 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_10);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t3_10 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t3_11 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t3_12 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_13 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_12);
+        let t3_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_12 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_13 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_14 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_13);
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t3_14 = -u_2_q1x;
-        let t3_15 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t3_16 = -t3_15;
-        let t3_17 = sin_q2 * t3_11;
-        let t3_18 = t3_10 * t3_11;
-        let t3_19 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_20 = (-t3_19).mul_add(t3_17, t3_15);
-        let t3_21 = like.lift(2.5) * t3_20;
-        let t3_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_18, t3_13);
-        let t3_23 = like.lift(2.5) * t3_22;
-        let t3_24 = -t3_23;
-        let t3_25 = like.lift(0.75) * t3_17;
-        let t3_26 = -t3_25;
-        let t3_27 = like.lift(2.5) * t3_18;
+        let t3_15 = -u_2_q1x;
+        let t3_16 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_17 = -t3_16;
+        let t3_18 = sin_q2 * t3_12;
+        let t3_19 = t3_11 * t3_12;
+        let t3_20 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_21 = (-t3_20).mul_add(t3_18, t3_16);
+        let t3_22 = like.lift(2.5) * t3_21;
+        let t3_23 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_19, t3_14);
+        let t3_24 = like.lift(2.5) * t3_23;
+        let t3_25 = -t3_24;
+        let t3_26 = like.lift(0.75) * t3_18;
+        let t3_27 = -t3_26;
+        let t3_28 = like.lift(2.5) * t3_19;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
         let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
-            [[t3_21, t3_24], [t3_26, t3_27]],
+            [[t3_22, t3_25], [t3_27, t3_28]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_12],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_13],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_14, t3_10], [t3_16, t3_13], [like.lift(0.0), like.lift(0.0)],
+                    [t3_15, t3_11], [t3_17, t3_14], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
         );
         condition = condition.min(found);
-        [t3_1, t3_3, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
+        [t3_1, t3_2, t3_4, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        w[19][0] = t3_2;
         let t4_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
         w[15][0] = w_izz_2_q1;
@@ -773,8 +768,8 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
         let t4_2 = -w_izz_2_q3;
         w[15][1] = t4_2;
         let t4_3 = cos_q2 * t3_1;
-        let a_2y = sin_q2.mul_add(t3_3, t4_3);
-        let t4_4 = cos_q2 * t3_3;
+        let a_2y = sin_q2.mul_add(t3_4, t4_3);
+        let t4_4 = cos_q2 * t3_4;
         let a_2x = (-sin_q2).mul_add(t3_1, t4_4);
         let w_mx_2_q3 = x_q2_q3 * a_2y;
         let t4_5 = -w_mx_2_q3;
@@ -782,24 +777,18 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
         let w_my_2_q3 = x_q2_q3 * a_2x;
         let t4_6 = -w_my_2_q3;
         w[17][1] = t4_6;
+        let t4_7 = a_2y * t4_1;
+        let t4_8 = a_2x * t4_1;
         let w_2z = d_q1 + d_q2;
-        let t4_7 = w_2z * w_2z;
-        let t4_8 = cos_q2 * al_2z;
-        let t4_9 = (-sin_q2).mul_add(t4_7, t4_8);
-        let t4_10 = cos_q2 * t4_7;
-        let t4_11 = sin_q2.mul_add(al_2z, t4_10);
-        let t4_12 = cos_q2 * a_2y;
-        let t4_13 = a_2y * t4_1;
-        let w_mx_2_q1 = like.lift(0.3).mul_add(t4_9, t4_13);
+        let t4_9 = w_2z * w_2z;
+        let t4_10 = cos_q2 * al_2z;
+        let t4_11 = (-sin_q2).mul_add(t4_9, t4_10);
+        let t4_12 = cos_q2 * t4_9;
+        let t4_13 = sin_q2.mul_add(al_2z, t4_12);
+        let w_mx_2_q1 = like.lift(0.3).mul_add(t4_11, t4_7);
         w[16][0] = w_mx_2_q1;
-        let t4_14 = a_2x * t4_1;
-        let w_my_2_q1 = like.lift(-0.3).mul_add(t4_11, t4_14);
+        let w_my_2_q1 = like.lift(-0.3).mul_add(t4_13, t4_8);
         w[17][0] = w_my_2_q1;
-        let t4_15 = (-sin_q2).mul_add(a_2x, t4_12);
-        let t4_16 = like.lift(0.3) * t4_15;
-        let w_m_2_q1 = -t4_16;
-        let t4_17 = -w_m_2_q1;
-        w[19][0] = t4_17;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_3y, a_3x] = {
@@ -817,39 +806,37 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
         let t6_2 = like.lift(0.3).mul_add(dd_q3, a_3y);
         let t6_3 = like.lift(0.3) * d_q3;
         let t6_4 = (-t6_3).mul_add(d_q3, a_3x);
+        let t6_5 = like.lift(-0.3) * t6_2;
+        let w_m_4_q3 = -t6_5;
+        w[39][1] = w_m_4_q3;
         let al_4z = dd_q3 + dd_q4;
         let w_izz_4_q3 = al_4z * t6_1;
         w[35][1] = w_izz_4_q3;
         let w_izz_4_q1 = x_q4_q1 * al_4z;
-        let t6_5 = -w_izz_4_q1;
-        w[35][0] = t6_5;
-        let t6_6 = sin_q4 * t6_4;
-        let a_4y = (-cos_q4).mul_add(t6_2, t6_6);
-        let t6_7 = sin_q4 * t6_2;
-        let a_4x = cos_q4.mul_add(t6_4, t6_7);
+        let t6_6 = -w_izz_4_q1;
+        w[35][0] = t6_6;
+        let t6_7 = sin_q4 * t6_4;
+        let a_4y = (-cos_q4).mul_add(t6_2, t6_7);
+        let t6_8 = sin_q4 * t6_2;
+        let a_4x = cos_q4.mul_add(t6_4, t6_8);
         let w_mx_4_q1 = x_q4_q1 * a_4y;
         w[36][0] = w_mx_4_q1;
         let w_my_4_q1 = x_q4_q1 * a_4x;
         w[37][0] = w_my_4_q1;
+        let t6_9 = a_4y * t6_1;
+        let t6_10 = a_4x * t6_1;
         let w_4z = d_q3 + d_q4;
-        let t6_8 = w_4z * w_4z;
-        let t6_9 = cos_q4 * al_4z;
-        let t6_10 = (-sin_q4).mul_add(t6_8, t6_9);
-        let t6_11 = cos_q4 * t6_8;
-        let t6_12 = sin_q4.mul_add(al_4z, t6_11);
-        let t6_13 = cos_q4 * a_4y;
-        let t6_14 = (-sin_q4).mul_add(a_4x, t6_13);
-        let t6_15 = a_4y * t6_1;
-        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_10, t6_15);
-        let t6_16 = a_4x * t6_1;
-        let w_my_4_q3 = like.lift(0.3).mul_add(t6_12, t6_16);
-        let t6_17 = -w_mx_4_q3;
-        w[36][1] = t6_17;
-        let t6_18 = -w_my_4_q3;
-        w[37][1] = t6_18;
-        let t6_19 = like.lift(0.3) * t6_14;
-        let w_m_4_q3 = -t6_19;
-        w[39][1] = w_m_4_q3;
+        let t6_11 = w_4z * w_4z;
+        let t6_12 = cos_q4 * al_4z;
+        let t6_13 = (-sin_q4).mul_add(t6_11, t6_12);
+        let t6_14 = cos_q4 * t6_11;
+        let t6_15 = sin_q4.mul_add(al_4z, t6_14);
+        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_13, t6_9);
+        let w_my_4_q3 = like.lift(0.3).mul_add(t6_15, t6_10);
+        let t6_16 = -w_mx_4_q3;
+        w[36][1] = t6_16;
+        let t6_17 = -w_my_4_q3;
+        w[37][1] = t6_17;
     }
     Condition { pivot: condition }
 }
@@ -1009,7 +996,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 25 additions, 43 multiplications, 1 divisions, 5 sines and cosines.
+/// 24 additions, 43 multiplications, 1 divisions, 5 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
@@ -1021,15 +1008,14 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
         cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
     ] = {
         let t1_1 = q2 + q1;
-        let t1_2 = t1_1 - q3;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = q4 + q3;
+        let t1_2 = q4 + q3;
+        let t1_3 = t1_1 - t1_2;
         let [
             (sin_q1, cos_q1), (sin_q2, cos_q2),
             (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q3, cos_q3),
             (sin_q3_q4, cos_q3_q4),
         ] =
-            T::sin_cos_all([q1, q2, t1_3, q3, t1_4]);
+            T::sin_cos_all([q1, q2, t1_3, q3, t1_2]);
         [
             sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
             cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
@@ -1286,7 +1272,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 31 additions, 40 multiplications, 1 divisions, 3 sines and cosines.
+/// 30 additions, 39 multiplications, 1 divisions, 3 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 2]; 2];
@@ -1374,17 +1360,16 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
         let t3_12 = p_izz_4 + t3_10;
         let t3_13 = (-p_izz_4).mul_add(x_q4_q3, t3_12);
         let t3_14 = x_q4_q1 * t3_13;
-        let t3_15 = (-x_q2_q1).mul_add(t3_9, t3_14);
-        let t3_16 = t2_6.mul_add(x_q2_q3, t3_15);
-        let t3_17 = t3_13 + t3_12;
-        let t3_18 = (-x_q4_q3).mul_add(t3_17, p_izz_3);
-        let t3_19 = x_q2_q3.mul_add(t3_9, t3_18);
-        let t3_20 = -t3_16;
-        m[0][1] = t3_20; m[1][0] = t3_20;
-        let t3_21 = t3_19 + p_izz_4;
-        let t3_22 = like.lift(0.3).mul_add(t3_11, t3_21);
-        let t3_23 = t3_22 + t3_10;
-        m[1][1] = t3_23;
+        let t3_15 = x_q2_q3.mul_add(t3_1, t3_14);
+        let t3_16 = t3_13 + t3_12;
+        let t3_17 = (-x_q4_q3).mul_add(t3_16, p_izz_3);
+        let t3_18 = x_q2_q3.mul_add(t3_9, t3_17);
+        let t3_19 = -t3_15;
+        m[0][1] = t3_19; m[1][0] = t3_19;
+        let t3_20 = t3_18 + p_izz_4;
+        let t3_21 = like.lift(0.3).mul_add(t3_11, t3_20);
+        let t3_22 = t3_21 + t3_10;
+        m[1][1] = t3_22;
     }
     (m, Condition { pivot: condition })
 }
@@ -1397,7 +1382,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 50 additions, 102 multiplications, 1 divisions, 4 sines and cosines.
+/// 48 additions, 98 multiplications, 1 divisions, 4 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     y[0] = [zero; 2];
@@ -1466,84 +1451,87 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
     let [r_q1, r_q3] = *qd_r;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4, pivot_2,
-        t3_8, t3_9, t3_10, t3_11, t3_12, w_2z, t3_15, t3_16, t3_17, t3_25, t3_26,
+        t3_1, w_m_2_q1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4,
+        pivot_2, t3_9, t3_10, t3_11, t3_12, t3_13, w_2z, t3_16, t3_17, t3_18, t3_26, t3_27,
     ] = {
         let t3_1 = like.lift(0.3).mul_add(dr_q1, a_1y);
-        let t3_2 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_2);
-        let t3_3 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_3);
-        let t3_4 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_4);
-        let t3_5 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_5);
-        let t3_6 = sin_q1_q2_minus_q3 * cos_q4;
-        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_6);
-        let t3_7 = cos_q1_q2_minus_q3 * cos_q4;
-        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_7);
+        let t3_2 = like.lift(-0.3) * t3_1;
+        let w_m_2_q1 = -t3_2;
+        let t3_3 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_3);
+        let t3_4 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_4);
+        let t3_5 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_5);
+        let t3_6 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_6);
+        let t3_7 = sin_q1_q2_minus_q3 * cos_q4;
+        let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_7);
+        let t3_8 = cos_q1_q2_minus_q3 * cos_q4;
+        let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_8);
         let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t3_8 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t3_9 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_10 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t3_11 = d_q1 * r_q1;
-        let t3_12 = like.lift(-0.3).mul_add(t3_11, a_1x);
+        let t3_9 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_10 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_12 = d_q1 * r_q1;
+        let t3_13 = like.lift(-0.3).mul_add(t3_12, a_1x);
         let w_2z = d_q1 + d_q2;
         let u_2_q1x = like.lift(0.3) * sin_q2;
-        let t3_13 = r_q1 * u_2_q1x;
-        let t3_14 = (-t3_10).mul_add(r_q3, t3_13);
-        let t3_15 = -u_2_q1x;
-        let t3_16 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t3_17 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_9);
-        let t3_18 = t3_16 * r_q1;
-        let t3_19 = (-t3_17).mul_add(r_q3, t3_18);
-        let t3_20 = t3_8 * t3_14;
-        let t3_21 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_20, t3_19);
-        let t3_22 = like.lift(2.5) * t3_21;
-        let t3_23 = -t3_22;
-        let t3_24 = like.lift(2.5) * t3_20;
+        let t3_14 = r_q1 * u_2_q1x;
+        let t3_15 = (-t3_11).mul_add(r_q3, t3_14);
+        let t3_16 = -u_2_q1x;
+        let t3_17 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_18 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_10);
+        let t3_19 = t3_17 * r_q1;
+        let t3_20 = (-t3_18).mul_add(r_q3, t3_19);
+        let t3_21 = t3_9 * t3_15;
+        let t3_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_21, t3_20);
+        let t3_23 = like.lift(2.5) * t3_22;
+        let t3_24 = -t3_23;
+        let t3_25 = like.lift(2.5) * t3_21;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t3_25], [t3_26]], found) = ::regen_runtime::guarded(
-            [[t3_23], [t3_24]],
+        let ([[t3_26], [t3_27]], found) = ::regen_runtime::guarded(
+            [[t3_24], [t3_25]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_9],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_10],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_14], [t3_19], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_15], [t3_20], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            t3_1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4, pivot_2,
-            t3_8, t3_9, t3_10, t3_11, t3_12, w_2z, t3_15, t3_16, t3_17, t3_25, t3_26,
+            t3_1, w_m_2_q1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3,
+            cos_q1_q2_minus_q3_minus_q4, pivot_2, t3_9, t3_10, t3_11, t3_12, t3_13, w_2z,
+            t3_16, t3_17, t3_18, t3_26, t3_27,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [t4_2, t4_4, t4_5, t4_24, t4_25] = {
-        let t4_1 = r_q1 + t3_25;
+        let t4_1 = r_q1 + t3_26;
         let t4_2 = w_2z * t4_1;
-        let t4_3 = r_q3 + t3_26;
+        let t4_3 = r_q3 + t3_27;
         let w_4z = d_q3 + d_q4;
         let t4_4 = w_4z * t4_3;
         let t4_5 = d_q3 * r_q3;
-        let t4_6 = sin_q2 * t3_11;
+        let t4_6 = sin_q2 * t3_12;
         let t4_7 = (-sin_q1_q2_minus_q3).mul_add(t4_5, t4_6);
         let t4_8 = sin_q2 * dr_q1;
-        let t4_9 = (-cos_q2).mul_add(t3_11, t4_8);
+        let t4_9 = (-cos_q2).mul_add(t3_12, t4_8);
         let t4_10 = cos_q1_q2_minus_q3.mul_add(t4_5, t4_9);
         let t4_11 = like.lift(0.3) * t4_10;
-        let t4_12 = (-t3_10).mul_add(dr_q3, t4_11);
+        let t4_12 = (-t3_11).mul_add(dr_q3, t4_11);
         let t4_13 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_4, t4_2);
         let t4_14 = like.lift(-0.4).mul_add(t4_13, t4_12);
-        let t4_15 = t3_16 * dr_q1;
-        let t4_16 = (-t3_17).mul_add(dr_q3, t4_15);
+        let t4_15 = t3_17 * dr_q1;
+        let t4_16 = (-t3_18).mul_add(dr_q3, t4_15);
         let t4_17 = like.lift(0.3).mul_add(t4_7, t4_16);
         let t4_18 = (-t4_4).mul_add(pivot_2, t4_17);
-        let t4_19 = t3_8 * t4_14;
+        let t4_19 = t3_9 * t4_14;
         let t4_20 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_19, t4_18);
         let t4_21 = like.lift(2.5) * t4_20;
         let t4_22 = -t4_21;
@@ -1555,7 +1543,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_9],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_10],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1568,13 +1556,13 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dr_q1 + t4_24;
-        let t5_1 = -t3_16;
-        let t5_2 = sin_q2 * t3_8;
-        let t5_3 = t3_10 * t3_8;
+        let t5_1 = -t3_17;
+        let t5_2 = sin_q2 * t3_9;
+        let t5_3 = t3_11 * t3_9;
         let t5_4 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
-        let t5_5 = (-t5_4).mul_add(t5_2, t3_16);
+        let t5_5 = (-t5_4).mul_add(t5_2, t3_17);
         let t5_6 = like.lift(2.5) * t5_5;
-        let t5_7 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t5_3, t3_17);
+        let t5_7 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t5_3, t3_18);
         let t5_8 = like.lift(2.5) * t5_7;
         let t5_9 = -t5_8;
         let t5_10 = like.lift(0.75) * t5_2;
@@ -1587,12 +1575,12 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_9],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_10],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
                 [
-                    [t3_15, t3_10], [t5_1, t3_17], [like.lift(0.0), like.lift(0.0)],
+                    [t3_16, t3_11], [t5_1, t3_18], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                 ],
             ),
@@ -1602,37 +1590,33 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        y[19][0] = w_m_2_q1;
         let t6_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t6_1;
         y[15][0] = w_izz_2_q1;
         let w_izz_2_q3 = x_q2_q3 * al_2z;
         let t6_2 = -w_izz_2_q3;
         y[15][1] = t6_2;
-        let t6_3 = sin_q2 * t3_12;
+        let t6_3 = sin_q2 * t3_13;
         let a_2y = (-cos_q2).mul_add(t3_1, t6_3);
         let t6_4 = sin_q2 * t3_1;
-        let a_2x = cos_q2.mul_add(t3_12, t6_4);
+        let a_2x = cos_q2.mul_add(t3_13, t6_4);
         let w_mx_2_q3 = x_q2_q3 * a_2y;
         y[16][1] = w_mx_2_q3;
         let w_my_2_q3 = x_q2_q3 * a_2x;
         y[17][1] = w_my_2_q3;
-        let t6_5 = cos_q2 * al_2z;
-        let t6_6 = (-sin_q2).mul_add(t4_2, t6_5);
-        let t6_7 = cos_q2 * t4_2;
-        let t6_8 = sin_q2.mul_add(al_2z, t6_7);
-        let t6_9 = cos_q2 * a_2y;
-        let t6_10 = (-sin_q2).mul_add(a_2x, t6_9);
-        let t6_11 = a_2y * t6_1;
-        let w_mx_2_q1 = like.lift(-0.3).mul_add(t6_6, t6_11);
-        let t6_12 = a_2x * t6_1;
-        let w_my_2_q1 = like.lift(0.3).mul_add(t6_8, t6_12);
-        let t6_13 = -w_mx_2_q1;
-        y[16][0] = t6_13;
-        let t6_14 = -w_my_2_q1;
-        y[17][0] = t6_14;
-        let t6_15 = like.lift(0.3) * t6_10;
-        let w_m_2_q1 = -t6_15;
-        y[19][0] = w_m_2_q1;
+        let t6_5 = a_2y * t6_1;
+        let t6_6 = a_2x * t6_1;
+        let t6_7 = cos_q2 * al_2z;
+        let t6_8 = (-sin_q2).mul_add(t4_2, t6_7);
+        let t6_9 = cos_q2 * t4_2;
+        let t6_10 = sin_q2.mul_add(al_2z, t6_9);
+        let w_mx_2_q1 = like.lift(-0.3).mul_add(t6_8, t6_5);
+        let w_my_2_q1 = like.lift(0.3).mul_add(t6_10, t6_6);
+        let t6_11 = -w_mx_2_q1;
+        y[16][0] = t6_11;
+        let t6_12 = -w_my_2_q1;
+        y[17][0] = t6_12;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_3y, a_3x] = {
@@ -1655,31 +1639,29 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
         let w_izz_4_q1 = x_q4_q1 * al_4z;
         let t8_4 = -w_izz_4_q1;
         y[35][0] = t8_4;
-        let t8_5 = sin_q4 * t8_1;
-        let a_4y = (-cos_q4).mul_add(t8_3, t8_5);
-        let t8_6 = sin_q4 * t8_3;
-        let a_4x = cos_q4.mul_add(t8_1, t8_6);
+        let t8_5 = like.lift(-0.3) * t8_3;
+        let w_m_4_q3 = -t8_5;
+        y[39][1] = w_m_4_q3;
+        let t8_6 = sin_q4 * t8_1;
+        let a_4y = (-cos_q4).mul_add(t8_3, t8_6);
+        let t8_7 = sin_q4 * t8_3;
+        let a_4x = cos_q4.mul_add(t8_1, t8_7);
         let w_mx_4_q1 = x_q4_q1 * a_4y;
         y[36][0] = w_mx_4_q1;
         let w_my_4_q1 = x_q4_q1 * a_4x;
         y[37][0] = w_my_4_q1;
-        let t8_7 = cos_q4 * al_4z;
-        let t8_8 = (-sin_q4).mul_add(t4_4, t8_7);
-        let t8_9 = cos_q4 * t4_4;
-        let t8_10 = sin_q4.mul_add(al_4z, t8_9);
-        let t8_11 = cos_q4 * a_4y;
-        let t8_12 = (-sin_q4).mul_add(a_4x, t8_11);
-        let t8_13 = a_4y * t8_2;
-        let w_mx_4_q3 = like.lift(-0.3).mul_add(t8_8, t8_13);
-        let t8_14 = a_4x * t8_2;
-        let w_my_4_q3 = like.lift(0.3).mul_add(t8_10, t8_14);
-        let t8_15 = -w_mx_4_q3;
-        y[36][1] = t8_15;
-        let t8_16 = -w_my_4_q3;
-        y[37][1] = t8_16;
-        let t8_17 = like.lift(0.3) * t8_12;
-        let w_m_4_q3 = -t8_17;
-        y[39][1] = w_m_4_q3;
+        let t8_8 = a_4y * t8_2;
+        let t8_9 = a_4x * t8_2;
+        let t8_10 = cos_q4 * al_4z;
+        let t8_11 = (-sin_q4).mul_add(t4_4, t8_10);
+        let t8_12 = cos_q4 * t4_4;
+        let t8_13 = sin_q4.mul_add(al_4z, t8_12);
+        let w_mx_4_q3 = like.lift(-0.3).mul_add(t8_11, t8_8);
+        let w_my_4_q3 = like.lift(0.3).mul_add(t8_13, t8_9);
+        let t8_14 = -w_mx_4_q3;
+        y[36][1] = t8_14;
+        let t8_15 = -w_my_4_q3;
+        y[37][1] = t8_15;
     }
     Condition { pivot: condition }
 }
@@ -1945,7 +1927,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 15 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
+/// 14 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 11];
@@ -1964,28 +1946,27 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
         let t1_4 = like.lift(0.09).mul_add(t1_3, p_izz_1);
         let t1_5 = t1_4 + t1_1;
         beta[0] = t1_5;
-        let t1_6 = p_m_2 + p_m_4;
-        let t1_7 = like.lift(0.3).mul_add(t1_6, p_mx_1);
-        let t1_8 = t1_7 + p_mx_3;
-        beta[1] = t1_8;
-        let t1_9 = like.lift(0.16) * p_m_4;
-        let t1_10 = like.lift(0.5333333333333333) * p_mx_3;
-        let t1_11 = p_izz_2 + t1_9;
-        let t1_12 = t1_11 + t1_10;
-        beta[3] = t1_12;
-        let t1_13 = t1_10 - p_izz_4;
-        let t1_14 = t1_13 + t1_9;
-        let t1_15 = -t1_14;
-        beta[8] = t1_15;
-        let t1_16 = like.lift(0.4) * p_m_4;
-        let t1_17 = like.lift(1.3333333333333333) * p_mx_3;
-        let t1_18 = p_mx_2 + t1_16;
-        let t1_19 = t1_18 + t1_17;
-        beta[4] = t1_19;
-        let t1_20 = t1_17 - p_mx_4;
-        let t1_21 = t1_20 + t1_16;
-        let t1_22 = -t1_21;
-        beta[9] = t1_22;
+        let t1_6 = like.lift(0.3).mul_add(t1_3, p_mx_1);
+        let t1_7 = t1_6 + p_mx_3;
+        beta[1] = t1_7;
+        let t1_8 = like.lift(0.16) * p_m_4;
+        let t1_9 = like.lift(0.5333333333333333) * p_mx_3;
+        let t1_10 = p_izz_2 + t1_8;
+        let t1_11 = t1_10 + t1_9;
+        beta[3] = t1_11;
+        let t1_12 = t1_9 - p_izz_4;
+        let t1_13 = t1_12 + t1_8;
+        let t1_14 = -t1_13;
+        beta[8] = t1_14;
+        let t1_15 = like.lift(0.4) * p_m_4;
+        let t1_16 = like.lift(1.3333333333333333) * p_mx_3;
+        let t1_17 = p_mx_2 + t1_15;
+        let t1_18 = t1_17 + t1_16;
+        beta[4] = t1_18;
+        let t1_19 = t1_16 - p_mx_4;
+        let t1_20 = t1_19 + t1_15;
+        let t1_21 = -t1_20;
+        beta[9] = t1_21;
     }
     beta
 }
@@ -1996,7 +1977,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 13 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
+/// 12 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 40];
@@ -2019,22 +2000,21 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40
         let t1_4 = like.lift(-0.09).mul_add(t1_3, p_izz_1);
         let t1_5 = t1_4 - t1_1;
         phi[5] = t1_5;
-        let t1_6 = p_m_2 + p_m_4;
-        let t1_7 = like.lift(-0.3).mul_add(t1_6, p_mx_1);
-        let t1_8 = t1_7 - p_mx_3;
-        phi[6] = t1_8;
-        let t1_9 = like.lift(0.5333333333333333) * p_mx_3;
-        let t1_10 = like.lift(0.16).mul_add(p_m_4, t1_9);
-        let t1_11 = p_izz_2 - t1_10;
-        phi[15] = t1_11;
-        let t1_12 = p_izz_4 + t1_10;
-        phi[35] = t1_12;
-        let t1_13 = like.lift(1.3333333333333333) * p_mx_3;
-        let t1_14 = like.lift(0.4).mul_add(p_m_4, t1_13);
-        let t1_15 = p_mx_2 - t1_14;
-        phi[16] = t1_15;
-        let t1_16 = p_mx_4 + t1_14;
-        phi[36] = t1_16;
+        let t1_6 = like.lift(-0.3).mul_add(t1_3, p_mx_1);
+        let t1_7 = t1_6 - p_mx_3;
+        phi[6] = t1_7;
+        let t1_8 = like.lift(0.5333333333333333) * p_mx_3;
+        let t1_9 = like.lift(0.16).mul_add(p_m_4, t1_8);
+        let t1_10 = p_izz_2 - t1_9;
+        phi[15] = t1_10;
+        let t1_11 = p_izz_4 + t1_9;
+        phi[35] = t1_11;
+        let t1_12 = like.lift(1.3333333333333333) * p_mx_3;
+        let t1_13 = like.lift(0.4).mul_add(p_m_4, t1_12);
+        let t1_14 = p_mx_2 - t1_13;
+        phi[16] = t1_14;
+        let t1_15 = p_mx_4 + t1_13;
+        phi[36] = t1_15;
     }
     phi
 }
@@ -2187,7 +2167,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 22 additions, 38 multiplications, 1 divisions, 5 sines and cosines.
+/// 21 additions, 38 multiplications, 1 divisions, 5 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 2];
@@ -2199,15 +2179,14 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition
         cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
     ] = {
         let t1_1 = q2 + q1;
-        let t1_2 = t1_1 - q3;
-        let t1_3 = t1_2 - q4;
-        let t1_4 = q4 + q3;
+        let t1_2 = q4 + q3;
+        let t1_3 = t1_1 - t1_2;
         let [
             (sin_q1, cos_q1), (sin_q2, cos_q2),
             (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4), (sin_q3, cos_q3),
             (sin_q3_q4, cos_q3_q4),
         ] =
-            T::sin_cos_all([q1, q2, t1_3, q3, t1_4]);
+            T::sin_cos_all([q1, q2, t1_3, q3, t1_2]);
         [
             sin_q1, cos_q1, sin_q2, cos_q2, sin_q1_q2_minus_q3_minus_q4,
             cos_q1_q2_minus_q3_minus_q4, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4,
@@ -2448,7 +2427,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 27 additions, 38 multiplications, 1 divisions, 3 sines and cosines.
+/// 26 additions, 37 multiplications, 1 divisions, 3 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 2]; 2];
@@ -2528,16 +2507,15 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], 
         let t3_9 = like.lift(0.3).mul_add(t2_8, p_izz_4);
         let t3_10 = (-p_izz_4).mul_add(x_q4_q3, t3_9);
         let t3_11 = x_q4_q1 * t3_10;
-        let t3_12 = (-x_q2_q1).mul_add(t3_8, t3_11);
-        let t3_13 = t2_4.mul_add(x_q2_q3, t3_12);
-        let t3_14 = t3_10 + t3_9;
-        let t3_15 = (-x_q4_q3).mul_add(t3_14, p_izz_3);
-        let t3_16 = x_q2_q3.mul_add(t3_8, t3_15);
-        let t3_17 = like.lift(0.6).mul_add(t2_8, t3_16);
-        let t3_18 = -t3_13;
-        m[0][1] = t3_18; m[1][0] = t3_18;
-        let t3_19 = t3_17 + p_izz_4;
-        m[1][1] = t3_19;
+        let t3_12 = x_q2_q3.mul_add(t3_1, t3_11);
+        let t3_13 = t3_10 + t3_9;
+        let t3_14 = (-x_q4_q3).mul_add(t3_13, p_izz_3);
+        let t3_15 = x_q2_q3.mul_add(t3_8, t3_14);
+        let t3_16 = like.lift(0.6).mul_add(t2_8, t3_15);
+        let t3_17 = -t3_12;
+        m[0][1] = t3_17; m[1][0] = t3_17;
+        let t3_18 = t3_16 + p_izz_4;
+        m[1][1] = t3_18;
     }
     (m, Condition { pivot: condition })
 }

@@ -16,12 +16,12 @@
 //! | [`dependent_jacobian`] | 2 | 2 | 0 | 1 |
 //! | [`velocities`] | 4 | 11 | 1 | 2 |
 //! | [`accelerations`] | 10 | 20 | 1 | 2 |
-//! | [`regressor`] | 18 | 43 | 1 | 3 |
+//! | [`regressor`] | 17 | 41 | 1 | 3 |
 //! | [`inverse_dynamics`] | 27 | 49 | 1 | 3 |
 //! | [`gravity`] | 13 | 30 | 1 | 3 |
 //! | [`bias_forces`] | 19 | 41 | 1 | 2 |
 //! | [`mass_matrix`] | 14 | 18 | 1 | 2 |
-//! | [`slotine_li`] | 26 | 64 | 1 | 3 |
+//! | [`slotine_li`] | 25 | 61 | 1 | 3 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 1 | 2 | 0 | 3 |
 //! | [`base_regressor`] | 17 | 40 | 1 | 3 |
@@ -537,7 +537,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 18 additions, 43 multiplications, 1 divisions, 3 sines and cosines.
+/// 17 additions, 41 multiplications, 1 divisions, 3 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 30]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0] = [zero; 1];
@@ -590,76 +590,72 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
     };
     let [d_q1, d_q2, _] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_1, t3_3, al_2z, x_q2_q1, x_q3_q1] = {
+    let [t3_1, t3_2, t3_4, al_2z, x_q2_q1, x_q3_q1] = {
         let t3_1 = like.lift(0.12).mul_add(dd_q1, a_1y);
-        let t3_2 = like.lift(0.12) * d_q1;
-        let t3_3 = t3_2.mul_add(d_q1, -a_1x);
+        let t3_2 = like.lift(0.12) * t3_1;
+        let t3_3 = like.lift(0.12) * d_q1;
+        let t3_4 = t3_3.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
-        let t3_4 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
-        let t3_5 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
-        let t3_6 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_6);
-        let t3_7 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_7);
+        let t3_5 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_5);
+        let t3_6 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_6);
+        let t3_7 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_7);
+        let t3_8 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_8);
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t3_8 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t3_9 = sin_q2 * t3_8;
-        let t3_10 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t3_11 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t3_9 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t3_10 = sin_q2 * t3_9;
+        let t3_11 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t3_12 = like.lift(0.12) * cos_q1_q2_minus_q3;
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t3_12 = -u_2_q1x;
-        let t3_13 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t3_14 = (-t3_11).mul_add(t3_9, t3_13);
-        let t3_15 = -t3_13;
-        let t3_16 = like.lift(2.857142857142857) * t3_14;
-        let t3_17 = like.lift(0.4) * t3_9;
-        let t3_18 = -t3_17;
+        let t3_13 = -u_2_q1x;
+        let t3_14 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_15 = (-t3_12).mul_add(t3_10, t3_14);
+        let t3_16 = -t3_14;
+        let t3_17 = like.lift(2.857142857142857) * t3_15;
+        let t3_18 = like.lift(0.4) * t3_10;
+        let t3_19 = -t3_18;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
         let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
-            [[t3_16], [t3_18]],
+            [[t3_17], [t3_19]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_10],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_11],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_12], [t3_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_13], [t3_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t3_1, t3_3, al_2z, x_q2_q1, x_q3_q1]
+        [t3_1, t3_2, t3_4, al_2z, x_q2_q1, x_q3_q1]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        w[19][0] = t3_2;
         let t4_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
         w[15][0] = w_izz_2_q1;
         let t4_2 = cos_q2 * t3_1;
-        let a_2y = sin_q2.mul_add(t3_3, t4_2);
-        let t4_3 = cos_q2 * t3_3;
+        let a_2y = sin_q2.mul_add(t3_4, t4_2);
+        let t4_3 = cos_q2 * t3_4;
         let a_2x = (-sin_q2).mul_add(t3_1, t4_3);
+        let t4_4 = a_2y * t4_1;
+        let t4_5 = a_2x * t4_1;
         let w_2z = d_q1 + d_q2;
-        let t4_4 = w_2z * w_2z;
-        let t4_5 = cos_q2 * al_2z;
-        let t4_6 = (-sin_q2).mul_add(t4_4, t4_5);
-        let t4_7 = cos_q2 * t4_4;
-        let t4_8 = sin_q2.mul_add(al_2z, t4_7);
-        let t4_9 = cos_q2 * a_2y;
-        let t4_10 = a_2y * t4_1;
-        let w_mx_2_q1 = like.lift(0.12).mul_add(t4_6, t4_10);
+        let t4_6 = w_2z * w_2z;
+        let t4_7 = cos_q2 * al_2z;
+        let t4_8 = (-sin_q2).mul_add(t4_6, t4_7);
+        let t4_9 = cos_q2 * t4_6;
+        let t4_10 = sin_q2.mul_add(al_2z, t4_9);
+        let w_mx_2_q1 = like.lift(0.12).mul_add(t4_8, t4_4);
         w[16][0] = w_mx_2_q1;
-        let t4_11 = a_2x * t4_1;
-        let w_my_2_q1 = like.lift(-0.12).mul_add(t4_8, t4_11);
+        let w_my_2_q1 = like.lift(-0.12).mul_add(t4_10, t4_5);
         w[17][0] = w_my_2_q1;
-        let t4_12 = (-sin_q2).mul_add(a_2x, t4_9);
-        let t4_13 = like.lift(0.12) * t4_12;
-        let w_m_2_q1 = -t4_13;
-        let t4_14 = -w_m_2_q1;
-        w[19][0] = t4_14;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -1071,7 +1067,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 26 additions, 64 multiplications, 1 divisions, 3 sines and cosines.
+/// 25 additions, 61 multiplications, 1 divisions, 3 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     y[0] = [zero; 1];
@@ -1126,71 +1122,76 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
     let [r_q1] = *qd_r;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, pivot_2, t3_6, t3_7, t3_8, w_2z, t3_11,
-        t3_13, t3_15, t3_20, t3_21,
+        w_m_2_q1, sin_q1_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, pivot_2, t3_7, t3_8, a_2y,
+        w_2z, t3_13, t3_15, t3_17, t3_22, t3_23,
     ] = {
         let t3_1 = like.lift(0.12).mul_add(dr_q1, a_1y);
-        let t3_2 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_2);
-        let t3_3 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_3);
-        let t3_4 = sin_q1_q2 * cos_q3;
-        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_4);
-        let t3_5 = cos_q1_q2 * cos_q3;
-        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_5);
+        let t3_2 = like.lift(-0.12) * t3_1;
+        let w_m_2_q1 = -t3_2;
+        let t3_3 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_3);
+        let t3_4 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_4);
+        let t3_5 = sin_q1_q2 * cos_q3;
+        let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_5);
+        let t3_6 = cos_q1_q2 * cos_q3;
+        let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_6);
         let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t3_6 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t3_7 = d_q1 * r_q1;
-        let t3_8 = like.lift(-0.12).mul_add(t3_7, a_1x);
+        let t3_7 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t3_8 = d_q1 * r_q1;
+        let t3_9 = like.lift(-0.12).mul_add(t3_8, a_1x);
+        let t3_10 = sin_q2 * t3_9;
+        let a_2y = (-cos_q2).mul_add(t3_1, t3_10);
         let w_2z = d_q1 + d_q2;
-        let t3_9 = sin_q2 * r_q1;
-        let t3_10 = like.lift(0.12) * t3_9;
-        let t3_11 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t3_12 = t3_11 * r_q1;
-        let t3_13 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t3_14 = t3_13 * t3_9;
-        let t3_15 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let t3_16 = (-t3_14).mul_add(t3_15, t3_12);
-        let t3_17 = like.lift(2.857142857142857) * t3_16;
-        let t3_18 = -t3_17;
-        let t3_19 = like.lift(0.4) * t3_14;
+        let t3_11 = sin_q2 * r_q1;
+        let t3_12 = like.lift(0.12) * t3_11;
+        let t3_13 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_14 = t3_13 * r_q1;
+        let t3_15 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t3_16 = t3_15 * t3_11;
+        let t3_17 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t3_18 = (-t3_16).mul_add(t3_17, t3_14);
+        let t3_19 = like.lift(2.857142857142857) * t3_18;
+        let t3_20 = -t3_19;
+        let t3_21 = like.lift(0.4) * t3_16;
         // the smallest pivot relative to its usual size
         let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[t3_20], [t3_21]], found) = ::regen_runtime::guarded(
-            [[t3_18], [t3_19]],
+        let ([[t3_22], [t3_23]], found) = ::regen_runtime::guarded(
+            [[t3_20], [t3_21]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_6],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_10], [t3_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_12], [t3_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
         [
-            t3_1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, pivot_2, t3_6, t3_7, t3_8, w_2z,
-            t3_11, t3_13, t3_15, t3_20, t3_21,
+            w_m_2_q1, sin_q1_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, pivot_2, t3_7, t3_8,
+            a_2y, w_2z, t3_13, t3_15, t3_17, t3_22, t3_23,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t4_2, t4_13, t4_19, al_3z] = {
-        let t4_1 = r_q1 + t3_20;
+    let [t4_2, a_2x, t4_13, t4_19, al_3z] = {
+        let t4_1 = r_q1 + t3_22;
         let t4_2 = w_2z * t4_1;
         let t4_3 = like.lift(0.3) * d_q3;
-        let t4_4 = t3_21 * t4_3;
-        let t4_5 = t3_11 * dr_q1;
+        let t4_4 = t3_23 * t4_3;
+        let t4_5 = t3_13 * dr_q1;
         let t4_6 = (-sin_q1_q2_minus_q3).mul_add(t4_4, t4_5);
         let t4_7 = sin_q2 * dr_q1;
-        let t4_8 = (-cos_q2).mul_add(t3_7, t4_7);
+        let t4_8 = (-cos_q2).mul_add(t3_8, t4_7);
         let t4_9 = like.lift(0.12) * t4_8;
         let t4_10 = cos_q1_q2_minus_q3.mul_add(t4_4, t4_9);
+        let a_2x = like.lift(9.81).mul_add(sin_q1_q2, t4_9);
         let t4_11 = like.lift(-0.35).mul_add(t4_2, t4_10);
         let u_2_q1x = like.lift(0.12) * sin_q2;
-        let t4_12 = t3_7.mul_add(u_2_q1x, t4_6);
+        let t4_12 = t3_8.mul_add(u_2_q1x, t4_6);
         let t4_13 = -u_2_q1x;
-        let t4_14 = t3_13 * t4_11;
+        let t4_14 = t3_15 * t4_11;
         let t4_15 = (-cos_q1_q2_minus_q3).mul_add(t4_14, t4_12);
         let t4_16 = like.lift(2.857142857142857) * t4_15;
         let t4_17 = -t4_16;
@@ -1202,7 +1203,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_6],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1210,14 +1211,14 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
             ),
         );
         condition = condition.min(found);
-        [t4_2, t4_13, t4_19, al_3z]
+        [t4_2, a_2x, t4_13, t4_19, al_3z]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_q3_q1] = {
         let al_2z = dr_q1 + t4_19;
-        let t5_1 = sin_q2 * t3_13;
-        let t5_2 = (-t5_1).mul_add(t3_15, t3_11);
-        let t5_3 = -t3_11;
+        let t5_1 = sin_q2 * t3_15;
+        let t5_2 = (-t5_1).mul_add(t3_17, t3_13);
+        let t5_3 = -t3_13;
         let t5_4 = like.lift(2.857142857142857) * t5_2;
         let t5_5 = like.lift(0.4) * t5_1;
         let t5_6 = -t5_5;
@@ -1228,7 +1229,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_6],
+                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1240,30 +1241,22 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        y[19][0] = w_m_2_q1;
         let t6_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t6_1;
         y[15][0] = w_izz_2_q1;
-        let t6_2 = sin_q2 * t3_8;
-        let a_2y = (-cos_q2).mul_add(t3_1, t6_2);
-        let t6_3 = sin_q2 * t3_1;
-        let a_2x = cos_q2.mul_add(t3_8, t6_3);
+        let t6_2 = a_2y * t6_1;
+        let t6_3 = a_2x * t6_1;
         let t6_4 = cos_q2 * al_2z;
         let t6_5 = (-sin_q2).mul_add(t4_2, t6_4);
         let t6_6 = cos_q2 * t4_2;
         let t6_7 = sin_q2.mul_add(al_2z, t6_6);
-        let t6_8 = cos_q2 * a_2y;
-        let t6_9 = (-sin_q2).mul_add(a_2x, t6_8);
-        let t6_10 = a_2y * t6_1;
-        let w_mx_2_q1 = like.lift(-0.12).mul_add(t6_5, t6_10);
-        let t6_11 = a_2x * t6_1;
-        let w_my_2_q1 = like.lift(0.12).mul_add(t6_7, t6_11);
-        let t6_12 = -w_mx_2_q1;
-        y[16][0] = t6_12;
-        let t6_13 = -w_my_2_q1;
-        y[17][0] = t6_13;
-        let t6_14 = like.lift(0.12) * t6_9;
-        let w_m_2_q1 = -t6_14;
-        y[19][0] = w_m_2_q1;
+        let w_mx_2_q1 = like.lift(-0.12).mul_add(t6_5, t6_2);
+        let w_my_2_q1 = like.lift(0.12).mul_add(t6_7, t6_3);
+        let t6_8 = -w_mx_2_q1;
+        y[16][0] = t6_8;
+        let t6_9 = -w_my_2_q1;
+        y[17][0] = t6_9;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {

@@ -10,27 +10,27 @@
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
 //! | [`constraints`] | 58 | 86 | 0 | 8 |
-//! | [`jacobian`] | 130 | 162 | 0 | 8 |
-//! | [`bias`] | 223 | 332 | 0 | 8 |
-//! | [`newton_step`] | 76 | 126 | 6 | 6 |
-//! | [`dependent_jacobian`] | 26 | 69 | 0 | 6 |
-//! | [`velocities`] | 65 | 130 | 6 | 6 |
-//! | [`accelerations`] | 131 | 227 | 6 | 6 |
+//! | [`jacobian`] | 98 | 158 | 0 | 8 |
+//! | [`bias`] | 203 | 306 | 0 | 8 |
+//! | [`newton_step`] | 71 | 119 | 6 | 6 |
+//! | [`dependent_jacobian`] | 21 | 62 | 0 | 6 |
+//! | [`velocities`] | 60 | 123 | 6 | 6 |
+//! | [`accelerations`] | 121 | 214 | 6 | 6 |
 //! | [`regressor`] | 758 | 1041 | 6 | 7 |
 //! | [`inverse_dynamics`] | 673 | 674 | 6 | 7 |
-//! | [`gravity`] | 219 | 361 | 6 | 7 |
+//! | [`gravity`] | 202 | 343 | 6 | 7 |
 //! | [`bias_forces`] | 709 | 776 | 6 | 7 |
 //! | [`mass_matrix`] | 512 | 626 | 6 | 7 |
 //! | [`slotine_li`] | 968 | 1356 | 6 | 7 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
-//! | [`poses`] | 66 | 105 | 0 | 8 |
+//! | [`poses`] | 64 | 105 | 0 | 8 |
 //! | [`base_regressor`] | 626 | 949 | 6 | 7 |
-//! | [`to_base`] | 112 | 38 | 0 | 0 |
-//! | [`parameters_from_base`] | 107 | 35 | 0 | 0 |
+//! | [`to_base`] | 102 | 38 | 0 | 0 |
+//! | [`parameters_from_base`] | 94 | 35 | 0 | 0 |
 //! | [`base_inverse_dynamics`] | 514 | 595 | 6 | 7 |
-//! | [`base_gravity`] | 158 | 286 | 6 | 7 |
+//! | [`base_gravity`] | 151 | 279 | 6 | 7 |
 //! | [`base_bias_forces`] | 559 | 702 | 6 | 7 |
-//! | [`base_mass_matrix`] | 445 | 599 | 6 | 7 |
+//! | [`base_mass_matrix`] | 433 | 590 | 6 | 7 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -751,7 +751,7 @@ pub fn constraints<T: Scalar>(q: &[T; 11]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a`: A = df/dq, row by row (Eq. 7)
 ///
-/// 130 additions, 162 multiplications, 0 divisions, 8 sines and cosines.
+/// 98 additions, 158 multiplications, 0 divisions, 8 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
     let like = q[0];
     let mut a = [[like.lift(0.0); 11]; 6];
@@ -775,9 +775,9 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
     // row 1
     let [
         t2_1, t2_2, t2_3, t2_6, t2_7, t2_8, t2_9, t2_10, t2_11, t2_13, t2_14, t2_18, t2_20,
-        t2_22, t2_23, t2_24, t2_29, t2_32, t2_34, t2_36, t2_38, t2_39, t2_40, t2_41, t2_42,
-        t2_45, t2_47, t2_48, t2_49, t2_51, t2_55, t2_58, t2_67, t2_68, t2_69, t2_70, t2_74,
-        t2_75, t2_76, t2_78,
+        t2_22, t2_24, t2_28, t2_29, t2_32, t2_34, t2_36, t2_38, t2_39, t2_42, t2_45, t2_47,
+        t2_48, t2_49, t2_52, t2_55, t2_58, t2_67, t2_68, t2_69, t2_70, t2_74, t2_75, t2_76,
+        t2_78,
     ] = {
         let t2_1 = like.lift(0.5) * cos_waist;
         let t2_2 = sin_waist * sin_shoulder;
@@ -867,119 +867,95 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
         a[0][8] = t2_78;
         [
             t2_1, t2_2, t2_3, t2_6, t2_7, t2_8, t2_9, t2_10, t2_11, t2_13, t2_14, t2_18, t2_20,
-            t2_22, t2_23, t2_24, t2_29, t2_32, t2_34, t2_36, t2_38, t2_39, t2_40, t2_41, t2_42,
-            t2_45, t2_47, t2_48, t2_49, t2_51, t2_55, t2_58, t2_67, t2_68, t2_69, t2_70, t2_74,
-            t2_75, t2_76, t2_78,
+            t2_22, t2_24, t2_28, t2_29, t2_32, t2_34, t2_36, t2_38, t2_39, t2_42, t2_45, t2_47,
+            t2_48, t2_49, t2_52, t2_55, t2_58, t2_67, t2_68, t2_69, t2_70, t2_74, t2_75, t2_76,
+            t2_78,
         ]
     };
     // row 2
     let [
-        t3_7, t3_8, t3_9, t3_10, t3_11, t3_12, t3_14, t3_16, t3_18, t3_19, t3_20, t3_36, t3_37,
-        t3_38,
+        t3_6, t3_7, t3_10, t3_11, t3_12, t3_13, t3_15, t3_17, t3_19, t3_21, t3_27, t3_32,
+        t3_33, t3_34,
     ] = {
-        let t3_1 = t2_51 + t2_41;
-        let t3_2 = -t2_7;
-        a[1][8] = t3_2;
-        let t3_3 = sin_q1 * t2_55;
-        let t3_4 = sin_waist.mul_add(cos_q1, t3_3);
-        let t3_5 = sin_waist * t3_1;
-        let t3_6 = -t3_5;
-        a[1][1] = t3_6;
-        let t3_7 = q7 * t2_78;
-        let t3_8 = -t2_13;
-        a[1][3] = t3_8;
-        let t3_9 = like.lift(0.22815) * t2_75;
-        let t3_10 = like.lift(0.13172246391561312) * sin_waist;
-        let t3_11 = like.lift(0.26344492783122625) * sin_waist;
-        let t3_12 = q2 * t2_58;
-        let t3_13 = sin_s1_1 * t2_75;
-        let t3_14 = cos_s1_1.mul_add(t3_4, t3_13);
-        let t3_15 = sin_s1_1 * t3_4;
-        let t3_16 = (-cos_s1_1).mul_add(t2_75, t3_15);
-        let t3_17 = sin_s1_2 * t2_58;
-        let t3_18 = (-cos_s1_2).mul_add(t3_14, t3_17);
-        let t3_19 = like.lift(0.4563) * t3_18;
-        let t3_20 = t3_12 - t3_19;
-        let t3_21 = cos_shoulder * t3_20;
-        let t3_22 = (-t2_75).mul_add(t2_42, t3_21);
-        a[1][2] = t3_22;
-        let t3_23 = t3_7 - t3_9;
-        let t3_24 = t3_23 + t3_10;
+        let t3_1 = -t2_7;
+        a[1][8] = t3_1;
+        let t3_2 = sin_q1 * t2_55;
+        let t3_3 = sin_waist.mul_add(cos_q1, t3_2);
+        let t3_4 = sin_waist * t2_52;
+        let t3_5 = -t3_4;
+        a[1][1] = t3_5;
+        let t3_6 = q7 * t2_78;
+        let t3_7 = -t2_13;
+        a[1][3] = t3_7;
+        let t3_8 = cos_s1_2 * t2_20;
+        let t3_9 = like.lift(0.4563) * t3_8;
+        a[1][4] = t3_9;
+        let t3_10 = like.lift(0.22815) * t2_75;
+        let t3_11 = like.lift(0.13172246391561312) * sin_waist;
+        let t3_12 = like.lift(0.26344492783122625) * sin_waist;
+        let t3_13 = q2 * t2_58;
+        let t3_14 = sin_s1_1 * t2_75;
+        let t3_15 = cos_s1_1.mul_add(t3_3, t3_14);
+        let t3_16 = sin_s1_1 * t3_3;
+        let t3_17 = (-cos_s1_1).mul_add(t2_75, t3_16);
+        let t3_18 = sin_s1_2 * t2_58;
+        let t3_19 = (-cos_s1_2).mul_add(t3_15, t3_18);
+        let t3_20 = like.lift(0.4563) * t3_19;
+        let t3_21 = t3_13 - t3_20;
+        let t3_22 = cos_shoulder * t3_21;
+        let t3_23 = (-t2_75).mul_add(t2_42, t3_22);
+        a[1][2] = t3_23;
+        let t3_24 = t3_6 - t3_10;
         let t3_25 = t3_24 + t3_11;
-        let t3_26 = t3_25 + t3_20;
-        a[1][0] = t3_26;
-        let t3_27 = t2_58 * t2_36;
-        let t3_28 = (-t2_29).mul_add(t3_18, t3_27);
-        let t3_29 = like.lift(0.4563) * t3_28;
-        let t3_30 = -t3_29;
+        let t3_26 = t3_25 + t3_12;
+        let t3_27 = t3_26 + t3_21;
+        a[1][0] = t3_27;
+        let t3_28 = t3_17 * t2_36;
+        let t3_29 = t2_34.mul_add(t3_19, t3_28);
+        let t3_30 = like.lift(0.4563) * t3_29;
         let t3_31 = -t3_30;
-        a[1][4] = t3_31;
-        let t3_32 = t3_16 * t2_36;
-        let t3_33 = t2_34.mul_add(t3_18, t3_32);
-        let t3_34 = like.lift(0.4563) * t3_33;
-        let t3_35 = -t3_34;
-        a[1][5] = t3_35;
-        let t3_36 = like.lift(0.8660254037844386) * sin_waist;
-        let t3_37 = like.lift(0.5) * t2_75;
-        let t3_38 = t3_36 + t3_37;
-        let t3_39 = t3_38 * t2_48;
-        let t3_40 = t3_7.mul_add(t2_70, t3_39);
-        let t3_41 = -t3_40;
-        a[1][7] = t3_41;
+        a[1][5] = t3_31;
+        let t3_32 = like.lift(0.8660254037844386) * sin_waist;
+        let t3_33 = like.lift(0.5) * t2_75;
+        let t3_34 = t3_32 + t3_33;
+        let t3_35 = t3_34 * t2_48;
+        let t3_36 = t3_6.mul_add(t2_70, t3_35);
+        let t3_37 = -t3_36;
+        a[1][7] = t3_37;
         [
-            t3_7, t3_8, t3_9, t3_10, t3_11, t3_12, t3_14, t3_16, t3_18, t3_19, t3_20, t3_36,
-            t3_37, t3_38,
+            t3_6, t3_7, t3_10, t3_11, t3_12, t3_13, t3_15, t3_17, t3_19, t3_21, t3_27, t3_32,
+            t3_33, t3_34,
         ]
     };
     // row 3
-    let [t4_8, t4_11, t4_13, t4_19, t4_21] = {
+    let [t4_9] = {
         a[2][8] = t2_47;
-        let t4_1 = t2_2 * t3_20;
-        let t4_2 = t2_75.mul_add(t2_24, t4_1);
-        a[2][2] = t4_2;
-        let t4_3 = t3_38 * t2_8;
-        let t4_4 = (-t2_69).mul_add(t3_7, t4_3);
-        let t4_5 = -t4_4;
+        let t4_1 = t3_34 * t2_8;
+        let t4_2 = (-t2_69).mul_add(t3_6, t4_1);
+        let t4_3 = t2_2 * t3_21;
+        let t4_4 = t2_75.mul_add(t2_24, t4_3);
+        a[2][2] = t4_4;
+        let t4_5 = -t4_2;
         a[2][7] = t4_5;
-        let t4_6 = t2_8 + t2_9;
-        let t4_7 = t3_7 - t3_9;
-        let t4_8 = -t2_29;
-        a[2][3] = t4_8;
-        let t4_9 = like.lift(1.25) * t2_6;
-        let t4_10 = t2_14 + t4_9;
-        let t4_11 = t4_10 + t2_11;
-        let t4_12 = t2_23 - t4_11;
-        let t4_13 = t4_9 - t2_10;
-        let t4_14 = t4_6 - t4_13;
-        let t4_15 = t4_12 - t4_14;
-        let t4_16 = sin_waist * t4_15;
-        let t4_17 = like.lift(1.25) * t2_55;
-        let t4_18 = t3_12 - t4_17;
-        let t4_19 = t4_18 + t3_11;
-        let t4_20 = t3_19 - t4_19;
-        let t4_21 = t4_17 + t3_10;
-        let t4_22 = t4_7 + t4_21;
-        let t4_23 = t4_20 - t4_22;
-        let t4_24 = (-cos_waist).mul_add(t4_23, t4_16);
-        a[2][1] = t4_24;
-        let t4_25 = t2_13 * t3_18;
-        let t4_26 = (-t2_58).mul_add(t2_22, t4_25);
-        let t4_27 = like.lift(0.4563) * t4_26;
-        let t4_28 = -t4_27;
-        let t4_29 = -t4_28;
-        a[2][4] = t4_29;
-        let t4_30 = t2_20 * t3_18;
-        let t4_31 = (-t3_16).mul_add(t2_22, t4_30);
-        let t4_32 = like.lift(0.4563) * t4_31;
-        let t4_33 = -t4_32;
-        a[2][5] = t4_33;
-        [t4_8, t4_11, t4_13, t4_19, t4_21]
+        let t4_6 = sin_waist * t2_28;
+        let t4_7 = -t4_6;
+        let t4_8 = cos_waist.mul_add(t3_27, t4_7);
+        a[2][1] = t4_8;
+        let t4_9 = -t2_29;
+        a[2][3] = t4_9;
+        let t4_10 = cos_s1_2 * t2_34;
+        let t4_11 = -t4_10;
+        let t4_12 = like.lift(0.4563) * t4_11;
+        a[2][4] = t4_12;
+        let t4_13 = t2_20 * t3_19;
+        let t4_14 = (-t3_17).mul_add(t2_22, t4_13);
+        let t4_15 = like.lift(0.4563) * t4_14;
+        let t4_16 = -t4_15;
+        a[2][5] = t4_16;
+        [t4_9]
     };
     // row 4
-    let [
-        t5_2, t5_5, t5_8, t5_9, t5_14, t5_21, t5_24, t5_30, t5_32, t5_34, t5_35, t5_36, t5_38,
-        t5_44,
-    ] = {
+    let [t5_2, t5_5, t5_8, t5_9, t5_22, t5_23, t5_24, t5_30, t5_31, t5_32, t5_36, t5_39] = {
         a[3][3] = t2_58;
         let t5_1 = t2_1 - t2_3;
         let t5_2 = t2_67 + t2_68;
@@ -996,141 +972,124 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
         let t5_12 = cos_s1_3 * t2_20;
         let t5_13 = (-sin_s1_3).mul_add(t5_11, t5_12);
         let t5_14 = like.lift(0.39516739174683935) * t5_13;
-        let t5_15 = cos_s1_2 * t2_29;
-        let t5_16 = (-sin_s1_2).mul_add(t2_32, t5_15);
-        let t5_17 = sin_s1_3 * t5_16;
-        let t5_18 = cos_s1_3.mul_add(t2_34, t5_17);
-        let t5_19 = like.lift(0.39516739174683935) * t5_18;
-        let t5_20 = t5_19 + t2_40;
-        let t5_21 = q9 * t5_5;
-        let t5_22 = t5_21 - t2_9;
-        let t5_23 = t5_22 + t2_10;
-        let t5_24 = like.lift(0.22815) * t2_22;
-        let t5_25 = t5_23 - t5_24;
-        let t5_26 = t5_25 + t2_11;
-        let t5_27 = t5_26 + t2_14;
-        let t5_28 = t5_27 - t5_14;
-        a[3][0] = t5_28;
-        let t5_29 = t5_14 - t2_14;
-        let t5_30 = t5_29 + t5_24;
-        let t5_31 = like.lift(0.22815) * t2_36;
-        let t5_32 = t5_20 - t5_31;
-        let t5_33 = t5_31 - t2_39;
-        let t5_34 = t5_33 - t5_19;
-        let t5_35 = t5_31 - t5_19;
+        let t5_15 = t5_14 - t2_14;
+        let t5_16 = cos_s1_2 * t2_29;
+        let t5_17 = (-sin_s1_2).mul_add(t2_32, t5_16);
+        let t5_18 = sin_s1_3 * t5_17;
+        let t5_19 = cos_s1_3.mul_add(t2_34, t5_18);
+        let t5_20 = like.lift(0.39516739174683935) * t5_19;
+        let t5_21 = like.lift(0.22815) * t2_36;
+        let t5_22 = t5_21 - t5_20;
+        let t5_23 = t5_22 - t2_39;
+        let t5_24 = q9 * t5_5;
+        let t5_25 = t5_24 - t2_9;
+        let t5_26 = t5_25 + t2_10;
+        let t5_27 = like.lift(0.22815) * t2_22;
+        let t5_28 = t5_26 - t5_27;
+        let t5_29 = t5_28 + t2_11;
+        let t5_30 = t5_29 - t5_15;
+        a[3][0] = t5_30;
+        let t5_31 = t5_15 + t5_27;
+        let t5_32 = t5_27 + t5_14;
+        let t5_33 = t2_13 * t5_22;
+        let t5_34 = (-t2_29).mul_add(t5_32, t5_33);
+        a[3][4] = t5_34;
+        let t5_35 = t2_38 - t5_23;
         let t5_36 = q9 * t5_8;
         let t5_37 = t5_36 - t2_38;
         let t5_38 = t5_37 + t2_49;
-        let t5_39 = t5_38 + t5_32;
+        let t5_39 = t5_38 + t5_35;
         let t5_40 = cos_waist * t5_39;
         a[3][1] = t5_40;
-        let t5_41 = cos_shoulder * t5_30;
-        let t5_42 = t2_2.mul_add(t5_34, t5_41);
+        let t5_41 = cos_shoulder * t5_31;
+        let t5_42 = t2_2.mul_add(t5_23, t5_41);
         let t5_43 = -t5_42;
         a[3][2] = t5_43;
-        let t5_44 = t5_24 + t5_14;
-        let t5_45 = t2_13 * t5_35;
-        let t5_46 = (-t2_29).mul_add(t5_44, t5_45);
-        a[3][4] = t5_46;
-        let t5_47 = t2_34 * t5_44;
-        let t5_48 = t2_20.mul_add(t5_35, t5_47);
+        let t5_44 = t2_34 * t5_32;
+        let t5_45 = t2_20.mul_add(t5_22, t5_44);
+        let t5_46 = -t5_45;
+        a[3][5] = t5_46;
+        let t5_47 = t2_22 * t5_22;
+        let t5_48 = (-t2_36).mul_add(t5_32, t5_47);
         let t5_49 = -t5_48;
-        a[3][5] = t5_49;
-        let t5_50 = t2_22 * t5_35;
-        let t5_51 = (-t2_36).mul_add(t5_44, t5_50);
+        a[3][6] = t5_49;
+        let t5_50 = t5_24 * t2_70;
+        let t5_51 = t5_2.mul_add(t5_36, t5_50);
         let t5_52 = -t5_51;
-        a[3][6] = t5_52;
-        let t5_53 = t5_21 * t2_70;
-        let t5_54 = t5_2.mul_add(t5_36, t5_53);
-        let t5_55 = -t5_54;
-        a[3][9] = t5_55;
-        [
-            t5_2, t5_5, t5_8, t5_9, t5_14, t5_21, t5_24, t5_30, t5_32, t5_34, t5_35, t5_36,
-            t5_38, t5_44,
-        ]
+        a[3][9] = t5_52;
+        [t5_2, t5_5, t5_8, t5_9, t5_22, t5_23, t5_24, t5_30, t5_31, t5_32, t5_36, t5_39]
     };
     // row 5
-    let [t6_7, t6_9, t6_13, t6_16, t6_22, t6_26] = {
-        a[4][3] = t3_8;
-        let t6_1 = sin_s1_2 * t3_14;
-        let t6_2 = t5_38 + t5_32;
-        let t6_3 = cos_s1_2.mul_add(t2_58, t6_1);
-        let t6_4 = cos_s1_3 * t3_16;
-        let t6_5 = (-sin_s1_3).mul_add(t6_3, t6_4);
-        let t6_6 = sin_waist * t6_2;
-        a[4][1] = t6_6;
-        let t6_7 = t3_36 - t3_37;
-        let t6_8 = -t5_5;
-        a[4][10] = t6_8;
-        let t6_9 = q9 * t5_9;
-        let t6_10 = t6_7 * t5_36;
-        let t6_11 = t6_9.mul_add(t2_70, t6_10);
-        let t6_12 = -t6_11;
-        a[4][9] = t6_12;
-        let t6_13 = like.lift(0.39516739174683935) * t6_5;
-        let t6_14 = t6_9 + t3_9;
-        let t6_15 = t6_14 + t3_10;
-        let t6_16 = like.lift(0.22815) * t3_18;
-        let t6_17 = t6_15 - t6_16;
-        let t6_18 = t6_17 + t3_11;
-        let t6_19 = t6_18 + t3_12;
-        let t6_20 = t6_19 - t6_13;
-        a[4][0] = t6_20;
-        let t6_21 = t6_13 - t3_12;
-        let t6_22 = t6_21 + t6_16;
-        let t6_23 = cos_shoulder * t6_22;
-        let t6_24 = (-t2_75).mul_add(t5_34, t6_23);
-        let t6_25 = -t6_24;
-        a[4][2] = t6_25;
-        let t6_26 = t6_16 + t6_13;
-        let t6_27 = t2_36 * t6_26;
-        let t6_28 = (-t3_18).mul_add(t5_35, t6_27);
-        a[4][6] = t6_28;
-        let t6_29 = t2_29 * t6_26;
-        let t6_30 = (-t2_58).mul_add(t5_35, t6_29);
-        let t6_31 = -t6_30;
-        a[4][4] = t6_31;
-        let t6_32 = t3_16 * t5_35;
-        let t6_33 = t2_34.mul_add(t6_26, t6_32);
-        let t6_34 = -t6_33;
-        a[4][5] = t6_34;
-        [t6_7, t6_9, t6_13, t6_16, t6_22, t6_26]
+    let [t6_6, t6_8, t6_19, t6_20, t6_21] = {
+        a[4][3] = t3_7;
+        let t6_1 = sin_s1_2 * t3_15;
+        let t6_2 = cos_s1_2.mul_add(t2_58, t6_1);
+        let t6_3 = cos_s1_3 * t3_17;
+        let t6_4 = (-sin_s1_3).mul_add(t6_2, t6_3);
+        let t6_5 = sin_waist * t5_39;
+        a[4][1] = t6_5;
+        let t6_6 = t3_32 - t3_33;
+        let t6_7 = -t5_5;
+        a[4][10] = t6_7;
+        let t6_8 = q9 * t5_9;
+        let t6_9 = t6_8 + t3_10;
+        let t6_10 = t6_9 + t3_11;
+        let t6_11 = t6_6 * t5_36;
+        let t6_12 = t6_8.mul_add(t2_70, t6_11);
+        let t6_13 = -t6_12;
+        a[4][9] = t6_13;
+        let t6_14 = like.lift(0.39516739174683935) * t6_4;
+        let t6_15 = t6_14 - t3_13;
+        let t6_16 = like.lift(0.22815) * t3_19;
+        let t6_17 = t6_10 - t6_16;
+        let t6_18 = t6_17 + t3_12;
+        let t6_19 = t6_18 - t6_15;
+        a[4][0] = t6_19;
+        let t6_20 = t6_15 + t6_16;
+        let t6_21 = t6_16 + t6_14;
+        let t6_22 = cos_shoulder * t6_20;
+        let t6_23 = (-t2_75).mul_add(t5_23, t6_22);
+        let t6_24 = -t6_23;
+        a[4][2] = t6_24;
+        let t6_25 = t2_36 * t6_21;
+        let t6_26 = (-t3_19).mul_add(t5_22, t6_25);
+        a[4][6] = t6_26;
+        let t6_27 = t2_29 * t6_21;
+        let t6_28 = (-t2_58).mul_add(t5_22, t6_27);
+        let t6_29 = -t6_28;
+        a[4][4] = t6_29;
+        let t6_30 = t3_17 * t5_22;
+        let t6_31 = t2_34.mul_add(t6_21, t6_30);
+        let t6_32 = -t6_31;
+        a[4][5] = t6_32;
+        [t6_6, t6_8, t6_19, t6_20, t6_21]
     };
     // row 6
     {
-        a[5][3] = t4_8;
-        let t7_1 = t2_2 * t6_22;
-        let t7_2 = t2_75.mul_add(t5_30, t7_1);
-        let t7_3 = t5_14 - t4_11;
-        let t7_4 = t6_13 - t4_19;
-        let t7_5 = t3_16 * t5_44;
-        let t7_6 = (-t2_20).mul_add(t6_26, t7_5);
+        a[5][3] = t4_9;
+        let t7_1 = t6_6 * t5_24;
+        let t7_2 = (-t5_2).mul_add(t6_8, t7_1);
+        a[5][9] = t7_2;
+        let t7_3 = t2_2 * t6_20;
+        let t7_4 = t2_75.mul_add(t5_31, t7_3);
+        let t7_5 = t3_17 * t5_32;
+        let t7_6 = (-t2_20).mul_add(t6_21, t7_5);
         a[5][5] = t7_6;
-        let t7_7 = t3_18 * t5_44;
-        let t7_8 = (-t2_22).mul_add(t6_26, t7_7);
+        let t7_7 = t3_19 * t5_32;
+        let t7_8 = (-t2_22).mul_add(t6_21, t7_7);
         a[5][6] = t7_8;
-        let t7_9 = t2_58 * t5_44;
-        let t7_10 = (-t2_13).mul_add(t6_26, t7_9);
-        let t7_11 = t6_7 * t5_21;
-        let t7_12 = (-t5_2).mul_add(t6_9, t7_11);
-        a[5][9] = t7_12;
-        let t7_13 = t5_21 - t2_9;
-        let t7_14 = t6_9 + t3_9;
-        let t7_15 = t7_3 + t5_24;
-        let t7_16 = t7_13 - t4_13;
-        let t7_17 = t7_15 - t7_16;
-        let t7_18 = t7_4 + t6_16;
-        let t7_19 = t7_14 + t4_21;
-        let t7_20 = t7_18 - t7_19;
-        let t7_21 = sin_waist * t7_17;
-        let t7_22 = (-cos_waist).mul_add(t7_20, t7_21);
-        a[5][1] = t7_22;
-        let t7_23 = -t7_2;
-        a[5][2] = t7_23;
-        let t7_24 = -t7_10;
-        a[5][4] = t7_24;
-        let t7_25 = -t5_8;
-        a[5][10] = t7_25;
+        let t7_9 = t2_58 * t5_32;
+        let t7_10 = (-t2_13).mul_add(t6_21, t7_9);
+        let t7_11 = sin_waist * t5_30;
+        let t7_12 = -t7_11;
+        let t7_13 = cos_waist.mul_add(t6_19, t7_12);
+        a[5][1] = t7_13;
+        let t7_14 = -t7_4;
+        a[5][2] = t7_14;
+        let t7_15 = -t7_10;
+        a[5][4] = t7_15;
+        let t7_16 = -t5_8;
+        a[5][10] = t7_16;
     }
     a
 }
@@ -1141,7 +1100,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 6] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 223 additions, 332 multiplications, 0 divisions, 8 sines and cosines.
+/// 203 additions, 306 multiplications, 0 divisions, 8 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 6] {
     let like = q[0];
     let mut b = [like.lift(0.0); 6];
@@ -1165,390 +1124,367 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 6] {
     let [d_waist, d_shoulder, d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // b (Eq. 7), part 1
     let [
-        t2_3, t2_5, t2_7, t2_10, t2_19, t2_63, t2_69, t2_85, t2_93, t2_100, t2_115, t2_118,
-        t2_123, t2_124, t2_125, t2_128, t2_132, t2_135, t2_137, t2_138, t2_141, t2_142, t2_145,
-        t2_146, t2_148, t2_151, t2_152, t2_157, t2_161, t2_162, t2_167, t2_173, t2_175, t2_177,
-        t2_186, t2_192, t2_193, t2_195, t2_196, t2_199, t2_200, t2_201, t2_202, t2_204, t2_206,
-        t2_214, t2_219, t2_220, t2_221, t2_222, t2_224, t2_228, t2_230, t2_231, t2_246, t2_248,
-        t2_250,
+        t2_4, t2_6, t2_8, t2_20, t2_23, t2_29, t2_43, t2_45, t2_46, t2_91, t2_104, t2_110,
+        t2_112, t2_114, t2_119, t2_120, t2_135, t2_137, t2_139, t2_144, t2_146, t2_148, t2_154,
+        t2_159, t2_160, t2_162, t2_163, t2_164, t2_165, t2_166, t2_167, t2_173, t2_177, t2_178,
+        t2_183, t2_189, t2_195, t2_196, t2_198, t2_199, t2_201, t2_202, t2_203, t2_205, t2_208,
+        t2_209, t2_210, t2_225, t2_226, t2_228, t2_235, t2_236, t2_237, t2_238, t2_241, t2_242,
+        t2_247, t2_248, t2_250,
     ] = {
         let t2_1 = cos_waist * d_waist;
         let t2_2 = d_waist * t2_1;
-        let t2_3 = d_shoulder * t2_1;
-        let t2_4 = sin_waist * d_waist;
-        let t2_5 = d_shoulder * t2_4;
-        let t2_6 = d_waist * t2_4;
-        let t2_7 = cos_waist * d_shoulder;
-        let t2_8 = cos_shoulder * d_shoulder;
-        let t2_9 = cos_waist * cos_shoulder;
-        let t2_10 = sin_waist * d_shoulder;
-        let t2_11 = sin_shoulder * t2_10;
-        let t2_12 = (-t2_9).mul_add(d_waist, t2_11);
-        let t2_13 = like.lift(1.25) * t2_12;
-        let t2_14 = -t2_13;
-        let t2_15 = sin_shoulder * t2_5;
-        let t2_16 = (-t2_7).mul_add(t2_8, t2_15);
-        let t2_17 = like.lift(0.35) * t2_2;
-        let t2_18 = like.lift(-1.25).mul_add(t2_16, t2_17);
-        let t2_19 = d_waist.mul_add(t2_14, t2_18);
-        let t2_20 = t2_10 * t2_14;
-        let t2_21 = sin_shoulder * t2_3;
-        let t2_22 = t2_10.mul_add(t2_8, t2_21);
-        let t2_23 = like.lift(1.25) * t2_22;
-        let t2_24 = like.lift(0.35).mul_add(t2_6, t2_23);
-        let t2_25 = sin_shoulder * cos_q1;
-        let t2_26 = q2 * t2_25;
-        let t2_27 = cos_waist * sin_shoulder;
-        let t2_28 = cos_shoulder * t2_10;
-        let t2_29 = t2_27.mul_add(d_waist, t2_28);
-        let t2_30 = (-d_q1).mul_add(t2_29, t2_5);
-        let t2_31 = sin_waist * cos_shoulder;
-        let t2_32 = cos_q1 * t2_31;
-        let t2_33 = cos_waist.mul_add(sin_q1, t2_32);
-        let t2_34 = q2 * t2_33;
-        let t2_35 = d_q1 * sin_shoulder;
-        let t2_36 = t2_35 * d_shoulder;
-        let t2_37 = sin_waist * sin_shoulder;
-        let t2_38 = t2_37.mul_add(d_q1, t2_7);
-        let t2_39 = (-t2_27).mul_add(d_q1, t2_10);
-        let t2_40 = sin_waist * sin_q1;
-        let t2_41 = (-cos_q1).mul_add(t2_9, t2_40);
-        let t2_42 = q2 * t2_41;
-        let t2_43 = t2_34 * t2_39;
-        let t2_44 = (-t2_42).mul_add(t2_38, t2_43);
-        let t2_45 = cos_shoulder.mul_add(d_q1, d_waist);
-        let t2_46 = t2_26 * t2_39;
-        let t2_47 = t2_42.mul_add(t2_45, t2_46);
-        let t2_48 = t2_33 * t2_45;
-        let t2_49 = t2_25.mul_add(t2_38, t2_48);
-        let t2_50 = like.lift(2.0) * d_q2;
-        let t2_51 = t2_49.mul_add(t2_50, t2_19);
-        let t2_52 = like.lift(-0.26344492783122625).mul_add(t2_6, t2_51);
-        let t2_53 = (-t2_34).mul_add(t2_36, t2_52);
-        let t2_54 = (-t2_26).mul_add(t2_30, t2_53);
-        let t2_55 = (-t2_45).mul_add(t2_47, t2_54);
-        let t2_56 = t2_38.mul_add(t2_44, t2_55);
-        let t2_57 = sin_shoulder * sin_q1;
-        let t2_58 = cos_s1_1 * t2_57;
-        let t2_59 = (-cos_shoulder).mul_add(sin_s1_1, t2_58);
-        let t2_60 = cos_shoulder * cos_s1_1;
-        let t2_61 = sin_s1_1.mul_add(t2_57, t2_60);
-        let t2_62 = cos_s1_2 * t2_59;
-        let t2_63 = sin_s1_2.mul_add(t2_25, t2_62);
-        let t2_64 = cos_s1_2 * t2_25;
-        let t2_65 = (-sin_s1_2).mul_add(t2_59, t2_64);
-        let t2_66 = sin_s1_3 * t2_65;
-        let t2_67 = cos_s1_3.mul_add(t2_61, t2_66);
-        let t2_68 = like.lift(0.22815) * t2_63;
-        let t2_69 = like.lift(-0.39516739174683935).mul_add(t2_67, t2_68);
-        let t2_70 = t2_25 * t2_39;
-        let t2_71 = t2_41.mul_add(t2_45, t2_70);
-        let t2_72 = t2_25.mul_add(d_s1_1, t2_45);
-        let t2_73 = sin_q1 * t2_9;
-        let t2_74 = sin_waist.mul_add(cos_q1, t2_73);
-        let t2_75 = cos_waist * cos_q1;
-        let t2_76 = (-sin_q1).mul_add(t2_31, t2_75);
-        let t2_77 = sin_s1_1 * t2_74;
-        let t2_78 = (-cos_s1_1).mul_add(t2_27, t2_77);
-        let t2_79 = sin_s1_1 * t2_27;
-        let t2_80 = cos_s1_1.mul_add(t2_74, t2_79);
-        let t2_81 = (-t2_41).mul_add(d_s1_1, t2_39);
-        let t2_82 = t2_78 * t2_72;
-        let t2_83 = (-t2_61).mul_add(t2_81, t2_82);
-        let t2_84 = sin_s1_2 * t2_41;
-        let t2_85 = (-cos_s1_2).mul_add(t2_80, t2_84);
-        let t2_86 = sin_s1_2 * t2_80;
-        let t2_87 = cos_s1_2.mul_add(t2_41, t2_86);
-        let t2_88 = t2_33 * t2_39;
-        let t2_89 = (-t2_41).mul_add(t2_38, t2_88);
-        let t2_90 = cos_s1_3 * t2_78;
-        let t2_91 = (-sin_s1_3).mul_add(t2_87, t2_90);
-        let t2_92 = like.lift(0.39516739174683935) * t2_91;
-        let t2_93 = like.lift(0.22815).mul_add(t2_85, t2_92);
-        let t2_94 = t2_61.mul_add(d_s1_2, t2_72);
-        let t2_95 = t2_78.mul_add(d_s1_2, t2_81);
-        let t2_96 = t2_63 * t2_95;
-        let t2_97 = t2_85.mul_add(t2_94, t2_96);
-        let t2_98 = d_s1_3.mul_add(t2_97, t2_30);
-        let t2_99 = d_s1_2.mul_add(t2_83, t2_98);
-        let t2_100 = (-d_s1_1).mul_add(t2_71, t2_99);
-        let t2_101 = cos_s1_1 * t2_76;
-        let t2_102 = cos_s1_1 * t2_37;
-        let t2_103 = sin_s1_1.mul_add(t2_76, t2_102);
-        let t2_104 = (-sin_s1_1).mul_add(t2_37, t2_101);
-        let t2_105 = t2_103 * t2_81;
-        let t2_106 = cos_s1_3 * t2_103;
-        let t2_107 = (-t2_33).mul_add(d_s1_1, t2_38);
-        let t2_108 = (-t2_78).mul_add(t2_107, t2_105);
-        let t2_109 = t2_61 * t2_107;
-        let t2_110 = (-t2_103).mul_add(t2_72, t2_109);
-        let t2_111 = t2_103.mul_add(d_s1_2, t2_107);
-        let t2_112 = sin_s1_2 * t2_33;
-        let t2_113 = sin_s1_2 * t2_104;
-        let t2_114 = cos_s1_2.mul_add(t2_33, t2_113);
-        let t2_115 = (-cos_s1_2).mul_add(t2_104, t2_112);
-        let t2_116 = (-sin_s1_3).mul_add(t2_114, t2_106);
-        let t2_117 = like.lift(0.39516739174683935) * t2_116;
-        let t2_118 = like.lift(0.22815).mul_add(t2_115, t2_117);
-        let t2_119 = t2_115 * t2_95;
-        let t2_120 = (-t2_85).mul_add(t2_111, t2_119);
-        let t2_121 = d_s1_3.mul_add(t2_120, t2_36);
-        let t2_122 = d_s1_2.mul_add(t2_108, t2_121);
-        let t2_123 = (-d_s1_1).mul_add(t2_89, t2_122);
-        let t2_124 = t2_85.mul_add(d_s1_3, t2_95);
-        let t2_125 = t2_115.mul_add(d_s1_3, t2_111);
-        let t2_126 = t2_115 * t2_94;
-        let t2_127 = t2_63.mul_add(t2_111, t2_126);
-        let t2_128 = (-t2_63).mul_add(d_s1_3, t2_94);
-        let t2_129 = t2_85 * t2_125;
-        let t2_130 = (-t2_115).mul_add(t2_124, t2_129);
-        let t2_131 = like.lift(0.4563) * t2_130;
-        let t2_132 = -t2_131;
-        let t2_133 = t2_63 * t2_124;
-        let t2_134 = t2_85.mul_add(t2_128, t2_133);
-        let t2_135 = like.lift(0.4563) * t2_134;
-        let t2_136 = like.lift(0.22815) * cos_shoulder;
-        let t2_137 = t2_5 * t2_136;
-        let t2_138 = t2_3 * t2_136;
-        let t2_139 = like.lift(0.13172246391561312) * cos_waist;
-        let t2_140 = like.lift(0.22815) * t2_37;
-        let t2_141 = t2_139 + t2_140;
-        let t2_142 = t2_139 - t2_140;
-        let t2_143 = like.lift(0.13172246391561312) * sin_waist;
-        let t2_144 = like.lift(0.22815) * t2_27;
-        let t2_145 = t2_143 - t2_144;
-        let t2_146 = t2_143 + t2_144;
-        let t2_147 = t2_141 * t2_10;
-        let t2_148 = (-t2_145).mul_add(t2_7, t2_147);
-        let t2_149 = like.lift(0.22815) * t2_28;
-        let t2_150 = like.lift(0.5) * t2_28;
-        let t2_151 = t2_145.mul_add(d_waist, -t2_149);
-        let t2_152 = t2_146.mul_add(d_waist, t2_149);
-        let t2_153 = like.lift(0.8660254037844386) * cos_shoulder;
-        let t2_154 = sin_shoulder * cos_q6;
-        let t2_155 = sin_q6.mul_add(t2_153, t2_154);
-        let t2_156 = sin_q8 * t2_153;
-        let t2_157 = (-sin_shoulder).mul_add(cos_q8, t2_156);
-        let t2_158 = t2_31 * d_waist;
-        let t2_159 = sin_shoulder.mul_add(t2_7, t2_158);
-        let t2_160 = like.lift(1.25) * t2_159;
-        let t2_161 = d_waist.mul_add(t2_160, t2_24);
-        let t2_162 = (-t2_7).mul_add(t2_160, t2_20);
-        let t2_163 = t2_71.mul_add(t2_50, t2_161);
-        let t2_164 = t2_89.mul_add(t2_50, t2_162);
-        let t2_165 = like.lift(0.26344492783122625).mul_add(t2_2, t2_163);
-        let t2_166 = t2_42.mul_add(t2_30, t2_164);
-        let t2_167 = q7 * t2_155;
-        let t2_168 = like.lift(0.8660254037844386) * sin_waist;
-        let t2_169 = like.lift(0.5) * sin_waist;
-        let t2_170 = like.lift(0.5) * t2_27;
-        let t2_171 = like.lift(0.8660254037844386) * t2_27;
-        let t2_172 = t2_168 + t2_170;
-        let t2_173 = t2_168 - t2_170;
-        let t2_174 = t2_172.mul_add(d_waist, t2_150);
-        let t2_175 = d_q6.mul_add(t2_174, t2_5);
-        let t2_176 = (-t2_173).mul_add(d_waist, t2_150);
-        let t2_177 = d_q8.mul_add(t2_176, t2_5);
-        let t2_178 = like.lift(0.5) * cos_waist;
-        let t2_179 = like.lift(0.8660254037844386) * cos_waist;
-        let t2_180 = like.lift(0.8660254037844386) * t2_37;
-        let t2_181 = t2_178 + t2_180;
-        let t2_182 = t2_178 - t2_180;
-        let t2_183 = sin_q6 * t2_181;
-        let t2_184 = (-cos_q6).mul_add(t2_31, t2_183);
-        let t2_185 = sin_q8 * t2_182;
-        let t2_186 = (-cos_q8).mul_add(t2_31, t2_185);
-        let t2_187 = cos_q6 * t2_9;
-        let t2_188 = cos_q8 * t2_9;
-        let t2_189 = t2_169 - t2_171;
-        let t2_190 = t2_169 + t2_171;
-        let t2_191 = sin_q6.mul_add(t2_189, t2_187);
-        let t2_192 = sin_q8.mul_add(t2_190, t2_188);
-        let t2_193 = q7 * t2_184;
-        let t2_194 = like.lift(0.5) * t2_37;
-        let t2_195 = t2_179 - t2_194;
-        let t2_196 = t2_179 + t2_194;
-        let t2_197 = t2_195 * t2_10;
-        let t2_198 = (-t2_172).mul_add(t2_7, t2_197);
-        let t2_199 = d_q6 * t2_198;
-        let t2_200 = t2_172.mul_add(d_q6, t2_10);
-        let t2_201 = t2_195.mul_add(d_q6, t2_7);
-        let t2_202 = q7 * t2_191;
-        let t2_203 = t2_193 * t2_200;
-        let t2_204 = (-t2_202).mul_add(t2_201, t2_203);
-        let t2_205 = like.lift(0.5) * cos_shoulder;
-        let t2_206 = cos_shoulder * t2_7;
-        let t2_207 = (-t2_37).mul_add(d_waist, t2_206);
-        let t2_208 = (-d_q1).mul_add(t2_207, t2_3);
-        let t2_209 = t2_26.mul_add(t2_208, t2_165);
-        let t2_210 = (-t2_42).mul_add(t2_36, t2_209);
-        let t2_211 = t2_39.mul_add(t2_44, t2_210);
-        let t2_212 = d_s1_3.mul_add(t2_127, t2_208);
-        let t2_213 = (-d_s1_2).mul_add(t2_110, t2_212);
-        let t2_214 = (-d_s1_1).mul_add(t2_49, t2_213);
-        let t2_215 = t2_34.mul_add(t2_208, t2_166);
-        let t2_216 = t2_34 * t2_45;
-        let t2_217 = t2_26.mul_add(t2_38, t2_216);
-        let t2_218 = (-t2_38).mul_add(t2_217, t2_215);
-        let t2_219 = t2_45.mul_add(t2_217, t2_211);
-        let t2_220 = (-t2_39).mul_add(t2_47, t2_218);
-        let t2_221 = (-d_q6).mul_add(t2_205, d_waist);
-        let t2_222 = (-d_q8).mul_add(t2_205, d_waist);
-        let t2_223 = t2_202 * t2_221;
-        let t2_224 = (-t2_167).mul_add(t2_200, t2_223);
-        let t2_225 = t2_155 * t2_201;
-        let t2_226 = (-t2_184).mul_add(t2_221, t2_225);
-        let t2_227 = t2_184 * t2_200;
-        let t2_228 = (-t2_191).mul_add(t2_201, t2_227);
-        let t2_229 = t2_191 * t2_221;
-        let t2_230 = (-t2_155).mul_add(t2_200, t2_229);
-        let t2_231 = like.lift(2.0) * d_q7;
-        let t2_232 = t2_115 * t2_123;
-        let t2_233 = t2_63.mul_add(t2_100, t2_232);
-        let t2_234 = like.lift(0.4563).mul_add(t2_233, t2_56);
-        let t2_235 = t2_128.mul_add(t2_135, t2_234);
-        let t2_236 = (-t2_125).mul_add(t2_132, t2_235);
-        let t2_237 = (-t2_226).mul_add(t2_231, t2_236);
-        let t2_238 = t2_237 - t2_19;
-        let t2_239 = t2_238 + t2_137;
-        let t2_240 = (-d_waist).mul_add(t2_151, t2_239);
-        let t2_241 = t2_7.mul_add(t2_148, t2_240);
-        let t2_242 = (-t2_193).mul_add(t2_199, t2_241);
-        let t2_243 = t2_167.mul_add(t2_175, t2_242);
-        let t2_244 = (-t2_221).mul_add(t2_224, t2_243);
-        let t2_245 = t2_201.mul_add(t2_204, t2_244);
-        let t2_246 = -t2_245;
-        let t2_247 = t2_118.mul_add(t2_123, t2_56);
-        let t2_248 = t2_69.mul_add(t2_100, t2_247);
-        let t2_249 = t2_115 * t2_128;
-        let t2_250 = t2_63.mul_add(t2_125, t2_249);
+        let t2_3 = sin_waist * d_waist;
+        let t2_4 = d_shoulder * t2_3;
+        let t2_5 = d_waist * t2_3;
+        let t2_6 = cos_waist * d_shoulder;
+        let t2_7 = cos_waist * cos_shoulder;
+        let t2_8 = sin_waist * d_shoulder;
+        let t2_9 = sin_shoulder * t2_8;
+        let t2_10 = (-t2_7).mul_add(d_waist, t2_9);
+        let t2_11 = like.lift(1.25) * t2_10;
+        let t2_12 = -t2_11;
+        let t2_13 = like.lift(0.8660254037844386) * cos_waist;
+        let t2_14 = sin_waist * sin_shoulder;
+        let t2_15 = like.lift(0.5) * t2_14;
+        let t2_16 = t2_13 - t2_15;
+        let t2_17 = t2_13 + t2_15;
+        let t2_18 = cos_shoulder * t2_6;
+        let t2_19 = like.lift(0.5) * t2_18;
+        let t2_20 = like.lift(0.22815) * t2_18;
+        let t2_21 = t2_16.mul_add(d_waist, t2_19);
+        let t2_22 = (-t2_17).mul_add(d_waist, t2_19);
+        let t2_23 = t2_16.mul_add(d_q6, t2_6);
+        let t2_24 = t2_22 + t2_21;
+        let t2_25 = d_shoulder * t2_24;
+        let t2_26 = -t2_25;
+        let t2_27 = like.lift(0.35) * t2_2;
+        let t2_28 = like.lift(-1.25).mul_add(t2_26, t2_27);
+        let t2_29 = d_waist.mul_add(t2_12, t2_28);
+        let t2_30 = t2_8 * t2_12;
+        let t2_31 = sin_shoulder * cos_q1;
+        let t2_32 = q2 * t2_31;
+        let t2_33 = cos_waist * sin_shoulder;
+        let t2_34 = cos_shoulder * t2_8;
+        let t2_35 = like.lift(0.8660254037844386) * sin_waist;
+        let t2_36 = like.lift(0.5) * t2_33;
+        let t2_37 = t2_35 + t2_36;
+        let t2_38 = t2_35 - t2_36;
+        let t2_39 = like.lift(0.5) * t2_34;
+        let t2_40 = like.lift(0.22815) * t2_34;
+        let t2_41 = t2_37.mul_add(d_waist, t2_39);
+        let t2_42 = (-t2_38).mul_add(d_waist, t2_39);
+        let t2_43 = t2_37.mul_add(d_q6, t2_8);
+        let t2_44 = t2_42 + t2_41;
+        let t2_45 = d_q6.mul_add(t2_41, t2_4);
+        let t2_46 = d_q8.mul_add(t2_42, t2_4);
+        let t2_47 = (-d_q1).mul_add(t2_44, t2_4);
+        let t2_48 = d_shoulder * t2_44;
+        let t2_49 = like.lift(1.25) * t2_48;
+        let t2_50 = like.lift(0.35).mul_add(t2_5, t2_49);
+        let t2_51 = sin_waist * cos_shoulder;
+        let t2_52 = cos_q1 * t2_51;
+        let t2_53 = cos_waist.mul_add(sin_q1, t2_52);
+        let t2_54 = q2 * t2_53;
+        let t2_55 = d_q1 * sin_shoulder;
+        let t2_56 = t2_55 * d_shoulder;
+        let t2_57 = t2_14.mul_add(d_q1, t2_6);
+        let t2_58 = (-t2_33).mul_add(d_q1, t2_8);
+        let t2_59 = sin_waist * sin_q1;
+        let t2_60 = (-cos_q1).mul_add(t2_7, t2_59);
+        let t2_61 = q2 * t2_60;
+        let t2_62 = t2_53 * t2_58;
+        let t2_63 = (-t2_60).mul_add(t2_57, t2_62);
+        let t2_64 = q2 * t2_63;
+        let t2_65 = cos_shoulder.mul_add(d_q1, d_waist);
+        let t2_66 = t2_31 * t2_58;
+        let t2_67 = t2_60.mul_add(t2_65, t2_66);
+        let t2_68 = q2 * t2_67;
+        let t2_69 = t2_53 * t2_65;
+        let t2_70 = t2_31.mul_add(t2_57, t2_69);
+        let t2_71 = like.lift(2.0) * d_q2;
+        let t2_72 = t2_70.mul_add(t2_71, t2_29);
+        let t2_73 = like.lift(-0.26344492783122625).mul_add(t2_5, t2_72);
+        let t2_74 = (-t2_54).mul_add(t2_56, t2_73);
+        let t2_75 = (-t2_32).mul_add(t2_47, t2_74);
+        let t2_76 = (-t2_65).mul_add(t2_68, t2_75);
+        let t2_77 = t2_57.mul_add(t2_64, t2_76);
+        let t2_78 = sin_shoulder * sin_q1;
+        let t2_79 = cos_s1_1 * t2_78;
+        let t2_80 = (-cos_shoulder).mul_add(sin_s1_1, t2_79);
+        let t2_81 = cos_shoulder * cos_s1_1;
+        let t2_82 = sin_s1_1.mul_add(t2_78, t2_81);
+        let t2_83 = cos_s1_2 * t2_80;
+        let t2_84 = sin_s1_2.mul_add(t2_31, t2_83);
+        let t2_85 = cos_s1_2 * t2_31;
+        let t2_86 = (-sin_s1_2).mul_add(t2_80, t2_85);
+        let t2_87 = t2_31.mul_add(d_s1_1, t2_65);
+        let t2_88 = sin_s1_3 * t2_86;
+        let t2_89 = cos_s1_3.mul_add(t2_82, t2_88);
+        let t2_90 = like.lift(0.22815) * t2_84;
+        let t2_91 = like.lift(-0.39516739174683935).mul_add(t2_89, t2_90);
+        let t2_92 = sin_q1 * t2_7;
+        let t2_93 = sin_waist.mul_add(cos_q1, t2_92);
+        let t2_94 = cos_waist * cos_q1;
+        let t2_95 = (-sin_q1).mul_add(t2_51, t2_94);
+        let t2_96 = sin_s1_1 * t2_93;
+        let t2_97 = (-cos_s1_1).mul_add(t2_33, t2_96);
+        let t2_98 = sin_s1_1 * t2_33;
+        let t2_99 = cos_s1_1.mul_add(t2_93, t2_98);
+        let t2_100 = (-t2_60).mul_add(d_s1_1, t2_58);
+        let t2_101 = t2_97 * t2_87;
+        let t2_102 = (-t2_82).mul_add(t2_100, t2_101);
+        let t2_103 = sin_s1_2 * t2_60;
+        let t2_104 = (-cos_s1_2).mul_add(t2_99, t2_103);
+        let t2_105 = sin_s1_2 * t2_99;
+        let t2_106 = cos_s1_2.mul_add(t2_60, t2_105);
+        let t2_107 = cos_s1_3 * t2_97;
+        let t2_108 = (-sin_s1_3).mul_add(t2_106, t2_107);
+        let t2_109 = like.lift(0.39516739174683935) * t2_108;
+        let t2_110 = like.lift(0.22815).mul_add(t2_104, t2_109);
+        let t2_111 = t2_82.mul_add(d_s1_2, t2_87);
+        let t2_112 = (-t2_84).mul_add(d_s1_3, t2_111);
+        let t2_113 = t2_97.mul_add(d_s1_2, t2_100);
+        let t2_114 = t2_104.mul_add(d_s1_3, t2_113);
+        let t2_115 = t2_84 * t2_114;
+        let t2_116 = t2_104.mul_add(t2_112, t2_115);
+        let t2_117 = d_s1_3.mul_add(t2_116, t2_47);
+        let t2_118 = d_s1_2.mul_add(t2_102, t2_117);
+        let t2_119 = (-d_s1_1).mul_add(t2_67, t2_118);
+        let t2_120 = like.lift(0.4563) * t2_116;
+        let t2_121 = cos_s1_1 * t2_95;
+        let t2_122 = cos_s1_1 * t2_14;
+        let t2_123 = sin_s1_1.mul_add(t2_95, t2_122);
+        let t2_124 = (-sin_s1_1).mul_add(t2_14, t2_121);
+        let t2_125 = t2_123 * t2_100;
+        let t2_126 = cos_s1_3 * t2_123;
+        let t2_127 = (-t2_53).mul_add(d_s1_1, t2_57);
+        let t2_128 = (-t2_97).mul_add(t2_127, t2_125);
+        let t2_129 = t2_82 * t2_127;
+        let t2_130 = (-t2_123).mul_add(t2_87, t2_129);
+        let t2_131 = t2_123.mul_add(d_s1_2, t2_127);
+        let t2_132 = sin_s1_2 * t2_53;
+        let t2_133 = sin_s1_2 * t2_124;
+        let t2_134 = cos_s1_2.mul_add(t2_53, t2_133);
+        let t2_135 = (-cos_s1_2).mul_add(t2_124, t2_132);
+        let t2_136 = (-sin_s1_3).mul_add(t2_134, t2_126);
+        let t2_137 = t2_135.mul_add(d_s1_3, t2_131);
+        let t2_138 = like.lift(0.39516739174683935) * t2_136;
+        let t2_139 = like.lift(0.22815).mul_add(t2_135, t2_138);
+        let t2_140 = t2_104 * t2_137;
+        let t2_141 = (-t2_135).mul_add(t2_114, t2_140);
+        let t2_142 = (-d_s1_3).mul_add(t2_141, t2_56);
+        let t2_143 = d_s1_2.mul_add(t2_128, t2_142);
+        let t2_144 = (-d_s1_1).mul_add(t2_63, t2_143);
+        let t2_145 = like.lift(0.4563) * t2_141;
+        let t2_146 = -t2_145;
+        let t2_147 = like.lift(0.22815) * cos_shoulder;
+        let t2_148 = t2_4 * t2_147;
+        let t2_149 = like.lift(0.13172246391561312) * cos_waist;
+        let t2_150 = like.lift(0.5) * cos_waist;
+        let t2_151 = like.lift(0.22815) * t2_14;
+        let t2_152 = t2_149 - t2_151;
+        let t2_153 = like.lift(0.8660254037844386) * t2_14;
+        let t2_154 = t2_152.mul_add(d_waist, t2_20);
+        let t2_155 = like.lift(0.13172246391561312) * sin_waist;
+        let t2_156 = like.lift(0.5) * sin_waist;
+        let t2_157 = like.lift(0.22815) * t2_33;
+        let t2_158 = like.lift(0.8660254037844386) * t2_33;
+        let t2_159 = t2_155 - t2_157;
+        let t2_160 = t2_155 + t2_157;
+        let t2_161 = t2_17 * t2_8;
+        let t2_162 = (-t2_38).mul_add(t2_6, t2_161);
+        let t2_163 = (-t2_17).mul_add(d_q8, t2_6);
+        let t2_164 = (-t2_38).mul_add(d_q8, t2_8);
+        let t2_165 = like.lift(0.4563) * t2_162;
+        let t2_166 = t2_159.mul_add(d_waist, -t2_40);
+        let t2_167 = t2_160.mul_add(d_waist, t2_40);
+        let t2_168 = like.lift(0.8660254037844386) * cos_shoulder;
+        let t2_169 = like.lift(0.5) * cos_shoulder;
+        let t2_170 = sin_shoulder * cos_q6;
+        let t2_171 = sin_q6.mul_add(t2_168, t2_170);
+        let t2_172 = sin_q8 * t2_168;
+        let t2_173 = (-sin_shoulder).mul_add(cos_q8, t2_172);
+        let t2_174 = t2_51 * d_waist;
+        let t2_175 = sin_shoulder.mul_add(t2_6, t2_174);
+        let t2_176 = like.lift(1.25) * t2_175;
+        let t2_177 = d_waist.mul_add(t2_176, t2_50);
+        let t2_178 = (-t2_6).mul_add(t2_176, t2_30);
+        let t2_179 = t2_67.mul_add(t2_71, t2_177);
+        let t2_180 = t2_63.mul_add(t2_71, t2_178);
+        let t2_181 = like.lift(0.26344492783122625).mul_add(t2_2, t2_179);
+        let t2_182 = t2_61.mul_add(t2_47, t2_180);
+        let t2_183 = q7 * t2_171;
+        let t2_184 = t2_150 + t2_153;
+        let t2_185 = t2_150 - t2_153;
+        let t2_186 = sin_q6 * t2_184;
+        let t2_187 = (-cos_q6).mul_add(t2_51, t2_186);
+        let t2_188 = sin_q8 * t2_185;
+        let t2_189 = (-cos_q8).mul_add(t2_51, t2_188);
+        let t2_190 = cos_q6 * t2_7;
+        let t2_191 = cos_q8 * t2_7;
+        let t2_192 = t2_156 - t2_158;
+        let t2_193 = t2_156 + t2_158;
+        let t2_194 = sin_q6.mul_add(t2_192, t2_190);
+        let t2_195 = sin_q8.mul_add(t2_193, t2_191);
+        let t2_196 = q7 * t2_187;
+        let t2_197 = d_q6 * t2_162;
+        let t2_198 = -t2_197;
+        let t2_199 = q7 * t2_194;
+        let t2_200 = t2_187 * t2_43;
+        let t2_201 = (-t2_194).mul_add(t2_23, t2_200);
+        let t2_202 = q7 * t2_201;
+        let t2_203 = (-d_q6).mul_add(t2_169, d_waist);
+        let t2_204 = t2_194 * t2_203;
+        let t2_205 = (-t2_171).mul_add(t2_43, t2_204);
+        let t2_206 = t2_171 * t2_23;
+        let t2_207 = (-t2_187).mul_add(t2_203, t2_206);
+        let t2_208 = (-d_q8).mul_add(t2_169, d_waist);
+        let t2_209 = q7 * t2_205;
+        let t2_210 = like.lift(2.0) * d_q7;
+        let t2_211 = t2_135 * t2_144;
+        let t2_212 = t2_84.mul_add(t2_119, t2_211);
+        let t2_213 = like.lift(0.4563).mul_add(t2_212, t2_77);
+        let t2_214 = t2_112.mul_add(t2_120, t2_213);
+        let t2_215 = (-t2_137).mul_add(t2_146, t2_214);
+        let t2_216 = (-t2_207).mul_add(t2_210, t2_215);
+        let t2_217 = t2_216 - t2_29;
+        let t2_218 = t2_217 + t2_148;
+        let t2_219 = (-d_waist).mul_add(t2_166, t2_218);
+        let t2_220 = t2_6.mul_add(t2_165, t2_219);
+        let t2_221 = (-t2_196).mul_add(t2_198, t2_220);
+        let t2_222 = t2_183.mul_add(t2_45, t2_221);
+        let t2_223 = (-t2_203).mul_add(t2_209, t2_222);
+        let t2_224 = t2_23.mul_add(t2_202, t2_223);
+        let t2_225 = -t2_224;
+        let t2_226 = q7 * t2_207;
+        let t2_227 = t2_139.mul_add(t2_144, t2_77);
+        let t2_228 = t2_91.mul_add(t2_119, t2_227);
+        let t2_229 = d_shoulder * t2_1;
+        let t2_230 = (-d_q1).mul_add(t2_24, t2_229);
+        let t2_231 = t2_32.mul_add(t2_230, t2_181);
+        let t2_232 = (-t2_61).mul_add(t2_56, t2_231);
+        let t2_233 = t2_58.mul_add(t2_64, t2_232);
+        let t2_234 = t2_54.mul_add(t2_230, t2_182);
+        let t2_235 = t2_229 * t2_147;
+        let t2_236 = like.lift(-0.26344492783122625).mul_add(t2_1, t2_154);
+        let t2_237 = d_q6.mul_add(t2_21, t2_229);
+        let t2_238 = d_q8.mul_add(t2_22, t2_229);
+        let t2_239 = q2 * t2_70;
+        let t2_240 = (-t2_57).mul_add(t2_239, t2_234);
+        let t2_241 = t2_65.mul_add(t2_239, t2_233);
+        let t2_242 = (-t2_58).mul_add(t2_68, t2_240);
+        let t2_243 = t2_135 * t2_112;
+        let t2_244 = t2_84.mul_add(t2_137, t2_243);
+        let t2_245 = d_s1_3.mul_add(t2_244, t2_230);
+        let t2_246 = (-d_s1_2).mul_add(t2_130, t2_245);
+        let t2_247 = (-d_s1_1).mul_add(t2_70, t2_246);
+        let t2_248 = like.lift(0.4563) * t2_244;
+        let t2_249 = t2_84 * t2_247;
+        let t2_250 = (-t2_104).mul_add(t2_144, t2_249);
         [
-            t2_3, t2_5, t2_7, t2_10, t2_19, t2_63, t2_69, t2_85, t2_93, t2_100, t2_115, t2_118,
-            t2_123, t2_124, t2_125, t2_128, t2_132, t2_135, t2_137, t2_138, t2_141, t2_142,
-            t2_145, t2_146, t2_148, t2_151, t2_152, t2_157, t2_161, t2_162, t2_167, t2_173,
-            t2_175, t2_177, t2_186, t2_192, t2_193, t2_195, t2_196, t2_199, t2_200, t2_201,
-            t2_202, t2_204, t2_206, t2_214, t2_219, t2_220, t2_221, t2_222, t2_224, t2_228,
-            t2_230, t2_231, t2_246, t2_248, t2_250,
+            t2_4, t2_6, t2_8, t2_20, t2_23, t2_29, t2_43, t2_45, t2_46, t2_91, t2_104, t2_110,
+            t2_112, t2_114, t2_119, t2_120, t2_135, t2_137, t2_139, t2_144, t2_146, t2_148,
+            t2_154, t2_159, t2_160, t2_162, t2_163, t2_164, t2_165, t2_166, t2_167, t2_173,
+            t2_177, t2_178, t2_183, t2_189, t2_195, t2_196, t2_198, t2_199, t2_201, t2_202,
+            t2_203, t2_205, t2_208, t2_209, t2_210, t2_225, t2_226, t2_228, t2_235, t2_236,
+            t2_237, t2_238, t2_241, t2_242, t2_247, t2_248, t2_250,
         ]
     };
     // b (Eq. 7)
     {
-        b[0] = t2_246;
-        let t3_1 = like.lift(0.4563) * t2_250;
-        let t3_2 = t2_63 * t2_214;
-        let t3_3 = (-t2_85).mul_add(t2_123, t3_2);
-        let t3_4 = like.lift(-0.4563).mul_add(t3_3, t2_219);
-        let t3_5 = (-t2_124).mul_add(t2_132, t3_4);
-        let t3_6 = (-t2_128).mul_add(t3_1, t3_5);
-        let t3_7 = t2_230.mul_add(t2_231, t3_6);
-        let t3_8 = t2_85 * t2_100;
-        let t3_9 = t2_115.mul_add(t2_214, t3_8);
-        let t3_10 = like.lift(-0.4563).mul_add(t3_9, t2_220);
-        let t3_11 = t2_125.mul_add(t3_1, t3_10);
-        let t3_12 = t2_124.mul_add(t2_135, t3_11);
-        let t3_13 = t2_228.mul_add(t2_231, t3_12);
-        let t3_14 = (-t2_93).mul_add(t2_100, t2_220);
-        let t3_15 = t3_13 - t2_162;
-        let t3_16 = t2_145.mul_add(t2_5, t3_15);
-        let t3_17 = (-t2_69).mul_add(t2_214, t2_219);
-        let t3_18 = t2_93.mul_add(t2_123, t3_17);
-        let t3_19 = (-t2_118).mul_add(t2_214, t3_14);
-        let t3_20 = t3_7 - t2_161;
-        let t3_21 = t3_20 - t2_138;
-        let t3_22 = t2_10.mul_add(t2_148, t3_21);
-        let t3_23 = t2_141.mul_add(t2_3, t3_16);
-        let t3_24 = like.lift(0.22815) * t2_206;
-        let t3_25 = (-t2_141).mul_add(d_waist, t3_24);
-        let t3_26 = t2_7.mul_add(t3_25, t3_23);
-        let t3_27 = (-t2_10).mul_add(t2_151, t3_26);
-        let t3_28 = (-d_waist).mul_add(t3_25, t3_22);
-        let t3_29 = t2_202.mul_add(t2_175, t3_27);
-        let t3_30 = like.lift(0.5) * t2_206;
-        let t3_31 = t2_195.mul_add(d_waist, t3_30);
-        let t3_32 = d_q6.mul_add(t3_31, t2_3);
-        let t3_33 = (-t2_167).mul_add(t3_32, t3_28);
-        let t3_34 = (-t2_202).mul_add(t2_199, t3_33);
-        let t3_35 = t2_200.mul_add(t2_204, t3_34);
-        let t3_36 = t2_193.mul_add(t3_32, t3_29);
-        let t3_37 = t2_167 * t2_201;
-        let t3_38 = (-t2_193).mul_add(t2_221, t3_37);
-        let t3_39 = t2_201.mul_add(t3_38, t3_36);
-        let t3_40 = (-t2_200).mul_add(t2_224, t3_39);
-        b[2] = t3_40;
-        let t3_41 = (-t2_221).mul_add(t3_38, t3_35);
-        let t3_42 = -t3_41;
-        b[1] = t3_42;
-        let t3_43 = t2_142.mul_add(d_waist, t3_24);
-        let t3_44 = (-t2_196).mul_add(d_waist, t3_30);
-        let t3_45 = d_q8.mul_add(t3_44, t2_3);
-        let t3_46 = t2_118 * t2_124;
-        let t3_47 = (-t2_93).mul_add(t2_125, t3_46);
-        let t3_48 = t2_118 * t2_128;
-        let t3_49 = t2_69.mul_add(t2_125, t3_48);
-        let t3_50 = t2_69 * t2_124;
-        let t3_51 = t2_93.mul_add(t2_128, t3_50);
-        let t3_52 = t2_128.mul_add(t3_51, t2_248);
-        let t3_53 = (-t2_124).mul_add(t3_47, t3_18);
-        let t3_54 = t2_125.mul_add(t3_49, t3_19);
-        let t3_55 = (-t2_125).mul_add(t3_47, t3_52);
-        let t3_56 = (-t2_128).mul_add(t3_49, t3_53);
-        let t3_57 = t2_124.mul_add(t3_51, t3_54);
-        let t3_58 = t2_142 * t2_10;
-        let t3_59 = (-t2_146).mul_add(t2_7, t3_58);
-        let t3_60 = q9 * t2_157;
-        let t3_61 = q9 * t2_186;
-        let t3_62 = t2_196 * t2_10;
-        let t3_63 = (-t2_173).mul_add(t2_7, t3_62);
-        let t3_64 = d_q8 * t3_63;
-        let t3_65 = (-t2_196).mul_add(d_q8, t2_7);
-        let t3_66 = (-t2_173).mul_add(d_q8, t2_10);
-        let t3_67 = q9 * t2_192;
-        let t3_68 = t3_61 * t3_66;
-        let t3_69 = (-t3_67).mul_add(t3_65, t3_68);
-        let t3_70 = t3_60 * t3_66;
-        let t3_71 = t3_67.mul_add(t2_222, t3_70);
-        let t3_72 = t2_186 * t2_222;
-        let t3_73 = t2_157.mul_add(t3_65, t3_72);
-        let t3_74 = t2_157 * t3_66;
-        let t3_75 = t2_192.mul_add(t2_222, t3_74);
-        let t3_76 = t2_186 * t3_66;
-        let t3_77 = (-t2_192).mul_add(t3_65, t3_76);
-        let t3_78 = like.lift(2.0) * d_q9;
-        let t3_79 = t3_73.mul_add(t3_78, t3_55);
-        let t3_80 = t3_79 - t2_19;
-        let t3_81 = t3_75.mul_add(t3_78, t3_56);
-        let t3_82 = t3_77.mul_add(t3_78, t3_57);
-        let t3_83 = t3_82 - t2_162;
-        let t3_84 = t2_146.mul_add(t2_5, t3_83);
-        let t3_85 = t2_142.mul_add(t2_3, t3_84);
-        let t3_86 = t3_81 - t2_161;
-        let t3_87 = t3_80 - t2_137;
-        let t3_88 = t3_86 + t2_138;
-        let t3_89 = (-d_waist).mul_add(t2_152, t3_87);
-        let t3_90 = (-t2_7).mul_add(t3_43, t3_85);
-        let t3_91 = t2_7.mul_add(t3_59, t3_89);
-        let t3_92 = t2_10.mul_add(t3_59, t3_88);
-        let t3_93 = (-t2_10).mul_add(t2_152, t3_90);
-        let t3_94 = d_waist.mul_add(t3_43, t3_92);
-        let t3_95 = t3_61.mul_add(t3_64, t3_91);
-        let t3_96 = t3_60.mul_add(t3_45, t3_94);
-        let t3_97 = t3_67.mul_add(t3_64, t3_96);
-        let t3_98 = t3_67.mul_add(t2_177, t3_93);
-        let t3_99 = (-t3_60).mul_add(t2_177, t3_95);
-        let t3_100 = t3_61.mul_add(t3_45, t3_98);
-        let t3_101 = t3_61 * t2_222;
-        let t3_102 = t3_60.mul_add(t3_65, t3_101);
-        let t3_103 = (-t3_65).mul_add(t3_102, t3_100);
-        let t3_104 = (-t3_66).mul_add(t3_71, t3_103);
-        b[5] = t3_104;
-        let t3_105 = (-t2_222).mul_add(t3_71, t3_99);
-        let t3_106 = t3_66.mul_add(t3_69, t3_97);
-        let t3_107 = t3_65.mul_add(t3_69, t3_105);
-        let t3_108 = t2_222.mul_add(t3_102, t3_106);
-        let t3_109 = -t3_107;
-        b[3] = t3_109;
-        let t3_110 = -t3_108;
-        b[4] = t3_110;
+        b[0] = t2_225;
+        let t3_1 = like.lift(-0.4563).mul_add(t2_250, t2_241);
+        let t3_2 = (-t2_114).mul_add(t2_146, t3_1);
+        let t3_3 = (-t2_112).mul_add(t2_248, t3_2);
+        let t3_4 = t2_205.mul_add(t2_210, t3_3);
+        let t3_5 = t2_104 * t2_119;
+        let t3_6 = t2_135.mul_add(t2_247, t3_5);
+        let t3_7 = like.lift(-0.4563).mul_add(t3_6, t2_242);
+        let t3_8 = t2_137.mul_add(t2_248, t3_7);
+        let t3_9 = t2_114.mul_add(t2_120, t3_8);
+        let t3_10 = t2_201.mul_add(t2_210, t3_9);
+        let t3_11 = (-t2_110).mul_add(t2_119, t2_242);
+        let t3_12 = t3_10 - t2_178;
+        let t3_13 = t2_159.mul_add(t2_4, t3_12);
+        let t3_14 = t2_6.mul_add(t2_20, t3_13);
+        let t3_15 = (-t2_8).mul_add(t2_166, t3_14);
+        let t3_16 = t2_199.mul_add(t2_45, t3_15);
+        let t3_17 = t2_196.mul_add(t2_237, t3_16);
+        let t3_18 = t2_23.mul_add(t2_226, t3_17);
+        let t3_19 = (-t2_43).mul_add(t2_209, t3_18);
+        b[2] = t3_19;
+        let t3_20 = (-t2_91).mul_add(t2_247, t2_241);
+        let t3_21 = t2_110.mul_add(t2_144, t3_20);
+        let t3_22 = (-t2_139).mul_add(t2_247, t3_11);
+        let t3_23 = t3_4 - t2_177;
+        let t3_24 = t3_23 - t2_235;
+        let t3_25 = t2_8.mul_add(t2_165, t3_24);
+        let t3_26 = (-d_waist).mul_add(t2_236, t3_25);
+        let t3_27 = (-t2_183).mul_add(t2_237, t3_26);
+        let t3_28 = (-t2_199).mul_add(t2_198, t3_27);
+        let t3_29 = t2_43.mul_add(t2_202, t3_28);
+        let t3_30 = (-t2_203).mul_add(t2_226, t3_29);
+        let t3_31 = -t3_30;
+        b[1] = t3_31;
+        let t3_32 = t2_139 * t2_114;
+        let t3_33 = (-t2_110).mul_add(t2_137, t3_32);
+        let t3_34 = t2_139 * t2_112;
+        let t3_35 = t2_91.mul_add(t2_137, t3_34);
+        let t3_36 = t2_91 * t2_114;
+        let t3_37 = t2_110.mul_add(t2_112, t3_36);
+        let t3_38 = t2_112.mul_add(t3_37, t2_228);
+        let t3_39 = (-t2_114).mul_add(t3_33, t3_21);
+        let t3_40 = t2_137.mul_add(t3_35, t3_22);
+        let t3_41 = (-t2_137).mul_add(t3_33, t3_38);
+        let t3_42 = (-t2_112).mul_add(t3_35, t3_39);
+        let t3_43 = t2_114.mul_add(t3_37, t3_40);
+        let t3_44 = like.lift(-0.4563) * t2_162;
+        let t3_45 = d_q8 * t2_162;
+        let t3_46 = q9 * t2_173;
+        let t3_47 = q9 * t2_189;
+        let t3_48 = q9 * t2_195;
+        let t3_49 = t2_189 * t2_164;
+        let t3_50 = (-t2_195).mul_add(t2_163, t3_49);
+        let t3_51 = t2_189 * t2_208;
+        let t3_52 = t2_173.mul_add(t2_163, t3_51);
+        let t3_53 = t2_173 * t2_164;
+        let t3_54 = t2_195.mul_add(t2_208, t3_53);
+        let t3_55 = q9 * t3_50;
+        let t3_56 = like.lift(2.0) * d_q9;
+        let t3_57 = t3_50.mul_add(t3_56, t3_43);
+        let t3_58 = t3_57 - t2_178;
+        let t3_59 = t2_160.mul_add(t2_4, t3_58);
+        let t3_60 = (-t2_6).mul_add(t2_20, t3_59);
+        let t3_61 = t3_52.mul_add(t3_56, t3_41);
+        let t3_62 = t3_61 - t2_29;
+        let t3_63 = t3_54.mul_add(t3_56, t3_42);
+        let t3_64 = t3_63 - t2_177;
+        let t3_65 = t3_62 - t2_148;
+        let t3_66 = t3_64 + t2_235;
+        let t3_67 = (-d_waist).mul_add(t2_167, t3_65);
+        let t3_68 = t2_6.mul_add(t3_44, t3_67);
+        let t3_69 = t2_8.mul_add(t3_44, t3_66);
+        let t3_70 = (-t2_8).mul_add(t2_167, t3_60);
+        let t3_71 = d_waist.mul_add(t2_154, t3_69);
+        let t3_72 = q9 * t3_54;
+        let t3_73 = t3_47.mul_add(t3_45, t3_68);
+        let t3_74 = t3_46.mul_add(t2_238, t3_71);
+        let t3_75 = t3_48.mul_add(t2_46, t3_70);
+        let t3_76 = (-t3_46).mul_add(t2_46, t3_73);
+        let t3_77 = t3_48.mul_add(t3_45, t3_74);
+        let t3_78 = t3_47.mul_add(t2_238, t3_75);
+        let t3_79 = (-t2_208).mul_add(t3_72, t3_76);
+        let t3_80 = t2_163.mul_add(t3_55, t3_79);
+        let t3_81 = -t3_80;
+        b[3] = t3_81;
+        let t3_82 = t2_164.mul_add(t3_55, t3_77);
+        let t3_83 = q9 * t3_52;
+        let t3_84 = (-t2_163).mul_add(t3_83, t3_78);
+        let t3_85 = (-t2_164).mul_add(t3_72, t3_84);
+        b[5] = t3_85;
+        let t3_86 = t2_208.mul_add(t3_83, t3_82);
+        let t3_87 = -t3_86;
+        b[4] = t3_87;
     }
     b
 }
@@ -1558,7 +1494,7 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 76 additions, 126 multiplications, 6 divisions, 6 sines and cosines.
+/// 71 additions, 119 multiplications, 6 divisions, 6 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 6], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 6];
@@ -1591,182 +1527,174 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 6], Condition<T>) {
         let t2_8 = cos_q1.mul_add(sin_s1_2, t2_7);
         let t2_9 = cos_q1 * cos_s1_2;
         let t2_10 = (-sin_s1_2).mul_add(t2_6, t2_9);
-        let t2_11 = sin_s1_3 * t2_10;
-        let t2_12 = like.lift(-0.4563).mul_add(t2_8, t2_5);
-        let t2_13 = -t2_12;
-        let t2_14 = sin_s1_1 * cos_s1_2;
-        let t2_15 = like.lift(0.4563) * t2_14;
-        let t2_16 = cos_q1 * t2_15;
-        let t2_17 = sin_q1 * sin_s1_1;
-        let t2_18 = cos_s1_3.mul_add(t2_17, t2_11);
-        let t2_19 = like.lift(0.22815) * t2_8;
-        let t2_20 = like.lift(-0.39516739174683935).mul_add(t2_18, t2_19);
-        let t2_21 = t2_5 - t2_20;
-        let t2_22 = cos_s1_1 * t2_8;
-        let t2_23 = t2_17.mul_add(t2_14, t2_22);
+        let t2_11 = like.lift(-0.4563).mul_add(t2_8, t2_5);
+        let t2_12 = -t2_11;
+        let t2_13 = sin_s1_1 * cos_s1_2;
+        let t2_14 = like.lift(0.4563) * t2_13;
+        let t2_15 = cos_q1 * t2_14;
+        let t2_16 = sin_q1 * sin_s1_1;
+        let t2_17 = cos_q1 * cos_s1_1;
+        let t2_18 = sin_s1_2 * t2_17;
+        let t2_19 = sin_q1.mul_add(cos_s1_2, t2_18);
+        let t2_20 = sin_q1 * sin_s1_2;
+        let t2_21 = (-cos_s1_2).mul_add(t2_17, t2_20);
+        let t2_22 = cos_s1_2 * cos_s1_1;
+        let t2_23 = -t2_22;
         let t2_24 = like.lift(0.4563) * t2_23;
-        let t2_25 = like.lift(0.5) * t2_1;
-        let t2_26 = -t2_25;
-        let t2_27 = sin_q1 * q2;
-        let t2_28 = cos_q1 * cos_s1_1;
-        let t2_29 = sin_q1 * sin_s1_2;
-        let t2_30 = (-cos_s1_2).mul_add(t2_28, t2_29);
-        let t2_31 = sin_s1_2 * t2_28;
-        let t2_32 = sin_q1.mul_add(cos_s1_2, t2_31);
-        let t2_33 = sin_s1_3 * sin_s1_1;
-        let t2_34 = t2_33 * sin_s1_2;
-        let t2_35 = cos_q1 * sin_s1_1;
-        let t2_36 = cos_s1_3 * t2_35;
-        let t2_37 = (-sin_s1_3).mul_add(t2_32, t2_36);
-        let t2_38 = cos_s1_1.mul_add(cos_s1_3, t2_34);
-        let t2_39 = like.lift(0.39516739174683935) * t2_38;
-        let t2_40 = like.lift(0.22815).mul_add(t2_14, t2_39);
-        let t2_41 = like.lift(0.39516739174683935) * t2_37;
-        let t2_42 = like.lift(0.4563) * t2_30;
-        let t2_43 = t2_27 - t2_42;
-        let t2_44 = -t2_43;
-        let t2_45 = sin_q1 * t2_15;
-        let t2_46 = like.lift(0.22815) - t2_15;
-        let t2_47 = like.lift(0.8660254037844386).mul_add(t2_2, t2_46);
-        let t2_48 = t2_35 * t2_14;
-        let t2_49 = (-cos_s1_1).mul_add(t2_30, t2_48);
-        let t2_50 = like.lift(0.4563) * t2_49;
-        let t2_51 = -t2_50;
-        let t2_52 = cos_q1 * t2_30;
-        let t2_53 = (-sin_q1).mul_add(t2_8, t2_52);
-        let t2_54 = like.lift(0.4563) * t2_53;
-        let t2_55 = -t2_54;
-        let t2_56 = -t2_55;
-        let t2_57 = t2_17 * t2_30;
-        let t2_58 = t2_35.mul_add(t2_8, t2_57);
-        let t2_59 = like.lift(0.4563) * t2_58;
+        let t2_25 = sin_s1_2 * sin_s1_1;
+        let t2_26 = cos_q1 * sin_s1_1;
+        let t2_27 = like.lift(0.4563) * t2_19;
+        let t2_28 = cos_s1_3 * t2_26;
+        let t2_29 = (-sin_s1_3).mul_add(t2_19, t2_28);
+        let t2_30 = like.lift(0.39516739174683935) * t2_29;
+        let t2_31 = like.lift(0.22815) * t2_21;
+        let t2_32 = t2_31 + t2_30;
+        let t2_33 = like.lift(0.5) * t2_1;
+        let t2_34 = -t2_33;
+        let t2_35 = sin_q1 * q2;
+        let t2_36 = like.lift(0.4563) * t2_21;
+        let t2_37 = t2_35 - t2_36;
+        let t2_38 = -t2_37;
+        let t2_39 = sin_q1 * t2_14;
+        let t2_40 = like.lift(0.22815) - t2_14;
+        let t2_41 = like.lift(0.8660254037844386).mul_add(t2_2, t2_40);
+        let t2_42 = like.lift(0.4563) * t2_10;
+        let t2_43 = -t2_42;
+        let t2_44 = sin_s1_3 * t2_10;
+        let t2_45 = cos_s1_3.mul_add(t2_16, t2_44);
+        let t2_46 = t2_25 * sin_s1_3;
+        let t2_47 = cos_s1_1.mul_add(cos_s1_3, t2_46);
+        let t2_48 = like.lift(0.4563) * t2_25;
+        let t2_49 = like.lift(0.39516739174683935) * t2_47;
+        let t2_50 = like.lift(0.22815).mul_add(t2_13, t2_49);
+        let t2_51 = like.lift(0.22815) * t2_8;
+        let t2_52 = like.lift(-0.39516739174683935).mul_add(t2_45, t2_51);
+        let t2_53 = t2_5 - t2_52;
+        let t2_54 = -t2_24;
         let pivot_1 = like.lift(0.8660254037844386) * t2_1;
-        let t2_60 = -t2_21;
-        let t2_61 = cos_q1 * t2_40;
-        let t2_62 = cos_s1_1 * t2_20;
-        let t2_63 = t2_17.mul_add(t2_40, t2_62);
-        let t2_64 = t2_8 * t2_40;
-        let t2_65 = (-t2_14).mul_add(t2_20, t2_64);
-        let t2_66 = -t2_65;
-        let t2_67 = like.lift(0.5) * t2_3;
-        let t2_68 = -t2_67;
-        let t2_69 = like.lift(0.22815) * t2_30;
-        let t2_70 = t2_41 - t2_27;
-        let t2_71 = t2_70 + t2_69;
-        let t2_72 = t2_69 + t2_41;
-        let t2_73 = cos_s1_1 * t2_72;
-        let t2_74 = (-t2_35).mul_add(t2_40, t2_73);
-        let t2_75 = t2_17 * t2_72;
-        let t2_76 = t2_35.mul_add(t2_20, t2_75);
-        let t2_77 = t2_14 * t2_72;
-        let t2_78 = (-t2_30).mul_add(t2_40, t2_77);
-        let t2_79 = t2_30 * t2_20;
-        let t2_80 = (-t2_8).mul_add(t2_72, t2_79);
-        let t2_81 = sin_q1 * t2_20;
-        let t2_82 = (-cos_q1).mul_add(t2_72, t2_81);
-        let t2_83 = sin_q1 * t2_40;
-        let t2_84 = like.lift(0.26344492783122625) + t2_27;
-        let t2_85 = like.lift(0.5773502691896257).mul_add(t2_80, t2_65);
-        let t2_86 = like.lift(0.8660254037844386).mul_add(t2_4, like.lift(0.22815));
-        let t2_87 = t2_86 + t2_40;
-        let t2_88 = -t2_82;
+        let t2_55 = -t2_53;
+        let t2_56 = cos_q1 * t2_50;
+        let t2_57 = sin_q1 * t2_52;
+        let t2_58 = (-cos_q1).mul_add(t2_32, t2_57);
+        let t2_59 = sin_q1 * t2_50;
+        let t2_60 = cos_s1_1 * t2_52;
+        let t2_61 = t2_16.mul_add(t2_50, t2_60);
+        let t2_62 = cos_s1_1 * t2_32;
+        let t2_63 = (-t2_26).mul_add(t2_50, t2_62);
+        let t2_64 = t2_16 * t2_32;
+        let t2_65 = t2_26.mul_add(t2_52, t2_64);
+        let t2_66 = t2_8 * t2_50;
+        let t2_67 = (-t2_13).mul_add(t2_52, t2_66);
+        let t2_68 = t2_21 * t2_52;
+        let t2_69 = (-t2_8).mul_add(t2_32, t2_68);
+        let t2_70 = t2_13 * t2_32;
+        let t2_71 = (-t2_21).mul_add(t2_50, t2_70);
+        let t2_72 = like.lift(0.8660254037844386).mul_add(t2_4, like.lift(0.22815));
+        let t2_73 = t2_72 + t2_50;
+        let t2_74 = -t2_67;
+        let t2_75 = like.lift(0.5773502691896257).mul_add(t2_69, t2_67);
+        let t2_76 = like.lift(0.5) * t2_3;
+        let t2_77 = -t2_76;
+        let t2_78 = t2_32 - t2_35;
+        let t2_79 = like.lift(0.26344492783122625) + t2_35;
+        let t2_80 = -t2_58;
         let pivot_2 = like.lift(0.8660254037844386) * t2_3;
-        let t2_89 = -pivot_2;
-        let t2_90 = like.lift(0.5).mul_add(t2_2, like.lift(0.13172246391561312));
-        let t2_91 = t2_90 + t2_84;
-        let t2_92 = t2_91 - t2_42;
-        let t2_93 = like.lift(0.5).mul_add(t2_4, like.lift(0.13172246391561312));
-        let t2_94 = t2_93 + t2_84;
-        let t2_95 = t2_94 - t2_72;
-        let t2_96 = t2_1 - t2_12;
-        let t2_97 = like.lift(1.0) / t2_1;
-        let t2_98 = -t2_47;
-        let t2_99 = t2_3 - t2_21;
-        let t2_100 = like.lift(1.0) / t2_3;
-        let t2_101 = t2_4 * t2_100;
-        let t2_102 = like.lift(1.1547005383792515) * t2_101;
-        let t2_103 = like.lift(1.1547005383792515) * t2_100;
-        let pivot_3 = t2_80.mul_add(t2_102, t2_78);
+        let t2_81 = -pivot_2;
+        let t2_82 = like.lift(0.5).mul_add(t2_2, like.lift(0.13172246391561312));
+        let t2_83 = t2_82 + t2_79;
+        let t2_84 = t2_83 - t2_36;
+        let t2_85 = like.lift(0.5).mul_add(t2_4, like.lift(0.13172246391561312));
+        let t2_86 = t2_85 + t2_79;
+        let t2_87 = t2_86 - t2_32;
+        let t2_88 = t2_1 - t2_11;
+        let t2_89 = like.lift(1.0) / t2_1;
+        let t2_90 = -t2_41;
+        let t2_91 = t2_3 - t2_53;
+        let t2_92 = like.lift(1.0) / t2_3;
+        let t2_93 = t2_4 * t2_92;
+        let t2_94 = like.lift(1.1547005383792515) * t2_93;
+        let t2_95 = like.lift(1.1547005383792515) * t2_92;
+        let pivot_3 = t2_69.mul_add(t2_94, t2_71);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_104 = t2_85 * inv_pivot_3;
-        let t2_105 = (-t2_82).mul_add(t2_102, t2_83);
-        let t2_106 = t2_105.mul_add(t2_104, t2_61);
-        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_82, t2_106);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_55, t2_16);
+        let t2_96 = t2_75 * inv_pivot_3;
+        let t2_97 = (-t2_58).mul_add(t2_94, t2_59);
+        let t2_98 = t2_97.mul_add(t2_96, t2_56);
+        let t2_99 = like.lift(0.5773502691896257).mul_add(t2_58, t2_98);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_54, t2_15);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_108 = t2_107 * inv_pivot_4;
-        let t2_109 = (-t2_12).mul_add(t2_108, t2_21);
-        let pivot_5 = (-t2_71).mul_add(t2_104, t2_109);
+        let t2_100 = t2_99 * inv_pivot_4;
+        let t2_101 = (-t2_11).mul_add(t2_100, t2_53);
+        let pivot_5 = (-t2_78).mul_add(t2_96, t2_101);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_110 = -pivot_5;
-        let t2_111 = t2_87.mul_add(t2_102, t2_99);
-        let t2_112 = t2_76.mul_add(t2_102, t2_74);
-        let t2_113 = like.lift(-0.5773502691896257).mul_add(t2_47, t2_92);
-        let t2_114 = (-t2_108).mul_add(t2_113, t2_95);
-        let t2_115 = t2_104.mul_add(t2_111, t2_114);
-        let t2_116 = like.lift(-0.5773502691896257).mul_add(t2_87, t2_115);
-        let t2_117 = like.lift(0.5773502691896257).mul_add(t2_59, t2_24);
-        let t2_118 = (-t2_117).mul_add(t2_108, t2_63);
-        let t2_119 = t2_112.mul_add(t2_104, t2_118);
-        let t2_120 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_119);
-        let t2_121 = t2_2 * t2_97;
-        let t2_122 = like.lift(1.1547005383792515) * t2_121;
-        let t2_123 = like.lift(1.1547005383792515) * t2_97;
-        let t2_124 = t2_55.mul_add(t2_122, t2_45);
-        let t2_125 = t2_124 * inv_pivot_4;
-        let t2_126 = (-t2_12).mul_add(t2_125, t2_43);
-        let t2_127 = t2_126 * inv_pivot_5;
-        let t2_128 = (-t2_120).mul_add(t2_127, t2_51);
-        let t2_129 = (-t2_117).mul_add(t2_125, t2_128);
-        let t2_130 = (-t2_127).mul_add(t2_116, t2_96);
-        let t2_131 = (-t2_125).mul_add(t2_113, t2_130);
-        let pivot_6 = (-t2_59).mul_add(t2_122, t2_129);
-        let t2_132 = t2_47.mul_add(t2_122, t2_131);
+        let t2_102 = -pivot_5;
+        let t2_103 = t2_73.mul_add(t2_94, t2_91);
+        let t2_104 = t2_65.mul_add(t2_94, t2_63);
+        let t2_105 = like.lift(-0.5773502691896257).mul_add(t2_41, t2_84);
+        let t2_106 = (-t2_100).mul_add(t2_105, t2_87);
+        let t2_107 = t2_96.mul_add(t2_103, t2_106);
+        let t2_108 = like.lift(-0.5773502691896257).mul_add(t2_73, t2_107);
+        let t2_109 = like.lift(0.5773502691896257).mul_add(t2_48, t2_27);
+        let t2_110 = (-t2_109).mul_add(t2_100, t2_61);
+        let t2_111 = t2_104.mul_add(t2_96, t2_110);
+        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_65, t2_111);
+        let t2_113 = t2_2 * t2_89;
+        let t2_114 = like.lift(1.1547005383792515) * t2_113;
+        let t2_115 = like.lift(1.1547005383792515) * t2_89;
+        let t2_116 = t2_54.mul_add(t2_114, t2_39);
+        let t2_117 = t2_116 * inv_pivot_4;
+        let t2_118 = (-t2_11).mul_add(t2_117, t2_37);
+        let t2_119 = t2_118 * inv_pivot_5;
+        let t2_120 = (-t2_112).mul_add(t2_119, t2_43);
+        let t2_121 = (-t2_109).mul_add(t2_117, t2_120);
+        let t2_122 = (-t2_119).mul_add(t2_108, t2_88);
+        let t2_123 = (-t2_117).mul_add(t2_105, t2_122);
+        let pivot_6 = (-t2_48).mul_add(t2_114, t2_121);
+        let t2_124 = t2_41.mul_add(t2_114, t2_123);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_133 = inv_pivot_6 * t2_132;
-        let t2_134 = (-t2_120).mul_add(t2_133, t2_116);
-        let t2_135 = inv_pivot_5 * t2_134;
-        let t2_136 = (-t2_117).mul_add(t2_133, t2_113);
-        let t2_137 = (-t2_12).mul_add(t2_135, t2_136);
-        let t2_138 = inv_pivot_4 * t2_137;
-        let t2_139 = (-t2_112).mul_add(t2_133, t2_111);
-        let t2_140 = t2_71.mul_add(t2_135, t2_139);
-        let t2_141 = (-t2_105).mul_add(t2_138, t2_140);
-        let t2_142 = inv_pivot_3 * t2_141;
-        let t2_143 = t2_59.mul_add(t2_133, t2_47);
-        let t2_144 = (-t2_55).mul_add(t2_138, t2_143);
-        let t2_145 = t2_123 * t2_144;
-        let t2_146 = -t2_135;
-        let t2_147 = -t2_145;
-        let t2_148 = (-t2_76).mul_add(t2_133, t2_87);
-        let t2_149 = t2_82.mul_add(t2_138, t2_148);
-        let t2_150 = (-t2_80).mul_add(t2_142, t2_149);
-        let t2_151 = t2_103 * t2_150;
-        let t2_152 = -t2_151;
+        let t2_125 = inv_pivot_6 * t2_124;
+        let t2_126 = (-t2_112).mul_add(t2_125, t2_108);
+        let t2_127 = inv_pivot_5 * t2_126;
+        let t2_128 = (-t2_109).mul_add(t2_125, t2_105);
+        let t2_129 = (-t2_11).mul_add(t2_127, t2_128);
+        let t2_130 = inv_pivot_4 * t2_129;
+        let t2_131 = (-t2_104).mul_add(t2_125, t2_103);
+        let t2_132 = t2_78.mul_add(t2_127, t2_131);
+        let t2_133 = (-t2_97).mul_add(t2_130, t2_132);
+        let t2_134 = inv_pivot_3 * t2_133;
+        let t2_135 = t2_48.mul_add(t2_125, t2_41);
+        let t2_136 = (-t2_54).mul_add(t2_130, t2_135);
+        let t2_137 = t2_115 * t2_136;
+        let t2_138 = -t2_127;
+        let t2_139 = -t2_137;
+        let t2_140 = (-t2_65).mul_add(t2_125, t2_73);
+        let t2_141 = t2_58.mul_add(t2_130, t2_140);
+        let t2_142 = (-t2_69).mul_add(t2_134, t2_141);
+        let t2_143 = t2_95 * t2_142;
+        let t2_144 = -t2_143;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
-            .min((t2_89 * like.lift(1.863195236951264)).abs())
+            .min((t2_81 * like.lift(1.863195236951264)).abs())
             .min((pivot_3 * like.lift(2.6695171222054848)).abs())
             .min((pivot_4 * like.lift(2.294035647929491)).abs())
-            .min((t2_110 * like.lift(0.786868847408929)).abs())
+            .min((t2_102 * like.lift(0.786868847408929)).abs())
             .min((pivot_6 * like.lift(2.1945756748652077)).abs());
-        let ([[t2_153], [t2_154], [t2_155], [t2_156], [t2_157], [t2_158]], found) = ::regen_runtime::guarded(
-            [[t2_146], [t2_138], [t2_133], [t2_142], [t2_147], [t2_152]],
+        let ([[t2_145], [t2_146], [t2_147], [t2_148], [t2_149], [t2_150]], found) = ::regen_runtime::guarded(
+            [[t2_138], [t2_130], [t2_125], [t2_134], [t2_139], [t2_144]],
             margin,
             || (
                 [
-                    [t2_13, t2_16, t2_24, like.lift(0.0), t2_26, like.lift(0.0)],
-                    [t2_44, t2_45, t2_51, like.lift(0.0), t2_2, like.lift(0.0)],
-                    [like.lift(0.0), t2_56, t2_59, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_60, t2_61, t2_63, t2_66, like.lift(0.0), t2_68],
-                    [t2_71, t2_83, t2_74, t2_78, like.lift(0.0), t2_4],
-                    [like.lift(0.0), t2_88, t2_76, t2_80, like.lift(0.0), t2_89],
+                    [t2_12, t2_15, t2_27, like.lift(0.0), t2_34, like.lift(0.0)],
+                    [t2_38, t2_39, t2_43, like.lift(0.0), t2_2, like.lift(0.0)],
+                    [like.lift(0.0), t2_24, t2_48, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_55, t2_56, t2_61, t2_74, like.lift(0.0), t2_77],
+                    [t2_78, t2_59, t2_63, t2_71, like.lift(0.0), t2_4],
+                    [like.lift(0.0), t2_80, t2_65, t2_69, like.lift(0.0), t2_81],
                 ],
-                [[t2_92], [t2_96], [t2_98], [t2_95], [t2_99], [t2_87]],
+                [[t2_84], [t2_88], [t2_90], [t2_87], [t2_91], [t2_73]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_153; dq_e[1] = t2_154; dq_e[2] = t2_155; dq_e[3] = t2_156; dq_e[4] = t2_157; dq_e[5] = t2_158;
+        dq_e[0] = t2_145; dq_e[1] = t2_146; dq_e[2] = t2_147; dq_e[3] = t2_148; dq_e[4] = t2_149; dq_e[5] = t2_150;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -1776,7 +1704,7 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 6], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a_e`: the square A_e on the rows that are kept, each loop seen from one of its own frames (Eq. 8)
 ///
-/// 26 additions, 69 multiplications, 0 divisions, 6 sines and cosines.
+/// 21 additions, 62 multiplications, 0 divisions, 6 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 6]; 6] {
     let like = q[0];
     let mut a_e = [[like.lift(0.0); 6]; 6];
@@ -1818,95 +1746,86 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 6]; 6] {
         let t2_10 = sin_q1 * cos_s1_1;
         let t2_11 = cos_s1_2 * t2_10;
         let t2_12 = cos_q1.mul_add(sin_s1_2, t2_11);
-        let t2_13 = cos_q1 * cos_s1_2;
-        let t2_14 = (-sin_s1_2).mul_add(t2_10, t2_13);
-        let t2_15 = sin_s1_3 * t2_14;
-        let t2_16 = cos_q1 * cos_s1_1;
-        let t2_17 = sin_q1 * sin_s1_2;
-        let t2_18 = (-cos_s1_2).mul_add(t2_16, t2_17);
-        let t2_19 = sin_s1_2 * t2_16;
-        let t2_20 = sin_q1.mul_add(cos_s1_2, t2_19);
-        let t2_21 = sin_s1_1 * cos_s1_2;
-        let t2_22 = sin_s1_3 * sin_s1_1;
-        let t2_23 = t2_22 * sin_s1_2;
-        let t2_24 = cos_s1_1.mul_add(cos_s1_3, t2_23);
-        let t2_25 = like.lift(0.39516739174683935) * t2_24;
-        let t2_26 = like.lift(0.22815).mul_add(t2_21, t2_25);
-        let t2_27 = sin_q1 * t2_26;
-        a_e[2][1] = t2_27;
-        let t2_28 = cos_q1 * t2_26;
-        a_e[4][1] = t2_28;
-        let t2_29 = cos_q1 * t2_18;
-        let t2_30 = (-sin_q1).mul_add(t2_12, t2_29);
-        let t2_31 = like.lift(0.4563) * t2_30;
-        let t2_32 = -t2_31;
+        let t2_13 = cos_q1 * cos_s1_1;
+        let t2_14 = sin_q1 * sin_s1_2;
+        let t2_15 = (-cos_s1_2).mul_add(t2_13, t2_14);
+        let t2_16 = sin_s1_2 * sin_s1_1;
+        let t2_17 = like.lift(0.4563) * t2_16;
+        a_e[0][2] = t2_17;
+        let t2_18 = t2_16 * sin_s1_3;
+        let t2_19 = cos_s1_1.mul_add(cos_s1_3, t2_18);
+        let t2_20 = like.lift(0.39516739174683935) * t2_19;
+        let t2_21 = cos_s1_2 * cos_s1_1;
+        let t2_22 = -t2_21;
+        let t2_23 = like.lift(0.4563) * t2_22;
+        a_e[0][1] = t2_23;
+        let t2_24 = sin_s1_1 * cos_s1_2;
+        let t2_25 = like.lift(0.22815).mul_add(t2_24, t2_20);
+        let t2_26 = sin_q1 * t2_25;
+        a_e[2][1] = t2_26;
+        let t2_27 = cos_q1 * t2_25;
+        a_e[4][1] = t2_27;
+        let t2_28 = cos_q1 * sin_s1_1;
+        let t2_29 = sin_q1 * sin_s1_1;
+        let t2_30 = t2_28 * t2_24;
+        let t2_31 = (-cos_s1_1).mul_add(t2_15, t2_30);
+        let t2_32 = like.lift(0.4563) * t2_31;
         let t2_33 = -t2_32;
-        a_e[0][1] = t2_33;
-        let t2_34 = cos_q1 * sin_s1_1;
-        let t2_35 = cos_s1_3 * t2_34;
-        let t2_36 = (-sin_s1_3).mul_add(t2_20, t2_35);
-        let t2_37 = sin_q1 * sin_s1_1;
-        let t2_38 = cos_s1_3.mul_add(t2_37, t2_15);
-        let t2_39 = like.lift(0.39516739174683935) * t2_36;
-        let t2_40 = like.lift(0.22815) * t2_12;
-        let t2_41 = like.lift(-0.39516739174683935).mul_add(t2_38, t2_40);
-        let t2_42 = cos_s1_1 * t2_41;
-        let t2_43 = t2_37.mul_add(t2_26, t2_42);
-        a_e[4][2] = t2_43;
-        let t2_44 = t2_37 * t2_18;
-        let t2_45 = t2_34.mul_add(t2_12, t2_44);
-        let t2_46 = like.lift(0.4563) * t2_45;
-        a_e[0][2] = t2_46;
-        let t2_47 = like.lift(0.22815) * t2_18;
-        let t2_48 = t2_47 + t2_39;
-        let t2_49 = t2_37 * t2_48;
-        let t2_50 = t2_34.mul_add(t2_41, t2_49);
-        a_e[1][2] = t2_50;
-        let t2_51 = t2_18 * t2_41;
-        let t2_52 = (-t2_12).mul_add(t2_48, t2_51);
-        a_e[1][3] = t2_52;
-        let t2_53 = cos_s1_1 * t2_48;
-        let t2_54 = (-t2_34).mul_add(t2_26, t2_53);
-        a_e[2][2] = t2_54;
-        let t2_55 = t2_34 * t2_21;
-        let t2_56 = (-cos_s1_1).mul_add(t2_18, t2_55);
-        let t2_57 = cos_s1_1 * t2_12;
-        let t2_58 = t2_37.mul_add(t2_21, t2_57);
-        let t2_59 = like.lift(0.4563) * t2_58;
-        a_e[3][2] = t2_59;
-        let t2_60 = like.lift(0.4563) * t2_56;
-        let t2_61 = -t2_60;
-        a_e[5][2] = t2_61;
-        let t2_62 = t2_21 * t2_48;
-        let t2_63 = (-t2_18).mul_add(t2_26, t2_62);
-        a_e[2][3] = t2_63;
-        let t2_64 = t2_12 * t2_26;
-        let t2_65 = (-t2_21).mul_add(t2_41, t2_64);
-        let t2_66 = -t2_65;
-        a_e[4][3] = t2_66;
-        let t2_67 = like.lift(0.4563) * t2_21;
-        let t2_68 = cos_q1 * t2_67;
-        a_e[3][1] = t2_68;
-        let t2_69 = sin_q1 * t2_67;
-        a_e[5][1] = t2_69;
-        let t2_70 = sin_q1 * t2_41;
-        let t2_71 = (-cos_q1).mul_add(t2_48, t2_70);
-        let t2_72 = -t2_71;
-        a_e[1][1] = t2_72;
-        let t2_73 = sin_q1 * q2;
-        let t2_74 = t2_39 - t2_73;
-        let t2_75 = t2_74 + t2_47;
-        a_e[2][0] = t2_75;
-        let t2_76 = like.lift(-0.4563).mul_add(t2_18, t2_73);
-        let t2_77 = -t2_76;
-        a_e[5][0] = t2_77;
-        let t2_78 = cos_q1 * q2;
-        let t2_79 = like.lift(-0.4563).mul_add(t2_12, t2_78);
-        let t2_80 = t2_78 - t2_41;
-        let t2_81 = -t2_79;
-        a_e[3][0] = t2_81;
-        let t2_82 = -t2_80;
-        a_e[4][0] = t2_82;
+        a_e[5][2] = t2_33;
+        let t2_34 = sin_s1_3 * t2_31;
+        let t2_35 = cos_s1_3.mul_add(t2_29, t2_34);
+        let t2_36 = cos_s1_3 * t2_28;
+        let t2_37 = like.lift(0.22815) * t2_12;
+        let t2_38 = like.lift(-0.39516739174683935).mul_add(t2_35, t2_37);
+        let t2_39 = cos_s1_1 * t2_38;
+        let t2_40 = t2_29.mul_add(t2_25, t2_39);
+        a_e[4][2] = t2_40;
+        let t2_41 = like.lift(0.22815) * t2_15;
+        let t2_42 = cos_s1_1 * t2_12;
+        let t2_43 = t2_29.mul_add(t2_24, t2_42);
+        let t2_44 = (-sin_s1_3).mul_add(t2_43, t2_36);
+        let t2_45 = like.lift(0.4563) * t2_43;
+        a_e[3][2] = t2_45;
+        let t2_46 = like.lift(0.39516739174683935) * t2_44;
+        let t2_47 = t2_41 + t2_46;
+        let t2_48 = t2_29 * t2_47;
+        let t2_49 = t2_28.mul_add(t2_38, t2_48);
+        a_e[1][2] = t2_49;
+        let t2_50 = cos_s1_1 * t2_47;
+        let t2_51 = (-t2_28).mul_add(t2_25, t2_50);
+        a_e[2][2] = t2_51;
+        let t2_52 = t2_15 * t2_38;
+        let t2_53 = (-t2_12).mul_add(t2_47, t2_52);
+        a_e[1][3] = t2_53;
+        let t2_54 = t2_24 * t2_47;
+        let t2_55 = (-t2_15).mul_add(t2_25, t2_54);
+        a_e[2][3] = t2_55;
+        let t2_56 = t2_12 * t2_25;
+        let t2_57 = (-t2_24).mul_add(t2_38, t2_56);
+        let t2_58 = -t2_57;
+        a_e[4][3] = t2_58;
+        let t2_59 = like.lift(0.4563) * t2_24;
+        let t2_60 = cos_q1 * t2_59;
+        a_e[3][1] = t2_60;
+        let t2_61 = sin_q1 * t2_59;
+        a_e[5][1] = t2_61;
+        let t2_62 = sin_q1 * t2_38;
+        let t2_63 = (-cos_q1).mul_add(t2_47, t2_62);
+        let t2_64 = -t2_63;
+        a_e[1][1] = t2_64;
+        let t2_65 = sin_q1 * q2;
+        let t2_66 = t2_47 - t2_65;
+        a_e[2][0] = t2_66;
+        let t2_67 = like.lift(-0.4563).mul_add(t2_15, t2_65);
+        let t2_68 = -t2_67;
+        a_e[5][0] = t2_68;
+        let t2_69 = cos_q1 * q2;
+        let t2_70 = like.lift(-0.4563).mul_add(t2_12, t2_69);
+        let t2_71 = t2_69 - t2_38;
+        let t2_72 = -t2_70;
+        a_e[3][0] = t2_72;
+        let t2_73 = -t2_71;
+        a_e[4][0] = t2_73;
     }
     a_e
 }
@@ -1917,7 +1836,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 6]; 6] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 65 additions, 130 multiplications, 6 divisions, 6 sines and cosines.
+/// 60 additions, 123 multiplications, 6 divisions, 6 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 5]) -> ([T; 11], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 11];
@@ -1948,184 +1867,176 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 5]) -> ([T; 11], Condition<
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = sin_s1_3 * t2_6;
-        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_9 = -t2_8;
-        let t2_10 = sin_s1_1 * cos_s1_2;
-        let t2_11 = like.lift(0.4563) * t2_10;
-        let t2_12 = cos_q1 * t2_11;
-        let t2_13 = sin_q1 * t2_11;
-        let t2_14 = sin_q1 * sin_s1_1;
-        let t2_15 = cos_s1_3.mul_add(t2_14, t2_7);
-        let t2_16 = like.lift(0.22815) * t2_4;
-        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
-        let t2_18 = t2_1 - t2_17;
-        let t2_19 = cos_s1_1 * t2_4;
-        let t2_20 = t2_14.mul_add(t2_10, t2_19);
+        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_8 = -t2_7;
+        let t2_9 = sin_s1_1 * cos_s1_2;
+        let t2_10 = like.lift(0.4563) * t2_9;
+        let t2_11 = cos_q1 * t2_10;
+        let t2_12 = sin_q1 * t2_10;
+        let t2_13 = sin_q1 * sin_s1_1;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = sin_s1_2 * t2_14;
+        let t2_16 = sin_q1.mul_add(cos_s1_2, t2_15);
+        let t2_17 = sin_q1 * sin_s1_2;
+        let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
+        let t2_19 = cos_s1_2 * cos_s1_1;
+        let t2_20 = -t2_19;
         let t2_21 = like.lift(0.4563) * t2_20;
-        let t2_22 = cos_q6 * q7;
-        let t2_23 = like.lift(0.5) * t2_22;
-        let t2_24 = -t2_23;
-        let t2_25 = sin_q1 * q2;
-        let t2_26 = cos_q1 * cos_s1_1;
-        let t2_27 = sin_q1 * sin_s1_2;
-        let t2_28 = (-cos_s1_2).mul_add(t2_26, t2_27);
-        let t2_29 = sin_s1_2 * t2_26;
-        let t2_30 = sin_q1.mul_add(cos_s1_2, t2_29);
-        let t2_31 = sin_s1_3 * sin_s1_1;
-        let t2_32 = t2_31 * sin_s1_2;
-        let t2_33 = cos_q1 * sin_s1_1;
-        let t2_34 = cos_s1_3 * t2_33;
-        let t2_35 = (-sin_s1_3).mul_add(t2_30, t2_34);
-        let t2_36 = cos_s1_1.mul_add(cos_s1_3, t2_32);
-        let t2_37 = like.lift(0.39516739174683935) * t2_36;
-        let t2_38 = like.lift(0.22815).mul_add(t2_10, t2_37);
-        let t2_39 = like.lift(0.39516739174683935) * t2_35;
-        let t2_40 = like.lift(-0.4563).mul_add(t2_28, t2_25);
-        let t2_41 = t2_39 - t2_25;
-        let t2_42 = -t2_40;
-        let t2_43 = t2_33 * t2_10;
-        let t2_44 = (-cos_s1_1).mul_add(t2_28, t2_43);
-        let t2_45 = like.lift(0.4563) * t2_44;
-        let t2_46 = -t2_45;
-        let t2_47 = sin_q6 * q7;
-        let t2_48 = sin_q6 * d_q7;
-        let t2_49 = cos_q1 * t2_28;
-        let t2_50 = (-sin_q1).mul_add(t2_4, t2_49);
-        let t2_51 = like.lift(0.4563) * t2_50;
-        let t2_52 = -t2_51;
-        let t2_53 = -t2_52;
-        let t2_54 = t2_14 * t2_28;
-        let t2_55 = t2_33.mul_add(t2_4, t2_54);
-        let t2_56 = like.lift(0.4563) * t2_55;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_22;
-        let t2_57 = like.lift(1.0) / t2_22;
-        let t2_58 = -t2_18;
-        let t2_59 = cos_q1 * t2_38;
-        let t2_60 = cos_s1_1 * t2_17;
-        let t2_61 = t2_14.mul_add(t2_38, t2_60);
-        let t2_62 = t2_4 * t2_38;
-        let t2_63 = (-t2_10).mul_add(t2_17, t2_62);
-        let t2_64 = -t2_63;
-        let t2_65 = cos_q8 * q9;
-        let t2_66 = like.lift(0.5) * t2_65;
-        let t2_67 = -t2_66;
-        let t2_68 = like.lift(0.22815) * t2_28;
-        let t2_69 = t2_41 + t2_68;
-        let t2_70 = t2_68 + t2_39;
-        let t2_71 = cos_s1_1 * t2_70;
-        let t2_72 = (-t2_33).mul_add(t2_38, t2_71);
-        let t2_73 = t2_14 * t2_70;
-        let t2_74 = t2_33.mul_add(t2_17, t2_73);
-        let t2_75 = t2_10 * t2_70;
-        let t2_76 = (-t2_28).mul_add(t2_38, t2_75);
-        let t2_77 = t2_28 * t2_17;
-        let t2_78 = (-t2_4).mul_add(t2_70, t2_77);
-        let t2_79 = sin_q1 * t2_17;
-        let t2_80 = (-cos_q1).mul_add(t2_70, t2_79);
-        let t2_81 = sin_q1 * t2_38;
-        let t2_82 = sin_q1 * d_q2;
-        let t2_83 = cos_q1 * d_q2;
-        let t2_84 = (-cos_q6).mul_add(d_q7, t2_83);
-        let t2_85 = (-cos_q8).mul_add(d_q9, t2_83);
-        let t2_86 = like.lift(0.5773502691896257).mul_add(t2_78, t2_63);
-        let t2_87 = sin_q8 * q9;
-        let t2_88 = sin_q8 * d_q9;
-        let t2_89 = -t2_80;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_65;
-        let t2_90 = -pivot_2;
-        let t2_91 = like.lift(1.0) / t2_65;
-        let t2_92 = like.lift(0.5).mul_add(t2_48, t2_82);
-        let t2_93 = -t2_84;
-        let t2_94 = like.lift(0.8660254037844386) * t2_48;
-        let t2_95 = -t2_94;
-        let t2_96 = like.lift(0.5).mul_add(t2_88, t2_82);
-        let t2_97 = -t2_85;
-        let t2_98 = like.lift(0.8660254037844386) * t2_88;
-        let t2_99 = t2_87 * t2_91;
-        let t2_100 = (-t2_99).mul_add(t2_88, t2_85);
-        let t2_101 = like.lift(1.1547005383792515) * t2_99;
-        let t2_102 = like.lift(1.1547005383792515) * t2_91;
-        let pivot_3 = t2_78.mul_add(t2_101, t2_76);
+        let t2_22 = sin_s1_2 * sin_s1_1;
+        let t2_23 = cos_q1 * sin_s1_1;
+        let t2_24 = like.lift(0.4563) * t2_16;
+        let t2_25 = cos_s1_3 * t2_23;
+        let t2_26 = (-sin_s1_3).mul_add(t2_16, t2_25);
+        let t2_27 = like.lift(0.39516739174683935) * t2_26;
+        let t2_28 = like.lift(0.22815) * t2_18;
+        let t2_29 = t2_28 + t2_27;
+        let t2_30 = cos_q6 * q7;
+        let t2_31 = like.lift(0.5) * t2_30;
+        let t2_32 = -t2_31;
+        let t2_33 = sin_q1 * q2;
+        let t2_34 = like.lift(-0.4563).mul_add(t2_18, t2_33);
+        let t2_35 = t2_29 - t2_33;
+        let t2_36 = -t2_34;
+        let t2_37 = like.lift(0.4563) * t2_6;
+        let t2_38 = -t2_37;
+        let t2_39 = sin_s1_3 * t2_6;
+        let t2_40 = cos_s1_3.mul_add(t2_13, t2_39);
+        let t2_41 = t2_22 * sin_s1_3;
+        let t2_42 = cos_s1_1.mul_add(cos_s1_3, t2_41);
+        let t2_43 = like.lift(0.4563) * t2_22;
+        let t2_44 = like.lift(0.39516739174683935) * t2_42;
+        let t2_45 = like.lift(0.22815).mul_add(t2_9, t2_44);
+        let t2_46 = like.lift(0.22815) * t2_4;
+        let t2_47 = like.lift(-0.39516739174683935).mul_add(t2_40, t2_46);
+        let t2_48 = t2_1 - t2_47;
+        let t2_49 = sin_q6 * q7;
+        let t2_50 = sin_q6 * d_q7;
+        let t2_51 = -t2_21;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_30;
+        let t2_52 = like.lift(1.0) / t2_30;
+        let t2_53 = -t2_48;
+        let t2_54 = cos_q1 * t2_45;
+        let t2_55 = cos_s1_1 * t2_47;
+        let t2_56 = t2_13.mul_add(t2_45, t2_55);
+        let t2_57 = cos_s1_1 * t2_29;
+        let t2_58 = (-t2_23).mul_add(t2_45, t2_57);
+        let t2_59 = t2_13 * t2_29;
+        let t2_60 = t2_23.mul_add(t2_47, t2_59);
+        let t2_61 = t2_4 * t2_45;
+        let t2_62 = (-t2_9).mul_add(t2_47, t2_61);
+        let t2_63 = t2_9 * t2_29;
+        let t2_64 = (-t2_18).mul_add(t2_45, t2_63);
+        let t2_65 = t2_18 * t2_47;
+        let t2_66 = (-t2_4).mul_add(t2_29, t2_65);
+        let t2_67 = sin_q1 * t2_47;
+        let t2_68 = (-cos_q1).mul_add(t2_29, t2_67);
+        let t2_69 = sin_q1 * t2_45;
+        let t2_70 = sin_q1 * d_q2;
+        let t2_71 = cos_q1 * d_q2;
+        let t2_72 = (-cos_q6).mul_add(d_q7, t2_71);
+        let t2_73 = (-cos_q8).mul_add(d_q9, t2_71);
+        let t2_74 = cos_q8 * q9;
+        let t2_75 = -t2_62;
+        let t2_76 = like.lift(0.5773502691896257).mul_add(t2_66, t2_62);
+        let t2_77 = like.lift(0.5) * t2_74;
+        let t2_78 = -t2_77;
+        let t2_79 = sin_q8 * q9;
+        let t2_80 = sin_q8 * d_q9;
+        let t2_81 = -t2_68;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_74;
+        let t2_82 = -pivot_2;
+        let t2_83 = like.lift(1.0) / t2_74;
+        let t2_84 = like.lift(0.5).mul_add(t2_50, t2_70);
+        let t2_85 = -t2_72;
+        let t2_86 = like.lift(0.8660254037844386) * t2_50;
+        let t2_87 = -t2_86;
+        let t2_88 = like.lift(0.5).mul_add(t2_80, t2_70);
+        let t2_89 = -t2_73;
+        let t2_90 = like.lift(0.8660254037844386) * t2_80;
+        let t2_91 = t2_79 * t2_83;
+        let t2_92 = (-t2_91).mul_add(t2_80, t2_73);
+        let t2_93 = like.lift(1.1547005383792515) * t2_91;
+        let t2_94 = like.lift(1.1547005383792515) * t2_83;
+        let pivot_3 = t2_66.mul_add(t2_93, t2_64);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_103 = t2_86 * inv_pivot_3;
-        let t2_104 = (-t2_80).mul_add(t2_101, t2_81);
-        let t2_105 = t2_74.mul_add(t2_101, t2_72);
-        let t2_106 = t2_104.mul_add(t2_103, t2_59);
-        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_80, t2_106);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_52, t2_12);
+        let t2_95 = t2_76 * inv_pivot_3;
+        let t2_96 = (-t2_68).mul_add(t2_93, t2_69);
+        let t2_97 = t2_60.mul_add(t2_93, t2_58);
+        let t2_98 = t2_96.mul_add(t2_95, t2_54);
+        let t2_99 = like.lift(0.5773502691896257).mul_add(t2_68, t2_98);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_51, t2_11);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_108 = t2_107 * inv_pivot_4;
-        let t2_109 = (-t2_8).mul_add(t2_108, t2_18);
-        let pivot_5 = (-t2_69).mul_add(t2_103, t2_109);
+        let t2_100 = t2_99 * inv_pivot_4;
+        let t2_101 = (-t2_7).mul_add(t2_100, t2_48);
+        let pivot_5 = (-t2_35).mul_add(t2_95, t2_101);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_110 = -pivot_5;
-        let t2_111 = (-t2_108).mul_add(t2_82, t2_82);
-        let t2_112 = (-t2_103).mul_add(t2_100, t2_111);
-        let t2_113 = like.lift(0.5773502691896257).mul_add(t2_56, t2_21);
-        let t2_114 = (-t2_113).mul_add(t2_108, t2_61);
-        let t2_115 = t2_105.mul_add(t2_103, t2_114);
-        let t2_116 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_115);
-        let t2_117 = t2_47 * t2_57;
-        let t2_118 = like.lift(1.1547005383792515) * t2_57;
-        let t2_119 = like.lift(1.1547005383792515) * t2_117;
-        let t2_120 = t2_52.mul_add(t2_119, t2_13);
-        let t2_121 = t2_120 * inv_pivot_4;
-        let t2_122 = (-t2_8).mul_add(t2_121, t2_40);
-        let t2_123 = t2_122 * inv_pivot_5;
-        let t2_124 = t2_123.mul_add(t2_112, t2_84);
-        let t2_125 = t2_121.mul_add(t2_82, t2_124);
-        let t2_126 = (-t2_117).mul_add(t2_48, t2_125);
-        let t2_127 = (-t2_116).mul_add(t2_123, t2_46);
-        let t2_128 = (-t2_113).mul_add(t2_121, t2_127);
-        let pivot_6 = (-t2_56).mul_add(t2_119, t2_128);
+        let t2_102 = -pivot_5;
+        let t2_103 = (-t2_100).mul_add(t2_70, t2_70);
+        let t2_104 = (-t2_95).mul_add(t2_92, t2_103);
+        let t2_105 = like.lift(0.5773502691896257).mul_add(t2_43, t2_24);
+        let t2_106 = (-t2_105).mul_add(t2_100, t2_56);
+        let t2_107 = t2_97.mul_add(t2_95, t2_106);
+        let t2_108 = like.lift(-0.5773502691896257).mul_add(t2_60, t2_107);
+        let t2_109 = t2_49 * t2_52;
+        let t2_110 = like.lift(1.1547005383792515) * t2_52;
+        let t2_111 = like.lift(1.1547005383792515) * t2_109;
+        let t2_112 = t2_51.mul_add(t2_111, t2_12);
+        let t2_113 = t2_112 * inv_pivot_4;
+        let t2_114 = (-t2_7).mul_add(t2_113, t2_34);
+        let t2_115 = t2_114 * inv_pivot_5;
+        let t2_116 = t2_115.mul_add(t2_104, t2_72);
+        let t2_117 = t2_113.mul_add(t2_70, t2_116);
+        let t2_118 = (-t2_109).mul_add(t2_50, t2_117);
+        let t2_119 = (-t2_108).mul_add(t2_115, t2_38);
+        let t2_120 = (-t2_105).mul_add(t2_113, t2_119);
+        let pivot_6 = (-t2_43).mul_add(t2_111, t2_120);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_129 = inv_pivot_6 * t2_126;
-        let t2_130 = t2_116.mul_add(t2_129, t2_112);
-        let t2_131 = inv_pivot_5 * t2_130;
-        let t2_132 = t2_113.mul_add(t2_129, t2_82);
-        let t2_133 = (-t2_8).mul_add(t2_131, t2_132);
-        let t2_134 = inv_pivot_4 * t2_133;
-        let t2_135 = (-t2_105).mul_add(t2_129, t2_100);
-        let t2_136 = (-t2_69).mul_add(t2_131, t2_135);
-        let t2_137 = t2_104.mul_add(t2_134, t2_136);
-        let t2_138 = inv_pivot_3 * t2_137;
-        let t2_139 = (-t2_56).mul_add(t2_129, t2_94);
-        let t2_140 = (-t2_52).mul_add(t2_134, t2_139);
-        let t2_141 = t2_118 * t2_140;
-        let t2_142 = -t2_131;
-        let t2_143 = -t2_141;
-        let t2_144 = t2_74.mul_add(t2_129, t2_98);
-        let t2_145 = t2_80.mul_add(t2_134, t2_144);
-        let t2_146 = t2_78.mul_add(t2_138, t2_145);
-        let t2_147 = t2_102 * t2_146;
-        let t2_148 = -t2_129;
-        let t2_149 = -t2_138;
-        let t2_150 = -t2_147;
+        let t2_121 = inv_pivot_6 * t2_118;
+        let t2_122 = t2_108.mul_add(t2_121, t2_104);
+        let t2_123 = inv_pivot_5 * t2_122;
+        let t2_124 = t2_105.mul_add(t2_121, t2_70);
+        let t2_125 = (-t2_7).mul_add(t2_123, t2_124);
+        let t2_126 = inv_pivot_4 * t2_125;
+        let t2_127 = (-t2_97).mul_add(t2_121, t2_92);
+        let t2_128 = (-t2_35).mul_add(t2_123, t2_127);
+        let t2_129 = t2_96.mul_add(t2_126, t2_128);
+        let t2_130 = inv_pivot_3 * t2_129;
+        let t2_131 = (-t2_43).mul_add(t2_121, t2_86);
+        let t2_132 = (-t2_51).mul_add(t2_126, t2_131);
+        let t2_133 = t2_110 * t2_132;
+        let t2_134 = -t2_123;
+        let t2_135 = -t2_133;
+        let t2_136 = t2_60.mul_add(t2_121, t2_90);
+        let t2_137 = t2_68.mul_add(t2_126, t2_136);
+        let t2_138 = t2_66.mul_add(t2_130, t2_137);
+        let t2_139 = t2_94 * t2_138;
+        let t2_140 = -t2_121;
+        let t2_141 = -t2_130;
+        let t2_142 = -t2_139;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
-            .min((t2_90 * like.lift(1.863195236951264)).abs())
+            .min((t2_82 * like.lift(1.863195236951264)).abs())
             .min((pivot_3 * like.lift(2.6695171222054848)).abs())
             .min((pivot_4 * like.lift(2.294035647929491)).abs())
-            .min((t2_110 * like.lift(0.786868847408929)).abs())
+            .min((t2_102 * like.lift(0.786868847408929)).abs())
             .min((pivot_6 * like.lift(2.1945756748652077)).abs());
-        let ([[t2_151], [t2_152], [t2_153], [t2_154], [t2_155], [t2_156]], found) = ::regen_runtime::guarded(
-            [[t2_142], [t2_134], [t2_148], [t2_149], [t2_143], [t2_150]],
+        let ([[t2_143], [t2_144], [t2_145], [t2_146], [t2_147], [t2_148]], found) = ::regen_runtime::guarded(
+            [[t2_134], [t2_126], [t2_140], [t2_141], [t2_135], [t2_142]],
             margin,
             || (
                 [
-                    [t2_9, t2_12, t2_21, like.lift(0.0), t2_24, like.lift(0.0)],
-                    [t2_42, t2_13, t2_46, like.lift(0.0), t2_47, like.lift(0.0)],
-                    [like.lift(0.0), t2_53, t2_56, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_58, t2_59, t2_61, t2_64, like.lift(0.0), t2_67],
-                    [t2_69, t2_81, t2_72, t2_76, like.lift(0.0), t2_87],
-                    [like.lift(0.0), t2_89, t2_74, t2_78, like.lift(0.0), t2_90],
+                    [t2_8, t2_11, t2_24, like.lift(0.0), t2_32, like.lift(0.0)],
+                    [t2_36, t2_12, t2_38, like.lift(0.0), t2_49, like.lift(0.0)],
+                    [like.lift(0.0), t2_21, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_53, t2_54, t2_56, t2_75, like.lift(0.0), t2_78],
+                    [t2_35, t2_69, t2_58, t2_64, like.lift(0.0), t2_79],
+                    [like.lift(0.0), t2_81, t2_60, t2_66, like.lift(0.0), t2_82],
                 ],
-                [[t2_92], [t2_93], [t2_95], [t2_96], [t2_97], [t2_98]],
+                [[t2_84], [t2_85], [t2_87], [t2_88], [t2_89], [t2_90]],
             ),
         );
         condition = condition.min(found);
-        qd[2] = t2_151; qd[4] = t2_152; qd[5] = t2_153; qd[6] = t2_154; qd[7] = t2_155; qd[9] = t2_156;
+        qd[2] = t2_143; qd[4] = t2_144; qd[5] = t2_145; qd[6] = t2_146; qd[7] = t2_147; qd[9] = t2_148;
     }
     (qd, Condition { pivot: condition })
 }
@@ -2137,7 +2048,7 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 5]) -> ([T; 11], Condition<
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 131 additions, 227 multiplications, 6 divisions, 6 sines and cosines.
+/// 121 additions, 214 multiplications, 6 divisions, 6 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 5]) -> ([T; 11], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 11];
@@ -2162,11 +2073,10 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 5]) -> ([
     let [dd_waist, dd_shoulder, dd_q2, dd_q7, dd_q9] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 1
     let [
-        t2_8, t2_9, t2_12, t2_13, t2_20, t2_23, t2_36, t2_46, t2_47, t2_51, t2_52, t2_55,
-        pivot_1, t2_57, t2_58, t2_60, t2_63, t2_66, t2_69, t2_71, t2_73, t2_75, t2_76, t2_78,
-        t2_79, t2_81, t2_83, t2_85, t2_154, t2_170, t2_171, t2_172, t2_202, t2_203, t2_204,
-        t2_207, t2_208, pivot_3, inv_pivot_3, t2_210, t2_211, pivot_4, inv_pivot_4, t2_216,
-        t2_227, pivot_6, t2_237, t2_239, t2_240,
+        t2_8, t2_11, t2_12, t2_21, t2_23, t2_26, t2_29, t2_39, t2_44, t2_49, pivot_1, t2_52,
+        t2_53, t2_55, t2_58, t2_61, t2_62, t2_63, t2_65, t2_67, t2_68, t2_71, t2_73, t2_75,
+        t2_77, t2_135, t2_156, t2_157, t2_186, t2_187, t2_188, pivot_3, pivot_4, t2_200,
+        pivot_6, t2_226, t2_230, t2_234, t2_235, t2_239, t2_240,
     ] = {
         let t2_1 = cos_q1 * q2;
         let t2_2 = sin_q1 * cos_s1_1;
@@ -2174,303 +2084,286 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 5]) -> ([
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = sin_s1_3 * t2_6;
-        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_9 = -t2_8;
-        let t2_10 = sin_s1_1 * cos_s1_2;
-        let t2_11 = like.lift(0.4563) * t2_10;
-        let t2_12 = cos_q1 * t2_11;
-        let t2_13 = sin_q1 * t2_11;
-        let t2_14 = sin_q1 * sin_s1_1;
-        let t2_15 = cos_s1_3.mul_add(t2_14, t2_7);
-        let t2_16 = like.lift(0.22815) * t2_4;
-        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
-        let t2_18 = cos_s1_1 * t2_4;
-        let t2_19 = t2_14.mul_add(t2_10, t2_18);
-        let t2_20 = like.lift(0.4563) * t2_19;
-        let t2_21 = cos_q6 * q7;
-        let t2_22 = like.lift(0.5) * t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q1 * q2;
-        let t2_25 = cos_q1 * cos_s1_1;
-        let t2_26 = sin_q1 * sin_s1_2;
-        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
-        let t2_28 = sin_s1_2 * t2_25;
-        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
-        let t2_30 = sin_s1_3 * sin_s1_1;
-        let t2_31 = t2_30 * sin_s1_2;
-        let t2_32 = cos_s1_1.mul_add(cos_s1_3, t2_31);
-        let t2_33 = like.lift(0.39516739174683935) * t2_32;
-        let t2_34 = like.lift(0.22815).mul_add(t2_10, t2_33);
-        let t2_35 = like.lift(-0.4563).mul_add(t2_27, t2_24);
-        let t2_36 = -t2_35;
-        let t2_37 = cos_q1 * sin_s1_1;
-        let t2_38 = cos_s1_3 * t2_37;
-        let t2_39 = (-sin_s1_3).mul_add(t2_29, t2_38);
-        let t2_40 = like.lift(0.39516739174683935) * t2_39;
-        let t2_41 = d_s1_2 * sin_s1_1;
-        let t2_42 = t2_41 * d_s1_1;
-        let t2_43 = t2_37 * t2_10;
-        let t2_44 = (-cos_s1_1).mul_add(t2_27, t2_43);
-        let t2_45 = like.lift(0.4563) * t2_44;
-        let t2_46 = -t2_45;
-        let t2_47 = sin_q6 * q7;
-        let t2_48 = cos_q1 * t2_27;
-        let t2_49 = (-sin_q1).mul_add(t2_4, t2_48);
-        let t2_50 = like.lift(0.4563) * t2_49;
-        let t2_51 = -t2_50;
+        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_8 = -t2_7;
+        let t2_9 = sin_s1_1 * cos_s1_2;
+        let t2_10 = like.lift(0.4563) * t2_9;
+        let t2_11 = cos_q1 * t2_10;
+        let t2_12 = sin_q1 * t2_10;
+        let t2_13 = sin_q1 * sin_s1_1;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = sin_s1_2 * t2_14;
+        let t2_16 = sin_q1.mul_add(cos_s1_2, t2_15);
+        let t2_17 = sin_q1 * sin_s1_2;
+        let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
+        let t2_19 = cos_s1_2 * cos_s1_1;
+        let t2_20 = -t2_19;
+        let t2_21 = like.lift(0.4563) * t2_20;
+        let t2_22 = sin_s1_2 * sin_s1_1;
+        let t2_23 = like.lift(0.4563) * t2_16;
+        let t2_24 = cos_q6 * q7;
+        let t2_25 = like.lift(0.5) * t2_24;
+        let t2_26 = -t2_25;
+        let t2_27 = sin_q1 * q2;
+        let t2_28 = like.lift(-0.4563).mul_add(t2_18, t2_27);
+        let t2_29 = -t2_28;
+        let t2_30 = cos_q1 * sin_s1_1;
+        let t2_31 = d_s1_2 * sin_s1_1;
+        let t2_32 = t2_31 * d_s1_1;
+        let t2_33 = cos_s1_3 * t2_30;
+        let t2_34 = (-sin_s1_3).mul_add(t2_16, t2_33);
+        let t2_35 = like.lift(0.39516739174683935) * t2_34;
+        let t2_36 = like.lift(0.22815) * t2_18;
+        let t2_37 = t2_36 + t2_35;
+        let t2_38 = like.lift(0.4563) * t2_6;
+        let t2_39 = -t2_38;
+        let t2_40 = sin_s1_3 * t2_6;
+        let t2_41 = cos_s1_3.mul_add(t2_13, t2_40);
+        let t2_42 = t2_22 * sin_s1_3;
+        let t2_43 = cos_s1_1.mul_add(cos_s1_3, t2_42);
+        let t2_44 = like.lift(0.4563) * t2_22;
+        let t2_45 = like.lift(0.39516739174683935) * t2_43;
+        let t2_46 = like.lift(0.22815).mul_add(t2_9, t2_45);
+        let t2_47 = like.lift(0.22815) * t2_4;
+        let t2_48 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_47);
+        let t2_49 = sin_q6 * q7;
+        let t2_50 = -t2_21;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_24;
+        let t2_51 = t2_1 - t2_48;
         let t2_52 = -t2_51;
-        let t2_53 = t2_14 * t2_27;
-        let t2_54 = t2_37.mul_add(t2_4, t2_53);
-        let t2_55 = like.lift(0.4563) * t2_54;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
-        let t2_56 = t2_1 - t2_17;
-        let t2_57 = -t2_56;
-        let t2_58 = cos_q1 * t2_34;
-        let t2_59 = cos_s1_1 * t2_17;
-        let t2_60 = t2_14.mul_add(t2_34, t2_59);
-        let t2_61 = t2_4 * t2_34;
-        let t2_62 = (-t2_10).mul_add(t2_17, t2_61);
-        let t2_63 = -t2_62;
-        let t2_64 = cos_q8 * q9;
-        let t2_65 = like.lift(0.5) * t2_64;
-        let t2_66 = -t2_65;
-        let t2_67 = like.lift(0.22815) * t2_27;
-        let t2_68 = t2_40 - t2_24;
-        let t2_69 = t2_68 + t2_67;
-        let t2_70 = t2_67 + t2_40;
-        let t2_71 = sin_q1 * t2_34;
-        let t2_72 = cos_s1_1 * t2_70;
-        let t2_73 = (-t2_37).mul_add(t2_34, t2_72);
-        let t2_74 = t2_10 * t2_70;
-        let t2_75 = (-t2_27).mul_add(t2_34, t2_74);
-        let t2_76 = sin_q8 * q9;
-        let t2_77 = sin_q1 * t2_17;
-        let t2_78 = (-cos_q1).mul_add(t2_70, t2_77);
-        let t2_79 = -t2_78;
-        let t2_80 = t2_14 * t2_70;
-        let t2_81 = t2_37.mul_add(t2_17, t2_80);
-        let t2_82 = t2_27 * t2_17;
-        let t2_83 = (-t2_4).mul_add(t2_70, t2_82);
-        let t2_84 = like.lift(0.5773502691896257).mul_add(t2_83, t2_62);
-        let pivot_2 = like.lift(0.8660254037844386) * t2_64;
-        let t2_85 = -pivot_2;
-        let t2_86 = sin_q1 * dd_q2;
-        let t2_87 = sin_q6 * dd_q7;
-        let t2_88 = like.lift(2.0) * d_q7;
-        let t2_89 = t2_88 * sin_q6;
-        let t2_90 = t2_21.mul_add(d_q6, t2_89);
-        let t2_91 = like.lift(1.0) / t2_21;
-        let t2_92 = cos_q1 * d_q1;
-        let t2_93 = d_q1 * d_q1;
-        let t2_94 = t2_24 * t2_93;
-        let t2_95 = like.lift(2.0) * d_q2;
-        let t2_96 = (-t2_92).mul_add(t2_95, t2_94);
-        let t2_97 = d_s1_1 * t2_92;
-        let t2_98 = sin_q1 * d_q1;
-        let t2_99 = t2_98 * t2_95;
-        let t2_100 = t2_1.mul_add(t2_93, t2_99);
-        let t2_101 = sin_q1 * d_s1_1;
-        let t2_102 = d_s1_1 * t2_98;
-        let t2_103 = cos_s1_1 * t2_101;
-        let t2_104 = t2_37.mul_add(d_q1, t2_103);
-        let t2_105 = (-t2_37).mul_add(d_s1_2, t2_101);
-        let t2_106 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_107 = t2_10 * t2_105;
-        let t2_108 = t2_27.mul_add(t2_106, t2_107);
-        let t2_109 = (-d_s1_3).mul_add(t2_108, t2_102);
-        let t2_110 = (-d_s1_2).mul_add(t2_104, t2_109);
-        let t2_111 = cos_q1 * d_s1_1;
-        let t2_112 = cos_q1 * dd_q2;
-        let t2_113 = cos_s1_1 * t2_111;
-        let t2_114 = t2_14.mul_add(d_s1_2, t2_111);
-        let t2_115 = (-t2_14).mul_add(d_q1, t2_113);
-        let t2_116 = t2_4 * t2_105;
-        let t2_117 = (-t2_27).mul_add(t2_114, t2_116);
-        let t2_118 = (-d_s1_3).mul_add(t2_117, t2_42);
-        let t2_119 = (-t2_27).mul_add(d_s1_3, t2_105);
-        let t2_120 = (-t2_4).mul_add(d_s1_3, t2_114);
-        let t2_121 = t2_4 * t2_106;
-        let t2_122 = t2_10.mul_add(t2_114, t2_121);
-        let t2_123 = (-d_s1_3).mul_add(t2_122, t2_97);
-        let t2_124 = (-d_s1_2).mul_add(t2_115, t2_123);
-        let t2_125 = t2_10.mul_add(d_s1_3, t2_106);
-        let t2_126 = t2_27 * t2_120;
-        let t2_127 = (-t2_4).mul_add(t2_119, t2_126);
-        let t2_128 = like.lift(0.4563) * t2_127;
-        let t2_129 = -t2_128;
-        let t2_130 = t2_10 * t2_119;
-        let t2_131 = t2_27.mul_add(t2_125, t2_130);
-        let t2_132 = like.lift(0.4563) * t2_131;
-        let t2_133 = d_q6 * t2_47;
-        let t2_134 = t2_133 * d_q6;
-        let t2_135 = d_q7 * cos_q6;
-        let t2_136 = t2_135 * d_q6;
-        let t2_137 = (-cos_q6).mul_add(dd_q7, t2_112);
-        let t2_138 = t2_137 - t2_100;
-        let t2_139 = (-cos_q8).mul_add(dd_q9, t2_112);
-        let t2_140 = t2_139 - t2_100;
-        let t2_141 = d_q9 * cos_q8;
-        let t2_142 = t2_141 * d_q8;
-        let t2_143 = t2_34.mul_add(t2_124, t2_140);
-        let t2_144 = (-t2_70).mul_add(t2_118, t2_143);
-        let t2_145 = t2_4 * t2_118;
-        let t2_146 = t2_10.mul_add(t2_110, t2_145);
-        let t2_147 = t2_87 - t2_134;
-        let t2_148 = t2_87 - t2_134;
-        let t2_149 = like.lift(0.5).mul_add(t2_147, t2_86);
-        let t2_150 = t2_149 - t2_96;
-        let t2_151 = like.lift(0.4563).mul_add(t2_146, t2_150);
-        let t2_152 = t2_125.mul_add(t2_132, t2_151);
-        let t2_153 = (-t2_120).mul_add(t2_129, t2_152);
-        let t2_154 = t2_153 + t2_136;
-        let t2_155 = like.lift(0.8660254037844386) * t2_148;
-        let t2_156 = t2_4 * t2_125;
-        let t2_157 = t2_10.mul_add(t2_120, t2_156);
-        let t2_158 = like.lift(0.4563) * t2_157;
-        let t2_159 = t2_10 * t2_124;
-        let t2_160 = (-t2_27).mul_add(t2_118, t2_159);
-        let t2_161 = like.lift(0.4563).mul_add(t2_160, t2_138);
-        let t2_162 = t2_119.mul_add(t2_129, t2_161);
-        let t2_163 = t2_125.mul_add(t2_158, t2_162);
-        let t2_164 = d_q6.mul_add(t2_90, t2_163);
-        let t2_165 = t2_27 * t2_110;
-        let t2_166 = t2_4.mul_add(t2_124, t2_165);
-        let t2_167 = like.lift(-0.4563).mul_add(t2_166, t2_155);
-        let t2_168 = t2_120.mul_add(t2_158, t2_167);
-        let t2_169 = t2_119.mul_add(t2_132, t2_168);
-        let t2_170 = like.lift(1.7320508075688772).mul_add(t2_136, t2_169);
-        let t2_171 = -t2_164;
-        let t2_172 = -t2_170;
-        let t2_173 = sin_q8 * dd_q9;
-        let t2_174 = like.lift(2.0) * d_q9;
-        let t2_175 = t2_174 * sin_q8;
-        let t2_176 = t2_64.mul_add(d_q8, t2_175);
-        let t2_177 = like.lift(1.0) / t2_64;
-        let t2_178 = t2_17 * t2_119;
-        let t2_179 = (-t2_70).mul_add(t2_120, t2_178);
-        let t2_180 = t2_119.mul_add(t2_179, t2_144);
-        let t2_181 = t2_34 * t2_119;
-        let t2_182 = t2_70.mul_add(t2_125, t2_181);
-        let t2_183 = d_q8 * t2_76;
-        let t2_184 = t2_183 * d_q8;
-        let t2_185 = t2_173 - t2_184;
-        let t2_186 = like.lift(0.5).mul_add(t2_185, t2_86);
-        let t2_187 = t2_186 - t2_96;
-        let t2_188 = t2_17.mul_add(t2_118, t2_187);
-        let t2_189 = t2_173 - t2_184;
-        let t2_190 = like.lift(0.8660254037844386) * t2_189;
-        let t2_191 = t2_70.mul_add(t2_110, t2_190);
-        let t2_192 = t2_34.mul_add(t2_110, t2_188);
-        let t2_193 = t2_17.mul_add(t2_124, t2_191);
-        let t2_194 = t2_125.mul_add(t2_182, t2_192);
-        let t2_195 = (-t2_120).mul_add(t2_179, t2_194);
-        let t2_196 = t2_17 * t2_125;
-        let t2_197 = t2_34.mul_add(t2_120, t2_196);
-        let t2_198 = (-t2_120).mul_add(t2_197, t2_193);
-        let t2_199 = t2_125.mul_add(t2_197, t2_180);
-        let t2_200 = (-t2_119).mul_add(t2_182, t2_198);
-        let t2_201 = d_q8.mul_add(t2_176, t2_199);
-        let t2_202 = t2_195 + t2_142;
-        let t2_203 = like.lift(1.7320508075688772).mul_add(t2_142, t2_200);
-        let t2_204 = -t2_201;
-        let t2_205 = t2_76 * t2_177;
-        let t2_206 = like.lift(1.1547005383792515) * t2_205;
-        let t2_207 = (-t2_203).mul_add(t2_206, t2_201);
-        let t2_208 = like.lift(1.1547005383792515) * t2_177;
-        let pivot_3 = t2_83.mul_add(t2_206, t2_75);
+        let t2_53 = cos_q1 * t2_46;
+        let t2_54 = cos_s1_1 * t2_48;
+        let t2_55 = t2_13.mul_add(t2_46, t2_54);
+        let t2_56 = t2_4 * t2_46;
+        let t2_57 = (-t2_9).mul_add(t2_48, t2_56);
+        let t2_58 = -t2_57;
+        let t2_59 = cos_q8 * q9;
+        let t2_60 = like.lift(0.5) * t2_59;
+        let t2_61 = -t2_60;
+        let t2_62 = t2_37 - t2_27;
+        let t2_63 = sin_q1 * t2_46;
+        let t2_64 = cos_s1_1 * t2_37;
+        let t2_65 = (-t2_30).mul_add(t2_46, t2_64);
+        let t2_66 = t2_9 * t2_37;
+        let t2_67 = (-t2_18).mul_add(t2_46, t2_66);
+        let t2_68 = sin_q8 * q9;
+        let t2_69 = sin_q1 * t2_48;
+        let t2_70 = (-cos_q1).mul_add(t2_37, t2_69);
+        let t2_71 = -t2_70;
+        let t2_72 = t2_13 * t2_37;
+        let t2_73 = t2_30.mul_add(t2_48, t2_72);
+        let t2_74 = t2_18 * t2_48;
+        let t2_75 = (-t2_4).mul_add(t2_37, t2_74);
+        let t2_76 = like.lift(0.5773502691896257).mul_add(t2_75, t2_57);
+        let pivot_2 = like.lift(0.8660254037844386) * t2_59;
+        let t2_77 = -pivot_2;
+        let t2_78 = sin_q1 * dd_q2;
+        let t2_79 = sin_q6 * dd_q7;
+        let t2_80 = like.lift(2.0) * d_q7;
+        let t2_81 = t2_80 * sin_q6;
+        let t2_82 = t2_24.mul_add(d_q6, t2_81);
+        let t2_83 = like.lift(1.0) / t2_24;
+        let t2_84 = cos_q1 * d_q1;
+        let t2_85 = d_q1 * d_q1;
+        let t2_86 = t2_27 * t2_85;
+        let t2_87 = like.lift(2.0) * d_q2;
+        let t2_88 = (-t2_84).mul_add(t2_87, t2_86);
+        let t2_89 = d_s1_1 * t2_84;
+        let t2_90 = sin_q1 * d_q1;
+        let t2_91 = t2_90 * t2_87;
+        let t2_92 = t2_1.mul_add(t2_85, t2_91);
+        let t2_93 = sin_q1 * d_s1_1;
+        let t2_94 = d_s1_1 * t2_90;
+        let t2_95 = cos_s1_1 * t2_93;
+        let t2_96 = t2_30.mul_add(d_q1, t2_95);
+        let t2_97 = (-t2_30).mul_add(d_s1_2, t2_93);
+        let t2_98 = (-t2_18).mul_add(d_s1_3, t2_97);
+        let t2_99 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_100 = t2_9.mul_add(d_s1_3, t2_99);
+        let t2_101 = t2_9 * t2_98;
+        let t2_102 = t2_18.mul_add(t2_100, t2_101);
+        let t2_103 = (-d_s1_3).mul_add(t2_102, t2_94);
+        let t2_104 = (-d_s1_2).mul_add(t2_96, t2_103);
+        let t2_105 = like.lift(0.4563) * t2_102;
+        let t2_106 = cos_q1 * d_s1_1;
+        let t2_107 = cos_q1 * dd_q2;
+        let t2_108 = cos_s1_1 * t2_106;
+        let t2_109 = t2_13.mul_add(d_s1_2, t2_106);
+        let t2_110 = (-t2_13).mul_add(d_q1, t2_108);
+        let t2_111 = (-t2_4).mul_add(d_s1_3, t2_109);
+        let t2_112 = t2_18 * t2_111;
+        let t2_113 = (-t2_4).mul_add(t2_98, t2_112);
+        let t2_114 = d_s1_3.mul_add(t2_113, t2_32);
+        let t2_115 = like.lift(0.4563) * t2_113;
+        let t2_116 = -t2_115;
+        let t2_117 = d_q6 * t2_49;
+        let t2_118 = t2_117 * d_q6;
+        let t2_119 = t2_79 - t2_118;
+        let t2_120 = d_q7 * cos_q6;
+        let t2_121 = t2_120 * d_q6;
+        let t2_122 = (-cos_q6).mul_add(dd_q7, t2_107);
+        let t2_123 = t2_122 - t2_92;
+        let t2_124 = (-cos_q8).mul_add(dd_q9, t2_107);
+        let t2_125 = t2_124 - t2_92;
+        let t2_126 = d_q9 * cos_q8;
+        let t2_127 = t2_126 * d_q8;
+        let t2_128 = t2_4 * t2_114;
+        let t2_129 = t2_9.mul_add(t2_104, t2_128);
+        let t2_130 = like.lift(0.5).mul_add(t2_119, t2_78);
+        let t2_131 = t2_130 - t2_88;
+        let t2_132 = like.lift(0.4563).mul_add(t2_129, t2_131);
+        let t2_133 = t2_100.mul_add(t2_105, t2_132);
+        let t2_134 = (-t2_111).mul_add(t2_116, t2_133);
+        let t2_135 = t2_134 + t2_121;
+        let t2_136 = like.lift(0.8660254037844386) * t2_119;
+        let t2_137 = t2_4 * t2_100;
+        let t2_138 = t2_9.mul_add(t2_111, t2_137);
+        let t2_139 = (-d_s1_3).mul_add(t2_138, t2_89);
+        let t2_140 = (-d_s1_2).mul_add(t2_110, t2_139);
+        let t2_141 = like.lift(0.4563) * t2_138;
+        let t2_142 = t2_9 * t2_140;
+        let t2_143 = (-t2_18).mul_add(t2_114, t2_142);
+        let t2_144 = like.lift(0.4563).mul_add(t2_143, t2_123);
+        let t2_145 = t2_98.mul_add(t2_116, t2_144);
+        let t2_146 = t2_100.mul_add(t2_141, t2_145);
+        let t2_147 = d_q6.mul_add(t2_82, t2_146);
+        let t2_148 = t2_18 * t2_104;
+        let t2_149 = t2_4.mul_add(t2_140, t2_148);
+        let t2_150 = like.lift(-0.4563).mul_add(t2_149, t2_136);
+        let t2_151 = t2_111.mul_add(t2_141, t2_150);
+        let t2_152 = t2_98.mul_add(t2_105, t2_151);
+        let t2_153 = like.lift(1.7320508075688772).mul_add(t2_121, t2_152);
+        let t2_154 = t2_46.mul_add(t2_140, t2_125);
+        let t2_155 = (-t2_37).mul_add(t2_114, t2_154);
+        let t2_156 = -t2_147;
+        let t2_157 = -t2_153;
+        let t2_158 = sin_q8 * dd_q9;
+        let t2_159 = like.lift(2.0) * d_q9;
+        let t2_160 = t2_159 * sin_q8;
+        let t2_161 = t2_59.mul_add(d_q8, t2_160);
+        let t2_162 = like.lift(1.0) / t2_59;
+        let t2_163 = t2_48 * t2_98;
+        let t2_164 = (-t2_37).mul_add(t2_111, t2_163);
+        let t2_165 = t2_98.mul_add(t2_164, t2_155);
+        let t2_166 = t2_46 * t2_98;
+        let t2_167 = t2_37.mul_add(t2_100, t2_166);
+        let t2_168 = d_q8 * t2_68;
+        let t2_169 = t2_168 * d_q8;
+        let t2_170 = t2_158 - t2_169;
+        let t2_171 = like.lift(0.5).mul_add(t2_170, t2_78);
+        let t2_172 = t2_171 - t2_88;
+        let t2_173 = t2_48.mul_add(t2_114, t2_172);
+        let t2_174 = like.lift(0.8660254037844386) * t2_170;
+        let t2_175 = t2_37.mul_add(t2_104, t2_174);
+        let t2_176 = t2_46.mul_add(t2_104, t2_173);
+        let t2_177 = t2_48.mul_add(t2_140, t2_175);
+        let t2_178 = t2_100.mul_add(t2_167, t2_176);
+        let t2_179 = (-t2_111).mul_add(t2_164, t2_178);
+        let t2_180 = t2_48 * t2_100;
+        let t2_181 = t2_46.mul_add(t2_111, t2_180);
+        let t2_182 = (-t2_111).mul_add(t2_181, t2_177);
+        let t2_183 = t2_100.mul_add(t2_181, t2_165);
+        let t2_184 = (-t2_98).mul_add(t2_167, t2_182);
+        let t2_185 = d_q8.mul_add(t2_161, t2_183);
+        let t2_186 = t2_179 + t2_127;
+        let t2_187 = like.lift(1.7320508075688772).mul_add(t2_127, t2_184);
+        let t2_188 = -t2_185;
+        let t2_189 = t2_68 * t2_162;
+        let t2_190 = like.lift(1.1547005383792515) * t2_189;
+        let t2_191 = (-t2_187).mul_add(t2_190, t2_185);
+        let t2_192 = like.lift(1.1547005383792515) * t2_162;
+        let pivot_3 = t2_75.mul_add(t2_190, t2_67);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_209 = t2_84 * inv_pivot_3;
-        let t2_210 = (-t2_78).mul_add(t2_206, t2_71);
-        let t2_211 = t2_81.mul_add(t2_206, t2_73);
-        let t2_212 = t2_210.mul_add(t2_209, t2_58);
-        let t2_213 = like.lift(0.5773502691896257).mul_add(t2_78, t2_212);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_51, t2_12);
+        let t2_193 = t2_76 * inv_pivot_3;
+        let t2_194 = (-t2_70).mul_add(t2_190, t2_63);
+        let t2_195 = t2_73.mul_add(t2_190, t2_65);
+        let t2_196 = t2_194.mul_add(t2_193, t2_53);
+        let t2_197 = like.lift(0.5773502691896257).mul_add(t2_70, t2_196);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_50, t2_11);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_214 = t2_213 * inv_pivot_4;
-        let t2_215 = (-t2_8).mul_add(t2_214, t2_56);
-        let pivot_5 = (-t2_69).mul_add(t2_209, t2_215);
+        let t2_198 = t2_197 * inv_pivot_4;
+        let t2_199 = (-t2_7).mul_add(t2_198, t2_51);
+        let pivot_5 = (-t2_62).mul_add(t2_193, t2_199);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_216 = -pivot_5;
-        let t2_217 = like.lift(-0.5773502691896257).mul_add(t2_170, t2_154);
-        let t2_218 = (-t2_214).mul_add(t2_217, t2_202);
-        let t2_219 = (-t2_209).mul_add(t2_207, t2_218);
-        let t2_220 = like.lift(-0.5773502691896257).mul_add(t2_203, t2_219);
-        let t2_221 = like.lift(0.5773502691896257).mul_add(t2_55, t2_20);
-        let t2_222 = (-t2_221).mul_add(t2_214, t2_60);
-        let t2_223 = t2_211.mul_add(t2_209, t2_222);
-        let t2_224 = like.lift(-0.5773502691896257).mul_add(t2_81, t2_223);
-        let t2_225 = t2_47 * t2_91;
-        let t2_226 = like.lift(1.1547005383792515) * t2_225;
-        let t2_227 = like.lift(1.1547005383792515) * t2_91;
-        let t2_228 = t2_51.mul_add(t2_226, t2_13);
-        let t2_229 = t2_228 * inv_pivot_4;
-        let t2_230 = (-t2_8).mul_add(t2_229, t2_35);
-        let t2_231 = t2_230 * inv_pivot_5;
-        let t2_232 = t2_231.mul_add(t2_220, t2_164);
-        let t2_233 = (-t2_224).mul_add(t2_231, t2_46);
-        let t2_234 = (-t2_221).mul_add(t2_229, t2_233);
-        let t2_235 = t2_229.mul_add(t2_217, t2_232);
-        let pivot_6 = (-t2_55).mul_add(t2_226, t2_234);
-        let t2_236 = (-t2_170).mul_add(t2_226, t2_235);
+        let t2_200 = -pivot_5;
+        let t2_201 = like.lift(-0.5773502691896257).mul_add(t2_153, t2_135);
+        let t2_202 = (-t2_198).mul_add(t2_201, t2_186);
+        let t2_203 = (-t2_193).mul_add(t2_191, t2_202);
+        let t2_204 = like.lift(-0.5773502691896257).mul_add(t2_187, t2_203);
+        let t2_205 = like.lift(0.5773502691896257).mul_add(t2_44, t2_23);
+        let t2_206 = (-t2_205).mul_add(t2_198, t2_55);
+        let t2_207 = t2_195.mul_add(t2_193, t2_206);
+        let t2_208 = like.lift(-0.5773502691896257).mul_add(t2_73, t2_207);
+        let t2_209 = t2_49 * t2_83;
+        let t2_210 = like.lift(1.1547005383792515) * t2_209;
+        let t2_211 = like.lift(1.1547005383792515) * t2_83;
+        let t2_212 = t2_50.mul_add(t2_210, t2_12);
+        let t2_213 = t2_212 * inv_pivot_4;
+        let t2_214 = (-t2_7).mul_add(t2_213, t2_28);
+        let t2_215 = t2_214 * inv_pivot_5;
+        let t2_216 = t2_215.mul_add(t2_204, t2_147);
+        let t2_217 = (-t2_208).mul_add(t2_215, t2_39);
+        let t2_218 = (-t2_205).mul_add(t2_213, t2_217);
+        let t2_219 = t2_213.mul_add(t2_201, t2_216);
+        let pivot_6 = (-t2_44).mul_add(t2_210, t2_218);
+        let t2_220 = (-t2_153).mul_add(t2_210, t2_219);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_237 = inv_pivot_6 * t2_236;
-        let t2_238 = t2_224.mul_add(t2_237, t2_220);
-        let t2_239 = inv_pivot_5 * t2_238;
-        let t2_240 = t2_221.mul_add(t2_237, t2_217);
+        let t2_221 = inv_pivot_6 * t2_220;
+        let t2_222 = t2_208.mul_add(t2_221, t2_204);
+        let t2_223 = inv_pivot_5 * t2_222;
+        let t2_224 = t2_205.mul_add(t2_221, t2_201);
+        let t2_225 = (-t2_7).mul_add(t2_223, t2_224);
+        let t2_226 = inv_pivot_4 * t2_225;
+        let t2_227 = (-t2_195).mul_add(t2_221, t2_191);
+        let t2_228 = (-t2_62).mul_add(t2_223, t2_227);
+        let t2_229 = t2_194.mul_add(t2_226, t2_228);
+        let t2_230 = inv_pivot_3 * t2_229;
+        let t2_231 = (-t2_44).mul_add(t2_221, t2_153);
+        let t2_232 = (-t2_50).mul_add(t2_226, t2_231);
+        let t2_233 = t2_211 * t2_232;
+        let t2_234 = -t2_223;
+        let t2_235 = -t2_233;
+        let t2_236 = t2_73.mul_add(t2_221, t2_187);
+        let t2_237 = t2_70.mul_add(t2_226, t2_236);
+        let t2_238 = t2_75.mul_add(t2_230, t2_237);
+        let t2_239 = t2_192 * t2_238;
+        let t2_240 = -t2_221;
         [
-            t2_8, t2_9, t2_12, t2_13, t2_20, t2_23, t2_36, t2_46, t2_47, t2_51, t2_52, t2_55,
-            pivot_1, t2_57, t2_58, t2_60, t2_63, t2_66, t2_69, t2_71, t2_73, t2_75, t2_76,
-            t2_78, t2_79, t2_81, t2_83, t2_85, t2_154, t2_170, t2_171, t2_172, t2_202, t2_203,
-            t2_204, t2_207, t2_208, pivot_3, inv_pivot_3, t2_210, t2_211, pivot_4, inv_pivot_4,
-            t2_216, t2_227, pivot_6, t2_237, t2_239, t2_240,
+            t2_8, t2_11, t2_12, t2_21, t2_23, t2_26, t2_29, t2_39, t2_44, t2_49, pivot_1,
+            t2_52, t2_53, t2_55, t2_58, t2_61, t2_62, t2_63, t2_65, t2_67, t2_68, t2_71, t2_73,
+            t2_75, t2_77, t2_135, t2_156, t2_157, t2_186, t2_187, t2_188, pivot_3, pivot_4,
+            t2_200, pivot_6, t2_226, t2_230, t2_234, t2_235, t2_239, t2_240,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
         qdd[0] = dd_waist; qdd[1] = dd_shoulder; qdd[3] = dd_q2; qdd[8] = dd_q7; qdd[10] = dd_q9;
-        let t3_1 = (-t2_8).mul_add(t2_239, t2_240);
-        let t3_2 = inv_pivot_4 * t3_1;
-        let t3_3 = (-t2_211).mul_add(t2_237, t2_207);
-        let t3_4 = (-t2_69).mul_add(t2_239, t3_3);
-        let t3_5 = t2_210.mul_add(t3_2, t3_4);
-        let t3_6 = inv_pivot_3 * t3_5;
-        let t3_7 = (-t2_55).mul_add(t2_237, t2_170);
-        let t3_8 = (-t2_51).mul_add(t3_2, t3_7);
-        let t3_9 = t2_227 * t3_8;
-        let t3_10 = -t2_239;
-        let t3_11 = -t3_9;
-        let t3_12 = t2_81.mul_add(t2_237, t2_203);
-        let t3_13 = t2_78.mul_add(t3_2, t3_12);
-        let t3_14 = t2_83.mul_add(t3_6, t3_13);
-        let t3_15 = t2_208 * t3_14;
-        let t3_16 = -t2_237;
-        let t3_17 = -t3_6;
-        let t3_18 = -t3_15;
+        let t3_1 = -t2_230;
+        let t3_2 = -t2_239;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
-            .min((t2_85 * like.lift(1.863195236951264)).abs())
+            .min((t2_77 * like.lift(1.863195236951264)).abs())
             .min((pivot_3 * like.lift(2.6695171222054848)).abs())
             .min((pivot_4 * like.lift(2.294035647929491)).abs())
-            .min((t2_216 * like.lift(0.786868847408929)).abs())
+            .min((t2_200 * like.lift(0.786868847408929)).abs())
             .min((pivot_6 * like.lift(2.1945756748652077)).abs());
-        let ([[t3_19], [t3_20], [t3_21], [t3_22], [t3_23], [t3_24]], found) = ::regen_runtime::guarded(
-            [[t3_10], [t3_2], [t3_16], [t3_17], [t3_11], [t3_18]],
+        let ([[t3_3], [t3_4], [t3_5], [t3_6], [t3_7], [t3_8]], found) = ::regen_runtime::guarded(
+            [[t2_234], [t2_226], [t2_240], [t3_1], [t2_235], [t3_2]],
             margin,
             || (
                 [
-                    [t2_9, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
-                    [t2_36, t2_13, t2_46, like.lift(0.0), t2_47, like.lift(0.0)],
-                    [like.lift(0.0), t2_52, t2_55, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_57, t2_58, t2_60, t2_63, like.lift(0.0), t2_66],
-                    [t2_69, t2_71, t2_73, t2_75, like.lift(0.0), t2_76],
-                    [like.lift(0.0), t2_79, t2_81, t2_83, like.lift(0.0), t2_85],
+                    [t2_8, t2_11, t2_23, like.lift(0.0), t2_26, like.lift(0.0)],
+                    [t2_29, t2_12, t2_39, like.lift(0.0), t2_49, like.lift(0.0)],
+                    [like.lift(0.0), t2_21, t2_44, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_52, t2_53, t2_55, t2_58, like.lift(0.0), t2_61],
+                    [t2_62, t2_63, t2_65, t2_67, like.lift(0.0), t2_68],
+                    [like.lift(0.0), t2_71, t2_73, t2_75, like.lift(0.0), t2_77],
                 ],
-                [[t2_154], [t2_171], [t2_172], [t2_202], [t2_204], [t2_203]],
+                [[t2_135], [t2_156], [t2_157], [t2_186], [t2_188], [t2_187]],
             ),
         );
         condition = condition.min(found);
-        qdd[2] = t3_19; qdd[4] = t3_20; qdd[5] = t3_21; qdd[6] = t3_22; qdd[7] = t3_23; qdd[9] = t3_24;
+        qdd[2] = t3_3; qdd[4] = t3_4; qdd[5] = t3_5; qdd[6] = t3_6; qdd[7] = t3_7; qdd[9] = t3_8;
     }
     (qdd, Condition { pivot: condition })
 }
@@ -6323,7 +6216,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 219 additions, 361 multiplications, 6 divisions, 7 sines and cosines.
+/// 202 additions, 343 multiplications, 6 divisions, 7 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 5];
@@ -6354,10 +6247,11 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
     ] = *phi;
     // tau, part 1
     let [
-        t2_25, t2_26, t2_58, t2_59, t2_87, t2_89, t2_95, t2_104, t2_166, t2_181, t2_192,
-        t2_196, t2_200, t2_201, e_s1_2_q1x, t2_203, t2_204, t2_205, t2_208, t2_209, t2_212,
-        t2_213, t2_215, e_s1_2_shoulderx, e_s1_1_shouldery, t2_223, t2_224, t2_225, t2_226,
-        t2_227, t2_231,
+        t2_24, t2_25, t2_56, t2_57, t2_85, t2_89, t2_93, t2_147, t2_149, t2_167, t2_178,
+        t2_182, t2_185, t2_186, e_s1_2_q1x, t2_188, t2_189, e_s1_2_shoulderx, t2_195,
+        e_s1_1_shouldery, t2_197, t2_201, t2_203, t2_205, t2_207, t2_208, t2_209, t2_211,
+        t2_215, t2_217, t2_219, t2_220, t2_221, t2_222, pivot_1, t2_223, t2_224, t2_225,
+        t2_227, t2_229, t2_230,
     ] = {
         let t2_1 = like.lift(9.81) * sin_shoulder;
         let t2_2 = like.lift(8.495709211125343) * cos_shoulder;
@@ -6374,69 +6268,69 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
         let t2_12 = like.lift(4.905).mul_add(t2_7, t2_11);
         let t2_13 = sin_q8 * t2_1;
         let a_6x = cos_q8.mul_add(t2_2, t2_13);
-        let t2_14 = cos_shoulder * p_mx_6;
-        let t2_15 = cos_shoulder.mul_add(p_mx_7, t2_14);
-        let t2_16 = p_mz_6 + p_my_7;
-        let t2_17 = a_6x * t2_16;
-        let t2_18 = like.lift(-4.905).mul_add(t2_15, t2_17);
-        let t2_19 = p_m_7 * a_6x;
-        let t2_20 = p_m_6.mul_add(a_6x, t2_19);
-        let t2_21 = p_my_6 - p_mz_7;
-        let t2_22 = a_6x * t2_21;
-        let t2_23 = p_mx_6 + p_mx_7;
-        let t2_24 = a_6y.mul_add(t2_23, t2_22);
-        let t2_25 = (-q9).mul_add(t2_19, t2_24);
-        let t2_26 = p_m_7 * a_6y;
-        let t2_27 = p_m_6.mul_add(a_6y, t2_26);
-        let t2_28 = sin_q8 * t2_27;
-        let t2_29 = cos_q8.mul_add(t2_20, t2_28);
-        let t2_30 = sin_q8 * t2_20;
-        let t2_31 = (-cos_q8).mul_add(t2_27, t2_30);
-        let t2_32 = like.lift(0.5) * t2_9;
-        let t2_33 = like.lift(0.8660254037844386).mul_add(t2_29, t2_32);
-        let t2_34 = like.lift(0.5) * t2_29;
-        let t2_35 = like.lift(-0.8660254037844386).mul_add(t2_9, t2_34);
-        let t2_36 = cos_q6 * t2_1;
-        let a_4y = sin_q6.mul_add(t2_2, t2_36);
-        let t2_37 = cos_q6 * t2_2;
-        let a_4x = (-sin_q6).mul_add(t2_1, t2_37);
-        let t2_38 = cos_shoulder * p_m_5;
-        let t2_39 = cos_shoulder * p_my_4;
-        let t2_40 = (-q7).mul_add(t2_38, t2_39);
-        let t2_41 = (-cos_shoulder).mul_add(p_mz_5, t2_40);
-        let t2_42 = like.lift(4.905) * t2_41;
-        let t2_43 = cos_shoulder.mul_add(p_m_4, t2_38);
-        let t2_44 = like.lift(4.905) * t2_43;
-        let t2_45 = p_mz_4 + p_my_5;
-        let t2_46 = (-a_4y).mul_add(t2_45, t2_42);
-        let t2_47 = cos_shoulder * p_mx_4;
-        let t2_48 = cos_shoulder.mul_add(p_mx_5, t2_47);
-        let t2_49 = like.lift(4.905) * t2_48;
-        let t2_50 = p_mz_4 + p_my_5;
-        let t2_51 = a_4x.mul_add(t2_50, t2_49);
-        let t2_52 = p_m_5 * a_4x;
-        let t2_53 = p_m_4.mul_add(a_4x, t2_52);
-        let t2_54 = p_my_4 - p_mz_5;
-        let t2_55 = a_4x * t2_54;
-        let t2_56 = p_mx_4 + p_mx_5;
-        let t2_57 = a_4y.mul_add(t2_56, t2_55);
-        let t2_58 = (-q7).mul_add(t2_52, t2_57);
-        let t2_59 = p_m_5 * a_4y;
-        let t2_60 = p_m_4.mul_add(a_4y, t2_59);
-        let t2_61 = sin_q6 * t2_60;
-        let t2_62 = cos_q6.mul_add(t2_53, t2_61);
-        let t2_63 = sin_q6 * t2_53;
-        let t2_64 = (-cos_q6).mul_add(t2_60, t2_63);
-        let t2_65 = like.lift(0.5) * t2_44;
-        let t2_66 = like.lift(0.8660254037844386).mul_add(t2_62, t2_65);
-        let t2_67 = like.lift(0.5) * t2_62;
-        let t2_68 = like.lift(-0.8660254037844386).mul_add(t2_44, t2_67);
+        let t2_14 = t2_10 * a_6x;
+        let t2_15 = cos_shoulder * p_mx_6;
+        let t2_16 = cos_shoulder.mul_add(p_mx_7, t2_15);
+        let t2_17 = like.lift(-4.905).mul_add(t2_16, t2_14);
+        let t2_18 = p_m_7 * a_6x;
+        let t2_19 = p_m_6.mul_add(a_6x, t2_18);
+        let t2_20 = p_my_6 - p_mz_7;
+        let t2_21 = a_6x * t2_20;
+        let t2_22 = p_mx_6 + p_mx_7;
+        let t2_23 = a_6y.mul_add(t2_22, t2_21);
+        let t2_24 = (-q9).mul_add(t2_18, t2_23);
+        let t2_25 = p_m_7 * a_6y;
+        let t2_26 = p_m_6.mul_add(a_6y, t2_25);
+        let t2_27 = sin_q8 * t2_26;
+        let t2_28 = cos_q8.mul_add(t2_19, t2_27);
+        let t2_29 = sin_q8 * t2_19;
+        let t2_30 = (-cos_q8).mul_add(t2_26, t2_29);
+        let t2_31 = like.lift(0.5) * t2_9;
+        let t2_32 = like.lift(0.8660254037844386).mul_add(t2_28, t2_31);
+        let t2_33 = like.lift(0.5) * t2_28;
+        let t2_34 = like.lift(-0.8660254037844386).mul_add(t2_9, t2_33);
+        let t2_35 = cos_q6 * t2_1;
+        let a_4y = sin_q6.mul_add(t2_2, t2_35);
+        let t2_36 = cos_q6 * t2_2;
+        let a_4x = (-sin_q6).mul_add(t2_1, t2_36);
+        let t2_37 = cos_shoulder * p_m_5;
+        let t2_38 = cos_shoulder * p_my_4;
+        let t2_39 = (-q7).mul_add(t2_37, t2_38);
+        let t2_40 = (-cos_shoulder).mul_add(p_mz_5, t2_39);
+        let t2_41 = like.lift(4.905) * t2_40;
+        let t2_42 = cos_shoulder.mul_add(p_m_4, t2_37);
+        let t2_43 = like.lift(4.905) * t2_42;
+        let t2_44 = p_mz_4 + p_my_5;
+        let t2_45 = (-a_4y).mul_add(t2_44, t2_41);
+        let t2_46 = cos_shoulder * p_mx_4;
+        let t2_47 = cos_shoulder.mul_add(p_mx_5, t2_46);
+        let t2_48 = like.lift(4.905) * t2_47;
+        let t2_49 = t2_44.mul_add(a_4x, t2_48);
+        let t2_50 = p_m_5 * a_4x;
+        let t2_51 = p_m_4.mul_add(a_4x, t2_50);
+        let t2_52 = p_my_4 - p_mz_5;
+        let t2_53 = a_4x * t2_52;
+        let t2_54 = p_mx_4 + p_mx_5;
+        let t2_55 = a_4y.mul_add(t2_54, t2_53);
+        let t2_56 = (-q7).mul_add(t2_50, t2_55);
+        let t2_57 = p_m_5 * a_4y;
+        let t2_58 = p_m_4.mul_add(a_4y, t2_57);
+        let t2_59 = sin_q6 * t2_58;
+        let t2_60 = cos_q6.mul_add(t2_51, t2_59);
+        let t2_61 = sin_q6 * t2_51;
+        let t2_62 = (-cos_q6).mul_add(t2_58, t2_61);
+        let t2_63 = like.lift(0.5) * t2_43;
+        let t2_64 = like.lift(0.8660254037844386).mul_add(t2_60, t2_63);
+        let t2_65 = t2_32 + t2_64;
+        let t2_66 = like.lift(0.5) * t2_60;
+        let t2_67 = like.lift(-0.8660254037844386).mul_add(t2_43, t2_66);
         let e_1_waisty = sin_shoulder * cos_q1;
         let e_1_waistx = sin_shoulder * sin_q1;
-        let t2_69 = cos_shoulder * sin_s1_1;
-        let t2_70 = (-cos_s1_1).mul_add(e_1_waistx, t2_69);
-        let t2_71 = like.lift(9.81) * t2_70;
-        let a_s1_1x = -t2_71;
+        let t2_68 = cos_shoulder * sin_s1_1;
+        let t2_69 = (-cos_s1_1).mul_add(e_1_waistx, t2_68);
+        let t2_70 = like.lift(9.81) * t2_69;
+        let a_s1_1x = -t2_70;
+        let t2_71 = p_m_3 * t2_70;
         let t2_72 = like.lift(9.81) * e_1_waisty;
         let t2_73 = cos_s1_2 * a_s1_1x;
         let a_s1_2x = sin_s1_2.mul_add(t2_72, t2_73);
@@ -6449,171 +6343,172 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
         let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_77);
         let t2_78 = sin_s1_3 * a_s1_2z;
         let a_3y = cos_s1_3.mul_add(a_s1_1y, t2_78);
-        let t2_79 = p_mz_3 * a_s1_2x;
-        let t2_80 = (-p_mx_3).mul_add(a_3z, t2_79);
-        let t2_81 = p_my_3 * a_s1_2x;
-        let t2_82 = p_mx_3.mul_add(a_3y, t2_81);
-        let t2_83 = p_m_3 * a_s1_2x;
-        let t2_84 = sin_s1_3 * t2_80;
-        let t2_85 = (-cos_s1_3).mul_add(t2_82, t2_84);
-        let t2_86 = sin_s1_3 * t2_82;
-        let t2_87 = cos_s1_3.mul_add(t2_80, t2_86);
-        let t2_88 = p_mz_3 * a_3y;
-        let t2_89 = p_my_3.mul_add(a_3z, t2_88);
-        let t2_90 = p_m_3 * a_3y;
-        let t2_91 = p_m_3 * a_3z;
-        let t2_92 = cos_s1_2 * t2_89;
-        let t2_93 = sin_s1_2.mul_add(t2_85, t2_92);
-        let t2_94 = cos_s1_2 * t2_85;
-        let t2_95 = (-sin_s1_2).mul_add(t2_89, t2_94);
-        let t2_96 = sin_s1_3 * t2_90;
-        let t2_97 = (-cos_s1_3).mul_add(t2_91, t2_96);
-        let t2_98 = sin_s1_3 * t2_91;
-        let t2_99 = cos_s1_3.mul_add(t2_90, t2_98);
-        let t2_100 = sin_s1_2 * t2_97;
-        let t2_101 = (-cos_s1_2).mul_add(t2_83, t2_100);
-        let t2_102 = p_m_2 * t2_72;
-        let t2_103 = sin_s1_2.mul_add(t2_83, t2_102);
-        let t2_104 = cos_s1_2.mul_add(t2_97, t2_103);
-        let t2_105 = p_m_1.mul_add(t2_72, t2_104);
-        let t2_106 = like.lift(9.81) * p_m_2;
-        let t2_107 = cos_shoulder * t2_106;
-        let t2_108 = cos_s1_1.mul_add(t2_99, t2_107);
-        let t2_109 = e_1_waistx * t2_106;
-        let t2_110 = sin_s1_1.mul_add(t2_99, t2_109);
-        let t2_111 = sin_s1_1.mul_add(t2_101, t2_108);
-        let t2_112 = (-cos_s1_1).mul_add(t2_101, t2_110);
-        let t2_113 = e_1_waisty * p_mz_1;
-        let t2_114 = cos_shoulder.mul_add(p_my_1, t2_113);
-        let t2_115 = (-cos_shoulder).mul_add(p_mz_2, t2_114);
-        let t2_116 = e_1_waisty.mul_add(p_my_2, t2_115);
-        let t2_117 = like.lift(9.81) * t2_116;
-        let t2_118 = (-q2).mul_add(t2_111, t2_117);
-        let t2_119 = sin_s1_1.mul_add(t2_87, t2_118);
-        let t2_120 = (-cos_s1_1).mul_add(t2_93, t2_119);
-        let t2_121 = cos_shoulder * p_mx_1;
-        let t2_122 = e_1_waistx.mul_add(p_mz_1, t2_121);
-        let t2_123 = e_1_waistx.mul_add(p_my_2, t2_122);
-        let t2_124 = cos_shoulder.mul_add(p_mx_2, t2_123);
-        let t2_125 = like.lift(9.81).mul_add(t2_124, -t2_95);
-        let t2_126 = like.lift(9.81) * p_m_1;
-        let t2_127 = cos_shoulder.mul_add(t2_126, t2_111);
-        let t2_128 = e_1_waistx.mul_add(t2_126, t2_112);
-        let t2_129 = q2 * t2_112;
-        let t2_130 = t2_33 + t2_66;
-        let t2_131 = like.lift(9.81) * cos_shoulder;
-        let t2_132 = t2_131.mul_add(p_m_base, t2_33);
-        let t2_133 = t2_132 + t2_66;
-        let t2_134 = t2_133 + t2_127;
-        let t2_135 = like.lift(1.25) * t2_134;
-        let t2_136 = t2_35 + t2_68;
-        let t2_137 = t2_35 - t2_68;
-        let t2_138 = sin_q1.mul_add(t2_105, t2_137);
-        let t2_139 = cos_q1 * t2_105;
-        let t2_140 = sin_q1.mul_add(t2_128, t2_139);
-        let t2_141 = (-cos_q1).mul_add(t2_128, t2_138);
-        let t2_142 = cos_shoulder * p_mz_boom;
-        let t2_143 = (-cos_shoulder).mul_add(p_mx_base, t2_142);
-        let t2_144 = like.lift(9.81) * t2_143;
-        let t2_145 = (-cos_q8).mul_add(t2_18, t2_144);
-        let t2_146 = (-sin_q8).mul_add(t2_12, t2_145);
-        let t2_147 = like.lift(-0.22815).mul_add(t2_136, t2_146);
-        let t2_148 = like.lift(0.13172246391561312).mul_add(t2_130, t2_147);
-        let t2_149 = cos_q8 * t2_12;
-        let t2_150 = (-sin_q8).mul_add(t2_18, t2_149);
-        let t2_151 = cos_q6.mul_add(t2_51, t2_148);
-        let t2_152 = (-sin_q6).mul_add(t2_46, t2_151);
-        let t2_153 = like.lift(-0.26344492783122625).mul_add(t2_127, t2_152);
-        let t2_154 = sin_q6 * t2_51;
-        let t2_155 = cos_q6.mul_add(t2_46, t2_154);
-        let t2_156 = (-cos_q1).mul_add(t2_125, t2_153);
-        let t2_157 = sin_q1.mul_add(t2_120, t2_156);
-        let t2_158 = sin_shoulder * t2_157;
-        let t2_159 = like.lift(-0.35).mul_add(t2_141, t2_158);
-        let t2_160 = e_1_waistx * p_my_1;
-        let t2_161 = (-e_1_waisty).mul_add(p_mx_1, t2_160);
-        let t2_162 = (-e_1_waisty).mul_add(p_mx_2, t2_161);
-        let t2_163 = (-e_1_waistx).mul_add(p_mz_2, t2_162);
-        let t2_164 = like.lift(-9.81).mul_add(t2_163, t2_129);
-        let t2_165 = cos_s1_1.mul_add(t2_87, t2_164);
-        let t2_166 = sin_s1_1.mul_add(t2_93, t2_165);
-        let t2_167 = t2_31 - t2_64;
-        let t2_168 = t2_31 + t2_64;
-        let t2_169 = t2_25 - t2_58;
-        let t2_170 = t2_150 - t2_155;
-        let t2_171 = t2_150 + t2_155;
-        let t2_172 = sin_shoulder * p_mz_boom;
-        let t2_173 = (-sin_shoulder).mul_add(p_mx_base, t2_172);
-        let t2_174 = like.lift(9.81).mul_add(t2_173, -t2_166);
-        let t2_175 = like.lift(1.25).mul_add(t2_141, t2_174);
-        let t2_176 = like.lift(0.13172246391561312).mul_add(t2_167, t2_175);
-        let t2_177 = like.lift(-0.5).mul_add(t2_169, t2_176);
-        let t2_178 = like.lift(0.8660254037844386).mul_add(t2_170, t2_177);
-        let t2_179 = like.lift(-0.26344492783122625).mul_add(t2_140, t2_178);
-        let t2_180 = (-cos_shoulder).mul_add(t2_179, t2_159);
-        let t2_181 = -t2_180;
-        let t2_182 = sin_shoulder * p_my_boom;
-        let t2_183 = (-cos_shoulder).mul_add(p_mx_boom, t2_182);
-        let t2_184 = (-cos_shoulder).mul_add(p_mz_base, t2_183);
-        let t2_185 = sin_shoulder.mul_add(p_my_base, t2_184);
-        let t2_186 = like.lift(-9.81).mul_add(t2_185, t2_135);
-        let t2_187 = like.lift(0.22815).mul_add(t2_168, t2_186);
-        let t2_188 = t2_25 + t2_58;
-        let t2_189 = like.lift(-0.8660254037844386).mul_add(t2_188, t2_187);
-        let t2_190 = like.lift(-0.5).mul_add(t2_171, t2_189);
-        let t2_191 = (-sin_q1).mul_add(t2_125, t2_190);
-        let t2_192 = (-cos_q1).mul_add(t2_120, t2_191);
-        let t2_193 = cos_q1 * q2;
-        let t2_194 = sin_q1 * cos_s1_1;
-        let t2_195 = cos_s1_2 * t2_194;
-        let t2_196 = cos_q1.mul_add(sin_s1_2, t2_195);
-        let t2_197 = cos_q1 * cos_s1_2;
-        let t2_198 = (-sin_s1_2).mul_add(t2_194, t2_197);
-        let t2_199 = sin_s1_3 * t2_198;
-        let t2_200 = like.lift(-0.4563).mul_add(t2_196, t2_193);
-        let t2_201 = -t2_200;
+        let t2_79 = p_m_3 * a_s1_1y;
+        let t2_80 = p_mz_3 * a_s1_2x;
+        let t2_81 = (-p_mx_3).mul_add(a_3z, t2_80);
+        let t2_82 = p_my_3 * a_s1_2x;
+        let t2_83 = p_mx_3.mul_add(a_3y, t2_82);
+        let t2_84 = p_mz_3 * a_3y;
+        let t2_85 = p_my_3.mul_add(a_3z, t2_84);
+        let t2_86 = sin_s1_3 * t2_81;
+        let t2_87 = (-cos_s1_3).mul_add(t2_83, t2_86);
+        let t2_88 = sin_s1_3 * t2_83;
+        let t2_89 = cos_s1_3.mul_add(t2_81, t2_88);
+        let t2_90 = cos_s1_2 * t2_85;
+        let t2_91 = sin_s1_2.mul_add(t2_87, t2_90);
+        let t2_92 = cos_s1_2 * t2_87;
+        let t2_93 = (-sin_s1_2).mul_add(t2_85, t2_92);
+        let t2_94 = like.lift(9.81) * p_m_2;
+        let t2_95 = e_1_waistx * t2_94;
+        let t2_96 = sin_s1_1.mul_add(t2_79, t2_95);
+        let t2_97 = (-cos_s1_1).mul_add(t2_71, t2_96);
+        let t2_98 = cos_shoulder * t2_94;
+        let t2_99 = like.lift(9.81) * cos_shoulder;
+        let t2_100 = p_m_3.mul_add(t2_99, t2_98);
+        let t2_101 = p_m_base.mul_add(t2_99, t2_65);
+        let t2_102 = e_1_waisty * p_mz_1;
+        let t2_103 = cos_shoulder.mul_add(p_my_1, t2_102);
+        let t2_104 = (-cos_shoulder).mul_add(p_mz_2, t2_103);
+        let t2_105 = e_1_waisty.mul_add(p_my_2, t2_104);
+        let t2_106 = like.lift(9.81) * t2_105;
+        let t2_107 = (-q2).mul_add(t2_100, t2_106);
+        let t2_108 = sin_s1_1.mul_add(t2_89, t2_107);
+        let t2_109 = (-cos_s1_1).mul_add(t2_91, t2_108);
+        let t2_110 = cos_shoulder * p_mx_1;
+        let t2_111 = e_1_waistx.mul_add(p_mz_1, t2_110);
+        let t2_112 = e_1_waistx.mul_add(p_my_2, t2_111);
+        let t2_113 = cos_shoulder.mul_add(p_mx_2, t2_112);
+        let t2_114 = like.lift(9.81).mul_add(t2_113, -t2_93);
+        let t2_115 = like.lift(9.81) * p_m_1;
+        let t2_116 = cos_shoulder.mul_add(t2_115, t2_100);
+        let t2_117 = e_1_waistx.mul_add(t2_115, t2_97);
+        let t2_118 = q2 * t2_97;
+        let t2_119 = t2_101 + t2_116;
+        let t2_120 = like.lift(1.25) * t2_119;
+        let t2_121 = t2_34 + t2_67;
+        let t2_122 = t2_34 - t2_67;
+        let t2_123 = cos_shoulder * p_mz_boom;
+        let t2_124 = (-cos_shoulder).mul_add(p_mx_base, t2_123);
+        let t2_125 = like.lift(9.81) * t2_124;
+        let t2_126 = (-cos_q8).mul_add(t2_17, t2_125);
+        let t2_127 = (-sin_q8).mul_add(t2_12, t2_126);
+        let t2_128 = like.lift(-0.22815).mul_add(t2_121, t2_127);
+        let t2_129 = like.lift(0.13172246391561312).mul_add(t2_65, t2_128);
+        let t2_130 = cos_q8 * t2_12;
+        let t2_131 = (-sin_q8).mul_add(t2_17, t2_130);
+        let t2_132 = cos_q6.mul_add(t2_49, t2_129);
+        let t2_133 = (-sin_q6).mul_add(t2_45, t2_132);
+        let t2_134 = like.lift(-0.26344492783122625).mul_add(t2_116, t2_133);
+        let t2_135 = sin_q6 * t2_49;
+        let t2_136 = cos_q6.mul_add(t2_45, t2_135);
+        let t2_137 = (-cos_q1).mul_add(t2_114, t2_134);
+        let t2_138 = sin_q1.mul_add(t2_109, t2_137);
+        let t2_139 = sin_shoulder * t2_138;
+        let t2_140 = like.lift(-0.35).mul_add(t2_122, t2_139);
+        let t2_141 = e_1_waistx * p_my_1;
+        let t2_142 = (-e_1_waisty).mul_add(p_mx_1, t2_141);
+        let t2_143 = (-e_1_waisty).mul_add(p_mx_2, t2_142);
+        let t2_144 = (-e_1_waistx).mul_add(p_mz_2, t2_143);
+        let t2_145 = like.lift(-9.81).mul_add(t2_144, t2_118);
+        let t2_146 = cos_s1_1.mul_add(t2_89, t2_145);
+        let t2_147 = sin_s1_1.mul_add(t2_91, t2_146);
+        let t2_148 = p_m_2 * t2_72;
+        let t2_149 = p_m_3.mul_add(t2_72, t2_148);
+        let t2_150 = p_m_1.mul_add(t2_72, t2_149);
+        let t2_151 = cos_q1 * t2_150;
+        let t2_152 = sin_q1.mul_add(t2_117, t2_151);
+        let t2_153 = t2_30 - t2_62;
+        let t2_154 = t2_30 + t2_62;
+        let t2_155 = t2_24 - t2_56;
+        let t2_156 = t2_131 - t2_136;
+        let t2_157 = t2_131 + t2_136;
+        let t2_158 = sin_shoulder * p_mz_boom;
+        let t2_159 = (-sin_shoulder).mul_add(p_mx_base, t2_158);
+        let t2_160 = like.lift(9.81).mul_add(t2_159, -t2_147);
+        let t2_161 = like.lift(1.25).mul_add(t2_122, t2_160);
+        let t2_162 = like.lift(0.13172246391561312).mul_add(t2_153, t2_161);
+        let t2_163 = like.lift(-0.5).mul_add(t2_155, t2_162);
+        let t2_164 = like.lift(0.8660254037844386).mul_add(t2_156, t2_163);
+        let t2_165 = like.lift(-0.26344492783122625).mul_add(t2_152, t2_164);
+        let t2_166 = (-cos_shoulder).mul_add(t2_165, t2_140);
+        let t2_167 = -t2_166;
+        let t2_168 = sin_shoulder * p_my_boom;
+        let t2_169 = (-cos_shoulder).mul_add(p_mx_boom, t2_168);
+        let t2_170 = (-cos_shoulder).mul_add(p_mz_base, t2_169);
+        let t2_171 = sin_shoulder.mul_add(p_my_base, t2_170);
+        let t2_172 = like.lift(-9.81).mul_add(t2_171, t2_120);
+        let t2_173 = like.lift(0.22815).mul_add(t2_154, t2_172);
+        let t2_174 = t2_24 + t2_56;
+        let t2_175 = like.lift(-0.8660254037844386).mul_add(t2_174, t2_173);
+        let t2_176 = like.lift(-0.5).mul_add(t2_157, t2_175);
+        let t2_177 = (-sin_q1).mul_add(t2_114, t2_176);
+        let t2_178 = (-cos_q1).mul_add(t2_109, t2_177);
+        let t2_179 = cos_q1 * q2;
+        let t2_180 = sin_q1 * cos_s1_1;
+        let t2_181 = cos_s1_2 * t2_180;
+        let t2_182 = cos_q1.mul_add(sin_s1_2, t2_181);
+        let t2_183 = cos_q1 * cos_s1_2;
+        let t2_184 = (-sin_s1_2).mul_add(t2_180, t2_183);
+        let t2_185 = like.lift(-0.4563).mul_add(t2_182, t2_179);
+        let t2_186 = -t2_185;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_202 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_203 = cos_q1 * t2_202;
-        let t2_204 = sin_q1 * t2_202;
-        let t2_205 = sin_q1 * sin_s1_1;
-        let t2_206 = cos_s1_3.mul_add(t2_205, t2_199);
-        let t2_207 = like.lift(0.22815) * t2_196;
-        let t2_208 = like.lift(-0.39516739174683935).mul_add(t2_206, t2_207);
-        let t2_209 = t2_193 - t2_208;
-        let t2_210 = cos_s1_1 * t2_196;
-        let t2_211 = t2_205.mul_add(e_s1_2_q1x, t2_210);
-        let t2_212 = like.lift(0.4563) * t2_211;
-        let t2_213 = cos_q6 * q7;
-        let t2_214 = like.lift(0.5) * t2_213;
-        let t2_215 = -t2_214;
-        let t2_216 = sin_q1 * q2;
+        let t2_187 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_188 = cos_q1 * t2_187;
+        let t2_189 = sin_q1 * t2_187;
+        let t2_190 = sin_q1 * sin_s1_1;
         let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let t2_217 = sin_q1 * sin_s1_2;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_217);
-        let t2_218 = sin_s1_2 * e_s1_1_shoulderx;
-        let e_s1_2_shoulderz = sin_q1.mul_add(cos_s1_2, t2_218);
-        let t2_219 = sin_s1_3 * sin_s1_1;
-        let t2_220 = t2_219 * sin_s1_2;
+        let t2_191 = sin_s1_2 * e_s1_1_shoulderx;
+        let e_s1_2_shoulderz = sin_q1.mul_add(cos_s1_2, t2_191);
+        let t2_192 = sin_q1 * sin_s1_2;
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_192);
+        let t2_193 = cos_s1_1 * cos_s1_2;
+        let t2_194 = -t2_193;
+        let t2_195 = like.lift(0.4563) * t2_194;
+        let t2_196 = sin_s1_1 * sin_s1_2;
         let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t2_221 = cos_s1_3 * e_s1_1_shouldery;
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_221);
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_220);
-        let t2_222 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_223 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_222);
-        let t2_224 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t2_225 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_216);
-        let t2_226 = t2_224 - t2_216;
-        let t2_227 = -t2_225;
-        let t2_228 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t2_229 = (-cos_s1_1).mul_add(e_s1_2_shoulderx, t2_228);
-        let t2_230 = like.lift(0.4563) * t2_229;
-        let t2_231 = -t2_230;
+        let t2_197 = like.lift(0.4563) * e_s1_2_shoulderz;
+        let t2_198 = cos_s1_3 * e_s1_1_shouldery;
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_198);
+        let t2_199 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t2_200 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t2_201 = t2_200 + t2_199;
+        let t2_202 = cos_q6 * q7;
+        let t2_203 = -cos_q6;
+        let t2_204 = like.lift(0.5) * t2_202;
+        let t2_205 = -t2_204;
+        let t2_206 = sin_q1 * q2;
+        let t2_207 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_206);
+        let t2_208 = t2_201 - t2_206;
+        let t2_209 = -t2_207;
+        let t2_210 = like.lift(0.4563) * t2_184;
+        let t2_211 = -t2_210;
+        let t2_212 = sin_s1_3 * t2_184;
+        let t2_213 = cos_s1_3.mul_add(t2_190, t2_212);
+        let t2_214 = sin_s1_3 * t2_196;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_214);
+        let t2_215 = like.lift(0.4563) * t2_196;
+        let t2_216 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_217 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_216);
+        let t2_218 = like.lift(0.22815) * t2_182;
+        let t2_219 = like.lift(-0.39516739174683935).mul_add(t2_213, t2_218);
+        let t2_220 = t2_179 - t2_219;
+        let t2_221 = sin_q6 * q7;
+        let t2_222 = -t2_195;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_202;
+        let t2_223 = like.lift(1.0) / t2_202;
+        let t2_224 = -t2_220;
+        let t2_225 = cos_q1 * t2_217;
+        let t2_226 = cos_s1_1 * t2_219;
+        let t2_227 = t2_190.mul_add(t2_217, t2_226);
+        let t2_228 = cos_s1_1 * t2_201;
+        let t2_229 = (-e_s1_1_shouldery).mul_add(t2_217, t2_228);
+        let t2_230 = t2_190 * t2_201;
         [
-            t2_25, t2_26, t2_58, t2_59, t2_87, t2_89, t2_95, t2_104, t2_166, t2_181, t2_192,
-            t2_196, t2_200, t2_201, e_s1_2_q1x, t2_203, t2_204, t2_205, t2_208, t2_209, t2_212,
-            t2_213, t2_215, e_s1_2_shoulderx, e_s1_1_shouldery, t2_223, t2_224, t2_225, t2_226,
-            t2_227, t2_231,
+            t2_24, t2_25, t2_56, t2_57, t2_85, t2_89, t2_93, t2_147, t2_149, t2_167, t2_178,
+            t2_182, t2_185, t2_186, e_s1_2_q1x, t2_188, t2_189, e_s1_2_shoulderx, t2_195,
+            e_s1_1_shouldery, t2_197, t2_201, t2_203, t2_205, t2_207, t2_208, t2_209, t2_211,
+            t2_215, t2_217, t2_219, t2_220, t2_221, t2_222, pivot_1, t2_223, t2_224, t2_225,
+            t2_227, t2_229, t2_230,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -6622,160 +6517,138 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t3_1 = sin_q6 * q7;
-        let t3_2 = cos_q1 * e_s1_2_shoulderx;
-        let t3_3 = (-sin_q1).mul_add(t2_196, t3_2);
-        let t3_4 = like.lift(0.4563) * t3_3;
-        let t3_5 = -t3_4;
-        let t3_6 = -t3_5;
-        let t3_7 = t2_205 * e_s1_2_shoulderx;
-        let t3_8 = e_s1_1_shouldery.mul_add(t2_196, t3_7);
-        let t3_9 = like.lift(0.4563) * t3_8;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_213;
-        let t3_10 = like.lift(1.0) / t2_213;
-        let t3_11 = -t2_209;
-        let t3_12 = cos_q1 * t2_223;
-        let t3_13 = cos_s1_1 * t2_208;
-        let t3_14 = t2_205.mul_add(t2_223, t3_13);
-        let t3_15 = t2_196 * t2_223;
-        let t3_16 = (-e_s1_2_q1x).mul_add(t2_208, t3_15);
-        let t3_17 = -t3_16;
-        let t3_18 = cos_q8 * q9;
-        let t3_19 = like.lift(0.5) * t3_18;
-        let t3_20 = -t3_19;
-        let t3_21 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t3_22 = t2_226 + t3_21;
-        let t3_23 = t3_21 + t2_224;
-        let t3_24 = cos_s1_1 * t3_23;
-        let t3_25 = (-e_s1_1_shouldery).mul_add(t2_223, t3_24);
-        let t3_26 = t2_205 * t3_23;
-        let t3_27 = e_s1_1_shouldery.mul_add(t2_208, t3_26);
-        let t3_28 = e_s1_2_q1x * t3_23;
-        let t3_29 = (-e_s1_2_shoulderx).mul_add(t2_223, t3_28);
-        let t3_30 = e_s1_2_shoulderx * t2_208;
-        let t3_31 = (-t2_196).mul_add(t3_23, t3_30);
-        let t3_32 = sin_q1 * t2_208;
-        let t3_33 = (-cos_q1).mul_add(t3_23, t3_32);
-        let t3_34 = sin_q1 * t2_223;
-        let t3_35 = like.lift(0.5773502691896257).mul_add(t3_31, t3_16);
-        let t3_36 = sin_q8 * q9;
-        let t3_37 = -t3_33;
-        let pivot_2 = like.lift(0.8660254037844386) * t3_18;
-        let t3_38 = -pivot_2;
-        let t3_39 = like.lift(1.0) / t3_18;
-        let t3_40 = -sin_q1;
+        let t3_1 = e_s1_1_shouldery.mul_add(t2_219, t2_230);
+        let t3_2 = t2_182 * t2_217;
+        let t3_3 = (-e_s1_2_q1x).mul_add(t2_219, t3_2);
+        let t3_4 = e_s1_2_q1x * t2_201;
+        let t3_5 = (-e_s1_2_shoulderx).mul_add(t2_217, t3_4);
+        let t3_6 = e_s1_2_shoulderx * t2_219;
+        let t3_7 = (-t2_182).mul_add(t2_201, t3_6);
+        let t3_8 = sin_q1 * t2_219;
+        let t3_9 = (-cos_q1).mul_add(t2_201, t3_8);
+        let t3_10 = sin_q1 * t2_217;
+        let t3_11 = -t3_3;
+        let t3_12 = like.lift(0.5773502691896257).mul_add(t3_7, t3_3);
+        let t3_13 = cos_q8 * q9;
+        let t3_14 = -cos_q8;
+        let t3_15 = like.lift(0.5) * t3_13;
+        let t3_16 = -t3_15;
+        let t3_17 = sin_q8 * q9;
+        let t3_18 = -t3_9;
+        let pivot_2 = like.lift(0.8660254037844386) * t3_13;
+        let t3_19 = -pivot_2;
+        let t3_20 = like.lift(1.0) / t3_13;
+        let t3_21 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t3_41 = -e_4_shouldery;
-        let t3_42 = -cos_q6;
-        let t3_43 = like.lift(0.8660254037844386) * sin_q6;
-        let t3_44 = t3_1 * t3_10;
-        let t3_45 = sin_q6.mul_add(t3_44, cos_q6);
-        let t3_46 = like.lift(1.1547005383792515) * t3_44;
-        let t3_47 = like.lift(1.1547005383792515) * t3_10;
+        let t3_22 = -e_4_shouldery;
+        let t3_23 = like.lift(0.8660254037844386) * sin_q6;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t3_48 = -e_6_shouldery;
-        let t3_49 = -cos_q8;
-        let t3_50 = like.lift(0.8660254037844386) * sin_q8;
-        let t3_51 = t3_36 * t3_39;
-        let t3_52 = sin_q8.mul_add(t3_51, cos_q8);
-        let t3_53 = like.lift(1.1547005383792515) * t3_51;
-        let t3_54 = like.lift(1.1547005383792515) * t3_39;
-        let t3_55 = -t3_50;
-        let pivot_3 = t3_31.mul_add(t3_53, t3_29);
+        let t3_24 = -e_6_shouldery;
+        let t3_25 = like.lift(0.8660254037844386) * sin_q8;
+        let t3_26 = -t3_25;
+        let t3_27 = t3_17 * t3_20;
+        let t3_28 = like.lift(1.1547005383792515) * t3_27;
+        let pivot_3 = t3_7.mul_add(t3_28, t3_5);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_56 = t3_35 * inv_pivot_3;
-        let t3_57 = (-t3_33).mul_add(t3_53, t3_34);
-        let t3_58 = t3_27.mul_add(t3_53, t3_25);
-        let t3_59 = t3_57.mul_add(t3_56, t3_12);
-        let t3_60 = like.lift(0.5773502691896257).mul_add(t3_33, t3_59);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t3_5, t2_203);
+        let t3_29 = t3_12 * inv_pivot_3;
+        let t3_30 = (-t3_9).mul_add(t3_28, t3_10);
+        let t3_31 = t3_1.mul_add(t3_28, t2_229);
+        let t3_32 = t3_30.mul_add(t3_29, t2_225);
+        let t3_33 = like.lift(0.5773502691896257).mul_add(t3_9, t3_32);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_222, t2_188);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_61 = t3_60 * inv_pivot_4;
-        let t3_62 = (-t2_200).mul_add(t3_61, t2_209);
-        let pivot_5 = (-t3_22).mul_add(t3_56, t3_62);
+        let t3_34 = t3_33 * inv_pivot_4;
+        let t3_35 = (-t2_185).mul_add(t3_34, t2_220);
+        let pivot_5 = (-t2_208).mul_add(t3_29, t3_35);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_63 = -pivot_5;
-        let t3_64 = (-sin_q1).mul_add(t3_61, sin_q1);
-        let t3_65 = (-cos_q1).mul_add(t3_56, t3_64);
-        let t3_66 = like.lift(0.5773502691896257).mul_add(t3_9, t2_212);
-        let t3_67 = (-t3_66).mul_add(t3_61, t3_14);
-        let t3_68 = t3_58.mul_add(t3_56, t3_67);
-        let t3_69 = like.lift(-0.5773502691896257).mul_add(t3_27, t3_68);
-        let t3_70 = t3_52 * t3_56;
-        let t3_71 = t3_5.mul_add(t3_46, t2_204);
-        let t3_72 = t3_71 * inv_pivot_4;
-        let t3_73 = (-t2_200).mul_add(t3_72, t2_225);
-        let t3_74 = t3_73 * inv_pivot_5;
-        let t3_75 = t3_65.mul_add(t3_74, cos_q1);
-        let t3_76 = sin_q1.mul_add(t3_72, t3_75);
-        let t3_77 = (-t3_69).mul_add(t3_74, t2_231);
-        let t3_78 = (-t3_66).mul_add(t3_72, t3_77);
-        let pivot_6 = (-t3_9).mul_add(t3_46, t3_78);
-        let t3_79 = t3_70 * t3_74;
+        let t3_36 = -pivot_5;
+        let t3_37 = (-sin_q1).mul_add(t3_34, sin_q1);
+        let t3_38 = (-cos_q1).mul_add(t3_29, t3_37);
+        let t3_39 = like.lift(0.5773502691896257).mul_add(t2_215, t2_197);
+        let t3_40 = (-t3_39).mul_add(t3_34, t2_227);
+        let t3_41 = t3_31.mul_add(t3_29, t3_40);
+        let t3_42 = like.lift(-0.5773502691896257).mul_add(t3_1, t3_41);
+        let t3_43 = t2_221 * t2_223;
+        let t3_44 = like.lift(1.1547005383792515) * t3_43;
+        let t3_45 = t2_222.mul_add(t3_44, t2_189);
+        let t3_46 = t3_45 * inv_pivot_4;
+        let t3_47 = (-t2_185).mul_add(t3_46, t2_207);
+        let t3_48 = t3_47 * inv_pivot_5;
+        let t3_49 = t3_38.mul_add(t3_48, cos_q1);
+        let t3_50 = sin_q1.mul_add(t3_46, t3_49);
+        let t3_51 = (-t3_42).mul_add(t3_48, t2_211);
+        let t3_52 = (-t3_39).mul_add(t3_46, t3_51);
+        let pivot_6 = (-t2_215).mul_add(t3_44, t3_52);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_80 = t3_76 * inv_pivot_6;
-        let t3_81 = t3_69.mul_add(t3_80, t3_65);
-        let t3_82 = inv_pivot_5 * t3_81;
-        let t3_83 = t3_45 * inv_pivot_6;
-        let t3_84 = t3_79 * inv_pivot_6;
-        let t3_85 = t3_69.mul_add(t3_84, t3_70);
-        let t3_86 = inv_pivot_5 * t3_69;
-        let t3_87 = inv_pivot_5 * t3_85;
-        let t3_88 = t3_86 * t3_83;
-        let t3_89 = t3_66.mul_add(t3_80, sin_q1);
-        let t3_90 = (-t2_200).mul_add(t3_82, t3_89);
-        let t3_91 = inv_pivot_4 * t3_90;
-        let t3_92 = t3_58.mul_add(t3_84, t3_52);
-        let t3_93 = t3_22.mul_add(t3_87, t3_92);
-        let t3_94 = t3_27.mul_add(t3_84, t3_50);
-        let t3_95 = -t3_88;
-        let t3_96 = -t3_91;
-        let t3_97 = t2_200 * t3_88;
-        let t3_98 = (-t3_66).mul_add(t3_83, t3_97);
-        let t3_99 = t2_200 * t3_87;
-        let t3_100 = (-t3_66).mul_add(t3_84, t3_99);
-        let t3_101 = inv_pivot_4 * t3_98;
-        let t3_102 = inv_pivot_4 * t3_100;
-        let t3_103 = t3_57.mul_add(t3_102, t3_93);
-        let t3_104 = inv_pivot_3 * t3_103;
-        let t3_105 = (-t3_33).mul_add(t3_102, t3_94);
-        let t3_106 = (-t3_31).mul_add(t3_104, t3_105);
-        let t3_107 = -t3_104;
-        let t3_108 = t3_106 * t3_54;
-        let t3_109 = t3_58 * t3_83;
-        let t3_110 = t3_22.mul_add(t3_88, t3_109);
-        let t3_111 = (-t3_58).mul_add(t3_80, cos_q1);
-        let t3_112 = (-t3_22).mul_add(t3_82, t3_111);
-        let t3_113 = t3_57.mul_add(t3_91, t3_112);
-        let t3_114 = t3_57.mul_add(t3_101, t3_110);
-        let t3_115 = inv_pivot_3 * t3_113;
-        let t3_116 = inv_pivot_3 * t3_114;
-        let t3_117 = -t3_101;
-        let t3_118 = -t3_83;
-        let t3_119 = t3_9 * t3_80;
-        let t3_120 = t3_5.mul_add(t3_91, t3_119);
-        let t3_121 = t3_120 * t3_47;
-        let t3_122 = -t3_121;
-        let t3_123 = t3_27 * t3_80;
-        let t3_124 = t3_33.mul_add(t3_91, t3_123);
-        let t3_125 = t3_31.mul_add(t3_115, t3_124);
-        let t3_126 = t3_125 * t3_54;
-        let t3_127 = t3_33 * t3_101;
-        let t3_128 = (-t3_27).mul_add(t3_83, t3_127);
-        let t3_129 = t3_9.mul_add(t3_83, t3_43);
-        let t3_130 = (-t3_5).mul_add(t3_101, t3_129);
-        let t3_131 = t3_31.mul_add(t3_116, t3_128);
-        let t3_132 = t3_131 * t3_54;
-        let t3_133 = t3_130 * t3_47;
-        let t3_134 = t3_5 * t3_102;
-        let t3_135 = (-t3_9).mul_add(t3_84, t3_134);
-        let t3_136 = t3_135 * t3_47;
+        let t3_53 = t3_50 * inv_pivot_6;
+        let t3_54 = t3_42.mul_add(t3_53, t3_38);
+        let t3_55 = inv_pivot_5 * t3_54;
+        let t3_56 = t3_39.mul_add(t3_53, sin_q1);
+        let t3_57 = (-t2_185).mul_add(t3_55, t3_56);
+        let t3_58 = inv_pivot_4 * t3_57;
+        let t3_59 = q7 * t2_223;
+        let t3_60 = t3_59 * inv_pivot_6;
+        let t3_61 = like.lift(1.1547005383792515) * t2_223;
+        let t3_62 = inv_pivot_5 * t3_42;
+        let t3_63 = t3_62 * t3_60;
+        let t3_64 = -t3_63;
+        let t3_65 = q9 * t3_20;
+        let t3_66 = t3_65 * t3_29;
+        let t3_67 = t3_66 * t3_48;
+        let t3_68 = t3_67 * inv_pivot_6;
+        let t3_69 = t3_42.mul_add(t3_68, t3_66);
+        let t3_70 = inv_pivot_5 * t3_69;
+        let t3_71 = t3_31.mul_add(t3_68, t3_65);
+        let t3_72 = t2_208.mul_add(t3_70, t3_71);
+        let t3_73 = like.lift(1.1547005383792515) * t3_20;
+        let t3_74 = t3_1.mul_add(t3_68, t3_25);
+        let t3_75 = -t3_58;
+        let t3_76 = t2_185 * t3_63;
+        let t3_77 = (-t3_39).mul_add(t3_60, t3_76);
+        let t3_78 = t2_185 * t3_70;
+        let t3_79 = (-t3_39).mul_add(t3_68, t3_78);
+        let t3_80 = inv_pivot_4 * t3_77;
+        let t3_81 = inv_pivot_4 * t3_79;
+        let t3_82 = t3_30.mul_add(t3_81, t3_72);
+        let t3_83 = inv_pivot_3 * t3_82;
+        let t3_84 = (-t3_9).mul_add(t3_81, t3_74);
+        let t3_85 = (-t3_7).mul_add(t3_83, t3_84);
+        let t3_86 = -t3_83;
+        let t3_87 = t3_85 * t3_73;
+        let t3_88 = t3_31 * t3_60;
+        let t3_89 = t2_208.mul_add(t3_63, t3_88);
+        let t3_90 = (-t3_31).mul_add(t3_53, cos_q1);
+        let t3_91 = (-t2_208).mul_add(t3_55, t3_90);
+        let t3_92 = t3_30.mul_add(t3_58, t3_91);
+        let t3_93 = t3_30.mul_add(t3_80, t3_89);
+        let t3_94 = inv_pivot_3 * t3_92;
+        let t3_95 = inv_pivot_3 * t3_93;
+        let t3_96 = -t3_80;
+        let t3_97 = -t3_60;
+        let t3_98 = t2_215 * t3_53;
+        let t3_99 = t2_222.mul_add(t3_58, t3_98);
+        let t3_100 = t3_99 * t3_61;
+        let t3_101 = -t3_100;
+        let t3_102 = t3_1 * t3_53;
+        let t3_103 = t3_9.mul_add(t3_58, t3_102);
+        let t3_104 = t3_7.mul_add(t3_94, t3_103);
+        let t3_105 = t3_104 * t3_73;
+        let t3_106 = t3_9 * t3_80;
+        let t3_107 = (-t3_1).mul_add(t3_60, t3_106);
+        let t3_108 = t2_215.mul_add(t3_60, t3_23);
+        let t3_109 = (-t2_222).mul_add(t3_80, t3_108);
+        let t3_110 = t3_7.mul_add(t3_95, t3_107);
+        let t3_111 = t3_110 * t3_73;
+        let t3_112 = t3_109 * t3_61;
+        let t3_113 = t2_222 * t3_81;
+        let t3_114 = (-t2_215).mul_add(t3_68, t3_113);
+        let t3_115 = t3_114 * t3_61;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
-            .min((t3_38 * like.lift(1.863195236951264)).abs())
+            .min((t3_19 * like.lift(1.863195236951264)).abs())
             .min((pivot_3 * like.lift(2.6695171222054848)).abs())
             .min((pivot_4 * like.lift(2.294035647929491)).abs())
-            .min((t3_63 * like.lift(0.786868847408929)).abs())
+            .min((t3_36 * like.lift(0.786868847408929)).abs())
             .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
@@ -6783,30 +6656,30 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t3_82, t3_95, t3_87],
-                [like.lift(0.0), like.lift(0.0), t3_96, t3_117, t3_102],
-                [like.lift(0.0), like.lift(0.0), t3_80, t3_118, t3_84],
-                [like.lift(0.0), like.lift(0.0), t3_115, t3_116, t3_107],
-                [like.lift(0.0), like.lift(0.0), t3_122, t3_133, t3_136],
-                [like.lift(0.0), like.lift(0.0), t3_126, t3_132, t3_108],
+                [like.lift(0.0), like.lift(0.0), t3_55, t3_64, t3_70],
+                [like.lift(0.0), like.lift(0.0), t3_75, t3_96, t3_81],
+                [like.lift(0.0), like.lift(0.0), t3_53, t3_97, t3_68],
+                [like.lift(0.0), like.lift(0.0), t3_94, t3_95, t3_86],
+                [like.lift(0.0), like.lift(0.0), t3_101, t3_112, t3_115],
+                [like.lift(0.0), like.lift(0.0), t3_105, t3_111, t3_87],
             ],
             margin,
             || (
                 [
-                    [t2_201, t2_203, t2_212, like.lift(0.0), t2_215, like.lift(0.0)],
-                    [t2_227, t2_204, t2_231, like.lift(0.0), t3_1, like.lift(0.0)],
-                    [like.lift(0.0), t3_6, t3_9, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t3_11, t3_12, t3_14, t3_17, like.lift(0.0), t3_20],
-                    [t3_22, t3_34, t3_25, t3_29, like.lift(0.0), t3_36],
-                    [like.lift(0.0), t3_37, t3_27, t3_31, like.lift(0.0), t3_38],
+                    [t2_186, t2_188, t2_197, like.lift(0.0), t2_205, like.lift(0.0)],
+                    [t2_209, t2_189, t2_211, like.lift(0.0), t2_221, like.lift(0.0)],
+                    [like.lift(0.0), t2_195, t2_215, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_224, t2_225, t2_227, t3_11, like.lift(0.0), t3_16],
+                    [t2_208, t3_10, t2_229, t3_5, like.lift(0.0), t3_17],
+                    [like.lift(0.0), t3_18, t3_1, t3_7, like.lift(0.0), t3_19],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t3_40, t3_41, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t3_42, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_43, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t3_40, like.lift(0.0), t3_48],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t3_49],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_55],
+                    [like.lift(0.0), like.lift(0.0), t3_21, t3_22, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t2_203, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_23, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t3_21, like.lift(0.0), t3_24],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t3_14],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_26],
                 ],
             ),
         );
@@ -6819,27 +6692,27 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 100]) -> ([T; 5], Condition<T>)
     };
     // tau
     {
-        tau[0] = t2_181; tau[1] = t2_192;
-        let t4_1 = (-t2_25).mul_add(x_q8_q2, t2_104);
-        let t4_2 = t2_58.mul_add(x_q6_q2, t4_1);
-        let t4_3 = t2_89.mul_add(x_s1_3_q2, t4_2);
-        let t4_4 = t2_87.mul_add(x_s1_2_q2, t4_3);
-        let t4_5 = t2_95.mul_add(x_s1_1_q2, t4_4);
-        let t4_6 = t2_166.mul_add(x_q1_q2, t4_5);
+        tau[0] = t2_167; tau[1] = t2_178;
+        let t4_1 = (-t2_24).mul_add(x_q8_q2, t2_149);
+        let t4_2 = t2_56.mul_add(x_q6_q2, t4_1);
+        let t4_3 = t2_85.mul_add(x_s1_3_q2, t4_2);
+        let t4_4 = t2_89.mul_add(x_s1_2_q2, t4_3);
+        let t4_5 = t2_93.mul_add(x_s1_1_q2, t4_4);
+        let t4_6 = t2_147.mul_add(x_q1_q2, t4_5);
         tau[2] = t4_6;
-        let t4_7 = (-t2_25).mul_add(x_q8_q7, t2_59);
-        let t4_8 = t2_25.mul_add(x_q8_q9, t2_26);
-        let t4_9 = t2_58.mul_add(x_q6_q7, t4_7);
-        let t4_10 = (-t2_58).mul_add(x_q6_q9, t4_8);
-        let t4_11 = t2_89.mul_add(x_s1_3_q7, t4_9);
-        let t4_12 = (-t2_89).mul_add(x_s1_3_q9, t4_10);
-        let t4_13 = t2_87.mul_add(x_s1_2_q7, t4_11);
-        let t4_14 = (-t2_87).mul_add(x_s1_2_q9, t4_12);
-        let t4_15 = t2_95.mul_add(x_s1_1_q7, t4_13);
-        let t4_16 = (-t2_95).mul_add(x_s1_1_q9, t4_14);
-        let t4_17 = t2_166.mul_add(x_q1_q7, t4_15);
+        let t4_7 = (-t2_24).mul_add(x_q8_q7, t2_57);
+        let t4_8 = t2_24.mul_add(x_q8_q9, t2_25);
+        let t4_9 = t2_56.mul_add(x_q6_q7, t4_7);
+        let t4_10 = (-t2_56).mul_add(x_q6_q9, t4_8);
+        let t4_11 = t2_85.mul_add(x_s1_3_q7, t4_9);
+        let t4_12 = (-t2_85).mul_add(x_s1_3_q9, t4_10);
+        let t4_13 = t2_89.mul_add(x_s1_2_q7, t4_11);
+        let t4_14 = (-t2_89).mul_add(x_s1_2_q9, t4_12);
+        let t4_15 = t2_93.mul_add(x_s1_1_q7, t4_13);
+        let t4_16 = (-t2_93).mul_add(x_s1_1_q9, t4_14);
+        let t4_17 = t2_147.mul_add(x_q1_q7, t4_15);
         tau[3] = t4_17;
-        let t4_18 = (-t2_166).mul_add(x_q1_q9, t4_16);
+        let t4_18 = (-t2_147).mul_add(x_q1_q9, t4_16);
         let t4_19 = -t4_18;
         tau[4] = t4_19;
     }
@@ -12512,7 +12385,7 @@ pub fn efforts<T: Scalar>(q: &[T; 11], tau: &[T; 5]) -> ([T; 5], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `poses`: per body in the order of `BODIES`: rotation to the world frame, row by row, then the origin in the world, m
 ///
-/// 66 additions, 105 multiplications, 0 divisions, 8 sines and cosines.
+/// 64 additions, 105 multiplications, 0 divisions, 8 sines and cosines.
 pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 10] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 10];
@@ -12670,134 +12543,132 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 10] {
     }
     // body 4
     let [
-        t8_1, t8_2, t8_3, t8_6, t8_8, t8_10, t8_11, t8_12, t8_13, t8_14, t8_15, t8_16, t8_20,
-        t8_22, t8_23, t8_24, t8_25, t8_26, t8_28, t8_29, t8_30, e_4_waistx, e_4_waisty, t8_35,
+        t8_1, t8_3, t8_5, t8_6, t8_7, t8_8, t8_11, t8_13, t8_15, t8_16, t8_17, t8_18, t8_19,
+        t8_20, t8_24, t8_26, t8_27, t8_28, t8_30, t8_31, t8_32, e_4_waistx, e_4_waisty, t8_36,
         t8_37, t8_38,
     ] = {
         let e_4_waistz = like.lift(0.5) * cos_shoulder;
         let t8_1 = -e_4_waistz;
         poses[6][8] = t8_1;
-        let t8_2 = like.lift(0.5) * sin_waist;
-        let t8_3 = like.lift(0.8660254037844386) * t3_3;
-        let t8_4 = t8_2 - t8_3;
-        let t8_5 = cos_q6 * t8_4;
-        let t8_6 = (-sin_q6).mul_add(t3_2, t8_5);
-        poses[6][0] = t8_6;
-        let t8_7 = cos_q6 * t3_2;
-        let t8_8 = sin_q6.mul_add(t8_4, t8_7);
-        let t8_9 = -t8_8;
-        poses[6][1] = t8_9;
-        let t8_10 = like.lift(0.8660254037844386) * sin_waist;
-        let t8_11 = like.lift(0.13172246391561312) * sin_waist;
-        let t8_12 = like.lift(0.5) * t3_3;
-        let t8_13 = t8_10 + t8_12;
-        poses[6][2] = t8_13;
-        let t8_14 = like.lift(0.22815) * t3_3;
-        let t8_15 = like.lift(0.5) * cos_waist;
-        let t8_16 = like.lift(0.8660254037844386) * t3_6;
-        let t8_17 = t8_15 + t8_16;
-        let t8_18 = sin_q6 * t3_5;
-        let t8_19 = cos_q6.mul_add(t8_17, t8_18);
-        let t8_20 = -t8_19;
-        poses[6][3] = t8_20;
-        let t8_21 = sin_q6 * t8_17;
-        let t8_22 = (-cos_q6).mul_add(t3_5, t8_21);
-        poses[6][4] = t8_22;
-        let t8_23 = like.lift(0.8660254037844386) * cos_waist;
-        let t8_24 = like.lift(0.13172246391561312) * cos_waist;
-        let t8_25 = like.lift(0.5) * t3_6;
-        let t8_26 = like.lift(0.22815) * t3_6;
-        let t8_27 = t8_23 - t8_25;
-        let t8_28 = -t8_27;
-        poses[6][5] = t8_28;
-        let t8_29 = like.lift(0.8660254037844386) * cos_shoulder;
-        let t8_30 = like.lift(0.22815) * cos_shoulder;
-        let t8_31 = cos_q6 * t8_29;
-        let e_4_waistx = (-sin_shoulder).mul_add(sin_q6, t8_31);
+        let t8_2 = like.lift(0.13172246391561312) * sin_waist;
+        let t8_3 = t4_1 + t8_2;
+        let t8_4 = like.lift(0.13172246391561312) * cos_waist;
+        let t8_5 = t4_2 - t8_4;
+        let t8_6 = like.lift(0.5) * sin_waist;
+        let t8_7 = like.lift(0.8660254037844386) * sin_waist;
+        let t8_8 = like.lift(0.8660254037844386) * t3_3;
+        let t8_9 = t8_6 - t8_8;
+        let t8_10 = cos_q6 * t8_9;
+        let t8_11 = (-sin_q6).mul_add(t3_2, t8_10);
+        poses[6][0] = t8_11;
+        let t8_12 = cos_q6 * t3_2;
+        let t8_13 = sin_q6.mul_add(t8_9, t8_12);
+        let t8_14 = -t8_13;
+        poses[6][1] = t8_14;
+        let t8_15 = like.lift(0.5) * t3_3;
+        let t8_16 = t8_7 + t8_15;
+        poses[6][2] = t8_16;
+        let t8_17 = like.lift(0.22815) * t3_3;
+        let t8_18 = like.lift(0.5) * cos_waist;
+        let t8_19 = like.lift(0.8660254037844386) * cos_waist;
+        let t8_20 = like.lift(0.8660254037844386) * t3_6;
+        let t8_21 = t8_18 + t8_20;
+        let t8_22 = sin_q6 * t3_5;
+        let t8_23 = cos_q6.mul_add(t8_21, t8_22);
+        let t8_24 = -t8_23;
+        poses[6][3] = t8_24;
+        let t8_25 = sin_q6 * t8_21;
+        let t8_26 = (-cos_q6).mul_add(t3_5, t8_25);
+        poses[6][4] = t8_26;
+        let t8_27 = like.lift(0.5) * t3_6;
+        let t8_28 = like.lift(0.22815) * t3_6;
+        let t8_29 = t8_19 - t8_27;
+        let t8_30 = -t8_29;
+        poses[6][5] = t8_30;
+        let t8_31 = like.lift(0.8660254037844386) * cos_shoulder;
+        let t8_32 = like.lift(0.22815) * cos_shoulder;
+        let t8_33 = cos_q6 * t8_31;
+        let e_4_waistx = (-sin_shoulder).mul_add(sin_q6, t8_33);
         poses[6][6] = e_4_waistx;
-        let t8_32 = sin_shoulder * cos_q6;
-        let e_4_waisty = sin_q6.mul_add(t8_29, t8_32);
-        let t8_33 = -e_4_waisty;
-        poses[6][7] = t8_33;
-        let t8_34 = t4_1 + t8_11;
-        let t8_35 = t8_34 - t8_14;
-        poses[6][9] = t8_35;
-        let t8_36 = t4_2 - t8_24;
-        let t8_37 = t8_36 - t8_26;
+        let t8_34 = sin_shoulder * cos_q6;
+        let e_4_waisty = sin_q6.mul_add(t8_31, t8_34);
+        let t8_35 = -e_4_waisty;
+        poses[6][7] = t8_35;
+        let t8_36 = t8_3 - t8_17;
+        poses[6][9] = t8_36;
+        let t8_37 = t8_5 - t8_28;
         poses[6][10] = t8_37;
-        let t8_38 = t4_3 + t8_30;
+        let t8_38 = t4_3 + t8_32;
         poses[6][11] = t8_38;
         [
-            t8_1, t8_2, t8_3, t8_6, t8_8, t8_10, t8_11, t8_12, t8_13, t8_14, t8_15, t8_16,
-            t8_20, t8_22, t8_23, t8_24, t8_25, t8_26, t8_28, t8_29, t8_30, e_4_waistx,
-            e_4_waisty, t8_35, t8_37, t8_38,
+            t8_1, t8_3, t8_5, t8_6, t8_7, t8_8, t8_11, t8_13, t8_15, t8_16, t8_17, t8_18,
+            t8_19, t8_20, t8_24, t8_26, t8_27, t8_28, t8_30, t8_31, t8_32, e_4_waistx,
+            e_4_waisty, t8_36, t8_37, t8_38,
         ]
     };
     // body 5
     {
-        poses[7][0] = t8_6; poses[7][1] = t8_13; poses[7][2] = t8_8; poses[7][3] = t8_20; poses[7][4] = t8_28; poses[7][6] = e_4_waistx; poses[7][7] = t8_1; poses[7][8] = e_4_waisty;
-        let t9_1 = q7.mul_add(t8_8, t8_35);
+        poses[7][0] = t8_11; poses[7][1] = t8_16; poses[7][2] = t8_13; poses[7][3] = t8_24; poses[7][4] = t8_30; poses[7][6] = e_4_waistx; poses[7][7] = t8_1; poses[7][8] = e_4_waisty;
+        let t9_1 = q7.mul_add(t8_13, t8_36);
         poses[7][9] = t9_1;
         let t9_2 = q7.mul_add(e_4_waisty, t8_38);
         poses[7][11] = t9_2;
-        let t9_3 = (-q7).mul_add(t8_22, t8_37);
+        let t9_3 = (-q7).mul_add(t8_26, t8_37);
         poses[7][10] = t9_3;
-        let t9_4 = -t8_22;
+        let t9_4 = -t8_26;
         poses[7][5] = t9_4;
     }
     // body 6
     let [
-        t10_1, t10_6, t10_8, t10_9, t10_10, t10_12, t10_14, t10_18, t10_20, e_6_waisty, t10_23,
+        t10_1, t10_4, t10_6, t10_7, t10_8, t10_10, t10_12, t10_16, t10_18, e_6_waisty, t10_21,
     ] = {
         poses[8][8] = t8_1;
-        let t10_1 = t8_23 + t8_25;
+        let t10_1 = t8_19 + t8_27;
         poses[8][5] = t10_1;
-        let t10_2 = t8_10 - t8_12;
-        let t10_3 = t4_1 + t8_11;
-        let t10_4 = t4_2 - t8_24;
-        let t10_5 = t8_2 + t8_3;
-        let t10_6 = -t10_2;
-        poses[8][2] = t10_6;
-        let t10_7 = t8_15 - t8_16;
-        let t10_8 = t10_3 + t8_14;
-        poses[8][9] = t10_8;
-        let t10_9 = t10_4 + t8_26;
-        poses[8][10] = t10_9;
-        let t10_10 = t4_3 - t8_30;
-        poses[8][11] = t10_10;
-        let t10_11 = cos_q8 * t10_5;
-        let t10_12 = (-sin_q8).mul_add(t3_2, t10_11);
-        poses[8][0] = t10_12;
-        let t10_13 = cos_q8 * t3_2;
-        let t10_14 = sin_q8.mul_add(t10_5, t10_13);
-        let t10_15 = -t10_14;
-        poses[8][1] = t10_15;
-        let t10_16 = sin_q8 * t3_5;
-        let t10_17 = cos_q8.mul_add(t10_7, t10_16);
-        let t10_18 = -t10_17;
-        poses[8][3] = t10_18;
-        let t10_19 = sin_q8 * t10_7;
-        let t10_20 = (-cos_q8).mul_add(t3_5, t10_19);
-        poses[8][4] = t10_20;
-        let t10_21 = sin_shoulder * sin_q8;
-        let e_6_waistx = cos_q8.mul_add(t8_29, t10_21);
-        let t10_22 = sin_q8 * t8_29;
-        let e_6_waisty = (-sin_shoulder).mul_add(cos_q8, t10_22);
+        let t10_2 = t8_7 - t8_15;
+        let t10_3 = t8_6 + t8_8;
+        let t10_4 = -t10_2;
+        poses[8][2] = t10_4;
+        let t10_5 = t8_18 - t8_20;
+        let t10_6 = t8_3 + t8_17;
+        poses[8][9] = t10_6;
+        let t10_7 = t8_5 + t8_28;
+        poses[8][10] = t10_7;
+        let t10_8 = t4_3 - t8_32;
+        poses[8][11] = t10_8;
+        let t10_9 = cos_q8 * t10_3;
+        let t10_10 = (-sin_q8).mul_add(t3_2, t10_9);
+        poses[8][0] = t10_10;
+        let t10_11 = cos_q8 * t3_2;
+        let t10_12 = sin_q8.mul_add(t10_3, t10_11);
+        let t10_13 = -t10_12;
+        poses[8][1] = t10_13;
+        let t10_14 = sin_q8 * t3_5;
+        let t10_15 = cos_q8.mul_add(t10_5, t10_14);
+        let t10_16 = -t10_15;
+        poses[8][3] = t10_16;
+        let t10_17 = sin_q8 * t10_5;
+        let t10_18 = (-cos_q8).mul_add(t3_5, t10_17);
+        poses[8][4] = t10_18;
+        let t10_19 = sin_shoulder * sin_q8;
+        let e_6_waistx = cos_q8.mul_add(t8_31, t10_19);
+        let t10_20 = sin_q8 * t8_31;
+        let e_6_waisty = (-sin_shoulder).mul_add(cos_q8, t10_20);
         poses[8][7] = e_6_waisty;
-        let t10_23 = -e_6_waistx;
-        poses[8][6] = t10_23;
-        [t10_1, t10_6, t10_8, t10_9, t10_10, t10_12, t10_14, t10_18, t10_20, e_6_waisty, t10_23]
+        let t10_21 = -e_6_waistx;
+        poses[8][6] = t10_21;
+        [t10_1, t10_4, t10_6, t10_7, t10_8, t10_10, t10_12, t10_16, t10_18, e_6_waisty, t10_21]
     };
     // body 7
     {
-        poses[9][0] = t10_12; poses[9][1] = t10_6; poses[9][2] = t10_14; poses[9][3] = t10_18; poses[9][4] = t10_1; poses[9][6] = t10_23; poses[9][7] = t8_1;
-        let t11_1 = q9.mul_add(t10_14, t10_8);
+        poses[9][0] = t10_10; poses[9][1] = t10_4; poses[9][2] = t10_12; poses[9][3] = t10_16; poses[9][4] = t10_1; poses[9][6] = t10_21; poses[9][7] = t8_1;
+        let t11_1 = q9.mul_add(t10_12, t10_6);
         poses[9][9] = t11_1;
-        let t11_2 = (-q9).mul_add(t10_20, t10_9);
+        let t11_2 = (-q9).mul_add(t10_18, t10_7);
         poses[9][10] = t11_2;
-        let t11_3 = -t10_20;
+        let t11_3 = -t10_18;
         poses[9][5] = t11_3;
-        let t11_4 = (-q9).mul_add(e_6_waisty, t10_10);
+        let t11_4 = (-q9).mul_add(e_6_waisty, t10_8);
         poses[9][11] = t11_4;
         let t11_5 = -e_6_waisty;
         poses[9][8] = t11_5;
@@ -14418,7 +14289,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 112 additions, 38 multiplications, 0 divisions, 0 sines and cosines.
+/// 102 additions, 38 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 100]) -> [T; 48] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 48];
@@ -14475,126 +14346,116 @@ pub fn to_base<T: Scalar>(phi: &[T; 100]) -> [T; 48] {
         let t1_19 = like.lift(0.22815) * p_mz_4;
         let t1_20 = like.lift(2.5) * p_mz_base;
         let t1_21 = p_iyy_4 + p_izz_5;
-        let t1_22 = t1_21 + p_iyy_6;
+        let t1_22 = p_iyy_6 + t1_21;
         let t1_23 = t1_22 + p_izz_7;
-        let t1_24 = p_m_4 + p_m_6;
-        let t1_25 = like.lift(1.75440323).mul_add(p_m_1, p_iyy_boom);
-        let t1_26 = like.lift(1.7023508075).mul_add(t1_24, t1_25);
-        let t1_27 = like.lift(1.685).mul_add(p_m_base, t1_26);
-        let t1_28 = like.lift(0.1225).mul_add(p_m_boom, t1_27);
-        let t1_29 = t1_28 + p_iyy_base;
-        let t1_30 = like.lift(0.75).mul_add(t1_23, t1_29);
-        let t1_31 = t1_30 + p_izz_column;
-        let t1_32 = t1_31 - t1_18;
-        let t1_33 = t1_32 + t1_19;
-        let t1_34 = t1_33 + t1_20;
-        beta[0] = t1_34;
-        let t1_35 = like.lift(0.25) * p_izz_7;
-        let t1_36 = like.lift(0.25) * p_iyy_6;
-        let t1_37 = like.lift(0.25) * p_izz_5;
-        let t1_38 = like.lift(0.25) * p_iyy_4;
-        let t1_39 = like.lift(1.5625) * p_m_1;
-        let t1_40 = like.lift(1.5625) * p_m_base;
-        let t1_41 = p_m_4 + p_m_6;
-        let t1_42 = like.lift(1.5104475775).mul_add(t1_41, t1_20);
-        let t1_43 = t1_42 + t1_19;
-        let t1_44 = t1_43 - t1_18;
-        let t1_45 = t1_44 + p_iyy_boom;
-        let t1_46 = t1_45 + p_iyy_base;
-        let t1_47 = t1_46 - p_izz_base;
-        let t1_48 = t1_47 - p_iyy_1;
-        let t1_49 = t1_48 - p_izz_2;
-        let t1_50 = t1_49 - p_ixx_boom;
-        let t1_51 = t1_50 - t1_35;
-        let t1_52 = t1_51 - t1_36;
-        let t1_53 = t1_52 - t1_37;
-        let t1_54 = t1_53 - t1_38;
-        let t1_55 = t1_54 + t1_39;
-        let t1_56 = t1_55 + t1_40;
-        let t1_57 = -t1_56;
-        beta[1] = t1_57;
-        let t1_58 = p_m_4 + p_m_6;
-        let t1_59 = like.lift(1.6145524225).mul_add(t1_58, t1_40);
-        let t1_60 = t1_59 + t1_39;
+        let t1_24 = t1_21 - p_iyy_6;
+        let t1_25 = t1_24 - p_izz_7;
+        let t1_26 = p_m_4 + p_m_6;
+        let t1_27 = like.lift(1.75440323).mul_add(p_m_1, p_iyy_boom);
+        let t1_28 = like.lift(1.7023508075).mul_add(t1_26, t1_27);
+        let t1_29 = like.lift(1.685).mul_add(p_m_base, t1_28);
+        let t1_30 = like.lift(0.1225).mul_add(p_m_boom, t1_29);
+        let t1_31 = t1_30 + p_iyy_base;
+        let t1_32 = like.lift(0.75).mul_add(t1_23, t1_31);
+        let t1_33 = t1_32 + p_izz_column;
+        let t1_34 = t1_33 - t1_18;
+        let t1_35 = t1_34 + t1_19;
+        let t1_36 = t1_35 + t1_20;
+        beta[0] = t1_36;
+        let t1_37 = like.lift(0.25) * p_izz_7;
+        let t1_38 = like.lift(0.25) * p_iyy_6;
+        let t1_39 = like.lift(0.25) * p_izz_5;
+        let t1_40 = like.lift(0.25) * p_iyy_4;
+        let t1_41 = like.lift(1.5625) * p_m_1;
+        let t1_42 = like.lift(1.5625) * p_m_base;
+        let t1_43 = like.lift(1.5104475775).mul_add(t1_26, t1_20);
+        let t1_44 = t1_43 + t1_19;
+        let t1_45 = t1_44 - t1_18;
+        let t1_46 = t1_45 + p_iyy_boom;
+        let t1_47 = t1_46 + p_iyy_base;
+        let t1_48 = t1_47 - p_izz_base;
+        let t1_49 = t1_48 - p_iyy_1;
+        let t1_50 = t1_49 - p_izz_2;
+        let t1_51 = t1_50 - p_ixx_boom;
+        let t1_52 = t1_51 - t1_37;
+        let t1_53 = t1_52 - t1_38;
+        let t1_54 = t1_53 - t1_39;
+        let t1_55 = t1_54 - t1_40;
+        let t1_56 = t1_55 + t1_41;
+        let t1_57 = t1_56 + t1_42;
+        let t1_58 = -t1_57;
+        beta[1] = t1_58;
+        let t1_59 = like.lift(1.6145524225).mul_add(t1_26, t1_42);
+        let t1_60 = t1_59 + t1_41;
         let t1_61 = t1_60 + t1_20;
         let t1_62 = t1_61 - t1_19;
         let t1_63 = t1_62 + t1_18;
         let t1_64 = t1_63 + p_izz_boom;
         let t1_65 = t1_64 + p_iyy_1;
         let t1_66 = t1_65 + p_izz_2;
-        let t1_67 = t1_66 + t1_38;
-        let t1_68 = t1_67 + t1_37;
-        let t1_69 = t1_68 + t1_36;
+        let t1_67 = t1_66 + t1_40;
+        let t1_68 = t1_67 + t1_39;
+        let t1_69 = t1_68 + t1_38;
         let t1_70 = t1_69 + p_ixx_base;
-        let t1_71 = t1_70 + t1_35;
+        let t1_71 = t1_70 + t1_37;
         beta[6] = t1_71;
         let t1_72 = p_m_4 - p_m_6;
-        let t1_73 = like.lift(-0.2851875).mul_add(t1_72, p_ixy_boom);
+        let t1_73 = p_mz_4 + p_mz_6;
         let t1_74 = p_my_base + p_mz_1;
-        let t1_75 = like.lift(-1.25).mul_add(t1_74, t1_73);
-        let t1_76 = p_mz_4 + p_mz_6;
-        let t1_77 = like.lift(0.625).mul_add(t1_76, t1_75);
+        let t1_75 = like.lift(-0.2851875).mul_add(t1_72, p_ixy_boom);
+        let t1_76 = like.lift(-1.25).mul_add(t1_74, t1_75);
+        let t1_77 = like.lift(0.625).mul_add(t1_73, t1_76);
         let t1_78 = t1_77 + p_iyz_base;
         beta[2] = t1_78;
-        let t1_79 = p_m_4 + p_m_6;
-        let t1_80 = like.lift(0.32930615978903277).mul_add(p_m_1, p_ixz_boom);
-        let t1_81 = like.lift(-0.16465307989451639).mul_add(t1_79, t1_80);
-        let t1_82 = like.lift(1.25).mul_add(p_mx_base, t1_81);
-        let t1_83 = p_mz_4 - p_mz_6;
-        let t1_84 = like.lift(-1.0825317547305484).mul_add(t1_83, t1_82);
-        let t1_85 = t1_84 - p_ixz_base;
-        beta[3] = t1_85;
-        let t1_86 = p_m_base + p_m_1;
-        let t1_87 = t1_86 + p_m_4;
-        let t1_88 = t1_87 + p_m_6;
-        let t1_89 = like.lift(1.25).mul_add(t1_88, p_mx_boom);
-        let t1_90 = t1_89 + p_mz_base;
-        beta[4] = t1_90;
-        let t1_91 = p_m_4 - p_m_6;
-        let t1_92 = like.lift(0.22815).mul_add(t1_91, p_my_base);
-        let t1_93 = t1_92 + p_mz_1;
-        let t1_94 = p_mz_4 + p_mz_6;
-        let t1_95 = like.lift(-0.5).mul_add(t1_94, t1_93);
-        let t1_96 = t1_95 + p_my_boom;
-        beta[5] = t1_96;
-        let t1_97 = p_iyy_4 + p_izz_5;
-        let t1_98 = t1_97 - p_iyy_6;
-        let t1_99 = t1_98 - p_izz_7;
-        let t1_100 = p_m_4 - p_m_6;
-        let t1_101 = like.lift(-0.030052480142347134).mul_add(t1_100, p_iyz_boom);
-        let t1_102 = like.lift(0.26344492783122625).mul_add(p_mz_1, t1_101);
-        let t1_103 = p_mz_4 + p_mz_6;
-        let t1_104 = like.lift(-0.13172246391561312).mul_add(t1_103, t1_102);
-        let t1_105 = like.lift(0.4330127018922193).mul_add(t1_99, t1_104);
-        let t1_106 = t1_105 - p_ixy_base;
-        let t1_107 = -t1_106;
-        beta[7] = t1_107;
-        let t1_108 = p_iyy_1 - p_ixx_2;
-        let t1_109 = t1_108 - p_ixx_1;
-        let t1_110 = t1_109 + p_izz_2;
-        let t1_111 = -t1_110;
-        beta[8] = t1_111;
-        let t1_112 = p_m_3 + p_m_5;
-        let t1_113 = t1_112 + p_m_2;
-        let t1_114 = t1_113 + p_m_7;
-        beta[18] = t1_114;
-        let t1_115 = like.lift(0.20820969) * p_m_5;
-        let t1_116 = like.lift(0.0520524225).mul_add(p_m_7, p_iyy_3);
-        let t1_117 = t1_116 + t1_115;
-        beta[22] = t1_117;
-        let t1_118 = like.lift(0.20820969).mul_add(p_m_7, t1_115);
-        let t1_119 = t1_118 + p_izz_3;
-        beta[24] = t1_119;
-        let t1_120 = p_iyy_4 - p_ixx_5;
-        let t1_121 = t1_120 - p_ixx_4;
-        let t1_122 = t1_121 + p_izz_5;
-        let t1_123 = -t1_122;
-        beta[28] = t1_123;
-        let t1_124 = p_iyy_6 - p_ixx_7;
-        let t1_125 = t1_124 - p_ixx_6;
-        let t1_126 = t1_125 + p_izz_7;
-        let t1_127 = -t1_126;
-        beta[38] = t1_127;
+        let t1_79 = like.lift(0.22815).mul_add(t1_72, t1_74);
+        let t1_80 = like.lift(-0.5).mul_add(t1_73, t1_79);
+        let t1_81 = t1_80 + p_my_boom;
+        beta[5] = t1_81;
+        let t1_82 = like.lift(-0.030052480142347134).mul_add(t1_72, p_iyz_boom);
+        let t1_83 = like.lift(0.26344492783122625).mul_add(p_mz_1, t1_82);
+        let t1_84 = like.lift(-0.13172246391561312).mul_add(t1_73, t1_83);
+        let t1_85 = like.lift(0.4330127018922193).mul_add(t1_25, t1_84);
+        let t1_86 = t1_85 - p_ixy_base;
+        let t1_87 = -t1_86;
+        beta[7] = t1_87;
+        let t1_88 = p_mz_4 - p_mz_6;
+        let t1_89 = like.lift(0.32930615978903277).mul_add(p_m_1, p_ixz_boom);
+        let t1_90 = like.lift(-0.16465307989451639).mul_add(t1_26, t1_89);
+        let t1_91 = like.lift(1.25).mul_add(p_mx_base, t1_90);
+        let t1_92 = like.lift(-1.0825317547305484).mul_add(t1_88, t1_91);
+        let t1_93 = t1_92 - p_ixz_base;
+        beta[3] = t1_93;
+        let t1_94 = p_m_base + p_m_1;
+        let t1_95 = t1_94 + t1_26;
+        let t1_96 = like.lift(1.25).mul_add(t1_95, p_mx_boom);
+        let t1_97 = t1_96 + p_mz_base;
+        beta[4] = t1_97;
+        let t1_98 = p_iyy_1 - p_ixx_2;
+        let t1_99 = t1_98 - p_ixx_1;
+        let t1_100 = t1_99 + p_izz_2;
+        let t1_101 = -t1_100;
+        beta[8] = t1_101;
+        let t1_102 = p_m_3 + p_m_5;
+        let t1_103 = t1_102 + p_m_2;
+        let t1_104 = t1_103 + p_m_7;
+        beta[18] = t1_104;
+        let t1_105 = like.lift(0.20820969) * p_m_5;
+        let t1_106 = like.lift(0.0520524225).mul_add(p_m_7, p_iyy_3);
+        let t1_107 = t1_106 + t1_105;
+        beta[22] = t1_107;
+        let t1_108 = like.lift(0.20820969).mul_add(p_m_7, t1_105);
+        let t1_109 = t1_108 + p_izz_3;
+        beta[24] = t1_109;
+        let t1_110 = p_iyy_4 - p_ixx_5;
+        let t1_111 = t1_110 - p_ixx_4;
+        let t1_112 = t1_111 + p_izz_5;
+        let t1_113 = -t1_112;
+        beta[28] = t1_113;
+        let t1_114 = p_iyy_6 - p_ixx_7;
+        let t1_115 = t1_114 - p_ixx_6;
+        let t1_116 = t1_115 + p_izz_7;
+        let t1_117 = -t1_116;
+        beta[38] = t1_117;
     }
     beta
 }
@@ -14605,7 +14466,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 100]) -> [T; 48] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 107 additions, 35 multiplications, 0 divisions, 0 sines and cosines.
+/// 94 additions, 35 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 48], free: &[T; 52]) -> [T; 100] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 100];
@@ -14666,112 +14527,99 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 48], free: &[T; 52]) -> [T; 10
         let t1_19 = like.lift(0.22815) * p_mz_4;
         let t1_20 = like.lift(2.5) * p_mz_base;
         let t1_21 = p_iyy_4 + p_izz_5;
-        let t1_22 = t1_21 + p_iyy_6;
-        let t1_23 = t1_22 + p_izz_7;
-        let t1_24 = p_m_4 + p_m_6;
-        let t1_25 = like.lift(-1.75440323).mul_add(p_m_1, p_izz_column);
-        let t1_26 = like.lift(-1.7023508075).mul_add(t1_24, t1_25);
-        let t1_27 = like.lift(-1.685).mul_add(p_m_base, t1_26);
-        let t1_28 = like.lift(-0.1225).mul_add(p_m_boom, t1_27);
-        let t1_29 = t1_28 - p_iyy_boom;
-        let t1_30 = t1_29 - p_iyy_base;
-        let t1_31 = like.lift(-0.75).mul_add(t1_23, t1_30);
-        let t1_32 = t1_31 + t1_18;
-        let t1_33 = t1_32 - t1_19;
-        let t1_34 = t1_33 - t1_20;
-        phi[5] = t1_34;
-        let t1_35 = p_iyy_4 + p_izz_5;
-        let t1_36 = t1_35 + p_iyy_6;
-        let t1_37 = t1_36 + p_izz_7;
-        let t1_38 = p_iyy_1 + p_izz_2;
-        let t1_39 = like.lift(0.25).mul_add(t1_37, t1_38);
-        let t1_40 = like.lift(1.5625) * p_m_1;
-        let t1_41 = like.lift(1.5625) * p_m_base;
-        let t1_42 = p_m_4 + p_m_6;
-        let t1_43 = like.lift(1.5104475775).mul_add(t1_42, p_ixx_boom);
-        let t1_44 = t1_43 + t1_20;
-        let t1_45 = t1_44 + t1_19;
-        let t1_46 = t1_45 - t1_18;
-        let t1_47 = t1_46 + p_iyy_boom;
-        let t1_48 = t1_47 + p_iyy_base;
-        let t1_49 = t1_48 - p_izz_base;
-        let t1_50 = t1_49 - t1_39;
-        let t1_51 = t1_50 + t1_40;
-        let t1_52 = t1_51 + t1_41;
-        phi[10] = t1_52;
-        let t1_53 = p_m_4 - p_m_6;
-        let t1_54 = like.lift(0.2851875).mul_add(t1_53, p_ixy_boom);
-        let t1_55 = p_my_base + p_mz_1;
-        let t1_56 = like.lift(1.25).mul_add(t1_55, t1_54);
-        let t1_57 = p_mz_4 + p_mz_6;
-        let t1_58 = like.lift(-0.625).mul_add(t1_57, t1_56);
-        let t1_59 = t1_58 - p_iyz_base;
-        phi[11] = t1_59;
-        let t1_60 = p_m_4 + p_m_6;
-        let t1_61 = like.lift(-0.32930615978903277).mul_add(p_m_1, p_ixz_boom);
-        let t1_62 = like.lift(0.16465307989451639).mul_add(t1_60, t1_61);
-        let t1_63 = like.lift(-1.25).mul_add(p_mx_base, t1_62);
-        let t1_64 = p_mz_4 - p_mz_6;
-        let t1_65 = like.lift(1.0825317547305484).mul_add(t1_64, t1_63);
-        let t1_66 = t1_65 + p_ixz_base;
-        phi[12] = t1_66;
-        let t1_67 = p_m_base + p_m_1;
-        let t1_68 = t1_67 + p_m_4;
-        let t1_69 = t1_68 + p_m_6;
-        let t1_70 = like.lift(-1.25).mul_add(t1_69, p_mx_boom);
-        let t1_71 = t1_70 - p_mz_base;
-        phi[16] = t1_71;
-        let t1_72 = p_m_4 - p_m_6;
-        let t1_73 = like.lift(-0.22815).mul_add(t1_72, p_my_boom);
-        let t1_74 = t1_73 - p_my_base;
-        let t1_75 = t1_74 - p_mz_1;
-        let t1_76 = p_mz_4 + p_mz_6;
-        let t1_77 = like.lift(0.5).mul_add(t1_76, t1_75);
-        phi[17] = t1_77;
-        let t1_78 = p_m_4 + p_m_6;
-        let t1_79 = like.lift(-1.6145524225).mul_add(t1_78, p_ixx_base);
-        let t1_80 = t1_79 - t1_41;
-        let t1_81 = t1_80 - t1_40;
-        let t1_82 = t1_81 - t1_20;
-        let t1_83 = t1_82 + t1_19;
-        let t1_84 = t1_83 - t1_18;
-        let t1_85 = t1_84 - p_izz_boom;
-        let t1_86 = t1_85 - t1_39;
-        phi[20] = t1_86;
-        let t1_87 = p_iyy_4 + p_izz_5;
-        let t1_88 = t1_87 - p_iyy_6;
-        let t1_89 = t1_88 - p_izz_7;
-        let t1_90 = p_m_4 - p_m_6;
-        let t1_91 = like.lift(-0.030052480142347134).mul_add(t1_90, p_ixy_base);
-        let t1_92 = like.lift(0.26344492783122625).mul_add(p_mz_1, t1_91);
-        let t1_93 = p_mz_4 + p_mz_6;
-        let t1_94 = like.lift(-0.13172246391561312).mul_add(t1_93, t1_92);
-        let t1_95 = t1_94 + p_iyz_boom;
-        let t1_96 = like.lift(0.4330127018922193).mul_add(t1_89, t1_95);
-        phi[21] = t1_96;
-        let t1_97 = p_ixx_1 + p_iyy_1;
-        let t1_98 = t1_97 - p_ixx_2;
-        let t1_99 = t1_98 + p_izz_2;
-        phi[30] = t1_99;
-        let t1_100 = p_m_2 - p_m_3;
-        let t1_101 = t1_100 - p_m_5;
-        let t1_102 = t1_101 - p_m_7;
-        phi[49] = t1_102;
-        let t1_103 = like.lift(0.20820969) * p_m_5;
-        let t1_104 = like.lift(-0.0520524225).mul_add(p_m_7, p_iyy_3);
-        let t1_105 = t1_104 - t1_103;
-        phi[53] = t1_105;
-        let t1_106 = like.lift(-0.20820969).mul_add(p_m_7, p_izz_3);
-        let t1_107 = t1_106 - t1_103;
-        phi[55] = t1_107;
-        let t1_108 = p_ixx_4 + p_iyy_4;
-        let t1_109 = t1_108 - p_ixx_5;
-        let t1_110 = t1_109 + p_izz_5;
-        phi[60] = t1_110;
-        let t1_111 = p_ixx_6 + p_iyy_6;
-        let t1_112 = t1_111 - p_ixx_7;
-        let t1_113 = t1_112 + p_izz_7;
-        phi[80] = t1_113;
+        let t1_22 = p_iyy_6 + t1_21;
+        let t1_23 = p_izz_7 + t1_22;
+        let t1_24 = t1_21 - p_iyy_6;
+        let t1_25 = t1_24 - p_izz_7;
+        let t1_26 = p_m_4 + p_m_6;
+        let t1_27 = like.lift(-1.75440323).mul_add(p_m_1, p_izz_column);
+        let t1_28 = like.lift(-1.7023508075).mul_add(t1_26, t1_27);
+        let t1_29 = like.lift(-1.685).mul_add(p_m_base, t1_28);
+        let t1_30 = like.lift(-0.1225).mul_add(p_m_boom, t1_29);
+        let t1_31 = t1_30 - p_iyy_boom;
+        let t1_32 = t1_31 - p_iyy_base;
+        let t1_33 = like.lift(-0.75).mul_add(t1_23, t1_32);
+        let t1_34 = t1_33 + t1_18;
+        let t1_35 = t1_34 - t1_19;
+        let t1_36 = t1_35 - t1_20;
+        phi[5] = t1_36;
+        let t1_37 = p_iyy_1 + p_izz_2;
+        let t1_38 = like.lift(0.25).mul_add(t1_23, t1_37);
+        let t1_39 = like.lift(1.5625) * p_m_1;
+        let t1_40 = like.lift(1.5625) * p_m_base;
+        let t1_41 = like.lift(1.5104475775).mul_add(t1_26, p_ixx_boom);
+        let t1_42 = t1_41 + t1_20;
+        let t1_43 = t1_42 + t1_19;
+        let t1_44 = t1_43 - t1_18;
+        let t1_45 = t1_44 + p_iyy_boom;
+        let t1_46 = t1_45 + p_iyy_base;
+        let t1_47 = t1_46 - p_izz_base;
+        let t1_48 = t1_47 - t1_38;
+        let t1_49 = t1_48 + t1_39;
+        let t1_50 = t1_49 + t1_40;
+        phi[10] = t1_50;
+        let t1_51 = like.lift(-1.6145524225).mul_add(t1_26, p_ixx_base);
+        let t1_52 = t1_51 - t1_40;
+        let t1_53 = t1_52 - t1_39;
+        let t1_54 = t1_53 - t1_20;
+        let t1_55 = t1_54 + t1_19;
+        let t1_56 = t1_55 - t1_18;
+        let t1_57 = t1_56 - p_izz_boom;
+        let t1_58 = t1_57 - t1_38;
+        phi[20] = t1_58;
+        let t1_59 = p_m_4 - p_m_6;
+        let t1_60 = p_mz_4 + p_mz_6;
+        let t1_61 = p_my_base + p_mz_1;
+        let t1_62 = like.lift(0.2851875).mul_add(t1_59, p_ixy_boom);
+        let t1_63 = like.lift(1.25).mul_add(t1_61, t1_62);
+        let t1_64 = like.lift(-0.625).mul_add(t1_60, t1_63);
+        let t1_65 = t1_64 - p_iyz_base;
+        phi[11] = t1_65;
+        let t1_66 = like.lift(-0.22815).mul_add(t1_59, p_my_boom);
+        let t1_67 = t1_66 - t1_61;
+        let t1_68 = like.lift(0.5).mul_add(t1_60, t1_67);
+        phi[17] = t1_68;
+        let t1_69 = like.lift(-0.030052480142347134).mul_add(t1_59, p_ixy_base);
+        let t1_70 = like.lift(0.26344492783122625).mul_add(p_mz_1, t1_69);
+        let t1_71 = like.lift(-0.13172246391561312).mul_add(t1_60, t1_70);
+        let t1_72 = t1_71 + p_iyz_boom;
+        let t1_73 = like.lift(0.4330127018922193).mul_add(t1_25, t1_72);
+        phi[21] = t1_73;
+        let t1_74 = p_mz_4 - p_mz_6;
+        let t1_75 = like.lift(-0.32930615978903277).mul_add(p_m_1, p_ixz_boom);
+        let t1_76 = like.lift(0.16465307989451639).mul_add(t1_26, t1_75);
+        let t1_77 = like.lift(-1.25).mul_add(p_mx_base, t1_76);
+        let t1_78 = like.lift(1.0825317547305484).mul_add(t1_74, t1_77);
+        let t1_79 = t1_78 + p_ixz_base;
+        phi[12] = t1_79;
+        let t1_80 = p_m_base + p_m_1;
+        let t1_81 = t1_80 + t1_26;
+        let t1_82 = like.lift(-1.25).mul_add(t1_81, p_mx_boom);
+        let t1_83 = t1_82 - p_mz_base;
+        phi[16] = t1_83;
+        let t1_84 = p_ixx_1 + p_iyy_1;
+        let t1_85 = t1_84 - p_ixx_2;
+        let t1_86 = t1_85 + p_izz_2;
+        phi[30] = t1_86;
+        let t1_87 = p_m_2 - p_m_3;
+        let t1_88 = t1_87 - p_m_5;
+        let t1_89 = t1_88 - p_m_7;
+        phi[49] = t1_89;
+        let t1_90 = like.lift(0.20820969) * p_m_5;
+        let t1_91 = like.lift(-0.0520524225).mul_add(p_m_7, p_iyy_3);
+        let t1_92 = t1_91 - t1_90;
+        phi[53] = t1_92;
+        let t1_93 = like.lift(-0.20820969).mul_add(p_m_7, p_izz_3);
+        let t1_94 = t1_93 - t1_90;
+        phi[55] = t1_94;
+        let t1_95 = p_ixx_4 + p_iyy_4;
+        let t1_96 = t1_95 - p_ixx_5;
+        let t1_97 = t1_96 + p_izz_5;
+        phi[60] = t1_97;
+        let t1_98 = p_ixx_6 + p_iyy_6;
+        let t1_99 = t1_98 - p_ixx_7;
+        let t1_100 = t1_99 + p_izz_7;
+        phi[80] = t1_100;
     }
     phi
 }
@@ -15705,7 +15553,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 158 additions, 286 multiplications, 6 divisions, 7 sines and cosines.
+/// 151 additions, 279 multiplications, 6 divisions, 7 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 5];
@@ -15733,13 +15581,13 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
     ] = *beta;
     // tau, part 1
     let [
-        t2_16, t2_30, t2_34, t2_46, t2_50, t2_54, t2_87, t2_96, t2_104, t2_112, t2_113, t2_115,
-        t2_116, t2_124, t2_127, t2_139, t2_143, t2_144, t2_148, t2_149, t2_152, pivot_1,
-        t2_154, t2_155, t2_157, t2_160, t2_163, t2_165, t2_168, t2_170, t2_172, t2_174, t2_176,
-        t2_177, t2_179, t2_180, t2_181, t2_183, t2_184, t2_185, t2_186, t2_188, t2_189, t2_190,
-        t2_191, t2_192, t2_193, t2_195, t2_197, t2_198, pivot_3, inv_pivot_3, t2_200, t2_201,
-        pivot_4, inv_pivot_4, inv_pivot_5, t2_206, t2_208, t2_209, t2_212, t2_213, t2_217,
-        t2_219, t2_221,
+        t2_16, t2_30, t2_34, t2_46, t2_50, t2_54, t2_87, t2_96, t2_104, t2_111, t2_112, t2_114,
+        t2_115, t2_121, t2_123, t2_129, t2_131, t2_134, t2_135, t2_137, t2_141, t2_147, t2_148,
+        pivot_1, t2_150, t2_151, t2_153, t2_155, t2_157, t2_161, t2_163, t2_165, t2_166,
+        t2_167, t2_170, t2_172, t2_173, t2_174, t2_175, t2_176, t2_177, t2_178, t2_179, t2_180,
+        t2_181, t2_182, pivot_3, inv_pivot_3, t2_185, t2_186, t2_187, pivot_4, inv_pivot_4,
+        inv_pivot_5, t2_192, t2_195, t2_198, t2_204, pivot_6, inv_pivot_6, t2_209, t2_211,
+        t2_214, t2_216, t2_217, t2_219,
     ] = {
         let t2_1 = like.lift(9.81) * sin_shoulder;
         let t2_2 = like.lift(8.495709211125343) * cos_shoulder;
@@ -15863,142 +15711,142 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
         let t2_108 = cos_q1.mul_add(sin_s1_2, t2_107);
         let t2_109 = cos_q1 * cos_s1_2;
         let t2_110 = (-sin_s1_2).mul_add(t2_106, t2_109);
-        let t2_111 = sin_s1_3 * t2_110;
-        let t2_112 = like.lift(-0.4563).mul_add(t2_108, t2_105);
-        let t2_113 = -t2_112;
+        let t2_111 = like.lift(-0.4563).mul_add(t2_108, t2_105);
+        let t2_112 = -t2_111;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_114 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_115 = cos_q1 * t2_114;
-        let t2_116 = sin_q1 * t2_114;
-        let t2_117 = sin_q1 * sin_s1_1;
-        let t2_118 = cos_s1_3.mul_add(t2_117, t2_111);
-        let t2_119 = like.lift(0.22815) * t2_108;
-        let t2_120 = like.lift(-0.39516739174683935).mul_add(t2_118, t2_119);
-        let t2_121 = t2_105 - t2_120;
-        let t2_122 = cos_s1_1 * t2_108;
-        let t2_123 = t2_117.mul_add(e_s1_2_q1x, t2_122);
-        let t2_124 = like.lift(0.4563) * t2_123;
-        let t2_125 = cos_q6 * q7;
-        let t2_126 = like.lift(0.5) * t2_125;
-        let t2_127 = -t2_126;
-        let t2_128 = sin_q1 * q2;
+        let t2_113 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_114 = cos_q1 * t2_113;
+        let t2_115 = sin_q1 * t2_113;
+        let t2_116 = sin_q1 * sin_s1_1;
         let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let t2_129 = sin_q1 * sin_s1_2;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_129);
-        let t2_130 = sin_s1_2 * e_s1_1_shoulderx;
-        let e_s1_2_shoulderz = sin_q1.mul_add(cos_s1_2, t2_130);
-        let t2_131 = sin_s1_3 * sin_s1_1;
-        let t2_132 = t2_131 * sin_s1_2;
+        let t2_117 = sin_s1_2 * e_s1_1_shoulderx;
+        let e_s1_2_shoulderz = sin_q1.mul_add(cos_s1_2, t2_117);
+        let t2_118 = sin_q1 * sin_s1_2;
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t2_118);
+        let t2_119 = cos_s1_1 * cos_s1_2;
+        let t2_120 = -t2_119;
+        let t2_121 = like.lift(0.4563) * t2_120;
+        let t2_122 = sin_s1_1 * sin_s1_2;
         let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t2_133 = cos_s1_3 * e_s1_1_shouldery;
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_133);
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_132);
-        let t2_134 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_135 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_134);
-        let t2_136 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t2_137 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_128);
-        let t2_138 = t2_136 - t2_128;
-        let t2_139 = -t2_137;
-        let t2_140 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t2_141 = (-cos_s1_1).mul_add(e_s1_2_shoulderx, t2_140);
-        let t2_142 = like.lift(0.4563) * t2_141;
-        let t2_143 = -t2_142;
-        let t2_144 = sin_q6 * q7;
-        let t2_145 = cos_q1 * e_s1_2_shoulderx;
-        let t2_146 = (-sin_q1).mul_add(t2_108, t2_145);
-        let t2_147 = like.lift(0.4563) * t2_146;
-        let t2_148 = -t2_147;
-        let t2_149 = -t2_148;
-        let t2_150 = t2_117 * e_s1_2_shoulderx;
-        let t2_151 = e_s1_1_shouldery.mul_add(t2_108, t2_150);
-        let t2_152 = like.lift(0.4563) * t2_151;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_125;
-        let t2_153 = like.lift(1.0) / t2_125;
-        let t2_154 = -t2_121;
-        let t2_155 = cos_q1 * t2_135;
-        let t2_156 = cos_s1_1 * t2_120;
-        let t2_157 = t2_117.mul_add(t2_135, t2_156);
-        let t2_158 = t2_108 * t2_135;
-        let t2_159 = (-e_s1_2_q1x).mul_add(t2_120, t2_158);
-        let t2_160 = -t2_159;
-        let t2_161 = cos_q8 * q9;
-        let t2_162 = like.lift(0.5) * t2_161;
-        let t2_163 = -t2_162;
-        let t2_164 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t2_165 = t2_138 + t2_164;
-        let t2_166 = t2_164 + t2_136;
-        let t2_167 = cos_s1_1 * t2_166;
-        let t2_168 = (-e_s1_1_shouldery).mul_add(t2_135, t2_167);
-        let t2_169 = t2_117 * t2_166;
-        let t2_170 = e_s1_1_shouldery.mul_add(t2_120, t2_169);
-        let t2_171 = e_s1_2_q1x * t2_166;
-        let t2_172 = (-e_s1_2_shoulderx).mul_add(t2_135, t2_171);
-        let t2_173 = e_s1_2_shoulderx * t2_120;
-        let t2_174 = (-t2_108).mul_add(t2_166, t2_173);
-        let t2_175 = sin_q1 * t2_120;
-        let t2_176 = (-cos_q1).mul_add(t2_166, t2_175);
-        let t2_177 = sin_q1 * t2_135;
-        let t2_178 = like.lift(0.5773502691896257).mul_add(t2_174, t2_159);
-        let t2_179 = sin_q8 * q9;
-        let t2_180 = -t2_176;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_161;
-        let t2_181 = -pivot_2;
-        let t2_182 = like.lift(1.0) / t2_161;
-        let t2_183 = -sin_q1;
+        let t2_123 = like.lift(0.4563) * e_s1_2_shoulderz;
+        let t2_124 = cos_s1_3 * e_s1_1_shouldery;
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t2_124);
+        let t2_125 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t2_126 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t2_127 = t2_126 + t2_125;
+        let t2_128 = cos_q6 * q7;
+        let t2_129 = -cos_q6;
+        let t2_130 = like.lift(0.5) * t2_128;
+        let t2_131 = -t2_130;
+        let t2_132 = sin_q1 * q2;
+        let t2_133 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t2_132);
+        let t2_134 = t2_127 - t2_132;
+        let t2_135 = -t2_133;
+        let t2_136 = like.lift(0.4563) * t2_110;
+        let t2_137 = -t2_136;
+        let t2_138 = sin_s1_3 * t2_110;
+        let t2_139 = cos_s1_3.mul_add(t2_116, t2_138);
+        let t2_140 = sin_s1_3 * t2_122;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_140);
+        let t2_141 = like.lift(0.4563) * t2_122;
+        let t2_142 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_143 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_142);
+        let t2_144 = like.lift(0.22815) * t2_108;
+        let t2_145 = like.lift(-0.39516739174683935).mul_add(t2_139, t2_144);
+        let t2_146 = t2_105 - t2_145;
+        let t2_147 = sin_q6 * q7;
+        let t2_148 = -t2_121;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_128;
+        let t2_149 = like.lift(1.0) / t2_128;
+        let t2_150 = -t2_146;
+        let t2_151 = cos_q1 * t2_143;
+        let t2_152 = cos_s1_1 * t2_145;
+        let t2_153 = t2_116.mul_add(t2_143, t2_152);
+        let t2_154 = cos_s1_1 * t2_127;
+        let t2_155 = (-e_s1_1_shouldery).mul_add(t2_143, t2_154);
+        let t2_156 = t2_116 * t2_127;
+        let t2_157 = e_s1_1_shouldery.mul_add(t2_145, t2_156);
+        let t2_158 = t2_108 * t2_143;
+        let t2_159 = (-e_s1_2_q1x).mul_add(t2_145, t2_158);
+        let t2_160 = e_s1_2_q1x * t2_127;
+        let t2_161 = (-e_s1_2_shoulderx).mul_add(t2_143, t2_160);
+        let t2_162 = e_s1_2_shoulderx * t2_145;
+        let t2_163 = (-t2_108).mul_add(t2_127, t2_162);
+        let t2_164 = sin_q1 * t2_145;
+        let t2_165 = (-cos_q1).mul_add(t2_127, t2_164);
+        let t2_166 = sin_q1 * t2_143;
+        let t2_167 = -t2_159;
+        let t2_168 = like.lift(0.5773502691896257).mul_add(t2_163, t2_159);
+        let t2_169 = cos_q8 * q9;
+        let t2_170 = -cos_q8;
+        let t2_171 = like.lift(0.5) * t2_169;
+        let t2_172 = -t2_171;
+        let t2_173 = sin_q8 * q9;
+        let t2_174 = -t2_165;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_169;
+        let t2_175 = -pivot_2;
+        let t2_176 = like.lift(1.0) / t2_169;
+        let t2_177 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t2_184 = -e_4_shouldery;
-        let t2_185 = -cos_q6;
-        let t2_186 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_187 = t2_144 * t2_153;
-        let t2_188 = sin_q6.mul_add(t2_187, cos_q6);
-        let t2_189 = like.lift(1.1547005383792515) * t2_187;
-        let t2_190 = like.lift(1.1547005383792515) * t2_153;
+        let t2_178 = -e_4_shouldery;
+        let t2_179 = like.lift(0.8660254037844386) * sin_q6;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t2_191 = -e_6_shouldery;
-        let t2_192 = -cos_q8;
-        let t2_193 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_194 = t2_179 * t2_182;
-        let t2_195 = sin_q8.mul_add(t2_194, cos_q8);
-        let t2_196 = like.lift(1.1547005383792515) * t2_194;
-        let t2_197 = like.lift(1.1547005383792515) * t2_182;
-        let t2_198 = -t2_193;
-        let pivot_3 = t2_174.mul_add(t2_196, t2_172);
+        let t2_180 = -e_6_shouldery;
+        let t2_181 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_182 = -t2_181;
+        let t2_183 = t2_173 * t2_176;
+        let t2_184 = like.lift(1.1547005383792515) * t2_183;
+        let pivot_3 = t2_163.mul_add(t2_184, t2_161);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_199 = t2_178 * inv_pivot_3;
-        let t2_200 = (-t2_176).mul_add(t2_196, t2_177);
-        let t2_201 = t2_170.mul_add(t2_196, t2_168);
-        let t2_202 = t2_200.mul_add(t2_199, t2_155);
-        let t2_203 = like.lift(0.5773502691896257).mul_add(t2_176, t2_202);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_148, t2_115);
+        let t2_185 = t2_168 * inv_pivot_3;
+        let t2_186 = (-t2_165).mul_add(t2_184, t2_166);
+        let t2_187 = t2_157.mul_add(t2_184, t2_155);
+        let t2_188 = t2_186.mul_add(t2_185, t2_151);
+        let t2_189 = like.lift(0.5773502691896257).mul_add(t2_165, t2_188);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_148, t2_114);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_204 = t2_203 * inv_pivot_4;
-        let t2_205 = (-t2_112).mul_add(t2_204, t2_121);
-        let pivot_5 = (-t2_165).mul_add(t2_199, t2_205);
+        let t2_190 = t2_189 * inv_pivot_4;
+        let t2_191 = (-t2_111).mul_add(t2_190, t2_146);
+        let pivot_5 = (-t2_134).mul_add(t2_185, t2_191);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_206 = -pivot_5;
-        let t2_207 = (-sin_q1).mul_add(t2_204, sin_q1);
-        let t2_208 = (-cos_q1).mul_add(t2_199, t2_207);
-        let t2_209 = like.lift(0.5773502691896257).mul_add(t2_152, t2_124);
-        let t2_210 = (-t2_209).mul_add(t2_204, t2_157);
-        let t2_211 = t2_201.mul_add(t2_199, t2_210);
-        let t2_212 = like.lift(-0.5773502691896257).mul_add(t2_170, t2_211);
-        let t2_213 = t2_195 * t2_199;
-        let t2_214 = t2_148.mul_add(t2_189, t2_116);
-        let t2_215 = t2_214 * inv_pivot_4;
-        let t2_216 = (-t2_112).mul_add(t2_215, t2_137);
-        let t2_217 = t2_216 * inv_pivot_5;
-        let t2_218 = t2_208.mul_add(t2_217, cos_q1);
-        let t2_219 = sin_q1.mul_add(t2_215, t2_218);
-        let t2_220 = (-t2_212).mul_add(t2_217, t2_143);
-        let t2_221 = (-t2_209).mul_add(t2_215, t2_220);
+        let t2_192 = -pivot_5;
+        let t2_193 = (-sin_q1).mul_add(t2_190, sin_q1);
+        let t2_194 = (-cos_q1).mul_add(t2_185, t2_193);
+        let t2_195 = like.lift(0.5773502691896257).mul_add(t2_141, t2_123);
+        let t2_196 = (-t2_195).mul_add(t2_190, t2_153);
+        let t2_197 = t2_187.mul_add(t2_185, t2_196);
+        let t2_198 = like.lift(-0.5773502691896257).mul_add(t2_157, t2_197);
+        let t2_199 = t2_147 * t2_149;
+        let t2_200 = like.lift(1.1547005383792515) * t2_199;
+        let t2_201 = t2_148.mul_add(t2_200, t2_115);
+        let t2_202 = t2_201 * inv_pivot_4;
+        let t2_203 = (-t2_111).mul_add(t2_202, t2_133);
+        let t2_204 = t2_203 * inv_pivot_5;
+        let t2_205 = t2_194.mul_add(t2_204, cos_q1);
+        let t2_206 = sin_q1.mul_add(t2_202, t2_205);
+        let t2_207 = (-t2_198).mul_add(t2_204, t2_137);
+        let t2_208 = (-t2_195).mul_add(t2_202, t2_207);
+        let pivot_6 = (-t2_141).mul_add(t2_200, t2_208);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_209 = t2_206 * inv_pivot_6;
+        let t2_210 = t2_198.mul_add(t2_209, t2_194);
+        let t2_211 = inv_pivot_5 * t2_210;
+        let t2_212 = t2_195.mul_add(t2_209, sin_q1);
+        let t2_213 = (-t2_111).mul_add(t2_211, t2_212);
+        let t2_214 = inv_pivot_4 * t2_213;
+        let t2_215 = q7 * t2_149;
+        let t2_216 = t2_215 * inv_pivot_6;
+        let t2_217 = like.lift(1.1547005383792515) * t2_149;
+        let t2_218 = inv_pivot_5 * t2_198;
+        let t2_219 = t2_218 * t2_216;
         [
-            t2_16, t2_30, t2_34, t2_46, t2_50, t2_54, t2_87, t2_96, t2_104, t2_112, t2_113,
-            t2_115, t2_116, t2_124, t2_127, t2_139, t2_143, t2_144, t2_148, t2_149, t2_152,
-            pivot_1, t2_154, t2_155, t2_157, t2_160, t2_163, t2_165, t2_168, t2_170, t2_172,
-            t2_174, t2_176, t2_177, t2_179, t2_180, t2_181, t2_183, t2_184, t2_185, t2_186,
-            t2_188, t2_189, t2_190, t2_191, t2_192, t2_193, t2_195, t2_197, t2_198, pivot_3,
-            inv_pivot_3, t2_200, t2_201, pivot_4, inv_pivot_4, inv_pivot_5, t2_206, t2_208,
-            t2_209, t2_212, t2_213, t2_217, t2_219, t2_221,
+            t2_16, t2_30, t2_34, t2_46, t2_50, t2_54, t2_87, t2_96, t2_104, t2_111, t2_112,
+            t2_114, t2_115, t2_121, t2_123, t2_129, t2_131, t2_134, t2_135, t2_137, t2_141,
+            t2_147, t2_148, pivot_1, t2_150, t2_151, t2_153, t2_155, t2_157, t2_161, t2_163,
+            t2_165, t2_166, t2_167, t2_170, t2_172, t2_173, t2_174, t2_175, t2_176, t2_177,
+            t2_178, t2_179, t2_180, t2_181, t2_182, pivot_3, inv_pivot_3, t2_185, t2_186,
+            t2_187, pivot_4, inv_pivot_4, inv_pivot_5, t2_192, t2_195, t2_198, t2_204, pivot_6,
+            inv_pivot_6, t2_209, t2_211, t2_214, t2_216, t2_217, t2_219,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -16007,72 +15855,64 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let pivot_6 = (-t2_152).mul_add(t2_189, t2_221);
-        let t3_1 = t2_213 * t2_217;
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_2 = t2_219 * inv_pivot_6;
-        let t3_3 = t2_212.mul_add(t3_2, t2_208);
-        let t3_4 = inv_pivot_5 * t3_3;
-        let t3_5 = t2_188 * inv_pivot_6;
-        let t3_6 = t3_1 * inv_pivot_6;
-        let t3_7 = t2_212.mul_add(t3_6, t2_213);
-        let t3_8 = inv_pivot_5 * t2_212;
-        let t3_9 = inv_pivot_5 * t3_7;
-        let t3_10 = t3_8 * t3_5;
-        let t3_11 = t2_209.mul_add(t3_2, sin_q1);
-        let t3_12 = (-t2_112).mul_add(t3_4, t3_11);
-        let t3_13 = inv_pivot_4 * t3_12;
-        let t3_14 = t2_201.mul_add(t3_6, t2_195);
-        let t3_15 = t2_165.mul_add(t3_9, t3_14);
-        let t3_16 = t2_170.mul_add(t3_6, t2_193);
-        let t3_17 = -t3_10;
-        let t3_18 = -t3_13;
-        let t3_19 = t2_112 * t3_10;
-        let t3_20 = (-t2_209).mul_add(t3_5, t3_19);
-        let t3_21 = t2_112 * t3_9;
-        let t3_22 = (-t2_209).mul_add(t3_6, t3_21);
-        let t3_23 = inv_pivot_4 * t3_20;
-        let t3_24 = inv_pivot_4 * t3_22;
-        let t3_25 = t2_200.mul_add(t3_24, t3_15);
-        let t3_26 = inv_pivot_3 * t3_25;
-        let t3_27 = (-t2_176).mul_add(t3_24, t3_16);
-        let t3_28 = (-t2_174).mul_add(t3_26, t3_27);
-        let t3_29 = -t3_26;
-        let t3_30 = t3_28 * t2_197;
-        let t3_31 = t2_201 * t3_5;
-        let t3_32 = t2_165.mul_add(t3_10, t3_31);
-        let t3_33 = (-t2_201).mul_add(t3_2, cos_q1);
-        let t3_34 = (-t2_165).mul_add(t3_4, t3_33);
-        let t3_35 = t2_200.mul_add(t3_13, t3_34);
-        let t3_36 = t2_200.mul_add(t3_23, t3_32);
-        let t3_37 = inv_pivot_3 * t3_35;
-        let t3_38 = inv_pivot_3 * t3_36;
-        let t3_39 = -t3_23;
-        let t3_40 = -t3_5;
-        let t3_41 = t2_152 * t3_2;
-        let t3_42 = t2_148.mul_add(t3_13, t3_41);
-        let t3_43 = t3_42 * t2_190;
-        let t3_44 = -t3_43;
-        let t3_45 = t2_170 * t3_2;
-        let t3_46 = t2_176.mul_add(t3_13, t3_45);
-        let t3_47 = t2_174.mul_add(t3_37, t3_46);
-        let t3_48 = t3_47 * t2_197;
-        let t3_49 = t2_176 * t3_23;
-        let t3_50 = (-t2_170).mul_add(t3_5, t3_49);
-        let t3_51 = t2_152.mul_add(t3_5, t2_186);
-        let t3_52 = (-t2_148).mul_add(t3_23, t3_51);
-        let t3_53 = t2_174.mul_add(t3_38, t3_50);
-        let t3_54 = t3_53 * t2_197;
-        let t3_55 = t3_52 * t2_190;
-        let t3_56 = t2_148 * t3_24;
-        let t3_57 = (-t2_152).mul_add(t3_6, t3_56);
-        let t3_58 = t3_57 * t2_190;
+        let t3_1 = -t2_219;
+        let t3_2 = q9 * t2_176;
+        let t3_3 = t3_2 * t2_185;
+        let t3_4 = t3_3 * t2_204;
+        let t3_5 = t3_4 * inv_pivot_6;
+        let t3_6 = t2_198.mul_add(t3_5, t3_3);
+        let t3_7 = inv_pivot_5 * t3_6;
+        let t3_8 = t2_187.mul_add(t3_5, t3_2);
+        let t3_9 = t2_134.mul_add(t3_7, t3_8);
+        let t3_10 = like.lift(1.1547005383792515) * t2_176;
+        let t3_11 = t2_157.mul_add(t3_5, t2_181);
+        let t3_12 = -t2_214;
+        let t3_13 = t2_111 * t2_219;
+        let t3_14 = (-t2_195).mul_add(t2_216, t3_13);
+        let t3_15 = t2_111 * t3_7;
+        let t3_16 = (-t2_195).mul_add(t3_5, t3_15);
+        let t3_17 = inv_pivot_4 * t3_14;
+        let t3_18 = inv_pivot_4 * t3_16;
+        let t3_19 = t2_186.mul_add(t3_18, t3_9);
+        let t3_20 = inv_pivot_3 * t3_19;
+        let t3_21 = (-t2_165).mul_add(t3_18, t3_11);
+        let t3_22 = (-t2_163).mul_add(t3_20, t3_21);
+        let t3_23 = -t3_20;
+        let t3_24 = t3_22 * t3_10;
+        let t3_25 = t2_187 * t2_216;
+        let t3_26 = t2_134.mul_add(t2_219, t3_25);
+        let t3_27 = (-t2_187).mul_add(t2_209, cos_q1);
+        let t3_28 = (-t2_134).mul_add(t2_211, t3_27);
+        let t3_29 = t2_186.mul_add(t2_214, t3_28);
+        let t3_30 = t2_186.mul_add(t3_17, t3_26);
+        let t3_31 = inv_pivot_3 * t3_29;
+        let t3_32 = inv_pivot_3 * t3_30;
+        let t3_33 = -t3_17;
+        let t3_34 = -t2_216;
+        let t3_35 = t2_141 * t2_209;
+        let t3_36 = t2_148.mul_add(t2_214, t3_35);
+        let t3_37 = t3_36 * t2_217;
+        let t3_38 = -t3_37;
+        let t3_39 = t2_157 * t2_209;
+        let t3_40 = t2_165.mul_add(t2_214, t3_39);
+        let t3_41 = t2_163.mul_add(t3_31, t3_40);
+        let t3_42 = t3_41 * t3_10;
+        let t3_43 = t2_165 * t3_17;
+        let t3_44 = (-t2_157).mul_add(t2_216, t3_43);
+        let t3_45 = t2_141.mul_add(t2_216, t2_179);
+        let t3_46 = (-t2_148).mul_add(t3_17, t3_45);
+        let t3_47 = t2_163.mul_add(t3_32, t3_44);
+        let t3_48 = t3_47 * t3_10;
+        let t3_49 = t3_46 * t2_217;
+        let t3_50 = t2_148 * t3_18;
+        let t3_51 = (-t2_141).mul_add(t3_5, t3_50);
+        let t3_52 = t3_51 * t2_217;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
-            .min((t2_181 * like.lift(1.863195236951264)).abs())
+            .min((t2_175 * like.lift(1.863195236951264)).abs())
             .min((pivot_3 * like.lift(2.6695171222054848)).abs())
             .min((pivot_4 * like.lift(2.294035647929491)).abs())
-            .min((t2_206 * like.lift(0.786868847408929)).abs())
+            .min((t2_192 * like.lift(0.786868847408929)).abs())
             .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
@@ -16080,30 +15920,30 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([T; 5], Conditio
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t3_4, t3_17, t3_9],
-                [like.lift(0.0), like.lift(0.0), t3_18, t3_39, t3_24],
-                [like.lift(0.0), like.lift(0.0), t3_2, t3_40, t3_6],
-                [like.lift(0.0), like.lift(0.0), t3_37, t3_38, t3_29],
-                [like.lift(0.0), like.lift(0.0), t3_44, t3_55, t3_58],
-                [like.lift(0.0), like.lift(0.0), t3_48, t3_54, t3_30],
+                [like.lift(0.0), like.lift(0.0), t2_211, t3_1, t3_7],
+                [like.lift(0.0), like.lift(0.0), t3_12, t3_33, t3_18],
+                [like.lift(0.0), like.lift(0.0), t2_209, t3_34, t3_5],
+                [like.lift(0.0), like.lift(0.0), t3_31, t3_32, t3_23],
+                [like.lift(0.0), like.lift(0.0), t3_38, t3_49, t3_52],
+                [like.lift(0.0), like.lift(0.0), t3_42, t3_48, t3_24],
             ],
             margin,
             || (
                 [
-                    [t2_113, t2_115, t2_124, like.lift(0.0), t2_127, like.lift(0.0)],
-                    [t2_139, t2_116, t2_143, like.lift(0.0), t2_144, like.lift(0.0)],
-                    [like.lift(0.0), t2_149, t2_152, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_154, t2_155, t2_157, t2_160, like.lift(0.0), t2_163],
-                    [t2_165, t2_177, t2_168, t2_172, like.lift(0.0), t2_179],
-                    [like.lift(0.0), t2_180, t2_170, t2_174, like.lift(0.0), t2_181],
+                    [t2_112, t2_114, t2_123, like.lift(0.0), t2_131, like.lift(0.0)],
+                    [t2_135, t2_115, t2_137, like.lift(0.0), t2_147, like.lift(0.0)],
+                    [like.lift(0.0), t2_121, t2_141, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_150, t2_151, t2_153, t2_167, like.lift(0.0), t2_172],
+                    [t2_134, t2_166, t2_155, t2_161, like.lift(0.0), t2_173],
+                    [like.lift(0.0), t2_174, t2_157, t2_163, like.lift(0.0), t2_175],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t2_183, t2_184, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t2_185, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_186, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t2_183, like.lift(0.0), t2_191],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t2_192],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_198],
+                    [like.lift(0.0), like.lift(0.0), t2_177, t2_178, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t2_129, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_179, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t2_177, like.lift(0.0), t2_180],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t2_170],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t2_182],
                 ],
             ),
         );
@@ -17202,7 +17042,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 48]) ->
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 445 additions, 599 multiplications, 6 divisions, 7 sines and cosines.
+/// 433 additions, 590 multiplications, 6 divisions, 7 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 5]; 5];
@@ -17233,11 +17073,11 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
     ] = *beta;
     // M, part 1
     let [
-        t2_4, t2_6, t2_10, t2_12, t2_14, t2_16, t2_18, t2_20, t2_21, t2_24, t2_38, t2_44,
-        t2_54, t2_59, t2_64, t2_73, t2_78, t2_94, t2_95, t2_97, t2_105, t2_107, t2_111, t2_116,
-        t2_117, t2_120, t2_132, t2_133, t2_136, t2_142, t2_143, t2_170, t2_182, t2_184, t2_186,
-        t2_187, t2_190, t2_194, t2_195, t2_220, t2_222, t2_224, t2_230, t2_234, t2_236, t2_249,
-        t2_250,
+        t2_14, t2_16, t2_18, t2_20, t2_21, t2_24, t2_38, t2_44, t2_59, t2_64, t2_76, t2_79,
+        t2_94, t2_95, t2_97, t2_105, t2_107, t2_111, t2_116, t2_117, t2_120, t2_132, t2_133,
+        t2_136, t2_142, t2_143, t2_146, t2_172, t2_173, t2_176, t2_180, t2_181, t2_194, t2_199,
+        t2_201, t2_209, t2_219, t2_223, t2_225, t2_230, t2_232, t2_233, t2_234, t2_241, t2_244,
+        t2_246, t2_250,
     ] = {
         let t2_1 = p_mx_6 + p_mx_7;
         let t2_2 = p_my_6 - p_mz_7;
@@ -17273,7 +17113,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t2_32 = cos_q1 * t2_22;
         let t2_33 = (-sin_q1).mul_add(t2_28, t2_32);
         let t2_34 = t2_4 + t2_10;
-        let t2_35 = t2_34 + t2_31;
+        let t2_35 = t2_31 + t2_34;
         let t2_36 = like.lift(-1.25).mul_add(p_m_2, t2_35);
         let t2_37 = t2_35 + t2_36;
         let t2_38 = like.lift(1.25) * t2_37;
@@ -17314,36 +17154,36 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t2_73 = like.lift(0.5).mul_add(t2_12, t2_72);
         let t2_74 = like.lift(0.8660254037844386) * t2_12;
         let t2_75 = like.lift(-0.5).mul_add(p_my_5, t2_74);
-        let t2_76 = like.lift(0.22815) * t2_75;
-        let t2_77 = like.lift(0.13172246391561312).mul_add(t2_73, t2_76);
-        let t2_78 = t2_77 + t2_77;
-        let t2_79 = t2_71 + t2_78;
-        let t2_80 = cos_s1_3 * p_ixz_3;
-        let t2_81 = sin_s1_3.mul_add(p_ixy_3, t2_80);
-        let t2_82 = cos_s1_2 * t2_81;
-        let t2_83 = sin_s1_2 * t2_81;
-        let t2_84 = cos_s1_3 * p_iyz_3;
-        let t2_85 = sin_s1_3.mul_add(p_iyy_3, t2_84);
-        let t2_86 = (-sin_s1_3).mul_add(p_izz_3, t2_84);
-        let t2_87 = sin_s1_3 * p_iyz_3;
-        let t2_88 = cos_s1_3.mul_add(p_izz_3, t2_87);
-        let t2_89 = cos_s1_3 * t2_88;
-        let t2_90 = sin_s1_3.mul_add(t2_85, t2_89);
-        let t2_91 = cos_s1_3.mul_add(p_iyy_3, -t2_87);
-        let t2_92 = sin_s1_2.mul_add(t2_90, t2_82);
-        let t2_93 = (-cos_s1_2).mul_add(t2_90, t2_83);
-        let t2_94 = cos_s1_2.mul_add(p_ixx_3, t2_83);
-        let t2_95 = (-sin_s1_2).mul_add(p_ixx_3, t2_82);
+        let t2_76 = t2_56 - t2_75;
+        let t2_77 = like.lift(0.22815) * t2_75;
+        let t2_78 = like.lift(0.13172246391561312).mul_add(t2_73, t2_77);
+        let t2_79 = t2_78 + t2_78;
+        let t2_80 = t2_71 + t2_79;
+        let t2_81 = cos_s1_3 * p_ixz_3;
+        let t2_82 = sin_s1_3.mul_add(p_ixy_3, t2_81);
+        let t2_83 = cos_s1_2 * t2_82;
+        let t2_84 = sin_s1_2 * t2_82;
+        let t2_85 = cos_s1_3 * p_iyz_3;
+        let t2_86 = sin_s1_3.mul_add(p_iyy_3, t2_85);
+        let t2_87 = (-sin_s1_3).mul_add(p_izz_3, t2_85);
+        let t2_88 = sin_s1_3.mul_add(t2_87, p_izz_3);
+        let t2_89 = sin_s1_3.mul_add(t2_86, t2_88);
+        let t2_90 = sin_s1_3 * p_iyz_3;
+        let t2_91 = cos_s1_3.mul_add(p_iyy_3, -t2_90);
+        let t2_92 = sin_s1_2.mul_add(t2_89, t2_83);
+        let t2_93 = (-cos_s1_2).mul_add(t2_89, t2_84);
+        let t2_94 = cos_s1_2.mul_add(p_ixx_3, t2_84);
+        let t2_95 = (-sin_s1_2).mul_add(p_ixx_3, t2_83);
         let t2_96 = sin_s1_2 * t2_95;
         let t2_97 = cos_s1_2.mul_add(t2_93, t2_96);
         let t2_98 = cos_s1_2 * t2_94;
         let t2_99 = sin_s1_2.mul_add(t2_92, t2_98);
         let t2_100 = cos_s1_2 * t2_92;
         let t2_101 = (-sin_s1_2).mul_add(t2_94, t2_100);
-        let t2_102 = cos_s1_3 * t2_86;
+        let t2_102 = cos_s1_3 * t2_87;
         let t2_103 = sin_s1_3.mul_add(t2_91, t2_102);
         let t2_104 = cos_s1_3 * t2_91;
-        let t2_105 = (-sin_s1_3).mul_add(t2_86, t2_104);
+        let t2_105 = (-sin_s1_3).mul_add(t2_87, t2_104);
         let t2_106 = cos_s1_3 * p_ixy_3;
         let t2_107 = (-sin_s1_3).mul_add(p_ixz_3, t2_106);
         let t2_108 = cos_s1_2 * t2_107;
@@ -17377,7 +17217,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t2_136 = cos_q1.mul_add(t2_123, -t2_134);
         let t2_137 = cos_q1 * t2_97;
         let t2_138 = t2_134 - t2_137;
-        let t2_139 = cos_q1.mul_add(t2_138, t2_79);
+        let t2_139 = cos_q1.mul_add(t2_138, t2_80);
         let t2_140 = sin_q1.mul_add(t2_135, t2_139);
         let t2_141 = like.lift(-0.26344492783122625).mul_add(t2_20, t2_137);
         let t2_142 = sin_q1.mul_add(t2_132, t2_141);
@@ -17387,373 +17227,360 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t2_146 = like.lift(0.26344492783122625).mul_add(t2_144, t2_145);
         let t2_147 = t2_140 + t2_146;
         let t2_148 = t2_147 + t2_38;
-        let t2_149 = t2_54 + t2_73;
-        let t2_150 = t2_149 - t2_144;
-        let t2_151 = like.lift(-1.25).mul_add(t2_150, p_ixz_boom);
-        let t2_152 = t2_4 + t2_10;
-        let t2_153 = like.lift(0.13172246391561312).mul_add(t2_152, t2_151);
-        let t2_154 = like.lift(-1.25).mul_add(t2_31, t2_120);
-        let t2_155 = t2_154 + t2_145;
-        let t2_156 = like.lift(0.35) * t2_31;
-        let t2_157 = (-cos_shoulder).mul_add(t2_155, t2_156);
-        let t2_158 = like.lift(0.5) * p_ixy_7;
-        let t2_159 = like.lift(0.8660254037844386).mul_add(t2_49, t2_158);
-        let t2_160 = like.lift(0.5) * t2_49;
-        let t2_161 = like.lift(-0.8660254037844386).mul_add(p_ixy_7, t2_160);
-        let t2_162 = q9.mul_add(p_my_7, p_iyz_6);
-        let t2_163 = like.lift(0.5) * t2_162;
-        let t2_164 = like.lift(0.8660254037844386).mul_add(t2_46, t2_163);
-        let t2_165 = like.lift(0.5) * t2_46;
-        let t2_166 = like.lift(-0.8660254037844386).mul_add(t2_162, t2_165);
-        let t2_167 = (-cos_q8).mul_add(t2_166, t2_153);
-        let t2_168 = (-sin_q8).mul_add(t2_161, t2_167);
-        let t2_169 = cos_q8 * t2_161;
-        let t2_170 = (-sin_q8).mul_add(t2_166, t2_169);
-        let t2_171 = like.lift(0.8660254037844386) * t2_69;
-        let t2_172 = like.lift(-0.5).mul_add(p_ixy_5, t2_171);
-        let t2_173 = like.lift(0.8660254037844386) * p_ixy_5;
-        let t2_174 = like.lift(0.5).mul_add(t2_69, t2_173);
-        let t2_175 = q7.mul_add(p_my_5, p_iyz_4);
-        let t2_176 = like.lift(0.8660254037844386) * t2_66;
-        let t2_177 = like.lift(-0.5).mul_add(t2_175, t2_176);
-        let t2_178 = like.lift(0.8660254037844386) * t2_175;
-        let t2_179 = like.lift(0.5).mul_add(t2_66, t2_178);
-        let t2_180 = (-cos_q6).mul_add(t2_179, t2_168);
-        let t2_181 = (-sin_q6).mul_add(t2_174, t2_180);
-        let t2_182 = like.lift(-0.26344492783122625).mul_add(t2_31, t2_181);
-        let t2_183 = cos_q6 * t2_174;
-        let t2_184 = (-sin_q6).mul_add(t2_179, t2_183);
-        let t2_185 = cos_s1_1 * t2_18;
-        let t2_186 = sin_s1_1.mul_add(t2_16, t2_185);
-        let t2_187 = p_my_2 + t2_186;
-        let t2_188 = q2.mul_add(t2_187, p_iyz_1);
-        let t2_189 = t2_188 - t2_129;
-        let t2_190 = (-q2).mul_add(t2_186, t2_129);
-        let t2_191 = cos_q1 * t2_189;
-        let t2_192 = sin_q1.mul_add(t2_125, t2_191);
-        let t2_193 = cos_q1 * t2_125;
-        let t2_194 = (-sin_q1).mul_add(t2_189, t2_193);
-        let t2_195 = sin_shoulder.mul_add(t2_192, t2_157);
-        let t2_196 = t2_56 - t2_75;
-        let t2_197 = t2_196 - t2_187;
-        let t2_198 = p_my_boom - t2_197;
-        let t2_199 = (-sin_shoulder).mul_add(t2_198, t2_40);
-        let t2_200 = like.lift(1.25).mul_add(t2_197, p_ixy_boom);
-        let t2_201 = t2_4 - t2_10;
-        let t2_202 = like.lift(-0.22815).mul_add(t2_201, t2_200);
-        let t2_203 = cos_q8.mul_add(t2_164, t2_202);
-        let t2_204 = sin_q8.mul_add(t2_159, t2_203);
-        let t2_205 = cos_q8 * t2_159;
-        let t2_206 = (-sin_q8).mul_add(t2_164, t2_205);
-        let t2_207 = (-cos_q6).mul_add(t2_177, t2_204);
-        let t2_208 = (-sin_q6).mul_add(t2_172, t2_207);
-        let t2_209 = t2_208 - t2_192;
-        let t2_210 = cos_q6 * t2_172;
-        let t2_211 = (-sin_q6).mul_add(t2_177, t2_210);
-        let t2_212 = t2_206 + t2_211;
-        let t2_213 = cos_shoulder * t2_209;
-        let t2_214 = sin_shoulder.mul_add(t2_148, t2_213);
-        let t2_215 = like.lift(0.35).mul_add(p_m_2, t2_199);
-        let t2_216 = t2_199 + t2_215;
-        let t2_217 = cos_q8 * p_ixy_7;
-        let t2_218 = (-sin_q8).mul_add(t2_162, t2_217);
-        let t2_219 = cos_q8 * t2_162;
-        let t2_220 = sin_q8.mul_add(p_ixy_7, t2_219);
-        let t2_221 = like.lift(0.5) * t2_44;
-        let t2_222 = like.lift(0.8660254037844386).mul_add(t2_218, t2_221);
-        let t2_223 = like.lift(0.5) * t2_218;
-        let t2_224 = like.lift(-0.8660254037844386).mul_add(t2_44, t2_223);
-        let t2_225 = cos_q6 * p_ixy_5;
-        let t2_226 = (-sin_q6).mul_add(t2_175, t2_225);
-        let t2_227 = cos_q6 * t2_175;
-        let t2_228 = sin_q6.mul_add(p_ixy_5, t2_227);
-        let t2_229 = sin_shoulder * t2_228;
-        let t2_230 = like.lift(-0.175).mul_add(t2_10, t2_229);
-        let t2_231 = like.lift(0.8660254037844386) * t2_226;
-        let t2_232 = like.lift(-0.5).mul_add(t2_64, t2_231);
-        let t2_233 = like.lift(0.8660254037844386) * t2_64;
-        let t2_234 = like.lift(0.5).mul_add(t2_226, t2_233);
-        let t2_235 = t2_56 + t2_75;
-        let t2_236 = t2_56 - t2_75;
-        let t2_237 = like.lift(-0.4563).mul_add(t2_235, t2_59);
-        let t2_238 = t2_222 - t2_232;
-        let t2_239 = like.lift(0.5).mul_add(t2_238, t2_237);
-        let t2_240 = like.lift(0.8660254037844386).mul_add(t2_212, t2_239);
-        let t2_241 = t2_240 + t2_78;
-        let t2_242 = t2_241 + t2_120;
-        let t2_243 = t2_242 + t2_146;
-        let t2_244 = t2_243 - t2_38;
-        let t2_245 = cos_shoulder * t2_244;
-        let t2_246 = sin_shoulder.mul_add(t2_209, t2_245);
-        let t2_247 = cos_shoulder.mul_add(t2_246, p_izz_column);
-        let t2_248 = sin_shoulder.mul_add(t2_214, t2_247);
-        let t2_249 = like.lift(0.35).mul_add(t2_216, t2_248);
-        let t2_250 = like.lift(0.625).mul_add(t2_10, t2_232);
+        let t2_149 = like.lift(-1.25).mul_add(t2_31, t2_120);
+        let t2_150 = t2_149 + t2_145;
+        let t2_151 = like.lift(0.35) * t2_31;
+        let t2_152 = (-cos_shoulder).mul_add(t2_150, t2_151);
+        let t2_153 = like.lift(0.5) * p_ixy_7;
+        let t2_154 = like.lift(0.8660254037844386).mul_add(t2_49, t2_153);
+        let t2_155 = like.lift(0.5) * t2_49;
+        let t2_156 = like.lift(-0.8660254037844386).mul_add(p_ixy_7, t2_155);
+        let t2_157 = q9.mul_add(p_my_7, p_iyz_6);
+        let t2_158 = like.lift(0.5) * t2_157;
+        let t2_159 = like.lift(0.8660254037844386).mul_add(t2_46, t2_158);
+        let t2_160 = like.lift(0.5) * t2_46;
+        let t2_161 = like.lift(-0.8660254037844386).mul_add(t2_157, t2_160);
+        let t2_162 = like.lift(0.8660254037844386) * t2_69;
+        let t2_163 = like.lift(-0.5).mul_add(p_ixy_5, t2_162);
+        let t2_164 = like.lift(0.8660254037844386) * p_ixy_5;
+        let t2_165 = like.lift(0.5).mul_add(t2_69, t2_164);
+        let t2_166 = q7.mul_add(p_my_5, p_iyz_4);
+        let t2_167 = like.lift(0.8660254037844386) * t2_66;
+        let t2_168 = like.lift(-0.5).mul_add(t2_166, t2_167);
+        let t2_169 = like.lift(0.8660254037844386) * t2_166;
+        let t2_170 = like.lift(0.5).mul_add(t2_66, t2_169);
+        let t2_171 = cos_s1_1 * t2_18;
+        let t2_172 = sin_s1_1.mul_add(t2_16, t2_171);
+        let t2_173 = p_my_2 + t2_172;
+        let t2_174 = q2.mul_add(t2_173, p_iyz_1);
+        let t2_175 = t2_174 - t2_129;
+        let t2_176 = (-q2).mul_add(t2_172, t2_129);
+        let t2_177 = cos_q1 * t2_175;
+        let t2_178 = sin_q1.mul_add(t2_125, t2_177);
+        let t2_179 = cos_q1 * t2_125;
+        let t2_180 = (-sin_q1).mul_add(t2_175, t2_179);
+        let t2_181 = sin_shoulder.mul_add(t2_178, t2_152);
+        let t2_182 = t2_76 - t2_173;
+        let t2_183 = p_my_boom - t2_182;
+        let t2_184 = (-sin_shoulder).mul_add(t2_183, t2_40);
+        let t2_185 = like.lift(1.25).mul_add(t2_182, p_ixy_boom);
+        let t2_186 = t2_4 - t2_10;
+        let t2_187 = like.lift(-0.22815).mul_add(t2_186, t2_185);
+        let t2_188 = cos_q8.mul_add(t2_159, t2_187);
+        let t2_189 = sin_q8.mul_add(t2_154, t2_188);
+        let t2_190 = cos_q8 * t2_154;
+        let t2_191 = (-sin_q8).mul_add(t2_159, t2_190);
+        let t2_192 = (-cos_q6).mul_add(t2_168, t2_189);
+        let t2_193 = (-sin_q6).mul_add(t2_163, t2_192);
+        let t2_194 = t2_193 - t2_178;
+        let t2_195 = cos_q6 * t2_163;
+        let t2_196 = (-sin_q6).mul_add(t2_168, t2_195);
+        let t2_197 = t2_191 + t2_196;
+        let t2_198 = cos_shoulder * t2_194;
+        let t2_199 = sin_shoulder.mul_add(t2_148, t2_198);
+        let t2_200 = like.lift(0.35).mul_add(p_m_2, t2_184);
+        let t2_201 = t2_184 + t2_200;
+        let t2_202 = cos_q8 * p_ixy_7;
+        let t2_203 = (-sin_q8).mul_add(t2_157, t2_202);
+        let t2_204 = cos_q8 * t2_157;
+        let t2_205 = sin_q8.mul_add(p_ixy_7, t2_204);
+        let t2_206 = like.lift(0.5) * t2_44;
+        let t2_207 = like.lift(0.8660254037844386).mul_add(t2_203, t2_206);
+        let t2_208 = like.lift(0.5) * t2_203;
+        let t2_209 = like.lift(-0.8660254037844386).mul_add(t2_44, t2_208);
+        let t2_210 = cos_q6 * p_ixy_5;
+        let t2_211 = (-sin_q6).mul_add(t2_166, t2_210);
+        let t2_212 = cos_q6 * t2_166;
+        let t2_213 = sin_q6.mul_add(p_ixy_5, t2_212);
+        let t2_214 = sin_shoulder * t2_213;
+        let t2_215 = like.lift(-0.175).mul_add(t2_10, t2_214);
+        let t2_216 = like.lift(0.8660254037844386) * t2_211;
+        let t2_217 = like.lift(-0.5).mul_add(t2_64, t2_216);
+        let t2_218 = like.lift(0.8660254037844386) * t2_64;
+        let t2_219 = like.lift(0.5).mul_add(t2_211, t2_218);
+        let t2_220 = t2_207 - t2_217;
+        let t2_221 = like.lift(0.625).mul_add(t2_10, t2_217);
+        let t2_222 = like.lift(-0.13172246391561312).mul_add(t2_12, t2_221);
+        let t2_223 = (-cos_shoulder).mul_add(t2_222, t2_215);
+        let t2_224 = like.lift(-1.0825317547305484).mul_add(t2_10, t2_219);
+        let t2_225 = like.lift(0.22815).mul_add(t2_12, t2_224);
+        let t2_226 = like.lift(-0.625).mul_add(t2_4, t2_207);
+        let t2_227 = like.lift(0.13172246391561312).mul_add(t2_6, t2_226);
+        let t2_228 = cos_shoulder * t2_227;
+        let t2_229 = like.lift(-0.175).mul_add(t2_4, t2_228);
+        let t2_230 = sin_shoulder.mul_add(t2_205, t2_229);
+        let t2_231 = like.lift(1.0825317547305484).mul_add(t2_4, t2_209);
+        let t2_232 = like.lift(-0.22815).mul_add(t2_6, t2_231);
+        let t2_233 = t2_54 + t2_73;
+        let t2_234 = t2_54 - t2_73;
+        let t2_235 = t2_233 - t2_144;
+        let t2_236 = like.lift(-1.25).mul_add(t2_235, p_ixz_boom);
+        let t2_237 = like.lift(0.13172246391561312).mul_add(t2_34, t2_236);
+        let t2_238 = (-cos_q8).mul_add(t2_161, t2_237);
+        let t2_239 = (-sin_q8).mul_add(t2_156, t2_238);
+        let t2_240 = cos_q8 * t2_156;
+        let t2_241 = (-sin_q8).mul_add(t2_161, t2_240);
+        let t2_242 = (-cos_q6).mul_add(t2_170, t2_239);
+        let t2_243 = (-sin_q6).mul_add(t2_165, t2_242);
+        let t2_244 = like.lift(-0.26344492783122625).mul_add(t2_31, t2_243);
+        let t2_245 = cos_q6 * t2_165;
+        let t2_246 = (-sin_q6).mul_add(t2_170, t2_245);
+        let t2_247 = like.lift(0.26344492783122625).mul_add(t2_233, -t2_79);
+        let t2_248 = like.lift(0.5).mul_add(t2_220, t2_247);
+        let t2_249 = like.lift(0.8660254037844386).mul_add(t2_197, t2_248);
+        let t2_250 = t2_249 + t2_79;
         [
-            t2_4, t2_6, t2_10, t2_12, t2_14, t2_16, t2_18, t2_20, t2_21, t2_24, t2_38, t2_44,
-            t2_54, t2_59, t2_64, t2_73, t2_78, t2_94, t2_95, t2_97, t2_105, t2_107, t2_111,
-            t2_116, t2_117, t2_120, t2_132, t2_133, t2_136, t2_142, t2_143, t2_170, t2_182,
-            t2_184, t2_186, t2_187, t2_190, t2_194, t2_195, t2_220, t2_222, t2_224, t2_230,
-            t2_234, t2_236, t2_249, t2_250,
+            t2_14, t2_16, t2_18, t2_20, t2_21, t2_24, t2_38, t2_44, t2_59, t2_64, t2_76, t2_79,
+            t2_94, t2_95, t2_97, t2_105, t2_107, t2_111, t2_116, t2_117, t2_120, t2_132,
+            t2_133, t2_136, t2_142, t2_143, t2_146, t2_172, t2_173, t2_176, t2_180, t2_181,
+            t2_194, t2_199, t2_201, t2_209, t2_219, t2_223, t2_225, t2_230, t2_232, t2_233,
+            t2_234, t2_241, t2_244, t2_246, t2_250,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_2, t3_4, t3_9, t3_11, t3_15, t3_35, t3_39, t3_40, t3_43, t3_70, t3_71, t3_136,
-        t3_137, t3_157, t3_159, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9,
-        x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7,
-        x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+        t3_8, t3_27, t3_31, t3_34, t3_35, t3_38, t3_76, t3_77, t3_114, t3_117, t3_120, t3_122,
+        x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7,
+        x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
+        x_q8_q7, x_q8_q9,
     ] = {
-        let t3_1 = like.lift(-0.13172246391561312).mul_add(t2_12, t2_250);
-        let t3_2 = (-cos_shoulder).mul_add(t3_1, t2_230);
-        let t3_3 = like.lift(-1.0825317547305484).mul_add(t2_10, t2_234);
-        let t3_4 = like.lift(0.22815).mul_add(t2_12, t3_3);
-        let t3_5 = like.lift(-0.625).mul_add(t2_4, t2_222);
-        let t3_6 = like.lift(0.13172246391561312).mul_add(t2_6, t3_5);
-        let t3_7 = cos_shoulder * t3_6;
-        let t3_8 = like.lift(-0.175).mul_add(t2_4, t3_7);
-        let t3_9 = sin_shoulder.mul_add(t2_220, t3_8);
-        let t3_10 = like.lift(1.0825317547305484).mul_add(t2_4, t2_224);
-        let t3_11 = like.lift(-0.22815).mul_add(t2_6, t3_10);
-        let t3_12 = sin_q1 * t2_97;
-        let t3_13 = like.lift(1.25).mul_add(t2_20, t3_12);
-        let t3_14 = t2_133 + t3_12;
-        let t3_15 = (-cos_q1).mul_add(t2_132, t3_13);
-        let t3_16 = cos_q1.mul_add(t3_14, t2_182);
-        let t3_17 = sin_q1.mul_add(t2_136, t3_16);
-        let t3_18 = sin_shoulder * t3_17;
-        let t3_19 = t2_54 - t2_73;
-        let t3_20 = t2_54 + t2_73;
-        let t3_21 = like.lift(-0.26344492783122625).mul_add(t3_20, p_ixx_base);
-        let t3_22 = t2_224 - t2_234;
-        let t3_23 = t2_224 + t2_234;
-        let t3_24 = like.lift(-0.8660254037844386).mul_add(t3_22, t3_21);
-        let t3_25 = like.lift(0.5).mul_add(t3_23, p_ixy_base);
-        let t3_26 = t2_170 - t2_184;
-        let t3_27 = like.lift(0.8660254037844386).mul_add(t3_26, t3_25);
-        let t3_28 = like.lift(-0.22815).mul_add(t3_19, t3_27);
-        let t3_29 = t2_170 + t2_184;
-        let t3_30 = like.lift(0.5).mul_add(t3_29, t3_24);
-        let t3_31 = t3_30 + t2_59;
-        let t3_32 = t3_31 + t2_78;
-        let t3_33 = (-sin_q1).mul_add(t3_14, t3_32);
-        let t3_34 = cos_q1.mul_add(t2_136, t3_33);
-        let t3_35 = t3_34 - t2_38;
-        let t3_36 = like.lift(-0.13172246391561312).mul_add(t2_236, t3_28);
-        let t3_37 = like.lift(-0.26344492783122625).mul_add(t2_187, t3_36);
-        let t3_38 = t3_37 + t2_194;
-        let t3_39 = (-cos_shoulder).mul_add(t3_38, t3_18);
-        let t3_40 = sin_q1 * p_m_2;
-        let t3_41 = like.lift(-1.25).mul_add(t3_40, t2_21);
-        let t3_42 = cos_q1.mul_add(t2_143, t3_41);
-        let t3_43 = cos_shoulder * t3_42;
-        let t3_44 = cos_q1 * q2;
-        let t3_45 = sin_q1 * cos_s1_1;
-        let t3_46 = cos_s1_2 * t3_45;
-        let t3_47 = cos_q1.mul_add(sin_s1_2, t3_46);
-        let t3_48 = cos_q1 * cos_s1_2;
-        let t3_49 = (-sin_s1_2).mul_add(t3_45, t3_48);
-        let t3_50 = sin_s1_3 * t3_49;
-        let t3_51 = like.lift(-0.4563).mul_add(t3_47, t3_44);
-        let t3_52 = -t3_51;
+        let t3_1 = t2_250 + t2_120;
+        let t3_2 = t3_1 + t2_146;
+        let t3_3 = t3_2 - t2_38;
+        let t3_4 = cos_shoulder * t3_3;
+        let t3_5 = sin_shoulder.mul_add(t2_194, t3_4);
+        let t3_6 = cos_shoulder.mul_add(t3_5, p_izz_column);
+        let t3_7 = sin_shoulder.mul_add(t2_199, t3_6);
+        let t3_8 = like.lift(0.35).mul_add(t2_201, t3_7);
+        let t3_9 = like.lift(-0.26344492783122625).mul_add(t2_233, p_ixx_base);
+        let t3_10 = t2_209 - t2_219;
+        let t3_11 = t2_209 + t2_219;
+        let t3_12 = like.lift(-0.8660254037844386).mul_add(t3_10, t3_9);
+        let t3_13 = like.lift(0.5).mul_add(t3_11, p_ixy_base);
+        let t3_14 = t2_241 - t2_246;
+        let t3_15 = like.lift(0.8660254037844386).mul_add(t3_14, t3_13);
+        let t3_16 = like.lift(-0.22815).mul_add(t2_234, t3_15);
+        let t3_17 = t2_241 + t2_246;
+        let t3_18 = like.lift(0.5).mul_add(t3_17, t3_12);
+        let t3_19 = t3_18 + t2_59;
+        let t3_20 = like.lift(-0.13172246391561312).mul_add(t2_76, t3_16);
+        let t3_21 = t3_19 + t2_79;
+        let t3_22 = like.lift(-0.26344492783122625).mul_add(t2_173, t3_20);
+        let t3_23 = t3_22 + t2_180;
+        let t3_24 = sin_q1 * t2_97;
+        let t3_25 = like.lift(1.25).mul_add(t2_20, t3_24);
+        let t3_26 = t2_133 + t3_24;
+        let t3_27 = (-cos_q1).mul_add(t2_132, t3_25);
+        let t3_28 = cos_q1.mul_add(t3_26, t2_244);
+        let t3_29 = (-sin_q1).mul_add(t3_26, t3_21);
+        let t3_30 = cos_q1.mul_add(t2_136, t3_29);
+        let t3_31 = t3_30 - t2_38;
+        let t3_32 = sin_q1.mul_add(t2_136, t3_28);
+        let t3_33 = sin_shoulder * t3_32;
+        let t3_34 = (-cos_shoulder).mul_add(t3_23, t3_33);
+        let t3_35 = sin_q1 * p_m_2;
+        let t3_36 = like.lift(-1.25).mul_add(t3_35, t2_21);
+        let t3_37 = cos_q1.mul_add(t2_143, t3_36);
+        let t3_38 = cos_shoulder * t3_37;
+        let t3_39 = cos_q1 * q2;
+        let t3_40 = sin_q1 * cos_s1_1;
+        let t3_41 = cos_s1_2 * t3_40;
+        let t3_42 = cos_q1.mul_add(sin_s1_2, t3_41);
+        let t3_43 = cos_q1 * cos_s1_2;
+        let t3_44 = (-sin_s1_2).mul_add(t3_40, t3_43);
+        let t3_45 = like.lift(-0.4563).mul_add(t3_42, t3_39);
+        let t3_46 = -t3_45;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t3_53 = like.lift(0.4563) * e_s1_2_q1x;
-        let t3_54 = cos_q1 * t3_53;
-        let t3_55 = sin_q1 * t3_53;
-        let t3_56 = sin_q1 * sin_s1_1;
-        let t3_57 = cos_s1_3.mul_add(t3_56, t3_50);
-        let t3_58 = like.lift(0.22815) * t3_47;
-        let t3_59 = like.lift(-0.39516739174683935).mul_add(t3_57, t3_58);
-        let t3_60 = t3_44 - t3_59;
-        let t3_61 = cos_s1_1 * t3_47;
-        let t3_62 = t3_56.mul_add(e_s1_2_q1x, t3_61);
-        let t3_63 = like.lift(0.4563) * t3_62;
-        let t3_64 = cos_q6 * q7;
-        let t3_65 = like.lift(0.5) * t3_64;
-        let t3_66 = -t3_65;
-        let t3_67 = sin_q1 * q2;
+        let t3_47 = like.lift(0.4563) * e_s1_2_q1x;
+        let t3_48 = cos_q1 * t3_47;
+        let t3_49 = sin_q1 * t3_47;
+        let t3_50 = sin_q1 * sin_s1_1;
         let e_s1_1_shoulderx = cos_q1 * cos_s1_1;
-        let t3_68 = sin_q1 * sin_s1_2;
-        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t3_68);
-        let t3_69 = sin_s1_2 * e_s1_1_shoulderx;
-        let e_s1_2_shoulderz = sin_q1.mul_add(cos_s1_2, t3_69);
-        let t3_70 = cos_s1_2 * t2_18;
-        let t3_71 = sin_s1_2 * t2_18;
-        let t3_72 = sin_s1_3 * sin_s1_1;
-        let t3_73 = t3_72 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t3_73);
-        let t3_74 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t3_75 = like.lift(0.22815).mul_add(e_s1_2_q1x, t3_74);
-        let t3_76 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t3_67);
-        let t3_77 = -t3_76;
+        let t3_51 = sin_s1_2 * e_s1_1_shoulderx;
+        let e_s1_2_shoulderz = sin_q1.mul_add(cos_s1_2, t3_51);
+        let t3_52 = sin_q1 * sin_s1_2;
+        let e_s1_2_shoulderx = (-cos_s1_2).mul_add(e_s1_1_shoulderx, t3_52);
+        let t3_53 = like.lift(0.4563) * e_s1_2_shoulderz;
+        let t3_54 = cos_q6 * q7;
+        let t3_55 = like.lift(0.5) * t3_54;
+        let t3_56 = -t3_55;
+        let t3_57 = sin_q1 * q2;
+        let t3_58 = like.lift(-0.4563).mul_add(e_s1_2_shoulderx, t3_57);
+        let t3_59 = -t3_58;
         let e_s1_1_shouldery = cos_q1 * sin_s1_1;
-        let t3_78 = cos_s1_3 * e_s1_1_shouldery;
-        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t3_78);
-        let t3_79 = like.lift(0.39516739174683935) * e_3_shouldery;
-        let t3_80 = t3_79 - t3_67;
-        let t3_81 = e_s1_1_shouldery * e_s1_2_q1x;
-        let t3_82 = (-cos_s1_1).mul_add(e_s1_2_shoulderx, t3_81);
-        let t3_83 = like.lift(0.4563) * t3_82;
-        let t3_84 = -t3_83;
-        let t3_85 = sin_q6 * q7;
-        let t3_86 = cos_q1 * e_s1_2_shoulderx;
-        let t3_87 = (-sin_q1).mul_add(t3_47, t3_86);
-        let t3_88 = like.lift(0.4563) * t3_87;
-        let t3_89 = -t3_88;
-        let t3_90 = -t3_89;
-        let t3_91 = t3_56 * e_s1_2_shoulderx;
-        let t3_92 = e_s1_1_shouldery.mul_add(t3_47, t3_91);
-        let t3_93 = like.lift(0.4563) * t3_92;
-        let pivot_1 = like.lift(0.8660254037844386) * t3_64;
-        let t3_94 = like.lift(1.0) / t3_64;
-        let t3_95 = -t3_60;
-        let t3_96 = cos_q1 * t3_75;
-        let t3_97 = cos_s1_1 * t3_59;
-        let t3_98 = t3_56.mul_add(t3_75, t3_97);
-        let t3_99 = t3_47 * t3_75;
-        let t3_100 = (-e_s1_2_q1x).mul_add(t3_59, t3_99);
-        let t3_101 = -t3_100;
-        let t3_102 = cos_q8 * q9;
-        let t3_103 = like.lift(0.5) * t3_102;
-        let t3_104 = -t3_103;
-        let t3_105 = like.lift(0.22815) * e_s1_2_shoulderx;
-        let t3_106 = t3_80 + t3_105;
-        let t3_107 = t3_105 + t3_79;
-        let t3_108 = e_s1_2_q1x * t3_107;
-        let t3_109 = (-e_s1_2_shoulderx).mul_add(t3_75, t3_108);
-        let t3_110 = e_s1_2_shoulderx * t3_59;
-        let t3_111 = (-t3_47).mul_add(t3_107, t3_110);
-        let t3_112 = t3_56 * t3_107;
-        let t3_113 = e_s1_1_shouldery.mul_add(t3_59, t3_112);
-        let t3_114 = sin_q1 * t3_59;
-        let t3_115 = (-cos_q1).mul_add(t3_107, t3_114);
-        let t3_116 = cos_s1_1 * t3_107;
-        let t3_117 = (-e_s1_1_shouldery).mul_add(t3_75, t3_116);
-        let t3_118 = sin_q1 * t3_75;
-        let t3_119 = like.lift(0.5773502691896257).mul_add(t3_111, t3_100);
-        let t3_120 = sin_q8 * q9;
-        let t3_121 = -t3_115;
-        let pivot_2 = like.lift(0.8660254037844386) * t3_102;
-        let t3_122 = -pivot_2;
-        let t3_123 = like.lift(1.0) / t3_102;
-        let t3_124 = -sin_q1;
+        let t3_60 = cos_s1_3 * e_s1_1_shouldery;
+        let e_3_shouldery = (-sin_s1_3).mul_add(e_s1_2_shoulderz, t3_60);
+        let t3_61 = like.lift(0.39516739174683935) * e_3_shouldery;
+        let t3_62 = like.lift(0.22815) * e_s1_2_shoulderx;
+        let t3_63 = t3_62 + t3_61;
+        let t3_64 = t3_63 - t3_57;
+        let t3_65 = like.lift(0.4563) * t3_44;
+        let t3_66 = -t3_65;
+        let t3_67 = sin_s1_3 * t3_44;
+        let t3_68 = cos_s1_3.mul_add(t3_50, t3_67);
+        let t3_69 = like.lift(0.22815) * t3_42;
+        let t3_70 = like.lift(-0.39516739174683935).mul_add(t3_68, t3_69);
+        let t3_71 = t3_39 - t3_70;
+        let t3_72 = sin_q6 * q7;
+        let t3_73 = cos_s1_1 * cos_s1_2;
+        let t3_74 = -t3_73;
+        let t3_75 = like.lift(0.4563) * t3_74;
+        let t3_76 = cos_s1_2 * t2_18;
+        let t3_77 = sin_s1_2 * t2_18;
+        let t3_78 = sin_s1_1 * sin_s1_2;
+        let t3_79 = sin_s1_3 * t3_78;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t3_79);
+        let t3_80 = like.lift(0.4563) * t3_78;
+        let t3_81 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t3_82 = like.lift(0.22815).mul_add(e_s1_2_q1x, t3_81);
+        let t3_83 = -t3_75;
+        let pivot_1 = like.lift(0.8660254037844386) * t3_54;
+        let t3_84 = like.lift(1.0) / t3_54;
+        let t3_85 = -t3_71;
+        let t3_86 = cos_q1 * t3_82;
+        let t3_87 = cos_s1_1 * t3_70;
+        let t3_88 = t3_50.mul_add(t3_82, t3_87);
+        let t3_89 = t3_50 * t3_63;
+        let t3_90 = e_s1_1_shouldery.mul_add(t3_70, t3_89);
+        let t3_91 = cos_s1_1 * t3_63;
+        let t3_92 = (-e_s1_1_shouldery).mul_add(t3_82, t3_91);
+        let t3_93 = t3_42 * t3_82;
+        let t3_94 = (-e_s1_2_q1x).mul_add(t3_70, t3_93);
+        let t3_95 = e_s1_2_q1x * t3_63;
+        let t3_96 = (-e_s1_2_shoulderx).mul_add(t3_82, t3_95);
+        let t3_97 = e_s1_2_shoulderx * t3_70;
+        let t3_98 = (-t3_42).mul_add(t3_63, t3_97);
+        let t3_99 = sin_q1 * t3_70;
+        let t3_100 = (-cos_q1).mul_add(t3_63, t3_99);
+        let t3_101 = sin_q1 * t3_82;
+        let t3_102 = -t3_94;
+        let t3_103 = like.lift(0.5773502691896257).mul_add(t3_98, t3_94);
+        let t3_104 = cos_q8 * q9;
+        let t3_105 = like.lift(0.5) * t3_104;
+        let t3_106 = -t3_105;
+        let t3_107 = sin_q8 * q9;
+        let t3_108 = -t3_100;
+        let pivot_2 = like.lift(0.8660254037844386) * t3_104;
+        let t3_109 = -pivot_2;
+        let t3_110 = like.lift(1.0) / t3_104;
+        let t3_111 = -sin_q1;
         let e_4_shouldery = like.lift(0.5) * sin_q6;
-        let t3_125 = -e_4_shouldery;
-        let t3_126 = -cos_q6;
-        let t3_127 = like.lift(0.8660254037844386) * sin_q6;
+        let t3_112 = -e_4_shouldery;
+        let t3_113 = -cos_q6;
+        let t3_114 = cos_q6 * p_my_5;
+        let t3_115 = like.lift(0.8660254037844386) * sin_q6;
+        let t3_116 = sin_shoulder * sin_q6;
+        let t3_117 = t3_116 * p_my_5;
         let e_6_shouldery = like.lift(0.5) * sin_q8;
-        let t3_128 = -e_6_shouldery;
-        let t3_129 = -cos_q8;
-        let t3_130 = like.lift(0.8660254037844386) * sin_q8;
-        let t3_131 = -t3_130;
-        let t3_132 = t3_120 * t3_123;
-        let t3_133 = like.lift(1.1547005383792515) * t3_123;
-        let t3_134 = like.lift(1.1547005383792515) * t3_132;
-        let t3_135 = sin_q8.mul_add(t3_132, cos_q8);
-        let t3_136 = cos_q8 * p_my_7;
-        let t3_137 = sin_shoulder * sin_q8;
-        let pivot_3 = t3_111.mul_add(t3_134, t3_109);
+        let t3_118 = -e_6_shouldery;
+        let t3_119 = -cos_q8;
+        let t3_120 = cos_q8 * p_my_7;
+        let t3_121 = like.lift(0.8660254037844386) * sin_q8;
+        let t3_122 = sin_shoulder * sin_q8;
+        let t3_123 = -t3_121;
+        let t3_124 = t3_107 * t3_110;
+        let t3_125 = like.lift(1.1547005383792515) * t3_124;
+        let pivot_3 = t3_98.mul_add(t3_125, t3_96);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_138 = t3_119 * inv_pivot_3;
-        let t3_139 = (-t3_115).mul_add(t3_134, t3_118);
-        let t3_140 = t3_113.mul_add(t3_134, t3_117);
-        let t3_141 = t3_139.mul_add(t3_138, t3_96);
-        let t3_142 = like.lift(0.5773502691896257).mul_add(t3_115, t3_141);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t3_89, t3_54);
+        let t3_126 = t3_103 * inv_pivot_3;
+        let t3_127 = (-t3_100).mul_add(t3_125, t3_101);
+        let t3_128 = t3_90.mul_add(t3_125, t3_92);
+        let t3_129 = t3_127.mul_add(t3_126, t3_86);
+        let t3_130 = like.lift(0.5773502691896257).mul_add(t3_100, t3_129);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t3_83, t3_48);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_143 = t3_142 * inv_pivot_4;
-        let t3_144 = (-t3_51).mul_add(t3_143, t3_60);
-        let pivot_5 = (-t3_106).mul_add(t3_138, t3_144);
+        let t3_131 = t3_130 * inv_pivot_4;
+        let t3_132 = (-t3_45).mul_add(t3_131, t3_71);
+        let pivot_5 = (-t3_64).mul_add(t3_126, t3_132);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_145 = -pivot_5;
-        let t3_146 = (-sin_q1).mul_add(t3_143, sin_q1);
-        let t3_147 = (-cos_q1).mul_add(t3_138, t3_146);
-        let t3_148 = like.lift(0.5773502691896257).mul_add(t3_93, t3_63);
-        let t3_149 = (-t3_148).mul_add(t3_143, t3_98);
-        let t3_150 = t3_140.mul_add(t3_138, t3_149);
-        let t3_151 = like.lift(-0.5773502691896257).mul_add(t3_113, t3_150);
-        let t3_152 = t3_135 * t3_138;
-        let t3_153 = t3_85 * t3_94;
-        let t3_154 = like.lift(1.1547005383792515) * t3_94;
-        let t3_155 = like.lift(1.1547005383792515) * t3_153;
-        let t3_156 = sin_q6.mul_add(t3_153, cos_q6);
-        let t3_157 = cos_q6 * p_my_5;
-        let t3_158 = sin_shoulder * sin_q6;
-        let t3_159 = t3_158 * p_my_5;
-        let t3_160 = t3_89.mul_add(t3_155, t3_55);
-        let t3_161 = t3_160 * inv_pivot_4;
-        let t3_162 = (-t3_51).mul_add(t3_161, t3_76);
-        let t3_163 = t3_162 * inv_pivot_5;
-        let t3_164 = t3_147.mul_add(t3_163, cos_q1);
-        let t3_165 = sin_q1.mul_add(t3_161, t3_164);
-        let t3_166 = (-t3_151).mul_add(t3_163, t3_84);
-        let t3_167 = (-t3_148).mul_add(t3_161, t3_166);
-        let pivot_6 = (-t3_93).mul_add(t3_155, t3_167);
-        let t3_168 = t3_152 * t3_163;
+        let t3_133 = -pivot_5;
+        let t3_134 = (-sin_q1).mul_add(t3_131, sin_q1);
+        let t3_135 = (-cos_q1).mul_add(t3_126, t3_134);
+        let t3_136 = like.lift(0.5773502691896257).mul_add(t3_80, t3_53);
+        let t3_137 = (-t3_136).mul_add(t3_131, t3_88);
+        let t3_138 = t3_128.mul_add(t3_126, t3_137);
+        let t3_139 = like.lift(-0.5773502691896257).mul_add(t3_90, t3_138);
+        let t3_140 = t3_72 * t3_84;
+        let t3_141 = like.lift(1.1547005383792515) * t3_140;
+        let t3_142 = t3_83.mul_add(t3_141, t3_49);
+        let t3_143 = t3_142 * inv_pivot_4;
+        let t3_144 = (-t3_45).mul_add(t3_143, t3_58);
+        let t3_145 = t3_144 * inv_pivot_5;
+        let t3_146 = t3_135.mul_add(t3_145, cos_q1);
+        let t3_147 = sin_q1.mul_add(t3_143, t3_146);
+        let t3_148 = (-t3_139).mul_add(t3_145, t3_66);
+        let t3_149 = (-t3_136).mul_add(t3_143, t3_148);
+        let pivot_6 = (-t3_80).mul_add(t3_141, t3_149);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_169 = t3_165 * inv_pivot_6;
-        let t3_170 = t3_151.mul_add(t3_169, t3_147);
-        let t3_171 = inv_pivot_5 * t3_170;
-        let t3_172 = t3_156 * inv_pivot_6;
-        let t3_173 = t3_168 * inv_pivot_6;
-        let t3_174 = t3_151.mul_add(t3_173, t3_152);
-        let t3_175 = inv_pivot_5 * t3_151;
-        let t3_176 = inv_pivot_5 * t3_174;
-        let t3_177 = t3_175 * t3_172;
-        let t3_178 = t3_140.mul_add(t3_173, t3_135);
-        let t3_179 = t3_106.mul_add(t3_176, t3_178);
-        let t3_180 = t3_113.mul_add(t3_173, t3_130);
-        let t3_181 = -t3_177;
-        let t3_182 = t3_148.mul_add(t3_169, sin_q1);
-        let t3_183 = (-t3_51).mul_add(t3_171, t3_182);
-        let t3_184 = inv_pivot_4 * t3_183;
-        let t3_185 = -t3_184;
-        let t3_186 = t3_51 * t3_177;
-        let t3_187 = (-t3_148).mul_add(t3_172, t3_186);
-        let t3_188 = t3_51 * t3_176;
-        let t3_189 = (-t3_148).mul_add(t3_173, t3_188);
-        let t3_190 = inv_pivot_4 * t3_187;
-        let t3_191 = inv_pivot_4 * t3_189;
-        let t3_192 = t3_139.mul_add(t3_191, t3_179);
-        let t3_193 = inv_pivot_3 * t3_192;
-        let t3_194 = (-t3_115).mul_add(t3_191, t3_180);
-        let t3_195 = (-t3_111).mul_add(t3_193, t3_194);
-        let t3_196 = -t3_193;
-        let t3_197 = t3_195 * t3_133;
-        let t3_198 = t3_140 * t3_172;
-        let t3_199 = t3_106.mul_add(t3_177, t3_198);
-        let t3_200 = (-t3_140).mul_add(t3_169, cos_q1);
-        let t3_201 = (-t3_106).mul_add(t3_171, t3_200);
-        let t3_202 = t3_139.mul_add(t3_184, t3_201);
-        let t3_203 = t3_139.mul_add(t3_190, t3_199);
-        let t3_204 = inv_pivot_3 * t3_202;
-        let t3_205 = inv_pivot_3 * t3_203;
-        let t3_206 = -t3_190;
-        let t3_207 = -t3_172;
-        let t3_208 = t3_93 * t3_169;
-        let t3_209 = t3_89.mul_add(t3_184, t3_208);
-        let t3_210 = t3_209 * t3_154;
-        let t3_211 = -t3_210;
-        let t3_212 = t3_113 * t3_169;
-        let t3_213 = t3_115.mul_add(t3_184, t3_212);
-        let t3_214 = t3_111.mul_add(t3_204, t3_213);
-        let t3_215 = t3_214 * t3_133;
-        let t3_216 = t3_115 * t3_190;
-        let t3_217 = (-t3_113).mul_add(t3_172, t3_216);
-        let t3_218 = t3_93.mul_add(t3_172, t3_127);
-        let t3_219 = (-t3_89).mul_add(t3_190, t3_218);
-        let t3_220 = t3_111.mul_add(t3_205, t3_217);
-        let t3_221 = t3_220 * t3_133;
-        let t3_222 = t3_219 * t3_154;
-        let t3_223 = t3_89 * t3_191;
-        let t3_224 = (-t3_93).mul_add(t3_173, t3_223);
-        let t3_225 = t3_224 * t3_154;
+        let t3_150 = t3_147 * inv_pivot_6;
+        let t3_151 = t3_139.mul_add(t3_150, t3_135);
+        let t3_152 = inv_pivot_5 * t3_151;
+        let t3_153 = q7 * t3_84;
+        let t3_154 = t3_153 * inv_pivot_6;
+        let t3_155 = like.lift(1.1547005383792515) * t3_84;
+        let t3_156 = inv_pivot_5 * t3_139;
+        let t3_157 = t3_156 * t3_154;
+        let t3_158 = -t3_157;
+        let t3_159 = q9 * t3_110;
+        let t3_160 = t3_159 * t3_126;
+        let t3_161 = t3_160 * t3_145;
+        let t3_162 = t3_161 * inv_pivot_6;
+        let t3_163 = t3_139.mul_add(t3_162, t3_160);
+        let t3_164 = inv_pivot_5 * t3_163;
+        let t3_165 = t3_128.mul_add(t3_162, t3_159);
+        let t3_166 = t3_64.mul_add(t3_164, t3_165);
+        let t3_167 = like.lift(1.1547005383792515) * t3_110;
+        let t3_168 = t3_90.mul_add(t3_162, t3_121);
+        let t3_169 = t3_136.mul_add(t3_150, sin_q1);
+        let t3_170 = (-t3_45).mul_add(t3_152, t3_169);
+        let t3_171 = inv_pivot_4 * t3_170;
+        let t3_172 = -t3_171;
+        let t3_173 = t3_45 * t3_157;
+        let t3_174 = (-t3_136).mul_add(t3_154, t3_173);
+        let t3_175 = t3_45 * t3_164;
+        let t3_176 = (-t3_136).mul_add(t3_162, t3_175);
+        let t3_177 = inv_pivot_4 * t3_174;
+        let t3_178 = inv_pivot_4 * t3_176;
+        let t3_179 = t3_127.mul_add(t3_178, t3_166);
+        let t3_180 = inv_pivot_3 * t3_179;
+        let t3_181 = (-t3_100).mul_add(t3_178, t3_168);
+        let t3_182 = (-t3_98).mul_add(t3_180, t3_181);
+        let t3_183 = -t3_180;
+        let t3_184 = t3_182 * t3_167;
+        let t3_185 = t3_128 * t3_154;
+        let t3_186 = t3_64.mul_add(t3_157, t3_185);
+        let t3_187 = (-t3_128).mul_add(t3_150, cos_q1);
+        let t3_188 = (-t3_64).mul_add(t3_152, t3_187);
+        let t3_189 = t3_127.mul_add(t3_171, t3_188);
+        let t3_190 = t3_127.mul_add(t3_177, t3_186);
+        let t3_191 = inv_pivot_3 * t3_189;
+        let t3_192 = inv_pivot_3 * t3_190;
+        let t3_193 = -t3_177;
+        let t3_194 = -t3_154;
+        let t3_195 = t3_80 * t3_150;
+        let t3_196 = t3_83.mul_add(t3_171, t3_195);
+        let t3_197 = t3_196 * t3_155;
+        let t3_198 = -t3_197;
+        let t3_199 = t3_90 * t3_150;
+        let t3_200 = t3_100.mul_add(t3_171, t3_199);
+        let t3_201 = t3_98.mul_add(t3_191, t3_200);
+        let t3_202 = t3_201 * t3_167;
+        let t3_203 = t3_100 * t3_177;
+        let t3_204 = (-t3_90).mul_add(t3_154, t3_203);
+        let t3_205 = t3_80.mul_add(t3_154, t3_115);
+        let t3_206 = (-t3_83).mul_add(t3_177, t3_205);
+        let t3_207 = t3_98.mul_add(t3_192, t3_204);
+        let t3_208 = t3_207 * t3_167;
+        let t3_209 = t3_206 * t3_155;
+        let t3_210 = t3_83 * t3_178;
+        let t3_211 = (-t3_80).mul_add(t3_162, t3_210);
+        let t3_212 = t3_211 * t3_155;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(1.9131671434315987)).abs()
-            .min((t3_122 * like.lift(1.863195236951264)).abs())
+            .min((t3_109 * like.lift(1.863195236951264)).abs())
             .min((pivot_3 * like.lift(2.6695171222054848)).abs())
             .min((pivot_4 * like.lift(2.294035647929491)).abs())
-            .min((t3_145 * like.lift(0.786868847408929)).abs())
+            .min((t3_133 * like.lift(0.786868847408929)).abs())
             .min((pivot_6 * like.lift(2.1945756748652077)).abs());
         let ([
             [_, _, x_q1_q2, x_q1_q7, x_q1_q9], [_, _, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
@@ -17761,51 +17588,51 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
             [_, _, x_q6_q2, x_q6_q7, x_q6_q9], [_, _, x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), like.lift(0.0), t3_171, t3_181, t3_176],
-                [like.lift(0.0), like.lift(0.0), t3_185, t3_206, t3_191],
-                [like.lift(0.0), like.lift(0.0), t3_169, t3_207, t3_173],
-                [like.lift(0.0), like.lift(0.0), t3_204, t3_205, t3_196],
-                [like.lift(0.0), like.lift(0.0), t3_211, t3_222, t3_225],
-                [like.lift(0.0), like.lift(0.0), t3_215, t3_221, t3_197],
+                [like.lift(0.0), like.lift(0.0), t3_152, t3_158, t3_164],
+                [like.lift(0.0), like.lift(0.0), t3_172, t3_193, t3_178],
+                [like.lift(0.0), like.lift(0.0), t3_150, t3_194, t3_162],
+                [like.lift(0.0), like.lift(0.0), t3_191, t3_192, t3_183],
+                [like.lift(0.0), like.lift(0.0), t3_198, t3_209, t3_212],
+                [like.lift(0.0), like.lift(0.0), t3_202, t3_208, t3_184],
             ],
             margin,
             || (
                 [
-                    [t3_52, t3_54, t3_63, like.lift(0.0), t3_66, like.lift(0.0)],
-                    [t3_77, t3_55, t3_84, like.lift(0.0), t3_85, like.lift(0.0)],
-                    [like.lift(0.0), t3_90, t3_93, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t3_95, t3_96, t3_98, t3_101, like.lift(0.0), t3_104],
-                    [t3_106, t3_118, t3_117, t3_109, like.lift(0.0), t3_120],
-                    [like.lift(0.0), t3_121, t3_113, t3_111, like.lift(0.0), t3_122],
+                    [t3_46, t3_48, t3_53, like.lift(0.0), t3_56, like.lift(0.0)],
+                    [t3_59, t3_49, t3_66, like.lift(0.0), t3_72, like.lift(0.0)],
+                    [like.lift(0.0), t3_75, t3_80, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t3_85, t3_86, t3_88, t3_102, like.lift(0.0), t3_106],
+                    [t3_64, t3_101, t3_92, t3_96, like.lift(0.0), t3_107],
+                    [like.lift(0.0), t3_108, t3_90, t3_98, like.lift(0.0), t3_109],
                 ],
                 [
-                    [like.lift(0.0), like.lift(0.0), t3_124, t3_125, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, t3_126, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_127, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t3_124, like.lift(0.0), t3_128],
-                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t3_129],
-                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_131],
+                    [like.lift(0.0), like.lift(0.0), t3_111, t3_112, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, t3_113, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_115, like.lift(0.0)],
+                    [like.lift(0.0), like.lift(0.0), t3_111, like.lift(0.0), t3_118],
+                    [like.lift(0.0), like.lift(0.0), cos_q1, like.lift(0.0), t3_119],
+                    [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0), t3_123],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t3_2, t3_4, t3_9, t3_11, t3_15, t3_35, t3_39, t3_40, t3_43, t3_70, t3_71, t3_136,
-            t3_137, t3_157, t3_159, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9,
-            x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7,
-            x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
+            t3_8, t3_27, t3_31, t3_34, t3_35, t3_38, t3_76, t3_77, t3_114, t3_117, t3_120,
+            t3_122, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2,
+            x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9,
+            x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // M
     {
-        m[0][0] = t2_249; m[0][1] = t3_39; m[1][0] = t3_39; m[1][1] = t3_35;
-        let t4_1 = (-t3_9).mul_add(x_q8_q2, t3_43);
-        let t4_2 = (-t3_2).mul_add(x_q6_q2, t4_1);
-        let t4_3 = (-t3_9).mul_add(x_q8_q7, t3_159);
-        let t4_4 = cos_q1 * t2_186;
-        let t4_5 = like.lift(-1.25).mul_add(t4_4, t2_190);
+        m[0][0] = t3_8; m[0][1] = t3_34; m[1][0] = t3_34; m[1][1] = t3_31;
+        let t4_1 = (-t2_230).mul_add(x_q8_q2, t3_38);
+        let t4_2 = (-t2_223).mul_add(x_q6_q2, t4_1);
+        let t4_3 = (-t2_230).mul_add(x_q8_q7, t3_117);
+        let t4_4 = cos_q1 * t2_172;
+        let t4_5 = like.lift(-1.25).mul_add(t4_4, t2_176);
         let t4_6 = like.lift(0.26344492783122625) * sin_q1;
-        let t4_7 = (-t4_6).mul_add(t2_186, t4_5);
+        let t4_7 = (-t4_6).mul_add(t2_172, t4_5);
         let t4_8 = like.lift(0.35) * t4_4;
         let t4_9 = (-cos_shoulder).mul_add(t4_7, t4_8);
         let t4_10 = sin_shoulder.mul_add(t2_142, t4_9);
@@ -17828,10 +17655,10 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t4_27 = like.lift(1.25).mul_add(t4_25, t4_14);
         let t4_28 = like.lift(0.26344492783122625).mul_add(t4_23, t4_27);
         let t4_29 = (-cos_shoulder).mul_add(t4_28, t4_26);
-        let t4_30 = sin_s1_1 * t3_71;
+        let t4_30 = sin_s1_1 * t3_77;
         let t4_31 = (-cos_s1_1).mul_add(t2_14, t4_30);
         let t4_32 = sin_s1_1 * t2_14;
-        let t4_33 = cos_s1_1.mul_add(t3_71, t4_32);
+        let t4_33 = cos_s1_1.mul_add(t3_77, t4_32);
         let t4_34 = cos_s1_1 * t2_94;
         let t4_35 = (-q2).mul_add(t4_31, t4_34);
         let t4_36 = (-sin_s1_1).mul_add(t2_107, t4_35);
@@ -17847,9 +17674,9 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t4_46 = like.lift(-1.25).mul_add(t4_31, t4_45);
         let t4_47 = cos_q1.mul_add(t4_36, t4_46);
         let t4_48 = sin_q1 * t4_33;
-        let t4_49 = sin_q1 * t3_70;
+        let t4_49 = sin_q1 * t3_76;
         let t4_50 = cos_q1.mul_add(t4_33, t4_49);
-        let t4_51 = (-cos_q1).mul_add(t3_70, t4_48);
+        let t4_51 = (-cos_q1).mul_add(t3_76, t4_48);
         let t4_52 = like.lift(-0.35).mul_add(t4_50, t4_43);
         let t4_53 = like.lift(1.25).mul_add(t4_50, t4_39);
         let t4_54 = like.lift(0.26344492783122625).mul_add(t4_51, t4_53);
@@ -17857,79 +17684,79 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t4_56 = (-t4_55).mul_add(x_s1_3_q2, t4_2);
         let t4_57 = (-t4_29).mul_add(x_s1_2_q2, t4_56);
         let t4_58 = (-t4_10).mul_add(x_s1_1_q2, t4_57);
-        let t4_59 = (-t2_195).mul_add(x_q1_q2, t4_58);
-        let t4_60 = like.lift(-0.35).mul_add(t3_40, t4_59);
-        let t4_61 = t4_44.mul_add(t2_187, t4_60);
+        let t4_59 = (-t2_181).mul_add(x_q1_q2, t4_58);
+        let t4_60 = like.lift(-0.35).mul_add(t3_35, t4_59);
+        let t4_61 = t4_44.mul_add(t2_173, t4_60);
         let t4_62 = -t4_61;
         m[0][2] = t4_62; m[2][0] = t4_62;
         let t4_63 = like.lift(0.5) * p_mx_5;
-        let t4_64 = like.lift(0.8660254037844386).mul_add(t3_157, t4_63);
+        let t4_64 = like.lift(0.8660254037844386).mul_add(t3_114, t4_63);
         let t4_65 = (-cos_shoulder).mul_add(t4_64, t4_3);
-        let t4_66 = (-t3_2).mul_add(x_q6_q7, t4_65);
+        let t4_66 = (-t2_223).mul_add(x_q6_q7, t4_65);
         let t4_67 = (-t4_55).mul_add(x_s1_3_q7, t4_66);
         let t4_68 = (-t4_29).mul_add(x_s1_2_q7, t4_67);
         let t4_69 = (-t4_10).mul_add(x_s1_1_q7, t4_68);
-        let t4_70 = (-t2_195).mul_add(x_q1_q7, t4_69);
+        let t4_70 = (-t2_181).mul_add(x_q1_q7, t4_69);
         let t4_71 = -t4_70;
         m[0][3] = t4_71; m[3][0] = t4_71;
-        let t4_72 = like.lift(0.5) * t3_157;
-        let t4_73 = (-t3_11).mul_add(x_q8_q7, t4_72);
+        let t4_72 = like.lift(0.5) * t3_114;
+        let t4_73 = (-t2_232).mul_add(x_q8_q7, t4_72);
         let t4_74 = like.lift(-0.8660254037844386).mul_add(p_mx_5, t4_73);
-        let t4_75 = (-t3_4).mul_add(x_q6_q7, t4_74);
+        let t4_75 = (-t2_225).mul_add(x_q6_q7, t4_74);
         let t4_76 = t4_47.mul_add(x_s1_3_q7, t4_75);
         let t4_77 = t4_21.mul_add(x_s1_2_q7, t4_76);
-        let t4_78 = (-t3_15).mul_add(x_s1_1_q7, t4_77);
-        let t4_79 = t2_194.mul_add(x_q1_q7, t4_78);
+        let t4_78 = (-t3_27).mul_add(x_s1_1_q7, t4_77);
+        let t4_79 = t2_180.mul_add(x_q1_q7, t4_78);
         m[1][3] = t4_79; m[3][1] = t4_79;
-        let t4_80 = like.lift(0.8660254037844386) * t3_136;
+        let t4_80 = like.lift(0.8660254037844386) * t3_120;
         let t4_81 = like.lift(-0.5).mul_add(p_mx_7, t4_80);
         let t4_82 = cos_shoulder * t4_81;
-        let t4_83 = t3_137.mul_add(p_my_7, t4_82);
-        let t4_84 = (-t3_9).mul_add(x_q8_q9, t4_83);
-        let t4_85 = (-t3_2).mul_add(x_q6_q9, t4_84);
+        let t4_83 = t3_122.mul_add(p_my_7, t4_82);
+        let t4_84 = (-t2_230).mul_add(x_q8_q9, t4_83);
+        let t4_85 = (-t2_223).mul_add(x_q6_q9, t4_84);
         let t4_86 = (-t4_55).mul_add(x_s1_3_q9, t4_85);
         let t4_87 = (-t4_29).mul_add(x_s1_2_q9, t4_86);
         let t4_88 = (-t4_10).mul_add(x_s1_1_q9, t4_87);
-        let t4_89 = (-t2_195).mul_add(x_q1_q9, t4_88);
+        let t4_89 = (-t2_181).mul_add(x_q1_q9, t4_88);
         let t4_90 = -t4_89;
         m[0][4] = t4_90; m[4][0] = t4_90;
         let t4_91 = like.lift(0.8660254037844386) * p_mx_7;
-        let t4_92 = like.lift(0.5).mul_add(t3_136, t4_91);
-        let t4_93 = (-t3_11).mul_add(x_q8_q9, t4_92);
-        let t4_94 = t3_11 * x_q8_q2;
-        let t4_95 = t3_4.mul_add(x_q6_q2, t4_94);
-        let t4_96 = (-t3_4).mul_add(x_q6_q9, t4_93);
+        let t4_92 = like.lift(0.5).mul_add(t3_120, t4_91);
+        let t4_93 = (-t2_232).mul_add(x_q8_q9, t4_92);
+        let t4_94 = t2_232 * x_q8_q2;
+        let t4_95 = t2_225.mul_add(x_q6_q2, t4_94);
+        let t4_96 = (-t2_225).mul_add(x_q6_q9, t4_93);
         let t4_97 = (-t4_47).mul_add(x_s1_3_q2, t4_95);
         let t4_98 = t4_47.mul_add(x_s1_3_q9, t4_96);
         let t4_99 = (-t4_21).mul_add(x_s1_2_q2, t4_97);
         let t4_100 = t4_21.mul_add(x_s1_2_q9, t4_98);
-        let t4_101 = (-t3_15).mul_add(x_s1_1_q9, t4_100);
-        let t4_102 = t3_15.mul_add(x_s1_1_q2, t4_99);
-        let t4_103 = (-t2_194).mul_add(x_q1_q2, t4_102);
-        let t4_104 = cos_q1.mul_add(t2_187, t4_103);
-        let t4_105 = t2_194.mul_add(x_q1_q9, t4_101);
+        let t4_101 = (-t3_27).mul_add(x_s1_1_q9, t4_100);
+        let t4_102 = t3_27.mul_add(x_s1_1_q2, t4_99);
+        let t4_103 = (-t2_180).mul_add(x_q1_q2, t4_102);
+        let t4_104 = cos_q1.mul_add(t2_173, t4_103);
+        let t4_105 = t2_180.mul_add(x_q1_q9, t4_101);
         m[1][4] = t4_105; m[4][1] = t4_105;
         let t4_106 = -t4_104;
         m[1][2] = t4_106; m[2][1] = t4_106;
         let t4_107 = t4_39.mul_add(x_s1_3_q2, t2_21);
         let t4_108 = t4_14.mul_add(x_s1_2_q2, t4_107);
-        let t4_109 = t2_190.mul_add(x_s1_1_q2, t4_108);
+        let t4_109 = t2_176.mul_add(x_s1_1_q2, t4_108);
         let t4_110 = t2_120.mul_add(x_q1_q2, t4_109);
         let t4_111 = t4_110 + t2_21;
         let t4_112 = t2_95 * x_s1_3_q2;
         let t4_113 = t2_111.mul_add(x_s1_2_q2, t4_112);
         let t4_114 = (-t2_97).mul_add(x_s1_1_q2, t4_113);
-        let t4_115 = t2_190.mul_add(x_q1_q2, t4_114);
+        let t4_115 = t2_176.mul_add(x_q1_q2, t4_114);
         let t4_116 = t2_107.mul_add(x_s1_3_q2, t2_16);
         let t4_117 = t2_105.mul_add(x_s1_2_q2, t4_116);
         let t4_118 = t2_111.mul_add(x_s1_1_q2, t4_117);
         let t4_119 = t4_14.mul_add(x_q1_q2, t4_118);
         let t4_120 = t4_119 + t2_16;
-        let t4_121 = (-p_ixx_3).mul_add(x_s1_3_q2, t3_70);
+        let t4_121 = (-p_ixx_3).mul_add(x_s1_3_q2, t3_76);
         let t4_122 = (-t2_107).mul_add(x_s1_2_q2, t4_121);
         let t4_123 = (-t2_95).mul_add(x_s1_1_q2, t4_122);
         let t4_124 = (-t4_39).mul_add(x_q1_q2, t4_123);
-        let t4_125 = t4_124 + t3_70;
+        let t4_125 = t4_124 + t3_76;
         let t4_126 = x_q8_q2 * t2_44;
         let t4_127 = t4_126.mul_add(x_q8_q2, p_m_2);
         let t4_128 = x_q6_q2 * t2_64;
@@ -17941,12 +17768,12 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         m[2][2] = t4_133;
         let t4_134 = t4_39 * x_s1_3_q7;
         let t4_135 = t4_14.mul_add(x_s1_2_q7, t4_134);
-        let t4_136 = t2_190.mul_add(x_s1_1_q7, t4_135);
+        let t4_136 = t2_176.mul_add(x_s1_1_q7, t4_135);
         let t4_137 = t2_120.mul_add(x_q1_q7, t4_136);
         let t4_138 = t2_95 * x_s1_3_q7;
         let t4_139 = t2_111.mul_add(x_s1_2_q7, t4_138);
         let t4_140 = (-t2_97).mul_add(x_s1_1_q7, t4_139);
-        let t4_141 = t2_190.mul_add(x_q1_q7, t4_140);
+        let t4_141 = t2_176.mul_add(x_q1_q7, t4_140);
         let t4_142 = t2_107 * x_s1_3_q7;
         let t4_143 = t2_105.mul_add(x_s1_2_q7, t4_142);
         let t4_144 = t2_111.mul_add(x_s1_1_q7, t4_143);
@@ -17957,12 +17784,12 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t4_149 = t4_14.mul_add(x_q1_q9, t4_148);
         let t4_150 = t4_39 * x_s1_3_q9;
         let t4_151 = t4_14.mul_add(x_s1_2_q9, t4_150);
-        let t4_152 = t2_190.mul_add(x_s1_1_q9, t4_151);
+        let t4_152 = t2_176.mul_add(x_s1_1_q9, t4_151);
         let t4_153 = t2_120.mul_add(x_q1_q9, t4_152);
         let t4_154 = t2_95 * x_s1_3_q9;
         let t4_155 = t2_111.mul_add(x_s1_2_q9, t4_154);
         let t4_156 = (-t2_97).mul_add(x_s1_1_q9, t4_155);
-        let t4_157 = t2_190.mul_add(x_q1_q9, t4_156);
+        let t4_157 = t2_176.mul_add(x_q1_q9, t4_156);
         let t4_158 = p_ixx_3 * x_s1_3_q7;
         let t4_159 = t2_107.mul_add(x_s1_2_q7, t4_158);
         let t4_160 = t2_95.mul_add(x_s1_1_q7, t4_159);
@@ -17983,42 +17810,41 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 48]) -> ([[T; 5]; 5],
         let t4_175 = x_s1_1_q9.mul_add(t4_157, t4_174);
         let t4_176 = x_q1_q9.mul_add(t4_153, t4_175);
         m[4][4] = t4_176;
-        let t4_177 = x_q8_q7 * t4_169;
-        let t4_178 = p_mx_5.mul_add(x_q6_q9, t4_177);
-        let t4_179 = x_q8_q2 * t4_169;
-        let t4_180 = x_q8_q2 * t4_168;
-        let t4_181 = x_q8_q7 * t4_168;
-        let t4_182 = x_q6_q2.mul_add(t4_166, t4_180);
-        let t4_183 = x_q6_q2.mul_add(t4_167, t4_179);
-        let t4_184 = x_q6_q7.mul_add(t4_167, t4_178);
-        let t4_185 = p_mx_5 + t4_166;
-        let t4_186 = x_q6_q7.mul_add(t4_185, t4_181);
-        let t4_187 = x_s1_3_q2.mul_add(t4_161, t4_182);
-        let t4_188 = x_s1_3_q2.mul_add(t4_165, t4_183);
-        let t4_189 = x_s1_3_q7.mul_add(t4_161, t4_186);
-        let t4_190 = x_s1_3_q7.mul_add(t4_165, t4_184);
-        let t4_191 = x_s1_2_q2.mul_add(t4_145, t4_187);
-        let t4_192 = x_s1_2_q2.mul_add(t4_149, t4_188);
-        let t4_193 = x_s1_2_q7.mul_add(t4_145, t4_189);
-        let t4_194 = x_s1_2_q7.mul_add(t4_149, t4_190);
-        let t4_195 = x_s1_1_q7.mul_add(t4_141, t4_193);
-        let t4_196 = x_s1_1_q7.mul_add(t4_157, t4_194);
-        let t4_197 = x_s1_1_q2.mul_add(t4_141, t4_191);
-        let t4_198 = x_s1_1_q2.mul_add(t4_157, t4_192);
-        let t4_199 = x_q1_q7.mul_add(t4_137, t4_195);
-        m[3][3] = t4_199;
-        let t4_200 = x_q1_q2.mul_add(t4_137, t4_197);
-        let t4_201 = (-t3_70).mul_add(x_s1_3_q7, t4_200);
-        let t4_202 = x_q1_q2.mul_add(t4_153, t4_198);
-        let t4_203 = (-t3_70).mul_add(x_s1_3_q9, t4_202);
-        let t4_204 = t2_16.mul_add(x_s1_2_q9, t4_203);
-        let t4_205 = t2_16.mul_add(x_s1_2_q7, t4_201);
-        let t4_206 = t2_21.mul_add(x_q1_q9, t4_204);
-        m[2][4] = t4_206; m[4][2] = t4_206;
-        let t4_207 = t2_21.mul_add(x_q1_q7, t4_205);
-        m[2][3] = t4_207; m[3][2] = t4_207;
-        let t4_208 = x_q1_q7.mul_add(t4_153, t4_196);
-        m[3][4] = t4_208; m[4][3] = t4_208;
+        let t4_177 = x_q8_q2 * t4_169;
+        let t4_178 = x_q6_q2.mul_add(t4_167, t4_177);
+        let t4_179 = x_q8_q2 * t4_168;
+        let t4_180 = x_q6_q2.mul_add(t4_166, t4_179);
+        let t4_181 = x_q8_q7 * t4_169;
+        let t4_182 = x_q8_q7 * t4_168;
+        let t4_183 = x_q6_q9.mul_add(t4_166, t4_181);
+        let t4_184 = p_mx_5 + t4_166;
+        let t4_185 = x_q6_q7.mul_add(t4_184, t4_182);
+        let t4_186 = x_s1_3_q2.mul_add(t4_161, t4_180);
+        let t4_187 = x_s1_3_q2.mul_add(t4_165, t4_178);
+        let t4_188 = x_s1_3_q7.mul_add(t4_161, t4_185);
+        let t4_189 = x_s1_3_q7.mul_add(t4_165, t4_183);
+        let t4_190 = x_s1_2_q2.mul_add(t4_145, t4_186);
+        let t4_191 = x_s1_2_q2.mul_add(t4_149, t4_187);
+        let t4_192 = x_s1_2_q7.mul_add(t4_145, t4_188);
+        let t4_193 = x_s1_2_q7.mul_add(t4_149, t4_189);
+        let t4_194 = x_s1_1_q7.mul_add(t4_141, t4_192);
+        let t4_195 = x_s1_1_q7.mul_add(t4_157, t4_193);
+        let t4_196 = x_s1_1_q2.mul_add(t4_141, t4_190);
+        let t4_197 = x_s1_1_q2.mul_add(t4_157, t4_191);
+        let t4_198 = x_q1_q7.mul_add(t4_137, t4_194);
+        m[3][3] = t4_198;
+        let t4_199 = x_q1_q2.mul_add(t4_137, t4_196);
+        let t4_200 = (-t3_76).mul_add(x_s1_3_q7, t4_199);
+        let t4_201 = x_q1_q2.mul_add(t4_153, t4_197);
+        let t4_202 = (-t3_76).mul_add(x_s1_3_q9, t4_201);
+        let t4_203 = t2_16.mul_add(x_s1_2_q9, t4_202);
+        let t4_204 = t2_16.mul_add(x_s1_2_q7, t4_200);
+        let t4_205 = t2_21.mul_add(x_q1_q9, t4_203);
+        m[2][4] = t4_205; m[4][2] = t4_205;
+        let t4_206 = t2_21.mul_add(x_q1_q7, t4_204);
+        m[2][3] = t4_206; m[3][2] = t4_206;
+        let t4_207 = x_q1_q7.mul_add(t4_153, t4_195);
+        m[3][4] = t4_207; m[4][3] = t4_207;
     }
     (m, Condition { pivot: condition })
 }

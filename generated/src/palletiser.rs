@@ -9,28 +9,28 @@
 //!
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
-//! | [`constraints`] | 13 | 12 | 0 | 5 |
-//! | [`jacobian`] | 14 | 29 | 0 | 5 |
-//! | [`bias`] | 93 | 136 | 0 | 5 |
-//! | [`newton_step`] | 20 | 14 | 1 | 4 |
+//! | [`constraints`] | 9 | 8 | 0 | 5 |
+//! | [`jacobian`] | 11 | 24 | 0 | 5 |
+//! | [`bias`] | 51 | 88 | 0 | 5 |
+//! | [`newton_step`] | 14 | 14 | 1 | 4 |
 //! | [`dependent_jacobian`] | 3 | 2 | 0 | 1 |
-//! | [`velocities`] | 12 | 14 | 1 | 3 |
-//! | [`accelerations`] | 21 | 26 | 1 | 3 |
-//! | [`regressor`] | 271 | 428 | 1 | 6 |
-//! | [`inverse_dynamics`] | 377 | 374 | 1 | 6 |
-//! | [`gravity`] | 66 | 124 | 1 | 6 |
-//! | [`bias_forces`] | 313 | 350 | 1 | 6 |
+//! | [`velocities`] | 10 | 14 | 1 | 3 |
+//! | [`accelerations`] | 19 | 26 | 1 | 3 |
+//! | [`regressor`] | 236 | 379 | 1 | 6 |
+//! | [`inverse_dynamics`] | 346 | 374 | 1 | 6 |
+//! | [`gravity`] | 51 | 95 | 1 | 6 |
+//! | [`bias_forces`] | 295 | 350 | 1 | 6 |
 //! | [`mass_matrix`] | 191 | 219 | 1 | 6 |
-//! | [`slotine_li`] | 310 | 494 | 1 | 6 |
+//! | [`slotine_li`] | 267 | 438 | 1 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
-//! | [`poses`] | 20 | 44 | 0 | 7 |
-//! | [`base_regressor`] | 175 | 266 | 1 | 6 |
-//! | [`to_base`] | 51 | 19 | 0 | 0 |
-//! | [`parameters_from_base`] | 51 | 19 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 208 | 255 | 1 | 6 |
-//! | [`base_gravity`] | 40 | 79 | 1 | 6 |
-//! | [`base_bias_forces`] | 169 | 251 | 1 | 6 |
-//! | [`base_mass_matrix`] | 104 | 149 | 1 | 6 |
+//! | [`poses`] | 19 | 44 | 0 | 7 |
+//! | [`base_regressor`] | 166 | 262 | 1 | 6 |
+//! | [`to_base`] | 43 | 16 | 0 | 0 |
+//! | [`parameters_from_base`] | 50 | 19 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 201 | 255 | 1 | 6 |
+//! | [`base_gravity`] | 35 | 66 | 1 | 6 |
+//! | [`base_bias_forces`] | 167 | 251 | 1 | 6 |
+//! | [`base_mass_matrix`] | 103 | 149 | 1 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -379,15 +379,15 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `f`: closure residual f, zero when closed (Eq. 6)
 ///
-/// 13 additions, 12 multiplications, 0 divisions, 5 sines and cosines.
+/// 9 additions, 8 multiplications, 0 divisions, 5 sines and cosines.
 pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 6] {
     let like = q[0];
     let mut f = [like.lift(0.0); 6];
     let [q1, q2, elbow, wrist, _, q3, pin] = *q;
     // sines and cosines
     let [
-        sin_q1, cos_q1, sin_q3_pin, cos_q3_pin, sin_q3, cos_q3, sin_q2, cos_q2, sin_q2_elbow,
-        cos_q2_elbow,
+        t1_2, sin_q1, cos_q1, sin_q3_pin, cos_q3_pin, sin_q3, cos_q3, sin_q2, cos_q2,
+        sin_q2_elbow, cos_q2_elbow,
     ] = {
         let t1_1 = pin + q3;
         let t1_2 = elbow + q2;
@@ -397,7 +397,7 @@ pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 6] {
         ] =
             T::sin_cos_all([q1, t1_1, q3, q2, t1_2]);
         [
-            sin_q1, cos_q1, sin_q3_pin, cos_q3_pin, sin_q3, cos_q3, sin_q2, cos_q2,
+            t1_2, sin_q1, cos_q1, sin_q3_pin, cos_q3_pin, sin_q3, cos_q3, sin_q2, cos_q2,
             sin_q2_elbow, cos_q2_elbow,
         ]
     };
@@ -405,27 +405,22 @@ pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 6] {
     {
         let t2_1 = sin_q3 + sin_q2_elbow;
         let t2_2 = sin_q3_pin - sin_q2;
-        let t2_3 = like.lift(0.14207) * t2_2;
-        let t2_4 = like.lift(0.0456).mul_add(t2_1, t2_3);
-        let t2_5 = -t2_4;
-        f[2] = t2_5;
-        let t2_6 = elbow + q2;
-        let t2_7 = t2_6 + wrist;
-        f[5] = t2_7;
-        let t2_8 = like.lift(0.14207) * cos_q3_pin;
-        let t2_9 = like.lift(0.0456).mul_add(cos_q3, t2_8);
-        let t2_10 = like.lift(0.14207) * cos_q3_pin;
-        let t2_11 = like.lift(0.0456).mul_add(cos_q3, t2_10);
-        let t2_12 = like.lift(0.0456).mul_add(cos_q2_elbow, t2_9);
-        let t2_13 = like.lift(0.0456).mul_add(cos_q2_elbow, t2_11);
-        let t2_14 = like.lift(-0.14207).mul_add(cos_q2, t2_12);
-        let t2_15 = cos_q1 * t2_14;
-        let t2_16 = like.lift(-0.14207).mul_add(cos_q2, t2_13);
-        let t2_17 = sin_q1 * t2_16;
-        let t2_18 = -t2_15;
-        f[0] = t2_18;
-        let t2_19 = -t2_17;
-        f[1] = t2_19;
+        let t2_3 = t1_2 + wrist;
+        f[5] = t2_3;
+        let t2_4 = like.lift(0.14207) * cos_q3_pin;
+        let t2_5 = like.lift(0.0456).mul_add(cos_q3, t2_4);
+        let t2_6 = like.lift(0.0456).mul_add(cos_q2_elbow, t2_5);
+        let t2_7 = like.lift(-0.14207).mul_add(cos_q2, t2_6);
+        let t2_8 = cos_q1 * t2_7;
+        let t2_9 = sin_q1 * t2_7;
+        let t2_10 = -t2_8;
+        f[0] = t2_10;
+        let t2_11 = -t2_9;
+        f[1] = t2_11;
+        let t2_12 = like.lift(0.14207) * t2_2;
+        let t2_13 = like.lift(0.0456).mul_add(t2_1, t2_12);
+        let t2_14 = -t2_13;
+        f[2] = t2_14;
     }
     f
 }
@@ -435,7 +430,7 @@ pub fn constraints<T: Scalar>(q: &[T; 7]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a`: A = df/dq, row by row (Eq. 7)
 ///
-/// 14 additions, 29 multiplications, 0 divisions, 5 sines and cosines.
+/// 11 additions, 24 multiplications, 0 divisions, 5 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 6] {
     let like = q[0];
     let mut a = [[like.lift(0.0); 7]; 6];
@@ -458,7 +453,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 6] {
         ]
     };
     // row 1
-    let [t2_1, t2_2, t2_3, t2_4, t2_6, t2_7, t2_12, t2_13, t2_16] = {
+    let [t2_1, t2_2, t2_3, t2_4, t2_6, t2_7, t2_15, t2_16] = {
         let t2_1 = like.lift(0.0456) * cos_q2_elbow;
         let t2_2 = like.lift(0.14207) * cos_q2;
         let t2_3 = like.lift(0.0456) * sin_q2_elbow;
@@ -476,16 +471,16 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 6] {
         a[0][1] = t2_11;
         let t2_12 = sin_q1 * t2_1;
         let t2_13 = sin_q1 * t2_2;
-        let t2_14 = like.lift(0.14207) * cos_q3_pin;
-        let t2_15 = like.lift(0.0456).mul_add(cos_q3, t2_14);
-        let t2_16 = sin_q1 * t2_15;
-        let t2_17 = t2_12 - t2_13;
-        let t2_18 = t2_17 + t2_16;
+        let t2_14 = t2_12 - t2_13;
+        let t2_15 = like.lift(0.14207) * cos_q3_pin;
+        let t2_16 = like.lift(0.0456).mul_add(cos_q3, t2_15);
+        let t2_17 = sin_q1 * t2_16;
+        let t2_18 = t2_14 + t2_17;
         a[0][0] = t2_18;
-        [t2_1, t2_2, t2_3, t2_4, t2_6, t2_7, t2_12, t2_13, t2_16]
+        [t2_1, t2_2, t2_3, t2_4, t2_6, t2_7, t2_15, t2_16]
     };
     // row 2
-    let [t3_6, t3_9, t3_10] = {
+    {
         let t3_1 = sin_q1 * t2_3;
         a[1][2] = t3_1;
         let t3_2 = sin_q1 * t2_7;
@@ -495,33 +490,26 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 6] {
         let t3_4 = sin_q1 * t2_4;
         let t3_5 = -t3_4;
         a[1][1] = t3_5;
-        let t3_6 = cos_q1 * t2_2;
-        let t3_7 = like.lift(0.14207) * cos_q3_pin;
-        let t3_8 = like.lift(0.0456).mul_add(cos_q3, t3_7);
-        let t3_9 = cos_q1 * t3_8;
-        let t3_10 = cos_q1 * t2_1;
-        let t3_11 = t3_10 - t3_6;
-        let t3_12 = t3_11 + t3_9;
-        let t3_13 = -t3_12;
-        a[1][0] = t3_13;
-        [t3_6, t3_9, t3_10]
-    };
+        let t3_6 = cos_q1 * t2_16;
+        let t3_7 = cos_q1 * t2_1;
+        let t3_8 = cos_q1 * t2_2;
+        let t3_9 = t3_7 - t3_8;
+        let t3_10 = t3_9 + t3_6;
+        let t3_11 = -t3_10;
+        a[1][0] = t3_11;
+    }
     // row 3
     {
-        let t4_1 = t2_13 - t2_12;
-        let t4_2 = t3_6 - t3_10;
-        let t4_3 = cos_q1 * t4_2;
-        let t4_4 = sin_q1.mul_add(t4_1, t4_3);
-        a[2][1] = t4_4;
-        let t4_5 = cos_q1 * t3_9;
-        let t4_6 = sin_q1.mul_add(t2_16, t4_5);
-        let t4_7 = -t2_1;
-        a[2][2] = t4_7;
-        let t4_8 = -t4_6;
-        a[2][5] = t4_8;
-        let t4_9 = like.lift(0.14207) * cos_q3_pin;
-        let t4_10 = -t4_9;
-        a[2][6] = t4_10;
+        let t4_1 = like.lift(0.0456).mul_add(cos_q3, t2_15);
+        let t4_2 = t2_2 - t2_1;
+        a[2][1] = t4_2;
+        let t4_3 = -t2_1;
+        a[2][2] = t4_3;
+        let t4_4 = -t4_1;
+        a[2][5] = t4_4;
+        let t4_5 = like.lift(0.14207) * cos_q3_pin;
+        let t4_6 = -t4_5;
+        a[2][6] = t4_6;
     }
     // row 4
     {
@@ -542,7 +530,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 7]; 6] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 93 additions, 136 multiplications, 0 divisions, 5 sines and cosines.
+/// 51 additions, 88 multiplications, 0 divisions, 5 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 6] {
     let like = q[0];
     let mut b = [like.lift(0.0); 6];
@@ -567,169 +555,118 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 6] {
     let [d_q1, d_q2, d_elbow, _, _, d_q3, d_pin] = *qd;
     // b (Eq. 7)
     {
-        let t2_1 = d_q1 * cos_q1;
-        let t2_2 = d_q1 * t2_1;
-        let t2_3 = like.lift(0.0132) * t2_2;
-        let t2_4 = d_q1 * sin_q1;
-        let t2_5 = d_q3 * t2_4;
-        let t2_6 = cos_q1 * d_q3;
-        let t2_7 = cos_q3 * d_q3;
-        let t2_8 = sin_q1 * d_q3;
-        let t2_9 = sin_q3 * t2_8;
-        let t2_10 = (-cos_q3).mul_add(t2_1, t2_9);
-        let t2_11 = like.lift(0.0456) * t2_10;
-        let t2_12 = -t2_11;
-        let t2_13 = cos_q3 * t2_4;
-        let t2_14 = sin_q3.mul_add(t2_6, t2_13);
+        let t2_1 = like.lift(0.0132) - like.lift(0.0132);
+        b[3] = t2_1;
+        let t2_2 = like.lift(0.0132) - like.lift(0.0132);
+        b[4] = t2_2;
+        let t2_3 = d_q1 * cos_q1;
+        let t2_4 = d_q1 * t2_3;
+        let t2_5 = like.lift(0.0132) * t2_4;
+        let t2_6 = d_q1 * sin_q1;
+        let t2_7 = d_q3 * t2_6;
+        let t2_8 = sin_q3 * t2_7;
+        let t2_9 = cos_q1 * d_q3;
+        let t2_10 = cos_q3 * d_q3;
+        let t2_11 = (-t2_9).mul_add(t2_10, t2_8);
+        let t2_12 = sin_q1 * d_q3;
+        let t2_13 = sin_q3 * t2_12;
+        let t2_14 = (-cos_q3).mul_add(t2_3, t2_13);
         let t2_15 = like.lift(0.0456) * t2_14;
-        let t2_16 = d_pin.mul_add(t2_4, t2_5);
-        let t2_17 = sin_q3 * t2_5;
-        let t2_18 = (-t2_6).mul_add(t2_7, t2_17);
-        let t2_19 = sin_q3_pin * t2_16;
-        let t2_20 = cos_q1.mul_add(d_pin, t2_6);
-        let t2_21 = t2_8 * t2_12;
-        let t2_22 = (-t2_6).mul_add(t2_15, t2_21);
-        let t2_23 = sin_q1 * cos_q3_pin;
-        let t2_24 = sin_q1.mul_add(d_pin, t2_8);
-        let t2_25 = t2_23 * t2_24;
-        let t2_26 = cos_q1 * cos_q3_pin;
-        let t2_27 = t2_26 * t2_20;
-        let t2_28 = t2_27 + t2_25;
-        let t2_29 = t2_25 + t2_27;
-        let t2_30 = like.lift(0.14207) * t2_28;
-        let t2_31 = t2_26 * d_q1;
-        let t2_32 = sin_q3_pin * t2_24;
-        let t2_33 = t2_32 - t2_31;
-        let t2_34 = t2_31 - t2_32;
-        let t2_35 = like.lift(0.14207) * t2_33;
-        let t2_36 = -t2_35;
-        let t2_37 = t2_12 + t2_36;
-        let t2_38 = d_q2 * t2_4;
-        let t2_39 = cos_q1 * d_q2;
-        let t2_40 = cos_q2 * d_q2;
-        let t2_41 = sin_q1 * d_q2;
-        let t2_42 = sin_q2 * t2_41;
-        let t2_43 = (-cos_q2).mul_add(t2_1, t2_42);
-        let t2_44 = like.lift(0.14207) * t2_43;
-        let t2_45 = -t2_44;
-        let t2_46 = t2_37 - t2_45;
-        let t2_47 = cos_q2 * t2_4;
-        let t2_48 = sin_q2.mul_add(t2_39, t2_47);
-        let t2_49 = like.lift(0.14207) * t2_48;
-        let t2_50 = d_elbow.mul_add(t2_4, t2_38);
-        let t2_51 = sin_q2_elbow.mul_add(t2_50, t2_18);
-        let t2_52 = (-sin_q2).mul_add(t2_38, t2_19);
-        let t2_53 = t2_39.mul_add(t2_40, t2_52);
-        let t2_54 = like.lift(-0.14207).mul_add(t2_53, t2_3);
-        let t2_55 = like.lift(-0.0456).mul_add(t2_51, t2_54);
-        let t2_56 = (-d_q1).mul_add(t2_34, t2_19);
-        let t2_57 = (-t2_20).mul_add(t2_29, t2_56);
-        let t2_58 = cos_q1.mul_add(d_elbow, t2_39);
-        let t2_59 = sin_q1 * cos_q2_elbow;
-        let t2_60 = cos_q1 * cos_q2_elbow;
-        let t2_61 = sin_q1.mul_add(d_elbow, t2_41);
-        let t2_62 = t2_60 * t2_58;
-        let t2_63 = t2_59.mul_add(t2_61, t2_62);
-        let t2_64 = like.lift(0.0456) * t2_63;
-        let t2_65 = sin_q2_elbow * t2_61;
-        let t2_66 = (-t2_60).mul_add(d_q1, t2_65);
-        let t2_67 = like.lift(0.0456) * t2_66;
-        let t2_68 = -t2_67;
-        let t2_69 = t2_46 + t2_68;
-        let t2_70 = d_q1.mul_add(t2_69, t2_55);
-        let t2_71 = t2_20.mul_add(t2_30, t2_70);
-        let t2_72 = t2_71 - t2_3;
-        let t2_73 = t2_58.mul_add(t2_64, t2_72);
-        let t2_74 = -t2_73;
-        b[0] = t2_74;
-        let t2_75 = t2_60 * t2_50;
-        let t2_76 = d_q1 * t2_4;
-        let t2_77 = like.lift(0.0132) * t2_76;
-        let t2_78 = d_q3 * t2_1;
-        let t2_79 = sin_q3 * t2_78;
-        let t2_80 = t2_8.mul_add(t2_7, t2_79);
-        let t2_81 = d_pin.mul_add(t2_1, t2_78);
-        let t2_82 = sin_q3_pin * t2_81;
-        let t2_83 = sin_q3_pin * t2_20;
-        let t2_84 = t2_23 * d_q1;
-        let t2_85 = t2_84 + t2_83;
-        let t2_86 = t2_83 + t2_84;
-        let t2_87 = like.lift(0.14207) * t2_85;
-        let t2_88 = t2_15 + t2_87;
-        let t2_89 = t2_88 - t2_49;
-        let t2_90 = d_q2 * t2_1;
-        let t2_91 = (-sin_q2).mul_add(t2_90, t2_82);
-        let t2_92 = (-t2_41).mul_add(t2_40, t2_91);
-        let t2_93 = d_elbow.mul_add(t2_1, t2_90);
-        let t2_94 = sin_q2_elbow.mul_add(t2_93, t2_80);
-        let t2_95 = like.lift(0.14207).mul_add(t2_92, t2_77);
-        let t2_96 = like.lift(0.0456).mul_add(t2_94, t2_95);
-        let t2_97 = (-t2_59).mul_add(t2_93, t2_75);
-        let t2_98 = t2_59 * d_q1;
-        let t2_99 = sin_q2_elbow.mul_add(t2_58, t2_98);
-        let t2_100 = like.lift(0.0456) * t2_99;
-        let t2_101 = t2_89 + t2_100;
-        let t2_102 = d_q1.mul_add(t2_101, t2_96);
-        let t2_103 = t2_24.mul_add(t2_30, t2_102);
-        let t2_104 = t2_103 - t2_77;
-        let t2_105 = t2_61.mul_add(t2_64, t2_104);
-        let t2_106 = -t2_105;
-        b[1] = t2_106;
-        let t2_107 = t2_24.mul_add(t2_29, t2_82);
-        let t2_108 = d_q1.mul_add(t2_86, t2_107);
-        let t2_109 = t2_26 * t2_16;
-        let t2_110 = (-t2_23).mul_add(t2_81, t2_109);
-        let t2_111 = like.lift(-0.14207).mul_add(t2_110, t2_22);
-        let t2_112 = (-t2_20).mul_add(t2_87, t2_111);
-        let t2_113 = t2_24.mul_add(t2_36, t2_112);
-        let t2_114 = t2_39.mul_add(t2_49, t2_113);
-        let t2_115 = (-t2_41).mul_add(t2_45, t2_114);
-        let t2_116 = like.lift(-0.0456).mul_add(t2_97, t2_115);
-        let t2_117 = (-t2_58).mul_add(t2_100, t2_116);
-        let t2_118 = t2_61.mul_add(t2_68, t2_117);
-        b[2] = t2_118;
-        let t2_119 = cos_q3_pin * t2_16;
-        let t2_120 = cos_q3_pin * t2_81;
-        let t2_121 = cos_q1 * t2_61;
-        let t2_122 = (-sin_q1).mul_add(t2_58, t2_121);
-        let t2_123 = t2_122 * t2_29;
-        let t2_124 = (-t2_4).mul_add(t2_34, t2_123);
-        let t2_125 = t2_1.mul_add(t2_86, t2_124);
-        let t2_126 = (-cos_q1).mul_add(t2_108, t2_125);
-        let t2_127 = (-sin_q1).mul_add(t2_57, t2_126);
-        let t2_128 = t2_127 + t2_125;
-        let t2_129 = (-t2_58).mul_add(t2_122, t2_76);
-        let t2_130 = t2_61.mul_add(t2_122, t2_2);
-        let t2_131 = t2_1 * t2_58;
-        let t2_132 = t2_4.mul_add(t2_61, t2_131);
-        let t2_133 = (-sin_q1).mul_add(t2_50, t2_132);
-        let t2_134 = (-cos_q1).mul_add(t2_93, t2_133);
-        let t2_135 = (-sin_q3_pin).mul_add(t2_134, t2_128);
-        let t2_136 = (-t2_23).mul_add(t2_130, t2_135);
-        let t2_137 = t2_26.mul_add(t2_129, t2_136);
-        b[3] = t2_137;
-        let t2_138 = sin_q1 * sin_q3_pin;
-        let t2_139 = cos_q1 * sin_q3_pin;
-        let t2_140 = cos_q3_pin * t2_20;
-        let t2_141 = (-t2_138).mul_add(d_q1, t2_140);
-        let t2_142 = cos_q3_pin * t2_24;
-        let t2_143 = t2_139.mul_add(d_q1, t2_142);
-        let t2_144 = t2_4 * t2_143;
-        let t2_145 = d_q1.mul_add(t2_143, t2_119);
-        let t2_146 = t2_139 * t2_20;
-        let t2_147 = t2_138.mul_add(t2_24, t2_146);
-        let t2_148 = (-t2_122).mul_add(t2_147, t2_144);
-        let t2_149 = t2_1.mul_add(t2_141, t2_148);
-        let t2_150 = (-t2_24).mul_add(t2_147, t2_120);
-        let t2_151 = t2_20.mul_add(t2_147, t2_145);
-        let t2_152 = d_q1.mul_add(t2_141, t2_150);
-        let t2_153 = (-cos_q1).mul_add(t2_152, t2_149);
-        let t2_154 = (-sin_q1).mul_add(t2_151, t2_153);
-        let t2_155 = t2_154 + t2_149;
-        let t2_156 = (-cos_q3_pin).mul_add(t2_134, t2_155);
-        let t2_157 = t2_138.mul_add(t2_130, t2_156);
-        let t2_158 = (-t2_139).mul_add(t2_129, t2_157);
-        b[4] = t2_158;
+        let t2_16 = -t2_15;
+        let t2_17 = cos_q3 * t2_6;
+        let t2_18 = sin_q3.mul_add(t2_9, t2_17);
+        let t2_19 = like.lift(0.0456) * t2_18;
+        let t2_20 = d_q3 * t2_3;
+        let t2_21 = sin_q3 * t2_20;
+        let t2_22 = t2_12.mul_add(t2_10, t2_21);
+        let t2_23 = sin_q1.mul_add(d_pin, t2_12);
+        let t2_24 = t2_12 * t2_16;
+        let t2_25 = (-t2_9).mul_add(t2_19, t2_24);
+        let t2_26 = cos_q1.mul_add(d_pin, t2_9);
+        let t2_27 = d_q1 * t2_23;
+        let t2_28 = sin_q3_pin * t2_27;
+        let t2_29 = d_q2 * t2_6;
+        let t2_30 = (-sin_q2).mul_add(t2_29, t2_28);
+        let t2_31 = sin_q1 * cos_q3_pin;
+        let t2_32 = cos_q1 * cos_q3_pin;
+        let t2_33 = t2_31 * t2_23;
+        let t2_34 = t2_31 * d_q1;
+        let t2_35 = t2_32 * t2_26;
+        let t2_36 = t2_35 + t2_33;
+        let t2_37 = like.lift(0.14207) * t2_36;
+        let t2_38 = t2_32 * d_q1;
+        let t2_39 = sin_q3_pin * t2_23;
+        let t2_40 = t2_38 - t2_39;
+        let t2_41 = like.lift(-0.14207) * t2_40;
+        let t2_42 = -t2_41;
+        let t2_43 = t2_16 + t2_42;
+        let t2_44 = sin_q3_pin * t2_26;
+        let t2_45 = t2_34 + t2_44;
+        let t2_46 = like.lift(0.14207) * t2_45;
+        let t2_47 = (-t2_26).mul_add(t2_46, t2_25);
+        let t2_48 = t2_19 + t2_46;
+        let t2_49 = t2_23.mul_add(t2_42, t2_47);
+        let t2_50 = d_q1 * t2_26;
+        let t2_51 = sin_q3_pin * t2_50;
+        let t2_52 = d_q2 * t2_3;
+        let t2_53 = (-sin_q2).mul_add(t2_52, t2_51);
+        let t2_54 = cos_q1 * d_q2;
+        let t2_55 = cos_q2 * d_q2;
+        let t2_56 = t2_54.mul_add(t2_55, t2_30);
+        let t2_57 = like.lift(-0.14207).mul_add(t2_56, t2_5);
+        let t2_58 = sin_q1 * d_q2;
+        let t2_59 = (-t2_58).mul_add(t2_55, t2_53);
+        let t2_60 = sin_q2 * t2_58;
+        let t2_61 = (-cos_q2).mul_add(t2_3, t2_60);
+        let t2_62 = cos_q2 * t2_6;
+        let t2_63 = sin_q2.mul_add(t2_54, t2_62);
+        let t2_64 = like.lift(0.14207) * t2_61;
+        let t2_65 = d_q1 * t2_6;
+        let t2_66 = like.lift(0.0132) * t2_65;
+        let t2_67 = like.lift(0.14207) * t2_63;
+        let t2_68 = t2_48 - t2_67;
+        let t2_69 = t2_54.mul_add(t2_67, t2_49);
+        let t2_70 = cos_q1.mul_add(d_elbow, t2_54);
+        let t2_71 = cos_q1 * cos_q2_elbow;
+        let t2_72 = sin_q1 * cos_q2_elbow;
+        let t2_73 = sin_q1.mul_add(d_elbow, t2_58);
+        let t2_74 = t2_58.mul_add(t2_64, t2_69);
+        let t2_75 = -t2_64;
+        let t2_76 = t2_43 - t2_75;
+        let t2_77 = like.lift(0.14207).mul_add(t2_59, t2_66);
+        let t2_78 = d_q1 * t2_73;
+        let t2_79 = sin_q2_elbow.mul_add(t2_78, t2_11);
+        let t2_80 = like.lift(-0.0456).mul_add(t2_79, t2_57);
+        let t2_81 = d_q1 * t2_70;
+        let t2_82 = sin_q2_elbow.mul_add(t2_81, t2_22);
+        let t2_83 = like.lift(0.0456).mul_add(t2_82, t2_77);
+        let t2_84 = t2_71 * t2_70;
+        let t2_85 = t2_72.mul_add(t2_73, t2_84);
+        let t2_86 = like.lift(0.0456) * t2_85;
+        let t2_87 = t2_72 * d_q1;
+        let t2_88 = sin_q2_elbow.mul_add(t2_70, t2_87);
+        let t2_89 = sin_q2_elbow * t2_73;
+        let t2_90 = (-t2_71).mul_add(d_q1, t2_89);
+        let t2_91 = like.lift(0.0456) * t2_90;
+        let t2_92 = -t2_91;
+        let t2_93 = t2_76 + t2_92;
+        let t2_94 = d_q1.mul_add(t2_93, t2_80);
+        let t2_95 = t2_26.mul_add(t2_37, t2_94);
+        let t2_96 = t2_95 - t2_5;
+        let t2_97 = t2_70.mul_add(t2_86, t2_96);
+        let t2_98 = -t2_97;
+        b[0] = t2_98;
+        let t2_99 = like.lift(0.0456) * t2_88;
+        let t2_100 = (-t2_70).mul_add(t2_99, t2_74);
+        let t2_101 = t2_73.mul_add(t2_92, t2_100);
+        b[2] = t2_101;
+        let t2_102 = t2_68 + t2_99;
+        let t2_103 = d_q1.mul_add(t2_102, t2_83);
+        let t2_104 = t2_23.mul_add(t2_37, t2_103);
+        let t2_105 = t2_104 - t2_66;
+        let t2_106 = t2_73.mul_add(t2_86, t2_105);
+        let t2_107 = -t2_106;
+        b[1] = t2_107;
     }
     b
 }
@@ -739,7 +676,7 @@ pub fn bias<T: Scalar>(q: &[T; 7], qd: &[T; 7]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 20 additions, 14 multiplications, 1 divisions, 4 sines and cosines.
+/// 14 additions, 14 multiplications, 1 divisions, 4 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 3];
@@ -750,18 +687,15 @@ pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 3], Condition<T>) {
         sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, sin_q3_pin,
         cos_q3_pin, sin_q3, cos_q3, sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin,
     ] = {
-        let t1_1 = elbow + q2;
-        let t1_2 = t1_1 - q3;
-        let t1_3 = t1_2 - pin;
-        let t1_4 = pin + q3;
-        let t1_5 = q2 - q3;
-        let t1_6 = t1_5 - pin;
+        let t1_1 = pin + q3;
+        let t1_2 = q2 - t1_1;
+        let t1_3 = t1_2 + elbow;
         let [
             (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin),
             (sin_q3_pin, cos_q3_pin), (sin_q3, cos_q3),
             (sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin),
         ] =
-            T::sin_cos_all([t1_3, t1_4, q3, t1_6]);
+            T::sin_cos_all([t1_3, t1_1, q3, t1_2]);
         [
             sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, sin_q3_pin,
             cos_q3_pin, sin_q3, cos_q3, sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin,
@@ -769,53 +703,51 @@ pub fn newton_step<T: Scalar>(q: &[T; 7]) -> ([T; 3], Condition<T>) {
     };
     // A_e dq_e = -f
     {
-        let t2_1 = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let t2_2 = like.lift(0.0456) * sin_q3;
+        let t2_1 = like.lift(0.0456) * sin_q3;
+        let t2_2 = like.lift(-0.0456) * cos_q3;
         let t2_3 = like.lift(-0.14207).mul_add(cos_q2_minus_q3_minus_pin, like.lift(0.14207));
-        let t2_4 = like.lift(0.0132) - t2_1;
-        let t2_5 = (-cos_q3_pin).mul_add(t2_4, t2_3);
-        let t2_6 = sin_q3_pin.mul_add(t2_2, t2_5);
-        let t2_7 = like.lift(0.0132) - t2_1;
+        let t2_4 = (-cos_q3_pin).mul_add(t2_2, t2_3);
+        let t2_5 = sin_q3_pin.mul_add(t2_1, t2_4);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_8 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_9 = (-sin_q3_pin).mul_add(t2_7, t2_8);
-        let t2_10 = (-cos_q3_pin).mul_add(t2_2, t2_9);
-        let t2_11 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_12 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_13 = t2_6 + t2_12;
-        let t2_14 = -t2_12;
-        let t2_15 = t2_13 * t2_11;
-        let t2_16 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_15, t2_10);
-        let t2_17 = -t2_10;
-        let t2_18 = like.lift(21.92982456140351) * t2_15;
-        let t2_19 = like.lift(7.038783698176955) * t2_16;
-        let t2_20 = elbow + q2;
-        let t2_21 = t2_20 + wrist;
+        let t2_6 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_7 = (-sin_q3_pin).mul_add(t2_2, t2_6);
+        let t2_8 = (-cos_q3_pin).mul_add(t2_1, t2_7);
+        let t2_9 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_10 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_11 = t2_5 + t2_10;
+        let t2_12 = -t2_10;
+        let t2_13 = t2_11 * t2_9;
+        let t2_14 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_13, t2_8);
+        let t2_15 = -t2_8;
+        let t2_16 = like.lift(21.92982456140351) * t2_13;
+        let t2_17 = like.lift(7.038783698176955) * t2_14;
+        let t2_18 = elbow + q2;
+        let t2_19 = t2_18 + wrist;
+        let t2_20 = -t2_19;
+        let t2_21 = t2_19 + t2_16;
         let t2_22 = -t2_21;
-        let t2_23 = t2_21 + t2_18;
-        let t2_24 = -t2_23;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t2_25], [t2_26], [t2_27]], found) = ::regen_runtime::guarded(
-            [[t2_18], [t2_24], [t2_19]],
+        let ([[t2_23], [t2_24], [t2_25]], found) = ::regen_runtime::guarded(
+            [[t2_16], [t2_22], [t2_17]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_14, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_12, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t2_13], [t2_17], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t2_22],
+                    [t2_11], [t2_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t2_20],
                 ],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_25; dq_e[1] = t2_26; dq_e[2] = t2_27;
+        dq_e[0] = t2_23; dq_e[1] = t2_24; dq_e[2] = t2_25;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -852,7 +784,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 7]) -> [[T; 3]; 3] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 12 additions, 14 multiplications, 1 divisions, 3 sines and cosines.
+/// 10 additions, 14 multiplications, 1 divisions, 3 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 4]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 7];
@@ -863,16 +795,14 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 4]) -> ([T; 7], Condition<T>
         sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
         sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
     ] = {
-        let t1_1 = elbow + q2;
-        let t1_2 = t1_1 - q3;
-        let t1_3 = t1_2 - pin;
-        let t1_4 = q2 - q3;
-        let t1_5 = t1_4 - pin;
+        let t1_1 = q2 - q3;
+        let t1_2 = t1_1 - pin;
+        let t1_3 = t1_2 + elbow;
         let [
             (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin),
             (sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin), (sin_pin, cos_pin),
         ] =
-            T::sin_cos_all([t1_3, t1_5, pin]);
+            T::sin_cos_all([t1_3, t1_2, pin]);
         [
             sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
             sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
@@ -935,7 +865,7 @@ pub fn velocities<T: Scalar>(q: &[T; 7], qd_i: &[T; 4]) -> ([T; 7], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 21 additions, 26 multiplications, 1 divisions, 3 sines and cosines.
+/// 19 additions, 26 multiplications, 1 divisions, 3 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T; 7], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 7];
@@ -946,16 +876,14 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T;
         sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
         sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
     ] = {
-        let t1_1 = elbow + q2;
-        let t1_2 = t1_1 - q3;
-        let t1_3 = t1_2 - pin;
-        let t1_4 = q2 - q3;
-        let t1_5 = t1_4 - pin;
+        let t1_1 = q2 - q3;
+        let t1_2 = t1_1 - pin;
+        let t1_3 = t1_2 + elbow;
         let [
             (sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin),
             (sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin), (sin_pin, cos_pin),
         ] =
-            T::sin_cos_all([t1_3, t1_5, pin]);
+            T::sin_cos_all([t1_3, t1_2, pin]);
         [
             sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin,
             sin_q2_minus_q3_minus_pin, cos_q2_minus_q3_minus_pin, sin_pin, cos_pin,
@@ -1034,7 +962,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd_i: &[T; 4]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 271 additions, 428 multiplications, 1 divisions, 6 sines and cosines.
+/// 236 additions, 379 multiplications, 1 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 70]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0] = [zero; 4];
@@ -1132,8 +1060,13 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
     }
     let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
     // body arm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [w_m_arm_q1, w_ixz_arm_q2, t3_8, t3_9, t3_17, t3_20, t3_24, t3_25, a_army, a_armx] = {
+    let [
+        w_m_arm_q1, w_ixz_arm_q2, t3_4, t3_10, t3_15, t3_18, w_ixz_arm_q1, t3_23, a_army,
+        a_armx,
+    ] = {
         w[15][1] = dd_q2;
+        let w_mz_arm_q1 = like.lift(0.0) + like.lift(0.0);
+        w[18][0] = w_mz_arm_q1;
         let w_m_arm_q1 = like.lift(0.00017424) * dd_q1;
         w[19][0] = w_m_arm_q1;
         let w_ixz_arm_q2 = sin_q2 * dd_q1;
@@ -1141,131 +1074,136 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         let w_army = cos_q2 * d_q1;
         let t3_1 = d_q2 * w_army;
         let al_armx = w_ixz_arm_q2 + t3_1;
+        let t3_2 = t3_1 + al_armx;
         let w_armx = sin_q2 * d_q1;
-        let t3_2 = d_q2 * w_armx;
-        let t3_3 = cos_q2 * t3_2;
-        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx, t3_3);
-        w[10][0] = w_ixx_arm_q1;
-        let t3_4 = t3_1 + al_armx;
-        let t3_5 = sin_q2 * t3_1;
-        let w_ixx_arm_q2 = w_armx * w_army;
-        w[13][1] = w_ixx_arm_q2;
-        let t3_6 = -w_ixx_arm_q2;
-        w[10][1] = t3_6;
-        let t3_7 = w_armx * w_armx;
-        let t3_8 = w_army * w_army;
-        let w_ixy_arm_q2 = t3_7 - t3_8;
-        w[11][1] = w_ixy_arm_q2;
+        let t3_3 = d_q2 * w_armx;
         let w_iyz_arm_q2 = cos_q2 * dd_q1;
         w[14][1] = w_iyz_arm_q2;
-        let al_army = w_iyz_arm_q2 - t3_2;
-        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t3_5);
-        let t3_9 = t3_2 - al_army;
-        let t3_10 = -w_iyy_arm_q1;
-        w[13][0] = t3_10;
-        let t3_11 = t3_9 - w_iyz_arm_q2;
-        let t3_12 = like.lift(0.0132) * t3_11;
-        let w_mx_arm_q1 = -t3_12;
+        let al_army = w_iyz_arm_q2 - t3_3;
+        let t3_4 = t3_3 - al_army;
+        let t3_5 = t3_4 - w_iyz_arm_q2;
+        let t3_6 = like.lift(0.0132) * t3_5;
+        let w_mx_arm_q1 = -t3_6;
         w[16][0] = w_mx_arm_q1;
-        let t3_13 = sin_q2 * t3_9;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_4, t3_13);
-        let t3_14 = -w_ixy_arm_q1;
-        w[11][0] = t3_14;
-        let t3_15 = t3_4 + w_ixz_arm_q2;
-        let w_my_arm_q1 = like.lift(0.0132) * t3_15;
-        let t3_16 = -w_my_arm_q1;
-        w[17][0] = t3_16;
-        let t3_17 = dd_q2 + w_ixx_arm_q2;
-        let t3_18 = dd_q2 - w_ixx_arm_q2;
-        let t3_19 = cos_q2 * t3_18;
-        let t3_20 = d_q2 * d_q2;
-        let t3_21 = t3_8 - t3_20;
-        let w_iyz_arm_q1 = sin_q2.mul_add(t3_21, t3_19);
+        let w_iyy_arm_q1 = cos_q2 * t3_4;
+        let w_ixx_arm_q1 = w_iyy_arm_q1 + dd_q1;
+        w[10][0] = w_ixx_arm_q1;
+        let t3_7 = -w_iyy_arm_q1;
+        w[13][0] = t3_7;
+        let w_ixx_arm_q2 = w_armx * w_army;
+        w[13][1] = w_ixx_arm_q2;
+        let t3_8 = -w_ixx_arm_q2;
+        w[10][1] = t3_8;
+        let t3_9 = w_armx * w_armx;
+        let t3_10 = w_army * w_army;
+        let w_ixy_arm_q2 = t3_9 - t3_10;
+        w[11][1] = w_ixy_arm_q2;
+        let t3_11 = sin_q2 * t3_4;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_2, t3_11);
+        let t3_12 = -w_ixy_arm_q1;
+        w[11][0] = t3_12;
+        let t3_13 = t3_2 + w_ixz_arm_q2;
+        let w_my_arm_q1 = like.lift(0.0132) * t3_13;
+        let t3_14 = -w_my_arm_q1;
+        w[17][0] = t3_14;
+        let t3_15 = dd_q2 + w_ixx_arm_q2;
+        let t3_16 = dd_q2 - w_ixx_arm_q2;
+        let t3_17 = cos_q2 * t3_16;
+        let t3_18 = d_q2 * d_q2;
+        let t3_19 = t3_10 - t3_18;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_19, t3_17);
         w[14][0] = w_iyz_arm_q1;
-        let t3_22 = t3_7 - t3_20;
-        let t3_23 = sin_q2 * t3_17;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_22, t3_23);
+        let t3_20 = t3_9 - t3_18;
+        let t3_21 = sin_q2 * t3_15;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_20, t3_21);
         w[12][0] = w_ixz_arm_q1;
-        let t3_24 = d_q1 * d_q1;
-        let t3_25 = like.lift(0.0132) * t3_24;
-        let t3_26 = like.lift(9.81) * cos_q2;
-        let a_army = sin_q2.mul_add(t3_25, t3_26);
+        let t3_22 = d_q1 * d_q1;
+        let t3_23 = like.lift(0.0132) * t3_22;
+        let t3_24 = like.lift(9.81) * cos_q2;
+        let a_army = sin_q2.mul_add(t3_23, t3_24);
         w[16][1] = a_army;
-        let t3_27 = cos_q2 * t3_25;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_27);
+        let t3_25 = cos_q2 * t3_23;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_25);
         w[17][1] = a_armx;
-        let t3_28 = (-sin_q2).mul_add(a_army, t3_25);
-        let w_mz_arm_q1 = (-cos_q2).mul_add(a_armx, t3_28);
-        w[18][0] = w_mz_arm_q1;
-        [w_m_arm_q1, w_ixz_arm_q2, t3_8, t3_9, t3_17, t3_20, t3_24, t3_25, a_army, a_armx]
+        [
+            w_m_arm_q1, w_ixz_arm_q2, t3_4, t3_10, t3_15, t3_18, w_ixz_arm_q1, t3_23, a_army,
+            a_armx,
+        ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_2, t4_3, t4_4, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_7, t4_8, t4_9,
-        w_ixx_forearm_q1, t4_11, t4_12, t4_13, t4_14, u_forearm_q1z, x_elbow_q2, x_elbow_q3,
-        x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t4_2, t4_3, t4_4, w_mz_forearm_q1, t4_5, t4_6, sin_q2_elbow, cos_q2_elbow, w_forearmz,
+        t4_10, t4_11, t4_13, t4_14, w_ixx_forearm_q1, t4_15, t4_16, t4_17, t4_18,
+        u_forearm_q1z, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t4_1 = t3_8 + t3_20;
+        let t4_1 = t3_10 + t3_18;
         let t4_2 = like.lift(0.14207).mul_add(t4_1, a_armx);
-        let t4_3 = like.lift(0.14207).mul_add(t3_17, a_army);
+        let t4_3 = like.lift(0.14207).mul_add(t3_15, a_army);
         let w_mz_forearm_q2 = like.lift(0.14207) * w_ixz_arm_q2;
         let t4_4 = -w_mz_forearm_q2;
-        let t4_5 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_5);
-        let t4_6 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_6);
+        let w_mz_forearm_q1 = like.lift(0.14207) * w_ixz_arm_q1;
+        let t4_5 = -w_mz_forearm_q1;
+        let t4_6 = like.lift(0.14207) * t4_3;
+        let t4_7 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_7);
+        let t4_8 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_8);
         let w_forearmz = d_q2 + d_elbow;
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t4_7 = w_forearmz * w_forearmy;
-        let t4_8 = sin_q2_elbow * dd_q1;
-        let al_forearmx = t4_7 + t4_8;
+        let t4_9 = w_forearmz * w_forearmy;
+        let t4_10 = sin_q2_elbow * dd_q1;
+        let al_forearmx = t4_9 + t4_10;
+        let t4_11 = t4_9 + al_forearmx;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t4_9 = w_forearmz * w_forearmx;
-        let t4_10 = cos_q2_elbow * t4_9;
-        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t4_10);
-        let t4_11 = t4_7 + al_forearmx;
-        let t4_12 = w_forearmx * w_forearmy;
-        let t4_13 = w_forearmx * w_forearmx;
-        let t4_14 = w_forearmy * w_forearmy;
-        let t4_15 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_15);
-        let t4_16 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_16);
-        let t4_17 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_17);
-        let t4_18 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_18);
+        let t4_12 = w_forearmz * w_forearmx;
+        let t4_13 = cos_q2_elbow * dd_q1;
+        let al_forearmy = t4_12 - t4_13;
+        let t4_14 = t4_12 + al_forearmy;
+        let w_iyy_forearm_q1 = cos_q2_elbow * t4_14;
+        let w_ixx_forearm_q1 = w_iyy_forearm_q1 + dd_q1;
+        let t4_15 = -w_iyy_forearm_q1;
+        let t4_16 = w_forearmx * w_forearmy;
+        let t4_17 = w_forearmx * w_forearmx;
+        let t4_18 = w_forearmy * w_forearmy;
+        let t4_19 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_19);
+        let t4_20 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_20);
+        let t4_21 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_21);
+        let t4_22 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_22);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t4_19 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t4_20 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t4_21 = -t4_20;
-        let t4_22 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_22);
-        let t4_23 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_23);
+        let t4_23 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_24 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_25 = -t4_24;
+        let t4_26 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_26);
+        let t4_27 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_27);
         let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let t4_24 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_24);
-        let t4_25 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_25);
-        let t4_26 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t4_27 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_20);
-        let t4_28 = -t4_26;
-        let t4_29 = t4_26 * t4_19;
-        let t4_30 = sin_pin * t4_19;
-        let t4_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_29, t4_27);
-        let t4_32 = like.lift(21.92982456140351) * t4_29;
-        let t4_33 = like.lift(7.038783698176955) * t4_31;
-        let t4_34 = -t4_33;
+        let t4_28 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_28);
+        let t4_29 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_29);
+        let t4_30 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t4_31 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_24);
+        let t4_32 = -t4_30;
+        let t4_33 = t4_30 * t4_23;
+        let t4_34 = sin_pin * t4_23;
+        let t4_35 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_33, t4_31);
+        let t4_36 = like.lift(21.92982456140351) * t4_33;
+        let t4_37 = like.lift(7.038783698176955) * t4_35;
+        let t4_38 = -t4_37;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_35 = -u_rod_q3x;
-        let t4_36 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_37 = t4_30.mul_add(t4_20, t4_36);
-        let t4_38 = -t4_36;
-        let t4_39 = like.lift(7.038783698176955) * t4_37;
-        let t4_40 = -t4_32;
-        let t4_41 = like.lift(1.0) + t4_32;
-        let t4_42 = -t4_30;
+        let t4_39 = -u_rod_q3x;
+        let t4_40 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_41 = t4_34.mul_add(t4_24, t4_40);
+        let t4_42 = -t4_40;
+        let t4_43 = like.lift(7.038783698176955) * t4_41;
+        let t4_44 = -t4_36;
+        let t4_45 = like.lift(1.0) + t4_36;
+        let t4_46 = -t4_34;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -1273,23 +1211,23 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t4_40, like.lift(0.0), t4_42],
-                [like.lift(0.0), t4_41, like.lift(0.0), t4_30],
-                [like.lift(0.0), t4_34, like.lift(0.0), t4_39],
+                [like.lift(0.0), t4_44, like.lift(0.0), t4_46],
+                [like.lift(0.0), t4_45, like.lift(0.0), t4_34],
+                [like.lift(0.0), t4_38, like.lift(0.0), t4_43],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_21, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_25, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t4_28, like.lift(0.0), t4_35],
-                    [like.lift(0.0), t4_27, like.lift(0.0), t4_38],
+                    [like.lift(0.0), t4_32, like.lift(0.0), t4_39],
+                    [like.lift(0.0), t4_31, like.lift(0.0), t4_42],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -1299,675 +1237,622 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
         );
         condition = condition.min(found);
         [
-            t4_2, t4_3, t4_4, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_7, t4_8, t4_9,
-            w_ixx_forearm_q1, t4_11, t4_12, t4_13, t4_14, u_forearm_q1z, x_elbow_q2,
-            x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t4_2, t4_3, t4_4, w_mz_forearm_q1, t4_5, t4_6, sin_q2_elbow, cos_q2_elbow,
+            w_forearmz, t4_10, t4_11, t4_13, t4_14, w_ixx_forearm_q1, t4_15, t4_16, t4_17,
+            t4_18, u_forearm_q1z, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+            x_pin_q3,
         ]
     };
     // body forearm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        t5_2, w_ixz_forearm_q3, t5_7, al_forearmz, t5_16, t5_26, a_armz, a_forearmz,
-        a_forearmy, a_forearmx,
+        t5_3, w_ixz_forearm_q3, al_forearmz, t5_12, t5_21, w_ixz_forearm_q1, a_armz,
+        a_forearmz, a_forearmy, a_forearmx,
     ] = {
-        w[20][0] = w_ixx_forearm_q1; w[28][1] = t4_4;
-        let w_ixx_forearm_q3 = x_elbow_q3 * t4_12;
+        w[20][0] = w_ixx_forearm_q1; w[23][0] = t4_15; w[28][0] = t4_5; w[28][1] = t4_4; w[29][1] = t4_6;
+        let w_ixx_forearm_q3 = x_elbow_q3 * t4_16;
         w[20][3] = w_ixx_forearm_q3;
         let t5_1 = -w_ixx_forearm_q3;
         w[23][3] = t5_1;
-        let t5_2 = like.lift(1.0) - x_elbow_q2;
-        let w_ixz_forearm_q2 = t4_8 * t5_2;
-        w[22][1] = w_ixz_forearm_q2;
-        let w_ixz_forearm_q3 = x_elbow_q3 * t4_8;
-        let t5_3 = -w_ixz_forearm_q3;
-        w[22][3] = t5_3;
-        let w_ixx_forearm_q2 = t4_12 * t5_2;
-        w[23][1] = w_ixx_forearm_q2;
-        let t5_4 = -w_ixx_forearm_q2;
-        w[20][1] = t5_4;
-        let t5_5 = cos_q2_elbow * dd_q1;
-        let w_iyz_forearm_q2 = t5_5 * t5_2;
+        let w_iyz_forearm_q3 = x_elbow_q3 * t4_13;
+        let t5_2 = -w_iyz_forearm_q3;
+        w[24][3] = t5_2;
+        let t5_3 = like.lift(1.0) - x_elbow_q2;
+        let w_iyz_forearm_q2 = t4_13 * t5_3;
         w[24][1] = w_iyz_forearm_q2;
-        let w_iyz_forearm_q3 = x_elbow_q3 * t5_5;
-        let t5_6 = -w_iyz_forearm_q3;
-        w[24][3] = t5_6;
-        let al_forearmy = t4_9 - t5_5;
-        let t5_7 = t4_9 + al_forearmy;
-        let t5_8 = cos_q2_elbow * al_forearmy;
-        let w_iyy_forearm_q1 = sin_q2_elbow.mul_add(t4_7, t5_8);
-        let t5_9 = -w_iyy_forearm_q1;
-        w[23][0] = t5_9;
-        let t5_10 = sin_q2_elbow * t5_7;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t4_11, t5_10);
-        let t5_11 = -w_ixy_forearm_q1;
-        w[21][0] = t5_11;
-        let t5_12 = u_forearm_q1z * t4_11;
-        let t5_13 = t4_13 - t4_14;
-        let w_ixy_forearm_q2 = t5_13 * t5_2;
+        let w_ixz_forearm_q2 = t4_10 * t5_3;
+        w[22][1] = w_ixz_forearm_q2;
+        let w_ixz_forearm_q3 = x_elbow_q3 * t4_10;
+        let t5_4 = -w_ixz_forearm_q3;
+        w[22][3] = t5_4;
+        let w_ixx_forearm_q2 = t4_16 * t5_3;
+        w[23][1] = w_ixx_forearm_q2;
+        let t5_5 = -w_ixx_forearm_q2;
+        w[20][1] = t5_5;
+        let t5_6 = sin_q2_elbow * t4_14;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t4_11, t5_6);
+        let t5_7 = -w_ixy_forearm_q1;
+        w[21][0] = t5_7;
+        let t5_8 = u_forearm_q1z * t4_11;
+        let t5_9 = t4_17 - t4_18;
+        let w_ixy_forearm_q2 = t5_9 * t5_3;
         w[21][1] = w_ixy_forearm_q2;
-        let w_ixy_forearm_q3 = x_elbow_q3 * t5_13;
-        let t5_14 = -w_ixy_forearm_q3;
-        w[21][3] = t5_14;
+        let w_ixy_forearm_q3 = x_elbow_q3 * t5_9;
+        let t5_10 = -w_ixy_forearm_q3;
+        w[21][3] = t5_10;
         let al_forearmz = dd_q2 + dd_elbow;
-        let w_izz_forearm_q2 = al_forearmz * t5_2;
+        let w_izz_forearm_q2 = al_forearmz * t5_3;
         w[25][1] = w_izz_forearm_q2;
         let w_izz_forearm_q3 = x_elbow_q3 * al_forearmz;
-        let t5_15 = -w_izz_forearm_q3;
-        w[25][3] = t5_15;
-        let t5_16 = al_forearmz + t4_12;
-        let t5_17 = al_forearmz - t4_12;
-        let t5_18 = w_forearmz * w_forearmz;
-        let t5_19 = t4_13 - t5_18;
-        let t5_20 = sin_q2_elbow * t5_16;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_19, t5_20);
-        w[22][0] = w_ixz_forearm_q1;
-        let t5_21 = t4_13 + t5_18;
-        let t5_22 = cos_elbow * t5_21;
-        let t5_23 = sin_elbow.mul_add(t5_17, t5_22);
-        let t5_24 = cos_q2_elbow * t5_17;
-        let t5_25 = t4_14 - t5_18;
-        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_25, t5_24);
+        let t5_11 = -w_izz_forearm_q3;
+        w[25][3] = t5_11;
+        let t5_12 = al_forearmz + t4_16;
+        let t5_13 = al_forearmz - t4_16;
+        let t5_14 = w_forearmz * w_forearmz;
+        let t5_15 = t4_17 - t5_14;
+        let t5_16 = t4_17 + t5_14;
+        let t5_17 = cos_elbow * t5_16;
+        let t5_18 = sin_elbow.mul_add(t5_13, t5_17);
+        let t5_19 = cos_q2_elbow * t5_13;
+        let t5_20 = t4_18 - t5_14;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_20, t5_19);
         w[24][0] = w_iyz_forearm_q1;
-        let t5_26 = t4_14 + t5_18;
+        let t5_21 = t4_18 + t5_14;
+        let t5_22 = sin_q2_elbow * t5_12;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_15, t5_22);
+        w[22][0] = w_ixz_forearm_q1;
         let a_armz = like.lift(0.0132) * dd_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t3_9, a_armz);
-        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_12);
-        let t5_27 = -w_my_forearm_q1;
-        w[27][0] = t5_27;
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_4, a_armz);
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_8);
+        let t5_23 = -w_my_forearm_q1;
+        w[27][0] = t5_23;
         let w_m_forearm_q1 = u_forearm_q1z * a_forearmz;
         w[29][0] = w_m_forearm_q1;
-        let t5_28 = cos_q2_elbow * a_forearmz;
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_7, t5_28);
+        let t5_24 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t4_14, t5_24);
         w[26][0] = w_mx_forearm_q1;
-        let t5_29 = cos_elbow * t4_3;
-        let a_forearmy = sin_elbow.mul_add(t4_2, t5_29);
-        let t5_30 = cos_elbow * t4_2;
-        let a_forearmx = (-sin_elbow).mul_add(t4_3, t5_30);
-        let t5_31 = a_forearmx * t5_2;
-        let w_my_forearm_q2 = like.lift(-0.14207).mul_add(t5_23, t5_31);
+        let t5_25 = cos_elbow * t4_3;
+        let a_forearmy = sin_elbow.mul_add(t4_2, t5_25);
+        let t5_26 = cos_elbow * t4_2;
+        let a_forearmx = (-sin_elbow).mul_add(t4_3, t5_26);
+        let t5_27 = a_forearmx * t5_3;
+        let w_my_forearm_q2 = like.lift(-0.14207).mul_add(t5_18, t5_27);
         w[27][1] = w_my_forearm_q2;
         let w_mx_forearm_q3 = x_elbow_q3 * a_forearmy;
-        let t5_32 = -w_mx_forearm_q3;
-        w[26][3] = t5_32;
+        let t5_28 = -w_mx_forearm_q3;
+        w[26][3] = t5_28;
         let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
-        let t5_33 = -w_my_forearm_q3;
-        w[27][3] = t5_33;
-        let t5_34 = cos_elbow * t5_16;
-        let t5_35 = (-sin_elbow).mul_add(t5_26, t5_34);
-        let t5_36 = a_forearmy * t5_2;
-        let w_mx_forearm_q2 = like.lift(0.14207).mul_add(t5_35, t5_36);
+        let t5_29 = -w_my_forearm_q3;
+        w[27][3] = t5_29;
+        let t5_30 = cos_elbow * t5_12;
+        let t5_31 = (-sin_elbow).mul_add(t5_21, t5_30);
+        let t5_32 = a_forearmy * t5_3;
+        let w_mx_forearm_q2 = like.lift(0.14207).mul_add(t5_31, t5_32);
         w[26][1] = w_mx_forearm_q2;
-        let t5_37 = sin_q2_elbow * a_forearmy;
-        let t5_38 = (-u_forearm_q1z).mul_add(t3_24, t5_37);
-        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t5_38);
-        let t5_39 = -w_mz_forearm_q1;
-        w[28][0] = t5_39;
-        let t5_40 = cos_elbow * a_forearmy;
-        let t5_41 = (-sin_elbow).mul_add(a_forearmx, t5_40);
-        let t5_42 = like.lift(0.14207) * t5_41;
-        let w_m_forearm_q2 = -t5_42;
-        let t5_43 = -w_m_forearm_q2;
-        w[29][1] = t5_43;
         [
-            t5_2, w_ixz_forearm_q3, t5_7, al_forearmz, t5_16, t5_26, a_armz, a_forearmz,
-            a_forearmy, a_forearmx,
+            t5_3, w_ixz_forearm_q3, al_forearmz, t5_12, t5_21, w_ixz_forearm_q1, a_armz,
+            a_forearmz, a_forearmy, a_forearmx,
         ]
     };
     // body wrist: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        a_wristz, w_wristz, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy,
-        w_wristx, t6_14, al_wristy, t6_24, t6_35, t6_36, t6_42, a_wristy, a_wristx,
-        u_wrist_q2x, u_wrist_q2y, t6_48,
+        a_wristz, w_wristz, t6_4, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist,
+        w_wristy, t6_12, w_wristx, al_wristy, t6_17, w_ixx_wrist_q1, t6_22, w_ixy_wrist_q1,
+        w_ixy_wrist_q2, w_ixy_wrist_q3, t6_34, t6_35, t6_41, a_wristy, a_wristx, u_wrist_q2y,
+        t6_50, t6_53, w_my_wrist_q2, w_my_wrist_q3, w_my_wrist_q1,
     ] = {
-        let a_wristz = like.lift(-0.15852).mul_add(t5_7, a_forearmz);
-        let t6_1 = like.lift(0.15852).mul_add(t5_26, a_forearmx);
-        let t6_2 = like.lift(0.15852).mul_add(t5_16, a_forearmy);
+        let w_mz_wrist_q1 = like.lift(0.15852).mul_add(w_ixz_forearm_q1, w_mz_forearm_q1);
+        let a_wristz = like.lift(-0.15852).mul_add(t4_14, a_forearmz);
+        let t6_1 = like.lift(0.15852).mul_add(t5_21, a_forearmx);
+        let t6_2 = like.lift(0.15852).mul_add(t5_12, a_forearmy);
+        let t6_3 = -w_mz_wrist_q1;
+        w[38][0] = t6_3;
         let w_mz_wrist_q3 = like.lift(0.15852) * w_ixz_forearm_q3;
         w[38][3] = w_mz_wrist_q3;
         let w_wristz = d_wrist + w_forearmz;
-        let t6_3 = x_wrist_q2 - t5_2;
+        let t6_4 = x_wrist_q2 - t5_3;
         let al_wristz = dd_wrist + al_forearmz;
         let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
-        let t6_4 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
-        let t6_5 = like.lift(0.14207) * sin_elbow;
+        let t6_5 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
+        let t6_6 = like.lift(0.14207) * sin_elbow;
         let w_m_wrist_q1 = a_wristz * u_wrist_q1z;
         w[39][0] = w_m_wrist_q1;
-        let w_izz_wrist_q2 = al_wristz * t6_3;
-        let t6_6 = -w_izz_wrist_q2;
-        w[35][1] = t6_6;
-        let t6_7 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t6_7);
-        let t6_8 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_8);
+        let w_izz_wrist_q2 = al_wristz * t6_4;
+        let t6_7 = -w_izz_wrist_q2;
+        w[35][1] = t6_7;
+        let t6_8 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t6_8);
+        let t6_9 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t6_9);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t6_9 = w_wristy * w_wristz;
-        let t6_10 = dd_q1 * sin_q2_elbow_wrist;
-        let w_ixz_wrist_q2 = t6_10 * t6_3;
-        let t6_11 = -w_ixz_wrist_q2;
-        w[32][1] = t6_11;
-        let al_wristx = t6_9 + t6_10;
+        let t6_10 = w_wristy * w_wristz;
+        let t6_11 = dd_q1 * sin_q2_elbow_wrist;
+        let al_wristx = t6_10 + t6_11;
+        let t6_12 = t6_10 + al_wristx;
+        let w_ixz_wrist_q2 = t6_11 * t6_4;
+        let t6_13 = -w_ixz_wrist_q2;
+        w[32][1] = t6_13;
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t6_12 = w_wristx * w_wristz;
-        let t6_13 = cos_q2_elbow_wrist * t6_12;
-        let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t6_13);
-        w[30][0] = w_ixx_wrist_q1;
-        let t6_14 = t6_9 + al_wristx;
-        let t6_15 = w_wristx * w_wristy;
-        let w_ixx_wrist_q2 = t6_15 * t6_3;
-        w[30][1] = w_ixx_wrist_q2;
-        let t6_16 = -w_ixx_wrist_q2;
-        w[33][1] = t6_16;
-        let t6_17 = x_elbow_q3 + x_wrist_q3;
-        let w_ixx_wrist_q3 = t6_15 * t6_17;
-        w[30][3] = w_ixx_wrist_q3;
-        let t6_18 = -w_ixx_wrist_q3;
-        w[33][3] = t6_18;
-        let w_ixz_wrist_q3 = t6_10 * t6_17;
-        let t6_19 = -w_ixz_wrist_q3;
-        w[32][3] = t6_19;
-        let w_izz_wrist_q3 = al_wristz * t6_17;
-        let t6_20 = -w_izz_wrist_q3;
-        w[35][3] = t6_20;
-        let t6_21 = dd_q1 * cos_q2_elbow_wrist;
-        let w_iyz_wrist_q2 = t6_21 * t6_3;
-        let t6_22 = -w_iyz_wrist_q2;
-        w[34][1] = t6_22;
-        let w_iyz_wrist_q3 = t6_21 * t6_17;
-        let t6_23 = -w_iyz_wrist_q3;
-        w[34][3] = t6_23;
-        let al_wristy = t6_12 - t6_21;
-        let t6_24 = t6_12 + al_wristy;
-        let t6_25 = cos_q2_elbow_wrist * al_wristy;
-        let w_iyy_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_9, t6_25);
-        let t6_26 = -w_iyy_wrist_q1;
-        w[33][0] = t6_26;
-        let t6_27 = a_wristz * cos_q2_elbow_wrist;
-        let w_mx_wrist_q1 = (-t6_24).mul_add(u_wrist_q1z, t6_27);
+        let t6_14 = w_wristx * w_wristz;
+        let t6_15 = dd_q1 * cos_q2_elbow_wrist;
+        let w_iyz_wrist_q2 = t6_15 * t6_4;
+        let t6_16 = -w_iyz_wrist_q2;
+        w[34][1] = t6_16;
+        let al_wristy = t6_14 - t6_15;
+        let t6_17 = t6_14 + al_wristy;
+        let t6_18 = a_wristz * cos_q2_elbow_wrist;
+        let w_mx_wrist_q1 = (-t6_17).mul_add(u_wrist_q1z, t6_18);
         w[36][0] = w_mx_wrist_q1;
-        let t6_28 = sin_q2_elbow_wrist * t6_24;
-        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_14, t6_28);
-        let t6_29 = -w_ixy_wrist_q1;
-        w[31][0] = t6_29;
-        let t6_30 = w_wristx * w_wristx;
-        let t6_31 = w_wristy * w_wristy;
-        let t6_32 = t6_30 - t6_31;
-        let w_ixy_wrist_q2 = t6_32 * t6_3;
-        let t6_33 = -w_ixy_wrist_q2;
-        w[31][1] = t6_33;
-        let w_ixy_wrist_q3 = t6_32 * t6_17;
-        let t6_34 = -w_ixy_wrist_q3;
-        w[31][3] = t6_34;
-        let t6_35 = al_wristz + t6_15;
-        let t6_36 = al_wristz - t6_15;
-        let t6_37 = w_wristz * w_wristz;
-        let t6_38 = t6_30 - t6_37;
-        let t6_39 = sin_q2_elbow_wrist * t6_35;
-        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_38, t6_39);
+        let w_iyy_wrist_q1 = cos_q2_elbow_wrist * t6_17;
+        let t6_19 = -w_iyy_wrist_q1;
+        w[33][0] = t6_19;
+        let w_ixx_wrist_q1 = w_iyy_wrist_q1 + dd_q1;
+        w[30][0] = w_ixx_wrist_q1;
+        let t6_20 = w_wristx * w_wristy;
+        let w_ixx_wrist_q2 = t6_20 * t6_4;
+        w[30][1] = w_ixx_wrist_q2;
+        let t6_21 = -w_ixx_wrist_q2;
+        w[33][1] = t6_21;
+        let t6_22 = x_elbow_q3 + x_wrist_q3;
+        let w_ixx_wrist_q3 = t6_20 * t6_22;
+        w[30][3] = w_ixx_wrist_q3;
+        let t6_23 = -w_ixx_wrist_q3;
+        w[33][3] = t6_23;
+        let w_ixz_wrist_q3 = t6_11 * t6_22;
+        let t6_24 = -w_ixz_wrist_q3;
+        w[32][3] = t6_24;
+        let w_iyz_wrist_q3 = t6_15 * t6_22;
+        let t6_25 = -w_iyz_wrist_q3;
+        w[34][3] = t6_25;
+        let w_izz_wrist_q3 = al_wristz * t6_22;
+        let t6_26 = -w_izz_wrist_q3;
+        w[35][3] = t6_26;
+        let t6_27 = sin_q2_elbow_wrist * t6_17;
+        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_12, t6_27);
+        let t6_28 = -w_ixy_wrist_q1;
+        w[31][0] = t6_28;
+        let t6_29 = w_wristx * w_wristx;
+        let t6_30 = w_wristy * w_wristy;
+        let t6_31 = t6_29 - t6_30;
+        let w_ixy_wrist_q2 = t6_31 * t6_4;
+        let t6_32 = -w_ixy_wrist_q2;
+        w[31][1] = t6_32;
+        let w_ixy_wrist_q3 = t6_31 * t6_22;
+        let t6_33 = -w_ixy_wrist_q3;
+        w[31][3] = t6_33;
+        let t6_34 = al_wristz + t6_20;
+        let t6_35 = al_wristz - t6_20;
+        let t6_36 = w_wristz * w_wristz;
+        let t6_37 = t6_29 - t6_36;
+        let t6_38 = sin_q2_elbow_wrist * t6_34;
+        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t6_37, t6_38);
         w[32][0] = w_ixz_wrist_q1;
-        let t6_40 = t6_30 + t6_37;
-        let t6_41 = t6_31 - t6_37;
-        let t6_42 = t6_31 + t6_37;
-        let t6_43 = cos_q2_elbow_wrist * t6_36;
-        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_41, t6_43);
+        let t6_39 = t6_29 + t6_36;
+        let t6_40 = t6_30 - t6_36;
+        let t6_41 = t6_30 + t6_36;
+        let t6_42 = cos_q2_elbow_wrist * t6_35;
+        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t6_40, t6_42);
         w[34][0] = w_iyz_wrist_q1;
-        let t6_44 = cos_wrist * t6_2;
-        let a_wristy = sin_wrist.mul_add(t6_1, t6_44);
-        let t6_45 = cos_wrist * t6_1;
-        let a_wristx = (-sin_wrist).mul_add(t6_2, t6_45);
-        let t6_46 = sin_wrist * t6_4;
-        let u_wrist_q2x = cos_wrist.mul_add(t6_5, t6_46);
-        let t6_47 = sin_wrist * t6_5;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t6_4, t6_47);
-        let t6_48 = like.lift(0.15852) * x_elbow_q2;
-        let t6_49 = (-sin_wrist).mul_add(t6_48, u_wrist_q2x);
-        let t6_50 = cos_wrist.mul_add(t6_48, u_wrist_q2y);
-        let t6_51 = t6_10 * t6_50;
-        let w_mz_wrist_q2 = t6_21.mul_add(t6_49, t6_51);
-        w[38][1] = w_mz_wrist_q2;
-        let t6_52 = a_wristy * t6_3;
-        let t6_53 = t6_35.mul_add(t6_50, t6_52);
-        let w_mx_wrist_q2 = t6_42.mul_add(t6_49, t6_53);
-        let t6_54 = -w_mx_wrist_q2;
-        w[36][1] = t6_54;
-        let t6_55 = a_wristx * t6_3;
-        let t6_56 = (-t6_40).mul_add(t6_50, t6_55);
-        let w_my_wrist_q2 = t6_36.mul_add(t6_49, t6_56);
-        let t6_57 = -w_my_wrist_q2;
-        w[37][1] = t6_57;
-        let t6_58 = a_wristy * t6_50;
-        let w_m_wrist_q2 = a_wristx.mul_add(t6_49, t6_58);
-        let t6_59 = -w_m_wrist_q2;
-        w[39][1] = t6_59;
-        let t6_60 = sin_wrist * x_elbow_q3;
-        let t6_61 = cos_wrist * x_elbow_q3;
-        let t6_62 = t6_40 * t6_61;
-        let t6_63 = t6_36.mul_add(t6_60, t6_62);
-        let t6_64 = a_wristx * t6_17;
-        let w_my_wrist_q3 = like.lift(-0.15852).mul_add(t6_63, t6_64);
-        let t6_65 = -w_my_wrist_q3;
-        w[37][3] = t6_65;
-        let t6_66 = a_wristy * t6_17;
-        let t6_67 = t6_35 * t6_61;
-        let t6_68 = (-t6_42).mul_add(t6_60, t6_67);
-        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_68, t6_66);
-        let t6_69 = -w_mx_wrist_q3;
-        w[36][3] = t6_69;
-        let t6_70 = a_wristy * t6_61;
-        let t6_71 = (-a_wristx).mul_add(t6_60, t6_70);
-        let t6_72 = like.lift(0.15852) * t6_71;
-        let w_m_wrist_q3 = -t6_72;
+        let t6_43 = cos_wrist * t6_2;
+        let a_wristy = sin_wrist.mul_add(t6_1, t6_43);
+        let t6_44 = cos_wrist * t6_1;
+        let a_wristx = (-sin_wrist).mul_add(t6_2, t6_44);
+        let t6_45 = x_elbow_q3 * t6_2;
+        let t6_46 = like.lift(0.15852) * t6_45;
+        let w_m_wrist_q3 = -t6_46;
         w[39][3] = w_m_wrist_q3;
-        let t6_73 = t6_14 * u_wrist_q1z;
-        let w_my_wrist_q1 = a_wristz.mul_add(sin_q2_elbow_wrist, t6_73);
-        let t6_74 = -w_my_wrist_q1;
-        w[37][0] = t6_74;
-        let t6_75 = sin_q2_elbow_wrist * a_wristy;
-        let t6_76 = (-t3_24).mul_add(u_wrist_q1z, t6_75);
-        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t6_76);
-        let t6_77 = -w_mz_wrist_q1;
-        w[38][0] = t6_77;
+        let t6_47 = sin_wrist * t6_5;
+        let u_wrist_q2x = cos_wrist.mul_add(t6_6, t6_47);
+        let t6_48 = sin_wrist * t6_6;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t6_5, t6_48);
+        let t6_49 = like.lift(0.15852) * x_elbow_q2;
+        let t6_50 = (-sin_wrist).mul_add(t6_49, u_wrist_q2x);
+        let t6_51 = cos_wrist.mul_add(t6_49, u_wrist_q2y);
+        let t6_52 = t6_11 * t6_51;
+        let w_mz_wrist_q2 = t6_15.mul_add(t6_50, t6_52);
+        w[38][1] = w_mz_wrist_q2;
+        let t6_53 = sin_wrist * x_elbow_q3;
+        let t6_54 = a_wristy * t6_4;
+        let t6_55 = t6_34.mul_add(t6_51, t6_54);
+        let w_mx_wrist_q2 = t6_41.mul_add(t6_50, t6_55);
+        let t6_56 = -w_mx_wrist_q2;
+        w[36][1] = t6_56;
+        let t6_57 = cos_wrist * x_elbow_q3;
+        let t6_58 = t6_34 * t6_57;
+        let t6_59 = (-t6_41).mul_add(t6_53, t6_58);
+        let t6_60 = t6_39 * t6_57;
+        let t6_61 = t6_35.mul_add(t6_53, t6_60);
+        let t6_62 = a_wristy * t6_22;
+        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_59, t6_62);
+        let t6_63 = -w_mx_wrist_q3;
+        w[36][3] = t6_63;
+        let t6_64 = a_wristx * t6_4;
+        let t6_65 = (-t6_39).mul_add(t6_51, t6_64);
+        let w_my_wrist_q2 = t6_35.mul_add(t6_50, t6_65);
+        let t6_66 = -w_my_wrist_q2;
+        w[37][1] = t6_66;
+        let t6_67 = a_wristy * t6_51;
+        let w_m_wrist_q2 = a_wristx.mul_add(t6_50, t6_67);
+        let t6_68 = -w_m_wrist_q2;
+        w[39][1] = t6_68;
+        let t6_69 = a_wristx * t6_22;
+        let w_my_wrist_q3 = like.lift(-0.15852).mul_add(t6_61, t6_69);
+        let t6_70 = -w_my_wrist_q3;
+        w[37][3] = t6_70;
+        let t6_71 = t6_12 * u_wrist_q1z;
+        let w_my_wrist_q1 = a_wristz.mul_add(sin_q2_elbow_wrist, t6_71);
+        let t6_72 = -w_my_wrist_q1;
+        w[37][0] = t6_72;
         [
-            a_wristz, w_wristz, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist, w_wristy,
-            w_wristx, t6_14, al_wristy, t6_24, t6_35, t6_36, t6_42, a_wristy, a_wristx,
-            u_wrist_q2x, u_wrist_q2y, t6_48,
+            a_wristz, w_wristz, t6_4, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist,
+            w_wristy, t6_12, w_wristx, al_wristy, t6_17, w_ixx_wrist_q1, t6_22, w_ixy_wrist_q1,
+            w_ixy_wrist_q2, w_ixy_wrist_q3, t6_34, t6_35, t6_41, a_wristy, a_wristx,
+            u_wrist_q2y, t6_50, t6_53, w_my_wrist_q2, w_my_wrist_q3, w_my_wrist_q1,
         ]
     };
     // body flange: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t7_1 = like.lift(0.05).mul_add(t6_42, a_wristx);
-        let t7_2 = like.lift(-0.05).mul_add(t6_24, a_wristz);
-        let a_flangez = like.lift(0.05).mul_add(t6_35, a_wristy);
+        let w_mz_flange_q1 = like.lift(-0.05).mul_add(w_ixy_wrist_q1, w_my_wrist_q1);
+        w[48][0] = w_mz_flange_q1;
+        let w_mz_flange_q3 = like.lift(-0.05).mul_add(w_ixy_wrist_q3, w_my_wrist_q3);
+        w[48][3] = w_mz_flange_q3;
+        let w_mz_flange_q2 = like.lift(0.05).mul_add(w_ixy_wrist_q2, -w_my_wrist_q2);
+        let t7_1 = like.lift(0.05).mul_add(t6_41, a_wristx);
+        let t7_2 = like.lift(-0.05).mul_add(t6_17, a_wristz);
+        let a_flangez = like.lift(0.05).mul_add(t6_34, a_wristy);
+        let t7_3 = -w_mz_flange_q2;
+        w[48][1] = t7_3;
         let w_flangez = d_q4 - w_wristy;
         let al_flangez = dd_q4 + al_wristy;
         w[45][2] = al_flangez;
-        let t7_3 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
+        let t7_4 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
         let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
-        let t7_4 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_4);
-        let t7_5 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t7_5);
-        let t7_6 = w_flangey * w_flangez;
-        let t7_7 = cos_q4 * t6_14;
-        let w_ixz_flange_q4 = sin_q4.mul_add(t6_36, t7_7);
+        let t7_5 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t7_6 = (-x_elbow_q2).mul_add(u_flange_elbowz, t7_5);
+        let t7_7 = like.lift(0.05) * x_wrist_q3;
+        let t7_8 = x_elbow_q3.mul_add(u_flange_elbowz, t7_7);
+        let t7_9 = t7_6 - u_wrist_q2y;
+        let w_m_flange_q1 = t7_2 * t7_4;
+        w[49][0] = w_m_flange_q1;
+        let t7_10 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_10);
+        let t7_11 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t7_11);
+        let t7_12 = w_flangey * w_flangez;
+        let t7_13 = cos_q4 * t6_12;
+        let w_ixz_flange_q4 = sin_q4.mul_add(t6_35, t7_13);
         w[42][2] = w_ixz_flange_q4;
-        let t7_8 = cos_q4 * t6_36;
-        let w_iyz_flange_q4 = (-sin_q4).mul_add(t6_14, t7_8);
+        let t7_14 = cos_q4 * t6_35;
+        let w_iyz_flange_q4 = (-sin_q4).mul_add(t6_12, t7_14);
         w[44][2] = w_iyz_flange_q4;
-        let al_flangex = t7_6 - w_ixz_flange_q4;
+        let al_flangex = t7_12 - w_ixz_flange_q4;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t7_9 = w_flangex * w_flangez;
-        let t7_10 = w_flangez * w_flangez;
-        let t7_11 = t7_9 * e_flange_q1y;
-        let w_ixx_flange_q4 = w_flangex * w_flangey;
-        w[40][2] = w_ixx_flange_q4;
-        let t7_12 = w_flangex * w_flangex;
-        let t7_13 = w_flangey * w_flangey;
-        let t7_14 = -w_ixx_flange_q4;
-        w[43][2] = t7_14;
-        let t7_15 = cos_q2_elbow_wrist * w_ixx_flange_q4;
-        let t7_16 = al_flangex.mul_add(e_flange_q1x, t7_11);
-        let w_ixx_flange_q1 = t7_16 + t7_15;
-        let t7_17 = -w_ixx_flange_q1;
-        w[40][0] = t7_17;
-        let t7_18 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_11);
-        let t7_19 = t7_6 * e_flange_q1x;
+        let t7_15 = w_flangex * w_flangez;
+        let t7_16 = w_flangez * w_flangez;
+        let t7_17 = t7_15 * e_flange_q1y;
+        let t7_18 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_17);
+        let t7_19 = t7_12 * e_flange_q1x;
         let w_izz_flange_q1 = t7_18 - t7_19;
         w[45][0] = w_izz_flange_q1;
-        let t7_20 = x_wrist_q2 + x_elbow_q2;
-        let t7_21 = (-sin_q4).mul_add(t7_20, sin_q4);
-        let t7_22 = x_wrist_q2 + x_elbow_q2;
-        let t7_23 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
-        let t7_24 = (-x_elbow_q2).mul_add(u_flange_elbowz, t7_23);
-        let t7_25 = t7_24 - u_wrist_q2y;
-        let t7_26 = (-cos_q4).mul_add(t7_22, cos_q4);
-        let t7_27 = like.lift(0.05) * x_wrist_q3;
-        let t7_28 = x_elbow_q3.mul_add(u_flange_elbowz, t7_27);
-        let t7_29 = t7_9 * t7_26;
-        let w_ixx_flange_q2 = al_flangex.mul_add(t7_21, -t7_29);
-        let t7_30 = -w_ixx_flange_q2;
-        w[40][1] = t7_30;
-        let t7_31 = x_wrist_q3 + x_elbow_q3;
-        let t7_32 = sin_q4 * t7_31;
-        let t7_33 = x_wrist_q3 + x_elbow_q3;
-        let t7_34 = cos_q4 * t7_33;
-        let t7_35 = t7_9 * t7_34;
-        let w_ixx_flange_q3 = al_flangex.mul_add(t7_32, -t7_35);
-        w[40][3] = w_ixx_flange_q3;
-        let t7_36 = t7_6 + al_flangex;
-        let t7_37 = t7_6 * t7_32;
-        let w_izz_flange_q3 = t7_35 + t7_37;
-        w[45][3] = w_izz_flange_q3;
-        let t7_38 = t7_6 * t7_21;
-        let w_izz_flange_q2 = t7_29 + t7_38;
-        let t7_39 = -w_izz_flange_q2;
-        w[45][1] = t7_39;
-        let al_flangey = t7_9 - w_iyz_flange_q4;
-        let t7_40 = al_flangey.mul_add(e_flange_q1y, t7_15);
-        let w_iyy_flange_q1 = t7_40 + t7_19;
+        let w_ixx_flange_q4 = w_flangex * w_flangey;
+        w[40][2] = w_ixx_flange_q4;
+        let t7_20 = w_flangex * w_flangex;
+        let t7_21 = w_flangey * w_flangey;
+        let t7_22 = -w_ixx_flange_q4;
+        w[43][2] = t7_22;
+        let t7_23 = cos_q2_elbow_wrist * w_ixx_flange_q4;
+        let al_flangey = t7_15 - w_iyz_flange_q4;
+        let t7_24 = al_flangey.mul_add(e_flange_q1y, t7_23);
+        let w_iyy_flange_q1 = t7_24 + t7_19;
         w[43][0] = w_iyy_flange_q1;
-        let w_iyy_flange_q2 = (-al_flangey).mul_add(t7_26, t7_38);
-        w[43][1] = w_iyy_flange_q2;
-        let w_iyy_flange_q3 = (-al_flangey).mul_add(t7_34, t7_37);
-        let t7_41 = t7_9 + al_flangey;
-        let t7_42 = -w_iyy_flange_q3;
-        w[43][3] = t7_42;
-        let t7_43 = t7_36 * t7_34;
-        let w_ixy_flange_q3 = t7_41.mul_add(t7_32, t7_43);
+        let w_ixx_flange_q1 = w_iyy_flange_q1 - w_ixx_wrist_q1;
+        let t7_25 = -w_ixx_flange_q1;
+        w[40][0] = t7_25;
+        let t7_26 = t6_4 * sin_q4;
+        let t7_27 = -t7_26;
+        let t7_28 = t6_4 * cos_q4;
+        let t7_29 = -t7_28;
+        let t7_30 = t7_15 * t7_29;
+        let w_ixx_flange_q2 = al_flangex.mul_add(t7_27, -t7_30);
+        let t7_31 = -w_ixx_flange_q2;
+        w[40][1] = t7_31;
+        let t7_32 = t6_22 * sin_q4;
+        let t7_33 = t6_22 * cos_q4;
+        let t7_34 = t7_15 * t7_33;
+        let w_ixx_flange_q3 = al_flangex.mul_add(t7_32, -t7_34);
+        w[40][3] = w_ixx_flange_q3;
+        let t7_35 = t7_15 + al_flangey;
+        let t7_36 = t7_12 + al_flangex;
+        let t7_37 = t7_36 * t7_33;
+        let w_ixy_flange_q3 = t7_35.mul_add(t7_32, t7_37);
         w[41][3] = w_ixy_flange_q3;
-        let w_ixy_flange_q4 = t7_12 - t7_13;
+        let t7_38 = t7_12 * t7_32;
+        let w_izz_flange_q3 = t7_34 + t7_38;
+        w[45][3] = w_izz_flange_q3;
+        let w_iyy_flange_q3 = (-al_flangey).mul_add(t7_33, t7_38);
+        let t7_39 = -w_iyy_flange_q3;
+        w[43][3] = t7_39;
+        let t7_40 = t7_12 * t7_27;
+        let w_iyy_flange_q2 = (-al_flangey).mul_add(t7_29, t7_40);
+        w[43][1] = w_iyy_flange_q2;
+        let w_izz_flange_q2 = t7_30 + t7_40;
+        let t7_41 = -w_izz_flange_q2;
+        w[45][1] = t7_41;
+        let w_ixy_flange_q4 = t7_20 - t7_21;
         w[41][2] = w_ixy_flange_q4;
-        let t7_44 = cos_q2_elbow_wrist * w_ixy_flange_q4;
-        let t7_45 = (-t7_36).mul_add(e_flange_q1y, t7_44);
-        let w_ixy_flange_q1 = t7_41.mul_add(e_flange_q1x, t7_45);
-        let t7_46 = -w_ixy_flange_q1;
-        w[41][0] = t7_46;
-        let t7_47 = t7_36 * t7_26;
-        let w_ixy_flange_q2 = t7_41.mul_add(t7_21, t7_47);
-        let t7_48 = -w_ixy_flange_q2;
-        w[41][1] = t7_48;
-        let t7_49 = al_flangez - w_ixx_flange_q4;
-        let t7_50 = al_flangez + w_ixx_flange_q4;
-        let t7_51 = t7_12 - t7_10;
-        let t7_52 = t7_49 * t7_21;
-        let w_ixz_flange_q2 = (-t7_51).mul_add(t7_26, t7_52);
-        w[42][1] = w_ixz_flange_q2;
-        let t7_53 = e_flange_q1y * t7_51;
-        let t7_54 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t7_53);
-        let w_ixz_flange_q1 = t7_49.mul_add(e_flange_q1x, t7_54);
+        let t7_42 = cos_q2_elbow_wrist * w_ixy_flange_q4;
+        let t7_43 = (-t7_36).mul_add(e_flange_q1y, t7_42);
+        let w_ixy_flange_q1 = t7_35.mul_add(e_flange_q1x, t7_43);
+        let t7_44 = -w_ixy_flange_q1;
+        w[41][0] = t7_44;
+        let t7_45 = t7_36 * t7_29;
+        let w_ixy_flange_q2 = t7_35.mul_add(t7_27, t7_45);
+        let t7_46 = -w_ixy_flange_q2;
+        w[41][1] = t7_46;
+        let t7_47 = al_flangez - w_ixx_flange_q4;
+        let t7_48 = al_flangez + w_ixx_flange_q4;
+        let t7_49 = t7_20 - t7_16;
+        let t7_50 = t7_20 + t7_16;
+        let t7_51 = e_flange_q1y * t7_49;
+        let t7_52 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t7_51);
+        let w_ixz_flange_q1 = t7_47.mul_add(e_flange_q1x, t7_52);
         w[42][0] = w_ixz_flange_q1;
-        let t7_55 = t7_49 * t7_32;
-        let w_ixz_flange_q3 = (-t7_51).mul_add(t7_34, t7_55);
-        let t7_56 = -w_ixz_flange_q3;
-        w[42][3] = t7_56;
-        let t7_57 = t7_13 - t7_10;
-        let t7_58 = t7_50 * t7_26;
-        let w_iyz_flange_q2 = t7_57.mul_add(t7_21, t7_58);
-        w[44][1] = w_iyz_flange_q2;
-        let t7_59 = e_flange_q1x * t7_57;
-        let t7_60 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t7_59);
-        let w_iyz_flange_q1 = (-t7_50).mul_add(e_flange_q1y, t7_60);
+        let t7_53 = t7_47 * t7_27;
+        let w_ixz_flange_q2 = (-t7_49).mul_add(t7_29, t7_53);
+        w[42][1] = w_ixz_flange_q2;
+        let t7_54 = t7_47 * t7_32;
+        let w_ixz_flange_q3 = (-t7_49).mul_add(t7_33, t7_54);
+        let t7_55 = -w_ixz_flange_q3;
+        w[42][3] = t7_55;
+        let t7_56 = t7_21 - t7_16;
+        let t7_57 = t7_21 + t7_16;
+        let t7_58 = e_flange_q1x * t7_56;
+        let t7_59 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t7_58);
+        let w_iyz_flange_q1 = (-t7_48).mul_add(e_flange_q1y, t7_59);
         w[44][0] = w_iyz_flange_q1;
-        let t7_61 = t7_50 * t7_34;
-        let w_iyz_flange_q3 = t7_57.mul_add(t7_32, t7_61);
-        let t7_62 = -w_iyz_flange_q3;
-        w[44][3] = t7_62;
-        let t7_63 = sin_q4 * t7_1;
-        let a_flangey = (-cos_q4).mul_add(t7_2, t7_63);
+        let t7_60 = a_flangez * e_flange_q1y;
+        let t7_61 = t7_48 * t7_29;
+        let w_iyz_flange_q2 = t7_56.mul_add(t7_27, t7_61);
+        w[44][1] = w_iyz_flange_q2;
+        let t7_62 = a_flangez * t7_29;
+        let t7_63 = (-t7_35).mul_add(t7_9, t7_62);
+        let t7_64 = a_flangez * t7_27;
+        let t7_65 = (-t7_36).mul_add(t7_9, t7_64);
+        let t7_66 = t7_48 * t7_33;
+        let w_iyz_flange_q3 = t7_56.mul_add(t7_32, t7_66);
+        let t7_67 = -w_iyz_flange_q3;
+        w[44][3] = t7_67;
+        let t7_68 = a_flangez * t7_33;
+        let t7_69 = (-t7_35).mul_add(t7_8, t7_68);
+        let t7_70 = a_flangez * t7_32;
+        let t7_71 = (-t7_36).mul_add(t7_8, t7_70);
+        let t7_72 = sin_q4 * t7_1;
+        let a_flangey = (-cos_q4).mul_add(t7_2, t7_72);
         w[46][2] = a_flangey;
-        let t7_64 = sin_q4 * t7_2;
-        let a_flangex = cos_q4.mul_add(t7_1, t7_64);
+        let t7_73 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_60);
+        let t7_74 = sin_q4 * t7_2;
+        let a_flangex = cos_q4.mul_add(t7_1, t7_74);
         w[47][2] = a_flangex;
-        let t7_65 = t7_13 + t7_10;
-        let t7_66 = t7_12 + t7_10;
-        let t7_67 = t7_12 + t7_13;
-        let u_flange_q1x = sin_q4 * t7_3;
-        let u_flange_q1y = cos_q4 * t7_3;
-        let t7_68 = a_flangex * u_flange_q1x;
-        let w_m_flange_q1 = (-a_flangey).mul_add(u_flange_q1y, t7_68);
-        w[49][0] = w_m_flange_q1;
-        let t7_69 = a_flangez * e_flange_q1y;
-        let t7_70 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_69);
-        let t7_71 = t7_49.mul_add(u_flange_q1y, t7_70);
-        let w_mx_flange_q1 = (-t7_65).mul_add(u_flange_q1x, t7_71);
-        let t7_72 = -w_mx_flange_q1;
-        w[46][0] = t7_72;
-        let t7_73 = cos_q2_elbow_wrist * a_flangex;
-        let t7_74 = a_flangez.mul_add(e_flange_q1x, t7_73);
-        let t7_75 = a_flangex * e_flange_q1y;
-        let t7_76 = (-a_flangey).mul_add(e_flange_q1x, t7_75);
-        let t7_77 = w_ixz_flange_q4.mul_add(u_flange_q1y, t7_76);
-        let t7_78 = (-t7_66).mul_add(u_flange_q1y, t7_74);
-        let w_mz_flange_q1 = (-w_iyz_flange_q4).mul_add(u_flange_q1x, t7_77);
-        w[48][0] = w_mz_flange_q1;
-        let w_my_flange_q1 = (-t7_50).mul_add(u_flange_q1x, t7_78);
-        let t7_79 = -w_my_flange_q1;
-        w[47][0] = t7_79;
-        let t7_80 = sin_wrist * cos_q4;
-        let t7_81 = cos_q4 * u_wrist_q2x;
-        let t7_82 = (-t7_80).mul_add(t6_48, t7_81);
-        let t7_83 = sin_wrist * sin_q4;
-        let t7_84 = sin_q4 * u_wrist_q2x;
-        let t7_85 = (-t7_83).mul_add(t6_48, t7_84);
-        let t7_86 = x_elbow_q3 * t7_80;
-        let t7_87 = x_elbow_q3 * t7_83;
-        let t7_88 = a_flangez * t7_26;
-        let t7_89 = (-t7_41).mul_add(t7_25, t7_88);
-        let t7_90 = (-t7_49).mul_add(t7_85, t7_89);
-        let w_mx_flange_q2 = (-t7_65).mul_add(t7_82, t7_90);
-        w[46][1] = w_mx_flange_q2;
-        let t7_91 = t7_49 * t7_87;
-        let t7_92 = t7_65.mul_add(t7_86, t7_91);
-        let t7_93 = a_flangez * t7_34;
-        let t7_94 = (-t7_41).mul_add(t7_28, t7_93);
-        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_92, t7_94);
-        let t7_95 = -w_mx_flange_q3;
-        w[46][3] = t7_95;
-        let t7_96 = a_flangey * t7_21;
-        let t7_97 = a_flangex.mul_add(t7_26, t7_96);
-        let t7_98 = a_flangez * t7_21;
-        let t7_99 = (-t7_36).mul_add(t7_25, t7_98);
-        let t7_100 = (-t7_66).mul_add(t7_85, t7_99);
-        let w_my_flange_q2 = t7_50.mul_add(t7_82, t7_100);
-        let t7_101 = -w_my_flange_q2;
-        w[47][1] = t7_101;
-        let t7_102 = t7_66 * t7_87;
-        let t7_103 = (-t7_50).mul_add(t7_86, t7_102);
-        let t7_104 = (-t7_67).mul_add(t7_25, t7_97);
-        let t7_105 = (-w_ixz_flange_q4).mul_add(t7_85, t7_104);
-        let w_mz_flange_q2 = (-w_iyz_flange_q4).mul_add(t7_82, t7_105);
-        let t7_106 = -w_mz_flange_q2;
-        w[48][1] = t7_106;
-        let t7_107 = w_ixz_flange_q4 * t7_87;
-        let t7_108 = w_iyz_flange_q4.mul_add(t7_86, t7_107);
-        let t7_109 = a_flangey * t7_85;
-        let t7_110 = (-a_flangez).mul_add(t7_25, t7_109);
-        let w_m_flange_q2 = a_flangex.mul_add(t7_82, t7_110);
-        let t7_111 = -w_m_flange_q2;
-        w[49][1] = t7_111;
-        let t7_112 = a_flangey * t7_87;
-        let t7_113 = a_flangex.mul_add(t7_86, t7_112);
-        let t7_114 = a_flangey * t7_32;
-        let t7_115 = a_flangex.mul_add(t7_34, t7_114);
-        let t7_116 = (-t7_67).mul_add(t7_28, t7_115);
-        let w_mz_flange_q3 = like.lift(-0.15852).mul_add(t7_108, t7_116);
-        w[48][3] = w_mz_flange_q3;
-        let t7_117 = a_flangez * t7_32;
-        let t7_118 = (-t7_36).mul_add(t7_28, t7_117);
-        let t7_119 = like.lift(0.15852) * t7_113;
-        let w_m_flange_q3 = (-a_flangez).mul_add(t7_28, t7_119);
+        let t7_75 = cos_q2_elbow_wrist * a_flangex;
+        let t7_76 = a_flangez.mul_add(e_flange_q1x, t7_75);
+        let t7_77 = t6_53 * t7_1;
+        let t7_78 = like.lift(0.15852) * t7_77;
+        let w_m_flange_q3 = (-a_flangez).mul_add(t7_8, t7_78);
         w[49][3] = w_m_flange_q3;
-        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_103, t7_118);
+        let u_flange_q1x = sin_q4 * t7_4;
+        let u_flange_q1y = cos_q4 * t7_4;
+        let t7_79 = t7_47.mul_add(u_flange_q1y, t7_73);
+        let t7_80 = (-t7_50).mul_add(u_flange_q1y, t7_76);
+        let w_mx_flange_q1 = (-t7_57).mul_add(u_flange_q1x, t7_79);
+        let w_my_flange_q1 = (-t7_48).mul_add(u_flange_q1x, t7_80);
+        let t7_81 = -w_mx_flange_q1;
+        w[46][0] = t7_81;
+        let t7_82 = -w_my_flange_q1;
+        w[47][0] = t7_82;
+        let t7_83 = t6_50 * cos_q4;
+        let t7_84 = t6_50 * sin_q4;
+        let t7_85 = a_flangey * t7_84;
+        let t7_86 = (-a_flangez).mul_add(t7_9, t7_85);
+        let w_m_flange_q2 = a_flangex.mul_add(t7_83, t7_86);
+        let t7_87 = -w_m_flange_q2;
+        w[49][1] = t7_87;
+        let t7_88 = (-t7_47).mul_add(t7_84, t7_63);
+        let w_mx_flange_q2 = (-t7_57).mul_add(t7_83, t7_88);
+        w[46][1] = w_mx_flange_q2;
+        let t7_89 = (-t7_50).mul_add(t7_84, t7_65);
+        let w_my_flange_q2 = t7_48.mul_add(t7_83, t7_89);
+        let t7_90 = -w_my_flange_q2;
+        w[47][1] = t7_90;
+        let t7_91 = t6_53 * cos_q4;
+        let t7_92 = t6_53 * sin_q4;
+        let t7_93 = t7_47 * t7_92;
+        let t7_94 = t7_57.mul_add(t7_91, t7_93);
+        let t7_95 = t7_50 * t7_92;
+        let t7_96 = (-t7_48).mul_add(t7_91, t7_95);
+        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_96, t7_71);
         w[47][3] = w_my_flange_q3;
+        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_94, t7_69);
+        let t7_97 = -w_mx_flange_q3;
+        w[46][3] = t7_97;
     }
     // body crank: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [w_ixz_crank_q3, t8_8, t8_9, t8_17, t8_19, a_cranky, a_crankx] = {
+    let [w_ixz_crank_q3, t8_4, t8_10, t8_15, t8_17, w_ixz_crank_q1, a_cranky, a_crankx] = {
         w[55][3] = dd_q3; w[59][0] = w_m_arm_q1;
+        let w_mz_crank_q1 = like.lift(0.0) + like.lift(0.0);
+        w[58][0] = w_mz_crank_q1;
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
         w[52][3] = w_ixz_crank_q3;
         let w_cranky = cos_q3 * d_q1;
         let t8_1 = d_q3 * w_cranky;
         let al_crankx = w_ixz_crank_q3 + t8_1;
+        let t8_2 = t8_1 + al_crankx;
         let w_crankx = sin_q3 * d_q1;
-        let t8_2 = d_q3 * w_crankx;
-        let t8_3 = cos_q3 * t8_2;
-        let w_ixx_crank_q1 = sin_q3.mul_add(al_crankx, t8_3);
-        w[50][0] = w_ixx_crank_q1;
-        let t8_4 = t8_1 + al_crankx;
-        let t8_5 = sin_q3 * t8_1;
-        let w_ixx_crank_q3 = w_crankx * w_cranky;
-        w[53][3] = w_ixx_crank_q3;
-        let t8_6 = -w_ixx_crank_q3;
-        w[50][3] = t8_6;
-        let t8_7 = w_crankx * w_crankx;
-        let t8_8 = w_cranky * w_cranky;
-        let w_ixy_crank_q3 = t8_7 - t8_8;
-        w[51][3] = w_ixy_crank_q3;
+        let t8_3 = d_q3 * w_crankx;
         let w_iyz_crank_q3 = cos_q3 * dd_q1;
         w[54][3] = w_iyz_crank_q3;
-        let al_cranky = w_iyz_crank_q3 - t8_2;
-        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t8_5);
-        let t8_9 = t8_2 - al_cranky;
-        let t8_10 = -w_iyy_crank_q1;
-        w[53][0] = t8_10;
-        let t8_11 = t8_9 - w_iyz_crank_q3;
-        let t8_12 = like.lift(0.0132) * t8_11;
-        let w_mx_crank_q1 = -t8_12;
+        let al_cranky = w_iyz_crank_q3 - t8_3;
+        let t8_4 = t8_3 - al_cranky;
+        let t8_5 = t8_4 - w_iyz_crank_q3;
+        let t8_6 = like.lift(0.0132) * t8_5;
+        let w_mx_crank_q1 = -t8_6;
         w[56][0] = w_mx_crank_q1;
-        let t8_13 = sin_q3 * t8_9;
-        let w_ixy_crank_q1 = (-cos_q3).mul_add(t8_4, t8_13);
-        let t8_14 = -w_ixy_crank_q1;
-        w[51][0] = t8_14;
-        let t8_15 = t8_4 + w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.0132) * t8_15;
-        let t8_16 = -w_my_crank_q1;
-        w[57][0] = t8_16;
-        let t8_17 = dd_q3 + w_ixx_crank_q3;
-        let t8_18 = dd_q3 - w_ixx_crank_q3;
-        let t8_19 = d_q3 * d_q3;
-        let t8_20 = t8_19 - t8_7;
-        let t8_21 = cos_q3 * t8_20;
-        let w_ixz_crank_q1 = sin_q3.mul_add(t8_17, t8_21);
+        let w_iyy_crank_q1 = cos_q3 * t8_4;
+        let w_ixx_crank_q1 = w_iyy_crank_q1 + dd_q1;
+        w[50][0] = w_ixx_crank_q1;
+        let t8_7 = -w_iyy_crank_q1;
+        w[53][0] = t8_7;
+        let w_ixx_crank_q3 = w_crankx * w_cranky;
+        w[53][3] = w_ixx_crank_q3;
+        let t8_8 = -w_ixx_crank_q3;
+        w[50][3] = t8_8;
+        let t8_9 = w_crankx * w_crankx;
+        let t8_10 = w_cranky * w_cranky;
+        let w_ixy_crank_q3 = t8_9 - t8_10;
+        w[51][3] = w_ixy_crank_q3;
+        let t8_11 = sin_q3 * t8_4;
+        let w_ixy_crank_q1 = (-cos_q3).mul_add(t8_2, t8_11);
+        let t8_12 = -w_ixy_crank_q1;
+        w[51][0] = t8_12;
+        let t8_13 = t8_2 + w_ixz_crank_q3;
+        let w_my_crank_q1 = like.lift(0.0132) * t8_13;
+        let t8_14 = -w_my_crank_q1;
+        w[57][0] = t8_14;
+        let t8_15 = dd_q3 + w_ixx_crank_q3;
+        let t8_16 = dd_q3 - w_ixx_crank_q3;
+        let t8_17 = d_q3 * d_q3;
+        let t8_18 = t8_17 - t8_9;
+        let t8_19 = cos_q3 * t8_18;
+        let w_ixz_crank_q1 = sin_q3.mul_add(t8_15, t8_19);
         w[52][0] = w_ixz_crank_q1;
-        let t8_22 = t8_19 - t8_8;
-        let t8_23 = sin_q3 * t8_22;
-        let w_iyz_crank_q1 = (-cos_q3).mul_add(t8_18, t8_23);
-        let t8_24 = -w_iyz_crank_q1;
-        w[54][0] = t8_24;
-        let t8_25 = like.lift(9.81) * cos_q3;
-        let a_cranky = sin_q3.mul_add(t3_25, t8_25);
+        let t8_20 = t8_17 - t8_10;
+        let t8_21 = sin_q3 * t8_20;
+        let w_iyz_crank_q1 = (-cos_q3).mul_add(t8_16, t8_21);
+        let t8_22 = -w_iyz_crank_q1;
+        w[54][0] = t8_22;
+        let t8_23 = like.lift(9.81) * cos_q3;
+        let a_cranky = sin_q3.mul_add(t3_23, t8_23);
         w[56][3] = a_cranky;
-        let t8_26 = cos_q3 * t3_25;
-        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_26);
+        let t8_24 = cos_q3 * t3_23;
+        let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_24);
         w[57][3] = a_crankx;
-        let t8_27 = (-sin_q3).mul_add(a_cranky, t3_25);
-        let w_mz_crank_q1 = (-cos_q3).mul_add(a_crankx, t8_27);
-        w[58][0] = w_mz_crank_q1;
-        [w_ixz_crank_q3, t8_8, t8_9, t8_17, t8_19, a_cranky, a_crankx]
+        [w_ixz_crank_q3, t8_4, t8_10, t8_15, t8_17, w_ixz_crank_q1, a_cranky, a_crankx]
     };
     // body rod: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t9_1 = t8_19 + t8_8;
-        let a_rodz = like.lift(-0.0456).mul_add(t8_9, a_armz);
+        let t9_1 = t8_17 + t8_10;
+        let a_rodz = like.lift(-0.0456).mul_add(t8_4, a_armz);
         let t9_2 = like.lift(0.0456).mul_add(t9_1, a_crankx);
-        let t9_3 = like.lift(0.0456).mul_add(t8_17, a_cranky);
+        let t9_3 = like.lift(0.0456).mul_add(t8_15, a_cranky);
+        let w_mz_rod_q1 = like.lift(0.0456) * w_ixz_crank_q1;
+        let t9_4 = -w_mz_rod_q1;
+        w[68][0] = t9_4;
         let w_mz_rod_q3 = like.lift(0.0456) * w_ixz_crank_q3;
-        let t9_4 = -w_mz_rod_q3;
-        w[68][3] = t9_4;
-        let t9_5 = like.lift(1.0) - x_pin_q3;
-        let t9_6 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_6);
-        let t9_7 = cos_q3 * cos_pin;
-        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_7);
+        let t9_5 = -w_mz_rod_q3;
+        w[68][3] = t9_5;
+        let t9_6 = like.lift(1.0) - x_pin_q3;
+        let t9_7 = like.lift(0.0456) * t9_3;
+        w[69][3] = t9_7;
+        let t9_8 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t9_8);
+        let t9_9 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t9_9);
         let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
         let w_m_rod_q1 = u_rod_q1z * a_rodz;
         w[69][0] = w_m_rod_q1;
         let w_rodz = d_q3 + d_pin;
         let w_rody = cos_q3_pin * d_q1;
-        let t9_8 = w_rodz * w_rody;
-        let t9_9 = sin_q3_pin * dd_q1;
-        let w_ixz_rod_q3 = t9_9 * t9_5;
+        let t9_10 = w_rodz * w_rody;
+        let t9_11 = sin_q3_pin * dd_q1;
+        let w_ixz_rod_q3 = t9_11 * t9_6;
         w[62][3] = w_ixz_rod_q3;
-        let w_ixz_rod_q2 = x_pin_q2 * t9_9;
-        let t9_10 = -w_ixz_rod_q2;
-        w[62][1] = t9_10;
-        let al_rodx = t9_8 + t9_9;
+        let al_rodx = t9_10 + t9_11;
+        let t9_12 = t9_10 + al_rodx;
+        let w_ixz_rod_q2 = x_pin_q2 * t9_11;
+        let t9_13 = -w_ixz_rod_q2;
+        w[62][1] = t9_13;
         let w_rodx = sin_q3_pin * d_q1;
-        let t9_11 = w_rodz * w_rodx;
-        let t9_12 = w_rodz * w_rodz;
-        let t9_13 = cos_q3_pin * t9_11;
-        let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t9_13);
-        w[60][0] = w_ixx_rod_q1;
-        let t9_14 = t9_8 + al_rodx;
-        let t9_15 = w_rodx * w_rody;
-        let t9_16 = w_rodx * w_rodx;
-        let t9_17 = w_rody * w_rody;
-        let w_ixx_rod_q2 = x_pin_q2 * t9_15;
-        w[60][1] = w_ixx_rod_q2;
-        let t9_18 = -w_ixx_rod_q2;
-        w[63][1] = t9_18;
-        let w_ixx_rod_q3 = t9_15 * t9_5;
-        w[63][3] = w_ixx_rod_q3;
-        let t9_19 = -w_ixx_rod_q3;
-        w[60][3] = t9_19;
-        let t9_20 = cos_q3_pin * dd_q1;
-        let w_iyz_rod_q3 = t9_20 * t9_5;
+        let t9_14 = w_rodz * w_rodx;
+        let t9_15 = w_rodz * w_rodz;
+        let t9_16 = cos_q3_pin * dd_q1;
+        let w_iyz_rod_q3 = t9_16 * t9_6;
         w[64][3] = w_iyz_rod_q3;
-        let w_iyz_rod_q2 = x_pin_q2 * t9_20;
-        let t9_21 = -w_iyz_rod_q2;
-        w[64][1] = t9_21;
-        let al_rody = t9_11 - t9_20;
-        let t9_22 = t9_11 + al_rody;
-        let t9_23 = cos_q3_pin * al_rody;
-        let w_iyy_rod_q1 = sin_q3_pin.mul_add(t9_8, t9_23);
+        let al_rody = t9_14 - t9_16;
+        let t9_17 = t9_14 + al_rody;
+        let w_iyz_rod_q2 = x_pin_q2 * t9_16;
+        let t9_18 = -w_iyz_rod_q2;
+        w[64][1] = t9_18;
+        let t9_19 = cos_q3_pin * a_rodz;
+        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t9_17, t9_19);
+        w[66][0] = w_mx_rod_q1;
+        let t9_20 = u_rod_q1z * t9_12;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_20);
+        let t9_21 = -w_my_rod_q1;
+        w[67][0] = t9_21;
+        let t9_22 = sin_q3_pin * t9_17;
+        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t9_12, t9_22);
+        let t9_23 = -w_ixy_rod_q1;
+        w[61][0] = t9_23;
+        let w_iyy_rod_q1 = cos_q3_pin * t9_17;
+        let w_ixx_rod_q1 = w_iyy_rod_q1 + dd_q1;
+        w[60][0] = w_ixx_rod_q1;
         let t9_24 = -w_iyy_rod_q1;
         w[63][0] = t9_24;
-        let t9_25 = cos_q3_pin * a_rodz;
-        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t9_22, t9_25);
-        w[66][0] = w_mx_rod_q1;
-        let t9_26 = sin_q3_pin * t9_22;
-        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t9_14, t9_26);
-        let t9_27 = -w_ixy_rod_q1;
-        w[61][0] = t9_27;
-        let t9_28 = u_rod_q1z * t9_14;
-        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t9_28);
-        let t9_29 = -w_my_rod_q1;
-        w[67][0] = t9_29;
-        let t9_30 = t9_16 - t9_17;
-        let w_ixy_rod_q3 = t9_30 * t9_5;
+        let t9_25 = w_rodx * w_rody;
+        let t9_26 = w_rodx * w_rodx;
+        let t9_27 = w_rody * w_rody;
+        let w_ixx_rod_q2 = x_pin_q2 * t9_25;
+        w[60][1] = w_ixx_rod_q2;
+        let t9_28 = -w_ixx_rod_q2;
+        w[63][1] = t9_28;
+        let w_ixx_rod_q3 = t9_25 * t9_6;
+        w[63][3] = w_ixx_rod_q3;
+        let t9_29 = -w_ixx_rod_q3;
+        w[60][3] = t9_29;
+        let t9_30 = t9_26 - t9_27;
+        let w_ixy_rod_q3 = t9_30 * t9_6;
         w[61][3] = w_ixy_rod_q3;
         let w_ixy_rod_q2 = x_pin_q2 * t9_30;
         let t9_31 = -w_ixy_rod_q2;
         w[61][1] = t9_31;
         let al_rodz = dd_q3 + dd_pin;
-        let w_izz_rod_q3 = al_rodz * t9_5;
+        let w_izz_rod_q3 = al_rodz * t9_6;
         w[65][3] = w_izz_rod_q3;
         let w_izz_rod_q2 = x_pin_q2 * al_rodz;
         let t9_32 = -w_izz_rod_q2;
         w[65][1] = t9_32;
-        let t9_33 = al_rodz + t9_15;
-        let t9_34 = al_rodz - t9_15;
-        let t9_35 = t9_12 - t9_16;
+        let t9_33 = al_rodz + t9_25;
+        let t9_34 = al_rodz - t9_25;
+        let t9_35 = t9_15 - t9_26;
         let t9_36 = cos_q3_pin * t9_35;
         let w_ixz_rod_q1 = sin_q3_pin.mul_add(t9_33, t9_36);
         w[62][0] = w_ixz_rod_q1;
         let t9_37 = cos_pin * t9_33;
-        let t9_38 = t9_12 + t9_16;
+        let t9_38 = t9_15 + t9_26;
         let t9_39 = cos_pin * t9_38;
         let t9_40 = sin_pin.mul_add(t9_34, t9_39);
-        let t9_41 = t9_12 + t9_17;
-        let t9_42 = t9_12 - t9_17;
-        let t9_43 = (-sin_pin).mul_add(t9_41, t9_37);
-        let t9_44 = sin_q3_pin * t9_42;
-        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t9_34, t9_44);
-        let t9_45 = -w_iyz_rod_q1;
-        w[64][0] = t9_45;
+        let t9_41 = t9_15 - t9_27;
+        let t9_42 = sin_q3_pin * t9_41;
+        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t9_34, t9_42);
+        let t9_43 = t9_15 + t9_27;
+        let t9_44 = -w_iyz_rod_q1;
+        w[64][0] = t9_44;
+        let t9_45 = (-sin_pin).mul_add(t9_43, t9_37);
         let t9_46 = cos_pin * t9_3;
+        let t9_47 = cos_pin * t9_2;
         let a_rody = sin_pin.mul_add(t9_2, t9_46);
-        let t9_47 = sin_q3_pin * a_rody;
-        let t9_48 = (-u_rod_q1z).mul_add(t3_24, t9_47);
-        let t9_49 = cos_pin * t9_2;
-        let a_rodx = (-sin_pin).mul_add(t9_3, t9_49);
-        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t9_48);
-        let t9_50 = -w_mz_rod_q1;
-        w[68][0] = t9_50;
-        let t9_51 = cos_pin * a_rody;
-        let t9_52 = (-sin_pin).mul_add(a_rodx, t9_51);
-        let t9_53 = a_rody * t9_5;
-        let w_mx_rod_q3 = like.lift(0.0456).mul_add(t9_43, t9_53);
+        let a_rodx = (-sin_pin).mul_add(t9_3, t9_47);
+        let t9_48 = a_rody * t9_6;
+        let w_mx_rod_q3 = like.lift(0.0456).mul_add(t9_45, t9_48);
         w[66][3] = w_mx_rod_q3;
-        let t9_54 = a_rodx * t9_5;
-        let w_my_rod_q3 = like.lift(-0.0456).mul_add(t9_40, t9_54);
+        let t9_49 = a_rodx * t9_6;
+        let w_my_rod_q3 = like.lift(-0.0456).mul_add(t9_40, t9_49);
         w[67][3] = w_my_rod_q3;
         let w_mx_rod_q2 = x_pin_q2 * a_rody;
         let w_my_rod_q2 = x_pin_q2 * a_rodx;
-        let t9_55 = -w_mx_rod_q2;
-        w[66][1] = t9_55;
-        let t9_56 = -w_my_rod_q2;
-        w[67][1] = t9_56;
-        let t9_57 = like.lift(0.0456) * t9_52;
-        let w_m_rod_q3 = -t9_57;
-        let t9_58 = -w_m_rod_q3;
-        w[69][3] = t9_58;
+        let t9_50 = -w_mx_rod_q2;
+        w[66][1] = t9_50;
+        let t9_51 = -w_my_rod_q2;
+        w[67][1] = t9_51;
     }
     Condition { pivot: condition }
 }
@@ -1980,7 +1865,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &m
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 377 additions, 374 multiplications, 1 divisions, 6 sines and cosines.
+/// 346 additions, 374 multiplications, 1 divisions, 6 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -2017,16 +1902,15 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
     ] = *phi;
     // tau, part 1
     let [
-        w_ixx_crank_q3, t2_8, a_cranky, a_armz, a_crankx, w_ixy_crank_q3, t2_47, t2_82, t2_93,
-        t2_102, t2_107, t2_112, t2_113, t2_114, al_armx, t2_115, al_army, w_ixx_arm_q2, t2_118,
-        t2_120, a_army, a_armx, sin_q2_elbow, cos_q2_elbow, t2_125, t2_126, al_forearmx,
-        t2_127, al_forearmy, al_forearmz, t2_129, t2_131, t2_132, t2_133, t2_134, t2_135,
-        a_forearmz, t2_138, w_ixy_arm_q2, a_forearmy, a_forearmx, t2_150, t2_151, al_wristx,
-        t2_152, al_wristy, al_wristz, t2_153, t2_154, t2_156, t2_157, t2_158, a_wristz, t2_160,
-        t2_161, t2_163, a_wristy, a_wristx, t2_171, t2_172, t2_175, w_ixz_flange_q4,
-        w_iyz_flange_q4, al_flangex, t2_178, t2_179, al_flangey, al_flangez, w_ixx_flange_q4,
-        t2_180, t2_181, t2_182, t2_183, t2_184, a_flangez, t2_186, t2_187, t2_188, t2_189,
-        t2_190,
+        w_ixx_crank_q3, t2_8, a_cranky, a_armz, a_crankx, w_ixy_crank_q3, t2_63, t2_79, t2_85,
+        t2_88, t2_95, t2_100, t2_104, t2_105, al_armx, t2_106, al_army, w_ixx_arm_q2, a_army,
+        a_armx, sin_q2_elbow, cos_q2_elbow, t2_116, t2_117, al_forearmx, t2_118, t2_119,
+        al_forearmy, al_forearmz, t2_120, t2_122, t2_123, t2_124, t2_125, t2_126, a_forearmz,
+        t2_129, w_ixy_arm_q2, t2_138, a_forearmy, a_forearmx, t2_144, t2_145, al_wristx,
+        t2_146, al_wristy, t2_148, t2_151, t2_152, a_wristz, t2_153, t2_154, t2_156, a_wristy,
+        a_wristx, t2_163, t2_164, t2_165, w_ixz_flange_q4, al_flangex, t2_167, t2_168,
+        w_iyz_flange_q4, al_flangey, al_flangez, w_ixx_flange_q4, t2_170, t2_171, t2_172,
+        t2_173, t2_174, t2_183, t2_185, t2_189, t2_190, a_flangez,
     ] = {
         let w_cranky = cos_q3 * d_q1;
         let t2_1 = d_q3 * w_cranky;
@@ -2075,460 +1959,430 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         let w_ixy_crank_q3 = t2_4 - t2_3;
         let t2_28 = dd_q3 + w_ixx_crank_q3;
         let t2_29 = like.lift(0.0456).mul_add(t2_28, a_cranky);
-        let t2_30 = cos_pin * t2_29;
-        let a_rody = sin_pin.mul_add(t2_26, t2_30);
-        let t2_31 = cos_pin * t2_26;
-        let a_rodx = (-sin_pin).mul_add(t2_29, t2_31);
-        let t2_32 = a_rodx * p_m_rod;
-        let t2_33 = (-t2_13).mul_add(p_mz_rod, t2_32);
-        let t2_34 = al_rodz - t2_18;
-        let t2_35 = t2_34.mul_add(p_my_rod, t2_33);
-        let t2_36 = t2_17 + t2_19;
-        let t2_37 = t2_36.mul_add(p_mx_rod, t2_35);
-        let t2_38 = t2_20 - t2_19;
-        let t2_39 = sin_pin * t2_37;
-        let t2_40 = a_rody * p_m_rod;
-        let t2_41 = (-t2_15).mul_add(p_mz_rod, t2_40);
-        let t2_42 = t2_17 + t2_20;
-        let t2_43 = t2_17 - t2_20;
-        let t2_44 = (-t2_42).mul_add(p_my_rod, t2_41);
-        let t2_45 = al_rodz + t2_18;
-        let t2_46 = t2_45.mul_add(p_mx_rod, t2_44);
-        let t2_47 = (-cos_pin).mul_add(t2_46, t2_39);
-        let t2_48 = al_rody + t2_16;
-        let t2_49 = al_rodz + t2_18;
-        let t2_50 = p_ixz_rod * t2_49;
-        let t2_51 = (-p_ixy_rod).mul_add(t2_48, t2_50);
-        let t2_52 = al_rodx.mul_add(p_ixx_rod, t2_51);
-        let t2_53 = (-t2_22).mul_add(p_iyz_rod, t2_52);
-        let t2_54 = (-t2_14).mul_add(t2_21, t2_53);
-        let t2_55 = (-a_rody).mul_add(p_mz_rod, t2_54);
-        let t2_56 = (-a_rodz).mul_add(p_my_rod, t2_55);
-        let t2_57 = p_ixx_rod - p_izz_rod;
-        let t2_58 = al_rodx + t2_14;
-        let t2_59 = al_rodz - t2_18;
-        let t2_60 = p_iyz_rod * t2_59;
-        let t2_61 = (-al_rody).mul_add(p_iyy_rod, t2_60);
-        let t2_62 = p_ixy_rod.mul_add(t2_58, t2_61);
-        let t2_63 = t2_43.mul_add(p_ixz_rod, t2_62);
-        let t2_64 = t2_16.mul_add(t2_57, t2_63);
-        let t2_65 = a_rodz.mul_add(p_mx_rod, t2_64);
-        let t2_66 = (-a_rodx).mul_add(p_mz_rod, t2_65);
-        let t2_67 = a_rodz * p_m_rod;
-        let t2_68 = t2_8.mul_add(p_mz_rod, t2_67);
-        let t2_69 = al_rodz * p_izz_rod;
-        let t2_70 = t2_14 + al_rodx;
-        let t2_71 = (-t2_70).mul_add(p_my_rod, t2_68);
-        let t2_72 = al_rodx - t2_14;
-        let t2_73 = t2_16 + al_rody;
-        let t2_74 = al_rody - t2_16;
-        let t2_75 = (-p_iyz_rod).mul_add(t2_74, t2_69);
-        let t2_76 = p_ixz_rod.mul_add(t2_72, t2_75);
-        let t2_77 = (-t2_73).mul_add(p_mx_rod, t2_71);
-        let t2_78 = t2_38.mul_add(p_ixy_rod, t2_76);
-        let t2_79 = p_ixx_rod - p_iyy_rod;
-        let t2_80 = (-t2_18).mul_add(t2_79, t2_78);
-        let t2_81 = a_rodx.mul_add(p_my_rod, t2_80);
-        let t2_82 = a_rody.mul_add(p_mx_rod, t2_81);
-        let t2_83 = al_cranky - t2_2;
-        let t2_84 = dd_q3 + w_ixx_crank_q3;
-        let t2_85 = p_ixz_crank * t2_84;
-        let t2_86 = p_ixy_crank.mul_add(t2_83, t2_85);
-        let t2_87 = al_crankx.mul_add(p_ixx_crank, t2_86);
-        let t2_88 = (-t2_7).mul_add(p_iyz_crank, t2_87);
-        let t2_89 = (-t2_1).mul_add(t2_5, t2_88);
-        let t2_90 = (-a_cranky).mul_add(p_mz_crank, t2_89);
-        let t2_91 = (-p_my_crank).mul_add(a_armz, t2_90);
-        let t2_92 = (-sin_pin).mul_add(t2_66, t2_91);
-        let t2_93 = cos_pin.mul_add(t2_56, t2_92);
-        let t2_94 = p_ixx_crank - p_izz_crank;
-        let t2_95 = al_crankx + t2_1;
-        let t2_96 = dd_q3 - w_ixx_crank_q3;
-        let t2_97 = p_iyz_crank * t2_96;
-        let t2_98 = al_cranky.mul_add(p_iyy_crank, t2_97);
-        let t2_99 = p_ixy_crank.mul_add(t2_95, t2_98);
-        let t2_100 = t2_27.mul_add(p_ixz_crank, t2_99);
-        let t2_101 = t2_2.mul_add(t2_94, t2_100);
-        let t2_102 = al_cranky + t2_2;
-        let t2_103 = p_mx_crank.mul_add(a_armz, t2_101);
-        let t2_104 = (-a_crankx).mul_add(p_mz_crank, t2_103);
-        let t2_105 = like.lift(0.0456).mul_add(t2_77, t2_104);
-        let t2_106 = cos_pin.mul_add(t2_66, t2_105);
-        let t2_107 = sin_pin.mul_add(t2_56, t2_106);
-        let t2_108 = p_m_crank.mul_add(a_armz, t2_77);
-        let t2_109 = t2_8.mul_add(p_mz_crank, t2_108);
-        let t2_110 = t2_1 + al_crankx;
-        let t2_111 = (-t2_110).mul_add(p_my_crank, t2_109);
-        let t2_112 = (-t2_23).mul_add(p_mx_crank, t2_111);
-        let t2_113 = al_crankx - t2_1;
+        let t2_30 = p_ixz_crank * t2_28;
+        let t2_31 = (-p_ixy_crank).mul_add(t2_23, t2_30);
+        let t2_32 = al_crankx.mul_add(p_ixx_crank, t2_31);
+        let t2_33 = (-t2_7).mul_add(p_iyz_crank, t2_32);
+        let t2_34 = (-t2_1).mul_add(t2_5, t2_33);
+        let t2_35 = (-a_cranky).mul_add(p_mz_crank, t2_34);
+        let t2_36 = (-p_my_crank).mul_add(a_armz, t2_35);
+        let t2_37 = cos_pin * t2_29;
+        let a_rody = sin_pin.mul_add(t2_26, t2_37);
+        let t2_38 = cos_pin * t2_26;
+        let a_rodx = (-sin_pin).mul_add(t2_29, t2_38);
+        let t2_39 = al_rody + t2_16;
+        let t2_40 = al_rodz + t2_18;
+        let t2_41 = p_ixz_rod * t2_40;
+        let t2_42 = (-p_ixy_rod).mul_add(t2_39, t2_41);
+        let t2_43 = al_rodx.mul_add(p_ixx_rod, t2_42);
+        let t2_44 = (-t2_22).mul_add(p_iyz_rod, t2_43);
+        let t2_45 = (-t2_14).mul_add(t2_21, t2_44);
+        let t2_46 = al_rodx + t2_14;
+        let t2_47 = (-a_rody).mul_add(p_mz_rod, t2_45);
+        let t2_48 = (-a_rodz).mul_add(p_my_rod, t2_47);
+        let t2_49 = p_ixx_rod - p_izz_rod;
+        let t2_50 = t2_17 - t2_20;
+        let t2_51 = al_rodz - t2_18;
+        let t2_52 = al_rodz * p_izz_rod;
+        let t2_53 = p_iyz_rod.mul_add(t2_13, t2_52);
+        let t2_54 = p_ixz_rod.mul_add(t2_15, t2_53);
+        let t2_55 = p_iyz_rod * t2_51;
+        let t2_56 = (-al_rody).mul_add(p_iyy_rod, t2_55);
+        let t2_57 = p_ixy_rod.mul_add(t2_46, t2_56);
+        let t2_58 = t2_50.mul_add(p_ixz_rod, t2_57);
+        let t2_59 = t2_16.mul_add(t2_49, t2_58);
+        let t2_60 = a_rodz.mul_add(p_mx_rod, t2_59);
+        let t2_61 = (-a_rodx).mul_add(p_mz_rod, t2_60);
+        let t2_62 = (-sin_pin).mul_add(t2_61, t2_36);
+        let t2_63 = cos_pin.mul_add(t2_48, t2_62);
+        let t2_64 = a_rodz * p_m_rod;
+        let t2_65 = t2_8.mul_add(p_mz_rod, t2_64);
+        let t2_66 = (-p_my_rod).mul_add(t2_46, t2_65);
+        let t2_67 = (-p_mx_rod).mul_add(t2_39, t2_66);
+        let t2_68 = t2_20 - t2_19;
+        let t2_69 = t2_68.mul_add(p_ixy_rod, t2_54);
+        let t2_70 = p_ixx_rod - p_iyy_rod;
+        let t2_71 = (-t2_18).mul_add(t2_70, t2_69);
+        let t2_72 = a_rodx.mul_add(p_my_rod, t2_71);
+        let t2_73 = a_rodx * p_m_rod;
+        let t2_74 = (-t2_13).mul_add(p_mz_rod, t2_73);
+        let t2_75 = p_my_rod.mul_add(t2_51, t2_74);
+        let t2_76 = t2_17 + t2_19;
+        let t2_77 = t2_76.mul_add(p_mx_rod, t2_75);
+        let t2_78 = t2_17 + t2_20;
+        let t2_79 = a_rody.mul_add(p_mx_rod, t2_72);
+        let t2_80 = a_rody * p_m_rod;
+        let t2_81 = (-t2_15).mul_add(p_mz_rod, t2_80);
+        let t2_82 = (-t2_78).mul_add(p_my_rod, t2_81);
+        let t2_83 = p_mx_rod.mul_add(t2_40, t2_82);
+        let t2_84 = sin_pin * t2_77;
+        let t2_85 = (-cos_pin).mul_add(t2_83, t2_84);
+        let t2_86 = p_ixx_crank - p_izz_crank;
+        let t2_87 = al_crankx + t2_1;
+        let t2_88 = al_crankx - t2_1;
+        let t2_89 = dd_q3 - w_ixx_crank_q3;
+        let t2_90 = p_iyz_crank * t2_89;
+        let t2_91 = al_cranky.mul_add(p_iyy_crank, t2_90);
+        let t2_92 = p_ixy_crank.mul_add(t2_87, t2_91);
+        let t2_93 = t2_27.mul_add(p_ixz_crank, t2_92);
+        let t2_94 = t2_2.mul_add(t2_86, t2_93);
+        let t2_95 = al_cranky + t2_2;
+        let t2_96 = p_mx_crank.mul_add(a_armz, t2_94);
+        let t2_97 = (-a_crankx).mul_add(p_mz_crank, t2_96);
+        let t2_98 = like.lift(0.0456).mul_add(t2_67, t2_97);
+        let t2_99 = cos_pin.mul_add(t2_61, t2_98);
+        let t2_100 = sin_pin.mul_add(t2_48, t2_99);
+        let t2_101 = p_m_crank.mul_add(a_armz, t2_67);
+        let t2_102 = t2_8.mul_add(p_mz_crank, t2_101);
+        let t2_103 = (-p_my_crank).mul_add(t2_87, t2_102);
+        let t2_104 = (-t2_23).mul_add(p_mx_crank, t2_103);
         let w_army = cos_q2 * d_q1;
-        let t2_114 = d_q2 * w_army;
-        let al_armx = sin_q2.mul_add(dd_q1, t2_114);
+        let t2_105 = d_q2 * w_army;
+        let al_armx = sin_q2.mul_add(dd_q1, t2_105);
         let w_armx = sin_q2 * d_q1;
-        let t2_115 = d_q2 * w_armx;
-        let al_army = cos_q2.mul_add(dd_q1, -t2_115);
+        let t2_106 = d_q2 * w_armx;
+        let al_army = cos_q2.mul_add(dd_q1, -t2_106);
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t2_116 = w_army * w_army;
-        let t2_117 = w_armx * w_armx;
-        let t2_118 = p_iyy_arm - p_izz_arm;
-        let t2_119 = d_q2 * d_q2;
-        let t2_120 = t2_116 - t2_119;
-        let t2_121 = like.lift(9.81) * cos_q2;
-        let a_army = sin_q2.mul_add(t2_9, t2_121);
-        let t2_122 = cos_q2 * t2_9;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_122);
+        let t2_107 = w_army * w_army;
+        let t2_108 = w_armx * w_armx;
+        let t2_109 = p_iyy_arm - p_izz_arm;
+        let t2_110 = d_q2 * d_q2;
+        let t2_111 = t2_107 - t2_110;
+        let t2_112 = like.lift(9.81) * cos_q2;
+        let a_army = sin_q2.mul_add(t2_9, t2_112);
+        let t2_113 = cos_q2 * t2_9;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_113);
         let w_forearmz = d_q2 + d_elbow;
-        let t2_123 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_123);
-        let t2_124 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_124);
+        let t2_114 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_114);
+        let t2_115 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_115);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t2_125 = w_forearmz * w_forearmy;
-        let t2_126 = sin_q2_elbow * dd_q1;
-        let al_forearmx = t2_125 + t2_126;
+        let t2_116 = w_forearmz * w_forearmy;
+        let t2_117 = sin_q2_elbow * dd_q1;
+        let al_forearmx = t2_116 + t2_117;
         let w_forearmx = sin_q2_elbow * d_q1;
-        let t2_127 = w_forearmz * w_forearmx;
-        let t2_128 = cos_q2_elbow * dd_q1;
-        let al_forearmy = t2_127 - t2_128;
+        let t2_118 = w_forearmz * w_forearmx;
+        let t2_119 = cos_q2_elbow * dd_q1;
+        let al_forearmy = t2_118 - t2_119;
         let al_forearmz = dd_q2 + dd_elbow;
-        let t2_129 = w_forearmx * w_forearmy;
-        let t2_130 = w_forearmy * w_forearmy;
-        let t2_131 = w_forearmx * w_forearmx;
-        let t2_132 = p_iyy_forearm - p_izz_forearm;
-        let t2_133 = w_forearmz * w_forearmz;
+        let t2_120 = w_forearmx * w_forearmy;
+        let t2_121 = w_forearmy * w_forearmy;
+        let t2_122 = w_forearmx * w_forearmx;
+        let t2_123 = p_iyy_forearm - p_izz_forearm;
+        let t2_124 = w_forearmz * w_forearmz;
         let w_wristz = d_wrist + w_forearmz;
-        let t2_134 = t2_130 - t2_133;
-        let t2_135 = t2_115 - al_army;
-        let a_forearmz = like.lift(-0.14207).mul_add(t2_135, a_armz);
-        let t2_136 = t2_116 + t2_119;
-        let t2_137 = like.lift(0.14207).mul_add(t2_136, a_armx);
-        let t2_138 = t2_117 - t2_119;
-        let w_ixy_arm_q2 = t2_117 - t2_116;
-        let t2_139 = dd_q2 + w_ixx_arm_q2;
-        let t2_140 = like.lift(0.14207).mul_add(t2_139, a_army);
-        let t2_141 = cos_elbow * t2_140;
-        let a_forearmy = sin_elbow.mul_add(t2_137, t2_141);
-        let t2_142 = cos_elbow * t2_137;
-        let a_forearmx = (-sin_elbow).mul_add(t2_140, t2_142);
-        let t2_143 = a_forearmx * p_m_forearm;
-        let t2_144 = (-t2_128).mul_add(p_mz_forearm, t2_143);
-        let t2_145 = al_forearmz - t2_129;
-        let t2_146 = t2_145.mul_add(p_my_forearm, t2_144);
-        let t2_147 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_147);
-        let t2_148 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_148);
+        let t2_125 = t2_121 - t2_124;
+        let t2_126 = t2_106 - al_army;
+        let a_forearmz = like.lift(-0.14207).mul_add(t2_126, a_armz);
+        let t2_127 = t2_107 + t2_110;
+        let t2_128 = like.lift(0.14207).mul_add(t2_127, a_armx);
+        let t2_129 = t2_108 - t2_110;
+        let w_ixy_arm_q2 = t2_108 - t2_107;
+        let t2_130 = dd_q2 + w_ixx_arm_q2;
+        let t2_131 = like.lift(0.14207).mul_add(t2_130, a_army);
+        let t2_132 = p_ixz_arm * t2_130;
+        let t2_133 = (-p_ixy_arm).mul_add(t2_126, t2_132);
+        let t2_134 = al_armx.mul_add(p_ixx_arm, t2_133);
+        let t2_135 = t2_111.mul_add(p_iyz_arm, t2_134);
+        let t2_136 = (-t2_105).mul_add(t2_109, t2_135);
+        let t2_137 = (-a_army).mul_add(p_mz_arm, t2_136);
+        let t2_138 = (-p_my_arm).mul_add(a_armz, t2_137);
+        let t2_139 = cos_elbow * t2_131;
+        let a_forearmy = sin_elbow.mul_add(t2_128, t2_139);
+        let t2_140 = cos_elbow * t2_128;
+        let a_forearmx = (-sin_elbow).mul_add(t2_131, t2_140);
+        let t2_141 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_141);
+        let t2_142 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_142);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t2_149 = dd_q1 * cos_q2_elbow_wrist;
-        let t2_150 = w_wristy * w_wristz;
-        let t2_151 = dd_q1 * sin_q2_elbow_wrist;
+        let t2_143 = dd_q1 * cos_q2_elbow_wrist;
+        let t2_144 = w_wristy * w_wristz;
+        let t2_145 = dd_q1 * sin_q2_elbow_wrist;
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let al_wristx = t2_150 + t2_151;
-        let t2_152 = w_wristx * w_wristz;
-        let al_wristy = t2_152 - t2_149;
+        let al_wristx = t2_144 + t2_145;
+        let t2_146 = w_wristx * w_wristz;
+        let al_wristy = t2_146 - t2_143;
         let al_wristz = dd_wrist + al_forearmz;
-        let t2_153 = w_wristx * w_wristy;
-        let t2_154 = p_iyy_wrist - p_izz_wrist;
-        let t2_155 = w_wristy * w_wristy;
+        let t2_147 = w_wristx * w_wristy;
+        let t2_148 = p_iyy_wrist - p_izz_wrist;
+        let t2_149 = w_wristy * w_wristy;
         let w_flangez = d_q4 - w_wristy;
-        let t2_156 = w_wristz * w_wristz;
-        let t2_157 = t2_155 - t2_156;
-        let t2_158 = t2_127 + al_forearmy;
-        let a_wristz = like.lift(-0.15852).mul_add(t2_158, a_forearmz);
-        let t2_159 = t2_130 + t2_133;
-        let t2_160 = t2_131 - t2_130;
-        let t2_161 = t2_159.mul_add(p_mx_forearm, t2_146);
-        let t2_162 = like.lift(0.15852).mul_add(t2_159, a_forearmx);
-        let t2_163 = al_forearmz + t2_129;
-        let t2_164 = like.lift(0.15852).mul_add(t2_163, a_forearmy);
-        let t2_165 = cos_wrist * t2_164;
-        let a_wristy = sin_wrist.mul_add(t2_162, t2_165);
-        let t2_166 = cos_wrist * t2_162;
-        let a_wristx = (-sin_wrist).mul_add(t2_164, t2_166);
-        let t2_167 = a_wristx * p_m_wrist;
-        let t2_168 = (-t2_149).mul_add(p_mz_wrist, t2_167);
-        let t2_169 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_169);
-        let t2_170 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t2_170);
-        let t2_171 = w_wristx * w_wristx;
-        let t2_172 = w_flangey * w_flangez;
-        let t2_173 = al_wristz - t2_153;
-        let t2_174 = t2_173.mul_add(p_my_wrist, t2_168);
-        let t2_175 = t2_150 + al_wristx;
-        let t2_176 = cos_q4 * t2_175;
-        let w_ixz_flange_q4 = sin_q4.mul_add(t2_173, t2_176);
-        let t2_177 = cos_q4 * t2_173;
-        let w_iyz_flange_q4 = (-sin_q4).mul_add(t2_175, t2_177);
-        let al_flangex = t2_172 - w_ixz_flange_q4;
-        let t2_178 = w_flangex * w_flangez;
-        let t2_179 = w_flangez * w_flangez;
-        let al_flangey = t2_178 - w_iyz_flange_q4;
+        let t2_150 = w_wristz * w_wristz;
+        let t2_151 = t2_149 - t2_150;
+        let t2_152 = t2_118 + al_forearmy;
+        let a_wristz = like.lift(-0.15852).mul_add(t2_152, a_forearmz);
+        let t2_153 = t2_121 + t2_124;
+        let t2_154 = t2_122 - t2_121;
+        let t2_155 = like.lift(0.15852).mul_add(t2_153, a_forearmx);
+        let t2_156 = al_forearmz + t2_120;
+        let t2_157 = like.lift(0.15852).mul_add(t2_156, a_forearmy);
+        let t2_158 = cos_wrist * t2_157;
+        let a_wristy = sin_wrist.mul_add(t2_155, t2_158);
+        let t2_159 = cos_wrist * t2_155;
+        let a_wristx = (-sin_wrist).mul_add(t2_157, t2_159);
+        let t2_160 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_160);
+        let t2_161 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t2_161);
+        let t2_162 = w_wristx * w_wristx;
+        let t2_163 = w_flangey * w_flangez;
+        let t2_164 = al_wristz - t2_147;
+        let t2_165 = t2_144 + al_wristx;
+        let t2_166 = cos_q4 * t2_165;
+        let w_ixz_flange_q4 = sin_q4.mul_add(t2_164, t2_166);
+        let al_flangex = t2_163 - w_ixz_flange_q4;
+        let t2_167 = w_flangex * w_flangez;
+        let t2_168 = w_flangez * w_flangez;
+        let t2_169 = cos_q4 * t2_164;
+        let w_iyz_flange_q4 = (-sin_q4).mul_add(t2_165, t2_169);
+        let al_flangey = t2_167 - w_iyz_flange_q4;
         let al_flangez = dd_q4 + al_wristy;
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_180 = w_flangey * w_flangey;
-        let t2_181 = w_flangex * w_flangex;
-        let t2_182 = p_iyy_flange - p_izz_flange;
-        let t2_183 = t2_180 - t2_179;
-        let t2_184 = al_wristz + t2_153;
-        let a_flangez = like.lift(0.05).mul_add(t2_184, a_wristy);
-        let t2_185 = t2_155 + t2_156;
-        let t2_186 = t2_171 - t2_155;
-        let t2_187 = t2_185.mul_add(p_mx_wrist, t2_174);
-        let t2_188 = like.lift(0.05).mul_add(t2_185, a_wristx);
-        let t2_189 = t2_152 + al_wristy;
-        let t2_190 = like.lift(-0.05).mul_add(t2_189, a_wristz);
+        let t2_170 = w_flangey * w_flangey;
+        let t2_171 = w_flangex * w_flangex;
+        let t2_172 = p_iyy_flange - p_izz_flange;
+        let t2_173 = t2_170 - t2_168;
+        let t2_174 = al_wristz + t2_147;
+        let t2_175 = al_wristz * p_izz_wrist;
+        let t2_176 = p_iyz_wrist.mul_add(t2_143, t2_175);
+        let t2_177 = p_ixz_wrist.mul_add(t2_145, t2_176);
+        let t2_178 = t2_162 - t2_149;
+        let t2_179 = t2_178.mul_add(p_ixy_wrist, t2_177);
+        let t2_180 = p_ixx_wrist - p_iyy_wrist;
+        let t2_181 = (-t2_147).mul_add(t2_180, t2_179);
+        let t2_182 = t2_149 + t2_150;
+        let t2_183 = t2_162 - t2_150;
+        let t2_184 = a_wristx.mul_add(p_my_wrist, t2_181);
+        let t2_185 = a_wristy.mul_add(p_mx_wrist, t2_184);
+        let t2_186 = a_wristx * p_m_wrist;
+        let t2_187 = (-t2_143).mul_add(p_mz_wrist, t2_186);
+        let t2_188 = t2_164.mul_add(p_my_wrist, t2_187);
+        let t2_189 = t2_182.mul_add(p_mx_wrist, t2_188);
+        let t2_190 = like.lift(0.05).mul_add(t2_182, a_wristx);
+        let a_flangez = like.lift(0.05).mul_add(t2_174, a_wristy);
         [
-            w_ixx_crank_q3, t2_8, a_cranky, a_armz, a_crankx, w_ixy_crank_q3, t2_47, t2_82,
-            t2_93, t2_102, t2_107, t2_112, t2_113, t2_114, al_armx, t2_115, al_army,
-            w_ixx_arm_q2, t2_118, t2_120, a_army, a_armx, sin_q2_elbow, cos_q2_elbow, t2_125,
-            t2_126, al_forearmx, t2_127, al_forearmy, al_forearmz, t2_129, t2_131, t2_132,
-            t2_133, t2_134, t2_135, a_forearmz, t2_138, w_ixy_arm_q2, a_forearmy, a_forearmx,
-            t2_150, t2_151, al_wristx, t2_152, al_wristy, al_wristz, t2_153, t2_154, t2_156,
-            t2_157, t2_158, a_wristz, t2_160, t2_161, t2_163, a_wristy, a_wristx, t2_171,
-            t2_172, t2_175, w_ixz_flange_q4, w_iyz_flange_q4, al_flangex, t2_178, t2_179,
-            al_flangey, al_flangez, w_ixx_flange_q4, t2_180, t2_181, t2_182, t2_183, t2_184,
-            a_flangez, t2_186, t2_187, t2_188, t2_189, t2_190,
+            w_ixx_crank_q3, t2_8, a_cranky, a_armz, a_crankx, w_ixy_crank_q3, t2_63, t2_79,
+            t2_85, t2_88, t2_95, t2_100, t2_104, t2_105, al_armx, t2_106, al_army,
+            w_ixx_arm_q2, a_army, a_armx, sin_q2_elbow, cos_q2_elbow, t2_116, t2_117,
+            al_forearmx, t2_118, t2_119, al_forearmy, al_forearmz, t2_120, t2_122, t2_123,
+            t2_124, t2_125, t2_126, a_forearmz, t2_129, w_ixy_arm_q2, t2_138, a_forearmy,
+            a_forearmx, t2_144, t2_145, al_wristx, t2_146, al_wristy, t2_148, t2_151, t2_152,
+            a_wristz, t2_153, t2_154, t2_156, a_wristy, a_wristx, t2_163, t2_164, t2_165,
+            w_ixz_flange_q4, al_flangex, t2_167, t2_168, w_iyz_flange_q4, al_flangey,
+            al_flangez, w_ixx_flange_q4, t2_170, t2_171, t2_172, t2_173, t2_174, t2_183,
+            t2_185, t2_189, t2_190, a_flangez,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_56, t3_89, t3_113, t3_153, t3_177, t3_185, t3_191, t3_192, x_elbow_q2, x_elbow_q3,
+        t3_52, t3_72, t3_132, t3_135, t3_140, t3_155, t3_161, t3_162, x_elbow_q2, x_elbow_q3,
         x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t3_1 = sin_q4 * t2_188;
-        let a_flangey = (-cos_q4).mul_add(t2_190, t3_1);
-        let t3_2 = sin_q4 * t2_190;
-        let a_flangex = cos_q4.mul_add(t2_188, t3_2);
-        let t3_3 = a_flangex * p_m_flange;
-        let t3_4 = (-w_iyz_flange_q4).mul_add(p_mz_flange, t3_3);
-        let t3_5 = al_flangez + w_ixx_flange_q4;
-        let t3_6 = t3_5.mul_add(p_my_flange, t3_4);
-        let t3_7 = t2_180 + t2_179;
-        let t3_8 = t3_7.mul_add(p_mx_flange, t3_6);
-        let t3_9 = a_flangey * p_m_flange;
-        let t3_10 = (-w_ixz_flange_q4).mul_add(p_mz_flange, t3_9);
-        let t3_11 = t2_181 + t2_179;
-        let t3_12 = (-t3_11).mul_add(p_my_flange, t3_10);
-        let t3_13 = t2_181 - t2_179;
-        let t3_14 = al_flangez - w_ixx_flange_q4;
-        let t3_15 = t3_14.mul_add(p_mx_flange, t3_12);
-        let t3_16 = sin_q4.mul_add(t3_15, t2_187);
-        let t3_17 = cos_q4.mul_add(t3_8, t3_16);
-        let t3_18 = sin_q4 * t3_8;
-        let t3_19 = (-cos_q4).mul_add(t3_15, t3_18);
-        let t3_20 = al_flangey + t2_178;
-        let t3_21 = p_ixy_flange * t3_20;
-        let t3_22 = al_flangez - w_ixx_flange_q4;
-        let t3_23 = (-p_ixz_flange).mul_add(t3_22, t3_21);
-        let t3_24 = al_flangex.mul_add(p_ixx_flange, t3_23);
-        let t3_25 = (-t2_183).mul_add(p_iyz_flange, t3_24);
-        let t3_26 = (-t2_172).mul_add(t2_182, t3_25);
-        let t3_27 = a_flangey.mul_add(p_mz_flange, t3_26);
-        let t3_28 = a_flangez.mul_add(p_my_flange, t3_27);
-        let t3_29 = p_ixx_flange - p_izz_flange;
-        let t3_30 = al_flangex + t2_172;
-        let t3_31 = al_flangez + w_ixx_flange_q4;
-        let t3_32 = al_flangey * p_iyy_flange;
-        let t3_33 = (-p_iyz_flange).mul_add(t3_31, t3_32);
-        let t3_34 = p_ixy_flange.mul_add(t3_30, t3_33);
-        let t3_35 = t3_13.mul_add(p_ixz_flange, t3_34);
-        let t3_36 = (-t2_178).mul_add(t3_29, t3_35);
-        let t3_37 = (-a_flangez).mul_add(p_mx_flange, t3_36);
-        let t3_38 = a_flangex.mul_add(p_mz_flange, t3_37);
-        let t3_39 = a_flangez * p_m_flange;
-        let t3_40 = t2_181 + t2_180;
-        let w_ixy_flange_q4 = t2_181 - t2_180;
-        let t3_41 = t3_40.mul_add(p_mz_flange, t3_39);
-        let t3_42 = t2_172 + al_flangex;
-        let t3_43 = al_flangex - t2_172;
-        let t3_44 = t3_42.mul_add(p_my_flange, t3_41);
-        let t3_45 = t2_178 + al_flangey;
-        let t3_46 = al_flangey - t2_178;
-        let t3_47 = (-t3_45).mul_add(p_mx_flange, t3_44);
-        let t3_48 = p_iyz_flange * t3_46;
-        let t3_49 = (-al_flangez).mul_add(p_izz_flange, t3_48);
-        let t3_50 = p_ixz_flange.mul_add(t3_43, t3_49);
-        let t3_51 = (-w_ixy_flange_q4).mul_add(p_ixy_flange, t3_50);
-        let t3_52 = p_ixx_flange - p_iyy_flange;
-        let t3_53 = (-w_ixx_flange_q4).mul_add(t3_52, t3_51);
-        let t3_54 = (-a_flangex).mul_add(p_my_flange, t3_53);
-        let t3_55 = (-a_flangey).mul_add(p_mx_flange, t3_54);
-        let t3_56 = -t3_55;
-        let t3_57 = al_wristz - t2_153;
-        let t3_58 = p_iyz_wrist.mul_add(t3_57, t3_55);
-        let t3_59 = (-al_wristy).mul_add(p_iyy_wrist, t3_58);
-        let t3_60 = al_wristx + t2_150;
-        let t3_61 = p_ixy_wrist.mul_add(t3_60, t3_59);
-        let t3_62 = t2_171 - t2_156;
-        let t3_63 = (-t3_62).mul_add(p_ixz_wrist, t3_61);
-        let t3_64 = t2_171 + t2_156;
-        let t3_65 = p_ixx_wrist - p_izz_wrist;
-        let t3_66 = t2_152.mul_add(t3_65, t3_63);
-        let t3_67 = a_wristz.mul_add(p_mx_wrist, t3_66);
-        let t3_68 = (-a_wristx).mul_add(p_mz_wrist, t3_67);
-        let t3_69 = like.lift(0.05).mul_add(t3_19, t3_68);
-        let t3_70 = a_wristz.mul_add(p_m_wrist, t3_19);
-        let t3_71 = t2_8.mul_add(p_mz_wrist, t3_70);
-        let t3_72 = (-t2_175).mul_add(p_my_wrist, t3_71);
-        let t3_73 = (-t2_189).mul_add(p_mx_wrist, t3_72);
-        let t3_74 = a_wristy.mul_add(p_m_wrist, t3_47);
-        let t3_75 = (-t2_151).mul_add(p_mz_wrist, t3_74);
-        let t3_76 = (-t3_64).mul_add(p_my_wrist, t3_75);
-        let t3_77 = t2_184.mul_add(p_mx_wrist, t3_76);
-        let t3_78 = sin_wrist.mul_add(t3_77, t2_161);
-        let t3_79 = cos_wrist.mul_add(t3_17, t3_78);
-        let t3_80 = sin_wrist * t3_17;
-        let t3_81 = (-cos_wrist).mul_add(t3_77, t3_80);
-        let t3_82 = sin_elbow * t3_79;
-        let t3_83 = a_forearmy.mul_add(p_m_forearm, -t3_81);
-        let t3_84 = (-t2_126).mul_add(p_mz_forearm, t3_83);
-        let t3_85 = t2_131 + t2_133;
-        let t3_86 = (-t3_85).mul_add(p_my_forearm, t3_84);
-        let t3_87 = t2_163.mul_add(p_mx_forearm, t3_86);
-        let t3_88 = t2_131 - t2_133;
-        let t3_89 = (-cos_elbow).mul_add(t3_87, t3_82);
-        let t3_90 = al_wristy + t2_152;
-        let t3_91 = al_wristy - t2_152;
-        let t3_92 = al_wristz * p_izz_wrist;
-        let t3_93 = (-p_iyz_wrist).mul_add(t3_91, t3_92);
-        let t3_94 = al_wristz + t2_153;
-        let t3_95 = p_ixz_wrist * t3_94;
-        let t3_96 = (-p_ixy_wrist).mul_add(t3_90, t3_95);
-        let t3_97 = al_wristx.mul_add(p_ixx_wrist, t3_96);
-        let t3_98 = t2_157.mul_add(p_iyz_wrist, t3_97);
-        let t3_99 = (-t2_150).mul_add(t2_154, t3_98);
-        let t3_100 = al_wristx - t2_150;
-        let t3_101 = p_ixz_wrist.mul_add(t3_100, t3_93);
-        let t3_102 = t2_186.mul_add(p_ixy_wrist, t3_101);
-        let t3_103 = (-a_wristy).mul_add(p_mz_wrist, t3_99);
-        let t3_104 = (-a_wristz).mul_add(p_my_wrist, t3_103);
-        let t3_105 = p_ixx_wrist - p_iyy_wrist;
-        let t3_106 = (-t2_153).mul_add(t3_105, t3_102);
-        let t3_107 = a_wristx.mul_add(p_my_wrist, t3_106);
-        let t3_108 = a_wristy.mul_add(p_mx_wrist, t3_107);
-        let t3_109 = like.lift(0.05).mul_add(t3_47, t3_108);
-        let t3_110 = sin_q4.mul_add(t3_38, t3_104);
-        let t3_111 = (-cos_q4).mul_add(t3_38, t3_109);
-        let t3_112 = (-cos_q4).mul_add(t3_28, t3_110);
-        let t3_113 = (-sin_q4).mul_add(t3_28, t3_111);
-        let t3_114 = al_forearmy + t2_127;
-        let t3_115 = al_forearmz + t2_129;
-        let t3_116 = p_ixz_forearm * t3_115;
-        let t3_117 = (-p_ixy_forearm).mul_add(t3_114, t3_116);
-        let t3_118 = al_forearmx.mul_add(p_ixx_forearm, t3_117);
-        let t3_119 = t2_134.mul_add(p_iyz_forearm, t3_118);
-        let t3_120 = (-t2_125).mul_add(t2_132, t3_119);
-        let t3_121 = (-a_forearmy).mul_add(p_mz_forearm, t3_120);
-        let t3_122 = (-a_forearmz).mul_add(p_my_forearm, t3_121);
-        let t3_123 = (-sin_wrist).mul_add(t3_69, t3_122);
-        let t3_124 = cos_wrist.mul_add(t3_112, t3_123);
-        let t3_125 = p_ixx_forearm - p_izz_forearm;
-        let t3_126 = al_forearmx + t2_125;
-        let t3_127 = al_forearmz - t2_129;
-        let t3_128 = p_iyz_forearm * t3_127;
-        let t3_129 = (-al_forearmy).mul_add(p_iyy_forearm, t3_128);
-        let t3_130 = p_ixy_forearm.mul_add(t3_126, t3_129);
-        let t3_131 = (-t3_88).mul_add(p_ixz_forearm, t3_130);
-        let t3_132 = t2_127.mul_add(t3_125, t3_131);
-        let t3_133 = al_forearmy - t2_127;
-        let t3_134 = al_forearmz.mul_add(p_izz_forearm, t3_113);
-        let t3_135 = (-p_iyz_forearm).mul_add(t3_133, t3_134);
-        let t3_136 = a_forearmz.mul_add(p_mx_forearm, t3_132);
-        let t3_137 = (-a_forearmx).mul_add(p_mz_forearm, t3_136);
-        let t3_138 = like.lift(0.15852).mul_add(t3_73, t3_137);
-        let t3_139 = cos_wrist.mul_add(t3_69, t3_138);
-        let t3_140 = sin_wrist.mul_add(t3_112, t3_139);
-        let t3_141 = a_forearmz.mul_add(p_m_forearm, t3_73);
-        let t3_142 = t2_8.mul_add(p_mz_forearm, t3_141);
-        let t3_143 = t2_125 + al_forearmx;
-        let t3_144 = (-t3_143).mul_add(p_my_forearm, t3_142);
-        let t3_145 = al_forearmx - t2_125;
-        let t3_146 = p_ixz_forearm.mul_add(t3_145, t3_135);
-        let t3_147 = (-t2_158).mul_add(p_mx_forearm, t3_144);
-        let t3_148 = t2_160.mul_add(p_ixy_forearm, t3_146);
-        let t3_149 = p_ixx_forearm - p_iyy_forearm;
-        let t3_150 = (-t2_129).mul_add(t3_149, t3_148);
-        let t3_151 = a_forearmx.mul_add(p_my_forearm, t3_150);
-        let t3_152 = a_forearmy.mul_add(p_mx_forearm, t3_151);
-        let t3_153 = like.lift(-0.15852).mul_add(t3_81, t3_152);
-        let t3_154 = p_m_arm.mul_add(a_armz, t3_147);
-        let t3_155 = t2_8.mul_add(p_mz_arm, t3_154);
-        let t3_156 = t2_114 + al_armx;
-        let t3_157 = (-t3_156).mul_add(p_my_arm, t3_155);
-        let t3_158 = (-t2_135).mul_add(p_mx_arm, t3_157);
-        let t3_159 = t2_112 + t3_158;
-        let t3_160 = dd_q1 * p_izz_column;
-        let t3_161 = like.lift(0.0132).mul_add(t3_159, t3_160);
-        let t3_162 = cos_q3.mul_add(t2_107, t3_161);
-        let t3_163 = sin_q3.mul_add(t2_93, t3_162);
-        let t3_164 = al_army - t2_115;
-        let t3_165 = dd_q2 + w_ixx_arm_q2;
-        let t3_166 = p_ixz_arm * t3_165;
-        let t3_167 = p_ixy_arm.mul_add(t3_164, t3_166);
-        let t3_168 = al_armx.mul_add(p_ixx_arm, t3_167);
-        let t3_169 = t2_120.mul_add(p_iyz_arm, t3_168);
-        let t3_170 = (-t2_114).mul_add(t2_118, t3_169);
-        let t3_171 = (-a_army).mul_add(p_mz_arm, t3_170);
-        let t3_172 = (-p_my_arm).mul_add(a_armz, t3_171);
-        let t3_173 = (-sin_elbow).mul_add(t3_140, t3_172);
-        let t3_174 = cos_elbow.mul_add(t3_124, t3_173);
-        let t3_175 = p_ixx_arm - p_izz_arm;
-        let t3_176 = al_armx + t2_114;
-        let t3_177 = al_armx - t2_114;
-        let t3_178 = dd_q2 - w_ixx_arm_q2;
-        let t3_179 = p_iyz_arm * t3_178;
-        let t3_180 = al_army.mul_add(p_iyy_arm, t3_179);
-        let t3_181 = p_ixy_arm.mul_add(t3_176, t3_180);
-        let t3_182 = (-t2_138).mul_add(p_ixz_arm, t3_181);
-        let t3_183 = t2_115.mul_add(t3_175, t3_182);
-        let t3_184 = p_mx_arm.mul_add(a_armz, t3_183);
-        let t3_185 = al_army + t2_115;
-        let t3_186 = (-a_armx).mul_add(p_mz_arm, t3_184);
-        let t3_187 = like.lift(0.14207).mul_add(t3_147, t3_186);
-        let t3_188 = cos_elbow.mul_add(t3_140, t3_187);
-        let t3_189 = sin_elbow.mul_add(t3_124, t3_188);
-        let t3_190 = cos_q2.mul_add(t3_189, t3_163);
-        let t3_191 = sin_q2.mul_add(t3_174, t3_190);
-        let t3_192 = p_ixx_arm - p_iyy_arm;
-        let t3_193 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t3_193);
-        let t3_194 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t3_194);
-        let t3_195 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t3_195);
-        let t3_196 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t3_196);
+        let t3_1 = t2_146 + al_wristy;
+        let t3_2 = like.lift(-0.05).mul_add(t3_1, a_wristz);
+        let t3_3 = sin_q4 * t2_190;
+        let a_flangey = (-cos_q4).mul_add(t3_2, t3_3);
+        let t3_4 = sin_q4 * t3_2;
+        let a_flangex = cos_q4.mul_add(t2_190, t3_4);
+        let t3_5 = al_flangey + t2_167;
+        let t3_6 = al_flangey * p_iyy_flange;
+        let t3_7 = al_flangez - w_ixx_flange_q4;
+        let t3_8 = p_ixy_flange * t3_5;
+        let t3_9 = (-p_ixz_flange).mul_add(t3_7, t3_8);
+        let t3_10 = al_flangex.mul_add(p_ixx_flange, t3_9);
+        let t3_11 = (-t2_173).mul_add(p_iyz_flange, t3_10);
+        let t3_12 = (-t2_163).mul_add(t2_172, t3_11);
+        let t3_13 = al_flangex + t2_163;
+        let t3_14 = a_flangey.mul_add(p_mz_flange, t3_12);
+        let t3_15 = a_flangez.mul_add(p_my_flange, t3_14);
+        let t3_16 = p_ixx_flange - p_izz_flange;
+        let t3_17 = t2_171 - t2_168;
+        let t3_18 = al_flangez + w_ixx_flange_q4;
+        let t3_19 = (-p_iyz_flange).mul_add(t3_18, t3_6);
+        let t3_20 = p_ixy_flange.mul_add(t3_13, t3_19);
+        let t3_21 = t3_17.mul_add(p_ixz_flange, t3_20);
+        let t3_22 = (-t2_167).mul_add(t3_16, t3_21);
+        let t3_23 = (-a_flangez).mul_add(p_mx_flange, t3_22);
+        let t3_24 = a_flangex.mul_add(p_mz_flange, t3_23);
+        let t3_25 = a_flangez * p_m_flange;
+        let t3_26 = p_ixz_wrist * t2_174;
+        let t3_27 = (-p_ixy_wrist).mul_add(t3_1, t3_26);
+        let t3_28 = al_wristx.mul_add(p_ixx_wrist, t3_27);
+        let t3_29 = t2_151.mul_add(p_iyz_wrist, t3_28);
+        let t3_30 = (-t2_144).mul_add(t2_148, t3_29);
+        let t3_31 = (-a_wristy).mul_add(p_mz_wrist, t3_30);
+        let t3_32 = (-a_wristz).mul_add(p_my_wrist, t3_31);
+        let t3_33 = sin_q4.mul_add(t3_24, t3_32);
+        let t3_34 = (-cos_q4).mul_add(t3_15, t3_33);
+        let t3_35 = p_ixx_wrist - p_izz_wrist;
+        let t3_36 = p_ixx_flange - p_iyy_flange;
+        let w_ixy_flange_q4 = t2_171 - t2_170;
+        let t3_37 = p_iyz_flange * w_iyz_flange_q4;
+        let t3_38 = -t3_37;
+        let t3_39 = (-al_flangez).mul_add(p_izz_flange, t3_38);
+        let t3_40 = (-p_ixz_flange).mul_add(w_ixz_flange_q4, t3_39);
+        let t3_41 = (-w_ixy_flange_q4).mul_add(p_ixy_flange, t3_40);
+        let t3_42 = (-w_ixx_flange_q4).mul_add(t3_36, t3_41);
+        let t3_43 = (-a_flangex).mul_add(p_my_flange, t3_42);
+        let t3_44 = a_flangex * p_m_flange;
+        let t3_45 = (-w_iyz_flange_q4).mul_add(p_mz_flange, t3_44);
+        let t3_46 = p_my_flange.mul_add(t3_18, t3_45);
+        let t3_47 = (-a_flangey).mul_add(p_mx_flange, t3_43);
+        let t3_48 = a_flangey * p_m_flange;
+        let t3_49 = (-w_ixz_flange_q4).mul_add(p_mz_flange, t3_48);
+        let t3_50 = p_iyz_wrist.mul_add(t2_164, t3_47);
+        let t3_51 = (-al_wristy).mul_add(p_iyy_wrist, t3_50);
+        let t3_52 = -t3_47;
+        let t3_53 = p_ixy_wrist.mul_add(t2_165, t3_51);
+        let t3_54 = (-t2_183).mul_add(p_ixz_wrist, t3_53);
+        let t3_55 = t2_146.mul_add(t3_35, t3_54);
+        let t3_56 = a_wristz.mul_add(p_mx_wrist, t3_55);
+        let t3_57 = (-a_wristx).mul_add(p_mz_wrist, t3_56);
+        let t3_58 = t2_170 + t2_168;
+        let t3_59 = t3_58.mul_add(p_mx_flange, t3_46);
+        let t3_60 = t2_171 + t2_168;
+        let t3_61 = (-t3_60).mul_add(p_my_flange, t3_49);
+        let t3_62 = p_mx_flange.mul_add(t3_7, t3_61);
+        let t3_63 = t2_171 + t2_170;
+        let t3_64 = t3_63.mul_add(p_mz_flange, t3_25);
+        let t3_65 = p_my_flange.mul_add(t3_13, t3_64);
+        let t3_66 = (-p_mx_flange).mul_add(t3_5, t3_65);
+        let t3_67 = like.lift(0.05).mul_add(t3_66, t2_185);
+        let t3_68 = (-cos_q4).mul_add(t3_24, t3_67);
+        let t3_69 = a_wristy.mul_add(p_m_wrist, t3_66);
+        let t3_70 = (-t2_145).mul_add(p_mz_wrist, t3_69);
+        let t3_71 = (-p_my_wrist).mul_add(t3_63, t3_70);
+        let t3_72 = (-sin_q4).mul_add(t3_15, t3_68);
+        let t3_73 = t2_174.mul_add(p_mx_wrist, t3_71);
+        let t3_74 = sin_q4.mul_add(t3_62, t2_189);
+        let t3_75 = sin_q4 * t3_59;
+        let t3_76 = (-cos_q4).mul_add(t3_62, t3_75);
+        let t3_77 = cos_q4.mul_add(t3_59, t3_74);
+        let t3_78 = like.lift(0.05).mul_add(t3_76, t3_57);
+        let t3_79 = a_wristz.mul_add(p_m_wrist, t3_76);
+        let t3_80 = t2_8.mul_add(p_mz_wrist, t3_79);
+        let t3_81 = (-t2_165).mul_add(p_my_wrist, t3_80);
+        let t3_82 = (-t3_1).mul_add(p_mx_wrist, t3_81);
+        let t3_83 = p_ixz_forearm * t2_156;
+        let t3_84 = (-p_ixy_forearm).mul_add(t2_152, t3_83);
+        let t3_85 = al_forearmx.mul_add(p_ixx_forearm, t3_84);
+        let t3_86 = t2_125.mul_add(p_iyz_forearm, t3_85);
+        let t3_87 = (-t2_116).mul_add(t2_123, t3_86);
+        let t3_88 = al_forearmx + t2_116;
+        let t3_89 = (-a_forearmy).mul_add(p_mz_forearm, t3_87);
+        let t3_90 = (-a_forearmz).mul_add(p_my_forearm, t3_89);
+        let t3_91 = (-sin_wrist).mul_add(t3_78, t3_90);
+        let t3_92 = cos_wrist.mul_add(t3_34, t3_91);
+        let t3_93 = p_ixx_forearm - p_izz_forearm;
+        let t3_94 = t2_122 - t2_124;
+        let t3_95 = t2_122 + t2_124;
+        let t3_96 = al_forearmz - t2_120;
+        let t3_97 = al_forearmz.mul_add(p_izz_forearm, t3_72);
+        let t3_98 = p_iyz_forearm.mul_add(t2_119, t3_97);
+        let t3_99 = p_ixz_forearm.mul_add(t2_117, t3_98);
+        let t3_100 = t2_154.mul_add(p_ixy_forearm, t3_99);
+        let t3_101 = p_ixx_forearm - p_iyy_forearm;
+        let t3_102 = (-t2_120).mul_add(t3_101, t3_100);
+        let t3_103 = a_forearmx.mul_add(p_my_forearm, t3_102);
+        let t3_104 = a_forearmy.mul_add(p_mx_forearm, t3_103);
+        let t3_105 = p_iyz_forearm * t3_96;
+        let t3_106 = (-al_forearmy).mul_add(p_iyy_forearm, t3_105);
+        let t3_107 = p_ixy_forearm.mul_add(t3_88, t3_106);
+        let t3_108 = (-t3_94).mul_add(p_ixz_forearm, t3_107);
+        let t3_109 = t2_118.mul_add(t3_93, t3_108);
+        let t3_110 = a_forearmz.mul_add(p_mx_forearm, t3_109);
+        let t3_111 = (-a_forearmx).mul_add(p_mz_forearm, t3_110);
+        let t3_112 = like.lift(0.15852).mul_add(t3_82, t3_111);
+        let t3_113 = cos_wrist.mul_add(t3_78, t3_112);
+        let t3_114 = sin_wrist.mul_add(t3_34, t3_113);
+        let t3_115 = a_forearmz.mul_add(p_m_forearm, t3_82);
+        let t3_116 = t2_8.mul_add(p_mz_forearm, t3_115);
+        let t3_117 = (-p_my_forearm).mul_add(t3_88, t3_116);
+        let t3_118 = (-t2_152).mul_add(p_mx_forearm, t3_117);
+        let t3_119 = a_forearmx * p_m_forearm;
+        let t3_120 = (-t2_119).mul_add(p_mz_forearm, t3_119);
+        let t3_121 = p_my_forearm.mul_add(t3_96, t3_120);
+        let t3_122 = t2_153.mul_add(p_mx_forearm, t3_121);
+        let t3_123 = (-sin_elbow).mul_add(t3_114, t2_138);
+        let t3_124 = cos_elbow.mul_add(t3_92, t3_123);
+        let t3_125 = sin_wrist.mul_add(t3_73, t3_122);
+        let t3_126 = sin_wrist * t3_77;
+        let t3_127 = (-cos_wrist).mul_add(t3_73, t3_126);
+        let t3_128 = cos_wrist.mul_add(t3_77, t3_125);
+        let t3_129 = a_forearmy.mul_add(p_m_forearm, -t3_127);
+        let t3_130 = (-t2_117).mul_add(p_mz_forearm, t3_129);
+        let t3_131 = (-t3_95).mul_add(p_my_forearm, t3_130);
+        let t3_132 = like.lift(-0.15852).mul_add(t3_127, t3_104);
+        let t3_133 = t2_156.mul_add(p_mx_forearm, t3_131);
+        let t3_134 = sin_elbow * t3_128;
+        let t3_135 = (-cos_elbow).mul_add(t3_133, t3_134);
+        let t3_136 = p_m_arm.mul_add(a_armz, t3_118);
+        let t3_137 = t2_8.mul_add(p_mz_arm, t3_136);
+        let t3_138 = p_ixx_arm - p_izz_arm;
+        let t3_139 = al_armx + t2_105;
+        let t3_140 = al_armx - t2_105;
+        let t3_141 = (-p_my_arm).mul_add(t3_139, t3_137);
+        let t3_142 = (-t2_126).mul_add(p_mx_arm, t3_141);
+        let t3_143 = t2_104 + t3_142;
+        let t3_144 = dd_q1 * p_izz_column;
+        let t3_145 = like.lift(0.0132).mul_add(t3_143, t3_144);
+        let t3_146 = cos_q3.mul_add(t2_100, t3_145);
+        let t3_147 = sin_q3.mul_add(t2_63, t3_146);
+        let t3_148 = dd_q2 - w_ixx_arm_q2;
+        let t3_149 = p_iyz_arm * t3_148;
+        let t3_150 = al_army.mul_add(p_iyy_arm, t3_149);
+        let t3_151 = p_ixy_arm.mul_add(t3_139, t3_150);
+        let t3_152 = (-t2_129).mul_add(p_ixz_arm, t3_151);
+        let t3_153 = t2_106.mul_add(t3_138, t3_152);
+        let t3_154 = p_mx_arm.mul_add(a_armz, t3_153);
+        let t3_155 = al_army + t2_106;
+        let t3_156 = (-a_armx).mul_add(p_mz_arm, t3_154);
+        let t3_157 = like.lift(0.14207).mul_add(t3_118, t3_156);
+        let t3_158 = cos_elbow.mul_add(t3_114, t3_157);
+        let t3_159 = sin_elbow.mul_add(t3_92, t3_158);
+        let t3_160 = cos_q2.mul_add(t3_159, t3_147);
+        let t3_161 = sin_q2.mul_add(t3_124, t3_160);
+        let t3_162 = p_ixx_arm - p_iyy_arm;
+        let t3_163 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t3_163);
+        let t3_164 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t3_164);
+        let t3_165 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t3_165);
+        let t3_166 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t3_166);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t3_197 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_198 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t3_199 = -t3_198;
-        let t3_200 = sin_q2 * cos_q3;
-        let t3_201 = cos_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_200);
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_201);
-        let t3_202 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_202);
-        let t3_203 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_203);
-        let t3_204 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_205 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_198);
-        let t3_206 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t3_207 = -t3_204;
-        let t3_208 = t3_204 * t3_197;
-        let t3_209 = sin_pin * t3_197;
+        let t3_167 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t3_168 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t3_169 = -t3_168;
+        let t3_170 = sin_q2 * cos_q3;
+        let t3_171 = cos_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_170);
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_171);
+        let t3_172 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_172);
+        let t3_173 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_173);
+        let t3_174 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t3_175 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_168);
+        let t3_176 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_177 = -t3_174;
+        let t3_178 = t3_174 * t3_167;
+        let t3_179 = sin_pin * t3_167;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_210 = -u_rod_q3x;
-        let t3_211 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_208, t3_205);
-        let t3_212 = like.lift(21.92982456140351) * t3_208;
-        let t3_213 = like.lift(7.038783698176955) * t3_211;
-        let t3_214 = -t3_213;
-        let t3_215 = t3_209.mul_add(t3_198, t3_206);
-        let t3_216 = -t3_206;
-        let t3_217 = like.lift(7.038783698176955) * t3_215;
-        let t3_218 = -t3_212;
-        let t3_219 = like.lift(1.0) + t3_212;
-        let t3_220 = -t3_209;
+        let t3_180 = -u_rod_q3x;
+        let t3_181 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_178, t3_175);
+        let t3_182 = like.lift(21.92982456140351) * t3_178;
+        let t3_183 = like.lift(7.038783698176955) * t3_181;
+        let t3_184 = -t3_183;
+        let t3_185 = t3_179.mul_add(t3_168, t3_176);
+        let t3_186 = -t3_176;
+        let t3_187 = like.lift(7.038783698176955) * t3_185;
+        let t3_188 = -t3_182;
+        let t3_189 = like.lift(1.0) + t3_182;
+        let t3_190 = -t3_179;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -2536,23 +2390,23 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_218, like.lift(0.0), t3_220],
-                [like.lift(0.0), t3_219, like.lift(0.0), t3_209],
-                [like.lift(0.0), t3_214, like.lift(0.0), t3_217],
+                [like.lift(0.0), t3_188, like.lift(0.0), t3_190],
+                [like.lift(0.0), t3_189, like.lift(0.0), t3_179],
+                [like.lift(0.0), t3_184, like.lift(0.0), t3_187],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_199, like.lift(0.0), like.lift(-0.14207)],
+                    [t3_169, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_207, like.lift(0.0), t3_210],
-                    [like.lift(0.0), t3_205, like.lift(0.0), t3_216],
+                    [like.lift(0.0), t3_177, like.lift(0.0), t3_180],
+                    [like.lift(0.0), t3_175, like.lift(0.0), t3_186],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2562,37 +2416,37 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
         );
         condition = condition.min(found);
         [
-            t3_56, t3_89, t3_113, t3_153, t3_177, t3_185, t3_191, t3_192, x_elbow_q2,
+            t3_52, t3_72, t3_132, t3_135, t3_140, t3_155, t3_161, t3_162, x_elbow_q2,
             x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        tau[0] = t3_191; tau[2] = t3_56;
-        let t4_1 = (-t2_82).mul_add(x_pin_q2, t3_153);
-        let t4_2 = (-t3_113).mul_add(x_wrist_q2, t4_1);
-        let t4_3 = (-t3_153).mul_add(x_elbow_q2, t4_2);
-        let t4_4 = (-t2_82).mul_add(x_pin_q3, t2_82);
+        tau[0] = t3_161; tau[2] = t3_52;
+        let t4_1 = (-t2_79).mul_add(x_pin_q2, t3_132);
+        let t4_2 = (-t3_72).mul_add(x_wrist_q2, t4_1);
+        let t4_3 = (-t3_132).mul_add(x_elbow_q2, t4_2);
+        let t4_4 = (-t2_79).mul_add(x_pin_q3, t2_79);
         let t4_5 = dd_q2.mul_add(p_izz_arm, t4_3);
-        let t4_6 = p_iyz_arm.mul_add(t3_185, t4_5);
-        let t4_7 = p_ixz_arm.mul_add(t3_177, t4_6);
+        let t4_6 = p_iyz_arm.mul_add(t3_155, t4_5);
+        let t4_7 = p_ixz_arm.mul_add(t3_140, t4_6);
         let t4_8 = w_ixy_arm_q2.mul_add(p_ixy_arm, t4_7);
-        let t4_9 = (-w_ixx_arm_q2).mul_add(t3_192, t4_8);
+        let t4_9 = (-w_ixx_arm_q2).mul_add(t3_162, t4_8);
         let t4_10 = a_armx.mul_add(p_my_arm, t4_9);
         let t4_11 = a_army.mul_add(p_mx_arm, t4_10);
-        let t4_12 = like.lift(-0.14207).mul_add(t3_89, t4_11);
+        let t4_12 = like.lift(-0.14207).mul_add(t3_135, t4_11);
         tau[1] = t4_12;
         let t4_13 = dd_q3.mul_add(p_izz_crank, t4_4);
-        let t4_14 = p_iyz_crank.mul_add(t2_102, t4_13);
-        let t4_15 = p_ixz_crank.mul_add(t2_113, t4_14);
+        let t4_14 = p_iyz_crank.mul_add(t2_95, t4_13);
+        let t4_15 = p_ixz_crank.mul_add(t2_88, t4_14);
         let t4_16 = w_ixy_crank_q3.mul_add(p_ixy_crank, t4_15);
         let t4_17 = p_ixx_crank - p_iyy_crank;
         let t4_18 = (-w_ixx_crank_q3).mul_add(t4_17, t4_16);
         let t4_19 = a_crankx.mul_add(p_my_crank, t4_18);
         let t4_20 = a_cranky.mul_add(p_mx_crank, t4_19);
-        let t4_21 = like.lift(-0.0456).mul_add(t2_47, t4_20);
-        let t4_22 = (-t3_113).mul_add(x_wrist_q3, t4_21);
-        let t4_23 = (-t3_153).mul_add(x_elbow_q3, t4_22);
+        let t4_21 = like.lift(-0.0456).mul_add(t2_85, t4_20);
+        let t4_22 = (-t3_72).mul_add(x_wrist_q3, t4_21);
+        let t4_23 = (-t3_132).mul_add(x_elbow_q3, t4_22);
         tau[3] = t4_23;
     }
     (tau, Condition { pivot: condition })
@@ -2604,7 +2458,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 66 additions, 124 multiplications, 1 divisions, 6 sines and cosines.
+/// 51 additions, 95 multiplications, 1 divisions, 6 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -2626,133 +2480,105 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
         ]
     };
     let [
-        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_mx_arm, p_my_arm, p_mz_arm, _, _, _,
-        _, _, _, _, p_mx_forearm, p_my_forearm, p_mz_forearm, p_m_forearm, _, _, _, _, _, _,
-        p_mx_wrist, p_my_wrist, p_mz_wrist, p_m_wrist, _, _, _, _, _, _, p_mx_flange,
-        p_my_flange, p_mz_flange, p_m_flange, _, _, _, _, _, _, p_mx_crank, p_my_crank,
-        p_mz_crank, _, _, _, _, _, _, _, p_mx_rod, p_my_rod, p_mz_rod, p_m_rod,
+        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_mx_arm, p_my_arm, _, _, _, _, _, _,
+        _, _, p_mx_forearm, p_my_forearm, _, p_m_forearm, _, _, _, _, _, _, p_mx_wrist,
+        p_my_wrist, _, p_m_wrist, _, _, _, _, _, _, p_mx_flange, p_my_flange, p_mz_flange,
+        p_m_flange, _, _, _, _, _, _, p_mx_crank, p_my_crank, _, _, _, _, _, _, _, _, p_mx_rod,
+        p_my_rod, _, p_m_rod,
     ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_20, t2_45, t2_53, t2_63, t2_70, t2_81, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+        t2_2, t2_14, t2_25, t2_35, t2_42, t2_53, x_elbow_q2, x_elbow_q3, x_wrist_q2,
         x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t2_1 = cos_q3 * p_mz_rod;
-        let t2_2 = cos_q3.mul_add(p_mz_crank, t2_1);
-        let t2_3 = like.lift(9.81) * t2_2;
-        let t2_4 = sin_q3 * t2_3;
-        let t2_5 = sin_q3 * p_mz_rod;
-        let t2_6 = sin_q3.mul_add(p_mz_crank, t2_5);
-        let t2_7 = like.lift(9.81) * t2_6;
-        let t2_8 = (-cos_q3).mul_add(t2_7, t2_4);
-        let t2_9 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_9);
-        let t2_10 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_10);
-        let t2_11 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_11);
-        let t2_12 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_12);
+        let t2_1 = like.lift(0.0) + like.lift(0.0);
+        let t2_2 = -t2_1;
+        let t2_3 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_3);
+        let t2_4 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_4);
+        let t2_5 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_5);
+        let t2_6 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_6);
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t2_13 = e_flange_q1y * p_mz_flange;
-        let t2_14 = (-cos_q2_elbow_wrist).mul_add(p_my_flange, t2_13);
-        let t2_15 = like.lift(9.81) * t2_14;
-        let t2_16 = -t2_15;
+        let t2_7 = e_flange_q1y * p_mz_flange;
+        let t2_8 = (-cos_q2_elbow_wrist).mul_add(p_my_flange, t2_7);
+        let t2_9 = like.lift(9.81) * t2_8;
+        let t2_10 = -t2_9;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t2_17 = e_flange_q1x * p_my_flange;
-        let t2_18 = e_flange_q1y.mul_add(p_mx_flange, t2_17);
-        let t2_19 = like.lift(9.81) * t2_18;
-        let t2_20 = -t2_19;
-        let t2_21 = cos_q2_elbow_wrist * p_mx_flange;
-        let t2_22 = e_flange_q1x.mul_add(p_mz_flange, t2_21);
-        let t2_23 = like.lift(9.81) * t2_22;
-        let t2_24 = like.lift(9.81) * p_mz_wrist;
-        let t2_25 = sin_q2_elbow_wrist.mul_add(t2_24, t2_19);
-        let t2_26 = cos_q2_elbow_wrist * t2_24;
-        let t2_27 = sin_q4.mul_add(t2_23, t2_26);
-        let t2_28 = cos_q4.mul_add(t2_16, t2_27);
-        let t2_29 = like.lift(9.81) * p_mz_forearm;
-        let t2_30 = cos_q2_elbow * t2_29;
-        let t2_31 = sin_wrist.mul_add(t2_25, t2_30);
-        let t2_32 = sin_q2_elbow * t2_29;
-        let t2_33 = cos_wrist.mul_add(t2_25, t2_32);
-        let t2_34 = cos_wrist.mul_add(t2_28, t2_31);
-        let t2_35 = (-sin_wrist).mul_add(t2_28, t2_33);
-        let t2_36 = like.lift(9.81) * p_mz_arm;
-        let t2_37 = cos_q2 * t2_36;
-        let t2_38 = sin_elbow.mul_add(t2_35, t2_37);
-        let t2_39 = sin_q2 * t2_36;
-        let t2_40 = cos_elbow.mul_add(t2_35, t2_39);
-        let t2_41 = (-sin_elbow).mul_add(t2_34, t2_40);
-        let t2_42 = cos_elbow.mul_add(t2_34, t2_38);
-        let t2_43 = (-cos_q2).mul_add(t2_41, t2_8);
-        let t2_44 = sin_q2.mul_add(t2_42, t2_43);
-        let t2_45 = -t2_44;
-        let t2_46 = cos_q2_elbow_wrist * p_m_flange;
-        let t2_47 = sin_q2_elbow_wrist * p_my_wrist;
-        let t2_48 = (-cos_q2_elbow_wrist).mul_add(p_mx_wrist, t2_47);
-        let t2_49 = cos_q2_elbow_wrist.mul_add(p_m_wrist, t2_46);
-        let t2_50 = like.lift(0.4905) * t2_46;
-        let t2_51 = like.lift(-9.81).mul_add(t2_48, t2_50);
-        let t2_52 = cos_q4.mul_add(t2_23, t2_51);
-        let t2_53 = (-sin_q4).mul_add(t2_16, t2_52);
-        let t2_54 = like.lift(9.81) * t2_49;
-        let t2_55 = sin_q2_elbow_wrist * p_m_flange;
-        let t2_56 = sin_q2_elbow_wrist.mul_add(p_m_wrist, t2_55);
-        let t2_57 = like.lift(9.81) * t2_56;
-        let t2_58 = cos_wrist * t2_54;
-        let t2_59 = sin_wrist.mul_add(t2_57, t2_58);
-        let t2_60 = sin_q2_elbow * p_my_forearm;
-        let t2_61 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_60);
-        let t2_62 = like.lift(-9.81).mul_add(t2_61, t2_53);
-        let t2_63 = like.lift(0.15852).mul_add(t2_59, t2_62);
-        let t2_64 = like.lift(9.81) * p_m_forearm;
-        let t2_65 = cos_q2_elbow.mul_add(t2_64, t2_59);
-        let t2_66 = sin_q2_elbow * t2_64;
-        let t2_67 = (-sin_wrist).mul_add(t2_54, t2_66);
-        let t2_68 = cos_wrist.mul_add(t2_57, t2_67);
-        let t2_69 = cos_elbow * t2_65;
-        let t2_70 = sin_elbow.mul_add(t2_68, t2_69);
-        let t2_71 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_71);
-        let t2_72 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_72);
-        let t2_73 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_73);
-        let t2_74 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_74);
+        let t2_11 = e_flange_q1x * p_my_flange;
+        let t2_12 = e_flange_q1y.mul_add(p_mx_flange, t2_11);
+        let t2_13 = like.lift(9.81) * t2_12;
+        let t2_14 = -t2_13;
+        let t2_15 = cos_q2_elbow_wrist * p_mx_flange;
+        let t2_16 = e_flange_q1x.mul_add(p_mz_flange, t2_15);
+        let t2_17 = like.lift(9.81) * t2_16;
+        let t2_18 = cos_q2_elbow_wrist * p_m_flange;
+        let t2_19 = sin_q2_elbow_wrist * p_my_wrist;
+        let t2_20 = (-cos_q2_elbow_wrist).mul_add(p_mx_wrist, t2_19);
+        let t2_21 = cos_q2_elbow_wrist.mul_add(p_m_wrist, t2_18);
+        let t2_22 = like.lift(0.4905) * t2_18;
+        let t2_23 = like.lift(-9.81).mul_add(t2_20, t2_22);
+        let t2_24 = cos_q4.mul_add(t2_17, t2_23);
+        let t2_25 = (-sin_q4).mul_add(t2_10, t2_24);
+        let t2_26 = like.lift(9.81) * t2_21;
+        let t2_27 = sin_q2_elbow_wrist * p_m_flange;
+        let t2_28 = sin_q2_elbow_wrist.mul_add(p_m_wrist, t2_27);
+        let t2_29 = like.lift(9.81) * t2_28;
+        let t2_30 = cos_wrist * t2_26;
+        let t2_31 = sin_wrist.mul_add(t2_29, t2_30);
+        let t2_32 = sin_q2_elbow * p_my_forearm;
+        let t2_33 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_32);
+        let t2_34 = like.lift(-9.81).mul_add(t2_33, t2_25);
+        let t2_35 = like.lift(0.15852).mul_add(t2_31, t2_34);
+        let t2_36 = like.lift(9.81) * p_m_forearm;
+        let t2_37 = cos_q2_elbow.mul_add(t2_36, t2_31);
+        let t2_38 = sin_q2_elbow * t2_36;
+        let t2_39 = (-sin_wrist).mul_add(t2_26, t2_38);
+        let t2_40 = cos_wrist.mul_add(t2_29, t2_39);
+        let t2_41 = cos_elbow * t2_37;
+        let t2_42 = sin_elbow.mul_add(t2_40, t2_41);
+        let t2_43 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_43);
+        let t2_44 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_44);
+        let t2_45 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_45);
+        let t2_46 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_46);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_75 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_76 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_77 = -t2_76;
-        let t2_78 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_78);
-        let t2_79 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_79);
-        let t2_80 = sin_q2 * p_my_arm;
-        let t2_81 = (-cos_q2).mul_add(p_mx_arm, t2_80);
-        let t2_82 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_82);
-        let t2_83 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_83);
-        let t2_84 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_85 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_76);
-        let t2_86 = -t2_84;
-        let t2_87 = t2_84 * t2_75;
-        let t2_88 = sin_pin * t2_75;
-        let t2_89 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_87, t2_85);
-        let t2_90 = like.lift(21.92982456140351) * t2_87;
-        let t2_91 = like.lift(7.038783698176955) * t2_89;
-        let t2_92 = -t2_91;
+        let t2_47 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_48 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_49 = -t2_48;
+        let t2_50 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_50);
+        let t2_51 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_51);
+        let t2_52 = sin_q2 * p_my_arm;
+        let t2_53 = (-cos_q2).mul_add(p_mx_arm, t2_52);
+        let t2_54 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_54);
+        let t2_55 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_55);
+        let t2_56 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_57 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_48);
+        let t2_58 = -t2_56;
+        let t2_59 = t2_56 * t2_47;
+        let t2_60 = sin_pin * t2_47;
+        let t2_61 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_59, t2_57);
+        let t2_62 = like.lift(21.92982456140351) * t2_59;
+        let t2_63 = like.lift(7.038783698176955) * t2_61;
+        let t2_64 = -t2_63;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t2_93 = -u_rod_q3x;
-        let t2_94 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t2_95 = t2_88.mul_add(t2_76, t2_94);
-        let t2_96 = -t2_94;
-        let t2_97 = like.lift(7.038783698176955) * t2_95;
-        let t2_98 = -t2_90;
-        let t2_99 = like.lift(1.0) + t2_90;
-        let t2_100 = -t2_88;
+        let t2_65 = -u_rod_q3x;
+        let t2_66 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_67 = t2_60.mul_add(t2_48, t2_66);
+        let t2_68 = -t2_66;
+        let t2_69 = like.lift(7.038783698176955) * t2_67;
+        let t2_70 = -t2_62;
+        let t2_71 = like.lift(1.0) + t2_62;
+        let t2_72 = -t2_60;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -2760,23 +2586,23 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t2_98, like.lift(0.0), t2_100],
-                [like.lift(0.0), t2_99, like.lift(0.0), t2_88],
-                [like.lift(0.0), t2_92, like.lift(0.0), t2_97],
+                [like.lift(0.0), t2_70, like.lift(0.0), t2_72],
+                [like.lift(0.0), t2_71, like.lift(0.0), t2_60],
+                [like.lift(0.0), t2_64, like.lift(0.0), t2_69],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_77, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_49, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t2_86, like.lift(0.0), t2_93],
-                    [like.lift(0.0), t2_85, like.lift(0.0), t2_96],
+                    [like.lift(0.0), t2_58, like.lift(0.0), t2_65],
+                    [like.lift(0.0), t2_57, like.lift(0.0), t2_68],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -2786,13 +2612,13 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
         );
         condition = condition.min(found);
         [
-            t2_20, t2_45, t2_53, t2_63, t2_70, t2_81, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+            t2_2, t2_14, t2_25, t2_35, t2_42, t2_53, x_elbow_q2, x_elbow_q3, x_wrist_q2,
             x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        tau[0] = t2_45; tau[2] = t2_20;
+        tau[0] = t2_2; tau[2] = t2_14;
         let t3_1 = sin_q3 * cos_pin;
         let sin_q3_pin = cos_q3.mul_add(sin_pin, t3_1);
         let t3_2 = cos_q3 * cos_pin;
@@ -2801,11 +2627,11 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
         let t3_4 = (-cos_q3_pin).mul_add(p_mx_rod, t3_3);
         let t3_5 = like.lift(9.81) * t3_4;
         let t3_6 = -t3_5;
-        let t3_7 = (-t3_6).mul_add(x_pin_q2, t2_63);
-        let t3_8 = (-t2_53).mul_add(x_wrist_q2, t3_7);
-        let t3_9 = (-t2_63).mul_add(x_elbow_q2, t3_8);
-        let t3_10 = like.lift(-9.81).mul_add(t2_81, t3_9);
-        let t3_11 = like.lift(0.14207).mul_add(t2_70, t3_10);
+        let t3_7 = (-t3_6).mul_add(x_pin_q2, t2_35);
+        let t3_8 = (-t2_25).mul_add(x_wrist_q2, t3_7);
+        let t3_9 = (-t2_35).mul_add(x_elbow_q2, t3_8);
+        let t3_10 = like.lift(-9.81).mul_add(t2_53, t3_9);
+        let t3_11 = like.lift(0.14207).mul_add(t2_42, t3_10);
         tau[1] = t3_11;
         let t3_12 = (-t3_6).mul_add(x_pin_q3, t3_6);
         let t3_13 = sin_q3 * p_my_crank;
@@ -2813,8 +2639,8 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
         let t3_15 = like.lift(-9.81).mul_add(t3_14, t3_12);
         let t3_16 = like.lift(0.447336) * cos_q3;
         let t3_17 = t3_16.mul_add(p_m_rod, t3_15);
-        let t3_18 = (-t2_53).mul_add(x_wrist_q3, t3_17);
-        let t3_19 = (-t2_63).mul_add(x_elbow_q3, t3_18);
+        let t3_18 = (-t2_25).mul_add(x_wrist_q3, t3_17);
+        let t3_19 = (-t2_35).mul_add(x_elbow_q3, t3_18);
         tau[3] = t3_19;
     }
     (tau, Condition { pivot: condition })
@@ -2827,7 +2653,7 @@ pub fn gravity<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 313 additions, 350 multiplications, 1 divisions, 6 sines and cosines.
+/// 295 additions, 350 multiplications, 1 divisions, 6 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -2975,11 +2801,11 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
     };
     // tau, part 2
     let [
-        w_ixy_crank_q3, a_rody, a_rodx, t3_41, t3_43, t3_51, t3_59, al_army, t3_60,
-        w_ixx_arm_q2, al_armx, t3_64, t3_65, t3_66, al_forearmy, t3_67, t3_68, t3_69,
-        al_forearmx, t3_72, t3_73, t3_74, t3_78, w_ixy_arm_q2, a_forearmy, a_forearmx,
-        al_wristy, t3_92, a_wristz, t3_93, t3_96, a_wristx, t3_146, t3_148, t3_184, t3_189,
-        t3_202, t3_206, t3_209, t3_210, t3_212, t3_214,
+        w_ixy_crank_q3, t3_34, t3_46, t3_57, t3_59, t3_67, t3_68, t3_75, t3_76, al_army, t3_77,
+        w_ixx_arm_q2, al_armx, t3_81, t3_82, t3_83, al_forearmy, t3_85, t3_86, al_forearmx,
+        t3_91, t3_95, w_ixy_arm_q2, a_forearmy, a_forearmx, t3_109, a_wristz, t3_110, t3_111,
+        t3_113, t3_119, a_wristy, t3_127, t3_129, t3_139, t3_155, t3_160, t3_167, t3_169,
+        t3_179, t3_181, t3_182, t3_185, t3_197, t3_207, t3_210, t3_212, t3_214,
     ] = {
         let al_wristz = al_forearmz + t2_54;
         let t3_1 = cos_q3 * t2_8;
@@ -3002,349 +2828,353 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
         let t3_15 = t3_14 + t2_12;
         let t3_16 = p_mz_rod.mul_add(a_rody, t3_15);
         let t3_17 = (-p_my_rod).mul_add(t3_10, t3_16);
-        let t3_18 = al_rodx * p_ixy_rod;
-        let t3_19 = al_rodx * p_my_rod;
-        let t3_20 = al_rody.mul_add(p_mx_rod, t3_19);
-        let t3_21 = p_ixx_rod - p_izz_rod;
-        let t3_22 = t3_21 - p_iyy_rod;
-        let t3_23 = t2_15 - t2_14;
-        let t3_24 = t2_13 - al_rodz;
-        let t3_25 = p_iyz_rod.mul_add(t3_24, -t3_18);
-        let t3_26 = (-t3_23).mul_add(p_ixz_rod, t3_25);
-        let t3_27 = (-al_rody).mul_add(t3_22, t3_26);
-        let t3_28 = t3_27 - t3_18;
-        let t3_29 = p_mx_rod.mul_add(t3_10, t3_28);
-        let t3_30 = p_mz_rod.mul_add(a_rodx, t3_29);
-        let t3_31 = p_m_rod * t3_10;
-        let t3_32 = (-t2_8).mul_add(p_mz_rod, t3_31);
-        let t3_33 = like.lift(2.0).mul_add(t3_20, t3_32);
-        let t3_34 = like.lift(0.0132) * p_mz_crank;
-        let t3_35 = t2_9.mul_add(t3_34, t2_1);
-        let t3_36 = (-w_ixx_crank_q3).mul_add(p_ixz_crank, t3_35);
-        let t3_37 = t2_7.mul_add(p_iyz_crank, t3_36);
-        let t3_38 = al_crankx.mul_add(t2_5, t3_37);
-        let t3_39 = t3_38 + t2_1;
-        let t3_40 = (-sin_pin).mul_add(t3_30, t3_39);
-        let t3_41 = cos_pin.mul_add(t3_17, t3_40);
-        let t3_42 = t3_1 * p_my_crank;
-        let t3_43 = t2_9.mul_add(p_mx_crank, t3_42);
-        let t3_44 = al_crankx * p_ixy_crank;
-        let t3_45 = t3_1.mul_add(t3_34, -t3_44);
-        let t3_46 = w_ixx_crank_q3.mul_add(p_iyz_crank, t3_45);
-        let t3_47 = (-t3_5).mul_add(p_ixz_crank, t3_46);
-        let t3_48 = al_crankx * p_my_crank;
-        let t3_49 = al_cranky.mul_add(p_mx_crank, t3_48);
-        let t3_50 = t2_8.mul_add(p_mz_crank, -t3_33);
-        let t3_51 = like.lift(-2.0).mul_add(t3_49, t3_50);
-        let t3_52 = p_ixx_crank - p_izz_crank;
-        let t3_53 = t3_52 - p_iyy_crank;
-        let t3_54 = (-al_cranky).mul_add(t3_53, t3_47);
-        let t3_55 = t3_54 - t3_44;
-        let t3_56 = like.lift(0.0456).mul_add(t3_33, t3_55);
-        let t3_57 = cos_pin.mul_add(t3_30, t3_56);
-        let t3_58 = sin_pin.mul_add(t3_17, t3_57);
-        let t3_59 = cos_q3 * t3_58;
+        let t3_18 = p_m_rod * a_rody;
+        let t3_19 = p_mx_rod.mul_add(t3_11, t3_18);
+        let t3_20 = t2_15 + t2_14;
+        let t3_21 = (-t3_20).mul_add(p_my_rod, t3_19);
+        let t3_22 = al_rodx * p_ixy_rod;
+        let t3_23 = al_rodx * p_my_rod;
+        let t3_24 = al_rody.mul_add(p_mx_rod, t3_23);
+        let t3_25 = t2_15 - t2_14;
+        let t3_26 = t2_14 - t2_16;
+        let t3_27 = t2_15 + t2_16;
+        let t3_28 = t3_26 * p_ixy_rod;
+        let t3_29 = p_izz_rod.mul_add(al_rodz, t3_28);
+        let t3_30 = t2_13 - al_rodz;
+        let t3_31 = p_ixx_rod - p_iyy_rod;
+        let t3_32 = (-t2_13).mul_add(t3_31, t3_29);
+        let t3_33 = p_my_rod.mul_add(a_rodx, t3_32);
+        let t3_34 = p_mx_rod.mul_add(a_rody, t3_33);
+        let t3_35 = t3_31 - p_izz_rod;
+        let t3_36 = p_iyz_rod.mul_add(t3_30, -t3_22);
+        let t3_37 = (-t3_25).mul_add(p_ixz_rod, t3_36);
+        let t3_38 = (-al_rody).mul_add(t3_35, t3_37);
+        let t3_39 = t3_38 - t3_22;
+        let t3_40 = p_mx_rod.mul_add(t3_10, t3_39);
+        let t3_41 = p_mz_rod.mul_add(a_rodx, t3_40);
+        let t3_42 = p_m_rod * a_rodx;
+        let t3_43 = (-p_my_rod).mul_add(t3_30, t3_42);
+        let t3_44 = t3_27.mul_add(p_mx_rod, t3_43);
+        let t3_45 = sin_pin * t3_44;
+        let t3_46 = (-cos_pin).mul_add(t3_21, t3_45);
+        let t3_47 = p_m_rod * t3_10;
+        let t3_48 = (-t2_8).mul_add(p_mz_rod, t3_47);
+        let t3_49 = like.lift(2.0).mul_add(t3_24, t3_48);
+        let t3_50 = like.lift(0.0132) * p_mz_crank;
+        let t3_51 = t2_9.mul_add(t3_50, t2_1);
+        let t3_52 = (-w_ixx_crank_q3).mul_add(p_ixz_crank, t3_51);
+        let t3_53 = t2_7.mul_add(p_iyz_crank, t3_52);
+        let t3_54 = al_crankx.mul_add(t2_5, t3_53);
+        let t3_55 = t3_54 + t2_1;
+        let t3_56 = (-sin_pin).mul_add(t3_41, t3_55);
+        let t3_57 = cos_pin.mul_add(t3_17, t3_56);
+        let t3_58 = t3_1 * p_my_crank;
+        let t3_59 = t2_9.mul_add(p_mx_crank, t3_58);
+        let t3_60 = al_crankx * p_ixy_crank;
+        let t3_61 = t3_1.mul_add(t3_50, -t3_60);
+        let t3_62 = w_ixx_crank_q3.mul_add(p_iyz_crank, t3_61);
+        let t3_63 = (-t3_5).mul_add(p_ixz_crank, t3_62);
+        let t3_64 = al_crankx * p_my_crank;
+        let t3_65 = al_cranky.mul_add(p_mx_crank, t3_64);
+        let t3_66 = t2_8.mul_add(p_mz_crank, -t3_49);
+        let t3_67 = like.lift(-2.0).mul_add(t3_65, t3_66);
+        let t3_68 = p_ixx_crank - p_iyy_crank;
+        let t3_69 = t3_68 - p_izz_crank;
+        let t3_70 = (-al_cranky).mul_add(t3_69, t3_63);
+        let t3_71 = t3_70 - t3_60;
+        let t3_72 = like.lift(0.0456).mul_add(t3_49, t3_71);
+        let t3_73 = cos_pin.mul_add(t3_41, t3_72);
+        let t3_74 = sin_pin.mul_add(t3_17, t3_73);
+        let t3_75 = cos_q3 * t3_74;
+        let t3_76 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let t3_60 = al_army * p_ixy_arm;
+        let t3_77 = al_army * p_ixy_arm;
         let w_army = cos_q2 * d_q1;
         let w_ixx_arm_q2 = w_armx * w_army;
-        let t3_61 = w_armx * w_armx;
+        let t3_78 = w_armx * w_armx;
         let al_armx = d_q2 * w_army;
-        let t3_62 = w_army * w_army;
-        let t3_63 = p_iyy_arm - p_izz_arm;
-        let t3_64 = t3_63 - p_ixx_arm;
-        let t3_65 = t3_62 - t2_34;
-        let t3_66 = sin_q2 * t2_8;
+        let t3_79 = w_army * w_army;
+        let t3_80 = p_iyy_arm - p_izz_arm;
+        let t3_81 = t3_80 - p_ixx_arm;
+        let t3_82 = t3_79 - t2_34;
+        let t3_83 = sin_q2 * t2_8;
         let w_forearmx = sin_q2_elbow * d_q1;
         let al_forearmy = w_forearmz * w_forearmx;
-        let t3_67 = al_forearmy * p_ixy_forearm;
+        let t3_84 = al_forearmy * p_ixy_forearm;
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t3_68 = w_forearmx * w_forearmy;
-        let t3_69 = w_forearmx * w_forearmx;
+        let t3_85 = w_forearmx * w_forearmy;
+        let t3_86 = w_forearmx * w_forearmx;
         let al_forearmx = w_forearmz * w_forearmy;
-        let t3_70 = w_forearmy * w_forearmy;
+        let t3_87 = w_forearmy * w_forearmy;
         let w_wristz = d_wrist + w_forearmz;
-        let t3_71 = p_iyy_forearm - p_izz_forearm;
-        let t3_72 = t3_71 - p_ixx_forearm;
-        let t3_73 = t3_70 - t2_33;
-        let t3_74 = cos_q2 * t2_8;
-        let t3_75 = t3_62 + t2_34;
-        let t3_76 = like.lift(0.14207) * t3_75;
-        let t3_77 = like.lift(0.0132).mul_add(t3_74, t3_76);
-        let t3_78 = t3_61 - t2_34;
-        let w_ixy_arm_q2 = t3_61 - t3_62;
-        let t3_79 = like.lift(0.14207) * w_ixx_arm_q2;
-        let t3_80 = like.lift(0.0132).mul_add(t3_66, t3_79);
-        let t3_81 = cos_elbow * t3_80;
-        let a_forearmy = sin_elbow.mul_add(t3_77, t3_81);
-        let t3_82 = cos_elbow * t3_77;
-        let a_forearmx = (-sin_elbow).mul_add(t3_80, t3_82);
-        let t3_83 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_83);
-        let t3_84 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_84);
+        let t3_88 = p_iyy_forearm - p_izz_forearm;
+        let t3_89 = t3_88 - p_ixx_forearm;
+        let t3_90 = t3_87 - t2_33;
+        let t3_91 = cos_q2 * t2_8;
+        let t3_92 = t3_79 + t2_34;
+        let t3_93 = like.lift(0.14207) * t3_92;
+        let t3_94 = like.lift(0.0132).mul_add(t3_91, t3_93);
+        let t3_95 = t3_78 - t2_34;
+        let w_ixy_arm_q2 = t3_78 - t3_79;
+        let t3_96 = like.lift(0.14207) * w_ixx_arm_q2;
+        let t3_97 = like.lift(0.0132).mul_add(t3_83, t3_96);
+        let t3_98 = cos_elbow * t3_97;
+        let a_forearmy = sin_elbow.mul_add(t3_94, t3_98);
+        let t3_99 = cos_elbow * t3_94;
+        let a_forearmx = (-sin_elbow).mul_add(t3_97, t3_99);
+        let t3_100 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t3_100);
+        let t3_101 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t3_101);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
         let al_wristy = w_wristx * w_wristz;
-        let t3_85 = al_wristy * p_ixy_wrist;
-        let t3_86 = w_wristx * w_wristy;
+        let t3_102 = al_wristy * p_ixy_wrist;
+        let t3_103 = w_wristx * w_wristy;
         let al_wristx = w_wristy * w_wristz;
-        let t3_87 = p_iyy_wrist - p_izz_wrist;
-        let t3_88 = t3_87 - p_ixx_wrist;
-        let t3_89 = w_wristy * w_wristy;
+        let t3_104 = p_iyy_wrist - p_izz_wrist;
+        let t3_105 = t3_104 - p_ixx_wrist;
+        let t3_106 = w_wristy * w_wristy;
         let w_flangez = d_q4 - w_wristy;
-        let t3_90 = w_wristz * w_wristz;
-        let t3_91 = t3_89 - t3_90;
-        let t3_92 = like.lift(0.28414) * al_army;
-        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_92);
-        let t3_93 = t3_70 + t2_33;
-        let t3_94 = t3_69 - t3_70;
-        let t3_95 = like.lift(0.15852).mul_add(t3_93, a_forearmx);
-        let t3_96 = t3_68 + al_forearmz;
-        let t3_97 = like.lift(0.15852).mul_add(t3_96, a_forearmy);
-        let t3_98 = cos_wrist * t3_97;
-        let a_wristy = sin_wrist.mul_add(t3_95, t3_98);
-        let t3_99 = cos_wrist * t3_95;
-        let a_wristx = (-sin_wrist).mul_add(t3_97, t3_99);
-        let t3_100 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t3_100);
-        let t3_101 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_101);
-        let t3_102 = w_wristx * w_wristx;
-        let t3_103 = w_flangex * w_flangez;
+        let t3_107 = w_wristz * w_wristz;
+        let t3_108 = t3_106 - t3_107;
+        let t3_109 = like.lift(0.28414) * al_army;
+        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_109);
+        let t3_110 = t3_87 + t2_33;
+        let t3_111 = t3_86 - t3_87;
+        let t3_112 = like.lift(0.15852).mul_add(t3_110, a_forearmx);
+        let t3_113 = t3_85 + al_forearmz;
+        let t3_114 = (-p_ixz_forearm).mul_add(t3_113, t3_84);
+        let t3_115 = (-t3_90).mul_add(p_iyz_forearm, t3_114);
+        let t3_116 = al_forearmx.mul_add(t3_89, t3_115);
+        let t3_117 = t3_116 + t3_84;
+        let t3_118 = p_mz_forearm.mul_add(a_forearmy, t3_117);
+        let t3_119 = (-p_my_forearm).mul_add(t3_109, t3_118);
+        let t3_120 = like.lift(0.15852).mul_add(t3_113, a_forearmy);
+        let t3_121 = cos_wrist * t3_120;
+        let a_wristy = sin_wrist.mul_add(t3_112, t3_121);
+        let t3_122 = cos_wrist * t3_112;
+        let a_wristx = (-sin_wrist).mul_add(t3_120, t3_122);
+        let t3_123 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t3_123);
+        let t3_124 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t3_124);
+        let t3_125 = w_wristx * w_wristx;
+        let t3_126 = w_flangex * w_flangez;
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t3_104 = w_flangex * w_flangex;
-        let t3_105 = w_flangey * w_flangez;
-        let t3_106 = w_flangey * w_flangey;
-        let t3_107 = w_flangez * w_flangez;
-        let t3_108 = p_iyy_flange - p_izz_flange;
-        let t3_109 = t3_106 - t3_107;
-        let t3_110 = t3_86 - al_wristz;
-        let t3_111 = like.lift(2.0) * al_wristx;
-        let t3_112 = sin_q4 * t3_110;
-        let t3_113 = (-cos_q4).mul_add(t3_111, t3_112);
-        let t3_114 = sin_q4 * t3_111;
-        let t3_115 = cos_q4.mul_add(t3_110, t3_114);
-        let t3_116 = p_m_wrist * a_wristx;
-        let t3_117 = (-p_my_wrist).mul_add(t3_110, t3_116);
-        let al_flangex = t3_105 + t3_113;
-        let al_flangey = t3_103 + t3_115;
-        let t3_118 = t3_86 + al_wristz;
-        let a_flangez = like.lift(0.05).mul_add(t3_118, a_wristy);
-        let t3_119 = t3_89 + t3_90;
-        let t3_120 = t3_102 - t3_89;
-        let t3_121 = t3_120 * p_ixy_wrist;
-        let t3_122 = p_izz_wrist.mul_add(al_wristz, t3_121);
-        let t3_123 = t3_119.mul_add(p_mx_wrist, t3_117);
-        let t3_124 = like.lift(0.05).mul_add(t3_119, a_wristx);
-        let t3_125 = p_ixx_wrist - p_iyy_wrist;
-        let t3_126 = (-t3_86).mul_add(t3_125, t3_122);
-        let t3_127 = p_my_wrist.mul_add(a_wristx, t3_126);
-        let t3_128 = p_mx_wrist.mul_add(a_wristy, t3_127);
-        let t3_129 = like.lift(0.1).mul_add(al_wristy, a_wristz);
-        let t3_130 = cos_q4 * t3_129;
-        let a_flangey = sin_q4.mul_add(t3_124, t3_130);
-        let t3_131 = cos_q4 * t3_124;
-        let a_flangex = (-sin_q4).mul_add(t3_129, t3_131);
-        let t3_132 = p_m_flange * a_flangex;
-        let t3_133 = p_mz_flange.mul_add(t3_115, t3_132);
-        let t3_134 = al_wristy + w_ixx_flange_q4;
-        let t3_135 = p_my_flange.mul_add(t3_134, t3_133);
-        let t3_136 = t3_106 + t3_107;
-        let t3_137 = t3_136.mul_add(p_mx_flange, t3_135);
-        let t3_138 = p_m_flange * a_flangey;
-        let t3_139 = p_mz_flange.mul_add(t3_113, t3_138);
-        let t3_140 = al_wristy - w_ixx_flange_q4;
-        let t3_141 = p_mx_flange.mul_add(t3_140, t3_139);
-        let t3_142 = t3_104 + t3_107;
-        let t3_143 = (-t3_142).mul_add(p_my_flange, t3_141);
-        let t3_144 = t3_104 - t3_107;
-        let t3_145 = sin_q4.mul_add(t3_143, t3_123);
-        let t3_146 = cos_q4.mul_add(t3_137, t3_145);
-        let t3_147 = sin_q4 * t3_137;
-        let t3_148 = (-cos_q4).mul_add(t3_143, t3_147);
-        let t3_149 = t3_103 + al_flangey;
-        let t3_150 = p_ixy_flange * t3_149;
-        let t3_151 = w_ixx_flange_q4 - al_wristy;
-        let t3_152 = p_ixz_flange.mul_add(t3_151, t3_150);
-        let t3_153 = (-t3_109).mul_add(p_iyz_flange, t3_152);
-        let t3_154 = (-t3_105).mul_add(t3_108, t3_153);
-        let t3_155 = p_ixx_flange.mul_add(al_flangex, t3_154);
-        let t3_156 = p_mz_flange.mul_add(a_flangey, t3_155);
-        let t3_157 = p_my_flange.mul_add(a_flangez, t3_156);
-        let t3_158 = p_ixx_flange - p_izz_flange;
-        let t3_159 = t3_105 + al_flangex;
-        let t3_160 = w_ixx_flange_q4 + al_wristy;
-        let t3_161 = p_iyz_flange * t3_160;
-        let t3_162 = (-p_ixy_flange).mul_add(t3_159, t3_161);
-        let t3_163 = (-t3_144).mul_add(p_ixz_flange, t3_162);
-        let t3_164 = t3_103.mul_add(t3_158, t3_163);
-        let t3_165 = (-p_iyy_flange).mul_add(al_flangey, t3_164);
-        let t3_166 = p_mx_flange.mul_add(a_flangez, t3_165);
-        let t3_167 = (-p_mz_flange).mul_add(a_flangex, t3_166);
-        let t3_168 = p_m_flange * a_flangez;
-        let t3_169 = t3_104 + t3_106;
-        let w_ixy_flange_q4 = t3_104 - t3_106;
-        let t3_170 = t3_169.mul_add(p_mz_flange, t3_168);
-        let t3_171 = t3_105 + al_flangex;
-        let t3_172 = t3_105 - al_flangex;
-        let t3_173 = p_my_flange.mul_add(t3_171, t3_170);
-        let t3_174 = p_ixz_flange * t3_172;
-        let t3_175 = t3_103 - al_flangey;
-        let t3_176 = p_iyz_flange.mul_add(t3_175, t3_174);
-        let t3_177 = t3_103 + al_flangey;
-        let t3_178 = w_ixy_flange_q4.mul_add(p_ixy_flange, t3_176);
-        let t3_179 = (-p_mx_flange).mul_add(t3_177, t3_173);
-        let t3_180 = p_ixx_flange - p_iyy_flange;
-        let t3_181 = w_ixx_flange_q4.mul_add(t3_180, t3_178);
-        let t3_182 = al_wristy.mul_add(p_izz_flange, t3_181);
-        let t3_183 = p_my_flange.mul_add(a_flangex, t3_182);
-        let t3_184 = p_mx_flange.mul_add(a_flangey, t3_183);
-        let t3_185 = like.lift(0.05).mul_add(t3_179, t3_128);
-        let t3_186 = p_m_wrist.mul_add(a_wristy, t3_179);
-        let t3_187 = p_mx_wrist.mul_add(t3_118, t3_186);
-        let t3_188 = cos_q4.mul_add(t3_167, t3_185);
-        let t3_189 = (-sin_q4).mul_add(t3_157, t3_188);
-        let t3_190 = t3_94.mul_add(p_ixy_forearm, t3_189);
-        let t3_191 = p_izz_forearm.mul_add(al_forearmz, t3_190);
-        let t3_192 = t3_86 - al_wristz;
-        let t3_193 = t3_86 + al_wristz;
-        let t3_194 = p_iyz_wrist.mul_add(t3_192, t3_184);
-        let t3_195 = (-p_ixz_wrist).mul_add(t3_193, t3_85);
-        let t3_196 = (-t3_91).mul_add(p_iyz_wrist, t3_195);
-        let t3_197 = al_wristx.mul_add(t3_88, t3_196);
-        let t3_198 = t3_197 + t3_85;
-        let t3_199 = p_mz_wrist.mul_add(a_wristy, t3_198);
-        let t3_200 = (-p_my_wrist).mul_add(a_wristz, t3_199);
-        let t3_201 = sin_q4.mul_add(t3_167, t3_200);
-        let t3_202 = cos_q4.mul_add(t3_157, t3_201);
-        let t3_203 = p_ixx_forearm - p_iyy_forearm;
-        let t3_204 = (-t3_68).mul_add(t3_203, t3_191);
-        let t3_205 = p_my_forearm.mul_add(a_forearmx, t3_204);
-        let t3_206 = p_mx_forearm.mul_add(a_forearmy, t3_205);
-        let t3_207 = t3_102 + t3_90;
-        let t3_208 = t3_102 - t3_90;
-        let t3_209 = (-t3_207).mul_add(p_my_wrist, t3_187);
-        let t3_210 = al_wristx * p_ixy_wrist;
-        let t3_211 = t3_194 - t3_210;
-        let t3_212 = t3_208.mul_add(p_ixz_wrist, t3_211);
-        let t3_213 = al_wristx * p_my_wrist;
-        let t3_214 = al_wristy.mul_add(p_mx_wrist, t3_213);
+        let t3_127 = w_flangex * w_flangex;
+        let t3_128 = w_flangey * w_flangez;
+        let t3_129 = w_flangey * w_flangey;
+        let t3_130 = w_flangez * w_flangez;
+        let t3_131 = p_iyy_flange - p_izz_flange;
+        let t3_132 = t3_129 - t3_130;
+        let t3_133 = t3_103 - al_wristz;
+        let t3_134 = like.lift(2.0) * al_wristx;
+        let t3_135 = sin_q4 * t3_133;
+        let t3_136 = (-cos_q4).mul_add(t3_134, t3_135);
+        let t3_137 = sin_q4 * t3_134;
+        let t3_138 = cos_q4.mul_add(t3_133, t3_137);
+        let al_flangex = t3_128 + t3_136;
+        let al_flangey = t3_126 + t3_138;
+        let t3_139 = t3_103 + al_wristz;
+        let t3_140 = (-p_ixz_wrist).mul_add(t3_139, t3_102);
+        let t3_141 = (-t3_108).mul_add(p_iyz_wrist, t3_140);
+        let t3_142 = al_wristx.mul_add(t3_105, t3_141);
+        let t3_143 = t3_142 + t3_102;
+        let t3_144 = p_mz_wrist.mul_add(a_wristy, t3_143);
+        let t3_145 = (-p_my_wrist).mul_add(a_wristz, t3_144);
+        let a_flangez = like.lift(0.05).mul_add(t3_139, a_wristy);
+        let t3_146 = t3_106 + t3_107;
+        let t3_147 = t3_125 - t3_107;
+        let t3_148 = t3_125 - t3_106;
+        let t3_149 = t3_148 * p_ixy_wrist;
+        let t3_150 = p_izz_wrist.mul_add(al_wristz, t3_149);
+        let t3_151 = p_ixx_wrist - p_iyy_wrist;
+        let t3_152 = (-t3_103).mul_add(t3_151, t3_150);
+        let t3_153 = t3_151 - p_izz_wrist;
+        let t3_154 = p_my_wrist.mul_add(a_wristx, t3_152);
+        let t3_155 = p_mx_wrist.mul_add(a_wristy, t3_154);
+        let t3_156 = like.lift(0.05).mul_add(t3_146, a_wristx);
+        let t3_157 = like.lift(0.1).mul_add(al_wristy, a_wristz);
+        let t3_158 = cos_q4 * t3_157;
+        let a_flangey = sin_q4.mul_add(t3_156, t3_158);
+        let t3_159 = cos_q4 * t3_156;
+        let a_flangex = (-sin_q4).mul_add(t3_157, t3_159);
+        let t3_160 = t3_126 + al_flangey;
+        let t3_161 = p_ixy_flange * t3_160;
+        let t3_162 = al_wristy - w_ixx_flange_q4;
+        let t3_163 = (-p_ixz_flange).mul_add(t3_162, t3_161);
+        let t3_164 = (-t3_132).mul_add(p_iyz_flange, t3_163);
+        let t3_165 = (-t3_128).mul_add(t3_131, t3_164);
+        let t3_166 = p_ixx_flange.mul_add(al_flangex, t3_165);
+        let t3_167 = t3_128 + al_flangex;
+        let t3_168 = p_mz_flange.mul_add(a_flangey, t3_166);
+        let t3_169 = p_my_flange.mul_add(a_flangez, t3_168);
+        let t3_170 = p_ixx_flange - p_izz_flange;
+        let t3_171 = t3_127 - t3_130;
+        let t3_172 = w_ixx_flange_q4 + al_wristy;
+        let t3_173 = p_iyz_flange * t3_172;
+        let t3_174 = (-p_ixy_flange).mul_add(t3_167, t3_173);
+        let t3_175 = (-t3_171).mul_add(p_ixz_flange, t3_174);
+        let t3_176 = t3_126.mul_add(t3_170, t3_175);
+        let t3_177 = (-p_iyy_flange).mul_add(al_flangey, t3_176);
+        let t3_178 = p_mx_flange.mul_add(a_flangez, t3_177);
+        let t3_179 = (-p_mz_flange).mul_add(a_flangex, t3_178);
+        let t3_180 = sin_q4.mul_add(t3_179, t3_145);
+        let t3_181 = cos_q4.mul_add(t3_169, t3_180);
+        let t3_182 = p_m_flange * a_flangez;
+        let t3_183 = al_wristx * p_ixy_wrist;
+        let t3_184 = al_wristx * p_my_wrist;
+        let t3_185 = al_wristy.mul_add(p_mx_wrist, t3_184);
+        let t3_186 = p_ixx_flange - p_iyy_flange;
+        let w_ixy_flange_q4 = t3_127 - t3_129;
+        let t3_187 = p_ixz_flange * t3_136;
+        let t3_188 = -t3_187;
+        let t3_189 = (-p_iyz_flange).mul_add(t3_138, t3_188);
+        let t3_190 = w_ixy_flange_q4.mul_add(p_ixy_flange, t3_189);
+        let t3_191 = w_ixx_flange_q4.mul_add(t3_186, t3_190);
+        let t3_192 = al_wristy.mul_add(p_izz_flange, t3_191);
+        let t3_193 = p_my_flange.mul_add(a_flangex, t3_192);
+        let t3_194 = p_m_flange * a_flangex;
+        let t3_195 = p_mz_flange.mul_add(t3_138, t3_194);
+        let t3_196 = p_my_flange.mul_add(t3_172, t3_195);
+        let t3_197 = p_mx_flange.mul_add(a_flangey, t3_193);
+        let t3_198 = p_m_flange * a_flangey;
+        let t3_199 = p_mz_flange.mul_add(t3_136, t3_198);
+        let t3_200 = p_mx_flange.mul_add(t3_162, t3_199);
+        let t3_201 = p_iyz_wrist.mul_add(t3_133, t3_197);
+        let t3_202 = t3_201 - t3_183;
+        let t3_203 = t3_147.mul_add(p_ixz_wrist, t3_202);
+        let t3_204 = (-al_wristy).mul_add(t3_153, t3_203);
+        let t3_205 = t3_204 - t3_183;
+        let t3_206 = p_mx_wrist.mul_add(a_wristz, t3_205);
+        let t3_207 = p_mz_wrist.mul_add(a_wristx, t3_206);
+        let t3_208 = p_m_wrist * a_wristx;
+        let t3_209 = (-p_my_wrist).mul_add(t3_133, t3_208);
+        let t3_210 = t3_146.mul_add(p_mx_wrist, t3_209);
+        let t3_211 = t3_129 + t3_130;
+        let t3_212 = t3_211.mul_add(p_mx_flange, t3_196);
+        let t3_213 = t3_127 + t3_130;
+        let t3_214 = (-t3_213).mul_add(p_my_flange, t3_200);
         [
-            w_ixy_crank_q3, a_rody, a_rodx, t3_41, t3_43, t3_51, t3_59, al_army, t3_60,
-            w_ixx_arm_q2, al_armx, t3_64, t3_65, t3_66, al_forearmy, t3_67, t3_68, t3_69,
-            al_forearmx, t3_72, t3_73, t3_74, t3_78, w_ixy_arm_q2, a_forearmy, a_forearmx,
-            al_wristy, t3_92, a_wristz, t3_93, t3_96, a_wristx, t3_146, t3_148, t3_184, t3_189,
-            t3_202, t3_206, t3_209, t3_210, t3_212, t3_214,
+            w_ixy_crank_q3, t3_34, t3_46, t3_57, t3_59, t3_67, t3_68, t3_75, t3_76, al_army,
+            t3_77, w_ixx_arm_q2, al_armx, t3_81, t3_82, t3_83, al_forearmy, t3_85, t3_86,
+            al_forearmx, t3_91, t3_95, w_ixy_arm_q2, a_forearmy, a_forearmx, t3_109, a_wristz,
+            t3_110, t3_111, t3_113, t3_119, a_wristy, t3_127, t3_129, t3_139, t3_155, t3_160,
+            t3_167, t3_169, t3_179, t3_181, t3_182, t3_185, t3_197, t3_207, t3_210, t3_212,
+            t3_214,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_51, t4_54, t4_64, t4_84, t4_85, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
-        x_pin_q2, x_pin_q3,
+        t4_9, t4_56, t4_59, t4_69, t4_80, t4_89, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+        x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t4_1 = p_ixx_wrist - p_izz_wrist;
-        let t4_2 = t4_1 - p_iyy_wrist;
-        let t4_3 = (-al_wristy).mul_add(t4_2, t3_212);
-        let t4_4 = t4_3 - t3_210;
-        let t4_5 = p_mx_wrist.mul_add(a_wristz, t4_4);
-        let t4_6 = p_mz_wrist.mul_add(a_wristx, t4_5);
-        let t4_7 = like.lift(-0.05).mul_add(t3_148, t4_6);
-        let t4_8 = p_m_wrist.mul_add(a_wristz, -t3_148);
-        let t4_9 = (-t2_8).mul_add(p_mz_wrist, t4_8);
-        let t4_10 = like.lift(2.0).mul_add(t3_214, t4_9);
-        let t4_11 = t3_68 + al_forearmz;
-        let t4_12 = (-p_ixz_forearm).mul_add(t4_11, t3_67);
-        let t4_13 = (-t3_73).mul_add(p_iyz_forearm, t4_12);
-        let t4_14 = al_forearmx.mul_add(t3_72, t4_13);
-        let t4_15 = t4_14 + t3_67;
-        let t4_16 = p_mz_forearm.mul_add(a_forearmy, t4_15);
-        let t4_17 = (-p_my_forearm).mul_add(t3_92, t4_16);
-        let t4_18 = (-sin_wrist).mul_add(t4_7, t4_17);
-        let t4_19 = cos_wrist.mul_add(t3_202, t4_18);
-        let t4_20 = al_forearmx * p_ixy_forearm;
-        let t4_21 = al_forearmx * p_my_forearm;
-        let t4_22 = al_forearmy.mul_add(p_mx_forearm, t4_21);
-        let t4_23 = p_ixx_forearm - p_izz_forearm;
-        let t4_24 = t4_23 - p_iyy_forearm;
-        let t4_25 = t3_69 - t2_33;
-        let t4_26 = t3_69 + t2_33;
-        let t4_27 = t3_68 - al_forearmz;
-        let t4_28 = t3_68 - al_forearmz;
-        let t4_29 = p_iyz_forearm.mul_add(t4_27, -t4_20);
-        let t4_30 = t4_25.mul_add(p_ixz_forearm, t4_29);
-        let t4_31 = (-al_forearmy).mul_add(t4_24, t4_30);
-        let t4_32 = t4_31 - t4_20;
-        let t4_33 = p_mx_forearm.mul_add(t3_92, t4_32);
-        let t4_34 = p_mz_forearm.mul_add(a_forearmx, t4_33);
-        let t4_35 = like.lift(0.15852).mul_add(t4_10, t4_34);
-        let t4_36 = cos_wrist.mul_add(t4_7, t4_35);
-        let t4_37 = sin_wrist.mul_add(t3_202, t4_36);
-        let t4_38 = p_m_forearm.mul_add(t3_92, t4_10);
-        let t4_39 = (-t2_8).mul_add(p_mz_forearm, t4_38);
-        let t4_40 = like.lift(2.0).mul_add(t4_22, t4_39);
-        let t4_41 = p_m_forearm * a_forearmx;
-        let t4_42 = (-p_my_forearm).mul_add(t4_28, t4_41);
-        let t4_43 = t3_93.mul_add(p_mx_forearm, t4_42);
-        let t4_44 = t2_8.mul_add(p_mz_arm, -t4_40);
-        let t4_45 = sin_wrist.mul_add(t3_209, t4_43);
-        let t4_46 = sin_wrist * t3_146;
-        let t4_47 = (-cos_wrist).mul_add(t3_209, t4_46);
-        let t4_48 = cos_wrist.mul_add(t3_146, t4_45);
-        let t4_49 = p_m_forearm.mul_add(a_forearmy, -t4_47);
-        let t4_50 = p_mx_forearm.mul_add(t3_96, t4_49);
-        let t4_51 = like.lift(-0.15852).mul_add(t4_47, t3_206);
-        let t4_52 = (-t4_26).mul_add(p_my_forearm, t4_50);
-        let t4_53 = sin_elbow * t4_48;
-        let t4_54 = (-cos_elbow).mul_add(t4_52, t4_53);
-        let t4_55 = like.lift(0.0132) * p_mz_arm;
-        let t4_56 = t3_66.mul_add(t4_55, t3_60);
-        let t4_57 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t4_56);
-        let t4_58 = (-t3_65).mul_add(p_iyz_arm, t4_57);
-        let t4_59 = al_armx.mul_add(t3_64, t4_58);
-        let t4_60 = t4_59 + t3_60;
-        let t4_61 = (-sin_elbow).mul_add(t4_37, t4_60);
-        let t4_62 = cos_elbow.mul_add(t4_19, t4_61);
-        let t4_63 = t3_74 * p_my_arm;
-        let t4_64 = t3_66.mul_add(p_mx_arm, t4_63);
-        let t4_65 = al_armx * p_ixy_arm;
-        let t4_66 = t3_74.mul_add(t4_55, -t4_65);
-        let t4_67 = w_ixx_arm_q2.mul_add(p_iyz_arm, t4_66);
-        let t4_68 = t3_78.mul_add(p_ixz_arm, t4_67);
-        let t4_69 = al_armx * p_my_arm;
-        let t4_70 = al_army.mul_add(p_mx_arm, t4_69);
-        let t4_71 = like.lift(-2.0).mul_add(t4_70, t4_44);
-        let t4_72 = t3_51 + t4_71;
-        let t4_73 = like.lift(-0.0132).mul_add(t4_72, t3_59);
-        let t4_74 = sin_q3.mul_add(t3_41, t4_73);
-        let t4_75 = p_ixx_arm - p_izz_arm;
-        let t4_76 = t4_75 - p_iyy_arm;
-        let t4_77 = (-al_army).mul_add(t4_76, t4_68);
-        let t4_78 = t4_77 - t4_65;
-        let t4_79 = like.lift(0.14207).mul_add(t4_40, t4_78);
-        let t4_80 = cos_elbow.mul_add(t4_37, t4_79);
-        let t4_81 = sin_elbow.mul_add(t4_19, t4_80);
-        let t4_82 = cos_q2.mul_add(t4_81, t4_74);
-        let t4_83 = sin_q2.mul_add(t4_62, t4_82);
-        let t4_84 = -t4_83;
-        let t4_85 = p_ixx_arm - p_iyy_arm;
-        let t4_86 = -t2_48;
-        let t4_87 = t2_48 * t2_46;
-        let t4_88 = sin_pin * t2_46;
-        let t4_89 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_87, t2_40);
-        let t4_90 = like.lift(21.92982456140351) * t4_87;
-        let t4_91 = like.lift(7.038783698176955) * t4_89;
-        let t4_92 = -t4_91;
+        let t4_1 = t3_127 + t3_129;
+        let t4_2 = t4_1.mul_add(p_mz_flange, t3_182);
+        let t4_3 = p_my_flange.mul_add(t3_167, t4_2);
+        let t4_4 = (-p_mx_flange).mul_add(t3_160, t4_3);
+        let t4_5 = like.lift(0.05).mul_add(t4_4, t3_155);
+        let t4_6 = cos_q4.mul_add(t3_179, t4_5);
+        let t4_7 = p_m_wrist.mul_add(a_wristy, t4_4);
+        let t4_8 = p_mx_wrist.mul_add(t3_139, t4_7);
+        let t4_9 = (-sin_q4).mul_add(t3_169, t4_6);
+        let t4_10 = (-p_my_wrist).mul_add(t4_1, t4_8);
+        let t4_11 = sin_q4.mul_add(t3_214, t3_210);
+        let t4_12 = sin_q4 * t3_212;
+        let t4_13 = (-cos_q4).mul_add(t3_214, t4_12);
+        let t4_14 = cos_q4.mul_add(t3_212, t4_11);
+        let t4_15 = like.lift(-0.05).mul_add(t4_13, t3_207);
+        let t4_16 = p_m_wrist.mul_add(a_wristz, -t4_13);
+        let t4_17 = (-t2_8).mul_add(p_mz_wrist, t4_16);
+        let t4_18 = like.lift(2.0).mul_add(t3_185, t4_17);
+        let t4_19 = (-sin_wrist).mul_add(t4_15, t3_119);
+        let t4_20 = cos_wrist.mul_add(t3_181, t4_19);
+        let t4_21 = t3_111.mul_add(p_ixy_forearm, t4_9);
+        let t4_22 = p_izz_forearm.mul_add(al_forearmz, t4_21);
+        let t4_23 = t3_85 - al_forearmz;
+        let t4_24 = p_ixx_forearm - p_iyy_forearm;
+        let t4_25 = (-t3_85).mul_add(t4_24, t4_22);
+        let t4_26 = t4_24 - p_izz_forearm;
+        let t4_27 = p_my_forearm.mul_add(a_forearmx, t4_25);
+        let t4_28 = p_mx_forearm.mul_add(a_forearmy, t4_27);
+        let t4_29 = al_forearmx * p_ixy_forearm;
+        let t4_30 = al_forearmx * p_my_forearm;
+        let t4_31 = al_forearmy.mul_add(p_mx_forearm, t4_30);
+        let t4_32 = t3_86 - t2_33;
+        let t4_33 = t3_86 + t2_33;
+        let t4_34 = p_iyz_forearm.mul_add(t4_23, -t4_29);
+        let t4_35 = t4_32.mul_add(p_ixz_forearm, t4_34);
+        let t4_36 = (-al_forearmy).mul_add(t4_26, t4_35);
+        let t4_37 = t4_36 - t4_29;
+        let t4_38 = p_mx_forearm.mul_add(t3_109, t4_37);
+        let t4_39 = p_mz_forearm.mul_add(a_forearmx, t4_38);
+        let t4_40 = like.lift(0.15852).mul_add(t4_18, t4_39);
+        let t4_41 = cos_wrist.mul_add(t4_15, t4_40);
+        let t4_42 = sin_wrist.mul_add(t3_181, t4_41);
+        let t4_43 = p_m_forearm.mul_add(t3_109, t4_18);
+        let t4_44 = (-t2_8).mul_add(p_mz_forearm, t4_43);
+        let t4_45 = like.lift(2.0).mul_add(t4_31, t4_44);
+        let t4_46 = p_m_forearm * a_forearmx;
+        let t4_47 = (-p_my_forearm).mul_add(t4_23, t4_46);
+        let t4_48 = t3_110.mul_add(p_mx_forearm, t4_47);
+        let t4_49 = t2_8.mul_add(p_mz_arm, -t4_45);
+        let t4_50 = sin_wrist.mul_add(t4_10, t4_48);
+        let t4_51 = sin_wrist * t4_14;
+        let t4_52 = (-cos_wrist).mul_add(t4_10, t4_51);
+        let t4_53 = cos_wrist.mul_add(t4_14, t4_50);
+        let t4_54 = p_m_forearm.mul_add(a_forearmy, -t4_52);
+        let t4_55 = p_mx_forearm.mul_add(t3_113, t4_54);
+        let t4_56 = like.lift(-0.15852).mul_add(t4_52, t4_28);
+        let t4_57 = (-t4_33).mul_add(p_my_forearm, t4_55);
+        let t4_58 = sin_elbow * t4_53;
+        let t4_59 = (-cos_elbow).mul_add(t4_57, t4_58);
+        let t4_60 = like.lift(0.0132) * p_mz_arm;
+        let t4_61 = t3_83.mul_add(t4_60, t3_77);
+        let t4_62 = (-w_ixx_arm_q2).mul_add(p_ixz_arm, t4_61);
+        let t4_63 = (-t3_82).mul_add(p_iyz_arm, t4_62);
+        let t4_64 = al_armx.mul_add(t3_81, t4_63);
+        let t4_65 = t4_64 + t3_77;
+        let t4_66 = (-sin_elbow).mul_add(t4_42, t4_65);
+        let t4_67 = cos_elbow.mul_add(t4_20, t4_66);
+        let t4_68 = t3_91 * p_my_arm;
+        let t4_69 = t3_83.mul_add(p_mx_arm, t4_68);
+        let t4_70 = al_armx * p_ixy_arm;
+        let t4_71 = t3_91.mul_add(t4_60, -t4_70);
+        let t4_72 = w_ixx_arm_q2.mul_add(p_iyz_arm, t4_71);
+        let t4_73 = t3_95.mul_add(p_ixz_arm, t4_72);
+        let t4_74 = al_armx * p_my_arm;
+        let t4_75 = al_army.mul_add(p_mx_arm, t4_74);
+        let t4_76 = like.lift(-2.0).mul_add(t4_75, t4_49);
+        let t4_77 = t3_67 + t4_76;
+        let t4_78 = like.lift(-0.0132).mul_add(t4_77, t3_75);
+        let t4_79 = sin_q3.mul_add(t3_57, t4_78);
+        let t4_80 = p_ixx_arm - p_iyy_arm;
+        let t4_81 = t4_80 - p_izz_arm;
+        let t4_82 = (-al_army).mul_add(t4_81, t4_73);
+        let t4_83 = t4_82 - t4_70;
+        let t4_84 = like.lift(0.14207).mul_add(t4_45, t4_83);
+        let t4_85 = cos_elbow.mul_add(t4_42, t4_84);
+        let t4_86 = sin_elbow.mul_add(t4_20, t4_85);
+        let t4_87 = cos_q2.mul_add(t4_86, t4_79);
+        let t4_88 = sin_q2.mul_add(t4_67, t4_87);
+        let t4_89 = -t4_88;
+        let t4_90 = -t2_48;
+        let t4_91 = t2_48 * t2_46;
+        let t4_92 = sin_pin * t2_46;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
         let t4_93 = -u_rod_q3x;
-        let t4_94 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_95 = t4_88.mul_add(t2_26, t4_94);
-        let t4_96 = -t4_94;
-        let t4_97 = like.lift(7.038783698176955) * t4_95;
-        let t4_98 = -t4_90;
-        let t4_99 = like.lift(1.0) + t4_90;
-        let t4_100 = -t4_88;
+        let t4_94 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_91, t2_40);
+        let t4_95 = like.lift(21.92982456140351) * t4_91;
+        let t4_96 = like.lift(7.038783698176955) * t4_94;
+        let t4_97 = -t4_96;
+        let t4_98 = t4_92.mul_add(t2_26, t3_76);
+        let t4_99 = -t3_76;
+        let t4_100 = like.lift(7.038783698176955) * t4_98;
+        let t4_101 = -t4_95;
+        let t4_102 = like.lift(1.0) + t4_95;
+        let t4_103 = -t4_92;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -3352,9 +3182,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t4_98, like.lift(0.0), t4_100],
-                [like.lift(0.0), t4_99, like.lift(0.0), t4_88],
-                [like.lift(0.0), t4_92, like.lift(0.0), t4_97],
+                [like.lift(0.0), t4_101, like.lift(0.0), t4_103],
+                [like.lift(0.0), t4_102, like.lift(0.0), t4_92],
+                [like.lift(0.0), t4_97, like.lift(0.0), t4_100],
             ],
             margin,
             || (
@@ -3367,8 +3197,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t4_86, like.lift(0.0), t4_93],
-                    [like.lift(0.0), t2_40, like.lift(0.0), t4_96],
+                    [like.lift(0.0), t4_90, like.lift(0.0), t4_93],
+                    [like.lift(0.0), t2_40, like.lift(0.0), t4_99],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -3378,51 +3208,31 @@ pub fn bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], phi: &[T; 70]) -> ([T; 4]
         );
         condition = condition.min(found);
         [
-            t4_51, t4_54, t4_64, t4_84, t4_85, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
-            x_pin_q2, x_pin_q3,
+            t4_9, t4_56, t4_59, t4_69, t4_80, t4_89, x_elbow_q2, x_elbow_q3, x_wrist_q2,
+            x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        tau[0] = t4_84; tau[2] = t3_184;
-        let t5_1 = t2_14 - t2_16;
-        let t5_2 = t5_1 * p_ixy_rod;
-        let t5_3 = p_izz_rod.mul_add(al_rodz, t5_2);
-        let t5_4 = t2_15 + t2_16;
-        let t5_5 = t2_15 + t2_14;
-        let t5_6 = p_ixx_rod - p_iyy_rod;
-        let t5_7 = (-t2_13).mul_add(t5_6, t5_3);
-        let t5_8 = p_my_rod.mul_add(a_rodx, t5_7);
-        let t5_9 = p_mx_rod.mul_add(a_rody, t5_8);
-        let t5_10 = t5_9.mul_add(x_pin_q2, -t4_51);
-        let t5_11 = t3_189.mul_add(x_wrist_q2, t5_10);
-        let t5_12 = t4_51.mul_add(x_elbow_q2, t5_11);
-        let t5_13 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t5_12);
-        let t5_14 = w_ixx_arm_q2.mul_add(t4_85, t5_13);
-        let t5_15 = like.lift(-0.0132).mul_add(t4_64, t5_14);
-        let t5_16 = like.lift(0.14207).mul_add(t4_54, t5_15);
-        let t5_17 = t5_9.mul_add(x_pin_q3, -t5_9);
-        let t5_18 = -t5_16;
-        tau[1] = t5_18;
-        let t5_19 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t5_17);
-        let t5_20 = p_ixx_crank - p_iyy_crank;
-        let t5_21 = w_ixx_crank_q3.mul_add(t5_20, t5_19);
-        let t5_22 = like.lift(-0.0132).mul_add(t3_43, t5_21);
-        let t5_23 = p_m_rod * a_rodx;
-        let t5_24 = p_m_rod * a_rody;
-        let t5_25 = t2_13 - al_rodz;
-        let t5_26 = (-p_my_rod).mul_add(t5_25, t5_23);
-        let t5_27 = t5_4.mul_add(p_mx_rod, t5_26);
-        let t5_28 = t2_13 + al_rodz;
-        let t5_29 = p_mx_rod.mul_add(t5_28, t5_24);
-        let t5_30 = (-t5_5).mul_add(p_my_rod, t5_29);
-        let t5_31 = sin_pin * t5_27;
-        let t5_32 = (-cos_pin).mul_add(t5_30, t5_31);
-        let t5_33 = like.lift(0.0456).mul_add(t5_32, t5_22);
-        let t5_34 = t3_189.mul_add(x_wrist_q3, t5_33);
-        let t5_35 = t4_51.mul_add(x_elbow_q3, t5_34);
-        let t5_36 = -t5_35;
-        tau[3] = t5_36;
+        tau[0] = t4_89; tau[2] = t3_197;
+        let t5_1 = t3_34.mul_add(x_pin_q2, -t4_56);
+        let t5_2 = t4_9.mul_add(x_wrist_q2, t5_1);
+        let t5_3 = t4_56.mul_add(x_elbow_q2, t5_2);
+        let t5_4 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t5_3);
+        let t5_5 = w_ixx_arm_q2.mul_add(t4_80, t5_4);
+        let t5_6 = like.lift(-0.0132).mul_add(t4_69, t5_5);
+        let t5_7 = like.lift(0.14207).mul_add(t4_59, t5_6);
+        let t5_8 = t3_34.mul_add(x_pin_q3, -t3_34);
+        let t5_9 = (-w_ixy_crank_q3).mul_add(p_ixy_crank, t5_8);
+        let t5_10 = w_ixx_crank_q3.mul_add(t3_68, t5_9);
+        let t5_11 = like.lift(-0.0132).mul_add(t3_59, t5_10);
+        let t5_12 = like.lift(0.0456).mul_add(t3_46, t5_11);
+        let t5_13 = t4_9.mul_add(x_wrist_q3, t5_12);
+        let t5_14 = t4_56.mul_add(x_elbow_q3, t5_13);
+        let t5_15 = -t5_7;
+        tau[1] = t5_15;
+        let t5_16 = -t5_14;
+        tau[3] = t5_16;
     }
     (tau, Condition { pivot: condition })
 }
@@ -3807,7 +3617,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 7], phi: &[T; 70]) -> ([[T; 4]; 4], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 310 additions, 494 multiplications, 1 divisions, 6 sines and cosines.
+/// 267 additions, 438 multiplications, 1 divisions, 6 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 70]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     y[0] = [zero; 4];
@@ -3906,208 +3716,210 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
     let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
     let [r_q1, r_q2, r_q4, r_q3] = *qd_r;
     // body arm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [w_m_arm_q1, w_ixz_arm_q2, t3_5, t3_16, t3_24, t3_27, t3_31, t3_32, a_army, a_armx] = {
+    let [
+        w_m_arm_q1, w_ixz_arm_q2, t3_6, t3_12, t3_20, t3_23, w_ixz_arm_q1, t3_28, a_army,
+        a_armx,
+    ] = {
         y[15][1] = dr_q2;
+        let w_mz_arm_q1 = like.lift(0.0) + like.lift(0.0);
+        y[18][0] = w_mz_arm_q1;
         let w_m_arm_q1 = like.lift(0.00017424) * dr_q1;
         y[19][0] = w_m_arm_q1;
+        let w_izz_arm_q1 = like.lift(0.0) + like.lift(0.0);
+        let t3_1 = -w_izz_arm_q1;
+        y[15][0] = t3_1;
         let w_ixz_arm_q2 = sin_q2 * dr_q1;
         y[12][1] = w_ixz_arm_q2;
         let w_army = cos_q2 * d_q1;
-        let t3_1 = cos_q2 * r_q1;
-        let t3_2 = d_q2 * t3_1;
-        let t3_3 = w_army.mul_add(r_q2, t3_2);
-        let t3_4 = like.lift(0.5) * t3_3;
-        let t3_5 = w_army * t3_1;
-        let al_armx = w_ixz_arm_q2 + t3_4;
+        let t3_2 = cos_q2 * r_q1;
+        let t3_3 = d_q2 * t3_2;
+        let t3_4 = w_army.mul_add(r_q2, t3_3);
+        let t3_5 = t3_4 + w_ixz_arm_q2;
+        let t3_6 = w_army * t3_2;
         let w_armx = sin_q2 * d_q1;
-        let w_ixx_arm_q2 = w_armx * t3_1;
+        let w_ixx_arm_q2 = w_armx * t3_2;
         y[13][1] = w_ixx_arm_q2;
-        let t3_6 = -w_ixx_arm_q2;
-        y[10][1] = t3_6;
-        let t3_7 = sin_q2 * r_q1;
-        let t3_8 = d_q2 * t3_7;
-        let t3_9 = w_armx.mul_add(r_q2, t3_8);
-        let t3_10 = w_armx * t3_7;
-        let t3_11 = like.lift(0.5) * t3_9;
-        let w_ixy_arm_q2 = t3_10 - t3_5;
+        let t3_7 = -w_ixx_arm_q2;
+        y[10][1] = t3_7;
+        let t3_8 = sin_q2 * r_q1;
+        let t3_9 = d_q2 * t3_8;
+        let t3_10 = w_armx.mul_add(r_q2, t3_9);
+        let t3_11 = w_armx * t3_8;
+        let w_ixy_arm_q2 = t3_11 - t3_6;
         y[11][1] = w_ixy_arm_q2;
-        let t3_12 = cos_q2 * t3_11;
-        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx, t3_12);
-        y[10][0] = w_ixx_arm_q1;
-        let t3_13 = t3_4 + al_armx;
-        let t3_14 = sin_q2 * t3_4;
-        let w_izz_arm_q1 = t3_12 - t3_14;
-        let t3_15 = -w_izz_arm_q1;
-        y[15][0] = t3_15;
         let w_iyz_arm_q2 = cos_q2 * dr_q1;
         y[14][1] = w_iyz_arm_q2;
-        let al_army = w_iyz_arm_q2 - t3_11;
-        let w_iyy_arm_q1 = (-cos_q2).mul_add(al_army, t3_14);
-        let t3_16 = t3_11 - al_army;
-        let t3_17 = -w_iyy_arm_q1;
-        y[13][0] = t3_17;
-        let t3_18 = t3_16 - w_iyz_arm_q2;
-        let t3_19 = like.lift(0.0132) * t3_18;
-        let w_mx_arm_q1 = -t3_19;
+        let t3_12 = t3_10 - w_iyz_arm_q2;
+        let t3_13 = t3_12 - w_iyz_arm_q2;
+        let t3_14 = like.lift(0.0132) * t3_13;
+        let w_mx_arm_q1 = -t3_14;
         y[16][0] = w_mx_arm_q1;
-        let t3_20 = sin_q2 * t3_16;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_13, t3_20);
-        let t3_21 = -w_ixy_arm_q1;
-        y[11][0] = t3_21;
-        let t3_22 = t3_13 + w_ixz_arm_q2;
-        let w_my_arm_q1 = like.lift(0.0132) * t3_22;
-        let t3_23 = -w_my_arm_q1;
-        y[17][0] = t3_23;
-        let t3_24 = dr_q2 + w_ixx_arm_q2;
-        let t3_25 = dr_q2 - w_ixx_arm_q2;
-        let t3_26 = cos_q2 * t3_25;
-        let t3_27 = d_q2 * r_q2;
-        let t3_28 = t3_5 - t3_27;
-        let w_iyz_arm_q1 = sin_q2.mul_add(t3_28, t3_26);
+        let w_iyy_arm_q1 = cos_q2 * t3_12;
+        let w_ixx_arm_q1 = w_iyy_arm_q1 + dr_q1;
+        y[10][0] = w_ixx_arm_q1;
+        let t3_15 = -w_iyy_arm_q1;
+        y[13][0] = t3_15;
+        let t3_16 = sin_q2 * t3_12;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_5, t3_16);
+        let t3_17 = -w_ixy_arm_q1;
+        y[11][0] = t3_17;
+        let t3_18 = t3_5 + w_ixz_arm_q2;
+        let w_my_arm_q1 = like.lift(0.0132) * t3_18;
+        let t3_19 = -w_my_arm_q1;
+        y[17][0] = t3_19;
+        let t3_20 = dr_q2 + w_ixx_arm_q2;
+        let t3_21 = dr_q2 - w_ixx_arm_q2;
+        let t3_22 = cos_q2 * t3_21;
+        let t3_23 = d_q2 * r_q2;
+        let t3_24 = t3_6 - t3_23;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_24, t3_22);
         y[14][0] = w_iyz_arm_q1;
-        let t3_29 = t3_10 - t3_27;
-        let t3_30 = sin_q2 * t3_24;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_29, t3_30);
+        let t3_25 = t3_11 - t3_23;
+        let t3_26 = sin_q2 * t3_20;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_25, t3_26);
         y[12][0] = w_ixz_arm_q1;
-        let t3_31 = d_q1 * r_q1;
-        let t3_32 = like.lift(0.0132) * t3_31;
-        let t3_33 = sin_q2 * t3_32;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t3_33);
+        let t3_27 = d_q1 * r_q1;
+        let t3_28 = like.lift(0.0132) * t3_27;
+        let t3_29 = sin_q2 * t3_28;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t3_29);
         y[16][1] = a_army;
-        let t3_34 = like.lift(9.81) * sin_q2;
-        let a_armx = (-cos_q2).mul_add(t3_32, t3_34);
-        let t3_35 = -a_armx;
-        y[17][1] = t3_35;
-        let t3_36 = (-sin_q2).mul_add(a_army, t3_32);
-        let w_mz_arm_q1 = cos_q2.mul_add(a_armx, t3_36);
-        y[18][0] = w_mz_arm_q1;
-        [w_m_arm_q1, w_ixz_arm_q2, t3_5, t3_16, t3_24, t3_27, t3_31, t3_32, a_army, a_armx]
+        let t3_30 = like.lift(9.81) * sin_q2;
+        let a_armx = (-cos_q2).mul_add(t3_28, t3_30);
+        let t3_31 = -a_armx;
+        y[17][1] = t3_31;
+        [
+            w_m_arm_q1, w_ixz_arm_q2, t3_6, t3_12, t3_20, t3_23, w_ixz_arm_q1, t3_28, a_army,
+            a_armx,
+        ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_1, t4_3, t4_4, sin_q2_elbow, cos_q2_elbow, w_forearmy,
-        sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t4_11,
-        t4_12, u_forearm_q1z, cos_q2_minus_q3_minus_pin, t4_17, t4_18, t4_21, t4_22, t4_23,
-        t4_28, t4_35, t4_36, t4_37,
+        t4_1, t4_3, t4_4, w_mz_forearm_q1, t4_5, w_m_forearm_q2, sin_q2_elbow, cos_q2_elbow,
+        w_forearmy, sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, pivot_3,
+        t4_13, t4_14, u_forearm_q1z, cos_q2_minus_q3_minus_pin, t4_19, t4_20, t4_23, t4_24,
+        t4_25, t4_30, t4_37, t4_38, t4_39,
     ] = {
-        let t4_1 = like.lift(0.14207).mul_add(t3_24, a_army);
-        let t4_2 = t3_5 + t3_27;
+        let t4_1 = like.lift(0.14207).mul_add(t3_20, a_army);
+        let t4_2 = t3_6 + t3_23;
         let t4_3 = like.lift(-0.14207).mul_add(t4_2, a_armx);
         let w_mz_forearm_q2 = like.lift(0.14207) * w_ixz_arm_q2;
         let t4_4 = -w_mz_forearm_q2;
-        let t4_5 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_5);
-        let t4_6 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_6);
+        let w_mz_forearm_q1 = like.lift(-0.14207) * w_ixz_arm_q1;
+        let w_izz_forearm_q1 = like.lift(0.0) + like.lift(0.0);
+        let t4_5 = -w_izz_forearm_q1;
+        let t4_6 = like.lift(-0.14207) * t4_1;
+        let w_m_forearm_q2 = -t4_6;
+        let t4_7 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_7);
+        let t4_8 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t4_8);
         let w_forearmy = cos_q2_elbow * d_q1;
-        let t4_7 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_7);
-        let t4_8 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_8);
-        let t4_9 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_9);
-        let t4_10 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_10);
+        let t4_9 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_9);
+        let t4_10 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_10);
+        let t4_11 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_11);
+        let t4_12 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_12);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t4_11 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t4_12 = -t4_11;
-        let t4_13 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_13);
-        let t4_14 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_14);
+        let t4_13 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_14 = -t4_13;
+        let t4_15 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_15);
+        let t4_16 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_16);
         let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let t4_15 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_15);
-        let t4_16 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_16);
-        let t4_17 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
-        let t4_18 = t4_17 - pivot_3;
+        let t4_17 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_17);
+        let t4_18 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_18);
+        let t4_19 = like.lift(0.14207) * sin_q2_minus_q3_minus_pin;
+        let t4_20 = t4_19 - pivot_3;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_19 = r_q3 * u_rod_q3x;
-        let t4_20 = t4_18.mul_add(r_q2, t4_19);
-        let t4_21 = -u_rod_q3x;
-        let t4_22 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_11);
-        let t4_23 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_24 = t4_22 * r_q2;
-        let t4_25 = (-t4_23).mul_add(r_q3, t4_24);
-        let t4_26 = -t4_25;
-        let t4_27 = -r_q2;
-        let t4_28 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t4_29 = t4_28 * t4_20;
-        let t4_30 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_29, t4_25);
-        let t4_31 = like.lift(21.92982456140351) * t4_29;
-        let t4_32 = like.lift(7.038783698176955) * t4_30;
-        let t4_33 = r_q2 + t4_31;
-        let t4_34 = -t4_33;
+        let t4_21 = r_q3 * u_rod_q3x;
+        let t4_22 = t4_20.mul_add(r_q2, t4_21);
+        let t4_23 = -u_rod_q3x;
+        let t4_24 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_13);
+        let t4_25 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_26 = t4_24 * r_q2;
+        let t4_27 = (-t4_25).mul_add(r_q3, t4_26);
+        let t4_28 = -t4_27;
+        let t4_29 = -r_q2;
+        let t4_30 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_31 = t4_30 * t4_22;
+        let t4_32 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_31, t4_27);
+        let t4_33 = like.lift(21.92982456140351) * t4_31;
+        let t4_34 = like.lift(7.038783698176955) * t4_32;
+        let t4_35 = r_q2 + t4_33;
+        let t4_36 = -t4_35;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t4_35], [t4_36], [t4_37]], found) = ::regen_runtime::guarded(
-            [[t4_31], [t4_34], [t4_32]],
+        let ([[t4_37], [t4_38], [t4_39]], found) = ::regen_runtime::guarded(
+            [[t4_33], [t4_36], [t4_34]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_12, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_14, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t4_20], [t4_26], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t4_27],
+                    [t4_22], [t4_28], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t4_29],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t4_1, t4_3, t4_4, sin_q2_elbow, cos_q2_elbow, w_forearmy,
-            sin_q2_elbow_minus_q3_minus_pin, cos_q2_elbow_minus_q3_minus_pin, pivot_3, t4_11,
-            t4_12, u_forearm_q1z, cos_q2_minus_q3_minus_pin, t4_17, t4_18, t4_21, t4_22, t4_23,
-            t4_28, t4_35, t4_36, t4_37,
+            t4_1, t4_3, t4_4, w_mz_forearm_q1, t4_5, w_m_forearm_q2, sin_q2_elbow,
+            cos_q2_elbow, w_forearmy, sin_q2_elbow_minus_q3_minus_pin,
+            cos_q2_elbow_minus_q3_minus_pin, pivot_3, t4_13, t4_14, u_forearm_q1z,
+            cos_q2_minus_q3_minus_pin, t4_19, t4_20, t4_23, t4_24, t4_25, t4_30, t4_37, t4_38,
+            t4_39,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t5_1, t5_2, w_forearmz, t5_7, t5_8, t5_9, t5_13, t5_14, w_ixx_forearm_q1, t5_16, t5_17,
-        t5_18, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+        t5_1, t5_2, w_forearmz, t5_6, t5_7, t5_8, t5_9, t5_13, t5_14, t5_15, w_ixx_forearm_q1,
+        t5_16, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t5_1 = r_q2 + t4_35;
-        let t5_2 = r_q3 + t4_37;
+        let t5_1 = r_q2 + t4_37;
+        let t5_2 = r_q3 + t4_39;
         let w_forearmz = d_q2 + d_elbow;
         let t5_3 = cos_q2_elbow * r_q1;
         let t5_4 = w_forearmz * t5_3;
         let t5_5 = w_forearmy.mul_add(t5_1, t5_4);
-        let t5_6 = like.lift(0.5) * t5_5;
-        let t5_7 = w_forearmy * t5_3;
-        let t5_8 = sin_q2_elbow * dr_q1;
-        let al_forearmx = t5_6 + t5_8;
+        let t5_6 = w_forearmy * t5_3;
+        let t5_7 = sin_q2_elbow * dr_q1;
+        let t5_8 = t5_7 + t5_5;
         let w_forearmx = sin_q2_elbow * d_q1;
         let t5_9 = w_forearmx * t5_3;
         let t5_10 = sin_q2_elbow * r_q1;
         let t5_11 = w_forearmz * t5_10;
         let t5_12 = w_forearmx.mul_add(t5_1, t5_11);
         let t5_13 = w_forearmx * t5_10;
-        let t5_14 = like.lift(0.5) * t5_12;
-        let t5_15 = cos_q2_elbow * t5_14;
-        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx, t5_15);
-        let t5_16 = t5_6 + al_forearmx;
-        let t5_17 = sin_q2_elbow * t5_6;
-        let w_izz_forearm_q1 = t5_15 - t5_17;
-        let t5_18 = -w_izz_forearm_q1;
-        let t5_19 = -t4_18;
-        let t5_20 = -t4_23;
-        let t5_21 = t4_18 * t4_28;
-        let t5_22 = like.lift(21.92982456140351) * t5_21;
-        let t5_23 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t5_21, t4_22);
-        let t5_24 = like.lift(7.038783698176955) * t5_23;
-        let t5_25 = -t5_24;
-        let t5_26 = -t5_22;
-        let t5_27 = like.lift(1.0) + t5_22;
-        let t5_28 = sin_pin * t4_28;
-        let t5_29 = t5_28.mul_add(t4_11, t4_23);
-        let t5_30 = like.lift(7.038783698176955) * t5_29;
-        let t5_31 = -t5_28;
+        let t5_14 = cos_q2_elbow * dr_q1;
+        let t5_15 = t5_12 - t5_14;
+        let w_iyy_forearm_q1 = cos_q2_elbow * t5_15;
+        let w_ixx_forearm_q1 = w_iyy_forearm_q1 + dr_q1;
+        let t5_16 = -w_iyy_forearm_q1;
+        let t5_17 = -t4_20;
+        let t5_18 = -t4_25;
+        let t5_19 = t4_20 * t4_30;
+        let t5_20 = like.lift(21.92982456140351) * t5_19;
+        let t5_21 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t5_19, t4_24);
+        let t5_22 = like.lift(7.038783698176955) * t5_21;
+        let t5_23 = -t5_22;
+        let t5_24 = -t5_20;
+        let t5_25 = like.lift(1.0) + t5_20;
+        let t5_26 = sin_pin * t4_30;
+        let t5_27 = t5_26.mul_add(t4_13, t4_25);
+        let t5_28 = like.lift(7.038783698176955) * t5_27;
+        let t5_29 = -t5_26;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -4115,23 +3927,23 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t5_26, like.lift(0.0), t5_31],
-                [like.lift(0.0), t5_27, like.lift(0.0), t5_28],
-                [like.lift(0.0), t5_25, like.lift(0.0), t5_30],
+                [like.lift(0.0), t5_24, like.lift(0.0), t5_29],
+                [like.lift(0.0), t5_25, like.lift(0.0), t5_26],
+                [like.lift(0.0), t5_23, like.lift(0.0), t5_28],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_12, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_14, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t5_19, like.lift(0.0), t4_21],
-                    [like.lift(0.0), t4_22, like.lift(0.0), t5_20],
+                    [like.lift(0.0), t5_17, like.lift(0.0), t4_23],
+                    [like.lift(0.0), t4_24, like.lift(0.0), t5_18],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -4141,124 +3953,122 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         );
         condition = condition.min(found);
         [
-            t5_1, t5_2, w_forearmz, t5_7, t5_8, t5_9, t5_13, t5_14, w_ixx_forearm_q1, t5_16,
-            t5_17, t5_18, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
+            t5_1, t5_2, w_forearmz, t5_6, t5_7, t5_8, t5_9, t5_13, t5_14, t5_15,
+            w_ixx_forearm_q1, t5_16, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2,
+            x_pin_q3,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        w_ixx_forearm_q3, t6_3, t6_4, w_ixz_forearm_q2, w_ixz_forearm_q3, t6_5,
-        w_ixx_forearm_q2, t6_6, w_iyz_forearm_q2, t6_8, t6_9, t6_10, t6_12, t6_13,
-        w_ixy_forearm_q2, t6_15, t6_16, w_rodz, t6_17, t6_19, t6_38, t6_39, t6_40,
+        w_ixx_forearm_q3, t6_3, t6_4, t6_5, w_iyz_forearm_q2, w_ixz_forearm_q2,
+        w_ixz_forearm_q3, t6_6, w_ixx_forearm_q2, t6_7, t6_9, t6_10, w_ixy_forearm_q2, t6_12,
+        t6_13, w_rodz, t6_14, t6_16, t6_35, t6_36, t6_37,
     ] = {
-        let t6_1 = t4_22 * dr_q2;
-        let t6_2 = (-t4_23).mul_add(dr_q3, t6_1);
+        let t6_1 = t4_24 * dr_q2;
+        let t6_2 = (-t4_25).mul_add(dr_q3, t6_1);
         let w_ixx_forearm_q3 = x_elbow_q3 * t5_9;
         let t6_3 = -w_ixx_forearm_q3;
-        let t6_4 = like.lift(1.0) - x_elbow_q2;
-        let w_ixz_forearm_q2 = t5_8 * t6_4;
-        let w_ixz_forearm_q3 = x_elbow_q3 * t5_8;
-        let t6_5 = -w_ixz_forearm_q3;
-        let w_ixx_forearm_q2 = t5_9 * t6_4;
-        let t6_6 = -w_ixx_forearm_q2;
-        let t6_7 = cos_q2_elbow * dr_q1;
-        let w_iyz_forearm_q2 = t6_7 * t6_4;
-        let w_iyz_forearm_q3 = x_elbow_q3 * t6_7;
-        let t6_8 = -w_iyz_forearm_q3;
-        let al_forearmy = t5_14 - t6_7;
-        let w_iyy_forearm_q1 = cos_q2_elbow.mul_add(al_forearmy, t5_17);
-        let t6_9 = t5_14 + al_forearmy;
-        let t6_10 = -w_iyy_forearm_q1;
-        let t6_11 = sin_q2_elbow * t6_9;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_16, t6_11);
-        let t6_12 = -w_ixy_forearm_q1;
-        let t6_13 = u_forearm_q1z * t5_16;
-        let t6_14 = t5_13 - t5_7;
-        let w_ixy_forearm_q2 = t6_14 * t6_4;
-        let w_ixy_forearm_q3 = x_elbow_q3 * t6_14;
-        let t6_15 = -w_ixy_forearm_q3;
-        let t6_16 = d_q3 * r_q3;
+        let w_iyz_forearm_q3 = x_elbow_q3 * t5_14;
+        let t6_4 = -w_iyz_forearm_q3;
+        let t6_5 = like.lift(1.0) - x_elbow_q2;
+        let w_iyz_forearm_q2 = t5_14 * t6_5;
+        let w_ixz_forearm_q2 = t5_7 * t6_5;
+        let w_ixz_forearm_q3 = x_elbow_q3 * t5_7;
+        let t6_6 = -w_ixz_forearm_q3;
+        let w_ixx_forearm_q2 = t5_9 * t6_5;
+        let t6_7 = -w_ixx_forearm_q2;
+        let t6_8 = sin_q2_elbow * t5_15;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t5_8, t6_8);
+        let t6_9 = -w_ixy_forearm_q1;
+        let t6_10 = u_forearm_q1z * t5_8;
+        let t6_11 = t5_13 - t5_6;
+        let w_ixy_forearm_q2 = t6_11 * t6_5;
+        let w_ixy_forearm_q3 = x_elbow_q3 * t6_11;
+        let t6_12 = -w_ixy_forearm_q3;
+        let t6_13 = d_q3 * r_q3;
         let w_rodz = d_q3 + d_pin;
-        let t6_17 = w_rodz * t5_2;
-        let t6_18 = (-cos_q2_minus_q3_minus_pin).mul_add(t3_27, t6_17);
-        let t6_19 = t5_1 * w_forearmz;
-        let t6_20 = sin_pin * t6_16;
-        let t6_21 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t6_19, t6_20);
-        let t6_22 = like.lift(-0.0456).mul_add(t6_21, t6_2);
-        let t6_23 = (-t3_27).mul_add(t4_17, t6_22);
-        let t6_24 = sin_pin * dr_q3;
-        let t6_25 = (-cos_pin).mul_add(t6_16, t6_24);
-        let t6_26 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_19, t6_25);
-        let t6_27 = like.lift(0.0456) * t6_26;
-        let t6_28 = t4_18.mul_add(dr_q2, t6_27);
-        let t6_29 = like.lift(-0.14207).mul_add(t6_18, t6_28);
-        let t6_30 = t4_28 * t6_29;
-        let t6_31 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_30, t6_23);
-        let t6_32 = -t6_23;
-        let t6_33 = like.lift(21.92982456140351) * t6_30;
-        let t6_34 = like.lift(7.038783698176955) * t6_31;
-        let t6_35 = -dr_q2;
-        let t6_36 = dr_q2 + t6_33;
-        let t6_37 = -t6_36;
+        let t6_14 = w_rodz * t5_2;
+        let t6_15 = (-cos_q2_minus_q3_minus_pin).mul_add(t3_23, t6_14);
+        let t6_16 = t5_1 * w_forearmz;
+        let t6_17 = sin_pin * t6_13;
+        let t6_18 = (-sin_q2_elbow_minus_q3_minus_pin).mul_add(t6_16, t6_17);
+        let t6_19 = like.lift(-0.0456).mul_add(t6_18, t6_2);
+        let t6_20 = (-t3_23).mul_add(t4_19, t6_19);
+        let t6_21 = sin_pin * dr_q3;
+        let t6_22 = (-cos_pin).mul_add(t6_13, t6_21);
+        let t6_23 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_16, t6_22);
+        let t6_24 = like.lift(0.0456) * t6_23;
+        let t6_25 = t4_20.mul_add(dr_q2, t6_24);
+        let t6_26 = like.lift(-0.14207).mul_add(t6_15, t6_25);
+        let t6_27 = t4_30 * t6_26;
+        let t6_28 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t6_27, t6_20);
+        let t6_29 = -t6_20;
+        let t6_30 = like.lift(21.92982456140351) * t6_27;
+        let t6_31 = like.lift(7.038783698176955) * t6_28;
+        let t6_32 = -dr_q2;
+        let t6_33 = dr_q2 + t6_30;
+        let t6_34 = -t6_33;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
-        let ([[t6_38], [t6_39], [t6_40]], found) = ::regen_runtime::guarded(
-            [[t6_33], [t6_37], [t6_34]],
+        let ([[t6_35], [t6_36], [t6_37]], found) = ::regen_runtime::guarded(
+            [[t6_30], [t6_34], [t6_31]],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_12, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_14, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [t6_29], [t6_32], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
-                    [t6_35],
+                    [t6_26], [t6_29], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)],
+                    [t6_32],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            w_ixx_forearm_q3, t6_3, t6_4, w_ixz_forearm_q2, w_ixz_forearm_q3, t6_5,
-            w_ixx_forearm_q2, t6_6, w_iyz_forearm_q2, t6_8, t6_9, t6_10, t6_12, t6_13,
-            w_ixy_forearm_q2, t6_15, t6_16, w_rodz, t6_17, t6_19, t6_38, t6_39, t6_40,
+            w_ixx_forearm_q3, t6_3, t6_4, t6_5, w_iyz_forearm_q2, w_ixz_forearm_q2,
+            w_ixz_forearm_q3, t6_6, w_ixx_forearm_q2, t6_7, t6_9, t6_10, w_ixy_forearm_q2,
+            t6_12, t6_13, w_rodz, t6_14, t6_16, t6_35, t6_36, t6_37,
         ]
     };
     // body forearm: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_forearmz, t7_2, t7_11, a_armz, a_forearmz, a_forearmy, a_forearmx] = {
-        y[20][0] = w_ixx_forearm_q1; y[20][1] = t6_6; y[20][3] = w_ixx_forearm_q3; y[21][0] = t6_12; y[21][1] = w_ixy_forearm_q2; y[21][3] = t6_15; y[22][1] = w_ixz_forearm_q2; y[22][3] = t6_5; y[23][0] = t6_10; y[23][1] = w_ixx_forearm_q2; y[23][3] = t6_3; y[24][1] = w_iyz_forearm_q2; y[24][3] = t6_8; y[25][0] = t5_18; y[28][1] = t4_4;
-        let al_forearmz = dr_q2 + t6_38;
-        let w_izz_forearm_q2 = al_forearmz * t6_4;
+    let [
+        al_forearmz, t7_2, t7_10, w_ixz_forearm_q1, a_armz, a_forearmz, a_forearmy, a_forearmx,
+    ] = {
+        y[20][0] = w_ixx_forearm_q1; y[20][1] = t6_7; y[20][3] = w_ixx_forearm_q3; y[21][0] = t6_9; y[21][1] = w_ixy_forearm_q2; y[21][3] = t6_12; y[22][1] = w_ixz_forearm_q2; y[22][3] = t6_6; y[23][0] = t5_16; y[23][1] = w_ixx_forearm_q2; y[23][3] = t6_3; y[24][1] = w_iyz_forearm_q2; y[24][3] = t6_4; y[25][0] = t4_5; y[28][0] = w_mz_forearm_q1; y[28][1] = t4_4; y[29][1] = w_m_forearm_q2;
+        let al_forearmz = dr_q2 + t6_35;
+        let w_izz_forearm_q2 = al_forearmz * t6_5;
         y[25][1] = w_izz_forearm_q2;
         let w_izz_forearm_q3 = x_elbow_q3 * al_forearmz;
         let t7_1 = -w_izz_forearm_q3;
         y[25][3] = t7_1;
         let t7_2 = al_forearmz + t5_9;
         let t7_3 = al_forearmz - t5_9;
-        let t7_4 = t5_13 - t6_19;
-        let t7_5 = sin_q2_elbow * t7_2;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t7_4, t7_5);
-        y[22][0] = w_ixz_forearm_q1;
-        let t7_6 = t5_13 + t6_19;
-        let t7_7 = cos_elbow * t7_6;
-        let t7_8 = sin_elbow.mul_add(t7_3, t7_7);
-        let t7_9 = cos_q2_elbow * t7_3;
-        let t7_10 = t5_7 - t6_19;
-        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t7_10, t7_9);
+        let t7_4 = t5_13 - t6_16;
+        let t7_5 = t5_13 + t6_16;
+        let t7_6 = cos_elbow * t7_5;
+        let t7_7 = sin_elbow.mul_add(t7_3, t7_6);
+        let t7_8 = cos_q2_elbow * t7_3;
+        let t7_9 = t5_6 - t6_16;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t7_9, t7_8);
         y[24][0] = w_iyz_forearm_q1;
-        let t7_11 = t5_7 + t6_19;
+        let t7_10 = t5_6 + t6_16;
+        let t7_11 = sin_q2_elbow * t7_2;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t7_4, t7_11);
+        y[22][0] = w_ixz_forearm_q1;
         let a_armz = like.lift(0.0132) * dr_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t3_16, a_armz);
-        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t6_13);
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_12, a_armz);
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t6_10);
         let t7_12 = -w_my_forearm_q1;
         y[27][0] = t7_12;
         let w_m_forearm_q1 = u_forearm_q1z * a_forearmz;
         y[29][0] = w_m_forearm_q1;
         let t7_13 = cos_q2_elbow * a_forearmz;
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t6_9, t7_13);
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_15, t7_13);
         y[26][0] = w_mx_forearm_q1;
         let t7_14 = sin_elbow * t4_3;
         let a_forearmy = (-cos_elbow).mul_add(t4_1, t7_14);
@@ -4268,616 +4078,562 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qd_r: &[T; 4], qdd
         y[26][3] = w_mx_forearm_q3;
         let w_my_forearm_q3 = x_elbow_q3 * a_forearmx;
         y[27][3] = w_my_forearm_q3;
-        let t7_16 = a_forearmx * t6_4;
-        let w_my_forearm_q2 = like.lift(0.14207).mul_add(t7_8, t7_16);
+        let t7_16 = a_forearmx * t6_5;
+        let w_my_forearm_q2 = like.lift(0.14207).mul_add(t7_7, t7_16);
         let t7_17 = -w_my_forearm_q2;
         y[27][1] = t7_17;
         let t7_18 = cos_elbow * t7_2;
-        let t7_19 = (-sin_elbow).mul_add(t7_11, t7_18);
-        let t7_20 = a_forearmy * t6_4;
+        let t7_19 = (-sin_elbow).mul_add(t7_10, t7_18);
+        let t7_20 = a_forearmy * t6_5;
         let w_mx_forearm_q2 = like.lift(-0.14207).mul_add(t7_19, t7_20);
         let t7_21 = -w_mx_forearm_q2;
         y[26][1] = t7_21;
-        let t7_22 = u_forearm_q1z * t3_31;
-        let t7_23 = sin_q2_elbow.mul_add(a_forearmy, t7_22);
-        let w_mz_forearm_q1 = cos_q2_elbow.mul_add(a_forearmx, t7_23);
-        y[28][0] = w_mz_forearm_q1;
-        let t7_24 = cos_elbow * a_forearmy;
-        let t7_25 = (-sin_elbow).mul_add(a_forearmx, t7_24);
-        let t7_26 = like.lift(0.14207) * t7_25;
-        let w_m_forearm_q2 = -t7_26;
-        y[29][1] = w_m_forearm_q2;
-        [al_forearmz, t7_2, t7_11, a_armz, a_forearmz, a_forearmy, a_forearmx]
+        [al_forearmz, t7_2, t7_10, w_ixz_forearm_q1, a_armz, a_forearmz, a_forearmy, a_forearmx]
     };
     // body wrist: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [
-        t8_1, a_wristz, w_wristz, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist,
-        w_wristy, t8_10, w_wristx, t8_16, t8_19, t8_22, al_wristy, t8_35, t8_44, t8_45, t8_51,
-        a_wristy, a_wristx, u_wrist_q2x, u_wrist_q2y, t8_57,
+        t8_1, a_wristz, w_wristz, t8_4, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist,
+        w_wristy, t8_13, t8_17, w_wristx, t8_19, t8_23, al_wristy, t8_26, w_ixx_wrist_q1,
+        t8_31, w_ixy_wrist_q1, w_ixy_wrist_q3, t8_43, t8_44, t8_48, t8_50, a_wristy, a_wristx,
+        u_wrist_q2y, t8_57, t8_60, w_my_wrist_q3, w_my_wrist_q1,
     ] = {
-        let t8_1 = t4_36 + t5_1;
-        let al_wristz = t6_39 + al_forearmz;
-        let a_wristz = like.lift(-0.15852).mul_add(t6_9, a_forearmz);
-        let t8_2 = like.lift(-0.15852).mul_add(t7_11, a_forearmx);
+        let w_mz_wrist_q1 = like.lift(-0.15852).mul_add(w_ixz_forearm_q1, w_mz_forearm_q1);
+        y[38][0] = w_mz_wrist_q1;
+        let t8_1 = t4_38 + t5_1;
+        let al_wristz = t6_36 + al_forearmz;
+        let a_wristz = like.lift(-0.15852).mul_add(t5_15, a_forearmz);
+        let t8_2 = like.lift(-0.15852).mul_add(t7_10, a_forearmx);
         let t8_3 = like.lift(-0.15852).mul_add(t7_2, a_forearmy);
         let w_mz_wrist_q3 = like.lift(0.15852) * w_ixz_forearm_q3;
         y[38][3] = w_mz_wrist_q3;
         let w_wristz = d_wrist + w_forearmz;
-        let t8_4 = x_wrist_q2 - t6_4;
+        let t8_4 = x_wrist_q2 - t6_5;
         let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
         let t8_5 = like.lift(0.14207).mul_add(cos_elbow, like.lift(0.15852));
         let t8_6 = like.lift(0.14207) * sin_elbow;
         let w_m_wrist_q1 = u_wrist_q1z * a_wristz;
         y[39][0] = w_m_wrist_q1;
+        let w_izz_wrist_q1 = like.lift(0.0) + like.lift(0.0);
+        let t8_7 = -w_izz_wrist_q1;
+        y[35][0] = t8_7;
         let w_izz_wrist_q2 = al_wristz * t8_4;
-        let t8_7 = -w_izz_wrist_q2;
-        y[35][1] = t8_7;
-        let t8_8 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t8_8);
-        let t8_9 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t8_9);
+        let t8_8 = -w_izz_wrist_q2;
+        y[35][1] = t8_8;
+        let t8_9 = x_elbow_q3 * t8_3;
+        let t8_10 = like.lift(0.15852) * t8_9;
+        y[39][3] = t8_10;
+        let t8_11 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t8_11);
+        let t8_12 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t8_12);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t8_10 = cos_q2_elbow_wrist * r_q1;
-        let t8_11 = w_wristz * t8_10;
-        let t8_12 = w_wristy.mul_add(t8_1, t8_11);
-        let t8_13 = like.lift(0.5) * t8_12;
-        let t8_14 = sin_q2_elbow_wrist * dr_q1;
-        let w_ixz_wrist_q2 = t8_14 * t8_4;
-        let t8_15 = -w_ixz_wrist_q2;
-        y[32][1] = t8_15;
-        let al_wristx = t8_13 + t8_14;
+        let t8_13 = cos_q2_elbow_wrist * r_q1;
+        let t8_14 = w_wristz * t8_13;
+        let t8_15 = w_wristy.mul_add(t8_1, t8_14);
+        let t8_16 = sin_q2_elbow_wrist * dr_q1;
+        let t8_17 = t8_16 + t8_15;
+        let w_ixz_wrist_q2 = t8_16 * t8_4;
+        let t8_18 = -w_ixz_wrist_q2;
+        y[32][1] = t8_18;
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t8_16 = sin_q2_elbow_wrist * r_q1;
-        let t8_17 = w_wristz * t8_16;
-        let t8_18 = w_wristx.mul_add(t8_1, t8_17);
-        let t8_19 = like.lift(0.5) * cos_q2_elbow_wrist;
-        let t8_20 = t8_18 * t8_19;
-        let w_ixx_wrist_q1 = sin_q2_elbow_wrist.mul_add(al_wristx, t8_20);
-        y[30][0] = w_ixx_wrist_q1;
-        let t8_21 = like.lift(0.5) * t8_18;
-        let t8_22 = t8_13 + al_wristx;
-        let t8_23 = sin_q2_elbow_wrist * t8_13;
-        let w_izz_wrist_q1 = t8_20 - t8_23;
-        let t8_24 = -w_izz_wrist_q1;
-        y[35][0] = t8_24;
-        let t8_25 = w_wristx * t8_10;
-        let w_ixx_wrist_q2 = t8_25 * t8_4;
-        y[30][1] = w_ixx_wrist_q2;
-        let t8_26 = -w_ixx_wrist_q2;
-        y[33][1] = t8_26;
-        let t8_27 = x_elbow_q3 + x_wrist_q3;
-        let w_ixx_wrist_q3 = t8_25 * t8_27;
-        y[30][3] = w_ixx_wrist_q3;
-        let t8_28 = -w_ixx_wrist_q3;
-        y[33][3] = t8_28;
-        let w_ixz_wrist_q3 = t8_14 * t8_27;
-        let t8_29 = -w_ixz_wrist_q3;
-        y[32][3] = t8_29;
-        let w_izz_wrist_q3 = al_wristz * t8_27;
-        let t8_30 = -w_izz_wrist_q3;
-        y[35][3] = t8_30;
-        let t8_31 = cos_q2_elbow_wrist * dr_q1;
-        let w_iyz_wrist_q2 = t8_31 * t8_4;
-        let t8_32 = -w_iyz_wrist_q2;
-        y[34][1] = t8_32;
-        let w_iyz_wrist_q3 = t8_31 * t8_27;
-        let t8_33 = -w_iyz_wrist_q3;
-        y[34][3] = t8_33;
-        let al_wristy = t8_21 - t8_31;
-        let w_iyy_wrist_q1 = cos_q2_elbow_wrist.mul_add(al_wristy, t8_23);
-        let t8_34 = -w_iyy_wrist_q1;
-        y[33][0] = t8_34;
-        let t8_35 = t8_21 + al_wristy;
-        let t8_36 = cos_q2_elbow_wrist * a_wristz;
-        let w_mx_wrist_q1 = (-u_wrist_q1z).mul_add(t8_35, t8_36);
+        let t8_19 = sin_q2_elbow_wrist * r_q1;
+        let t8_20 = w_wristz * t8_19;
+        let t8_21 = w_wristx.mul_add(t8_1, t8_20);
+        let t8_22 = like.lift(0.5) * t8_21;
+        let t8_23 = like.lift(0.5) * cos_q2_elbow_wrist;
+        let t8_24 = cos_q2_elbow_wrist * dr_q1;
+        let w_iyz_wrist_q2 = t8_24 * t8_4;
+        let t8_25 = -w_iyz_wrist_q2;
+        y[34][1] = t8_25;
+        let al_wristy = t8_22 - t8_24;
+        let t8_26 = t8_22 + al_wristy;
+        let t8_27 = cos_q2_elbow_wrist * a_wristz;
+        let w_mx_wrist_q1 = (-u_wrist_q1z).mul_add(t8_26, t8_27);
         y[36][0] = w_mx_wrist_q1;
-        let t8_37 = sin_q2_elbow_wrist * t8_35;
-        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_22, t8_37);
-        let t8_38 = -w_ixy_wrist_q1;
-        y[31][0] = t8_38;
-        let t8_39 = w_wristx * t8_16;
-        let t8_40 = w_wristy * t8_10;
-        let t8_41 = t8_39 - t8_40;
-        let w_ixy_wrist_q2 = t8_41 * t8_4;
-        let t8_42 = -w_ixy_wrist_q2;
-        y[31][1] = t8_42;
-        let w_ixy_wrist_q3 = t8_41 * t8_27;
-        let t8_43 = -w_ixy_wrist_q3;
-        y[31][3] = t8_43;
-        let t8_44 = al_wristz + t8_25;
-        let t8_45 = al_wristz - t8_25;
-        let t8_46 = w_wristz * t8_1;
-        let t8_47 = t8_39 - t8_46;
-        let t8_48 = sin_q2_elbow_wrist * t8_44;
-        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_47, t8_48);
+        let w_iyy_wrist_q1 = cos_q2_elbow_wrist * t8_26;
+        let t8_28 = -w_iyy_wrist_q1;
+        y[33][0] = t8_28;
+        let w_ixx_wrist_q1 = w_iyy_wrist_q1 + dr_q1;
+        y[30][0] = w_ixx_wrist_q1;
+        let t8_29 = w_wristx * t8_13;
+        let w_ixx_wrist_q2 = t8_29 * t8_4;
+        y[30][1] = w_ixx_wrist_q2;
+        let t8_30 = -w_ixx_wrist_q2;
+        y[33][1] = t8_30;
+        let t8_31 = x_elbow_q3 + x_wrist_q3;
+        let w_ixx_wrist_q3 = t8_29 * t8_31;
+        y[30][3] = w_ixx_wrist_q3;
+        let t8_32 = -w_ixx_wrist_q3;
+        y[33][3] = t8_32;
+        let w_ixz_wrist_q3 = t8_16 * t8_31;
+        let t8_33 = -w_ixz_wrist_q3;
+        y[32][3] = t8_33;
+        let w_iyz_wrist_q3 = t8_24 * t8_31;
+        let t8_34 = -w_iyz_wrist_q3;
+        y[34][3] = t8_34;
+        let w_izz_wrist_q3 = al_wristz * t8_31;
+        let t8_35 = -w_izz_wrist_q3;
+        y[35][3] = t8_35;
+        let t8_36 = sin_q2_elbow_wrist * t8_26;
+        let w_ixy_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_17, t8_36);
+        let t8_37 = -w_ixy_wrist_q1;
+        y[31][0] = t8_37;
+        let t8_38 = w_wristx * t8_19;
+        let t8_39 = w_wristy * t8_13;
+        let t8_40 = t8_38 - t8_39;
+        let w_ixy_wrist_q2 = t8_40 * t8_4;
+        let t8_41 = -w_ixy_wrist_q2;
+        y[31][1] = t8_41;
+        let w_ixy_wrist_q3 = t8_40 * t8_31;
+        let t8_42 = -w_ixy_wrist_q3;
+        y[31][3] = t8_42;
+        let t8_43 = al_wristz + t8_29;
+        let t8_44 = al_wristz - t8_29;
+        let t8_45 = w_wristz * t8_1;
+        let t8_46 = t8_38 - t8_45;
+        let t8_47 = sin_q2_elbow_wrist * t8_43;
+        let w_ixz_wrist_q1 = (-cos_q2_elbow_wrist).mul_add(t8_46, t8_47);
         y[32][0] = w_ixz_wrist_q1;
-        let t8_49 = t8_39 + t8_46;
-        let t8_50 = t8_40 - t8_46;
-        let t8_51 = t8_40 + t8_46;
-        let t8_52 = cos_q2_elbow_wrist * t8_45;
-        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t8_50, t8_52);
+        let t8_48 = t8_38 + t8_45;
+        let t8_49 = t8_39 - t8_45;
+        let t8_50 = t8_39 + t8_45;
+        let t8_51 = cos_q2_elbow_wrist * t8_44;
+        let w_iyz_wrist_q1 = sin_q2_elbow_wrist.mul_add(t8_49, t8_51);
         y[34][0] = w_iyz_wrist_q1;
-        let t8_53 = cos_wrist * t8_3;
-        let a_wristy = sin_wrist.mul_add(t8_2, t8_53);
-        let t8_54 = cos_wrist * t8_2;
-        let a_wristx = (-sin_wrist).mul_add(t8_3, t8_54);
-        let t8_55 = sin_wrist * t8_5;
-        let u_wrist_q2x = cos_wrist.mul_add(t8_6, t8_55);
-        let t8_56 = sin_wrist * t8_6;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t8_5, t8_56);
-        let t8_57 = like.lift(0.15852) * x_elbow_q2;
-        let t8_58 = (-sin_wrist).mul_add(t8_57, u_wrist_q2x);
-        let t8_59 = cos_wrist.mul_add(t8_57, u_wrist_q2y);
-        let t8_60 = t8_14 * t8_59;
-        let w_mz_wrist_q2 = t8_31.mul_add(t8_58, t8_60);
+        let t8_52 = cos_wrist * t8_3;
+        let a_wristy = sin_wrist.mul_add(t8_2, t8_52);
+        let t8_53 = cos_wrist * t8_2;
+        let a_wristx = (-sin_wrist).mul_add(t8_3, t8_53);
+        let t8_54 = sin_wrist * t8_5;
+        let u_wrist_q2x = cos_wrist.mul_add(t8_6, t8_54);
+        let t8_55 = sin_wrist * t8_6;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t8_5, t8_55);
+        let t8_56 = like.lift(0.15852) * x_elbow_q2;
+        let t8_57 = (-sin_wrist).mul_add(t8_56, u_wrist_q2x);
+        let t8_58 = cos_wrist.mul_add(t8_56, u_wrist_q2y);
+        let t8_59 = t8_16 * t8_58;
+        let w_mz_wrist_q2 = t8_24.mul_add(t8_57, t8_59);
         y[38][1] = w_mz_wrist_q2;
-        let t8_61 = a_wristy * t8_59;
-        let w_m_wrist_q2 = a_wristx.mul_add(t8_58, t8_61);
+        let t8_60 = sin_wrist * x_elbow_q3;
+        let t8_61 = a_wristy * t8_58;
+        let w_m_wrist_q2 = a_wristx.mul_add(t8_57, t8_61);
         y[39][1] = w_m_wrist_q2;
         let t8_62 = a_wristy * t8_4;
-        let t8_63 = (-t8_44).mul_add(t8_59, t8_62);
-        let w_mx_wrist_q2 = (-t8_51).mul_add(t8_58, t8_63);
+        let t8_63 = (-t8_43).mul_add(t8_58, t8_62);
+        let w_mx_wrist_q2 = (-t8_50).mul_add(t8_57, t8_63);
         y[36][1] = w_mx_wrist_q2;
         let t8_64 = a_wristx * t8_4;
-        let t8_65 = t8_49.mul_add(t8_59, t8_64);
-        let w_my_wrist_q2 = (-t8_45).mul_add(t8_58, t8_65);
+        let t8_65 = t8_48.mul_add(t8_58, t8_64);
+        let w_my_wrist_q2 = (-t8_44).mul_add(t8_57, t8_65);
         y[37][1] = w_my_wrist_q2;
-        let t8_66 = sin_wrist * x_elbow_q3;
-        let t8_67 = cos_wrist * x_elbow_q3;
-        let t8_68 = t8_49 * t8_67;
-        let t8_69 = t8_45.mul_add(t8_66, t8_68);
-        let t8_70 = a_wristx * t8_27;
-        let w_my_wrist_q3 = like.lift(0.15852).mul_add(t8_69, t8_70);
-        y[37][3] = w_my_wrist_q3;
-        let t8_71 = a_wristy * t8_27;
-        let t8_72 = t8_44 * t8_67;
-        let t8_73 = (-t8_51).mul_add(t8_66, t8_72);
-        let w_mx_wrist_q3 = like.lift(-0.15852).mul_add(t8_73, t8_71);
+        let t8_66 = cos_wrist * x_elbow_q3;
+        let t8_67 = t8_43 * t8_66;
+        let t8_68 = (-t8_50).mul_add(t8_60, t8_67);
+        let t8_69 = a_wristy * t8_31;
+        let w_mx_wrist_q3 = like.lift(-0.15852).mul_add(t8_68, t8_69);
         y[36][3] = w_mx_wrist_q3;
-        let t8_74 = a_wristy * t8_67;
-        let t8_75 = (-a_wristx).mul_add(t8_66, t8_74);
-        let t8_76 = like.lift(0.15852) * t8_75;
-        let w_m_wrist_q3 = -t8_76;
-        let t8_77 = -w_m_wrist_q3;
-        y[39][3] = t8_77;
-        let t8_78 = u_wrist_q1z * t8_22;
-        let w_my_wrist_q1 = sin_q2_elbow_wrist.mul_add(a_wristz, t8_78);
-        let t8_79 = -w_my_wrist_q1;
-        y[37][0] = t8_79;
-        let t8_80 = u_wrist_q1z * t3_31;
-        let t8_81 = sin_q2_elbow_wrist.mul_add(a_wristy, t8_80);
-        let w_mz_wrist_q1 = cos_q2_elbow_wrist.mul_add(a_wristx, t8_81);
-        y[38][0] = w_mz_wrist_q1;
+        let t8_70 = t8_48 * t8_66;
+        let t8_71 = t8_44.mul_add(t8_60, t8_70);
+        let t8_72 = a_wristx * t8_31;
+        let w_my_wrist_q3 = like.lift(0.15852).mul_add(t8_71, t8_72);
+        y[37][3] = w_my_wrist_q3;
+        let t8_73 = u_wrist_q1z * t8_17;
+        let w_my_wrist_q1 = sin_q2_elbow_wrist.mul_add(a_wristz, t8_73);
+        let t8_74 = -w_my_wrist_q1;
+        y[37][0] = t8_74;
         [
-            t8_1, a_wristz, w_wristz, u_wrist_q1z, sin_q2_elbow_wrist, cos_q2_elbow_wrist,
-            w_wristy, t8_10, w_wristx, t8_16, t8_19, t8_22, al_wristy, t8_35, t8_44, t8_45,
-            t8_51, a_wristy, a_wristx, u_wrist_q2x, u_wrist_q2y, t8_57,
+            t8_1, a_wristz, w_wristz, t8_4, u_wrist_q1z, sin_q2_elbow_wrist,
+            cos_q2_elbow_wrist, w_wristy, t8_13, t8_17, w_wristx, t8_19, t8_23, al_wristy,
+            t8_26, w_ixx_wrist_q1, t8_31, w_ixy_wrist_q1, w_ixy_wrist_q3, t8_43, t8_44, t8_48,
+            t8_50, a_wristy, a_wristx, u_wrist_q2y, t8_57, t8_60, w_my_wrist_q3, w_my_wrist_q1,
         ]
     };
     // body flange: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t9_1 = like.lift(-0.05).mul_add(t8_51, a_wristx);
-        let t9_2 = like.lift(-0.05).mul_add(t8_35, a_wristz);
-        let a_flangez = like.lift(-0.05).mul_add(t8_44, a_wristy);
-        let t9_3 = r_q4 - t8_10;
+        let w_mz_flange_q1 = like.lift(0.05).mul_add(w_ixy_wrist_q1, -w_my_wrist_q1);
+        let w_mz_flange_q3 = like.lift(0.05).mul_add(w_ixy_wrist_q3, w_my_wrist_q3);
+        let t9_1 = like.lift(-0.05).mul_add(t8_50, a_wristx);
+        let t9_2 = like.lift(-0.05).mul_add(t8_26, a_wristz);
+        let a_flangez = like.lift(-0.05).mul_add(t8_43, a_wristy);
+        let t9_3 = -w_mz_flange_q1;
+        y[48][0] = t9_3;
+        let t9_4 = -w_mz_flange_q3;
+        y[48][3] = t9_4;
+        let t9_5 = r_q4 - t8_13;
         let w_flangez = d_q4 - w_wristy;
         let al_flangez = dr_q4 + al_wristy;
         y[45][2] = al_flangez;
-        let t9_4 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
+        let t9_6 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
         let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
+        let t9_7 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t9_8 = (-u_flange_elbowz).mul_add(x_elbow_q2, t9_7);
+        let t9_9 = like.lift(0.05) * x_wrist_q3;
+        let t9_10 = u_flange_elbowz.mul_add(x_elbow_q3, t9_9);
+        let t9_11 = t9_8 - u_wrist_q2y;
+        let t9_12 = t9_2 * t9_6;
+        y[49][0] = t9_12;
+        let t9_13 = t8_4 * t9_1;
+        let t9_14 = t8_48.mul_add(t9_11, -t9_13);
+        let w_mz_flange_q2 = t8_44.mul_add(t8_57, t9_14);
+        y[48][1] = w_mz_flange_q2;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
-        let t9_5 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t9_5);
-        let t9_6 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t9_6);
-        let t9_7 = sin_q4 * t8_16;
-        let t9_8 = (-cos_q4).mul_add(t8_1, t9_7);
-        let t9_9 = sin_q4 * t8_1;
-        let t9_10 = cos_q4.mul_add(t8_16, t9_9);
-        let t9_11 = w_flangez * t9_8;
-        let t9_12 = w_flangey.mul_add(t9_3, t9_11);
-        let t9_13 = like.lift(0.5) * t9_12;
-        let t9_14 = cos_q4 * t8_22;
-        let w_ixz_flange_q4 = sin_q4.mul_add(t8_45, t9_14);
+        let t9_15 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t9_15);
+        let t9_16 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t9_16);
+        let t9_17 = sin_q4 * t8_19;
+        let t9_18 = (-cos_q4).mul_add(t8_1, t9_17);
+        let t9_19 = sin_q4 * t8_1;
+        let t9_20 = cos_q4.mul_add(t8_19, t9_19);
+        let t9_21 = w_flangez * t9_18;
+        let t9_22 = w_flangey.mul_add(t9_5, t9_21);
+        let t9_23 = like.lift(0.5) * t9_22;
+        let t9_24 = cos_q4 * t8_17;
+        let w_ixz_flange_q4 = sin_q4.mul_add(t8_44, t9_24);
         y[42][2] = w_ixz_flange_q4;
-        let t9_15 = cos_q4 * t8_45;
-        let w_iyz_flange_q4 = (-sin_q4).mul_add(t8_22, t9_15);
+        let t9_25 = cos_q4 * t8_44;
+        let w_iyz_flange_q4 = (-sin_q4).mul_add(t8_17, t9_25);
         y[44][2] = w_iyz_flange_q4;
-        let al_flangex = t9_13 - w_ixz_flange_q4;
-        let t9_16 = w_flangez * t9_10;
-        let t9_17 = w_flangex.mul_add(t9_3, t9_16);
-        let t9_18 = w_flangez * t9_3;
-        let t9_19 = like.lift(0.5) * t9_17;
-        let t9_20 = e_flange_q1y * t9_19;
-        let t9_21 = w_flangey * t9_10;
-        let t9_22 = w_flangex.mul_add(t9_8, t9_21);
-        let t9_23 = w_flangex * t9_10;
-        let t9_24 = w_flangey * t9_8;
-        let t9_25 = t9_22 * t8_19;
-        let w_ixx_flange_q4 = like.lift(0.5) * t9_22;
-        y[40][2] = w_ixx_flange_q4;
-        let t9_26 = -w_ixx_flange_q4;
-        y[43][2] = t9_26;
-        let t9_27 = e_flange_q1x.mul_add(al_flangex, t9_20);
-        let w_ixx_flange_q1 = t9_27 + t9_25;
-        let t9_28 = -w_ixx_flange_q1;
-        y[40][0] = t9_28;
-        let t9_29 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t9_20);
-        let t9_30 = e_flange_q1x * t9_13;
-        let w_izz_flange_q1 = t9_29 - t9_30;
+        let al_flangex = t9_23 - w_ixz_flange_q4;
+        let t9_26 = w_flangez * t9_20;
+        let t9_27 = w_flangex.mul_add(t9_5, t9_26);
+        let t9_28 = w_flangez * t9_5;
+        let t9_29 = like.lift(0.5) * t9_27;
+        let t9_30 = e_flange_q1y * t9_29;
+        let t9_31 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t9_30);
+        let t9_32 = e_flange_q1x * t9_23;
+        let w_izz_flange_q1 = t9_31 - t9_32;
         y[45][0] = w_izz_flange_q1;
-        let t9_31 = x_wrist_q2 + x_elbow_q2;
-        let t9_32 = (-sin_q4).mul_add(t9_31, sin_q4);
-        let t9_33 = x_wrist_q2 + x_elbow_q2;
-        let t9_34 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
-        let t9_35 = (-u_flange_elbowz).mul_add(x_elbow_q2, t9_34);
-        let t9_36 = t9_35 - u_wrist_q2y;
-        let t9_37 = (-cos_q4).mul_add(t9_33, cos_q4);
-        let t9_38 = like.lift(0.05) * x_wrist_q3;
-        let t9_39 = u_flange_elbowz.mul_add(x_elbow_q3, t9_38);
-        let t9_40 = t9_37 * t9_19;
-        let w_ixx_flange_q2 = al_flangex.mul_add(t9_32, -t9_40);
-        let t9_41 = -w_ixx_flange_q2;
-        y[40][1] = t9_41;
-        let t9_42 = x_wrist_q3 + x_elbow_q3;
-        let t9_43 = sin_q4 * t9_42;
-        let t9_44 = x_wrist_q3 + x_elbow_q3;
-        let t9_45 = cos_q4 * t9_44;
-        let t9_46 = t9_45 * t9_19;
-        let w_ixx_flange_q3 = al_flangex.mul_add(t9_43, -t9_46);
-        y[40][3] = w_ixx_flange_q3;
-        let t9_47 = t9_13 + al_flangex;
-        let t9_48 = t9_43 * t9_13;
-        let w_izz_flange_q3 = t9_46 + t9_48;
-        y[45][3] = w_izz_flange_q3;
-        let t9_49 = t9_32 * t9_13;
-        let w_izz_flange_q2 = t9_40 + t9_49;
-        let t9_50 = -w_izz_flange_q2;
-        y[45][1] = t9_50;
-        let al_flangey = t9_19 - w_iyz_flange_q4;
-        let t9_51 = e_flange_q1y.mul_add(al_flangey, t9_25);
-        let w_iyy_flange_q1 = t9_51 + t9_30;
+        let t9_33 = w_flangey * t9_20;
+        let t9_34 = w_flangex.mul_add(t9_18, t9_33);
+        let t9_35 = w_flangex * t9_20;
+        let t9_36 = w_flangey * t9_18;
+        let t9_37 = t9_34 * t8_23;
+        let w_ixx_flange_q4 = like.lift(0.5) * t9_34;
+        y[40][2] = w_ixx_flange_q4;
+        let t9_38 = -w_ixx_flange_q4;
+        y[43][2] = t9_38;
+        let al_flangey = t9_29 - w_iyz_flange_q4;
+        let t9_39 = e_flange_q1y.mul_add(al_flangey, t9_37);
+        let w_iyy_flange_q1 = t9_39 + t9_32;
         y[43][0] = w_iyy_flange_q1;
-        let w_iyy_flange_q2 = (-al_flangey).mul_add(t9_37, t9_49);
-        y[43][1] = w_iyy_flange_q2;
-        let w_iyy_flange_q3 = (-al_flangey).mul_add(t9_45, t9_48);
-        let t9_52 = t9_19 + al_flangey;
-        let t9_53 = -w_iyy_flange_q3;
-        y[43][3] = t9_53;
-        let t9_54 = t9_47 * t9_45;
-        let w_ixy_flange_q3 = t9_52.mul_add(t9_43, t9_54);
+        let w_ixx_flange_q1 = w_iyy_flange_q1 - w_ixx_wrist_q1;
+        let t9_40 = -w_ixx_flange_q1;
+        y[40][0] = t9_40;
+        let t9_41 = t8_4 * sin_q4;
+        let t9_42 = -t9_41;
+        let t9_43 = t8_4 * cos_q4;
+        let t9_44 = -t9_43;
+        let t9_45 = t9_44 * t9_29;
+        let w_ixx_flange_q2 = al_flangex.mul_add(t9_42, -t9_45);
+        let t9_46 = -w_ixx_flange_q2;
+        y[40][1] = t9_46;
+        let t9_47 = t8_31 * sin_q4;
+        let t9_48 = t8_31 * cos_q4;
+        let t9_49 = t9_48 * t9_29;
+        let w_ixx_flange_q3 = al_flangex.mul_add(t9_47, -t9_49);
+        y[40][3] = w_ixx_flange_q3;
+        let t9_50 = t9_29 + al_flangey;
+        let t9_51 = t9_23 + al_flangex;
+        let t9_52 = t9_51 * t9_48;
+        let w_ixy_flange_q3 = t9_50.mul_add(t9_47, t9_52);
         y[41][3] = w_ixy_flange_q3;
-        let w_ixy_flange_q4 = t9_23 - t9_24;
+        let t9_53 = t9_47 * t9_23;
+        let w_izz_flange_q3 = t9_49 + t9_53;
+        y[45][3] = w_izz_flange_q3;
+        let w_iyy_flange_q3 = (-al_flangey).mul_add(t9_48, t9_53);
+        let t9_54 = -w_iyy_flange_q3;
+        y[43][3] = t9_54;
+        let t9_55 = t9_42 * t9_23;
+        let w_iyy_flange_q2 = (-al_flangey).mul_add(t9_44, t9_55);
+        y[43][1] = w_iyy_flange_q2;
+        let w_izz_flange_q2 = t9_45 + t9_55;
+        let t9_56 = -w_izz_flange_q2;
+        y[45][1] = t9_56;
+        let w_ixy_flange_q4 = t9_35 - t9_36;
         y[41][2] = w_ixy_flange_q4;
-        let t9_55 = cos_q2_elbow_wrist * w_ixy_flange_q4;
-        let t9_56 = (-e_flange_q1y).mul_add(t9_47, t9_55);
-        let w_ixy_flange_q1 = e_flange_q1x.mul_add(t9_52, t9_56);
-        let t9_57 = -w_ixy_flange_q1;
-        y[41][0] = t9_57;
-        let t9_58 = t9_47 * t9_37;
-        let w_ixy_flange_q2 = t9_52.mul_add(t9_32, t9_58);
-        let t9_59 = -w_ixy_flange_q2;
-        y[41][1] = t9_59;
-        let t9_60 = al_flangez - w_ixx_flange_q4;
-        let t9_61 = al_flangez + w_ixx_flange_q4;
-        let t9_62 = t9_23 - t9_18;
-        let t9_63 = t9_60 * t9_32;
-        let w_ixz_flange_q2 = (-t9_62).mul_add(t9_37, t9_63);
-        y[42][1] = w_ixz_flange_q2;
-        let t9_64 = e_flange_q1y * t9_62;
-        let t9_65 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t9_64);
-        let w_ixz_flange_q1 = e_flange_q1x.mul_add(t9_60, t9_65);
+        let t9_57 = cos_q2_elbow_wrist * w_ixy_flange_q4;
+        let t9_58 = (-e_flange_q1y).mul_add(t9_51, t9_57);
+        let w_ixy_flange_q1 = e_flange_q1x.mul_add(t9_50, t9_58);
+        let t9_59 = -w_ixy_flange_q1;
+        y[41][0] = t9_59;
+        let t9_60 = t9_51 * t9_44;
+        let w_ixy_flange_q2 = t9_50.mul_add(t9_42, t9_60);
+        let t9_61 = -w_ixy_flange_q2;
+        y[41][1] = t9_61;
+        let t9_62 = al_flangez - w_ixx_flange_q4;
+        let t9_63 = al_flangez + w_ixx_flange_q4;
+        let t9_64 = t9_35 - t9_28;
+        let t9_65 = t9_35 + t9_28;
+        let t9_66 = e_flange_q1y * t9_64;
+        let t9_67 = (-cos_q2_elbow_wrist).mul_add(w_ixz_flange_q4, t9_66);
+        let w_ixz_flange_q1 = e_flange_q1x.mul_add(t9_62, t9_67);
         y[42][0] = w_ixz_flange_q1;
-        let t9_66 = t9_60 * t9_43;
-        let w_ixz_flange_q3 = (-t9_62).mul_add(t9_45, t9_66);
-        let t9_67 = -w_ixz_flange_q3;
-        y[42][3] = t9_67;
-        let t9_68 = t9_24 - t9_18;
-        let t9_69 = t9_61 * t9_37;
-        let w_iyz_flange_q2 = t9_68.mul_add(t9_32, t9_69);
-        y[44][1] = w_iyz_flange_q2;
-        let t9_70 = e_flange_q1x * t9_68;
-        let t9_71 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t9_70);
-        let w_iyz_flange_q1 = (-e_flange_q1y).mul_add(t9_61, t9_71);
+        let t9_68 = t9_62 * t9_42;
+        let w_ixz_flange_q2 = (-t9_64).mul_add(t9_44, t9_68);
+        y[42][1] = w_ixz_flange_q2;
+        let t9_69 = t9_62 * t9_47;
+        let w_ixz_flange_q3 = (-t9_64).mul_add(t9_48, t9_69);
+        let t9_70 = -w_ixz_flange_q3;
+        y[42][3] = t9_70;
+        let t9_71 = t9_36 - t9_28;
+        let t9_72 = t9_36 + t9_28;
+        let t9_73 = e_flange_q1x * t9_71;
+        let t9_74 = (-cos_q2_elbow_wrist).mul_add(w_iyz_flange_q4, t9_73);
+        let w_iyz_flange_q1 = (-e_flange_q1y).mul_add(t9_63, t9_74);
         y[44][0] = w_iyz_flange_q1;
-        let t9_72 = t9_61 * t9_45;
-        let w_iyz_flange_q3 = t9_68.mul_add(t9_43, t9_72);
-        let t9_73 = -w_iyz_flange_q3;
-        y[44][3] = t9_73;
-        let t9_74 = cos_q4 * t9_2;
-        let a_flangey = sin_q4.mul_add(t9_1, t9_74);
-        let t9_75 = cos_q4 * t9_1;
-        let a_flangex = (-sin_q4).mul_add(t9_2, t9_75);
-        let t9_76 = -a_flangey;
-        y[46][2] = t9_76;
-        let t9_77 = -a_flangex;
-        y[47][2] = t9_77;
-        let u_flange_q1x = sin_q4 * t9_4;
-        let u_flange_q1y = cos_q4 * t9_4;
-        let t9_78 = t9_24 + t9_18;
-        let t9_79 = t9_23 + t9_18;
-        let t9_80 = t9_23 + t9_24;
-        let t9_81 = e_flange_q1y * a_flangez;
-        let t9_82 = cos_q2_elbow_wrist.mul_add(a_flangey, t9_81);
-        let t9_83 = (-u_flange_q1y).mul_add(t9_60, t9_82);
-        let w_mx_flange_q1 = u_flange_q1x.mul_add(t9_78, t9_83);
+        let t9_75 = e_flange_q1y * a_flangez;
+        let t9_76 = t9_63 * t9_44;
+        let w_iyz_flange_q2 = t9_71.mul_add(t9_42, t9_76);
+        y[44][1] = w_iyz_flange_q2;
+        let t9_77 = a_flangez * t9_44;
+        let t9_78 = t9_50.mul_add(t9_11, t9_77);
+        let t9_79 = a_flangez * t9_42;
+        let t9_80 = t9_51.mul_add(t9_11, t9_79);
+        let t9_81 = t9_63 * t9_48;
+        let w_iyz_flange_q3 = t9_71.mul_add(t9_47, t9_81);
+        let t9_82 = -w_iyz_flange_q3;
+        y[44][3] = t9_82;
+        let t9_83 = a_flangez * t9_48;
+        let t9_84 = t9_50.mul_add(t9_10, t9_83);
+        let t9_85 = a_flangez * t9_47;
+        let t9_86 = t9_51.mul_add(t9_10, t9_85);
+        let t9_87 = cos_q4 * t9_2;
+        let a_flangey = sin_q4.mul_add(t9_1, t9_87);
+        let t9_88 = cos_q2_elbow_wrist.mul_add(a_flangey, t9_75);
+        let t9_89 = -a_flangey;
+        y[46][2] = t9_89;
+        let t9_90 = cos_q4 * t9_1;
+        let a_flangex = (-sin_q4).mul_add(t9_2, t9_90);
+        let t9_91 = cos_q2_elbow_wrist * a_flangex;
+        let t9_92 = e_flange_q1x.mul_add(a_flangez, t9_91);
+        let t9_93 = -a_flangex;
+        y[47][2] = t9_93;
+        let t9_94 = t8_60 * t9_1;
+        let t9_95 = like.lift(0.15852) * t9_94;
+        let w_m_flange_q3 = (-a_flangez).mul_add(t9_10, t9_95);
+        let t9_96 = -w_m_flange_q3;
+        y[49][3] = t9_96;
+        let u_flange_q1x = sin_q4 * t9_6;
+        let u_flange_q1y = cos_q4 * t9_6;
+        let t9_97 = (-u_flange_q1y).mul_add(t9_62, t9_88);
+        let t9_98 = u_flange_q1y.mul_add(t9_65, t9_92);
+        let w_mx_flange_q1 = u_flange_q1x.mul_add(t9_72, t9_97);
         y[46][0] = w_mx_flange_q1;
-        let t9_84 = cos_q2_elbow_wrist * a_flangex;
-        let t9_85 = e_flange_q1x.mul_add(a_flangez, t9_84);
-        let t9_86 = u_flange_q1y.mul_add(t9_79, t9_85);
-        let w_my_flange_q1 = u_flange_q1x.mul_add(t9_61, t9_86);
+        let w_my_flange_q1 = u_flange_q1x.mul_add(t9_63, t9_98);
         y[47][0] = w_my_flange_q1;
-        let t9_87 = e_flange_q1y * a_flangex;
-        let t9_88 = (-e_flange_q1x).mul_add(a_flangey, t9_87);
-        let t9_89 = (-u_flange_q1y).mul_add(w_ixz_flange_q4, t9_88);
-        let w_mz_flange_q1 = u_flange_q1x.mul_add(w_iyz_flange_q4, t9_89);
-        let t9_90 = -w_mz_flange_q1;
-        y[48][0] = t9_90;
-        let t9_91 = u_flange_q1x * a_flangex;
-        let w_m_flange_q1 = (-u_flange_q1y).mul_add(a_flangey, t9_91);
-        let t9_92 = -w_m_flange_q1;
-        y[49][0] = t9_92;
-        let t9_93 = sin_wrist * cos_q4;
-        let t9_94 = cos_q4 * u_wrist_q2x;
-        let t9_95 = (-t9_93).mul_add(t8_57, t9_94);
-        let t9_96 = sin_wrist * sin_q4;
-        let t9_97 = sin_q4 * u_wrist_q2x;
-        let t9_98 = (-t9_96).mul_add(t8_57, t9_97);
-        let t9_99 = t9_93 * x_elbow_q3;
-        let t9_100 = t9_96 * x_elbow_q3;
-        let t9_101 = a_flangez * t9_37;
-        let t9_102 = t9_52.mul_add(t9_36, t9_101);
-        let t9_103 = t9_60.mul_add(t9_98, t9_102);
-        let w_mx_flange_q2 = t9_78.mul_add(t9_95, t9_103);
-        let t9_104 = -w_mx_flange_q2;
-        y[46][1] = t9_104;
-        let t9_105 = t9_60 * t9_100;
-        let t9_106 = t9_78.mul_add(t9_99, t9_105);
-        let t9_107 = a_flangez * t9_45;
-        let t9_108 = t9_52.mul_add(t9_39, t9_107);
-        let w_mx_flange_q3 = like.lift(0.15852).mul_add(t9_106, t9_108);
-        y[46][3] = w_mx_flange_q3;
-        let t9_109 = a_flangey * t9_32;
-        let t9_110 = a_flangex.mul_add(t9_37, t9_109);
-        let t9_111 = a_flangez * t9_32;
-        let t9_112 = t9_47.mul_add(t9_36, t9_111);
-        let t9_113 = t9_79.mul_add(t9_98, t9_112);
-        let w_my_flange_q2 = (-t9_61).mul_add(t9_95, t9_113);
-        y[47][1] = w_my_flange_q2;
-        let t9_114 = t9_79 * t9_100;
-        let t9_115 = (-t9_61).mul_add(t9_99, t9_114);
-        let t9_116 = t9_80.mul_add(t9_36, t9_110);
-        let t9_117 = w_ixz_flange_q4.mul_add(t9_98, t9_116);
-        let w_mz_flange_q2 = w_iyz_flange_q4.mul_add(t9_95, t9_117);
-        y[48][1] = w_mz_flange_q2;
-        let t9_118 = w_ixz_flange_q4 * t9_100;
-        let t9_119 = w_iyz_flange_q4.mul_add(t9_99, t9_118);
-        let t9_120 = a_flangey * t9_98;
-        let t9_121 = (-a_flangez).mul_add(t9_36, t9_120);
-        let w_m_flange_q2 = a_flangex.mul_add(t9_95, t9_121);
+        let t9_99 = t8_57 * cos_q4;
+        let t9_100 = t8_57 * sin_q4;
+        let t9_101 = a_flangey * t9_100;
+        let t9_102 = (-a_flangez).mul_add(t9_11, t9_101);
+        let w_m_flange_q2 = a_flangex.mul_add(t9_99, t9_102);
         y[49][1] = w_m_flange_q2;
-        let t9_122 = a_flangey * t9_100;
-        let t9_123 = a_flangex.mul_add(t9_99, t9_122);
-        let t9_124 = a_flangey * t9_43;
-        let t9_125 = a_flangex.mul_add(t9_45, t9_124);
-        let t9_126 = t9_80.mul_add(t9_39, t9_125);
-        let w_mz_flange_q3 = like.lift(0.15852).mul_add(t9_119, t9_126);
-        let t9_127 = -w_mz_flange_q3;
-        y[48][3] = t9_127;
-        let t9_128 = a_flangez * t9_43;
-        let t9_129 = t9_47.mul_add(t9_39, t9_128);
-        let w_my_flange_q3 = like.lift(0.15852).mul_add(t9_115, t9_129);
-        let t9_130 = like.lift(0.15852) * t9_123;
-        let w_m_flange_q3 = (-a_flangez).mul_add(t9_39, t9_130);
-        let t9_131 = -w_my_flange_q3;
-        y[47][3] = t9_131;
-        let t9_132 = -w_m_flange_q3;
-        y[49][3] = t9_132;
+        let t9_103 = t9_65.mul_add(t9_100, t9_80);
+        let t9_104 = t9_62.mul_add(t9_100, t9_78);
+        let w_my_flange_q2 = (-t9_63).mul_add(t9_99, t9_103);
+        y[47][1] = w_my_flange_q2;
+        let w_mx_flange_q2 = t9_72.mul_add(t9_99, t9_104);
+        let t9_105 = -w_mx_flange_q2;
+        y[46][1] = t9_105;
+        let t9_106 = t8_60 * cos_q4;
+        let t9_107 = t8_60 * sin_q4;
+        let t9_108 = t9_62 * t9_107;
+        let t9_109 = t9_72.mul_add(t9_106, t9_108);
+        let t9_110 = t9_65 * t9_107;
+        let t9_111 = (-t9_63).mul_add(t9_106, t9_110);
+        let w_mx_flange_q3 = like.lift(0.15852).mul_add(t9_109, t9_84);
+        y[46][3] = w_mx_flange_q3;
+        let w_my_flange_q3 = like.lift(0.15852).mul_add(t9_111, t9_86);
+        let t9_112 = -w_my_flange_q3;
+        y[47][3] = t9_112;
     }
     // body crank: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [w_ixz_crank_q3, t10_5, t10_14, t10_20, a_cranky, a_crankx] = {
+    let [w_ixz_crank_q3, t10_6, t10_14, t10_22, w_ixz_crank_q1, a_cranky, a_crankx] = {
         y[55][3] = dr_q3; y[59][0] = w_m_arm_q1;
+        let w_mz_crank_q1 = like.lift(0.0) + like.lift(0.0);
+        y[58][0] = w_mz_crank_q1;
+        let w_izz_crank_q1 = like.lift(0.0) + like.lift(0.0);
+        let t10_1 = -w_izz_crank_q1;
+        y[55][0] = t10_1;
         let w_ixz_crank_q3 = sin_q3 * dr_q1;
         y[52][3] = w_ixz_crank_q3;
         let w_cranky = cos_q3 * d_q1;
-        let t10_1 = cos_q3 * r_q1;
-        let t10_2 = d_q3 * t10_1;
-        let t10_3 = w_cranky.mul_add(r_q3, t10_2);
-        let t10_4 = like.lift(0.5) * t10_3;
-        let t10_5 = w_cranky * t10_1;
-        let al_crankx = w_ixz_crank_q3 + t10_4;
+        let t10_2 = cos_q3 * r_q1;
+        let t10_3 = d_q3 * t10_2;
+        let t10_4 = w_cranky.mul_add(r_q3, t10_3);
+        let t10_5 = t10_4 + w_ixz_crank_q3;
+        let t10_6 = w_cranky * t10_2;
         let w_crankx = sin_q3 * d_q1;
-        let w_ixx_crank_q3 = w_crankx * t10_1;
+        let w_ixx_crank_q3 = w_crankx * t10_2;
         y[53][3] = w_ixx_crank_q3;
-        let t10_6 = -w_ixx_crank_q3;
-        y[50][3] = t10_6;
-        let t10_7 = sin_q3 * r_q1;
-        let t10_8 = d_q3 * t10_7;
-        let t10_9 = w_crankx.mul_add(r_q3, t10_8);
-        let t10_10 = w_crankx * t10_7;
-        let t10_11 = like.lift(0.5) * t10_9;
-        let w_ixy_crank_q3 = t10_10 - t10_5;
+        let t10_7 = -w_ixx_crank_q3;
+        y[50][3] = t10_7;
+        let t10_8 = sin_q3 * r_q1;
+        let t10_9 = d_q3 * t10_8;
+        let t10_10 = w_crankx.mul_add(r_q3, t10_9);
+        let t10_11 = w_crankx * t10_8;
+        let w_ixy_crank_q3 = t10_11 - t10_6;
         y[51][3] = w_ixy_crank_q3;
-        let t10_12 = t6_16 - t10_10;
+        let t10_12 = t6_13 - t10_11;
         let t10_13 = cos_q3 * t10_12;
-        let t10_14 = dr_q3 + w_ixx_crank_q3;
-        let w_ixz_crank_q1 = sin_q3.mul_add(t10_14, t10_13);
-        y[52][0] = w_ixz_crank_q1;
-        let t10_15 = dr_q3 - w_ixx_crank_q3;
-        let t10_16 = cos_q3 * t10_11;
-        let w_ixx_crank_q1 = sin_q3.mul_add(al_crankx, t10_16);
-        y[50][0] = w_ixx_crank_q1;
-        let t10_17 = t10_4 + al_crankx;
-        let t10_18 = sin_q3 * t10_4;
-        let w_izz_crank_q1 = t10_16 - t10_18;
-        let t10_19 = -w_izz_crank_q1;
-        y[55][0] = t10_19;
         let w_iyz_crank_q3 = cos_q3 * dr_q1;
         y[54][3] = w_iyz_crank_q3;
-        let al_cranky = w_iyz_crank_q3 - t10_11;
-        let w_iyy_crank_q1 = (-cos_q3).mul_add(al_cranky, t10_18);
-        let t10_20 = t10_11 - al_cranky;
-        let t10_21 = -w_iyy_crank_q1;
-        y[53][0] = t10_21;
-        let t10_22 = t10_20 - w_iyz_crank_q3;
-        let t10_23 = like.lift(0.0132) * t10_22;
-        let w_mx_crank_q1 = -t10_23;
+        let t10_14 = t10_10 - w_iyz_crank_q3;
+        let t10_15 = t10_14 - w_iyz_crank_q3;
+        let t10_16 = like.lift(0.0132) * t10_15;
+        let w_mx_crank_q1 = -t10_16;
         y[56][0] = w_mx_crank_q1;
-        let t10_24 = sin_q3 * t10_20;
-        let w_ixy_crank_q1 = (-cos_q3).mul_add(t10_17, t10_24);
-        let t10_25 = -w_ixy_crank_q1;
-        y[51][0] = t10_25;
-        let t10_26 = t10_17 + w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.0132) * t10_26;
-        let t10_27 = -w_my_crank_q1;
-        y[57][0] = t10_27;
-        let t10_28 = t6_16 - t10_5;
-        let t10_29 = sin_q3 * t10_28;
-        let w_iyz_crank_q1 = (-cos_q3).mul_add(t10_15, t10_29);
-        let t10_30 = -w_iyz_crank_q1;
-        y[54][0] = t10_30;
-        let t10_31 = sin_q3 * t3_32;
-        let a_cranky = like.lift(9.81).mul_add(cos_q3, t10_31);
+        let w_iyy_crank_q1 = cos_q3 * t10_14;
+        let w_ixx_crank_q1 = w_iyy_crank_q1 + dr_q1;
+        y[50][0] = w_ixx_crank_q1;
+        let t10_17 = -w_iyy_crank_q1;
+        y[53][0] = t10_17;
+        let t10_18 = sin_q3 * t10_14;
+        let w_ixy_crank_q1 = (-cos_q3).mul_add(t10_5, t10_18);
+        let t10_19 = -w_ixy_crank_q1;
+        y[51][0] = t10_19;
+        let t10_20 = t10_5 + w_ixz_crank_q3;
+        let w_my_crank_q1 = like.lift(0.0132) * t10_20;
+        let t10_21 = -w_my_crank_q1;
+        y[57][0] = t10_21;
+        let t10_22 = dr_q3 + w_ixx_crank_q3;
+        let w_ixz_crank_q1 = sin_q3.mul_add(t10_22, t10_13);
+        y[52][0] = w_ixz_crank_q1;
+        let t10_23 = dr_q3 - w_ixx_crank_q3;
+        let t10_24 = t6_13 - t10_6;
+        let t10_25 = sin_q3 * t10_24;
+        let w_iyz_crank_q1 = (-cos_q3).mul_add(t10_23, t10_25);
+        let t10_26 = -w_iyz_crank_q1;
+        y[54][0] = t10_26;
+        let t10_27 = sin_q3 * t3_28;
+        let a_cranky = like.lift(9.81).mul_add(cos_q3, t10_27);
         y[56][3] = a_cranky;
-        let t10_32 = like.lift(9.81) * sin_q3;
-        let a_crankx = (-cos_q3).mul_add(t3_32, t10_32);
-        let t10_33 = (-sin_q3).mul_add(a_cranky, t3_32);
-        let w_mz_crank_q1 = cos_q3.mul_add(a_crankx, t10_33);
-        y[58][0] = w_mz_crank_q1;
-        let t10_34 = -a_crankx;
-        y[57][3] = t10_34;
-        [w_ixz_crank_q3, t10_5, t10_14, t10_20, a_cranky, a_crankx]
+        let t10_28 = like.lift(9.81) * sin_q3;
+        let a_crankx = (-cos_q3).mul_add(t3_28, t10_28);
+        let t10_29 = -a_crankx;
+        y[57][3] = t10_29;
+        [w_ixz_crank_q3, t10_6, t10_14, t10_22, w_ixz_crank_q1, a_cranky, a_crankx]
     };
     // body rod: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t11_1 = t6_16 + t10_5;
-        let a_rodz = like.lift(-0.0456).mul_add(t10_20, a_armz);
+        let t11_1 = t6_13 + t10_6;
+        let a_rodz = like.lift(-0.0456).mul_add(t10_14, a_armz);
         let t11_2 = like.lift(-0.0456).mul_add(t11_1, a_crankx);
-        let t11_3 = like.lift(0.0456).mul_add(t10_14, a_cranky);
+        let t11_3 = like.lift(0.0456).mul_add(t10_22, a_cranky);
+        let w_mz_rod_q1 = like.lift(-0.0456) * w_ixz_crank_q1;
+        y[68][0] = w_mz_rod_q1;
         let w_mz_rod_q3 = like.lift(0.0456) * w_ixz_crank_q3;
         let t11_4 = -w_mz_rod_q3;
         y[68][3] = t11_4;
         let t11_5 = like.lift(1.0) - x_pin_q3;
-        let al_rodz = dr_q3 + t6_40;
+        let al_rodz = dr_q3 + t6_37;
         let w_izz_rod_q3 = al_rodz * t11_5;
         y[65][3] = w_izz_rod_q3;
+        let w_izz_rod_q1 = like.lift(0.0) + like.lift(0.0);
+        let t11_6 = -w_izz_rod_q1;
+        y[65][0] = t11_6;
         let w_izz_rod_q2 = x_pin_q2 * al_rodz;
-        let t11_6 = -w_izz_rod_q2;
-        y[65][1] = t11_6;
-        let t11_7 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t11_7);
-        let t11_8 = cos_q3 * cos_pin;
-        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t11_8);
+        let t11_7 = -w_izz_rod_q2;
+        y[65][1] = t11_7;
+        let t11_8 = like.lift(-0.0456) * t11_3;
+        let w_m_rod_q3 = -t11_8;
+        y[69][3] = w_m_rod_q3;
+        let t11_9 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t11_9);
+        let t11_10 = cos_q3 * cos_pin;
+        let cos_q3_pin = (-sin_q3).mul_add(sin_pin, t11_10);
         let u_rod_q1z = like.lift(0.0456).mul_add(cos_q3, like.lift(0.0132));
-        let t11_9 = u_rod_q1z * t3_31;
         let w_m_rod_q1 = u_rod_q1z * a_rodz;
         y[69][0] = w_m_rod_q1;
         let w_rody = cos_q3_pin * d_q1;
-        let t11_10 = cos_q3_pin * r_q1;
-        let t11_11 = w_rodz * t11_10;
-        let t11_12 = w_rody.mul_add(t5_2, t11_11);
-        let t11_13 = like.lift(0.5) * t11_12;
-        let t11_14 = w_rody * t11_10;
+        let t11_11 = cos_q3_pin * r_q1;
+        let t11_12 = w_rodz * t11_11;
+        let t11_13 = w_rody.mul_add(t5_2, t11_12);
+        let t11_14 = w_rody * t11_11;
         let t11_15 = sin_q3_pin * dr_q1;
+        let t11_16 = t11_15 + t11_13;
         let w_ixz_rod_q3 = t11_15 * t11_5;
         y[62][3] = w_ixz_rod_q3;
         let w_ixz_rod_q2 = x_pin_q2 * t11_15;
-        let t11_16 = -w_ixz_rod_q2;
-        y[62][1] = t11_16;
-        let al_rodx = t11_13 + t11_15;
+        let t11_17 = -w_ixz_rod_q2;
+        y[62][1] = t11_17;
         let w_rodx = sin_q3_pin * d_q1;
-        let t11_17 = w_rodx * t11_10;
-        let w_ixx_rod_q2 = x_pin_q2 * t11_17;
+        let t11_18 = w_rodx * t11_11;
+        let w_ixx_rod_q2 = x_pin_q2 * t11_18;
         y[60][1] = w_ixx_rod_q2;
-        let t11_18 = -w_ixx_rod_q2;
-        y[63][1] = t11_18;
-        let w_ixx_rod_q3 = t11_17 * t11_5;
+        let t11_19 = -w_ixx_rod_q2;
+        y[63][1] = t11_19;
+        let w_ixx_rod_q3 = t11_18 * t11_5;
         y[63][3] = w_ixx_rod_q3;
-        let t11_19 = -w_ixx_rod_q3;
-        y[60][3] = t11_19;
-        let t11_20 = sin_q3_pin * r_q1;
-        let t11_21 = w_rodz * t11_20;
-        let t11_22 = w_rodx.mul_add(t5_2, t11_21);
-        let t11_23 = w_rodx * t11_20;
-        let t11_24 = like.lift(0.5) * t11_22;
-        let t11_25 = cos_q3_pin * t11_24;
-        let w_ixx_rod_q1 = sin_q3_pin.mul_add(al_rodx, t11_25);
-        y[60][0] = w_ixx_rod_q1;
-        let t11_26 = t11_13 + al_rodx;
-        let t11_27 = sin_q3_pin * t11_13;
-        let w_izz_rod_q1 = t11_25 - t11_27;
-        let t11_28 = -w_izz_rod_q1;
-        y[65][0] = t11_28;
-        let t11_29 = cos_q3_pin * dr_q1;
-        let w_iyz_rod_q3 = t11_29 * t11_5;
+        let t11_20 = -w_ixx_rod_q3;
+        y[60][3] = t11_20;
+        let t11_21 = sin_q3_pin * r_q1;
+        let t11_22 = w_rodz * t11_21;
+        let t11_23 = w_rodx.mul_add(t5_2, t11_22);
+        let t11_24 = w_rodx * t11_21;
+        let t11_25 = cos_q3_pin * dr_q1;
+        let t11_26 = t11_23 - t11_25;
+        let w_iyz_rod_q3 = t11_25 * t11_5;
         y[64][3] = w_iyz_rod_q3;
-        let w_iyz_rod_q2 = x_pin_q2 * t11_29;
-        let t11_30 = -w_iyz_rod_q2;
-        y[64][1] = t11_30;
-        let al_rody = t11_24 - t11_29;
-        let w_iyy_rod_q1 = cos_q3_pin.mul_add(al_rody, t11_27);
-        let t11_31 = t11_24 + al_rody;
-        let t11_32 = -w_iyy_rod_q1;
-        y[63][0] = t11_32;
-        let t11_33 = cos_q3_pin * a_rodz;
-        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t11_31, t11_33);
+        let w_iyz_rod_q2 = x_pin_q2 * t11_25;
+        let t11_27 = -w_iyz_rod_q2;
+        y[64][1] = t11_27;
+        let t11_28 = cos_q3_pin * a_rodz;
+        let w_mx_rod_q1 = (-u_rod_q1z).mul_add(t11_26, t11_28);
         y[66][0] = w_mx_rod_q1;
-        let t11_34 = u_rod_q1z * t11_26;
-        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t11_34);
-        let t11_35 = -w_my_rod_q1;
-        y[67][0] = t11_35;
-        let t11_36 = sin_q3_pin * t11_31;
-        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t11_26, t11_36);
-        let t11_37 = -w_ixy_rod_q1;
-        y[61][0] = t11_37;
-        let t11_38 = t11_23 - t11_14;
-        let w_ixy_rod_q3 = t11_38 * t11_5;
+        let t11_29 = u_rod_q1z * t11_16;
+        let w_my_rod_q1 = sin_q3_pin.mul_add(a_rodz, t11_29);
+        let t11_30 = -w_my_rod_q1;
+        y[67][0] = t11_30;
+        let t11_31 = sin_q3_pin * t11_26;
+        let w_ixy_rod_q1 = (-cos_q3_pin).mul_add(t11_16, t11_31);
+        let t11_32 = -w_ixy_rod_q1;
+        y[61][0] = t11_32;
+        let w_iyy_rod_q1 = cos_q3_pin * t11_26;
+        let w_ixx_rod_q1 = w_iyy_rod_q1 + dr_q1;
+        y[60][0] = w_ixx_rod_q1;
+        let t11_33 = -w_iyy_rod_q1;
+        y[63][0] = t11_33;
+        let t11_34 = t11_24 - t11_14;
+        let w_ixy_rod_q3 = t11_34 * t11_5;
         y[61][3] = w_ixy_rod_q3;
-        let w_ixy_rod_q2 = x_pin_q2 * t11_38;
-        let t11_39 = -w_ixy_rod_q2;
-        y[61][1] = t11_39;
-        let t11_40 = al_rodz + t11_17;
-        let t11_41 = al_rodz - t11_17;
-        let t11_42 = t6_17 - t11_23;
-        let t11_43 = cos_q3_pin * t11_42;
-        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t11_40, t11_43);
+        let w_ixy_rod_q2 = x_pin_q2 * t11_34;
+        let t11_35 = -w_ixy_rod_q2;
+        y[61][1] = t11_35;
+        let t11_36 = al_rodz + t11_18;
+        let t11_37 = al_rodz - t11_18;
+        let t11_38 = t6_14 - t11_24;
+        let t11_39 = cos_q3_pin * t11_38;
+        let w_ixz_rod_q1 = sin_q3_pin.mul_add(t11_36, t11_39);
         y[62][0] = w_ixz_rod_q1;
-        let t11_44 = cos_pin * t11_40;
-        let t11_45 = t6_17 + t11_23;
-        let t11_46 = cos_pin * t11_45;
-        let t11_47 = sin_pin.mul_add(t11_41, t11_46);
-        let t11_48 = t6_17 + t11_14;
-        let t11_49 = t6_17 - t11_14;
-        let t11_50 = (-sin_pin).mul_add(t11_48, t11_44);
-        let t11_51 = sin_q3_pin * t11_49;
-        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t11_41, t11_51);
-        let t11_52 = -w_iyz_rod_q1;
-        y[64][0] = t11_52;
-        let t11_53 = sin_pin * t11_2;
-        let a_rody = (-cos_pin).mul_add(t11_3, t11_53);
-        let t11_54 = sin_q3_pin.mul_add(a_rody, t11_9);
-        let t11_55 = sin_pin * t11_3;
-        let a_rodx = cos_pin.mul_add(t11_2, t11_55);
-        let w_mz_rod_q1 = cos_q3_pin.mul_add(a_rodx, t11_54);
-        y[68][0] = w_mz_rod_q1;
-        let t11_56 = cos_pin * a_rody;
-        let t11_57 = (-sin_pin).mul_add(a_rodx, t11_56);
-        let t11_58 = like.lift(0.0456) * t11_57;
-        let w_m_rod_q3 = -t11_58;
-        y[69][3] = w_m_rod_q3;
+        let t11_40 = cos_pin * t11_36;
+        let t11_41 = t6_14 + t11_24;
+        let t11_42 = cos_pin * t11_41;
+        let t11_43 = sin_pin.mul_add(t11_37, t11_42);
+        let t11_44 = t6_14 - t11_14;
+        let t11_45 = sin_q3_pin * t11_44;
+        let w_iyz_rod_q1 = (-cos_q3_pin).mul_add(t11_37, t11_45);
+        let t11_46 = t6_14 + t11_14;
+        let t11_47 = -w_iyz_rod_q1;
+        y[64][0] = t11_47;
+        let t11_48 = (-sin_pin).mul_add(t11_46, t11_40);
+        let t11_49 = sin_pin * t11_2;
+        let t11_50 = sin_pin * t11_3;
+        let a_rody = (-cos_pin).mul_add(t11_3, t11_49);
+        let a_rodx = cos_pin.mul_add(t11_2, t11_50);
         let w_mx_rod_q2 = x_pin_q2 * a_rody;
         y[66][1] = w_mx_rod_q2;
         let w_my_rod_q2 = x_pin_q2 * a_rodx;
         y[67][1] = w_my_rod_q2;
-        let t11_59 = a_rody * t11_5;
-        let w_mx_rod_q3 = like.lift(-0.0456).mul_add(t11_50, t11_59);
-        let t11_60 = a_rodx * t11_5;
-        let w_my_rod_q3 = like.lift(0.0456).mul_add(t11_47, t11_60);
-        let t11_61 = -w_mx_rod_q3;
-        y[66][3] = t11_61;
-        let t11_62 = -w_my_rod_q3;
-        y[67][3] = t11_62;
+        let t11_51 = a_rody * t11_5;
+        let w_mx_rod_q3 = like.lift(-0.0456).mul_add(t11_48, t11_51);
+        let t11_52 = a_rodx * t11_5;
+        let w_my_rod_q3 = like.lift(0.0456).mul_add(t11_43, t11_52);
+        let t11_53 = -w_mx_rod_q3;
+        y[66][3] = t11_53;
+        let t11_54 = -w_my_rod_q3;
+        y[67][3] = t11_54;
     }
     Condition { pivot: condition }
 }
@@ -4905,7 +4661,7 @@ pub fn efforts<T: Scalar>(q: &[T; 7], tau: &[T; 4]) -> ([T; 4], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `poses`: per body in the order of `BODIES`: rotation to the world frame, row by row, then the origin in the world, m
 ///
-/// 20 additions, 44 multiplications, 0 divisions, 7 sines and cosines.
+/// 19 additions, 44 multiplications, 0 divisions, 7 sines and cosines.
 pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 7];
@@ -4916,15 +4672,14 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
         cos_q2_elbow_wrist, sin_q4, cos_q4, sin_q3, cos_q3, sin_q3_pin, cos_q3_pin,
     ] = {
         let t1_1 = elbow + q2;
-        let t1_2 = wrist + elbow;
-        let t1_3 = t1_2 + q2;
-        let t1_4 = pin + q3;
+        let t1_2 = t1_1 + wrist;
+        let t1_3 = pin + q3;
         let [
             (sin_q1, cos_q1), (sin_q2, cos_q2), (sin_q2_elbow, cos_q2_elbow),
             (sin_q2_elbow_wrist, cos_q2_elbow_wrist), (sin_q4, cos_q4), (sin_q3, cos_q3),
             (sin_q3_pin, cos_q3_pin),
         ] =
-            T::sin_cos_all([q1, q2, t1_1, t1_3, q4, q3, t1_4]);
+            T::sin_cos_all([q1, q2, t1_1, t1_2, q4, q3, t1_3]);
         [
             sin_q1, cos_q1, sin_q2, cos_q2, sin_q2_elbow, cos_q2_elbow, sin_q2_elbow_wrist,
             cos_q2_elbow_wrist, sin_q4, cos_q4, sin_q3, cos_q3, sin_q3_pin, cos_q3_pin,
@@ -5075,7 +4830,7 @@ pub fn poses<T: Scalar>(q: &[T; 7]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 175 additions, 266 multiplications, 1 divisions, 6 sines and cosines.
+/// 166 additions, 262 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], w: &mut [[T; 4]; 22]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0][1] = zero; w[0][2] = zero; w[0][3] = zero;
@@ -5130,7 +4885,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
     }
     let [d_q1, d_q2, d_elbow, d_wrist, d_q4, d_q3, d_pin] = *qd;
     // body arm
-    let [t3_7, t3_9, t3_14, t3_17, t3_22, a_army, a_armx] = {
+    let [t3_5, t3_12, t3_13, t3_16, t3_21, a_army, a_armx] = {
         w[5][1] = dd_q2;
         let w_ixz_arm_q2 = sin_q2 * dd_q1;
         w[3][1] = w_ixz_arm_q2;
@@ -5144,58 +4899,57 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         w[7][0] = t3_3;
         let w_armx = sin_q2 * d_q1;
         let al_army = d_q2 * w_armx;
-        let t3_4 = cos_q2 * al_army;
-        let w_ixx_arm_q1 = sin_q2.mul_add(al_armx_2, t3_4);
-        w[1][0] = w_ixx_arm_q1;
-        let w_ixx_arm_q2 = w_armx * w_army;
-        let t3_5 = -w_ixx_arm_q2;
-        w[1][1] = t3_5;
-        let t3_6 = w_armx * w_armx;
-        let t3_7 = w_army * w_army;
-        let w_ixy_arm_q2 = t3_6 - t3_7;
-        w[2][1] = w_ixy_arm_q2;
         let w_iyz_arm_q2 = cos_q2 * dd_q1;
         w[4][1] = w_iyz_arm_q2;
-        let t3_8 = al_army - w_iyz_arm_q2;
-        let t3_9 = t3_8 + al_army;
-        let t3_10 = t3_9 - w_iyz_arm_q2;
-        let t3_11 = like.lift(0.0132) * t3_10;
-        let w_mx_arm_q1 = -t3_11;
+        let t3_4 = al_army - w_iyz_arm_q2;
+        let t3_5 = t3_4 + al_army;
+        let w_ixx_arm_q1 = cos_q2.mul_add(t3_5, dd_q1);
+        w[1][0] = w_ixx_arm_q1;
+        let t3_6 = t3_5 - w_iyz_arm_q2;
+        let t3_7 = like.lift(0.0132) * t3_6;
+        let w_mx_arm_q1 = -t3_7;
         w[6][0] = w_mx_arm_q1;
-        let t3_12 = sin_q2 * t3_9;
-        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_1, t3_12);
-        let t3_13 = -w_ixy_arm_q1;
-        w[2][0] = t3_13;
-        let t3_14 = dd_q2 + w_ixx_arm_q2;
-        let t3_15 = dd_q2 - w_ixx_arm_q2;
-        let t3_16 = cos_q2 * t3_15;
-        let t3_17 = d_q2 * d_q2;
-        let t3_18 = t3_7 - t3_17;
-        let w_iyz_arm_q1 = sin_q2.mul_add(t3_18, t3_16);
+        let t3_8 = sin_q2 * t3_5;
+        let w_ixy_arm_q1 = (-cos_q2).mul_add(t3_1, t3_8);
+        let t3_9 = -w_ixy_arm_q1;
+        w[2][0] = t3_9;
+        let w_ixx_arm_q2 = w_armx * w_army;
+        let t3_10 = -w_ixx_arm_q2;
+        w[1][1] = t3_10;
+        let t3_11 = w_armx * w_armx;
+        let t3_12 = w_army * w_army;
+        let w_ixy_arm_q2 = t3_11 - t3_12;
+        w[2][1] = w_ixy_arm_q2;
+        let t3_13 = dd_q2 + w_ixx_arm_q2;
+        let t3_14 = dd_q2 - w_ixx_arm_q2;
+        let t3_15 = cos_q2 * t3_14;
+        let t3_16 = d_q2 * d_q2;
+        let t3_17 = t3_12 - t3_16;
+        let w_iyz_arm_q1 = sin_q2.mul_add(t3_17, t3_15);
         w[4][0] = w_iyz_arm_q1;
-        let t3_19 = t3_6 - t3_17;
-        let t3_20 = sin_q2 * t3_14;
-        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_19, t3_20);
+        let t3_18 = t3_11 - t3_16;
+        let t3_19 = sin_q2 * t3_13;
+        let w_ixz_arm_q1 = (-cos_q2).mul_add(t3_18, t3_19);
         w[3][0] = w_ixz_arm_q1;
-        let t3_21 = d_q1 * d_q1;
-        let t3_22 = like.lift(0.0132) * t3_21;
-        let t3_23 = sin_q2 * t3_22;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t3_23);
+        let t3_20 = d_q1 * d_q1;
+        let t3_21 = like.lift(0.0132) * t3_20;
+        let t3_22 = sin_q2 * t3_21;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t3_22);
         w[6][1] = a_army;
-        let t3_24 = cos_q2 * t3_22;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_24);
+        let t3_23 = cos_q2 * t3_21;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t3_23);
         w[7][1] = a_armx;
-        [t3_7, t3_9, t3_14, t3_17, t3_22, a_army, a_armx]
+        [t3_5, t3_12, t3_13, t3_16, t3_21, a_army, a_armx]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_2, t4_3, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_6, t4_7, w_ixx_forearm_q1, t4_9,
-        t4_10, t4_11, t4_12, u_forearm_q1z, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
-        x_pin_q2, x_pin_q3,
+        t4_2, t4_3, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_6, t4_7, t4_9, t4_10,
+        w_ixx_forearm_q1, t4_11, t4_12, t4_13, u_forearm_q1z, x_elbow_q2, x_elbow_q3,
+        x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
-        let t4_1 = t3_7 + t3_17;
+        let t4_1 = t3_12 + t3_16;
         let t4_2 = like.lift(0.14207).mul_add(t4_1, a_armx);
-        let t4_3 = like.lift(0.14207).mul_add(t3_14, a_army);
+        let t4_3 = like.lift(0.14207).mul_add(t3_13, a_army);
         let t4_4 = sin_q2 * cos_elbow;
         let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t4_4);
         let t4_5 = cos_q2 * cos_elbow;
@@ -5208,51 +4962,52 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t4_7 = al_forearmx + al_forearmx_2;
         let w_forearmx = sin_q2_elbow * d_q1;
         let al_forearmy = w_forearmz * w_forearmx;
-        let t4_8 = cos_q2_elbow * al_forearmy;
-        let w_ixx_forearm_q1 = sin_q2_elbow.mul_add(al_forearmx_2, t4_8);
-        let t4_9 = al_forearmy + al_forearmy;
-        let t4_10 = w_forearmx * w_forearmy;
-        let t4_11 = w_forearmx * w_forearmx;
-        let t4_12 = w_forearmy * w_forearmy;
-        let t4_13 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_13);
-        let t4_14 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_14);
-        let t4_15 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_15);
-        let t4_16 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_16);
+        let t4_8 = al_forearmy + al_forearmy;
+        let t4_9 = cos_q2_elbow * dd_q1;
+        let t4_10 = t4_8 - t4_9;
+        let w_ixx_forearm_q1 = cos_q2_elbow.mul_add(t4_10, dd_q1);
+        let t4_11 = w_forearmx * w_forearmy;
+        let t4_12 = w_forearmx * w_forearmx;
+        let t4_13 = w_forearmy * w_forearmy;
+        let t4_14 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t4_14);
+        let t4_15 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t4_15);
+        let t4_16 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t4_16);
+        let t4_17 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t4_17);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t4_17 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t4_18 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t4_19 = -t4_18;
-        let t4_20 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_20);
-        let t4_21 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_21);
+        let t4_18 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t4_19 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t4_20 = -t4_19;
+        let t4_21 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t4_21);
+        let t4_22 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t4_22);
         let u_forearm_q1z = like.lift(0.14207).mul_add(cos_q2, like.lift(0.0132));
-        let t4_22 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_22);
-        let t4_23 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_23);
-        let t4_24 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t4_25 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_18);
-        let t4_26 = -t4_24;
-        let t4_27 = t4_24 * t4_17;
-        let t4_28 = sin_pin * t4_17;
-        let t4_29 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_27, t4_25);
-        let t4_30 = like.lift(21.92982456140351) * t4_27;
-        let t4_31 = like.lift(7.038783698176955) * t4_29;
-        let t4_32 = -t4_31;
+        let t4_23 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t4_23);
+        let t4_24 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t4_24);
+        let t4_25 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t4_26 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t4_19);
+        let t4_27 = -t4_25;
+        let t4_28 = t4_25 * t4_18;
+        let t4_29 = sin_pin * t4_18;
+        let t4_30 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t4_28, t4_26);
+        let t4_31 = like.lift(21.92982456140351) * t4_28;
+        let t4_32 = like.lift(7.038783698176955) * t4_30;
+        let t4_33 = -t4_32;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t4_33 = -u_rod_q3x;
-        let t4_34 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t4_35 = t4_28.mul_add(t4_18, t4_34);
-        let t4_36 = -t4_34;
-        let t4_37 = like.lift(7.038783698176955) * t4_35;
-        let t4_38 = -t4_30;
-        let t4_39 = like.lift(1.0) + t4_30;
-        let t4_40 = -t4_28;
+        let t4_34 = -u_rod_q3x;
+        let t4_35 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t4_36 = t4_29.mul_add(t4_19, t4_35);
+        let t4_37 = -t4_35;
+        let t4_38 = like.lift(7.038783698176955) * t4_36;
+        let t4_39 = -t4_31;
+        let t4_40 = like.lift(1.0) + t4_31;
+        let t4_41 = -t4_29;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -5260,23 +5015,23 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t4_38, like.lift(0.0), t4_40],
-                [like.lift(0.0), t4_39, like.lift(0.0), t4_28],
-                [like.lift(0.0), t4_32, like.lift(0.0), t4_37],
+                [like.lift(0.0), t4_39, like.lift(0.0), t4_41],
+                [like.lift(0.0), t4_40, like.lift(0.0), t4_29],
+                [like.lift(0.0), t4_33, like.lift(0.0), t4_38],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t4_19, like.lift(0.0), like.lift(-0.14207)],
+                    [t4_20, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t4_26, like.lift(0.0), t4_33],
-                    [like.lift(0.0), t4_25, like.lift(0.0), t4_36],
+                    [like.lift(0.0), t4_27, like.lift(0.0), t4_34],
+                    [like.lift(0.0), t4_26, like.lift(0.0), t4_37],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -5286,15 +5041,15 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         );
         condition = condition.min(found);
         [
-            t4_2, t4_3, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_6, t4_7, w_ixx_forearm_q1,
-            t4_9, t4_10, t4_11, t4_12, u_forearm_q1z, x_elbow_q2, x_elbow_q3, x_wrist_q2,
-            x_wrist_q3, x_pin_q2, x_pin_q3,
+            t4_2, t4_3, sin_q2_elbow, cos_q2_elbow, w_forearmz, t4_6, t4_7, t4_9, t4_10,
+            w_ixx_forearm_q1, t4_11, t4_12, t4_13, u_forearm_q1z, x_elbow_q2, x_elbow_q3,
+            x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // body forearm
-    let [t5_2, t5_5, al_forearmz, t5_13, t5_23, a_armz, a_forearmz, a_forearmy, a_forearmx] = {
+    let [t5_2, al_forearmz, t5_11, t5_21, a_armz, a_forearmz, a_forearmy, a_forearmx] = {
         w[8][0] = w_ixx_forearm_q1;
-        let w_ixx_forearm_q3 = t4_10 * x_elbow_q3;
+        let w_ixx_forearm_q3 = t4_11 * x_elbow_q3;
         w[8][3] = w_ixx_forearm_q3;
         let w_ixz_forearm_q3 = t4_6 * x_elbow_q3;
         let t5_1 = -w_ixz_forearm_q3;
@@ -5302,88 +5057,84 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t5_2 = like.lift(1.0) - x_elbow_q2;
         let w_ixz_forearm_q2 = t4_6 * t5_2;
         w[10][1] = w_ixz_forearm_q2;
-        let w_ixx_forearm_q2 = t4_10 * t5_2;
-        let t5_3 = -w_ixx_forearm_q2;
-        w[8][1] = t5_3;
-        let t5_4 = cos_q2_elbow * dd_q1;
-        let t5_5 = t4_9 - t5_4;
-        let w_iyz_forearm_q2 = t5_4 * t5_2;
+        let w_iyz_forearm_q2 = t4_9 * t5_2;
         w[11][1] = w_iyz_forearm_q2;
-        let w_iyz_forearm_q3 = t5_4 * x_elbow_q3;
-        let t5_6 = -w_iyz_forearm_q3;
-        w[11][3] = t5_6;
-        let t5_7 = sin_q2_elbow * t5_5;
-        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t4_7, t5_7);
-        let t5_8 = -w_ixy_forearm_q1;
-        w[9][0] = t5_8;
-        let t5_9 = u_forearm_q1z * t4_7;
-        let t5_10 = t4_11 - t4_12;
-        let w_ixy_forearm_q2 = t5_10 * t5_2;
+        let w_iyz_forearm_q3 = t4_9 * x_elbow_q3;
+        let t5_3 = -w_iyz_forearm_q3;
+        w[11][3] = t5_3;
+        let w_ixx_forearm_q2 = t4_11 * t5_2;
+        let t5_4 = -w_ixx_forearm_q2;
+        w[8][1] = t5_4;
+        let t5_5 = sin_q2_elbow * t4_10;
+        let w_ixy_forearm_q1 = (-cos_q2_elbow).mul_add(t4_7, t5_5);
+        let t5_6 = -w_ixy_forearm_q1;
+        w[9][0] = t5_6;
+        let t5_7 = u_forearm_q1z * t4_7;
+        let t5_8 = t4_12 - t4_13;
+        let w_ixy_forearm_q2 = t5_8 * t5_2;
         w[9][1] = w_ixy_forearm_q2;
-        let w_ixy_forearm_q3 = t5_10 * x_elbow_q3;
-        let t5_11 = -w_ixy_forearm_q3;
-        w[9][3] = t5_11;
+        let w_ixy_forearm_q3 = t5_8 * x_elbow_q3;
+        let t5_9 = -w_ixy_forearm_q3;
+        w[9][3] = t5_9;
         let al_forearmz = dd_q2 + dd_elbow;
         let w_izz_forearm_q2 = al_forearmz * t5_2;
         w[12][1] = w_izz_forearm_q2;
         let w_izz_forearm_q3 = al_forearmz * x_elbow_q3;
-        let t5_12 = -w_izz_forearm_q3;
-        w[12][3] = t5_12;
-        let t5_13 = al_forearmz + t4_10;
-        let t5_14 = al_forearmz - t4_10;
-        let t5_15 = w_forearmz * w_forearmz;
-        let t5_16 = t4_11 - t5_15;
-        let t5_17 = sin_q2_elbow * t5_13;
-        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_16, t5_17);
+        let t5_10 = -w_izz_forearm_q3;
+        w[12][3] = t5_10;
+        let t5_11 = al_forearmz + t4_11;
+        let t5_12 = al_forearmz - t4_11;
+        let t5_13 = w_forearmz * w_forearmz;
+        let t5_14 = t4_12 - t5_13;
+        let t5_15 = sin_q2_elbow * t5_11;
+        let w_ixz_forearm_q1 = (-cos_q2_elbow).mul_add(t5_14, t5_15);
         w[10][0] = w_ixz_forearm_q1;
-        let t5_18 = t4_11 + t5_15;
-        let t5_19 = cos_elbow * t5_18;
-        let t5_20 = sin_elbow.mul_add(t5_14, t5_19);
-        let t5_21 = cos_q2_elbow * t5_14;
-        let t5_22 = t4_12 - t5_15;
-        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_22, t5_21);
+        let t5_16 = t4_12 + t5_13;
+        let t5_17 = cos_elbow * t5_16;
+        let t5_18 = sin_elbow.mul_add(t5_12, t5_17);
+        let t5_19 = cos_q2_elbow * t5_12;
+        let t5_20 = t4_13 - t5_13;
+        let w_iyz_forearm_q1 = sin_q2_elbow.mul_add(t5_20, t5_19);
         w[11][0] = w_iyz_forearm_q1;
-        let t5_23 = t4_12 + t5_15;
-        let t5_24 = like.lift(0.14207) * t5_20;
+        let t5_21 = t4_13 + t5_13;
+        let t5_22 = like.lift(0.14207) * t5_18;
         let a_armz = like.lift(0.0132) * dd_q1;
-        let a_forearmz = like.lift(-0.14207).mul_add(t3_9, a_armz);
-        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_9);
-        let t5_25 = -w_my_forearm_q1;
-        w[14][0] = t5_25;
-        let t5_26 = cos_q2_elbow * a_forearmz;
-        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t5_5, t5_26);
+        let a_forearmz = like.lift(-0.14207).mul_add(t3_5, a_armz);
+        let w_my_forearm_q1 = sin_q2_elbow.mul_add(a_forearmz, t5_7);
+        let t5_23 = -w_my_forearm_q1;
+        w[14][0] = t5_23;
+        let t5_24 = cos_q2_elbow * a_forearmz;
+        let w_mx_forearm_q1 = (-u_forearm_q1z).mul_add(t4_10, t5_24);
         w[13][0] = w_mx_forearm_q1;
-        let t5_27 = cos_elbow * t4_3;
-        let a_forearmy = sin_elbow.mul_add(t4_2, t5_27);
-        let t5_28 = cos_elbow * t4_2;
-        let a_forearmx = (-sin_elbow).mul_add(t4_3, t5_28);
-        let w_my_forearm_q2 = (-a_forearmx).mul_add(t5_2, t5_24);
-        let t5_29 = -w_my_forearm_q2;
-        w[14][1] = t5_29;
+        let t5_25 = cos_elbow * t4_3;
+        let a_forearmy = sin_elbow.mul_add(t4_2, t5_25);
+        let t5_26 = cos_elbow * t4_2;
+        let a_forearmx = (-sin_elbow).mul_add(t4_3, t5_26);
+        let w_my_forearm_q2 = (-a_forearmx).mul_add(t5_2, t5_22);
+        let t5_27 = -w_my_forearm_q2;
+        w[14][1] = t5_27;
         let w_mx_forearm_q3 = a_forearmy * x_elbow_q3;
-        let t5_30 = -w_mx_forearm_q3;
-        w[13][3] = t5_30;
+        let t5_28 = -w_mx_forearm_q3;
+        w[13][3] = t5_28;
         let w_my_forearm_q3 = a_forearmx * x_elbow_q3;
-        let t5_31 = -w_my_forearm_q3;
-        w[14][3] = t5_31;
-        let t5_32 = cos_elbow * t5_13;
-        let t5_33 = (-sin_elbow).mul_add(t5_23, t5_32);
-        let t5_34 = a_forearmy * t5_2;
-        let t5_35 = like.lift(0.14207).mul_add(t5_33, t5_34);
-        let w_mx_forearm_q2 = -t5_35;
-        let t5_36 = -w_mx_forearm_q2;
-        w[13][1] = t5_36;
-        [t5_2, t5_5, al_forearmz, t5_13, t5_23, a_armz, a_forearmz, a_forearmy, a_forearmx]
+        let t5_29 = -w_my_forearm_q3;
+        w[14][3] = t5_29;
+        let t5_30 = cos_elbow * t5_11;
+        let t5_31 = (-sin_elbow).mul_add(t5_21, t5_30);
+        let t5_32 = a_forearmy * t5_2;
+        let t5_33 = like.lift(0.14207).mul_add(t5_31, t5_32);
+        w[13][1] = t5_33;
+        [t5_2, al_forearmz, t5_11, t5_21, a_armz, a_forearmz, a_forearmy, a_forearmx]
     };
     // body wrist
     let [
-        a_wristz, t6_1, t6_2, w_wristz, u_wrist_q1z, al_wristz, sin_q2_elbow_wrist,
-        cos_q2_elbow_wrist, w_wristx, al_wristy_2, t6_8, a_wristy, w_wristy, t6_13,
-        u_wrist_q2x, u_wrist_q2y, t6_16, t6_18, t6_19,
+        a_wristz, t6_1, t6_2, w_wristz, u_wrist_q1z, t6_3, al_wristz, sin_q2_elbow_wrist,
+        cos_q2_elbow_wrist, w_wristx, al_wristy_2, t6_8, a_wristy, w_wristy, t6_12,
+        u_wrist_q2y, t6_16, t6_18, t6_19, t6_23,
     ] = {
-        let a_wristz = like.lift(-0.15852).mul_add(t5_5, a_forearmz);
-        let t6_1 = like.lift(0.15852).mul_add(t5_23, a_forearmx);
-        let t6_2 = like.lift(0.15852).mul_add(t5_13, a_forearmy);
+        let a_wristz = like.lift(-0.15852).mul_add(t4_10, a_forearmz);
+        let t6_1 = like.lift(0.15852).mul_add(t5_21, a_forearmx);
+        let t6_2 = like.lift(0.15852).mul_add(t5_11, a_forearmy);
         let w_wristz = d_wrist + w_forearmz;
         let u_wrist_q1z = like.lift(0.15852).mul_add(cos_q2_elbow, u_forearm_q1z);
         let t6_3 = x_wrist_q2 - t5_2;
@@ -5403,36 +5154,36 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         w[15][0] = w_mx_wrist_q1;
         let t6_10 = cos_wrist * t6_2;
         let a_wristy = sin_wrist.mul_add(t6_1, t6_10);
-        let t6_11 = a_wristy * t6_3;
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
-        let t6_12 = w_wristz * w_wristz;
-        let t6_13 = w_wristy.mul_add(w_wristy, t6_12);
-        let t6_14 = sin_wrist * t6_4;
-        let u_wrist_q2x = cos_wrist.mul_add(t6_5, t6_14);
-        let t6_15 = sin_wrist * t6_5;
-        let u_wrist_q2y = (-cos_wrist).mul_add(t6_4, t6_15);
-        let t6_16 = like.lift(0.15852) * x_elbow_q2;
-        let t6_17 = (-sin_wrist).mul_add(t6_16, u_wrist_q2x);
+        let t6_11 = w_wristz * w_wristz;
+        let t6_12 = w_wristy.mul_add(w_wristy, t6_11);
+        let t6_13 = sin_wrist * t6_4;
+        let u_wrist_q2x = cos_wrist.mul_add(t6_5, t6_13);
+        let t6_14 = sin_wrist * t6_5;
+        let u_wrist_q2y = (-cos_wrist).mul_add(t6_4, t6_14);
+        let t6_15 = like.lift(0.15852) * x_elbow_q2;
+        let t6_16 = (-sin_wrist).mul_add(t6_15, u_wrist_q2x);
+        let t6_17 = cos_wrist.mul_add(t6_15, u_wrist_q2y);
         let t6_18 = w_wristx * w_wristy;
         let t6_19 = al_wristz + t6_18;
-        let t6_20 = cos_wrist.mul_add(t6_16, u_wrist_q2y);
-        let t6_21 = t6_19.mul_add(t6_20, t6_11);
-        let w_mx_wrist_q2 = t6_13.mul_add(t6_17, t6_21);
+        let t6_20 = a_wristy * t6_3;
+        let t6_21 = t6_19.mul_add(t6_17, t6_20);
+        let w_mx_wrist_q2 = t6_12.mul_add(t6_16, t6_21);
         let t6_22 = -w_mx_wrist_q2;
         w[15][1] = t6_22;
         let t6_23 = x_elbow_q3 + x_wrist_q3;
-        let t6_24 = a_wristy * t6_23;
-        let t6_25 = t6_19 * cos_wrist;
-        let t6_26 = t6_25 * x_elbow_q3;
-        let t6_27 = t6_13 * sin_wrist;
-        let t6_28 = (-t6_27).mul_add(x_elbow_q3, t6_26);
-        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_28, t6_24);
+        let t6_24 = t6_19 * cos_wrist;
+        let t6_25 = t6_24 * x_elbow_q3;
+        let t6_26 = t6_12 * sin_wrist;
+        let t6_27 = (-t6_26).mul_add(x_elbow_q3, t6_25);
+        let t6_28 = a_wristy * t6_23;
+        let w_mx_wrist_q3 = like.lift(0.15852).mul_add(t6_27, t6_28);
         let t6_29 = -w_mx_wrist_q3;
         w[15][3] = t6_29;
         [
-            a_wristz, t6_1, t6_2, w_wristz, u_wrist_q1z, al_wristz, sin_q2_elbow_wrist,
-            cos_q2_elbow_wrist, w_wristx, al_wristy_2, t6_8, a_wristy, w_wristy, t6_13,
-            u_wrist_q2x, u_wrist_q2y, t6_16, t6_18, t6_19,
+            a_wristz, t6_1, t6_2, w_wristz, u_wrist_q1z, t6_3, al_wristz, sin_q2_elbow_wrist,
+            cos_q2_elbow_wrist, w_wristx, al_wristy_2, t6_8, a_wristy, w_wristy, t6_12,
+            u_wrist_q2y, t6_16, t6_18, t6_19, t6_23,
         ]
     };
     // body flange
@@ -5440,113 +5191,109 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t7_1 = like.lift(-0.05).mul_add(t6_8, a_wristz);
         let a_flangez = like.lift(0.05).mul_add(t6_19, a_wristy);
         let t7_2 = al_wristz - t6_18;
-        let t7_3 = like.lift(0.05) * t6_13;
+        let t7_3 = like.lift(0.05) * t6_12;
         let t7_4 = (-sin_wrist).mul_add(t6_2, t7_3);
         let t7_5 = cos_wrist.mul_add(t6_1, t7_4);
         let al_flangez = dd_q4 + al_wristy_2;
         w[16][2] = al_flangez;
         let t7_6 = like.lift(0.05).mul_add(cos_q2_elbow_wrist, u_wrist_q1z);
         let u_flange_elbowz = like.lift(0.15852).mul_add(cos_wrist, like.lift(0.05));
-        let t7_7 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t7_7);
-        let t7_8 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_8);
+        let t7_7 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
+        let t7_8 = (-u_flange_elbowz).mul_add(x_elbow_q2, t7_7);
+        let t7_9 = t7_8 - u_wrist_q2y;
+        let t7_10 = like.lift(0.05) * x_wrist_q3;
+        let t7_11 = u_flange_elbowz.mul_add(x_elbow_q3, t7_10);
+        let t7_12 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t7_12);
+        let t7_13 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t7_13);
         let al_wristx = w_wristy * w_wristz;
         let w_flangez = d_q4 - w_wristy;
-        let t7_9 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
-        let t7_10 = t7_9 + al_wristx;
-        let t7_11 = w_flangex * w_flangez;
+        let t7_14 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
+        let t7_15 = t7_14 + al_wristx;
+        let t7_16 = w_flangex * w_flangez;
         let e_flange_q1y = sin_q4 * sin_q2_elbow_wrist;
         let e_flange_q1x = cos_q4 * sin_q2_elbow_wrist;
-        let t7_12 = w_flangey * w_flangez;
-        let t7_13 = w_flangez * w_flangez;
-        let t7_14 = t7_11 * e_flange_q1y;
-        let t7_15 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_14);
-        let w_izz_flange_q1 = (-t7_12).mul_add(e_flange_q1x, t7_15);
+        let t7_17 = w_flangey * w_flangez;
+        let t7_18 = w_flangez * w_flangez;
+        let t7_19 = t7_16 * e_flange_q1y;
+        let t7_20 = (-cos_q2_elbow_wrist).mul_add(al_flangez, t7_19);
+        let w_izz_flange_q1 = (-t7_17).mul_add(e_flange_q1x, t7_20);
         w[16][0] = w_izz_flange_q1;
-        let t7_16 = a_flangez * e_flange_q1y;
-        let t7_17 = x_wrist_q2 + x_elbow_q2;
-        let t7_18 = (-cos_q4).mul_add(t7_17, cos_q4);
-        let t7_19 = x_wrist_q2 + x_elbow_q2;
-        let t7_20 = like.lift(-0.05).mul_add(x_wrist_q2, like.lift(0.05));
-        let t7_21 = (-u_flange_elbowz).mul_add(x_elbow_q2, t7_20);
-        let t7_22 = t7_21 - u_wrist_q2y;
-        let t7_23 = (-sin_q4).mul_add(t7_19, sin_q4);
-        let t7_24 = like.lift(0.05) * x_wrist_q3;
-        let t7_25 = u_flange_elbowz.mul_add(x_elbow_q3, t7_24);
-        let t7_26 = t7_12 * t7_23;
-        let w_izz_flange_q2 = t7_11.mul_add(t7_18, t7_26);
+        let t7_21 = a_flangez * e_flange_q1y;
+        let t7_22 = t6_3 * cos_q4;
+        let t7_23 = -t7_22;
+        let t7_24 = t6_3 * sin_q4;
+        let t7_25 = -t7_24;
+        let t7_26 = t7_17 * t7_25;
+        let w_izz_flange_q2 = t7_16.mul_add(t7_23, t7_26);
         let t7_27 = -w_izz_flange_q2;
         w[16][1] = t7_27;
-        let t7_28 = a_flangez * t7_18;
-        let t7_29 = a_flangez * t7_23;
-        let t7_30 = x_wrist_q3 + x_elbow_q3;
-        let t7_31 = cos_q4 * t7_30;
-        let t7_32 = x_wrist_q3 + x_elbow_q3;
-        let t7_33 = sin_q4 * t7_32;
-        let t7_34 = t7_12 * t7_33;
-        let w_izz_flange_q3 = t7_11.mul_add(t7_31, t7_34);
+        let t7_28 = a_flangez * t7_23;
+        let t7_29 = a_flangez * t7_25;
+        let t7_30 = t6_23 * cos_q4;
+        let t7_31 = t6_23 * sin_q4;
+        let t7_32 = t7_17 * t7_31;
+        let w_izz_flange_q3 = t7_16.mul_add(t7_30, t7_32);
         w[16][3] = w_izz_flange_q3;
-        let t7_35 = t7_11 + t7_11;
-        let t7_36 = sin_q4.mul_add(t7_10, t7_35);
-        let t7_37 = t7_12 + t7_12;
-        let t7_38 = (-cos_q4).mul_add(t7_10, t7_37);
-        let t7_39 = (-cos_q4).mul_add(t7_2, t7_36);
-        let t7_40 = (-sin_q4).mul_add(t7_2, t7_38);
-        let t7_41 = (-t7_39).mul_add(t7_22, t7_28);
-        let t7_42 = (-t7_40).mul_add(t7_22, t7_29);
+        let t7_33 = t7_16 + t7_16;
+        let t7_34 = sin_q4.mul_add(t7_15, t7_33);
+        let t7_35 = t7_17 + t7_17;
+        let t7_36 = (-cos_q4).mul_add(t7_15, t7_35);
+        let t7_37 = (-cos_q4).mul_add(t7_2, t7_34);
+        let t7_38 = (-sin_q4).mul_add(t7_2, t7_36);
+        let t7_39 = (-t7_37).mul_add(t7_9, t7_28);
+        let t7_40 = (-t7_38).mul_add(t7_9, t7_29);
+        let t7_41 = a_flangez * t7_30;
+        let t7_42 = (-t7_37).mul_add(t7_11, t7_41);
         let t7_43 = a_flangez * t7_31;
-        let t7_44 = (-t7_39).mul_add(t7_25, t7_43);
-        let t7_45 = a_flangez * t7_33;
-        let t7_46 = (-t7_40).mul_add(t7_25, t7_45);
-        let t7_47 = sin_q4 * t7_5;
-        let a_flangey = (-cos_q4).mul_add(t7_1, t7_47);
+        let t7_44 = (-t7_38).mul_add(t7_11, t7_43);
+        let t7_45 = sin_q4 * t7_5;
+        let a_flangey = (-cos_q4).mul_add(t7_1, t7_45);
         w[17][2] = a_flangey;
-        let t7_48 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_16);
-        let t7_49 = sin_q4 * t7_1;
-        let a_flangex = cos_q4.mul_add(t7_5, t7_49);
+        let t7_46 = cos_q2_elbow_wrist.mul_add(a_flangey, t7_21);
+        let t7_47 = sin_q4 * t7_1;
+        let a_flangex = cos_q4.mul_add(t7_5, t7_47);
         w[18][2] = a_flangex;
-        let t7_50 = cos_q2_elbow_wrist * a_flangex;
-        let t7_51 = a_flangez.mul_add(e_flange_q1x, t7_50);
-        let t7_52 = w_flangey.mul_add(w_flangey, t7_13);
+        let t7_48 = cos_q2_elbow_wrist * a_flangex;
+        let t7_49 = a_flangez.mul_add(e_flange_q1x, t7_48);
+        let t7_50 = w_flangey.mul_add(w_flangey, t7_18);
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t7_53 = w_flangex.mul_add(w_flangex, t7_13);
+        let t7_51 = w_flangex.mul_add(w_flangex, t7_18);
         let u_flange_q1x = sin_q4 * t7_6;
         let u_flange_q1y = cos_q4 * t7_6;
-        let t7_54 = (-t7_53).mul_add(u_flange_q1y, t7_51);
-        let t7_55 = al_flangez - w_ixx_flange_q4;
-        let t7_56 = t7_55.mul_add(u_flange_q1y, t7_48);
-        let t7_57 = al_flangez + w_ixx_flange_q4;
-        let w_mx_flange_q1 = (-t7_52).mul_add(u_flange_q1x, t7_56);
-        let w_my_flange_q1 = (-t7_57).mul_add(u_flange_q1x, t7_54);
-        let t7_58 = -w_mx_flange_q1;
-        w[17][0] = t7_58;
-        let t7_59 = -w_my_flange_q1;
-        w[18][0] = t7_59;
-        let t7_60 = sin_wrist * cos_q4;
-        let t7_61 = cos_q4 * u_wrist_q2x;
-        let t7_62 = (-t7_60).mul_add(t6_16, t7_61);
-        let t7_63 = sin_wrist * sin_q4;
-        let t7_64 = sin_q4 * u_wrist_q2x;
-        let t7_65 = (-t7_63).mul_add(t6_16, t7_64);
-        let t7_66 = (-t7_55).mul_add(t7_65, t7_41);
-        let w_mx_flange_q2 = (-t7_52).mul_add(t7_62, t7_66);
+        let t7_52 = (-t7_51).mul_add(u_flange_q1y, t7_49);
+        let t7_53 = al_flangez - w_ixx_flange_q4;
+        let t7_54 = t7_53.mul_add(u_flange_q1y, t7_46);
+        let t7_55 = al_flangez + w_ixx_flange_q4;
+        let w_mx_flange_q1 = (-t7_50).mul_add(u_flange_q1x, t7_54);
+        let w_my_flange_q1 = (-t7_55).mul_add(u_flange_q1x, t7_52);
+        let t7_56 = -w_mx_flange_q1;
+        w[17][0] = t7_56;
+        let t7_57 = -w_my_flange_q1;
+        w[18][0] = t7_57;
+        let t7_58 = sin_wrist * cos_q4;
+        let t7_59 = t6_16 * cos_q4;
+        let t7_60 = sin_wrist * sin_q4;
+        let t7_61 = t6_16 * sin_q4;
+        let t7_62 = (-t7_53).mul_add(t7_61, t7_39);
+        let w_mx_flange_q2 = (-t7_50).mul_add(t7_59, t7_62);
         w[17][1] = w_mx_flange_q2;
-        let t7_67 = (-t7_53).mul_add(t7_65, t7_42);
-        let w_my_flange_q2 = t7_57.mul_add(t7_62, t7_67);
-        let t7_68 = -w_my_flange_q2;
-        w[18][1] = t7_68;
-        let t7_69 = t7_60 * x_elbow_q3;
-        let t7_70 = t7_63 * x_elbow_q3;
-        let t7_71 = t7_55 * t7_70;
-        let t7_72 = t7_52.mul_add(t7_69, t7_71);
-        let t7_73 = t7_53 * t7_70;
-        let t7_74 = (-t7_57).mul_add(t7_69, t7_73);
-        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_74, t7_46);
+        let t7_63 = (-t7_51).mul_add(t7_61, t7_40);
+        let w_my_flange_q2 = t7_55.mul_add(t7_59, t7_63);
+        let t7_64 = -w_my_flange_q2;
+        w[18][1] = t7_64;
+        let t7_65 = t7_58 * x_elbow_q3;
+        let t7_66 = t7_60 * x_elbow_q3;
+        let t7_67 = t7_53 * t7_66;
+        let t7_68 = t7_50.mul_add(t7_65, t7_67);
+        let t7_69 = t7_51 * t7_66;
+        let t7_70 = (-t7_55).mul_add(t7_65, t7_69);
+        let w_my_flange_q3 = like.lift(-0.15852).mul_add(t7_70, t7_44);
         w[18][3] = w_my_flange_q3;
-        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_72, t7_44);
-        let t7_75 = -w_mx_flange_q3;
-        w[17][3] = t7_75;
+        let w_mx_flange_q3 = like.lift(-0.15852).mul_add(t7_68, t7_42);
+        let t7_71 = -w_mx_flange_q3;
+        w[17][3] = t7_71;
     }
     // body crank
     let [w_crankx, t8_2, a_cranky, a_crankx, w_cranky] = {
@@ -5559,21 +5306,20 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
         let t8_4 = like.lift(0.0132) * t8_3;
         let w_mx_crank_q1 = -t8_4;
         w[19][0] = w_mx_crank_q1;
-        let t8_5 = sin_q3 * t3_22;
+        let t8_5 = sin_q3 * t3_21;
         let a_cranky = like.lift(9.81).mul_add(cos_q3, t8_5);
         w[19][3] = a_cranky;
-        let t8_6 = cos_q3 * t3_22;
+        let t8_6 = cos_q3 * t3_21;
         let a_crankx = like.lift(-9.81).mul_add(sin_q3, t8_6);
         w[20][3] = a_crankx;
         let w_ixz_crank_q3 = sin_q3 * dd_q1;
         let w_cranky = cos_q3 * d_q1;
         let al_crankx = d_q3 * w_cranky;
         let t8_7 = al_crankx + w_ixz_crank_q3;
-        let t8_8 = t8_7 + al_crankx;
-        let t8_9 = t8_8 + w_ixz_crank_q3;
-        let w_my_crank_q1 = like.lift(0.0132) * t8_9;
-        let t8_10 = -w_my_crank_q1;
-        w[20][0] = t8_10;
+        let t8_8 = t8_7 + t8_7;
+        let w_my_crank_q1 = like.lift(0.0132) * t8_8;
+        let t8_9 = -w_my_crank_q1;
+        w[20][0] = t8_9;
         [w_crankx, t8_2, a_cranky, a_crankx, w_cranky]
     };
     // body rod
@@ -5624,7 +5370,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 51 additions, 19 multiplications, 0 divisions, 0 sines and cosines.
+/// 43 additions, 16 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 22] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 22];
@@ -5663,60 +5409,49 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 22] {
         let t1_15 = t1_14 + p_izz_column;
         let t1_16 = t1_15 + p_iyy_rod;
         beta[0] = t1_16;
-        let t1_17 = like.lift(0.0201838849) * p_m_flange;
-        let t1_18 = like.lift(0.0201838849) * p_m_wrist;
-        let t1_19 = like.lift(0.0201838849) * p_m_forearm;
-        let t1_20 = p_iyy_arm - p_ixx_rod;
-        let t1_21 = t1_20 - p_ixx_arm;
-        let t1_22 = t1_21 + p_iyy_rod;
-        let t1_23 = t1_22 + t1_17;
-        let t1_24 = t1_23 + t1_18;
+        let t1_17 = p_iyy_arm - p_ixx_rod;
+        let t1_18 = t1_17 - p_ixx_arm;
+        let t1_19 = t1_18 + p_iyy_rod;
+        let t1_20 = p_m_wrist + p_m_flange;
+        let t1_21 = t1_20 + p_m_forearm;
+        let t1_22 = like.lift(0.14207).mul_add(t1_21, p_mx_arm);
+        let t1_23 = t1_22 + p_mx_rod;
+        beta[6] = t1_23;
+        let t1_24 = like.lift(0.0201838849) * t1_21;
         let t1_25 = t1_24 + t1_19;
-        let t1_26 = t1_19 + t1_18;
-        let t1_27 = -t1_25;
-        beta[1] = t1_27;
-        let t1_28 = t1_26 + t1_17;
-        let t1_29 = t1_28 + p_izz_arm;
-        let t1_30 = t1_29 + p_izz_rod;
-        beta[5] = t1_30;
-        let t1_31 = p_mz_forearm + p_mz_wrist;
-        let t1_32 = like.lift(-0.14207).mul_add(t1_31, p_ixz_arm);
-        let t1_33 = t1_32 + p_ixz_rod;
-        beta[3] = t1_33;
-        let t1_34 = p_m_forearm + p_m_wrist;
-        let t1_35 = t1_34 + p_m_flange;
-        let t1_36 = like.lift(0.14207).mul_add(t1_35, p_mx_arm);
-        let t1_37 = t1_36 + p_mx_rod;
-        beta[6] = t1_37;
-        let t1_38 = like.lift(0.00207936) * p_m_rod;
-        let t1_39 = like.lift(0.0251285904) * p_m_flange;
-        let t1_40 = like.lift(0.0251285904) * p_m_wrist;
-        let t1_41 = p_iyy_forearm - p_ixx_crank;
-        let t1_42 = t1_41 - p_ixx_forearm;
-        let t1_43 = t1_42 + p_iyy_crank;
-        let t1_44 = t1_43 + t1_38;
-        let t1_45 = t1_44 + t1_39;
-        let t1_46 = t1_45 + t1_40;
-        let t1_47 = t1_40 + t1_39;
-        let t1_48 = -t1_46;
-        beta[8] = t1_48;
-        let t1_49 = t1_47 + t1_38;
-        let t1_50 = t1_49 + p_izz_forearm;
-        let t1_51 = t1_50 + p_izz_crank;
-        beta[12] = t1_51;
-        let t1_52 = like.lift(-0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
-        let t1_53 = like.lift(0.0456).mul_add(p_mz_rod, t1_52);
-        let t1_54 = t1_53 - p_ixz_crank;
-        beta[10] = t1_54;
-        let t1_55 = like.lift(0.32096853663686914) * p_mx_rod;
-        let t1_56 = p_m_wrist + p_m_flange;
-        let t1_57 = like.lift(0.15852).mul_add(t1_56, p_mx_forearm);
-        let t1_58 = t1_57 - t1_55;
-        beta[13] = t1_58;
-        let t1_59 = like.lift(-0.0456).mul_add(p_m_rod, t1_55);
-        let t1_60 = t1_59 - p_mx_crank;
-        let t1_61 = -t1_60;
-        beta[19] = t1_61;
+        let t1_26 = -t1_25;
+        beta[1] = t1_26;
+        let t1_27 = t1_24 + p_izz_arm;
+        let t1_28 = t1_27 + p_izz_rod;
+        beta[5] = t1_28;
+        let t1_29 = p_mz_forearm + p_mz_wrist;
+        let t1_30 = like.lift(-0.14207).mul_add(t1_29, p_ixz_arm);
+        let t1_31 = t1_30 + p_ixz_rod;
+        beta[3] = t1_31;
+        let t1_32 = like.lift(0.00207936) * p_m_rod;
+        let t1_33 = like.lift(0.0251285904) * t1_20;
+        let t1_34 = t1_33 + t1_32;
+        let t1_35 = like.lift(0.15852).mul_add(t1_20, p_mx_forearm);
+        let t1_36 = t1_34 + p_izz_forearm;
+        let t1_37 = t1_36 + p_izz_crank;
+        beta[12] = t1_37;
+        let t1_38 = like.lift(0.32096853663686914) * p_mx_rod;
+        let t1_39 = t1_35 - t1_38;
+        beta[13] = t1_39;
+        let t1_40 = like.lift(-0.0456).mul_add(p_m_rod, t1_38);
+        let t1_41 = t1_40 - p_mx_crank;
+        let t1_42 = -t1_41;
+        beta[19] = t1_42;
+        let t1_43 = p_iyy_forearm - p_ixx_crank;
+        let t1_44 = t1_43 - p_ixx_forearm;
+        let t1_45 = t1_44 + p_iyy_crank;
+        let t1_46 = t1_34 + t1_45;
+        let t1_47 = -t1_46;
+        beta[8] = t1_47;
+        let t1_48 = like.lift(-0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
+        let t1_49 = like.lift(0.0456).mul_add(p_mz_rod, t1_48);
+        let t1_50 = t1_49 - p_ixz_crank;
+        beta[10] = t1_50;
     }
     beta
 }
@@ -5727,7 +5462,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 22] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 51 additions, 19 multiplications, 0 divisions, 0 sines and cosines.
+/// 50 additions, 19 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 70];
@@ -5791,38 +5526,37 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70
         let t1_31 = like.lift(0.14207).mul_add(t1_30, p_ixz_arm);
         let t1_32 = t1_31 - p_ixz_rod;
         phi[12] = t1_32;
-        let t1_33 = p_m_forearm + p_m_wrist;
-        let t1_34 = t1_33 + p_m_flange;
+        let t1_33 = p_m_wrist + p_m_flange;
+        let t1_34 = t1_33 + p_m_forearm;
         let t1_35 = like.lift(-0.14207).mul_add(t1_34, p_mx_arm);
         let t1_36 = t1_35 - p_mx_rod;
         phi[16] = t1_36;
-        let t1_37 = like.lift(0.00207936) * p_m_rod;
-        let t1_38 = like.lift(0.0251285904) * p_m_flange;
-        let t1_39 = like.lift(0.0251285904) * p_m_wrist;
-        let t1_40 = p_ixx_forearm + p_iyy_forearm;
-        let t1_41 = t1_40 - p_ixx_crank;
-        let t1_42 = t1_41 + p_iyy_crank;
-        let t1_43 = t1_42 + t1_37;
-        let t1_44 = t1_43 + t1_38;
-        let t1_45 = t1_44 + t1_39;
-        phi[20] = t1_45;
-        let t1_46 = p_izz_forearm - t1_39;
-        let t1_47 = t1_46 - t1_38;
-        let t1_48 = t1_47 - p_izz_crank;
-        let t1_49 = t1_48 - t1_37;
-        phi[25] = t1_49;
-        let t1_50 = like.lift(0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
-        let t1_51 = like.lift(-0.0456).mul_add(p_mz_rod, t1_50);
-        let t1_52 = t1_51 + p_ixz_crank;
-        phi[22] = t1_52;
-        let t1_53 = like.lift(0.32096853663686914) * p_mx_rod;
-        let t1_54 = like.lift(-0.0456).mul_add(p_m_rod, p_mx_crank);
-        let t1_55 = t1_54 + t1_53;
-        phi[56] = t1_55;
-        let t1_56 = p_m_wrist + p_m_flange;
-        let t1_57 = like.lift(-0.15852).mul_add(t1_56, p_mx_forearm);
-        let t1_58 = t1_57 + t1_53;
-        phi[26] = t1_58;
+        let t1_37 = like.lift(-0.15852).mul_add(t1_33, p_mx_forearm);
+        let t1_38 = like.lift(0.32096853663686914) * p_mx_rod;
+        let t1_39 = t1_37 + t1_38;
+        phi[26] = t1_39;
+        let t1_40 = like.lift(-0.0456).mul_add(p_m_rod, p_mx_crank);
+        let t1_41 = t1_40 + t1_38;
+        phi[56] = t1_41;
+        let t1_42 = like.lift(0.00207936) * p_m_rod;
+        let t1_43 = like.lift(0.0251285904) * p_m_flange;
+        let t1_44 = like.lift(0.0251285904) * p_m_wrist;
+        let t1_45 = p_ixx_forearm + p_iyy_forearm;
+        let t1_46 = t1_45 - p_ixx_crank;
+        let t1_47 = t1_46 + p_iyy_crank;
+        let t1_48 = t1_47 + t1_42;
+        let t1_49 = t1_48 + t1_43;
+        let t1_50 = t1_49 + t1_44;
+        phi[20] = t1_50;
+        let t1_51 = p_izz_forearm - t1_44;
+        let t1_52 = t1_51 - t1_43;
+        let t1_53 = t1_52 - p_izz_crank;
+        let t1_54 = t1_53 - t1_42;
+        phi[25] = t1_54;
+        let t1_55 = like.lift(0.15852).mul_add(p_mz_wrist, p_ixz_forearm);
+        let t1_56 = like.lift(-0.0456).mul_add(p_mz_rod, t1_55);
+        let t1_57 = t1_56 + p_ixz_crank;
+        phi[22] = t1_57;
     }
     phi
 }
@@ -5835,7 +5569,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 22], free: &[T; 48]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 208 additions, 255 multiplications, 1 divisions, 6 sines and cosines.
+/// 201 additions, 255 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -5866,8 +5600,9 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
     ] = *beta;
     // tau, part 1
     let [
-        t2_17, t2_21, t2_23, w_ixx_arm_q2, sin_q2_elbow, cos_q2_elbow, t2_45, a_armx,
-        w_ixy_arm_q2, a_army, t2_90, t2_101, t2_146, t2_158, t2_165, t2_190, t2_196,
+        t2_17, t2_21, t2_23, w_ixx_arm_q2, t2_40, t2_46, a_armx, w_ixy_arm_q2, a_army, t2_101,
+        t2_139, t2_166, t2_169, t2_174, t2_189, sin_q2_elbow_minus_q3,
+        sin_q2_elbow_minus_q3_minus_pin, t2_193,
     ] = {
         let a_armz = like.lift(0.0132) * dd_q1;
         let w_crankx = sin_q3 * d_q1;
@@ -5938,232 +5673,226 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let w_wristz = d_wrist + w_forearmz;
         let t2_38 = t2_35 - t2_37;
         let t2_39 = al_army - al_army_2;
+        let t2_40 = al_army_2 + al_army;
         let a_forearmz = like.lift(-0.14207).mul_add(t2_39, a_armz);
-        let t2_40 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_40);
-        let t2_41 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_41);
+        let t2_41 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_41);
+        let t2_42 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_42);
         let w_wristx = d_q1 * sin_q2_elbow_wrist;
-        let t2_42 = sin_q4 * w_wristx;
-        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_42);
+        let t2_43 = sin_q4 * w_wristx;
+        let w_flangey = (-cos_q4).mul_add(w_wristz, t2_43);
         let w_wristy = d_q1 * cos_q2_elbow_wrist;
         let w_flangez = d_q4 - w_wristy;
-        let t2_43 = w_flangey * w_flangez;
-        let t2_44 = d_q1 * d_q1;
-        let t2_45 = like.lift(0.0132) * t2_44;
-        let t2_46 = cos_q2 * t2_45;
-        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_46);
-        let t2_47 = t2_28 + t2_30;
-        let t2_48 = like.lift(0.14207).mul_add(t2_47, a_armx);
-        let t2_49 = t2_29 - t2_30;
+        let t2_44 = w_flangey * w_flangez;
+        let t2_45 = d_q1 * d_q1;
+        let t2_46 = like.lift(0.0132) * t2_45;
+        let t2_47 = cos_q2 * t2_46;
+        let a_armx = like.lift(-9.81).mul_add(sin_q2, t2_47);
+        let t2_48 = t2_28 + t2_30;
+        let t2_49 = like.lift(0.14207).mul_add(t2_48, a_armx);
+        let t2_50 = t2_29 - t2_30;
         let w_ixy_arm_q2 = t2_29 - t2_28;
-        let t2_50 = sin_q2 * t2_45;
-        let a_army = like.lift(9.81).mul_add(cos_q2, t2_50);
-        let t2_51 = dd_q2 + w_ixx_arm_q2;
-        let t2_52 = like.lift(0.14207).mul_add(t2_51, a_army);
-        let t2_53 = cos_elbow * t2_48;
-        let a_forearmx = (-sin_elbow).mul_add(t2_52, t2_53);
-        let t2_54 = cos_elbow * t2_52;
-        let a_forearmy = sin_elbow.mul_add(t2_48, t2_54);
-        let t2_55 = t2_35 + t2_37;
-        let t2_56 = t2_36 - t2_35;
-        let t2_57 = like.lift(0.15852).mul_add(t2_55, a_forearmx);
-        let t2_58 = al_forearmz + t2_34;
-        let t2_59 = like.lift(0.15852).mul_add(t2_58, a_forearmy);
-        let t2_60 = cos_wrist * t2_59;
-        let a_wristy = sin_wrist.mul_add(t2_57, t2_60);
+        let t2_51 = sin_q2 * t2_46;
+        let a_army = like.lift(9.81).mul_add(cos_q2, t2_51);
+        let t2_52 = dd_q2 + w_ixx_arm_q2;
+        let t2_53 = like.lift(0.14207).mul_add(t2_52, a_army);
+        let t2_54 = p_ixz_arm * t2_52;
+        let t2_55 = (-p_my_arm).mul_add(a_armz, t2_54);
+        let t2_56 = (-p_ixy_arm).mul_add(t2_39, t2_55);
+        let t2_57 = al_armx_2.mul_add(p_ixx_arm, t2_56);
+        let t2_58 = t2_31.mul_add(p_iyz_arm, t2_57);
+        let t2_59 = al_armx.mul_add(p_izz_arm, t2_58);
+        let t2_60 = p_mx_arm * a_armz;
+        let t2_61 = dd_q2 - w_ixx_arm_q2;
+        let t2_62 = p_iyz_arm.mul_add(t2_61, t2_60);
+        let t2_63 = cos_elbow * t2_49;
+        let a_forearmx = (-sin_elbow).mul_add(t2_53, t2_63);
+        let t2_64 = cos_elbow * t2_53;
+        let a_forearmy = sin_elbow.mul_add(t2_49, t2_64);
+        let t2_65 = t2_35 + t2_37;
+        let t2_66 = t2_36 - t2_35;
+        let t2_67 = like.lift(0.15852).mul_add(t2_65, a_forearmx);
+        let t2_68 = al_forearmz + t2_34;
+        let t2_69 = like.lift(0.15852).mul_add(t2_68, a_forearmy);
+        let t2_70 = cos_wrist * t2_69;
+        let a_wristy = sin_wrist.mul_add(t2_67, t2_70);
         let al_wristz = dd_wrist + al_forearmz;
-        let t2_61 = w_wristx * w_wristy;
-        let t2_62 = al_wristz + t2_61;
-        let t2_63 = al_wristz - t2_61;
-        let a_flangez = like.lift(0.05).mul_add(t2_62, a_wristy);
-        let t2_64 = a_wristy * p_mx_wrist;
-        let t2_65 = a_flangez * p_my_flange;
-        let t2_66 = t2_43.mul_add(p_izz_flange, t2_65);
-        let t2_67 = t2_43 + t2_43;
-        let t2_68 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t2_68);
+        let t2_71 = w_wristx * w_wristy;
+        let t2_72 = al_wristz + t2_71;
+        let t2_73 = al_wristz - t2_71;
+        let a_flangez = like.lift(0.05).mul_add(t2_72, a_wristy);
+        let t2_74 = a_wristy * p_mx_wrist;
+        let t2_75 = a_flangez * p_my_flange;
+        let t2_76 = t2_44.mul_add(p_izz_flange, t2_75);
+        let t2_77 = t2_44 + t2_44;
+        let t2_78 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t2_78);
         let al_wristy = w_wristx * w_wristz;
         let al_wristy_2 = (-dd_q1).mul_add(cos_q2_elbow_wrist, al_wristy);
-        let t2_69 = al_wristy + al_wristy_2;
+        let t2_79 = al_wristy + al_wristy_2;
         let al_flangez = dd_q4 + al_wristy_2;
-        let t2_70 = w_flangex * w_flangez;
-        let t2_71 = w_flangez * w_flangez;
-        let t2_72 = t2_70 * p_izz_flange;
-        let t2_73 = (-a_flangez).mul_add(p_mx_flange, t2_72);
-        let t2_74 = t2_70 + t2_70;
-        let t2_75 = cos_q4 * t2_66;
-        let t2_76 = (-sin_q4).mul_add(t2_73, t2_75);
-        let t2_77 = al_forearmy + al_forearmy_2;
-        let a_wristz = like.lift(-0.15852).mul_add(t2_77, a_forearmz);
-        let t2_78 = w_wristz * w_wristz;
-        let t2_79 = w_wristy.mul_add(w_wristy, t2_78);
+        let t2_80 = w_flangex * w_flangez;
+        let t2_81 = w_flangez * w_flangez;
+        let t2_82 = t2_80 * p_izz_flange;
+        let t2_83 = (-a_flangez).mul_add(p_mx_flange, t2_82);
+        let t2_84 = t2_80 + t2_80;
+        let t2_85 = cos_q4 * t2_76;
+        let t2_86 = (-sin_q4).mul_add(t2_83, t2_85);
+        let t2_87 = al_forearmy + al_forearmy_2;
+        let t2_88 = al_forearmy_2 - al_forearmy;
+        let a_wristz = like.lift(-0.15852).mul_add(t2_87, a_forearmz);
+        let t2_89 = w_wristz * w_wristz;
+        let t2_90 = w_wristy.mul_add(w_wristy, t2_89);
         let al_wristx = w_wristy * w_wristz;
-        let t2_80 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
-        let t2_81 = t2_80 + al_wristx;
-        let t2_82 = sin_q4.mul_add(t2_81, t2_74);
-        let t2_83 = (-cos_q4).mul_add(t2_81, t2_67);
-        let t2_84 = (-cos_q4).mul_add(t2_63, t2_82);
-        let t2_85 = (-sin_q4).mul_add(t2_63, t2_83);
-        let t2_86 = t2_84 * p_mx_flange;
-        let t2_87 = (-t2_85).mul_add(p_my_flange, t2_86);
-        let t2_88 = like.lift(-0.05).mul_add(t2_87, t2_64);
-        let t2_89 = (-cos_q4).mul_add(t2_73, t2_88);
-        let t2_90 = (-sin_q4).mul_add(t2_66, t2_89);
-        let t2_91 = t2_62.mul_add(p_mx_wrist, -t2_87);
-        let t2_92 = like.lift(0.05) * t2_79;
-        let t2_93 = (-sin_wrist).mul_add(t2_59, t2_92);
-        let t2_94 = cos_wrist.mul_add(t2_57, t2_93);
-        let t2_95 = t2_79 * p_mx_wrist;
-        let t2_96 = like.lift(-0.05).mul_add(t2_69, a_wristz);
-        let t2_97 = sin_q4 * t2_94;
-        let a_flangey = (-cos_q4).mul_add(t2_96, t2_97);
-        let t2_98 = sin_q4 * t2_96;
-        let a_flangex = cos_q4.mul_add(t2_94, t2_98);
-        let t2_99 = al_flangez * p_izz_flange;
-        let t2_100 = a_flangex.mul_add(p_my_flange, t2_99);
-        let t2_101 = a_flangey.mul_add(p_mx_flange, t2_100);
-        let t2_102 = a_wristz.mul_add(p_mx_wrist, -t2_101);
-        let t2_103 = w_flangey.mul_add(w_flangey, t2_71);
+        let t2_91 = dd_q1.mul_add(sin_q2_elbow_wrist, al_wristx);
+        let t2_92 = t2_91 + al_wristx;
+        let t2_93 = sin_q4.mul_add(t2_92, t2_84);
+        let t2_94 = (-cos_q4).mul_add(t2_92, t2_77);
+        let t2_95 = (-cos_q4).mul_add(t2_73, t2_93);
+        let t2_96 = (-sin_q4).mul_add(t2_73, t2_94);
+        let t2_97 = t2_95 * p_mx_flange;
+        let t2_98 = (-t2_96).mul_add(p_my_flange, t2_97);
+        let t2_99 = like.lift(-0.05).mul_add(t2_98, t2_74);
+        let t2_100 = (-cos_q4).mul_add(t2_83, t2_99);
+        let t2_101 = (-sin_q4).mul_add(t2_76, t2_100);
+        let t2_102 = t2_72.mul_add(p_mx_wrist, -t2_98);
+        let t2_103 = like.lift(0.05) * t2_90;
+        let t2_104 = (-sin_wrist).mul_add(t2_69, t2_103);
+        let t2_105 = cos_wrist.mul_add(t2_67, t2_104);
+        let t2_106 = t2_90 * p_mx_wrist;
+        let t2_107 = al_forearmz.mul_add(p_izz_forearm, t2_101);
+        let t2_108 = (-p_iyz_forearm).mul_add(t2_88, t2_107);
+        let t2_109 = al_forearmz - t2_34;
+        let t2_110 = al_forearmx_2 - al_forearmx;
+        let t2_111 = p_ixz_forearm.mul_add(t2_110, t2_108);
+        let t2_112 = t2_66.mul_add(p_ixy_forearm, t2_111);
+        let t2_113 = (-t2_34).mul_add(p_ixx_forearm, t2_112);
+        let t2_114 = a_forearmx.mul_add(p_my_forearm, t2_113);
+        let t2_115 = a_forearmy.mul_add(p_mx_forearm, t2_114);
+        let t2_116 = p_my_forearm * t2_109;
+        let t2_117 = t2_65.mul_add(p_mx_forearm, t2_116);
+        let t2_118 = sin_wrist.mul_add(t2_102, t2_117);
+        let t2_119 = a_forearmz * p_mx_forearm;
+        let t2_120 = p_iyz_forearm.mul_add(t2_109, t2_119);
+        let t2_121 = p_ixz_forearm * t2_68;
+        let t2_122 = (-a_forearmz).mul_add(p_my_forearm, t2_121);
+        let t2_123 = (-p_ixy_forearm).mul_add(t2_87, t2_122);
+        let t2_124 = al_forearmx_2.mul_add(p_ixx_forearm, t2_123);
+        let t2_125 = t2_38.mul_add(p_iyz_forearm, t2_124);
+        let t2_126 = al_forearmx.mul_add(p_izz_forearm, t2_125);
+        let t2_127 = al_forearmx_2 + al_forearmx;
+        let t2_128 = p_ixy_forearm.mul_add(t2_127, t2_120);
+        let t2_129 = t2_36 - t2_37;
+        let t2_130 = (-t2_129).mul_add(p_ixz_forearm, t2_128);
+        let t2_131 = t2_36 + t2_37;
+        let t2_132 = p_ixx_forearm - p_izz_forearm;
+        let t2_133 = al_forearmy.mul_add(t2_132, t2_130);
+        let t2_134 = like.lift(-0.05).mul_add(t2_79, a_wristz);
+        let t2_135 = sin_q4 * t2_105;
+        let a_flangey = (-cos_q4).mul_add(t2_134, t2_135);
+        let t2_136 = sin_q4 * t2_134;
+        let a_flangex = cos_q4.mul_add(t2_105, t2_136);
+        let t2_137 = al_flangez * p_izz_flange;
+        let t2_138 = a_flangex.mul_add(p_my_flange, t2_137);
+        let t2_139 = a_flangey.mul_add(p_mx_flange, t2_138);
+        let t2_140 = a_wristz.mul_add(p_mx_wrist, -t2_139);
+        let t2_141 = w_flangey.mul_add(w_flangey, t2_81);
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t2_104 = w_flangex.mul_add(w_flangex, t2_71);
-        let t2_105 = al_flangez + w_ixx_flange_q4;
-        let t2_106 = al_flangez - w_ixx_flange_q4;
-        let t2_107 = t2_105 * p_my_flange;
-        let t2_108 = t2_103.mul_add(p_mx_flange, t2_107);
-        let t2_109 = t2_106 * p_mx_flange;
-        let t2_110 = (-t2_104).mul_add(p_my_flange, t2_109);
-        let t2_111 = sin_q4.mul_add(t2_110, t2_95);
-        let t2_112 = sin_q4 * t2_108;
-        let t2_113 = (-cos_q4).mul_add(t2_110, t2_112);
-        let t2_114 = cos_q4.mul_add(t2_108, t2_111);
-        let t2_115 = like.lift(0.05).mul_add(t2_113, t2_102);
-        let t2_116 = t2_69.mul_add(p_mx_wrist, -t2_113);
-        let t2_117 = al_forearmy_2 + al_forearmy;
-        let t2_118 = al_forearmy_2 - al_forearmy;
-        let t2_119 = al_forearmz.mul_add(p_izz_forearm, t2_90);
-        let t2_120 = (-p_iyz_forearm).mul_add(t2_118, t2_119);
-        let t2_121 = al_forearmx_2 - al_forearmx;
-        let t2_122 = p_ixz_forearm.mul_add(t2_121, t2_120);
-        let t2_123 = t2_56.mul_add(p_ixy_forearm, t2_122);
-        let t2_124 = (-t2_34).mul_add(p_ixx_forearm, t2_123);
-        let t2_125 = a_forearmx.mul_add(p_my_forearm, t2_124);
-        let t2_126 = a_forearmy.mul_add(p_mx_forearm, t2_125);
-        let t2_127 = al_forearmz + t2_34;
-        let t2_128 = p_ixz_forearm * t2_127;
-        let t2_129 = (-a_forearmz).mul_add(p_my_forearm, t2_128);
-        let t2_130 = (-p_ixy_forearm).mul_add(t2_117, t2_129);
-        let t2_131 = al_forearmx_2.mul_add(p_ixx_forearm, t2_130);
-        let t2_132 = t2_38.mul_add(p_iyz_forearm, t2_131);
-        let t2_133 = al_forearmx.mul_add(p_izz_forearm, t2_132);
-        let t2_134 = (-sin_wrist).mul_add(t2_115, t2_133);
-        let t2_135 = (-cos_wrist).mul_add(t2_76, t2_134);
-        let t2_136 = a_forearmz * p_mx_forearm;
-        let t2_137 = al_forearmz - t2_34;
-        let t2_138 = p_iyz_forearm.mul_add(t2_137, t2_136);
-        let t2_139 = al_forearmz - t2_34;
-        let t2_140 = t2_139 * p_my_forearm;
-        let t2_141 = t2_55.mul_add(p_mx_forearm, t2_140);
-        let t2_142 = sin_wrist.mul_add(t2_91, t2_141);
-        let t2_143 = cos_wrist.mul_add(t2_114, t2_142);
-        let t2_144 = sin_wrist * t2_114;
-        let t2_145 = (-cos_wrist).mul_add(t2_91, t2_144);
-        let t2_146 = like.lift(-0.15852).mul_add(t2_145, t2_126);
-        let t2_147 = t2_58.mul_add(p_mx_forearm, -t2_145);
-        let t2_148 = sin_elbow * t2_143;
-        let t2_149 = al_forearmx_2 + al_forearmx;
-        let t2_150 = p_ixy_forearm.mul_add(t2_149, t2_138);
-        let t2_151 = al_forearmx + al_forearmx_2;
-        let t2_152 = t2_151.mul_add(p_my_forearm, t2_116);
-        let t2_153 = t2_77.mul_add(p_mx_forearm, t2_152);
-        let t2_154 = t2_36 - t2_37;
-        let t2_155 = t2_36 + t2_37;
-        let t2_156 = (-t2_155).mul_add(p_my_forearm, t2_147);
-        let t2_157 = (-t2_154).mul_add(p_ixz_forearm, t2_150);
-        let t2_158 = (-cos_elbow).mul_add(t2_156, t2_148);
-        let t2_159 = p_ixx_forearm - p_izz_forearm;
-        let t2_160 = al_forearmy.mul_add(t2_159, t2_157);
-        let t2_161 = like.lift(-0.15852).mul_add(t2_116, t2_160);
-        let t2_162 = cos_wrist.mul_add(t2_115, t2_161);
-        let t2_163 = (-sin_wrist).mul_add(t2_76, t2_162);
-        let t2_164 = al_army_2 - al_army;
-        let t2_165 = al_army_2 + al_army;
-        let t2_166 = dd_q2 + w_ixx_arm_q2;
-        let t2_167 = p_ixz_arm * t2_166;
-        let t2_168 = (-p_my_arm).mul_add(a_armz, t2_167);
-        let t2_169 = p_ixy_arm.mul_add(t2_164, t2_168);
-        let t2_170 = al_armx_2.mul_add(p_ixx_arm, t2_169);
-        let t2_171 = t2_31.mul_add(p_iyz_arm, t2_170);
-        let t2_172 = al_armx.mul_add(p_izz_arm, t2_171);
-        let t2_173 = (-sin_elbow).mul_add(t2_163, t2_172);
-        let t2_174 = cos_elbow.mul_add(t2_135, t2_173);
-        let t2_175 = p_mx_arm * a_armz;
-        let t2_176 = dd_q2 - w_ixx_arm_q2;
-        let t2_177 = p_iyz_arm.mul_add(t2_176, t2_175);
-        let t2_178 = al_armx_2 + al_armx;
-        let t2_179 = p_ixy_arm.mul_add(t2_178, t2_177);
-        let t2_180 = (-t2_49).mul_add(p_ixz_arm, t2_179);
-        let t2_181 = p_ixx_arm - p_izz_arm;
-        let t2_182 = al_army.mul_add(t2_181, t2_180);
-        let t2_183 = like.lift(-0.14207).mul_add(t2_153, t2_182);
-        let t2_184 = cos_elbow.mul_add(t2_163, t2_183);
-        let t2_185 = sin_elbow.mul_add(t2_135, t2_184);
-        let t2_186 = al_armx + al_armx_2;
-        let t2_187 = t2_186.mul_add(p_my_arm, t2_153);
-        let t2_188 = t2_39.mul_add(p_mx_arm, t2_187);
-        let t2_189 = t2_27 + t2_188;
-        let t2_190 = al_armx_2 - al_armx;
-        let t2_191 = dd_q1 * p_izz_column;
-        let t2_192 = like.lift(-0.0132).mul_add(t2_189, t2_191);
-        let t2_193 = cos_q3.mul_add(t2_20, t2_192);
-        let t2_194 = (-sin_q3).mul_add(t2_5, t2_193);
-        let t2_195 = cos_q2.mul_add(t2_185, t2_194);
-        let t2_196 = sin_q2.mul_add(t2_174, t2_195);
+        let t2_142 = w_flangex.mul_add(w_flangex, t2_81);
+        let t2_143 = al_flangez + w_ixx_flange_q4;
+        let t2_144 = al_flangez - w_ixx_flange_q4;
+        let t2_145 = t2_143 * p_my_flange;
+        let t2_146 = t2_141.mul_add(p_mx_flange, t2_145);
+        let t2_147 = t2_144 * p_mx_flange;
+        let t2_148 = (-t2_142).mul_add(p_my_flange, t2_147);
+        let t2_149 = sin_q4.mul_add(t2_148, t2_106);
+        let t2_150 = sin_q4 * t2_146;
+        let t2_151 = (-cos_q4).mul_add(t2_148, t2_150);
+        let t2_152 = cos_q4.mul_add(t2_146, t2_149);
+        let t2_153 = like.lift(0.05).mul_add(t2_151, t2_140);
+        let t2_154 = t2_79.mul_add(p_mx_wrist, -t2_151);
+        let t2_155 = p_my_forearm.mul_add(t2_127, t2_154);
+        let t2_156 = like.lift(-0.15852).mul_add(t2_154, t2_133);
+        let t2_157 = t2_87.mul_add(p_mx_forearm, t2_155);
+        let t2_158 = (-sin_wrist).mul_add(t2_153, t2_126);
+        let t2_159 = cos_wrist.mul_add(t2_153, t2_156);
+        let t2_160 = (-cos_wrist).mul_add(t2_86, t2_158);
+        let t2_161 = (-sin_wrist).mul_add(t2_86, t2_159);
+        let t2_162 = sin_wrist * t2_152;
+        let t2_163 = (-cos_wrist).mul_add(t2_102, t2_162);
+        let t2_164 = cos_wrist.mul_add(t2_152, t2_118);
+        let t2_165 = t2_68.mul_add(p_mx_forearm, -t2_163);
+        let t2_166 = like.lift(-0.15852).mul_add(t2_163, t2_115);
+        let t2_167 = (-t2_131).mul_add(p_my_forearm, t2_165);
+        let t2_168 = sin_elbow * t2_164;
+        let t2_169 = (-cos_elbow).mul_add(t2_167, t2_168);
+        let t2_170 = (-sin_elbow).mul_add(t2_161, t2_59);
+        let t2_171 = cos_elbow.mul_add(t2_160, t2_170);
+        let t2_172 = p_ixx_arm - p_izz_arm;
+        let t2_173 = al_armx_2 + al_armx;
+        let t2_174 = al_armx_2 - al_armx;
+        let t2_175 = p_ixy_arm.mul_add(t2_173, t2_62);
+        let t2_176 = (-t2_50).mul_add(p_ixz_arm, t2_175);
+        let t2_177 = al_army.mul_add(t2_172, t2_176);
+        let t2_178 = like.lift(-0.14207).mul_add(t2_157, t2_177);
+        let t2_179 = cos_elbow.mul_add(t2_161, t2_178);
+        let t2_180 = sin_elbow.mul_add(t2_160, t2_179);
+        let t2_181 = p_my_arm.mul_add(t2_173, t2_157);
+        let t2_182 = t2_39.mul_add(p_mx_arm, t2_181);
+        let t2_183 = t2_27 + t2_182;
+        let t2_184 = dd_q1 * p_izz_column;
+        let t2_185 = like.lift(-0.0132).mul_add(t2_183, t2_184);
+        let t2_186 = cos_q3.mul_add(t2_20, t2_185);
+        let t2_187 = (-sin_q3).mul_add(t2_5, t2_186);
+        let t2_188 = cos_q2.mul_add(t2_180, t2_187);
+        let t2_189 = sin_q2.mul_add(t2_171, t2_188);
+        let t2_190 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_190);
+        let t2_191 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_191);
+        let t2_192 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_192);
+        let t2_193 = cos_q2_elbow_minus_q3 * cos_pin;
         [
-            t2_17, t2_21, t2_23, w_ixx_arm_q2, sin_q2_elbow, cos_q2_elbow, t2_45, a_armx,
-            w_ixy_arm_q2, a_army, t2_90, t2_101, t2_146, t2_158, t2_165, t2_190, t2_196,
+            t2_17, t2_21, t2_23, w_ixx_arm_q2, t2_40, t2_46, a_armx, w_ixy_arm_q2, a_army,
+            t2_101, t2_139, t2_166, t2_169, t2_174, t2_189, sin_q2_elbow_minus_q3,
+            sin_q2_elbow_minus_q3_minus_pin, t2_193,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3] = {
-        let t3_1 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t3_1);
-        let t3_2 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t3_2);
-        let t3_3 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t3_3);
-        let t3_4 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t3_4);
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_193);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t3_5 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t3_6 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t3_7 = -t3_6;
-        let t3_8 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_8);
-        let t3_9 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_9);
-        let t3_10 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_10);
-        let t3_11 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_11);
-        let t3_12 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t3_13 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_6);
-        let t3_14 = -t3_12;
-        let t3_15 = t3_12 * t3_5;
-        let t3_16 = sin_pin * t3_5;
-        let t3_17 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_15, t3_13);
-        let t3_18 = like.lift(21.92982456140351) * t3_15;
-        let t3_19 = like.lift(7.038783698176955) * t3_17;
-        let t3_20 = -t3_19;
+        let t3_1 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t3_2 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t3_3 = -t3_2;
+        let t3_4 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t3_4);
+        let t3_5 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t3_5);
+        let t3_6 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t3_6);
+        let t3_7 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t3_7);
+        let t3_8 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t3_9 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t3_2);
+        let t3_10 = -t3_8;
+        let t3_11 = t3_8 * t3_1;
+        let t3_12 = sin_pin * t3_1;
+        let t3_13 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_11, t3_9);
+        let t3_14 = like.lift(21.92982456140351) * t3_11;
+        let t3_15 = like.lift(7.038783698176955) * t3_13;
+        let t3_16 = -t3_15;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_21 = -u_rod_q3x;
-        let t3_22 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t3_23 = t3_16.mul_add(t3_6, t3_22);
-        let t3_24 = -t3_22;
-        let t3_25 = like.lift(7.038783698176955) * t3_23;
-        let t3_26 = -t3_18;
-        let t3_27 = like.lift(1.0) + t3_18;
-        let t3_28 = -t3_16;
+        let t3_17 = -u_rod_q3x;
+        let t3_18 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t3_19 = t3_12.mul_add(t3_2, t3_18);
+        let t3_20 = -t3_18;
+        let t3_21 = like.lift(7.038783698176955) * t3_19;
+        let t3_22 = -t3_14;
+        let t3_23 = like.lift(1.0) + t3_14;
+        let t3_24 = -t3_12;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6171,23 +5900,23 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_26, like.lift(0.0), t3_28],
-                [like.lift(0.0), t3_27, like.lift(0.0), t3_16],
-                [like.lift(0.0), t3_20, like.lift(0.0), t3_25],
+                [like.lift(0.0), t3_22, like.lift(0.0), t3_24],
+                [like.lift(0.0), t3_23, like.lift(0.0), t3_12],
+                [like.lift(0.0), t3_16, like.lift(0.0), t3_21],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t3_7, like.lift(0.0), like.lift(-0.14207)],
+                    [t3_3, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_14, like.lift(0.0), t3_21],
-                    [like.lift(0.0), t3_13, like.lift(0.0), t3_24],
+                    [like.lift(0.0), t3_10, like.lift(0.0), t3_17],
+                    [like.lift(0.0), t3_9, like.lift(0.0), t3_20],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6200,9 +5929,9 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
     };
     // tau
     {
-        tau[0] = t2_196; tau[2] = t2_101;
-        let t4_1 = cos_q3 * t2_45;
-        let t4_2 = sin_q3 * t2_45;
+        tau[0] = t2_189; tau[2] = t2_139;
+        let t4_1 = cos_q3 * t2_46;
+        let t4_2 = sin_q3 * t2_46;
         let a_crankx = like.lift(-9.81).mul_add(sin_q3, t4_1);
         let a_cranky = like.lift(9.81).mul_add(cos_q3, t4_2);
         let t4_3 = like.lift(0.0456).mul_add(t2_23, a_crankx);
@@ -6210,24 +5939,24 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
         let t4_5 = like.lift(0.0456).mul_add(t2_21, a_cranky);
         let a_rodx = (-sin_pin).mul_add(t4_5, t4_4);
         let t4_6 = a_rodx * p_my_rod;
-        let t4_7 = (-t4_6).mul_add(x_pin_q2, t2_146);
-        let t4_8 = (-t2_90).mul_add(x_wrist_q2, t4_7);
+        let t4_7 = (-t4_6).mul_add(x_pin_q2, t2_166);
+        let t4_8 = (-t2_101).mul_add(x_wrist_q2, t4_7);
         let t4_9 = (-t4_6).mul_add(x_pin_q3, t4_6);
         let t4_10 = a_crankx.mul_add(p_my_crank, t4_9);
         let t4_11 = a_cranky.mul_add(p_mx_crank, t4_10);
         let t4_12 = like.lift(-0.0456).mul_add(t2_17, t4_11);
-        let t4_13 = (-t2_90).mul_add(x_wrist_q3, t4_12);
-        let t4_14 = (-t2_146).mul_add(x_elbow_q3, t4_13);
+        let t4_13 = (-t2_101).mul_add(x_wrist_q3, t4_12);
+        let t4_14 = (-t2_166).mul_add(x_elbow_q3, t4_13);
         tau[3] = t4_14;
-        let t4_15 = (-t2_146).mul_add(x_elbow_q2, t4_8);
+        let t4_15 = (-t2_166).mul_add(x_elbow_q2, t4_8);
         let t4_16 = dd_q2.mul_add(p_izz_arm, t4_15);
-        let t4_17 = p_iyz_arm.mul_add(t2_165, t4_16);
-        let t4_18 = p_ixz_arm.mul_add(t2_190, t4_17);
+        let t4_17 = p_iyz_arm.mul_add(t2_40, t4_16);
+        let t4_18 = p_ixz_arm.mul_add(t2_174, t4_17);
         let t4_19 = w_ixy_arm_q2.mul_add(p_ixy_arm, t4_18);
         let t4_20 = (-w_ixx_arm_q2).mul_add(p_ixx_arm, t4_19);
         let t4_21 = a_armx.mul_add(p_my_arm, t4_20);
         let t4_22 = a_army.mul_add(p_mx_arm, t4_21);
-        let t4_23 = like.lift(-0.14207).mul_add(t2_158, t4_22);
+        let t4_23 = like.lift(-0.14207).mul_add(t2_169, t4_22);
         tau[1] = t4_23;
     }
     (tau, Condition { pivot: condition })
@@ -6239,7 +5968,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 7], qd: &[T; 7], qdd: &[T; 7], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 40 additions, 79 multiplications, 1 divisions, 6 sines and cosines.
+/// 35 additions, 66 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -6266,87 +5995,75 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
     ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_18, t2_19, t2_30, t2_33, t2_60, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+        t2_2, t2_17, t2_18, t2_21, t2_48, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
         x_pin_q2, x_pin_q3,
     ] = {
-        let t2_1 = sin_q2 * cos_elbow;
-        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_1);
-        let t2_2 = cos_q2 * cos_elbow;
-        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_2);
-        let t2_3 = sin_q2_elbow * cos_wrist;
-        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_3);
-        let t2_4 = cos_q2_elbow * cos_wrist;
-        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_4);
-        let t2_5 = cos_q2_elbow_wrist * p_my_flange;
-        let t2_6 = cos_q2_elbow_wrist * p_mx_flange;
-        let t2_7 = cos_q2_elbow_wrist * p_mx_wrist;
-        let t2_8 = cos_q4.mul_add(t2_6, t2_7);
-        let t2_9 = sin_q4 * t2_6;
-        let t2_10 = cos_q4.mul_add(t2_5, t2_9);
-        let t2_11 = (-sin_q4).mul_add(t2_5, t2_8);
-        let t2_12 = like.lift(9.81) * t2_10;
-        let t2_13 = cos_q4 * sin_q2_elbow_wrist;
-        let t2_14 = sin_q4 * sin_q2_elbow_wrist;
-        let t2_15 = t2_13 * p_my_flange;
-        let t2_16 = t2_14.mul_add(p_mx_flange, t2_15);
-        let t2_17 = like.lift(9.81) * t2_16;
+        let t2_1 = like.lift(0.0) + like.lift(0.0);
+        let t2_2 = -t2_1;
+        let t2_3 = sin_q2 * cos_elbow;
+        let sin_q2_elbow = cos_q2.mul_add(sin_elbow, t2_3);
+        let t2_4 = cos_q2 * cos_elbow;
+        let cos_q2_elbow = (-sin_q2).mul_add(sin_elbow, t2_4);
+        let t2_5 = sin_q2_elbow * cos_wrist;
+        let sin_q2_elbow_wrist = cos_q2_elbow.mul_add(sin_wrist, t2_5);
+        let t2_6 = cos_q2_elbow * cos_wrist;
+        let cos_q2_elbow_wrist = (-sin_q2_elbow).mul_add(sin_wrist, t2_6);
+        let t2_7 = cos_q2_elbow_wrist * p_my_flange;
+        let t2_8 = cos_q2_elbow_wrist * p_mx_flange;
+        let t2_9 = cos_q2_elbow_wrist * p_mx_wrist;
+        let t2_10 = cos_q4.mul_add(t2_8, t2_9);
+        let t2_11 = (-sin_q4).mul_add(t2_7, t2_10);
+        let t2_12 = cos_q4 * sin_q2_elbow_wrist;
+        let t2_13 = sin_q4 * sin_q2_elbow_wrist;
+        let t2_14 = t2_12 * p_my_flange;
+        let t2_15 = t2_13.mul_add(p_mx_flange, t2_14);
+        let t2_16 = like.lift(9.81) * t2_15;
+        let t2_17 = -t2_16;
         let t2_18 = like.lift(9.81) * t2_11;
-        let t2_19 = -t2_17;
-        let t2_20 = sin_wrist * t2_17;
-        let t2_21 = sin_wrist * t2_12;
-        let t2_22 = cos_wrist.mul_add(t2_12, t2_20);
-        let t2_23 = (-cos_wrist).mul_add(t2_17, t2_21);
-        let t2_24 = cos_elbow * t2_22;
-        let t2_25 = cos_elbow * t2_23;
-        let t2_26 = (-sin_elbow).mul_add(t2_23, t2_24);
-        let t2_27 = sin_elbow.mul_add(t2_22, t2_25);
-        let t2_28 = cos_q2 * t2_27;
-        let t2_29 = sin_q2.mul_add(t2_26, t2_28);
-        let t2_30 = -t2_29;
-        let t2_31 = sin_q2_elbow * p_my_forearm;
-        let t2_32 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_31);
-        let t2_33 = like.lift(-9.81).mul_add(t2_32, t2_18);
-        let t2_34 = sin_q2_elbow * cos_q3;
-        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_34);
-        let t2_35 = cos_q2_elbow * cos_q3;
-        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_35);
-        let t2_36 = sin_q2_elbow_minus_q3 * cos_pin;
-        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_36);
-        let t2_37 = cos_q2_elbow_minus_q3 * cos_pin;
-        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_37);
+        let t2_19 = sin_q2_elbow * p_my_forearm;
+        let t2_20 = (-cos_q2_elbow).mul_add(p_mx_forearm, t2_19);
+        let t2_21 = like.lift(-9.81).mul_add(t2_20, t2_18);
+        let t2_22 = sin_q2_elbow * cos_q3;
+        let sin_q2_elbow_minus_q3 = (-cos_q2_elbow).mul_add(sin_q3, t2_22);
+        let t2_23 = cos_q2_elbow * cos_q3;
+        let cos_q2_elbow_minus_q3 = sin_q2_elbow.mul_add(sin_q3, t2_23);
+        let t2_24 = sin_q2_elbow_minus_q3 * cos_pin;
+        let sin_q2_elbow_minus_q3_minus_pin = (-cos_q2_elbow_minus_q3).mul_add(sin_pin, t2_24);
+        let t2_25 = cos_q2_elbow_minus_q3 * cos_pin;
+        let cos_q2_elbow_minus_q3_minus_pin = sin_q2_elbow_minus_q3.mul_add(sin_pin, t2_25);
         let pivot_3 = like.lift(0.0456) * sin_q2_elbow_minus_q3_minus_pin;
-        let t2_38 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
-        let t2_39 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
-        let t2_40 = -t2_39;
-        let t2_41 = sin_q2 * cos_q3;
-        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_41);
-        let t2_42 = cos_q2 * cos_q3;
-        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_42);
-        let t2_43 = sin_q2_minus_q3 * cos_pin;
-        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_43);
-        let t2_44 = cos_q2_minus_q3 * cos_pin;
-        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_44);
-        let t2_45 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
-        let t2_46 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_39);
-        let t2_47 = -t2_45;
-        let t2_48 = t2_45 * t2_38;
-        let t2_49 = sin_pin * t2_38;
-        let t2_50 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_48, t2_46);
-        let t2_51 = like.lift(21.92982456140351) * t2_48;
-        let t2_52 = like.lift(7.038783698176955) * t2_50;
-        let t2_53 = -t2_52;
+        let t2_26 = like.lift(1.0) / sin_q2_elbow_minus_q3_minus_pin;
+        let t2_27 = like.lift(0.0456) * cos_q2_elbow_minus_q3_minus_pin;
+        let t2_28 = -t2_27;
+        let t2_29 = sin_q2 * cos_q3;
+        let sin_q2_minus_q3 = (-cos_q2).mul_add(sin_q3, t2_29);
+        let t2_30 = cos_q2 * cos_q3;
+        let cos_q2_minus_q3 = sin_q2.mul_add(sin_q3, t2_30);
+        let t2_31 = sin_q2_minus_q3 * cos_pin;
+        let sin_q2_minus_q3_minus_pin = (-cos_q2_minus_q3).mul_add(sin_pin, t2_31);
+        let t2_32 = cos_q2_minus_q3 * cos_pin;
+        let cos_q2_minus_q3_minus_pin = sin_q2_minus_q3.mul_add(sin_pin, t2_32);
+        let t2_33 = like.lift(0.14207).mul_add(sin_q2_minus_q3_minus_pin, -pivot_3);
+        let t2_34 = like.lift(0.14207).mul_add(cos_q2_minus_q3_minus_pin, -t2_27);
+        let t2_35 = -t2_33;
+        let t2_36 = t2_33 * t2_26;
+        let t2_37 = sin_pin * t2_26;
+        let t2_38 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t2_36, t2_34);
+        let t2_39 = like.lift(21.92982456140351) * t2_36;
+        let t2_40 = like.lift(7.038783698176955) * t2_38;
+        let t2_41 = -t2_40;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t2_54 = -u_rod_q3x;
-        let t2_55 = sin_q3 * cos_pin;
-        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_55);
-        let t2_56 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
-        let t2_57 = t2_49.mul_add(t2_39, t2_56);
-        let t2_58 = -t2_56;
-        let t2_59 = like.lift(7.038783698176955) * t2_57;
-        let t2_60 = sin_q3_pin * p_my_rod;
-        let t2_61 = -t2_51;
-        let t2_62 = like.lift(1.0) + t2_51;
-        let t2_63 = -t2_49;
+        let t2_42 = -u_rod_q3x;
+        let t2_43 = sin_q3 * cos_pin;
+        let sin_q3_pin = cos_q3.mul_add(sin_pin, t2_43);
+        let t2_44 = like.lift(0.0456).mul_add(cos_pin, like.lift(0.14207));
+        let t2_45 = t2_37.mul_add(t2_27, t2_44);
+        let t2_46 = -t2_44;
+        let t2_47 = like.lift(7.038783698176955) * t2_45;
+        let t2_48 = sin_q3_pin * p_my_rod;
+        let t2_49 = -t2_39;
+        let t2_50 = like.lift(1.0) + t2_39;
+        let t2_51 = -t2_37;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6354,23 +6071,23 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t2_61, like.lift(0.0), t2_63],
-                [like.lift(0.0), t2_62, like.lift(0.0), t2_49],
-                [like.lift(0.0), t2_53, like.lift(0.0), t2_59],
+                [like.lift(0.0), t2_49, like.lift(0.0), t2_51],
+                [like.lift(0.0), t2_50, like.lift(0.0), t2_37],
+                [like.lift(0.0), t2_41, like.lift(0.0), t2_47],
             ],
             margin,
             || (
                 [
                     [pivot_3, like.lift(0.0), like.lift(0.0)],
-                    [t2_40, like.lift(0.0), like.lift(-0.14207)],
+                    [t2_28, like.lift(0.0), like.lift(-0.14207)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t2_47, like.lift(0.0), t2_54],
-                    [like.lift(0.0), t2_46, like.lift(0.0), t2_58],
+                    [like.lift(0.0), t2_35, like.lift(0.0), t2_42],
+                    [like.lift(0.0), t2_34, like.lift(0.0), t2_46],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6380,26 +6097,26 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
         );
         condition = condition.min(found);
         [
-            t2_18, t2_19, t2_30, t2_33, t2_60, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
+            t2_2, t2_17, t2_18, t2_21, t2_48, x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3,
             x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        tau[0] = t2_30; tau[2] = t2_19;
-        let t3_1 = t2_60 * x_pin_q2;
+        tau[0] = t2_2; tau[2] = t2_17;
+        let t3_1 = t2_48 * x_pin_q2;
         let t3_2 = (-sin_q2).mul_add(p_my_arm, t3_1);
-        let t3_3 = t2_60.mul_add(x_pin_q3, -t2_60);
+        let t3_3 = t2_48.mul_add(x_pin_q3, -t2_48);
         let t3_4 = (-sin_q3).mul_add(p_my_crank, t3_3);
         let t3_5 = cos_q2.mul_add(p_mx_arm, t3_2);
         let t3_6 = cos_q3.mul_add(p_mx_crank, t3_4);
-        let t3_7 = like.lift(9.81).mul_add(t3_5, t2_33);
+        let t3_7 = like.lift(9.81).mul_add(t3_5, t2_21);
         let t3_8 = (-t2_18).mul_add(x_wrist_q2, t3_7);
-        let t3_9 = (-t2_33).mul_add(x_elbow_q2, t3_8);
+        let t3_9 = (-t2_21).mul_add(x_elbow_q2, t3_8);
         tau[1] = t3_9;
         let t3_10 = like.lift(9.81) * t3_6;
         let t3_11 = (-t2_18).mul_add(x_wrist_q3, t3_10);
-        let t3_12 = (-t2_33).mul_add(x_elbow_q3, t3_11);
+        let t3_12 = (-t2_21).mul_add(x_elbow_q3, t3_11);
         tau[3] = t3_12;
     }
     (tau, Condition { pivot: condition })
@@ -6412,7 +6129,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 169 additions, 251 multiplications, 1 divisions, 6 sines and cosines.
+/// 167 additions, 251 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -6577,7 +6294,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_5, t3_19, t3_21, w_ixy_arm_q2, t3_29, t3_69, t3_85, t3_105, t3_111, t3_153,
+        t3_5, t3_19, t3_21, w_ixy_arm_q2, t3_29, t3_67, t3_85, t3_105, t3_119, t3_151,
         x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
     ] = {
         let t3_1 = w_rodx.mul_add(w_rody, -al_rodz);
@@ -6626,68 +6343,68 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         let a_forearmy = sin_elbow.mul_add(t3_26, t3_33);
         let t3_34 = like.lift(0.15852).mul_add(t3_10, a_forearmx);
         let t3_35 = t3_10 * p_mx_forearm;
-        let t3_36 = t2_31 - al_forearmz;
-        let t3_37 = (-p_my_forearm).mul_add(t3_36, t3_35);
-        let t3_38 = t2_31 + al_forearmz;
-        let t3_39 = like.lift(0.15852).mul_add(t3_38, a_forearmy);
-        let t3_40 = cos_wrist * t3_39;
-        let a_wristy = sin_wrist.mul_add(t3_34, t3_40);
-        let t3_41 = w_wristx * w_wristy;
-        let t3_42 = t3_41 + al_wristz;
-        let t3_43 = t3_41 - al_wristz;
-        let a_flangez = like.lift(0.05).mul_add(t3_42, a_wristy);
-        let t3_44 = p_mx_wrist * a_wristy;
-        let t3_45 = p_my_flange * a_flangez;
-        let t3_46 = t3_9.mul_add(p_izz_flange, t3_45);
-        let t3_47 = t3_9 + t3_9;
-        let t3_48 = sin_q4.mul_add(t3_43, t3_47);
-        let t3_49 = sin_q4 * w_wristz;
-        let w_flangex = cos_q4.mul_add(w_wristx, t3_49);
+        let t3_36 = t2_31 + al_forearmz;
+        let t3_37 = like.lift(0.15852).mul_add(t3_36, a_forearmy);
+        let t3_38 = cos_wrist * t3_37;
+        let a_wristy = sin_wrist.mul_add(t3_34, t3_38);
+        let t3_39 = w_wristx * w_wristy;
+        let t3_40 = t3_39 + al_wristz;
+        let t3_41 = t3_39 - al_wristz;
+        let a_flangez = like.lift(0.05).mul_add(t3_40, a_wristy);
+        let t3_42 = p_mx_wrist * a_wristy;
+        let t3_43 = p_my_flange * a_flangez;
+        let t3_44 = t3_9.mul_add(p_izz_flange, t3_43);
+        let t3_45 = t3_9 + t3_9;
+        let t3_46 = sin_q4.mul_add(t3_41, t3_45);
+        let t3_47 = sin_q4 * w_wristz;
+        let w_flangex = cos_q4.mul_add(w_wristx, t3_47);
         let al_wristy = w_wristx * w_wristz;
-        let t3_50 = w_flangex * w_flangez;
-        let t3_51 = w_flangez * w_flangez;
-        let t3_52 = t3_50 * p_izz_flange;
-        let t3_53 = (-p_mx_flange).mul_add(a_flangez, t3_52);
-        let t3_54 = t3_50 + t3_50;
-        let t3_55 = cos_q4.mul_add(t3_43, t3_54);
-        let t3_56 = cos_q4 * t3_46;
-        let t3_57 = (-sin_q4).mul_add(t3_53, t3_56);
-        let t3_58 = like.lift(0.28414) * al_army;
-        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_58);
-        let t3_59 = like.lift(0.1).mul_add(al_wristy, a_wristz);
-        let t3_60 = w_wristz * w_wristz;
-        let t3_61 = w_wristy.mul_add(w_wristy, t3_60);
+        let t3_48 = w_flangex * w_flangez;
+        let t3_49 = w_flangez * w_flangez;
+        let t3_50 = t3_48 * p_izz_flange;
+        let t3_51 = (-p_mx_flange).mul_add(a_flangez, t3_50);
+        let t3_52 = t3_48 + t3_48;
+        let t3_53 = cos_q4.mul_add(t3_41, t3_52);
+        let t3_54 = cos_q4 * t3_44;
+        let t3_55 = (-sin_q4).mul_add(t3_51, t3_54);
+        let t3_56 = like.lift(0.28414) * al_army;
+        let a_wristz = like.lift(0.31704).mul_add(al_forearmy, t3_56);
+        let t3_57 = like.lift(0.1).mul_add(al_wristy, a_wristz);
+        let t3_58 = w_wristz * w_wristz;
+        let t3_59 = w_wristy.mul_add(w_wristy, t3_58);
         let al_wristx = w_wristy * w_wristz;
-        let t3_62 = like.lift(2.0) * al_wristx;
-        let t3_63 = sin_q4.mul_add(t3_62, t3_55);
-        let t3_64 = (-cos_q4).mul_add(t3_62, t3_48);
-        let t3_65 = p_mx_flange * t3_63;
-        let t3_66 = (-p_my_flange).mul_add(t3_64, t3_65);
-        let t3_67 = like.lift(-0.05).mul_add(t3_66, t3_44);
-        let t3_68 = (-cos_q4).mul_add(t3_53, t3_67);
-        let t3_69 = (-sin_q4).mul_add(t3_46, t3_68);
-        let t3_70 = p_mx_wrist.mul_add(t3_42, -t3_66);
-        let t3_71 = t3_11.mul_add(p_ixy_forearm, t3_69);
-        let t3_72 = p_izz_forearm.mul_add(al_forearmz, t3_71);
-        let t3_73 = (-t2_31).mul_add(p_ixx_forearm, t3_72);
-        let t3_74 = a_forearmx.mul_add(p_my_forearm, t3_73);
-        let t3_75 = a_forearmy.mul_add(p_mx_forearm, t3_74);
-        let t3_76 = sin_wrist.mul_add(t3_70, t3_37);
-        let t3_77 = like.lift(0.05) * t3_61;
-        let t3_78 = (-sin_wrist).mul_add(t3_39, t3_77);
+        let t3_60 = like.lift(2.0) * al_wristx;
+        let t3_61 = sin_q4.mul_add(t3_60, t3_53);
+        let t3_62 = (-cos_q4).mul_add(t3_60, t3_46);
+        let t3_63 = p_mx_flange * t3_61;
+        let t3_64 = (-p_my_flange).mul_add(t3_62, t3_63);
+        let t3_65 = like.lift(-0.05).mul_add(t3_64, t3_42);
+        let t3_66 = (-cos_q4).mul_add(t3_51, t3_65);
+        let t3_67 = (-sin_q4).mul_add(t3_44, t3_66);
+        let t3_68 = p_mx_wrist.mul_add(t3_40, -t3_64);
+        let t3_69 = t3_11.mul_add(p_ixy_forearm, t3_67);
+        let t3_70 = p_izz_forearm.mul_add(al_forearmz, t3_69);
+        let t3_71 = (-t2_31).mul_add(p_ixx_forearm, t3_70);
+        let t3_72 = a_forearmx.mul_add(p_my_forearm, t3_71);
+        let t3_73 = t2_31 - al_forearmz;
+        let t3_74 = a_forearmy.mul_add(p_mx_forearm, t3_72);
+        let t3_75 = (-p_my_forearm).mul_add(t3_73, t3_35);
+        let t3_76 = sin_wrist.mul_add(t3_68, t3_75);
+        let t3_77 = like.lift(0.05) * t3_59;
+        let t3_78 = (-sin_wrist).mul_add(t3_37, t3_77);
         let t3_79 = cos_wrist.mul_add(t3_34, t3_78);
-        let t3_80 = t3_61 * p_mx_wrist;
+        let t3_80 = t3_59 * p_mx_wrist;
         let t3_81 = sin_q4 * t3_79;
-        let a_flangey = cos_q4.mul_add(t3_59, t3_81);
-        let t3_82 = sin_q4 * t3_59;
+        let a_flangey = cos_q4.mul_add(t3_57, t3_81);
+        let t3_82 = sin_q4 * t3_57;
         let a_flangex = (-cos_q4).mul_add(t3_79, t3_82);
         let t3_83 = al_wristy * p_izz_flange;
         let t3_84 = (-p_my_flange).mul_add(a_flangex, t3_83);
         let t3_85 = p_mx_flange.mul_add(a_flangey, t3_84);
         let t3_86 = a_wristz.mul_add(p_mx_wrist, t3_85);
-        let t3_87 = w_flangey.mul_add(w_flangey, t3_51);
+        let t3_87 = w_flangey.mul_add(w_flangey, t3_49);
         let w_ixx_flange_q4 = w_flangex * w_flangey;
-        let t3_88 = w_flangex.mul_add(w_flangex, t3_51);
+        let t3_88 = w_flangex.mul_add(w_flangex, t3_49);
         let t3_89 = t3_88 * p_my_flange;
         let t3_90 = al_wristy - w_ixx_flange_q4;
         let t3_91 = (-t3_90).mul_add(p_mx_flange, t3_89);
@@ -6703,71 +6420,69 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         let t3_101 = t3_95.mul_add(p_mx_wrist, -t3_98);
         let t3_102 = cos_wrist.mul_add(t3_99, t3_76);
         let t3_103 = sin_wrist * t3_99;
-        let t3_104 = (-cos_wrist).mul_add(t3_70, t3_103);
-        let t3_105 = like.lift(-0.15852).mul_add(t3_104, t3_75);
-        let t3_106 = (-p_mx_forearm).mul_add(t3_38, t3_104);
-        let t3_107 = t2_32 + t2_34;
-        let t3_108 = t2_32 - t2_34;
-        let t3_109 = t3_107.mul_add(p_my_forearm, t3_106);
-        let t3_110 = cos_elbow * t3_109;
-        let t3_111 = sin_elbow.mul_add(t3_102, t3_110);
-        let t3_112 = t2_31 + al_forearmz;
-        let t3_113 = t2_31 - al_forearmz;
-        let t3_114 = (-p_my_forearm).mul_add(t3_58, t2_30);
-        let t3_115 = (-p_ixz_forearm).mul_add(t3_112, t3_114);
-        let t3_116 = (-t2_35).mul_add(p_iyz_forearm, t3_115);
-        let t3_117 = p_izz_forearm + p_ixx_forearm;
-        let t3_118 = (-al_forearmx).mul_add(t3_117, t3_116);
-        let t3_119 = t3_118 + t2_30;
-        let t3_120 = (-sin_wrist).mul_add(t3_100, t3_119);
-        let t3_121 = cos_wrist.mul_add(t3_57, t3_120);
-        let t3_122 = al_forearmx * p_ixy_forearm;
-        let t3_123 = p_mx_forearm.mul_add(t3_58, -t3_122);
-        let t3_124 = p_iyz_forearm.mul_add(t3_113, t3_123);
-        let t3_125 = t3_108.mul_add(p_ixz_forearm, t3_124);
-        let t3_126 = al_forearmx * p_my_forearm;
-        let t3_127 = al_forearmy.mul_add(p_mx_forearm, t3_126);
-        let t3_128 = p_ixx_forearm - p_izz_forearm;
-        let t3_129 = (-al_forearmy).mul_add(t3_128, t3_125);
-        let t3_130 = t3_129 - t3_122;
-        let t3_131 = like.lift(0.15852).mul_add(t3_101, t3_130);
-        let t3_132 = cos_wrist.mul_add(t3_100, t3_131);
-        let t3_133 = sin_wrist.mul_add(t3_57, t3_132);
-        let t3_134 = like.lift(2.0).mul_add(t3_127, t3_101);
-        let t3_135 = (-sin_elbow).mul_add(t3_133, t2_27);
-        let t3_136 = cos_elbow.mul_add(t3_121, t3_135);
-        let t3_137 = al_armx * p_ixy_arm;
-        let t3_138 = al_armx * p_my_arm;
-        let t3_139 = al_army.mul_add(p_mx_arm, t3_138);
-        let t3_140 = like.lift(2.0).mul_add(t3_139, t3_134);
-        let t3_141 = t2_17 + t3_140;
-        let t3_142 = like.lift(-0.0132).mul_add(t3_141, t2_11);
-        let t3_143 = t2_12.mul_add(t2_3, t3_142);
-        let t3_144 = (-w_ixx_arm_q2).mul_add(p_iyz_arm, t3_137);
-        let t3_145 = t3_144 + t3_137;
-        let t3_146 = (-t3_27).mul_add(p_ixz_arm, t3_145);
-        let t3_147 = p_ixx_arm - p_izz_arm;
-        let t3_148 = al_army.mul_add(t3_147, t3_146);
-        let t3_149 = like.lift(-0.14207).mul_add(t3_134, t3_148);
-        let t3_150 = (-cos_elbow).mul_add(t3_133, t3_149);
-        let t3_151 = (-sin_elbow).mul_add(t3_121, t3_150);
-        let t3_152 = cos_q2.mul_add(t3_151, t3_143);
-        let t3_153 = (-sin_q2).mul_add(t3_136, t3_152);
-        let t3_154 = -t2_57;
-        let t3_155 = t2_57 * t2_56;
-        let t3_156 = sin_pin * t2_56;
+        let t3_104 = (-cos_wrist).mul_add(t3_68, t3_103);
+        let t3_105 = like.lift(-0.15852).mul_add(t3_104, t3_74);
+        let t3_106 = (-p_mx_forearm).mul_add(t3_36, t3_104);
+        let t3_107 = (-p_my_forearm).mul_add(t3_56, t2_30);
+        let t3_108 = (-p_ixz_forearm).mul_add(t3_36, t3_107);
+        let t3_109 = (-t2_35).mul_add(p_iyz_forearm, t3_108);
+        let t3_110 = p_izz_forearm + p_ixx_forearm;
+        let t3_111 = (-al_forearmx).mul_add(t3_110, t3_109);
+        let t3_112 = t3_111 + t2_30;
+        let t3_113 = (-sin_wrist).mul_add(t3_100, t3_112);
+        let t3_114 = cos_wrist.mul_add(t3_55, t3_113);
+        let t3_115 = t2_32 + t2_34;
+        let t3_116 = t2_32 - t2_34;
+        let t3_117 = t3_115.mul_add(p_my_forearm, t3_106);
+        let t3_118 = cos_elbow * t3_117;
+        let t3_119 = sin_elbow.mul_add(t3_102, t3_118);
+        let t3_120 = al_forearmx * p_ixy_forearm;
+        let t3_121 = p_mx_forearm.mul_add(t3_56, -t3_120);
+        let t3_122 = p_iyz_forearm.mul_add(t3_73, t3_121);
+        let t3_123 = t3_116.mul_add(p_ixz_forearm, t3_122);
+        let t3_124 = al_forearmx * p_my_forearm;
+        let t3_125 = al_forearmy.mul_add(p_mx_forearm, t3_124);
+        let t3_126 = p_ixx_forearm - p_izz_forearm;
+        let t3_127 = (-al_forearmy).mul_add(t3_126, t3_123);
+        let t3_128 = t3_127 - t3_120;
+        let t3_129 = like.lift(0.15852).mul_add(t3_101, t3_128);
+        let t3_130 = cos_wrist.mul_add(t3_100, t3_129);
+        let t3_131 = sin_wrist.mul_add(t3_55, t3_130);
+        let t3_132 = like.lift(2.0).mul_add(t3_125, t3_101);
+        let t3_133 = (-sin_elbow).mul_add(t3_131, t2_27);
+        let t3_134 = cos_elbow.mul_add(t3_114, t3_133);
+        let t3_135 = al_armx * p_ixy_arm;
+        let t3_136 = al_armx * p_my_arm;
+        let t3_137 = al_army.mul_add(p_mx_arm, t3_136);
+        let t3_138 = like.lift(2.0).mul_add(t3_137, t3_132);
+        let t3_139 = t2_17 + t3_138;
+        let t3_140 = like.lift(-0.0132).mul_add(t3_139, t2_11);
+        let t3_141 = t2_12.mul_add(t2_3, t3_140);
+        let t3_142 = (-w_ixx_arm_q2).mul_add(p_iyz_arm, t3_135);
+        let t3_143 = t3_142 + t3_135;
+        let t3_144 = (-t3_27).mul_add(p_ixz_arm, t3_143);
+        let t3_145 = p_ixx_arm - p_izz_arm;
+        let t3_146 = al_army.mul_add(t3_145, t3_144);
+        let t3_147 = like.lift(-0.14207).mul_add(t3_132, t3_146);
+        let t3_148 = (-cos_elbow).mul_add(t3_131, t3_147);
+        let t3_149 = (-sin_elbow).mul_add(t3_114, t3_148);
+        let t3_150 = cos_q2.mul_add(t3_149, t3_141);
+        let t3_151 = (-sin_q2).mul_add(t3_134, t3_150);
+        let t3_152 = -t2_57;
+        let t3_153 = t2_57 * t2_56;
+        let t3_154 = sin_pin * t2_56;
         let u_rod_q3x = like.lift(0.0456) * sin_pin;
-        let t3_157 = -u_rod_q3x;
-        let t3_158 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_155, t2_61);
-        let t3_159 = like.lift(21.92982456140351) * t3_155;
-        let t3_160 = like.lift(7.038783698176955) * t3_158;
-        let t3_161 = -t3_160;
-        let t3_162 = t3_156.mul_add(t2_40, t3_20);
-        let t3_163 = -t3_20;
-        let t3_164 = like.lift(7.038783698176955) * t3_162;
-        let t3_165 = -t3_159;
-        let t3_166 = like.lift(1.0) + t3_159;
-        let t3_167 = -t3_156;
+        let t3_155 = -u_rod_q3x;
+        let t3_156 = (-cos_q2_elbow_minus_q3_minus_pin).mul_add(t3_153, t2_61);
+        let t3_157 = like.lift(21.92982456140351) * t3_153;
+        let t3_158 = like.lift(7.038783698176955) * t3_156;
+        let t3_159 = -t3_158;
+        let t3_160 = t3_154.mul_add(t2_40, t3_20);
+        let t3_161 = -t3_20;
+        let t3_162 = like.lift(7.038783698176955) * t3_160;
+        let t3_163 = -t3_157;
+        let t3_164 = like.lift(1.0) + t3_157;
+        let t3_165 = -t3_154;
         // the smallest pivot relative to its usual size
         let margin = (pivot_3 * like.lift(23.873157553279032)).abs();
         let ([
@@ -6775,9 +6490,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
             [_, x_pin_q2, _, x_pin_q3],
         ], found) = ::regen_runtime::guarded(
             [
-                [like.lift(0.0), t3_165, like.lift(0.0), t3_167],
-                [like.lift(0.0), t3_166, like.lift(0.0), t3_156],
-                [like.lift(0.0), t3_161, like.lift(0.0), t3_164],
+                [like.lift(0.0), t3_163, like.lift(0.0), t3_165],
+                [like.lift(0.0), t3_164, like.lift(0.0), t3_154],
+                [like.lift(0.0), t3_159, like.lift(0.0), t3_162],
             ],
             margin,
             || (
@@ -6790,8 +6505,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
                     [like.lift(1.0), like.lift(1.0), like.lift(0.0)],
                 ],
                 [
-                    [like.lift(0.0), t3_154, like.lift(0.0), t3_157],
-                    [like.lift(0.0), t2_61, like.lift(0.0), t3_163],
+                    [like.lift(0.0), t3_152, like.lift(0.0), t3_155],
+                    [like.lift(0.0), t2_61, like.lift(0.0), t3_161],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0), like.lift(0.0), like.lift(0.0)],
@@ -6801,24 +6516,24 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
         );
         condition = condition.min(found);
         [
-            t3_5, t3_19, t3_21, w_ixy_arm_q2, t3_29, t3_69, t3_85, t3_105, t3_111, t3_153,
+            t3_5, t3_19, t3_21, w_ixy_arm_q2, t3_29, t3_67, t3_85, t3_105, t3_119, t3_151,
             x_elbow_q2, x_elbow_q3, x_wrist_q2, x_wrist_q3, x_pin_q2, x_pin_q3,
         ]
     };
     // tau
     {
-        tau[0] = t3_153; tau[2] = t3_85;
+        tau[0] = t3_151; tau[2] = t3_85;
         let t4_1 = t3_21.mul_add(x_pin_q2, -t3_105);
-        let t4_2 = t3_69.mul_add(x_wrist_q2, t4_1);
+        let t4_2 = t3_67.mul_add(x_wrist_q2, t4_1);
         let t4_3 = t3_105.mul_add(x_elbow_q2, t4_2);
         let t4_4 = (-w_ixy_arm_q2).mul_add(p_ixy_arm, t4_3);
         let t4_5 = w_ixx_arm_q2.mul_add(p_ixx_arm, t4_4);
         let t4_6 = like.lift(-0.0132).mul_add(t3_29, t4_5);
-        let t4_7 = like.lift(0.14207).mul_add(t3_111, t4_6);
+        let t4_7 = like.lift(0.14207).mul_add(t3_119, t4_6);
         let t4_8 = (-t3_21).mul_add(x_pin_q3, t3_21);
         let t4_9 = like.lift(0.0132).mul_add(t3_19, t4_8);
         let t4_10 = like.lift(-0.0456).mul_add(t3_5, t4_9);
-        let t4_11 = (-t3_69).mul_add(x_wrist_q3, t4_10);
+        let t4_11 = (-t3_67).mul_add(x_wrist_q3, t4_10);
         let t4_12 = (-t3_105).mul_add(x_elbow_q3, t4_11);
         tau[3] = t4_12;
         let t4_13 = -t4_7;
@@ -6833,7 +6548,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 7], qd: &[T; 7], beta: &[T; 22]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 104 additions, 149 multiplications, 1 divisions, 6 sines and cosines.
+/// 103 additions, 149 multiplications, 1 divisions, 6 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 4]; 4];
@@ -7033,68 +6748,66 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 7], beta: &[T; 22]) -> ([[T; 4]; 4], 
     {
         m[0][0] = t2_64; m[2][2] = p_izz_flange;
         let t3_1 = x_pin_q2 * t2_12;
-        let t3_2 = x_pin_q3 * t2_12;
-        let t3_3 = t3_2 - t2_3;
-        let t3_4 = t3_3 + t3_2;
-        let t3_5 = like.lift(0.15852) * t2_68;
-        let t3_6 = t3_5 * x_elbow_q3;
-        m[2][3] = t3_6; m[3][2] = t3_6;
-        let t3_7 = t2_68.mul_add(x_elbow_q2, -t2_68);
-        let t3_8 = x_wrist_q2 * t2_86;
-        let t3_9 = (-t2_78).mul_add(x_elbow_q2, t3_8);
-        let t3_10 = cos_q2.mul_add(t2_79, t3_9);
-        let t3_11 = sin_q2.mul_add(t2_76, t3_10);
-        m[0][1] = t3_11; m[1][0] = t3_11;
-        let t3_12 = t2_78 * x_elbow_q3;
-        let t3_13 = (-x_wrist_q3).mul_add(t2_86, t3_12);
-        let t3_14 = -t3_13;
-        m[0][3] = t3_14; m[3][0] = t3_14;
-        let t3_15 = like.lift(0.05).mul_add(t2_14, p_izz_flange);
-        let t3_16 = sin_wrist * t3_15;
-        let t3_17 = like.lift(0.15852) * t2_14;
-        let t3_18 = cos_wrist.mul_add(t3_15, t3_17);
-        let t3_19 = sin_elbow * t3_18;
-        let t3_20 = cos_elbow.mul_add(t3_16, t3_19);
-        let t3_21 = sin_elbow * t3_16;
-        let t3_22 = like.lift(-0.14207).mul_add(t2_14, t3_21);
-        let t3_23 = (-cos_elbow).mul_add(t3_18, t3_22);
-        let t3_24 = cos_q2 * t3_23;
-        let t3_25 = like.lift(-0.0132).mul_add(t2_14, t3_24);
-        let t3_26 = sin_q2.mul_add(t3_20, t3_25);
-        m[0][2] = t3_26; m[2][0] = t3_26;
-        let t3_27 = sin_elbow * cos_wrist;
-        let sin_elbow_wrist = cos_elbow.mul_add(sin_wrist, t3_27);
-        let t3_28 = cos_elbow * cos_wrist;
-        let cos_elbow_wrist = (-sin_elbow).mul_add(sin_wrist, t3_28);
-        let t3_29 = sin_elbow_wrist * t2_74;
-        let t3_30 = like.lift(-0.15852).mul_add(t3_7, t3_29);
-        let t3_31 = -t3_30;
-        m[1][2] = t3_31; m[2][1] = t3_31;
-        let t3_32 = like.lift(0.14207) * cos_elbow_wrist;
-        let t3_33 = t3_32.mul_add(t2_21, t2_41);
-        let t3_34 = (-t2_41).mul_add(x_wrist_q2, t2_65);
-        let t3_35 = (-t2_37).mul_add(x_elbow_q2, t3_34);
-        let t3_36 = t3_35 + t2_65;
-        let t3_37 = (-x_wrist_q2).mul_add(t2_17, t3_33);
-        let t3_38 = (-t2_41).mul_add(x_elbow_q2, t3_37);
-        let t3_39 = t3_38 + t3_33;
-        let t3_40 = (-x_wrist_q2).mul_add(t3_39, p_izz_arm);
-        let t3_41 = (-x_elbow_q2).mul_add(t3_36, t3_40);
-        let t3_42 = t3_41 + t2_37;
-        let t3_43 = t3_42 + t2_52;
-        m[1][1] = t3_43;
-        let t3_44 = x_wrist_q3 * t2_17;
-        let t3_45 = t2_41.mul_add(x_elbow_q3, t3_44);
-        let t3_46 = x_wrist_q2.mul_add(t3_45, t3_1);
-        let t3_47 = x_wrist_q3.mul_add(t3_45, t3_4);
-        let t3_48 = t2_41 * x_wrist_q3;
-        let t3_49 = t2_37.mul_add(x_elbow_q3, t3_48);
-        let t3_50 = x_elbow_q2.mul_add(t3_49, t3_46);
-        let t3_51 = (-t3_33).mul_add(x_wrist_q3, t3_50);
-        let t3_52 = (-t2_65).mul_add(x_elbow_q3, t3_51);
-        m[1][3] = t3_52; m[3][1] = t3_52;
-        let t3_53 = x_elbow_q3.mul_add(t3_49, t3_47);
-        m[3][3] = t3_53;
+        let t3_2 = t2_3.mul_add(x_pin_q3, -t2_3);
+        let t3_3 = like.lift(0.15852) * t2_68;
+        let t3_4 = t3_3 * x_elbow_q3;
+        m[2][3] = t3_4; m[3][2] = t3_4;
+        let t3_5 = t2_68.mul_add(x_elbow_q2, -t2_68);
+        let t3_6 = x_wrist_q2 * t2_86;
+        let t3_7 = (-t2_78).mul_add(x_elbow_q2, t3_6);
+        let t3_8 = cos_q2.mul_add(t2_79, t3_7);
+        let t3_9 = sin_q2.mul_add(t2_76, t3_8);
+        m[0][1] = t3_9; m[1][0] = t3_9;
+        let t3_10 = t2_78 * x_elbow_q3;
+        let t3_11 = (-x_wrist_q3).mul_add(t2_86, t3_10);
+        let t3_12 = -t3_11;
+        m[0][3] = t3_12; m[3][0] = t3_12;
+        let t3_13 = like.lift(0.05).mul_add(t2_14, p_izz_flange);
+        let t3_14 = sin_wrist * t3_13;
+        let t3_15 = like.lift(0.15852) * t2_14;
+        let t3_16 = cos_wrist.mul_add(t3_13, t3_15);
+        let t3_17 = sin_elbow * t3_16;
+        let t3_18 = cos_elbow.mul_add(t3_14, t3_17);
+        let t3_19 = sin_elbow * t3_14;
+        let t3_20 = like.lift(-0.14207).mul_add(t2_14, t3_19);
+        let t3_21 = (-cos_elbow).mul_add(t3_16, t3_20);
+        let t3_22 = cos_q2 * t3_21;
+        let t3_23 = like.lift(-0.0132).mul_add(t2_14, t3_22);
+        let t3_24 = sin_q2.mul_add(t3_18, t3_23);
+        m[0][2] = t3_24; m[2][0] = t3_24;
+        let t3_25 = sin_elbow * cos_wrist;
+        let sin_elbow_wrist = cos_elbow.mul_add(sin_wrist, t3_25);
+        let t3_26 = cos_elbow * cos_wrist;
+        let cos_elbow_wrist = (-sin_elbow).mul_add(sin_wrist, t3_26);
+        let t3_27 = sin_elbow_wrist * t2_74;
+        let t3_28 = like.lift(-0.15852).mul_add(t3_5, t3_27);
+        let t3_29 = -t3_28;
+        m[1][2] = t3_29; m[2][1] = t3_29;
+        let t3_30 = like.lift(0.14207) * cos_elbow_wrist;
+        let t3_31 = t3_30.mul_add(t2_21, t2_41);
+        let t3_32 = (-t2_41).mul_add(x_wrist_q2, t2_65);
+        let t3_33 = (-t2_37).mul_add(x_elbow_q2, t3_32);
+        let t3_34 = t3_33 + t2_65;
+        let t3_35 = (-x_wrist_q2).mul_add(t2_17, t3_31);
+        let t3_36 = (-t2_41).mul_add(x_elbow_q2, t3_35);
+        let t3_37 = t3_36 + t3_31;
+        let t3_38 = (-x_wrist_q2).mul_add(t3_37, p_izz_arm);
+        let t3_39 = (-x_elbow_q2).mul_add(t3_34, t3_38);
+        let t3_40 = t3_39 + t2_37;
+        let t3_41 = t3_40 + t2_52;
+        m[1][1] = t3_41;
+        let t3_42 = x_wrist_q3 * t2_17;
+        let t3_43 = t2_41.mul_add(x_elbow_q3, t3_42);
+        let t3_44 = x_wrist_q2.mul_add(t3_43, t3_1);
+        let t3_45 = x_wrist_q3.mul_add(t3_43, t3_2);
+        let t3_46 = t2_41 * x_wrist_q3;
+        let t3_47 = t2_37.mul_add(x_elbow_q3, t3_46);
+        let t3_48 = x_elbow_q2.mul_add(t3_47, t3_44);
+        let t3_49 = (-t3_31).mul_add(x_wrist_q3, t3_48);
+        let t3_50 = (-t2_65).mul_add(x_elbow_q3, t3_49);
+        m[1][3] = t3_50; m[3][1] = t3_50;
+        let t3_51 = x_elbow_q3.mul_add(t3_47, t3_45);
+        m[3][3] = t3_51;
     }
     (m, Condition { pivot: condition })
 }

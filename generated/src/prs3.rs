@@ -10,27 +10,27 @@
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
 //! | [`constraints`] | 37 | 40 | 0 | 6 |
-//! | [`jacobian`] | 44 | 69 | 0 | 6 |
-//! | [`bias`] | 79 | 130 | 0 | 6 |
-//! | [`newton_step`] | 111 | 145 | 6 | 6 |
-//! | [`dependent_jacobian`] | 44 | 69 | 0 | 6 |
-//! | [`velocities`] | 90 | 137 | 6 | 6 |
-//! | [`accelerations`] | 164 | 243 | 6 | 6 |
-//! | [`regressor`] | 280 | 427 | 6 | 6 |
-//! | [`inverse_dynamics`] | 242 | 337 | 6 | 6 |
-//! | [`gravity`] | 144 | 236 | 6 | 6 |
-//! | [`bias_forces`] | 307 | 439 | 6 | 6 |
-//! | [`mass_matrix`] | 245 | 341 | 6 | 6 |
+//! | [`jacobian`] | 38 | 66 | 0 | 6 |
+//! | [`bias`] | 79 | 124 | 0 | 6 |
+//! | [`newton_step`] | 106 | 139 | 6 | 6 |
+//! | [`dependent_jacobian`] | 38 | 66 | 0 | 6 |
+//! | [`velocities`] | 86 | 131 | 6 | 6 |
+//! | [`accelerations`] | 158 | 231 | 6 | 6 |
+//! | [`regressor`] | 270 | 415 | 6 | 6 |
+//! | [`inverse_dynamics`] | 232 | 331 | 6 | 6 |
+//! | [`gravity`] | 132 | 222 | 6 | 6 |
+//! | [`bias_forces`] | 295 | 427 | 6 | 6 |
+//! | [`mass_matrix`] | 240 | 333 | 6 | 6 |
 //! | [`slotine_li`] | 454 | 689 | 6 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 18 | 43 | 0 | 6 |
-//! | [`base_regressor`] | 271 | 412 | 6 | 6 |
-//! | [`to_base`] | 47 | 19 | 0 | 0 |
-//! | [`parameters_from_base`] | 42 | 14 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 231 | 326 | 6 | 6 |
-//! | [`base_gravity`] | 132 | 215 | 6 | 6 |
-//! | [`base_bias_forces`] | 304 | 436 | 6 | 6 |
-//! | [`base_mass_matrix`] | 235 | 338 | 6 | 6 |
+//! | [`base_regressor`] | 261 | 406 | 6 | 6 |
+//! | [`to_base`] | 37 | 17 | 0 | 0 |
+//! | [`parameters_from_base`] | 30 | 13 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 221 | 320 | 6 | 6 |
+//! | [`base_gravity`] | 126 | 209 | 6 | 6 |
+//! | [`base_bias_forces`] | 292 | 424 | 6 | 6 |
+//! | [`base_mass_matrix`] | 230 | 330 | 6 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -457,7 +457,7 @@ pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a`: A = df/dq, row by row (Eq. 7)
 ///
-/// 44 additions, 69 multiplications, 0 divisions, 6 sines and cosines.
+/// 38 additions, 66 multiplications, 0 divisions, 6 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
     let like = q[0];
     let mut a = [[like.lift(0.0); 9]; 6];
@@ -478,7 +478,10 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         ]
     };
     // row 1
-    let [t2_3, t2_10, t2_11, t2_12, t2_13, t2_15, t2_16, t2_21, t2_24, t2_25, t2_26, t2_28] = {
+    let [
+        t2_3, t2_10, t2_11, t2_12, t2_13, t2_14, t2_15, t2_16, t2_21, t2_26, t2_27, t2_28,
+        t2_34,
+    ] = {
         a[0][5] = like.lift(0.8660254037844386);
         let t2_1 = like.lift(0.4330127018922193) * cos_q2;
         let t2_2 = -t2_1;
@@ -506,55 +509,58 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t2_23 = (-sin_s1_3).mul_add(t2_19, t2_22);
         let t2_24 = like.lift(0.1) * t2_23;
         let t2_25 = like.lift(0.2) * t2_23;
-        let t2_26 = like.lift(0.17320508075688773) * t2_21;
-        let t2_27 = t2_24 + t2_25;
-        let t2_28 = t2_27 + t2_26;
+        let t2_26 = t2_24 + t2_25;
+        let t2_27 = like.lift(0.17320508075688773) * t2_21;
+        let t2_28 = t2_26 + t2_27;
         let t2_29 = t2_16 * t2_15;
         let t2_30 = (-t2_3).mul_add(t2_28, t2_29);
         a[0][3] = t2_30;
-        let t2_31 = t2_10 * t2_28;
-        let t2_32 = t2_21.mul_add(t2_15, t2_31);
-        a[0][4] = t2_32;
-        let t2_33 = cos_q1 * t2_28;
-        let t2_34 = sin_q1.mul_add(t2_15, t2_33);
-        let t2_35 = -t2_34;
-        a[0][2] = t2_35;
-        [t2_3, t2_10, t2_11, t2_12, t2_13, t2_15, t2_16, t2_21, t2_24, t2_25, t2_26, t2_28]
+        let t2_31 = cos_q1 * t2_28;
+        let t2_32 = sin_q1.mul_add(t2_15, t2_31);
+        let t2_33 = -t2_32;
+        a[0][2] = t2_33;
+        let t2_34 = t2_10 * t2_28;
+        let t2_35 = t2_21.mul_add(t2_15, t2_34);
+        a[0][4] = t2_35;
+        [
+            t2_3, t2_10, t2_11, t2_12, t2_13, t2_14, t2_15, t2_16, t2_21, t2_26, t2_27, t2_28,
+            t2_34,
+        ]
     };
     // row 2
-    let [t3_6, t3_7, t3_11, t3_12, t3_13, t3_15] = {
+    let [t3_3, t3_7, t3_11, t3_12, t3_13, t3_15, t3_16] = {
         a[1][0] = like.lift(1.0); a[1][5] = like.lift(0.5);
         let t3_1 = like.lift(0.25) * cos_q2;
         let t3_2 = -t3_1;
         a[1][6] = t3_2;
-        let t3_3 = sin_s1_1 * cos_s1_3;
-        let t3_4 = sin_s1_3 * cos_s1_1;
-        let t3_5 = (-t3_4).mul_add(sin_s1_2, t3_3);
-        let t3_6 = cos_s1_1 * cos_s1_2;
-        let t3_7 = like.lift(0.5).mul_add(cos_q1, t2_12);
-        let t3_8 = t3_7 - t2_13;
+        let t3_3 = like.lift(0.5).mul_add(cos_q1, t2_12);
+        let t3_4 = sin_s1_1 * cos_s1_3;
+        let t3_5 = sin_s1_3 * cos_s1_1;
+        let t3_6 = (-t3_5).mul_add(sin_s1_2, t3_4);
+        let t3_7 = cos_s1_1 * cos_s1_2;
+        let t3_8 = t3_3 - t2_13;
         let t3_9 = t3_8 + t2_11;
         let t3_10 = -t3_9;
         a[1][1] = t3_10;
-        let t3_11 = like.lift(0.2) * t3_5;
-        let t3_12 = like.lift(0.1) * t3_5;
-        let t3_13 = like.lift(0.17320508075688773) * t3_6;
+        let t3_11 = like.lift(0.2) * t3_6;
+        let t3_12 = like.lift(0.1) * t3_6;
+        let t3_13 = like.lift(0.17320508075688773) * t3_7;
         let t3_14 = t3_11 - t3_13;
         let t3_15 = t3_14 + t3_12;
-        let t3_16 = cos_q1 * t3_15;
-        let t3_17 = -t3_16;
-        a[1][2] = t3_17;
-        let t3_18 = t2_10 * t3_15;
-        let t3_19 = (-t3_6).mul_add(t2_15, t3_18);
-        a[1][4] = t3_19;
+        let t3_16 = t2_10 * t3_15;
+        let t3_17 = (-t3_7).mul_add(t2_15, t3_16);
+        a[1][4] = t3_17;
+        let t3_18 = cos_q1 * t3_15;
+        let t3_19 = -t3_18;
+        a[1][2] = t3_19;
         let t3_20 = t2_3 * t3_15;
         let t3_21 = (-sin_s1_1).mul_add(t2_15, t3_20);
         let t3_22 = -t3_21;
         a[1][3] = t3_22;
-        [t3_6, t3_7, t3_11, t3_12, t3_13, t3_15]
+        [t3_3, t3_7, t3_11, t3_12, t3_13, t3_15, t3_16]
     };
     // row 3
-    let [t4_9] = {
+    let [t4_6, t4_9] = {
         let t4_1 = like.lift(0.5) * sin_q2;
         let t4_2 = -t4_1;
         a[2][6] = t4_2;
@@ -564,79 +570,70 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t4_5 = (-t2_16).mul_add(t3_15, t4_4);
         a[2][3] = t4_5;
         let t4_6 = t2_21 * t3_15;
-        let t4_7 = t3_6.mul_add(t2_28, t4_6);
+        let t4_7 = t3_7.mul_add(t2_28, t4_6);
         let t4_8 = -t4_7;
         a[2][4] = t4_8;
         let t4_9 = like.lift(0.5) * sin_q1;
-        let t4_10 = t4_9 - t2_25;
-        let t4_11 = t4_10 - t2_26;
-        let t4_12 = t4_11 - t2_24;
-        a[2][1] = t4_12;
-        [t4_9]
+        let t4_10 = t4_9 - t2_28;
+        a[2][1] = t4_10;
+        [t4_6, t4_9]
     };
     // row 4
-    let [t5_2, t5_5] = {
+    let [t5_2, t5_3] = {
         a[3][7] = like.lift(-0.8660254037844386);
-        let t5_1 = t2_11 + t2_12;
-        let t5_2 = t5_1 + t2_13;
-        let t5_3 = like.lift(0.4330127018922193) * cos_q3;
-        a[3][8] = t5_3;
-        let t5_4 = t2_24 + t2_25;
-        let t5_5 = t5_4 - t2_26;
-        let t5_6 = t2_16 * t5_2;
-        let t5_7 = (-t2_3).mul_add(t5_5, t5_6);
-        a[3][3] = t5_7;
-        let t5_8 = t2_10 * t5_5;
-        let t5_9 = t2_21.mul_add(t5_2, t5_8);
-        a[3][4] = t5_9;
-        let t5_10 = cos_q1 * t5_5;
-        let t5_11 = sin_q1.mul_add(t5_2, t5_10);
-        let t5_12 = -t5_11;
-        a[3][2] = t5_12;
-        [t5_2, t5_5]
+        let t5_1 = t2_15.mul_add(t2_21, t2_34);
+        a[3][4] = t5_1;
+        let t5_2 = t2_26 - t2_27;
+        let t5_3 = t2_14 + t2_13;
+        let t5_4 = like.lift(0.4330127018922193) * cos_q3;
+        a[3][8] = t5_4;
+        let t5_5 = t2_16 * t5_3;
+        let t5_6 = (-t2_3).mul_add(t5_2, t5_5);
+        a[3][3] = t5_6;
+        let t5_7 = cos_q1 * t5_2;
+        let t5_8 = sin_q1.mul_add(t5_3, t5_7);
+        let t5_9 = -t5_8;
+        a[3][2] = t5_9;
+        [t5_2, t5_3]
     };
     // row 5
-    let [t6_5] = {
+    let [t6_6] = {
         a[4][0] = like.lift(1.0); a[4][7] = like.lift(0.5);
-        let t6_1 = t3_7 + t2_13;
-        let t6_2 = t6_1 + t2_11;
-        let t6_3 = t3_11 + t3_13;
-        let t6_4 = -t6_2;
-        a[4][1] = t6_4;
-        let t6_5 = t6_3 + t3_12;
-        let t6_6 = cos_q1 * t6_5;
-        let t6_7 = -t6_6;
-        a[4][2] = t6_7;
-        let t6_8 = t2_10 * t6_5;
-        let t6_9 = (-t3_6).mul_add(t5_2, t6_8);
-        a[4][4] = t6_9;
-        let t6_10 = t2_3 * t6_5;
-        let t6_11 = (-sin_s1_1).mul_add(t5_2, t6_10);
-        let t6_12 = -t6_11;
-        a[4][3] = t6_12;
-        let t6_13 = like.lift(0.25) * cos_q3;
-        let t6_14 = -t6_13;
-        a[4][8] = t6_14;
-        [t6_5]
+        let t6_1 = (-t2_15).mul_add(t3_7, t3_16);
+        a[4][4] = t6_1;
+        let t6_2 = t3_3 + t2_13;
+        let t6_3 = t6_2 + t2_11;
+        let t6_4 = t3_11 + t3_13;
+        let t6_5 = -t6_3;
+        a[4][1] = t6_5;
+        let t6_6 = t6_4 + t3_12;
+        let t6_7 = cos_q1 * t6_6;
+        let t6_8 = -t6_7;
+        a[4][2] = t6_8;
+        let t6_9 = t2_3 * t6_6;
+        let t6_10 = (-sin_s1_1).mul_add(t5_3, t6_9);
+        let t6_11 = -t6_10;
+        a[4][3] = t6_11;
+        let t6_12 = like.lift(0.25) * cos_q3;
+        let t6_13 = -t6_12;
+        a[4][8] = t6_13;
+        [t6_6]
     };
     // row 6
     {
-        let t7_1 = t4_9 - t2_25;
-        let t7_2 = t7_1 + t2_26;
-        let t7_3 = t7_2 - t2_24;
+        let t7_1 = t2_28.mul_add(t3_7, t4_6);
+        let t7_2 = sin_s1_1 * t5_2;
+        let t7_3 = t4_9 - t5_2;
         a[5][1] = t7_3;
-        let t7_4 = sin_s1_1 * t5_5;
-        let t7_5 = (-t2_16).mul_add(t6_5, t7_4);
-        a[5][3] = t7_5;
-        let t7_6 = t2_21 * t6_5;
-        let t7_7 = t3_6.mul_add(t5_5, t7_6);
-        let t7_8 = sin_q1 * t6_5;
-        a[5][2] = t7_8;
-        let t7_9 = -t7_7;
-        a[5][4] = t7_9;
-        let t7_10 = like.lift(0.5) * sin_q3;
-        let t7_11 = -t7_10;
-        a[5][8] = t7_11;
+        let t7_4 = (-t2_16).mul_add(t6_6, t7_2);
+        a[5][3] = t7_4;
+        let t7_5 = sin_q1 * t6_6;
+        a[5][2] = t7_5;
+        let t7_6 = -t7_1;
+        a[5][4] = t7_6;
+        let t7_7 = like.lift(0.5) * sin_q3;
+        let t7_8 = -t7_7;
+        a[5][8] = t7_8;
     }
     a
 }
@@ -647,7 +644,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 79 additions, 130 multiplications, 0 divisions, 6 sines and cosines.
+/// 79 additions, 124 multiplications, 0 divisions, 6 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
     let like = q[0];
     let mut b = [like.lift(0.0); 6];
@@ -745,78 +742,75 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
         let t2_73 = like.lift(0.1) * t2_33;
         let t2_74 = t2_44 - t2_73;
         let t2_75 = t2_44 + t2_73;
-        let t2_76 = t2_74 * t2_48;
-        let t2_77 = t2_71.mul_add(t2_43, t2_76);
-        let t2_78 = t2_68 * t2_43;
-        let t2_79 = t2_74.mul_add(t2_52, t2_78);
-        let t2_80 = d_q2 * d_q2;
-        let t2_81 = sin_q2 * t2_80;
-        let t2_82 = like.lift(-0.4330127018922193).mul_add(t2_81, t2_66);
-        let t2_83 = (-t2_71).mul_add(t2_47, t2_82);
-        let t2_84 = (-t2_68).mul_add(t2_22, t2_83);
-        let t2_85 = t2_52.mul_add(t2_79, t2_84);
-        let t2_86 = t2_48.mul_add(t2_77, t2_85);
-        b[0] = t2_86;
-        let t2_87 = t2_30 * t2_52;
-        let t2_88 = t2_8.mul_add(t2_48, t2_87);
-        let t2_89 = like.lift(0.2) * t2_88;
-        let t2_90 = t2_8 * t2_51;
-        let t2_91 = t2_33.mul_add(t2_47, t2_90);
-        let t2_92 = t2_33 * t2_22;
-        let t2_93 = t2_30.mul_add(t2_51, t2_92);
-        let t2_94 = like.lift(0.5) * d_q1;
-        let t2_95 = t2_36 * t2_94;
-        let t2_96 = like.lift(0.2).mul_add(t2_91, t2_95);
-        let t2_97 = t2_11 * t2_94;
-        let t2_98 = (-t2_43).mul_add(t2_58, t2_96);
-        let t2_99 = like.lift(0.2).mul_add(t2_93, t2_97);
-        let t2_100 = t2_48.mul_add(t2_89, t2_99);
-        let t2_101 = t2_43.mul_add(t2_61, t2_100);
-        let t2_102 = (-t2_52).mul_add(t2_89, t2_98);
-        let t2_103 = (-t2_1).mul_add(t2_80, t2_101);
-        let t2_104 = like.lift(0.25).mul_add(t2_81, t2_102);
-        let t2_105 = (-t2_68).mul_add(t2_51, t2_104);
-        let t2_106 = (-t2_74).mul_add(t2_47, t2_105);
-        let t2_107 = (-t2_43).mul_add(t2_77, t2_106);
-        let t2_108 = (-t2_74).mul_add(t2_22, t2_103);
-        let t2_109 = t2_68 * t2_48;
-        let t2_110 = (-t2_71).mul_add(t2_52, t2_109);
-        let t2_111 = t2_71.mul_add(t2_51, t2_108);
-        let t2_112 = t2_52.mul_add(t2_110, t2_107);
-        let t2_113 = (-t2_48).mul_add(t2_110, t2_111);
-        let t2_114 = (-t2_43).mul_add(t2_79, t2_113);
-        let t2_115 = -t2_112;
-        b[1] = t2_115;
-        let t2_116 = -t2_114;
-        b[2] = t2_116;
-        let t2_117 = d_q3 * d_q3;
-        let t2_118 = (-t2_2).mul_add(t2_117, t2_101);
-        let t2_119 = sin_q3 * t2_117;
-        let t2_120 = like.lift(0.4330127018922193).mul_add(t2_119, t2_66);
-        let t2_121 = like.lift(0.25).mul_add(t2_119, t2_102);
-        let t2_122 = t2_72.mul_add(t2_47, t2_120);
-        let t2_123 = t2_69.mul_add(t2_51, t2_121);
-        let t2_124 = t2_75.mul_add(t2_47, t2_123);
-        let t2_125 = t2_75.mul_add(t2_22, t2_118);
-        let t2_126 = t2_69.mul_add(t2_22, t2_122);
-        let t2_127 = (-t2_72).mul_add(t2_51, t2_125);
-        let t2_128 = t2_75 * t2_48;
-        let t2_129 = t2_72.mul_add(t2_43, t2_128);
-        let t2_130 = t2_43.mul_add(t2_129, t2_124);
-        let t2_131 = t2_69 * t2_43;
-        let t2_132 = t2_75.mul_add(t2_52, t2_131);
-        let t2_133 = (-t2_52).mul_add(t2_132, t2_126);
-        let t2_134 = (-t2_48).mul_add(t2_129, t2_133);
-        b[3] = t2_134;
-        let t2_135 = t2_69 * t2_48;
-        let t2_136 = (-t2_72).mul_add(t2_52, t2_135);
-        let t2_137 = t2_48.mul_add(t2_136, t2_127);
-        let t2_138 = (-t2_52).mul_add(t2_136, t2_130);
-        let t2_139 = t2_43.mul_add(t2_132, t2_137);
-        let t2_140 = -t2_138;
-        b[4] = t2_140;
-        let t2_141 = -t2_139;
-        b[5] = t2_141;
+        let t2_76 = t2_75 * t2_48;
+        let t2_77 = t2_72.mul_add(t2_43, t2_76);
+        let t2_78 = t2_77 - t2_57;
+        let t2_79 = t2_69 * t2_43;
+        let t2_80 = t2_75.mul_add(t2_52, t2_79);
+        let t2_81 = t2_80 - t2_61;
+        let t2_82 = d_q2 * d_q2;
+        let t2_83 = sin_q2 * t2_82;
+        let t2_84 = like.lift(-0.4330127018922193).mul_add(t2_83, t2_66);
+        let t2_85 = (-t2_71).mul_add(t2_47, t2_84);
+        let t2_86 = (-t2_68).mul_add(t2_22, t2_85);
+        let t2_87 = t2_52.mul_add(t2_81, t2_86);
+        let t2_88 = t2_48.mul_add(t2_78, t2_87);
+        b[0] = t2_88;
+        let t2_89 = t2_30 * t2_52;
+        let t2_90 = t2_8.mul_add(t2_48, t2_89);
+        let t2_91 = like.lift(0.2) * t2_90;
+        let t2_92 = t2_8 * t2_51;
+        let t2_93 = t2_33.mul_add(t2_47, t2_92);
+        let t2_94 = t2_33 * t2_22;
+        let t2_95 = t2_30.mul_add(t2_51, t2_94);
+        let t2_96 = like.lift(0.5) * d_q1;
+        let t2_97 = t2_36 * t2_96;
+        let t2_98 = like.lift(0.2).mul_add(t2_93, t2_97);
+        let t2_99 = t2_11 * t2_96;
+        let t2_100 = (-t2_43).mul_add(t2_58, t2_98);
+        let t2_101 = like.lift(0.2).mul_add(t2_95, t2_99);
+        let t2_102 = t2_48.mul_add(t2_91, t2_101);
+        let t2_103 = t2_43.mul_add(t2_61, t2_102);
+        let t2_104 = (-t2_1).mul_add(t2_82, t2_103);
+        let t2_105 = (-t2_74).mul_add(t2_22, t2_104);
+        let t2_106 = t2_71.mul_add(t2_51, t2_105);
+        let t2_107 = (-t2_52).mul_add(t2_91, t2_100);
+        let t2_108 = like.lift(0.25).mul_add(t2_83, t2_107);
+        let t2_109 = (-t2_68).mul_add(t2_51, t2_108);
+        let t2_110 = (-t2_74).mul_add(t2_47, t2_109);
+        let t2_111 = (-t2_43).mul_add(t2_78, t2_110);
+        let t2_112 = d_q3 * d_q3;
+        let t2_113 = (-t2_2).mul_add(t2_112, t2_103);
+        let t2_114 = sin_q3 * t2_112;
+        let t2_115 = like.lift(0.4330127018922193).mul_add(t2_114, t2_66);
+        let t2_116 = like.lift(0.25).mul_add(t2_114, t2_107);
+        let t2_117 = t2_72.mul_add(t2_47, t2_115);
+        let t2_118 = t2_69.mul_add(t2_51, t2_116);
+        let t2_119 = t2_75.mul_add(t2_47, t2_118);
+        let t2_120 = t2_75.mul_add(t2_22, t2_113);
+        let t2_121 = t2_69.mul_add(t2_22, t2_117);
+        let t2_122 = (-t2_72).mul_add(t2_51, t2_120);
+        let t2_123 = t2_69 * t2_48;
+        let t2_124 = (-t2_72).mul_add(t2_52, t2_123);
+        let t2_125 = (-t2_52).mul_add(t2_80, t2_121);
+        let t2_126 = (-t2_48).mul_add(t2_77, t2_125);
+        b[3] = t2_126;
+        let t2_127 = t2_43.mul_add(t2_77, t2_119);
+        let t2_128 = (-t2_52).mul_add(t2_124, t2_127);
+        let t2_129 = -t2_128;
+        b[4] = t2_129;
+        let t2_130 = t2_124 - t2_91;
+        let t2_131 = t2_52.mul_add(t2_130, t2_111);
+        let t2_132 = (-t2_48).mul_add(t2_130, t2_106);
+        let t2_133 = t2_48.mul_add(t2_124, t2_122);
+        let t2_134 = (-t2_43).mul_add(t2_81, t2_132);
+        let t2_135 = t2_43.mul_add(t2_80, t2_133);
+        let t2_136 = -t2_131;
+        b[1] = t2_136;
+        let t2_137 = -t2_134;
+        b[2] = t2_137;
+        let t2_138 = -t2_135;
+        b[5] = t2_138;
     }
     b
 }
@@ -826,7 +820,7 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 111 additions, 145 multiplications, 6 divisions, 6 sines and cosines.
+/// 106 additions, 139 multiplications, 6 divisions, 6 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 6];
@@ -861,220 +855,212 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
         let t2_10 = like.lift(0.2) * t2_6;
         let t2_11 = like.lift(0.17320508075688773) * t2_8;
         let t2_12 = t2_9 + t2_10;
-        let t2_13 = t2_12 - t2_11;
-        let t2_14 = cos_q1 * cos_s1_1;
-        let t2_15 = cos_q1 * sin_s1_1;
-        let t2_16 = sin_q1 * cos_s1_2;
-        let t2_17 = (-sin_s1_2).mul_add(t2_15, t2_16);
-        let t2_18 = cos_s1_2 * t2_15;
-        let t2_19 = sin_q1.mul_add(sin_s1_2, t2_18);
-        let t2_20 = cos_s1_1 * cos_s1_2;
-        let t2_21 = sin_s1_3 * cos_s1_1;
-        let t2_22 = cos_s1_3 * t2_14;
-        let t2_23 = (-sin_s1_3).mul_add(t2_17, t2_22);
-        let t2_24 = sin_s1_1 * cos_s1_3;
-        let t2_25 = (-t2_21).mul_add(sin_s1_2, t2_24);
-        let t2_26 = like.lift(0.1) * t2_23;
-        let t2_27 = like.lift(0.2) * t2_23;
-        let t2_28 = like.lift(0.17320508075688773) * t2_19;
-        let t2_29 = t2_26 + t2_27;
-        let t2_30 = t2_29 + t2_28;
-        let t2_31 = cos_q1 * t2_30;
-        let t2_32 = sin_q1.mul_add(t2_13, t2_31);
-        let t2_33 = t2_14 * t2_13;
-        let t2_34 = (-t2_1).mul_add(t2_30, t2_33);
-        let t2_35 = -t2_34;
-        let t2_36 = t2_8 * t2_30;
-        let t2_37 = t2_19.mul_add(t2_13, t2_36);
+        let t2_13 = like.lift(0.5).mul_add(cos_q1, t2_10);
+        let t2_14 = t2_12 - t2_11;
+        let t2_15 = t2_12 + t2_11;
+        let t2_16 = cos_q1 * cos_s1_1;
+        let t2_17 = cos_q1 * sin_s1_1;
+        let t2_18 = sin_q1 * cos_s1_2;
+        let t2_19 = (-sin_s1_2).mul_add(t2_17, t2_18);
+        let t2_20 = cos_s1_2 * t2_17;
+        let t2_21 = sin_q1.mul_add(sin_s1_2, t2_20);
+        let t2_22 = cos_s1_1 * cos_s1_2;
+        let t2_23 = sin_s1_3 * cos_s1_1;
+        let t2_24 = cos_s1_3 * t2_16;
+        let t2_25 = (-sin_s1_3).mul_add(t2_19, t2_24);
+        let t2_26 = sin_s1_1 * cos_s1_3;
+        let t2_27 = (-t2_23).mul_add(sin_s1_2, t2_26);
+        let t2_28 = like.lift(0.1) * t2_25;
+        let t2_29 = like.lift(0.2) * t2_25;
+        let t2_30 = like.lift(0.17320508075688773) * t2_21;
+        let t2_31 = t2_30 + t2_28;
+        let t2_32 = t2_30 - t2_28;
+        let t2_33 = t2_31 + t2_29;
+        let t2_34 = cos_q1 * t2_33;
+        let t2_35 = sin_q1.mul_add(t2_14, t2_34);
+        let t2_36 = t2_16 * t2_14;
+        let t2_37 = (-t2_1).mul_add(t2_33, t2_36);
         let t2_38 = -t2_37;
+        let t2_39 = t2_29 - t2_32;
+        let t2_40 = t2_8 * t2_39;
+        let t2_41 = t2_21.mul_add(t2_15, t2_40);
+        let t2_42 = like.lift(0.0) + t2_41;
+        let t2_43 = -t2_42;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_39 = like.lift(0.5).mul_add(cos_q1, t2_10);
-        let t2_40 = t2_9 + t2_10;
-        let t2_41 = t2_40 + t2_11;
-        let t2_42 = t2_39 - t2_11;
-        let t2_43 = t2_39 + t2_11;
-        let pivot_3 = t2_42 + t2_9;
-        let t2_44 = t2_43 + t2_9;
-        let t2_45 = like.lift(0.2) * t2_25;
-        let t2_46 = like.lift(0.1) * t2_25;
-        let t2_47 = like.lift(0.17320508075688773) * t2_20;
-        let t2_48 = t2_45 - t2_47;
-        let t2_49 = t2_45 + t2_47;
-        let t2_50 = t2_48 + t2_46;
-        let t2_51 = t2_49 + t2_46;
-        let t2_52 = cos_q1 * t2_50;
-        let t2_53 = t2_1 * t2_50;
-        let t2_54 = (-sin_s1_1).mul_add(t2_13, t2_53);
-        let t2_55 = t2_8 * t2_50;
-        let t2_56 = (-t2_20).mul_add(t2_13, t2_55);
-        let t2_57 = -t2_56;
-        let t2_58 = like.lift(-0.5773502691896257).mul_add(t2_37, t2_56);
-        let t2_59 = like.lift(0.25) * cos_q2;
-        let t2_60 = like.lift(0.5) * sin_q1;
-        let t2_61 = t2_28 + t2_26;
-        let t2_62 = t2_60 - t2_27;
-        let t2_63 = t2_62 - t2_61;
-        let t2_64 = sin_q1 * t2_50;
-        let t2_65 = sin_s1_1 * t2_30;
-        let t2_66 = (-t2_14).mul_add(t2_50, t2_65);
-        let t2_67 = t2_19 * t2_50;
-        let t2_68 = t2_20.mul_add(t2_30, t2_67);
-        let t2_69 = like.lift(0.4330127018922193).mul_add(sin_q2, t2_50);
-        let t2_70 = like.lift(-0.8660254037844386).mul_add(p2, t2_69);
-        let t2_71 = t2_70 + like.lift(0.6928203230275509);
-        let t2_72 = -t2_68;
-        let t2_73 = like.lift(0.5) * sin_q2;
+        let t2_44 = t2_13 - t2_11;
+        let t2_45 = t2_13 + t2_11;
+        let pivot_3 = t2_44 + t2_9;
+        let t2_46 = t2_45 + t2_9;
+        let t2_47 = like.lift(0.2) * t2_27;
+        let t2_48 = like.lift(0.1) * t2_27;
+        let t2_49 = like.lift(0.17320508075688773) * t2_22;
+        let t2_50 = t2_47 - t2_49;
+        let t2_51 = t2_47 + t2_49;
+        let t2_52 = t2_50 + t2_48;
+        let t2_53 = t2_51 + t2_48;
+        let t2_54 = t2_8 * t2_53;
+        let t2_55 = (-t2_22).mul_add(t2_15, t2_54);
+        let t2_56 = t2_21 * t2_53;
+        let t2_57 = t2_22.mul_add(t2_39, t2_56);
+        let t2_58 = t2_1 * t2_52;
+        let t2_59 = (-sin_s1_1).mul_add(t2_14, t2_58);
+        let t2_60 = cos_q1 * t2_52;
+        let t2_61 = like.lift(0.0) + t2_55;
+        let t2_62 = -t2_61;
+        let t2_63 = like.lift(-0.5773502691896257).mul_add(t2_42, t2_61);
+        let t2_64 = like.lift(0.25) * cos_q2;
+        let t2_65 = like.lift(0.5) * sin_q1;
+        let t2_66 = t2_65 - t2_33;
+        let t2_67 = sin_s1_1 * t2_33;
+        let t2_68 = (-t2_16).mul_add(t2_52, t2_67);
+        let t2_69 = sin_q1 * t2_52;
+        let t2_70 = like.lift(0.4330127018922193).mul_add(sin_q2, t2_52);
+        let t2_71 = like.lift(-0.8660254037844386).mul_add(p2, t2_70);
+        let t2_72 = t2_71 + like.lift(0.6928203230275509);
+        let t2_73 = like.lift(0.0) + t2_57;
         let t2_74 = -t2_73;
-        let t2_75 = t2_26 + t2_27;
-        let t2_76 = t2_75 - t2_28;
-        let t2_77 = t2_28 - t2_26;
-        let t2_78 = cos_q1 * t2_76;
-        let t2_79 = sin_q1.mul_add(t2_41, t2_78);
-        let t2_80 = cos_q1 * t2_51;
-        let t2_81 = sin_q1 * t2_51;
-        let t2_82 = t2_14 * t2_41;
-        let t2_83 = (-t2_1).mul_add(t2_76, t2_82);
-        let t2_84 = t2_1 * t2_51;
-        let t2_85 = (-sin_s1_1).mul_add(t2_41, t2_84);
-        let t2_86 = sin_s1_1 * t2_76;
-        let t2_87 = (-t2_14).mul_add(t2_51, t2_86);
-        let t2_88 = -t2_83;
-        let t2_89 = t2_8 * t2_76;
-        let t2_90 = t2_19.mul_add(t2_41, t2_89);
-        let t2_91 = t2_8 * t2_51;
-        let t2_92 = (-t2_20).mul_add(t2_41, t2_91);
-        let t2_93 = t2_19 * t2_51;
-        let t2_94 = t2_20.mul_add(t2_76, t2_93);
-        let t2_95 = like.lift(-0.4330127018922193).mul_add(sin_q3, t2_51);
-        let t2_96 = like.lift(0.8660254037844386).mul_add(p3, t2_95);
-        let t2_97 = t2_96 - like.lift(0.6928203230275509);
-        let t2_98 = -t2_90;
+        let t2_75 = like.lift(0.5) * sin_q2;
+        let t2_76 = -t2_75;
+        let t2_77 = cos_q1 * t2_39;
+        let t2_78 = sin_q1.mul_add(t2_15, t2_77);
+        let t2_79 = cos_q1 * t2_53;
+        let t2_80 = sin_q1 * t2_53;
+        let t2_81 = t2_16 * t2_15;
+        let t2_82 = (-t2_1).mul_add(t2_39, t2_81);
+        let t2_83 = t2_1 * t2_53;
+        let t2_84 = (-sin_s1_1).mul_add(t2_15, t2_83);
+        let t2_85 = sin_s1_1 * t2_39;
+        let t2_86 = (-t2_16).mul_add(t2_53, t2_85);
+        let t2_87 = t2_65 - t2_39;
+        let t2_88 = like.lift(-0.4330127018922193).mul_add(sin_q3, t2_53);
+        let t2_89 = like.lift(0.8660254037844386).mul_add(p3, t2_88);
+        let t2_90 = t2_89 - like.lift(0.6928203230275509);
+        let t2_91 = like.lift(0.8) - p1;
+        let t2_92 = t2_91 + t2_65;
+        let t2_93 = t2_92 - t2_29;
+        let t2_94 = t2_93 - t2_31;
+        let t2_95 = t2_93 + t2_32;
+        let t2_96 = like.lift(0.25).mul_add(sin_q2, t2_94);
+        let t2_97 = like.lift(-0.5).mul_add(p2, t2_96);
+        let t2_98 = t2_97 + like.lift(0.4);
+        let t2_99 = like.lift(0.25).mul_add(sin_q3, t2_95);
+        let t2_100 = like.lift(-0.5).mul_add(p3, t2_99);
+        let t2_101 = t2_100 + like.lift(0.4);
+        let t2_102 = -t2_82;
+        let t2_103 = -t2_41;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_99 = -pivot_2;
-        let t2_100 = -t2_92;
-        let t2_101 = like.lift(0.25) * cos_q3;
-        let t2_102 = t2_60 - t2_27;
-        let t2_103 = t2_102 + t2_77;
-        let t2_104 = like.lift(0.8) - p1;
-        let t2_105 = t2_104 + t2_60;
-        let t2_106 = t2_105 - t2_27;
-        let t2_107 = t2_106 - t2_61;
-        let t2_108 = t2_106 + t2_77;
-        let t2_109 = like.lift(0.25).mul_add(sin_q2, t2_107);
-        let t2_110 = like.lift(-0.5).mul_add(p2, t2_109);
-        let t2_111 = t2_110 + like.lift(0.4);
-        let t2_112 = like.lift(0.25).mul_add(sin_q3, t2_108);
-        let t2_113 = like.lift(-0.5).mul_add(p3, t2_112);
-        let t2_114 = t2_113 + like.lift(0.4);
-        let t2_115 = -t2_94;
-        let t2_116 = like.lift(0.5) * sin_q3;
-        let t2_117 = -t2_116;
-        let t2_118 = -t2_71;
-        let t2_119 = -t2_111;
-        let t2_120 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_111);
-        let t2_121 = like.lift(-0.5).mul_add(cos_q2, pivot_3);
-        let t2_122 = like.lift(1.0) / cos_q2;
-        let t2_123 = sin_q2 * t2_122;
-        let t2_124 = like.lift(1.1547005383792515) * t2_123;
-        let t2_125 = like.lift(2.309401076758503) * t2_122;
-        let t2_126 = -t2_97;
-        let t2_127 = -t2_114;
-        let t2_128 = like.lift(-0.5).mul_add(cos_q3, t2_44);
-        let t2_129 = like.lift(1.0) / cos_q3;
-        let t2_130 = sin_q3 * t2_129;
-        let t2_131 = like.lift(1.1547005383792515) * t2_130;
-        let t2_132 = like.lift(2.309401076758503) * t2_129;
+        let t2_104 = -pivot_2;
+        let t2_105 = -t2_55;
+        let t2_106 = like.lift(0.25) * cos_q3;
+        let t2_107 = -t2_57;
+        let t2_108 = like.lift(0.5) * sin_q3;
+        let t2_109 = -t2_108;
+        let t2_110 = -t2_72;
+        let t2_111 = -t2_98;
+        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_72, t2_98);
+        let t2_113 = like.lift(-0.5).mul_add(cos_q2, pivot_3);
+        let t2_114 = like.lift(1.0) / cos_q2;
+        let t2_115 = sin_q2 * t2_114;
+        let t2_116 = like.lift(1.1547005383792515) * t2_115;
+        let t2_117 = like.lift(2.309401076758503) * t2_114;
+        let t2_118 = -t2_90;
+        let t2_119 = -t2_101;
+        let t2_120 = like.lift(-0.5).mul_add(cos_q3, t2_46);
+        let t2_121 = like.lift(1.0) / cos_q3;
+        let t2_122 = sin_q3 * t2_121;
+        let t2_123 = like.lift(1.1547005383792515) * t2_122;
+        let t2_124 = like.lift(2.309401076758503) * t2_121;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_133 = like.lift(-0.5773502691896257).mul_add(t2_32, t2_52);
-        let t2_134 = t2_44 * inv_pivot_3;
-        let t2_135 = (-t2_134).mul_add(t2_120, t2_114);
-        let t2_136 = like.lift(0.5773502691896257).mul_add(t2_97, t2_135);
-        let t2_137 = (-t2_58).mul_add(t2_134, t2_92);
-        let t2_138 = like.lift(0.5773502691896257).mul_add(t2_90, t2_137);
-        let t2_139 = (-t2_133).mul_add(t2_134, t2_80);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_79, t2_139);
+        let t2_125 = like.lift(-0.5773502691896257).mul_add(t2_35, t2_60);
+        let t2_126 = t2_46 * inv_pivot_3;
+        let t2_127 = (-t2_126).mul_add(t2_112, t2_101);
+        let t2_128 = like.lift(0.5773502691896257).mul_add(t2_90, t2_127);
+        let t2_129 = (-t2_63).mul_add(t2_126, t2_55);
+        let t2_130 = like.lift(0.5773502691896257).mul_add(t2_41, t2_129);
+        let t2_131 = (-t2_125).mul_add(t2_126, t2_79);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_78, t2_131);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_140 = t2_63 * inv_pivot_3;
-        let t2_141 = (-t2_133).mul_add(t2_140, t2_64);
-        let t2_142 = t2_32.mul_add(t2_124, t2_141);
-        let t2_143 = t2_142 * inv_pivot_4;
-        let t2_144 = (-t2_138).mul_add(t2_143, t2_68);
-        let t2_145 = (-t2_58).mul_add(t2_140, t2_144);
-        let pivot_5 = t2_37.mul_add(t2_124, t2_145);
+        let t2_132 = t2_66 * inv_pivot_3;
+        let t2_133 = (-t2_125).mul_add(t2_132, t2_69);
+        let t2_134 = t2_35.mul_add(t2_116, t2_133);
+        let t2_135 = t2_134 * inv_pivot_4;
+        let t2_136 = (-t2_130).mul_add(t2_135, t2_73);
+        let t2_137 = (-t2_63).mul_add(t2_132, t2_136);
+        let pivot_5 = t2_42.mul_add(t2_116, t2_137);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_146 = -pivot_5;
-        let t2_147 = t2_143.mul_add(t2_136, t2_121);
-        let t2_148 = t2_140.mul_add(t2_120, t2_147);
-        let t2_149 = (-t2_71).mul_add(t2_124, t2_148);
-        let t2_150 = like.lift(0.5773502691896257).mul_add(t2_34, t2_54);
-        let t2_151 = (-t2_150).mul_add(t2_134, t2_85);
-        let t2_152 = like.lift(-0.5773502691896257).mul_add(t2_83, t2_151);
-        let t2_153 = (-t2_152).mul_add(t2_143, t2_66);
-        let t2_154 = (-t2_150).mul_add(t2_140, t2_153);
-        let t2_155 = (-t2_34).mul_add(t2_124, t2_154);
-        let t2_156 = t2_103 * inv_pivot_3;
-        let t2_157 = (-t2_133).mul_add(t2_156, t2_81);
-        let t2_158 = (-t2_79).mul_add(t2_131, t2_157);
-        let t2_159 = t2_158 * inv_pivot_4;
-        let t2_160 = (-t2_138).mul_add(t2_159, t2_94);
-        let t2_161 = (-t2_58).mul_add(t2_156, t2_160);
-        let t2_162 = (-t2_90).mul_add(t2_131, t2_161);
-        let t2_163 = t2_162 * inv_pivot_5;
-        let t2_164 = (-t2_155).mul_add(t2_163, t2_87);
-        let t2_165 = (-t2_152).mul_add(t2_159, t2_164);
-        let t2_166 = (-t2_163).mul_add(t2_149, t2_128);
-        let t2_167 = t2_159.mul_add(t2_136, t2_166);
-        let t2_168 = (-t2_150).mul_add(t2_156, t2_165);
-        let t2_169 = t2_156.mul_add(t2_120, t2_167);
-        let pivot_6 = t2_83.mul_add(t2_131, t2_168);
-        let t2_170 = t2_97.mul_add(t2_131, t2_169);
+        let t2_138 = -pivot_5;
+        let t2_139 = t2_135.mul_add(t2_128, t2_113);
+        let t2_140 = t2_132.mul_add(t2_112, t2_139);
+        let t2_141 = (-t2_72).mul_add(t2_116, t2_140);
+        let t2_142 = like.lift(0.5773502691896257).mul_add(t2_37, t2_59);
+        let t2_143 = (-t2_142).mul_add(t2_126, t2_84);
+        let t2_144 = like.lift(-0.5773502691896257).mul_add(t2_82, t2_143);
+        let t2_145 = (-t2_144).mul_add(t2_135, t2_68);
+        let t2_146 = (-t2_142).mul_add(t2_132, t2_145);
+        let t2_147 = (-t2_37).mul_add(t2_116, t2_146);
+        let t2_148 = t2_87 * inv_pivot_3;
+        let t2_149 = (-t2_125).mul_add(t2_148, t2_80);
+        let t2_150 = (-t2_78).mul_add(t2_123, t2_149);
+        let t2_151 = t2_150 * inv_pivot_4;
+        let t2_152 = (-t2_130).mul_add(t2_151, t2_57);
+        let t2_153 = (-t2_63).mul_add(t2_148, t2_152);
+        let t2_154 = (-t2_41).mul_add(t2_123, t2_153);
+        let t2_155 = t2_154 * inv_pivot_5;
+        let t2_156 = (-t2_147).mul_add(t2_155, t2_86);
+        let t2_157 = (-t2_144).mul_add(t2_151, t2_156);
+        let t2_158 = (-t2_155).mul_add(t2_141, t2_120);
+        let t2_159 = t2_151.mul_add(t2_128, t2_158);
+        let t2_160 = (-t2_142).mul_add(t2_148, t2_157);
+        let t2_161 = t2_148.mul_add(t2_112, t2_159);
+        let pivot_6 = t2_82.mul_add(t2_123, t2_160);
+        let t2_162 = t2_90.mul_add(t2_123, t2_161);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_171 = inv_pivot_6 * t2_170;
-        let t2_172 = (-t2_155).mul_add(t2_171, t2_149);
-        let t2_173 = inv_pivot_5 * t2_172;
-        let t2_174 = t2_152.mul_add(t2_171, t2_136);
-        let t2_175 = t2_138.mul_add(t2_173, t2_174);
-        let t2_176 = t2_150.mul_add(t2_171, t2_120);
-        let t2_177 = (-t2_34).mul_add(t2_171, t2_71);
-        let t2_178 = (-t2_83).mul_add(t2_171, t2_97);
-        let t2_179 = inv_pivot_4 * t2_175;
-        let t2_180 = t2_58.mul_add(t2_173, t2_176);
-        let t2_181 = (-t2_133).mul_add(t2_179, t2_180);
-        let t2_182 = inv_pivot_3 * t2_181;
-        let t2_183 = t2_37.mul_add(t2_173, t2_177);
-        let t2_184 = t2_90.mul_add(t2_173, t2_178);
-        let t2_185 = (-t2_32).mul_add(t2_179, t2_183);
-        let t2_186 = t2_125 * t2_185;
-        let t2_187 = (-t2_79).mul_add(t2_179, t2_184);
-        let t2_188 = t2_132 * t2_187;
-        let t2_189 = -t2_182;
-        let t2_190 = -t2_179;
-        let t2_191 = -t2_173;
-        let t2_192 = -t2_186;
+        let t2_163 = inv_pivot_6 * t2_162;
+        let t2_164 = (-t2_147).mul_add(t2_163, t2_141);
+        let t2_165 = inv_pivot_5 * t2_164;
+        let t2_166 = t2_144.mul_add(t2_163, t2_128);
+        let t2_167 = t2_130.mul_add(t2_165, t2_166);
+        let t2_168 = t2_142.mul_add(t2_163, t2_112);
+        let t2_169 = (-t2_37).mul_add(t2_163, t2_72);
+        let t2_170 = (-t2_82).mul_add(t2_163, t2_90);
+        let t2_171 = inv_pivot_4 * t2_167;
+        let t2_172 = t2_63.mul_add(t2_165, t2_168);
+        let t2_173 = (-t2_125).mul_add(t2_171, t2_172);
+        let t2_174 = inv_pivot_3 * t2_173;
+        let t2_175 = t2_42.mul_add(t2_165, t2_169);
+        let t2_176 = t2_41.mul_add(t2_165, t2_170);
+        let t2_177 = (-t2_35).mul_add(t2_171, t2_175);
+        let t2_178 = t2_117 * t2_177;
+        let t2_179 = (-t2_78).mul_add(t2_171, t2_176);
+        let t2_180 = t2_124 * t2_179;
+        let t2_181 = -t2_174;
+        let t2_182 = -t2_171;
+        let t2_183 = -t2_165;
+        let t2_184 = -t2_178;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_99 * like.lift(2.4888041299057773)).abs())
+            .min((t2_104 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_146 * like.lift(3.327667645468371)).abs())
+            .min((t2_138 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
-        let ([[t2_193], [t2_194], [t2_195], [t2_196], [t2_197], [t2_198]], found) = ::regen_runtime::guarded(
-            [[t2_189], [t2_190], [t2_171], [t2_191], [t2_192], [t2_188]],
+        let ([[t2_185], [t2_186], [t2_187], [t2_188], [t2_189], [t2_190]], found) = ::regen_runtime::guarded(
+            [[t2_181], [t2_182], [t2_163], [t2_183], [t2_184], [t2_180]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_32, t2_35, t2_38, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_52, t2_54, t2_57, t2_59, like.lift(0.0)],
-                    [t2_63, t2_64, t2_66, t2_72, t2_74, like.lift(0.0)],
-                    [like.lift(0.0), t2_79, t2_88, t2_98, like.lift(0.0), t2_99],
-                    [t2_44, t2_80, t2_85, t2_100, like.lift(0.0), t2_101],
-                    [t2_103, t2_81, t2_87, t2_115, like.lift(0.0), t2_117],
+                    [like.lift(0.0), t2_35, t2_38, t2_43, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_60, t2_59, t2_62, t2_64, like.lift(0.0)],
+                    [t2_66, t2_69, t2_68, t2_74, t2_76, like.lift(0.0)],
+                    [like.lift(0.0), t2_78, t2_102, t2_103, like.lift(0.0), t2_104],
+                    [t2_46, t2_79, t2_84, t2_105, like.lift(0.0), t2_106],
+                    [t2_87, t2_80, t2_86, t2_107, like.lift(0.0), t2_109],
                 ],
-                [[t2_118], [t2_119], [t2_121], [t2_126], [t2_127], [t2_128]],
+                [[t2_110], [t2_111], [t2_113], [t2_118], [t2_119], [t2_120]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_193; dq_e[1] = t2_194; dq_e[2] = t2_195; dq_e[3] = t2_196; dq_e[4] = t2_197; dq_e[5] = t2_198;
+        dq_e[0] = t2_185; dq_e[1] = t2_186; dq_e[2] = t2_187; dq_e[3] = t2_188; dq_e[4] = t2_189; dq_e[5] = t2_190;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -1084,7 +1070,7 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a_e`: the square A_e on the rows that are kept, each loop seen from one of its own frames (Eq. 8)
 ///
-/// 44 additions, 69 multiplications, 0 divisions, 6 sines and cosines.
+/// 38 additions, 66 multiplications, 0 divisions, 6 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
     let like = q[0];
     let mut a_e = [[like.lift(0.0); 6]; 6];
@@ -1133,109 +1119,100 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
         let t2_17 = like.lift(0.2) * t2_13;
         let t2_18 = like.lift(0.17320508075688773) * t2_15;
         let t2_19 = t2_16 + t2_17;
-        let t2_20 = t2_19 - t2_18;
-        let t2_21 = cos_q1 * cos_s1_1;
-        let t2_22 = cos_q1 * sin_s1_1;
-        let t2_23 = sin_q1 * cos_s1_2;
-        let t2_24 = (-sin_s1_2).mul_add(t2_22, t2_23);
-        let t2_25 = cos_s1_2 * t2_22;
-        let t2_26 = sin_q1.mul_add(sin_s1_2, t2_25);
-        let t2_27 = cos_s1_1 * cos_s1_2;
-        let t2_28 = sin_s1_3 * cos_s1_1;
-        let t2_29 = cos_s1_3 * t2_21;
-        let t2_30 = (-sin_s1_3).mul_add(t2_24, t2_29);
-        let t2_31 = sin_s1_1 * cos_s1_3;
-        let t2_32 = (-t2_28).mul_add(sin_s1_2, t2_31);
-        let t2_33 = like.lift(0.1) * t2_30;
-        let t2_34 = like.lift(0.2) * t2_30;
-        let t2_35 = like.lift(0.17320508075688773) * t2_26;
-        let t2_36 = t2_33 + t2_34;
-        let t2_37 = t2_36 + t2_35;
-        let t2_38 = cos_q1 * t2_37;
-        let t2_39 = sin_q1.mul_add(t2_20, t2_38);
-        a_e[0][1] = t2_39;
-        let t2_40 = t2_21 * t2_20;
-        let t2_41 = (-t2_8).mul_add(t2_37, t2_40);
-        let t2_42 = -t2_41;
-        a_e[0][2] = t2_42;
-        let t2_43 = t2_15 * t2_37;
-        let t2_44 = t2_26.mul_add(t2_20, t2_43);
-        let t2_45 = -t2_44;
-        a_e[0][3] = t2_45;
-        let t2_46 = t2_16 + t2_17;
-        let t2_47 = t2_46 + t2_18;
-        let t2_48 = like.lift(0.5).mul_add(cos_q1, t2_17);
-        let t2_49 = t2_48 - t2_18;
-        let t2_50 = t2_48 + t2_18;
-        let pivot_3 = t2_49 + t2_16;
+        let t2_20 = like.lift(0.5).mul_add(cos_q1, t2_17);
+        let t2_21 = t2_20 - t2_18;
+        let pivot_3 = t2_21 + t2_16;
         a_e[2][0] = pivot_3;
-        let t2_51 = t2_50 + t2_16;
-        a_e[3][0] = t2_51;
-        let t2_52 = t2_33 + t2_34;
-        let t2_53 = t2_52 - t2_35;
-        let t2_54 = cos_q1 * t2_53;
-        let t2_55 = sin_q1.mul_add(t2_47, t2_54);
-        a_e[1][1] = t2_55;
-        let t2_56 = t2_21 * t2_47;
-        let t2_57 = (-t2_8).mul_add(t2_53, t2_56);
+        let t2_22 = t2_20 + t2_18;
+        let t2_23 = t2_22 + t2_16;
+        a_e[3][0] = t2_23;
+        let t2_24 = t2_19 - t2_18;
+        let t2_25 = t2_19 + t2_18;
+        let t2_26 = cos_q1 * cos_s1_1;
+        let t2_27 = cos_q1 * sin_s1_1;
+        let t2_28 = sin_q1 * cos_s1_2;
+        let t2_29 = (-sin_s1_2).mul_add(t2_27, t2_28);
+        let t2_30 = cos_s1_2 * t2_27;
+        let t2_31 = sin_q1.mul_add(sin_s1_2, t2_30);
+        let t2_32 = cos_s1_1 * cos_s1_2;
+        let t2_33 = sin_s1_3 * cos_s1_1;
+        let t2_34 = cos_s1_3 * t2_26;
+        let t2_35 = (-sin_s1_3).mul_add(t2_29, t2_34);
+        let t2_36 = sin_s1_1 * cos_s1_3;
+        let t2_37 = (-t2_33).mul_add(sin_s1_2, t2_36);
+        let t2_38 = like.lift(0.1) * t2_35;
+        let t2_39 = like.lift(0.2) * t2_35;
+        let t2_40 = t2_38 + t2_39;
+        let t2_41 = like.lift(0.17320508075688773) * t2_31;
+        let t2_42 = t2_41 + t2_40;
+        let t2_43 = t2_40 - t2_41;
+        let t2_44 = cos_q1 * t2_42;
+        let t2_45 = sin_q1.mul_add(t2_24, t2_44);
+        a_e[0][1] = t2_45;
+        let t2_46 = cos_q1 * t2_43;
+        let t2_47 = sin_q1.mul_add(t2_25, t2_46);
+        a_e[1][1] = t2_47;
+        let t2_48 = t2_26 * t2_24;
+        let t2_49 = (-t2_8).mul_add(t2_42, t2_48);
+        let t2_50 = -t2_49;
+        a_e[0][2] = t2_50;
+        let t2_51 = t2_15 * t2_43;
+        let t2_52 = t2_31.mul_add(t2_25, t2_51);
+        let t2_53 = -t2_52;
+        a_e[0][3] = t2_53;
+        let t2_54 = t2_31.mul_add(t2_25, t2_51);
+        let t2_55 = -t2_54;
+        a_e[1][3] = t2_55;
+        let t2_56 = t2_26 * t2_25;
+        let t2_57 = (-t2_8).mul_add(t2_43, t2_56);
         let t2_58 = -t2_57;
         a_e[1][2] = t2_58;
-        let t2_59 = t2_15 * t2_53;
-        let t2_60 = t2_26.mul_add(t2_47, t2_59);
-        let t2_61 = -t2_60;
-        a_e[1][3] = t2_61;
-        let t2_62 = like.lift(0.2) * t2_32;
-        let t2_63 = like.lift(0.1) * t2_32;
-        let t2_64 = like.lift(0.17320508075688773) * t2_27;
-        let t2_65 = t2_62 - t2_64;
-        let t2_66 = t2_62 + t2_64;
-        let t2_67 = t2_65 + t2_63;
-        let t2_68 = t2_66 + t2_63;
-        let t2_69 = cos_q1 * t2_67;
-        a_e[2][1] = t2_69;
-        let t2_70 = cos_q1 * t2_68;
-        a_e[3][1] = t2_70;
-        let t2_71 = sin_q1 * t2_67;
-        a_e[4][1] = t2_71;
-        let t2_72 = sin_q1 * t2_68;
-        a_e[5][1] = t2_72;
-        let t2_73 = like.lift(0.5) * sin_q1;
-        let t2_74 = t2_8 * t2_67;
-        let t2_75 = (-sin_s1_1).mul_add(t2_20, t2_74);
-        a_e[2][2] = t2_75;
-        let t2_76 = t2_8 * t2_68;
-        let t2_77 = (-sin_s1_1).mul_add(t2_47, t2_76);
-        a_e[3][2] = t2_77;
-        let t2_78 = t2_15 * t2_67;
-        let t2_79 = (-t2_27).mul_add(t2_20, t2_78);
-        let t2_80 = -t2_79;
-        a_e[2][3] = t2_80;
-        let t2_81 = t2_15 * t2_68;
-        let t2_82 = (-t2_27).mul_add(t2_47, t2_81);
-        let t2_83 = -t2_82;
-        a_e[3][3] = t2_83;
-        let t2_84 = sin_s1_1 * t2_37;
-        let t2_85 = (-t2_21).mul_add(t2_67, t2_84);
-        a_e[4][2] = t2_85;
-        let t2_86 = sin_s1_1 * t2_53;
-        let t2_87 = (-t2_21).mul_add(t2_68, t2_86);
-        a_e[5][2] = t2_87;
-        let t2_88 = t2_26 * t2_67;
-        let t2_89 = t2_27.mul_add(t2_37, t2_88);
-        let t2_90 = t2_26 * t2_68;
-        let t2_91 = t2_27.mul_add(t2_53, t2_90);
-        let t2_92 = -t2_89;
-        a_e[4][3] = t2_92;
-        let t2_93 = -t2_91;
-        a_e[5][3] = t2_93;
-        let t2_94 = t2_73 - t2_34;
-        let t2_95 = t2_73 - t2_34;
-        let t2_96 = t2_94 - t2_35;
-        let t2_97 = t2_95 + t2_35;
-        let t2_98 = t2_96 - t2_33;
-        a_e[4][0] = t2_98;
-        let t2_99 = t2_97 - t2_33;
-        a_e[5][0] = t2_99;
+        let t2_59 = like.lift(0.2) * t2_37;
+        let t2_60 = like.lift(0.1) * t2_37;
+        let t2_61 = like.lift(0.17320508075688773) * t2_32;
+        let t2_62 = t2_59 - t2_61;
+        let t2_63 = t2_59 + t2_61;
+        let t2_64 = t2_62 + t2_60;
+        let t2_65 = t2_63 + t2_60;
+        let t2_66 = t2_8 * t2_64;
+        let t2_67 = (-sin_s1_1).mul_add(t2_24, t2_66);
+        a_e[2][2] = t2_67;
+        let t2_68 = t2_8 * t2_65;
+        let t2_69 = (-sin_s1_1).mul_add(t2_25, t2_68);
+        a_e[3][2] = t2_69;
+        let t2_70 = cos_q1 * t2_64;
+        a_e[2][1] = t2_70;
+        let t2_71 = cos_q1 * t2_65;
+        a_e[3][1] = t2_71;
+        let t2_72 = t2_15 * t2_65;
+        let t2_73 = sin_q1 * t2_64;
+        a_e[4][1] = t2_73;
+        let t2_74 = sin_s1_1 * t2_42;
+        let t2_75 = (-t2_26).mul_add(t2_64, t2_74);
+        a_e[4][2] = t2_75;
+        let t2_76 = sin_s1_1 * t2_43;
+        let t2_77 = (-t2_26).mul_add(t2_65, t2_76);
+        a_e[5][2] = t2_77;
+        let t2_78 = t2_31 * t2_65;
+        let t2_79 = sin_q1 * t2_65;
+        a_e[5][1] = t2_79;
+        let t2_80 = like.lift(0.5) * sin_q1;
+        let t2_81 = t2_80 - t2_42;
+        a_e[4][0] = t2_81;
+        let t2_82 = t2_80 - t2_43;
+        a_e[5][0] = t2_82;
+        let t2_83 = (-t2_25).mul_add(t2_32, t2_72);
+        let t2_84 = (-t2_32).mul_add(t2_25, t2_72);
+        let t2_85 = -t2_83;
+        a_e[2][3] = t2_85;
+        let t2_86 = -t2_84;
+        a_e[3][3] = t2_86;
+        let t2_87 = t2_43.mul_add(t2_32, t2_78);
+        let t2_88 = t2_32.mul_add(t2_43, t2_78);
+        let t2_89 = -t2_87;
+        a_e[4][3] = t2_89;
+        let t2_90 = -t2_88;
+        a_e[5][3] = t2_90;
     }
     a_e
 }
@@ -1246,7 +1223,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 90 additions, 137 multiplications, 6 divisions, 6 sines and cosines.
+/// 86 additions, 131 multiplications, 6 divisions, 6 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 9];
@@ -1283,197 +1260,190 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
         let t2_10 = like.lift(0.2) * t2_6;
         let t2_11 = like.lift(0.17320508075688773) * t2_8;
         let t2_12 = t2_9 + t2_10;
-        let t2_13 = t2_12 - t2_11;
-        let t2_14 = cos_q1 * cos_s1_1;
-        let t2_15 = cos_q1 * sin_s1_1;
-        let t2_16 = sin_q1 * cos_s1_2;
-        let t2_17 = (-sin_s1_2).mul_add(t2_15, t2_16);
-        let t2_18 = cos_s1_2 * t2_15;
-        let t2_19 = sin_q1.mul_add(sin_s1_2, t2_18);
-        let t2_20 = cos_s1_1 * cos_s1_2;
-        let t2_21 = sin_s1_3 * cos_s1_1;
-        let t2_22 = cos_s1_3 * t2_14;
-        let t2_23 = (-sin_s1_3).mul_add(t2_17, t2_22);
-        let t2_24 = sin_s1_1 * cos_s1_3;
-        let t2_25 = (-t2_21).mul_add(sin_s1_2, t2_24);
-        let t2_26 = like.lift(0.1) * t2_23;
-        let t2_27 = like.lift(0.2) * t2_23;
-        let t2_28 = like.lift(0.17320508075688773) * t2_19;
-        let t2_29 = t2_26 + t2_27;
-        let t2_30 = t2_29 + t2_28;
-        let t2_31 = cos_q1 * t2_30;
-        let t2_32 = sin_q1.mul_add(t2_13, t2_31);
-        let t2_33 = t2_14 * t2_13;
-        let t2_34 = (-t2_1).mul_add(t2_30, t2_33);
-        let t2_35 = -t2_34;
-        let t2_36 = t2_8 * t2_30;
-        let t2_37 = t2_19.mul_add(t2_13, t2_36);
-        let t2_38 = -t2_37;
+        let t2_13 = like.lift(0.5).mul_add(cos_q1, t2_10);
+        let t2_14 = t2_12 - t2_11;
+        let t2_15 = t2_12 + t2_11;
+        let t2_16 = cos_q1 * cos_s1_1;
+        let t2_17 = cos_q1 * sin_s1_1;
+        let t2_18 = sin_q1 * cos_s1_2;
+        let t2_19 = (-sin_s1_2).mul_add(t2_17, t2_18);
+        let t2_20 = cos_s1_2 * t2_17;
+        let t2_21 = sin_q1.mul_add(sin_s1_2, t2_20);
+        let t2_22 = cos_s1_1 * cos_s1_2;
+        let t2_23 = sin_s1_3 * cos_s1_1;
+        let t2_24 = cos_s1_3 * t2_16;
+        let t2_25 = (-sin_s1_3).mul_add(t2_19, t2_24);
+        let t2_26 = sin_s1_1 * cos_s1_3;
+        let t2_27 = (-t2_23).mul_add(sin_s1_2, t2_26);
+        let t2_28 = like.lift(0.1) * t2_25;
+        let t2_29 = like.lift(0.2) * t2_25;
+        let t2_30 = like.lift(0.17320508075688773) * t2_21;
+        let t2_31 = like.lift(0.5) * sin_q1;
+        let t2_32 = t2_31 - t2_29;
+        let t2_33 = t2_32 - t2_30;
+        let t2_34 = t2_32 + t2_30;
+        let t2_35 = t2_33 - t2_28;
+        let t2_36 = t2_34 - t2_28;
+        let t2_37 = t2_31 - t2_35;
+        let t2_38 = t2_31 - t2_36;
+        let t2_39 = cos_q1 * t2_37;
+        let t2_40 = sin_q1.mul_add(t2_14, t2_39);
+        let t2_41 = t2_16 * t2_14;
+        let t2_42 = (-t2_1).mul_add(t2_37, t2_41);
+        let t2_43 = sin_s1_1 * t2_37;
+        let t2_44 = -t2_42;
+        let t2_45 = t2_8 * t2_38;
+        let t2_46 = t2_21.mul_add(t2_15, t2_45);
+        let t2_47 = like.lift(0.0) + t2_46;
+        let t2_48 = -t2_47;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_39 = like.lift(0.5).mul_add(cos_q1, t2_10);
-        let t2_40 = t2_9 + t2_10;
-        let t2_41 = t2_40 + t2_11;
-        let t2_42 = t2_39 - t2_11;
-        let t2_43 = t2_39 + t2_11;
-        let pivot_3 = t2_42 + t2_9;
-        let t2_44 = t2_43 + t2_9;
-        let t2_45 = like.lift(0.2) * t2_25;
-        let t2_46 = like.lift(0.1) * t2_25;
-        let t2_47 = like.lift(0.17320508075688773) * t2_20;
-        let t2_48 = t2_45 - t2_47;
-        let t2_49 = t2_45 + t2_47;
-        let t2_50 = t2_48 + t2_46;
-        let t2_51 = t2_49 + t2_46;
-        let t2_52 = cos_q1 * t2_50;
-        let t2_53 = t2_1 * t2_50;
-        let t2_54 = (-sin_s1_1).mul_add(t2_13, t2_53);
-        let t2_55 = t2_8 * t2_50;
-        let t2_56 = (-t2_20).mul_add(t2_13, t2_55);
-        let t2_57 = -t2_56;
-        let t2_58 = like.lift(-0.5773502691896257).mul_add(t2_37, t2_56);
-        let t2_59 = like.lift(0.25) * cos_q2;
-        let t2_60 = like.lift(1.0) / cos_q2;
-        let t2_61 = like.lift(0.5) * sin_q1;
-        let t2_62 = t2_61 - t2_27;
-        let t2_63 = t2_62 - t2_28;
-        let t2_64 = t2_63 - t2_26;
-        let t2_65 = t2_61 - t2_27;
-        let t2_66 = t2_26 + t2_27;
-        let t2_67 = t2_65 + t2_28;
-        let t2_68 = t2_66 - t2_28;
-        let t2_69 = t2_67 - t2_26;
-        let t2_70 = sin_q1 * t2_50;
-        let t2_71 = sin_s1_1 * t2_30;
-        let t2_72 = (-t2_14).mul_add(t2_50, t2_71);
-        let t2_73 = t2_19 * t2_50;
-        let t2_74 = t2_20.mul_add(t2_30, t2_73);
-        let t2_75 = -t2_74;
-        let t2_76 = like.lift(0.5) * sin_q2;
-        let t2_77 = -t2_76;
-        let t2_78 = sin_q2 * t2_60;
-        let t2_79 = like.lift(2.309401076758503) * t2_60;
-        let t2_80 = cos_q1 * t2_68;
-        let t2_81 = sin_q1.mul_add(t2_41, t2_80);
-        let t2_82 = cos_q1 * t2_51;
-        let t2_83 = sin_q1 * t2_51;
-        let t2_84 = t2_14 * t2_41;
-        let t2_85 = (-t2_1).mul_add(t2_68, t2_84);
-        let t2_86 = t2_1 * t2_51;
-        let t2_87 = (-sin_s1_1).mul_add(t2_41, t2_86);
-        let t2_88 = sin_s1_1 * t2_68;
-        let t2_89 = (-t2_14).mul_add(t2_51, t2_88);
-        let t2_90 = -t2_85;
-        let t2_91 = t2_8 * t2_68;
-        let t2_92 = t2_19.mul_add(t2_41, t2_91);
-        let t2_93 = t2_8 * t2_51;
-        let t2_94 = t2_19 * t2_51;
-        let t2_95 = (-t2_20).mul_add(t2_41, t2_93);
-        let t2_96 = t2_20.mul_add(t2_68, t2_94);
-        let t2_97 = -t2_92;
+        let t2_49 = t2_13 - t2_11;
+        let t2_50 = t2_13 + t2_11;
+        let pivot_3 = t2_49 + t2_9;
+        let t2_51 = t2_50 + t2_9;
+        let t2_52 = like.lift(0.2) * t2_27;
+        let t2_53 = like.lift(0.1) * t2_27;
+        let t2_54 = like.lift(0.17320508075688773) * t2_22;
+        let t2_55 = t2_52 - t2_54;
+        let t2_56 = t2_52 + t2_54;
+        let t2_57 = t2_55 + t2_53;
+        let t2_58 = t2_56 + t2_53;
+        let t2_59 = t2_8 * t2_58;
+        let t2_60 = (-t2_22).mul_add(t2_15, t2_59);
+        let t2_61 = t2_21 * t2_58;
+        let t2_62 = t2_22.mul_add(t2_38, t2_61);
+        let t2_63 = (-t2_16).mul_add(t2_57, t2_43);
+        let t2_64 = t2_1 * t2_57;
+        let t2_65 = (-sin_s1_1).mul_add(t2_14, t2_64);
+        let t2_66 = cos_q1 * t2_57;
+        let t2_67 = sin_q1 * t2_57;
+        let t2_68 = like.lift(0.0) + t2_60;
+        let t2_69 = -t2_68;
+        let t2_70 = like.lift(-0.5773502691896257).mul_add(t2_47, t2_68);
+        let t2_71 = like.lift(0.25) * cos_q2;
+        let t2_72 = like.lift(1.0) / cos_q2;
+        let t2_73 = like.lift(0.0) + t2_62;
+        let t2_74 = -t2_73;
+        let t2_75 = like.lift(0.5) * sin_q2;
+        let t2_76 = -t2_75;
+        let t2_77 = sin_q2 * t2_72;
+        let t2_78 = like.lift(2.309401076758503) * t2_72;
+        let t2_79 = cos_q1 * t2_38;
+        let t2_80 = sin_q1.mul_add(t2_15, t2_79);
+        let t2_81 = cos_q1 * t2_58;
+        let t2_82 = sin_q1 * t2_58;
+        let t2_83 = t2_16 * t2_15;
+        let t2_84 = (-t2_1).mul_add(t2_38, t2_83);
+        let t2_85 = t2_1 * t2_58;
+        let t2_86 = sin_s1_1 * t2_38;
+        let t2_87 = (-sin_s1_1).mul_add(t2_15, t2_85);
+        let t2_88 = (-t2_16).mul_add(t2_58, t2_86);
+        let t2_89 = -t2_84;
+        let t2_90 = -t2_46;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_98 = -pivot_2;
-        let t2_99 = -t2_95;
-        let t2_100 = like.lift(0.25) * cos_q3;
-        let t2_101 = like.lift(1.0) / cos_q3;
-        let t2_102 = -t2_96;
-        let t2_103 = like.lift(0.5) * sin_q3;
-        let t2_104 = -t2_103;
-        let t2_105 = sin_q3 * t2_101;
-        let t2_106 = like.lift(2.309401076758503) * t2_101;
-        let t2_107 = like.lift(0.8660254037844386) * d_p2;
-        let t2_108 = like.lift(0.5).mul_add(d_p2, d_p1);
-        let t2_109 = like.lift(0.8660254037844386) * d_p3;
-        let t2_110 = -t2_109;
-        let t2_111 = like.lift(0.5).mul_add(d_p3, d_p1);
+        let t2_91 = -pivot_2;
+        let t2_92 = -t2_60;
+        let t2_93 = like.lift(0.25) * cos_q3;
+        let t2_94 = like.lift(1.0) / cos_q3;
+        let t2_95 = -t2_62;
+        let t2_96 = like.lift(0.5) * sin_q3;
+        let t2_97 = -t2_96;
+        let t2_98 = sin_q3 * t2_94;
+        let t2_99 = like.lift(2.309401076758503) * t2_94;
+        let t2_100 = like.lift(0.8660254037844386) * d_p2;
+        let t2_101 = like.lift(0.5).mul_add(d_p2, d_p1);
+        let t2_102 = like.lift(0.8660254037844386) * d_p3;
+        let t2_103 = -t2_102;
+        let t2_104 = like.lift(0.5).mul_add(d_p3, d_p1);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_32, t2_52);
-        let t2_113 = t2_44 * inv_pivot_3;
-        let t2_114 = (-t2_58).mul_add(t2_113, t2_95);
-        let t2_115 = like.lift(0.5773502691896257).mul_add(t2_92, t2_114);
-        let t2_116 = (-t2_112).mul_add(t2_113, t2_82);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_81, t2_116);
+        let t2_105 = like.lift(-0.5773502691896257).mul_add(t2_40, t2_66);
+        let t2_106 = t2_51 * inv_pivot_3;
+        let t2_107 = (-t2_70).mul_add(t2_106, t2_60);
+        let t2_108 = like.lift(0.5773502691896257).mul_add(t2_46, t2_107);
+        let t2_109 = (-t2_105).mul_add(t2_106, t2_81);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_80, t2_109);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_117 = (-t2_113).mul_add(d_p1, d_p1);
-        let t2_118 = t2_64 * inv_pivot_3;
-        let t2_119 = like.lift(1.1547005383792515) * t2_78;
-        let t2_120 = t2_78 * d_p2;
-        let t2_121 = (-t2_112).mul_add(t2_118, t2_70);
-        let t2_122 = t2_32.mul_add(t2_119, t2_121);
-        let t2_123 = t2_122 * inv_pivot_4;
-        let t2_124 = (-t2_115).mul_add(t2_123, t2_74);
-        let t2_125 = (-t2_58).mul_add(t2_118, t2_124);
-        let pivot_5 = t2_37.mul_add(t2_119, t2_125);
-        let t2_126 = (-t2_123).mul_add(t2_117, t2_120);
-        let t2_127 = (-t2_118).mul_add(d_p1, t2_126);
+        let t2_110 = (-t2_106).mul_add(d_p1, d_p1);
+        let t2_111 = t2_35 * inv_pivot_3;
+        let t2_112 = like.lift(1.1547005383792515) * t2_77;
+        let t2_113 = t2_77 * d_p2;
+        let t2_114 = (-t2_105).mul_add(t2_111, t2_67);
+        let t2_115 = t2_40.mul_add(t2_112, t2_114);
+        let t2_116 = t2_115 * inv_pivot_4;
+        let t2_117 = (-t2_108).mul_add(t2_116, t2_73);
+        let t2_118 = (-t2_70).mul_add(t2_111, t2_117);
+        let pivot_5 = t2_47.mul_add(t2_112, t2_118);
+        let t2_119 = (-t2_116).mul_add(t2_110, t2_113);
+        let t2_120 = (-t2_111).mul_add(d_p1, t2_119);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_128 = -pivot_5;
-        let t2_129 = like.lift(0.5773502691896257).mul_add(t2_34, t2_54);
-        let t2_130 = (-t2_129).mul_add(t2_113, t2_87);
-        let t2_131 = like.lift(-0.5773502691896257).mul_add(t2_85, t2_130);
-        let t2_132 = (-t2_131).mul_add(t2_123, t2_72);
-        let t2_133 = (-t2_129).mul_add(t2_118, t2_132);
-        let t2_134 = (-t2_34).mul_add(t2_119, t2_133);
-        let t2_135 = t2_69 * inv_pivot_3;
-        let t2_136 = like.lift(1.1547005383792515) * t2_105;
-        let t2_137 = t2_105 * d_p3;
-        let t2_138 = (-t2_112).mul_add(t2_135, t2_83);
-        let t2_139 = (-t2_81).mul_add(t2_136, t2_138);
-        let t2_140 = t2_139 * inv_pivot_4;
-        let t2_141 = (-t2_115).mul_add(t2_140, t2_96);
-        let t2_142 = (-t2_58).mul_add(t2_135, t2_141);
-        let t2_143 = (-t2_92).mul_add(t2_136, t2_142);
-        let t2_144 = t2_143 * inv_pivot_5;
-        let t2_145 = (-t2_144).mul_add(t2_127, t2_137);
-        let t2_146 = (-t2_134).mul_add(t2_144, t2_89);
-        let t2_147 = (-t2_131).mul_add(t2_140, t2_146);
-        let t2_148 = (-t2_140).mul_add(t2_117, t2_145);
-        let t2_149 = (-t2_129).mul_add(t2_135, t2_147);
-        let pivot_6 = t2_85.mul_add(t2_136, t2_149);
-        let t2_150 = (-t2_135).mul_add(d_p1, t2_148);
+        let t2_121 = -pivot_5;
+        let t2_122 = like.lift(0.5773502691896257).mul_add(t2_42, t2_65);
+        let t2_123 = (-t2_122).mul_add(t2_106, t2_87);
+        let t2_124 = like.lift(-0.5773502691896257).mul_add(t2_84, t2_123);
+        let t2_125 = (-t2_124).mul_add(t2_116, t2_63);
+        let t2_126 = (-t2_122).mul_add(t2_111, t2_125);
+        let t2_127 = (-t2_42).mul_add(t2_112, t2_126);
+        let t2_128 = t2_36 * inv_pivot_3;
+        let t2_129 = like.lift(1.1547005383792515) * t2_98;
+        let t2_130 = t2_98 * d_p3;
+        let t2_131 = (-t2_105).mul_add(t2_128, t2_82);
+        let t2_132 = (-t2_80).mul_add(t2_129, t2_131);
+        let t2_133 = t2_132 * inv_pivot_4;
+        let t2_134 = (-t2_108).mul_add(t2_133, t2_62);
+        let t2_135 = (-t2_70).mul_add(t2_128, t2_134);
+        let t2_136 = (-t2_46).mul_add(t2_129, t2_135);
+        let t2_137 = t2_136 * inv_pivot_5;
+        let t2_138 = (-t2_137).mul_add(t2_120, t2_130);
+        let t2_139 = (-t2_127).mul_add(t2_137, t2_88);
+        let t2_140 = (-t2_124).mul_add(t2_133, t2_139);
+        let t2_141 = (-t2_133).mul_add(t2_110, t2_138);
+        let t2_142 = (-t2_122).mul_add(t2_128, t2_140);
+        let pivot_6 = t2_84.mul_add(t2_129, t2_142);
+        let t2_143 = (-t2_128).mul_add(d_p1, t2_141);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_151 = inv_pivot_6 * t2_150;
-        let t2_152 = (-t2_134).mul_add(t2_151, t2_127);
-        let t2_153 = inv_pivot_5 * t2_152;
-        let t2_154 = (-t2_131).mul_add(t2_151, t2_117);
-        let t2_155 = (-t2_115).mul_add(t2_153, t2_154);
-        let t2_156 = (-t2_85).mul_add(t2_151, t2_109);
-        let t2_157 = inv_pivot_4 * t2_155;
-        let t2_158 = t2_92.mul_add(t2_153, t2_156);
-        let t2_159 = (-t2_129).mul_add(t2_151, d_p1);
-        let t2_160 = (-t2_58).mul_add(t2_153, t2_159);
-        let t2_161 = (-t2_112).mul_add(t2_157, t2_160);
-        let t2_162 = inv_pivot_3 * t2_161;
-        let t2_163 = t2_34.mul_add(t2_151, t2_107);
-        let t2_164 = (-t2_37).mul_add(t2_153, t2_163);
-        let t2_165 = (-t2_32).mul_add(t2_157, t2_164);
-        let t2_166 = t2_79 * t2_165;
-        let t2_167 = t2_81.mul_add(t2_157, t2_158);
-        let t2_168 = t2_106 * t2_167;
-        let t2_169 = -t2_153;
+        let t2_144 = inv_pivot_6 * t2_143;
+        let t2_145 = (-t2_127).mul_add(t2_144, t2_120);
+        let t2_146 = inv_pivot_5 * t2_145;
+        let t2_147 = (-t2_124).mul_add(t2_144, t2_110);
+        let t2_148 = (-t2_108).mul_add(t2_146, t2_147);
+        let t2_149 = (-t2_84).mul_add(t2_144, t2_102);
+        let t2_150 = inv_pivot_4 * t2_148;
+        let t2_151 = t2_46.mul_add(t2_146, t2_149);
+        let t2_152 = (-t2_122).mul_add(t2_144, d_p1);
+        let t2_153 = (-t2_70).mul_add(t2_146, t2_152);
+        let t2_154 = (-t2_105).mul_add(t2_150, t2_153);
+        let t2_155 = inv_pivot_3 * t2_154;
+        let t2_156 = t2_42.mul_add(t2_144, t2_100);
+        let t2_157 = (-t2_47).mul_add(t2_146, t2_156);
+        let t2_158 = (-t2_40).mul_add(t2_150, t2_157);
+        let t2_159 = t2_78 * t2_158;
+        let t2_160 = t2_80.mul_add(t2_150, t2_151);
+        let t2_161 = t2_99 * t2_160;
+        let t2_162 = -t2_146;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_98 * like.lift(2.4888041299057773)).abs())
+            .min((t2_91 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_128 * like.lift(3.327667645468371)).abs())
+            .min((t2_121 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
-        let ([[t2_170], [t2_171], [t2_172], [t2_173], [t2_174], [t2_175]], found) = ::regen_runtime::guarded(
-            [[t2_162], [t2_157], [t2_151], [t2_169], [t2_166], [t2_168]],
+        let ([[t2_163], [t2_164], [t2_165], [t2_166], [t2_167], [t2_168]], found) = ::regen_runtime::guarded(
+            [[t2_155], [t2_150], [t2_144], [t2_162], [t2_159], [t2_161]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_32, t2_35, t2_38, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_52, t2_54, t2_57, t2_59, like.lift(0.0)],
-                    [t2_64, t2_70, t2_72, t2_75, t2_77, like.lift(0.0)],
-                    [like.lift(0.0), t2_81, t2_90, t2_97, like.lift(0.0), t2_98],
-                    [t2_44, t2_82, t2_87, t2_99, like.lift(0.0), t2_100],
-                    [t2_69, t2_83, t2_89, t2_102, like.lift(0.0), t2_104],
+                    [like.lift(0.0), t2_40, t2_44, t2_48, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_66, t2_65, t2_69, t2_71, like.lift(0.0)],
+                    [t2_35, t2_67, t2_63, t2_74, t2_76, like.lift(0.0)],
+                    [like.lift(0.0), t2_80, t2_89, t2_90, like.lift(0.0), t2_91],
+                    [t2_51, t2_81, t2_87, t2_92, like.lift(0.0), t2_93],
+                    [t2_36, t2_82, t2_88, t2_95, like.lift(0.0), t2_97],
                 ],
-                [[t2_107], [t2_108], [like.lift(0.0)], [t2_110], [t2_111], [like.lift(0.0)]],
+                [[t2_100], [t2_101], [like.lift(0.0)], [t2_103], [t2_104], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t2_170; qd[2] = t2_171; qd[3] = t2_172; qd[4] = t2_173; qd[6] = t2_174; qd[8] = t2_175;
+        qd[1] = t2_163; qd[2] = t2_164; qd[3] = t2_165; qd[4] = t2_166; qd[6] = t2_167; qd[8] = t2_168;
     }
     (qd, Condition { pivot: condition })
 }
@@ -1485,7 +1455,7 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 164 additions, 243 multiplications, 6 divisions, 6 sines and cosines.
+/// 158 additions, 231 multiplications, 6 divisions, 6 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 9];
@@ -1510,12 +1480,12 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
     let [dd_p1, dd_p2, dd_p3] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 1
     let [
-        t2_34, t2_36, t2_37, t2_39, t2_40, pivot_1, pivot_3, t2_46, t2_54, t2_56, t2_59, t2_60,
-        t2_61, t2_65, t2_70, t2_71, t2_73, t2_76, t2_78, t2_80, t2_82, t2_83, t2_85, t2_86,
-        t2_87, t2_88, t2_90, t2_93, t2_94, t2_95, t2_97, t2_99, t2_100, t2_102, t2_153, t2_155,
-        t2_180, t2_189, t2_190, t2_191, t2_213, t2_215, t2_217, t2_220, t2_221, t2_222, t2_223,
-        inv_pivot_3, t2_224, t2_225, t2_226, t2_228, pivot_4, inv_pivot_4, t2_231, t2_232,
-        t2_235, t2_240, inv_pivot_5, t2_241, t2_242,
+        t2_37, t2_39, t2_40, t2_44, t2_45, t2_46, pivot_1, pivot_3, t2_47, t2_56, t2_57, t2_61,
+        t2_62, t2_63, t2_65, t2_67, t2_68, t2_69, t2_73, t2_75, t2_77, t2_79, t2_81, t2_83,
+        t2_84, t2_85, t2_86, t2_87, t2_88, t2_89, t2_90, t2_91, t2_93, t2_146, t2_148, t2_176,
+        t2_184, t2_185, t2_201, t2_203, t2_205, t2_208, t2_209, t2_210, t2_211, inv_pivot_3,
+        t2_212, t2_213, t2_216, pivot_4, inv_pivot_4, t2_219, t2_228, inv_pivot_5, t2_229,
+        t2_230, t2_232, t2_235, t2_236, t2_239, t2_242,
     ] = {
         let t2_1 = sin_q1 * cos_s1_1;
         let t2_2 = sin_q1 * sin_s1_1;
@@ -1528,323 +1498,311 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_9 = like.lift(0.1) * t2_6;
         let t2_10 = like.lift(0.2) * t2_6;
         let t2_11 = like.lift(0.17320508075688773) * t2_8;
-        let t2_12 = t2_9 + t2_10;
-        let t2_13 = t2_12 - t2_11;
-        let t2_14 = cos_q1 * cos_s1_1;
-        let t2_15 = cos_q1 * sin_s1_1;
-        let t2_16 = sin_q1 * cos_s1_2;
-        let t2_17 = (-sin_s1_2).mul_add(t2_15, t2_16);
-        let t2_18 = cos_s1_2 * t2_15;
-        let t2_19 = sin_q1.mul_add(sin_s1_2, t2_18);
-        let t2_20 = cos_s1_1 * cos_s1_2;
-        let t2_21 = cos_s1_3 * t2_14;
-        let t2_22 = (-sin_s1_3).mul_add(t2_17, t2_21);
-        let t2_23 = sin_s1_1 * cos_s1_3;
-        let t2_24 = sin_s1_3 * cos_s1_1;
-        let t2_25 = (-t2_24).mul_add(sin_s1_2, t2_23);
-        let t2_26 = d_s1_2 * cos_s1_1;
-        let t2_27 = t2_26 * d_s1_1;
-        let t2_28 = like.lift(0.1) * t2_22;
-        let t2_29 = like.lift(0.2) * t2_22;
-        let t2_30 = like.lift(0.17320508075688773) * t2_19;
-        let t2_31 = t2_28 + t2_29;
-        let t2_32 = t2_31 + t2_30;
-        let t2_33 = cos_q1 * t2_32;
-        let t2_34 = sin_q1.mul_add(t2_13, t2_33);
-        let t2_35 = t2_14 * t2_13;
-        let t2_36 = (-t2_1).mul_add(t2_32, t2_35);
-        let t2_37 = -t2_36;
-        let t2_38 = t2_8 * t2_32;
-        let t2_39 = t2_19.mul_add(t2_13, t2_38);
+        let t2_12 = t2_11 - t2_9;
+        let t2_13 = t2_11 + t2_9;
+        let t2_14 = t2_10 - t2_12;
+        let t2_15 = cos_q1 * cos_s1_1;
+        let t2_16 = cos_q1 * sin_s1_1;
+        let t2_17 = sin_q1 * cos_s1_2;
+        let t2_18 = (-sin_s1_2).mul_add(t2_16, t2_17);
+        let t2_19 = cos_s1_2 * t2_16;
+        let t2_20 = sin_q1.mul_add(sin_s1_2, t2_19);
+        let t2_21 = cos_s1_1 * cos_s1_2;
+        let t2_22 = cos_s1_3 * t2_15;
+        let t2_23 = (-sin_s1_3).mul_add(t2_18, t2_22);
+        let t2_24 = sin_s1_1 * cos_s1_3;
+        let t2_25 = sin_s1_3 * cos_s1_1;
+        let t2_26 = (-t2_25).mul_add(sin_s1_2, t2_24);
+        let t2_27 = d_s1_2 * cos_s1_1;
+        let t2_28 = t2_27 * d_s1_1;
+        let t2_29 = like.lift(0.1) * t2_23;
+        let t2_30 = like.lift(0.2) * t2_23;
+        let t2_31 = like.lift(0.17320508075688773) * t2_20;
+        let t2_32 = t2_31 + t2_29;
+        let t2_33 = t2_31 - t2_29;
+        let t2_34 = t2_32 + t2_30;
+        let t2_35 = t2_30 - t2_33;
+        let t2_36 = cos_q1 * t2_34;
+        let t2_37 = sin_q1.mul_add(t2_14, t2_36);
+        let t2_38 = t2_15 * t2_14;
+        let t2_39 = (-t2_1).mul_add(t2_34, t2_38);
         let t2_40 = -t2_39;
+        let t2_41 = t2_13 + t2_10;
+        let t2_42 = like.lift(0.5).mul_add(cos_q1, t2_10);
+        let t2_43 = t2_8 * t2_35;
+        let t2_44 = t2_20.mul_add(t2_41, t2_43);
+        let t2_45 = like.lift(0.0) + t2_44;
+        let t2_46 = -t2_45;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_41 = like.lift(0.5).mul_add(cos_q1, t2_10);
-        let t2_42 = t2_9 + t2_10;
-        let t2_43 = t2_42 + t2_11;
-        let t2_44 = t2_11 - t2_9;
-        let t2_45 = t2_11 + t2_9;
-        let pivot_3 = t2_41 - t2_44;
-        let t2_46 = t2_41 + t2_45;
-        let t2_47 = like.lift(0.2) * t2_25;
-        let t2_48 = like.lift(0.17320508075688773) * t2_20;
-        let t2_49 = like.lift(0.1) * t2_25;
-        let t2_50 = t2_48 - t2_49;
-        let t2_51 = t2_48 + t2_49;
-        let t2_52 = t2_47 - t2_50;
-        let t2_53 = t2_47 + t2_51;
-        let t2_54 = cos_q1 * t2_52;
-        let t2_55 = t2_1 * t2_52;
-        let t2_56 = (-sin_s1_1).mul_add(t2_13, t2_55);
-        let t2_57 = t2_8 * t2_52;
-        let t2_58 = (-t2_20).mul_add(t2_13, t2_57);
-        let t2_59 = -t2_58;
-        let t2_60 = like.lift(-0.5773502691896257).mul_add(t2_39, t2_58);
-        let t2_61 = like.lift(0.25) * cos_q2;
-        let t2_62 = like.lift(0.5) * sin_q1;
-        let t2_63 = t2_30 + t2_28;
-        let t2_64 = t2_62 - t2_29;
-        let t2_65 = t2_64 - t2_63;
-        let t2_66 = t2_62 - t2_29;
-        let t2_67 = t2_28 + t2_29;
-        let t2_68 = t2_67 - t2_30;
-        let t2_69 = t2_30 - t2_28;
-        let t2_70 = t2_66 + t2_69;
-        let t2_71 = sin_q1 * t2_52;
-        let t2_72 = sin_s1_1 * t2_32;
-        let t2_73 = (-t2_14).mul_add(t2_52, t2_72);
-        let t2_74 = t2_19 * t2_52;
-        let t2_75 = t2_20.mul_add(t2_32, t2_74);
-        let t2_76 = -t2_75;
-        let t2_77 = like.lift(0.5) * sin_q2;
-        let t2_78 = -t2_77;
-        let t2_79 = cos_q1 * t2_68;
-        let t2_80 = sin_q1.mul_add(t2_43, t2_79);
-        let t2_81 = t2_14 * t2_43;
-        let t2_82 = (-t2_1).mul_add(t2_68, t2_81);
-        let t2_83 = -t2_82;
-        let t2_84 = t2_8 * t2_68;
-        let t2_85 = t2_19.mul_add(t2_43, t2_84);
-        let t2_86 = -t2_85;
+        let pivot_3 = t2_42 - t2_12;
+        let t2_47 = t2_42 + t2_13;
+        let t2_48 = like.lift(0.2) * t2_26;
+        let t2_49 = like.lift(0.17320508075688773) * t2_21;
+        let t2_50 = like.lift(0.1) * t2_26;
+        let t2_51 = t2_49 - t2_50;
+        let t2_52 = t2_49 + t2_50;
+        let t2_53 = t2_48 - t2_51;
+        let t2_54 = t2_48 + t2_52;
+        let t2_55 = t2_1 * t2_53;
+        let t2_56 = (-sin_s1_1).mul_add(t2_14, t2_55);
+        let t2_57 = cos_q1 * t2_53;
+        let t2_58 = t2_8 * t2_54;
+        let t2_59 = (-t2_21).mul_add(t2_41, t2_58);
+        let t2_60 = like.lift(0.0) + t2_59;
+        let t2_61 = -t2_60;
+        let t2_62 = like.lift(-0.5773502691896257).mul_add(t2_45, t2_60);
+        let t2_63 = like.lift(0.25) * cos_q2;
+        let t2_64 = like.lift(0.5) * sin_q1;
+        let t2_65 = t2_64 - t2_34;
+        let t2_66 = sin_s1_1 * t2_34;
+        let t2_67 = (-t2_15).mul_add(t2_53, t2_66);
+        let t2_68 = sin_q1 * t2_53;
+        let t2_69 = t2_64 - t2_35;
+        let t2_70 = t2_20 * t2_54;
+        let t2_71 = t2_21.mul_add(t2_35, t2_70);
+        let t2_72 = like.lift(0.0) + t2_71;
+        let t2_73 = -t2_72;
+        let t2_74 = like.lift(0.5) * sin_q2;
+        let t2_75 = -t2_74;
+        let t2_76 = cos_q1 * t2_35;
+        let t2_77 = sin_q1.mul_add(t2_41, t2_76);
+        let t2_78 = t2_15 * t2_41;
+        let t2_79 = (-t2_1).mul_add(t2_35, t2_78);
+        let t2_80 = sin_s1_1 * t2_35;
+        let t2_81 = (-t2_15).mul_add(t2_54, t2_80);
+        let t2_82 = t2_1 * t2_54;
+        let t2_83 = (-sin_s1_1).mul_add(t2_41, t2_82);
+        let t2_84 = -t2_79;
+        let t2_85 = -t2_44;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_87 = -pivot_2;
-        let t2_88 = cos_q1 * t2_53;
-        let t2_89 = t2_1 * t2_53;
-        let t2_90 = (-sin_s1_1).mul_add(t2_43, t2_89);
-        let t2_91 = t2_8 * t2_53;
-        let t2_92 = (-t2_20).mul_add(t2_43, t2_91);
+        let t2_86 = -pivot_2;
+        let t2_87 = cos_q1 * t2_54;
+        let t2_88 = sin_q1 * t2_54;
+        let t2_89 = -t2_59;
+        let t2_90 = like.lift(0.25) * cos_q3;
+        let t2_91 = -t2_71;
+        let t2_92 = like.lift(0.5) * sin_q3;
         let t2_93 = -t2_92;
-        let t2_94 = like.lift(0.25) * cos_q3;
-        let t2_95 = sin_q1 * t2_53;
-        let t2_96 = sin_s1_1 * t2_68;
-        let t2_97 = (-t2_14).mul_add(t2_53, t2_96);
-        let t2_98 = t2_19 * t2_53;
-        let t2_99 = t2_20.mul_add(t2_68, t2_98);
-        let t2_100 = -t2_99;
-        let t2_101 = like.lift(0.5) * sin_q3;
-        let t2_102 = -t2_101;
-        let t2_103 = cos_q1 * d_q1;
-        let t2_104 = cos_q1 * d_s1_1;
-        let t2_105 = t2_1 * d_q1;
-        let t2_106 = sin_s1_1.mul_add(t2_104, t2_105);
-        let t2_107 = t2_1.mul_add(d_s1_2, t2_104);
-        let t2_108 = d_s1_2 * t2_106;
-        let t2_109 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
-        let t2_110 = t2_8 * t2_109;
-        let t2_111 = t2_20.mul_add(t2_107, t2_110);
-        let t2_112 = (-d_s1_3).mul_add(t2_111, t2_108);
-        let t2_113 = d_s1_1.mul_add(t2_103, t2_112);
-        let t2_114 = sin_q1 * d_q1;
-        let t2_115 = sin_q1 * d_s1_1;
-        let t2_116 = t2_14 * d_q1;
-        let t2_117 = (-sin_s1_1).mul_add(t2_115, t2_116);
-        let t2_118 = (-t2_14).mul_add(d_s1_2, t2_115);
-        let t2_119 = t2_20 * t2_118;
-        let t2_120 = t2_19.mul_add(t2_109, t2_119);
-        let t2_121 = t2_20.mul_add(d_s1_3, t2_109);
-        let t2_122 = d_s1_1 * t2_114;
-        let t2_123 = (-d_s1_3).mul_add(t2_120, t2_122);
-        let t2_124 = (-d_s1_2).mul_add(t2_117, t2_123);
-        let t2_125 = (-t2_19).mul_add(d_s1_3, t2_118);
-        let t2_126 = t2_8 * t2_118;
-        let t2_127 = (-t2_19).mul_add(t2_107, t2_126);
-        let t2_128 = (-t2_8).mul_add(d_s1_3, t2_107);
-        let t2_129 = (-d_s1_3).mul_add(t2_127, t2_27);
-        let t2_130 = t2_25 * t2_125;
-        let t2_131 = (-t2_22).mul_add(t2_121, t2_130);
-        let t2_132 = like.lift(0.2) * t2_131;
-        let t2_133 = -t2_132;
-        let t2_134 = t2_6 * t2_121;
-        let t2_135 = t2_25.mul_add(t2_128, t2_134);
-        let t2_136 = like.lift(0.2) * t2_135;
-        let t2_137 = t2_22 * t2_124;
-        let t2_138 = (-t2_6).mul_add(t2_113, t2_137);
-        let t2_139 = t2_125 * t2_133;
-        let t2_140 = like.lift(-0.2).mul_add(t2_138, t2_139);
-        let t2_141 = (-t2_128).mul_add(t2_136, t2_140);
-        let t2_142 = t2_50 * t2_125;
-        let t2_143 = t2_63.mul_add(t2_121, t2_142);
-        let t2_144 = t2_44 * t2_121;
-        let t2_145 = t2_50.mul_add(t2_128, t2_144);
-        let t2_146 = d_q2 * d_q2;
-        let t2_147 = sin_q2 * t2_146;
-        let t2_148 = like.lift(-0.8660254037844386).mul_add(dd_p2, t2_141);
-        let t2_149 = like.lift(-0.4330127018922193).mul_add(t2_147, t2_148);
-        let t2_150 = (-t2_63).mul_add(t2_124, t2_149);
-        let t2_151 = (-t2_44).mul_add(t2_113, t2_150);
-        let t2_152 = t2_128.mul_add(t2_145, t2_151);
-        let t2_153 = t2_125.mul_add(t2_143, t2_152);
-        let t2_154 = like.lift(0.8660254037844386).mul_add(dd_p3, t2_141);
-        let t2_155 = -t2_153;
-        let t2_156 = t2_22 * t2_128;
-        let t2_157 = t2_6.mul_add(t2_125, t2_156);
-        let t2_158 = like.lift(0.2) * t2_157;
-        let t2_159 = t2_6 * t2_129;
-        let t2_160 = t2_25.mul_add(t2_124, t2_159);
-        let t2_161 = t2_25 * t2_113;
-        let t2_162 = t2_22.mul_add(t2_129, t2_161);
-        let t2_163 = like.lift(0.5) * d_q1;
-        let t2_164 = t2_114 * t2_163;
-        let t2_165 = like.lift(0.2).mul_add(t2_160, t2_164);
-        let t2_166 = t2_103 * t2_163;
-        let t2_167 = (-t2_121).mul_add(t2_133, t2_165);
-        let t2_168 = like.lift(0.2).mul_add(t2_162, t2_166);
-        let t2_169 = t2_125.mul_add(t2_158, t2_168);
-        let t2_170 = (-t2_128).mul_add(t2_158, t2_167);
-        let t2_171 = t2_121.mul_add(t2_136, t2_169);
-        let t2_172 = like.lift(0.25).mul_add(t2_147, t2_170);
-        let t2_173 = (-t2_44).mul_add(t2_129, t2_172);
-        let t2_174 = (-t2_50).mul_add(t2_124, t2_173);
-        let t2_175 = (-t2_121).mul_add(t2_143, t2_174);
-        let t2_176 = t2_44 * t2_125;
-        let t2_177 = (-t2_63).mul_add(t2_128, t2_176);
-        let t2_178 = t2_128.mul_add(t2_177, t2_175);
-        let t2_179 = like.lift(0.5).mul_add(dd_p2, t2_178);
-        let t2_180 = t2_179 + dd_p1;
-        let t2_181 = like.lift(0.5) * cos_q2;
-        let t2_182 = (-t2_181).mul_add(t2_146, t2_171);
-        let t2_183 = (-t2_50).mul_add(t2_113, t2_182);
-        let t2_184 = t2_63.mul_add(t2_129, t2_183);
-        let t2_185 = (-t2_125).mul_add(t2_177, t2_184);
-        let t2_186 = (-t2_121).mul_add(t2_145, t2_185);
-        let t2_187 = like.lift(1.0) / cos_q2;
-        let t2_188 = sin_q2 * t2_187;
-        let t2_189 = like.lift(1.1547005383792515) * t2_188;
-        let t2_190 = like.lift(2.309401076758503) * t2_187;
-        let t2_191 = -t2_186;
-        let t2_192 = t2_51 * t2_125;
-        let t2_193 = t2_69.mul_add(t2_121, t2_192);
-        let t2_194 = t2_45 * t2_121;
-        let t2_195 = t2_51.mul_add(t2_128, t2_194);
-        let t2_196 = d_q3 * d_q3;
-        let t2_197 = like.lift(0.5) * cos_q3;
-        let t2_198 = (-t2_197).mul_add(t2_196, t2_171);
-        let t2_199 = sin_q3 * t2_196;
-        let t2_200 = like.lift(0.4330127018922193).mul_add(t2_199, t2_154);
-        let t2_201 = like.lift(0.25).mul_add(t2_199, t2_170);
-        let t2_202 = t2_69.mul_add(t2_124, t2_200);
-        let t2_203 = t2_45.mul_add(t2_129, t2_201);
-        let t2_204 = t2_51.mul_add(t2_124, t2_203);
-        let t2_205 = t2_51.mul_add(t2_113, t2_198);
-        let t2_206 = t2_45.mul_add(t2_113, t2_202);
-        let t2_207 = (-t2_69).mul_add(t2_129, t2_205);
-        let t2_208 = t2_45 * t2_125;
-        let t2_209 = (-t2_69).mul_add(t2_128, t2_208);
-        let t2_210 = (-t2_128).mul_add(t2_195, t2_206);
-        let t2_211 = t2_121.mul_add(t2_193, t2_204);
-        let t2_212 = t2_125.mul_add(t2_209, t2_207);
-        let t2_213 = (-t2_125).mul_add(t2_193, t2_210);
-        let t2_214 = (-t2_128).mul_add(t2_209, t2_211);
-        let t2_215 = t2_121.mul_add(t2_195, t2_212);
-        let t2_216 = like.lift(0.5).mul_add(dd_p3, t2_214);
-        let t2_217 = t2_216 + dd_p1;
-        let t2_218 = like.lift(1.0) / cos_q3;
-        let t2_219 = sin_q3 * t2_218;
-        let t2_220 = like.lift(1.1547005383792515) * t2_219;
-        let t2_221 = like.lift(2.309401076758503) * t2_218;
-        let t2_222 = -t2_213;
-        let t2_223 = -t2_215;
+        let t2_94 = cos_q1 * d_q1;
+        let t2_95 = cos_q1 * d_s1_1;
+        let t2_96 = t2_1 * d_q1;
+        let t2_97 = sin_s1_1.mul_add(t2_95, t2_96);
+        let t2_98 = t2_1.mul_add(d_s1_2, t2_95);
+        let t2_99 = d_s1_2 * t2_97;
+        let t2_100 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
+        let t2_101 = t2_8 * t2_100;
+        let t2_102 = t2_21.mul_add(t2_98, t2_101);
+        let t2_103 = (-d_s1_3).mul_add(t2_102, t2_99);
+        let t2_104 = d_s1_1.mul_add(t2_94, t2_103);
+        let t2_105 = sin_q1 * d_q1;
+        let t2_106 = sin_q1 * d_s1_1;
+        let t2_107 = t2_15 * d_q1;
+        let t2_108 = (-sin_s1_1).mul_add(t2_106, t2_107);
+        let t2_109 = (-t2_15).mul_add(d_s1_2, t2_106);
+        let t2_110 = t2_21 * t2_109;
+        let t2_111 = t2_20.mul_add(t2_100, t2_110);
+        let t2_112 = t2_21.mul_add(d_s1_3, t2_100);
+        let t2_113 = d_s1_1 * t2_105;
+        let t2_114 = (-d_s1_3).mul_add(t2_111, t2_113);
+        let t2_115 = (-d_s1_2).mul_add(t2_108, t2_114);
+        let t2_116 = (-t2_20).mul_add(d_s1_3, t2_109);
+        let t2_117 = t2_8 * t2_109;
+        let t2_118 = (-t2_20).mul_add(t2_98, t2_117);
+        let t2_119 = (-t2_8).mul_add(d_s1_3, t2_98);
+        let t2_120 = (-d_s1_3).mul_add(t2_118, t2_28);
+        let t2_121 = t2_26 * t2_116;
+        let t2_122 = (-t2_23).mul_add(t2_112, t2_121);
+        let t2_123 = like.lift(0.2) * t2_122;
+        let t2_124 = -t2_123;
+        let t2_125 = t2_6 * t2_112;
+        let t2_126 = t2_26.mul_add(t2_119, t2_125);
+        let t2_127 = like.lift(0.2) * t2_126;
+        let t2_128 = t2_23 * t2_115;
+        let t2_129 = (-t2_6).mul_add(t2_104, t2_128);
+        let t2_130 = t2_116 * t2_124;
+        let t2_131 = like.lift(-0.2).mul_add(t2_129, t2_130);
+        let t2_132 = (-t2_119).mul_add(t2_127, t2_131);
+        let t2_133 = t2_52 * t2_116;
+        let t2_134 = t2_33.mul_add(t2_112, t2_133);
+        let t2_135 = t2_134 - t2_123;
+        let t2_136 = t2_13 * t2_112;
+        let t2_137 = t2_52.mul_add(t2_119, t2_136);
+        let t2_138 = t2_137 - t2_127;
+        let t2_139 = d_q2 * d_q2;
+        let t2_140 = sin_q2 * t2_139;
+        let t2_141 = like.lift(-0.8660254037844386).mul_add(dd_p2, t2_132);
+        let t2_142 = like.lift(-0.4330127018922193).mul_add(t2_140, t2_141);
+        let t2_143 = (-t2_32).mul_add(t2_115, t2_142);
+        let t2_144 = (-t2_12).mul_add(t2_104, t2_143);
+        let t2_145 = t2_119.mul_add(t2_138, t2_144);
+        let t2_146 = t2_116.mul_add(t2_135, t2_145);
+        let t2_147 = like.lift(0.8660254037844386).mul_add(dd_p3, t2_132);
+        let t2_148 = -t2_146;
+        let t2_149 = t2_23 * t2_119;
+        let t2_150 = t2_6.mul_add(t2_116, t2_149);
+        let t2_151 = like.lift(0.2) * t2_150;
+        let t2_152 = t2_6 * t2_120;
+        let t2_153 = t2_26.mul_add(t2_115, t2_152);
+        let t2_154 = t2_26 * t2_104;
+        let t2_155 = t2_23.mul_add(t2_120, t2_154);
+        let t2_156 = like.lift(0.5) * d_q1;
+        let t2_157 = t2_105 * t2_156;
+        let t2_158 = like.lift(0.2).mul_add(t2_153, t2_157);
+        let t2_159 = t2_94 * t2_156;
+        let t2_160 = (-t2_112).mul_add(t2_124, t2_158);
+        let t2_161 = like.lift(0.2).mul_add(t2_155, t2_159);
+        let t2_162 = t2_116.mul_add(t2_151, t2_161);
+        let t2_163 = t2_112.mul_add(t2_127, t2_162);
+        let t2_164 = (-t2_119).mul_add(t2_151, t2_160);
+        let t2_165 = like.lift(0.25).mul_add(t2_140, t2_164);
+        let t2_166 = (-t2_12).mul_add(t2_120, t2_165);
+        let t2_167 = (-t2_51).mul_add(t2_115, t2_166);
+        let t2_168 = (-t2_112).mul_add(t2_135, t2_167);
+        let t2_169 = like.lift(0.5) * cos_q2;
+        let t2_170 = (-t2_169).mul_add(t2_139, t2_163);
+        let t2_171 = (-t2_51).mul_add(t2_104, t2_170);
+        let t2_172 = t2_32.mul_add(t2_120, t2_171);
+        let t2_173 = like.lift(1.0) / cos_q2;
+        let t2_174 = sin_q2 * t2_173;
+        let t2_175 = like.lift(1.1547005383792515) * t2_174;
+        let t2_176 = like.lift(2.309401076758503) * t2_173;
+        let t2_177 = t2_13 * t2_116;
+        let t2_178 = (-t2_33).mul_add(t2_119, t2_177);
+        let t2_179 = t2_178 - t2_151;
+        let t2_180 = (-t2_116).mul_add(t2_179, t2_172);
+        let t2_181 = t2_119.mul_add(t2_179, t2_168);
+        let t2_182 = (-t2_112).mul_add(t2_138, t2_180);
+        let t2_183 = like.lift(0.5).mul_add(dd_p2, t2_181);
+        let t2_184 = t2_183 + dd_p1;
+        let t2_185 = -t2_182;
+        let t2_186 = d_q3 * d_q3;
+        let t2_187 = like.lift(0.5) * cos_q3;
+        let t2_188 = (-t2_187).mul_add(t2_186, t2_163);
+        let t2_189 = sin_q3 * t2_186;
+        let t2_190 = like.lift(0.4330127018922193).mul_add(t2_189, t2_147);
+        let t2_191 = like.lift(0.25).mul_add(t2_189, t2_164);
+        let t2_192 = t2_33.mul_add(t2_115, t2_190);
+        let t2_193 = t2_13.mul_add(t2_120, t2_191);
+        let t2_194 = t2_52.mul_add(t2_104, t2_188);
+        let t2_195 = t2_13.mul_add(t2_104, t2_192);
+        let t2_196 = t2_52.mul_add(t2_115, t2_193);
+        let t2_197 = (-t2_33).mul_add(t2_120, t2_194);
+        let t2_198 = (-t2_119).mul_add(t2_137, t2_195);
+        let t2_199 = t2_112.mul_add(t2_134, t2_196);
+        let t2_200 = t2_116.mul_add(t2_178, t2_197);
+        let t2_201 = (-t2_116).mul_add(t2_134, t2_198);
+        let t2_202 = (-t2_119).mul_add(t2_178, t2_199);
+        let t2_203 = t2_112.mul_add(t2_137, t2_200);
+        let t2_204 = like.lift(0.5).mul_add(dd_p3, t2_202);
+        let t2_205 = t2_204 + dd_p1;
+        let t2_206 = like.lift(1.0) / cos_q3;
+        let t2_207 = sin_q3 * t2_206;
+        let t2_208 = like.lift(1.1547005383792515) * t2_207;
+        let t2_209 = like.lift(2.309401076758503) * t2_206;
+        let t2_210 = -t2_201;
+        let t2_211 = -t2_203;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_224 = like.lift(0.5773502691896257).mul_add(t2_153, t2_180);
-        let t2_225 = like.lift(-0.5773502691896257).mul_add(t2_34, t2_54);
-        let t2_226 = t2_46 * inv_pivot_3;
-        let t2_227 = (-t2_60).mul_add(t2_226, t2_92);
-        let t2_228 = like.lift(0.5773502691896257).mul_add(t2_85, t2_227);
-        let t2_229 = (-t2_225).mul_add(t2_226, t2_88);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_80, t2_229);
+        let t2_212 = like.lift(0.5773502691896257).mul_add(t2_146, t2_184);
+        let t2_213 = like.lift(-0.5773502691896257).mul_add(t2_37, t2_57);
+        let t2_214 = t2_47 * inv_pivot_3;
+        let t2_215 = (-t2_62).mul_add(t2_214, t2_59);
+        let t2_216 = like.lift(0.5773502691896257).mul_add(t2_44, t2_215);
+        let t2_217 = (-t2_213).mul_add(t2_214, t2_87);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_77, t2_217);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_230 = (-t2_226).mul_add(t2_224, t2_217);
-        let t2_231 = like.lift(-0.5773502691896257).mul_add(t2_213, t2_230);
-        let t2_232 = t2_65 * inv_pivot_3;
-        let t2_233 = (-t2_225).mul_add(t2_232, t2_71);
-        let t2_234 = t2_34.mul_add(t2_189, t2_233);
-        let t2_235 = t2_234 * inv_pivot_4;
-        let t2_236 = (-t2_228).mul_add(t2_235, t2_75);
-        let t2_237 = (-t2_60).mul_add(t2_232, t2_236);
-        let pivot_5 = t2_39.mul_add(t2_189, t2_237);
-        let t2_238 = t2_235.mul_add(t2_231, t2_186);
-        let t2_239 = t2_232.mul_add(t2_224, t2_238);
-        let t2_240 = t2_153.mul_add(t2_189, t2_239);
+        let t2_218 = (-t2_214).mul_add(t2_212, t2_205);
+        let t2_219 = like.lift(-0.5773502691896257).mul_add(t2_201, t2_218);
+        let t2_220 = t2_65 * inv_pivot_3;
+        let t2_221 = (-t2_213).mul_add(t2_220, t2_68);
+        let t2_222 = t2_37.mul_add(t2_175, t2_221);
+        let t2_223 = t2_222 * inv_pivot_4;
+        let t2_224 = (-t2_216).mul_add(t2_223, t2_72);
+        let t2_225 = (-t2_62).mul_add(t2_220, t2_224);
+        let pivot_5 = t2_45.mul_add(t2_175, t2_225);
+        let t2_226 = t2_223.mul_add(t2_219, t2_182);
+        let t2_227 = t2_220.mul_add(t2_212, t2_226);
+        let t2_228 = t2_146.mul_add(t2_175, t2_227);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_241 = -pivot_5;
-        let t2_242 = like.lift(0.5773502691896257).mul_add(t2_36, t2_56);
+        let t2_229 = -pivot_5;
+        let t2_230 = like.lift(0.5773502691896257).mul_add(t2_39, t2_56);
+        let t2_231 = (-t2_230).mul_add(t2_214, t2_83);
+        let t2_232 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_231);
+        let t2_233 = (-t2_232).mul_add(t2_223, t2_67);
+        let t2_234 = (-t2_230).mul_add(t2_220, t2_233);
+        let t2_235 = (-t2_39).mul_add(t2_175, t2_234);
+        let t2_236 = t2_69 * inv_pivot_3;
+        let t2_237 = (-t2_213).mul_add(t2_236, t2_88);
+        let t2_238 = (-t2_77).mul_add(t2_208, t2_237);
+        let t2_239 = t2_238 * inv_pivot_4;
+        let t2_240 = (-t2_216).mul_add(t2_239, t2_71);
+        let t2_241 = (-t2_62).mul_add(t2_236, t2_240);
+        let t2_242 = (-t2_44).mul_add(t2_208, t2_241);
         [
-            t2_34, t2_36, t2_37, t2_39, t2_40, pivot_1, pivot_3, t2_46, t2_54, t2_56, t2_59,
-            t2_60, t2_61, t2_65, t2_70, t2_71, t2_73, t2_76, t2_78, t2_80, t2_82, t2_83, t2_85,
-            t2_86, t2_87, t2_88, t2_90, t2_93, t2_94, t2_95, t2_97, t2_99, t2_100, t2_102,
-            t2_153, t2_155, t2_180, t2_189, t2_190, t2_191, t2_213, t2_215, t2_217, t2_220,
-            t2_221, t2_222, t2_223, inv_pivot_3, t2_224, t2_225, t2_226, t2_228, pivot_4,
-            inv_pivot_4, t2_231, t2_232, t2_235, t2_240, inv_pivot_5, t2_241, t2_242,
+            t2_37, t2_39, t2_40, t2_44, t2_45, t2_46, pivot_1, pivot_3, t2_47, t2_56, t2_57,
+            t2_61, t2_62, t2_63, t2_65, t2_67, t2_68, t2_69, t2_73, t2_75, t2_77, t2_79, t2_81,
+            t2_83, t2_84, t2_85, t2_86, t2_87, t2_88, t2_89, t2_90, t2_91, t2_93, t2_146,
+            t2_148, t2_176, t2_184, t2_185, t2_201, t2_203, t2_205, t2_208, t2_209, t2_210,
+            t2_211, inv_pivot_3, t2_212, t2_213, t2_216, pivot_4, inv_pivot_4, t2_219, t2_228,
+            inv_pivot_5, t2_229, t2_230, t2_232, t2_235, t2_236, t2_239, t2_242,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
         qdd[0] = dd_p1; qdd[5] = dd_p2; qdd[7] = dd_p3;
-        let t3_1 = (-t2_242).mul_add(t2_226, t2_90);
-        let t3_2 = like.lift(-0.5773502691896257).mul_add(t2_82, t3_1);
-        let t3_3 = (-t3_2).mul_add(t2_235, t2_73);
-        let t3_4 = (-t2_242).mul_add(t2_232, t3_3);
-        let t3_5 = (-t2_36).mul_add(t2_189, t3_4);
-        let t3_6 = t2_70 * inv_pivot_3;
-        let t3_7 = (-t2_225).mul_add(t3_6, t2_95);
-        let t3_8 = (-t2_80).mul_add(t2_220, t3_7);
-        let t3_9 = t3_8 * inv_pivot_4;
-        let t3_10 = (-t2_228).mul_add(t3_9, t2_99);
-        let t3_11 = (-t2_60).mul_add(t3_6, t3_10);
-        let t3_12 = (-t2_85).mul_add(t2_220, t3_11);
-        let t3_13 = t3_12 * inv_pivot_5;
-        let t3_14 = (-t3_13).mul_add(t2_240, t2_215);
-        let t3_15 = (-t3_5).mul_add(t3_13, t2_97);
-        let t3_16 = (-t3_2).mul_add(t3_9, t3_15);
-        let t3_17 = t3_9.mul_add(t2_231, t3_14);
-        let t3_18 = (-t2_242).mul_add(t3_6, t3_16);
-        let t3_19 = t3_6.mul_add(t2_224, t3_17);
-        let pivot_6 = t2_82.mul_add(t2_220, t3_18);
-        let t3_20 = (-t2_213).mul_add(t2_220, t3_19);
+        let t3_1 = t2_242 * inv_pivot_5;
+        let t3_2 = (-t3_1).mul_add(t2_228, t2_203);
+        let t3_3 = (-t2_235).mul_add(t3_1, t2_81);
+        let t3_4 = (-t2_232).mul_add(t2_239, t3_3);
+        let t3_5 = t2_239.mul_add(t2_219, t3_2);
+        let t3_6 = (-t2_230).mul_add(t2_236, t3_4);
+        let t3_7 = t2_236.mul_add(t2_212, t3_5);
+        let pivot_6 = t2_79.mul_add(t2_208, t3_6);
+        let t3_8 = (-t2_201).mul_add(t2_208, t3_7);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_21 = inv_pivot_6 * t3_20;
-        let t3_22 = (-t3_5).mul_add(t3_21, t2_240);
-        let t3_23 = inv_pivot_5 * t3_22;
-        let t3_24 = t3_2.mul_add(t3_21, t2_231);
-        let t3_25 = t2_228.mul_add(t3_23, t3_24);
-        let t3_26 = t2_242.mul_add(t3_21, t2_224);
-        let t3_27 = t2_36.mul_add(t3_21, t2_153);
-        let t3_28 = t2_82.mul_add(t3_21, t2_213);
-        let t3_29 = inv_pivot_4 * t3_25;
-        let t3_30 = t2_60.mul_add(t3_23, t3_26);
-        let t3_31 = (-t2_225).mul_add(t3_29, t3_30);
-        let t3_32 = inv_pivot_3 * t3_31;
-        let t3_33 = (-t2_39).mul_add(t3_23, t3_27);
-        let t3_34 = (-t2_85).mul_add(t3_23, t3_28);
-        let t3_35 = t2_34.mul_add(t3_29, t3_33);
-        let t3_36 = t2_190 * t3_35;
-        let t3_37 = t2_80.mul_add(t3_29, t3_34);
-        let t3_38 = t2_221 * t3_37;
-        let t3_39 = -t3_21;
-        let t3_40 = -t3_36;
+        let t3_9 = inv_pivot_6 * t3_8;
+        let t3_10 = (-t2_235).mul_add(t3_9, t2_228);
+        let t3_11 = inv_pivot_5 * t3_10;
+        let t3_12 = t2_232.mul_add(t3_9, t2_219);
+        let t3_13 = t2_216.mul_add(t3_11, t3_12);
+        let t3_14 = t2_230.mul_add(t3_9, t2_212);
+        let t3_15 = t2_39.mul_add(t3_9, t2_146);
+        let t3_16 = t2_79.mul_add(t3_9, t2_201);
+        let t3_17 = inv_pivot_4 * t3_13;
+        let t3_18 = t2_62.mul_add(t3_11, t3_14);
+        let t3_19 = (-t2_213).mul_add(t3_17, t3_18);
+        let t3_20 = inv_pivot_3 * t3_19;
+        let t3_21 = (-t2_45).mul_add(t3_11, t3_15);
+        let t3_22 = (-t2_44).mul_add(t3_11, t3_16);
+        let t3_23 = t2_37.mul_add(t3_17, t3_21);
+        let t3_24 = t2_176 * t3_23;
+        let t3_25 = t2_77.mul_add(t3_17, t3_22);
+        let t3_26 = t2_209 * t3_25;
+        let t3_27 = -t3_9;
+        let t3_28 = -t3_24;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_87 * like.lift(2.4888041299057773)).abs())
+            .min((t2_86 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_241 * like.lift(3.327667645468371)).abs())
+            .min((t2_229 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
-        let ([[t3_41], [t3_42], [t3_43], [t3_44], [t3_45], [t3_46]], found) = ::regen_runtime::guarded(
-            [[t3_32], [t3_29], [t3_39], [t3_23], [t3_40], [t3_38]],
+        let ([[t3_29], [t3_30], [t3_31], [t3_32], [t3_33], [t3_34]], found) = ::regen_runtime::guarded(
+            [[t3_20], [t3_17], [t3_27], [t3_11], [t3_28], [t3_26]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_34, t2_37, t2_40, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_54, t2_56, t2_59, t2_61, like.lift(0.0)],
-                    [t2_65, t2_71, t2_73, t2_76, t2_78, like.lift(0.0)],
-                    [like.lift(0.0), t2_80, t2_83, t2_86, like.lift(0.0), t2_87],
-                    [t2_46, t2_88, t2_90, t2_93, like.lift(0.0), t2_94],
-                    [t2_70, t2_95, t2_97, t2_100, like.lift(0.0), t2_102],
+                    [like.lift(0.0), t2_37, t2_40, t2_46, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_57, t2_56, t2_61, t2_63, like.lift(0.0)],
+                    [t2_65, t2_68, t2_67, t2_73, t2_75, like.lift(0.0)],
+                    [like.lift(0.0), t2_77, t2_84, t2_85, like.lift(0.0), t2_86],
+                    [t2_47, t2_87, t2_83, t2_89, like.lift(0.0), t2_90],
+                    [t2_69, t2_88, t2_81, t2_91, like.lift(0.0), t2_93],
                 ],
-                [[t2_155], [t2_180], [t2_191], [t2_222], [t2_217], [t2_223]],
+                [[t2_148], [t2_184], [t2_185], [t2_210], [t2_205], [t2_211]],
             ),
         );
         condition = condition.min(found);
-        qdd[1] = t3_41; qdd[2] = t3_42; qdd[3] = t3_43; qdd[4] = t3_44; qdd[6] = t3_45; qdd[8] = t3_46;
+        qdd[1] = t3_29; qdd[2] = t3_30; qdd[3] = t3_31; qdd[4] = t3_32; qdd[6] = t3_33; qdd[8] = t3_34;
     }
     (qdd, Condition { pivot: condition })
 }
@@ -1856,7 +1814,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 280 additions, 427 multiplications, 6 divisions, 6 sines and cosines.
+/// 270 additions, 415 multiplications, 6 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 70]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0] = [zero; 3];
@@ -1943,11 +1901,12 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     }
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        u_s1_1_p1y, u_s1_2_p1z, u_s1_2_p1x, u_s1_3_p1y, e_s1_2_q1z, e_s1_3_q1y, e_s1_2_q1x,
-        x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-        x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-        x_q3_p2, x_q3_p3,
+        w_m_rod1_p1, u_s1_1_p1y, u_s1_2_p1z, u_s1_2_p1x, u_s1_3_p1y, e_s1_2_q1z, e_s1_3_q1y,
+        e_s1_2_q1x, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1,
+        x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3,
+        x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
+        let w_m_rod1_p1 = dd_p1 + like.lift(0.0);
         let t3_1 = sin_q1 * cos_s1_1;
         let t3_2 = sin_q1 * sin_s1_1;
         let t3_3 = sin_s1_2 * t3_2;
@@ -1960,216 +1919,209 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let t3_10 = like.lift(0.2) * t3_6;
         let t3_11 = like.lift(0.17320508075688773) * t3_8;
         let t3_12 = t3_9 + t3_10;
-        let t3_13 = t3_12 - t3_11;
+        let t3_13 = like.lift(0.5).mul_add(cos_q1, t3_10);
+        let t3_14 = t3_12 - t3_11;
+        let t3_15 = t3_12 + t3_11;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t3_14 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_14);
-        let t3_15 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_15);
-        let t3_16 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_16);
-        let t3_17 = like.lift(0.1) * u_s1_3_p1y;
-        let t3_18 = like.lift(0.2) * u_s1_3_p1y;
-        let t3_19 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t3_20 = t3_17 + t3_18;
-        let t3_21 = t3_20 + t3_19;
-        let t3_22 = cos_q1 * t3_21;
-        let t3_23 = sin_q1.mul_add(t3_13, t3_22);
-        let t3_24 = u_s1_1_p1y * t3_13;
-        let t3_25 = (-t3_1).mul_add(t3_21, t3_24);
-        let t3_26 = -t3_25;
-        let t3_27 = t3_8 * t3_21;
-        let t3_28 = u_s1_2_p1x.mul_add(t3_13, t3_27);
-        let t3_29 = -t3_28;
+        let t3_16 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_16);
+        let t3_17 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_17);
+        let t3_18 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_18);
+        let t3_19 = like.lift(0.1) * u_s1_3_p1y;
+        let t3_20 = like.lift(0.2) * u_s1_3_p1y;
+        let t3_21 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t3_22 = like.lift(0.5) * sin_q1;
+        let t3_23 = t3_22 - t3_20;
+        let t3_24 = t3_23 - t3_21;
+        let t3_25 = t3_23 + t3_21;
+        let t3_26 = t3_24 - t3_19;
+        let t3_27 = t3_25 - t3_19;
+        let t3_28 = t3_22 - t3_26;
+        let t3_29 = t3_22 - t3_27;
+        let t3_30 = cos_q1 * t3_28;
+        let t3_31 = sin_q1.mul_add(t3_14, t3_30);
+        let t3_32 = u_s1_1_p1y * t3_14;
+        let t3_33 = (-t3_1).mul_add(t3_28, t3_32);
+        let t3_34 = sin_s1_1 * t3_28;
+        let t3_35 = -t3_33;
+        let t3_36 = t3_8 * t3_29;
+        let t3_37 = u_s1_2_p1x.mul_add(t3_15, t3_36);
+        let t3_38 = like.lift(0.0) + t3_37;
+        let t3_39 = -t3_38;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t3_30 = like.lift(0.5).mul_add(cos_q1, t3_10);
-        let t3_31 = t3_9 + t3_10;
-        let t3_32 = t3_31 + t3_11;
-        let t3_33 = t3_30 - t3_11;
-        let t3_34 = t3_30 + t3_11;
-        let pivot_3 = t3_33 + t3_9;
-        let t3_35 = t3_34 + t3_9;
+        let t3_40 = t3_13 - t3_11;
+        let t3_41 = t3_13 + t3_11;
+        let pivot_3 = t3_40 + t3_9;
+        let t3_42 = t3_41 + t3_9;
         let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t3_36 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_36);
-        let t3_37 = like.lift(0.2) * e_s1_3_q1y;
+        let t3_43 = sin_s1_1 * cos_s1_3;
+        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_43);
+        let t3_44 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t3_38 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t3_39 = like.lift(0.1) * e_s1_3_q1y;
-        let t3_40 = t3_37 - t3_38;
-        let t3_41 = t3_37 + t3_38;
-        let t3_42 = t3_40 + t3_39;
-        let t3_43 = t3_41 + t3_39;
-        let t3_44 = cos_q1 * t3_42;
-        let t3_45 = t3_1 * t3_42;
-        let t3_46 = (-sin_s1_1).mul_add(t3_13, t3_45);
-        let t3_47 = t3_8 * t3_42;
-        let t3_48 = (-e_s1_2_q1x).mul_add(t3_13, t3_47);
-        let t3_49 = -t3_48;
-        let t3_50 = like.lift(-0.5773502691896257).mul_add(t3_28, t3_48);
-        let t3_51 = like.lift(0.25) * cos_q2;
-        let t3_52 = like.lift(0.5) * sin_q1;
-        let t3_53 = t3_52 - t3_18;
-        let t3_54 = t3_53 - t3_19;
-        let t3_55 = t3_54 - t3_17;
-        let t3_56 = t3_52 - t3_18;
-        let t3_57 = t3_17 + t3_18;
-        let t3_58 = t3_56 + t3_19;
-        let t3_59 = t3_57 - t3_19;
-        let t3_60 = t3_58 - t3_17;
-        let t3_61 = sin_q1 * t3_42;
-        let t3_62 = sin_s1_1 * t3_21;
-        let t3_63 = (-u_s1_1_p1y).mul_add(t3_42, t3_62);
-        let t3_64 = u_s1_2_p1x * t3_42;
-        let t3_65 = e_s1_2_q1x.mul_add(t3_21, t3_64);
-        let t3_66 = -t3_65;
-        let t3_67 = like.lift(0.5) * sin_q2;
-        let t3_68 = -t3_67;
-        let t3_69 = cos_q1 * t3_59;
-        let t3_70 = sin_q1.mul_add(t3_32, t3_69);
-        let t3_71 = u_s1_1_p1y * t3_32;
-        let t3_72 = (-t3_1).mul_add(t3_59, t3_71);
-        let t3_73 = t3_1 * t3_43;
-        let t3_74 = (-sin_s1_1).mul_add(t3_32, t3_73);
-        let t3_75 = -t3_72;
-        let t3_76 = t3_8 * t3_59;
-        let t3_77 = u_s1_2_p1x.mul_add(t3_32, t3_76);
-        let t3_78 = t3_8 * t3_43;
-        let t3_79 = (-e_s1_2_q1x).mul_add(t3_32, t3_78);
-        let t3_80 = -t3_77;
+        let t3_45 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t3_46 = like.lift(0.1) * e_s1_3_q1y;
+        let t3_47 = t3_44 - t3_45;
+        let t3_48 = t3_44 + t3_45;
+        let t3_49 = t3_47 + t3_46;
+        let t3_50 = t3_48 + t3_46;
+        let t3_51 = t3_8 * t3_50;
+        let t3_52 = (-e_s1_2_q1x).mul_add(t3_15, t3_51);
+        let t3_53 = (-u_s1_1_p1y).mul_add(t3_49, t3_34);
+        let t3_54 = t3_1 * t3_49;
+        let t3_55 = (-sin_s1_1).mul_add(t3_14, t3_54);
+        let t3_56 = cos_q1 * t3_49;
+        let t3_57 = sin_q1 * t3_49;
+        let t3_58 = like.lift(0.0) + t3_52;
+        let t3_59 = -t3_58;
+        let t3_60 = like.lift(-0.5773502691896257).mul_add(t3_38, t3_58);
+        let t3_61 = like.lift(0.25) * cos_q2;
+        let t3_62 = u_s1_2_p1x * t3_50;
+        let t3_63 = e_s1_2_q1x.mul_add(t3_29, t3_62);
+        let t3_64 = like.lift(0.0) + t3_63;
+        let t3_65 = -t3_64;
+        let t3_66 = like.lift(0.5) * sin_q2;
+        let t3_67 = -t3_66;
+        let t3_68 = cos_q1 * t3_29;
+        let t3_69 = sin_q1.mul_add(t3_15, t3_68);
+        let t3_70 = u_s1_1_p1y * t3_15;
+        let t3_71 = (-t3_1).mul_add(t3_29, t3_70);
+        let t3_72 = t3_1 * t3_50;
+        let t3_73 = (-sin_s1_1).mul_add(t3_15, t3_72);
+        let t3_74 = sin_s1_1 * t3_29;
+        let t3_75 = (-u_s1_1_p1y).mul_add(t3_50, t3_74);
+        let t3_76 = -t3_71;
+        let t3_77 = -t3_37;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t3_81 = -pivot_2;
-        let t3_82 = cos_q1 * t3_43;
-        let t3_83 = -t3_79;
-        let t3_84 = like.lift(0.25) * cos_q3;
-        let t3_85 = sin_q1 * t3_43;
-        let t3_86 = sin_s1_1 * t3_59;
-        let t3_87 = (-u_s1_1_p1y).mul_add(t3_43, t3_86);
-        let t3_88 = u_s1_2_p1x * t3_43;
-        let t3_89 = e_s1_2_q1x.mul_add(t3_59, t3_88);
-        let t3_90 = -t3_89;
-        let t3_91 = like.lift(0.5) * sin_q3;
-        let t3_92 = -t3_91;
+        let t3_78 = -pivot_2;
+        let t3_79 = cos_q1 * t3_50;
+        let t3_80 = sin_q1 * t3_50;
+        let t3_81 = -t3_52;
+        let t3_82 = like.lift(0.25) * cos_q3;
+        let t3_83 = -t3_63;
+        let t3_84 = like.lift(0.5) * sin_q3;
+        let t3_85 = -t3_84;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_93 = like.lift(-0.5773502691896257).mul_add(t3_23, t3_44);
-        let t3_94 = t3_35 * inv_pivot_3;
-        let t3_95 = (-t3_50).mul_add(t3_94, t3_79);
-        let t3_96 = like.lift(0.5773502691896257).mul_add(t3_77, t3_95);
-        let t3_97 = (-t3_93).mul_add(t3_94, t3_82);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t3_70, t3_97);
+        let t3_86 = like.lift(-0.5773502691896257).mul_add(t3_31, t3_56);
+        let t3_87 = t3_42 * inv_pivot_3;
+        let t3_88 = (-t3_60).mul_add(t3_87, t3_52);
+        let t3_89 = like.lift(0.5773502691896257).mul_add(t3_37, t3_88);
+        let t3_90 = (-t3_86).mul_add(t3_87, t3_79);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t3_69, t3_90);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_98 = like.lift(1.0) - t3_94;
-        let t3_99 = like.lift(1.0) / cos_q2;
-        let t3_100 = sin_q2 * t3_99;
-        let t3_101 = like.lift(2.309401076758503) * t3_99;
-        let t3_102 = t3_55 * inv_pivot_3;
-        let t3_103 = like.lift(1.1547005383792515) * t3_100;
-        let t3_104 = (-t3_93).mul_add(t3_102, t3_61);
-        let t3_105 = t3_23.mul_add(t3_103, t3_104);
-        let t3_106 = t3_105 * inv_pivot_4;
-        let t3_107 = (-t3_96).mul_add(t3_106, t3_65);
-        let t3_108 = (-t3_50).mul_add(t3_102, t3_107);
-        let pivot_5 = t3_28.mul_add(t3_103, t3_108);
+        let t3_91 = like.lift(1.0) - t3_87;
+        let t3_92 = like.lift(1.0) / cos_q2;
+        let t3_93 = sin_q2 * t3_92;
+        let t3_94 = like.lift(2.309401076758503) * t3_92;
+        let t3_95 = t3_26 * inv_pivot_3;
+        let t3_96 = like.lift(1.1547005383792515) * t3_93;
+        let t3_97 = (-t3_86).mul_add(t3_95, t3_57);
+        let t3_98 = t3_31.mul_add(t3_96, t3_97);
+        let t3_99 = t3_98 * inv_pivot_4;
+        let t3_100 = (-t3_89).mul_add(t3_99, t3_64);
+        let t3_101 = (-t3_60).mul_add(t3_95, t3_100);
+        let pivot_5 = t3_38.mul_add(t3_96, t3_101);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_109 = -pivot_5;
-        let t3_110 = t3_98.mul_add(t3_106, t3_102);
-        let t3_111 = like.lift(0.5773502691896257).mul_add(t3_25, t3_46);
-        let t3_112 = (-t3_111).mul_add(t3_94, t3_74);
-        let t3_113 = like.lift(-0.5773502691896257).mul_add(t3_72, t3_112);
-        let t3_114 = (-t3_113).mul_add(t3_106, t3_63);
-        let t3_115 = (-t3_111).mul_add(t3_102, t3_114);
-        let t3_116 = (-t3_25).mul_add(t3_103, t3_115);
-        let t3_117 = t3_60 * inv_pivot_3;
-        let t3_118 = like.lift(1.0) / cos_q3;
-        let t3_119 = sin_q3 * t3_118;
-        let t3_120 = like.lift(2.309401076758503) * t3_118;
-        let t3_121 = like.lift(1.1547005383792515) * t3_119;
-        let t3_122 = (-t3_93).mul_add(t3_117, t3_85);
-        let t3_123 = (-t3_70).mul_add(t3_121, t3_122);
-        let t3_124 = t3_123 * inv_pivot_4;
-        let t3_125 = (-t3_96).mul_add(t3_124, t3_89);
-        let t3_126 = (-t3_50).mul_add(t3_117, t3_125);
-        let t3_127 = (-t3_77).mul_add(t3_121, t3_126);
-        let t3_128 = t3_127 * inv_pivot_5;
-        let t3_129 = (-t3_110).mul_add(t3_128, t3_117);
-        let t3_130 = t3_98.mul_add(t3_124, t3_129);
-        let t3_131 = (-t3_116).mul_add(t3_128, t3_87);
-        let t3_132 = (-t3_113).mul_add(t3_124, t3_131);
-        let t3_133 = (-t3_111).mul_add(t3_117, t3_132);
-        let pivot_6 = t3_72.mul_add(t3_121, t3_133);
-        let t3_134 = t3_100 * t3_128;
+        let t3_102 = -pivot_5;
+        let t3_103 = t3_91.mul_add(t3_99, t3_95);
+        let t3_104 = like.lift(0.5773502691896257).mul_add(t3_33, t3_55);
+        let t3_105 = (-t3_104).mul_add(t3_87, t3_73);
+        let t3_106 = like.lift(-0.5773502691896257).mul_add(t3_71, t3_105);
+        let t3_107 = (-t3_106).mul_add(t3_99, t3_53);
+        let t3_108 = (-t3_104).mul_add(t3_95, t3_107);
+        let t3_109 = (-t3_33).mul_add(t3_96, t3_108);
+        let t3_110 = t3_27 * inv_pivot_3;
+        let t3_111 = like.lift(1.0) / cos_q3;
+        let t3_112 = sin_q3 * t3_111;
+        let t3_113 = like.lift(2.309401076758503) * t3_111;
+        let t3_114 = like.lift(1.1547005383792515) * t3_112;
+        let t3_115 = (-t3_86).mul_add(t3_110, t3_80);
+        let t3_116 = (-t3_69).mul_add(t3_114, t3_115);
+        let t3_117 = t3_116 * inv_pivot_4;
+        let t3_118 = (-t3_89).mul_add(t3_117, t3_63);
+        let t3_119 = (-t3_60).mul_add(t3_110, t3_118);
+        let t3_120 = (-t3_37).mul_add(t3_114, t3_119);
+        let t3_121 = t3_120 * inv_pivot_5;
+        let t3_122 = (-t3_103).mul_add(t3_121, t3_110);
+        let t3_123 = t3_91.mul_add(t3_117, t3_122);
+        let t3_124 = (-t3_109).mul_add(t3_121, t3_75);
+        let t3_125 = (-t3_106).mul_add(t3_117, t3_124);
+        let t3_126 = (-t3_104).mul_add(t3_110, t3_125);
+        let pivot_6 = t3_71.mul_add(t3_114, t3_126);
+        let t3_127 = t3_93 * t3_121;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_135 = t3_130 * inv_pivot_6;
-        let t3_136 = (-t3_116).mul_add(t3_135, t3_110);
+        let t3_128 = t3_123 * inv_pivot_6;
+        let t3_129 = (-t3_109).mul_add(t3_128, t3_103);
+        let t3_130 = inv_pivot_5 * t3_129;
+        let t3_131 = t3_106.mul_add(t3_128, t3_91);
+        let t3_132 = t3_89.mul_add(t3_130, t3_131);
+        let t3_133 = inv_pivot_4 * t3_132;
+        let t3_134 = t3_127 * inv_pivot_6;
+        let t3_135 = t3_112 * inv_pivot_6;
+        let t3_136 = t3_109.mul_add(t3_134, t3_93);
         let t3_137 = inv_pivot_5 * t3_136;
-        let t3_138 = t3_113.mul_add(t3_135, t3_98);
-        let t3_139 = t3_96.mul_add(t3_137, t3_138);
-        let t3_140 = inv_pivot_4 * t3_139;
-        let t3_141 = t3_134 * inv_pivot_6;
-        let t3_142 = t3_119 * inv_pivot_6;
-        let t3_143 = t3_116.mul_add(t3_141, t3_100);
-        let t3_144 = inv_pivot_5 * t3_143;
-        let t3_145 = inv_pivot_5 * t3_116;
-        let t3_146 = t3_145 * t3_142;
-        let t3_147 = t3_111.mul_add(t3_135, like.lift(1.0));
-        let t3_148 = t3_50.mul_add(t3_137, t3_147);
-        let t3_149 = (-t3_93).mul_add(t3_140, t3_148);
-        let t3_150 = inv_pivot_3 * t3_149;
-        let t3_151 = -t3_150;
-        let t3_152 = t3_96 * t3_144;
-        let t3_153 = (-t3_113).mul_add(t3_141, t3_152);
-        let t3_154 = t3_96 * t3_146;
-        let t3_155 = (-t3_113).mul_add(t3_142, t3_154);
-        let t3_156 = inv_pivot_4 * t3_153;
-        let t3_157 = inv_pivot_4 * t3_155;
-        let t3_158 = t3_111 * t3_141;
-        let t3_159 = (-t3_50).mul_add(t3_144, t3_158);
-        let t3_160 = t3_111 * t3_142;
-        let t3_161 = (-t3_50).mul_add(t3_146, t3_160);
-        let t3_162 = t3_93.mul_add(t3_156, t3_159);
-        let t3_163 = t3_93.mul_add(t3_157, t3_161);
-        let t3_164 = inv_pivot_3 * t3_162;
-        let t3_165 = inv_pivot_3 * t3_163;
-        let t3_166 = -t3_164;
-        let t3_167 = -t3_140;
-        let t3_168 = -t3_157;
-        let t3_169 = -t3_142;
-        let t3_170 = -t3_137;
-        let t3_171 = -t3_146;
-        let t3_172 = t3_25 * t3_135;
-        let t3_173 = (-t3_28).mul_add(t3_137, t3_172);
-        let t3_174 = t3_23.mul_add(t3_140, t3_173);
-        let t3_175 = t3_174 * t3_101;
-        let t3_176 = t3_72 * t3_135;
-        let t3_177 = (-t3_77).mul_add(t3_137, t3_176);
-        let t3_178 = t3_70.mul_add(t3_140, t3_177);
-        let t3_179 = t3_178 * t3_120;
-        let t3_180 = -t3_179;
-        let t3_181 = (-t3_25).mul_add(t3_141, like.lift(0.8660254037844386));
-        let t3_182 = (-t3_28).mul_add(t3_144, t3_181);
-        let t3_183 = t3_23.mul_add(t3_156, t3_182);
-        let t3_184 = t3_183 * t3_101;
-        let t3_185 = -t3_184;
-        let t3_186 = t3_23 * t3_157;
-        let t3_187 = (-t3_25).mul_add(t3_142, t3_186);
-        let t3_188 = (-t3_28).mul_add(t3_146, t3_187);
-        let t3_189 = t3_188 * t3_101;
-        let t3_190 = (-t3_72).mul_add(t3_142, like.lift(0.8660254037844386));
-        let t3_191 = (-t3_77).mul_add(t3_146, t3_190);
-        let t3_192 = t3_70.mul_add(t3_157, t3_191);
-        let t3_193 = t3_192 * t3_120;
-        let t3_194 = -t3_193;
-        let t3_195 = t3_70 * t3_156;
-        let t3_196 = (-t3_72).mul_add(t3_141, t3_195);
-        let t3_197 = (-t3_77).mul_add(t3_144, t3_196);
-        let t3_198 = t3_197 * t3_120;
+        let t3_138 = inv_pivot_5 * t3_109;
+        let t3_139 = t3_138 * t3_135;
+        let t3_140 = t3_104.mul_add(t3_128, like.lift(1.0));
+        let t3_141 = t3_60.mul_add(t3_130, t3_140);
+        let t3_142 = (-t3_86).mul_add(t3_133, t3_141);
+        let t3_143 = inv_pivot_3 * t3_142;
+        let t3_144 = -t3_143;
+        let t3_145 = t3_89 * t3_137;
+        let t3_146 = (-t3_106).mul_add(t3_134, t3_145);
+        let t3_147 = t3_89 * t3_139;
+        let t3_148 = (-t3_106).mul_add(t3_135, t3_147);
+        let t3_149 = inv_pivot_4 * t3_146;
+        let t3_150 = inv_pivot_4 * t3_148;
+        let t3_151 = t3_104 * t3_134;
+        let t3_152 = (-t3_60).mul_add(t3_137, t3_151);
+        let t3_153 = t3_104 * t3_135;
+        let t3_154 = (-t3_60).mul_add(t3_139, t3_153);
+        let t3_155 = t3_86.mul_add(t3_149, t3_152);
+        let t3_156 = t3_86.mul_add(t3_150, t3_154);
+        let t3_157 = inv_pivot_3 * t3_155;
+        let t3_158 = inv_pivot_3 * t3_156;
+        let t3_159 = -t3_157;
+        let t3_160 = -t3_133;
+        let t3_161 = -t3_150;
+        let t3_162 = -t3_135;
+        let t3_163 = -t3_130;
+        let t3_164 = -t3_139;
+        let t3_165 = t3_33 * t3_128;
+        let t3_166 = (-t3_38).mul_add(t3_130, t3_165);
+        let t3_167 = t3_31.mul_add(t3_133, t3_166);
+        let t3_168 = t3_167 * t3_94;
+        let t3_169 = t3_71 * t3_128;
+        let t3_170 = (-t3_37).mul_add(t3_130, t3_169);
+        let t3_171 = t3_69.mul_add(t3_133, t3_170);
+        let t3_172 = t3_171 * t3_113;
+        let t3_173 = -t3_172;
+        let t3_174 = (-t3_33).mul_add(t3_134, like.lift(0.8660254037844386));
+        let t3_175 = (-t3_38).mul_add(t3_137, t3_174);
+        let t3_176 = t3_31.mul_add(t3_149, t3_175);
+        let t3_177 = t3_176 * t3_94;
+        let t3_178 = -t3_177;
+        let t3_179 = t3_31 * t3_150;
+        let t3_180 = (-t3_33).mul_add(t3_135, t3_179);
+        let t3_181 = (-t3_38).mul_add(t3_139, t3_180);
+        let t3_182 = t3_181 * t3_94;
+        let t3_183 = (-t3_71).mul_add(t3_135, like.lift(0.8660254037844386));
+        let t3_184 = (-t3_37).mul_add(t3_139, t3_183);
+        let t3_185 = t3_69.mul_add(t3_150, t3_184);
+        let t3_186 = t3_185 * t3_113;
+        let t3_187 = -t3_186;
+        let t3_188 = t3_69 * t3_149;
+        let t3_189 = (-t3_71).mul_add(t3_134, t3_188);
+        let t3_190 = (-t3_37).mul_add(t3_137, t3_189);
+        let t3_191 = t3_190 * t3_113;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t3_81 * like.lift(2.4888041299057773)).abs())
+            .min((t3_78 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t3_109 * like.lift(3.327667645468371)).abs())
+            .min((t3_102 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -2177,18 +2129,18 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_151, t3_166, t3_165], [t3_167, t3_156, t3_168], [t3_135, t3_141, t3_169],
-                [t3_170, t3_144, t3_171], [t3_175, t3_185, t3_189], [t3_180, t3_198, t3_194],
+                [t3_144, t3_159, t3_158], [t3_160, t3_149, t3_161], [t3_128, t3_134, t3_162],
+                [t3_163, t3_137, t3_164], [t3_168, t3_178, t3_182], [t3_173, t3_191, t3_187],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t3_23, t3_26, t3_29, pivot_1, like.lift(0.0)],
-                    [pivot_3, t3_44, t3_46, t3_49, t3_51, like.lift(0.0)],
-                    [t3_55, t3_61, t3_63, t3_66, t3_68, like.lift(0.0)],
-                    [like.lift(0.0), t3_70, t3_75, t3_80, like.lift(0.0), t3_81],
-                    [t3_35, t3_82, t3_74, t3_83, like.lift(0.0), t3_84],
-                    [t3_60, t3_85, t3_87, t3_90, like.lift(0.0), t3_92],
+                    [like.lift(0.0), t3_31, t3_35, t3_39, pivot_1, like.lift(0.0)],
+                    [pivot_3, t3_56, t3_55, t3_59, t3_61, like.lift(0.0)],
+                    [t3_26, t3_57, t3_53, t3_65, t3_67, like.lift(0.0)],
+                    [like.lift(0.0), t3_69, t3_76, t3_77, like.lift(0.0), t3_78],
+                    [t3_42, t3_79, t3_73, t3_81, like.lift(0.0), t3_82],
+                    [t3_27, t3_80, t3_75, t3_83, like.lift(0.0), t3_85],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -2202,15 +2154,16 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         );
         condition = condition.min(found);
         [
-            u_s1_1_p1y, u_s1_2_p1z, u_s1_2_p1x, u_s1_3_p1y, e_s1_2_q1z, e_s1_3_q1y, e_s1_2_q1x,
-            x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-            x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-            x_q3_p2, x_q3_p3,
+            w_m_rod1_p1, u_s1_1_p1y, u_s1_2_p1z, u_s1_2_p1x, u_s1_3_p1y, e_s1_2_q1z,
+            e_s1_3_q1y, e_s1_2_q1x, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3,
+            x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2,
+            x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
         ]
     };
     let [_, d_q1, d_s1_1, d_s1_2, d_s1_3, _, d_q2, _, d_q3] = *qd;
     // body rod1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_rod1z, t4_5, a_rod1y] = {
+        w[19][0] = w_m_rod1_p1;
         let w_ixx_rod1_p1 = dd_q1 * x_q1_p1;
         let t4_1 = -w_ixx_rod1_p1;
         w[10][0] = t4_1;
@@ -2237,287 +2190,288 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         w[18][1] = w_mz_rod1_p2;
         let w_mz_rod1_p3 = x_q1_p3 * a_rod1y;
         w[18][2] = w_mz_rod1_p3;
-        let t4_9 = sin_q1 * a_rod1z;
-        let w_m_rod1_p1 = cos_q1.mul_add(a_rod1y, t4_9);
-        w[19][0] = w_m_rod1_p1;
-        let t4_10 = x_q1_p1 * a_rod1y;
-        let t4_11 = sin_q1.mul_add(t4_5, t4_10);
-        let w_mz_rod1_p1 = (-cos_q1).mul_add(dd_q1, t4_11);
+        let t4_9 = x_q1_p1 * a_rod1y;
+        let t4_10 = sin_q1.mul_add(t4_5, t4_9);
+        let w_mz_rod1_p1 = (-cos_q1).mul_add(dd_q1, t4_10);
         w[18][0] = w_mz_rod1_p1;
         [a_rod1z, t4_5, a_rod1y]
     };
-    // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m, part 1
-    let [
-        t5_40, t5_63, t5_79, t5_82, w_ixy_platform_p1, w_ixy_platform_p2, w_ixy_platform_p3,
-        w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3, t5_108, t5_113, t5_115,
-        w_izz_platform_p1, w_izz_platform_p2, w_izz_platform_p3, t5_123, t5_126, t5_129,
-        a_platformx, t5_157, w_my_platform_p1, w_mz_platform_p1, w_m_platform_p1, t5_172,
-        w_my_platform_p2, w_mz_platform_p2, w_m_platform_p2, t5_187, w_my_platform_p3, t5_197,
-        w_mz_platform_p3,
-    ] = {
+    // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
+    {
         let a_s1_1z = like.lift(0.5).mul_add(t4_5, a_rod1z);
         let t5_1 = cos_s1_3 * e_s1_2_q1z;
         let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t5_1);
         let t5_2 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
+        let t5_3 = sin_s1_2 * x_s1_1_p1;
+        let t5_4 = x_s1_3_p1 - t5_3;
+        let t5_5 = sin_s1_2 * x_s1_1_p2;
+        let t5_6 = x_s1_3_p2 - t5_5;
+        let t5_7 = sin_s1_2 * x_s1_1_p3;
+        let t5_8 = x_s1_3_p3 - t5_7;
         let w_s1_1x = cos_s1_1 * d_q1;
-        let t5_3 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_3);
+        let t5_9 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_9);
         let w_s1_1y = sin_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 - w_s1_1y;
-        let t5_4 = d_s1_1 * w_s1_1y;
-        let t5_5 = w_s1_1x.mul_add(w_s1_1y, dd_s1_1);
-        let t5_6 = (-cos_s1_1).mul_add(dd_q1, t5_4);
-        let t5_7 = t5_6 + t5_4;
-        let t5_8 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t5_9 = (-sin_s1_2).mul_add(t5_5, t5_8);
-        let al_s1_3x = (-cos_s1_2).mul_add(t5_7, t5_9);
-        let t5_10 = sin_s1_2 * x_s1_1_p1;
-        let t5_11 = e_s1_2_q1x.mul_add(x_q1_p1, x_s1_3_p1);
-        let t5_12 = t5_11 - t5_10;
-        let t5_13 = x_s1_3_p1 - t5_10;
-        let t5_14 = like.lift(0.2) * t5_13;
-        let t5_15 = sin_s1_3 * w_s1_2y;
-        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_15);
-        let t5_16 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_16);
-        let t5_17 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
-        let t5_18 = (-d_s1_1).mul_add(w_s1_1x, t5_17);
-        let t5_19 = sin_s1_3 * w_s1_2z;
-        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t5_19);
-        let t5_20 = w_s1_2x * w_s1_2y;
-        let t5_21 = t5_20 + t5_20;
-        let t5_22 = (-cos_s1_2).mul_add(t5_5, t5_21);
-        let t5_23 = sin_s1_2.mul_add(t5_7, t5_22);
+        let t5_10 = d_s1_1 * w_s1_1y;
+        let t5_11 = w_s1_1x.mul_add(w_s1_1y, dd_s1_1);
+        let t5_12 = (-cos_s1_1).mul_add(dd_q1, t5_10);
+        let t5_13 = t5_12 + t5_10;
+        let t5_14 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t5_15 = (-sin_s1_2).mul_add(t5_11, t5_14);
+        let al_s1_3x = (-cos_s1_2).mul_add(t5_13, t5_15);
+        let t5_16 = e_s1_2_q1x.mul_add(x_q1_p1, t5_4);
+        let t5_17 = like.lift(0.2) * t5_4;
+        let t5_18 = sin_s1_3 * w_s1_2y;
+        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_18);
+        let t5_19 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_19);
+        let t5_20 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
+        let t5_21 = (-d_s1_1).mul_add(w_s1_1x, t5_20);
+        let t5_22 = sin_s1_3 * w_s1_2z;
+        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t5_22);
+        let t5_23 = w_s1_2x * w_s1_2y;
+        let t5_24 = t5_23 + t5_23;
+        let t5_25 = (-cos_s1_2).mul_add(t5_11, t5_24);
+        let t5_26 = sin_s1_2.mul_add(t5_13, t5_25);
         let w_s1_3x = d_s1_3 - w_s1_2x;
-        let t5_24 = (-sin_s1_1).mul_add(dd_q1, t5_18);
-        let t5_25 = w_s1_3z * w_s1_3x;
+        let t5_27 = (-sin_s1_1).mul_add(dd_q1, t5_21);
+        let t5_28 = w_s1_3z * w_s1_3x;
         let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t5_26 = e_s1_3_q1y * x_q1_p1;
-        let t5_27 = (-cos_s1_3).mul_add(x_s1_2_p1, t5_26);
-        let t5_28 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t5_27);
-        let t5_29 = sin_s1_3 * x_s1_2_p1;
-        let t5_30 = t5_25 * t5_28;
-        let t5_31 = w_s1_3y * w_s1_3x;
-        let t5_32 = w_s1_3x * w_s1_3x;
+        let t5_29 = e_s1_3_q1y * x_q1_p1;
+        let t5_30 = (-cos_s1_3).mul_add(x_s1_2_p1, t5_29);
+        let t5_31 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t5_30);
+        let t5_32 = sin_s1_3 * x_s1_2_p1;
+        let t5_33 = t5_28 * t5_31;
+        let t5_34 = w_s1_3y * w_s1_3x;
+        let t5_35 = w_s1_3x * w_s1_3x;
         let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t5_33 = e_s1_3_s1_1z * x_s1_1_p1;
-        let t5_34 = t5_29 - t5_33;
-        let t5_35 = like.lift(-0.2).mul_add(t5_34, u_s1_2_p1x);
-        let t5_36 = e_s1_3_q1z.mul_add(x_q1_p1, t5_33);
-        let t5_37 = t5_36 - t5_29;
-        let t5_38 = t5_31 * t5_37;
-        let t5_39 = al_s1_3x.mul_add(t5_12, t5_30);
-        let w_ixx_platform_p1 = t5_39 - t5_38;
-        let t5_40 = -w_ixx_platform_p1;
-        let t5_41 = sin_s1_2 * x_s1_1_p2;
-        let t5_42 = e_s1_2_q1x.mul_add(x_q1_p2, x_s1_3_p2);
-        let t5_43 = t5_42 - t5_41;
-        let t5_44 = x_s1_3_p2 - t5_41;
-        let t5_45 = like.lift(0.2) * t5_44;
-        let t5_46 = e_s1_3_q1y * x_q1_p2;
-        let t5_47 = (-cos_s1_3).mul_add(x_s1_2_p2, t5_46);
-        let t5_48 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t5_47);
-        let t5_49 = e_s1_3_s1_1z * x_s1_1_p2;
-        let t5_50 = sin_s1_3 * x_s1_2_p2;
+        let t5_36 = e_s1_3_s1_1z * x_s1_1_p1;
+        let t5_37 = t5_32 - t5_36;
+        let t5_38 = like.lift(-0.2).mul_add(t5_37, u_s1_2_p1x);
+        let t5_39 = x_q1_p1.mul_add(e_s1_3_q1z, -t5_37);
+        let t5_40 = t5_34 * t5_39;
+        let t5_41 = al_s1_3x.mul_add(t5_16, t5_33);
+        let w_ixx_platform_p1 = t5_41 - t5_40;
+        let t5_42 = -w_ixx_platform_p1;
+        w[20][0] = t5_42;
+        let t5_43 = e_s1_2_q1x.mul_add(x_q1_p2, t5_6);
+        let t5_44 = like.lift(0.2) * t5_6;
+        let t5_45 = e_s1_3_q1y * x_q1_p2;
+        let t5_46 = (-cos_s1_3).mul_add(x_s1_2_p2, t5_45);
+        let t5_47 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t5_46);
+        let t5_48 = e_s1_3_s1_1z * x_s1_1_p2;
+        let t5_49 = sin_s1_3 * x_s1_2_p2;
+        let t5_50 = t5_49 - t5_48;
         let t5_51 = e_s1_3_q1y * x_q1_p3;
         let t5_52 = (-cos_s1_3).mul_add(x_s1_2_p3, t5_51);
         let t5_53 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p3, t5_52);
         let t5_54 = e_s1_3_s1_1z * x_s1_1_p3;
-        let t5_55 = sin_s1_2 * x_s1_1_p3;
-        let t5_56 = sin_s1_3 * x_s1_2_p3;
-        let t5_57 = t5_25 * t5_48;
-        let t5_58 = e_s1_3_q1z.mul_add(x_q1_p2, t5_49);
-        let t5_59 = t5_58 - t5_50;
-        let t5_60 = t5_50 - t5_49;
-        let t5_61 = t5_31 * t5_59;
-        let t5_62 = al_s1_3x.mul_add(t5_43, t5_57);
-        let w_ixx_platform_p2 = t5_62 - t5_61;
-        let t5_63 = -w_ixx_platform_p2;
-        let t5_64 = e_s1_2_q1x.mul_add(x_q1_p3, x_s1_3_p3);
-        let t5_65 = t5_64 - t5_55;
-        let t5_66 = x_s1_3_p3 - t5_55;
-        let t5_67 = like.lift(0.2) * e_s1_2_q1x;
-        let t5_68 = like.lift(0.2) * t5_66;
-        let t5_69 = t5_25 * t5_53;
-        let t5_70 = e_s1_3_q1z.mul_add(x_q1_p3, t5_54);
-        let t5_71 = t5_70 - t5_56;
-        let t5_72 = t5_56 - t5_54;
-        let t5_73 = like.lift(0.2) * e_s1_3_q1z;
-        let t5_74 = like.lift(0.5) * sin_s1_1;
-        let u_platform_q1x = t5_74.mul_add(cos_s1_2, t5_73);
-        let t5_75 = u_platform_q1x.mul_add(x_q1_p1, t5_35);
-        let t5_76 = u_platform_q1x * x_q1_p2;
-        let t5_77 = like.lift(-0.2).mul_add(t5_60, t5_76);
-        let t5_78 = u_platform_q1x * x_q1_p3;
-        let t5_79 = like.lift(-0.2).mul_add(t5_72, t5_78);
-        let t5_80 = t5_31 * t5_71;
-        let t5_81 = al_s1_3x.mul_add(t5_65, t5_69);
-        let w_ixx_platform_p3 = t5_81 - t5_80;
-        let t5_82 = -w_ixx_platform_p3;
-        let t5_83 = sin_s1_3 * t5_23;
-        let t5_84 = (-cos_s1_3).mul_add(t5_24, t5_83);
-        let t5_85 = sin_s1_3 * t5_24;
-        let t5_86 = cos_s1_3.mul_add(t5_23, t5_85);
-        let t5_87 = w_s1_3y * w_s1_3z;
-        let t5_88 = w_s1_3y * w_s1_3y;
-        let t5_89 = w_s1_3z * w_s1_3z;
-        let t5_90 = al_s1_3x - t5_87;
-        let t5_91 = al_s1_3x + t5_87;
-        let t5_92 = t5_32 - t5_88;
-        let t5_93 = t5_90 * t5_28;
-        let t5_94 = (-t5_92).mul_add(t5_37, t5_93);
-        let w_ixy_platform_p1 = t5_84.mul_add(t5_12, t5_94);
-        let t5_95 = t5_90 * t5_48;
-        let t5_96 = (-t5_92).mul_add(t5_59, t5_95);
-        let w_ixy_platform_p2 = t5_84.mul_add(t5_43, t5_96);
-        let t5_97 = t5_90 * t5_53;
-        let t5_98 = (-t5_92).mul_add(t5_71, t5_97);
-        let w_ixy_platform_p3 = t5_84.mul_add(t5_65, t5_98);
-        let t5_99 = t5_32 - t5_89;
-        let t5_100 = t5_86 * t5_12;
-        let t5_101 = (-t5_91).mul_add(t5_37, t5_100);
-        let w_ixz_platform_p1 = (-t5_99).mul_add(t5_28, t5_101);
-        let t5_102 = t5_86 * t5_43;
-        let t5_103 = (-t5_91).mul_add(t5_59, t5_102);
-        let w_ixz_platform_p2 = (-t5_99).mul_add(t5_48, t5_103);
-        let t5_104 = t5_86 * t5_65;
-        let t5_105 = (-t5_91).mul_add(t5_71, t5_104);
-        let w_ixz_platform_p3 = (-t5_99).mul_add(t5_53, t5_105);
-        let t5_106 = t5_87 * t5_12;
-        let al_s1_3y = t5_25 + t5_84;
-        let t5_107 = al_s1_3y.mul_add(t5_28, t5_38);
-        let w_iyy_platform_p1 = t5_107 + t5_106;
-        let t5_108 = -w_iyy_platform_p1;
-        let t5_109 = al_s1_3y.mul_add(t5_48, t5_61);
-        let t5_110 = al_s1_3y.mul_add(t5_53, t5_80);
-        let t5_111 = t5_25 + al_s1_3y;
-        let t5_112 = t5_87 * t5_43;
-        let w_iyy_platform_p2 = t5_109 + t5_112;
-        let t5_113 = -w_iyy_platform_p2;
-        let t5_114 = t5_87 * t5_65;
-        let w_iyy_platform_p3 = t5_110 + t5_114;
-        let t5_115 = -w_iyy_platform_p3;
-        let t5_116 = t5_88 - t5_89;
-        let al_s1_3z = t5_31 + t5_86;
-        let t5_117 = al_s1_3z.mul_add(t5_37, t5_30);
-        let w_izz_platform_p1 = t5_117 + t5_106;
-        let t5_118 = al_s1_3z.mul_add(t5_59, t5_57);
-        let w_izz_platform_p2 = t5_118 + t5_112;
-        let t5_119 = al_s1_3z.mul_add(t5_71, t5_69);
-        let w_izz_platform_p3 = t5_119 + t5_114;
-        let t5_120 = t5_31 + al_s1_3z;
-        let t5_121 = t5_120 * t5_28;
-        let t5_122 = (-t5_111).mul_add(t5_37, t5_121);
-        let w_iyz_platform_p1 = t5_116.mul_add(t5_12, t5_122);
-        let t5_123 = -w_iyz_platform_p1;
-        let t5_124 = t5_120 * t5_48;
-        let t5_125 = (-t5_111).mul_add(t5_59, t5_124);
-        let w_iyz_platform_p2 = t5_116.mul_add(t5_43, t5_125);
-        let t5_126 = -w_iyz_platform_p2;
-        let t5_127 = t5_120 * t5_53;
-        let t5_128 = (-t5_111).mul_add(t5_71, t5_127);
-        let w_iyz_platform_p3 = t5_116.mul_add(t5_65, t5_128);
-        let t5_129 = -w_iyz_platform_p3;
+        let t5_55 = sin_s1_3 * x_s1_2_p3;
+        let t5_56 = t5_55 - t5_54;
+        let t5_57 = t5_28 * t5_47;
+        let t5_58 = x_q1_p2.mul_add(e_s1_3_q1z, -t5_50);
+        let t5_59 = t5_34 * t5_58;
+        let t5_60 = al_s1_3x.mul_add(t5_43, t5_57);
+        let w_ixx_platform_p2 = t5_60 - t5_59;
+        let t5_61 = -w_ixx_platform_p2;
+        w[20][1] = t5_61;
+        let t5_62 = e_s1_2_q1x.mul_add(x_q1_p3, t5_8);
+        let t5_63 = like.lift(0.2) * e_s1_2_q1x;
+        let t5_64 = like.lift(0.2) * t5_8;
+        let t5_65 = t5_28 * t5_53;
+        let t5_66 = x_q1_p3.mul_add(e_s1_3_q1z, -t5_56);
+        let t5_67 = like.lift(0.2) * e_s1_3_q1z;
+        let t5_68 = like.lift(0.5) * sin_s1_1;
+        let u_platform_q1x = t5_68.mul_add(cos_s1_2, t5_67);
+        let t5_69 = u_platform_q1x.mul_add(x_q1_p1, t5_38);
+        let t5_70 = u_platform_q1x * x_q1_p2;
+        let t5_71 = like.lift(-0.2).mul_add(t5_50, t5_70);
+        let t5_72 = u_platform_q1x * x_q1_p3;
+        let t5_73 = like.lift(-0.2).mul_add(t5_56, t5_72);
+        let t5_74 = t5_34 * t5_66;
+        let t5_75 = al_s1_3x.mul_add(t5_62, t5_65);
+        let w_ixx_platform_p3 = t5_75 - t5_74;
+        let t5_76 = -w_ixx_platform_p3;
+        w[20][2] = t5_76;
+        let t5_77 = sin_s1_3 * t5_26;
+        let t5_78 = (-cos_s1_3).mul_add(t5_27, t5_77);
+        let t5_79 = sin_s1_3 * t5_27;
+        let t5_80 = cos_s1_3.mul_add(t5_26, t5_79);
+        let t5_81 = w_s1_3y * w_s1_3z;
+        let t5_82 = w_s1_3y * w_s1_3y;
+        let t5_83 = w_s1_3z * w_s1_3z;
+        let t5_84 = al_s1_3x - t5_81;
+        let t5_85 = al_s1_3x + t5_81;
+        let t5_86 = t5_35 - t5_82;
+        let t5_87 = t5_84 * t5_31;
+        let t5_88 = (-t5_86).mul_add(t5_39, t5_87);
+        let w_ixy_platform_p1 = t5_78.mul_add(t5_16, t5_88);
+        w[21][0] = w_ixy_platform_p1;
+        let t5_89 = t5_84 * t5_47;
+        let t5_90 = (-t5_86).mul_add(t5_58, t5_89);
+        let w_ixy_platform_p2 = t5_78.mul_add(t5_43, t5_90);
+        w[21][1] = w_ixy_platform_p2;
+        let t5_91 = t5_84 * t5_53;
+        let t5_92 = (-t5_86).mul_add(t5_66, t5_91);
+        let w_ixy_platform_p3 = t5_78.mul_add(t5_62, t5_92);
+        w[21][2] = w_ixy_platform_p3;
+        let t5_93 = t5_35 - t5_83;
+        let t5_94 = t5_80 * t5_16;
+        let t5_95 = (-t5_85).mul_add(t5_39, t5_94);
+        let w_ixz_platform_p1 = (-t5_93).mul_add(t5_31, t5_95);
+        w[22][0] = w_ixz_platform_p1;
+        let t5_96 = t5_80 * t5_43;
+        let t5_97 = (-t5_85).mul_add(t5_58, t5_96);
+        let w_ixz_platform_p2 = (-t5_93).mul_add(t5_47, t5_97);
+        w[22][1] = w_ixz_platform_p2;
+        let t5_98 = t5_80 * t5_62;
+        let t5_99 = (-t5_85).mul_add(t5_66, t5_98);
+        let w_ixz_platform_p3 = (-t5_93).mul_add(t5_53, t5_99);
+        w[22][2] = w_ixz_platform_p3;
+        let t5_100 = t5_81 * t5_16;
+        let al_s1_3y = t5_28 + t5_78;
+        let t5_101 = al_s1_3y.mul_add(t5_31, t5_40);
+        let w_iyy_platform_p1 = t5_101 + t5_100;
+        let t5_102 = -w_iyy_platform_p1;
+        w[23][0] = t5_102;
+        let t5_103 = al_s1_3y.mul_add(t5_47, t5_59);
+        let t5_104 = al_s1_3y.mul_add(t5_53, t5_74);
+        let t5_105 = t5_28 + al_s1_3y;
+        let t5_106 = t5_81 * t5_43;
+        let w_iyy_platform_p2 = t5_103 + t5_106;
+        let t5_107 = -w_iyy_platform_p2;
+        w[23][1] = t5_107;
+        let t5_108 = t5_81 * t5_62;
+        let w_iyy_platform_p3 = t5_104 + t5_108;
+        let t5_109 = -w_iyy_platform_p3;
+        w[23][2] = t5_109;
+        let t5_110 = t5_82 - t5_83;
+        let al_s1_3z = t5_34 + t5_80;
+        let t5_111 = al_s1_3z.mul_add(t5_39, t5_33);
+        let w_izz_platform_p1 = t5_111 + t5_100;
+        w[25][0] = w_izz_platform_p1;
+        let t5_112 = al_s1_3z.mul_add(t5_58, t5_57);
+        let w_izz_platform_p2 = t5_112 + t5_106;
+        w[25][1] = w_izz_platform_p2;
+        let t5_113 = al_s1_3z.mul_add(t5_66, t5_65);
+        let w_izz_platform_p3 = t5_113 + t5_108;
+        w[25][2] = w_izz_platform_p3;
+        let t5_114 = t5_34 + al_s1_3z;
+        let t5_115 = t5_114 * t5_31;
+        let t5_116 = (-t5_105).mul_add(t5_39, t5_115);
+        let w_iyz_platform_p1 = t5_110.mul_add(t5_16, t5_116);
+        let t5_117 = -w_iyz_platform_p1;
+        w[24][0] = t5_117;
+        let t5_118 = t5_114 * t5_47;
+        let t5_119 = (-t5_105).mul_add(t5_58, t5_118);
+        let w_iyz_platform_p2 = t5_110.mul_add(t5_43, t5_119);
+        let t5_120 = -w_iyz_platform_p2;
+        w[24][1] = t5_120;
+        let t5_121 = t5_114 * t5_53;
+        let t5_122 = (-t5_105).mul_add(t5_66, t5_121);
+        let w_iyz_platform_p3 = t5_110.mul_add(t5_62, t5_122);
+        let t5_123 = -w_iyz_platform_p3;
+        w[24][2] = t5_123;
         let a_s1_1y = cos_s1_1 * t5_2;
         let a_s1_1x = sin_s1_1 * t5_2;
-        let t5_130 = sin_s1_1 * sin_s1_2;
-        let t5_131 = cos_s1_2 * a_s1_1z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_131);
-        let t5_132 = like.lift(0.2) * t5_120;
-        let t5_133 = cos_s1_2.mul_add(a_s1_1x, t5_132);
-        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t5_133);
-        let t5_134 = t5_32 + t5_89;
-        let t5_135 = t5_88 + t5_89;
-        let t5_136 = t5_32 + t5_88;
-        let t5_137 = cos_s1_3 * a_s1_1y;
-        let t5_138 = like.lift(-0.2).mul_add(t5_134, t5_137);
-        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t5_138);
-        let t5_139 = cos_s1_3 * a_s1_2z;
-        let t5_140 = like.lift(-0.2).mul_add(t5_90, t5_139);
-        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t5_140);
-        let t5_141 = sin_s1_3 * t5_130;
-        let t5_142 = cos_s1_1.mul_add(cos_s1_3, t5_141);
-        let t5_143 = cos_s1_3 * t5_130;
-        let t5_144 = (-cos_s1_1).mul_add(sin_s1_3, t5_143);
-        let u_platform_q1z = like.lift(-0.5).mul_add(t5_144, t5_67);
-        let t5_145 = u_platform_q1z.mul_add(x_q1_p1, t5_14);
-        let t5_146 = cos_s1_3.mul_add(u_s1_2_p1z, t5_145);
-        let t5_147 = sin_s1_3.mul_add(u_s1_1_p1y, t5_146);
-        let u_s1_3_q1y = like.lift(0.5) * t5_142;
-        let t5_148 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
-        let t5_149 = u_platform_q1z.mul_add(x_q1_p2, t5_45);
-        let t5_150 = u_platform_q1z.mul_add(x_q1_p3, t5_68);
-        let t5_151 = u_s1_3_q1y * x_q1_p2;
-        let t5_152 = u_s1_3_q1y * x_q1_p3;
-        let t5_153 = a_platformy * t5_37;
-        let t5_154 = (-a_platformz).mul_add(t5_28, t5_153);
-        let t5_155 = t5_84.mul_add(t5_147, t5_154);
-        let t5_156 = t5_86.mul_add(t5_148, t5_155);
-        let w_mx_platform_p1 = t5_135.mul_add(t5_75, t5_156);
-        let t5_157 = -w_mx_platform_p1;
-        let t5_158 = a_platformx * t5_37;
-        let t5_159 = a_platformz.mul_add(t5_12, t5_158);
-        let t5_160 = a_platformy * t5_12;
-        let t5_161 = a_platformx.mul_add(t5_28, t5_160);
-        let t5_162 = (-t5_90).mul_add(t5_147, t5_159);
-        let t5_163 = (-t5_134).mul_add(t5_148, t5_162);
-        let w_my_platform_p1 = t5_120.mul_add(t5_75, t5_163);
-        let t5_164 = t5_136.mul_add(t5_147, t5_161);
-        let t5_165 = (-t5_91).mul_add(t5_148, t5_164);
-        let w_mz_platform_p1 = (-t5_111).mul_add(t5_75, t5_165);
-        let t5_166 = a_platformz * t5_147;
-        let t5_167 = a_platformy.mul_add(t5_148, t5_166);
-        let w_m_platform_p1 = a_platformx.mul_add(t5_75, t5_167);
-        let t5_168 = a_platformy * t5_59;
-        let t5_169 = (-a_platformz).mul_add(t5_48, t5_168);
-        let t5_170 = t5_84.mul_add(t5_149, t5_169);
-        let t5_171 = t5_86.mul_add(t5_151, t5_170);
-        let w_mx_platform_p2 = t5_135.mul_add(t5_77, t5_171);
-        let t5_172 = -w_mx_platform_p2;
-        let t5_173 = a_platformx * t5_59;
-        let t5_174 = a_platformz.mul_add(t5_43, t5_173);
-        let t5_175 = a_platformy * t5_43;
-        let t5_176 = a_platformx.mul_add(t5_48, t5_175);
-        let t5_177 = (-t5_90).mul_add(t5_149, t5_174);
-        let t5_178 = (-t5_134).mul_add(t5_151, t5_177);
-        let w_my_platform_p2 = t5_120.mul_add(t5_77, t5_178);
-        let t5_179 = t5_136.mul_add(t5_149, t5_176);
-        let t5_180 = (-t5_91).mul_add(t5_151, t5_179);
-        let w_mz_platform_p2 = (-t5_111).mul_add(t5_77, t5_180);
-        let t5_181 = a_platformz * t5_149;
-        let t5_182 = a_platformy.mul_add(t5_151, t5_181);
-        let w_m_platform_p2 = a_platformx.mul_add(t5_77, t5_182);
-        let t5_183 = a_platformy * t5_71;
-        let t5_184 = (-a_platformz).mul_add(t5_53, t5_183);
-        let t5_185 = t5_84.mul_add(t5_150, t5_184);
-        let t5_186 = t5_86.mul_add(t5_152, t5_185);
-        let w_mx_platform_p3 = t5_135.mul_add(t5_79, t5_186);
-        let t5_187 = -w_mx_platform_p3;
-        let t5_188 = a_platformx * t5_71;
-        let t5_189 = a_platformz.mul_add(t5_65, t5_188);
-        let t5_190 = (-t5_90).mul_add(t5_150, t5_189);
-        let t5_191 = (-t5_134).mul_add(t5_152, t5_190);
-        let w_my_platform_p3 = t5_120.mul_add(t5_79, t5_191);
-        let t5_192 = a_platformy * t5_65;
-        let t5_193 = a_platformx.mul_add(t5_53, t5_192);
-        let t5_194 = t5_136.mul_add(t5_150, t5_193);
-        let t5_195 = (-t5_91).mul_add(t5_152, t5_194);
-        let t5_196 = a_platformz * t5_150;
-        let t5_197 = a_platformy.mul_add(t5_152, t5_196);
-        let w_mz_platform_p3 = (-t5_111).mul_add(t5_79, t5_195);
-        [
-            t5_40, t5_63, t5_79, t5_82, w_ixy_platform_p1, w_ixy_platform_p2,
-            w_ixy_platform_p3, w_ixz_platform_p1, w_ixz_platform_p2, w_ixz_platform_p3, t5_108,
-            t5_113, t5_115, w_izz_platform_p1, w_izz_platform_p2, w_izz_platform_p3, t5_123,
-            t5_126, t5_129, a_platformx, t5_157, w_my_platform_p1, w_mz_platform_p1,
-            w_m_platform_p1, t5_172, w_my_platform_p2, w_mz_platform_p2, w_m_platform_p2,
-            t5_187, w_my_platform_p3, t5_197, w_mz_platform_p3,
-        ]
-    };
-    // body platform: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    {
-        w[20][0] = t5_40; w[20][1] = t5_63; w[20][2] = t5_82; w[21][0] = w_ixy_platform_p1; w[21][1] = w_ixy_platform_p2; w[21][2] = w_ixy_platform_p3; w[22][0] = w_ixz_platform_p1; w[22][1] = w_ixz_platform_p2; w[22][2] = w_ixz_platform_p3; w[23][0] = t5_108; w[23][1] = t5_113; w[23][2] = t5_115; w[24][0] = t5_123; w[24][1] = t5_126; w[24][2] = t5_129; w[25][0] = w_izz_platform_p1; w[25][1] = w_izz_platform_p2; w[25][2] = w_izz_platform_p3; w[26][0] = t5_157; w[26][1] = t5_172; w[26][2] = t5_187; w[27][0] = w_my_platform_p1; w[27][1] = w_my_platform_p2; w[27][2] = w_my_platform_p3; w[28][0] = w_mz_platform_p1; w[28][1] = w_mz_platform_p2; w[28][2] = w_mz_platform_p3; w[29][0] = w_m_platform_p1; w[29][1] = w_m_platform_p2;
-        let w_m_platform_p3 = a_platformx.mul_add(t5_79, t5_197);
+        let t5_124 = sin_s1_1 * sin_s1_2;
+        let t5_125 = cos_s1_2 * a_s1_1z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_125);
+        let t5_126 = like.lift(0.2) * t5_114;
+        let t5_127 = cos_s1_2.mul_add(a_s1_1x, t5_126);
+        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t5_127);
+        let t5_128 = t5_35 + t5_83;
+        let t5_129 = t5_82 + t5_83;
+        let t5_130 = t5_35 + t5_82;
+        let t5_131 = cos_s1_3 * a_s1_1y;
+        let t5_132 = like.lift(-0.2).mul_add(t5_128, t5_131);
+        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t5_132);
+        let t5_133 = cos_s1_3 * a_s1_2z;
+        let t5_134 = like.lift(-0.2).mul_add(t5_84, t5_133);
+        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t5_134);
+        let t5_135 = sin_s1_3 * t5_124;
+        let t5_136 = cos_s1_1.mul_add(cos_s1_3, t5_135);
+        let t5_137 = cos_s1_3 * t5_124;
+        let t5_138 = (-cos_s1_1).mul_add(sin_s1_3, t5_137);
+        let u_platform_q1z = like.lift(-0.5).mul_add(t5_138, t5_63);
+        let t5_139 = u_platform_q1z.mul_add(x_q1_p1, t5_17);
+        let t5_140 = cos_s1_3.mul_add(u_s1_2_p1z, t5_139);
+        let t5_141 = sin_s1_3.mul_add(u_s1_1_p1y, t5_140);
+        let u_s1_3_q1y = like.lift(0.5) * t5_136;
+        let t5_142 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
+        let t5_143 = u_platform_q1z.mul_add(x_q1_p2, t5_44);
+        let t5_144 = u_platform_q1z.mul_add(x_q1_p3, t5_64);
+        let t5_145 = u_s1_3_q1y * x_q1_p2;
+        let t5_146 = u_s1_3_q1y * x_q1_p3;
+        let t5_147 = a_platformy * t5_39;
+        let t5_148 = (-a_platformz).mul_add(t5_31, t5_147);
+        let t5_149 = t5_78.mul_add(t5_141, t5_148);
+        let t5_150 = t5_80.mul_add(t5_142, t5_149);
+        let w_mx_platform_p1 = t5_129.mul_add(t5_69, t5_150);
+        let t5_151 = -w_mx_platform_p1;
+        w[26][0] = t5_151;
+        let t5_152 = a_platformx * t5_39;
+        let t5_153 = a_platformz.mul_add(t5_16, t5_152);
+        let t5_154 = a_platformy * t5_16;
+        let t5_155 = a_platformx.mul_add(t5_31, t5_154);
+        let t5_156 = (-t5_84).mul_add(t5_141, t5_153);
+        let t5_157 = (-t5_128).mul_add(t5_142, t5_156);
+        let w_my_platform_p1 = t5_114.mul_add(t5_69, t5_157);
+        w[27][0] = w_my_platform_p1;
+        let t5_158 = t5_130.mul_add(t5_141, t5_155);
+        let t5_159 = (-t5_85).mul_add(t5_142, t5_158);
+        let w_mz_platform_p1 = (-t5_105).mul_add(t5_69, t5_159);
+        w[28][0] = w_mz_platform_p1;
+        let t5_160 = a_platformz * t5_141;
+        let t5_161 = a_platformy.mul_add(t5_142, t5_160);
+        let w_m_platform_p1 = a_platformx.mul_add(t5_69, t5_161);
+        w[29][0] = w_m_platform_p1;
+        let t5_162 = a_platformy * t5_58;
+        let t5_163 = (-a_platformz).mul_add(t5_47, t5_162);
+        let t5_164 = t5_78.mul_add(t5_143, t5_163);
+        let t5_165 = t5_80.mul_add(t5_145, t5_164);
+        let w_mx_platform_p2 = t5_129.mul_add(t5_71, t5_165);
+        let t5_166 = -w_mx_platform_p2;
+        w[26][1] = t5_166;
+        let t5_167 = a_platformx * t5_58;
+        let t5_168 = a_platformz.mul_add(t5_43, t5_167);
+        let t5_169 = a_platformy * t5_43;
+        let t5_170 = a_platformx.mul_add(t5_47, t5_169);
+        let t5_171 = (-t5_84).mul_add(t5_143, t5_168);
+        let t5_172 = (-t5_128).mul_add(t5_145, t5_171);
+        let w_my_platform_p2 = t5_114.mul_add(t5_71, t5_172);
+        w[27][1] = w_my_platform_p2;
+        let t5_173 = t5_130.mul_add(t5_143, t5_170);
+        let t5_174 = (-t5_85).mul_add(t5_145, t5_173);
+        let w_mz_platform_p2 = (-t5_105).mul_add(t5_71, t5_174);
+        w[28][1] = w_mz_platform_p2;
+        let t5_175 = a_platformz * t5_143;
+        let t5_176 = a_platformy.mul_add(t5_145, t5_175);
+        let w_m_platform_p2 = a_platformx.mul_add(t5_71, t5_176);
+        w[29][1] = w_m_platform_p2;
+        let t5_177 = a_platformy * t5_66;
+        let t5_178 = (-a_platformz).mul_add(t5_53, t5_177);
+        let t5_179 = t5_78.mul_add(t5_144, t5_178);
+        let t5_180 = t5_80.mul_add(t5_146, t5_179);
+        let w_mx_platform_p3 = t5_129.mul_add(t5_73, t5_180);
+        let t5_181 = -w_mx_platform_p3;
+        w[26][2] = t5_181;
+        let t5_182 = a_platformx * t5_66;
+        let t5_183 = a_platformz.mul_add(t5_62, t5_182);
+        let t5_184 = (-t5_84).mul_add(t5_144, t5_183);
+        let t5_185 = (-t5_128).mul_add(t5_146, t5_184);
+        let w_my_platform_p3 = t5_114.mul_add(t5_73, t5_185);
+        w[27][2] = w_my_platform_p3;
+        let t5_186 = a_platformy * t5_62;
+        let t5_187 = a_platformx.mul_add(t5_53, t5_186);
+        let t5_188 = t5_130.mul_add(t5_144, t5_187);
+        let t5_189 = (-t5_85).mul_add(t5_146, t5_188);
+        let t5_190 = a_platformz * t5_144;
+        let t5_191 = a_platformy.mul_add(t5_146, t5_190);
+        let w_mz_platform_p3 = (-t5_105).mul_add(t5_73, t5_189);
+        w[28][2] = w_mz_platform_p3;
+        let w_m_platform_p3 = a_platformx.mul_add(t5_73, t5_191);
         w[29][2] = w_m_platform_p3;
     }
     // body carriage2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
@@ -2526,37 +2480,36 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     }
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        let w_m_rod2_p2 = dd_p2 + like.lift(0.0);
+        w[49][1] = w_m_rod2_p2;
         let w_ixx_rod2_p1 = dd_q2 * x_q2_p1;
-        let t8_1 = -w_ixx_rod2_p1;
-        w[40][0] = t8_1;
+        let t7_1 = -w_ixx_rod2_p1;
+        w[40][0] = t7_1;
         let w_ixx_rod2_p2 = dd_q2 * x_q2_p2;
-        let t8_2 = -w_ixx_rod2_p2;
-        w[40][1] = t8_2;
+        let t7_2 = -w_ixx_rod2_p2;
+        w[40][1] = t7_2;
         let w_ixx_rod2_p3 = dd_q2 * x_q2_p3;
-        let t8_3 = -w_ixx_rod2_p3;
-        w[40][2] = t8_3;
-        let t8_4 = sin_q2 * dd_p2;
-        let a_rod2z = like.lift(-9.81).mul_add(cos_q2, t8_4);
+        let t7_3 = -w_ixx_rod2_p3;
+        w[40][2] = t7_3;
+        let t7_4 = sin_q2 * dd_p2;
+        let a_rod2z = like.lift(-9.81).mul_add(cos_q2, t7_4);
         let w_my_rod2_p1 = x_q2_p1 * a_rod2z;
         w[47][0] = w_my_rod2_p1;
         let w_my_rod2_p3 = x_q2_p3 * a_rod2z;
         w[47][2] = w_my_rod2_p3;
-        let t8_5 = d_q2 * d_q2;
-        let t8_6 = x_q2_p2 * a_rod2z;
-        let t8_7 = (-sin_q2).mul_add(dd_q2, t8_6);
-        let w_my_rod2_p2 = (-cos_q2).mul_add(t8_5, t8_7);
+        let t7_5 = x_q2_p2 * a_rod2z;
+        let t7_6 = (-sin_q2).mul_add(dd_q2, t7_5);
+        let t7_7 = d_q2 * d_q2;
+        let w_my_rod2_p2 = (-cos_q2).mul_add(t7_7, t7_6);
         w[47][1] = w_my_rod2_p2;
-        let t8_8 = sin_q2 * a_rod2z;
-        let t8_9 = like.lift(9.81) * sin_q2;
-        let a_rod2y = cos_q2.mul_add(dd_p2, t8_9);
-        let t8_10 = x_q2_p2 * a_rod2y;
-        let t8_11 = sin_q2.mul_add(t8_5, t8_10);
+        let t7_8 = like.lift(9.81) * sin_q2;
+        let a_rod2y = cos_q2.mul_add(dd_p2, t7_8);
+        let t7_9 = x_q2_p2 * a_rod2y;
+        let t7_10 = sin_q2.mul_add(t7_7, t7_9);
+        let w_mz_rod2_p2 = (-cos_q2).mul_add(dd_q2, t7_10);
+        w[48][1] = w_mz_rod2_p2;
         let w_mz_rod2_p1 = x_q2_p1 * a_rod2y;
         w[48][0] = w_mz_rod2_p1;
-        let w_mz_rod2_p2 = (-cos_q2).mul_add(dd_q2, t8_11);
-        w[48][1] = w_mz_rod2_p2;
-        let w_m_rod2_p2 = cos_q2.mul_add(a_rod2y, t8_8);
-        w[49][1] = w_m_rod2_p2;
         let w_mz_rod2_p3 = x_q2_p3 * a_rod2y;
         w[48][2] = w_mz_rod2_p3;
     }
@@ -2566,39 +2519,38 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     }
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        let w_m_rod3_p3 = dd_p3 + like.lift(0.0);
+        w[69][2] = w_m_rod3_p3;
         let w_ixx_rod3_p1 = dd_q3 * x_q3_p1;
-        let t10_1 = -w_ixx_rod3_p1;
-        w[60][0] = t10_1;
+        let t9_1 = -w_ixx_rod3_p1;
+        w[60][0] = t9_1;
         let w_ixx_rod3_p2 = dd_q3 * x_q3_p2;
-        let t10_2 = -w_ixx_rod3_p2;
-        w[60][1] = t10_2;
+        let t9_2 = -w_ixx_rod3_p2;
+        w[60][1] = t9_2;
         let w_ixx_rod3_p3 = dd_q3 * x_q3_p3;
-        let t10_3 = -w_ixx_rod3_p3;
-        w[60][2] = t10_3;
-        let t10_4 = sin_q3 * dd_p3;
-        let a_rod3z = like.lift(-9.81).mul_add(cos_q3, t10_4);
+        let t9_3 = -w_ixx_rod3_p3;
+        w[60][2] = t9_3;
+        let t9_4 = sin_q3 * dd_p3;
+        let a_rod3z = like.lift(-9.81).mul_add(cos_q3, t9_4);
         let w_my_rod3_p1 = x_q3_p1 * a_rod3z;
         w[67][0] = w_my_rod3_p1;
         let w_my_rod3_p2 = x_q3_p2 * a_rod3z;
         w[67][1] = w_my_rod3_p2;
-        let t10_5 = d_q3 * d_q3;
-        let t10_6 = x_q3_p3 * a_rod3z;
-        let t10_7 = (-sin_q3).mul_add(dd_q3, t10_6);
-        let w_my_rod3_p3 = (-cos_q3).mul_add(t10_5, t10_7);
+        let t9_5 = x_q3_p3 * a_rod3z;
+        let t9_6 = (-sin_q3).mul_add(dd_q3, t9_5);
+        let t9_7 = d_q3 * d_q3;
+        let w_my_rod3_p3 = (-cos_q3).mul_add(t9_7, t9_6);
         w[67][2] = w_my_rod3_p3;
-        let t10_8 = sin_q3 * a_rod3z;
-        let t10_9 = like.lift(9.81) * sin_q3;
-        let a_rod3y = cos_q3.mul_add(dd_p3, t10_9);
-        let t10_10 = x_q3_p3 * a_rod3y;
-        let t10_11 = sin_q3.mul_add(t10_5, t10_10);
+        let t9_8 = like.lift(9.81) * sin_q3;
+        let a_rod3y = cos_q3.mul_add(dd_p3, t9_8);
+        let t9_9 = x_q3_p3 * a_rod3y;
+        let t9_10 = sin_q3.mul_add(t9_7, t9_9);
+        let w_mz_rod3_p3 = (-cos_q3).mul_add(dd_q3, t9_10);
+        w[68][2] = w_mz_rod3_p3;
         let w_mz_rod3_p1 = x_q3_p1 * a_rod3y;
         w[68][0] = w_mz_rod3_p1;
         let w_mz_rod3_p2 = x_q3_p2 * a_rod3y;
         w[68][1] = w_mz_rod3_p2;
-        let w_m_rod3_p3 = cos_q3.mul_add(a_rod3y, t10_8);
-        w[69][2] = w_m_rod3_p3;
-        let w_mz_rod3_p3 = (-cos_q3).mul_add(dd_q3, t10_11);
-        w[68][2] = w_mz_rod3_p3;
     }
     Condition { pivot: condition }
 }
@@ -2611,7 +2563,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 242 additions, 337 multiplications, 6 divisions, 6 sines and cosines.
+/// 232 additions, 331 multiplications, 6 divisions, 6 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -2644,11 +2596,12 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
     ] = *phi;
     // tau, part 1
     let [
-        t2_65, t2_82, t2_87, t2_116, t2_120, t2_122, t2_147, t2_149, t2_150, t2_152, t2_153,
-        pivot_1, pivot_3, t2_159, t2_167, t2_169, t2_172, t2_173, t2_174, t2_178, t2_183,
-        t2_184, t2_186, t2_188, t2_189, t2_191, t2_193, t2_195, t2_197, t2_199, t2_200, t2_202,
-        t2_206, t2_207, t2_208, t2_209, t2_210, t2_211, t2_212, t2_213, t2_215, inv_pivot_3,
-        t2_216, t2_217, t2_219,
+        t2_60, t2_97, t2_102, t2_110, t2_114, t2_116, t2_144, t2_145, t2_149, t2_151, t2_153,
+        t2_155, t2_156, t2_157, pivot_1, pivot_3, t2_160, t2_171, t2_172, t2_174, t2_175,
+        t2_176, t2_178, t2_179, t2_180, t2_182, t2_184, t2_186, t2_188, t2_190, t2_192, t2_193,
+        t2_194, t2_195, t2_196, t2_197, t2_198, t2_199, t2_200, t2_202, inv_pivot_3, t2_203,
+        t2_204, t2_206, pivot_4, inv_pivot_4, t2_208, t2_210, t2_211, t2_212, t2_213, t2_216,
+        t2_217,
     ] = {
         let t2_1 = like.lift(9.81) * sin_q1;
         let a_rod1y = cos_q1.mul_add(dd_p1, t2_1);
@@ -2707,205 +2660,206 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_39 = (-t2_37).mul_add(p_mz_platform, t2_38);
         let t2_40 = (-t2_11).mul_add(p_my_platform, t2_39);
         let t2_41 = (-t2_30).mul_add(p_mx_platform, t2_40);
+        let t2_42 = p_ixz_platform * t2_37;
+        let t2_43 = al_s1_3x - t2_33;
+        let t2_44 = like.lift(-0.2).mul_add(t2_43, t2_14);
+        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t2_44);
+        let t2_45 = al_s1_3x * p_ixx_platform;
+        let t2_46 = t2_7 + t2_36;
+        let t2_47 = a_platformz * p_m_platform;
+        let t2_48 = t2_46.mul_add(p_mz_platform, t2_47);
+        let t2_49 = (-t2_43).mul_add(p_my_platform, t2_48);
+        let t2_50 = (-t2_32).mul_add(p_mx_platform, t2_49);
+        let t2_51 = p_ixy_platform * t2_43;
+        let t2_52 = like.lift(-0.2).mul_add(t2_50, t2_45);
+        let t2_53 = (-p_ixz_platform).mul_add(t2_30, t2_52);
         let al_s1_3z = t2_35 + t2_30;
-        let t2_42 = al_s1_3x - t2_33;
-        let t2_43 = like.lift(-0.2).mul_add(t2_42, t2_14);
-        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t2_43);
-        let t2_44 = t2_7 + t2_36;
-        let t2_45 = a_platformz * p_m_platform;
-        let t2_46 = t2_44.mul_add(p_mz_platform, t2_45);
-        let t2_47 = (-t2_42).mul_add(p_my_platform, t2_46);
-        let t2_48 = (-t2_32).mul_add(p_mx_platform, t2_47);
+        let t2_54 = (-p_ixy_platform).mul_add(t2_32, t2_53);
         let al_s1_3y = t2_34 + t2_32;
-        let t2_49 = sin_s1_3 * t2_41;
-        let t2_50 = (-cos_s1_3).mul_add(t2_48, t2_49);
-        let t2_51 = sin_s1_3 * t2_48;
-        let t2_52 = cos_s1_3.mul_add(t2_41, t2_51);
-        let t2_53 = cos_s1_1 * t2_52;
-        let t2_54 = al_s1_3x * p_ixx_platform;
-        let t2_55 = like.lift(-0.2).mul_add(t2_48, t2_54);
-        let t2_56 = al_s1_3z - t2_35;
-        let t2_57 = (-p_ixz_platform).mul_add(t2_56, t2_55);
-        let t2_58 = al_s1_3y - t2_34;
-        let t2_59 = (-p_ixy_platform).mul_add(t2_58, t2_57);
-        let t2_60 = t2_36 - t2_10;
-        let t2_61 = t2_60.mul_add(p_iyz_platform, t2_59);
-        let t2_62 = p_iyy_platform - p_izz_platform;
-        let t2_63 = t2_33.mul_add(t2_62, t2_61);
-        let t2_64 = (-a_platformy).mul_add(p_mz_platform, t2_63);
-        let t2_65 = (-a_platformz).mul_add(p_my_platform, t2_64);
+        let t2_55 = t2_36 - t2_10;
+        let t2_56 = t2_55.mul_add(p_iyz_platform, t2_54);
+        let t2_57 = p_iyy_platform - p_izz_platform;
+        let t2_58 = t2_33.mul_add(t2_57, t2_56);
+        let t2_59 = (-a_platformy).mul_add(p_mz_platform, t2_58);
+        let t2_60 = (-a_platformz).mul_add(p_my_platform, t2_59);
+        let t2_61 = sin_s1_3 * t2_41;
+        let t2_62 = (-cos_s1_3).mul_add(t2_50, t2_61);
+        let t2_63 = sin_s1_3 * t2_50;
+        let t2_64 = cos_s1_3.mul_add(t2_41, t2_63);
+        let t2_65 = cos_s1_1 * t2_64;
         let t2_66 = t2_35 + al_s1_3z;
-        let t2_67 = like.lift(0.2) * t2_66;
-        let t2_68 = cos_s1_2.mul_add(a_s1_1x, t2_67);
-        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t2_68);
-        let t2_69 = t2_36 + t2_10;
-        let t2_70 = t2_7 - t2_10;
-        let t2_71 = t2_7 - t2_36;
-        let t2_72 = t2_34 + al_s1_3y;
-        let t2_73 = a_platformx * p_m_platform;
-        let t2_74 = (-t2_72).mul_add(p_mz_platform, t2_73);
-        let t2_75 = t2_66.mul_add(p_my_platform, t2_74);
-        let t2_76 = (-t2_69).mul_add(p_mx_platform, t2_75);
-        let t2_77 = cos_s1_2 * t2_76;
-        let t2_78 = sin_s1_2.mul_add(t2_50, t2_77);
-        let t2_79 = sin_s1_1.mul_add(t2_78, t2_53);
-        let t2_80 = a_rod1y.mul_add(p_m_rod1, t2_79);
-        let t2_81 = (-dd_q1).mul_add(p_mz_rod1, t2_80);
-        let t2_82 = (-t2_2).mul_add(p_my_rod1, t2_81);
-        let t2_83 = a_rod1z * p_m_rod1;
-        let t2_84 = t2_2.mul_add(p_mz_rod1, t2_83);
-        let t2_85 = (-dd_q1).mul_add(p_my_rod1, t2_84);
-        let t2_86 = sin_s1_2.mul_add(t2_76, t2_85);
-        let t2_87 = (-cos_s1_2).mul_add(t2_50, t2_86);
-        let t2_88 = dd_q1 * p_ixx_rod1;
-        let t2_89 = (-a_rod1y).mul_add(p_mz_rod1, t2_88);
-        let t2_90 = (-a_rod1z).mul_add(p_my_rod1, t2_89);
-        let t2_91 = like.lift(-0.5).mul_add(t2_79, t2_90);
-        let t2_92 = p_ixx_platform - p_izz_platform;
-        let t2_93 = al_s1_3x - t2_33;
-        let t2_94 = al_s1_3x + t2_33;
-        let t2_95 = p_ixz_platform * t2_94;
-        let t2_96 = like.lift(-0.2).mul_add(t2_76, t2_95);
-        let t2_97 = p_ixy_platform * t2_93;
-        let t2_98 = (-al_s1_3z).mul_add(p_izz_platform, t2_96);
-        let t2_99 = al_s1_3z + t2_35;
-        let t2_100 = (-p_iyz_platform).mul_add(t2_99, t2_97);
-        let t2_101 = (-al_s1_3y).mul_add(p_iyy_platform, t2_100);
-        let t2_102 = (-t2_70).mul_add(p_ixz_platform, t2_101);
-        let t2_103 = (-t2_34).mul_add(t2_92, t2_102);
-        let t2_104 = al_s1_3y + t2_34;
-        let t2_105 = (-p_iyz_platform).mul_add(t2_104, t2_98);
-        let t2_106 = a_platformz.mul_add(p_mx_platform, t2_103);
-        let t2_107 = t2_71.mul_add(p_ixy_platform, t2_105);
-        let t2_108 = p_ixx_platform - p_iyy_platform;
-        let t2_109 = (-t2_35).mul_add(t2_108, t2_107);
-        let t2_110 = (-a_platformx).mul_add(p_my_platform, t2_109);
-        let t2_111 = a_platformx.mul_add(p_mz_platform, t2_106);
-        let t2_112 = a_platformy.mul_add(p_mx_platform, t2_110);
-        let t2_113 = cos_s1_3 * t2_112;
-        let t2_114 = sin_s1_3.mul_add(t2_111, t2_113);
-        let t2_115 = cos_s1_3 * t2_111;
-        let t2_116 = (-sin_s1_3).mul_add(t2_112, t2_115);
-        let t2_117 = (-sin_s1_1).mul_add(t2_116, t2_91);
-        let t2_118 = cos_s1_2 * t2_65;
-        let t2_119 = sin_s1_2.mul_add(t2_114, t2_118);
-        let t2_120 = cos_s1_1.mul_add(t2_119, t2_117);
-        let t2_121 = cos_s1_2 * t2_114;
-        let t2_122 = (-sin_s1_2).mul_add(t2_65, t2_121);
-        let t2_123 = sin_q1 * cos_s1_1;
-        let t2_124 = sin_q1 * sin_s1_1;
-        let t2_125 = sin_s1_2 * t2_124;
-        let t2_126 = cos_q1.mul_add(cos_s1_2, t2_125);
-        let t2_127 = sin_s1_3 * t2_126;
-        let t2_128 = cos_s1_3.mul_add(t2_123, t2_127);
-        let t2_129 = cos_q1 * sin_s1_2;
-        let t2_130 = (-cos_s1_2).mul_add(t2_124, t2_129);
-        let t2_131 = like.lift(0.1) * t2_128;
-        let t2_132 = like.lift(0.2) * t2_128;
-        let t2_133 = like.lift(0.17320508075688773) * t2_130;
-        let t2_134 = t2_131 + t2_132;
-        let t2_135 = t2_134 - t2_133;
+        let t2_67 = (-p_iyz_platform).mul_add(t2_66, t2_51);
+        let t2_68 = (-al_s1_3y).mul_add(p_iyy_platform, t2_67);
+        let t2_69 = t2_34 + al_s1_3y;
+        let t2_70 = like.lift(0.2) * t2_66;
+        let t2_71 = cos_s1_2.mul_add(a_s1_1x, t2_70);
+        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t2_71);
+        let t2_72 = t2_7 - t2_10;
+        let t2_73 = (-t2_72).mul_add(p_ixz_platform, t2_68);
+        let t2_74 = p_ixx_platform - p_izz_platform;
+        let t2_75 = (-t2_34).mul_add(t2_74, t2_73);
+        let t2_76 = a_platformz.mul_add(p_mx_platform, t2_75);
+        let t2_77 = t2_36 + t2_10;
+        let t2_78 = t2_7 - t2_36;
+        let t2_79 = a_platformx.mul_add(p_mz_platform, t2_76);
+        let t2_80 = a_platformx * p_m_platform;
+        let t2_81 = (-t2_69).mul_add(p_mz_platform, t2_80);
+        let t2_82 = t2_66.mul_add(p_my_platform, t2_81);
+        let t2_83 = (-t2_77).mul_add(p_mx_platform, t2_82);
+        let t2_84 = like.lift(-0.2).mul_add(t2_83, t2_42);
+        let t2_85 = (-al_s1_3z).mul_add(p_izz_platform, t2_84);
+        let t2_86 = (-p_iyz_platform).mul_add(t2_69, t2_85);
+        let t2_87 = t2_78.mul_add(p_ixy_platform, t2_86);
+        let t2_88 = p_ixx_platform - p_iyy_platform;
+        let t2_89 = (-t2_35).mul_add(t2_88, t2_87);
+        let t2_90 = (-a_platformx).mul_add(p_my_platform, t2_89);
+        let t2_91 = a_platformy.mul_add(p_mx_platform, t2_90);
+        let t2_92 = cos_s1_2 * t2_83;
+        let t2_93 = sin_s1_2.mul_add(t2_62, t2_92);
+        let t2_94 = sin_s1_1.mul_add(t2_93, t2_65);
+        let t2_95 = a_rod1y.mul_add(p_m_rod1, t2_94);
+        let t2_96 = (-dd_q1).mul_add(p_mz_rod1, t2_95);
+        let t2_97 = (-t2_2).mul_add(p_my_rod1, t2_96);
+        let t2_98 = a_rod1z * p_m_rod1;
+        let t2_99 = t2_2.mul_add(p_mz_rod1, t2_98);
+        let t2_100 = (-dd_q1).mul_add(p_my_rod1, t2_99);
+        let t2_101 = sin_s1_2.mul_add(t2_83, t2_100);
+        let t2_102 = (-cos_s1_2).mul_add(t2_62, t2_101);
+        let t2_103 = dd_q1 * p_ixx_rod1;
+        let t2_104 = (-a_rod1y).mul_add(p_mz_rod1, t2_103);
+        let t2_105 = (-a_rod1z).mul_add(p_my_rod1, t2_104);
+        let t2_106 = like.lift(-0.5).mul_add(t2_94, t2_105);
+        let t2_107 = cos_s1_3 * t2_91;
+        let t2_108 = sin_s1_3.mul_add(t2_79, t2_107);
+        let t2_109 = cos_s1_3 * t2_79;
+        let t2_110 = (-sin_s1_3).mul_add(t2_91, t2_109);
+        let t2_111 = (-sin_s1_1).mul_add(t2_110, t2_106);
+        let t2_112 = cos_s1_2 * t2_60;
+        let t2_113 = sin_s1_2.mul_add(t2_108, t2_112);
+        let t2_114 = cos_s1_1.mul_add(t2_113, t2_111);
+        let t2_115 = cos_s1_2 * t2_108;
+        let t2_116 = (-sin_s1_2).mul_add(t2_60, t2_115);
+        let t2_117 = sin_q1 * cos_s1_1;
+        let t2_118 = sin_q1 * sin_s1_1;
+        let t2_119 = sin_s1_2 * t2_118;
+        let t2_120 = cos_q1.mul_add(cos_s1_2, t2_119);
+        let t2_121 = sin_s1_3 * t2_120;
+        let t2_122 = cos_s1_3.mul_add(t2_117, t2_121);
+        let t2_123 = cos_q1 * sin_s1_2;
+        let t2_124 = (-cos_s1_2).mul_add(t2_118, t2_123);
+        let t2_125 = like.lift(0.1) * t2_122;
+        let t2_126 = like.lift(0.2) * t2_122;
+        let t2_127 = like.lift(0.17320508075688773) * t2_124;
+        let t2_128 = t2_125 + t2_126;
+        let t2_129 = like.lift(0.5).mul_add(cos_q1, t2_126);
+        let t2_130 = t2_128 - t2_127;
+        let t2_131 = t2_128 + t2_127;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_136 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_136);
-        let t2_137 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_137);
+        let t2_132 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_132);
+        let t2_133 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_133);
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_138 = sin_s1_3 * cos_s1_1;
-        let t2_139 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_139);
-        let t2_140 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-t2_138).mul_add(sin_s1_2, t2_140);
-        let t2_141 = like.lift(0.1) * u_s1_3_p1y;
-        let t2_142 = like.lift(0.2) * u_s1_3_p1y;
-        let t2_143 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t2_144 = t2_141 + t2_142;
-        let t2_145 = t2_144 + t2_143;
-        let t2_146 = cos_q1 * t2_145;
-        let t2_147 = sin_q1.mul_add(t2_135, t2_146);
-        let t2_148 = u_s1_1_p1y * t2_135;
-        let t2_149 = (-t2_123).mul_add(t2_145, t2_148);
-        let t2_150 = -t2_149;
-        let t2_151 = t2_130 * t2_145;
-        let t2_152 = u_s1_2_p1x.mul_add(t2_135, t2_151);
-        let t2_153 = -t2_152;
+        let t2_134 = sin_s1_3 * cos_s1_1;
+        let t2_135 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_135);
+        let t2_136 = sin_s1_1 * cos_s1_3;
+        let e_s1_3_q1y = (-t2_134).mul_add(sin_s1_2, t2_136);
+        let t2_137 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_138 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_139 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_140 = like.lift(0.5) * sin_q1;
+        let t2_141 = t2_140 - t2_138;
+        let t2_142 = t2_141 - t2_139;
+        let t2_143 = t2_141 + t2_139;
+        let t2_144 = t2_142 - t2_137;
+        let t2_145 = t2_143 - t2_137;
+        let t2_146 = t2_140 - t2_144;
+        let t2_147 = t2_140 - t2_145;
+        let t2_148 = cos_q1 * t2_146;
+        let t2_149 = sin_q1.mul_add(t2_130, t2_148);
+        let t2_150 = u_s1_1_p1y * t2_130;
+        let t2_151 = (-t2_117).mul_add(t2_146, t2_150);
+        let t2_152 = sin_s1_1 * t2_146;
+        let t2_153 = -t2_151;
+        let t2_154 = t2_124 * t2_147;
+        let t2_155 = u_s1_2_p1x.mul_add(t2_131, t2_154);
+        let t2_156 = like.lift(0.0) + t2_155;
+        let t2_157 = -t2_156;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_154 = like.lift(0.5).mul_add(cos_q1, t2_132);
-        let t2_155 = t2_131 + t2_132;
-        let t2_156 = t2_155 + t2_133;
-        let t2_157 = t2_154 - t2_133;
-        let t2_158 = t2_154 + t2_133;
-        let pivot_3 = t2_157 + t2_131;
-        let t2_159 = t2_158 + t2_131;
-        let t2_160 = like.lift(0.2) * e_s1_3_q1y;
-        let t2_161 = like.lift(0.1) * e_s1_3_q1y;
-        let t2_162 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t2_163 = t2_160 - t2_162;
-        let t2_164 = t2_160 + t2_162;
-        let t2_165 = t2_163 + t2_161;
-        let t2_166 = t2_164 + t2_161;
-        let t2_167 = cos_q1 * t2_165;
-        let t2_168 = t2_123 * t2_165;
-        let t2_169 = (-sin_s1_1).mul_add(t2_135, t2_168);
-        let t2_170 = t2_130 * t2_165;
-        let t2_171 = (-e_s1_2_q1x).mul_add(t2_135, t2_170);
-        let t2_172 = -t2_171;
-        let t2_173 = like.lift(-0.5773502691896257).mul_add(t2_152, t2_171);
-        let t2_174 = like.lift(0.25) * cos_q2;
-        let t2_175 = like.lift(0.5) * sin_q1;
-        let t2_176 = t2_175 - t2_142;
-        let t2_177 = t2_176 - t2_143;
-        let t2_178 = t2_177 - t2_141;
-        let t2_179 = t2_175 - t2_142;
-        let t2_180 = t2_141 + t2_142;
-        let t2_181 = t2_179 + t2_143;
-        let t2_182 = t2_180 - t2_143;
-        let t2_183 = t2_181 - t2_141;
-        let t2_184 = sin_q1 * t2_165;
-        let t2_185 = sin_s1_1 * t2_145;
-        let t2_186 = (-u_s1_1_p1y).mul_add(t2_165, t2_185);
-        let t2_187 = u_s1_2_p1x * t2_165;
-        let t2_188 = e_s1_2_q1x.mul_add(t2_145, t2_187);
-        let t2_189 = -t2_188;
-        let t2_190 = like.lift(0.5) * sin_q2;
-        let t2_191 = -t2_190;
-        let t2_192 = cos_q1 * t2_182;
-        let t2_193 = sin_q1.mul_add(t2_156, t2_192);
-        let t2_194 = u_s1_1_p1y * t2_156;
-        let t2_195 = (-t2_123).mul_add(t2_182, t2_194);
-        let t2_196 = t2_123 * t2_166;
-        let t2_197 = (-sin_s1_1).mul_add(t2_156, t2_196);
-        let t2_198 = sin_s1_1 * t2_182;
-        let t2_199 = (-u_s1_1_p1y).mul_add(t2_166, t2_198);
-        let t2_200 = -t2_195;
-        let t2_201 = t2_130 * t2_182;
-        let t2_202 = u_s1_2_p1x.mul_add(t2_156, t2_201);
-        let t2_203 = t2_130 * t2_166;
-        let t2_204 = (-e_s1_2_q1x).mul_add(t2_156, t2_203);
-        let t2_205 = u_s1_2_p1x * t2_166;
-        let t2_206 = e_s1_2_q1x.mul_add(t2_182, t2_205);
-        let t2_207 = -t2_202;
+        let t2_158 = t2_129 - t2_127;
+        let t2_159 = t2_129 + t2_127;
+        let pivot_3 = t2_158 + t2_125;
+        let t2_160 = t2_159 + t2_125;
+        let t2_161 = like.lift(0.2) * e_s1_3_q1y;
+        let t2_162 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_163 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_164 = t2_161 - t2_163;
+        let t2_165 = t2_161 + t2_163;
+        let t2_166 = t2_164 + t2_162;
+        let t2_167 = t2_165 + t2_162;
+        let t2_168 = t2_124 * t2_167;
+        let t2_169 = (-e_s1_2_q1x).mul_add(t2_131, t2_168);
+        let t2_170 = u_s1_2_p1x * t2_167;
+        let t2_171 = e_s1_2_q1x.mul_add(t2_147, t2_170);
+        let t2_172 = (-u_s1_1_p1y).mul_add(t2_166, t2_152);
+        let t2_173 = t2_117 * t2_166;
+        let t2_174 = (-sin_s1_1).mul_add(t2_130, t2_173);
+        let t2_175 = cos_q1 * t2_166;
+        let t2_176 = sin_q1 * t2_166;
+        let t2_177 = like.lift(0.0) + t2_169;
+        let t2_178 = -t2_177;
+        let t2_179 = like.lift(-0.5773502691896257).mul_add(t2_156, t2_177);
+        let t2_180 = like.lift(0.25) * cos_q2;
+        let t2_181 = like.lift(0.0) + t2_171;
+        let t2_182 = -t2_181;
+        let t2_183 = like.lift(0.5) * sin_q2;
+        let t2_184 = -t2_183;
+        let t2_185 = cos_q1 * t2_147;
+        let t2_186 = sin_q1.mul_add(t2_131, t2_185);
+        let t2_187 = u_s1_1_p1y * t2_131;
+        let t2_188 = (-t2_117).mul_add(t2_147, t2_187);
+        let t2_189 = t2_117 * t2_167;
+        let t2_190 = (-sin_s1_1).mul_add(t2_131, t2_189);
+        let t2_191 = sin_s1_1 * t2_147;
+        let t2_192 = (-u_s1_1_p1y).mul_add(t2_167, t2_191);
+        let t2_193 = -t2_188;
+        let t2_194 = -t2_155;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_208 = -pivot_2;
-        let t2_209 = cos_q1 * t2_166;
-        let t2_210 = sin_q1 * t2_166;
-        let t2_211 = -t2_204;
-        let t2_212 = like.lift(0.25) * cos_q3;
-        let t2_213 = -t2_206;
-        let t2_214 = like.lift(0.5) * sin_q3;
-        let t2_215 = -t2_214;
+        let t2_195 = -pivot_2;
+        let t2_196 = cos_q1 * t2_167;
+        let t2_197 = sin_q1 * t2_167;
+        let t2_198 = -t2_169;
+        let t2_199 = like.lift(0.25) * cos_q3;
+        let t2_200 = -t2_171;
+        let t2_201 = like.lift(0.5) * sin_q3;
+        let t2_202 = -t2_201;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_216 = like.lift(-0.5773502691896257).mul_add(t2_147, t2_167);
-        let t2_217 = t2_159 * inv_pivot_3;
-        let t2_218 = (-t2_173).mul_add(t2_217, t2_204);
-        let t2_219 = like.lift(0.5773502691896257).mul_add(t2_202, t2_218);
+        let t2_203 = like.lift(-0.5773502691896257).mul_add(t2_149, t2_175);
+        let t2_204 = t2_160 * inv_pivot_3;
+        let t2_205 = (-t2_179).mul_add(t2_204, t2_169);
+        let t2_206 = like.lift(0.5773502691896257).mul_add(t2_155, t2_205);
+        let t2_207 = (-t2_203).mul_add(t2_204, t2_196);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_186, t2_207);
+        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_208 = like.lift(1.0) - t2_204;
+        let t2_209 = like.lift(1.0) / cos_q2;
+        let t2_210 = sin_q2 * t2_209;
+        let t2_211 = like.lift(2.309401076758503) * t2_209;
+        let t2_212 = t2_144 * inv_pivot_3;
+        let t2_213 = like.lift(1.1547005383792515) * t2_210;
+        let t2_214 = (-t2_203).mul_add(t2_212, t2_176);
+        let t2_215 = t2_149.mul_add(t2_213, t2_214);
+        let t2_216 = t2_215 * inv_pivot_4;
+        let t2_217 = (-t2_206).mul_add(t2_216, t2_181);
         [
-            t2_65, t2_82, t2_87, t2_116, t2_120, t2_122, t2_147, t2_149, t2_150, t2_152,
-            t2_153, pivot_1, pivot_3, t2_159, t2_167, t2_169, t2_172, t2_173, t2_174, t2_178,
-            t2_183, t2_184, t2_186, t2_188, t2_189, t2_191, t2_193, t2_195, t2_197, t2_199,
-            t2_200, t2_202, t2_206, t2_207, t2_208, t2_209, t2_210, t2_211, t2_212, t2_213,
-            t2_215, inv_pivot_3, t2_216, t2_217, t2_219,
+            t2_60, t2_97, t2_102, t2_110, t2_114, t2_116, t2_144, t2_145, t2_149, t2_151,
+            t2_153, t2_155, t2_156, t2_157, pivot_1, pivot_3, t2_160, t2_171, t2_172, t2_174,
+            t2_175, t2_176, t2_178, t2_179, t2_180, t2_182, t2_184, t2_186, t2_188, t2_190,
+            t2_192, t2_193, t2_194, t2_195, t2_196, t2_197, t2_198, t2_199, t2_200, t2_202,
+            inv_pivot_3, t2_203, t2_204, t2_206, pivot_4, inv_pivot_4, t2_208, t2_210, t2_211,
+            t2_212, t2_213, t2_216, t2_217,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -2914,120 +2868,107 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
         x_q3_p2, x_q3_p3,
     ] = {
-        let t3_1 = (-t2_216).mul_add(t2_217, t2_209);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_193, t3_1);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_2 = like.lift(1.0) - t2_217;
-        let t3_3 = like.lift(1.0) / cos_q2;
-        let t3_4 = sin_q2 * t3_3;
-        let t3_5 = like.lift(2.309401076758503) * t3_3;
-        let t3_6 = t2_178 * inv_pivot_3;
-        let t3_7 = like.lift(1.1547005383792515) * t3_4;
-        let t3_8 = (-t2_216).mul_add(t3_6, t2_184);
-        let t3_9 = t2_147.mul_add(t3_7, t3_8);
-        let t3_10 = t3_9 * inv_pivot_4;
-        let t3_11 = (-t2_219).mul_add(t3_10, t2_188);
-        let t3_12 = (-t2_173).mul_add(t3_6, t3_11);
-        let pivot_5 = t2_152.mul_add(t3_7, t3_12);
+        let t3_1 = (-t2_179).mul_add(t2_212, t2_217);
+        let pivot_5 = t2_156.mul_add(t2_213, t3_1);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_13 = -pivot_5;
-        let t3_14 = t3_2.mul_add(t3_10, t3_6);
-        let t3_15 = like.lift(0.5773502691896257).mul_add(t2_149, t2_169);
-        let t3_16 = (-t3_15).mul_add(t2_217, t2_197);
-        let t3_17 = like.lift(-0.5773502691896257).mul_add(t2_195, t3_16);
-        let t3_18 = (-t3_17).mul_add(t3_10, t2_186);
-        let t3_19 = (-t3_15).mul_add(t3_6, t3_18);
-        let t3_20 = (-t2_149).mul_add(t3_7, t3_19);
-        let t3_21 = t2_183 * inv_pivot_3;
-        let t3_22 = like.lift(1.0) / cos_q3;
-        let t3_23 = sin_q3 * t3_22;
-        let t3_24 = like.lift(2.309401076758503) * t3_22;
-        let t3_25 = like.lift(1.1547005383792515) * t3_23;
-        let t3_26 = (-t2_216).mul_add(t3_21, t2_210);
-        let t3_27 = (-t2_193).mul_add(t3_25, t3_26);
-        let t3_28 = t3_27 * inv_pivot_4;
-        let t3_29 = (-t2_219).mul_add(t3_28, t2_206);
-        let t3_30 = (-t2_173).mul_add(t3_21, t3_29);
-        let t3_31 = (-t2_202).mul_add(t3_25, t3_30);
-        let t3_32 = t3_31 * inv_pivot_5;
-        let t3_33 = (-t3_14).mul_add(t3_32, t3_21);
-        let t3_34 = t3_2.mul_add(t3_28, t3_33);
-        let t3_35 = (-t3_20).mul_add(t3_32, t2_199);
-        let t3_36 = (-t3_17).mul_add(t3_28, t3_35);
-        let t3_37 = (-t3_15).mul_add(t3_21, t3_36);
-        let pivot_6 = t2_195.mul_add(t3_25, t3_37);
-        let t3_38 = t3_4 * t3_32;
+        let t3_2 = -pivot_5;
+        let t3_3 = t2_208.mul_add(t2_216, t2_212);
+        let t3_4 = like.lift(0.5773502691896257).mul_add(t2_151, t2_174);
+        let t3_5 = (-t3_4).mul_add(t2_204, t2_190);
+        let t3_6 = like.lift(-0.5773502691896257).mul_add(t2_188, t3_5);
+        let t3_7 = (-t3_6).mul_add(t2_216, t2_172);
+        let t3_8 = (-t3_4).mul_add(t2_212, t3_7);
+        let t3_9 = (-t2_151).mul_add(t2_213, t3_8);
+        let t3_10 = t2_145 * inv_pivot_3;
+        let t3_11 = like.lift(1.0) / cos_q3;
+        let t3_12 = sin_q3 * t3_11;
+        let t3_13 = like.lift(2.309401076758503) * t3_11;
+        let t3_14 = like.lift(1.1547005383792515) * t3_12;
+        let t3_15 = (-t2_203).mul_add(t3_10, t2_197);
+        let t3_16 = (-t2_186).mul_add(t3_14, t3_15);
+        let t3_17 = t3_16 * inv_pivot_4;
+        let t3_18 = (-t2_206).mul_add(t3_17, t2_171);
+        let t3_19 = (-t2_179).mul_add(t3_10, t3_18);
+        let t3_20 = (-t2_155).mul_add(t3_14, t3_19);
+        let t3_21 = t3_20 * inv_pivot_5;
+        let t3_22 = (-t3_3).mul_add(t3_21, t3_10);
+        let t3_23 = t2_208.mul_add(t3_17, t3_22);
+        let t3_24 = (-t3_9).mul_add(t3_21, t2_192);
+        let t3_25 = (-t3_6).mul_add(t3_17, t3_24);
+        let t3_26 = (-t3_4).mul_add(t3_10, t3_25);
+        let pivot_6 = t2_188.mul_add(t3_14, t3_26);
+        let t3_27 = t2_210 * t3_21;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_39 = t3_34 * inv_pivot_6;
-        let t3_40 = (-t3_20).mul_add(t3_39, t3_14);
-        let t3_41 = inv_pivot_5 * t3_40;
-        let t3_42 = t3_17.mul_add(t3_39, t3_2);
-        let t3_43 = t2_219.mul_add(t3_41, t3_42);
-        let t3_44 = inv_pivot_4 * t3_43;
-        let t3_45 = t3_38 * inv_pivot_6;
-        let t3_46 = t3_23 * inv_pivot_6;
-        let t3_47 = t3_20.mul_add(t3_45, t3_4);
-        let t3_48 = inv_pivot_5 * t3_47;
-        let t3_49 = inv_pivot_5 * t3_20;
-        let t3_50 = t3_49 * t3_46;
-        let t3_51 = t3_15.mul_add(t3_39, like.lift(1.0));
-        let t3_52 = t2_173.mul_add(t3_41, t3_51);
-        let t3_53 = (-t2_216).mul_add(t3_44, t3_52);
-        let t3_54 = inv_pivot_3 * t3_53;
-        let t3_55 = -t3_54;
-        let t3_56 = t2_219 * t3_48;
-        let t3_57 = (-t3_17).mul_add(t3_45, t3_56);
-        let t3_58 = t2_219 * t3_50;
-        let t3_59 = (-t3_17).mul_add(t3_46, t3_58);
-        let t3_60 = inv_pivot_4 * t3_57;
-        let t3_61 = inv_pivot_4 * t3_59;
-        let t3_62 = t3_15 * t3_45;
-        let t3_63 = (-t2_173).mul_add(t3_48, t3_62);
-        let t3_64 = t3_15 * t3_46;
-        let t3_65 = (-t2_173).mul_add(t3_50, t3_64);
-        let t3_66 = t2_216.mul_add(t3_60, t3_63);
-        let t3_67 = t2_216.mul_add(t3_61, t3_65);
-        let t3_68 = inv_pivot_3 * t3_66;
-        let t3_69 = inv_pivot_3 * t3_67;
-        let t3_70 = -t3_68;
-        let t3_71 = -t3_44;
-        let t3_72 = -t3_61;
-        let t3_73 = -t3_46;
-        let t3_74 = -t3_41;
-        let t3_75 = -t3_50;
-        let t3_76 = t2_149 * t3_39;
-        let t3_77 = (-t2_152).mul_add(t3_41, t3_76);
-        let t3_78 = t2_147.mul_add(t3_44, t3_77);
-        let t3_79 = t3_78 * t3_5;
-        let t3_80 = t2_195 * t3_39;
-        let t3_81 = (-t2_202).mul_add(t3_41, t3_80);
-        let t3_82 = t2_193.mul_add(t3_44, t3_81);
-        let t3_83 = t3_82 * t3_24;
-        let t3_84 = -t3_83;
-        let t3_85 = (-t2_149).mul_add(t3_45, like.lift(0.8660254037844386));
-        let t3_86 = (-t2_152).mul_add(t3_48, t3_85);
-        let t3_87 = t2_147.mul_add(t3_60, t3_86);
-        let t3_88 = t3_87 * t3_5;
-        let t3_89 = -t3_88;
-        let t3_90 = t2_147 * t3_61;
-        let t3_91 = (-t2_149).mul_add(t3_46, t3_90);
-        let t3_92 = (-t2_152).mul_add(t3_50, t3_91);
-        let t3_93 = t3_92 * t3_5;
-        let t3_94 = (-t2_195).mul_add(t3_46, like.lift(0.8660254037844386));
-        let t3_95 = (-t2_202).mul_add(t3_50, t3_94);
-        let t3_96 = t2_193.mul_add(t3_61, t3_95);
-        let t3_97 = t3_96 * t3_24;
-        let t3_98 = -t3_97;
-        let t3_99 = t2_193 * t3_60;
-        let t3_100 = (-t2_195).mul_add(t3_45, t3_99);
-        let t3_101 = (-t2_202).mul_add(t3_48, t3_100);
-        let t3_102 = t3_101 * t3_24;
+        let t3_28 = t3_23 * inv_pivot_6;
+        let t3_29 = (-t3_9).mul_add(t3_28, t3_3);
+        let t3_30 = inv_pivot_5 * t3_29;
+        let t3_31 = t3_6.mul_add(t3_28, t2_208);
+        let t3_32 = t2_206.mul_add(t3_30, t3_31);
+        let t3_33 = inv_pivot_4 * t3_32;
+        let t3_34 = t3_27 * inv_pivot_6;
+        let t3_35 = t3_12 * inv_pivot_6;
+        let t3_36 = t3_9.mul_add(t3_34, t2_210);
+        let t3_37 = inv_pivot_5 * t3_36;
+        let t3_38 = inv_pivot_5 * t3_9;
+        let t3_39 = t3_38 * t3_35;
+        let t3_40 = t3_4.mul_add(t3_28, like.lift(1.0));
+        let t3_41 = t2_179.mul_add(t3_30, t3_40);
+        let t3_42 = (-t2_203).mul_add(t3_33, t3_41);
+        let t3_43 = inv_pivot_3 * t3_42;
+        let t3_44 = -t3_43;
+        let t3_45 = t2_206 * t3_37;
+        let t3_46 = (-t3_6).mul_add(t3_34, t3_45);
+        let t3_47 = t2_206 * t3_39;
+        let t3_48 = (-t3_6).mul_add(t3_35, t3_47);
+        let t3_49 = inv_pivot_4 * t3_46;
+        let t3_50 = inv_pivot_4 * t3_48;
+        let t3_51 = t3_4 * t3_34;
+        let t3_52 = (-t2_179).mul_add(t3_37, t3_51);
+        let t3_53 = t3_4 * t3_35;
+        let t3_54 = (-t2_179).mul_add(t3_39, t3_53);
+        let t3_55 = t2_203.mul_add(t3_49, t3_52);
+        let t3_56 = t2_203.mul_add(t3_50, t3_54);
+        let t3_57 = inv_pivot_3 * t3_55;
+        let t3_58 = inv_pivot_3 * t3_56;
+        let t3_59 = -t3_57;
+        let t3_60 = -t3_33;
+        let t3_61 = -t3_50;
+        let t3_62 = -t3_35;
+        let t3_63 = -t3_30;
+        let t3_64 = -t3_39;
+        let t3_65 = t2_151 * t3_28;
+        let t3_66 = (-t2_156).mul_add(t3_30, t3_65);
+        let t3_67 = t2_149.mul_add(t3_33, t3_66);
+        let t3_68 = t3_67 * t2_211;
+        let t3_69 = t2_188 * t3_28;
+        let t3_70 = (-t2_155).mul_add(t3_30, t3_69);
+        let t3_71 = t2_186.mul_add(t3_33, t3_70);
+        let t3_72 = t3_71 * t3_13;
+        let t3_73 = -t3_72;
+        let t3_74 = (-t2_151).mul_add(t3_34, like.lift(0.8660254037844386));
+        let t3_75 = (-t2_156).mul_add(t3_37, t3_74);
+        let t3_76 = t2_149.mul_add(t3_49, t3_75);
+        let t3_77 = t3_76 * t2_211;
+        let t3_78 = -t3_77;
+        let t3_79 = t2_149 * t3_50;
+        let t3_80 = (-t2_151).mul_add(t3_35, t3_79);
+        let t3_81 = (-t2_156).mul_add(t3_39, t3_80);
+        let t3_82 = t3_81 * t2_211;
+        let t3_83 = (-t2_188).mul_add(t3_35, like.lift(0.8660254037844386));
+        let t3_84 = (-t2_155).mul_add(t3_39, t3_83);
+        let t3_85 = t2_186.mul_add(t3_50, t3_84);
+        let t3_86 = t3_85 * t3_13;
+        let t3_87 = -t3_86;
+        let t3_88 = t2_186 * t3_49;
+        let t3_89 = (-t2_188).mul_add(t3_34, t3_88);
+        let t3_90 = (-t2_155).mul_add(t3_37, t3_89);
+        let t3_91 = t3_90 * t3_13;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_208 * like.lift(2.4888041299057773)).abs())
+            .min((t2_195 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t3_13 * like.lift(3.327667645468371)).abs())
+            .min((t3_2 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -3035,18 +2976,18 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_55, t3_70, t3_69], [t3_71, t3_60, t3_72], [t3_39, t3_45, t3_73],
-                [t3_74, t3_48, t3_75], [t3_79, t3_89, t3_93], [t3_84, t3_102, t3_98],
+                [t3_44, t3_59, t3_58], [t3_60, t3_49, t3_61], [t3_28, t3_34, t3_62],
+                [t3_63, t3_37, t3_64], [t3_68, t3_78, t3_82], [t3_73, t3_91, t3_87],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_147, t2_150, t2_153, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_167, t2_169, t2_172, t2_174, like.lift(0.0)],
-                    [t2_178, t2_184, t2_186, t2_189, t2_191, like.lift(0.0)],
-                    [like.lift(0.0), t2_193, t2_200, t2_207, like.lift(0.0), t2_208],
-                    [t2_159, t2_209, t2_197, t2_211, like.lift(0.0), t2_212],
-                    [t2_183, t2_210, t2_199, t2_213, like.lift(0.0), t2_215],
+                    [like.lift(0.0), t2_149, t2_153, t2_157, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_175, t2_174, t2_178, t2_180, like.lift(0.0)],
+                    [t2_144, t2_176, t2_172, t2_182, t2_184, like.lift(0.0)],
+                    [like.lift(0.0), t2_186, t2_193, t2_194, like.lift(0.0), t2_195],
+                    [t2_160, t2_196, t2_190, t2_198, like.lift(0.0), t2_199],
+                    [t2_145, t2_197, t2_192, t2_200, like.lift(0.0), t2_202],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -3090,12 +3031,12 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t4_17 = dd_p1 * p_m_carriage1;
         let t4_18 = (-t4_13).mul_add(x_q3_p1, t4_17);
         let t4_19 = (-t4_5).mul_add(x_q2_p1, t4_18);
-        let t4_20 = (-t2_65).mul_add(x_s1_3_p1, t4_19);
-        let t4_21 = (-t2_116).mul_add(x_s1_2_p1, t4_20);
-        let t4_22 = (-t2_122).mul_add(x_s1_1_p1, t4_21);
-        let t4_23 = (-t2_120).mul_add(x_q1_p1, t4_22);
-        let t4_24 = sin_q1.mul_add(t2_87, t4_23);
-        let t4_25 = cos_q1.mul_add(t2_82, t4_24);
+        let t4_20 = (-t2_60).mul_add(x_s1_3_p1, t4_19);
+        let t4_21 = (-t2_110).mul_add(x_s1_2_p1, t4_20);
+        let t4_22 = (-t2_116).mul_add(x_s1_1_p1, t4_21);
+        let t4_23 = (-t2_114).mul_add(x_q1_p1, t4_22);
+        let t4_24 = sin_q1.mul_add(t2_102, t4_23);
+        let t4_25 = cos_q1.mul_add(t2_97, t4_24);
         tau[0] = t4_25;
         let t4_26 = dd_p2 * p_m_carriage2;
         let t4_27 = (-t4_13).mul_add(x_q3_p2, t4_26);
@@ -3108,10 +3049,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t4_34 = (-dd_q2).mul_add(p_my_rod2, t4_33);
         let t4_35 = sin_q2.mul_add(t4_34, t4_28);
         let t4_36 = cos_q2.mul_add(t4_32, t4_35);
-        let t4_37 = (-t2_65).mul_add(x_s1_3_p2, t4_36);
-        let t4_38 = (-t2_116).mul_add(x_s1_2_p2, t4_37);
-        let t4_39 = (-t2_122).mul_add(x_s1_1_p2, t4_38);
-        let t4_40 = (-t2_120).mul_add(x_q1_p2, t4_39);
+        let t4_37 = (-t2_60).mul_add(x_s1_3_p2, t4_36);
+        let t4_38 = (-t2_110).mul_add(x_s1_2_p2, t4_37);
+        let t4_39 = (-t2_116).mul_add(x_s1_1_p2, t4_38);
+        let t4_40 = (-t2_114).mul_add(x_q1_p2, t4_39);
         tau[1] = t4_40;
         let t4_41 = d_q3 * d_q3;
         let t4_42 = (-t4_41).mul_add(p_my_rod3, t4_15);
@@ -3120,10 +3061,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t4_45 = sin_q3.mul_add(t4_44, t4_30);
         let t4_46 = cos_q3.mul_add(t4_42, t4_45);
         let t4_47 = (-t4_5).mul_add(x_q2_p3, t4_46);
-        let t4_48 = (-t2_65).mul_add(x_s1_3_p3, t4_47);
-        let t4_49 = (-t2_116).mul_add(x_s1_2_p3, t4_48);
-        let t4_50 = (-t2_122).mul_add(x_s1_1_p3, t4_49);
-        let t4_51 = (-t2_120).mul_add(x_q1_p3, t4_50);
+        let t4_48 = (-t2_60).mul_add(x_s1_3_p3, t4_47);
+        let t4_49 = (-t2_110).mul_add(x_s1_2_p3, t4_48);
+        let t4_50 = (-t2_116).mul_add(x_s1_1_p3, t4_49);
+        let t4_51 = (-t2_114).mul_add(x_q1_p3, t4_50);
         tau[2] = t4_51;
     }
     (tau, Condition { pivot: condition })
@@ -3135,7 +3076,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 144 additions, 236 multiplications, 6 divisions, 6 sines and cosines.
+/// 132 additions, 222 multiplications, 6 divisions, 6 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -3157,278 +3098,277 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         ]
     };
     let [
-        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_my_rod1, p_mz_rod1, p_m_rod1, _,
-        _, _, _, _, _, p_mx_platform, p_my_platform, p_mz_platform, p_m_platform, _, _, _, _,
-        _, _, _, _, _, _, _, _, _, _, _, _, _, p_my_rod2, p_mz_rod2, _, _, _, _, _, _, _, _, _,
-        _, _, _, _, _, _, _, _, _, p_my_rod3, p_mz_rod3, _,
+        _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_my_rod1, p_mz_rod1, _, _, _, _, _,
+        _, _, p_mx_platform, p_my_platform, p_mz_platform, p_m_platform, _, _, _, _, _, _, _,
+        _, _, _, _, _, _, _, _, _, _, p_my_rod2, p_mz_rod2, _, _, _, _, _, _, _, _, _, _, _, _,
+        _, _, _, _, _, _, p_my_rod3, p_mz_rod3, _,
     ] = *phi;
     // tau, part 1
     let [
-        t2_22, t2_39, t2_40, t2_44, t2_48, t2_54, t2_71, t2_73, t2_74, t2_76, t2_77, pivot_1,
-        pivot_3, t2_83, t2_91, t2_93, t2_96, t2_98, t2_102, t2_107, t2_108, t2_110, t2_113,
-        t2_115, t2_117, t2_119, t2_121, t2_123, t2_124, t2_126, t2_131, t2_132, t2_133, t2_134,
-        t2_135, t2_136, t2_137, t2_139, pivot_4, t2_150, t2_152, t2_160, t2_173, t2_175,
-        pivot_6, t2_190, t2_192, t2_195, t2_196, t2_197, t2_199, t2_201, t2_206, t2_211,
-        t2_212, t2_220, t2_221, t2_222, t2_223, t2_224, t2_225, t2_226, t2_229,
+        t2_23, t2_36, t2_40, t2_46, t2_66, t2_67, t2_71, t2_75, t2_77, t2_79, pivot_1, pivot_3,
+        t2_82, t2_94, t2_96, t2_97, t2_98, t2_100, t2_102, t2_104, t2_106, t2_108, t2_109,
+        t2_110, t2_112, t2_115, t2_116, t2_117, t2_118, t2_119, t2_120, t2_121, t2_122, t2_124,
+        pivot_4, t2_137, t2_145, t2_158, t2_160, pivot_6, t2_175, t2_181, t2_182, t2_184,
+        t2_186, t2_191, t2_196, t2_197, t2_205, t2_206, t2_207, t2_208, t2_209, t2_210, t2_211,
+        t2_215, t2_220, t2_225, t2_229,
     ] = {
         let t2_1 = sin_q1 * cos_s1_1;
         let t2_2 = cos_s1_3 * t2_1;
         let t2_3 = cos_q1 * cos_s1_2;
         let t2_4 = sin_q1 * sin_s1_1;
         let t2_5 = sin_s1_2 * t2_4;
-        let t2_6 = cos_s1_2 * t2_4;
-        let t2_7 = t2_5 + t2_3;
-        let t2_8 = t2_3 + t2_5;
-        let a_s1_2z = like.lift(9.81) * t2_7;
-        let t2_9 = sin_s1_3.mul_add(t2_8, t2_2);
-        let t2_10 = sin_s1_3 * a_s1_2z;
-        let a_s1_3y = like.lift(9.81).mul_add(t2_2, t2_10);
-        let t2_11 = p_m_platform * a_s1_3y;
-        let t2_12 = like.lift(9.81) * sin_s1_3;
-        let t2_13 = t2_12 * t2_1;
-        let a_s1_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_13);
-        let t2_14 = p_m_platform * a_s1_3z;
-        let t2_15 = sin_s1_3 * t2_11;
-        let t2_16 = (-cos_s1_3).mul_add(t2_14, t2_15);
-        let t2_17 = sin_s1_3 * t2_14;
-        let t2_18 = cos_s1_3.mul_add(t2_11, t2_17);
-        let t2_19 = cos_s1_1 * t2_18;
-        let t2_20 = like.lift(0.2) * t2_14;
-        let t2_21 = p_mz_platform.mul_add(a_s1_3y, t2_20);
-        let t2_22 = p_my_platform.mul_add(a_s1_3z, t2_21);
-        let t2_23 = cos_q1 * sin_s1_2;
-        let t2_24 = t2_6 - t2_23;
-        let t2_25 = t2_23 - t2_6;
-        let t2_26 = like.lift(9.81) * t2_24;
-        let a_s1_2x = -t2_26;
-        let t2_27 = p_mz_platform * a_s1_2x;
-        let t2_28 = (-p_mx_platform).mul_add(a_s1_3z, t2_27);
-        let t2_29 = p_m_platform * a_s1_2x;
-        let t2_30 = like.lift(0.2) * t2_29;
+        let t2_6 = t2_5 + t2_3;
+        let t2_7 = cos_s1_2 * t2_4;
+        let t2_8 = cos_q1 * sin_s1_2;
+        let t2_9 = t2_8 - t2_7;
+        let a_s1_2z = like.lift(9.81) * t2_6;
+        let t2_10 = sin_s1_3.mul_add(t2_6, t2_2);
+        let t2_11 = sin_s1_3 * a_s1_2z;
+        let a_s1_3y = like.lift(9.81).mul_add(t2_2, t2_11);
+        let t2_12 = p_m_platform * a_s1_3y;
+        let t2_13 = like.lift(9.81) * sin_s1_3;
+        let t2_14 = t2_13 * t2_1;
+        let a_s1_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_14);
+        let t2_15 = p_m_platform * a_s1_2z;
+        let t2_16 = sin_s1_2 * t2_15;
+        let t2_17 = p_m_platform * a_s1_3z;
+        let t2_18 = sin_s1_3 * t2_17;
+        let t2_19 = cos_s1_3.mul_add(t2_12, t2_18);
+        let t2_20 = cos_s1_1 * t2_19;
+        let t2_21 = like.lift(0.2) * t2_17;
+        let t2_22 = p_mz_platform.mul_add(a_s1_3y, t2_21);
+        let t2_23 = p_my_platform.mul_add(a_s1_3z, t2_22);
+        let t2_24 = like.lift(-9.81) * t2_9;
+        let a_s1_2x = -t2_24;
+        let t2_25 = p_mz_platform * a_s1_2x;
+        let t2_26 = (-p_mx_platform).mul_add(a_s1_3z, t2_25);
+        let t2_27 = p_m_platform * a_s1_2x;
+        let t2_28 = (-cos_s1_2).mul_add(t2_27, t2_16);
+        let t2_29 = sin_s1_1.mul_add(t2_28, t2_20);
+        let t2_30 = like.lift(0.2) * t2_27;
         let t2_31 = p_my_platform.mul_add(a_s1_2x, t2_30);
         let t2_32 = p_mx_platform.mul_add(a_s1_3y, t2_31);
-        let t2_33 = sin_s1_2 * t2_16;
-        let t2_34 = (-cos_s1_2).mul_add(t2_29, t2_33);
-        let t2_35 = sin_s1_1.mul_add(t2_34, t2_19);
-        let t2_36 = like.lift(9.81) * p_m_rod1;
-        let t2_37 = cos_q1 * t2_36;
-        let t2_38 = sin_s1_2.mul_add(t2_29, t2_37);
-        let t2_39 = cos_s1_2.mul_add(t2_16, t2_38);
-        let t2_40 = sin_q1.mul_add(t2_36, t2_35);
-        let t2_41 = sin_s1_3 * t2_28;
-        let t2_42 = (-cos_s1_3).mul_add(t2_32, t2_41);
-        let t2_43 = sin_s1_3 * t2_32;
-        let t2_44 = cos_s1_3.mul_add(t2_28, t2_43);
-        let t2_45 = cos_s1_2 * t2_22;
-        let t2_46 = sin_s1_2.mul_add(t2_42, t2_45);
-        let t2_47 = cos_s1_2 * t2_42;
-        let t2_48 = (-sin_s1_2).mul_add(t2_22, t2_47);
-        let t2_49 = sin_q1 * p_mz_rod1;
-        let t2_50 = (-cos_q1).mul_add(p_my_rod1, t2_49);
-        let t2_51 = sin_s1_1 * t2_44;
-        let t2_52 = like.lift(-9.81).mul_add(t2_50, t2_51);
-        let t2_53 = like.lift(-0.5).mul_add(t2_35, t2_52);
-        let t2_54 = (-cos_s1_1).mul_add(t2_46, t2_53);
-        let t2_55 = like.lift(0.1) * t2_9;
-        let t2_56 = like.lift(0.2) * t2_9;
-        let t2_57 = like.lift(0.17320508075688773) * t2_25;
-        let t2_58 = t2_55 + t2_56;
-        let t2_59 = t2_58 - t2_57;
+        let t2_33 = sin_s1_3 * t2_26;
+        let t2_34 = (-cos_s1_3).mul_add(t2_32, t2_33);
+        let t2_35 = sin_s1_3 * t2_32;
+        let t2_36 = cos_s1_3.mul_add(t2_26, t2_35);
+        let t2_37 = cos_s1_2 * t2_23;
+        let t2_38 = sin_s1_2.mul_add(t2_34, t2_37);
+        let t2_39 = cos_s1_2 * t2_34;
+        let t2_40 = (-sin_s1_2).mul_add(t2_23, t2_39);
+        let t2_41 = sin_q1 * p_mz_rod1;
+        let t2_42 = (-cos_q1).mul_add(p_my_rod1, t2_41);
+        let t2_43 = sin_s1_1 * t2_36;
+        let t2_44 = like.lift(-9.81).mul_add(t2_42, t2_43);
+        let t2_45 = like.lift(-0.5).mul_add(t2_29, t2_44);
+        let t2_46 = (-cos_s1_1).mul_add(t2_38, t2_45);
+        let t2_47 = like.lift(0.1) * t2_10;
+        let t2_48 = like.lift(0.2) * t2_10;
+        let t2_49 = like.lift(0.17320508075688773) * t2_9;
+        let t2_50 = t2_47 + t2_48;
+        let t2_51 = like.lift(0.5).mul_add(cos_q1, t2_48);
+        let t2_52 = t2_50 - t2_49;
+        let t2_53 = t2_50 + t2_49;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_60 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_60);
-        let t2_61 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_61);
+        let t2_54 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_54);
+        let t2_55 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_55);
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_62 = sin_s1_3 * cos_s1_1;
-        let t2_63 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_63);
-        let t2_64 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-t2_62).mul_add(sin_s1_2, t2_64);
-        let t2_65 = like.lift(0.1) * u_s1_3_p1y;
-        let t2_66 = like.lift(0.2) * u_s1_3_p1y;
-        let t2_67 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t2_68 = t2_65 + t2_66;
-        let t2_69 = t2_68 + t2_67;
-        let t2_70 = cos_q1 * t2_69;
-        let t2_71 = sin_q1.mul_add(t2_59, t2_70);
-        let t2_72 = u_s1_1_p1y * t2_59;
-        let t2_73 = (-t2_1).mul_add(t2_69, t2_72);
-        let t2_74 = -t2_73;
-        let t2_75 = t2_25 * t2_69;
-        let t2_76 = u_s1_2_p1x.mul_add(t2_59, t2_75);
-        let t2_77 = -t2_76;
+        let t2_56 = sin_s1_3 * cos_s1_1;
+        let t2_57 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_57);
+        let t2_58 = sin_s1_1 * cos_s1_3;
+        let e_s1_3_q1y = (-t2_56).mul_add(sin_s1_2, t2_58);
+        let t2_59 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_60 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_61 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_62 = like.lift(0.5) * sin_q1;
+        let t2_63 = t2_62 - t2_60;
+        let t2_64 = t2_63 - t2_61;
+        let t2_65 = t2_63 + t2_61;
+        let t2_66 = t2_64 - t2_59;
+        let t2_67 = t2_65 - t2_59;
+        let t2_68 = t2_62 - t2_66;
+        let t2_69 = t2_62 - t2_67;
+        let t2_70 = cos_q1 * t2_68;
+        let t2_71 = sin_q1.mul_add(t2_52, t2_70);
+        let t2_72 = u_s1_1_p1y * t2_52;
+        let t2_73 = (-t2_1).mul_add(t2_68, t2_72);
+        let t2_74 = sin_s1_1 * t2_68;
+        let t2_75 = -t2_73;
+        let t2_76 = t2_9 * t2_69;
+        let t2_77 = u_s1_2_p1x.mul_add(t2_53, t2_76);
+        let t2_78 = like.lift(0.0) + t2_77;
+        let t2_79 = -t2_78;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_78 = like.lift(0.5).mul_add(cos_q1, t2_56);
-        let t2_79 = t2_55 + t2_56;
-        let t2_80 = t2_79 + t2_57;
-        let t2_81 = t2_78 - t2_57;
-        let t2_82 = t2_78 + t2_57;
-        let pivot_3 = t2_81 + t2_55;
-        let t2_83 = t2_82 + t2_55;
-        let t2_84 = like.lift(0.2) * e_s1_3_q1y;
-        let t2_85 = like.lift(0.1) * e_s1_3_q1y;
-        let t2_86 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t2_87 = t2_84 - t2_86;
-        let t2_88 = t2_84 + t2_86;
-        let t2_89 = t2_87 + t2_85;
-        let t2_90 = t2_88 + t2_85;
-        let t2_91 = cos_q1 * t2_89;
-        let t2_92 = t2_1 * t2_89;
-        let t2_93 = (-sin_s1_1).mul_add(t2_59, t2_92);
-        let t2_94 = t2_25 * t2_89;
-        let t2_95 = (-e_s1_2_q1x).mul_add(t2_59, t2_94);
-        let t2_96 = -t2_95;
-        let t2_97 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_95);
-        let t2_98 = like.lift(0.25) * cos_q2;
-        let t2_99 = like.lift(0.5) * sin_q1;
-        let t2_100 = t2_99 - t2_66;
-        let t2_101 = t2_100 - t2_67;
-        let t2_102 = t2_101 - t2_65;
-        let t2_103 = t2_99 - t2_66;
-        let t2_104 = t2_65 + t2_66;
-        let t2_105 = t2_103 + t2_67;
-        let t2_106 = t2_104 - t2_67;
-        let t2_107 = t2_105 - t2_65;
-        let t2_108 = sin_q1 * t2_89;
-        let t2_109 = sin_s1_1 * t2_69;
-        let t2_110 = (-u_s1_1_p1y).mul_add(t2_89, t2_109);
-        let t2_111 = u_s1_2_p1x * t2_89;
-        let t2_112 = e_s1_2_q1x.mul_add(t2_69, t2_111);
-        let t2_113 = -t2_112;
-        let t2_114 = like.lift(0.5) * sin_q2;
-        let t2_115 = -t2_114;
-        let t2_116 = cos_q1 * t2_106;
-        let t2_117 = sin_q1.mul_add(t2_80, t2_116);
-        let t2_118 = u_s1_1_p1y * t2_80;
-        let t2_119 = (-t2_1).mul_add(t2_106, t2_118);
-        let t2_120 = t2_1 * t2_90;
-        let t2_121 = (-sin_s1_1).mul_add(t2_80, t2_120);
-        let t2_122 = sin_s1_1 * t2_106;
-        let t2_123 = (-u_s1_1_p1y).mul_add(t2_90, t2_122);
-        let t2_124 = -t2_119;
-        let t2_125 = t2_25 * t2_106;
-        let t2_126 = u_s1_2_p1x.mul_add(t2_80, t2_125);
-        let t2_127 = t2_25 * t2_90;
-        let t2_128 = (-e_s1_2_q1x).mul_add(t2_80, t2_127);
-        let t2_129 = u_s1_2_p1x * t2_90;
-        let t2_130 = e_s1_2_q1x.mul_add(t2_106, t2_129);
-        let t2_131 = -t2_126;
+        let t2_80 = t2_51 - t2_49;
+        let t2_81 = t2_51 + t2_49;
+        let pivot_3 = t2_80 + t2_47;
+        let t2_82 = t2_81 + t2_47;
+        let t2_83 = like.lift(0.2) * e_s1_3_q1y;
+        let t2_84 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_85 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_86 = t2_83 - t2_85;
+        let t2_87 = t2_83 + t2_85;
+        let t2_88 = t2_86 + t2_84;
+        let t2_89 = t2_87 + t2_84;
+        let t2_90 = t2_9 * t2_89;
+        let t2_91 = (-e_s1_2_q1x).mul_add(t2_53, t2_90);
+        let t2_92 = u_s1_2_p1x * t2_89;
+        let t2_93 = e_s1_2_q1x.mul_add(t2_69, t2_92);
+        let t2_94 = (-u_s1_1_p1y).mul_add(t2_88, t2_74);
+        let t2_95 = t2_1 * t2_88;
+        let t2_96 = (-sin_s1_1).mul_add(t2_52, t2_95);
+        let t2_97 = cos_q1 * t2_88;
+        let t2_98 = sin_q1 * t2_88;
+        let t2_99 = like.lift(0.0) + t2_91;
+        let t2_100 = -t2_99;
+        let t2_101 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_99);
+        let t2_102 = like.lift(0.25) * cos_q2;
+        let t2_103 = like.lift(0.0) + t2_93;
+        let t2_104 = -t2_103;
+        let t2_105 = like.lift(0.5) * sin_q2;
+        let t2_106 = -t2_105;
+        let t2_107 = cos_q1 * t2_69;
+        let t2_108 = sin_q1.mul_add(t2_53, t2_107);
+        let t2_109 = cos_q1 * t2_89;
+        let t2_110 = sin_q1 * t2_89;
+        let t2_111 = u_s1_1_p1y * t2_53;
+        let t2_112 = (-t2_1).mul_add(t2_69, t2_111);
+        let t2_113 = t2_1 * t2_89;
+        let t2_114 = sin_s1_1 * t2_69;
+        let t2_115 = (-sin_s1_1).mul_add(t2_53, t2_113);
+        let t2_116 = (-u_s1_1_p1y).mul_add(t2_89, t2_114);
+        let t2_117 = -t2_112;
+        let t2_118 = -t2_77;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_132 = -pivot_2;
-        let t2_133 = cos_q1 * t2_90;
-        let t2_134 = sin_q1 * t2_90;
-        let t2_135 = -t2_128;
-        let t2_136 = like.lift(0.25) * cos_q3;
-        let t2_137 = -t2_130;
-        let t2_138 = like.lift(0.5) * sin_q3;
-        let t2_139 = -t2_138;
+        let t2_119 = -pivot_2;
+        let t2_120 = -t2_91;
+        let t2_121 = like.lift(0.25) * cos_q3;
+        let t2_122 = -t2_93;
+        let t2_123 = like.lift(0.5) * sin_q3;
+        let t2_124 = -t2_123;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_140 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_91);
-        let t2_141 = t2_83 * inv_pivot_3;
-        let t2_142 = (-t2_97).mul_add(t2_141, t2_128);
-        let t2_143 = like.lift(0.5773502691896257).mul_add(t2_126, t2_142);
-        let t2_144 = (-t2_140).mul_add(t2_141, t2_133);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_117, t2_144);
+        let t2_125 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_97);
+        let t2_126 = t2_82 * inv_pivot_3;
+        let t2_127 = (-t2_101).mul_add(t2_126, t2_91);
+        let t2_128 = like.lift(0.5773502691896257).mul_add(t2_77, t2_127);
+        let t2_129 = (-t2_125).mul_add(t2_126, t2_109);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_108, t2_129);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_145 = like.lift(1.0) - t2_141;
-        let t2_146 = like.lift(1.0) / cos_q2;
-        let t2_147 = sin_q2 * p_mz_rod2;
-        let t2_148 = (-cos_q2).mul_add(p_my_rod2, t2_147);
-        let t2_149 = sin_q2 * t2_146;
-        let t2_150 = like.lift(2.309401076758503) * t2_146;
-        let t2_151 = like.lift(9.81) * t2_148;
-        let t2_152 = -t2_151;
-        let t2_153 = t2_102 * inv_pivot_3;
-        let t2_154 = like.lift(1.1547005383792515) * t2_149;
-        let t2_155 = (-t2_140).mul_add(t2_153, t2_108);
-        let t2_156 = t2_71.mul_add(t2_154, t2_155);
-        let t2_157 = t2_156 * inv_pivot_4;
-        let t2_158 = (-t2_143).mul_add(t2_157, t2_112);
-        let t2_159 = (-t2_97).mul_add(t2_153, t2_158);
-        let pivot_5 = t2_76.mul_add(t2_154, t2_159);
+        let t2_130 = like.lift(1.0) - t2_126;
+        let t2_131 = like.lift(1.0) / cos_q2;
+        let t2_132 = sin_q2 * p_mz_rod2;
+        let t2_133 = (-cos_q2).mul_add(p_my_rod2, t2_132);
+        let t2_134 = sin_q2 * t2_131;
+        let t2_135 = like.lift(2.309401076758503) * t2_131;
+        let t2_136 = like.lift(9.81) * t2_133;
+        let t2_137 = -t2_136;
+        let t2_138 = t2_66 * inv_pivot_3;
+        let t2_139 = like.lift(1.1547005383792515) * t2_134;
+        let t2_140 = (-t2_125).mul_add(t2_138, t2_98);
+        let t2_141 = t2_71.mul_add(t2_139, t2_140);
+        let t2_142 = t2_141 * inv_pivot_4;
+        let t2_143 = (-t2_128).mul_add(t2_142, t2_103);
+        let t2_144 = (-t2_101).mul_add(t2_138, t2_143);
+        let pivot_5 = t2_78.mul_add(t2_139, t2_144);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_160 = -pivot_5;
-        let t2_161 = t2_145.mul_add(t2_157, t2_153);
-        let t2_162 = like.lift(0.5773502691896257).mul_add(t2_73, t2_93);
-        let t2_163 = (-t2_162).mul_add(t2_141, t2_121);
-        let t2_164 = like.lift(-0.5773502691896257).mul_add(t2_119, t2_163);
-        let t2_165 = (-t2_164).mul_add(t2_157, t2_110);
-        let t2_166 = (-t2_162).mul_add(t2_153, t2_165);
-        let t2_167 = (-t2_73).mul_add(t2_154, t2_166);
-        let t2_168 = t2_107 * inv_pivot_3;
-        let t2_169 = like.lift(1.0) / cos_q3;
-        let t2_170 = sin_q3 * p_mz_rod3;
-        let t2_171 = (-cos_q3).mul_add(p_my_rod3, t2_170);
-        let t2_172 = sin_q3 * t2_169;
-        let t2_173 = like.lift(2.309401076758503) * t2_169;
-        let t2_174 = like.lift(9.81) * t2_171;
-        let t2_175 = -t2_174;
-        let t2_176 = like.lift(1.1547005383792515) * t2_172;
-        let t2_177 = (-t2_140).mul_add(t2_168, t2_134);
-        let t2_178 = (-t2_117).mul_add(t2_176, t2_177);
-        let t2_179 = t2_178 * inv_pivot_4;
-        let t2_180 = (-t2_143).mul_add(t2_179, t2_130);
-        let t2_181 = (-t2_97).mul_add(t2_168, t2_180);
-        let t2_182 = (-t2_126).mul_add(t2_176, t2_181);
-        let t2_183 = t2_182 * inv_pivot_5;
-        let t2_184 = (-t2_161).mul_add(t2_183, t2_168);
-        let t2_185 = t2_145.mul_add(t2_179, t2_184);
-        let t2_186 = (-t2_167).mul_add(t2_183, t2_123);
-        let t2_187 = (-t2_164).mul_add(t2_179, t2_186);
-        let t2_188 = (-t2_162).mul_add(t2_168, t2_187);
-        let pivot_6 = t2_119.mul_add(t2_176, t2_188);
-        let t2_189 = t2_149 * t2_183;
+        let t2_145 = -pivot_5;
+        let t2_146 = t2_130.mul_add(t2_142, t2_138);
+        let t2_147 = like.lift(0.5773502691896257).mul_add(t2_73, t2_96);
+        let t2_148 = (-t2_147).mul_add(t2_126, t2_115);
+        let t2_149 = like.lift(-0.5773502691896257).mul_add(t2_112, t2_148);
+        let t2_150 = (-t2_149).mul_add(t2_142, t2_94);
+        let t2_151 = (-t2_147).mul_add(t2_138, t2_150);
+        let t2_152 = (-t2_73).mul_add(t2_139, t2_151);
+        let t2_153 = t2_67 * inv_pivot_3;
+        let t2_154 = like.lift(1.0) / cos_q3;
+        let t2_155 = sin_q3 * p_mz_rod3;
+        let t2_156 = (-cos_q3).mul_add(p_my_rod3, t2_155);
+        let t2_157 = sin_q3 * t2_154;
+        let t2_158 = like.lift(2.309401076758503) * t2_154;
+        let t2_159 = like.lift(9.81) * t2_156;
+        let t2_160 = -t2_159;
+        let t2_161 = like.lift(1.1547005383792515) * t2_157;
+        let t2_162 = (-t2_125).mul_add(t2_153, t2_110);
+        let t2_163 = (-t2_108).mul_add(t2_161, t2_162);
+        let t2_164 = t2_163 * inv_pivot_4;
+        let t2_165 = (-t2_128).mul_add(t2_164, t2_93);
+        let t2_166 = (-t2_101).mul_add(t2_153, t2_165);
+        let t2_167 = (-t2_77).mul_add(t2_161, t2_166);
+        let t2_168 = t2_167 * inv_pivot_5;
+        let t2_169 = (-t2_146).mul_add(t2_168, t2_153);
+        let t2_170 = t2_130.mul_add(t2_164, t2_169);
+        let t2_171 = (-t2_152).mul_add(t2_168, t2_116);
+        let t2_172 = (-t2_149).mul_add(t2_164, t2_171);
+        let t2_173 = (-t2_147).mul_add(t2_153, t2_172);
+        let pivot_6 = t2_112.mul_add(t2_161, t2_173);
+        let t2_174 = t2_134 * t2_168;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_190 = t2_185 * inv_pivot_6;
-        let t2_191 = (-t2_167).mul_add(t2_190, t2_161);
-        let t2_192 = inv_pivot_5 * t2_191;
-        let t2_193 = t2_164.mul_add(t2_190, t2_145);
-        let t2_194 = t2_143.mul_add(t2_192, t2_193);
-        let t2_195 = inv_pivot_4 * t2_194;
-        let t2_196 = t2_189 * inv_pivot_6;
-        let t2_197 = t2_172 * inv_pivot_6;
-        let t2_198 = t2_167.mul_add(t2_196, t2_149);
-        let t2_199 = inv_pivot_5 * t2_198;
-        let t2_200 = inv_pivot_5 * t2_167;
-        let t2_201 = t2_200 * t2_197;
-        let t2_202 = t2_162.mul_add(t2_190, like.lift(1.0));
-        let t2_203 = t2_97.mul_add(t2_192, t2_202);
-        let t2_204 = (-t2_140).mul_add(t2_195, t2_203);
-        let t2_205 = inv_pivot_3 * t2_204;
-        let t2_206 = -t2_205;
-        let t2_207 = t2_143 * t2_199;
-        let t2_208 = (-t2_164).mul_add(t2_196, t2_207);
-        let t2_209 = t2_143 * t2_201;
-        let t2_210 = (-t2_164).mul_add(t2_197, t2_209);
-        let t2_211 = inv_pivot_4 * t2_208;
-        let t2_212 = inv_pivot_4 * t2_210;
-        let t2_213 = t2_162 * t2_196;
-        let t2_214 = (-t2_97).mul_add(t2_199, t2_213);
-        let t2_215 = t2_162 * t2_197;
-        let t2_216 = (-t2_97).mul_add(t2_201, t2_215);
-        let t2_217 = t2_140.mul_add(t2_211, t2_214);
-        let t2_218 = t2_140.mul_add(t2_212, t2_216);
-        let t2_219 = inv_pivot_3 * t2_217;
-        let t2_220 = inv_pivot_3 * t2_218;
-        let t2_221 = -t2_219;
-        let t2_222 = -t2_195;
-        let t2_223 = -t2_212;
-        let t2_224 = -t2_197;
-        let t2_225 = -t2_192;
-        let t2_226 = -t2_201;
-        let t2_227 = t2_73 * t2_190;
-        let t2_228 = (-t2_76).mul_add(t2_192, t2_227);
-        let t2_229 = t2_71.mul_add(t2_195, t2_228);
+        let t2_175 = t2_170 * inv_pivot_6;
+        let t2_176 = (-t2_152).mul_add(t2_175, t2_146);
+        let t2_177 = inv_pivot_5 * t2_176;
+        let t2_178 = t2_149.mul_add(t2_175, t2_130);
+        let t2_179 = t2_128.mul_add(t2_177, t2_178);
+        let t2_180 = inv_pivot_4 * t2_179;
+        let t2_181 = t2_174 * inv_pivot_6;
+        let t2_182 = t2_157 * inv_pivot_6;
+        let t2_183 = t2_152.mul_add(t2_181, t2_134);
+        let t2_184 = inv_pivot_5 * t2_183;
+        let t2_185 = inv_pivot_5 * t2_152;
+        let t2_186 = t2_185 * t2_182;
+        let t2_187 = t2_147.mul_add(t2_175, like.lift(1.0));
+        let t2_188 = t2_101.mul_add(t2_177, t2_187);
+        let t2_189 = (-t2_125).mul_add(t2_180, t2_188);
+        let t2_190 = inv_pivot_3 * t2_189;
+        let t2_191 = -t2_190;
+        let t2_192 = t2_128 * t2_184;
+        let t2_193 = (-t2_149).mul_add(t2_181, t2_192);
+        let t2_194 = t2_128 * t2_186;
+        let t2_195 = (-t2_149).mul_add(t2_182, t2_194);
+        let t2_196 = inv_pivot_4 * t2_193;
+        let t2_197 = inv_pivot_4 * t2_195;
+        let t2_198 = t2_147 * t2_181;
+        let t2_199 = (-t2_101).mul_add(t2_184, t2_198);
+        let t2_200 = t2_147 * t2_182;
+        let t2_201 = (-t2_101).mul_add(t2_186, t2_200);
+        let t2_202 = t2_125.mul_add(t2_196, t2_199);
+        let t2_203 = t2_125.mul_add(t2_197, t2_201);
+        let t2_204 = inv_pivot_3 * t2_202;
+        let t2_205 = inv_pivot_3 * t2_203;
+        let t2_206 = -t2_204;
+        let t2_207 = -t2_180;
+        let t2_208 = -t2_197;
+        let t2_209 = -t2_182;
+        let t2_210 = -t2_177;
+        let t2_211 = -t2_186;
+        let t2_212 = t2_73 * t2_175;
+        let t2_213 = (-t2_78).mul_add(t2_177, t2_212);
+        let t2_214 = t2_71.mul_add(t2_180, t2_213);
+        let t2_215 = t2_214 * t2_135;
+        let t2_216 = t2_112 * t2_175;
+        let t2_217 = (-t2_77).mul_add(t2_177, t2_216);
+        let t2_218 = t2_108.mul_add(t2_180, t2_217);
+        let t2_219 = t2_218 * t2_158;
+        let t2_220 = -t2_219;
+        let t2_221 = (-t2_73).mul_add(t2_181, like.lift(0.8660254037844386));
+        let t2_222 = (-t2_78).mul_add(t2_184, t2_221);
+        let t2_223 = t2_71.mul_add(t2_196, t2_222);
+        let t2_224 = t2_223 * t2_135;
+        let t2_225 = -t2_224;
+        let t2_226 = t2_71 * t2_197;
+        let t2_227 = (-t2_73).mul_add(t2_182, t2_226);
+        let t2_228 = (-t2_78).mul_add(t2_186, t2_227);
+        let t2_229 = t2_228 * t2_135;
         [
-            t2_22, t2_39, t2_40, t2_44, t2_48, t2_54, t2_71, t2_73, t2_74, t2_76, t2_77,
-            pivot_1, pivot_3, t2_83, t2_91, t2_93, t2_96, t2_98, t2_102, t2_107, t2_108,
-            t2_110, t2_113, t2_115, t2_117, t2_119, t2_121, t2_123, t2_124, t2_126, t2_131,
-            t2_132, t2_133, t2_134, t2_135, t2_136, t2_137, t2_139, pivot_4, t2_150, t2_152,
-            t2_160, t2_173, t2_175, pivot_6, t2_190, t2_192, t2_195, t2_196, t2_197, t2_199,
-            t2_201, t2_206, t2_211, t2_212, t2_220, t2_221, t2_222, t2_223, t2_224, t2_225,
-            t2_226, t2_229,
+            t2_23, t2_36, t2_40, t2_46, t2_66, t2_67, t2_71, t2_75, t2_77, t2_79, pivot_1,
+            pivot_3, t2_82, t2_94, t2_96, t2_97, t2_98, t2_100, t2_102, t2_104, t2_106, t2_108,
+            t2_109, t2_110, t2_112, t2_115, t2_116, t2_117, t2_118, t2_119, t2_120, t2_121,
+            t2_122, t2_124, pivot_4, t2_137, t2_145, t2_158, t2_160, pivot_6, t2_175, t2_181,
+            t2_182, t2_184, t2_186, t2_191, t2_196, t2_197, t2_205, t2_206, t2_207, t2_208,
+            t2_209, t2_210, t2_211, t2_215, t2_220, t2_225, t2_229,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -3437,36 +3377,21 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
         x_q3_p2, x_q3_p3,
     ] = {
-        let t3_1 = t2_229 * t2_150;
-        let t3_2 = t2_119 * t2_190;
-        let t3_3 = (-t2_126).mul_add(t2_192, t3_2);
-        let t3_4 = t2_117.mul_add(t2_195, t3_3);
-        let t3_5 = t3_4 * t2_173;
-        let t3_6 = -t3_5;
-        let t3_7 = (-t2_73).mul_add(t2_196, like.lift(0.8660254037844386));
-        let t3_8 = (-t2_76).mul_add(t2_199, t3_7);
-        let t3_9 = t2_71.mul_add(t2_211, t3_8);
-        let t3_10 = t3_9 * t2_150;
-        let t3_11 = -t3_10;
-        let t3_12 = t2_71 * t2_212;
-        let t3_13 = (-t2_73).mul_add(t2_197, t3_12);
-        let t3_14 = (-t2_76).mul_add(t2_201, t3_13);
-        let t3_15 = t3_14 * t2_150;
-        let t3_16 = (-t2_119).mul_add(t2_197, like.lift(0.8660254037844386));
-        let t3_17 = (-t2_126).mul_add(t2_201, t3_16);
-        let t3_18 = t2_117.mul_add(t2_212, t3_17);
-        let t3_19 = t3_18 * t2_173;
-        let t3_20 = -t3_19;
-        let t3_21 = t2_117 * t2_211;
-        let t3_22 = (-t2_119).mul_add(t2_196, t3_21);
-        let t3_23 = (-t2_126).mul_add(t2_199, t3_22);
-        let t3_24 = t3_23 * t2_173;
+        let t3_1 = (-t2_112).mul_add(t2_182, like.lift(0.8660254037844386));
+        let t3_2 = (-t2_77).mul_add(t2_186, t3_1);
+        let t3_3 = t2_108.mul_add(t2_197, t3_2);
+        let t3_4 = t3_3 * t2_158;
+        let t3_5 = -t3_4;
+        let t3_6 = t2_108 * t2_196;
+        let t3_7 = (-t2_112).mul_add(t2_181, t3_6);
+        let t3_8 = (-t2_77).mul_add(t2_184, t3_7);
+        let t3_9 = t3_8 * t2_158;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_132 * like.lift(2.4888041299057773)).abs())
+            .min((t2_119 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_160 * like.lift(3.327667645468371)).abs())
+            .min((t2_145 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -3474,18 +3399,18 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_206, t2_221, t2_220], [t2_222, t2_211, t2_223], [t2_190, t2_196, t2_224],
-                [t2_225, t2_199, t2_226], [t3_1, t3_11, t3_15], [t3_6, t3_24, t3_20],
+                [t2_191, t2_206, t2_205], [t2_207, t2_196, t2_208], [t2_175, t2_181, t2_209],
+                [t2_210, t2_184, t2_211], [t2_215, t2_225, t2_229], [t2_220, t3_9, t3_5],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_71, t2_74, t2_77, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_91, t2_93, t2_96, t2_98, like.lift(0.0)],
-                    [t2_102, t2_108, t2_110, t2_113, t2_115, like.lift(0.0)],
-                    [like.lift(0.0), t2_117, t2_124, t2_131, like.lift(0.0), t2_132],
-                    [t2_83, t2_133, t2_121, t2_135, like.lift(0.0), t2_136],
-                    [t2_107, t2_134, t2_123, t2_137, like.lift(0.0), t2_139],
+                    [like.lift(0.0), t2_71, t2_75, t2_79, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_97, t2_96, t2_100, t2_102, like.lift(0.0)],
+                    [t2_66, t2_98, t2_94, t2_104, t2_106, like.lift(0.0)],
+                    [like.lift(0.0), t2_108, t2_117, t2_118, like.lift(0.0), t2_119],
+                    [t2_82, t2_109, t2_115, t2_120, like.lift(0.0), t2_121],
+                    [t2_67, t2_110, t2_116, t2_122, like.lift(0.0), t2_124],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -3506,31 +3431,29 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     };
     // tau
     {
-        let t4_1 = t2_22 * x_s1_3_p1;
-        let t4_2 = (-t2_175).mul_add(x_q3_p1, t4_1);
-        let t4_3 = (-t2_152).mul_add(x_q2_p1, t4_2);
-        let t4_4 = t2_44.mul_add(x_s1_2_p1, t4_3);
-        let t4_5 = t2_48.mul_add(x_s1_1_p1, t4_4);
-        let t4_6 = (-t2_54).mul_add(x_q1_p1, t4_5);
-        let t4_7 = (-sin_q1).mul_add(t2_39, t4_6);
-        let t4_8 = cos_q1.mul_add(t2_40, t4_7);
-        tau[0] = t4_8;
-        let t4_9 = t2_175 * x_q3_p2;
-        let t4_10 = t2_152.mul_add(x_q2_p2, t4_9);
-        let t4_11 = t2_175 * x_q3_p3;
-        let t4_12 = t2_152.mul_add(x_q2_p3, t4_11);
-        let t4_13 = (-t2_22).mul_add(x_s1_3_p2, t4_10);
-        let t4_14 = (-t2_22).mul_add(x_s1_3_p3, t4_12);
-        let t4_15 = (-t2_44).mul_add(x_s1_2_p2, t4_13);
-        let t4_16 = (-t2_44).mul_add(x_s1_2_p3, t4_14);
-        let t4_17 = (-t2_48).mul_add(x_s1_1_p2, t4_15);
-        let t4_18 = (-t2_48).mul_add(x_s1_1_p3, t4_16);
-        let t4_19 = t2_54.mul_add(x_q1_p2, t4_17);
-        let t4_20 = t2_54.mul_add(x_q1_p3, t4_18);
-        let t4_21 = -t4_19;
-        tau[1] = t4_21;
-        let t4_22 = -t4_20;
-        tau[2] = t4_22;
+        let t4_1 = t2_23 * x_s1_3_p1;
+        let t4_2 = (-t2_160).mul_add(x_q3_p1, t4_1);
+        let t4_3 = (-t2_137).mul_add(x_q2_p1, t4_2);
+        let t4_4 = t2_36.mul_add(x_s1_2_p1, t4_3);
+        let t4_5 = t2_40.mul_add(x_s1_1_p1, t4_4);
+        let t4_6 = (-t2_46).mul_add(x_q1_p1, t4_5);
+        tau[0] = t4_6;
+        let t4_7 = t2_160 * x_q3_p2;
+        let t4_8 = t2_137.mul_add(x_q2_p2, t4_7);
+        let t4_9 = t2_160 * x_q3_p3;
+        let t4_10 = t2_137.mul_add(x_q2_p3, t4_9);
+        let t4_11 = (-t2_23).mul_add(x_s1_3_p2, t4_8);
+        let t4_12 = (-t2_23).mul_add(x_s1_3_p3, t4_10);
+        let t4_13 = (-t2_36).mul_add(x_s1_2_p2, t4_11);
+        let t4_14 = (-t2_36).mul_add(x_s1_2_p3, t4_12);
+        let t4_15 = (-t2_40).mul_add(x_s1_1_p2, t4_13);
+        let t4_16 = (-t2_40).mul_add(x_s1_1_p3, t4_14);
+        let t4_17 = t2_46.mul_add(x_q1_p2, t4_15);
+        let t4_18 = t2_46.mul_add(x_q1_p3, t4_16);
+        let t4_19 = -t4_17;
+        tau[1] = t4_19;
+        let t4_20 = -t4_18;
+        tau[2] = t4_20;
     }
     (tau, Condition { pivot: condition })
 }
@@ -3542,7 +3465,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 307 additions, 439 multiplications, 6 divisions, 6 sines and cosines.
+/// 295 additions, 427 multiplications, 6 divisions, 6 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -3566,12 +3489,13 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
     let [_, d_q1, d_s1_1, d_s1_2, d_s1_3, _, d_q2, _, d_q3] = *qd;
     // tau, part 1
     let [
-        t2_1, t2_24, t2_26, t2_27, t2_29, t2_30, pivot_1, pivot_3, t2_36, t2_46, t2_48, t2_51,
-        t2_52, t2_53, t2_57, t2_62, t2_63, t2_65, t2_68, t2_70, t2_72, t2_74, t2_75, t2_77,
-        t2_78, t2_79, t2_80, t2_82, t2_85, t2_86, t2_87, t2_89, t2_91, t2_92, t2_94, t2_137,
-        t2_143, t2_144, t2_170, t2_177, t2_182, t2_199, t2_200, t2_201, t2_202, t2_203,
-        inv_pivot_3, t2_204, t2_205, t2_208, pivot_4, inv_pivot_4, t2_211, t2_213, t2_214,
-        t2_224, inv_pivot_5, t2_225, t2_226, t2_228, t2_229, t2_232, t2_233, t2_234, t2_235,
+        t2_1, t2_27, t2_29, t2_30, t2_34, t2_35, t2_36, pivot_1, pivot_3, t2_37, t2_48, t2_49,
+        t2_53, t2_54, t2_55, t2_57, t2_59, t2_60, t2_61, t2_65, t2_67, t2_69, t2_71, t2_73,
+        t2_75, t2_76, t2_77, t2_78, t2_79, t2_80, t2_81, t2_82, t2_83, t2_85, t2_130, t2_136,
+        t2_137, t2_164, t2_171, t2_172, t2_188, t2_189, t2_190, t2_191, inv_pivot_3, t2_192,
+        t2_193, t2_196, pivot_4, inv_pivot_4, t2_199, t2_201, t2_202, t2_212, inv_pivot_5,
+        t2_213, t2_214, t2_216, t2_217, t2_220, t2_221, t2_223, t2_224, t2_225, t2_226, t2_229,
+        t2_233, t2_235,
     ] = {
         let t2_1 = d_q1 * d_q1;
         let t2_2 = sin_q1 * cos_s1_1;
@@ -3585,328 +3509,312 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_10 = like.lift(0.1) * t2_7;
         let t2_11 = like.lift(0.2) * t2_7;
         let t2_12 = like.lift(0.17320508075688773) * t2_9;
-        let t2_13 = t2_10 + t2_11;
-        let t2_14 = t2_13 - t2_12;
+        let t2_13 = t2_12 - t2_10;
+        let t2_14 = t2_12 + t2_10;
+        let t2_15 = t2_11 - t2_13;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_15 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_15);
-        let t2_16 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_16);
-        let t2_17 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_17);
-        let t2_18 = like.lift(0.1) * u_s1_3_p1y;
-        let t2_19 = like.lift(0.2) * u_s1_3_p1y;
-        let t2_20 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t2_21 = t2_18 + t2_19;
-        let t2_22 = t2_21 + t2_20;
-        let t2_23 = cos_q1 * t2_22;
-        let t2_24 = sin_q1.mul_add(t2_14, t2_23);
-        let t2_25 = u_s1_1_p1y * t2_14;
-        let t2_26 = (-t2_2).mul_add(t2_22, t2_25);
-        let t2_27 = -t2_26;
-        let t2_28 = t2_9 * t2_22;
-        let t2_29 = u_s1_2_p1x.mul_add(t2_14, t2_28);
+        let t2_16 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_16);
+        let t2_17 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_17);
+        let t2_18 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_18);
+        let t2_19 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_20 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_21 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_22 = t2_21 + t2_19;
+        let t2_23 = t2_21 - t2_19;
+        let t2_24 = t2_22 + t2_20;
+        let t2_25 = t2_20 - t2_23;
+        let t2_26 = cos_q1 * t2_24;
+        let t2_27 = sin_q1.mul_add(t2_15, t2_26);
+        let t2_28 = u_s1_1_p1y * t2_15;
+        let t2_29 = (-t2_2).mul_add(t2_24, t2_28);
         let t2_30 = -t2_29;
+        let t2_31 = t2_14 + t2_11;
+        let t2_32 = like.lift(0.5).mul_add(cos_q1, t2_11);
+        let t2_33 = t2_9 * t2_25;
+        let t2_34 = u_s1_2_p1x.mul_add(t2_31, t2_33);
+        let t2_35 = like.lift(0.0) + t2_34;
+        let t2_36 = -t2_35;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_31 = like.lift(0.5).mul_add(cos_q1, t2_11);
-        let t2_32 = t2_10 + t2_11;
-        let t2_33 = t2_32 + t2_12;
-        let t2_34 = t2_12 - t2_10;
-        let t2_35 = t2_12 + t2_10;
-        let pivot_3 = t2_31 - t2_34;
-        let t2_36 = t2_31 + t2_35;
-        let t2_37 = sin_s1_1 * cos_s1_3;
-        let t2_38 = sin_s1_3 * cos_s1_1;
-        let e_s1_3_q1y = (-t2_38).mul_add(sin_s1_2, t2_37);
-        let t2_39 = like.lift(0.2) * e_s1_3_q1y;
+        let pivot_3 = t2_32 - t2_13;
+        let t2_37 = t2_32 + t2_14;
+        let t2_38 = sin_s1_1 * cos_s1_3;
+        let t2_39 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_39).mul_add(sin_s1_2, t2_38);
+        let t2_40 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_40 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t2_41 = like.lift(0.1) * e_s1_3_q1y;
-        let t2_42 = t2_40 - t2_41;
-        let t2_43 = t2_40 + t2_41;
-        let t2_44 = t2_39 - t2_42;
-        let t2_45 = t2_39 + t2_43;
-        let t2_46 = cos_q1 * t2_44;
-        let t2_47 = t2_2 * t2_44;
-        let t2_48 = (-sin_s1_1).mul_add(t2_14, t2_47);
-        let t2_49 = t2_9 * t2_44;
-        let t2_50 = (-e_s1_2_q1x).mul_add(t2_14, t2_49);
-        let t2_51 = -t2_50;
-        let t2_52 = like.lift(-0.5773502691896257).mul_add(t2_29, t2_50);
-        let t2_53 = like.lift(0.25) * cos_q2;
-        let t2_54 = like.lift(0.5) * sin_q1;
-        let t2_55 = t2_20 + t2_18;
-        let t2_56 = t2_54 - t2_19;
-        let t2_57 = t2_56 - t2_55;
-        let t2_58 = t2_54 - t2_19;
-        let t2_59 = t2_18 + t2_19;
-        let t2_60 = t2_59 - t2_20;
-        let t2_61 = t2_20 - t2_18;
-        let t2_62 = t2_58 + t2_61;
-        let t2_63 = sin_q1 * t2_44;
-        let t2_64 = sin_s1_1 * t2_22;
-        let t2_65 = (-u_s1_1_p1y).mul_add(t2_44, t2_64);
-        let t2_66 = u_s1_2_p1x * t2_44;
-        let t2_67 = e_s1_2_q1x.mul_add(t2_22, t2_66);
-        let t2_68 = -t2_67;
-        let t2_69 = like.lift(0.5) * sin_q2;
-        let t2_70 = -t2_69;
-        let t2_71 = cos_q1 * t2_60;
-        let t2_72 = sin_q1.mul_add(t2_33, t2_71);
-        let t2_73 = u_s1_1_p1y * t2_33;
-        let t2_74 = (-t2_2).mul_add(t2_60, t2_73);
-        let t2_75 = -t2_74;
-        let t2_76 = t2_9 * t2_60;
-        let t2_77 = u_s1_2_p1x.mul_add(t2_33, t2_76);
-        let t2_78 = -t2_77;
+        let t2_41 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_42 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_43 = t2_41 - t2_42;
+        let t2_44 = t2_41 + t2_42;
+        let t2_45 = t2_40 - t2_43;
+        let t2_46 = t2_40 + t2_44;
+        let t2_47 = t2_2 * t2_45;
+        let t2_48 = (-sin_s1_1).mul_add(t2_15, t2_47);
+        let t2_49 = cos_q1 * t2_45;
+        let t2_50 = t2_9 * t2_46;
+        let t2_51 = (-e_s1_2_q1x).mul_add(t2_31, t2_50);
+        let t2_52 = like.lift(0.0) + t2_51;
+        let t2_53 = -t2_52;
+        let t2_54 = like.lift(-0.5773502691896257).mul_add(t2_35, t2_52);
+        let t2_55 = like.lift(0.25) * cos_q2;
+        let t2_56 = like.lift(0.5) * sin_q1;
+        let t2_57 = t2_56 - t2_24;
+        let t2_58 = sin_s1_1 * t2_24;
+        let t2_59 = (-u_s1_1_p1y).mul_add(t2_45, t2_58);
+        let t2_60 = sin_q1 * t2_45;
+        let t2_61 = t2_56 - t2_25;
+        let t2_62 = u_s1_2_p1x * t2_46;
+        let t2_63 = e_s1_2_q1x.mul_add(t2_25, t2_62);
+        let t2_64 = like.lift(0.0) + t2_63;
+        let t2_65 = -t2_64;
+        let t2_66 = like.lift(0.5) * sin_q2;
+        let t2_67 = -t2_66;
+        let t2_68 = cos_q1 * t2_25;
+        let t2_69 = sin_q1.mul_add(t2_31, t2_68);
+        let t2_70 = u_s1_1_p1y * t2_31;
+        let t2_71 = (-t2_2).mul_add(t2_25, t2_70);
+        let t2_72 = sin_s1_1 * t2_25;
+        let t2_73 = (-u_s1_1_p1y).mul_add(t2_46, t2_72);
+        let t2_74 = t2_2 * t2_46;
+        let t2_75 = (-sin_s1_1).mul_add(t2_31, t2_74);
+        let t2_76 = -t2_71;
+        let t2_77 = -t2_34;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_79 = -pivot_2;
-        let t2_80 = cos_q1 * t2_45;
-        let t2_81 = t2_2 * t2_45;
-        let t2_82 = (-sin_s1_1).mul_add(t2_33, t2_81);
-        let t2_83 = t2_9 * t2_45;
-        let t2_84 = (-e_s1_2_q1x).mul_add(t2_33, t2_83);
+        let t2_78 = -pivot_2;
+        let t2_79 = cos_q1 * t2_46;
+        let t2_80 = sin_q1 * t2_46;
+        let t2_81 = -t2_51;
+        let t2_82 = like.lift(0.25) * cos_q3;
+        let t2_83 = -t2_63;
+        let t2_84 = like.lift(0.5) * sin_q3;
         let t2_85 = -t2_84;
-        let t2_86 = like.lift(0.25) * cos_q3;
-        let t2_87 = sin_q1 * t2_45;
-        let t2_88 = sin_s1_1 * t2_60;
-        let t2_89 = (-u_s1_1_p1y).mul_add(t2_45, t2_88);
-        let t2_90 = u_s1_2_p1x * t2_45;
-        let t2_91 = e_s1_2_q1x.mul_add(t2_60, t2_90);
-        let t2_92 = -t2_91;
-        let t2_93 = like.lift(0.5) * sin_q3;
-        let t2_94 = -t2_93;
-        let t2_95 = cos_q1 * d_q1;
-        let t2_96 = cos_q1 * d_s1_1;
-        let t2_97 = t2_2 * d_q1;
-        let t2_98 = sin_s1_1.mul_add(t2_96, t2_97);
-        let t2_99 = t2_2.mul_add(d_s1_2, t2_96);
-        let t2_100 = d_s1_2 * t2_98;
-        let t2_101 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
-        let t2_102 = t2_9 * t2_101;
-        let t2_103 = e_s1_2_q1x.mul_add(t2_99, t2_102);
-        let t2_104 = (-d_s1_3).mul_add(t2_103, t2_100);
-        let t2_105 = d_s1_1.mul_add(t2_95, t2_104);
-        let t2_106 = sin_q1 * d_q1;
-        let t2_107 = sin_q1 * d_s1_1;
-        let t2_108 = u_s1_1_p1y * d_q1;
-        let t2_109 = (-sin_s1_1).mul_add(t2_107, t2_108);
-        let t2_110 = (-u_s1_1_p1y).mul_add(d_s1_2, t2_107);
-        let t2_111 = e_s1_2_q1x * t2_110;
-        let t2_112 = u_s1_2_p1x.mul_add(t2_101, t2_111);
-        let t2_113 = e_s1_2_q1x.mul_add(d_s1_3, t2_101);
-        let t2_114 = d_s1_1 * t2_106;
-        let t2_115 = (-d_s1_3).mul_add(t2_112, t2_114);
-        let t2_116 = (-d_s1_2).mul_add(t2_109, t2_115);
-        let t2_117 = (-u_s1_2_p1x).mul_add(d_s1_3, t2_110);
-        let t2_118 = t2_9 * t2_110;
-        let t2_119 = (-u_s1_2_p1x).mul_add(t2_99, t2_118);
-        let t2_120 = (-t2_9).mul_add(d_s1_3, t2_99);
-        let t2_121 = e_s1_3_q1y * t2_117;
-        let t2_122 = (-u_s1_3_p1y).mul_add(t2_113, t2_121);
-        let t2_123 = like.lift(0.2) * t2_122;
-        let t2_124 = -t2_123;
-        let t2_125 = t2_7 * t2_113;
-        let t2_126 = e_s1_3_q1y.mul_add(t2_120, t2_125);
-        let t2_127 = like.lift(0.2) * t2_126;
-        let t2_128 = u_s1_3_p1y * t2_116;
-        let t2_129 = (-t2_7).mul_add(t2_105, t2_128);
-        let t2_130 = t2_117 * t2_124;
-        let t2_131 = like.lift(-0.2).mul_add(t2_129, t2_130);
-        let t2_132 = (-t2_120).mul_add(t2_127, t2_131);
-        let t2_133 = t2_42 * t2_117;
-        let t2_134 = t2_55.mul_add(t2_113, t2_133);
-        let t2_135 = t2_34 * t2_113;
-        let t2_136 = t2_42.mul_add(t2_120, t2_135);
-        let t2_137 = d_q2 * d_q2;
-        let t2_138 = sin_q2 * t2_137;
-        let t2_139 = like.lift(-0.4330127018922193).mul_add(t2_138, t2_132);
-        let t2_140 = (-t2_55).mul_add(t2_116, t2_139);
-        let t2_141 = (-t2_34).mul_add(t2_105, t2_140);
-        let t2_142 = t2_120.mul_add(t2_136, t2_141);
-        let t2_143 = t2_117.mul_add(t2_134, t2_142);
-        let t2_144 = -t2_143;
-        let t2_145 = d_s1_2 * cos_s1_1;
-        let t2_146 = t2_145 * d_s1_1;
-        let t2_147 = (-d_s1_3).mul_add(t2_119, t2_146);
-        let t2_148 = u_s1_3_p1y * t2_120;
-        let t2_149 = t2_7.mul_add(t2_117, t2_148);
-        let t2_150 = like.lift(0.2) * t2_149;
-        let t2_151 = t2_7 * t2_147;
-        let t2_152 = e_s1_3_q1y.mul_add(t2_116, t2_151);
-        let t2_153 = e_s1_3_q1y * t2_105;
-        let t2_154 = u_s1_3_p1y.mul_add(t2_147, t2_153);
-        let t2_155 = like.lift(0.5) * d_q1;
-        let t2_156 = t2_106 * t2_155;
-        let t2_157 = like.lift(0.2).mul_add(t2_152, t2_156);
-        let t2_158 = t2_95 * t2_155;
-        let t2_159 = (-t2_113).mul_add(t2_124, t2_157);
-        let t2_160 = like.lift(0.2).mul_add(t2_154, t2_158);
-        let t2_161 = t2_117.mul_add(t2_150, t2_160);
-        let t2_162 = (-t2_120).mul_add(t2_150, t2_159);
-        let t2_163 = t2_113.mul_add(t2_127, t2_161);
-        let t2_164 = like.lift(0.25).mul_add(t2_138, t2_162);
-        let t2_165 = (-t2_34).mul_add(t2_147, t2_164);
-        let t2_166 = (-t2_42).mul_add(t2_116, t2_165);
-        let t2_167 = (-t2_113).mul_add(t2_134, t2_166);
-        let t2_168 = t2_34 * t2_117;
-        let t2_169 = (-t2_55).mul_add(t2_120, t2_168);
-        let t2_170 = t2_120.mul_add(t2_169, t2_167);
-        let t2_171 = like.lift(0.5) * cos_q2;
-        let t2_172 = (-t2_171).mul_add(t2_137, t2_163);
-        let t2_173 = (-t2_42).mul_add(t2_105, t2_172);
-        let t2_174 = t2_55.mul_add(t2_147, t2_173);
-        let t2_175 = (-t2_117).mul_add(t2_169, t2_174);
-        let t2_176 = (-t2_113).mul_add(t2_136, t2_175);
-        let t2_177 = -t2_176;
-        let t2_178 = t2_43 * t2_117;
-        let t2_179 = t2_61.mul_add(t2_113, t2_178);
-        let t2_180 = t2_35 * t2_113;
-        let t2_181 = t2_43.mul_add(t2_120, t2_180);
-        let t2_182 = d_q3 * d_q3;
-        let t2_183 = like.lift(0.5) * cos_q3;
-        let t2_184 = (-t2_183).mul_add(t2_182, t2_163);
-        let t2_185 = t2_43.mul_add(t2_105, t2_184);
-        let t2_186 = (-t2_61).mul_add(t2_147, t2_185);
-        let t2_187 = sin_q3 * t2_182;
-        let t2_188 = like.lift(0.25).mul_add(t2_187, t2_162);
-        let t2_189 = t2_35.mul_add(t2_147, t2_188);
-        let t2_190 = like.lift(0.4330127018922193).mul_add(t2_187, t2_132);
-        let t2_191 = t2_43.mul_add(t2_116, t2_189);
-        let t2_192 = t2_61.mul_add(t2_116, t2_190);
-        let t2_193 = t2_35.mul_add(t2_105, t2_192);
-        let t2_194 = t2_35 * t2_117;
-        let t2_195 = (-t2_61).mul_add(t2_120, t2_194);
-        let t2_196 = (-t2_120).mul_add(t2_181, t2_193);
-        let t2_197 = t2_113.mul_add(t2_179, t2_191);
-        let t2_198 = t2_117.mul_add(t2_195, t2_186);
-        let t2_199 = (-t2_117).mul_add(t2_179, t2_196);
-        let t2_200 = (-t2_120).mul_add(t2_195, t2_197);
-        let t2_201 = t2_113.mul_add(t2_181, t2_198);
-        let t2_202 = -t2_199;
-        let t2_203 = -t2_201;
+        let t2_86 = cos_q1 * d_q1;
+        let t2_87 = cos_q1 * d_s1_1;
+        let t2_88 = t2_2 * d_q1;
+        let t2_89 = sin_s1_1.mul_add(t2_87, t2_88);
+        let t2_90 = t2_2.mul_add(d_s1_2, t2_87);
+        let t2_91 = d_s1_2 * t2_89;
+        let t2_92 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
+        let t2_93 = t2_9 * t2_92;
+        let t2_94 = e_s1_2_q1x.mul_add(t2_90, t2_93);
+        let t2_95 = (-d_s1_3).mul_add(t2_94, t2_91);
+        let t2_96 = d_s1_1.mul_add(t2_86, t2_95);
+        let t2_97 = sin_q1 * d_q1;
+        let t2_98 = sin_q1 * d_s1_1;
+        let t2_99 = u_s1_1_p1y * d_q1;
+        let t2_100 = (-sin_s1_1).mul_add(t2_98, t2_99);
+        let t2_101 = (-u_s1_1_p1y).mul_add(d_s1_2, t2_98);
+        let t2_102 = e_s1_2_q1x * t2_101;
+        let t2_103 = u_s1_2_p1x.mul_add(t2_92, t2_102);
+        let t2_104 = e_s1_2_q1x.mul_add(d_s1_3, t2_92);
+        let t2_105 = d_s1_1 * t2_97;
+        let t2_106 = (-d_s1_3).mul_add(t2_103, t2_105);
+        let t2_107 = (-d_s1_2).mul_add(t2_100, t2_106);
+        let t2_108 = (-u_s1_2_p1x).mul_add(d_s1_3, t2_101);
+        let t2_109 = t2_9 * t2_101;
+        let t2_110 = (-u_s1_2_p1x).mul_add(t2_90, t2_109);
+        let t2_111 = (-t2_9).mul_add(d_s1_3, t2_90);
+        let t2_112 = e_s1_3_q1y * t2_108;
+        let t2_113 = (-u_s1_3_p1y).mul_add(t2_104, t2_112);
+        let t2_114 = like.lift(0.2) * t2_113;
+        let t2_115 = -t2_114;
+        let t2_116 = t2_7 * t2_104;
+        let t2_117 = e_s1_3_q1y.mul_add(t2_111, t2_116);
+        let t2_118 = like.lift(0.2) * t2_117;
+        let t2_119 = u_s1_3_p1y * t2_107;
+        let t2_120 = (-t2_7).mul_add(t2_96, t2_119);
+        let t2_121 = t2_108 * t2_115;
+        let t2_122 = like.lift(-0.2).mul_add(t2_120, t2_121);
+        let t2_123 = (-t2_111).mul_add(t2_118, t2_122);
+        let t2_124 = t2_44 * t2_108;
+        let t2_125 = t2_23.mul_add(t2_104, t2_124);
+        let t2_126 = t2_125 - t2_114;
+        let t2_127 = t2_14 * t2_104;
+        let t2_128 = t2_44.mul_add(t2_111, t2_127);
+        let t2_129 = t2_128 - t2_118;
+        let t2_130 = d_q2 * d_q2;
+        let t2_131 = sin_q2 * t2_130;
+        let t2_132 = like.lift(-0.4330127018922193).mul_add(t2_131, t2_123);
+        let t2_133 = (-t2_22).mul_add(t2_107, t2_132);
+        let t2_134 = (-t2_13).mul_add(t2_96, t2_133);
+        let t2_135 = t2_111.mul_add(t2_129, t2_134);
+        let t2_136 = t2_108.mul_add(t2_126, t2_135);
+        let t2_137 = -t2_136;
+        let t2_138 = d_s1_2 * cos_s1_1;
+        let t2_139 = t2_138 * d_s1_1;
+        let t2_140 = (-d_s1_3).mul_add(t2_110, t2_139);
+        let t2_141 = u_s1_3_p1y * t2_111;
+        let t2_142 = t2_7.mul_add(t2_108, t2_141);
+        let t2_143 = like.lift(0.2) * t2_142;
+        let t2_144 = t2_7 * t2_140;
+        let t2_145 = e_s1_3_q1y.mul_add(t2_107, t2_144);
+        let t2_146 = e_s1_3_q1y * t2_96;
+        let t2_147 = u_s1_3_p1y.mul_add(t2_140, t2_146);
+        let t2_148 = like.lift(0.5) * d_q1;
+        let t2_149 = t2_97 * t2_148;
+        let t2_150 = like.lift(0.2).mul_add(t2_145, t2_149);
+        let t2_151 = t2_86 * t2_148;
+        let t2_152 = (-t2_104).mul_add(t2_115, t2_150);
+        let t2_153 = like.lift(0.2).mul_add(t2_147, t2_151);
+        let t2_154 = t2_108.mul_add(t2_143, t2_153);
+        let t2_155 = t2_104.mul_add(t2_118, t2_154);
+        let t2_156 = (-t2_111).mul_add(t2_143, t2_152);
+        let t2_157 = like.lift(0.25).mul_add(t2_131, t2_156);
+        let t2_158 = (-t2_13).mul_add(t2_140, t2_157);
+        let t2_159 = (-t2_43).mul_add(t2_107, t2_158);
+        let t2_160 = (-t2_104).mul_add(t2_126, t2_159);
+        let t2_161 = t2_14 * t2_108;
+        let t2_162 = (-t2_23).mul_add(t2_111, t2_161);
+        let t2_163 = t2_162 - t2_143;
+        let t2_164 = t2_111.mul_add(t2_163, t2_160);
+        let t2_165 = like.lift(0.5) * cos_q2;
+        let t2_166 = (-t2_165).mul_add(t2_130, t2_155);
+        let t2_167 = (-t2_43).mul_add(t2_96, t2_166);
+        let t2_168 = t2_22.mul_add(t2_140, t2_167);
+        let t2_169 = (-t2_108).mul_add(t2_163, t2_168);
+        let t2_170 = (-t2_104).mul_add(t2_129, t2_169);
+        let t2_171 = -t2_170;
+        let t2_172 = d_q3 * d_q3;
+        let t2_173 = like.lift(0.5) * cos_q3;
+        let t2_174 = (-t2_173).mul_add(t2_172, t2_155);
+        let t2_175 = t2_44.mul_add(t2_96, t2_174);
+        let t2_176 = (-t2_23).mul_add(t2_140, t2_175);
+        let t2_177 = t2_108.mul_add(t2_162, t2_176);
+        let t2_178 = t2_104.mul_add(t2_128, t2_177);
+        let t2_179 = sin_q3 * t2_172;
+        let t2_180 = like.lift(0.4330127018922193).mul_add(t2_179, t2_123);
+        let t2_181 = t2_23.mul_add(t2_107, t2_180);
+        let t2_182 = t2_14.mul_add(t2_96, t2_181);
+        let t2_183 = like.lift(0.25).mul_add(t2_179, t2_156);
+        let t2_184 = t2_14.mul_add(t2_140, t2_183);
+        let t2_185 = t2_44.mul_add(t2_107, t2_184);
+        let t2_186 = (-t2_111).mul_add(t2_128, t2_182);
+        let t2_187 = t2_104.mul_add(t2_125, t2_185);
+        let t2_188 = (-t2_108).mul_add(t2_125, t2_186);
+        let t2_189 = (-t2_111).mul_add(t2_162, t2_187);
+        let t2_190 = -t2_188;
+        let t2_191 = -t2_178;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_204 = like.lift(0.5773502691896257).mul_add(t2_143, t2_170);
-        let t2_205 = like.lift(-0.5773502691896257).mul_add(t2_24, t2_46);
-        let t2_206 = t2_36 * inv_pivot_3;
-        let t2_207 = (-t2_52).mul_add(t2_206, t2_84);
-        let t2_208 = like.lift(0.5773502691896257).mul_add(t2_77, t2_207);
-        let t2_209 = (-t2_205).mul_add(t2_206, t2_80);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_72, t2_209);
+        let t2_192 = like.lift(0.5773502691896257).mul_add(t2_136, t2_164);
+        let t2_193 = like.lift(-0.5773502691896257).mul_add(t2_27, t2_49);
+        let t2_194 = t2_37 * inv_pivot_3;
+        let t2_195 = (-t2_54).mul_add(t2_194, t2_51);
+        let t2_196 = like.lift(0.5773502691896257).mul_add(t2_34, t2_195);
+        let t2_197 = (-t2_193).mul_add(t2_194, t2_79);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_69, t2_197);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_210 = (-t2_206).mul_add(t2_204, t2_200);
-        let t2_211 = like.lift(-0.5773502691896257).mul_add(t2_199, t2_210);
-        let t2_212 = like.lift(1.0) / cos_q2;
-        let t2_213 = sin_q2 * t2_212;
-        let t2_214 = like.lift(2.309401076758503) * t2_212;
-        let t2_215 = t2_57 * inv_pivot_3;
-        let t2_216 = like.lift(1.1547005383792515) * t2_213;
-        let t2_217 = (-t2_205).mul_add(t2_215, t2_63);
-        let t2_218 = t2_24.mul_add(t2_216, t2_217);
-        let t2_219 = t2_218 * inv_pivot_4;
-        let t2_220 = (-t2_208).mul_add(t2_219, t2_67);
-        let t2_221 = (-t2_52).mul_add(t2_215, t2_220);
-        let pivot_5 = t2_29.mul_add(t2_216, t2_221);
-        let t2_222 = t2_219.mul_add(t2_211, t2_176);
-        let t2_223 = t2_215.mul_add(t2_204, t2_222);
-        let t2_224 = t2_143.mul_add(t2_216, t2_223);
+        let t2_198 = (-t2_194).mul_add(t2_192, t2_189);
+        let t2_199 = like.lift(-0.5773502691896257).mul_add(t2_188, t2_198);
+        let t2_200 = like.lift(1.0) / cos_q2;
+        let t2_201 = sin_q2 * t2_200;
+        let t2_202 = like.lift(2.309401076758503) * t2_200;
+        let t2_203 = t2_57 * inv_pivot_3;
+        let t2_204 = like.lift(1.1547005383792515) * t2_201;
+        let t2_205 = (-t2_193).mul_add(t2_203, t2_60);
+        let t2_206 = t2_27.mul_add(t2_204, t2_205);
+        let t2_207 = t2_206 * inv_pivot_4;
+        let t2_208 = (-t2_196).mul_add(t2_207, t2_64);
+        let t2_209 = (-t2_54).mul_add(t2_203, t2_208);
+        let pivot_5 = t2_35.mul_add(t2_204, t2_209);
+        let t2_210 = t2_207.mul_add(t2_199, t2_170);
+        let t2_211 = t2_203.mul_add(t2_192, t2_210);
+        let t2_212 = t2_136.mul_add(t2_204, t2_211);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_225 = -pivot_5;
-        let t2_226 = like.lift(0.5773502691896257).mul_add(t2_26, t2_48);
-        let t2_227 = (-t2_226).mul_add(t2_206, t2_82);
-        let t2_228 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_227);
-        let t2_229 = like.lift(1.0) - t2_206;
-        let t2_230 = (-t2_228).mul_add(t2_219, t2_65);
-        let t2_231 = (-t2_226).mul_add(t2_215, t2_230);
-        let t2_232 = (-t2_26).mul_add(t2_216, t2_231);
-        let t2_233 = t2_229.mul_add(t2_219, t2_215);
-        let t2_234 = like.lift(1.0) / cos_q3;
-        let t2_235 = sin_q3 * t2_234;
+        let t2_213 = -pivot_5;
+        let t2_214 = like.lift(0.5773502691896257).mul_add(t2_29, t2_48);
+        let t2_215 = (-t2_214).mul_add(t2_194, t2_75);
+        let t2_216 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_215);
+        let t2_217 = like.lift(1.0) - t2_194;
+        let t2_218 = (-t2_216).mul_add(t2_207, t2_59);
+        let t2_219 = (-t2_214).mul_add(t2_203, t2_218);
+        let t2_220 = (-t2_29).mul_add(t2_204, t2_219);
+        let t2_221 = t2_217.mul_add(t2_207, t2_203);
+        let t2_222 = like.lift(1.0) / cos_q3;
+        let t2_223 = sin_q3 * t2_222;
+        let t2_224 = like.lift(2.309401076758503) * t2_222;
+        let t2_225 = t2_61 * inv_pivot_3;
+        let t2_226 = like.lift(1.1547005383792515) * t2_223;
+        let t2_227 = (-t2_193).mul_add(t2_225, t2_80);
+        let t2_228 = (-t2_69).mul_add(t2_226, t2_227);
+        let t2_229 = t2_228 * inv_pivot_4;
+        let t2_230 = (-t2_196).mul_add(t2_229, t2_63);
+        let t2_231 = (-t2_54).mul_add(t2_225, t2_230);
+        let t2_232 = (-t2_34).mul_add(t2_226, t2_231);
+        let t2_233 = t2_232 * inv_pivot_5;
+        let t2_234 = (-t2_233).mul_add(t2_212, t2_178);
+        let t2_235 = t2_229.mul_add(t2_199, t2_234);
         [
-            t2_1, t2_24, t2_26, t2_27, t2_29, t2_30, pivot_1, pivot_3, t2_36, t2_46, t2_48,
-            t2_51, t2_52, t2_53, t2_57, t2_62, t2_63, t2_65, t2_68, t2_70, t2_72, t2_74, t2_75,
-            t2_77, t2_78, t2_79, t2_80, t2_82, t2_85, t2_86, t2_87, t2_89, t2_91, t2_92, t2_94,
-            t2_137, t2_143, t2_144, t2_170, t2_177, t2_182, t2_199, t2_200, t2_201, t2_202,
-            t2_203, inv_pivot_3, t2_204, t2_205, t2_208, pivot_4, inv_pivot_4, t2_211, t2_213,
-            t2_214, t2_224, inv_pivot_5, t2_225, t2_226, t2_228, t2_229, t2_232, t2_233,
-            t2_234, t2_235,
+            t2_1, t2_27, t2_29, t2_30, t2_34, t2_35, t2_36, pivot_1, pivot_3, t2_37, t2_48,
+            t2_49, t2_53, t2_54, t2_55, t2_57, t2_59, t2_60, t2_61, t2_65, t2_67, t2_69, t2_71,
+            t2_73, t2_75, t2_76, t2_77, t2_78, t2_79, t2_80, t2_81, t2_82, t2_83, t2_85,
+            t2_130, t2_136, t2_137, t2_164, t2_171, t2_172, t2_188, t2_189, t2_190, t2_191,
+            inv_pivot_3, t2_192, t2_193, t2_196, pivot_4, inv_pivot_4, t2_199, t2_201, t2_202,
+            t2_212, inv_pivot_5, t2_213, t2_214, t2_216, t2_217, t2_220, t2_221, t2_223,
+            t2_224, t2_225, t2_226, t2_229, t2_233, t2_235,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_1, pivot_6, t3_19, t3_20, inv_pivot_6, al_rod1x, al_s1_1z, t3_41, t3_42, al_rod2x,
-        al_rod3x,
+        pivot_6, t3_7, t3_8, inv_pivot_6, al_rod1x, al_s1_1z, t3_29, t3_30, al_rod2x, al_rod3x,
     ] = {
-        let t3_1 = like.lift(2.309401076758503) * t2_234;
-        let t3_2 = t2_62 * inv_pivot_3;
-        let t3_3 = like.lift(1.1547005383792515) * t2_235;
-        let t3_4 = (-t2_205).mul_add(t3_2, t2_87);
-        let t3_5 = (-t2_72).mul_add(t3_3, t3_4);
-        let t3_6 = t3_5 * inv_pivot_4;
-        let t3_7 = (-t2_208).mul_add(t3_6, t2_91);
-        let t3_8 = (-t2_52).mul_add(t3_2, t3_7);
-        let t3_9 = (-t2_77).mul_add(t3_3, t3_8);
-        let t3_10 = t3_9 * inv_pivot_5;
-        let t3_11 = (-t3_10).mul_add(t2_224, t2_201);
-        let t3_12 = t3_6.mul_add(t2_211, t3_11);
-        let t3_13 = t3_2.mul_add(t2_204, t3_12);
-        let t3_14 = (-t2_199).mul_add(t3_3, t3_13);
-        let t3_15 = (-t2_232).mul_add(t3_10, t2_89);
-        let t3_16 = (-t2_228).mul_add(t3_6, t3_15);
-        let t3_17 = (-t2_226).mul_add(t3_2, t3_16);
-        let pivot_6 = t2_74.mul_add(t3_3, t3_17);
-        let t3_18 = (-t2_233).mul_add(t3_10, t3_2);
-        let t3_19 = t2_229.mul_add(t3_6, t3_18);
-        let t3_20 = t2_213 * t3_10;
+        let t3_1 = t2_225.mul_add(t2_192, t2_235);
+        let t3_2 = (-t2_188).mul_add(t2_226, t3_1);
+        let t3_3 = (-t2_220).mul_add(t2_233, t2_73);
+        let t3_4 = (-t2_216).mul_add(t2_229, t3_3);
+        let t3_5 = (-t2_214).mul_add(t2_225, t3_4);
+        let pivot_6 = t2_71.mul_add(t2_226, t3_5);
+        let t3_6 = (-t2_221).mul_add(t2_233, t2_225);
+        let t3_7 = t2_217.mul_add(t2_229, t3_6);
+        let t3_8 = t2_201 * t2_233;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_21 = inv_pivot_6 * t3_14;
-        let t3_22 = (-t2_232).mul_add(t3_21, t2_224);
-        let t3_23 = inv_pivot_5 * t3_22;
-        let t3_24 = t2_228.mul_add(t3_21, t2_211);
-        let t3_25 = t2_208.mul_add(t3_23, t3_24);
-        let t3_26 = inv_pivot_4 * t3_25;
-        let t3_27 = t2_226.mul_add(t3_21, t2_204);
-        let t3_28 = t2_52.mul_add(t3_23, t3_27);
-        let t3_29 = (-t2_205).mul_add(t3_26, t3_28);
-        let t3_30 = inv_pivot_3 * t3_29;
-        let t3_31 = t2_26.mul_add(t3_21, t2_143);
-        let t3_32 = (-t2_29).mul_add(t3_23, t3_31);
-        let t3_33 = t2_24.mul_add(t3_26, t3_32);
-        let t3_34 = t3_33 * t2_214;
-        let t3_35 = -t3_34;
-        let t3_36 = t2_74.mul_add(t3_21, t2_199);
-        let t3_37 = -t3_21;
-        let t3_38 = (-t2_77).mul_add(t3_23, t3_36);
-        let t3_39 = t2_72.mul_add(t3_26, t3_38);
-        let t3_40 = t3_39 * t3_1;
+        let t3_9 = inv_pivot_6 * t3_2;
+        let t3_10 = (-t2_220).mul_add(t3_9, t2_212);
+        let t3_11 = inv_pivot_5 * t3_10;
+        let t3_12 = t2_216.mul_add(t3_9, t2_199);
+        let t3_13 = t2_196.mul_add(t3_11, t3_12);
+        let t3_14 = inv_pivot_4 * t3_13;
+        let t3_15 = t2_214.mul_add(t3_9, t2_192);
+        let t3_16 = t2_54.mul_add(t3_11, t3_15);
+        let t3_17 = (-t2_193).mul_add(t3_14, t3_16);
+        let t3_18 = inv_pivot_3 * t3_17;
+        let t3_19 = t2_29.mul_add(t3_9, t2_136);
+        let t3_20 = (-t2_35).mul_add(t3_11, t3_19);
+        let t3_21 = t2_27.mul_add(t3_14, t3_20);
+        let t3_22 = t3_21 * t2_202;
+        let t3_23 = -t3_22;
+        let t3_24 = t2_71.mul_add(t3_9, t2_188);
+        let t3_25 = -t3_9;
+        let t3_26 = (-t2_34).mul_add(t3_11, t3_24);
+        let t3_27 = t2_69.mul_add(t3_14, t3_26);
+        let t3_28 = t3_27 * t2_224;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_79 * like.lift(2.4888041299057773)).abs())
+            .min((t2_78 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_225 * like.lift(3.327667645468371)).abs())
+            .min((t2_213 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
-        let ([[al_rod1x], [al_s1_1z], [t3_41], [t3_42], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
-            [[t3_30], [t3_26], [t3_37], [t3_23], [t3_35], [t3_40]],
+        let ([[al_rod1x], [al_s1_1z], [t3_29], [t3_30], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
+            [[t3_18], [t3_14], [t3_25], [t3_11], [t3_23], [t3_28]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_24, t2_27, t2_30, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_46, t2_48, t2_51, t2_53, like.lift(0.0)],
-                    [t2_57, t2_63, t2_65, t2_68, t2_70, like.lift(0.0)],
-                    [like.lift(0.0), t2_72, t2_75, t2_78, like.lift(0.0), t2_79],
-                    [t2_36, t2_80, t2_82, t2_85, like.lift(0.0), t2_86],
-                    [t2_62, t2_87, t2_89, t2_92, like.lift(0.0), t2_94],
+                    [like.lift(0.0), t2_27, t2_30, t2_36, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_49, t2_48, t2_53, t2_55, like.lift(0.0)],
+                    [t2_57, t2_60, t2_59, t2_65, t2_67, like.lift(0.0)],
+                    [like.lift(0.0), t2_69, t2_76, t2_77, like.lift(0.0), t2_78],
+                    [t2_37, t2_79, t2_75, t2_81, like.lift(0.0), t2_82],
+                    [t2_61, t2_80, t2_73, t2_83, like.lift(0.0), t2_85],
                 ],
-                [[t2_144], [t2_170], [t2_177], [t2_202], [t2_200], [t2_203]],
+                [[t2_137], [t2_164], [t2_171], [t2_190], [t2_189], [t2_191]],
             ),
         );
         condition = condition.min(found);
-        [
-            t3_1, pivot_6, t3_19, t3_20, inv_pivot_6, al_rod1x, al_s1_1z, t3_41, t3_42,
-            al_rod2x, al_rod3x,
-        ]
+        [pivot_6, t3_7, t3_8, inv_pivot_6, al_rod1x, al_s1_1z, t3_29, t3_30, al_rod2x, al_rod3x]
     };
     let [
         _, _, _, _, _, _, _, _, _, _, p_ixx_rod1, _, _, _, _, _, _, p_my_rod1, p_mz_rod1, _,
@@ -3917,21 +3825,21 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
     ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_79, t4_94, t4_98, t4_124, t4_129, t4_131, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+        t4_78, t4_109, t4_113, t4_118, t4_123, t4_125, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
         x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3,
         x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
-        let t4_1 = t3_19 * inv_pivot_6;
-        let t4_2 = (-t2_232).mul_add(t4_1, t2_233);
+        let t4_1 = t3_7 * inv_pivot_6;
+        let t4_2 = (-t2_220).mul_add(t4_1, t2_221);
         let t4_3 = inv_pivot_5 * t4_2;
-        let t4_4 = t2_228.mul_add(t4_1, t2_229);
-        let t4_5 = t2_208.mul_add(t4_3, t4_4);
+        let t4_4 = t2_216.mul_add(t4_1, t2_217);
+        let t4_5 = t2_196.mul_add(t4_3, t4_4);
         let t4_6 = inv_pivot_4 * t4_5;
-        let t4_7 = t3_20 * inv_pivot_6;
-        let t4_8 = t2_235 * inv_pivot_6;
-        let t4_9 = t2_232.mul_add(t4_7, t2_213);
+        let t4_7 = t3_8 * inv_pivot_6;
+        let t4_8 = t2_223 * inv_pivot_6;
+        let t4_9 = t2_220.mul_add(t4_7, t2_201);
         let t4_10 = inv_pivot_5 * t4_9;
-        let t4_11 = inv_pivot_5 * t2_232;
+        let t4_11 = inv_pivot_5 * t2_220;
         let t4_12 = t4_11 * t4_8;
         let w_s1_1x = cos_s1_1 * d_q1;
         let t4_13 = sin_s1_2 * d_s1_1;
@@ -3945,12 +3853,12 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t4_17 = t4_16 + t4_16;
         let t4_18 = sin_s1_2 * w_s1_1x;
         let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_18);
-        let t4_19 = w_s1_2z.mul_add(w_s1_2x, t3_41);
+        let t4_19 = w_s1_2z.mul_add(w_s1_2x, t3_29);
         let t4_20 = (-d_s1_1).mul_add(w_s1_1x, t4_19);
         let t4_21 = w_s1_2x * w_s1_2y;
         let t4_22 = t4_21 + t4_21;
         let t4_23 = (-cos_s1_2).mul_add(t4_15, t4_22);
-        let t4_24 = (-w_s1_2z).mul_add(w_s1_2y, t3_42);
+        let t4_24 = (-w_s1_2z).mul_add(w_s1_2y, t3_30);
         let t4_25 = (-sin_s1_2).mul_add(t4_15, t4_24);
         let t4_26 = sin_s1_3 * w_s1_2y;
         let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_26);
@@ -3987,144 +3895,138 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t4_53 = p_mz_platform.mul_add(t4_51, t4_52);
         let t4_54 = p_mx_platform.mul_add(t4_44, t4_53);
         let t4_55 = t4_29.mul_add(p_my_platform, t4_54);
-        let al_s1_3z = t4_49 + t4_44;
-        let t4_56 = t4_47 - al_s1_3x;
-        let t4_57 = like.lift(-0.2).mul_add(t4_56, t4_42);
-        let a_platformz = (-cos_s1_3).mul_add(a_s1_2z, t4_57);
-        let t4_58 = t4_14 + t4_50;
-        let t4_59 = p_m_platform * a_platformz;
-        let t4_60 = (-t4_58).mul_add(p_mz_platform, t4_59);
-        let t4_61 = (-p_my_platform).mul_add(t4_56, t4_60);
-        let t4_62 = p_mx_platform.mul_add(t4_46, t4_61);
+        let t4_56 = p_ixz_platform * t4_51;
+        let t4_57 = t4_47 - al_s1_3x;
+        let t4_58 = like.lift(-0.2).mul_add(t4_57, t4_42);
+        let a_platformz = (-cos_s1_3).mul_add(a_s1_2z, t4_58);
+        let t4_59 = t4_14 + t4_50;
+        let t4_60 = p_m_platform * a_platformz;
+        let t4_61 = (-t4_59).mul_add(p_mz_platform, t4_60);
+        let t4_62 = (-p_my_platform).mul_add(t4_57, t4_61);
+        let t4_63 = p_mx_platform.mul_add(t4_46, t4_62);
+        let t4_64 = sin_s1_3 * t4_55;
+        let t4_65 = (-cos_s1_3).mul_add(t4_63, t4_64);
+        let t4_66 = sin_s1_3 * t4_63;
+        let t4_67 = cos_s1_3.mul_add(t4_55, t4_66);
+        let t4_68 = cos_s1_1 * t4_67;
+        let t4_69 = like.lift(0.2) * t4_63;
+        let t4_70 = (-p_ixy_platform).mul_add(t4_46, t4_69);
         let al_s1_3y = t4_48 + t4_46;
-        let t4_63 = sin_s1_3 * t4_55;
-        let t4_64 = (-cos_s1_3).mul_add(t4_62, t4_63);
-        let t4_65 = sin_s1_3 * t4_62;
-        let t4_66 = cos_s1_3.mul_add(t4_55, t4_65);
-        let t4_67 = cos_s1_1 * t4_66;
-        let t4_68 = like.lift(0.2) * t4_62;
-        let t4_69 = t4_48 - al_s1_3y;
-        let t4_70 = p_ixy_platform.mul_add(t4_69, t4_68);
-        let t4_71 = t4_49 - al_s1_3z;
-        let t4_72 = p_ixz_platform.mul_add(t4_71, t4_70);
-        let t4_73 = t4_50 - t4_28;
-        let t4_74 = t4_73.mul_add(p_iyz_platform, t4_72);
-        let t4_75 = p_iyy_platform - p_izz_platform;
-        let t4_76 = t4_47.mul_add(t4_75, t4_74);
-        let t4_77 = p_ixx_platform.mul_add(al_s1_3x, t4_76);
-        let t4_78 = p_mz_platform.mul_add(a_platformy, t4_77);
-        let t4_79 = p_my_platform.mul_add(a_platformz, t4_78);
-        let t4_80 = t4_49 + al_s1_3z;
-        let t4_81 = like.lift(0.2) * t4_80;
-        let a_platformx = like.lift(-0.5).mul_add(t4_39, t4_81);
-        let t4_82 = t4_50 + t4_28;
+        let t4_71 = (-p_ixz_platform).mul_add(t4_44, t4_70);
+        let al_s1_3z = t4_49 + t4_44;
+        let t4_72 = t4_50 - t4_28;
+        let t4_73 = t4_72.mul_add(p_iyz_platform, t4_71);
+        let t4_74 = p_iyy_platform - p_izz_platform;
+        let t4_75 = t4_47.mul_add(t4_74, t4_73);
+        let t4_76 = p_ixx_platform.mul_add(al_s1_3x, t4_75);
+        let t4_77 = p_mz_platform.mul_add(a_platformy, t4_76);
+        let t4_78 = p_my_platform.mul_add(a_platformz, t4_77);
+        let t4_79 = t4_49 + al_s1_3z;
+        let t4_80 = like.lift(0.2) * t4_79;
+        let a_platformx = like.lift(-0.5).mul_add(t4_39, t4_80);
+        let t4_81 = p_iyz_platform * t4_79;
+        let t4_82 = p_ixy_platform.mul_add(t4_57, t4_81);
         let t4_83 = t4_14 - t4_28;
-        let t4_84 = t4_14 - t4_50;
-        let t4_85 = t4_48 + al_s1_3y;
-        let t4_86 = p_m_platform * a_platformx;
-        let t4_87 = (-p_mz_platform).mul_add(t4_85, t4_86);
-        let t4_88 = p_my_platform.mul_add(t4_80, t4_87);
-        let t4_89 = (-t4_82).mul_add(p_mx_platform, t4_88);
-        let t4_90 = sin_s1_2 * t4_64;
-        let t4_91 = (-cos_s1_2).mul_add(t4_89, t4_90);
-        let t4_92 = sin_s1_1.mul_add(t4_91, t4_67);
-        let t4_93 = p_mz_rod1.mul_add(al_rod1x, t4_92);
-        let t4_94 = t2_1.mul_add(p_my_rod1, t4_93);
-        let t4_95 = t2_1 * p_mz_rod1;
-        let t4_96 = (-p_my_rod1).mul_add(al_rod1x, t4_95);
-        let t4_97 = sin_s1_2.mul_add(t4_89, t4_96);
-        let t4_98 = cos_s1_2.mul_add(t4_64, t4_97);
-        let t4_99 = p_ixx_rod1 * al_rod1x;
-        let t4_100 = like.lift(0.5).mul_add(t4_92, t4_99);
-        let t4_101 = p_ixx_platform - p_izz_platform;
-        let t4_102 = t4_47 - al_s1_3x;
-        let t4_103 = t4_47 + al_s1_3x;
-        let t4_104 = p_ixz_platform * t4_103;
-        let t4_105 = like.lift(-0.2).mul_add(t4_89, t4_104);
-        let t4_106 = t4_48 + al_s1_3y;
-        let t4_107 = (-p_iyz_platform).mul_add(t4_106, t4_105);
-        let t4_108 = t4_84.mul_add(p_ixy_platform, t4_107);
-        let t4_109 = p_ixx_platform - p_iyy_platform;
-        let t4_110 = (-t4_49).mul_add(t4_109, t4_108);
-        let t4_111 = t4_49 + al_s1_3z;
-        let t4_112 = (-p_izz_platform).mul_add(al_s1_3z, t4_110);
-        let t4_113 = p_iyz_platform * t4_111;
-        let t4_114 = p_ixy_platform.mul_add(t4_102, t4_113);
-        let t4_115 = t4_83.mul_add(p_ixz_platform, t4_114);
-        let t4_116 = t4_48.mul_add(t4_101, t4_115);
-        let t4_117 = p_iyy_platform.mul_add(al_s1_3y, t4_116);
-        let t4_118 = p_mx_platform.mul_add(a_platformz, t4_117);
-        let t4_119 = (-p_my_platform).mul_add(a_platformx, t4_112);
-        let t4_120 = (-p_mz_platform).mul_add(a_platformx, t4_118);
-        let t4_121 = (-p_mx_platform).mul_add(a_platformy, t4_119);
-        let t4_122 = sin_s1_3 * t4_120;
-        let t4_123 = sin_s1_3 * t4_121;
-        let t4_124 = cos_s1_3.mul_add(t4_120, t4_123);
-        let t4_125 = (-cos_s1_3).mul_add(t4_121, t4_122);
-        let t4_126 = sin_s1_1.mul_add(t4_124, t4_100);
-        let t4_127 = sin_s1_2 * t4_125;
-        let t4_128 = (-cos_s1_2).mul_add(t4_79, t4_127);
-        let t4_129 = (-cos_s1_1).mul_add(t4_128, t4_126);
-        let t4_130 = sin_s1_2 * t4_79;
-        let t4_131 = cos_s1_2.mul_add(t4_125, t4_130);
-        let t4_132 = t2_226.mul_add(t4_1, like.lift(1.0));
-        let t4_133 = t2_52.mul_add(t4_3, t4_132);
-        let t4_134 = (-t2_205).mul_add(t4_6, t4_133);
-        let t4_135 = inv_pivot_3 * t4_134;
-        let t4_136 = -t4_135;
-        let t4_137 = t2_208 * t4_10;
-        let t4_138 = (-t2_228).mul_add(t4_7, t4_137);
-        let t4_139 = t2_208 * t4_12;
-        let t4_140 = (-t2_228).mul_add(t4_8, t4_139);
-        let t4_141 = inv_pivot_4 * t4_138;
-        let t4_142 = inv_pivot_4 * t4_140;
-        let t4_143 = t2_226 * t4_7;
-        let t4_144 = (-t2_52).mul_add(t4_10, t4_143);
-        let t4_145 = t2_226 * t4_8;
-        let t4_146 = (-t2_52).mul_add(t4_12, t4_145);
-        let t4_147 = t2_205.mul_add(t4_141, t4_144);
-        let t4_148 = t2_205.mul_add(t4_142, t4_146);
-        let t4_149 = inv_pivot_3 * t4_147;
-        let t4_150 = inv_pivot_3 * t4_148;
-        let t4_151 = -t4_149;
-        let t4_152 = -t4_6;
-        let t4_153 = -t4_142;
-        let t4_154 = -t4_8;
-        let t4_155 = -t4_3;
-        let t4_156 = -t4_12;
-        let t4_157 = t2_26 * t4_1;
-        let t4_158 = (-t2_29).mul_add(t4_3, t4_157);
-        let t4_159 = t2_24.mul_add(t4_6, t4_158);
-        let t4_160 = t4_159 * t2_214;
-        let t4_161 = t2_74 * t4_1;
-        let t4_162 = (-t2_77).mul_add(t4_3, t4_161);
-        let t4_163 = t2_72.mul_add(t4_6, t4_162);
-        let t4_164 = t4_163 * t3_1;
-        let t4_165 = -t4_164;
-        let t4_166 = (-t2_26).mul_add(t4_7, like.lift(0.8660254037844386));
-        let t4_167 = (-t2_29).mul_add(t4_10, t4_166);
-        let t4_168 = t2_24.mul_add(t4_141, t4_167);
-        let t4_169 = t4_168 * t2_214;
-        let t4_170 = -t4_169;
-        let t4_171 = t2_24 * t4_142;
-        let t4_172 = (-t2_26).mul_add(t4_8, t4_171);
-        let t4_173 = (-t2_29).mul_add(t4_12, t4_172);
-        let t4_174 = t4_173 * t2_214;
-        let t4_175 = (-t2_74).mul_add(t4_8, like.lift(0.8660254037844386));
-        let t4_176 = (-t2_77).mul_add(t4_12, t4_175);
-        let t4_177 = t2_72.mul_add(t4_142, t4_176);
-        let t4_178 = t4_177 * t3_1;
-        let t4_179 = -t4_178;
-        let t4_180 = t2_72 * t4_141;
-        let t4_181 = (-t2_74).mul_add(t4_7, t4_180);
-        let t4_182 = (-t2_77).mul_add(t4_10, t4_181);
-        let t4_183 = t4_182 * t3_1;
+        let t4_84 = t4_83.mul_add(p_ixz_platform, t4_82);
+        let t4_85 = t4_50 + t4_28;
+        let t4_86 = t4_14 - t4_50;
+        let t4_87 = p_ixx_platform - p_izz_platform;
+        let t4_88 = t4_48.mul_add(t4_87, t4_84);
+        let t4_89 = p_iyy_platform.mul_add(al_s1_3y, t4_88);
+        let t4_90 = t4_48 + al_s1_3y;
+        let t4_91 = p_mx_platform.mul_add(a_platformz, t4_89);
+        let t4_92 = (-p_mz_platform).mul_add(a_platformx, t4_91);
+        let t4_93 = p_m_platform * a_platformx;
+        let t4_94 = (-p_mz_platform).mul_add(t4_90, t4_93);
+        let t4_95 = p_my_platform.mul_add(t4_79, t4_94);
+        let t4_96 = (-t4_85).mul_add(p_mx_platform, t4_95);
+        let t4_97 = like.lift(-0.2).mul_add(t4_96, t4_56);
+        let t4_98 = (-p_iyz_platform).mul_add(t4_90, t4_97);
+        let t4_99 = t4_86.mul_add(p_ixy_platform, t4_98);
+        let t4_100 = p_ixx_platform - p_iyy_platform;
+        let t4_101 = (-t4_49).mul_add(t4_100, t4_99);
+        let t4_102 = (-p_izz_platform).mul_add(al_s1_3z, t4_101);
+        let t4_103 = (-p_my_platform).mul_add(a_platformx, t4_102);
+        let t4_104 = (-p_mx_platform).mul_add(a_platformy, t4_103);
+        let t4_105 = sin_s1_2 * t4_65;
+        let t4_106 = (-cos_s1_2).mul_add(t4_96, t4_105);
+        let t4_107 = sin_s1_1.mul_add(t4_106, t4_68);
+        let t4_108 = p_mz_rod1.mul_add(al_rod1x, t4_107);
+        let t4_109 = t2_1.mul_add(p_my_rod1, t4_108);
+        let t4_110 = t2_1 * p_mz_rod1;
+        let t4_111 = (-p_my_rod1).mul_add(al_rod1x, t4_110);
+        let t4_112 = sin_s1_2.mul_add(t4_96, t4_111);
+        let t4_113 = cos_s1_2.mul_add(t4_65, t4_112);
+        let t4_114 = p_ixx_rod1 * al_rod1x;
+        let t4_115 = like.lift(0.5).mul_add(t4_107, t4_114);
+        let t4_116 = sin_s1_3 * t4_92;
+        let t4_117 = sin_s1_3 * t4_104;
+        let t4_118 = cos_s1_3.mul_add(t4_92, t4_117);
+        let t4_119 = (-cos_s1_3).mul_add(t4_104, t4_116);
+        let t4_120 = sin_s1_1.mul_add(t4_118, t4_115);
+        let t4_121 = sin_s1_2 * t4_119;
+        let t4_122 = (-cos_s1_2).mul_add(t4_78, t4_121);
+        let t4_123 = (-cos_s1_1).mul_add(t4_122, t4_120);
+        let t4_124 = sin_s1_2 * t4_78;
+        let t4_125 = cos_s1_2.mul_add(t4_119, t4_124);
+        let t4_126 = t2_214.mul_add(t4_1, like.lift(1.0));
+        let t4_127 = t2_54.mul_add(t4_3, t4_126);
+        let t4_128 = (-t2_193).mul_add(t4_6, t4_127);
+        let t4_129 = inv_pivot_3 * t4_128;
+        let t4_130 = -t4_129;
+        let t4_131 = t2_196 * t4_10;
+        let t4_132 = (-t2_216).mul_add(t4_7, t4_131);
+        let t4_133 = t2_196 * t4_12;
+        let t4_134 = (-t2_216).mul_add(t4_8, t4_133);
+        let t4_135 = inv_pivot_4 * t4_132;
+        let t4_136 = inv_pivot_4 * t4_134;
+        let t4_137 = t2_214 * t4_7;
+        let t4_138 = (-t2_54).mul_add(t4_10, t4_137);
+        let t4_139 = t2_214 * t4_8;
+        let t4_140 = (-t2_54).mul_add(t4_12, t4_139);
+        let t4_141 = t2_193.mul_add(t4_135, t4_138);
+        let t4_142 = t2_193.mul_add(t4_136, t4_140);
+        let t4_143 = inv_pivot_3 * t4_141;
+        let t4_144 = inv_pivot_3 * t4_142;
+        let t4_145 = -t4_143;
+        let t4_146 = -t4_6;
+        let t4_147 = -t4_136;
+        let t4_148 = -t4_8;
+        let t4_149 = -t4_3;
+        let t4_150 = -t4_12;
+        let t4_151 = t2_29 * t4_1;
+        let t4_152 = (-t2_35).mul_add(t4_3, t4_151);
+        let t4_153 = t2_27.mul_add(t4_6, t4_152);
+        let t4_154 = t4_153 * t2_202;
+        let t4_155 = t2_71 * t4_1;
+        let t4_156 = (-t2_34).mul_add(t4_3, t4_155);
+        let t4_157 = t2_69.mul_add(t4_6, t4_156);
+        let t4_158 = t4_157 * t2_224;
+        let t4_159 = -t4_158;
+        let t4_160 = (-t2_29).mul_add(t4_7, like.lift(0.8660254037844386));
+        let t4_161 = (-t2_35).mul_add(t4_10, t4_160);
+        let t4_162 = t2_27.mul_add(t4_135, t4_161);
+        let t4_163 = t4_162 * t2_202;
+        let t4_164 = -t4_163;
+        let t4_165 = t2_27 * t4_136;
+        let t4_166 = (-t2_29).mul_add(t4_8, t4_165);
+        let t4_167 = (-t2_35).mul_add(t4_12, t4_166);
+        let t4_168 = t4_167 * t2_202;
+        let t4_169 = (-t2_71).mul_add(t4_8, like.lift(0.8660254037844386));
+        let t4_170 = (-t2_34).mul_add(t4_12, t4_169);
+        let t4_171 = t2_69.mul_add(t4_136, t4_170);
+        let t4_172 = t4_171 * t2_224;
+        let t4_173 = -t4_172;
+        let t4_174 = t2_69 * t4_135;
+        let t4_175 = (-t2_71).mul_add(t4_7, t4_174);
+        let t4_176 = (-t2_34).mul_add(t4_10, t4_175);
+        let t4_177 = t4_176 * t2_224;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_79 * like.lift(2.4888041299057773)).abs())
+            .min((t2_78 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_225 * like.lift(3.327667645468371)).abs())
+            .min((t2_213 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -4132,18 +4034,18 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_136, t4_151, t4_150], [t4_152, t4_141, t4_153], [t4_1, t4_7, t4_154],
-                [t4_155, t4_10, t4_156], [t4_160, t4_170, t4_174], [t4_165, t4_183, t4_179],
+                [t4_130, t4_145, t4_144], [t4_146, t4_135, t4_147], [t4_1, t4_7, t4_148],
+                [t4_149, t4_10, t4_150], [t4_154, t4_164, t4_168], [t4_159, t4_177, t4_173],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_24, t2_27, t2_30, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_46, t2_48, t2_51, t2_53, like.lift(0.0)],
-                    [t2_57, t2_63, t2_65, t2_68, t2_70, like.lift(0.0)],
-                    [like.lift(0.0), t2_72, t2_75, t2_78, like.lift(0.0), t2_79],
-                    [t2_36, t2_80, t2_82, t2_85, like.lift(0.0), t2_86],
-                    [t2_62, t2_87, t2_89, t2_92, like.lift(0.0), t2_94],
+                    [like.lift(0.0), t2_27, t2_30, t2_36, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_49, t2_48, t2_53, t2_55, like.lift(0.0)],
+                    [t2_57, t2_60, t2_59, t2_65, t2_67, like.lift(0.0)],
+                    [like.lift(0.0), t2_69, t2_76, t2_77, like.lift(0.0), t2_78],
+                    [t2_37, t2_79, t2_75, t2_81, like.lift(0.0), t2_82],
+                    [t2_61, t2_80, t2_73, t2_83, like.lift(0.0), t2_85],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -4157,9 +4059,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         );
         condition = condition.min(found);
         [
-            t4_79, t4_94, t4_98, t4_124, t4_129, t4_131, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
-            x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2,
-            x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
+            t4_78, t4_109, t4_113, t4_118, t4_123, t4_125, x_q1_p1, x_q1_p2, x_q1_p3,
+            x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1,
+            x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
         ]
     };
     // tau
@@ -4168,40 +4070,40 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t5_2 = p_ixx_rod3 * al_rod3x;
         let t5_3 = t5_2 * x_q3_p1;
         let t5_4 = t5_1.mul_add(x_q2_p1, t5_3);
-        let t5_5 = t4_79.mul_add(x_s1_3_p1, t5_4);
-        let t5_6 = (-t4_124).mul_add(x_s1_2_p1, t5_5);
-        let t5_7 = (-t4_131).mul_add(x_s1_1_p1, t5_6);
-        let t5_8 = t4_129.mul_add(x_q1_p1, t5_7);
-        let t5_9 = (-sin_q1).mul_add(t4_98, t5_8);
-        let t5_10 = cos_q1.mul_add(t4_94, t5_9);
+        let t5_5 = t4_78.mul_add(x_s1_3_p1, t5_4);
+        let t5_6 = (-t4_118).mul_add(x_s1_2_p1, t5_5);
+        let t5_7 = (-t4_125).mul_add(x_s1_1_p1, t5_6);
+        let t5_8 = t4_123.mul_add(x_q1_p1, t5_7);
+        let t5_9 = (-sin_q1).mul_add(t4_113, t5_8);
+        let t5_10 = cos_q1.mul_add(t4_109, t5_9);
         let t5_11 = -t5_10;
         tau[0] = t5_11;
         let t5_12 = t5_2 * x_q3_p2;
         let t5_13 = t5_1.mul_add(x_q2_p2, t5_12);
         let t5_14 = t5_2 * x_q3_p3;
         let t5_15 = p_mz_rod2 * al_rod2x;
-        let t5_16 = t2_137.mul_add(p_my_rod2, t5_15);
-        let t5_17 = t2_137 * p_mz_rod2;
+        let t5_16 = t2_130.mul_add(p_my_rod2, t5_15);
+        let t5_17 = t2_130 * p_mz_rod2;
         let t5_18 = (-p_my_rod2).mul_add(al_rod2x, t5_17);
         let t5_19 = (-sin_q2).mul_add(t5_18, t5_13);
         let t5_20 = cos_q2.mul_add(t5_16, t5_19);
-        let t5_21 = t4_79.mul_add(x_s1_3_p2, t5_20);
-        let t5_22 = (-t4_124).mul_add(x_s1_2_p2, t5_21);
-        let t5_23 = (-t4_131).mul_add(x_s1_1_p2, t5_22);
-        let t5_24 = t4_129.mul_add(x_q1_p2, t5_23);
+        let t5_21 = t4_78.mul_add(x_s1_3_p2, t5_20);
+        let t5_22 = (-t4_118).mul_add(x_s1_2_p2, t5_21);
+        let t5_23 = (-t4_125).mul_add(x_s1_1_p2, t5_22);
+        let t5_24 = t4_123.mul_add(x_q1_p2, t5_23);
         let t5_25 = -t5_24;
         tau[1] = t5_25;
         let t5_26 = p_mz_rod3 * al_rod3x;
-        let t5_27 = t2_182.mul_add(p_my_rod3, t5_26);
-        let t5_28 = t2_182 * p_mz_rod3;
+        let t5_27 = t2_172.mul_add(p_my_rod3, t5_26);
+        let t5_28 = t2_172 * p_mz_rod3;
         let t5_29 = (-p_my_rod3).mul_add(al_rod3x, t5_28);
         let t5_30 = (-sin_q3).mul_add(t5_29, t5_14);
         let t5_31 = cos_q3.mul_add(t5_27, t5_30);
         let t5_32 = t5_1.mul_add(x_q2_p3, t5_31);
-        let t5_33 = t4_79.mul_add(x_s1_3_p3, t5_32);
-        let t5_34 = (-t4_124).mul_add(x_s1_2_p3, t5_33);
-        let t5_35 = (-t4_131).mul_add(x_s1_1_p3, t5_34);
-        let t5_36 = t4_129.mul_add(x_q1_p3, t5_35);
+        let t5_33 = t4_78.mul_add(x_s1_3_p3, t5_32);
+        let t5_34 = (-t4_118).mul_add(x_s1_2_p3, t5_33);
+        let t5_35 = (-t4_125).mul_add(x_s1_1_p3, t5_34);
+        let t5_36 = t4_123.mul_add(x_q1_p3, t5_35);
         let t5_37 = -t5_36;
         tau[2] = t5_37;
     }
@@ -4214,7 +4116,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 245 additions, 341 multiplications, 6 divisions, 6 sines and cosines.
+/// 240 additions, 333 multiplications, 6 divisions, 6 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -4245,7 +4147,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
     ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_3, t2_5, t2_7, t2_9, t2_17, t2_18, t2_19, t2_33, t2_109, t2_123, t2_144, x_q1_p1,
+        t2_3, t2_5, t2_7, t2_9, t2_17, t2_18, t2_19, t2_35, t2_102, t2_116, t2_137, x_q1_p1,
         x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3,
         x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
@@ -4280,222 +4182,215 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_29 = like.lift(0.2) * t2_25;
         let t2_30 = like.lift(0.17320508075688773) * t2_27;
         let t2_31 = t2_28 + t2_29;
-        let t2_32 = t2_31 - t2_30;
+        let t2_32 = like.lift(0.5).mul_add(cos_q1, t2_29);
+        let t2_33 = t2_31 - t2_30;
+        let t2_34 = t2_31 + t2_30;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_33 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_33);
-        let t2_34 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_34);
-        let t2_35 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_35);
-        let t2_36 = like.lift(0.1) * u_s1_3_p1y;
-        let t2_37 = like.lift(0.2) * u_s1_3_p1y;
-        let t2_38 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t2_39 = t2_36 + t2_37;
-        let t2_40 = t2_39 + t2_38;
-        let t2_41 = cos_q1 * t2_40;
-        let t2_42 = sin_q1.mul_add(t2_32, t2_41);
-        let t2_43 = u_s1_1_p1y * t2_32;
-        let t2_44 = (-t2_20).mul_add(t2_40, t2_43);
-        let t2_45 = -t2_44;
-        let t2_46 = t2_27 * t2_40;
-        let t2_47 = u_s1_2_p1x.mul_add(t2_32, t2_46);
-        let t2_48 = -t2_47;
+        let t2_35 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_35);
+        let t2_36 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_36);
+        let t2_37 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_37);
+        let t2_38 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_39 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_40 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_41 = like.lift(0.5) * sin_q1;
+        let t2_42 = t2_41 - t2_39;
+        let t2_43 = t2_42 - t2_40;
+        let t2_44 = t2_42 + t2_40;
+        let t2_45 = t2_43 - t2_38;
+        let t2_46 = t2_44 - t2_38;
+        let t2_47 = t2_41 - t2_45;
+        let t2_48 = t2_41 - t2_46;
+        let t2_49 = cos_q1 * t2_47;
+        let t2_50 = sin_q1.mul_add(t2_33, t2_49);
+        let t2_51 = u_s1_1_p1y * t2_33;
+        let t2_52 = (-t2_20).mul_add(t2_47, t2_51);
+        let t2_53 = sin_s1_1 * t2_47;
+        let t2_54 = -t2_52;
+        let t2_55 = t2_27 * t2_48;
+        let t2_56 = u_s1_2_p1x.mul_add(t2_34, t2_55);
+        let t2_57 = like.lift(0.0) + t2_56;
+        let t2_58 = -t2_57;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_49 = like.lift(0.5).mul_add(cos_q1, t2_29);
-        let t2_50 = t2_28 + t2_29;
-        let t2_51 = t2_50 + t2_30;
-        let t2_52 = t2_49 - t2_30;
-        let t2_53 = t2_49 + t2_30;
-        let pivot_3 = t2_52 + t2_28;
-        let t2_54 = t2_53 + t2_28;
-        let t2_55 = sin_s1_1 * cos_s1_3;
-        let t2_56 = sin_s1_3 * cos_s1_1;
-        let e_s1_3_q1y = (-t2_56).mul_add(sin_s1_2, t2_55);
-        let t2_57 = like.lift(0.2) * e_s1_3_q1y;
-        let t2_58 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_59 = t2_32 - t2_30;
+        let t2_60 = t2_32 + t2_30;
+        let pivot_3 = t2_59 + t2_28;
+        let t2_61 = t2_60 + t2_28;
+        let t2_62 = sin_s1_1 * cos_s1_3;
+        let t2_63 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_63).mul_add(sin_s1_2, t2_62);
+        let t2_64 = like.lift(0.2) * e_s1_3_q1y;
+        let t2_65 = like.lift(0.1) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_59 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t2_60 = t2_57 - t2_59;
-        let t2_61 = t2_57 + t2_59;
-        let t2_62 = t2_60 + t2_58;
-        let t2_63 = t2_61 + t2_58;
-        let t2_64 = cos_q1 * t2_62;
-        let t2_65 = t2_20 * t2_62;
-        let t2_66 = (-sin_s1_1).mul_add(t2_32, t2_65);
-        let t2_67 = t2_27 * t2_62;
-        let t2_68 = (-e_s1_2_q1x).mul_add(t2_32, t2_67);
-        let t2_69 = -t2_68;
-        let t2_70 = like.lift(-0.5773502691896257).mul_add(t2_47, t2_68);
-        let t2_71 = like.lift(0.25) * cos_q2;
-        let t2_72 = like.lift(0.5) * sin_q1;
-        let t2_73 = t2_72 - t2_37;
-        let t2_74 = t2_73 - t2_38;
-        let t2_75 = t2_74 - t2_36;
-        let t2_76 = t2_72 - t2_37;
-        let t2_77 = t2_36 + t2_37;
-        let t2_78 = t2_76 + t2_38;
-        let t2_79 = t2_77 - t2_38;
-        let t2_80 = t2_78 - t2_36;
-        let t2_81 = sin_q1 * t2_62;
-        let t2_82 = sin_s1_1 * t2_40;
-        let t2_83 = (-u_s1_1_p1y).mul_add(t2_62, t2_82);
-        let t2_84 = u_s1_2_p1x * t2_62;
-        let t2_85 = e_s1_2_q1x.mul_add(t2_40, t2_84);
-        let t2_86 = -t2_85;
-        let t2_87 = like.lift(0.5) * sin_q2;
-        let t2_88 = -t2_87;
-        let t2_89 = cos_q1 * t2_79;
-        let t2_90 = sin_q1.mul_add(t2_51, t2_89);
-        let t2_91 = u_s1_1_p1y * t2_51;
-        let t2_92 = (-t2_20).mul_add(t2_79, t2_91);
-        let t2_93 = t2_20 * t2_63;
-        let t2_94 = (-sin_s1_1).mul_add(t2_51, t2_93);
-        let t2_95 = sin_s1_1 * t2_79;
-        let t2_96 = (-u_s1_1_p1y).mul_add(t2_63, t2_95);
-        let t2_97 = -t2_92;
-        let t2_98 = t2_27 * t2_79;
-        let t2_99 = u_s1_2_p1x.mul_add(t2_51, t2_98);
-        let t2_100 = t2_27 * t2_63;
-        let t2_101 = (-e_s1_2_q1x).mul_add(t2_51, t2_100);
-        let t2_102 = u_s1_2_p1x * t2_63;
-        let t2_103 = e_s1_2_q1x.mul_add(t2_79, t2_102);
-        let t2_104 = -t2_99;
+        let t2_66 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_67 = t2_64 - t2_66;
+        let t2_68 = t2_64 + t2_66;
+        let t2_69 = t2_67 + t2_65;
+        let t2_70 = t2_68 + t2_65;
+        let t2_71 = t2_27 * t2_70;
+        let t2_72 = (-e_s1_2_q1x).mul_add(t2_34, t2_71);
+        let t2_73 = u_s1_2_p1x * t2_70;
+        let t2_74 = e_s1_2_q1x.mul_add(t2_48, t2_73);
+        let t2_75 = (-u_s1_1_p1y).mul_add(t2_69, t2_53);
+        let t2_76 = t2_20 * t2_69;
+        let t2_77 = (-sin_s1_1).mul_add(t2_33, t2_76);
+        let t2_78 = cos_q1 * t2_69;
+        let t2_79 = sin_q1 * t2_69;
+        let t2_80 = like.lift(0.0) + t2_72;
+        let t2_81 = -t2_80;
+        let t2_82 = like.lift(-0.5773502691896257).mul_add(t2_57, t2_80);
+        let t2_83 = like.lift(0.25) * cos_q2;
+        let t2_84 = like.lift(0.0) + t2_74;
+        let t2_85 = -t2_84;
+        let t2_86 = like.lift(0.5) * sin_q2;
+        let t2_87 = -t2_86;
+        let t2_88 = cos_q1 * t2_48;
+        let t2_89 = sin_q1.mul_add(t2_34, t2_88);
+        let t2_90 = u_s1_1_p1y * t2_34;
+        let t2_91 = (-t2_20).mul_add(t2_48, t2_90);
+        let t2_92 = t2_20 * t2_70;
+        let t2_93 = (-sin_s1_1).mul_add(t2_34, t2_92);
+        let t2_94 = sin_s1_1 * t2_48;
+        let t2_95 = (-u_s1_1_p1y).mul_add(t2_70, t2_94);
+        let t2_96 = -t2_91;
+        let t2_97 = -t2_56;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_105 = -pivot_2;
-        let t2_106 = cos_q1 * t2_63;
-        let t2_107 = sin_q1 * t2_63;
-        let t2_108 = sin_q1 * t2_5;
-        let t2_109 = cos_q1.mul_add(t2_19, t2_108);
-        let t2_110 = -t2_101;
-        let t2_111 = like.lift(0.25) * cos_q3;
-        let t2_112 = -t2_103;
-        let t2_113 = like.lift(0.5) * sin_q3;
-        let t2_114 = -t2_113;
+        let t2_98 = -pivot_2;
+        let t2_99 = cos_q1 * t2_70;
+        let t2_100 = sin_q1 * t2_70;
+        let t2_101 = sin_q1 * t2_5;
+        let t2_102 = cos_q1.mul_add(t2_19, t2_101);
+        let t2_103 = -t2_72;
+        let t2_104 = like.lift(0.25) * cos_q3;
+        let t2_105 = -t2_74;
+        let t2_106 = like.lift(0.5) * sin_q3;
+        let t2_107 = -t2_106;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_115 = like.lift(-0.5773502691896257).mul_add(t2_42, t2_64);
-        let t2_116 = t2_54 * inv_pivot_3;
-        let t2_117 = (-t2_70).mul_add(t2_116, t2_101);
-        let t2_118 = like.lift(0.5773502691896257).mul_add(t2_99, t2_117);
-        let t2_119 = (-t2_115).mul_add(t2_116, t2_106);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_90, t2_119);
+        let t2_108 = like.lift(-0.5773502691896257).mul_add(t2_50, t2_78);
+        let t2_109 = t2_61 * inv_pivot_3;
+        let t2_110 = (-t2_82).mul_add(t2_109, t2_72);
+        let t2_111 = like.lift(0.5773502691896257).mul_add(t2_56, t2_110);
+        let t2_112 = (-t2_108).mul_add(t2_109, t2_99);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_89, t2_112);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_120 = like.lift(1.0) - t2_116;
-        let t2_121 = like.lift(1.0) / cos_q2;
-        let t2_122 = cos_q2 * p_mz_rod2;
-        let t2_123 = sin_q2.mul_add(p_my_rod2, t2_122);
-        let t2_124 = sin_q2 * t2_121;
-        let t2_125 = like.lift(2.309401076758503) * t2_121;
-        let t2_126 = t2_75 * inv_pivot_3;
-        let t2_127 = like.lift(1.1547005383792515) * t2_124;
-        let t2_128 = (-t2_115).mul_add(t2_126, t2_81);
-        let t2_129 = t2_42.mul_add(t2_127, t2_128);
-        let t2_130 = t2_129 * inv_pivot_4;
-        let t2_131 = (-t2_118).mul_add(t2_130, t2_85);
-        let t2_132 = (-t2_70).mul_add(t2_126, t2_131);
-        let pivot_5 = t2_47.mul_add(t2_127, t2_132);
+        let t2_113 = like.lift(1.0) - t2_109;
+        let t2_114 = like.lift(1.0) / cos_q2;
+        let t2_115 = cos_q2 * p_mz_rod2;
+        let t2_116 = sin_q2.mul_add(p_my_rod2, t2_115);
+        let t2_117 = sin_q2 * t2_114;
+        let t2_118 = like.lift(2.309401076758503) * t2_114;
+        let t2_119 = t2_45 * inv_pivot_3;
+        let t2_120 = like.lift(1.1547005383792515) * t2_117;
+        let t2_121 = (-t2_108).mul_add(t2_119, t2_79);
+        let t2_122 = t2_50.mul_add(t2_120, t2_121);
+        let t2_123 = t2_122 * inv_pivot_4;
+        let t2_124 = (-t2_111).mul_add(t2_123, t2_84);
+        let t2_125 = (-t2_82).mul_add(t2_119, t2_124);
+        let pivot_5 = t2_57.mul_add(t2_120, t2_125);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_133 = -pivot_5;
-        let t2_134 = t2_120.mul_add(t2_130, t2_126);
-        let t2_135 = like.lift(0.5773502691896257).mul_add(t2_44, t2_66);
-        let t2_136 = (-t2_135).mul_add(t2_116, t2_94);
-        let t2_137 = like.lift(-0.5773502691896257).mul_add(t2_92, t2_136);
-        let t2_138 = (-t2_137).mul_add(t2_130, t2_83);
-        let t2_139 = (-t2_135).mul_add(t2_126, t2_138);
-        let t2_140 = (-t2_44).mul_add(t2_127, t2_139);
-        let t2_141 = t2_80 * inv_pivot_3;
-        let t2_142 = like.lift(1.0) / cos_q3;
-        let t2_143 = cos_q3 * p_mz_rod3;
-        let t2_144 = sin_q3.mul_add(p_my_rod3, t2_143);
-        let t2_145 = sin_q3 * t2_142;
-        let t2_146 = like.lift(2.309401076758503) * t2_142;
-        let t2_147 = like.lift(1.1547005383792515) * t2_145;
-        let t2_148 = (-t2_115).mul_add(t2_141, t2_107);
-        let t2_149 = (-t2_90).mul_add(t2_147, t2_148);
-        let t2_150 = t2_149 * inv_pivot_4;
-        let t2_151 = (-t2_118).mul_add(t2_150, t2_103);
-        let t2_152 = (-t2_70).mul_add(t2_141, t2_151);
-        let t2_153 = (-t2_99).mul_add(t2_147, t2_152);
-        let t2_154 = t2_153 * inv_pivot_5;
-        let t2_155 = (-t2_134).mul_add(t2_154, t2_141);
-        let t2_156 = t2_120.mul_add(t2_150, t2_155);
-        let t2_157 = (-t2_140).mul_add(t2_154, t2_96);
-        let t2_158 = (-t2_137).mul_add(t2_150, t2_157);
-        let t2_159 = (-t2_135).mul_add(t2_141, t2_158);
-        let pivot_6 = t2_92.mul_add(t2_147, t2_159);
-        let t2_160 = t2_124 * t2_154;
+        let t2_126 = -pivot_5;
+        let t2_127 = t2_113.mul_add(t2_123, t2_119);
+        let t2_128 = like.lift(0.5773502691896257).mul_add(t2_52, t2_77);
+        let t2_129 = (-t2_128).mul_add(t2_109, t2_93);
+        let t2_130 = like.lift(-0.5773502691896257).mul_add(t2_91, t2_129);
+        let t2_131 = (-t2_130).mul_add(t2_123, t2_75);
+        let t2_132 = (-t2_128).mul_add(t2_119, t2_131);
+        let t2_133 = (-t2_52).mul_add(t2_120, t2_132);
+        let t2_134 = t2_46 * inv_pivot_3;
+        let t2_135 = like.lift(1.0) / cos_q3;
+        let t2_136 = cos_q3 * p_mz_rod3;
+        let t2_137 = sin_q3.mul_add(p_my_rod3, t2_136);
+        let t2_138 = sin_q3 * t2_135;
+        let t2_139 = like.lift(2.309401076758503) * t2_135;
+        let t2_140 = like.lift(1.1547005383792515) * t2_138;
+        let t2_141 = (-t2_108).mul_add(t2_134, t2_100);
+        let t2_142 = (-t2_89).mul_add(t2_140, t2_141);
+        let t2_143 = t2_142 * inv_pivot_4;
+        let t2_144 = (-t2_111).mul_add(t2_143, t2_74);
+        let t2_145 = (-t2_82).mul_add(t2_134, t2_144);
+        let t2_146 = (-t2_56).mul_add(t2_140, t2_145);
+        let t2_147 = t2_146 * inv_pivot_5;
+        let t2_148 = (-t2_127).mul_add(t2_147, t2_134);
+        let t2_149 = t2_113.mul_add(t2_143, t2_148);
+        let t2_150 = (-t2_133).mul_add(t2_147, t2_95);
+        let t2_151 = (-t2_130).mul_add(t2_143, t2_150);
+        let t2_152 = (-t2_128).mul_add(t2_134, t2_151);
+        let pivot_6 = t2_91.mul_add(t2_140, t2_152);
+        let t2_153 = t2_117 * t2_147;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_161 = t2_156 * inv_pivot_6;
-        let t2_162 = (-t2_140).mul_add(t2_161, t2_134);
+        let t2_154 = t2_149 * inv_pivot_6;
+        let t2_155 = (-t2_133).mul_add(t2_154, t2_127);
+        let t2_156 = inv_pivot_5 * t2_155;
+        let t2_157 = t2_130.mul_add(t2_154, t2_113);
+        let t2_158 = t2_111.mul_add(t2_156, t2_157);
+        let t2_159 = inv_pivot_4 * t2_158;
+        let t2_160 = t2_153 * inv_pivot_6;
+        let t2_161 = t2_138 * inv_pivot_6;
+        let t2_162 = t2_133.mul_add(t2_160, t2_117);
         let t2_163 = inv_pivot_5 * t2_162;
-        let t2_164 = t2_137.mul_add(t2_161, t2_120);
-        let t2_165 = t2_118.mul_add(t2_163, t2_164);
-        let t2_166 = inv_pivot_4 * t2_165;
-        let t2_167 = t2_160 * inv_pivot_6;
-        let t2_168 = t2_145 * inv_pivot_6;
-        let t2_169 = t2_140.mul_add(t2_167, t2_124);
-        let t2_170 = inv_pivot_5 * t2_169;
-        let t2_171 = inv_pivot_5 * t2_140;
-        let t2_172 = t2_171 * t2_168;
-        let t2_173 = t2_135.mul_add(t2_161, like.lift(1.0));
-        let t2_174 = t2_70.mul_add(t2_163, t2_173);
-        let t2_175 = (-t2_115).mul_add(t2_166, t2_174);
-        let t2_176 = inv_pivot_3 * t2_175;
-        let t2_177 = -t2_176;
-        let t2_178 = t2_118 * t2_170;
-        let t2_179 = (-t2_137).mul_add(t2_167, t2_178);
-        let t2_180 = t2_118 * t2_172;
-        let t2_181 = (-t2_137).mul_add(t2_168, t2_180);
-        let t2_182 = inv_pivot_4 * t2_179;
-        let t2_183 = inv_pivot_4 * t2_181;
-        let t2_184 = t2_135 * t2_167;
-        let t2_185 = (-t2_70).mul_add(t2_170, t2_184);
-        let t2_186 = t2_135 * t2_168;
-        let t2_187 = (-t2_70).mul_add(t2_172, t2_186);
-        let t2_188 = t2_115.mul_add(t2_182, t2_185);
-        let t2_189 = t2_115.mul_add(t2_183, t2_187);
-        let t2_190 = inv_pivot_3 * t2_188;
-        let t2_191 = inv_pivot_3 * t2_189;
-        let t2_192 = -t2_190;
-        let t2_193 = -t2_166;
-        let t2_194 = -t2_183;
-        let t2_195 = -t2_168;
-        let t2_196 = -t2_163;
-        let t2_197 = -t2_172;
-        let t2_198 = t2_44 * t2_161;
-        let t2_199 = (-t2_47).mul_add(t2_163, t2_198);
-        let t2_200 = t2_42.mul_add(t2_166, t2_199);
-        let t2_201 = t2_200 * t2_125;
-        let t2_202 = t2_92 * t2_161;
-        let t2_203 = (-t2_99).mul_add(t2_163, t2_202);
-        let t2_204 = t2_90.mul_add(t2_166, t2_203);
-        let t2_205 = t2_204 * t2_146;
-        let t2_206 = -t2_205;
-        let t2_207 = (-t2_44).mul_add(t2_167, like.lift(0.8660254037844386));
-        let t2_208 = (-t2_47).mul_add(t2_170, t2_207);
-        let t2_209 = t2_42.mul_add(t2_182, t2_208);
-        let t2_210 = t2_209 * t2_125;
-        let t2_211 = -t2_210;
-        let t2_212 = t2_42 * t2_183;
-        let t2_213 = (-t2_44).mul_add(t2_168, t2_212);
-        let t2_214 = (-t2_47).mul_add(t2_172, t2_213);
-        let t2_215 = t2_214 * t2_125;
-        let t2_216 = (-t2_92).mul_add(t2_168, like.lift(0.8660254037844386));
-        let t2_217 = (-t2_99).mul_add(t2_172, t2_216);
-        let t2_218 = t2_90.mul_add(t2_183, t2_217);
-        let t2_219 = t2_218 * t2_146;
-        let t2_220 = -t2_219;
-        let t2_221 = t2_90 * t2_182;
-        let t2_222 = (-t2_92).mul_add(t2_167, t2_221);
-        let t2_223 = (-t2_99).mul_add(t2_170, t2_222);
-        let t2_224 = t2_223 * t2_146;
+        let t2_164 = inv_pivot_5 * t2_133;
+        let t2_165 = t2_164 * t2_161;
+        let t2_166 = t2_128.mul_add(t2_154, like.lift(1.0));
+        let t2_167 = t2_82.mul_add(t2_156, t2_166);
+        let t2_168 = (-t2_108).mul_add(t2_159, t2_167);
+        let t2_169 = inv_pivot_3 * t2_168;
+        let t2_170 = -t2_169;
+        let t2_171 = t2_111 * t2_163;
+        let t2_172 = (-t2_130).mul_add(t2_160, t2_171);
+        let t2_173 = t2_111 * t2_165;
+        let t2_174 = (-t2_130).mul_add(t2_161, t2_173);
+        let t2_175 = inv_pivot_4 * t2_172;
+        let t2_176 = inv_pivot_4 * t2_174;
+        let t2_177 = t2_128 * t2_160;
+        let t2_178 = (-t2_82).mul_add(t2_163, t2_177);
+        let t2_179 = t2_128 * t2_161;
+        let t2_180 = (-t2_82).mul_add(t2_165, t2_179);
+        let t2_181 = t2_108.mul_add(t2_175, t2_178);
+        let t2_182 = t2_108.mul_add(t2_176, t2_180);
+        let t2_183 = inv_pivot_3 * t2_181;
+        let t2_184 = inv_pivot_3 * t2_182;
+        let t2_185 = -t2_183;
+        let t2_186 = -t2_159;
+        let t2_187 = -t2_176;
+        let t2_188 = -t2_161;
+        let t2_189 = -t2_156;
+        let t2_190 = -t2_165;
+        let t2_191 = t2_52 * t2_154;
+        let t2_192 = (-t2_57).mul_add(t2_156, t2_191);
+        let t2_193 = t2_50.mul_add(t2_159, t2_192);
+        let t2_194 = t2_193 * t2_118;
+        let t2_195 = t2_91 * t2_154;
+        let t2_196 = (-t2_56).mul_add(t2_156, t2_195);
+        let t2_197 = t2_89.mul_add(t2_159, t2_196);
+        let t2_198 = t2_197 * t2_139;
+        let t2_199 = -t2_198;
+        let t2_200 = (-t2_52).mul_add(t2_160, like.lift(0.8660254037844386));
+        let t2_201 = (-t2_57).mul_add(t2_163, t2_200);
+        let t2_202 = t2_50.mul_add(t2_175, t2_201);
+        let t2_203 = t2_202 * t2_118;
+        let t2_204 = -t2_203;
+        let t2_205 = t2_50 * t2_176;
+        let t2_206 = (-t2_52).mul_add(t2_161, t2_205);
+        let t2_207 = (-t2_57).mul_add(t2_165, t2_206);
+        let t2_208 = t2_207 * t2_118;
+        let t2_209 = (-t2_91).mul_add(t2_161, like.lift(0.8660254037844386));
+        let t2_210 = (-t2_56).mul_add(t2_165, t2_209);
+        let t2_211 = t2_89.mul_add(t2_176, t2_210);
+        let t2_212 = t2_211 * t2_139;
+        let t2_213 = -t2_212;
+        let t2_214 = t2_89 * t2_175;
+        let t2_215 = (-t2_91).mul_add(t2_160, t2_214);
+        let t2_216 = (-t2_56).mul_add(t2_163, t2_215);
+        let t2_217 = t2_216 * t2_139;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_105 * like.lift(2.4888041299057773)).abs())
+            .min((t2_98 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_133 * like.lift(3.327667645468371)).abs())
+            .min((t2_126 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -4503,18 +4398,18 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_177, t2_192, t2_191], [t2_193, t2_182, t2_194], [t2_161, t2_167, t2_195],
-                [t2_196, t2_170, t2_197], [t2_201, t2_211, t2_215], [t2_206, t2_224, t2_220],
+                [t2_170, t2_185, t2_184], [t2_186, t2_175, t2_187], [t2_154, t2_160, t2_188],
+                [t2_189, t2_163, t2_190], [t2_194, t2_204, t2_208], [t2_199, t2_217, t2_213],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_42, t2_45, t2_48, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_64, t2_66, t2_69, t2_71, like.lift(0.0)],
-                    [t2_75, t2_81, t2_83, t2_86, t2_88, like.lift(0.0)],
-                    [like.lift(0.0), t2_90, t2_97, t2_104, like.lift(0.0), t2_105],
-                    [t2_54, t2_106, t2_94, t2_110, like.lift(0.0), t2_111],
-                    [t2_80, t2_107, t2_96, t2_112, like.lift(0.0), t2_114],
+                    [like.lift(0.0), t2_50, t2_54, t2_58, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_78, t2_77, t2_81, t2_83, like.lift(0.0)],
+                    [t2_45, t2_79, t2_75, t2_85, t2_87, like.lift(0.0)],
+                    [like.lift(0.0), t2_89, t2_96, t2_97, like.lift(0.0), t2_98],
+                    [t2_61, t2_99, t2_93, t2_103, like.lift(0.0), t2_104],
+                    [t2_46, t2_100, t2_95, t2_105, like.lift(0.0), t2_107],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -4528,7 +4423,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         );
         condition = condition.min(found);
         [
-            t2_3, t2_5, t2_7, t2_9, t2_17, t2_18, t2_19, t2_33, t2_109, t2_123, t2_144,
+            t2_3, t2_5, t2_7, t2_9, t2_17, t2_18, t2_19, t2_35, t2_102, t2_116, t2_137,
             x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
             x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
             x_q3_p2, x_q3_p3,
@@ -4541,7 +4436,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t3_3 = sin_s1_2 * t3_1;
         let t3_4 = (-cos_s1_1).mul_add(t2_3, t3_3);
         let t3_5 = cos_q1 * t3_4;
-        let t3_6 = (-t2_7).mul_add(t2_33, t3_5);
+        let t3_6 = (-t2_7).mul_add(t2_35, t3_5);
         let t3_7 = cos_q1 * t3_2;
         let t3_8 = like.lift(-0.2).mul_add(p_mx_platform, p_ixy_platform);
         let t3_9 = cos_s1_3 * p_ixz_platform;
@@ -4553,161 +4448,159 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t3_15 = like.lift(-0.2).mul_add(p_mz_platform, p_iyz_platform);
         let t3_16 = cos_s1_3 * t3_15;
         let t3_17 = sin_s1_3 * t3_15;
-        let t3_18 = sin_s1_3.mul_add(p_iyy_platform, t3_16);
-        let t3_19 = p_izz_platform + t2_9;
-        let t3_20 = p_ixx_platform + t2_9;
-        let t3_21 = (-sin_s1_3).mul_add(t3_19, t3_16);
-        let t3_22 = cos_s1_3.mul_add(t3_19, t3_17);
-        let t3_23 = cos_s1_3 * t3_22;
-        let t3_24 = sin_s1_3.mul_add(t3_18, t3_23);
-        let t3_25 = cos_s1_3.mul_add(p_iyy_platform, -t3_17);
-        let t3_26 = sin_s1_2.mul_add(t3_24, t3_13);
-        let t3_27 = (-cos_s1_2).mul_add(t3_24, t3_14);
-        let t3_28 = cos_s1_2.mul_add(t3_20, t3_14);
-        let t3_29 = (-sin_s1_2).mul_add(t3_20, t3_13);
-        let t3_30 = cos_s1_1 * t3_28;
-        let t3_31 = like.lift(-0.5).mul_add(t3_4, t3_30);
-        let t3_32 = (-sin_s1_1).mul_add(t3_12, t3_31);
-        let t3_33 = sin_s1_2 * t3_29;
-        let t3_34 = cos_s1_2.mul_add(t3_27, t3_33);
-        let t3_35 = cos_s1_2 * t3_28;
-        let t3_36 = sin_s1_2.mul_add(t3_26, t3_35);
-        let t3_37 = cos_s1_2 * t3_26;
-        let t3_38 = (-sin_s1_2).mul_add(t3_28, t3_37);
-        let t3_39 = cos_s1_1 * t3_38;
-        let t3_40 = like.lift(-0.5).mul_add(t3_2, t3_39);
-        let t3_41 = cos_s1_1 * t3_36;
-        let t3_42 = cos_s1_3 * t3_21;
-        let t3_43 = cos_s1_3 * t3_25;
-        let t3_44 = sin_s1_3.mul_add(t3_25, t3_42);
-        let t3_45 = (-sin_s1_3).mul_add(t3_21, t3_43);
-        let t3_46 = cos_s1_2 * t3_12;
-        let t3_47 = sin_s1_2.mul_add(t3_44, t3_46);
-        let t3_48 = cos_s1_2 * t3_44;
-        let t3_49 = (-sin_s1_2).mul_add(t3_12, t3_48);
-        let t3_50 = (-sin_s1_1).mul_add(t3_47, t3_41);
-        let t3_51 = cos_s1_1 * t3_47;
-        let t3_52 = (-sin_s1_1).mul_add(t3_45, t3_51);
-        let t3_53 = (-sin_s1_1).mul_add(t3_52, p_ixx_rod1);
-        let t3_54 = cos_s1_1.mul_add(t3_50, t3_53);
-        let t3_55 = like.lift(0.5).mul_add(t2_18, t3_54);
-        let t3_56 = (-sin_s1_1).mul_add(t3_49, t3_40);
-        let t3_57 = like.lift(-0.5).mul_add(t2_19, t3_52);
-        let t3_58 = t3_32.mul_add(x_s1_3_p1, t2_17);
-        let t3_59 = t3_57.mul_add(x_s1_2_p1, t3_58);
-        let t3_60 = t3_56.mul_add(x_s1_1_p1, t3_59);
-        let t3_61 = t3_55.mul_add(x_q1_p1, t3_60);
-        let t3_62 = t3_61 + t2_17;
-        let t3_63 = (-t3_29).mul_add(x_s1_3_p1, t3_7);
-        let t3_64 = (-t3_49).mul_add(x_s1_2_p1, t3_63);
-        let t3_65 = t3_34.mul_add(x_s1_1_p1, t3_64);
-        let t3_66 = (-t3_56).mul_add(x_q1_p1, t3_65);
-        let t3_67 = t3_66 + t3_7;
-        let t3_68 = (-t3_12).mul_add(x_s1_3_p1, t2_109);
-        let t3_69 = (-t3_45).mul_add(x_s1_2_p1, t3_68);
-        let t3_70 = (-t3_49).mul_add(x_s1_1_p1, t3_69);
-        let t3_71 = (-t3_57).mul_add(x_q1_p1, t3_70);
-        let t3_72 = t3_71 + t2_109;
-        let t3_73 = (-t3_20).mul_add(x_s1_3_p1, t3_6);
-        let t3_74 = (-t3_12).mul_add(x_s1_2_p1, t3_73);
-        let t3_75 = (-t3_29).mul_add(x_s1_1_p1, t3_74);
-        let t3_76 = (-t3_32).mul_add(x_q1_p1, t3_75);
-        let t3_77 = t3_76 + t3_6;
-        let t3_78 = x_q3_p1 * p_ixx_rod3;
-        let t3_79 = t3_78.mul_add(x_q3_p1, p_m_carriage1);
-        let t3_80 = x_q2_p1 * p_ixx_rod2;
-        let t3_81 = t3_80.mul_add(x_q2_p1, t3_79);
-        let t3_82 = (-x_s1_3_p1).mul_add(t3_77, t3_81);
-        let t3_83 = (-x_s1_2_p1).mul_add(t3_72, t3_82);
-        let t3_84 = (-x_s1_1_p1).mul_add(t3_67, t3_83);
-        let t3_85 = x_q1_p1.mul_add(t3_62, t3_84);
-        let t3_86 = t3_85 + p_m_rod1;
-        let t3_87 = t3_86 + p_m_platform;
-        m[0][0] = t3_87;
-        let t3_88 = t3_32 * x_s1_3_p2;
-        let t3_89 = t3_57.mul_add(x_s1_2_p2, t3_88);
-        let t3_90 = t3_56.mul_add(x_s1_1_p2, t3_89);
-        let t3_91 = t3_55.mul_add(x_q1_p2, t3_90);
-        let t3_92 = t3_29 * x_s1_3_p2;
-        let t3_93 = t3_49.mul_add(x_s1_2_p2, t3_92);
-        let t3_94 = (-t3_34).mul_add(x_s1_1_p2, t3_93);
-        let t3_95 = t3_56.mul_add(x_q1_p2, t3_94);
-        let t3_96 = t3_12 * x_s1_3_p2;
-        let t3_97 = t3_45.mul_add(x_s1_2_p2, t3_96);
-        let t3_98 = t3_49.mul_add(x_s1_1_p2, t3_97);
-        let t3_99 = t3_57.mul_add(x_q1_p2, t3_98);
-        let t3_100 = t3_12 * x_s1_3_p3;
-        let t3_101 = t3_45.mul_add(x_s1_2_p3, t3_100);
-        let t3_102 = t3_49.mul_add(x_s1_1_p3, t3_101);
-        let t3_103 = t3_57.mul_add(x_q1_p3, t3_102);
-        let t3_104 = t3_32 * x_s1_3_p3;
-        let t3_105 = t3_57.mul_add(x_s1_2_p3, t3_104);
-        let t3_106 = t3_56.mul_add(x_s1_1_p3, t3_105);
-        let t3_107 = t3_55.mul_add(x_q1_p3, t3_106);
-        let t3_108 = t3_29 * x_s1_3_p3;
-        let t3_109 = t3_49.mul_add(x_s1_2_p3, t3_108);
-        let t3_110 = (-t3_34).mul_add(x_s1_1_p3, t3_109);
-        let t3_111 = t3_56.mul_add(x_q1_p3, t3_110);
-        let t3_112 = t3_20 * x_s1_3_p2;
-        let t3_113 = t3_12.mul_add(x_s1_2_p2, t3_112);
-        let t3_114 = t3_20 * x_s1_3_p3;
-        let t3_115 = t3_12.mul_add(x_s1_2_p3, t3_114);
-        let t3_116 = t3_29.mul_add(x_s1_1_p2, t3_113);
-        let t3_117 = t3_29.mul_add(x_s1_1_p3, t3_115);
-        let t3_118 = t3_32.mul_add(x_q1_p2, t3_116);
-        let t3_119 = t3_32.mul_add(x_q1_p3, t3_117);
-        let t3_120 = p_ixx_rod2.mul_add(x_q2_p2, t2_123);
+        let t3_18 = cos_s1_3.mul_add(p_iyy_platform, -t3_17);
+        let t3_19 = sin_s1_3.mul_add(p_iyy_platform, t3_16);
+        let t3_20 = p_izz_platform + t2_9;
+        let t3_21 = (-sin_s1_3).mul_add(t3_20, t3_16);
+        let t3_22 = sin_s1_3.mul_add(t3_21, t3_20);
+        let t3_23 = sin_s1_3.mul_add(t3_19, t3_22);
+        let t3_24 = p_ixx_platform + t2_9;
+        let t3_25 = sin_s1_2.mul_add(t3_23, t3_13);
+        let t3_26 = (-cos_s1_2).mul_add(t3_23, t3_14);
+        let t3_27 = cos_s1_2.mul_add(t3_24, t3_14);
+        let t3_28 = (-sin_s1_2).mul_add(t3_24, t3_13);
+        let t3_29 = cos_s1_1 * t3_27;
+        let t3_30 = like.lift(-0.5).mul_add(t3_4, t3_29);
+        let t3_31 = (-sin_s1_1).mul_add(t3_12, t3_30);
+        let t3_32 = sin_s1_2 * t3_28;
+        let t3_33 = cos_s1_2.mul_add(t3_26, t3_32);
+        let t3_34 = cos_s1_2 * t3_27;
+        let t3_35 = sin_s1_2.mul_add(t3_25, t3_34);
+        let t3_36 = cos_s1_2 * t3_25;
+        let t3_37 = (-sin_s1_2).mul_add(t3_27, t3_36);
+        let t3_38 = cos_s1_1 * t3_37;
+        let t3_39 = like.lift(-0.5).mul_add(t3_2, t3_38);
+        let t3_40 = cos_s1_1 * t3_35;
+        let t3_41 = cos_s1_3 * t3_21;
+        let t3_42 = cos_s1_3 * t3_18;
+        let t3_43 = sin_s1_3.mul_add(t3_18, t3_41);
+        let t3_44 = (-sin_s1_3).mul_add(t3_21, t3_42);
+        let t3_45 = cos_s1_2 * t3_12;
+        let t3_46 = sin_s1_2.mul_add(t3_43, t3_45);
+        let t3_47 = cos_s1_2 * t3_43;
+        let t3_48 = (-sin_s1_2).mul_add(t3_12, t3_47);
+        let t3_49 = (-sin_s1_1).mul_add(t3_46, t3_40);
+        let t3_50 = cos_s1_1 * t3_46;
+        let t3_51 = (-sin_s1_1).mul_add(t3_44, t3_50);
+        let t3_52 = (-sin_s1_1).mul_add(t3_51, p_ixx_rod1);
+        let t3_53 = cos_s1_1.mul_add(t3_49, t3_52);
+        let t3_54 = like.lift(0.5).mul_add(t2_18, t3_53);
+        let t3_55 = (-sin_s1_1).mul_add(t3_48, t3_39);
+        let t3_56 = like.lift(-0.5).mul_add(t2_19, t3_51);
+        let t3_57 = t3_31.mul_add(x_s1_3_p1, t2_17);
+        let t3_58 = t3_56.mul_add(x_s1_2_p1, t3_57);
+        let t3_59 = t3_55.mul_add(x_s1_1_p1, t3_58);
+        let t3_60 = t3_54.mul_add(x_q1_p1, t3_59);
+        let t3_61 = t3_60 + t2_17;
+        let t3_62 = (-t3_28).mul_add(x_s1_3_p1, t3_7);
+        let t3_63 = (-t3_48).mul_add(x_s1_2_p1, t3_62);
+        let t3_64 = t3_33.mul_add(x_s1_1_p1, t3_63);
+        let t3_65 = (-t3_55).mul_add(x_q1_p1, t3_64);
+        let t3_66 = t3_65 + t3_7;
+        let t3_67 = (-t3_12).mul_add(x_s1_3_p1, t2_102);
+        let t3_68 = (-t3_44).mul_add(x_s1_2_p1, t3_67);
+        let t3_69 = (-t3_48).mul_add(x_s1_1_p1, t3_68);
+        let t3_70 = (-t3_56).mul_add(x_q1_p1, t3_69);
+        let t3_71 = t3_70 + t2_102;
+        let t3_72 = (-t3_24).mul_add(x_s1_3_p1, t3_6);
+        let t3_73 = (-t3_12).mul_add(x_s1_2_p1, t3_72);
+        let t3_74 = (-t3_28).mul_add(x_s1_1_p1, t3_73);
+        let t3_75 = (-t3_31).mul_add(x_q1_p1, t3_74);
+        let t3_76 = t3_75 + t3_6;
+        let t3_77 = x_q3_p1 * p_ixx_rod3;
+        let t3_78 = t3_77.mul_add(x_q3_p1, p_m_carriage1);
+        let t3_79 = x_q2_p1 * p_ixx_rod2;
+        let t3_80 = t3_79.mul_add(x_q2_p1, t3_78);
+        let t3_81 = (-x_s1_3_p1).mul_add(t3_76, t3_80);
+        let t3_82 = (-x_s1_2_p1).mul_add(t3_71, t3_81);
+        let t3_83 = (-x_s1_1_p1).mul_add(t3_66, t3_82);
+        let t3_84 = x_q1_p1.mul_add(t3_61, t3_83);
+        let t3_85 = t3_84 + p_m_rod1;
+        let t3_86 = t3_85 + p_m_platform;
+        m[0][0] = t3_86;
+        let t3_87 = t3_31 * x_s1_3_p2;
+        let t3_88 = t3_56.mul_add(x_s1_2_p2, t3_87);
+        let t3_89 = t3_55.mul_add(x_s1_1_p2, t3_88);
+        let t3_90 = t3_54.mul_add(x_q1_p2, t3_89);
+        let t3_91 = t3_28 * x_s1_3_p2;
+        let t3_92 = t3_48.mul_add(x_s1_2_p2, t3_91);
+        let t3_93 = (-t3_33).mul_add(x_s1_1_p2, t3_92);
+        let t3_94 = t3_55.mul_add(x_q1_p2, t3_93);
+        let t3_95 = t3_12 * x_s1_3_p2;
+        let t3_96 = t3_44.mul_add(x_s1_2_p2, t3_95);
+        let t3_97 = t3_48.mul_add(x_s1_1_p2, t3_96);
+        let t3_98 = t3_56.mul_add(x_q1_p2, t3_97);
+        let t3_99 = t3_12 * x_s1_3_p3;
+        let t3_100 = t3_44.mul_add(x_s1_2_p3, t3_99);
+        let t3_101 = t3_48.mul_add(x_s1_1_p3, t3_100);
+        let t3_102 = t3_56.mul_add(x_q1_p3, t3_101);
+        let t3_103 = t3_31 * x_s1_3_p3;
+        let t3_104 = t3_56.mul_add(x_s1_2_p3, t3_103);
+        let t3_105 = t3_55.mul_add(x_s1_1_p3, t3_104);
+        let t3_106 = t3_54.mul_add(x_q1_p3, t3_105);
+        let t3_107 = t3_28 * x_s1_3_p3;
+        let t3_108 = t3_48.mul_add(x_s1_2_p3, t3_107);
+        let t3_109 = (-t3_33).mul_add(x_s1_1_p3, t3_108);
+        let t3_110 = t3_55.mul_add(x_q1_p3, t3_109);
+        let t3_111 = t3_24 * x_s1_3_p2;
+        let t3_112 = t3_12.mul_add(x_s1_2_p2, t3_111);
+        let t3_113 = t3_24 * x_s1_3_p3;
+        let t3_114 = t3_12.mul_add(x_s1_2_p3, t3_113);
+        let t3_115 = t3_28.mul_add(x_s1_1_p2, t3_112);
+        let t3_116 = t3_28.mul_add(x_s1_1_p3, t3_114);
+        let t3_117 = t3_31.mul_add(x_q1_p2, t3_115);
+        let t3_118 = t3_31.mul_add(x_q1_p3, t3_116);
+        let t3_119 = p_ixx_rod2.mul_add(x_q2_p2, t2_116);
+        let t3_120 = t3_119 + t2_116;
         let t3_121 = p_ixx_rod3 * x_q3_p2;
-        let t3_122 = x_q3_p1 * t3_121;
-        let t3_123 = x_q2_p1.mul_add(t3_120, t3_122);
-        let t3_124 = x_s1_3_p1.mul_add(t3_118, t3_123);
-        let t3_125 = x_s1_2_p1.mul_add(t3_99, t3_124);
-        let t3_126 = x_s1_1_p1.mul_add(t3_95, t3_125);
-        let t3_127 = x_q1_p1.mul_add(t3_91, t3_126);
-        let t3_128 = (-t3_6).mul_add(x_s1_3_p2, t3_127);
-        let t3_129 = (-t2_109).mul_add(x_s1_2_p2, t3_128);
-        let t3_130 = (-t3_7).mul_add(x_s1_1_p2, t3_129);
-        let t3_131 = t2_17.mul_add(x_q1_p2, t3_130);
-        m[0][1] = t3_131; m[1][0] = t3_131;
-        let t3_132 = t3_120 + t2_123;
-        let t3_133 = x_q3_p2.mul_add(t3_121, p_m_carriage2);
-        let t3_134 = x_q2_p2.mul_add(t3_132, t3_133);
-        let t3_135 = t3_134 + p_m_rod2;
-        let t3_136 = x_s1_3_p2.mul_add(t3_118, t3_135);
-        let t3_137 = x_s1_2_p2.mul_add(t3_99, t3_136);
-        let t3_138 = x_s1_1_p2.mul_add(t3_95, t3_137);
-        let t3_139 = x_q1_p2.mul_add(t3_91, t3_138);
-        m[1][1] = t3_139;
-        let t3_140 = p_ixx_rod2 * x_q2_p3;
-        let t3_141 = p_ixx_rod3.mul_add(x_q3_p3, t2_144);
-        let t3_142 = x_q3_p1 * t3_141;
-        let t3_143 = x_q2_p1.mul_add(t3_140, t3_142);
-        let t3_144 = x_s1_3_p1.mul_add(t3_119, t3_143);
-        let t3_145 = x_s1_2_p1.mul_add(t3_103, t3_144);
-        let t3_146 = x_s1_1_p1.mul_add(t3_111, t3_145);
-        let t3_147 = x_q1_p1.mul_add(t3_107, t3_146);
-        let t3_148 = (-t3_6).mul_add(x_s1_3_p3, t3_147);
-        let t3_149 = (-t2_109).mul_add(x_s1_2_p3, t3_148);
-        let t3_150 = (-t3_7).mul_add(x_s1_1_p3, t3_149);
-        let t3_151 = t2_17.mul_add(x_q1_p3, t3_150);
-        m[0][2] = t3_151; m[2][0] = t3_151;
-        let t3_152 = x_q3_p2 * t3_141;
-        let t3_153 = x_q2_p2.mul_add(t3_140, t3_152);
-        let t3_154 = t2_123.mul_add(x_q2_p3, t3_153);
-        let t3_155 = x_s1_3_p2.mul_add(t3_119, t3_154);
-        let t3_156 = x_s1_2_p2.mul_add(t3_103, t3_155);
-        let t3_157 = x_s1_1_p2.mul_add(t3_111, t3_156);
-        let t3_158 = x_q1_p2.mul_add(t3_107, t3_157);
-        m[1][2] = t3_158; m[2][1] = t3_158;
-        let t3_159 = t3_141 + t2_144;
-        let t3_160 = x_q3_p3.mul_add(t3_159, p_m_carriage3);
-        let t3_161 = t3_160 + p_m_rod3;
-        let t3_162 = x_q2_p3.mul_add(t3_140, t3_161);
-        let t3_163 = x_s1_3_p3.mul_add(t3_119, t3_162);
-        let t3_164 = x_s1_2_p3.mul_add(t3_103, t3_163);
-        let t3_165 = x_s1_1_p3.mul_add(t3_111, t3_164);
-        let t3_166 = x_q1_p3.mul_add(t3_107, t3_165);
-        m[2][2] = t3_166;
+        let t3_122 = x_q3_p2.mul_add(t3_121, p_m_carriage2);
+        let t3_123 = x_q2_p2.mul_add(t3_120, t3_122);
+        let t3_124 = x_q3_p1 * t3_121;
+        let t3_125 = x_q2_p1.mul_add(t3_119, t3_124);
+        let t3_126 = x_s1_3_p1.mul_add(t3_117, t3_125);
+        let t3_127 = t3_123 + p_m_rod2;
+        let t3_128 = x_s1_3_p2.mul_add(t3_117, t3_127);
+        let t3_129 = x_s1_2_p1.mul_add(t3_98, t3_126);
+        let t3_130 = x_s1_2_p2.mul_add(t3_98, t3_128);
+        let t3_131 = x_s1_1_p2.mul_add(t3_94, t3_130);
+        let t3_132 = x_s1_1_p1.mul_add(t3_94, t3_129);
+        let t3_133 = x_q1_p2.mul_add(t3_90, t3_131);
+        m[1][1] = t3_133;
+        let t3_134 = x_q1_p1.mul_add(t3_90, t3_132);
+        let t3_135 = (-t3_6).mul_add(x_s1_3_p2, t3_134);
+        let t3_136 = (-t2_102).mul_add(x_s1_2_p2, t3_135);
+        let t3_137 = (-t3_7).mul_add(x_s1_1_p2, t3_136);
+        let t3_138 = t2_17.mul_add(x_q1_p2, t3_137);
+        m[0][1] = t3_138; m[1][0] = t3_138;
+        let t3_139 = p_ixx_rod2 * x_q2_p3;
+        let t3_140 = p_ixx_rod3.mul_add(x_q3_p3, t2_137);
+        let t3_141 = x_q3_p1 * t3_140;
+        let t3_142 = x_q2_p1.mul_add(t3_139, t3_141);
+        let t3_143 = x_s1_3_p1.mul_add(t3_118, t3_142);
+        let t3_144 = x_s1_2_p1.mul_add(t3_102, t3_143);
+        let t3_145 = x_s1_1_p1.mul_add(t3_110, t3_144);
+        let t3_146 = x_q1_p1.mul_add(t3_106, t3_145);
+        let t3_147 = (-t3_6).mul_add(x_s1_3_p3, t3_146);
+        let t3_148 = (-t2_102).mul_add(x_s1_2_p3, t3_147);
+        let t3_149 = (-t3_7).mul_add(x_s1_1_p3, t3_148);
+        let t3_150 = t2_17.mul_add(x_q1_p3, t3_149);
+        m[0][2] = t3_150; m[2][0] = t3_150;
+        let t3_151 = x_q3_p2 * t3_140;
+        let t3_152 = x_q2_p3.mul_add(t3_119, t3_151);
+        let t3_153 = x_s1_3_p2.mul_add(t3_118, t3_152);
+        let t3_154 = x_s1_2_p2.mul_add(t3_102, t3_153);
+        let t3_155 = x_s1_1_p2.mul_add(t3_110, t3_154);
+        let t3_156 = x_q1_p2.mul_add(t3_106, t3_155);
+        m[1][2] = t3_156; m[2][1] = t3_156;
+        let t3_157 = t3_140 + t2_137;
+        let t3_158 = x_q3_p3.mul_add(t3_157, p_m_carriage3);
+        let t3_159 = t3_158 + p_m_rod3;
+        let t3_160 = x_q2_p3.mul_add(t3_139, t3_159);
+        let t3_161 = x_s1_3_p3.mul_add(t3_118, t3_160);
+        let t3_162 = x_s1_2_p3.mul_add(t3_102, t3_161);
+        let t3_163 = x_s1_1_p3.mul_add(t3_110, t3_162);
+        let t3_164 = x_q1_p3.mul_add(t3_106, t3_163);
+        m[2][2] = t3_164;
     }
     (m, Condition { pivot: condition })
 }
@@ -6018,7 +5911,7 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 271 additions, 412 multiplications, 6 divisions, 6 sines and cosines.
+/// 261 additions, 406 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 19]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0][1] = zero; w[0][2] = zero;
@@ -6072,216 +5965,209 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let t3_10 = like.lift(0.2) * t3_6;
         let t3_11 = like.lift(0.17320508075688773) * t3_8;
         let t3_12 = t3_9 + t3_10;
-        let t3_13 = t3_12 - t3_11;
+        let t3_13 = like.lift(0.5).mul_add(cos_q1, t3_10);
+        let t3_14 = t3_12 - t3_11;
+        let t3_15 = t3_12 + t3_11;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t3_14 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_14);
-        let t3_15 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_15);
-        let t3_16 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_16);
-        let t3_17 = like.lift(0.1) * u_s1_3_p1y;
-        let t3_18 = like.lift(0.2) * u_s1_3_p1y;
-        let t3_19 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t3_20 = t3_17 + t3_18;
-        let t3_21 = t3_20 + t3_19;
-        let t3_22 = cos_q1 * t3_21;
-        let t3_23 = sin_q1.mul_add(t3_13, t3_22);
-        let t3_24 = u_s1_1_p1y * t3_13;
-        let t3_25 = (-t3_1).mul_add(t3_21, t3_24);
-        let t3_26 = -t3_25;
-        let t3_27 = t3_8 * t3_21;
-        let t3_28 = u_s1_2_p1x.mul_add(t3_13, t3_27);
-        let t3_29 = -t3_28;
+        let t3_16 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t3_16);
+        let t3_17 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t3_17);
+        let t3_18 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t3_18);
+        let t3_19 = like.lift(0.1) * u_s1_3_p1y;
+        let t3_20 = like.lift(0.2) * u_s1_3_p1y;
+        let t3_21 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t3_22 = like.lift(0.5) * sin_q1;
+        let t3_23 = t3_22 - t3_20;
+        let t3_24 = t3_23 - t3_21;
+        let t3_25 = t3_23 + t3_21;
+        let t3_26 = t3_24 - t3_19;
+        let t3_27 = t3_25 - t3_19;
+        let t3_28 = t3_22 - t3_26;
+        let t3_29 = t3_22 - t3_27;
+        let t3_30 = cos_q1 * t3_28;
+        let t3_31 = sin_q1.mul_add(t3_14, t3_30);
+        let t3_32 = u_s1_1_p1y * t3_14;
+        let t3_33 = (-t3_1).mul_add(t3_28, t3_32);
+        let t3_34 = sin_s1_1 * t3_28;
+        let t3_35 = -t3_33;
+        let t3_36 = t3_8 * t3_29;
+        let t3_37 = u_s1_2_p1x.mul_add(t3_15, t3_36);
+        let t3_38 = like.lift(0.0) + t3_37;
+        let t3_39 = -t3_38;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t3_30 = like.lift(0.5).mul_add(cos_q1, t3_10);
-        let t3_31 = t3_9 + t3_10;
-        let t3_32 = t3_31 + t3_11;
-        let t3_33 = t3_30 - t3_11;
-        let t3_34 = t3_30 + t3_11;
-        let pivot_3 = t3_33 + t3_9;
-        let t3_35 = t3_34 + t3_9;
+        let t3_40 = t3_13 - t3_11;
+        let t3_41 = t3_13 + t3_11;
+        let pivot_3 = t3_40 + t3_9;
+        let t3_42 = t3_41 + t3_9;
         let e_s1_2_q1z = cos_s1_1 * sin_s1_2;
-        let t3_36 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_36);
-        let t3_37 = like.lift(0.2) * e_s1_3_q1y;
+        let t3_43 = sin_s1_1 * cos_s1_3;
+        let e_s1_3_q1y = (-sin_s1_3).mul_add(e_s1_2_q1z, t3_43);
+        let t3_44 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t3_38 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t3_39 = like.lift(0.1) * e_s1_3_q1y;
-        let t3_40 = t3_37 - t3_38;
-        let t3_41 = t3_37 + t3_38;
-        let t3_42 = t3_40 + t3_39;
-        let t3_43 = t3_41 + t3_39;
-        let t3_44 = cos_q1 * t3_42;
-        let t3_45 = t3_1 * t3_42;
-        let t3_46 = (-sin_s1_1).mul_add(t3_13, t3_45);
-        let t3_47 = t3_8 * t3_42;
-        let t3_48 = (-e_s1_2_q1x).mul_add(t3_13, t3_47);
-        let t3_49 = -t3_48;
-        let t3_50 = like.lift(-0.5773502691896257).mul_add(t3_28, t3_48);
-        let t3_51 = like.lift(0.25) * cos_q2;
-        let t3_52 = like.lift(0.5) * sin_q1;
-        let t3_53 = t3_52 - t3_18;
-        let t3_54 = t3_53 - t3_19;
-        let t3_55 = t3_54 - t3_17;
-        let t3_56 = t3_52 - t3_18;
-        let t3_57 = t3_17 + t3_18;
-        let t3_58 = t3_56 + t3_19;
-        let t3_59 = t3_57 - t3_19;
-        let t3_60 = t3_58 - t3_17;
-        let t3_61 = sin_q1 * t3_42;
-        let t3_62 = sin_s1_1 * t3_21;
-        let t3_63 = (-u_s1_1_p1y).mul_add(t3_42, t3_62);
-        let t3_64 = u_s1_2_p1x * t3_42;
-        let t3_65 = e_s1_2_q1x.mul_add(t3_21, t3_64);
-        let t3_66 = -t3_65;
-        let t3_67 = like.lift(0.5) * sin_q2;
-        let t3_68 = -t3_67;
-        let t3_69 = cos_q1 * t3_59;
-        let t3_70 = sin_q1.mul_add(t3_32, t3_69);
-        let t3_71 = u_s1_1_p1y * t3_32;
-        let t3_72 = (-t3_1).mul_add(t3_59, t3_71);
-        let t3_73 = t3_1 * t3_43;
-        let t3_74 = (-sin_s1_1).mul_add(t3_32, t3_73);
-        let t3_75 = -t3_72;
-        let t3_76 = t3_8 * t3_59;
-        let t3_77 = u_s1_2_p1x.mul_add(t3_32, t3_76);
-        let t3_78 = t3_8 * t3_43;
-        let t3_79 = (-e_s1_2_q1x).mul_add(t3_32, t3_78);
-        let t3_80 = -t3_77;
+        let t3_45 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t3_46 = like.lift(0.1) * e_s1_3_q1y;
+        let t3_47 = t3_44 - t3_45;
+        let t3_48 = t3_44 + t3_45;
+        let t3_49 = t3_47 + t3_46;
+        let t3_50 = t3_48 + t3_46;
+        let t3_51 = t3_8 * t3_50;
+        let t3_52 = (-e_s1_2_q1x).mul_add(t3_15, t3_51);
+        let t3_53 = (-u_s1_1_p1y).mul_add(t3_49, t3_34);
+        let t3_54 = t3_1 * t3_49;
+        let t3_55 = (-sin_s1_1).mul_add(t3_14, t3_54);
+        let t3_56 = cos_q1 * t3_49;
+        let t3_57 = sin_q1 * t3_49;
+        let t3_58 = like.lift(0.0) + t3_52;
+        let t3_59 = -t3_58;
+        let t3_60 = like.lift(-0.5773502691896257).mul_add(t3_38, t3_58);
+        let t3_61 = like.lift(0.25) * cos_q2;
+        let t3_62 = u_s1_2_p1x * t3_50;
+        let t3_63 = e_s1_2_q1x.mul_add(t3_29, t3_62);
+        let t3_64 = like.lift(0.0) + t3_63;
+        let t3_65 = -t3_64;
+        let t3_66 = like.lift(0.5) * sin_q2;
+        let t3_67 = -t3_66;
+        let t3_68 = cos_q1 * t3_29;
+        let t3_69 = sin_q1.mul_add(t3_15, t3_68);
+        let t3_70 = u_s1_1_p1y * t3_15;
+        let t3_71 = (-t3_1).mul_add(t3_29, t3_70);
+        let t3_72 = t3_1 * t3_50;
+        let t3_73 = (-sin_s1_1).mul_add(t3_15, t3_72);
+        let t3_74 = sin_s1_1 * t3_29;
+        let t3_75 = (-u_s1_1_p1y).mul_add(t3_50, t3_74);
+        let t3_76 = -t3_71;
+        let t3_77 = -t3_37;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t3_81 = -pivot_2;
-        let t3_82 = cos_q1 * t3_43;
-        let t3_83 = -t3_79;
-        let t3_84 = like.lift(0.25) * cos_q3;
-        let t3_85 = sin_q1 * t3_43;
-        let t3_86 = sin_s1_1 * t3_59;
-        let t3_87 = (-u_s1_1_p1y).mul_add(t3_43, t3_86);
-        let t3_88 = u_s1_2_p1x * t3_43;
-        let t3_89 = e_s1_2_q1x.mul_add(t3_59, t3_88);
-        let t3_90 = -t3_89;
-        let t3_91 = like.lift(0.5) * sin_q3;
-        let t3_92 = -t3_91;
+        let t3_78 = -pivot_2;
+        let t3_79 = cos_q1 * t3_50;
+        let t3_80 = sin_q1 * t3_50;
+        let t3_81 = -t3_52;
+        let t3_82 = like.lift(0.25) * cos_q3;
+        let t3_83 = -t3_63;
+        let t3_84 = like.lift(0.5) * sin_q3;
+        let t3_85 = -t3_84;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t3_93 = like.lift(-0.5773502691896257).mul_add(t3_23, t3_44);
-        let t3_94 = t3_35 * inv_pivot_3;
-        let t3_95 = (-t3_50).mul_add(t3_94, t3_79);
-        let t3_96 = like.lift(0.5773502691896257).mul_add(t3_77, t3_95);
-        let t3_97 = (-t3_93).mul_add(t3_94, t3_82);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t3_70, t3_97);
+        let t3_86 = like.lift(-0.5773502691896257).mul_add(t3_31, t3_56);
+        let t3_87 = t3_42 * inv_pivot_3;
+        let t3_88 = (-t3_60).mul_add(t3_87, t3_52);
+        let t3_89 = like.lift(0.5773502691896257).mul_add(t3_37, t3_88);
+        let t3_90 = (-t3_86).mul_add(t3_87, t3_79);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t3_69, t3_90);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t3_98 = like.lift(1.0) - t3_94;
-        let t3_99 = like.lift(1.0) / cos_q2;
-        let t3_100 = sin_q2 * t3_99;
-        let t3_101 = like.lift(2.309401076758503) * t3_99;
-        let t3_102 = t3_55 * inv_pivot_3;
-        let t3_103 = like.lift(1.1547005383792515) * t3_100;
-        let t3_104 = (-t3_93).mul_add(t3_102, t3_61);
-        let t3_105 = t3_23.mul_add(t3_103, t3_104);
-        let t3_106 = t3_105 * inv_pivot_4;
-        let t3_107 = (-t3_96).mul_add(t3_106, t3_65);
-        let t3_108 = (-t3_50).mul_add(t3_102, t3_107);
-        let pivot_5 = t3_28.mul_add(t3_103, t3_108);
+        let t3_91 = like.lift(1.0) - t3_87;
+        let t3_92 = like.lift(1.0) / cos_q2;
+        let t3_93 = sin_q2 * t3_92;
+        let t3_94 = like.lift(2.309401076758503) * t3_92;
+        let t3_95 = t3_26 * inv_pivot_3;
+        let t3_96 = like.lift(1.1547005383792515) * t3_93;
+        let t3_97 = (-t3_86).mul_add(t3_95, t3_57);
+        let t3_98 = t3_31.mul_add(t3_96, t3_97);
+        let t3_99 = t3_98 * inv_pivot_4;
+        let t3_100 = (-t3_89).mul_add(t3_99, t3_64);
+        let t3_101 = (-t3_60).mul_add(t3_95, t3_100);
+        let pivot_5 = t3_38.mul_add(t3_96, t3_101);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_109 = -pivot_5;
-        let t3_110 = t3_98.mul_add(t3_106, t3_102);
-        let t3_111 = like.lift(0.5773502691896257).mul_add(t3_25, t3_46);
-        let t3_112 = (-t3_111).mul_add(t3_94, t3_74);
-        let t3_113 = like.lift(-0.5773502691896257).mul_add(t3_72, t3_112);
-        let t3_114 = (-t3_113).mul_add(t3_106, t3_63);
-        let t3_115 = (-t3_111).mul_add(t3_102, t3_114);
-        let t3_116 = (-t3_25).mul_add(t3_103, t3_115);
-        let t3_117 = t3_60 * inv_pivot_3;
-        let t3_118 = like.lift(1.0) / cos_q3;
-        let t3_119 = sin_q3 * t3_118;
-        let t3_120 = like.lift(2.309401076758503) * t3_118;
-        let t3_121 = like.lift(1.1547005383792515) * t3_119;
-        let t3_122 = (-t3_93).mul_add(t3_117, t3_85);
-        let t3_123 = (-t3_70).mul_add(t3_121, t3_122);
-        let t3_124 = t3_123 * inv_pivot_4;
-        let t3_125 = (-t3_96).mul_add(t3_124, t3_89);
-        let t3_126 = (-t3_50).mul_add(t3_117, t3_125);
-        let t3_127 = (-t3_77).mul_add(t3_121, t3_126);
-        let t3_128 = t3_127 * inv_pivot_5;
-        let t3_129 = (-t3_110).mul_add(t3_128, t3_117);
-        let t3_130 = t3_98.mul_add(t3_124, t3_129);
-        let t3_131 = (-t3_116).mul_add(t3_128, t3_87);
-        let t3_132 = (-t3_113).mul_add(t3_124, t3_131);
-        let t3_133 = (-t3_111).mul_add(t3_117, t3_132);
-        let pivot_6 = t3_72.mul_add(t3_121, t3_133);
-        let t3_134 = t3_100 * t3_128;
+        let t3_102 = -pivot_5;
+        let t3_103 = t3_91.mul_add(t3_99, t3_95);
+        let t3_104 = like.lift(0.5773502691896257).mul_add(t3_33, t3_55);
+        let t3_105 = (-t3_104).mul_add(t3_87, t3_73);
+        let t3_106 = like.lift(-0.5773502691896257).mul_add(t3_71, t3_105);
+        let t3_107 = (-t3_106).mul_add(t3_99, t3_53);
+        let t3_108 = (-t3_104).mul_add(t3_95, t3_107);
+        let t3_109 = (-t3_33).mul_add(t3_96, t3_108);
+        let t3_110 = t3_27 * inv_pivot_3;
+        let t3_111 = like.lift(1.0) / cos_q3;
+        let t3_112 = sin_q3 * t3_111;
+        let t3_113 = like.lift(2.309401076758503) * t3_111;
+        let t3_114 = like.lift(1.1547005383792515) * t3_112;
+        let t3_115 = (-t3_86).mul_add(t3_110, t3_80);
+        let t3_116 = (-t3_69).mul_add(t3_114, t3_115);
+        let t3_117 = t3_116 * inv_pivot_4;
+        let t3_118 = (-t3_89).mul_add(t3_117, t3_63);
+        let t3_119 = (-t3_60).mul_add(t3_110, t3_118);
+        let t3_120 = (-t3_37).mul_add(t3_114, t3_119);
+        let t3_121 = t3_120 * inv_pivot_5;
+        let t3_122 = (-t3_103).mul_add(t3_121, t3_110);
+        let t3_123 = t3_91.mul_add(t3_117, t3_122);
+        let t3_124 = (-t3_109).mul_add(t3_121, t3_75);
+        let t3_125 = (-t3_106).mul_add(t3_117, t3_124);
+        let t3_126 = (-t3_104).mul_add(t3_110, t3_125);
+        let pivot_6 = t3_71.mul_add(t3_114, t3_126);
+        let t3_127 = t3_93 * t3_121;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_135 = t3_130 * inv_pivot_6;
-        let t3_136 = (-t3_116).mul_add(t3_135, t3_110);
+        let t3_128 = t3_123 * inv_pivot_6;
+        let t3_129 = (-t3_109).mul_add(t3_128, t3_103);
+        let t3_130 = inv_pivot_5 * t3_129;
+        let t3_131 = t3_106.mul_add(t3_128, t3_91);
+        let t3_132 = t3_89.mul_add(t3_130, t3_131);
+        let t3_133 = inv_pivot_4 * t3_132;
+        let t3_134 = t3_127 * inv_pivot_6;
+        let t3_135 = t3_112 * inv_pivot_6;
+        let t3_136 = t3_109.mul_add(t3_134, t3_93);
         let t3_137 = inv_pivot_5 * t3_136;
-        let t3_138 = t3_113.mul_add(t3_135, t3_98);
-        let t3_139 = t3_96.mul_add(t3_137, t3_138);
-        let t3_140 = inv_pivot_4 * t3_139;
-        let t3_141 = t3_134 * inv_pivot_6;
-        let t3_142 = t3_119 * inv_pivot_6;
-        let t3_143 = t3_116.mul_add(t3_141, t3_100);
-        let t3_144 = inv_pivot_5 * t3_143;
-        let t3_145 = inv_pivot_5 * t3_116;
-        let t3_146 = t3_145 * t3_142;
-        let t3_147 = t3_111.mul_add(t3_135, like.lift(1.0));
-        let t3_148 = t3_50.mul_add(t3_137, t3_147);
-        let t3_149 = (-t3_93).mul_add(t3_140, t3_148);
-        let t3_150 = inv_pivot_3 * t3_149;
-        let t3_151 = -t3_150;
-        let t3_152 = t3_96 * t3_144;
-        let t3_153 = (-t3_113).mul_add(t3_141, t3_152);
-        let t3_154 = t3_96 * t3_146;
-        let t3_155 = (-t3_113).mul_add(t3_142, t3_154);
-        let t3_156 = inv_pivot_4 * t3_153;
-        let t3_157 = inv_pivot_4 * t3_155;
-        let t3_158 = t3_111 * t3_141;
-        let t3_159 = (-t3_50).mul_add(t3_144, t3_158);
-        let t3_160 = t3_111 * t3_142;
-        let t3_161 = (-t3_50).mul_add(t3_146, t3_160);
-        let t3_162 = t3_93.mul_add(t3_156, t3_159);
-        let t3_163 = t3_93.mul_add(t3_157, t3_161);
-        let t3_164 = inv_pivot_3 * t3_162;
-        let t3_165 = inv_pivot_3 * t3_163;
-        let t3_166 = -t3_164;
-        let t3_167 = -t3_140;
-        let t3_168 = -t3_157;
-        let t3_169 = -t3_142;
-        let t3_170 = -t3_137;
-        let t3_171 = -t3_146;
-        let t3_172 = t3_25 * t3_135;
-        let t3_173 = (-t3_28).mul_add(t3_137, t3_172);
-        let t3_174 = t3_23.mul_add(t3_140, t3_173);
-        let t3_175 = t3_174 * t3_101;
-        let t3_176 = t3_72 * t3_135;
-        let t3_177 = (-t3_77).mul_add(t3_137, t3_176);
-        let t3_178 = t3_70.mul_add(t3_140, t3_177);
-        let t3_179 = t3_178 * t3_120;
-        let t3_180 = -t3_179;
-        let t3_181 = (-t3_25).mul_add(t3_141, like.lift(0.8660254037844386));
-        let t3_182 = (-t3_28).mul_add(t3_144, t3_181);
-        let t3_183 = t3_23.mul_add(t3_156, t3_182);
-        let t3_184 = t3_183 * t3_101;
-        let t3_185 = -t3_184;
-        let t3_186 = t3_23 * t3_157;
-        let t3_187 = (-t3_25).mul_add(t3_142, t3_186);
-        let t3_188 = (-t3_28).mul_add(t3_146, t3_187);
-        let t3_189 = t3_188 * t3_101;
-        let t3_190 = (-t3_72).mul_add(t3_142, like.lift(0.8660254037844386));
-        let t3_191 = (-t3_77).mul_add(t3_146, t3_190);
-        let t3_192 = t3_70.mul_add(t3_157, t3_191);
-        let t3_193 = t3_192 * t3_120;
-        let t3_194 = -t3_193;
-        let t3_195 = t3_70 * t3_156;
-        let t3_196 = (-t3_72).mul_add(t3_141, t3_195);
-        let t3_197 = (-t3_77).mul_add(t3_144, t3_196);
-        let t3_198 = t3_197 * t3_120;
+        let t3_138 = inv_pivot_5 * t3_109;
+        let t3_139 = t3_138 * t3_135;
+        let t3_140 = t3_104.mul_add(t3_128, like.lift(1.0));
+        let t3_141 = t3_60.mul_add(t3_130, t3_140);
+        let t3_142 = (-t3_86).mul_add(t3_133, t3_141);
+        let t3_143 = inv_pivot_3 * t3_142;
+        let t3_144 = -t3_143;
+        let t3_145 = t3_89 * t3_137;
+        let t3_146 = (-t3_106).mul_add(t3_134, t3_145);
+        let t3_147 = t3_89 * t3_139;
+        let t3_148 = (-t3_106).mul_add(t3_135, t3_147);
+        let t3_149 = inv_pivot_4 * t3_146;
+        let t3_150 = inv_pivot_4 * t3_148;
+        let t3_151 = t3_104 * t3_134;
+        let t3_152 = (-t3_60).mul_add(t3_137, t3_151);
+        let t3_153 = t3_104 * t3_135;
+        let t3_154 = (-t3_60).mul_add(t3_139, t3_153);
+        let t3_155 = t3_86.mul_add(t3_149, t3_152);
+        let t3_156 = t3_86.mul_add(t3_150, t3_154);
+        let t3_157 = inv_pivot_3 * t3_155;
+        let t3_158 = inv_pivot_3 * t3_156;
+        let t3_159 = -t3_157;
+        let t3_160 = -t3_133;
+        let t3_161 = -t3_150;
+        let t3_162 = -t3_135;
+        let t3_163 = -t3_130;
+        let t3_164 = -t3_139;
+        let t3_165 = t3_33 * t3_128;
+        let t3_166 = (-t3_38).mul_add(t3_130, t3_165);
+        let t3_167 = t3_31.mul_add(t3_133, t3_166);
+        let t3_168 = t3_167 * t3_94;
+        let t3_169 = t3_71 * t3_128;
+        let t3_170 = (-t3_37).mul_add(t3_130, t3_169);
+        let t3_171 = t3_69.mul_add(t3_133, t3_170);
+        let t3_172 = t3_171 * t3_113;
+        let t3_173 = -t3_172;
+        let t3_174 = (-t3_33).mul_add(t3_134, like.lift(0.8660254037844386));
+        let t3_175 = (-t3_38).mul_add(t3_137, t3_174);
+        let t3_176 = t3_31.mul_add(t3_149, t3_175);
+        let t3_177 = t3_176 * t3_94;
+        let t3_178 = -t3_177;
+        let t3_179 = t3_31 * t3_150;
+        let t3_180 = (-t3_33).mul_add(t3_135, t3_179);
+        let t3_181 = (-t3_38).mul_add(t3_139, t3_180);
+        let t3_182 = t3_181 * t3_94;
+        let t3_183 = (-t3_71).mul_add(t3_135, like.lift(0.8660254037844386));
+        let t3_184 = (-t3_37).mul_add(t3_139, t3_183);
+        let t3_185 = t3_69.mul_add(t3_150, t3_184);
+        let t3_186 = t3_185 * t3_113;
+        let t3_187 = -t3_186;
+        let t3_188 = t3_69 * t3_149;
+        let t3_189 = (-t3_71).mul_add(t3_134, t3_188);
+        let t3_190 = (-t3_37).mul_add(t3_137, t3_189);
+        let t3_191 = t3_190 * t3_113;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t3_81 * like.lift(2.4888041299057773)).abs())
+            .min((t3_78 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t3_109 * like.lift(3.327667645468371)).abs())
+            .min((t3_102 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -6289,18 +6175,18 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_151, t3_166, t3_165], [t3_167, t3_156, t3_168], [t3_135, t3_141, t3_169],
-                [t3_170, t3_144, t3_171], [t3_175, t3_185, t3_189], [t3_180, t3_198, t3_194],
+                [t3_144, t3_159, t3_158], [t3_160, t3_149, t3_161], [t3_128, t3_134, t3_162],
+                [t3_163, t3_137, t3_164], [t3_168, t3_178, t3_182], [t3_173, t3_191, t3_187],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t3_23, t3_26, t3_29, pivot_1, like.lift(0.0)],
-                    [pivot_3, t3_44, t3_46, t3_49, t3_51, like.lift(0.0)],
-                    [t3_55, t3_61, t3_63, t3_66, t3_68, like.lift(0.0)],
-                    [like.lift(0.0), t3_70, t3_75, t3_80, like.lift(0.0), t3_81],
-                    [t3_35, t3_82, t3_74, t3_83, like.lift(0.0), t3_84],
-                    [t3_60, t3_85, t3_87, t3_90, like.lift(0.0), t3_92],
+                    [like.lift(0.0), t3_31, t3_35, t3_39, pivot_1, like.lift(0.0)],
+                    [pivot_3, t3_56, t3_55, t3_59, t3_61, like.lift(0.0)],
+                    [t3_26, t3_57, t3_53, t3_65, t3_67, like.lift(0.0)],
+                    [like.lift(0.0), t3_69, t3_76, t3_77, like.lift(0.0), t3_78],
+                    [t3_42, t3_79, t3_73, t3_81, like.lift(0.0), t3_82],
+                    [t3_27, t3_80, t3_75, t3_83, like.lift(0.0), t3_85],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -6363,270 +6249,264 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let t5_1 = cos_s1_3 * e_s1_2_q1z;
         let e_s1_3_q1z = sin_s1_1.mul_add(sin_s1_3, t5_1);
         let t5_2 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
+        let t5_3 = sin_s1_2 * x_s1_1_p1;
+        let t5_4 = x_s1_3_p1 - t5_3;
+        let t5_5 = sin_s1_2 * x_s1_1_p2;
+        let t5_6 = x_s1_3_p2 - t5_5;
+        let t5_7 = sin_s1_2 * x_s1_1_p3;
+        let t5_8 = x_s1_3_p3 - t5_7;
         let w_s1_1x = cos_s1_1 * d_q1;
-        let t5_3 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_3);
+        let t5_9 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t5_9);
         let w_s1_1y = sin_s1_1 * d_q1;
         let w_s1_2y = d_s1_2 - w_s1_1y;
-        let t5_4 = d_s1_1 * w_s1_1y;
-        let t5_5 = w_s1_1x.mul_add(w_s1_1y, dd_s1_1);
-        let t5_6 = (-cos_s1_1).mul_add(dd_q1, t5_4);
-        let t5_7 = t5_6 + t5_4;
-        let t5_8 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
-        let t5_9 = (-sin_s1_2).mul_add(t5_5, t5_8);
-        let al_s1_3x = (-cos_s1_2).mul_add(t5_7, t5_9);
-        let t5_10 = sin_s1_2 * x_s1_1_p1;
-        let t5_11 = e_s1_2_q1x.mul_add(x_q1_p1, x_s1_3_p1);
-        let t5_12 = t5_11 - t5_10;
-        let t5_13 = x_s1_3_p1 - t5_10;
-        let t5_14 = like.lift(0.2) * t5_13;
-        let t5_15 = sin_s1_3 * w_s1_2y;
-        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_15);
-        let t5_16 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_16);
-        let t5_17 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
-        let t5_18 = (-d_s1_1).mul_add(w_s1_1x, t5_17);
-        let t5_19 = sin_s1_3 * w_s1_2z;
-        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t5_19);
-        let t5_20 = w_s1_2x * w_s1_2y;
-        let t5_21 = t5_20 + t5_20;
-        let t5_22 = (-cos_s1_2).mul_add(t5_5, t5_21);
-        let t5_23 = sin_s1_2.mul_add(t5_7, t5_22);
+        let t5_10 = d_s1_1 * w_s1_1y;
+        let t5_11 = w_s1_1x.mul_add(w_s1_1y, dd_s1_1);
+        let t5_12 = (-cos_s1_1).mul_add(dd_q1, t5_10);
+        let t5_13 = t5_12 + t5_10;
+        let t5_14 = (-w_s1_2z).mul_add(w_s1_2y, dd_s1_3);
+        let t5_15 = (-sin_s1_2).mul_add(t5_11, t5_14);
+        let al_s1_3x = (-cos_s1_2).mul_add(t5_13, t5_15);
+        let t5_16 = e_s1_2_q1x.mul_add(x_q1_p1, t5_4);
+        let t5_17 = like.lift(0.2) * t5_4;
+        let t5_18 = sin_s1_3 * w_s1_2y;
+        let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t5_18);
+        let t5_19 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t5_19);
+        let t5_20 = w_s1_2z.mul_add(w_s1_2x, dd_s1_2);
+        let t5_21 = (-d_s1_1).mul_add(w_s1_1x, t5_20);
+        let t5_22 = sin_s1_3 * w_s1_2z;
+        let w_s1_3y = cos_s1_3.mul_add(w_s1_2y, t5_22);
+        let t5_23 = w_s1_2x * w_s1_2y;
+        let t5_24 = t5_23 + t5_23;
+        let t5_25 = (-cos_s1_2).mul_add(t5_11, t5_24);
+        let t5_26 = sin_s1_2.mul_add(t5_13, t5_25);
         let w_s1_3x = d_s1_3 - w_s1_2x;
-        let t5_24 = (-sin_s1_1).mul_add(dd_q1, t5_18);
-        let t5_25 = w_s1_3z * w_s1_3x;
+        let t5_27 = (-sin_s1_1).mul_add(dd_q1, t5_21);
+        let t5_28 = w_s1_3z * w_s1_3x;
         let e_s1_3_s1_1y = cos_s1_2 * sin_s1_3;
-        let t5_26 = e_s1_3_q1y * x_q1_p1;
-        let t5_27 = (-cos_s1_3).mul_add(x_s1_2_p1, t5_26);
-        let t5_28 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t5_27);
-        let t5_29 = sin_s1_3 * x_s1_2_p1;
-        let t5_30 = t5_25 * t5_28;
-        let t5_31 = w_s1_3y * w_s1_3x;
-        let t5_32 = w_s1_3x * w_s1_3x;
+        let t5_29 = e_s1_3_q1y * x_q1_p1;
+        let t5_30 = (-cos_s1_3).mul_add(x_s1_2_p1, t5_29);
+        let t5_31 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p1, t5_30);
+        let t5_32 = sin_s1_3 * x_s1_2_p1;
+        let t5_33 = t5_28 * t5_31;
+        let t5_34 = w_s1_3y * w_s1_3x;
+        let t5_35 = w_s1_3x * w_s1_3x;
         let e_s1_3_s1_1z = cos_s1_2 * cos_s1_3;
-        let t5_33 = e_s1_3_s1_1z * x_s1_1_p1;
-        let t5_34 = t5_29 - t5_33;
-        let t5_35 = like.lift(-0.2).mul_add(t5_34, u_s1_2_p1x);
-        let t5_36 = e_s1_3_q1z.mul_add(x_q1_p1, t5_33);
-        let t5_37 = t5_36 - t5_29;
-        let t5_38 = t5_31 * t5_37;
-        let t5_39 = al_s1_3x.mul_add(t5_12, t5_30);
-        let w_ixx_platform_p1 = t5_39 - t5_38;
-        let t5_40 = -w_ixx_platform_p1;
-        w[4][0] = t5_40;
-        let t5_41 = sin_s1_2 * x_s1_1_p2;
-        let t5_42 = e_s1_2_q1x.mul_add(x_q1_p2, x_s1_3_p2);
-        let t5_43 = t5_42 - t5_41;
-        let t5_44 = x_s1_3_p2 - t5_41;
-        let t5_45 = like.lift(0.2) * t5_44;
-        let t5_46 = e_s1_3_q1y * x_q1_p2;
-        let t5_47 = (-cos_s1_3).mul_add(x_s1_2_p2, t5_46);
-        let t5_48 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t5_47);
-        let t5_49 = e_s1_3_s1_1z * x_s1_1_p2;
-        let t5_50 = sin_s1_3 * x_s1_2_p2;
+        let t5_36 = e_s1_3_s1_1z * x_s1_1_p1;
+        let t5_37 = t5_32 - t5_36;
+        let t5_38 = like.lift(-0.2).mul_add(t5_37, u_s1_2_p1x);
+        let t5_39 = x_q1_p1.mul_add(e_s1_3_q1z, -t5_37);
+        let t5_40 = t5_34 * t5_39;
+        let t5_41 = al_s1_3x.mul_add(t5_16, t5_33);
+        let w_ixx_platform_p1 = t5_41 - t5_40;
+        let t5_42 = -w_ixx_platform_p1;
+        w[4][0] = t5_42;
+        let t5_43 = e_s1_2_q1x.mul_add(x_q1_p2, t5_6);
+        let t5_44 = like.lift(0.2) * t5_6;
+        let t5_45 = e_s1_3_q1y * x_q1_p2;
+        let t5_46 = (-cos_s1_3).mul_add(x_s1_2_p2, t5_45);
+        let t5_47 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p2, t5_46);
+        let t5_48 = e_s1_3_s1_1z * x_s1_1_p2;
+        let t5_49 = sin_s1_3 * x_s1_2_p2;
+        let t5_50 = t5_49 - t5_48;
         let t5_51 = e_s1_3_q1y * x_q1_p3;
         let t5_52 = (-cos_s1_3).mul_add(x_s1_2_p3, t5_51);
         let t5_53 = (-e_s1_3_s1_1y).mul_add(x_s1_1_p3, t5_52);
         let t5_54 = e_s1_3_s1_1z * x_s1_1_p3;
-        let t5_55 = sin_s1_2 * x_s1_1_p3;
-        let t5_56 = sin_s1_3 * x_s1_2_p3;
-        let t5_57 = t5_25 * t5_48;
-        let t5_58 = e_s1_3_q1z.mul_add(x_q1_p2, t5_49);
-        let t5_59 = t5_58 - t5_50;
-        let t5_60 = t5_50 - t5_49;
-        let t5_61 = t5_31 * t5_59;
-        let t5_62 = al_s1_3x.mul_add(t5_43, t5_57);
-        let w_ixx_platform_p2 = t5_62 - t5_61;
-        let t5_63 = -w_ixx_platform_p2;
-        w[4][1] = t5_63;
-        let t5_64 = e_s1_2_q1x.mul_add(x_q1_p3, x_s1_3_p3);
-        let t5_65 = t5_64 - t5_55;
-        let t5_66 = x_s1_3_p3 - t5_55;
-        let t5_67 = like.lift(0.2) * e_s1_2_q1x;
-        let t5_68 = like.lift(0.2) * t5_66;
-        let t5_69 = t5_25 * t5_53;
-        let t5_70 = e_s1_3_q1z.mul_add(x_q1_p3, t5_54);
-        let t5_71 = t5_70 - t5_56;
-        let t5_72 = t5_56 - t5_54;
-        let t5_73 = like.lift(0.2) * e_s1_3_q1z;
-        let t5_74 = like.lift(0.5) * sin_s1_1;
-        let u_platform_q1x = t5_74.mul_add(cos_s1_2, t5_73);
-        let t5_75 = u_platform_q1x.mul_add(x_q1_p1, t5_35);
-        let t5_76 = u_platform_q1x * x_q1_p2;
-        let t5_77 = like.lift(-0.2).mul_add(t5_60, t5_76);
-        let t5_78 = u_platform_q1x * x_q1_p3;
-        let t5_79 = like.lift(-0.2).mul_add(t5_72, t5_78);
-        let t5_80 = t5_31 * t5_71;
-        let t5_81 = al_s1_3x.mul_add(t5_65, t5_69);
-        let w_ixx_platform_p3 = t5_81 - t5_80;
-        let t5_82 = -w_ixx_platform_p3;
-        w[4][2] = t5_82;
-        let t5_83 = sin_s1_3 * t5_23;
-        let t5_84 = (-cos_s1_3).mul_add(t5_24, t5_83);
-        let t5_85 = sin_s1_3 * t5_24;
-        let t5_86 = cos_s1_3.mul_add(t5_23, t5_85);
-        let t5_87 = w_s1_3y * w_s1_3z;
-        let t5_88 = w_s1_3y * w_s1_3y;
-        let t5_89 = w_s1_3z * w_s1_3z;
-        let t5_90 = al_s1_3x - t5_87;
-        let t5_91 = al_s1_3x + t5_87;
-        let t5_92 = t5_32 - t5_88;
-        let t5_93 = t5_90 * t5_28;
-        let t5_94 = (-t5_92).mul_add(t5_37, t5_93);
-        let w_ixy_platform_p1 = t5_84.mul_add(t5_12, t5_94);
+        let t5_55 = sin_s1_3 * x_s1_2_p3;
+        let t5_56 = t5_55 - t5_54;
+        let t5_57 = t5_28 * t5_47;
+        let t5_58 = x_q1_p2.mul_add(e_s1_3_q1z, -t5_50);
+        let t5_59 = t5_34 * t5_58;
+        let t5_60 = al_s1_3x.mul_add(t5_43, t5_57);
+        let w_ixx_platform_p2 = t5_60 - t5_59;
+        let t5_61 = -w_ixx_platform_p2;
+        w[4][1] = t5_61;
+        let t5_62 = e_s1_2_q1x.mul_add(x_q1_p3, t5_8);
+        let t5_63 = like.lift(0.2) * e_s1_2_q1x;
+        let t5_64 = like.lift(0.2) * t5_8;
+        let t5_65 = t5_28 * t5_53;
+        let t5_66 = x_q1_p3.mul_add(e_s1_3_q1z, -t5_56);
+        let t5_67 = like.lift(0.2) * e_s1_3_q1z;
+        let t5_68 = like.lift(0.5) * sin_s1_1;
+        let u_platform_q1x = t5_68.mul_add(cos_s1_2, t5_67);
+        let t5_69 = u_platform_q1x.mul_add(x_q1_p1, t5_38);
+        let t5_70 = u_platform_q1x * x_q1_p2;
+        let t5_71 = like.lift(-0.2).mul_add(t5_50, t5_70);
+        let t5_72 = u_platform_q1x * x_q1_p3;
+        let t5_73 = like.lift(-0.2).mul_add(t5_56, t5_72);
+        let t5_74 = t5_34 * t5_66;
+        let t5_75 = al_s1_3x.mul_add(t5_62, t5_65);
+        let w_ixx_platform_p3 = t5_75 - t5_74;
+        let t5_76 = -w_ixx_platform_p3;
+        w[4][2] = t5_76;
+        let t5_77 = sin_s1_3 * t5_26;
+        let t5_78 = (-cos_s1_3).mul_add(t5_27, t5_77);
+        let t5_79 = sin_s1_3 * t5_27;
+        let t5_80 = cos_s1_3.mul_add(t5_26, t5_79);
+        let t5_81 = w_s1_3y * w_s1_3z;
+        let t5_82 = w_s1_3y * w_s1_3y;
+        let t5_83 = w_s1_3z * w_s1_3z;
+        let t5_84 = al_s1_3x - t5_81;
+        let t5_85 = al_s1_3x + t5_81;
+        let t5_86 = t5_35 - t5_82;
+        let t5_87 = t5_84 * t5_31;
+        let t5_88 = (-t5_86).mul_add(t5_39, t5_87);
+        let w_ixy_platform_p1 = t5_78.mul_add(t5_16, t5_88);
         w[5][0] = w_ixy_platform_p1;
-        let t5_95 = t5_90 * t5_48;
-        let t5_96 = (-t5_92).mul_add(t5_59, t5_95);
-        let w_ixy_platform_p2 = t5_84.mul_add(t5_43, t5_96);
+        let t5_89 = t5_84 * t5_47;
+        let t5_90 = (-t5_86).mul_add(t5_58, t5_89);
+        let w_ixy_platform_p2 = t5_78.mul_add(t5_43, t5_90);
         w[5][1] = w_ixy_platform_p2;
-        let t5_97 = t5_90 * t5_53;
-        let t5_98 = (-t5_92).mul_add(t5_71, t5_97);
-        let w_ixy_platform_p3 = t5_84.mul_add(t5_65, t5_98);
+        let t5_91 = t5_84 * t5_53;
+        let t5_92 = (-t5_86).mul_add(t5_66, t5_91);
+        let w_ixy_platform_p3 = t5_78.mul_add(t5_62, t5_92);
         w[5][2] = w_ixy_platform_p3;
-        let t5_99 = t5_32 - t5_89;
-        let t5_100 = t5_86 * t5_12;
-        let t5_101 = (-t5_91).mul_add(t5_37, t5_100);
-        let w_ixz_platform_p1 = (-t5_99).mul_add(t5_28, t5_101);
+        let t5_93 = t5_35 - t5_83;
+        let t5_94 = t5_80 * t5_16;
+        let t5_95 = (-t5_85).mul_add(t5_39, t5_94);
+        let w_ixz_platform_p1 = (-t5_93).mul_add(t5_31, t5_95);
         w[6][0] = w_ixz_platform_p1;
-        let t5_102 = t5_86 * t5_43;
-        let t5_103 = (-t5_91).mul_add(t5_59, t5_102);
-        let w_ixz_platform_p2 = (-t5_99).mul_add(t5_48, t5_103);
+        let t5_96 = t5_80 * t5_43;
+        let t5_97 = (-t5_85).mul_add(t5_58, t5_96);
+        let w_ixz_platform_p2 = (-t5_93).mul_add(t5_47, t5_97);
         w[6][1] = w_ixz_platform_p2;
-        let t5_104 = t5_86 * t5_65;
-        let t5_105 = (-t5_91).mul_add(t5_71, t5_104);
-        let w_ixz_platform_p3 = (-t5_99).mul_add(t5_53, t5_105);
+        let t5_98 = t5_80 * t5_62;
+        let t5_99 = (-t5_85).mul_add(t5_66, t5_98);
+        let w_ixz_platform_p3 = (-t5_93).mul_add(t5_53, t5_99);
         w[6][2] = w_ixz_platform_p3;
-        let t5_106 = t5_87 * t5_12;
-        let al_s1_3y = t5_25 + t5_84;
-        let t5_107 = al_s1_3y.mul_add(t5_28, t5_38);
-        let w_iyy_platform_p1 = t5_107 + t5_106;
-        let t5_108 = -w_iyy_platform_p1;
-        w[7][0] = t5_108;
-        let t5_109 = al_s1_3y.mul_add(t5_48, t5_61);
-        let t5_110 = al_s1_3y.mul_add(t5_53, t5_80);
-        let t5_111 = t5_25 + al_s1_3y;
-        let t5_112 = t5_87 * t5_43;
-        let w_iyy_platform_p2 = t5_109 + t5_112;
-        let t5_113 = -w_iyy_platform_p2;
-        w[7][1] = t5_113;
-        let t5_114 = t5_87 * t5_65;
-        let w_iyy_platform_p3 = t5_110 + t5_114;
-        let t5_115 = -w_iyy_platform_p3;
-        w[7][2] = t5_115;
-        let t5_116 = t5_88 - t5_89;
-        let al_s1_3z = t5_31 + t5_86;
-        let t5_117 = al_s1_3z.mul_add(t5_37, t5_30);
-        let w_izz_platform_p1 = t5_117 + t5_106;
+        let t5_100 = t5_81 * t5_16;
+        let al_s1_3y = t5_28 + t5_78;
+        let t5_101 = al_s1_3y.mul_add(t5_31, t5_40);
+        let w_iyy_platform_p1 = t5_101 + t5_100;
+        let t5_102 = -w_iyy_platform_p1;
+        w[7][0] = t5_102;
+        let t5_103 = al_s1_3y.mul_add(t5_47, t5_59);
+        let t5_104 = al_s1_3y.mul_add(t5_53, t5_74);
+        let t5_105 = t5_28 + al_s1_3y;
+        let t5_106 = t5_81 * t5_43;
+        let w_iyy_platform_p2 = t5_103 + t5_106;
+        let t5_107 = -w_iyy_platform_p2;
+        w[7][1] = t5_107;
+        let t5_108 = t5_81 * t5_62;
+        let w_iyy_platform_p3 = t5_104 + t5_108;
+        let t5_109 = -w_iyy_platform_p3;
+        w[7][2] = t5_109;
+        let t5_110 = t5_82 - t5_83;
+        let al_s1_3z = t5_34 + t5_80;
+        let t5_111 = al_s1_3z.mul_add(t5_39, t5_33);
+        let w_izz_platform_p1 = t5_111 + t5_100;
         w[9][0] = w_izz_platform_p1;
-        let t5_118 = al_s1_3z.mul_add(t5_59, t5_57);
-        let w_izz_platform_p2 = t5_118 + t5_112;
+        let t5_112 = al_s1_3z.mul_add(t5_58, t5_57);
+        let w_izz_platform_p2 = t5_112 + t5_106;
         w[9][1] = w_izz_platform_p2;
-        let t5_119 = al_s1_3z.mul_add(t5_71, t5_69);
-        let w_izz_platform_p3 = t5_119 + t5_114;
+        let t5_113 = al_s1_3z.mul_add(t5_66, t5_65);
+        let w_izz_platform_p3 = t5_113 + t5_108;
         w[9][2] = w_izz_platform_p3;
-        let t5_120 = t5_31 + al_s1_3z;
-        let t5_121 = t5_120 * t5_28;
-        let t5_122 = (-t5_111).mul_add(t5_37, t5_121);
-        let w_iyz_platform_p1 = t5_116.mul_add(t5_12, t5_122);
-        let t5_123 = -w_iyz_platform_p1;
-        w[8][0] = t5_123;
-        let t5_124 = t5_120 * t5_48;
-        let t5_125 = (-t5_111).mul_add(t5_59, t5_124);
-        let w_iyz_platform_p2 = t5_116.mul_add(t5_43, t5_125);
-        let t5_126 = -w_iyz_platform_p2;
-        w[8][1] = t5_126;
-        let t5_127 = t5_120 * t5_53;
-        let t5_128 = (-t5_111).mul_add(t5_71, t5_127);
-        let w_iyz_platform_p3 = t5_116.mul_add(t5_65, t5_128);
-        let t5_129 = -w_iyz_platform_p3;
-        w[8][2] = t5_129;
+        let t5_114 = t5_34 + al_s1_3z;
+        let t5_115 = t5_114 * t5_31;
+        let t5_116 = (-t5_105).mul_add(t5_39, t5_115);
+        let w_iyz_platform_p1 = t5_110.mul_add(t5_16, t5_116);
+        let t5_117 = -w_iyz_platform_p1;
+        w[8][0] = t5_117;
+        let t5_118 = t5_114 * t5_47;
+        let t5_119 = (-t5_105).mul_add(t5_58, t5_118);
+        let w_iyz_platform_p2 = t5_110.mul_add(t5_43, t5_119);
+        let t5_120 = -w_iyz_platform_p2;
+        w[8][1] = t5_120;
+        let t5_121 = t5_114 * t5_53;
+        let t5_122 = (-t5_105).mul_add(t5_66, t5_121);
+        let w_iyz_platform_p3 = t5_110.mul_add(t5_62, t5_122);
+        let t5_123 = -w_iyz_platform_p3;
+        w[8][2] = t5_123;
         let a_s1_1y = cos_s1_1 * t5_2;
         let a_s1_1x = sin_s1_1 * t5_2;
-        let t5_130 = sin_s1_1 * sin_s1_2;
-        let t5_131 = cos_s1_2 * a_s1_1z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_131);
-        let t5_132 = like.lift(0.2) * t5_120;
-        let t5_133 = cos_s1_2.mul_add(a_s1_1x, t5_132);
-        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t5_133);
-        let t5_134 = t5_32 + t5_89;
-        let t5_135 = t5_88 + t5_89;
-        let t5_136 = t5_32 + t5_88;
-        let t5_137 = cos_s1_3 * a_s1_1y;
-        let t5_138 = like.lift(-0.2).mul_add(t5_134, t5_137);
-        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t5_138);
-        let t5_139 = cos_s1_3 * a_s1_2z;
-        let t5_140 = like.lift(-0.2).mul_add(t5_90, t5_139);
-        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t5_140);
-        let t5_141 = sin_s1_3 * t5_130;
-        let t5_142 = cos_s1_1.mul_add(cos_s1_3, t5_141);
-        let t5_143 = cos_s1_3 * t5_130;
-        let t5_144 = (-cos_s1_1).mul_add(sin_s1_3, t5_143);
-        let u_platform_q1z = like.lift(-0.5).mul_add(t5_144, t5_67);
-        let t5_145 = u_platform_q1z.mul_add(x_q1_p1, t5_14);
-        let t5_146 = cos_s1_3.mul_add(u_s1_2_p1z, t5_145);
-        let t5_147 = sin_s1_3.mul_add(u_s1_1_p1y, t5_146);
-        let u_s1_3_q1y = like.lift(0.5) * t5_142;
-        let t5_148 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
-        let t5_149 = u_platform_q1z.mul_add(x_q1_p2, t5_45);
-        let t5_150 = u_platform_q1z.mul_add(x_q1_p3, t5_68);
-        let t5_151 = u_s1_3_q1y * x_q1_p2;
-        let t5_152 = u_s1_3_q1y * x_q1_p3;
-        let t5_153 = a_platformy * t5_37;
-        let t5_154 = (-a_platformz).mul_add(t5_28, t5_153);
-        let t5_155 = t5_84.mul_add(t5_147, t5_154);
-        let t5_156 = t5_86.mul_add(t5_148, t5_155);
-        let w_mx_platform_p1 = t5_135.mul_add(t5_75, t5_156);
-        let t5_157 = -w_mx_platform_p1;
-        w[10][0] = t5_157;
-        let t5_158 = a_platformx * t5_37;
-        let t5_159 = a_platformz.mul_add(t5_12, t5_158);
-        let t5_160 = a_platformy * t5_12;
-        let t5_161 = a_platformx.mul_add(t5_28, t5_160);
-        let t5_162 = (-t5_90).mul_add(t5_147, t5_159);
-        let t5_163 = t5_136.mul_add(t5_147, t5_161);
-        let t5_164 = (-t5_134).mul_add(t5_148, t5_162);
-        let t5_165 = (-t5_91).mul_add(t5_148, t5_163);
-        let w_my_platform_p1 = t5_120.mul_add(t5_75, t5_164);
+        let t5_124 = sin_s1_1 * sin_s1_2;
+        let t5_125 = cos_s1_2 * a_s1_1z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t5_125);
+        let t5_126 = like.lift(0.2) * t5_114;
+        let t5_127 = cos_s1_2.mul_add(a_s1_1x, t5_126);
+        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t5_127);
+        let t5_128 = t5_35 + t5_83;
+        let t5_129 = t5_82 + t5_83;
+        let t5_130 = t5_35 + t5_82;
+        let t5_131 = cos_s1_3 * a_s1_1y;
+        let t5_132 = like.lift(-0.2).mul_add(t5_128, t5_131);
+        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t5_132);
+        let t5_133 = cos_s1_3 * a_s1_2z;
+        let t5_134 = like.lift(-0.2).mul_add(t5_84, t5_133);
+        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t5_134);
+        let t5_135 = sin_s1_3 * t5_124;
+        let t5_136 = cos_s1_1.mul_add(cos_s1_3, t5_135);
+        let t5_137 = cos_s1_3 * t5_124;
+        let t5_138 = (-cos_s1_1).mul_add(sin_s1_3, t5_137);
+        let u_platform_q1z = like.lift(-0.5).mul_add(t5_138, t5_63);
+        let t5_139 = u_platform_q1z.mul_add(x_q1_p1, t5_17);
+        let t5_140 = cos_s1_3.mul_add(u_s1_2_p1z, t5_139);
+        let t5_141 = sin_s1_3.mul_add(u_s1_1_p1y, t5_140);
+        let u_s1_3_q1y = like.lift(0.5) * t5_136;
+        let t5_142 = u_s1_3_q1y.mul_add(x_q1_p1, u_s1_3_p1y);
+        let t5_143 = u_platform_q1z.mul_add(x_q1_p2, t5_44);
+        let t5_144 = u_platform_q1z.mul_add(x_q1_p3, t5_64);
+        let t5_145 = u_s1_3_q1y * x_q1_p2;
+        let t5_146 = u_s1_3_q1y * x_q1_p3;
+        let t5_147 = a_platformy * t5_39;
+        let t5_148 = (-a_platformz).mul_add(t5_31, t5_147);
+        let t5_149 = t5_78.mul_add(t5_141, t5_148);
+        let t5_150 = t5_80.mul_add(t5_142, t5_149);
+        let w_mx_platform_p1 = t5_129.mul_add(t5_69, t5_150);
+        let t5_151 = -w_mx_platform_p1;
+        w[10][0] = t5_151;
+        let t5_152 = a_platformx * t5_39;
+        let t5_153 = a_platformz.mul_add(t5_16, t5_152);
+        let t5_154 = a_platformy * t5_16;
+        let t5_155 = a_platformx.mul_add(t5_31, t5_154);
+        let t5_156 = (-t5_84).mul_add(t5_141, t5_153);
+        let t5_157 = t5_130.mul_add(t5_141, t5_155);
+        let t5_158 = (-t5_128).mul_add(t5_142, t5_156);
+        let t5_159 = (-t5_85).mul_add(t5_142, t5_157);
+        let w_my_platform_p1 = t5_114.mul_add(t5_69, t5_158);
         w[11][0] = w_my_platform_p1;
-        let w_mz_platform_p1 = (-t5_111).mul_add(t5_75, t5_165);
+        let w_mz_platform_p1 = (-t5_105).mul_add(t5_69, t5_159);
         w[12][0] = w_mz_platform_p1;
-        let t5_166 = a_platformy * t5_59;
-        let t5_167 = (-a_platformz).mul_add(t5_48, t5_166);
-        let t5_168 = t5_84.mul_add(t5_149, t5_167);
-        let t5_169 = t5_86.mul_add(t5_151, t5_168);
-        let w_mx_platform_p2 = t5_135.mul_add(t5_77, t5_169);
-        let t5_170 = -w_mx_platform_p2;
-        w[10][1] = t5_170;
-        let t5_171 = a_platformx * t5_59;
-        let t5_172 = a_platformz.mul_add(t5_43, t5_171);
-        let t5_173 = a_platformy * t5_43;
-        let t5_174 = a_platformx.mul_add(t5_48, t5_173);
-        let t5_175 = (-t5_90).mul_add(t5_149, t5_172);
-        let t5_176 = t5_136.mul_add(t5_149, t5_174);
-        let t5_177 = (-t5_134).mul_add(t5_151, t5_175);
-        let t5_178 = (-t5_91).mul_add(t5_151, t5_176);
-        let w_my_platform_p2 = t5_120.mul_add(t5_77, t5_177);
+        let t5_160 = a_platformy * t5_58;
+        let t5_161 = (-a_platformz).mul_add(t5_47, t5_160);
+        let t5_162 = t5_78.mul_add(t5_143, t5_161);
+        let t5_163 = t5_80.mul_add(t5_145, t5_162);
+        let w_mx_platform_p2 = t5_129.mul_add(t5_71, t5_163);
+        let t5_164 = -w_mx_platform_p2;
+        w[10][1] = t5_164;
+        let t5_165 = a_platformx * t5_58;
+        let t5_166 = a_platformz.mul_add(t5_43, t5_165);
+        let t5_167 = a_platformy * t5_43;
+        let t5_168 = a_platformx.mul_add(t5_47, t5_167);
+        let t5_169 = (-t5_84).mul_add(t5_143, t5_166);
+        let t5_170 = t5_130.mul_add(t5_143, t5_168);
+        let t5_171 = (-t5_128).mul_add(t5_145, t5_169);
+        let t5_172 = (-t5_85).mul_add(t5_145, t5_170);
+        let w_my_platform_p2 = t5_114.mul_add(t5_71, t5_171);
         w[11][1] = w_my_platform_p2;
-        let w_mz_platform_p2 = (-t5_111).mul_add(t5_77, t5_178);
+        let w_mz_platform_p2 = (-t5_105).mul_add(t5_71, t5_172);
         w[12][1] = w_mz_platform_p2;
-        let t5_179 = a_platformy * t5_71;
-        let t5_180 = (-a_platformz).mul_add(t5_53, t5_179);
-        let t5_181 = t5_84.mul_add(t5_150, t5_180);
-        let t5_182 = t5_86.mul_add(t5_152, t5_181);
-        let w_mx_platform_p3 = t5_135.mul_add(t5_79, t5_182);
-        let t5_183 = -w_mx_platform_p3;
-        w[10][2] = t5_183;
-        let t5_184 = a_platformx * t5_71;
-        let t5_185 = a_platformz.mul_add(t5_65, t5_184);
-        let t5_186 = a_platformy * t5_65;
-        let t5_187 = a_platformx.mul_add(t5_53, t5_186);
-        let t5_188 = (-t5_90).mul_add(t5_150, t5_185);
-        let t5_189 = t5_136.mul_add(t5_150, t5_187);
-        let t5_190 = (-t5_134).mul_add(t5_152, t5_188);
-        let t5_191 = (-t5_91).mul_add(t5_152, t5_189);
-        let w_my_platform_p3 = t5_120.mul_add(t5_79, t5_190);
+        let t5_173 = a_platformy * t5_66;
+        let t5_174 = (-a_platformz).mul_add(t5_53, t5_173);
+        let t5_175 = t5_78.mul_add(t5_144, t5_174);
+        let t5_176 = t5_80.mul_add(t5_146, t5_175);
+        let w_mx_platform_p3 = t5_129.mul_add(t5_73, t5_176);
+        let t5_177 = -w_mx_platform_p3;
+        w[10][2] = t5_177;
+        let t5_178 = a_platformx * t5_66;
+        let t5_179 = a_platformz.mul_add(t5_62, t5_178);
+        let t5_180 = a_platformy * t5_62;
+        let t5_181 = a_platformx.mul_add(t5_53, t5_180);
+        let t5_182 = (-t5_84).mul_add(t5_144, t5_179);
+        let t5_183 = t5_130.mul_add(t5_144, t5_181);
+        let t5_184 = (-t5_128).mul_add(t5_146, t5_182);
+        let t5_185 = (-t5_85).mul_add(t5_146, t5_183);
+        let w_my_platform_p3 = t5_114.mul_add(t5_73, t5_184);
         w[11][2] = w_my_platform_p3;
-        let w_mz_platform_p3 = (-t5_111).mul_add(t5_79, t5_191);
+        let w_mz_platform_p3 = (-t5_105).mul_add(t5_73, t5_185);
         w[12][2] = w_mz_platform_p3;
     }
     // body rod2
@@ -6707,7 +6587,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 47 additions, 19 multiplications, 0 divisions, 0 sines and cosines.
+/// 37 additions, 17 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 19] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 19];
@@ -6723,82 +6603,70 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 19] {
     {
         beta[2] = p_my_rod1; beta[6] = p_ixz_platform; beta[8] = p_iyz_platform; beta[12] = p_mz_platform; beta[14] = p_my_rod2; beta[17] = p_my_rod3;
         let t1_1 = p_m_rod1 + p_m_platform;
-        let t1_2 = t1_1 + p_m_carriage2;
-        let t1_3 = t1_2 + p_m_rod2;
-        let t1_4 = t1_3 + p_m_carriage3;
+        let t1_2 = p_m_carriage2 + p_m_rod2;
+        let t1_3 = p_m_carriage3 + t1_2;
+        let t1_4 = t1_3 + t1_1;
         let t1_5 = t1_4 + p_m_carriage1;
         let t1_6 = t1_5 + p_m_rod3;
         beta[0] = t1_6;
-        let t1_7 = like.lift(0.25) * p_m_rod3;
-        let t1_8 = like.lift(0.25) * p_m_carriage3;
-        let t1_9 = like.lift(0.25) * p_m_rod2;
-        let t1_10 = like.lift(0.25) * p_m_carriage2;
-        let t1_11 = like.lift(0.25).mul_add(p_m_platform, p_ixx_rod1);
-        let t1_12 = t1_11 + t1_7;
-        let t1_13 = t1_12 + t1_8;
-        let t1_14 = t1_13 + t1_9;
-        let t1_15 = t1_14 + t1_10;
-        beta[1] = t1_15;
-        let t1_16 = t1_10 - p_ixx_rod2;
-        let t1_17 = t1_16 + t1_9;
-        let t1_18 = -t1_17;
-        beta[13] = t1_18;
-        let t1_19 = t1_8 - p_ixx_rod3;
-        let t1_20 = t1_19 + t1_7;
-        let t1_21 = -t1_20;
-        beta[16] = t1_21;
-        let t1_22 = like.lift(0.5) * p_m_rod3;
-        let t1_23 = like.lift(0.5) * p_m_carriage3;
-        let t1_24 = like.lift(0.5) * p_m_rod2;
-        let t1_25 = like.lift(0.5) * p_m_carriage2;
-        let t1_26 = like.lift(0.5).mul_add(p_m_platform, p_mz_rod1);
-        let t1_27 = t1_26 + t1_22;
-        let t1_28 = t1_27 + t1_23;
-        let t1_29 = t1_28 + t1_24;
-        let t1_30 = t1_29 + t1_25;
-        beta[3] = t1_30;
-        let t1_31 = t1_25 - p_mz_rod2;
-        let t1_32 = t1_31 + t1_24;
-        let t1_33 = -t1_32;
-        beta[15] = t1_33;
-        let t1_34 = t1_23 - p_mz_rod3;
-        let t1_35 = t1_34 + t1_22;
-        let t1_36 = -t1_35;
-        beta[18] = t1_36;
-        let t1_37 = like.lift(0.03) * p_m_rod3;
-        let t1_38 = like.lift(0.03) * p_m_carriage3;
-        let t1_39 = like.lift(0.03) * p_m_rod2;
-        let t1_40 = like.lift(0.03) * p_m_carriage2;
-        let t1_41 = like.lift(0.04) * p_m_platform;
-        let t1_42 = p_izz_platform - t1_41;
-        beta[9] = t1_42;
-        let t1_43 = p_ixx_platform - t1_37;
-        let t1_44 = t1_43 - t1_38;
-        let t1_45 = t1_44 - t1_39;
-        let t1_46 = t1_45 - t1_40;
-        let t1_47 = t1_46 - t1_41;
+        let t1_7 = t1_2 - p_m_carriage3;
+        let t1_8 = t1_7 - p_m_rod3;
+        let t1_9 = like.lift(-0.017320508075688773).mul_add(t1_8, p_ixy_platform);
+        beta[5] = t1_9;
+        let t1_10 = like.lift(0.17320508075688773).mul_add(t1_8, p_mx_platform);
+        beta[10] = t1_10;
+        let t1_11 = like.lift(0.25) * p_m_rod3;
+        let t1_12 = like.lift(0.25) * p_m_carriage3;
+        let t1_13 = like.lift(0.25) * p_m_rod2;
+        let t1_14 = like.lift(0.25) * p_m_carriage2;
+        let t1_15 = like.lift(0.25).mul_add(p_m_platform, p_ixx_rod1);
+        let t1_16 = t1_15 + t1_11;
+        let t1_17 = t1_16 + t1_12;
+        let t1_18 = t1_17 + t1_13;
+        let t1_19 = t1_18 + t1_14;
+        beta[1] = t1_19;
+        let t1_20 = t1_14 - p_ixx_rod2;
+        let t1_21 = t1_20 + t1_13;
+        let t1_22 = -t1_21;
+        beta[13] = t1_22;
+        let t1_23 = t1_12 - p_ixx_rod3;
+        let t1_24 = t1_23 + t1_11;
+        let t1_25 = -t1_24;
+        beta[16] = t1_25;
+        let t1_26 = like.lift(0.5) * p_m_rod3;
+        let t1_27 = like.lift(0.5) * p_m_carriage3;
+        let t1_28 = like.lift(0.5) * p_m_rod2;
+        let t1_29 = like.lift(0.5) * p_m_carriage2;
+        let t1_30 = like.lift(0.5).mul_add(p_m_platform, p_mz_rod1);
+        let t1_31 = t1_30 + t1_26;
+        let t1_32 = t1_31 + t1_27;
+        let t1_33 = t1_32 + t1_28;
+        let t1_34 = t1_33 + t1_29;
+        beta[3] = t1_34;
+        let t1_35 = t1_29 - p_mz_rod2;
+        let t1_36 = t1_35 + t1_28;
+        let t1_37 = -t1_36;
+        beta[15] = t1_37;
+        let t1_38 = t1_27 - p_mz_rod3;
+        let t1_39 = t1_38 + t1_26;
+        let t1_40 = -t1_39;
+        beta[18] = t1_40;
+        let t1_41 = like.lift(0.03) * p_m_rod3;
+        let t1_42 = like.lift(0.04) * p_m_platform;
+        let t1_43 = p_izz_platform - t1_42;
+        beta[9] = t1_43;
+        let t1_44 = p_ixx_platform - t1_41;
+        let t1_45 = like.lift(0.03) * t1_3;
+        let t1_46 = t1_44 - t1_45;
+        let t1_47 = t1_46 - t1_42;
         beta[4] = t1_47;
-        let t1_48 = t1_40 + t1_39;
-        let t1_49 = t1_48 + t1_38;
-        let t1_50 = t1_49 + p_iyy_platform;
-        let t1_51 = t1_50 + t1_37;
-        beta[7] = t1_51;
-        let t1_52 = p_m_carriage2 + p_m_rod2;
-        let t1_53 = t1_52 - p_m_carriage3;
-        let t1_54 = t1_53 - p_m_rod3;
-        let t1_55 = like.lift(-0.017320508075688773).mul_add(t1_54, p_ixy_platform);
-        beta[5] = t1_55;
-        let t1_56 = p_m_carriage2 + p_m_rod2;
-        let t1_57 = t1_56 - p_m_carriage3;
-        let t1_58 = t1_57 - p_m_rod3;
-        let t1_59 = like.lift(0.17320508075688773).mul_add(t1_58, p_mx_platform);
-        beta[10] = t1_59;
-        let t1_60 = p_m_carriage2 + p_m_rod2;
-        let t1_61 = t1_60 + p_m_carriage3;
-        let t1_62 = t1_61 + p_m_rod3;
-        let t1_63 = like.lift(0.2).mul_add(p_m_platform, p_my_platform);
-        let t1_64 = like.lift(0.3).mul_add(t1_62, t1_63);
-        beta[11] = t1_64;
+        let t1_48 = t1_45 + p_iyy_platform;
+        let t1_49 = t1_48 + t1_41;
+        beta[7] = t1_49;
+        let t1_50 = t1_3 + p_m_rod3;
+        let t1_51 = like.lift(0.2).mul_add(p_m_platform, p_my_platform);
+        let t1_52 = like.lift(0.3).mul_add(t1_50, t1_51);
+        beta[11] = t1_52;
     }
     beta
 }
@@ -6809,7 +6677,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 19] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 42 additions, 14 multiplications, 0 divisions, 0 sines and cosines.
+/// 30 additions, 13 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 70];
@@ -6835,67 +6703,54 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
         phi[0] = p_ixx_carriage1; phi[1] = p_ixy_carriage1; phi[2] = p_ixz_carriage1; phi[3] = p_iyy_carriage1; phi[4] = p_iyz_carriage1; phi[5] = p_izz_carriage1; phi[6] = p_mx_carriage1; phi[7] = p_my_carriage1; phi[8] = p_mz_carriage1; phi[11] = p_ixy_rod1; phi[12] = p_ixz_rod1; phi[13] = p_iyy_rod1; phi[14] = p_iyz_rod1; phi[15] = p_izz_rod1; phi[16] = p_mx_rod1; phi[17] = p_my_rod1; phi[19] = p_m_rod1; phi[22] = p_ixz_platform; phi[24] = p_iyz_platform; phi[28] = p_mz_platform; phi[29] = p_m_platform; phi[30] = p_ixx_carriage2; phi[31] = p_ixy_carriage2; phi[32] = p_ixz_carriage2; phi[33] = p_iyy_carriage2; phi[34] = p_iyz_carriage2; phi[35] = p_izz_carriage2; phi[36] = p_mx_carriage2; phi[37] = p_my_carriage2; phi[38] = p_mz_carriage2; phi[39] = p_m_carriage2; phi[41] = p_ixy_rod2; phi[42] = p_ixz_rod2; phi[43] = p_iyy_rod2; phi[44] = p_iyz_rod2; phi[45] = p_izz_rod2; phi[46] = p_mx_rod2; phi[47] = p_my_rod2; phi[49] = p_m_rod2; phi[50] = p_ixx_carriage3; phi[51] = p_ixy_carriage3; phi[52] = p_ixz_carriage3; phi[53] = p_iyy_carriage3; phi[54] = p_iyz_carriage3; phi[55] = p_izz_carriage3; phi[56] = p_mx_carriage3; phi[57] = p_my_carriage3; phi[58] = p_mz_carriage3; phi[59] = p_m_carriage3; phi[61] = p_ixy_rod3; phi[62] = p_ixz_rod3; phi[63] = p_iyy_rod3; phi[64] = p_iyz_rod3; phi[65] = p_izz_rod3; phi[66] = p_mx_rod3; phi[67] = p_my_rod3; phi[69] = p_m_rod3;
         let t1_1 = p_m_carriage1 - p_m_rod1;
         let t1_2 = t1_1 - p_m_platform;
-        let t1_3 = t1_2 - p_m_carriage2;
-        let t1_4 = t1_3 - p_m_rod2;
-        let t1_5 = t1_4 - p_m_carriage3;
-        let t1_6 = t1_5 - p_m_rod3;
+        let t1_3 = p_m_carriage2 + p_m_rod2;
+        let t1_4 = p_m_carriage3 + p_m_rod3;
+        let t1_5 = t1_4 + t1_3;
+        let t1_6 = t1_2 - t1_5;
         phi[9] = t1_6;
-        let t1_7 = p_m_carriage3 + p_m_rod3;
-        let t1_8 = like.lift(0.25) * t1_7;
-        let t1_9 = p_ixx_rod3 + t1_8;
-        phi[60] = t1_9;
-        let t1_10 = like.lift(-0.25).mul_add(p_m_platform, p_ixx_rod1);
-        let t1_11 = t1_10 - t1_8;
-        let t1_12 = like.lift(0.25) * p_m_rod2;
-        let t1_13 = t1_11 - t1_12;
-        let t1_14 = p_ixx_rod2 + t1_12;
-        let t1_15 = like.lift(0.25) * p_m_carriage2;
-        let t1_16 = t1_13 - t1_15;
-        phi[10] = t1_16;
-        let t1_17 = t1_14 + t1_15;
-        phi[40] = t1_17;
-        let t1_18 = p_m_carriage3 + p_m_rod3;
-        let t1_19 = like.lift(0.5) * t1_18;
-        let t1_20 = p_mz_rod3 + t1_19;
-        phi[68] = t1_20;
-        let t1_21 = like.lift(-0.5).mul_add(p_m_platform, p_mz_rod1);
-        let t1_22 = t1_21 - t1_19;
-        let t1_23 = like.lift(0.5) * p_m_rod2;
-        let t1_24 = t1_22 - t1_23;
-        let t1_25 = p_mz_rod2 + t1_23;
-        let t1_26 = like.lift(0.5) * p_m_carriage2;
-        let t1_27 = t1_24 - t1_26;
-        phi[18] = t1_27;
-        let t1_28 = t1_25 + t1_26;
-        phi[48] = t1_28;
-        let t1_29 = p_m_carriage2 + p_m_rod2;
-        let t1_30 = t1_29 + p_m_carriage3;
-        let t1_31 = t1_30 + p_m_rod3;
-        let t1_32 = like.lift(0.03) * t1_31;
-        let t1_33 = p_iyy_platform - t1_32;
-        phi[23] = t1_33;
-        let t1_34 = p_ixx_platform + t1_32;
-        let t1_35 = like.lift(0.04) * p_m_platform;
-        let t1_36 = t1_34 + t1_35;
-        phi[20] = t1_36;
-        let t1_37 = p_izz_platform + t1_35;
-        phi[25] = t1_37;
-        let t1_38 = p_m_carriage2 + p_m_rod2;
-        let t1_39 = t1_38 - p_m_carriage3;
-        let t1_40 = t1_39 - p_m_rod3;
-        let t1_41 = like.lift(0.017320508075688773).mul_add(t1_40, p_ixy_platform);
-        phi[21] = t1_41;
-        let t1_42 = p_m_carriage2 + p_m_rod2;
-        let t1_43 = t1_42 - p_m_carriage3;
-        let t1_44 = t1_43 - p_m_rod3;
-        let t1_45 = like.lift(-0.17320508075688773).mul_add(t1_44, p_mx_platform);
-        phi[26] = t1_45;
-        let t1_46 = p_m_carriage2 + p_m_rod2;
-        let t1_47 = t1_46 + p_m_carriage3;
-        let t1_48 = t1_47 + p_m_rod3;
-        let t1_49 = like.lift(-0.2).mul_add(p_m_platform, p_my_platform);
-        let t1_50 = like.lift(-0.3).mul_add(t1_48, t1_49);
-        phi[27] = t1_50;
+        let t1_7 = t1_3 - t1_4;
+        let t1_8 = like.lift(0.25) * t1_4;
+        let t1_9 = like.lift(0.017320508075688773).mul_add(t1_7, p_ixy_platform);
+        phi[21] = t1_9;
+        let t1_10 = like.lift(-0.17320508075688773).mul_add(t1_7, p_mx_platform);
+        phi[26] = t1_10;
+        let t1_11 = p_ixx_rod3 + t1_8;
+        phi[60] = t1_11;
+        let t1_12 = like.lift(-0.2).mul_add(p_m_platform, p_my_platform);
+        let t1_13 = like.lift(-0.3).mul_add(t1_5, t1_12);
+        phi[27] = t1_13;
+        let t1_14 = like.lift(0.03) * t1_5;
+        let t1_15 = p_iyy_platform - t1_14;
+        phi[23] = t1_15;
+        let t1_16 = p_ixx_platform + t1_14;
+        let t1_17 = like.lift(0.04) * p_m_platform;
+        let t1_18 = t1_16 + t1_17;
+        phi[20] = t1_18;
+        let t1_19 = p_izz_platform + t1_17;
+        phi[25] = t1_19;
+        let t1_20 = like.lift(0.25) * p_m_rod2;
+        let t1_21 = like.lift(0.25) * p_m_carriage2;
+        let t1_22 = p_ixx_rod2 + t1_20;
+        let t1_23 = t1_22 + t1_21;
+        phi[40] = t1_23;
+        let t1_24 = like.lift(-0.25).mul_add(p_m_platform, p_ixx_rod1);
+        let t1_25 = t1_24 - t1_8;
+        let t1_26 = t1_25 - t1_20;
+        let t1_27 = t1_26 - t1_21;
+        phi[10] = t1_27;
+        let t1_28 = t1_8 + t1_8;
+        let t1_29 = p_mz_rod3 + t1_28;
+        phi[68] = t1_29;
+        let t1_30 = like.lift(-0.5).mul_add(p_m_platform, p_mz_rod1);
+        let t1_31 = t1_30 - t1_28;
+        let t1_32 = like.lift(0.5) * p_m_rod2;
+        let t1_33 = t1_31 - t1_32;
+        let t1_34 = p_mz_rod2 + t1_32;
+        let t1_35 = like.lift(0.5) * p_m_carriage2;
+        let t1_36 = t1_33 - t1_35;
+        phi[18] = t1_36;
+        let t1_37 = t1_34 + t1_35;
+        phi[48] = t1_37;
     }
     phi
 }
@@ -6908,7 +6763,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 19], free: &[T; 51]) -> [T; 70
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 231 additions, 326 multiplications, 6 divisions, 6 sines and cosines.
+/// 221 additions, 320 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -6939,11 +6794,12 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
     ] = *beta;
     // tau, part 1
     let [
-        t2_67, t2_71, t2_107, t2_111, t2_115, t2_117, t2_142, t2_144, t2_145, t2_147, t2_148,
-        pivot_1, pivot_3, t2_154, t2_162, t2_164, t2_167, t2_168, t2_169, t2_173, t2_178,
-        t2_179, t2_181, t2_183, t2_184, t2_186, t2_188, t2_190, t2_192, t2_194, t2_195, t2_197,
-        t2_201, t2_202, t2_203, t2_204, t2_205, t2_206, t2_207, t2_208, t2_210, inv_pivot_3,
-        t2_211, t2_212, t2_214, pivot_4, inv_pivot_4, t2_216, t2_217,
+        t2_71, t2_75, t2_98, t2_105, t2_109, t2_111, t2_139, t2_140, t2_144, t2_146, t2_148,
+        t2_150, t2_151, t2_152, pivot_1, pivot_3, t2_155, t2_166, t2_167, t2_169, t2_170,
+        t2_171, t2_173, t2_174, t2_175, t2_177, t2_179, t2_181, t2_183, t2_185, t2_187, t2_188,
+        t2_189, t2_190, t2_191, t2_192, t2_193, t2_194, t2_195, t2_197, inv_pivot_3, t2_198,
+        t2_199, t2_201, pivot_4, inv_pivot_4, t2_203, t2_205, t2_206, t2_207, t2_208, t2_211,
+        inv_pivot_5, t2_214, t2_215,
     ] = {
         let t2_1 = d_q1 * d_q1;
         let w_s1_1x = cos_s1_1 * d_q1;
@@ -6987,220 +6843,221 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_31 = t2_30 * p_mz_platform;
         let t2_32 = t2_25.mul_add(p_my_platform, t2_31);
         let t2_33 = t2_18.mul_add(p_mx_platform, t2_32);
-        let al_s1_3z = t2_28 + t2_18;
         let t2_34 = al_s1_3x - t2_26;
         let t2_35 = t2_21 + t2_29;
         let t2_36 = t2_34 * p_my_platform;
         let t2_37 = (-t2_35).mul_add(p_mz_platform, t2_36);
         let t2_38 = t2_20.mul_add(p_mx_platform, t2_37);
-        let al_s1_3y = t2_27 + t2_20;
         let t2_39 = sin_s1_3 * t2_33;
         let t2_40 = (-cos_s1_3).mul_add(t2_38, t2_39);
         let t2_41 = sin_s1_3 * t2_38;
         let t2_42 = cos_s1_3.mul_add(t2_33, t2_41);
         let t2_43 = cos_s1_1 * t2_42;
         let t2_44 = like.lift(0.2) * t2_38;
-        let t2_45 = al_s1_3z - t2_28;
-        let t2_46 = (-p_ixz_platform).mul_add(t2_45, t2_44);
-        let t2_47 = al_s1_3y - t2_27;
-        let t2_48 = (-p_ixy_platform).mul_add(t2_47, t2_46);
-        let t2_49 = al_s1_3x.mul_add(p_ixx_platform, t2_48);
-        let t2_50 = t2_29 - t2_24;
-        let t2_51 = t2_50.mul_add(p_iyz_platform, t2_49);
-        let t2_52 = p_iyy_platform - p_izz_platform;
-        let t2_53 = t2_26.mul_add(t2_52, t2_51);
-        let t2_54 = t2_29 + t2_24;
-        let t2_55 = t2_21 - t2_24;
-        let t2_56 = t2_21 - t2_29;
-        let t2_57 = t2_28 + al_s1_3z;
-        let t2_58 = t2_27 + al_s1_3y;
-        let t2_59 = t2_58 * p_mz_platform;
-        let t2_60 = (-t2_57).mul_add(p_my_platform, t2_59);
-        let t2_61 = t2_54.mul_add(p_mx_platform, t2_60);
-        let t2_62 = like.lift(0.2) * t2_57;
-        let t2_63 = cos_s1_2 * t2_61;
-        let t2_64 = sin_s1_2.mul_add(t2_40, t2_63);
-        let t2_65 = sin_s1_1.mul_add(t2_64, t2_43);
-        let t2_66 = dd_q1.mul_add(p_mz_rod1, t2_65);
-        let t2_67 = t2_1.mul_add(p_my_rod1, t2_66);
-        let t2_68 = dd_q1 * p_my_rod1;
-        let t2_69 = (-t2_1).mul_add(p_mz_rod1, t2_68);
-        let t2_70 = sin_s1_2.mul_add(t2_61, t2_69);
-        let t2_71 = (-cos_s1_2).mul_add(t2_40, t2_70);
-        let t2_72 = like.lift(0.2) * t2_61;
-        let t2_73 = (-al_s1_3z).mul_add(p_izz_platform, t2_72);
-        let t2_74 = al_s1_3z + t2_28;
-        let t2_75 = al_s1_3y + t2_27;
-        let t2_76 = (-p_iyz_platform).mul_add(t2_75, t2_73);
-        let t2_77 = al_s1_3x + t2_26;
-        let t2_78 = p_ixz_platform.mul_add(t2_77, t2_76);
-        let t2_79 = al_s1_3x - t2_26;
-        let t2_80 = t2_56.mul_add(p_ixy_platform, t2_78);
-        let t2_81 = p_ixy_platform * t2_79;
-        let t2_82 = (-p_iyz_platform).mul_add(t2_74, t2_81);
-        let t2_83 = (-al_s1_3y).mul_add(p_iyy_platform, t2_82);
-        let t2_84 = (-t2_55).mul_add(p_ixz_platform, t2_83);
-        let t2_85 = p_ixx_platform - p_izz_platform;
-        let t2_86 = (-t2_27).mul_add(t2_85, t2_84);
-        let t2_87 = p_ixx_platform - p_iyy_platform;
-        let t2_88 = (-t2_28).mul_add(t2_87, t2_80);
-        let t2_89 = sin_q1 * dd_p1;
-        let a_rod1z = like.lift(-9.81).mul_add(cos_q1, t2_89);
+        let t2_45 = (-p_ixz_platform).mul_add(t2_18, t2_44);
+        let t2_46 = (-p_ixy_platform).mul_add(t2_20, t2_45);
+        let t2_47 = al_s1_3x.mul_add(p_ixx_platform, t2_46);
+        let al_s1_3z = t2_28 + t2_18;
+        let al_s1_3y = t2_27 + t2_20;
+        let t2_48 = t2_29 - t2_24;
+        let t2_49 = t2_48.mul_add(p_iyz_platform, t2_47);
+        let t2_50 = p_iyy_platform - p_izz_platform;
+        let t2_51 = t2_26.mul_add(t2_50, t2_49);
+        let t2_52 = t2_29 + t2_24;
+        let t2_53 = t2_21 - t2_24;
+        let t2_54 = t2_21 - t2_29;
+        let t2_55 = t2_28 + al_s1_3z;
+        let t2_56 = t2_27 + al_s1_3y;
+        let t2_57 = t2_56 * p_mz_platform;
+        let t2_58 = (-t2_55).mul_add(p_my_platform, t2_57);
+        let t2_59 = t2_52.mul_add(p_mx_platform, t2_58);
+        let t2_60 = like.lift(0.2) * t2_59;
+        let t2_61 = (-al_s1_3z).mul_add(p_izz_platform, t2_60);
+        let t2_62 = (-p_iyz_platform).mul_add(t2_56, t2_61);
+        let t2_63 = p_ixz_platform.mul_add(t2_30, t2_62);
+        let t2_64 = t2_54.mul_add(p_ixy_platform, t2_63);
+        let t2_65 = p_ixx_platform - p_iyy_platform;
+        let t2_66 = (-t2_28).mul_add(t2_65, t2_64);
+        let t2_67 = cos_s1_2 * t2_59;
+        let t2_68 = sin_s1_2.mul_add(t2_40, t2_67);
+        let t2_69 = sin_s1_1.mul_add(t2_68, t2_43);
+        let t2_70 = dd_q1.mul_add(p_mz_rod1, t2_69);
+        let t2_71 = t2_1.mul_add(p_my_rod1, t2_70);
+        let t2_72 = dd_q1 * p_my_rod1;
+        let t2_73 = (-t2_1).mul_add(p_mz_rod1, t2_72);
+        let t2_74 = sin_s1_2.mul_add(t2_59, t2_73);
+        let t2_75 = (-cos_s1_2).mul_add(t2_40, t2_74);
+        let t2_76 = sin_q1 * dd_p1;
+        let a_rod1z = like.lift(-9.81).mul_add(cos_q1, t2_76);
         let a_s1_1z = like.lift(0.5).mul_add(t2_1, a_rod1z);
-        let t2_90 = cos_q1 * dd_p1;
-        let a_rod1y = like.lift(9.81).mul_add(sin_q1, t2_90);
-        let t2_91 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
-        let t2_92 = dd_q1 * p_ixx_rod1;
-        let t2_93 = (-a_rod1y).mul_add(p_mz_rod1, t2_92);
-        let t2_94 = (-a_rod1z).mul_add(p_my_rod1, t2_93);
-        let t2_95 = like.lift(0.5).mul_add(t2_65, t2_94);
-        let a_s1_1x = sin_s1_1 * t2_91;
-        let t2_96 = cos_s1_2.mul_add(a_s1_1x, t2_62);
-        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t2_96);
-        let t2_97 = cos_s1_2 * a_s1_1z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_97);
-        let a_s1_1y = cos_s1_1 * t2_91;
-        let t2_98 = (-a_platformx).mul_add(p_my_platform, t2_88);
-        let t2_99 = cos_s1_3 * a_s1_2z;
-        let t2_100 = like.lift(-0.2).mul_add(t2_34, t2_99);
-        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t2_100);
-        let t2_101 = a_platformz.mul_add(p_mx_platform, t2_86);
-        let t2_102 = a_platformx.mul_add(p_mz_platform, t2_101);
-        let t2_103 = cos_s1_3 * a_s1_1y;
-        let t2_104 = like.lift(-0.2).mul_add(t2_25, t2_103);
-        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t2_104);
-        let t2_105 = (-a_platformy).mul_add(p_mz_platform, t2_53);
-        let t2_106 = a_platformy.mul_add(p_mx_platform, t2_98);
-        let t2_107 = (-a_platformz).mul_add(p_my_platform, t2_105);
-        let t2_108 = cos_s1_3 * t2_106;
-        let t2_109 = sin_s1_3.mul_add(t2_102, t2_108);
-        let t2_110 = cos_s1_3 * t2_102;
-        let t2_111 = (-sin_s1_3).mul_add(t2_106, t2_110);
-        let t2_112 = (-sin_s1_1).mul_add(t2_111, t2_95);
-        let t2_113 = cos_s1_2 * t2_107;
-        let t2_114 = sin_s1_2.mul_add(t2_109, t2_113);
-        let t2_115 = cos_s1_1.mul_add(t2_114, t2_112);
-        let t2_116 = cos_s1_2 * t2_109;
-        let t2_117 = (-sin_s1_2).mul_add(t2_107, t2_116);
-        let t2_118 = sin_q1 * cos_s1_1;
-        let t2_119 = sin_q1 * sin_s1_1;
-        let t2_120 = sin_s1_2 * t2_119;
-        let t2_121 = cos_q1.mul_add(cos_s1_2, t2_120);
-        let t2_122 = sin_s1_3 * t2_121;
-        let t2_123 = cos_s1_3.mul_add(t2_118, t2_122);
-        let t2_124 = cos_q1 * sin_s1_2;
-        let t2_125 = (-cos_s1_2).mul_add(t2_119, t2_124);
-        let t2_126 = like.lift(0.1) * t2_123;
-        let t2_127 = like.lift(0.2) * t2_123;
-        let t2_128 = like.lift(0.17320508075688773) * t2_125;
-        let t2_129 = t2_126 + t2_127;
-        let t2_130 = t2_129 - t2_128;
+        let t2_77 = cos_q1 * dd_p1;
+        let a_rod1y = like.lift(9.81).mul_add(sin_q1, t2_77);
+        let t2_78 = p_ixx_platform - p_izz_platform;
+        let t2_79 = like.lift(-0.5).mul_add(dd_q1, a_rod1y);
+        let t2_80 = dd_q1 * p_ixx_rod1;
+        let t2_81 = (-a_rod1y).mul_add(p_mz_rod1, t2_80);
+        let t2_82 = (-a_rod1z).mul_add(p_my_rod1, t2_81);
+        let t2_83 = like.lift(0.5).mul_add(t2_69, t2_82);
+        let a_s1_1x = sin_s1_1 * t2_79;
+        let a_s1_1y = cos_s1_1 * t2_79;
+        let t2_84 = cos_s1_3 * a_s1_1y;
+        let t2_85 = like.lift(-0.2).mul_add(t2_25, t2_84);
+        let t2_86 = like.lift(0.2) * t2_55;
+        let t2_87 = cos_s1_2.mul_add(a_s1_1x, t2_86);
+        let a_platformx = sin_s1_2.mul_add(a_s1_1z, t2_87);
+        let t2_88 = cos_s1_2 * a_s1_1z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t2_88);
+        let a_platformy = (-sin_s1_3).mul_add(a_s1_2z, t2_85);
+        let t2_89 = cos_s1_3 * a_s1_2z;
+        let t2_90 = like.lift(-0.2).mul_add(t2_34, t2_89);
+        let a_platformz = sin_s1_3.mul_add(a_s1_1y, t2_90);
+        let t2_91 = p_ixy_platform * t2_34;
+        let t2_92 = (-p_iyz_platform).mul_add(t2_55, t2_91);
+        let t2_93 = (-al_s1_3y).mul_add(p_iyy_platform, t2_92);
+        let t2_94 = (-t2_53).mul_add(p_ixz_platform, t2_93);
+        let t2_95 = (-t2_27).mul_add(t2_78, t2_94);
+        let t2_96 = a_platformz.mul_add(p_mx_platform, t2_95);
+        let t2_97 = (-a_platformy).mul_add(p_mz_platform, t2_51);
+        let t2_98 = (-a_platformz).mul_add(p_my_platform, t2_97);
+        let t2_99 = (-a_platformx).mul_add(p_my_platform, t2_66);
+        let t2_100 = a_platformx.mul_add(p_mz_platform, t2_96);
+        let t2_101 = a_platformy.mul_add(p_mx_platform, t2_99);
+        let t2_102 = cos_s1_3 * t2_101;
+        let t2_103 = sin_s1_3.mul_add(t2_100, t2_102);
+        let t2_104 = cos_s1_3 * t2_100;
+        let t2_105 = (-sin_s1_3).mul_add(t2_101, t2_104);
+        let t2_106 = (-sin_s1_1).mul_add(t2_105, t2_83);
+        let t2_107 = cos_s1_2 * t2_98;
+        let t2_108 = sin_s1_2.mul_add(t2_103, t2_107);
+        let t2_109 = cos_s1_1.mul_add(t2_108, t2_106);
+        let t2_110 = cos_s1_2 * t2_103;
+        let t2_111 = (-sin_s1_2).mul_add(t2_98, t2_110);
+        let t2_112 = sin_q1 * cos_s1_1;
+        let t2_113 = sin_q1 * sin_s1_1;
+        let t2_114 = sin_s1_2 * t2_113;
+        let t2_115 = cos_q1.mul_add(cos_s1_2, t2_114);
+        let t2_116 = sin_s1_3 * t2_115;
+        let t2_117 = cos_s1_3.mul_add(t2_112, t2_116);
+        let t2_118 = cos_q1 * sin_s1_2;
+        let t2_119 = (-cos_s1_2).mul_add(t2_113, t2_118);
+        let t2_120 = like.lift(0.1) * t2_117;
+        let t2_121 = like.lift(0.2) * t2_117;
+        let t2_122 = like.lift(0.17320508075688773) * t2_119;
+        let t2_123 = t2_120 + t2_121;
+        let t2_124 = like.lift(0.5).mul_add(cos_q1, t2_121);
+        let t2_125 = t2_123 - t2_122;
+        let t2_126 = t2_123 + t2_122;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_131 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_131);
-        let t2_132 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_132);
+        let t2_127 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_127);
+        let t2_128 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_128);
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_133 = sin_s1_3 * cos_s1_1;
-        let t2_134 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_134);
-        let t2_135 = sin_s1_1 * cos_s1_3;
-        let e_s1_3_q1y = (-t2_133).mul_add(sin_s1_2, t2_135);
-        let t2_136 = like.lift(0.1) * u_s1_3_p1y;
-        let t2_137 = like.lift(0.2) * u_s1_3_p1y;
-        let t2_138 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t2_139 = t2_136 + t2_137;
-        let t2_140 = t2_139 + t2_138;
-        let t2_141 = cos_q1 * t2_140;
-        let t2_142 = sin_q1.mul_add(t2_130, t2_141);
-        let t2_143 = u_s1_1_p1y * t2_130;
-        let t2_144 = (-t2_118).mul_add(t2_140, t2_143);
-        let t2_145 = -t2_144;
-        let t2_146 = t2_125 * t2_140;
-        let t2_147 = u_s1_2_p1x.mul_add(t2_130, t2_146);
-        let t2_148 = -t2_147;
+        let t2_129 = sin_s1_3 * cos_s1_1;
+        let t2_130 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_130);
+        let t2_131 = sin_s1_1 * cos_s1_3;
+        let e_s1_3_q1y = (-t2_129).mul_add(sin_s1_2, t2_131);
+        let t2_132 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_133 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_134 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_135 = like.lift(0.5) * sin_q1;
+        let t2_136 = t2_135 - t2_133;
+        let t2_137 = t2_136 - t2_134;
+        let t2_138 = t2_136 + t2_134;
+        let t2_139 = t2_137 - t2_132;
+        let t2_140 = t2_138 - t2_132;
+        let t2_141 = t2_135 - t2_139;
+        let t2_142 = t2_135 - t2_140;
+        let t2_143 = cos_q1 * t2_141;
+        let t2_144 = sin_q1.mul_add(t2_125, t2_143);
+        let t2_145 = u_s1_1_p1y * t2_125;
+        let t2_146 = (-t2_112).mul_add(t2_141, t2_145);
+        let t2_147 = sin_s1_1 * t2_141;
+        let t2_148 = -t2_146;
+        let t2_149 = t2_119 * t2_142;
+        let t2_150 = u_s1_2_p1x.mul_add(t2_126, t2_149);
+        let t2_151 = like.lift(0.0) + t2_150;
+        let t2_152 = -t2_151;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_149 = like.lift(0.5).mul_add(cos_q1, t2_127);
-        let t2_150 = t2_126 + t2_127;
-        let t2_151 = t2_150 + t2_128;
-        let t2_152 = t2_149 - t2_128;
-        let t2_153 = t2_149 + t2_128;
-        let pivot_3 = t2_152 + t2_126;
-        let t2_154 = t2_153 + t2_126;
-        let t2_155 = like.lift(0.2) * e_s1_3_q1y;
-        let t2_156 = like.lift(0.1) * e_s1_3_q1y;
-        let t2_157 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t2_158 = t2_155 - t2_157;
-        let t2_159 = t2_155 + t2_157;
-        let t2_160 = t2_158 + t2_156;
-        let t2_161 = t2_159 + t2_156;
-        let t2_162 = cos_q1 * t2_160;
-        let t2_163 = t2_118 * t2_160;
-        let t2_164 = (-sin_s1_1).mul_add(t2_130, t2_163);
-        let t2_165 = t2_125 * t2_160;
-        let t2_166 = (-e_s1_2_q1x).mul_add(t2_130, t2_165);
-        let t2_167 = -t2_166;
-        let t2_168 = like.lift(-0.5773502691896257).mul_add(t2_147, t2_166);
-        let t2_169 = like.lift(0.25) * cos_q2;
-        let t2_170 = like.lift(0.5) * sin_q1;
-        let t2_171 = t2_170 - t2_137;
-        let t2_172 = t2_171 - t2_138;
-        let t2_173 = t2_172 - t2_136;
-        let t2_174 = t2_170 - t2_137;
-        let t2_175 = t2_136 + t2_137;
-        let t2_176 = t2_174 + t2_138;
-        let t2_177 = t2_175 - t2_138;
-        let t2_178 = t2_176 - t2_136;
-        let t2_179 = sin_q1 * t2_160;
-        let t2_180 = sin_s1_1 * t2_140;
-        let t2_181 = (-u_s1_1_p1y).mul_add(t2_160, t2_180);
-        let t2_182 = u_s1_2_p1x * t2_160;
-        let t2_183 = e_s1_2_q1x.mul_add(t2_140, t2_182);
-        let t2_184 = -t2_183;
-        let t2_185 = like.lift(0.5) * sin_q2;
-        let t2_186 = -t2_185;
-        let t2_187 = cos_q1 * t2_177;
-        let t2_188 = sin_q1.mul_add(t2_151, t2_187);
-        let t2_189 = u_s1_1_p1y * t2_151;
-        let t2_190 = (-t2_118).mul_add(t2_177, t2_189);
-        let t2_191 = t2_118 * t2_161;
-        let t2_192 = (-sin_s1_1).mul_add(t2_151, t2_191);
-        let t2_193 = sin_s1_1 * t2_177;
-        let t2_194 = (-u_s1_1_p1y).mul_add(t2_161, t2_193);
-        let t2_195 = -t2_190;
-        let t2_196 = t2_125 * t2_177;
-        let t2_197 = u_s1_2_p1x.mul_add(t2_151, t2_196);
-        let t2_198 = t2_125 * t2_161;
-        let t2_199 = (-e_s1_2_q1x).mul_add(t2_151, t2_198);
-        let t2_200 = u_s1_2_p1x * t2_161;
-        let t2_201 = e_s1_2_q1x.mul_add(t2_177, t2_200);
-        let t2_202 = -t2_197;
+        let t2_153 = t2_124 - t2_122;
+        let t2_154 = t2_124 + t2_122;
+        let pivot_3 = t2_153 + t2_120;
+        let t2_155 = t2_154 + t2_120;
+        let t2_156 = like.lift(0.2) * e_s1_3_q1y;
+        let t2_157 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_158 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_159 = t2_156 - t2_158;
+        let t2_160 = t2_156 + t2_158;
+        let t2_161 = t2_159 + t2_157;
+        let t2_162 = t2_160 + t2_157;
+        let t2_163 = t2_119 * t2_162;
+        let t2_164 = (-e_s1_2_q1x).mul_add(t2_126, t2_163);
+        let t2_165 = u_s1_2_p1x * t2_162;
+        let t2_166 = e_s1_2_q1x.mul_add(t2_142, t2_165);
+        let t2_167 = (-u_s1_1_p1y).mul_add(t2_161, t2_147);
+        let t2_168 = t2_112 * t2_161;
+        let t2_169 = (-sin_s1_1).mul_add(t2_125, t2_168);
+        let t2_170 = cos_q1 * t2_161;
+        let t2_171 = sin_q1 * t2_161;
+        let t2_172 = like.lift(0.0) + t2_164;
+        let t2_173 = -t2_172;
+        let t2_174 = like.lift(-0.5773502691896257).mul_add(t2_151, t2_172);
+        let t2_175 = like.lift(0.25) * cos_q2;
+        let t2_176 = like.lift(0.0) + t2_166;
+        let t2_177 = -t2_176;
+        let t2_178 = like.lift(0.5) * sin_q2;
+        let t2_179 = -t2_178;
+        let t2_180 = cos_q1 * t2_142;
+        let t2_181 = sin_q1.mul_add(t2_126, t2_180);
+        let t2_182 = u_s1_1_p1y * t2_126;
+        let t2_183 = (-t2_112).mul_add(t2_142, t2_182);
+        let t2_184 = t2_112 * t2_162;
+        let t2_185 = (-sin_s1_1).mul_add(t2_126, t2_184);
+        let t2_186 = sin_s1_1 * t2_142;
+        let t2_187 = (-u_s1_1_p1y).mul_add(t2_162, t2_186);
+        let t2_188 = -t2_183;
+        let t2_189 = -t2_150;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_203 = -pivot_2;
-        let t2_204 = cos_q1 * t2_161;
-        let t2_205 = sin_q1 * t2_161;
-        let t2_206 = -t2_199;
-        let t2_207 = like.lift(0.25) * cos_q3;
-        let t2_208 = -t2_201;
-        let t2_209 = like.lift(0.5) * sin_q3;
-        let t2_210 = -t2_209;
+        let t2_190 = -pivot_2;
+        let t2_191 = cos_q1 * t2_162;
+        let t2_192 = sin_q1 * t2_162;
+        let t2_193 = -t2_164;
+        let t2_194 = like.lift(0.25) * cos_q3;
+        let t2_195 = -t2_166;
+        let t2_196 = like.lift(0.5) * sin_q3;
+        let t2_197 = -t2_196;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_211 = like.lift(-0.5773502691896257).mul_add(t2_142, t2_162);
-        let t2_212 = t2_154 * inv_pivot_3;
-        let t2_213 = (-t2_168).mul_add(t2_212, t2_199);
-        let t2_214 = like.lift(0.5773502691896257).mul_add(t2_197, t2_213);
-        let t2_215 = (-t2_211).mul_add(t2_212, t2_204);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_188, t2_215);
+        let t2_198 = like.lift(-0.5773502691896257).mul_add(t2_144, t2_170);
+        let t2_199 = t2_155 * inv_pivot_3;
+        let t2_200 = (-t2_174).mul_add(t2_199, t2_164);
+        let t2_201 = like.lift(0.5773502691896257).mul_add(t2_150, t2_200);
+        let t2_202 = (-t2_198).mul_add(t2_199, t2_191);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_181, t2_202);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_216 = like.lift(1.0) - t2_212;
-        let t2_217 = like.lift(1.0) / cos_q2;
+        let t2_203 = like.lift(1.0) - t2_199;
+        let t2_204 = like.lift(1.0) / cos_q2;
+        let t2_205 = sin_q2 * t2_204;
+        let t2_206 = like.lift(2.309401076758503) * t2_204;
+        let t2_207 = t2_139 * inv_pivot_3;
+        let t2_208 = like.lift(1.1547005383792515) * t2_205;
+        let t2_209 = (-t2_198).mul_add(t2_207, t2_171);
+        let t2_210 = t2_144.mul_add(t2_208, t2_209);
+        let t2_211 = t2_210 * inv_pivot_4;
+        let t2_212 = (-t2_201).mul_add(t2_211, t2_176);
+        let t2_213 = (-t2_174).mul_add(t2_207, t2_212);
+        let pivot_5 = t2_151.mul_add(t2_208, t2_213);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_214 = -pivot_5;
+        let t2_215 = t2_203.mul_add(t2_211, t2_207);
         [
-            t2_67, t2_71, t2_107, t2_111, t2_115, t2_117, t2_142, t2_144, t2_145, t2_147,
-            t2_148, pivot_1, pivot_3, t2_154, t2_162, t2_164, t2_167, t2_168, t2_169, t2_173,
-            t2_178, t2_179, t2_181, t2_183, t2_184, t2_186, t2_188, t2_190, t2_192, t2_194,
-            t2_195, t2_197, t2_201, t2_202, t2_203, t2_204, t2_205, t2_206, t2_207, t2_208,
-            t2_210, inv_pivot_3, t2_211, t2_212, t2_214, pivot_4, inv_pivot_4, t2_216, t2_217,
+            t2_71, t2_75, t2_98, t2_105, t2_109, t2_111, t2_139, t2_140, t2_144, t2_146,
+            t2_148, t2_150, t2_151, t2_152, pivot_1, pivot_3, t2_155, t2_166, t2_167, t2_169,
+            t2_170, t2_171, t2_173, t2_174, t2_175, t2_177, t2_179, t2_181, t2_183, t2_185,
+            t2_187, t2_188, t2_189, t2_190, t2_191, t2_192, t2_193, t2_194, t2_195, t2_197,
+            inv_pivot_3, t2_198, t2_199, t2_201, pivot_4, inv_pivot_4, t2_203, t2_205, t2_206,
+            t2_207, t2_208, t2_211, inv_pivot_5, t2_214, t2_215,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -7209,115 +7066,102 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
         x_q3_p2, x_q3_p3,
     ] = {
-        let t3_1 = sin_q2 * t2_217;
-        let t3_2 = like.lift(2.309401076758503) * t2_217;
-        let t3_3 = t2_173 * inv_pivot_3;
-        let t3_4 = like.lift(1.1547005383792515) * t3_1;
-        let t3_5 = (-t2_211).mul_add(t3_3, t2_179);
-        let t3_6 = t2_142.mul_add(t3_4, t3_5);
-        let t3_7 = t3_6 * inv_pivot_4;
-        let t3_8 = (-t2_214).mul_add(t3_7, t2_183);
-        let t3_9 = (-t2_168).mul_add(t3_3, t3_8);
-        let pivot_5 = t2_147.mul_add(t3_4, t3_9);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_10 = -pivot_5;
-        let t3_11 = t2_216.mul_add(t3_7, t3_3);
-        let t3_12 = like.lift(0.5773502691896257).mul_add(t2_144, t2_164);
-        let t3_13 = (-t3_12).mul_add(t2_212, t2_192);
-        let t3_14 = like.lift(-0.5773502691896257).mul_add(t2_190, t3_13);
-        let t3_15 = (-t3_14).mul_add(t3_7, t2_181);
-        let t3_16 = (-t3_12).mul_add(t3_3, t3_15);
-        let t3_17 = (-t2_144).mul_add(t3_4, t3_16);
-        let t3_18 = t2_178 * inv_pivot_3;
-        let t3_19 = like.lift(1.0) / cos_q3;
-        let t3_20 = sin_q3 * t3_19;
-        let t3_21 = like.lift(2.309401076758503) * t3_19;
-        let t3_22 = like.lift(1.1547005383792515) * t3_20;
-        let t3_23 = (-t2_211).mul_add(t3_18, t2_205);
-        let t3_24 = (-t2_188).mul_add(t3_22, t3_23);
-        let t3_25 = t3_24 * inv_pivot_4;
-        let t3_26 = (-t2_214).mul_add(t3_25, t2_201);
-        let t3_27 = (-t2_168).mul_add(t3_18, t3_26);
-        let t3_28 = (-t2_197).mul_add(t3_22, t3_27);
-        let t3_29 = t3_28 * inv_pivot_5;
-        let t3_30 = (-t3_11).mul_add(t3_29, t3_18);
-        let t3_31 = t2_216.mul_add(t3_25, t3_30);
-        let t3_32 = (-t3_17).mul_add(t3_29, t2_194);
-        let t3_33 = (-t3_14).mul_add(t3_25, t3_32);
-        let t3_34 = (-t3_12).mul_add(t3_18, t3_33);
-        let pivot_6 = t2_190.mul_add(t3_22, t3_34);
-        let t3_35 = t3_1 * t3_29;
+        let t3_1 = like.lift(0.5773502691896257).mul_add(t2_146, t2_169);
+        let t3_2 = (-t3_1).mul_add(t2_199, t2_185);
+        let t3_3 = like.lift(-0.5773502691896257).mul_add(t2_183, t3_2);
+        let t3_4 = (-t3_3).mul_add(t2_211, t2_167);
+        let t3_5 = (-t3_1).mul_add(t2_207, t3_4);
+        let t3_6 = (-t2_146).mul_add(t2_208, t3_5);
+        let t3_7 = t2_140 * inv_pivot_3;
+        let t3_8 = like.lift(1.0) / cos_q3;
+        let t3_9 = sin_q3 * t3_8;
+        let t3_10 = like.lift(2.309401076758503) * t3_8;
+        let t3_11 = like.lift(1.1547005383792515) * t3_9;
+        let t3_12 = (-t2_198).mul_add(t3_7, t2_192);
+        let t3_13 = (-t2_181).mul_add(t3_11, t3_12);
+        let t3_14 = t3_13 * inv_pivot_4;
+        let t3_15 = (-t2_201).mul_add(t3_14, t2_166);
+        let t3_16 = (-t2_174).mul_add(t3_7, t3_15);
+        let t3_17 = (-t2_150).mul_add(t3_11, t3_16);
+        let t3_18 = t3_17 * inv_pivot_5;
+        let t3_19 = (-t2_215).mul_add(t3_18, t3_7);
+        let t3_20 = t2_203.mul_add(t3_14, t3_19);
+        let t3_21 = (-t3_6).mul_add(t3_18, t2_187);
+        let t3_22 = (-t3_3).mul_add(t3_14, t3_21);
+        let t3_23 = (-t3_1).mul_add(t3_7, t3_22);
+        let pivot_6 = t2_183.mul_add(t3_11, t3_23);
+        let t3_24 = t2_205 * t3_18;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_36 = t3_31 * inv_pivot_6;
-        let t3_37 = (-t3_17).mul_add(t3_36, t3_11);
-        let t3_38 = inv_pivot_5 * t3_37;
-        let t3_39 = t3_14.mul_add(t3_36, t2_216);
-        let t3_40 = t2_214.mul_add(t3_38, t3_39);
-        let t3_41 = inv_pivot_4 * t3_40;
-        let t3_42 = t3_35 * inv_pivot_6;
-        let t3_43 = t3_20 * inv_pivot_6;
-        let t3_44 = t3_17.mul_add(t3_42, t3_1);
-        let t3_45 = inv_pivot_5 * t3_44;
-        let t3_46 = inv_pivot_5 * t3_17;
-        let t3_47 = t3_46 * t3_43;
-        let t3_48 = t3_12.mul_add(t3_36, like.lift(1.0));
-        let t3_49 = t2_168.mul_add(t3_38, t3_48);
-        let t3_50 = (-t2_211).mul_add(t3_41, t3_49);
-        let t3_51 = inv_pivot_3 * t3_50;
-        let t3_52 = -t3_51;
-        let t3_53 = t2_214 * t3_45;
-        let t3_54 = (-t3_14).mul_add(t3_42, t3_53);
-        let t3_55 = t2_214 * t3_47;
-        let t3_56 = (-t3_14).mul_add(t3_43, t3_55);
-        let t3_57 = inv_pivot_4 * t3_54;
-        let t3_58 = inv_pivot_4 * t3_56;
-        let t3_59 = t3_12 * t3_42;
-        let t3_60 = (-t2_168).mul_add(t3_45, t3_59);
-        let t3_61 = t3_12 * t3_43;
-        let t3_62 = (-t2_168).mul_add(t3_47, t3_61);
-        let t3_63 = t2_211.mul_add(t3_57, t3_60);
-        let t3_64 = t2_211.mul_add(t3_58, t3_62);
-        let t3_65 = inv_pivot_3 * t3_63;
-        let t3_66 = inv_pivot_3 * t3_64;
-        let t3_67 = -t3_65;
-        let t3_68 = -t3_41;
-        let t3_69 = -t3_58;
-        let t3_70 = -t3_43;
-        let t3_71 = -t3_38;
-        let t3_72 = -t3_47;
-        let t3_73 = t2_144 * t3_36;
-        let t3_74 = (-t2_147).mul_add(t3_38, t3_73);
-        let t3_75 = t2_142.mul_add(t3_41, t3_74);
-        let t3_76 = t3_75 * t3_2;
-        let t3_77 = t2_190 * t3_36;
-        let t3_78 = (-t2_197).mul_add(t3_38, t3_77);
-        let t3_79 = t2_188.mul_add(t3_41, t3_78);
-        let t3_80 = t3_79 * t3_21;
-        let t3_81 = -t3_80;
-        let t3_82 = (-t2_144).mul_add(t3_42, like.lift(0.8660254037844386));
-        let t3_83 = (-t2_147).mul_add(t3_45, t3_82);
-        let t3_84 = t2_142.mul_add(t3_57, t3_83);
-        let t3_85 = t3_84 * t3_2;
-        let t3_86 = -t3_85;
-        let t3_87 = t2_142 * t3_58;
-        let t3_88 = (-t2_144).mul_add(t3_43, t3_87);
-        let t3_89 = (-t2_147).mul_add(t3_47, t3_88);
-        let t3_90 = t3_89 * t3_2;
-        let t3_91 = (-t2_190).mul_add(t3_43, like.lift(0.8660254037844386));
-        let t3_92 = (-t2_197).mul_add(t3_47, t3_91);
-        let t3_93 = t2_188.mul_add(t3_58, t3_92);
-        let t3_94 = t3_93 * t3_21;
-        let t3_95 = -t3_94;
-        let t3_96 = t2_188 * t3_57;
-        let t3_97 = (-t2_190).mul_add(t3_42, t3_96);
-        let t3_98 = (-t2_197).mul_add(t3_45, t3_97);
-        let t3_99 = t3_98 * t3_21;
+        let t3_25 = t3_20 * inv_pivot_6;
+        let t3_26 = (-t3_6).mul_add(t3_25, t2_215);
+        let t3_27 = inv_pivot_5 * t3_26;
+        let t3_28 = t3_3.mul_add(t3_25, t2_203);
+        let t3_29 = t2_201.mul_add(t3_27, t3_28);
+        let t3_30 = inv_pivot_4 * t3_29;
+        let t3_31 = t3_24 * inv_pivot_6;
+        let t3_32 = t3_9 * inv_pivot_6;
+        let t3_33 = t3_6.mul_add(t3_31, t2_205);
+        let t3_34 = inv_pivot_5 * t3_33;
+        let t3_35 = inv_pivot_5 * t3_6;
+        let t3_36 = t3_35 * t3_32;
+        let t3_37 = t3_1.mul_add(t3_25, like.lift(1.0));
+        let t3_38 = t2_174.mul_add(t3_27, t3_37);
+        let t3_39 = (-t2_198).mul_add(t3_30, t3_38);
+        let t3_40 = inv_pivot_3 * t3_39;
+        let t3_41 = -t3_40;
+        let t3_42 = t2_201 * t3_34;
+        let t3_43 = (-t3_3).mul_add(t3_31, t3_42);
+        let t3_44 = t2_201 * t3_36;
+        let t3_45 = (-t3_3).mul_add(t3_32, t3_44);
+        let t3_46 = inv_pivot_4 * t3_43;
+        let t3_47 = inv_pivot_4 * t3_45;
+        let t3_48 = t3_1 * t3_31;
+        let t3_49 = (-t2_174).mul_add(t3_34, t3_48);
+        let t3_50 = t3_1 * t3_32;
+        let t3_51 = (-t2_174).mul_add(t3_36, t3_50);
+        let t3_52 = t2_198.mul_add(t3_46, t3_49);
+        let t3_53 = t2_198.mul_add(t3_47, t3_51);
+        let t3_54 = inv_pivot_3 * t3_52;
+        let t3_55 = inv_pivot_3 * t3_53;
+        let t3_56 = -t3_54;
+        let t3_57 = -t3_30;
+        let t3_58 = -t3_47;
+        let t3_59 = -t3_32;
+        let t3_60 = -t3_27;
+        let t3_61 = -t3_36;
+        let t3_62 = t2_146 * t3_25;
+        let t3_63 = (-t2_151).mul_add(t3_27, t3_62);
+        let t3_64 = t2_144.mul_add(t3_30, t3_63);
+        let t3_65 = t3_64 * t2_206;
+        let t3_66 = t2_183 * t3_25;
+        let t3_67 = (-t2_150).mul_add(t3_27, t3_66);
+        let t3_68 = t2_181.mul_add(t3_30, t3_67);
+        let t3_69 = t3_68 * t3_10;
+        let t3_70 = -t3_69;
+        let t3_71 = (-t2_146).mul_add(t3_31, like.lift(0.8660254037844386));
+        let t3_72 = (-t2_151).mul_add(t3_34, t3_71);
+        let t3_73 = t2_144.mul_add(t3_46, t3_72);
+        let t3_74 = t3_73 * t2_206;
+        let t3_75 = -t3_74;
+        let t3_76 = t2_144 * t3_47;
+        let t3_77 = (-t2_146).mul_add(t3_32, t3_76);
+        let t3_78 = (-t2_151).mul_add(t3_36, t3_77);
+        let t3_79 = t3_78 * t2_206;
+        let t3_80 = (-t2_183).mul_add(t3_32, like.lift(0.8660254037844386));
+        let t3_81 = (-t2_150).mul_add(t3_36, t3_80);
+        let t3_82 = t2_181.mul_add(t3_47, t3_81);
+        let t3_83 = t3_82 * t3_10;
+        let t3_84 = -t3_83;
+        let t3_85 = t2_181 * t3_46;
+        let t3_86 = (-t2_183).mul_add(t3_31, t3_85);
+        let t3_87 = (-t2_150).mul_add(t3_34, t3_86);
+        let t3_88 = t3_87 * t3_10;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_203 * like.lift(2.4888041299057773)).abs())
+            .min((t2_190 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t3_10 * like.lift(3.327667645468371)).abs())
+            .min((t2_214 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -7325,18 +7169,18 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_52, t3_67, t3_66], [t3_68, t3_57, t3_69], [t3_36, t3_42, t3_70],
-                [t3_71, t3_45, t3_72], [t3_76, t3_86, t3_90], [t3_81, t3_99, t3_95],
+                [t3_41, t3_56, t3_55], [t3_57, t3_46, t3_58], [t3_25, t3_31, t3_59],
+                [t3_60, t3_34, t3_61], [t3_65, t3_75, t3_79], [t3_70, t3_88, t3_84],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_142, t2_145, t2_148, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_162, t2_164, t2_167, t2_169, like.lift(0.0)],
-                    [t2_173, t2_179, t2_181, t2_184, t2_186, like.lift(0.0)],
-                    [like.lift(0.0), t2_188, t2_195, t2_202, like.lift(0.0), t2_203],
-                    [t2_154, t2_204, t2_192, t2_206, like.lift(0.0), t2_207],
-                    [t2_178, t2_205, t2_194, t2_208, like.lift(0.0), t2_210],
+                    [like.lift(0.0), t2_144, t2_148, t2_152, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_170, t2_169, t2_173, t2_175, like.lift(0.0)],
+                    [t2_139, t2_171, t2_167, t2_177, t2_179, like.lift(0.0)],
+                    [like.lift(0.0), t2_181, t2_188, t2_189, like.lift(0.0), t2_190],
+                    [t2_155, t2_191, t2_185, t2_193, like.lift(0.0), t2_194],
+                    [t2_140, t2_192, t2_187, t2_195, like.lift(0.0), t2_197],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -7377,12 +7221,12 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t4_14 = dd_p1 * p_m_carriage1;
         let t4_15 = (-t4_10).mul_add(x_q3_p1, t4_14);
         let t4_16 = (-t4_5).mul_add(x_q2_p1, t4_15);
-        let t4_17 = (-t2_107).mul_add(x_s1_3_p1, t4_16);
-        let t4_18 = (-t2_111).mul_add(x_s1_2_p1, t4_17);
-        let t4_19 = (-t2_117).mul_add(x_s1_1_p1, t4_18);
-        let t4_20 = (-t2_115).mul_add(x_q1_p1, t4_19);
-        let t4_21 = (-sin_q1).mul_add(t2_71, t4_20);
-        let t4_22 = (-cos_q1).mul_add(t2_67, t4_21);
+        let t4_17 = (-t2_98).mul_add(x_s1_3_p1, t4_16);
+        let t4_18 = (-t2_105).mul_add(x_s1_2_p1, t4_17);
+        let t4_19 = (-t2_111).mul_add(x_s1_1_p1, t4_18);
+        let t4_20 = (-t2_109).mul_add(x_q1_p1, t4_19);
+        let t4_21 = (-sin_q1).mul_add(t2_75, t4_20);
+        let t4_22 = (-cos_q1).mul_add(t2_71, t4_21);
         tau[0] = t4_22;
         let t4_23 = d_q2 * d_q2;
         let t4_24 = dd_q2 * p_mz_rod2;
@@ -7391,10 +7235,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t4_27 = (-t4_23).mul_add(p_mz_rod2, t4_26);
         let t4_28 = sin_q2.mul_add(t4_27, t4_12);
         let t4_29 = cos_q2.mul_add(t4_25, t4_28);
-        let t4_30 = t2_107.mul_add(x_s1_3_p2, t4_29);
-        let t4_31 = t2_111.mul_add(x_s1_2_p2, t4_30);
-        let t4_32 = t2_117.mul_add(x_s1_1_p2, t4_31);
-        let t4_33 = t2_115.mul_add(x_q1_p2, t4_32);
+        let t4_30 = t2_98.mul_add(x_s1_3_p2, t4_29);
+        let t4_31 = t2_105.mul_add(x_s1_2_p2, t4_30);
+        let t4_32 = t2_111.mul_add(x_s1_1_p2, t4_31);
+        let t4_33 = t2_109.mul_add(x_q1_p2, t4_32);
         let t4_34 = -t4_33;
         tau[1] = t4_34;
         let t4_35 = d_q3 * d_q3;
@@ -7405,10 +7249,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t4_40 = sin_q3.mul_add(t4_39, t4_13);
         let t4_41 = cos_q3.mul_add(t4_37, t4_40);
         let t4_42 = t4_5.mul_add(x_q2_p3, t4_41);
-        let t4_43 = t2_107.mul_add(x_s1_3_p3, t4_42);
-        let t4_44 = t2_111.mul_add(x_s1_2_p3, t4_43);
-        let t4_45 = t2_117.mul_add(x_s1_1_p3, t4_44);
-        let t4_46 = t2_115.mul_add(x_q1_p3, t4_45);
+        let t4_43 = t2_98.mul_add(x_s1_3_p3, t4_42);
+        let t4_44 = t2_105.mul_add(x_s1_2_p3, t4_43);
+        let t4_45 = t2_111.mul_add(x_s1_1_p3, t4_44);
+        let t4_46 = t2_109.mul_add(x_q1_p3, t4_45);
         let t4_47 = -t4_46;
         tau[2] = t4_47;
     }
@@ -7421,7 +7265,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 132 additions, 215 multiplications, 6 divisions, 6 sines and cosines.
+/// 126 additions, 209 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -7446,59 +7290,56 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition
         _, _, p_my_rod1, p_mz_rod1, _, _, _, _, _, _, p_mx_platform, p_my_platform,
         p_mz_platform, _, p_my_rod2, p_mz_rod2, _, p_my_rod3, p_mz_rod3,
     ] = *beta;
-    // tau, part 1
+    // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_22, t2_26, t2_30, t2_35, t2_52, t2_55, t2_58, pivot_1, pivot_3, t2_64, t2_72, t2_74,
-        t2_77, t2_79, t2_83, t2_88, t2_89, t2_91, t2_94, t2_96, t2_98, t2_99, t2_100, t2_102,
-        t2_104, t2_106, t2_107, t2_109, t2_114, t2_115, t2_116, t2_117, t2_118, t2_120,
-        pivot_4, t2_133, t2_141, t2_154, t2_156, pivot_6, t2_171, t2_177, t2_180, t2_187,
-        t2_192, t2_201, t2_202, t2_203, t2_204, t2_205, t2_206, t2_207, t2_211, t2_216, t2_221,
-        t2_225, t2_229,
+        t2_20, t2_24, t2_28, t2_33, t2_124, t2_147, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+        x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3,
+        x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
         let t2_1 = cos_q1 * sin_s1_2;
         let t2_2 = sin_q1 * sin_s1_1;
         let t2_3 = cos_s1_2 * t2_2;
-        let t2_4 = sin_s1_2 * t2_2;
-        let t2_5 = t2_3 - t2_1;
-        let t2_6 = t2_1 - t2_3;
-        let t2_7 = like.lift(9.81) * t2_5;
-        let a_s1_2x = -t2_7;
-        let t2_8 = sin_q1 * cos_s1_1;
-        let t2_9 = cos_q1 * cos_s1_2;
-        let t2_10 = t2_4 + t2_9;
-        let t2_11 = t2_9 + t2_4;
-        let a_s1_2z = like.lift(9.81) * t2_10;
-        let t2_12 = like.lift(9.81) * sin_s1_3;
-        let t2_13 = t2_12 * t2_8;
-        let a_s1_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_13);
-        let t2_14 = sin_s1_3 * a_s1_2z;
-        let t2_15 = a_s1_2x * p_mz_platform;
-        let t2_16 = (-a_s1_3z).mul_add(p_mx_platform, t2_15);
-        let t2_17 = a_s1_2x * p_my_platform;
-        let t2_18 = cos_s1_3 * t2_8;
-        let a_s1_3y = like.lift(9.81).mul_add(t2_18, t2_14);
-        let t2_19 = sin_s1_3.mul_add(t2_11, t2_18);
-        let t2_20 = a_s1_3y.mul_add(p_mx_platform, t2_17);
-        let t2_21 = a_s1_3y * p_mz_platform;
-        let t2_22 = a_s1_3z.mul_add(p_my_platform, t2_21);
-        let t2_23 = sin_s1_3 * t2_16;
-        let t2_24 = (-cos_s1_3).mul_add(t2_20, t2_23);
-        let t2_25 = sin_s1_3 * t2_20;
-        let t2_26 = cos_s1_3.mul_add(t2_16, t2_25);
+        let t2_4 = t2_1 - t2_3;
+        let t2_5 = sin_s1_2 * t2_2;
+        let t2_6 = cos_q1 * cos_s1_2;
+        let t2_7 = t2_5 + t2_6;
+        let t2_8 = like.lift(-9.81) * t2_4;
+        let a_s1_2x = -t2_8;
+        let t2_9 = sin_q1 * cos_s1_1;
+        let a_s1_2z = like.lift(9.81) * t2_7;
+        let t2_10 = like.lift(9.81) * sin_s1_3;
+        let t2_11 = t2_10 * t2_9;
+        let a_s1_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_11);
+        let t2_12 = sin_s1_3 * a_s1_2z;
+        let t2_13 = a_s1_2x * p_mz_platform;
+        let t2_14 = (-a_s1_3z).mul_add(p_mx_platform, t2_13);
+        let t2_15 = a_s1_2x * p_my_platform;
+        let t2_16 = cos_s1_3 * t2_9;
+        let a_s1_3y = like.lift(9.81).mul_add(t2_16, t2_12);
+        let t2_17 = sin_s1_3.mul_add(t2_7, t2_16);
+        let t2_18 = a_s1_3y.mul_add(p_mx_platform, t2_15);
+        let t2_19 = a_s1_3y * p_mz_platform;
+        let t2_20 = a_s1_3z.mul_add(p_my_platform, t2_19);
+        let t2_21 = sin_s1_3 * t2_14;
+        let t2_22 = (-cos_s1_3).mul_add(t2_18, t2_21);
+        let t2_23 = sin_s1_3 * t2_18;
+        let t2_24 = cos_s1_3.mul_add(t2_14, t2_23);
+        let t2_25 = cos_s1_2 * t2_20;
+        let t2_26 = sin_s1_2.mul_add(t2_22, t2_25);
         let t2_27 = cos_s1_2 * t2_22;
-        let t2_28 = sin_s1_2.mul_add(t2_24, t2_27);
-        let t2_29 = cos_s1_2 * t2_24;
-        let t2_30 = (-sin_s1_2).mul_add(t2_22, t2_29);
-        let t2_31 = sin_q1 * p_mz_rod1;
-        let t2_32 = (-cos_q1).mul_add(p_my_rod1, t2_31);
-        let t2_33 = sin_s1_1 * t2_26;
-        let t2_34 = like.lift(-9.81).mul_add(t2_32, t2_33);
-        let t2_35 = (-cos_s1_1).mul_add(t2_28, t2_34);
-        let t2_36 = like.lift(0.1) * t2_19;
-        let t2_37 = like.lift(0.2) * t2_19;
-        let t2_38 = like.lift(0.17320508075688773) * t2_6;
-        let t2_39 = t2_36 + t2_37;
-        let t2_40 = t2_39 - t2_38;
+        let t2_28 = (-sin_s1_2).mul_add(t2_20, t2_27);
+        let t2_29 = sin_q1 * p_mz_rod1;
+        let t2_30 = (-cos_q1).mul_add(p_my_rod1, t2_29);
+        let t2_31 = sin_s1_1 * t2_24;
+        let t2_32 = like.lift(-9.81).mul_add(t2_30, t2_31);
+        let t2_33 = (-cos_s1_1).mul_add(t2_26, t2_32);
+        let t2_34 = like.lift(0.1) * t2_17;
+        let t2_35 = like.lift(0.2) * t2_17;
+        let t2_36 = like.lift(0.17320508075688773) * t2_4;
+        let t2_37 = t2_34 + t2_35;
+        let t2_38 = like.lift(0.5).mul_add(cos_q1, t2_35);
+        let t2_39 = t2_37 - t2_36;
+        let t2_40 = t2_37 + t2_36;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
         let t2_41 = sin_q1 * cos_s1_2;
@@ -7514,223 +7355,199 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition
         let t2_46 = like.lift(0.1) * u_s1_3_p1y;
         let t2_47 = like.lift(0.2) * u_s1_3_p1y;
         let t2_48 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t2_49 = t2_46 + t2_47;
-        let t2_50 = t2_49 + t2_48;
-        let t2_51 = cos_q1 * t2_50;
-        let t2_52 = sin_q1.mul_add(t2_40, t2_51);
-        let t2_53 = u_s1_1_p1y * t2_40;
-        let t2_54 = (-t2_8).mul_add(t2_50, t2_53);
-        let t2_55 = -t2_54;
-        let t2_56 = t2_6 * t2_50;
-        let t2_57 = u_s1_2_p1x.mul_add(t2_40, t2_56);
-        let t2_58 = -t2_57;
+        let t2_49 = like.lift(0.5) * sin_q1;
+        let t2_50 = t2_49 - t2_47;
+        let t2_51 = t2_50 - t2_48;
+        let t2_52 = t2_50 + t2_48;
+        let t2_53 = t2_51 - t2_46;
+        let t2_54 = t2_52 - t2_46;
+        let t2_55 = t2_49 - t2_53;
+        let t2_56 = t2_49 - t2_54;
+        let t2_57 = cos_q1 * t2_55;
+        let t2_58 = sin_q1.mul_add(t2_39, t2_57);
+        let t2_59 = u_s1_1_p1y * t2_39;
+        let t2_60 = (-t2_9).mul_add(t2_55, t2_59);
+        let t2_61 = sin_s1_1 * t2_55;
+        let t2_62 = -t2_60;
+        let t2_63 = t2_4 * t2_56;
+        let t2_64 = u_s1_2_p1x.mul_add(t2_40, t2_63);
+        let t2_65 = like.lift(0.0) + t2_64;
+        let t2_66 = -t2_65;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_59 = like.lift(0.5).mul_add(cos_q1, t2_37);
-        let t2_60 = t2_36 + t2_37;
-        let t2_61 = t2_60 + t2_38;
-        let t2_62 = t2_59 - t2_38;
-        let t2_63 = t2_59 + t2_38;
-        let pivot_3 = t2_62 + t2_36;
-        let t2_64 = t2_63 + t2_36;
-        let t2_65 = like.lift(0.2) * e_s1_3_q1y;
-        let t2_66 = like.lift(0.1) * e_s1_3_q1y;
-        let t2_67 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t2_68 = t2_65 - t2_67;
-        let t2_69 = t2_65 + t2_67;
-        let t2_70 = t2_68 + t2_66;
-        let t2_71 = t2_69 + t2_66;
-        let t2_72 = cos_q1 * t2_70;
-        let t2_73 = t2_8 * t2_70;
-        let t2_74 = (-sin_s1_1).mul_add(t2_40, t2_73);
-        let t2_75 = t2_6 * t2_70;
-        let t2_76 = (-e_s1_2_q1x).mul_add(t2_40, t2_75);
-        let t2_77 = -t2_76;
-        let t2_78 = like.lift(-0.5773502691896257).mul_add(t2_57, t2_76);
-        let t2_79 = like.lift(0.25) * cos_q2;
-        let t2_80 = like.lift(0.5) * sin_q1;
-        let t2_81 = t2_80 - t2_47;
-        let t2_82 = t2_81 - t2_48;
-        let t2_83 = t2_82 - t2_46;
-        let t2_84 = t2_80 - t2_47;
-        let t2_85 = t2_46 + t2_47;
-        let t2_86 = t2_84 + t2_48;
-        let t2_87 = t2_85 - t2_48;
-        let t2_88 = t2_86 - t2_46;
-        let t2_89 = sin_q1 * t2_70;
-        let t2_90 = sin_s1_1 * t2_50;
-        let t2_91 = (-u_s1_1_p1y).mul_add(t2_70, t2_90);
-        let t2_92 = u_s1_2_p1x * t2_70;
-        let t2_93 = e_s1_2_q1x.mul_add(t2_50, t2_92);
-        let t2_94 = -t2_93;
-        let t2_95 = like.lift(0.5) * sin_q2;
-        let t2_96 = -t2_95;
-        let t2_97 = cos_q1 * t2_87;
-        let t2_98 = sin_q1.mul_add(t2_61, t2_97);
-        let t2_99 = cos_q1 * t2_71;
-        let t2_100 = sin_q1 * t2_71;
-        let t2_101 = u_s1_1_p1y * t2_61;
-        let t2_102 = (-t2_8).mul_add(t2_87, t2_101);
-        let t2_103 = t2_8 * t2_71;
-        let t2_104 = (-sin_s1_1).mul_add(t2_61, t2_103);
-        let t2_105 = sin_s1_1 * t2_87;
-        let t2_106 = (-u_s1_1_p1y).mul_add(t2_71, t2_105);
-        let t2_107 = -t2_102;
-        let t2_108 = t2_6 * t2_87;
-        let t2_109 = u_s1_2_p1x.mul_add(t2_61, t2_108);
-        let t2_110 = t2_6 * t2_71;
-        let t2_111 = u_s1_2_p1x * t2_71;
-        let t2_112 = (-e_s1_2_q1x).mul_add(t2_61, t2_110);
-        let t2_113 = e_s1_2_q1x.mul_add(t2_87, t2_111);
-        let t2_114 = -t2_109;
+        let t2_67 = t2_38 - t2_36;
+        let t2_68 = t2_38 + t2_36;
+        let pivot_3 = t2_67 + t2_34;
+        let t2_69 = t2_68 + t2_34;
+        let t2_70 = like.lift(0.2) * e_s1_3_q1y;
+        let t2_71 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_72 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_73 = t2_70 - t2_72;
+        let t2_74 = t2_70 + t2_72;
+        let t2_75 = t2_73 + t2_71;
+        let t2_76 = t2_74 + t2_71;
+        let t2_77 = t2_4 * t2_76;
+        let t2_78 = (-e_s1_2_q1x).mul_add(t2_40, t2_77);
+        let t2_79 = u_s1_2_p1x * t2_76;
+        let t2_80 = e_s1_2_q1x.mul_add(t2_56, t2_79);
+        let t2_81 = (-u_s1_1_p1y).mul_add(t2_75, t2_61);
+        let t2_82 = t2_9 * t2_75;
+        let t2_83 = (-sin_s1_1).mul_add(t2_39, t2_82);
+        let t2_84 = cos_q1 * t2_75;
+        let t2_85 = sin_q1 * t2_75;
+        let t2_86 = like.lift(0.0) + t2_78;
+        let t2_87 = -t2_86;
+        let t2_88 = like.lift(-0.5773502691896257).mul_add(t2_65, t2_86);
+        let t2_89 = like.lift(0.25) * cos_q2;
+        let t2_90 = like.lift(0.0) + t2_80;
+        let t2_91 = -t2_90;
+        let t2_92 = like.lift(0.5) * sin_q2;
+        let t2_93 = -t2_92;
+        let t2_94 = cos_q1 * t2_56;
+        let t2_95 = sin_q1.mul_add(t2_40, t2_94);
+        let t2_96 = cos_q1 * t2_76;
+        let t2_97 = sin_q1 * t2_76;
+        let t2_98 = u_s1_1_p1y * t2_40;
+        let t2_99 = (-t2_9).mul_add(t2_56, t2_98);
+        let t2_100 = t2_9 * t2_76;
+        let t2_101 = sin_s1_1 * t2_56;
+        let t2_102 = (-sin_s1_1).mul_add(t2_40, t2_100);
+        let t2_103 = (-u_s1_1_p1y).mul_add(t2_76, t2_101);
+        let t2_104 = -t2_99;
+        let t2_105 = -t2_64;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_115 = -pivot_2;
-        let t2_116 = -t2_112;
-        let t2_117 = like.lift(0.25) * cos_q3;
-        let t2_118 = -t2_113;
-        let t2_119 = like.lift(0.5) * sin_q3;
-        let t2_120 = -t2_119;
+        let t2_106 = -pivot_2;
+        let t2_107 = -t2_78;
+        let t2_108 = like.lift(0.25) * cos_q3;
+        let t2_109 = -t2_80;
+        let t2_110 = like.lift(0.5) * sin_q3;
+        let t2_111 = -t2_110;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_121 = like.lift(-0.5773502691896257).mul_add(t2_52, t2_72);
-        let t2_122 = t2_64 * inv_pivot_3;
-        let t2_123 = (-t2_78).mul_add(t2_122, t2_112);
-        let t2_124 = like.lift(0.5773502691896257).mul_add(t2_109, t2_123);
-        let t2_125 = (-t2_121).mul_add(t2_122, t2_99);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_98, t2_125);
+        let t2_112 = like.lift(-0.5773502691896257).mul_add(t2_58, t2_84);
+        let t2_113 = t2_69 * inv_pivot_3;
+        let t2_114 = (-t2_88).mul_add(t2_113, t2_78);
+        let t2_115 = like.lift(0.5773502691896257).mul_add(t2_64, t2_114);
+        let t2_116 = (-t2_112).mul_add(t2_113, t2_96);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_95, t2_116);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_126 = like.lift(1.0) - t2_122;
-        let t2_127 = like.lift(1.0) / cos_q2;
-        let t2_128 = sin_q2 * p_mz_rod2;
-        let t2_129 = (-cos_q2).mul_add(p_my_rod2, t2_128);
-        let t2_130 = sin_q2 * t2_127;
-        let t2_131 = like.lift(2.309401076758503) * t2_127;
-        let t2_132 = like.lift(9.81) * t2_129;
-        let t2_133 = -t2_132;
-        let t2_134 = t2_83 * inv_pivot_3;
-        let t2_135 = like.lift(1.1547005383792515) * t2_130;
-        let t2_136 = (-t2_121).mul_add(t2_134, t2_89);
-        let t2_137 = t2_52.mul_add(t2_135, t2_136);
-        let t2_138 = t2_137 * inv_pivot_4;
-        let t2_139 = (-t2_124).mul_add(t2_138, t2_93);
-        let t2_140 = (-t2_78).mul_add(t2_134, t2_139);
-        let pivot_5 = t2_57.mul_add(t2_135, t2_140);
+        let t2_117 = like.lift(1.0) - t2_113;
+        let t2_118 = like.lift(1.0) / cos_q2;
+        let t2_119 = sin_q2 * p_mz_rod2;
+        let t2_120 = (-cos_q2).mul_add(p_my_rod2, t2_119);
+        let t2_121 = sin_q2 * t2_118;
+        let t2_122 = like.lift(2.309401076758503) * t2_118;
+        let t2_123 = like.lift(9.81) * t2_120;
+        let t2_124 = -t2_123;
+        let t2_125 = t2_53 * inv_pivot_3;
+        let t2_126 = like.lift(1.1547005383792515) * t2_121;
+        let t2_127 = (-t2_112).mul_add(t2_125, t2_85);
+        let t2_128 = t2_58.mul_add(t2_126, t2_127);
+        let t2_129 = t2_128 * inv_pivot_4;
+        let t2_130 = (-t2_115).mul_add(t2_129, t2_90);
+        let t2_131 = (-t2_88).mul_add(t2_125, t2_130);
+        let pivot_5 = t2_65.mul_add(t2_126, t2_131);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_141 = -pivot_5;
-        let t2_142 = t2_126.mul_add(t2_138, t2_134);
-        let t2_143 = like.lift(0.5773502691896257).mul_add(t2_54, t2_74);
-        let t2_144 = (-t2_143).mul_add(t2_122, t2_104);
-        let t2_145 = like.lift(-0.5773502691896257).mul_add(t2_102, t2_144);
-        let t2_146 = (-t2_145).mul_add(t2_138, t2_91);
-        let t2_147 = (-t2_143).mul_add(t2_134, t2_146);
-        let t2_148 = (-t2_54).mul_add(t2_135, t2_147);
-        let t2_149 = t2_88 * inv_pivot_3;
-        let t2_150 = like.lift(1.0) / cos_q3;
-        let t2_151 = sin_q3 * p_mz_rod3;
-        let t2_152 = (-cos_q3).mul_add(p_my_rod3, t2_151);
-        let t2_153 = sin_q3 * t2_150;
-        let t2_154 = like.lift(2.309401076758503) * t2_150;
-        let t2_155 = like.lift(9.81) * t2_152;
-        let t2_156 = -t2_155;
-        let t2_157 = like.lift(1.1547005383792515) * t2_153;
-        let t2_158 = (-t2_121).mul_add(t2_149, t2_100);
-        let t2_159 = (-t2_98).mul_add(t2_157, t2_158);
-        let t2_160 = t2_159 * inv_pivot_4;
-        let t2_161 = (-t2_124).mul_add(t2_160, t2_113);
-        let t2_162 = (-t2_78).mul_add(t2_149, t2_161);
-        let t2_163 = (-t2_109).mul_add(t2_157, t2_162);
-        let t2_164 = t2_163 * inv_pivot_5;
-        let t2_165 = (-t2_142).mul_add(t2_164, t2_149);
-        let t2_166 = t2_126.mul_add(t2_160, t2_165);
-        let t2_167 = (-t2_148).mul_add(t2_164, t2_106);
-        let t2_168 = (-t2_145).mul_add(t2_160, t2_167);
-        let t2_169 = (-t2_143).mul_add(t2_149, t2_168);
-        let pivot_6 = t2_102.mul_add(t2_157, t2_169);
-        let t2_170 = t2_130 * t2_164;
+        let t2_132 = -pivot_5;
+        let t2_133 = t2_117.mul_add(t2_129, t2_125);
+        let t2_134 = like.lift(0.5773502691896257).mul_add(t2_60, t2_83);
+        let t2_135 = (-t2_134).mul_add(t2_113, t2_102);
+        let t2_136 = like.lift(-0.5773502691896257).mul_add(t2_99, t2_135);
+        let t2_137 = (-t2_136).mul_add(t2_129, t2_81);
+        let t2_138 = (-t2_134).mul_add(t2_125, t2_137);
+        let t2_139 = (-t2_60).mul_add(t2_126, t2_138);
+        let t2_140 = t2_54 * inv_pivot_3;
+        let t2_141 = like.lift(1.0) / cos_q3;
+        let t2_142 = sin_q3 * p_mz_rod3;
+        let t2_143 = (-cos_q3).mul_add(p_my_rod3, t2_142);
+        let t2_144 = sin_q3 * t2_141;
+        let t2_145 = like.lift(2.309401076758503) * t2_141;
+        let t2_146 = like.lift(9.81) * t2_143;
+        let t2_147 = -t2_146;
+        let t2_148 = like.lift(1.1547005383792515) * t2_144;
+        let t2_149 = (-t2_112).mul_add(t2_140, t2_97);
+        let t2_150 = (-t2_95).mul_add(t2_148, t2_149);
+        let t2_151 = t2_150 * inv_pivot_4;
+        let t2_152 = (-t2_115).mul_add(t2_151, t2_80);
+        let t2_153 = (-t2_88).mul_add(t2_140, t2_152);
+        let t2_154 = (-t2_64).mul_add(t2_148, t2_153);
+        let t2_155 = t2_154 * inv_pivot_5;
+        let t2_156 = (-t2_133).mul_add(t2_155, t2_140);
+        let t2_157 = t2_117.mul_add(t2_151, t2_156);
+        let t2_158 = (-t2_139).mul_add(t2_155, t2_103);
+        let t2_159 = (-t2_136).mul_add(t2_151, t2_158);
+        let t2_160 = (-t2_134).mul_add(t2_140, t2_159);
+        let pivot_6 = t2_99.mul_add(t2_148, t2_160);
+        let t2_161 = t2_121 * t2_155;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_171 = t2_166 * inv_pivot_6;
-        let t2_172 = (-t2_148).mul_add(t2_171, t2_142);
-        let t2_173 = inv_pivot_5 * t2_172;
-        let t2_174 = t2_145.mul_add(t2_171, t2_126);
-        let t2_175 = t2_124.mul_add(t2_173, t2_174);
-        let t2_176 = inv_pivot_4 * t2_175;
-        let t2_177 = t2_170 * inv_pivot_6;
-        let t2_178 = t2_153 * inv_pivot_6;
-        let t2_179 = t2_148.mul_add(t2_177, t2_130);
-        let t2_180 = inv_pivot_5 * t2_179;
-        let t2_181 = inv_pivot_5 * t2_148;
-        let t2_182 = t2_181 * t2_178;
-        let t2_183 = t2_143.mul_add(t2_171, like.lift(1.0));
-        let t2_184 = t2_78.mul_add(t2_173, t2_183);
-        let t2_185 = (-t2_121).mul_add(t2_176, t2_184);
-        let t2_186 = inv_pivot_3 * t2_185;
-        let t2_187 = -t2_186;
-        let t2_188 = t2_124 * t2_180;
-        let t2_189 = (-t2_145).mul_add(t2_177, t2_188);
-        let t2_190 = t2_124 * t2_182;
-        let t2_191 = (-t2_145).mul_add(t2_178, t2_190);
-        let t2_192 = inv_pivot_4 * t2_189;
-        let t2_193 = inv_pivot_4 * t2_191;
-        let t2_194 = t2_143 * t2_177;
-        let t2_195 = (-t2_78).mul_add(t2_180, t2_194);
-        let t2_196 = t2_143 * t2_178;
-        let t2_197 = (-t2_78).mul_add(t2_182, t2_196);
-        let t2_198 = t2_121.mul_add(t2_192, t2_195);
-        let t2_199 = t2_121.mul_add(t2_193, t2_197);
-        let t2_200 = inv_pivot_3 * t2_198;
-        let t2_201 = inv_pivot_3 * t2_199;
-        let t2_202 = -t2_200;
-        let t2_203 = -t2_176;
-        let t2_204 = -t2_193;
-        let t2_205 = -t2_178;
-        let t2_206 = -t2_173;
-        let t2_207 = -t2_182;
-        let t2_208 = t2_54 * t2_171;
-        let t2_209 = (-t2_57).mul_add(t2_173, t2_208);
-        let t2_210 = t2_52.mul_add(t2_176, t2_209);
-        let t2_211 = t2_210 * t2_131;
-        let t2_212 = t2_102 * t2_171;
-        let t2_213 = (-t2_109).mul_add(t2_173, t2_212);
-        let t2_214 = t2_98.mul_add(t2_176, t2_213);
-        let t2_215 = t2_214 * t2_154;
-        let t2_216 = -t2_215;
-        let t2_217 = (-t2_54).mul_add(t2_177, like.lift(0.8660254037844386));
-        let t2_218 = (-t2_57).mul_add(t2_180, t2_217);
-        let t2_219 = t2_52.mul_add(t2_192, t2_218);
-        let t2_220 = t2_219 * t2_131;
+        let t2_162 = t2_157 * inv_pivot_6;
+        let t2_163 = (-t2_139).mul_add(t2_162, t2_133);
+        let t2_164 = inv_pivot_5 * t2_163;
+        let t2_165 = t2_136.mul_add(t2_162, t2_117);
+        let t2_166 = t2_115.mul_add(t2_164, t2_165);
+        let t2_167 = inv_pivot_4 * t2_166;
+        let t2_168 = t2_161 * inv_pivot_6;
+        let t2_169 = t2_144 * inv_pivot_6;
+        let t2_170 = t2_139.mul_add(t2_168, t2_121);
+        let t2_171 = inv_pivot_5 * t2_170;
+        let t2_172 = inv_pivot_5 * t2_139;
+        let t2_173 = t2_172 * t2_169;
+        let t2_174 = t2_134.mul_add(t2_162, like.lift(1.0));
+        let t2_175 = t2_88.mul_add(t2_164, t2_174);
+        let t2_176 = (-t2_112).mul_add(t2_167, t2_175);
+        let t2_177 = inv_pivot_3 * t2_176;
+        let t2_178 = -t2_177;
+        let t2_179 = t2_115 * t2_171;
+        let t2_180 = (-t2_136).mul_add(t2_168, t2_179);
+        let t2_181 = t2_115 * t2_173;
+        let t2_182 = (-t2_136).mul_add(t2_169, t2_181);
+        let t2_183 = inv_pivot_4 * t2_180;
+        let t2_184 = inv_pivot_4 * t2_182;
+        let t2_185 = t2_134 * t2_168;
+        let t2_186 = (-t2_88).mul_add(t2_171, t2_185);
+        let t2_187 = t2_134 * t2_169;
+        let t2_188 = (-t2_88).mul_add(t2_173, t2_187);
+        let t2_189 = t2_112.mul_add(t2_183, t2_186);
+        let t2_190 = t2_112.mul_add(t2_184, t2_188);
+        let t2_191 = inv_pivot_3 * t2_189;
+        let t2_192 = inv_pivot_3 * t2_190;
+        let t2_193 = -t2_191;
+        let t2_194 = -t2_167;
+        let t2_195 = -t2_184;
+        let t2_196 = -t2_169;
+        let t2_197 = -t2_164;
+        let t2_198 = -t2_173;
+        let t2_199 = t2_60 * t2_162;
+        let t2_200 = (-t2_65).mul_add(t2_164, t2_199);
+        let t2_201 = t2_58.mul_add(t2_167, t2_200);
+        let t2_202 = t2_201 * t2_122;
+        let t2_203 = t2_99 * t2_162;
+        let t2_204 = (-t2_64).mul_add(t2_164, t2_203);
+        let t2_205 = t2_95.mul_add(t2_167, t2_204);
+        let t2_206 = t2_205 * t2_145;
+        let t2_207 = -t2_206;
+        let t2_208 = (-t2_60).mul_add(t2_168, like.lift(0.8660254037844386));
+        let t2_209 = (-t2_65).mul_add(t2_171, t2_208);
+        let t2_210 = t2_58.mul_add(t2_183, t2_209);
+        let t2_211 = t2_210 * t2_122;
+        let t2_212 = -t2_211;
+        let t2_213 = t2_58 * t2_184;
+        let t2_214 = (-t2_60).mul_add(t2_169, t2_213);
+        let t2_215 = (-t2_65).mul_add(t2_173, t2_214);
+        let t2_216 = t2_215 * t2_122;
+        let t2_217 = (-t2_99).mul_add(t2_169, like.lift(0.8660254037844386));
+        let t2_218 = (-t2_64).mul_add(t2_173, t2_217);
+        let t2_219 = t2_95.mul_add(t2_184, t2_218);
+        let t2_220 = t2_219 * t2_145;
         let t2_221 = -t2_220;
-        let t2_222 = t2_52 * t2_193;
-        let t2_223 = (-t2_54).mul_add(t2_178, t2_222);
-        let t2_224 = (-t2_57).mul_add(t2_182, t2_223);
-        let t2_225 = t2_224 * t2_131;
-        let t2_226 = (-t2_102).mul_add(t2_178, like.lift(0.8660254037844386));
-        let t2_227 = (-t2_109).mul_add(t2_182, t2_226);
-        let t2_228 = t2_98.mul_add(t2_193, t2_227);
-        let t2_229 = t2_228 * t2_154;
-        [
-            t2_22, t2_26, t2_30, t2_35, t2_52, t2_55, t2_58, pivot_1, pivot_3, t2_64, t2_72,
-            t2_74, t2_77, t2_79, t2_83, t2_88, t2_89, t2_91, t2_94, t2_96, t2_98, t2_99,
-            t2_100, t2_102, t2_104, t2_106, t2_107, t2_109, t2_114, t2_115, t2_116, t2_117,
-            t2_118, t2_120, pivot_4, t2_133, t2_141, t2_154, t2_156, pivot_6, t2_171, t2_177,
-            t2_180, t2_187, t2_192, t2_201, t2_202, t2_203, t2_204, t2_205, t2_206, t2_207,
-            t2_211, t2_216, t2_221, t2_225, t2_229,
-        ]
-    };
-    // loops: solve with A_e (Eq. 8, 10)
-    let [
-        x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-        x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-        x_q3_p2, x_q3_p3,
-    ] = {
-        let t3_1 = -t2_229;
-        let t3_2 = t2_98 * t2_192;
-        let t3_3 = (-t2_102).mul_add(t2_177, t3_2);
-        let t3_4 = (-t2_109).mul_add(t2_180, t3_3);
-        let t3_5 = t3_4 * t2_154;
+        let t2_222 = t2_95 * t2_183;
+        let t2_223 = (-t2_99).mul_add(t2_168, t2_222);
+        let t2_224 = (-t2_64).mul_add(t2_171, t2_223);
+        let t2_225 = t2_224 * t2_145;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_115 * like.lift(2.4888041299057773)).abs())
+            .min((t2_106 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_141 * like.lift(3.327667645468371)).abs())
+            .min((t2_132 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -7738,18 +7555,18 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_187, t2_202, t2_201], [t2_203, t2_192, t2_204], [t2_171, t2_177, t2_205],
-                [t2_206, t2_180, t2_207], [t2_211, t2_221, t2_225], [t2_216, t3_5, t3_1],
+                [t2_178, t2_193, t2_192], [t2_194, t2_183, t2_195], [t2_162, t2_168, t2_196],
+                [t2_197, t2_171, t2_198], [t2_202, t2_212, t2_216], [t2_207, t2_225, t2_221],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_52, t2_55, t2_58, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_72, t2_74, t2_77, t2_79, like.lift(0.0)],
-                    [t2_83, t2_89, t2_91, t2_94, t2_96, like.lift(0.0)],
-                    [like.lift(0.0), t2_98, t2_107, t2_114, like.lift(0.0), t2_115],
-                    [t2_64, t2_99, t2_104, t2_116, like.lift(0.0), t2_117],
-                    [t2_88, t2_100, t2_106, t2_118, like.lift(0.0), t2_120],
+                    [like.lift(0.0), t2_58, t2_62, t2_66, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_84, t2_83, t2_87, t2_89, like.lift(0.0)],
+                    [t2_53, t2_85, t2_81, t2_91, t2_93, like.lift(0.0)],
+                    [like.lift(0.0), t2_95, t2_104, t2_105, like.lift(0.0), t2_106],
+                    [t2_69, t2_96, t2_102, t2_107, like.lift(0.0), t2_108],
+                    [t2_54, t2_97, t2_103, t2_109, like.lift(0.0), t2_111],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -7763,37 +7580,37 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition
         );
         condition = condition.min(found);
         [
-            x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2,
-            x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1,
-            x_q3_p2, x_q3_p3,
+            t2_20, t2_24, t2_28, t2_33, t2_124, t2_147, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+            x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2,
+            x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
         ]
     };
     // tau
     {
-        let t4_1 = t2_156 * x_q3_p1;
-        let t4_2 = t2_133.mul_add(x_q2_p1, t4_1);
-        let t4_3 = (-t2_22).mul_add(x_s1_3_p1, t4_2);
-        let t4_4 = (-t2_26).mul_add(x_s1_2_p1, t4_3);
-        let t4_5 = (-t2_30).mul_add(x_s1_1_p1, t4_4);
-        let t4_6 = t2_35.mul_add(x_q1_p1, t4_5);
-        let t4_7 = -t4_6;
-        tau[0] = t4_7;
-        let t4_8 = t2_156 * x_q3_p2;
-        let t4_9 = t2_133.mul_add(x_q2_p2, t4_8);
-        let t4_10 = t2_156 * x_q3_p3;
-        let t4_11 = t2_133.mul_add(x_q2_p3, t4_10);
-        let t4_12 = (-t2_22).mul_add(x_s1_3_p2, t4_9);
-        let t4_13 = (-t2_22).mul_add(x_s1_3_p3, t4_11);
-        let t4_14 = (-t2_26).mul_add(x_s1_2_p2, t4_12);
-        let t4_15 = (-t2_26).mul_add(x_s1_2_p3, t4_13);
-        let t4_16 = (-t2_30).mul_add(x_s1_1_p2, t4_14);
-        let t4_17 = (-t2_30).mul_add(x_s1_1_p3, t4_15);
-        let t4_18 = t2_35.mul_add(x_q1_p2, t4_16);
-        let t4_19 = t2_35.mul_add(x_q1_p3, t4_17);
-        let t4_20 = -t4_18;
-        tau[1] = t4_20;
-        let t4_21 = -t4_19;
-        tau[2] = t4_21;
+        let t3_1 = t2_147 * x_q3_p1;
+        let t3_2 = t2_124.mul_add(x_q2_p1, t3_1);
+        let t3_3 = (-t2_20).mul_add(x_s1_3_p1, t3_2);
+        let t3_4 = (-t2_24).mul_add(x_s1_2_p1, t3_3);
+        let t3_5 = (-t2_28).mul_add(x_s1_1_p1, t3_4);
+        let t3_6 = t2_33.mul_add(x_q1_p1, t3_5);
+        let t3_7 = -t3_6;
+        tau[0] = t3_7;
+        let t3_8 = t2_147 * x_q3_p2;
+        let t3_9 = t2_124.mul_add(x_q2_p2, t3_8);
+        let t3_10 = t2_147 * x_q3_p3;
+        let t3_11 = t2_124.mul_add(x_q2_p3, t3_10);
+        let t3_12 = (-t2_20).mul_add(x_s1_3_p2, t3_9);
+        let t3_13 = (-t2_20).mul_add(x_s1_3_p3, t3_11);
+        let t3_14 = (-t2_24).mul_add(x_s1_2_p2, t3_12);
+        let t3_15 = (-t2_24).mul_add(x_s1_2_p3, t3_13);
+        let t3_16 = (-t2_28).mul_add(x_s1_1_p2, t3_14);
+        let t3_17 = (-t2_28).mul_add(x_s1_1_p3, t3_15);
+        let t3_18 = t2_33.mul_add(x_q1_p2, t3_16);
+        let t3_19 = t2_33.mul_add(x_q1_p3, t3_17);
+        let t3_20 = -t3_18;
+        tau[1] = t3_20;
+        let t3_21 = -t3_19;
+        tau[2] = t3_21;
     }
     (tau, Condition { pivot: condition })
 }
@@ -7805,7 +7622,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 304 additions, 436 multiplications, 6 divisions, 6 sines and cosines.
+/// 292 additions, 424 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -7829,12 +7646,13 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
     let [_, d_q1, d_s1_1, d_s1_2, d_s1_3, _, d_q2, _, d_q3] = *qd;
     // tau, part 1
     let [
-        t2_1, t2_24, t2_26, t2_27, t2_29, t2_30, pivot_1, pivot_3, t2_36, t2_46, t2_48, t2_51,
-        t2_52, t2_53, t2_57, t2_62, t2_63, t2_65, t2_68, t2_70, t2_72, t2_74, t2_75, t2_77,
-        t2_78, t2_79, t2_80, t2_82, t2_85, t2_86, t2_87, t2_89, t2_91, t2_92, t2_94, t2_137,
-        t2_143, t2_144, t2_170, t2_177, t2_182, t2_199, t2_200, t2_201, t2_202, t2_203,
-        inv_pivot_3, t2_204, t2_205, t2_208, pivot_4, inv_pivot_4, t2_211, t2_213, t2_214,
-        t2_224, inv_pivot_5, t2_225, t2_226, t2_228, t2_229, t2_232, t2_233, t2_234, t2_235,
+        t2_1, t2_27, t2_29, t2_30, t2_34, t2_35, t2_36, pivot_1, pivot_3, t2_37, t2_48, t2_49,
+        t2_53, t2_54, t2_55, t2_57, t2_59, t2_60, t2_61, t2_65, t2_67, t2_69, t2_71, t2_73,
+        t2_75, t2_76, t2_77, t2_78, t2_79, t2_80, t2_81, t2_82, t2_83, t2_85, t2_130, t2_136,
+        t2_137, t2_164, t2_171, t2_172, t2_188, t2_189, t2_190, t2_191, inv_pivot_3, t2_192,
+        t2_193, t2_196, pivot_4, inv_pivot_4, t2_199, t2_201, t2_202, t2_212, inv_pivot_5,
+        t2_213, t2_214, t2_216, t2_217, t2_220, t2_221, t2_223, t2_224, t2_225, t2_226, t2_229,
+        t2_233, t2_235,
     ] = {
         let t2_1 = d_q1 * d_q1;
         let t2_2 = sin_q1 * cos_s1_1;
@@ -7848,328 +7666,312 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
         let t2_10 = like.lift(0.1) * t2_7;
         let t2_11 = like.lift(0.2) * t2_7;
         let t2_12 = like.lift(0.17320508075688773) * t2_9;
-        let t2_13 = t2_10 + t2_11;
-        let t2_14 = t2_13 - t2_12;
+        let t2_13 = t2_12 - t2_10;
+        let t2_14 = t2_12 + t2_10;
+        let t2_15 = t2_11 - t2_13;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_15 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_15);
-        let t2_16 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_16);
-        let t2_17 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_17);
-        let t2_18 = like.lift(0.1) * u_s1_3_p1y;
-        let t2_19 = like.lift(0.2) * u_s1_3_p1y;
-        let t2_20 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t2_21 = t2_18 + t2_19;
-        let t2_22 = t2_21 + t2_20;
-        let t2_23 = cos_q1 * t2_22;
-        let t2_24 = sin_q1.mul_add(t2_14, t2_23);
-        let t2_25 = u_s1_1_p1y * t2_14;
-        let t2_26 = (-t2_2).mul_add(t2_22, t2_25);
-        let t2_27 = -t2_26;
-        let t2_28 = t2_9 * t2_22;
-        let t2_29 = u_s1_2_p1x.mul_add(t2_14, t2_28);
+        let t2_16 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_16);
+        let t2_17 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_17);
+        let t2_18 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_18);
+        let t2_19 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_20 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_21 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_22 = t2_21 + t2_19;
+        let t2_23 = t2_21 - t2_19;
+        let t2_24 = t2_22 + t2_20;
+        let t2_25 = t2_20 - t2_23;
+        let t2_26 = cos_q1 * t2_24;
+        let t2_27 = sin_q1.mul_add(t2_15, t2_26);
+        let t2_28 = u_s1_1_p1y * t2_15;
+        let t2_29 = (-t2_2).mul_add(t2_24, t2_28);
         let t2_30 = -t2_29;
+        let t2_31 = t2_14 + t2_11;
+        let t2_32 = like.lift(0.5).mul_add(cos_q1, t2_11);
+        let t2_33 = t2_9 * t2_25;
+        let t2_34 = u_s1_2_p1x.mul_add(t2_31, t2_33);
+        let t2_35 = like.lift(0.0) + t2_34;
+        let t2_36 = -t2_35;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_31 = like.lift(0.5).mul_add(cos_q1, t2_11);
-        let t2_32 = t2_10 + t2_11;
-        let t2_33 = t2_32 + t2_12;
-        let t2_34 = t2_12 - t2_10;
-        let t2_35 = t2_12 + t2_10;
-        let pivot_3 = t2_31 - t2_34;
-        let t2_36 = t2_31 + t2_35;
-        let t2_37 = sin_s1_1 * cos_s1_3;
-        let t2_38 = sin_s1_3 * cos_s1_1;
-        let e_s1_3_q1y = (-t2_38).mul_add(sin_s1_2, t2_37);
-        let t2_39 = like.lift(0.2) * e_s1_3_q1y;
+        let pivot_3 = t2_32 - t2_13;
+        let t2_37 = t2_32 + t2_14;
+        let t2_38 = sin_s1_1 * cos_s1_3;
+        let t2_39 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_39).mul_add(sin_s1_2, t2_38);
+        let t2_40 = like.lift(0.2) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_40 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t2_41 = like.lift(0.1) * e_s1_3_q1y;
-        let t2_42 = t2_40 - t2_41;
-        let t2_43 = t2_40 + t2_41;
-        let t2_44 = t2_39 - t2_42;
-        let t2_45 = t2_39 + t2_43;
-        let t2_46 = cos_q1 * t2_44;
-        let t2_47 = t2_2 * t2_44;
-        let t2_48 = (-sin_s1_1).mul_add(t2_14, t2_47);
-        let t2_49 = t2_9 * t2_44;
-        let t2_50 = (-e_s1_2_q1x).mul_add(t2_14, t2_49);
-        let t2_51 = -t2_50;
-        let t2_52 = like.lift(-0.5773502691896257).mul_add(t2_29, t2_50);
-        let t2_53 = like.lift(0.25) * cos_q2;
-        let t2_54 = like.lift(0.5) * sin_q1;
-        let t2_55 = t2_20 + t2_18;
-        let t2_56 = t2_54 - t2_19;
-        let t2_57 = t2_56 - t2_55;
-        let t2_58 = t2_54 - t2_19;
-        let t2_59 = t2_18 + t2_19;
-        let t2_60 = t2_59 - t2_20;
-        let t2_61 = t2_20 - t2_18;
-        let t2_62 = t2_58 + t2_61;
-        let t2_63 = sin_q1 * t2_44;
-        let t2_64 = sin_s1_1 * t2_22;
-        let t2_65 = (-u_s1_1_p1y).mul_add(t2_44, t2_64);
-        let t2_66 = u_s1_2_p1x * t2_44;
-        let t2_67 = e_s1_2_q1x.mul_add(t2_22, t2_66);
-        let t2_68 = -t2_67;
-        let t2_69 = like.lift(0.5) * sin_q2;
-        let t2_70 = -t2_69;
-        let t2_71 = cos_q1 * t2_60;
-        let t2_72 = sin_q1.mul_add(t2_33, t2_71);
-        let t2_73 = u_s1_1_p1y * t2_33;
-        let t2_74 = (-t2_2).mul_add(t2_60, t2_73);
-        let t2_75 = -t2_74;
-        let t2_76 = t2_9 * t2_60;
-        let t2_77 = u_s1_2_p1x.mul_add(t2_33, t2_76);
-        let t2_78 = -t2_77;
+        let t2_41 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_42 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_43 = t2_41 - t2_42;
+        let t2_44 = t2_41 + t2_42;
+        let t2_45 = t2_40 - t2_43;
+        let t2_46 = t2_40 + t2_44;
+        let t2_47 = t2_2 * t2_45;
+        let t2_48 = (-sin_s1_1).mul_add(t2_15, t2_47);
+        let t2_49 = cos_q1 * t2_45;
+        let t2_50 = t2_9 * t2_46;
+        let t2_51 = (-e_s1_2_q1x).mul_add(t2_31, t2_50);
+        let t2_52 = like.lift(0.0) + t2_51;
+        let t2_53 = -t2_52;
+        let t2_54 = like.lift(-0.5773502691896257).mul_add(t2_35, t2_52);
+        let t2_55 = like.lift(0.25) * cos_q2;
+        let t2_56 = like.lift(0.5) * sin_q1;
+        let t2_57 = t2_56 - t2_24;
+        let t2_58 = sin_s1_1 * t2_24;
+        let t2_59 = (-u_s1_1_p1y).mul_add(t2_45, t2_58);
+        let t2_60 = sin_q1 * t2_45;
+        let t2_61 = t2_56 - t2_25;
+        let t2_62 = u_s1_2_p1x * t2_46;
+        let t2_63 = e_s1_2_q1x.mul_add(t2_25, t2_62);
+        let t2_64 = like.lift(0.0) + t2_63;
+        let t2_65 = -t2_64;
+        let t2_66 = like.lift(0.5) * sin_q2;
+        let t2_67 = -t2_66;
+        let t2_68 = cos_q1 * t2_25;
+        let t2_69 = sin_q1.mul_add(t2_31, t2_68);
+        let t2_70 = u_s1_1_p1y * t2_31;
+        let t2_71 = (-t2_2).mul_add(t2_25, t2_70);
+        let t2_72 = sin_s1_1 * t2_25;
+        let t2_73 = (-u_s1_1_p1y).mul_add(t2_46, t2_72);
+        let t2_74 = t2_2 * t2_46;
+        let t2_75 = (-sin_s1_1).mul_add(t2_31, t2_74);
+        let t2_76 = -t2_71;
+        let t2_77 = -t2_34;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_79 = -pivot_2;
-        let t2_80 = cos_q1 * t2_45;
-        let t2_81 = t2_2 * t2_45;
-        let t2_82 = (-sin_s1_1).mul_add(t2_33, t2_81);
-        let t2_83 = t2_9 * t2_45;
-        let t2_84 = (-e_s1_2_q1x).mul_add(t2_33, t2_83);
+        let t2_78 = -pivot_2;
+        let t2_79 = cos_q1 * t2_46;
+        let t2_80 = sin_q1 * t2_46;
+        let t2_81 = -t2_51;
+        let t2_82 = like.lift(0.25) * cos_q3;
+        let t2_83 = -t2_63;
+        let t2_84 = like.lift(0.5) * sin_q3;
         let t2_85 = -t2_84;
-        let t2_86 = like.lift(0.25) * cos_q3;
-        let t2_87 = sin_q1 * t2_45;
-        let t2_88 = sin_s1_1 * t2_60;
-        let t2_89 = (-u_s1_1_p1y).mul_add(t2_45, t2_88);
-        let t2_90 = u_s1_2_p1x * t2_45;
-        let t2_91 = e_s1_2_q1x.mul_add(t2_60, t2_90);
-        let t2_92 = -t2_91;
-        let t2_93 = like.lift(0.5) * sin_q3;
-        let t2_94 = -t2_93;
-        let t2_95 = cos_q1 * d_q1;
-        let t2_96 = cos_q1 * d_s1_1;
-        let t2_97 = t2_2 * d_q1;
-        let t2_98 = sin_s1_1.mul_add(t2_96, t2_97);
-        let t2_99 = t2_2.mul_add(d_s1_2, t2_96);
-        let t2_100 = d_s1_2 * t2_98;
-        let t2_101 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
-        let t2_102 = t2_9 * t2_101;
-        let t2_103 = e_s1_2_q1x.mul_add(t2_99, t2_102);
-        let t2_104 = (-d_s1_3).mul_add(t2_103, t2_100);
-        let t2_105 = d_s1_1.mul_add(t2_95, t2_104);
-        let t2_106 = sin_q1 * d_q1;
-        let t2_107 = sin_q1 * d_s1_1;
-        let t2_108 = u_s1_1_p1y * d_q1;
-        let t2_109 = (-sin_s1_1).mul_add(t2_107, t2_108);
-        let t2_110 = (-u_s1_1_p1y).mul_add(d_s1_2, t2_107);
-        let t2_111 = e_s1_2_q1x * t2_110;
-        let t2_112 = u_s1_2_p1x.mul_add(t2_101, t2_111);
-        let t2_113 = e_s1_2_q1x.mul_add(d_s1_3, t2_101);
-        let t2_114 = d_s1_1 * t2_106;
-        let t2_115 = (-d_s1_3).mul_add(t2_112, t2_114);
-        let t2_116 = (-d_s1_2).mul_add(t2_109, t2_115);
-        let t2_117 = (-u_s1_2_p1x).mul_add(d_s1_3, t2_110);
-        let t2_118 = t2_9 * t2_110;
-        let t2_119 = (-u_s1_2_p1x).mul_add(t2_99, t2_118);
-        let t2_120 = (-t2_9).mul_add(d_s1_3, t2_99);
-        let t2_121 = e_s1_3_q1y * t2_117;
-        let t2_122 = (-u_s1_3_p1y).mul_add(t2_113, t2_121);
-        let t2_123 = like.lift(0.2) * t2_122;
-        let t2_124 = -t2_123;
-        let t2_125 = t2_7 * t2_113;
-        let t2_126 = e_s1_3_q1y.mul_add(t2_120, t2_125);
-        let t2_127 = like.lift(0.2) * t2_126;
-        let t2_128 = u_s1_3_p1y * t2_116;
-        let t2_129 = (-t2_7).mul_add(t2_105, t2_128);
-        let t2_130 = t2_117 * t2_124;
-        let t2_131 = like.lift(-0.2).mul_add(t2_129, t2_130);
-        let t2_132 = (-t2_120).mul_add(t2_127, t2_131);
-        let t2_133 = t2_42 * t2_117;
-        let t2_134 = t2_55.mul_add(t2_113, t2_133);
-        let t2_135 = t2_34 * t2_113;
-        let t2_136 = t2_42.mul_add(t2_120, t2_135);
-        let t2_137 = d_q2 * d_q2;
-        let t2_138 = sin_q2 * t2_137;
-        let t2_139 = like.lift(-0.4330127018922193).mul_add(t2_138, t2_132);
-        let t2_140 = (-t2_55).mul_add(t2_116, t2_139);
-        let t2_141 = (-t2_34).mul_add(t2_105, t2_140);
-        let t2_142 = t2_120.mul_add(t2_136, t2_141);
-        let t2_143 = t2_117.mul_add(t2_134, t2_142);
-        let t2_144 = -t2_143;
-        let t2_145 = d_s1_2 * cos_s1_1;
-        let t2_146 = t2_145 * d_s1_1;
-        let t2_147 = (-d_s1_3).mul_add(t2_119, t2_146);
-        let t2_148 = u_s1_3_p1y * t2_120;
-        let t2_149 = t2_7.mul_add(t2_117, t2_148);
-        let t2_150 = like.lift(0.2) * t2_149;
-        let t2_151 = t2_7 * t2_147;
-        let t2_152 = e_s1_3_q1y.mul_add(t2_116, t2_151);
-        let t2_153 = e_s1_3_q1y * t2_105;
-        let t2_154 = u_s1_3_p1y.mul_add(t2_147, t2_153);
-        let t2_155 = like.lift(0.5) * d_q1;
-        let t2_156 = t2_106 * t2_155;
-        let t2_157 = like.lift(0.2).mul_add(t2_152, t2_156);
-        let t2_158 = t2_95 * t2_155;
-        let t2_159 = (-t2_113).mul_add(t2_124, t2_157);
-        let t2_160 = like.lift(0.2).mul_add(t2_154, t2_158);
-        let t2_161 = t2_117.mul_add(t2_150, t2_160);
-        let t2_162 = (-t2_120).mul_add(t2_150, t2_159);
-        let t2_163 = t2_113.mul_add(t2_127, t2_161);
-        let t2_164 = like.lift(0.25).mul_add(t2_138, t2_162);
-        let t2_165 = (-t2_34).mul_add(t2_147, t2_164);
-        let t2_166 = (-t2_42).mul_add(t2_116, t2_165);
-        let t2_167 = (-t2_113).mul_add(t2_134, t2_166);
-        let t2_168 = t2_34 * t2_117;
-        let t2_169 = (-t2_55).mul_add(t2_120, t2_168);
-        let t2_170 = t2_120.mul_add(t2_169, t2_167);
-        let t2_171 = like.lift(0.5) * cos_q2;
-        let t2_172 = (-t2_171).mul_add(t2_137, t2_163);
-        let t2_173 = (-t2_42).mul_add(t2_105, t2_172);
-        let t2_174 = t2_55.mul_add(t2_147, t2_173);
-        let t2_175 = (-t2_117).mul_add(t2_169, t2_174);
-        let t2_176 = (-t2_113).mul_add(t2_136, t2_175);
-        let t2_177 = -t2_176;
-        let t2_178 = t2_43 * t2_117;
-        let t2_179 = t2_61.mul_add(t2_113, t2_178);
-        let t2_180 = t2_35 * t2_113;
-        let t2_181 = t2_43.mul_add(t2_120, t2_180);
-        let t2_182 = d_q3 * d_q3;
-        let t2_183 = like.lift(0.5) * cos_q3;
-        let t2_184 = (-t2_183).mul_add(t2_182, t2_163);
-        let t2_185 = t2_43.mul_add(t2_105, t2_184);
-        let t2_186 = (-t2_61).mul_add(t2_147, t2_185);
-        let t2_187 = sin_q3 * t2_182;
-        let t2_188 = like.lift(0.25).mul_add(t2_187, t2_162);
-        let t2_189 = t2_35.mul_add(t2_147, t2_188);
-        let t2_190 = like.lift(0.4330127018922193).mul_add(t2_187, t2_132);
-        let t2_191 = t2_43.mul_add(t2_116, t2_189);
-        let t2_192 = t2_61.mul_add(t2_116, t2_190);
-        let t2_193 = t2_35.mul_add(t2_105, t2_192);
-        let t2_194 = t2_35 * t2_117;
-        let t2_195 = (-t2_61).mul_add(t2_120, t2_194);
-        let t2_196 = (-t2_120).mul_add(t2_181, t2_193);
-        let t2_197 = t2_113.mul_add(t2_179, t2_191);
-        let t2_198 = t2_117.mul_add(t2_195, t2_186);
-        let t2_199 = (-t2_117).mul_add(t2_179, t2_196);
-        let t2_200 = (-t2_120).mul_add(t2_195, t2_197);
-        let t2_201 = t2_113.mul_add(t2_181, t2_198);
-        let t2_202 = -t2_199;
-        let t2_203 = -t2_201;
+        let t2_86 = cos_q1 * d_q1;
+        let t2_87 = cos_q1 * d_s1_1;
+        let t2_88 = t2_2 * d_q1;
+        let t2_89 = sin_s1_1.mul_add(t2_87, t2_88);
+        let t2_90 = t2_2.mul_add(d_s1_2, t2_87);
+        let t2_91 = d_s1_2 * t2_89;
+        let t2_92 = (-sin_s1_1).mul_add(d_s1_2, d_q1);
+        let t2_93 = t2_9 * t2_92;
+        let t2_94 = e_s1_2_q1x.mul_add(t2_90, t2_93);
+        let t2_95 = (-d_s1_3).mul_add(t2_94, t2_91);
+        let t2_96 = d_s1_1.mul_add(t2_86, t2_95);
+        let t2_97 = sin_q1 * d_q1;
+        let t2_98 = sin_q1 * d_s1_1;
+        let t2_99 = u_s1_1_p1y * d_q1;
+        let t2_100 = (-sin_s1_1).mul_add(t2_98, t2_99);
+        let t2_101 = (-u_s1_1_p1y).mul_add(d_s1_2, t2_98);
+        let t2_102 = e_s1_2_q1x * t2_101;
+        let t2_103 = u_s1_2_p1x.mul_add(t2_92, t2_102);
+        let t2_104 = e_s1_2_q1x.mul_add(d_s1_3, t2_92);
+        let t2_105 = d_s1_1 * t2_97;
+        let t2_106 = (-d_s1_3).mul_add(t2_103, t2_105);
+        let t2_107 = (-d_s1_2).mul_add(t2_100, t2_106);
+        let t2_108 = (-u_s1_2_p1x).mul_add(d_s1_3, t2_101);
+        let t2_109 = t2_9 * t2_101;
+        let t2_110 = (-u_s1_2_p1x).mul_add(t2_90, t2_109);
+        let t2_111 = (-t2_9).mul_add(d_s1_3, t2_90);
+        let t2_112 = e_s1_3_q1y * t2_108;
+        let t2_113 = (-u_s1_3_p1y).mul_add(t2_104, t2_112);
+        let t2_114 = like.lift(0.2) * t2_113;
+        let t2_115 = -t2_114;
+        let t2_116 = t2_7 * t2_104;
+        let t2_117 = e_s1_3_q1y.mul_add(t2_111, t2_116);
+        let t2_118 = like.lift(0.2) * t2_117;
+        let t2_119 = u_s1_3_p1y * t2_107;
+        let t2_120 = (-t2_7).mul_add(t2_96, t2_119);
+        let t2_121 = t2_108 * t2_115;
+        let t2_122 = like.lift(-0.2).mul_add(t2_120, t2_121);
+        let t2_123 = (-t2_111).mul_add(t2_118, t2_122);
+        let t2_124 = t2_44 * t2_108;
+        let t2_125 = t2_23.mul_add(t2_104, t2_124);
+        let t2_126 = t2_125 - t2_114;
+        let t2_127 = t2_14 * t2_104;
+        let t2_128 = t2_44.mul_add(t2_111, t2_127);
+        let t2_129 = t2_128 - t2_118;
+        let t2_130 = d_q2 * d_q2;
+        let t2_131 = sin_q2 * t2_130;
+        let t2_132 = like.lift(-0.4330127018922193).mul_add(t2_131, t2_123);
+        let t2_133 = (-t2_22).mul_add(t2_107, t2_132);
+        let t2_134 = (-t2_13).mul_add(t2_96, t2_133);
+        let t2_135 = t2_111.mul_add(t2_129, t2_134);
+        let t2_136 = t2_108.mul_add(t2_126, t2_135);
+        let t2_137 = -t2_136;
+        let t2_138 = d_s1_2 * cos_s1_1;
+        let t2_139 = t2_138 * d_s1_1;
+        let t2_140 = (-d_s1_3).mul_add(t2_110, t2_139);
+        let t2_141 = u_s1_3_p1y * t2_111;
+        let t2_142 = t2_7.mul_add(t2_108, t2_141);
+        let t2_143 = like.lift(0.2) * t2_142;
+        let t2_144 = t2_7 * t2_140;
+        let t2_145 = e_s1_3_q1y.mul_add(t2_107, t2_144);
+        let t2_146 = e_s1_3_q1y * t2_96;
+        let t2_147 = u_s1_3_p1y.mul_add(t2_140, t2_146);
+        let t2_148 = like.lift(0.5) * d_q1;
+        let t2_149 = t2_97 * t2_148;
+        let t2_150 = like.lift(0.2).mul_add(t2_145, t2_149);
+        let t2_151 = t2_86 * t2_148;
+        let t2_152 = (-t2_104).mul_add(t2_115, t2_150);
+        let t2_153 = like.lift(0.2).mul_add(t2_147, t2_151);
+        let t2_154 = t2_108.mul_add(t2_143, t2_153);
+        let t2_155 = t2_104.mul_add(t2_118, t2_154);
+        let t2_156 = (-t2_111).mul_add(t2_143, t2_152);
+        let t2_157 = like.lift(0.25).mul_add(t2_131, t2_156);
+        let t2_158 = (-t2_13).mul_add(t2_140, t2_157);
+        let t2_159 = (-t2_43).mul_add(t2_107, t2_158);
+        let t2_160 = (-t2_104).mul_add(t2_126, t2_159);
+        let t2_161 = t2_14 * t2_108;
+        let t2_162 = (-t2_23).mul_add(t2_111, t2_161);
+        let t2_163 = t2_162 - t2_143;
+        let t2_164 = t2_111.mul_add(t2_163, t2_160);
+        let t2_165 = like.lift(0.5) * cos_q2;
+        let t2_166 = (-t2_165).mul_add(t2_130, t2_155);
+        let t2_167 = (-t2_43).mul_add(t2_96, t2_166);
+        let t2_168 = t2_22.mul_add(t2_140, t2_167);
+        let t2_169 = (-t2_108).mul_add(t2_163, t2_168);
+        let t2_170 = (-t2_104).mul_add(t2_129, t2_169);
+        let t2_171 = -t2_170;
+        let t2_172 = d_q3 * d_q3;
+        let t2_173 = like.lift(0.5) * cos_q3;
+        let t2_174 = (-t2_173).mul_add(t2_172, t2_155);
+        let t2_175 = t2_44.mul_add(t2_96, t2_174);
+        let t2_176 = (-t2_23).mul_add(t2_140, t2_175);
+        let t2_177 = t2_108.mul_add(t2_162, t2_176);
+        let t2_178 = t2_104.mul_add(t2_128, t2_177);
+        let t2_179 = sin_q3 * t2_172;
+        let t2_180 = like.lift(0.4330127018922193).mul_add(t2_179, t2_123);
+        let t2_181 = t2_23.mul_add(t2_107, t2_180);
+        let t2_182 = t2_14.mul_add(t2_96, t2_181);
+        let t2_183 = like.lift(0.25).mul_add(t2_179, t2_156);
+        let t2_184 = t2_14.mul_add(t2_140, t2_183);
+        let t2_185 = t2_44.mul_add(t2_107, t2_184);
+        let t2_186 = (-t2_111).mul_add(t2_128, t2_182);
+        let t2_187 = t2_104.mul_add(t2_125, t2_185);
+        let t2_188 = (-t2_108).mul_add(t2_125, t2_186);
+        let t2_189 = (-t2_111).mul_add(t2_162, t2_187);
+        let t2_190 = -t2_188;
+        let t2_191 = -t2_178;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_204 = like.lift(0.5773502691896257).mul_add(t2_143, t2_170);
-        let t2_205 = like.lift(-0.5773502691896257).mul_add(t2_24, t2_46);
-        let t2_206 = t2_36 * inv_pivot_3;
-        let t2_207 = (-t2_52).mul_add(t2_206, t2_84);
-        let t2_208 = like.lift(0.5773502691896257).mul_add(t2_77, t2_207);
-        let t2_209 = (-t2_205).mul_add(t2_206, t2_80);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_72, t2_209);
+        let t2_192 = like.lift(0.5773502691896257).mul_add(t2_136, t2_164);
+        let t2_193 = like.lift(-0.5773502691896257).mul_add(t2_27, t2_49);
+        let t2_194 = t2_37 * inv_pivot_3;
+        let t2_195 = (-t2_54).mul_add(t2_194, t2_51);
+        let t2_196 = like.lift(0.5773502691896257).mul_add(t2_34, t2_195);
+        let t2_197 = (-t2_193).mul_add(t2_194, t2_79);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_69, t2_197);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_210 = (-t2_206).mul_add(t2_204, t2_200);
-        let t2_211 = like.lift(-0.5773502691896257).mul_add(t2_199, t2_210);
-        let t2_212 = like.lift(1.0) / cos_q2;
-        let t2_213 = sin_q2 * t2_212;
-        let t2_214 = like.lift(2.309401076758503) * t2_212;
-        let t2_215 = t2_57 * inv_pivot_3;
-        let t2_216 = like.lift(1.1547005383792515) * t2_213;
-        let t2_217 = (-t2_205).mul_add(t2_215, t2_63);
-        let t2_218 = t2_24.mul_add(t2_216, t2_217);
-        let t2_219 = t2_218 * inv_pivot_4;
-        let t2_220 = (-t2_208).mul_add(t2_219, t2_67);
-        let t2_221 = (-t2_52).mul_add(t2_215, t2_220);
-        let pivot_5 = t2_29.mul_add(t2_216, t2_221);
-        let t2_222 = t2_219.mul_add(t2_211, t2_176);
-        let t2_223 = t2_215.mul_add(t2_204, t2_222);
-        let t2_224 = t2_143.mul_add(t2_216, t2_223);
+        let t2_198 = (-t2_194).mul_add(t2_192, t2_189);
+        let t2_199 = like.lift(-0.5773502691896257).mul_add(t2_188, t2_198);
+        let t2_200 = like.lift(1.0) / cos_q2;
+        let t2_201 = sin_q2 * t2_200;
+        let t2_202 = like.lift(2.309401076758503) * t2_200;
+        let t2_203 = t2_57 * inv_pivot_3;
+        let t2_204 = like.lift(1.1547005383792515) * t2_201;
+        let t2_205 = (-t2_193).mul_add(t2_203, t2_60);
+        let t2_206 = t2_27.mul_add(t2_204, t2_205);
+        let t2_207 = t2_206 * inv_pivot_4;
+        let t2_208 = (-t2_196).mul_add(t2_207, t2_64);
+        let t2_209 = (-t2_54).mul_add(t2_203, t2_208);
+        let pivot_5 = t2_35.mul_add(t2_204, t2_209);
+        let t2_210 = t2_207.mul_add(t2_199, t2_170);
+        let t2_211 = t2_203.mul_add(t2_192, t2_210);
+        let t2_212 = t2_136.mul_add(t2_204, t2_211);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_225 = -pivot_5;
-        let t2_226 = like.lift(0.5773502691896257).mul_add(t2_26, t2_48);
-        let t2_227 = (-t2_226).mul_add(t2_206, t2_82);
-        let t2_228 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_227);
-        let t2_229 = like.lift(1.0) - t2_206;
-        let t2_230 = (-t2_228).mul_add(t2_219, t2_65);
-        let t2_231 = (-t2_226).mul_add(t2_215, t2_230);
-        let t2_232 = (-t2_26).mul_add(t2_216, t2_231);
-        let t2_233 = t2_229.mul_add(t2_219, t2_215);
-        let t2_234 = like.lift(1.0) / cos_q3;
-        let t2_235 = sin_q3 * t2_234;
+        let t2_213 = -pivot_5;
+        let t2_214 = like.lift(0.5773502691896257).mul_add(t2_29, t2_48);
+        let t2_215 = (-t2_214).mul_add(t2_194, t2_75);
+        let t2_216 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_215);
+        let t2_217 = like.lift(1.0) - t2_194;
+        let t2_218 = (-t2_216).mul_add(t2_207, t2_59);
+        let t2_219 = (-t2_214).mul_add(t2_203, t2_218);
+        let t2_220 = (-t2_29).mul_add(t2_204, t2_219);
+        let t2_221 = t2_217.mul_add(t2_207, t2_203);
+        let t2_222 = like.lift(1.0) / cos_q3;
+        let t2_223 = sin_q3 * t2_222;
+        let t2_224 = like.lift(2.309401076758503) * t2_222;
+        let t2_225 = t2_61 * inv_pivot_3;
+        let t2_226 = like.lift(1.1547005383792515) * t2_223;
+        let t2_227 = (-t2_193).mul_add(t2_225, t2_80);
+        let t2_228 = (-t2_69).mul_add(t2_226, t2_227);
+        let t2_229 = t2_228 * inv_pivot_4;
+        let t2_230 = (-t2_196).mul_add(t2_229, t2_63);
+        let t2_231 = (-t2_54).mul_add(t2_225, t2_230);
+        let t2_232 = (-t2_34).mul_add(t2_226, t2_231);
+        let t2_233 = t2_232 * inv_pivot_5;
+        let t2_234 = (-t2_233).mul_add(t2_212, t2_178);
+        let t2_235 = t2_229.mul_add(t2_199, t2_234);
         [
-            t2_1, t2_24, t2_26, t2_27, t2_29, t2_30, pivot_1, pivot_3, t2_36, t2_46, t2_48,
-            t2_51, t2_52, t2_53, t2_57, t2_62, t2_63, t2_65, t2_68, t2_70, t2_72, t2_74, t2_75,
-            t2_77, t2_78, t2_79, t2_80, t2_82, t2_85, t2_86, t2_87, t2_89, t2_91, t2_92, t2_94,
-            t2_137, t2_143, t2_144, t2_170, t2_177, t2_182, t2_199, t2_200, t2_201, t2_202,
-            t2_203, inv_pivot_3, t2_204, t2_205, t2_208, pivot_4, inv_pivot_4, t2_211, t2_213,
-            t2_214, t2_224, inv_pivot_5, t2_225, t2_226, t2_228, t2_229, t2_232, t2_233,
-            t2_234, t2_235,
+            t2_1, t2_27, t2_29, t2_30, t2_34, t2_35, t2_36, pivot_1, pivot_3, t2_37, t2_48,
+            t2_49, t2_53, t2_54, t2_55, t2_57, t2_59, t2_60, t2_61, t2_65, t2_67, t2_69, t2_71,
+            t2_73, t2_75, t2_76, t2_77, t2_78, t2_79, t2_80, t2_81, t2_82, t2_83, t2_85,
+            t2_130, t2_136, t2_137, t2_164, t2_171, t2_172, t2_188, t2_189, t2_190, t2_191,
+            inv_pivot_3, t2_192, t2_193, t2_196, pivot_4, inv_pivot_4, t2_199, t2_201, t2_202,
+            t2_212, inv_pivot_5, t2_213, t2_214, t2_216, t2_217, t2_220, t2_221, t2_223,
+            t2_224, t2_225, t2_226, t2_229, t2_233, t2_235,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_1, pivot_6, t3_19, t3_20, inv_pivot_6, al_rod1x, al_s1_1z, t3_41, t3_42, al_rod2x,
-        al_rod3x,
+        pivot_6, t3_7, t3_8, inv_pivot_6, al_rod1x, al_s1_1z, t3_29, t3_30, al_rod2x, al_rod3x,
     ] = {
-        let t3_1 = like.lift(2.309401076758503) * t2_234;
-        let t3_2 = t2_62 * inv_pivot_3;
-        let t3_3 = like.lift(1.1547005383792515) * t2_235;
-        let t3_4 = (-t2_205).mul_add(t3_2, t2_87);
-        let t3_5 = (-t2_72).mul_add(t3_3, t3_4);
-        let t3_6 = t3_5 * inv_pivot_4;
-        let t3_7 = (-t2_208).mul_add(t3_6, t2_91);
-        let t3_8 = (-t2_52).mul_add(t3_2, t3_7);
-        let t3_9 = (-t2_77).mul_add(t3_3, t3_8);
-        let t3_10 = t3_9 * inv_pivot_5;
-        let t3_11 = (-t3_10).mul_add(t2_224, t2_201);
-        let t3_12 = t3_6.mul_add(t2_211, t3_11);
-        let t3_13 = t3_2.mul_add(t2_204, t3_12);
-        let t3_14 = (-t2_199).mul_add(t3_3, t3_13);
-        let t3_15 = (-t2_232).mul_add(t3_10, t2_89);
-        let t3_16 = (-t2_228).mul_add(t3_6, t3_15);
-        let t3_17 = (-t2_226).mul_add(t3_2, t3_16);
-        let pivot_6 = t2_74.mul_add(t3_3, t3_17);
-        let t3_18 = (-t2_233).mul_add(t3_10, t3_2);
-        let t3_19 = t2_229.mul_add(t3_6, t3_18);
-        let t3_20 = t2_213 * t3_10;
+        let t3_1 = t2_225.mul_add(t2_192, t2_235);
+        let t3_2 = (-t2_188).mul_add(t2_226, t3_1);
+        let t3_3 = (-t2_220).mul_add(t2_233, t2_73);
+        let t3_4 = (-t2_216).mul_add(t2_229, t3_3);
+        let t3_5 = (-t2_214).mul_add(t2_225, t3_4);
+        let pivot_6 = t2_71.mul_add(t2_226, t3_5);
+        let t3_6 = (-t2_221).mul_add(t2_233, t2_225);
+        let t3_7 = t2_217.mul_add(t2_229, t3_6);
+        let t3_8 = t2_201 * t2_233;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_21 = inv_pivot_6 * t3_14;
-        let t3_22 = (-t2_232).mul_add(t3_21, t2_224);
-        let t3_23 = inv_pivot_5 * t3_22;
-        let t3_24 = t2_228.mul_add(t3_21, t2_211);
-        let t3_25 = t2_208.mul_add(t3_23, t3_24);
-        let t3_26 = inv_pivot_4 * t3_25;
-        let t3_27 = t2_226.mul_add(t3_21, t2_204);
-        let t3_28 = t2_52.mul_add(t3_23, t3_27);
-        let t3_29 = (-t2_205).mul_add(t3_26, t3_28);
-        let t3_30 = inv_pivot_3 * t3_29;
-        let t3_31 = t2_26.mul_add(t3_21, t2_143);
-        let t3_32 = (-t2_29).mul_add(t3_23, t3_31);
-        let t3_33 = t2_24.mul_add(t3_26, t3_32);
-        let t3_34 = t3_33 * t2_214;
-        let t3_35 = -t3_34;
-        let t3_36 = t2_74.mul_add(t3_21, t2_199);
-        let t3_37 = -t3_21;
-        let t3_38 = (-t2_77).mul_add(t3_23, t3_36);
-        let t3_39 = t2_72.mul_add(t3_26, t3_38);
-        let t3_40 = t3_39 * t3_1;
+        let t3_9 = inv_pivot_6 * t3_2;
+        let t3_10 = (-t2_220).mul_add(t3_9, t2_212);
+        let t3_11 = inv_pivot_5 * t3_10;
+        let t3_12 = t2_216.mul_add(t3_9, t2_199);
+        let t3_13 = t2_196.mul_add(t3_11, t3_12);
+        let t3_14 = inv_pivot_4 * t3_13;
+        let t3_15 = t2_214.mul_add(t3_9, t2_192);
+        let t3_16 = t2_54.mul_add(t3_11, t3_15);
+        let t3_17 = (-t2_193).mul_add(t3_14, t3_16);
+        let t3_18 = inv_pivot_3 * t3_17;
+        let t3_19 = t2_29.mul_add(t3_9, t2_136);
+        let t3_20 = (-t2_35).mul_add(t3_11, t3_19);
+        let t3_21 = t2_27.mul_add(t3_14, t3_20);
+        let t3_22 = t3_21 * t2_202;
+        let t3_23 = -t3_22;
+        let t3_24 = t2_71.mul_add(t3_9, t2_188);
+        let t3_25 = -t3_9;
+        let t3_26 = (-t2_34).mul_add(t3_11, t3_24);
+        let t3_27 = t2_69.mul_add(t3_14, t3_26);
+        let t3_28 = t3_27 * t2_224;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_79 * like.lift(2.4888041299057773)).abs())
+            .min((t2_78 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_225 * like.lift(3.327667645468371)).abs())
+            .min((t2_213 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
-        let ([[al_rod1x], [al_s1_1z], [t3_41], [t3_42], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
-            [[t3_30], [t3_26], [t3_37], [t3_23], [t3_35], [t3_40]],
+        let ([[al_rod1x], [al_s1_1z], [t3_29], [t3_30], [al_rod2x], [al_rod3x]], found) = ::regen_runtime::guarded(
+            [[t3_18], [t3_14], [t3_25], [t3_11], [t3_23], [t3_28]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_24, t2_27, t2_30, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_46, t2_48, t2_51, t2_53, like.lift(0.0)],
-                    [t2_57, t2_63, t2_65, t2_68, t2_70, like.lift(0.0)],
-                    [like.lift(0.0), t2_72, t2_75, t2_78, like.lift(0.0), t2_79],
-                    [t2_36, t2_80, t2_82, t2_85, like.lift(0.0), t2_86],
-                    [t2_62, t2_87, t2_89, t2_92, like.lift(0.0), t2_94],
+                    [like.lift(0.0), t2_27, t2_30, t2_36, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_49, t2_48, t2_53, t2_55, like.lift(0.0)],
+                    [t2_57, t2_60, t2_59, t2_65, t2_67, like.lift(0.0)],
+                    [like.lift(0.0), t2_69, t2_76, t2_77, like.lift(0.0), t2_78],
+                    [t2_37, t2_79, t2_75, t2_81, like.lift(0.0), t2_82],
+                    [t2_61, t2_80, t2_73, t2_83, like.lift(0.0), t2_85],
                 ],
-                [[t2_144], [t2_170], [t2_177], [t2_202], [t2_200], [t2_203]],
+                [[t2_137], [t2_164], [t2_171], [t2_190], [t2_189], [t2_191]],
             ),
         );
         condition = condition.min(found);
-        [
-            t3_1, pivot_6, t3_19, t3_20, inv_pivot_6, al_rod1x, al_s1_1z, t3_41, t3_42,
-            al_rod2x, al_rod3x,
-        ]
+        [pivot_6, t3_7, t3_8, inv_pivot_6, al_rod1x, al_s1_1z, t3_29, t3_30, al_rod2x, al_rod3x]
     };
     let [
         _, p_ixx_rod1, p_my_rod1, p_mz_rod1, p_ixx_platform, p_ixy_platform, p_ixz_platform,
@@ -8178,21 +7980,21 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
     ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t4_72, t4_78, t4_118, t4_121, t4_126, t4_128, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+        t4_87, t4_93, t4_103, t4_116, t4_121, t4_123, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
         x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2, x_s1_3_p3,
         x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
-        let t4_1 = t3_19 * inv_pivot_6;
-        let t4_2 = (-t2_232).mul_add(t4_1, t2_233);
+        let t4_1 = t3_7 * inv_pivot_6;
+        let t4_2 = (-t2_220).mul_add(t4_1, t2_221);
         let t4_3 = inv_pivot_5 * t4_2;
-        let t4_4 = t2_228.mul_add(t4_1, t2_229);
-        let t4_5 = t2_208.mul_add(t4_3, t4_4);
+        let t4_4 = t2_216.mul_add(t4_1, t2_217);
+        let t4_5 = t2_196.mul_add(t4_3, t4_4);
         let t4_6 = inv_pivot_4 * t4_5;
-        let t4_7 = t3_20 * inv_pivot_6;
-        let t4_8 = t2_235 * inv_pivot_6;
-        let t4_9 = t2_232.mul_add(t4_7, t2_213);
+        let t4_7 = t3_8 * inv_pivot_6;
+        let t4_8 = t2_223 * inv_pivot_6;
+        let t4_9 = t2_220.mul_add(t4_7, t2_201);
         let t4_10 = inv_pivot_5 * t4_9;
-        let t4_11 = inv_pivot_5 * t2_232;
+        let t4_11 = inv_pivot_5 * t2_220;
         let t4_12 = t4_11 * t4_8;
         let w_s1_1x = cos_s1_1 * d_q1;
         let t4_13 = sin_s1_2 * d_s1_1;
@@ -8206,12 +8008,12 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
         let t4_17 = t4_16 + t4_16;
         let t4_18 = sin_s1_2 * w_s1_1x;
         let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_18);
-        let t4_19 = w_s1_2z.mul_add(w_s1_2x, t3_41);
+        let t4_19 = w_s1_2z.mul_add(w_s1_2x, t3_29);
         let t4_20 = (-d_s1_1).mul_add(w_s1_1x, t4_19);
         let t4_21 = w_s1_2x * w_s1_2y;
         let t4_22 = t4_21 + t4_21;
         let t4_23 = (-cos_s1_2).mul_add(t4_15, t4_22);
-        let t4_24 = (-w_s1_2z).mul_add(w_s1_2y, t3_42);
+        let t4_24 = (-w_s1_2z).mul_add(w_s1_2y, t3_30);
         let t4_25 = (-sin_s1_2).mul_add(t4_15, t4_24);
         let t4_26 = sin_s1_3 * w_s1_2y;
         let w_s1_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_26);
@@ -8238,151 +8040,146 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
         let t4_45 = p_mz_platform * t4_44;
         let t4_46 = p_mx_platform.mul_add(t4_37, t4_45);
         let t4_47 = t4_29.mul_add(p_my_platform, t4_46);
-        let al_s1_3z = t4_42 + t4_37;
         let t4_48 = like.lift(0.2) * t4_29;
         let t4_49 = t4_14 + t4_43;
         let t4_50 = t4_49 * p_mz_platform;
         let t4_51 = t4_40 - al_s1_3x;
         let t4_52 = p_my_platform.mul_add(t4_51, t4_50);
         let t4_53 = (-p_mx_platform).mul_add(t4_39, t4_52);
+        let t4_54 = cos_s1_3 * t4_53;
+        let t4_55 = sin_s1_3.mul_add(t4_47, t4_54);
+        let t4_56 = cos_s1_3 * t4_47;
+        let t4_57 = (-sin_s1_3).mul_add(t4_53, t4_56);
+        let t4_58 = cos_s1_1 * t4_57;
+        let t4_59 = t4_43 + t4_28;
+        let al_s1_3z = t4_42 + t4_37;
+        let t4_60 = t4_42 + al_s1_3z;
         let al_s1_3y = t4_41 + t4_39;
-        let t4_54 = sin_s1_3 * t4_33;
-        let t4_55 = like.lift(-0.2).mul_add(t4_51, t4_54);
-        let t4_56 = cos_s1_3 * t4_53;
-        let t4_57 = sin_s1_3.mul_add(t4_47, t4_56);
-        let t4_58 = cos_s1_3 * t4_47;
-        let t4_59 = (-sin_s1_3).mul_add(t4_53, t4_58);
-        let t4_60 = cos_s1_1 * t4_59;
-        let t4_61 = t4_43 + t4_28;
-        let t4_62 = t4_42 + al_s1_3z;
-        let t4_63 = t4_41 + al_s1_3y;
-        let t4_64 = p_mz_platform * t4_63;
-        let t4_65 = (-p_my_platform).mul_add(t4_62, t4_64);
-        let t4_66 = t4_61.mul_add(p_mx_platform, t4_65);
-        let t4_67 = like.lift(0.2) * t4_62;
-        let t4_68 = cos_s1_2 * t4_66;
-        let t4_69 = sin_s1_2.mul_add(t4_57, t4_68);
-        let t4_70 = sin_s1_1.mul_add(t4_69, t4_60);
-        let t4_71 = p_mz_rod1.mul_add(al_rod1x, t4_70);
-        let t4_72 = t2_1.mul_add(p_my_rod1, t4_71);
-        let t4_73 = p_ixx_rod1 * al_rod1x;
-        let t4_74 = like.lift(0.5).mul_add(t4_70, t4_73);
-        let t4_75 = t2_1 * p_mz_rod1;
-        let t4_76 = (-p_my_rod1).mul_add(al_rod1x, t4_75);
-        let t4_77 = (-sin_s1_2).mul_add(t4_66, t4_76);
-        let t4_78 = cos_s1_2.mul_add(t4_57, t4_77);
-        let t4_79 = like.lift(0.2) * t4_66;
-        let t4_80 = t4_40 + al_s1_3x;
-        let t4_81 = p_ixz_platform.mul_add(t4_80, t4_79);
-        let t4_82 = t4_41 + al_s1_3y;
-        let t4_83 = (-p_iyz_platform).mul_add(t4_82, t4_81);
-        let t4_84 = t4_14 - t4_43;
-        let t4_85 = t4_84.mul_add(p_ixy_platform, t4_83);
-        let t4_86 = t4_14 - t4_28;
-        let t4_87 = t4_43 - t4_28;
-        let t4_88 = p_ixx_platform - p_iyy_platform;
-        let t4_89 = (-t4_42).mul_add(t4_88, t4_85);
-        let t4_90 = (-p_izz_platform).mul_add(al_s1_3z, t4_89);
-        let t4_91 = p_ixx_platform - p_izz_platform;
-        let t4_92 = cos_s1_2 * t4_34;
-        let t4_93 = (-sin_s1_2).mul_add(t2_1, t4_92);
-        let a_platformx = like.lift(-0.5).mul_add(t4_93, t4_67);
-        let t4_94 = sin_s1_2 * t4_34;
-        let t4_95 = cos_s1_2.mul_add(t2_1, t4_94);
-        let a_s1_2z = like.lift(0.5) * t4_95;
-        let t4_96 = sin_s1_3.mul_add(a_s1_2z, t4_48);
-        let a_platformz = (-cos_s1_3).mul_add(a_s1_2z, t4_55);
-        let a_platformy = cos_s1_3.mul_add(t4_33, t4_96);
-        let t4_97 = (-p_my_platform).mul_add(a_platformx, t4_90);
-        let t4_98 = (-p_mx_platform).mul_add(a_platformy, t4_97);
-        let t4_99 = t4_40 - al_s1_3x;
-        let t4_100 = t4_42 + al_s1_3z;
-        let t4_101 = t4_42 - al_s1_3z;
-        let t4_102 = p_iyz_platform * t4_100;
-        let t4_103 = p_ixy_platform.mul_add(t4_99, t4_102);
-        let t4_104 = t4_86.mul_add(p_ixz_platform, t4_103);
-        let t4_105 = t4_41.mul_add(t4_91, t4_104);
-        let t4_106 = p_iyy_platform.mul_add(al_s1_3y, t4_105);
-        let t4_107 = t4_41 - al_s1_3y;
-        let t4_108 = p_mx_platform.mul_add(a_platformz, t4_106);
-        let t4_109 = (-p_mz_platform).mul_add(a_platformx, t4_108);
-        let t4_110 = p_ixy_platform * t4_107;
-        let t4_111 = like.lift(-0.2).mul_add(t4_53, t4_110);
-        let t4_112 = p_ixz_platform.mul_add(t4_101, t4_111);
-        let t4_113 = t4_87.mul_add(p_iyz_platform, t4_112);
-        let t4_114 = p_iyy_platform - p_izz_platform;
-        let t4_115 = t4_40.mul_add(t4_114, t4_113);
-        let t4_116 = p_ixx_platform.mul_add(al_s1_3x, t4_115);
-        let t4_117 = p_mz_platform.mul_add(a_platformy, t4_116);
-        let t4_118 = p_my_platform.mul_add(a_platformz, t4_117);
-        let t4_119 = sin_s1_3 * t4_109;
-        let t4_120 = sin_s1_3 * t4_98;
-        let t4_121 = cos_s1_3.mul_add(t4_109, t4_120);
-        let t4_122 = (-cos_s1_3).mul_add(t4_98, t4_119);
-        let t4_123 = sin_s1_1.mul_add(t4_121, t4_74);
-        let t4_124 = sin_s1_2 * t4_122;
-        let t4_125 = (-cos_s1_2).mul_add(t4_118, t4_124);
-        let t4_126 = (-cos_s1_1).mul_add(t4_125, t4_123);
-        let t4_127 = sin_s1_2 * t4_118;
-        let t4_128 = cos_s1_2.mul_add(t4_122, t4_127);
-        let t4_129 = t2_226.mul_add(t4_1, like.lift(1.0));
-        let t4_130 = t2_52.mul_add(t4_3, t4_129);
-        let t4_131 = (-t2_205).mul_add(t4_6, t4_130);
-        let t4_132 = inv_pivot_3 * t4_131;
-        let t4_133 = -t4_132;
-        let t4_134 = t2_208 * t4_10;
-        let t4_135 = (-t2_228).mul_add(t4_7, t4_134);
-        let t4_136 = t2_208 * t4_12;
-        let t4_137 = (-t2_228).mul_add(t4_8, t4_136);
-        let t4_138 = inv_pivot_4 * t4_135;
-        let t4_139 = inv_pivot_4 * t4_137;
-        let t4_140 = t2_226 * t4_7;
-        let t4_141 = (-t2_52).mul_add(t4_10, t4_140);
-        let t4_142 = t2_226 * t4_8;
-        let t4_143 = (-t2_52).mul_add(t4_12, t4_142);
-        let t4_144 = t2_205.mul_add(t4_138, t4_141);
-        let t4_145 = t2_205.mul_add(t4_139, t4_143);
-        let t4_146 = inv_pivot_3 * t4_144;
-        let t4_147 = inv_pivot_3 * t4_145;
-        let t4_148 = -t4_146;
-        let t4_149 = -t4_6;
-        let t4_150 = -t4_139;
-        let t4_151 = -t4_8;
-        let t4_152 = -t4_3;
-        let t4_153 = -t4_12;
-        let t4_154 = t2_26 * t4_1;
-        let t4_155 = (-t2_29).mul_add(t4_3, t4_154);
-        let t4_156 = t2_24.mul_add(t4_6, t4_155);
-        let t4_157 = t4_156 * t2_214;
-        let t4_158 = t2_74 * t4_1;
-        let t4_159 = (-t2_77).mul_add(t4_3, t4_158);
-        let t4_160 = t2_72.mul_add(t4_6, t4_159);
-        let t4_161 = t4_160 * t3_1;
+        let t4_61 = p_ixy_platform * t4_39;
+        let t4_62 = -t4_61;
+        let t4_63 = like.lift(-0.2).mul_add(t4_53, t4_62);
+        let t4_64 = (-p_ixz_platform).mul_add(t4_37, t4_63);
+        let t4_65 = t4_43 - t4_28;
+        let t4_66 = t4_65.mul_add(p_iyz_platform, t4_64);
+        let t4_67 = p_iyy_platform - p_izz_platform;
+        let t4_68 = t4_40.mul_add(t4_67, t4_66);
+        let t4_69 = p_ixx_platform.mul_add(al_s1_3x, t4_68);
+        let t4_70 = t4_14 - t4_28;
+        let t4_71 = t4_14 - t4_43;
+        let t4_72 = t4_41 + al_s1_3y;
+        let t4_73 = p_mz_platform * t4_72;
+        let t4_74 = (-p_my_platform).mul_add(t4_60, t4_73);
+        let t4_75 = t4_59.mul_add(p_mx_platform, t4_74);
+        let t4_76 = like.lift(0.2) * t4_75;
+        let t4_77 = p_ixz_platform.mul_add(t4_44, t4_76);
+        let t4_78 = (-p_iyz_platform).mul_add(t4_72, t4_77);
+        let t4_79 = t4_71.mul_add(p_ixy_platform, t4_78);
+        let t4_80 = p_ixx_platform - p_iyy_platform;
+        let t4_81 = (-t4_42).mul_add(t4_80, t4_79);
+        let t4_82 = (-p_izz_platform).mul_add(al_s1_3z, t4_81);
+        let t4_83 = cos_s1_2 * t4_75;
+        let t4_84 = sin_s1_2.mul_add(t4_55, t4_83);
+        let t4_85 = sin_s1_1.mul_add(t4_84, t4_58);
+        let t4_86 = p_mz_rod1.mul_add(al_rod1x, t4_85);
+        let t4_87 = t2_1.mul_add(p_my_rod1, t4_86);
+        let t4_88 = p_ixx_rod1 * al_rod1x;
+        let t4_89 = like.lift(0.5).mul_add(t4_85, t4_88);
+        let t4_90 = t2_1 * p_mz_rod1;
+        let t4_91 = (-p_my_rod1).mul_add(al_rod1x, t4_90);
+        let t4_92 = (-sin_s1_2).mul_add(t4_75, t4_91);
+        let t4_93 = cos_s1_2.mul_add(t4_55, t4_92);
+        let t4_94 = p_ixx_platform - p_izz_platform;
+        let t4_95 = cos_s1_2 * t4_34;
+        let t4_96 = (-sin_s1_2).mul_add(t2_1, t4_95);
+        let t4_97 = sin_s1_2 * t4_34;
+        let t4_98 = cos_s1_2.mul_add(t2_1, t4_97);
+        let a_s1_2z = like.lift(0.5) * t4_98;
+        let t4_99 = sin_s1_3.mul_add(a_s1_2z, t4_48);
+        let a_platformy = cos_s1_3.mul_add(t4_33, t4_99);
+        let t4_100 = sin_s1_3 * t4_33;
+        let t4_101 = like.lift(-0.2).mul_add(t4_51, t4_100);
+        let a_platformz = (-cos_s1_3).mul_add(a_s1_2z, t4_101);
+        let t4_102 = p_mz_platform.mul_add(a_platformy, t4_69);
+        let t4_103 = p_my_platform.mul_add(a_platformz, t4_102);
+        let t4_104 = like.lift(0.2) * t4_60;
+        let a_platformx = like.lift(-0.5).mul_add(t4_96, t4_104);
+        let t4_105 = p_iyz_platform * t4_60;
+        let t4_106 = p_ixy_platform.mul_add(t4_51, t4_105);
+        let t4_107 = t4_70.mul_add(p_ixz_platform, t4_106);
+        let t4_108 = t4_41.mul_add(t4_94, t4_107);
+        let t4_109 = p_iyy_platform.mul_add(al_s1_3y, t4_108);
+        let t4_110 = p_mx_platform.mul_add(a_platformz, t4_109);
+        let t4_111 = (-p_my_platform).mul_add(a_platformx, t4_82);
+        let t4_112 = (-p_mz_platform).mul_add(a_platformx, t4_110);
+        let t4_113 = (-p_mx_platform).mul_add(a_platformy, t4_111);
+        let t4_114 = sin_s1_3 * t4_112;
+        let t4_115 = sin_s1_3 * t4_113;
+        let t4_116 = cos_s1_3.mul_add(t4_112, t4_115);
+        let t4_117 = (-cos_s1_3).mul_add(t4_113, t4_114);
+        let t4_118 = sin_s1_1.mul_add(t4_116, t4_89);
+        let t4_119 = sin_s1_2 * t4_117;
+        let t4_120 = (-cos_s1_2).mul_add(t4_103, t4_119);
+        let t4_121 = (-cos_s1_1).mul_add(t4_120, t4_118);
+        let t4_122 = sin_s1_2 * t4_103;
+        let t4_123 = cos_s1_2.mul_add(t4_117, t4_122);
+        let t4_124 = t2_214.mul_add(t4_1, like.lift(1.0));
+        let t4_125 = t2_54.mul_add(t4_3, t4_124);
+        let t4_126 = (-t2_193).mul_add(t4_6, t4_125);
+        let t4_127 = inv_pivot_3 * t4_126;
+        let t4_128 = -t4_127;
+        let t4_129 = t2_196 * t4_10;
+        let t4_130 = (-t2_216).mul_add(t4_7, t4_129);
+        let t4_131 = t2_196 * t4_12;
+        let t4_132 = (-t2_216).mul_add(t4_8, t4_131);
+        let t4_133 = inv_pivot_4 * t4_130;
+        let t4_134 = inv_pivot_4 * t4_132;
+        let t4_135 = t2_214 * t4_7;
+        let t4_136 = (-t2_54).mul_add(t4_10, t4_135);
+        let t4_137 = t2_214 * t4_8;
+        let t4_138 = (-t2_54).mul_add(t4_12, t4_137);
+        let t4_139 = t2_193.mul_add(t4_133, t4_136);
+        let t4_140 = t2_193.mul_add(t4_134, t4_138);
+        let t4_141 = inv_pivot_3 * t4_139;
+        let t4_142 = inv_pivot_3 * t4_140;
+        let t4_143 = -t4_141;
+        let t4_144 = -t4_6;
+        let t4_145 = -t4_134;
+        let t4_146 = -t4_8;
+        let t4_147 = -t4_3;
+        let t4_148 = -t4_12;
+        let t4_149 = t2_29 * t4_1;
+        let t4_150 = (-t2_35).mul_add(t4_3, t4_149);
+        let t4_151 = t2_27.mul_add(t4_6, t4_150);
+        let t4_152 = t4_151 * t2_202;
+        let t4_153 = t2_71 * t4_1;
+        let t4_154 = (-t2_34).mul_add(t4_3, t4_153);
+        let t4_155 = t2_69.mul_add(t4_6, t4_154);
+        let t4_156 = t4_155 * t2_224;
+        let t4_157 = -t4_156;
+        let t4_158 = (-t2_29).mul_add(t4_7, like.lift(0.8660254037844386));
+        let t4_159 = (-t2_35).mul_add(t4_10, t4_158);
+        let t4_160 = t2_27.mul_add(t4_133, t4_159);
+        let t4_161 = t4_160 * t2_202;
         let t4_162 = -t4_161;
-        let t4_163 = (-t2_26).mul_add(t4_7, like.lift(0.8660254037844386));
-        let t4_164 = (-t2_29).mul_add(t4_10, t4_163);
-        let t4_165 = t2_24.mul_add(t4_138, t4_164);
-        let t4_166 = t4_165 * t2_214;
-        let t4_167 = -t4_166;
-        let t4_168 = t2_24 * t4_139;
-        let t4_169 = (-t2_26).mul_add(t4_8, t4_168);
-        let t4_170 = (-t2_29).mul_add(t4_12, t4_169);
-        let t4_171 = t4_170 * t2_214;
-        let t4_172 = (-t2_74).mul_add(t4_8, like.lift(0.8660254037844386));
-        let t4_173 = (-t2_77).mul_add(t4_12, t4_172);
-        let t4_174 = t2_72.mul_add(t4_139, t4_173);
-        let t4_175 = t4_174 * t3_1;
-        let t4_176 = -t4_175;
-        let t4_177 = t2_72 * t4_138;
-        let t4_178 = (-t2_74).mul_add(t4_7, t4_177);
-        let t4_179 = (-t2_77).mul_add(t4_10, t4_178);
-        let t4_180 = t4_179 * t3_1;
+        let t4_163 = t2_27 * t4_134;
+        let t4_164 = (-t2_29).mul_add(t4_8, t4_163);
+        let t4_165 = (-t2_35).mul_add(t4_12, t4_164);
+        let t4_166 = t4_165 * t2_202;
+        let t4_167 = (-t2_71).mul_add(t4_8, like.lift(0.8660254037844386));
+        let t4_168 = (-t2_34).mul_add(t4_12, t4_167);
+        let t4_169 = t2_69.mul_add(t4_134, t4_168);
+        let t4_170 = t4_169 * t2_224;
+        let t4_171 = -t4_170;
+        let t4_172 = t2_69 * t4_133;
+        let t4_173 = (-t2_71).mul_add(t4_7, t4_172);
+        let t4_174 = (-t2_34).mul_add(t4_10, t4_173);
+        let t4_175 = t4_174 * t2_224;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_79 * like.lift(2.4888041299057773)).abs())
+            .min((t2_78 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_225 * like.lift(3.327667645468371)).abs())
+            .min((t2_213 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -8390,18 +8187,18 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_133, t4_148, t4_147], [t4_149, t4_138, t4_150], [t4_1, t4_7, t4_151],
-                [t4_152, t4_10, t4_153], [t4_157, t4_167, t4_171], [t4_162, t4_180, t4_176],
+                [t4_128, t4_143, t4_142], [t4_144, t4_133, t4_145], [t4_1, t4_7, t4_146],
+                [t4_147, t4_10, t4_148], [t4_152, t4_162, t4_166], [t4_157, t4_175, t4_171],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_24, t2_27, t2_30, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_46, t2_48, t2_51, t2_53, like.lift(0.0)],
-                    [t2_57, t2_63, t2_65, t2_68, t2_70, like.lift(0.0)],
-                    [like.lift(0.0), t2_72, t2_75, t2_78, like.lift(0.0), t2_79],
-                    [t2_36, t2_80, t2_82, t2_85, like.lift(0.0), t2_86],
-                    [t2_62, t2_87, t2_89, t2_92, like.lift(0.0), t2_94],
+                    [like.lift(0.0), t2_27, t2_30, t2_36, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_49, t2_48, t2_53, t2_55, like.lift(0.0)],
+                    [t2_57, t2_60, t2_59, t2_65, t2_67, like.lift(0.0)],
+                    [like.lift(0.0), t2_69, t2_76, t2_77, like.lift(0.0), t2_78],
+                    [t2_37, t2_79, t2_75, t2_81, like.lift(0.0), t2_82],
+                    [t2_61, t2_80, t2_73, t2_83, like.lift(0.0), t2_85],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -8415,7 +8212,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
         );
         condition = condition.min(found);
         [
-            t4_72, t4_78, t4_118, t4_121, t4_126, t4_128, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
+            t4_87, t4_93, t4_103, t4_116, t4_121, t4_123, x_q1_p1, x_q1_p2, x_q1_p3, x_s1_1_p1,
             x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1, x_s1_3_p2,
             x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
         ]
@@ -8426,40 +8223,40 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
         let t5_2 = p_ixx_rod3 * al_rod3x;
         let t5_3 = t5_2 * x_q3_p1;
         let t5_4 = t5_1.mul_add(x_q2_p1, t5_3);
-        let t5_5 = t4_118.mul_add(x_s1_3_p1, t5_4);
-        let t5_6 = (-t4_121).mul_add(x_s1_2_p1, t5_5);
-        let t5_7 = (-t4_128).mul_add(x_s1_1_p1, t5_6);
-        let t5_8 = t4_126.mul_add(x_q1_p1, t5_7);
-        let t5_9 = (-sin_q1).mul_add(t4_78, t5_8);
-        let t5_10 = cos_q1.mul_add(t4_72, t5_9);
+        let t5_5 = t4_103.mul_add(x_s1_3_p1, t5_4);
+        let t5_6 = (-t4_116).mul_add(x_s1_2_p1, t5_5);
+        let t5_7 = (-t4_123).mul_add(x_s1_1_p1, t5_6);
+        let t5_8 = t4_121.mul_add(x_q1_p1, t5_7);
+        let t5_9 = (-sin_q1).mul_add(t4_93, t5_8);
+        let t5_10 = cos_q1.mul_add(t4_87, t5_9);
         let t5_11 = -t5_10;
         tau[0] = t5_11;
         let t5_12 = t5_2 * x_q3_p2;
         let t5_13 = t5_1.mul_add(x_q2_p2, t5_12);
         let t5_14 = t5_2 * x_q3_p3;
         let t5_15 = p_mz_rod2 * al_rod2x;
-        let t5_16 = t2_137.mul_add(p_my_rod2, t5_15);
-        let t5_17 = t2_137 * p_mz_rod2;
+        let t5_16 = t2_130.mul_add(p_my_rod2, t5_15);
+        let t5_17 = t2_130 * p_mz_rod2;
         let t5_18 = (-p_my_rod2).mul_add(al_rod2x, t5_17);
         let t5_19 = (-sin_q2).mul_add(t5_18, t5_13);
         let t5_20 = cos_q2.mul_add(t5_16, t5_19);
-        let t5_21 = t4_118.mul_add(x_s1_3_p2, t5_20);
-        let t5_22 = (-t4_121).mul_add(x_s1_2_p2, t5_21);
-        let t5_23 = (-t4_128).mul_add(x_s1_1_p2, t5_22);
-        let t5_24 = t4_126.mul_add(x_q1_p2, t5_23);
+        let t5_21 = t4_103.mul_add(x_s1_3_p2, t5_20);
+        let t5_22 = (-t4_116).mul_add(x_s1_2_p2, t5_21);
+        let t5_23 = (-t4_123).mul_add(x_s1_1_p2, t5_22);
+        let t5_24 = t4_121.mul_add(x_q1_p2, t5_23);
         let t5_25 = -t5_24;
         tau[1] = t5_25;
         let t5_26 = p_mz_rod3 * al_rod3x;
-        let t5_27 = t2_182.mul_add(p_my_rod3, t5_26);
-        let t5_28 = t2_182 * p_mz_rod3;
+        let t5_27 = t2_172.mul_add(p_my_rod3, t5_26);
+        let t5_28 = t2_172 * p_mz_rod3;
         let t5_29 = (-p_my_rod3).mul_add(al_rod3x, t5_28);
         let t5_30 = (-sin_q3).mul_add(t5_29, t5_14);
         let t5_31 = cos_q3.mul_add(t5_27, t5_30);
         let t5_32 = t5_1.mul_add(x_q2_p3, t5_31);
-        let t5_33 = t4_118.mul_add(x_s1_3_p3, t5_32);
-        let t5_34 = (-t4_121).mul_add(x_s1_2_p3, t5_33);
-        let t5_35 = (-t4_128).mul_add(x_s1_1_p3, t5_34);
-        let t5_36 = t4_126.mul_add(x_q1_p3, t5_35);
+        let t5_33 = t4_103.mul_add(x_s1_3_p3, t5_32);
+        let t5_34 = (-t4_116).mul_add(x_s1_2_p3, t5_33);
+        let t5_35 = (-t4_123).mul_add(x_s1_1_p3, t5_34);
+        let t5_36 = t4_121.mul_add(x_q1_p3, t5_35);
         let t5_37 = -t5_36;
         tau[2] = t5_37;
     }
@@ -8472,7 +8269,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 19]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 235 additions, 338 multiplications, 6 divisions, 6 sines and cosines.
+/// 230 additions, 330 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -8501,7 +8298,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], 
     ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_2, t2_4, t2_6, t2_10, t2_13, t2_27, t2_102, t2_116, t2_137, x_q1_p1, x_q1_p2,
+        t2_2, t2_4, t2_6, t2_10, t2_13, t2_29, t2_95, t2_109, t2_130, x_q1_p1, x_q1_p2,
         x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3, x_s1_3_p1,
         x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2, x_q3_p3,
     ] = {
@@ -8530,221 +8327,214 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], 
         let t2_23 = like.lift(0.2) * t2_19;
         let t2_24 = like.lift(0.17320508075688773) * t2_21;
         let t2_25 = t2_22 + t2_23;
-        let t2_26 = t2_25 - t2_24;
+        let t2_26 = like.lift(0.5).mul_add(cos_q1, t2_23);
+        let t2_27 = t2_25 - t2_24;
+        let t2_28 = t2_25 + t2_24;
         let u_s1_1_p1y = cos_q1 * cos_s1_1;
         let u_s1_1_p1x = cos_q1 * sin_s1_1;
-        let t2_27 = sin_q1 * cos_s1_2;
-        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_27);
-        let t2_28 = cos_s1_2 * u_s1_1_p1x;
-        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_28);
-        let t2_29 = cos_s1_3 * u_s1_1_p1y;
-        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_29);
-        let t2_30 = like.lift(0.1) * u_s1_3_p1y;
-        let t2_31 = like.lift(0.2) * u_s1_3_p1y;
-        let t2_32 = like.lift(0.17320508075688773) * u_s1_2_p1x;
-        let t2_33 = t2_30 + t2_31;
-        let t2_34 = t2_33 + t2_32;
-        let t2_35 = cos_q1 * t2_34;
-        let t2_36 = sin_q1.mul_add(t2_26, t2_35);
-        let t2_37 = u_s1_1_p1y * t2_26;
-        let t2_38 = (-t2_14).mul_add(t2_34, t2_37);
-        let t2_39 = -t2_38;
-        let t2_40 = t2_21 * t2_34;
-        let t2_41 = u_s1_2_p1x.mul_add(t2_26, t2_40);
-        let t2_42 = -t2_41;
+        let t2_29 = sin_q1 * cos_s1_2;
+        let u_s1_2_p1z = (-sin_s1_2).mul_add(u_s1_1_p1x, t2_29);
+        let t2_30 = cos_s1_2 * u_s1_1_p1x;
+        let u_s1_2_p1x = sin_q1.mul_add(sin_s1_2, t2_30);
+        let t2_31 = cos_s1_3 * u_s1_1_p1y;
+        let u_s1_3_p1y = (-sin_s1_3).mul_add(u_s1_2_p1z, t2_31);
+        let t2_32 = like.lift(0.1) * u_s1_3_p1y;
+        let t2_33 = like.lift(0.2) * u_s1_3_p1y;
+        let t2_34 = like.lift(0.17320508075688773) * u_s1_2_p1x;
+        let t2_35 = like.lift(0.5) * sin_q1;
+        let t2_36 = t2_35 - t2_33;
+        let t2_37 = t2_36 - t2_34;
+        let t2_38 = t2_36 + t2_34;
+        let t2_39 = t2_37 - t2_32;
+        let t2_40 = t2_38 - t2_32;
+        let t2_41 = t2_35 - t2_39;
+        let t2_42 = t2_35 - t2_40;
+        let t2_43 = cos_q1 * t2_41;
+        let t2_44 = sin_q1.mul_add(t2_27, t2_43);
+        let t2_45 = u_s1_1_p1y * t2_27;
+        let t2_46 = (-t2_14).mul_add(t2_41, t2_45);
+        let t2_47 = sin_s1_1 * t2_41;
+        let t2_48 = -t2_46;
+        let t2_49 = t2_21 * t2_42;
+        let t2_50 = u_s1_2_p1x.mul_add(t2_28, t2_49);
+        let t2_51 = like.lift(0.0) + t2_50;
+        let t2_52 = -t2_51;
         let pivot_1 = like.lift(0.4330127018922193) * cos_q2;
-        let t2_43 = like.lift(0.5).mul_add(cos_q1, t2_23);
-        let t2_44 = t2_22 + t2_23;
-        let t2_45 = t2_44 + t2_24;
-        let t2_46 = t2_43 - t2_24;
-        let t2_47 = t2_43 + t2_24;
-        let pivot_3 = t2_46 + t2_22;
-        let t2_48 = t2_47 + t2_22;
-        let t2_49 = sin_s1_1 * cos_s1_3;
-        let t2_50 = sin_s1_3 * cos_s1_1;
-        let e_s1_3_q1y = (-t2_50).mul_add(sin_s1_2, t2_49);
-        let t2_51 = like.lift(0.2) * e_s1_3_q1y;
-        let t2_52 = like.lift(0.1) * e_s1_3_q1y;
+        let t2_53 = t2_26 - t2_24;
+        let t2_54 = t2_26 + t2_24;
+        let pivot_3 = t2_53 + t2_22;
+        let t2_55 = t2_54 + t2_22;
+        let t2_56 = sin_s1_1 * cos_s1_3;
+        let t2_57 = sin_s1_3 * cos_s1_1;
+        let e_s1_3_q1y = (-t2_57).mul_add(sin_s1_2, t2_56);
+        let t2_58 = like.lift(0.2) * e_s1_3_q1y;
+        let t2_59 = like.lift(0.1) * e_s1_3_q1y;
         let e_s1_2_q1x = cos_s1_1 * cos_s1_2;
-        let t2_53 = like.lift(0.17320508075688773) * e_s1_2_q1x;
-        let t2_54 = t2_51 - t2_53;
-        let t2_55 = t2_51 + t2_53;
-        let t2_56 = t2_54 + t2_52;
-        let t2_57 = t2_55 + t2_52;
-        let t2_58 = cos_q1 * t2_56;
-        let t2_59 = t2_14 * t2_56;
-        let t2_60 = (-sin_s1_1).mul_add(t2_26, t2_59);
-        let t2_61 = t2_21 * t2_56;
-        let t2_62 = (-e_s1_2_q1x).mul_add(t2_26, t2_61);
-        let t2_63 = -t2_62;
-        let t2_64 = like.lift(-0.5773502691896257).mul_add(t2_41, t2_62);
-        let t2_65 = like.lift(0.25) * cos_q2;
-        let t2_66 = like.lift(0.5) * sin_q1;
-        let t2_67 = t2_66 - t2_31;
-        let t2_68 = t2_67 - t2_32;
-        let t2_69 = t2_68 - t2_30;
-        let t2_70 = t2_66 - t2_31;
-        let t2_71 = t2_30 + t2_31;
-        let t2_72 = t2_70 + t2_32;
-        let t2_73 = t2_71 - t2_32;
-        let t2_74 = t2_72 - t2_30;
-        let t2_75 = sin_q1 * t2_56;
-        let t2_76 = sin_s1_1 * t2_34;
-        let t2_77 = (-u_s1_1_p1y).mul_add(t2_56, t2_76);
-        let t2_78 = u_s1_2_p1x * t2_56;
-        let t2_79 = e_s1_2_q1x.mul_add(t2_34, t2_78);
-        let t2_80 = -t2_79;
-        let t2_81 = like.lift(0.5) * sin_q2;
-        let t2_82 = -t2_81;
-        let t2_83 = cos_q1 * t2_73;
-        let t2_84 = sin_q1.mul_add(t2_45, t2_83);
-        let t2_85 = u_s1_1_p1y * t2_45;
-        let t2_86 = (-t2_14).mul_add(t2_73, t2_85);
-        let t2_87 = t2_14 * t2_57;
-        let t2_88 = (-sin_s1_1).mul_add(t2_45, t2_87);
-        let t2_89 = sin_s1_1 * t2_73;
-        let t2_90 = (-u_s1_1_p1y).mul_add(t2_57, t2_89);
-        let t2_91 = -t2_86;
-        let t2_92 = t2_21 * t2_73;
-        let t2_93 = u_s1_2_p1x.mul_add(t2_45, t2_92);
-        let t2_94 = t2_21 * t2_57;
-        let t2_95 = (-e_s1_2_q1x).mul_add(t2_45, t2_94);
-        let t2_96 = u_s1_2_p1x * t2_57;
-        let t2_97 = e_s1_2_q1x.mul_add(t2_73, t2_96);
-        let t2_98 = -t2_93;
+        let t2_60 = like.lift(0.17320508075688773) * e_s1_2_q1x;
+        let t2_61 = t2_58 - t2_60;
+        let t2_62 = t2_58 + t2_60;
+        let t2_63 = t2_61 + t2_59;
+        let t2_64 = t2_62 + t2_59;
+        let t2_65 = t2_21 * t2_64;
+        let t2_66 = (-e_s1_2_q1x).mul_add(t2_28, t2_65);
+        let t2_67 = u_s1_2_p1x * t2_64;
+        let t2_68 = e_s1_2_q1x.mul_add(t2_42, t2_67);
+        let t2_69 = (-u_s1_1_p1y).mul_add(t2_63, t2_47);
+        let t2_70 = t2_14 * t2_63;
+        let t2_71 = (-sin_s1_1).mul_add(t2_27, t2_70);
+        let t2_72 = cos_q1 * t2_63;
+        let t2_73 = sin_q1 * t2_63;
+        let t2_74 = like.lift(0.0) + t2_66;
+        let t2_75 = -t2_74;
+        let t2_76 = like.lift(-0.5773502691896257).mul_add(t2_51, t2_74);
+        let t2_77 = like.lift(0.25) * cos_q2;
+        let t2_78 = like.lift(0.0) + t2_68;
+        let t2_79 = -t2_78;
+        let t2_80 = like.lift(0.5) * sin_q2;
+        let t2_81 = -t2_80;
+        let t2_82 = cos_q1 * t2_42;
+        let t2_83 = sin_q1.mul_add(t2_28, t2_82);
+        let t2_84 = u_s1_1_p1y * t2_28;
+        let t2_85 = (-t2_14).mul_add(t2_42, t2_84);
+        let t2_86 = t2_14 * t2_64;
+        let t2_87 = (-sin_s1_1).mul_add(t2_28, t2_86);
+        let t2_88 = sin_s1_1 * t2_42;
+        let t2_89 = (-u_s1_1_p1y).mul_add(t2_64, t2_88);
+        let t2_90 = -t2_85;
+        let t2_91 = -t2_50;
         let pivot_2 = like.lift(0.4330127018922193) * cos_q3;
-        let t2_99 = -pivot_2;
-        let t2_100 = cos_q1 * t2_57;
-        let t2_101 = sin_q1 * t2_57;
-        let t2_102 = sin_q1 * t2_4;
-        let t2_103 = -t2_95;
-        let t2_104 = like.lift(0.25) * cos_q3;
-        let t2_105 = -t2_97;
-        let t2_106 = like.lift(0.5) * sin_q3;
-        let t2_107 = -t2_106;
+        let t2_92 = -pivot_2;
+        let t2_93 = cos_q1 * t2_64;
+        let t2_94 = sin_q1 * t2_64;
+        let t2_95 = sin_q1 * t2_4;
+        let t2_96 = -t2_66;
+        let t2_97 = like.lift(0.25) * cos_q3;
+        let t2_98 = -t2_68;
+        let t2_99 = like.lift(0.5) * sin_q3;
+        let t2_100 = -t2_99;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_108 = like.lift(-0.5773502691896257).mul_add(t2_36, t2_58);
-        let t2_109 = t2_48 * inv_pivot_3;
-        let t2_110 = (-t2_64).mul_add(t2_109, t2_95);
-        let t2_111 = like.lift(0.5773502691896257).mul_add(t2_93, t2_110);
-        let t2_112 = (-t2_108).mul_add(t2_109, t2_100);
-        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_84, t2_112);
+        let t2_101 = like.lift(-0.5773502691896257).mul_add(t2_44, t2_72);
+        let t2_102 = t2_55 * inv_pivot_3;
+        let t2_103 = (-t2_76).mul_add(t2_102, t2_66);
+        let t2_104 = like.lift(0.5773502691896257).mul_add(t2_50, t2_103);
+        let t2_105 = (-t2_101).mul_add(t2_102, t2_93);
+        let pivot_4 = like.lift(0.5773502691896257).mul_add(t2_83, t2_105);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_113 = like.lift(1.0) - t2_109;
-        let t2_114 = like.lift(1.0) / cos_q2;
-        let t2_115 = cos_q2 * p_mz_rod2;
-        let t2_116 = sin_q2.mul_add(p_my_rod2, t2_115);
-        let t2_117 = sin_q2 * t2_114;
-        let t2_118 = like.lift(2.309401076758503) * t2_114;
-        let t2_119 = t2_69 * inv_pivot_3;
-        let t2_120 = like.lift(1.1547005383792515) * t2_117;
-        let t2_121 = (-t2_108).mul_add(t2_119, t2_75);
-        let t2_122 = t2_36.mul_add(t2_120, t2_121);
-        let t2_123 = t2_122 * inv_pivot_4;
-        let t2_124 = (-t2_111).mul_add(t2_123, t2_79);
-        let t2_125 = (-t2_64).mul_add(t2_119, t2_124);
-        let pivot_5 = t2_41.mul_add(t2_120, t2_125);
+        let t2_106 = like.lift(1.0) - t2_102;
+        let t2_107 = like.lift(1.0) / cos_q2;
+        let t2_108 = cos_q2 * p_mz_rod2;
+        let t2_109 = sin_q2.mul_add(p_my_rod2, t2_108);
+        let t2_110 = sin_q2 * t2_107;
+        let t2_111 = like.lift(2.309401076758503) * t2_107;
+        let t2_112 = t2_39 * inv_pivot_3;
+        let t2_113 = like.lift(1.1547005383792515) * t2_110;
+        let t2_114 = (-t2_101).mul_add(t2_112, t2_73);
+        let t2_115 = t2_44.mul_add(t2_113, t2_114);
+        let t2_116 = t2_115 * inv_pivot_4;
+        let t2_117 = (-t2_104).mul_add(t2_116, t2_78);
+        let t2_118 = (-t2_76).mul_add(t2_112, t2_117);
+        let pivot_5 = t2_51.mul_add(t2_113, t2_118);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_126 = -pivot_5;
-        let t2_127 = t2_113.mul_add(t2_123, t2_119);
-        let t2_128 = like.lift(0.5773502691896257).mul_add(t2_38, t2_60);
-        let t2_129 = (-t2_128).mul_add(t2_109, t2_88);
-        let t2_130 = like.lift(-0.5773502691896257).mul_add(t2_86, t2_129);
-        let t2_131 = (-t2_130).mul_add(t2_123, t2_77);
-        let t2_132 = (-t2_128).mul_add(t2_119, t2_131);
-        let t2_133 = (-t2_38).mul_add(t2_120, t2_132);
-        let t2_134 = t2_74 * inv_pivot_3;
-        let t2_135 = like.lift(1.0) / cos_q3;
-        let t2_136 = cos_q3 * p_mz_rod3;
-        let t2_137 = sin_q3.mul_add(p_my_rod3, t2_136);
-        let t2_138 = sin_q3 * t2_135;
-        let t2_139 = like.lift(2.309401076758503) * t2_135;
-        let t2_140 = like.lift(1.1547005383792515) * t2_138;
-        let t2_141 = (-t2_108).mul_add(t2_134, t2_101);
-        let t2_142 = (-t2_84).mul_add(t2_140, t2_141);
-        let t2_143 = t2_142 * inv_pivot_4;
-        let t2_144 = (-t2_111).mul_add(t2_143, t2_97);
-        let t2_145 = (-t2_64).mul_add(t2_134, t2_144);
-        let t2_146 = (-t2_93).mul_add(t2_140, t2_145);
-        let t2_147 = t2_146 * inv_pivot_5;
-        let t2_148 = (-t2_127).mul_add(t2_147, t2_134);
-        let t2_149 = t2_113.mul_add(t2_143, t2_148);
-        let t2_150 = (-t2_133).mul_add(t2_147, t2_90);
-        let t2_151 = (-t2_130).mul_add(t2_143, t2_150);
-        let t2_152 = (-t2_128).mul_add(t2_134, t2_151);
-        let pivot_6 = t2_86.mul_add(t2_140, t2_152);
-        let t2_153 = t2_117 * t2_147;
+        let t2_119 = -pivot_5;
+        let t2_120 = t2_106.mul_add(t2_116, t2_112);
+        let t2_121 = like.lift(0.5773502691896257).mul_add(t2_46, t2_71);
+        let t2_122 = (-t2_121).mul_add(t2_102, t2_87);
+        let t2_123 = like.lift(-0.5773502691896257).mul_add(t2_85, t2_122);
+        let t2_124 = (-t2_123).mul_add(t2_116, t2_69);
+        let t2_125 = (-t2_121).mul_add(t2_112, t2_124);
+        let t2_126 = (-t2_46).mul_add(t2_113, t2_125);
+        let t2_127 = t2_40 * inv_pivot_3;
+        let t2_128 = like.lift(1.0) / cos_q3;
+        let t2_129 = cos_q3 * p_mz_rod3;
+        let t2_130 = sin_q3.mul_add(p_my_rod3, t2_129);
+        let t2_131 = sin_q3 * t2_128;
+        let t2_132 = like.lift(2.309401076758503) * t2_128;
+        let t2_133 = like.lift(1.1547005383792515) * t2_131;
+        let t2_134 = (-t2_101).mul_add(t2_127, t2_94);
+        let t2_135 = (-t2_83).mul_add(t2_133, t2_134);
+        let t2_136 = t2_135 * inv_pivot_4;
+        let t2_137 = (-t2_104).mul_add(t2_136, t2_68);
+        let t2_138 = (-t2_76).mul_add(t2_127, t2_137);
+        let t2_139 = (-t2_50).mul_add(t2_133, t2_138);
+        let t2_140 = t2_139 * inv_pivot_5;
+        let t2_141 = (-t2_120).mul_add(t2_140, t2_127);
+        let t2_142 = t2_106.mul_add(t2_136, t2_141);
+        let t2_143 = (-t2_126).mul_add(t2_140, t2_89);
+        let t2_144 = (-t2_123).mul_add(t2_136, t2_143);
+        let t2_145 = (-t2_121).mul_add(t2_127, t2_144);
+        let pivot_6 = t2_85.mul_add(t2_133, t2_145);
+        let t2_146 = t2_110 * t2_140;
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_154 = t2_149 * inv_pivot_6;
-        let t2_155 = (-t2_133).mul_add(t2_154, t2_127);
+        let t2_147 = t2_142 * inv_pivot_6;
+        let t2_148 = (-t2_126).mul_add(t2_147, t2_120);
+        let t2_149 = inv_pivot_5 * t2_148;
+        let t2_150 = t2_123.mul_add(t2_147, t2_106);
+        let t2_151 = t2_104.mul_add(t2_149, t2_150);
+        let t2_152 = inv_pivot_4 * t2_151;
+        let t2_153 = t2_146 * inv_pivot_6;
+        let t2_154 = t2_131 * inv_pivot_6;
+        let t2_155 = t2_126.mul_add(t2_153, t2_110);
         let t2_156 = inv_pivot_5 * t2_155;
-        let t2_157 = t2_130.mul_add(t2_154, t2_113);
-        let t2_158 = t2_111.mul_add(t2_156, t2_157);
-        let t2_159 = inv_pivot_4 * t2_158;
-        let t2_160 = t2_153 * inv_pivot_6;
-        let t2_161 = t2_138 * inv_pivot_6;
-        let t2_162 = t2_133.mul_add(t2_160, t2_117);
-        let t2_163 = inv_pivot_5 * t2_162;
-        let t2_164 = inv_pivot_5 * t2_133;
-        let t2_165 = t2_164 * t2_161;
-        let t2_166 = t2_128.mul_add(t2_154, like.lift(1.0));
-        let t2_167 = t2_64.mul_add(t2_156, t2_166);
-        let t2_168 = (-t2_108).mul_add(t2_159, t2_167);
-        let t2_169 = inv_pivot_3 * t2_168;
-        let t2_170 = -t2_169;
-        let t2_171 = t2_111 * t2_163;
-        let t2_172 = (-t2_130).mul_add(t2_160, t2_171);
-        let t2_173 = t2_111 * t2_165;
-        let t2_174 = (-t2_130).mul_add(t2_161, t2_173);
-        let t2_175 = inv_pivot_4 * t2_172;
-        let t2_176 = inv_pivot_4 * t2_174;
-        let t2_177 = t2_128 * t2_160;
-        let t2_178 = (-t2_64).mul_add(t2_163, t2_177);
-        let t2_179 = t2_128 * t2_161;
-        let t2_180 = (-t2_64).mul_add(t2_165, t2_179);
-        let t2_181 = t2_108.mul_add(t2_175, t2_178);
-        let t2_182 = t2_108.mul_add(t2_176, t2_180);
-        let t2_183 = inv_pivot_3 * t2_181;
-        let t2_184 = inv_pivot_3 * t2_182;
-        let t2_185 = -t2_183;
-        let t2_186 = -t2_159;
-        let t2_187 = -t2_176;
-        let t2_188 = -t2_161;
-        let t2_189 = -t2_156;
-        let t2_190 = -t2_165;
-        let t2_191 = t2_38 * t2_154;
-        let t2_192 = (-t2_41).mul_add(t2_156, t2_191);
-        let t2_193 = t2_36.mul_add(t2_159, t2_192);
-        let t2_194 = t2_193 * t2_118;
-        let t2_195 = t2_86 * t2_154;
-        let t2_196 = (-t2_93).mul_add(t2_156, t2_195);
-        let t2_197 = t2_84.mul_add(t2_159, t2_196);
-        let t2_198 = t2_197 * t2_139;
-        let t2_199 = -t2_198;
-        let t2_200 = (-t2_38).mul_add(t2_160, like.lift(0.8660254037844386));
-        let t2_201 = (-t2_41).mul_add(t2_163, t2_200);
-        let t2_202 = t2_36.mul_add(t2_175, t2_201);
-        let t2_203 = t2_202 * t2_118;
-        let t2_204 = -t2_203;
-        let t2_205 = t2_36 * t2_176;
-        let t2_206 = (-t2_38).mul_add(t2_161, t2_205);
-        let t2_207 = (-t2_41).mul_add(t2_165, t2_206);
-        let t2_208 = t2_207 * t2_118;
-        let t2_209 = (-t2_86).mul_add(t2_161, like.lift(0.8660254037844386));
-        let t2_210 = (-t2_93).mul_add(t2_165, t2_209);
-        let t2_211 = t2_84.mul_add(t2_176, t2_210);
-        let t2_212 = t2_211 * t2_139;
-        let t2_213 = -t2_212;
-        let t2_214 = t2_84 * t2_175;
-        let t2_215 = (-t2_86).mul_add(t2_160, t2_214);
-        let t2_216 = (-t2_93).mul_add(t2_163, t2_215);
-        let t2_217 = t2_216 * t2_139;
+        let t2_157 = inv_pivot_5 * t2_126;
+        let t2_158 = t2_157 * t2_154;
+        let t2_159 = t2_121.mul_add(t2_147, like.lift(1.0));
+        let t2_160 = t2_76.mul_add(t2_149, t2_159);
+        let t2_161 = (-t2_101).mul_add(t2_152, t2_160);
+        let t2_162 = inv_pivot_3 * t2_161;
+        let t2_163 = -t2_162;
+        let t2_164 = t2_104 * t2_156;
+        let t2_165 = (-t2_123).mul_add(t2_153, t2_164);
+        let t2_166 = t2_104 * t2_158;
+        let t2_167 = (-t2_123).mul_add(t2_154, t2_166);
+        let t2_168 = inv_pivot_4 * t2_165;
+        let t2_169 = inv_pivot_4 * t2_167;
+        let t2_170 = t2_121 * t2_153;
+        let t2_171 = (-t2_76).mul_add(t2_156, t2_170);
+        let t2_172 = t2_121 * t2_154;
+        let t2_173 = (-t2_76).mul_add(t2_158, t2_172);
+        let t2_174 = t2_101.mul_add(t2_168, t2_171);
+        let t2_175 = t2_101.mul_add(t2_169, t2_173);
+        let t2_176 = inv_pivot_3 * t2_174;
+        let t2_177 = inv_pivot_3 * t2_175;
+        let t2_178 = -t2_176;
+        let t2_179 = -t2_152;
+        let t2_180 = -t2_169;
+        let t2_181 = -t2_154;
+        let t2_182 = -t2_149;
+        let t2_183 = -t2_158;
+        let t2_184 = t2_46 * t2_147;
+        let t2_185 = (-t2_51).mul_add(t2_149, t2_184);
+        let t2_186 = t2_44.mul_add(t2_152, t2_185);
+        let t2_187 = t2_186 * t2_111;
+        let t2_188 = t2_85 * t2_147;
+        let t2_189 = (-t2_50).mul_add(t2_149, t2_188);
+        let t2_190 = t2_83.mul_add(t2_152, t2_189);
+        let t2_191 = t2_190 * t2_132;
+        let t2_192 = -t2_191;
+        let t2_193 = (-t2_46).mul_add(t2_153, like.lift(0.8660254037844386));
+        let t2_194 = (-t2_51).mul_add(t2_156, t2_193);
+        let t2_195 = t2_44.mul_add(t2_168, t2_194);
+        let t2_196 = t2_195 * t2_111;
+        let t2_197 = -t2_196;
+        let t2_198 = t2_44 * t2_169;
+        let t2_199 = (-t2_46).mul_add(t2_154, t2_198);
+        let t2_200 = (-t2_51).mul_add(t2_158, t2_199);
+        let t2_201 = t2_200 * t2_111;
+        let t2_202 = (-t2_85).mul_add(t2_154, like.lift(0.8660254037844386));
+        let t2_203 = (-t2_50).mul_add(t2_158, t2_202);
+        let t2_204 = t2_83.mul_add(t2_169, t2_203);
+        let t2_205 = t2_204 * t2_132;
+        let t2_206 = -t2_205;
+        let t2_207 = t2_83 * t2_168;
+        let t2_208 = (-t2_85).mul_add(t2_153, t2_207);
+        let t2_209 = (-t2_50).mul_add(t2_156, t2_208);
+        let t2_210 = t2_209 * t2_132;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.632175455971556)).abs()
-            .min((t2_99 * like.lift(2.4888041299057773)).abs())
+            .min((t2_92 * like.lift(2.4888041299057773)).abs())
             .min((pivot_3 * like.lift(2.2795308120892552)).abs())
             .min((pivot_4 * like.lift(1.5748519708717799)).abs())
-            .min((t2_126 * like.lift(3.327667645468371)).abs())
+            .min((t2_119 * like.lift(3.327667645468371)).abs())
             .min((pivot_6 * like.lift(3.0711386912925627)).abs());
         let ([
             [x_q1_p1, x_q1_p2, x_q1_p3], [x_s1_1_p1, x_s1_1_p2, x_s1_1_p3],
@@ -8752,18 +8542,18 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], 
             [x_q2_p1, x_q2_p2, x_q2_p3], [x_q3_p1, x_q3_p2, x_q3_p3],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_170, t2_185, t2_184], [t2_186, t2_175, t2_187], [t2_154, t2_160, t2_188],
-                [t2_189, t2_163, t2_190], [t2_194, t2_204, t2_208], [t2_199, t2_217, t2_213],
+                [t2_163, t2_178, t2_177], [t2_179, t2_168, t2_180], [t2_147, t2_153, t2_181],
+                [t2_182, t2_156, t2_183], [t2_187, t2_197, t2_201], [t2_192, t2_210, t2_206],
             ],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_36, t2_39, t2_42, pivot_1, like.lift(0.0)],
-                    [pivot_3, t2_58, t2_60, t2_63, t2_65, like.lift(0.0)],
-                    [t2_69, t2_75, t2_77, t2_80, t2_82, like.lift(0.0)],
-                    [like.lift(0.0), t2_84, t2_91, t2_98, like.lift(0.0), t2_99],
-                    [t2_48, t2_100, t2_88, t2_103, like.lift(0.0), t2_104],
-                    [t2_74, t2_101, t2_90, t2_105, like.lift(0.0), t2_107],
+                    [like.lift(0.0), t2_44, t2_48, t2_52, pivot_1, like.lift(0.0)],
+                    [pivot_3, t2_72, t2_71, t2_75, t2_77, like.lift(0.0)],
+                    [t2_39, t2_73, t2_69, t2_79, t2_81, like.lift(0.0)],
+                    [like.lift(0.0), t2_83, t2_90, t2_91, like.lift(0.0), t2_92],
+                    [t2_55, t2_93, t2_87, t2_96, like.lift(0.0), t2_97],
+                    [t2_40, t2_94, t2_89, t2_98, like.lift(0.0), t2_100],
                 ],
                 [
                     [like.lift(0.0), like.lift(-0.8660254037844386), like.lift(0.0)],
@@ -8777,7 +8567,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], 
         );
         condition = condition.min(found);
         [
-            t2_2, t2_4, t2_6, t2_10, t2_13, t2_27, t2_102, t2_116, t2_137, x_q1_p1, x_q1_p2,
+            t2_2, t2_4, t2_6, t2_10, t2_13, t2_29, t2_95, t2_109, t2_130, x_q1_p1, x_q1_p2,
             x_q1_p3, x_s1_1_p1, x_s1_1_p2, x_s1_1_p3, x_s1_2_p1, x_s1_2_p2, x_s1_2_p3,
             x_s1_3_p1, x_s1_3_p2, x_s1_3_p3, x_q2_p1, x_q2_p2, x_q2_p3, x_q3_p1, x_q3_p2,
             x_q3_p3,
@@ -8790,10 +8580,10 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], 
         let t3_3 = sin_s1_2 * t3_1;
         let t3_4 = (-cos_s1_1).mul_add(t2_2, t3_3);
         let t3_5 = cos_q1 * t3_4;
-        let t3_6 = (-t2_6).mul_add(t2_27, t3_5);
+        let t3_6 = (-t2_6).mul_add(t2_29, t3_5);
         let t3_7 = cos_q1 * t3_2;
         let t3_8 = sin_s1_1 * t2_10;
-        let t3_9 = cos_q1.mul_add(t3_8, t2_102);
+        let t3_9 = cos_q1.mul_add(t3_8, t2_95);
         let t3_10 = p_ixx_rod1 + t2_10;
         let t3_11 = like.lift(-0.2).mul_add(p_mx_platform, p_ixy_platform);
         let t3_12 = cos_s1_3 * p_ixz_platform;
@@ -8805,157 +8595,155 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 19]) -> ([[T; 3]; 3], 
         let t3_18 = like.lift(-0.2).mul_add(p_mz_platform, p_iyz_platform);
         let t3_19 = cos_s1_3 * t3_18;
         let t3_20 = sin_s1_3 * t3_18;
-        let t3_21 = sin_s1_3.mul_add(p_iyy_platform, t3_19);
-        let t3_22 = like.lift(0.4) * p_my_platform;
-        let t3_23 = p_izz_platform + t3_22;
-        let t3_24 = p_ixx_platform + t3_22;
-        let t3_25 = (-sin_s1_3).mul_add(t3_23, t3_19);
-        let t3_26 = cos_s1_3.mul_add(t3_23, t3_20);
-        let t3_27 = cos_s1_3 * t3_26;
-        let t3_28 = sin_s1_3.mul_add(t3_21, t3_27);
-        let t3_29 = cos_s1_3.mul_add(p_iyy_platform, -t3_20);
-        let t3_30 = sin_s1_2.mul_add(t3_28, t3_16);
-        let t3_31 = (-cos_s1_2).mul_add(t3_28, t3_17);
-        let t3_32 = cos_s1_2.mul_add(t3_24, t3_17);
-        let t3_33 = (-sin_s1_2).mul_add(t3_24, t3_16);
-        let t3_34 = cos_s1_1 * t3_32;
-        let t3_35 = like.lift(-0.5).mul_add(t3_4, t3_34);
-        let t3_36 = (-sin_s1_1).mul_add(t3_15, t3_35);
-        let t3_37 = sin_s1_2 * t3_33;
-        let t3_38 = cos_s1_2.mul_add(t3_31, t3_37);
-        let t3_39 = cos_s1_2 * t3_32;
-        let t3_40 = sin_s1_2.mul_add(t3_30, t3_39);
-        let t3_41 = cos_s1_2 * t3_30;
-        let t3_42 = (-sin_s1_2).mul_add(t3_32, t3_41);
-        let t3_43 = cos_s1_1 * t3_42;
-        let t3_44 = like.lift(-0.5).mul_add(t3_2, t3_43);
-        let t3_45 = cos_s1_1 * t3_40;
-        let t3_46 = cos_s1_3 * t3_25;
-        let t3_47 = cos_s1_3 * t3_29;
-        let t3_48 = sin_s1_3.mul_add(t3_29, t3_46);
-        let t3_49 = (-sin_s1_3).mul_add(t3_25, t3_47);
-        let t3_50 = cos_s1_2 * t3_15;
-        let t3_51 = sin_s1_2.mul_add(t3_48, t3_50);
-        let t3_52 = cos_s1_2 * t3_48;
-        let t3_53 = (-sin_s1_2).mul_add(t3_15, t3_52);
-        let t3_54 = (-sin_s1_1).mul_add(t3_51, t3_45);
-        let t3_55 = cos_s1_1 * t3_51;
-        let t3_56 = (-sin_s1_1).mul_add(t3_49, t3_55);
-        let t3_57 = (-sin_s1_1).mul_add(t3_56, t3_10);
-        let t3_58 = cos_s1_1.mul_add(t3_54, t3_57);
-        let t3_59 = (-sin_s1_1).mul_add(t3_53, t3_44);
-        let t3_60 = like.lift(-0.5).mul_add(t3_8, t3_56);
-        let t3_61 = t3_36.mul_add(x_s1_3_p1, t2_13);
-        let t3_62 = t3_60.mul_add(x_s1_2_p1, t3_61);
-        let t3_63 = t3_59.mul_add(x_s1_1_p1, t3_62);
-        let t3_64 = t3_58.mul_add(x_q1_p1, t3_63);
-        let t3_65 = t3_64 + t2_13;
-        let t3_66 = (-t3_33).mul_add(x_s1_3_p1, t3_7);
-        let t3_67 = (-t3_53).mul_add(x_s1_2_p1, t3_66);
-        let t3_68 = t3_38.mul_add(x_s1_1_p1, t3_67);
-        let t3_69 = (-t3_59).mul_add(x_q1_p1, t3_68);
-        let t3_70 = t3_69 + t3_7;
-        let t3_71 = (-t3_15).mul_add(x_s1_3_p1, t3_9);
-        let t3_72 = (-t3_49).mul_add(x_s1_2_p1, t3_71);
-        let t3_73 = (-t3_53).mul_add(x_s1_1_p1, t3_72);
-        let t3_74 = (-t3_60).mul_add(x_q1_p1, t3_73);
-        let t3_75 = t3_74 + t3_9;
-        let t3_76 = (-t3_24).mul_add(x_s1_3_p1, t3_6);
-        let t3_77 = (-t3_15).mul_add(x_s1_2_p1, t3_76);
-        let t3_78 = (-t3_33).mul_add(x_s1_1_p1, t3_77);
-        let t3_79 = (-t3_36).mul_add(x_q1_p1, t3_78);
-        let t3_80 = t3_79 + t3_6;
-        let t3_81 = x_q3_p1 * p_ixx_rod3;
-        let t3_82 = t3_81.mul_add(x_q3_p1, p_m_carriage1);
-        let t3_83 = x_q2_p1 * p_ixx_rod2;
-        let t3_84 = t3_83.mul_add(x_q2_p1, t3_82);
-        let t3_85 = (-x_s1_3_p1).mul_add(t3_80, t3_84);
-        let t3_86 = (-x_s1_2_p1).mul_add(t3_75, t3_85);
-        let t3_87 = (-x_s1_1_p1).mul_add(t3_70, t3_86);
-        let t3_88 = x_q1_p1.mul_add(t3_65, t3_87);
-        m[0][0] = t3_88;
-        let t3_89 = t3_36 * x_s1_3_p2;
-        let t3_90 = t3_60.mul_add(x_s1_2_p2, t3_89);
-        let t3_91 = t3_59.mul_add(x_s1_1_p2, t3_90);
-        let t3_92 = t3_58.mul_add(x_q1_p2, t3_91);
-        let t3_93 = t3_33 * x_s1_3_p2;
-        let t3_94 = t3_53.mul_add(x_s1_2_p2, t3_93);
-        let t3_95 = (-t3_38).mul_add(x_s1_1_p2, t3_94);
-        let t3_96 = t3_59.mul_add(x_q1_p2, t3_95);
-        let t3_97 = t3_15 * x_s1_3_p2;
-        let t3_98 = t3_49.mul_add(x_s1_2_p2, t3_97);
-        let t3_99 = t3_53.mul_add(x_s1_1_p2, t3_98);
-        let t3_100 = t3_60.mul_add(x_q1_p2, t3_99);
-        let t3_101 = t3_15 * x_s1_3_p3;
-        let t3_102 = t3_49.mul_add(x_s1_2_p3, t3_101);
-        let t3_103 = t3_53.mul_add(x_s1_1_p3, t3_102);
-        let t3_104 = t3_60.mul_add(x_q1_p3, t3_103);
-        let t3_105 = t3_36 * x_s1_3_p3;
-        let t3_106 = t3_60.mul_add(x_s1_2_p3, t3_105);
-        let t3_107 = t3_59.mul_add(x_s1_1_p3, t3_106);
-        let t3_108 = t3_58.mul_add(x_q1_p3, t3_107);
-        let t3_109 = t3_33 * x_s1_3_p3;
-        let t3_110 = t3_53.mul_add(x_s1_2_p3, t3_109);
-        let t3_111 = (-t3_38).mul_add(x_s1_1_p3, t3_110);
-        let t3_112 = t3_59.mul_add(x_q1_p3, t3_111);
-        let t3_113 = t3_24 * x_s1_3_p2;
-        let t3_114 = t3_15.mul_add(x_s1_2_p2, t3_113);
-        let t3_115 = t3_24 * x_s1_3_p3;
-        let t3_116 = t3_15.mul_add(x_s1_2_p3, t3_115);
-        let t3_117 = t3_33.mul_add(x_s1_1_p2, t3_114);
-        let t3_118 = t3_33.mul_add(x_s1_1_p3, t3_116);
-        let t3_119 = t3_36.mul_add(x_q1_p2, t3_117);
-        let t3_120 = t3_36.mul_add(x_q1_p3, t3_118);
-        let t3_121 = p_ixx_rod2.mul_add(x_q2_p2, t2_116);
+        let t3_21 = cos_s1_3.mul_add(p_iyy_platform, -t3_20);
+        let t3_22 = sin_s1_3.mul_add(p_iyy_platform, t3_19);
+        let t3_23 = like.lift(0.4) * p_my_platform;
+        let t3_24 = p_izz_platform + t3_23;
+        let t3_25 = (-sin_s1_3).mul_add(t3_24, t3_19);
+        let t3_26 = sin_s1_3.mul_add(t3_25, t3_24);
+        let t3_27 = sin_s1_3.mul_add(t3_22, t3_26);
+        let t3_28 = p_ixx_platform + t3_23;
+        let t3_29 = sin_s1_2.mul_add(t3_27, t3_16);
+        let t3_30 = (-cos_s1_2).mul_add(t3_27, t3_17);
+        let t3_31 = cos_s1_2.mul_add(t3_28, t3_17);
+        let t3_32 = (-sin_s1_2).mul_add(t3_28, t3_16);
+        let t3_33 = cos_s1_1 * t3_31;
+        let t3_34 = like.lift(-0.5).mul_add(t3_4, t3_33);
+        let t3_35 = (-sin_s1_1).mul_add(t3_15, t3_34);
+        let t3_36 = sin_s1_2 * t3_32;
+        let t3_37 = cos_s1_2.mul_add(t3_30, t3_36);
+        let t3_38 = cos_s1_2 * t3_31;
+        let t3_39 = sin_s1_2.mul_add(t3_29, t3_38);
+        let t3_40 = cos_s1_2 * t3_29;
+        let t3_41 = (-sin_s1_2).mul_add(t3_31, t3_40);
+        let t3_42 = cos_s1_1 * t3_41;
+        let t3_43 = like.lift(-0.5).mul_add(t3_2, t3_42);
+        let t3_44 = cos_s1_1 * t3_39;
+        let t3_45 = cos_s1_3 * t3_25;
+        let t3_46 = cos_s1_3 * t3_21;
+        let t3_47 = sin_s1_3.mul_add(t3_21, t3_45);
+        let t3_48 = (-sin_s1_3).mul_add(t3_25, t3_46);
+        let t3_49 = cos_s1_2 * t3_15;
+        let t3_50 = sin_s1_2.mul_add(t3_47, t3_49);
+        let t3_51 = cos_s1_2 * t3_47;
+        let t3_52 = (-sin_s1_2).mul_add(t3_15, t3_51);
+        let t3_53 = (-sin_s1_1).mul_add(t3_50, t3_44);
+        let t3_54 = cos_s1_1 * t3_50;
+        let t3_55 = (-sin_s1_1).mul_add(t3_48, t3_54);
+        let t3_56 = (-sin_s1_1).mul_add(t3_55, t3_10);
+        let t3_57 = cos_s1_1.mul_add(t3_53, t3_56);
+        let t3_58 = (-sin_s1_1).mul_add(t3_52, t3_43);
+        let t3_59 = like.lift(-0.5).mul_add(t3_8, t3_55);
+        let t3_60 = t3_35.mul_add(x_s1_3_p1, t2_13);
+        let t3_61 = t3_59.mul_add(x_s1_2_p1, t3_60);
+        let t3_62 = t3_58.mul_add(x_s1_1_p1, t3_61);
+        let t3_63 = t3_57.mul_add(x_q1_p1, t3_62);
+        let t3_64 = t3_63 + t2_13;
+        let t3_65 = (-t3_32).mul_add(x_s1_3_p1, t3_7);
+        let t3_66 = (-t3_52).mul_add(x_s1_2_p1, t3_65);
+        let t3_67 = t3_37.mul_add(x_s1_1_p1, t3_66);
+        let t3_68 = (-t3_58).mul_add(x_q1_p1, t3_67);
+        let t3_69 = t3_68 + t3_7;
+        let t3_70 = (-t3_15).mul_add(x_s1_3_p1, t3_9);
+        let t3_71 = (-t3_48).mul_add(x_s1_2_p1, t3_70);
+        let t3_72 = (-t3_52).mul_add(x_s1_1_p1, t3_71);
+        let t3_73 = (-t3_59).mul_add(x_q1_p1, t3_72);
+        let t3_74 = t3_73 + t3_9;
+        let t3_75 = (-t3_28).mul_add(x_s1_3_p1, t3_6);
+        let t3_76 = (-t3_15).mul_add(x_s1_2_p1, t3_75);
+        let t3_77 = (-t3_32).mul_add(x_s1_1_p1, t3_76);
+        let t3_78 = (-t3_35).mul_add(x_q1_p1, t3_77);
+        let t3_79 = t3_78 + t3_6;
+        let t3_80 = x_q3_p1 * p_ixx_rod3;
+        let t3_81 = t3_80.mul_add(x_q3_p1, p_m_carriage1);
+        let t3_82 = x_q2_p1 * p_ixx_rod2;
+        let t3_83 = t3_82.mul_add(x_q2_p1, t3_81);
+        let t3_84 = (-x_s1_3_p1).mul_add(t3_79, t3_83);
+        let t3_85 = (-x_s1_2_p1).mul_add(t3_74, t3_84);
+        let t3_86 = (-x_s1_1_p1).mul_add(t3_69, t3_85);
+        let t3_87 = x_q1_p1.mul_add(t3_64, t3_86);
+        m[0][0] = t3_87;
+        let t3_88 = t3_35 * x_s1_3_p2;
+        let t3_89 = t3_59.mul_add(x_s1_2_p2, t3_88);
+        let t3_90 = t3_58.mul_add(x_s1_1_p2, t3_89);
+        let t3_91 = t3_57.mul_add(x_q1_p2, t3_90);
+        let t3_92 = t3_32 * x_s1_3_p2;
+        let t3_93 = t3_52.mul_add(x_s1_2_p2, t3_92);
+        let t3_94 = (-t3_37).mul_add(x_s1_1_p2, t3_93);
+        let t3_95 = t3_58.mul_add(x_q1_p2, t3_94);
+        let t3_96 = t3_15 * x_s1_3_p2;
+        let t3_97 = t3_48.mul_add(x_s1_2_p2, t3_96);
+        let t3_98 = t3_52.mul_add(x_s1_1_p2, t3_97);
+        let t3_99 = t3_59.mul_add(x_q1_p2, t3_98);
+        let t3_100 = t3_15 * x_s1_3_p3;
+        let t3_101 = t3_48.mul_add(x_s1_2_p3, t3_100);
+        let t3_102 = t3_52.mul_add(x_s1_1_p3, t3_101);
+        let t3_103 = t3_59.mul_add(x_q1_p3, t3_102);
+        let t3_104 = t3_35 * x_s1_3_p3;
+        let t3_105 = t3_59.mul_add(x_s1_2_p3, t3_104);
+        let t3_106 = t3_58.mul_add(x_s1_1_p3, t3_105);
+        let t3_107 = t3_57.mul_add(x_q1_p3, t3_106);
+        let t3_108 = t3_32 * x_s1_3_p3;
+        let t3_109 = t3_52.mul_add(x_s1_2_p3, t3_108);
+        let t3_110 = (-t3_37).mul_add(x_s1_1_p3, t3_109);
+        let t3_111 = t3_58.mul_add(x_q1_p3, t3_110);
+        let t3_112 = t3_28 * x_s1_3_p2;
+        let t3_113 = t3_15.mul_add(x_s1_2_p2, t3_112);
+        let t3_114 = t3_28 * x_s1_3_p3;
+        let t3_115 = t3_15.mul_add(x_s1_2_p3, t3_114);
+        let t3_116 = t3_32.mul_add(x_s1_1_p2, t3_113);
+        let t3_117 = t3_32.mul_add(x_s1_1_p3, t3_115);
+        let t3_118 = t3_35.mul_add(x_q1_p2, t3_116);
+        let t3_119 = t3_35.mul_add(x_q1_p3, t3_117);
+        let t3_120 = p_ixx_rod2.mul_add(x_q2_p2, t2_109);
+        let t3_121 = t3_120 + t2_109;
         let t3_122 = p_ixx_rod3 * x_q3_p2;
-        let t3_123 = x_q3_p1 * t3_122;
-        let t3_124 = x_q2_p1.mul_add(t3_121, t3_123);
-        let t3_125 = x_s1_3_p1.mul_add(t3_119, t3_124);
-        let t3_126 = x_s1_2_p1.mul_add(t3_100, t3_125);
-        let t3_127 = x_s1_1_p1.mul_add(t3_96, t3_126);
-        let t3_128 = x_q1_p1.mul_add(t3_92, t3_127);
-        let t3_129 = (-t3_6).mul_add(x_s1_3_p2, t3_128);
-        let t3_130 = (-t3_9).mul_add(x_s1_2_p2, t3_129);
-        let t3_131 = (-t3_7).mul_add(x_s1_1_p2, t3_130);
-        let t3_132 = t2_13.mul_add(x_q1_p2, t3_131);
-        m[0][1] = t3_132; m[1][0] = t3_132;
-        let t3_133 = t3_121 + t2_116;
-        let t3_134 = x_q3_p2 * t3_122;
-        let t3_135 = x_q2_p2.mul_add(t3_133, t3_134);
-        let t3_136 = x_s1_3_p2.mul_add(t3_119, t3_135);
-        let t3_137 = x_s1_2_p2.mul_add(t3_100, t3_136);
-        let t3_138 = x_s1_1_p2.mul_add(t3_96, t3_137);
-        let t3_139 = x_q1_p2.mul_add(t3_92, t3_138);
-        m[1][1] = t3_139;
-        let t3_140 = p_ixx_rod2 * x_q2_p3;
-        let t3_141 = p_ixx_rod3.mul_add(x_q3_p3, t2_137);
-        let t3_142 = x_q3_p1 * t3_141;
-        let t3_143 = x_q2_p1.mul_add(t3_140, t3_142);
-        let t3_144 = x_s1_3_p1.mul_add(t3_120, t3_143);
-        let t3_145 = x_s1_2_p1.mul_add(t3_104, t3_144);
-        let t3_146 = x_s1_1_p1.mul_add(t3_112, t3_145);
-        let t3_147 = x_q1_p1.mul_add(t3_108, t3_146);
-        let t3_148 = (-t3_6).mul_add(x_s1_3_p3, t3_147);
-        let t3_149 = (-t3_9).mul_add(x_s1_2_p3, t3_148);
-        let t3_150 = (-t3_7).mul_add(x_s1_1_p3, t3_149);
-        let t3_151 = t2_13.mul_add(x_q1_p3, t3_150);
-        m[0][2] = t3_151; m[2][0] = t3_151;
-        let t3_152 = x_q3_p2 * t3_141;
-        let t3_153 = x_q2_p2.mul_add(t3_140, t3_152);
-        let t3_154 = t2_116.mul_add(x_q2_p3, t3_153);
-        let t3_155 = x_s1_3_p2.mul_add(t3_120, t3_154);
-        let t3_156 = x_s1_2_p2.mul_add(t3_104, t3_155);
-        let t3_157 = x_s1_1_p2.mul_add(t3_112, t3_156);
-        let t3_158 = x_q1_p2.mul_add(t3_108, t3_157);
-        m[1][2] = t3_158; m[2][1] = t3_158;
-        let t3_159 = t3_141 + t2_137;
-        let t3_160 = x_q3_p3 * t3_159;
-        let t3_161 = x_q2_p3.mul_add(t3_140, t3_160);
-        let t3_162 = x_s1_3_p3.mul_add(t3_120, t3_161);
-        let t3_163 = x_s1_2_p3.mul_add(t3_104, t3_162);
-        let t3_164 = x_s1_1_p3.mul_add(t3_112, t3_163);
-        let t3_165 = x_q1_p3.mul_add(t3_108, t3_164);
-        m[2][2] = t3_165;
+        let t3_123 = x_q3_p2 * t3_122;
+        let t3_124 = x_q2_p2.mul_add(t3_121, t3_123);
+        let t3_125 = x_q3_p1 * t3_122;
+        let t3_126 = x_q2_p1.mul_add(t3_120, t3_125);
+        let t3_127 = x_s1_3_p1.mul_add(t3_118, t3_126);
+        let t3_128 = x_s1_3_p2.mul_add(t3_118, t3_124);
+        let t3_129 = x_s1_2_p1.mul_add(t3_99, t3_127);
+        let t3_130 = x_s1_2_p2.mul_add(t3_99, t3_128);
+        let t3_131 = x_s1_1_p2.mul_add(t3_95, t3_130);
+        let t3_132 = x_s1_1_p1.mul_add(t3_95, t3_129);
+        let t3_133 = x_q1_p2.mul_add(t3_91, t3_131);
+        m[1][1] = t3_133;
+        let t3_134 = x_q1_p1.mul_add(t3_91, t3_132);
+        let t3_135 = (-t3_6).mul_add(x_s1_3_p2, t3_134);
+        let t3_136 = (-t3_9).mul_add(x_s1_2_p2, t3_135);
+        let t3_137 = (-t3_7).mul_add(x_s1_1_p2, t3_136);
+        let t3_138 = t2_13.mul_add(x_q1_p2, t3_137);
+        m[0][1] = t3_138; m[1][0] = t3_138;
+        let t3_139 = p_ixx_rod2 * x_q2_p3;
+        let t3_140 = p_ixx_rod3.mul_add(x_q3_p3, t2_130);
+        let t3_141 = x_q3_p1 * t3_140;
+        let t3_142 = x_q2_p1.mul_add(t3_139, t3_141);
+        let t3_143 = x_s1_3_p1.mul_add(t3_119, t3_142);
+        let t3_144 = x_s1_2_p1.mul_add(t3_103, t3_143);
+        let t3_145 = x_s1_1_p1.mul_add(t3_111, t3_144);
+        let t3_146 = x_q1_p1.mul_add(t3_107, t3_145);
+        let t3_147 = (-t3_6).mul_add(x_s1_3_p3, t3_146);
+        let t3_148 = (-t3_9).mul_add(x_s1_2_p3, t3_147);
+        let t3_149 = (-t3_7).mul_add(x_s1_1_p3, t3_148);
+        let t3_150 = t2_13.mul_add(x_q1_p3, t3_149);
+        m[0][2] = t3_150; m[2][0] = t3_150;
+        let t3_151 = x_q3_p2 * t3_140;
+        let t3_152 = x_q2_p3.mul_add(t3_120, t3_151);
+        let t3_153 = x_s1_3_p2.mul_add(t3_119, t3_152);
+        let t3_154 = x_s1_2_p2.mul_add(t3_103, t3_153);
+        let t3_155 = x_s1_1_p2.mul_add(t3_111, t3_154);
+        let t3_156 = x_q1_p2.mul_add(t3_107, t3_155);
+        m[1][2] = t3_156; m[2][1] = t3_156;
+        let t3_157 = t3_140 + t2_130;
+        let t3_158 = x_q3_p3 * t3_157;
+        let t3_159 = x_q2_p3.mul_add(t3_139, t3_158);
+        let t3_160 = x_s1_3_p3.mul_add(t3_119, t3_159);
+        let t3_161 = x_s1_2_p3.mul_add(t3_103, t3_160);
+        let t3_162 = x_s1_1_p3.mul_add(t3_111, t3_161);
+        let t3_163 = x_q1_p3.mul_add(t3_107, t3_162);
+        m[2][2] = t3_163;
     }
     (m, Condition { pivot: condition })
 }

@@ -10,28 +10,28 @@
 //! | function | add | mul | div | sin and cos |
 //! |---|---|---|---|---|
 //! | [`constraints`] | 25 | 38 | 0 | 6 |
-//! | [`jacobian`] | 26 | 73 | 0 | 6 |
-//! | [`bias`] | 68 | 127 | 0 | 6 |
-//! | [`newton_step`] | 76 | 126 | 6 | 6 |
-//! | [`dependent_jacobian`] | 26 | 69 | 0 | 6 |
-//! | [`velocities`] | 65 | 130 | 6 | 6 |
-//! | [`accelerations`] | 131 | 227 | 6 | 6 |
-//! | [`regressor`] | 248 | 435 | 6 | 6 |
-//! | [`inverse_dynamics`] | 231 | 344 | 6 | 6 |
-//! | [`gravity`] | 127 | 241 | 6 | 6 |
-//! | [`bias_forces`] | 290 | 444 | 6 | 6 |
-//! | [`mass_matrix`] | 215 | 326 | 6 | 6 |
+//! | [`jacobian`] | 21 | 66 | 0 | 6 |
+//! | [`bias`] | 65 | 121 | 0 | 6 |
+//! | [`newton_step`] | 71 | 119 | 6 | 6 |
+//! | [`dependent_jacobian`] | 21 | 62 | 0 | 6 |
+//! | [`velocities`] | 60 | 123 | 6 | 6 |
+//! | [`accelerations`] | 121 | 214 | 6 | 6 |
+//! | [`regressor`] | 230 | 412 | 6 | 6 |
+//! | [`inverse_dynamics`] | 218 | 337 | 6 | 6 |
+//! | [`gravity`] | 118 | 233 | 6 | 6 |
+//! | [`bias_forces`] | 270 | 427 | 6 | 6 |
+//! | [`mass_matrix`] | 207 | 317 | 6 | 6 |
 //! | [`slotine_li`] | 418 | 681 | 6 | 6 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 15 | 44 | 0 | 6 |
-//! | [`cones`] | 9 | 22 | 0 | 6 |
-//! | [`base_regressor`] | 228 | 407 | 6 | 6 |
-//! | [`to_base`] | 17 | 7 | 0 | 0 |
-//! | [`parameters_from_base`] | 17 | 7 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 215 | 334 | 6 | 6 |
-//! | [`base_gravity`] | 116 | 222 | 6 | 6 |
-//! | [`base_bias_forces`] | 274 | 434 | 6 | 6 |
-//! | [`base_mass_matrix`] | 206 | 324 | 6 | 6 |
+//! | [`cones`] | 9 | 20 | 0 | 6 |
+//! | [`base_regressor`] | 213 | 392 | 6 | 6 |
+//! | [`to_base`] | 16 | 7 | 0 | 0 |
+//! | [`parameters_from_base`] | 16 | 7 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 204 | 327 | 6 | 6 |
+//! | [`base_gravity`] | 108 | 215 | 6 | 6 |
+//! | [`base_bias_forces`] | 256 | 417 | 6 | 6 |
+//! | [`base_mass_matrix`] | 198 | 315 | 6 | 6 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -496,7 +496,7 @@ pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a`: A = df/dq, row by row (Eq. 7)
 ///
-/// 26 additions, 73 multiplications, 0 divisions, 6 sines and cosines.
+/// 21 additions, 66 multiplications, 0 divisions, 6 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
     let like = q[0];
     let mut a = [[like.lift(0.0); 9]; 6];
@@ -517,7 +517,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         ]
     };
     // row 1
-    let [t2_1, t2_2, t2_7, t2_8, t2_10, t2_13, t2_14, t2_16] = {
+    let [t2_1, t2_2, t2_7, t2_10, t2_13, t2_14, t2_16, t2_18] = {
         let t2_1 = -sin_q1;
         a[0][1] = t2_1;
         let t2_2 = cos_q6 * q7;
@@ -543,10 +543,10 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t2_18 = cos_s1_1.mul_add(t2_10, t2_17);
         let t2_19 = like.lift(0.4563) * t2_18;
         a[0][3] = t2_19;
-        [t2_1, t2_2, t2_7, t2_8, t2_10, t2_13, t2_14, t2_16]
+        [t2_1, t2_2, t2_7, t2_10, t2_13, t2_14, t2_16, t2_18]
     };
     // row 2
-    let [t3_3, t3_5, t3_10] = {
+    let [t3_5, t3_9, t3_10] = {
         let t3_1 = like.lift(0.8660254037844386) * t2_2;
         a[1][5] = t3_1;
         let t3_2 = like.lift(0.8660254037844386) * sin_q6;
@@ -554,20 +554,18 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t3_3 = cos_q1 * cos_s1_1;
         let t3_4 = sin_q1 * sin_s1_2;
         let t3_5 = (-cos_s1_2).mul_add(t3_3, t3_4);
-        let t3_6 = sin_q1 * t2_10;
-        let t3_7 = (-cos_q1).mul_add(t3_5, t3_6);
-        let t3_8 = like.lift(0.4563) * t3_7;
-        let t3_9 = -t3_8;
-        a[1][2] = t3_9;
+        let t3_6 = cos_s1_2 * cos_s1_1;
+        let t3_7 = like.lift(0.4563) * t3_6;
+        let t3_8 = -t3_7;
+        a[1][2] = t3_8;
+        let t3_9 = sin_s1_2 * sin_s1_1;
         let t3_10 = cos_q1 * sin_s1_1;
-        let t3_11 = t3_10 * t2_10;
-        let t3_12 = t2_16.mul_add(t3_5, t3_11);
-        let t3_13 = like.lift(0.4563) * t3_12;
-        a[1][3] = t3_13;
-        [t3_3, t3_5, t3_10]
+        let t3_11 = like.lift(0.4563) * t3_9;
+        a[1][3] = t3_11;
+        [t3_5, t3_9, t3_10]
     };
     // row 3
-    let [t4_5, t4_6] = {
+    let [t4_5, t4_6, t4_9] = {
         a[2][6] = cos_q6;
         let t4_1 = sin_q1 * t2_14;
         let t4_2 = -t4_1;
@@ -585,88 +583,83 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t4_10 = like.lift(0.4563) * t4_9;
         let t4_11 = -t4_10;
         a[2][3] = t4_11;
-        [t4_5, t4_6]
+        [t4_5, t4_6, t4_9]
     };
     // row 4
-    let [t5_5, t5_7, t5_13] = {
+    let [t5_7, t5_9, t5_11] = {
         a[3][1] = t2_1;
-        let t5_1 = sin_s1_3 * sin_s1_1;
-        let t5_2 = t5_1 * sin_s1_2;
-        let t5_3 = cos_s1_1.mul_add(cos_s1_3, t5_2);
-        let t5_4 = like.lift(0.39516739174683935) * t5_3;
-        let t5_5 = like.lift(0.22815).mul_add(t2_13, t5_4);
-        let t5_6 = cos_q1 * t5_5;
-        a[3][2] = t5_6;
-        let t5_7 = cos_q8 * q9;
-        let t5_8 = cos_q1 * cos_s1_2;
-        let t5_9 = (-sin_s1_2).mul_add(t2_8, t5_8);
-        let t5_10 = sin_s1_3 * t5_9;
-        let t5_11 = cos_s1_3.mul_add(t2_16, t5_10);
-        let t5_12 = like.lift(0.22815) * t2_10;
-        let t5_13 = like.lift(-0.39516739174683935).mul_add(t5_11, t5_12);
-        let t5_14 = t2_7 - t5_13;
-        let t5_15 = -t5_14;
-        a[3][0] = t5_15;
-        let t5_16 = t2_16 * t5_5;
-        let t5_17 = cos_s1_1.mul_add(t5_13, t5_16);
-        a[3][3] = t5_17;
-        let t5_18 = t2_13 * t5_13;
-        let t5_19 = (-t2_10).mul_add(t5_5, t5_18);
-        a[3][4] = t5_19;
-        let t5_20 = like.lift(0.5) * t5_7;
+        let t5_1 = t4_9 * sin_s1_3;
+        let t5_2 = -t5_1;
+        let t5_3 = cos_s1_3.mul_add(t2_16, t5_2);
+        let t5_4 = t3_9 * sin_s1_3;
+        let t5_5 = cos_s1_1.mul_add(cos_s1_3, t5_4);
+        let t5_6 = like.lift(0.39516739174683935) * t5_5;
+        let t5_7 = like.lift(0.22815).mul_add(t2_13, t5_6);
+        let t5_8 = cos_q1 * t5_7;
+        a[3][2] = t5_8;
+        let t5_9 = cos_q8 * q9;
+        let t5_10 = like.lift(0.22815) * t2_10;
+        let t5_11 = like.lift(-0.39516739174683935).mul_add(t5_3, t5_10);
+        let t5_12 = t2_7 - t5_11;
+        let t5_13 = -t5_12;
+        a[3][0] = t5_13;
+        let t5_14 = t2_16 * t5_7;
+        let t5_15 = cos_s1_1.mul_add(t5_11, t5_14);
+        a[3][3] = t5_15;
+        let t5_16 = t2_13 * t5_11;
+        let t5_17 = (-t2_10).mul_add(t5_7, t5_16);
+        a[3][4] = t5_17;
+        let t5_18 = like.lift(0.5) * t5_9;
+        let t5_19 = -t5_18;
+        a[3][7] = t5_19;
+        let t5_20 = like.lift(0.5) * sin_q8;
         let t5_21 = -t5_20;
-        a[3][7] = t5_21;
-        let t5_22 = like.lift(0.5) * sin_q8;
-        let t5_23 = -t5_22;
-        a[3][8] = t5_23;
-        [t5_5, t5_7, t5_13]
+        a[3][8] = t5_21;
+        [t5_7, t5_9, t5_11]
     };
     // row 5
-    let [t6_7, t6_10, t6_11] = {
-        let t6_1 = sin_s1_2 * t3_3;
-        let t6_2 = sin_q1.mul_add(cos_s1_2, t6_1);
-        let t6_3 = cos_s1_3 * t3_10;
-        let t6_4 = (-sin_s1_3).mul_add(t6_2, t6_3);
-        let t6_5 = like.lift(0.8660254037844386) * t5_7;
-        let t6_6 = -t6_5;
-        a[4][7] = t6_6;
-        let t6_7 = like.lift(0.39516739174683935) * t6_4;
-        let t6_8 = like.lift(0.8660254037844386) * sin_q8;
-        let t6_9 = -t6_8;
-        a[4][8] = t6_9;
-        let t6_10 = like.lift(0.22815) * t3_5;
-        let t6_11 = t6_10 + t6_7;
-        let t6_12 = cos_q1 * t6_11;
-        let t6_13 = (-sin_q1).mul_add(t5_13, t6_12);
-        a[4][2] = t6_13;
-        let t6_14 = t3_10 * t5_13;
-        let t6_15 = t2_16.mul_add(t6_11, t6_14);
-        a[4][3] = t6_15;
-        let t6_16 = t2_10 * t6_11;
-        let t6_17 = (-t3_5).mul_add(t5_13, t6_16);
-        let t6_18 = -t6_17;
-        a[4][4] = t6_18;
-        [t6_7, t6_10, t6_11]
+    let [t6_7] = {
+        let t6_1 = cos_s1_3 * t3_10;
+        let t6_2 = (-t2_18).mul_add(sin_s1_3, t6_1);
+        let t6_3 = like.lift(0.8660254037844386) * t5_9;
+        let t6_4 = -t6_3;
+        a[4][7] = t6_4;
+        let t6_5 = like.lift(0.39516739174683935) * t6_2;
+        let t6_6 = like.lift(0.22815) * t3_5;
+        let t6_7 = t6_6 + t6_5;
+        let t6_8 = cos_q1 * t6_7;
+        let t6_9 = (-sin_q1).mul_add(t5_11, t6_8);
+        a[4][2] = t6_9;
+        let t6_10 = t3_10 * t5_11;
+        let t6_11 = t2_16.mul_add(t6_7, t6_10);
+        a[4][3] = t6_11;
+        let t6_12 = t2_10 * t6_7;
+        let t6_13 = (-t3_5).mul_add(t5_11, t6_12);
+        let t6_14 = -t6_13;
+        a[4][4] = t6_14;
+        let t6_15 = like.lift(0.8660254037844386) * sin_q8;
+        let t6_16 = -t6_15;
+        a[4][8] = t6_16;
+        [t6_7]
     };
     // row 6
     {
         a[5][1] = t4_5; a[5][8] = cos_q8;
-        let t7_1 = t6_7 - t4_6;
-        let t7_2 = t7_1 + t6_10;
-        let t7_3 = t3_10 * t5_5;
-        let t7_4 = (-cos_s1_1).mul_add(t6_11, t7_3);
-        a[5][3] = t7_4;
-        let t7_5 = t3_5 * t5_5;
-        let t7_6 = (-t2_13).mul_add(t6_11, t7_5);
-        a[5][4] = t7_6;
-        let t7_7 = sin_q1 * t5_5;
-        let t7_8 = -t7_2;
-        a[5][0] = t7_8;
-        let t7_9 = -t7_7;
-        a[5][2] = t7_9;
-        let t7_10 = sin_q8 * q9;
-        let t7_11 = -t7_10;
-        a[5][7] = t7_11;
+        let t7_1 = t3_10 * t5_7;
+        let t7_2 = (-cos_s1_1).mul_add(t6_7, t7_1);
+        a[5][3] = t7_2;
+        let t7_3 = t3_5 * t5_7;
+        let t7_4 = (-t2_13).mul_add(t6_7, t7_3);
+        a[5][4] = t7_4;
+        let t7_5 = t6_7 - t4_6;
+        let t7_6 = sin_q1 * t5_7;
+        let t7_7 = -t7_5;
+        a[5][0] = t7_7;
+        let t7_8 = -t7_6;
+        a[5][2] = t7_8;
+        let t7_9 = sin_q8 * q9;
+        let t7_10 = -t7_9;
+        a[5][7] = t7_10;
     }
     a
 }
@@ -677,7 +670,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
 /// - `qd`: velocities of all coordinates
 /// - `b`: b = -(dA/dt) qd, so that A qdd = b (Eq. 7)
 ///
-/// 68 additions, 127 multiplications, 0 divisions, 6 sines and cosines.
+/// 65 additions, 121 multiplications, 0 divisions, 6 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
     let like = q[0];
     let mut b = [like.lift(0.0); 6];
@@ -741,105 +734,100 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
         let t2_39 = t2_33.mul_add(d_s1_2, t2_27);
         let t2_40 = t2_33 * d_q1;
         let t2_41 = (-cos_s1_1).mul_add(t2_27, t2_40);
-        let t2_42 = d_s1_2 * t2_41;
-        let t2_43 = (-t2_28).mul_add(d_s1_2, t2_35);
-        let t2_44 = t2_28 * d_q1;
-        let t2_45 = cos_s1_1.mul_add(t2_35, t2_44);
-        let t2_46 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_47 = t2_18 * t2_39;
-        let t2_48 = (-t2_12).mul_add(t2_43, t2_47);
-        let t2_49 = d_s1_3 * t2_48;
-        let t2_50 = t2_36.mul_add(d_s1_1, t2_49);
-        let t2_51 = t2_18 * t2_46;
-        let t2_52 = t2_21.mul_add(t2_43, t2_51);
-        let t2_53 = (-d_s1_3).mul_add(t2_52, t2_9);
-        let t2_54 = (-d_s1_2).mul_add(t2_45, t2_53);
-        let t2_55 = (-t2_18).mul_add(d_s1_3, t2_43);
-        let t2_56 = t2_21.mul_add(d_s1_3, t2_46);
-        let t2_57 = t2_21 * t2_39;
-        let t2_58 = t2_12.mul_add(t2_46, t2_57);
-        let t2_59 = (-d_s1_3).mul_add(t2_58, t2_42);
-        let t2_60 = d_s1_1.mul_add(t2_1, t2_59);
-        let t2_61 = (-t2_12).mul_add(d_s1_3, t2_39);
-        let t2_62 = t2_18 * t2_56;
-        let t2_63 = t2_21.mul_add(t2_55, t2_62);
-        let t2_64 = like.lift(0.4563) * t2_63;
-        let t2_65 = t2_12 * t2_55;
-        let t2_66 = (-t2_18).mul_add(t2_61, t2_65);
-        let t2_67 = like.lift(0.4563) * t2_66;
-        let t2_68 = -t2_67;
-        let t2_69 = q7 * d_q6;
-        let t2_70 = sin_q6 * d_q6;
-        let t2_71 = t2_70 * t2_69;
-        let t2_72 = like.lift(2.0) * d_q7;
-        let t2_73 = t2_72 * sin_q6;
-        let t2_74 = cos_q6.mul_add(t2_69, t2_73);
-        let t2_75 = d_q7 * cos_q6;
-        let t2_76 = t2_75 * d_q6;
-        let t2_77 = t2_21 * t2_54;
-        let t2_78 = t2_12.mul_add(t2_50, t2_77);
-        let t2_79 = like.lift(-0.4563).mul_add(t2_78, t2_6);
-        let t2_80 = (-t2_61).mul_add(t2_68, t2_79);
-        let t2_81 = (-t2_56).mul_add(t2_64, t2_80);
-        let t2_82 = like.lift(0.5).mul_add(t2_71, t2_81);
-        let t2_83 = t2_82 - t2_76;
-        let t2_84 = -t2_83;
-        b[0] = t2_84;
-        let t2_85 = (-t2_26).mul_add(t2_54, t2_6);
-        let t2_86 = (-t2_38).mul_add(t2_50, t2_85);
-        let t2_87 = t2_21 * t2_61;
-        let t2_88 = t2_12.mul_add(t2_56, t2_87);
-        let t2_89 = like.lift(0.4563) * t2_88;
-        let t2_90 = t2_12 * t2_60;
-        let t2_91 = t2_18.mul_add(t2_54, t2_90);
-        let t2_92 = like.lift(0.4563) * t2_91;
-        let t2_93 = (-t2_55).mul_add(t2_64, t2_92);
-        let t2_94 = (-t2_61).mul_add(t2_89, t2_93);
-        let t2_95 = like.lift(-1.7320508075688772).mul_add(t2_76, t2_94);
-        let t2_96 = like.lift(0.8660254037844386).mul_add(t2_71, t2_95);
-        b[1] = t2_96;
-        let t2_97 = t2_18 * t2_50;
-        let t2_98 = (-t2_21).mul_add(t2_60, t2_97);
-        let t2_99 = like.lift(0.4563).mul_add(t2_98, t2_8);
-        let t2_100 = (-t2_56).mul_add(t2_89, t2_99);
-        let t2_101 = t2_55.mul_add(t2_68, t2_100);
-        let t2_102 = (-d_q6).mul_add(t2_74, t2_101);
-        let t2_103 = -t2_102;
-        b[2] = t2_103;
-        let t2_104 = t2_32.mul_add(t2_50, t2_8);
-        let t2_105 = (-t2_26).mul_add(t2_60, t2_104);
-        let t2_106 = t2_38 * t2_60;
-        let t2_107 = t2_32.mul_add(t2_54, t2_106);
-        let t2_108 = t2_32 * t2_56;
-        let t2_109 = t2_26.mul_add(t2_55, t2_108);
-        let t2_110 = t2_32 * t2_61;
-        let t2_111 = (-t2_38).mul_add(t2_55, t2_110);
-        let t2_112 = t2_26 * t2_61;
-        let t2_113 = t2_38.mul_add(t2_56, t2_112);
-        let t2_114 = (-t2_61).mul_add(t2_111, t2_86);
-        let t2_115 = (-t2_55).mul_add(t2_109, t2_107);
-        let t2_116 = (-t2_56).mul_add(t2_113, t2_105);
-        let t2_117 = (-t2_56).mul_add(t2_109, t2_114);
-        let t2_118 = (-t2_61).mul_add(t2_113, t2_115);
-        let t2_119 = t2_55.mul_add(t2_111, t2_116);
-        let t2_120 = q9 * d_q8;
-        let t2_121 = sin_q8 * d_q8;
-        let t2_122 = t2_121 * t2_120;
-        let t2_123 = like.lift(0.5).mul_add(t2_122, t2_117);
-        let t2_124 = like.lift(2.0) * d_q9;
-        let t2_125 = t2_124 * sin_q8;
-        let t2_126 = cos_q8.mul_add(t2_120, t2_125);
-        let t2_127 = (-d_q8).mul_add(t2_126, t2_119);
-        let t2_128 = -t2_127;
-        b[5] = t2_128;
-        let t2_129 = d_q9 * cos_q8;
-        let t2_130 = t2_129 * d_q8;
-        let t2_131 = like.lift(1.7320508075688772).mul_add(t2_130, t2_118);
-        let t2_132 = like.lift(-0.8660254037844386).mul_add(t2_122, t2_131);
-        b[4] = t2_132;
-        let t2_133 = t2_123 - t2_130;
-        let t2_134 = -t2_133;
-        b[3] = t2_134;
+        let t2_42 = (-t2_12).mul_add(d_s1_3, t2_39);
+        let t2_43 = d_s1_2 * t2_41;
+        let t2_44 = (-t2_28).mul_add(d_s1_2, t2_35);
+        let t2_45 = t2_28 * d_q1;
+        let t2_46 = cos_s1_1.mul_add(t2_35, t2_45);
+        let t2_47 = (-t2_18).mul_add(d_s1_3, t2_44);
+        let t2_48 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_49 = t2_21.mul_add(d_s1_3, t2_48);
+        let t2_50 = t2_12 * t2_47;
+        let t2_51 = (-t2_18).mul_add(t2_42, t2_50);
+        let t2_52 = d_s1_3 * t2_51;
+        let t2_53 = -t2_52;
+        let t2_54 = t2_36.mul_add(d_s1_1, t2_53);
+        let t2_55 = like.lift(0.4563) * t2_51;
+        let t2_56 = -t2_55;
+        let t2_57 = t2_18 * t2_49;
+        let t2_58 = t2_21.mul_add(t2_47, t2_57);
+        let t2_59 = (-d_s1_3).mul_add(t2_58, t2_9);
+        let t2_60 = (-d_s1_2).mul_add(t2_46, t2_59);
+        let t2_61 = like.lift(0.4563) * t2_58;
+        let t2_62 = q7 * d_q6;
+        let t2_63 = sin_q6 * d_q6;
+        let t2_64 = t2_63 * t2_62;
+        let t2_65 = like.lift(2.0) * d_q7;
+        let t2_66 = t2_65 * sin_q6;
+        let t2_67 = cos_q6.mul_add(t2_62, t2_66);
+        let t2_68 = d_q7 * cos_q6;
+        let t2_69 = t2_68 * d_q6;
+        let t2_70 = t2_21 * t2_60;
+        let t2_71 = t2_12.mul_add(t2_54, t2_70);
+        let t2_72 = like.lift(-0.4563).mul_add(t2_71, t2_6);
+        let t2_73 = (-t2_42).mul_add(t2_56, t2_72);
+        let t2_74 = (-t2_49).mul_add(t2_61, t2_73);
+        let t2_75 = like.lift(0.5).mul_add(t2_64, t2_74);
+        let t2_76 = t2_75 - t2_69;
+        let t2_77 = -t2_76;
+        b[0] = t2_77;
+        let t2_78 = (-t2_26).mul_add(t2_60, t2_6);
+        let t2_79 = (-t2_38).mul_add(t2_54, t2_78);
+        let t2_80 = t2_21 * t2_42;
+        let t2_81 = t2_12.mul_add(t2_49, t2_80);
+        let t2_82 = (-d_s1_3).mul_add(t2_81, t2_43);
+        let t2_83 = d_s1_1.mul_add(t2_1, t2_82);
+        let t2_84 = like.lift(0.4563) * t2_81;
+        let t2_85 = t2_12 * t2_83;
+        let t2_86 = t2_18.mul_add(t2_60, t2_85);
+        let t2_87 = like.lift(0.4563) * t2_86;
+        let t2_88 = (-t2_47).mul_add(t2_61, t2_87);
+        let t2_89 = (-t2_42).mul_add(t2_84, t2_88);
+        let t2_90 = like.lift(-1.7320508075688772).mul_add(t2_69, t2_89);
+        let t2_91 = like.lift(0.8660254037844386).mul_add(t2_64, t2_90);
+        b[1] = t2_91;
+        let t2_92 = t2_18 * t2_54;
+        let t2_93 = (-t2_21).mul_add(t2_83, t2_92);
+        let t2_94 = like.lift(0.4563).mul_add(t2_93, t2_8);
+        let t2_95 = (-t2_49).mul_add(t2_84, t2_94);
+        let t2_96 = t2_47.mul_add(t2_56, t2_95);
+        let t2_97 = (-d_q6).mul_add(t2_67, t2_96);
+        let t2_98 = -t2_97;
+        b[2] = t2_98;
+        let t2_99 = t2_32.mul_add(t2_54, t2_8);
+        let t2_100 = (-t2_26).mul_add(t2_83, t2_99);
+        let t2_101 = t2_38 * t2_83;
+        let t2_102 = t2_32.mul_add(t2_60, t2_101);
+        let t2_103 = t2_32 * t2_49;
+        let t2_104 = t2_26.mul_add(t2_47, t2_103);
+        let t2_105 = t2_32 * t2_42;
+        let t2_106 = (-t2_38).mul_add(t2_47, t2_105);
+        let t2_107 = t2_26 * t2_42;
+        let t2_108 = t2_38.mul_add(t2_49, t2_107);
+        let t2_109 = (-t2_42).mul_add(t2_106, t2_79);
+        let t2_110 = (-t2_47).mul_add(t2_104, t2_102);
+        let t2_111 = (-t2_49).mul_add(t2_108, t2_100);
+        let t2_112 = (-t2_49).mul_add(t2_104, t2_109);
+        let t2_113 = (-t2_42).mul_add(t2_108, t2_110);
+        let t2_114 = t2_47.mul_add(t2_106, t2_111);
+        let t2_115 = q9 * d_q8;
+        let t2_116 = sin_q8 * d_q8;
+        let t2_117 = t2_116 * t2_115;
+        let t2_118 = like.lift(0.5).mul_add(t2_117, t2_112);
+        let t2_119 = like.lift(2.0) * d_q9;
+        let t2_120 = t2_119 * sin_q8;
+        let t2_121 = cos_q8.mul_add(t2_115, t2_120);
+        let t2_122 = (-d_q8).mul_add(t2_121, t2_114);
+        let t2_123 = -t2_122;
+        b[5] = t2_123;
+        let t2_124 = d_q9 * cos_q8;
+        let t2_125 = t2_124 * d_q8;
+        let t2_126 = like.lift(1.7320508075688772).mul_add(t2_125, t2_113);
+        let t2_127 = like.lift(-0.8660254037844386).mul_add(t2_117, t2_126);
+        b[4] = t2_127;
+        let t2_128 = t2_118 - t2_125;
+        let t2_129 = -t2_128;
+        b[3] = t2_129;
     }
     b
 }
@@ -849,7 +837,7 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `dq_e`: step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f
 ///
-/// 76 additions, 126 multiplications, 6 divisions, 6 sines and cosines.
+/// 71 additions, 119 multiplications, 6 divisions, 6 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
     let like = q[0];
     let mut dq_e = [like.lift(0.0); 6];
@@ -882,185 +870,176 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
         let t2_8 = cos_q1.mul_add(sin_s1_2, t2_7);
         let t2_9 = cos_q1 * cos_s1_2;
         let t2_10 = (-sin_s1_2).mul_add(t2_6, t2_9);
-        let t2_11 = sin_s1_3 * t2_10;
-        let t2_12 = like.lift(-0.4563).mul_add(t2_8, t2_5);
-        let t2_13 = -t2_12;
-        let t2_14 = sin_s1_1 * cos_s1_2;
-        let t2_15 = like.lift(0.4563) * t2_14;
-        let t2_16 = cos_q1 * t2_15;
-        let t2_17 = sin_q1 * sin_s1_1;
-        let t2_18 = cos_s1_3.mul_add(t2_17, t2_11);
-        let t2_19 = like.lift(0.22815) * t2_8;
-        let t2_20 = like.lift(-0.39516739174683935).mul_add(t2_18, t2_19);
-        let t2_21 = t2_5 - t2_20;
-        let t2_22 = t2_17 * t2_14;
-        let t2_23 = cos_s1_1.mul_add(t2_8, t2_22);
-        let t2_24 = like.lift(0.4563) * t2_23;
-        let t2_25 = like.lift(0.5) * t2_1;
-        let t2_26 = -t2_25;
-        let t2_27 = sin_q1 * q2;
-        let t2_28 = cos_q1 * cos_s1_1;
-        let t2_29 = sin_q1 * sin_s1_2;
-        let t2_30 = (-cos_s1_2).mul_add(t2_28, t2_29);
-        let t2_31 = sin_s1_2 * t2_28;
-        let t2_32 = sin_q1.mul_add(cos_s1_2, t2_31);
-        let t2_33 = sin_s1_3 * sin_s1_1;
-        let t2_34 = t2_33 * sin_s1_2;
-        let t2_35 = cos_q1 * sin_s1_1;
-        let t2_36 = cos_s1_3 * t2_35;
-        let t2_37 = (-sin_s1_3).mul_add(t2_32, t2_36);
-        let t2_38 = cos_s1_1.mul_add(cos_s1_3, t2_34);
-        let t2_39 = like.lift(0.39516739174683935) * t2_38;
-        let t2_40 = like.lift(0.22815).mul_add(t2_14, t2_39);
-        let t2_41 = like.lift(0.39516739174683935) * t2_37;
-        let t2_42 = like.lift(0.4563) * t2_30;
-        let t2_43 = t2_27 - t2_42;
-        let t2_44 = -t2_43;
-        let t2_45 = sin_q1 * t2_15;
-        let t2_46 = like.lift(-0.8660254037844386).mul_add(t2_2, t2_15);
-        let t2_47 = t2_46 - like.lift(0.22815);
-        let t2_48 = cos_s1_1 * t2_30;
-        let t2_49 = (-t2_35).mul_add(t2_14, t2_48);
-        let t2_50 = like.lift(0.4563) * t2_49;
-        let t2_51 = -t2_50;
-        let t2_52 = -t2_51;
-        let t2_53 = sin_q1 * t2_8;
-        let t2_54 = (-cos_q1).mul_add(t2_30, t2_53);
-        let t2_55 = like.lift(0.4563) * t2_54;
-        let t2_56 = -t2_55;
-        let t2_57 = t2_35 * t2_8;
-        let t2_58 = t2_17.mul_add(t2_30, t2_57);
-        let t2_59 = like.lift(0.4563) * t2_58;
+        let t2_11 = like.lift(-0.4563).mul_add(t2_8, t2_5);
+        let t2_12 = -t2_11;
+        let t2_13 = sin_s1_1 * cos_s1_2;
+        let t2_14 = like.lift(0.4563) * t2_13;
+        let t2_15 = cos_q1 * t2_14;
+        let t2_16 = sin_q1 * sin_s1_1;
+        let t2_17 = cos_q1 * cos_s1_1;
+        let t2_18 = sin_s1_2 * t2_17;
+        let t2_19 = sin_q1.mul_add(cos_s1_2, t2_18);
+        let t2_20 = sin_q1 * sin_s1_2;
+        let t2_21 = (-cos_s1_2).mul_add(t2_17, t2_20);
+        let t2_22 = cos_s1_2 * cos_s1_1;
+        let t2_23 = like.lift(0.4563) * t2_22;
+        let t2_24 = -t2_23;
+        let t2_25 = sin_s1_2 * sin_s1_1;
+        let t2_26 = cos_q1 * sin_s1_1;
+        let t2_27 = like.lift(0.4563) * t2_19;
+        let t2_28 = cos_s1_3 * t2_26;
+        let t2_29 = (-sin_s1_3).mul_add(t2_19, t2_28);
+        let t2_30 = like.lift(0.39516739174683935) * t2_29;
+        let t2_31 = like.lift(0.22815) * t2_21;
+        let t2_32 = t2_31 + t2_30;
+        let t2_33 = like.lift(0.5) * t2_1;
+        let t2_34 = -t2_33;
+        let t2_35 = sin_q1 * q2;
+        let t2_36 = like.lift(0.4563) * t2_21;
+        let t2_37 = t2_35 - t2_36;
+        let t2_38 = -t2_37;
+        let t2_39 = sin_q1 * t2_14;
+        let t2_40 = like.lift(-0.8660254037844386).mul_add(t2_2, t2_14);
+        let t2_41 = t2_40 - like.lift(0.22815);
+        let t2_42 = like.lift(-0.4563) * t2_10;
+        let t2_43 = sin_s1_3 * t2_10;
+        let t2_44 = cos_s1_3.mul_add(t2_16, t2_43);
+        let t2_45 = t2_25 * sin_s1_3;
+        let t2_46 = cos_s1_1.mul_add(cos_s1_3, t2_45);
+        let t2_47 = like.lift(0.4563) * t2_25;
+        let t2_48 = like.lift(0.39516739174683935) * t2_46;
+        let t2_49 = like.lift(0.22815).mul_add(t2_13, t2_48);
+        let t2_50 = like.lift(0.22815) * t2_8;
+        let t2_51 = like.lift(-0.39516739174683935).mul_add(t2_44, t2_50);
+        let t2_52 = t2_5 - t2_51;
+        let t2_53 = -t2_42;
         let pivot_1 = like.lift(0.8660254037844386) * t2_1;
-        let t2_60 = -t2_21;
-        let t2_61 = cos_q1 * t2_40;
-        let t2_62 = t2_17 * t2_40;
-        let t2_63 = cos_s1_1.mul_add(t2_20, t2_62);
-        let t2_64 = t2_14 * t2_20;
-        let t2_65 = (-t2_8).mul_add(t2_40, t2_64);
-        let t2_66 = like.lift(0.5) * t2_3;
-        let t2_67 = -t2_66;
-        let t2_68 = like.lift(0.22815) * t2_30;
-        let t2_69 = t2_41 - t2_27;
-        let t2_70 = t2_69 + t2_68;
-        let t2_71 = t2_68 + t2_41;
-        let t2_72 = cos_q1 * t2_71;
-        let t2_73 = (-sin_q1).mul_add(t2_20, t2_72);
-        let t2_74 = sin_q1 * t2_40;
-        let t2_75 = t2_8 * t2_71;
-        let t2_76 = (-t2_30).mul_add(t2_20, t2_75);
-        let t2_77 = t2_30 * t2_40;
-        let t2_78 = (-t2_14).mul_add(t2_71, t2_77);
-        let t2_79 = t2_35 * t2_20;
-        let t2_80 = t2_17.mul_add(t2_71, t2_79);
-        let t2_81 = t2_35 * t2_40;
-        let t2_82 = (-cos_s1_1).mul_add(t2_71, t2_81);
-        let t2_83 = like.lift(0.26344492783122625) + t2_27;
-        let t2_84 = t2_83 - t2_42;
-        let t2_85 = t2_83 - t2_71;
-        let t2_86 = like.lift(0.5).mul_add(t2_2, t2_84);
-        let t2_87 = t2_86 + like.lift(0.13172246391561312);
-        let t2_88 = like.lift(0.5).mul_add(t2_4, t2_85);
-        let t2_89 = t2_88 + like.lift(0.13172246391561312);
-        let t2_90 = like.lift(0.8660254037844386).mul_add(t2_4, t2_40);
-        let t2_91 = t2_90 + like.lift(0.22815);
-        let t2_92 = -t2_82;
-        let t2_93 = -t2_78;
-        let t2_94 = -t2_76;
+        let t2_54 = -t2_52;
+        let t2_55 = cos_q1 * t2_49;
+        let t2_56 = cos_q1 * t2_32;
+        let t2_57 = (-sin_q1).mul_add(t2_51, t2_56);
+        let t2_58 = sin_q1 * t2_49;
+        let t2_59 = t2_16 * t2_49;
+        let t2_60 = cos_s1_1.mul_add(t2_51, t2_59);
+        let t2_61 = t2_26 * t2_49;
+        let t2_62 = (-cos_s1_1).mul_add(t2_32, t2_61);
+        let t2_63 = t2_26 * t2_51;
+        let t2_64 = t2_16.mul_add(t2_32, t2_63);
+        let t2_65 = t2_13 * t2_51;
+        let t2_66 = (-t2_8).mul_add(t2_49, t2_65);
+        let t2_67 = t2_8 * t2_32;
+        let t2_68 = (-t2_21).mul_add(t2_51, t2_67);
+        let t2_69 = t2_21 * t2_49;
+        let t2_70 = (-t2_13).mul_add(t2_32, t2_69);
+        let t2_71 = like.lift(0.8660254037844386).mul_add(t2_4, t2_49);
+        let t2_72 = t2_71 + like.lift(0.22815);
+        let t2_73 = like.lift(0.5) * t2_3;
+        let t2_74 = -t2_73;
+        let t2_75 = t2_32 - t2_35;
+        let t2_76 = like.lift(0.26344492783122625) + t2_35;
+        let t2_77 = t2_76 - t2_36;
+        let t2_78 = t2_76 - t2_32;
+        let t2_79 = like.lift(0.5).mul_add(t2_2, t2_77);
+        let t2_80 = t2_79 + like.lift(0.13172246391561312);
+        let t2_81 = like.lift(0.5).mul_add(t2_4, t2_78);
+        let t2_82 = t2_81 + like.lift(0.13172246391561312);
+        let t2_83 = -t2_62;
+        let t2_84 = -t2_70;
+        let t2_85 = -t2_68;
         let pivot_2 = like.lift(0.8660254037844386) * t2_3;
-        let t2_95 = -pivot_2;
-        let t2_96 = t2_12 - t2_1;
-        let t2_97 = like.lift(1.0) / t2_1;
-        let t2_98 = -t2_96;
-        let t2_99 = t2_21 - t2_3;
-        let t2_100 = like.lift(1.0) / t2_3;
-        let t2_101 = -t2_99;
-        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_76, t2_65);
-        let t2_103 = t2_4 * t2_100;
-        let t2_104 = like.lift(1.1547005383792515) * t2_103;
-        let pivot_3 = t2_76.mul_add(t2_104, t2_78);
-        let t2_105 = (-t2_91).mul_add(t2_104, t2_99);
-        let t2_106 = (-t2_80).mul_add(t2_104, t2_82);
-        let t2_107 = t2_73.mul_add(t2_104, t2_74);
-        let t2_108 = like.lift(1.1547005383792515) * t2_100;
+        let t2_86 = -pivot_2;
+        let t2_87 = t2_11 - t2_1;
+        let t2_88 = like.lift(1.0) / t2_1;
+        let t2_89 = -t2_87;
+        let t2_90 = t2_52 - t2_3;
+        let t2_91 = like.lift(1.0) / t2_3;
+        let t2_92 = -t2_90;
+        let t2_93 = like.lift(0.5773502691896257).mul_add(t2_68, t2_66);
+        let t2_94 = t2_4 * t2_91;
+        let t2_95 = like.lift(1.1547005383792515) * t2_94;
+        let pivot_3 = t2_68.mul_add(t2_95, t2_70);
+        let t2_96 = (-t2_72).mul_add(t2_95, t2_90);
+        let t2_97 = (-t2_64).mul_add(t2_95, t2_62);
+        let t2_98 = t2_57.mul_add(t2_95, t2_58);
+        let t2_99 = like.lift(1.1547005383792515) * t2_91;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_109 = t2_102 * inv_pivot_3;
-        let t2_110 = (-t2_70).mul_add(t2_109, t2_21);
-        let t2_111 = -pivot_3;
-        let t2_112 = like.lift(0.5773502691896257).mul_add(t2_56, t2_16);
-        let t2_113 = t2_107.mul_add(t2_109, t2_61);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_73, t2_113);
+        let t2_100 = t2_93 * inv_pivot_3;
+        let t2_101 = (-t2_75).mul_add(t2_100, t2_52);
+        let t2_102 = -pivot_3;
+        let t2_103 = like.lift(0.5773502691896257).mul_add(t2_24, t2_15);
+        let t2_104 = t2_98.mul_add(t2_100, t2_55);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_57, t2_104);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_114 = t2_112 * inv_pivot_4;
-        let pivot_5 = (-t2_110).mul_add(t2_114, t2_12);
+        let t2_105 = t2_103 * inv_pivot_4;
+        let pivot_5 = (-t2_101).mul_add(t2_105, t2_11);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_115 = -pivot_5;
-        let t2_116 = (-t2_109).mul_add(t2_105, t2_89);
-        let t2_117 = like.lift(-0.5773502691896257).mul_add(t2_91, t2_116);
-        let t2_118 = (-t2_106).mul_add(t2_109, t2_63);
-        let t2_119 = like.lift(-0.5773502691896257).mul_add(t2_80, t2_118);
-        let t2_120 = (-t2_114).mul_add(t2_117, t2_87);
-        let t2_121 = like.lift(0.5773502691896257).mul_add(t2_47, t2_120);
-        let t2_122 = (-t2_119).mul_add(t2_114, t2_24);
-        let t2_123 = like.lift(0.5773502691896257).mul_add(t2_59, t2_122);
-        let t2_124 = t2_2 * t2_97;
-        let t2_125 = like.lift(1.1547005383792515) * t2_124;
-        let t2_126 = like.lift(1.1547005383792515) * t2_97;
-        let t2_127 = (-t2_56).mul_add(t2_125, t2_45);
-        let t2_128 = t2_127 * inv_pivot_4;
-        let t2_129 = (-t2_110).mul_add(t2_128, t2_43);
-        let t2_130 = t2_129 * inv_pivot_5;
-        let t2_131 = t2_123.mul_add(t2_130, t2_51);
-        let t2_132 = t2_130.mul_add(t2_121, t2_96);
-        let t2_133 = t2_119.mul_add(t2_128, t2_131);
-        let t2_134 = t2_128.mul_add(t2_117, t2_132);
-        let pivot_6 = t2_59.mul_add(t2_125, t2_133);
-        let t2_135 = t2_47.mul_add(t2_125, t2_134);
+        let t2_106 = -pivot_5;
+        let t2_107 = (-t2_100).mul_add(t2_96, t2_82);
+        let t2_108 = like.lift(-0.5773502691896257).mul_add(t2_72, t2_107);
+        let t2_109 = (-t2_97).mul_add(t2_100, t2_60);
+        let t2_110 = like.lift(-0.5773502691896257).mul_add(t2_64, t2_109);
+        let t2_111 = (-t2_105).mul_add(t2_108, t2_80);
+        let t2_112 = like.lift(0.5773502691896257).mul_add(t2_41, t2_111);
+        let t2_113 = (-t2_110).mul_add(t2_105, t2_27);
+        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_47, t2_113);
+        let t2_115 = t2_2 * t2_88;
+        let t2_116 = like.lift(1.1547005383792515) * t2_115;
+        let t2_117 = like.lift(1.1547005383792515) * t2_88;
+        let t2_118 = (-t2_24).mul_add(t2_116, t2_39);
+        let t2_119 = t2_118 * inv_pivot_4;
+        let t2_120 = (-t2_101).mul_add(t2_119, t2_37);
+        let t2_121 = t2_120 * inv_pivot_5;
+        let t2_122 = t2_114.mul_add(t2_121, t2_53);
+        let t2_123 = t2_121.mul_add(t2_112, t2_87);
+        let t2_124 = t2_110.mul_add(t2_119, t2_122);
+        let t2_125 = t2_119.mul_add(t2_108, t2_123);
+        let pivot_6 = t2_47.mul_add(t2_116, t2_124);
+        let t2_126 = t2_41.mul_add(t2_116, t2_125);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_136 = inv_pivot_6 * t2_135;
-        let t2_137 = (-t2_123).mul_add(t2_136, t2_121);
-        let t2_138 = inv_pivot_5 * t2_137;
-        let t2_139 = (-t2_119).mul_add(t2_136, t2_117);
-        let t2_140 = (-t2_110).mul_add(t2_138, t2_139);
-        let t2_141 = inv_pivot_4 * t2_140;
-        let t2_142 = (-t2_106).mul_add(t2_136, t2_105);
-        let t2_143 = (-t2_70).mul_add(t2_138, t2_142);
-        let t2_144 = t2_107.mul_add(t2_141, t2_143);
-        let t2_145 = inv_pivot_3 * t2_144;
-        let t2_146 = -t2_138;
-        let t2_147 = -pivot_6;
-        let t2_148 = (-t2_59).mul_add(t2_136, t2_47);
-        let t2_149 = (-t2_56).mul_add(t2_141, t2_148);
-        let t2_150 = t2_126 * t2_149;
-        let t2_151 = (-t2_80).mul_add(t2_136, t2_91);
-        let t2_152 = (-t2_73).mul_add(t2_141, t2_151);
-        let t2_153 = t2_76.mul_add(t2_145, t2_152);
-        let t2_154 = t2_108 * t2_153;
-        let t2_155 = -t2_154;
+        let t2_127 = inv_pivot_6 * t2_126;
+        let t2_128 = (-t2_114).mul_add(t2_127, t2_112);
+        let t2_129 = inv_pivot_5 * t2_128;
+        let t2_130 = (-t2_110).mul_add(t2_127, t2_108);
+        let t2_131 = (-t2_101).mul_add(t2_129, t2_130);
+        let t2_132 = inv_pivot_4 * t2_131;
+        let t2_133 = (-t2_97).mul_add(t2_127, t2_96);
+        let t2_134 = (-t2_75).mul_add(t2_129, t2_133);
+        let t2_135 = t2_98.mul_add(t2_132, t2_134);
+        let t2_136 = inv_pivot_3 * t2_135;
+        let t2_137 = -t2_129;
+        let t2_138 = -pivot_6;
+        let t2_139 = (-t2_47).mul_add(t2_127, t2_41);
+        let t2_140 = (-t2_24).mul_add(t2_132, t2_139);
+        let t2_141 = t2_117 * t2_140;
+        let t2_142 = (-t2_64).mul_add(t2_127, t2_72);
+        let t2_143 = (-t2_57).mul_add(t2_132, t2_142);
+        let t2_144 = t2_68.mul_add(t2_136, t2_143);
+        let t2_145 = t2_99 * t2_144;
+        let t2_146 = -t2_145;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_95 * like.lift(1.8955297449982944)).abs())
-            .min((t2_111 * like.lift(2.6463477742948585)).abs())
+            .min((t2_86 * like.lift(1.8955297449982944)).abs())
+            .min((t2_102 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_115 * like.lift(0.8284577646309275)).abs())
-            .min((t2_147 * like.lift(2.1915406530791146)).abs());
-        let ([[t2_156], [t2_157], [t2_158], [t2_159], [t2_160], [t2_161]], found) = ::regen_runtime::guarded(
-            [[t2_146], [t2_141], [t2_136], [t2_145], [t2_150], [t2_155]],
+            .min((t2_106 * like.lift(0.8284577646309275)).abs())
+            .min((t2_138 * like.lift(2.1915406530791146)).abs());
+        let ([[t2_147], [t2_148], [t2_149], [t2_150], [t2_151], [t2_152]], found) = ::regen_runtime::guarded(
+            [[t2_137], [t2_132], [t2_127], [t2_136], [t2_141], [t2_146]],
             margin,
             || (
                 [
-                    [t2_13, t2_16, t2_24, like.lift(0.0), t2_26, like.lift(0.0)],
-                    [t2_44, t2_45, t2_52, like.lift(0.0), t2_2, like.lift(0.0)],
-                    [like.lift(0.0), t2_56, t2_59, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_60, t2_61, t2_63, t2_65, like.lift(0.0), t2_67],
-                    [t2_70, t2_74, t2_92, t2_93, like.lift(0.0), t2_4],
-                    [like.lift(0.0), t2_73, t2_80, t2_94, like.lift(0.0), t2_95],
+                    [t2_12, t2_15, t2_27, like.lift(0.0), t2_34, like.lift(0.0)],
+                    [t2_38, t2_39, t2_42, like.lift(0.0), t2_2, like.lift(0.0)],
+                    [like.lift(0.0), t2_24, t2_47, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_54, t2_55, t2_60, t2_66, like.lift(0.0), t2_74],
+                    [t2_75, t2_58, t2_83, t2_84, like.lift(0.0), t2_4],
+                    [like.lift(0.0), t2_57, t2_64, t2_85, like.lift(0.0), t2_86],
                 ],
-                [[t2_87], [t2_98], [t2_47], [t2_89], [t2_101], [t2_91]],
+                [[t2_80], [t2_89], [t2_41], [t2_82], [t2_92], [t2_72]],
             ),
         );
         condition = condition.min(found);
-        dq_e[0] = t2_156; dq_e[1] = t2_157; dq_e[2] = t2_158; dq_e[3] = t2_159; dq_e[4] = t2_160; dq_e[5] = t2_161;
+        dq_e[0] = t2_147; dq_e[1] = t2_148; dq_e[2] = t2_149; dq_e[3] = t2_150; dq_e[4] = t2_151; dq_e[5] = t2_152;
     }
     (dq_e, Condition { pivot: condition })
 }
@@ -1070,7 +1049,7 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `a_e`: the square A_e on the rows that are kept, each loop seen from one of its own frames (Eq. 8)
 ///
-/// 26 additions, 69 multiplications, 0 divisions, 6 sines and cosines.
+/// 21 additions, 62 multiplications, 0 divisions, 6 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
     let like = q[0];
     let mut a_e = [[like.lift(0.0); 6]; 6];
@@ -1112,96 +1091,87 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
         let t2_10 = cos_q1 * cos_s1_1;
         let t2_11 = sin_q1 * sin_s1_2;
         let t2_12 = (-cos_s1_2).mul_add(t2_10, t2_11);
-        let t2_13 = sin_s1_2 * t2_10;
-        let t2_14 = sin_q1.mul_add(cos_s1_2, t2_13);
-        let t2_15 = sin_q1 * cos_s1_1;
-        let t2_16 = cos_s1_2 * t2_15;
-        let t2_17 = cos_q1.mul_add(sin_s1_2, t2_16);
-        let t2_18 = cos_q1 * cos_s1_2;
-        let t2_19 = (-sin_s1_2).mul_add(t2_15, t2_18);
-        let t2_20 = sin_s1_3 * t2_19;
-        let t2_21 = sin_s1_1 * cos_s1_2;
-        let t2_22 = sin_s1_3 * sin_s1_1;
-        let t2_23 = t2_22 * sin_s1_2;
-        let t2_24 = cos_s1_1.mul_add(cos_s1_3, t2_23);
-        let t2_25 = like.lift(0.39516739174683935) * t2_24;
-        let t2_26 = like.lift(0.22815).mul_add(t2_21, t2_25);
-        let t2_27 = sin_q1 * t2_26;
-        a_e[2][1] = t2_27;
-        let t2_28 = cos_q1 * t2_26;
-        a_e[3][1] = t2_28;
-        let t2_29 = sin_q1 * t2_17;
-        let t2_30 = (-cos_q1).mul_add(t2_12, t2_29);
-        let t2_31 = like.lift(0.4563) * t2_30;
-        let t2_32 = -t2_31;
-        a_e[0][1] = t2_32;
-        let t2_33 = sin_q1 * sin_s1_1;
-        let t2_34 = cos_q1 * sin_s1_1;
-        let t2_35 = cos_s1_3 * t2_34;
-        let t2_36 = (-sin_s1_3).mul_add(t2_14, t2_35);
-        let t2_37 = cos_s1_3.mul_add(t2_33, t2_20);
-        let t2_38 = like.lift(0.39516739174683935) * t2_36;
-        let t2_39 = like.lift(0.22815) * t2_17;
-        let t2_40 = like.lift(-0.39516739174683935).mul_add(t2_37, t2_39);
-        let t2_41 = t2_33 * t2_26;
-        let t2_42 = cos_s1_1.mul_add(t2_40, t2_41);
-        a_e[3][2] = t2_42;
-        let t2_43 = t2_21 * t2_40;
-        let t2_44 = (-t2_17).mul_add(t2_26, t2_43);
-        a_e[3][3] = t2_44;
-        let t2_45 = t2_34 * t2_17;
-        let t2_46 = t2_33.mul_add(t2_12, t2_45);
-        let t2_47 = like.lift(0.4563) * t2_46;
-        a_e[0][2] = t2_47;
-        let t2_48 = like.lift(0.22815) * t2_12;
-        let t2_49 = t2_48 + t2_38;
-        let t2_50 = cos_q1 * t2_49;
-        let t2_51 = (-sin_q1).mul_add(t2_40, t2_50);
-        a_e[1][1] = t2_51;
-        let t2_52 = t2_34 * t2_40;
-        let t2_53 = t2_33.mul_add(t2_49, t2_52);
-        a_e[1][2] = t2_53;
-        let t2_54 = t2_33 * t2_21;
-        let t2_55 = cos_s1_1.mul_add(t2_17, t2_54);
-        let t2_56 = like.lift(0.4563) * t2_55;
-        a_e[4][2] = t2_56;
-        let t2_57 = t2_17 * t2_49;
-        let t2_58 = (-t2_12).mul_add(t2_40, t2_57);
+        let t2_13 = sin_q1 * cos_s1_1;
+        let t2_14 = cos_s1_2 * t2_13;
+        let t2_15 = cos_q1.mul_add(sin_s1_2, t2_14);
+        let t2_16 = sin_s1_2 * sin_s1_1;
+        let t2_17 = like.lift(0.4563) * t2_16;
+        a_e[0][2] = t2_17;
+        let t2_18 = t2_16 * sin_s1_3;
+        let t2_19 = cos_s1_1.mul_add(cos_s1_3, t2_18);
+        let t2_20 = like.lift(0.39516739174683935) * t2_19;
+        let t2_21 = cos_s1_2 * cos_s1_1;
+        let t2_22 = like.lift(0.4563) * t2_21;
+        let t2_23 = -t2_22;
+        a_e[0][1] = t2_23;
+        let t2_24 = sin_s1_1 * cos_s1_2;
+        let t2_25 = like.lift(0.22815).mul_add(t2_24, t2_20);
+        let t2_26 = sin_q1 * t2_25;
+        a_e[2][1] = t2_26;
+        let t2_27 = cos_q1 * t2_25;
+        a_e[3][1] = t2_27;
+        let t2_28 = sin_q1 * sin_s1_1;
+        let t2_29 = cos_q1 * sin_s1_1;
+        let t2_30 = like.lift(0.22815) * t2_12;
+        let t2_31 = t2_28 * t2_24;
+        let t2_32 = cos_s1_1.mul_add(t2_15, t2_31);
+        let t2_33 = like.lift(0.4563) * t2_32;
+        a_e[4][2] = t2_33;
+        let t2_34 = cos_s1_3 * t2_29;
+        let t2_35 = (-sin_s1_3).mul_add(t2_32, t2_34);
+        let t2_36 = like.lift(0.39516739174683935) * t2_35;
+        let t2_37 = t2_30 + t2_36;
+        let t2_38 = cos_s1_1 * t2_12;
+        let t2_39 = (-t2_29).mul_add(t2_24, t2_38);
+        let t2_40 = sin_s1_3 * t2_39;
+        let t2_41 = like.lift(0.4563) * t2_39;
+        a_e[5][2] = t2_41;
+        let t2_42 = -t2_40;
+        let t2_43 = cos_s1_3.mul_add(t2_28, t2_42);
+        let t2_44 = like.lift(0.22815) * t2_15;
+        let t2_45 = like.lift(-0.39516739174683935).mul_add(t2_43, t2_44);
+        let t2_46 = cos_q1 * t2_37;
+        let t2_47 = (-sin_q1).mul_add(t2_45, t2_46);
+        a_e[1][1] = t2_47;
+        let t2_48 = t2_29 * t2_45;
+        let t2_49 = t2_28.mul_add(t2_37, t2_48);
+        a_e[1][2] = t2_49;
+        let t2_50 = t2_28 * t2_25;
+        let t2_51 = cos_s1_1.mul_add(t2_45, t2_50);
+        a_e[3][2] = t2_51;
+        let t2_52 = t2_29 * t2_25;
+        let t2_53 = (-cos_s1_1).mul_add(t2_37, t2_52);
+        let t2_54 = -t2_53;
+        a_e[2][2] = t2_54;
+        let t2_55 = t2_24 * t2_45;
+        let t2_56 = (-t2_15).mul_add(t2_25, t2_55);
+        a_e[3][3] = t2_56;
+        let t2_57 = t2_12 * t2_25;
+        let t2_58 = (-t2_24).mul_add(t2_37, t2_57);
         let t2_59 = -t2_58;
-        a_e[1][3] = t2_59;
-        let t2_60 = sin_q1 * q2;
-        let t2_61 = t2_38 - t2_60;
-        let t2_62 = t2_61 + t2_48;
-        a_e[2][0] = t2_62;
-        let t2_63 = like.lift(-0.4563).mul_add(t2_12, t2_60);
-        let t2_64 = -t2_63;
-        a_e[5][0] = t2_64;
-        let t2_65 = like.lift(0.4563) * t2_21;
-        let t2_66 = sin_q1 * t2_65;
-        a_e[5][1] = t2_66;
-        let t2_67 = cos_q1 * t2_65;
-        a_e[4][1] = t2_67;
-        let t2_68 = cos_q1 * q2;
-        let t2_69 = t2_68 - t2_40;
-        let t2_70 = like.lift(-0.4563).mul_add(t2_17, t2_68);
-        let t2_71 = -t2_69;
-        a_e[3][0] = t2_71;
-        let t2_72 = -t2_70;
-        a_e[4][0] = t2_72;
-        let t2_73 = t2_34 * t2_26;
-        let t2_74 = (-cos_s1_1).mul_add(t2_49, t2_73);
-        let t2_75 = -t2_74;
-        a_e[2][2] = t2_75;
-        let t2_76 = t2_12 * t2_26;
-        let t2_77 = (-t2_21).mul_add(t2_49, t2_76);
-        let t2_78 = cos_s1_1 * t2_12;
-        let t2_79 = (-t2_34).mul_add(t2_21, t2_78);
-        let t2_80 = -t2_77;
-        a_e[2][3] = t2_80;
-        let t2_81 = like.lift(0.4563) * t2_79;
-        let t2_82 = -t2_81;
-        let t2_83 = -t2_82;
-        a_e[5][2] = t2_83;
+        a_e[2][3] = t2_59;
+        let t2_60 = like.lift(0.4563) * t2_24;
+        let t2_61 = cos_q1 * t2_60;
+        a_e[4][1] = t2_61;
+        let t2_62 = sin_q1 * t2_60;
+        a_e[5][1] = t2_62;
+        let t2_63 = sin_q1 * q2;
+        let t2_64 = t2_37 - t2_63;
+        a_e[2][0] = t2_64;
+        let t2_65 = like.lift(-0.4563).mul_add(t2_12, t2_63);
+        let t2_66 = -t2_65;
+        a_e[5][0] = t2_66;
+        let t2_67 = t2_15 * t2_37;
+        let t2_68 = (-t2_12).mul_add(t2_45, t2_67);
+        let t2_69 = -t2_68;
+        a_e[1][3] = t2_69;
+        let t2_70 = cos_q1 * q2;
+        let t2_71 = t2_70 - t2_45;
+        let t2_72 = like.lift(-0.4563).mul_add(t2_15, t2_70);
+        let t2_73 = -t2_71;
+        a_e[3][0] = t2_73;
+        let t2_74 = -t2_72;
+        a_e[4][0] = t2_74;
     }
     a_e
 }
@@ -1212,7 +1182,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 65 additions, 130 multiplications, 6 divisions, 6 sines and cosines.
+/// 60 additions, 123 multiplications, 6 divisions, 6 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 9];
@@ -1243,185 +1213,176 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = sin_s1_3 * t2_6;
-        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_9 = -t2_8;
-        let t2_10 = sin_s1_1 * cos_s1_2;
-        let t2_11 = like.lift(0.4563) * t2_10;
-        let t2_12 = cos_q1 * t2_11;
-        let t2_13 = sin_q1 * t2_11;
-        let t2_14 = sin_q1 * sin_s1_1;
-        let t2_15 = cos_s1_3.mul_add(t2_14, t2_7);
-        let t2_16 = like.lift(0.22815) * t2_4;
-        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
-        let t2_18 = t2_1 - t2_17;
-        let t2_19 = t2_14 * t2_10;
-        let t2_20 = cos_s1_1.mul_add(t2_4, t2_19);
-        let t2_21 = like.lift(0.4563) * t2_20;
-        let t2_22 = cos_q6 * q7;
-        let t2_23 = like.lift(0.5) * t2_22;
-        let t2_24 = -t2_23;
-        let t2_25 = sin_q1 * q2;
-        let t2_26 = cos_q1 * cos_s1_1;
-        let t2_27 = sin_q1 * sin_s1_2;
-        let t2_28 = (-cos_s1_2).mul_add(t2_26, t2_27);
-        let t2_29 = sin_s1_2 * t2_26;
-        let t2_30 = sin_q1.mul_add(cos_s1_2, t2_29);
-        let t2_31 = sin_s1_3 * sin_s1_1;
-        let t2_32 = t2_31 * sin_s1_2;
-        let t2_33 = cos_q1 * sin_s1_1;
-        let t2_34 = cos_s1_3 * t2_33;
-        let t2_35 = (-sin_s1_3).mul_add(t2_30, t2_34);
-        let t2_36 = cos_s1_1.mul_add(cos_s1_3, t2_32);
-        let t2_37 = like.lift(0.39516739174683935) * t2_36;
-        let t2_38 = like.lift(0.22815).mul_add(t2_10, t2_37);
-        let t2_39 = like.lift(0.39516739174683935) * t2_35;
-        let t2_40 = like.lift(-0.4563).mul_add(t2_28, t2_25);
-        let t2_41 = t2_39 - t2_25;
-        let t2_42 = -t2_40;
-        let t2_43 = cos_s1_1 * t2_28;
-        let t2_44 = (-t2_33).mul_add(t2_10, t2_43);
-        let t2_45 = like.lift(0.4563) * t2_44;
-        let t2_46 = -t2_45;
-        let t2_47 = -t2_46;
-        let t2_48 = sin_q6 * q7;
-        let t2_49 = sin_q6 * d_q7;
-        let t2_50 = sin_q1 * t2_4;
-        let t2_51 = (-cos_q1).mul_add(t2_28, t2_50);
-        let t2_52 = like.lift(0.4563) * t2_51;
-        let t2_53 = -t2_52;
-        let t2_54 = t2_33 * t2_4;
-        let t2_55 = t2_14.mul_add(t2_28, t2_54);
-        let t2_56 = like.lift(0.4563) * t2_55;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_22;
-        let t2_57 = like.lift(1.0) / t2_22;
-        let t2_58 = -t2_18;
-        let t2_59 = cos_q1 * t2_38;
-        let t2_60 = t2_14 * t2_38;
-        let t2_61 = cos_s1_1.mul_add(t2_17, t2_60);
-        let t2_62 = t2_10 * t2_17;
-        let t2_63 = (-t2_4).mul_add(t2_38, t2_62);
-        let t2_64 = cos_q8 * q9;
-        let t2_65 = like.lift(0.5) * t2_64;
-        let t2_66 = -t2_65;
-        let t2_67 = like.lift(0.22815) * t2_28;
-        let t2_68 = t2_41 + t2_67;
-        let t2_69 = t2_67 + t2_39;
-        let t2_70 = t2_4 * t2_69;
-        let t2_71 = (-t2_28).mul_add(t2_17, t2_70);
-        let t2_72 = t2_28 * t2_38;
-        let t2_73 = (-t2_10).mul_add(t2_69, t2_72);
-        let t2_74 = t2_33 * t2_38;
-        let t2_75 = (-cos_s1_1).mul_add(t2_69, t2_74);
-        let t2_76 = t2_33 * t2_17;
-        let t2_77 = t2_14.mul_add(t2_69, t2_76);
-        let t2_78 = cos_q1 * t2_69;
-        let t2_79 = (-sin_q1).mul_add(t2_17, t2_78);
-        let t2_80 = sin_q1 * t2_38;
-        let t2_81 = sin_q1 * d_q2;
-        let t2_82 = cos_q1 * d_q2;
-        let t2_83 = (-cos_q6).mul_add(d_q7, t2_82);
-        let t2_84 = (-cos_q8).mul_add(d_q9, t2_82);
-        let t2_85 = -t2_75;
-        let t2_86 = -t2_73;
-        let t2_87 = sin_q8 * q9;
-        let t2_88 = sin_q8 * d_q9;
-        let t2_89 = -t2_71;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_64;
-        let t2_90 = -pivot_2;
-        let t2_91 = like.lift(1.0) / t2_64;
-        let t2_92 = like.lift(0.5).mul_add(t2_49, t2_81);
-        let t2_93 = -t2_83;
-        let t2_94 = like.lift(0.8660254037844386) * t2_49;
-        let t2_95 = -t2_94;
-        let t2_96 = like.lift(0.5).mul_add(t2_88, t2_81);
-        let t2_97 = -t2_84;
-        let t2_98 = like.lift(0.8660254037844386) * t2_88;
-        let t2_99 = t2_87 * t2_91;
-        let t2_100 = (-t2_99).mul_add(t2_88, t2_84);
-        let t2_101 = like.lift(1.1547005383792515) * t2_99;
-        let pivot_3 = t2_71.mul_add(t2_101, t2_73);
-        let t2_102 = (-t2_77).mul_add(t2_101, t2_75);
-        let t2_103 = t2_79.mul_add(t2_101, t2_80);
-        let t2_104 = like.lift(1.1547005383792515) * t2_91;
-        let t2_105 = like.lift(0.5773502691896257).mul_add(t2_71, t2_63);
+        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_8 = -t2_7;
+        let t2_9 = sin_s1_1 * cos_s1_2;
+        let t2_10 = like.lift(0.4563) * t2_9;
+        let t2_11 = cos_q1 * t2_10;
+        let t2_12 = sin_q1 * t2_10;
+        let t2_13 = sin_q1 * sin_s1_1;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = sin_s1_2 * t2_14;
+        let t2_16 = sin_q1.mul_add(cos_s1_2, t2_15);
+        let t2_17 = sin_q1 * sin_s1_2;
+        let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
+        let t2_19 = cos_s1_2 * cos_s1_1;
+        let t2_20 = like.lift(0.4563) * t2_19;
+        let t2_21 = -t2_20;
+        let t2_22 = sin_s1_2 * sin_s1_1;
+        let t2_23 = cos_q1 * sin_s1_1;
+        let t2_24 = like.lift(0.4563) * t2_16;
+        let t2_25 = cos_s1_3 * t2_23;
+        let t2_26 = (-sin_s1_3).mul_add(t2_16, t2_25);
+        let t2_27 = like.lift(0.39516739174683935) * t2_26;
+        let t2_28 = like.lift(0.22815) * t2_18;
+        let t2_29 = t2_28 + t2_27;
+        let t2_30 = cos_q6 * q7;
+        let t2_31 = like.lift(0.5) * t2_30;
+        let t2_32 = -t2_31;
+        let t2_33 = sin_q1 * q2;
+        let t2_34 = like.lift(-0.4563).mul_add(t2_18, t2_33);
+        let t2_35 = t2_29 - t2_33;
+        let t2_36 = -t2_34;
+        let t2_37 = like.lift(-0.4563) * t2_6;
+        let t2_38 = sin_s1_3 * t2_6;
+        let t2_39 = cos_s1_3.mul_add(t2_13, t2_38);
+        let t2_40 = t2_22 * sin_s1_3;
+        let t2_41 = cos_s1_1.mul_add(cos_s1_3, t2_40);
+        let t2_42 = like.lift(0.4563) * t2_22;
+        let t2_43 = like.lift(0.39516739174683935) * t2_41;
+        let t2_44 = like.lift(0.22815).mul_add(t2_9, t2_43);
+        let t2_45 = like.lift(0.22815) * t2_4;
+        let t2_46 = like.lift(-0.39516739174683935).mul_add(t2_39, t2_45);
+        let t2_47 = t2_1 - t2_46;
+        let t2_48 = -t2_37;
+        let t2_49 = sin_q6 * q7;
+        let t2_50 = sin_q6 * d_q7;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_30;
+        let t2_51 = like.lift(1.0) / t2_30;
+        let t2_52 = -t2_47;
+        let t2_53 = cos_q1 * t2_44;
+        let t2_54 = t2_13 * t2_44;
+        let t2_55 = cos_s1_1.mul_add(t2_46, t2_54);
+        let t2_56 = t2_23 * t2_44;
+        let t2_57 = (-cos_s1_1).mul_add(t2_29, t2_56);
+        let t2_58 = t2_23 * t2_46;
+        let t2_59 = t2_13.mul_add(t2_29, t2_58);
+        let t2_60 = t2_9 * t2_46;
+        let t2_61 = (-t2_4).mul_add(t2_44, t2_60);
+        let t2_62 = t2_4 * t2_29;
+        let t2_63 = (-t2_18).mul_add(t2_46, t2_62);
+        let t2_64 = t2_18 * t2_44;
+        let t2_65 = (-t2_9).mul_add(t2_29, t2_64);
+        let t2_66 = cos_q1 * t2_29;
+        let t2_67 = (-sin_q1).mul_add(t2_46, t2_66);
+        let t2_68 = sin_q1 * t2_44;
+        let t2_69 = sin_q1 * d_q2;
+        let t2_70 = cos_q1 * d_q2;
+        let t2_71 = (-cos_q6).mul_add(d_q7, t2_70);
+        let t2_72 = (-cos_q8).mul_add(d_q9, t2_70);
+        let t2_73 = cos_q8 * q9;
+        let t2_74 = like.lift(0.5) * t2_73;
+        let t2_75 = -t2_74;
+        let t2_76 = -t2_57;
+        let t2_77 = -t2_65;
+        let t2_78 = sin_q8 * q9;
+        let t2_79 = sin_q8 * d_q9;
+        let t2_80 = -t2_63;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_73;
+        let t2_81 = -pivot_2;
+        let t2_82 = like.lift(1.0) / t2_73;
+        let t2_83 = like.lift(0.5).mul_add(t2_50, t2_69);
+        let t2_84 = -t2_71;
+        let t2_85 = like.lift(0.8660254037844386) * t2_50;
+        let t2_86 = -t2_85;
+        let t2_87 = like.lift(0.5).mul_add(t2_79, t2_69);
+        let t2_88 = -t2_72;
+        let t2_89 = like.lift(0.8660254037844386) * t2_79;
+        let t2_90 = t2_78 * t2_82;
+        let t2_91 = (-t2_90).mul_add(t2_79, t2_72);
+        let t2_92 = like.lift(1.1547005383792515) * t2_90;
+        let pivot_3 = t2_63.mul_add(t2_92, t2_65);
+        let t2_93 = (-t2_59).mul_add(t2_92, t2_57);
+        let t2_94 = t2_67.mul_add(t2_92, t2_68);
+        let t2_95 = like.lift(1.1547005383792515) * t2_82;
+        let t2_96 = like.lift(0.5773502691896257).mul_add(t2_63, t2_61);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_106 = t2_105 * inv_pivot_3;
-        let t2_107 = (-t2_68).mul_add(t2_106, t2_18);
-        let t2_108 = -pivot_3;
-        let t2_109 = like.lift(0.5773502691896257).mul_add(t2_53, t2_12);
-        let t2_110 = t2_103.mul_add(t2_106, t2_59);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_110);
+        let t2_97 = t2_96 * inv_pivot_3;
+        let t2_98 = (-t2_35).mul_add(t2_97, t2_47);
+        let t2_99 = -pivot_3;
+        let t2_100 = like.lift(0.5773502691896257).mul_add(t2_21, t2_11);
+        let t2_101 = t2_94.mul_add(t2_97, t2_53);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_67, t2_101);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_111 = t2_109 * inv_pivot_4;
-        let pivot_5 = (-t2_107).mul_add(t2_111, t2_8);
+        let t2_102 = t2_100 * inv_pivot_4;
+        let pivot_5 = (-t2_98).mul_add(t2_102, t2_7);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_112 = -pivot_5;
-        let t2_113 = (-t2_106).mul_add(t2_100, t2_81);
-        let t2_114 = (-t2_111).mul_add(t2_113, t2_81);
-        let t2_115 = (-t2_102).mul_add(t2_106, t2_61);
-        let t2_116 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_115);
-        let t2_117 = (-t2_116).mul_add(t2_111, t2_21);
-        let t2_118 = like.lift(0.5773502691896257).mul_add(t2_56, t2_117);
-        let t2_119 = t2_48 * t2_57;
-        let t2_120 = like.lift(1.1547005383792515) * t2_57;
-        let t2_121 = like.lift(1.1547005383792515) * t2_119;
-        let t2_122 = (-t2_53).mul_add(t2_121, t2_13);
-        let t2_123 = t2_122 * inv_pivot_4;
-        let t2_124 = (-t2_107).mul_add(t2_123, t2_40);
-        let t2_125 = t2_124 * inv_pivot_5;
-        let t2_126 = t2_118.mul_add(t2_125, t2_46);
-        let t2_127 = t2_125.mul_add(t2_114, t2_83);
-        let t2_128 = t2_123.mul_add(t2_113, t2_127);
-        let t2_129 = (-t2_119).mul_add(t2_49, t2_128);
-        let t2_130 = t2_116.mul_add(t2_123, t2_126);
-        let pivot_6 = t2_56.mul_add(t2_121, t2_130);
+        let t2_103 = -pivot_5;
+        let t2_104 = (-t2_97).mul_add(t2_91, t2_69);
+        let t2_105 = (-t2_102).mul_add(t2_104, t2_69);
+        let t2_106 = (-t2_93).mul_add(t2_97, t2_55);
+        let t2_107 = like.lift(-0.5773502691896257).mul_add(t2_59, t2_106);
+        let t2_108 = (-t2_107).mul_add(t2_102, t2_24);
+        let t2_109 = like.lift(0.5773502691896257).mul_add(t2_42, t2_108);
+        let t2_110 = t2_49 * t2_51;
+        let t2_111 = like.lift(1.1547005383792515) * t2_51;
+        let t2_112 = like.lift(1.1547005383792515) * t2_110;
+        let t2_113 = (-t2_21).mul_add(t2_112, t2_12);
+        let t2_114 = t2_113 * inv_pivot_4;
+        let t2_115 = (-t2_98).mul_add(t2_114, t2_34);
+        let t2_116 = t2_115 * inv_pivot_5;
+        let t2_117 = t2_109.mul_add(t2_116, t2_48);
+        let t2_118 = t2_116.mul_add(t2_105, t2_71);
+        let t2_119 = t2_114.mul_add(t2_104, t2_118);
+        let t2_120 = (-t2_110).mul_add(t2_50, t2_119);
+        let t2_121 = t2_107.mul_add(t2_114, t2_117);
+        let pivot_6 = t2_42.mul_add(t2_112, t2_121);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_131 = inv_pivot_6 * t2_129;
-        let t2_132 = (-t2_118).mul_add(t2_131, t2_114);
-        let t2_133 = inv_pivot_5 * t2_132;
-        let t2_134 = (-t2_116).mul_add(t2_131, t2_113);
-        let t2_135 = (-t2_107).mul_add(t2_133, t2_134);
-        let t2_136 = inv_pivot_4 * t2_135;
-        let t2_137 = (-t2_102).mul_add(t2_131, t2_100);
-        let t2_138 = (-t2_68).mul_add(t2_133, t2_137);
-        let t2_139 = t2_103.mul_add(t2_136, t2_138);
-        let t2_140 = inv_pivot_3 * t2_139;
-        let t2_141 = -t2_133;
-        let t2_142 = t2_56.mul_add(t2_131, t2_94);
-        let t2_143 = t2_53.mul_add(t2_136, t2_142);
-        let t2_144 = t2_120 * t2_143;
-        let t2_145 = -t2_144;
-        let t2_146 = -pivot_6;
-        let t2_147 = (-t2_77).mul_add(t2_131, t2_98);
-        let t2_148 = (-t2_79).mul_add(t2_136, t2_147);
-        let t2_149 = t2_71.mul_add(t2_140, t2_148);
-        let t2_150 = t2_104 * t2_149;
-        let t2_151 = -t2_150;
+        let t2_122 = inv_pivot_6 * t2_120;
+        let t2_123 = (-t2_109).mul_add(t2_122, t2_105);
+        let t2_124 = inv_pivot_5 * t2_123;
+        let t2_125 = (-t2_107).mul_add(t2_122, t2_104);
+        let t2_126 = (-t2_98).mul_add(t2_124, t2_125);
+        let t2_127 = inv_pivot_4 * t2_126;
+        let t2_128 = (-t2_93).mul_add(t2_122, t2_91);
+        let t2_129 = (-t2_35).mul_add(t2_124, t2_128);
+        let t2_130 = t2_94.mul_add(t2_127, t2_129);
+        let t2_131 = inv_pivot_3 * t2_130;
+        let t2_132 = -t2_124;
+        let t2_133 = t2_42.mul_add(t2_122, t2_85);
+        let t2_134 = t2_21.mul_add(t2_127, t2_133);
+        let t2_135 = t2_111 * t2_134;
+        let t2_136 = -t2_135;
+        let t2_137 = -pivot_6;
+        let t2_138 = (-t2_59).mul_add(t2_122, t2_89);
+        let t2_139 = (-t2_67).mul_add(t2_127, t2_138);
+        let t2_140 = t2_63.mul_add(t2_131, t2_139);
+        let t2_141 = t2_95 * t2_140;
+        let t2_142 = -t2_141;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_90 * like.lift(1.8955297449982944)).abs())
-            .min((t2_108 * like.lift(2.6463477742948585)).abs())
+            .min((t2_81 * like.lift(1.8955297449982944)).abs())
+            .min((t2_99 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_112 * like.lift(0.8284577646309275)).abs())
-            .min((t2_146 * like.lift(2.1915406530791146)).abs());
-        let ([[t2_152], [t2_153], [t2_154], [t2_155], [t2_156], [t2_157]], found) = ::regen_runtime::guarded(
-            [[t2_141], [t2_136], [t2_131], [t2_140], [t2_145], [t2_151]],
+            .min((t2_103 * like.lift(0.8284577646309275)).abs())
+            .min((t2_137 * like.lift(2.1915406530791146)).abs());
+        let ([[t2_143], [t2_144], [t2_145], [t2_146], [t2_147], [t2_148]], found) = ::regen_runtime::guarded(
+            [[t2_132], [t2_127], [t2_122], [t2_131], [t2_136], [t2_142]],
             margin,
             || (
                 [
-                    [t2_9, t2_12, t2_21, like.lift(0.0), t2_24, like.lift(0.0)],
-                    [t2_42, t2_13, t2_47, like.lift(0.0), t2_48, like.lift(0.0)],
-                    [like.lift(0.0), t2_53, t2_56, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_58, t2_59, t2_61, t2_63, like.lift(0.0), t2_66],
-                    [t2_68, t2_80, t2_85, t2_86, like.lift(0.0), t2_87],
-                    [like.lift(0.0), t2_79, t2_77, t2_89, like.lift(0.0), t2_90],
+                    [t2_8, t2_11, t2_24, like.lift(0.0), t2_32, like.lift(0.0)],
+                    [t2_36, t2_12, t2_37, like.lift(0.0), t2_49, like.lift(0.0)],
+                    [like.lift(0.0), t2_21, t2_42, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_52, t2_53, t2_55, t2_61, like.lift(0.0), t2_75],
+                    [t2_35, t2_68, t2_76, t2_77, like.lift(0.0), t2_78],
+                    [like.lift(0.0), t2_67, t2_59, t2_80, like.lift(0.0), t2_81],
                 ],
-                [[t2_92], [t2_93], [t2_95], [t2_96], [t2_97], [t2_98]],
+                [[t2_83], [t2_84], [t2_86], [t2_87], [t2_88], [t2_89]],
             ),
         );
         condition = condition.min(found);
-        qd[0] = t2_152; qd[2] = t2_153; qd[3] = t2_154; qd[4] = t2_155; qd[5] = t2_156; qd[7] = t2_157;
+        qd[0] = t2_143; qd[2] = t2_144; qd[3] = t2_145; qd[4] = t2_146; qd[5] = t2_147; qd[7] = t2_148;
     }
     (qd, Condition { pivot: condition })
 }
@@ -1433,7 +1394,7 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
 /// - `qdd_i`: accelerations of the independent coordinates
 /// - `qdd`: accelerations of all coordinates
 ///
-/// 131 additions, 227 multiplications, 6 divisions, 6 sines and cosines.
+/// 121 additions, 214 multiplications, 6 divisions, 6 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
     let like = q[0];
     let mut qdd = [like.lift(0.0); 9];
@@ -1458,11 +1419,10 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
     let [dd_q2, dd_q7, dd_q9] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8), part 1
     let [
-        t2_9, t2_12, t2_13, t2_20, t2_23, t2_36, t2_46, t2_47, t2_51, t2_54, pivot_1, t2_56,
-        t2_57, t2_59, t2_61, t2_64, t2_67, t2_69, t2_72, t2_75, t2_76, t2_78, t2_80, t2_82,
-        t2_83, t2_84, t2_149, t2_161, t2_168, t2_195, t2_201, t2_203, t2_207, t2_208,
-        inv_pivot_3, t2_210, t2_211, t2_213, t2_214, t2_216, pivot_4, t2_219, inv_pivot_4,
-        t2_225, t2_228, pivot_6, t2_238, t2_240,
+        t2_8, t2_11, t2_12, t2_21, t2_23, t2_26, t2_29, t2_37, t2_42, t2_48, pivot_1, t2_50,
+        t2_51, t2_53, t2_55, t2_58, t2_59, t2_60, t2_63, t2_66, t2_67, t2_69, t2_71, t2_73,
+        t2_74, t2_75, t2_132, t2_146, t2_153, t2_180, t2_185, t2_187, t2_192, t2_195, pivot_4,
+        t2_209, t2_224, t2_231, t2_232, t2_233, t2_234, t2_235, t2_238, t2_240,
     ] = {
         let t2_1 = cos_q1 * q2;
         let t2_2 = sin_q1 * cos_s1_1;
@@ -1470,304 +1430,288 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = sin_s1_3 * t2_6;
-        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_9 = -t2_8;
-        let t2_10 = sin_s1_1 * cos_s1_2;
-        let t2_11 = like.lift(0.4563) * t2_10;
-        let t2_12 = cos_q1 * t2_11;
-        let t2_13 = sin_q1 * t2_11;
-        let t2_14 = sin_q1 * sin_s1_1;
-        let t2_15 = cos_s1_3.mul_add(t2_14, t2_7);
-        let t2_16 = like.lift(0.22815) * t2_4;
-        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
-        let t2_18 = t2_14 * t2_10;
-        let t2_19 = cos_s1_1.mul_add(t2_4, t2_18);
+        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_8 = -t2_7;
+        let t2_9 = sin_s1_1 * cos_s1_2;
+        let t2_10 = like.lift(0.4563) * t2_9;
+        let t2_11 = cos_q1 * t2_10;
+        let t2_12 = sin_q1 * t2_10;
+        let t2_13 = sin_q1 * sin_s1_1;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = sin_s1_2 * t2_14;
+        let t2_16 = sin_q1.mul_add(cos_s1_2, t2_15);
+        let t2_17 = sin_q1 * sin_s1_2;
+        let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
+        let t2_19 = cos_s1_2 * cos_s1_1;
         let t2_20 = like.lift(0.4563) * t2_19;
-        let t2_21 = cos_q6 * q7;
-        let t2_22 = like.lift(0.5) * t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q1 * q2;
-        let t2_25 = cos_q1 * cos_s1_1;
-        let t2_26 = sin_q1 * sin_s1_2;
-        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
-        let t2_28 = sin_s1_2 * t2_25;
-        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
-        let t2_30 = sin_s1_3 * sin_s1_1;
-        let t2_31 = t2_30 * sin_s1_2;
-        let t2_32 = cos_s1_1.mul_add(cos_s1_3, t2_31);
-        let t2_33 = like.lift(0.39516739174683935) * t2_32;
-        let t2_34 = like.lift(0.22815).mul_add(t2_10, t2_33);
-        let t2_35 = like.lift(-0.4563).mul_add(t2_27, t2_24);
-        let t2_36 = -t2_35;
-        let t2_37 = cos_q1 * sin_s1_1;
-        let t2_38 = cos_s1_3 * t2_37;
-        let t2_39 = (-sin_s1_3).mul_add(t2_29, t2_38);
-        let t2_40 = like.lift(0.39516739174683935) * t2_39;
-        let t2_41 = d_s1_2 * sin_s1_1;
-        let t2_42 = cos_s1_1 * t2_27;
-        let t2_43 = (-t2_37).mul_add(t2_10, t2_42);
-        let t2_44 = like.lift(0.4563) * t2_43;
-        let t2_45 = -t2_44;
-        let t2_46 = -t2_45;
-        let t2_47 = sin_q6 * q7;
-        let t2_48 = sin_q1 * t2_4;
-        let t2_49 = (-cos_q1).mul_add(t2_27, t2_48);
-        let t2_50 = like.lift(0.4563) * t2_49;
-        let t2_51 = -t2_50;
-        let t2_52 = t2_37 * t2_4;
-        let t2_53 = t2_14.mul_add(t2_27, t2_52);
-        let t2_54 = like.lift(0.4563) * t2_53;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
-        let t2_55 = t2_1 - t2_17;
-        let t2_56 = -t2_55;
-        let t2_57 = cos_q1 * t2_34;
-        let t2_58 = t2_14 * t2_34;
-        let t2_59 = cos_s1_1.mul_add(t2_17, t2_58);
-        let t2_60 = t2_10 * t2_17;
-        let t2_61 = (-t2_4).mul_add(t2_34, t2_60);
-        let t2_62 = cos_q8 * q9;
-        let t2_63 = like.lift(0.5) * t2_62;
-        let t2_64 = -t2_63;
-        let t2_65 = like.lift(0.22815) * t2_27;
-        let t2_66 = t2_40 - t2_24;
-        let t2_67 = t2_66 + t2_65;
-        let t2_68 = t2_65 + t2_40;
-        let t2_69 = sin_q1 * t2_34;
-        let t2_70 = t2_37 * t2_34;
-        let t2_71 = (-cos_s1_1).mul_add(t2_68, t2_70);
-        let t2_72 = -t2_71;
-        let t2_73 = t2_27 * t2_34;
-        let t2_74 = (-t2_10).mul_add(t2_68, t2_73);
-        let t2_75 = -t2_74;
-        let t2_76 = sin_q8 * q9;
-        let t2_77 = cos_q1 * t2_68;
-        let t2_78 = (-sin_q1).mul_add(t2_17, t2_77);
-        let t2_79 = t2_37 * t2_17;
-        let t2_80 = t2_14.mul_add(t2_68, t2_79);
-        let t2_81 = t2_4 * t2_68;
-        let t2_82 = (-t2_27).mul_add(t2_17, t2_81);
-        let t2_83 = -t2_82;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_62;
-        let t2_84 = -pivot_2;
-        let t2_85 = cos_q1 * d_q1;
-        let t2_86 = d_q1 * d_q1;
-        let t2_87 = t2_24 * t2_86;
-        let t2_88 = like.lift(2.0) * d_q2;
-        let t2_89 = (-t2_85).mul_add(t2_88, t2_87);
-        let t2_90 = cos_q1 * d_s1_1;
-        let t2_91 = cos_q1 * dd_q2;
-        let t2_92 = t2_14.mul_add(d_s1_2, t2_90);
-        let t2_93 = t2_14 * d_q1;
-        let t2_94 = (-cos_s1_1).mul_add(t2_90, t2_93);
-        let t2_95 = d_s1_2 * t2_94;
-        let t2_96 = sin_q1 * d_s1_1;
-        let t2_97 = (-t2_37).mul_add(d_s1_2, t2_96);
-        let t2_98 = t2_37 * d_q1;
-        let t2_99 = cos_s1_1.mul_add(t2_96, t2_98);
-        let t2_100 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_101 = t2_27 * t2_92;
-        let t2_102 = (-t2_4).mul_add(t2_97, t2_101);
-        let t2_103 = d_s1_3 * t2_102;
-        let t2_104 = t2_41.mul_add(d_s1_1, t2_103);
-        let t2_105 = sin_q1 * d_q1;
-        let t2_106 = t2_105 * t2_88;
-        let t2_107 = t2_1.mul_add(t2_86, t2_106);
-        let t2_108 = d_s1_1 * t2_105;
-        let t2_109 = sin_q1 * dd_q2;
-        let t2_110 = t2_27 * t2_100;
-        let t2_111 = t2_10.mul_add(t2_97, t2_110);
-        let t2_112 = (-d_s1_3).mul_add(t2_111, t2_108);
-        let t2_113 = (-d_s1_2).mul_add(t2_99, t2_112);
-        let t2_114 = (-t2_27).mul_add(d_s1_3, t2_97);
-        let t2_115 = t2_10.mul_add(d_s1_3, t2_100);
-        let t2_116 = t2_10 * t2_92;
-        let t2_117 = t2_4.mul_add(t2_100, t2_116);
-        let t2_118 = (-d_s1_3).mul_add(t2_117, t2_95);
-        let t2_119 = d_s1_1.mul_add(t2_85, t2_118);
-        let t2_120 = (-t2_4).mul_add(d_s1_3, t2_92);
-        let t2_121 = t2_27 * t2_115;
-        let t2_122 = t2_10.mul_add(t2_114, t2_121);
-        let t2_123 = like.lift(0.4563) * t2_122;
-        let t2_124 = t2_4 * t2_114;
-        let t2_125 = (-t2_27).mul_add(t2_120, t2_124);
-        let t2_126 = like.lift(0.4563) * t2_125;
-        let t2_127 = -t2_126;
-        let t2_128 = d_q6 * t2_47;
-        let t2_129 = t2_128 * d_q6;
-        let t2_130 = d_q7 * cos_q6;
-        let t2_131 = t2_130 * d_q6;
-        let t2_132 = sin_q6 * dd_q7;
-        let t2_133 = like.lift(2.0) * d_q7;
-        let t2_134 = t2_133 * sin_q6;
-        let t2_135 = t2_21.mul_add(d_q6, t2_134);
-        let t2_136 = like.lift(1.0) / t2_21;
-        let t2_137 = t2_10 * t2_113;
-        let t2_138 = t2_4.mul_add(t2_104, t2_137);
-        let t2_139 = like.lift(-0.4563).mul_add(t2_138, t2_89);
-        let t2_140 = (-t2_120).mul_add(t2_127, t2_139);
-        let t2_141 = (-t2_115).mul_add(t2_123, t2_140);
-        let t2_142 = (-t2_34).mul_add(t2_113, t2_89);
-        let t2_143 = (-t2_17).mul_add(t2_104, t2_142);
-        let t2_144 = t2_129 - t2_132;
-        let t2_145 = like.lift(0.5).mul_add(t2_144, t2_141);
-        let t2_146 = t2_132 - t2_129;
-        let t2_147 = t2_145 - t2_131;
-        let t2_148 = t2_147 - t2_109;
-        let t2_149 = -t2_148;
-        let t2_150 = t2_10 * t2_120;
-        let t2_151 = t2_4.mul_add(t2_115, t2_150);
-        let t2_152 = like.lift(0.4563) * t2_151;
-        let t2_153 = t2_4 * t2_119;
-        let t2_154 = t2_27.mul_add(t2_113, t2_153);
-        let t2_155 = t2_27 * t2_104;
-        let t2_156 = (-t2_10).mul_add(t2_119, t2_155);
-        let t2_157 = like.lift(0.4563) * t2_154;
-        let t2_158 = like.lift(-0.8660254037844386).mul_add(t2_146, t2_157);
-        let t2_159 = (-t2_114).mul_add(t2_123, t2_158);
-        let t2_160 = (-t2_120).mul_add(t2_152, t2_159);
-        let t2_161 = like.lift(-1.7320508075688772).mul_add(t2_131, t2_160);
-        let t2_162 = like.lift(0.4563).mul_add(t2_156, t2_107);
-        let t2_163 = (-t2_115).mul_add(t2_152, t2_162);
-        let t2_164 = t2_114.mul_add(t2_127, t2_163);
-        let t2_165 = (-d_q6).mul_add(t2_135, t2_164);
-        let t2_166 = cos_q6.mul_add(dd_q7, t2_165);
-        let t2_167 = t2_68.mul_add(t2_104, t2_107);
-        let t2_168 = t2_166 - t2_91;
-        let t2_169 = (-t2_34).mul_add(t2_119, t2_167);
-        let t2_170 = t2_68 * t2_115;
-        let t2_171 = t2_34.mul_add(t2_114, t2_170);
-        let t2_172 = t2_34 * t2_120;
-        let t2_173 = t2_17.mul_add(t2_115, t2_172);
-        let t2_174 = (-t2_115).mul_add(t2_173, t2_169);
-        let t2_175 = t2_68 * t2_120;
-        let t2_176 = (-t2_17).mul_add(t2_114, t2_175);
-        let t2_177 = (-t2_120).mul_add(t2_176, t2_143);
-        let t2_178 = (-t2_115).mul_add(t2_171, t2_177);
-        let t2_179 = t2_114.mul_add(t2_176, t2_174);
-        let t2_180 = d_q8 * t2_76;
-        let t2_181 = t2_180 * d_q8;
-        let t2_182 = d_q9 * cos_q8;
-        let t2_183 = t2_182 * d_q8;
-        let t2_184 = sin_q8 * dd_q9;
-        let t2_185 = t2_181 - t2_184;
-        let t2_186 = like.lift(0.5).mul_add(t2_185, t2_178);
-        let t2_187 = t2_184 - t2_181;
-        let t2_188 = like.lift(0.8660254037844386) * t2_187;
-        let t2_189 = t2_17.mul_add(t2_119, t2_188);
-        let t2_190 = t2_68.mul_add(t2_113, t2_189);
-        let t2_191 = (-t2_114).mul_add(t2_171, t2_190);
-        let t2_192 = (-t2_120).mul_add(t2_173, t2_191);
-        let t2_193 = t2_186 - t2_183;
-        let t2_194 = t2_193 - t2_109;
-        let t2_195 = like.lift(1.7320508075688772).mul_add(t2_183, t2_192);
-        let t2_196 = like.lift(2.0) * d_q9;
-        let t2_197 = t2_196 * sin_q8;
-        let t2_198 = t2_62.mul_add(d_q8, t2_197);
-        let t2_199 = (-d_q8).mul_add(t2_198, t2_179);
-        let t2_200 = cos_q8.mul_add(dd_q9, t2_199);
-        let t2_201 = t2_200 - t2_91;
-        let t2_202 = like.lift(1.0) / t2_62;
-        let t2_203 = -t2_194;
-        let t2_204 = like.lift(0.5773502691896257).mul_add(t2_82, t2_61);
-        let t2_205 = t2_76 * t2_202;
-        let t2_206 = like.lift(1.1547005383792515) * t2_205;
-        let pivot_3 = t2_82.mul_add(t2_206, t2_74);
-        let t2_207 = (-t2_80).mul_add(t2_206, t2_71);
-        let t2_208 = like.lift(1.1547005383792515) * t2_202;
+        let t2_21 = -t2_20;
+        let t2_22 = sin_s1_2 * sin_s1_1;
+        let t2_23 = like.lift(0.4563) * t2_16;
+        let t2_24 = cos_q6 * q7;
+        let t2_25 = like.lift(0.5) * t2_24;
+        let t2_26 = -t2_25;
+        let t2_27 = sin_q1 * q2;
+        let t2_28 = like.lift(-0.4563).mul_add(t2_18, t2_27);
+        let t2_29 = -t2_28;
+        let t2_30 = cos_q1 * sin_s1_1;
+        let t2_31 = d_s1_2 * sin_s1_1;
+        let t2_32 = cos_s1_3 * t2_30;
+        let t2_33 = (-sin_s1_3).mul_add(t2_16, t2_32);
+        let t2_34 = like.lift(0.39516739174683935) * t2_33;
+        let t2_35 = like.lift(0.22815) * t2_18;
+        let t2_36 = t2_35 + t2_34;
+        let t2_37 = like.lift(-0.4563) * t2_6;
+        let t2_38 = sin_s1_3 * t2_6;
+        let t2_39 = cos_s1_3.mul_add(t2_13, t2_38);
+        let t2_40 = t2_22 * sin_s1_3;
+        let t2_41 = cos_s1_1.mul_add(cos_s1_3, t2_40);
+        let t2_42 = like.lift(0.4563) * t2_22;
+        let t2_43 = like.lift(0.39516739174683935) * t2_41;
+        let t2_44 = like.lift(0.22815).mul_add(t2_9, t2_43);
+        let t2_45 = like.lift(0.22815) * t2_4;
+        let t2_46 = like.lift(-0.39516739174683935).mul_add(t2_39, t2_45);
+        let t2_47 = -t2_37;
+        let t2_48 = sin_q6 * q7;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_24;
+        let t2_49 = t2_1 - t2_46;
+        let t2_50 = -t2_49;
+        let t2_51 = cos_q1 * t2_44;
+        let t2_52 = t2_13 * t2_44;
+        let t2_53 = cos_s1_1.mul_add(t2_46, t2_52);
+        let t2_54 = t2_9 * t2_46;
+        let t2_55 = (-t2_4).mul_add(t2_44, t2_54);
+        let t2_56 = cos_q8 * q9;
+        let t2_57 = like.lift(0.5) * t2_56;
+        let t2_58 = -t2_57;
+        let t2_59 = t2_36 - t2_27;
+        let t2_60 = sin_q1 * t2_44;
+        let t2_61 = t2_30 * t2_44;
+        let t2_62 = (-cos_s1_1).mul_add(t2_36, t2_61);
+        let t2_63 = -t2_62;
+        let t2_64 = t2_18 * t2_44;
+        let t2_65 = (-t2_9).mul_add(t2_36, t2_64);
+        let t2_66 = -t2_65;
+        let t2_67 = sin_q8 * q9;
+        let t2_68 = cos_q1 * t2_36;
+        let t2_69 = (-sin_q1).mul_add(t2_46, t2_68);
+        let t2_70 = t2_30 * t2_46;
+        let t2_71 = t2_13.mul_add(t2_36, t2_70);
+        let t2_72 = t2_4 * t2_36;
+        let t2_73 = (-t2_18).mul_add(t2_46, t2_72);
+        let t2_74 = -t2_73;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_56;
+        let t2_75 = -pivot_2;
+        let t2_76 = cos_q1 * d_q1;
+        let t2_77 = d_q1 * d_q1;
+        let t2_78 = t2_27 * t2_77;
+        let t2_79 = like.lift(2.0) * d_q2;
+        let t2_80 = (-t2_76).mul_add(t2_79, t2_78);
+        let t2_81 = cos_q1 * d_s1_1;
+        let t2_82 = cos_q1 * dd_q2;
+        let t2_83 = t2_13.mul_add(d_s1_2, t2_81);
+        let t2_84 = t2_13 * d_q1;
+        let t2_85 = (-cos_s1_1).mul_add(t2_81, t2_84);
+        let t2_86 = (-t2_4).mul_add(d_s1_3, t2_83);
+        let t2_87 = d_s1_2 * t2_85;
+        let t2_88 = sin_q1 * d_s1_1;
+        let t2_89 = (-t2_30).mul_add(d_s1_2, t2_88);
+        let t2_90 = t2_30 * d_q1;
+        let t2_91 = cos_s1_1.mul_add(t2_88, t2_90);
+        let t2_92 = (-t2_18).mul_add(d_s1_3, t2_89);
+        let t2_93 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_94 = t2_9.mul_add(d_s1_3, t2_93);
+        let t2_95 = t2_4 * t2_92;
+        let t2_96 = (-t2_18).mul_add(t2_86, t2_95);
+        let t2_97 = d_s1_3 * t2_96;
+        let t2_98 = -t2_97;
+        let t2_99 = t2_31.mul_add(d_s1_1, t2_98);
+        let t2_100 = like.lift(0.4563) * t2_96;
+        let t2_101 = -t2_100;
+        let t2_102 = sin_q1 * d_q1;
+        let t2_103 = t2_102 * t2_79;
+        let t2_104 = t2_1.mul_add(t2_77, t2_103);
+        let t2_105 = d_s1_1 * t2_102;
+        let t2_106 = sin_q1 * dd_q2;
+        let t2_107 = t2_18 * t2_94;
+        let t2_108 = t2_9.mul_add(t2_92, t2_107);
+        let t2_109 = (-d_s1_3).mul_add(t2_108, t2_105);
+        let t2_110 = (-d_s1_2).mul_add(t2_91, t2_109);
+        let t2_111 = like.lift(0.4563) * t2_108;
+        let t2_112 = d_q6 * t2_48;
+        let t2_113 = t2_112 * d_q6;
+        let t2_114 = sin_q6 * dd_q7;
+        let t2_115 = t2_114 - t2_113;
+        let t2_116 = like.lift(2.0) * d_q7;
+        let t2_117 = t2_116 * sin_q6;
+        let t2_118 = t2_24.mul_add(d_q6, t2_117);
+        let t2_119 = like.lift(1.0) / t2_24;
+        let t2_120 = d_q7 * cos_q6;
+        let t2_121 = t2_120 * d_q6;
+        let t2_122 = t2_9 * t2_110;
+        let t2_123 = t2_4.mul_add(t2_99, t2_122);
+        let t2_124 = like.lift(-0.4563).mul_add(t2_123, t2_80);
+        let t2_125 = (-t2_86).mul_add(t2_101, t2_124);
+        let t2_126 = (-t2_94).mul_add(t2_111, t2_125);
+        let t2_127 = like.lift(-0.5).mul_add(t2_115, t2_126);
+        let t2_128 = t2_127 - t2_121;
+        let t2_129 = t2_128 - t2_106;
+        let t2_130 = (-t2_44).mul_add(t2_110, t2_80);
+        let t2_131 = (-t2_46).mul_add(t2_99, t2_130);
+        let t2_132 = -t2_129;
+        let t2_133 = t2_9 * t2_86;
+        let t2_134 = t2_4.mul_add(t2_94, t2_133);
+        let t2_135 = (-d_s1_3).mul_add(t2_134, t2_87);
+        let t2_136 = d_s1_1.mul_add(t2_76, t2_135);
+        let t2_137 = like.lift(0.4563) * t2_134;
+        let t2_138 = t2_4 * t2_136;
+        let t2_139 = t2_18.mul_add(t2_110, t2_138);
+        let t2_140 = t2_18 * t2_99;
+        let t2_141 = (-t2_9).mul_add(t2_136, t2_140);
+        let t2_142 = like.lift(0.4563) * t2_139;
+        let t2_143 = like.lift(-0.8660254037844386).mul_add(t2_115, t2_142);
+        let t2_144 = (-t2_92).mul_add(t2_111, t2_143);
+        let t2_145 = (-t2_86).mul_add(t2_137, t2_144);
+        let t2_146 = like.lift(-1.7320508075688772).mul_add(t2_121, t2_145);
+        let t2_147 = like.lift(0.4563).mul_add(t2_141, t2_104);
+        let t2_148 = (-t2_94).mul_add(t2_137, t2_147);
+        let t2_149 = t2_92.mul_add(t2_101, t2_148);
+        let t2_150 = (-d_q6).mul_add(t2_118, t2_149);
+        let t2_151 = cos_q6.mul_add(dd_q7, t2_150);
+        let t2_152 = t2_36.mul_add(t2_99, t2_104);
+        let t2_153 = t2_151 - t2_82;
+        let t2_154 = (-t2_44).mul_add(t2_136, t2_152);
+        let t2_155 = t2_36 * t2_94;
+        let t2_156 = t2_44.mul_add(t2_92, t2_155);
+        let t2_157 = t2_44 * t2_86;
+        let t2_158 = t2_46.mul_add(t2_94, t2_157);
+        let t2_159 = (-t2_94).mul_add(t2_158, t2_154);
+        let t2_160 = t2_36 * t2_86;
+        let t2_161 = (-t2_46).mul_add(t2_92, t2_160);
+        let t2_162 = (-t2_86).mul_add(t2_161, t2_131);
+        let t2_163 = (-t2_94).mul_add(t2_156, t2_162);
+        let t2_164 = t2_92.mul_add(t2_161, t2_159);
+        let t2_165 = d_q8 * t2_67;
+        let t2_166 = t2_165 * d_q8;
+        let t2_167 = sin_q8 * dd_q9;
+        let t2_168 = t2_167 - t2_166;
+        let t2_169 = like.lift(0.8660254037844386) * t2_168;
+        let t2_170 = t2_46.mul_add(t2_136, t2_169);
+        let t2_171 = t2_36.mul_add(t2_110, t2_170);
+        let t2_172 = (-t2_92).mul_add(t2_156, t2_171);
+        let t2_173 = (-t2_86).mul_add(t2_158, t2_172);
+        let t2_174 = like.lift(-0.5).mul_add(t2_168, t2_163);
+        let t2_175 = like.lift(2.0) * d_q9;
+        let t2_176 = t2_175 * sin_q8;
+        let t2_177 = t2_56.mul_add(d_q8, t2_176);
+        let t2_178 = (-d_q8).mul_add(t2_177, t2_164);
+        let t2_179 = cos_q8.mul_add(dd_q9, t2_178);
+        let t2_180 = t2_179 - t2_82;
+        let t2_181 = d_q9 * cos_q8;
+        let t2_182 = t2_181 * d_q8;
+        let t2_183 = t2_174 - t2_182;
+        let t2_184 = t2_183 - t2_106;
+        let t2_185 = like.lift(1.7320508075688772).mul_add(t2_182, t2_173);
+        let t2_186 = like.lift(1.0) / t2_56;
+        let t2_187 = -t2_184;
+        let t2_188 = like.lift(0.5773502691896257).mul_add(t2_73, t2_55);
+        let t2_189 = t2_67 * t2_186;
+        let t2_190 = like.lift(1.1547005383792515) * t2_189;
+        let pivot_3 = t2_73.mul_add(t2_190, t2_65);
+        let t2_191 = (-t2_71).mul_add(t2_190, t2_62);
+        let t2_192 = like.lift(1.1547005383792515) * t2_186;
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_209 = t2_204 * inv_pivot_3;
-        let t2_210 = (-t2_67).mul_add(t2_209, t2_55);
-        let t2_211 = -pivot_3;
-        let t2_212 = like.lift(0.5773502691896257).mul_add(t2_51, t2_12);
-        let t2_213 = t2_78.mul_add(t2_206, t2_69);
-        let t2_214 = t2_195.mul_add(t2_206, t2_201);
-        let t2_215 = (-t2_209).mul_add(t2_214, t2_194);
-        let t2_216 = like.lift(0.5773502691896257).mul_add(t2_195, t2_215);
-        let t2_217 = t2_213.mul_add(t2_209, t2_57);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_217);
-        let t2_218 = (-t2_207).mul_add(t2_209, t2_59);
-        let t2_219 = like.lift(-0.5773502691896257).mul_add(t2_80, t2_218);
+        let t2_193 = t2_188 * inv_pivot_3;
+        let t2_194 = (-t2_59).mul_add(t2_193, t2_49);
+        let t2_195 = -pivot_3;
+        let t2_196 = like.lift(0.5773502691896257).mul_add(t2_21, t2_11);
+        let t2_197 = t2_69.mul_add(t2_190, t2_60);
+        let t2_198 = t2_185.mul_add(t2_190, t2_180);
+        let t2_199 = (-t2_193).mul_add(t2_198, t2_184);
+        let t2_200 = like.lift(0.5773502691896257).mul_add(t2_185, t2_199);
+        let t2_201 = t2_197.mul_add(t2_193, t2_51);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_69, t2_201);
+        let t2_202 = (-t2_191).mul_add(t2_193, t2_53);
+        let t2_203 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_202);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_220 = t2_212 * inv_pivot_4;
-        let pivot_5 = (-t2_210).mul_add(t2_220, t2_8);
-        let t2_221 = (-t2_220).mul_add(t2_216, t2_148);
-        let t2_222 = like.lift(-0.5773502691896257).mul_add(t2_161, t2_221);
-        let t2_223 = (-t2_219).mul_add(t2_220, t2_20);
-        let t2_224 = like.lift(0.5773502691896257).mul_add(t2_54, t2_223);
+        let t2_204 = t2_196 * inv_pivot_4;
+        let pivot_5 = (-t2_194).mul_add(t2_204, t2_7);
+        let t2_205 = (-t2_204).mul_add(t2_200, t2_129);
+        let t2_206 = like.lift(-0.5773502691896257).mul_add(t2_146, t2_205);
+        let t2_207 = (-t2_203).mul_add(t2_204, t2_23);
+        let t2_208 = like.lift(0.5773502691896257).mul_add(t2_42, t2_207);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_225 = -pivot_5;
-        let t2_226 = t2_47 * t2_136;
-        let t2_227 = like.lift(1.1547005383792515) * t2_226;
-        let t2_228 = like.lift(1.1547005383792515) * t2_136;
-        let t2_229 = (-t2_51).mul_add(t2_227, t2_13);
-        let t2_230 = t2_229 * inv_pivot_4;
-        let t2_231 = (-t2_210).mul_add(t2_230, t2_35);
-        let t2_232 = t2_231 * inv_pivot_5;
-        let t2_233 = t2_224.mul_add(t2_232, t2_45);
-        let t2_234 = t2_219.mul_add(t2_230, t2_233);
-        let t2_235 = t2_232.mul_add(t2_222, t2_168);
-        let t2_236 = t2_230.mul_add(t2_216, t2_235);
-        let pivot_6 = t2_54.mul_add(t2_227, t2_234);
-        let t2_237 = (-t2_161).mul_add(t2_227, t2_236);
+        let t2_209 = -pivot_5;
+        let t2_210 = t2_48 * t2_119;
+        let t2_211 = like.lift(1.1547005383792515) * t2_210;
+        let t2_212 = like.lift(1.1547005383792515) * t2_119;
+        let t2_213 = (-t2_21).mul_add(t2_211, t2_12);
+        let t2_214 = t2_213 * inv_pivot_4;
+        let t2_215 = (-t2_194).mul_add(t2_214, t2_28);
+        let t2_216 = t2_215 * inv_pivot_5;
+        let t2_217 = t2_208.mul_add(t2_216, t2_47);
+        let t2_218 = t2_203.mul_add(t2_214, t2_217);
+        let t2_219 = t2_216.mul_add(t2_206, t2_153);
+        let t2_220 = t2_214.mul_add(t2_200, t2_219);
+        let pivot_6 = t2_42.mul_add(t2_211, t2_218);
+        let t2_221 = (-t2_146).mul_add(t2_211, t2_220);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_238 = inv_pivot_6 * t2_237;
-        let t2_239 = (-t2_224).mul_add(t2_238, t2_222);
-        let t2_240 = inv_pivot_5 * t2_239;
+        let t2_222 = inv_pivot_6 * t2_221;
+        let t2_223 = (-t2_208).mul_add(t2_222, t2_206);
+        let t2_224 = inv_pivot_5 * t2_223;
+        let t2_225 = (-t2_203).mul_add(t2_222, t2_200);
+        let t2_226 = (-t2_194).mul_add(t2_224, t2_225);
+        let t2_227 = inv_pivot_4 * t2_226;
+        let t2_228 = (-t2_191).mul_add(t2_222, t2_198);
+        let t2_229 = (-t2_59).mul_add(t2_224, t2_228);
+        let t2_230 = t2_197.mul_add(t2_227, t2_229);
+        let t2_231 = inv_pivot_3 * t2_230;
+        let t2_232 = -pivot_6;
+        let t2_233 = -t2_227;
+        let t2_234 = -t2_222;
+        let t2_235 = -t2_231;
+        let t2_236 = t2_42.mul_add(t2_222, t2_146);
+        let t2_237 = t2_21.mul_add(t2_227, t2_236);
+        let t2_238 = t2_212 * t2_237;
+        let t2_239 = t2_71.mul_add(t2_222, t2_185);
+        let t2_240 = t2_69.mul_add(t2_227, t2_239);
         [
-            t2_9, t2_12, t2_13, t2_20, t2_23, t2_36, t2_46, t2_47, t2_51, t2_54, pivot_1,
-            t2_56, t2_57, t2_59, t2_61, t2_64, t2_67, t2_69, t2_72, t2_75, t2_76, t2_78, t2_80,
-            t2_82, t2_83, t2_84, t2_149, t2_161, t2_168, t2_195, t2_201, t2_203, t2_207,
-            t2_208, inv_pivot_3, t2_210, t2_211, t2_213, t2_214, t2_216, pivot_4, t2_219,
-            inv_pivot_4, t2_225, t2_228, pivot_6, t2_238, t2_240,
+            t2_8, t2_11, t2_12, t2_21, t2_23, t2_26, t2_29, t2_37, t2_42, t2_48, pivot_1,
+            t2_50, t2_51, t2_53, t2_55, t2_58, t2_59, t2_60, t2_63, t2_66, t2_67, t2_69, t2_71,
+            t2_73, t2_74, t2_75, t2_132, t2_146, t2_153, t2_180, t2_185, t2_187, t2_192,
+            t2_195, pivot_4, t2_209, t2_224, t2_231, t2_232, t2_233, t2_234, t2_235, t2_238,
+            t2_240,
         ]
     };
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
         qdd[1] = dd_q2; qdd[6] = dd_q7; qdd[8] = dd_q9;
-        let t3_1 = (-t2_219).mul_add(t2_238, t2_216);
-        let t3_2 = (-t2_210).mul_add(t2_240, t3_1);
-        let t3_3 = inv_pivot_4 * t3_2;
-        let t3_4 = (-t2_207).mul_add(t2_238, t2_214);
-        let t3_5 = (-t2_67).mul_add(t2_240, t3_4);
-        let t3_6 = t2_213.mul_add(t3_3, t3_5);
-        let t3_7 = inv_pivot_3 * t3_6;
-        let t3_8 = -pivot_6;
-        let t3_9 = -t3_3;
-        let t3_10 = -t2_238;
-        let t3_11 = -t3_7;
-        let t3_12 = t2_54.mul_add(t2_238, t2_161);
-        let t3_13 = t2_51.mul_add(t3_3, t3_12);
-        let t3_14 = t2_228 * t3_13;
-        let t3_15 = t2_80.mul_add(t2_238, t2_195);
-        let t3_16 = t2_78.mul_add(t3_3, t3_15);
-        let t3_17 = (-t2_82).mul_add(t3_7, t3_16);
-        let t3_18 = t2_208 * t3_17;
-        let t3_19 = -t3_18;
+        let t3_1 = (-t2_73).mul_add(t2_231, t2_240);
+        let t3_2 = t2_192 * t3_1;
+        let t3_3 = -t3_2;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_84 * like.lift(1.8955297449982944)).abs())
-            .min((t2_211 * like.lift(2.6463477742948585)).abs())
+            .min((t2_75 * like.lift(1.8955297449982944)).abs())
+            .min((t2_195 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_225 * like.lift(0.8284577646309275)).abs())
-            .min((t3_8 * like.lift(2.1915406530791146)).abs());
-        let ([[t3_20], [t3_21], [t3_22], [t3_23], [t3_24], [t3_25]], found) = ::regen_runtime::guarded(
-            [[t2_240], [t3_9], [t3_10], [t3_11], [t3_14], [t3_19]],
+            .min((t2_209 * like.lift(0.8284577646309275)).abs())
+            .min((t2_232 * like.lift(2.1915406530791146)).abs());
+        let ([[t3_4], [t3_5], [t3_6], [t3_7], [t3_8], [t3_9]], found) = ::regen_runtime::guarded(
+            [[t2_224], [t2_233], [t2_234], [t2_235], [t2_238], [t3_3]],
             margin,
             || (
                 [
-                    [t2_9, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
-                    [t2_36, t2_13, t2_46, like.lift(0.0), t2_47, like.lift(0.0)],
-                    [like.lift(0.0), t2_51, t2_54, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_56, t2_57, t2_59, t2_61, like.lift(0.0), t2_64],
-                    [t2_67, t2_69, t2_72, t2_75, like.lift(0.0), t2_76],
-                    [like.lift(0.0), t2_78, t2_80, t2_83, like.lift(0.0), t2_84],
+                    [t2_8, t2_11, t2_23, like.lift(0.0), t2_26, like.lift(0.0)],
+                    [t2_29, t2_12, t2_37, like.lift(0.0), t2_48, like.lift(0.0)],
+                    [like.lift(0.0), t2_21, t2_42, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_50, t2_51, t2_53, t2_55, like.lift(0.0), t2_58],
+                    [t2_59, t2_60, t2_63, t2_66, like.lift(0.0), t2_67],
+                    [like.lift(0.0), t2_69, t2_71, t2_74, like.lift(0.0), t2_75],
                 ],
-                [[t2_149], [t2_168], [t2_161], [t2_203], [t2_201], [t2_195]],
+                [[t2_132], [t2_153], [t2_146], [t2_187], [t2_180], [t2_185]],
             ),
         );
         condition = condition.min(found);
-        qdd[0] = t3_20; qdd[2] = t3_21; qdd[3] = t3_22; qdd[4] = t3_23; qdd[5] = t3_24; qdd[7] = t3_25;
+        qdd[0] = t3_4; qdd[2] = t3_5; qdd[3] = t3_6; qdd[4] = t3_7; qdd[5] = t3_8; qdd[7] = t3_9;
     }
     (qdd, Condition { pivot: condition })
 }
@@ -1779,7 +1723,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 248 additions, 435 multiplications, 6 divisions, 6 sines and cosines.
+/// 230 additions, 412 multiplications, 6 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 79]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0] = [zero; 3];
@@ -1858,7 +1802,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_109, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_98, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
         x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
         x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
@@ -1868,237 +1812,228 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = sin_s1_3 * t2_6;
-        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_9 = -t2_8;
+        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_8 = -t2_7;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_11 = cos_q1 * t2_10;
-        let t2_12 = sin_q1 * t2_10;
-        let t2_13 = sin_q1 * sin_s1_1;
-        let t2_14 = cos_s1_3.mul_add(t2_13, t2_7);
-        let t2_15 = like.lift(0.22815) * t2_4;
-        let t2_16 = like.lift(-0.39516739174683935).mul_add(t2_14, t2_15);
-        let t2_17 = t2_1 - t2_16;
-        let t2_18 = t2_13 * e_s1_2_q1x;
-        let t2_19 = cos_s1_1.mul_add(t2_4, t2_18);
-        let t2_20 = like.lift(0.4563) * t2_19;
-        let t2_21 = cos_q6 * q7;
-        let t2_22 = like.lift(0.5) * t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q1 * q2;
-        let t2_25 = cos_q1 * cos_s1_1;
-        let t2_26 = sin_q1 * sin_s1_2;
-        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
-        let t2_28 = sin_s1_2 * t2_25;
-        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
-        let t2_30 = like.lift(-0.4563).mul_add(t2_27, t2_24);
-        let t2_31 = -t2_30;
-        let t2_32 = cos_q1 * sin_s1_1;
-        let t2_33 = cos_s1_3 * t2_32;
-        let t2_34 = (-sin_s1_3).mul_add(t2_29, t2_33);
-        let t2_35 = like.lift(0.39516739174683935) * t2_34;
-        let t2_36 = t2_35 - t2_24;
-        let t2_37 = cos_s1_1 * t2_27;
-        let t2_38 = (-t2_32).mul_add(e_s1_2_q1x, t2_37);
-        let t2_39 = like.lift(0.4563) * t2_38;
-        let t2_40 = -t2_39;
-        let t2_41 = -t2_40;
-        let t2_42 = sin_q6 * q7;
-        let t2_43 = sin_q1 * t2_4;
-        let t2_44 = (-cos_q1).mul_add(t2_27, t2_43);
-        let t2_45 = like.lift(0.4563) * t2_44;
-        let t2_46 = -t2_45;
-        let t2_47 = t2_32 * t2_4;
-        let t2_48 = t2_13.mul_add(t2_27, t2_47);
-        let t2_49 = like.lift(0.4563) * t2_48;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
-        let t2_50 = like.lift(1.0) / t2_21;
-        let t2_51 = -t2_17;
+        let t2_9 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_10 = cos_q1 * t2_9;
+        let t2_11 = sin_q1 * t2_9;
+        let t2_12 = sin_q1 * sin_s1_1;
+        let t2_13 = cos_q1 * cos_s1_1;
+        let t2_14 = sin_s1_2 * t2_13;
+        let t2_15 = sin_q1.mul_add(cos_s1_2, t2_14);
+        let t2_16 = sin_q1 * sin_s1_2;
+        let t2_17 = (-cos_s1_2).mul_add(t2_13, t2_16);
+        let t2_18 = like.lift(0.4563) * t2_15;
+        let t2_19 = cos_q6 * q7;
+        let t2_20 = like.lift(0.5) * t2_19;
+        let t2_21 = -t2_20;
+        let t2_22 = sin_q1 * q2;
+        let t2_23 = like.lift(-0.4563).mul_add(t2_17, t2_22);
+        let t2_24 = -t2_23;
+        let t2_25 = cos_q1 * sin_s1_1;
+        let t2_26 = cos_s1_3 * t2_25;
+        let t2_27 = (-sin_s1_3).mul_add(t2_15, t2_26);
+        let t2_28 = like.lift(0.39516739174683935) * t2_27;
+        let t2_29 = like.lift(0.22815) * t2_17;
+        let t2_30 = t2_29 + t2_28;
+        let t2_31 = t2_30 - t2_22;
+        let t2_32 = like.lift(-0.4563) * t2_6;
+        let t2_33 = sin_s1_3 * t2_6;
+        let t2_34 = cos_s1_3.mul_add(t2_12, t2_33);
+        let t2_35 = like.lift(0.22815) * t2_4;
+        let t2_36 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_35);
+        let t2_37 = t2_1 - t2_36;
+        let t2_38 = -t2_32;
+        let t2_39 = sin_q6 * q7;
+        let t2_40 = cos_s1_2 * cos_s1_1;
+        let t2_41 = like.lift(0.4563) * t2_40;
+        let t2_42 = -t2_41;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let t2_52 = sin_s1_3 * e_s1_2_q1z;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
-        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
-        let t2_55 = cos_q1 * t2_54;
-        let t2_56 = t2_13 * t2_54;
-        let t2_57 = cos_s1_1.mul_add(t2_16, t2_56);
-        let t2_58 = e_s1_2_q1x * t2_16;
-        let t2_59 = (-t2_4).mul_add(t2_54, t2_58);
-        let t2_60 = cos_q8 * q9;
-        let t2_61 = like.lift(0.5) * t2_60;
-        let t2_62 = -t2_61;
-        let t2_63 = like.lift(0.22815) * t2_27;
-        let t2_64 = t2_36 + t2_63;
-        let t2_65 = t2_63 + t2_35;
-        let t2_66 = t2_4 * t2_65;
-        let t2_67 = (-t2_27).mul_add(t2_16, t2_66);
-        let t2_68 = t2_27 * t2_54;
-        let t2_69 = (-e_s1_2_q1x).mul_add(t2_65, t2_68);
-        let t2_70 = t2_32 * t2_16;
-        let t2_71 = t2_13.mul_add(t2_65, t2_70);
-        let t2_72 = t2_32 * t2_54;
-        let t2_73 = sin_q1 * t2_54;
-        let t2_74 = (-cos_s1_1).mul_add(t2_65, t2_72);
-        let t2_75 = cos_q1 * t2_65;
-        let t2_76 = (-sin_q1).mul_add(t2_16, t2_75);
-        let t2_77 = -t2_74;
-        let t2_78 = -t2_69;
-        let t2_79 = sin_q8 * q9;
-        let t2_80 = -t2_67;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
-        let t2_81 = -pivot_2;
-        let t2_82 = like.lift(1.0) / t2_60;
-        let t2_83 = -sin_q1;
-        let t2_84 = like.lift(0.5) * sin_q6;
-        let t2_85 = -t2_84;
-        let t2_86 = -cos_q6;
-        let t2_87 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_88 = like.lift(0.5) * sin_q8;
-        let t2_89 = -t2_88;
-        let t2_90 = -cos_q8;
-        let t2_91 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_92 = -t2_91;
-        let t2_93 = like.lift(0.5773502691896257).mul_add(t2_67, t2_59);
-        let t2_94 = t2_79 * t2_82;
-        let t2_95 = like.lift(1.1547005383792515) * t2_82;
-        let t2_96 = like.lift(1.1547005383792515) * t2_94;
-        let pivot_3 = t2_67.mul_add(t2_96, t2_69);
-        let t2_97 = (-t2_71).mul_add(t2_96, t2_74);
-        let t2_98 = t2_76.mul_add(t2_96, t2_73);
-        let t2_99 = sin_q8.mul_add(t2_94, cos_q8);
+        let t2_43 = like.lift(0.4563) * e_s1_2_q1z;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_19;
+        let t2_44 = like.lift(1.0) / t2_19;
+        let t2_45 = -t2_37;
+        let t2_46 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_46);
+        let t2_47 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_48 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_47);
+        let t2_49 = cos_q1 * t2_48;
+        let t2_50 = t2_12 * t2_48;
+        let t2_51 = cos_s1_1.mul_add(t2_36, t2_50);
+        let t2_52 = t2_25 * t2_36;
+        let t2_53 = t2_12.mul_add(t2_30, t2_52);
+        let t2_54 = t2_25 * t2_48;
+        let t2_55 = (-cos_s1_1).mul_add(t2_30, t2_54);
+        let t2_56 = e_s1_2_q1x * t2_36;
+        let t2_57 = (-t2_4).mul_add(t2_48, t2_56);
+        let t2_58 = t2_4 * t2_30;
+        let t2_59 = (-t2_17).mul_add(t2_36, t2_58);
+        let t2_60 = t2_17 * t2_48;
+        let t2_61 = sin_q1 * t2_48;
+        let t2_62 = (-e_s1_2_q1x).mul_add(t2_30, t2_60);
+        let t2_63 = cos_q1 * t2_30;
+        let t2_64 = (-sin_q1).mul_add(t2_36, t2_63);
+        let t2_65 = cos_q8 * q9;
+        let t2_66 = like.lift(0.5) * t2_65;
+        let t2_67 = -t2_66;
+        let t2_68 = -t2_55;
+        let t2_69 = -t2_62;
+        let t2_70 = sin_q8 * q9;
+        let t2_71 = -t2_59;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_65;
+        let t2_72 = -pivot_2;
+        let t2_73 = like.lift(1.0) / t2_65;
+        let t2_74 = -sin_q1;
+        let t2_75 = like.lift(0.5) * sin_q6;
+        let t2_76 = -t2_75;
+        let t2_77 = -cos_q6;
+        let t2_78 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_79 = like.lift(0.5) * sin_q8;
+        let t2_80 = -t2_79;
+        let t2_81 = -cos_q8;
+        let t2_82 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_83 = -t2_82;
+        let t2_84 = like.lift(0.5773502691896257).mul_add(t2_59, t2_57);
+        let t2_85 = t2_70 * t2_73;
+        let t2_86 = like.lift(1.1547005383792515) * t2_85;
+        let pivot_3 = t2_59.mul_add(t2_86, t2_62);
+        let t2_87 = (-t2_53).mul_add(t2_86, t2_55);
+        let t2_88 = t2_64.mul_add(t2_86, t2_61);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_100 = t2_93 * inv_pivot_3;
-        let t2_101 = (-t2_64).mul_add(t2_100, t2_17);
-        let t2_102 = -pivot_3;
-        let t2_103 = like.lift(0.5773502691896257).mul_add(t2_46, t2_11);
-        let t2_104 = t2_98.mul_add(t2_100, t2_55);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_104);
+        let t2_89 = t2_84 * inv_pivot_3;
+        let t2_90 = (-t2_31).mul_add(t2_89, t2_37);
+        let t2_91 = -pivot_3;
+        let t2_92 = like.lift(0.5773502691896257).mul_add(t2_42, t2_10);
+        let t2_93 = t2_88.mul_add(t2_89, t2_49);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_64, t2_93);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_105 = t2_103 * inv_pivot_4;
-        let pivot_5 = (-t2_101).mul_add(t2_105, t2_8);
+        let t2_94 = t2_92 * inv_pivot_4;
+        let pivot_5 = (-t2_90).mul_add(t2_94, t2_7);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_106 = -pivot_5;
-        let t2_107 = (-cos_q1).mul_add(t2_100, sin_q1);
-        let t2_108 = (-t2_107).mul_add(t2_105, sin_q1);
-        let t2_109 = like.lift(9.81) * sin_q1;
-        let t2_110 = (-t2_97).mul_add(t2_100, t2_57);
-        let t2_111 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_110);
-        let t2_112 = t2_99 * t2_100;
-        let t2_113 = (-t2_111).mul_add(t2_105, t2_20);
-        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_49, t2_113);
-        let t2_115 = t2_112 * t2_105;
-        let t2_116 = t2_42 * t2_50;
-        let t2_117 = like.lift(1.1547005383792515) * t2_50;
-        let t2_118 = like.lift(1.1547005383792515) * t2_116;
-        let t2_119 = sin_q6.mul_add(t2_116, cos_q6);
-        let t2_120 = (-t2_46).mul_add(t2_118, t2_12);
-        let t2_121 = t2_120 * inv_pivot_4;
-        let t2_122 = (-t2_101).mul_add(t2_121, t2_30);
-        let t2_123 = t2_122 * inv_pivot_5;
-        let t2_124 = t2_114.mul_add(t2_123, t2_40);
-        let t2_125 = t2_111.mul_add(t2_121, t2_124);
-        let pivot_6 = t2_49.mul_add(t2_118, t2_125);
-        let t2_126 = t2_108.mul_add(t2_123, cos_q1);
-        let t2_127 = t2_107.mul_add(t2_121, t2_126);
-        let t2_128 = t2_112 * t2_121;
-        let t2_129 = (-t2_115).mul_add(t2_123, t2_128);
+        let t2_95 = -pivot_5;
+        let t2_96 = (-cos_q1).mul_add(t2_89, sin_q1);
+        let t2_97 = (-t2_96).mul_add(t2_94, sin_q1);
+        let t2_98 = like.lift(9.81) * sin_q1;
+        let t2_99 = (-t2_87).mul_add(t2_89, t2_51);
+        let t2_100 = like.lift(-0.5773502691896257).mul_add(t2_53, t2_99);
+        let t2_101 = (-t2_100).mul_add(t2_94, t2_18);
+        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_43, t2_101);
+        let t2_103 = t2_39 * t2_44;
+        let t2_104 = like.lift(1.1547005383792515) * t2_103;
+        let t2_105 = (-t2_42).mul_add(t2_104, t2_11);
+        let t2_106 = t2_105 * inv_pivot_4;
+        let t2_107 = (-t2_90).mul_add(t2_106, t2_23);
+        let t2_108 = t2_107 * inv_pivot_5;
+        let t2_109 = t2_102.mul_add(t2_108, t2_38);
+        let t2_110 = t2_100.mul_add(t2_106, t2_109);
+        let pivot_6 = t2_43.mul_add(t2_104, t2_110);
+        let t2_111 = t2_97.mul_add(t2_108, cos_q1);
+        let t2_112 = t2_96.mul_add(t2_106, t2_111);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_130 = t2_127 * inv_pivot_6;
-        let t2_131 = (-t2_114).mul_add(t2_130, t2_108);
+        let t2_113 = t2_112 * inv_pivot_6;
+        let t2_114 = (-t2_102).mul_add(t2_113, t2_97);
+        let t2_115 = inv_pivot_5 * t2_114;
+        let t2_116 = (-t2_100).mul_add(t2_113, t2_96);
+        let t2_117 = (-t2_90).mul_add(t2_115, t2_116);
+        let t2_118 = inv_pivot_4 * t2_117;
+        let t2_119 = -pivot_6;
+        let t2_120 = q7 * t2_44;
+        let t2_121 = t2_120 * inv_pivot_6;
+        let t2_122 = like.lift(1.1547005383792515) * t2_44;
+        let t2_123 = inv_pivot_5 * t2_102;
+        let t2_124 = t2_123 * t2_121;
+        let t2_125 = q9 * t2_73;
+        let t2_126 = t2_125 * t2_89;
+        let t2_127 = t2_126 * t2_94;
+        let t2_128 = t2_126 * t2_106;
+        let t2_129 = (-t2_127).mul_add(t2_108, t2_128);
+        let t2_130 = t2_129 * inv_pivot_6;
+        let t2_131 = t2_102.mul_add(t2_130, t2_127);
         let t2_132 = inv_pivot_5 * t2_131;
-        let t2_133 = t2_119 * inv_pivot_6;
-        let t2_134 = t2_129 * inv_pivot_6;
-        let t2_135 = t2_114.mul_add(t2_134, t2_115);
-        let t2_136 = inv_pivot_5 * t2_114;
-        let t2_137 = inv_pivot_5 * t2_135;
-        let t2_138 = t2_136 * t2_133;
-        let t2_139 = (-t2_111).mul_add(t2_130, t2_107);
-        let t2_140 = (-t2_101).mul_add(t2_132, t2_139);
-        let t2_141 = inv_pivot_4 * t2_140;
-        let t2_142 = (-t2_111).mul_add(t2_134, t2_112);
-        let t2_143 = t2_101.mul_add(t2_137, t2_142);
-        let t2_144 = t2_101 * t2_138;
-        let t2_145 = (-t2_111).mul_add(t2_133, t2_144);
-        let t2_146 = inv_pivot_4 * t2_145;
-        let t2_147 = inv_pivot_4 * t2_143;
-        let t2_148 = t2_97.mul_add(t2_134, t2_99);
-        let t2_149 = (-t2_64).mul_add(t2_137, t2_148);
-        let t2_150 = -t2_137;
-        let t2_151 = (-t2_98).mul_add(t2_147, t2_149);
-        let t2_152 = inv_pivot_3 * t2_151;
-        let t2_153 = (-t2_71).mul_add(t2_134, t2_91);
-        let t2_154 = (-t2_76).mul_add(t2_147, t2_153);
-        let t2_155 = (-t2_67).mul_add(t2_152, t2_154);
-        let t2_156 = t2_155 * t2_95;
-        let t2_157 = -pivot_6;
-        let t2_158 = -t2_141;
-        let t2_159 = -t2_147;
-        let t2_160 = t2_49 * t2_134;
-        let t2_161 = t2_46.mul_add(t2_147, t2_160);
-        let t2_162 = -t2_134;
-        let t2_163 = t2_161 * t2_117;
-        let t2_164 = -t2_130;
-        let t2_165 = (-t2_97).mul_add(t2_130, cos_q1);
-        let t2_166 = (-t2_64).mul_add(t2_132, t2_165);
-        let t2_167 = t2_98.mul_add(t2_141, t2_166);
-        let t2_168 = inv_pivot_3 * t2_167;
-        let t2_169 = t2_64 * t2_138;
-        let t2_170 = (-t2_97).mul_add(t2_133, t2_169);
-        let t2_171 = t2_98.mul_add(t2_146, t2_170);
-        let t2_172 = inv_pivot_3 * t2_171;
-        let t2_173 = -t2_168;
-        let t2_174 = t2_67 * t2_168;
-        let t2_175 = (-t2_71).mul_add(t2_130, t2_174);
-        let t2_176 = t2_49 * t2_130;
-        let t2_177 = t2_46.mul_add(t2_141, t2_176);
-        let t2_178 = (-t2_76).mul_add(t2_141, t2_175);
-        let t2_179 = t2_177 * t2_117;
-        let t2_180 = t2_178 * t2_95;
-        let t2_181 = t2_67 * t2_172;
-        let t2_182 = (-t2_71).mul_add(t2_133, t2_181);
-        let t2_183 = (-t2_76).mul_add(t2_146, t2_182);
-        let t2_184 = t2_183 * t2_95;
-        let t2_185 = -t2_184;
-        let t2_186 = (-t2_49).mul_add(t2_133, t2_87);
-        let t2_187 = (-t2_46).mul_add(t2_146, t2_186);
-        let t2_188 = t2_187 * t2_117;
+        let t2_133 = (-t2_100).mul_add(t2_130, t2_126);
+        let t2_134 = t2_90.mul_add(t2_132, t2_133);
+        let t2_135 = t2_90 * t2_124;
+        let t2_136 = (-t2_100).mul_add(t2_121, t2_135);
+        let t2_137 = inv_pivot_4 * t2_136;
+        let t2_138 = inv_pivot_4 * t2_134;
+        let t2_139 = t2_87.mul_add(t2_130, t2_125);
+        let t2_140 = (-t2_31).mul_add(t2_132, t2_139);
+        let t2_141 = -t2_132;
+        let t2_142 = (-t2_88).mul_add(t2_138, t2_140);
+        let t2_143 = inv_pivot_3 * t2_142;
+        let t2_144 = like.lift(1.1547005383792515) * t2_73;
+        let t2_145 = (-t2_53).mul_add(t2_130, t2_82);
+        let t2_146 = (-t2_64).mul_add(t2_138, t2_145);
+        let t2_147 = (-t2_59).mul_add(t2_143, t2_146);
+        let t2_148 = t2_147 * t2_144;
+        let t2_149 = -t2_118;
+        let t2_150 = -t2_138;
+        let t2_151 = t2_43 * t2_130;
+        let t2_152 = t2_42.mul_add(t2_138, t2_151);
+        let t2_153 = -t2_130;
+        let t2_154 = t2_152 * t2_122;
+        let t2_155 = -t2_113;
+        let t2_156 = (-t2_87).mul_add(t2_113, cos_q1);
+        let t2_157 = (-t2_31).mul_add(t2_115, t2_156);
+        let t2_158 = t2_88.mul_add(t2_118, t2_157);
+        let t2_159 = inv_pivot_3 * t2_158;
+        let t2_160 = t2_31 * t2_124;
+        let t2_161 = (-t2_87).mul_add(t2_121, t2_160);
+        let t2_162 = t2_88.mul_add(t2_137, t2_161);
+        let t2_163 = inv_pivot_3 * t2_162;
+        let t2_164 = -t2_159;
+        let t2_165 = t2_59 * t2_159;
+        let t2_166 = (-t2_53).mul_add(t2_113, t2_165);
+        let t2_167 = t2_43 * t2_113;
+        let t2_168 = t2_42.mul_add(t2_118, t2_167);
+        let t2_169 = (-t2_64).mul_add(t2_118, t2_166);
+        let t2_170 = t2_168 * t2_122;
+        let t2_171 = t2_169 * t2_144;
+        let t2_172 = t2_59 * t2_163;
+        let t2_173 = (-t2_53).mul_add(t2_121, t2_172);
+        let t2_174 = (-t2_64).mul_add(t2_137, t2_173);
+        let t2_175 = t2_174 * t2_144;
+        let t2_176 = -t2_175;
+        let t2_177 = (-t2_43).mul_add(t2_121, t2_78);
+        let t2_178 = (-t2_42).mul_add(t2_137, t2_177);
+        let t2_179 = t2_178 * t2_122;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_81 * like.lift(1.8955297449982944)).abs())
-            .min((t2_102 * like.lift(2.6463477742948585)).abs())
+            .min((t2_72 * like.lift(1.8955297449982944)).abs())
+            .min((t2_91 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_106 * like.lift(0.8284577646309275)).abs())
-            .min((t2_157 * like.lift(2.1915406530791146)).abs());
+            .min((t2_95 * like.lift(0.8284577646309275)).abs())
+            .min((t2_119 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_132, t2_138, t2_150], [t2_158, t2_146, t2_159], [t2_164, t2_133, t2_162],
-                [t2_173, t2_172, t2_152], [t2_179, t2_188, t2_163], [t2_180, t2_185, t2_156],
+                [t2_115, t2_124, t2_141], [t2_149, t2_137, t2_150], [t2_155, t2_121, t2_153],
+                [t2_164, t2_163, t2_143], [t2_170, t2_179, t2_154], [t2_171, t2_176, t2_148],
             ],
             margin,
             || (
                 [
-                    [t2_9, t2_11, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
-                    [t2_31, t2_12, t2_41, like.lift(0.0), t2_42, like.lift(0.0)],
-                    [like.lift(0.0), t2_46, t2_49, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_51, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
-                    [t2_64, t2_73, t2_77, t2_78, like.lift(0.0), t2_79],
-                    [like.lift(0.0), t2_76, t2_71, t2_80, like.lift(0.0), t2_81],
+                    [t2_8, t2_10, t2_18, like.lift(0.0), t2_21, like.lift(0.0)],
+                    [t2_24, t2_11, t2_32, like.lift(0.0), t2_39, like.lift(0.0)],
+                    [like.lift(0.0), t2_42, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_45, t2_49, t2_51, t2_57, like.lift(0.0), t2_67],
+                    [t2_31, t2_61, t2_68, t2_69, like.lift(0.0), t2_70],
+                    [like.lift(0.0), t2_64, t2_53, t2_71, like.lift(0.0), t2_72],
                 ],
                 [
-                    [t2_83, t2_85, like.lift(0.0)], [cos_q1, t2_86, like.lift(0.0)],
-                    [like.lift(0.0), t2_87, like.lift(0.0)], [t2_83, like.lift(0.0), t2_89],
-                    [cos_q1, like.lift(0.0), t2_90], [like.lift(0.0), like.lift(0.0), t2_92],
+                    [t2_74, t2_76, like.lift(0.0)], [cos_q1, t2_77, like.lift(0.0)],
+                    [like.lift(0.0), t2_78, like.lift(0.0)], [t2_74, like.lift(0.0), t2_80],
+                    [cos_q1, like.lift(0.0), t2_81], [like.lift(0.0), like.lift(0.0), t2_83],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_109, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_98, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
             x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
             x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
@@ -2122,58 +2057,62 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let w_izz_1_q9 = dd_q1 * x_q1_q9;
         let t3_3 = -w_izz_1_q9;
         w[5][2] = t3_3;
-        let w_my_1_q2 = x_q1_q2 * t2_109;
+        let w_my_1_q2 = x_q1_q2 * t2_98;
         let t3_4 = -w_my_1_q2;
         w[7][0] = t3_4;
-        let w_my_1_q7 = x_q1_q7 * t2_109;
+        let w_my_1_q7 = x_q1_q7 * t2_98;
         let t3_5 = -w_my_1_q7;
         w[7][1] = t3_5;
-        let w_my_1_q9 = x_q1_q9 * t2_109;
+        let w_my_1_q9 = x_q1_q9 * t2_98;
         let t3_6 = -w_my_1_q9;
         w[7][2] = t3_6;
         [a_1y, t3_1, t3_2, t3_3]
     };
     let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [a_2z, a_2x] = {
+    let [a_2z, a_2x, w_m_2_q2, w_m_2_q7, w_m_2_q9] = {
         w[13][0] = t3_1; w[13][1] = t3_2; w[13][2] = t3_3;
-        let t4_1 = like.lift(2.0) * d_q1;
-        let t4_2 = (-t4_1).mul_add(d_q2, t2_109);
-        let t4_3 = d_q1 * d_q1;
-        let t4_4 = (-q2).mul_add(t4_3, dd_q2);
-        let a_2z = t4_4 + a_1y;
-        let t4_5 = dd_q2 + a_1y;
-        let w_mx_2_q7 = x_q1_q7 * t4_5;
-        w[16][1] = w_mx_2_q7;
-        let w_mx_2_q9 = x_q1_q9 * t4_5;
-        w[16][2] = w_mx_2_q9;
-        let t4_6 = q2 * x_q1_q2;
-        let t4_7 = x_q1_q2.mul_add(a_2z, -dd_q1);
-        let w_mx_2_q2 = t4_3.mul_add(t4_6, t4_7);
+        let t4_1 = dd_q2 + a_1y;
+        let w_mx_2_q2 = x_q1_q2.mul_add(t4_1, -dd_q1);
         w[16][0] = w_mx_2_q2;
-        let t4_8 = q2 * dd_q1;
-        let a_2x = t4_2 - t4_8;
-        let t4_9 = x_q1_q2.mul_add(a_2x, -t4_3);
-        let w_mz_2_q2 = (-dd_q1).mul_add(t4_6, t4_9);
+        let w_mx_2_q7 = x_q1_q7 * t4_1;
+        w[16][1] = w_mx_2_q7;
+        let w_mx_2_q9 = x_q1_q9 * t4_1;
+        w[16][2] = w_mx_2_q9;
+        let t4_2 = like.lift(2.0) * d_q1;
+        let t4_3 = (-t4_2).mul_add(d_q2, t2_98);
+        let t4_4 = d_q1 * d_q1;
+        let a_2z = (-q2).mul_add(t4_4, t4_1);
+        let t4_5 = q2 * x_q1_q2;
+        let t4_6 = q2 * dd_q1;
+        let a_2x = t4_3 - t4_6;
+        let t4_7 = x_q1_q2.mul_add(a_2x, -t4_4);
+        let w_mz_2_q2 = (-dd_q1).mul_add(t4_5, t4_7);
         w[18][0] = w_mz_2_q2;
-        let w_m_2_q2 = a_2x.mul_add(t4_6, a_2z);
+        let t4_8 = t4_6 - a_2x;
+        let w_m_2_q2 = a_2x.mul_add(t4_5, a_2z);
         w[19][0] = w_m_2_q2;
-        let t4_10 = t4_8 - a_2x;
-        let w_mz_2_q7 = x_q1_q7 * t4_10;
-        let t4_11 = -w_mz_2_q7;
-        w[18][1] = t4_11;
-        let w_mz_2_q9 = x_q1_q9 * t4_10;
-        let t4_12 = -w_mz_2_q9;
-        w[18][2] = t4_12;
-        let t4_13 = q2 * a_2x;
-        let w_m_2_q7 = x_q1_q7 * t4_13;
+        let w_mz_2_q7 = x_q1_q7 * t4_8;
+        let t4_9 = -w_mz_2_q7;
+        w[18][1] = t4_9;
+        let w_mz_2_q9 = x_q1_q9 * t4_8;
+        let t4_10 = -w_mz_2_q9;
+        w[18][2] = t4_10;
+        let t4_11 = q2 * a_2x;
+        let w_m_2_q7 = x_q1_q7 * t4_11;
         w[19][1] = w_m_2_q7;
-        let w_m_2_q9 = x_q1_q9 * t4_13;
+        let w_m_2_q9 = x_q1_q9 * t4_11;
         w[19][2] = w_m_2_q9;
-        [a_2z, a_2x]
+        [a_2z, a_2x, w_m_2_q2, w_m_2_q7, w_m_2_q9]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        let w_m_3_q2 = w_m_2_q2 + like.lift(0.0);
+        w[29][0] = w_m_3_q2;
+        let w_m_3_q7 = w_m_2_q7 + like.lift(0.0);
+        w[29][1] = w_m_3_q7;
+        let w_m_3_q9 = w_m_2_q9 + like.lift(0.0);
+        w[29][2] = w_m_3_q9;
         let t5_1 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
         let t5_2 = e_s1_2_q1x.mul_add(x_q1_q2, t5_1);
         let t5_3 = (-sin_s1_2).mul_add(x_s1_1_q7, x_s1_3_q7);
@@ -2363,70 +2302,58 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let t5_123 = a_3y * t5_2;
         let t5_124 = a_s1_2x.mul_add(t5_28, t5_123);
         let t5_125 = t5_65.mul_add(t5_116, t5_122);
-        let t5_126 = (-t5_111).mul_add(t5_115, t5_125);
-        let w_my_3_q2 = (-t5_94).mul_add(t5_107, t5_126);
+        let t5_126 = (-t5_112).mul_add(t5_116, t5_124);
+        let t5_127 = (-t5_111).mul_add(t5_115, t5_125);
+        let t5_128 = (-t5_66).mul_add(t5_115, t5_126);
+        let w_my_3_q2 = (-t5_94).mul_add(t5_107, t5_127);
         w[27][0] = w_my_3_q2;
-        let t5_127 = (-t5_112).mul_add(t5_116, t5_124);
-        let t5_128 = (-t5_66).mul_add(t5_115, t5_127);
         let w_mz_3_q2 = t5_85.mul_add(t5_107, t5_128);
         w[28][0] = w_mz_3_q2;
-        let t5_129 = a_3y * t5_115;
-        let t5_130 = (-a_3z).mul_add(t5_116, t5_129);
-        let w_m_3_q2 = a_s1_2x.mul_add(t5_107, t5_130);
-        w[29][0] = w_m_3_q2;
-        let t5_131 = u_s1_2_q1x * x_q1_q7;
-        let t5_132 = u_s1_2_q1x * x_q1_q9;
-        let t5_133 = u_3_q1y * x_q1_q7;
-        let t5_134 = u_3_q1z * x_q1_q7;
-        let t5_135 = u_3_q1y * x_q1_q9;
-        let t5_136 = u_3_q1z * x_q1_q9;
-        let t5_137 = a_3y * t5_43;
-        let t5_138 = (-a_3z).mul_add(t5_42, t5_137);
-        let t5_139 = (-t5_59).mul_add(t5_134, t5_138);
-        let t5_140 = (-t5_61).mul_add(t5_133, t5_139);
-        let w_mx_3_q7 = t5_110.mul_add(t5_131, t5_140);
+        let t5_129 = u_s1_2_q1x * x_q1_q7;
+        let t5_130 = u_s1_2_q1x * x_q1_q9;
+        let t5_131 = u_3_q1y * x_q1_q7;
+        let t5_132 = u_3_q1z * x_q1_q7;
+        let t5_133 = u_3_q1y * x_q1_q9;
+        let t5_134 = u_3_q1z * x_q1_q9;
+        let t5_135 = a_3y * t5_43;
+        let t5_136 = (-a_3z).mul_add(t5_42, t5_135);
+        let t5_137 = (-t5_59).mul_add(t5_132, t5_136);
+        let t5_138 = (-t5_61).mul_add(t5_131, t5_137);
+        let w_mx_3_q7 = t5_110.mul_add(t5_129, t5_138);
         w[26][1] = w_mx_3_q7;
-        let t5_141 = a_s1_2x * t5_43;
-        let t5_142 = a_3z.mul_add(t5_4, t5_141);
-        let t5_143 = a_3y * t5_4;
-        let t5_144 = a_s1_2x.mul_add(t5_42, t5_143);
-        let t5_145 = (-t5_65).mul_add(t5_134, t5_142);
-        let t5_146 = (-t5_111).mul_add(t5_133, t5_145);
-        let w_my_3_q7 = (-t5_94).mul_add(t5_131, t5_146);
+        let t5_139 = a_s1_2x * t5_43;
+        let t5_140 = a_3z.mul_add(t5_4, t5_139);
+        let t5_141 = a_3y * t5_4;
+        let t5_142 = a_s1_2x.mul_add(t5_42, t5_141);
+        let t5_143 = (-t5_65).mul_add(t5_132, t5_140);
+        let t5_144 = t5_112.mul_add(t5_132, t5_142);
+        let t5_145 = (-t5_111).mul_add(t5_131, t5_143);
+        let t5_146 = (-t5_66).mul_add(t5_131, t5_144);
+        let w_my_3_q7 = (-t5_94).mul_add(t5_129, t5_145);
         w[27][1] = w_my_3_q7;
-        let t5_147 = t5_112.mul_add(t5_134, t5_144);
-        let t5_148 = (-t5_66).mul_add(t5_133, t5_147);
-        let w_mz_3_q7 = t5_85.mul_add(t5_131, t5_148);
+        let w_mz_3_q7 = t5_85.mul_add(t5_129, t5_146);
         w[28][1] = w_mz_3_q7;
-        let t5_149 = a_3z * t5_134;
-        let t5_150 = a_3y.mul_add(t5_133, t5_149);
-        let w_m_3_q7 = a_s1_2x.mul_add(t5_131, t5_150);
-        w[29][1] = w_m_3_q7;
-        let t5_151 = a_3y * t5_53;
-        let t5_152 = (-a_3z).mul_add(t5_50, t5_151);
-        let t5_153 = (-t5_59).mul_add(t5_136, t5_152);
-        let t5_154 = (-t5_61).mul_add(t5_135, t5_153);
-        let w_mx_3_q9 = t5_110.mul_add(t5_132, t5_154);
+        let t5_147 = a_3y * t5_53;
+        let t5_148 = (-a_3z).mul_add(t5_50, t5_147);
+        let t5_149 = (-t5_59).mul_add(t5_134, t5_148);
+        let t5_150 = (-t5_61).mul_add(t5_133, t5_149);
+        let w_mx_3_q9 = t5_110.mul_add(t5_130, t5_150);
         w[26][2] = w_mx_3_q9;
-        let t5_155 = a_s1_2x * t5_53;
-        let t5_156 = a_3z.mul_add(t5_6, t5_155);
-        let t5_157 = (-t5_65).mul_add(t5_136, t5_156);
-        let t5_158 = (-t5_111).mul_add(t5_135, t5_157);
-        let w_my_3_q9 = (-t5_94).mul_add(t5_132, t5_158);
+        let t5_151 = a_s1_2x * t5_53;
+        let t5_152 = a_3z.mul_add(t5_6, t5_151);
+        let t5_153 = a_3y * t5_6;
+        let t5_154 = a_s1_2x.mul_add(t5_50, t5_153);
+        let t5_155 = (-t5_65).mul_add(t5_134, t5_152);
+        let t5_156 = t5_112.mul_add(t5_134, t5_154);
+        let t5_157 = (-t5_111).mul_add(t5_133, t5_155);
+        let t5_158 = (-t5_66).mul_add(t5_133, t5_156);
+        let w_my_3_q9 = (-t5_94).mul_add(t5_130, t5_157);
         w[27][2] = w_my_3_q9;
-        let t5_159 = a_3y * t5_6;
-        let t5_160 = a_s1_2x.mul_add(t5_50, t5_159);
-        let t5_161 = t5_112.mul_add(t5_136, t5_160);
-        let t5_162 = (-t5_66).mul_add(t5_135, t5_161);
-        let t5_163 = a_3z * t5_136;
-        let t5_164 = a_3y.mul_add(t5_135, t5_163);
-        let w_mz_3_q9 = t5_85.mul_add(t5_132, t5_162);
+        let w_mz_3_q9 = t5_85.mul_add(t5_130, t5_158);
         w[28][2] = w_mz_3_q9;
-        let w_m_3_q9 = a_s1_2x.mul_add(t5_132, t5_164);
-        w[29][2] = w_m_3_q9;
     }
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [a_4y, t6_1, t6_2, t6_3, t6_4] = {
+    let [a_4y, t6_1, t6_2, t6_3, w_izz_4_q7, t6_7] = {
         let a_4y = like.lift(9.81) * cos_q6;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
         w[36][0] = w_mx_4_q2;
@@ -2438,62 +2365,58 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let w_izz_4_q2 = dd_q6 * x_q6_q2;
         let t6_2 = -w_izz_4_q2;
         w[35][0] = t6_2;
-        let w_izz_4_q7 = dd_q6 * x_q6_q7;
-        let t6_3 = -w_izz_4_q7;
-        w[35][1] = t6_3;
         let w_izz_4_q9 = dd_q6 * x_q6_q9;
-        let t6_4 = -w_izz_4_q9;
-        w[35][2] = t6_4;
+        let t6_3 = -w_izz_4_q9;
+        w[35][2] = t6_3;
         let w_my_4_q2 = x_q6_q2 * t6_1;
-        let t6_5 = -w_my_4_q2;
-        w[37][0] = t6_5;
+        let t6_4 = -w_my_4_q2;
+        w[37][0] = t6_4;
         let w_my_4_q7 = x_q6_q7 * t6_1;
-        let t6_6 = -w_my_4_q7;
-        w[37][1] = t6_6;
+        let t6_5 = -w_my_4_q7;
+        w[37][1] = t6_5;
         let w_my_4_q9 = x_q6_q9 * t6_1;
-        let t6_7 = -w_my_4_q9;
-        w[37][2] = t6_7;
-        [a_4y, t6_1, t6_2, t6_3, t6_4]
+        let t6_6 = -w_my_4_q9;
+        w[37][2] = t6_6;
+        let w_izz_4_q7 = dd_q6 * x_q6_q7;
+        let t6_7 = -w_izz_4_q7;
+        w[35][1] = t6_7;
+        [a_4y, t6_1, t6_2, t6_3, w_izz_4_q7, t6_7]
     };
     // body 5: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        w[43][0] = t6_2; w[43][1] = t6_3; w[43][2] = t6_4;
-        let t7_1 = like.lift(2.0) * d_q6;
-        let t7_2 = (-t7_1).mul_add(d_q7, t6_1);
-        let t7_3 = dd_q7 + a_4y;
-        let w_mx_5_q2 = x_q6_q2 * t7_3;
+        w[43][0] = t6_2; w[43][1] = t6_7; w[43][2] = t6_3;
+        let t7_1 = dd_q7 + a_4y;
+        let w_mx_5_q2 = x_q6_q2 * t7_1;
         w[46][0] = w_mx_5_q2;
-        let w_mx_5_q9 = x_q6_q9 * t7_3;
-        w[46][2] = w_mx_5_q9;
-        let t7_4 = d_q6 * d_q6;
-        let t7_5 = (-q7).mul_add(t7_4, dd_q7);
-        let a_5z = t7_5 + a_4y;
-        let t7_6 = q7 * x_q6_q7;
-        let t7_7 = x_q6_q7.mul_add(a_5z, -dd_q6);
-        let w_mx_5_q7 = t7_4.mul_add(t7_6, t7_7);
+        let w_mx_5_q7 = x_q6_q7.mul_add(t7_1, -dd_q6);
         w[46][1] = w_mx_5_q7;
-        let t7_8 = q7 * dd_q6;
-        let a_5x = t7_2 - t7_8;
-        let t7_9 = x_q6_q7.mul_add(a_5x, -t7_4);
-        let w_mz_5_q7 = (-dd_q6).mul_add(t7_6, t7_9);
+        let w_mx_5_q9 = x_q6_q9 * t7_1;
+        w[46][2] = w_mx_5_q9;
+        let t7_2 = like.lift(2.0) * d_q6;
+        let t7_3 = (-t7_2).mul_add(d_q7, t6_1);
+        let t7_4 = d_q6 * d_q6;
+        let t7_5 = q7 * dd_q6;
+        let a_5x = t7_3 - t7_5;
+        let t7_6 = x_q6_q7.mul_add(a_5x, -t7_4);
+        let w_mz_5_q7 = (-q7).mul_add(w_izz_4_q7, t7_6);
         w[48][1] = w_mz_5_q7;
-        let w_m_5_q7 = a_5x.mul_add(t7_6, a_5z);
+        let w_m_5_q7 = q7.mul_add(t7_6, t7_1);
         w[49][1] = w_m_5_q7;
-        let t7_10 = t7_8 - a_5x;
-        let t7_11 = q7 * a_5x;
-        let w_m_5_q2 = x_q6_q2 * t7_11;
+        let t7_7 = t7_5 - a_5x;
+        let t7_8 = q7 * a_5x;
+        let w_m_5_q2 = x_q6_q2 * t7_8;
         w[49][0] = w_m_5_q2;
-        let w_m_5_q9 = x_q6_q9 * t7_11;
+        let w_m_5_q9 = x_q6_q9 * t7_8;
         w[49][2] = w_m_5_q9;
-        let w_mz_5_q2 = x_q6_q2 * t7_10;
-        let w_mz_5_q9 = x_q6_q9 * t7_10;
-        let t7_12 = -w_mz_5_q2;
-        w[48][0] = t7_12;
-        let t7_13 = -w_mz_5_q9;
-        w[48][2] = t7_13;
+        let w_mz_5_q2 = x_q6_q2 * t7_7;
+        let w_mz_5_q9 = x_q6_q9 * t7_7;
+        let t7_9 = -w_mz_5_q2;
+        w[48][0] = t7_9;
+        let t7_10 = -w_mz_5_q9;
+        w[48][2] = t7_10;
     }
     // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [a_6y, t8_1, t8_2, t8_3, t8_4] = {
+    let [a_6y, t8_1, t8_2, t8_3, w_izz_6_q9, t8_7] = {
         let a_6y = like.lift(9.81) * cos_q8;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
         w[56][0] = w_mx_6_q2;
@@ -2508,56 +2431,52 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let w_izz_6_q7 = dd_q8 * x_q8_q7;
         let t8_3 = -w_izz_6_q7;
         w[55][1] = t8_3;
-        let w_izz_6_q9 = dd_q8 * x_q8_q9;
-        let t8_4 = -w_izz_6_q9;
-        w[55][2] = t8_4;
         let w_my_6_q2 = x_q8_q2 * t8_1;
-        let t8_5 = -w_my_6_q2;
-        w[57][0] = t8_5;
+        let t8_4 = -w_my_6_q2;
+        w[57][0] = t8_4;
         let w_my_6_q7 = x_q8_q7 * t8_1;
-        let t8_6 = -w_my_6_q7;
-        w[57][1] = t8_6;
+        let t8_5 = -w_my_6_q7;
+        w[57][1] = t8_5;
         let w_my_6_q9 = x_q8_q9 * t8_1;
-        let t8_7 = -w_my_6_q9;
-        w[57][2] = t8_7;
-        [a_6y, t8_1, t8_2, t8_3, t8_4]
+        let t8_6 = -w_my_6_q9;
+        w[57][2] = t8_6;
+        let w_izz_6_q9 = dd_q8 * x_q8_q9;
+        let t8_7 = -w_izz_6_q9;
+        w[55][2] = t8_7;
+        [a_6y, t8_1, t8_2, t8_3, w_izz_6_q9, t8_7]
     };
     // body 7: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        w[63][0] = t8_2; w[63][1] = t8_3; w[63][2] = t8_4;
-        let t9_1 = like.lift(2.0) * d_q8;
-        let t9_2 = (-t9_1).mul_add(d_q9, t8_1);
-        let t9_3 = dd_q9 + a_6y;
-        let w_mx_7_q2 = x_q8_q2 * t9_3;
+        w[63][0] = t8_2; w[63][1] = t8_3; w[63][2] = t8_7;
+        let t9_1 = dd_q9 + a_6y;
+        let w_mx_7_q2 = x_q8_q2 * t9_1;
         w[66][0] = w_mx_7_q2;
-        let w_mx_7_q7 = x_q8_q7 * t9_3;
+        let w_mx_7_q7 = x_q8_q7 * t9_1;
         w[66][1] = w_mx_7_q7;
-        let t9_4 = d_q8 * d_q8;
-        let t9_5 = (-q9).mul_add(t9_4, dd_q9);
-        let a_7z = t9_5 + a_6y;
-        let t9_6 = q9 * x_q8_q9;
-        let t9_7 = x_q8_q9.mul_add(a_7z, -dd_q8);
-        let w_mx_7_q9 = t9_4.mul_add(t9_6, t9_7);
+        let w_mx_7_q9 = x_q8_q9.mul_add(t9_1, -dd_q8);
         w[66][2] = w_mx_7_q9;
-        let t9_8 = q9 * dd_q8;
-        let a_7x = t9_2 - t9_8;
-        let t9_9 = x_q8_q9.mul_add(a_7x, -t9_4);
-        let w_mz_7_q9 = (-dd_q8).mul_add(t9_6, t9_9);
+        let t9_2 = like.lift(2.0) * d_q8;
+        let t9_3 = (-t9_2).mul_add(d_q9, t8_1);
+        let t9_4 = d_q8 * d_q8;
+        let t9_5 = q9 * dd_q8;
+        let a_7x = t9_3 - t9_5;
+        let t9_6 = x_q8_q9.mul_add(a_7x, -t9_4);
+        let w_mz_7_q9 = (-q9).mul_add(w_izz_6_q9, t9_6);
         w[68][2] = w_mz_7_q9;
-        let w_m_7_q9 = a_7x.mul_add(t9_6, a_7z);
+        let w_m_7_q9 = q9.mul_add(t9_6, t9_1);
         w[69][2] = w_m_7_q9;
-        let t9_10 = t9_8 - a_7x;
-        let t9_11 = q9 * a_7x;
-        let w_m_7_q2 = x_q8_q2 * t9_11;
+        let t9_7 = t9_5 - a_7x;
+        let t9_8 = q9 * a_7x;
+        let w_m_7_q2 = x_q8_q2 * t9_8;
         w[69][0] = w_m_7_q2;
-        let w_m_7_q7 = x_q8_q7 * t9_11;
+        let w_m_7_q7 = x_q8_q7 * t9_8;
         w[69][1] = w_m_7_q7;
-        let w_mz_7_q2 = x_q8_q2 * t9_10;
-        let w_mz_7_q7 = x_q8_q7 * t9_10;
-        let t9_12 = -w_mz_7_q2;
-        w[68][0] = t9_12;
-        let t9_13 = -w_mz_7_q7;
-        w[68][1] = t9_13;
+        let w_mz_7_q2 = x_q8_q2 * t9_7;
+        let w_mz_7_q7 = x_q8_q7 * t9_7;
+        let t9_9 = -w_mz_7_q2;
+        w[68][0] = t9_9;
+        let t9_10 = -w_mz_7_q7;
+        w[68][1] = t9_10;
     }
     // friction and rotors (Eq. 14-19)
     {
@@ -2580,7 +2499,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 231 additions, 344 multiplications, 6 divisions, 6 sines and cosines.
+/// 218 additions, 337 multiplications, 6 divisions, 6 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -2613,12 +2532,13 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
     ] = *phi;
     // tau, part 1
     let [
-        t2_1, a_2z, t2_50, t2_59, w_fc_q2_q2, t2_92, t2_96, t2_100, t2_117, t2_125, t2_126,
-        t2_128, t2_129, t2_137, t2_140, t2_147, t2_148, t2_161, t2_162, t2_163, t2_167, t2_170,
-        pivot_1, t2_171, t2_172, t2_173, t2_175, t2_177, t2_180, t2_182, t2_185, t2_191,
-        t2_193, t2_194, t2_195, t2_196, t2_197, t2_198, t2_199, t2_201, t2_203, t2_204, t2_205,
-        t2_207, t2_208, t2_209, t2_210, t2_213, t2_215, t2_216, t2_217, inv_pivot_3, t2_218,
-        t2_219, t2_220, t2_221, pivot_4, inv_pivot_4,
+        t2_1, a_2z, t2_55, t2_70, t2_84, w_fc_q2_q2, t2_90, t2_94, t2_111, t2_119, t2_121,
+        t2_122, t2_129, t2_132, t2_135, t2_143, t2_144, t2_148, t2_155, t2_158, pivot_1,
+        t2_159, t2_160, t2_161, t2_163, t2_167, t2_169, t2_171, t2_175, t2_176, t2_179, t2_180,
+        t2_181, t2_182, t2_183, t2_184, t2_185, t2_186, t2_188, t2_189, t2_190, t2_192, t2_193,
+        t2_194, t2_195, t2_199, t2_200, inv_pivot_3, t2_201, t2_202, t2_203, pivot_4,
+        inv_pivot_4, t2_206, inv_pivot_5, t2_207, t2_208, t2_209, t2_211, t2_213, t2_215,
+        t2_217, t2_219, t2_220,
     ] = {
         let t2_1 = d_q1 * d_q1;
         let t2_2 = (-q2).mul_add(t2_1, dd_q2);
@@ -2679,204 +2599,205 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_40 = (-t2_38).mul_add(p_mz_3, t2_39);
         let t2_41 = (-t2_33).mul_add(p_my_3, t2_40);
         let t2_42 = (-t2_26).mul_add(p_mx_3, t2_41);
+        let t2_43 = p_ixz_3 * t2_38;
+        let t2_44 = al_3x - t2_34;
+        let t2_45 = al_3x * p_ixx_3;
+        let t2_46 = (-p_ixz_3).mul_add(t2_26, t2_45);
         let al_3z = t2_36 + t2_26;
-        let t2_43 = al_3x - t2_34;
-        let t2_44 = t2_29 + t2_37;
-        let t2_45 = a_3z * p_m_3;
-        let t2_46 = t2_44.mul_add(p_mz_3, t2_45);
-        let t2_47 = (-t2_43).mul_add(p_my_3, t2_46);
-        let t2_48 = (-t2_28).mul_add(p_mx_3, t2_47);
+        let t2_47 = (-al_3z).mul_add(p_izz_3, t2_43);
+        let t2_48 = t2_36 + al_3z;
+        let t2_49 = (-p_ixy_3).mul_add(t2_28, t2_46);
+        let t2_50 = t2_37 - t2_32;
+        let t2_51 = t2_50.mul_add(p_iyz_3, t2_49);
+        let t2_52 = p_iyy_3 - p_izz_3;
+        let t2_53 = t2_34.mul_add(t2_52, t2_51);
+        let t2_54 = (-a_3y).mul_add(p_mz_3, t2_53);
+        let t2_55 = (-a_3z).mul_add(p_my_3, t2_54);
+        let t2_56 = t2_29 + t2_37;
+        let t2_57 = a_3z * p_m_3;
+        let t2_58 = t2_56.mul_add(p_mz_3, t2_57);
+        let t2_59 = (-t2_44).mul_add(p_my_3, t2_58);
+        let t2_60 = (-t2_28).mul_add(p_mx_3, t2_59);
         let al_3y = t2_35 + t2_28;
-        let t2_49 = sin_s1_3 * t2_42;
-        let t2_50 = (-cos_s1_3).mul_add(t2_48, t2_49);
-        let t2_51 = sin_s1_3 * t2_48;
-        let t2_52 = cos_s1_3.mul_add(t2_42, t2_51);
-        let t2_53 = t2_37 + t2_32;
-        let t2_54 = t2_36 + al_3z;
-        let t2_55 = t2_35 + al_3y;
-        let t2_56 = a_s1_2x * p_m_3;
-        let t2_57 = t2_55.mul_add(p_mz_3, t2_56);
-        let t2_58 = (-t2_54).mul_add(p_my_3, t2_57);
-        let t2_59 = t2_53.mul_add(p_mx_3, t2_58);
+        let t2_61 = p_ixy_3 * t2_44;
+        let t2_62 = (-p_iyz_3).mul_add(t2_48, t2_61);
+        let t2_63 = (-al_3y).mul_add(p_iyy_3, t2_62);
+        let t2_64 = t2_35 + al_3y;
+        let t2_65 = (-p_iyz_3).mul_add(t2_64, t2_47);
+        let t2_66 = a_s1_2x * p_m_3;
+        let t2_67 = t2_64.mul_add(p_mz_3, t2_66);
+        let t2_68 = (-t2_48).mul_add(p_my_3, t2_67);
+        let t2_69 = t2_37 + t2_32;
+        let t2_70 = t2_69.mul_add(p_mx_3, t2_68);
+        let t2_71 = t2_29 - t2_32;
+        let t2_72 = t2_29 - t2_37;
+        let t2_73 = (-t2_71).mul_add(p_ixz_3, t2_63);
+        let t2_74 = t2_72.mul_add(p_ixy_3, t2_65);
+        let t2_75 = p_ixx_3 - p_izz_3;
+        let t2_76 = (-t2_35).mul_add(t2_75, t2_73);
+        let t2_77 = a_3z.mul_add(p_mx_3, t2_76);
+        let t2_78 = p_ixx_3 - p_iyy_3;
+        let t2_79 = (-t2_36).mul_add(t2_78, t2_74);
+        let t2_80 = a_s1_2x.mul_add(p_my_3, t2_79);
+        let t2_81 = (-a_s1_2x).mul_add(p_mz_3, t2_77);
+        let t2_82 = a_3y.mul_add(p_mx_3, t2_80);
+        let t2_83 = sin_s1_3 * t2_42;
+        let t2_84 = (-cos_s1_3).mul_add(t2_60, t2_83);
+        let t2_85 = sin_s1_3 * t2_60;
+        let t2_86 = cos_s1_3.mul_add(t2_42, t2_85);
         let w_fc_q2_q2 = d_q2.sign();
-        let t2_60 = p_ixx_3 - p_izz_3;
-        let t2_61 = t2_29 - t2_32;
-        let t2_62 = t2_29 - t2_37;
-        let t2_63 = t2_37 - t2_32;
-        let t2_64 = al_3x - t2_34;
-        let t2_65 = p_ixy_3 * t2_64;
-        let t2_66 = al_3z + t2_36;
-        let t2_67 = (-p_iyz_3).mul_add(t2_66, t2_65);
-        let t2_68 = (-al_3y).mul_add(p_iyy_3, t2_67);
-        let t2_69 = (-t2_61).mul_add(p_ixz_3, t2_68);
-        let t2_70 = (-t2_35).mul_add(t2_60, t2_69);
-        let t2_71 = a_3z.mul_add(p_mx_3, t2_70);
-        let t2_72 = (-a_s1_2x).mul_add(p_mz_3, t2_71);
-        let t2_73 = p_ixx_3 - p_iyy_3;
-        let t2_74 = al_3x + t2_34;
-        let t2_75 = p_ixz_3 * t2_74;
-        let t2_76 = (-al_3z).mul_add(p_izz_3, t2_75);
-        let t2_77 = al_3z - t2_36;
-        let t2_78 = al_3x * p_ixx_3;
-        let t2_79 = (-p_ixz_3).mul_add(t2_77, t2_78);
-        let t2_80 = al_3y + t2_35;
-        let t2_81 = (-p_iyz_3).mul_add(t2_80, t2_76);
-        let t2_82 = t2_62.mul_add(p_ixy_3, t2_81);
-        let t2_83 = (-t2_36).mul_add(t2_73, t2_82);
-        let t2_84 = al_3y - t2_35;
-        let t2_85 = (-p_ixy_3).mul_add(t2_84, t2_79);
-        let t2_86 = a_s1_2x.mul_add(p_my_3, t2_83);
-        let t2_87 = t2_63.mul_add(p_iyz_3, t2_85);
-        let t2_88 = p_iyy_3 - p_izz_3;
-        let t2_89 = t2_34.mul_add(t2_88, t2_87);
-        let t2_90 = (-a_3y).mul_add(p_mz_3, t2_89);
-        let t2_91 = a_3y.mul_add(p_mx_3, t2_86);
-        let t2_92 = (-a_3z).mul_add(p_my_3, t2_90);
-        let t2_93 = cos_s1_3 * t2_91;
-        let t2_94 = sin_s1_3.mul_add(t2_72, t2_93);
-        let t2_95 = cos_s1_3 * t2_72;
-        let t2_96 = (-sin_s1_3).mul_add(t2_91, t2_95);
-        let t2_97 = cos_s1_2 * t2_92;
-        let t2_98 = sin_s1_2.mul_add(t2_94, t2_97);
-        let t2_99 = cos_s1_2 * t2_94;
-        let t2_100 = (-sin_s1_2).mul_add(t2_92, t2_99);
-        let t2_101 = sin_s1_2 * t2_50;
-        let t2_102 = (-cos_s1_2).mul_add(t2_59, t2_101);
-        let t2_103 = a_2x * p_m_2;
-        let t2_104 = (-dd_q1).mul_add(p_mz_2, t2_103);
-        let t2_105 = t2_1.mul_add(p_mx_2, t2_104);
-        let t2_106 = sin_s1_1.mul_add(t2_52, t2_105);
-        let t2_107 = (-cos_s1_1).mul_add(t2_102, t2_106);
-        let t2_108 = sin_q1 * p_my_1;
-        let t2_109 = (-cos_q1).mul_add(p_mx_1, t2_108);
-        let t2_110 = p_izz_1 + p_iyy_2;
-        let t2_111 = dd_q1 * t2_110;
-        let t2_112 = like.lift(9.81).mul_add(t2_109, t2_111);
-        let t2_113 = (-q2).mul_add(t2_107, t2_112);
-        let t2_114 = (-a_2z).mul_add(p_mx_2, t2_113);
-        let t2_115 = (-a_2x).mul_add(p_mz_2, t2_114);
-        let t2_116 = cos_s1_1.mul_add(t2_96, t2_115);
-        let t2_117 = sin_s1_1.mul_add(t2_98, t2_116);
-        let t2_118 = cos_q1 * q2;
-        let t2_119 = sin_q1 * cos_s1_1;
-        let t2_120 = cos_s1_2 * t2_119;
-        let t2_121 = cos_q1.mul_add(sin_s1_2, t2_120);
-        let t2_122 = cos_q1 * cos_s1_2;
-        let t2_123 = (-sin_s1_2).mul_add(t2_119, t2_122);
-        let t2_124 = sin_s1_3 * t2_123;
-        let t2_125 = like.lift(-0.4563).mul_add(t2_121, t2_118);
-        let t2_126 = -t2_125;
+        let t2_87 = cos_s1_3 * t2_82;
+        let t2_88 = sin_s1_3.mul_add(t2_81, t2_87);
+        let t2_89 = cos_s1_3 * t2_81;
+        let t2_90 = (-sin_s1_3).mul_add(t2_82, t2_89);
+        let t2_91 = cos_s1_2 * t2_55;
+        let t2_92 = sin_s1_2.mul_add(t2_88, t2_91);
+        let t2_93 = cos_s1_2 * t2_88;
+        let t2_94 = (-sin_s1_2).mul_add(t2_55, t2_93);
+        let t2_95 = sin_s1_2 * t2_84;
+        let t2_96 = (-cos_s1_2).mul_add(t2_70, t2_95);
+        let t2_97 = a_2x * p_m_2;
+        let t2_98 = (-dd_q1).mul_add(p_mz_2, t2_97);
+        let t2_99 = t2_1.mul_add(p_mx_2, t2_98);
+        let t2_100 = sin_s1_1.mul_add(t2_86, t2_99);
+        let t2_101 = (-cos_s1_1).mul_add(t2_96, t2_100);
+        let t2_102 = sin_q1 * p_my_1;
+        let t2_103 = (-cos_q1).mul_add(p_mx_1, t2_102);
+        let t2_104 = p_izz_1 + p_iyy_2;
+        let t2_105 = dd_q1 * t2_104;
+        let t2_106 = like.lift(9.81).mul_add(t2_103, t2_105);
+        let t2_107 = (-q2).mul_add(t2_101, t2_106);
+        let t2_108 = (-a_2z).mul_add(p_mx_2, t2_107);
+        let t2_109 = (-a_2x).mul_add(p_mz_2, t2_108);
+        let t2_110 = cos_s1_1.mul_add(t2_90, t2_109);
+        let t2_111 = sin_s1_1.mul_add(t2_92, t2_110);
+        let t2_112 = cos_q1 * q2;
+        let t2_113 = sin_q1 * cos_s1_1;
+        let t2_114 = cos_s1_2 * t2_113;
+        let t2_115 = cos_q1.mul_add(sin_s1_2, t2_114);
+        let t2_116 = cos_q1 * cos_s1_2;
+        let t2_117 = (-sin_s1_2).mul_add(t2_113, t2_116);
+        let t2_118 = like.lift(-0.4563).mul_add(t2_115, t2_112);
+        let t2_119 = -t2_118;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_127 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_128 = cos_q1 * t2_127;
-        let t2_129 = sin_q1 * t2_127;
-        let t2_130 = sin_q1 * sin_s1_1;
-        let t2_131 = cos_s1_3.mul_add(t2_130, t2_124);
-        let t2_132 = like.lift(0.22815) * t2_121;
-        let t2_133 = like.lift(-0.39516739174683935).mul_add(t2_131, t2_132);
-        let t2_134 = t2_118 - t2_133;
-        let t2_135 = t2_130 * e_s1_2_q1x;
-        let t2_136 = cos_s1_1.mul_add(t2_121, t2_135);
-        let t2_137 = like.lift(0.4563) * t2_136;
-        let t2_138 = cos_q6 * q7;
-        let t2_139 = like.lift(0.5) * t2_138;
-        let t2_140 = -t2_139;
-        let t2_141 = sin_q1 * q2;
-        let t2_142 = cos_q1 * cos_s1_1;
-        let t2_143 = sin_q1 * sin_s1_2;
-        let t2_144 = (-cos_s1_2).mul_add(t2_142, t2_143);
-        let t2_145 = sin_s1_2 * t2_142;
-        let t2_146 = sin_q1.mul_add(cos_s1_2, t2_145);
-        let t2_147 = like.lift(-0.4563).mul_add(t2_144, t2_141);
-        let t2_148 = -t2_147;
-        let t2_149 = cos_q1 * sin_s1_1;
-        let t2_150 = sin_s1_3 * sin_s1_1;
-        let t2_151 = cos_s1_3 * t2_149;
-        let t2_152 = (-sin_s1_3).mul_add(t2_146, t2_151);
-        let t2_153 = t2_150 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_153);
-        let t2_154 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_155 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_154);
-        let t2_156 = like.lift(0.39516739174683935) * t2_152;
-        let t2_157 = t2_156 - t2_141;
-        let t2_158 = cos_s1_1 * t2_144;
-        let t2_159 = (-t2_149).mul_add(e_s1_2_q1x, t2_158);
-        let t2_160 = like.lift(0.4563) * t2_159;
-        let t2_161 = -t2_160;
-        let t2_162 = -t2_161;
-        let t2_163 = sin_q6 * q7;
-        let t2_164 = sin_q1 * t2_121;
-        let t2_165 = (-cos_q1).mul_add(t2_144, t2_164);
-        let t2_166 = like.lift(0.4563) * t2_165;
-        let t2_167 = -t2_166;
-        let t2_168 = t2_149 * t2_121;
-        let t2_169 = t2_130.mul_add(t2_144, t2_168);
-        let t2_170 = like.lift(0.4563) * t2_169;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_138;
-        let t2_171 = like.lift(1.0) / t2_138;
-        let t2_172 = -t2_134;
-        let t2_173 = cos_q1 * t2_155;
-        let t2_174 = t2_130 * t2_155;
-        let t2_175 = cos_s1_1.mul_add(t2_133, t2_174);
-        let t2_176 = e_s1_2_q1x * t2_133;
-        let t2_177 = (-t2_121).mul_add(t2_155, t2_176);
-        let t2_178 = cos_q8 * q9;
-        let t2_179 = like.lift(0.5) * t2_178;
-        let t2_180 = -t2_179;
-        let t2_181 = like.lift(0.22815) * t2_144;
-        let t2_182 = t2_157 + t2_181;
-        let t2_183 = t2_181 + t2_156;
-        let t2_184 = t2_121 * t2_183;
-        let t2_185 = (-t2_144).mul_add(t2_133, t2_184);
-        let t2_186 = t2_144 * t2_155;
-        let t2_187 = (-e_s1_2_q1x).mul_add(t2_183, t2_186);
-        let t2_188 = t2_149 * t2_155;
-        let t2_189 = (-cos_s1_1).mul_add(t2_183, t2_188);
-        let t2_190 = t2_149 * t2_133;
-        let t2_191 = t2_130.mul_add(t2_183, t2_190);
-        let t2_192 = cos_q1 * t2_183;
-        let t2_193 = (-sin_q1).mul_add(t2_133, t2_192);
-        let t2_194 = sin_q1 * t2_155;
-        let t2_195 = -t2_189;
-        let t2_196 = -t2_187;
-        let t2_197 = sin_q8 * q9;
-        let t2_198 = -t2_185;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_178;
-        let t2_199 = -pivot_2;
-        let t2_200 = like.lift(1.0) / t2_178;
-        let t2_201 = -sin_q1;
-        let t2_202 = like.lift(0.5) * sin_q6;
-        let t2_203 = -t2_202;
-        let t2_204 = -cos_q6;
-        let t2_205 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_206 = like.lift(0.5) * sin_q8;
-        let t2_207 = -t2_206;
-        let t2_208 = -cos_q8;
-        let t2_209 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_210 = -t2_209;
-        let t2_211 = like.lift(0.5773502691896257).mul_add(t2_185, t2_177);
-        let t2_212 = t2_197 * t2_200;
-        let t2_213 = like.lift(1.1547005383792515) * t2_200;
-        let t2_214 = like.lift(1.1547005383792515) * t2_212;
-        let pivot_3 = t2_185.mul_add(t2_214, t2_187);
-        let t2_215 = (-t2_191).mul_add(t2_214, t2_189);
-        let t2_216 = t2_193.mul_add(t2_214, t2_194);
-        let t2_217 = sin_q8.mul_add(t2_212, cos_q8);
+        let t2_120 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_121 = cos_q1 * t2_120;
+        let t2_122 = sin_q1 * t2_120;
+        let t2_123 = sin_q1 * sin_s1_1;
+        let t2_124 = cos_q1 * cos_s1_1;
+        let t2_125 = sin_s1_2 * t2_124;
+        let t2_126 = sin_q1.mul_add(cos_s1_2, t2_125);
+        let t2_127 = sin_q1 * sin_s1_2;
+        let t2_128 = (-cos_s1_2).mul_add(t2_124, t2_127);
+        let t2_129 = like.lift(0.4563) * t2_126;
+        let t2_130 = cos_q6 * q7;
+        let t2_131 = like.lift(0.5) * t2_130;
+        let t2_132 = -t2_131;
+        let t2_133 = sin_q1 * q2;
+        let t2_134 = like.lift(-0.4563).mul_add(t2_128, t2_133);
+        let t2_135 = -t2_134;
+        let t2_136 = cos_q1 * sin_s1_1;
+        let t2_137 = sin_s1_2 * sin_s1_1;
+        let t2_138 = cos_s1_3 * t2_136;
+        let t2_139 = (-sin_s1_3).mul_add(t2_126, t2_138);
+        let t2_140 = like.lift(0.39516739174683935) * t2_139;
+        let t2_141 = like.lift(0.22815) * t2_128;
+        let t2_142 = t2_141 + t2_140;
+        let t2_143 = t2_142 - t2_133;
+        let t2_144 = like.lift(-0.4563) * t2_117;
+        let t2_145 = sin_s1_3 * t2_117;
+        let t2_146 = cos_s1_3.mul_add(t2_123, t2_145);
+        let t2_147 = sin_s1_3 * t2_137;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_147);
+        let t2_148 = like.lift(0.4563) * t2_137;
+        let t2_149 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_150 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_149);
+        let t2_151 = like.lift(0.22815) * t2_115;
+        let t2_152 = like.lift(-0.39516739174683935).mul_add(t2_146, t2_151);
+        let t2_153 = t2_112 - t2_152;
+        let t2_154 = -t2_144;
+        let t2_155 = sin_q6 * q7;
+        let t2_156 = cos_s1_2 * cos_s1_1;
+        let t2_157 = like.lift(0.4563) * t2_156;
+        let t2_158 = -t2_157;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_130;
+        let t2_159 = like.lift(1.0) / t2_130;
+        let t2_160 = -t2_153;
+        let t2_161 = cos_q1 * t2_150;
+        let t2_162 = t2_123 * t2_150;
+        let t2_163 = cos_s1_1.mul_add(t2_152, t2_162);
+        let t2_164 = t2_136 * t2_150;
+        let t2_165 = (-cos_s1_1).mul_add(t2_142, t2_164);
+        let t2_166 = t2_136 * t2_152;
+        let t2_167 = t2_123.mul_add(t2_142, t2_166);
+        let t2_168 = e_s1_2_q1x * t2_152;
+        let t2_169 = (-t2_115).mul_add(t2_150, t2_168);
+        let t2_170 = t2_115 * t2_142;
+        let t2_171 = (-t2_128).mul_add(t2_152, t2_170);
+        let t2_172 = t2_128 * t2_150;
+        let t2_173 = (-e_s1_2_q1x).mul_add(t2_142, t2_172);
+        let t2_174 = cos_q1 * t2_142;
+        let t2_175 = (-sin_q1).mul_add(t2_152, t2_174);
+        let t2_176 = sin_q1 * t2_150;
+        let t2_177 = cos_q8 * q9;
+        let t2_178 = like.lift(0.5) * t2_177;
+        let t2_179 = -t2_178;
+        let t2_180 = -t2_165;
+        let t2_181 = -t2_173;
+        let t2_182 = sin_q8 * q9;
+        let t2_183 = -t2_171;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_177;
+        let t2_184 = -pivot_2;
+        let t2_185 = like.lift(1.0) / t2_177;
+        let t2_186 = -sin_q1;
+        let t2_187 = like.lift(0.5) * sin_q6;
+        let t2_188 = -t2_187;
+        let t2_189 = -cos_q6;
+        let t2_190 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_191 = like.lift(0.5) * sin_q8;
+        let t2_192 = -t2_191;
+        let t2_193 = -cos_q8;
+        let t2_194 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_195 = -t2_194;
+        let t2_196 = like.lift(0.5773502691896257).mul_add(t2_171, t2_169);
+        let t2_197 = t2_182 * t2_185;
+        let t2_198 = like.lift(1.1547005383792515) * t2_197;
+        let pivot_3 = t2_171.mul_add(t2_198, t2_173);
+        let t2_199 = (-t2_167).mul_add(t2_198, t2_165);
+        let t2_200 = t2_175.mul_add(t2_198, t2_176);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_218 = t2_211 * inv_pivot_3;
-        let t2_219 = (-t2_182).mul_add(t2_218, t2_134);
-        let t2_220 = -pivot_3;
-        let t2_221 = like.lift(0.5773502691896257).mul_add(t2_167, t2_128);
-        let t2_222 = t2_216.mul_add(t2_218, t2_173);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_193, t2_222);
+        let t2_201 = t2_196 * inv_pivot_3;
+        let t2_202 = (-t2_143).mul_add(t2_201, t2_153);
+        let t2_203 = -pivot_3;
+        let t2_204 = like.lift(0.5773502691896257).mul_add(t2_158, t2_121);
+        let t2_205 = t2_200.mul_add(t2_201, t2_161);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_175, t2_205);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_206 = t2_204 * inv_pivot_4;
+        let pivot_5 = (-t2_202).mul_add(t2_206, t2_118);
+        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_207 = -pivot_5;
+        let t2_208 = (-cos_q1).mul_add(t2_201, sin_q1);
+        let t2_209 = (-t2_208).mul_add(t2_206, sin_q1);
+        let t2_210 = (-t2_199).mul_add(t2_201, t2_163);
+        let t2_211 = like.lift(-0.5773502691896257).mul_add(t2_167, t2_210);
+        let t2_212 = (-t2_211).mul_add(t2_206, t2_129);
+        let t2_213 = like.lift(0.5773502691896257).mul_add(t2_148, t2_212);
+        let t2_214 = t2_155 * t2_159;
+        let t2_215 = like.lift(1.1547005383792515) * t2_214;
+        let t2_216 = (-t2_158).mul_add(t2_215, t2_122);
+        let t2_217 = t2_216 * inv_pivot_4;
+        let t2_218 = (-t2_202).mul_add(t2_217, t2_134);
+        let t2_219 = t2_218 * inv_pivot_5;
+        let t2_220 = t2_213.mul_add(t2_219, t2_154);
         [
-            t2_1, a_2z, t2_50, t2_59, w_fc_q2_q2, t2_92, t2_96, t2_100, t2_117, t2_125, t2_126,
-            t2_128, t2_129, t2_137, t2_140, t2_147, t2_148, t2_161, t2_162, t2_163, t2_167,
-            t2_170, pivot_1, t2_171, t2_172, t2_173, t2_175, t2_177, t2_180, t2_182, t2_185,
-            t2_191, t2_193, t2_194, t2_195, t2_196, t2_197, t2_198, t2_199, t2_201, t2_203,
-            t2_204, t2_205, t2_207, t2_208, t2_209, t2_210, t2_213, t2_215, t2_216, t2_217,
-            inv_pivot_3, t2_218, t2_219, t2_220, t2_221, pivot_4, inv_pivot_4,
+            t2_1, a_2z, t2_55, t2_70, t2_84, w_fc_q2_q2, t2_90, t2_94, t2_111, t2_119, t2_121,
+            t2_122, t2_129, t2_132, t2_135, t2_143, t2_144, t2_148, t2_155, t2_158, pivot_1,
+            t2_159, t2_160, t2_161, t2_163, t2_167, t2_169, t2_171, t2_175, t2_176, t2_179,
+            t2_180, t2_181, t2_182, t2_183, t2_184, t2_185, t2_186, t2_188, t2_189, t2_190,
+            t2_192, t2_193, t2_194, t2_195, t2_199, t2_200, inv_pivot_3, t2_201, t2_202,
+            t2_203, pivot_4, inv_pivot_4, t2_206, inv_pivot_5, t2_207, t2_208, t2_209, t2_211,
+            t2_213, t2_215, t2_217, t2_219, t2_220,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -2885,123 +2806,108 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t3_1 = t2_221 * inv_pivot_4;
-        let pivot_5 = (-t2_219).mul_add(t3_1, t2_125);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t3_2 = -pivot_5;
-        let t3_3 = (-cos_q1).mul_add(t2_218, sin_q1);
-        let t3_4 = (-t3_3).mul_add(t3_1, sin_q1);
-        let t3_5 = (-t2_215).mul_add(t2_218, t2_175);
-        let t3_6 = like.lift(-0.5773502691896257).mul_add(t2_191, t3_5);
-        let t3_7 = t2_217 * t2_218;
-        let t3_8 = (-t3_6).mul_add(t3_1, t2_137);
-        let t3_9 = like.lift(0.5773502691896257).mul_add(t2_170, t3_8);
-        let t3_10 = t3_7 * t3_1;
-        let t3_11 = t2_163 * t2_171;
-        let t3_12 = like.lift(1.1547005383792515) * t2_171;
-        let t3_13 = like.lift(1.1547005383792515) * t3_11;
-        let t3_14 = sin_q6.mul_add(t3_11, cos_q6);
-        let t3_15 = (-t2_167).mul_add(t3_13, t2_129);
-        let t3_16 = t3_15 * inv_pivot_4;
-        let t3_17 = (-t2_219).mul_add(t3_16, t2_147);
-        let t3_18 = t3_17 * inv_pivot_5;
-        let t3_19 = t3_9.mul_add(t3_18, t2_161);
-        let t3_20 = t3_6.mul_add(t3_16, t3_19);
-        let pivot_6 = t2_170.mul_add(t3_13, t3_20);
-        let t3_21 = t3_4.mul_add(t3_18, cos_q1);
-        let t3_22 = t3_3.mul_add(t3_16, t3_21);
-        let t3_23 = t3_7 * t3_16;
-        let t3_24 = (-t3_10).mul_add(t3_18, t3_23);
+        let t3_1 = t2_211.mul_add(t2_217, t2_220);
+        let pivot_6 = t2_148.mul_add(t2_215, t3_1);
+        let t3_2 = t2_209.mul_add(t2_219, cos_q1);
+        let t3_3 = t2_208.mul_add(t2_217, t3_2);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_25 = t3_22 * inv_pivot_6;
-        let t3_26 = (-t3_9).mul_add(t3_25, t3_4);
-        let t3_27 = inv_pivot_5 * t3_26;
-        let t3_28 = t3_14 * inv_pivot_6;
-        let t3_29 = t3_24 * inv_pivot_6;
-        let t3_30 = t3_9.mul_add(t3_29, t3_10);
-        let t3_31 = inv_pivot_5 * t3_9;
-        let t3_32 = inv_pivot_5 * t3_30;
-        let t3_33 = t3_31 * t3_28;
-        let t3_34 = (-t3_6).mul_add(t3_25, t3_3);
-        let t3_35 = (-t2_219).mul_add(t3_27, t3_34);
-        let t3_36 = inv_pivot_4 * t3_35;
-        let t3_37 = (-t3_6).mul_add(t3_29, t3_7);
-        let t3_38 = t2_219.mul_add(t3_32, t3_37);
-        let t3_39 = t2_219 * t3_33;
-        let t3_40 = (-t3_6).mul_add(t3_28, t3_39);
-        let t3_41 = inv_pivot_4 * t3_40;
-        let t3_42 = inv_pivot_4 * t3_38;
-        let t3_43 = t2_215.mul_add(t3_29, t2_217);
-        let t3_44 = (-t2_182).mul_add(t3_32, t3_43);
-        let t3_45 = -t3_32;
-        let t3_46 = (-t2_216).mul_add(t3_42, t3_44);
-        let t3_47 = inv_pivot_3 * t3_46;
-        let t3_48 = (-t2_191).mul_add(t3_29, t2_209);
-        let t3_49 = (-t2_193).mul_add(t3_42, t3_48);
-        let t3_50 = (-t2_185).mul_add(t3_47, t3_49);
-        let t3_51 = t3_50 * t2_213;
-        let t3_52 = -pivot_6;
-        let t3_53 = -t3_36;
-        let t3_54 = -t3_42;
-        let t3_55 = t2_170 * t3_29;
-        let t3_56 = t2_167.mul_add(t3_42, t3_55);
-        let t3_57 = -t3_29;
-        let t3_58 = t3_56 * t3_12;
-        let t3_59 = -t3_25;
-        let t3_60 = (-t2_215).mul_add(t3_25, cos_q1);
-        let t3_61 = (-t2_182).mul_add(t3_27, t3_60);
-        let t3_62 = t2_216.mul_add(t3_36, t3_61);
-        let t3_63 = inv_pivot_3 * t3_62;
-        let t3_64 = t2_182 * t3_33;
-        let t3_65 = (-t2_215).mul_add(t3_28, t3_64);
-        let t3_66 = t2_216.mul_add(t3_41, t3_65);
-        let t3_67 = inv_pivot_3 * t3_66;
-        let t3_68 = -t3_63;
-        let t3_69 = t2_185 * t3_63;
-        let t3_70 = (-t2_191).mul_add(t3_25, t3_69);
-        let t3_71 = t2_170 * t3_25;
-        let t3_72 = t2_167.mul_add(t3_36, t3_71);
-        let t3_73 = (-t2_193).mul_add(t3_36, t3_70);
-        let t3_74 = t3_72 * t3_12;
-        let t3_75 = t3_73 * t2_213;
-        let t3_76 = t2_185 * t3_67;
-        let t3_77 = (-t2_191).mul_add(t3_28, t3_76);
-        let t3_78 = (-t2_193).mul_add(t3_41, t3_77);
-        let t3_79 = t3_78 * t2_213;
-        let t3_80 = -t3_79;
-        let t3_81 = (-t2_170).mul_add(t3_28, t2_205);
-        let t3_82 = (-t2_167).mul_add(t3_41, t3_81);
-        let t3_83 = t3_82 * t3_12;
+        let t3_4 = t3_3 * inv_pivot_6;
+        let t3_5 = (-t2_213).mul_add(t3_4, t2_209);
+        let t3_6 = inv_pivot_5 * t3_5;
+        let t3_7 = (-t2_211).mul_add(t3_4, t2_208);
+        let t3_8 = (-t2_202).mul_add(t3_6, t3_7);
+        let t3_9 = inv_pivot_4 * t3_8;
+        let t3_10 = -pivot_6;
+        let t3_11 = q7 * t2_159;
+        let t3_12 = t3_11 * inv_pivot_6;
+        let t3_13 = like.lift(1.1547005383792515) * t2_159;
+        let t3_14 = inv_pivot_5 * t2_213;
+        let t3_15 = t3_14 * t3_12;
+        let t3_16 = q9 * t2_185;
+        let t3_17 = t3_16 * t2_201;
+        let t3_18 = t3_17 * t2_206;
+        let t3_19 = t3_17 * t2_217;
+        let t3_20 = (-t3_18).mul_add(t2_219, t3_19);
+        let t3_21 = t3_20 * inv_pivot_6;
+        let t3_22 = t2_213.mul_add(t3_21, t3_18);
+        let t3_23 = inv_pivot_5 * t3_22;
+        let t3_24 = (-t2_211).mul_add(t3_21, t3_17);
+        let t3_25 = t2_202.mul_add(t3_23, t3_24);
+        let t3_26 = t2_202 * t3_15;
+        let t3_27 = (-t2_211).mul_add(t3_12, t3_26);
+        let t3_28 = inv_pivot_4 * t3_27;
+        let t3_29 = inv_pivot_4 * t3_25;
+        let t3_30 = t2_199.mul_add(t3_21, t3_16);
+        let t3_31 = (-t2_143).mul_add(t3_23, t3_30);
+        let t3_32 = -t3_23;
+        let t3_33 = (-t2_200).mul_add(t3_29, t3_31);
+        let t3_34 = inv_pivot_3 * t3_33;
+        let t3_35 = like.lift(1.1547005383792515) * t2_185;
+        let t3_36 = (-t2_167).mul_add(t3_21, t2_194);
+        let t3_37 = (-t2_175).mul_add(t3_29, t3_36);
+        let t3_38 = (-t2_171).mul_add(t3_34, t3_37);
+        let t3_39 = t3_38 * t3_35;
+        let t3_40 = -t3_9;
+        let t3_41 = -t3_29;
+        let t3_42 = t2_148 * t3_21;
+        let t3_43 = t2_158.mul_add(t3_29, t3_42);
+        let t3_44 = -t3_21;
+        let t3_45 = t3_43 * t3_13;
+        let t3_46 = -t3_4;
+        let t3_47 = (-t2_199).mul_add(t3_4, cos_q1);
+        let t3_48 = (-t2_143).mul_add(t3_6, t3_47);
+        let t3_49 = t2_200.mul_add(t3_9, t3_48);
+        let t3_50 = inv_pivot_3 * t3_49;
+        let t3_51 = t2_143 * t3_15;
+        let t3_52 = (-t2_199).mul_add(t3_12, t3_51);
+        let t3_53 = t2_200.mul_add(t3_28, t3_52);
+        let t3_54 = inv_pivot_3 * t3_53;
+        let t3_55 = -t3_50;
+        let t3_56 = t2_171 * t3_50;
+        let t3_57 = (-t2_167).mul_add(t3_4, t3_56);
+        let t3_58 = t2_148 * t3_4;
+        let t3_59 = t2_158.mul_add(t3_9, t3_58);
+        let t3_60 = (-t2_175).mul_add(t3_9, t3_57);
+        let t3_61 = t3_59 * t3_13;
+        let t3_62 = t3_60 * t3_35;
+        let t3_63 = t2_171 * t3_54;
+        let t3_64 = (-t2_167).mul_add(t3_12, t3_63);
+        let t3_65 = (-t2_175).mul_add(t3_28, t3_64);
+        let t3_66 = t3_65 * t3_35;
+        let t3_67 = -t3_66;
+        let t3_68 = (-t2_148).mul_add(t3_12, t2_190);
+        let t3_69 = (-t2_158).mul_add(t3_28, t3_68);
+        let t3_70 = t3_69 * t3_13;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_199 * like.lift(1.8955297449982944)).abs())
-            .min((t2_220 * like.lift(2.6463477742948585)).abs())
+            .min((t2_184 * like.lift(1.8955297449982944)).abs())
+            .min((t2_203 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t3_2 * like.lift(0.8284577646309275)).abs())
-            .min((t3_52 * like.lift(2.1915406530791146)).abs());
+            .min((t2_207 * like.lift(0.8284577646309275)).abs())
+            .min((t3_10 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_27, t3_33, t3_45], [t3_53, t3_41, t3_54], [t3_59, t3_28, t3_57],
-                [t3_68, t3_67, t3_47], [t3_74, t3_83, t3_58], [t3_75, t3_80, t3_51],
+                [t3_6, t3_15, t3_32], [t3_40, t3_28, t3_41], [t3_46, t3_12, t3_44],
+                [t3_55, t3_54, t3_34], [t3_61, t3_70, t3_45], [t3_62, t3_67, t3_39],
             ],
             margin,
             || (
                 [
-                    [t2_126, t2_128, t2_137, like.lift(0.0), t2_140, like.lift(0.0)],
-                    [t2_148, t2_129, t2_162, like.lift(0.0), t2_163, like.lift(0.0)],
-                    [like.lift(0.0), t2_167, t2_170, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_172, t2_173, t2_175, t2_177, like.lift(0.0), t2_180],
-                    [t2_182, t2_194, t2_195, t2_196, like.lift(0.0), t2_197],
-                    [like.lift(0.0), t2_193, t2_191, t2_198, like.lift(0.0), t2_199],
+                    [t2_119, t2_121, t2_129, like.lift(0.0), t2_132, like.lift(0.0)],
+                    [t2_135, t2_122, t2_144, like.lift(0.0), t2_155, like.lift(0.0)],
+                    [like.lift(0.0), t2_158, t2_148, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_160, t2_161, t2_163, t2_169, like.lift(0.0), t2_179],
+                    [t2_143, t2_176, t2_180, t2_181, like.lift(0.0), t2_182],
+                    [like.lift(0.0), t2_175, t2_167, t2_183, like.lift(0.0), t2_184],
                 ],
                 [
-                    [t2_201, t2_203, like.lift(0.0)], [cos_q1, t2_204, like.lift(0.0)],
-                    [like.lift(0.0), t2_205, like.lift(0.0)], [t2_201, like.lift(0.0), t2_207],
-                    [cos_q1, like.lift(0.0), t2_208], [like.lift(0.0), like.lift(0.0), t2_210],
+                    [t2_186, t2_188, like.lift(0.0)], [cos_q1, t2_189, like.lift(0.0)],
+                    [like.lift(0.0), t2_190, like.lift(0.0)], [t2_186, like.lift(0.0), t2_192],
+                    [cos_q1, like.lift(0.0), t2_193], [like.lift(0.0), like.lift(0.0), t2_195],
                 ],
             ),
         );
@@ -3053,17 +2959,17 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t4_33 = dd_q2 * p_j_q2;
         let t4_34 = (-t4_32).mul_add(x_q8_q2, t4_33);
         let t4_35 = (-t4_16).mul_add(x_q6_q2, t4_34);
-        let t4_36 = (-t2_92).mul_add(x_s1_3_q2, t4_35);
-        let t4_37 = (-t2_96).mul_add(x_s1_2_q2, t4_36);
-        let t4_38 = (-t2_100).mul_add(x_s1_1_q2, t4_37);
-        let t4_39 = (-t2_117).mul_add(x_q1_q2, t4_38);
+        let t4_36 = (-t2_55).mul_add(x_s1_3_q2, t4_35);
+        let t4_37 = (-t2_90).mul_add(x_s1_2_q2, t4_36);
+        let t4_38 = (-t2_94).mul_add(x_s1_1_q2, t4_37);
+        let t4_39 = (-t2_111).mul_add(x_q1_q2, t4_38);
         let t4_40 = w_fc_q2_q2.mul_add(p_fc_q2, t4_39);
         let t4_41 = d_q2.mul_add(p_fv_q2, t4_40);
         let t4_42 = a_2z.mul_add(p_m_2, t4_41);
         let t4_43 = (-t2_1).mul_add(p_mz_2, t4_42);
         let t4_44 = (-dd_q1).mul_add(p_mx_2, t4_43);
-        let t4_45 = sin_s1_2.mul_add(t2_59, t4_44);
-        let t4_46 = cos_s1_2.mul_add(t2_50, t4_45);
+        let t4_45 = sin_s1_2.mul_add(t2_70, t4_44);
+        let t4_46 = cos_s1_2.mul_add(t2_84, t4_45);
         tau[0] = t4_46;
         let t4_47 = dd_q7 * p_j_q7;
         let t4_48 = (-t4_32).mul_add(x_q8_q7, t4_47);
@@ -3074,10 +2980,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t4_52 = (-t4_6).mul_add(p_mz_5, t4_51);
         let t4_53 = (-dd_q6).mul_add(p_mx_5, t4_52);
         let t4_54 = (-t4_16).mul_add(x_q6_q7, t4_53);
-        let t4_55 = (-t2_92).mul_add(x_s1_3_q7, t4_54);
-        let t4_56 = (-t2_96).mul_add(x_s1_2_q7, t4_55);
-        let t4_57 = (-t2_100).mul_add(x_s1_1_q7, t4_56);
-        let t4_58 = (-t2_117).mul_add(x_q1_q7, t4_57);
+        let t4_55 = (-t2_55).mul_add(x_s1_3_q7, t4_54);
+        let t4_56 = (-t2_90).mul_add(x_s1_2_q7, t4_55);
+        let t4_57 = (-t2_94).mul_add(x_s1_1_q7, t4_56);
+        let t4_58 = (-t2_111).mul_add(x_q1_q7, t4_57);
         tau[1] = t4_58;
         let w_fc_q9_q9 = d_q9.sign();
         let t4_59 = dd_q9 * p_j_q9;
@@ -3088,10 +2994,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t4_64 = (-dd_q8).mul_add(p_mx_7, t4_63);
         let t4_65 = (-t4_32).mul_add(x_q8_q9, t4_64);
         let t4_66 = (-t4_16).mul_add(x_q6_q9, t4_65);
-        let t4_67 = (-t2_92).mul_add(x_s1_3_q9, t4_66);
-        let t4_68 = (-t2_96).mul_add(x_s1_2_q9, t4_67);
-        let t4_69 = (-t2_100).mul_add(x_s1_1_q9, t4_68);
-        let t4_70 = (-t2_117).mul_add(x_q1_q9, t4_69);
+        let t4_67 = (-t2_55).mul_add(x_s1_3_q9, t4_66);
+        let t4_68 = (-t2_90).mul_add(x_s1_2_q9, t4_67);
+        let t4_69 = (-t2_94).mul_add(x_s1_1_q9, t4_68);
+        let t4_70 = (-t2_111).mul_add(x_q1_q9, t4_69);
         tau[2] = t4_70;
     }
     (tau, Condition { pivot: condition })
@@ -3103,7 +3009,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 127 additions, 241 multiplications, 6 divisions, 6 sines and cosines.
+/// 118 additions, 233 multiplications, 6 divisions, 6 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -3132,7 +3038,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_17, t2_25, t2_31, t2_35, t2_39, t2_42, t2_53, t2_89, t2_123, x_q1_q2, x_q1_q7,
+        t2_10, t2_25, t2_31, t2_35, t2_39, t2_42, t2_53, t2_86, t2_113, x_q1_q2, x_q1_q7,
         x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
         x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
@@ -3141,29 +3047,29 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
         let t2_3 = cos_q1 * cos_s1_2;
         let t2_4 = sin_q1 * cos_s1_1;
         let t2_5 = sin_s1_2 * t2_4;
-        let t2_6 = cos_s1_2 * t2_4;
-        let t2_7 = t2_5 - t2_3;
-        let t2_8 = t2_3 - t2_5;
-        let t2_9 = like.lift(9.81) * t2_7;
-        let a_s1_2z = -t2_9;
-        let t2_10 = sin_s1_3.mul_add(t2_8, t2_2);
+        let t2_6 = t2_3 - t2_5;
+        let t2_7 = cos_s1_2 * t2_4;
+        let t2_8 = like.lift(-9.81) * t2_6;
+        let a_s1_2z = -t2_8;
+        let t2_9 = p_m_3 * t2_8;
+        let t2_10 = -t2_9;
         let t2_11 = sin_s1_3 * a_s1_2z;
         let a_3y = like.lift(9.81).mul_add(t2_2, t2_11);
-        let t2_12 = p_m_3 * a_3y;
-        let t2_13 = like.lift(9.81) * sin_s1_3;
-        let t2_14 = t2_13 * t2_1;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_14);
-        let t2_15 = p_m_3 * a_3z;
-        let t2_16 = sin_s1_3 * t2_12;
-        let t2_17 = (-cos_s1_3).mul_add(t2_15, t2_16);
-        let t2_18 = sin_s1_3 * t2_15;
-        let t2_19 = cos_s1_3.mul_add(t2_12, t2_18);
+        let t2_12 = sin_s1_3.mul_add(t2_6, t2_2);
+        let t2_13 = like.lift(-0.4563) * t2_6;
+        let t2_14 = p_m_3 * a_3y;
+        let t2_15 = like.lift(9.81) * sin_s1_3;
+        let t2_16 = t2_15 * t2_1;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_16);
+        let t2_17 = p_m_3 * a_3z;
+        let t2_18 = sin_s1_3 * t2_17;
+        let t2_19 = cos_s1_3.mul_add(t2_14, t2_18);
         let t2_20 = cos_q1 * sin_s1_2;
-        let t2_21 = t2_6 + t2_20;
-        let t2_22 = t2_20 + t2_6;
+        let t2_21 = t2_7 + t2_20;
+        let t2_22 = t2_20 + t2_7;
         let a_s1_2x = like.lift(9.81) * t2_21;
         let t2_23 = like.lift(0.22815) * t2_22;
-        let t2_24 = like.lift(-0.39516739174683935).mul_add(t2_10, t2_23);
+        let t2_24 = like.lift(-0.39516739174683935).mul_add(t2_12, t2_23);
         let t2_25 = p_m_3 * a_s1_2x;
         let t2_26 = p_mz_3 * a_s1_2x;
         let t2_27 = (-p_mx_3).mul_add(a_3z, t2_26);
@@ -3179,7 +3085,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
         let t2_37 = sin_s1_2.mul_add(t2_33, t2_36);
         let t2_38 = cos_s1_2 * t2_33;
         let t2_39 = (-sin_s1_2).mul_add(t2_31, t2_38);
-        let t2_40 = sin_s1_2 * t2_17;
+        let t2_40 = sin_s1_2 * t2_10;
         let t2_41 = (-cos_s1_2).mul_add(t2_25, t2_40);
         let t2_42 = like.lift(9.81) * p_m_2;
         let t2_43 = sin_q1 * t2_42;
@@ -3201,224 +3107,214 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
         let t2_58 = like.lift(0.4563) * e_s1_2_q1x;
         let t2_59 = cos_q1 * t2_58;
         let t2_60 = sin_q1 * t2_58;
-        let t2_61 = t2_1 * e_s1_2_q1x;
-        let t2_62 = cos_s1_1.mul_add(t2_22, t2_61);
-        let t2_63 = like.lift(0.4563) * t2_62;
-        let t2_64 = cos_q6 * q7;
-        let t2_65 = like.lift(0.5) * t2_64;
-        let t2_66 = -t2_65;
-        let t2_67 = sin_q1 * q2;
-        let t2_68 = cos_q1 * cos_s1_1;
-        let t2_69 = sin_q1 * sin_s1_2;
-        let t2_70 = (-cos_s1_2).mul_add(t2_68, t2_69);
-        let t2_71 = sin_s1_2 * t2_68;
-        let t2_72 = sin_q1.mul_add(cos_s1_2, t2_71);
-        let t2_73 = like.lift(-0.4563).mul_add(t2_70, t2_67);
-        let t2_74 = -t2_73;
-        let t2_75 = cos_q1 * sin_s1_1;
-        let t2_76 = sin_s1_3 * sin_s1_1;
-        let t2_77 = cos_s1_3 * t2_75;
-        let t2_78 = (-sin_s1_3).mul_add(t2_72, t2_77);
-        let t2_79 = t2_76 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_79);
-        let t2_80 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_81 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_80);
-        let t2_82 = like.lift(0.39516739174683935) * t2_78;
-        let t2_83 = t2_82 - t2_67;
-        let t2_84 = cos_s1_1 * t2_70;
-        let t2_85 = (-t2_75).mul_add(e_s1_2_q1x, t2_84);
-        let t2_86 = like.lift(0.4563) * t2_85;
-        let t2_87 = -t2_86;
-        let t2_88 = -t2_87;
-        let t2_89 = q7 * sin_q6;
-        let t2_90 = sin_q1 * t2_22;
-        let t2_91 = (-cos_q1).mul_add(t2_70, t2_90);
-        let t2_92 = like.lift(0.4563) * t2_91;
-        let t2_93 = -t2_92;
-        let t2_94 = t2_75 * t2_22;
-        let t2_95 = t2_1.mul_add(t2_70, t2_94);
-        let t2_96 = like.lift(0.4563) * t2_95;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_64;
-        let t2_97 = like.lift(1.0) / t2_64;
-        let t2_98 = -t2_56;
-        let t2_99 = cos_q1 * t2_81;
-        let t2_100 = t2_1 * t2_81;
-        let t2_101 = cos_s1_1.mul_add(t2_24, t2_100);
-        let t2_102 = e_s1_2_q1x * t2_24;
-        let t2_103 = (-t2_22).mul_add(t2_81, t2_102);
-        let t2_104 = cos_q8 * q9;
-        let t2_105 = like.lift(0.5) * t2_104;
-        let t2_106 = -t2_105;
-        let t2_107 = like.lift(0.22815) * t2_70;
-        let t2_108 = t2_83 + t2_107;
-        let t2_109 = t2_107 + t2_82;
-        let t2_110 = t2_22 * t2_109;
-        let t2_111 = (-t2_70).mul_add(t2_24, t2_110);
-        let t2_112 = t2_70 * t2_81;
-        let t2_113 = (-e_s1_2_q1x).mul_add(t2_109, t2_112);
-        let t2_114 = t2_75 * t2_81;
-        let t2_115 = (-cos_s1_1).mul_add(t2_109, t2_114);
-        let t2_116 = t2_75 * t2_24;
-        let t2_117 = t2_1.mul_add(t2_109, t2_116);
-        let t2_118 = cos_q1 * t2_109;
-        let t2_119 = (-sin_q1).mul_add(t2_24, t2_118);
-        let t2_120 = sin_q1 * t2_81;
-        let t2_121 = -t2_115;
-        let t2_122 = -t2_113;
-        let t2_123 = q9 * sin_q8;
-        let t2_124 = -t2_111;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_104;
-        let t2_125 = -pivot_2;
-        let t2_126 = like.lift(1.0) / t2_104;
-        let t2_127 = -sin_q1;
-        let t2_128 = like.lift(0.5) * sin_q6;
-        let t2_129 = -t2_128;
-        let t2_130 = -cos_q6;
-        let t2_131 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_132 = like.lift(0.5) * sin_q8;
-        let t2_133 = -t2_132;
-        let t2_134 = -cos_q8;
-        let t2_135 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_136 = -t2_135;
-        let t2_137 = like.lift(0.5773502691896257).mul_add(t2_111, t2_103);
-        let t2_138 = t2_123 * t2_126;
-        let t2_139 = like.lift(1.1547005383792515) * t2_126;
-        let t2_140 = like.lift(1.1547005383792515) * t2_138;
-        let pivot_3 = t2_111.mul_add(t2_140, t2_113);
-        let t2_141 = (-t2_117).mul_add(t2_140, t2_115);
-        let t2_142 = t2_119.mul_add(t2_140, t2_120);
-        let t2_143 = sin_q8.mul_add(t2_138, cos_q8);
+        let t2_61 = cos_q1 * cos_s1_1;
+        let t2_62 = sin_s1_2 * t2_61;
+        let t2_63 = sin_q1.mul_add(cos_s1_2, t2_62);
+        let t2_64 = sin_q1 * sin_s1_2;
+        let t2_65 = (-cos_s1_2).mul_add(t2_61, t2_64);
+        let t2_66 = like.lift(0.4563) * t2_63;
+        let t2_67 = cos_q6 * q7;
+        let t2_68 = like.lift(0.5) * t2_67;
+        let t2_69 = -t2_68;
+        let t2_70 = sin_q1 * q2;
+        let t2_71 = like.lift(-0.4563).mul_add(t2_65, t2_70);
+        let t2_72 = -t2_71;
+        let t2_73 = cos_q1 * sin_s1_1;
+        let t2_74 = sin_s1_2 * sin_s1_1;
+        let t2_75 = cos_s1_3 * t2_73;
+        let t2_76 = (-sin_s1_3).mul_add(t2_63, t2_75);
+        let t2_77 = sin_s1_3 * t2_74;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_77);
+        let t2_78 = like.lift(0.4563) * t2_74;
+        let t2_79 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_80 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_79);
+        let t2_81 = like.lift(0.39516739174683935) * t2_76;
+        let t2_82 = like.lift(0.22815) * t2_65;
+        let t2_83 = t2_82 + t2_81;
+        let t2_84 = t2_83 - t2_70;
+        let t2_85 = -t2_13;
+        let t2_86 = q7 * sin_q6;
+        let t2_87 = cos_s1_2 * cos_s1_1;
+        let t2_88 = like.lift(0.4563) * t2_87;
+        let t2_89 = -t2_88;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_67;
+        let t2_90 = like.lift(1.0) / t2_67;
+        let t2_91 = -t2_56;
+        let t2_92 = cos_q1 * t2_80;
+        let t2_93 = t2_1 * t2_80;
+        let t2_94 = cos_s1_1.mul_add(t2_24, t2_93);
+        let t2_95 = t2_73 * t2_80;
+        let t2_96 = (-cos_s1_1).mul_add(t2_83, t2_95);
+        let t2_97 = t2_73 * t2_24;
+        let t2_98 = t2_1.mul_add(t2_83, t2_97);
+        let t2_99 = e_s1_2_q1x * t2_24;
+        let t2_100 = (-t2_22).mul_add(t2_80, t2_99);
+        let t2_101 = t2_22 * t2_83;
+        let t2_102 = (-t2_65).mul_add(t2_24, t2_101);
+        let t2_103 = t2_65 * t2_80;
+        let t2_104 = (-e_s1_2_q1x).mul_add(t2_83, t2_103);
+        let t2_105 = cos_q1 * t2_83;
+        let t2_106 = (-sin_q1).mul_add(t2_24, t2_105);
+        let t2_107 = sin_q1 * t2_80;
+        let t2_108 = cos_q8 * q9;
+        let t2_109 = like.lift(0.5) * t2_108;
+        let t2_110 = -t2_109;
+        let t2_111 = -t2_96;
+        let t2_112 = -t2_104;
+        let t2_113 = q9 * sin_q8;
+        let t2_114 = -t2_102;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_108;
+        let t2_115 = -pivot_2;
+        let t2_116 = like.lift(1.0) / t2_108;
+        let t2_117 = -sin_q1;
+        let t2_118 = like.lift(0.5) * sin_q6;
+        let t2_119 = -t2_118;
+        let t2_120 = -cos_q6;
+        let t2_121 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_122 = like.lift(0.5) * sin_q8;
+        let t2_123 = -t2_122;
+        let t2_124 = -cos_q8;
+        let t2_125 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_126 = -t2_125;
+        let t2_127 = like.lift(0.5773502691896257).mul_add(t2_102, t2_100);
+        let t2_128 = t2_113 * t2_116;
+        let t2_129 = like.lift(1.1547005383792515) * t2_128;
+        let pivot_3 = t2_102.mul_add(t2_129, t2_104);
+        let t2_130 = (-t2_98).mul_add(t2_129, t2_96);
+        let t2_131 = t2_106.mul_add(t2_129, t2_107);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_144 = t2_137 * inv_pivot_3;
-        let t2_145 = (-t2_108).mul_add(t2_144, t2_56);
-        let t2_146 = -pivot_3;
-        let t2_147 = like.lift(0.5773502691896257).mul_add(t2_93, t2_59);
-        let t2_148 = t2_142.mul_add(t2_144, t2_99);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_119, t2_148);
+        let t2_132 = t2_127 * inv_pivot_3;
+        let t2_133 = (-t2_84).mul_add(t2_132, t2_56);
+        let t2_134 = -pivot_3;
+        let t2_135 = like.lift(0.5773502691896257).mul_add(t2_89, t2_59);
+        let t2_136 = t2_131.mul_add(t2_132, t2_92);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_106, t2_136);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_149 = t2_147 * inv_pivot_4;
-        let pivot_5 = (-t2_145).mul_add(t2_149, t2_55);
+        let t2_137 = t2_135 * inv_pivot_4;
+        let pivot_5 = (-t2_133).mul_add(t2_137, t2_55);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_150 = -pivot_5;
-        let t2_151 = (-cos_q1).mul_add(t2_144, sin_q1);
-        let t2_152 = (-t2_151).mul_add(t2_149, sin_q1);
-        let t2_153 = (-t2_141).mul_add(t2_144, t2_101);
-        let t2_154 = like.lift(-0.5773502691896257).mul_add(t2_117, t2_153);
-        let t2_155 = t2_143 * t2_144;
-        let t2_156 = (-t2_154).mul_add(t2_149, t2_63);
-        let t2_157 = like.lift(0.5773502691896257).mul_add(t2_96, t2_156);
-        let t2_158 = t2_155 * t2_149;
-        let t2_159 = t2_89 * t2_97;
-        let t2_160 = like.lift(1.1547005383792515) * t2_97;
-        let t2_161 = like.lift(1.1547005383792515) * t2_159;
-        let t2_162 = sin_q6.mul_add(t2_159, cos_q6);
-        let t2_163 = (-t2_93).mul_add(t2_161, t2_60);
-        let t2_164 = t2_163 * inv_pivot_4;
-        let t2_165 = (-t2_145).mul_add(t2_164, t2_73);
-        let t2_166 = t2_165 * inv_pivot_5;
-        let t2_167 = t2_157.mul_add(t2_166, t2_87);
-        let t2_168 = t2_154.mul_add(t2_164, t2_167);
-        let pivot_6 = t2_96.mul_add(t2_161, t2_168);
-        let t2_169 = t2_152.mul_add(t2_166, cos_q1);
-        let t2_170 = t2_151.mul_add(t2_164, t2_169);
-        let t2_171 = t2_155 * t2_164;
-        let t2_172 = (-t2_158).mul_add(t2_166, t2_171);
+        let t2_138 = -pivot_5;
+        let t2_139 = (-cos_q1).mul_add(t2_132, sin_q1);
+        let t2_140 = (-t2_139).mul_add(t2_137, sin_q1);
+        let t2_141 = (-t2_130).mul_add(t2_132, t2_94);
+        let t2_142 = like.lift(-0.5773502691896257).mul_add(t2_98, t2_141);
+        let t2_143 = (-t2_142).mul_add(t2_137, t2_66);
+        let t2_144 = like.lift(0.5773502691896257).mul_add(t2_78, t2_143);
+        let t2_145 = t2_86 * t2_90;
+        let t2_146 = like.lift(1.1547005383792515) * t2_145;
+        let t2_147 = (-t2_89).mul_add(t2_146, t2_60);
+        let t2_148 = t2_147 * inv_pivot_4;
+        let t2_149 = (-t2_133).mul_add(t2_148, t2_71);
+        let t2_150 = t2_149 * inv_pivot_5;
+        let t2_151 = t2_144.mul_add(t2_150, t2_85);
+        let t2_152 = t2_142.mul_add(t2_148, t2_151);
+        let pivot_6 = t2_78.mul_add(t2_146, t2_152);
+        let t2_153 = t2_140.mul_add(t2_150, cos_q1);
+        let t2_154 = t2_139.mul_add(t2_148, t2_153);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_173 = t2_170 * inv_pivot_6;
-        let t2_174 = (-t2_157).mul_add(t2_173, t2_152);
-        let t2_175 = inv_pivot_5 * t2_174;
-        let t2_176 = t2_162 * inv_pivot_6;
-        let t2_177 = t2_172 * inv_pivot_6;
-        let t2_178 = t2_157.mul_add(t2_177, t2_158);
-        let t2_179 = inv_pivot_5 * t2_157;
-        let t2_180 = inv_pivot_5 * t2_178;
-        let t2_181 = t2_179 * t2_176;
-        let t2_182 = (-t2_154).mul_add(t2_173, t2_151);
-        let t2_183 = (-t2_145).mul_add(t2_175, t2_182);
-        let t2_184 = inv_pivot_4 * t2_183;
-        let t2_185 = (-t2_154).mul_add(t2_177, t2_155);
-        let t2_186 = t2_145.mul_add(t2_180, t2_185);
-        let t2_187 = t2_145 * t2_181;
-        let t2_188 = (-t2_154).mul_add(t2_176, t2_187);
-        let t2_189 = inv_pivot_4 * t2_188;
-        let t2_190 = inv_pivot_4 * t2_186;
-        let t2_191 = t2_141.mul_add(t2_177, t2_143);
-        let t2_192 = (-t2_108).mul_add(t2_180, t2_191);
-        let t2_193 = -t2_180;
-        let t2_194 = (-t2_142).mul_add(t2_190, t2_192);
-        let t2_195 = inv_pivot_3 * t2_194;
-        let t2_196 = (-t2_117).mul_add(t2_177, t2_135);
-        let t2_197 = (-t2_119).mul_add(t2_190, t2_196);
-        let t2_198 = (-t2_111).mul_add(t2_195, t2_197);
-        let t2_199 = t2_198 * t2_139;
-        let t2_200 = -pivot_6;
-        let t2_201 = -t2_184;
-        let t2_202 = -t2_190;
-        let t2_203 = t2_96 * t2_177;
-        let t2_204 = t2_93.mul_add(t2_190, t2_203);
-        let t2_205 = -t2_177;
-        let t2_206 = t2_204 * t2_160;
-        let t2_207 = -t2_173;
-        let t2_208 = (-t2_141).mul_add(t2_173, cos_q1);
-        let t2_209 = (-t2_108).mul_add(t2_175, t2_208);
-        let t2_210 = t2_142.mul_add(t2_184, t2_209);
-        let t2_211 = inv_pivot_3 * t2_210;
-        let t2_212 = t2_108 * t2_181;
-        let t2_213 = (-t2_141).mul_add(t2_176, t2_212);
-        let t2_214 = t2_142.mul_add(t2_189, t2_213);
-        let t2_215 = inv_pivot_3 * t2_214;
-        let t2_216 = -t2_211;
-        let t2_217 = t2_111 * t2_211;
-        let t2_218 = (-t2_117).mul_add(t2_173, t2_217);
-        let t2_219 = t2_96 * t2_173;
-        let t2_220 = t2_93.mul_add(t2_184, t2_219);
-        let t2_221 = (-t2_119).mul_add(t2_184, t2_218);
-        let t2_222 = t2_220 * t2_160;
-        let t2_223 = t2_221 * t2_139;
-        let t2_224 = t2_111 * t2_215;
-        let t2_225 = (-t2_117).mul_add(t2_176, t2_224);
-        let t2_226 = (-t2_119).mul_add(t2_189, t2_225);
-        let t2_227 = t2_226 * t2_139;
-        let t2_228 = -t2_227;
-        let t2_229 = (-t2_96).mul_add(t2_176, t2_131);
-        let t2_230 = (-t2_93).mul_add(t2_189, t2_229);
-        let t2_231 = t2_230 * t2_160;
+        let t2_155 = t2_154 * inv_pivot_6;
+        let t2_156 = (-t2_144).mul_add(t2_155, t2_140);
+        let t2_157 = inv_pivot_5 * t2_156;
+        let t2_158 = (-t2_142).mul_add(t2_155, t2_139);
+        let t2_159 = (-t2_133).mul_add(t2_157, t2_158);
+        let t2_160 = inv_pivot_4 * t2_159;
+        let t2_161 = -pivot_6;
+        let t2_162 = q7 * t2_90;
+        let t2_163 = t2_162 * inv_pivot_6;
+        let t2_164 = like.lift(1.1547005383792515) * t2_90;
+        let t2_165 = inv_pivot_5 * t2_144;
+        let t2_166 = t2_165 * t2_163;
+        let t2_167 = q9 * t2_116;
+        let t2_168 = t2_167 * t2_132;
+        let t2_169 = t2_168 * t2_137;
+        let t2_170 = t2_168 * t2_148;
+        let t2_171 = (-t2_169).mul_add(t2_150, t2_170);
+        let t2_172 = t2_171 * inv_pivot_6;
+        let t2_173 = t2_144.mul_add(t2_172, t2_169);
+        let t2_174 = inv_pivot_5 * t2_173;
+        let t2_175 = (-t2_142).mul_add(t2_172, t2_168);
+        let t2_176 = t2_133.mul_add(t2_174, t2_175);
+        let t2_177 = t2_133 * t2_166;
+        let t2_178 = (-t2_142).mul_add(t2_163, t2_177);
+        let t2_179 = inv_pivot_4 * t2_178;
+        let t2_180 = inv_pivot_4 * t2_176;
+        let t2_181 = t2_130.mul_add(t2_172, t2_167);
+        let t2_182 = (-t2_84).mul_add(t2_174, t2_181);
+        let t2_183 = -t2_174;
+        let t2_184 = (-t2_131).mul_add(t2_180, t2_182);
+        let t2_185 = inv_pivot_3 * t2_184;
+        let t2_186 = like.lift(1.1547005383792515) * t2_116;
+        let t2_187 = (-t2_98).mul_add(t2_172, t2_125);
+        let t2_188 = (-t2_106).mul_add(t2_180, t2_187);
+        let t2_189 = (-t2_102).mul_add(t2_185, t2_188);
+        let t2_190 = t2_189 * t2_186;
+        let t2_191 = -t2_160;
+        let t2_192 = -t2_180;
+        let t2_193 = t2_78 * t2_172;
+        let t2_194 = t2_89.mul_add(t2_180, t2_193);
+        let t2_195 = -t2_172;
+        let t2_196 = t2_194 * t2_164;
+        let t2_197 = -t2_155;
+        let t2_198 = (-t2_130).mul_add(t2_155, cos_q1);
+        let t2_199 = (-t2_84).mul_add(t2_157, t2_198);
+        let t2_200 = t2_131.mul_add(t2_160, t2_199);
+        let t2_201 = inv_pivot_3 * t2_200;
+        let t2_202 = t2_84 * t2_166;
+        let t2_203 = (-t2_130).mul_add(t2_163, t2_202);
+        let t2_204 = t2_131.mul_add(t2_179, t2_203);
+        let t2_205 = inv_pivot_3 * t2_204;
+        let t2_206 = -t2_201;
+        let t2_207 = t2_102 * t2_201;
+        let t2_208 = (-t2_98).mul_add(t2_155, t2_207);
+        let t2_209 = t2_78 * t2_155;
+        let t2_210 = t2_89.mul_add(t2_160, t2_209);
+        let t2_211 = (-t2_106).mul_add(t2_160, t2_208);
+        let t2_212 = t2_210 * t2_164;
+        let t2_213 = t2_211 * t2_186;
+        let t2_214 = t2_102 * t2_205;
+        let t2_215 = (-t2_98).mul_add(t2_163, t2_214);
+        let t2_216 = (-t2_106).mul_add(t2_179, t2_215);
+        let t2_217 = t2_216 * t2_186;
+        let t2_218 = -t2_217;
+        let t2_219 = (-t2_78).mul_add(t2_163, t2_121);
+        let t2_220 = (-t2_89).mul_add(t2_179, t2_219);
+        let t2_221 = t2_220 * t2_164;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_125 * like.lift(1.8955297449982944)).abs())
-            .min((t2_146 * like.lift(2.6463477742948585)).abs())
+            .min((t2_115 * like.lift(1.8955297449982944)).abs())
+            .min((t2_134 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_150 * like.lift(0.8284577646309275)).abs())
-            .min((t2_200 * like.lift(2.1915406530791146)).abs());
+            .min((t2_138 * like.lift(0.8284577646309275)).abs())
+            .min((t2_161 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_175, t2_181, t2_193], [t2_201, t2_189, t2_202], [t2_207, t2_176, t2_205],
-                [t2_216, t2_215, t2_195], [t2_222, t2_231, t2_206], [t2_223, t2_228, t2_199],
+                [t2_157, t2_166, t2_183], [t2_191, t2_179, t2_192], [t2_197, t2_163, t2_195],
+                [t2_206, t2_205, t2_185], [t2_212, t2_221, t2_196], [t2_213, t2_218, t2_190],
             ],
             margin,
             || (
                 [
-                    [t2_57, t2_59, t2_63, like.lift(0.0), t2_66, like.lift(0.0)],
-                    [t2_74, t2_60, t2_88, like.lift(0.0), t2_89, like.lift(0.0)],
-                    [like.lift(0.0), t2_93, t2_96, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_98, t2_99, t2_101, t2_103, like.lift(0.0), t2_106],
-                    [t2_108, t2_120, t2_121, t2_122, like.lift(0.0), t2_123],
-                    [like.lift(0.0), t2_119, t2_117, t2_124, like.lift(0.0), t2_125],
+                    [t2_57, t2_59, t2_66, like.lift(0.0), t2_69, like.lift(0.0)],
+                    [t2_72, t2_60, t2_13, like.lift(0.0), t2_86, like.lift(0.0)],
+                    [like.lift(0.0), t2_89, t2_78, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_91, t2_92, t2_94, t2_100, like.lift(0.0), t2_110],
+                    [t2_84, t2_107, t2_111, t2_112, like.lift(0.0), t2_113],
+                    [like.lift(0.0), t2_106, t2_98, t2_114, like.lift(0.0), t2_115],
                 ],
                 [
-                    [t2_127, t2_129, like.lift(0.0)], [cos_q1, t2_130, like.lift(0.0)],
-                    [like.lift(0.0), t2_131, like.lift(0.0)], [t2_127, like.lift(0.0), t2_133],
-                    [cos_q1, like.lift(0.0), t2_134], [like.lift(0.0), like.lift(0.0), t2_136],
+                    [t2_117, t2_119, like.lift(0.0)], [cos_q1, t2_120, like.lift(0.0)],
+                    [like.lift(0.0), t2_121, like.lift(0.0)], [t2_117, like.lift(0.0), t2_123],
+                    [cos_q1, like.lift(0.0), t2_124], [like.lift(0.0), like.lift(0.0), t2_126],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_17, t2_25, t2_31, t2_35, t2_39, t2_42, t2_53, t2_89, t2_123, x_q1_q2, x_q1_q7,
+            t2_10, t2_25, t2_31, t2_35, t2_39, t2_42, t2_53, t2_86, t2_113, x_q1_q2, x_q1_q7,
             x_q1_q9, x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9,
             x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7,
             x_q8_q9,
@@ -3428,7 +3324,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     {
         let t3_1 = sin_q6 * p_my_4;
         let t3_2 = (-cos_q6).mul_add(p_mx_4, t3_1);
-        let t3_3 = (-p_m_5).mul_add(t2_89, t3_2);
+        let t3_3 = (-p_m_5).mul_add(t2_86, t3_2);
         let t3_4 = (-cos_q6).mul_add(p_mx_5, t3_3);
         let t3_5 = (-sin_q6).mul_add(p_mz_5, t3_4);
         let t3_6 = like.lift(9.81) * t3_5;
@@ -3436,7 +3332,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
         let t3_8 = like.lift(9.81) * cos_q6;
         let t3_9 = sin_q8 * p_my_6;
         let t3_10 = (-cos_q8).mul_add(p_mx_6, t3_9);
-        let t3_11 = (-p_m_7).mul_add(t2_123, t3_10);
+        let t3_11 = (-p_m_7).mul_add(t2_113, t3_10);
         let t3_12 = (-cos_q8).mul_add(p_mx_7, t3_11);
         let t3_13 = (-sin_q8).mul_add(p_mz_7, t3_12);
         let t3_14 = like.lift(9.81) * t3_13;
@@ -3449,7 +3345,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
         let t3_21 = t2_53.mul_add(x_q1_q2, t3_20);
         let t3_22 = cos_q1.mul_add(t2_42, t3_21);
         let t3_23 = sin_s1_2.mul_add(t2_25, t3_22);
-        let t3_24 = cos_s1_2.mul_add(t2_17, t3_23);
+        let t3_24 = cos_s1_2.mul_add(t2_10, t3_23);
         tau[0] = t3_24;
         let t3_25 = t3_15 * x_q8_q7;
         let t3_26 = t3_8.mul_add(p_m_5, t3_25);
@@ -3479,7 +3375,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 290 additions, 444 multiplications, 6 divisions, 6 sines and cosines.
+/// 270 additions, 427 multiplications, 6 divisions, 6 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -3501,15 +3397,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
         ]
     };
     let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    // tau, part 1
+    // loops: solve with A_e (Eq. 8, 10)
     let [
-        w_fc_q2_q2, t2_1, a_2z, t2_10, t2_12, t2_13, t2_20, t2_23, t2_31, t2_40, t2_41, t2_45,
-        t2_48, pivot_1, t2_50, t2_55, t2_57, t2_59, t2_62, t2_65, t2_68, t2_71, t2_74, t2_75,
-        t2_77, t2_79, t2_81, t2_82, t2_83, t2_85, t2_124, t2_137, t2_149, t2_157, t2_160,
-        t2_174, t2_181, t2_182, t2_183, t2_186, t2_190, t2_192, t2_193, t2_194, inv_pivot_3,
-        t2_195, t2_196, t2_197, t2_199, pivot_4, inv_pivot_4, t2_204, inv_pivot_5, t2_207,
-        t2_209, t2_211, t2_213, t2_216, t2_218, t2_220, inv_pivot_6, t2_223, t2_224, t2_228,
-        t2_230, t2_233, t2_236,
+        w_fc_q2_q2, t2_1, a_2z, t2_9, t2_11, t2_12, t2_19, t2_22, t2_25, t2_32, t2_38, t2_41,
+        t2_43, pivot_1, t2_48, t2_49, t2_51, t2_53, t2_56, t2_57, t2_59, t2_62, t2_65, t2_66,
+        t2_68, t2_70, t2_72, t2_73, t2_74, t2_76, t2_108, t2_112, t2_144, t2_161, t2_169,
+        t2_171, t2_175, t2_179, inv_pivot_3, t2_180, t2_181, t2_182, t2_184, pivot_4,
+        inv_pivot_4, t2_189, inv_pivot_5, t2_192, t2_194, t2_196, t2_200, t2_202, inv_pivot_6,
+        t2_205, t2_227, t2_230, t2_231, al_1z, al_s1_1z, t2_234, t2_235, al_4z, al_6z,
     ] = {
         let w_fc_q2_q2 = d_q2.sign();
         let t2_1 = d_q1 * d_q1;
@@ -3520,295 +3415,276 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
         let t2_5 = cos_q1.mul_add(sin_s1_2, t2_4);
         let t2_6 = cos_q1 * cos_s1_2;
         let t2_7 = (-sin_s1_2).mul_add(t2_3, t2_6);
-        let t2_8 = sin_s1_3 * t2_7;
-        let t2_9 = like.lift(-0.4563).mul_add(t2_5, t2_2);
-        let t2_10 = -t2_9;
+        let t2_8 = like.lift(-0.4563).mul_add(t2_5, t2_2);
+        let t2_9 = -t2_8;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_11 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_12 = cos_q1 * t2_11;
-        let t2_13 = sin_q1 * t2_11;
-        let t2_14 = sin_q1 * sin_s1_1;
-        let t2_15 = cos_s1_3.mul_add(t2_14, t2_8);
-        let t2_16 = like.lift(0.22815) * t2_5;
-        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
-        let t2_18 = t2_14 * e_s1_2_q1x;
-        let t2_19 = cos_s1_1.mul_add(t2_5, t2_18);
-        let t2_20 = like.lift(0.4563) * t2_19;
-        let t2_21 = cos_q6 * q7;
-        let t2_22 = like.lift(0.5) * t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q1 * q2;
-        let t2_25 = cos_q1 * cos_s1_1;
-        let t2_26 = sin_q1 * sin_s1_2;
-        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
-        let t2_28 = sin_s1_2 * t2_25;
-        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
-        let t2_30 = like.lift(-0.4563).mul_add(t2_27, t2_24);
-        let t2_31 = -t2_30;
-        let t2_32 = cos_q1 * sin_s1_1;
-        let t2_33 = cos_s1_3 * t2_32;
-        let t2_34 = (-sin_s1_3).mul_add(t2_29, t2_33);
-        let t2_35 = like.lift(0.39516739174683935) * t2_34;
-        let t2_36 = cos_s1_1 * t2_27;
-        let t2_37 = (-t2_32).mul_add(e_s1_2_q1x, t2_36);
-        let t2_38 = like.lift(0.4563) * t2_37;
-        let t2_39 = -t2_38;
-        let t2_40 = -t2_39;
-        let t2_41 = sin_q6 * q7;
-        let t2_42 = sin_q1 * t2_5;
-        let t2_43 = (-cos_q1).mul_add(t2_27, t2_42);
-        let t2_44 = like.lift(0.4563) * t2_43;
-        let t2_45 = -t2_44;
-        let t2_46 = t2_32 * t2_5;
-        let t2_47 = t2_14.mul_add(t2_27, t2_46);
-        let t2_48 = like.lift(0.4563) * t2_47;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
-        let t2_49 = t2_2 - t2_17;
-        let t2_50 = -t2_49;
-        let t2_51 = sin_s1_3 * sin_s1_1;
-        let t2_52 = t2_51 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
-        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
-        let t2_55 = cos_q1 * t2_54;
-        let t2_56 = t2_14 * t2_54;
-        let t2_57 = cos_s1_1.mul_add(t2_17, t2_56);
-        let t2_58 = e_s1_2_q1x * t2_17;
-        let t2_59 = (-t2_5).mul_add(t2_54, t2_58);
-        let t2_60 = cos_q8 * q9;
-        let t2_61 = like.lift(0.5) * t2_60;
+        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_11 = cos_q1 * t2_10;
+        let t2_12 = sin_q1 * t2_10;
+        let t2_13 = sin_q1 * sin_s1_1;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = sin_s1_2 * t2_14;
+        let t2_16 = sin_q1.mul_add(cos_s1_2, t2_15);
+        let t2_17 = sin_q1 * sin_s1_2;
+        let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
+        let t2_19 = like.lift(0.4563) * t2_16;
+        let t2_20 = cos_q6 * q7;
+        let t2_21 = like.lift(0.5) * t2_20;
+        let t2_22 = -t2_21;
+        let t2_23 = sin_q1 * q2;
+        let t2_24 = like.lift(-0.4563).mul_add(t2_18, t2_23);
+        let t2_25 = -t2_24;
+        let t2_26 = cos_q1 * sin_s1_1;
+        let t2_27 = cos_s1_3 * t2_26;
+        let t2_28 = (-sin_s1_3).mul_add(t2_16, t2_27);
+        let t2_29 = like.lift(0.39516739174683935) * t2_28;
+        let t2_30 = like.lift(0.22815) * t2_18;
+        let t2_31 = t2_30 + t2_29;
+        let t2_32 = like.lift(-0.4563) * t2_7;
+        let t2_33 = sin_s1_3 * t2_7;
+        let t2_34 = cos_s1_3.mul_add(t2_13, t2_33);
+        let t2_35 = like.lift(0.22815) * t2_5;
+        let t2_36 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_35);
+        let t2_37 = -t2_32;
+        let t2_38 = sin_q6 * q7;
+        let t2_39 = cos_s1_2 * cos_s1_1;
+        let t2_40 = like.lift(0.4563) * t2_39;
+        let t2_41 = -t2_40;
+        let t2_42 = sin_s1_2 * sin_s1_1;
+        let t2_43 = like.lift(0.4563) * t2_42;
+        let t2_44 = t2_42 * sin_s1_3;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_44);
+        let t2_45 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_46 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_45);
+        let pivot_1 = like.lift(0.8660254037844386) * t2_20;
+        let t2_47 = t2_2 - t2_36;
+        let t2_48 = -t2_47;
+        let t2_49 = cos_q1 * t2_46;
+        let t2_50 = t2_13 * t2_46;
+        let t2_51 = cos_s1_1.mul_add(t2_36, t2_50);
+        let t2_52 = e_s1_2_q1x * t2_36;
+        let t2_53 = (-t2_5).mul_add(t2_46, t2_52);
+        let t2_54 = cos_q8 * q9;
+        let t2_55 = like.lift(0.5) * t2_54;
+        let t2_56 = -t2_55;
+        let t2_57 = t2_31 - t2_23;
+        let t2_58 = t2_23 * t2_1;
+        let t2_59 = sin_q1 * t2_46;
+        let t2_60 = t2_26 * t2_46;
+        let t2_61 = (-cos_s1_1).mul_add(t2_31, t2_60);
         let t2_62 = -t2_61;
-        let t2_63 = like.lift(0.22815) * t2_27;
-        let t2_64 = t2_35 - t2_24;
-        let t2_65 = t2_64 + t2_63;
-        let t2_66 = t2_63 + t2_35;
-        let t2_67 = t2_24 * t2_1;
-        let t2_68 = sin_q1 * t2_54;
-        let t2_69 = t2_32 * t2_54;
-        let t2_70 = (-cos_s1_1).mul_add(t2_66, t2_69);
-        let t2_71 = -t2_70;
-        let t2_72 = t2_27 * t2_54;
-        let t2_73 = (-e_s1_2_q1x).mul_add(t2_66, t2_72);
-        let t2_74 = -t2_73;
-        let t2_75 = sin_q8 * q9;
-        let t2_76 = cos_q1 * t2_66;
-        let t2_77 = (-sin_q1).mul_add(t2_17, t2_76);
-        let t2_78 = t2_32 * t2_17;
-        let t2_79 = t2_14.mul_add(t2_66, t2_78);
-        let t2_80 = t2_5 * t2_66;
-        let t2_81 = (-t2_27).mul_add(t2_17, t2_80);
-        let t2_82 = -t2_81;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
-        let t2_83 = -pivot_2;
-        let t2_84 = cos_q1 * d_q1;
-        let t2_85 = like.lift(2.0) * d_q2;
-        let t2_86 = (-t2_84).mul_add(t2_85, t2_67);
-        let t2_87 = cos_q1 * d_s1_1;
-        let t2_88 = t2_14.mul_add(d_s1_2, t2_87);
-        let t2_89 = t2_14 * d_q1;
-        let t2_90 = (-cos_s1_1).mul_add(t2_87, t2_89);
-        let t2_91 = d_s1_2 * t2_90;
-        let t2_92 = sin_q1 * d_s1_1;
-        let t2_93 = (-t2_32).mul_add(d_s1_2, t2_92);
-        let t2_94 = t2_32 * d_q1;
-        let t2_95 = cos_s1_1.mul_add(t2_92, t2_94);
-        let t2_96 = t2_27 * t2_88;
-        let t2_97 = (-t2_5).mul_add(t2_93, t2_96);
-        let t2_98 = d_s1_3 * t2_97;
-        let t2_99 = d_s1_2 * sin_s1_1;
-        let t2_100 = t2_99.mul_add(d_s1_1, t2_98);
-        let t2_101 = sin_q1 * d_q1;
-        let t2_102 = t2_101 * t2_85;
-        let t2_103 = t2_2.mul_add(t2_1, t2_102);
-        let t2_104 = d_s1_1 * t2_101;
-        let t2_105 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_106 = t2_27 * t2_105;
-        let t2_107 = e_s1_2_q1x.mul_add(t2_93, t2_106);
-        let t2_108 = (-d_s1_3).mul_add(t2_107, t2_104);
-        let t2_109 = (-d_s1_2).mul_add(t2_95, t2_108);
-        let t2_110 = (-t2_27).mul_add(d_s1_3, t2_93);
-        let t2_111 = e_s1_2_q1x.mul_add(d_s1_3, t2_105);
-        let t2_112 = e_s1_2_q1x * t2_88;
-        let t2_113 = t2_5.mul_add(t2_105, t2_112);
-        let t2_114 = (-d_s1_3).mul_add(t2_113, t2_91);
-        let t2_115 = d_s1_1.mul_add(t2_84, t2_114);
-        let t2_116 = (-t2_5).mul_add(d_s1_3, t2_88);
-        let t2_117 = t2_27 * t2_111;
-        let t2_118 = e_s1_2_q1x.mul_add(t2_110, t2_117);
-        let t2_119 = like.lift(0.4563) * t2_118;
-        let t2_120 = t2_5 * t2_110;
-        let t2_121 = (-t2_27).mul_add(t2_116, t2_120);
-        let t2_122 = like.lift(0.4563) * t2_121;
-        let t2_123 = -t2_122;
-        let t2_124 = d_q6 * d_q6;
-        let t2_125 = t2_41 * t2_124;
-        let t2_126 = d_q7 * cos_q6;
-        let t2_127 = t2_126 * d_q6;
-        let t2_128 = e_s1_2_q1x * t2_109;
-        let t2_129 = t2_5.mul_add(t2_100, t2_128);
-        let t2_130 = like.lift(-0.4563).mul_add(t2_129, t2_86);
-        let t2_131 = (-t2_116).mul_add(t2_123, t2_130);
-        let t2_132 = (-t2_111).mul_add(t2_119, t2_131);
-        let t2_133 = like.lift(0.5).mul_add(t2_125, t2_132);
-        let t2_134 = t2_133 - t2_127;
-        let t2_135 = (-t2_54).mul_add(t2_109, t2_86);
-        let t2_136 = (-t2_17).mul_add(t2_100, t2_135);
-        let t2_137 = -t2_134;
-        let t2_138 = e_s1_2_q1x * t2_116;
-        let t2_139 = t2_5.mul_add(t2_111, t2_138);
-        let t2_140 = like.lift(0.4563) * t2_139;
-        let t2_141 = t2_5 * t2_115;
-        let t2_142 = t2_27.mul_add(t2_109, t2_141);
-        let t2_143 = t2_27 * t2_100;
-        let t2_144 = (-e_s1_2_q1x).mul_add(t2_115, t2_143);
-        let t2_145 = like.lift(0.4563) * t2_142;
-        let t2_146 = (-t2_110).mul_add(t2_119, t2_145);
-        let t2_147 = (-t2_116).mul_add(t2_140, t2_146);
-        let t2_148 = like.lift(-1.7320508075688772).mul_add(t2_127, t2_147);
-        let t2_149 = like.lift(0.8660254037844386).mul_add(t2_125, t2_148);
-        let t2_150 = like.lift(0.4563).mul_add(t2_144, t2_103);
-        let t2_151 = (-t2_111).mul_add(t2_140, t2_150);
-        let t2_152 = t2_110.mul_add(t2_123, t2_151);
-        let t2_153 = t2_66.mul_add(t2_100, t2_103);
-        let t2_154 = (-t2_54).mul_add(t2_115, t2_153);
-        let t2_155 = t2_17 * t2_115;
-        let t2_156 = t2_66.mul_add(t2_109, t2_155);
-        let t2_157 = like.lift(2.0) * d_q7;
-        let t2_158 = sin_q6 * t2_157;
-        let t2_159 = t2_21.mul_add(d_q6, t2_158);
-        let t2_160 = (-d_q6).mul_add(t2_159, t2_152);
-        let t2_161 = like.lift(1.0) / t2_21;
-        let t2_162 = t2_66 * t2_111;
-        let t2_163 = t2_54.mul_add(t2_110, t2_162);
-        let t2_164 = t2_66 * t2_116;
-        let t2_165 = (-t2_17).mul_add(t2_110, t2_164);
-        let t2_166 = t2_54 * t2_116;
-        let t2_167 = t2_17.mul_add(t2_111, t2_166);
-        let t2_168 = (-t2_116).mul_add(t2_165, t2_136);
-        let t2_169 = (-t2_111).mul_add(t2_167, t2_154);
-        let t2_170 = (-t2_110).mul_add(t2_163, t2_156);
-        let t2_171 = (-t2_111).mul_add(t2_163, t2_168);
-        let t2_172 = t2_110.mul_add(t2_165, t2_169);
-        let t2_173 = (-t2_116).mul_add(t2_167, t2_170);
-        let t2_174 = d_q8 * d_q8;
-        let t2_175 = t2_75 * t2_174;
-        let t2_176 = like.lift(0.5).mul_add(t2_175, t2_171);
-        let t2_177 = d_q9 * cos_q8;
-        let t2_178 = t2_177 * d_q8;
-        let t2_179 = like.lift(1.7320508075688772).mul_add(t2_178, t2_173);
-        let t2_180 = t2_176 - t2_178;
-        let t2_181 = like.lift(-0.8660254037844386).mul_add(t2_175, t2_179);
-        let t2_182 = -t2_180;
-        let t2_183 = like.lift(2.0) * d_q9;
-        let t2_184 = sin_q8 * t2_183;
-        let t2_185 = t2_60.mul_add(d_q8, t2_184);
-        let t2_186 = (-d_q8).mul_add(t2_185, t2_172);
-        let t2_187 = like.lift(1.0) / t2_60;
-        let t2_188 = like.lift(0.5773502691896257).mul_add(t2_81, t2_59);
-        let t2_189 = t2_75 * t2_187;
-        let t2_190 = like.lift(1.1547005383792515) * t2_187;
-        let t2_191 = like.lift(1.1547005383792515) * t2_189;
-        let pivot_3 = t2_81.mul_add(t2_191, t2_73);
-        let t2_192 = (-t2_79).mul_add(t2_191, t2_70);
-        let t2_193 = sin_q8.mul_add(t2_189, cos_q8);
-        let t2_194 = -cos_q8;
+        let t2_63 = t2_18 * t2_46;
+        let t2_64 = (-e_s1_2_q1x).mul_add(t2_31, t2_63);
+        let t2_65 = -t2_64;
+        let t2_66 = sin_q8 * q9;
+        let t2_67 = cos_q1 * t2_31;
+        let t2_68 = (-sin_q1).mul_add(t2_36, t2_67);
+        let t2_69 = t2_26 * t2_36;
+        let t2_70 = t2_13.mul_add(t2_31, t2_69);
+        let t2_71 = t2_5 * t2_31;
+        let t2_72 = (-t2_18).mul_add(t2_36, t2_71);
+        let t2_73 = -t2_72;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_54;
+        let t2_74 = -pivot_2;
+        let t2_75 = cos_q1 * d_q1;
+        let t2_76 = like.lift(2.0) * d_q2;
+        let t2_77 = (-t2_75).mul_add(t2_76, t2_58);
+        let t2_78 = cos_q1 * d_s1_1;
+        let t2_79 = t2_13.mul_add(d_s1_2, t2_78);
+        let t2_80 = t2_13 * d_q1;
+        let t2_81 = (-cos_s1_1).mul_add(t2_78, t2_80);
+        let t2_82 = (-t2_5).mul_add(d_s1_3, t2_79);
+        let t2_83 = d_s1_2 * t2_81;
+        let t2_84 = sin_q1 * d_s1_1;
+        let t2_85 = (-t2_26).mul_add(d_s1_2, t2_84);
+        let t2_86 = t2_26 * d_q1;
+        let t2_87 = cos_s1_1.mul_add(t2_84, t2_86);
+        let t2_88 = (-t2_18).mul_add(d_s1_3, t2_85);
+        let t2_89 = t2_5 * t2_88;
+        let t2_90 = (-t2_18).mul_add(t2_82, t2_89);
+        let t2_91 = d_s1_3 * t2_90;
+        let t2_92 = -t2_91;
+        let t2_93 = like.lift(0.4563) * t2_90;
+        let t2_94 = -t2_93;
+        let t2_95 = d_s1_2 * sin_s1_1;
+        let t2_96 = t2_95.mul_add(d_s1_1, t2_92);
+        let t2_97 = sin_q1 * d_q1;
+        let t2_98 = t2_97 * t2_76;
+        let t2_99 = t2_2.mul_add(t2_1, t2_98);
+        let t2_100 = d_s1_1 * t2_97;
+        let t2_101 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_102 = e_s1_2_q1x.mul_add(d_s1_3, t2_101);
+        let t2_103 = t2_18 * t2_102;
+        let t2_104 = e_s1_2_q1x.mul_add(t2_88, t2_103);
+        let t2_105 = (-d_s1_3).mul_add(t2_104, t2_100);
+        let t2_106 = (-d_s1_2).mul_add(t2_87, t2_105);
+        let t2_107 = like.lift(0.4563) * t2_104;
+        let t2_108 = d_q6 * d_q6;
+        let t2_109 = t2_38 * t2_108;
+        let t2_110 = d_q7 * cos_q6;
+        let t2_111 = t2_110 * d_q6;
+        let t2_112 = -cos_q6;
+        let t2_113 = e_s1_2_q1x * t2_106;
+        let t2_114 = t2_5.mul_add(t2_96, t2_113);
+        let t2_115 = like.lift(-0.4563).mul_add(t2_114, t2_77);
+        let t2_116 = (-t2_82).mul_add(t2_94, t2_115);
+        let t2_117 = (-t2_102).mul_add(t2_107, t2_116);
+        let t2_118 = like.lift(0.5).mul_add(t2_109, t2_117);
+        let t2_119 = t2_118 - t2_111;
+        let t2_120 = (-t2_46).mul_add(t2_106, t2_77);
+        let t2_121 = (-t2_36).mul_add(t2_96, t2_120);
+        let t2_122 = -t2_119;
+        let t2_123 = e_s1_2_q1x * t2_82;
+        let t2_124 = t2_5.mul_add(t2_102, t2_123);
+        let t2_125 = (-d_s1_3).mul_add(t2_124, t2_83);
+        let t2_126 = d_s1_1.mul_add(t2_75, t2_125);
+        let t2_127 = like.lift(0.4563) * t2_124;
+        let t2_128 = t2_5 * t2_126;
+        let t2_129 = t2_18.mul_add(t2_106, t2_128);
+        let t2_130 = t2_18 * t2_96;
+        let t2_131 = (-e_s1_2_q1x).mul_add(t2_126, t2_130);
+        let t2_132 = like.lift(0.4563) * t2_129;
+        let t2_133 = (-t2_88).mul_add(t2_107, t2_132);
+        let t2_134 = (-t2_82).mul_add(t2_127, t2_133);
+        let t2_135 = like.lift(-1.7320508075688772).mul_add(t2_111, t2_134);
+        let t2_136 = like.lift(0.8660254037844386).mul_add(t2_109, t2_135);
+        let t2_137 = like.lift(0.4563).mul_add(t2_131, t2_99);
+        let t2_138 = (-t2_102).mul_add(t2_127, t2_137);
+        let t2_139 = t2_88.mul_add(t2_94, t2_138);
+        let t2_140 = t2_31.mul_add(t2_96, t2_99);
+        let t2_141 = (-t2_46).mul_add(t2_126, t2_140);
+        let t2_142 = t2_36 * t2_126;
+        let t2_143 = t2_31.mul_add(t2_106, t2_142);
+        let t2_144 = like.lift(2.0) * d_q7;
+        let t2_145 = sin_q6 * t2_144;
+        let t2_146 = t2_20.mul_add(d_q6, t2_145);
+        let t2_147 = (-d_q6).mul_add(t2_146, t2_139);
+        let t2_148 = like.lift(1.0) / t2_20;
+        let t2_149 = t2_31 * t2_102;
+        let t2_150 = t2_46.mul_add(t2_88, t2_149);
+        let t2_151 = t2_31 * t2_82;
+        let t2_152 = (-t2_36).mul_add(t2_88, t2_151);
+        let t2_153 = t2_46 * t2_82;
+        let t2_154 = t2_36.mul_add(t2_102, t2_153);
+        let t2_155 = (-t2_82).mul_add(t2_152, t2_121);
+        let t2_156 = (-t2_102).mul_add(t2_154, t2_141);
+        let t2_157 = (-t2_88).mul_add(t2_150, t2_143);
+        let t2_158 = (-t2_102).mul_add(t2_150, t2_155);
+        let t2_159 = t2_88.mul_add(t2_152, t2_156);
+        let t2_160 = (-t2_82).mul_add(t2_154, t2_157);
+        let t2_161 = d_q8 * d_q8;
+        let t2_162 = t2_66 * t2_161;
+        let t2_163 = like.lift(0.5).mul_add(t2_162, t2_158);
+        let t2_164 = d_q9 * cos_q8;
+        let t2_165 = t2_164 * d_q8;
+        let t2_166 = like.lift(1.7320508075688772).mul_add(t2_165, t2_160);
+        let t2_167 = t2_163 - t2_165;
+        let t2_168 = like.lift(-0.8660254037844386).mul_add(t2_162, t2_166);
+        let t2_169 = -cos_q8;
+        let t2_170 = -t2_167;
+        let t2_171 = like.lift(2.0) * d_q9;
+        let t2_172 = sin_q8 * t2_171;
+        let t2_173 = t2_54.mul_add(d_q8, t2_172);
+        let t2_174 = (-d_q8).mul_add(t2_173, t2_159);
+        let t2_175 = like.lift(1.0) / t2_54;
+        let t2_176 = like.lift(0.5773502691896257).mul_add(t2_72, t2_53);
+        let t2_177 = t2_66 * t2_175;
+        let t2_178 = like.lift(1.1547005383792515) * t2_177;
+        let pivot_3 = t2_72.mul_add(t2_178, t2_64);
+        let t2_179 = (-t2_70).mul_add(t2_178, t2_61);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_195 = t2_188 * inv_pivot_3;
-        let t2_196 = (-t2_65).mul_add(t2_195, t2_49);
-        let t2_197 = -pivot_3;
-        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_45, t2_12);
-        let t2_199 = t2_77.mul_add(t2_191, t2_68);
-        let t2_200 = t2_181.mul_add(t2_191, t2_186);
-        let t2_201 = (-t2_195).mul_add(t2_200, t2_180);
-        let t2_202 = like.lift(0.5773502691896257).mul_add(t2_181, t2_201);
-        let t2_203 = t2_199.mul_add(t2_195, t2_55);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_203);
+        let t2_180 = t2_176 * inv_pivot_3;
+        let t2_181 = (-t2_57).mul_add(t2_180, t2_47);
+        let t2_182 = -pivot_3;
+        let t2_183 = like.lift(0.5773502691896257).mul_add(t2_41, t2_11);
+        let t2_184 = t2_68.mul_add(t2_178, t2_59);
+        let t2_185 = t2_168.mul_add(t2_178, t2_174);
+        let t2_186 = (-t2_180).mul_add(t2_185, t2_167);
+        let t2_187 = like.lift(0.5773502691896257).mul_add(t2_168, t2_186);
+        let t2_188 = t2_184.mul_add(t2_180, t2_49);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_68, t2_188);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_204 = t2_198 * inv_pivot_4;
-        let pivot_5 = (-t2_196).mul_add(t2_204, t2_9);
-        let t2_205 = (-t2_204).mul_add(t2_202, t2_134);
-        let t2_206 = like.lift(-0.5773502691896257).mul_add(t2_149, t2_205);
+        let t2_189 = t2_183 * inv_pivot_4;
+        let pivot_5 = (-t2_181).mul_add(t2_189, t2_8);
+        let t2_190 = (-t2_189).mul_add(t2_187, t2_119);
+        let t2_191 = like.lift(-0.5773502691896257).mul_add(t2_136, t2_190);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_207 = -pivot_5;
-        let t2_208 = (-t2_192).mul_add(t2_195, t2_57);
-        let t2_209 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_208);
-        let t2_210 = (-t2_209).mul_add(t2_204, t2_20);
-        let t2_211 = like.lift(0.5773502691896257).mul_add(t2_48, t2_210);
-        let t2_212 = t2_41 * t2_161;
-        let t2_213 = like.lift(1.1547005383792515) * t2_161;
-        let t2_214 = like.lift(1.1547005383792515) * t2_212;
-        let t2_215 = sin_q6.mul_add(t2_212, cos_q6);
-        let t2_216 = -cos_q6;
-        let t2_217 = (-t2_45).mul_add(t2_214, t2_13);
-        let t2_218 = t2_217 * inv_pivot_4;
-        let t2_219 = (-t2_196).mul_add(t2_218, t2_30);
-        let t2_220 = t2_219 * inv_pivot_5;
-        let t2_221 = t2_211.mul_add(t2_220, t2_39);
-        let t2_222 = t2_209.mul_add(t2_218, t2_221);
-        let pivot_6 = t2_48.mul_add(t2_214, t2_222);
+        let t2_192 = -pivot_5;
+        let t2_193 = (-t2_179).mul_add(t2_180, t2_51);
+        let t2_194 = like.lift(-0.5773502691896257).mul_add(t2_70, t2_193);
+        let t2_195 = (-t2_194).mul_add(t2_189, t2_19);
+        let t2_196 = like.lift(0.5773502691896257).mul_add(t2_43, t2_195);
+        let t2_197 = t2_38 * t2_148;
+        let t2_198 = like.lift(1.1547005383792515) * t2_197;
+        let t2_199 = (-t2_41).mul_add(t2_198, t2_12);
+        let t2_200 = t2_199 * inv_pivot_4;
+        let t2_201 = (-t2_181).mul_add(t2_200, t2_24);
+        let t2_202 = t2_201 * inv_pivot_5;
+        let t2_203 = t2_196.mul_add(t2_202, t2_37);
+        let t2_204 = t2_194.mul_add(t2_200, t2_203);
+        let pivot_6 = t2_43.mul_add(t2_198, t2_204);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_223 = -pivot_6;
-        let t2_224 = t2_215 * inv_pivot_6;
-        let t2_225 = t2_220.mul_add(t2_206, t2_160);
-        let t2_226 = t2_218.mul_add(t2_202, t2_225);
-        let t2_227 = (-t2_149).mul_add(t2_214, t2_226);
-        let t2_228 = inv_pivot_6 * t2_227;
-        let t2_229 = (-t2_211).mul_add(t2_228, t2_206);
-        let t2_230 = inv_pivot_5 * t2_229;
-        let t2_231 = (-t2_209).mul_add(t2_228, t2_202);
-        let t2_232 = (-t2_196).mul_add(t2_230, t2_231);
-        let t2_233 = inv_pivot_4 * t2_232;
-        let t2_234 = (-t2_192).mul_add(t2_228, t2_200);
-        let t2_235 = (-t2_65).mul_add(t2_230, t2_234);
-        let t2_236 = t2_199.mul_add(t2_233, t2_235);
-        [
-            w_fc_q2_q2, t2_1, a_2z, t2_10, t2_12, t2_13, t2_20, t2_23, t2_31, t2_40, t2_41,
-            t2_45, t2_48, pivot_1, t2_50, t2_55, t2_57, t2_59, t2_62, t2_65, t2_68, t2_71,
-            t2_74, t2_75, t2_77, t2_79, t2_81, t2_82, t2_83, t2_85, t2_124, t2_137, t2_149,
-            t2_157, t2_160, t2_174, t2_181, t2_182, t2_183, t2_186, t2_190, t2_192, t2_193,
-            t2_194, inv_pivot_3, t2_195, t2_196, t2_197, t2_199, pivot_4, inv_pivot_4, t2_204,
-            inv_pivot_5, t2_207, t2_209, t2_211, t2_213, t2_216, t2_218, t2_220, inv_pivot_6,
-            t2_223, t2_224, t2_228, t2_230, t2_233, t2_236,
-        ]
-    };
-    // loops: solve with A_e (Eq. 8, 10)
-    let [al_1z, al_s1_1z, t3_13, t3_14, al_4z, al_6z] = {
-        let t3_1 = inv_pivot_3 * t2_236;
-        let t3_2 = -t2_233;
-        let t3_3 = -t2_228;
-        let t3_4 = -t3_1;
-        let t3_5 = t2_48.mul_add(t2_228, t2_149);
-        let t3_6 = t2_45.mul_add(t2_233, t3_5);
-        let t3_7 = t2_79.mul_add(t2_228, t2_181);
-        let t3_8 = t2_77.mul_add(t2_233, t3_7);
-        let t3_9 = (-t2_81).mul_add(t3_1, t3_8);
-        let t3_10 = t3_6 * t2_213;
-        let t3_11 = t3_9 * t2_190;
-        let t3_12 = -t3_11;
+        let t2_205 = -pivot_6;
+        let t2_206 = t2_202.mul_add(t2_191, t2_147);
+        let t2_207 = t2_200.mul_add(t2_187, t2_206);
+        let t2_208 = (-t2_136).mul_add(t2_198, t2_207);
+        let t2_209 = inv_pivot_6 * t2_208;
+        let t2_210 = (-t2_196).mul_add(t2_209, t2_191);
+        let t2_211 = inv_pivot_5 * t2_210;
+        let t2_212 = (-t2_194).mul_add(t2_209, t2_187);
+        let t2_213 = (-t2_181).mul_add(t2_211, t2_212);
+        let t2_214 = inv_pivot_4 * t2_213;
+        let t2_215 = (-t2_179).mul_add(t2_209, t2_185);
+        let t2_216 = (-t2_57).mul_add(t2_211, t2_215);
+        let t2_217 = t2_184.mul_add(t2_214, t2_216);
+        let t2_218 = inv_pivot_3 * t2_217;
+        let t2_219 = -t2_214;
+        let t2_220 = -t2_209;
+        let t2_221 = -t2_218;
+        let t2_222 = t2_43.mul_add(t2_209, t2_136);
+        let t2_223 = t2_41.mul_add(t2_214, t2_222);
+        let t2_224 = t2_70.mul_add(t2_209, t2_168);
+        let t2_225 = t2_68.mul_add(t2_214, t2_224);
+        let t2_226 = (-t2_72).mul_add(t2_218, t2_225);
+        let t2_227 = like.lift(1.1547005383792515) * t2_148;
+        let t2_228 = t2_223 * t2_227;
+        let t2_229 = q7 * t2_148;
+        let t2_230 = t2_229 * inv_pivot_6;
+        let t2_231 = like.lift(1.1547005383792515) * t2_175;
+        let t2_232 = t2_226 * t2_231;
+        let t2_233 = -t2_232;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_83 * like.lift(1.8955297449982944)).abs())
-            .min((t2_197 * like.lift(2.6463477742948585)).abs())
+            .min((t2_74 * like.lift(1.8955297449982944)).abs())
+            .min((t2_182 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_207 * like.lift(0.8284577646309275)).abs())
-            .min((t2_223 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t3_13], [t3_14], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
-            [[t2_230], [t3_2], [t3_3], [t3_4], [t3_10], [t3_12]],
+            .min((t2_192 * like.lift(0.8284577646309275)).abs())
+            .min((t2_205 * like.lift(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t2_234], [t2_235], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+            [[t2_211], [t2_219], [t2_220], [t2_221], [t2_228], [t2_233]],
             margin,
             || (
                 [
-                    [t2_10, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
-                    [t2_31, t2_13, t2_40, like.lift(0.0), t2_41, like.lift(0.0)],
-                    [like.lift(0.0), t2_45, t2_48, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
-                    [t2_65, t2_68, t2_71, t2_74, like.lift(0.0), t2_75],
-                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
+                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
+                    [t2_25, t2_12, t2_32, like.lift(0.0), t2_38, like.lift(0.0)],
+                    [like.lift(0.0), t2_41, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_48, t2_49, t2_51, t2_53, like.lift(0.0), t2_56],
+                    [t2_57, t2_59, t2_62, t2_65, like.lift(0.0), t2_66],
+                    [like.lift(0.0), t2_68, t2_70, t2_73, like.lift(0.0), t2_74],
                 ],
-                [[t2_137], [t2_160], [t2_149], [t2_182], [t2_186], [t2_181]],
+                [[t2_122], [t2_147], [t2_136], [t2_170], [t2_174], [t2_168]],
             ),
         );
         condition = condition.min(found);
-        [al_1z, al_s1_1z, t3_13, t3_14, al_4z, al_6z]
+        [
+            w_fc_q2_q2, t2_1, a_2z, t2_9, t2_11, t2_12, t2_19, t2_22, t2_25, t2_32, t2_38,
+            t2_41, t2_43, pivot_1, t2_48, t2_49, t2_51, t2_53, t2_56, t2_57, t2_59, t2_62,
+            t2_65, t2_66, t2_68, t2_70, t2_72, t2_73, t2_74, t2_76, t2_108, t2_112, t2_144,
+            t2_161, t2_169, t2_171, t2_175, t2_179, inv_pivot_3, t2_180, t2_181, t2_182,
+            t2_184, pivot_4, inv_pivot_4, t2_189, inv_pivot_5, t2_192, t2_194, t2_196, t2_200,
+            t2_202, inv_pivot_6, t2_205, t2_227, t2_230, t2_231, al_1z, al_s1_1z, t2_234,
+            t2_235, al_4z, al_6z,
+        ]
     };
     let [
         _, _, _, _, _, p_izz_1, _, _, _, _, _, _, _, p_iyy_2, _, _, p_mx_2, _, p_mz_2, p_m_2,
@@ -3819,315 +3695,307 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
     ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        a_5x, a_7x, t4_48, t4_57, t4_90, t4_94, t4_98, t4_112, x_q1_q2, x_q1_q7, x_q1_q9,
+        a_5x, a_7x, t3_50, t3_76, t3_86, t3_90, t3_94, t3_108, x_q1_q2, x_q1_q7, x_q1_q9,
         x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
         x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let t4_1 = q2 * al_1z;
-        let a_2x = d_q1.mul_add(t2_85, t4_1);
-        let t4_2 = q7 * al_4z;
-        let a_5x = d_q6.mul_add(t2_157, t4_2);
-        let t4_3 = q9 * al_6z;
-        let a_7x = d_q8.mul_add(t2_183, t4_3);
+        let t3_1 = q9 * t2_175;
+        let t3_2 = q2 * al_1z;
+        let a_2x = d_q1.mul_add(t2_76, t3_2);
+        let t3_3 = q7 * al_4z;
+        let a_5x = d_q6.mul_add(t2_144, t3_3);
+        let t3_4 = q9 * al_6z;
+        let a_7x = d_q8.mul_add(t2_171, t3_4);
         let a_s1_1y = sin_s1_1 * a_2x;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let t4_4 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_4);
-        let t4_5 = cos_s1_2 * a_s1_1x;
-        let a_s1_2x = sin_s1_2.mul_add(a_2z, t4_5);
-        let t4_6 = sin_s1_3 * a_s1_2z;
-        let a_3y = cos_s1_3.mul_add(a_s1_1y, t4_6);
-        let t4_7 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_7);
+        let t3_5 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t3_5);
+        let t3_6 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t3_6);
+        let t3_7 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t3_7);
+        let t3_8 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t3_8);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let t4_8 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_8);
+        let t3_9 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t3_9);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t4_9 = w_3x * w_3x;
+        let t3_10 = w_3x * w_3x;
         let w_s1_1y = cos_s1_1 * d_q1;
-        let t4_10 = w_s1_1x.mul_add(w_s1_1y, -al_s1_1z);
+        let t3_11 = w_s1_1x.mul_add(w_s1_1y, -al_s1_1z);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t4_11 = d_s1_1 * w_s1_1y;
-        let t4_12 = sin_s1_1.mul_add(al_1z, t4_11);
-        let t4_13 = t4_12 + t4_11;
-        let t4_14 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_14);
-        let t4_15 = w_s1_2z.mul_add(w_s1_2x, t3_13);
-        let t4_16 = cos_s1_1.mul_add(al_1z, t4_15);
-        let t4_17 = (-d_s1_1).mul_add(w_s1_1x, t4_16);
-        let t4_18 = w_s1_2x * w_s1_2y;
-        let t4_19 = t4_18 + t4_18;
-        let t4_20 = cos_s1_2.mul_add(t4_10, t4_19);
-        let t4_21 = (-w_s1_2z).mul_add(w_s1_2y, t3_14);
-        let t4_22 = sin_s1_2.mul_add(t4_10, t4_21);
-        let t4_23 = (-sin_s1_2).mul_add(t4_13, t4_20);
-        let al_3x = cos_s1_2.mul_add(t4_13, t4_22);
-        let t4_24 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_24);
-        let t4_25 = sin_s1_3 * w_s1_2z;
-        let w_3y = cos_s1_3.mul_add(w_s1_2y, t4_25);
-        let t4_26 = w_3z * w_3z;
-        let t4_27 = t4_9 + t4_26;
-        let t4_28 = sin_s1_3 * t4_17;
-        let t4_29 = cos_s1_3.mul_add(t4_23, t4_28);
-        let t4_30 = sin_s1_3 * t4_23;
-        let t4_31 = (-cos_s1_3).mul_add(t4_17, t4_30);
-        let t4_32 = w_3y * w_3z;
-        let t4_33 = w_3z * w_3x;
-        let t4_34 = w_3y * w_3x;
-        let t4_35 = w_3y * w_3y;
-        let t4_36 = t4_32 + al_3x;
-        let t4_37 = p_m_3 * a_3y;
-        let t4_38 = p_mz_3.mul_add(t4_36, t4_37);
-        let t4_39 = p_mx_3.mul_add(t4_29, t4_38);
-        let t4_40 = t4_27.mul_add(p_my_3, t4_39);
-        let al_3z = t4_34 + t4_29;
-        let t4_41 = t4_9 + t4_35;
-        let t4_42 = p_m_3 * a_3z;
-        let t4_43 = (-t4_41).mul_add(p_mz_3, t4_42);
-        let t4_44 = t4_32 - al_3x;
-        let t4_45 = (-p_my_3).mul_add(t4_44, t4_43);
-        let t4_46 = p_mx_3.mul_add(t4_31, t4_45);
-        let al_3y = t4_33 + t4_31;
-        let t4_47 = sin_s1_3 * t4_40;
-        let t4_48 = (-cos_s1_3).mul_add(t4_46, t4_47);
-        let t4_49 = sin_s1_3 * t4_46;
-        let t4_50 = cos_s1_3.mul_add(t4_40, t4_49);
-        let t4_51 = t4_35 + t4_26;
-        let t4_52 = t4_34 + al_3z;
-        let t4_53 = t4_33 + al_3y;
-        let t4_54 = p_m_3 * a_s1_2x;
-        let t4_55 = (-p_mz_3).mul_add(t4_53, t4_54);
-        let t4_56 = p_my_3.mul_add(t4_52, t4_55);
-        let t4_57 = (-t4_51).mul_add(p_mx_3, t4_56);
-        let t4_58 = p_ixx_3 - p_izz_3;
-        let t4_59 = t4_9 - t4_26;
-        let t4_60 = t4_9 - t4_35;
-        let t4_61 = t4_35 - t4_26;
-        let t4_62 = t4_32 - al_3x;
-        let t4_63 = t4_34 + al_3z;
-        let t4_64 = p_iyz_3 * t4_63;
-        let t4_65 = p_ixy_3.mul_add(t4_62, t4_64);
-        let t4_66 = t4_59.mul_add(p_ixz_3, t4_65);
-        let t4_67 = t4_33.mul_add(t4_58, t4_66);
-        let t4_68 = p_iyy_3.mul_add(al_3y, t4_67);
-        let t4_69 = p_mx_3.mul_add(a_3z, t4_68);
-        let t4_70 = (-p_mz_3).mul_add(a_s1_2x, t4_69);
-        let t4_71 = p_ixx_3 - p_iyy_3;
-        let t4_72 = t4_32 + al_3x;
-        let t4_73 = p_ixz_3 * t4_72;
-        let t4_74 = t4_33 + al_3y;
-        let t4_75 = (-p_iyz_3).mul_add(t4_74, t4_73);
-        let t4_76 = t4_60.mul_add(p_ixy_3, t4_75);
-        let t4_77 = (-t4_34).mul_add(t4_71, t4_76);
-        let t4_78 = t4_33 - al_3y;
-        let t4_79 = (-p_izz_3).mul_add(al_3z, t4_77);
-        let t4_80 = (-p_my_3).mul_add(a_s1_2x, t4_79);
-        let t4_81 = t4_34 - al_3z;
-        let t4_82 = p_ixy_3 * t4_78;
-        let t4_83 = p_ixz_3.mul_add(t4_81, t4_82);
-        let t4_84 = t4_61.mul_add(p_iyz_3, t4_83);
-        let t4_85 = p_iyy_3 - p_izz_3;
-        let t4_86 = t4_32.mul_add(t4_85, t4_84);
-        let t4_87 = p_ixx_3.mul_add(al_3x, t4_86);
-        let t4_88 = p_mz_3.mul_add(a_3y, t4_87);
-        let t4_89 = (-p_mx_3).mul_add(a_3y, t4_80);
-        let t4_90 = p_my_3.mul_add(a_3z, t4_88);
-        let t4_91 = sin_s1_3 * t4_70;
-        let t4_92 = sin_s1_3 * t4_89;
-        let t4_93 = (-cos_s1_3).mul_add(t4_89, t4_91);
-        let t4_94 = cos_s1_3.mul_add(t4_70, t4_92);
-        let t4_95 = sin_s1_2 * t4_93;
-        let t4_96 = (-cos_s1_2).mul_add(t4_90, t4_95);
-        let t4_97 = sin_s1_2 * t4_90;
-        let t4_98 = cos_s1_2.mul_add(t4_93, t4_97);
-        let t4_99 = sin_s1_2 * t4_48;
-        let t4_100 = (-cos_s1_2).mul_add(t4_57, t4_99);
-        let t4_101 = p_m_2 * a_2x;
-        let t4_102 = p_mz_2.mul_add(al_1z, t4_101);
-        let t4_103 = (-t2_1).mul_add(p_mx_2, t4_102);
-        let t4_104 = sin_s1_1.mul_add(t4_50, t4_103);
-        let t4_105 = (-cos_s1_1).mul_add(t4_100, t4_104);
-        let t4_106 = p_izz_1 + p_iyy_2;
-        let t4_107 = al_1z * t4_106;
-        let t4_108 = q2.mul_add(t4_105, t4_107);
-        let t4_109 = a_2z.mul_add(p_mx_2, t4_108);
-        let t4_110 = p_mz_2.mul_add(a_2x, t4_109);
-        let t4_111 = (-cos_s1_1).mul_add(t4_94, t4_110);
-        let t4_112 = (-sin_s1_1).mul_add(t4_96, t4_111);
-        let t4_113 = -sin_q1;
-        let t4_114 = like.lift(0.5) * sin_q6;
-        let t4_115 = -t4_114;
-        let t4_116 = like.lift(0.8660254037844386) * sin_q6;
-        let t4_117 = like.lift(0.5) * sin_q8;
-        let t4_118 = -t4_117;
-        let t4_119 = like.lift(0.8660254037844386) * sin_q8;
-        let t4_120 = -t4_119;
-        let t4_121 = (-cos_q1).mul_add(t2_195, sin_q1);
-        let t4_122 = (-t4_121).mul_add(t2_204, sin_q1);
-        let t4_123 = t2_193 * t2_195;
-        let t4_124 = t4_123 * t2_204;
-        let t4_125 = t4_122.mul_add(t2_220, cos_q1);
-        let t4_126 = t4_121.mul_add(t2_218, t4_125);
-        let t4_127 = t4_123 * t2_218;
-        let t4_128 = (-t4_124).mul_add(t2_220, t4_127);
-        let t4_129 = t4_126 * inv_pivot_6;
-        let t4_130 = t4_128 * inv_pivot_6;
-        let t4_131 = (-t2_211).mul_add(t4_129, t4_122);
-        let t4_132 = inv_pivot_5 * t4_131;
-        let t4_133 = t2_211.mul_add(t4_130, t4_124);
-        let t4_134 = inv_pivot_5 * t2_211;
-        let t4_135 = inv_pivot_5 * t4_133;
-        let t4_136 = t4_134 * t2_224;
-        let t4_137 = (-t2_209).mul_add(t4_129, t4_121);
-        let t4_138 = (-t2_196).mul_add(t4_132, t4_137);
-        let t4_139 = inv_pivot_4 * t4_138;
-        let t4_140 = (-t2_209).mul_add(t4_130, t4_123);
-        let t4_141 = t2_196.mul_add(t4_135, t4_140);
-        let t4_142 = t2_196 * t4_136;
-        let t4_143 = (-t2_209).mul_add(t2_224, t4_142);
-        let t4_144 = inv_pivot_4 * t4_143;
-        let t4_145 = inv_pivot_4 * t4_141;
-        let t4_146 = t2_192.mul_add(t4_130, t2_193);
-        let t4_147 = (-t2_65).mul_add(t4_135, t4_146);
-        let t4_148 = -t4_135;
-        let t4_149 = (-t2_199).mul_add(t4_145, t4_147);
-        let t4_150 = inv_pivot_3 * t4_149;
-        let t4_151 = (-t2_79).mul_add(t4_130, t4_119);
-        let t4_152 = (-t2_77).mul_add(t4_145, t4_151);
-        let t4_153 = (-t2_81).mul_add(t4_150, t4_152);
-        let t4_154 = t4_153 * t2_190;
-        let t4_155 = -t4_139;
-        let t4_156 = -t4_145;
-        let t4_157 = t2_48 * t4_130;
-        let t4_158 = t2_45.mul_add(t4_145, t4_157);
-        let t4_159 = -t4_130;
-        let t4_160 = t4_158 * t2_213;
-        let t4_161 = -t4_129;
-        let t4_162 = (-t2_192).mul_add(t4_129, cos_q1);
-        let t4_163 = (-t2_65).mul_add(t4_132, t4_162);
-        let t4_164 = t2_199.mul_add(t4_139, t4_163);
-        let t4_165 = inv_pivot_3 * t4_164;
-        let t4_166 = t2_65 * t4_136;
-        let t4_167 = (-t2_192).mul_add(t2_224, t4_166);
-        let t4_168 = t2_199.mul_add(t4_144, t4_167);
-        let t4_169 = inv_pivot_3 * t4_168;
-        let t4_170 = -t4_165;
-        let t4_171 = t2_81 * t4_165;
-        let t4_172 = (-t2_79).mul_add(t4_129, t4_171);
-        let t4_173 = t2_48 * t4_129;
-        let t4_174 = t2_45.mul_add(t4_139, t4_173);
-        let t4_175 = (-t2_77).mul_add(t4_139, t4_172);
-        let t4_176 = t4_174 * t2_213;
-        let t4_177 = t4_175 * t2_190;
-        let t4_178 = t2_81 * t4_169;
-        let t4_179 = (-t2_79).mul_add(t2_224, t4_178);
-        let t4_180 = (-t2_77).mul_add(t4_144, t4_179);
-        let t4_181 = t4_180 * t2_190;
-        let t4_182 = -t4_181;
-        let t4_183 = (-t2_48).mul_add(t2_224, t4_116);
-        let t4_184 = (-t2_45).mul_add(t4_144, t4_183);
-        let t4_185 = t4_184 * t2_213;
+        let t3_12 = d_s1_1 * w_s1_1y;
+        let t3_13 = sin_s1_1.mul_add(al_1z, t3_12);
+        let t3_14 = t3_13 + t3_12;
+        let t3_15 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t3_15);
+        let t3_16 = w_s1_2z.mul_add(w_s1_2x, t2_234);
+        let t3_17 = cos_s1_1.mul_add(al_1z, t3_16);
+        let t3_18 = (-d_s1_1).mul_add(w_s1_1x, t3_17);
+        let t3_19 = w_s1_2x * w_s1_2y;
+        let t3_20 = t3_19 + t3_19;
+        let t3_21 = cos_s1_2.mul_add(t3_11, t3_20);
+        let t3_22 = (-w_s1_2z).mul_add(w_s1_2y, t2_235);
+        let t3_23 = sin_s1_2.mul_add(t3_11, t3_22);
+        let t3_24 = (-sin_s1_2).mul_add(t3_14, t3_21);
+        let al_3x = cos_s1_2.mul_add(t3_14, t3_23);
+        let t3_25 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t3_25);
+        let t3_26 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t3_26);
+        let t3_27 = w_3z * w_3z;
+        let t3_28 = t3_10 + t3_27;
+        let t3_29 = sin_s1_3 * t3_18;
+        let t3_30 = cos_s1_3.mul_add(t3_24, t3_29);
+        let t3_31 = sin_s1_3 * t3_24;
+        let t3_32 = (-cos_s1_3).mul_add(t3_18, t3_31);
+        let t3_33 = w_3y * w_3z;
+        let t3_34 = w_3z * w_3x;
+        let t3_35 = w_3y * w_3x;
+        let t3_36 = w_3y * w_3y;
+        let t3_37 = t3_33 + al_3x;
+        let t3_38 = p_m_3 * a_3y;
+        let t3_39 = p_mz_3.mul_add(t3_37, t3_38);
+        let t3_40 = p_mx_3.mul_add(t3_30, t3_39);
+        let t3_41 = t3_28.mul_add(p_my_3, t3_40);
+        let t3_42 = p_ixz_3 * t3_37;
+        let t3_43 = t3_10 + t3_36;
+        let t3_44 = p_m_3 * a_3z;
+        let t3_45 = (-t3_43).mul_add(p_mz_3, t3_44);
+        let t3_46 = t3_33 - al_3x;
+        let t3_47 = (-p_my_3).mul_add(t3_46, t3_45);
+        let t3_48 = p_mx_3.mul_add(t3_32, t3_47);
+        let t3_49 = sin_s1_3 * t3_41;
+        let t3_50 = (-cos_s1_3).mul_add(t3_48, t3_49);
+        let t3_51 = sin_s1_3 * t3_48;
+        let t3_52 = cos_s1_3.mul_add(t3_41, t3_51);
+        let t3_53 = t3_36 + t3_27;
+        let al_3z = t3_35 + t3_30;
+        let t3_54 = t3_35 + al_3z;
+        let t3_55 = p_iyz_3 * t3_54;
+        let t3_56 = p_ixy_3.mul_add(t3_46, t3_55);
+        let t3_57 = t3_10 - t3_27;
+        let t3_58 = t3_57.mul_add(p_ixz_3, t3_56);
+        let t3_59 = t3_10 - t3_36;
+        let t3_60 = t3_36 - t3_27;
+        let t3_61 = p_ixx_3 - p_izz_3;
+        let t3_62 = t3_34.mul_add(t3_61, t3_58);
+        let al_3y = t3_34 + t3_32;
+        let t3_63 = t3_34 + al_3y;
+        let t3_64 = p_iyy_3.mul_add(al_3y, t3_62);
+        let t3_65 = (-p_iyz_3).mul_add(t3_63, t3_42);
+        let t3_66 = t3_59.mul_add(p_ixy_3, t3_65);
+        let t3_67 = p_ixx_3 - p_iyy_3;
+        let t3_68 = (-t3_35).mul_add(t3_67, t3_66);
+        let t3_69 = (-p_izz_3).mul_add(al_3z, t3_68);
+        let t3_70 = p_mx_3.mul_add(a_3z, t3_64);
+        let t3_71 = (-p_mz_3).mul_add(a_s1_2x, t3_70);
+        let t3_72 = (-p_my_3).mul_add(a_s1_2x, t3_69);
+        let t3_73 = p_m_3 * a_s1_2x;
+        let t3_74 = (-p_mz_3).mul_add(t3_63, t3_73);
+        let t3_75 = p_my_3.mul_add(t3_54, t3_74);
+        let t3_76 = (-t3_53).mul_add(p_mx_3, t3_75);
+        let t3_77 = (-p_mx_3).mul_add(a_3y, t3_72);
+        let t3_78 = p_ixy_3 * t3_32;
+        let t3_79 = -t3_78;
+        let t3_80 = (-p_ixz_3).mul_add(t3_30, t3_79);
+        let t3_81 = t3_60.mul_add(p_iyz_3, t3_80);
+        let t3_82 = p_iyy_3 - p_izz_3;
+        let t3_83 = t3_33.mul_add(t3_82, t3_81);
+        let t3_84 = p_ixx_3.mul_add(al_3x, t3_83);
+        let t3_85 = p_mz_3.mul_add(a_3y, t3_84);
+        let t3_86 = p_my_3.mul_add(a_3z, t3_85);
+        let t3_87 = sin_s1_3 * t3_71;
+        let t3_88 = sin_s1_3 * t3_77;
+        let t3_89 = (-cos_s1_3).mul_add(t3_77, t3_87);
+        let t3_90 = cos_s1_3.mul_add(t3_71, t3_88);
+        let t3_91 = sin_s1_2 * t3_89;
+        let t3_92 = (-cos_s1_2).mul_add(t3_86, t3_91);
+        let t3_93 = sin_s1_2 * t3_86;
+        let t3_94 = cos_s1_2.mul_add(t3_89, t3_93);
+        let t3_95 = sin_s1_2 * t3_50;
+        let t3_96 = (-cos_s1_2).mul_add(t3_76, t3_95);
+        let t3_97 = p_m_2 * a_2x;
+        let t3_98 = p_mz_2.mul_add(al_1z, t3_97);
+        let t3_99 = (-t2_1).mul_add(p_mx_2, t3_98);
+        let t3_100 = sin_s1_1.mul_add(t3_52, t3_99);
+        let t3_101 = (-cos_s1_1).mul_add(t3_96, t3_100);
+        let t3_102 = p_izz_1 + p_iyy_2;
+        let t3_103 = al_1z * t3_102;
+        let t3_104 = q2.mul_add(t3_101, t3_103);
+        let t3_105 = a_2z.mul_add(p_mx_2, t3_104);
+        let t3_106 = p_mz_2.mul_add(a_2x, t3_105);
+        let t3_107 = (-cos_s1_1).mul_add(t3_90, t3_106);
+        let t3_108 = (-sin_s1_1).mul_add(t3_92, t3_107);
+        let t3_109 = -sin_q1;
+        let t3_110 = like.lift(0.5) * sin_q6;
+        let t3_111 = -t3_110;
+        let t3_112 = like.lift(0.8660254037844386) * sin_q6;
+        let t3_113 = like.lift(0.5) * sin_q8;
+        let t3_114 = -t3_113;
+        let t3_115 = like.lift(0.8660254037844386) * sin_q8;
+        let t3_116 = -t3_115;
+        let t3_117 = (-cos_q1).mul_add(t2_180, sin_q1);
+        let t3_118 = (-t3_117).mul_add(t2_189, sin_q1);
+        let t3_119 = t3_1 * t2_180;
+        let t3_120 = t3_119 * t2_189;
+        let t3_121 = t3_118.mul_add(t2_202, cos_q1);
+        let t3_122 = t3_117.mul_add(t2_200, t3_121);
+        let t3_123 = t3_119 * t2_200;
+        let t3_124 = (-t3_120).mul_add(t2_202, t3_123);
+        let t3_125 = t3_122 * inv_pivot_6;
+        let t3_126 = t3_124 * inv_pivot_6;
+        let t3_127 = (-t2_196).mul_add(t3_125, t3_118);
+        let t3_128 = inv_pivot_5 * t3_127;
+        let t3_129 = t2_196.mul_add(t3_126, t3_120);
+        let t3_130 = inv_pivot_5 * t2_196;
+        let t3_131 = inv_pivot_5 * t3_129;
+        let t3_132 = t3_130 * t2_230;
+        let t3_133 = (-t2_194).mul_add(t3_125, t3_117);
+        let t3_134 = (-t2_181).mul_add(t3_128, t3_133);
+        let t3_135 = inv_pivot_4 * t3_134;
+        let t3_136 = (-t2_194).mul_add(t3_126, t3_119);
+        let t3_137 = t2_181.mul_add(t3_131, t3_136);
+        let t3_138 = t2_181 * t3_132;
+        let t3_139 = (-t2_194).mul_add(t2_230, t3_138);
+        let t3_140 = inv_pivot_4 * t3_139;
+        let t3_141 = inv_pivot_4 * t3_137;
+        let t3_142 = t2_179.mul_add(t3_126, t3_1);
+        let t3_143 = (-t2_57).mul_add(t3_131, t3_142);
+        let t3_144 = -t3_131;
+        let t3_145 = (-t2_184).mul_add(t3_141, t3_143);
+        let t3_146 = inv_pivot_3 * t3_145;
+        let t3_147 = (-t2_70).mul_add(t3_126, t3_115);
+        let t3_148 = (-t2_68).mul_add(t3_141, t3_147);
+        let t3_149 = (-t2_72).mul_add(t3_146, t3_148);
+        let t3_150 = t3_149 * t2_231;
+        let t3_151 = -t3_135;
+        let t3_152 = -t3_141;
+        let t3_153 = t2_43 * t3_126;
+        let t3_154 = t2_41.mul_add(t3_141, t3_153);
+        let t3_155 = -t3_126;
+        let t3_156 = t3_154 * t2_227;
+        let t3_157 = -t3_125;
+        let t3_158 = (-t2_179).mul_add(t3_125, cos_q1);
+        let t3_159 = (-t2_57).mul_add(t3_128, t3_158);
+        let t3_160 = t2_184.mul_add(t3_135, t3_159);
+        let t3_161 = inv_pivot_3 * t3_160;
+        let t3_162 = t2_57 * t3_132;
+        let t3_163 = (-t2_179).mul_add(t2_230, t3_162);
+        let t3_164 = t2_184.mul_add(t3_140, t3_163);
+        let t3_165 = inv_pivot_3 * t3_164;
+        let t3_166 = -t3_161;
+        let t3_167 = t2_72 * t3_161;
+        let t3_168 = (-t2_70).mul_add(t3_125, t3_167);
+        let t3_169 = t2_43 * t3_125;
+        let t3_170 = t2_41.mul_add(t3_135, t3_169);
+        let t3_171 = (-t2_68).mul_add(t3_135, t3_168);
+        let t3_172 = t3_170 * t2_227;
+        let t3_173 = t3_171 * t2_231;
+        let t3_174 = t2_72 * t3_165;
+        let t3_175 = (-t2_70).mul_add(t2_230, t3_174);
+        let t3_176 = (-t2_68).mul_add(t3_140, t3_175);
+        let t3_177 = t3_176 * t2_231;
+        let t3_178 = -t3_177;
+        let t3_179 = (-t2_43).mul_add(t2_230, t3_112);
+        let t3_180 = (-t2_41).mul_add(t3_140, t3_179);
+        let t3_181 = t3_180 * t2_227;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_83 * like.lift(1.8955297449982944)).abs())
-            .min((t2_197 * like.lift(2.6463477742948585)).abs())
+            .min((t2_74 * like.lift(1.8955297449982944)).abs())
+            .min((t2_182 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_207 * like.lift(0.8284577646309275)).abs())
-            .min((t2_223 * like.lift(2.1915406530791146)).abs());
+            .min((t2_192 * like.lift(0.8284577646309275)).abs())
+            .min((t2_205 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_132, t4_136, t4_148], [t4_155, t4_144, t4_156], [t4_161, t2_224, t4_159],
-                [t4_170, t4_169, t4_150], [t4_176, t4_185, t4_160], [t4_177, t4_182, t4_154],
+                [t3_128, t3_132, t3_144], [t3_151, t3_140, t3_152], [t3_157, t2_230, t3_155],
+                [t3_166, t3_165, t3_146], [t3_172, t3_181, t3_156], [t3_173, t3_178, t3_150],
             ],
             margin,
             || (
                 [
-                    [t2_10, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
-                    [t2_31, t2_13, t2_40, like.lift(0.0), t2_41, like.lift(0.0)],
-                    [like.lift(0.0), t2_45, t2_48, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
-                    [t2_65, t2_68, t2_71, t2_74, like.lift(0.0), t2_75],
-                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
+                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
+                    [t2_25, t2_12, t2_32, like.lift(0.0), t2_38, like.lift(0.0)],
+                    [like.lift(0.0), t2_41, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_48, t2_49, t2_51, t2_53, like.lift(0.0), t2_56],
+                    [t2_57, t2_59, t2_62, t2_65, like.lift(0.0), t2_66],
+                    [like.lift(0.0), t2_68, t2_70, t2_73, like.lift(0.0), t2_74],
                 ],
                 [
-                    [t4_113, t4_115, like.lift(0.0)], [cos_q1, t2_216, like.lift(0.0)],
-                    [like.lift(0.0), t4_116, like.lift(0.0)], [t4_113, like.lift(0.0), t4_118],
-                    [cos_q1, like.lift(0.0), t2_194], [like.lift(0.0), like.lift(0.0), t4_120],
+                    [t3_109, t3_111, like.lift(0.0)], [cos_q1, t2_112, like.lift(0.0)],
+                    [like.lift(0.0), t3_112, like.lift(0.0)], [t3_109, like.lift(0.0), t3_114],
+                    [cos_q1, like.lift(0.0), t2_169], [like.lift(0.0), like.lift(0.0), t3_116],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            a_5x, a_7x, t4_48, t4_57, t4_90, t4_94, t4_98, t4_112, x_q1_q2, x_q1_q7, x_q1_q9,
+            a_5x, a_7x, t3_50, t3_76, t3_86, t3_90, t3_94, t3_108, x_q1_q2, x_q1_q7, x_q1_q9,
             x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
             x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // tau
     {
-        let t5_1 = t4_94 * x_s1_2_q2;
-        let a_5z = q7 * t2_124;
-        let t5_2 = p_m_5 * a_5x;
-        let t5_3 = p_mz_5.mul_add(al_4z, t5_2);
-        let t5_4 = (-t2_124).mul_add(p_mx_5, t5_3);
-        let t5_5 = p_izz_4 + p_iyy_5;
-        let t5_6 = al_4z * t5_5;
-        let t5_7 = q7.mul_add(t5_4, t5_6);
-        let t5_8 = a_5z.mul_add(p_mx_5, t5_7);
-        let t5_9 = p_mz_5.mul_add(a_5x, t5_8);
-        let a_7z = q9 * t2_174;
-        let t5_10 = p_m_7 * a_7x;
-        let t5_11 = p_mz_7.mul_add(al_6z, t5_10);
-        let t5_12 = (-t2_174).mul_add(p_mx_7, t5_11);
-        let t5_13 = p_izz_6 + p_iyy_7;
-        let t5_14 = al_6z * t5_13;
-        let t5_15 = q9.mul_add(t5_12, t5_14);
-        let t5_16 = a_7z.mul_add(p_mx_7, t5_15);
-        let t5_17 = p_mz_7.mul_add(a_7x, t5_16);
-        let t5_18 = (-t5_17).mul_add(x_q8_q2, t5_1);
-        let t5_19 = (-t5_9).mul_add(x_q6_q2, t5_18);
-        let t5_20 = (-t4_90).mul_add(x_s1_3_q2, t5_19);
-        let t5_21 = t4_98.mul_add(x_s1_1_q2, t5_20);
-        let t5_22 = (-t4_112).mul_add(x_q1_q2, t5_21);
-        let t5_23 = w_fc_q2_q2.mul_add(p_fc_q2, t5_22);
-        let t5_24 = d_q2.mul_add(p_fv_q2, t5_23);
-        let t5_25 = (-a_2z).mul_add(p_m_2, t5_24);
-        let t5_26 = (-p_mx_2).mul_add(al_1z, t5_25);
-        let t5_27 = (-t2_1).mul_add(p_mz_2, t5_26);
-        let t5_28 = (-sin_s1_2).mul_add(t4_57, t5_27);
-        let t5_29 = (-cos_s1_2).mul_add(t4_48, t5_28);
-        tau[0] = t5_29;
+        let t4_1 = t3_90 * x_s1_2_q2;
+        let a_5z = q7 * t2_108;
+        let t4_2 = p_m_5 * a_5x;
+        let t4_3 = p_mz_5.mul_add(al_4z, t4_2);
+        let t4_4 = p_izz_4 + p_iyy_5;
+        let t4_5 = al_4z * t4_4;
+        let t4_6 = q7.mul_add(t4_3, t4_5);
+        let t4_7 = p_mz_5.mul_add(a_5x, t4_6);
+        let a_7z = q9 * t2_161;
+        let t4_8 = p_m_7 * a_7x;
+        let t4_9 = p_mz_7.mul_add(al_6z, t4_8);
+        let t4_10 = p_izz_6 + p_iyy_7;
+        let t4_11 = al_6z * t4_10;
+        let t4_12 = q9.mul_add(t4_9, t4_11);
+        let t4_13 = p_mz_7.mul_add(a_7x, t4_12);
+        let t4_14 = (-t4_13).mul_add(x_q8_q2, t4_1);
+        let t4_15 = (-t4_7).mul_add(x_q6_q2, t4_14);
+        let t4_16 = (-t3_86).mul_add(x_s1_3_q2, t4_15);
+        let t4_17 = t3_94.mul_add(x_s1_1_q2, t4_16);
+        let t4_18 = (-t3_108).mul_add(x_q1_q2, t4_17);
+        let t4_19 = w_fc_q2_q2.mul_add(p_fc_q2, t4_18);
+        let t4_20 = d_q2.mul_add(p_fv_q2, t4_19);
+        let t4_21 = (-a_2z).mul_add(p_m_2, t4_20);
+        let t4_22 = (-p_mx_2).mul_add(al_1z, t4_21);
+        let t4_23 = (-t2_1).mul_add(p_mz_2, t4_22);
+        let t4_24 = (-sin_s1_2).mul_add(t3_76, t4_23);
+        let t4_25 = (-cos_s1_2).mul_add(t3_50, t4_24);
+        tau[0] = t4_25;
         let w_fc_q7_q7 = d_q7.sign();
-        let t5_30 = w_fc_q7_q7 * p_fc_q7;
-        let t5_31 = (-t5_17).mul_add(x_q8_q7, t5_30);
-        let t5_32 = d_q7.mul_add(p_fv_q7, t5_31);
-        let t5_33 = (-a_5z).mul_add(p_m_5, t5_32);
-        let t5_34 = (-p_mx_5).mul_add(al_4z, t5_33);
-        let t5_35 = (-t2_124).mul_add(p_mz_5, t5_34);
-        let t5_36 = (-t5_9).mul_add(x_q6_q7, t5_35);
-        let t5_37 = (-t4_90).mul_add(x_s1_3_q7, t5_36);
-        let t5_38 = t4_94.mul_add(x_s1_2_q7, t5_37);
-        let t5_39 = t4_98.mul_add(x_s1_1_q7, t5_38);
-        let t5_40 = (-t4_112).mul_add(x_q1_q7, t5_39);
-        tau[1] = t5_40;
+        let t4_26 = w_fc_q7_q7 * p_fc_q7;
+        let t4_27 = (-t4_13).mul_add(x_q8_q7, t4_26);
+        let t4_28 = d_q7.mul_add(p_fv_q7, t4_27);
+        let t4_29 = (-a_5z).mul_add(p_m_5, t4_28);
+        let t4_30 = (-p_mx_5).mul_add(al_4z, t4_29);
+        let t4_31 = (-t2_108).mul_add(p_mz_5, t4_30);
+        let t4_32 = (-t4_7).mul_add(x_q6_q7, t4_31);
+        let t4_33 = (-t3_86).mul_add(x_s1_3_q7, t4_32);
+        let t4_34 = t3_90.mul_add(x_s1_2_q7, t4_33);
+        let t4_35 = t3_94.mul_add(x_s1_1_q7, t4_34);
+        let t4_36 = (-t3_108).mul_add(x_q1_q7, t4_35);
+        tau[1] = t4_36;
         let w_fc_q9_q9 = d_q9.sign();
-        let t5_41 = w_fc_q9_q9 * p_fc_q9;
-        let t5_42 = d_q9.mul_add(p_fv_q9, t5_41);
-        let t5_43 = (-a_7z).mul_add(p_m_7, t5_42);
-        let t5_44 = (-p_mx_7).mul_add(al_6z, t5_43);
-        let t5_45 = (-t2_174).mul_add(p_mz_7, t5_44);
-        let t5_46 = (-t5_17).mul_add(x_q8_q9, t5_45);
-        let t5_47 = (-t5_9).mul_add(x_q6_q9, t5_46);
-        let t5_48 = (-t4_90).mul_add(x_s1_3_q9, t5_47);
-        let t5_49 = t4_94.mul_add(x_s1_2_q9, t5_48);
-        let t5_50 = t4_98.mul_add(x_s1_1_q9, t5_49);
-        let t5_51 = (-t4_112).mul_add(x_q1_q9, t5_50);
-        tau[2] = t5_51;
+        let t4_37 = w_fc_q9_q9 * p_fc_q9;
+        let t4_38 = d_q9.mul_add(p_fv_q9, t4_37);
+        let t4_39 = (-a_7z).mul_add(p_m_7, t4_38);
+        let t4_40 = (-p_mx_7).mul_add(al_6z, t4_39);
+        let t4_41 = (-t2_161).mul_add(p_mz_7, t4_40);
+        let t4_42 = (-t4_13).mul_add(x_q8_q9, t4_41);
+        let t4_43 = (-t4_7).mul_add(x_q6_q9, t4_42);
+        let t4_44 = (-t3_86).mul_add(x_s1_3_q9, t4_43);
+        let t4_45 = t3_90.mul_add(x_s1_2_q9, t4_44);
+        let t4_46 = t3_94.mul_add(x_s1_1_q9, t4_45);
+        let t4_47 = (-t3_108).mul_add(x_q1_q9, t4_46);
+        tau[2] = t4_47;
     }
     (tau, Condition { pivot: condition })
 }
@@ -4138,7 +4006,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 79]) -> ([T; 3]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 215 additions, 326 multiplications, 6 divisions, 6 sines and cosines.
+/// 207 additions, 317 multiplications, 6 divisions, 6 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -4187,230 +4055,221 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([[T; 3]; 3], Condit
         let t2_13 = cos_q1.mul_add(sin_s1_2, t2_12);
         let t2_14 = cos_q1 * cos_s1_2;
         let t2_15 = (-sin_s1_2).mul_add(t2_11, t2_14);
-        let t2_16 = sin_s1_3 * t2_15;
-        let t2_17 = like.lift(-0.4563).mul_add(t2_13, t2_10);
-        let t2_18 = -t2_17;
+        let t2_16 = like.lift(-0.4563).mul_add(t2_13, t2_10);
+        let t2_17 = -t2_16;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_19 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_20 = cos_q1 * t2_19;
-        let t2_21 = sin_q1 * t2_19;
-        let t2_22 = sin_q1 * sin_s1_1;
-        let t2_23 = cos_s1_3.mul_add(t2_22, t2_16);
-        let t2_24 = like.lift(0.22815) * t2_13;
-        let t2_25 = like.lift(-0.39516739174683935).mul_add(t2_23, t2_24);
-        let t2_26 = t2_10 - t2_25;
-        let t2_27 = t2_22 * e_s1_2_q1x;
-        let t2_28 = cos_s1_1.mul_add(t2_13, t2_27);
-        let t2_29 = like.lift(0.4563) * t2_28;
-        let t2_30 = cos_q6 * q7;
-        let t2_31 = like.lift(0.5) * t2_30;
-        let t2_32 = -t2_31;
-        let t2_33 = sin_q1 * q2;
-        let t2_34 = cos_q1 * cos_s1_1;
-        let t2_35 = sin_q1 * sin_s1_2;
-        let t2_36 = (-cos_s1_2).mul_add(t2_34, t2_35);
-        let t2_37 = sin_s1_2 * t2_34;
-        let t2_38 = sin_q1.mul_add(cos_s1_2, t2_37);
-        let t2_39 = like.lift(-0.4563).mul_add(t2_36, t2_33);
-        let t2_40 = -t2_39;
-        let t2_41 = cos_q1 * sin_s1_1;
-        let t2_42 = cos_s1_3 * t2_41;
-        let t2_43 = (-sin_s1_3).mul_add(t2_38, t2_42);
-        let t2_44 = like.lift(0.39516739174683935) * t2_43;
-        let t2_45 = t2_44 - t2_33;
-        let t2_46 = cos_s1_1 * t2_36;
-        let t2_47 = (-t2_41).mul_add(e_s1_2_q1x, t2_46);
-        let t2_48 = like.lift(0.4563) * t2_47;
-        let t2_49 = -t2_48;
-        let t2_50 = -t2_49;
-        let t2_51 = sin_q6 * q7;
-        let t2_52 = sin_q1 * t2_13;
-        let t2_53 = (-cos_q1).mul_add(t2_36, t2_52);
+        let t2_18 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_19 = cos_q1 * t2_18;
+        let t2_20 = sin_q1 * t2_18;
+        let t2_21 = sin_q1 * sin_s1_1;
+        let t2_22 = cos_q1 * cos_s1_1;
+        let t2_23 = sin_s1_2 * t2_22;
+        let t2_24 = sin_q1.mul_add(cos_s1_2, t2_23);
+        let t2_25 = sin_q1 * sin_s1_2;
+        let t2_26 = (-cos_s1_2).mul_add(t2_22, t2_25);
+        let t2_27 = like.lift(0.4563) * t2_24;
+        let t2_28 = cos_q6 * q7;
+        let t2_29 = -cos_q6;
+        let t2_30 = like.lift(0.5) * t2_28;
+        let t2_31 = -t2_30;
+        let t2_32 = sin_q1 * q2;
+        let t2_33 = like.lift(-0.4563).mul_add(t2_26, t2_32);
+        let t2_34 = -t2_33;
+        let t2_35 = cos_q1 * sin_s1_1;
+        let t2_36 = cos_s1_3 * t2_35;
+        let t2_37 = (-sin_s1_3).mul_add(t2_24, t2_36);
+        let t2_38 = like.lift(0.39516739174683935) * t2_37;
+        let t2_39 = like.lift(0.22815) * t2_26;
+        let t2_40 = t2_39 + t2_38;
+        let t2_41 = t2_40 - t2_32;
+        let t2_42 = like.lift(-0.4563) * t2_15;
+        let t2_43 = sin_s1_3 * t2_15;
+        let t2_44 = cos_s1_3.mul_add(t2_21, t2_43);
+        let t2_45 = like.lift(0.22815) * t2_13;
+        let t2_46 = like.lift(-0.39516739174683935).mul_add(t2_44, t2_45);
+        let t2_47 = t2_10 - t2_46;
+        let t2_48 = -t2_42;
+        let t2_49 = sin_q6 * q7;
+        let t2_50 = cos_s1_1 * cos_s1_2;
+        let t2_51 = like.lift(0.4563) * t2_50;
+        let t2_52 = -t2_51;
+        let t2_53 = sin_s1_1 * sin_s1_2;
         let t2_54 = like.lift(0.4563) * t2_53;
-        let t2_55 = -t2_54;
-        let t2_56 = t2_41 * t2_13;
-        let t2_57 = t2_22.mul_add(t2_36, t2_56);
-        let t2_58 = like.lift(0.4563) * t2_57;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_30;
-        let t2_59 = like.lift(1.0) / t2_30;
-        let t2_60 = -t2_26;
-        let t2_61 = sin_s1_3 * sin_s1_1;
-        let t2_62 = t2_61 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_62);
-        let t2_63 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_64 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_63);
-        let t2_65 = cos_q1 * t2_64;
-        let t2_66 = t2_22 * t2_64;
-        let t2_67 = cos_s1_1.mul_add(t2_25, t2_66);
-        let t2_68 = e_s1_2_q1x * t2_25;
-        let t2_69 = (-t2_13).mul_add(t2_64, t2_68);
-        let t2_70 = cos_q8 * q9;
-        let t2_71 = like.lift(0.5) * t2_70;
-        let t2_72 = -t2_71;
-        let t2_73 = like.lift(0.22815) * t2_36;
-        let t2_74 = t2_45 + t2_73;
-        let t2_75 = t2_73 + t2_44;
-        let t2_76 = t2_13 * t2_75;
-        let t2_77 = (-t2_36).mul_add(t2_25, t2_76);
-        let t2_78 = t2_36 * t2_64;
-        let t2_79 = (-e_s1_2_q1x).mul_add(t2_75, t2_78);
-        let t2_80 = t2_41 * t2_25;
-        let t2_81 = t2_22.mul_add(t2_75, t2_80);
-        let t2_82 = t2_41 * t2_64;
-        let t2_83 = sin_q1 * t2_64;
-        let t2_84 = (-cos_s1_1).mul_add(t2_75, t2_82);
-        let t2_85 = cos_q1 * t2_75;
-        let t2_86 = (-sin_q1).mul_add(t2_25, t2_85);
-        let t2_87 = -t2_84;
-        let t2_88 = -t2_79;
-        let t2_89 = sin_q8 * q9;
-        let t2_90 = -t2_77;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_70;
-        let t2_91 = -pivot_2;
-        let t2_92 = like.lift(1.0) / t2_70;
-        let t2_93 = -sin_q1;
-        let t2_94 = like.lift(0.5) * sin_q6;
-        let t2_95 = -t2_94;
-        let t2_96 = -cos_q6;
-        let t2_97 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_98 = t2_51 * t2_59;
-        let t2_99 = sin_q6.mul_add(t2_98, cos_q6);
-        let t2_100 = like.lift(1.1547005383792515) * t2_98;
-        let t2_101 = like.lift(1.1547005383792515) * t2_59;
-        let t2_102 = like.lift(0.5) * sin_q8;
-        let t2_103 = -t2_102;
-        let t2_104 = -cos_q8;
-        let t2_105 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_106 = t2_89 * t2_92;
-        let t2_107 = sin_q8.mul_add(t2_106, cos_q8);
-        let t2_108 = like.lift(1.1547005383792515) * t2_106;
-        let pivot_3 = t2_77.mul_add(t2_108, t2_79);
-        let t2_109 = (-t2_81).mul_add(t2_108, t2_84);
-        let t2_110 = t2_86.mul_add(t2_108, t2_83);
-        let t2_111 = like.lift(1.1547005383792515) * t2_92;
-        let t2_112 = -t2_105;
-        let t2_113 = like.lift(0.5773502691896257).mul_add(t2_77, t2_69);
+        let t2_55 = sin_s1_3 * t2_53;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_55);
+        let t2_56 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_57 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_56);
+        let pivot_1 = like.lift(0.8660254037844386) * t2_28;
+        let t2_58 = like.lift(1.0) / t2_28;
+        let t2_59 = -t2_47;
+        let t2_60 = cos_q1 * t2_57;
+        let t2_61 = t2_21 * t2_57;
+        let t2_62 = cos_s1_1.mul_add(t2_46, t2_61);
+        let t2_63 = t2_35 * t2_46;
+        let t2_64 = t2_21.mul_add(t2_40, t2_63);
+        let t2_65 = t2_35 * t2_57;
+        let t2_66 = (-cos_s1_1).mul_add(t2_40, t2_65);
+        let t2_67 = e_s1_2_q1x * t2_46;
+        let t2_68 = (-t2_13).mul_add(t2_57, t2_67);
+        let t2_69 = t2_13 * t2_40;
+        let t2_70 = (-t2_26).mul_add(t2_46, t2_69);
+        let t2_71 = t2_26 * t2_57;
+        let t2_72 = (-e_s1_2_q1x).mul_add(t2_40, t2_71);
+        let t2_73 = cos_q1 * t2_40;
+        let t2_74 = (-sin_q1).mul_add(t2_46, t2_73);
+        let t2_75 = sin_q1 * t2_57;
+        let t2_76 = cos_q8 * q9;
+        let t2_77 = -cos_q8;
+        let t2_78 = like.lift(0.5) * t2_76;
+        let t2_79 = -t2_78;
+        let t2_80 = -t2_66;
+        let t2_81 = -t2_72;
+        let t2_82 = sin_q8 * q9;
+        let t2_83 = -t2_70;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_76;
+        let t2_84 = -pivot_2;
+        let t2_85 = like.lift(1.0) / t2_76;
+        let t2_86 = -sin_q1;
+        let t2_87 = like.lift(0.5) * sin_q6;
+        let t2_88 = -t2_87;
+        let t2_89 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_90 = like.lift(0.5) * sin_q8;
+        let t2_91 = -t2_90;
+        let t2_92 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_93 = -t2_92;
+        let t2_94 = like.lift(0.5773502691896257).mul_add(t2_70, t2_68);
+        let t2_95 = t2_82 * t2_85;
+        let t2_96 = like.lift(1.1547005383792515) * t2_95;
+        let pivot_3 = t2_70.mul_add(t2_96, t2_72);
+        let t2_97 = (-t2_64).mul_add(t2_96, t2_66);
+        let t2_98 = t2_74.mul_add(t2_96, t2_75);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_114 = t2_113 * inv_pivot_3;
-        let t2_115 = (-t2_74).mul_add(t2_114, t2_26);
-        let t2_116 = -pivot_3;
-        let t2_117 = like.lift(0.5773502691896257).mul_add(t2_55, t2_20);
-        let t2_118 = t2_110.mul_add(t2_114, t2_65);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_86, t2_118);
+        let t2_99 = t2_94 * inv_pivot_3;
+        let t2_100 = (-t2_41).mul_add(t2_99, t2_47);
+        let t2_101 = -pivot_3;
+        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_52, t2_19);
+        let t2_103 = t2_98.mul_add(t2_99, t2_60);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_103);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_119 = t2_117 * inv_pivot_4;
-        let pivot_5 = (-t2_115).mul_add(t2_119, t2_17);
+        let t2_104 = t2_102 * inv_pivot_4;
+        let pivot_5 = (-t2_100).mul_add(t2_104, t2_16);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_120 = -pivot_5;
-        let t2_121 = (-cos_q1).mul_add(t2_114, sin_q1);
-        let t2_122 = (-t2_121).mul_add(t2_119, sin_q1);
-        let t2_123 = (-t2_109).mul_add(t2_114, t2_67);
-        let t2_124 = like.lift(-0.5773502691896257).mul_add(t2_81, t2_123);
-        let t2_125 = t2_107 * t2_114;
-        let t2_126 = (-t2_124).mul_add(t2_119, t2_29);
-        let t2_127 = like.lift(0.5773502691896257).mul_add(t2_58, t2_126);
-        let t2_128 = t2_125 * t2_119;
-        let t2_129 = (-t2_55).mul_add(t2_100, t2_21);
-        let t2_130 = t2_129 * inv_pivot_4;
-        let t2_131 = (-t2_115).mul_add(t2_130, t2_39);
-        let t2_132 = t2_131 * inv_pivot_5;
-        let t2_133 = t2_127.mul_add(t2_132, t2_49);
-        let t2_134 = t2_124.mul_add(t2_130, t2_133);
-        let pivot_6 = t2_58.mul_add(t2_100, t2_134);
-        let t2_135 = t2_122.mul_add(t2_132, cos_q1);
-        let t2_136 = t2_121.mul_add(t2_130, t2_135);
-        let t2_137 = t2_125 * t2_130;
-        let t2_138 = (-t2_128).mul_add(t2_132, t2_137);
+        let t2_105 = -pivot_5;
+        let t2_106 = (-cos_q1).mul_add(t2_99, sin_q1);
+        let t2_107 = (-t2_106).mul_add(t2_104, sin_q1);
+        let t2_108 = (-t2_97).mul_add(t2_99, t2_62);
+        let t2_109 = like.lift(-0.5773502691896257).mul_add(t2_64, t2_108);
+        let t2_110 = (-t2_109).mul_add(t2_104, t2_27);
+        let t2_111 = like.lift(0.5773502691896257).mul_add(t2_54, t2_110);
+        let t2_112 = t2_49 * t2_58;
+        let t2_113 = like.lift(1.1547005383792515) * t2_112;
+        let t2_114 = (-t2_52).mul_add(t2_113, t2_20);
+        let t2_115 = t2_114 * inv_pivot_4;
+        let t2_116 = (-t2_100).mul_add(t2_115, t2_33);
+        let t2_117 = t2_116 * inv_pivot_5;
+        let t2_118 = t2_111.mul_add(t2_117, t2_48);
+        let t2_119 = t2_109.mul_add(t2_115, t2_118);
+        let pivot_6 = t2_54.mul_add(t2_113, t2_119);
+        let t2_120 = t2_107.mul_add(t2_117, cos_q1);
+        let t2_121 = t2_106.mul_add(t2_115, t2_120);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_139 = t2_136 * inv_pivot_6;
-        let t2_140 = (-t2_127).mul_add(t2_139, t2_122);
+        let t2_122 = t2_121 * inv_pivot_6;
+        let t2_123 = (-t2_111).mul_add(t2_122, t2_107);
+        let t2_124 = inv_pivot_5 * t2_123;
+        let t2_125 = (-t2_109).mul_add(t2_122, t2_106);
+        let t2_126 = (-t2_100).mul_add(t2_124, t2_125);
+        let t2_127 = inv_pivot_4 * t2_126;
+        let t2_128 = -pivot_6;
+        let t2_129 = q7 * t2_58;
+        let t2_130 = t2_129 * inv_pivot_6;
+        let t2_131 = like.lift(1.1547005383792515) * t2_58;
+        let t2_132 = inv_pivot_5 * t2_111;
+        let t2_133 = t2_132 * t2_130;
+        let t2_134 = q9 * t2_85;
+        let t2_135 = t2_134 * t2_99;
+        let t2_136 = t2_135 * t2_104;
+        let t2_137 = t2_135 * t2_115;
+        let t2_138 = (-t2_136).mul_add(t2_117, t2_137);
+        let t2_139 = t2_138 * inv_pivot_6;
+        let t2_140 = t2_111.mul_add(t2_139, t2_136);
         let t2_141 = inv_pivot_5 * t2_140;
-        let t2_142 = t2_99 * inv_pivot_6;
-        let t2_143 = t2_138 * inv_pivot_6;
-        let t2_144 = t2_127.mul_add(t2_143, t2_128);
-        let t2_145 = inv_pivot_5 * t2_127;
-        let t2_146 = inv_pivot_5 * t2_144;
-        let t2_147 = t2_145 * t2_142;
-        let t2_148 = (-t2_124).mul_add(t2_139, t2_121);
-        let t2_149 = (-t2_115).mul_add(t2_141, t2_148);
-        let t2_150 = inv_pivot_4 * t2_149;
-        let t2_151 = (-t2_124).mul_add(t2_143, t2_125);
-        let t2_152 = t2_115.mul_add(t2_146, t2_151);
-        let t2_153 = t2_115 * t2_147;
-        let t2_154 = (-t2_124).mul_add(t2_142, t2_153);
-        let t2_155 = inv_pivot_4 * t2_154;
-        let t2_156 = inv_pivot_4 * t2_152;
-        let t2_157 = t2_109.mul_add(t2_143, t2_107);
-        let t2_158 = (-t2_74).mul_add(t2_146, t2_157);
-        let t2_159 = -t2_146;
-        let t2_160 = (-t2_110).mul_add(t2_156, t2_158);
-        let t2_161 = inv_pivot_3 * t2_160;
-        let t2_162 = (-t2_81).mul_add(t2_143, t2_105);
-        let t2_163 = (-t2_86).mul_add(t2_156, t2_162);
-        let t2_164 = (-t2_77).mul_add(t2_161, t2_163);
-        let t2_165 = t2_164 * t2_111;
-        let t2_166 = -pivot_6;
-        let t2_167 = -t2_150;
-        let t2_168 = -t2_156;
-        let t2_169 = t2_58 * t2_143;
-        let t2_170 = t2_55.mul_add(t2_156, t2_169);
-        let t2_171 = -t2_143;
-        let t2_172 = t2_170 * t2_101;
-        let t2_173 = -t2_139;
-        let t2_174 = (-t2_109).mul_add(t2_139, cos_q1);
-        let t2_175 = (-t2_74).mul_add(t2_141, t2_174);
-        let t2_176 = t2_110.mul_add(t2_150, t2_175);
-        let t2_177 = inv_pivot_3 * t2_176;
-        let t2_178 = t2_74 * t2_147;
-        let t2_179 = (-t2_109).mul_add(t2_142, t2_178);
-        let t2_180 = t2_110.mul_add(t2_155, t2_179);
-        let t2_181 = inv_pivot_3 * t2_180;
-        let t2_182 = -t2_177;
-        let t2_183 = t2_77 * t2_177;
-        let t2_184 = (-t2_81).mul_add(t2_139, t2_183);
-        let t2_185 = t2_58 * t2_139;
-        let t2_186 = t2_55.mul_add(t2_150, t2_185);
-        let t2_187 = (-t2_86).mul_add(t2_150, t2_184);
-        let t2_188 = t2_186 * t2_101;
-        let t2_189 = t2_187 * t2_111;
-        let t2_190 = t2_77 * t2_181;
-        let t2_191 = (-t2_81).mul_add(t2_142, t2_190);
-        let t2_192 = (-t2_86).mul_add(t2_155, t2_191);
-        let t2_193 = t2_192 * t2_111;
-        let t2_194 = -t2_193;
-        let t2_195 = (-t2_58).mul_add(t2_142, t2_97);
-        let t2_196 = (-t2_55).mul_add(t2_155, t2_195);
-        let t2_197 = t2_196 * t2_101;
+        let t2_142 = (-t2_109).mul_add(t2_139, t2_135);
+        let t2_143 = t2_100.mul_add(t2_141, t2_142);
+        let t2_144 = t2_100 * t2_133;
+        let t2_145 = (-t2_109).mul_add(t2_130, t2_144);
+        let t2_146 = inv_pivot_4 * t2_145;
+        let t2_147 = inv_pivot_4 * t2_143;
+        let t2_148 = t2_97.mul_add(t2_139, t2_134);
+        let t2_149 = (-t2_41).mul_add(t2_141, t2_148);
+        let t2_150 = -t2_141;
+        let t2_151 = (-t2_98).mul_add(t2_147, t2_149);
+        let t2_152 = inv_pivot_3 * t2_151;
+        let t2_153 = like.lift(1.1547005383792515) * t2_85;
+        let t2_154 = (-t2_64).mul_add(t2_139, t2_92);
+        let t2_155 = (-t2_74).mul_add(t2_147, t2_154);
+        let t2_156 = (-t2_70).mul_add(t2_152, t2_155);
+        let t2_157 = t2_156 * t2_153;
+        let t2_158 = -t2_127;
+        let t2_159 = -t2_147;
+        let t2_160 = t2_54 * t2_139;
+        let t2_161 = t2_52.mul_add(t2_147, t2_160);
+        let t2_162 = -t2_139;
+        let t2_163 = t2_161 * t2_131;
+        let t2_164 = -t2_122;
+        let t2_165 = (-t2_97).mul_add(t2_122, cos_q1);
+        let t2_166 = (-t2_41).mul_add(t2_124, t2_165);
+        let t2_167 = t2_98.mul_add(t2_127, t2_166);
+        let t2_168 = inv_pivot_3 * t2_167;
+        let t2_169 = t2_41 * t2_133;
+        let t2_170 = (-t2_97).mul_add(t2_130, t2_169);
+        let t2_171 = t2_98.mul_add(t2_146, t2_170);
+        let t2_172 = inv_pivot_3 * t2_171;
+        let t2_173 = -t2_168;
+        let t2_174 = t2_70 * t2_168;
+        let t2_175 = (-t2_64).mul_add(t2_122, t2_174);
+        let t2_176 = t2_54 * t2_122;
+        let t2_177 = t2_52.mul_add(t2_127, t2_176);
+        let t2_178 = (-t2_74).mul_add(t2_127, t2_175);
+        let t2_179 = t2_177 * t2_131;
+        let t2_180 = t2_178 * t2_153;
+        let t2_181 = t2_70 * t2_172;
+        let t2_182 = (-t2_64).mul_add(t2_130, t2_181);
+        let t2_183 = (-t2_74).mul_add(t2_146, t2_182);
+        let t2_184 = t2_183 * t2_153;
+        let t2_185 = -t2_184;
+        let t2_186 = (-t2_54).mul_add(t2_130, t2_89);
+        let t2_187 = (-t2_52).mul_add(t2_146, t2_186);
+        let t2_188 = t2_187 * t2_131;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_91 * like.lift(1.8955297449982944)).abs())
-            .min((t2_116 * like.lift(2.6463477742948585)).abs())
+            .min((t2_84 * like.lift(1.8955297449982944)).abs())
+            .min((t2_101 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_120 * like.lift(0.8284577646309275)).abs())
-            .min((t2_166 * like.lift(2.1915406530791146)).abs());
+            .min((t2_105 * like.lift(0.8284577646309275)).abs())
+            .min((t2_128 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_141, t2_147, t2_159], [t2_167, t2_155, t2_168], [t2_173, t2_142, t2_171],
-                [t2_182, t2_181, t2_161], [t2_188, t2_197, t2_172], [t2_189, t2_194, t2_165],
+                [t2_124, t2_133, t2_150], [t2_158, t2_146, t2_159], [t2_164, t2_130, t2_162],
+                [t2_173, t2_172, t2_152], [t2_179, t2_188, t2_163], [t2_180, t2_185, t2_157],
             ],
             margin,
             || (
                 [
-                    [t2_18, t2_20, t2_29, like.lift(0.0), t2_32, like.lift(0.0)],
-                    [t2_40, t2_21, t2_50, like.lift(0.0), t2_51, like.lift(0.0)],
-                    [like.lift(0.0), t2_55, t2_58, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_60, t2_65, t2_67, t2_69, like.lift(0.0), t2_72],
-                    [t2_74, t2_83, t2_87, t2_88, like.lift(0.0), t2_89],
-                    [like.lift(0.0), t2_86, t2_81, t2_90, like.lift(0.0), t2_91],
+                    [t2_17, t2_19, t2_27, like.lift(0.0), t2_31, like.lift(0.0)],
+                    [t2_34, t2_20, t2_42, like.lift(0.0), t2_49, like.lift(0.0)],
+                    [like.lift(0.0), t2_52, t2_54, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_59, t2_60, t2_62, t2_68, like.lift(0.0), t2_79],
+                    [t2_41, t2_75, t2_80, t2_81, like.lift(0.0), t2_82],
+                    [like.lift(0.0), t2_74, t2_64, t2_83, like.lift(0.0), t2_84],
                 ],
                 [
-                    [t2_93, t2_95, like.lift(0.0)], [cos_q1, t2_96, like.lift(0.0)],
-                    [like.lift(0.0), t2_97, like.lift(0.0)], [t2_93, like.lift(0.0), t2_103],
-                    [cos_q1, like.lift(0.0), t2_104], [like.lift(0.0), like.lift(0.0), t2_112],
+                    [t2_86, t2_88, like.lift(0.0)], [cos_q1, t2_29, like.lift(0.0)],
+                    [like.lift(0.0), t2_89, like.lift(0.0)], [t2_86, like.lift(0.0), t2_91],
+                    [cos_q1, like.lift(0.0), t2_77], [like.lift(0.0), like.lift(0.0), t2_93],
                 ],
             ),
         );
@@ -4432,174 +4291,172 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 79]) -> ([[T; 3]; 3], Condit
         let t3_7 = cos_s1_3 * p_iyz_3;
         let t3_8 = sin_s1_3.mul_add(p_iyy_3, t3_7);
         let t3_9 = (-sin_s1_3).mul_add(p_izz_3, t3_7);
-        let t3_10 = sin_s1_3 * p_iyz_3;
-        let t3_11 = cos_s1_3.mul_add(p_izz_3, t3_10);
-        let t3_12 = cos_s1_3 * t3_11;
-        let t3_13 = sin_s1_3.mul_add(t3_8, t3_12);
-        let t3_14 = cos_s1_3.mul_add(p_iyy_3, -t3_10);
-        let t3_15 = sin_s1_2.mul_add(t3_13, t3_5);
-        let t3_16 = (-cos_s1_2).mul_add(t3_13, t3_6);
-        let t3_17 = cos_s1_2.mul_add(p_ixx_3, t3_6);
-        let t3_18 = (-sin_s1_2).mul_add(p_ixx_3, t3_5);
-        let t3_19 = sin_s1_2 * t3_18;
-        let t3_20 = cos_s1_2.mul_add(t3_16, t3_19);
-        let t3_21 = cos_s1_2 * t3_17;
-        let t3_22 = sin_s1_2.mul_add(t3_15, t3_21);
-        let t3_23 = cos_s1_2 * t3_15;
-        let t3_24 = (-sin_s1_2).mul_add(t3_17, t3_23);
-        let t3_25 = cos_s1_3 * t3_9;
-        let t3_26 = sin_s1_3.mul_add(t3_14, t3_25);
-        let t3_27 = cos_s1_3 * t3_14;
-        let t3_28 = (-sin_s1_3).mul_add(t3_9, t3_27);
-        let t3_29 = cos_s1_3 * p_ixy_3;
-        let t3_30 = (-sin_s1_3).mul_add(p_ixz_3, t3_29);
-        let t3_31 = cos_s1_2 * t3_30;
-        let t3_32 = sin_s1_2.mul_add(t3_26, t3_31);
-        let t3_33 = cos_s1_2 * t3_26;
-        let t3_34 = cos_s1_2 * t2_3;
-        let t3_35 = (-sin_s1_2).mul_add(p_mx_3, t3_34);
-        let t3_36 = (-sin_s1_2).mul_add(t3_30, t3_33);
-        let t3_37 = sin_s1_1 * t2_3;
-        let t3_38 = sin_s1_2.mul_add(t3_2, t3_37);
-        let t3_39 = sin_s1_1.mul_add(t2_5, t3_2);
-        let t3_40 = q2 * t3_38;
-        let t3_41 = cos_s1_1.mul_add(t3_30, t3_40);
-        let t3_42 = sin_s1_1.mul_add(t3_17, t3_41);
-        let t3_43 = cos_s1_1 * t3_32;
-        let t3_44 = sin_s1_1.mul_add(t3_22, t3_43);
-        let t3_45 = cos_s1_1 * t3_28;
-        let t3_46 = sin_s1_1.mul_add(t3_32, t3_45);
-        let t3_47 = cos_s1_1 * t3_36;
-        let t3_48 = (-q2).mul_add(t3_39, t3_47);
-        let t3_49 = sin_s1_1.mul_add(t3_24, t3_48);
-        let t3_50 = p_mz_2 + t3_35;
-        let t3_51 = q2.mul_add(t2_1, t3_50);
-        let t3_52 = t3_50 + t3_51;
-        let t3_53 = q2 * cos_s1_1;
-        let t3_54 = t3_53.mul_add(t3_35, t3_46);
-        let t3_55 = p_izz_1 + p_iyy_2;
-        let t3_56 = cos_s1_1.mul_add(t3_46, t3_55);
-        let t3_57 = sin_s1_1.mul_add(t3_44, t3_56);
-        let t3_58 = q2.mul_add(t3_52, t3_57);
-        let t3_59 = t3_42.mul_add(x_s1_3_q2, t2_9);
-        let t3_60 = t3_54.mul_add(x_s1_2_q2, t3_59);
-        let t3_61 = t3_49.mul_add(x_s1_1_q2, t3_60);
-        let t3_62 = t3_58.mul_add(x_q1_q2, t3_61);
-        let t3_63 = t3_62 + t2_9;
-        let t3_64 = t3_18 * x_s1_3_q2;
-        let t3_65 = t3_36.mul_add(x_s1_2_q2, t3_64);
-        let t3_66 = (-t3_20).mul_add(x_s1_1_q2, t3_65);
-        let t3_67 = t3_49.mul_add(x_q1_q2, t3_66);
-        let t3_68 = t3_30.mul_add(x_s1_3_q2, t2_5);
-        let t3_69 = t3_28.mul_add(x_s1_2_q2, t3_68);
-        let t3_70 = t3_36.mul_add(x_s1_1_q2, t3_69);
-        let t3_71 = t3_54.mul_add(x_q1_q2, t3_70);
-        let t3_72 = t3_71 + t2_5;
-        let t3_73 = (-p_ixx_3).mul_add(x_s1_3_q2, t3_1);
-        let t3_74 = (-t3_30).mul_add(x_s1_2_q2, t3_73);
-        let t3_75 = (-t3_18).mul_add(x_s1_1_q2, t3_74);
-        let t3_76 = (-t3_42).mul_add(x_q1_q2, t3_75);
-        let t3_77 = t3_76 + t3_1;
-        let t3_78 = q7.mul_add(p_m_5, p_mz_5);
-        let t3_79 = p_mz_5 + t3_78;
-        let t3_80 = p_izz_4 + p_iyy_5;
-        let t3_81 = q7.mul_add(t3_79, t3_80);
-        let t3_82 = q9.mul_add(p_m_7, p_mz_7);
-        let t3_83 = p_mz_7 + t3_82;
-        let t3_84 = p_izz_6 + p_iyy_7;
-        let t3_85 = q9.mul_add(t3_83, t3_84);
-        let t3_86 = x_q8_q2 * t3_85;
-        let t3_87 = t3_86.mul_add(x_q8_q2, p_j_q2);
-        let t3_88 = x_q6_q2 * t3_81;
-        let t3_89 = t3_88.mul_add(x_q6_q2, t3_87);
-        let t3_90 = (-x_s1_3_q2).mul_add(t3_77, t3_89);
-        let t3_91 = x_s1_2_q2.mul_add(t3_72, t3_90);
-        let t3_92 = x_s1_1_q2.mul_add(t3_67, t3_91);
-        let t3_93 = x_q1_q2.mul_add(t3_63, t3_92);
-        let t3_94 = t3_93 + t2_1;
-        m[0][0] = t3_94;
-        let t3_95 = t3_42 * x_s1_3_q7;
-        let t3_96 = t3_54.mul_add(x_s1_2_q7, t3_95);
-        let t3_97 = t3_49.mul_add(x_s1_1_q7, t3_96);
-        let t3_98 = t3_58.mul_add(x_q1_q7, t3_97);
-        let t3_99 = t3_18 * x_s1_3_q7;
-        let t3_100 = t3_36.mul_add(x_s1_2_q7, t3_99);
-        let t3_101 = (-t3_20).mul_add(x_s1_1_q7, t3_100);
-        let t3_102 = t3_49.mul_add(x_q1_q7, t3_101);
-        let t3_103 = t3_30 * x_s1_3_q7;
-        let t3_104 = t3_28.mul_add(x_s1_2_q7, t3_103);
-        let t3_105 = t3_36.mul_add(x_s1_1_q7, t3_104);
-        let t3_106 = t3_54.mul_add(x_q1_q7, t3_105);
-        let t3_107 = t3_30 * x_s1_3_q9;
-        let t3_108 = t3_28.mul_add(x_s1_2_q9, t3_107);
-        let t3_109 = t3_36.mul_add(x_s1_1_q9, t3_108);
-        let t3_110 = t3_54.mul_add(x_q1_q9, t3_109);
-        let t3_111 = t3_42 * x_s1_3_q9;
-        let t3_112 = t3_54.mul_add(x_s1_2_q9, t3_111);
-        let t3_113 = t3_49.mul_add(x_s1_1_q9, t3_112);
-        let t3_114 = t3_58.mul_add(x_q1_q9, t3_113);
-        let t3_115 = t3_18 * x_s1_3_q9;
-        let t3_116 = t3_36.mul_add(x_s1_2_q9, t3_115);
-        let t3_117 = (-t3_20).mul_add(x_s1_1_q9, t3_116);
-        let t3_118 = t3_49.mul_add(x_q1_q9, t3_117);
-        let t3_119 = p_ixx_3 * x_s1_3_q7;
-        let t3_120 = t3_30.mul_add(x_s1_2_q7, t3_119);
-        let t3_121 = t3_18.mul_add(x_s1_1_q7, t3_120);
-        let t3_122 = t3_42.mul_add(x_q1_q7, t3_121);
-        let t3_123 = p_ixx_3 * x_s1_3_q9;
-        let t3_124 = t3_30.mul_add(x_s1_2_q9, t3_123);
-        let t3_125 = t3_18.mul_add(x_s1_1_q9, t3_124);
-        let t3_126 = t3_42.mul_add(x_q1_q9, t3_125);
-        let t3_127 = t3_81.mul_add(x_q6_q7, p_mx_5);
-        let t3_128 = t3_81 * x_q6_q9;
-        let t3_129 = t3_85 * x_q8_q7;
-        let t3_130 = t3_85.mul_add(x_q8_q9, p_mx_7);
-        let t3_131 = p_mx_7 + t3_130;
-        let t3_132 = x_q8_q9.mul_add(t3_131, p_m_7);
-        let t3_133 = t3_132 + p_j_q9;
-        let t3_134 = x_q6_q9.mul_add(t3_128, t3_133);
-        let t3_135 = x_s1_3_q9.mul_add(t3_126, t3_134);
-        let t3_136 = x_s1_2_q9.mul_add(t3_110, t3_135);
-        let t3_137 = x_s1_1_q9.mul_add(t3_118, t3_136);
-        let t3_138 = x_q1_q9.mul_add(t3_114, t3_137);
-        m[2][2] = t3_138;
-        let t3_139 = x_q8_q7 * t3_130;
-        let t3_140 = p_mx_5.mul_add(x_q6_q9, t3_139);
-        let t3_141 = x_q8_q2 * t3_130;
-        let t3_142 = x_q8_q2 * t3_129;
-        let t3_143 = x_q8_q7.mul_add(t3_129, p_m_5);
-        let t3_144 = x_q6_q2.mul_add(t3_127, t3_142);
-        let t3_145 = x_q6_q2.mul_add(t3_128, t3_141);
-        let t3_146 = x_q6_q7.mul_add(t3_128, t3_140);
-        let t3_147 = p_mx_5 + t3_127;
-        let t3_148 = x_q6_q7.mul_add(t3_147, t3_143);
-        let t3_149 = x_s1_3_q2.mul_add(t3_122, t3_144);
-        let t3_150 = x_s1_3_q2.mul_add(t3_126, t3_145);
-        let t3_151 = x_s1_3_q7.mul_add(t3_126, t3_146);
-        let t3_152 = t3_148 + p_j_q7;
-        let t3_153 = x_s1_3_q7.mul_add(t3_122, t3_152);
-        let t3_154 = x_s1_2_q2.mul_add(t3_106, t3_149);
-        let t3_155 = x_s1_2_q2.mul_add(t3_110, t3_150);
-        let t3_156 = x_s1_2_q7.mul_add(t3_106, t3_153);
-        let t3_157 = x_s1_2_q7.mul_add(t3_110, t3_151);
-        let t3_158 = x_s1_1_q7.mul_add(t3_102, t3_156);
-        let t3_159 = x_s1_1_q7.mul_add(t3_118, t3_157);
-        let t3_160 = x_s1_1_q2.mul_add(t3_102, t3_154);
-        let t3_161 = x_s1_1_q2.mul_add(t3_118, t3_155);
-        let t3_162 = x_q1_q7.mul_add(t3_98, t3_158);
-        m[1][1] = t3_162;
-        let t3_163 = x_q1_q2.mul_add(t3_98, t3_160);
-        let t3_164 = (-t3_1).mul_add(x_s1_3_q7, t3_163);
-        let t3_165 = x_q1_q2.mul_add(t3_114, t3_161);
-        let t3_166 = (-t3_1).mul_add(x_s1_3_q9, t3_165);
-        let t3_167 = t2_5.mul_add(x_s1_2_q9, t3_166);
-        let t3_168 = t2_5.mul_add(x_s1_2_q7, t3_164);
-        let t3_169 = t2_9.mul_add(x_q1_q9, t3_167);
-        m[0][2] = t3_169; m[2][0] = t3_169;
-        let t3_170 = t2_9.mul_add(x_q1_q7, t3_168);
-        m[0][1] = t3_170; m[1][0] = t3_170;
-        let t3_171 = x_q1_q7.mul_add(t3_114, t3_159);
-        m[1][2] = t3_171; m[2][1] = t3_171;
+        let t3_10 = sin_s1_3.mul_add(t3_9, p_izz_3);
+        let t3_11 = sin_s1_3.mul_add(t3_8, t3_10);
+        let t3_12 = sin_s1_3 * p_iyz_3;
+        let t3_13 = cos_s1_3.mul_add(p_iyy_3, -t3_12);
+        let t3_14 = sin_s1_2.mul_add(t3_11, t3_5);
+        let t3_15 = (-cos_s1_2).mul_add(t3_11, t3_6);
+        let t3_16 = cos_s1_2.mul_add(p_ixx_3, t3_6);
+        let t3_17 = (-sin_s1_2).mul_add(p_ixx_3, t3_5);
+        let t3_18 = sin_s1_2 * t3_17;
+        let t3_19 = cos_s1_2.mul_add(t3_15, t3_18);
+        let t3_20 = cos_s1_2 * t3_16;
+        let t3_21 = sin_s1_2.mul_add(t3_14, t3_20);
+        let t3_22 = cos_s1_2 * t3_14;
+        let t3_23 = (-sin_s1_2).mul_add(t3_16, t3_22);
+        let t3_24 = cos_s1_3 * t3_9;
+        let t3_25 = sin_s1_3.mul_add(t3_13, t3_24);
+        let t3_26 = cos_s1_3 * t3_13;
+        let t3_27 = (-sin_s1_3).mul_add(t3_9, t3_26);
+        let t3_28 = cos_s1_3 * p_ixy_3;
+        let t3_29 = (-sin_s1_3).mul_add(p_ixz_3, t3_28);
+        let t3_30 = cos_s1_2 * t3_29;
+        let t3_31 = sin_s1_2.mul_add(t3_25, t3_30);
+        let t3_32 = cos_s1_2 * t3_25;
+        let t3_33 = cos_s1_2 * t2_3;
+        let t3_34 = (-sin_s1_2).mul_add(p_mx_3, t3_33);
+        let t3_35 = (-sin_s1_2).mul_add(t3_29, t3_32);
+        let t3_36 = sin_s1_1 * t2_3;
+        let t3_37 = sin_s1_2.mul_add(t3_2, t3_36);
+        let t3_38 = sin_s1_1.mul_add(t2_5, t3_2);
+        let t3_39 = q2 * t3_37;
+        let t3_40 = cos_s1_1.mul_add(t3_29, t3_39);
+        let t3_41 = sin_s1_1.mul_add(t3_16, t3_40);
+        let t3_42 = cos_s1_1 * t3_31;
+        let t3_43 = sin_s1_1.mul_add(t3_21, t3_42);
+        let t3_44 = cos_s1_1 * t3_27;
+        let t3_45 = sin_s1_1.mul_add(t3_31, t3_44);
+        let t3_46 = cos_s1_1 * t3_35;
+        let t3_47 = (-q2).mul_add(t3_38, t3_46);
+        let t3_48 = sin_s1_1.mul_add(t3_23, t3_47);
+        let t3_49 = p_mz_2 + t3_34;
+        let t3_50 = q2.mul_add(t2_1, t3_49);
+        let t3_51 = t3_49 + t3_50;
+        let t3_52 = q2 * cos_s1_1;
+        let t3_53 = t3_52.mul_add(t3_34, t3_45);
+        let t3_54 = p_izz_1 + p_iyy_2;
+        let t3_55 = cos_s1_1.mul_add(t3_45, t3_54);
+        let t3_56 = sin_s1_1.mul_add(t3_43, t3_55);
+        let t3_57 = q2.mul_add(t3_51, t3_56);
+        let t3_58 = t3_41.mul_add(x_s1_3_q2, t2_9);
+        let t3_59 = t3_53.mul_add(x_s1_2_q2, t3_58);
+        let t3_60 = t3_48.mul_add(x_s1_1_q2, t3_59);
+        let t3_61 = t3_57.mul_add(x_q1_q2, t3_60);
+        let t3_62 = t3_61 + t2_9;
+        let t3_63 = t3_17 * x_s1_3_q2;
+        let t3_64 = t3_35.mul_add(x_s1_2_q2, t3_63);
+        let t3_65 = (-t3_19).mul_add(x_s1_1_q2, t3_64);
+        let t3_66 = t3_48.mul_add(x_q1_q2, t3_65);
+        let t3_67 = t3_29.mul_add(x_s1_3_q2, t2_5);
+        let t3_68 = t3_27.mul_add(x_s1_2_q2, t3_67);
+        let t3_69 = t3_35.mul_add(x_s1_1_q2, t3_68);
+        let t3_70 = t3_53.mul_add(x_q1_q2, t3_69);
+        let t3_71 = t3_70 + t2_5;
+        let t3_72 = (-p_ixx_3).mul_add(x_s1_3_q2, t3_1);
+        let t3_73 = (-t3_29).mul_add(x_s1_2_q2, t3_72);
+        let t3_74 = (-t3_17).mul_add(x_s1_1_q2, t3_73);
+        let t3_75 = (-t3_41).mul_add(x_q1_q2, t3_74);
+        let t3_76 = t3_75 + t3_1;
+        let t3_77 = q7.mul_add(p_m_5, p_mz_5);
+        let t3_78 = p_mz_5 + t3_77;
+        let t3_79 = p_izz_4 + p_iyy_5;
+        let t3_80 = q7.mul_add(t3_78, t3_79);
+        let t3_81 = q9.mul_add(p_m_7, p_mz_7);
+        let t3_82 = p_mz_7 + t3_81;
+        let t3_83 = p_izz_6 + p_iyy_7;
+        let t3_84 = q9.mul_add(t3_82, t3_83);
+        let t3_85 = x_q8_q2 * t3_84;
+        let t3_86 = t3_85.mul_add(x_q8_q2, p_j_q2);
+        let t3_87 = x_q6_q2 * t3_80;
+        let t3_88 = t3_87.mul_add(x_q6_q2, t3_86);
+        let t3_89 = (-x_s1_3_q2).mul_add(t3_76, t3_88);
+        let t3_90 = x_s1_2_q2.mul_add(t3_71, t3_89);
+        let t3_91 = x_s1_1_q2.mul_add(t3_66, t3_90);
+        let t3_92 = x_q1_q2.mul_add(t3_62, t3_91);
+        let t3_93 = t3_92 + t2_1;
+        m[0][0] = t3_93;
+        let t3_94 = t3_41 * x_s1_3_q7;
+        let t3_95 = t3_53.mul_add(x_s1_2_q7, t3_94);
+        let t3_96 = t3_48.mul_add(x_s1_1_q7, t3_95);
+        let t3_97 = t3_57.mul_add(x_q1_q7, t3_96);
+        let t3_98 = t3_17 * x_s1_3_q7;
+        let t3_99 = t3_35.mul_add(x_s1_2_q7, t3_98);
+        let t3_100 = (-t3_19).mul_add(x_s1_1_q7, t3_99);
+        let t3_101 = t3_48.mul_add(x_q1_q7, t3_100);
+        let t3_102 = t3_29 * x_s1_3_q7;
+        let t3_103 = t3_27.mul_add(x_s1_2_q7, t3_102);
+        let t3_104 = t3_35.mul_add(x_s1_1_q7, t3_103);
+        let t3_105 = t3_53.mul_add(x_q1_q7, t3_104);
+        let t3_106 = t3_29 * x_s1_3_q9;
+        let t3_107 = t3_27.mul_add(x_s1_2_q9, t3_106);
+        let t3_108 = t3_35.mul_add(x_s1_1_q9, t3_107);
+        let t3_109 = t3_53.mul_add(x_q1_q9, t3_108);
+        let t3_110 = t3_41 * x_s1_3_q9;
+        let t3_111 = t3_53.mul_add(x_s1_2_q9, t3_110);
+        let t3_112 = t3_48.mul_add(x_s1_1_q9, t3_111);
+        let t3_113 = t3_57.mul_add(x_q1_q9, t3_112);
+        let t3_114 = t3_17 * x_s1_3_q9;
+        let t3_115 = t3_35.mul_add(x_s1_2_q9, t3_114);
+        let t3_116 = (-t3_19).mul_add(x_s1_1_q9, t3_115);
+        let t3_117 = t3_48.mul_add(x_q1_q9, t3_116);
+        let t3_118 = p_ixx_3 * x_s1_3_q7;
+        let t3_119 = t3_29.mul_add(x_s1_2_q7, t3_118);
+        let t3_120 = t3_17.mul_add(x_s1_1_q7, t3_119);
+        let t3_121 = t3_41.mul_add(x_q1_q7, t3_120);
+        let t3_122 = p_ixx_3 * x_s1_3_q9;
+        let t3_123 = t3_29.mul_add(x_s1_2_q9, t3_122);
+        let t3_124 = t3_17.mul_add(x_s1_1_q9, t3_123);
+        let t3_125 = t3_41.mul_add(x_q1_q9, t3_124);
+        let t3_126 = t3_80.mul_add(x_q6_q7, p_mx_5);
+        let t3_127 = t3_80 * x_q6_q9;
+        let t3_128 = t3_84 * x_q8_q7;
+        let t3_129 = t3_84.mul_add(x_q8_q9, p_mx_7);
+        let t3_130 = p_mx_7 + t3_129;
+        let t3_131 = x_q8_q9.mul_add(t3_130, p_m_7);
+        let t3_132 = t3_131 + p_j_q9;
+        let t3_133 = x_q6_q9.mul_add(t3_127, t3_132);
+        let t3_134 = x_s1_3_q9.mul_add(t3_125, t3_133);
+        let t3_135 = x_s1_2_q9.mul_add(t3_109, t3_134);
+        let t3_136 = x_s1_1_q9.mul_add(t3_117, t3_135);
+        let t3_137 = x_q1_q9.mul_add(t3_113, t3_136);
+        m[2][2] = t3_137;
+        let t3_138 = x_q8_q2 * t3_129;
+        let t3_139 = x_q6_q2.mul_add(t3_127, t3_138);
+        let t3_140 = x_q8_q2 * t3_128;
+        let t3_141 = x_q6_q2.mul_add(t3_126, t3_140);
+        let t3_142 = x_q8_q7 * t3_129;
+        let t3_143 = x_q8_q7.mul_add(t3_128, p_m_5);
+        let t3_144 = x_q6_q9.mul_add(t3_126, t3_142);
+        let t3_145 = p_mx_5 + t3_126;
+        let t3_146 = x_q6_q7.mul_add(t3_145, t3_143);
+        let t3_147 = x_s1_3_q2.mul_add(t3_121, t3_141);
+        let t3_148 = x_s1_3_q2.mul_add(t3_125, t3_139);
+        let t3_149 = x_s1_3_q7.mul_add(t3_125, t3_144);
+        let t3_150 = t3_146 + p_j_q7;
+        let t3_151 = x_s1_3_q7.mul_add(t3_121, t3_150);
+        let t3_152 = x_s1_2_q2.mul_add(t3_105, t3_147);
+        let t3_153 = x_s1_2_q2.mul_add(t3_109, t3_148);
+        let t3_154 = x_s1_2_q7.mul_add(t3_105, t3_151);
+        let t3_155 = x_s1_2_q7.mul_add(t3_109, t3_149);
+        let t3_156 = x_s1_1_q7.mul_add(t3_101, t3_154);
+        let t3_157 = x_s1_1_q7.mul_add(t3_117, t3_155);
+        let t3_158 = x_s1_1_q2.mul_add(t3_101, t3_152);
+        let t3_159 = x_s1_1_q2.mul_add(t3_117, t3_153);
+        let t3_160 = x_q1_q7.mul_add(t3_97, t3_156);
+        m[1][1] = t3_160;
+        let t3_161 = x_q1_q2.mul_add(t3_97, t3_158);
+        let t3_162 = (-t3_1).mul_add(x_s1_3_q7, t3_161);
+        let t3_163 = x_q1_q2.mul_add(t3_113, t3_159);
+        let t3_164 = (-t3_1).mul_add(x_s1_3_q9, t3_163);
+        let t3_165 = t2_5.mul_add(x_s1_2_q9, t3_164);
+        let t3_166 = t2_5.mul_add(x_s1_2_q7, t3_162);
+        let t3_167 = t2_9.mul_add(x_q1_q9, t3_165);
+        m[0][2] = t3_167; m[2][0] = t3_167;
+        let t3_168 = t2_9.mul_add(x_q1_q7, t3_166);
+        m[0][1] = t3_168; m[1][0] = t3_168;
+        let t3_169 = x_q1_q7.mul_add(t3_113, t3_157);
+        m[1][2] = t3_169; m[2][1] = t3_169;
     }
     (m, Condition { pivot: condition })
 }
@@ -5956,7 +5813,7 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `cosines`: per cone in the order of `INFO.cones`: the cosine of the angle between the two z axes
 ///
-/// 9 additions, 22 multiplications, 0 divisions, 6 sines and cosines.
+/// 9 additions, 20 multiplications, 0 divisions, 6 sines and cosines.
 pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
     let like = q[0];
     let mut cosines = [like.lift(0.0); 3];
@@ -5982,36 +5839,35 @@ pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
         cosines[0] = u_3_q2z;
     }
     // cone of s2
-    let [e_3_q1z, t3_11, t3_12] = {
+    let [t3_12, t3_13, t3_14] = {
         let t3_1 = sin_s1_2 * cos_s1_1;
         let t3_2 = cos_s1_1 * sin_s1_3;
         let t3_3 = cos_s1_3 * sin_s1_1;
         let e_3_q1z = (-t3_3).mul_add(sin_s1_2, t3_2);
         let t3_4 = sin_s1_3 * sin_s1_1;
-        let t3_5 = cos_q1 * cos_s1_2;
-        let t3_6 = (-sin_q1).mul_add(t3_1, t3_5);
-        let t3_7 = cos_q1 * t3_1;
-        let t3_8 = sin_q1.mul_add(cos_s1_2, t3_7);
-        let t3_9 = sin_q1 * t3_4;
-        let t3_10 = cos_s1_3 * t3_8;
-        let t3_11 = (-cos_s1_3).mul_add(t3_6, t3_9);
-        let t3_12 = cos_q1.mul_add(t3_4, t3_10);
-        let t3_13 = cos_q6 * t3_11;
-        let t3_14 = like.lift(0.8660254037844386) * e_3_q1z;
-        let t3_15 = like.lift(0.5).mul_add(t3_12, t3_14);
-        let t3_16 = sin_q6.mul_add(t3_15, t3_13);
+        let t3_5 = like.lift(0.8660254037844386) * e_3_q1z;
+        let t3_6 = cos_q1 * cos_s1_2;
+        let t3_7 = (-sin_q1).mul_add(t3_1, t3_6);
+        let t3_8 = cos_q1 * t3_1;
+        let t3_9 = sin_q1.mul_add(cos_s1_2, t3_8);
+        let t3_10 = sin_q1 * t3_4;
+        let t3_11 = cos_s1_3 * t3_9;
+        let t3_12 = (-cos_s1_3).mul_add(t3_7, t3_10);
+        let t3_13 = cos_q1.mul_add(t3_4, t3_11);
+        let t3_14 = like.lift(0.5).mul_add(t3_13, t3_5);
+        let t3_15 = cos_q6 * t3_12;
+        let t3_16 = sin_q6.mul_add(t3_14, t3_15);
         let t3_17 = -t3_16;
         cosines[1] = t3_17;
-        [e_3_q1z, t3_11, t3_12]
+        [t3_12, t3_13, t3_14]
     };
     // cone of s3
     {
-        let t4_1 = cos_q8 * t3_11;
-        let t4_2 = like.lift(0.8660254037844386) * e_3_q1z;
-        let t4_3 = like.lift(-0.5).mul_add(t3_12, t4_2);
-        let t4_4 = (-sin_q8).mul_add(t4_3, t4_1);
-        let t4_5 = -t4_4;
-        cosines[2] = t4_5;
+        let t4_1 = t3_14 - t3_13;
+        let t4_2 = cos_q8 * t3_12;
+        let t4_3 = (-sin_q8).mul_add(t4_1, t4_2);
+        let t4_4 = -t4_3;
+        cosines[2] = t4_4;
     }
     cosines
 }
@@ -6023,7 +5879,7 @@ pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 228 additions, 407 multiplications, 6 divisions, 6 sines and cosines.
+/// 213 additions, 392 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 34]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[25][1] = zero; w[25][2] = zero;
@@ -6063,7 +5919,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_109, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+        e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_98, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
         x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
         x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
@@ -6073,244 +5929,235 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = sin_s1_3 * t2_6;
-        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
-        let t2_9 = -t2_8;
+        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_8 = -t2_7;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_11 = cos_q1 * t2_10;
-        let t2_12 = sin_q1 * t2_10;
-        let t2_13 = sin_q1 * sin_s1_1;
-        let t2_14 = cos_s1_3.mul_add(t2_13, t2_7);
-        let t2_15 = like.lift(0.22815) * t2_4;
-        let t2_16 = like.lift(-0.39516739174683935).mul_add(t2_14, t2_15);
-        let t2_17 = t2_1 - t2_16;
-        let t2_18 = t2_13 * e_s1_2_q1x;
-        let t2_19 = cos_s1_1.mul_add(t2_4, t2_18);
-        let t2_20 = like.lift(0.4563) * t2_19;
-        let t2_21 = cos_q6 * q7;
-        let t2_22 = like.lift(0.5) * t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q1 * q2;
-        let t2_25 = cos_q1 * cos_s1_1;
-        let t2_26 = sin_q1 * sin_s1_2;
-        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
-        let t2_28 = sin_s1_2 * t2_25;
-        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
-        let t2_30 = like.lift(-0.4563).mul_add(t2_27, t2_24);
-        let t2_31 = -t2_30;
-        let t2_32 = cos_q1 * sin_s1_1;
-        let t2_33 = cos_s1_3 * t2_32;
-        let t2_34 = (-sin_s1_3).mul_add(t2_29, t2_33);
-        let t2_35 = like.lift(0.39516739174683935) * t2_34;
-        let t2_36 = t2_35 - t2_24;
-        let t2_37 = cos_s1_1 * t2_27;
-        let t2_38 = (-t2_32).mul_add(e_s1_2_q1x, t2_37);
-        let t2_39 = like.lift(0.4563) * t2_38;
-        let t2_40 = -t2_39;
-        let t2_41 = -t2_40;
-        let t2_42 = sin_q6 * q7;
-        let t2_43 = sin_q1 * t2_4;
-        let t2_44 = (-cos_q1).mul_add(t2_27, t2_43);
-        let t2_45 = like.lift(0.4563) * t2_44;
-        let t2_46 = -t2_45;
-        let t2_47 = t2_32 * t2_4;
-        let t2_48 = t2_13.mul_add(t2_27, t2_47);
-        let t2_49 = like.lift(0.4563) * t2_48;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
-        let t2_50 = like.lift(1.0) / t2_21;
-        let t2_51 = -t2_17;
+        let t2_9 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_10 = cos_q1 * t2_9;
+        let t2_11 = sin_q1 * t2_9;
+        let t2_12 = sin_q1 * sin_s1_1;
+        let t2_13 = cos_q1 * cos_s1_1;
+        let t2_14 = sin_s1_2 * t2_13;
+        let t2_15 = sin_q1.mul_add(cos_s1_2, t2_14);
+        let t2_16 = sin_q1 * sin_s1_2;
+        let t2_17 = (-cos_s1_2).mul_add(t2_13, t2_16);
+        let t2_18 = like.lift(0.4563) * t2_15;
+        let t2_19 = cos_q6 * q7;
+        let t2_20 = like.lift(0.5) * t2_19;
+        let t2_21 = -t2_20;
+        let t2_22 = sin_q1 * q2;
+        let t2_23 = like.lift(-0.4563).mul_add(t2_17, t2_22);
+        let t2_24 = -t2_23;
+        let t2_25 = cos_q1 * sin_s1_1;
+        let t2_26 = cos_s1_3 * t2_25;
+        let t2_27 = (-sin_s1_3).mul_add(t2_15, t2_26);
+        let t2_28 = like.lift(0.39516739174683935) * t2_27;
+        let t2_29 = like.lift(0.22815) * t2_17;
+        let t2_30 = t2_29 + t2_28;
+        let t2_31 = t2_30 - t2_22;
+        let t2_32 = like.lift(-0.4563) * t2_6;
+        let t2_33 = sin_s1_3 * t2_6;
+        let t2_34 = cos_s1_3.mul_add(t2_12, t2_33);
+        let t2_35 = like.lift(0.22815) * t2_4;
+        let t2_36 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_35);
+        let t2_37 = t2_1 - t2_36;
+        let t2_38 = -t2_32;
+        let t2_39 = sin_q6 * q7;
+        let t2_40 = cos_s1_2 * cos_s1_1;
+        let t2_41 = like.lift(0.4563) * t2_40;
+        let t2_42 = -t2_41;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let t2_52 = sin_s1_3 * e_s1_2_q1z;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
-        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
-        let t2_55 = cos_q1 * t2_54;
-        let t2_56 = t2_13 * t2_54;
-        let t2_57 = cos_s1_1.mul_add(t2_16, t2_56);
-        let t2_58 = e_s1_2_q1x * t2_16;
-        let t2_59 = (-t2_4).mul_add(t2_54, t2_58);
-        let t2_60 = cos_q8 * q9;
-        let t2_61 = like.lift(0.5) * t2_60;
-        let t2_62 = -t2_61;
-        let t2_63 = like.lift(0.22815) * t2_27;
-        let t2_64 = t2_36 + t2_63;
-        let t2_65 = t2_63 + t2_35;
-        let t2_66 = t2_4 * t2_65;
-        let t2_67 = (-t2_27).mul_add(t2_16, t2_66);
-        let t2_68 = t2_27 * t2_54;
-        let t2_69 = (-e_s1_2_q1x).mul_add(t2_65, t2_68);
-        let t2_70 = t2_32 * t2_16;
-        let t2_71 = t2_13.mul_add(t2_65, t2_70);
-        let t2_72 = t2_32 * t2_54;
-        let t2_73 = sin_q1 * t2_54;
-        let t2_74 = (-cos_s1_1).mul_add(t2_65, t2_72);
-        let t2_75 = cos_q1 * t2_65;
-        let t2_76 = (-sin_q1).mul_add(t2_16, t2_75);
-        let t2_77 = -t2_74;
-        let t2_78 = -t2_69;
-        let t2_79 = sin_q8 * q9;
-        let t2_80 = -t2_67;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
-        let t2_81 = -pivot_2;
-        let t2_82 = like.lift(1.0) / t2_60;
-        let t2_83 = -sin_q1;
-        let t2_84 = like.lift(0.5) * sin_q6;
-        let t2_85 = -t2_84;
-        let t2_86 = -cos_q6;
-        let t2_87 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_88 = like.lift(0.5) * sin_q8;
-        let t2_89 = -t2_88;
-        let t2_90 = -cos_q8;
-        let t2_91 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_92 = -t2_91;
-        let t2_93 = like.lift(0.5773502691896257).mul_add(t2_67, t2_59);
-        let t2_94 = t2_79 * t2_82;
-        let t2_95 = like.lift(1.1547005383792515) * t2_82;
-        let t2_96 = like.lift(1.1547005383792515) * t2_94;
-        let pivot_3 = t2_67.mul_add(t2_96, t2_69);
-        let t2_97 = (-t2_71).mul_add(t2_96, t2_74);
-        let t2_98 = t2_76.mul_add(t2_96, t2_73);
-        let t2_99 = sin_q8.mul_add(t2_94, cos_q8);
+        let t2_43 = like.lift(0.4563) * e_s1_2_q1z;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_19;
+        let t2_44 = like.lift(1.0) / t2_19;
+        let t2_45 = -t2_37;
+        let t2_46 = sin_s1_3 * e_s1_2_q1z;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_46);
+        let t2_47 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_48 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_47);
+        let t2_49 = cos_q1 * t2_48;
+        let t2_50 = t2_12 * t2_48;
+        let t2_51 = cos_s1_1.mul_add(t2_36, t2_50);
+        let t2_52 = t2_25 * t2_36;
+        let t2_53 = t2_12.mul_add(t2_30, t2_52);
+        let t2_54 = t2_25 * t2_48;
+        let t2_55 = (-cos_s1_1).mul_add(t2_30, t2_54);
+        let t2_56 = e_s1_2_q1x * t2_36;
+        let t2_57 = (-t2_4).mul_add(t2_48, t2_56);
+        let t2_58 = t2_4 * t2_30;
+        let t2_59 = (-t2_17).mul_add(t2_36, t2_58);
+        let t2_60 = t2_17 * t2_48;
+        let t2_61 = sin_q1 * t2_48;
+        let t2_62 = (-e_s1_2_q1x).mul_add(t2_30, t2_60);
+        let t2_63 = cos_q1 * t2_30;
+        let t2_64 = (-sin_q1).mul_add(t2_36, t2_63);
+        let t2_65 = cos_q8 * q9;
+        let t2_66 = like.lift(0.5) * t2_65;
+        let t2_67 = -t2_66;
+        let t2_68 = -t2_55;
+        let t2_69 = -t2_62;
+        let t2_70 = sin_q8 * q9;
+        let t2_71 = -t2_59;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_65;
+        let t2_72 = -pivot_2;
+        let t2_73 = like.lift(1.0) / t2_65;
+        let t2_74 = -sin_q1;
+        let t2_75 = like.lift(0.5) * sin_q6;
+        let t2_76 = -t2_75;
+        let t2_77 = -cos_q6;
+        let t2_78 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_79 = like.lift(0.5) * sin_q8;
+        let t2_80 = -t2_79;
+        let t2_81 = -cos_q8;
+        let t2_82 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_83 = -t2_82;
+        let t2_84 = like.lift(0.5773502691896257).mul_add(t2_59, t2_57);
+        let t2_85 = t2_70 * t2_73;
+        let t2_86 = like.lift(1.1547005383792515) * t2_85;
+        let pivot_3 = t2_59.mul_add(t2_86, t2_62);
+        let t2_87 = (-t2_53).mul_add(t2_86, t2_55);
+        let t2_88 = t2_64.mul_add(t2_86, t2_61);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_100 = t2_93 * inv_pivot_3;
-        let t2_101 = (-t2_64).mul_add(t2_100, t2_17);
-        let t2_102 = -pivot_3;
-        let t2_103 = like.lift(0.5773502691896257).mul_add(t2_46, t2_11);
-        let t2_104 = t2_98.mul_add(t2_100, t2_55);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_104);
+        let t2_89 = t2_84 * inv_pivot_3;
+        let t2_90 = (-t2_31).mul_add(t2_89, t2_37);
+        let t2_91 = -pivot_3;
+        let t2_92 = like.lift(0.5773502691896257).mul_add(t2_42, t2_10);
+        let t2_93 = t2_88.mul_add(t2_89, t2_49);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_64, t2_93);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_105 = t2_103 * inv_pivot_4;
-        let pivot_5 = (-t2_101).mul_add(t2_105, t2_8);
+        let t2_94 = t2_92 * inv_pivot_4;
+        let pivot_5 = (-t2_90).mul_add(t2_94, t2_7);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_106 = -pivot_5;
-        let t2_107 = (-cos_q1).mul_add(t2_100, sin_q1);
-        let t2_108 = (-t2_107).mul_add(t2_105, sin_q1);
-        let t2_109 = like.lift(9.81) * sin_q1;
-        let t2_110 = (-t2_97).mul_add(t2_100, t2_57);
-        let t2_111 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_110);
-        let t2_112 = t2_99 * t2_100;
-        let t2_113 = (-t2_111).mul_add(t2_105, t2_20);
-        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_49, t2_113);
-        let t2_115 = t2_112 * t2_105;
-        let t2_116 = t2_42 * t2_50;
-        let t2_117 = like.lift(1.1547005383792515) * t2_50;
-        let t2_118 = like.lift(1.1547005383792515) * t2_116;
-        let t2_119 = sin_q6.mul_add(t2_116, cos_q6);
-        let t2_120 = (-t2_46).mul_add(t2_118, t2_12);
-        let t2_121 = t2_120 * inv_pivot_4;
-        let t2_122 = (-t2_101).mul_add(t2_121, t2_30);
-        let t2_123 = t2_122 * inv_pivot_5;
-        let t2_124 = t2_114.mul_add(t2_123, t2_40);
-        let t2_125 = t2_111.mul_add(t2_121, t2_124);
-        let pivot_6 = t2_49.mul_add(t2_118, t2_125);
-        let t2_126 = t2_108.mul_add(t2_123, cos_q1);
-        let t2_127 = t2_107.mul_add(t2_121, t2_126);
-        let t2_128 = t2_112 * t2_121;
-        let t2_129 = (-t2_115).mul_add(t2_123, t2_128);
+        let t2_95 = -pivot_5;
+        let t2_96 = (-cos_q1).mul_add(t2_89, sin_q1);
+        let t2_97 = (-t2_96).mul_add(t2_94, sin_q1);
+        let t2_98 = like.lift(9.81) * sin_q1;
+        let t2_99 = (-t2_87).mul_add(t2_89, t2_51);
+        let t2_100 = like.lift(-0.5773502691896257).mul_add(t2_53, t2_99);
+        let t2_101 = (-t2_100).mul_add(t2_94, t2_18);
+        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_43, t2_101);
+        let t2_103 = t2_39 * t2_44;
+        let t2_104 = like.lift(1.1547005383792515) * t2_103;
+        let t2_105 = (-t2_42).mul_add(t2_104, t2_11);
+        let t2_106 = t2_105 * inv_pivot_4;
+        let t2_107 = (-t2_90).mul_add(t2_106, t2_23);
+        let t2_108 = t2_107 * inv_pivot_5;
+        let t2_109 = t2_102.mul_add(t2_108, t2_38);
+        let t2_110 = t2_100.mul_add(t2_106, t2_109);
+        let pivot_6 = t2_43.mul_add(t2_104, t2_110);
+        let t2_111 = t2_97.mul_add(t2_108, cos_q1);
+        let t2_112 = t2_96.mul_add(t2_106, t2_111);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_130 = t2_127 * inv_pivot_6;
-        let t2_131 = (-t2_114).mul_add(t2_130, t2_108);
+        let t2_113 = t2_112 * inv_pivot_6;
+        let t2_114 = (-t2_102).mul_add(t2_113, t2_97);
+        let t2_115 = inv_pivot_5 * t2_114;
+        let t2_116 = (-t2_100).mul_add(t2_113, t2_96);
+        let t2_117 = (-t2_90).mul_add(t2_115, t2_116);
+        let t2_118 = inv_pivot_4 * t2_117;
+        let t2_119 = -pivot_6;
+        let t2_120 = q7 * t2_44;
+        let t2_121 = t2_120 * inv_pivot_6;
+        let t2_122 = like.lift(1.1547005383792515) * t2_44;
+        let t2_123 = inv_pivot_5 * t2_102;
+        let t2_124 = t2_123 * t2_121;
+        let t2_125 = q9 * t2_73;
+        let t2_126 = t2_125 * t2_89;
+        let t2_127 = t2_126 * t2_94;
+        let t2_128 = t2_126 * t2_106;
+        let t2_129 = (-t2_127).mul_add(t2_108, t2_128);
+        let t2_130 = t2_129 * inv_pivot_6;
+        let t2_131 = t2_102.mul_add(t2_130, t2_127);
         let t2_132 = inv_pivot_5 * t2_131;
-        let t2_133 = t2_119 * inv_pivot_6;
-        let t2_134 = t2_129 * inv_pivot_6;
-        let t2_135 = t2_114.mul_add(t2_134, t2_115);
-        let t2_136 = inv_pivot_5 * t2_114;
-        let t2_137 = inv_pivot_5 * t2_135;
-        let t2_138 = t2_136 * t2_133;
-        let t2_139 = (-t2_111).mul_add(t2_130, t2_107);
-        let t2_140 = (-t2_101).mul_add(t2_132, t2_139);
-        let t2_141 = inv_pivot_4 * t2_140;
-        let t2_142 = (-t2_111).mul_add(t2_134, t2_112);
-        let t2_143 = t2_101.mul_add(t2_137, t2_142);
-        let t2_144 = t2_101 * t2_138;
-        let t2_145 = (-t2_111).mul_add(t2_133, t2_144);
-        let t2_146 = inv_pivot_4 * t2_145;
-        let t2_147 = inv_pivot_4 * t2_143;
-        let t2_148 = t2_97.mul_add(t2_134, t2_99);
-        let t2_149 = (-t2_64).mul_add(t2_137, t2_148);
-        let t2_150 = -t2_137;
-        let t2_151 = (-t2_98).mul_add(t2_147, t2_149);
-        let t2_152 = inv_pivot_3 * t2_151;
-        let t2_153 = (-t2_71).mul_add(t2_134, t2_91);
-        let t2_154 = (-t2_76).mul_add(t2_147, t2_153);
-        let t2_155 = (-t2_67).mul_add(t2_152, t2_154);
-        let t2_156 = t2_155 * t2_95;
-        let t2_157 = -pivot_6;
-        let t2_158 = -t2_141;
-        let t2_159 = -t2_147;
-        let t2_160 = t2_49 * t2_134;
-        let t2_161 = t2_46.mul_add(t2_147, t2_160);
-        let t2_162 = -t2_134;
-        let t2_163 = t2_161 * t2_117;
-        let t2_164 = -t2_130;
-        let t2_165 = (-t2_97).mul_add(t2_130, cos_q1);
-        let t2_166 = (-t2_64).mul_add(t2_132, t2_165);
-        let t2_167 = t2_98.mul_add(t2_141, t2_166);
-        let t2_168 = inv_pivot_3 * t2_167;
-        let t2_169 = t2_64 * t2_138;
-        let t2_170 = (-t2_97).mul_add(t2_133, t2_169);
-        let t2_171 = t2_98.mul_add(t2_146, t2_170);
-        let t2_172 = inv_pivot_3 * t2_171;
-        let t2_173 = -t2_168;
-        let t2_174 = t2_67 * t2_168;
-        let t2_175 = (-t2_71).mul_add(t2_130, t2_174);
-        let t2_176 = t2_49 * t2_130;
-        let t2_177 = t2_46.mul_add(t2_141, t2_176);
-        let t2_178 = (-t2_76).mul_add(t2_141, t2_175);
-        let t2_179 = t2_177 * t2_117;
-        let t2_180 = t2_178 * t2_95;
-        let t2_181 = t2_67 * t2_172;
-        let t2_182 = (-t2_71).mul_add(t2_133, t2_181);
-        let t2_183 = (-t2_76).mul_add(t2_146, t2_182);
-        let t2_184 = t2_183 * t2_95;
-        let t2_185 = -t2_184;
-        let t2_186 = (-t2_49).mul_add(t2_133, t2_87);
-        let t2_187 = (-t2_46).mul_add(t2_146, t2_186);
-        let t2_188 = t2_187 * t2_117;
+        let t2_133 = (-t2_100).mul_add(t2_130, t2_126);
+        let t2_134 = t2_90.mul_add(t2_132, t2_133);
+        let t2_135 = t2_90 * t2_124;
+        let t2_136 = (-t2_100).mul_add(t2_121, t2_135);
+        let t2_137 = inv_pivot_4 * t2_136;
+        let t2_138 = inv_pivot_4 * t2_134;
+        let t2_139 = t2_87.mul_add(t2_130, t2_125);
+        let t2_140 = (-t2_31).mul_add(t2_132, t2_139);
+        let t2_141 = -t2_132;
+        let t2_142 = (-t2_88).mul_add(t2_138, t2_140);
+        let t2_143 = inv_pivot_3 * t2_142;
+        let t2_144 = like.lift(1.1547005383792515) * t2_73;
+        let t2_145 = (-t2_53).mul_add(t2_130, t2_82);
+        let t2_146 = (-t2_64).mul_add(t2_138, t2_145);
+        let t2_147 = (-t2_59).mul_add(t2_143, t2_146);
+        let t2_148 = t2_147 * t2_144;
+        let t2_149 = -t2_118;
+        let t2_150 = -t2_138;
+        let t2_151 = t2_43 * t2_130;
+        let t2_152 = t2_42.mul_add(t2_138, t2_151);
+        let t2_153 = -t2_130;
+        let t2_154 = t2_152 * t2_122;
+        let t2_155 = -t2_113;
+        let t2_156 = (-t2_87).mul_add(t2_113, cos_q1);
+        let t2_157 = (-t2_31).mul_add(t2_115, t2_156);
+        let t2_158 = t2_88.mul_add(t2_118, t2_157);
+        let t2_159 = inv_pivot_3 * t2_158;
+        let t2_160 = t2_31 * t2_124;
+        let t2_161 = (-t2_87).mul_add(t2_121, t2_160);
+        let t2_162 = t2_88.mul_add(t2_137, t2_161);
+        let t2_163 = inv_pivot_3 * t2_162;
+        let t2_164 = -t2_159;
+        let t2_165 = t2_59 * t2_159;
+        let t2_166 = (-t2_53).mul_add(t2_113, t2_165);
+        let t2_167 = t2_43 * t2_113;
+        let t2_168 = t2_42.mul_add(t2_118, t2_167);
+        let t2_169 = (-t2_64).mul_add(t2_118, t2_166);
+        let t2_170 = t2_168 * t2_122;
+        let t2_171 = t2_169 * t2_144;
+        let t2_172 = t2_59 * t2_163;
+        let t2_173 = (-t2_53).mul_add(t2_121, t2_172);
+        let t2_174 = (-t2_64).mul_add(t2_137, t2_173);
+        let t2_175 = t2_174 * t2_144;
+        let t2_176 = -t2_175;
+        let t2_177 = (-t2_43).mul_add(t2_121, t2_78);
+        let t2_178 = (-t2_42).mul_add(t2_137, t2_177);
+        let t2_179 = t2_178 * t2_122;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_81 * like.lift(1.8955297449982944)).abs())
-            .min((t2_102 * like.lift(2.6463477742948585)).abs())
+            .min((t2_72 * like.lift(1.8955297449982944)).abs())
+            .min((t2_91 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_106 * like.lift(0.8284577646309275)).abs())
-            .min((t2_157 * like.lift(2.1915406530791146)).abs());
+            .min((t2_95 * like.lift(0.8284577646309275)).abs())
+            .min((t2_119 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_132, t2_138, t2_150], [t2_158, t2_146, t2_159], [t2_164, t2_133, t2_162],
-                [t2_173, t2_172, t2_152], [t2_179, t2_188, t2_163], [t2_180, t2_185, t2_156],
+                [t2_115, t2_124, t2_141], [t2_149, t2_137, t2_150], [t2_155, t2_121, t2_153],
+                [t2_164, t2_163, t2_143], [t2_170, t2_179, t2_154], [t2_171, t2_176, t2_148],
             ],
             margin,
             || (
                 [
-                    [t2_9, t2_11, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
-                    [t2_31, t2_12, t2_41, like.lift(0.0), t2_42, like.lift(0.0)],
-                    [like.lift(0.0), t2_46, t2_49, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_51, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
-                    [t2_64, t2_73, t2_77, t2_78, like.lift(0.0), t2_79],
-                    [like.lift(0.0), t2_76, t2_71, t2_80, like.lift(0.0), t2_81],
+                    [t2_8, t2_10, t2_18, like.lift(0.0), t2_21, like.lift(0.0)],
+                    [t2_24, t2_11, t2_32, like.lift(0.0), t2_39, like.lift(0.0)],
+                    [like.lift(0.0), t2_42, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_45, t2_49, t2_51, t2_57, like.lift(0.0), t2_67],
+                    [t2_31, t2_61, t2_68, t2_69, like.lift(0.0), t2_70],
+                    [like.lift(0.0), t2_64, t2_53, t2_71, like.lift(0.0), t2_72],
                 ],
                 [
-                    [t2_83, t2_85, like.lift(0.0)], [cos_q1, t2_86, like.lift(0.0)],
-                    [like.lift(0.0), t2_87, like.lift(0.0)], [t2_83, like.lift(0.0), t2_89],
-                    [cos_q1, like.lift(0.0), t2_90], [like.lift(0.0), like.lift(0.0), t2_92],
+                    [t2_74, t2_76, like.lift(0.0)], [cos_q1, t2_77, like.lift(0.0)],
+                    [like.lift(0.0), t2_78, like.lift(0.0)], [t2_74, like.lift(0.0), t2_80],
+                    [cos_q1, like.lift(0.0), t2_81], [like.lift(0.0), like.lift(0.0), t2_83],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_109, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            e_s1_2_q1x, e_s1_2_q1z, e_3_q1y, t2_98, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
             x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
             x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
     // body 1
-    let [a_1y] = {
+    let [a_1y, w_izz_1_q2] = {
         let a_1y = like.lift(9.81) * cos_q1;
         let w_mx_1_q2 = x_q1_q2 * a_1y;
         w[1][0] = w_mx_1_q2;
@@ -6318,55 +6165,52 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         w[1][1] = w_mx_1_q7;
         let w_mx_1_q9 = x_q1_q9 * a_1y;
         w[1][2] = w_mx_1_q9;
-        let w_izz_1_q2 = dd_q1 * x_q1_q2;
-        let t3_1 = -w_izz_1_q2;
-        w[0][0] = t3_1;
         let w_izz_1_q7 = dd_q1 * x_q1_q7;
-        let t3_2 = -w_izz_1_q7;
-        w[0][1] = t3_2;
+        let t3_1 = -w_izz_1_q7;
+        w[0][1] = t3_1;
         let w_izz_1_q9 = dd_q1 * x_q1_q9;
-        let t3_3 = -w_izz_1_q9;
-        w[0][2] = t3_3;
-        let w_my_1_q2 = x_q1_q2 * t2_109;
-        let t3_4 = -w_my_1_q2;
-        w[2][0] = t3_4;
-        let w_my_1_q7 = x_q1_q7 * t2_109;
-        let t3_5 = -w_my_1_q7;
-        w[2][1] = t3_5;
-        let w_my_1_q9 = x_q1_q9 * t2_109;
-        let t3_6 = -w_my_1_q9;
-        w[2][2] = t3_6;
-        [a_1y]
+        let t3_2 = -w_izz_1_q9;
+        w[0][2] = t3_2;
+        let w_my_1_q2 = x_q1_q2 * t2_98;
+        let t3_3 = -w_my_1_q2;
+        w[2][0] = t3_3;
+        let w_my_1_q7 = x_q1_q7 * t2_98;
+        let t3_4 = -w_my_1_q7;
+        w[2][1] = t3_4;
+        let w_my_1_q9 = x_q1_q9 * t2_98;
+        let t3_5 = -w_my_1_q9;
+        w[2][2] = t3_5;
+        let w_izz_1_q2 = dd_q1 * x_q1_q2;
+        let t3_6 = -w_izz_1_q2;
+        w[0][0] = t3_6;
+        [a_1y, w_izz_1_q2]
     };
     let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
     // body 2
     let [a_2z, a_2x] = {
-        let t4_1 = like.lift(2.0) * d_q1;
-        let t4_2 = (-t4_1).mul_add(d_q2, t2_109);
-        let t4_3 = d_q1 * d_q1;
-        let t4_4 = dd_q2 + a_1y;
-        let a_2z = (-q2).mul_add(t4_3, t4_4);
-        let t4_5 = dd_q2 + a_1y;
-        let w_mx_2_q7 = t4_5 * x_q1_q7;
-        w[3][1] = w_mx_2_q7;
-        let w_mx_2_q9 = t4_5 * x_q1_q9;
-        w[3][2] = w_mx_2_q9;
-        let t4_6 = q2 * x_q1_q2;
-        let t4_7 = a_2z.mul_add(x_q1_q2, -dd_q1);
-        let w_mx_2_q2 = t4_3.mul_add(t4_6, t4_7);
+        let t4_1 = dd_q2 + a_1y;
+        let w_mx_2_q2 = x_q1_q2.mul_add(t4_1, -dd_q1);
         w[3][0] = w_mx_2_q2;
-        let t4_8 = q2 * dd_q1;
-        let a_2x = t4_2 - t4_8;
-        let t4_9 = a_2x.mul_add(x_q1_q2, -t4_3);
-        let w_mz_2_q2 = (-dd_q1).mul_add(t4_6, t4_9);
+        let w_mx_2_q7 = t4_1 * x_q1_q7;
+        w[3][1] = w_mx_2_q7;
+        let w_mx_2_q9 = t4_1 * x_q1_q9;
+        w[3][2] = w_mx_2_q9;
+        let t4_2 = like.lift(2.0) * d_q1;
+        let t4_3 = (-t4_2).mul_add(d_q2, t2_98);
+        let t4_4 = d_q1 * d_q1;
+        let a_2z = (-q2).mul_add(t4_4, t4_1);
+        let t4_5 = q2 * dd_q1;
+        let a_2x = t4_3 - t4_5;
+        let t4_6 = a_2x.mul_add(x_q1_q2, -t4_4);
+        let w_mz_2_q2 = (-q2).mul_add(w_izz_1_q2, t4_6);
         w[4][0] = w_mz_2_q2;
-        let t4_10 = t4_8 - a_2x;
-        let w_mz_2_q7 = t4_10 * x_q1_q7;
-        let t4_11 = -w_mz_2_q7;
-        w[4][1] = t4_11;
-        let w_mz_2_q9 = t4_10 * x_q1_q9;
-        let t4_12 = -w_mz_2_q9;
-        w[4][2] = t4_12;
+        let t4_7 = t4_5 - a_2x;
+        let w_mz_2_q7 = t4_7 * x_q1_q7;
+        let t4_8 = -w_mz_2_q7;
+        w[4][1] = t4_8;
+        let w_mz_2_q9 = t4_7 * x_q1_q9;
+        let t4_9 = -w_mz_2_q9;
+        w[4][2] = t4_9;
         [a_2z, a_2x]
     };
     // body 3
@@ -6592,7 +6436,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         w[12][2] = w_mz_3_q9;
     }
     // body 4
-    let [a_4y, t6_1] = {
+    let [a_4y, t6_1, w_izz_4_q7] = {
         let a_4y = like.lift(9.81) * cos_q6;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
         w[14][0] = w_mx_4_q2;
@@ -6604,61 +6448,57 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let w_izz_4_q2 = dd_q6 * x_q6_q2;
         let t6_2 = -w_izz_4_q2;
         w[13][0] = t6_2;
-        let w_izz_4_q7 = dd_q6 * x_q6_q7;
-        let t6_3 = -w_izz_4_q7;
-        w[13][1] = t6_3;
         let w_izz_4_q9 = dd_q6 * x_q6_q9;
-        let t6_4 = -w_izz_4_q9;
-        w[13][2] = t6_4;
+        let t6_3 = -w_izz_4_q9;
+        w[13][2] = t6_3;
         let w_my_4_q2 = x_q6_q2 * t6_1;
-        let t6_5 = -w_my_4_q2;
-        w[15][0] = t6_5;
+        let t6_4 = -w_my_4_q2;
+        w[15][0] = t6_4;
         let w_my_4_q7 = x_q6_q7 * t6_1;
-        let t6_6 = -w_my_4_q7;
-        w[15][1] = t6_6;
+        let t6_5 = -w_my_4_q7;
+        w[15][1] = t6_5;
         let w_my_4_q9 = x_q6_q9 * t6_1;
-        let t6_7 = -w_my_4_q9;
-        w[15][2] = t6_7;
-        [a_4y, t6_1]
+        let t6_6 = -w_my_4_q9;
+        w[15][2] = t6_6;
+        let w_izz_4_q7 = dd_q6 * x_q6_q7;
+        let t6_7 = -w_izz_4_q7;
+        w[13][1] = t6_7;
+        [a_4y, t6_1, w_izz_4_q7]
     };
     // body 5
     {
-        let t7_1 = like.lift(2.0) * d_q6;
-        let t7_2 = (-t7_1).mul_add(d_q7, t6_1);
-        let t7_3 = dd_q7 + a_4y;
-        let w_mx_5_q2 = t7_3 * x_q6_q2;
+        let t7_1 = dd_q7 + a_4y;
+        let w_mx_5_q2 = t7_1 * x_q6_q2;
         w[16][0] = w_mx_5_q2;
-        let w_mx_5_q9 = t7_3 * x_q6_q9;
-        w[16][2] = w_mx_5_q9;
-        let t7_4 = dd_q7 + a_4y;
-        let t7_5 = d_q6 * d_q6;
-        let a_5z = (-q7).mul_add(t7_5, t7_4);
-        let t7_6 = q7 * x_q6_q7;
-        let t7_7 = a_5z.mul_add(x_q6_q7, -dd_q6);
-        let w_mx_5_q7 = t7_5.mul_add(t7_6, t7_7);
+        let w_mx_5_q7 = x_q6_q7.mul_add(t7_1, -dd_q6);
         w[16][1] = w_mx_5_q7;
-        let t7_8 = q7 * dd_q6;
-        let a_5x = t7_2 - t7_8;
-        let t7_9 = a_5x.mul_add(x_q6_q7, -t7_5);
-        let w_mz_5_q7 = (-dd_q6).mul_add(t7_6, t7_9);
+        let w_mx_5_q9 = t7_1 * x_q6_q9;
+        w[16][2] = w_mx_5_q9;
+        let t7_2 = like.lift(2.0) * d_q6;
+        let t7_3 = (-t7_2).mul_add(d_q7, t6_1);
+        let t7_4 = d_q6 * d_q6;
+        let t7_5 = q7 * dd_q6;
+        let a_5x = t7_3 - t7_5;
+        let t7_6 = a_5x.mul_add(x_q6_q7, -t7_4);
+        let w_mz_5_q7 = (-q7).mul_add(w_izz_4_q7, t7_6);
         w[17][1] = w_mz_5_q7;
-        let w_m_5_q7 = a_5x.mul_add(t7_6, a_5z);
+        let w_m_5_q7 = q7.mul_add(t7_6, t7_1);
         w[18][1] = w_m_5_q7;
-        let t7_10 = t7_8 - a_5x;
-        let t7_11 = q7 * a_5x;
-        let w_m_5_q2 = t7_11 * x_q6_q2;
+        let t7_7 = t7_5 - a_5x;
+        let t7_8 = q7 * a_5x;
+        let w_m_5_q2 = t7_8 * x_q6_q2;
         w[18][0] = w_m_5_q2;
-        let w_m_5_q9 = t7_11 * x_q6_q9;
+        let w_m_5_q9 = t7_8 * x_q6_q9;
         w[18][2] = w_m_5_q9;
-        let w_mz_5_q2 = t7_10 * x_q6_q2;
-        let w_mz_5_q9 = t7_10 * x_q6_q9;
-        let t7_12 = -w_mz_5_q2;
-        w[17][0] = t7_12;
-        let t7_13 = -w_mz_5_q9;
-        w[17][2] = t7_13;
+        let w_mz_5_q2 = t7_7 * x_q6_q2;
+        let w_mz_5_q9 = t7_7 * x_q6_q9;
+        let t7_9 = -w_mz_5_q2;
+        w[17][0] = t7_9;
+        let t7_10 = -w_mz_5_q9;
+        w[17][2] = t7_10;
     }
     // body 6
-    let [a_6y, t8_1] = {
+    let [a_6y, t8_1, w_izz_6_q9] = {
         let a_6y = like.lift(9.81) * cos_q8;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
         w[20][0] = w_mx_6_q2;
@@ -6673,55 +6513,51 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let w_izz_6_q7 = dd_q8 * x_q8_q7;
         let t8_3 = -w_izz_6_q7;
         w[19][1] = t8_3;
-        let w_izz_6_q9 = dd_q8 * x_q8_q9;
-        let t8_4 = -w_izz_6_q9;
-        w[19][2] = t8_4;
         let w_my_6_q2 = x_q8_q2 * t8_1;
-        let t8_5 = -w_my_6_q2;
-        w[21][0] = t8_5;
+        let t8_4 = -w_my_6_q2;
+        w[21][0] = t8_4;
         let w_my_6_q7 = x_q8_q7 * t8_1;
-        let t8_6 = -w_my_6_q7;
-        w[21][1] = t8_6;
+        let t8_5 = -w_my_6_q7;
+        w[21][1] = t8_5;
         let w_my_6_q9 = x_q8_q9 * t8_1;
-        let t8_7 = -w_my_6_q9;
-        w[21][2] = t8_7;
-        [a_6y, t8_1]
+        let t8_6 = -w_my_6_q9;
+        w[21][2] = t8_6;
+        let w_izz_6_q9 = dd_q8 * x_q8_q9;
+        let t8_7 = -w_izz_6_q9;
+        w[19][2] = t8_7;
+        [a_6y, t8_1, w_izz_6_q9]
     };
     // body 7
     {
-        let t9_1 = like.lift(2.0) * d_q8;
-        let t9_2 = (-t9_1).mul_add(d_q9, t8_1);
-        let t9_3 = dd_q9 + a_6y;
-        let w_mx_7_q2 = t9_3 * x_q8_q2;
+        let t9_1 = dd_q9 + a_6y;
+        let w_mx_7_q2 = t9_1 * x_q8_q2;
         w[22][0] = w_mx_7_q2;
-        let w_mx_7_q7 = t9_3 * x_q8_q7;
+        let w_mx_7_q7 = t9_1 * x_q8_q7;
         w[22][1] = w_mx_7_q7;
-        let t9_4 = dd_q9 + a_6y;
-        let t9_5 = d_q8 * d_q8;
-        let a_7z = (-q9).mul_add(t9_5, t9_4);
-        let t9_6 = q9 * x_q8_q9;
-        let t9_7 = a_7z.mul_add(x_q8_q9, -dd_q8);
-        let w_mx_7_q9 = t9_5.mul_add(t9_6, t9_7);
+        let w_mx_7_q9 = x_q8_q9.mul_add(t9_1, -dd_q8);
         w[22][2] = w_mx_7_q9;
-        let t9_8 = q9 * dd_q8;
-        let a_7x = t9_2 - t9_8;
-        let t9_9 = a_7x.mul_add(x_q8_q9, -t9_5);
-        let w_mz_7_q9 = (-dd_q8).mul_add(t9_6, t9_9);
+        let t9_2 = like.lift(2.0) * d_q8;
+        let t9_3 = (-t9_2).mul_add(d_q9, t8_1);
+        let t9_4 = d_q8 * d_q8;
+        let t9_5 = q9 * dd_q8;
+        let a_7x = t9_3 - t9_5;
+        let t9_6 = a_7x.mul_add(x_q8_q9, -t9_4);
+        let w_mz_7_q9 = (-q9).mul_add(w_izz_6_q9, t9_6);
         w[23][2] = w_mz_7_q9;
-        let w_m_7_q9 = a_7x.mul_add(t9_6, a_7z);
+        let w_m_7_q9 = q9.mul_add(t9_6, t9_1);
         w[24][2] = w_m_7_q9;
-        let t9_10 = t9_8 - a_7x;
-        let t9_11 = q9 * a_7x;
-        let w_m_7_q2 = t9_11 * x_q8_q2;
+        let t9_7 = t9_5 - a_7x;
+        let t9_8 = q9 * a_7x;
+        let w_m_7_q2 = t9_8 * x_q8_q2;
         w[24][0] = w_m_7_q2;
-        let w_m_7_q7 = t9_11 * x_q8_q7;
+        let w_m_7_q7 = t9_8 * x_q8_q7;
         w[24][1] = w_m_7_q7;
-        let w_mz_7_q2 = t9_10 * x_q8_q2;
-        let w_mz_7_q7 = t9_10 * x_q8_q7;
-        let t9_12 = -w_mz_7_q2;
-        w[23][0] = t9_12;
-        let t9_13 = -w_mz_7_q7;
-        w[23][1] = t9_13;
+        let w_mz_7_q2 = t9_7 * x_q8_q2;
+        let w_mz_7_q7 = t9_7 * x_q8_q7;
+        let t9_9 = -w_mz_7_q2;
+        w[23][0] = t9_9;
+        let t9_10 = -w_mz_7_q7;
+        w[23][1] = t9_10;
     }
     // friction and rotors (Eq. 14-19)
     {
@@ -6741,7 +6577,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 17 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
+/// 16 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 79]) -> [T; 34] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 34];
@@ -6781,13 +6617,12 @@ pub fn to_base<T: Scalar>(phi: &[T; 79]) -> [T; 34] {
         let t1_16 = like.lift(-0.4563).mul_add(t1_15, p_mx_3);
         let t1_17 = like.lift(0.5773502691896257).mul_add(p_my_3, t1_16);
         beta[11] = t1_17;
-        let t1_18 = like.lift(2.5305731719904703) * p_my_3;
-        let t1_19 = p_m_7 + t1_18;
-        beta[24] = t1_19;
-        let t1_20 = p_m_2 + p_m_3;
-        let t1_21 = t1_20 + p_m_5;
-        let t1_22 = t1_21 - t1_18;
-        beta[18] = t1_22;
+        let t1_18 = t1_15 + p_m_5;
+        let t1_19 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_20 = t1_18 - t1_19;
+        beta[18] = t1_20;
+        let t1_21 = p_m_7 + t1_19;
+        beta[24] = t1_21;
     }
     beta
 }
@@ -6798,7 +6633,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 79]) -> [T; 34] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 17 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
+/// 16 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 45]) -> [T; 79] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 79];
@@ -6842,13 +6677,12 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 45]) -> [T; 79
         let t1_15 = like.lift(0.4563).mul_add(t1_14, p_mx_3);
         let t1_16 = like.lift(-0.5773502691896257).mul_add(p_my_3, t1_15);
         phi[26] = t1_16;
-        let t1_17 = like.lift(2.5305731719904703) * p_my_3;
-        let t1_18 = p_m_7 - t1_17;
-        phi[69] = t1_18;
-        let t1_19 = p_m_5 - p_m_2;
-        let t1_20 = t1_19 - p_m_3;
-        let t1_21 = t1_20 + t1_17;
-        phi[49] = t1_21;
+        let t1_17 = p_m_5 - t1_14;
+        let t1_18 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_19 = t1_17 + t1_18;
+        phi[49] = t1_19;
+        let t1_20 = p_m_7 - t1_18;
+        phi[69] = t1_20;
     }
     phi
 }
@@ -6861,7 +6695,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 45]) -> [T; 79
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 215 additions, 334 multiplications, 6 divisions, 6 sines and cosines.
+/// 204 additions, 327 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -6892,13 +6726,13 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
     ] = *beta;
     // tau, part 1
     let [
-        t2_1, t2_36, t2_42, w_fc_q2_q2, t2_81, t2_85, t2_89, t2_104, t2_113, t2_115, t2_116,
-        t2_124, t2_127, t2_134, t2_135, t2_148, t2_149, t2_150, t2_154, t2_157, pivot_1,
-        t2_158, t2_159, t2_160, t2_162, t2_164, t2_167, t2_169, t2_172, t2_178, t2_180, t2_181,
-        t2_182, t2_183, t2_184, t2_185, t2_186, t2_188, t2_190, t2_191, t2_192, t2_194, t2_195,
-        t2_196, t2_197, t2_200, t2_202, t2_203, t2_204, inv_pivot_3, t2_206, t2_207, pivot_4,
-        inv_pivot_4, inv_pivot_5, t2_211, t2_212, t2_213, t2_215, t2_216, t2_218, t2_219,
-        t2_220,
+        t2_1, t2_36, t2_42, w_fc_q2_q2, t2_63, t2_81, t2_85, t2_100, t2_108, t2_110, t2_111,
+        t2_118, t2_121, t2_124, t2_132, t2_133, t2_137, t2_144, t2_147, pivot_1, t2_148,
+        t2_149, t2_150, t2_152, t2_156, t2_158, t2_160, t2_164, t2_165, t2_168, t2_169, t2_170,
+        t2_171, t2_172, t2_173, t2_174, t2_175, t2_177, t2_178, t2_179, t2_181, t2_182, t2_183,
+        t2_184, t2_188, t2_189, inv_pivot_3, t2_190, t2_191, t2_192, pivot_4, inv_pivot_4,
+        t2_195, inv_pivot_5, t2_196, t2_200, t2_202, t2_206, t2_208, pivot_6, inv_pivot_6,
+        t2_213, t2_215, t2_218,
     ] = {
         let t2_1 = d_q1 * d_q1;
         let w_s1_1x = sin_s1_1 * d_q1;
@@ -6940,16 +6774,15 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_29 = w_3y * w_3x;
         let t2_30 = w_3z * w_3x;
         let t2_31 = w_3z * w_3z;
-        let al_3z = t2_29 + t2_18;
         let t2_32 = t2_27 + t2_28;
         let t2_33 = t2_20 * p_mx_3;
         let t2_34 = (-t2_32).mul_add(p_mz_3, t2_33);
-        let al_3y = t2_30 + t2_20;
         let t2_35 = sin_s1_3 * t2_26;
         let t2_36 = (-cos_s1_3).mul_add(t2_34, t2_35);
         let t2_37 = sin_s1_3 * t2_34;
         let t2_38 = cos_s1_3.mul_add(t2_26, t2_37);
         let t2_39 = t2_28 + t2_31;
+        let al_3y = t2_30 + t2_20;
         let t2_40 = t2_30 + al_3y;
         let t2_41 = t2_40 * p_mz_3;
         let t2_42 = t2_39.mul_add(p_mx_3, t2_41);
@@ -6960,6 +6793,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let a_2x = (-q2).mul_add(dd_q1, t2_45);
         let t2_46 = like.lift(9.81).mul_add(cos_q1, dd_q2);
         let a_2z = (-q2).mul_add(t2_1, t2_46);
+        let al_3z = t2_29 + t2_18;
         let t2_47 = p_ixx_3 - p_izz_3;
         let t2_48 = t2_27 - t2_31;
         let t2_49 = t2_27 - t2_28;
@@ -6976,188 +6810,188 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let a_3y = cos_s1_3.mul_add(a_s1_1y, t2_54);
         let t2_55 = al_3x - t2_23;
         let t2_56 = p_ixy_3 * t2_55;
-        let t2_57 = al_3z + t2_29;
-        let t2_58 = (-p_iyz_3).mul_add(t2_57, t2_56);
-        let t2_59 = (-al_3y).mul_add(p_iyy_3, t2_58);
-        let t2_60 = (-t2_48).mul_add(p_ixz_3, t2_59);
-        let t2_61 = (-t2_30).mul_add(t2_47, t2_60);
-        let t2_62 = a_3z.mul_add(p_mx_3, t2_61);
-        let t2_63 = (-a_s1_2x).mul_add(p_mz_3, t2_62);
-        let t2_64 = p_ixx_3 - p_iyy_3;
-        let t2_65 = al_3x + t2_23;
-        let t2_66 = al_3x * p_ixx_3;
-        let t2_67 = (-a_3y).mul_add(p_mz_3, t2_66);
-        let t2_68 = a_3y * p_mx_3;
-        let t2_69 = (-al_3z).mul_add(p_izz_3, t2_68);
-        let t2_70 = al_3z - t2_29;
-        let t2_71 = (-p_ixz_3).mul_add(t2_70, t2_67);
-        let t2_72 = al_3y + t2_30;
-        let t2_73 = (-p_iyz_3).mul_add(t2_72, t2_69);
-        let t2_74 = p_ixz_3.mul_add(t2_65, t2_73);
-        let t2_75 = t2_49.mul_add(p_ixy_3, t2_74);
-        let t2_76 = (-t2_29).mul_add(t2_64, t2_75);
-        let t2_77 = al_3y - t2_30;
-        let t2_78 = (-p_ixy_3).mul_add(t2_77, t2_71);
-        let t2_79 = t2_50.mul_add(p_iyz_3, t2_78);
-        let t2_80 = p_iyy_3 - p_izz_3;
-        let t2_81 = t2_23.mul_add(t2_80, t2_79);
-        let t2_82 = cos_s1_3 * t2_76;
-        let t2_83 = sin_s1_3.mul_add(t2_63, t2_82);
-        let t2_84 = cos_s1_3 * t2_63;
-        let t2_85 = (-sin_s1_3).mul_add(t2_76, t2_84);
-        let t2_86 = cos_s1_2 * t2_81;
-        let t2_87 = sin_s1_2.mul_add(t2_83, t2_86);
-        let t2_88 = cos_s1_2 * t2_83;
-        let t2_89 = (-sin_s1_2).mul_add(t2_81, t2_88);
-        let t2_90 = cos_s1_2 * t2_42;
-        let t2_91 = sin_s1_2.mul_add(t2_36, t2_90);
-        let t2_92 = t2_1 * p_mx_2;
-        let t2_93 = (-dd_q1).mul_add(p_mz_2, t2_92);
-        let t2_94 = (-sin_s1_1).mul_add(t2_38, t2_93);
-        let t2_95 = cos_s1_1.mul_add(t2_91, t2_94);
-        let t2_96 = sin_q1 * p_my_1;
-        let t2_97 = (-cos_q1).mul_add(p_mx_1, t2_96);
-        let t2_98 = dd_q1 * p_izz_1;
-        let t2_99 = like.lift(9.81).mul_add(t2_97, t2_98);
-        let t2_100 = (-q2).mul_add(t2_95, t2_99);
-        let t2_101 = (-a_2z).mul_add(p_mx_2, t2_100);
-        let t2_102 = (-a_2x).mul_add(p_mz_2, t2_101);
-        let t2_103 = cos_s1_1.mul_add(t2_85, t2_102);
-        let t2_104 = sin_s1_1.mul_add(t2_87, t2_103);
-        let t2_105 = cos_q1 * q2;
-        let t2_106 = sin_q1 * cos_s1_1;
-        let t2_107 = cos_s1_2 * t2_106;
-        let t2_108 = cos_q1.mul_add(sin_s1_2, t2_107);
-        let t2_109 = cos_q1 * cos_s1_2;
-        let t2_110 = (-sin_s1_2).mul_add(t2_106, t2_109);
-        let t2_111 = sin_s1_3 * t2_110;
-        let t2_112 = like.lift(-0.4563).mul_add(t2_108, t2_105);
-        let t2_113 = -t2_112;
+        let t2_57 = al_3x * p_ixx_3;
+        let t2_58 = (-a_3y).mul_add(p_mz_3, t2_57);
+        let t2_59 = (-p_ixz_3).mul_add(t2_18, t2_58);
+        let t2_60 = (-p_ixy_3).mul_add(t2_20, t2_59);
+        let t2_61 = t2_50.mul_add(p_iyz_3, t2_60);
+        let t2_62 = p_iyy_3 - p_izz_3;
+        let t2_63 = t2_23.mul_add(t2_62, t2_61);
+        let t2_64 = a_3y * p_mx_3;
+        let t2_65 = (-al_3z).mul_add(p_izz_3, t2_64);
+        let t2_66 = (-p_iyz_3).mul_add(t2_40, t2_65);
+        let t2_67 = p_ixz_3.mul_add(t2_24, t2_66);
+        let t2_68 = t2_49.mul_add(p_ixy_3, t2_67);
+        let t2_69 = al_3z + t2_29;
+        let t2_70 = (-p_iyz_3).mul_add(t2_69, t2_56);
+        let t2_71 = (-al_3y).mul_add(p_iyy_3, t2_70);
+        let t2_72 = (-t2_48).mul_add(p_ixz_3, t2_71);
+        let t2_73 = (-t2_30).mul_add(t2_47, t2_72);
+        let t2_74 = a_3z.mul_add(p_mx_3, t2_73);
+        let t2_75 = (-a_s1_2x).mul_add(p_mz_3, t2_74);
+        let t2_76 = p_ixx_3 - p_iyy_3;
+        let t2_77 = (-t2_29).mul_add(t2_76, t2_68);
+        let t2_78 = cos_s1_3 * t2_77;
+        let t2_79 = sin_s1_3.mul_add(t2_75, t2_78);
+        let t2_80 = cos_s1_3 * t2_75;
+        let t2_81 = (-sin_s1_3).mul_add(t2_77, t2_80);
+        let t2_82 = cos_s1_2 * t2_63;
+        let t2_83 = sin_s1_2.mul_add(t2_79, t2_82);
+        let t2_84 = cos_s1_2 * t2_79;
+        let t2_85 = (-sin_s1_2).mul_add(t2_63, t2_84);
+        let t2_86 = cos_s1_2 * t2_42;
+        let t2_87 = sin_s1_2.mul_add(t2_36, t2_86);
+        let t2_88 = t2_1 * p_mx_2;
+        let t2_89 = (-dd_q1).mul_add(p_mz_2, t2_88);
+        let t2_90 = (-sin_s1_1).mul_add(t2_38, t2_89);
+        let t2_91 = cos_s1_1.mul_add(t2_87, t2_90);
+        let t2_92 = sin_q1 * p_my_1;
+        let t2_93 = (-cos_q1).mul_add(p_mx_1, t2_92);
+        let t2_94 = dd_q1 * p_izz_1;
+        let t2_95 = like.lift(9.81).mul_add(t2_93, t2_94);
+        let t2_96 = (-q2).mul_add(t2_91, t2_95);
+        let t2_97 = (-a_2z).mul_add(p_mx_2, t2_96);
+        let t2_98 = (-a_2x).mul_add(p_mz_2, t2_97);
+        let t2_99 = cos_s1_1.mul_add(t2_81, t2_98);
+        let t2_100 = sin_s1_1.mul_add(t2_83, t2_99);
+        let t2_101 = cos_q1 * q2;
+        let t2_102 = sin_q1 * cos_s1_1;
+        let t2_103 = cos_s1_2 * t2_102;
+        let t2_104 = cos_q1.mul_add(sin_s1_2, t2_103);
+        let t2_105 = cos_q1 * cos_s1_2;
+        let t2_106 = (-sin_s1_2).mul_add(t2_102, t2_105);
+        let t2_107 = like.lift(-0.4563).mul_add(t2_104, t2_101);
+        let t2_108 = -t2_107;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_114 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_115 = cos_q1 * t2_114;
-        let t2_116 = sin_q1 * t2_114;
-        let t2_117 = sin_q1 * sin_s1_1;
-        let t2_118 = cos_s1_3.mul_add(t2_117, t2_111);
-        let t2_119 = like.lift(0.22815) * t2_108;
-        let t2_120 = like.lift(-0.39516739174683935).mul_add(t2_118, t2_119);
-        let t2_121 = t2_105 - t2_120;
-        let t2_122 = t2_117 * e_s1_2_q1x;
-        let t2_123 = cos_s1_1.mul_add(t2_108, t2_122);
-        let t2_124 = like.lift(0.4563) * t2_123;
-        let t2_125 = cos_q6 * q7;
-        let t2_126 = like.lift(0.5) * t2_125;
-        let t2_127 = -t2_126;
-        let t2_128 = sin_q1 * q2;
-        let t2_129 = cos_q1 * cos_s1_1;
-        let t2_130 = sin_q1 * sin_s1_2;
-        let t2_131 = (-cos_s1_2).mul_add(t2_129, t2_130);
-        let t2_132 = sin_s1_2 * t2_129;
-        let t2_133 = sin_q1.mul_add(cos_s1_2, t2_132);
-        let t2_134 = like.lift(-0.4563).mul_add(t2_131, t2_128);
-        let t2_135 = -t2_134;
-        let t2_136 = cos_q1 * sin_s1_1;
-        let t2_137 = sin_s1_3 * sin_s1_1;
-        let t2_138 = cos_s1_3 * t2_136;
-        let t2_139 = (-sin_s1_3).mul_add(t2_133, t2_138);
-        let t2_140 = t2_137 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_140);
-        let t2_141 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_142 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_141);
-        let t2_143 = like.lift(0.39516739174683935) * t2_139;
-        let t2_144 = t2_143 - t2_128;
-        let t2_145 = cos_s1_1 * t2_131;
-        let t2_146 = (-t2_136).mul_add(e_s1_2_q1x, t2_145);
-        let t2_147 = like.lift(0.4563) * t2_146;
-        let t2_148 = -t2_147;
-        let t2_149 = -t2_148;
-        let t2_150 = sin_q6 * q7;
-        let t2_151 = sin_q1 * t2_108;
-        let t2_152 = (-cos_q1).mul_add(t2_131, t2_151);
-        let t2_153 = like.lift(0.4563) * t2_152;
-        let t2_154 = -t2_153;
-        let t2_155 = t2_136 * t2_108;
-        let t2_156 = t2_117.mul_add(t2_131, t2_155);
-        let t2_157 = like.lift(0.4563) * t2_156;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_125;
-        let t2_158 = like.lift(1.0) / t2_125;
-        let t2_159 = -t2_121;
-        let t2_160 = cos_q1 * t2_142;
-        let t2_161 = t2_117 * t2_142;
-        let t2_162 = cos_s1_1.mul_add(t2_120, t2_161);
-        let t2_163 = e_s1_2_q1x * t2_120;
-        let t2_164 = (-t2_108).mul_add(t2_142, t2_163);
-        let t2_165 = cos_q8 * q9;
-        let t2_166 = like.lift(0.5) * t2_165;
-        let t2_167 = -t2_166;
-        let t2_168 = like.lift(0.22815) * t2_131;
-        let t2_169 = t2_144 + t2_168;
-        let t2_170 = t2_168 + t2_143;
-        let t2_171 = t2_108 * t2_170;
-        let t2_172 = (-t2_131).mul_add(t2_120, t2_171);
-        let t2_173 = t2_131 * t2_142;
-        let t2_174 = (-e_s1_2_q1x).mul_add(t2_170, t2_173);
-        let t2_175 = t2_136 * t2_142;
-        let t2_176 = (-cos_s1_1).mul_add(t2_170, t2_175);
-        let t2_177 = t2_136 * t2_120;
-        let t2_178 = t2_117.mul_add(t2_170, t2_177);
-        let t2_179 = cos_q1 * t2_170;
-        let t2_180 = (-sin_q1).mul_add(t2_120, t2_179);
-        let t2_181 = sin_q1 * t2_142;
-        let t2_182 = -t2_176;
-        let t2_183 = -t2_174;
-        let t2_184 = sin_q8 * q9;
-        let t2_185 = -t2_172;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_165;
-        let t2_186 = -pivot_2;
-        let t2_187 = like.lift(1.0) / t2_165;
-        let t2_188 = -sin_q1;
-        let t2_189 = like.lift(0.5) * sin_q6;
-        let t2_190 = -t2_189;
-        let t2_191 = -cos_q6;
-        let t2_192 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_193 = like.lift(0.5) * sin_q8;
-        let t2_194 = -t2_193;
-        let t2_195 = -cos_q8;
-        let t2_196 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_197 = -t2_196;
-        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_172, t2_164);
-        let t2_199 = t2_184 * t2_187;
-        let t2_200 = like.lift(1.1547005383792515) * t2_187;
-        let t2_201 = like.lift(1.1547005383792515) * t2_199;
-        let pivot_3 = t2_172.mul_add(t2_201, t2_174);
-        let t2_202 = (-t2_178).mul_add(t2_201, t2_176);
-        let t2_203 = t2_180.mul_add(t2_201, t2_181);
-        let t2_204 = sin_q8.mul_add(t2_199, cos_q8);
+        let t2_109 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_110 = cos_q1 * t2_109;
+        let t2_111 = sin_q1 * t2_109;
+        let t2_112 = sin_q1 * sin_s1_1;
+        let t2_113 = cos_q1 * cos_s1_1;
+        let t2_114 = sin_s1_2 * t2_113;
+        let t2_115 = sin_q1.mul_add(cos_s1_2, t2_114);
+        let t2_116 = sin_q1 * sin_s1_2;
+        let t2_117 = (-cos_s1_2).mul_add(t2_113, t2_116);
+        let t2_118 = like.lift(0.4563) * t2_115;
+        let t2_119 = cos_q6 * q7;
+        let t2_120 = like.lift(0.5) * t2_119;
+        let t2_121 = -t2_120;
+        let t2_122 = sin_q1 * q2;
+        let t2_123 = like.lift(-0.4563).mul_add(t2_117, t2_122);
+        let t2_124 = -t2_123;
+        let t2_125 = cos_q1 * sin_s1_1;
+        let t2_126 = sin_s1_2 * sin_s1_1;
+        let t2_127 = cos_s1_3 * t2_125;
+        let t2_128 = (-sin_s1_3).mul_add(t2_115, t2_127);
+        let t2_129 = like.lift(0.39516739174683935) * t2_128;
+        let t2_130 = like.lift(0.22815) * t2_117;
+        let t2_131 = t2_130 + t2_129;
+        let t2_132 = t2_131 - t2_122;
+        let t2_133 = like.lift(-0.4563) * t2_106;
+        let t2_134 = sin_s1_3 * t2_106;
+        let t2_135 = cos_s1_3.mul_add(t2_112, t2_134);
+        let t2_136 = sin_s1_3 * t2_126;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_136);
+        let t2_137 = like.lift(0.4563) * t2_126;
+        let t2_138 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_139 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_138);
+        let t2_140 = like.lift(0.22815) * t2_104;
+        let t2_141 = like.lift(-0.39516739174683935).mul_add(t2_135, t2_140);
+        let t2_142 = t2_101 - t2_141;
+        let t2_143 = -t2_133;
+        let t2_144 = sin_q6 * q7;
+        let t2_145 = cos_s1_2 * cos_s1_1;
+        let t2_146 = like.lift(0.4563) * t2_145;
+        let t2_147 = -t2_146;
+        let pivot_1 = like.lift(0.8660254037844386) * t2_119;
+        let t2_148 = like.lift(1.0) / t2_119;
+        let t2_149 = -t2_142;
+        let t2_150 = cos_q1 * t2_139;
+        let t2_151 = t2_112 * t2_139;
+        let t2_152 = cos_s1_1.mul_add(t2_141, t2_151);
+        let t2_153 = t2_125 * t2_139;
+        let t2_154 = (-cos_s1_1).mul_add(t2_131, t2_153);
+        let t2_155 = t2_125 * t2_141;
+        let t2_156 = t2_112.mul_add(t2_131, t2_155);
+        let t2_157 = e_s1_2_q1x * t2_141;
+        let t2_158 = (-t2_104).mul_add(t2_139, t2_157);
+        let t2_159 = t2_104 * t2_131;
+        let t2_160 = (-t2_117).mul_add(t2_141, t2_159);
+        let t2_161 = t2_117 * t2_139;
+        let t2_162 = (-e_s1_2_q1x).mul_add(t2_131, t2_161);
+        let t2_163 = cos_q1 * t2_131;
+        let t2_164 = (-sin_q1).mul_add(t2_141, t2_163);
+        let t2_165 = sin_q1 * t2_139;
+        let t2_166 = cos_q8 * q9;
+        let t2_167 = like.lift(0.5) * t2_166;
+        let t2_168 = -t2_167;
+        let t2_169 = -t2_154;
+        let t2_170 = -t2_162;
+        let t2_171 = sin_q8 * q9;
+        let t2_172 = -t2_160;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_166;
+        let t2_173 = -pivot_2;
+        let t2_174 = like.lift(1.0) / t2_166;
+        let t2_175 = -sin_q1;
+        let t2_176 = like.lift(0.5) * sin_q6;
+        let t2_177 = -t2_176;
+        let t2_178 = -cos_q6;
+        let t2_179 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_180 = like.lift(0.5) * sin_q8;
+        let t2_181 = -t2_180;
+        let t2_182 = -cos_q8;
+        let t2_183 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_184 = -t2_183;
+        let t2_185 = like.lift(0.5773502691896257).mul_add(t2_160, t2_158);
+        let t2_186 = t2_171 * t2_174;
+        let t2_187 = like.lift(1.1547005383792515) * t2_186;
+        let pivot_3 = t2_160.mul_add(t2_187, t2_162);
+        let t2_188 = (-t2_156).mul_add(t2_187, t2_154);
+        let t2_189 = t2_164.mul_add(t2_187, t2_165);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_205 = t2_198 * inv_pivot_3;
-        let t2_206 = (-t2_169).mul_add(t2_205, t2_121);
-        let t2_207 = -pivot_3;
-        let t2_208 = like.lift(0.5773502691896257).mul_add(t2_154, t2_115);
-        let t2_209 = t2_203.mul_add(t2_205, t2_160);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_180, t2_209);
+        let t2_190 = t2_185 * inv_pivot_3;
+        let t2_191 = (-t2_132).mul_add(t2_190, t2_142);
+        let t2_192 = -pivot_3;
+        let t2_193 = like.lift(0.5773502691896257).mul_add(t2_147, t2_110);
+        let t2_194 = t2_189.mul_add(t2_190, t2_150);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_164, t2_194);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_210 = t2_208 * inv_pivot_4;
-        let pivot_5 = (-t2_206).mul_add(t2_210, t2_112);
+        let t2_195 = t2_193 * inv_pivot_4;
+        let pivot_5 = (-t2_191).mul_add(t2_195, t2_107);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_211 = -pivot_5;
-        let t2_212 = (-cos_q1).mul_add(t2_205, sin_q1);
-        let t2_213 = (-t2_212).mul_add(t2_210, sin_q1);
-        let t2_214 = (-t2_202).mul_add(t2_205, t2_162);
-        let t2_215 = like.lift(-0.5773502691896257).mul_add(t2_178, t2_214);
-        let t2_216 = t2_204 * t2_205;
-        let t2_217 = (-t2_215).mul_add(t2_210, t2_124);
-        let t2_218 = like.lift(0.5773502691896257).mul_add(t2_157, t2_217);
-        let t2_219 = t2_216 * t2_210;
-        let t2_220 = t2_150 * t2_158;
+        let t2_196 = -pivot_5;
+        let t2_197 = (-cos_q1).mul_add(t2_190, sin_q1);
+        let t2_198 = (-t2_197).mul_add(t2_195, sin_q1);
+        let t2_199 = (-t2_188).mul_add(t2_190, t2_152);
+        let t2_200 = like.lift(-0.5773502691896257).mul_add(t2_156, t2_199);
+        let t2_201 = (-t2_200).mul_add(t2_195, t2_118);
+        let t2_202 = like.lift(0.5773502691896257).mul_add(t2_137, t2_201);
+        let t2_203 = t2_144 * t2_148;
+        let t2_204 = like.lift(1.1547005383792515) * t2_203;
+        let t2_205 = (-t2_147).mul_add(t2_204, t2_111);
+        let t2_206 = t2_205 * inv_pivot_4;
+        let t2_207 = (-t2_191).mul_add(t2_206, t2_123);
+        let t2_208 = t2_207 * inv_pivot_5;
+        let t2_209 = t2_202.mul_add(t2_208, t2_143);
+        let t2_210 = t2_200.mul_add(t2_206, t2_209);
+        let pivot_6 = t2_137.mul_add(t2_204, t2_210);
+        let t2_211 = t2_198.mul_add(t2_208, cos_q1);
+        let t2_212 = t2_197.mul_add(t2_206, t2_211);
+        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let t2_213 = t2_212 * inv_pivot_6;
+        let t2_214 = (-t2_202).mul_add(t2_213, t2_198);
+        let t2_215 = inv_pivot_5 * t2_214;
+        let t2_216 = (-t2_200).mul_add(t2_213, t2_197);
+        let t2_217 = (-t2_191).mul_add(t2_215, t2_216);
+        let t2_218 = inv_pivot_4 * t2_217;
         [
-            t2_1, t2_36, t2_42, w_fc_q2_q2, t2_81, t2_85, t2_89, t2_104, t2_113, t2_115,
-            t2_116, t2_124, t2_127, t2_134, t2_135, t2_148, t2_149, t2_150, t2_154, t2_157,
-            pivot_1, t2_158, t2_159, t2_160, t2_162, t2_164, t2_167, t2_169, t2_172, t2_178,
-            t2_180, t2_181, t2_182, t2_183, t2_184, t2_185, t2_186, t2_188, t2_190, t2_191,
-            t2_192, t2_194, t2_195, t2_196, t2_197, t2_200, t2_202, t2_203, t2_204,
-            inv_pivot_3, t2_206, t2_207, pivot_4, inv_pivot_4, inv_pivot_5, t2_211, t2_212,
-            t2_213, t2_215, t2_216, t2_218, t2_219, t2_220,
+            t2_1, t2_36, t2_42, w_fc_q2_q2, t2_63, t2_81, t2_85, t2_100, t2_108, t2_110,
+            t2_111, t2_118, t2_121, t2_124, t2_132, t2_133, t2_137, t2_144, t2_147, pivot_1,
+            t2_148, t2_149, t2_150, t2_152, t2_156, t2_158, t2_160, t2_164, t2_165, t2_168,
+            t2_169, t2_170, t2_171, t2_172, t2_173, t2_174, t2_175, t2_177, t2_178, t2_179,
+            t2_181, t2_182, t2_183, t2_184, t2_188, t2_189, inv_pivot_3, t2_190, t2_191,
+            t2_192, pivot_4, inv_pivot_4, t2_195, inv_pivot_5, t2_196, t2_200, t2_202, t2_206,
+            t2_208, pivot_6, inv_pivot_6, t2_213, t2_215, t2_218,
         ]
     };
     // loops: solve with A_e (Eq. 8, 10)
@@ -7166,110 +7000,97 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2,
         x_q8_q7, x_q8_q9,
     ] = {
-        let t3_1 = like.lift(1.1547005383792515) * t2_158;
-        let t3_2 = like.lift(1.1547005383792515) * t2_220;
-        let t3_3 = sin_q6.mul_add(t2_220, cos_q6);
-        let t3_4 = (-t2_154).mul_add(t3_2, t2_116);
-        let t3_5 = t3_4 * inv_pivot_4;
-        let t3_6 = (-t2_206).mul_add(t3_5, t2_134);
-        let t3_7 = t3_6 * inv_pivot_5;
-        let t3_8 = t2_218.mul_add(t3_7, t2_148);
-        let t3_9 = t2_215.mul_add(t3_5, t3_8);
-        let pivot_6 = t2_157.mul_add(t3_2, t3_9);
-        let t3_10 = t2_213.mul_add(t3_7, cos_q1);
-        let t3_11 = t2_212.mul_add(t3_5, t3_10);
-        let t3_12 = t2_216 * t3_5;
-        let t3_13 = (-t2_219).mul_add(t3_7, t3_12);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t3_14 = t3_11 * inv_pivot_6;
-        let t3_15 = (-t2_218).mul_add(t3_14, t2_213);
-        let t3_16 = inv_pivot_5 * t3_15;
-        let t3_17 = t3_3 * inv_pivot_6;
-        let t3_18 = t3_13 * inv_pivot_6;
-        let t3_19 = t2_218.mul_add(t3_18, t2_219);
-        let t3_20 = inv_pivot_5 * t2_218;
-        let t3_21 = inv_pivot_5 * t3_19;
-        let t3_22 = t3_20 * t3_17;
-        let t3_23 = (-t2_215).mul_add(t3_14, t2_212);
-        let t3_24 = (-t2_206).mul_add(t3_16, t3_23);
-        let t3_25 = inv_pivot_4 * t3_24;
-        let t3_26 = (-t2_215).mul_add(t3_18, t2_216);
-        let t3_27 = t2_206.mul_add(t3_21, t3_26);
-        let t3_28 = t2_206 * t3_22;
-        let t3_29 = (-t2_215).mul_add(t3_17, t3_28);
-        let t3_30 = inv_pivot_4 * t3_29;
-        let t3_31 = inv_pivot_4 * t3_27;
-        let t3_32 = t2_202.mul_add(t3_18, t2_204);
-        let t3_33 = (-t2_169).mul_add(t3_21, t3_32);
-        let t3_34 = -t3_21;
-        let t3_35 = (-t2_203).mul_add(t3_31, t3_33);
-        let t3_36 = inv_pivot_3 * t3_35;
-        let t3_37 = (-t2_178).mul_add(t3_18, t2_196);
-        let t3_38 = (-t2_180).mul_add(t3_31, t3_37);
-        let t3_39 = (-t2_172).mul_add(t3_36, t3_38);
-        let t3_40 = t3_39 * t2_200;
-        let t3_41 = -pivot_6;
-        let t3_42 = -t3_25;
-        let t3_43 = -t3_31;
-        let t3_44 = t2_157 * t3_18;
-        let t3_45 = t2_154.mul_add(t3_31, t3_44);
-        let t3_46 = -t3_18;
-        let t3_47 = t3_45 * t3_1;
-        let t3_48 = -t3_14;
-        let t3_49 = (-t2_202).mul_add(t3_14, cos_q1);
-        let t3_50 = (-t2_169).mul_add(t3_16, t3_49);
-        let t3_51 = t2_203.mul_add(t3_25, t3_50);
-        let t3_52 = inv_pivot_3 * t3_51;
-        let t3_53 = t2_169 * t3_22;
-        let t3_54 = (-t2_202).mul_add(t3_17, t3_53);
-        let t3_55 = t2_203.mul_add(t3_30, t3_54);
-        let t3_56 = inv_pivot_3 * t3_55;
-        let t3_57 = -t3_52;
-        let t3_58 = t2_172 * t3_52;
-        let t3_59 = (-t2_178).mul_add(t3_14, t3_58);
-        let t3_60 = t2_157 * t3_14;
-        let t3_61 = t2_154.mul_add(t3_25, t3_60);
-        let t3_62 = (-t2_180).mul_add(t3_25, t3_59);
-        let t3_63 = t3_61 * t3_1;
-        let t3_64 = t3_62 * t2_200;
-        let t3_65 = t2_172 * t3_56;
-        let t3_66 = (-t2_178).mul_add(t3_17, t3_65);
-        let t3_67 = (-t2_180).mul_add(t3_30, t3_66);
-        let t3_68 = t3_67 * t2_200;
-        let t3_69 = -t3_68;
-        let t3_70 = (-t2_157).mul_add(t3_17, t2_192);
-        let t3_71 = (-t2_154).mul_add(t3_30, t3_70);
-        let t3_72 = t3_71 * t3_1;
+        let t3_1 = -pivot_6;
+        let t3_2 = q7 * t2_148;
+        let t3_3 = t3_2 * inv_pivot_6;
+        let t3_4 = like.lift(1.1547005383792515) * t2_148;
+        let t3_5 = inv_pivot_5 * t2_202;
+        let t3_6 = t3_5 * t3_3;
+        let t3_7 = q9 * t2_174;
+        let t3_8 = t3_7 * t2_190;
+        let t3_9 = t3_8 * t2_195;
+        let t3_10 = t3_8 * t2_206;
+        let t3_11 = (-t3_9).mul_add(t2_208, t3_10);
+        let t3_12 = t3_11 * inv_pivot_6;
+        let t3_13 = t2_202.mul_add(t3_12, t3_9);
+        let t3_14 = inv_pivot_5 * t3_13;
+        let t3_15 = (-t2_200).mul_add(t3_12, t3_8);
+        let t3_16 = t2_191.mul_add(t3_14, t3_15);
+        let t3_17 = t2_191 * t3_6;
+        let t3_18 = (-t2_200).mul_add(t3_3, t3_17);
+        let t3_19 = inv_pivot_4 * t3_18;
+        let t3_20 = inv_pivot_4 * t3_16;
+        let t3_21 = t2_188.mul_add(t3_12, t3_7);
+        let t3_22 = (-t2_132).mul_add(t3_14, t3_21);
+        let t3_23 = -t3_14;
+        let t3_24 = (-t2_189).mul_add(t3_20, t3_22);
+        let t3_25 = inv_pivot_3 * t3_24;
+        let t3_26 = like.lift(1.1547005383792515) * t2_174;
+        let t3_27 = (-t2_156).mul_add(t3_12, t2_183);
+        let t3_28 = (-t2_164).mul_add(t3_20, t3_27);
+        let t3_29 = (-t2_160).mul_add(t3_25, t3_28);
+        let t3_30 = t3_29 * t3_26;
+        let t3_31 = -t2_218;
+        let t3_32 = -t3_20;
+        let t3_33 = t2_137 * t3_12;
+        let t3_34 = t2_147.mul_add(t3_20, t3_33);
+        let t3_35 = -t3_12;
+        let t3_36 = t3_34 * t3_4;
+        let t3_37 = -t2_213;
+        let t3_38 = (-t2_188).mul_add(t2_213, cos_q1);
+        let t3_39 = (-t2_132).mul_add(t2_215, t3_38);
+        let t3_40 = t2_189.mul_add(t2_218, t3_39);
+        let t3_41 = inv_pivot_3 * t3_40;
+        let t3_42 = t2_132 * t3_6;
+        let t3_43 = (-t2_188).mul_add(t3_3, t3_42);
+        let t3_44 = t2_189.mul_add(t3_19, t3_43);
+        let t3_45 = inv_pivot_3 * t3_44;
+        let t3_46 = -t3_41;
+        let t3_47 = t2_160 * t3_41;
+        let t3_48 = (-t2_156).mul_add(t2_213, t3_47);
+        let t3_49 = t2_137 * t2_213;
+        let t3_50 = t2_147.mul_add(t2_218, t3_49);
+        let t3_51 = (-t2_164).mul_add(t2_218, t3_48);
+        let t3_52 = t3_50 * t3_4;
+        let t3_53 = t3_51 * t3_26;
+        let t3_54 = t2_160 * t3_45;
+        let t3_55 = (-t2_156).mul_add(t3_3, t3_54);
+        let t3_56 = (-t2_164).mul_add(t3_19, t3_55);
+        let t3_57 = t3_56 * t3_26;
+        let t3_58 = -t3_57;
+        let t3_59 = (-t2_137).mul_add(t3_3, t2_179);
+        let t3_60 = (-t2_147).mul_add(t3_19, t3_59);
+        let t3_61 = t3_60 * t3_4;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_186 * like.lift(1.8955297449982944)).abs())
-            .min((t2_207 * like.lift(2.6463477742948585)).abs())
+            .min((t2_173 * like.lift(1.8955297449982944)).abs())
+            .min((t2_192 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_211 * like.lift(0.8284577646309275)).abs())
-            .min((t3_41 * like.lift(2.1915406530791146)).abs());
+            .min((t2_196 * like.lift(0.8284577646309275)).abs())
+            .min((t3_1 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t3_16, t3_22, t3_34], [t3_42, t3_30, t3_43], [t3_48, t3_17, t3_46],
-                [t3_57, t3_56, t3_36], [t3_63, t3_72, t3_47], [t3_64, t3_69, t3_40],
+                [t2_215, t3_6, t3_23], [t3_31, t3_19, t3_32], [t3_37, t3_3, t3_35],
+                [t3_46, t3_45, t3_25], [t3_52, t3_61, t3_36], [t3_53, t3_58, t3_30],
             ],
             margin,
             || (
                 [
-                    [t2_113, t2_115, t2_124, like.lift(0.0), t2_127, like.lift(0.0)],
-                    [t2_135, t2_116, t2_149, like.lift(0.0), t2_150, like.lift(0.0)],
-                    [like.lift(0.0), t2_154, t2_157, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_159, t2_160, t2_162, t2_164, like.lift(0.0), t2_167],
-                    [t2_169, t2_181, t2_182, t2_183, like.lift(0.0), t2_184],
-                    [like.lift(0.0), t2_180, t2_178, t2_185, like.lift(0.0), t2_186],
+                    [t2_108, t2_110, t2_118, like.lift(0.0), t2_121, like.lift(0.0)],
+                    [t2_124, t2_111, t2_133, like.lift(0.0), t2_144, like.lift(0.0)],
+                    [like.lift(0.0), t2_147, t2_137, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_149, t2_150, t2_152, t2_158, like.lift(0.0), t2_168],
+                    [t2_132, t2_165, t2_169, t2_170, like.lift(0.0), t2_171],
+                    [like.lift(0.0), t2_164, t2_156, t2_172, like.lift(0.0), t2_173],
                 ],
                 [
-                    [t2_188, t2_190, like.lift(0.0)], [cos_q1, t2_191, like.lift(0.0)],
-                    [like.lift(0.0), t2_192, like.lift(0.0)], [t2_188, like.lift(0.0), t2_194],
-                    [cos_q1, like.lift(0.0), t2_195], [like.lift(0.0), like.lift(0.0), t2_197],
+                    [t2_175, t2_177, like.lift(0.0)], [cos_q1, t2_178, like.lift(0.0)],
+                    [like.lift(0.0), t2_179, like.lift(0.0)], [t2_175, like.lift(0.0), t2_181],
+                    [cos_q1, like.lift(0.0), t2_182], [like.lift(0.0), like.lift(0.0), t2_184],
                 ],
             ),
         );
@@ -7318,10 +7139,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t4_30 = (-a_7x).mul_add(p_mz_7, t4_29);
         let t4_31 = t4_30 * x_q8_q2;
         let t4_32 = t4_15.mul_add(x_q6_q2, t4_31);
-        let t4_33 = t2_81.mul_add(x_s1_3_q2, t4_32);
-        let t4_34 = t2_85.mul_add(x_s1_2_q2, t4_33);
-        let t4_35 = t2_89.mul_add(x_s1_1_q2, t4_34);
-        let t4_36 = t2_104.mul_add(x_q1_q2, t4_35);
+        let t4_33 = t2_63.mul_add(x_s1_3_q2, t4_32);
+        let t4_34 = t2_81.mul_add(x_s1_2_q2, t4_33);
+        let t4_35 = t2_85.mul_add(x_s1_1_q2, t4_34);
+        let t4_36 = t2_100.mul_add(x_q1_q2, t4_35);
         let t4_37 = (-dd_q2).mul_add(p_j_q2, t4_36);
         let t4_38 = (-w_fc_q2_q2).mul_add(p_fc_q2, t4_37);
         let t4_39 = (-d_q2).mul_add(p_fv_q2, t4_38);
@@ -7340,10 +7161,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t4_50 = (-t4_9).mul_add(p_mz_5, t4_49);
         let t4_51 = (-dd_q6).mul_add(p_mx_5, t4_50);
         let t4_52 = (-t4_15).mul_add(x_q6_q7, t4_51);
-        let t4_53 = (-t2_81).mul_add(x_s1_3_q7, t4_52);
-        let t4_54 = (-t2_85).mul_add(x_s1_2_q7, t4_53);
-        let t4_55 = (-t2_89).mul_add(x_s1_1_q7, t4_54);
-        let t4_56 = (-t2_104).mul_add(x_q1_q7, t4_55);
+        let t4_53 = (-t2_63).mul_add(x_s1_3_q7, t4_52);
+        let t4_54 = (-t2_81).mul_add(x_s1_2_q7, t4_53);
+        let t4_55 = (-t2_85).mul_add(x_s1_1_q7, t4_54);
+        let t4_56 = (-t2_100).mul_add(x_q1_q7, t4_55);
         tau[1] = t4_56;
         let w_fc_q9_q9 = d_q9.sign();
         let t4_57 = dd_q9 * p_j_q9;
@@ -7354,10 +7175,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t4_62 = (-dd_q8).mul_add(p_mx_7, t4_61);
         let t4_63 = (-t4_30).mul_add(x_q8_q9, t4_62);
         let t4_64 = (-t4_15).mul_add(x_q6_q9, t4_63);
-        let t4_65 = (-t2_81).mul_add(x_s1_3_q9, t4_64);
-        let t4_66 = (-t2_85).mul_add(x_s1_2_q9, t4_65);
-        let t4_67 = (-t2_89).mul_add(x_s1_1_q9, t4_66);
-        let t4_68 = (-t2_104).mul_add(x_q1_q9, t4_67);
+        let t4_65 = (-t2_63).mul_add(x_s1_3_q9, t4_64);
+        let t4_66 = (-t2_81).mul_add(x_s1_2_q9, t4_65);
+        let t4_67 = (-t2_85).mul_add(x_s1_1_q9, t4_66);
+        let t4_68 = (-t2_100).mul_add(x_q1_q9, t4_67);
         tau[2] = t4_68;
     }
     (tau, Condition { pivot: condition })
@@ -7369,7 +7190,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 116 additions, 222 multiplications, 6 divisions, 6 sines and cosines.
+/// 108 additions, 215 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -7397,7 +7218,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition
     ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t2_22, t2_26, t2_30, t2_37, t2_73, t2_107, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+        t2_22, t2_26, t2_30, t2_37, t2_73, t2_97, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
         x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7, x_s1_3_q9,
         x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
@@ -7405,32 +7226,32 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition
         let t2_2 = sin_q1 * cos_s1_1;
         let t2_3 = cos_s1_2 * t2_2;
         let t2_4 = sin_s1_2 * t2_2;
-        let t2_5 = t2_3 + t2_1;
-        let t2_6 = t2_1 + t2_3;
-        let a_s1_2x = like.lift(9.81) * t2_5;
-        let t2_7 = a_s1_2x * p_mz_3;
-        let t2_8 = sin_q1 * sin_s1_1;
-        let t2_9 = cos_q1 * cos_s1_2;
-        let t2_10 = t2_4 - t2_9;
-        let t2_11 = t2_9 - t2_4;
-        let t2_12 = like.lift(9.81) * t2_10;
-        let a_s1_2z = -t2_12;
-        let t2_13 = like.lift(9.81) * sin_s1_3;
-        let t2_14 = t2_13 * t2_8;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_14);
-        let t2_15 = (-a_3z).mul_add(p_mx_3, t2_7);
-        let t2_16 = sin_s1_3 * a_s1_2z;
-        let t2_17 = cos_s1_3 * t2_8;
-        let a_3y = like.lift(9.81).mul_add(t2_17, t2_16);
-        let t2_18 = sin_s1_3.mul_add(t2_11, t2_17);
-        let t2_19 = like.lift(0.22815) * t2_6;
-        let t2_20 = like.lift(-0.39516739174683935).mul_add(t2_18, t2_19);
+        let t2_5 = cos_q1 * cos_s1_2;
+        let t2_6 = t2_5 - t2_4;
+        let t2_7 = t2_3 + t2_1;
+        let t2_8 = t2_1 + t2_3;
+        let a_s1_2x = like.lift(9.81) * t2_7;
+        let t2_9 = a_s1_2x * p_mz_3;
+        let t2_10 = sin_q1 * sin_s1_1;
+        let t2_11 = like.lift(-9.81) * t2_6;
+        let a_s1_2z = -t2_11;
+        let t2_12 = like.lift(9.81) * sin_s1_3;
+        let t2_13 = t2_12 * t2_10;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_13);
+        let t2_14 = (-a_3z).mul_add(p_mx_3, t2_9);
+        let t2_15 = sin_s1_3 * a_s1_2z;
+        let t2_16 = cos_s1_3 * t2_10;
+        let a_3y = like.lift(9.81).mul_add(t2_16, t2_15);
+        let t2_17 = sin_s1_3.mul_add(t2_6, t2_16);
+        let t2_18 = like.lift(-0.4563) * t2_6;
+        let t2_19 = like.lift(0.22815) * t2_8;
+        let t2_20 = like.lift(-0.39516739174683935).mul_add(t2_17, t2_19);
         let t2_21 = a_3y * p_mx_3;
         let t2_22 = a_3y * p_mz_3;
-        let t2_23 = sin_s1_3 * t2_15;
+        let t2_23 = sin_s1_3 * t2_14;
         let t2_24 = (-cos_s1_3).mul_add(t2_21, t2_23);
         let t2_25 = sin_s1_3 * t2_21;
-        let t2_26 = cos_s1_3.mul_add(t2_15, t2_25);
+        let t2_26 = cos_s1_3.mul_add(t2_14, t2_25);
         let t2_27 = cos_s1_2 * t2_22;
         let t2_28 = sin_s1_2.mul_add(t2_24, t2_27);
         let t2_29 = cos_s1_2 * t2_24;
@@ -7443,231 +7264,221 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition
         let t2_36 = like.lift(-9.81).mul_add(t2_34, t2_35);
         let t2_37 = sin_s1_1.mul_add(t2_28, t2_36);
         let t2_38 = cos_q1 * q2;
-        let t2_39 = like.lift(-0.4563).mul_add(t2_6, t2_38);
+        let t2_39 = like.lift(-0.4563).mul_add(t2_8, t2_38);
         let t2_40 = t2_38 - t2_20;
         let t2_41 = -t2_39;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
         let t2_42 = like.lift(0.4563) * e_s1_2_q1x;
         let t2_43 = cos_q1 * t2_42;
         let t2_44 = sin_q1 * t2_42;
-        let t2_45 = t2_8 * e_s1_2_q1x;
-        let t2_46 = cos_s1_1.mul_add(t2_6, t2_45);
-        let t2_47 = like.lift(0.4563) * t2_46;
-        let t2_48 = cos_q6 * q7;
-        let t2_49 = like.lift(0.5) * t2_48;
-        let t2_50 = -t2_49;
-        let t2_51 = sin_q1 * q2;
-        let t2_52 = cos_q1 * cos_s1_1;
-        let t2_53 = sin_q1 * sin_s1_2;
-        let t2_54 = (-cos_s1_2).mul_add(t2_52, t2_53);
-        let t2_55 = sin_s1_2 * t2_52;
-        let t2_56 = sin_q1.mul_add(cos_s1_2, t2_55);
-        let t2_57 = sin_s1_3 * sin_s1_1;
-        let t2_58 = t2_57 * sin_s1_2;
-        let t2_59 = cos_q1 * sin_s1_1;
-        let t2_60 = cos_s1_3 * t2_59;
-        let t2_61 = (-sin_s1_3).mul_add(t2_56, t2_60);
+        let t2_45 = cos_q1 * cos_s1_1;
+        let t2_46 = sin_s1_2 * t2_45;
+        let t2_47 = sin_q1.mul_add(cos_s1_2, t2_46);
+        let t2_48 = sin_q1 * sin_s1_2;
+        let t2_49 = (-cos_s1_2).mul_add(t2_45, t2_48);
+        let t2_50 = cos_s1_1 * cos_s1_2;
+        let t2_51 = like.lift(0.4563) * t2_50;
+        let t2_52 = -t2_51;
+        let t2_53 = sin_s1_1 * sin_s1_2;
+        let t2_54 = cos_q1 * sin_s1_1;
+        let t2_55 = like.lift(0.4563) * t2_47;
+        let t2_56 = cos_s1_3 * t2_54;
+        let t2_57 = (-sin_s1_3).mul_add(t2_47, t2_56);
+        let t2_58 = sin_s1_3 * t2_53;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_58);
-        let t2_62 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_63 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_62);
-        let t2_64 = like.lift(0.39516739174683935) * t2_61;
-        let t2_65 = like.lift(-0.4563).mul_add(t2_54, t2_51);
-        let t2_66 = t2_64 - t2_51;
-        let t2_67 = -t2_65;
-        let t2_68 = cos_s1_1 * t2_54;
-        let t2_69 = (-t2_59).mul_add(e_s1_2_q1x, t2_68);
-        let t2_70 = like.lift(0.4563) * t2_69;
-        let t2_71 = -t2_70;
-        let t2_72 = -t2_71;
+        let t2_59 = like.lift(0.4563) * t2_53;
+        let t2_60 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_61 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_60);
+        let t2_62 = like.lift(0.39516739174683935) * t2_57;
+        let t2_63 = like.lift(0.22815) * t2_49;
+        let t2_64 = t2_63 + t2_62;
+        let t2_65 = cos_q6 * q7;
+        let t2_66 = like.lift(0.5) * t2_65;
+        let t2_67 = -t2_66;
+        let t2_68 = sin_q1 * q2;
+        let t2_69 = like.lift(-0.4563).mul_add(t2_49, t2_68);
+        let t2_70 = t2_64 - t2_68;
+        let t2_71 = -t2_69;
+        let t2_72 = -t2_18;
         let t2_73 = q7 * sin_q6;
-        let t2_74 = sin_q1 * t2_6;
-        let t2_75 = (-cos_q1).mul_add(t2_54, t2_74);
-        let t2_76 = like.lift(0.4563) * t2_75;
-        let t2_77 = -t2_76;
-        let t2_78 = t2_59 * t2_6;
-        let t2_79 = t2_8.mul_add(t2_54, t2_78);
-        let t2_80 = like.lift(0.4563) * t2_79;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_48;
-        let t2_81 = like.lift(1.0) / t2_48;
-        let t2_82 = -t2_40;
-        let t2_83 = cos_q1 * t2_63;
-        let t2_84 = t2_8 * t2_63;
-        let t2_85 = cos_s1_1.mul_add(t2_20, t2_84);
-        let t2_86 = e_s1_2_q1x * t2_20;
-        let t2_87 = (-t2_6).mul_add(t2_63, t2_86);
-        let t2_88 = cos_q8 * q9;
-        let t2_89 = like.lift(0.5) * t2_88;
-        let t2_90 = -t2_89;
-        let t2_91 = like.lift(0.22815) * t2_54;
-        let t2_92 = t2_66 + t2_91;
-        let t2_93 = t2_91 + t2_64;
-        let t2_94 = t2_6 * t2_93;
-        let t2_95 = (-t2_54).mul_add(t2_20, t2_94);
-        let t2_96 = t2_54 * t2_63;
-        let t2_97 = (-e_s1_2_q1x).mul_add(t2_93, t2_96);
-        let t2_98 = t2_59 * t2_63;
-        let t2_99 = (-cos_s1_1).mul_add(t2_93, t2_98);
-        let t2_100 = t2_59 * t2_20;
-        let t2_101 = t2_8.mul_add(t2_93, t2_100);
-        let t2_102 = cos_q1 * t2_93;
-        let t2_103 = (-sin_q1).mul_add(t2_20, t2_102);
-        let t2_104 = sin_q1 * t2_63;
-        let t2_105 = -t2_99;
-        let t2_106 = -t2_97;
-        let t2_107 = q9 * sin_q8;
-        let t2_108 = -t2_95;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_88;
-        let t2_109 = -pivot_2;
-        let t2_110 = like.lift(1.0) / t2_88;
-        let t2_111 = -sin_q1;
-        let t2_112 = like.lift(0.5) * sin_q6;
-        let t2_113 = -t2_112;
-        let t2_114 = -cos_q6;
-        let t2_115 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_116 = like.lift(0.5) * sin_q8;
-        let t2_117 = -t2_116;
-        let t2_118 = -cos_q8;
-        let t2_119 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_120 = -t2_119;
-        let t2_121 = like.lift(0.5773502691896257).mul_add(t2_95, t2_87);
-        let t2_122 = t2_107 * t2_110;
-        let t2_123 = like.lift(1.1547005383792515) * t2_110;
-        let t2_124 = like.lift(1.1547005383792515) * t2_122;
-        let pivot_3 = t2_95.mul_add(t2_124, t2_97);
-        let t2_125 = (-t2_101).mul_add(t2_124, t2_99);
-        let t2_126 = t2_103.mul_add(t2_124, t2_104);
-        let t2_127 = sin_q8.mul_add(t2_122, cos_q8);
+        let pivot_1 = like.lift(0.8660254037844386) * t2_65;
+        let t2_74 = like.lift(1.0) / t2_65;
+        let t2_75 = -t2_40;
+        let t2_76 = cos_q1 * t2_61;
+        let t2_77 = t2_10 * t2_61;
+        let t2_78 = cos_s1_1.mul_add(t2_20, t2_77);
+        let t2_79 = t2_54 * t2_61;
+        let t2_80 = (-cos_s1_1).mul_add(t2_64, t2_79);
+        let t2_81 = t2_54 * t2_20;
+        let t2_82 = t2_10.mul_add(t2_64, t2_81);
+        let t2_83 = e_s1_2_q1x * t2_20;
+        let t2_84 = (-t2_8).mul_add(t2_61, t2_83);
+        let t2_85 = t2_8 * t2_64;
+        let t2_86 = (-t2_49).mul_add(t2_20, t2_85);
+        let t2_87 = t2_49 * t2_61;
+        let t2_88 = (-e_s1_2_q1x).mul_add(t2_64, t2_87);
+        let t2_89 = cos_q1 * t2_64;
+        let t2_90 = (-sin_q1).mul_add(t2_20, t2_89);
+        let t2_91 = sin_q1 * t2_61;
+        let t2_92 = cos_q8 * q9;
+        let t2_93 = like.lift(0.5) * t2_92;
+        let t2_94 = -t2_93;
+        let t2_95 = -t2_80;
+        let t2_96 = -t2_88;
+        let t2_97 = q9 * sin_q8;
+        let t2_98 = -t2_86;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_92;
+        let t2_99 = -pivot_2;
+        let t2_100 = like.lift(1.0) / t2_92;
+        let t2_101 = -sin_q1;
+        let t2_102 = like.lift(0.5) * sin_q6;
+        let t2_103 = -t2_102;
+        let t2_104 = -cos_q6;
+        let t2_105 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_106 = like.lift(0.5) * sin_q8;
+        let t2_107 = -t2_106;
+        let t2_108 = -cos_q8;
+        let t2_109 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_110 = -t2_109;
+        let t2_111 = like.lift(0.5773502691896257).mul_add(t2_86, t2_84);
+        let t2_112 = t2_97 * t2_100;
+        let t2_113 = like.lift(1.1547005383792515) * t2_112;
+        let pivot_3 = t2_86.mul_add(t2_113, t2_88);
+        let t2_114 = (-t2_82).mul_add(t2_113, t2_80);
+        let t2_115 = t2_90.mul_add(t2_113, t2_91);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_128 = t2_121 * inv_pivot_3;
-        let t2_129 = (-t2_92).mul_add(t2_128, t2_40);
-        let t2_130 = -pivot_3;
-        let t2_131 = like.lift(0.5773502691896257).mul_add(t2_77, t2_43);
-        let t2_132 = t2_126.mul_add(t2_128, t2_83);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_103, t2_132);
+        let t2_116 = t2_111 * inv_pivot_3;
+        let t2_117 = (-t2_70).mul_add(t2_116, t2_40);
+        let t2_118 = -pivot_3;
+        let t2_119 = like.lift(0.5773502691896257).mul_add(t2_52, t2_43);
+        let t2_120 = t2_115.mul_add(t2_116, t2_76);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_90, t2_120);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_133 = t2_131 * inv_pivot_4;
-        let pivot_5 = (-t2_129).mul_add(t2_133, t2_39);
+        let t2_121 = t2_119 * inv_pivot_4;
+        let pivot_5 = (-t2_117).mul_add(t2_121, t2_39);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_134 = -pivot_5;
-        let t2_135 = (-cos_q1).mul_add(t2_128, sin_q1);
-        let t2_136 = (-t2_135).mul_add(t2_133, sin_q1);
-        let t2_137 = (-t2_125).mul_add(t2_128, t2_85);
-        let t2_138 = like.lift(-0.5773502691896257).mul_add(t2_101, t2_137);
-        let t2_139 = t2_127 * t2_128;
-        let t2_140 = (-t2_138).mul_add(t2_133, t2_47);
-        let t2_141 = like.lift(0.5773502691896257).mul_add(t2_80, t2_140);
-        let t2_142 = t2_139 * t2_133;
-        let t2_143 = t2_73 * t2_81;
-        let t2_144 = like.lift(1.1547005383792515) * t2_81;
-        let t2_145 = like.lift(1.1547005383792515) * t2_143;
-        let t2_146 = sin_q6.mul_add(t2_143, cos_q6);
-        let t2_147 = (-t2_77).mul_add(t2_145, t2_44);
-        let t2_148 = t2_147 * inv_pivot_4;
-        let t2_149 = (-t2_129).mul_add(t2_148, t2_65);
-        let t2_150 = t2_149 * inv_pivot_5;
-        let t2_151 = t2_141.mul_add(t2_150, t2_71);
-        let t2_152 = t2_138.mul_add(t2_148, t2_151);
-        let pivot_6 = t2_80.mul_add(t2_145, t2_152);
-        let t2_153 = t2_136.mul_add(t2_150, cos_q1);
-        let t2_154 = t2_135.mul_add(t2_148, t2_153);
-        let t2_155 = t2_139 * t2_148;
-        let t2_156 = (-t2_142).mul_add(t2_150, t2_155);
+        let t2_122 = -pivot_5;
+        let t2_123 = (-cos_q1).mul_add(t2_116, sin_q1);
+        let t2_124 = (-t2_123).mul_add(t2_121, sin_q1);
+        let t2_125 = (-t2_114).mul_add(t2_116, t2_78);
+        let t2_126 = like.lift(-0.5773502691896257).mul_add(t2_82, t2_125);
+        let t2_127 = (-t2_126).mul_add(t2_121, t2_55);
+        let t2_128 = like.lift(0.5773502691896257).mul_add(t2_59, t2_127);
+        let t2_129 = t2_73 * t2_74;
+        let t2_130 = like.lift(1.1547005383792515) * t2_129;
+        let t2_131 = (-t2_52).mul_add(t2_130, t2_44);
+        let t2_132 = t2_131 * inv_pivot_4;
+        let t2_133 = (-t2_117).mul_add(t2_132, t2_69);
+        let t2_134 = t2_133 * inv_pivot_5;
+        let t2_135 = t2_128.mul_add(t2_134, t2_72);
+        let t2_136 = t2_126.mul_add(t2_132, t2_135);
+        let pivot_6 = t2_59.mul_add(t2_130, t2_136);
+        let t2_137 = t2_124.mul_add(t2_134, cos_q1);
+        let t2_138 = t2_123.mul_add(t2_132, t2_137);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_157 = t2_154 * inv_pivot_6;
-        let t2_158 = (-t2_141).mul_add(t2_157, t2_136);
-        let t2_159 = inv_pivot_5 * t2_158;
-        let t2_160 = t2_146 * inv_pivot_6;
-        let t2_161 = t2_156 * inv_pivot_6;
-        let t2_162 = t2_141.mul_add(t2_161, t2_142);
-        let t2_163 = inv_pivot_5 * t2_141;
-        let t2_164 = inv_pivot_5 * t2_162;
-        let t2_165 = t2_163 * t2_160;
-        let t2_166 = (-t2_138).mul_add(t2_157, t2_135);
-        let t2_167 = (-t2_129).mul_add(t2_159, t2_166);
-        let t2_168 = inv_pivot_4 * t2_167;
-        let t2_169 = (-t2_138).mul_add(t2_161, t2_139);
-        let t2_170 = t2_129.mul_add(t2_164, t2_169);
-        let t2_171 = t2_129 * t2_165;
-        let t2_172 = (-t2_138).mul_add(t2_160, t2_171);
-        let t2_173 = inv_pivot_4 * t2_172;
-        let t2_174 = inv_pivot_4 * t2_170;
-        let t2_175 = t2_125.mul_add(t2_161, t2_127);
-        let t2_176 = (-t2_92).mul_add(t2_164, t2_175);
-        let t2_177 = -t2_164;
-        let t2_178 = (-t2_126).mul_add(t2_174, t2_176);
-        let t2_179 = inv_pivot_3 * t2_178;
-        let t2_180 = (-t2_101).mul_add(t2_161, t2_119);
-        let t2_181 = (-t2_103).mul_add(t2_174, t2_180);
-        let t2_182 = (-t2_95).mul_add(t2_179, t2_181);
-        let t2_183 = t2_182 * t2_123;
-        let t2_184 = -pivot_6;
-        let t2_185 = -t2_168;
-        let t2_186 = -t2_174;
-        let t2_187 = t2_80 * t2_161;
-        let t2_188 = t2_77.mul_add(t2_174, t2_187);
-        let t2_189 = -t2_161;
-        let t2_190 = t2_188 * t2_144;
-        let t2_191 = -t2_157;
-        let t2_192 = (-t2_125).mul_add(t2_157, cos_q1);
-        let t2_193 = (-t2_92).mul_add(t2_159, t2_192);
-        let t2_194 = t2_126.mul_add(t2_168, t2_193);
-        let t2_195 = inv_pivot_3 * t2_194;
-        let t2_196 = t2_92 * t2_165;
-        let t2_197 = (-t2_125).mul_add(t2_160, t2_196);
-        let t2_198 = t2_126.mul_add(t2_173, t2_197);
-        let t2_199 = inv_pivot_3 * t2_198;
-        let t2_200 = -t2_195;
-        let t2_201 = t2_95 * t2_195;
-        let t2_202 = (-t2_101).mul_add(t2_157, t2_201);
-        let t2_203 = t2_80 * t2_157;
-        let t2_204 = t2_77.mul_add(t2_168, t2_203);
-        let t2_205 = (-t2_103).mul_add(t2_168, t2_202);
-        let t2_206 = t2_204 * t2_144;
-        let t2_207 = t2_205 * t2_123;
-        let t2_208 = t2_95 * t2_199;
-        let t2_209 = (-t2_101).mul_add(t2_160, t2_208);
-        let t2_210 = (-t2_103).mul_add(t2_173, t2_209);
-        let t2_211 = t2_210 * t2_123;
-        let t2_212 = -t2_211;
-        let t2_213 = (-t2_80).mul_add(t2_160, t2_115);
-        let t2_214 = (-t2_77).mul_add(t2_173, t2_213);
-        let t2_215 = t2_214 * t2_144;
+        let t2_139 = t2_138 * inv_pivot_6;
+        let t2_140 = (-t2_128).mul_add(t2_139, t2_124);
+        let t2_141 = inv_pivot_5 * t2_140;
+        let t2_142 = (-t2_126).mul_add(t2_139, t2_123);
+        let t2_143 = (-t2_117).mul_add(t2_141, t2_142);
+        let t2_144 = inv_pivot_4 * t2_143;
+        let t2_145 = -pivot_6;
+        let t2_146 = q7 * t2_74;
+        let t2_147 = t2_146 * inv_pivot_6;
+        let t2_148 = like.lift(1.1547005383792515) * t2_74;
+        let t2_149 = inv_pivot_5 * t2_128;
+        let t2_150 = t2_149 * t2_147;
+        let t2_151 = q9 * t2_100;
+        let t2_152 = t2_151 * t2_116;
+        let t2_153 = t2_152 * t2_121;
+        let t2_154 = t2_152 * t2_132;
+        let t2_155 = (-t2_153).mul_add(t2_134, t2_154);
+        let t2_156 = t2_155 * inv_pivot_6;
+        let t2_157 = t2_128.mul_add(t2_156, t2_153);
+        let t2_158 = inv_pivot_5 * t2_157;
+        let t2_159 = (-t2_126).mul_add(t2_156, t2_152);
+        let t2_160 = t2_117.mul_add(t2_158, t2_159);
+        let t2_161 = t2_117 * t2_150;
+        let t2_162 = (-t2_126).mul_add(t2_147, t2_161);
+        let t2_163 = inv_pivot_4 * t2_162;
+        let t2_164 = inv_pivot_4 * t2_160;
+        let t2_165 = t2_114.mul_add(t2_156, t2_151);
+        let t2_166 = (-t2_70).mul_add(t2_158, t2_165);
+        let t2_167 = -t2_158;
+        let t2_168 = (-t2_115).mul_add(t2_164, t2_166);
+        let t2_169 = inv_pivot_3 * t2_168;
+        let t2_170 = like.lift(1.1547005383792515) * t2_100;
+        let t2_171 = (-t2_82).mul_add(t2_156, t2_109);
+        let t2_172 = (-t2_90).mul_add(t2_164, t2_171);
+        let t2_173 = (-t2_86).mul_add(t2_169, t2_172);
+        let t2_174 = t2_173 * t2_170;
+        let t2_175 = -t2_144;
+        let t2_176 = -t2_164;
+        let t2_177 = t2_59 * t2_156;
+        let t2_178 = t2_52.mul_add(t2_164, t2_177);
+        let t2_179 = -t2_156;
+        let t2_180 = t2_178 * t2_148;
+        let t2_181 = -t2_139;
+        let t2_182 = (-t2_114).mul_add(t2_139, cos_q1);
+        let t2_183 = (-t2_70).mul_add(t2_141, t2_182);
+        let t2_184 = t2_115.mul_add(t2_144, t2_183);
+        let t2_185 = inv_pivot_3 * t2_184;
+        let t2_186 = t2_70 * t2_150;
+        let t2_187 = (-t2_114).mul_add(t2_147, t2_186);
+        let t2_188 = t2_115.mul_add(t2_163, t2_187);
+        let t2_189 = inv_pivot_3 * t2_188;
+        let t2_190 = -t2_185;
+        let t2_191 = t2_86 * t2_185;
+        let t2_192 = (-t2_82).mul_add(t2_139, t2_191);
+        let t2_193 = t2_59 * t2_139;
+        let t2_194 = t2_52.mul_add(t2_144, t2_193);
+        let t2_195 = (-t2_90).mul_add(t2_144, t2_192);
+        let t2_196 = t2_194 * t2_148;
+        let t2_197 = t2_195 * t2_170;
+        let t2_198 = t2_86 * t2_189;
+        let t2_199 = (-t2_82).mul_add(t2_147, t2_198);
+        let t2_200 = (-t2_90).mul_add(t2_163, t2_199);
+        let t2_201 = t2_200 * t2_170;
+        let t2_202 = -t2_201;
+        let t2_203 = (-t2_59).mul_add(t2_147, t2_105);
+        let t2_204 = (-t2_52).mul_add(t2_163, t2_203);
+        let t2_205 = t2_204 * t2_148;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_109 * like.lift(1.8955297449982944)).abs())
-            .min((t2_130 * like.lift(2.6463477742948585)).abs())
+            .min((t2_99 * like.lift(1.8955297449982944)).abs())
+            .min((t2_118 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_134 * like.lift(0.8284577646309275)).abs())
-            .min((t2_184 * like.lift(2.1915406530791146)).abs());
+            .min((t2_122 * like.lift(0.8284577646309275)).abs())
+            .min((t2_145 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_159, t2_165, t2_177], [t2_185, t2_173, t2_186], [t2_191, t2_160, t2_189],
-                [t2_200, t2_199, t2_179], [t2_206, t2_215, t2_190], [t2_207, t2_212, t2_183],
+                [t2_141, t2_150, t2_167], [t2_175, t2_163, t2_176], [t2_181, t2_147, t2_179],
+                [t2_190, t2_189, t2_169], [t2_196, t2_205, t2_180], [t2_197, t2_202, t2_174],
             ],
             margin,
             || (
                 [
-                    [t2_41, t2_43, t2_47, like.lift(0.0), t2_50, like.lift(0.0)],
-                    [t2_67, t2_44, t2_72, like.lift(0.0), t2_73, like.lift(0.0)],
-                    [like.lift(0.0), t2_77, t2_80, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_82, t2_83, t2_85, t2_87, like.lift(0.0), t2_90],
-                    [t2_92, t2_104, t2_105, t2_106, like.lift(0.0), t2_107],
-                    [like.lift(0.0), t2_103, t2_101, t2_108, like.lift(0.0), t2_109],
+                    [t2_41, t2_43, t2_55, like.lift(0.0), t2_67, like.lift(0.0)],
+                    [t2_71, t2_44, t2_18, like.lift(0.0), t2_73, like.lift(0.0)],
+                    [like.lift(0.0), t2_52, t2_59, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_75, t2_76, t2_78, t2_84, like.lift(0.0), t2_94],
+                    [t2_70, t2_91, t2_95, t2_96, like.lift(0.0), t2_97],
+                    [like.lift(0.0), t2_90, t2_82, t2_98, like.lift(0.0), t2_99],
                 ],
                 [
-                    [t2_111, t2_113, like.lift(0.0)], [cos_q1, t2_114, like.lift(0.0)],
-                    [like.lift(0.0), t2_115, like.lift(0.0)], [t2_111, like.lift(0.0), t2_117],
-                    [cos_q1, like.lift(0.0), t2_118], [like.lift(0.0), like.lift(0.0), t2_120],
+                    [t2_101, t2_103, like.lift(0.0)], [cos_q1, t2_104, like.lift(0.0)],
+                    [like.lift(0.0), t2_105, like.lift(0.0)], [t2_101, like.lift(0.0), t2_107],
+                    [cos_q1, like.lift(0.0), t2_108], [like.lift(0.0), like.lift(0.0), t2_110],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            t2_22, t2_26, t2_30, t2_37, t2_73, t2_107, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
+            t2_22, t2_26, t2_30, t2_37, t2_73, t2_97, x_q1_q2, x_q1_q7, x_q1_q9, x_s1_1_q2,
             x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
             x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
@@ -7684,7 +7495,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition
         let t3_8 = like.lift(9.81) * cos_q6;
         let t3_9 = sin_q8 * p_my_6;
         let t3_10 = (-cos_q8).mul_add(p_mx_6, t3_9);
-        let t3_11 = (-p_m_7).mul_add(t2_107, t3_10);
+        let t3_11 = (-p_m_7).mul_add(t2_97, t3_10);
         let t3_12 = (-cos_q8).mul_add(p_mx_7, t3_11);
         let t3_13 = (-sin_q8).mul_add(p_mz_7, t3_12);
         let t3_14 = like.lift(9.81) * t3_13;
@@ -7724,7 +7535,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 274 additions, 434 multiplications, 6 divisions, 6 sines and cosines.
+/// 256 additions, 417 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 3];
@@ -7746,15 +7557,14 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> (
         ]
     };
     let [d_q1, d_q2, d_s1_1, d_s1_2, d_s1_3, d_q6, d_q7, d_q8, d_q9] = *qd;
-    // tau, part 1
+    // loops: solve with A_e (Eq. 8, 10)
     let [
-        w_fc_q2_q2, t2_1, t2_10, t2_12, t2_13, t2_20, t2_23, t2_31, t2_40, t2_41, t2_45, t2_48,
-        pivot_1, t2_50, t2_55, t2_57, t2_59, t2_62, t2_65, t2_68, t2_71, t2_74, t2_75, t2_77,
-        t2_79, t2_81, t2_82, t2_83, t2_85, t2_124, t2_137, t2_149, t2_157, t2_160, t2_174,
-        t2_181, t2_182, t2_183, t2_186, t2_190, t2_192, t2_193, t2_194, inv_pivot_3, t2_195,
-        t2_196, t2_197, t2_199, pivot_4, inv_pivot_4, t2_204, inv_pivot_5, t2_207, t2_209,
-        t2_211, t2_213, t2_216, t2_218, t2_220, inv_pivot_6, t2_223, t2_224, t2_228, t2_230,
-        t2_233, t2_237,
+        w_fc_q2_q2, t2_1, t2_9, t2_11, t2_12, t2_19, t2_22, t2_25, t2_32, t2_38, t2_41, t2_43,
+        pivot_1, t2_48, t2_49, t2_51, t2_53, t2_56, t2_57, t2_59, t2_62, t2_65, t2_66, t2_68,
+        t2_70, t2_72, t2_73, t2_74, t2_76, t2_108, t2_112, t2_144, t2_161, t2_169, t2_171,
+        t2_175, t2_179, inv_pivot_3, t2_180, t2_181, t2_182, t2_184, pivot_4, inv_pivot_4,
+        t2_189, inv_pivot_5, t2_192, t2_194, t2_196, t2_200, t2_202, inv_pivot_6, t2_205,
+        t2_227, t2_230, t2_231, al_1z, al_s1_1z, t2_234, t2_235, al_4z, al_6z,
     ] = {
         let w_fc_q2_q2 = d_q2.sign();
         let t2_1 = d_q1 * d_q1;
@@ -7764,295 +7574,276 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> (
         let t2_5 = cos_q1.mul_add(sin_s1_2, t2_4);
         let t2_6 = cos_q1 * cos_s1_2;
         let t2_7 = (-sin_s1_2).mul_add(t2_3, t2_6);
-        let t2_8 = sin_s1_3 * t2_7;
-        let t2_9 = like.lift(-0.4563).mul_add(t2_5, t2_2);
-        let t2_10 = -t2_9;
+        let t2_8 = like.lift(-0.4563).mul_add(t2_5, t2_2);
+        let t2_9 = -t2_8;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_11 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_12 = cos_q1 * t2_11;
-        let t2_13 = sin_q1 * t2_11;
-        let t2_14 = sin_q1 * sin_s1_1;
-        let t2_15 = cos_s1_3.mul_add(t2_14, t2_8);
-        let t2_16 = like.lift(0.22815) * t2_5;
-        let t2_17 = like.lift(-0.39516739174683935).mul_add(t2_15, t2_16);
-        let t2_18 = t2_14 * e_s1_2_q1x;
-        let t2_19 = cos_s1_1.mul_add(t2_5, t2_18);
-        let t2_20 = like.lift(0.4563) * t2_19;
-        let t2_21 = cos_q6 * q7;
-        let t2_22 = like.lift(0.5) * t2_21;
-        let t2_23 = -t2_22;
-        let t2_24 = sin_q1 * q2;
-        let t2_25 = cos_q1 * cos_s1_1;
-        let t2_26 = sin_q1 * sin_s1_2;
-        let t2_27 = (-cos_s1_2).mul_add(t2_25, t2_26);
-        let t2_28 = sin_s1_2 * t2_25;
-        let t2_29 = sin_q1.mul_add(cos_s1_2, t2_28);
-        let t2_30 = like.lift(-0.4563).mul_add(t2_27, t2_24);
-        let t2_31 = -t2_30;
-        let t2_32 = cos_q1 * sin_s1_1;
-        let t2_33 = cos_s1_3 * t2_32;
-        let t2_34 = (-sin_s1_3).mul_add(t2_29, t2_33);
-        let t2_35 = like.lift(0.39516739174683935) * t2_34;
-        let t2_36 = cos_s1_1 * t2_27;
-        let t2_37 = (-t2_32).mul_add(e_s1_2_q1x, t2_36);
-        let t2_38 = like.lift(0.4563) * t2_37;
-        let t2_39 = -t2_38;
-        let t2_40 = -t2_39;
-        let t2_41 = sin_q6 * q7;
-        let t2_42 = sin_q1 * t2_5;
-        let t2_43 = (-cos_q1).mul_add(t2_27, t2_42);
-        let t2_44 = like.lift(0.4563) * t2_43;
-        let t2_45 = -t2_44;
-        let t2_46 = t2_32 * t2_5;
-        let t2_47 = t2_14.mul_add(t2_27, t2_46);
-        let t2_48 = like.lift(0.4563) * t2_47;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_21;
-        let t2_49 = t2_2 - t2_17;
-        let t2_50 = -t2_49;
-        let t2_51 = sin_s1_3 * sin_s1_1;
-        let t2_52 = t2_51 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
-        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
-        let t2_55 = cos_q1 * t2_54;
-        let t2_56 = t2_14 * t2_54;
-        let t2_57 = cos_s1_1.mul_add(t2_17, t2_56);
-        let t2_58 = e_s1_2_q1x * t2_17;
-        let t2_59 = (-t2_5).mul_add(t2_54, t2_58);
-        let t2_60 = cos_q8 * q9;
-        let t2_61 = like.lift(0.5) * t2_60;
+        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_11 = cos_q1 * t2_10;
+        let t2_12 = sin_q1 * t2_10;
+        let t2_13 = sin_q1 * sin_s1_1;
+        let t2_14 = cos_q1 * cos_s1_1;
+        let t2_15 = sin_s1_2 * t2_14;
+        let t2_16 = sin_q1.mul_add(cos_s1_2, t2_15);
+        let t2_17 = sin_q1 * sin_s1_2;
+        let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
+        let t2_19 = like.lift(0.4563) * t2_16;
+        let t2_20 = cos_q6 * q7;
+        let t2_21 = like.lift(0.5) * t2_20;
+        let t2_22 = -t2_21;
+        let t2_23 = sin_q1 * q2;
+        let t2_24 = like.lift(-0.4563).mul_add(t2_18, t2_23);
+        let t2_25 = -t2_24;
+        let t2_26 = cos_q1 * sin_s1_1;
+        let t2_27 = cos_s1_3 * t2_26;
+        let t2_28 = (-sin_s1_3).mul_add(t2_16, t2_27);
+        let t2_29 = like.lift(0.39516739174683935) * t2_28;
+        let t2_30 = like.lift(0.22815) * t2_18;
+        let t2_31 = t2_30 + t2_29;
+        let t2_32 = like.lift(-0.4563) * t2_7;
+        let t2_33 = sin_s1_3 * t2_7;
+        let t2_34 = cos_s1_3.mul_add(t2_13, t2_33);
+        let t2_35 = like.lift(0.22815) * t2_5;
+        let t2_36 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_35);
+        let t2_37 = -t2_32;
+        let t2_38 = sin_q6 * q7;
+        let t2_39 = cos_s1_2 * cos_s1_1;
+        let t2_40 = like.lift(0.4563) * t2_39;
+        let t2_41 = -t2_40;
+        let t2_42 = sin_s1_2 * sin_s1_1;
+        let t2_43 = like.lift(0.4563) * t2_42;
+        let t2_44 = t2_42 * sin_s1_3;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_44);
+        let t2_45 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_46 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_45);
+        let pivot_1 = like.lift(0.8660254037844386) * t2_20;
+        let t2_47 = t2_2 - t2_36;
+        let t2_48 = -t2_47;
+        let t2_49 = cos_q1 * t2_46;
+        let t2_50 = t2_13 * t2_46;
+        let t2_51 = cos_s1_1.mul_add(t2_36, t2_50);
+        let t2_52 = e_s1_2_q1x * t2_36;
+        let t2_53 = (-t2_5).mul_add(t2_46, t2_52);
+        let t2_54 = cos_q8 * q9;
+        let t2_55 = like.lift(0.5) * t2_54;
+        let t2_56 = -t2_55;
+        let t2_57 = t2_31 - t2_23;
+        let t2_58 = t2_23 * t2_1;
+        let t2_59 = sin_q1 * t2_46;
+        let t2_60 = t2_26 * t2_46;
+        let t2_61 = (-cos_s1_1).mul_add(t2_31, t2_60);
         let t2_62 = -t2_61;
-        let t2_63 = like.lift(0.22815) * t2_27;
-        let t2_64 = t2_35 - t2_24;
-        let t2_65 = t2_64 + t2_63;
-        let t2_66 = t2_63 + t2_35;
-        let t2_67 = t2_24 * t2_1;
-        let t2_68 = sin_q1 * t2_54;
-        let t2_69 = t2_32 * t2_54;
-        let t2_70 = (-cos_s1_1).mul_add(t2_66, t2_69);
-        let t2_71 = -t2_70;
-        let t2_72 = t2_27 * t2_54;
-        let t2_73 = (-e_s1_2_q1x).mul_add(t2_66, t2_72);
-        let t2_74 = -t2_73;
-        let t2_75 = sin_q8 * q9;
-        let t2_76 = cos_q1 * t2_66;
-        let t2_77 = (-sin_q1).mul_add(t2_17, t2_76);
-        let t2_78 = t2_32 * t2_17;
-        let t2_79 = t2_14.mul_add(t2_66, t2_78);
-        let t2_80 = t2_5 * t2_66;
-        let t2_81 = (-t2_27).mul_add(t2_17, t2_80);
-        let t2_82 = -t2_81;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_60;
-        let t2_83 = -pivot_2;
-        let t2_84 = cos_q1 * d_q1;
-        let t2_85 = like.lift(2.0) * d_q2;
-        let t2_86 = (-t2_84).mul_add(t2_85, t2_67);
-        let t2_87 = cos_q1 * d_s1_1;
-        let t2_88 = t2_14.mul_add(d_s1_2, t2_87);
-        let t2_89 = t2_14 * d_q1;
-        let t2_90 = (-cos_s1_1).mul_add(t2_87, t2_89);
-        let t2_91 = d_s1_2 * t2_90;
-        let t2_92 = sin_q1 * d_s1_1;
-        let t2_93 = (-t2_32).mul_add(d_s1_2, t2_92);
-        let t2_94 = t2_32 * d_q1;
-        let t2_95 = cos_s1_1.mul_add(t2_92, t2_94);
-        let t2_96 = t2_27 * t2_88;
-        let t2_97 = (-t2_5).mul_add(t2_93, t2_96);
-        let t2_98 = d_s1_3 * t2_97;
-        let t2_99 = d_s1_2 * sin_s1_1;
-        let t2_100 = t2_99.mul_add(d_s1_1, t2_98);
-        let t2_101 = sin_q1 * d_q1;
-        let t2_102 = t2_101 * t2_85;
-        let t2_103 = t2_2.mul_add(t2_1, t2_102);
-        let t2_104 = d_s1_1 * t2_101;
-        let t2_105 = cos_s1_1.mul_add(d_s1_2, d_q1);
-        let t2_106 = t2_27 * t2_105;
-        let t2_107 = e_s1_2_q1x.mul_add(t2_93, t2_106);
-        let t2_108 = (-d_s1_3).mul_add(t2_107, t2_104);
-        let t2_109 = (-d_s1_2).mul_add(t2_95, t2_108);
-        let t2_110 = (-t2_27).mul_add(d_s1_3, t2_93);
-        let t2_111 = e_s1_2_q1x.mul_add(d_s1_3, t2_105);
-        let t2_112 = e_s1_2_q1x * t2_88;
-        let t2_113 = t2_5.mul_add(t2_105, t2_112);
-        let t2_114 = (-d_s1_3).mul_add(t2_113, t2_91);
-        let t2_115 = d_s1_1.mul_add(t2_84, t2_114);
-        let t2_116 = (-t2_5).mul_add(d_s1_3, t2_88);
-        let t2_117 = t2_27 * t2_111;
-        let t2_118 = e_s1_2_q1x.mul_add(t2_110, t2_117);
-        let t2_119 = like.lift(0.4563) * t2_118;
-        let t2_120 = t2_5 * t2_110;
-        let t2_121 = (-t2_27).mul_add(t2_116, t2_120);
-        let t2_122 = like.lift(0.4563) * t2_121;
-        let t2_123 = -t2_122;
-        let t2_124 = d_q6 * d_q6;
-        let t2_125 = t2_41 * t2_124;
-        let t2_126 = d_q7 * cos_q6;
-        let t2_127 = t2_126 * d_q6;
-        let t2_128 = e_s1_2_q1x * t2_109;
-        let t2_129 = t2_5.mul_add(t2_100, t2_128);
-        let t2_130 = like.lift(-0.4563).mul_add(t2_129, t2_86);
-        let t2_131 = (-t2_116).mul_add(t2_123, t2_130);
-        let t2_132 = (-t2_111).mul_add(t2_119, t2_131);
-        let t2_133 = like.lift(0.5).mul_add(t2_125, t2_132);
-        let t2_134 = t2_133 - t2_127;
-        let t2_135 = (-t2_54).mul_add(t2_109, t2_86);
-        let t2_136 = (-t2_17).mul_add(t2_100, t2_135);
-        let t2_137 = -t2_134;
-        let t2_138 = e_s1_2_q1x * t2_116;
-        let t2_139 = t2_5.mul_add(t2_111, t2_138);
-        let t2_140 = like.lift(0.4563) * t2_139;
-        let t2_141 = t2_5 * t2_115;
-        let t2_142 = t2_27.mul_add(t2_109, t2_141);
-        let t2_143 = t2_27 * t2_100;
-        let t2_144 = (-e_s1_2_q1x).mul_add(t2_115, t2_143);
-        let t2_145 = like.lift(0.4563) * t2_142;
-        let t2_146 = (-t2_110).mul_add(t2_119, t2_145);
-        let t2_147 = (-t2_116).mul_add(t2_140, t2_146);
-        let t2_148 = like.lift(-1.7320508075688772).mul_add(t2_127, t2_147);
-        let t2_149 = like.lift(0.8660254037844386).mul_add(t2_125, t2_148);
-        let t2_150 = like.lift(0.4563).mul_add(t2_144, t2_103);
-        let t2_151 = (-t2_111).mul_add(t2_140, t2_150);
-        let t2_152 = t2_110.mul_add(t2_123, t2_151);
-        let t2_153 = t2_66.mul_add(t2_100, t2_103);
-        let t2_154 = (-t2_54).mul_add(t2_115, t2_153);
-        let t2_155 = t2_17 * t2_115;
-        let t2_156 = t2_66.mul_add(t2_109, t2_155);
-        let t2_157 = like.lift(2.0) * d_q7;
-        let t2_158 = sin_q6 * t2_157;
-        let t2_159 = t2_21.mul_add(d_q6, t2_158);
-        let t2_160 = (-d_q6).mul_add(t2_159, t2_152);
-        let t2_161 = like.lift(1.0) / t2_21;
-        let t2_162 = t2_66 * t2_111;
-        let t2_163 = t2_54.mul_add(t2_110, t2_162);
-        let t2_164 = t2_66 * t2_116;
-        let t2_165 = (-t2_17).mul_add(t2_110, t2_164);
-        let t2_166 = t2_54 * t2_116;
-        let t2_167 = t2_17.mul_add(t2_111, t2_166);
-        let t2_168 = (-t2_116).mul_add(t2_165, t2_136);
-        let t2_169 = (-t2_111).mul_add(t2_167, t2_154);
-        let t2_170 = (-t2_110).mul_add(t2_163, t2_156);
-        let t2_171 = (-t2_111).mul_add(t2_163, t2_168);
-        let t2_172 = t2_110.mul_add(t2_165, t2_169);
-        let t2_173 = (-t2_116).mul_add(t2_167, t2_170);
-        let t2_174 = d_q8 * d_q8;
-        let t2_175 = t2_75 * t2_174;
-        let t2_176 = like.lift(0.5).mul_add(t2_175, t2_171);
-        let t2_177 = d_q9 * cos_q8;
-        let t2_178 = t2_177 * d_q8;
-        let t2_179 = like.lift(1.7320508075688772).mul_add(t2_178, t2_173);
-        let t2_180 = t2_176 - t2_178;
-        let t2_181 = like.lift(-0.8660254037844386).mul_add(t2_175, t2_179);
-        let t2_182 = -t2_180;
-        let t2_183 = like.lift(2.0) * d_q9;
-        let t2_184 = sin_q8 * t2_183;
-        let t2_185 = t2_60.mul_add(d_q8, t2_184);
-        let t2_186 = (-d_q8).mul_add(t2_185, t2_172);
-        let t2_187 = like.lift(1.0) / t2_60;
-        let t2_188 = like.lift(0.5773502691896257).mul_add(t2_81, t2_59);
-        let t2_189 = t2_75 * t2_187;
-        let t2_190 = like.lift(1.1547005383792515) * t2_187;
-        let t2_191 = like.lift(1.1547005383792515) * t2_189;
-        let pivot_3 = t2_81.mul_add(t2_191, t2_73);
-        let t2_192 = (-t2_79).mul_add(t2_191, t2_70);
-        let t2_193 = sin_q8.mul_add(t2_189, cos_q8);
-        let t2_194 = -cos_q8;
+        let t2_63 = t2_18 * t2_46;
+        let t2_64 = (-e_s1_2_q1x).mul_add(t2_31, t2_63);
+        let t2_65 = -t2_64;
+        let t2_66 = sin_q8 * q9;
+        let t2_67 = cos_q1 * t2_31;
+        let t2_68 = (-sin_q1).mul_add(t2_36, t2_67);
+        let t2_69 = t2_26 * t2_36;
+        let t2_70 = t2_13.mul_add(t2_31, t2_69);
+        let t2_71 = t2_5 * t2_31;
+        let t2_72 = (-t2_18).mul_add(t2_36, t2_71);
+        let t2_73 = -t2_72;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_54;
+        let t2_74 = -pivot_2;
+        let t2_75 = cos_q1 * d_q1;
+        let t2_76 = like.lift(2.0) * d_q2;
+        let t2_77 = (-t2_75).mul_add(t2_76, t2_58);
+        let t2_78 = cos_q1 * d_s1_1;
+        let t2_79 = t2_13.mul_add(d_s1_2, t2_78);
+        let t2_80 = t2_13 * d_q1;
+        let t2_81 = (-cos_s1_1).mul_add(t2_78, t2_80);
+        let t2_82 = (-t2_5).mul_add(d_s1_3, t2_79);
+        let t2_83 = d_s1_2 * t2_81;
+        let t2_84 = sin_q1 * d_s1_1;
+        let t2_85 = (-t2_26).mul_add(d_s1_2, t2_84);
+        let t2_86 = t2_26 * d_q1;
+        let t2_87 = cos_s1_1.mul_add(t2_84, t2_86);
+        let t2_88 = (-t2_18).mul_add(d_s1_3, t2_85);
+        let t2_89 = t2_5 * t2_88;
+        let t2_90 = (-t2_18).mul_add(t2_82, t2_89);
+        let t2_91 = d_s1_3 * t2_90;
+        let t2_92 = -t2_91;
+        let t2_93 = like.lift(0.4563) * t2_90;
+        let t2_94 = -t2_93;
+        let t2_95 = d_s1_2 * sin_s1_1;
+        let t2_96 = t2_95.mul_add(d_s1_1, t2_92);
+        let t2_97 = sin_q1 * d_q1;
+        let t2_98 = t2_97 * t2_76;
+        let t2_99 = t2_2.mul_add(t2_1, t2_98);
+        let t2_100 = d_s1_1 * t2_97;
+        let t2_101 = cos_s1_1.mul_add(d_s1_2, d_q1);
+        let t2_102 = e_s1_2_q1x.mul_add(d_s1_3, t2_101);
+        let t2_103 = t2_18 * t2_102;
+        let t2_104 = e_s1_2_q1x.mul_add(t2_88, t2_103);
+        let t2_105 = (-d_s1_3).mul_add(t2_104, t2_100);
+        let t2_106 = (-d_s1_2).mul_add(t2_87, t2_105);
+        let t2_107 = like.lift(0.4563) * t2_104;
+        let t2_108 = d_q6 * d_q6;
+        let t2_109 = t2_38 * t2_108;
+        let t2_110 = d_q7 * cos_q6;
+        let t2_111 = t2_110 * d_q6;
+        let t2_112 = -cos_q6;
+        let t2_113 = e_s1_2_q1x * t2_106;
+        let t2_114 = t2_5.mul_add(t2_96, t2_113);
+        let t2_115 = like.lift(-0.4563).mul_add(t2_114, t2_77);
+        let t2_116 = (-t2_82).mul_add(t2_94, t2_115);
+        let t2_117 = (-t2_102).mul_add(t2_107, t2_116);
+        let t2_118 = like.lift(0.5).mul_add(t2_109, t2_117);
+        let t2_119 = t2_118 - t2_111;
+        let t2_120 = (-t2_46).mul_add(t2_106, t2_77);
+        let t2_121 = (-t2_36).mul_add(t2_96, t2_120);
+        let t2_122 = -t2_119;
+        let t2_123 = e_s1_2_q1x * t2_82;
+        let t2_124 = t2_5.mul_add(t2_102, t2_123);
+        let t2_125 = (-d_s1_3).mul_add(t2_124, t2_83);
+        let t2_126 = d_s1_1.mul_add(t2_75, t2_125);
+        let t2_127 = like.lift(0.4563) * t2_124;
+        let t2_128 = t2_5 * t2_126;
+        let t2_129 = t2_18.mul_add(t2_106, t2_128);
+        let t2_130 = t2_18 * t2_96;
+        let t2_131 = (-e_s1_2_q1x).mul_add(t2_126, t2_130);
+        let t2_132 = like.lift(0.4563) * t2_129;
+        let t2_133 = (-t2_88).mul_add(t2_107, t2_132);
+        let t2_134 = (-t2_82).mul_add(t2_127, t2_133);
+        let t2_135 = like.lift(-1.7320508075688772).mul_add(t2_111, t2_134);
+        let t2_136 = like.lift(0.8660254037844386).mul_add(t2_109, t2_135);
+        let t2_137 = like.lift(0.4563).mul_add(t2_131, t2_99);
+        let t2_138 = (-t2_102).mul_add(t2_127, t2_137);
+        let t2_139 = t2_88.mul_add(t2_94, t2_138);
+        let t2_140 = t2_31.mul_add(t2_96, t2_99);
+        let t2_141 = (-t2_46).mul_add(t2_126, t2_140);
+        let t2_142 = t2_36 * t2_126;
+        let t2_143 = t2_31.mul_add(t2_106, t2_142);
+        let t2_144 = like.lift(2.0) * d_q7;
+        let t2_145 = sin_q6 * t2_144;
+        let t2_146 = t2_20.mul_add(d_q6, t2_145);
+        let t2_147 = (-d_q6).mul_add(t2_146, t2_139);
+        let t2_148 = like.lift(1.0) / t2_20;
+        let t2_149 = t2_31 * t2_102;
+        let t2_150 = t2_46.mul_add(t2_88, t2_149);
+        let t2_151 = t2_31 * t2_82;
+        let t2_152 = (-t2_36).mul_add(t2_88, t2_151);
+        let t2_153 = t2_46 * t2_82;
+        let t2_154 = t2_36.mul_add(t2_102, t2_153);
+        let t2_155 = (-t2_82).mul_add(t2_152, t2_121);
+        let t2_156 = (-t2_102).mul_add(t2_154, t2_141);
+        let t2_157 = (-t2_88).mul_add(t2_150, t2_143);
+        let t2_158 = (-t2_102).mul_add(t2_150, t2_155);
+        let t2_159 = t2_88.mul_add(t2_152, t2_156);
+        let t2_160 = (-t2_82).mul_add(t2_154, t2_157);
+        let t2_161 = d_q8 * d_q8;
+        let t2_162 = t2_66 * t2_161;
+        let t2_163 = like.lift(0.5).mul_add(t2_162, t2_158);
+        let t2_164 = d_q9 * cos_q8;
+        let t2_165 = t2_164 * d_q8;
+        let t2_166 = like.lift(1.7320508075688772).mul_add(t2_165, t2_160);
+        let t2_167 = t2_163 - t2_165;
+        let t2_168 = like.lift(-0.8660254037844386).mul_add(t2_162, t2_166);
+        let t2_169 = -cos_q8;
+        let t2_170 = -t2_167;
+        let t2_171 = like.lift(2.0) * d_q9;
+        let t2_172 = sin_q8 * t2_171;
+        let t2_173 = t2_54.mul_add(d_q8, t2_172);
+        let t2_174 = (-d_q8).mul_add(t2_173, t2_159);
+        let t2_175 = like.lift(1.0) / t2_54;
+        let t2_176 = like.lift(0.5773502691896257).mul_add(t2_72, t2_53);
+        let t2_177 = t2_66 * t2_175;
+        let t2_178 = like.lift(1.1547005383792515) * t2_177;
+        let pivot_3 = t2_72.mul_add(t2_178, t2_64);
+        let t2_179 = (-t2_70).mul_add(t2_178, t2_61);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_195 = t2_188 * inv_pivot_3;
-        let t2_196 = (-t2_65).mul_add(t2_195, t2_49);
-        let t2_197 = -pivot_3;
-        let t2_198 = like.lift(0.5773502691896257).mul_add(t2_45, t2_12);
-        let t2_199 = t2_77.mul_add(t2_191, t2_68);
-        let t2_200 = t2_181.mul_add(t2_191, t2_186);
-        let t2_201 = (-t2_195).mul_add(t2_200, t2_180);
-        let t2_202 = like.lift(0.5773502691896257).mul_add(t2_181, t2_201);
-        let t2_203 = t2_199.mul_add(t2_195, t2_55);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_77, t2_203);
+        let t2_180 = t2_176 * inv_pivot_3;
+        let t2_181 = (-t2_57).mul_add(t2_180, t2_47);
+        let t2_182 = -pivot_3;
+        let t2_183 = like.lift(0.5773502691896257).mul_add(t2_41, t2_11);
+        let t2_184 = t2_68.mul_add(t2_178, t2_59);
+        let t2_185 = t2_168.mul_add(t2_178, t2_174);
+        let t2_186 = (-t2_180).mul_add(t2_185, t2_167);
+        let t2_187 = like.lift(0.5773502691896257).mul_add(t2_168, t2_186);
+        let t2_188 = t2_184.mul_add(t2_180, t2_49);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_68, t2_188);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_204 = t2_198 * inv_pivot_4;
-        let pivot_5 = (-t2_196).mul_add(t2_204, t2_9);
-        let t2_205 = (-t2_204).mul_add(t2_202, t2_134);
-        let t2_206 = like.lift(-0.5773502691896257).mul_add(t2_149, t2_205);
+        let t2_189 = t2_183 * inv_pivot_4;
+        let pivot_5 = (-t2_181).mul_add(t2_189, t2_8);
+        let t2_190 = (-t2_189).mul_add(t2_187, t2_119);
+        let t2_191 = like.lift(-0.5773502691896257).mul_add(t2_136, t2_190);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_207 = -pivot_5;
-        let t2_208 = (-t2_192).mul_add(t2_195, t2_57);
-        let t2_209 = like.lift(-0.5773502691896257).mul_add(t2_79, t2_208);
-        let t2_210 = (-t2_209).mul_add(t2_204, t2_20);
-        let t2_211 = like.lift(0.5773502691896257).mul_add(t2_48, t2_210);
-        let t2_212 = t2_41 * t2_161;
-        let t2_213 = like.lift(1.1547005383792515) * t2_161;
-        let t2_214 = like.lift(1.1547005383792515) * t2_212;
-        let t2_215 = sin_q6.mul_add(t2_212, cos_q6);
-        let t2_216 = -cos_q6;
-        let t2_217 = (-t2_45).mul_add(t2_214, t2_13);
-        let t2_218 = t2_217 * inv_pivot_4;
-        let t2_219 = (-t2_196).mul_add(t2_218, t2_30);
-        let t2_220 = t2_219 * inv_pivot_5;
-        let t2_221 = t2_211.mul_add(t2_220, t2_39);
-        let t2_222 = t2_209.mul_add(t2_218, t2_221);
-        let pivot_6 = t2_48.mul_add(t2_214, t2_222);
+        let t2_192 = -pivot_5;
+        let t2_193 = (-t2_179).mul_add(t2_180, t2_51);
+        let t2_194 = like.lift(-0.5773502691896257).mul_add(t2_70, t2_193);
+        let t2_195 = (-t2_194).mul_add(t2_189, t2_19);
+        let t2_196 = like.lift(0.5773502691896257).mul_add(t2_43, t2_195);
+        let t2_197 = t2_38 * t2_148;
+        let t2_198 = like.lift(1.1547005383792515) * t2_197;
+        let t2_199 = (-t2_41).mul_add(t2_198, t2_12);
+        let t2_200 = t2_199 * inv_pivot_4;
+        let t2_201 = (-t2_181).mul_add(t2_200, t2_24);
+        let t2_202 = t2_201 * inv_pivot_5;
+        let t2_203 = t2_196.mul_add(t2_202, t2_37);
+        let t2_204 = t2_194.mul_add(t2_200, t2_203);
+        let pivot_6 = t2_43.mul_add(t2_198, t2_204);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_223 = -pivot_6;
-        let t2_224 = t2_215 * inv_pivot_6;
-        let t2_225 = t2_220.mul_add(t2_206, t2_160);
-        let t2_226 = t2_218.mul_add(t2_202, t2_225);
-        let t2_227 = (-t2_149).mul_add(t2_214, t2_226);
-        let t2_228 = inv_pivot_6 * t2_227;
-        let t2_229 = (-t2_211).mul_add(t2_228, t2_206);
-        let t2_230 = inv_pivot_5 * t2_229;
-        let t2_231 = (-t2_209).mul_add(t2_228, t2_202);
-        let t2_232 = (-t2_196).mul_add(t2_230, t2_231);
-        let t2_233 = inv_pivot_4 * t2_232;
-        let t2_234 = (-t2_192).mul_add(t2_228, t2_200);
-        let t2_235 = (-t2_65).mul_add(t2_230, t2_234);
-        let t2_236 = t2_199.mul_add(t2_233, t2_235);
-        let t2_237 = inv_pivot_3 * t2_236;
-        [
-            w_fc_q2_q2, t2_1, t2_10, t2_12, t2_13, t2_20, t2_23, t2_31, t2_40, t2_41, t2_45,
-            t2_48, pivot_1, t2_50, t2_55, t2_57, t2_59, t2_62, t2_65, t2_68, t2_71, t2_74,
-            t2_75, t2_77, t2_79, t2_81, t2_82, t2_83, t2_85, t2_124, t2_137, t2_149, t2_157,
-            t2_160, t2_174, t2_181, t2_182, t2_183, t2_186, t2_190, t2_192, t2_193, t2_194,
-            inv_pivot_3, t2_195, t2_196, t2_197, t2_199, pivot_4, inv_pivot_4, t2_204,
-            inv_pivot_5, t2_207, t2_209, t2_211, t2_213, t2_216, t2_218, t2_220, inv_pivot_6,
-            t2_223, t2_224, t2_228, t2_230, t2_233, t2_237,
-        ]
-    };
-    // loops: solve with A_e (Eq. 8, 10)
-    let [al_1z, al_s1_1z, t3_12, t3_13, al_4z, al_6z] = {
-        let t3_1 = -t2_233;
-        let t3_2 = -t2_228;
-        let t3_3 = -t2_237;
-        let t3_4 = t2_48.mul_add(t2_228, t2_149);
-        let t3_5 = t2_45.mul_add(t2_233, t3_4);
-        let t3_6 = t2_79.mul_add(t2_228, t2_181);
-        let t3_7 = t2_77.mul_add(t2_233, t3_6);
-        let t3_8 = (-t2_81).mul_add(t2_237, t3_7);
-        let t3_9 = t3_5 * t2_213;
-        let t3_10 = t3_8 * t2_190;
-        let t3_11 = -t3_10;
+        let t2_205 = -pivot_6;
+        let t2_206 = t2_202.mul_add(t2_191, t2_147);
+        let t2_207 = t2_200.mul_add(t2_187, t2_206);
+        let t2_208 = (-t2_136).mul_add(t2_198, t2_207);
+        let t2_209 = inv_pivot_6 * t2_208;
+        let t2_210 = (-t2_196).mul_add(t2_209, t2_191);
+        let t2_211 = inv_pivot_5 * t2_210;
+        let t2_212 = (-t2_194).mul_add(t2_209, t2_187);
+        let t2_213 = (-t2_181).mul_add(t2_211, t2_212);
+        let t2_214 = inv_pivot_4 * t2_213;
+        let t2_215 = (-t2_179).mul_add(t2_209, t2_185);
+        let t2_216 = (-t2_57).mul_add(t2_211, t2_215);
+        let t2_217 = t2_184.mul_add(t2_214, t2_216);
+        let t2_218 = inv_pivot_3 * t2_217;
+        let t2_219 = -t2_214;
+        let t2_220 = -t2_209;
+        let t2_221 = -t2_218;
+        let t2_222 = t2_43.mul_add(t2_209, t2_136);
+        let t2_223 = t2_41.mul_add(t2_214, t2_222);
+        let t2_224 = t2_70.mul_add(t2_209, t2_168);
+        let t2_225 = t2_68.mul_add(t2_214, t2_224);
+        let t2_226 = (-t2_72).mul_add(t2_218, t2_225);
+        let t2_227 = like.lift(1.1547005383792515) * t2_148;
+        let t2_228 = t2_223 * t2_227;
+        let t2_229 = q7 * t2_148;
+        let t2_230 = t2_229 * inv_pivot_6;
+        let t2_231 = like.lift(1.1547005383792515) * t2_175;
+        let t2_232 = t2_226 * t2_231;
+        let t2_233 = -t2_232;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_83 * like.lift(1.8955297449982944)).abs())
-            .min((t2_197 * like.lift(2.6463477742948585)).abs())
+            .min((t2_74 * like.lift(1.8955297449982944)).abs())
+            .min((t2_182 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_207 * like.lift(0.8284577646309275)).abs())
-            .min((t2_223 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t3_12], [t3_13], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
-            [[t2_230], [t3_1], [t3_2], [t3_3], [t3_9], [t3_11]],
+            .min((t2_192 * like.lift(0.8284577646309275)).abs())
+            .min((t2_205 * like.lift(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t2_234], [t2_235], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+            [[t2_211], [t2_219], [t2_220], [t2_221], [t2_228], [t2_233]],
             margin,
             || (
                 [
-                    [t2_10, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
-                    [t2_31, t2_13, t2_40, like.lift(0.0), t2_41, like.lift(0.0)],
-                    [like.lift(0.0), t2_45, t2_48, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
-                    [t2_65, t2_68, t2_71, t2_74, like.lift(0.0), t2_75],
-                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
+                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
+                    [t2_25, t2_12, t2_32, like.lift(0.0), t2_38, like.lift(0.0)],
+                    [like.lift(0.0), t2_41, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_48, t2_49, t2_51, t2_53, like.lift(0.0), t2_56],
+                    [t2_57, t2_59, t2_62, t2_65, like.lift(0.0), t2_66],
+                    [like.lift(0.0), t2_68, t2_70, t2_73, like.lift(0.0), t2_74],
                 ],
-                [[t2_137], [t2_160], [t2_149], [t2_182], [t2_186], [t2_181]],
+                [[t2_122], [t2_147], [t2_136], [t2_170], [t2_174], [t2_168]],
             ),
         );
         condition = condition.min(found);
-        [al_1z, al_s1_1z, t3_12, t3_13, al_4z, al_6z]
+        [
+            w_fc_q2_q2, t2_1, t2_9, t2_11, t2_12, t2_19, t2_22, t2_25, t2_32, t2_38, t2_41,
+            t2_43, pivot_1, t2_48, t2_49, t2_51, t2_53, t2_56, t2_57, t2_59, t2_62, t2_65,
+            t2_66, t2_68, t2_70, t2_72, t2_73, t2_74, t2_76, t2_108, t2_112, t2_144, t2_161,
+            t2_169, t2_171, t2_175, t2_179, inv_pivot_3, t2_180, t2_181, t2_182, t2_184,
+            pivot_4, inv_pivot_4, t2_189, inv_pivot_5, t2_192, t2_194, t2_196, t2_200, t2_202,
+            inv_pivot_6, t2_205, t2_227, t2_230, t2_231, al_1z, al_s1_1z, t2_234, t2_235,
+            al_4z, al_6z,
+        ]
     };
     let [
         p_izz_1, _, _, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3,
@@ -8061,300 +7852,293 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> (
     ] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        a_5x, a_7x, t4_38, t4_44, t4_79, t4_83, t4_87, t4_99, x_q1_q2, x_q1_q7, x_q1_q9,
+        a_5x, a_7x, t3_40, t3_46, t3_76, t3_80, t3_84, t3_96, x_q1_q2, x_q1_q7, x_q1_q9,
         x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2, x_s1_3_q7,
         x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
-        let t4_1 = q2 * al_1z;
-        let a_2x = d_q1.mul_add(t2_85, t4_1);
-        let t4_2 = q7 * al_4z;
-        let a_5x = d_q6.mul_add(t2_157, t4_2);
-        let t4_3 = q9 * al_6z;
-        let a_7x = d_q8.mul_add(t2_183, t4_3);
+        let t3_1 = q9 * t2_175;
+        let t3_2 = q2 * al_1z;
+        let a_2x = d_q1.mul_add(t2_76, t3_2);
+        let t3_3 = q7 * al_4z;
+        let a_5x = d_q6.mul_add(t2_144, t3_3);
+        let t3_4 = q9 * al_6z;
+        let a_7x = d_q8.mul_add(t2_171, t3_4);
         let w_s1_1x = sin_s1_1 * d_q1;
-        let t4_4 = sin_s1_2 * d_s1_1;
-        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t4_4);
+        let t3_5 = sin_s1_2 * d_s1_1;
+        let w_s1_2x = (-cos_s1_2).mul_add(w_s1_1x, t3_5);
         let w_s1_1y = cos_s1_1 * d_q1;
-        let t4_5 = w_s1_1x.mul_add(w_s1_1y, -al_s1_1z);
+        let t3_6 = w_s1_1x.mul_add(w_s1_1y, -al_s1_1z);
         let w_s1_2y = d_s1_2 + w_s1_1y;
-        let t4_6 = d_s1_1 * w_s1_1y;
-        let t4_7 = sin_s1_1.mul_add(al_1z, t4_6);
-        let t4_8 = t4_7 + t4_6;
-        let t4_9 = w_s1_2x * w_s1_2y;
-        let t4_10 = t4_9 + t4_9;
-        let t4_11 = cos_s1_2.mul_add(t4_5, t4_10);
-        let t4_12 = (-sin_s1_2).mul_add(t4_8, t4_11);
-        let t4_13 = sin_s1_2 * w_s1_1x;
-        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t4_13);
-        let t4_14 = (-w_s1_2z).mul_add(w_s1_2y, t3_13);
-        let t4_15 = sin_s1_2.mul_add(t4_5, t4_14);
-        let al_3x = cos_s1_2.mul_add(t4_8, t4_15);
-        let t4_16 = w_s1_2z.mul_add(w_s1_2x, t3_12);
-        let t4_17 = cos_s1_1.mul_add(al_1z, t4_16);
-        let t4_18 = (-d_s1_1).mul_add(w_s1_1x, t4_17);
+        let t3_7 = d_s1_1 * w_s1_1y;
+        let t3_8 = sin_s1_1.mul_add(al_1z, t3_7);
+        let t3_9 = t3_8 + t3_7;
+        let t3_10 = w_s1_2x * w_s1_2y;
+        let t3_11 = t3_10 + t3_10;
+        let t3_12 = cos_s1_2.mul_add(t3_6, t3_11);
+        let t3_13 = (-sin_s1_2).mul_add(t3_9, t3_12);
+        let t3_14 = sin_s1_2 * w_s1_1x;
+        let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t3_14);
+        let t3_15 = (-w_s1_2z).mul_add(w_s1_2y, t2_235);
+        let t3_16 = sin_s1_2.mul_add(t3_6, t3_15);
+        let al_3x = cos_s1_2.mul_add(t3_9, t3_16);
+        let t3_17 = w_s1_2z.mul_add(w_s1_2x, t2_234);
+        let t3_18 = cos_s1_1.mul_add(al_1z, t3_17);
+        let t3_19 = (-d_s1_1).mul_add(w_s1_1x, t3_18);
         let w_3x = d_s1_3 - w_s1_2x;
-        let t4_19 = sin_s1_3 * t4_18;
-        let t4_20 = cos_s1_3.mul_add(t4_12, t4_19);
-        let t4_21 = sin_s1_3 * t4_12;
-        let t4_22 = (-cos_s1_3).mul_add(t4_18, t4_21);
-        let t4_23 = sin_s1_3 * w_s1_2z;
-        let w_3y = cos_s1_3.mul_add(w_s1_2y, t4_23);
-        let t4_24 = sin_s1_3 * w_s1_2y;
-        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t4_24);
-        let t4_25 = w_3y * w_3z;
-        let t4_26 = t4_25 + al_3x;
-        let t4_27 = p_mz_3 * t4_26;
-        let t4_28 = p_mx_3.mul_add(t4_20, t4_27);
-        let t4_29 = w_3x * w_3x;
-        let t4_30 = w_3y * w_3y;
-        let t4_31 = w_3y * w_3x;
-        let t4_32 = w_3z * w_3x;
-        let t4_33 = w_3z * w_3z;
-        let al_3z = t4_31 + t4_20;
-        let t4_34 = t4_29 + t4_30;
-        let t4_35 = t4_34 * p_mz_3;
-        let t4_36 = (-p_mx_3).mul_add(t4_22, t4_35);
-        let al_3y = t4_32 + t4_22;
-        let t4_37 = cos_s1_3 * t4_36;
-        let t4_38 = sin_s1_3.mul_add(t4_28, t4_37);
-        let t4_39 = cos_s1_3 * t4_28;
-        let t4_40 = (-sin_s1_3).mul_add(t4_36, t4_39);
-        let t4_41 = t4_30 + t4_33;
-        let t4_42 = t4_32 + al_3y;
-        let t4_43 = p_mz_3 * t4_42;
-        let t4_44 = t4_41.mul_add(p_mx_3, t4_43);
+        let t3_20 = sin_s1_3 * t3_19;
+        let t3_21 = cos_s1_3.mul_add(t3_13, t3_20);
+        let t3_22 = sin_s1_3 * t3_13;
+        let t3_23 = (-cos_s1_3).mul_add(t3_19, t3_22);
+        let t3_24 = sin_s1_3 * w_s1_2z;
+        let w_3y = cos_s1_3.mul_add(w_s1_2y, t3_24);
+        let t3_25 = sin_s1_3 * w_s1_2y;
+        let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t3_25);
+        let t3_26 = w_3y * w_3z;
+        let t3_27 = t3_26 + al_3x;
+        let t3_28 = p_mz_3 * t3_27;
+        let t3_29 = p_mx_3.mul_add(t3_21, t3_28);
+        let t3_30 = p_ixz_3 * t3_27;
+        let t3_31 = w_3x * w_3x;
+        let t3_32 = w_3y * w_3y;
+        let t3_33 = w_3y * w_3x;
+        let t3_34 = w_3z * w_3x;
+        let t3_35 = w_3z * w_3z;
+        let t3_36 = t3_31 + t3_32;
+        let t3_37 = t3_36 * p_mz_3;
+        let t3_38 = (-p_mx_3).mul_add(t3_23, t3_37);
+        let t3_39 = cos_s1_3 * t3_38;
+        let t3_40 = sin_s1_3.mul_add(t3_29, t3_39);
+        let t3_41 = cos_s1_3 * t3_29;
+        let t3_42 = (-sin_s1_3).mul_add(t3_38, t3_41);
+        let t3_43 = t3_32 + t3_35;
+        let al_3y = t3_34 + t3_23;
+        let t3_44 = t3_34 + al_3y;
+        let t3_45 = p_mz_3 * t3_44;
+        let t3_46 = t3_43.mul_add(p_mx_3, t3_45);
         let a_2z = q2 * t2_1;
-        let t4_45 = p_ixx_3 - p_izz_3;
-        let t4_46 = t4_29 - t4_33;
-        let t4_47 = t4_29 - t4_30;
-        let t4_48 = t4_30 - t4_33;
+        let t3_47 = p_ixx_3 - p_izz_3;
+        let t3_48 = t3_31 - t3_35;
+        let t3_49 = t3_31 - t3_32;
+        let t3_50 = t3_32 - t3_35;
+        let al_3z = t3_33 + t3_21;
         let a_s1_1x = cos_s1_1 * a_2x;
-        let t4_49 = cos_s1_2 * a_s1_1x;
-        let a_s1_2x = sin_s1_2.mul_add(a_2z, t4_49);
-        let t4_50 = cos_s1_2 * a_2z;
-        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t4_50);
+        let t3_51 = cos_s1_2 * a_s1_1x;
+        let a_s1_2x = sin_s1_2.mul_add(a_2z, t3_51);
+        let t3_52 = cos_s1_2 * a_2z;
+        let a_s1_2z = (-sin_s1_2).mul_add(a_s1_1x, t3_52);
         let a_s1_1y = sin_s1_1 * a_2x;
-        let t4_51 = sin_s1_3 * a_s1_1y;
-        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t4_51);
-        let t4_52 = sin_s1_3 * a_s1_2z;
-        let a_3y = cos_s1_3.mul_add(a_s1_1y, t4_52);
-        let t4_53 = t4_25 - al_3x;
-        let t4_54 = t4_31 + al_3z;
-        let t4_55 = p_iyz_3 * t4_54;
-        let t4_56 = p_ixy_3.mul_add(t4_53, t4_55);
-        let t4_57 = t4_46.mul_add(p_ixz_3, t4_56);
-        let t4_58 = t4_32.mul_add(t4_45, t4_57);
-        let t4_59 = p_iyy_3.mul_add(al_3y, t4_58);
-        let t4_60 = p_mx_3.mul_add(a_3z, t4_59);
-        let t4_61 = (-p_mz_3).mul_add(a_s1_2x, t4_60);
-        let t4_62 = p_ixx_3 - p_iyy_3;
-        let t4_63 = t4_25 + al_3x;
-        let t4_64 = p_ixz_3 * t4_63;
-        let t4_65 = (-p_mx_3).mul_add(a_3y, t4_64);
-        let t4_66 = p_mz_3 * a_3y;
-        let t4_67 = t4_32 + al_3y;
-        let t4_68 = (-p_iyz_3).mul_add(t4_67, t4_65);
-        let t4_69 = t4_47.mul_add(p_ixy_3, t4_68);
-        let t4_70 = t4_32 - al_3y;
-        let t4_71 = (-t4_31).mul_add(t4_62, t4_69);
-        let t4_72 = p_ixy_3.mul_add(t4_70, t4_66);
-        let t4_73 = t4_31 - al_3z;
-        let t4_74 = p_ixz_3.mul_add(t4_73, t4_72);
-        let t4_75 = (-p_izz_3).mul_add(al_3z, t4_71);
-        let t4_76 = t4_48.mul_add(p_iyz_3, t4_74);
-        let t4_77 = p_iyy_3 - p_izz_3;
-        let t4_78 = t4_25.mul_add(t4_77, t4_76);
-        let t4_79 = p_ixx_3.mul_add(al_3x, t4_78);
-        let t4_80 = sin_s1_3 * t4_61;
-        let t4_81 = sin_s1_3 * t4_75;
-        let t4_82 = (-cos_s1_3).mul_add(t4_75, t4_80);
-        let t4_83 = cos_s1_3.mul_add(t4_61, t4_81);
-        let t4_84 = sin_s1_2 * t4_82;
-        let t4_85 = (-cos_s1_2).mul_add(t4_79, t4_84);
-        let t4_86 = sin_s1_2 * t4_79;
-        let t4_87 = cos_s1_2.mul_add(t4_82, t4_86);
-        let t4_88 = cos_s1_2 * t4_44;
-        let t4_89 = sin_s1_2.mul_add(t4_38, t4_88);
-        let t4_90 = t2_1 * p_mx_2;
-        let t4_91 = (-p_mz_2).mul_add(al_1z, t4_90);
-        let t4_92 = (-sin_s1_1).mul_add(t4_40, t4_91);
-        let t4_93 = cos_s1_1.mul_add(t4_89, t4_92);
-        let t4_94 = p_izz_1 * al_1z;
-        let t4_95 = (-q2).mul_add(t4_93, t4_94);
-        let t4_96 = a_2z.mul_add(p_mx_2, t4_95);
-        let t4_97 = p_mz_2.mul_add(a_2x, t4_96);
-        let t4_98 = (-cos_s1_1).mul_add(t4_83, t4_97);
-        let t4_99 = (-sin_s1_1).mul_add(t4_85, t4_98);
-        let t4_100 = -sin_q1;
-        let t4_101 = like.lift(0.5) * sin_q6;
-        let t4_102 = -t4_101;
-        let t4_103 = like.lift(0.8660254037844386) * sin_q6;
-        let t4_104 = like.lift(0.5) * sin_q8;
-        let t4_105 = -t4_104;
-        let t4_106 = like.lift(0.8660254037844386) * sin_q8;
-        let t4_107 = -t4_106;
-        let t4_108 = (-cos_q1).mul_add(t2_195, sin_q1);
-        let t4_109 = (-t4_108).mul_add(t2_204, sin_q1);
-        let t4_110 = t2_193 * t2_195;
-        let t4_111 = t4_110 * t2_204;
-        let t4_112 = t4_109.mul_add(t2_220, cos_q1);
-        let t4_113 = t4_108.mul_add(t2_218, t4_112);
-        let t4_114 = t4_110 * t2_218;
-        let t4_115 = (-t4_111).mul_add(t2_220, t4_114);
-        let t4_116 = t4_113 * inv_pivot_6;
-        let t4_117 = t4_115 * inv_pivot_6;
-        let t4_118 = (-t2_211).mul_add(t4_116, t4_109);
-        let t4_119 = inv_pivot_5 * t4_118;
-        let t4_120 = t2_211.mul_add(t4_117, t4_111);
-        let t4_121 = inv_pivot_5 * t2_211;
-        let t4_122 = inv_pivot_5 * t4_120;
-        let t4_123 = t4_121 * t2_224;
-        let t4_124 = (-t2_209).mul_add(t4_116, t4_108);
-        let t4_125 = (-t2_196).mul_add(t4_119, t4_124);
-        let t4_126 = inv_pivot_4 * t4_125;
-        let t4_127 = (-t2_209).mul_add(t4_117, t4_110);
-        let t4_128 = t2_196.mul_add(t4_122, t4_127);
-        let t4_129 = t2_196 * t4_123;
-        let t4_130 = (-t2_209).mul_add(t2_224, t4_129);
-        let t4_131 = inv_pivot_4 * t4_130;
-        let t4_132 = inv_pivot_4 * t4_128;
-        let t4_133 = t2_192.mul_add(t4_117, t2_193);
-        let t4_134 = (-t2_65).mul_add(t4_122, t4_133);
-        let t4_135 = -t4_122;
-        let t4_136 = (-t2_199).mul_add(t4_132, t4_134);
-        let t4_137 = inv_pivot_3 * t4_136;
-        let t4_138 = (-t2_79).mul_add(t4_117, t4_106);
-        let t4_139 = (-t2_77).mul_add(t4_132, t4_138);
-        let t4_140 = (-t2_81).mul_add(t4_137, t4_139);
-        let t4_141 = t4_140 * t2_190;
-        let t4_142 = -t4_126;
-        let t4_143 = -t4_132;
-        let t4_144 = t2_48 * t4_117;
-        let t4_145 = t2_45.mul_add(t4_132, t4_144);
-        let t4_146 = -t4_117;
-        let t4_147 = t4_145 * t2_213;
-        let t4_148 = -t4_116;
-        let t4_149 = (-t2_192).mul_add(t4_116, cos_q1);
-        let t4_150 = (-t2_65).mul_add(t4_119, t4_149);
-        let t4_151 = t2_199.mul_add(t4_126, t4_150);
-        let t4_152 = inv_pivot_3 * t4_151;
-        let t4_153 = t2_65 * t4_123;
-        let t4_154 = (-t2_192).mul_add(t2_224, t4_153);
-        let t4_155 = t2_199.mul_add(t4_131, t4_154);
-        let t4_156 = inv_pivot_3 * t4_155;
-        let t4_157 = -t4_152;
-        let t4_158 = t2_81 * t4_152;
-        let t4_159 = (-t2_79).mul_add(t4_116, t4_158);
-        let t4_160 = t2_48 * t4_116;
-        let t4_161 = t2_45.mul_add(t4_126, t4_160);
-        let t4_162 = (-t2_77).mul_add(t4_126, t4_159);
-        let t4_163 = t4_161 * t2_213;
-        let t4_164 = t4_162 * t2_190;
-        let t4_165 = t2_81 * t4_156;
-        let t4_166 = (-t2_79).mul_add(t2_224, t4_165);
-        let t4_167 = (-t2_77).mul_add(t4_131, t4_166);
-        let t4_168 = t4_167 * t2_190;
-        let t4_169 = -t4_168;
-        let t4_170 = (-t2_48).mul_add(t2_224, t4_103);
-        let t4_171 = (-t2_45).mul_add(t4_131, t4_170);
-        let t4_172 = t4_171 * t2_213;
+        let t3_53 = sin_s1_3 * a_s1_1y;
+        let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t3_53);
+        let t3_54 = sin_s1_3 * a_s1_2z;
+        let a_3y = cos_s1_3.mul_add(a_s1_1y, t3_54);
+        let t3_55 = (-p_mx_3).mul_add(a_3y, t3_30);
+        let t3_56 = (-p_iyz_3).mul_add(t3_44, t3_55);
+        let t3_57 = t3_49.mul_add(p_ixy_3, t3_56);
+        let t3_58 = p_mz_3 * a_3y;
+        let t3_59 = (-p_ixy_3).mul_add(t3_23, t3_58);
+        let t3_60 = (-p_ixz_3).mul_add(t3_21, t3_59);
+        let t3_61 = t3_50.mul_add(p_iyz_3, t3_60);
+        let t3_62 = p_ixx_3 - p_iyy_3;
+        let t3_63 = (-t3_33).mul_add(t3_62, t3_57);
+        let t3_64 = t3_33 + al_3z;
+        let t3_65 = (-p_izz_3).mul_add(al_3z, t3_63);
+        let t3_66 = p_iyz_3 * t3_64;
+        let t3_67 = t3_26 - al_3x;
+        let t3_68 = p_ixy_3.mul_add(t3_67, t3_66);
+        let t3_69 = t3_48.mul_add(p_ixz_3, t3_68);
+        let t3_70 = t3_34.mul_add(t3_47, t3_69);
+        let t3_71 = p_iyy_3.mul_add(al_3y, t3_70);
+        let t3_72 = p_mx_3.mul_add(a_3z, t3_71);
+        let t3_73 = (-p_mz_3).mul_add(a_s1_2x, t3_72);
+        let t3_74 = p_iyy_3 - p_izz_3;
+        let t3_75 = t3_26.mul_add(t3_74, t3_61);
+        let t3_76 = p_ixx_3.mul_add(al_3x, t3_75);
+        let t3_77 = sin_s1_3 * t3_73;
+        let t3_78 = sin_s1_3 * t3_65;
+        let t3_79 = (-cos_s1_3).mul_add(t3_65, t3_77);
+        let t3_80 = cos_s1_3.mul_add(t3_73, t3_78);
+        let t3_81 = sin_s1_2 * t3_79;
+        let t3_82 = (-cos_s1_2).mul_add(t3_76, t3_81);
+        let t3_83 = sin_s1_2 * t3_76;
+        let t3_84 = cos_s1_2.mul_add(t3_79, t3_83);
+        let t3_85 = cos_s1_2 * t3_46;
+        let t3_86 = sin_s1_2.mul_add(t3_40, t3_85);
+        let t3_87 = t2_1 * p_mx_2;
+        let t3_88 = (-p_mz_2).mul_add(al_1z, t3_87);
+        let t3_89 = (-sin_s1_1).mul_add(t3_42, t3_88);
+        let t3_90 = cos_s1_1.mul_add(t3_86, t3_89);
+        let t3_91 = p_izz_1 * al_1z;
+        let t3_92 = (-q2).mul_add(t3_90, t3_91);
+        let t3_93 = a_2z.mul_add(p_mx_2, t3_92);
+        let t3_94 = p_mz_2.mul_add(a_2x, t3_93);
+        let t3_95 = (-cos_s1_1).mul_add(t3_80, t3_94);
+        let t3_96 = (-sin_s1_1).mul_add(t3_82, t3_95);
+        let t3_97 = -sin_q1;
+        let t3_98 = like.lift(0.5) * sin_q6;
+        let t3_99 = -t3_98;
+        let t3_100 = like.lift(0.8660254037844386) * sin_q6;
+        let t3_101 = like.lift(0.5) * sin_q8;
+        let t3_102 = -t3_101;
+        let t3_103 = like.lift(0.8660254037844386) * sin_q8;
+        let t3_104 = -t3_103;
+        let t3_105 = (-cos_q1).mul_add(t2_180, sin_q1);
+        let t3_106 = (-t3_105).mul_add(t2_189, sin_q1);
+        let t3_107 = t3_1 * t2_180;
+        let t3_108 = t3_107 * t2_189;
+        let t3_109 = t3_106.mul_add(t2_202, cos_q1);
+        let t3_110 = t3_105.mul_add(t2_200, t3_109);
+        let t3_111 = t3_107 * t2_200;
+        let t3_112 = (-t3_108).mul_add(t2_202, t3_111);
+        let t3_113 = t3_110 * inv_pivot_6;
+        let t3_114 = t3_112 * inv_pivot_6;
+        let t3_115 = (-t2_196).mul_add(t3_113, t3_106);
+        let t3_116 = inv_pivot_5 * t3_115;
+        let t3_117 = t2_196.mul_add(t3_114, t3_108);
+        let t3_118 = inv_pivot_5 * t2_196;
+        let t3_119 = inv_pivot_5 * t3_117;
+        let t3_120 = t3_118 * t2_230;
+        let t3_121 = (-t2_194).mul_add(t3_113, t3_105);
+        let t3_122 = (-t2_181).mul_add(t3_116, t3_121);
+        let t3_123 = inv_pivot_4 * t3_122;
+        let t3_124 = (-t2_194).mul_add(t3_114, t3_107);
+        let t3_125 = t2_181.mul_add(t3_119, t3_124);
+        let t3_126 = t2_181 * t3_120;
+        let t3_127 = (-t2_194).mul_add(t2_230, t3_126);
+        let t3_128 = inv_pivot_4 * t3_127;
+        let t3_129 = inv_pivot_4 * t3_125;
+        let t3_130 = t2_179.mul_add(t3_114, t3_1);
+        let t3_131 = (-t2_57).mul_add(t3_119, t3_130);
+        let t3_132 = -t3_119;
+        let t3_133 = (-t2_184).mul_add(t3_129, t3_131);
+        let t3_134 = inv_pivot_3 * t3_133;
+        let t3_135 = (-t2_70).mul_add(t3_114, t3_103);
+        let t3_136 = (-t2_68).mul_add(t3_129, t3_135);
+        let t3_137 = (-t2_72).mul_add(t3_134, t3_136);
+        let t3_138 = t3_137 * t2_231;
+        let t3_139 = -t3_123;
+        let t3_140 = -t3_129;
+        let t3_141 = t2_43 * t3_114;
+        let t3_142 = t2_41.mul_add(t3_129, t3_141);
+        let t3_143 = -t3_114;
+        let t3_144 = t3_142 * t2_227;
+        let t3_145 = -t3_113;
+        let t3_146 = (-t2_179).mul_add(t3_113, cos_q1);
+        let t3_147 = (-t2_57).mul_add(t3_116, t3_146);
+        let t3_148 = t2_184.mul_add(t3_123, t3_147);
+        let t3_149 = inv_pivot_3 * t3_148;
+        let t3_150 = t2_57 * t3_120;
+        let t3_151 = (-t2_179).mul_add(t2_230, t3_150);
+        let t3_152 = t2_184.mul_add(t3_128, t3_151);
+        let t3_153 = inv_pivot_3 * t3_152;
+        let t3_154 = -t3_149;
+        let t3_155 = t2_72 * t3_149;
+        let t3_156 = (-t2_70).mul_add(t3_113, t3_155);
+        let t3_157 = t2_43 * t3_113;
+        let t3_158 = t2_41.mul_add(t3_123, t3_157);
+        let t3_159 = (-t2_68).mul_add(t3_123, t3_156);
+        let t3_160 = t3_158 * t2_227;
+        let t3_161 = t3_159 * t2_231;
+        let t3_162 = t2_72 * t3_153;
+        let t3_163 = (-t2_70).mul_add(t2_230, t3_162);
+        let t3_164 = (-t2_68).mul_add(t3_128, t3_163);
+        let t3_165 = t3_164 * t2_231;
+        let t3_166 = -t3_165;
+        let t3_167 = (-t2_43).mul_add(t2_230, t3_100);
+        let t3_168 = (-t2_41).mul_add(t3_128, t3_167);
+        let t3_169 = t3_168 * t2_227;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_83 * like.lift(1.8955297449982944)).abs())
-            .min((t2_197 * like.lift(2.6463477742948585)).abs())
+            .min((t2_74 * like.lift(1.8955297449982944)).abs())
+            .min((t2_182 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_207 * like.lift(0.8284577646309275)).abs())
-            .min((t2_223 * like.lift(2.1915406530791146)).abs());
+            .min((t2_192 * like.lift(0.8284577646309275)).abs())
+            .min((t2_205 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t4_119, t4_123, t4_135], [t4_142, t4_131, t4_143], [t4_148, t2_224, t4_146],
-                [t4_157, t4_156, t4_137], [t4_163, t4_172, t4_147], [t4_164, t4_169, t4_141],
+                [t3_116, t3_120, t3_132], [t3_139, t3_128, t3_140], [t3_145, t2_230, t3_143],
+                [t3_154, t3_153, t3_134], [t3_160, t3_169, t3_144], [t3_161, t3_166, t3_138],
             ],
             margin,
             || (
                 [
-                    [t2_10, t2_12, t2_20, like.lift(0.0), t2_23, like.lift(0.0)],
-                    [t2_31, t2_13, t2_40, like.lift(0.0), t2_41, like.lift(0.0)],
-                    [like.lift(0.0), t2_45, t2_48, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_50, t2_55, t2_57, t2_59, like.lift(0.0), t2_62],
-                    [t2_65, t2_68, t2_71, t2_74, like.lift(0.0), t2_75],
-                    [like.lift(0.0), t2_77, t2_79, t2_82, like.lift(0.0), t2_83],
+                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
+                    [t2_25, t2_12, t2_32, like.lift(0.0), t2_38, like.lift(0.0)],
+                    [like.lift(0.0), t2_41, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_48, t2_49, t2_51, t2_53, like.lift(0.0), t2_56],
+                    [t2_57, t2_59, t2_62, t2_65, like.lift(0.0), t2_66],
+                    [like.lift(0.0), t2_68, t2_70, t2_73, like.lift(0.0), t2_74],
                 ],
                 [
-                    [t4_100, t4_102, like.lift(0.0)], [cos_q1, t2_216, like.lift(0.0)],
-                    [like.lift(0.0), t4_103, like.lift(0.0)], [t4_100, like.lift(0.0), t4_105],
-                    [cos_q1, like.lift(0.0), t2_194], [like.lift(0.0), like.lift(0.0), t4_107],
+                    [t3_97, t3_99, like.lift(0.0)], [cos_q1, t2_112, like.lift(0.0)],
+                    [like.lift(0.0), t3_100, like.lift(0.0)], [t3_97, like.lift(0.0), t3_102],
+                    [cos_q1, like.lift(0.0), t2_169], [like.lift(0.0), like.lift(0.0), t3_104],
                 ],
             ),
         );
         condition = condition.min(found);
         [
-            a_5x, a_7x, t4_38, t4_44, t4_79, t4_83, t4_87, t4_99, x_q1_q2, x_q1_q7, x_q1_q9,
+            a_5x, a_7x, t3_40, t3_46, t3_76, t3_80, t3_84, t3_96, x_q1_q2, x_q1_q7, x_q1_q9,
             x_s1_1_q2, x_s1_1_q7, x_s1_1_q9, x_s1_2_q2, x_s1_2_q7, x_s1_2_q9, x_s1_3_q2,
             x_s1_3_q7, x_s1_3_q9, x_q6_q2, x_q6_q7, x_q6_q9, x_q8_q2, x_q8_q7, x_q8_q9,
         ]
     };
     // tau
     {
-        let t5_1 = t4_83 * x_s1_2_q2;
-        let a_5z = q7 * t2_124;
-        let t5_2 = p_m_5 * a_5x;
-        let t5_3 = p_mz_5.mul_add(al_4z, t5_2);
-        let t5_4 = (-t2_124).mul_add(p_mx_5, t5_3);
-        let t5_5 = p_izz_4 * al_4z;
-        let t5_6 = q7.mul_add(t5_4, t5_5);
-        let t5_7 = a_5z.mul_add(p_mx_5, t5_6);
-        let t5_8 = p_mz_5.mul_add(a_5x, t5_7);
-        let a_7z = q9 * t2_174;
-        let t5_9 = p_m_7 * a_7x;
-        let t5_10 = p_mz_7.mul_add(al_6z, t5_9);
-        let t5_11 = (-t2_174).mul_add(p_mx_7, t5_10);
-        let t5_12 = p_izz_6 * al_6z;
-        let t5_13 = q9.mul_add(t5_11, t5_12);
-        let t5_14 = a_7z.mul_add(p_mx_7, t5_13);
-        let t5_15 = p_mz_7.mul_add(a_7x, t5_14);
-        let t5_16 = (-t5_15).mul_add(x_q8_q2, t5_1);
-        let t5_17 = (-t5_8).mul_add(x_q6_q2, t5_16);
-        let t5_18 = (-t4_79).mul_add(x_s1_3_q2, t5_17);
-        let t5_19 = t4_87.mul_add(x_s1_1_q2, t5_18);
-        let t5_20 = (-t4_99).mul_add(x_q1_q2, t5_19);
-        let t5_21 = w_fc_q2_q2.mul_add(p_fc_q2, t5_20);
-        let t5_22 = d_q2.mul_add(p_fv_q2, t5_21);
-        let t5_23 = (-p_mx_2).mul_add(al_1z, t5_22);
-        let t5_24 = (-t2_1).mul_add(p_mz_2, t5_23);
-        let t5_25 = sin_s1_2.mul_add(t4_44, t5_24);
-        let t5_26 = (-cos_s1_2).mul_add(t4_38, t5_25);
-        tau[0] = t5_26;
+        let t4_1 = t3_80 * x_s1_2_q2;
+        let a_5z = q7 * t2_108;
+        let t4_2 = p_m_5 * a_5x;
+        let t4_3 = p_mz_5.mul_add(al_4z, t4_2);
+        let t4_4 = p_izz_4 * al_4z;
+        let t4_5 = q7.mul_add(t4_3, t4_4);
+        let t4_6 = p_mz_5.mul_add(a_5x, t4_5);
+        let a_7z = q9 * t2_161;
+        let t4_7 = p_m_7 * a_7x;
+        let t4_8 = p_mz_7.mul_add(al_6z, t4_7);
+        let t4_9 = p_izz_6 * al_6z;
+        let t4_10 = q9.mul_add(t4_8, t4_9);
+        let t4_11 = p_mz_7.mul_add(a_7x, t4_10);
+        let t4_12 = (-t4_11).mul_add(x_q8_q2, t4_1);
+        let t4_13 = (-t4_6).mul_add(x_q6_q2, t4_12);
+        let t4_14 = (-t3_76).mul_add(x_s1_3_q2, t4_13);
+        let t4_15 = t3_84.mul_add(x_s1_1_q2, t4_14);
+        let t4_16 = (-t3_96).mul_add(x_q1_q2, t4_15);
+        let t4_17 = w_fc_q2_q2.mul_add(p_fc_q2, t4_16);
+        let t4_18 = d_q2.mul_add(p_fv_q2, t4_17);
+        let t4_19 = (-p_mx_2).mul_add(al_1z, t4_18);
+        let t4_20 = (-t2_1).mul_add(p_mz_2, t4_19);
+        let t4_21 = sin_s1_2.mul_add(t3_46, t4_20);
+        let t4_22 = (-cos_s1_2).mul_add(t3_40, t4_21);
+        tau[0] = t4_22;
         let w_fc_q7_q7 = d_q7.sign();
-        let t5_27 = w_fc_q7_q7 * p_fc_q7;
-        let t5_28 = (-t5_15).mul_add(x_q8_q7, t5_27);
-        let t5_29 = d_q7.mul_add(p_fv_q7, t5_28);
-        let t5_30 = (-a_5z).mul_add(p_m_5, t5_29);
-        let t5_31 = (-p_mx_5).mul_add(al_4z, t5_30);
-        let t5_32 = (-t2_124).mul_add(p_mz_5, t5_31);
-        let t5_33 = (-t5_8).mul_add(x_q6_q7, t5_32);
-        let t5_34 = (-t4_79).mul_add(x_s1_3_q7, t5_33);
-        let t5_35 = t4_83.mul_add(x_s1_2_q7, t5_34);
-        let t5_36 = t4_87.mul_add(x_s1_1_q7, t5_35);
-        let t5_37 = (-t4_99).mul_add(x_q1_q7, t5_36);
-        tau[1] = t5_37;
+        let t4_23 = w_fc_q7_q7 * p_fc_q7;
+        let t4_24 = (-t4_11).mul_add(x_q8_q7, t4_23);
+        let t4_25 = d_q7.mul_add(p_fv_q7, t4_24);
+        let t4_26 = (-a_5z).mul_add(p_m_5, t4_25);
+        let t4_27 = (-p_mx_5).mul_add(al_4z, t4_26);
+        let t4_28 = (-t2_108).mul_add(p_mz_5, t4_27);
+        let t4_29 = (-t4_6).mul_add(x_q6_q7, t4_28);
+        let t4_30 = (-t3_76).mul_add(x_s1_3_q7, t4_29);
+        let t4_31 = t3_80.mul_add(x_s1_2_q7, t4_30);
+        let t4_32 = t3_84.mul_add(x_s1_1_q7, t4_31);
+        let t4_33 = (-t3_96).mul_add(x_q1_q7, t4_32);
+        tau[1] = t4_33;
         let w_fc_q9_q9 = d_q9.sign();
-        let t5_38 = w_fc_q9_q9 * p_fc_q9;
-        let t5_39 = d_q9.mul_add(p_fv_q9, t5_38);
-        let t5_40 = (-a_7z).mul_add(p_m_7, t5_39);
-        let t5_41 = (-p_mx_7).mul_add(al_6z, t5_40);
-        let t5_42 = (-t2_174).mul_add(p_mz_7, t5_41);
-        let t5_43 = (-t5_15).mul_add(x_q8_q9, t5_42);
-        let t5_44 = (-t5_8).mul_add(x_q6_q9, t5_43);
-        let t5_45 = (-t4_79).mul_add(x_s1_3_q9, t5_44);
-        let t5_46 = t4_83.mul_add(x_s1_2_q9, t5_45);
-        let t5_47 = t4_87.mul_add(x_s1_1_q9, t5_46);
-        let t5_48 = (-t4_99).mul_add(x_q1_q9, t5_47);
-        tau[2] = t5_48;
+        let t4_34 = w_fc_q9_q9 * p_fc_q9;
+        let t4_35 = d_q9.mul_add(p_fv_q9, t4_34);
+        let t4_36 = (-a_7z).mul_add(p_m_7, t4_35);
+        let t4_37 = (-p_mx_7).mul_add(al_6z, t4_36);
+        let t4_38 = (-t2_161).mul_add(p_mz_7, t4_37);
+        let t4_39 = (-t4_11).mul_add(x_q8_q9, t4_38);
+        let t4_40 = (-t4_6).mul_add(x_q6_q9, t4_39);
+        let t4_41 = (-t3_76).mul_add(x_s1_3_q9, t4_40);
+        let t4_42 = t3_80.mul_add(x_s1_2_q9, t4_41);
+        let t4_43 = t3_84.mul_add(x_s1_1_q9, t4_42);
+        let t4_44 = (-t3_96).mul_add(x_q1_q9, t4_43);
+        tau[2] = t4_44;
     }
     (tau, Condition { pivot: condition })
 }
@@ -8365,7 +8149,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 34]) -> (
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 206 additions, 324 multiplications, 6 divisions, 6 sines and cosines.
+/// 198 additions, 315 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([[T; 3]; 3], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 3]; 3];
@@ -8409,230 +8193,221 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([[T; 3]; 3], 
         let t2_10 = cos_q1.mul_add(sin_s1_2, t2_9);
         let t2_11 = cos_q1 * cos_s1_2;
         let t2_12 = (-sin_s1_2).mul_add(t2_8, t2_11);
-        let t2_13 = sin_s1_3 * t2_12;
-        let t2_14 = like.lift(-0.4563).mul_add(t2_10, t2_7);
-        let t2_15 = -t2_14;
+        let t2_13 = like.lift(-0.4563).mul_add(t2_10, t2_7);
+        let t2_14 = -t2_13;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_16 = like.lift(0.4563) * e_s1_2_q1x;
-        let t2_17 = cos_q1 * t2_16;
-        let t2_18 = sin_q1 * t2_16;
-        let t2_19 = sin_q1 * sin_s1_1;
-        let t2_20 = cos_s1_3.mul_add(t2_19, t2_13);
-        let t2_21 = like.lift(0.22815) * t2_10;
-        let t2_22 = like.lift(-0.39516739174683935).mul_add(t2_20, t2_21);
-        let t2_23 = t2_7 - t2_22;
-        let t2_24 = t2_19 * e_s1_2_q1x;
-        let t2_25 = cos_s1_1.mul_add(t2_10, t2_24);
-        let t2_26 = like.lift(0.4563) * t2_25;
-        let t2_27 = cos_q6 * q7;
-        let t2_28 = like.lift(0.5) * t2_27;
-        let t2_29 = -t2_28;
-        let t2_30 = sin_q1 * q2;
-        let t2_31 = cos_q1 * cos_s1_1;
-        let t2_32 = sin_q1 * sin_s1_2;
-        let t2_33 = (-cos_s1_2).mul_add(t2_31, t2_32);
-        let t2_34 = sin_s1_2 * t2_31;
-        let t2_35 = sin_q1.mul_add(cos_s1_2, t2_34);
-        let t2_36 = like.lift(-0.4563).mul_add(t2_33, t2_30);
-        let t2_37 = -t2_36;
-        let t2_38 = cos_q1 * sin_s1_1;
-        let t2_39 = cos_s1_3 * t2_38;
-        let t2_40 = (-sin_s1_3).mul_add(t2_35, t2_39);
-        let t2_41 = like.lift(0.39516739174683935) * t2_40;
-        let t2_42 = t2_41 - t2_30;
-        let t2_43 = cos_s1_1 * t2_33;
-        let t2_44 = (-t2_38).mul_add(e_s1_2_q1x, t2_43);
-        let t2_45 = like.lift(0.4563) * t2_44;
-        let t2_46 = -t2_45;
-        let t2_47 = -t2_46;
-        let t2_48 = sin_q6 * q7;
-        let t2_49 = sin_q1 * t2_10;
-        let t2_50 = (-cos_q1).mul_add(t2_33, t2_49);
+        let t2_15 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_16 = cos_q1 * t2_15;
+        let t2_17 = sin_q1 * t2_15;
+        let t2_18 = sin_q1 * sin_s1_1;
+        let t2_19 = cos_q1 * cos_s1_1;
+        let t2_20 = sin_s1_2 * t2_19;
+        let t2_21 = sin_q1.mul_add(cos_s1_2, t2_20);
+        let t2_22 = sin_q1 * sin_s1_2;
+        let t2_23 = (-cos_s1_2).mul_add(t2_19, t2_22);
+        let t2_24 = like.lift(0.4563) * t2_21;
+        let t2_25 = cos_q6 * q7;
+        let t2_26 = -cos_q6;
+        let t2_27 = like.lift(0.5) * t2_25;
+        let t2_28 = -t2_27;
+        let t2_29 = sin_q1 * q2;
+        let t2_30 = like.lift(-0.4563).mul_add(t2_23, t2_29);
+        let t2_31 = -t2_30;
+        let t2_32 = cos_q1 * sin_s1_1;
+        let t2_33 = cos_s1_3 * t2_32;
+        let t2_34 = (-sin_s1_3).mul_add(t2_21, t2_33);
+        let t2_35 = like.lift(0.39516739174683935) * t2_34;
+        let t2_36 = like.lift(0.22815) * t2_23;
+        let t2_37 = t2_36 + t2_35;
+        let t2_38 = t2_37 - t2_29;
+        let t2_39 = like.lift(-0.4563) * t2_12;
+        let t2_40 = sin_s1_3 * t2_12;
+        let t2_41 = cos_s1_3.mul_add(t2_18, t2_40);
+        let t2_42 = like.lift(0.22815) * t2_10;
+        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
+        let t2_44 = t2_7 - t2_43;
+        let t2_45 = -t2_39;
+        let t2_46 = sin_q6 * q7;
+        let t2_47 = cos_s1_1 * cos_s1_2;
+        let t2_48 = like.lift(0.4563) * t2_47;
+        let t2_49 = -t2_48;
+        let t2_50 = sin_s1_1 * sin_s1_2;
         let t2_51 = like.lift(0.4563) * t2_50;
-        let t2_52 = -t2_51;
-        let t2_53 = t2_38 * t2_10;
-        let t2_54 = t2_19.mul_add(t2_33, t2_53);
-        let t2_55 = like.lift(0.4563) * t2_54;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_27;
-        let t2_56 = like.lift(1.0) / t2_27;
-        let t2_57 = -t2_23;
-        let t2_58 = sin_s1_3 * sin_s1_1;
-        let t2_59 = t2_58 * sin_s1_2;
-        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_59);
-        let t2_60 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_61 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_60);
-        let t2_62 = cos_q1 * t2_61;
-        let t2_63 = t2_19 * t2_61;
-        let t2_64 = cos_s1_1.mul_add(t2_22, t2_63);
-        let t2_65 = e_s1_2_q1x * t2_22;
-        let t2_66 = (-t2_10).mul_add(t2_61, t2_65);
-        let t2_67 = cos_q8 * q9;
-        let t2_68 = like.lift(0.5) * t2_67;
-        let t2_69 = -t2_68;
-        let t2_70 = like.lift(0.22815) * t2_33;
-        let t2_71 = t2_42 + t2_70;
-        let t2_72 = t2_70 + t2_41;
-        let t2_73 = t2_10 * t2_72;
-        let t2_74 = (-t2_33).mul_add(t2_22, t2_73);
-        let t2_75 = t2_33 * t2_61;
-        let t2_76 = (-e_s1_2_q1x).mul_add(t2_72, t2_75);
-        let t2_77 = t2_38 * t2_22;
-        let t2_78 = t2_19.mul_add(t2_72, t2_77);
-        let t2_79 = t2_38 * t2_61;
-        let t2_80 = sin_q1 * t2_61;
-        let t2_81 = (-cos_s1_1).mul_add(t2_72, t2_79);
-        let t2_82 = cos_q1 * t2_72;
-        let t2_83 = (-sin_q1).mul_add(t2_22, t2_82);
-        let t2_84 = -t2_81;
-        let t2_85 = -t2_76;
-        let t2_86 = sin_q8 * q9;
-        let t2_87 = -t2_74;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_67;
-        let t2_88 = -pivot_2;
-        let t2_89 = like.lift(1.0) / t2_67;
-        let t2_90 = -sin_q1;
-        let t2_91 = like.lift(0.5) * sin_q6;
-        let t2_92 = -t2_91;
-        let t2_93 = -cos_q6;
-        let t2_94 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_95 = t2_48 * t2_56;
-        let t2_96 = sin_q6.mul_add(t2_95, cos_q6);
-        let t2_97 = like.lift(1.1547005383792515) * t2_95;
-        let t2_98 = like.lift(1.1547005383792515) * t2_56;
-        let t2_99 = like.lift(0.5) * sin_q8;
-        let t2_100 = -t2_99;
-        let t2_101 = -cos_q8;
-        let t2_102 = like.lift(0.8660254037844386) * sin_q8;
-        let t2_103 = t2_86 * t2_89;
-        let t2_104 = sin_q8.mul_add(t2_103, cos_q8);
-        let t2_105 = like.lift(1.1547005383792515) * t2_103;
-        let pivot_3 = t2_74.mul_add(t2_105, t2_76);
-        let t2_106 = (-t2_78).mul_add(t2_105, t2_81);
-        let t2_107 = t2_83.mul_add(t2_105, t2_80);
-        let t2_108 = like.lift(1.1547005383792515) * t2_89;
-        let t2_109 = -t2_102;
-        let t2_110 = like.lift(0.5773502691896257).mul_add(t2_74, t2_66);
+        let t2_52 = sin_s1_3 * t2_50;
+        let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
+        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
+        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
+        let pivot_1 = like.lift(0.8660254037844386) * t2_25;
+        let t2_55 = like.lift(1.0) / t2_25;
+        let t2_56 = -t2_44;
+        let t2_57 = cos_q1 * t2_54;
+        let t2_58 = t2_18 * t2_54;
+        let t2_59 = cos_s1_1.mul_add(t2_43, t2_58);
+        let t2_60 = t2_32 * t2_43;
+        let t2_61 = t2_18.mul_add(t2_37, t2_60);
+        let t2_62 = t2_32 * t2_54;
+        let t2_63 = (-cos_s1_1).mul_add(t2_37, t2_62);
+        let t2_64 = e_s1_2_q1x * t2_43;
+        let t2_65 = (-t2_10).mul_add(t2_54, t2_64);
+        let t2_66 = t2_10 * t2_37;
+        let t2_67 = (-t2_23).mul_add(t2_43, t2_66);
+        let t2_68 = t2_23 * t2_54;
+        let t2_69 = (-e_s1_2_q1x).mul_add(t2_37, t2_68);
+        let t2_70 = cos_q1 * t2_37;
+        let t2_71 = (-sin_q1).mul_add(t2_43, t2_70);
+        let t2_72 = sin_q1 * t2_54;
+        let t2_73 = cos_q8 * q9;
+        let t2_74 = -cos_q8;
+        let t2_75 = like.lift(0.5) * t2_73;
+        let t2_76 = -t2_75;
+        let t2_77 = -t2_63;
+        let t2_78 = -t2_69;
+        let t2_79 = sin_q8 * q9;
+        let t2_80 = -t2_67;
+        let pivot_2 = like.lift(0.8660254037844386) * t2_73;
+        let t2_81 = -pivot_2;
+        let t2_82 = like.lift(1.0) / t2_73;
+        let t2_83 = -sin_q1;
+        let t2_84 = like.lift(0.5) * sin_q6;
+        let t2_85 = -t2_84;
+        let t2_86 = like.lift(0.8660254037844386) * sin_q6;
+        let t2_87 = like.lift(0.5) * sin_q8;
+        let t2_88 = -t2_87;
+        let t2_89 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_90 = -t2_89;
+        let t2_91 = like.lift(0.5773502691896257).mul_add(t2_67, t2_65);
+        let t2_92 = t2_79 * t2_82;
+        let t2_93 = like.lift(1.1547005383792515) * t2_92;
+        let pivot_3 = t2_67.mul_add(t2_93, t2_69);
+        let t2_94 = (-t2_61).mul_add(t2_93, t2_63);
+        let t2_95 = t2_71.mul_add(t2_93, t2_72);
         let inv_pivot_3 = like.lift(1.0) / pivot_3;
-        let t2_111 = t2_110 * inv_pivot_3;
-        let t2_112 = (-t2_71).mul_add(t2_111, t2_23);
-        let t2_113 = -pivot_3;
-        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_52, t2_17);
-        let t2_115 = t2_107.mul_add(t2_111, t2_62);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_83, t2_115);
+        let t2_96 = t2_91 * inv_pivot_3;
+        let t2_97 = (-t2_38).mul_add(t2_96, t2_44);
+        let t2_98 = -pivot_3;
+        let t2_99 = like.lift(0.5773502691896257).mul_add(t2_49, t2_16);
+        let t2_100 = t2_95.mul_add(t2_96, t2_57);
+        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_100);
         let inv_pivot_4 = like.lift(1.0) / pivot_4;
-        let t2_116 = t2_114 * inv_pivot_4;
-        let pivot_5 = (-t2_112).mul_add(t2_116, t2_14);
+        let t2_101 = t2_99 * inv_pivot_4;
+        let pivot_5 = (-t2_97).mul_add(t2_101, t2_13);
         let inv_pivot_5 = like.lift(1.0) / pivot_5;
-        let t2_117 = -pivot_5;
-        let t2_118 = (-cos_q1).mul_add(t2_111, sin_q1);
-        let t2_119 = (-t2_118).mul_add(t2_116, sin_q1);
-        let t2_120 = (-t2_106).mul_add(t2_111, t2_64);
-        let t2_121 = like.lift(-0.5773502691896257).mul_add(t2_78, t2_120);
-        let t2_122 = t2_104 * t2_111;
-        let t2_123 = (-t2_121).mul_add(t2_116, t2_26);
-        let t2_124 = like.lift(0.5773502691896257).mul_add(t2_55, t2_123);
-        let t2_125 = t2_122 * t2_116;
-        let t2_126 = (-t2_52).mul_add(t2_97, t2_18);
-        let t2_127 = t2_126 * inv_pivot_4;
-        let t2_128 = (-t2_112).mul_add(t2_127, t2_36);
-        let t2_129 = t2_128 * inv_pivot_5;
-        let t2_130 = t2_124.mul_add(t2_129, t2_46);
-        let t2_131 = t2_121.mul_add(t2_127, t2_130);
-        let pivot_6 = t2_55.mul_add(t2_97, t2_131);
-        let t2_132 = t2_119.mul_add(t2_129, cos_q1);
-        let t2_133 = t2_118.mul_add(t2_127, t2_132);
-        let t2_134 = t2_122 * t2_127;
-        let t2_135 = (-t2_125).mul_add(t2_129, t2_134);
+        let t2_102 = -pivot_5;
+        let t2_103 = (-cos_q1).mul_add(t2_96, sin_q1);
+        let t2_104 = (-t2_103).mul_add(t2_101, sin_q1);
+        let t2_105 = (-t2_94).mul_add(t2_96, t2_59);
+        let t2_106 = like.lift(-0.5773502691896257).mul_add(t2_61, t2_105);
+        let t2_107 = (-t2_106).mul_add(t2_101, t2_24);
+        let t2_108 = like.lift(0.5773502691896257).mul_add(t2_51, t2_107);
+        let t2_109 = t2_46 * t2_55;
+        let t2_110 = like.lift(1.1547005383792515) * t2_109;
+        let t2_111 = (-t2_49).mul_add(t2_110, t2_17);
+        let t2_112 = t2_111 * inv_pivot_4;
+        let t2_113 = (-t2_97).mul_add(t2_112, t2_30);
+        let t2_114 = t2_113 * inv_pivot_5;
+        let t2_115 = t2_108.mul_add(t2_114, t2_45);
+        let t2_116 = t2_106.mul_add(t2_112, t2_115);
+        let pivot_6 = t2_51.mul_add(t2_110, t2_116);
+        let t2_117 = t2_104.mul_add(t2_114, cos_q1);
+        let t2_118 = t2_103.mul_add(t2_112, t2_117);
         let inv_pivot_6 = like.lift(1.0) / pivot_6;
-        let t2_136 = t2_133 * inv_pivot_6;
-        let t2_137 = (-t2_124).mul_add(t2_136, t2_119);
+        let t2_119 = t2_118 * inv_pivot_6;
+        let t2_120 = (-t2_108).mul_add(t2_119, t2_104);
+        let t2_121 = inv_pivot_5 * t2_120;
+        let t2_122 = (-t2_106).mul_add(t2_119, t2_103);
+        let t2_123 = (-t2_97).mul_add(t2_121, t2_122);
+        let t2_124 = inv_pivot_4 * t2_123;
+        let t2_125 = -pivot_6;
+        let t2_126 = q7 * t2_55;
+        let t2_127 = t2_126 * inv_pivot_6;
+        let t2_128 = like.lift(1.1547005383792515) * t2_55;
+        let t2_129 = inv_pivot_5 * t2_108;
+        let t2_130 = t2_129 * t2_127;
+        let t2_131 = q9 * t2_82;
+        let t2_132 = t2_131 * t2_96;
+        let t2_133 = t2_132 * t2_101;
+        let t2_134 = t2_132 * t2_112;
+        let t2_135 = (-t2_133).mul_add(t2_114, t2_134);
+        let t2_136 = t2_135 * inv_pivot_6;
+        let t2_137 = t2_108.mul_add(t2_136, t2_133);
         let t2_138 = inv_pivot_5 * t2_137;
-        let t2_139 = t2_96 * inv_pivot_6;
-        let t2_140 = t2_135 * inv_pivot_6;
-        let t2_141 = t2_124.mul_add(t2_140, t2_125);
-        let t2_142 = inv_pivot_5 * t2_124;
-        let t2_143 = inv_pivot_5 * t2_141;
-        let t2_144 = t2_142 * t2_139;
-        let t2_145 = (-t2_121).mul_add(t2_136, t2_118);
-        let t2_146 = (-t2_112).mul_add(t2_138, t2_145);
-        let t2_147 = inv_pivot_4 * t2_146;
-        let t2_148 = (-t2_121).mul_add(t2_140, t2_122);
-        let t2_149 = t2_112.mul_add(t2_143, t2_148);
-        let t2_150 = t2_112 * t2_144;
-        let t2_151 = (-t2_121).mul_add(t2_139, t2_150);
-        let t2_152 = inv_pivot_4 * t2_151;
-        let t2_153 = inv_pivot_4 * t2_149;
-        let t2_154 = t2_106.mul_add(t2_140, t2_104);
-        let t2_155 = (-t2_71).mul_add(t2_143, t2_154);
-        let t2_156 = -t2_143;
-        let t2_157 = (-t2_107).mul_add(t2_153, t2_155);
-        let t2_158 = inv_pivot_3 * t2_157;
-        let t2_159 = (-t2_78).mul_add(t2_140, t2_102);
-        let t2_160 = (-t2_83).mul_add(t2_153, t2_159);
-        let t2_161 = (-t2_74).mul_add(t2_158, t2_160);
-        let t2_162 = t2_161 * t2_108;
-        let t2_163 = -pivot_6;
-        let t2_164 = -t2_147;
-        let t2_165 = -t2_153;
-        let t2_166 = t2_55 * t2_140;
-        let t2_167 = t2_52.mul_add(t2_153, t2_166);
-        let t2_168 = -t2_140;
-        let t2_169 = t2_167 * t2_98;
-        let t2_170 = -t2_136;
-        let t2_171 = (-t2_106).mul_add(t2_136, cos_q1);
-        let t2_172 = (-t2_71).mul_add(t2_138, t2_171);
-        let t2_173 = t2_107.mul_add(t2_147, t2_172);
-        let t2_174 = inv_pivot_3 * t2_173;
-        let t2_175 = t2_71 * t2_144;
-        let t2_176 = (-t2_106).mul_add(t2_139, t2_175);
-        let t2_177 = t2_107.mul_add(t2_152, t2_176);
-        let t2_178 = inv_pivot_3 * t2_177;
-        let t2_179 = -t2_174;
-        let t2_180 = t2_74 * t2_174;
-        let t2_181 = (-t2_78).mul_add(t2_136, t2_180);
-        let t2_182 = t2_55 * t2_136;
-        let t2_183 = t2_52.mul_add(t2_147, t2_182);
-        let t2_184 = (-t2_83).mul_add(t2_147, t2_181);
-        let t2_185 = t2_183 * t2_98;
-        let t2_186 = t2_184 * t2_108;
-        let t2_187 = t2_74 * t2_178;
-        let t2_188 = (-t2_78).mul_add(t2_139, t2_187);
-        let t2_189 = (-t2_83).mul_add(t2_152, t2_188);
-        let t2_190 = t2_189 * t2_108;
-        let t2_191 = -t2_190;
-        let t2_192 = (-t2_55).mul_add(t2_139, t2_94);
-        let t2_193 = (-t2_52).mul_add(t2_152, t2_192);
-        let t2_194 = t2_193 * t2_98;
+        let t2_139 = (-t2_106).mul_add(t2_136, t2_132);
+        let t2_140 = t2_97.mul_add(t2_138, t2_139);
+        let t2_141 = t2_97 * t2_130;
+        let t2_142 = (-t2_106).mul_add(t2_127, t2_141);
+        let t2_143 = inv_pivot_4 * t2_142;
+        let t2_144 = inv_pivot_4 * t2_140;
+        let t2_145 = t2_94.mul_add(t2_136, t2_131);
+        let t2_146 = (-t2_38).mul_add(t2_138, t2_145);
+        let t2_147 = -t2_138;
+        let t2_148 = (-t2_95).mul_add(t2_144, t2_146);
+        let t2_149 = inv_pivot_3 * t2_148;
+        let t2_150 = like.lift(1.1547005383792515) * t2_82;
+        let t2_151 = (-t2_61).mul_add(t2_136, t2_89);
+        let t2_152 = (-t2_71).mul_add(t2_144, t2_151);
+        let t2_153 = (-t2_67).mul_add(t2_149, t2_152);
+        let t2_154 = t2_153 * t2_150;
+        let t2_155 = -t2_124;
+        let t2_156 = -t2_144;
+        let t2_157 = t2_51 * t2_136;
+        let t2_158 = t2_49.mul_add(t2_144, t2_157);
+        let t2_159 = -t2_136;
+        let t2_160 = t2_158 * t2_128;
+        let t2_161 = -t2_119;
+        let t2_162 = (-t2_94).mul_add(t2_119, cos_q1);
+        let t2_163 = (-t2_38).mul_add(t2_121, t2_162);
+        let t2_164 = t2_95.mul_add(t2_124, t2_163);
+        let t2_165 = inv_pivot_3 * t2_164;
+        let t2_166 = t2_38 * t2_130;
+        let t2_167 = (-t2_94).mul_add(t2_127, t2_166);
+        let t2_168 = t2_95.mul_add(t2_143, t2_167);
+        let t2_169 = inv_pivot_3 * t2_168;
+        let t2_170 = -t2_165;
+        let t2_171 = t2_67 * t2_165;
+        let t2_172 = (-t2_61).mul_add(t2_119, t2_171);
+        let t2_173 = t2_51 * t2_119;
+        let t2_174 = t2_49.mul_add(t2_124, t2_173);
+        let t2_175 = (-t2_71).mul_add(t2_124, t2_172);
+        let t2_176 = t2_174 * t2_128;
+        let t2_177 = t2_175 * t2_150;
+        let t2_178 = t2_67 * t2_169;
+        let t2_179 = (-t2_61).mul_add(t2_127, t2_178);
+        let t2_180 = (-t2_71).mul_add(t2_143, t2_179);
+        let t2_181 = t2_180 * t2_150;
+        let t2_182 = -t2_181;
+        let t2_183 = (-t2_51).mul_add(t2_127, t2_86);
+        let t2_184 = (-t2_49).mul_add(t2_143, t2_183);
+        let t2_185 = t2_184 * t2_128;
         // the smallest pivot relative to its usual size
         let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_88 * like.lift(1.8955297449982944)).abs())
-            .min((t2_113 * like.lift(2.6463477742948585)).abs())
+            .min((t2_81 * like.lift(1.8955297449982944)).abs())
+            .min((t2_98 * like.lift(2.6463477742948585)).abs())
             .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_117 * like.lift(0.8284577646309275)).abs())
-            .min((t2_163 * like.lift(2.1915406530791146)).abs());
+            .min((t2_102 * like.lift(0.8284577646309275)).abs())
+            .min((t2_125 * like.lift(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
         ], found) = ::regen_runtime::guarded(
             [
-                [t2_138, t2_144, t2_156], [t2_164, t2_152, t2_165], [t2_170, t2_139, t2_168],
-                [t2_179, t2_178, t2_158], [t2_185, t2_194, t2_169], [t2_186, t2_191, t2_162],
+                [t2_121, t2_130, t2_147], [t2_155, t2_143, t2_156], [t2_161, t2_127, t2_159],
+                [t2_170, t2_169, t2_149], [t2_176, t2_185, t2_160], [t2_177, t2_182, t2_154],
             ],
             margin,
             || (
                 [
-                    [t2_15, t2_17, t2_26, like.lift(0.0), t2_29, like.lift(0.0)],
-                    [t2_37, t2_18, t2_47, like.lift(0.0), t2_48, like.lift(0.0)],
-                    [like.lift(0.0), t2_52, t2_55, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_57, t2_62, t2_64, t2_66, like.lift(0.0), t2_69],
-                    [t2_71, t2_80, t2_84, t2_85, like.lift(0.0), t2_86],
-                    [like.lift(0.0), t2_83, t2_78, t2_87, like.lift(0.0), t2_88],
+                    [t2_14, t2_16, t2_24, like.lift(0.0), t2_28, like.lift(0.0)],
+                    [t2_31, t2_17, t2_39, like.lift(0.0), t2_46, like.lift(0.0)],
+                    [like.lift(0.0), t2_49, t2_51, like.lift(0.0), pivot_1, like.lift(0.0)],
+                    [t2_56, t2_57, t2_59, t2_65, like.lift(0.0), t2_76],
+                    [t2_38, t2_72, t2_77, t2_78, like.lift(0.0), t2_79],
+                    [like.lift(0.0), t2_71, t2_61, t2_80, like.lift(0.0), t2_81],
                 ],
                 [
-                    [t2_90, t2_92, like.lift(0.0)], [cos_q1, t2_93, like.lift(0.0)],
-                    [like.lift(0.0), t2_94, like.lift(0.0)], [t2_90, like.lift(0.0), t2_100],
-                    [cos_q1, like.lift(0.0), t2_101], [like.lift(0.0), like.lift(0.0), t2_109],
+                    [t2_83, t2_85, like.lift(0.0)], [cos_q1, t2_26, like.lift(0.0)],
+                    [like.lift(0.0), t2_86, like.lift(0.0)], [t2_83, like.lift(0.0), t2_88],
+                    [cos_q1, like.lift(0.0), t2_74], [like.lift(0.0), like.lift(0.0), t2_90],
                 ],
             ),
         );
@@ -8654,169 +8429,167 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 34]) -> ([[T; 3]; 3], 
         let t3_7 = cos_s1_3 * p_iyz_3;
         let t3_8 = sin_s1_3.mul_add(p_iyy_3, t3_7);
         let t3_9 = (-sin_s1_3).mul_add(p_izz_3, t3_7);
-        let t3_10 = sin_s1_3 * p_iyz_3;
-        let t3_11 = cos_s1_3.mul_add(p_izz_3, t3_10);
-        let t3_12 = cos_s1_3 * t3_11;
-        let t3_13 = sin_s1_3.mul_add(t3_8, t3_12);
-        let t3_14 = cos_s1_3.mul_add(p_iyy_3, -t3_10);
-        let t3_15 = sin_s1_2.mul_add(t3_13, t3_5);
-        let t3_16 = (-cos_s1_2).mul_add(t3_13, t3_6);
-        let t3_17 = cos_s1_2.mul_add(p_ixx_3, t3_6);
-        let t3_18 = (-sin_s1_2).mul_add(p_ixx_3, t3_5);
-        let t3_19 = sin_s1_2 * t3_18;
-        let t3_20 = cos_s1_2.mul_add(t3_16, t3_19);
-        let t3_21 = cos_s1_2 * t3_17;
-        let t3_22 = sin_s1_2.mul_add(t3_15, t3_21);
-        let t3_23 = cos_s1_2 * t3_15;
-        let t3_24 = (-sin_s1_2).mul_add(t3_17, t3_23);
-        let t3_25 = cos_s1_3 * t3_9;
-        let t3_26 = sin_s1_3.mul_add(t3_14, t3_25);
-        let t3_27 = cos_s1_3 * t3_14;
-        let t3_28 = (-sin_s1_3).mul_add(t3_9, t3_27);
-        let t3_29 = cos_s1_3 * p_ixy_3;
-        let t3_30 = (-sin_s1_3).mul_add(p_ixz_3, t3_29);
-        let t3_31 = cos_s1_2 * t3_30;
-        let t3_32 = sin_s1_2.mul_add(t3_26, t3_31);
-        let t3_33 = cos_s1_2 * t3_26;
-        let t3_34 = cos_s1_2 * t2_1;
-        let t3_35 = (-sin_s1_2).mul_add(p_mx_3, t3_34);
-        let t3_36 = (-sin_s1_2).mul_add(t3_30, t3_33);
-        let t3_37 = sin_s1_2 * t3_2;
-        let t3_38 = (-sin_s1_1).mul_add(t2_1, t3_37);
-        let t3_39 = sin_s1_1.mul_add(t2_3, -t3_2);
-        let t3_40 = cos_s1_1 * t3_32;
-        let t3_41 = sin_s1_1.mul_add(t3_22, t3_40);
-        let t3_42 = cos_s1_1 * t3_28;
-        let t3_43 = sin_s1_1.mul_add(t3_32, t3_42);
-        let t3_44 = cos_s1_1 * t3_36;
-        let t3_45 = (-q2).mul_add(t3_39, t3_44);
-        let t3_46 = sin_s1_1.mul_add(t3_24, t3_45);
-        let t3_47 = cos_s1_1 * t3_30;
-        let t3_48 = (-q2).mul_add(t3_38, t3_47);
-        let t3_49 = sin_s1_1.mul_add(t3_17, t3_48);
-        let t3_50 = p_mz_2 + t3_35;
-        let t3_51 = like.lift(2.0) * q2;
-        let t3_52 = t3_51.mul_add(t3_50, p_izz_1);
-        let t3_53 = cos_s1_1.mul_add(t3_43, t3_52);
-        let t3_54 = sin_s1_1.mul_add(t3_41, t3_53);
-        let t3_55 = q2 * cos_s1_1;
-        let t3_56 = t3_55.mul_add(t3_35, t3_43);
-        let t3_57 = t3_49.mul_add(x_s1_3_q2, t2_6);
-        let t3_58 = t3_56.mul_add(x_s1_2_q2, t3_57);
-        let t3_59 = t3_46.mul_add(x_s1_1_q2, t3_58);
-        let t3_60 = t3_54.mul_add(x_q1_q2, t3_59);
-        let t3_61 = t3_60 + t2_6;
-        let t3_62 = t3_18 * x_s1_3_q2;
-        let t3_63 = t3_36.mul_add(x_s1_2_q2, t3_62);
-        let t3_64 = (-t3_20).mul_add(x_s1_1_q2, t3_63);
-        let t3_65 = t3_46.mul_add(x_q1_q2, t3_64);
-        let t3_66 = t3_30.mul_add(x_s1_3_q2, t2_3);
-        let t3_67 = t3_28.mul_add(x_s1_2_q2, t3_66);
-        let t3_68 = t3_36.mul_add(x_s1_1_q2, t3_67);
-        let t3_69 = t3_56.mul_add(x_q1_q2, t3_68);
-        let t3_70 = t3_69 + t2_3;
-        let t3_71 = p_ixx_3.mul_add(x_s1_3_q2, t3_1);
-        let t3_72 = t3_30.mul_add(x_s1_2_q2, t3_71);
-        let t3_73 = t3_18.mul_add(x_s1_1_q2, t3_72);
-        let t3_74 = t3_49.mul_add(x_q1_q2, t3_73);
-        let t3_75 = t3_74 + t3_1;
-        let t3_76 = q7.mul_add(p_m_5, p_mz_5);
-        let t3_77 = p_mz_5 + t3_76;
-        let t3_78 = q7.mul_add(t3_77, p_izz_4);
-        let t3_79 = q9.mul_add(p_m_7, p_mz_7);
-        let t3_80 = p_mz_7 + t3_79;
-        let t3_81 = q9.mul_add(t3_80, p_izz_6);
-        let t3_82 = x_q8_q2 * t3_81;
-        let t3_83 = t3_82.mul_add(x_q8_q2, p_j_q2);
-        let t3_84 = x_q6_q2 * t3_78;
-        let t3_85 = t3_84.mul_add(x_q6_q2, t3_83);
-        let t3_86 = x_s1_3_q2.mul_add(t3_75, t3_85);
-        let t3_87 = x_s1_2_q2.mul_add(t3_70, t3_86);
-        let t3_88 = x_s1_1_q2.mul_add(t3_65, t3_87);
-        let t3_89 = x_q1_q2.mul_add(t3_61, t3_88);
-        m[0][0] = t3_89;
-        let t3_90 = t3_49 * x_s1_3_q7;
-        let t3_91 = t3_56.mul_add(x_s1_2_q7, t3_90);
-        let t3_92 = t3_46.mul_add(x_s1_1_q7, t3_91);
-        let t3_93 = t3_54.mul_add(x_q1_q7, t3_92);
-        let t3_94 = t3_18 * x_s1_3_q7;
-        let t3_95 = t3_36.mul_add(x_s1_2_q7, t3_94);
-        let t3_96 = (-t3_20).mul_add(x_s1_1_q7, t3_95);
-        let t3_97 = t3_46.mul_add(x_q1_q7, t3_96);
-        let t3_98 = t3_30 * x_s1_3_q7;
-        let t3_99 = t3_28.mul_add(x_s1_2_q7, t3_98);
-        let t3_100 = t3_36.mul_add(x_s1_1_q7, t3_99);
-        let t3_101 = t3_56.mul_add(x_q1_q7, t3_100);
-        let t3_102 = t3_30 * x_s1_3_q9;
-        let t3_103 = t3_28.mul_add(x_s1_2_q9, t3_102);
-        let t3_104 = t3_36.mul_add(x_s1_1_q9, t3_103);
-        let t3_105 = t3_56.mul_add(x_q1_q9, t3_104);
-        let t3_106 = t3_49 * x_s1_3_q9;
-        let t3_107 = t3_56.mul_add(x_s1_2_q9, t3_106);
-        let t3_108 = t3_46.mul_add(x_s1_1_q9, t3_107);
-        let t3_109 = t3_54.mul_add(x_q1_q9, t3_108);
-        let t3_110 = t3_18 * x_s1_3_q9;
-        let t3_111 = t3_36.mul_add(x_s1_2_q9, t3_110);
-        let t3_112 = (-t3_20).mul_add(x_s1_1_q9, t3_111);
-        let t3_113 = t3_46.mul_add(x_q1_q9, t3_112);
-        let t3_114 = p_ixx_3 * x_s1_3_q7;
-        let t3_115 = t3_30.mul_add(x_s1_2_q7, t3_114);
-        let t3_116 = t3_18.mul_add(x_s1_1_q7, t3_115);
-        let t3_117 = t3_49.mul_add(x_q1_q7, t3_116);
-        let t3_118 = p_ixx_3 * x_s1_3_q9;
-        let t3_119 = t3_30.mul_add(x_s1_2_q9, t3_118);
-        let t3_120 = t3_18.mul_add(x_s1_1_q9, t3_119);
-        let t3_121 = t3_49.mul_add(x_q1_q9, t3_120);
-        let t3_122 = t3_78.mul_add(x_q6_q7, p_mx_5);
-        let t3_123 = t3_78 * x_q6_q9;
-        let t3_124 = t3_81 * x_q8_q7;
-        let t3_125 = t3_81.mul_add(x_q8_q9, p_mx_7);
-        let t3_126 = p_mx_7 + t3_125;
-        let t3_127 = x_q8_q9.mul_add(t3_126, p_m_7);
-        let t3_128 = t3_127 + p_j_q9;
-        let t3_129 = x_q6_q9.mul_add(t3_123, t3_128);
-        let t3_130 = x_s1_3_q9.mul_add(t3_121, t3_129);
-        let t3_131 = x_s1_2_q9.mul_add(t3_105, t3_130);
-        let t3_132 = x_s1_1_q9.mul_add(t3_113, t3_131);
-        let t3_133 = x_q1_q9.mul_add(t3_109, t3_132);
-        m[2][2] = t3_133;
-        let t3_134 = x_q8_q7 * t3_125;
-        let t3_135 = p_mx_5.mul_add(x_q6_q9, t3_134);
-        let t3_136 = x_q8_q2 * t3_125;
-        let t3_137 = x_q8_q2 * t3_124;
-        let t3_138 = x_q8_q7.mul_add(t3_124, p_m_5);
-        let t3_139 = x_q6_q2.mul_add(t3_122, t3_137);
-        let t3_140 = x_q6_q2.mul_add(t3_123, t3_136);
-        let t3_141 = x_q6_q7.mul_add(t3_123, t3_135);
-        let t3_142 = p_mx_5 + t3_122;
-        let t3_143 = x_q6_q7.mul_add(t3_142, t3_138);
-        let t3_144 = x_s1_3_q2.mul_add(t3_117, t3_139);
-        let t3_145 = x_s1_3_q2.mul_add(t3_121, t3_140);
-        let t3_146 = x_s1_3_q7.mul_add(t3_121, t3_141);
-        let t3_147 = t3_143 + p_j_q7;
-        let t3_148 = x_s1_3_q7.mul_add(t3_117, t3_147);
-        let t3_149 = x_s1_2_q2.mul_add(t3_101, t3_144);
-        let t3_150 = x_s1_2_q2.mul_add(t3_105, t3_145);
-        let t3_151 = x_s1_2_q7.mul_add(t3_101, t3_148);
-        let t3_152 = x_s1_2_q7.mul_add(t3_105, t3_146);
-        let t3_153 = x_s1_1_q7.mul_add(t3_97, t3_151);
-        let t3_154 = x_s1_1_q7.mul_add(t3_113, t3_152);
-        let t3_155 = x_s1_1_q2.mul_add(t3_97, t3_149);
-        let t3_156 = x_s1_1_q2.mul_add(t3_113, t3_150);
-        let t3_157 = x_q1_q7.mul_add(t3_93, t3_153);
-        m[1][1] = t3_157;
-        let t3_158 = x_q1_q2.mul_add(t3_93, t3_155);
-        let t3_159 = t3_1.mul_add(x_s1_3_q7, t3_158);
-        let t3_160 = x_q1_q2.mul_add(t3_109, t3_156);
-        let t3_161 = t3_1.mul_add(x_s1_3_q9, t3_160);
-        let t3_162 = t2_3.mul_add(x_s1_2_q9, t3_161);
-        let t3_163 = t2_3.mul_add(x_s1_2_q7, t3_159);
-        let t3_164 = t2_6.mul_add(x_q1_q9, t3_162);
-        m[0][2] = t3_164; m[2][0] = t3_164;
-        let t3_165 = t2_6.mul_add(x_q1_q7, t3_163);
-        m[0][1] = t3_165; m[1][0] = t3_165;
-        let t3_166 = x_q1_q7.mul_add(t3_109, t3_154);
-        m[1][2] = t3_166; m[2][1] = t3_166;
+        let t3_10 = sin_s1_3.mul_add(t3_9, p_izz_3);
+        let t3_11 = sin_s1_3.mul_add(t3_8, t3_10);
+        let t3_12 = sin_s1_3 * p_iyz_3;
+        let t3_13 = cos_s1_3.mul_add(p_iyy_3, -t3_12);
+        let t3_14 = sin_s1_2.mul_add(t3_11, t3_5);
+        let t3_15 = (-cos_s1_2).mul_add(t3_11, t3_6);
+        let t3_16 = cos_s1_2.mul_add(p_ixx_3, t3_6);
+        let t3_17 = (-sin_s1_2).mul_add(p_ixx_3, t3_5);
+        let t3_18 = sin_s1_2 * t3_17;
+        let t3_19 = cos_s1_2.mul_add(t3_15, t3_18);
+        let t3_20 = cos_s1_2 * t3_16;
+        let t3_21 = sin_s1_2.mul_add(t3_14, t3_20);
+        let t3_22 = cos_s1_2 * t3_14;
+        let t3_23 = (-sin_s1_2).mul_add(t3_16, t3_22);
+        let t3_24 = cos_s1_3 * t3_9;
+        let t3_25 = sin_s1_3.mul_add(t3_13, t3_24);
+        let t3_26 = cos_s1_3 * t3_13;
+        let t3_27 = (-sin_s1_3).mul_add(t3_9, t3_26);
+        let t3_28 = cos_s1_3 * p_ixy_3;
+        let t3_29 = (-sin_s1_3).mul_add(p_ixz_3, t3_28);
+        let t3_30 = cos_s1_2 * t3_29;
+        let t3_31 = sin_s1_2.mul_add(t3_25, t3_30);
+        let t3_32 = cos_s1_2 * t3_25;
+        let t3_33 = cos_s1_2 * t2_1;
+        let t3_34 = (-sin_s1_2).mul_add(p_mx_3, t3_33);
+        let t3_35 = (-sin_s1_2).mul_add(t3_29, t3_32);
+        let t3_36 = sin_s1_2 * t3_2;
+        let t3_37 = (-sin_s1_1).mul_add(t2_1, t3_36);
+        let t3_38 = sin_s1_1.mul_add(t2_3, -t3_2);
+        let t3_39 = cos_s1_1 * t3_31;
+        let t3_40 = sin_s1_1.mul_add(t3_21, t3_39);
+        let t3_41 = cos_s1_1 * t3_27;
+        let t3_42 = sin_s1_1.mul_add(t3_31, t3_41);
+        let t3_43 = cos_s1_1 * t3_35;
+        let t3_44 = (-q2).mul_add(t3_38, t3_43);
+        let t3_45 = sin_s1_1.mul_add(t3_23, t3_44);
+        let t3_46 = cos_s1_1 * t3_29;
+        let t3_47 = (-q2).mul_add(t3_37, t3_46);
+        let t3_48 = sin_s1_1.mul_add(t3_16, t3_47);
+        let t3_49 = p_mz_2 + t3_34;
+        let t3_50 = like.lift(2.0) * q2;
+        let t3_51 = t3_50.mul_add(t3_49, p_izz_1);
+        let t3_52 = cos_s1_1.mul_add(t3_42, t3_51);
+        let t3_53 = sin_s1_1.mul_add(t3_40, t3_52);
+        let t3_54 = q2 * cos_s1_1;
+        let t3_55 = t3_54.mul_add(t3_34, t3_42);
+        let t3_56 = t3_48.mul_add(x_s1_3_q2, t2_6);
+        let t3_57 = t3_55.mul_add(x_s1_2_q2, t3_56);
+        let t3_58 = t3_45.mul_add(x_s1_1_q2, t3_57);
+        let t3_59 = t3_53.mul_add(x_q1_q2, t3_58);
+        let t3_60 = t3_59 + t2_6;
+        let t3_61 = t3_17 * x_s1_3_q2;
+        let t3_62 = t3_35.mul_add(x_s1_2_q2, t3_61);
+        let t3_63 = (-t3_19).mul_add(x_s1_1_q2, t3_62);
+        let t3_64 = t3_45.mul_add(x_q1_q2, t3_63);
+        let t3_65 = t3_29.mul_add(x_s1_3_q2, t2_3);
+        let t3_66 = t3_27.mul_add(x_s1_2_q2, t3_65);
+        let t3_67 = t3_35.mul_add(x_s1_1_q2, t3_66);
+        let t3_68 = t3_55.mul_add(x_q1_q2, t3_67);
+        let t3_69 = t3_68 + t2_3;
+        let t3_70 = p_ixx_3.mul_add(x_s1_3_q2, t3_1);
+        let t3_71 = t3_29.mul_add(x_s1_2_q2, t3_70);
+        let t3_72 = t3_17.mul_add(x_s1_1_q2, t3_71);
+        let t3_73 = t3_48.mul_add(x_q1_q2, t3_72);
+        let t3_74 = t3_73 + t3_1;
+        let t3_75 = q7.mul_add(p_m_5, p_mz_5);
+        let t3_76 = p_mz_5 + t3_75;
+        let t3_77 = q7.mul_add(t3_76, p_izz_4);
+        let t3_78 = q9.mul_add(p_m_7, p_mz_7);
+        let t3_79 = p_mz_7 + t3_78;
+        let t3_80 = q9.mul_add(t3_79, p_izz_6);
+        let t3_81 = x_q8_q2 * t3_80;
+        let t3_82 = t3_81.mul_add(x_q8_q2, p_j_q2);
+        let t3_83 = x_q6_q2 * t3_77;
+        let t3_84 = t3_83.mul_add(x_q6_q2, t3_82);
+        let t3_85 = x_s1_3_q2.mul_add(t3_74, t3_84);
+        let t3_86 = x_s1_2_q2.mul_add(t3_69, t3_85);
+        let t3_87 = x_s1_1_q2.mul_add(t3_64, t3_86);
+        let t3_88 = x_q1_q2.mul_add(t3_60, t3_87);
+        m[0][0] = t3_88;
+        let t3_89 = t3_48 * x_s1_3_q7;
+        let t3_90 = t3_55.mul_add(x_s1_2_q7, t3_89);
+        let t3_91 = t3_45.mul_add(x_s1_1_q7, t3_90);
+        let t3_92 = t3_53.mul_add(x_q1_q7, t3_91);
+        let t3_93 = t3_17 * x_s1_3_q7;
+        let t3_94 = t3_35.mul_add(x_s1_2_q7, t3_93);
+        let t3_95 = (-t3_19).mul_add(x_s1_1_q7, t3_94);
+        let t3_96 = t3_45.mul_add(x_q1_q7, t3_95);
+        let t3_97 = t3_29 * x_s1_3_q7;
+        let t3_98 = t3_27.mul_add(x_s1_2_q7, t3_97);
+        let t3_99 = t3_35.mul_add(x_s1_1_q7, t3_98);
+        let t3_100 = t3_55.mul_add(x_q1_q7, t3_99);
+        let t3_101 = t3_29 * x_s1_3_q9;
+        let t3_102 = t3_27.mul_add(x_s1_2_q9, t3_101);
+        let t3_103 = t3_35.mul_add(x_s1_1_q9, t3_102);
+        let t3_104 = t3_55.mul_add(x_q1_q9, t3_103);
+        let t3_105 = t3_48 * x_s1_3_q9;
+        let t3_106 = t3_55.mul_add(x_s1_2_q9, t3_105);
+        let t3_107 = t3_45.mul_add(x_s1_1_q9, t3_106);
+        let t3_108 = t3_53.mul_add(x_q1_q9, t3_107);
+        let t3_109 = t3_17 * x_s1_3_q9;
+        let t3_110 = t3_35.mul_add(x_s1_2_q9, t3_109);
+        let t3_111 = (-t3_19).mul_add(x_s1_1_q9, t3_110);
+        let t3_112 = t3_45.mul_add(x_q1_q9, t3_111);
+        let t3_113 = p_ixx_3 * x_s1_3_q7;
+        let t3_114 = t3_29.mul_add(x_s1_2_q7, t3_113);
+        let t3_115 = t3_17.mul_add(x_s1_1_q7, t3_114);
+        let t3_116 = t3_48.mul_add(x_q1_q7, t3_115);
+        let t3_117 = p_ixx_3 * x_s1_3_q9;
+        let t3_118 = t3_29.mul_add(x_s1_2_q9, t3_117);
+        let t3_119 = t3_17.mul_add(x_s1_1_q9, t3_118);
+        let t3_120 = t3_48.mul_add(x_q1_q9, t3_119);
+        let t3_121 = t3_77.mul_add(x_q6_q7, p_mx_5);
+        let t3_122 = t3_77 * x_q6_q9;
+        let t3_123 = t3_80 * x_q8_q7;
+        let t3_124 = t3_80.mul_add(x_q8_q9, p_mx_7);
+        let t3_125 = p_mx_7 + t3_124;
+        let t3_126 = x_q8_q9.mul_add(t3_125, p_m_7);
+        let t3_127 = t3_126 + p_j_q9;
+        let t3_128 = x_q6_q9.mul_add(t3_122, t3_127);
+        let t3_129 = x_s1_3_q9.mul_add(t3_120, t3_128);
+        let t3_130 = x_s1_2_q9.mul_add(t3_104, t3_129);
+        let t3_131 = x_s1_1_q9.mul_add(t3_112, t3_130);
+        let t3_132 = x_q1_q9.mul_add(t3_108, t3_131);
+        m[2][2] = t3_132;
+        let t3_133 = x_q8_q2 * t3_124;
+        let t3_134 = x_q6_q2.mul_add(t3_122, t3_133);
+        let t3_135 = x_q8_q2 * t3_123;
+        let t3_136 = x_q6_q2.mul_add(t3_121, t3_135);
+        let t3_137 = x_q8_q7 * t3_124;
+        let t3_138 = x_q8_q7.mul_add(t3_123, p_m_5);
+        let t3_139 = x_q6_q9.mul_add(t3_121, t3_137);
+        let t3_140 = p_mx_5 + t3_121;
+        let t3_141 = x_q6_q7.mul_add(t3_140, t3_138);
+        let t3_142 = x_s1_3_q2.mul_add(t3_116, t3_136);
+        let t3_143 = x_s1_3_q2.mul_add(t3_120, t3_134);
+        let t3_144 = x_s1_3_q7.mul_add(t3_120, t3_139);
+        let t3_145 = t3_141 + p_j_q7;
+        let t3_146 = x_s1_3_q7.mul_add(t3_116, t3_145);
+        let t3_147 = x_s1_2_q2.mul_add(t3_100, t3_142);
+        let t3_148 = x_s1_2_q2.mul_add(t3_104, t3_143);
+        let t3_149 = x_s1_2_q7.mul_add(t3_100, t3_146);
+        let t3_150 = x_s1_2_q7.mul_add(t3_104, t3_144);
+        let t3_151 = x_s1_1_q7.mul_add(t3_96, t3_149);
+        let t3_152 = x_s1_1_q7.mul_add(t3_112, t3_150);
+        let t3_153 = x_s1_1_q2.mul_add(t3_96, t3_147);
+        let t3_154 = x_s1_1_q2.mul_add(t3_112, t3_148);
+        let t3_155 = x_q1_q7.mul_add(t3_92, t3_151);
+        m[1][1] = t3_155;
+        let t3_156 = x_q1_q2.mul_add(t3_92, t3_153);
+        let t3_157 = t3_1.mul_add(x_s1_3_q7, t3_156);
+        let t3_158 = x_q1_q2.mul_add(t3_108, t3_154);
+        let t3_159 = t3_1.mul_add(x_s1_3_q9, t3_158);
+        let t3_160 = t2_3.mul_add(x_s1_2_q9, t3_159);
+        let t3_161 = t2_3.mul_add(x_s1_2_q7, t3_157);
+        let t3_162 = t2_6.mul_add(x_q1_q9, t3_160);
+        m[0][2] = t3_162; m[2][0] = t3_162;
+        let t3_163 = t2_6.mul_add(x_q1_q7, t3_161);
+        m[0][1] = t3_163; m[1][0] = t3_163;
+        let t3_164 = x_q1_q7.mul_add(t3_108, t3_152);
+        m[1][2] = t3_164; m[2][1] = t3_164;
     }
     (m, Condition { pivot: condition })
 }

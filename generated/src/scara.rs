@@ -11,14 +11,14 @@
 //! |---|---|---|---|---|
 //! | [`velocities`] | 0 | 0 | 0 | 0 |
 //! | [`accelerations`] | 0 | 0 | 0 | 0 |
-//! | [`regressor`] | 35 | 48 | 0 | 2 |
+//! | [`regressor`] | 33 | 43 | 0 | 2 |
 //! | [`inverse_dynamics`] | 42 | 49 | 0 | 2 |
 //! | [`gravity`] | 1 | 1 | 0 | 0 |
-//! | [`bias_forces`] | 25 | 38 | 0 | 2 |
+//! | [`bias_forces`] | 24 | 37 | 0 | 2 |
 //! | [`mass_matrix`] | 22 | 15 | 0 | 2 |
-//! | [`slotine_li`] | 37 | 48 | 0 | 2 |
+//! | [`slotine_li`] | 35 | 43 | 0 | 2 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
-//! | [`poses`] | 6 | 4 | 0 | 3 |
+//! | [`poses`] | 5 | 4 | 0 | 3 |
 //! | [`base_regressor`] | 27 | 40 | 0 | 2 |
 //! | [`to_base`] | 6 | 2 | 0 | 0 |
 //! | [`parameters_from_base`] | 6 | 2 | 0 | 0 |
@@ -248,7 +248,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 4]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 35 additions, 48 multiplications, 0 divisions, 2 sines and cosines.
+/// 33 additions, 43 multiplications, 0 divisions, 2 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 4]; 40]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0] = [zero; 4];
@@ -314,114 +314,106 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
     }
     let [d_q1, d_q2, _, d_q4] = *qd;
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_2z, a_2y, a_2x, w_2z, t3_7, t3_8, t3_11, t3_14, t3_16] = {
+    let [al_2z, a_2y, t3_8, t3_9, t3_10, a_2x, w_2z, t3_11, t3_12, t3_14, t3_15] = {
+        let t3_1 = like.lift(0.325) * dd_q1;
+        let t3_2 = like.lift(0.325) * t3_1;
+        w[19][0] = t3_2;
         let al_2z = dd_q1 + dd_q2;
         w[15][0] = al_2z; w[15][1] = al_2z;
-        let t3_1 = d_q1 * d_q1;
-        let t3_2 = cos_q2 * dd_q1;
-        let t3_3 = sin_q2.mul_add(t3_1, t3_2);
-        let a_2y = like.lift(0.325) * t3_3;
+        let t3_3 = d_q1 * d_q1;
+        let t3_4 = cos_q2 * dd_q1;
+        let t3_5 = sin_q2.mul_add(t3_3, t3_4);
+        let a_2y = like.lift(0.325) * t3_5;
         w[16][1] = a_2y;
-        let t3_4 = sin_q2 * dd_q1;
-        let t3_5 = (-cos_q2).mul_add(t3_1, t3_4);
-        let t3_6 = like.lift(0.325) * t3_5;
-        let a_2x = -t3_6;
+        let t3_6 = sin_q2 * dd_q1;
+        let t3_7 = (-cos_q2).mul_add(t3_3, t3_6);
+        let t3_8 = like.lift(0.325) * sin_q2;
+        let t3_9 = like.lift(0.325) * cos_q2;
+        let t3_10 = like.lift(0.325) * t3_7;
+        let a_2x = -t3_10;
         w[17][1] = a_2x;
         let w_2z = d_q1 + d_q2;
-        let t3_7 = w_2z * w_2z;
-        let t3_8 = like.lift(0.325) * sin_q2;
-        let t3_9 = cos_q2 * a_2y;
-        let t3_10 = (-sin_q2).mul_add(a_2x, t3_9);
-        let t3_11 = like.lift(0.325) * cos_q2;
-        let t3_12 = like.lift(0.325) * t3_10;
-        let w_m_2_q1 = -t3_12;
-        let t3_13 = -w_m_2_q1;
-        w[19][0] = t3_13;
-        let t3_14 = t3_7 * t3_8;
-        let t3_15 = al_2z.mul_add(t3_11, a_2y);
-        let w_mx_2_q1 = t3_15 - t3_14;
+        let t3_11 = w_2z * w_2z;
+        let t3_12 = t3_11 * t3_8;
+        let t3_13 = al_2z.mul_add(t3_9, a_2y);
+        let w_mx_2_q1 = t3_13 - t3_12;
         w[16][0] = w_mx_2_q1;
-        let t3_16 = al_2z * t3_8;
-        let t3_17 = (-t3_7).mul_add(t3_11, a_2x);
-        let w_my_2_q1 = t3_17 - t3_16;
+        let t3_14 = al_2z * t3_8;
+        let t3_15 = (-t3_11).mul_add(t3_9, a_2x);
+        let w_my_2_q1 = t3_15 - t3_14;
         w[17][0] = w_my_2_q1;
-        [al_2z, a_2y, a_2x, w_2z, t3_7, t3_8, t3_11, t3_14, t3_16]
+        [al_2z, a_2y, t3_8, t3_9, t3_10, a_2x, w_2z, t3_11, t3_12, t3_14, t3_15]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [u_3_q1y, a_3x, t4_4, a_3y] = {
-        w[25][0] = al_2z; w[25][1] = al_2z;
-        let u_3_q1y = like.lift(0.275) + t3_11;
-        let t4_1 = -a_2x;
-        w[27][1] = t4_1;
-        let a_3x = like.lift(0.275).mul_add(t3_7, a_2x);
-        let t4_2 = (-t3_7).mul_add(u_3_q1y, a_3x);
-        let w_my_3_q1 = t4_2 - t3_16;
-        let t4_3 = -w_my_3_q1;
-        w[27][0] = t4_3;
+    let [a_3x, u_3_q1y, t4_2, t4_3, a_3y, w_mx_3_q2, t4_5] = {
+        w[25][0] = al_2z; w[25][1] = al_2z; w[27][1] = t3_10;
+        let w_my_3_q1 = t3_15 - t3_14;
+        let a_3x = like.lift(0.275).mul_add(t3_11, a_2x);
+        let t4_1 = -w_my_3_q1;
+        w[27][0] = t4_1;
+        let u_3_q1y = like.lift(0.275) + t3_9;
         let a_3z = like.lift(9.81) - dd_q3;
-        let t4_4 = -a_3z;
-        w[29][2] = t4_4;
-        let t4_5 = like.lift(0.275) * al_2z;
-        let a_3y = a_2y + t4_5;
-        let w_mx_3_q2 = t4_5 + a_3y;
-        w[26][1] = w_mx_3_q2;
-        let t4_6 = al_2z.mul_add(u_3_q1y, a_3y);
-        let w_mx_3_q1 = t4_6 - t3_14;
+        let t4_2 = -a_3z;
+        w[29][2] = t4_2;
+        let t4_3 = like.lift(0.275) * al_2z;
+        let a_3y = a_2y + t4_3;
+        let t4_4 = al_2z.mul_add(u_3_q1y, a_3y);
+        let w_mx_3_q1 = t4_4 - t3_12;
         w[26][0] = w_mx_3_q1;
         let w_m_3_q2 = like.lift(0.275) * a_3y;
         w[29][1] = w_m_3_q2;
-        let t4_7 = a_3x * t3_8;
-        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t4_7);
-        let t4_8 = -w_m_3_q1;
-        w[29][0] = t4_8;
-        [u_3_q1y, a_3x, t4_4, a_3y]
+        let w_mx_3_q2 = t4_3 + a_3y;
+        w[26][1] = w_mx_3_q2;
+        let t4_5 = a_3x * t3_8;
+        let w_m_3_q1 = (-a_3y).mul_add(u_3_q1y, t4_5);
+        let t4_6 = -w_m_3_q1;
+        w[29][0] = t4_6;
+        [a_3x, u_3_q1y, t4_2, t4_3, a_3y, w_mx_3_q2, t4_5]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        w[39][2] = t4_4;
+        w[39][2] = t4_2;
+        let t5_1 = t4_3 - w_mx_3_q2;
+        let w_m_4_q1 = u_3_q1y.mul_add(t5_1, t4_5);
+        let t5_2 = -w_m_4_q1;
+        w[39][0] = t5_2;
+        let t5_3 = like.lift(0.275) * t5_1;
+        let w_m_4_q2 = -t5_3;
+        w[39][1] = w_m_4_q2;
         let al_4z = dd_q4 - al_2z;
         w[35][3] = al_4z;
-        let t5_1 = -al_4z;
-        w[35][0] = t5_1; w[35][1] = t5_1;
+        let t5_4 = -al_4z;
+        w[35][0] = t5_4; w[35][1] = t5_4;
         let w_4z = d_q4 - w_2z;
-        let t5_2 = w_4z * w_4z;
-        let t5_3 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t5_3);
+        let t5_5 = w_4z * w_4z;
+        let t5_6 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t5_6);
         w[36][3] = a_4y;
-        let t5_4 = sin_q4 * a_3y;
-        let a_4x = cos_q4.mul_add(a_3x, t5_4);
+        let t5_7 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t5_7);
         w[37][3] = a_4x;
-        let t5_5 = cos_q4 * t3_8;
-        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_5);
-        let t5_6 = cos_q4 * u_3_q1y;
-        let u_4_q1y = sin_q4.mul_add(t3_8, t5_6);
-        let t5_7 = al_4z.mul_add(u_4_q1y, a_4y);
-        let w_mx_4_q1 = t5_2.mul_add(u_4_q1x, t5_7);
-        let t5_8 = -w_mx_4_q1;
-        w[36][0] = t5_8;
-        let t5_9 = cos_q4 * al_4z;
-        let t5_10 = (-sin_q4).mul_add(t5_2, t5_9);
-        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_10, a_4y);
-        let t5_11 = -w_mx_4_q2;
-        w[36][1] = t5_11;
-        let t5_12 = (-t5_2).mul_add(u_4_q1y, a_4x);
+        let t5_8 = cos_q4 * t3_8;
+        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_8);
+        let t5_9 = cos_q4 * u_3_q1y;
+        let u_4_q1y = sin_q4.mul_add(t3_8, t5_9);
+        let t5_10 = al_4z.mul_add(u_4_q1y, a_4y);
+        let w_mx_4_q1 = t5_5.mul_add(u_4_q1x, t5_10);
+        let t5_11 = -w_mx_4_q1;
+        w[36][0] = t5_11;
+        let t5_12 = (-t5_5).mul_add(u_4_q1y, a_4x);
         let w_my_4_q1 = al_4z.mul_add(u_4_q1x, t5_12);
         let t5_13 = -w_my_4_q1;
         w[37][0] = t5_13;
-        let t5_14 = cos_q4 * t5_2;
-        let t5_15 = sin_q4.mul_add(al_4z, t5_14);
-        let w_my_4_q2 = like.lift(-0.275).mul_add(t5_15, a_4x);
-        let t5_16 = -w_my_4_q2;
-        w[37][1] = t5_16;
-        let t5_17 = a_4y * u_4_q1y;
-        let w_m_4_q1 = a_4x.mul_add(u_4_q1x, t5_17);
-        let t5_18 = cos_q4 * a_4y;
-        let t5_19 = (-sin_q4).mul_add(a_4x, t5_18);
-        let t5_20 = -w_m_4_q1;
-        w[39][0] = t5_20;
-        let t5_21 = like.lift(0.275) * t5_19;
-        let w_m_4_q2 = -t5_21;
-        w[39][1] = w_m_4_q2;
+        let t5_14 = cos_q4 * al_4z;
+        let t5_15 = (-sin_q4).mul_add(t5_5, t5_14);
+        let t5_16 = cos_q4 * t5_5;
+        let t5_17 = sin_q4.mul_add(al_4z, t5_16);
+        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_15, a_4y);
+        let w_my_4_q2 = like.lift(-0.275).mul_add(t5_17, a_4x);
+        let t5_18 = -w_mx_4_q2;
+        w[36][1] = t5_18;
+        let t5_19 = -w_my_4_q2;
+        w[37][1] = t5_19;
     }
     Condition::regular(like)
 }
@@ -553,7 +545,7 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 4], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 25 additions, 38 multiplications, 0 divisions, 2 sines and cosines.
+/// 24 additions, 37 multiplications, 0 divisions, 2 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 4], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 4];
@@ -580,41 +572,40 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 4]
         let t2_5 = w_4z * w_4z;
         let t2_6 = like.lift(0.325) * t2_3;
         let t2_7 = t2_3 * p_my_2;
-        let t2_8 = t2_2.mul_add(p_mx_2, t2_7);
-        let t2_9 = t2_2.mul_add(p_mx_3, t2_8);
-        let t2_10 = like.lift(0.325) * t2_2;
         let a_3x = like.lift(0.275).mul_add(t2_4, t2_6);
-        let t2_11 = p_m_2 * t2_6;
-        let t2_12 = p_mx_2 + p_mx_3;
-        let t2_13 = t2_4.mul_add(t2_12, t2_11);
-        let t2_14 = p_m_3.mul_add(a_3x, t2_13);
-        let t2_15 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(t2_10, t2_15);
-        let t2_16 = sin_q4 * t2_10;
-        let a_4x = cos_q4.mul_add(a_3x, t2_16);
-        let t2_17 = p_my_4 * a_4x;
-        let t2_18 = p_mx_4.mul_add(a_4y, t2_17);
-        tau[3] = t2_18;
-        let t2_19 = like.lift(0.325).mul_add(t2_9, -t2_18);
-        let t2_20 = p_m_4 * a_4x;
-        let t2_21 = t2_5.mul_add(p_mx_4, t2_20);
-        let t2_22 = t2_5 * p_my_4;
-        let t2_23 = (-p_m_4).mul_add(a_4y, t2_22);
-        let t2_24 = (-sin_q4).mul_add(t2_23, t2_14);
-        let t2_25 = cos_q4.mul_add(t2_21, t2_24);
-        let t2_26 = p_m_3 * t2_10;
-        let t2_27 = t2_4.mul_add(p_my_3, t2_26);
-        let t2_28 = cos_q4.mul_add(t2_23, t2_27);
-        let t2_29 = sin_q4.mul_add(t2_21, t2_28);
-        let t2_30 = like.lift(0.275).mul_add(t2_29, t2_19);
-        let t2_31 = t2_4.mul_add(p_my_2, -t2_29);
-        let t2_32 = (-p_m_2).mul_add(t2_10, t2_31);
-        let t2_33 = cos_q2 * t2_32;
-        let t2_34 = sin_q2.mul_add(t2_25, t2_33);
-        let t2_35 = (-p_my_3).mul_add(a_3x, t2_30);
-        tau[1] = t2_35;
-        let t2_36 = like.lift(-0.325).mul_add(t2_34, t2_35);
-        tau[0] = t2_36;
+        let t2_8 = p_m_2 * t2_6;
+        let t2_9 = like.lift(0.325) * t2_2;
+        let t2_10 = p_mx_2 + p_mx_3;
+        let t2_11 = t2_2.mul_add(t2_10, t2_7);
+        let t2_12 = t2_4.mul_add(t2_10, t2_8);
+        let t2_13 = p_m_3.mul_add(a_3x, t2_12);
+        let t2_14 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(t2_9, t2_14);
+        let t2_15 = sin_q4 * t2_9;
+        let a_4x = cos_q4.mul_add(a_3x, t2_15);
+        let t2_16 = p_my_4 * a_4x;
+        let t2_17 = p_mx_4.mul_add(a_4y, t2_16);
+        tau[3] = t2_17;
+        let t2_18 = like.lift(0.325).mul_add(t2_11, -t2_17);
+        let t2_19 = p_m_4 * a_4x;
+        let t2_20 = t2_5.mul_add(p_mx_4, t2_19);
+        let t2_21 = t2_5 * p_my_4;
+        let t2_22 = (-p_m_4).mul_add(a_4y, t2_21);
+        let t2_23 = (-sin_q4).mul_add(t2_22, t2_13);
+        let t2_24 = cos_q4.mul_add(t2_20, t2_23);
+        let t2_25 = p_m_3 * t2_9;
+        let t2_26 = t2_4.mul_add(p_my_3, t2_25);
+        let t2_27 = cos_q4.mul_add(t2_22, t2_26);
+        let t2_28 = sin_q4.mul_add(t2_20, t2_27);
+        let t2_29 = like.lift(0.275).mul_add(t2_28, t2_18);
+        let t2_30 = t2_4.mul_add(p_my_2, -t2_28);
+        let t2_31 = (-p_m_2).mul_add(t2_9, t2_30);
+        let t2_32 = cos_q2 * t2_31;
+        let t2_33 = sin_q2.mul_add(t2_24, t2_32);
+        let t2_34 = (-p_my_3).mul_add(a_3x, t2_29);
+        tau[1] = t2_34;
+        let t2_35 = like.lift(-0.325).mul_add(t2_33, t2_34);
+        tau[0] = t2_35;
     }
     (tau, Condition::regular(like))
 }
@@ -691,7 +682,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 4]; 4], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 37 additions, 48 multiplications, 0 divisions, 2 sines and cosines.
+/// 35 additions, 43 multiplications, 0 divisions, 2 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 4], qdd_r: &[T; 4], y: &mut [[T; 4]; 40]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     y[0] = [zero; 4];
@@ -758,116 +749,108 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 4], qdd
     let [d_q1, d_q2, _, d_q4] = *qd;
     let [r_q1, r_q2, _, r_q4] = *qd_r;
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [al_2z, a_2y, a_2x, w_2z, t3_7, t3_8, t3_9, t3_12, t3_15, t3_17] = {
+    let [al_2z, a_2y, t3_8, t3_9, t3_10, a_2x, w_2z, t3_11, t3_12, t3_13, t3_15, t3_16] = {
+        let t3_1 = like.lift(0.325) * dr_q1;
+        let t3_2 = like.lift(0.325) * t3_1;
+        y[19][0] = t3_2;
         let al_2z = dr_q1 + dr_q2;
         y[15][0] = al_2z; y[15][1] = al_2z;
-        let t3_1 = d_q1 * r_q1;
-        let t3_2 = cos_q2 * dr_q1;
-        let t3_3 = sin_q2.mul_add(t3_1, t3_2);
-        let a_2y = like.lift(0.325) * t3_3;
+        let t3_3 = d_q1 * r_q1;
+        let t3_4 = cos_q2 * dr_q1;
+        let t3_5 = sin_q2.mul_add(t3_3, t3_4);
+        let a_2y = like.lift(0.325) * t3_5;
         y[16][1] = a_2y;
-        let t3_4 = sin_q2 * dr_q1;
-        let t3_5 = (-cos_q2).mul_add(t3_1, t3_4);
-        let t3_6 = like.lift(0.325) * t3_5;
-        let a_2x = -t3_6;
+        let t3_6 = sin_q2 * dr_q1;
+        let t3_7 = (-cos_q2).mul_add(t3_3, t3_6);
+        let t3_8 = like.lift(0.325) * sin_q2;
+        let t3_9 = like.lift(0.325) * cos_q2;
+        let t3_10 = like.lift(0.325) * t3_7;
+        let a_2x = -t3_10;
         y[17][1] = a_2x;
         let w_2z = d_q1 + d_q2;
-        let t3_7 = r_q1 + r_q2;
-        let t3_8 = w_2z * t3_7;
-        let t3_9 = like.lift(0.325) * sin_q2;
-        let t3_10 = cos_q2 * a_2y;
-        let t3_11 = (-sin_q2).mul_add(a_2x, t3_10);
-        let t3_12 = like.lift(0.325) * cos_q2;
-        let t3_13 = like.lift(0.325) * t3_11;
-        let w_m_2_q1 = -t3_13;
-        let t3_14 = -w_m_2_q1;
-        y[19][0] = t3_14;
-        let t3_15 = t3_8 * t3_9;
-        let t3_16 = al_2z.mul_add(t3_12, a_2y);
-        let w_mx_2_q1 = t3_16 - t3_15;
+        let t3_11 = r_q1 + r_q2;
+        let t3_12 = w_2z * t3_11;
+        let t3_13 = t3_12 * t3_8;
+        let t3_14 = al_2z.mul_add(t3_9, a_2y);
+        let w_mx_2_q1 = t3_14 - t3_13;
         y[16][0] = w_mx_2_q1;
-        let t3_17 = al_2z * t3_9;
-        let t3_18 = (-t3_8).mul_add(t3_12, a_2x);
-        let w_my_2_q1 = t3_18 - t3_17;
+        let t3_15 = al_2z * t3_8;
+        let t3_16 = (-t3_12).mul_add(t3_9, a_2x);
+        let w_my_2_q1 = t3_16 - t3_15;
         y[17][0] = w_my_2_q1;
-        [al_2z, a_2y, a_2x, w_2z, t3_7, t3_8, t3_9, t3_12, t3_15, t3_17]
+        [al_2z, a_2y, t3_8, t3_9, t3_10, a_2x, w_2z, t3_11, t3_12, t3_13, t3_15, t3_16]
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
-    let [u_3_q1y, a_3x, t4_4, a_3y] = {
-        y[25][0] = al_2z; y[25][1] = al_2z;
-        let u_3_q1y = like.lift(0.275) + t3_12;
-        let t4_1 = -a_2x;
-        y[27][1] = t4_1;
-        let a_3x = like.lift(0.275).mul_add(t3_8, a_2x);
-        let t4_2 = (-u_3_q1y).mul_add(t3_8, a_3x);
-        let w_my_3_q1 = t4_2 - t3_17;
-        let t4_3 = -w_my_3_q1;
-        y[27][0] = t4_3;
+    let [a_3x, u_3_q1y, t4_2, t4_3, a_3y, w_mx_3_q2, t4_5] = {
+        y[25][0] = al_2z; y[25][1] = al_2z; y[27][1] = t3_10;
+        let w_my_3_q1 = t3_16 - t3_15;
+        let a_3x = like.lift(0.275).mul_add(t3_12, a_2x);
+        let t4_1 = -w_my_3_q1;
+        y[27][0] = t4_1;
+        let u_3_q1y = like.lift(0.275) + t3_9;
         let a_3z = like.lift(9.81) - dr_q3;
-        let t4_4 = -a_3z;
-        y[29][2] = t4_4;
-        let t4_5 = like.lift(0.275) * al_2z;
-        let a_3y = a_2y + t4_5;
-        let w_mx_3_q2 = t4_5 + a_3y;
-        y[26][1] = w_mx_3_q2;
-        let t4_6 = u_3_q1y.mul_add(al_2z, a_3y);
-        let w_mx_3_q1 = t4_6 - t3_15;
+        let t4_2 = -a_3z;
+        y[29][2] = t4_2;
+        let t4_3 = like.lift(0.275) * al_2z;
+        let a_3y = a_2y + t4_3;
+        let t4_4 = u_3_q1y.mul_add(al_2z, a_3y);
+        let w_mx_3_q1 = t4_4 - t3_13;
         y[26][0] = w_mx_3_q1;
         let w_m_3_q2 = like.lift(0.275) * a_3y;
         y[29][1] = w_m_3_q2;
-        let t4_7 = a_3x * t3_9;
-        let w_m_3_q1 = (-u_3_q1y).mul_add(a_3y, t4_7);
-        let t4_8 = -w_m_3_q1;
-        y[29][0] = t4_8;
-        [u_3_q1y, a_3x, t4_4, a_3y]
+        let w_mx_3_q2 = t4_3 + a_3y;
+        y[26][1] = w_mx_3_q2;
+        let t4_5 = a_3x * t3_8;
+        let w_m_3_q1 = (-u_3_q1y).mul_add(a_3y, t4_5);
+        let t4_6 = -w_m_3_q1;
+        y[29][0] = t4_6;
+        [a_3x, u_3_q1y, t4_2, t4_3, a_3y, w_mx_3_q2, t4_5]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        y[39][2] = t4_4;
+        y[39][2] = t4_2;
+        let t5_1 = t4_3 - w_mx_3_q2;
+        let w_m_4_q1 = u_3_q1y.mul_add(t5_1, t4_5);
+        let t5_2 = -w_m_4_q1;
+        y[39][0] = t5_2;
+        let t5_3 = like.lift(0.275) * t5_1;
+        let w_m_4_q2 = -t5_3;
+        y[39][1] = w_m_4_q2;
         let al_4z = dr_q4 - al_2z;
         y[35][3] = al_4z;
-        let t5_1 = -al_4z;
-        y[35][0] = t5_1; y[35][1] = t5_1;
+        let t5_4 = -al_4z;
+        y[35][0] = t5_4; y[35][1] = t5_4;
         let w_4z = d_q4 - w_2z;
-        let t5_2 = r_q4 - t3_7;
-        let t5_3 = w_4z * t5_2;
-        let t5_4 = sin_q4 * a_3x;
-        let a_4y = (-cos_q4).mul_add(a_3y, t5_4);
+        let t5_5 = r_q4 - t3_11;
+        let t5_6 = w_4z * t5_5;
+        let t5_7 = sin_q4 * a_3x;
+        let a_4y = (-cos_q4).mul_add(a_3y, t5_7);
         y[36][3] = a_4y;
-        let t5_5 = sin_q4 * a_3y;
-        let a_4x = cos_q4.mul_add(a_3x, t5_5);
+        let t5_8 = sin_q4 * a_3y;
+        let a_4x = cos_q4.mul_add(a_3x, t5_8);
         y[37][3] = a_4x;
-        let t5_6 = cos_q4 * t3_9;
-        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_6);
-        let t5_7 = cos_q4 * u_3_q1y;
-        let u_4_q1y = sin_q4.mul_add(t3_9, t5_7);
-        let t5_8 = u_4_q1y.mul_add(al_4z, a_4y);
-        let w_mx_4_q1 = u_4_q1x.mul_add(t5_3, t5_8);
-        let t5_9 = -w_mx_4_q1;
-        y[36][0] = t5_9;
-        let t5_10 = cos_q4 * al_4z;
-        let t5_11 = (-sin_q4).mul_add(t5_3, t5_10);
-        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_11, a_4y);
-        let t5_12 = -w_mx_4_q2;
-        y[36][1] = t5_12;
-        let t5_13 = (-u_4_q1y).mul_add(t5_3, a_4x);
+        let t5_9 = cos_q4 * t3_8;
+        let u_4_q1x = (-sin_q4).mul_add(u_3_q1y, t5_9);
+        let t5_10 = cos_q4 * u_3_q1y;
+        let u_4_q1y = sin_q4.mul_add(t3_8, t5_10);
+        let t5_11 = u_4_q1y.mul_add(al_4z, a_4y);
+        let w_mx_4_q1 = u_4_q1x.mul_add(t5_6, t5_11);
+        let t5_12 = -w_mx_4_q1;
+        y[36][0] = t5_12;
+        let t5_13 = (-u_4_q1y).mul_add(t5_6, a_4x);
         let w_my_4_q1 = u_4_q1x.mul_add(al_4z, t5_13);
         let t5_14 = -w_my_4_q1;
         y[37][0] = t5_14;
-        let t5_15 = cos_q4 * t5_3;
-        let t5_16 = sin_q4.mul_add(al_4z, t5_15);
-        let w_my_4_q2 = like.lift(-0.275).mul_add(t5_16, a_4x);
-        let t5_17 = -w_my_4_q2;
-        y[37][1] = t5_17;
-        let t5_18 = u_4_q1y * a_4y;
-        let w_m_4_q1 = u_4_q1x.mul_add(a_4x, t5_18);
-        let t5_19 = cos_q4 * a_4y;
-        let t5_20 = (-sin_q4).mul_add(a_4x, t5_19);
-        let t5_21 = -w_m_4_q1;
-        y[39][0] = t5_21;
-        let t5_22 = like.lift(0.275) * t5_20;
-        let w_m_4_q2 = -t5_22;
-        y[39][1] = w_m_4_q2;
+        let t5_15 = cos_q4 * al_4z;
+        let t5_16 = (-sin_q4).mul_add(t5_6, t5_15);
+        let t5_17 = cos_q4 * t5_6;
+        let t5_18 = sin_q4.mul_add(al_4z, t5_17);
+        let w_mx_4_q2 = like.lift(0.275).mul_add(t5_16, a_4y);
+        let w_my_4_q2 = like.lift(-0.275).mul_add(t5_18, a_4x);
+        let t5_19 = -w_mx_4_q2;
+        y[36][1] = t5_19;
+        let t5_20 = -w_my_4_q2;
+        y[37][1] = t5_20;
     }
     Condition::regular(like)
 }
@@ -895,7 +878,7 @@ pub fn efforts<T: Scalar>(q: &[T; 4], tau: &[T; 4]) -> ([T; 4], Condition<T>) {
 /// - `q`: coordinates, rad or m, in the order of `COORDINATES`
 /// - `poses`: per body in the order of `BODIES`: rotation to the world frame, row by row, then the origin in the world, m
 ///
-/// 6 additions, 4 multiplications, 0 divisions, 3 sines and cosines.
+/// 5 additions, 4 multiplications, 0 divisions, 3 sines and cosines.
 pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
     let like = q[0];
     let mut poses = [[like.lift(0.0); 12]; 4];
@@ -903,12 +886,11 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_minus_q4, cos_q1_q2_minus_q4] = {
         let t1_1 = q2 + q1;
-        let t1_2 = q2 + q1;
-        let t1_3 = t1_2 - q4;
+        let t1_2 = t1_1 - q4;
         let [
             (sin_q1, cos_q1), (sin_q1_q2, cos_q1_q2), (sin_q1_q2_minus_q4, cos_q1_q2_minus_q4),
         ] =
-            T::sin_cos_all([q1, t1_1, t1_3]);
+            T::sin_cos_all([q1, t1_1, t1_2]);
         [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q1_q2_minus_q4, cos_q1_q2_minus_q4]
     };
     // body 1

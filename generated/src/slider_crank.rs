@@ -14,23 +14,23 @@
 //! | [`bias`] | 4 | 8 | 0 | 2 |
 //! | [`newton_step`] | 5 | 7 | 1 | 2 |
 //! | [`dependent_jacobian`] | 1 | 0 | 0 | 1 |
-//! | [`velocities`] | 3 | 8 | 1 | 2 |
+//! | [`velocities`] | 3 | 7 | 1 | 2 |
 //! | [`accelerations`] | 7 | 13 | 1 | 2 |
-//! | [`regressor`] | 16 | 33 | 1 | 2 |
-//! | [`inverse_dynamics`] | 23 | 39 | 1 | 2 |
-//! | [`gravity`] | 9 | 19 | 1 | 2 |
-//! | [`bias_forces`] | 16 | 33 | 1 | 2 |
-//! | [`mass_matrix`] | 13 | 15 | 1 | 2 |
-//! | [`slotine_li`] | 22 | 50 | 1 | 2 |
+//! | [`regressor`] | 15 | 30 | 1 | 2 |
+//! | [`inverse_dynamics`] | 23 | 38 | 1 | 2 |
+//! | [`gravity`] | 9 | 18 | 1 | 2 |
+//! | [`bias_forces`] | 16 | 32 | 1 | 2 |
+//! | [`mass_matrix`] | 13 | 14 | 1 | 2 |
+//! | [`slotine_li`] | 21 | 46 | 1 | 2 |
 //! | [`efforts`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 1 | 2 | 0 | 2 |
-//! | [`base_regressor`] | 15 | 29 | 1 | 2 |
-//! | [`to_base`] | 6 | 4 | 0 | 0 |
-//! | [`parameters_from_base`] | 6 | 4 | 0 | 0 |
-//! | [`base_inverse_dynamics`] | 20 | 35 | 1 | 2 |
-//! | [`base_gravity`] | 8 | 17 | 1 | 2 |
-//! | [`base_bias_forces`] | 13 | 28 | 1 | 2 |
-//! | [`base_mass_matrix`] | 10 | 12 | 1 | 2 |
+//! | [`base_regressor`] | 15 | 28 | 1 | 2 |
+//! | [`to_base`] | 5 | 4 | 0 | 0 |
+//! | [`parameters_from_base`] | 5 | 4 | 0 | 0 |
+//! | [`base_inverse_dynamics`] | 20 | 34 | 1 | 2 |
+//! | [`base_gravity`] | 8 | 16 | 1 | 2 |
+//! | [`base_bias_forces`] | 13 | 27 | 1 | 2 |
+//! | [`base_mass_matrix`] | 10 | 11 | 1 | 2 |
 
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
@@ -378,7 +378,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 2]; 2] {
 /// - `qd_i`: velocities of the independent coordinates, in the order of `INDEPENDENT`
 /// - `qd`: velocities of all coordinates
 ///
-/// 3 additions, 8 multiplications, 1 divisions, 2 sines and cosines.
+/// 3 additions, 7 multiplications, 1 divisions, 2 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>) {
     let like = q[0];
     let mut qd = [like.lift(0.0); 3];
@@ -396,32 +396,31 @@ pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>
     {
         qd[0] = d_q1;
         let t2_1 = sin_q2 * d_q1;
-        let t2_2 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
-        let t2_3 = t2_2 * d_q1;
-        let t2_4 = -sin_q1_q2;
-        let t2_5 = like.lift(0.1) * t2_1;
+        let t2_2 = like.lift(0.1) * t2_1;
+        let t2_3 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t2_4 = t2_3 * d_q1;
+        let t2_5 = -sin_q1_q2;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_6 = inv_pivot_2 * t2_1;
-        let t2_7 = like.lift(0.1) * t2_6;
-        let t2_8 = sin_q1_q2.mul_add(t2_7, t2_3);
-        let t2_9 = like.lift(5.0) * t2_8;
-        let t2_10 = -t2_9;
+        let t2_6 = t2_2 * inv_pivot_2;
+        let t2_7 = sin_q1_q2.mul_add(t2_6, t2_4);
+        let t2_8 = like.lift(5.0) * t2_7;
+        let t2_9 = -t2_8;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
-        let ([[t2_11], [t2_12]], found) = ::regen_runtime::guarded(
-            [[t2_10], [t2_7]],
+        let ([[t2_10], [t2_11]], found) = ::regen_runtime::guarded(
+            [[t2_9], [t2_6]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_4],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t2_5],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_5], [t2_3], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_2], [t2_4], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        qd[1] = t2_11; qd[2] = t2_12;
+        qd[1] = t2_10; qd[2] = t2_11;
     }
     (qd, Condition { pivot: condition })
 }
@@ -495,7 +494,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: column by column: `w[c][r]` multiplies `PARAMETERS[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 16 additions, 33 multiplications, 1 divisions, 2 sines and cosines.
+/// 15 additions, 30 multiplications, 1 divisions, 2 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 30]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     w[0] = [zero; 1];
@@ -550,26 +549,26 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
     };
     let [d_q1, d_q2, _] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t3_1, t3_3, al_2z, x_q2_q1, x_x_q1] = {
+    let [t3_1, t3_2, t3_4, al_2z, x_q2_q1, x_x_q1] = {
         let t3_1 = like.lift(0.1).mul_add(dd_q1, a_1y);
-        let t3_2 = like.lift(0.1) * d_q1;
-        let t3_3 = t3_2.mul_add(d_q1, -a_1x);
+        let t3_2 = like.lift(0.1) * t3_1;
+        let t3_3 = like.lift(0.1) * d_q1;
+        let t3_4 = t3_3.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
-        let t3_4 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_4);
-        let t3_5 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_5);
-        let t3_6 = -sin_q1_q2;
+        let t3_5 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_5);
+        let t3_6 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_6);
+        let t3_7 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t3_7 = -u_2_q1x;
-        let t3_8 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
-        let t3_9 = -t3_8;
+        let t3_8 = -u_2_q1x;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t3_10 = sin_q2 * inv_pivot_2;
-        let t3_11 = like.lift(0.1) * t3_10;
-        let t3_12 = sin_q1_q2.mul_add(t3_11, t3_8);
-        let t3_13 = like.lift(5.0) * t3_12;
-        let t3_14 = -t3_11;
+        let t3_9 = u_2_q1x * inv_pivot_2;
+        let t3_10 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t3_11 = sin_q1_q2.mul_add(t3_9, t3_10);
+        let t3_12 = -t3_10;
+        let t3_13 = like.lift(5.0) * t3_11;
+        let t3_14 = -t3_9;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
@@ -577,43 +576,38 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_6],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_7],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_7], [t3_9], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_8], [t3_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t3_1, t3_3, al_2z, x_q2_q1, x_x_q1]
+        [t3_1, t3_2, t3_4, al_2z, x_q2_q1, x_x_q1]
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        w[19][0] = t3_2;
         let t4_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
         w[15][0] = w_izz_2_q1;
         let t4_2 = cos_q2 * t3_1;
-        let a_2y = sin_q2.mul_add(t3_3, t4_2);
-        let t4_3 = cos_q2 * t3_3;
+        let a_2y = sin_q2.mul_add(t3_4, t4_2);
+        let t4_3 = cos_q2 * t3_4;
         let a_2x = (-sin_q2).mul_add(t3_1, t4_3);
+        let t4_4 = a_2y * t4_1;
+        let t4_5 = a_2x * t4_1;
         let w_2z = d_q1 + d_q2;
-        let t4_4 = w_2z * w_2z;
-        let t4_5 = cos_q2 * al_2z;
-        let t4_6 = (-sin_q2).mul_add(t4_4, t4_5);
-        let t4_7 = cos_q2 * t4_4;
-        let t4_8 = sin_q2.mul_add(al_2z, t4_7);
-        let t4_9 = cos_q2 * a_2y;
-        let t4_10 = a_2y * t4_1;
-        let w_mx_2_q1 = like.lift(0.1).mul_add(t4_6, t4_10);
+        let t4_6 = w_2z * w_2z;
+        let t4_7 = cos_q2 * al_2z;
+        let t4_8 = (-sin_q2).mul_add(t4_6, t4_7);
+        let t4_9 = cos_q2 * t4_6;
+        let t4_10 = sin_q2.mul_add(al_2z, t4_9);
+        let w_mx_2_q1 = like.lift(0.1).mul_add(t4_8, t4_4);
         w[16][0] = w_mx_2_q1;
-        let t4_11 = a_2x * t4_1;
-        let w_my_2_q1 = like.lift(-0.1).mul_add(t4_8, t4_11);
+        let w_my_2_q1 = like.lift(-0.1).mul_add(t4_10, t4_5);
         w[17][0] = w_my_2_q1;
-        let t4_12 = (-sin_q2).mul_add(a_2x, t4_9);
-        let t4_13 = like.lift(0.1) * t4_12;
-        let w_m_2_q1 = -t4_13;
-        let t4_14 = -w_m_2_q1;
-        w[19][0] = t4_14;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -632,7 +626,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 23 additions, 39 multiplications, 1 divisions, 2 sines and cosines.
+/// 23 additions, 38 multiplications, 1 divisions, 2 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -681,21 +675,20 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_21);
         let t2_22 = sin_q1 * p_my_1;
         let t2_23 = (-cos_q1).mul_add(p_mx_1, t2_22);
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_24 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
         let t2_25 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_26 = -u_2_q1x;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_27 = sin_q2 * inv_pivot_2;
-        let t2_28 = like.lift(0.1) * t2_27;
-        let t2_29 = sin_q1_q2.mul_add(t2_28, t2_24);
-        let t2_30 = -t2_24;
-        let t2_31 = like.lift(5.0) * t2_29;
-        let t2_32 = -t2_28;
+        let t2_27 = u_2_q1x * inv_pivot_2;
+        let t2_28 = sin_q1_q2.mul_add(t2_27, t2_24);
+        let t2_29 = -t2_24;
+        let t2_30 = like.lift(5.0) * t2_28;
+        let t2_31 = -t2_27;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
-            [[t2_31], [t2_32]],
+            [[t2_30], [t2_31]],
             margin,
             || (
                 [
@@ -703,7 +696,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_26], [t2_30], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_26], [t2_29], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -728,7 +721,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 9 additions, 19 multiplications, 1 divisions, 2 sines and cosines.
+/// 9 additions, 18 multiplications, 1 divisions, 2 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -750,6 +743,7 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
         let t2_2 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_3 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
         let t2_4 = sin_q1 * p_my_1;
         let t2_5 = (-cos_q1).mul_add(p_mx_1, t2_4);
@@ -759,19 +753,17 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
         let t2_9 = like.lift(9.81) * t2_8;
         let t2_10 = -t2_9;
         let t2_11 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_12 = -u_2_q1x;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_13 = sin_q2 * inv_pivot_2;
-        let t2_14 = like.lift(0.1) * t2_13;
-        let t2_15 = sin_q1_q2.mul_add(t2_14, t2_3);
-        let t2_16 = -t2_3;
-        let t2_17 = like.lift(5.0) * t2_15;
-        let t2_18 = -t2_14;
+        let t2_13 = u_2_q1x * inv_pivot_2;
+        let t2_14 = sin_q1_q2.mul_add(t2_13, t2_3);
+        let t2_15 = -t2_3;
+        let t2_16 = like.lift(5.0) * t2_14;
+        let t2_17 = -t2_13;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t2_17], [t2_18]],
+            [[t2_16], [t2_17]],
             margin,
             || (
                 [
@@ -779,7 +771,7 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_12], [t2_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_12], [t2_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -802,7 +794,7 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 16 additions, 33 multiplications, 1 divisions, 2 sines and cosines.
+/// 16 additions, 32 multiplications, 1 divisions, 2 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -817,7 +809,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
     };
     let [d_q1, d_q2, _] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_1, t2_3, t2_4, t2_5, t2_11, al_2z, a_3x] = {
+    let [t2_1, t2_3, t2_4, t2_5, inv_pivot_2, al_2z, a_3x] = {
         let t2_1 = -sin_q1_q2;
         let t2_2 = d_q1 * d_q1;
         let t2_3 = cos_q2 * t2_2;
@@ -830,16 +822,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
         let a_2y = like.lift(0.1) * t2_4;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t2_9 = inv_pivot_2 * t2_7;
-        let t2_10 = sin_q2 * inv_pivot_2;
-        let t2_11 = like.lift(0.1) * t2_10;
-        let t2_12 = (-sin_q1_q2).mul_add(t2_9, a_2y);
-        let t2_13 = like.lift(5.0) * t2_12;
-        let t2_14 = -t2_13;
-        let t2_15 = -t2_9;
+        let t2_10 = (-sin_q1_q2).mul_add(t2_9, a_2y);
+        let t2_11 = like.lift(5.0) * t2_10;
+        let t2_12 = -t2_11;
+        let t2_13 = -t2_9;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[al_2z], [a_3x]], found) = ::regen_runtime::guarded(
-            [[t2_14], [t2_15]],
+            [[t2_12], [t2_13]],
             margin,
             || (
                 [
@@ -851,7 +841,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
             ),
         );
         condition = condition.min(found);
-        [t2_1, t2_3, t2_4, t2_5, t2_11, al_2z, a_3x]
+        [t2_1, t2_3, t2_4, t2_5, inv_pivot_2, al_2z, a_3x]
     };
     let [
         _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2, _, p_m_2, _, _,
@@ -874,16 +864,17 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
         let t3_13 = sin_q2 * t3_11;
         let t3_14 = (-cos_q2).mul_add(t3_12, t3_13);
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t3_15 = -u_2_q1x;
-        let t3_16 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
-        let t3_17 = sin_q1_q2.mul_add(t2_11, t3_16);
-        let t3_18 = -t3_16;
-        let t3_19 = like.lift(5.0) * t3_17;
-        let t3_20 = -t2_11;
+        let t3_15 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t3_16 = inv_pivot_2 * u_2_q1x;
+        let t3_17 = -u_2_q1x;
+        let t3_18 = sin_q1_q2.mul_add(t3_16, t3_15);
+        let t3_19 = -t3_15;
+        let t3_20 = like.lift(5.0) * t3_18;
+        let t3_21 = -t3_16;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
-            [[t3_19], [t3_20]],
+            [[t3_20], [t3_21]],
             margin,
             || (
                 [
@@ -891,7 +882,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_15], [t3_18], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_17], [t3_19], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -913,7 +904,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 13 additions, 15 multiplications, 1 divisions, 2 sines and cosines.
+/// 13 additions, 14 multiplications, 1 divisions, 2 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 1]; 1];
@@ -934,24 +925,23 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
     let [t2_4, t2_5, t2_6, x_q2_q1, x_x_q1] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_3 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
         let t2_4 = like.lift(0.1).mul_add(p_m_2, t2_2);
         let t2_5 = like.lift(0.1) * t2_2;
         let t2_6 = p_izz_2 + t2_5;
         let t2_7 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_8 = -u_2_q1x;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_9 = sin_q2 * inv_pivot_2;
-        let t2_10 = like.lift(0.1) * t2_9;
-        let t2_11 = sin_q1_q2.mul_add(t2_10, t2_3);
-        let t2_12 = -t2_3;
-        let t2_13 = like.lift(5.0) * t2_11;
-        let t2_14 = -t2_10;
+        let t2_9 = u_2_q1x * inv_pivot_2;
+        let t2_10 = sin_q1_q2.mul_add(t2_9, t2_3);
+        let t2_11 = -t2_3;
+        let t2_12 = like.lift(5.0) * t2_10;
+        let t2_13 = -t2_9;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [x_x_q1]], found) = ::regen_runtime::guarded(
-            [[t2_13], [t2_14]],
+            [[t2_12], [t2_13]],
             margin,
             || (
                 [
@@ -959,7 +949,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_8], [t2_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_8], [t2_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -988,7 +978,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
 /// - `qdd_r`: reference accelerations of the independent coordinates
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
-/// 22 additions, 50 multiplications, 1 divisions, 2 sines and cosines.
+/// 21 additions, 46 multiplications, 1 divisions, 2 sines and cosines.
 pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
     let zero = q[0].lift(0.0);
     y[0] = [zero; 1];
@@ -1045,16 +1035,18 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
     let [r_q1] = *qd_r;
     // loops: solve with A_e (Eq. 8, 10)
     let [
-        t3_1, sin_q1_q2, cos_q1_q2, t3_4, t3_5, t3_6, w_2z, t3_9, inv_pivot_2, t3_12, t3_17,
+        t3_1, w_m_2_q1, sin_q1_q2, cos_q1_q2, t3_5, t3_6, w_2z, t3_9, inv_pivot_2, t3_12,
+        t3_17,
     ] = {
         let t3_1 = like.lift(0.1).mul_add(dr_q1, a_1y);
-        let t3_2 = sin_q1 * cos_q2;
-        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_2);
-        let t3_3 = cos_q1 * cos_q2;
-        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_3);
-        let t3_4 = -sin_q1_q2;
-        let t3_5 = d_q1 * r_q1;
-        let t3_6 = like.lift(-0.1).mul_add(t3_5, a_1x);
+        let t3_2 = like.lift(-0.1) * t3_1;
+        let w_m_2_q1 = -t3_2;
+        let t3_3 = sin_q1 * cos_q2;
+        let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_3);
+        let t3_4 = cos_q1 * cos_q2;
+        let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_4);
+        let t3_5 = -sin_q1_q2;
+        let t3_6 = d_q1 * r_q1;
         let w_2z = d_q1 + d_q2;
         let t3_7 = sin_q2 * r_q1;
         let t3_8 = like.lift(0.1) * t3_7;
@@ -1074,7 +1066,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_4],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_5],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
@@ -1082,44 +1074,50 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
             ),
         );
         condition = condition.min(found);
-        [t3_1, sin_q1_q2, cos_q1_q2, t3_4, t3_5, t3_6, w_2z, t3_9, inv_pivot_2, t3_12, t3_17]
+        [
+            t3_1, w_m_2_q1, sin_q1_q2, cos_q1_q2, t3_5, t3_6, w_2z, t3_9, inv_pivot_2, t3_12,
+            t3_17,
+        ]
     };
     // loops: solve with A_e (Eq. 8, 10)
-    let [t4_2, t4_9, t4_14, a_3x] = {
+    let [t4_2, a_2x, a_2y, t4_10, t4_15, a_3x] = {
         let t4_1 = r_q1 + t3_17;
         let t4_2 = w_2z * t4_1;
         let t4_3 = sin_q2 * dr_q1;
-        let t4_4 = (-cos_q2).mul_add(t3_5, t4_3);
+        let t4_4 = (-cos_q2).mul_add(t3_6, t4_3);
         let t4_5 = like.lift(0.1) * t4_4;
         let t4_6 = like.lift(-0.2).mul_add(t4_2, t4_5);
+        let a_2x = like.lift(9.81).mul_add(sin_q1_q2, t4_5);
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t4_7 = t3_5 * u_2_q1x;
-        let t4_8 = t3_9.mul_add(dr_q1, t4_7);
-        let t4_9 = -u_2_q1x;
-        let t4_10 = inv_pivot_2 * t4_6;
-        let t4_11 = sin_q1_q2.mul_add(t4_10, t4_8);
-        let t4_12 = like.lift(5.0) * t4_11;
-        let t4_13 = -t4_12;
+        let t4_7 = t3_6 * u_2_q1x;
+        let t4_8 = a_1x.mul_add(sin_q2, -t4_7);
+        let a_2y = (-cos_q2).mul_add(t3_1, t4_8);
+        let t4_9 = t3_9.mul_add(dr_q1, t4_7);
+        let t4_10 = -u_2_q1x;
+        let t4_11 = inv_pivot_2 * t4_6;
+        let t4_12 = sin_q1_q2.mul_add(t4_11, t4_9);
+        let t4_13 = like.lift(5.0) * t4_12;
+        let t4_14 = -t4_13;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
-        let ([[t4_14], [a_3x]], found) = ::regen_runtime::guarded(
-            [[t4_13], [t4_10]],
+        let ([[t4_15], [a_3x]], found) = ::regen_runtime::guarded(
+            [[t4_14], [t4_11]],
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_4],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_5],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t4_6], [t4_8], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_6], [t4_9], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
-        [t4_2, t4_9, t4_14, a_3x]
+        [t4_2, a_2x, a_2y, t4_10, t4_15, a_3x]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [al_2z, x_q2_q1, x_x_q1] = {
-        let al_2z = dr_q1 + t4_14;
+        let al_2z = dr_q1 + t4_15;
         let t5_1 = sin_q2 * inv_pivot_2;
         let t5_2 = t5_1.mul_add(t3_12, t3_9);
         let t5_3 = -t3_9;
@@ -1133,11 +1131,11 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
             margin,
             || (
                 [
-                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_4],
+                    [like.lift(0.0), cos_q1_q2], [like.lift(-0.2), t3_5],
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t4_9], [t5_3], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_10], [t5_3], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1145,30 +1143,22 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
     };
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
+        y[19][0] = w_m_2_q1;
         let t6_1 = like.lift(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t6_1;
         y[15][0] = w_izz_2_q1;
-        let t6_2 = sin_q2 * t3_6;
-        let a_2y = (-cos_q2).mul_add(t3_1, t6_2);
-        let t6_3 = sin_q2 * t3_1;
-        let a_2x = cos_q2.mul_add(t3_6, t6_3);
+        let t6_2 = a_2y * t6_1;
+        let t6_3 = a_2x * t6_1;
         let t6_4 = cos_q2 * al_2z;
         let t6_5 = (-sin_q2).mul_add(t4_2, t6_4);
         let t6_6 = cos_q2 * t4_2;
         let t6_7 = sin_q2.mul_add(al_2z, t6_6);
-        let t6_8 = cos_q2 * a_2y;
-        let t6_9 = (-sin_q2).mul_add(a_2x, t6_8);
-        let t6_10 = a_2y * t6_1;
-        let w_mx_2_q1 = like.lift(-0.1).mul_add(t6_5, t6_10);
-        let t6_11 = a_2x * t6_1;
-        let w_my_2_q1 = like.lift(0.1).mul_add(t6_7, t6_11);
-        let t6_12 = -w_mx_2_q1;
-        y[16][0] = t6_12;
-        let t6_13 = -w_my_2_q1;
-        y[17][0] = t6_13;
-        let t6_14 = like.lift(0.1) * t6_9;
-        let w_m_2_q1 = -t6_14;
-        y[19][0] = w_m_2_q1;
+        let w_mx_2_q1 = like.lift(-0.1).mul_add(t6_5, t6_2);
+        let w_my_2_q1 = like.lift(0.1).mul_add(t6_7, t6_3);
+        let t6_8 = -w_mx_2_q1;
+        y[16][0] = t6_8;
+        let t6_9 = -w_my_2_q1;
+        y[17][0] = t6_9;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
@@ -1244,7 +1234,7 @@ pub fn poses<T: Scalar>(q: &[T; 3]) -> [[T; 12]; 3] {
 /// - `qdd`: accelerations of all coordinates
 /// - `w`: W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`
 ///
-/// 15 additions, 29 multiplications, 1 divisions, 2 sines and cosines.
+/// 15 additions, 28 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 6]) -> Condition<T> {
     base_regressor_entries(q, qd, qdd, w)
 }
@@ -1288,18 +1278,17 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
         let t3_6 = -sin_q1_q2;
         let u_2_q1x = like.lift(0.1) * sin_q2;
         let t3_7 = -u_2_q1x;
-        let t3_8 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
-        let t3_9 = -t3_8;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t3_10 = sin_q2 * inv_pivot_2;
-        let t3_11 = like.lift(0.1) * t3_10;
-        let t3_12 = sin_q1_q2.mul_add(t3_11, t3_8);
-        let t3_13 = like.lift(5.0) * t3_12;
-        let t3_14 = -t3_11;
+        let t3_8 = u_2_q1x * inv_pivot_2;
+        let t3_9 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t3_10 = sin_q1_q2.mul_add(t3_8, t3_9);
+        let t3_11 = -t3_9;
+        let t3_12 = like.lift(5.0) * t3_10;
+        let t3_13 = -t3_8;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t3_13], [t3_14]],
+            [[t3_12], [t3_13]],
             margin,
             || (
                 [
@@ -1307,7 +1296,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_7], [t3_9], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_7], [t3_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1328,15 +1317,13 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
         let t4_6 = cos_q2 * al_2z;
         let t4_7 = (-sin_q2).mul_add(t4_2, t4_6);
         let t4_8 = cos_q2 * t4_2;
-        let t4_9 = sin_q2.mul_add(al_2z, t4_8);
-        let t4_10 = like.lift(0.1) * t4_9;
-        let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_10);
-        let t4_11 = like.lift(0.1).mul_add(t4_7, t4_5);
+        let t4_9 = like.lift(0.1).mul_add(t4_7, t4_5);
+        w[4][0] = t4_9;
+        let t4_10 = sin_q2.mul_add(al_2z, t4_8);
+        let t4_11 = like.lift(0.1) * t4_10;
+        let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_11);
         let t4_12 = -w_my_2_q1;
         w[5][0] = t4_12;
-        let w_mx_2_q1 = -t4_11;
-        let t4_13 = -w_mx_2_q1;
-        w[4][0] = t4_13;
     }
     Condition { pivot: condition }
 }
@@ -1346,7 +1333,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
 /// - `phi`: dynamic parameters, SI, in the order of `PARAMETERS`
 /// - `beta`: base parameters, in the order of `BASE`
 ///
-/// 6 additions, 4 multiplications, 0 divisions, 0 sines and cosines.
+/// 5 additions, 4 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 6] {
     let like = phi[0];
     let mut beta = [like.lift(0.0); 6];
@@ -1364,9 +1351,8 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 6] {
         let t1_3 = p_m_2 + p_m_3;
         let t1_4 = like.lift(0.01).mul_add(t1_3, p_izz_1);
         beta[0] = t1_4;
-        let t1_5 = p_m_2 + p_m_3;
-        let t1_6 = like.lift(0.1).mul_add(t1_5, p_mx_1);
-        beta[1] = t1_6;
+        let t1_5 = like.lift(0.1).mul_add(t1_3, p_mx_1);
+        beta[1] = t1_5;
     }
     beta
 }
@@ -1377,7 +1363,7 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 6] {
 /// - `free`: values of the eliminated parameters, in the order of `FREE`
 /// - `phi`: dynamic parameters, in the order of `PARAMETERS`
 ///
-/// 6 additions, 4 multiplications, 0 divisions, 0 sines and cosines.
+/// 5 additions, 4 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 6], free: &[T; 24]) -> [T; 30] {
     let like = beta[0];
     let mut phi = [like.lift(0.0); 30];
@@ -1397,9 +1383,8 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 6], free: &[T; 24]) -> [T; 30]
         let t1_3 = p_m_2 + p_m_3;
         let t1_4 = like.lift(-0.01).mul_add(t1_3, p_izz_1);
         phi[5] = t1_4;
-        let t1_5 = p_m_2 + p_m_3;
-        let t1_6 = like.lift(-0.1).mul_add(t1_5, p_mx_1);
-        phi[6] = t1_6;
+        let t1_5 = like.lift(-0.1).mul_add(t1_3, p_mx_1);
+        phi[6] = t1_5;
     }
     phi
 }
@@ -1412,7 +1397,7 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 6], free: &[T; 24]) -> [T; 30]
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: (K_i - X^T K_e) phi, N m or N, in the order of `INDEPENDENT`
 ///
-/// 20 additions, 35 multiplications, 1 divisions, 2 sines and cosines.
+/// 20 additions, 34 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -1456,21 +1441,20 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_19);
         let t2_20 = sin_q1 * p_my_1;
         let t2_21 = (-cos_q1).mul_add(p_mx_1, t2_20);
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_22 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
         let t2_23 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_24 = -u_2_q1x;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_25 = sin_q2 * inv_pivot_2;
-        let t2_26 = like.lift(0.1) * t2_25;
-        let t2_27 = sin_q1_q2.mul_add(t2_26, t2_22);
-        let t2_28 = -t2_22;
-        let t2_29 = like.lift(5.0) * t2_27;
-        let t2_30 = -t2_26;
+        let t2_25 = u_2_q1x * inv_pivot_2;
+        let t2_26 = sin_q1_q2.mul_add(t2_25, t2_22);
+        let t2_27 = -t2_22;
+        let t2_28 = like.lift(5.0) * t2_26;
+        let t2_29 = -t2_25;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t2_29], [t2_30]],
+            [[t2_28], [t2_29]],
             margin,
             || (
                 [
@@ -1478,7 +1462,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_24], [t2_28], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_24], [t2_27], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1501,7 +1485,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: the efforts that hold the mechanism at rest
 ///
-/// 8 additions, 17 multiplications, 1 divisions, 2 sines and cosines.
+/// 8 additions, 16 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -1522,25 +1506,24 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
         let t2_3 = sin_q1 * p_my_1;
         let t2_4 = (-cos_q1).mul_add(p_mx_1, t2_3);
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_5 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
         let t2_6 = sin_q1_q2 * p_my_2;
         let t2_7 = (-cos_q1_q2).mul_add(p_mx_2, t2_6);
         let t2_8 = like.lift(9.81) * t2_7;
         let t2_9 = -t2_8;
         let t2_10 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_11 = -u_2_q1x;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_12 = sin_q2 * inv_pivot_2;
-        let t2_13 = like.lift(0.1) * t2_12;
-        let t2_14 = sin_q1_q2.mul_add(t2_13, t2_5);
-        let t2_15 = -t2_5;
-        let t2_16 = like.lift(5.0) * t2_14;
-        let t2_17 = -t2_13;
+        let t2_12 = u_2_q1x * inv_pivot_2;
+        let t2_13 = sin_q1_q2.mul_add(t2_12, t2_5);
+        let t2_14 = -t2_5;
+        let t2_15 = like.lift(5.0) * t2_13;
+        let t2_16 = -t2_12;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t2_16], [t2_17]],
+            [[t2_15], [t2_16]],
             margin,
             || (
                 [
@@ -1548,7 +1531,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_11], [t2_15], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_11], [t2_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1570,7 +1553,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `tau`: Coriolis, centrifugal and friction efforts: inverse dynamics at qdd_i = 0, less gravity
 ///
-/// 13 additions, 28 multiplications, 1 divisions, 2 sines and cosines.
+/// 13 additions, 27 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([T; 1], Condition<T>) {
     let like = q[0];
     let mut tau = [like.lift(0.0); 1];
@@ -1586,7 +1569,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
     let [d_q1, d_q2, _] = *qd;
     let [_, _, _, p_izz_2, p_mx_2, p_my_2] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
-    let [t2_1, t2_5, t2_9, t2_13, al_2z] = {
+    let [t2_1, t2_5, t2_9, inv_pivot_2, al_2z] = {
         let t2_1 = -sin_q1_q2;
         let t2_2 = d_q1 * d_q1;
         let t2_3 = cos_q2 * t2_2;
@@ -1601,16 +1584,14 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
         let t2_10 = -t2_7;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
         let t2_11 = inv_pivot_2 * t2_7;
-        let t2_12 = sin_q2 * inv_pivot_2;
-        let t2_13 = like.lift(0.1) * t2_12;
-        let t2_14 = (-sin_q1_q2).mul_add(t2_11, a_2y);
-        let t2_15 = like.lift(5.0) * t2_14;
-        let t2_16 = -t2_15;
-        let t2_17 = -t2_11;
+        let t2_12 = (-sin_q1_q2).mul_add(t2_11, a_2y);
+        let t2_13 = like.lift(5.0) * t2_12;
+        let t2_14 = -t2_13;
+        let t2_15 = -t2_11;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[al_2z], [_]], found) = ::regen_runtime::guarded(
-            [[t2_16], [t2_17]],
+            [[t2_14], [t2_15]],
             margin,
             || (
                 [
@@ -1622,7 +1603,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
             ),
         );
         condition = condition.min(found);
-        [t2_1, t2_5, t2_9, t2_13, al_2z]
+        [t2_1, t2_5, t2_9, inv_pivot_2, al_2z]
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [t3_2, t3_8, x_q2_q1] = {
@@ -1635,16 +1616,17 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
         let t3_7 = cos_q2 * t3_6;
         let t3_8 = sin_q2.mul_add(t3_4, t3_7);
         let u_2_q1x = like.lift(0.1) * sin_q2;
-        let t3_9 = -u_2_q1x;
-        let t3_10 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
-        let t3_11 = sin_q1_q2.mul_add(t2_13, t3_10);
-        let t3_12 = -t3_10;
-        let t3_13 = like.lift(5.0) * t3_11;
-        let t3_14 = -t2_13;
+        let t3_9 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
+        let t3_10 = inv_pivot_2 * u_2_q1x;
+        let t3_11 = -u_2_q1x;
+        let t3_12 = sin_q1_q2.mul_add(t3_10, t3_9);
+        let t3_13 = -t3_9;
+        let t3_14 = like.lift(5.0) * t3_12;
+        let t3_15 = -t3_10;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t3_13], [t3_14]],
+            [[t3_14], [t3_15]],
             margin,
             || (
                 [
@@ -1652,7 +1634,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t3_9], [t3_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_11], [t3_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1673,7 +1655,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 6]) -> ([
 /// - `beta`: base parameters, SI, in the order of `BASE`
 /// - `m`: M = J^T M_tree J, J = [1; -X]; rotors included
 ///
-/// 10 additions, 12 multiplications, 1 divisions, 2 sines and cosines.
+/// 10 additions, 11 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([[T; 1]; 1], Condition<T>) {
     let like = q[0];
     let mut m = [[like.lift(0.0); 1]; 1];
@@ -1691,22 +1673,21 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([[T; 1]; 1], C
     let [t2_2, t2_4, x_q2_q1] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
+        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_3 = like.lift(0.1).mul_add(cos_q2, like.lift(0.2));
         let t2_4 = like.lift(0.1).mul_add(t2_2, p_izz_2);
         let t2_5 = -sin_q1_q2;
-        let u_2_q1x = like.lift(0.1) * sin_q2;
         let t2_6 = -u_2_q1x;
         let inv_pivot_2 = like.lift(1.0) / cos_q1_q2;
-        let t2_7 = sin_q2 * inv_pivot_2;
-        let t2_8 = like.lift(0.1) * t2_7;
-        let t2_9 = sin_q1_q2.mul_add(t2_8, t2_3);
-        let t2_10 = -t2_3;
-        let t2_11 = like.lift(5.0) * t2_9;
-        let t2_12 = -t2_8;
+        let t2_7 = u_2_q1x * inv_pivot_2;
+        let t2_8 = sin_q1_q2.mul_add(t2_7, t2_3);
+        let t2_9 = -t2_3;
+        let t2_10 = like.lift(5.0) * t2_8;
+        let t2_11 = -t2_7;
         // the smallest pivot relative to its usual size
         let margin = (cos_q1_q2 * like.lift(1.1094003924504583)).abs();
         let ([[x_q2_q1], [_]], found) = ::regen_runtime::guarded(
-            [[t2_11], [t2_12]],
+            [[t2_10], [t2_11]],
             margin,
             || (
                 [
@@ -1714,7 +1695,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 6]) -> ([[T; 1]; 1], C
                     [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
                     [like.lift(0.0), like.lift(0.0)],
                 ],
-                [[t2_6], [t2_10], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_6], [t2_9], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
             ),
         );
         condition = condition.min(found);

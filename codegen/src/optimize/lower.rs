@@ -9,6 +9,7 @@ use super::angles::Angles;
 use super::factor::factor;
 use super::order::order;
 use super::program::{Argument, Group, Op, Operand, Output, Program, SolveStep, Step, Temp};
+use super::relations::relate;
 
 /// What a program shall compute.
 #[derive(Clone, Debug)]
@@ -70,6 +71,7 @@ pub fn lower(g: &Graph, request: Request) -> Program {
     };
     program.drop_unused();
     factor(&mut program);
+    relate(&mut program);
     program.angles_first();
     order(&mut program);
     program

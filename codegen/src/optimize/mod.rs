@@ -6,6 +6,7 @@ mod factor;
 mod lower;
 mod order;
 mod program;
+mod relations;
 
 pub use lower::{Request, lower};
 pub use program::{

@@ -1,0 +1,614 @@
+//! Values that others give in fewer operations.
+//!
+//! Two ways to one value meet in a program without looking alike: what an offset adds to a moment
+//! is the offset times an entry that is there already; a sum of two products is one product of
+//! other sums. Such relations are found by value. The program is evaluated modulo a prime, with
+//! numbers drawn for what it is given and points of the unit circle for sines and cosines, and a
+//! value is looked for among sums, products, and products with a third value added or taken away,
+//! of values made before it. All are rational functions of what is drawn, so a relation that does
+//! not hold everywhere holds at a draw with no greater probability than their degree over the
+//! prime, some 1e-16 (Schwartz, 1980; Zippel, 1979), and a second draw has to agree.
+//!
+//! What is exact over rational numbers may lose digits or be undefined in floating point: a value
+//! is not got back from a sum with a far larger one, and not from quotients if it had none.
+
+use rustc_hash::FxHashMap;
+
+use super::program::{Op, Operand, Program, Step, Temp};
+
+mod field;
+
+/// Programs of more values are left alone: the products of all pairs are held.
+const MOST_VALUES: usize = 800;
+
+/// How often all steps are gone through: a step that is spared leaves others with fewer uses.
+const SWEEPS: usize = 4;
+
+/// Puts relations to use until there are none, or [`SWEEPS`] times.
+pub(super) fn relate(program: &mut Program) {
+    for _ in 0..SWEEPS {
+        let values = values(program);
+        if values.len() > MOST_VALUES || !sweep(program, &values) {
+            return;
+        }
+        program.drop_double_signs();
+        program.drop_unused();
+    }
+}
+
+/// By how much the bound on a value's rounding errors may grow.
+const GROWTH: f64 = 2.0;
+
+/// Something that can be worked on.
+struct Value {
+    operand: Operand,
+    /// After how many steps it is there.
+    after: usize,
+    /// What it is, by draw.
+    numbers: [u64; 2],
+    /// The sizes of all terms that it is the sum of, which rounding errors are in proportion to.
+    size: f64,
+    /// Whether anything was divided for it.
+    quotient: bool,
+}
+
+/// What a value may be, of others by their places.
+#[derive(Clone, Copy)]
+enum Way {
+    /// `a + b`
+    Sum(usize, usize),
+    /// `a - b`
+    Difference(usize, usize),
+    /// `a b`
+    Product(usize, usize),
+    /// `-a b`
+    Negative(usize, usize),
+    /// `a b + c`
+    With(usize, usize, usize),
+    /// `c - a b`
+    From(usize, usize, usize),
+    /// `a b - c`
+    Less(usize, usize, usize),
+}
+
+impl Way {
+    fn places(self) -> Vec<usize> {
+        match self {
+            Way::Sum(a, b) | Way::Difference(a, b) | Way::Product(a, b) | Way::Negative(a, b) => {
+                vec![a, b]
+            }
+            Way::With(a, b, c) | Way::From(a, b, c) | Way::Less(a, b, c) => vec![a, b, c],
+        }
+    }
+
+    /// Its value in a draw.
+    fn number(self, values: &[Value], draw: usize) -> u64 {
+        let at = |place: usize| values[place].numbers[draw];
+        match self {
+            Way::Sum(a, b) => field::add(at(a), at(b)),
+            Way::Difference(a, b) => field::sub(at(a), at(b)),
+            Way::Product(a, b) => field::mul(at(a), at(b)),
+            Way::Negative(a, b) => field::neg(field::mul(at(a), at(b))),
+            Way::With(a, b, c) => field::add(field::mul(at(a), at(b)), at(c)),
+            Way::From(a, b, c) => field::sub(at(c), field::mul(at(a), at(b))),
+            Way::Less(a, b, c) => field::sub(field::mul(at(a), at(b)), at(c)),
+        }
+    }
+
+    /// The sizes of its terms.
+    fn size(self, values: &[Value]) -> f64 {
+        let at = |place: usize| values[place].size;
+        match self {
+            Way::Sum(a, b) | Way::Difference(a, b) => at(a) + at(b),
+            Way::Product(a, b) | Way::Negative(a, b) => at(a) * at(b),
+            Way::With(a, b, c) | Way::From(a, b, c) | Way::Less(a, b, c) => at(a) * at(b) + at(c),
+        }
+    }
+
+    /// The operation, but for the sign of [`Way::Negative`], and whether that is missing.
+    fn op(self, values: &[Value]) -> (Op, bool) {
+        let at = |place: usize| values[place].operand;
+        match self {
+            Way::Sum(a, b) => (Op::Add(at(a), at(b)), false),
+            Way::Difference(a, b) => (Op::Sub(at(a), at(b)), false),
+            Way::Product(a, b) => (Op::Mul(at(a), at(b)), false),
+            Way::Negative(a, b) => match at(a) {
+                Operand::Constant(c) => (Op::Mul(Operand::Constant(-c), at(b)), false),
+                factor => (Op::Mul(factor, at(b)), true),
+            },
+            Way::With(a, b, c) => (Op::MulAdd(at(a), at(b), at(c)), false),
+            Way::From(a, b, c) => (Op::NegMulAdd(at(a), at(b), at(c)), false),
+            Way::Less(a, b, c) => (Op::MulSub(at(a), at(b), at(c)), false),
+        }
+    }
+}
+
+/// Products and sums of an operation.
+fn price(op: &Op) -> [i32; 2] {
+    match op {
+        Op::Add(..) | Op::Sub(..) => [0, 1],
+        Op::Mul(..) => [1, 0],
+        Op::MulAdd(..) | Op::NegMulAdd(..) | Op::MulSub(..) => [1, 1],
+        _ => [0, 0],
+    }
+}
+
+/// Whether a step is one of sums and products, which may be computed otherwise.
+fn is_arithmetic(op: &Op) -> bool {
+    price(op) != [0, 0]
+}
+
+/// Goes through all steps once; whether anything changed.
+fn sweep(program: &mut Program, values: &[Value]) -> bool {
+    let known = Known::of(values);
+    let mut uses = Uses::of(program);
+    let mut signs: Vec<(usize, Op)> = Vec::new();
+    let mut changed = false;
+    for value in values {
+        let Some(at) = value.after.checked_sub(1) else {
+            continue;
+        };
+        if uses.dead[at] || !is_arithmetic(&program.steps[at].op) {
+            continue;
+        }
+        let spared = uses.spared(program, at, &[]);
+        // steps of a group may change places
+        let end = program.groups.iter().find(|g| g.steps.contains(&at));
+        let end = end.map_or(at, |group| group.steps.end);
+        let mut best = None;
+        known.ways(values, end, value, spared, |way| {
+            let places = way.places();
+            let there = places.iter().all(|place| {
+                let other = &values[*place];
+                other.after <= end && (value.quotient || !other.quotient)
+            });
+            let there = there && way.size(values) <= GROWTH * value.size;
+            let holds = || (0..2).all(|draw| way.number(values, draw) == value.numbers[draw]);
+            if !there || !holds() {
+                return;
+            }
+            let op = way.op(values).0;
+            if uses.needs(program, &op, at) {
+                return;
+            }
+            let gain = uses.gain(program, at, &op);
+            if gain.is_some() && gain > best.as_ref().and_then(|(most, _)| *most) {
+                best = Some((gain, way));
+            }
+        });
+        let Some((_, way)) = best else { continue };
+        let (op, sign) = way.op(values);
+        uses.replace(program, at, &op);
+        program.steps[at].op = op.clone();
+        if sign {
+            signs.push((at, op));
+        }
+        changed = true;
+    }
+    program.put_before(signs);
+    program.sort_groups();
+    changed
+}
+
+/// Values and products by what they are in the first draw.
+struct Known {
+    values: FxHashMap<u64, usize>,
+    /// Of several pairs the one that is there first.
+    products: FxHashMap<u64, (usize, usize)>,
+}
+
+impl Known {
+    fn of(values: &[Value]) -> Self {
+        let mut known = Known {
+            values: FxHashMap::default(),
+            products: FxHashMap::default(),
+        };
+        for (b, second) in values.iter().enumerate() {
+            known.values.entry(second.numbers[0]).or_insert(b);
+            for (a, first) in values[..=b].iter().enumerate() {
+                let product = field::mul(first.numbers[0], second.numbers[0]);
+                known.products.entry(product).or_insert((a, b));
+            }
+        }
+        known
+    }
+
+    /// What a value may be of what is there after `end` steps, where that takes fewer operations than
+    /// are spared.
+    fn ways(
+        &self,
+        values: &[Value],
+        end: usize,
+        value: &Value,
+        [products, sums]: [i32; 2],
+        mut found: impl FnMut(Way),
+    ) {
+        let number = value.numbers[0];
+        let product = |number: u64| self.products.get(&number).copied();
+        if products > 0 && products + sums > 1 {
+            if let Some((a, b)) = product(number) {
+                found(Way::Product(a, b));
+            }
+            if let Some((a, b)) = product(field::neg(number)) {
+                found(Way::Negative(a, b));
+            }
+        }
+        if sums == 0 || products + sums < 2 {
+            return;
+        }
+        let before = values.iter().take_while(|other| other.after <= end);
+        for (c, third) in before.enumerate() {
+            let less = field::sub(number, third.numbers[0]);
+            let more = field::add(number, third.numbers[0]);
+            if let Some(a) = self.values.get(&less) {
+                found(Way::Sum(*a, c));
+            }
+            if let Some(a) = self.values.get(&more) {
+                found(Way::Difference(*a, c));
+            }
+            if products == 0 || products + sums < 3 {
+                continue;
+            }
+            if let Some((a, b)) = product(less) {
+                found(Way::With(a, b, c));
+            }
+            if let Some((a, b)) = product(field::neg(less)) {
+                found(Way::From(a, b, c));
+            }
+            if let Some((a, b)) = product(more) {
+                found(Way::Less(a, b, c));
+            }
+        }
+    }
+}
+
+/// All that a program's steps can work on, from what is there first.
+fn values(program: &Program) -> Vec<Value> {
+    let draws = [Drawn::new(program, 0), Drawn::new(program, 1)];
+    let sizes = sizes(program);
+    let mut values = Vec::new();
+    let mut add = |operand: Operand, after: usize| {
+        let numbers = draws.each_ref().map(|draw| draw.at(&operand));
+        let (size, quotient) = size_of(&operand, &sizes);
+        values.push(Value {
+            operand,
+            after,
+            numbers,
+            size,
+            quotient,
+        });
+    };
+    let operands = program.steps.iter().flat_map(|s| s.op.operands());
+    let mut given: Vec<(usize, usize)> = Vec::new();
+    let mut constants: Vec<u64> = Vec::new();
+    for operand in operands {
+        match operand {
+            Operand::Input { argument, element } => given.push((argument, element)),
+            Operand::Constant(c) => constants.push(c.abs().to_bits()),
+            Operand::Temp(_) => {}
+        }
+    }
+    given.sort_unstable();
+    given.dedup();
+    constants.sort_unstable();
+    constants.dedup();
+    for c in constants {
+        add(Operand::Constant(f64::from_bits(c)), 0);
+    }
+    for (argument, element) in given {
+        add(Operand::Input { argument, element }, 0);
+    }
+    for (at, step) in program.steps.iter().enumerate() {
+        // what a sign is changed of is among the values already
+        if !matches!(step.op, Op::Neg(_)) {
+            for result in &step.results {
+                add(Operand::Temp(*result), at + 1);
+            }
+        }
+    }
+    values
+}
+
+/// By temporary: the sizes of all terms of the sums that it is made of, what is given being about
+/// one, and whether anything was divided.
+fn sizes(program: &Program) -> Vec<(f64, bool)> {
+    let mut sizes = vec![(1.0, false); program.names.len()];
+    for step in &program.steps {
+        let at = |operand: &Operand| size_of(operand, &sizes);
+        let plus = |a: (f64, bool), b: (f64, bool)| (a.0 + b.0, a.1 || b.1);
+        let times = |a: (f64, bool), b: (f64, bool)| (a.0 * b.0, a.1 || b.1);
+        let size = match &step.op {
+            Op::Neg(a) => at(a),
+            Op::Add(a, b) | Op::Sub(a, b) => plus(at(a), at(b)),
+            Op::Mul(a, b) => times(at(a), at(b)),
+            Op::MulAdd(a, b, c) | Op::NegMulAdd(a, b, c) | Op::MulSub(a, b, c) => {
+                plus(times(at(a), at(b)), at(c))
+            }
+            Op::Div(a, _) => (at(a).0, true),
+            // a system is solved anew where a pivot is small
+            Op::SinCos(_) | Op::Sign(_) | Op::Positive(_) | Op::Negative(_) | Op::Solve(_) => {
+                continue;
+            }
+        };
+        for result in &step.results {
+            sizes[result.0 as usize] = size;
+        }
+    }
+    sizes
+}
+
+fn size_of(operand: &Operand, sizes: &[(f64, bool)]) -> (f64, bool) {
+    match *operand {
+        Operand::Input { .. } => (1.0, false),
+        Operand::Constant(c) => (c.abs(), false),
+        Operand::Temp(t) => sizes[t.0 as usize],
+    }
+}
+
+/// The values of a program at numbers that are drawn.
+struct Drawn {
+    draw: u64,
+    temps: Vec<u64>,
+}
+
+impl Drawn {
+    fn new(program: &Program, draw: u64) -> Self {
+        let mut drawn = Drawn {
+            draw,
+            temps: vec![0; program.names.len()],
+        };
+        for step in &program.steps {
+            let at = |operand: &Operand| drawn.at(operand);
+            let value = match &step.op {
+                Op::Neg(a) => field::neg(at(a)),
+                Op::Add(a, b) => field::add(at(a), at(b)),
+                Op::Sub(a, b) => field::sub(at(a), at(b)),
+                Op::Mul(a, b) => field::mul(at(a), at(b)),
+                Op::MulAdd(a, b, c) => field::add(field::mul(at(a), at(b)), at(c)),
+                Op::NegMulAdd(a, b, c) => field::sub(at(c), field::mul(at(a), at(b))),
+                Op::MulSub(a, b, c) => field::sub(field::mul(at(a), at(b)), at(c)),
+                Op::Div(a, b) => field::mul(at(a), field::inverse(at(b))),
+                Op::SinCos(_) => {
+                    if let [sine, cosine] = step.results[..] {
+                        let (s, c) = field::sin_cos(drawn.other(sine));
+                        drawn.temps[sine.0 as usize] = s;
+                        drawn.temps[cosine.0 as usize] = c;
+                    }
+                    continue;
+                }
+                // no rational functions: numbers of their own
+                Op::Sign(_) | Op::Positive(_) | Op::Negative(_) | Op::Solve(_) => {
+                    for result in &step.results {
+                        drawn.temps[result.0 as usize] = drawn.other(*result);
+                    }
+                    continue;
+                }
+            };
+            for result in &step.results {
+                drawn.temps[result.0 as usize] = value;
+            }
+        }
+        drawn
+    }
+
+    /// A number for a result that is no rational function.
+    fn other(&self, result: Temp) -> u64 {
+        field::drawn((1 << 60) + u64::from(result.0), self.draw)
+    }
+
+    fn at(&self, operand: &Operand) -> u64 {
+        match *operand {
+            Operand::Input { argument, element } => {
+                field::drawn(((argument as u64) << 32) + element as u64, self.draw)
+            }
+            Operand::Constant(c) => field::of(c),
+            Operand::Temp(t) => self.temps[t.0 as usize],
+        }
+    }
+}
+
+/// How often values are used, while steps change.
+struct Uses {
+    count: Vec<u32>,
+    /// By value, the step that makes it.
+    made: Vec<usize>,
+    /// By step, whether nothing uses it any more.
+    dead: Vec<bool>,
+}
+
+impl Uses {
+    fn of(program: &Program) -> Self {
+        let mut uses = Uses {
+            count: vec![0; program.names.len()],
+            made: vec![usize::MAX; program.names.len()],
+            dead: vec![false; program.steps.len()],
+        };
+        for (at, step) in program.steps.iter().enumerate() {
+            for result in &step.results {
+                uses.made[result.0 as usize] = at;
+            }
+        }
+        let operands = program.steps.iter().flat_map(|s| s.op.operands());
+        for operand in operands.chain(program.outputs.iter().copied()) {
+            if let Operand::Temp(t) = operand {
+                uses.count[t.0 as usize] += 1;
+            }
+        }
+        uses
+    }
+
+    /// The steps that nothing would use without a step, itself first, if the values of `kept` were
+    /// used once more.
+    fn only_for(&self, program: &Program, at: usize, kept: &[Operand]) -> Vec<usize> {
+        let mut fewer: FxHashMap<Temp, i64> = FxHashMap::default();
+        for operand in kept {
+            if let Operand::Temp(t) = operand {
+                *fewer.entry(*t).or_default() -= 1;
+            }
+        }
+        let mut steps = vec![at];
+        let mut next = 0;
+        while let Some(&step) = steps.get(next) {
+            next += 1;
+            for operand in program.steps[step].op.operands() {
+                let Operand::Temp(t) = operand else { continue };
+                let fewer = fewer.entry(t).or_default();
+                *fewer += 1;
+                let maker = self.made[t.0 as usize];
+                let single = program.steps[maker].results.len() == 1;
+                if single && i64::from(self.count[t.0 as usize]) == *fewer {
+                    steps.push(maker);
+                }
+            }
+        }
+        steps
+    }
+
+    /// Products and sums that would not be needed without a step.
+    fn spared(&self, program: &Program, at: usize, kept: &[Operand]) -> [i32; 2] {
+        let steps = self.only_for(program, at, kept);
+        let prices = steps.iter().map(|step| price(&program.steps[*step].op));
+        prices.fold([0, 0], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
+    }
+
+    /// The operations gained by another operation in a step's place, and the products among them;
+    /// `None` if there are none, or it takes a value that is gone.
+    fn gain(&self, program: &Program, at: usize, op: &Op) -> Option<(i32, i32)> {
+        let operands = op.operands();
+        let gone = operands
+            .iter()
+            .any(|o| matches!(o, Operand::Temp(t) if self.dead[self.made[t.0 as usize]]));
+        let (spared, takes) = (self.spared(program, at, &operands), price(op));
+        let [products, sums] = [spared[0] - takes[0], spared[1] - takes[1]];
+        let fewer = products >= 0 && sums >= 0 && products + sums > 0;
+        (fewer && !gone).then_some((products + sums, products))
+    }
+
+    /// Whether an operation needs what a step makes, as steps are now.
+    fn needs(&self, program: &Program, op: &Op, at: usize) -> bool {
+        let mut seen = vec![false; program.steps.len()];
+        let mut operands = op.operands();
+        while let Some(operand) = operands.pop() {
+            let Operand::Temp(t) = operand else { continue };
+            let maker = self.made[t.0 as usize];
+            if maker == at {
+                return true;
+            }
+            if !std::mem::replace(&mut seen[maker], true) {
+                operands.extend(program.steps[maker].op.operands());
+            }
+        }
+        false
+    }
+
+    /// Keeps count when a step gets another operation.
+    fn replace(&mut self, program: &Program, at: usize, op: &Op) {
+        let operands = op.operands();
+        let steps = self.only_for(program, at, &operands);
+        for operand in operands {
+            if let Operand::Temp(t) = operand {
+                self.count[t.0 as usize] += 1;
+            }
+        }
+        for step in steps {
+            self.dead[step] = step != at;
+            for operand in program.steps[step].op.operands() {
+                if let Operand::Temp(t) = operand {
+                    self.count[t.0 as usize] -= 1;
+                }
+            }
+        }
+    }
+}
+
+impl Program {
+    /// Puts an operation before each of some steps, in order, which then changes its sign.
+    fn put_before(&mut self, operations: Vec<(usize, Op)>) {
+        let places: Vec<usize> = operations.iter().map(|(at, _)| *at).collect();
+        // from the back, so that places stay what they are
+        for (at, op) in operations.into_iter().rev() {
+            let temp = Temp(self.names.len() as u32);
+            self.names.push(None);
+            self.steps[at].op = Op::Neg(Operand::Temp(temp));
+            let step = Step {
+                op,
+                results: vec![temp],
+            };
+            self.steps.insert(at, step);
+        }
+        let moved = |at: usize| at + places.iter().filter(|place| **place < at).count();
+        for group in &mut self.groups {
+            group.steps = moved(group.steps.start)..moved(group.steps.end);
+        }
+    }
+
+    /// Puts the steps of every group in an order in which each follows what it works on, else as they
+    /// are.
+    fn sort_groups(&mut self) {
+        let mut made = vec![usize::MAX; self.names.len()];
+        for (at, step) in self.steps.iter().enumerate() {
+            for result in &step.results {
+                made[result.0 as usize] = at;
+            }
+        }
+        let mut done = vec![false; self.steps.len()];
+        let mut order = Vec::with_capacity(self.steps.len());
+        for group in &self.groups {
+            for at in group.steps.clone() {
+                let mut stack = vec![at];
+                while let Some(&step) = stack.last() {
+                    let operands = self.steps[step].op.operands().into_iter();
+                    let makers = operands.filter_map(|o| match o {
+                        Operand::Temp(t) => Some(made[t.0 as usize]),
+                        Operand::Input { .. } | Operand::Constant(_) => None,
+                    });
+                    let first = makers.filter(|maker| !done[*maker]).min();
+                    if let (Some(first), false) = (first, done[step]) {
+                        stack.push(first);
+                        continue;
+                    }
+                    stack.pop();
+                    if !std::mem::replace(&mut done[step], true) {
+                        order.push(step);
+                    }
+                }
+            }
+        }
+        let mut steps: Vec<Option<Step>> = self.steps.drain(..).map(Some).collect();
+        self.steps = order
+            .into_iter()
+            .filter_map(|at| steps[at].take())
+            .collect();
+    }
+
+    /// Where a sign is changed twice, works on the value itself.
+    fn drop_double_signs(&mut self) {
+        let mut of: FxHashMap<Temp, Operand> = FxHashMap::default();
+        let mut same: FxHashMap<Temp, Operand> = FxHashMap::default();
+        for step in &mut self.steps {
+            let plain = |o: &Operand| match o {
+                Operand::Temp(t) => same.get(t).copied().unwrap_or(*o),
+                _ => *o,
+            };
+            step.op.change_operands(plain);
+            if let (Op::Neg(a), [result]) = (&step.op, &step.results[..]) {
+                let before = match a {
+                    Operand::Temp(t) => of.get(t).copied(),
+                    _ => None,
+                };
+                match before {
+                    Some(value) => same.insert(*result, value),
+                    None => of.insert(*result, *a),
+                };
+            }
+        }
+        for output in &mut self.outputs {
+            if let Operand::Temp(t) = output {
+                *output = same.get(t).copied().unwrap_or(*output);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
