@@ -325,10 +325,9 @@ fn sizes(program: &Program) -> Vec<(f64, bool)> {
                 plus(times(at(a), at(b)), at(c))
             }
             Op::Div(a, _) => (at(a).0, true),
-            // a system is solved anew where a pivot is small
-            Op::SinCos(_) | Op::Sign(_) | Op::Positive(_) | Op::Negative(_) | Op::Solve(_) => {
-                continue;
-            }
+            // a solution is no number either where there is none
+            Op::Solve(_) => (1.0, true),
+            Op::SinCos(_) | Op::Sign(_) | Op::Positive(_) | Op::Negative(_) => continue,
         };
         for result in &step.results {
             sizes[result.0 as usize] = size;
