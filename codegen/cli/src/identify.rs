@@ -10,10 +10,11 @@ use serde::Serialize;
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
+use crate::identified::IdentifiedModel;
 use crate::identify_table::human;
 use crate::observe::{self, FileJson};
 use crate::parameters::{FrictionRow, ParameterFile, ParameterRow, PhysicalRow};
-use crate::physical::{self, Found};
+use crate::physical;
 use crate::predicted::{self, OnLog};
 use crate::reduce::{self, StepJson};
 use crate::suspect::{self, Suspicion};
@@ -135,8 +136,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     for (out, text) in &written {
         write::atomically(out, text)?;
     }
-    args.report
-        .write(&robot, &model, &file, &last.friction, args)?;
+    args.report.write(&robot, &model, &file, &last, args)?;
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
         Format::Human => human(&json),
@@ -153,13 +153,12 @@ fn models(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
     start: &mut Start,
-) -> Result<Found, Failure> {
-    let mut found = vec![Found {
+) -> Result<IdentifiedModel, Failure> {
+    let mut found = vec![IdentifiedModel {
         name: "least squares",
         beta: start.estimate.values.clone(),
-        phi: None,
-        friction: Vec::new(),
         feasibility: "not judged: --feasible does".to_owned(),
+        ..IdentifiedModel::default()
     }];
     if args.physical.wanted() {
         let working = progress::spinner("solving for physical parameters".to_owned());
@@ -195,11 +194,7 @@ fn models(
             .chain(&args.physical.against)
             .map(PathBuf::as_path)
             .collect();
-        let models: Vec<(&[f64], &[_])> = found
-            .iter()
-            .map(|f| (f.beta.as_slice(), f.friction.as_slice()))
-            .collect();
-        let errors = predicted::table(model, &args.reading, &logs, &models)?;
+        let errors = predicted::table(model, &args.reading, &logs, &found)?;
         start.json.models = found
             .iter()
             .zip(errors)

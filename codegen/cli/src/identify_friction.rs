@@ -8,6 +8,7 @@ use regen_runtime::identify::{Kind, observe};
 
 use crate::args::{IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
+use crate::identified::IdentifiedModel;
 use crate::identify::{Start, json};
 use crate::observe::{self, FileJson};
 use crate::parameters::ParameterFile;
@@ -38,15 +39,13 @@ pub(crate) fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Star
     let mut estimate = Estimate::of(&factor)?;
     let mut errors = None;
     for _ in 0..PASSES {
-        let linear = physical::linear_part(model, &joints, &estimate.values);
-        let found = crate::predicted::residuals(
-            model,
-            Kind::Forces,
-            &mut logs,
-            &linear.0,
-            &linear.1,
-            &means,
-        )?;
+        let (beta, friction) = physical::linear_part(model, &joints, &estimate.values);
+        let linear = IdentifiedModel {
+            beta,
+            friction,
+            ..IdentifiedModel::default()
+        };
+        let found = linear.residuals(model, Kind::Forces, &mut logs, &means, 1)?;
         let efforts = found.efforts();
         if args.weighting == WeightingArg::PerEffort {
             // efforts without any noise are not told apart

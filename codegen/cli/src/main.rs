@@ -14,6 +14,7 @@ mod excite;
 mod exit;
 mod export;
 mod generate;
+mod identified;
 mod identify;
 mod identify_friction;
 mod identify_table;

@@ -8,7 +8,7 @@ use regen_runtime::feasibility::{Layout, bodies_yaml, rust_constants, unit};
 use regen_runtime::{BaseModel, Info, Model};
 
 use crate::exit::Failure;
-use crate::physical::Found;
+use crate::identified::IdentifiedModel;
 use regen_interpreted::Interpreted;
 
 /// What a spec that was written may differ by from the values it was written for: sums about the
@@ -87,7 +87,7 @@ fn with_bodies(text: &str, block: &str) -> String {
 }
 
 /// Constants for a controller: base parameters, physical ones where they are known, friction.
-pub(crate) fn rust(model: &Interpreted<'_>, found: &Found) -> Result<String, Failure> {
+pub(crate) fn rust(model: &Interpreted<'_>, found: &IdentifiedModel) -> Result<String, Failure> {
     let info = model.info();
     let base = model.base_info().base;
     let mut out = format!(

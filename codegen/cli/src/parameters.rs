@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::exit::Failure;
+use crate::identified::IdentifiedModel;
 use crate::load;
-use crate::physical::Found;
 use crate::yaml;
 use regen_interpreted::Interpreted;
 
@@ -191,7 +191,11 @@ impl ParameterFile {
 
     /// The same with the values of a model that was found; deviations and intervals stay those of
     /// least squares.
-    pub(crate) fn adopt(&mut self, model: &Interpreted<'_>, found: &Found) -> Result<(), Failure> {
+    pub(crate) fn adopt(
+        &mut self,
+        model: &Interpreted<'_>,
+        found: &IdentifiedModel,
+    ) -> Result<(), Failure> {
         let info = model.info();
         found.name.clone_into(&mut self.method);
         self.feasibility = Some(found.feasibility.clone());
@@ -313,6 +317,8 @@ struct Read {
     model: String,
     parameters: Vec<ReadRow>,
     #[serde(default)]
+    physical: Vec<ReadRow>,
+    #[serde(default)]
     friction: Vec<FrictionRow>,
 }
 
@@ -322,14 +328,15 @@ struct ReadRow {
     value: f64,
 }
 
-/// Values of the base parameters from a file, and friction that is not among them.
-pub(crate) fn read(
-    path: &Path,
-    model: &Interpreted<'_>,
-) -> Result<(Vec<f64>, Vec<JointFit>), Failure> {
+/// The model that a file holds.
+pub(crate) fn read(path: &Path, model: &Interpreted<'_>) -> Result<IdentifiedModel, Failure> {
     let value = value(path)?;
     let wrong = |why: String| Failure::Input(format!("{}: {why}", path.display()));
-    let mut joints = Vec::new();
+    let mut found = IdentifiedModel {
+        name: "identified",
+        ..IdentifiedModel::default()
+    };
+    let mut physical = BTreeMap::new();
     let values: BTreeMap<String, f64> = match serde_json::from_value::<Read>(value.clone()) {
         Ok(file) => {
             let own = digest(model);
@@ -341,10 +348,11 @@ pub(crate) fn read(
                 )));
             }
             for row in &file.friction {
-                joints.push(row.joint().map_err(wrong)?);
+                found.friction.push(row.joint().map_err(wrong)?);
             }
-            let rows = file.parameters.into_iter();
-            rows.map(|row| (row.label, row.value)).collect()
+            let pair = |row: ReadRow| (row.label, row.value);
+            physical = file.physical.into_iter().map(pair).collect();
+            file.parameters.into_iter().map(pair).collect()
         }
         Err(why) => serde_json::from_value(value).map_err(|_| {
             wrong(format!(
@@ -354,20 +362,24 @@ pub(crate) fn read(
         })?,
     };
     let info = model.info();
-    let all = |labels: &[&str]| -> Option<Vec<f64>> {
-        labels
-            .iter()
-            .map(|label| values.get(*label).copied())
-            .collect()
+    let all = |values: &BTreeMap<String, f64>, labels: &[&str]| -> Option<Vec<f64>> {
+        let values = labels.iter().map(|label| values.get(*label).copied());
+        values.collect()
     };
     let base: Vec<&str> = model.base_info().base.iter().map(|b| b.label).collect();
-    if let Some(phi) = all(info.parameters) {
-        let mut beta = vec![0.0; base.len()];
-        model.to_base(&phi, &mut beta)?;
-        return Ok((beta, joints));
+    // a file of `identify` has base parameters in its list, even where all parameters are base
+    if physical.is_empty()
+        && let Some(phi) = all(&values, info.parameters)
+    {
+        found.beta = vec![0.0; base.len()];
+        model.to_base(&phi, &mut found.beta)?;
+        found.phi = Some(phi);
+        return Ok(found);
     }
-    if let Some(beta) = all(&base) {
-        return Ok((beta, joints));
+    if let Some(beta) = all(&values, &base) {
+        found.beta = beta;
+        found.phi = all(&physical, info.parameters);
+        return Ok(found);
     }
     let missing: Vec<&str> = base
         .into_iter()

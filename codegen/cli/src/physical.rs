@@ -10,23 +10,9 @@ use regen_runtime::{BaseModel, Closure, Friction, Model};
 
 use crate::args::{PhysicalArgs, PriorArg};
 use crate::exit::Failure;
+use crate::identified::IdentifiedModel;
 use crate::terminal;
 use regen_interpreted::Interpreted;
-
-/// A model that was found.
-#[derive(Clone, Debug)]
-pub(crate) struct Found {
-    /// What kind of model it is.
-    pub(crate) name: &'static str,
-    /// Its r base parameters.
-    pub(crate) beta: Vec<f64>,
-    /// All p parameters, where it is physical.
-    pub(crate) phi: Option<Vec<f64>>,
-    /// Friction that has no columns among the base parameters.
-    pub(crate) friction: Vec<JointFit>,
-    /// What is known of its feasibility.
-    pub(crate) feasibility: String,
-}
 
 /// The layout and combinations of a model.
 pub(crate) fn frame(model: &Interpreted<'_>) -> Result<(Layout, Combinations), Failure> {
@@ -45,7 +31,7 @@ pub(crate) fn models(
     factor: &Factor,
     values: &[f64],
     data: Option<&FrictionData>,
-) -> Result<Vec<Found>, Failure> {
+) -> Result<Vec<IdentifiedModel>, Failure> {
     let (plain_layout, plain) = frame(model)?;
     let r = plain.labels().len();
     let more = factor.labels().get(r..).unwrap_or_default();
@@ -58,7 +44,7 @@ pub(crate) fn models(
         ..options(model, args, &layout)?
     };
     let judged = verdict(&layout, &combinations, values, scale)?;
-    let mut out = vec![Found {
+    let mut out = vec![IdentifiedModel {
         name: if data.is_some() {
             "linear, least squares"
         } else {
@@ -68,10 +54,11 @@ pub(crate) fn models(
         phi: None,
         friction: linear(joints, values.get(r..).unwrap_or_default()),
         feasibility: told(&judged),
+        ..IdentifiedModel::default()
     }];
     let linear_fit = identify(factor, &combinations, &layout, &options)?;
     let p = plain_layout.len();
-    out.push(Found {
+    out.push(IdentifiedModel {
         name: if data.is_some() {
             "linear, feasible"
         } else {
@@ -81,6 +68,7 @@ pub(crate) fn models(
         phi: linear_fit.phi.get(..p).map(<[f64]>::to_vec),
         friction: linear(joints, linear_fit.phi.get(p..).unwrap_or_default()),
         feasibility: cost(&linear_fit),
+        ..IdentifiedModel::default()
     });
     if let Some(data) = data {
         let own = Options {
@@ -95,12 +83,13 @@ pub(crate) fn models(
         if !found.converged {
             text.push_str("; the search for the shapes had not settled");
         }
-        out.push(Found {
+        out.push(IdentifiedModel {
             name: "nonlinear, feasible",
             beta: found.beta,
             phi: Some(found.phi),
             friction: found.joints,
             feasibility: text,
+            ..IdentifiedModel::default()
         });
     }
     Ok(out)

@@ -2,14 +2,12 @@
 
 use std::path::Path;
 
-use regen_runtime::estimate::Residuals;
-use regen_runtime::friction::{self, JointFit};
-use regen_runtime::identify::{self, Kind};
+use regen_runtime::identify;
 use serde::Serialize;
 
 use crate::args::ReadingArgs;
 use crate::exit::Failure;
-use crate::watch::Watched;
+use crate::identified::IdentifiedModel;
 use crate::{observe, table};
 use regen_interpreted::Interpreted;
 
@@ -21,39 +19,20 @@ pub(crate) struct OnLog {
     pub(crate) relative_absolute: f64,
 }
 
-/// The residuals of base parameters, with friction that is not among them.
-pub(crate) fn residuals(
-    model: &Interpreted<'_>,
-    kind: Kind,
-    log: &mut Watched<'_>,
-    beta: &[f64],
-    joints: &[JointFit],
-    means: &[f64],
-) -> Result<Residuals, Failure> {
-    if joints.is_empty() {
-        return Ok(identify::residuals(model, kind, log, beta, means, 1)?);
-    }
-    if kind != Kind::Forces {
-        let text = "parameters with nonlinear friction predict forces: leave out --energy";
-        return Err(Failure::Input(text.to_owned()));
-    }
-    Ok(friction::residuals(model, log, beta, joints, means, 1)?)
-}
-
 /// eps_RA of each model on each log: a list for each model.
 pub(crate) fn table(
     model: &Interpreted<'_>,
     reading: &ReadingArgs,
     logs: &[&Path],
-    models: &[(&[f64], &[JointFit])],
+    models: &[IdentifiedModel],
 ) -> Result<Vec<Vec<OnLog>>, Failure> {
     let kind = observe::kind(reading);
     let mut out = vec![Vec::with_capacity(logs.len()); models.len()];
     for path in logs {
         let mut log = observe::open(model, &[path.to_path_buf()], reading)?;
         let means = identify::observe(model, kind, &mut log)?.0.means();
-        for ((beta, joints), row) in models.iter().zip(&mut out) {
-            let found = residuals(model, kind, &mut log, beta, joints, &means)?;
+        for (one, row) in models.iter().zip(&mut out) {
+            let found = one.residuals(model, kind, &mut log, &means, 1)?;
             row.push(OnLog {
                 log: path.display().to_string(),
                 relative_absolute: found.relative_absolute(),

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
+use crate::identified::IdentifiedModel;
 use crate::parameters::ParameterFile;
-use crate::physical::Found;
 use crate::{observe, physical};
 use regen_interpreted::Interpreted;
 
@@ -112,7 +112,7 @@ pub(crate) fn adopt(
     reduction: &Reduction,
     columns: usize,
     file: &mut ParameterFile,
-) -> Result<Found, Failure> {
+) -> Result<IdentifiedModel, Failure> {
     let step = reduction.result().ok_or_else(|| {
         Failure::Numeric("no base parameter is well identified: excite the robot more".to_owned())
     })?;
@@ -145,12 +145,13 @@ pub(crate) fn adopt(
     }
     "reduced".clone_into(&mut file.method);
     file.feasibility = Some(feasibility.to_owned());
-    Ok(Found {
+    Ok(IdentifiedModel {
         name: "reduced",
         beta,
         phi: None,
         friction: Vec::new(),
         feasibility: feasibility.to_owned(),
+        ..IdentifiedModel::default()
     })
 }
 

@@ -56,8 +56,8 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         let mut log = observe::open(&model, std::slice::from_ref(path), &args.reading)?;
         let means = identify::observe(&model, kind, &mut log)?.0.means();
         observe::note_problems(log.logs().reports());
-        for ((beta, joints), predicted) in &mut models {
-            let found = predicted::residuals(&model, kind, &mut log, beta, joints, &means)?;
+        for (identified, predicted) in &mut models {
+            let found = identified.residuals(&model, kind, &mut log, &means, 1)?;
             predicted.logs.push(OnLog {
                 relative_absolute: found.relative_absolute(),
                 efforts: found.efforts(),

@@ -100,8 +100,8 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let (a, b) = (
-        parameters::read(&out, &model).unwrap().0,
-        parameters::read(&yaml, &model).unwrap().0,
+        parameters::read(&out, &model).unwrap().beta,
+        parameters::read(&yaml, &model).unwrap().beta,
     );
     assert_eq!(a, b);
     regen(&format!(
@@ -248,7 +248,7 @@ fn nonlinear_friction_is_found_from_a_log_and_predicts_another() {
         out.display()
     ))
     .unwrap();
-    let (_, found) = parameters::read(&out, &model).unwrap();
+    let found = parameters::read(&out, &model).unwrap().friction;
     for (found, law) in found.iter().zip(&laws) {
         assert_eq!(found.friction, Friction::Stribeck);
         for (a, b) in found.values.iter().zip(&law.values) {

@@ -3,8 +3,9 @@
 use regen_runtime::{BaseModel, Limits, Model, Motion};
 
 use super::charts::{self, BLUE, DYES, Figure, GREY, Line, Look, ORANGE, RED};
-use super::gather::{Predictor, Seen, Spectra};
+use super::gather::{Seen, Spectra};
 use crate::exit::Failure;
+use crate::identified::IdentifiedModel;
 use crate::parameters::{ParameterFile, WELL};
 use regen_interpreted::Interpreted;
 
@@ -103,6 +104,7 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
         .zip(&seen.predicted)
         .map(|(a, b)| a - b)
         .collect();
+    let times = seen.times();
     let mut figures = Vec::with_capacity(dof);
     for (k, c) in info.independent.iter().enumerate() {
         let name = info.coordinates.get(*c).copied().unwrap_or("?");
@@ -113,7 +115,7 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
         let unit = if shift { "N" } else { "N m" };
         let line = |label: &str, values: &[f64], dye, look| Line {
             label: label.to_owned(),
-            points: column(&seen.t, values, k, dof),
+            points: column(&times, values, k, dof),
             dye,
             look,
         };
@@ -141,21 +143,22 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
 pub(super) fn friction(
     model: &Interpreted<'_>,
     seen: &Seen,
-    predictor: &Predictor<'_>,
+    identified: &IdentifiedModel,
 ) -> Result<Vec<Figure>, Failure> {
     let info = model.info();
     let base = model.base_info().base;
     let (n, dof) = (info.coordinates.len(), info.dof());
+    let times = seen.times();
     let mut figures = Vec::new();
     for (k, c) in info.independent.iter().enumerate() {
         let name = info.coordinates.get(*c).copied().unwrap_or("?");
         let of = |symbol: &str| {
             let label = format!("{symbol}({name})");
             let place = base.iter().position(|b| b.label == label)?;
-            predictor.beta.get(place).copied()
+            identified.beta.get(place).copied()
         };
         let found = ["Fv", "Fc", "Fv+", "Fc+", "Fv-", "Fc-"].map(of);
-        let fit = predictor.friction.iter().find(|f| f.name == name);
+        let fit = identified.friction.iter().find(|f| f.name == name);
         if found.iter().all(Option::is_none) && fit.is_none() {
             continue;
         }
@@ -181,9 +184,11 @@ pub(super) fn friction(
             };
             viscous * v + coulomb * sign
         };
-        let velocities = column(&seen.t, &seen.qd, *c, n);
-        let tau = column(&seen.t, &seen.tau, k, dof);
-        let predicted = column(&seen.t, &seen.predicted, k, dof);
+        let places = seen.places.iter().map(|row| row * n + *c);
+        let own = places.map(|k| seen.qd.get(k).copied().unwrap_or(0.0));
+        let velocities = column(&times, &own.collect::<Vec<f64>>(), 0, 1);
+        let tau = column(&times, &seen.tau, k, dof);
+        let predicted = column(&times, &seen.predicted, k, dof);
         let cloud: Vec<(f64, f64)> = velocities
             .iter()
             .zip(tau.iter().zip(&predicted))

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use nalgebra::DMatrix;
 use regen_runtime::data::DataError;
 use regen_runtime::estimate::EffortError;
-use regen_runtime::friction::{self, JointFit};
 use regen_runtime::identify::{self, Kind, Source};
 use regen_runtime::{BaseModel, Model};
 
 use crate::args::ReadingArgs;
 use crate::exit::Failure;
-use crate::{observe, predicted};
+use crate::identified::IdentifiedModel;
+use crate::observe;
 use regen_interpreted::Interpreted;
 
 /// States of the regressor at most whose singular values are shown.
@@ -25,9 +25,19 @@ pub(super) struct Seen {
     pub(super) q: Vec<f64>,
     pub(super) qd: Vec<f64>,
     pub(super) qdd: Vec<f64>,
-    /// Of the independent coordinates, dof a row.
+    /// The rows that the model predicts forces of, by their places among all.
+    pub(super) places: Vec<usize>,
+    /// Measured and predicted efforts of the independent coordinates at those, dof a row.
     pub(super) tau: Vec<f64>,
     pub(super) predicted: Vec<f64>,
+}
+
+impl Seen {
+    /// The times of the rows that forces are predicted at, s.
+    pub(super) fn times(&self) -> Vec<f64> {
+        let rows = self.places.iter().filter_map(|row| self.t.get(*row));
+        rows.copied().collect()
+    }
 }
 
 /// The errors of one log.
@@ -38,12 +48,6 @@ pub(super) struct Errors {
     /// eps_RA, percent.
     pub(super) all: f64,
     pub(super) efforts: Vec<EffortError>,
-}
-
-/// What predicts forces: base parameters, and friction that has no columns.
-pub(super) struct Predictor<'a> {
-    pub(super) beta: &'a [f64],
-    pub(super) friction: &'a [JointFit],
 }
 
 /// Singular values of the regressor over a log, columns scaled to unit length, largest first
@@ -60,7 +64,7 @@ pub(super) fn seen(
     model: &Interpreted<'_>,
     path: &Path,
     reading: &ReadingArgs,
-    predictor: &Predictor<'_>,
+    identified: &IdentifiedModel,
 ) -> Result<Seen, Failure> {
     let mut logs = observe::open(model, &[path.to_owned()], reading)?;
     let mut seen = Seen {
@@ -69,6 +73,7 @@ pub(super) fn seen(
         q: Vec::new(),
         qd: Vec::new(),
         qdd: Vec::new(),
+        places: Vec::new(),
         tau: Vec::new(),
         predicted: Vec::new(),
     };
@@ -77,47 +82,35 @@ pub(super) fn seen(
         seen.q.extend(row.q);
         seen.qd.extend(row.qd);
         seen.qdd.extend(row.qdd);
-        seen.tau.extend(row.tau);
         Ok(())
     });
     found?;
-    let info = model.info();
-    let (n, dof) = (info.coordinates.len().max(1), info.dof());
-    let rows = seen.q.chunks_exact(n).zip(seen.qd.chunks_exact(n));
-    let mut tau = vec![0.0; dof];
-    let fits = predictor.friction.iter();
-    let fits = fits.filter_map(|fit| Some((info.index_of(&fit.name)?, fit)));
-    let (joints, fits): (Vec<usize>, Vec<&JointFit>) = fits.unzip();
-    for ((q, qd), qdd) in rows.zip(seen.qdd.chunks_exact(n)) {
-        let _condition = model.base_inverse_dynamics(q, qd, qdd, predictor.beta, &mut tau)?;
-        if !fits.is_empty() {
-            let (shares, _condition) = friction::directions(model, q, &joints)?;
-            let columns = shares.chunks_exact(dof.max(1));
-            for (share, (joint, fit)) in columns.zip(joints.iter().zip(&fits)) {
-                let effort = fit.effort(qd.get(*joint).copied().unwrap_or(0.0));
-                for (sum, share) in tau.iter_mut().zip(share) {
-                    *sum += share * effort;
-                }
-            }
+    let mut at = 0;
+    identified.predict(model, Kind::Forces, &mut logs, &mut |predicted| {
+        // equations come in the order of the rows, some of which give none
+        while seen.t.get(at).is_some_and(|t| *t < predicted.time) {
+            at += 1;
         }
-        seen.predicted.extend(&tau);
-    }
+        seen.places.push(at);
+        seen.tau.extend(predicted.measured);
+        seen.predicted.extend(predicted.fitted);
+        Ok(())
+    })?;
     Ok(seen)
 }
 
-/// The errors of given parameters on a log.
+/// The errors of the model on a log.
 pub(super) fn errors(
     model: &Interpreted<'_>,
     path: &PathBuf,
     reading: &ReadingArgs,
-    predictor: &Predictor<'_>,
+    identified: &IdentifiedModel,
     used: bool,
 ) -> Result<Errors, Failure> {
     let kind: Kind = observe::kind(reading);
     let mut log = observe::open(model, std::slice::from_ref(path), reading)?;
     let means = identify::observe(model, kind, &mut log)?.0.means();
-    let Predictor { beta, friction } = predictor;
-    let found = predicted::residuals(model, kind, &mut log, beta, friction, &means)?;
+    let found = identified.residuals(model, kind, &mut log, &means, 1)?;
     Ok(Errors {
         file: name(path),
         used,

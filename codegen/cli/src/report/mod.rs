@@ -9,17 +9,17 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use regen_codegen::robot::Robot;
-use regen_runtime::friction::JointFit;
 use regen_runtime::{BaseModel, Model};
 
 use crate::args::{IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
+use crate::identified::IdentifiedModel;
 use crate::parameters::ParameterFile;
 use crate::{load, observe, parameters, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 use charts::Figure;
-use gather::{Errors, Predictor, Seen, Spectra};
+use gather::{Errors, Seen, Spectra};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -72,7 +72,7 @@ impl ReportOptions {
         robot: &Robot,
         model: &Interpreted<'_>,
         file: &ParameterFile,
-        friction: &[JointFit],
+        identified: &IdentifiedModel,
         args: &IdentifyArgs,
     ) -> Result<(), Failure> {
         let Some(out) = &self.report else {
@@ -80,7 +80,7 @@ impl ReportOptions {
         };
         let inputs = Inputs {
             file,
-            friction,
+            identified,
             logs: &args.logs,
             validation: &args.physical.against,
             reading: &args.reading,
@@ -94,8 +94,7 @@ impl ReportOptions {
 /// What a report is made of.
 struct Inputs<'a> {
     file: &'a ParameterFile,
-    /// What has no columns.
-    friction: &'a [JointFit],
+    identified: &'a IdentifiedModel,
     logs: &'a [PathBuf],
     validation: &'a [PathBuf],
     reading: &'a ReadingArgs,
@@ -128,7 +127,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
     // the model's digest is checked there
-    let (_, friction) = parameters::read(&args.params, &model)?;
+    let identified = parameters::read(&args.params, &model)?;
     let value = parameters::value(&args.params)?;
     let file: ParameterFile = serde_json::from_value(value).map_err(|why| {
         Failure::Input(format!(
@@ -138,7 +137,7 @@ pub(crate) fn run(args: &ReportArgs) -> Result<(), Failure> {
     })?;
     let inputs = Inputs {
         file: &file,
-        friction: &friction,
+        identified: &identified,
         logs: &args.logs,
         validation: &args.against,
         reading: &args.reading,
@@ -154,21 +153,18 @@ impl Inputs<'_> {
             return Err(Failure::Input("a report needs a log".to_owned()));
         };
         let base = model.base_info().base;
-        let value = |label: &str| {
-            let row = self.file.parameters.iter().find(|p| p.label == label);
-            row.map_or(0.0, |p| p.value)
-        };
-        let beta: Vec<f64> = base.iter().map(|b| value(b.label)).collect();
-        let predictor = Predictor {
-            beta: &beta,
-            friction: self.friction,
-        };
-        let seen = gather::seen(model, first, self.reading, &predictor)?;
+        let seen = gather::seen(model, first, self.reading, self.identified)?;
         let spectra = gather::spectra(model, &seen)?;
         let mut errors = Vec::new();
         let logs = self.logs.iter().map(|log| (log, true));
         for (log, used) in logs.chain(self.validation.iter().map(|log| (log, false))) {
-            errors.push(gather::errors(model, log, self.reading, &predictor, used)?);
+            errors.push(gather::errors(
+                model,
+                log,
+                self.reading,
+                self.identified,
+                used,
+            )?);
         }
         let nominal = match model.info().nominal_parameters() {
             Some(phi) => {
@@ -187,7 +183,7 @@ impl Inputs<'_> {
             method: method(self.reading),
             motion: figures::motion(model, &seen)?,
             forces: figures::forces(model, &seen)?,
-            friction: figures::friction(model, &seen, &predictor)?,
+            friction: figures::friction(model, &seen, self.identified)?,
             spectrum: figures::spectrum(model, &spectra)?,
             deviations: figures::deviations(self.file)?,
             seen,

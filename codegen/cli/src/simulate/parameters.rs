@@ -88,12 +88,16 @@ fn identified(
     let robot = load::robot(&args.file)?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
-    let (beta, friction) = parameters::read(path, &model)?;
+    let found = parameters::read(path, &model)?;
+    // what was found physical is simulated as it was found
+    if let Some(phi) = found.phi {
+        return Ok((phi, found.friction));
+    }
     let info = model.info();
     let mut phi = vec![0.0; info.parameters.len()];
     let free = vec![0.0; model.base_info().free.len()];
-    model.parameters_from_base(&beta, &free, &mut phi)?;
-    Ok((phi, friction))
+    model.parameters_from_base(&found.beta, &free, &mut phi)?;
+    Ok((phi, found.friction))
 }
 
 /// The friction law of each coordinate: linear ones with the coefficients among the parameters,

@@ -1,0 +1,159 @@
+//! The model that was identified: one set of values, and the one prediction that all commands
+//! make with it.
+
+use regen_runtime::data::DataError;
+use regen_runtime::estimate::{EstimateError, Residuals};
+use regen_runtime::friction::{self, JointFit};
+use regen_runtime::identify::{Kind, Observer, Source};
+use regen_runtime::{Model, Status};
+
+use crate::exit::Failure;
+use regen_interpreted::Interpreted;
+
+/// What an estimator says of how uncertain its value is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Interval {
+    /// The standard deviation, in the value's unit.
+    pub(crate) sigma: f64,
+    /// The same as if the residuals were white; NaN where the estimator has none.
+    pub(crate) sigma_white: f64,
+    /// The confidence interval, of the level that was asked for.
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+}
+
+/// The intervals of a model's values, each by the estimator that gave the value.
+///
+/// A list that is empty says that this estimator gives no intervals of these values.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Intervals {
+    /// Of the r base parameters; `None` where a value was left out or has no interval.
+    pub(crate) base: Vec<Option<Interval>>,
+    /// Of all p parameters.
+    pub(crate) physical: Vec<Option<Interval>>,
+    /// Of the friction that has no columns: for each joint its coefficients.
+    pub(crate) friction: Vec<Vec<Option<Interval>>>,
+}
+
+/// A model that was identified, whatever by.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct IdentifiedModel {
+    /// The method that found it: `least squares`, `feasible`, `reduced`, ...
+    pub(crate) name: &'static str,
+    /// Its r base parameters, SI.
+    pub(crate) beta: Vec<f64>,
+    /// All p parameters, SI, where it is physical; their base parameters are `beta`.
+    pub(crate) phi: Option<Vec<f64>>,
+    /// Friction that has no columns among the base parameters.
+    pub(crate) friction: Vec<JointFit>,
+    /// What is known of its feasibility.
+    pub(crate) feasibility: String,
+    /// How uncertain its values are.
+    pub(crate) intervals: Intervals,
+}
+
+/// A sample's equations with what a model predicts for them.
+pub(crate) struct Predicted<'a> {
+    /// Time, s.
+    pub(crate) time: f64,
+    /// Whether it follows the sample before it.
+    pub(crate) follows: bool,
+    /// The right side as measured, N or N m; J where energy is balanced.
+    pub(crate) measured: &'a [f64],
+    /// The same as the model predicts it.
+    pub(crate) fitted: &'a [f64],
+}
+
+impl IdentifiedModel {
+    /// Predicts the right side of every equation that a log gives.
+    ///
+    /// This is the only place where forces are predicted from what was identified: the tables of
+    /// `identify`, the report and `validate` all come through here.
+    pub(crate) fn predict<S: Source<Error = DataError>>(
+        &self,
+        model: &Interpreted<'_>,
+        kind: Kind,
+        log: &mut S,
+        each: &mut dyn FnMut(&Predicted<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), Failure> {
+        if !self.friction.is_empty() && kind != Kind::Forces {
+            let text = "parameters with nonlinear friction predict forces: leave out --energy";
+            return Err(Failure::Input(text.to_owned()));
+        }
+        let mut joints = Vec::with_capacity(self.friction.len());
+        for fit in &self.friction {
+            let place = model.info().index_of(&fit.name).ok_or_else(|| {
+                Failure::Input(format!(
+                    "{} has no coordinate {}",
+                    model.info().name,
+                    fit.name
+                ))
+            })?;
+            joints.push(place);
+        }
+        let mut observer = Observer::new(model, kind);
+        let mut fitted = Vec::new();
+        let mut interrupted = false;
+        log.visit(&mut |row| {
+            let equations = observer.observe(row)?;
+            interrupted |= !row.follows;
+            let count = equations.tau.len();
+            if count == 0 {
+                return Ok(());
+            }
+            fitted.clear();
+            fitted.resize(count, 0.0);
+            for (column, value) in equations.w.chunks_exact(count).zip(&self.beta) {
+                add(&mut fitted, column, *value);
+            }
+            if !joints.is_empty() {
+                let (shares, condition) = friction::directions(model, row.q, &joints)?;
+                if condition.status() == Status::Singular {
+                    return Ok(());
+                }
+                let columns = shares.chunks_exact(count);
+                for (share, (joint, fit)) in columns.zip(joints.iter().zip(&self.friction)) {
+                    let velocity = row.qd.get(*joint).copied().unwrap_or(0.0);
+                    add(&mut fitted, share, fit.effort(velocity));
+                }
+            }
+            each(&Predicted {
+                time: row.time,
+                follows: !std::mem::take(&mut interrupted),
+                measured: equations.tau,
+                fitted: &fitted,
+            })
+        })?;
+        Ok(())
+    }
+
+    /// What the prediction leaves of a log's efforts.
+    ///
+    /// - `means`: of the efforts on this log, for eps_RA (Eq. 33);
+    /// - `lags`: how many autocorrelations are found.
+    pub(crate) fn residuals<S: Source<Error = DataError>>(
+        &self,
+        model: &Interpreted<'_>,
+        kind: Kind,
+        log: &mut S,
+        means: &[f64],
+        lags: usize,
+    ) -> Result<Residuals, Failure> {
+        let names = Observer::new(model, kind).origin().efforts;
+        let mut out = Residuals::new(&names, means, lags);
+        self.predict(model, kind, log, &mut |predicted| {
+            if !predicted.follows {
+                out.interrupt();
+            }
+            out.push(predicted.measured, predicted.fitted)
+        })?;
+        Ok(out)
+    }
+}
+
+/// Adds a column times a value.
+fn add(sums: &mut [f64], column: &[f64], value: f64) {
+    for (sum, entry) in sums.iter_mut().zip(column) {
+        *sum += entry * value;
+    }
+}
