@@ -4,6 +4,8 @@ use regen_codegen::base::Term;
 
 /// Longer expressions are printed as numbers unless they are asked for.
 const LONGEST: usize = 60;
+/// Numbers of more digits in expressions, such as 632337041/115162534, say nothing to a reader.
+const MOST_DIGITS: usize = 6;
 /// Digits of numbers, as in the tables of papers.
 const DIGITS: usize = 4;
 
@@ -46,7 +48,9 @@ impl Signed {
         let factor = match style {
             _ if text == "1" => Factor::One,
             Style::Numbers => Factor::Number(number()),
-            Style::Short if text.chars().count() > LONGEST => Factor::Instead(number()),
+            Style::Short if text.chars().count() > LONGEST || has_long_number(&text) => {
+                Factor::Instead(number())
+            }
             Style::Short | Style::Expressions => Factor::Expression(text, is_sum),
         };
         let negative = match factor {
@@ -55,6 +59,12 @@ impl Signed {
         };
         Self { negative, factor }
     }
+}
+
+/// Whether an expression has a whole number of many digits.
+fn has_long_number(text: &str) -> bool {
+    let mut runs = text.split(|c: char| !c.is_ascii_digit());
+    runs.any(|run| run.len() > MOST_DIGITS)
 }
 
 /// A sign that can be taken out of an expression, the rest, and whether that is a sum. The sign
@@ -209,6 +219,17 @@ mod tests {
             just.factor,
             Factor::Expression(long[1..=60].to_owned(), false)
         );
+    }
+
+    #[test]
+    fn fractions_of_long_numbers_give_way_to_decimals() {
+        let ratio = Number::ratio(632_337_041, 115_162_534).unwrap_or_else(Number::zero);
+        let short = signed("632337041/115162534", ratio.clone(), Style::Short);
+        assert_eq!(short.factor, Factor::Instead("5.491".to_owned()));
+        let full = signed("632337041/115162534", ratio, Style::Expressions);
+        let exact = "632337041/115162534".to_owned();
+        assert_eq!(full.factor, Factor::Expression(exact, false));
+        assert!(!has_long_number("123456/654321*a"));
     }
 
     #[test]

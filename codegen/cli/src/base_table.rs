@@ -68,8 +68,8 @@ impl Table {
         facts.extend(because(reasons));
         facts.extend(marks(&rows));
         if shortened {
-            let text = "a number for an expression of more than 60 characters; --expressions \
-                        prints it";
+            let text = "a number for an expression of more than 60 characters, or with a number of \
+                        more than 6 digits; --expressions prints it";
             facts.push(("~", text.to_owned()));
         }
         Self {

@@ -6,6 +6,7 @@ use std::path::Path;
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 use regen_import::{BodyParameters, JointParameters, Parameters};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use crate::args::{ExportArgs, Format};
 use crate::exit::Failure;
@@ -39,13 +40,58 @@ struct Body {
 #[derive(Deserialize)]
 #[serde(
     deny_unknown_fields,
-    expecting = "expected an object with Fv, Fc or both"
+    expecting = "expected an object with Fv, Fc (or Fv+, Fv-, Fc+, Fc-) and J, or some of them"
 )]
 #[allow(non_snake_case, reason = "the symbols of the parameters")]
 struct Joint {
     Fv: Option<f64>,
     Fc: Option<f64>,
+    #[serde(rename = "Fv+")]
+    forward_viscous: Option<f64>,
+    #[serde(rename = "Fv-")]
+    backward_viscous: Option<f64>,
+    #[serde(rename = "Fc+")]
+    forward_coulomb: Option<f64>,
+    #[serde(rename = "Fc-")]
+    backward_coulomb: Option<f64>,
     J: Option<f64>,
+}
+
+impl Joint {
+    /// What URDF has of it: one value for both signs, the larger one, which is told.
+    fn friction(&self, name: &str) -> JointParameters {
+        let one = |symbol: &str, key: &str, both: Option<f64>, signs: [Option<f64>; 2]| {
+            let [plus, minus] = signs;
+            match (both, plus, minus) {
+                (Some(_), _, _) => both,
+                (None, Some(plus), Some(minus)) => {
+                    let larger = plus.max(minus);
+                    if plus.to_bits() != minus.to_bits() {
+                        terminal::note(&format!(
+                            "note: {key} of {name} is {larger}, the larger of {symbol}+ = {plus} \
+                             and {symbol}- = {minus}: URDF has one value for both directions"
+                        ));
+                    }
+                    Some(larger)
+                }
+                (None, plus, minus) => plus.or(minus),
+            }
+        };
+        JointParameters {
+            viscous: one(
+                "Fv",
+                "damping",
+                self.Fv,
+                [self.forward_viscous, self.backward_viscous],
+            ),
+            coulomb: one(
+                "Fc",
+                "friction",
+                self.Fc,
+                [self.forward_coulomb, self.backward_coulomb],
+            ),
+        }
+    }
 }
 
 /// The JSON of `regen export`.
@@ -124,6 +170,15 @@ fn identified(path: &Path, source: &Source) -> Result<Option<Given>, Failure> {
                        --feasible";
             return Err(wrong(why.to_owned()));
         }
+        let laws = fields.get("friction").and_then(|f| f.as_array());
+        for row in laws.into_iter().flatten() {
+            let of = |key: &str| row.get(key).and_then(Value::as_str).unwrap_or("?");
+            terminal::note(&format!(
+                "warning: the friction of {} ({}) is left out: URDF has damping and friction only",
+                of("joint"),
+                of("law")
+            ));
+        }
         fields.retain(|key, _| key == "bodies" || key == "joints");
     } else if !yaml {
         return Ok(None);
@@ -144,10 +199,7 @@ fn checked(given: Given) -> Parameters {
                 "warning: J({name}) is left out: URDF has no inertia of rotors"
             ));
         }
-        let parameters = JointParameters {
-            viscous: joint.Fv,
-            coulomb: joint.Fc,
-        };
+        let parameters = joint.friction(&name);
         (name, parameters)
     });
     Parameters {

@@ -2,7 +2,7 @@
 //! make with it.
 
 use regen_runtime::data::DataError;
-use regen_runtime::estimate::{EstimateError, Residuals};
+use regen_runtime::estimate::{Estimate, EstimateError, Residuals};
 use regen_runtime::friction::{self, JointFit};
 use regen_runtime::identify::{Kind, Observer, Source};
 use regen_runtime::{Model, Status};
@@ -33,6 +33,33 @@ pub(crate) struct Intervals {
     pub(crate) physical: Vec<Option<Interval>>,
     /// Of the friction that has no columns: for each joint its coefficients.
     pub(crate) friction: Vec<Vec<Option<Interval>>>,
+    /// How they were found, in words.
+    pub(crate) method: String,
+}
+
+impl Intervals {
+    /// Those of a least-squares estimate.
+    ///
+    /// - `white`, `used`: the estimate with the covariance for white residuals, and with the one
+    ///   that counts.
+    pub(crate) fn of(white: &Estimate, used: &Estimate, confidence: f64, method: String) -> Self {
+        let one = |k: usize| {
+            let (value, sigma) = (*used.values.get(k)?, used.sigma(k));
+            let half = used.half_width(k, confidence);
+            // without a spare equation nothing is known of the noise
+            (sigma.is_finite() && half.is_finite()).then(|| Interval {
+                sigma,
+                sigma_white: white.sigma(k),
+                low: value - half,
+                high: value + half,
+            })
+        };
+        Self {
+            base: (0..used.values.len()).map(one).collect(),
+            method,
+            ..Self::default()
+        }
+    }
 }
 
 /// A model that was identified, whatever by.
@@ -46,6 +73,8 @@ pub(crate) struct IdentifiedModel {
     pub(crate) phi: Option<Vec<f64>>,
     /// Friction that has no columns among the base parameters.
     pub(crate) friction: Vec<JointFit>,
+    /// The places of base parameters that were left out of it on purpose; their values are zero.
+    pub(crate) left_out: Vec<usize>,
     /// What is known of its feasibility.
     pub(crate) feasibility: String,
     /// How uncertain its values are.
@@ -65,6 +94,37 @@ pub(crate) struct Predicted<'a> {
 }
 
 impl IdentifiedModel {
+    /// Takes over the intervals of another model that has the same base parameters: where no
+    /// constraint is active, a feasible fit is least squares, and as uncertain.
+    pub(crate) fn inherit(&mut self, other: &Self) {
+        /// Values that differ by less than this part of a deviation are the same.
+        const SAME: f64 = 1e-6;
+        let same = self.beta.len() == other.beta.len()
+            && self.friction.is_empty()
+            && other.friction.is_empty()
+            && self
+                .beta
+                .iter()
+                .zip(&other.beta)
+                .enumerate()
+                .all(|(k, (a, b))| {
+                    let interval = other.intervals.base.get(k).copied().flatten();
+                    interval.is_some_and(|i| (a - b).abs() <= SAME * i.sigma)
+                });
+        if !(self.intervals.base.is_empty() && same) {
+            return;
+        }
+        self.intervals = other.intervals.clone();
+        // an interval lies around its own value, to the last digit
+        let moved = self.beta.iter().zip(&other.beta).map(|(a, b)| a - b);
+        for (interval, by) in self.intervals.base.iter_mut().zip(moved) {
+            if let Some(interval) = interval {
+                interval.low += by;
+                interval.high += by;
+            }
+        }
+    }
+
     /// Predicts the right side of every equation that a log gives.
     ///
     /// This is the only place where forces are predicted from what was identified: the tables of

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use regen_runtime::Model;
 use regen_runtime::data::DataError;
 use regen_runtime::estimate::{EffortError, Estimate, Factor, FactorSet, Weighting};
 use regen_runtime::friction::FrictionData;
@@ -10,38 +11,43 @@ use serde::Serialize;
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
+use crate::identified::{IdentifiedModel, Intervals};
 use crate::identify_table::human;
 use crate::observe::{self, FileJson};
-use crate::parameters::{FrictionRow, ParameterFile, ParameterRow, PhysicalRow};
+use crate::parameters::ParameterFile;
 use crate::physical;
 use crate::predicted::{self, OnLog};
 use crate::reduce::{self, StepJson};
+use crate::rows::{FrictionRow, LeastSquaresRow};
+use crate::status::Shares;
 use crate::suspect::{self, Suspicion};
 use crate::{identify_friction, load, outputs, progress, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
-/// The JSON of `regen identify`.
+/// The JSON of `regen identify`: the file of the adopted model, and what is known besides.
 #[derive(Serialize)]
 pub(crate) struct Json {
-    pub(crate) robot: String,
-    pub(crate) model: String,
+    #[serde(flatten)]
+    pub(crate) file: ParameterFile,
+    #[serde(flatten)]
+    pub(crate) summary: Summary,
+}
+
+/// What is known of a fit beside its parameters.
+#[derive(Serialize)]
+pub(crate) struct Summary {
     pub(crate) kind: String,
     pub(crate) equations: usize,
     pub(crate) degrees_of_freedom: usize,
     pub(crate) condition: f64,
     pub(crate) scaled_condition: f64,
     pub(crate) efforts: Vec<EffortJson>,
-    /// eps_RA in percent; known where logs are.
+    /// eps_RA of the adopted model in percent; known where logs are.
     pub(crate) relative_absolute: Option<f64>,
     /// Samples in which residuals count as correlated; known where logs are.
     pub(crate) bandwidth: Option<usize>,
     pub(crate) singular: usize,
-    pub(crate) confidence: f64,
-    pub(crate) parameters: Vec<ParameterRow>,
     pub(crate) cross: Vec<Cross>,
-    /// All parameters, where they are physical.
-    pub(crate) physical: Vec<PhysicalRow>,
     /// The steps of `--reduce`.
     pub(crate) reduction: Vec<StepJson>,
     /// The models that were found, on each log; those after the first are only there where they
@@ -53,7 +59,8 @@ pub(crate) struct Json {
     pub(crate) suspicions: Vec<Suspicion>,
 }
 
-/// An effort's noise and, where logs are known, its residuals.
+/// An effort's noise by least squares and, where logs are known, what the adopted model leaves of
+/// it.
 #[derive(Serialize)]
 pub(crate) struct EffortJson {
     pub(crate) name: String,
@@ -84,13 +91,20 @@ pub(crate) struct ModelJson {
 
 /// What least squares found, and what goes on from it.
 pub(crate) struct Start {
-    pub(crate) json: Json,
-    pub(crate) file: ParameterFile,
+    pub(crate) json: Summary,
     /// The weighted factor that the values are the solution of.
     pub(crate) factor: Factor,
     pub(crate) estimate: Estimate,
+    /// Those of the estimate's values.
+    pub(crate) intervals: Intervals,
     /// The samples, where friction is not linear.
     pub(crate) data: Option<FrictionData>,
+}
+
+/// What the command found.
+pub(crate) struct Outcome {
+    pub(crate) json: Json,
+    pub(crate) identified: IdentifiedModel,
 }
 
 /// Runs the command.
@@ -110,33 +124,22 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
-    let mut start = if args.physical.friction {
-        identify_friction::start(args, &model)?
-    } else {
-        physical::note_friction(&model);
-        if args.from.is_empty() {
-            from_logs(args, &model)?
-        } else {
-            from_factors(args, &model)?
-        }
-    };
-    let last = models(args, &model, &mut start)?;
-    let Start { json, file, .. } = start;
+    let Outcome { json, identified } = solve(args, &model)?;
     let mut written = Vec::new();
     if let Some(out) = &args.out {
-        written.push((out, file.text(out)?));
+        written.push((out, json.file.text(out)?));
     }
-    if let (Some(out), Some(phi)) = (&args.physical.bodies, &last.phi) {
-        let layout = physical::frame(&model)?.0;
-        written.push((out, outputs::spec(&source, &layout, phi)?));
+    if let Some(out) = &args.physical.bodies {
+        written.push((out, outputs::spec(&source, &model, &identified)?));
     }
     if let Some(out) = &args.physical.rust {
-        written.push((out, outputs::rust(&model, &last)?));
+        written.push((out, outputs::rust(&model, &identified)?));
     }
     for (out, text) in &written {
         write::atomically(out, text)?;
     }
-    args.report.write(&robot, &model, &file, &last, args)?;
+    args.report
+        .write(&robot, &model, &json.file, &identified, args)?;
     terminal::print(&match args.format {
         Format::Json => table::json(&json),
         Format::Human => human(&json),
@@ -147,19 +150,47 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Goes on from least squares as asked for; the last model is the result, and is adopted by the
-/// file.
+/// Identifies a model from what the options name; the last model that is found is adopted.
+pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outcome, Failure> {
+    let mut start = if args.physical.friction {
+        identify_friction::start(args, model)?
+    } else {
+        physical::note_friction(model);
+        if args.from.is_empty() {
+            from_logs(args, model)?
+        } else {
+            from_factors(args, model)?
+        }
+    };
+    let (identified, more) = models(args, model, &mut start)?;
+    let least = if more {
+        LeastSquaresRow::all(&start.estimate, &start.intervals.base, &model.info())
+    } else {
+        Vec::new()
+    };
+    let shares = Shares::of(&start.factor);
+    let file = ParameterFile::new(model, &identified, &shares, least, args.confidence)?;
+    let json = Json {
+        file,
+        summary: start.json,
+    };
+    Ok(Outcome { json, identified })
+}
+
+/// Goes on from least squares as asked for: the last model, and whether it is another one.
 fn models(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
     start: &mut Start,
-) -> Result<IdentifiedModel, Failure> {
-    let mut found = vec![IdentifiedModel {
+) -> Result<(IdentifiedModel, bool), Failure> {
+    let least = IdentifiedModel {
         name: "least squares",
         beta: start.estimate.values.clone(),
         feasibility: "not judged: --feasible does".to_owned(),
+        intervals: start.intervals.clone(),
         ..IdentifiedModel::default()
-    }];
+    };
+    let mut found = Vec::new();
     if args.physical.wanted() {
         let working = progress::spinner("solving for physical parameters".to_owned());
         let result = physical::models(
@@ -171,23 +202,22 @@ fn models(
         );
         working.finish_and_clear();
         found = result?;
-    } else if args.physical.reduce {
-        let reduction = reduce::run(args, model, &start.factor, &start.estimate.efforts)?;
-        start.json.reduction = reduce::json(&reduction, &start.estimate.labels);
-        found.push(reduce::adopt(
-            &reduction,
-            start.estimate.labels.len(),
-            &mut start.file,
-        )?);
+        if start.data.is_none() {
+            for model in &mut found {
+                model.inherit(&least);
+            }
+        }
+    } else {
+        found.push(least);
+        if args.physical.reduce {
+            let reduction = reduce::run(args, model, &start.factor, &start.estimate.efforts)?;
+            start.json.reduction = reduce::json(&reduction, &start.estimate.labels);
+            let columns = start.estimate.labels.len();
+            found.push(reduce::adopt(&reduction, columns, args.confidence)?);
+        }
     }
-    let Some(last) = found.last().cloned() else {
-        return Err(Failure::Input("no model was found".to_owned()));
-    };
-    if args.physical.wanted() {
-        start.file.adopt(model, &last)?;
-        start.json.physical.clone_from(&start.file.physical);
-    }
-    if found.len() > 1 || !args.physical.against.is_empty() {
+    let more = found.len() > 1;
+    if more || !args.physical.against.is_empty() {
         let logs: Vec<&Path> = args
             .logs
             .iter()
@@ -207,7 +237,20 @@ fn models(
             })
             .collect();
     }
-    Ok(last)
+    let last = found.pop();
+    let last = last.ok_or_else(|| Failure::Input("no model was found".to_owned()))?;
+    if more && !args.logs.is_empty() {
+        let kind = observe::kind(&args.reading);
+        let mut logs = observe::open(model, &args.logs, &args.reading)?;
+        let means = identify::observe(model, kind, &mut logs)?.0.means();
+        let lags = Options::default().lags;
+        let errors = last.residuals(model, kind, &mut logs, &means, lags)?;
+        start.json.relative_absolute = Some(errors.relative_absolute());
+        for (effort, error) in start.json.efforts.iter_mut().zip(errors.efforts()) {
+            effort.error = Some(error);
+        }
+    }
+    Ok((last, more))
 }
 
 pub(crate) fn weighting(args: &IdentifyArgs) -> Weighting {
@@ -243,13 +286,14 @@ fn from_factors(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, F
     }
     let set = FactorSet::merged(sets)?;
     let estimate = Estimate::new(&set, weighting(args))?;
-    let file = ParameterFile::new(model, &estimate, &estimate, args.confidence);
+    let method = "least squares, for white residuals".to_owned();
+    let intervals = Intervals::of(&estimate, &estimate, args.confidence, method);
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     Ok(Start {
-        json: json(&estimate, &file, &set.kind),
-        file,
+        json: Summary::of(&estimate, &set.kind),
         factor: set.combined(&weights)?,
         estimate,
+        intervals,
         data: None,
     })
 }
@@ -268,8 +312,12 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     let used = found
         .estimate
         .with_covariance(found.correlated_covariance.clone())?;
-    let file = ParameterFile::new(model, &found.estimate, &used, args.confidence);
-    let mut json = json(&found.estimate, &file, &kind.name());
+    let method = match found.bandwidth {
+        0 | 1 => "least squares, for white residuals".to_owned(),
+        n => format!("least squares, residuals correlated in {n} samples (Newey and West)"),
+    };
+    let intervals = Intervals::of(&found.estimate, &used, args.confidence, method);
+    let mut json = Summary::of(&found.estimate, &kind.name());
     for (effort, error) in json.efforts.iter_mut().zip(&found.errors) {
         effort.error = Some(error.clone());
     }
@@ -294,41 +342,39 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     }
     Ok(Start {
         json,
-        file,
         factor: found.factor,
         estimate: found.estimate,
+        intervals,
         data: None,
     })
 }
 
-pub(crate) fn json(estimate: &Estimate, file: &ParameterFile, kind: &str) -> Json {
-    let efforts = estimate.efforts.iter().map(|e| EffortJson {
-        name: e.name.clone(),
-        equations: e.rows,
-        sigma: e.sigma,
-        weight: e.weight,
-        error: None,
-    });
-    Json {
-        robot: file.robot.clone(),
-        model: file.model.clone(),
-        kind: kind.to_owned(),
-        equations: estimate.efforts.iter().map(|e| e.rows).sum(),
-        degrees_of_freedom: estimate.degrees_of_freedom,
-        condition: estimate.condition,
-        scaled_condition: estimate.scaled_condition,
-        efforts: efforts.collect(),
-        relative_absolute: None,
-        bandwidth: None,
-        singular: 0,
-        confidence: file.confidence,
-        parameters: file.parameters.clone(),
-        cross: Vec::new(),
-        physical: Vec::new(),
-        reduction: Vec::new(),
-        models: Vec::new(),
-        files: Vec::new(),
-        suspicions: Vec::new(),
+impl Summary {
+    /// What an estimate says.
+    pub(crate) fn of(estimate: &Estimate, kind: &str) -> Self {
+        let efforts = estimate.efforts.iter().map(|e| EffortJson {
+            name: e.name.clone(),
+            equations: e.rows,
+            sigma: e.sigma,
+            weight: e.weight,
+            error: None,
+        });
+        Self {
+            kind: kind.to_owned(),
+            equations: estimate.efforts.iter().map(|e| e.rows).sum(),
+            degrees_of_freedom: estimate.degrees_of_freedom,
+            condition: estimate.condition,
+            scaled_condition: estimate.scaled_condition,
+            efforts: efforts.collect(),
+            relative_absolute: None,
+            bandwidth: None,
+            singular: 0,
+            cross: Vec::new(),
+            reduction: Vec::new(),
+            models: Vec::new(),
+            files: Vec::new(),
+            suspicions: Vec::new(),
+        }
     }
 }
 

@@ -8,10 +8,9 @@ use regen_runtime::identify::{Kind, observe};
 
 use crate::args::{IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
-use crate::identify::{Start, json};
+use crate::identified::{IdentifiedModel, Intervals};
+use crate::identify::{Start, Summary};
 use crate::observe::{self, FileJson};
-use crate::parameters::ParameterFile;
 use crate::physical;
 use regen_interpreted::Interpreted;
 
@@ -62,8 +61,12 @@ pub(crate) fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Star
         }
         errors = Some(found);
     }
-    let mut file = ParameterFile::new(model, &estimate, &estimate, args.confidence);
-    "linear, least squares".clone_into(&mut file.method);
+    let intervals = Intervals::of(
+        &estimate,
+        &estimate,
+        args.confidence,
+        "least squares, for white residuals".to_owned(),
+    );
     if let Some(found) = &errors {
         let pairs = found.efforts().into_iter().zip(&weights);
         estimate.efforts = pairs
@@ -75,7 +78,7 @@ pub(crate) fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Star
             })
             .collect();
     }
-    let mut json = json(&estimate, &file, &Kind::Forces.name());
+    let mut json = Summary::of(&estimate, &Kind::Forces.name());
     if let Some(found) = errors {
         for (effort, error) in json.efforts.iter_mut().zip(found.efforts()) {
             effort.error = Some(error);
@@ -86,9 +89,9 @@ pub(crate) fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Star
     json.files = logs.logs().reports().iter().map(FileJson::new).collect();
     Ok(Start {
         json,
-        file,
         factor,
         estimate,
+        intervals,
         data: Some(data),
     })
 }

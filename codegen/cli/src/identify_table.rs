@@ -2,68 +2,79 @@
 
 use std::fmt::Write as _;
 
-use crate::identify::Json;
+use crate::identify::{Json, Summary};
+use crate::parameters::ParameterFile;
 use crate::predicted::{self, OnLog};
+use crate::status::{self, Status};
 use crate::{reduce, table};
 
 /// A probability of white residuals below which they are called correlated.
 const WHITE: f64 = 0.01;
 
+/// Deviations above this many percent of a value say no more than that.
+const MOST: f64 = 1000.0;
+
 /// The result as tables of 80 columns.
 pub(crate) fn human(json: &Json) -> String {
+    let (file, summary) = (&json.file, &json.summary);
     let mut out = format!(
         "{}, {} parameters from {} equations\n",
-        json.robot,
-        json.parameters.len(),
-        json.equations
+        file.robot,
+        file.parameters.len(),
+        summary.equations
     );
     let condition = format!(
         "{}, with columns scaled {}",
-        table::figure(json.condition),
-        table::figure(json.scaled_condition)
+        table::figure(summary.condition),
+        table::figure(summary.scaled_condition)
     );
-    out.push_str(&table::field("equations", &json.kind));
+    out.push_str(&table::field("model", &file.method));
+    out.push_str(&table::field("equations", &summary.kind));
     out.push_str(&table::field("condition", &condition));
-    if let Some(error) = json.relative_absolute {
+    if let Some(error) = summary.relative_absolute {
         out.push_str(&table::field("eps_RA", &format!("{error:.3} %")));
     }
-    if json.singular > 0 {
-        let text = format!("{} states left out", json.singular);
+    if summary.singular > 0 {
+        let text = format!("{} states left out", summary.singular);
         out.push_str(&table::field("singular", &text));
     }
     out.push('\n');
-    out.push_str(&efforts(json));
+    out.push_str(&efforts(summary));
     out.push('\n');
-    out.push_str(&parameters(json));
-    if !json.reduction.is_empty() {
-        out.push_str("\n  the reduction, step by step\n");
-        out.push_str(&reduce::human(&json.reduction));
-    }
-    if !json.models.is_empty() {
+    out.push_str(&parameters(file));
+    if !file.physical.is_empty() || !file.friction.is_empty() {
         out.push('\n');
-        for model in &json.models {
+        out.push_str(&physical(file));
+    }
+    if !file.least_squares.is_empty() {
+        out.push_str("\n  what least squares found before\n");
+        out.push_str(&least_squares(file));
+    }
+    if !summary.reduction.is_empty() {
+        out.push_str("\n  the reduction, step by step\n");
+        out.push_str(&reduce::human(&summary.reduction));
+    }
+    if !summary.models.is_empty() {
+        out.push('\n');
+        for model in &summary.models {
             out.push_str(&table::item(&format!(
                 "{}: {}",
                 model.name, model.feasibility
             )));
         }
-        let rows: Vec<(String, &[OnLog])> = json
+        let rows: Vec<(String, &[OnLog])> = summary
             .models
             .iter()
             .map(|m| (m.name.clone(), m.logs.as_slice()))
             .collect();
-        if json.models.iter().any(|m| !m.logs.is_empty()) {
+        if summary.models.iter().any(|m| !m.logs.is_empty()) {
             out.push('\n');
             out.push_str(&predicted::human("eps_RA in percent", &rows));
         }
     }
-    if !json.physical.is_empty() {
-        out.push('\n');
-        out.push_str(&physical(json));
-    }
-    if !json.cross.is_empty() {
+    if !summary.cross.is_empty() {
         out.push_str("\n  each log predicted by parameters from the others\n");
-        let lines: Vec<Vec<String>> = json
+        let lines: Vec<Vec<String>> = summary
             .cross
             .iter()
             .map(|c| vec![c.file.clone(), format!("{:.3}", c.relative_absolute)])
@@ -73,7 +84,7 @@ pub(crate) fn human(json: &Json) -> String {
     out
 }
 
-fn efforts(json: &Json) -> String {
+fn efforts(json: &Summary) -> String {
     let lines: Vec<Vec<String>> = json
         .efforts
         .iter()
@@ -107,8 +118,8 @@ fn efforts(json: &Json) -> String {
     table::columns(if known { &head } else { &head[..3] }, &lines)
 }
 
-fn parameters(json: &Json) -> String {
-    let lines: Vec<Vec<String>> = json
+fn parameters(file: &ParameterFile) -> String {
+    let lines: Vec<Vec<String>> = file
         .parameters
         .iter()
         .map(|p| {
@@ -116,53 +127,129 @@ fn parameters(json: &Json) -> String {
                 p.label.clone(),
                 table::figure(p.value),
                 p.unit.clone(),
-                table::figure(p.sigma),
-                format!("{:.2}", p.sigma_percent.min(99_999.0)),
-                if p.status.starts_with("well") {
-                    "well"
-                } else {
-                    "poor"
-                }
-                .to_owned(),
+                deviation(p.sigma),
+                percent(p.sigma_percent),
+                percent(p.share),
+                p.status.word().to_owned(),
             ]
         })
         .collect();
-    let mut out = table::columns(
-        &["parameter", "value", "unit", "sigma", "sigma %", "status"],
-        &lines,
-    );
-    let well = json
-        .parameters
-        .iter()
-        .filter(|p| p.status.starts_with("well"));
-    let _ = writeln!(
-        out,
-        "\n  {} of {} have a relative deviation below 15 %",
-        well.count(),
-        json.parameters.len()
-    );
-    if json.bandwidth.is_some_and(|b| b > 1) {
-        out.push_str("  sigma knows of the residuals' correlation in time (Newey and West)\n");
+    let head = [
+        "parameter",
+        "value",
+        "unit",
+        "sigma",
+        "sigma %",
+        "share %",
+        "status",
+    ];
+    let mut out = table::columns(&head, &lines);
+    let counted = status::counted(file.parameters.iter().map(|p| p.status));
+    let _ = writeln!(out, "\n  {} parameters: {counted}", file.parameters.len());
+    if !file.deviations.is_empty() {
+        out.push_str(&table::field("sigma", &file.deviations));
+    }
+    let known = "rms of the parameter's column times its value over rms of the efforts";
+    out.push_str(&table::field("share", known));
+    if file.parameters.iter().any(|p| p.status == Status::Zero) {
+        let text = "may be zero, and what its sigma leaves open is below 1 % of the efforts";
+        out.push_str(&table::field("zero", text));
     }
     out
 }
 
-/// What the last model has beyond base parameters.
-fn physical(json: &Json) -> String {
-    let rows = json.physical.iter();
-    let lines: Vec<Vec<String>> = rows
-        .map(|p| vec![p.label.clone(), table::figure(p.value), p.unit.to_owned()])
+/// A standard deviation; a dash where none is known.
+fn deviation(sigma: f64) -> String {
+    if sigma.is_finite() {
+        table::figure_of(3, sigma)
+    } else {
+        "-".to_owned()
+    }
+}
+
+/// A part of something in percent.
+fn percent(value: f64) -> String {
+    if !value.is_finite() {
+        "-".to_owned()
+    } else if value > MOST {
+        format!(">{MOST:.0}")
+    } else {
+        format!("{value:.2}")
+    }
+}
+
+/// What least squares found where another model was adopted, and how far that is from it.
+fn least_squares(file: &ParameterFile) -> String {
+    let lines: Vec<Vec<String>> = file
+        .least_squares
+        .iter()
+        .map(|row| {
+            let adopted = file.parameters.iter().find(|p| p.label == row.label);
+            let moved = adopted.map_or(f64::NAN, |p| (p.value - row.value) / row.sigma);
+            vec![
+                row.label.clone(),
+                table::figure(row.value),
+                row.unit.clone(),
+                deviation(row.sigma),
+                if moved.is_finite() {
+                    format!("{moved:.1}")
+                } else {
+                    "-".to_owned()
+                },
+            ]
+        })
         .collect();
-    let mut out = table::columns(&["physical parameter", "value", "unit"], &lines);
-    let friction = json.models.last().map_or(&[][..], |m| &m.friction);
-    for row in friction {
+    let head = ["parameter", "value", "unit", "sigma", "moved by sigmas"];
+    table::columns(&head, &lines)
+}
+
+/// What the adopted model has beyond base parameters.
+fn physical(file: &ParameterFile) -> String {
+    let known = file.physical.iter().any(|p| p.sigma.is_finite());
+    let rows = file.physical.iter();
+    let lines: Vec<Vec<String>> = rows
+        .map(|p| {
+            let mut line = vec![p.label.clone(), table::figure(p.value), p.unit.clone()];
+            if known {
+                line.push(deviation(p.sigma));
+            }
+            line
+        })
+        .collect();
+    let head = ["physical parameter", "value", "unit", "sigma"];
+    let mut out = String::new();
+    if !lines.is_empty() {
+        out = table::columns(if known { &head } else { &head[..3] }, &lines);
+    }
+    for row in &file.friction {
         let coefficients: Vec<String> = row
             .coefficients
             .iter()
-            .map(|(symbol, value)| format!("{symbol} {}", table::figure(*value)))
+            .map(|(symbol, value)| {
+                let own = row.intervals.get(symbol).filter(|i| i.sigma.is_finite());
+                let sigma = own.map_or_else(String::new, |i| {
+                    format!(" +- {}", table::figure_of(3, i.sigma))
+                });
+                format!("{symbol} {}{sigma}", table::figure(*value))
+            })
             .collect();
         let name = format!("{} ({})", row.joint, row.law);
         out.push_str(&table::field(&name, &coefficients.join(", ")));
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deviations_that_say_nothing_are_not_printed_as_figures() {
+        assert_eq!(percent(14.996), "15.00");
+        assert_eq!(percent(99_999.0), ">1000");
+        assert_eq!(percent(f64::INFINITY), "-");
+        assert_eq!(percent(f64::NAN), "-");
+        assert_eq!(deviation(f64::NAN), "-");
+        assert_eq!(deviation(0.012_345), "0.0123");
+    }
 }

@@ -4,6 +4,7 @@
 mod commands;
 mod estimates;
 mod logs;
+mod one_model;
 mod parquet_logs;
 
 use std::fmt::Write as _;

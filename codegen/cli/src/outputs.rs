@@ -4,26 +4,58 @@ use std::fmt::Write as _;
 
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::{self, BaseFrom};
+use regen_codegen::spec;
 use regen_runtime::feasibility::{Layout, bodies_yaml, rust_constants, unit};
 use regen_runtime::{BaseModel, Info, Model};
 
 use crate::exit::Failure;
 use crate::identified::IdentifiedModel;
+use crate::{spec_text, terminal};
 use regen_interpreted::Interpreted;
 
 /// What a spec that was written may differ by from the values it was written for: sums about the
 /// centre of mass and back.
 const KEPT: f64 = 1e-9;
 
-/// The spec with `bodies:` of these physical parameters; everything else of its text stays.
+/// The spec with `bodies:` and the joints' `nominal:` values of a physical model; everything else
+/// of its text stays.
 ///
-/// The result is read back, and its nominal values are compared, before it is handed out.
-pub(crate) fn spec(source: &Source, layout: &Layout, phi: &[f64]) -> Result<String, Failure> {
-    let text = with_bodies(&source.text, &bodies_yaml(layout, phi)?);
+/// The result is read back, and its nominal values are compared, before it is handed out. What a
+/// spec cannot hold is noted.
+pub(crate) fn spec(
+    source: &Source,
+    model: &Interpreted<'_>,
+    found: &IdentifiedModel,
+) -> Result<String, Failure> {
+    let info = model.info();
+    let layout = Layout::new(info.parameters)?;
+    let phi = found.phi.as_deref().unwrap_or_default();
+    let written = spec::parse(source).map_err(|report| Failure::Spec(vec![report]))?;
+    let known = |coordinate: &str, symbol: &str| -> Option<f64> {
+        if let Some(k) = info.parameter_of(&format!("{symbol}({coordinate})")) {
+            return phi.get(k).copied();
+        }
+        let place = info.index_of(coordinate)?;
+        let law = info.joints.get(place)?.friction;
+        let fit = found.friction.iter().find(|f| f.name == coordinate);
+        let fit = fit.filter(|f| f.friction == law)?;
+        let k = law.symbols().iter().position(|s| *s == symbol)?;
+        fit.values.get(k).copied()
+    };
+    let (text, mut notes) = spec_text::with_nominal(&source.text, &written, &known);
+    for (joint, name) in info.joints.iter().zip(info.coordinates) {
+        if !joint.friction.is_linear() && !found.friction.iter().any(|f| f.name == *name) {
+            notes.push(format!(
+                "the nonlinear friction of {name} stays as it is in the spec: --friction \
+                 identifies it"
+            ));
+        }
+    }
+    let text = with_bodies(&text, &bodies_yaml(&layout, phi)?);
     let wrong = |why: String| {
         Failure::Input(format!(
-            "{}: `bodies:` could not be replaced ({why}): write it as a block of its own, with \
-             each body indented",
+            "{}: the spec could not be filled ({why}): write `bodies:` as a block of its own, with \
+             each body indented, and `nominal:` of a joint behind its `type:`",
             source.name
         ))
     };
@@ -38,13 +70,31 @@ pub(crate) fn spec(source: &Source, layout: &Layout, phi: &[f64]) -> Result<Stri
         })
     })?;
     let largest = phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    for column in layout.bodies().iter().flat_map(|body| body.columns) {
-        let value = robot.nominal.get(column).copied().flatten();
-        let exact = phi.get(column).copied().unwrap_or(f64::NAN);
-        if !value.is_some_and(|v| (v - exact).abs() <= KEPT * largest) {
-            let label = layout.labels().get(column).cloned().unwrap_or_default();
+    // what one value of a joint cannot say of its coordinates was noted
+    let several = |label: &str| notes.iter().any(|note| note.starts_with(label));
+    for (k, (label, exact)) in layout.labels().iter().zip(phi).enumerate() {
+        let value = robot.nominal.get(k).copied().flatten();
+        let split = label.strip_suffix(')').and_then(|l| l.split_once('('));
+        let skipped = split.is_some_and(|(symbol, coordinate)| {
+            coordinate.contains('.') && several(&format!("{symbol} of "))
+        });
+        if !skipped && !value.is_some_and(|v| (v - exact).abs() <= KEPT * largest) {
             return Err(wrong(format!("{label} reads back as {value:?}")));
         }
+    }
+    for fit in &found.friction {
+        let joint = info.index_of(&fit.name).and_then(|k| robot.joints.get(k));
+        let back = joint.map_or(&[][..], |j| &j.nominal);
+        let same = fit.values.iter().zip(back).all(|(x, y)| Some(*x) == *y);
+        if !same && !fit.name.contains('.') {
+            return Err(wrong(format!(
+                "the friction of {} reads back as {back:?}",
+                fit.name
+            )));
+        }
+    }
+    for note in notes {
+        terminal::note(&format!("note: {note}"));
     }
     Ok(text)
 }

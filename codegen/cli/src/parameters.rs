@@ -1,53 +1,24 @@
-//! Identified parameters: their rows, and the files that hold them.
+//! Files of identified parameters: what `regen identify --out` writes, and what is read again.
 
 use std::collections::BTreeMap;
-use std::fmt::Write as _;
 use std::path::Path;
 
-use regen_runtime::estimate::Estimate;
-use regen_runtime::feasibility::{Layout, unit};
-use regen_runtime::friction::JointFit;
+use regen_runtime::feasibility::Layout;
 use regen_runtime::identify::digest;
-use regen_runtime::{BaseModel, BaseParameter, Friction, Model};
+use regen_runtime::{BaseModel, Model};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
+use crate::identified::{IdentifiedModel, Interval};
 use crate::load;
+use crate::rows::{self, BodyRow, FrictionRow, LeastSquaresRow, ParameterRow, PhysicalRow};
+use crate::status::{Shares, Status};
 use crate::yaml;
 use regen_interpreted::Interpreted;
 
-/// Relative deviations below this, in percent, are of well identified parameters (section 5.3).
-pub(crate) const WELL: f64 = regen_runtime::identifiability::WELL;
-
-/// One identified base parameter.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct ParameterRow {
-    pub(crate) label: String,
-    /// The combination that it stands for.
-    pub(crate) combination: String,
-    pub(crate) unit: String,
-    pub(crate) value: f64,
-    /// Its standard deviation, which knows of correlated residuals where these are known; that of
-    /// least squares for parameters under constraints.
-    #[serde(deserialize_with = "perhaps")]
-    pub(crate) sigma: f64,
-    /// The standard deviation for white residuals.
-    #[serde(deserialize_with = "perhaps")]
-    pub(crate) sigma_white: f64,
-    #[serde(deserialize_with = "perhaps")]
-    pub(crate) sigma_percent: f64,
-    /// The confidence interval of least squares.
-    #[serde(deserialize_with = "perhaps")]
-    pub(crate) low: f64,
-    #[serde(deserialize_with = "perhaps")]
-    pub(crate) high: f64,
-    /// `well identified`, `poorly identified` or `left out`.
-    pub(crate) status: String,
-}
-
-/// A file of identified parameters.
+/// A file of identified parameters. All lists are of the one model that was adopted, but for
+/// `least_squares`.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct ParameterFile {
     pub(crate) robot: String,
@@ -55,15 +26,21 @@ pub(crate) struct ParameterFile {
     /// What kind of model it is: `least squares`, `feasible`, ...
     pub(crate) method: String,
     /// What is known of its feasibility.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) feasibility: Option<String>,
     pub(crate) confidence: f64,
+    /// How the deviations were found.
+    #[serde(default)]
+    pub(crate) deviations: String,
     pub(crate) parameters: Vec<ParameterRow>,
+    /// What least squares found before, where another model was adopted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(crate) least_squares: Vec<LeastSquaresRow>,
     /// Friction that has no columns.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) friction: Vec<FrictionRow>,
     /// All parameters, where they are physical.
-    #[serde(skip_deserializing, skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(crate) physical: Vec<PhysicalRow>,
     /// The bodies as in a spec, and what joints have in robot files: for `regen export`.
     #[serde(skip_deserializing, skip_serializing_if = "BTreeMap::is_empty")]
@@ -72,169 +49,61 @@ pub(crate) struct ParameterFile {
     pub(crate) joints: BTreeMap<String, BTreeMap<String, f64>>,
 }
 
-/// A number, or null for one that is not finite.
-fn perhaps<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
-}
-
-/// The friction of a joint.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct FrictionRow {
-    pub(crate) joint: String,
-    pub(crate) law: String,
-    pub(crate) coefficients: BTreeMap<String, f64>,
-}
-
-/// One of all parameters.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct PhysicalRow {
-    pub(crate) label: String,
-    pub(crate) value: f64,
-    pub(crate) unit: &'static str,
-}
-
-/// A body as in a spec: inertia about the centre of mass.
-#[derive(Clone, Debug, Serialize)]
-pub(crate) struct BodyRow {
-    mass: f64,
-    com: [f64; 3],
-    inertia: [f64; 6],
-}
-
-/// The laws by their names in specs.
-const LAWS: [(&str, Friction); 4] = [
-    ("linear", Friction::Linear),
-    ("stribeck", Friction::Stribeck),
-    ("atan", Friction::Atan),
-    ("power", Friction::Power),
-];
-
-impl FrictionRow {
-    pub(crate) fn new(joint: &JointFit) -> Self {
-        let law = LAWS.iter().find(|(_, f)| *f == joint.friction);
-        let symbols = joint.friction.symbols().iter();
-        let pairs = symbols.zip(&joint.values);
-        Self {
-            joint: joint.name.clone(),
-            law: law.map_or("none", |(name, _)| name).to_owned(),
-            coefficients: pairs.map(|(s, v)| ((*s).to_owned(), *v)).collect(),
-        }
-    }
-
-    fn joint(&self) -> Result<JointFit, String> {
-        let known = LAWS.iter().find(|(name, _)| *name == self.law);
-        let (_, friction) = known.ok_or_else(|| {
-            let names: Vec<&str> = LAWS.iter().map(|(name, _)| *name).collect();
-            format!(
-                "friction of {}: `{}` is none of {}",
-                self.joint,
-                self.law,
-                names.join(", ")
-            )
-        })?;
-        let value = |symbol: &&str| {
-            let found = self.coefficients.get(*symbol).copied();
-            found.ok_or_else(|| format!("friction of {}: {symbol} is missing", self.joint))
-        };
-        Ok(JointFit {
-            name: self.joint.clone(),
-            friction: *friction,
-            values: friction
-                .symbols()
-                .iter()
-                .map(value)
-                .collect::<Result<_, _>>()?,
-        })
-    }
-}
-
 impl ParameterFile {
-    /// The rows of an estimate; `used` is the same with the covariance that counts.
+    /// The file of an adopted model.
+    ///
+    /// - `shares`: of the fit's data, by the places of the base parameters;
+    /// - `least`: what least squares found, where that is another model.
     pub(crate) fn new(
         model: &Interpreted<'_>,
-        white: &Estimate,
-        used: &Estimate,
+        found: &IdentifiedModel,
+        shares: &Shares,
+        least: Vec<LeastSquaresRow>,
         confidence: f64,
-    ) -> Self {
+    ) -> Result<Self, Failure> {
         let info = model.info();
-        let base = model.base_info().base;
-        let row = |(k, label): (usize, &String)| {
-            let value = used.values.get(k).copied().unwrap_or(f64::NAN);
-            let half = used.half_width(k, confidence);
-            let known = base.iter().find(|b| b.label == label);
-            ParameterRow {
-                label: label.clone(),
-                combination: known.map_or_else(|| label.clone(), combination),
-                unit: unit(label, &info).to_owned(),
-                value,
-                sigma: used.sigma(k),
-                sigma_white: white.sigma(k),
-                sigma_percent: used.sigma_percent(k),
-                low: value - half,
-                high: value + half,
-                status: status(used.sigma_percent(k)),
-            }
-        };
-        Self {
+        let base = model.base_info().base.iter().enumerate();
+        let values = base.zip(&found.beta);
+        let parameters = values.map(|((k, parameter), value)| {
+            let interval = found.intervals.base.get(k).copied().flatten();
+            let sigma = interval.map_or(f64::NAN, |i| i.sigma);
+            let status = if found.left_out.contains(&k) {
+                Status::LeftOut
+            } else {
+                shares.status(k, *value, sigma)
+            };
+            let share = shares.percent(k, *value);
+            ParameterRow::new(parameter, &info, *value, interval, share, status)
+        });
+        let mut file = Self {
             robot: info.name.to_owned(),
             model: digest(model),
-            method: "least squares".to_owned(),
-            feasibility: None,
+            method: found.name.to_owned(),
+            feasibility: (!found.feasibility.is_empty()).then(|| found.feasibility.clone()),
             confidence,
-            parameters: used.labels.iter().enumerate().map(row).collect(),
-            friction: Vec::new(),
+            deviations: found.intervals.method.clone(),
+            parameters: parameters.collect(),
+            least_squares: least,
+            friction: rows::friction(found),
             physical: Vec::new(),
             bodies: BTreeMap::new(),
             joints: BTreeMap::new(),
-        }
-    }
-
-    /// The same with the values of a model that was found; deviations and intervals stay those of
-    /// least squares.
-    pub(crate) fn adopt(
-        &mut self,
-        model: &Interpreted<'_>,
-        found: &IdentifiedModel,
-    ) -> Result<(), Failure> {
-        let info = model.info();
-        found.name.clone_into(&mut self.method);
-        self.feasibility = Some(found.feasibility.clone());
-        // columns of linear friction in place of another law's are listed with the friction
-        self.parameters.truncate(found.beta.len());
-        for (row, value) in self.parameters.iter_mut().zip(&found.beta) {
-            row.value = *value;
-            row.sigma_percent = 100.0 * row.sigma / value.abs();
-            row.status = status(row.sigma_percent);
-        }
-        self.friction = found.friction.iter().map(FrictionRow::new).collect();
-        let Some(phi) = &found.phi else {
-            return Ok(());
         };
-        let layout = Layout::new(info.parameters)?;
-        let pairs = layout.labels().iter().zip(phi);
-        self.physical = pairs
-            .map(|(label, value)| PhysicalRow {
-                label: label.clone(),
-                value: *value,
-                unit: unit(label, &info),
-            })
-            .collect();
-        for body in layout.bodies() {
-            let ten = body
-                .columns
-                .map(|c| phi.get(c).copied().unwrap_or_default());
-            self.bodies.insert(body.label.clone(), BodyRow::of(&ten));
+        if let Some(phi) = &found.phi {
+            let layout = Layout::new(info.parameters)?;
+            let intervals = &found.intervals.physical;
+            let labels = layout.labels().iter().enumerate();
+            file.physical = labels
+                .zip(phi)
+                .map(|((k, label), value)| {
+                    let interval: Option<Interval> = intervals.get(k).copied().flatten();
+                    PhysicalRow::new(label, &info, *value, interval)
+                })
+                .collect();
+            file.bodies = rows::bodies(&layout, phi);
+            file.joints = rows::joints(&layout, phi);
         }
-        for k in layout.single() {
-            let label = layout.labels().get(*k).map_or("", String::as_str);
-            let split = label.strip_suffix(')').and_then(|l| l.split_once('('));
-            if let (Some((symbol @ ("Fv" | "Fc" | "J"), joint)), Some(value)) = (split, phi.get(*k))
-            {
-                let own = self.joints.entry(joint.to_owned()).or_default();
-                own.insert(symbol.to_owned(), *value);
-            }
-        }
-        Ok(())
+        Ok(file)
     }
 
     /// The file's text: YAML where its name ends so, JSON otherwise.
@@ -244,54 +113,6 @@ impl ParameterFile {
         }
         yaml::text(self).map_err(|error| Failure::Input(format!("{}: {error}", path.display())))
     }
-}
-
-impl BodyRow {
-    /// By the parallel axis theorem.
-    fn of(ten: &[f64; 10]) -> Self {
-        let [xx, xy, xz, yy, yz, zz, mx, my, mz, m] = *ten;
-        let [x, y, z] = if m > 0.0 {
-            [mx / m, my / m, mz / m]
-        } else {
-            [0.0; 3]
-        };
-        Self {
-            mass: m,
-            com: [x, y, z],
-            inertia: [
-                xx - m * (y * y + z * z),
-                xy + m * x * y,
-                xz + m * x * z,
-                yy - m * (x * x + z * z),
-                yz + m * y * z,
-                zz - m * (x * x + y * y),
-            ],
-        }
-    }
-}
-
-fn status(percent: f64) -> String {
-    let text = if percent < WELL {
-        "well identified"
-    } else {
-        "poorly identified"
-    };
-    text.to_owned()
-}
-
-/// A combination in four digits.
-fn combination(parameter: &BaseParameter<'_>) -> String {
-    let mut out = String::new();
-    for (k, term) in parameter.terms.iter().enumerate() {
-        let sign = if term.value < 0.0 { "-" } else { "+" };
-        let size = term.value.abs();
-        let _ = match k {
-            0 => write!(out, "{}", term.parameter),
-            _ if (size - 1.0).abs() < 1e-12 => write!(out, " {sign} {}", term.parameter),
-            _ => write!(out, " {sign} {size:.4} {}", term.parameter),
-        };
-    }
-    out
 }
 
 /// Whether a file's name says that it is YAML.

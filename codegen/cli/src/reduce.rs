@@ -7,8 +7,7 @@ use serde::Serialize;
 
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
-use crate::parameters::ParameterFile;
+use crate::identified::{IdentifiedModel, Intervals};
 use crate::{observe, physical};
 use regen_interpreted::Interpreted;
 
@@ -111,46 +110,36 @@ fn equations<S: Source<Error = regen_runtime::data::DataError>>(
 pub(crate) fn adopt(
     reduction: &Reduction,
     columns: usize,
-    file: &mut ParameterFile,
+    confidence: f64,
 ) -> Result<IdentifiedModel, Failure> {
     let step = reduction.result().ok_or_else(|| {
         Failure::Numeric("no base parameter is well identified: excite the robot more".to_owned())
     })?;
-    let feasibility = feasibility(step.feasibility);
+    let own = Intervals::of(
+        &step.estimate,
+        &step.estimate,
+        confidence,
+        "least squares of the parameters that were kept, for white residuals".to_owned(),
+    );
     let mut beta = vec![0.0; columns];
+    let mut intervals = vec![None; columns];
     for (k, place) in step.kept.iter().enumerate() {
-        let value = step.estimate.values.get(k).copied().unwrap_or(0.0);
-        if let Some(slot) = beta.get_mut(*place) {
-            *slot = value;
+        if let (Some(slot), Some(value)) = (beta.get_mut(*place), step.estimate.values.get(k)) {
+            *slot = *value;
+        }
+        if let (Some(slot), Some(interval)) = (intervals.get_mut(*place), own.base.get(k)) {
+            *slot = *interval;
         }
     }
-    for (place, row) in file.parameters.iter_mut().enumerate() {
-        row.value = beta.get(place).copied().unwrap_or(0.0);
-        if let Some(k) = step.kept.iter().position(|kept| *kept == place) {
-            let half = step.estimate.half_width(k, file.confidence);
-            row.sigma = step.estimate.sigma(k);
-            row.sigma_white = row.sigma;
-            row.sigma_percent = step.estimate.sigma_percent(k);
-            (row.low, row.high) = (row.value - half, row.value + half);
-            row.status = if step.well == step.kept.len() {
-                "well identified".to_owned()
-            } else {
-                "poorly identified".to_owned()
-            };
-        } else {
-            (row.sigma, row.sigma_white, row.sigma_percent) = (0.0, 0.0, 0.0);
-            (row.low, row.high) = (0.0, 0.0);
-            "left out".clone_into(&mut row.status);
-        }
-    }
-    "reduced".clone_into(&mut file.method);
-    file.feasibility = Some(feasibility.to_owned());
     Ok(IdentifiedModel {
         name: "reduced",
         beta,
-        phi: None,
-        friction: Vec::new(),
-        feasibility: feasibility.to_owned(),
+        left_out: (0..columns).filter(|k| !step.kept.contains(k)).collect(),
+        feasibility: feasibility(step.feasibility).to_owned(),
+        intervals: Intervals {
+            base: intervals,
+            ..own
+        },
         ..IdentifiedModel::default()
     })
 }

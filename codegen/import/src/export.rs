@@ -217,10 +217,20 @@ impl<'a> Export<'a> {
                 .find(|e| joint.is_some() && e.text("name") == joint.as_deref());
             let values = [("damping", values.viscous), ("friction", values.coulomb)];
             let Some(element) = element else {
+                if spec.coordinates().contains(name) {
+                    // a drive or a massless coordinate of the spec has nothing to stand at
+                    let text = format!(
+                        "the URDF file has no joint for the coordinate '{name}': its friction is \
+                         left out"
+                    );
+                    self.log.note(root.place, text);
+                    continue;
+                }
                 let message = format!("no joint of the URDF file is called '{name}'");
                 self.wrong(name, message, "joints are named as in the spec");
                 continue;
             };
+            self.stays(name, element, &values);
             for (key, value) in values {
                 if value.is_some_and(|v| !v.is_finite() || v < 0.0) {
                     let message = format!("a negative {key}");
@@ -230,6 +240,22 @@ impl<'a> Export<'a> {
             edits.dynamics(element, values);
         }
         Some(edits)
+    }
+
+    /// Notes friction of the file that stays beside new values.
+    fn stays(&mut self, name: &str, joint: &xml::Element, values: &[(&str, Option<f64>); 2]) {
+        if values.iter().all(|(_, value)| value.is_none()) {
+            return;
+        }
+        let Some(dynamics) = joint.child("dynamics") else {
+            return;
+        };
+        for (key, value) in values {
+            if let (None, Some(old)) = (value, dynamics.text(key)) {
+                let text = format!("{key}=\"{old}\" of joint '{name}' stays: no new one is given");
+                self.log.note(dynamics.place, text);
+            }
+        }
     }
 
     /// Whether a body can have these values; a doubt is noted.

@@ -254,6 +254,35 @@ fn what_no_body_can_have_is_refused() {
 }
 
 #[test]
+fn friction_that_stays_or_has_no_joint_is_told() {
+    let spec = imported(ARM).spec;
+    let given = |name: &str, viscous, coulomb| Parameters {
+        bodies: Vec::new(),
+        joints: vec![(name.to_owned(), JointParameters { viscous, coulomb })],
+    };
+    let notes = |spec: &str, parameters: &Parameters| -> Vec<String> {
+        let found = tried(ARM, spec, parameters).unwrap();
+        found.notes.iter().map(ToString::to_string).collect()
+    };
+    // a new Coulomb friction leaves the old damping in the file
+    let told = notes(&spec, &given("q", None, Some(0.25)));
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert_has(
+        &told[0],
+        "damping=\"0.5\" of joint 'q' stays: no new one is given",
+    );
+    assert!(notes(&spec, &given("q", Some(1.0), Some(0.25))).is_empty());
+    assert!(notes(&spec, &given("q", None, None)).is_empty());
+    // a drive that the spec has besides: massless, without a joint in the file
+    let limb = "limbs:\n  - name: drives\n    joints:\n      - {name: motor, type: revolute, \
+                friction: viscous, rotor_inertia: true}\n";
+    let more = spec.replacen("limbs:\n", limb, 1);
+    let told = notes(&more, &given("motor", Some(1.0), None));
+    assert_eq!(told.len(), 1, "{told:?}");
+    assert_has(&told[0], "no joint for the coordinate 'motor'");
+}
+
+#[test]
 fn labels_and_joints_that_the_file_lacks_are_refused() {
     let spec = imported(ARM).spec;
     let other = of_bodies(vec![("z".to_owned(), plain())]);

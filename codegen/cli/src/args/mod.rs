@@ -332,7 +332,8 @@ were recognised in samples of many digits and verified at others. The
 certificate is the rank of such samples: where it differs from what was derived,
 the table is headed INCOMPLETE and the exit code is 1.
 
-Coefficients of more than 60 characters are printed as numbers marked with ~.
+Coefficients of more than 60 characters, or with numbers of more than 6 digits,
+are printed as numbers marked with ~.
 
 Examples:
   regen base robots/3rps.yaml

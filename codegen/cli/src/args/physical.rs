@@ -42,7 +42,8 @@ pub(crate) struct PhysicalArgs {
     /// Bodies that are the same, in frames that correspond: 1,4,6
     #[arg(long, value_name = "BODIES", requires = "physical")]
     pub(crate) identical: Vec<String>,
-    /// Write the spec with `bodies:` filled with the physical values
+    /// Write the spec with `bodies:` and the joints' `nominal:` filled with the
+    /// physical values; all else of its text stays
     #[arg(long, value_name = "SPEC", requires = "physical")]
     pub(crate) bodies: Option<PathBuf>,
     /// Write the parameters as Rust constants for a controller

@@ -50,6 +50,8 @@ const WIDTH: u32 = 760;
 /// it.
 const FINE: u32 = 8;
 const FONT: &str = "sans-serif";
+/// The room left of a chart for the marks of its axis.
+const LEFT: u32 = 72;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Drawn = Result<(), Box<dyn std::error::Error>>;
@@ -91,31 +93,69 @@ enum Sign {
     Ring(RGBColor),
 }
 
-/// A row of signs with their names above a chart, which covers nothing.
+/// The width of a text: letters are about seven points wide.
+fn width(text: &str) -> u32 {
+    7 * u32::try_from(text.chars().count()).unwrap_or(0)
+}
+
+/// The height of a legend's row.
+const ROW: u32 = 18;
+
+/// Where the entries of a legend stand, from this left margin: as many beside each other as fit
+/// the page, and the rows that takes.
+fn placed(left: u32, entries: &[(String, Sign)]) -> (Vec<(u32, u32)>, u32) {
+    let (mut x, mut row) = (left, 0);
+    let places = entries
+        .iter()
+        .map(|(text, _)| {
+            let own = 24 + width(text);
+            if x > left && x + own > WIDTH {
+                (x, row) = (left, row + 1);
+            }
+            let place = (x, 11 + ROW * row);
+            x += own + 20;
+            place
+        })
+        .collect();
+    (places, row + 1)
+}
+
+/// Rows of signs with their names above a chart, which cover nothing.
 fn legend(area: &Area<'_>, left: u32, entries: &[(String, Sign)]) -> Drawn {
-    let mut x = left;
-    for (text, sign) in entries {
+    let places = placed(left, entries).0;
+    for ((text, sign), (x, y)) in entries.iter().zip(places) {
         match sign {
             Sign::Line(dye) => {
-                let ends = vec![at(x, 11), at(x + 18, 11)];
+                let ends = vec![at(x, y), at(x + 18, y)];
                 area.draw(&PathElement::new(ends, dye.stroke_width(px(2))))?;
             }
-            Sign::Dot(dye) => area.draw(&Circle::new(at(x + 9, 11), px(3), dye.filled()))?,
+            Sign::Dot(dye) => area.draw(&Circle::new(at(x + 9, y), px(3), dye.filled()))?,
             Sign::Ring(dye) => {
-                area.draw(&Circle::new(at(x + 9, 11), px(4), dye.stroke_width(px(1))))?;
+                area.draw(&Circle::new(at(x + 9, y), px(4), dye.stroke_width(px(1))))?;
             }
         }
         let style = letters().pos(Pos::new(HPos::Left, VPos::Center));
-        area.draw_text(text, &style, at(x + 24, 11))?;
-        // letters are about seven points wide
-        x += 44 + 7 * u32::try_from(text.chars().count()).unwrap_or(0);
+        area.draw_text(text, &style, at(x + 24, y))?;
     }
     Ok(())
 }
 
+/// What lines have in a legend.
+fn entries(lines: &[Line]) -> Vec<(String, Sign)> {
+    let named = lines.iter().filter(|l| !l.label.is_empty());
+    named
+        .map(|l| match l.look {
+            Look::Dots => (l.label.clone(), Sign::Dot(l.dye)),
+            Look::Solid | Look::Dashed => (l.label.clone(), Sign::Line(l.dye)),
+        })
+        .collect()
+}
+
 /// Lines over time or another quantity, with a legend.
 pub(super) fn lines(x: &str, y: &str, height: u32, lines: &[Line]) -> Result<String, Failure> {
-    drawn(height, |area| panel(area, x, y, lines, true))
+    // further rows of the legend take nothing from the chart
+    let more = ROW * (placed(LEFT, &entries(lines)).1 - 1);
+    drawn(height + more, |area| panel(area, x, y, lines, true))
 }
 
 /// Lines, and below them others at the same times.
@@ -138,18 +178,16 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
     let up = range(points().map(|p| p.1), 0.06);
     let digits = decimals(&up);
     let across_digits = decimals(&across);
-    let named = lines.iter().filter(|l| titled && !l.label.is_empty());
-    let entries: Vec<(String, Sign)> = named
-        .map(|l| match l.look {
-            Look::Dots => (l.label.clone(), Sign::Dot(l.dye)),
-            Look::Solid | Look::Dashed => (l.label.clone(), Sign::Line(l.dye)),
-        })
-        .collect();
+    let entries = if titled { entries(lines) } else { Vec::new() };
+    let above = match placed(LEFT, &entries).1 {
+        _ if entries.is_empty() => 8,
+        rows => 8 + ROW * rows,
+    };
     let mut chart = ChartBuilder::on(area)
-        .margin_top(px(if entries.is_empty() { 8 } else { 26 }))
+        .margin_top(px(above))
         .margin_right(px(14))
         .x_label_area_size(px(if x.is_empty() { 10 } else { 40 }))
-        .y_label_area_size(px(72))
+        .y_label_area_size(px(LEFT))
         .build_cartesian_2d(across, up)?;
     chart
         .configure_mesh()
@@ -180,7 +218,7 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
             }
         };
     }
-    legend(area, 72, &entries)
+    legend(area, LEFT, &entries)
 }
 
 /// Singular values by number over a logarithmic axis, and the certified rank.
@@ -193,7 +231,7 @@ pub(super) fn spectrum(all: &[f64], base: &[f64], rank: Option<usize>) -> Result
             .margin_top(px(26))
             .margin_right(px(14))
             .x_label_area_size(px(40))
-            .y_label_area_size(px(72))
+            .y_label_area_size(px(LEFT))
             .build_cartesian_2d(0.0..(count + 1) as f64, (FLOOR..3.0).log_scale())?;
         chart
             .configure_mesh()
@@ -231,21 +269,32 @@ pub(super) fn spectrum(all: &[f64], base: &[f64], rank: Option<usize>) -> Result
             chart.draw_series(DashedLineSeries::new(cut, px(5), px(4), style))?;
             entries.push((format!("certified rank {rank}"), Sign::Line(RED)));
         }
-        legend(area, 72, &entries)
+        legend(area, LEFT, &entries)
     })
+}
+
+/// A bar of a relative deviation.
+pub(super) struct Bar {
+    pub(super) label: String,
+    /// NaN where none is known: no bar is drawn.
+    pub(super) percent: f64,
+    pub(super) dye: RGBColor,
 }
 
 /// Relative standard deviations in percent, as bars over a logarithmic axis with the bound of
 /// those that are well identified.
-pub(super) fn deviations(rows: &[(String, f64)], bound: f64) -> Result<String, Failure> {
+pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, Failure> {
     let height = u32::try_from(60 + 17 * rows.len()).unwrap_or(u32::MAX / FINE);
+    let longest = rows.iter().map(|row| width(&row.label)).max().unwrap_or(0);
+    // long names leave the bars at least half of the page
+    let margin = (12 + longest).clamp(96, WIDTH / 2);
     drawn(height, |area| {
         let (lo, hi) = (0.01, 1e4);
         let mut chart = ChartBuilder::on(area)
             .margin_top(px(6))
             .margin_right(px(24))
             .x_label_area_size(px(40))
-            .y_label_area_size(px(96))
+            .y_label_area_size(px(margin))
             .build_cartesian_2d((lo..hi).log_scale(), rows.len() as f64..0.0)?;
         chart
             .configure_mesh()
@@ -261,14 +310,15 @@ pub(super) fn deviations(rows: &[(String, f64)], bound: f64) -> Result<String, F
             .x_label_formatter(&|v| number(*v, 2))
             .x_desc("standard deviation, percent of the value")
             .draw()?;
-        for (k, (name, percent)) in rows.iter().enumerate() {
-            let end = if percent.is_finite() { *percent } else { hi };
-            let dye = if *percent < bound { BLUE } else { ORANGE };
-            let corners = [(lo, k as f64 + 0.2), (end.clamp(lo, hi), k as f64 + 0.8)];
-            chart.draw_series([Rectangle::new(corners, dye.filled())])?;
+        for (k, row) in rows.iter().enumerate() {
+            if !row.percent.is_nan() {
+                let end = row.percent.clamp(lo, hi);
+                let corners = [(lo, k as f64 + 0.2), (end, k as f64 + 0.8)];
+                chart.draw_series([Rectangle::new(corners, row.dye.filled())])?;
+            }
             let (x, y) = chart.backend_coord(&(lo, k as f64 + 0.5));
             let style = letters().pos(Pos::new(HPos::Right, VPos::Center));
-            area.draw_text(name, &style, (x - at(6, 0).0, y))?;
+            area.draw_text(&row.label, &style, (x - at(6, 0).0, y))?;
         }
         let line = [(bound, 0.0), (bound, rows.len() as f64)];
         let style = RED.stroke_width(px(3) / 2);
@@ -324,6 +374,19 @@ fn number(value: f64, digits: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_legend_that_is_too_long_for_a_row_takes_more_of_them() {
+        let entry = |name: &str| (name.to_owned(), Sign::Dot(BLUE));
+        let short: Vec<_> = ["q1", "q2", "q3"].map(entry).to_vec();
+        assert_eq!(placed(LEFT, &short).1, 1);
+        let long = vec![entry("shoulder_pan_joint"); 7];
+        let (places, rows) = placed(LEFT, &long);
+        assert!(rows > 1);
+        let end = |(x, _): &(u32, u32)| x + 24 + width("shoulder_pan_joint");
+        assert!(places.iter().all(|place| end(place) <= WIDTH));
+        assert!(places.iter().zip(&places[1..]).all(|(a, b)| a != b));
+    }
 
     #[test]
     fn marks_are_told_apart_without_more_digits_than_that() {

@@ -2,11 +2,12 @@
 
 use regen_runtime::{BaseModel, Limits, Model, Motion};
 
-use super::charts::{self, BLUE, DYES, Figure, GREY, Line, Look, ORANGE, RED};
+use super::charts::{self, BLUE, Bar, DYES, Figure, GREY, Line, Look, ORANGE, RED};
 use super::gather::{Seen, Spectra};
 use crate::exit::Failure;
 use crate::identified::IdentifiedModel;
-use crate::parameters::{ParameterFile, WELL};
+use crate::parameters::ParameterFile;
+use crate::status::{Status, WELL};
 use regen_interpreted::Interpreted;
 
 /// Points of a line at most: more is not seen, and makes pages heavy.
@@ -247,13 +248,24 @@ pub(super) fn spectrum(model: &Interpreted<'_>, spectra: &Spectra) -> Result<Fig
 
 /// The relative deviations.
 pub(super) fn deviations(file: &ParameterFile) -> Result<Figure, Failure> {
-    let rows = file.parameters.iter();
-    let rows: Vec<(String, f64)> = rows.map(|p| (p.label.clone(), p.sigma_percent)).collect();
+    let rows: Vec<Bar> = file
+        .parameters
+        .iter()
+        .map(|p| Bar {
+            label: p.label.clone(),
+            percent: p.sigma_percent,
+            dye: match p.status {
+                Status::Well => BLUE,
+                Status::Zero => GREY,
+                _ => ORANGE,
+            },
+        })
+        .collect();
     Ok(Figure {
         name: "deviations".to_owned(),
         caption: format!(
             "relative standard deviations; the dashed line is {WELL:.0} %, below which a \
-             parameter counts as well identified"
+             parameter counts as well identified; grey: zero within its error"
         ),
         svg: charts::deviations(&rows, WELL)?,
     })

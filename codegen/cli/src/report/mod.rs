@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use regen_codegen::robot::Robot;
-use regen_runtime::{BaseModel, Model};
+use regen_runtime::{BaseModel, BaseTerm, Model};
 
 use crate::args::{IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
@@ -107,8 +107,9 @@ struct Report<'a> {
     robot: &'a Robot,
     model: &'a Interpreted<'a>,
     file: &'a ParameterFile,
-    /// The base parameters that the spec's nominal values have.
-    nominal: Option<Vec<f64>>,
+    /// Each base parameter that the spec's nominal values have, where it states all that it
+    /// combines.
+    nominal: Vec<Option<f64>>,
     seen: Seen,
     spectra: Spectra,
     errors: Vec<Errors>,
@@ -166,14 +167,10 @@ impl Inputs<'_> {
                 used,
             )?);
         }
-        let nominal = match model.info().nominal_parameters() {
-            Some(phi) => {
-                let mut values = vec![0.0; base.len()];
-                model.to_base(&phi, &mut values)?;
-                Some(values)
-            }
-            None => None,
-        };
+        let stated = model.info().nominal;
+        let of = |term: &BaseTerm<'_>| Some(term.value * (*stated.get(term.index)?)?);
+        let nominal = base.iter().map(|b| b.terms.iter().map(of).sum());
+        let nominal: Vec<Option<f64>> = nominal.collect();
         let report = Report {
             robot,
             model,

@@ -7,6 +7,8 @@ use regen_runtime::{BaseModel, Model, Motion};
 use super::charts::Figure;
 use super::{Errors, Report};
 use crate::base_table;
+use crate::rows::ParameterRow;
+use crate::status::{self, Status};
 
 /// Text that is safe between tags and in quotes.
 fn escaped(text: &str) -> String {
@@ -41,6 +43,7 @@ pub(super) fn html(report: &Report<'_>) -> String {
         motion(report),
         forces(report),
         parameters(report),
+        physical(report),
         friction(report),
         singular(report),
         validation(report),
@@ -98,8 +101,7 @@ fn summary(report: &Report<'_>) -> String {
         let names = of.iter().filter_map(|c| info.coordinates.get(*c).copied());
         names.map(escaped).collect::<Vec<_>>().join(", ")
     };
-    let well = report.file.parameters.iter();
-    let well = well.filter(|p| p.status.starts_with("well")).count();
+    let counted = status::counted(report.file.parameters.iter().map(|p| p.status));
     let mut rows = vec![
         (
             "Independent coordinates",
@@ -129,10 +131,9 @@ fn summary(report: &Report<'_>) -> String {
         (
             "Parameters",
             format!(
-                "{}, of which {} base parameters count; {well} of {} are well identified",
+                "{}, of which {} base parameters count: {counted}",
                 info.parameters.len(),
-                report.model.base_info().base.len(),
-                report.file.parameters.len()
+                report.model.base_info().base.len()
             ),
         ),
         ("Method", escaped(&report.file.method)),
@@ -253,23 +254,7 @@ fn parameters(report: &Report<'_>) -> String {
         .iter()
         .map(|p| {
             let place = base.iter().position(|b| b.label == p.label);
-            let nominal = report.nominal.as_ref().zip(place);
-            let nominal = nominal.and_then(|(values, k)| values.get(k)).copied();
-            // a bar from 0.1 to 100 percent over a logarithmic scale
-            let decades = (p.sigma_percent / 0.1).log10() / 3.0;
-            let width = 100.0
-                * if decades.is_finite() {
-                    decades.clamp(0.02, 1.0)
-                } else {
-                    1.0
-                };
-            let well = p.status.starts_with("well");
-            let class = if well { "well" } else { "poor" };
-            let percent = if p.sigma_percent < 1e4 {
-                format!("{:.2}", p.sigma_percent)
-            } else {
-                "&gt; 10⁴".to_owned()
-            };
+            let nominal = place.and_then(|k| report.nominal.get(k).copied().flatten());
             vec![
                 format!(
                     "<span title=\"{}\">{}</span>",
@@ -279,17 +264,13 @@ fn parameters(report: &Report<'_>) -> String {
                 four(p.value),
                 escaped(&p.unit),
                 four(p.sigma),
-                format!(
-                    "{percent}<span class=\"track\"><span class=\"{class}\" \
-                     style=\"width:{width:.0}%\"></span></span>"
-                ),
+                bar(p),
+                part(p.share),
                 nominal.map_or_else(|| "–".to_owned(), four),
-                if well {
-                    "well".to_owned()
-                } else if p.status.starts_with("left") {
-                    "left out".to_owned()
-                } else {
-                    "<b>poor</b>".to_owned()
+                match p.status {
+                    Status::Poor => "<b>poor</b>".to_owned(),
+                    Status::Unknown => "–".to_owned(),
+                    other => other.word().to_owned(),
                 },
             ]
         })
@@ -300,13 +281,90 @@ fn parameters(report: &Report<'_>) -> String {
         "unit",
         "σ",
         "σ, %",
+        "share, %",
         "nominal",
         "identified",
     ];
-    let caption = "Identified values with standard deviations; nominal ones are the spec's. \
-                   The bars' ends are 0.1 % and 100 %";
-    let out = table(caption, &head, &rows) + &figure(&report.deviations);
+    let caption = format!(
+        "Values of the model “{}”, with deviations; nominal ones are the spec's. The bars' ends \
+         are 0.1 % and 100 %. Share: the root mean square of the parameter's column times its \
+         value over that of the efforts. Zero: may be zero, and what its deviation leaves open is \
+         below 1 % of the efforts",
+        escaped(&report.file.method)
+    );
+    let mut out = table(&caption, &head, &rows);
+    if !report.file.deviations.is_empty() {
+        let text = escaped(&report.file.deviations);
+        let _ = writeln!(out, "<p>Deviations: {text}.</p>");
+    }
+    out.push_str(&figure(&report.deviations));
     section("parameters", "Parameters", &out)
+}
+
+/// A relative deviation with its bar, from 0.1 to 100 percent over a logarithmic scale.
+fn bar(row: &ParameterRow) -> String {
+    if !row.sigma.is_finite() {
+        return "–".to_owned();
+    }
+    let decades = (row.sigma_percent / 0.1).log10() / 3.0;
+    let width = 100.0
+        * if decades.is_finite() {
+            decades.clamp(0.02, 1.0)
+        } else {
+            1.0
+        };
+    let class = match row.status {
+        Status::Well => "well",
+        Status::Zero => "zero",
+        _ => "poor",
+    };
+    format!(
+        "{}<span class=\"track\"><span class=\"{class}\" style=\"width:{width:.0}%\"></span></span>",
+        part(row.sigma_percent)
+    )
+}
+
+/// A part in percent.
+fn part(percent: f64) -> String {
+    if !percent.is_finite() {
+        "–".to_owned()
+    } else if percent > 1000.0 {
+        "&gt; 1000".to_owned()
+    } else {
+        format!("{percent:.2}")
+    }
+}
+
+/// All parameters of each body, where they are physical, and what joints have.
+fn physical(report: &Report<'_>) -> String {
+    let file = report.file;
+    if file.physical.is_empty() {
+        return String::new();
+    }
+    let info = report.model.info();
+    let rows: Vec<Vec<String>> = file
+        .physical
+        .iter()
+        .enumerate()
+        .map(|(k, p)| {
+            let nominal = info.nominal.get(k).copied().flatten();
+            vec![
+                escaped(&p.label),
+                four(p.value),
+                escaped(&p.unit),
+                four(p.sigma),
+                nominal.map_or_else(|| "–".to_owned(), four),
+            ]
+        })
+        .collect();
+    let head = ["parameter", "value", "unit", "σ", "nominal"];
+    let caption = "All parameters of a physical robot that has these base parameters, about the \
+                   origins of the bodies' frames. What the data leave open is a choice";
+    section(
+        "physical",
+        "Physical parameters",
+        &table(caption, &head, &rows),
+    )
 }
 
 fn friction(report: &Report<'_>) -> String {

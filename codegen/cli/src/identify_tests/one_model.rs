@@ -1,0 +1,302 @@
+//! One model, one prediction: whatever is asked for, the base parameters, the physical parameters
+//! and everything that is printed or written are of the same model.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use regen_codegen::diag::Source;
+use regen_codegen::robot::Robot;
+use regen_runtime::{BaseModel, Model};
+use serde_json::Value;
+
+use super::{FREQUENCY, HARMONICS, Made, csv, made, normal, scratch, series, truth};
+use crate::args::{Cli, Command, IdentifyArgs};
+use crate::identified::IdentifiedModel;
+use crate::identify::{Outcome, solve};
+use crate::verify::Random;
+use crate::{identify_table, load, observe, outputs, parameters, table};
+use regen_interpreted::{BaseTerms, Interpreted};
+
+/// What base and physical predictions may differ by, of the largest effort.
+const SAME: f64 = 1e-9;
+
+/// A robot with a log of it, which has noise: constraints are active then.
+struct Tried {
+    source: Source,
+    robot: Robot,
+    rows: Vec<Made>,
+    log: PathBuf,
+}
+
+impl Tried {
+    fn new(name: &str, change: impl Fn(String) -> String) -> Self {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let path = root.join(name).with_extension("yaml");
+        let read = load::source(&path).unwrap();
+        let source = Source::new(read.name, change(read.text));
+        let robot = load::with_base(&source).unwrap();
+        let (rows, log) = {
+            let terms = BaseTerms::new(&robot);
+            let model = Interpreted::with_terms(&robot, &terms);
+            let mut random = Random(7);
+            let series = series(&model, 0.12, &mut random);
+            let (phi, _) = truth(&model, &mut random);
+            let mut rows = made(&model, &series, &phi, 200, 5.0 / 200.0);
+            let efforts = rows.iter().flat_map(|row| &row.tau);
+            let largest = efforts.fold(0.0, |m: f64, t| m.max(t.abs()));
+            for tau in rows.iter_mut().flat_map(|row| &mut row.tau) {
+                *tau += 0.02 * largest * normal(&mut random);
+            }
+            let file = format!("one-{}.csv", name.replace('/', "-"));
+            let log = scratch(&file, &csv(&model, &rows));
+            (rows, log)
+        };
+        Self {
+            source,
+            robot,
+            rows,
+            log,
+        }
+    }
+
+    fn args(&self, options: &str) -> IdentifyArgs {
+        let words = format!(
+            "regen identify {} {} --fourier {FREQUENCY},{HARMONICS} {options}",
+            self.source.name,
+            self.log.display()
+        );
+        let parsed = Cli::try_parse_from(words.split_whitespace()).unwrap();
+        match parsed.command.unwrap() {
+            Command::Identify(args) => args,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Everything that must agree after `regen identify` with these options.
+    #[track_caller]
+    fn holds(&self, options: &str) {
+        let terms = BaseTerms::new(&self.robot);
+        let model = Interpreted::with_terms(&self.robot, &terms);
+        let what = format!("{} {options}", self.source.name);
+        let args = self.args(options);
+        let Outcome { json, identified } =
+            solve(&args, &model).unwrap_or_else(|error| panic!("{what}: {error}"));
+        self.predictions_are_one(&model, &identified, &what);
+
+        // what is read from the file is the model, to the bit
+        let out = scratch("one.json", &json.file.text(Path::new("one.json")).unwrap());
+        let read = parameters::read(&out, &model).unwrap();
+        assert_eq!(read.beta, identified.beta, "{what}");
+        assert_eq!(read.phi, identified.phi, "{what}");
+        assert_eq!(read.friction, identified.friction, "{what}");
+        let out = scratch("one.yaml", &json.file.text(Path::new("one.yaml")).unwrap());
+        assert_eq!(
+            parameters::read(&out, &model).unwrap().beta,
+            identified.beta
+        );
+
+        // so is what is printed
+        let printed: Value = serde_json::from_str(&table::json(&json)).unwrap();
+        let rows = printed["parameters"].as_array().unwrap();
+        assert_eq!(rows.len(), identified.beta.len());
+        let human = identify_table::human(&json);
+        let adopted = human.split("what least squares found").next().unwrap();
+        assert!(
+            !human.contains("NaN") && !human.contains("inf "),
+            "{what}\n{human}"
+        );
+        for (row, value) in rows.iter().zip(&identified.beta) {
+            assert_eq!(row["value"].as_f64(), Some(*value), "{what}");
+            let label = row["label"].as_str().unwrap();
+            let line = format!("  {label} ");
+            let mut lines = adopted.lines().filter(|l| l.starts_with(&line));
+            let figure = format!(" {} ", table::figure(*value));
+            assert!(
+                lines.any(|l| l.contains(&figure)),
+                "{what}: {label}\n{human}"
+            );
+            // a value lies in its own interval
+            if let (Some(low), Some(high)) = (row["low"].as_f64(), row["high"].as_f64()) {
+                assert!(low <= *value && *value <= high, "{what}: {row}");
+            }
+        }
+        if let Some(phi) = &identified.phi {
+            let rows = printed["physical"].as_array().unwrap();
+            let values: Vec<f64> = rows.iter().map(|r| r["value"].as_f64().unwrap()).collect();
+            assert_eq!(&values, phi, "{what}");
+            // it checks by itself that all values read back
+            outputs::spec(&self.source, &model, &identified)
+                .unwrap_or_else(|error| panic!("{what}: {error}"));
+        }
+
+        // and the constants
+        let rust = outputs::rust(&model, &identified).unwrap();
+        let number = |line: &str| -> Option<f64> { line.trim().split_once(", //")?.0.parse().ok() };
+        let numbers: Vec<f64> = rust.lines().filter_map(number).collect();
+        let expected = identified
+            .beta
+            .iter()
+            .chain(identified.phi.iter().flatten());
+        assert_eq!(numbers, expected.copied().collect::<Vec<f64>>(), "{what}");
+
+        // what the summary says of the log is what the file predicts of it
+        let mut log =
+            observe::open(&model, std::slice::from_ref(&self.log), &args.reading).unwrap();
+        let kind = observe::kind(&args.reading);
+        let means = regen_runtime::identify::observe(&model, kind, &mut log).unwrap();
+        let found = read
+            .residuals(&model, kind, &mut log, &means.0.means(), 1)
+            .unwrap();
+        let (told, own) = (
+            json.summary.relative_absolute.unwrap(),
+            found.relative_absolute(),
+        );
+        assert!((told - own).abs() <= SAME * told, "{what}: {told} {own}");
+    }
+
+    /// The forces of base parameters are those of the physical parameters.
+    #[track_caller]
+    fn predictions_are_one(&self, model: &Interpreted<'_>, found: &IdentifiedModel, what: &str) {
+        let Some(phi) = &found.phi else {
+            return;
+        };
+        let dof = model.info().dof();
+        let (mut base, mut full) = (vec![0.0; dof], vec![0.0; dof]);
+        let (mut largest, mut apart) = (0.0_f64, 0.0_f64);
+        for row in self.rows.iter().step_by(17) {
+            let (q, qd, qdd) = (&row.q, &row.qd, &row.qdd);
+            let _ = model
+                .base_inverse_dynamics(q, qd, qdd, &found.beta, &mut base)
+                .unwrap();
+            let _ = model.inverse_dynamics(q, qd, qdd, phi, &mut full).unwrap();
+            for (a, b) in base.iter().zip(&full) {
+                largest = largest.max(a.abs());
+                apart = apart.max((a - b).abs());
+            }
+        }
+        assert!(apart <= SAME * largest, "{what}: {apart:e} of {largest}");
+    }
+}
+
+/// Options of every kind of model.
+const ALL: [&str; 8] = [
+    "",
+    "--weighting equal",
+    "--huber 1.345",
+    "--bandwidth 5 --confidence 0.99",
+    "--reduce",
+    "--feasible",
+    "--feasible --weighting equal --huber 2",
+    "--feasible --energy 0.5",
+];
+
+/// With nominal values and labels of its own.
+fn constrained(robot: &Tried) {
+    let nominal: BTreeMap<&str, f64> = robot
+        .robot
+        .parameters
+        .iter()
+        .zip(&robot.robot.nominal)
+        .filter_map(|(label, value)| Some((label.as_str(), (*value)?)))
+        .collect();
+    let mass = |k: usize| {
+        let label = format!("m({})", robot.robot.bodies[k]);
+        let value = nominal[&*label];
+        (label, value)
+    };
+    let ((first, one), (second, two)) = (mass(0), mass(1));
+    for options in [
+        "--feasible --prior weighted:20".to_owned(),
+        "--feasible --prior entropic".to_owned(),
+        format!("--feasible --known {first}={one}"),
+        format!("--feasible --bound {second}={}..{}", 0.8 * two, 1.1 * two),
+        format!("--feasible --total {first},{second}={}", one + two),
+    ] {
+        robot.holds(&options);
+    }
+}
+
+#[test]
+fn a_five_bars_models_are_one_whatever_is_asked_for() {
+    let robot = Tried::new("robots/fivebar", |text| text);
+    for options in ALL {
+        robot.holds(options);
+    }
+    constrained(&robot);
+    robot.holds("--feasible --identical 2,4");
+}
+
+#[test]
+fn an_asymmetric_five_bars_models_are_one_whatever_is_asked_for() {
+    let robot = Tried::new("guide/fivebar/fivebar", |text| {
+        text.replacen("friction: linear", "friction: coulomb_asymmetric", 1)
+    });
+    for options in ALL {
+        robot.holds(options);
+    }
+}
+
+#[test]
+fn a_3rps_models_are_one_whatever_is_asked_for() {
+    let robot = Tried::new("robots/3rps_friction", |text| text);
+    for options in ["", "--reduce", "--feasible", "--feasible --prior weighted"] {
+        robot.holds(options);
+    }
+}
+
+#[test]
+fn nonlinear_frictions_models_are_one() {
+    for law in ["atan", "power", "stribeck"] {
+        let law = format!("actuated: true, friction: {law}");
+        let robot = Tried::new("robots/fivebar", |text| {
+            text.replace("actuated: true", &law)
+        });
+        robot.holds("--friction");
+    }
+}
+
+/// Small robots, arms and platforms: one model each way.
+#[track_caller]
+fn models_are_one(names: &[&str], options: &[&str]) {
+    for name in names {
+        let robot = Tried::new(&format!("robots/{name}"), |text| text);
+        for options in options {
+            robot.holds(options);
+        }
+    }
+}
+
+#[test]
+fn small_robots_models_are_one() {
+    let names = [
+        "fourbar",
+        "slider_crank",
+        "scara",
+        "3rrr",
+        "stanford",
+        "tree_branch",
+    ];
+    models_are_one(&names, &["", "--reduce", "--feasible"]);
+}
+
+#[test]
+fn arms_models_are_one() {
+    models_are_one(
+        &["puma560", "rx90", "ur5e", "panda", "iiwa14"],
+        &["--feasible"],
+    );
+}
+
+#[test]
+fn platforms_models_are_one() {
+    let names = [
+        "delta",
+        "linear_delta",
+        "3prs",
+        "palletiser",
+        "hybrid",
+        "stewart",
+    ];
+    models_are_one(&names, &["--feasible"]);
+}

@@ -1,0 +1,321 @@
+//! The rows of identified parameters in files and in JSON.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use regen_runtime::estimate::Estimate;
+use regen_runtime::feasibility::{Layout, unit};
+use regen_runtime::friction::JointFit;
+use regen_runtime::{BaseParameter, Friction, Info};
+use serde::{Deserialize, Serialize};
+
+use crate::identified::{IdentifiedModel, Interval};
+use crate::status::Status;
+
+/// One base parameter of the adopted model. Deviations are those of the estimator that gave the
+/// value, and null where it gives none.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct ParameterRow {
+    pub(crate) label: String,
+    /// The combination that it stands for, its factors in all their digits.
+    pub(crate) combination: String,
+    pub(crate) unit: String,
+    pub(crate) value: f64,
+    /// The standard deviation; see the file's `deviations` for how it was found.
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) sigma: f64,
+    /// The standard deviation for white residuals.
+    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    pub(crate) sigma_white: f64,
+    /// `sigma` in percent of the value's size.
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) sigma_percent: f64,
+    /// The confidence interval.
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) low: f64,
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) high: f64,
+    /// What it contributes to the efforts, in percent: the root mean square of its column times
+    /// the value over that of the efforts, all efforts with the weights of the fit.
+    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    pub(crate) share: f64,
+    pub(crate) status: Status,
+}
+
+/// What least squares found of a base parameter, where another model was adopted.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct LeastSquaresRow {
+    pub(crate) label: String,
+    pub(crate) unit: String,
+    pub(crate) value: f64,
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) sigma: f64,
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) sigma_white: f64,
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) low: f64,
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) high: f64,
+}
+
+/// A number, or null for one that is not finite.
+fn perhaps<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::<f64>::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
+fn unknown() -> f64 {
+    f64::NAN
+}
+
+/// The friction of a joint.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct FrictionRow {
+    pub(crate) joint: String,
+    pub(crate) law: String,
+    pub(crate) coefficients: BTreeMap<String, f64>,
+    /// Deviations and intervals of coefficients that have them.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub(crate) intervals: BTreeMap<String, IntervalRow>,
+}
+
+/// The uncertainty of a value.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) struct IntervalRow {
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) sigma: f64,
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) low: f64,
+    #[serde(deserialize_with = "perhaps")]
+    pub(crate) high: f64,
+}
+
+/// One of all parameters.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct PhysicalRow {
+    pub(crate) label: String,
+    pub(crate) value: f64,
+    pub(crate) unit: String,
+    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    pub(crate) sigma: f64,
+    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    pub(crate) low: f64,
+    #[serde(default = "unknown", deserialize_with = "perhaps")]
+    pub(crate) high: f64,
+}
+
+/// A body as in a spec: inertia about the centre of mass.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct BodyRow {
+    mass: f64,
+    com: [f64; 3],
+    inertia: [f64; 6],
+}
+
+impl ParameterRow {
+    pub(crate) fn new(
+        parameter: &BaseParameter<'_>,
+        info: &Info<'_>,
+        value: f64,
+        interval: Option<Interval>,
+        share: f64,
+        status: Status,
+    ) -> Self {
+        let of = |field: fn(&Interval) -> f64| interval.as_ref().map_or(f64::NAN, field);
+        Self {
+            label: parameter.label.to_owned(),
+            combination: combination(parameter),
+            unit: unit(parameter.label, info).to_owned(),
+            value,
+            sigma: of(|i| i.sigma),
+            sigma_white: of(|i| i.sigma_white),
+            sigma_percent: 100.0 * of(|i| i.sigma) / value.abs(),
+            low: of(|i| i.low),
+            high: of(|i| i.high),
+            share,
+            status,
+        }
+    }
+}
+
+impl LeastSquaresRow {
+    /// The rows of an estimate with the intervals that belong to it.
+    pub(crate) fn all(
+        estimate: &Estimate,
+        intervals: &[Option<Interval>],
+        info: &Info<'_>,
+    ) -> Vec<Self> {
+        let labels = estimate.labels.iter().zip(&estimate.values).enumerate();
+        labels
+            .map(|(k, (label, value))| {
+                let interval = intervals.get(k).copied().flatten();
+                let of = |field: fn(&Interval) -> f64| interval.as_ref().map_or(f64::NAN, field);
+                Self {
+                    label: label.clone(),
+                    unit: unit(label, info).to_owned(),
+                    value: *value,
+                    sigma: of(|i| i.sigma),
+                    sigma_white: of(|i| i.sigma_white),
+                    low: of(|i| i.low),
+                    high: of(|i| i.high),
+                }
+            })
+            .collect()
+    }
+}
+
+impl PhysicalRow {
+    pub(crate) fn new(
+        label: &str,
+        info: &Info<'_>,
+        value: f64,
+        interval: Option<Interval>,
+    ) -> Self {
+        Self {
+            label: label.to_owned(),
+            value,
+            unit: unit(label, info).to_owned(),
+            sigma: interval.map_or(f64::NAN, |i| i.sigma),
+            low: interval.map_or(f64::NAN, |i| i.low),
+            high: interval.map_or(f64::NAN, |i| i.high),
+        }
+    }
+}
+
+/// The laws by their names in specs.
+const LAWS: [(&str, Friction); 4] = [
+    ("linear", Friction::Linear),
+    ("stribeck", Friction::Stribeck),
+    ("atan", Friction::Atan),
+    ("power", Friction::Power),
+];
+
+/// The friction of a model that has no columns.
+pub(crate) fn friction(found: &IdentifiedModel) -> Vec<FrictionRow> {
+    let joints = found.friction.iter().enumerate();
+    joints
+        .map(|(k, joint)| {
+            let mut row = FrictionRow::new(joint);
+            let intervals = found
+                .intervals
+                .friction
+                .get(k)
+                .map_or(&[][..], Vec::as_slice);
+            let symbols = joint.friction.symbols().iter().zip(intervals);
+            row.intervals = symbols
+                .filter_map(|(symbol, interval)| {
+                    let interval = (*interval)?;
+                    let own = IntervalRow {
+                        sigma: interval.sigma,
+                        low: interval.low,
+                        high: interval.high,
+                    };
+                    Some(((*symbol).to_owned(), own))
+                })
+                .collect();
+            row
+        })
+        .collect()
+}
+
+impl FrictionRow {
+    pub(crate) fn new(joint: &JointFit) -> Self {
+        let law = LAWS.iter().find(|(_, f)| *f == joint.friction);
+        let symbols = joint.friction.symbols().iter();
+        let pairs = symbols.zip(&joint.values);
+        Self {
+            joint: joint.name.clone(),
+            law: law.map_or("none", |(name, _)| name).to_owned(),
+            coefficients: pairs.map(|(s, v)| ((*s).to_owned(), *v)).collect(),
+            intervals: BTreeMap::new(),
+        }
+    }
+
+    /// The friction that a row stands for.
+    pub(crate) fn joint(&self) -> Result<JointFit, String> {
+        let known = LAWS.iter().find(|(name, _)| *name == self.law);
+        let (_, friction) = known.ok_or_else(|| {
+            let names: Vec<&str> = LAWS.iter().map(|(name, _)| *name).collect();
+            format!(
+                "friction of {}: `{}` is none of {}",
+                self.joint,
+                self.law,
+                names.join(", ")
+            )
+        })?;
+        let value = |symbol: &&str| {
+            let found = self.coefficients.get(*symbol).copied();
+            found.ok_or_else(|| format!("friction of {}: {symbol} is missing", self.joint))
+        };
+        Ok(JointFit {
+            name: self.joint.clone(),
+            friction: *friction,
+            values: friction
+                .symbols()
+                .iter()
+                .map(value)
+                .collect::<Result<_, _>>()?,
+        })
+    }
+}
+
+/// Each body's mass, centre of mass and inertia about it, by label.
+pub(crate) fn bodies(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BodyRow> {
+    let of = |column: usize| phi.get(column).copied().unwrap_or_default();
+    let bodies = layout.bodies().iter();
+    bodies
+        .map(|body| (body.label.clone(), BodyRow::of(&body.columns.map(of))))
+        .collect()
+}
+
+/// Each joint's linear friction and rotor inertia, by symbol: all that are no body's.
+pub(crate) fn joints(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BTreeMap<String, f64>> {
+    let mut out: BTreeMap<String, BTreeMap<String, f64>> = BTreeMap::new();
+    for k in layout.single() {
+        let label = layout.labels().get(*k).map_or("", String::as_str);
+        let split = label.strip_suffix(')').and_then(|l| l.split_once('('));
+        if let (Some((symbol, joint)), Some(value)) = (split, phi.get(*k)) {
+            let own = out.entry(joint.to_owned()).or_default();
+            own.insert(symbol.to_owned(), *value);
+        }
+    }
+    out
+}
+
+impl BodyRow {
+    /// By the parallel axis theorem.
+    fn of(ten: &[f64; 10]) -> Self {
+        let [xx, xy, xz, yy, yz, zz, mx, my, mz, m] = *ten;
+        let [x, y, z] = if m > 0.0 {
+            [mx / m, my / m, mz / m]
+        } else {
+            [0.0; 3]
+        };
+        Self {
+            mass: m,
+            com: [x, y, z],
+            inertia: [
+                xx - m * (y * y + z * z),
+                xy + m * x * y,
+                xz + m * x * z,
+                yy - m * (x * x + z * z),
+                yz + m * y * z,
+                zz - m * (x * x + y * y),
+            ],
+        }
+    }
+}
+
+/// A combination with its factors in all their digits.
+fn combination(parameter: &BaseParameter<'_>) -> String {
+    let mut out = String::new();
+    for (k, term) in parameter.terms.iter().enumerate() {
+        let sign = if term.value < 0.0 { "-" } else { "+" };
+        let size = term.value.abs();
+        let _ = match k {
+            0 => write!(out, "{}", term.parameter),
+            _ if (size - 1.0).abs() < 1e-12 => write!(out, " {sign} {}", term.parameter),
+            _ => write!(out, " {sign} {size} {}", term.parameter),
+        };
+    }
+    out
+}

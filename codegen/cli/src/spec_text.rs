@@ -1,0 +1,249 @@
+//! Numbers of a spec's text replaced, and every other byte of it kept.
+
+use regen_codegen::diag::Span;
+use regen_codegen::spec::{Joint, Spec};
+
+/// A change of a text: what stands at these bytes, and what shall stand there.
+struct Change {
+    span: Span,
+    text: String,
+}
+
+/// A spec's text with other `nominal:` values at its joints, and what could not be written.
+///
+/// - `value`: the value of a symbol, such as `Fv`, at a coordinate; joints whose values are all
+///   unknown stay as they are.
+///
+/// The values of one joint stand for all its coordinates: where these differ they are not
+/// written.
+pub(crate) fn with_nominal(
+    text: &str,
+    spec: &Spec,
+    value: &dyn Fn(&str, &str) -> Option<f64>,
+) -> (String, Vec<String>) {
+    let mut changes = Vec::new();
+    let mut notes = Vec::new();
+    for joint in spec.limbs.iter().flat_map(|limb| &limb.joints) {
+        let coordinates = joint.coordinates();
+        let symbols = joint.friction.symbols().iter().copied();
+        let mut wanted: Vec<(&str, f64)> = Vec::new();
+        for symbol in symbols.chain(joint.rotor_inertia.then_some("J")) {
+            let values: Vec<Option<f64>> = coordinates.iter().map(|c| value(c, symbol)).collect();
+            match values.split_first() {
+                Some((Some(first), rest)) if rest.iter().all(|v| *v == Some(*first)) => {
+                    wanted.push((symbol, *first));
+                }
+                Some((Some(_), _)) => notes.push(format!(
+                    "{symbol} of {} is not written: a spec has one nominal value for all \
+                     coordinates of a joint, and theirs differ",
+                    coordinates.join(", ")
+                )),
+                _ => {}
+            }
+        }
+        nominal(text, joint, &wanted, &mut changes);
+    }
+    (changed(text, changes), notes)
+}
+
+/// The changes that give a joint these nominal values.
+fn nominal(text: &str, joint: &Joint, wanted: &[(&str, f64)], changes: &mut Vec<Change>) {
+    if wanted.is_empty() {
+        return;
+    }
+    let mut left: Vec<(&str, f64)> = wanted.to_vec();
+    for (symbol, quantity) in &joint.nominal {
+        let entry = Span::new(symbol.span.start, quantity.span.end);
+        if let Some(k) = left.iter().position(|(s, _)| *s == symbol.value) {
+            let (_, value) = left.remove(k);
+            changes.push(Change {
+                span: quantity.span,
+                text: number(value),
+            });
+            continue;
+        }
+        // `Fc` that stood for both signs
+        let signs = ["+", "-"].map(|sign| format!("{}{sign}", symbol.value));
+        let (own, others): (Vec<_>, Vec<_>) = left
+            .iter()
+            .partition(|(s, _)| signs.iter().any(|sign| sign == s));
+        if !own.is_empty() {
+            left = others;
+            changes.push(Change {
+                span: entry,
+                text: own
+                    .iter()
+                    .map(pair)
+                    .collect::<Vec<_>>()
+                    .join(&separator(text, &entry)),
+            });
+        }
+    }
+    if left.is_empty() {
+        return;
+    }
+    let pairs: Vec<String> = left.iter().map(pair).collect();
+    let (span, added) = match joint.nominal.last() {
+        Some((symbol, quantity)) => {
+            let entry = Span::new(symbol.span.start, quantity.span.end);
+            let separator = separator(text, &entry);
+            let more = pairs.iter().map(|pair| format!("{separator}{pair}"));
+            (quantity.span, more.collect::<String>())
+        }
+        None => {
+            let separator = separator(text, &joint.kind.span);
+            let map = format!("{separator}nominal: {{{}}}", pairs.join(", "));
+            (joint.kind.span, map)
+        }
+    };
+    changes.push(Change {
+        span: Span::new(behind_quote(text, span.end), behind_quote(text, span.end)),
+        text: added,
+    });
+}
+
+/// What stands between two entries of the mapping that an entry (or its value) is of: a comma, or
+/// a new line with the same indentation.
+fn separator(text: &str, entry: &Span) -> String {
+    let behind = text
+        .get(behind_quote(text, entry.end)..)
+        .unwrap_or_default();
+    if in_braces(behind) {
+        return ", ".to_owned();
+    }
+    let before = text.get(..entry.start).unwrap_or_default();
+    let line = before.rfind('\n').map_or(0, |k| k + 1);
+    let line = text.get(line..).unwrap_or_default();
+    let indent = line.find(|c: char| c != ' ' && c != '-').unwrap_or(0);
+    // a dash of a list stands in the column of the indentation
+    format!("\n{:indent$}", "")
+}
+
+/// Whether a comma or a closing brace comes next, behind blanks and comments.
+fn in_braces(behind: &str) -> bool {
+    let mut rest = behind.trim_start();
+    while rest.starts_with('#') {
+        rest = rest
+            .split_once('\n')
+            .map_or("", |(_, next)| next)
+            .trim_start();
+    }
+    rest.starts_with([',', '}'])
+}
+
+/// One past the quote that may close a scalar which ends here.
+fn behind_quote(text: &str, end: usize) -> usize {
+    let quoted = text.get(end..).is_some_and(|t| t.starts_with(['"', '\'']));
+    if quoted { end + 1 } else { end }
+}
+
+fn pair((symbol, value): &(&str, f64)) -> String {
+    format!("{symbol}: {}", number(*value))
+}
+
+/// A number that reads back to the same double; the sum with zero takes the sign off a zero.
+fn number(value: f64) -> String {
+    format!("{:?}", value + 0.0)
+}
+
+/// The text with all changes, which do not overlap.
+fn changed(text: &str, mut changes: Vec<Change>) -> String {
+    changes.sort_by_key(|change| (change.span.start, change.span.end));
+    let mut out = String::with_capacity(text.len());
+    let mut at = 0;
+    for change in changes {
+        out.push_str(text.get(at..change.span.start).unwrap_or_default());
+        out.push_str(&change.text);
+        at = change.span.end;
+    }
+    out.push_str(text.get(at..).unwrap_or_default());
+    out
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use regen_codegen::diag::Source;
+    use regen_codegen::spec;
+
+    use super::*;
+
+    /// A robot with joints in both styles.
+    const TEXT: &str = "\
+name: x
+limbs:
+  - name: a
+    joints:
+      - {name: q1, type: revolute, body: 1, friction: linear, rotor_inertia: true}
+      - {name: q2, type: revolute, body: 2, friction: coulomb_asymmetric, # both
+         nominal: {Fc: 2, Fv: 3}, actuated: true}
+      - name: q3
+        type: revolute   # a comment
+        body: 3
+        friction: stribeck
+        nominal:
+          vs: 0.1  # kept
+          Fc: 1
+      - name: q4
+        type: revolute # here
+        body: 4
+        friction: asymmetric
+      - {name: q5, type: revolute, body: 5}
+      - {name: s, type: spherical, body: 6, friction: viscous}
+";
+
+    #[test]
+    fn only_the_nominal_values_of_joints_change() {
+        let spec = spec::parse(&Source::new("x", TEXT)).unwrap();
+        let value = |coordinate: &str, symbol: &str| {
+            let place = [
+                "Fv", "Fc", "Fc+", "Fc-", "Fv+", "Fv-", "J", "Fs", "vs", "delta",
+            ];
+            let k = place.iter().position(|s| *s == symbol)?;
+            let size = coordinate.bytes().map(f64::from).sum::<f64>();
+            Some(size + 0.5 * k as f64)
+        };
+        let (text, notes) = with_nominal(TEXT, &spec, &value);
+        let expected = "\
+name: x
+limbs:
+  - name: a
+    joints:
+      - {name: q1, type: revolute, nominal: {Fv: 162.0, Fc: 162.5, J: 165.0}, body: 1, friction: linear, rotor_inertia: true}
+      - {name: q2, type: revolute, body: 2, friction: coulomb_asymmetric, # both
+         nominal: {Fc+: 164.0, Fc-: 164.5, Fv: 163.0}, actuated: true}
+      - name: q3
+        type: revolute   # a comment
+        body: 3
+        friction: stribeck
+        nominal:
+          vs: 168.0  # kept
+          Fc: 164.5
+          Fs: 167.5
+          delta: 168.5
+          Fv: 164.0
+      - name: q4
+        type: revolute
+        nominal: {Fv+: 167.0, Fc+: 166.0, Fv-: 167.5, Fc-: 166.5} # here
+        body: 4
+        friction: asymmetric
+      - {name: q5, type: revolute, body: 5}
+      - {name: s, type: spherical, body: 6, friction: viscous}
+";
+        assert_eq!(text, expected);
+        assert_eq!(notes.len(), 1);
+        assert!(
+            notes[0].starts_with("Fv of s.1, s.2, s.3 is not written"),
+            "{notes:?}"
+        );
+        // what is read back is what was meant
+        let read = spec::parse(&Source::new("x", &*text)).unwrap();
+        let joints = &read.limbs[0].joints;
+        for joint in &joints[..4] {
+            for symbol in joint.friction.symbols() {
+                let own = joint.nominal_value(symbol).unwrap().value.to_f64();
+                assert_eq!(Some(own), value(&joint.coordinates()[0], symbol));
+            }
+        }
+    }
+}
