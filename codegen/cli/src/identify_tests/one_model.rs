@@ -68,7 +68,7 @@ impl Tried {
         );
         let parsed = Cli::try_parse_from(words.split_whitespace()).unwrap();
         match parsed.command.unwrap() {
-            Command::Identify(args) => args,
+            Command::Identify(args) => *args,
             other => panic!("{other:?}"),
         }
     }
