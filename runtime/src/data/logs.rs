@@ -8,10 +8,12 @@ use super::average::Average;
 use super::columns::Assignment;
 use super::problem::{DataError, Fault, Policy, Problem, Problems};
 use super::reader::{Kept, LogFile, Survey};
+use super::shift;
+use super::standstill::{self, Differences, Encoder, resting};
 use crate::estimate::EstimateError;
-use crate::identify::{Completed, Completion, Row, Source};
-use crate::signals::{Fourier, FourierFit, Method, SignalError};
-use crate::{Model, Outcome};
+use crate::identify::{Completed, Completion, Filtering, Row, Source, Standstill};
+use crate::signals::{Fourier, FourierFit, Method, SignalError, Smoothing};
+use crate::{Info, Model, Outcome};
 
 /// How logs are read.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +32,14 @@ pub struct Settings {
     /// Standard deviations of positions by coordinate, where more is measured than needed; 1
     /// for those not named.
     pub deviations: Vec<(String, f64)>,
+    /// What is done with equations of coordinates that rest: whose raw positions stay within the
+    /// encoder's step or noise for 0.2 s, or whose velocities are within two deviations of zero.
+    pub standstill: Standstill,
+    /// Velocities below this, rad/s or m/s, count as rest too.
+    pub rest_speed: f64,
+    /// By how many seconds efforts are logged after the motion that they belong to, by
+    /// coordinate; 0 for those not named.
+    pub delays: Vec<(String, f64)>,
 }
 
 impl Default for Settings {
@@ -41,6 +51,9 @@ impl Default for Settings {
             decimation: 1,
             period: None,
             deviations: Vec::new(),
+            standstill: Standstill::Drop,
+            rest_speed: 0.0,
+            delays: Vec::new(),
         }
     }
 }
@@ -65,6 +78,8 @@ struct Log {
     survey: Survey,
     /// The series, where it is fitted; from the first pass on.
     series: Option<Fourier>,
+    /// What is known of each measured position's encoder.
+    encoders: Vec<Encoder>,
 }
 
 /// Rows read at a time, beside what filters need on both sides.
@@ -137,11 +152,16 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 ),
                 _ => None,
             };
+            let mut differences = vec![Differences::default(); file.layout.measured.len()];
             file.rows(
                 &survey,
                 &mut |problem| problems.add(problem),
-                &mut |row, _| {
+                &mut |row, follows| {
                     rows += 1;
+                    let positions = &row.values[file.layout.positions()];
+                    for (all, value) in differences.iter_mut().zip(positions) {
+                        all.push(*value, follows);
+                    }
                     if let Some(fit) = &mut fit {
                         fit.push(row.values[0], &row.values[file.layout.positions()])
                             .map_err(|why| signal(&file, why))?;
@@ -180,6 +200,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 file,
                 survey,
                 series,
+                encoders: differences.into_iter().map(Differences::finish).collect(),
             });
         }
         Ok(Self {
@@ -227,6 +248,8 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
                 completion: Completion::new(self.model, measured, &deviations)?,
                 model: self.model,
                 support: support(log, &self.settings)?,
+                unsure: unsure(log, &self.settings)?,
+                delays: delays(&info, &self.settings),
                 rows: Vec::new(),
                 weights: Vec::new(),
                 before: 0,
@@ -278,18 +301,65 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
         }
         Ok(())
     }
+
+    fn filtering(&self) -> Filtering {
+        Filtering {
+            smoothing: self.settings.method.smoothing(),
+            decimation: self.settings.decimation,
+            standstill: self.settings.standstill,
+        }
+    }
+}
+
+/// The delay of each actuated joint's effort, s.
+fn delays(info: &Info<'_>, settings: &Settings) -> Vec<f64> {
+    let of = |c: &usize| {
+        let name = info.coordinates.get(*c).copied().unwrap_or_default();
+        let given = settings.delays.iter().find(|(n, _)| n == name);
+        given.map_or(0.0, |(_, delay)| *delay)
+    };
+    info.actuated.iter().map(of).collect()
+}
+
+/// The velocity of each measured coordinate below which its direction is not sure: noise of the
+/// encoder through the differentiation, twice its deviation.
+fn unsure(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
+    let gain = if log.file.layout.derivatives || log.series.is_some() {
+        0.0
+    } else {
+        settings
+            .method
+            .rate_gain(log.survey.step())
+            .map_err(|why| signal(&log.file, why))?
+    };
+    let encoders = log.encoders.iter();
+    Ok(encoders
+        .map(|e| settings.rest_speed.max(2.0 * gain * e.noise))
+        .collect())
 }
 
 /// How many rows on either side a state depends on.
 fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
+    let step = log.survey.step();
+    let longest = settings
+        .delays
+        .iter()
+        .fold(0.0, |m: f64, d| m.max(d.1.abs()));
+    #[allow(clippy::cast_sign_loss, reason = "neither is negative")]
+    let shifted = if longest > 0.0 {
+        (longest / step).ceil() as usize + shift::NEIGHBOURS
+    } else {
+        0
+    };
+    let least = standstill::context(step).max(shifted);
     if log.file.layout.derivatives || log.series.is_some() {
-        return Ok(0);
+        return Ok(least);
     }
     let support = settings
         .method
-        .support(log.survey.step())
+        .support(step)
         .map_err(|why| signal(&log.file, why))?;
-    match support {
+    match support.map(|rows| rows.max(least)) {
         Some(rows) if rows <= WIDEST => Ok(rows),
         _ => Err(signal(
             &log.file,
@@ -305,6 +375,10 @@ struct Window<'a, 'm, M: ?Sized> {
     completion: Completion<'m, M>,
     model: &'m M,
     support: usize,
+    /// Velocities of measured coordinates below which their direction is not sure.
+    unsure: Vec<f64>,
+    /// Of each actuated joint's effort, s.
+    delays: Vec<f64>,
     rows: Vec<Kept>,
     weights: Vec<Option<Vec<f64>>>,
     /// Rows at the start that are there for the filter only; 0 at the start of a segment.
@@ -396,17 +470,40 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                     Err(why) => return Err(signal(file, why)),
                 }
             }
-            if !valid.is_empty() {
-                for effort in &mut efforts {
-                    let smooth = self.settings.method.smooth(&times, effort);
-                    *effort = smooth.map_err(|why| signal(file, why))?;
-                }
+        }
+        for (effort, delay) in efforts.iter_mut().zip(&self.delays) {
+            if *delay != 0.0 && !valid.is_empty() {
+                let inside = shift::later(&times, effort, *delay);
+                // at a window's edge the support says what is valid
+                let start = if self.before > 0 { 0 } else { inside.start };
+                let stop = if end { inside.end } else { n };
+                valid = valid.start.max(start)..valid.end.min(stop);
             }
         }
+        let mut still: Vec<Vec<bool>> = Vec::with_capacity(m);
+        let entries = layout.positions().zip(&self.log.encoders);
+        for ((entry, encoder), [_, rate, acceleration]) in entries.zip(&mut motion) {
+            let mut rests = resting(&times, &column(entry), *encoder);
+            for (k, rests) in rests.iter().enumerate() {
+                if *rests {
+                    (rate[k], acceleration[k]) = (0.0, 0.0);
+                }
+            }
+            let slowest = self.unsure.get(still.len()).copied().unwrap_or(0.0);
+            for (rests, rate) in rests.iter_mut().zip(rate) {
+                *rests |= rate.abs() < slowest;
+            }
+            still.push(rests);
+        }
+        // equations that pass a filter are decimated behind it
+        let every = match self.settings.method.smoothing() {
+            Smoothing::None => self.settings.decimation.max(1),
+            _ => 1,
+        };
         for k in valid {
             self.count += 1;
-            if (self.count - 1).is_multiple_of(self.settings.decimation.max(1)) {
-                self.emit(k, &motion, &efforts)?;
+            if (self.count - 1).is_multiple_of(every) {
+                self.emit(k, &motion, &efforts, &still)?;
             }
         }
         if end {
@@ -429,6 +526,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         k: usize,
         motion: &[[Vec<f64>; 3]],
         efforts: &[Vec<f64>],
+        still: &[Vec<bool>],
     ) -> Result<(), DataError> {
         let pick = |d: usize| -> Vec<f64> { motion.iter().map(|m| m[d][k]).collect() };
         let completed = self.completion.complete(&pick(0), &pick(1), &pick(2))?;
@@ -466,12 +564,20 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 .unwrap_or(1.0)
         };
         let weights: Vec<f64> = info.independent.iter().map(weight).collect();
+        // what is not measured rests where all that is measured does
+        let all = still.iter().all(|rests| rests[k]);
+        let mut rests = vec![all; info.coordinates.len()];
+        for (c, own) in self.log.file.layout.measured.iter().zip(still) {
+            rests[*c] = own[k];
+        }
         let row = Row {
             time: self.rows[k].values[0],
             q: &state.q,
             qd: &state.qd,
             qdd: &state.qdd,
             tau: &tau,
+            efforts: &actuated,
+            still: &rests,
             weights: &weights,
             follows: self.follows,
         };

@@ -8,6 +8,8 @@ mod parquet;
 mod problem;
 mod rates;
 mod reader;
+mod shift;
+mod standstill;
 mod stuck;
 
 pub use columns::{Assignment, AssignmentError, Quantity};

@@ -4,6 +4,7 @@ use core::fmt;
 use std::prelude::v1::*;
 
 use crate::SizeError;
+use crate::signals::SignalError;
 
 /// Why an estimate was not made.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +57,8 @@ pub enum EstimateError {
     },
     /// A decomposition that did not converge.
     NoConvergence,
+    /// Equations that cannot be filtered.
+    Signal(SignalError),
 }
 
 impl fmt::Display for EstimateError {
@@ -99,6 +102,7 @@ impl fmt::Display for EstimateError {
                 labels.join(", ")
             ),
             Self::NoConvergence => f.write_str("the singular values were not found"),
+            Self::Signal(why) => write!(f, "{why}"),
         }
     }
 }
@@ -112,5 +116,11 @@ impl From<SizeError> for EstimateError {
             expected: error.expected,
             got: error.got,
         }
+    }
+}
+
+impl From<SignalError> for EstimateError {
+    fn from(error: SignalError) -> Self {
+        Self::Signal(error)
     }
 }

@@ -87,9 +87,28 @@ impl Residuals {
     /// # Errors
     /// When a length does not fit.
     pub fn push(&mut self, measured: &[f64], predicted: &[f64]) -> Result<(), EstimateError> {
+        self.push_used(measured, predicted, &vec![true; measured.len()])
+    }
+
+    /// As [`push`](Self::push), of which only the efforts count whose entry in `used` says so.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    pub fn push_used(
+        &mut self,
+        measured: &[f64],
+        predicted: &[f64],
+        used: &[bool],
+    ) -> Result<(), EstimateError> {
         size("measured", self.sums.len(), measured.len())?;
         size("predicted", self.sums.len(), predicted.len())?;
-        for (sums, (m, p)) in self.sums.iter_mut().zip(measured.iter().zip(predicted)) {
+        size("used", self.sums.len(), used.len())?;
+        let pairs = measured.iter().zip(predicted).zip(used);
+        for (sums, ((m, p), used)) in self.sums.iter_mut().zip(pairs) {
+            if !used {
+                sums.recent.clear();
+                continue;
+            }
             let e = m - p;
             sums.samples += 1;
             sums.absolute += e.abs();

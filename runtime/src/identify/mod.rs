@@ -1,18 +1,23 @@
 //! From logs to parameters: states of motion, equations, and the passes over them.
 
+mod delay;
 mod motion;
 mod observer;
 mod passes;
 mod recorded;
+mod replay;
+mod stream;
 
 use std::format;
 use std::prelude::v1::*;
 use std::vec;
 
+pub use delay::{Delay, Delays};
 pub use motion::{Completed, Completion};
 pub use observer::{Equations, Kind, Observer, Row};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};
 pub use recorded::Recorded;
+pub use stream::{Columns, Filtering, LeftOut, NoColumns, Standstill, equations};
 
 use crate::BaseModel;
 use crate::estimate::EstimateError;

@@ -20,6 +20,12 @@ pub struct Row<'a> {
     /// The left side of Eq. 10 in the order of `Info::independent`, N or N m: see
     /// [`Model::efforts`](crate::Model::efforts).
     pub tau: &'a [f64],
+    /// The efforts of the actuated joints as they were measured, in the order of
+    /// `Info::actuated`, N or N m; empty where they are not known.
+    pub efforts: &'a [f64],
+    /// Whether each coordinate rests, or moves so slowly that noise decides on the direction of
+    /// its friction; empty where that is not known.
+    pub still: &'a [bool],
     /// What each effort's equation is multiplied by, beside the weight of the effort.
     pub weights: &'a [f64],
     /// Whether it follows the row before it in time.
@@ -61,12 +67,16 @@ impl Kind {
 /// The equations of one sample in the base parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Equations<'a> {
+    /// The sample's time, s.
+    pub time: f64,
     /// The matrix, column-major: one row for each entry of `tau`.
     pub w: &'a [f64],
     /// The right side; empty where a sample gives no equation.
     pub tau: &'a [f64],
-    /// What each equation is multiplied by.
+    /// What each equation is multiplied by; 0 where it is left out.
     pub weights: &'a [f64],
+    /// Whether the sample follows the one before it in time.
+    pub follows: bool,
 }
 
 /// A part of the velocity so small that what is quadratic in it vanishes, while the signs that
@@ -167,9 +177,11 @@ impl<'m, M: BaseModel<f64> + ?Sized> Observer<'m, M> {
             self.energy = None;
         }
         Ok(Equations {
+            time: row.time,
             w: &self.w,
             tau: &self.tau,
             weights: &self.weights,
+            follows: row.follows,
         })
     }
 

@@ -6,7 +6,10 @@ use std::vec;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
+use super::delay::{Delays, delays};
 use super::observer::{Equations, Kind, Observer, Row};
+use super::replay::Replay;
+use super::stream::{Filtering, LeftOut};
 use crate::BaseModel;
 use crate::estimate::{
     Accumulator, Autocorrelated, EffortError, Estimate, EstimateError, Factor, FactorSet,
@@ -26,6 +29,11 @@ pub trait Source {
         &mut self,
         each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), Self::Error>;
+
+    /// What happens to the equations of its rows before they count; nothing by default.
+    fn filtering(&self) -> Filtering {
+        Filtering::default()
+    }
 }
 
 /// How an estimate is made.
@@ -69,8 +77,10 @@ pub struct Identified {
     pub errors: Vec<EffortError>,
     /// eps_RA over all efforts, percent (Eq. 33).
     pub relative_absolute: f64,
-    /// Samples that gave no equation because A_e is singular there.
-    pub singular: usize,
+    /// What gave no equation, and why.
+    pub left_out: LeftOut,
+    /// By how much efforts are logged behind the motion; none where equations are of energy.
+    pub delays: Delays,
 }
 
 /// Passes of Huber's reweighting at most.
@@ -98,7 +108,7 @@ impl Huber<'_> {
     }
 }
 
-/// Reduces a log to its factors.
+/// Reduces a log to its factors; also returns what gave no equation.
 ///
 /// # Errors
 /// When the log cannot be read or does not fit the model.
@@ -106,30 +116,29 @@ pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
     kind: Kind,
     source: &mut S,
-) -> Result<(FactorSet, usize), S::Error> {
-    let (set, singular, _) = reduce_weighted(model, kind, source, None)?;
-    Ok((set, singular))
+) -> Result<(FactorSet, LeftOut), S::Error> {
+    let mut replay = Replay::new(model, kind, source);
+    let (set, _) = reduce_weighted(&mut replay, None)?;
+    Ok((set, replay.left().clone()))
 }
 
-/// The factors, the number of singular samples, and the sums of squares of the bounded
-/// residuals of each effort.
+/// The factors, and the sums of squares of the bounded residuals of each effort.
 fn reduce_weighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    model: &M,
-    kind: Kind,
-    source: &mut S,
+    replay: &mut Replay<'_, M, S>,
     huber: Option<&Huber<'_>>,
-) -> Result<(FactorSet, usize, Vec<f64>), S::Error> {
-    let mut observer = Observer::new(model, kind);
-    let origin = observer.origin();
+) -> Result<(FactorSet, Vec<f64>), S::Error> {
+    let origin = Observer::new(replay.model(), replay.kind()).origin();
     let mut rows = Accumulator::new(&origin);
     let mut squares = vec![0.0; origin.efforts.len()];
-    source.visit(&mut |row| {
-        let equations = observer.observe(row)?;
+    replay.visit(&mut |equations| {
         let count = equations.tau.len();
         for (effort, (tau, weight)) in equations.tau.iter().zip(equations.weights).enumerate() {
+            if *weight == 0.0 {
+                continue;
+            }
             let entries = &equations.w[effort..];
             let robust = huber.map_or(1.0, |h| {
-                let residual = (tau - predicted(&equations, effort, h.values)) * weight;
+                let residual = (tau - predicted(equations, effort, h.values)) * weight;
                 let share = h.weight(effort, residual);
                 if let Some(sum) = squares.get_mut(effort) {
                     *sum += (share * residual).powi(2);
@@ -140,11 +149,11 @@ fn reduce_weighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         }
         Ok(())
     })?;
-    let singular = observer.singular();
-    Ok((rows.finish()?, singular, squares))
+    Ok((rows.finish()?, squares))
 }
 
-fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]) -> f64 {
+/// The effort that base parameters predict, N or N m.
+pub(super) fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]) -> f64 {
     let stride = equations.tau.len().max(1);
     let entries = equations.w.iter().skip(effort).step_by(stride);
     entries.zip(values).map(|(w, x)| w * x).sum()
@@ -185,13 +194,15 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     options: &Options,
     source: &mut S,
 ) -> Result<Identified, S::Error> {
-    let (plain, singular) = observe(model, kind, source)?;
+    let mut replay = Replay::new(model, kind, source);
+    let (plain, _) = reduce_weighted(&mut replay, None)?;
+    let left_out = replay.left().clone();
     let mut estimate = Estimate::new(&plain, options.weighting)?;
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let mut factor = plain.combined(&weights)?;
     if let Some(bound) = options.huber {
         for _ in 0..PASSES {
-            let (next, own) = reweighted(model, kind, source, &estimate, bound, options.weighting)?;
+            let (next, own) = reweighted(&mut replay, &estimate, bound, options.weighting)?;
             let deviation = |k: usize| next.sigma(k).max(f64::MIN_POSITIVE);
             let pairs = next.values.iter().zip(&estimate.values).enumerate();
             let moved = pairs.fold(0.0, |m: f64, (k, (a, b))| {
@@ -204,14 +215,14 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         }
     }
     let means = plain.means();
-    let errors = residuals(model, kind, source, &estimate.values, &means, options.lags)?;
+    let errors = residuals_of(&mut replay, &estimate.values, &means, options.lags)?;
     let efforts = errors.efforts();
     let rows = efforts.iter().map(|e| e.samples).max().unwrap_or(0);
     let bandwidth = options
         .bandwidth
         .unwrap_or_else(|| automatic(&efforts, rows))
         .clamp(1, rows.max(1));
-    let (correlated, spread) = scores(model, kind, options, source, &estimate, bandwidth)?;
+    let (correlated, spread) = scores(&mut replay, options, &estimate, bandwidth)?;
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let whole = plain.combined(&weights)?;
     let mut correlated_covariance = correlated.covariance(&whole)?;
@@ -228,6 +239,21 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             *c /= inside * inside;
         }
     }
+    let delays = match kind {
+        Kind::Forces => {
+            let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
+            let labels = &estimate.labels;
+            delays(
+                &mut replay,
+                labels,
+                &estimate.values,
+                &names,
+                &weights,
+                bandwidth,
+            )?
+        }
+        Kind::Energy { .. } => Delays::default(),
+    };
     Ok(Identified {
         relative_absolute: errors.relative_absolute(),
         errors: efforts,
@@ -235,16 +261,15 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         factor,
         correlated_covariance,
         bandwidth,
-        singular,
+        left_out,
+        delays,
     })
 }
 
 /// A step of Huber's estimate of values and scales (his second proposal): the scales are such
 /// that the bounded residuals have the variance they have in normal noise.
 fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    model: &M,
-    kind: Kind,
-    source: &mut S,
+    replay: &mut Replay<'_, M, S>,
     last: &Estimate,
     bound: f64,
     weighting: Weighting,
@@ -255,7 +280,7 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         sigmas: &sigmas,
         bound,
     };
-    let (set, _, squares) = reduce_weighted(model, kind, source, Some(&huber))?;
+    let (set, squares) = reduce_weighted(replay, Some(&huber))?;
     let normal = Normal::standard();
     let beyond = normal.sf(bound);
     let inside = 1.0 - 2.0 * beyond - 2.0 * bound * normal.pdf(bound);
@@ -303,21 +328,31 @@ pub fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     means: &[f64],
     lags: usize,
 ) -> Result<Residuals, S::Error> {
-    let mut observer = Observer::new(model, kind);
-    let origin = observer.origin();
+    residuals_of(&mut Replay::new(model, kind, source), values, means, lags)
+}
+
+fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    values: &[f64],
+    means: &[f64],
+    lags: usize,
+) -> Result<Residuals, S::Error> {
+    let origin = Observer::new(replay.model(), replay.kind()).origin();
     let mut out = Residuals::new(&origin.efforts, means, lags);
     let mut fitted = Vec::new();
-    source.visit(&mut |row| {
-        let equations = observer.observe(row)?;
-        if !row.follows {
+    let mut used = Vec::new();
+    replay.visit(&mut |equations| {
+        if !equations.follows {
             out.interrupt();
         }
         if equations.tau.is_empty() {
             return Ok(());
         }
         fitted.clear();
-        fitted.extend((0..equations.tau.len()).map(|e| predicted(&equations, e, values)));
-        out.push(equations.tau, &fitted)
+        fitted.extend((0..equations.tau.len()).map(|e| predicted(equations, e, values)));
+        used.clear();
+        used.extend(equations.weights.iter().map(|w| *w > 0.0));
+        out.push_used(equations.tau, &fitted, &used)
     })?;
     Ok(out)
 }
@@ -332,15 +367,12 @@ struct Spread {
 
 /// The sums over scores, for the covariance that knows of correlation.
 fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
-    model: &M,
-    kind: Kind,
+    replay: &mut Replay<'_, M, S>,
     options: &Options,
-    source: &mut S,
     estimate: &Estimate,
     bandwidth: usize,
 ) -> Result<(Autocorrelated, Spread), S::Error> {
     let n = estimate.values.len();
-    let mut observer = Observer::new(model, kind);
     let mut out = Autocorrelated::new(n, bandwidth);
     let mut spread = Spread::default();
     let mut score = vec![0.0; n];
@@ -350,9 +382,8 @@ fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         sigmas: &sigmas,
         bound: options.huber.unwrap_or(f64::INFINITY),
     };
-    source.visit(&mut |row| {
-        let equations = observer.observe(row)?;
-        if !row.follows {
+    replay.visit(&mut |equations| {
+        if !equations.follows {
             out.interrupt();
         }
         let count = equations.tau.len();
@@ -361,8 +392,11 @@ fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         }
         score.fill(0.0);
         for (e, (tau, own)) in equations.tau.iter().zip(equations.weights).enumerate() {
+            if *own == 0.0 {
+                continue;
+            }
             let weight = own * estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
-            let residual = tau - predicted(&equations, e, &estimate.values);
+            let residual = tau - predicted(equations, e, &estimate.values);
             let robust = huber.weight(e, residual * own);
             let psi = residual * weight * robust;
             spread.squares += psi * psi;

@@ -17,6 +17,8 @@ struct Kept {
     time: f64,
     motion: [Vec<f64>; 3],
     tau: Vec<f64>,
+    efforts: Vec<f64>,
+    still: Vec<bool>,
     weights: Vec<f64>,
     follows: bool,
 }
@@ -35,6 +37,8 @@ impl Recorded {
             time,
             motion: [q.to_vec(), qd.to_vec(), qdd.to_vec()],
             tau: tau.to_vec(),
+            efforts: Vec::new(),
+            still: Vec::new(),
             weights: vec![1.0; tau.len()],
             follows: !self.rows.is_empty(),
         });
@@ -46,6 +50,8 @@ impl Recorded {
             time: row.time,
             motion: [row.q.to_vec(), row.qd.to_vec(), row.qdd.to_vec()],
             tau: row.tau.to_vec(),
+            efforts: row.efforts.to_vec(),
+            still: row.still.to_vec(),
             weights: row.weights.to_vec(),
             follows: row.follows,
         });
@@ -77,6 +83,8 @@ impl Source for Recorded {
                 qd,
                 qdd,
                 tau: &row.tau,
+                efforts: &row.efforts,
+                still: &row.still,
                 weights: &row.weights,
                 follows: row.follows,
             })?;

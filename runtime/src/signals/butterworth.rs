@@ -97,44 +97,68 @@ impl Butterworth {
     /// # Errors
     /// When there are not more samples than the continuation takes.
     pub fn zero_phase(&self, values: &[f64]) -> Result<Vec<f64>, SignalError> {
+        let mut all = values.to_vec();
+        self.zero_phase_channels(&mut all, 1)?;
+        Ok(all)
+    }
+
+    /// [`zero_phase`](Self::zero_phase) of several channels at once, in place.
+    ///
+    /// - `values`: sample by sample, `channels` entries each.
+    pub(super) fn zero_phase_channels(
+        &self,
+        values: &mut Vec<f64>,
+        channels: usize,
+    ) -> Result<(), SignalError> {
         let edge = 3 * (self.order + 1);
-        let n = values.len();
+        let n = values.len() / channels.max(1);
         if n <= edge {
             return Err(SignalError::TooFew {
                 samples: n,
                 needed: edge + 1,
             });
         }
-        let (first, last) = (values[0], values[n - 1]);
-        let before = values[1..=edge].iter().rev().map(|x| 2.0 * first - x);
-        let after = values[n - 1 - edge..n - 1]
-            .iter()
-            .rev()
-            .map(|x| 2.0 * last - x);
-        let mut all: Vec<f64> = before.chain(values.iter().copied()).chain(after).collect();
-        self.pass(&mut all);
-        all.reverse();
-        self.pass(&mut all);
-        all.reverse();
-        all.truncate(edge + n);
-        all.drain(..edge);
-        Ok(all)
+        let mut all = Vec::with_capacity((n + 2 * edge) * channels);
+        let mirrored = |all: &mut Vec<f64>, end: usize, other: usize| {
+            let (end, other) = (end * channels, other * channels);
+            all.extend((0..channels).map(|c| 2.0 * values[end + c] - values[other + c]));
+        };
+        for k in (1..=edge).rev() {
+            mirrored(&mut all, 0, k);
+        }
+        all.extend_from_slice(values);
+        for k in 1..=edge {
+            mirrored(&mut all, n - 1, n - 1 - k);
+        }
+        self.pass(all.chunks_exact_mut(channels), channels);
+        self.pass(all.chunks_exact_mut(channels).rev(), channels);
+        values.copy_from_slice(&all[edge * channels..(edge + n) * channels]);
+        Ok(())
     }
 
-    /// One pass, from the steady state of the first sample.
-    fn pass(&self, values: &mut [f64]) {
-        let start = values.first().copied().unwrap_or(0.0);
-        for section in &self.sections {
-            let Section { b, a } = section;
-            // each section passes a constant as it is; direct form 2 transposed
-            let mut second = (b[2] - a[1]) * start;
-            let mut first = (b[1] - a[0]) * start + second;
-            for x in values.iter_mut() {
-                let input = *x;
-                let y = b[0].mul_add(input, first);
-                first = b[1] * input - a[0] * y + second;
-                second = b[2] * input - a[1] * y;
-                *x = y;
+    /// One pass over samples of several channels, from the steady state of the first sample.
+    fn pass<'v>(&self, samples: impl Iterator<Item = &'v mut [f64]>, channels: usize) {
+        // by section: the two states of direct form 2 transposed, of all channels
+        let mut states: Vec<(Vec<f64>, Vec<f64>)> = Vec::with_capacity(self.sections.len());
+        for sample in samples {
+            if states.is_empty() {
+                for Section { b, a } in &self.sections {
+                    // each section passes a constant as it is
+                    let second: Vec<f64> = sample.iter().map(|x| (b[2] - a[1]) * x).collect();
+                    let pairs = sample.iter().zip(&second);
+                    let first = pairs.map(|(x, s)| (b[1] - a[0]) * x + s).collect();
+                    states.push((first, second));
+                }
+            }
+            for (Section { b, a }, (first, second)) in self.sections.iter().zip(&mut states) {
+                let (first, second) = (&mut first[..channels], &mut second[..channels]);
+                for (c, x) in sample.iter_mut().enumerate() {
+                    let input = *x;
+                    let y = b[0].mul_add(input, first[c]);
+                    first[c] = b[1] * input - a[0] * y + second[c];
+                    second[c] = b[2] * input - a[1] * y;
+                    *x = y;
+                }
             }
         }
     }

@@ -8,6 +8,7 @@
 mod butterworth;
 mod fourier;
 mod local;
+mod smoothing;
 
 use core::fmt;
 use core::ops::Range;
@@ -15,6 +16,7 @@ use std::prelude::v1::*;
 
 pub use butterworth::Butterworth;
 pub use fourier::{Fourier, FourierFit};
+pub use smoothing::Smoothing;
 
 /// How positions are differentiated.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -191,18 +193,13 @@ impl Method {
         }
     }
 
-    /// Another signal, such as an effort, smoothed as the positions are before they are
-    /// differentiated: by the Butterworth filter; the other methods leave it as it is.
-    ///
-    /// # Errors
-    /// As [`differentiate`](Method::differentiate).
-    pub fn smooth(&self, times: &[f64], values: &[f64]) -> Result<Vec<f64>, SignalError> {
-        check(times, values)?;
+    /// The filter that efforts and the columns of the regressor pass where positions are
+    /// differentiated so: a Fourier series and central differences leave both as they are.
+    pub fn smoothing(&self) -> Smoothing {
         match *self {
-            Self::Butterworth { order, cutoff } => {
-                Butterworth::new(order, cutoff, mean_step(times)?)?.zero_phase(values)
-            }
-            _ => Ok(values.to_vec()),
+            Self::Butterworth { order, cutoff } => Smoothing::Butterworth { order, cutoff },
+            Self::Local { half_width } => Smoothing::Local { half_width },
+            Self::Central | Self::Fourier { .. } => Smoothing::None,
         }
     }
 
@@ -225,6 +222,37 @@ impl Method {
                 Some(samples.saturating_add(1))
             }
         })
+    }
+
+    /// The standard deviation of the first derivative where the samples have white noise of
+    /// deviation 1; 0 for a series, which averages over all samples.
+    ///
+    /// - `step`: the time between samples, s.
+    ///
+    /// # Errors
+    /// When the method's settings do not fit the step.
+    ///
+    /// ```
+    /// use regen_runtime::signals::Method;
+    ///
+    /// // half the difference of two values that are 2 h apart
+    /// let gain = Method::Central.rate_gain(0.01)?;
+    /// assert!((gain - 0.5_f64.sqrt() / 0.01).abs() < 1e-9);
+    /// assert!(Method::Butterworth { order: 4, cutoff: 5.0 }.rate_gain(0.01)? < 0.3 * gain);
+    /// # Ok::<(), regen_runtime::signals::SignalError>(())
+    /// ```
+    pub fn rate_gain(&self, step: f64) -> Result<f64, SignalError> {
+        let Some(support) = self.support(step)? else {
+            return Ok(0.0);
+        };
+        // the response to a single sample of size 1
+        let side = support + 2;
+        let times: Vec<f64> = (0..=2 * side).map(|k| k as f64 * step).collect();
+        let mut impulse = std::vec![0.0; times.len()];
+        impulse[side] = 1.0;
+        let found = self.differentiate(&times, &impulse)?;
+        let rates = found.rate.iter().filter(|r| r.is_finite());
+        Ok(rates.map(|r| r * r).sum::<f64>().sqrt())
     }
 
     /// Whether steps must be alike.

@@ -1,0 +1,225 @@
+//! Coordinates that rest, by what their encoders say.
+
+use std::collections::VecDeque;
+use std::prelude::v1::*;
+use std::vec;
+
+/// How long a position must stay within its encoder's step, or its noise, to rest, s.
+const SPAN: f64 = 0.2;
+/// Rows that it takes at least.
+const ROWS: usize = 8;
+/// Deviations of the noise within which a resting position stays over that many rows.
+const SPREAD: f64 = 6.0;
+/// Differences that are remembered of each position, spread over the whole log.
+const REMEMBERED: usize = 8192;
+/// The part of all changes that has the size of one step where an encoder counts steps.
+const FREQUENT: f64 = 0.02;
+/// Sizes that differ by less than this part are the same multiple of a step.
+const ALIKE: f64 = 1e-3;
+/// Fourth differences of white noise have sqrt(70) times its deviation; half of normal values
+/// are within 0.6745 of theirs.
+const FOURTH: f64 = 8.366_600_265_340_756;
+const HALF: f64 = 0.674_489_750_196_082;
+
+/// What is known of an encoder.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Encoder {
+    /// Its step, rad or m; 0 where none shows.
+    pub(super) step: f64,
+    /// The standard deviation of its noise, steps included, rad or m.
+    pub(super) noise: f64,
+}
+
+impl Encoder {
+    /// How far a resting position wanders.
+    fn band(self) -> f64 {
+        // rounding of decimals makes steps a little unequal
+        ((1.0 + ALIKE) * self.step).max(SPREAD * self.noise)
+    }
+}
+
+/// Differences of one position on its way through a log.
+#[derive(Clone, Debug)]
+pub(super) struct Differences {
+    recent: VecDeque<f64>,
+    first: Vec<f64>,
+    fourth: Vec<f64>,
+    /// Of the differences, each how many-th is remembered.
+    every: usize,
+    seen: usize,
+}
+
+impl Default for Differences {
+    fn default() -> Self {
+        Self {
+            recent: VecDeque::new(),
+            first: vec![],
+            fourth: vec![],
+            every: 1,
+            seen: 0,
+        }
+    }
+}
+
+impl Differences {
+    /// The next value, and whether it follows the last one.
+    pub(super) fn push(&mut self, value: f64, follows: bool) {
+        if !follows {
+            self.recent.clear();
+        }
+        self.recent.push_back(value);
+        if self.recent.len() < 5 {
+            return;
+        }
+        let seen = self.seen;
+        self.seen += 1;
+        if seen.is_multiple_of(self.every) {
+            let at = |k: usize| self.recent[k];
+            self.first.push((at(4) - at(3)).abs());
+            let fourth = at(0) - 4.0 * at(1) + 6.0 * at(2) - 4.0 * at(3) + at(4);
+            self.fourth.push(fourth.abs());
+            if self.first.len() == REMEMBERED {
+                self.every *= 2;
+                for list in [&mut self.first, &mut self.fourth] {
+                    let mut k = 0;
+                    list.retain(|_| {
+                        k += 1;
+                        k % 2 == 1
+                    });
+                }
+            }
+        }
+        self.recent.pop_front();
+    }
+
+    /// What they say of the encoder.
+    pub(super) fn finish(mut self) -> Encoder {
+        self.first.sort_by(f64::total_cmp);
+        self.fourth.sort_by(f64::total_cmp);
+        let all = self.first.len();
+        if all == 0 {
+            return Encoder::default();
+        }
+        let changes = &self.first[self.first.partition_point(|x| *x == 0.0)..];
+        let needed = (FREQUENT * all as f64).max(3.0);
+        let frequent = changes.iter().enumerate().find(|(k, x)| {
+            let alike = changes[*k..].partition_point(|y| *y <= **x * (1.0 + ALIKE));
+            alike as f64 >= needed
+        });
+        let step = frequent.map_or(0.0, |(_, x)| *x);
+        let noise = self.fourth[self.fourth.len() / 2] / (HALF * FOURTH);
+        Encoder {
+            step,
+            noise: noise.max(step / 12.0_f64.sqrt()),
+        }
+    }
+}
+
+/// Where a position rests: it is within a stretch of at least [`SPAN`] seconds and [`ROWS`] rows
+/// in which the raw values stay within the encoder's step or noise.
+pub(super) fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool> {
+    let band = encoder.band();
+    let mut out = vec![false; raw.len()];
+    let (mut highest, mut lowest) = (VecDeque::<usize>::new(), VecDeque::<usize>::new());
+    let mut start = 0;
+    let mut marked = 0;
+    for (k, value) in raw.iter().enumerate() {
+        while highest.back().is_some_and(|j| raw[*j] <= *value) {
+            highest.pop_back();
+        }
+        highest.push_back(k);
+        while lowest.back().is_some_and(|j| raw[*j] >= *value) {
+            lowest.pop_back();
+        }
+        lowest.push_back(k);
+        while let (Some(high), Some(low)) = (highest.front(), lowest.front())
+            && raw[*high] - raw[*low] > band
+        {
+            start += 1;
+            if *high < start {
+                highest.pop_front();
+            }
+            if lowest.front().is_some_and(|low| *low < start) {
+                lowest.pop_front();
+            }
+        }
+        // half a row, as times are rounded
+        let long = k + 1 - start >= ROWS
+            && times[k] - times[start] >= SPAN * (1.0 - 1e-9) - 0.5 * (times[k] - times[k - 1]);
+        if long {
+            out[marked.max(start)..=k].fill(true);
+            marked = k + 1;
+        }
+    }
+    out
+}
+
+/// Rows on either side that tell whether a row is at rest.
+pub(super) fn context(step: f64) -> usize {
+    #[allow(clippy::cast_sign_loss, reason = "steps are positive")]
+    let rows = (SPAN / step).ceil() as usize;
+    rows.max(ROWS) + 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn times(n: usize, step: f64) -> Vec<f64> {
+        (0..n).map(|k| k as f64 * step).collect()
+    }
+
+    fn encoder(values: &[f64]) -> Encoder {
+        let mut differences = Differences::default();
+        for (k, value) in values.iter().enumerate() {
+            differences.push(*value, k > 0);
+        }
+        differences.finish()
+    }
+
+    #[test]
+    fn the_step_of_an_encoder_is_found() {
+        for step in [1e-4, 3e-3] {
+            let swing = |k: usize| ((k as f64 * 0.01).sin() / step).round() * step;
+            let values: Vec<f64> = (0..20_000).map(swing).collect();
+            let found = encoder(&values);
+            assert!((found.step / step - 1.0).abs() < 1e-3, "{found:?}");
+        }
+        // what is not counted in steps has none
+        let smooth: Vec<f64> = (0..20_000).map(|k| (f64::from(k) * 0.01).sin()).collect();
+        assert_eq!(encoder(&smooth).step, 0.0);
+    }
+
+    #[test]
+    fn only_a_position_that_stays_rests() {
+        let times = times(600, 0.01);
+        // two seconds of swing, two of rest, two of swing again
+        let value = |k: usize| match k {
+            0..200 => (k as f64 * 0.05).sin(),
+            200..400 => (200.0 * 0.05_f64).sin(),
+            _ => ((k - 200) as f64 * 0.05).sin(),
+        };
+        let raw: Vec<f64> = (0..600).map(value).collect();
+        let rests = resting(&times, &raw, encoder(&raw));
+        assert!(rests[201..400].iter().all(|x| *x));
+        assert!(rests[..195].iter().chain(&rests[405..]).all(|x| !x));
+    }
+
+    #[test]
+    fn turning_points_are_no_rest() {
+        let times = times(2000, 0.0025);
+        for step in [0.0, 1e-5] {
+            let swing = |t: &f64| {
+                let q = (2.0 * t).sin();
+                if step > 0.0 {
+                    (q / step).round() * step
+                } else {
+                    q
+                }
+            };
+            let raw: Vec<f64> = times.iter().map(swing).collect();
+            let rests = resting(&times, &raw, encoder(&raw));
+            assert!(rests.iter().all(|x| !x), "{step}");
+        }
+    }
+}
