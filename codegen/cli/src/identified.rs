@@ -3,9 +3,8 @@
 
 use regen_runtime::data::DataError;
 use regen_runtime::estimate::{Estimate, EstimateError, Residuals};
-use regen_runtime::friction::{self, JointFit};
-use regen_runtime::identify::{Kind, Observer, Source};
-use regen_runtime::{Model, Status};
+use regen_runtime::friction::{JointEfforts, JointFit};
+use regen_runtime::identify::{Kind, Observer, Source, equations};
 
 use crate::exit::Failure;
 use regen_interpreted::Interpreted;
@@ -91,6 +90,8 @@ pub(crate) struct Predicted<'a> {
     pub(crate) measured: &'a [f64],
     /// The same as the model predicts it.
     pub(crate) fitted: &'a [f64],
+    /// Which of the equations count: those of joints at rest do not.
+    pub(crate) used: &'a [bool],
 }
 
 impl IdentifiedModel {
@@ -140,48 +141,29 @@ impl IdentifiedModel {
             let text = "parameters with nonlinear friction predict forces: leave out --energy";
             return Err(Failure::Input(text.to_owned()));
         }
-        let mut joints = Vec::with_capacity(self.friction.len());
-        for fit in &self.friction {
-            let place = model.info().index_of(&fit.name).ok_or_else(|| {
-                Failure::Input(format!(
-                    "{} has no coordinate {}",
-                    model.info().name,
-                    fit.name
-                ))
-            })?;
-            joints.push(place);
-        }
-        let mut observer = Observer::new(model, kind);
+        let mut columns = JointEfforts::new(model, &self.friction)?;
+        // the column of friction counts as it is
+        let factors: Vec<f64> = self.beta.iter().copied().chain([1.0]).collect();
         let mut fitted = Vec::new();
-        let mut interrupted = false;
-        log.visit(&mut |row| {
-            let equations = observer.observe(row)?;
-            interrupted |= !row.follows;
-            let count = equations.tau.len();
+        let mut used = Vec::new();
+        equations(model, kind, log, &mut columns, &mut |found| {
+            let count = found.tau.len();
             if count == 0 {
                 return Ok(());
             }
             fitted.clear();
             fitted.resize(count, 0.0);
-            for (column, value) in equations.w.chunks_exact(count).zip(&self.beta) {
+            for (column, value) in found.w.chunks_exact(count).zip(&factors) {
                 add(&mut fitted, column, *value);
             }
-            if !joints.is_empty() {
-                let (shares, condition) = friction::directions(model, row.q, &joints)?;
-                if condition.status() == Status::Singular {
-                    return Ok(());
-                }
-                let columns = shares.chunks_exact(count);
-                for (share, (joint, fit)) in columns.zip(joints.iter().zip(&self.friction)) {
-                    let velocity = row.qd.get(*joint).copied().unwrap_or(0.0);
-                    add(&mut fitted, share, fit.effort(velocity));
-                }
-            }
+            used.clear();
+            used.extend(found.weights.iter().map(|w| *w > 0.0));
             each(&Predicted {
-                time: row.time,
-                follows: !std::mem::take(&mut interrupted),
-                measured: equations.tau,
+                time: found.time,
+                follows: found.follows,
+                measured: found.tau,
                 fitted: &fitted,
+                used: &used,
             })
         })?;
         Ok(())
@@ -205,7 +187,7 @@ impl IdentifiedModel {
             if !predicted.follows {
                 out.interrupt();
             }
-            out.push(predicted.measured, predicted.fitted)
+            out.push_used(predicted.measured, predicted.fitted, predicted.used)
         })?;
         Ok(out)
     }

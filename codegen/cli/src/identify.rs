@@ -6,7 +6,7 @@ use regen_runtime::Model;
 use regen_runtime::data::DataError;
 use regen_runtime::estimate::{EffortError, Estimate, Factor, FactorSet, Weighting};
 use regen_runtime::friction::FrictionData;
-use regen_runtime::identify::{self, Kind, Options, digest};
+use regen_runtime::identify::{self, Delays, Kind, LeftOut, Options, digest};
 use serde::Serialize;
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};
@@ -47,6 +47,10 @@ pub(crate) struct Summary {
     /// Samples in which residuals count as correlated; known where logs are.
     pub(crate) bandwidth: Option<usize>,
     pub(crate) singular: usize,
+    /// Samples and equations that were left out, where logs are known.
+    pub(crate) left_out: Option<LeftOut>,
+    /// By how much efforts are logged behind the motion, where logs are known.
+    pub(crate) delays: Delays,
     pub(crate) cross: Vec<Cross>,
     /// The steps of `--reduce`.
     pub(crate) reduction: Vec<StepJson>,
@@ -323,7 +327,9 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     }
     json.relative_absolute = Some(found.relative_absolute);
     json.bandwidth = Some(found.bandwidth);
-    json.singular = found.singular;
+    json.singular = found.left_out.singular;
+    json.left_out = Some(found.left_out);
+    json.delays = found.delays;
     if found.relative_absolute > suspect::BAD {
         json.suspicions = suspicions(args, model);
     }
@@ -369,6 +375,8 @@ impl Summary {
             relative_absolute: None,
             bandwidth: None,
             singular: 0,
+            left_out: None,
+            delays: Delays::default(),
             cross: Vec::new(),
             reduction: Vec::new(),
             models: Vec::new(),

@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use regen_runtime::BaseModel;
 use regen_runtime::data::{DataError, FileReport, Logs, Policy, Settings};
 use regen_runtime::estimate::{EstimateError, FactorSet};
-use regen_runtime::identify::{Kind, observe};
+use regen_runtime::identify::{Kind, LeftOut, Standstill, observe};
 use regen_runtime::signals::Method;
 use serde::Serialize;
 
-use crate::args::{Format, ObserveArgs, ProblemsArg, ReadingArgs};
+use crate::args::{DelayArg, Format, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg};
 use crate::exit::Failure;
 use crate::progress::spinner;
 use crate::watch::Watched;
@@ -25,6 +25,7 @@ struct Json<'a> {
     parameters: usize,
     efforts: Vec<Rows<'a>>,
     singular: usize,
+    left_out: &'a LeftOut,
     files: Vec<FileJson>,
 }
 
@@ -71,7 +72,7 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
     let model = Interpreted::with_terms(&robot, &terms);
     require_base(&model, &robot.name)?;
     let mut logs = open(&model, &args.logs, &args.reading)?;
-    let (set, singular) = observe(&model, kind(&args.reading), &mut logs)?;
+    let (set, left_out) = observe(&model, kind(&args.reading), &mut logs)?;
     write::atomically(&args.out, &set.to_text())?;
     note_problems(logs.logs().reports());
     let json = Json {
@@ -80,7 +81,8 @@ pub(crate) fn run(args: &ObserveArgs) -> Result<(), Failure> {
         kind: &set.kind,
         parameters: set.labels().len(),
         efforts: rows(&set),
-        singular,
+        singular: left_out.singular,
+        left_out: &left_out,
         files: logs.logs().reports().iter().map(FileJson::new).collect(),
     };
     terminal::print(&match args.format {
@@ -110,8 +112,24 @@ fn human(json: &Json<'_>) -> String {
     if json.singular > 0 {
         out.push_str(&table::field("singular", &json.singular.to_string()));
     }
+    out.push_str(&resting(json.left_out));
     out.push_str(&table::columns(&["effort", "equations"], &lines));
     out
+}
+
+/// The share of the equations that were left out because their coordinates rested, for people;
+/// empty where there were none.
+pub(crate) fn resting(left: &LeftOut) -> String {
+    let rest: usize = left.resting.iter().sum();
+    let all = left.samples * left.resting.len();
+    if rest == 0 || all == 0 {
+        return String::new();
+    }
+    let share = 100.0 * rest as f64 / all as f64;
+    table::field(
+        "at rest",
+        &format!("{share:.2} % of the equations left out"),
+    )
 }
 
 /// A robot without base parameters cannot be identified.
@@ -160,7 +178,23 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         decimation: reading.decimate.max(1),
         period: reading.period,
         deviations: reading.deviation.clone(),
+        standstill: match reading.standstill {
+            StandstillArg::Drop => Standstill::Drop,
+            StandstillArg::Keep => Standstill::Keep,
+            StandstillArg::Weigh => Standstill::Weigh,
+        },
+        rest_speed: reading.rest_speed,
+        delays: delays(reading),
     }
+}
+
+/// The delays of efforts that the options state.
+pub(crate) fn delays(reading: &ReadingArgs) -> Vec<(String, f64)> {
+    let stated = reading.delay.iter().filter_map(|delay| match delay {
+        DelayArg::Of(name, seconds) => Some((name.clone(), *seconds)),
+        DelayArg::Auto => None,
+    });
+    stated.collect()
 }
 
 /// Which equations the options ask for.

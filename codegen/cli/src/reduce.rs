@@ -2,7 +2,7 @@
 
 use regen_runtime::estimate::{EffortFit, Factor, FactorSet};
 use regen_runtime::identifiability::{Checks, Feasibility, Reduction, Step, reduce};
-use regen_runtime::identify::{self, Kind, Observer, Source};
+use regen_runtime::identify::{self, Kind, NoColumns, Source};
 use serde::Serialize;
 
 use crate::args::IdentifyArgs;
@@ -90,15 +90,14 @@ fn equations<S: Source<Error = regen_runtime::data::DataError>>(
     logs: &mut S,
     set: &FactorSet,
 ) -> Result<Equations, Failure> {
-    let mut observer = Observer::new(model, kind);
     let mut out = Equations {
         columns: set.labels().len(),
         rows: Vec::new(),
         means: set.means(),
     };
-    logs.visit(&mut |row| {
-        let found = observer.observe(row)?;
-        if !found.tau.is_empty() {
+    identify::equations(model, kind, logs, &mut NoColumns, &mut |found| {
+        let resting = found.weights.contains(&0.0);
+        if !found.tau.is_empty() && !resting {
             out.rows.push((found.w.to_vec(), found.tau.to_vec()));
         }
         Ok(())

@@ -17,4 +17,4 @@ mod starts;
 
 pub use data::{FrictionData, FrictionJoint, directions};
 pub use fit::{FrictionFit, JointFit, fit};
-pub use passes::{collect, nonlinear_joints, residuals};
+pub use passes::{JointEfforts, collect, nonlinear_joints, residuals};

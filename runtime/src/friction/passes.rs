@@ -6,7 +6,7 @@ use std::vec;
 use super::{FrictionData, FrictionJoint, JointFit, directions};
 use crate::estimate::{EstimateError, Residuals};
 use crate::feasibility::FeasibilityError;
-use crate::identify::{Kind, Observer, Row, Source};
+use crate::identify::{Columns, Kind, Observer, Row, Source, equations};
 use crate::{BaseModel, SizeError, Status};
 
 /// The joints of a model whose friction is not linear.
@@ -92,6 +92,51 @@ where
     Ok((data, singular))
 }
 
+/// The efforts of joints' friction as one column of a stream of equations, which thus pass the
+/// same filter as the measured efforts.
+#[derive(Debug)]
+pub struct JointEfforts<'a, M: ?Sized> {
+    model: &'a M,
+    joints: &'a [JointFit],
+    places: Vec<usize>,
+}
+
+impl<'a, M: BaseModel<f64> + ?Sized> JointEfforts<'a, M> {
+    /// Prepares for a model; without joints there is no column.
+    ///
+    /// # Errors
+    /// When a joint is none of the model's.
+    pub fn new(model: &'a M, joints: &'a [JointFit]) -> Result<Self, FeasibilityError> {
+        Ok(Self {
+            model,
+            joints,
+            places: places(model, joints.iter().map(|j| j.name.clone()))?,
+        })
+    }
+}
+
+impl<M: BaseModel<f64> + ?Sized> Columns for JointEfforts<'_, M> {
+    fn count(&self) -> usize {
+        usize::from(!self.joints.is_empty())
+    }
+
+    fn fill(&mut self, row: &Row<'_>, _: &[f64], out: &mut [f64]) -> Result<bool, EstimateError> {
+        if self.joints.is_empty() {
+            return Ok(true);
+        }
+        let Some((qd, d)) = motion(self.model, row, &self.places)? else {
+            return Ok(false);
+        };
+        let efforts = self.joints.iter().zip(&qd).map(|(j, v)| j.effort(*v));
+        for (column, effort) in d.chunks_exact(out.len().max(1)).zip(efforts) {
+            for (sum, direction) in out.iter_mut().zip(column) {
+                *sum += direction * effort;
+            }
+        }
+        Ok(true)
+    }
+}
+
 /// The residuals of base parameters with friction on a log, as
 /// [`identify::residuals`](crate::identify::residuals) for linear models (Eq. 29).
 ///
@@ -111,8 +156,7 @@ pub fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 where
     S::Error: From<FeasibilityError>,
 {
-    let mut observer = Observer::new(model, Kind::Forces);
-    let origin = observer.origin();
+    let origin = Observer::new(model, Kind::Forces).origin();
     if values.len() != origin.labels.len() {
         let error = EstimateError::Size {
             what: "values",
@@ -121,34 +165,26 @@ where
         };
         return Err(error.into());
     }
-    let at = places(model, joints.iter().map(|j| j.name.clone()))?;
+    let mut columns = JointEfforts::new(model, joints)?;
+    // the column of friction counts as it is
+    let factors: Vec<f64> = values.iter().copied().chain([1.0]).collect();
     let mut out = Residuals::new(&origin.efforts, means, lags);
     let mut fitted = vec![0.0; origin.efforts.len()];
-    source.visit(&mut |row| {
-        let equations = observer.observe(row)?;
-        if !row.follows {
+    let mut used = Vec::new();
+    equations(model, Kind::Forces, source, &mut columns, &mut |found| {
+        if !found.follows {
             out.interrupt();
         }
-        let dof = equations.tau.len();
-        let Some((qd, d)) = motion(model, row, &at)? else {
-            return Ok(());
-        };
-        if dof == 0 {
-            return Ok(());
-        }
+        let dof = found.tau.len();
         fitted.fill(0.0);
-        for (column, value) in equations.w.chunks_exact(dof).zip(values) {
+        for (column, factor) in found.w.chunks_exact(dof.max(1)).zip(&factors) {
             for (sum, w) in fitted.iter_mut().zip(column) {
-                *sum += w * value;
+                *sum += w * factor;
             }
         }
-        let efforts = joints.iter().zip(&qd).map(|(joint, v)| joint.effort(*v));
-        for (column, effort) in d.chunks_exact(dof).zip(efforts) {
-            for (sum, direction) in fitted.iter_mut().zip(column) {
-                *sum += direction * effort;
-            }
-        }
-        out.push(equations.tau, &fitted)
+        used.clear();
+        used.extend(found.weights.iter().map(|w| *w > 0.0));
+        out.push_used(found.tau, &fitted, &used)
     })?;
     Ok(out)
 }

@@ -159,6 +159,18 @@ pub(crate) struct ReadingArgs {
     /// What is done with rows that cannot be used
     #[arg(long, value_enum, default_value_t)]
     pub(crate) problems: ProblemsArg,
+    /// What is done with equations of joints at rest, which static friction holds:
+    /// those whose encoders stay within a step or their noise for 0.2 s, or whose
+    /// velocity is not sure to differ from zero
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) standstill: StandstillArg,
+    /// Velocities below this, rad/s or m/s, count as rest too
+    #[arg(long, value_name = "V", default_value_t = 0.0, value_parser = not_negative)]
+    pub(crate) rest_speed: f64,
+    /// By how many seconds an effort is logged after the motion that it belongs to:
+    /// NAME=S. Every `identify` estimates it; `auto` corrects what it finds
+    #[arg(long, value_name = "NAME=S|auto")]
+    pub(crate) delay: Vec<DelayArg>,
     /// Use the balance of energy over windows of this length in s instead of
     /// the equations of motion: no accelerations are needed
     #[arg(long, value_name = "S")]
@@ -173,6 +185,42 @@ pub(crate) enum ProblemsArg {
     Fail,
     /// Go on without them
     Drop,
+}
+
+/// By how much efforts are logged late
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum DelayArg {
+    /// By as much as is found.
+    Auto,
+    /// That of one joint, s.
+    Of(String, f64),
+}
+
+impl std::str::FromStr for DelayArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
+        let (name, seconds) = named(text)?;
+        if !seconds.is_finite() {
+            return Err(format!("{seconds} is not a finite number of seconds"));
+        }
+        Ok(Self::Of(name, seconds))
+    }
+}
+
+/// What is done with equations of joints at rest
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StandstillArg {
+    /// Leave them out
+    #[default]
+    Drop,
+    /// Use them as all others
+    Keep,
+    /// Let each count by the part of the filter's memory in which its joint moved
+    Weigh,
 }
 
 /// How efforts are weighted against each other
@@ -195,6 +243,13 @@ fn pair(text: &str) -> Result<(f64, usize), String> {
 fn flipped(text: &str) -> Result<(f64, usize), String> {
     let (a, b) = text.split_once(',').ok_or("two numbers with a comma")?;
     pair(&format!("{b},{a}"))
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err(format!("`{text}` is not a finite number of at least 0")),
+    }
 }
 
 fn named(text: &str) -> Result<(String, f64), String> {

@@ -10,7 +10,8 @@ use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use regen_codegen::spec::nearest;
 
 pub(crate) use identify::{
-    IdentifyArgs, ObserveArgs, ProblemsArg, ReadingArgs, ValidateArgs, WeightingArg,
+    DelayArg, IdentifyArgs, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg, ValidateArgs,
+    WeightingArg,
 };
 pub(crate) use physical::{PhysicalArgs, PriorArg};
 

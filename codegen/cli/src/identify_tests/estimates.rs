@@ -173,7 +173,9 @@ fn windows_change_nothing() {
             let efforts: Vec<Vec<f64>> = (0..2)
                 .map(|e| {
                     let values: Vec<f64> = rows.iter().map(|r| r.tau[e]).collect();
-                    method.smooth(&times, &values).unwrap()
+                    let mut values = values;
+                    method.smoothing().apply(&times, &mut values, 1).unwrap();
+                    values
                 })
                 .collect();
             let mut completion = Completion::new(model, &[0, 2], &[1.0; 2]).unwrap();
