@@ -21,7 +21,7 @@ use crate::reduce::{self, StepJson};
 use crate::rows::{FrictionRow, LeastSquaresRow};
 use crate::status::Shares;
 use crate::suspect::{self, Suspicion};
-use crate::{identify_friction, load, outputs, progress, table, terminal, write};
+use crate::{delay, identify_friction, load, outputs, progress, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen identify`: the file of the adopted model, and what is known besides.
@@ -51,6 +51,9 @@ pub(crate) struct Summary {
     pub(crate) left_out: Option<LeftOut>,
     /// By how much efforts are logged behind the motion, where logs are known.
     pub(crate) delays: Delays,
+    /// The delays that efforts were read with, s.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) corrected_delays: Vec<(String, f64)>,
     pub(crate) cross: Vec<Cross>,
     /// The steps of `--reduce`.
     pub(crate) reduction: Vec<StepJson>,
@@ -128,6 +131,8 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     observe::require_base(&model, &robot.name)?;
+    let corrected = delay::corrected(args, &model)?;
+    let args = corrected.as_ref().unwrap_or(args);
     let Outcome { json, identified } = solve(args, &model)?;
     let mut written = Vec::new();
     if let Some(out) = &args.out {
@@ -330,6 +335,7 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     json.singular = found.left_out.singular;
     json.left_out = Some(found.left_out);
     json.delays = found.delays;
+    json.corrected_delays = observe::delays(&args.reading);
     if found.relative_absolute > suspect::BAD {
         json.suspicions = suspicions(args, model);
     }
@@ -377,6 +383,7 @@ impl Summary {
             singular: 0,
             left_out: None,
             delays: Delays::default(),
+            corrected_delays: Vec::new(),
             cross: Vec::new(),
             reduction: Vec::new(),
             models: Vec::new(),

@@ -6,7 +6,7 @@ use crate::identify::{Json, Summary};
 use crate::parameters::ParameterFile;
 use crate::predicted::{self, OnLog};
 use crate::status::{self, Status};
-use crate::{reduce, table};
+use crate::{delay, observe, reduce, table};
 
 /// A probability of white residuals below which they are called correlated.
 const WHITE: f64 = 0.01;
@@ -38,6 +38,10 @@ pub(crate) fn human(json: &Json) -> String {
         let text = format!("{} states left out", summary.singular);
         out.push_str(&table::field("singular", &text));
     }
+    if let Some(left) = &summary.left_out {
+        out.push_str(&observe::resting(left));
+    }
+    out.push_str(&delay::human(&summary.delays, &summary.corrected_delays));
     out.push('\n');
     out.push_str(&efforts(summary));
     out.push('\n');

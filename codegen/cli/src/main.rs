@@ -8,6 +8,7 @@ mod base_latex;
 mod base_table;
 mod check;
 mod closed;
+mod delay;
 mod eval;
 mod evidence;
 mod excite;

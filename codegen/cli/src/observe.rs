@@ -147,6 +147,10 @@ pub(crate) fn open<'m>(
     paths: &[PathBuf],
     reading: &ReadingArgs,
 ) -> Result<Watched<'m>, Failure> {
+    if reading.delay.contains(&DelayArg::Auto) {
+        let text = "--delay auto is for `identify`: give the values that it printed, NAME=S";
+        return Err(Failure::Input(text.to_owned()));
+    }
     let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
     let spinner = spinner(format!("checking {}", names.join(", ")));
     let logs = Logs::open(model, paths, &settings(reading));

@@ -3,7 +3,7 @@
 use indicatif::ProgressBar;
 use regen_runtime::data::{DataError, Logs};
 use regen_runtime::estimate::EstimateError;
-use regen_runtime::identify::{Row, Source};
+use regen_runtime::identify::{Filtering, Row, Source};
 
 use crate::progress;
 use regen_interpreted::Interpreted;
@@ -39,6 +39,10 @@ impl<'m> Watched<'m> {
 
 impl Source for Watched<'_> {
     type Error = DataError;
+
+    fn filtering(&self) -> Filtering {
+        self.logs.filtering()
+    }
 
     fn visit(
         &mut self,

@@ -30,10 +30,8 @@ pub trait Source {
         each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), Self::Error>;
 
-    /// What happens to the equations of its rows before they count; nothing by default.
-    fn filtering(&self) -> Filtering {
-        Filtering::default()
-    }
+    /// What happens to the equations of its rows before they count.
+    fn filtering(&self) -> Filtering;
 }
 
 /// How an estimate is made.

@@ -3,13 +3,14 @@
 use std::prelude::v1::*;
 use std::vec;
 
-use super::{Row, Source};
+use super::{Filtering, Row, Source};
 use crate::estimate::EstimateError;
 
 /// Rows kept in memory, as a [`Source`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
     rows: Vec<Kept>,
+    filtering: Filtering,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +28,12 @@ impl Recorded {
     /// A log without rows.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// The same log, whose equations are filtered so.
+    #[must_use]
+    pub fn filtered(self, filtering: Filtering) -> Self {
+        Self { filtering, ..self }
     }
 
     /// Adds a row that follows the last one, with weights of 1.
@@ -70,6 +77,10 @@ impl Recorded {
 
 impl Source for Recorded {
     type Error = EstimateError;
+
+    fn filtering(&self) -> Filtering {
+        self.filtering
+    }
 
     fn visit(
         &mut self,

@@ -3,7 +3,7 @@
 
 use regen_runtime::feasibility::FeasibilityError;
 use regen_runtime::friction::{FrictionJoint, JointFit, collect, directions, residuals};
-use regen_runtime::identify::{Recorded, Row, Source};
+use regen_runtime::identify::{Filtering, Recorded, Row, Source};
 use regen_runtime::{Closure, Friction, State};
 
 use crate::friction::force;
@@ -20,6 +20,10 @@ struct Log(Recorded);
 
 impl Source for Log {
     type Error = FeasibilityError;
+
+    fn filtering(&self) -> Filtering {
+        self.0.filtering()
+    }
 
     fn visit(
         &mut self,

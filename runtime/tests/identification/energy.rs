@@ -59,6 +59,8 @@ fn row<'a>(made: &'a Made, tau: &'a [f64; 1], weights: &'a [f64; 1], follows: bo
         qd: &made.qd,
         qdd: &made.qdd,
         tau,
+        efforts: &[],
+        still: &[],
         weights,
         follows,
     }
@@ -174,6 +176,8 @@ fn a_row_that_is_not_finite_gives_no_equation() {
             qd: &[0.2],
             qdd: &[qdd],
             tau: &[1.0],
+            efforts: &[],
+            still: &[],
             weights: &[1.0],
             follows: true,
         };

@@ -33,7 +33,7 @@ pub(crate) struct ObserveArgs {
     pub(crate) reading: ReadingArgs,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(after_help = "\
 Columns are found by their headers: t, the names of coordinates, tau_NAME for
 efforts, qd_NAME and qdd_NAME where velocities and accelerations are measured.
@@ -128,7 +128,7 @@ pub(crate) struct ValidateArgs {
 }
 
 /// How logs are read and differentiated.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Reading logs")]
 pub(crate) struct ReadingArgs {
     /// A column whose header does not say what it is: Q=COLUMN, and

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::{ArgGroup, Args};
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Physical parameters")]
 #[command(group(ArgGroup::new("physical").multiple(true)))]
 pub(crate) struct PhysicalArgs {

@@ -53,7 +53,7 @@ pub(crate) struct ReportArgs {
 }
 
 /// The options of `regen identify` that ask for a report.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Report")]
 pub(crate) struct ReportOptions {
     /// Write a page with tables and figures of the result, and of the logs of
