@@ -12,10 +12,13 @@ const ROWS: usize = 8;
 const SPREAD: f64 = 6.0;
 /// Differences that are remembered of each position, spread over the whole log.
 const REMEMBERED: usize = 8192;
-/// The part of all changes that has the size of one step where an encoder counts steps.
-const FREQUENT: f64 = 0.02;
-/// Sizes that differ by less than this part are the same multiple of a step.
-const ALIKE: f64 = 1e-3;
+/// Values whose distance is below this part of their range are the same.
+const SAME: f64 = 1e-9;
+/// Distances of neighbouring values up to this many steps tell whether there are steps: so many
+/// of them must be whole numbers of steps, within a tenth of one.
+const NEAR: f64 = 100.0;
+const WHOLE: f64 = 0.9;
+const ROUNDING: f64 = 0.1;
 /// Fourth differences of white noise have sqrt(70) times its deviation; half of normal values
 /// are within 0.6745 of theirs.
 const FOURTH: f64 = 8.366_600_265_340_756;
@@ -34,7 +37,7 @@ impl Encoder {
     /// How far a resting position wanders.
     fn band(self) -> f64 {
         // rounding of decimals makes steps a little unequal
-        ((1.0 + ALIKE) * self.step).max(SPREAD * self.noise)
+        ((1.0 + ROUNDING) * self.step).max(SPREAD * self.noise)
     }
 }
 
@@ -42,7 +45,7 @@ impl Encoder {
 #[derive(Clone, Debug)]
 pub(super) struct Differences {
     recent: VecDeque<f64>,
-    first: Vec<f64>,
+    values: Vec<f64>,
     fourth: Vec<f64>,
     /// Of the differences, each how many-th is remembered.
     every: usize,
@@ -53,7 +56,7 @@ impl Default for Differences {
     fn default() -> Self {
         Self {
             recent: VecDeque::new(),
-            first: vec![],
+            values: vec![],
             fourth: vec![],
             every: 1,
             seen: 0,
@@ -75,12 +78,12 @@ impl Differences {
         self.seen += 1;
         if seen.is_multiple_of(self.every) {
             let at = |k: usize| self.recent[k];
-            self.first.push((at(4) - at(3)).abs());
+            self.values.push(at(4));
             let fourth = at(0) - 4.0 * at(1) + 6.0 * at(2) - 4.0 * at(3) + at(4);
             self.fourth.push(fourth.abs());
-            if self.first.len() == REMEMBERED {
+            if self.values.len() == REMEMBERED {
                 self.every *= 2;
-                for list in [&mut self.first, &mut self.fourth] {
+                for list in [&mut self.values, &mut self.fourth] {
                     let mut k = 0;
                     list.retain(|_| {
                         k += 1;
@@ -94,24 +97,42 @@ impl Differences {
 
     /// What they say of the encoder.
     pub(super) fn finish(mut self) -> Encoder {
-        self.first.sort_by(f64::total_cmp);
         self.fourth.sort_by(f64::total_cmp);
-        let all = self.first.len();
-        if all == 0 {
+        if self.fourth.is_empty() {
             return Encoder::default();
         }
-        let changes = &self.first[self.first.partition_point(|x| *x == 0.0)..];
-        let needed = (FREQUENT * all as f64).max(3.0);
-        let frequent = changes.iter().enumerate().find(|(k, x)| {
-            let alike = changes[*k..].partition_point(|y| *y <= **x * (1.0 + ALIKE));
-            alike as f64 >= needed
-        });
-        let step = frequent.map_or(0.0, |(_, x)| *x);
+        let step = step(&mut self.values);
         let noise = self.fourth[self.fourth.len() / 2] / (HALF * FOURTH);
         Encoder {
             step,
             noise: noise.max(step / 12.0_f64.sqrt()),
         }
+    }
+}
+
+/// The distance of neighbouring values of which all others are whole multiples; 0 where there is
+/// none.
+fn step(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let range = values
+        .last()
+        .zip(values.first())
+        .map_or(0.0, |(a, b)| a - b);
+    let gaps = values.windows(2).map(|pair| pair[1] - pair[0]);
+    let gaps: Vec<f64> = gaps.filter(|gap| *gap > SAME * range).collect();
+    let smallest = gaps.iter().copied().fold(f64::INFINITY, f64::min);
+    let near = gaps.iter().filter(|gap| **gap <= NEAR * smallest);
+    let (mut all, mut whole) = (0.0, 0.0);
+    for gap in near {
+        let steps = gap / smallest;
+        all += 1.0;
+        whole += f64::from((steps - steps.round()).abs() <= ROUNDING);
+    }
+    // two or three values always are multiples of something
+    if all >= 8.0 && whole >= WHOLE * all {
+        smallest
+    } else {
+        0.0
     }
 }
 
