@@ -21,6 +21,13 @@ pub enum Ended {
 }
 
 /// What happened, sample by sample: one row each, row-major.
+///
+/// Motion and efforts of a row belong to the same instant, which is when the controller measures.
+/// There its command changes, and the effort of a drive without lag jumps with it: the row has
+/// the mean of the efforts just before and just after, with the accelerations of that mean. It is
+/// what the second difference of the positions tells, which under a held command is the mean of
+/// the two accelerations. A log that paired a position with the effort commanded from it would be
+/// ahead by half a period, and friction identified from it would be biased.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
     /// How the run ended.
@@ -31,9 +38,10 @@ pub struct Log {
     pub q: Vec<f64>,
     /// All velocities (n a row).
     pub qd: Vec<f64>,
-    /// All accelerations (n a row).
+    /// All accelerations (n a row): those of `effort`.
     pub qdd: Vec<f64>,
-    /// The efforts that the drives apply (one per actuated joint a row).
+    /// The efforts that the drives apply (one per actuated joint a row), N or N m: where they jump,
+    /// the mean of both sides.
     pub effort: Vec<f64>,
     /// The positions of actuated joints as measured.
     pub measured_position: Vec<f64>,

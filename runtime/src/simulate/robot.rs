@@ -189,15 +189,28 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             .collect())
     }
 
+    /// Adds a sample at which the command changes from `held` to `self.command`.
+    ///
+    /// A drive without lag jumps there. Its effort at that instant is the mean of the two
+    /// limits, and the acceleration is that of this effort: positions one period before and
+    /// after lie on parabolas with the two accelerations, so that their second difference is the
+    /// mean of both.
     pub(super) fn record(
         &mut self,
         t: f64,
         y: &[f64],
         measured: &[f64],
+        held: &[f64],
         noise: &mut Noise,
         log: &mut Log,
     ) -> Result<Result<(), Ended>, SimulationError> {
-        if let Err(stop) = self.rates(y)? {
+        let next = self.command.clone();
+        for (command, held) in self.command.iter_mut().zip(held) {
+            *command = f64::midpoint(*held, *command);
+        }
+        let rates = self.rates(y);
+        self.command = next;
+        if let Err(stop) = rates? {
             return Ok(Err(stop));
         }
         let mut qdd = vec![0.0; self.q.len()];

@@ -13,7 +13,8 @@ use crate::{Closure, Model};
 /// Runs the robot with parameters `phi` (p) along a reference, from the reference's start.
 ///
 /// Controllers see the measured positions and the reference's, sample the period and hold
-/// their command between samples; drives lag behind it. The effort of friction comes from the
+/// their command between samples; drives lag behind it. Motion and efforts of the log belong to
+/// the same instants: see [`Log`]. The effort of friction comes from the
 /// settings' laws alone: friction columns of `phi` count nothing.
 ///
 /// # Errors
@@ -136,11 +137,13 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     let mut integrator = Integrator::new(y, settings.tolerance, &scales);
     let count = samples(settings)?;
     let mut start = None;
+    let mut held = robot.command.clone();
     for sample in 0..=count {
         let t = sample as f64 * settings.period;
         watch(t);
         // measure, then command
         let measured = robot.measured(&integrator.y, &mut noise)?;
+        held.copy_from_slice(&robot.command);
         if let Some(controller) = controller.as_deref_mut() {
             reference.at(t, &mut q_i, &mut qd_i, &mut qdd_i);
             let target = wanted.track(&q_i)?;
@@ -171,7 +174,11 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
                 return Ok(log);
             }
         }
-        if let Err(stop) = robot.record(t, &integrator.y, &measured, &mut noise, &mut log)? {
+        if sample == 0 {
+            // no command was held before the first
+            held.copy_from_slice(&robot.command);
+        }
+        if let Err(stop) = robot.record(t, &integrator.y, &measured, &held, &mut noise, &mut log)? {
             log.ended = stop;
             return Ok(log);
         }
