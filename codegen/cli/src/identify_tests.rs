@@ -6,6 +6,7 @@ mod estimates;
 mod logs;
 mod one_model;
 mod parquet_logs;
+mod stream;
 
 use std::fmt::Write as _;
 use std::fs;

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use regen_runtime::estimate::EffortError;
-use regen_runtime::identify;
+use regen_runtime::identify::{self, LeftOut};
 use serde::Serialize;
 
 use crate::args::{Format, ValidateArgs};
@@ -31,6 +31,9 @@ struct Predicted {
 #[derive(Serialize)]
 struct OnLog {
     relative_absolute: f64,
+    /// The root mean square of the residuals in percent of that of the efforts.
+    relative_rms: f64,
+    left_out: LeftOut,
     efforts: Vec<EffortError>,
 }
 
@@ -54,12 +57,15 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
     }
     for path in &args.logs {
         let mut log = observe::open(&model, std::slice::from_ref(path), &args.reading)?;
-        let means = identify::observe(&model, kind, &mut log)?.0.means();
+        let (set, left_out) = identify::observe(&model, kind, &mut log)?;
+        let means = set.means();
         observe::note_problems(log.logs().reports());
         for (identified, predicted) in &mut models {
             let found = identified.residuals(&model, kind, &mut log, &means, 1)?;
             predicted.logs.push(OnLog {
                 relative_absolute: found.relative_absolute(),
+                relative_rms: found.relative_rms(),
+                left_out: left_out.clone(),
                 efforts: found.efforts(),
             });
         }
@@ -91,7 +97,7 @@ fn human(json: &Json) -> String {
             .iter()
             .map(|m| {
                 let logs = m.logs.iter().skip(block * BLOCK).take(BLOCK);
-                let figures = logs.map(|l| format!("{:.3}", l.relative_absolute));
+                let figures = logs.map(|l| percent(l.relative_absolute));
                 std::iter::once(name(&m.params)).chain(figures).collect()
             })
             .collect();
@@ -100,6 +106,7 @@ fn human(json: &Json) -> String {
     for model in &json.models {
         for (log, found) in json.logs.iter().zip(&model.logs) {
             let _ = writeln!(out, "\n  {} on {}", name(&model.params), name(log));
+            out.push_str(&observe::resting(&found.left_out));
             let lines: Vec<Vec<String>> = found
                 .efforts
                 .iter()
@@ -107,15 +114,25 @@ fn human(json: &Json) -> String {
                     vec![
                         e.name.clone(),
                         e.samples.to_string(),
-                        format!("{:.3}", e.relative_absolute),
+                        percent(e.relative_absolute),
+                        percent(e.relative_rms),
                         table::figure(e.rms),
                         table::figure(e.largest),
                     ]
                 })
                 .collect();
-            let head = ["effort", "samples", "eps_RA %", "rms", "largest"];
+            let head = ["effort", "samples", "eps_RA %", "rms %", "rms", "largest"];
             out.push_str(&table::columns(&head, &lines));
         }
     }
     out
+}
+
+/// A share in percent; a dash where there is nothing that it is a share of.
+fn percent(share: f64) -> String {
+    if share.is_finite() {
+        format!("{share:.3}")
+    } else {
+        "-".to_owned()
+    }
 }

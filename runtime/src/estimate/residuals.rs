@@ -22,6 +22,8 @@ pub struct EffortError {
     pub relative_absolute: f64,
     /// The root mean square of the residuals, N or N m.
     pub rms: f64,
+    /// The same in percent of the root mean square of the measured effort.
+    pub relative_rms: f64,
     /// The largest residual in size, N or N m.
     pub largest: f64,
     /// The autocorrelation of the residuals at lags 1, 2, ...
@@ -38,6 +40,7 @@ struct Sums {
     samples: usize,
     absolute: f64,
     spread: f64,
+    measured: f64,
     sum: f64,
     largest: f64,
     /// Sums of e(t) e(t - l), l = 0, 1, ...
@@ -63,6 +66,7 @@ impl Residuals {
             samples: 0,
             absolute: 0.0,
             spread: 0.0,
+            measured: 0.0,
             sum: 0.0,
             largest: 0.0,
             lagged: vec![0.0; lags + 1],
@@ -113,6 +117,7 @@ impl Residuals {
             sums.samples += 1;
             sums.absolute += e.abs();
             sums.spread += (m - sums.mean).abs();
+            sums.measured += m * m;
             sums.sum += e;
             sums.largest = sums.largest.max(e.abs());
             if sums.recent.len() == sums.lagged.len() {
@@ -142,12 +147,21 @@ impl Residuals {
                 samples: sums.samples,
                 relative_absolute: 100.0 * sums.absolute / sums.spread,
                 rms: (squares / samples).sqrt(),
+                relative_rms: 100.0 * (squares / sums.measured).sqrt(),
                 largest: sums.largest,
                 white: ljung_box(&autocorrelation, sums.samples),
                 autocorrelation,
             }
         };
         self.names.iter().zip(&self.sums).map(one).collect()
+    }
+
+    /// The root mean square of all residuals in percent of that of all measured efforts, which
+    /// then should be of one unit.
+    pub fn relative_rms(&self) -> f64 {
+        let residual: f64 = self.sums.iter().filter_map(|s| s.lagged.first()).sum();
+        let measured: f64 = self.sums.iter().map(|s| s.measured).sum();
+        100.0 * (residual / measured).sqrt()
     }
 
     /// The relative absolute error over all efforts in percent (Eq. 33).

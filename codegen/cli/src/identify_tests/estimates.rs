@@ -5,7 +5,8 @@ use std::fs;
 use regen_runtime::data::{Logs, Settings};
 use regen_runtime::estimate::{Estimate, Weighting};
 use regen_runtime::identify::{
-    Completed, Completion, Identified, Kind, Options, Recorded, identify, observe,
+    Completed, Completion, Identified, Kind, Options, Recorded, Source, Standstill, identify,
+    observe,
 };
 use regen_runtime::signals::{Derivatives, Method};
 
@@ -157,6 +158,7 @@ fn windows_change_nothing() {
         ] {
             let settings = Settings {
                 decimation: 7,
+                standstill: Standstill::Keep,
                 ..with(method)
             };
             let mut logs = Logs::open(model, std::slice::from_ref(&path), &settings).unwrap();
@@ -170,17 +172,12 @@ fn windows_change_nothing() {
                     method.differentiate(&times, &values).unwrap()
                 })
                 .collect();
-            let efforts: Vec<Vec<f64>> = (0..2)
-                .map(|e| {
-                    let values: Vec<f64> = rows.iter().map(|r| r.tau[e]).collect();
-                    let mut values = values;
-                    method.smoothing().apply(&times, &mut values, 1).unwrap();
-                    values
-                })
-                .collect();
             let mut completion = Completion::new(model, &[0, 2], &[1.0; 2]).unwrap();
-            let mut source = Recorded::new();
-            for k in whole[0].valid.clone().step_by(7) {
+            let filtering = logs.filtering();
+            // what passes no filter is decimated before
+            let every = if filtering.smoothing.is_none() { 7 } else { 1 };
+            let mut source = Recorded::new().filtered(filtering);
+            for k in whole[0].valid.clone().step_by(every) {
                 let pick = |part: fn(&Derivatives) -> &Vec<f64>| -> Vec<f64> {
                     whole.iter().map(|w| part(w)[k]).collect()
                 };
@@ -194,13 +191,7 @@ fn windows_change_nothing() {
                 let Completed::State(s) = completed else {
                     panic!("{completed:?}");
                 };
-                source.push(
-                    times[k],
-                    &s.q,
-                    &s.qd,
-                    &s.qdd,
-                    &[efforts[0][k], efforts[1][k]],
-                );
+                source.push(times[k], &s.q, &s.qd, &s.qdd, &rows[k].tau);
             }
             let (expected, _) = observe(model, Kind::Forces, &mut source).unwrap();
             assert_eq!(

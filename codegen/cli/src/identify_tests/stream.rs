@@ -1,0 +1,226 @@
+//! Filters over efforts and regressor, delays, and joints at rest, on an arm with one joint.
+
+use std::fmt::Write as _;
+
+use regen_runtime::data::{Logs, Settings};
+use regen_runtime::identify::{
+    Filtering, Identified, Kind, Options, Recorded, Standstill, identify,
+};
+use regen_runtime::signals::{Method, Smoothing};
+
+use super::scratch;
+use crate::load;
+use regen_interpreted::{BaseTerms, Interpreted};
+
+const ARM: &str = "\
+name: arm
+gravity: [0, -9.81, 0]
+limbs:
+  - name: arm
+    joints:
+      - {name: q1, type: revolute, body: 1, actuated: true, friction: linear}
+";
+/// `Izz mx my Fv Fc`, the arm's base parameters.
+const TRUTH: [f64; 5] = [0.5, 2.0, 0.3, 0.8, 1.5];
+
+/// A state of the arm at a time: position, velocity, acceleration.
+type Motion = dyn Fn(f64) -> [f64; 3];
+
+fn effort([q, qd, qdd]: [f64; 3]) -> f64 {
+    let sign = if qd == 0.0 { 0.0 } else { qd.signum() };
+    let weight = 9.81 * (TRUTH[1] * q.cos() - TRUTH[2] * q.sin());
+    TRUTH[0] * qdd + weight + TRUTH[3] * qd + TRUTH[4] * sign
+}
+
+/// Two harmonics that do not repeat within the log.
+fn swing(t: f64) -> [f64; 3] {
+    let mut out = [0.3, 0.0, 0.0];
+    for (size, w) in [(0.8, 2.1), (0.4, 5.3)] {
+        let (sin, cos) = (w * t).sin_cos();
+        out[0] += size * sin;
+        out[1] += size * w * cos;
+        out[2] -= size * w * w * sin;
+    }
+    out
+}
+
+fn with_arm(each: impl FnOnce(&Interpreted<'_>)) {
+    let path = scratch("stream.yaml", ARM);
+    let robot = load::robot(&path).unwrap();
+    let terms = BaseTerms::new(&robot);
+    each(&Interpreted::with_terms(&robot, &terms));
+}
+
+fn recorded(motion: &Motion, step: f64, rows: usize) -> Recorded {
+    let mut log = Recorded::new();
+    for k in 0..rows {
+        let t = k as f64 * step;
+        let state @ [q, qd, qdd] = motion(t);
+        log.push(t, &[q], &[qd], &[qdd], &[effort(state)]);
+    }
+    log
+}
+
+fn error(found: &Identified) -> f64 {
+    assert_eq!(
+        found.estimate.labels,
+        ["Izz(1)", "mx(1)", "my(1)", "Fv(q1)", "Fc(q1)"]
+    );
+    let pairs = found.estimate.values.iter().zip(TRUTH);
+    pairs.fold(0.0, |m: f64, (x, truth)| m.max((x - truth).abs()))
+}
+
+#[test]
+fn a_filter_over_both_sides_leaves_the_parameters_as_they_are() {
+    with_arm(|model| {
+        for smoothing in [
+            Smoothing::Butterworth {
+                order: 4,
+                cutoff: 2.0,
+            },
+            Smoothing::Local { half_width: 0.1 },
+        ] {
+            // far below what the sign of the velocity has, and more rows than one block
+            let mut log = recorded(&swing, 0.005, 6000).filtered(Filtering {
+                smoothing,
+                decimation: 7,
+                standstill: Standstill::Keep,
+            });
+            let found = identify(model, Kind::Forces, &Options::default(), &mut log).unwrap();
+            // blocks start from guesses that are forgotten to 1e-16, ends to 1e-3 only
+            assert!(error(&found) < 1e-3, "{smoothing:?} {:?}", found.estimate);
+            let samples = found.left_out.samples;
+            assert!(samples > 6000 / 7 - 60 && samples < 6000 / 7, "{samples}");
+        }
+    });
+}
+
+#[test]
+fn blocks_of_a_long_log_are_filtered_as_if_it_were_one() {
+    with_arm(|model| {
+        let smoothing = Smoothing::Butterworth {
+            order: 5,
+            cutoff: 6.0,
+        };
+        let filtering = Filtering {
+            smoothing,
+            ..Filtering::default()
+        };
+        let rows = 5000;
+        let mut log = recorded(&swing, 0.01, rows).filtered(filtering);
+        let mut whole: Vec<f64> = (0..rows).map(|k| effort(swing(k as f64 * 0.01))).collect();
+        let times: Vec<f64> = (0..rows).map(|k| k as f64 * 0.01).collect();
+        smoothing.apply(&times, &mut whole, 1).unwrap();
+        let mut seen = 0;
+        regen_runtime::identify::equations(
+            model,
+            Kind::Forces,
+            &mut log,
+            &mut regen_runtime::identify::NoColumns,
+            &mut |found| {
+                #[allow(clippy::cast_sign_loss)]
+                let k = (found.time / 0.01).round() as usize;
+                // efforts of some 30 N m, to the filter's memory of 1e-16 and rounding
+                assert!((found.tau[0] - whole[k]).abs() < 1e-10, "{k}");
+                seen += 1;
+                Ok(())
+            },
+        )
+        .unwrap();
+        assert!(seen > 4700, "{seen}");
+    });
+}
+
+#[test]
+fn an_effort_that_is_logged_late_is_found_and_corrected() {
+    with_arm(|model| {
+        let (step, late) = (0.004, 0.0137);
+        let mut text = "t,q1,tau_q1\n".to_owned();
+        let mut noise = crate::verify::Random(3);
+        for k in 0..4000 {
+            let t = f64::from(k) * step;
+            let tau = effort(swing(t - late)) + 0.02 * noise.signed();
+            let _ = writeln!(text, "{t},{},{tau}", swing(t)[0]);
+        }
+        let path = scratch("late.csv", &text);
+        let fit = |delay: f64| {
+            let settings = Settings {
+                method: Method::Butterworth {
+                    order: 4,
+                    cutoff: 10.0,
+                },
+                delays: vec![("q1".to_owned(), delay)],
+                ..Settings::default()
+            };
+            let mut logs = Logs::open(model, &[path.clone()], &settings).unwrap();
+            identify(model, Kind::Forces, &Options::default(), &mut logs).unwrap()
+        };
+        let before = fit(0.0);
+        let delay = &before.delays.efforts[0];
+        assert!(delay.is_significant(), "{delay:?}");
+        // of first order: the rest is found when it is repeated
+        assert!((delay.seconds / late - 1.0).abs() < 0.2, "{delay:?}");
+        let once = delay.seconds;
+        let again = fit(once).delays.efforts[0].seconds + once;
+        assert!((again / late - 1.0).abs() < 0.02, "{again}");
+        let after = fit(late);
+        assert!(
+            !after.delays.efforts[0].is_significant(),
+            "{:?}",
+            after.delays
+        );
+        assert!(error(&after) < 0.1 * error(&before), "{}", error(&after));
+    });
+}
+
+#[test]
+fn what_holds_a_joint_at_rest_does_not_count() {
+    with_arm(|model| {
+        // swings with rests of a second between them
+        let motion = |t: f64| {
+            let phase = t.rem_euclid(4.0);
+            if phase < 3.0 {
+                let w = std::f64::consts::TAU / 3.0;
+                let turn = (t / 4.0).floor();
+                let size = 0.5 + 0.2 * turn.rem_euclid(3.0);
+                let (sin, cos) = (w * phase).sin_cos();
+                // it starts and ends at rest
+                [0.3 + size * (1.0 - cos), size * w * sin, size * w * w * cos]
+            } else {
+                [0.3, 0.0, 0.0]
+            }
+        };
+        let mut text = "t,q1,tau_q1\n".to_owned();
+        for k in 0..8000 {
+            let t = f64::from(k) * 0.005;
+            let state = motion(t);
+            // static friction holds the joint against what the drive happens to do
+            let held = if state[1] == 0.0 { 1.2 } else { 0.0 };
+            let _ = writeln!(text, "{t},{},{}", state[0], effort(state) + held);
+        }
+        let path = scratch("rests.csv", &text);
+        let fit = |standstill| {
+            let settings = Settings {
+                method: Method::Butterworth {
+                    order: 4,
+                    cutoff: 15.0,
+                },
+                standstill,
+                ..Settings::default()
+            };
+            let mut logs = Logs::open(model, &[path.clone()], &settings).unwrap();
+            identify(model, Kind::Forces, &Options::default(), &mut logs).unwrap()
+        };
+        let (drop, keep) = (fit(Standstill::Drop), fit(Standstill::Keep));
+        let share = drop.left_out.resting[0] as f64 / drop.left_out.samples as f64;
+        assert!((0.2..0.35).contains(&share), "{share}");
+        assert_eq!(keep.left_out.resting, [0]);
+        // accelerations jump where the joint starts and stops, which the filter smears
+        assert!(error(&drop) < 0.05, "{:?}", drop.estimate.values);
+        assert!(
+            error(&keep) > 3.0 * error(&drop),
+            "{:?}",
+            keep.estimate.values
+        );
+    });
+}
