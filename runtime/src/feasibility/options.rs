@@ -64,4 +64,7 @@ pub struct Options {
     /// The standard deviation of the noise of the factor's rows; without, that of the
     /// least-squares residuals. It sets the weight of priors.
     pub noise: Option<f64>,
+    /// Only the fit: what observations leave open is not chosen, and left somewhere inside the
+    /// constraints. For the many fits inside a search, of which the last is made without this.
+    pub rough: bool,
 }
