@@ -14,6 +14,8 @@ mod identified;
 mod optimum;
 #[path = "feasibility/outputs.rs"]
 mod outputs;
+#[path = "feasibility/problems.rs"]
+mod problems;
 #[path = "feasibility/robots.rs"]
 mod robots;
 #[path = "feasibility/scales.rs"]

@@ -153,7 +153,6 @@ pub fn identify(
     };
     let Found { problem, x: within } = inside(&setting)?;
     let lost = || FeasibilityError::Solver("no physical solution was found".to_owned());
-    let goal = GOAL;
     let first = start(&problem.objective, &problem.cones, within.clone()).ok_or_else(lost)?;
     let all = &problem.cones;
     let ended = minimise(
@@ -161,7 +160,7 @@ pub fn identify(
         all,
         &problem.reach,
         first,
-        goal,
+        GOAL,
         &|_| false,
     );
     let ended = ended.ok_or_else(lost)?;
@@ -171,7 +170,9 @@ pub fn identify(
     } else {
         closest(&problem, options, &ended)
     };
-    let (phi, check) = physical(&problem, layout, options, &x, &within).ok_or_else(lost)?;
+    let (phi, check, moved) = physical(&problem, layout, options, &x, &within).ok_or_else(lost)?;
+    let cost = objective(&problem, &moved) - objective(&problem, &x);
+    let gap = gap + cost.max(0.0) / ended.gap.value;
     finite("solution", &phi).map_err(|_| lost())?;
     let beta = combinations.apply(&phi)?;
     Ok(Physical {
@@ -276,7 +277,7 @@ fn physical(
     options: &Options,
     x: &[f64],
     within: &[f64],
-) -> Option<(Vec<f64>, Check)> {
+) -> Option<(Vec<f64>, Check, Vec<f64>)> {
     for part in [0.0, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8] {
         let mixed: Vec<f64> = x
             .iter()
@@ -296,7 +297,7 @@ fn physical(
             !own.is_some_and(|b| at.is_some_and(|x| *x >= b.lowest))
         });
         if check.is_physical() && check.margin() >= options.margin {
-            return Some((phi, check));
+            return Some((phi, check, mixed));
         }
     }
     None
@@ -328,8 +329,13 @@ fn least_squares_kept(
     if margin < options.margin {
         return Ok(None);
     }
-    let inside = (phi.as_slice(), margin);
-    let (phi, check) = near_reference(layout, combinations, &beta, inside, options)?;
+    let (phi, check) = if options.rough {
+        let check = layout.check(&phi, options.scale)?;
+        (phi, check)
+    } else {
+        let inside = (phi.as_slice(), margin);
+        near_reference(layout, combinations, &beta, inside, options)?
+    };
     let squared_residual = factor.squared_residual(&beta)?;
     Ok(Some(Physical {
         phi,

@@ -107,19 +107,15 @@ pub(super) fn solve(
                 -constant / lead
             },
         };
-        gone[pivot] = Some(by.clone());
-        for k in 0..parameters {
-            let uses = gone[k]
-                .as_ref()
-                .is_some_and(|old| old.terms.iter().any(|(j, _)| *j == pivot));
-            if !uses {
+        let mut one = vec![None; parameters];
+        one[pivot] = Some(by);
+        for slot in &mut gone {
+            let uses = |old: &Affine| old.terms.iter().any(|(j, _)| *j == pivot);
+            let Some(old) = slot.take_if(|old| uses(old)) else {
                 continue;
-            }
-            let Some(old) = gone[k].take() else { continue };
-            let mut one = vec![None; parameters];
-            one[pivot] = Some(by.clone());
+            };
             let (terms, sizes, constant, _) = substituted(&old, &one);
-            gone[k] = Some(Affine {
+            *slot = Some(Affine {
                 terms: (0..parameters)
                     .filter(|j| terms[*j].abs() > CANCELLED * sizes[*j])
                     .map(|j| (j, terms[j]))
@@ -127,6 +123,7 @@ pub(super) fn solve(
                 constant,
             });
         }
+        gone[pivot] = one[pivot].take();
     }
     if let Some((_, source, _)) = acting.iter().find(|(.., acts)| !acts) {
         return Err(FeasibilityError::Idle(format!(

@@ -9,7 +9,8 @@ use super::Scale;
 pub struct Bound {
     /// Its label.
     pub parameter: String,
-    /// The lowest value, SI.
+    /// The lowest value, SI. One below 0 of a single parameter stands for the sign that it must
+    /// have otherwise: what a torque sensor's offset or a joint that drives asks for.
     pub lowest: f64,
     /// The highest value, SI; may be infinite.
     pub highest: f64,

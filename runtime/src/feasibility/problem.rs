@@ -377,13 +377,12 @@ impl Setting<'_> {
                 };
                 set(&mut plain.constant, sum.constant);
                 for (v, factor) in sum.terms {
-                    match plain.terms.iter_mut().find(|(k, _)| *k == v) {
-                        Some((_, m)) => set(m, factor),
-                        None => {
-                            let mut m = ZERO;
-                            set(&mut m, factor);
-                            plain.terms.push((v, m));
-                        }
+                    if let Some((_, m)) = plain.terms.iter_mut().find(|(k, _)| *k == v) {
+                        set(m, factor);
+                    } else {
+                        let mut m = ZERO;
+                        set(&mut m, factor);
+                        plain.terms.push((v, m));
                     }
                 }
             }

@@ -207,8 +207,9 @@ pub(super) fn led(combinations: &Combinations, beta: &[f64]) -> Result<Led, Feas
         if lead.abs() <= REPRODUCED * size {
             continue;
         }
-        row.iter_mut().for_each(|x| *x /= lead);
-        sum.iter_mut().for_each(|x| *x /= lead);
+        for x in row.iter_mut().chain(&mut sum) {
+            *x /= lead;
+        }
         value /= lead;
         row[pivot] = 1.0;
         for place in 0..rows.len() {

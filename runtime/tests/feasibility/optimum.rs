@@ -7,10 +7,10 @@ use regen_runtime::feasibility::{
 };
 
 /// A sequence of numbers in -1..1 that is the same everywhere (SplitMix64).
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    fn signed(&mut self) -> f64 {
+    pub(crate) fn signed(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -41,14 +41,14 @@ impl Random {
 
 /// Two or three bodies, light ones beside heavy ones, of which combinations are seen by too few
 /// or hardly independent rows.
-struct Problem {
-    layout: Layout,
-    combinations: Combinations,
-    factor: Factor,
-    truth: Vec<f64>,
+pub(crate) struct Problem {
+    pub(crate) layout: Layout,
+    pub(crate) combinations: Combinations,
+    pub(crate) factor: Factor,
+    pub(crate) truth: Vec<f64>,
 }
 
-fn problem(seed: u64) -> Problem {
+pub(crate) fn problem(seed: u64) -> Problem {
     let mut random = Random(seed);
     let bodies = 2 + usize::from(seed.is_multiple_of(3));
     let labels = crate::robots::labels(bodies);
