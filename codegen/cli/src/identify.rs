@@ -159,7 +159,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     for (out, _) in &written {
         terminal::note(&format!("{}: written", out.display()));
     }
-    physical::require_optimum(&last)
+    physical::require_optimum(&identified)
 }
 
 /// Identifies a model from what the options name; the last model that is found is adopted.
