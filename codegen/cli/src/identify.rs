@@ -61,7 +61,7 @@ pub(crate) struct Summary {
     /// were asked for.
     pub(crate) models: Vec<ModelJson>,
     pub(crate) files: Vec<FileJson>,
-    /// Columns that look swapped or turned round.
+    /// What looks wrong with the columns of the logs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) suspicions: Vec<Suspicion>,
 }
@@ -313,8 +313,8 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     let found =
         identify::identify(model, kind, &options(args), &mut logs).inspect_err(|error| {
             // loops that do not close may be two columns that are swapped
-            if matches!(error, DataError::Problems { .. }) {
-                suspicions(args, model);
+            if matches!(error, DataError::Problems { .. } | DataError::Signal { .. }) {
+                suspect::tell(args, model, logs.logs(), None);
             }
         })?;
     observe::note_problems(logs.logs().reports());
@@ -336,18 +336,7 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     json.left_out = Some(found.left_out);
     json.delays = found.delays;
     json.corrected_delays = observe::delays(&args.reading);
-    if found.relative_absolute > suspect::BAD {
-        json.suspicions = suspicions(args, model);
-    }
-    let sigmas: Vec<f64> = (0..found.estimate.values.len())
-        .map(|k| found.estimate.sigma(k))
-        .collect();
-    if json.suspicions.is_empty() && suspect::upside_down(model, &found.estimate.values, &sigmas) {
-        terminal::note(
-            "warning: these parameters make every inertia negative: the signs of all efforts, or of \
-             all positions, look flipped. If so, read them with --column 'tau_NAME=COLUMN*-1'",
-        );
-    }
+    json.suspicions = suspect::tell(args, model, logs.logs(), Some(&used));
     json.files = logs.logs().reports().iter().map(FileJson::new).collect();
     if args.cross {
         json.cross = cross(args, model, kind)?;
@@ -391,22 +380,6 @@ impl Summary {
             suspicions: Vec::new(),
         }
     }
-}
-
-/// What may be wrong with the columns of logs that do not fit the model; it is told at once.
-fn suspicions(args: &IdentifyArgs, model: &Interpreted<'_>) -> Vec<Suspicion> {
-    let working = progress::spinner("the fit is bad: looking for swapped columns".to_owned());
-    let settings = observe::settings(&args.reading);
-    let kind = observe::kind(&args.reading);
-    let logs = args.logs.iter();
-    let found: Vec<Suspicion> = logs
-        .filter_map(|path| suspect::look(model, kind, &settings, path))
-        .collect();
-    working.finish_and_clear();
-    for suspicion in &found {
-        terminal::note(&format!("warning: {suspicion}"));
-    }
-    found
 }
 
 /// Each log predicted by parameters from all others.

@@ -7,6 +7,7 @@ mod passes;
 mod recorded;
 mod replay;
 mod stream;
+pub mod suspect;
 
 use std::format;
 use std::prelude::v1::*;

@@ -82,6 +82,9 @@ pub(crate) struct IdentifyArgs {
     /// Identify from all logs but one and predict that one, each in turn
     #[arg(long)]
     pub(crate) cross: bool,
+    /// Do not look for swapped columns, flipped signs, wrong units and the like
+    #[arg(long)]
+    pub(crate) no_suspicion: bool,
     /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
@@ -183,8 +186,13 @@ pub(crate) enum ProblemsArg {
     /// List them and stop
     #[default]
     Fail,
-    /// Go on without them
+    /// Go on without them; the log is cut there
     Drop,
+    /// Go on with them where they are numbers: outliers, saturated efforts,
+    /// encoders that look stuck
+    Keep,
+    /// As keep, and list them
+    Tell,
 }
 
 /// By how much efforts are logged late
