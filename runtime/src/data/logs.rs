@@ -69,6 +69,8 @@ pub struct FileReport {
     pub step: f64,
     /// States that gave equations.
     pub states: usize,
+    /// Whether velocities and accelerations were read from it, not found from the positions.
+    pub derivatives: bool,
     /// What is wrong with it.
     pub problems: Problems,
 }
@@ -194,6 +196,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 rows,
                 step: survey.step(),
                 states: 0,
+                derivatives: file.layout.derivatives,
                 problems,
             });
             files.push(Log {
