@@ -69,6 +69,8 @@ pub struct FileReport {
     pub step: f64,
     /// States that gave equations.
     pub states: usize,
+    /// Whether velocities and accelerations were read from it, not found from the positions.
+    pub derivatives: bool,
     /// What is wrong with it.
     pub problems: Problems,
     /// What was done with the rows that this is about.
@@ -197,6 +199,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 rows,
                 step: survey.step(),
                 states: 0,
+                derivatives: file.layout.derivatives,
                 problems,
                 policy: settings.policy,
             });
