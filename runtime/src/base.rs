@@ -64,6 +64,14 @@ pub trait BaseModel<
     /// The combinations and their certificate.
     fn base_info(&self) -> BaseInfo<'_>;
 
+    /// Forms in the parameters that this base takes as zero: what `base: zero`, `equal` and `drop`
+    /// of the spec say, each under the label of the parameter that it takes out. Only parameters
+    /// that fulfil them have the forces that their base parameters give. Empty for a spec without
+    /// such choices.
+    fn zeros(&self) -> &[BaseParameter<'_>] {
+        &[]
+    }
+
     /// The reduced regressor `W_red` (Eq. 23).
     ///
     /// - `q`, `qd`, `qdd`: n; `out`: `dof * rank`, column by column.

@@ -10,8 +10,12 @@ mod friction;
 mod friction_logs;
 #[path = "feasibility/identified.rs"]
 mod identified;
+#[path = "feasibility/optimum.rs"]
+mod optimum;
 #[path = "feasibility/outputs.rs"]
 mod outputs;
+#[path = "feasibility/problems.rs"]
+mod problems;
 #[path = "feasibility/robots.rs"]
 mod robots;
 #[path = "feasibility/scales.rs"]

@@ -76,6 +76,8 @@ pub(crate) struct IdentifiedModel {
     pub(crate) left_out: Vec<usize>,
     /// What is known of its feasibility.
     pub(crate) feasibility: String,
+    /// By what part of itself the objective can be above the optimum at most, where it is physical.
+    pub(crate) gap: Option<f64>,
     /// How uncertain its values are.
     pub(crate) intervals: Intervals,
 }

@@ -90,6 +90,9 @@ pub(crate) struct Cross {
 pub(crate) struct ModelJson {
     pub(crate) name: String,
     pub(crate) feasibility: String,
+    /// By what part of itself the objective can be above the optimum at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) gap: Option<f64>,
     pub(crate) base: Vec<f64>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) friction: Vec<FrictionRow>,
@@ -156,7 +159,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     for (out, _) in &written {
         terminal::note(&format!("{}: written", out.display()));
     }
-    Ok(())
+    physical::require_optimum(&last)
 }
 
 /// Identifies a model from what the options name; the last model that is found is adopted.
@@ -240,6 +243,7 @@ fn models(
             .map(|(f, logs)| ModelJson {
                 name: f.name.to_owned(),
                 feasibility: f.feasibility.clone(),
+                gap: f.gap,
                 base: f.beta.clone(),
                 friction: f.friction.iter().map(FrictionRow::new).collect(),
                 logs,

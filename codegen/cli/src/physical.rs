@@ -2,8 +2,8 @@
 
 use regen_runtime::estimate::Factor;
 use regen_runtime::feasibility::{
-    Bound, Combinations, FeasibilityError, Layout, Options, Outcome, Physical, Prior, SYMBOLS,
-    Scale, Total, Verdict, identify, verdict,
+    Bound, Combinations, FeasibilityError, Layout, OPTIMAL, Options, Outcome, Physical, Prior,
+    SYMBOLS, Scale, Total, Verdict, identify, verdict,
 };
 use regen_runtime::friction::{FrictionData, FrictionJoint, JointFit, fit};
 use regen_runtime::{BaseModel, Closure, Friction, Model};
@@ -17,7 +17,7 @@ use regen_interpreted::Interpreted;
 /// The layout and combinations of a model.
 pub(crate) fn frame(model: &Interpreted<'_>) -> Result<(Layout, Combinations), Failure> {
     let layout = Layout::new(model.info().parameters)?;
-    let combinations = Combinations::from_base(&model.base_info(), layout.len())?;
+    let combinations = Combinations::from_model(model, layout.len())?;
     Ok((layout, combinations))
 }
 
@@ -68,6 +68,7 @@ pub(crate) fn models(
         phi: linear_fit.phi.get(..p).map(<[f64]>::to_vec),
         friction: linear(joints, linear_fit.phi.get(p..).unwrap_or_default()),
         feasibility: cost(&linear_fit),
+        gap: Some(linear_fit.gap),
         ..IdentifiedModel::default()
     });
     if let Some(data) = data {
@@ -77,8 +78,9 @@ pub(crate) fn models(
         };
         let found = fit(data, &plain, &plain_layout, &own)?;
         let mut text = format!(
-            "physical; {:.3} % of the linear model's squared residuals",
-            100.0 * found.squared_residual / found.linear
+            "physical; {:.3} % of the linear model's squared residuals; with these shapes {}",
+            100.0 * found.squared_residual / found.linear,
+            proven(found.gap)
         );
         if !found.converged {
             text.push_str("; the search for the shapes had not settled");
@@ -89,6 +91,7 @@ pub(crate) fn models(
             phi: Some(found.phi),
             friction: found.joints,
             feasibility: text,
+            gap: Some(found.gap),
             ..IdentifiedModel::default()
         });
     }
@@ -126,15 +129,41 @@ fn told(judged: &Verdict) -> String {
     }
 }
 
-/// What being physical costs.
+/// What the gap to the optimum says.
+fn proven(gap: f64) -> String {
+    if gap <= OPTIMAL {
+        format!("the optimum, proven to {gap:.1e}")
+    } else {
+        format!("NOT proven to be the optimum, gap {gap:.1e}")
+    }
+}
+
+/// Fails where the result is no optimum; it is printed and written already.
+pub(crate) fn require_optimum(found: &IdentifiedModel) -> Result<(), Failure> {
+    match found.gap {
+        Some(gap) if gap.is_nan() || gap > OPTIMAL => Err(Failure::Numeric(format!(
+            "the physical parameters are not proven to be the optimum: others may fit better by up \
+             to {gap:.1e} of the squared residuals"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// What being physical costs, and how far the result can be from the optimum.
 fn cost(found: &Physical) -> String {
     let how = match found.outcome {
-        Outcome::Unconstrained => "physical, no constraint is active",
-        Outcome::Constrained => "physical",
-        Outcome::Inaccurate => "physical; the solver stopped early, others may fit a little better",
+        Outcome::Unconstrained => "physical, no constraint is active".to_owned(),
+        Outcome::Constrained => format!("physical, {}", proven(found.gap)),
     };
     let (margin, rise) = (found.check.margin(), 100.0 * found.rise());
-    format!("{how} (smallest eigenvalue {margin:.2e}, rms residual +{rise:.3} %)")
+    let mut text = format!("{how} (smallest eigenvalue {margin:.2e}, rms residual +{rise:.3} %)");
+    if !found.limited.is_empty() {
+        text.push_str(&format!(
+            "; the fit wants {} heavier than any robot of this size: give --bound 'm(...)=..'",
+            found.limited.join(", ")
+        ));
+    }
+    text
 }
 
 /// Linear friction at joints whose law is another: Fc and Fv of each.

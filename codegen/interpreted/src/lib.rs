@@ -18,6 +18,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use regen_codegen::base;
 use regen_codegen::interpret;
 use regen_codegen::model::MotionKind;
 use regen_codegen::robot::{FunctionKind, JointInfo, Robot};
@@ -37,30 +38,48 @@ pub struct Interpreted<'a> {
     joints: Vec<Joint>,
     cones: Vec<Cone<'a>>,
     base: Vec<BaseParameter<'a>>,
+    zeros: Vec<BaseParameter<'a>>,
     free: Vec<&'a str>,
 }
 
+/// A label with what it stands for.
+type Labelled<'a> = (&'a str, Vec<BaseTerm<'a>>);
+
 /// The terms of a robot's base parameters, for [`Interpreted::with_terms`] to lend.
-pub struct BaseTerms<'a>(Vec<(&'a str, Vec<BaseTerm<'a>>)>);
+pub struct BaseTerms<'a> {
+    base: Vec<Labelled<'a>>,
+    zeros: Vec<Labelled<'a>>,
+}
 
 impl<'a> BaseTerms<'a> {
     /// The terms of the base parameters that functions take.
     pub fn new(robot: &'a Robot) -> Self {
         let label = |column: usize| robot.parameters.get(column).map_or("?", String::as_str);
         let analysis = robot.analysis.iter();
-        let kept = analysis
-            .flat_map(|a| &a.base.parameters)
-            .filter(|p| !p.dropped);
-        let rows = kept.map(|parameter| {
-            let terms = parameter.terms.iter().map(|term| BaseTerm {
-                parameter: label(term.column),
-                index: term.column,
-                coefficient: &term.coefficient,
-                value: term.value.to_f64(),
-            });
-            (label(parameter.column), terms.collect())
+        let of = |term: &'a base::Term| BaseTerm {
+            parameter: label(term.column),
+            index: term.column,
+            coefficient: &term.coefficient,
+            value: term.value.to_f64(),
+        };
+        let all = || analysis.clone().flat_map(|a| &a.base.parameters);
+        let row = |p: &'a base::BaseParameter| (label(p.column), p.terms.iter().map(of).collect());
+        let dropped = all().filter(|p| p.dropped).map(row);
+        // a parameter that others stand for: those less it are zero
+        let known = analysis.clone().flat_map(|a| &a.base.known).map(|known| {
+            let own = BaseTerm {
+                parameter: label(known.column),
+                index: known.column,
+                coefficient: "-1",
+                value: -1.0,
+            };
+            let all = std::iter::once(own).chain(known.terms.iter().map(of));
+            (own.parameter, all.collect())
         });
-        Self(rows.collect())
+        Self {
+            base: all().filter(|p| !p.dropped).map(row).collect(),
+            zeros: known.chain(dropped).collect(),
+        }
     }
 }
 
@@ -95,18 +114,21 @@ impl<'a> Interpreted<'a> {
                 })
                 .collect(),
             base: Vec::new(),
+            zeros: Vec::new(),
             free: free.map(String::as_str).collect(),
         }
     }
 
     /// The model of a robot with its base parameters.
     pub fn with_terms(robot: &'a Robot, terms: &'a BaseTerms<'a>) -> Self {
-        let base = terms
-            .0
-            .iter()
-            .map(|(label, terms)| BaseParameter { label, terms });
+        let lent = |all: &'a [Labelled<'a>]| {
+            let each = all.iter();
+            each.map(|(label, terms)| BaseParameter { label, terms })
+                .collect()
+        };
         Self {
-            base: base.collect(),
+            base: lent(&terms.base),
+            zeros: lent(&terms.zeros),
             ..Self::new(robot)
         }
     }
@@ -395,6 +417,10 @@ impl BaseModel<f64> for Interpreted<'_> {
             }),
             complete: analysis.is_some_and(|a| a.complete),
         }
+    }
+
+    fn zeros(&self) -> &[BaseParameter<'_>] {
+        &self.zeros
     }
 
     fn base_regressor(

@@ -81,6 +81,7 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
         let _ = writeln!(out, "    }},");
     }
     let _ = writeln!(out, "];");
+    zeros(robot, analysis, out);
     let free = free(robot);
     let _ = writeln!(
         out,
@@ -121,4 +122,57 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
     }
     let _ = writeln!(out, "    complete: {},", analysis.complete);
     let _ = writeln!(out, "}};");
+}
+
+/// Whether the spec takes forms in the parameters as zero.
+pub(super) fn has_zeros(analysis: &Analysis) -> bool {
+    !analysis.base.known.is_empty() || analysis.base.parameters.iter().any(|p| p.dropped)
+}
+
+/// The forms that `base.zero`, `base.equal` and `base.drop` take as zero.
+fn zeros(robot: &Robot, analysis: &Analysis, out: &mut String) {
+    if !has_zeros(analysis) {
+        return;
+    }
+    let base = &analysis.base;
+    let term = |column: usize, coefficient: &str, value: f64| {
+        format!(
+            "            BaseTerm {{ parameter: {:?}, index: {column}, coefficient: {coefficient:?}, \
+             value: {} }},\n",
+            robot.parameters[column],
+            literal(value),
+        )
+    };
+    let rest = |terms: &[crate::base::Term]| -> String {
+        let each = terms.iter();
+        each.map(|t| term(t.column, &t.coefficient, t.value.to_f64()))
+            .collect()
+    };
+    // a parameter that others stand for: those less it are zero
+    let known = base.known.iter().map(|known| {
+        let terms = term(known.column, "-1", -1.0) + &rest(&known.terms);
+        (known.column, terms)
+    });
+    let dropped = base.parameters.iter().filter(|p| p.dropped);
+    let dropped = dropped.map(|p| (p.column, rest(&p.terms)));
+    let all: Vec<(usize, String)> = known.chain(dropped).collect();
+    let _ = writeln!(
+        out,
+        "/// Forms that `base.zero`, `base.equal` and `base.drop` take as zero."
+    );
+    let _ = writeln!(
+        out,
+        "pub const ZEROS: [BaseParameter<'static>; {}] = [",
+        all.len()
+    );
+    for (column, terms) in all {
+        let label = &robot.parameters[column];
+        let _ = writeln!(out, "    BaseParameter {{");
+        let _ = writeln!(out, "        label: {label:?},");
+        let _ = writeln!(out, "        terms: &[");
+        out.push_str(&terms);
+        let _ = writeln!(out, "        ],");
+        let _ = writeln!(out, "    }},");
+    }
+    let _ = writeln!(out, "];");
 }

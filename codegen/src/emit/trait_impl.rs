@@ -64,14 +64,19 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
         trait_method(robot, kind, runtime, out);
     }
     let _ = writeln!(out, "}}");
-    if base_of(robot).is_none() {
+    let Some(analysis) = base_of(robot) else {
         return;
-    }
+    };
     let _ = writeln!(out);
     let _ = writeln!(out, "impl<T: Scalar> BaseModel<T> for {name} {{");
     let _ = writeln!(out, "    fn base_info(&self) -> BaseInfo<'_> {{");
     let _ = writeln!(out, "        BASE_INFO");
     let _ = writeln!(out, "    }}");
+    if super::base::has_zeros(analysis) {
+        let _ = writeln!(out, "\n    fn zeros(&self) -> &[BaseParameter<'_>] {{");
+        let _ = writeln!(out, "        &ZEROS");
+        let _ = writeln!(out, "    }}");
+    }
     for kind in FunctionKind::ALL.into_iter().filter(|k| k.needs_base()) {
         trait_method(robot, kind, runtime, out);
     }

@@ -3,7 +3,7 @@
 use std::prelude::v1::*;
 
 use super::program::{Affine, Program};
-use super::verdict::{Role, body_triangle, complete, expressions, reproduces, roles};
+use super::verdict::{Role, body_triangle, complete, expressions, led, reproduces, roles};
 use super::{Check, Combinations, FeasibilityError, Layout, Options};
 
 /// What the solver is asked for: free parameters are only to be sensible.
@@ -25,6 +25,8 @@ pub(super) fn near_reference(
     (inside, margin): (&[f64], f64),
     options: &Options,
 ) -> Result<(Vec<f64>, Check), FeasibilityError> {
+    let led = led(combinations, beta)?;
+    let (combinations, beta) = (&led.combinations, led.values.as_slice());
     let (roles, free) = roles(combinations)?;
     let units = layout.units(options.scale);
     let (expressions, free_units) = expressions(combinations, &roles, &units, beta);

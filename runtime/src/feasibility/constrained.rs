@@ -6,23 +6,23 @@ use std::vec;
 use nalgebra::{DMatrix, DVector};
 
 use super::completion::near_reference;
-use super::entropic::divergence;
 use super::error::{finite, size};
-use super::inertia::{ENTRIES, TRIANGLE, ten_of};
-use super::program::{Affine, Program};
-use super::reduced::{Directions, Reduced, Slot};
-use super::verdict::{body_triangle, combine, roles, verdict};
-use super::{Check, Combinations, FeasibilityError, Layout, Options, Verdict, pseudo_inertia};
+use super::faces::{Found, inside};
+use super::interior::{Ended, minimise, start};
+use super::problem::{Kind, Problem, Setting};
+use super::reduced::Directions;
+use super::verdict::verdict;
+use super::{Check, Combinations, FeasibilityError, Layout, Options, Verdict};
 use crate::estimate::Factor;
 
-/// What the solver is asked for.
-const ACCURACY: f64 = 1e-12;
-/// The margin inside the cone, so that what the solver leaves is inside after rounding.
-const INSIDE: f64 = 1e-11;
-/// The weight of the reference in those directions, as a part of the strongest column.
-const REFERENCE: f64 = 1e-4;
-/// What a solution may be moved at most to be inside after the solver's last step.
-const LIFT: f64 = 1e-5;
+/// The gap that is sought, as a part of the objective.
+const GOAL: f64 = 1e-8;
+/// The gap up to which a result is called the optimum, as a part of the objective.
+pub const OPTIMAL: f64 = 1e-4;
+/// What closeness to the reference may cost at most, as a part of the objective.
+const PULL: f64 = 1e-8;
+/// A generous limit counts as active when the fit would gain this part of its objective by it.
+const ACTIVE: f64 = 1e-6;
 
 /// How the constraints took part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,9 +31,6 @@ pub enum Outcome {
     Unconstrained,
     /// Constraints or priors hold the parameters away from the least-squares ones.
     Constrained,
-    /// As `Constrained`, and physical, but the solver stopped before the accuracy that it was
-    /// asked for: others may fit slightly better.
-    Inaccurate,
 }
 
 /// Physical parameters of a robot.
@@ -47,10 +44,19 @@ pub struct Physical {
     pub squared_residual: f64,
     /// The sum of squared residuals of least squares without constraints: the least there is.
     pub least: f64,
-    /// The check that they are physical, made without the solver.
+    /// The check that they are physical, made without the solver. Single parameters that a limit
+    /// of [`Options::bounds`] lets be negative are none that are missing there.
     pub check: Check,
     /// How the constraints took part.
     pub outcome: Outcome,
+    /// By how much of itself the objective (squared residuals, and what priors add) can be
+    /// above the lowest that any physical robot has, at most: bounded from dual matrices whose
+    /// eigenvalues were cut off at 0, by sums of twice the working precision, whatever the
+    /// solver says of itself. The objective counts as at least 1e-12 of the squared efforts.
+    pub gap: f64,
+    /// Bodies that would be heavier or larger if their generous limits, a thousand times what is
+    /// known of the robot, did not keep them: observations that want masses without end.
+    pub limited: Vec<String>,
 }
 
 impl Physical {
@@ -63,6 +69,11 @@ impl Physical {
             0.0
         }
     }
+
+    /// Whether the gap proves that nothing fits better by more than 1e-4 of the objective.
+    pub fn is_optimal(&self) -> bool {
+        self.gap <= OPTIMAL
+    }
 }
 
 /// Finds the physical parameters that fit observations best.
@@ -72,12 +83,17 @@ impl Physical {
 /// (Eq. 28 and 29), as one convex programme: its solution is the global one. The least-squares
 /// solution is kept to rounding where it is physical.
 ///
+/// Observations decide alone. Among the parameters that fit equally well, those are taken that
+/// are close to the reference, or small: that changes the objective by less than 1e-8 of it.
+/// How far the result can be from the optimum is in [`Physical::gap`].
+///
 /// - `factor`: R and z over the r combinations (base parameters);
 /// - `combinations`: how they combine the p parameters of `layout`.
 ///
 /// # Errors
 /// When sizes or labels do not fit, a value is not finite, an entropic prior has no physical
-/// reference, or the constraints leave nothing ([`FeasibilityError::Solver`]).
+/// reference, something that is asked for can have no effect ([`FeasibilityError::Idle`]), or the
+/// constraints leave nothing ([`FeasibilityError::Contradiction`]).
 ///
 /// ```
 /// use regen_runtime::estimate::Factor;
@@ -126,143 +142,38 @@ pub fn identify(
     if let Some(kept) = least_squares_kept(factor, combinations, layout, options)? {
         return Ok(kept);
     }
-    let mut reduced = Reduced::new(layout, options)?;
-    let b = DMatrix::from_fn(r, p, |i, j| combinations.rows()[i][j]);
-    let triangle = DMatrix::from_column_slice(r, r, factor.r());
-    let (mut a, offset) = reduced.reduce(&(&triangle * &b));
-    let target = DVector::from_column_slice(factor.z()) - offset;
-    // single variables in units that explain all of the efforts
-    let whole = target.norm();
-    for &j in layout.single() {
-        if let Slot::Variable(v) = reduced.slots[j] {
-            let norm = a.column(v).norm();
-            if norm > 0.0 && whole > 0.0 {
-                reduced.units[v] = whole / norm;
-            }
-        }
-    }
-    for (v, unit) in reduced.units.iter().enumerate() {
-        a.column_mut(v).scale_mut(*unit);
-    }
-    let strongest = a.column_iter().map(|c| c.norm()).fold(0.0, f64::max);
-    let strongest = if strongest > 0.0 { strongest } else { 1.0 };
-    a /= strongest;
-    let target = target / strongest;
-
-    // around the least-squares solution, so that the objective is only what constraints cost
-    let spectrum = Directions::of(&a);
-    let start = spectrum.solve(&target);
-    let least = (&a * &start - &target).norm_squared() * strongest * strongest + factor.rss();
-    let spare = factor.rows().saturating_sub(spectrum.rank).max(1);
-    let noise = options.noise.unwrap_or((least / spare as f64).sqrt());
-    let mut program = Program::default();
-    program.variables(reduced.count);
-    // squared deviations in units of the data's objective
-    let weight = noise / strongest;
-    let mut beliefs = Vec::with_capacity(options.priors.len());
-    for (k, prior) in options.priors.iter().enumerate() {
-        let fits = prior.value.is_finite() && prior.deviation.is_finite() && prior.deviation > 0.0;
-        if !fits {
-            return Err(FeasibilityError::NotFinite {
-                what: "priors",
-                index: k,
-            });
-        }
-        let mut off = reduced.expression(layout.find(&prior.parameter)?, prior.deviation / weight);
-        off.constant -= prior.value / prior.deviation * weight;
-        beliefs.push(off);
-    }
-    // around the best parameters that constraints let be; beliefs count there too
-    let (rows, middle, open) = if beliefs.is_empty() {
-        (a, start, spectrum.null)
-    } else {
-        let first = a.nrows();
-        let mut all = a.resize_vertically(first + beliefs.len(), 0.0);
-        let mut sides = target.resize_vertically(first + beliefs.len(), 0.0);
-        for (k, belief) in beliefs.iter().enumerate() {
-            for (v, factor) in &belief.terms {
-                all[(first + k, *v)] += factor;
-            }
-            sides[first + k] = -belief.constant;
-        }
-        let both = Directions::of(&all);
-        let middle = both.solve(&sides);
-        (all, middle, both.null)
+    let (least, rank) = least(factor);
+    let spare = factor.rows().saturating_sub(rank).max(1);
+    let setting = Setting {
+        factor,
+        combinations,
+        layout,
+        options,
+        noise: options.noise.unwrap_or((least / spare as f64).sqrt()),
     };
-    let sides = &rows * &middle;
-    for (i, side) in sides.iter().enumerate() {
-        program.square(&Affine {
-            terms: rows.row(i).iter().copied().enumerate().collect(),
-            constant: -side,
-        });
-    }
-    // what neither observations nor beliefs determine
-    for direction in &open {
-        let mut off = Affine::default();
-        for (j, slot) in reduced.slots.iter().enumerate() {
-            let Slot::Variable(v) = slot else { continue };
-            if off.terms.iter().any(|(k, _)| k == v) {
-                continue;
-            }
-            let factor = REFERENCE * direction[*v];
-            off.terms.push((*v, factor));
-            let reference = options.reference.get(j).copied().flatten().unwrap_or(0.0);
-            off.constant -= factor * reference / reduced.units[*v];
-        }
-        program.square(&off);
-    }
-
-    let inside = options.margin + INSIDE;
-    let scaled = layout.units(options.scale);
-    let expressions: Vec<Affine> = (0..p).map(|j| reduced.expression(j, scaled[j])).collect();
-    for body in layout.bodies() {
-        let entries = body_triangle(&expressions, &body.columns, |diagonal| {
-            diagonal.constant -= inside;
-        });
-        program.semidefinite(4, &entries);
-        let complete = body
-            .columns
-            .map(|c| options.reference.get(c).copied().flatten());
-        if options.entropic > 0.0 && complete.iter().all(Option::is_some) {
-            let reference = body.columns.map(|c| {
-                let value = options.reference.get(c).copied().flatten();
-                value.unwrap_or(0.0) / scaled[c]
-            });
-            let plain: Vec<Affine> = TRIANGLE
-                .into_iter()
-                .zip(ENTRIES)
-                .map(|(_, entry)| combine(&expressions, &body.columns, entry))
-                .collect();
-            let strength = options.entropic * weight * weight;
-            if !divergence(&mut program, &plain, &pseudo_inertia(&reference), strength) {
-                return Err(FeasibilityError::Reference {
-                    body: body.label.clone(),
-                });
-            }
-        }
-    }
-    for &j in layout.single() {
-        if let Slot::Variable(v) = reduced.slots[j] {
-            program.not_negative(&reduced.expression(j, reduced.units[v]));
-        }
-    }
-    limits(&mut program, &reduced, layout, options, &scaled)?;
-    let solved = program.solve(ACCURACY)?;
-    if solved.infeasible {
-        return Err(FeasibilityError::Solver(
-            "bounds, known values and totals contradict each other or what is physical".to_owned(),
-        ));
-    }
-
-    let mut phi = reduced.expand(&solved.x);
-    finite("solution", &phi).map_err(|_| FeasibilityError::Solver("no solution".to_owned()))?;
-    lift(&mut phi, layout, options)?;
-    let check = layout.check(&phi, options.scale)?;
-    if !(check.is_physical() && check.margin() >= options.margin) {
-        return Err(FeasibilityError::Solver(
-            "no physical solution was found".to_owned(),
-        ));
-    }
+    let Found { problem, x: within } = inside(&setting)?;
+    let lost = || FeasibilityError::Solver("no physical solution was found".to_owned());
+    let first = start(&problem.objective, &problem.cones, within.clone()).ok_or_else(lost)?;
+    let all = &problem.cones;
+    let ended = minimise(
+        &problem.objective,
+        all,
+        &problem.reach,
+        first,
+        GOAL,
+        &|_| false,
+    );
+    let ended = ended.ok_or_else(lost)?;
+    let limited = limited(&problem, layout, &ended);
+    let (x, gap) = if options.rough {
+        (ended.best.x.clone(), ended.gap.part())
+    } else {
+        closest(&problem, options, &ended)
+    };
+    let (phi, check, moved) = physical(&problem, layout, options, &x, &within).ok_or_else(lost)?;
+    let cost = objective(&problem, &moved) - objective(&problem, &x);
+    let gap = gap + cost.max(0.0) / ended.gap.value;
+    finite("solution", &phi).map_err(|_| lost())?;
     let beta = combinations.apply(&phi)?;
     Ok(Physical {
         squared_residual: factor.squared_residual(&beta)?,
@@ -270,12 +181,126 @@ pub fn identify(
         phi,
         least,
         check,
-        outcome: if solved.accurate {
-            Outcome::Constrained
-        } else {
-            Outcome::Inaccurate
-        },
+        outcome: Outcome::Constrained,
+        gap,
+        limited,
     })
+}
+
+/// The least sum of squares, and the rank of the observations.
+fn least(factor: &Factor) -> (f64, usize) {
+    if factor.solve().is_ok() {
+        return (factor.rss(), factor.columns());
+    }
+    let r = factor.columns();
+    let a = DMatrix::from_column_slice(r, r, factor.r());
+    let z = DVector::from_column_slice(factor.z());
+    let spectrum = Directions::of(&a);
+    let off = &a * spectrum.solve(&z) - z;
+    (off.norm_squared() + factor.rss(), spectrum.rank)
+}
+
+/// The bodies whose generous limits matter to the fit.
+fn limited(problem: &Problem, layout: &Layout, ended: &Ended) -> Vec<String> {
+    let duals = problem.kinds.iter().zip(&ended.best.duals);
+    let matters = duals.filter_map(|(kind, dual)| {
+        let Kind::Size(body) = kind else { return None };
+        let gain = dual[0][0] * problem.heaviest.get(*body)?;
+        (gain > ACTIVE * ended.gap.value).then(|| layout.bodies().get(*body))?
+    });
+    matters.map(|body| body.label.clone()).collect()
+}
+
+/// Among what fits as well, what is close to the reference; and the gap of that.
+///
+/// The objective with a pull `w ||phi - reference||^2` is minimised again. A pull that is `PULL`
+/// of the objective at the first solution can cost no more than that: at its own minimum the sum
+/// is not larger than there.
+fn closest(problem: &Problem, options: &Options, ended: &Ended) -> (Vec<f64>, f64) {
+    let first = (ended.best.x.clone(), ended.gap.part());
+    let plain = &problem.objective;
+    let far = |x: &[f64]| {
+        let pulled = problem.pulled(&options.reference, 1.0);
+        let both: f64 = pulled.residuals(x)[plain.rows.len()..]
+            .iter()
+            .map(|r| r * r)
+            .sum();
+        both
+    };
+    let distance = far(&first.0);
+    if distance.is_nan() || distance <= 0.0 {
+        return first;
+    }
+    let pulled = problem.pulled(&options.reference, PULL * ended.gap.value / distance);
+    let again = minimise(
+        &pulled,
+        &problem.cones,
+        &problem.reach,
+        ended.inside.clone(),
+        1e-2 * PULL,
+        &|_| false,
+    );
+    let Some(again) = again else { return first };
+    let x = again.best.x;
+    let rise = objective(problem, &x) - objective(problem, &first.0);
+    let allowed = PULL * ended.gap.value;
+    if rise.is_nan() || rise > 2.0 * allowed || far(&x) >= distance {
+        return first;
+    }
+    let whole = ended.gap.complementarity + ended.gap.left + rise.max(0.0);
+    let part = whole / ended.gap.value;
+    (x, part)
+}
+
+/// What is minimised, up to a constant.
+fn objective(problem: &Problem, x: &[f64]) -> f64 {
+    let logarithms: f64 = problem
+        .cones
+        .iter()
+        .filter(|cone| cone.logarithm > 0.0)
+        .map(|cone| {
+            let l = super::symmetric::cholesky(&cone.at(x), cone.size);
+            let roots = l.map_or(f64::NAN, |l| {
+                (0..4).map(|k| libm::log(l[k][k])).sum::<f64>()
+            });
+            2.0 * cone.logarithm * roots
+        })
+        .sum();
+    problem.objective.squares(x) - logarithms
+}
+
+/// The parameters at a point, which are physical by their own check: where rounding takes an
+/// eigenvalue to the wrong side, a little of a point well inside is mixed in.
+fn physical(
+    problem: &Problem,
+    layout: &Layout,
+    options: &Options,
+    x: &[f64],
+    within: &[f64],
+) -> Option<(Vec<f64>, Check, Vec<f64>)> {
+    for part in [0.0, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8] {
+        let mixed: Vec<f64> = x
+            .iter()
+            .zip(within)
+            .map(|(a, b)| a + part * (b - a))
+            .collect();
+        let mut phi = problem.expand(&mixed);
+        for (label, value) in &options.known {
+            if let Ok(j) = layout.find(label) {
+                phi[j] = *value;
+            }
+        }
+        let mut check = layout.check(&phi, options.scale).ok()?;
+        check.negative.retain(|label| {
+            let own = options.bounds.iter().find(|b| b.parameter == *label);
+            let at = layout.find(label).ok().and_then(|j| phi.get(j));
+            !own.is_some_and(|b| at.is_some_and(|x| *x >= b.lowest))
+        });
+        if check.is_physical() && check.margin() >= options.margin {
+            return Some((phi, check, mixed));
+        }
+    }
+    None
 }
 
 /// The least-squares solution, if nothing else is wanted and it is physical.
@@ -294,18 +319,23 @@ fn least_squares_kept(
     let Ok(beta) = factor.solve() else {
         return Ok(None);
     };
-    if wishes || roles(combinations).is_err() {
+    if wishes {
         return Ok(None);
     }
-    let Verdict::Feasible { phi, margin } = verdict(layout, combinations, &beta, options.scale)?
+    let Ok(Verdict::Feasible { phi, margin }) = verdict(layout, combinations, &beta, options.scale)
     else {
         return Ok(None);
     };
     if margin < options.margin {
         return Ok(None);
     }
-    let inside = (phi.as_slice(), margin);
-    let (phi, check) = near_reference(layout, combinations, &beta, inside, options)?;
+    let (phi, check) = if options.rough {
+        let check = layout.check(&phi, options.scale)?;
+        (phi, check)
+    } else {
+        let inside = (phi.as_slice(), margin);
+        near_reference(layout, combinations, &beta, inside, options)?
+    };
     let squared_residual = factor.squared_residual(&beta)?;
     Ok(Some(Physical {
         phi,
@@ -314,6 +344,8 @@ fn least_squares_kept(
         least: squared_residual,
         check,
         outcome: Outcome::Unconstrained,
+        gap: 0.0,
+        limited: Vec::new(),
     }))
 }
 
@@ -343,87 +375,4 @@ pub fn nearest(
     let labels = factor.labels().to_vec();
     let shifted = Factor::from_parts(labels, factor.r().to_vec(), z, 0.0, factor.rows())?;
     identify(&shifted, combinations, layout, options)
-}
-
-/// Adds bounds and totals.
-fn limits(
-    program: &mut Program,
-    reduced: &Reduced,
-    layout: &Layout,
-    options: &Options,
-    scaled: &[f64],
-) -> Result<(), FeasibilityError> {
-    for (k, bound) in options.bounds.iter().enumerate() {
-        if bound.lowest.is_nan() || bound.highest.is_nan() || bound.lowest > bound.highest {
-            return Err(FeasibilityError::NotFinite {
-                what: "bounds",
-                index: k,
-            });
-        }
-        let j = layout.find(&bound.parameter)?;
-        let unit = match reduced.slots[j] {
-            Slot::Variable(v) => reduced.units[v],
-            Slot::Known(_) => scaled[j],
-        };
-        for (limit, sign) in [(bound.lowest, 1.0), (bound.highest, -1.0)] {
-            if limit.is_finite() {
-                let mut off = reduced.expression(j, sign * unit);
-                off.constant -= sign * limit / unit;
-                program.not_negative(&off);
-            }
-        }
-    }
-    for (k, total) in options.totals.iter().enumerate() {
-        if !total.value.is_finite() {
-            return Err(FeasibilityError::NotFinite {
-                what: "totals",
-                index: k,
-            });
-        }
-        let unit = total.value.abs().max(f64::MIN_POSITIVE);
-        let unit = if total.value == 0.0 { 1.0 } else { unit };
-        let mut sum = Affine {
-            terms: Vec::new(),
-            constant: -total.value / unit,
-        };
-        for label in &total.parameters {
-            let more = reduced.expression(layout.find(label)?, unit);
-            sum.constant += more.constant;
-            sum.terms.extend(more.terms);
-        }
-        program.zero(&sum);
-    }
-    Ok(())
-}
-
-/// Moves what the solver left on the wrong side by rounding to the right one.
-fn lift(phi: &mut [f64], layout: &Layout, options: &Options) -> Result<(), FeasibilityError> {
-    let far = || FeasibilityError::Solver("no physical solution was found".to_owned());
-    let unit = layout.units(options.scale);
-    let mut identity = [[0.0; 4]; 4];
-    for (k, row) in identity.iter_mut().enumerate() {
-        row[k] = 1.0;
-    }
-    let direction = ten_of(&identity);
-    for body in layout.bodies() {
-        let ten = body.columns.map(|c| phi[c]);
-        let lacking = options.margin - options.scale.smallest_eigenvalue(&ten);
-        let size = (0..10).fold(1.0, |m: f64, k| {
-            m.max((ten[k] / unit[body.columns[k]]).abs())
-        });
-        if lacking.is_nan() || lacking > LIFT * size {
-            return Err(far());
-        }
-        if lacking >= 0.0 {
-            // and over the rounding of the eigenvalue itself
-            let by = lacking + 16.0 * f64::EPSILON * size;
-            for (column, d) in body.columns.iter().zip(direction) {
-                phi[*column] += by * d * unit[*column];
-            }
-        }
-    }
-    for &j in layout.single() {
-        phi[j] = phi[j].max(0.0);
-    }
-    Ok(())
 }

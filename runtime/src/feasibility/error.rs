@@ -49,6 +49,10 @@ pub enum FeasibilityError {
         /// The body.
         body: String,
     },
+    /// What is asked for contradicts the rest: who asks for it.
+    Contradiction(String),
+    /// Something that is asked for can have no effect: why.
+    Idle(String),
     /// Least squares on the way failed.
     Estimate(EstimateError),
     /// The solver refused the problem.
@@ -77,6 +81,13 @@ impl fmt::Display for FeasibilityError {
                 "the reference values of body `{body}` are of no physical body: an entropic \
                  prior needs a positive definite pseudo-inertia"
             ),
+            Self::Contradiction(what) => {
+                write!(
+                    f,
+                    "{what} cannot hold: it contradicts the rest of what is known"
+                )
+            }
+            Self::Idle(why) => write!(f, "{why}"),
             Self::Estimate(error) => error.fmt(f),
             Self::Solver(message) => write!(f, "the conic solver refused: {message}"),
         }

@@ -1,7 +1,6 @@
 //! The pseudo-inertia of a body: physical exactly when it is positive semidefinite.
 
-use nalgebra::{Matrix4, SymmetricEigen};
-
+use super::symmetric::eigen;
 use super::{Combinations, Layout};
 
 /// Robots up to this many kilograms, or one over it, are measured in kilograms.
@@ -109,12 +108,10 @@ pub(super) fn functional(c: &Ten) -> [[f64; 4]; 4] {
 
 /// The eigenvalues of a symmetric matrix, ascending.
 pub(super) fn eigenvalues(m: &[[f64; 4]; 4]) -> [f64; 4] {
-    let matrix = Matrix4::from_fn(|r, c| m[r][c]);
-    // a NaN keeps the iteration from ending
-    if matrix.iter().any(|x| !x.is_finite()) {
+    if m.iter().flatten().any(|x| !x.is_finite()) {
         return [f64::NAN; 4];
     }
-    let mut values: [f64; 4] = SymmetricEigen::new(matrix).eigenvalues.into();
+    let (mut values, _) = eigen(m, 4);
     values.sort_by(f64::total_cmp);
     values
 }
@@ -214,7 +211,8 @@ impl Scale {
     }
 
     /// The smallest eigenvalue of the pseudo-inertia in these units, without dimension: at
-    /// least 0 exactly when the body is physical. NaN where a parameter is not finite.
+    /// least 0 exactly when the body is physical. What rounding leaves below zero counts as zero,
+    /// as of a rod, which has no extent across. NaN where a parameter is not finite.
     ///
     /// ```
     /// use regen_runtime::feasibility::Scale;
@@ -231,6 +229,13 @@ impl Scale {
     pub fn smallest_eigenvalue(self, phi: &Ten) -> f64 {
         let units = self.units();
         let scaled: Ten = core::array::from_fn(|k| phi[k] / units[k]);
-        eigenvalues(&pseudo_inertia(&scaled))[0]
+        let j = pseudo_inertia(&scaled);
+        let least = eigenvalues(&j)[0];
+        let rounding = 4.0 * f64::EPSILON * (0..4).map(|k| j[k][k].abs()).sum::<f64>();
+        if least < 0.0 && least >= -rounding {
+            0.0
+        } else {
+            least
+        }
     }
 }

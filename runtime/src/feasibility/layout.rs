@@ -6,7 +6,7 @@ use std::vec;
 
 use super::error::{finite, size};
 use super::{FeasibilityError, Scale, Ten};
-use crate::BaseInfo;
+use crate::{BaseInfo, BaseModel};
 
 /// The symbols of a body's ten parameters.
 pub const SYMBOLS: [&str; 10] = [
@@ -215,6 +215,8 @@ pub struct Combinations {
     parameters: usize,
     /// r x p, row by row.
     rows: Vec<Vec<f64>>,
+    /// Forms in the parameters that the model takes as zero, by what they are called.
+    zeros: Vec<(String, Vec<f64>)>,
 }
 
 impl Combinations {
@@ -240,6 +242,29 @@ impl Combinations {
         Self::new(base.base.iter().map(|b| b.label.to_owned()).collect(), rows)
     }
 
+    /// The base of a model, with what its spec takes as zero.
+    ///
+    /// # Errors
+    /// When a term is of no parameter.
+    pub fn from_model(
+        model: &dyn BaseModel<f64>,
+        parameters: usize,
+    ) -> Result<Self, FeasibilityError> {
+        let mut zeros = Vec::with_capacity(model.zeros().len());
+        for form in model.zeros() {
+            let mut row = vec![0.0; parameters];
+            for term in form.terms {
+                let slot = row.get_mut(term.index);
+                *slot.ok_or_else(|| FeasibilityError::Unknown {
+                    what: "parameter",
+                    label: term.parameter.to_owned(),
+                })? += term.value;
+            }
+            zeros.push((form.label.to_owned(), row));
+        }
+        Self::from_base(&model.base_info(), parameters)?.with_zeros(zeros)
+    }
+
     /// Combinations from their labels and rows, r of p factors each.
     ///
     /// # Errors
@@ -255,7 +280,28 @@ impl Combinations {
             labels,
             parameters,
             rows,
+            zeros: Vec::new(),
         })
+    }
+
+    /// With forms in the p parameters that the model takes as zero: what `base: zero`, `equal` and
+    /// `drop` of its spec say. The combinations give the forces only of parameters that fulfil
+    /// them, so that verdicts and fits keep to them.
+    ///
+    /// # Errors
+    /// When lengths do not fit or a factor is not finite.
+    pub fn with_zeros(mut self, zeros: Vec<(String, Vec<f64>)>) -> Result<Self, FeasibilityError> {
+        for (_, row) in &zeros {
+            size("zeros", self.parameters, row.len())?;
+            finite("zeros", row)?;
+        }
+        self.zeros = zeros;
+        Ok(self)
+    }
+
+    /// The forms that are zero, p factors each, by what they are called.
+    pub fn zeros(&self) -> &[(String, Vec<f64>)] {
+        &self.zeros
     }
 
     /// Every parameter by itself, for factors of a full regressor.
@@ -266,6 +312,7 @@ impl Combinations {
             labels: labels.iter().map(|l| l.as_ref().to_owned()).collect(),
             parameters: n,
             rows: (0..n).map(row).collect(),
+            zeros: Vec::new(),
         }
     }
 
@@ -316,6 +363,7 @@ impl Combinations {
             labels,
             parameters: self.parameters,
             rows,
+            zeros: self.zeros.clone(),
         })
     }
 
@@ -332,10 +380,15 @@ impl Combinations {
             row[self.parameters + k] = 1.0;
             rows.push(row);
         }
+        let mut zeros = self.zeros.clone();
+        for (_, row) in &mut zeros {
+            row.resize(parameters, 0.0);
+        }
         Self {
             labels: [self.labels.as_slice(), more].concat(),
             parameters,
             rows,
+            zeros,
         }
     }
 }

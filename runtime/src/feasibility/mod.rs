@@ -10,21 +10,26 @@
 //! feature `lapack-system` leaves those to a BLAS and LAPACK that the program links.
 
 mod completion;
+mod cones;
 mod constrained;
-mod entropic;
+mod equalities;
 mod error;
+mod faces;
 mod inertia;
+mod interior;
 mod layout;
 mod options;
 mod output;
+mod problem;
 mod program;
 mod reduced;
+mod symmetric;
 mod verdict;
 
 // the solver's symbols
 extern crate regen_lapack as _;
 
-pub use constrained::{Outcome, Physical, identify, nearest};
+pub use constrained::{OPTIMAL, Outcome, Physical, identify, nearest};
 pub use error::FeasibilityError;
 pub use inertia::{Scale, Ten, pseudo_inertia, ten_of};
 pub use layout::{Body, Check, Combinations, Layout, SYMBOLS};

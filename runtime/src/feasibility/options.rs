@@ -9,7 +9,8 @@ use super::Scale;
 pub struct Bound {
     /// Its label.
     pub parameter: String,
-    /// The lowest value, SI.
+    /// The lowest value, SI. One below 0 of a single parameter stands for the sign that it must
+    /// have otherwise: what a torque sensor's offset or a joint that drives asks for.
     pub lowest: f64,
     /// The highest value, SI; may be infinite.
     pub highest: f64,
@@ -64,4 +65,7 @@ pub struct Options {
     /// The standard deviation of the noise of the factor's rows; without, that of the
     /// least-squares residuals. It sets the weight of priors.
     pub noise: Option<f64>,
+    /// Only the fit: what observations leave open is not chosen, and left somewhere inside the
+    /// constraints. For the many fits inside a search, of which the last is made without this.
+    pub rough: bool,
 }

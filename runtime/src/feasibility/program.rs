@@ -5,9 +5,7 @@ use std::prelude::v1::*;
 use std::vec;
 
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT as Cone,
-};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SupportedConeT as Cone};
 
 use super::FeasibilityError;
 
@@ -39,10 +37,6 @@ pub(super) struct Solved {
     pub(super) x: Vec<f64>,
     /// The dual of each row, in the order in which rows were added.
     pub(super) z: Vec<f64>,
-    /// Whether the solver reached the accuracy it was asked for.
-    pub(super) accurate: bool,
-    /// Whether it says that no x fulfils the constraints.
-    pub(super) infeasible: bool,
 }
 
 impl Program {
@@ -70,11 +64,6 @@ impl Program {
         self.cone(Cone::ZeroConeT(1), &[equal]);
     }
 
-    /// The expression is zero.
-    pub(super) fn zero(&mut self, expression: &Affine) {
-        self.cone(Cone::ZeroConeT(1), core::slice::from_ref(expression));
-    }
-
     /// The expression is not negative; returns its row.
     pub(super) fn not_negative(&mut self, expression: &Affine) -> usize {
         self.cone(Cone::NonnegativeConeT(1), core::slice::from_ref(expression))
@@ -98,18 +87,6 @@ impl Program {
             }
         }
         self.cone(Cone::PSDTriangleConeT(size), &scaled)
-    }
-
-    /// `lower <= ln(upper)`.
-    pub(super) fn below_logarithm(&mut self, lower: &Affine, upper: &Affine) {
-        let one = Affine {
-            terms: Vec::new(),
-            constant: 1.0,
-        };
-        self.cone(
-            Cone::ExponentialConeT(),
-            &[lower.clone(), one, upper.clone()],
-        );
     }
 
     fn cone(&mut self, cone: Cone<f64>, expressions: &[Affine]) -> usize {
@@ -173,11 +150,6 @@ impl Program {
         solver.solve();
         let solution = solver.solution;
         Ok(Solved {
-            accurate: solution.status == SolverStatus::Solved,
-            infeasible: matches!(
-                solution.status,
-                SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible
-            ),
             x: solution.x,
             z: solution.z,
         })

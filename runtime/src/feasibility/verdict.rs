@@ -20,7 +20,7 @@ const REPRODUCED: f64 = 1e-11;
 /// for the given values: a proof that these are of none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InfeasibilityCertificate {
-    /// One for each base parameter.
+    /// One for each base parameter, then one for each of [`Combinations::zeros`].
     pub weights: Vec<f64>,
     /// The weighted sum of the given base parameters, negative.
     pub value: f64,
@@ -43,11 +43,16 @@ impl InfeasibilityCertificate {
         weights: Vec<f64>,
     ) -> Result<Self, FeasibilityError> {
         size("beta", combinations.rows().len(), beta.len())?;
-        size("weights", beta.len(), weights.len())?;
+        size(
+            "weights",
+            beta.len() + combinations.zeros().len(),
+            weights.len(),
+        )?;
         size("parameters", layout.len(), combinations.parameters())?;
         let units = layout.units(scale);
         let mut c = vec![0.0; layout.len()];
-        for (row, weight) in combinations.rows().iter().zip(&weights) {
+        let zeros = combinations.zeros().iter().map(|(_, row)| row);
+        for (row, weight) in combinations.rows().iter().chain(zeros).zip(&weights) {
             for (sum, factor) in c.iter_mut().zip(row) {
                 *sum += weight * factor;
             }
@@ -150,6 +155,83 @@ pub(super) fn roles(combinations: &Combinations) -> Result<(Vec<Role>, usize), F
     };
     let roles = lead.into_iter().map(role).collect();
     Ok((roles, free))
+}
+
+/// Combinations of which each is led by a parameter of its own, with the forms that are zero
+/// among them; their values; and each as a sum of the given combinations and zero forms.
+pub(super) struct Led {
+    pub(super) combinations: Combinations,
+    pub(super) values: Vec<f64>,
+    sums: Vec<Vec<f64>>,
+}
+
+/// Leads the zero forms by parameters of their own.
+pub(super) fn led(combinations: &Combinations, beta: &[f64]) -> Result<Led, FeasibilityError> {
+    let (own, _) = roles(combinations)?;
+    let r = combinations.rows().len();
+    let zeros = combinations.zeros();
+    let mut rows = combinations.rows().to_vec();
+    let mut labels = combinations.labels().to_vec();
+    let mut values = beta.to_vec();
+    let unit = |k: usize| -> Vec<f64> {
+        let all = 0..r + zeros.len();
+        all.map(|j| if j == k { 1.0 } else { 0.0 }).collect()
+    };
+    let mut sums: Vec<Vec<f64>> = (0..r).map(unit).collect();
+    let mut leads = vec![0; r];
+    for (j, role) in own.iter().enumerate() {
+        if let Role::Lead(k) = role {
+            leads[*k] = j;
+        }
+    }
+    let subtract = |a: &mut [f64], b: &[f64], factor: f64| {
+        for (x, y) in a.iter_mut().zip(b) {
+            *x -= factor * y;
+        }
+    };
+    for (k, (name, zero)) in zeros.iter().enumerate() {
+        let (mut row, mut sum, mut value) = (zero.clone(), unit(r + k), 0.0);
+        let size = row.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        for (place, &j) in leads.iter().enumerate() {
+            let factor = row[j];
+            if factor != 0.0 {
+                subtract(&mut row, &rows[place], factor);
+                subtract(&mut sum, &sums[place], factor);
+                value -= factor * values[place];
+                row[j] = 0.0;
+            }
+        }
+        let pivot = (0..row.len()).fold(0, |b, j| if row[j].abs() > row[b].abs() { j } else { b });
+        let lead = row.get(pivot).copied().unwrap_or(0.0);
+        // what the others say already
+        if lead.abs() <= REPRODUCED * size {
+            continue;
+        }
+        for x in row.iter_mut().chain(&mut sum) {
+            *x /= lead;
+        }
+        value /= lead;
+        row[pivot] = 1.0;
+        for place in 0..rows.len() {
+            let factor = rows[place][pivot];
+            if factor != 0.0 {
+                subtract(&mut rows[place], &row, factor);
+                subtract(&mut sums[place], &sum, factor);
+                values[place] -= factor * value;
+                rows[place][pivot] = 0.0;
+            }
+        }
+        rows.push(row);
+        sums.push(sum);
+        values.push(value);
+        leads.push(pivot);
+        labels.push(name.clone());
+    }
+    Ok(Led {
+        combinations: Combinations::new(labels, rows)?,
+        values,
+        sums,
+    })
 }
 
 /// Parameters with given base parameters, from values of the free ones.
@@ -272,6 +354,9 @@ pub fn verdict(
             index: 0,
         });
     }
+    let given = (combinations, beta);
+    let led = led(combinations, beta)?;
+    let (combinations, beta) = (&led.combinations, led.values.as_slice());
     let (roles, free) = roles(combinations)?;
     let units = layout.units(scale);
     let mut program = Program::default();
@@ -281,8 +366,15 @@ pub fn verdict(
 
     // single parameters that are observed alone need no solver
     let alone = |j: &usize| expressions[*j].terms.is_empty();
-    let certify =
-        |weights| InfeasibilityCertificate::new(layout, combinations, beta, scale, weights);
+    let certify = |weights: Vec<f64>| {
+        let mut sums = vec![0.0; given.1.len() + given.0.zeros().len()];
+        for (weight, row) in weights.iter().zip(&led.sums) {
+            for (sum, factor) in sums.iter_mut().zip(row) {
+                *sum += weight * factor;
+            }
+        }
+        InfeasibilityCertificate::new(layout, given.0, given.1, scale, sums)
+    };
     for j in layout.single().iter().copied().filter(alone) {
         if let Role::Lead(k) = roles[j]
             && beta[k] < 0.0
@@ -348,9 +440,10 @@ pub fn verdict(
     }
     let certificate = certify(weights)?;
     // of what the functional sees: a large coefficient of friction beside it is no part of it
-    let largest = beta
+    let largest = given
+        .1
         .iter()
-        .zip(combinations.rows())
+        .zip(given.0.rows())
         .zip(&certificate.weights)
         .filter(|(_, weight)| **weight != 0.0)
         .map(|((b, row), _)| {

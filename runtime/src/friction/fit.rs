@@ -96,6 +96,9 @@ pub struct FrictionFit {
     pub converged: bool,
     /// The convex programmes that were solved.
     pub programmes: usize,
+    /// How far the parameters can be from the optimum for these shapes at most: that of
+    /// [`Physical::gap`].
+    pub gap: f64,
 }
 
 /// The search's state.
@@ -131,6 +134,7 @@ impl Search<'_> {
 
     fn padded(&self, layout: &Layout) -> Options {
         let mut options = self.options.clone();
+        options.rough = true;
         if !options.reference.is_empty() {
             options.reference.resize(layout.len(), None);
         }
@@ -158,6 +162,17 @@ impl Search<'_> {
             solution,
             cost,
         })
+    }
+
+    /// The same shapes with what the observations leave open chosen.
+    fn finished(&mut self, point: &Point) -> Result<Physical, FeasibilityError> {
+        let factor = self.data.factor(&point.shapes, None)?;
+        let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
+        let options = Options {
+            rough: self.options.rough,
+            ..self.padded(&layout)
+        };
+        self.solve(&factor, &combinations, &layout, &options)
     }
 
     /// The step that least squares without constraints asks for, cut to the reach.
@@ -298,7 +313,8 @@ pub fn fit(
             got: 0,
         });
     };
-    let (best, converged) = search.descend(best, MANY);
+    let (mut best, converged) = search.descend(best, MANY);
+    best.solution = search.finished(&best)?;
 
     // Programmes are solved to a tolerance: where nothing is gained, linear friction stays, which
     // every law contains.
@@ -349,6 +365,7 @@ pub fn fit(
         linear: linear.squared_residual,
         converged,
         programmes: search.programmes,
+        gap: taken.gap,
     })
 }
 
@@ -365,6 +382,9 @@ fn linear(search: &mut Search<'_>) -> Result<Physical, FeasibilityError> {
     let rows = search.combinations.select(&kept)?;
     let cut = rows.rows().iter().map(|row| row[..p].to_vec()).collect();
     let combinations = Combinations::new(rows.labels().to_vec(), cut)?.extended(&more);
-    let options = search.padded(&layout);
+    let options = Options {
+        rough: search.options.rough,
+        ..search.padded(&layout)
+    };
     search.solve(&factor, &combinations, &layout, &options)
 }

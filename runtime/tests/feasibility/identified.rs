@@ -232,7 +232,10 @@ fn contradictions_are_told() {
         ..Options::default()
     };
     let error = identify(&factor, &combinations, &layout, &heavy).unwrap_err();
-    assert!(matches!(error, FeasibilityError::Solver(_)), "{error}");
+    assert!(
+        matches!(error, FeasibilityError::Contradiction(_)),
+        "{error}"
+    );
     let none = Options {
         known: vec![("m(2)".to_owned(), 1.0)],
         ..Options::default()

@@ -30,7 +30,7 @@ Exit codes:
   2  the command line is wrong
   3  the spec, the states or another file that was given is wrong
   4  a state could not be closed, or is singular; data that leave parameters
-      undetermined
+      undetermined; a physical fit that is not proven to be the optimum
   5  a file could not be read or written
   130  interrupted; no file is left half written";
 
