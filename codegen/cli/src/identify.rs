@@ -318,9 +318,7 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
             }
         })?;
     observe::note_problems(logs.logs().reports());
-    let used = found
-        .estimate
-        .with_covariance(found.correlated_covariance.clone())?;
+    let used = found.correlated();
     let method = match found.bandwidth {
         0 | 1 => "least squares, for white residuals".to_owned(),
         n => format!("least squares, residuals correlated in {n} samples (Newey and West)"),

@@ -52,6 +52,16 @@ impl Deviations {
         variance.map_or(f64::NAN, |v| v.sqrt())
     }
 
+    /// The same with another covariance, known by as many degrees of freedom for all parameters.
+    #[must_use]
+    pub fn with_covariance(&self, covariance: Vec<f64>, degrees_of_freedom: usize) -> Self {
+        Self {
+            degrees_of_freedom: vec![degrees_of_freedom as f64; self.degrees_of_freedom.len()],
+            covariance,
+            ..self.clone()
+        }
+    }
+
     /// Whether the log is too short for its noise: then the deviations are likely to be smaller
     /// than they should be.
     pub fn short(&self) -> bool {
@@ -171,7 +181,14 @@ impl Blocks {
                 covariance[b * k + a] = own;
             }
         }
-        let root = root(&seen, &scale, &expected[0], k);
+        let root = root(&seen, &scale, &expected[0], k).unwrap_or_else(|| {
+            // without a correlation that is known, none is assumed
+            let mut apart = vec![0.0; k * k];
+            for a in 0..k {
+                apart[a * k + a] = covariance[a * k + a].sqrt();
+            }
+            apart
+        });
         Ok(Deviations {
             covariance,
             degrees_of_freedom,
@@ -337,18 +354,16 @@ fn omega(
 }
 
 /// A root of a covariance of full rank, see [`Deviations::root`].
-fn root(seen: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Vec<f64> {
+fn root(seen: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<Vec<f64>> {
     let zero = vec![0.0; k * k];
     let sizes: Vec<f64> = (0..k).map(|a| expected[a * k + a].sqrt()).collect();
     if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
-        return zero;
+        return None;
     }
     let related: Vec<f64> = (0..k * k)
         .map(|at| expected[at] / (sizes[at / k] * sizes[at % k]))
         .collect();
-    let Some(own) = cholesky(&related, k) else {
-        return zero;
-    };
+    let own = cholesky(&related, k)?;
     // the transforms as the expected covariance would have them white
     let terms = seen.len() as f64;
     let white: Vec<Vec<f64>> = seen
@@ -392,9 +407,7 @@ fn root(seen: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Vec<f64
             *x += lean * mean;
         }
     }
-    let Some(spread) = cholesky(&found, k) else {
-        return zero;
-    };
+    let spread = cholesky(&found, k)?;
     let mut out = zero;
     for j in 0..k {
         for i in j..k {
@@ -402,5 +415,5 @@ fn root(seen: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Vec<f64
             out[j * k + i] = sizes[i] * sum;
         }
     }
-    out
+    Some(out)
 }
