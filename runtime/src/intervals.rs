@@ -315,7 +315,8 @@ impl Random {
     /// What another log would have moved least squares by: of Student's distribution, as the
     /// covariance is itself an estimate.
     fn step(&mut self, deviations: &Deviations, n: usize) -> Vec<f64> {
-        let freedom = deviations.terms;
+        // beyond a hundred it is normal
+        let freedom = deviations.terms.clamp(1, 100);
         let squares: f64 = (0..freedom).map(|_| self.normal().powi(2)).sum();
         let by = (freedom as f64 / squares).sqrt();
         let normal: Vec<f64> = (0..n).map(|_| by * self.normal()).collect();

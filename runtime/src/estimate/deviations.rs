@@ -10,7 +10,7 @@ use super::factor::size;
 use super::noise::cholesky;
 use super::scores::Block;
 use super::solution::inverse_gram;
-use super::{Blocks, EstimateError, Factor};
+use super::{Blocks, Estimate, EstimateError, Factor};
 
 /// Cosines at most.
 const TERMS: usize = 32;
@@ -45,6 +45,27 @@ pub struct Deviations {
 }
 
 impl Deviations {
+    /// Those of an estimate whose residuals count as white, as where nothing is known of their
+    /// order in time.
+    pub fn white(estimate: &Estimate) -> Self {
+        let n = estimate.values.len();
+        let root = cholesky(&estimate.covariance, n).unwrap_or_else(|| {
+            let mut apart = vec![0.0; n * n];
+            for k in 0..n {
+                apart[k * n + k] = estimate.sigma(k);
+            }
+            apart
+        });
+        Self {
+            covariance: estimate.covariance.clone(),
+            degrees_of_freedom: estimate.students.clone(),
+            terms: estimate.degrees_of_freedom,
+            samples: estimate.degrees_of_freedom + n,
+            memory: 1.0,
+            root,
+        }
+    }
+
     /// The standard deviation of a parameter; NaN if there is none of that index.
     pub fn sigma(&self, parameter: usize) -> f64 {
         let n = self.degrees_of_freedom.len();
