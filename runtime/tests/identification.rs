@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![cfg(feature = "estimation")]
 
+#[path = "identification/coverage.rs"]
+mod coverage;
 #[path = "identification/digests.rs"]
 mod digests;
 #[path = "identification/energy.rs"]

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use regen_runtime::Model;
 use regen_runtime::data::DataError;
-use regen_runtime::estimate::{EffortError, Estimate, Factor, FactorSet, Weighting};
+use regen_runtime::estimate::{
+    Blocks, Deviations, EffortError, Estimate, Factor, FactorSet, Weighting,
+};
 use regen_runtime::friction::FrictionData;
 use regen_runtime::identify::{self, Delays, Kind, LeftOut, Options, digest};
 use serde::Serialize;
@@ -107,6 +109,10 @@ pub(crate) struct Start {
     pub(crate) estimate: Estimate,
     /// Those of the estimate's values.
     pub(crate) intervals: Intervals,
+    /// The deviations that they are made of.
+    pub(crate) deviations: Deviations,
+    /// The scores of the logs in order of time; none where factors are all that is known.
+    pub(crate) blocks: Option<Blocks>,
     /// The samples, where friction is not linear.
     pub(crate) data: Option<FrictionData>,
 }
@@ -159,7 +165,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     for (out, _) in &written {
         terminal::note(&format!("{}: written", out.display()));
     }
-    physical::require_optimum(&last)
+    physical::require_optimum(&identified)
 }
 
 /// Identifies a model from what the options name; the last model that is found is adopted.
@@ -205,27 +211,22 @@ fn models(
     let mut found = Vec::new();
     if args.physical.wanted() {
         let working = progress::spinner("solving for physical parameters".to_owned());
-        let result = physical::models(
-            model,
-            &args.physical,
-            &start.factor,
-            &start.estimate.values,
-            start.data.as_ref(),
-        );
+        let result = physical::models(model, args, start, &working);
         working.finish_and_clear();
         found = result?;
-        if start.data.is_none() {
-            for model in &mut found {
-                model.inherit(&least);
-            }
+        if start.data.is_none()
+            && let Some(first) = found.first_mut()
+        {
+            first.inherit(&least);
         }
     } else {
         found.push(least);
         if args.physical.reduce {
-            let reduction = reduce::run(args, model, &start.factor, &start.estimate.efforts)?;
+            let reduction = reduce::run(args, model, start)?;
             start.json.reduction = reduce::json(&reduction, &start.estimate.labels);
             let columns = start.estimate.labels.len();
-            found.push(reduce::adopt(&reduction, columns, args.confidence)?);
+            let known = start.blocks.is_some();
+            found.push(reduce::adopt(&reduction, columns, args.confidence, known)?);
         }
     }
     let more = found.len() > 1;
@@ -305,6 +306,8 @@ fn from_factors(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, F
     Ok(Start {
         json: Summary::of(&estimate, &set.kind),
         factor: set.combined(&weights)?,
+        deviations: Deviations::white(&estimate),
+        blocks: None,
         estimate,
         intervals,
         data: None,
@@ -322,12 +325,13 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
             }
         })?;
     observe::note_problems(logs.logs().reports());
-    let used = found
-        .estimate
-        .with_covariance(found.correlated_covariance.clone())?;
-    let method = match found.bandwidth {
-        0 | 1 => "least squares, for white residuals".to_owned(),
-        n => format!("least squares, residuals correlated in {n} samples (Newey and West)"),
+    let used = found.correlated();
+    let method = match args.bandwidth {
+        Some(n) => format!("least squares, residuals correlated in {n} samples (Newey and West)"),
+        None => {
+            note_short(&found.deviations);
+            format!("least squares, {}", spoken(&found.deviations))
+        }
     };
     let intervals = Intervals::of(&found.estimate, &used, args.confidence, method);
     let mut json = Summary::of(&found.estimate, &kind.name());
@@ -350,8 +354,30 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
         factor: found.factor,
         estimate: found.estimate,
         intervals,
+        deviations: found.deviations,
+        blocks: Some(found.blocks),
         data: None,
     })
+}
+
+/// How deviations that know of correlation were found.
+pub(crate) fn spoken(deviations: &Deviations) -> String {
+    format!(
+        "residuals correlated in time ({:.0} samples are as good as one; {} cosines of whitened \
+         scores)",
+        deviations.memory, deviations.terms
+    )
+}
+
+/// Says that a log is too short for deviations to be trusted.
+pub(crate) fn note_short(deviations: &Deviations) {
+    if deviations.short() {
+        terminal::note(&format!(
+            "warning: {} samples, of which {:.0} are as good as one, are too few to know how \
+             uncertain parameters are: their deviations are likely to be too small",
+            deviations.samples, deviations.memory
+        ));
+    }
 }
 
 impl Summary {

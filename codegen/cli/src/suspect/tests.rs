@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use regen_runtime::data::{Assignment, Logs, Settings};
 use regen_runtime::identify::{Kind, Options, identify};
 use regen_runtime::signals::{Fourier, Method};
-use regen_runtime::{BaseModel, Closure, Model};
+use regen_runtime::{Closure, Model};
 
 use super::{Columns, Suspicion, one};
 use crate::load;
@@ -83,10 +83,7 @@ fn told(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicio
     fs::write(&path, log.text()).unwrap();
     let mut logs = Logs::open(model, std::slice::from_ref(&path), settings).unwrap();
     let found = identify(model, Kind::Forces, &Options::default(), &mut logs).ok();
-    let used = found.map(|found| {
-        let covariance = found.correlated_covariance.clone();
-        found.estimate.with_covariance(covariance).unwrap()
-    });
+    let used = found.map(|found| found.correlated());
     let sample = logs.sample(0).unwrap();
     let columns = Columns {
         file: "log.csv",
