@@ -7,6 +7,8 @@
 mod digests;
 #[path = "identification/energy.rs"]
 mod energy;
+#[path = "identification/instruments.rs"]
+mod instruments;
 #[path = "identification/motion.rs"]
 mod motion;
 #[path = "identification/robust.rs"]
