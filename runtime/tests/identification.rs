@@ -9,6 +9,8 @@ mod coverage;
 mod digests;
 #[path = "identification/energy.rs"]
 mod energy;
+#[path = "identification/instruments.rs"]
+mod instruments;
 #[path = "identification/motion.rs"]
 mod motion;
 #[path = "identification/robust.rs"]

@@ -14,6 +14,7 @@ use serde::Serialize;
 use crate::args::{Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
 use crate::identified::{IdentifiedModel, Intervals};
+use crate::identify_iv::{self, InstrumentsJson};
 use crate::identify_table::human;
 use crate::observe::{self, FileJson};
 use crate::parameters::ParameterFile;
@@ -63,6 +64,9 @@ pub(crate) struct Summary {
     /// were asked for.
     pub(crate) models: Vec<ModelJson>,
     pub(crate) files: Vec<FileJson>,
+    /// What `--iv` says of its instruments, and of the bias of least squares.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) instruments: Option<InstrumentsJson>,
     /// What looks wrong with the columns of the logs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) suspicions: Vec<Suspicion>,
@@ -221,6 +225,9 @@ fn models(
         }
     } else {
         found.push(least);
+        if args.iv {
+            found.push(identify_iv::run(args, model, start)?);
+        }
         if args.physical.reduce {
             let reduction = reduce::run(args, model, start)?;
             start.json.reduction = reduce::json(&reduction, &start.estimate.labels);
@@ -407,6 +414,7 @@ impl Summary {
             reduction: Vec::new(),
             models: Vec::new(),
             files: Vec::new(),
+            instruments: None,
             suspicions: Vec::new(),
         }
     }

@@ -1,6 +1,7 @@
 //! From logs to parameters: states of motion, equations, and the passes over them.
 
 mod delay;
+mod instruments;
 mod motion;
 mod observer;
 mod passes;
@@ -14,6 +15,7 @@ use std::prelude::v1::*;
 use std::vec;
 
 pub use delay::{Delay, Delays};
+pub use instruments::{Hausman, InstrumentOptions, Instrumental, Motion, instrumental};
 pub use motion::{Completed, Completion};
 pub use observer::{Equations, Kind, Observer, Row};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};

@@ -1,7 +1,6 @@
 //! Robust estimates by the equations that define them, and the bandwidth of correlation.
 
 use regen_runtime::estimate::EstimateError;
-use regen_runtime::estimate::Weighting;
 use regen_runtime::identify::{
     Filtering, Identified, Kind, Options, Recorded, Row, Source, identify,
 };
