@@ -71,6 +71,8 @@ pub mod identifiability;
 #[cfg(feature = "estimation")]
 pub mod identify;
 mod info;
+#[cfg(feature = "feasibility")]
+pub mod intervals;
 mod kernel;
 #[cfg(any(feature = "feasibility", feature = "simulation"))]
 mod law;

@@ -10,6 +10,8 @@ mod friction;
 mod friction_logs;
 #[path = "feasibility/identified.rs"]
 mod identified;
+#[path = "feasibility/intervals.rs"]
+mod intervals;
 #[path = "feasibility/optimum.rs"]
 mod optimum;
 #[path = "feasibility/outputs.rs"]

@@ -3,10 +3,14 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 #![cfg(feature = "estimation")]
 
+#[path = "identification/coverage.rs"]
+mod coverage;
 #[path = "identification/digests.rs"]
 mod digests;
 #[path = "identification/energy.rs"]
 mod energy;
+#[path = "identification/instruments.rs"]
+mod instruments;
 #[path = "identification/motion.rs"]
 mod motion;
 #[path = "identification/robust.rs"]

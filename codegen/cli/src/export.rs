@@ -207,3 +207,21 @@ fn checked(given: Given) -> Parameters {
         joints: joints.collect(),
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_friction_that_differs_by_direction_the_larger_is_written() {
+        let of = |text: &str| serde_json::from_str::<Joint>(text).unwrap().friction("q1");
+        let found = of(r#"{"Fv": 0.5, "Fc+": 2.0, "Fc-": 3.0, "J": 0.1}"#);
+        assert_eq!((found.viscous, found.coulomb), (Some(0.5), Some(3.0)));
+        let found = of(r#"{"Fv+": 0.5, "Fv-": 0.25, "Fc": 1.0}"#);
+        assert_eq!((found.viscous, found.coulomb), (Some(0.5), Some(1.0)));
+        let found = of(r#"{"J": 0.1}"#);
+        assert_eq!((found.viscous, found.coulomb), (None, None));
+        assert!(serde_json::from_str::<Joint>(r#"{"Fs": 1}"#).is_err());
+    }
+}

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use regen_runtime::Model;
 use regen_runtime::data::DataError;
-use regen_runtime::estimate::{EffortError, Estimate, Factor, FactorSet, Weighting};
+use regen_runtime::estimate::{
+    Blocks, Deviations, EffortError, Estimate, Factor, FactorSet, Weighting,
+};
 use regen_runtime::friction::FrictionData;
 use regen_runtime::identify::{self, Delays, Kind, LeftOut, Options, digest};
 use serde::Serialize;
@@ -12,6 +14,7 @@ use serde::Serialize;
 use crate::args::{Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
 use crate::identified::{IdentifiedModel, Intervals};
+use crate::identify_iv::{self, InstrumentsJson};
 use crate::identify_table::human;
 use crate::observe::{self, FileJson};
 use crate::parameters::ParameterFile;
@@ -61,7 +64,10 @@ pub(crate) struct Summary {
     /// were asked for.
     pub(crate) models: Vec<ModelJson>,
     pub(crate) files: Vec<FileJson>,
-    /// Columns that look swapped or turned round.
+    /// What `--iv` says of its instruments, and of the bias of least squares.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) instruments: Option<InstrumentsJson>,
+    /// What looks wrong with the columns of the logs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) suspicions: Vec<Suspicion>,
 }
@@ -107,6 +113,10 @@ pub(crate) struct Start {
     pub(crate) estimate: Estimate,
     /// Those of the estimate's values.
     pub(crate) intervals: Intervals,
+    /// The deviations that they are made of.
+    pub(crate) deviations: Deviations,
+    /// The scores of the logs in order of time; none where factors are all that is known.
+    pub(crate) blocks: Option<Blocks>,
     /// The samples, where friction is not linear.
     pub(crate) data: Option<FrictionData>,
 }
@@ -205,27 +215,25 @@ fn models(
     let mut found = Vec::new();
     if args.physical.wanted() {
         let working = progress::spinner("solving for physical parameters".to_owned());
-        let result = physical::models(
-            model,
-            &args.physical,
-            &start.factor,
-            &start.estimate.values,
-            start.data.as_ref(),
-        );
+        let result = physical::models(model, args, start, &working);
         working.finish_and_clear();
         found = result?;
-        if start.data.is_none() {
-            for model in &mut found {
-                model.inherit(&least);
-            }
+        if start.data.is_none()
+            && let Some(first) = found.first_mut()
+        {
+            first.inherit(&least);
         }
     } else {
         found.push(least);
+        if args.iv {
+            found.push(identify_iv::run(args, model, start)?);
+        }
         if args.physical.reduce {
-            let reduction = reduce::run(args, model, &start.factor, &start.estimate.efforts)?;
+            let reduction = reduce::run(args, model, start)?;
             start.json.reduction = reduce::json(&reduction, &start.estimate.labels);
             let columns = start.estimate.labels.len();
-            found.push(reduce::adopt(&reduction, columns, args.confidence)?);
+            let known = start.blocks.is_some();
+            found.push(reduce::adopt(&reduction, columns, args.confidence, known)?);
         }
     }
     let more = found.len() > 1;
@@ -305,6 +313,8 @@ fn from_factors(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, F
     Ok(Start {
         json: Summary::of(&estimate, &set.kind),
         factor: set.combined(&weights)?,
+        deviations: Deviations::white(&estimate),
+        blocks: None,
         estimate,
         intervals,
         data: None,
@@ -317,17 +327,18 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     let found =
         identify::identify(model, kind, &options(args), &mut logs).inspect_err(|error| {
             // loops that do not close may be two columns that are swapped
-            if matches!(error, DataError::Problems { .. }) {
-                suspicions(args, model);
+            if matches!(error, DataError::Problems { .. } | DataError::Signal { .. }) {
+                suspect::tell(args, model, logs.logs(), None);
             }
         })?;
     observe::note_problems(logs.logs().reports());
-    let used = found
-        .estimate
-        .with_covariance(found.correlated_covariance.clone())?;
-    let method = match found.bandwidth {
-        0 | 1 => "least squares, for white residuals".to_owned(),
-        n => format!("least squares, residuals correlated in {n} samples (Newey and West)"),
+    let used = found.correlated();
+    let method = match args.bandwidth {
+        Some(n) => format!("least squares, residuals correlated in {n} samples (Newey and West)"),
+        None => {
+            note_short(&found.deviations);
+            format!("least squares, {}", spoken(&found.deviations))
+        }
     };
     let intervals = Intervals::of(&found.estimate, &used, args.confidence, method);
     let mut json = Summary::of(&found.estimate, &kind.name());
@@ -340,18 +351,7 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     json.left_out = Some(found.left_out);
     json.delays = found.delays;
     json.corrected_delays = observe::delays(&args.reading);
-    if found.relative_absolute > suspect::BAD {
-        json.suspicions = suspicions(args, model);
-    }
-    let sigmas: Vec<f64> = (0..found.estimate.values.len())
-        .map(|k| found.estimate.sigma(k))
-        .collect();
-    if json.suspicions.is_empty() && suspect::upside_down(model, &found.estimate.values, &sigmas) {
-        terminal::note(
-            "warning: these parameters make every inertia negative: the signs of all efforts, or of \
-             all positions, look flipped. If so, read them with --column 'tau_NAME=COLUMN*-1'",
-        );
-    }
+    json.suspicions = suspect::tell(args, model, logs.logs(), Some(&used));
     json.files = logs.logs().reports().iter().map(FileJson::new).collect();
     if args.cross {
         json.cross = cross(args, model, kind)?;
@@ -361,8 +361,30 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
         factor: found.factor,
         estimate: found.estimate,
         intervals,
+        deviations: found.deviations,
+        blocks: Some(found.blocks),
         data: None,
     })
+}
+
+/// How deviations that know of correlation were found.
+pub(crate) fn spoken(deviations: &Deviations) -> String {
+    format!(
+        "residuals correlated in time ({:.0} samples are as good as one; {} cosines of whitened \
+         scores)",
+        deviations.memory, deviations.terms
+    )
+}
+
+/// Says that a log is too short for deviations to be trusted.
+pub(crate) fn note_short(deviations: &Deviations) {
+    if deviations.short() {
+        terminal::note(&format!(
+            "warning: {} samples, of which {:.0} are as good as one, are too few to know how \
+             uncertain parameters are: their deviations are likely to be too small",
+            deviations.samples, deviations.memory
+        ));
+    }
 }
 
 impl Summary {
@@ -392,25 +414,10 @@ impl Summary {
             reduction: Vec::new(),
             models: Vec::new(),
             files: Vec::new(),
+            instruments: None,
             suspicions: Vec::new(),
         }
     }
-}
-
-/// What may be wrong with the columns of logs that do not fit the model; it is told at once.
-fn suspicions(args: &IdentifyArgs, model: &Interpreted<'_>) -> Vec<Suspicion> {
-    let working = progress::spinner("the fit is bad: looking for swapped columns".to_owned());
-    let settings = observe::settings(&args.reading);
-    let kind = observe::kind(&args.reading);
-    let logs = args.logs.iter();
-    let found: Vec<Suspicion> = logs
-        .filter_map(|path| suspect::look(model, kind, &settings, path))
-        .collect();
-    working.finish_and_clear();
-    for suspicion in &found {
-        terminal::note(&format!("warning: {suspicion}"));
-    }
-    found
 }
 
 /// Each log predicted by parameters from all others.

@@ -2,7 +2,7 @@
 //! friction at the joints whose friction is not linear.
 
 use regen_runtime::Model;
-use regen_runtime::estimate::{EffortFit, Estimate};
+use regen_runtime::estimate::{Deviations, EffortFit, Estimate};
 use regen_runtime::friction::{collect, nonlinear_joints};
 use regen_runtime::identify::{Kind, observe};
 
@@ -30,7 +30,7 @@ pub(crate) fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Star
     }
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
     let means = observe(model, Kind::Forces, &mut logs)?.0.means();
-    let (mut data, singular) = collect(model, &mut logs, &joints)?;
+    let (mut data, left_out) = collect(model, &mut logs, &joints)?;
     observe::note_problems(logs.logs().reports());
 
     let mut weights = vec![1.0; info.dof()];
@@ -85,11 +85,13 @@ pub(crate) fn start(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Star
         }
         json.relative_absolute = Some(found.relative_absolute());
     }
-    json.singular = singular;
+    json.singular = left_out.singular;
     json.files = logs.logs().reports().iter().map(FileJson::new).collect();
     Ok(Start {
         json,
         factor,
+        deviations: Deviations::white(&estimate),
+        blocks: None,
         estimate,
         intervals,
         data: Some(data),

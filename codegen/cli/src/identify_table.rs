@@ -42,6 +42,9 @@ pub(crate) fn human(json: &Json) -> String {
         out.push_str(&observe::resting(left));
     }
     out.push_str(&delay::human(&summary.delays, &summary.corrected_delays));
+    if let Some(instruments) = &summary.instruments {
+        out.push_str(&instruments.human());
+    }
     out.push('\n');
     out.push_str(&efforts(summary));
     out.push('\n');

@@ -18,6 +18,7 @@ mod generate;
 mod identified;
 mod identify;
 mod identify_friction;
+mod identify_iv;
 mod identify_table;
 #[cfg(test)]
 mod identify_tests;

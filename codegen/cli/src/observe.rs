@@ -178,6 +178,8 @@ pub(crate) fn settings(reading: &ReadingArgs) -> Settings {
         policy: match reading.problems {
             ProblemsArg::Fail => Policy::Fail,
             ProblemsArg::Drop => Policy::Drop,
+            ProblemsArg::Keep => Policy::Keep,
+            ProblemsArg::Tell => Policy::Tell,
         },
         decimation: reading.decimate.max(1),
         period: reading.period,
@@ -209,13 +211,18 @@ pub(crate) fn kind(reading: &ReadingArgs) -> Kind {
     }
 }
 
-/// Tells what was left out of logs.
+/// Tells what was left out of logs, or used in spite of what is said of it.
 pub(crate) fn note_problems(reports: &[FileReport]) {
     for report in reports {
         let count = report.problems.total();
+        let what = match report.policy {
+            Policy::Keep => continue,
+            Policy::Tell => "are doubtful; those that are numbers are used",
+            Policy::Fail | Policy::Drop => "were left out",
+        };
         if count > 0 {
             let text = format!(
-                "warning: {}: {count} rows or gaps were left out\n{}",
+                "warning: {}: {count} rows or gaps {what}\n{}",
                 report.file, report.problems
             );
             terminal::note(text.trim_end());

@@ -1,16 +1,18 @@
 //! Physical parameters for `regen identify`: verdict, constraints, nonlinear friction.
 
-use regen_runtime::estimate::Factor;
+use indicatif::ProgressBar;
 use regen_runtime::feasibility::{
     Bound, Combinations, FeasibilityError, Layout, OPTIMAL, Options, Outcome, Physical, Prior,
     SYMBOLS, Scale, Total, Verdict, identify, verdict,
 };
-use regen_runtime::friction::{FrictionData, FrictionJoint, JointFit, fit};
+use regen_runtime::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
+use regen_runtime::intervals::{LeastSquares, REPLICATES, Spread, constrained};
 use regen_runtime::{BaseModel, Closure, Friction, Model};
 
-use crate::args::{PhysicalArgs, PriorArg};
+use crate::args::{IdentifyArgs, PhysicalArgs, PriorArg};
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
+use crate::identified::{IdentifiedModel, Interval, Intervals};
+use crate::identify::{Start, note_short, spoken};
 use crate::terminal;
 use regen_interpreted::Interpreted;
 
@@ -21,17 +23,18 @@ pub(crate) fn frame(model: &Interpreted<'_>) -> Result<(Layout, Combinations), F
     Ok((layout, combinations))
 }
 
-/// The models of a factor: least squares with its verdict, and the physical one if wanted.
+/// The models of a start: least squares with its verdict, and the physical one.
 ///
-/// `values` are the least-squares parameters of the factor; those behind the base parameters are
-/// of linear friction at joints whose friction is not linear.
+/// The parameters of the start behind the base parameters are of linear friction at joints whose
+/// friction is not linear.
 pub(crate) fn models(
     model: &Interpreted<'_>,
-    args: &PhysicalArgs,
-    factor: &Factor,
-    values: &[f64],
-    data: Option<&FrictionData>,
+    args: &IdentifyArgs,
+    start: &Start,
+    working: &ProgressBar,
 ) -> Result<Vec<IdentifiedModel>, Failure> {
+    let (factor, values) = (&start.factor, start.estimate.values.as_slice());
+    let data = start.data.as_ref();
     let (plain_layout, plain) = frame(model)?;
     let r = plain.labels().len();
     let more = factor.labels().get(r..).unwrap_or_default();
@@ -41,7 +44,7 @@ pub(crate) fn models(
     let scale = scale(model, &layout, &combinations, values)?;
     let options = Options {
         scale,
-        ..options(model, args, &layout)?
+        ..options(model, &args.physical, &layout)?
     };
     let judged = verdict(&layout, &combinations, values, scale)?;
     let mut out = vec![IdentifiedModel {
@@ -58,6 +61,39 @@ pub(crate) fn models(
     }];
     let linear_fit = identify(factor, &combinations, &layout, &options)?;
     let p = plain_layout.len();
+    let mut progress = |done: usize| {
+        working.set_message(format!("intervals: {done} of {REPLICATES} fits"));
+    };
+    let intervals = if data.is_some() {
+        Intervals::default()
+    } else {
+        let least = LeastSquares {
+            factor,
+            values,
+            deviations: &start.deviations,
+        };
+        let found = (linear_fit.phi.as_slice(), linear_fit.beta.as_slice());
+        let found = constrained(
+            least,
+            &combinations,
+            &layout,
+            &options,
+            found,
+            REPLICATES,
+            &mut progress,
+        )?;
+        let known = match start.blocks {
+            Some(_) => spoken(&start.deviations),
+            None => "for white residuals".to_owned(),
+        };
+        let one = |s: &Spread| Some(interval(s, args.confidence));
+        Intervals {
+            base: found.base.iter().map(one).collect(),
+            physical: found.physical.iter().map(|s| one(s.as_ref()?)).collect(),
+            friction: Vec::new(),
+            method: drawn(found.replicates, &known),
+        }
+    };
     out.push(IdentifiedModel {
         name: if data.is_some() {
             "linear, feasible"
@@ -69,12 +105,13 @@ pub(crate) fn models(
         friction: linear(joints, linear_fit.phi.get(p..).unwrap_or_default()),
         feasibility: cost(&linear_fit),
         gap: Some(linear_fit.gap),
+        intervals,
         ..IdentifiedModel::default()
     });
     if let Some(data) = data {
         let own = Options {
             scale,
-            ..self::options(model, args, &plain_layout)?
+            ..self::options(model, &args.physical, &plain_layout)?
         };
         let found = fit(data, &plain, &plain_layout, &own)?;
         let mut text = format!(
@@ -85,6 +122,28 @@ pub(crate) fn models(
         if !found.converged {
             text.push_str("; the search for the shapes had not settled");
         }
+        let spread = friction::intervals(
+            data,
+            &plain,
+            &plain_layout,
+            &own,
+            &found,
+            REPLICATES,
+            &mut progress,
+        )?;
+        note_short(&spread.deviations);
+        let one = |s: &Spread| Some(interval(s, args.confidence));
+        let of_joint =
+            |joint: &Vec<Option<Spread>>| joint.iter().map(|s| one(s.as_ref()?)).collect();
+        let intervals = Intervals {
+            base: spread.base.iter().map(one).collect(),
+            physical: spread.physical.iter().map(|s| one(s.as_ref()?)).collect(),
+            friction: spread.joints.iter().map(of_joint).collect(),
+            method: format!(
+                "linearised at the optimum; {}",
+                drawn(spread.replicates, &spoken(&spread.deviations))
+            ),
+        };
         out.push(IdentifiedModel {
             name: "nonlinear, feasible",
             beta: found.beta,
@@ -92,10 +151,27 @@ pub(crate) fn models(
             friction: found.joints,
             feasibility: text,
             gap: Some(found.gap),
+            intervals,
             ..IdentifiedModel::default()
         });
     }
     Ok(out)
+}
+
+/// How intervals under constraints were found.
+fn drawn(replicates: usize, known: &str) -> String {
+    format!("percentiles of {replicates} draws of least squares under the constraints; {known}")
+}
+
+/// What draws say of a value.
+fn interval(spread: &Spread, confidence: f64) -> Interval {
+    let (low, high) = spread.interval(confidence);
+    Interval {
+        sigma: spread.sigma,
+        sigma_white: f64::NAN,
+        low,
+        high,
+    }
 }
 
 /// Units near those of the robot, by its size and its base parameters.

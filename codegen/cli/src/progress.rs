@@ -1,7 +1,8 @@
 //! Bars and signs of life on a terminal's standard error; nothing elsewhere.
 
+use std::cell::RefCell;
 use std::io::IsTerminal;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -25,4 +26,50 @@ pub(crate) fn spinner(message: String) -> ProgressBar {
     let bar = ProgressBar::new_spinner().with_message(message);
     bar.enable_steady_tick(Duration::from_millis(120));
     bar
+}
+
+/// Work that shows itself only if it takes long.
+pub(crate) struct Later {
+    what: &'static str,
+    since: Instant,
+    bar: RefCell<Option<ProgressBar>>,
+}
+
+/// Time after which work shows itself.
+const LONG: Duration = Duration::from_secs(2);
+
+/// Work that starts now.
+pub(crate) fn later(what: &'static str) -> Later {
+    Later {
+        what,
+        since: Instant::now(),
+        bar: RefCell::new(None),
+    }
+}
+
+impl Later {
+    /// So many parts of all are done.
+    pub(crate) fn at(&self, done: usize, all: usize) {
+        if self.since.elapsed() < LONG {
+            return;
+        }
+        let mut bar = self.bar.borrow_mut();
+        let bar = bar.get_or_insert_with(|| {
+            let bar = bar_of(all);
+            bar.set_message(self.what);
+            bar
+        });
+        bar.set_position(done as u64);
+    }
+
+    /// Nothing is left of it.
+    pub(crate) fn end(&self) {
+        if let Some(bar) = self.bar.borrow_mut().take() {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn bar_of(all: usize) -> ProgressBar {
+    bar(all as u64, "{msg} {bar:24} {pos}/{len}")
 }

@@ -8,6 +8,7 @@ use serde::Serialize;
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
 use crate::identified::{IdentifiedModel, Intervals};
+use crate::identify::Start;
 use crate::{observe, physical};
 use regen_interpreted::Interpreted;
 
@@ -47,13 +48,13 @@ impl Equations {
     }
 }
 
-/// Reduces the base parameters of a factor; the steps, and the last of them over all r.
+/// Reduces the base parameters of a start; the steps, and the last of them over all r.
 pub(crate) fn run(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
-    factor: &Factor,
-    efforts: &[EffortFit],
+    start: &Start,
 ) -> Result<Reduction, Failure> {
+    let (factor, efforts) = (&start.factor, &start.estimate.efforts);
     let (layout, combinations) = physical::frame(model)?;
     let kind = observe::kind(&args.reading);
     let against = match args.physical.against.as_slice() {
@@ -74,6 +75,7 @@ pub(crate) fn run(
         other: against.as_ref().map(|(factor, _)| factor),
         relative_absolute: predict.as_ref().map(|f| f as _),
         scale: physical::scale(model, &layout, &combinations, &factor.solve()?)?,
+        blocks: start.blocks.as_ref(),
         ..Checks::default()
     };
     Ok(reduce(factor, &combinations, &layout, &checks)?)
@@ -110,6 +112,7 @@ pub(crate) fn adopt(
     reduction: &Reduction,
     columns: usize,
     confidence: f64,
+    correlated: bool,
 ) -> Result<IdentifiedModel, Failure> {
     let step = reduction.result().ok_or_else(|| {
         Failure::Numeric("no base parameter is well identified: excite the robot more".to_owned())
@@ -118,7 +121,12 @@ pub(crate) fn adopt(
         &step.estimate,
         &step.estimate,
         confidence,
-        "least squares of the parameters that were kept, for white residuals".to_owned(),
+        if correlated {
+            "least squares of the parameters that were kept, residuals correlated in time"
+        } else {
+            "least squares of the parameters that were kept, for white residuals"
+        }
+        .to_owned(),
     );
     let mut beta = vec![0.0; columns];
     let mut intervals = vec![None; columns];

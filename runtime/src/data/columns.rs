@@ -38,7 +38,7 @@ impl fmt::Display for Quantity {
 ///
 /// Quantities are `t`, a coordinate's name, or the name behind `qd_`, `qdd_` or `tau_`. Units
 /// are `s ms us rad deg m mm N Nm A` and the like; the factor is a torque constant (Eq. 30), a
-/// gear's ratio, or any other.
+/// gear's ratio, or any other. An effort in amperes needs one.
 ///
 /// ```
 /// use regen_runtime::data::{Assignment, Quantity};
@@ -48,6 +48,7 @@ impl fmt::Display for Quantity {
 /// assert_eq!((leg.column.as_str(), leg.factor), ("leg 1", 1e-3));
 /// let current: Assignment = "tau_q2=i1:A*-35.5".parse()?;
 /// assert_eq!(current.factor, -35.5);
+/// assert_eq!((current.unit, current.gain), (Some("A"), Some(-35.5)));
 /// assert!("q2".parse::<Assignment>().is_err());
 /// # Ok::<(), regen_runtime::data::AssignmentError>(())
 /// ```
@@ -59,6 +60,17 @@ pub struct Assignment {
     pub column: String,
     /// What its entries are multiplied by to be in SI.
     pub factor: f64,
+    /// The unit that was given.
+    pub unit: Option<&'static str>,
+    /// The factor that was given beside the unit, or without one.
+    pub gain: Option<f64>,
+}
+
+impl Assignment {
+    /// Whether an effort is given as a current, whose torque constant belongs to the joint.
+    pub fn is_current(&self) -> bool {
+        matches!(self.quantity, Quantity::Effort(_)) && matches!(self.unit, Some("A" | "mA"))
+    }
 }
 
 /// Why a text assigns no column.
@@ -108,9 +120,9 @@ impl FromStr for Assignment {
             )));
         };
         let (rest, factor) = match rest.rsplit_once('*') {
-            None => (rest, 1.0),
+            None => (rest, None),
             Some((rest, factor)) => match factor.trim().parse::<f64>() {
-                Ok(value) if value.is_finite() && value != 0.0 => (rest, value),
+                Ok(value) if value.is_finite() && value != 0.0 => (rest, Some(value)),
                 _ => {
                     return Err(AssignmentError(format!(
                         "the factor `{factor}` in `{text}` is not a number other than 0"
@@ -119,16 +131,16 @@ impl FromStr for Assignment {
             },
         };
         let (column, unit) = match rest.rsplit_once(':') {
-            None => (rest, 1.0),
+            None => (rest, None),
             Some((column, unit)) => {
-                let Some((_, size)) = UNITS.iter().find(|(name, _)| *name == unit.trim()) else {
+                let Some((name, size)) = UNITS.iter().find(|(name, _)| *name == unit.trim()) else {
                     let known: Vec<&str> = UNITS.iter().map(|(name, _)| *name).collect();
                     return Err(AssignmentError(format!(
                         "the unit `{unit}` in `{text}` is unknown: use one of {}",
                         known.join(" ")
                     )));
                 };
-                (column, *size)
+                (column, Some((*name, *size)))
             }
         };
         let name = quantity.trim();
@@ -146,7 +158,9 @@ impl FromStr for Assignment {
         Ok(Self {
             quantity,
             column: column.trim().to_owned(),
-            factor: unit * factor,
+            factor: unit.map_or(1.0, |u| u.1) * factor.unwrap_or(1.0),
+            unit: unit.map(|u| u.0),
+            gain: factor,
         })
     }
 }
@@ -203,6 +217,17 @@ impl Layout {
         assignments: &[Assignment],
     ) -> Result<Self, String> {
         for assignment in assignments {
+            if assignment.is_current() && assignment.gain.is_none() {
+                let Assignment {
+                    quantity, column, ..
+                } = assignment;
+                let unit = assignment.unit.unwrap_or("A");
+                return Err(format!(
+                    "{quantity} is a current in {unit}, and a current is no effort: give the \
+                     torque constant of the joint, in N m/A or N/A with the gear, such as \
+                     --column '{quantity}={column}:{unit}*0.12'"
+                ));
+            }
             let name = match &assignment.quantity {
                 Quantity::Time => continue,
                 Quantity::Position(n)

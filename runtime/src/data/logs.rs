@@ -69,15 +69,19 @@ pub struct FileReport {
     pub step: f64,
     /// States that gave equations.
     pub states: usize,
+    /// Whether velocities and accelerations were read from it, not found from the positions.
+    pub derivatives: bool,
     /// What is wrong with it.
     pub problems: Problems,
+    /// What was done with the rows that this is about.
+    pub policy: Policy,
 }
 
-struct Log {
-    file: LogFile,
-    survey: Survey,
+pub(super) struct Log {
+    pub(super) file: LogFile,
+    pub(super) survey: Survey,
     /// The series, where it is fitted; from the first pass on.
-    series: Option<Fourier>,
+    pub(super) series: Option<Fourier>,
     /// What is known of each measured position's encoder.
     encoders: Vec<Encoder>,
 }
@@ -122,9 +126,9 @@ const WIDEST: usize = 1_000_000;
 /// ```
 pub struct Logs<'m, M: ?Sized> {
     model: &'m M,
-    settings: Settings,
-    files: Vec<Log>,
-    reports: Vec<FileReport>,
+    pub(super) settings: Settings,
+    pub(super) files: Vec<Log>,
+    pub(super) reports: Vec<FileReport>,
 }
 
 impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
@@ -138,7 +142,8 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
         let mut files = Vec::with_capacity(paths.len());
         let mut reports = Vec::with_capacity(paths.len());
         for path in paths {
-            let file = LogFile::open(path, &info, &settings.columns)?;
+            let mut file = LogFile::open(path, &info, &settings.columns)?;
+            file.keep = settings.policy.keeps();
             let survey = file.survey()?;
             let mut problems = Problems::default();
             let mut rows = 0;
@@ -194,7 +199,9 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 rows,
                 step: survey.step(),
                 states: 0,
+                derivatives: file.layout.derivatives,
                 problems,
+                policy: settings.policy,
             });
             files.push(Log {
                 file,
@@ -463,7 +470,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                         motion.push([found.value, found.rate, found.acceleration]);
                     }
                     // a piece between two faults may be too short, a log may not
-                    Err(SignalError::TooFew { .. }) if self.settings.policy == Policy::Drop => {
+                    Err(SignalError::TooFew { .. }) if self.settings.policy != Policy::Fail => {
                         valid = 0..0;
                         break;
                     }

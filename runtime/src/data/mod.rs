@@ -8,6 +8,7 @@ mod parquet;
 mod problem;
 mod rates;
 mod reader;
+mod sample;
 mod shift;
 mod standstill;
 mod stuck;

@@ -196,6 +196,25 @@ pub enum Policy {
     Fail,
     /// To go on without them; the log is cut there.
     Drop,
+    /// To go on with them where they are numbers in the order of time: outliers, saturated efforts
+    /// and encoders that look stuck count as any row. What is no number is left out.
+    Keep,
+    /// As `Keep`, and to be told of all of them.
+    Tell,
+}
+
+impl Policy {
+    /// Whether rows are used though something is said of them.
+    ///
+    /// ```
+    /// use regen_runtime::data::Policy;
+    ///
+    /// assert!(Policy::Keep.keeps() && Policy::Tell.keeps());
+    /// assert!(!Policy::Fail.keeps() && !Policy::Drop.keeps());
+    /// ```
+    pub fn keeps(self) -> bool {
+        matches!(self, Self::Keep | Self::Tell)
+    }
 }
 
 /// Problems of a log: the first ones, and how many of each kind.
@@ -302,7 +321,8 @@ impl fmt::Display for DataError {
             Self::Layout { file, why } => write!(f, "{file}: {why}"),
             Self::Problems { file, problems } => write!(
                 f,
-                "{file}: {} {} cannot be used\n{problems}  leave them out with --problems drop",
+                "{file}: {} {} cannot be used\n{problems}  leave them out with --problems drop, or use those that are \
+                 numbers with --problems keep",
                 problems.total(),
                 if problems.total() == 1 { "row" } else { "rows" }
             ),

@@ -11,7 +11,7 @@ use csv::{ByteRecord, Reader};
 use super::columns::{Assignment, Layout, shortened};
 use super::problem::{DataError, Fault, Problem, median};
 use super::rates::Rates;
-use super::stuck::{Stuck, Watch};
+use super::stuck::{Steps, Stuck, Watch};
 use crate::Info;
 
 /// A row in SI, in the order of [`Layout::channels`].
@@ -29,6 +29,8 @@ pub(super) struct Survey {
     extremes: Vec<(f64, f64)>,
     /// Where encoders were stuck, by the first row.
     stuck: BTreeMap<u64, Vec<Stuck>>,
+    /// How each position changes between rows.
+    steps: Vec<Steps>,
 }
 
 impl Survey {
@@ -47,6 +49,9 @@ const AROUND: usize = 3;
 /// How many usual changes between rows a value may be away from the median of those around it:
 /// smooth motion and noise stay within a few.
 const OUTLIER: f64 = 30.0;
+/// How many steps of the encoder a value may be away from those around it: one that rests between
+/// two steps tells now the one and now the other.
+const FLICKER: f64 = 2.0;
 /// Rows at an extreme from which on an effort counts as saturated.
 const STUCK: usize = 4;
 
@@ -56,6 +61,8 @@ pub(super) struct LogFile {
     pub(super) path: PathBuf,
     pub(super) layout: Layout,
     parquet: bool,
+    /// Whether rows that are told are used where they are numbers.
+    pub(super) keep: bool,
     /// The length in bytes of a text whose last line has no end.
     unended: Option<u64>,
 }
@@ -116,6 +123,7 @@ impl LogFile {
             path: path.to_path_buf(),
             layout,
             parquet,
+            keep: false,
             unended: if parquet { None } else { unended(path) },
         })
     }
@@ -163,8 +171,11 @@ impl LogFile {
             });
         }
         let mut stuck = BTreeMap::<u64, Vec<Stuck>>::new();
+        let mut steps_of = Vec::with_capacity(positions.len());
         for (watch, entry) in watches.into_iter().zip(positions) {
-            for found in watch.finish(entry) {
+            let (found, steps) = watch.finish(entry);
+            steps_of.push(steps);
+            for found in found {
                 stuck.entry(found.first).or_default().push(found);
             }
         }
@@ -174,6 +185,7 @@ impl LogFile {
             step: median(&steps),
             extremes,
             stuck,
+            steps: steps_of,
         })
     }
 
@@ -272,6 +284,7 @@ impl LogFile {
             until: 0,
             lost: false,
             stuck: std::vec![0; self.layout.efforts],
+            keep: self.keep,
         };
         self.records(&mut |row| {
             match row {
@@ -327,6 +340,8 @@ struct Cleaner<'a> {
     jumped: bool,
     /// Rows since which each effort has stood at an extreme.
     stuck: Vec<usize>,
+    /// Whether rows that are told are used.
+    keep: bool,
 }
 
 impl Cleaner<'_> {
@@ -368,7 +383,9 @@ impl Cleaner<'_> {
             }
         }
         for stuck in self.survey.stuck.get(&row.line).into_iter().flatten() {
-            self.until = self.until.max(stuck.last);
+            if !self.keep {
+                self.until = self.until.max(stuck.last);
+            }
             tell(Fault::Stuck {
                 column: self.layout.title(stuck.entry),
                 value: row.values[stuck.entry],
@@ -445,9 +462,12 @@ impl Cleaner<'_> {
                 .collect();
             let usual = median(&steps);
             let around = median(&values);
-            if (middle - around).abs() > OUTLIER * usual.max(f64::EPSILON * middle.abs())
-                && usual > 0.0
-            {
+            let steps = self.survey.steps.get(entry - self.layout.positions().start);
+            // nor is what the robot moves between two rows anywhere else
+            let allowed = steps.map_or(0.0, |s| (FLICKER * s.encoder).max(s.regular));
+            let allowed = allowed.max(OUTLIER * usual.max(f64::EPSILON * middle.abs()));
+            // steps are sums of rounded numbers
+            if (middle - around).abs() > allowed * (1.0 + 1e-9) && usual > 0.0 {
                 self.queue[start + AROUND].fault = Some(Fault::Outlier {
                     column: self.layout.title(entry),
                     value: middle,
@@ -471,8 +491,10 @@ impl Cleaner<'_> {
                 row: waiting.row.line,
                 what,
             });
-            self.broken = true;
-            return Ok(());
+            if !self.keep {
+                self.broken = true;
+                return Ok(());
+            }
         }
         let follows = waiting.follows && !self.broken;
         self.broken = false;

@@ -4,16 +4,22 @@
 //! each effort and is what files keep, [`Estimate`] is the least-squares solution with its
 //! covariance.
 
+mod deviations;
 mod error;
 mod factor;
+mod noise;
 mod residuals;
+mod scores;
 mod set;
 mod solution;
 mod spectrum;
 
+pub use deviations::Deviations;
 pub use error::EstimateError;
 pub use factor::Factor;
+pub use noise::{Autoregression, ORDER};
 pub use residuals::{Autocorrelated, EffortError, Residuals, average_relative_error};
+pub use scores::{BLOCKS, Blocks, Scores};
 pub use set::{Accumulator, FactorSet, FileError, Origin};
 pub use solution::{EffortFit, Estimate, Weighting};
 pub use spectrum::{RANK_TOLERANCE, Spectrum};

@@ -6,7 +6,7 @@ use std::vec;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::{EstimateError, Factor, FactorSet};
+use super::{Deviations, EstimateError, Factor, FactorSet};
 use crate::triangle::substitute;
 
 /// How the efforts are weighted against each other.
@@ -45,6 +45,9 @@ pub struct Estimate {
     pub covariance: Vec<f64>,
     /// Rows less parameters.
     pub degrees_of_freedom: usize,
+    /// The degrees of freedom of Student's distribution, n: rows less parameters for white
+    /// residuals, fewer for those that are correlated.
+    pub students: Vec<f64>,
     /// The efforts with their noise.
     pub efforts: Vec<EffortFit>,
     /// The condition number of the weighted W (Eq. 24).
@@ -140,6 +143,7 @@ impl Estimate {
                 .into_iter()
                 .map(|c| c * variance)
                 .collect(),
+            students: vec![degrees_of_freedom as f64; values.len()],
             values,
             degrees_of_freedom,
             efforts: vec![EffortFit {
@@ -171,16 +175,8 @@ impl Estimate {
     ///
     /// - `level`: of confidence, such as 0.95; outside of (0, 1) the result is NaN.
     pub fn half_width(&self, parameter: usize, level: f64) -> f64 {
-        self.quantile(level) * self.sigma(parameter)
-    }
-
-    /// The quantile of Student's distribution for two-sided intervals of this level.
-    fn quantile(&self, level: f64) -> f64 {
-        if !(level > 0.0 && level < 1.0) {
-            return f64::NAN;
-        }
-        StudentsT::new(0.0, 1.0, self.degrees_of_freedom as f64)
-            .map_or(f64::INFINITY, |t| t.inverse_cdf(0.5 + 0.5 * level))
+        let freedom = self.students.get(parameter).copied().unwrap_or(f64::NAN);
+        quantile(freedom, level) * self.sigma(parameter)
     }
 
     /// The same estimate with another covariance, n x n.
@@ -194,6 +190,25 @@ impl Estimate {
             ..self.clone()
         })
     }
+
+    /// The same estimate with the deviations that know of correlation.
+    #[must_use]
+    pub fn with_deviations(&self, deviations: &Deviations) -> Self {
+        Self {
+            covariance: deviations.covariance.clone(),
+            students: deviations.degrees_of_freedom.clone(),
+            ..self.clone()
+        }
+    }
+}
+
+/// The quantile of Student's distribution for two-sided intervals of this level: NaN for a level
+/// outside of (0, 1), infinite without a degree of freedom.
+fn quantile(freedom: f64, level: f64) -> f64 {
+    if !(level > 0.0 && level < 1.0) {
+        return f64::NAN;
+    }
+    StudentsT::new(0.0, 1.0, freedom).map_or(f64::INFINITY, |t| t.inverse_cdf(0.5 + 0.5 * level))
 }
 
 /// The standard deviations of the efforts' residuals, each with its share of the parameters.

@@ -99,6 +99,17 @@ pub struct FrictionFit {
     /// How far the parameters can be from the optimum for these shapes at most: that of
     /// [`Physical::gap`].
     pub gap: f64,
+    pub(super) point: Optimum,
+}
+
+/// Where a fit ended.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Optimum {
+    /// The law of each joint: its own, or linear friction where that is as good.
+    pub(super) laws: Vec<Law>,
+    /// Base parameters and coefficients of friction.
+    pub(super) values: Vec<f64>,
+    pub(super) shapes: Vec<[f64; SHAPES]>,
 }
 
 /// The search's state.
@@ -130,6 +141,19 @@ impl Search<'_> {
     ) -> Result<Physical, FeasibilityError> {
         self.programmes += 1;
         identify(factor, combinations, layout, options)
+    }
+
+    /// The layout and combinations of the linear columns, and of these coefficients instead of
+    /// friction's.
+    fn plain(&self, more: &[String]) -> Result<(Layout, Combinations), FeasibilityError> {
+        let base = self.data.labels.len();
+        let p = self.layout.len() - self.data.coefficients(&self.data.laws).len();
+        let layout = Layout::new(&self.layout.labels()[..p])?.extended(more)?;
+        let kept: Vec<usize> = (0..base).collect();
+        let rows = self.combinations.select(&kept)?;
+        let cut = rows.rows().iter().map(|row| row[..p].to_vec()).collect();
+        let combinations = Combinations::new(rows.labels().to_vec(), cut)?.extended(more);
+        Ok((layout, combinations))
     }
 
     fn padded(&self, layout: &Layout) -> Options {
@@ -278,7 +302,7 @@ pub fn fit(
     layout: &Layout,
     options: &Options,
 ) -> Result<FrictionFit, FeasibilityError> {
-    let coefficients = data.coefficients();
+    let coefficients = data.coefficients(&data.laws);
     let fastest = data.fastest();
     let shapes = |which: usize| -> Vec<[f64; SHAPES]> {
         let laws = data.laws.iter().zip(&fastest);
@@ -320,20 +344,63 @@ pub fn fit(
     // every law contains.
     let inertial = layout.len();
     let gained = best.solution.squared_residual <= linear.squared_residual;
-    let taken = if gained { &best.solution } else { &linear };
-    let mut next = inertial;
-    let mut joints = Vec::with_capacity(data.joints.len());
-    for ((joint, law), shape) in data.joints.iter().zip(&data.laws).zip(&best.shapes) {
+    let (taken, laws) = if gained {
+        (&best.solution, data.laws.clone())
+    } else {
+        (&linear, data.linear_laws())
+    };
+    let values = symbols(data, &laws, &taken.phi[inertial..], &best.shapes);
+    let joints = data
+        .joints
+        .iter()
+        .zip(values)
+        .map(|(joint, values)| JointFit {
+            name: joint.name.clone(),
+            friction: joint.friction,
+            values,
+        });
+    let observed = combinations.labels().len();
+    Ok(FrictionFit {
+        joints: joints.collect(),
+        phi: taken.phi[..inertial].to_vec(),
+        beta: taken.beta[..observed].to_vec(),
+        squared_residual: taken.squared_residual,
+        linear: linear.squared_residual,
+        converged,
+        programmes: search.programmes,
+        gap: taken.gap,
+        point: Optimum {
+            laws,
+            values: taken.beta.clone(),
+            shapes: best.shapes,
+        },
+    })
+}
+
+/// The printed coefficients of each joint, in the order of its law's symbols.
+///
+/// - `laws`: of each joint, its own or linear friction in its place;
+/// - `own`: their coefficients, joint by joint.
+pub(super) fn symbols(
+    data: &FrictionData,
+    laws: &[Law],
+    own: &[f64],
+    shapes: &[[f64; SHAPES]],
+) -> Vec<Vec<f64>> {
+    let mut next = 0;
+    let mut out = Vec::with_capacity(data.joints.len());
+    for (k, (joint, law)) in data.joints.iter().zip(&data.laws).enumerate() {
+        let found = laws.get(k).copied().unwrap_or(*law);
         let symbols = joint.friction.symbols();
         let mut values = vec![0.0; symbols.len()];
         let place = |symbol: &str| symbols.iter().position(|s| *s == symbol);
-        let found = if gained { *law } else { Law::Linear };
-        let own = &taken.phi[next..next + found.linear().len()];
-        next += own.len();
-        let (own, shape) = if gained {
-            (own.to_vec(), *shape)
-        } else {
-            law.of_linear([own[0], own[1]], *shape)
+        let used = found.linear().len();
+        let own = own.get(next..next + used).unwrap_or_default();
+        next += used;
+        let shape = shapes.get(k).copied().unwrap_or([1.0; SHAPES]);
+        let (own, shape) = match (found, own) {
+            (Law::Linear, [fc, fv]) => law.of_linear([*fc, *fv], shape),
+            _ => (own.to_vec(), shape),
         };
         for (symbol, value) in law.linear().iter().zip(&own) {
             // static friction is what is found above Coulomb's
@@ -350,38 +417,18 @@ pub fn fit(
                 values[k] = *value;
             }
         }
-        joints.push(JointFit {
-            name: joint.name.clone(),
-            friction: joint.friction,
-            values,
-        });
+        out.push(values);
     }
-    let observed = combinations.labels().len();
-    Ok(FrictionFit {
-        joints,
-        phi: taken.phi[..inertial].to_vec(),
-        beta: taken.beta[..observed].to_vec(),
-        squared_residual: taken.squared_residual,
-        linear: linear.squared_residual,
-        converged,
-        programmes: search.programmes,
-        gap: taken.gap,
-    })
+    out
 }
 
 /// The fit with linear friction.
 fn linear(search: &mut Search<'_>) -> Result<Physical, FeasibilityError> {
-    let mut plain = search.data.clone();
-    plain.laws.fill(Law::Linear);
-    let factor = plain.factor(&vec![[1.0; SHAPES]; plain.joints.len()], None)?;
-    let more = plain.coefficients();
-    let base = search.data.labels.len();
-    let p = search.layout.len() - search.data.coefficients().len();
-    let layout = Layout::new(&search.layout.labels()[..p])?.extended(&more)?;
-    let kept: Vec<usize> = (0..base).collect();
-    let rows = search.combinations.select(&kept)?;
-    let cut = rows.rows().iter().map(|row| row[..p].to_vec()).collect();
-    let combinations = Combinations::new(rows.labels().to_vec(), cut)?.extended(&more);
+    let data = search.data;
+    let laws = data.linear_laws();
+    let factor = data.factor_of(&laws, &[], None)?;
+    let more = data.coefficients(&laws);
+    let (layout, combinations) = search.plain(&more)?;
     let options = Options {
         rough: search.options.rough,
         ..search.padded(&layout)

@@ -12,9 +12,11 @@
 
 mod data;
 mod fit;
+mod intervals;
 mod passes;
 mod starts;
 
 pub use data::{FrictionData, FrictionJoint, directions};
 pub use fit::{FrictionFit, JointFit, fit};
+pub use intervals::{FrictionIntervals, intervals};
 pub use passes::{JointEfforts, collect, nonlinear_joints, residuals};

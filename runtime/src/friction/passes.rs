@@ -3,10 +3,12 @@
 use std::prelude::v1::*;
 use std::vec;
 
+use core::cell::{Cell, RefCell};
+
 use super::{FrictionData, FrictionJoint, JointFit, directions};
 use crate::estimate::{EstimateError, Residuals};
 use crate::feasibility::FeasibilityError;
-use crate::identify::{Columns, Kind, Observer, Row, Source, equations};
+use crate::identify::{Columns, Filtering, Kind, LeftOut, Observer, Row, Source, equations};
 use crate::{BaseModel, SizeError, Status};
 
 /// The joints of a model whose friction is not linear.
@@ -59,8 +61,65 @@ fn motion<M: BaseModel<f64> + ?Sized>(
     Ok(regular.then_some((qd, d)))
 }
 
+/// A log that counts its rows.
+struct Counted<'a, S: ?Sized> {
+    source: &'a mut S,
+    rows: &'a Cell<usize>,
+}
+
+impl<S: Source + ?Sized> Source for Counted<'_, S> {
+    type Error = S::Error;
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), S::Error> {
+        let rows = self.rows;
+        self.source.visit(&mut |row| {
+            rows.set(rows.get() + 1);
+            each(row)
+        })
+    }
+
+    fn filtering(&self) -> Filtering {
+        self.source.filtering()
+    }
+}
+
+/// Notes how joints move, beside the columns that are filtered.
+struct Recorder<'a, 'm, M: ?Sized> {
+    model: &'m M,
+    at: &'a [usize],
+    data: &'a RefCell<FrictionData>,
+    rows: &'a Cell<usize>,
+    /// The row before, if it gave an equation.
+    last: Option<usize>,
+}
+
+impl<M: BaseModel<f64> + ?Sized> Columns for Recorder<'_, '_, M> {
+    fn count(&self) -> usize {
+        0
+    }
+
+    fn fill(&mut self, row: &Row<'_>, _: &[f64], _: &mut [f64]) -> Result<bool, EstimateError> {
+        let Some((qd, d)) = motion(self.model, row, self.at)? else {
+            self.last = None;
+            return Ok(false);
+        };
+        let mut data = self.data.borrow_mut();
+        // rows between that gave no equation end a run, as the filter does
+        if !row.follows || self.last.is_none_or(|last| last + 1 != self.rows.get()) {
+            data.interrupt();
+        }
+        self.last = Some(self.rows.get());
+        data.push_sample(row.time, &qd, &d)?;
+        Ok(true)
+    }
+}
+
 /// Reads a log into memory for [`fit`](super::fit), all efforts weighted alike: see
-/// [`FrictionData::weigh`]. Also returns the number of samples left out as singular.
+/// [`FrictionData::weigh`]. Equations are filtered as [`Source::filtering`] says, and so will
+/// friction's columns be. Also returns what gave no equation.
 ///
 /// # Errors
 /// When a joint is none of the model's or has linear friction, or the log cannot be read.
@@ -68,28 +127,37 @@ pub fn collect<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
     source: &mut S,
     joints: &[FrictionJoint],
-) -> Result<(FrictionData, usize), S::Error>
+) -> Result<(FrictionData, LeftOut), S::Error>
 where
     S::Error: From<FeasibilityError>,
 {
-    let mut observer = Observer::new(model, Kind::Forces);
-    let labels = observer.origin().labels;
+    let labels = Observer::new(model, Kind::Forces).origin().labels;
     let at = places(model, joints.iter().map(|j| j.name.clone()))?;
-    let mut data = FrictionData::new(&labels, joints, model.info().dof())?;
-    let mut singular = 0;
-    source.visit(&mut |row| {
-        let equations = observer.observe(row)?;
-        match motion(model, row, &at)? {
-            Some((qd, d)) if !equations.tau.is_empty() => {
-                data.push(equations.w, equations.tau, &qd, &d, equations.weights)
-            }
-            _ => {
-                singular += 1;
-                Ok(())
-            }
-        }
-    })?;
-    Ok((data, singular))
+    let data = FrictionData::new(&labels, joints, model.info().dof())?;
+    let data = RefCell::new(data.filtered(source.filtering().smoothing));
+    let rows = Cell::new(0);
+    let mut recorder = Recorder {
+        model,
+        at: &at,
+        data: &data,
+        rows: &rows,
+        last: None,
+    };
+    let mut counted = Counted {
+        source,
+        rows: &rows,
+    };
+    let left = equations(
+        model,
+        Kind::Forces,
+        &mut counted,
+        &mut recorder,
+        &mut |found| {
+            let mut data = data.borrow_mut();
+            data.push_equations(found.time, found.w, found.tau, found.weights)
+        },
+    )?;
+    Ok((data.into_inner(), left))
 }
 
 /// The efforts of joints' friction as one column of a stream of equations, which thus pass the

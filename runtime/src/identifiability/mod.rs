@@ -10,7 +10,7 @@ use core::fmt::{self, Write};
 use std::format;
 use std::prelude::v1::*;
 
-use crate::estimate::{Estimate, Factor, average_relative_error};
+use crate::estimate::{Blocks, Estimate, Factor, average_relative_error};
 use crate::feasibility::{Combinations, FeasibilityError, Layout, Scale, Verdict, verdict};
 
 /// The relative standard deviation in percent below which a parameter counts as well identified
@@ -111,6 +111,9 @@ pub struct Checks<'a> {
     pub exact: Option<&'a [f64]>,
     /// The units in which margins are measured.
     pub scale: Scale,
+    /// The scores of the factor's rows in order of time: deviations then know of the residuals'
+    /// correlation. Without, residuals count as white.
+    pub blocks: Option<&'a Blocks>,
 }
 
 /// A reduction: every model on the way, the last being the result.
@@ -172,7 +175,12 @@ impl Search<'_> {
         change: Change,
     ) -> Result<(Step, Option<Vec<f64>>), FeasibilityError> {
         let selected = self.factor.select(&kept)?;
-        let estimate = Estimate::of(&selected)?;
+        let mut estimate = Estimate::of(&selected)?;
+        if let Some(blocks) = self.checks.blocks {
+            // the residuals of this model: those of all parameters, and what is left out
+            let found = blocks.deviations(&selected, &kept, &estimate.values, 1.0)?;
+            estimate = estimate.with_deviations(&found);
+        }
         let combinations = self.combinations.select(&kept)?;
         let judged = verdict(
             self.layout,
@@ -242,6 +250,9 @@ impl Search<'_> {
 /// do; the verdict leaves it free.
 ///
 /// - `factor`: over the r base parameters of `combinations`, rows weighted by 1/sigma.
+///
+/// Each model is judged by its own deviations: with [`Checks::blocks`] by those that know of the
+/// correlation of its residuals.
 ///
 /// # Errors
 /// When sizes do not fit, or the rows are too few for any estimate.

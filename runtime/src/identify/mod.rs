@@ -1,18 +1,21 @@
 //! From logs to parameters: states of motion, equations, and the passes over them.
 
 mod delay;
+mod instruments;
 mod motion;
 mod observer;
 mod passes;
 mod recorded;
 mod replay;
 mod stream;
+pub mod suspect;
 
 use std::format;
 use std::prelude::v1::*;
 use std::vec;
 
 pub use delay::{Delay, Delays};
+pub use instruments::{Hausman, InstrumentOptions, Instrumental, Motion, instrumental};
 pub use motion::{Completed, Completion};
 pub use observer::{Equations, Kind, Observer, Row};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};

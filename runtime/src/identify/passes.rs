@@ -12,8 +12,8 @@ use super::replay::Replay;
 use super::stream::{Filtering, LeftOut};
 use crate::BaseModel;
 use crate::estimate::{
-    Accumulator, Autocorrelated, EffortError, Estimate, EstimateError, Factor, FactorSet,
-    Residuals, Weighting,
+    Accumulator, Autocorrelated, Autoregression, Blocks, Deviations, EffortError, Estimate,
+    EstimateError, Factor, FactorSet, ORDER, Residuals, Scores, Weighting,
 };
 
 /// A log that can be read any number of times.
@@ -44,8 +44,8 @@ pub struct Options {
     pub huber: Option<f64>,
     /// Autocorrelations that are found of the residuals.
     pub lags: usize,
-    /// Samples in which residuals are correlated, for the corrected covariance; `None`: chosen
-    /// from their autocorrelation (Andrews, 1991).
+    /// Samples in which residuals are correlated: the covariance is then Newey and West's (1987)
+    /// with this bandwidth. `None`: [`Deviations`] says how it is found.
     pub bandwidth: Option<usize>,
 }
 
@@ -67,9 +67,12 @@ pub struct Identified {
     pub estimate: Estimate,
     /// The factor that it is the solution of: all efforts with their weights, and Huber's.
     pub factor: Factor,
-    /// The covariance that knows of the residuals' correlation, n x n.
-    pub correlated_covariance: Vec<f64>,
-    /// The samples it counts as correlated.
+    /// The covariance that knows of the residuals' correlation.
+    pub deviations: Deviations,
+    /// What it was made of, for estimates of some of the parameters only.
+    pub blocks: Blocks,
+    /// The samples that it counts as correlated: as many as are as good as one, or what
+    /// [`Options::bandwidth`] says.
     pub bandwidth: usize,
     /// The errors of each effort.
     pub errors: Vec<EffortError>,
@@ -79,6 +82,13 @@ pub struct Identified {
     pub left_out: LeftOut,
     /// By how much efforts are logged behind the motion; none where equations are of energy.
     pub delays: Delays,
+}
+
+impl Identified {
+    /// The estimate with the covariance that knows of the residuals' correlation.
+    pub fn correlated(&self) -> Estimate {
+        self.estimate.with_deviations(&self.deviations)
+    }
 }
 
 /// Passes of Huber's reweighting at most.
@@ -213,30 +223,34 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         }
     }
     let means = plain.means();
-    let errors = residuals_of(&mut replay, &estimate.values, &means, options.lags)?;
+    let (errors, noise) = noise_of(&mut replay, options, &estimate, &means)?;
     let efforts = errors.efforts();
-    let rows = efforts.iter().map(|e| e.samples).max().unwrap_or(0);
-    let bandwidth = options
-        .bandwidth
-        .unwrap_or_else(|| automatic(&efforts, rows))
-        .clamp(1, rows.max(1));
-    let (correlated, spread) = scores(&mut replay, options, &estimate, bandwidth)?;
     let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
     let whole = plain.combined(&weights)?;
-    let mut correlated_covariance = correlated.covariance(&whole)?;
+    let rows = efforts.iter().map(|e| e.samples).max().unwrap_or(0);
+    let given = options.bandwidth.map(|b| b.clamp(1, rows.max(1)));
+    let (blocks, stated, spread) = scores(&mut replay, options, &estimate, &noise, given)?;
+    let inside = match options.huber {
+        Some(_) => spread.inside as f64 / spread.rows.max(1) as f64,
+        None => 1.0,
+    };
+    let all: Vec<usize> = (0..estimate.values.len()).collect();
+    let mut deviations = blocks.deviations(&whole, &all, &estimate.values, inside)?;
+    if let Some(stated) = stated {
+        let covariance = stated.covariance(&whole)?;
+        let covariance = covariance.iter().map(|c| c / (inside * inside));
+        deviations = deviations.with_covariance(covariance.collect(), estimate.degrees_of_freedom);
+    }
     if options.huber.is_some() {
         // Huber (1973): (W^T W)^-1 times the mean of psi^2 over the squared part within bounds
         let gram = Estimate::of(&whole)?;
         let spare = gram.degrees_of_freedom.max(1) as f64;
         let unit = whole.squared_residual(&gram.values)? / spare;
-        let inside = spread.inside as f64 / spread.rows.max(1) as f64;
         let variance = spread.squares / spare / (inside * inside);
         let scale = if unit > 0.0 { variance / unit } else { 0.0 };
         estimate.covariance = gram.covariance.iter().map(|c| c * scale).collect();
-        for c in &mut correlated_covariance {
-            *c /= inside * inside;
-        }
     }
+    let bandwidth = given.unwrap_or_else(|| automatic(&efforts, rows));
     let delays = match kind {
         Kind::Forces => {
             let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
@@ -257,8 +271,9 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         errors: efforts,
         estimate,
         factor,
-        correlated_covariance,
-        bandwidth,
+        bandwidth: given.unwrap_or_else(|| memory(&blocks)),
+        deviations,
+        blocks,
         left_out,
         delays,
     })
@@ -363,51 +378,149 @@ struct Spread {
     rows: usize,
 }
 
-/// The sums over scores, for the covariance that knows of correlation.
+/// The errors of an estimate, and what its weighted residuals are like as noise, bounded where
+/// Huber bounds them.
+fn noise_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    replay: &mut Replay<'_, M, S>,
+    options: &Options,
+    estimate: &Estimate,
+    means: &[f64],
+) -> Result<(Residuals, Vec<Autoregression>), S::Error> {
+    let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
+    let mut errors = Residuals::new(&names, means, options.lags);
+    let none = vec![0.0; names.len()];
+    let mut noise = Residuals::new(&names, &none, ORDER);
+    let mut weighed = Weighed::new(options, estimate);
+    replay.visit(&mut |equations| {
+        if !equations.follows {
+            errors.interrupt();
+            noise.interrupt();
+        }
+        if equations.tau.is_empty() {
+            return Ok(());
+        }
+        weighed.take(equations);
+        errors.push_used(equations.tau, &weighed.fitted, &weighed.used)?;
+        noise.push_used(&weighed.psi, &none, &weighed.used)
+    })?;
+    let noise = noise.efforts();
+    let fits = noise
+        .iter()
+        .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples));
+    Ok((errors, fits.collect()))
+}
+
+/// The residuals at a sample as they count in scores.
+struct Weighed<'a> {
+    estimate: &'a Estimate,
+    bound: f64,
+    sigmas: Vec<f64>,
+    fitted: Vec<f64>,
+    used: Vec<bool>,
+    weights: Vec<f64>,
+    psi: Vec<f64>,
+    slopes: Vec<f64>,
+}
+
+impl<'a> Weighed<'a> {
+    fn new(options: &Options, estimate: &'a Estimate) -> Self {
+        Self {
+            estimate,
+            bound: options.huber.unwrap_or(f64::INFINITY),
+            sigmas: estimate.efforts.iter().map(|e| e.sigma).collect(),
+            fitted: Vec::new(),
+            used: Vec::new(),
+            weights: Vec::new(),
+            psi: Vec::new(),
+            slopes: Vec::new(),
+        }
+    }
+
+    fn take(&mut self, equations: &Equations<'_>) {
+        self.fitted.clear();
+        self.used.clear();
+        self.weights.clear();
+        self.psi.clear();
+        self.slopes.clear();
+        let huber = Huber {
+            values: &self.estimate.values,
+            sigmas: &self.sigmas,
+            bound: self.bound,
+        };
+        for (e, (tau, own)) in equations.tau.iter().zip(equations.weights).enumerate() {
+            let fitted = predicted(equations, e, &self.estimate.values);
+            let weight = own * self.estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
+            let robust = huber.weight(e, (tau - fitted) * own);
+            self.fitted.push(fitted);
+            self.used.push(*own > 0.0);
+            self.weights.push(weight);
+            self.psi.push((tau - fitted) * weight * robust);
+            self.slopes.push(if robust < 1.0 { 0.0 } else { 1.0 });
+        }
+    }
+}
+
+/// The sums over scores, for the covariance that knows of correlation; for a stated bandwidth also
+/// those of Newey and West.
 fn scores<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     options: &Options,
     estimate: &Estimate,
-    bandwidth: usize,
-) -> Result<(Autocorrelated, Spread), S::Error> {
+    noise: &[Autoregression],
+    bandwidth: Option<usize>,
+) -> Result<(Blocks, Option<Autocorrelated>, Spread), S::Error> {
     let n = estimate.values.len();
-    let mut out = Autocorrelated::new(n, bandwidth);
+    let mut out = Scores::new(n, noise);
+    let mut stated = bandwidth.map(|b| Autocorrelated::new(n, b));
     let mut spread = Spread::default();
     let mut score = vec![0.0; n];
-    let sigmas: Vec<f64> = estimate.efforts.iter().map(|e| e.sigma).collect();
-    let huber = Huber {
-        values: &estimate.values,
-        sigmas: &sigmas,
-        bound: options.huber.unwrap_or(f64::INFINITY),
-    };
+    let mut weighed = Weighed::new(options, estimate);
     replay.visit(&mut |equations| {
         if !equations.follows {
             out.interrupt();
+            if let Some(stated) = &mut stated {
+                stated.interrupt();
+            }
         }
         let count = equations.tau.len();
         if count == 0 {
             return Ok(());
         }
-        score.fill(0.0);
-        for (e, (tau, own)) in equations.tau.iter().zip(equations.weights).enumerate() {
-            if *own == 0.0 {
-                continue;
+        weighed.take(equations);
+        for (e, used) in weighed.used.iter().enumerate() {
+            if *used {
+                spread.squares += weighed.psi[e].powi(2);
+                spread.inside += usize::from(weighed.slopes[e] > 0.0);
+                spread.rows += 1;
             }
-            let weight = own * estimate.efforts.get(e).map_or(1.0, |fit| fit.weight);
-            let residual = tau - predicted(equations, e, &estimate.values);
-            let robust = huber.weight(e, residual * own);
-            let psi = residual * weight * robust;
-            spread.squares += psi * psi;
-            spread.inside += usize::from(robust >= 1.0);
-            spread.rows += 1;
+        }
+        let Weighed {
+            weights,
+            psi,
+            slopes,
+            ..
+        } = &weighed;
+        out.push(equations.w, weights, psi, slopes)?;
+        let Some(stated) = &mut stated else {
+            return Ok(());
+        };
+        score.fill(0.0);
+        for (e, (weight, psi)) in weights.iter().zip(psi).enumerate() {
             let entries = equations.w.iter().skip(e).step_by(count);
             for (s, w) in score.iter_mut().zip(entries) {
                 *s += w * weight * psi;
             }
         }
-        out.push(&score)
+        stated.push(&score)
     })?;
-    Ok((out, spread))
+    Ok((out.finish(&estimate.values)?, stated, spread))
+}
+
+/// The samples that are as good as one, as a number of samples.
+fn memory(blocks: &Blocks) -> usize {
+    #[allow(clippy::cast_sign_loss, reason = "it is at least 1")]
+    let samples = blocks.memory().round() as usize;
+    samples
 }
 
 /// Bartlett's bandwidth by the autocorrelation at lag 1 (Andrews, 1991), for the effort with

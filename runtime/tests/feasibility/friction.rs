@@ -24,7 +24,7 @@ pub(crate) fn force(friction: Friction, v: f64, x: &[f64]) -> f64 {
 }
 
 /// Two joints that act on two rows, one of them through the mechanism, and a robot's base.
-fn simulate(robot: &Robot, laws: &[(Friction, &[f64])], noise: f64) -> FrictionData {
+pub(crate) fn simulate(robot: &Robot, laws: &[(Friction, &[f64])], noise: f64) -> FrictionData {
     let joints: Vec<FrictionJoint> = laws
         .iter()
         .enumerate()
@@ -73,7 +73,7 @@ fn of_robot(robot: &Robot, data: &FrictionData) -> FrictionFit {
     .unwrap()
 }
 
-fn plain() -> Robot {
+pub(crate) fn plain() -> Robot {
     let labels: Vec<String> = crate::robots::labels(1);
     let phi = vec![0.3, 0.01, -0.02, 0.25, 0.0, 0.4, 0.2, -0.1, 0.15, 2.0, 0.7];
     let layout = Layout::new(&labels).unwrap();

@@ -1,7 +1,6 @@
 //! Robust estimates by the equations that define them, and the bandwidth of correlation.
 
 use regen_runtime::estimate::EstimateError;
-use regen_runtime::estimate::Weighting;
 use regen_runtime::identify::{
     Filtering, Identified, Kind, Options, Recorded, Row, Source, identify,
 };
@@ -13,7 +12,7 @@ const MOMENT: f64 = 2.0;
 const SAMPLES: usize = 300;
 
 /// A sequence of numbers that is the same everywhere (SplitMix64), by Box and Muller normal.
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
     fn uniform(&mut self) -> f64 {
@@ -24,7 +23,7 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         let (u, v) = (1.0 - self.uniform(), self.uniform());
         (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
     }
@@ -143,7 +142,7 @@ fn the_robust_estimate_fulfils_the_equations_that_define_it() {
                 assert!((found - exact).abs() < 1e-5 * size, "{found:e} {exact:e}");
                 let sum = |a: usize, b: usize| bread[i][a] * meat[a][b] * bread[b][j];
                 let exact = scale * (sum(0, 0) + sum(0, 1) + sum(1, 0) + sum(1, 1));
-                let found = robust.correlated_covariance[i * 2 + j];
+                let found = robust.deviations.covariance[i * 2 + j];
                 assert!((found - exact).abs() < 1e-5 * size, "{found:e} {exact:e}");
             }
         }
@@ -183,36 +182,33 @@ fn on_normal_noise_robust_and_plain_estimates_agree_within_their_deviations() {
     assert!((sigma / 0.05 - 1.0).abs() < 0.2, "{sigma}");
 }
 
-/// Andrews (1991) for Bartlett's weights and an autoregression: 1.1447 (alpha T)^(1/3) lags with
-/// alpha = 4 rho^2 / (1 - rho^2)^2, rho the autocorrelation of neighbours.
+/// Noise of an autoregression is as good as (1 - rho) / (1 + rho) of independent samples.
 #[test]
-fn the_bandwidth_follows_from_the_correlation_of_neighbours() {
-    let mut widest = 0;
-    for rho in [0.0, 0.3, 0.6, 0.9, 0.98] {
+fn the_samples_that_count_as_one_follow_from_the_correlation_of_residuals() {
+    let mut longest = 0;
+    for rho in [0.0_f64, 0.3, 0.6, 0.9, 0.98] {
         let mut random = Random(11);
         let mut last = 0.0;
-        let (w, y, mut log) = pendulum(|| {
+        let (_, _, mut log) = pendulum(|| {
             last = rho * last + 0.05 * random.normal();
             last
         });
-        let options = Options {
-            weighting: Weighting::Equal,
-            ..Options::default()
-        };
-        let found = found(&mut log, &options);
-        let r = residuals(&w, &y, &found.estimate.values);
-        let product = |lag: usize| -> f64 { r[lag..].iter().zip(&r).map(|(a, b)| a * b).sum() };
-        let own = product(1) / product(0);
-        let alpha = 4.0 * own * own / (1.0 - own * own).powi(2);
-        let lags = 1.1447 * (alpha * SAMPLES as f64).cbrt();
-        let quarter = (SAMPLES / 4) as f64;
-        let exact = 1.0 + lags.floor().min(quarter);
-        let off = (found.bandwidth as f64 - exact).abs();
-        assert!(off < 0.5, "{rho}: {} {exact}", found.bandwidth);
-        assert!(found.bandwidth >= widest, "more correlation, more lags");
-        widest = found.bandwidth;
+        let found = found(&mut log, &Options::default());
+        let exact = (1.0 + rho) / (1.0 - rho);
+        // 300 samples tell a correlation of 0.9 to 0.03, and this number to a third
+        let ratio = found.bandwidth as f64 / exact;
+        let least = if rho > 0.95 { 0.2 } else { 0.6 };
+        assert!((least..1.7).contains(&ratio), "{rho}: {ratio}");
+        assert!(
+            found.bandwidth >= longest,
+            "more correlation, fewer samples"
+        );
+        longest = found.bandwidth;
+        // 300 samples of which 99 are as good as one
+        if rho < 0.7 || rho > 0.95 {
+            assert_eq!(found.deviations.short(), rho > 0.95, "{rho}");
+        }
     }
-    assert_eq!(widest, 1 + SAMPLES / 4, "no more than a quarter of the log");
 }
 
 /// A bound that nothing exceeds leaves plain least squares, whatever the rows weigh.

@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::{Format, PhysicalArgs};
 use crate::report::ReportOptions;
+use crate::simulate::{Gains, gains};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -51,6 +52,14 @@ Examples:
       --bodies new.yaml
   regen identify arm.yaml run.csv --friction --against other.csv slow.csv
   regen identify arm.yaml run.csv --reduce --against other.csv
+  regen identify arm.yaml run.csv --iv --reference t.json --pid 50,20,3
+
+With --iv the regressor at another motion takes the place of the regressor's
+transpose: that of the robot simulated under PID control along --reference with
+the present estimate, in up to five rounds; the log's time is the reference's.
+Without --reference it is the measured motion, smoothed as far as it has
+nothing but noise: then the noise below the cutoff that is told still counts.
+The test of Durbin, Wu and Hausman says whether least squares is biased.
 
 With --feasible the parameters of --out are physical: the semidefinite programme
 finds all ten of each body, friction and rotors that are not negative. What the
@@ -82,6 +91,20 @@ pub(crate) struct IdentifyArgs {
     /// Identify from all logs but one and predict that one, each in turn
     #[arg(long)]
     pub(crate) cross: bool,
+    /// Do not look for swapped columns, flipped signs, wrong units and the like
+    #[arg(long)]
+    pub(crate) no_suspicion: bool,
+    /// Instrumental variables, which errors of the measured motion do not bias
+    #[arg(long, conflicts_with_all = ["from", "huber", "cross", "energy", "physical", "reduce"])]
+    pub(crate) iv: bool,
+    /// What the controllers followed, as `regen excite` writes it: the
+    /// instruments come from simulating the robot along it
+    #[arg(long, value_name = "TRAJECTORY", requires = "iv")]
+    pub(crate) reference: Option<PathBuf>,
+    /// Gains of all controllers in this simulation, or of one: [NAME=]KP,KI,KD
+    /// (may be repeated) [default: by the robot's inertia, for 3 Hz]
+    #[arg(long, value_name = "GAINS", requires = "reference", value_parser = gains)]
+    pub(crate) pid: Vec<Gains>,
     /// Write the parameters for `validate` and `export`: YAML if PARAMS ends in
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
@@ -183,8 +206,13 @@ pub(crate) enum ProblemsArg {
     /// List them and stop
     #[default]
     Fail,
-    /// Go on without them
+    /// Go on without them; the log is cut there
     Drop,
+    /// Go on with them where they are numbers: outliers, saturated efforts,
+    /// encoders that look stuck
+    Keep,
+    /// As keep, and list them
+    Tell,
 }
 
 /// By how much efforts are logged late

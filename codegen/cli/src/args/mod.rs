@@ -499,8 +499,9 @@ body's frame, and friction by joint; each part and each entry may be missing.
                            \"inertia\": [0.03, 0, 0, 0.03, 0, 0.004]}},
    \"joints\": {\"elbow\": {\"Fv\": 1.2, \"Fc\": 0.4}}}
 Masses, centres of mass and inertias are moved into the frames of the URDF file
-and replace the numbers there; damping and friction likewise. Nothing else of
-the file changes. Values that no body can have are refused.
+and replace the numbers there; damping and friction likewise, of Fc+ and Fc- the
+larger. Nothing else of the file changes. Values that no body can have are
+refused.
 
 Examples:
   regen export --urdf arm.urdf --spec robots/arm.yaml --parameters fit.json \\

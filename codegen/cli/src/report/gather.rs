@@ -20,6 +20,8 @@ const STATES: usize = 300;
 /// One log, row by row.
 pub(super) struct Seen {
     pub(super) file: String,
+    /// Whether velocities and accelerations were measured.
+    pub(super) derivatives: bool,
     pub(super) t: Vec<f64>,
     /// Of all coordinates, n a row.
     pub(super) q: Vec<f64>,
@@ -69,6 +71,11 @@ pub(super) fn seen(
     let mut logs = observe::open(model, &[path.to_owned()], reading)?;
     let mut seen = Seen {
         file: name(path),
+        derivatives: logs
+            .logs()
+            .reports()
+            .iter()
+            .all(|report| report.derivatives),
         t: Vec::new(),
         q: Vec::new(),
         qd: Vec::new(),

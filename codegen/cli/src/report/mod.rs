@@ -177,7 +177,7 @@ impl Inputs<'_> {
             file: self.file,
             nominal,
             errors,
-            method: method(self.reading),
+            method: method(self.reading, seen.derivatives),
             motion: figures::motion(model, &seen)?,
             forces: figures::forces(model, &seen)?,
             friction: figures::friction(model, &seen, self.identified)?,
@@ -207,9 +207,11 @@ impl Report<'_> {
     }
 }
 
-/// How logs were differentiated.
-fn method(reading: &ReadingArgs) -> String {
-    if let Some((frequency, harmonics)) = reading.fourier {
+/// How logs were differentiated; `measured` where velocities and accelerations were read.
+fn method(reading: &ReadingArgs, measured: bool) -> String {
+    if measured {
+        "velocities and accelerations as they were measured".to_owned()
+    } else if let Some((frequency, harmonics)) = reading.fourier {
         format!(
             "Fourier series of {harmonics} harmonics of {} Hz",
             table::figure(frequency)

@@ -98,7 +98,8 @@ pub(crate) struct Gains {
     pub(crate) values: [f64; 3],
 }
 
-fn gains(text: &str) -> Result<Gains, String> {
+/// Gains as options state them.
+pub(crate) fn gains(text: &str) -> Result<Gains, String> {
     let (name, rest) = match text.rsplit_once('=') {
         Some((name, rest)) => (Some(name.trim().to_owned()), rest),
         None => (None, text),

@@ -4,19 +4,21 @@ use nalgebra::{DMatrix, DVector};
 use regen_runtime::simulate::Pid;
 use regen_runtime::{Closure, Model};
 
-use super::args::SimulateArgs;
+use super::args::Gains;
 use crate::exit::Failure;
 use regen_interpreted::Interpreted;
 
 /// One controller per actuated joint and the constant effort under each.
-pub(super) struct Control {
-    pub(super) pid: Vec<Pid>,
-    pub(super) offset: Vec<f64>,
+pub(crate) struct Control {
+    pub(crate) pid: Vec<Pid>,
+    pub(crate) offset: Vec<f64>,
 }
 
-/// Controllers for a start at these independent coordinates.
-pub(super) fn control(
-    args: &SimulateArgs,
+/// Controllers for a start at these independent coordinates, of this bandwidth in Hz but for those
+/// whose gains are given.
+pub(crate) fn control(
+    bandwidth: f64,
+    given: &[Gains],
     model: &Interpreted<'_>,
     phi: &[f64],
     start: &[f64],
@@ -60,7 +62,7 @@ pub(super) fn control(
                 .to_owned(),
         ));
     };
-    let w = std::f64::consts::TAU * args.bandwidth;
+    let w = std::f64::consts::TAU * bandwidth;
     let mut pid: Vec<Pid> = own
         .iter()
         .map(|m| Pid {
@@ -69,7 +71,7 @@ pub(super) fn control(
             kd: 1.4 * m * w,
         })
         .collect();
-    for gains in &args.pid {
+    for gains in given {
         let [kp, ki, kd] = gains.values;
         let mut known = gains.name.is_none();
         for (pid, joint) in pid.iter_mut().zip(info.actuated) {

@@ -7,7 +7,9 @@ mod parameters;
 
 use std::path::{Path, PathBuf};
 
-pub(crate) use args::SimulateArgs;
+pub(crate) use args::{Gains, SimulateArgs, gains};
+pub(crate) use control::control;
+pub(crate) use parameters::linear_friction;
 
 use regen_runtime::Model;
 use regen_runtime::simulate::{
@@ -80,7 +82,13 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         parameters::friction(args, &info, &phi, &fitted, &mut chance)?
     };
     // the controllers know the nominal robot
-    let control = control::control(args, &model, &nominal, &motion.position(0.0))?;
+    let control = control(
+        args.bandwidth,
+        &args.pid,
+        &model,
+        &nominal,
+        &motion.position(0.0),
+    )?;
     let duration = args.duration.unwrap_or(motion.period());
     let [position_noise, effort_noise] = args.noise.unwrap_or_default();
     let [position_step, effort_step] = args.quantum.unwrap_or_default();
@@ -207,7 +215,8 @@ fn misuse(error: &SimulationError) -> Failure {
     Failure::Input(error.to_string())
 }
 
-fn reason(log: &Log) -> Option<String> {
+/// Why a run ended before its time, in words.
+pub(crate) fn reason(log: &Log) -> Option<String> {
     Some(match log.ended {
         Ended::Complete => return None,
         Ended::Open(outcome) => format!(

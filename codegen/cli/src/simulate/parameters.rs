@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use regen_runtime::friction::JointFit;
 use regen_runtime::simulate::{FrictionLaw, Noise, friction_laws};
-use regen_runtime::{BaseModel, Info, Joint, Model};
+use regen_runtime::{BaseModel, Friction, Info, Joint, Model};
 
 use super::args::SimulateArgs;
 use crate::exit::Failure;
@@ -98,6 +98,31 @@ fn identified(
     let free = vec![0.0; model.base_info().free.len()];
     model.parameters_from_base(&found.beta, &free, &mut phi)?;
     Ok((phi, found.friction))
+}
+
+/// The laws of linear friction with the coefficients among all parameters; other friction is left
+/// out.
+pub(crate) fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<FrictionLaw> {
+    let stated = info.joints.iter().zip(info.coordinates);
+    let joints: Vec<Joint> = stated
+        .map(|(joint, name)| {
+            let mut joint = *joint;
+            if !joint.friction.is_linear() {
+                joint.friction = Friction::None;
+            }
+            let slots = joint.nominal.iter_mut().zip(joint.friction.symbols());
+            for (slot, symbol) in slots {
+                let index = info.parameter_of(&format!("{symbol}({name})"));
+                *slot = index.and_then(|k| phi.get(k)).copied().or(Some(0.0));
+            }
+            joint
+        })
+        .collect();
+    friction_laws(&Info {
+        joints: &joints,
+        ..*info
+    })
+    .unwrap_or_default()
 }
 
 /// The friction law of each coordinate: linear ones with the coefficients among the parameters,

@@ -1,0 +1,384 @@
+//! Mistakes planted in the logs of robots: each is named with its remedy, and logs without one are
+//! read without a word.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use regen_runtime::data::{Assignment, Logs, Settings};
+use regen_runtime::identify::{Kind, Options, identify};
+use regen_runtime::signals::{Fourier, Method};
+use regen_runtime::{Closure, Model};
+
+use super::{Columns, Suspicion, one};
+use crate::load;
+use crate::verify::Random;
+use regen_interpreted::{BaseTerms, Interpreted};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// A log: titles and columns.
+#[derive(Clone)]
+struct Log {
+    titles: Vec<String>,
+    columns: Vec<Vec<f64>>,
+}
+
+impl Log {
+    fn read(path: &Path) -> Self {
+        let text = fs::read_to_string(path).unwrap();
+        let mut lines = text.lines();
+        let titles: Vec<String> = lines
+            .next()
+            .unwrap()
+            .split(',')
+            .map(str::to_owned)
+            .collect();
+        let mut columns = vec![Vec::new(); titles.len()];
+        for line in lines {
+            for (column, cell) in columns.iter_mut().zip(line.split(',')) {
+                column.push(cell.parse().unwrap());
+            }
+        }
+        Self { titles, columns }
+    }
+
+    fn text(&self) -> String {
+        let mut out = self.titles.join(",") + "\n";
+        for k in 0..self.columns[0].len() {
+            let cells: Vec<String> = self.columns.iter().map(|c| c[k].to_string()).collect();
+            out += &(cells.join(",") + "\n");
+        }
+        out
+    }
+
+    fn place(&self, name: &str) -> usize {
+        self.titles.iter().position(|t| t == name).unwrap()
+    }
+
+    fn each(&self, names: &[&str], change: impl Fn(f64) -> f64) -> Self {
+        let mut out = self.clone();
+        for name in names {
+            let place = self.place(name);
+            out.columns[place].iter_mut().for_each(|x| *x = change(*x));
+        }
+        out
+    }
+
+    fn swapped(&self, a: &str, b: &str) -> Self {
+        let mut out = self.clone();
+        let (a, b) = (self.place(a), self.place(b));
+        out.columns.swap(a, b);
+        out
+    }
+}
+
+/// What is told of a log, and the largest error of an effort as it is read, percent.
+fn told(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicion> {
+    let dir = std::env::temp_dir().join(format!("regen-suspicion-{}", std::process::id()));
+    fs::create_dir_all(&dir).unwrap();
+    let path = dir.join(format!("{}.csv", model.info().name));
+    fs::write(&path, log.text()).unwrap();
+    let mut logs = Logs::open(model, std::slice::from_ref(&path), settings).unwrap();
+    let found = identify(model, Kind::Forces, &Options::default(), &mut logs).ok();
+    let used = found.map(|found| found.correlated());
+    let sample = logs.sample(0).unwrap();
+    let columns = Columns {
+        file: "log.csv",
+        given: &settings.columns,
+        model,
+    };
+    let out = one(&columns, &sample, used.as_ref(), &mut |_, _| {});
+    fs::remove_file(path).unwrap();
+    out
+}
+
+/// A planted mistake, and the words that name it.
+type Mistake<'a> = (&'a str, Log, &'a [&'a str]);
+
+/// Every mistake is the first that is told, in these words; where options are the remedy, the
+/// log is read without a word with them.
+#[track_caller]
+fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'_>]) {
+    let mut missed = Vec::new();
+    for (name, log, words) in mistakes {
+        let found = told(model, log, settings);
+        let text = found
+            .iter()
+            .map(ToString::to_string)
+            .collect::<Vec<_>>()
+            .join("\n");
+        println!("{name}: {text}");
+        if !words.iter().all(|word| text.contains(word)) {
+            missed.push(format!("{name}: wanted {words:?}, told:\n{text}"));
+            continue;
+        }
+        let Some(first) = found.first().filter(|f| f.remedy.starts_with("--column")) else {
+            continue;
+        };
+        let mut settings = settings.clone();
+        for option in first.remedy.split("--column ").filter(|o| !o.is_empty()) {
+            let given: Assignment = option.trim().trim_matches('\'').parse().unwrap();
+            settings.columns.retain(|a| a.quantity != given.quantity);
+            settings.columns.push(given);
+        }
+        let again = told(model, log, &settings);
+        if !again.is_empty() {
+            missed.push(format!(
+                "{name}: the remedy {} leaves {}",
+                first.remedy, again[0]
+            ));
+        }
+    }
+    assert!(missed.is_empty(), "{}", missed.join("\n"));
+}
+
+#[test]
+fn mistakes_in_the_log_of_a_fivebar_are_named() {
+    let guide = root().join("guide/fivebar");
+    let robot = load::robot(&guide.join("fivebar.yaml")).unwrap();
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let settings = Settings {
+        method: Method::Butterworth {
+            order: 4,
+            cutoff: 20.0,
+        },
+        decimation: 5,
+        ..Settings::default()
+    };
+    for run in ["run1.csv", "run2.csv"] {
+        let clean = told(&model, &Log::read(&guide.join(run)), &settings);
+        assert!(clean.is_empty(), "{}", clean[0]);
+    }
+    let log = Log::read(&guide.join("run1.csv"));
+    let both = ["tau_q1", "tau_q3"];
+    are_named(
+        &model,
+        &settings,
+        &[
+            (
+                "efforts swapped",
+                log.swapped("tau_q1", "tau_q3"),
+                &["`tau_q1`", "`tau_q3`", "swapped"],
+            ),
+            (
+                "one sign",
+                log.each(&["tau_q3"], |x| -x),
+                &["`tau_q3`", "sign", "flipped"],
+            ),
+            (
+                "swapped and a sign",
+                log.swapped("tau_q1", "tau_q3").each(&["tau_q1"], |x| -x),
+                &["swapped", "`tau_q1`", "sign"],
+            ),
+            (
+                "all signs",
+                log.each(&both, |x| -x),
+                &["tau_q1", "tau_q3", "flipped"],
+            ),
+            (
+                "positions swapped",
+                log.swapped("q1", "q3"),
+                &["`q1`", "`q3`", "swapped"],
+            ),
+            (
+                "a position turned",
+                log.each(&["q1"], |x| -x),
+                &["`q1`", "sign"],
+            ),
+            (
+                "N mm",
+                log.each(&both, |x| 1e3 * x),
+                &["mN m", "tau_q1", "tau_q3"],
+            ),
+            (
+                "one in N mm",
+                log.each(&["tau_q1"], |x| 1e3 * x),
+                &["`tau_q1`", "mN m"],
+            ),
+            (
+                "degrees",
+                log.each(&["q1", "q3"], f64::to_degrees),
+                &["`q1`", "`q3`", "degrees"],
+            ),
+            (
+                "one in degrees",
+                log.each(&["q3"], f64::to_degrees),
+                &["`q3`", "degrees"],
+            ),
+            (
+                "a gain is missing",
+                log.each(&["tau_q1"], |x| x / 0.12),
+                &["`tau_q1`", "gain"],
+            ),
+            (
+                "all gains are missing",
+                log.each(&both, |x| x / 0.12),
+                &["`tau_q1`, `tau_q3`", "torque constant"],
+            ),
+            (
+                "a constant offset",
+                log.each(&["tau_q3"], |x| x + 2.0),
+                &["`tau_q3`", "constant 2."],
+            ),
+        ],
+    );
+    // without a filter, which would refuse such a step
+    let plain = Settings {
+        method: Method::Central,
+        ..settings
+    };
+    are_named(
+        &model,
+        &plain,
+        &[(
+            "ms",
+            log.each(&["t"], |t| 1e3 * t),
+            &["`t`", "looks like ms"],
+        )],
+    );
+}
+
+/// The 3-RPS with rotors and friction on a series, with noise, and bodies that differ from the
+/// nominal ones.
+fn legs(model: &Interpreted<'_>, series: &Fourier) -> Log {
+    let info = model.info();
+    let mut random = Random(3);
+    let nominal = info.nominal_parameters().unwrap();
+    let phi: Vec<f64> = nominal
+        .iter()
+        .map(|x| x * (1.0 + 0.1 * random.signed()))
+        .collect();
+    let mut closure = Closure::new(model).unwrap();
+    let names = info
+        .independent
+        .iter()
+        .map(|c| info.coordinates[*c].to_owned());
+    let names: Vec<String> = names.collect();
+    let mut titles = vec!["t".to_owned()];
+    titles.extend(names.iter().cloned());
+    titles.extend(names.iter().map(|n| format!("tau_{n}")));
+    let mut columns = vec![Vec::new(); titles.len()];
+    let dof = info.dof();
+    for k in 0..800 {
+        let time = 0.0125 * f64::from(k);
+        let at: Vec<[f64; 3]> = (0..dof).map(|i| series.at(i, time)).collect();
+        let pick = |d: usize| -> Vec<f64> { at.iter().map(|p| p[d]).collect() };
+        let state = closure.track_state(&pick(0), &pick(1), &pick(2)).unwrap();
+        let mut tau = vec![0.0; dof];
+        let _ = model
+            .inverse_dynamics(&state.q, &state.qd, &state.qdd, &phi, &mut tau)
+            .unwrap();
+        columns[0].push(time);
+        for i in 0..dof {
+            columns[1 + i].push(state.q[info.independent[i]] + 1e-6 * random.signed());
+            columns[1 + dof + i].push(tau[i] + 1.0 * random.signed());
+        }
+    }
+    Log { titles, columns }
+}
+
+#[test]
+fn mistakes_in_the_log_of_a_3rps_are_named() {
+    let robot = load::robot(&root().join("robots/3rps_friction.yaml")).unwrap();
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let frequency = 0.2;
+    let info = model.info();
+    let mut random = Random(5);
+    let signals: Vec<(f64, Vec<f64>, Vec<f64>)> = info
+        .independent
+        .iter()
+        .map(|c| {
+            let rate = 0.04 * std::f64::consts::TAU * frequency;
+            let mut draw = || (0..5).map(|_| rate * random.signed()).collect();
+            (info.home[*c], draw(), draw())
+        })
+        .collect();
+    let log = legs(&model, &Fourier::new(frequency, &signals).unwrap());
+    let settings = Settings {
+        method: Method::Fourier {
+            frequency,
+            harmonics: 5,
+        },
+        ..Settings::default()
+    };
+    let clean = told(&model, &log, &settings);
+    assert!(clean.is_empty(), "{}", clean[0]);
+    let all = ["tau_q2", "tau_q7", "tau_q9"];
+    are_named(
+        &model,
+        &settings,
+        &[
+            (
+                "efforts swapped",
+                log.swapped("tau_q2", "tau_q9"),
+                &["`tau_q2`", "`tau_q9`", "swapped"],
+            ),
+            (
+                "one sign",
+                log.each(&["tau_q7"], |x| -x),
+                &["`tau_q7`", "sign", "flipped"],
+            ),
+            (
+                "swapped and a sign",
+                log.swapped("tau_q2", "tau_q7").each(&["tau_q2"], |x| -x),
+                &["swapped", "`tau_q2`", "sign"],
+            ),
+            (
+                "all signs",
+                log.each(&all, |x| -x),
+                &["tau_q2", "tau_q7", "tau_q9", "flipped"],
+            ),
+            (
+                "positions swapped",
+                log.swapped("q7", "q9"),
+                &["`q7`", "`q9`", "swapped"],
+            ),
+            (
+                "mN",
+                log.each(&all, |x| 1e3 * x),
+                &["mN", "tau_q2", "tau_q7", "tau_q9"],
+            ),
+            (
+                "one in mN",
+                log.each(&["tau_q2"], |x| 1e3 * x),
+                &["`tau_q2`", "mN"],
+            ),
+            (
+                "mm",
+                log.each(&["q2", "q7", "q9"], |x| 1e3 * x),
+                &["`q2`", "mm"],
+            ),
+            (
+                "a gain is missing",
+                log.each(&["tau_q7"], |x| x / 35.5),
+                &["`tau_q7`", "gain"],
+            ),
+            (
+                "a constant offset",
+                log.each(&["tau_q9"], |x| x + 60.0),
+                &["`tau_q9`", "constant"],
+            ),
+        ],
+    );
+    let wrong = Settings {
+        method: Method::Fourier {
+            frequency: 0.17,
+            harmonics: 5,
+        },
+        ..settings
+    };
+    are_named(
+        &model,
+        &wrong,
+        &[(
+            "a wrong frequency",
+            log,
+            &["the Fourier series leaves", "% of the motion"],
+        )],
+    );
+}

@@ -1,0 +1,251 @@
+//! A change of columns in words and options.
+
+use super::{Assignment, Change, EffortChange, Interpreted, Model, Quantity, Sample, Suspicion};
+use regen_runtime::identify::suspect::Reading;
+
+/// Factors that are units.
+const UNITS: [(f64, &str); 5] = [
+    (1e-3, "1000 times too large, as in mN m or mm"),
+    (1e3, "1000 times too small, as in kN"),
+    (std::f64::consts::PI / 180.0, "in degrees"),
+    (9.806_65, "in kgf"),
+    (0.01, "in cm"),
+];
+
+/// The columns of one log.
+pub(super) struct Columns<'a> {
+    pub(super) file: &'a str,
+    pub(super) given: &'a [Assignment],
+    pub(super) model: &'a Interpreted<'a>,
+}
+
+/// A factor with the digits that it is known by.
+pub(super) fn rounded(factor: f64) -> f64 {
+    format!("{factor:.2e}").parse().unwrap_or(factor)
+}
+
+impl Columns<'_> {
+    /// The name of a coordinate.
+    pub(super) fn name(&self, coordinate: usize) -> String {
+        let names = self.model.info().coordinates;
+        names
+            .get(coordinate)
+            .map_or_else(String::new, |n| (*n).to_owned())
+    }
+
+    /// Where a quantity is read from now.
+    pub(super) fn source(&self, quantity: &Quantity) -> Assignment {
+        let found = self.given.iter().find(|a| a.quantity == *quantity);
+        found.cloned().unwrap_or_else(|| Assignment {
+            quantity: quantity.clone(),
+            column: quantity.to_string(),
+            factor: 1.0,
+            unit: None,
+            gain: None,
+        })
+    }
+
+    /// Where an effort is read from now.
+    pub(super) fn effort(&self, effort: usize) -> Assignment {
+        let coordinate = self.model.info().actuated.get(effort).copied();
+        let name = coordinate.map_or_else(String::new, |c| self.name(c));
+        self.source(&Quantity::Effort(name))
+    }
+
+    /// The factor of a quantity that belongs to its joint: the torque constant of a current.
+    pub(super) fn own(&self, quantity: &Quantity) -> f64 {
+        let source = self.source(quantity);
+        if source.is_current() {
+            source.gain.unwrap_or(1.0)
+        } else {
+            1.0
+        }
+    }
+
+    /// The option that reads a column so.
+    pub(super) fn option(&self, to: &Assignment) -> String {
+        let factor = format!("{:.11e}", to.factor).parse().unwrap_or(to.factor);
+        let factor = match factor {
+            1.0 => String::new(),
+            factor => format!("*{factor}"),
+        };
+        format!("--column '{}={}{factor}'", to.quantity, to.column)
+    }
+
+    /// The options that turn efforts round.
+    pub(super) fn turned(&self, efforts: &[usize]) -> String {
+        let each = efforts.iter().map(|k| {
+            let source = self.effort(*k);
+            self.option(&Assignment {
+                factor: -source.factor,
+                ..source
+            })
+        });
+        each.collect::<Vec<_>>().join(" ")
+    }
+
+    /// Something that is not about errors.
+    pub(super) fn say(&self, what: String, remedy: String) -> Suspicion {
+        Suspicion {
+            file: self.file.to_owned(),
+            what,
+            error: None,
+            changed: None,
+            efforts: Vec::new(),
+            remedy,
+        }
+    }
+
+    /// What a change of columns looks like.
+    pub(super) fn change(&self, change: &Change, sample: &Sample) -> Option<Suspicion> {
+        let info = self.model.info();
+        let efforts: Vec<Quantity> = info
+            .actuated
+            .iter()
+            .map(|c| Quantity::Effort(self.name(*c)))
+            .collect();
+        let positions: Vec<Quantity> = sample
+            .measured
+            .iter()
+            .map(|c| Quantity::Position(self.name(*c)))
+            .collect();
+        let own: Vec<f64> = efforts.iter().map(|e| self.own(e)).collect();
+        let mut words = Vec::new();
+        let mut options = Vec::new();
+        self.describe(&positions, &change.positions, &[], &mut words, &mut options);
+        self.describe(&efforts, &change.efforts, &own, &mut words, &mut options);
+        let mut advice = Vec::new();
+        for (k, offset) in change.offsets.iter().enumerate().filter(|o| *o.1 != 0.0) {
+            let source = self.effort(k);
+            words.push(format!(
+                "column `{}` looks shifted by a constant {:.4}",
+                source.column,
+                offset / source.factor
+            ));
+            advice.push(format!(
+                "Subtract {:.4} from column `{}`, or give the joint `friction: coulomb_asymmetric` \
+                 in the spec, which takes an offset up",
+                offset / source.factor,
+                source.column
+            ));
+        }
+        if words.is_empty() {
+            return None;
+        }
+        if change.sign {
+            words.push("friction drives the joint without that".to_owned());
+        }
+        let mut remedy = options.join(" ");
+        if !options.is_empty() && !advice.is_empty() {
+            advice.push(format!("Read it with {remedy}"));
+        }
+        if !advice.is_empty() {
+            remedy = advice.join(". ");
+        }
+        let percent = |errors: &[f64]| {
+            let worst = errors.iter().copied().reduce(f64::max);
+            worst.map(|worst| 100.0 * worst)
+        };
+        let names = info.independent.iter().map(|c| self.name(*c));
+        let each = names.zip(&change.after).enumerate();
+        let each = each.map(|(k, (name, after))| EffortChange {
+            name,
+            error: change.before.get(k).map(|before| 100.0 * before),
+            changed: 100.0 * after,
+        });
+        Some(Suspicion {
+            file: self.file.to_owned(),
+            what: words.join(", and "),
+            error: percent(&change.before),
+            changed: percent(&change.after),
+            efforts: each.collect(),
+            remedy,
+        })
+    }
+
+    /// Words and options for quantities of one kind.
+    fn describe(
+        &self,
+        quantities: &[Quantity],
+        read: &[Reading],
+        own: &[f64],
+        words: &mut Vec<String>,
+        options: &mut Vec<String>,
+    ) {
+        let column = |k: usize| {
+            quantities
+                .get(k)
+                .map_or_else(String::new, |q| self.source(q).column)
+        };
+        let plain = |k: usize, r: &Reading| r.from == k && r.factor == 1.0;
+        let changed = read.iter().enumerate().filter(|(k, r)| !plain(*k, r));
+        let changed: Vec<(usize, &Reading)> = changed.collect();
+        let moved: Vec<usize> = changed
+            .iter()
+            .filter(|(k, r)| r.from != *k)
+            .map(|c| c.0)
+            .collect();
+        if !moved.is_empty() {
+            let names: Vec<String> = moved.iter().map(|k| format!("`{}`", column(*k))).collect();
+            words.push(format!("columns {} look swapped", names.join(" and ")));
+        }
+        let mut units: Vec<(f64, Vec<String>)> = Vec::new();
+        for (k, r) in &changed {
+            let constant = own.get(*k).zip(own.get(r.from)).map_or(1.0, |(a, b)| a / b);
+            let factor = r.factor / constant;
+            if factor < 0.0 {
+                words.push(format!(
+                    "column `{}` looks as if its sign were flipped",
+                    column(r.from)
+                ));
+            }
+            let size = factor.abs();
+            if (size - 1.0).abs() > 1e-9 {
+                let same = units
+                    .iter_mut()
+                    .find(|(f, _)| (size / *f - 1.0).abs() < 1e-9);
+                match same {
+                    Some((_, names)) => names.push(format!("`{}`", column(r.from))),
+                    None => units.push((size, vec![format!("`{}`", column(r.from))])),
+                }
+            }
+            let (Some(to), Some(from)) = (quantities.get(*k), quantities.get(r.from)) else {
+                continue;
+            };
+            let source = self.source(from);
+            let factor = if UNITS.iter().any(|u| (size / u.0 - 1.0).abs() < 1e-9)
+                || (size - 1.0).abs() < 1e-9
+            {
+                r.factor
+            } else {
+                rounded(size).copysign(factor) * constant
+            };
+            options.push(self.option(&Assignment {
+                quantity: to.clone(),
+                factor: source.factor * factor,
+                ..source
+            }));
+        }
+        for (size, names) in units {
+            let unit = UNITS.iter().find(|u| (size / u.0 - 1.0).abs() < 1e-9);
+            let what = match unit {
+                Some((_, what)) => (*what).to_owned(),
+                None => format!(
+                    "{:.3} times what it should be: a gain or a unit is missing",
+                    1.0 / size
+                ),
+            };
+            let plural = if names.len() > 1 {
+                ("columns", "look")
+            } else {
+                ("column", "looks")
+            };
+            words.push(format!(
+                "{} {} {} {what}",
+                plural.0,
+                names.join(", "),
+                plural.1
+            ));
+        }
+    }
+}
