@@ -16,7 +16,7 @@ use super::{Check, Combinations, FeasibilityError, Layout, Options, Verdict};
 use crate::estimate::Factor;
 
 /// The gap that is sought, as a part of the objective.
-const GOAL: f64 = 1e-8;
+const GOAL: f64 = 1e-10;
 /// The gap up to which a result is called the optimum, as a part of the objective.
 pub const OPTIMAL: f64 = 1e-4;
 /// What closeness to the reference may cost at most, as a part of the objective.

@@ -18,7 +18,7 @@ use crate::triangle::{reduce, substitute};
 /// Steps at most.
 const STEPS: usize = 120;
 /// Steps without a smaller gap before it is given up.
-const PATIENCE: usize = 8;
+const PATIENCE: usize = 5;
 /// The part of the way to the border that is gone.
 const WAY: f64 = 0.95;
 /// Where duals are repaired: the part of the objective that complementarity is.
