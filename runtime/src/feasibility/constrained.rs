@@ -21,6 +21,8 @@ const GOAL: f64 = 1e-8;
 pub const OPTIMAL: f64 = 1e-4;
 /// What closeness to the reference may cost at most, as a part of the objective.
 const PULL: f64 = 1e-8;
+/// What it may cost where the data fit exactly, as a part of what counts as exact.
+const NOTHING: f64 = 1e-5;
 /// A generous limit counts as active when the fit would gain this part of its objective by it.
 const ACTIVE: f64 = 1e-6;
 
@@ -231,25 +233,34 @@ fn closest(problem: &Problem, options: &Options, ended: &Ended) -> (Vec<f64>, f6
     if distance.is_nan() || distance <= 0.0 {
         return first;
     }
-    let pulled = problem.pulled(&options.reference, PULL * ended.gap.value / distance);
-    let again = minimise(
-        &pulled,
-        &problem.cones,
-        &problem.reach,
-        ended.inside.clone(),
-        1e-2 * PULL,
-        &|_| false,
-    );
-    let Some(again) = again else { return first };
-    let x = again.best.x;
-    let rise = objective(problem, &x) - objective(problem, &first.0);
-    let allowed = PULL * ended.gap.value;
-    if rise.is_nan() || rise > 2.0 * allowed || far(&x) >= distance {
-        return first;
+    // where the data fit exactly the cost of a pull is of second order: more is allowed to pull,
+    // as long as the cost stays nothing
+    let floor = plain.floor;
+    let exact = objective(problem, &first.0) <= floor;
+    let (pulls, allowed): (&[f64], f64) = if exact {
+        (&[1e3, 1e2, 1e1, 1.0], NOTHING * floor)
+    } else {
+        (&[PULL], 2.0 * PULL * ended.gap.value)
+    };
+    for pull in pulls {
+        let weight = pull * ended.gap.value / distance;
+        let again = minimise(
+            &problem.pulled(&options.reference, weight),
+            &problem.cones,
+            &problem.reach,
+            ended.inside.clone(),
+            1e-2 * pull.min(PULL),
+            &|_| false,
+        );
+        let Some(again) = again else { continue };
+        let x = again.best.x;
+        let rise = objective(problem, &x) - objective(problem, &first.0);
+        if rise <= allowed && far(&x) < distance {
+            let whole = ended.gap.complementarity + ended.gap.left + rise.max(0.0);
+            return (x, whole / ended.gap.value);
+        }
     }
-    let whole = ended.gap.complementarity + ended.gap.left + rise.max(0.0);
-    let part = whole / ended.gap.value;
-    (x, part)
+    first
 }
 
 /// What is minimised, up to a constant.
