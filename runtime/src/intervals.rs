@@ -189,6 +189,11 @@ pub(crate) fn replicate(
         deviations,
     } = data;
     let n = factor.columns();
+    // what the data leave open is not looked at, and no draw is to be proven the optimum
+    let options = &Options {
+        rough: true,
+        ..options.clone()
+    };
     let mut random = Random(SEED);
     let mut out = Drawn {
         phi: Vec::with_capacity(replicates),
