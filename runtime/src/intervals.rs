@@ -202,6 +202,11 @@ pub(crate) fn replicate(
     };
     let mut step = vec![0.0; n];
     let mut error = None;
+    // what the data leave open has no interval: it need not be chosen
+    let options = &Options {
+        rough: true,
+        ..options.clone()
+    };
     for k in 0..replicates {
         // every other draw is the one before it on the other side: their mean is then right
         if k.is_multiple_of(2) {
