@@ -159,7 +159,8 @@ fn parameters(file: &ParameterFile) -> String {
     let known = "rms of the parameter's column times its value over rms of the efforts";
     out.push_str(&table::field("share", known));
     if file.parameters.iter().any(|p| p.status == Status::Zero) {
-        let text = "may be zero, and what its sigma leaves open is below 1 % of the efforts";
+        let text = "may be zero, and what its sigma leaves open is below 1 % of the efforts; or \
+                    all that it may be is below 0.01 % of them";
         out.push_str(&table::field("zero", text));
     }
     out

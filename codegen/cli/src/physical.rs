@@ -6,7 +6,7 @@ use regen_runtime::feasibility::{
     SYMBOLS, Scale, Total, Verdict, identify, verdict,
 };
 use regen_runtime::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
-use regen_runtime::intervals::{LeastSquares, REPLICATES, Spread, constrained};
+use regen_runtime::intervals::{LeastSquares, Spread, constrained};
 use regen_runtime::{BaseModel, Closure, Friction, Model};
 
 use crate::args::{IdentifyArgs, PhysicalArgs, PriorArg};
@@ -61,10 +61,11 @@ pub(crate) fn models(
     }];
     let linear_fit = identify(factor, &combinations, &layout, &options)?;
     let p = plain_layout.len();
+    let draws = args.physical.draws;
     let mut progress = |done: usize| {
-        working.set_message(format!("intervals: {done} of {REPLICATES} fits"));
+        working.set_message(format!("intervals: {done} of {draws} fits"));
     };
-    let intervals = if data.is_some() {
+    let intervals = if data.is_some() || draws == 0 {
         Intervals::default()
     } else {
         let least = LeastSquares {
@@ -79,7 +80,7 @@ pub(crate) fn models(
             &layout,
             &options,
             found,
-            REPLICATES,
+            draws,
             &mut progress,
         )?;
         let known = match start.blocks {
@@ -122,27 +123,31 @@ pub(crate) fn models(
         if !found.converged {
             text.push_str("; the search for the shapes had not settled");
         }
-        let spread = friction::intervals(
-            data,
-            &plain,
-            &plain_layout,
-            &own,
-            &found,
-            REPLICATES,
-            &mut progress,
-        )?;
-        note_short(&spread.deviations);
-        let one = |s: &Spread| Some(interval(s, args.confidence));
-        let of_joint =
-            |joint: &Vec<Option<Spread>>| joint.iter().map(|s| one(s.as_ref()?)).collect();
-        let intervals = Intervals {
-            base: spread.base.iter().map(one).collect(),
-            physical: spread.physical.iter().map(|s| one(s.as_ref()?)).collect(),
-            friction: spread.joints.iter().map(of_joint).collect(),
-            method: format!(
-                "linearised at the optimum; {}",
-                drawn(spread.replicates, &spoken(&spread.deviations))
-            ),
+        let intervals = if draws == 0 {
+            Intervals::default()
+        } else {
+            let spread = friction::intervals(
+                data,
+                &plain,
+                &plain_layout,
+                &own,
+                &found,
+                draws,
+                &mut progress,
+            )?;
+            note_short(&spread.deviations);
+            let one = |s: &Spread| Some(interval(s, args.confidence));
+            let of_joint =
+                |joint: &Vec<Option<Spread>>| joint.iter().map(|s| one(s.as_ref()?)).collect();
+            Intervals {
+                base: spread.base.iter().map(one).collect(),
+                physical: spread.physical.iter().map(|s| one(s.as_ref()?)).collect(),
+                friction: spread.joints.iter().map(of_joint).collect(),
+                method: format!(
+                    "linearised at the optimum; {}",
+                    drawn(spread.replicates, &spoken(&spread.deviations))
+                ),
+            }
         };
         out.push(IdentifiedModel {
             name: "nonlinear, feasible",

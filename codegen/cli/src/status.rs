@@ -14,6 +14,10 @@ const NEAR: f64 = 2.0;
 /// to be negligible.
 const NEGLIGIBLE: f64 = 1.0;
 
+/// Less than this part of the efforts, in percent, is nothing: no effort is measured to a
+/// ten-thousandth, and what differentiation and sampling leave, which no deviation knows of, is
+/// more.
+const NOTHING: f64 = 0.01;
 /// Columns below this part of the longest are rounding.
 const ROUNDING: f64 = 1e-12;
 
@@ -24,7 +28,8 @@ pub(crate) enum Status {
     #[serde(rename = "well")]
     Well,
     /// It may be zero, and what its deviation leaves open is below 1 % of the efforts: it is known
-    /// to be negligible.
+    /// to be negligible. Or it is not well identified, and all that it may be moves less than
+    /// 0.01 % of the efforts.
     #[serde(rename = "zero within its error")]
     Zero,
     /// The data leave it open, and it may matter.
@@ -133,7 +138,9 @@ impl Shares {
             Status::Unknown
         } else if 100.0 * sigma < WELL * value.abs() {
             Status::Well
-        } else if value.abs() <= NEAR * sigma && self.percent(parameter, sigma) < NEGLIGIBLE {
+        } else if value.abs() <= NEAR * sigma && self.percent(parameter, sigma) < NEGLIGIBLE
+            || self.percent(parameter, value.abs() + NEAR * sigma) < NOTHING
+        {
             Status::Zero
         } else {
             Status::Poor
@@ -166,6 +173,10 @@ mod tests {
             (0, 0.019, 0.009, Status::Poor),
             (0, 0.015, 0.011, Status::Poor),
             (1, 0.5, 0.9, Status::Zero),
+            // far from zero by its deviation, but less than 0.01 % of the efforts
+            (0, 5e-5, 1e-5, Status::Zero),
+            (0, 9e-5, 2e-5, Status::Poor),
+            (0, 5e-5, 1e-6, Status::Well),
             (1, 0.0, 0.0, Status::Zero),
             (1, 0.5, f64::NAN, Status::Unknown),
             (1, 0.5, f64::INFINITY, Status::Unknown),

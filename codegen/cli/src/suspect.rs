@@ -271,26 +271,35 @@ fn weights(columns: &Columns<'_>, findings: &Findings) -> Vec<Suspicion> {
         .collect();
     if !far.is_empty() {
         let milli = far.iter().all(|n| (300.0..3000.0).contains(&n.factor));
-        let options = far.iter().map(|n| {
-            let source = columns.effort(n.effort);
+        // a unit is that of all, unless one of them agrees with the bodies
+        let agree = compared.len() > far.len() || far.len() < 2;
+        let efforts: Vec<(usize, f64)> = if milli && !agree {
+            let all = 0..columns.model.info().actuated.len();
+            all.map(|k| (k, 1e3)).collect()
+        } else {
+            far.iter().map(|n| (n.effort, n.factor)).collect()
+        };
+        let options = efforts.iter().map(|(k, times)| {
+            let source = columns.effort(*k);
             columns.option(&Assignment {
                 factor: source.factor
                     * if milli {
                         1e-3
                     } else {
-                        words::rounded(1.0 / n.factor)
+                        words::rounded(1.0 / times)
                     },
                 ..source
             })
         });
         let what = format!(
-            "{} is {} times what the nominal bodies need (correlation {})",
+            "{} {} {} times what the nominal bodies need (correlation {})",
             names(&far),
+            if far.len() > 1 { "are" } else { "is" },
             list(&far, &|n| n.factor),
             list(&far, &|n| n.correlation),
         );
         let why = if milli {
-            ": it looks like mN m or mN"
+            ": this looks like mN m or mN"
         } else {
             ": a torque constant, a gear's ratio or a unit is missing, or the bodies are others"
         };

@@ -178,6 +178,7 @@ impl Watch {
                 Some(jump) => jump > lost && jump > JUMP * stretch.next,
                 None => {
                     stretch.rows >= NEVER
+                        && stretch.speed > 0.0
                         && stretch.speed >= (MOVING * steps.usual).max(STEPS * steps.encoder)
                 }
             };
@@ -253,6 +254,7 @@ mod tests {
         assert_eq!(found((0..1000).map(|k| (moved(k) * 4096.0).round())), []);
         // a joint that is held
         assert_eq!(found((0..1000).map(|_| 0.3)), []);
+        assert_eq!(found((0..5000).map(|_| 0.3 * 0.022_222)), []);
     }
 
     #[test]

@@ -498,6 +498,10 @@ impl Setting<'_> {
             if expression.terms.is_empty() {
                 let value = expression.constant * problem.units[j];
                 let fits = value >= bound.lowest && value <= bound.highest;
+                // a search inside may limit what turns out to be fixed
+                if fits && self.options.rough {
+                    continue;
+                }
                 return Err(if fits {
                     FeasibilityError::Idle(format!(
                         "{label} is {value} already, so that limits of it do nothing"

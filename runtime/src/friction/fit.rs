@@ -221,6 +221,13 @@ impl Search<'_> {
             .data
             .factor(&from.shapes, Some((&from.solution.beta, reach)))?;
         let known = self.combinations.labels().len();
+        // a shape whose coefficient is 0 has no effect, and no step
+        let lengths = factor.column_norms();
+        let acting: Vec<bool> = lengths[known..].iter().map(|l| *l > 0.0).collect();
+        let kept: Vec<usize> = (0..factor.columns())
+            .filter(|c| *c < known || lengths[*c] > 0.0)
+            .collect();
+        let factor = factor.select(&kept)?;
         let steps = factor.labels()[known..].to_vec();
         let layout = self.layout.extended(&steps)?;
         let combinations = self.combinations.extended(&steps);
@@ -231,8 +238,12 @@ impl Search<'_> {
             highest: 2.0,
         }));
         let solution = self.solve(&factor, &combinations, &layout, &options)?;
-        let values = &solution.phi[self.layout.len()..];
-        Ok(values.iter().map(|s| reach * (s - 1.0)).collect())
+        let mut values = solution.phi[self.layout.len()..].iter();
+        let step = |acts: &bool| {
+            let value = if *acts { values.next() } else { None };
+            value.map_or(0.0, |s| reach * (s - 1.0))
+        };
+        Ok(acting.iter().map(step).collect())
     }
 
     fn moved(&self, shapes: &[[f64; SHAPES]], by: &[f64]) -> Vec<[f64; SHAPES]> {

@@ -15,7 +15,7 @@ use std::prelude::v1::*;
 use std::vec;
 
 pub use delay::{Delay, Delays};
-pub use instruments::{Hausman, InstrumentOptions, Instrumental, Motion, instrumental};
+pub use instruments::{Hausman, InstrumentOptions, Instrumental, Motion, Motions, instrumental};
 pub use motion::{Completed, Completion};
 pub use observer::{Equations, Kind, Observer, Row};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};

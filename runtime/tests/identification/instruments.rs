@@ -72,7 +72,7 @@ fn noise_of_positions_biases_least_squares_and_not_instrumental_variables() {
             off <= 3.0 * estimate.sigma(k)
         }));
     }
-    // two or more of 10 beyond 3 deviations: once in 1400 times by chance
+    // 95 %: by chance two of 10 would be beyond 3 deviations once in hundreds of times
     assert!(within >= 9, "{within} of {SEEDS}");
 }
 

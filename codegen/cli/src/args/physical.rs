@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{ArgGroup, Args};
+use regen_runtime::intervals::REPLICATES;
 
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Physical parameters")]
@@ -42,6 +43,10 @@ pub(crate) struct PhysicalArgs {
     /// Bodies that are the same, in frames that correspond: 1,4,6
     #[arg(long, value_name = "BODIES", requires = "physical")]
     pub(crate) identical: Vec<String>,
+    /// Logs that are drawn by chance for the intervals of values under
+    /// constraints, one small fit each; 0: no intervals
+    #[arg(long, value_name = "N", default_value_t = REPLICATES, requires = "physical")]
+    pub(crate) draws: usize,
     /// Write the spec with `bodies:` and the joints' `nominal:` filled with the
     /// physical values; all else of its text stays
     #[arg(long, value_name = "SPEC", requires = "physical")]

@@ -63,9 +63,15 @@ impl Tried {
 
     fn args(&self, options: &str) -> IdentifyArgs {
         let words = format!(
-            "regen identify {} {} --fourier {FREQUENCY},{HARMONICS} {options}",
+            "regen identify {} {} --fourier {FREQUENCY},{HARMONICS} {options} {}",
             self.source.name,
-            self.log.display()
+            self.log.display(),
+            // an interval of few draws is rough, but holds its value all the same
+            if options.contains("--f") {
+                "--draws 6"
+            } else {
+                ""
+            }
         );
         let parsed = Cli::try_parse_from(words.split_whitespace()).unwrap();
         match parsed.command.unwrap() {

@@ -190,14 +190,12 @@ impl Columns<'_> {
             words.push(format!("columns {} look swapped", names.join(" and ")));
         }
         let mut units: Vec<(f64, Vec<String>)> = Vec::new();
+        let mut turned = Vec::new();
         for (k, r) in &changed {
             let constant = own.get(*k).zip(own.get(r.from)).map_or(1.0, |(a, b)| a / b);
             let factor = r.factor / constant;
             if factor < 0.0 {
-                words.push(format!(
-                    "column `{}` looks as if its sign were flipped",
-                    column(r.from)
-                ));
+                turned.push(format!("`{}`", column(r.from)));
             }
             let size = factor.abs();
             if (size - 1.0).abs() > 1e-9 {
@@ -225,6 +223,14 @@ impl Columns<'_> {
                 factor: source.factor * factor,
                 ..source
             }));
+        }
+        match &turned[..] {
+            [] => {}
+            [one] => words.push(format!("column {one} looks as if its sign were flipped")),
+            more => words.push(format!(
+                "columns {} look as if their signs were flipped",
+                more.join(", ")
+            )),
         }
         for (size, names) in units {
             let unit = UNITS.iter().find(|u| (size / u.0 - 1.0).abs() < 1e-9);

@@ -226,8 +226,7 @@ pub(super) fn hausman(least: &[f64], found: &[f64], covariance: &[f64], stretche
     {
         let k = left.remove(place);
         let pivot = matrix[k * m + k];
-        // NaN too
-        if !(pivot > FORETOLD) {
+        if pivot.is_nan() || pivot <= FORETOLD {
             break;
         }
         wald += side[k] * side[k] / pivot;

@@ -15,7 +15,7 @@ struct At<'a, 'm, M: ?Sized> {
     closure: Closure<'m, M>,
     motion: &'a Motion,
     /// Where the last sample was found.
-    at: Option<usize>,
+    last: Option<usize>,
 }
 
 impl<M: BaseModel<f64> + ?Sized> Columns for At<'_, '_, M> {
@@ -24,13 +24,13 @@ impl<M: BaseModel<f64> + ?Sized> Columns for At<'_, '_, M> {
     }
 
     fn fill(&mut self, row: &Row<'_>, _: &[f64], out: &mut [f64]) -> Result<bool, EstimateError> {
-        let Some(at) = self.motion.find(self.at, row.time) else {
+        let Some(at) = self.motion.find(self.last, row.time) else {
             return Ok(false);
         };
         if !self.motion.follows(at) {
             self.closure.restart();
         }
-        self.at = Some(at);
+        self.last = Some(at);
         let [q_i, qd_i, qdd_i] = self.motion.state(at);
         let state = self.closure.track_state(q_i, qd_i, qdd_i);
         let state = match state {
@@ -110,7 +110,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
                 _ => EstimateError::NoConvergence,
             })?,
             motion: &self.motion,
-            at: None,
+            last: None,
         };
         let mut numbers = 0;
         let mut kept = Vec::new();

@@ -103,6 +103,9 @@ pub struct Instrumental {
 /// A round that changes the estimate by less than this part of its deviations is the last one.
 const SETTLED: f64 = 1e-3;
 
+/// Gives the motion of the instruments for base parameters, or none where it is the last one again.
+pub type Motions<'a, E> = dyn FnMut(&[f64]) -> Result<Option<Motion>, E> + 'a;
+
 /// Identifies base parameters by instrumental variables.
 ///
 /// - `start`: base parameters to begin with, those of least squares;
@@ -117,7 +120,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     options: &InstrumentOptions,
     source: &mut S,
     start: &[f64],
-    motion: &mut dyn FnMut(&[f64]) -> Result<Option<Motion>, S::Error>,
+    motion: &mut Motions<'_, S::Error>,
 ) -> Result<Instrumental, S::Error> {
     let origin = Observer::new(model, Kind::Forces).origin();
     let mut values = start.to_vec();
@@ -134,12 +137,11 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             Some(now) => now,
             None => Sums::of(&mut log, &origin)?,
         };
-        let own = match weights.take() {
-            Some(weights) => weights,
-            None => {
-                let first = Estimate::new(&now.factors, options.weighting)?;
-                first.efforts.iter().map(|e| e.weight).collect()
-            }
+        let own = if let Some(weights) = weights.take() {
+            weights
+        } else {
+            let first = Estimate::new(&now.factors, options.weighting)?;
+            first.efforts.iter().map(|e| e.weight).collect()
         };
         let solution = now.solve(&own)?;
         let moved = solution.change_from(&values)?;

@@ -194,23 +194,20 @@ impl Motion {
             let Some(times) = self.times.get(run.clone()) else {
                 continue;
             };
+            let pad = padding(times, cutoff)?;
+            let around = mirrored(times, pad);
             let mut all = Vec::with_capacity(self.dof);
             for k in 0..self.dof {
-                let mut one = method.differentiate(times, &self.positions(run, k))?;
-                // the first and last sample have no neighbour to be differenced with
-                let end = times.len() - 1;
-                for derivative in [&mut one.rate, &mut one.acceleration] {
-                    derivative[0] = derivative[1];
-                    derivative[end] = derivative[end - 1];
-                }
-                all.push(one);
+                let positions = mirrored(&self.positions(run, k), pad);
+                all.push(method.differentiate(&around, &positions)?);
             }
             for (k, time) in times.iter().enumerate() {
                 out.times.push(*time);
                 out.follows.push(k > 0);
-                out.values.extend(all.iter().map(|one| one.value[k]));
-                out.values.extend(all.iter().map(|one| one.rate[k]));
-                out.values.extend(all.iter().map(|one| one.acceleration[k]));
+                out.values.extend(all.iter().map(|one| one.value[pad + k]));
+                out.values.extend(all.iter().map(|one| one.rate[pad + k]));
+                out.values
+                    .extend(all.iter().map(|one| one.acceleration[pad + k]));
             }
         }
         Ok((out, cutoff))
@@ -229,13 +226,22 @@ impl Motion {
         let mut cutoff = lowest;
         while cutoff < highest {
             let filter = Butterworth::new(ORDER, cutoff, step)?;
+            let pad = padding(times, cutoff)?;
+            // how both ends go on is a guess: it says nothing of the motion
+            let inside = if 4 * pad < times.len() {
+                pad..times.len() - pad
+            } else {
+                0..times.len()
+            };
             let mut enough = true;
             for (x, noise) in columns.iter().zip(&noises) {
-                let smooth = filter.zero_phase(x)?;
-                let squares: f64 = x.iter().zip(&smooth).map(|(a, b)| (a - b) * (a - b)).sum();
+                let smooth = filter.zero_phase(&mirrored(x, pad))?;
+                let pairs = x.iter().zip(smooth.iter().skip(pad));
+                let squares = pairs.map(|(a, b)| (a - b) * (a - b));
+                let squares: f64 = squares.skip(inside.start).take(inside.len()).sum();
                 let part = 1.0 - 2.0 * cutoff * step;
                 let allowed = MORE * part * noise + PART * PART * variance(x);
-                if squares / x.len() as f64 > allowed {
+                if squares / inside.len() as f64 > allowed {
                     enough = false;
                     break;
                 }
@@ -247,6 +253,25 @@ impl Motion {
         }
         Ok(highest)
     }
+}
+
+/// How many samples both ends are continued by: until the filter has forgotten how it started.
+fn padding(times: &[f64], cutoff: f64) -> Result<usize, SignalError> {
+    let span = times.last().zip(times.first());
+    let span = span.map_or(f64::NAN, |(last, first)| last - first);
+    let most = times.len().saturating_sub(1);
+    let filter = Butterworth::new(ORDER, cutoff, span / most as f64)?;
+    Ok(filter.settling().clamp(1, most.max(1)))
+}
+
+/// Samples with both ends continued by their mirror image about the end point.
+fn mirrored(x: &[f64], pad: usize) -> Vec<f64> {
+    let (Some(first), Some(last)) = (x.first(), x.last()) else {
+        return Vec::new();
+    };
+    let before = x.iter().skip(1).take(pad).rev().map(|v| 2.0 * first - v);
+    let after = x.iter().rev().skip(1).take(pad).map(|v| 2.0 * last - v);
+    before.chain(x.iter().copied()).chain(after).collect()
 }
 
 fn variance(x: &[f64]) -> f64 {

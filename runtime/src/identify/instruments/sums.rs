@@ -165,9 +165,10 @@ impl<'a> Square<'a> {
         let pivots: Vec<f64> = (0..n).map(|k| r[k * n + k].abs()).collect();
         let largest = pivots.iter().copied().fold(0.0, f64::max);
         let least = pivots.iter().copied().fold(f64::INFINITY, f64::min);
-        // NaN too
-        if !(least > IRRELEVANT * largest) {
-            let weak = |k: &usize| !(pivots[*k] > IRRELEVANT * largest);
+        let floor = IRRELEVANT * largest;
+        let small = |pivot: f64| pivot.is_nan() || pivot <= floor;
+        if small(least) {
+            let weak = |k: &usize| small(pivots[*k]);
             let weak: Vec<usize> = (0..n).filter(weak).collect();
             return Err(EstimateError::Undetermined {
                 rank: n - weak.len(),
