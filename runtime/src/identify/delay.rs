@@ -63,7 +63,7 @@ pub(super) fn delays<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             let weight = own * weights.get(e).copied().unwrap_or(1.0);
             if weight > 0.0 {
                 let row = found.w.iter().skip(e).step_by(found.tau.len());
-                block.push(row, (e, -rates[e]), efforts, tau, weight);
+                block.push(row, (e, -rates[e]), efforts, *tau, weight);
                 block.flush(&mut factor, FULL)?;
             }
         }
@@ -161,7 +161,7 @@ impl Block {
         row: impl Iterator<Item = &'v f64>,
         (effort, rate): (usize, f64),
         efforts: usize,
-        tau: &f64,
+        tau: f64,
         weight: f64,
     ) {
         let mut entries: Vec<f64> = row.map(|w| w * weight).collect();

@@ -170,7 +170,7 @@ impl Direction {
         };
         Self {
             independent: info.independent.iter().map(|c| (*c, signed(c))).collect(),
-            dependent: info.dependent.iter().any(|c| signed(c)),
+            dependent: info.dependent.iter().any(signed),
         }
     }
 

@@ -107,7 +107,7 @@ impl Butterworth {
     /// - `values`: sample by sample, `channels` entries each.
     pub(super) fn zero_phase_channels(
         &self,
-        values: &mut Vec<f64>,
+        values: &mut [f64],
         channels: usize,
     ) -> Result<(), SignalError> {
         let edge = 3 * (self.order + 1);
