@@ -21,6 +21,8 @@ const GOAL: f64 = 1e-10;
 pub const OPTIMAL: f64 = 1e-4;
 /// What closeness to the reference may cost at most, as a part of the objective.
 const PULL: f64 = 1e-8;
+/// Where the data fit exactly: a part of the least objective that counts.
+const EXACT: f64 = 1e-4;
 /// What it may cost where the data fit exactly, as a part of what counts as exact.
 const NOTHING: f64 = 1e-5;
 /// A generous limit counts as active when the fit would gain this part of its objective by it.
@@ -54,7 +56,7 @@ pub struct Physical {
     /// By how much of itself the objective (squared residuals, and what priors add) can be
     /// above the lowest that any physical robot has, at most: bounded from dual matrices whose
     /// eigenvalues were cut off at 0, by sums of twice the working precision, whatever the
-    /// solver says of itself. The objective counts as at least 1e-12 of the squared efforts.
+    /// solver says of itself. The objective counts as at least 1e-8 of the squared efforts.
     pub gap: f64,
     /// Bodies that would be heavier or larger if their generous limits, a thousand times what is
     /// known of the robot, did not keep them: observations that want masses without end.
@@ -235,21 +237,22 @@ fn closest(problem: &Problem, options: &Options, ended: &Ended) -> (Vec<f64>, f6
     }
     // where the data fit exactly the cost of a pull is of second order: more is allowed to pull,
     // as long as the cost stays nothing
-    let floor = plain.floor;
-    let exact = objective(problem, &first.0) <= floor;
+    let floor = EXACT * plain.floor;
+    let squares = plain.squares(&first.0);
+    let exact = squares <= floor;
     let (pulls, allowed): (&[f64], f64) = if exact {
         (&[1e3, 1e2, 1e1, 1.0], NOTHING * floor)
     } else {
-        (&[PULL], 2.0 * PULL * ended.gap.value)
+        (&[PULL], 2.0 * PULL * squares)
     };
     for pull in pulls {
-        let weight = pull * ended.gap.value / distance;
+        let weight = pull * squares.max(floor) / distance;
         let again = minimise(
             &problem.pulled(&options.reference, weight),
             &problem.cones,
             &problem.reach,
             ended.inside.clone(),
-            1e-2 * pull.min(PULL),
+            1e-2 * PULL * squares.max(floor) / ended.gap.value,
             &|_| false,
         );
         let Some(again) = again else { continue };

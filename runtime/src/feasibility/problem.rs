@@ -26,7 +26,7 @@ const CERTAIN: f64 = 10.0;
 /// A single parameter may be this many times what explains all of the efforts.
 const STRONGEST: f64 = 1e4;
 /// Residuals below this part of the efforts count as none: its square.
-const FLOOR: f64 = 1e-12;
+const FLOOR: f64 = 1e-8;
 
 /// What a cone is there for.
 #[derive(Clone, Debug, PartialEq)]
