@@ -212,7 +212,9 @@ pub(crate) fn replicate(
         if k.is_multiple_of(2) {
             step = random.step(deviations, n);
         } else {
-            step.iter_mut().for_each(|x| *x = -*x);
+            for x in &mut step {
+                *x = -*x;
+            }
         }
         let moved: Vec<f64> = values.iter().zip(&step).map(|(x, s)| x + s).collect();
         let factor = moved_to(factor, &moved)?;

@@ -55,6 +55,7 @@ pub struct Blocks {
     pub(super) parameters: usize,
     /// The parameters that the residuals were taken at.
     pub(super) values: Vec<f64>,
+    #[allow(clippy::struct_field_names, reason = "the blocks are all that is kept")]
     pub(super) blocks: Vec<Block>,
     /// Of the noise of each effort: how many samples are as good as one.
     pub(super) memory: f64,

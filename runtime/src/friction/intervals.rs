@@ -190,13 +190,13 @@ struct Linear<'a> {
     values: &'a [f64],
 }
 
+/// What takes rows, the entries of the columns that are left, residuals, and what counts.
+type Each<'a> = dyn FnMut(&Rows<'_>, &[f64], &[f64], &[f64]) -> Result<(), EstimateError> + 'a;
+
 impl Linear<'_> {
     /// Visits the rows of the columns that are left: entries, residuals, and 1 or 0 for each
     /// effort.
-    fn visit(
-        &self,
-        each: &mut dyn FnMut(&Rows<'_>, &[f64], &[f64], &[f64]) -> Result<(), EstimateError>,
-    ) -> Result<(), EstimateError> {
+    fn visit(&self, each: &mut Each<'_>) -> Result<(), EstimateError> {
         let dof = self.data.dof();
         let point = &self.fit.point;
         let steps = Some((point.values.as_slice(), REACH));

@@ -67,7 +67,8 @@ pub(crate) fn problem(seed: u64) -> Problem {
         .collect();
     for j in (0..10 * bodies).filter(|j| j % 3 == 1) {
         for _ in 0..2 {
-            let to = ((random.signed() + 1.0) / 2.0 * (kept.len() - bodies) as f64) as usize;
+            #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
+            let to = (f64::midpoint(random.signed(), 1.0) * (kept.len() - bodies) as f64) as usize;
             rows[to.min(kept.len() - bodies - 1)][j] += random.signed();
         }
     }
@@ -86,7 +87,9 @@ pub(crate) fn problem(seed: u64) -> Problem {
     let mut w: Vec<f64> = (0..samples * r).map(|_| random.signed()).collect();
     for (k, column) in w.chunks_exact_mut(samples).enumerate() {
         let size = [1.0, 0.05, 3.0, 0.4][k % 4];
-        column.iter_mut().for_each(|x| *x *= size);
+        for x in column {
+            *x *= size;
+        }
     }
     for i in 0..samples {
         w[samples + i] = 0.01 * w[samples + i] + 0.3 * w[i];

@@ -202,7 +202,8 @@ fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit)
             }
         }
     }
-    if best.1 == 1.0 {
+    // no step was better than none
+    if (best.1 - 1.0).abs() < f64::EPSILON {
         return None;
     }
     let mut step = root;

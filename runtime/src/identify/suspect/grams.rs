@@ -15,7 +15,7 @@ pub(super) struct Grams {
     efforts: usize,
     /// The efforts that act on each equation.
     acting: Vec<Vec<usize>>,
-    grams: Vec<Vec<f64>>,
+    matrices: Vec<Vec<f64>>,
     count: f64,
     tried: usize,
     /// Power of each column with the velocities, and of the sizes of all efforts.
@@ -46,7 +46,7 @@ const FLOOR: f64 = 1e-3;
 const CLOSED: f64 = 0.8;
 
 /// The label of the parameter that a base parameter is named by.
-pub(super) fn label<'a, M: BaseModel<f64> + ?Sized>(model: &'a M, column: usize) -> &'a str {
+pub(super) fn label<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> &str {
     let base = model.base_info().base;
     let term = base.get(column).and_then(|p| p.terms.first());
     term.map_or("", |t| t.parameter)
@@ -101,7 +101,7 @@ impl Grams {
             columns,
             efforts,
             acting: Vec::new(),
-            grams: Vec::new(),
+            matrices: Vec::new(),
             count: 0.0,
             tried: 0,
             power: vec![0.0; columns],
@@ -152,7 +152,7 @@ impl Grams {
                     .map(|i| if whole { acts(i) } else { all.clone() })
                     .collect();
                 let sizes = (0..dof).map(|i| out.size(i));
-                out.grams = sizes.map(|n| vec![0.0; n * n]).collect();
+                out.matrices = sizes.map(|n| vec![0.0; n * n]).collect();
             }
             out.count += 1.0;
             for i in 0..dof {
@@ -172,7 +172,7 @@ impl Grams {
                 entries.push(predicted);
                 entries.push(1.0);
                 let n = entries.len();
-                let gram = &mut out.grams[i];
+                let gram = &mut out.matrices[i];
                 for (a, x) in entries.iter().enumerate() {
                     for (b, y) in entries[..=a].iter().enumerate() {
                         gram[a * n + b] += x * y;
@@ -185,7 +185,7 @@ impl Grams {
                 out.spent[i] += (tau * rate).abs();
             }
         }
-        for gram in &mut out.grams {
+        for gram in &mut out.matrices {
             let n = gram.len().isqrt();
             for a in 0..n {
                 for b in 0..a {
@@ -224,7 +224,7 @@ impl Grams {
     }
 
     fn entry(&self, i: usize, a: usize, b: usize) -> f64 {
-        self.grams[i][a * self.size(i) + b]
+        self.matrices[i][a * self.size(i) + b]
     }
 
     /// The columns of equation `i` that sum up to its effort, with their factors.
@@ -298,7 +298,7 @@ impl Grams {
             let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
             for i in 0..rows {
                 let weight = self.count / left[i].max(FLOOR * FLOOR * spreads[i]);
-                let (size, own, place) = (self.size(i), &self.grams[i], &places[i]);
+                let (size, own, place) = (self.size(i), &self.matrices[i], &places[i]);
                 for (a, p) in place.iter().enumerate() {
                     let Some(p) = p else { continue };
                     right[a] += weight * sides[i][a];
@@ -331,7 +331,7 @@ impl Grams {
         square: f64,
         right: &[f64],
     ) -> f64 {
-        let (size, own) = (self.size(i), &self.grams[i]);
+        let (size, own) = (self.size(i), &self.matrices[i]);
         let mut out = square;
         for ((p, x), side) in place.iter().zip(values).zip(right) {
             let Some(p) = p else { continue };

@@ -24,6 +24,10 @@ struct Candidate {
     touched: usize,
 }
 
+/// The error of a candidate, how implausible it is and how much it touches, itself, and the errors
+/// of the equations.
+type Tried = (f64, (usize, usize), Candidate, Vec<f64>);
+
 /// The best change of position columns, if it is better than that of efforts.
 pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     model: &M,
@@ -57,7 +61,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut now = start.as_ref().map(|fit| quality(&fit.errors));
     let mut found = None;
     for round in 0..ROUNDS {
-        let mut fits: Vec<(f64, (usize, usize), Candidate, Vec<f64>)> = Vec::new();
+        let mut fits: Vec<Tried> = Vec::new();
         for (k, candidate) in candidates(model, sample, own, &positions, &read)
             .into_iter()
             .enumerate()
