@@ -46,7 +46,7 @@ fn main() {
 
 /// A problem with our answer; `None` where a mechanism has no regular states.
 fn problem(seed: u64) -> Option<Value> {
-    let text = if seed % 2 == 0 {
+    let text = if seed.is_multiple_of(2) {
         random_spec::tree(seed)
     } else {
         random_spec::closed_loop(seed).ok()?

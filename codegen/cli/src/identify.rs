@@ -333,12 +333,11 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
         })?;
     observe::note_problems(logs.logs().reports());
     let used = found.correlated();
-    let method = match args.bandwidth {
-        Some(n) => format!("least squares, residuals correlated in {n} samples (Newey and West)"),
-        None => {
-            note_short(&found.deviations);
-            format!("least squares, {}", spoken(&found.deviations))
-        }
+    let method = if let Some(n) = args.bandwidth {
+        format!("least squares, residuals correlated in {n} samples (Newey and West)")
+    } else {
+        note_short(&found.deviations);
+        format!("least squares, {}", spoken(&found.deviations))
     };
     let intervals = Intervals::of(&found.estimate, &used, args.confidence, method);
     let mut json = Summary::of(&found.estimate, &kind.name());

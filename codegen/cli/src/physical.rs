@@ -1,5 +1,7 @@
 //! Physical parameters for `regen identify`: verdict, constraints, nonlinear friction.
 
+use std::fmt::Write as _;
+
 use indicatif::ProgressBar;
 use regen_runtime::feasibility::{
     Bound, Combinations, FeasibilityError, Layout, OPTIMAL, Options, Outcome, Physical, Prior,
@@ -239,10 +241,12 @@ fn cost(found: &Physical) -> String {
     let (margin, rise) = (found.check.margin(), 100.0 * found.rise());
     let mut text = format!("{how} (smallest eigenvalue {margin:.2e}, rms residual +{rise:.3} %)");
     if !found.limited.is_empty() {
-        text.push_str(&format!(
+        // a String takes everything
+        let _ = write!(
+            text,
             "; the fit wants {} heavier than any robot of this size: give --bound 'm(...)=..'",
             found.limited.join(", ")
-        ));
+        );
     }
     text
 }

@@ -83,18 +83,15 @@ fn nominal(text: &str, joint: &Joint, wanted: &[(&str, f64)], changes: &mut Vec<
         return;
     }
     let pairs: Vec<String> = left.iter().map(pair).collect();
-    let (span, added) = match joint.nominal.last() {
-        Some((symbol, quantity)) => {
-            let entry = Span::new(symbol.span.start, quantity.span.end);
-            let separator = separator(text, &entry);
-            let more = pairs.iter().map(|pair| format!("{separator}{pair}"));
-            (quantity.span, more.collect::<String>())
-        }
-        None => {
-            let separator = separator(text, &joint.kind.span);
-            let map = format!("{separator}nominal: {{{}}}", pairs.join(", "));
-            (joint.kind.span, map)
-        }
+    let (span, added) = if let Some((symbol, quantity)) = joint.nominal.last() {
+        let entry = Span::new(symbol.span.start, quantity.span.end);
+        let separator = separator(text, &entry);
+        let more = pairs.iter().map(|pair| format!("{separator}{pair}"));
+        (quantity.span, more.collect::<String>())
+    } else {
+        let separator = separator(text, &joint.kind.span);
+        let map = format!("{separator}nominal: {{{}}}", pairs.join(", "));
+        (joint.kind.span, map)
     };
     changes.push(Change {
         span: Span::new(behind_quote(text, span.end), behind_quote(text, span.end)),

@@ -81,11 +81,12 @@ impl fmt::Display for Status {
 }
 
 /// How many there are of each status, in words: `23 well, 2 zero within their error`.
-pub(crate) fn counted(statuses: impl Iterator<Item = Status> + Clone) -> String {
+pub(crate) fn counted(statuses: impl Iterator<Item = Status>) -> String {
+    let statuses: Vec<Status> = statuses.collect();
     let parts: Vec<String> = Status::ALL
         .iter()
         .filter_map(|status| {
-            let count = statuses.clone().filter(|s| s == status).count();
+            let count = statuses.iter().filter(|s| *s == status).count();
             (count > 0).then(|| format!("{count} {status}"))
         })
         .collect();

@@ -192,7 +192,7 @@ fn clock(columns: &Columns<'_>, sample: &Sample) -> Option<Suspicion> {
             "column `{}` looks like {unit} and not s: the usual step would be {:.6} s",
             time.column, sample.step
         ),
-        columns.option(&Assignment {
+        Columns::option(&Assignment {
             factor: time.factor * factor,
             ..time
         }),
@@ -281,7 +281,7 @@ fn weights(columns: &Columns<'_>, findings: &Findings) -> Vec<Suspicion> {
         };
         let options = efforts.iter().map(|(k, times)| {
             let source = columns.effort(*k);
-            columns.option(&Assignment {
+            Columns::option(&Assignment {
                 factor: source.factor
                     * if milli {
                         1e-3
@@ -328,7 +328,7 @@ fn limits(columns: &Columns<'_>, sample: &Sample) -> Vec<Suspicion> {
                     source.column,
                     most / limit
                 ),
-                columns.option(&Assignment {
+                Columns::option(&Assignment {
                     factor: source.factor * 1e-3,
                     ..source
                 }),

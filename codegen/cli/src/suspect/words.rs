@@ -63,7 +63,7 @@ impl Columns<'_> {
     }
 
     /// The option that reads a column so.
-    pub(super) fn option(&self, to: &Assignment) -> String {
+    pub(super) fn option(to: &Assignment) -> String {
         let factor = format!("{:.11e}", to.factor).parse().unwrap_or(to.factor);
         let factor = match factor {
             1.0 => String::new(),
@@ -76,7 +76,7 @@ impl Columns<'_> {
     pub(super) fn turned(&self, efforts: &[usize]) -> String {
         let each = efforts.iter().map(|k| {
             let source = self.effort(*k);
-            self.option(&Assignment {
+            Self::option(&Assignment {
                 factor: -source.factor,
                 ..source
             })
@@ -177,7 +177,7 @@ impl Columns<'_> {
                 .get(k)
                 .map_or_else(String::new, |q| self.source(q).column)
         };
-        let plain = |k: usize, r: &Reading| r.from == k && r.factor == 1.0;
+        let plain = |k: usize, r: &Reading| r.from == k && (r.factor - 1.0).abs() < f64::EPSILON;
         let changed = read.iter().enumerate().filter(|(k, r)| !plain(*k, r));
         let changed: Vec<(usize, &Reading)> = changed.collect();
         let moved: Vec<usize> = changed
@@ -218,7 +218,7 @@ impl Columns<'_> {
             } else {
                 rounded(size).copysign(factor) * constant
             };
-            options.push(self.option(&Assignment {
+            options.push(Self::option(&Assignment {
                 quantity: to.clone(),
                 factor: source.factor * factor,
                 ..source
