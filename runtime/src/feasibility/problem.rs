@@ -10,7 +10,7 @@ use super::inertia::{ENTRIES, TRIANGLE};
 use super::program::Affine;
 use super::symmetric::{ONE, Square, ZERO, cholesky, congruence, inverse, product, transposed};
 use super::verdict::combine;
-use super::{Combinations, FeasibilityError, Layout, Options, SYMBOLS, pseudo_inertia};
+use super::{Combinations, FeasibilityError, Layout, Options, SYMBOLS, Scale, pseudo_inertia};
 use crate::estimate::Factor;
 use crate::triangle::substitute;
 
@@ -23,6 +23,9 @@ const HEAVIEST: f64 = 1e3;
 const BELIEVED: f64 = 10.0;
 /// By how many of its standard deviations a base parameter must differ from 0 to be believed.
 const CERTAIN: f64 = 10.0;
+/// What counts as far below the unit of mass, and the step to a lighter one.
+const LIGHT: f64 = 1.0 / 256.0;
+const LIGHTER: f64 = 65536.0;
 /// A single parameter may be this many times what explains all of the efforts.
 const STRONGEST: f64 = 1e4;
 /// Residuals below this part of the efforts count as none: its square.
@@ -77,7 +80,7 @@ pub(super) struct Problem {
 impl Setting<'_> {
     /// The unit of each parameter: single ones in what explains all of the efforts.
     pub(super) fn units(&self) -> Vec<f64> {
-        let mut units = self.layout.units(self.options.scale);
+        let mut units = self.layout.units(self.scale());
         let whole = self.whole().sqrt();
         for &j in self.layout.single() {
             let column: f64 = self.column(j).iter().map(|x| x * x).sum();
@@ -86,6 +89,24 @@ impl Setting<'_> {
             }
         }
         units
+    }
+
+    /// The scale in which the problem is solved: that of the options, or a lighter one where
+    /// three of four certain base parameters are far below it, as beside weights that stand for
+    /// springs.
+    fn scale(&self) -> Scale {
+        let mut scale = self.options.scale;
+        let mut sizes = self.certain(&self.layout.units(scale));
+        sizes.sort_by(f64::total_cmp);
+        let Some(most) = sizes.get(3 * sizes.len() / 4).copied() else {
+            return scale;
+        };
+        let mut mass = 1.0;
+        while most > 0.0 && most < LIGHT * mass && mass > 1e-100 {
+            mass /= LIGHTER;
+        }
+        scale.mass *= mass;
+        scale
     }
 
     /// The sum of the squared efforts.
@@ -313,12 +334,12 @@ impl Setting<'_> {
             .map(move |x| (x / units[j]).abs())
     }
 
-    /// The largest base parameter of bodies that is certain, in its unit.
-    fn largest(&self, units: &[f64]) -> f64 {
+    /// The sizes of the base parameters of bodies that are certain, in their units.
+    fn certain(&self, units: &[f64]) -> Vec<f64> {
         let factor = self.factor;
-        let (n, mut largest) = (factor.columns(), 0.0_f64);
+        let (n, mut sizes) = (factor.columns(), Vec::new());
         let Ok(beta) = factor.solve() else {
-            return largest;
+            return sizes;
         };
         let spare = factor.rows().saturating_sub(n).max(1) as f64;
         let noise = (factor.rss() / spare).sqrt();
@@ -342,10 +363,10 @@ impl Setting<'_> {
                 .map(|c| row[c].abs() * units[c])
                 .fold(0.0, f64::max);
             if unit > 0.0 && value.abs() > CERTAIN * noise * variance.sqrt() {
-                largest = largest.max((value / unit).abs());
+                sizes.push((value / unit).abs());
             }
         }
-        largest
+        sizes
     }
 
     /// The cones of the bodies, and the limits of their mass and reach.
@@ -355,7 +376,9 @@ impl Setting<'_> {
         faces: &[Option<Face>],
     ) -> Result<(), FeasibilityError> {
         let options = self.options;
-        let largest = self.largest(&problem.units).clamp(1.0, BELIEVED);
+        let certain = self.certain(&problem.units).into_iter();
+        let largest = certain.fold(1.0, f64::max).min(BELIEVED);
+        let margin = options.margin * options.scale.mass / self.scale().mass;
         for (k, body) in self.layout.bodies().iter().enumerate() {
             let said = body
                 .columns
@@ -395,7 +418,7 @@ impl Setting<'_> {
             if options.margin > 0.0 || problem.kinds.last() != Some(&Kind::Body(k)) {
                 let mut cone = plain;
                 for (i, row) in cone.constant.iter_mut().enumerate() {
-                    row[i] -= options.margin;
+                    row[i] -= margin;
                 }
                 if let Some(face) = faces.get(k).copied().flatten() {
                     let basis = transposed(&face.basis);

@@ -141,8 +141,9 @@ fn the_optimum_is_proven_for_poor_data_without_a_reference() {
             });
         }
         let found = identify(&factor, &combinations, &layout, &options).unwrap();
-        // most are below 1e-7; every second problem has fewer rows than unknowns
-        assert!(found.gap <= 1e-5, "{seed}: gap {:e}", found.gap);
+        // with fewer rows than unknowns nothing but rounding and generous limits are left
+        let most = if seed.is_multiple_of(2) { 1e-6 } else { 1e-4 };
+        assert!(found.gap <= most, "{seed}: gap {:e}", found.gap);
         assert!(found.is_optimal() && found.check.is_physical(), "{seed}");
         assert!(found.limited.is_empty(), "{seed}: {:?}", found.limited);
         for bound in &options.bounds {
