@@ -19,7 +19,7 @@ use regen_interpreted::Interpreted;
 use regen_runtime::feasibility::{Combinations, FeasibilityError, Layout, Options, Scale};
 use regen_runtime::friction::{self, JointFit, nonlinear_joints};
 use regen_runtime::identifiability::{Checks, reduce};
-use regen_runtime::identify::{self, Kind, Recorded, Row, Source};
+use regen_runtime::identify::{self, Filtering, Kind, Recorded, Row, Source};
 use regen_runtime::intervals::{LeastSquares, Spread, constrained};
 use regen_runtime::{BaseModel, Friction, Model};
 
@@ -80,6 +80,10 @@ impl Source for Log {
         each: &mut dyn FnMut(&Row<'_>) -> Result<(), regen_runtime::estimate::EstimateError>,
     ) -> Result<(), FeasibilityError> {
         Ok(self.0.visit(each)?)
+    }
+
+    fn filtering(&self) -> Filtering {
+        self.0.filtering()
     }
 }
 
