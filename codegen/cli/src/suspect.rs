@@ -324,7 +324,7 @@ fn limits(columns: &Columns<'_>, sample: &Sample) -> Vec<Suspicion> {
             out.push(columns.say(
                 format!(
                     "column `{}` reaches {:.1} times the limit of its effort: it looks like \
-                     another unit",
+                     another unit, such as mN m or mN",
                     source.column,
                     most / limit
                 ),

@@ -62,6 +62,13 @@ pub(super) fn is_rotor(label: &str) -> bool {
     label.starts_with("J(")
 }
 
+/// Whether a label is that of a rotor of which nothing is stated.
+fn unknown_rotor<M: BaseModel<f64> + ?Sized>(model: &M, label: &str) -> bool {
+    let info = model.info();
+    let stated = info.parameter_of(label).and_then(|k| info.nominal.get(k));
+    is_rotor(label) && stated.copied().flatten().is_none()
+}
+
 /// The base parameters of the nominal bodies; rotors and friction without a value count as none.
 fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
     let info = model.info();
@@ -348,7 +355,7 @@ impl Grams {
 
     /// The correlation of the effort of equation `i` with what the nominal bodies need, its
     /// slope, and the part of the effort's spread that the two have to explain: all with what
-    /// friction, rotors and a constant explain taken out.
+    /// friction, rotors that are not stated, and a constant explain taken out.
     pub(super) fn against<M: BaseModel<f64> + ?Sized>(
         &self,
         model: &M,
@@ -357,7 +364,7 @@ impl Grams {
     ) -> Option<(f64, f64, f64)> {
         let last = self.size(i) - 1;
         let aside: Vec<usize> = (0..self.columns)
-            .filter(|c| is_friction(label(model, *c)) || is_rotor(label(model, *c)))
+            .filter(|c| is_friction(label(model, *c)) || unknown_rotor(model, label(model, *c)))
             .filter(|c| self.entry(i, *c, *c) > 0.0)
             .chain([last])
             .collect();
