@@ -152,7 +152,7 @@ fn an_effort_that_is_logged_late_is_found_and_corrected() {
                 delays: vec![("q1".to_owned(), delay)],
                 ..Settings::default()
             };
-            let mut logs = Logs::open(model, &[path.clone()], &settings).unwrap();
+            let mut logs = Logs::open(model, std::slice::from_ref(&path), &settings).unwrap();
             identify(model, Kind::Forces, &Options::default(), &mut logs).unwrap()
         };
         let before = fit(0.0);
@@ -208,7 +208,7 @@ fn what_holds_a_joint_at_rest_does_not_count() {
                 standstill,
                 ..Settings::default()
             };
-            let mut logs = Logs::open(model, &[path.clone()], &settings).unwrap();
+            let mut logs = Logs::open(model, std::slice::from_ref(&path), &settings).unwrap();
             identify(model, Kind::Forces, &Options::default(), &mut logs).unwrap()
         };
         let (drop, keep) = (fit(Standstill::Drop), fit(Standstill::Keep));
