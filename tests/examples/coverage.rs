@@ -15,7 +15,7 @@
 
 use regen_codegen::diag::Source as Text;
 use regen_codegen::pipeline::derive;
-use regen_interpreted::Interpreted;
+use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::feasibility::{Combinations, FeasibilityError, Layout, Options, Scale};
 use regen_runtime::friction::{self, JointFit, nonlinear_joints};
 use regen_runtime::identifiability::{Checks, reduce};
@@ -230,7 +230,8 @@ fn print(name: &str, logs: usize, counts: &[Count]) {
 
 fn linear(which: &str, logs: usize, samples: usize) {
     let robot = derive(&Text::new("arm", &spec("linear"))).unwrap();
-    let model = Interpreted::new(&robot);
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
     let info = model.info();
     let phi: Vec<f64> = info.nominal.iter().map(|x| x.unwrap_or(0.0)).collect();
     let base = model.base_info().base;
@@ -319,7 +320,8 @@ fn linear(which: &str, logs: usize, samples: usize) {
 
 fn nonlinear(which: &str, logs: usize, samples: usize) {
     let robot = derive(&Text::new("arm", &spec(which))).unwrap();
-    let model = Interpreted::new(&robot);
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
     let info = model.info();
     let phi: Vec<f64> = info.nominal.iter().map(|x| x.unwrap_or(0.0)).collect();
     let base = model.base_info().base;
