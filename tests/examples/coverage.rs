@@ -11,7 +11,7 @@
 //! ```
 //!
 //! Estimators: `least-squares huber reduce feasible atan power stribeck`; all without any.
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::print_stdout)]
 
 use regen_codegen::diag::Source as Text;
 use regen_codegen::pipeline::derive;
@@ -229,7 +229,7 @@ fn print(name: &str, logs: usize, counts: &[Count]) {
 }
 
 fn linear(which: &str, logs: usize, samples: usize) {
-    let robot = derive(&Text::new("arm", &spec("linear"))).unwrap();
+    let robot = derive(&Text::new("arm", spec("linear"))).unwrap();
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let info = model.info();
@@ -319,7 +319,7 @@ fn linear(which: &str, logs: usize, samples: usize) {
 }
 
 fn nonlinear(which: &str, logs: usize, samples: usize) {
-    let robot = derive(&Text::new("arm", &spec(which))).unwrap();
+    let robot = derive(&Text::new("arm", spec(which))).unwrap();
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let info = model.info();
@@ -391,6 +391,7 @@ fn main() {
     let mut args = std::env::args().skip(1);
     let logs = args.next().map_or(1000, |a| a.parse().expect("LOGS"));
     let seconds: f64 = args.next().map_or(30.0, |a| a.parse().expect("SECONDS"));
+    #[allow(clippy::cast_sign_loss, reason = "a length of time")]
     let samples = (seconds / STEP).round() as usize;
     let mut wanted: Vec<String> = args.collect();
     if wanted.is_empty() {
