@@ -205,7 +205,7 @@ fn the_samples_that_count_as_one_follow_from_the_correlation_of_residuals() {
         );
         longest = found.bandwidth;
         // 300 samples of which 99 are as good as one
-        if rho < 0.7 || rho > 0.95 {
+        if !(0.7..=0.95).contains(&rho) {
             assert_eq!(found.deviations.short(), rho > 0.95, "{rho}");
         }
     }
