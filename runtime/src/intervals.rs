@@ -127,6 +127,8 @@ pub struct LeastSquares<'a> {
 ///   [`REPLICATES`];
 /// - `progress`: is told how many are done.
 ///
+/// Where the samples are too few for any deviation, nothing is drawn, and intervals are NaN.
+///
 /// Priors count as if they were known for certain: the intervals are then of what the data leave
 /// open beside them.
 ///
@@ -200,6 +202,10 @@ pub(crate) fn replicate(
         beta: Vec::with_capacity(replicates),
         failed: 0,
     };
+    // samples that leave nothing to spare say nothing of deviations: there are no draws
+    if deviations.root().iter().any(|x| !x.is_finite()) {
+        return Ok(out);
+    }
     let mut step = vec![0.0; n];
     let mut error = None;
     // what the data leave open has no interval: it need not be chosen

@@ -89,7 +89,7 @@ pub(crate) fn models(
             Some(_) => spoken(&start.deviations),
             None => "for white residuals".to_owned(),
         };
-        let one = |s: &Spread| Some(interval(s, args.confidence));
+        let one = |s: &Spread| drawn_interval(s, args.confidence);
         Intervals {
             base: found.base.iter().map(one).collect(),
             physical: found.physical.iter().map(|s| one(s.as_ref()?)).collect(),
@@ -138,7 +138,7 @@ pub(crate) fn models(
                 &mut progress,
             )?;
             note_short(&spread.deviations);
-            let one = |s: &Spread| Some(interval(s, args.confidence));
+            let one = |s: &Spread| drawn_interval(s, args.confidence);
             let of_joint =
                 |joint: &Vec<Option<Spread>>| joint.iter().map(|s| one(s.as_ref()?)).collect();
             Intervals {
@@ -171,14 +171,16 @@ fn drawn(replicates: usize, known: &str) -> String {
 }
 
 /// What draws say of a value.
-fn interval(spread: &Spread, confidence: f64) -> Interval {
+///
+/// There is none where nothing could be drawn.
+fn drawn_interval(spread: &Spread, confidence: f64) -> Option<Interval> {
     let (low, high) = spread.interval(confidence);
-    Interval {
+    low.is_finite().then_some(Interval {
         sigma: spread.sigma,
         sigma_white: f64::NAN,
         low,
         high,
-    }
+    })
 }
 
 /// Units near those of the robot, by its size and its base parameters.

@@ -12,7 +12,7 @@ use regen_runtime::{BaseModel, Model};
 use serde::Serialize;
 
 use crate::args::IdentifyArgs;
-use crate::{progress, terminal};
+use crate::{progress, table, terminal};
 use regen_interpreted::Interpreted;
 use words::Columns;
 
@@ -184,13 +184,16 @@ fn clock(columns: &Columns<'_>, sample: &Sample) -> Option<Suspicion> {
     let (unit, factor) = match sample.step {
         step if step < 100.0 => ("ms", 1e-3),
         step if step < 1e5 => ("us", 1e-6),
-        _ => ("ns", 1e-9),
+        step if step < 1e11 => ("ns", 1e-9),
+        // no clock of any unit is that slow
+        _ => return None,
     };
     let time = columns.source(&Quantity::Time);
     Some(columns.say(
         format!(
-            "column `{}` looks like {unit} and not s: the usual step would be {:.6} s",
-            time.column, sample.step
+            "column `{}` looks like {unit} and not s: the usual step would be {} s",
+            time.column,
+            table::figure(sample.step)
         ),
         Columns::option(&Assignment {
             factor: time.factor * factor,

@@ -204,6 +204,13 @@ fn a_last_row_that_is_cut_anywhere_is_found() {
     assert!(found > row / 7 - 3, "{found}");
 }
 
+/// What is said beside that a log is short: what these tests read is.
+fn beyond_length(messages: &str) -> String {
+    let lines = messages.lines();
+    let other = lines.filter(|line| !line.contains("too few to know how uncertain"));
+    other.collect()
+}
+
 #[test]
 fn swapped_and_turned_columns_are_named_with_the_remedy() {
     let (dir, log) = bench("swapped_columns");
@@ -221,7 +228,9 @@ fn swapped_and_turned_columns_are_named_with_the_remedy() {
         (turned("q1"), &["`q1`", "flipped"]),
     ] {
         let run = identify(&dir, &changed.text(), &[]);
-        let warning = run.err.lines().next().unwrap_or_default();
+        // the first warning may be of the log's length
+        let told = run.err.lines().find(|line| line.contains("read it with"));
+        let warning = told.unwrap_or_default();
         for word in columns {
             assert!(warning.contains(word), "{columns:?}\n{}", run.err);
         }
@@ -229,7 +238,7 @@ fn swapped_and_turned_columns_are_named_with_the_remedy() {
         let (_, remedy) = warning.split_once("read it with ").unwrap();
         let options: Vec<&str> = remedy.split(' ').map(|x| x.trim_matches('\'')).collect();
         let run = identify(&dir, &changed.text(), &options).ended(0);
-        assert_eq!(run.err, "");
+        assert_eq!(beyond_length(&run.err), "");
         assert_eq!(run.out, clean);
     }
     let upside = turned("tau_q1").each("tau_q3", |_, x| -x);
@@ -242,7 +251,7 @@ fn swapped_and_turned_columns_are_named_with_the_remedy() {
     );
     // nothing is looked for where nobody wants to know
     let run = identify(&dir, &upside.text(), &["--no-suspicion"]).ended(0);
-    assert_eq!(run.err, "");
+    assert_eq!(beyond_length(&run.err), "");
 }
 
 #[test]

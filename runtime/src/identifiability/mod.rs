@@ -58,9 +58,10 @@ impl fmt::Display for Change {
         match self {
             Self::Start => f.write_str("start"),
             Self::Undetermined(label) => write!(f, "without {label}: not determined"),
-            Self::Uncertain { label, sigma } => {
+            Self::Uncertain { label, sigma } if sigma.is_finite() => {
                 write!(f, "without {label}: sigma {sigma:.3} %")
             }
+            Self::Uncertain { label, .. } => write!(f, "without {label}: of no known sigma"),
             Self::Unphysical { label } => {
                 write!(f, "without {label}: it makes the others infeasible")
             }
