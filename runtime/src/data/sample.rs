@@ -28,8 +28,9 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
         };
         let support = self.settings.method.support(log.survey.step());
         let support = support.ok().flatten().unwrap_or(0);
-        let length = (ROWS / BLOCKS).max(4 * support);
         let rows = report.rows;
+        // a filter may reach farther than any log is long
+        let length = (ROWS / BLOCKS).max(4 * support.min(rows));
         let (count, length) = if rows <= BLOCKS * length {
             (1, rows)
         } else {

@@ -175,11 +175,14 @@ pub(super) fn resting(times: &[f64], raw: &[f64], encoder: Encoder) -> Vec<bool>
     out
 }
 
+/// Rows on either side that are looked at most, however small steps are.
+const WIDEST: usize = 100_000;
+
 /// Rows on either side that tell whether a row is at rest.
 pub(super) fn context(step: f64) -> usize {
     #[allow(clippy::cast_sign_loss, reason = "steps are positive")]
     let rows = (SPAN / step).ceil() as usize;
-    rows.max(ROWS) + 1
+    rows.clamp(ROWS, WIDEST) + 1
 }
 
 #[cfg(test)]

@@ -36,6 +36,8 @@ const ROUNDING: f64 = 1e-10;
 const SAME: f64 = 1e-3;
 /// Changes that must be alike, so that they are a step.
 const OFTEN: usize = 5;
+/// How far a whole number of steps may be from one: rounding of decimals.
+const WHOLE: f64 = 0.1;
 /// The part of the changes of a moving robot that are not larger than the one it makes regularly.
 const REGULAR: f64 = 0.9;
 
@@ -57,6 +59,8 @@ impl Steps {
         sorted.sort_by(f64::total_cmp);
         let alike = |k: &usize| sorted[k + OFTEN - 1] <= sorted[*k] * (1.0 + SAME);
         let encoder = (0..(sorted.len() + 1).saturating_sub(OFTEN)).find(alike);
+        // a motion that repeats itself has changes that are alike, and are no multiples of one
+        let encoder = encoder.filter(|k| counted(&sorted, sorted[*k]));
         #[allow(clippy::cast_sign_loss, reason = "a part of a length")]
         let regular = (REGULAR * sorted.len() as f64) as usize;
         Self {
@@ -69,6 +73,15 @@ impl Steps {
             },
         }
     }
+}
+
+/// Whether nearly all changes are whole multiples of a step.
+fn counted(changes: &[f64], step: f64) -> bool {
+    let whole = |change: &&f64| {
+        let steps = **change / step;
+        (steps - steps.round()).abs() <= WHOLE
+    };
+    changes.iter().filter(whole).count() as f64 >= REGULAR * changes.len() as f64
 }
 
 /// Rows over which a position stood still though the robot did not.
