@@ -23,8 +23,10 @@ use crate::feasibility::{Combinations, FeasibilityError, Layout, Options, identi
 /// from above of n draws the next one lies with the probability 1 - 2 k / (n + 1), whatever n is: fewer
 /// draws make intervals whose length varies more, and which hold the truth as often.
 pub const REPLICATES: usize = 100;
-/// The seed of the draws: the same log gives the same intervals.
-const SEED: u64 = 0x2545_f491_4f6c_dd1d;
+/// Digits of the least-squares parameters that seed the draws: the same log gives the same
+/// intervals on every machine, another log other draws, so that what chance makes of a hundred of
+/// them is not the same in all logs.
+const DIGITS: usize = 6;
 /// A parameter whose unit vector lies in the span of what is determined but for this is
 /// determined.
 const DETERMINED: f64 = 1e-7;
@@ -196,7 +198,7 @@ pub(crate) fn replicate(
         rough: true,
         ..options.clone()
     };
-    let mut random = Random(SEED);
+    let mut random = Random(seed(values));
     let mut out = Drawn {
         phi: Vec::with_capacity(replicates),
         beta: Vec::with_capacity(replicates),
@@ -307,6 +309,16 @@ pub(crate) fn determined(
         inside.map(|(i, _)| v[(i, k)].powi(2)).sum()
     };
     Ok((0..p).map(|k| seen(k) > 1.0 - DETERMINED).collect())
+}
+
+/// A seed from the digits of parameters (FNV-1a).
+fn seed(values: &[f64]) -> u64 {
+    let texts = values.iter().map(|x| format!("{x:.DIGITS$e}"));
+    texts
+        .flat_map(String::into_bytes)
+        .fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        })
 }
 
 /// Normal numbers, the same on every machine (SplitMix64; Box and Muller).

@@ -30,7 +30,7 @@ const RHO: f64 = 0.9;
 /// The innovations' deviations of the two efforts, N m; the noise has 2.3 times as much.
 const NOISE: [f64; 2] = [0.12, 0.06];
 const LEVEL: f64 = 0.95;
-const DRAWS: usize = 200;
+const DRAWS: usize = 100;
 
 /// Coulomb friction of the second joint is at its bound: it has none.
 fn spec(friction: &str) -> String {
