@@ -37,7 +37,7 @@ pub(crate) struct Intervals {
 }
 
 impl Intervals {
-    /// Those of a least-squares estimate.
+    /// The intervals of a least-squares estimate.
     ///
     /// - `white`, `used`: the estimate with the covariance for white residuals, and with the one
     ///   that counts.

@@ -111,7 +111,7 @@ pub(crate) struct Start {
     /// The weighted factor that the values are the solution of.
     pub(crate) factor: Factor,
     pub(crate) estimate: Estimate,
-    /// Those of the estimate's values.
+    /// The intervals of the estimate's values.
     pub(crate) intervals: Intervals,
     /// The deviations that they are made of.
     pub(crate) deviations: Deviations,

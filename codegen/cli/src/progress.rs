@@ -48,7 +48,7 @@ pub(crate) fn later(what: &'static str) -> Later {
 }
 
 impl Later {
-    /// So many parts of all are done.
+    /// Shows how many of all parts are done.
     pub(crate) fn at(&self, done: usize, all: usize) {
         if self.since.elapsed() < LONG {
             return;

@@ -101,7 +101,7 @@ pub(crate) fn counted(statuses: impl Iterator<Item = Status>) -> String {
 pub(crate) struct Shares {
     /// The root mean squares of the columns, each in the efforts' units over the parameter's.
     columns: Vec<f64>,
-    /// That of the efforts.
+    /// The root mean square of the efforts.
     efforts: f64,
 }
 

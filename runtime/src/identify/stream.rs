@@ -19,10 +19,10 @@ use crate::{BaseModel, Friction};
 /// direction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Standstill {
-    /// They are left out.
+    /// Equations at standstill are left out.
     #[default]
     Drop,
-    /// They count as all others do.
+    /// Equations at standstill count as all others do.
     Keep,
     /// Each counts by the part of the filter's memory in which its coordinate moved.
     Weigh,

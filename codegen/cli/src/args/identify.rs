@@ -220,7 +220,7 @@ pub(crate) enum ProblemsArg {
 pub(crate) enum DelayArg {
     /// By as much as is found.
     Auto,
-    /// That of one joint, s.
+    /// The delay of one joint's effort, by its name, s.
     Of(String, f64),
 }
 
