@@ -42,7 +42,7 @@ pub(super) enum Kind {
     Limit,
     /// The generous limit of a body's mass and reach.
     Size(usize),
-    /// The sign of a single parameter, such as friction.
+    /// The generous limit of a single parameter, such as friction.
     Strength,
 }
 
