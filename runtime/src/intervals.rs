@@ -27,6 +27,8 @@ pub const REPLICATES: usize = 100;
 /// intervals on every machine, another log other draws, so that what chance makes of a hundred of
 /// them is not the same in all logs.
 const DIGITS: usize = 6;
+/// What is nearer to a limit than this part of a deviation is at the limit.
+const TOUCHING: f64 = 1e-3;
 /// A parameter whose unit vector lies in the span of what is determined but for this is
 /// determined.
 const DETERMINED: f64 = 1e-7;
@@ -88,6 +90,14 @@ impl Spread {
         let low = self.draws.get(below).copied().unwrap_or(f64::NAN);
         let high = self.draws.get(below + 1).copied().unwrap_or(low);
         (high - low).mul_add(rest, low)
+    }
+
+    /// The standard deviation of the draws around their mean.
+    fn scatter(&self) -> f64 {
+        let n = self.draws.len() as f64;
+        let mean = self.draws.iter().sum::<f64>() / n;
+        let squares = self.draws.iter().map(|x| (x - mean).powi(2));
+        (squares.sum::<f64>() / n).sqrt()
     }
 
     /// The deviation in percent of the value's size.
@@ -173,6 +183,52 @@ impl Drawn {
         self.beta.iter().filter_map(|x| x.get(k).copied()).collect()
     }
 
+    /// Puts onto their limit the values that a draw left within [`TOUCHING`] of it: the method
+    /// of the fit comes to a limit from inside and stops short of it.
+    fn settle(
+        &mut self,
+        combinations: &Combinations,
+        layout: &Layout,
+        options: &Options,
+        deviations: &Deviations,
+    ) {
+        for (j, label) in layout.labels().iter().enumerate() {
+            let own = options.bounds.iter().find(|b| b.parameter == *label);
+            let sign = if layout.single().contains(&j) {
+                0.0
+            } else {
+                f64::NEG_INFINITY
+            };
+            let (lowest, highest) = own.map_or((sign, f64::INFINITY), |b| (b.lowest, b.highest));
+            // the base parameter that is this one alone, if there is one
+            let rows = combinations.rows().iter();
+            let alone = rows
+                .clone()
+                .position(|row| row.iter().enumerate().all(|(k, x)| (*x != 0.0) == (k == j)));
+            let sigma = match alone {
+                Some(k) => deviations.sigma(k),
+                None => Spread::new(0.0, self.of_all(j)).scatter(),
+            };
+            let near = |x: f64, limit: f64| (x - limit).abs() <= TOUCHING * sigma;
+            for draw in 0..self.phi.len() {
+                let Some(value) = self.phi.get_mut(draw).and_then(|phi| phi.get_mut(j)) else {
+                    continue;
+                };
+                *value = match *value {
+                    x if near(x, lowest) => lowest,
+                    x if near(x, highest) => highest,
+                    _ => continue,
+                };
+                let (value, factor) = (*value, alone.map(|k| combinations.rows()[k][j]));
+                let base = self.beta.get_mut(draw);
+                let entry = base.zip(alone).and_then(|(beta, k)| beta.get_mut(k));
+                if let (Some(entry), Some(factor)) = (entry, factor) {
+                    *entry = factor * value;
+                }
+            }
+        }
+    }
+
     pub(crate) fn of_all(&self, k: usize) -> Vec<f64> {
         self.phi.iter().filter_map(|x| x.get(k).copied()).collect()
     }
@@ -238,6 +294,7 @@ pub(crate) fn replicate(
         }
         progress(k + 1);
     }
+    out.settle(combinations, layout, options, deviations);
     match error {
         Some(why) if 10 * out.failed > replicates => Err(why),
         _ => Ok(out),

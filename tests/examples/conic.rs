@@ -109,6 +109,7 @@ fn answer(found: &Result<Physical, FeasibilityError>) -> Value {
             "squares": found.squared_residual,
             "gap": found.gap,
             "limited": found.limited,
+            "sizes": found.sizes.iter().map(|s| [s.mass, s.length]).collect::<Vec<_>>(),
             "margin": found.check.margin(),
         }),
         Err(error) => json!({ "error": error.to_string() }),

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use regen_runtime::Model;
-use regen_runtime::data::DataError;
+use regen_runtime::data::{DataError, Logs};
 use regen_runtime::estimate::{
     Blocks, Deviations, EffortError, Estimate, Factor, FactorSet, Weighting,
 };
 use regen_runtime::friction::FrictionData;
-use regen_runtime::identify::{self, Delays, Kind, LeftOut, Options, digest};
+use regen_runtime::identify::{self, Delays, Identified, Kind, LeftOut, Options, digest};
 use serde::Serialize;
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};
@@ -324,7 +324,7 @@ fn from_factors(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, F
 fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Failure> {
     let kind = observe::kind(&args.reading);
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
-    let found =
+    let mut found =
         identify::identify(model, kind, &options(args), &mut logs).inspect_err(|error| {
             // loops that do not close may be two columns that are swapped
             if matches!(error, DataError::Problems { .. } | DataError::Signal { .. }) {
@@ -332,12 +332,16 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
             }
         })?;
     observe::note_problems(logs.logs().reports());
+    let sampled = match kind {
+        Kind::Forces => sampling(&mut found, logs.logs())?,
+        Kind::Energy { .. } => "",
+    };
     let used = found.correlated();
     let method = if let Some(n) = args.bandwidth {
-        format!("least squares, residuals correlated in {n} samples (Newey and West)")
+        format!("least squares, residuals correlated in {n} samples (Newey and West){sampled}")
     } else {
         note_short(&found.deviations);
-        format!("least squares, {}", spoken(&found.deviations))
+        format!("least squares, {}{sampled}", spoken(&found.deviations))
     };
     let intervals = Intervals::of(&found.estimate, &used, args.confidence, method);
     let mut json = Summary::of(&found.estimate, &kind.name());
@@ -363,6 +367,27 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
         deviations: found.deviations,
         blocks: Some(found.blocks),
         data: None,
+    })
+}
+
+/// A deviation grows by this part at least where it is said that it does.
+const GROWN: f64 = 0.1;
+
+/// Adds what the sampling of the positions does to parameters to their deviations; says so where
+/// that is much.
+fn sampling(
+    found: &mut Identified,
+    logs: &Logs<'_, Interpreted<'_>>,
+) -> Result<&'static str, Failure> {
+    let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
+    let change = logs.discretisation(&found.estimate.values, &weights)?;
+    let changed = found.deviations.with_change(&change);
+    let before = std::mem::replace(&mut found.deviations, changed);
+    let grown = |k: usize| found.deviations.sigma(k) > (1.0 + GROWN) * before.sigma(k);
+    Ok(if (0..change.len()).any(grown) {
+        "; with what derivatives over fewer samples would change"
+    } else {
+        ""
     })
 }
 

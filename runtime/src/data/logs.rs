@@ -12,7 +12,9 @@ use super::shift;
 use super::standstill::{self, Differences, Encoder, resting};
 use crate::estimate::EstimateError;
 use crate::identify::{Completed, Completion, Filtering, Row, Source, Standstill};
-use crate::signals::{Fourier, FourierFit, Method, SignalError, Smoothing};
+use crate::signals::{
+    Fourier, FourierFit, Method, NEIGHBOURS, SignalError, Smoothing, differences,
+};
 use crate::{Info, Model, Outcome};
 
 /// How logs are read.
@@ -83,7 +85,7 @@ pub(super) struct Log {
     /// The series, where it is fitted; from the first pass on.
     pub(super) series: Option<Fourier>,
     /// What is known of each measured position's encoder.
-    encoders: Vec<Encoder>,
+    pub(super) encoders: Vec<Encoder>,
 }
 
 /// Rows read at a time, beside what filters need on both sides.
@@ -125,7 +127,7 @@ const WIDEST: usize = 1_000_000;
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
 pub struct Logs<'m, M: ?Sized> {
-    model: &'m M,
+    pub(super) model: &'m M,
     pub(super) settings: Settings,
     pub(super) files: Vec<Log>,
     pub(super) reports: Vec<FileReport>,
@@ -334,9 +336,11 @@ fn unsure(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
     let gain = if log.file.layout.derivatives || log.series.is_some() {
         0.0
     } else {
+        let step = log.survey.step();
         settings
             .method
-            .rate_gain(log.survey.step())
+            .of_states(step)
+            .rate_gain(step)
             .map_err(|why| signal(&log.file, why))?
     };
     let encoders = log.encoders.iter();
@@ -364,8 +368,13 @@ fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
     }
     let support = settings
         .method
+        .of_states(step)
         .support(step)
         .map_err(|why| signal(&log.file, why))?;
+    let support = match settings.method {
+        Method::Central => support.max(Some(NEIGHBOURS)),
+        _ => support,
+    };
     match support.map(|rows| rows.max(least)) {
         Some(rows) if rows <= WIDEST => Ok(rows),
         _ => Err(signal(
@@ -456,8 +465,13 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 motion.push([0, 1, 2].map(|d| at.iter().map(|p| p[d]).collect()));
             }
         } else if n > 0 {
-            for entry in layout.positions() {
-                match self.settings.method.differentiate(&times, &column(entry)) {
+            let method = self.settings.method.of_states(self.log.survey.step());
+            for (entry, encoder) in layout.positions().zip(&self.log.encoders) {
+                let found = match method {
+                    Method::Central => differences(&times, &column(entry), encoder.neighbours),
+                    _ => method.differentiate(&times, &column(entry)),
+                };
+                match found {
                     Ok(found) => {
                         // at a window's edge the support says what is valid
                         let start = if self.before > 0 {

@@ -2,6 +2,7 @@
 
 mod average;
 mod columns;
+mod discretisation;
 mod logs;
 #[cfg(feature = "parquet")]
 mod parquet;

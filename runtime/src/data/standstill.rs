@@ -19,10 +19,21 @@ const SAME: f64 = 1e-9;
 const NEAR: f64 = 100.0;
 const WHOLE: f64 = 0.9;
 const ROUNDING: f64 = 0.1;
-/// Fourth differences of white noise have sqrt(70) times its deviation; half of normal values
-/// are within 0.6745 of theirs.
+/// Differences of order 4 and 8 of white noise have sqrt(70) and sqrt(12870) times its deviation;
+/// half of normal values are within 0.6745 of theirs.
 const FOURTH: f64 = 8.366_600_265_340_756;
+const EIGHTH: f64 = 113.446_022_405_434_56;
 const HALF: f64 = 0.674_489_750_196_082;
+/// For second derivatives from 1, 2 and 3 neighbours on either side: by what part of the difference
+/// of order 4, 6 and 8 they are off, and how many times the noise of a sample they have, both over
+/// the square of the step.
+const STENCILS: [(f64, f64); 3] = [
+    (1.0 / 12.0, 2.449_489_742_783_178),
+    (1.0 / 90.0, 3.131_559_967_662_478),
+    (1.0 / 560.0, 3.457_675_614_816_774),
+];
+/// Samples that differences of order 8 take.
+const TAKEN: usize = 9;
 
 /// What is known of an encoder.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -31,6 +42,9 @@ pub(super) struct Encoder {
     pub(super) step: f64,
     /// The standard deviation of its noise, steps included, rad or m.
     pub(super) noise: f64,
+    /// How many neighbours on either side give the best second derivative, 1 to 3: more follow
+    /// the motion better but take up more noise. 0 where the log is too short to tell.
+    pub(super) neighbours: usize,
 }
 
 impl Encoder {
@@ -46,7 +60,8 @@ impl Encoder {
 pub(super) struct Differences {
     recent: VecDeque<f64>,
     values: Vec<f64>,
-    fourth: Vec<f64>,
+    /// The sizes of differences of order 4, 6 and 8.
+    sizes: [Vec<f64>; 3],
     /// Of the differences, each how many-th is remembered.
     every: usize,
     seen: usize,
@@ -57,7 +72,7 @@ impl Default for Differences {
         Self {
             recent: VecDeque::new(),
             values: vec![],
-            fourth: vec![],
+            sizes: [vec![], vec![], vec![]],
             every: 1,
             seen: 0,
         }
@@ -71,19 +86,30 @@ impl Differences {
             self.recent.clear();
         }
         self.recent.push_back(value);
-        if self.recent.len() < 5 {
+        if self.recent.len() < TAKEN {
             return;
         }
         let seen = self.seen;
         self.seen += 1;
         if seen.is_multiple_of(self.every) {
-            let at = |k: usize| self.recent[k];
-            self.values.push(at(4));
-            let fourth = at(0) - 4.0 * at(1) + 6.0 * at(2) - 4.0 * at(3) + at(4);
-            self.fourth.push(fourth.abs());
+            self.values.extend(self.recent.back());
+            let mut differences: Vec<f64> = self.recent.iter().copied().collect();
+            for order in 1..TAKEN {
+                for k in 0..TAKEN - order {
+                    differences[k] = differences[k + 1] - differences[k];
+                }
+                // of the differences of each order, that in the middle
+                if let (true, Some(sizes)) = (
+                    order >= 4 && order.is_multiple_of(2),
+                    self.sizes.get_mut((order / 2).saturating_sub(2)),
+                ) {
+                    sizes.push(differences[(TAKEN - 1 - order) / 2].abs());
+                }
+            }
             if self.values.len() == REMEMBERED {
                 self.every *= 2;
-                for list in [&mut self.values, &mut self.fourth] {
+                let [a, b, c] = &mut self.sizes;
+                for list in [&mut self.values, a, b, c] {
                     let mut k = 0;
                     list.retain(|_| {
                         k += 1;
@@ -97,17 +123,34 @@ impl Differences {
 
     /// What they say of the encoder.
     pub(super) fn finish(mut self) -> Encoder {
-        self.fourth.sort_by(f64::total_cmp);
-        if self.fourth.is_empty() {
+        if self.values.is_empty() {
             return Encoder::default();
         }
         let step = step(&mut self.values);
-        let noise = self.fourth[self.fourth.len() / 2] / (HALF * FOURTH);
+        let [fourth, sixth, eighth] = self.sizes.map(median);
+        let counted = step / 12.0_f64.sqrt();
+        // slow differences are of the motion, which only those of high order do not know
+        let noise = counted.max(eighth / (HALF * EIGHTH));
+        let errors = [fourth, sixth, eighth].into_iter().zip(STENCILS);
+        let error = |(of, (part, gain)): (f64, (f64, f64))| (part * of / HALF).hypot(gain * noise);
+        let mut best = (f64::INFINITY, 0);
+        for (k, pair) in errors.enumerate() {
+            let error = error(pair);
+            if error < best.0 {
+                best = (error, k + 1);
+            }
+        }
         Encoder {
             step,
-            noise: noise.max(step / 12.0_f64.sqrt()),
+            noise: counted.max(fourth / (HALF * FOURTH)),
+            neighbours: best.1,
         }
     }
+}
+
+fn median(mut sizes: Vec<f64>) -> f64 {
+    sizes.sort_by(f64::total_cmp);
+    sizes.get(sizes.len() / 2).copied().unwrap_or_default()
 }
 
 /// The distance of neighbouring values of which all others are whole multiples; 0 where there is
@@ -212,6 +255,26 @@ mod tests {
         // what is not counted in steps has none
         let smooth: Vec<f64> = (0..20_000).map(|k| (f64::from(k) * 0.01).sin()).collect();
         assert!(encoder(&smooth).step <= 0.0);
+    }
+
+    #[test]
+    fn smooth_positions_are_differentiated_over_more_neighbours_than_noisy_ones() {
+        let mut state = 7_u64;
+        let mut noise = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) as f64 / 2_f64.powi(31) - 0.5
+        };
+        let mut chosen = |size: f64| {
+            let value = |k: u32| (0.05 * f64::from(k)).sin() + size * noise();
+            encoder(&(0..4000).map(value).collect::<Vec<_>>()).neighbours
+        };
+        // differences of order 4 of this motion are of the size 6e-6, of order 6 1.5e-8
+        assert_eq!(chosen(0.0), 3);
+        assert_eq!(chosen(1e-8), 2);
+        assert_eq!(chosen(1e-4), 1);
+        assert_eq!(encoder(&[0.0, 1.0]).neighbours, 0);
     }
 
     #[test]

@@ -83,6 +83,33 @@ impl Deviations {
         }
     }
 
+    /// The same where each parameter may be off by a change besides that is the same for all samples,
+    /// such as that of derivatives from samples: it counts as one deviation.
+    ///
+    /// - `change`: one for each parameter, in its unit.
+    #[must_use]
+    pub fn with_change(&self, change: &[f64]) -> Self {
+        let n = self.degrees_of_freedom.len();
+        let add = |matrix: &[f64]| -> Vec<f64> {
+            let entry = |(k, x): (usize, &f64)| {
+                let at = |k: usize| change.get(k).copied().unwrap_or_default();
+                x + at(k % n.max(1)) * at(k / n.max(1))
+            };
+            matrix.iter().enumerate().map(entry).collect()
+        };
+        let mut product = vec![0.0; n * n];
+        for column in self.root.chunks_exact(n.max(1)) {
+            for (k, x) in product.iter_mut().enumerate() {
+                *x += column[k % n] * column[k / n];
+            }
+        }
+        Self {
+            covariance: add(&self.covariance),
+            root: cholesky(&add(&product), n).unwrap_or_else(|| self.root.clone()),
+            ..self.clone()
+        }
+    }
+
     /// Whether the log is too short for its noise: then the deviations are likely to be smaller
     /// than they should be.
     pub fn short(&self) -> bool {

@@ -12,7 +12,7 @@ use super::interior::{Ended, minimise, start};
 use super::problem::{Kind, Problem, Setting};
 use super::reduced::Directions;
 use super::verdict::verdict;
-use super::{Check, Combinations, FeasibilityError, Layout, Options, Verdict};
+use super::{Body, Check, Combinations, FeasibilityError, Layout, Options, Verdict};
 use crate::estimate::Factor;
 
 /// The gap that is sought, as a part of the objective.
@@ -58,9 +58,23 @@ pub struct Physical {
     /// eigenvalues were cut off at 0, by sums of twice the working precision, whatever the
     /// solver says of itself. The objective counts as at least 1e-8 of the squared efforts.
     pub gap: f64,
-    /// Bodies that would be heavier or larger if their generous limits, a thousand times what is
-    /// known of the robot, did not keep them: observations that want masses without end.
+    /// The bodies that would be heavier or larger if [`sizes`](Self::sizes) did not keep them:
+    /// observations that want masses without end.
     pub limited: Vec<String>,
+    /// The generous limit of each body of the layout, a thousand times what is known of the robot;
+    /// none where no constraint took part.
+    pub sizes: Vec<SizeLimit>,
+}
+
+/// How heavy and large a body may be: `m + (Ixx + Iyy + Izz) / (2 length^2) <= mass`.
+///
+/// Without such a limit the best fit can be at masses without end, where it is not attained.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SizeLimit {
+    /// The mass that is never exceeded, kg.
+    pub mass: f64,
+    /// The radius of gyration that counts as much as the mass, m.
+    pub length: f64,
 }
 
 impl Physical {
@@ -188,6 +202,7 @@ pub fn identify(
         outcome: Outcome::Constrained,
         gap,
         limited,
+        sizes: sizes(&problem, layout),
     })
 }
 
@@ -202,6 +217,19 @@ fn least(factor: &Factor) -> (f64, usize) {
     let spectrum = Directions::of(&a);
     let off = &a * spectrum.solve(&z) - z;
     (off.norm_squared() + factor.rss(), spectrum.rank)
+}
+
+/// The generous limits of the bodies in SI.
+fn sizes(problem: &Problem, layout: &Layout) -> Vec<SizeLimit> {
+    let bodies = layout.bodies().iter().zip(&problem.heaviest);
+    let limit = |(body, heaviest): (&Body, &f64)| {
+        let [inertia, .., mass] = body.columns.map(|c| problem.units[c]);
+        SizeLimit {
+            mass: heaviest * mass,
+            length: (inertia / mass).sqrt(),
+        }
+    };
+    bodies.map(limit).collect()
 }
 
 /// The bodies whose generous limits matter to the fit.
@@ -360,6 +388,7 @@ fn least_squares_kept(
         outcome: Outcome::Unconstrained,
         gap: 0.0,
         limited: Vec::new(),
+        sizes: Vec::new(),
     }))
 }
 

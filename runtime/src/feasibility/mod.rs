@@ -29,7 +29,7 @@ mod verdict;
 // the solver's symbols
 extern crate regen_lapack as _;
 
-pub use constrained::{OPTIMAL, Outcome, Physical, identify, nearest};
+pub use constrained::{OPTIMAL, Outcome, Physical, SizeLimit, identify, nearest};
 pub use error::FeasibilityError;
 pub use inertia::{Scale, Ten, pseudo_inertia, ten_of};
 pub use layout::{Body, Check, Combinations, Layout, SYMBOLS};

@@ -21,7 +21,10 @@ pub use smoothing::Smoothing;
 /// How positions are differentiated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// Central differences of the positions as they are (Eq. 31), for any sampling.
+    /// Central differences of the positions as they are (Eq. 31), for any sampling. Where a log
+    /// is read, positions with so little noise that the motion's own changes between samples
+    /// matter more are differentiated over two or three neighbours on either side,
+    /// see [`differences`].
     Central,
     /// A low-pass Butterworth filter run forward and backward, then central differences. Needs
     /// uniform sampling.
@@ -44,6 +47,13 @@ pub enum Method {
         half_width: f64,
     },
 }
+
+/// How many times as wide the filter of the states is as that of the equations.
+pub const WIDER: f64 = 3.0;
+/// The highest cutoff of a filter of states, of the sampling rate.
+const WIDEST: f64 = 0.4;
+/// The narrowest half width of a regression over states, in samples.
+const NARROWEST: f64 = 4.0;
 
 /// A signal with its derivatives, as long as the samples.
 #[derive(Clone, Debug, PartialEq)]
@@ -163,13 +173,14 @@ impl Method {
     pub fn differentiate(&self, times: &[f64], values: &[f64]) -> Result<Derivatives, SignalError> {
         check(times, values)?;
         match *self {
-            Self::Central => central(times, values.to_vec()),
+            Self::Central => differences(times, values, 1),
             Self::Butterworth { order, cutoff } => {
                 let filter = Butterworth::new(order, cutoff, mean_step(times)?)?;
-                let mut out = central(times, filter.zero_phase(values)?)?;
+                // the filter leaves no noise to which more neighbours would add
+                let mut out = differences(times, &filter.zero_phase(values)?, NEIGHBOURS)?;
                 let margin = filter.settling().min(times.len() / 2);
                 // the filter's start and end are guesses: what it does there is not data
-                out.valid = margin.max(1)..(times.len() - margin).min(times.len() - 1);
+                out.valid = out.valid.start.max(margin)..out.valid.end.min(times.len() - margin);
                 Ok(out)
             }
             Self::Fourier {
@@ -200,6 +211,40 @@ impl Method {
             Self::Butterworth { order, cutoff } => Smoothing::Butterworth { order, cutoff },
             Self::Local { half_width } => Smoothing::Local { half_width },
             Self::Central | Self::Fourier { .. } => Smoothing::None,
+        }
+    }
+
+    /// The method for the states that a regressor is made of, where the equations pass
+    /// [`smoothing`](Self::smoothing) afterwards.
+    ///
+    /// A filter changes the motion that it smooths, and a regressor of a changed motion is
+    /// biased: products and signs of filtered states are not the filtered products and signs. So
+    /// the states pass a filter that is [`WIDER`] times as wide, which leaves the motion as it is
+    /// and takes away what is far above it; what remains of the noise is left to the filter of the
+    /// equations (Gautier's parallel filtering and decimation).
+    ///
+    /// - `step`: the time between samples, s.
+    ///
+    /// ```
+    /// use regen_runtime::signals::Method;
+    ///
+    /// let asked = Method::Butterworth { order: 4, cutoff: 5.0 };
+    /// assert_eq!(asked.of_states(0.01), Method::Butterworth { order: 4, cutoff: 15.0 });
+    /// // a series has no noise to speak of
+    /// let series = Method::Fourier { frequency: 0.1, harmonics: 5 };
+    /// assert_eq!(series.of_states(0.01), series);
+    /// ```
+    #[must_use]
+    pub fn of_states(&self, step: f64) -> Self {
+        match *self {
+            Self::Butterworth { order, cutoff } => Self::Butterworth {
+                order,
+                cutoff: (WIDER * cutoff).min(WIDEST / step).max(cutoff),
+            },
+            Self::Local { half_width } => Self::Local {
+                half_width: (half_width / WIDER).max(NARROWEST * step).min(half_width),
+            },
+            Self::Central | Self::Fourier { .. } => *self,
         }
     }
 
@@ -301,8 +346,43 @@ fn mean_step(times: &[f64]) -> Result<f64, SignalError> {
     }
 }
 
-/// Eq. 31, in the form that is of second order for unequal steps too.
-fn central(times: &[f64], value: Vec<f64>) -> Result<Derivatives, SignalError> {
+/// The most neighbours on either side that derivatives are taken from.
+pub const NEIGHBOURS: usize = 3;
+
+/// Central differences over `neighbours` samples on either side, at least one and at most
+/// [`NEIGHBOURS`]: the derivatives of the polynomial through 3, 5 or 7 samples.
+///
+/// Three are Eq. 31, in the form that is of second order for unequal steps too. Where steps `h` are
+/// alike, second derivatives of a motion of angular frequency `w` are off by `(w h)^2 / 12`,
+/// `(w h)^4 / 90` and `(w h)^6 / 560` of their size; white noise of the samples gets into them 2.4,
+/// 3.1 and 3.5 times over `h^2` (Fornberg, 1988, has the weights for any sampling).
+///
+/// - `times`: s, increasing; `values`: one for each. Fewer neighbours are taken where there are not
+///   samples enough for one state.
+///
+/// # Errors
+/// When lengths differ, times do not increase, or there are less than three samples.
+///
+/// ```
+/// use regen_runtime::signals::differences;
+///
+/// let times: Vec<f64> = (0..100).map(|k| 0.02 * f64::from(k)).collect();
+/// let wave: Vec<f64> = times.iter().map(|t| (3.0 * t).sin()).collect();
+/// let off = |neighbours| -> Result<f64, regen_runtime::signals::SignalError> {
+///     let found = differences(&times, &wave, neighbours)?;
+///     Ok((found.acceleration[50] / (-9.0 * wave[50]) - 1.0).abs())
+/// };
+/// assert!((off(1)? / (0.06_f64.powi(2) / 12.0) - 1.0).abs() < 0.01);
+/// assert!((off(2)? / (0.06_f64.powi(4) / 90.0) - 1.0).abs() < 0.01);
+/// assert!(off(3)? < 1e-9);
+/// # Ok::<(), regen_runtime::signals::SignalError>(())
+/// ```
+pub fn differences(
+    times: &[f64],
+    values: &[f64],
+    neighbours: usize,
+) -> Result<Derivatives, SignalError> {
+    check(times, values)?;
     let n = times.len();
     if n < 3 {
         return Err(SignalError::TooFew {
@@ -310,21 +390,69 @@ fn central(times: &[f64], value: Vec<f64>) -> Result<Derivatives, SignalError> {
             needed: 3,
         });
     }
+    let side = neighbours.clamp(1, NEIGHBOURS).min((n - 1) / 2);
     let mut rate = vec_of(n);
     let mut acceleration = vec_of(n);
-    for k in 1..n - 1 {
-        let (before, after) = (times[k] - times[k - 1], times[k + 1] - times[k]);
-        let (down, up) = (value[k] - value[k - 1], value[k + 1] - value[k]);
-        let all = before * after * (before + after);
-        rate[k] = (before * before * up + after * after * down) / all;
-        acceleration[k] = 2.0 * (before * up - after * down) / all;
+    for k in side..n - side {
+        let around = k - side..=k + side;
+        (rate[k], acceleration[k]) = if side == 1 {
+            let (before, after) = (times[k] - times[k - 1], times[k + 1] - times[k]);
+            let (down, up) = (values[k] - values[k - 1], values[k + 1] - values[k]);
+            let all = before * after * (before + after);
+            (
+                (before * before * up + after * after * down) / all,
+                2.0 * (before * up - after * down) / all,
+            )
+        } else {
+            polynomial(&times[around.clone()], &values[around], side)
+        };
     }
     Ok(Derivatives {
-        value,
+        value: values.to_vec(),
         rate,
         acceleration,
-        valid: 1..n - 1,
+        valid: side..n - side,
     })
+}
+
+/// The first and second derivative of the polynomial through samples, at the one in the middle:
+/// divided differences (Newton's form), nearest samples first.
+fn polynomial(times: &[f64], values: &[f64], middle: usize) -> (f64, f64) {
+    const MOST: usize = 2 * NEIGHBOURS + 1;
+    let n = times.len().min(MOST);
+    let (mut at, mut divided) = ([0.0; MOST], [0.0; MOST]);
+    for (k, (at, divided)) in at.iter_mut().zip(&mut divided).enumerate().take(n) {
+        // the middle, then one to the left, one to the right, two to the left, and so on
+        let away = k.div_ceil(2);
+        let place = if k % 2 == 1 {
+            middle - away
+        } else {
+            middle + away
+        };
+        *at = times[place] - times[middle];
+        // differences from the middle keep the digits of small motions
+        *divided = values[place] - values[middle];
+    }
+    for order in 1..n {
+        for k in (order..n).rev() {
+            divided[k] = (divided[k] - divided[k - 1]) / (at[k] - at[k - order]);
+        }
+    }
+    // p = d0 + d1 t + d2 t (t - t1) + d3 t (t - t1) (t - t2) + ..., by t, at t = 0
+    let (mut rate, mut acceleration) = (0.0, 0.0);
+    // the product's value, first and second derivative at t = 0
+    let mut product = [1.0, 0.0, 0.0];
+    for k in 0..n {
+        rate += divided[k] * product[1];
+        acceleration += divided[k] * product[2];
+        let [p, dp, ddp] = product;
+        product = [
+            -p * at[k],
+            dp.mul_add(-at[k], p),
+            ddp.mul_add(-at[k], 2.0 * dp),
+        ];
+    }
+    (rate, acceleration)
 }
 
 fn vec_of(n: usize) -> Vec<f64> {

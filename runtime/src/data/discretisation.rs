@@ -1,0 +1,185 @@
+//! What the sampling of positions does to an estimate: derivatives from samples are not those of
+//! the motion, and no residual says so.
+
+use std::prelude::v1::*;
+use std::vec;
+
+use super::logs::{Log, Logs};
+use super::problem::DataError;
+use super::reader::Kept;
+use crate::BaseModel;
+use crate::estimate::{Estimate, Factor};
+use crate::identify::{Completed, Completion};
+use crate::signals::{Derivatives, Method, differences};
+
+/// Rows of each file that are looked at, in so many stretches.
+const ROWS: usize = 8192;
+const STRETCHES: usize = 8;
+/// States of each file that equations are made of.
+const STATES: usize = 500;
+
+impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
+    /// By how much each base parameter would change if derivatives were taken from one neighbour
+    /// on either side (Eq. 31) instead of as many as are used: an estimate, from some hundred
+    /// states of each file, of what the sampling leaves unknown of the motion.
+    ///
+    /// To first order it is the least-squares solution of `W d = (W - W_1) beta`, where `W_1` is the
+    /// regressor (Eq. 12) with the rougher derivatives. Zero where derivatives are measured or of a
+    /// series, or where noise decided for one neighbour.
+    ///
+    /// - `beta`: the parameters found, SI; `weights`: those of the equations by effort.
+    ///
+    /// # Errors
+    /// When a file cannot be read.
+    pub fn discretisation(&self, beta: &[f64], weights: &[f64]) -> Result<Vec<f64>, DataError> {
+        let base = self.model.base_info().base;
+        let labels: Vec<String> = base.iter().map(|b| b.label.to_owned()).collect();
+        let mut changes = Changes {
+            beta,
+            weights,
+            factor: Factor::new(labels),
+        };
+        for (log, report) in self.files.iter().zip(&self.reports) {
+            let rougher = match self.settings.method {
+                Method::Central => log.encoders.iter().any(|e| e.neighbours > 1),
+                Method::Butterworth { .. } | Method::Local { .. } => true,
+                Method::Fourier { .. } => false,
+            };
+            if rougher && !log.file.layout.derivatives {
+                self.changes(log, report.rows, &mut changes)?;
+            }
+        }
+        let nothing = vec![0.0; beta.len()];
+        if changes.factor.rows() < beta.len() {
+            return Ok(nothing);
+        }
+        // parameters that these states do not determine are judged by the whole log
+        Ok(Estimate::of(&changes.factor).map_or(nothing, |found| found.values))
+    }
+
+    /// Adds the equations of one file.
+    fn changes(&self, log: &Log, rows: usize, out: &mut Changes<'_>) -> Result<(), DataError> {
+        let measured = &log.file.layout.measured;
+        let mut completions = Completions {
+            usual: Completion::new(self.model, measured, &vec![1.0; measured.len()])?,
+            rough: Completion::new(self.model, measured, &vec![1.0; measured.len()])?,
+        };
+        let length = ROWS / STRETCHES;
+        let (count, length) = if rows <= ROWS {
+            (1, rows)
+        } else {
+            (STRETCHES, length)
+        };
+        let every = (count * length).div_ceil(STATES).max(1);
+        let mut stretch: Vec<Kept> = Vec::new();
+        let mut place = 0;
+        log.file
+            .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
+                let within = place < (place * count / rows.max(1)) * rows / count + length;
+                place += 1;
+                if !follows || !within {
+                    self.stretch(log, &mut stretch, every, &mut completions, out)?;
+                }
+                if within {
+                    stretch.push(row);
+                }
+                Ok(())
+            })?;
+        self.stretch(log, &mut stretch, every, &mut completions, out)
+    }
+
+    /// Adds the equations of rows that follow each other, and empties them.
+    fn stretch(
+        &self,
+        log: &Log,
+        rows: &mut Vec<Kept>,
+        every: usize,
+        completions: &mut Completions<'_, M>,
+        out: &mut Changes<'_>,
+    ) -> Result<(), DataError> {
+        let rows = core::mem::take(rows);
+        let times: Vec<f64> = rows.iter().map(|r| r.values[0]).collect();
+        let method = self.settings.method.of_states(log.survey.step());
+        let mut valid = 0..rows.len();
+        let (mut usual, mut rough) = (Vec::new(), Vec::new());
+        for (entry, encoder) in log.file.layout.positions().zip(&log.encoders) {
+            let positions: Vec<f64> = rows.iter().map(|r| r.values[entry]).collect();
+            let found = match method {
+                Method::Central => differences(&times, &positions, encoder.neighbours),
+                _ => method.differentiate(&times, &positions),
+            };
+            // a stretch that is too short gives nothing
+            let Ok(found) = found else { return Ok(()) };
+            let Ok(rougher) = differences(&times, &found.value, 1) else {
+                return Ok(());
+            };
+            valid = valid.start.max(found.valid.start)..valid.end.min(found.valid.end);
+            usual.push(found);
+            rough.push(rougher);
+        }
+        let (n, r) = (self.model.info().dof(), out.beta.len());
+        let (mut w, mut fine, mut other) = (vec![0.0; n * r], vec![0.0; n], vec![0.0; n]);
+        for k in valid.step_by(every) {
+            let same = |(a, b): (&Derivatives, &Derivatives)| a.rate[k] * b.rate[k] > 0.0;
+            // where a velocity changes its sign, friction differs by more than derivatives do
+            if !usual.iter().zip(&rough).all(same) {
+                continue;
+            }
+            let at = |all: &[Derivatives]| {
+                let q: Vec<f64> = all.iter().map(|d| d.value[k]).collect();
+                let qd: Vec<f64> = all.iter().map(|d| d.rate[k]).collect();
+                let qdd: Vec<f64> = all.iter().map(|d| d.acceleration[k]).collect();
+                (q, qd, qdd)
+            };
+            let (q, qd, qdd) = at(&usual);
+            let Completed::State(a) = completions.usual.complete(&q, &qd, &qdd)? else {
+                continue;
+            };
+            let (q, qd, qdd) = at(&rough);
+            let Completed::State(b) = completions.rough.complete(&q, &qd, &qdd)? else {
+                continue;
+            };
+            let model = self.model;
+            let judged = [
+                model.base_regressor(&a.q, &a.qd, &a.qdd, &mut w)?,
+                model.base_inverse_dynamics(&a.q, &a.qd, &a.qdd, out.beta, &mut fine)?,
+                model.base_inverse_dynamics(&b.q, &b.qd, &b.qdd, out.beta, &mut other)?,
+            ];
+            if judged.iter().any(|c| c.status() == crate::Status::Singular) {
+                continue;
+            }
+            out.push(&mut w, &fine, &other);
+        }
+        Ok(())
+    }
+}
+
+/// The closures of both kinds of states, each of which goes on from its last one.
+struct Completions<'m, M: ?Sized> {
+    usual: Completion<'m, M>,
+    rough: Completion<'m, M>,
+}
+
+/// Equations of the changes.
+struct Changes<'a> {
+    beta: &'a [f64],
+    weights: &'a [f64],
+    factor: Factor,
+}
+
+impl Changes<'_> {
+    /// Adds those of one state: its regressor, and its efforts with both derivatives.
+    fn push(&mut self, w: &mut [f64], fine: &[f64], other: &[f64]) {
+        let n = fine.len();
+        let weight = |i: usize| self.weights.get(i).copied().unwrap_or(1.0);
+        for column in w.chunks_exact_mut(n.max(1)) {
+            for (i, entry) in column.iter_mut().enumerate() {
+                *entry *= weight(i);
+            }
+        }
+        let pairs = fine.iter().zip(other).enumerate();
+        let side: Vec<f64> = pairs.map(|(i, (a, b))| weight(i) * (a - b)).collect();
+        // what is not finite says nothing
+        let _ = self.factor.push_block(w, &side);
+    }
+}
