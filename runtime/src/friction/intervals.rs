@@ -97,11 +97,11 @@ pub fn intervals(
 
     let p = layout.len();
     let base = fit.beta.iter().enumerate();
-    let base = base.map(|(k, value)| Spread::new(*value, drawn.of_base(k)));
+    let base = base.map(|(k, value)| drawn.spread(*value, drawn.of_base(k)));
     let known_ones = determined(combinations, layout, options)?;
     let physical = fit.phi.iter().zip(known_ones).enumerate();
     let physical =
-        physical.map(|(k, (value, known))| known.then(|| Spread::new(*value, drawn.of_all(k))));
+        physical.map(|(k, (value, known))| known.then(|| drawn.spread(*value, drawn.of_all(k))));
     // of each draw the coefficients and shapes of every joint
     let mut printed: Vec<Vec<Vec<f64>>> = Vec::with_capacity(drawn.phi.len());
     for draw in &drawn.phi {
@@ -146,8 +146,9 @@ pub fn intervals(
                 return None;
             }
             let value = joint.values.get(k).copied()?;
-            let draws = printed.iter().filter_map(|d| d.get(j)?.get(k).copied());
-            Some(Spread::new(value, draws.collect()))
+            let draws = printed.iter().map(|d| d.get(j)?.get(k).copied());
+            let draws = draws.map(|x| x.unwrap_or(f64::NAN));
+            Some(drawn.spread(value, draws.collect()))
         };
         joints.push(all.iter().enumerate().map(one).collect());
     }
