@@ -385,7 +385,7 @@ fn sampling(
     let before = std::mem::replace(&mut found.deviations, changed);
     let grown = |k: usize| found.deviations.sigma(k) > (1.0 + GROWN) * before.sigma(k);
     Ok(if (0..change.len()).any(grown) {
-        "; with what derivatives over fewer samples would change"
+        "; with what other derivatives would change"
     } else {
         ""
     })

@@ -35,7 +35,8 @@ pub struct Settings {
     /// for those not named.
     pub deviations: Vec<(String, f64)>,
     /// What is done with equations of coordinates that rest: whose raw positions stay within the
-    /// encoder's step or noise for 0.2 s, or whose velocities are within two deviations of zero.
+    /// encoder's step or noise for 0.2 s, or whose velocities are within two deviations of zero or
+    /// turn round within the samples that they are made of.
     pub standstill: Standstill,
     /// Velocities below this, rad/s or m/s, count as rest too.
     pub rest_speed: f64,
@@ -90,6 +91,8 @@ pub(super) struct Log {
 
 /// Rows read at a time, beside what filters need on both sides.
 const WINDOW: usize = 8192;
+/// The time in which a filter follows a jump, in periods of its cutoff.
+const RISE: f64 = 0.3;
 /// A filter that needs more rows than this on either side is none for windows.
 const WIDEST: usize = 1_000_000;
 
@@ -442,6 +445,20 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         }
     }
 
+    /// For how long around a turn derivatives are those of neither side, s: as long as they reach
+    /// before and after a sample; 0 where they do not.
+    fn reach(&self, encoder: Encoder) -> f64 {
+        let step = self.log.survey.step();
+        if self.log.file.layout.derivatives || self.log.series.is_some() {
+            return 0.0;
+        }
+        match self.settings.method.of_states(step) {
+            Method::Butterworth { cutoff, .. } => (RISE / cutoff).max(2.0 * step),
+            Method::Local { half_width } => (0.5 * half_width).max(2.0 * step),
+            _ => encoder.neighbours.max(1) as f64 * step,
+        }
+    }
+
     /// Makes states of the rows that have all they need; `end` of a segment or of a window.
     fn process(&mut self, end: bool) -> Result<(), DataError> {
         let n = self.rows.len();
@@ -511,8 +528,10 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 }
             }
             let slowest = self.unsure.get(still.len()).copied().unwrap_or(0.0);
-            for (rests, rate) in rests.iter_mut().zip(rate) {
-                *rests |= rate.abs() < slowest;
+            let reach = self.reach(*encoder);
+            for ((rests, rate), acceleration) in rests.iter_mut().zip(rate).zip(acceleration) {
+                // derivatives from samples on both sides of a turn are those of neither
+                *rests |= rate.abs() < slowest.max(acceleration.abs() * reach);
             }
             still.push(rests);
         }
