@@ -88,6 +88,37 @@ fn run(dir: &Path, args: &[&str]) -> Run {
     regen(dir, &all)
 }
 
+/// Equations are thinned behind the filter: instruments are needed at every state before it.
+#[test]
+fn instruments_are_found_for_equations_that_are_thinned() {
+    let dir = scratch("thinned");
+    let guide = root().join("guide/fivebar");
+    for name in ["fivebar.yaml", "run1.csv"] {
+        fs::copy(guide.join(name), dir.join(name)).unwrap();
+    }
+    let identify = |more: &[&str]| {
+        let args = [
+            "identify",
+            "fivebar.yaml",
+            "run1.csv",
+            "--butterworth",
+            "4,20",
+        ];
+        let rest = ["--iv", "--no-suspicion", "--format", "json"];
+        regen(&dir, &[&args[..], &rest, more].concat())
+            .ended(0)
+            .json()
+    };
+    let (all, some) = (identify(&[]), identify(&["--decimate", "5"]));
+    let equations = |found: &Value| found["equations"].as_f64().unwrap();
+    assert!((equations(&all) / equations(&some) - 5.0).abs() < 0.1);
+    let rows = |found: &Value| found["parameters"].as_array().unwrap().clone();
+    for (a, b) in rows(&all).iter().zip(rows(&some)) {
+        let off = a["value"].as_f64().unwrap() - b["value"].as_f64().unwrap();
+        assert!(off.abs() < 3.0 * a["sigma"].as_f64().unwrap(), "{a} {b}");
+    }
+}
+
 /// A log without motion predicts nothing where rests are left out: that is said, with the remedy.
 #[test]
 fn a_log_that_rests_wholly_says_why_nothing_is_predicted() {
