@@ -190,7 +190,7 @@ impl Tried {
 }
 
 /// Options of every kind of model.
-const ALL: [&str; 8] = [
+const ALL: [&str; 11] = [
     "",
     "--weighting equal",
     "--huber 1.345",
@@ -199,6 +199,9 @@ const ALL: [&str; 8] = [
     "--feasible",
     "--feasible --weighting equal --huber 2",
     "--feasible --energy 0.1",
+    "--reduce --delay q1=0.004",
+    "--feasible --standstill weigh --delay q3=0.004",
+    "--iv",
 ];
 
 /// With nominal values and labels of its own.
