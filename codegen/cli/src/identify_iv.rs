@@ -62,9 +62,11 @@ pub(crate) fn run(
     model: &Interpreted<'_>,
     start: &mut Start,
 ) -> Result<IdentifiedModel, Failure> {
-    // positions as they are, whatever filter the regressor's pass
+    // positions as they are, whatever filter the regressor's pass, and all of them: what passes a
+    // filter is thinned behind it
     let raw = Reading {
         method: Method::Central,
+        decimation: 1,
         ..observe::settings(&args.reading)
     };
     let working = progress::spinner("reading the measured motion".to_owned());

@@ -60,7 +60,12 @@ impl FileJson {
                 .iter()
                 .map(ToString::to_string)
                 .collect(),
-            dropped: report.problems.total(),
+            dropped: report
+                .problems
+                .left_out(report.policy)
+                .iter()
+                .map(|(_, count)| count)
+                .sum(),
         }
     }
 }
@@ -130,6 +135,12 @@ pub(crate) fn resting(left: &LeftOut) -> String {
         "at rest",
         &format!("{share:.2} % of the equations left out"),
     )
+}
+
+/// Whether every equation was left out because its coordinate rested.
+pub(crate) fn all_rest(left: &LeftOut) -> bool {
+    let mut rest = left.resting.iter().peekable();
+    left.samples > 0 && rest.peek().is_some() && rest.all(|rest| *rest == left.samples)
 }
 
 /// A robot without base parameters cannot be identified.
@@ -216,7 +227,20 @@ pub(crate) fn note_problems(reports: &[FileReport]) {
     for report in reports {
         let count = report.problems.total();
         let what = match report.policy {
-            Policy::Keep => continue,
+            Policy::Keep => {
+                // what nobody can keep is not lost in silence
+                let lost = report.problems.left_out(report.policy);
+                let kinds = lost.iter().map(|(kind, count)| format!("{count} x {kind}"));
+                let kinds: Vec<String> = kinds.collect();
+                if !kinds.is_empty() {
+                    terminal::note(&format!(
+                        "warning: {}: rows that cannot be kept were left out: {}",
+                        report.file,
+                        kinds.join(", ")
+                    ));
+                }
+                continue;
+            }
             Policy::Tell => "are doubtful; those that are numbers are used",
             Policy::Fail | Policy::Drop => "were left out",
         };

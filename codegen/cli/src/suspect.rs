@@ -140,7 +140,7 @@ fn one(
     let estimate = estimate.map(|(f, sigmas)| (f.values.as_slice(), sigmas.as_slice()));
     let findings = suspect::look(model, sample, &own, estimate, step);
     if let Some(change) = &findings.change {
-        out.extend(columns.change(change, sample));
+        out.extend(columns.change(change, sample, &findings.nominal));
     }
     out.extend(weights(columns, &findings));
     if out.is_empty() {
@@ -157,6 +157,9 @@ fn one(
                 .to_owned(),
             columns.turned(&all),
         ));
+    }
+    if out.is_empty() {
+        out.extend(columns.shifted(&findings.shifts));
     }
     if out.is_empty() {
         out.extend(findings.negative.iter().map(|told| {
@@ -247,11 +250,8 @@ fn weights(columns: &Columns<'_>, findings: &Findings) -> Vec<Suspicion> {
         .filter(|n| n.correlation < 0.0)
         .collect();
     if !against.is_empty() {
-        // one machine has one convention, unless an effort agrees with the bodies
-        let agree = findings
-            .nominal
-            .iter()
-            .any(|n| n.correlation > 0.5 && n.part >= PART);
+        // one machine has one convention, unless an effort agrees with the bodies as surely
+        let agree = compared.len() > against.len();
         let turned: Vec<usize> = if against.len() > 1 && !agree {
             (0..columns.model.info().actuated.len()).collect()
         } else {
@@ -260,7 +260,7 @@ fn weights(columns: &Columns<'_>, findings: &Findings) -> Vec<Suspicion> {
         out.push(columns.say(
             format!(
                 "the sign of {} contradicts the weights and inertias of the nominal bodies \
-                 (correlation {}): it looks flipped",
+                 (correlation {}): it looks flipped, if the bodies are those of this robot",
                 names(&against),
                 list(&against, &|n| n.correlation)
             ),

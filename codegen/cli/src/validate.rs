@@ -60,6 +60,14 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         let (set, left_out) = identify::observe(&model, kind, &mut log)?;
         let means = set.means();
         observe::note_problems(log.logs().reports());
+        if observe::all_rest(&left_out) {
+            terminal::note(&format!(
+                "{}: all {} samples rest, and equations at rest are left out: nothing is \
+                 predicted. --standstill keep predicts them",
+                path.display(),
+                left_out.samples
+            ));
+        }
         for (identified, predicted) in &mut models {
             let found = identified.residuals(&model, kind, &mut log, &means, 1)?;
             predicted.logs.push(OnLog {

@@ -179,6 +179,78 @@ fn saturated_efforts_are_found_with_their_rows() {
     }
 }
 
+/// What is doubtful and yet a number is used on request, in silence or told; what is no number is
+/// left out and never in silence.
+#[test]
+fn doubtful_rows_are_kept_on_request_and_told_on_request() {
+    let (dir, log) = bench("kept_rows");
+    let json = |log: &Log, more: &[&str]| {
+        let more = [&["--standstill", "keep", "--format", "json"], more].concat();
+        let run = identify(&dir, &log.text(), &more).ended(0);
+        (run.json(), run.err)
+    };
+    let held = log.value("q1", 700);
+    let frozen = |row: usize, x: f64| {
+        if (700..800).contains(&row) { held } else { x }
+    };
+    let doubtful = log
+        .each("q1", frozen)
+        .each("q3", |row, x| if row == 1500 { x + 0.5 } else { x });
+    let (whole, silent) = json(&log, &[]);
+    assert_eq!(beyond_length(&silent), "");
+
+    // by default nothing is computed, and the rows are listed with both remedies' option
+    let run = identify(&dir, &doubtful.text(), &[]).ended(3);
+    for word in ["a stuck encoder", "is an outlier", "--problems"] {
+        assert!(run.err.contains(word), "{word}\n{}", run.err);
+    }
+    assert_eq!(run.out, "");
+
+    let (dropped, told) = json(&doubtful, &["--problems", "drop"]);
+    // the row where the encoder stops is a good one
+    assert!(told.contains("100 rows or gaps were left out"), "{told}");
+    assert_eq!(dropped["files"][0]["dropped"], 100);
+    assert!(dropped["equations"].as_u64() < whole["equations"].as_u64());
+
+    let (kept, silent) = json(&doubtful, &["--problems", "keep"]);
+    assert_eq!(beyond_length(&silent), "");
+    assert_eq!(kept["equations"], whole["equations"]);
+    assert_eq!(kept["files"][0]["rows"], 2001);
+    assert_eq!(kept["files"][0]["dropped"], 0);
+
+    let (tell, told) = json(&doubtful, &["--problems", "tell"]);
+    assert!(
+        told.contains("100 rows or gaps are doubtful; those that are numbers are used"),
+        "{told}"
+    );
+    assert!(told.contains("a stuck encoder"), "{told}");
+    assert!(told.contains("row 1502: 1.91392"), "{told}");
+    assert!(told.contains("is an outlier"), "{told}");
+    // the same rows, the same fit
+    assert_eq!(tell["parameters"], kept["parameters"]);
+    assert_eq!(tell["files"], kept["files"]);
+
+    // no policy makes a number of what is none
+    let broken = {
+        let mut out = doubtful.clone();
+        let column = out.column("tau_q1");
+        out.0[1200][column] = "NaN".to_owned();
+        out
+    };
+    for (policy, says) in [
+        (
+            "keep",
+            "rows that cannot be kept were left out: 1 x not a number",
+        ),
+        ("tell", "`NaN` in column `tau_q1` is no finite number"),
+    ] {
+        let (found, told) = json(&broken, &["--problems", policy]);
+        assert!(told.contains(says), "{told}");
+        assert_eq!(found["files"][0]["dropped"], 1);
+        assert_eq!(found["files"][0]["rows"], 2000);
+    }
+}
+
 #[test]
 fn a_last_row_that_is_cut_anywhere_is_found() {
     let (dir, mut log) = bench("cut_rows");

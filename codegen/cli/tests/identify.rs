@@ -88,6 +88,78 @@ fn run(dir: &Path, args: &[&str]) -> Run {
     regen(dir, &all)
 }
 
+/// Equations are thinned behind the filter: instruments are needed at every state before it.
+#[test]
+fn instruments_are_found_for_equations_that_are_thinned() {
+    let dir = scratch("thinned");
+    let guide = root().join("guide/fivebar");
+    for name in ["fivebar.yaml", "run1.csv"] {
+        fs::copy(guide.join(name), dir.join(name)).unwrap();
+    }
+    let identify = |more: &[&str]| {
+        let args = [
+            "identify",
+            "fivebar.yaml",
+            "run1.csv",
+            "--butterworth",
+            "4,20",
+        ];
+        let rest = ["--iv", "--no-suspicion", "--format", "json"];
+        regen(&dir, &[&args[..], &rest, more].concat())
+            .ended(0)
+            .json()
+    };
+    let (all, some) = (identify(&[]), identify(&["--decimate", "5"]));
+    let equations = |found: &Value| found["equations"].as_f64().unwrap();
+    assert!((equations(&all) / equations(&some) - 5.0).abs() < 0.1);
+    let rows = |found: &Value| found["parameters"].as_array().unwrap().clone();
+    for (a, b) in rows(&all).iter().zip(rows(&some)) {
+        let off = a["value"].as_f64().unwrap() - b["value"].as_f64().unwrap();
+        assert!(off.abs() < 3.0 * a["sigma"].as_f64().unwrap(), "{a} {b}");
+    }
+}
+
+/// A log without motion predicts nothing where rests are left out: that is said, with the remedy.
+#[test]
+fn a_log_that_rests_wholly_says_why_nothing_is_predicted() {
+    let dir = scratch("rest");
+    // a joint without friction is held by nothing at rest, and its equations stay
+    let held = CART.replace(
+        "body: rod, actuated: true",
+        "body: rod, actuated: true, friction: linear",
+    );
+    fs::write(dir.join("cart.yaml"), held).unwrap();
+    fs::write(dir.join("a.csv"), log(&dir, 400, 1.3)).unwrap();
+    let mut still = "t,x,q,tau_x,tau_q\n".to_owned();
+    for k in 0..400 {
+        let _ = writeln!(still, "{},0.1,0.3,0.01,-1.5", 0.02 * f64::from(k));
+    }
+    fs::write(dir.join("still.csv"), still).unwrap();
+    run(&dir, &["identify", "cart.yaml", "a.csv", "--out", "p.json"]).ended(0);
+    let validate = |more: &[&str]| {
+        let args = ["validate", "cart.yaml", "p.json", "still.csv"];
+        regen(&dir, &[&args[..], more].concat()).ended(0)
+    };
+    let left = validate(&[]);
+    assert!(
+        left.err.contains("still.csv: all 398 samples rest"),
+        "{}",
+        left.err
+    );
+    assert!(
+        left.err.contains("--standstill keep predicts them"),
+        "{}",
+        left.err
+    );
+    let kept = validate(&["--standstill", "keep", "--format", "json"]);
+    assert!(!kept.err.contains("rest"), "{}", kept.err);
+    let rms = &kept.json()["models"][0]["logs"][0]["relative_rms"];
+    assert!(rms.as_f64().unwrap() > 0.0, "{rms}");
+    // a log that moves says nothing of the kind
+    let moving = regen(&dir, &["validate", "cart.yaml", "p.json", "a.csv"]).ended(0);
+    assert!(!moving.err.contains("rest"), "{}", moving.err);
+}
+
 #[test]
 fn logs_become_parameters_that_predict_other_logs() {
     let dir = scratch("identify");

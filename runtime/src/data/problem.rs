@@ -169,6 +169,9 @@ impl Problem {
     }
 }
 
+/// The kinds of faults whose rows are numbers in the order of time all the same.
+const NUMBERS: [&str; 3] = ["outlier", "saturation", "stuck encoder"];
+
 impl Fault {
     /// Its kind, for counting.
     pub fn kind(&self) -> &'static str {
@@ -253,6 +256,25 @@ impl Problems {
     /// How many there are.
     pub fn total(&self) -> usize {
         self.counts.iter().map(|(_, count)| count).sum()
+    }
+
+    /// The kinds of those that a policy leaves out, with their numbers, in order of appearance.
+    ///
+    /// ```
+    /// use regen_runtime::data::{Policy, Problems};
+    ///
+    /// let problems = Problems {
+    ///     counts: vec![("outlier".to_owned(), 3), ("not a number".to_owned(), 1)],
+    ///     ..Problems::default()
+    /// };
+    /// assert_eq!(problems.left_out(Policy::Drop).len(), 2);
+    /// assert_eq!(problems.left_out(Policy::Keep), [("not a number", 1)]);
+    /// ```
+    pub fn left_out(&self, policy: Policy) -> Vec<(&str, usize)> {
+        let counts = self.counts.iter().map(|(kind, n)| (kind.as_str(), *n));
+        counts
+            .filter(|(kind, _)| !(policy.keeps() && NUMBERS.contains(kind)))
+            .collect()
     }
 }
 

@@ -88,8 +88,9 @@ const CREEP: f64 = 1e-150;
 pub struct Observer<'m, M: ?Sized> {
     model: &'m M,
     kind: Kind,
-    /// Columns of the kept parameters, which are those of the base regressor.
-    kept: Vec<usize>,
+    /// For each base parameter, the dynamic parameters that have it alone, with their values: the
+    /// kept one, and those that the spec's choices about the base tie to it.
+    alone: Vec<Vec<(usize, f64)>>,
     w: Vec<f64>,
     tau: Vec<f64>,
     weights: Vec<f64>,
@@ -119,12 +120,25 @@ struct Power {
 impl<'m, M: BaseModel<f64> + ?Sized> Observer<'m, M> {
     /// Prepares for a model.
     pub fn new(model: &'m M, kind: Kind) -> Self {
-        let base = model.base_info().base;
-        let kept = base.iter().filter_map(|p| p.terms.first()).map(|t| t.index);
+        let base = model.base_info();
+        let size = model.info().parameters.len();
+        let free = vec![0.0; base.free.len()];
+        let alone = (0..base.base.len()).map(|k| {
+            let mut unit = vec![0.0; base.base.len()];
+            let mut phi = vec![0.0; size];
+            if let Some(one) = unit.get_mut(k) {
+                *one = 1.0;
+            }
+            // all lengths are the model's own
+            match model.parameters_from_base(&unit, &free, &mut phi) {
+                Ok(()) => phi.into_iter().enumerate().filter(|x| x.1 != 0.0).collect(),
+                Err(_) => Vec::new(),
+            }
+        });
         Self {
             model,
             kind,
-            kept: kept.collect(),
+            alone: alone.collect(),
             w: Vec::new(),
             tau: Vec::new(),
             weights: Vec::new(),
@@ -188,7 +202,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Observer<'m, M> {
     fn forces(&mut self, row: &Row<'_>) -> Result<bool, EstimateError> {
         let dof = self.model.info().dof();
         self.w.clear();
-        self.w.resize(dof * self.kept.len(), 0.0);
+        self.w.resize(dof * self.alone.len(), 0.0);
         let condition = self
             .model
             .base_regressor(row.q, row.qd, row.qdd, &mut self.w)?;
@@ -269,16 +283,19 @@ impl<'m, M: BaseModel<f64> + ?Sized> Observer<'m, M> {
         let _ = self
             .model
             .slotine_li(row.q, &creep, &qd_i, &none, &mut slow)?;
-        let along = |matrix: &[f64], column: usize| -> f64 {
-            let entries = &matrix[column * dof..(column + 1) * dof];
-            entries.iter().zip(&qd_i).map(|(w, v)| w * v).sum()
+        let along = |matrix: &[f64], parameters: &[(usize, f64)]| -> f64 {
+            let column = |(c, value): &(usize, f64)| -> f64 {
+                let entries = matrix.iter().skip(c * dof).zip(&qd_i);
+                value * entries.map(|(w, v)| w * v).sum::<f64>()
+            };
+            parameters.iter().map(column).sum()
         };
         let kinetic: Vec<f64> = self
-            .kept
+            .alone
             .iter()
-            .map(|&c| 0.5 * (along(&moved, c) - along(&rest, c)))
+            .map(|own| 0.5 * (along(&moved, own) - along(&rest, own)))
             .collect();
-        let power: Vec<f64> = self.kept.iter().map(|&c| along(&slow, c)).collect();
+        let power: Vec<f64> = self.alone.iter().map(|own| along(&slow, own)).collect();
         let finite = kinetic.iter().chain(&power).all(|x| x.is_finite());
         if c.status() == Status::Singular || !finite {
             return Ok(None);

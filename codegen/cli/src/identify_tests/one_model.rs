@@ -7,10 +7,13 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
+use regen_runtime::identify::{Kind, Options, identify};
 use regen_runtime::{BaseModel, Model};
 use serde_json::Value;
 
-use super::{FREQUENCY, HARMONICS, Made, csv, made, normal, scratch, series, truth};
+use super::{
+    FREQUENCY, HARMONICS, Made, csv, made, normal, recorded, scratch, series, truth, worst,
+};
 use crate::args::{Cli, Command, IdentifyArgs};
 use crate::identified::IdentifiedModel;
 use crate::identify::{Outcome, solve};
@@ -187,7 +190,7 @@ impl Tried {
 }
 
 /// Options of every kind of model.
-const ALL: [&str; 8] = [
+const ALL: [&str; 11] = [
     "",
     "--weighting equal",
     "--huber 1.345",
@@ -196,6 +199,9 @@ const ALL: [&str; 8] = [
     "--feasible",
     "--feasible --weighting equal --huber 2",
     "--feasible --energy 0.1",
+    "--reduce --delay q1=0.004",
+    "--feasible --standstill weigh --delay q3=0.004",
+    "--iv",
 ];
 
 /// With nominal values and labels of its own.
@@ -286,4 +292,125 @@ fn small_robots_models_are_one() {
 #[test]
 fn trees_and_platforms_models_are_one() {
     models_are_one(&["tree_branch", "delta", "palletiser"], &["--feasible"]);
+}
+
+/// A fit with every constraint at once, which an arm's efforts and weights may pull at.
+fn all_at_once(robot: &Tried) -> String {
+    let mass = |k: usize| {
+        let label = format!("m({})", robot.robot.bodies[k]);
+        let places = robot.robot.parameters.iter().zip(&robot.robot.nominal);
+        let found = places.filter(|(l, _)| **l == label);
+        let value = found.map(|(_, value)| value.unwrap()).next().unwrap();
+        (label, value)
+    };
+    let ((first, one), (second, two)) = (mass(0), mass(1));
+    let last = mass(robot.robot.bodies.len() - 1);
+    format!(
+        "--feasible --weighting equal --huber 2 --prior weighted:20 --known {first}={one} \
+         --bound {second}={}..{} --total {second},{}={}",
+        0.8 * two,
+        1.1 * two,
+        last.0,
+        two + last.1
+    )
+}
+
+/// Large robots, whose equations the interpreter takes long for: so few samples as leave the fit
+/// an optimum, and a physical fit without and with all else.
+#[track_caller]
+fn large_robots_models_are_one(names: &[&str]) {
+    for name in names {
+        let robot = Tried::new(&format!("robots/{name}"), 40, |text| text);
+        robot.holds("--feasible");
+        robot.holds(&all_at_once(&robot));
+    }
+}
+
+#[test]
+fn six_axis_arms_models_are_one() {
+    large_robots_models_are_one(&["rx90", "puma560", "stanford", "ur5e"]);
+}
+
+#[test]
+fn seven_axis_arms_models_are_one() {
+    large_robots_models_are_one(&["panda", "iiwa14"]);
+}
+
+#[test]
+fn large_platforms_models_are_one() {
+    large_robots_models_are_one(&["3prs", "linear_delta", "hybrid"]);
+}
+
+/// Six loops: each option takes ten seconds, so that all of them are one.
+#[test]
+fn a_stewart_platforms_models_are_one() {
+    let robot = Tried::new("robots/stewart", 24, |text| text);
+    robot.holds("--feasible");
+    robot.holds(&all_at_once(&robot));
+}
+
+/// What the spec says of the base: parameters and forms that are zero, bodies that are equal,
+/// and base parameters that are dropped. All of it is true of the nominal bodies but for the
+/// last, of which the log knows better.
+#[test]
+fn models_with_choices_about_the_base_are_one() {
+    let five = |base: &str| {
+        let base = format!("\nbase:\n{base}\n");
+        Tried::new("robots/fivebar", 100, |text| text + &base)
+    };
+    for base in [
+        "  zero: [my(1), mx(2) - l2/2*m(2)]",
+        "  equal: [[1, 3], [2, 4]]",
+        "  drop: [my(2), mx(4)]",
+    ] {
+        let robot = five(base);
+        for options in ["--reduce", "--feasible", "--feasible --prior weighted:20"] {
+            robot.holds(options);
+        }
+    }
+    let robot = five(
+        "  zero: [my(1), mx(2) - l2/2*m(2)]\n  equal: [[1, 3], [2, 4]]\n  drop: [my(2)]\n  \
+         eliminate: [m(2)]",
+    );
+    for options in ALL {
+        robot.holds(options);
+    }
+    constrained(&robot);
+
+    let robot = Tried::new("robots/3rps_friction", 60, |text| {
+        let more = "  zero: [mx(1), Ixy(3) + a/2*my(3)]\n  equal: [[1, 4, 6], [2, 5, 7]]\n  \
+                    drop: [mx(2), Ixz(3), Iyz(3), mz(3)]\n";
+        text.replacen("\nbase:\n", &format!("\nbase:\n{more}"), 1)
+    });
+    robot.holds("--reduce");
+    robot.holds("--feasible");
+
+    let robot = Tried::new("robots/rx90", 40, |text| {
+        text + "\nbase:\n  zero: [Ixy(2), my(2), mx(5), mz(3)]\n  drop: [mx(3), Ixz(4)]\n"
+    });
+    robot.holds("--feasible");
+}
+
+/// A base parameter of bodies that the spec says are equal has the energy of all of them.
+#[test]
+fn the_balance_of_energy_knows_the_choices_about_the_base() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/fivebar.yaml");
+    let read = load::source(&path).unwrap();
+    for choices in [
+        "equal: [[1, 3], [2, 4]]",
+        "zero: [my(1), mx(2) - l2/2*m(2)]",
+    ] {
+        let text = format!("{}\nbase: {{{choices}}}\n", read.text);
+        let robot = load::with_base(&Source::new(read.name.clone(), text)).unwrap();
+        let terms = BaseTerms::new(&robot);
+        let model = Interpreted::with_terms(&robot, &terms);
+        let mut random = Random(11);
+        let series = series(&model, 0.12, &mut random);
+        let (phi, beta) = truth(&model, &mut random);
+        let rows = made(&model, &series, &phi, 2000, 0.0025);
+        let energy = Kind::Energy { window: 0.05 };
+        let found = identify(&model, energy, &Options::default(), &mut recorded(&rows)).unwrap();
+        let off = worst(&found.estimate.values, &beta);
+        assert!(off < 1e-2, "{choices}: {off:e}");
+    }
 }

@@ -5,6 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use regen_codegen::diag::Source;
 use regen_runtime::data::{Assignment, Logs, Settings};
 use regen_runtime::identify::{Kind, Options, identify};
 use regen_runtime::signals::{Fourier, Method};
@@ -242,6 +243,53 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
     );
 }
 
+/// Friction of two directions takes a constant up, and the fit is as good as without it: that one
+/// direction's friction is negative tells it.
+#[test]
+fn an_offset_that_two_directions_of_friction_take_up_is_named() {
+    let guide = root().join("guide/fivebar");
+    let read = load::source(&guide.join("fivebar.yaml")).unwrap();
+    let text = read
+        .text
+        .replace("friction: linear", "friction: coulomb_asymmetric");
+    let robot = load::with_base(&Source::new(read.name, text)).unwrap();
+    let terms = BaseTerms::new(&robot);
+    let model = Interpreted::with_terms(&robot, &terms);
+    let settings = Settings {
+        method: Method::Butterworth {
+            order: 4,
+            cutoff: 20.0,
+        },
+        decimation: 5,
+        ..Settings::default()
+    };
+    let log = Log::read(&guide.join("run1.csv"));
+    let other = Log::read(&guide.join("run2.csv"));
+    for clean in [&log, &other] {
+        let clean = told(&model, clean, &settings);
+        assert!(clean.is_empty(), "{}", clean[0]);
+    }
+    // an offset of the size of friction is not told from friction that differs a little
+    let little = told(&model, &log.each(&["tau_q1"], |x| x + 0.01), &settings);
+    assert!(little.is_empty(), "{}", little[0]);
+    are_named(
+        &model,
+        &settings,
+        &[
+            (
+                "an offset forward",
+                log.each(&["tau_q3"], |x| x + 2.0),
+                &["`tau_q3`", "constant 2.0", "Fc-(q3) is -", "Subtract 2.0"],
+            ),
+            (
+                "an offset backward",
+                log.each(&["tau_q1"], |x| x - 0.5),
+                &["`tau_q1`", "constant -0.5", "Fc+(q1) is -", "Subtract -0.5"],
+            ),
+        ],
+    );
+}
+
 /// The 3-RPS with rotors and friction on a series, with noise, and bodies that differ from the
 /// nominal ones.
 fn legs(model: &Interpreted<'_>, series: &Fourier) -> Log {
@@ -361,6 +409,43 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
                 &["`tau_q7`", "torque constant"],
             ),
         ],
+    );
+    // more than the whole friction or rotor of a leg is taken away, as a drive does that
+    // compensates too much of it before it logs its effort
+    let series = Fourier::new(frequency, &signals).unwrap();
+    let without = |effort: &str, leg: usize, derivative: usize, part: f64| {
+        let mut out = log.clone();
+        let place = out.place(effort);
+        let times = out.columns[0].clone();
+        for (x, time) in out.columns[place].iter_mut().zip(times) {
+            *x -= part * series.at(leg, time)[derivative];
+        }
+        out
+    };
+    are_named(
+        &model,
+        &settings,
+        &[(
+            "friction that drives",
+            without("tau_q7", 1, 1, 9000.0),
+            &["Fv(q7) is -", "cannot be negative", "--feasible"],
+        )],
+    );
+    // a rotor that the spec states is compared with the other bodies, one that it does not is not
+    let read = load::source(&root().join("robots/3rps_friction.yaml")).unwrap();
+    let stated = read.text.matches(", J: 483.1").count();
+    assert_eq!(stated, 3);
+    let text = read.text.replace(", J: 483.1", "");
+    let other = load::with_base(&Source::new(read.name, text)).unwrap();
+    let other_terms = BaseTerms::new(&other);
+    are_named(
+        &Interpreted::with_terms(&other, &other_terms),
+        &settings,
+        &[(
+            "a rotor of negative inertia",
+            without("tau_q2", 0, 2, 1000.0),
+            &["J(q2) is -", "cannot be negative", "--feasible"],
+        )],
     );
     let wrong = Settings {
         method: Method::Fourier {

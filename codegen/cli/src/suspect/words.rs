@@ -1,7 +1,9 @@
 //! A change of columns in words and options.
 
-use super::{Assignment, Change, EffortChange, Interpreted, Model, Quantity, Sample, Suspicion};
-use regen_runtime::identify::suspect::Reading;
+use super::{
+    Assignment, Change, EffortChange, Interpreted, Model, ONE, PART, Quantity, Sample, Suspicion,
+};
+use regen_runtime::identify::suspect::{Nominal, Reading, Shift};
 
 /// Factors that are units.
 const UNITS: [(f64, &str); 5] = [
@@ -11,6 +13,22 @@ const UNITS: [(f64, &str); 5] = [
     (9.806_65, "in kgf"),
     (0.01, "in cm"),
 ];
+
+/// What the nominal bodies say of efforts that a change turns round, where they agree with it.
+fn agreeing(change: &Change, nominal: &[Nominal]) -> Option<String> {
+    let turned = |effort: usize| change.efforts.get(effort).is_some_and(|r| r.factor < 0.0);
+    let agree = nominal
+        .iter()
+        .filter(|n| turned(n.effort) && n.part >= PART && n.correlation >= ONE);
+    let figures: Vec<String> = agree.map(|n| format!("{:.3}", n.correlation)).collect();
+    (!figures.is_empty()).then(|| {
+        format!(
+            "the weights and inertias of the nominal bodies contradict the signs without that \
+             (correlation with it {})",
+            figures.join(", ")
+        )
+    })
+}
 
 /// The columns of one log.
 pub(super) struct Columns<'a> {
@@ -96,8 +114,44 @@ impl Columns<'_> {
         }
     }
 
+    /// Efforts that look shifted by constants, as friction of two directions tells: all in one.
+    pub(super) fn shifted(&self, shifts: &[Shift]) -> Option<Suspicion> {
+        let mut words = Vec::new();
+        let mut subtract = Vec::new();
+        for shift in shifts {
+            let source = self.effort(shift.effort);
+            let coordinate = self.model.info().actuated.get(shift.effort).copied();
+            let name = coordinate.map_or_else(String::new, |c| self.name(c));
+            let offset = shift.offset / source.factor;
+            let [forward, back] = shift.friction;
+            words.push(format!(
+                "column `{}` looks shifted by a constant {offset:.4} +- {} (Fc+({name}) is \
+                 {forward:.4} and Fc-({name}) is {back:.4})",
+                source.column,
+                rounded((shift.sigma / source.factor).abs()),
+            ));
+            subtract.push(format!("{offset:.4} from column `{}`", source.column));
+        }
+        let remedy = format!(
+            "Subtract {}, or add to the spec what pulls one way, such as a spring or a cable; \
+             while the joint moves, Fc+ and Fc- take a constant up",
+            subtract.join(" and ")
+        );
+        (!words.is_empty()).then(|| {
+            let what = words.join(", and ") + ": friction does not drive a joint one way";
+            self.say(what, remedy)
+        })
+    }
+
     /// What a change of columns looks like.
-    pub(super) fn change(&self, change: &Change, sample: &Sample) -> Option<Suspicion> {
+    ///
+    /// - `nominal`: the efforts against those of the nominal bodies, as they are read with it.
+    pub(super) fn change(
+        &self,
+        change: &Change,
+        sample: &Sample,
+        nominal: &[Nominal],
+    ) -> Option<Suspicion> {
         let info = self.model.info();
         let efforts: Vec<Quantity> = info
             .actuated
@@ -115,19 +169,33 @@ impl Columns<'_> {
         self.describe(&positions, &change.positions, &[], &mut words, &mut options);
         self.describe(&efforts, &change.efforts, &own, &mut words, &mut options);
         let mut advice = Vec::new();
+        let mut shifted = Vec::new();
+        let mut symmetric = false;
         for (k, offset) in change.offsets.iter().enumerate().filter(|o| *o.1 != 0.0) {
             let source = self.effort(k);
+            let offset = format!("{:.4}", offset / source.factor);
             words.push(format!(
-                "column `{}` looks shifted by a constant {:.4}",
-                source.column,
-                offset / source.factor
-            ));
-            advice.push(format!(
-                "Subtract {:.4} from column `{}`, or give the joint `friction: coulomb_asymmetric` \
-                 in the spec, which takes an offset up",
-                offset / source.factor,
+                "column `{}` looks shifted by a constant {offset}",
                 source.column
             ));
+            shifted.push(format!("{offset} from column `{}`", source.column));
+            let name = info.actuated.get(k).map(|c| self.name(*c));
+            let label = format!("Fc+({})", name.unwrap_or_default());
+            symmetric |= !info.parameters.contains(&label.as_str());
+        }
+        if !shifted.is_empty() {
+            let subtract = format!("Subtract {}", shifted.join(" and "));
+            advice.push(match (symmetric, shifted.len()) {
+                (false, _) => subtract,
+                (true, 1) => format!(
+                    "{subtract}, or give the joint `friction: coulomb_asymmetric` in the spec, \
+                     which takes an offset up"
+                ),
+                (true, _) => format!(
+                    "{subtract}, or give these joints `friction: coulomb_asymmetric` in the \
+                     spec, which takes an offset up"
+                ),
+            });
         }
         if words.is_empty() {
             return None;
@@ -135,6 +203,7 @@ impl Columns<'_> {
         if change.sign {
             words.push("friction drives the joint without that".to_owned());
         }
+        words.extend(agreeing(change, nominal));
         let mut remedy = options.join(" ");
         if !options.is_empty() && !advice.is_empty() {
             advice.push(format!("Read it with {remedy}"));

@@ -4,7 +4,7 @@ use std::prelude::v1::*;
 use std::vec;
 
 use super::grams::{Fit, Grams};
-use super::{Change, HALF, Reading, facts, nonsense, quality};
+use super::{Change, EXPLAINED, HALF, Reading, SHIFTED, facts, nonsense, quality};
 use crate::BaseModel;
 
 /// Errors below this are as expected; nothing is looked for.
@@ -17,10 +17,6 @@ const ROUNDS: usize = 3;
 const FACTOR: f64 = 3.0;
 /// A gain nearer to 1 than this factor is within what geometry and friction explain.
 const NEAR: f64 = 2.0;
-/// An offset is told from this part of the rms of its effort on.
-const SHIFTED: f64 = 0.05;
-/// An error with which an effort is explained after a change.
-const EXPLAINED: f64 = 0.5;
 /// Turned signs may make errors this much larger, where they end nonsense.
 const AS_GOOD: f64 = 1.2;
 /// Factors between units: a factor near one of them is it.

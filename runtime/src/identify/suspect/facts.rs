@@ -4,7 +4,7 @@ use std::prelude::v1::*;
 use std::vec;
 
 use super::grams::{Fit, Grams, is_friction, is_rotor, label};
-use super::{Reading, Sample};
+use super::{Reading, SHIFTED, Sample};
 use crate::BaseModel;
 
 /// Friction that gives this part of the efforts' power to a joint drives it.
@@ -40,6 +40,20 @@ pub struct Told {
     pub value: f64,
     /// Its deviation.
     pub sigma: f64,
+}
+
+/// What friction that brakes in one direction and drives in the other looks like: a constant in
+/// the joint's effort beside friction that is the same in both.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shift {
+    /// The effort: an index into `Info::actuated`.
+    pub effort: usize,
+    /// The constant, N or N m.
+    pub offset: f64,
+    /// No less than its deviation.
+    pub sigma: f64,
+    /// The friction of the two directions.
+    pub friction: [f64; 2],
 }
 
 /// Whether the motion is far beyond the limits of the robot.
@@ -162,6 +176,50 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
         }
     }
     out
+}
+
+/// Efforts that look shifted by a constant, which friction of two directions took up: it drives the
+/// joint in one of them.
+pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    now: &Fit,
+    values: &[f64],
+    sigmas: &[f64],
+) -> Vec<Shift> {
+    let info = model.info();
+    let base = model.base_info().base;
+    let of = |wanted: &str| -> Option<(f64, f64)> {
+        let place = (0..base.len()).find(|c| label(model, *c) == wanted)?;
+        // what is one with other parameters says nothing of its own
+        let terms = base.get(place)?.terms;
+        let alone = terms.iter().all(|t| is_friction(t.parameter));
+        let found = (*values.get(place)?, *sigmas.get(place)?);
+        alone.then_some(found)
+    };
+    let one = |(effort, coordinate): (usize, &usize)| -> Option<Shift> {
+        let name = info.coordinates.get(*coordinate)?;
+        let forward = of(&["Fc+(", name, ")"].concat())?;
+        let back = of(&["Fc-(", name, ")"].concat())?;
+        // friction that differs a little between the directions is friction; that one of them
+        // drives and the other does not is no friction
+        let drives = |side: (f64, f64)| side.0 < -CERTAIN * side.1;
+        if drives(forward) == drives(back) || forward.0 + back.0 < 0.0 {
+            return None;
+        }
+        let offset = 0.5 * (forward.0 - back.0);
+        let equation = (0..grams.rows()).find(|i| grams.alone(*i) == Some(effort));
+        let size = equation.and_then(|i| now.sizes.get(i)).copied();
+        let matters = size.is_none_or(|size| offset.abs() > SHIFTED * size);
+        matters.then_some(Shift {
+            effort,
+            offset,
+            // the two may move against each other, as the weights of bodies let them
+            sigma: 0.5 * (forward.1 + back.1),
+            friction: [forward.0, back.0],
+        })
+    };
+    info.actuated.iter().enumerate().filter_map(one).collect()
 }
 
 /// The coefficient of the other direction.

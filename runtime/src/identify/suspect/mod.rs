@@ -15,7 +15,7 @@ mod positions;
 use std::prelude::v1::*;
 use std::vec;
 
-pub use facts::{Nominal, Told};
+pub use facts::{Nominal, Shift, Told};
 
 use crate::BaseModel;
 use grams::{Fit, Grams};
@@ -100,6 +100,9 @@ pub struct Findings {
     /// Friction and rotors that are identified as negative, and matter; only where no change
     /// explains them.
     pub negative: Vec<Told>,
+    /// Efforts that look shifted by a constant, which friction of two directions took up; only
+    /// where no change explains them.
+    pub shifts: Vec<Shift>,
 }
 
 /// States that are enough for hypotheses on efforts.
@@ -112,6 +115,11 @@ const SPARE: usize = 3;
 const BAD: f64 = 0.25;
 /// A change that halves the errors of each effort that it touches is no accident.
 const HALF: f64 = 2.0;
+
+/// An offset is told from this part of the rms of its effort on.
+const SHIFTED: f64 = 0.05;
+/// An error with which an effort is explained after a change.
+const EXPLAINED: f64 = 0.5;
 
 /// Looks for a change of columns with which a log fits far better.
 ///
@@ -165,6 +173,7 @@ pub fn look<M: BaseModel<f64> + ?Sized>(
     if let (None, Some(grams), Some(now), Some((values, sigmas))) = (&best, &grams, &fits, estimate)
     {
         out.negative = facts::negative(model, grams, now, values, sigmas);
+        out.shifts = facts::shifts(model, grams, now, values, sigmas);
     }
     if let Some(change) = &mut best
         && change.positions.is_empty()

@@ -5,7 +5,7 @@ use std::prelude::v1::*;
 use std::vec;
 
 use super::grams::Grams;
-use super::{BAD, Change, FEW, HALF, Reading, SPARE, Sample, nonsense, quality};
+use super::{BAD, Change, EXPLAINED, FEW, HALF, Reading, SPARE, Sample, nonsense, quality};
 use crate::{BaseModel, Motion};
 
 /// Fits this much worse than the best are as good as it.
@@ -82,7 +82,10 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
                 let error = quality(&fit.errors);
                 let fits_well = fit.errors.iter().all(|e| *e < 2.0 * BAD);
                 let needed = HALF.powi(i32::try_from(candidate.touched).unwrap_or(i32::MAX));
-                if now.is_none_or(|now| now >= needed * error) && (now.is_some() || fits_well) {
+                let explained = explained(model, sample, &positions, &candidate, &fit.errors);
+                if now.is_none_or(|now| now >= needed * error)
+                    && (now.is_some() && explained || fits_well)
+                {
                     let weight = (nonsense(model, &grams, &fit), candidate.touched);
                     let candidate = Candidate {
                         efforts: efforts.clone(),
@@ -121,6 +124,29 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
         before: start.map(|fit| fit.errors).unwrap_or_default(),
         after,
         sign: false,
+    })
+}
+
+/// Whether the efforts of the joints whose positions a candidate changes are explained then: of
+/// two columns that say next to nothing, one is as good as the other.
+fn explained<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    before: &[Reading],
+    candidate: &Candidate,
+    errors: &[f64],
+) -> bool {
+    let info = model.info();
+    let pairs = before.iter().zip(&candidate.positions);
+    let mut changed = sample
+        .measured
+        .iter()
+        .zip(pairs)
+        .filter(|(_, (a, b))| a != b);
+    changed.all(|(coordinate, _)| {
+        let equation = info.independent.iter().position(|c| c == coordinate);
+        let error = equation.and_then(|i| errors.get(i));
+        error.is_none_or(|error| *error < EXPLAINED)
     })
 }
 
