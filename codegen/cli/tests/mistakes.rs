@@ -113,7 +113,7 @@ const LOGS: [Mistake; 23] = [
     ("an empty cell", |l| cell(l, 7, 1, ""), &[]),
     ("only a header", |l| l.truncate(1), &[]),
     ("nothing", Vec::clear, &[]),
-    ("ten rows", |l| l.truncate(11), &[]),
+    ("nine rows", |l| l.truncate(10), &[]),
     (
         "an assignment of no column",
         |_| {},

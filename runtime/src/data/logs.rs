@@ -446,11 +446,11 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
     }
 
     /// For how long around a turn derivatives are those of neither side, s: as long as they reach
-    /// before and after a sample; 0 where they do not.
+    /// before and after a sample, and a step at least, as the turn itself is between samples.
     fn reach(&self, encoder: Encoder) -> f64 {
         let step = self.log.survey.step();
         if self.log.file.layout.derivatives || self.log.series.is_some() {
-            return 0.0;
+            return step;
         }
         match self.settings.method.of_states(step) {
             Method::Butterworth { cutoff, .. } => (RISE / cutoff).max(2.0 * step),

@@ -220,6 +220,10 @@ impl Blocks {
                 degrees_of_freedom[a] = 1.0;
             }
         }
+        if factor.few() {
+            scale.fill(f64::INFINITY);
+            degrees_of_freedom.fill(1.0);
+        }
         let mut covariance = vec![0.0; k * k];
         for a in 0..k {
             for b in 0..=a {

@@ -148,6 +148,12 @@ impl Factor {
         self.rows
     }
 
+    /// Whether there are less than three rows for two columns: parameters can then take up the noise
+    /// of whole efforts, and what they leave of it says nothing.
+    pub(super) fn few(&self) -> bool {
+        2 * self.rows < 3 * self.columns()
+    }
+
     /// The number of columns.
     pub fn columns(&self) -> usize {
         self.labels.len()

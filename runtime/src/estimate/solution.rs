@@ -62,6 +62,24 @@ const PASSES: usize = 50;
 const SETTLED: f64 = 1e-12;
 /// Residuals below this part of an effort are rounding, and are not told apart.
 const ROUNDING: f64 = 1e-14;
+/// An effort is not believed more than the worst by more than the inverse of this, both as parts of
+/// themselves: one that is fitted exactly would leave no digits to the others.
+const BEST: f64 = 1e-4;
+
+/// The weights of efforts whose residuals have these deviations.
+fn inverse(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
+    let rms = |factor: &Factor| {
+        let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
+        (squares / factor.rows().max(1) as f64).sqrt()
+    };
+    let sizes: Vec<f64> = set.factors().iter().map(rms).collect();
+    let parts = sigmas.iter().zip(&sizes).filter(|(_, size)| **size > 0.0);
+    let worst = parts.fold(0.0, |m: f64, (sigma, size)| m.max(sigma / size));
+    let pairs = sigmas.iter().zip(&sizes);
+    pairs
+        .map(|(sigma, size)| 1.0 / sigma.max(BEST * worst * size))
+        .collect()
+}
 
 impl Estimate {
     /// Estimates parameters from a set of factors.
@@ -74,9 +92,9 @@ impl Estimate {
         let mut whole = set.combined(&weights)?;
         let mut values = whole.solve()?;
         let mut sigmas = noise(set, &values)?;
-        if weighting == Weighting::PerEffort && set.factors().len() > 1 {
+        if weighting == Weighting::PerEffort && set.factors().len() > 1 && !whole.few() {
             for _ in 0..PASSES {
-                let next: Vec<f64> = sigmas.iter().map(|s| 1.0 / s).collect();
+                let next = inverse(&sigmas, set);
                 let change = next
                     .iter()
                     .zip(&weights)
@@ -109,7 +127,9 @@ impl Estimate {
         })
     }
 
-    /// Estimates parameters from one factor whose rows are alike.
+    /// Estimates parameters from one factor whose rows are alike. Where there are less than three
+    /// rows for two parameters, what they leave says nothing of the noise, and deviations are
+    /// infinite.
     ///
     /// # Errors
     /// As [`new`](Estimate::new).
@@ -131,10 +151,11 @@ impl Estimate {
         let values = substitute(factor.r(), factor.z()).ok_or(EstimateError::NoConvergence)?;
         let n = values.len();
         let degrees_of_freedom = factor.rows() - n;
-        // without a row to spare nothing is known about the noise
-        let variance = match degrees_of_freedom {
-            0 => f64::INFINITY,
-            d => factor.squared_residual(&values)? / d as f64,
+        // with hardly a row to spare nothing is known about the noise
+        let variance = if factor.few() {
+            f64::INFINITY
+        } else {
+            factor.squared_residual(&values)? / degrees_of_freedom as f64
         };
         Ok(Self {
             labels: factor.labels().to_vec(),

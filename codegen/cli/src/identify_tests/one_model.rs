@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::Parser;
 use regen_codegen::diag::Source;
@@ -23,6 +24,9 @@ use regen_interpreted::{BaseTerms, Interpreted};
 
 /// What base and physical predictions may differ by, of the largest effort.
 const SAME: f64 = 1e-9;
+
+/// Logs that were made so far.
+static MADE: AtomicUsize = AtomicUsize::new(0);
 
 /// A robot with a log of it, which has noise: constraints are active then.
 struct Tried {
@@ -52,7 +56,9 @@ impl Tried {
             for tau in rows.iter_mut().flat_map(|row| &mut row.tau) {
                 *tau += 0.02 * largest * normal(&mut random);
             }
-            let file = format!("one-{}.csv", name.replace('/', "-"));
+            // tests run side by side
+            let number = MADE.fetch_add(1, Ordering::Relaxed);
+            let file = format!("one-{}-{number}.csv", name.replace('/', "-"));
             let log = scratch(&file, &csv(&model, &rows));
             (rows, log)
         };
@@ -95,12 +101,20 @@ impl Tried {
         self.predictions_are_one(&model, &identified, &what);
 
         // what is read from the file is the model, to the bit
-        let out = scratch("one.json", &json.file.text(Path::new("one.json")).unwrap());
+        let number = MADE.fetch_add(1, Ordering::Relaxed);
+        let named = |ending: &str| format!("one-{number}.{ending}");
+        let out = scratch(
+            &named("json"),
+            &json.file.text(Path::new("one.json")).unwrap(),
+        );
         let read = parameters::read(&out, &model).unwrap();
         assert_eq!(read.beta, identified.beta, "{what}");
         assert_eq!(read.phi, identified.phi, "{what}");
         assert_eq!(read.friction, identified.friction, "{what}");
-        let out = scratch("one.yaml", &json.file.text(Path::new("one.yaml")).unwrap());
+        let out = scratch(
+            &named("yaml"),
+            &json.file.text(Path::new("one.yaml")).unwrap(),
+        );
         assert_eq!(
             parameters::read(&out, &model).unwrap().beta,
             identified.beta

@@ -284,7 +284,12 @@ fn an_offset_that_two_directions_of_friction_take_up_is_named() {
             (
                 "an offset backward",
                 log.each(&["tau_q1"], |x| x - 0.5),
-                &["`tau_q1`", "constant -0.5", "Fc+(q1) is -", "Subtract -0.5"],
+                &[
+                    "`tau_q1`",
+                    "constant -0.49",
+                    "Fc+(q1) is -",
+                    "Subtract -0.49",
+                ],
             ),
         ],
     );

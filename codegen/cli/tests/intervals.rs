@@ -1,0 +1,107 @@
+//! Whether intervals hold the truth where nothing but the way from positions to derivatives stands
+//! between a log and it: simulated logs without noise.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use common::{regen, root, scratch};
+use serde_json::Value;
+
+/// The parameters that `regen identify` prints.
+fn parameters(dir: &Path, spec: &str, log: &str, options: &[&str]) -> Vec<Value> {
+    let words = ["identify", spec, log, "--format", "json"];
+    let json = regen(dir, &[&words[..], options].concat()).ended(0).json();
+    json["parameters"].as_array().unwrap().clone()
+}
+
+/// Simulates a motion without noise and holds each interval, and each status, against the truth.
+#[track_caller]
+fn every_interval_holds_the_truth(
+    robot: &str,
+    motion: &str,
+    simulated: &[&str],
+    friction: &[(&str, f64)],
+    readings: &[&[&str]],
+) {
+    let name = Path::new(robot).file_stem().unwrap().to_str().unwrap();
+    let dir = scratch(&format!("intervals_{name}"));
+    let spec = root().join(robot).display().to_string();
+    fs::write(dir.join("motion.json"), motion).unwrap();
+    let words = ["simulate", &spec, "--trajectory", "motion.json", "--out"];
+    regen(&dir, &[&words[..], &["log.csv"], simulated].concat()).ended(0);
+    regen(
+        &dir,
+        &[&words[..], &["exact.csv", "--exact"], simulated].concat(),
+    )
+    .ended(0);
+    let exact = parameters(&dir, &spec, "exact.csv", &[]);
+    let mut truth: BTreeMap<&str, f64> = exact
+        .iter()
+        .map(|p| (p["label"].as_str().unwrap(), p["value"].as_f64().unwrap()))
+        .collect();
+    // simulated friction turns round softly, which biases what is found in an exact log a little
+    truth.extend(friction.iter().copied());
+    for options in readings {
+        for found in parameters(&dir, &spec, "log.csv", options) {
+            let truth = truth[found["label"].as_str().unwrap()];
+            let (low, high) = (
+                found["low"].as_f64().unwrap(),
+                found["high"].as_f64().unwrap(),
+            );
+            assert!(
+                low <= truth && truth <= high,
+                "{options:?}, truly {truth}: {found}"
+            );
+            let status = found["status"].as_str().unwrap();
+            assert!(
+                status == "well" || status == "zero within its error",
+                "{options:?}: {found}"
+            );
+        }
+    }
+}
+
+#[test]
+fn intervals_of_a_platform_hold_the_truth_without_noise() {
+    every_interval_holds_the_truth(
+        "robots/3rps.yaml",
+        r#"{"format": "regen-trajectory", "robot": "rps3", "coordinates": ["q2", "q7", "q9"],
+            "base_frequency": 0.13333, "harmonics": 5, "offset": [0.5908, 0.5963, 0.5927],
+            "cosine": [[-0.0201, -0.0212, -0.0066, 0.0113, -0.0352],
+                       [-0.0653, 0.001, 0.0234, -0.0347, -0.0513],
+                       [-0.0823, 0.0263, -0.0173, 0.007, -0.0487]],
+            "sine": [[-0.0967, 0.0065, 0.0062, -0.0006, -0.06],
+                     [-0.0446, 0.064, -0.0424, 0.0523, 0.0173],
+                     [-0.0353, -0.0511, -0.0301, -0.0393, 0.0298]]}"#,
+        &[],
+        &[],
+        &[&[], &["--butterworth", "4,20"]],
+    );
+}
+
+#[test]
+fn intervals_of_a_five_bar_with_friction_hold_the_truth_without_noise() {
+    every_interval_holds_the_truth(
+        "guide/fivebar/fivebar.yaml",
+        r#"{"format": "regen-trajectory", "robot": "picker", "coordinates": ["q1", "q3"],
+            "base_frequency": 0.2, "harmonics": 5, "offset": [2.2022, 0.9745],
+            "cosine": [[0.2654, -0.0032, 0.3107, -0.0139, -0.1297],
+                       [0.239, 0.0008, 0.1711, -0.0416, 0.0511]],
+            "sine": [[0.0564, -0.0014, 0.2261, -0.0155, -0.2252],
+                     [-0.4922, -0.0158, 0.0011, 0.0098, 0.0114]]}"#,
+        &"--settle 5 --duration 5 --bandwidth 20 --step 0.0025"
+            .split(' ')
+            .collect::<Vec<_>>(),
+        &[
+            ("Fv(q1)", 0.03),
+            ("Fc(q1)", 0.05),
+            ("Fv(q3)", 0.03),
+            ("Fc(q3)", 0.05),
+        ],
+        &[&[]],
+    );
+}
