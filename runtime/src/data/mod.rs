@@ -13,6 +13,7 @@ mod sample;
 mod shift;
 mod standstill;
 mod stuck;
+mod window;
 
 pub use columns::{Assignment, AssignmentError, Quantity};
 pub use logs::{FileReport, Logs, Settings};

@@ -12,6 +12,7 @@
 mod completion;
 mod cones;
 mod constrained;
+mod constraints;
 mod equalities;
 mod error;
 mod faces;
@@ -23,6 +24,7 @@ mod output;
 mod problem;
 mod program;
 mod reduced;
+mod sizes;
 mod symmetric;
 mod verdict;
 
