@@ -253,8 +253,9 @@ impl Drawn {
             };
             let near = |x: f64, limit: f64| (x - limit).abs() <= TOUCHING * sigma;
             let mut at = vec![false; self.phi.len()];
-            for draw in 0..self.phi.len() {
-                let Some(value) = self.phi.get_mut(draw).and_then(|phi| phi.get_mut(j)) else {
+            let draws = self.phi.iter_mut().zip(&mut self.beta).zip(&mut at);
+            for ((phi, beta), at) in draws {
+                let Some(value) = phi.get_mut(j) else {
                     continue;
                 };
                 *value = match *value {
@@ -262,12 +263,10 @@ impl Drawn {
                     x if near(x, highest) => highest,
                     _ => continue,
                 };
-                at[draw] = true;
-                let (value, factor) = (*value, alone.map(|k| combinations.rows()[k][j]));
-                let base = self.beta.get_mut(draw);
-                let entry = base.zip(alone).and_then(|(beta, k)| beta.get_mut(k));
-                if let (Some(entry), Some(factor)) = (entry, factor) {
-                    *entry = factor * value;
+                *at = true;
+                let row = alone.and_then(|k| combinations.rows().get(k).zip(beta.get_mut(k)));
+                if let Some((factor, entry)) = row.and_then(|(row, b)| row.get(j).zip(Some(b))) {
+                    *entry = factor * *value;
                 }
             }
             let part = at.iter().filter(|at| **at).count() as f64 / at.len().max(1) as f64;

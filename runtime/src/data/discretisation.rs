@@ -161,48 +161,40 @@ fn both(
     times: &[f64],
     positions: &[f64],
 ) -> Result<(Derivatives, Derivatives), SignalError> {
-    let step = log.survey.step();
-    Ok(match (method, &log.series) {
-        (
-            Method::Fourier {
-                frequency,
-                harmonics,
-            },
-            Some(series),
-        ) => {
-            let at = times.iter().map(|t| series.at(place, *t));
-            let [mut value, mut rate, mut acceleration] = [vec![], vec![], vec![]];
-            for [q, qd, qdd] in at {
-                value.push(q);
-                rate.push(qd);
-                acceleration.push(qdd);
-            }
-            let series = Derivatives {
-                value,
-                rate,
-                acceleration,
-                valid: 0..times.len(),
-            };
-            let highest = frequency * harmonics as f64;
-            let filter = Method::Butterworth {
-                order: ORDER,
-                cutoff: highest,
-            };
-            (
-                series,
-                filter.of_states(step).differentiate(times, positions)?,
-            )
+    if let (
+        Method::Fourier {
+            frequency,
+            harmonics,
+        },
+        Some(series),
+    ) = (method, &log.series)
+    {
+        let [mut value, mut rate, mut acceleration] = [vec![], vec![], vec![]];
+        for [q, qd, qdd] in times.iter().map(|t| series.at(place, *t)) {
+            value.push(q);
+            rate.push(qd);
+            acceleration.push(qdd);
         }
-        _ => {
-            let neighbours = log.encoders.get(place).map_or(1, |e| e.neighbours);
-            let usual = match method {
-                Method::Central => differences(times, positions, neighbours)?,
-                _ => method.differentiate(times, positions)?,
-            };
-            let other = differences(times, &usual.value, 1)?;
-            (usual, other)
-        }
-    })
+        let series = Derivatives {
+            value,
+            rate,
+            acceleration,
+            valid: 0..times.len(),
+        };
+        let filter = Method::Butterworth {
+            order: ORDER,
+            cutoff: frequency * harmonics as f64,
+        };
+        let filter = filter.of_states(log.survey.step());
+        return Ok((series, filter.differentiate(times, positions)?));
+    }
+    let neighbours = log.encoders.get(place).map_or(1, |e| e.neighbours);
+    let usual = match method {
+        Method::Central => differences(times, positions, neighbours)?,
+        _ => method.differentiate(times, positions)?,
+    };
+    let other = differences(times, &usual.value, 1)?;
+    Ok((usual, other))
 }
 
 /// The closures of both kinds of states, each of which goes on from its last one.
