@@ -248,7 +248,7 @@ impl Drawn {
                 .clone()
                 .position(|row| row.iter().enumerate().all(|(k, x)| (*x != 0.0) == (k == j)));
             let sigma = match alone {
-                Some(k) => deviations.sigma(k),
+                Some(k) => deviations.sigma(k) / combinations.rows()[k][j].abs(),
                 None => Spread::new(0.0, self.of_all(j)).scatter(),
             };
             let near = |x: f64, limit: f64| (x - limit).abs() <= TOUCHING * sigma;
@@ -353,9 +353,10 @@ pub(crate) fn replicate(
 
 /// The correlation of two lists; 0 where one of them does not vary.
 fn correlation(a: &[f64], b: &[f64]) -> f64 {
-    let n = a.len().min(b.len()) as f64;
-    let (mean_a, mean_b) = (a.iter().sum::<f64>() / n, b.iter().sum::<f64>() / n);
-    let pairs = || a.iter().zip(b).map(|(x, y)| (x - mean_a, y - mean_b));
+    let finite = || a.iter().zip(b).filter(|(x, y)| (*x + *y).is_finite());
+    let n = finite().count() as f64;
+    let (sum_a, sum_b) = finite().fold((0.0, 0.0), |(p, q), (x, y)| (p + x, q + y));
+    let pairs = || finite().map(|(x, y)| (x - sum_a / n, y - sum_b / n));
     let (xx, yy) = pairs().fold((0.0, 0.0), |(p, q), (x, y)| (p + x * x, q + y * y));
     let xy: f64 = pairs().map(|(x, y)| x * y).sum();
     if xx * yy > 0.0 {

@@ -348,6 +348,7 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     for (effort, error) in json.efforts.iter_mut().zip(&found.errors) {
         effort.error = Some(error.clone());
     }
+    note_unexplained(&found.errors);
     json.relative_absolute = Some(found.relative_absolute);
     json.bandwidth = Some(found.bandwidth);
     json.singular = found.left_out.singular;
@@ -370,6 +371,32 @@ fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Fail
     })
 }
 
+/// An effort is unexplained where the residuals have this part of its size, in percent.
+const UNEXPLAINED: f64 = 50.0;
+
+/// Says of which efforts the model explains hardly anything: their columns may be of another joint,
+/// in another unit or dead, whatever the deviations of the parameters say.
+fn note_unexplained(errors: &[EffortError]) {
+    let poor = errors.iter().filter(|e| {
+        // an effort of nothing but zeros has no relative error
+        e.relative_rms.is_nan() || e.relative_rms > UNEXPLAINED
+    });
+    let names: Vec<String> = poor
+        .map(|e| match e.relative_rms {
+            part if part.is_finite() => format!("{} ({part:.0} % are left)", e.name),
+            _ => format!("{} (it is 0 throughout)", e.name),
+        })
+        .collect();
+    if !names.is_empty() {
+        terminal::note(&format!(
+            "warning: the model does not explain these efforts: {}. Parameters are of little worth \
+             until it does: look at the columns, their units, and whether the motion is smooth \
+             enough (--butterworth)",
+            names.join(", ")
+        ));
+    }
+}
+
 /// A deviation grows by this part at least where it is said that it does.
 const GROWN: f64 = 0.1;
 
@@ -380,12 +407,14 @@ fn sampling(
     logs: &Logs<'_, Interpreted<'_>>,
 ) -> Result<&'static str, Failure> {
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-    let change = logs.discretisation(&found.estimate.values, &weights)?;
+    let change = logs.discretisation(&found.estimate.values, &weights, &found.factor)?;
+    let blocks = found.blocks.clone().with_change(&found.factor, &change);
     let changed = found.deviations.with_change(&change);
     let before = std::mem::replace(&mut found.deviations, changed);
+    found.blocks = blocks;
     let grown = |k: usize| found.deviations.sigma(k) > (1.0 + GROWN) * before.sigma(k);
     Ok(if (0..change.len()).any(grown) {
-        "; with what other derivatives would change"
+        "; and what sampling leaves unknown of the motion"
     } else {
         ""
     })

@@ -119,11 +119,24 @@ pub(crate) fn run(
         "instrumental variables, whitened scores correlated in {} samples (Newey and West)",
         found.bandwidth
     );
+    // the regressor of the measured motion is that of least squares
+    let mut estimate = found.estimate.clone();
+    if let Some(blocks) = &start.blocks {
+        let n = estimate.values.len();
+        let all: Vec<usize> = (0..n).collect();
+        let mut change = blocks.change(&start.factor, &all);
+        change.resize(n, 0.0);
+        let pairs = change
+            .iter()
+            .flat_map(|a| change.iter().map(move |b| a * b));
+        let covariance = estimate.covariance.iter().zip(pairs);
+        estimate.covariance = covariance.map(|(c, x)| c + x).collect();
+    }
     Ok(IdentifiedModel {
         name: "instrumental variables",
         beta: found.estimate.values.clone(),
         feasibility: "not judged".to_owned(),
-        intervals: Intervals::of(&found.estimate, &found.estimate, args.confidence, method),
+        intervals: Intervals::of(&estimate, &estimate, args.confidence, method),
         ..IdentifiedModel::default()
     })
 }

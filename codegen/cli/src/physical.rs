@@ -106,7 +106,7 @@ pub(crate) fn models(
         beta: linear_fit.beta.get(..r).unwrap_or_default().to_vec(),
         phi: linear_fit.phi.get(..p).map(<[f64]>::to_vec),
         friction: linear(joints, linear_fit.phi.get(p..).unwrap_or_default()),
-        feasibility: cost(&linear_fit),
+        feasibility: cost(&linear_fit, &layout),
         gap: Some(linear_fit.gap),
         intervals,
         ..IdentifiedModel::default()
@@ -235,7 +235,7 @@ pub(crate) fn require_optimum(found: &IdentifiedModel) -> Result<(), Failure> {
 }
 
 /// What being physical costs, and how far the result can be from the optimum.
-fn cost(found: &Physical) -> String {
+fn cost(found: &Physical, layout: &Layout) -> String {
     let how = match found.outcome {
         Outcome::Unconstrained => "physical, no constraint is active".to_owned(),
         Outcome::Constrained => format!("physical, {}", proven(found.gap)),
@@ -250,7 +250,33 @@ fn cost(found: &Physical) -> String {
             found.limited.join(", ")
         );
     }
+    let heavy = heavy(found, layout);
+    if !heavy.is_empty() {
+        let _ = write!(
+            text,
+            "; the masses {} hardly matter to the fit and are no masses of this robot: give \
+             --bound 'm(...)=..', or bodies with nominal masses",
+            heavy.join(", ")
+        );
+    }
     text
+}
+
+/// A body beyond this part of its generous limit, which is a thousand times what is known of the
+/// robot, is told.
+const HEAVY: f64 = 0.1;
+
+/// The masses that are far from any that the robot can have, of bodies that the fit does not ask to
+/// be so heavy.
+fn heavy(found: &Physical, layout: &Layout) -> Vec<String> {
+    let bodies = layout.bodies().iter().zip(&found.sizes);
+    let heavy = bodies.filter(|(body, size)| {
+        let mass = body.columns.last().and_then(|c| found.phi.get(*c));
+        !found.limited.contains(&body.label) && mass.is_some_and(|m| *m > HEAVY * size.mass)
+    });
+    heavy
+        .map(|(body, _)| format!("m({})", body.label))
+        .collect()
 }
 
 /// Linear friction at joints whose law is another: Fc and Fv of each.

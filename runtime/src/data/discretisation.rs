@@ -8,7 +8,7 @@ use super::logs::{Log, Logs};
 use super::problem::DataError;
 use super::reader::Kept;
 use crate::BaseModel;
-use crate::estimate::{Estimate, Factor};
+use crate::estimate::Factor;
 use crate::identify::{Completed, Completion};
 use crate::signals::{Derivatives, Method, SignalError, differences};
 
@@ -19,44 +19,61 @@ const STRETCHES: usize = 8;
 const STATES: usize = 500;
 /// Of the filter that a series is compared with.
 const ORDER: usize = 4;
+/// How much the whole log counts where the states that were looked at say little.
+const HELD: f64 = 1e-3;
+/// How many times as wide the regression is that one is compared with.
+const WIDER: f64 = 1.5;
 
 impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
-    /// By how much each base parameter would change if derivatives were taken in another way: an
-    /// estimate, from some hundred states of each file, of what is not known of the motion.
+    /// By how much each base parameter would change if derivatives were taken in another way: what is
+    /// not known of the motion, and what no residual tells. r entries, SI.
     ///
-    /// Differences and regressions are compared with differences over one neighbour on either side
-    /// (Eq. 31), a series (Eq. 25) with what a filter of three times its highest frequency leaves of
-    /// the positions. To first order the change is the least-squares solution of
-    /// `W d = (W - W_1) beta`, where `W_1` is the regressor (Eq. 12) with the other derivatives. Zero
-    /// where derivatives are measured, or where noise decided for one neighbour.
+    /// Differences, of filtered positions too, are compared with those over one neighbour on either
+    /// side (Eq. 31), a regression with a wider one, a series (Eq. 25) with what a filter of three
+    /// times its highest frequency leaves of the positions. Zero where derivatives are measured, or
+    /// where noise decided for one neighbour.
     ///
-    /// - `beta`: the parameters found, SI; `weights`: those of the equations by effort.
+    /// To first order the change solves `W d = tau - tau_1` (Eq. 12) by least squares, where `tau_1`
+    /// are the efforts of the parameters with the other derivatives. Some hundred states of each file
+    /// stand for all; the factor of all keeps `d` small where these say little.
+    ///
+    /// - `beta`: the parameters found, SI; `weights`: those of the equations by effort;
+    /// - `factor`: weighted, that the parameters are the solution of.
     ///
     /// # Errors
     /// When a file cannot be read.
-    pub fn discretisation(&self, beta: &[f64], weights: &[f64]) -> Result<Vec<f64>, DataError> {
-        let base = self.model.base_info().base;
-        let labels: Vec<String> = base.iter().map(|b| b.label.to_owned()).collect();
+    pub fn discretisation(
+        &self,
+        beta: &[f64],
+        weights: &[f64],
+        factor: &Factor,
+    ) -> Result<Vec<f64>, DataError> {
+        let r = beta.len();
         let mut changes = Changes {
             beta,
             weights,
-            factor: Factor::new(labels),
+            factor: Factor::new(factor.labels().to_vec()),
         };
         for (log, report) in self.files.iter().zip(&self.reports) {
-            let another = match self.settings.method {
+            let differs = match self.settings.method {
                 Method::Central => log.encoders.iter().any(|e| e.neighbours > 1),
                 _ => true,
             };
-            if another && !log.file.layout.derivatives {
+            if differs && !log.file.layout.derivatives {
                 self.changes(log, report.rows, &mut changes)?;
             }
         }
-        let nothing = vec![0.0; beta.len()];
-        if changes.factor.rows() < beta.len() {
-            return Ok(nothing);
-        }
-        // parameters that these states do not determine are judged by the whole log
-        Ok(Estimate::of(&changes.factor).map_or(nothing, |found| found.values))
+        let part = changes.factor.rows() as f64 / factor.rows().max(1) as f64;
+        let whole: Vec<f64> = factor
+            .r()
+            .iter()
+            .map(|x| (HELD * part).sqrt() * x)
+            .collect();
+        let solved = changes.factor.push_block(&whole, &vec![0.0; r]);
+        Ok(match solved.and_then(|()| changes.factor.solve()) {
+            Ok(change) if part > 0.0 => change,
+            _ => vec![0.0; r],
+        })
     }
 
     /// Adds the equations of one file.
@@ -66,8 +83,12 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             usual: Completion::new(self.model, measured, &vec![1.0; measured.len()])?,
             other: Completion::new(self.model, measured, &vec![1.0; measured.len()])?,
         };
-        let length = ROWS / STRETCHES;
-        let (count, length) = if rows <= ROWS {
+        // a filter settles within a part of each stretch only
+        let step = log.survey.step();
+        let slower = another(self.settings.method, step).support(step);
+        let slower = slower.ok().flatten().unwrap_or(0).min(rows);
+        let length = (ROWS / STRETCHES).max(4 * slower);
+        let (count, length) = if rows <= STRETCHES * length {
             (1, rows)
         } else {
             (STRETCHES, length)
@@ -101,7 +122,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     ) -> Result<(), DataError> {
         let rows = core::mem::take(rows);
         let times: Vec<f64> = rows.iter().map(|r| r.values[0]).collect();
-        let method = self.settings.method.of_states(log.survey.step());
+        let method = self.settings.method;
         let mut valid = 0..rows.len();
         let (mut usual, mut other) = (Vec::new(), Vec::new());
         for (place, entry) in log.file.layout.positions().enumerate() {
@@ -119,7 +140,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         let (n, r) = (self.model.info().dof(), out.beta.len());
         let (mut w, mut tau, mut changed) = (vec![0.0; n * r], vec![0.0; n], vec![0.0; n]);
         for k in valid.step_by(every) {
-            let same = |(a, b): (&Derivatives, &Derivatives)| a.rate[k] * b.rate[k] > 0.0;
+            let same = |(a, b): (&Derivatives, &Derivatives)| a.rate[k] * b.rate[k] >= 0.0;
             // where a velocity changes its sign, friction differs by more than derivatives do
             if !usual.iter().zip(&other).all(same) {
                 continue;
@@ -153,6 +174,28 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     }
 }
 
+/// The method that the one of the logs is compared with.
+fn another(method: Method, step: f64) -> Method {
+    match (method, method.of_states(step)) {
+        (
+            Method::Fourier {
+                frequency,
+                harmonics,
+            },
+            _,
+        ) => Method::Butterworth {
+            order: ORDER,
+            cutoff: frequency * harmonics as f64,
+        }
+        .of_states(step),
+        (_, filter @ Method::Butterworth { .. }) => filter,
+        (_, Method::Local { half_width }) => Method::Local {
+            half_width: WIDER * half_width,
+        },
+        _ => Method::Central,
+    }
+}
+
 /// The derivatives of a position that are used, and those of another method.
 fn both(
     log: &Log,
@@ -161,39 +204,37 @@ fn both(
     times: &[f64],
     positions: &[f64],
 ) -> Result<(Derivatives, Derivatives), SignalError> {
-    if let (
-        Method::Fourier {
-            frequency,
-            harmonics,
-        },
-        Some(series),
-    ) = (method, &log.series)
-    {
-        let [mut value, mut rate, mut acceleration] = [vec![], vec![], vec![]];
-        for [q, qd, qdd] in times.iter().map(|t| series.at(place, *t)) {
-            value.push(q);
-            rate.push(qd);
-            acceleration.push(qdd);
+    let step = log.survey.step();
+    let usual = match (method, &log.series) {
+        (Method::Fourier { .. }, Some(series)) => {
+            let [mut value, mut rate, mut acceleration] = [vec![], vec![], vec![]];
+            for [q, qd, qdd] in times.iter().map(|t| series.at(place, *t)) {
+                value.push(q);
+                rate.push(qd);
+                acceleration.push(qdd);
+            }
+            Derivatives {
+                value,
+                rate,
+                acceleration,
+                valid: 0..times.len(),
+            }
         }
-        let series = Derivatives {
-            value,
-            rate,
-            acceleration,
-            valid: 0..times.len(),
-        };
-        let filter = Method::Butterworth {
-            order: ORDER,
-            cutoff: frequency * harmonics as f64,
-        };
-        let filter = filter.of_states(log.survey.step());
-        return Ok((series, filter.differentiate(times, positions)?));
-    }
-    let neighbours = log.encoders.get(place).map_or(1, |e| e.neighbours);
-    let usual = match method {
-        Method::Central => differences(times, positions, neighbours)?,
-        _ => method.differentiate(times, positions)?,
+        (Method::Central, _) => {
+            let neighbours = log.encoders.get(place).map_or(1, |e| e.neighbours);
+            differences(times, positions, neighbours)?
+        }
+        _ => method.of_states(step).differentiate(times, positions)?,
     };
-    let other = differences(times, &usual.value, 1)?;
+    let other = another(method, step).differentiate(times, positions)?;
+    let other = match method {
+        // a stronger filter would differ by the noise that it takes away
+        Method::Butterworth { .. } => differences(times, &other.value, 1).map(|d| Derivatives {
+            valid: other.valid,
+            ..d
+        })?,
+        _ => other,
+    };
     Ok((usual, other))
 }
 

@@ -341,9 +341,15 @@ fn unsure(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
             .rate_gain(step)
             .map_err(|why| signal(&log.file, why))?
     };
+    // differences over more neighbours take up more noise
+    let more = |encoder: &Encoder| match (settings.method, encoder.neighbours) {
+        (Method::Central, 2) => 130_f64.sqrt() / 72_f64.sqrt(),
+        (Method::Central, 3) => 4214_f64.sqrt() / 1800_f64.sqrt(),
+        _ => 1.0,
+    };
     let encoders = log.encoders.iter();
     Ok(encoders
-        .map(|e| settings.rest_speed.max(2.0 * gain * e.noise))
+        .map(|e| settings.rest_speed.max(2.0 * gain * more(e) * e.noise))
         .collect())
 }
 
@@ -364,6 +370,9 @@ fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
     if log.file.layout.derivatives || log.series.is_some() {
         return Ok(least);
     }
+    // what was asked for is refused in its own words
+    let asked = settings.method.support(step);
+    asked.map_err(|why| signal(&log.file, why))?;
     let support = settings
         .method
         .of_states(step)

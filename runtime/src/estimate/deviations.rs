@@ -90,6 +90,9 @@ impl Deviations {
     #[must_use]
     pub fn with_change(&self, change: &[f64]) -> Self {
         let n = self.degrees_of_freedom.len();
+        if change.iter().all(|x| *x == 0.0) {
+            return self.clone();
+        }
         let add = |matrix: &[f64]| -> Vec<f64> {
             let entry = |(k, x): (usize, &f64)| {
                 let at = |k: usize| change.get(k).copied().unwrap_or_default();
@@ -241,14 +244,15 @@ impl Blocks {
             }
             apart
         });
-        Ok(Deviations {
+        let found = Deviations {
             covariance,
             degrees_of_freedom,
             terms,
             samples,
-            memory: self.memory,
+            memory: self.memory.min(samples as f64),
             root,
-        })
+        };
+        Ok(found.with_change(&self.change(factor, kept)))
     }
 }
 

@@ -7,7 +7,8 @@ use std::vec;
 use serde::{Deserialize, Serialize};
 
 use super::factor::size;
-use super::{Autoregression, EstimateError};
+use super::solution::inverse_gram;
+use super::{Autoregression, EstimateError, Factor};
 
 /// Blocks of time at most; where there would be more, neighbours are merged.
 pub const BLOCKS: usize = 128;
@@ -59,9 +60,47 @@ pub struct Blocks {
     pub(super) blocks: Vec<Block>,
     /// Of the noise of each effort: how many samples are as good as one.
     pub(super) memory: f64,
+    /// `W^T W` times a change of all parameters; none where there is none.
+    #[serde(default)]
+    pub(super) change: Vec<f64>,
 }
 
 impl Blocks {
+    /// With a change of all parameters that is the same for all samples, such as what other
+    /// derivatives would make of them: it counts as one deviation more, of estimates of some of the
+    /// parameters too.
+    ///
+    /// - `factor`: weighted, over all parameters; `change`: one for each, in its unit.
+    #[must_use]
+    pub fn with_change(mut self, factor: &Factor, change: &[f64]) -> Self {
+        let n = factor.columns();
+        let columns = || factor.r().chunks_exact(n.max(1));
+        let mut moved = vec![0.0; n];
+        for (column, x) in columns().zip(change) {
+            for (sum, r) in moved.iter_mut().zip(column) {
+                *sum += r * x;
+            }
+        }
+        let score = |column: &[f64]| column.iter().zip(&moved).map(|(r, x)| r * x).sum();
+        self.change = columns().map(score).collect();
+        self
+    }
+
+    /// By how much the parameters of a factor would change: `(W^T W)^-1` times the scores of
+    /// [`with_change`](Self::with_change); none where there are none, or the factor is singular.
+    ///
+    /// - `kept`: the places of the factor's parameters among all.
+    pub fn change(&self, factor: &Factor, kept: &[usize]) -> Vec<f64> {
+        let own = kept.iter().map(|k| self.change.get(*k).copied());
+        let (Some(own), Some(gram)) = (own.collect::<Option<Vec<f64>>>(), inverse_gram(factor))
+        else {
+            return Vec::new();
+        };
+        let rows = gram.chunks_exact(own.len().max(1));
+        rows.map(|row| row.iter().zip(&own).map(|(a, b)| a * b).sum())
+            .collect()
+    }
+
     /// The samples that were added.
     pub fn samples(&self) -> usize {
         self.blocks.iter().map(|b| b.samples).sum()
@@ -279,6 +318,7 @@ impl Scores {
             values: values.to_vec(),
             blocks: self.blocks,
             memory: memory.fold(1.0, f64::max),
+            change: Vec::new(),
         })
     }
 }

@@ -62,8 +62,8 @@ const PASSES: usize = 50;
 const SETTLED: f64 = 1e-12;
 /// Residuals below this part of an effort are rounding, and are not told apart.
 const ROUNDING: f64 = 1e-14;
-/// An effort is not believed more than the worst by more than the inverse of this, both as parts of
-/// themselves: one that is fitted exactly would leave no digits to the others.
+/// An effort's residuals count as at least this part of the worst effort's, each relative to the
+/// size of its effort: an effort that is fitted exactly would leave no digits to the others.
 const BEST: f64 = 1e-4;
 
 /// The weights of efforts whose residuals have these deviations.

@@ -176,7 +176,7 @@ impl Method {
             Self::Central => differences(times, values, 1),
             Self::Butterworth { order, cutoff } => {
                 let filter = Butterworth::new(order, cutoff, mean_step(times)?)?;
-                // the filter leaves no noise to which more neighbours would add
+                // what the filter leaves is smooth from sample to sample
                 let mut out = differences(times, &filter.zero_phase(values)?, NEIGHBOURS)?;
                 let margin = filter.settling().min(times.len() / 2);
                 // the filter's start and end are guesses: what it does there is not data
@@ -258,7 +258,8 @@ impl Method {
         Ok(match *self {
             Self::Central => Some(1),
             Self::Butterworth { order, cutoff } => {
-                Some(Butterworth::new(order, cutoff, step)?.support())
+                let support = Butterworth::new(order, cutoff, step)?.support();
+                Some(support.saturating_add(NEIGHBOURS))
             }
             Self::Fourier { .. } => None,
             Self::Local { half_width } => {
@@ -327,9 +328,9 @@ fn check(times: &[f64], values: &[f64]) -> Result<(), SignalError> {
 const JITTER: f64 = 0.1;
 
 fn mean_step(times: &[f64]) -> Result<f64, SignalError> {
-    let (Some(first), Some(last)) = (times.first(), times.last()) else {
+    let (Some(first), Some(last), true) = (times.first(), times.last(), times.len() > 1) else {
         return Err(SignalError::TooFew {
-            samples: 0,
+            samples: times.len(),
             needed: 2,
         });
     };
