@@ -162,8 +162,9 @@ pub(crate) struct ReadingArgs {
     /// number of harmonics
     #[arg(long, value_name = "HZ,N", value_parser = pair, group = "method")]
     pub(crate) fourier: Option<(f64, usize)>,
-    /// Filter by a zero-phase Butterworth low-pass of this order and cutoff in
-    /// Hz, then take central differences
+    /// Filter efforts and regressor by a zero-phase Butterworth low-pass of this
+    /// order and cutoff in Hz; positions by one three times as wide, then take
+    /// central differences
     #[arg(long, value_name = "ORDER,HZ", value_parser = flipped, group = "method")]
     pub(crate) butterworth: Option<(f64, usize)>,
     /// Fit cubic polynomials within this time in s on either side
