@@ -109,7 +109,6 @@ fn header(robot: &Robot, out: &mut String) {
             mul,
             div,
             sincos,
-            ..
         } = function.program.operations();
         let name = function.kind.name();
         let _ = writeln!(out, "//! | [`{name}`] | {add} | {mul} | {div} | {sincos} |");
@@ -337,7 +336,6 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         mul,
         div,
         sincos,
-        ..
     } = program.operations();
     let _ = writeln!(out, "///");
     let _ = writeln!(
