@@ -1,7 +1,6 @@
 //! Vectors and matrices of expressions.
 
 use super::graph::{Ex, Graph};
-use super::number::Number;
 
 /// Three expressions.
 pub type V3 = [Ex; 3];
