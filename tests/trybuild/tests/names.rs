@@ -104,7 +104,8 @@ fn robots_named_like_what_modules_import_or_the_prelude_has_compile_as_source_an
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("names");
     fs::create_dir_all(dir.join("src")).unwrap();
     fs::create_dir_all(dir.join("robots")).unwrap();
-    // Modules of one letter's two cases are there, so that no file is named like a robot.
+    // Specs are named by number: some robots differ only in the case of their letters, which
+    // not every file system tells apart.
     let (mut macros, mut sources) = (String::new(), String::new());
     for (at, (name, rest)) in robots.iter().enumerate() {
         if name == "_" {
