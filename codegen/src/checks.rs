@@ -39,6 +39,21 @@ pub(crate) fn within_reach(source: &Source, spec: &Spec, model: &Model) -> Resul
     sink.finish(source)
 }
 
+/// Results of a graph that ran out of indices are wrong, and there is no robot.
+pub(crate) fn fits(source: &Source, spec: &Spec, g: &Graph) -> Result<(), Report> {
+    let mut sink = Sink::new();
+    if g.is_full() {
+        let message = "the robot takes more expressions than can be told apart";
+        let hint = "describe fewer bodies, or loops with fewer joints";
+        sink.push(
+            Diagnostic::new(spec.name.span, message)
+                .path("name")
+                .hint(hint),
+        );
+    }
+    sink.finish(source)
+}
+
 /// A problem at home as a report.
 pub(crate) fn home_report(
     source: &Source,

@@ -1,5 +1,9 @@
 //! Symbolic derivation of robot dynamics with closed loops, from a YAML spec to
 //! specialised Rust. `pipeline.rs` has the whole derivation on one page.
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 
 pub mod base;
 mod checks;

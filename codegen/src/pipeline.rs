@@ -96,6 +96,7 @@ pub fn explain(source: &Source, analysis: Option<&Analysis>) -> Result<Explanati
     let closed = Closed::new(&mut g, &frames, &model)
         .map_err(|problem| crate::checks::home_report(source, &spec, &model, &problem))?;
     crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
+    crate::checks::fits(source, &spec, &g)?;
     let analysis = analysis.cloned();
     let analysis = analysis.unwrap_or_else(|| base::analyse(&spec, &model, &closed.home));
     let redundant = closed
@@ -129,6 +130,7 @@ fn assemble<E: From<Report>>(
     let closed = Closed::new(&mut g, &frames, &model)
         .map_err(|problem| crate::checks::home_report(source, &spec, &model, &problem))?;
     crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
+    crate::checks::fits(source, &spec, &g)?;
     // base: which combinations of the parameters count (Eq. 23), certified
     let analysis = base(&spec, &model, &closed.home)?;
     if let Some(analysis) = &analysis {
@@ -150,6 +152,7 @@ fn assemble<E: From<Report>>(
             let program = lower(cx.g, request);
             functions.push(Function { kind, program });
         }
+        crate::checks::fits(source, &spec, cx.g)?;
     }
     Ok(Robot {
         functions,

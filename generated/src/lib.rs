@@ -3,6 +3,10 @@
 //! One module per robot. Nothing here needs the standard library or an allocator; the
 //! features `std` and `libm` choose where the elementary functions of `f64` and `f32` come
 //! from.
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 #![no_std]
 
 // <regen modules>

@@ -20,7 +20,9 @@ use proc_macro::TokenStream;
 /// at the literal, with the spec's own line and column.
 ///
 /// The module is what `regen generate` writes. It works in `no_std` crates and wherever the
-/// runtime is a dependency, also under another name.
+/// runtime is a dependency, also under another name. Its model is a type named like the robot:
+/// `rps3::Rps3`. Where that is a name of Rust's prelude or one that the module imports or
+/// defines, `Robot` is put behind it: a robot named `joint` is `joint::JointRobot`.
 ///
 /// Macros are built without optimisation by default. Where a large robot makes that felt:
 ///

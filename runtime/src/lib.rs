@@ -5,6 +5,10 @@
 //! interface that all robots share, generated or interpreted. The core is `no_std`, allocates
 //! nothing and has no dependencies.
 //!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
+//!
 //! # Features
 //!
 //! Numbers, from one provider of the elementary functions:

@@ -52,7 +52,14 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
         terminal::note(&format!("note: {note}"));
     }
     if let Some(out) = &args.out {
-        write::atomically(out, &imported.spec)?;
+        // A pipe or a device has no content to lose.
+        let is_file = fs::metadata(out).map_or(true, |found| found.is_file());
+        if args.force || !is_file {
+            write::atomically(out, &imported.spec)?;
+        } else {
+            let remedy = "choose another file, or replace it with --force";
+            write::create(out, &imported.spec, remedy)?;
+        }
     }
     match (args.format, &args.out) {
         (Format::Json, out) => {

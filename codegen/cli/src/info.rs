@@ -33,7 +33,6 @@ struct Operations {
     mul: usize,
     div: usize,
     sincos: usize,
-    sqrt: usize,
 }
 
 /// Runs the command.
@@ -78,7 +77,6 @@ fn operations(function: &regen_codegen::robot::Function) -> Operations {
         mul: count.mul,
         div: count.div,
         sincos: count.sincos,
-        sqrt: count.sqrt,
     }
 }
 
@@ -142,20 +140,14 @@ pub(crate) fn human(robot: &Robot) -> String {
         .map(|function| {
             let count = operations(function);
             std::iter::once(function.kind.name().to_owned())
-                .chain(
-                    [count.add, count.mul, count.div, count.sincos, count.sqrt]
-                        .map(|n| n.to_string()),
-                )
+                .chain([count.add, count.mul, count.div, count.sincos].map(|n| n.to_string()))
                 .collect()
         })
         .collect();
     let _ = write!(
         out,
         "\n{}",
-        table::columns(
-            &["operations", "add", "mul", "div", "sincos", "sqrt"],
-            &rows
-        )
+        table::columns(&["operations", "add", "mul", "div", "sincos"], &rows)
     );
     out
 }

@@ -1,6 +1,5 @@
 //! `regen new`: a commented spec to begin with.
 
-use std::fs::OpenOptions;
 use std::path::PathBuf;
 
 use regen_codegen::diag::Source;
@@ -51,26 +50,8 @@ pub(crate) fn run(args: &NewArgs) -> Result<(), Failure> {
         name: out.display().to_string(),
         text: text.clone(),
     })?;
-    if let Some(dir) = out.parent().filter(|dir| !dir.as_os_str().is_empty()) {
-        std::fs::create_dir_all(dir).map_err(|error| Failure::io("create", dir, &error))?;
-    }
-    // Reserved, so that a file of the same name is never replaced, not even one made just now.
-    OpenOptions::new()
-        .write(true)
-        .create_new(true)
-        .open(&out)
-        .map_err(|error| match error.kind() {
-            std::io::ErrorKind::AlreadyExists => Failure::Io(format!(
-                "{} exists already and is left as it is: choose another NAME, or a file with --out",
-                out.display()
-            )),
-            _ => Failure::io("write", &out, &error),
-        })?;
-    if let Err(failure) = write::atomically(&out, &text) {
-        // It is empty, and ours.
-        let _ = std::fs::remove_file(&out);
-        return Err(failure);
-    }
+    let remedy = "choose another NAME, or a file with --out";
+    write::create(&out, &text, remedy)?;
     let written = out.display().to_string();
     match args.format {
         Format::Json => terminal::print(&table::json(&Printed {

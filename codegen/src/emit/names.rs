@@ -85,7 +85,9 @@ pub(super) fn identifier(label: &str) -> String {
     }
 }
 
-/// A type's name from a module's: `rps3` becomes `Rps3`, `puma_560` `Puma560`.
+/// The name of a robot's type from the name of its module: `rps3` becomes `Rps3`, `puma_560`
+/// becomes `Puma560`. `Robot` follows where the name would collide with another one in the
+/// module (`joint` becomes `JointRobot`), and precedes a name that would begin with a digit.
 pub(super) fn type_name(module: &str) -> String {
     let parts = module.split('_').filter(|p| !p.is_empty());
     let name: String = parts
@@ -95,29 +97,114 @@ pub(super) fn type_name(module: &str) -> String {
             first.into_iter().chain(chars).collect::<String>()
         })
         .collect();
-    if IMPORTED.contains(&name.as_str()) {
+    if is_taken(&name) {
         format!("{name}Robot")
-    } else if name.is_empty() {
-        "Robot".to_owned()
+    } else if name.starts_with(|c: char| c.is_ascii_digit()) || name.is_empty() {
+        format!("Robot{name}")
     } else {
         name
     }
 }
 
-/// What a module imports, and its type parameter.
-const IMPORTED: [&str; 12] = [
+/// Whether a name means something else inside a module than the robot's type.
+fn is_taken(name: &str) -> bool {
+    let lists: [&[&str]; 4] = [&IMPORTS, &BASE_IMPORTS, &CONSTANTS, &LANGUAGE];
+    lists.iter().any(|list| list.contains(&name))
+}
+
+/// What a module imports from the runtime, each where it uses it.
+pub(super) const IMPORTS: [&str; 10] = [
+    "Condition",
+    "Cone",
+    "Cut",
+    "Friction",
+    "Info",
+    "Joint",
+    "Limits",
+    "Model",
+    "Scalar",
+    "SizeError",
+];
+
+/// What a module with base parameters imports as well.
+pub(super) const BASE_IMPORTS: [&str; 6] = [
     "BaseInfo",
+    "BaseKernel",
     "BaseModel",
     "BaseParameter",
     "BaseTerm",
     "Certificate",
-    "Condition",
-    "Cut",
-    "Info",
-    "Model",
-    "Scalar",
-    "SizeError",
+];
+
+/// The constants that a module defines and whose names a type could have. Names with `_` between
+/// two letters are not among them, because no type has one.
+const CONSTANTS: [&str; 14] = [
+    "ACTUATED",
+    "BASE",
+    "BODIES",
+    "CONES",
+    "COORDINATES",
+    "DEPENDENT",
+    "FREE",
+    "HOME",
+    "INDEPENDENT",
+    "INFO",
+    "JOINTS",
+    "NOMINAL",
+    "PARAMETERS",
+    "ZEROS",
+];
+
+/// The type parameter, the keyword that is written like a type, the prelude of the standard
+/// library in its newest edition, and the derived traits.
+const LANGUAGE: [&str; 47] = [
     "T",
+    "Self",
+    "AsMut",
+    "AsRef",
+    "AsyncFn",
+    "AsyncFnMut",
+    "AsyncFnOnce",
+    "Box",
+    "Clone",
+    "Copy",
+    "Debug",
+    "Default",
+    "DoubleEndedIterator",
+    "Drop",
+    "Eq",
+    "Err",
+    "ExactSizeIterator",
+    "Extend",
+    "Fn",
+    "FnMut",
+    "FnOnce",
+    "From",
+    "FromIterator",
+    "Future",
+    "Hash",
+    "Into",
+    "IntoFuture",
+    "IntoIterator",
+    "Iterator",
+    "None",
+    "Ok",
+    "Option",
+    "Ord",
+    "PartialEq",
+    "PartialOrd",
+    "Result",
+    "Send",
+    "Sized",
+    "Some",
+    "String",
+    "Sync",
+    "ToOwned",
+    "ToString",
+    "TryFrom",
+    "TryInto",
+    "Unpin",
+    "Vec",
 ];
 
 /// A number as Rust text; exact constants may be too large for a double.
@@ -201,7 +288,16 @@ mod tests {
         assert_eq!(type_name("puma_560"), "Puma560");
         assert_eq!(type_name("scalar"), "ScalarRobot");
         assert_eq!(type_name("size_error"), "SizeErrorRobot");
+        assert_eq!(type_name("joint"), "JointRobot");
+        assert_eq!(type_name("some"), "SomeRobot");
+        assert_eq!(type_name("_self"), "SelfRobot");
+        assert_eq!(type_name("HOME"), "HOMERobot");
+    }
+
+    #[test]
+    fn a_type_s_name_is_an_identifier_whatever_the_robot_s_is() {
         assert_eq!(type_name("_"), "Robot");
+        assert_eq!(type_name("_3rps"), "Robot3rps");
     }
 
     #[test]

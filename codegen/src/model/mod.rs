@@ -164,14 +164,6 @@ impl Model {
         path
     }
 
-    /// The coordinates that move a link.
-    pub fn moved_by(&self, link: Option<usize>) -> Vec<usize> {
-        self.path(link)
-            .into_iter()
-            .filter_map(|l| self.links[l].motion.map(|m| m.coordinate))
-            .collect()
-    }
-
     /// Whether the mechanism has loops or ties.
     pub fn is_closed(&self) -> bool {
         !self.cuts.is_empty() || !self.couplings.is_empty()

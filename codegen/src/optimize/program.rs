@@ -119,8 +119,6 @@ pub struct Operations {
     pub div: usize,
     /// Sine and cosine pairs.
     pub sincos: usize,
-    /// Square roots.
-    pub sqrt: usize,
 }
 
 /// A straight-line program.

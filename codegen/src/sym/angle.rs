@@ -110,7 +110,10 @@ impl Graph {
         if let Some(&id) = self.angle_lookup.get(&angle) {
             return id;
         }
-        let id = AngleId(u32::try_from(self.angles.len()).unwrap_or(u32::MAX));
+        let Some(index) = self.next_index(self.angles.len()) else {
+            return AngleId(0);
+        };
+        let id = AngleId(index);
         for (symbol, _) in &angle.terms {
             self.intern(Node::Symbol(*symbol));
         }

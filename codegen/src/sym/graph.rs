@@ -115,6 +115,9 @@ pub struct Graph {
     systems: Vec<System>,
     names: FxHashMap<Ex, String>,
     naming: bool,
+    /// The largest index that is given out; smaller than `u32::MAX` in tests only.
+    last: u32,
+    is_full: bool,
 }
 
 impl Default for Graph {
@@ -138,6 +141,8 @@ impl Graph {
             systems: Vec::new(),
             names: FxHashMap::default(),
             naming: true,
+            last: u32::MAX,
+            is_full: false,
         };
         graph.constant(Number::zero());
         graph.constant(Number::one());
@@ -159,11 +164,27 @@ impl Graph {
         self.nodes.is_empty()
     }
 
+    /// Whether more was asked for than indices can tell apart. What did not fit was replaced by
+    /// the first of its kind, so that results of a full graph are wrong and must not be used.
+    pub fn is_full(&self) -> bool {
+        self.is_full
+    }
+
+    /// The index of an element that is put behind `len` others, or `None` in a full graph.
+    pub(super) fn next_index(&mut self, len: usize) -> Option<u32> {
+        let index = u32::try_from(len).ok().filter(|index| *index <= self.last);
+        self.is_full |= index.is_none();
+        index
+    }
+
     pub(super) fn intern(&mut self, node: Node) -> Ex {
         if let Some(&ex) = self.lookup.get(&node) {
             return ex;
         }
-        let ex = Ex(u32::try_from(self.nodes.len()).unwrap_or(u32::MAX));
+        let Some(index) = self.next_index(self.nodes.len()) else {
+            return Ex::ZERO;
+        };
+        let ex = Ex(index);
         self.nodes.push(node);
         self.lookup.insert(node, ex);
         ex
@@ -178,7 +199,9 @@ impl Graph {
         let id = if let Some(&id) = self.number_lookup.get(&value) {
             id
         } else {
-            let id = u32::try_from(self.numbers.len()).unwrap_or(u32::MAX);
+            let Some(id) = self.next_index(self.numbers.len()) else {
+                return Ex::ZERO;
+            };
             self.numbers.push(value.clone());
             self.number_lookup.insert(value, id);
             id
@@ -219,7 +242,10 @@ impl Graph {
         if let Some(&id) = self.symbol_lookup.get(name) {
             return id;
         }
-        let id = SymbolId(u32::try_from(self.symbols.len()).unwrap_or(u32::MAX));
+        let Some(index) = self.next_index(self.symbols.len()) else {
+            return SymbolId(0);
+        };
+        let id = SymbolId(index);
         self.symbols.push(name.to_owned());
         self.symbol_lookup.insert(name.to_owned(), id);
         id
@@ -230,11 +256,6 @@ impl Graph {
         &self.symbols[id.index()]
     }
 
-    /// How many symbols there are.
-    pub fn symbol_count(&self) -> usize {
-        self.symbols.len()
-    }
-
     /// The linear form behind an [`AngleId`].
     pub fn angle(&self, id: AngleId) -> &Angle {
         &self.angles[id.index()]
@@ -242,9 +263,11 @@ impl Graph {
 
     /// Keeps a system; its solution is then read with [`Graph::solved`].
     pub fn add_system(&mut self, system: System) -> SystemId {
-        let id = SystemId(u32::try_from(self.systems.len()).unwrap_or(u32::MAX));
+        let Some(index) = self.next_index(self.systems.len()) else {
+            return SystemId(0);
+        };
         self.systems.push(system);
-        id
+        SystemId(index)
     }
 
     /// The system behind an id.
@@ -353,5 +376,49 @@ impl Graph {
             stack.extend(self.children(ex));
         }
         price
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_graph_that_runs_out_of_indices_says_so_and_never_gives_one_twice() {
+        let mut g = Graph::new();
+        let x = g.symbol("x");
+        g.last = 3;
+        let y = g.symbol("y");
+        assert!(!g.is_full());
+        assert_eq!((x.index(), y.index(), g.len()), (2, 3, 4));
+        let sum = g.add(x, y);
+        assert!(g.is_full());
+        assert_eq!((sum, g.len()), (Ex::ZERO, 4), "no other node is hit");
+        assert_eq!(g.symbol("x"), x, "what is there is still found");
+        assert!(g.is_full(), "the graph stays full");
+    }
+
+    #[test]
+    fn each_kind_of_element_fills_a_graph_alone() {
+        let full = |fill: fn(&mut Graph, usize)| {
+            let mut g = Graph::new();
+            g.last = 40;
+            // What is put into the graph is not kept as nodes.
+            (0..=41).for_each(|k| fill(&mut g, k));
+            (g.is_full(), g.len() < 40)
+        };
+        let symbol = |g: &mut Graph, k: usize| {
+            g.symbol_id(&format!("x{k}"));
+        };
+        let system = |g: &mut Graph, _: usize| {
+            g.add_system(System {
+                matrix: Vec::new(),
+                rhs: Vec::new(),
+                fixed: Vec::new(),
+                pivots: Vec::new(),
+            });
+        };
+        assert_eq!(full(symbol), (true, true));
+        assert_eq!(full(system), (true, true));
     }
 }

@@ -1,7 +1,6 @@
 //! Vectors and matrices of expressions.
 
 use super::graph::{Ex, Graph};
-use super::number::Number;
 
 /// Three expressions.
 pub type V3 = [Ex; 3];
@@ -76,24 +75,10 @@ impl Graph {
         ]
     }
 
-    /// `M^T v`.
-    pub fn mul_tv(&mut self, m: &M3, v: &V3) -> V3 {
-        self.mul_mv(&transposed(m), v)
-    }
-
     /// `A B`.
     pub fn mul_mm(&mut self, a: &M3, b: &M3) -> M3 {
         let columns = transposed(b);
         a.map(|row| columns.map(|column| self.dot3(&row, &column)))
-    }
-
-    /// A constant vector.
-    pub fn constant3(&mut self, v: &[Number; 3]) -> V3 {
-        [
-            self.constant(v[0].clone()),
-            self.constant(v[1].clone()),
-            self.constant(v[2].clone()),
-        ]
     }
 }
 

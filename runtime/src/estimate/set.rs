@@ -160,21 +160,6 @@ impl FactorSet {
         Ok(whole)
     }
 
-    /// The set in which each factor is replaced.
-    ///
-    /// # Errors
-    /// When the change fails for one of them.
-    pub fn mapped(
-        &self,
-        change: impl Fn(&Factor) -> Result<Factor, EstimateError>,
-    ) -> Result<Self, EstimateError> {
-        let mut out = self.clone();
-        for factor in &mut out.factors {
-            *factor = change(factor)?;
-        }
-        Ok(out)
-    }
-
     /// The set as the text of a file: JSON, with numbers that read back to the same doubles.
     pub fn to_text(&self) -> String {
         serde_json::to_string(self).unwrap_or_default() + "\n"

@@ -36,5 +36,5 @@ pub use error::FeasibilityError;
 pub use inertia::{Scale, Ten, pseudo_inertia, ten_of};
 pub use layout::{Body, Check, Combinations, Layout, SYMBOLS};
 pub use options::{Bound, Options, Prior, Total};
-pub use output::{bodies_yaml, parameters_json, rust_constants, unit};
+pub use output::{bodies_yaml, rust_constants, unit};
 pub use verdict::{InfeasibilityCertificate, Verdict, verdict};

@@ -1,10 +1,8 @@
-//! Identified parameters as files: a spec's bodies, JSON, constants for a controller.
+//! Identified parameters as text: the bodies of a spec, constants for a controller.
 
 use core::fmt::Write;
 use std::format;
 use std::prelude::v1::*;
-
-use serde::Serialize;
 
 use super::error::{finite, size};
 use super::{FeasibilityError, Layout};
@@ -119,38 +117,6 @@ pub fn bodies_yaml(layout: &Layout, phi: &[f64]) -> Result<String, FeasibilityEr
         );
     }
     Ok(out)
-}
-
-#[derive(Serialize)]
-struct Parameter<'a> {
-    label: &'a str,
-    value: f64,
-    unit: &'a str,
-}
-
-/// The parameters as a JSON list of `{label, value, unit}`, with numbers that read back to the
-/// same doubles.
-///
-/// # Errors
-/// When the length does not fit or a value is not finite.
-pub fn parameters_json(
-    layout: &Layout,
-    phi: &[f64],
-    info: &Info<'_>,
-) -> Result<String, FeasibilityError> {
-    size("phi", layout.len(), phi.len())?;
-    finite("phi", phi)?;
-    let pairs = layout.labels().iter().zip(phi);
-    let all: Vec<Parameter<'_>> = pairs
-        .map(|(label, value)| Parameter {
-            label,
-            value: *value,
-            unit: unit(label, info),
-        })
-        .collect();
-    serde_json::to_string_pretty(&all)
-        .map(|text| text + "\n")
-        .map_err(|error| FeasibilityError::Solver(format!("{error}")))
 }
 
 /// The parameters as Rust source for a controller: `PHI` in the order of the model's regressor,

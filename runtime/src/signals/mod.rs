@@ -300,11 +300,6 @@ impl Method {
         let rates = found.rate.iter().filter(|r| r.is_finite());
         Ok(rates.map(|r| r * r).sum::<f64>().sqrt())
     }
-
-    /// Whether steps must be alike.
-    pub fn needs_uniform(&self) -> bool {
-        matches!(self, Self::Butterworth { .. })
-    }
 }
 
 fn check(times: &[f64], values: &[f64]) -> Result<(), SignalError> {

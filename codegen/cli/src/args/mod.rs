@@ -454,9 +454,13 @@ Examples:
 pub(crate) struct ImportArgs {
     /// The file, URDF or MJCF
     pub(crate) file: PathBuf,
-    /// Where the spec is written [default: standard output]
+    /// Where the spec is written [default: standard output]; a file that exists
+    /// is left as it is
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
+    /// Replace the file of --out where it exists
+    #[arg(long, requires = "out")]
+    pub(crate) force: bool,
     /// The spec's name [default: the robot's in the file]
     #[arg(long, value_name = "NAME")]
     pub(crate) name: Option<String>,

@@ -50,6 +50,8 @@ pub enum CertificateError {
         /// How many are needed.
         needed: usize,
     },
+    /// The mechanism takes more expressions than a graph can tell apart.
+    TooLarge,
 }
 
 impl fmt::Display for CertificateError {
@@ -64,6 +66,12 @@ impl fmt::Display for CertificateError {
                 f,
                 "only {found} of {needed} closed states could be reached from home"
             ),
+            CertificateError::TooLarge => {
+                write!(
+                    f,
+                    "the mechanism takes more expressions than can be told apart"
+                )
+            }
         }
     }
 }
@@ -85,6 +93,9 @@ pub fn certify(model: &Model, home: &[f64], seed: u64) -> Result<Samples, Certif
     let frames = Frames::new(&mut g, model, Geometry::Values);
     let equations = crate::constraints::world_equations(&mut g, &frames, model, None);
     let expressions = rows::Expressions::new(&mut g, &frames, model);
+    if g.is_full() {
+        return Err(CertificateError::TooLarge);
+    }
 
     let needed = rows::states_needed(model);
     let units = Units::of(model, home);

@@ -80,6 +80,9 @@ pub fn observe(
     let frames = Frames::new(&mut g, model, Geometry::Values);
     let equations = crate::constraints::world_equations(&mut g, &frames, model, None);
     let seen = seen(&mut g, &frames, model);
+    if g.is_full() {
+        return Err(CertificateError::TooLarge);
+    }
     let evaluator = Evaluator::new(&g, seen.iter().flat_map(Seen::roots).collect());
     let units = Units::of(model, home);
     let mut walk = Walk::new(&g, &equations, model, home, seed, units)?;
