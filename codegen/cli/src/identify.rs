@@ -127,17 +127,21 @@ pub(crate) struct Outcome {
     pub(crate) identified: IdentifiedModel,
 }
 
+/// Below this bound nearly all residuals would count linearly.
+const LEAST_HUBER: f64 = 0.1;
+
 /// Runs the command.
 pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     if !(args.confidence > 0.0 && args.confidence < 1.0) {
         let text = "--confidence must be between 0 and 1, such as 0.95";
         return Err(Failure::Input(text.to_owned()));
     }
-    if args
-        .huber
-        .is_some_and(|k| k.partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater))
-    {
-        return Err(Failure::Input("--huber must be above 0".to_owned()));
+    if args.huber.is_some_and(|k| !(k >= LEAST_HUBER)) {
+        let text = format!(
+            "--huber counts in standard deviations, and must be at least {LEAST_HUBER}; 1.345 is \
+             usual"
+        );
+        return Err(Failure::Input(text));
     }
     let source = load::source(&args.file)?;
     let robot = load::with_base(&source)?;

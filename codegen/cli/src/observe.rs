@@ -162,6 +162,13 @@ pub(crate) fn open<'m>(
         let text = "--delay auto is for `identify`: give the values that it printed, NAME=S";
         return Err(Failure::Input(text.to_owned()));
     }
+    if reading.standstill == StandstillArg::Weigh && settings(reading).method.smoothing().is_none()
+    {
+        let text = "--standstill weigh weighs equations by how long their joints moved within the \
+                    memory of a filter, and there is none: give --butterworth or --local, or choose \
+                    drop or keep";
+        return Err(Failure::Input(text.to_owned()));
+    }
     let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
     let spinner = spinner(format!("checking {}", names.join(", ")));
     let logs = Logs::open(model, paths, &settings(reading));
@@ -225,6 +232,13 @@ pub(crate) fn kind(reading: &ReadingArgs) -> Kind {
 /// Tells what was left out of logs, or used in spite of what is said of it.
 pub(crate) fn note_problems(reports: &[FileReport]) {
     for report in reports {
+        if !report.still.is_empty() {
+            terminal::note(&format!(
+                "{}: {} never moves: what only its motion shows cannot be seen",
+                report.file,
+                report.still.join(", ")
+            ));
+        }
         let count = report.problems.total();
         let what = match report.policy {
             Policy::Keep => {

@@ -79,11 +79,7 @@ fn intervals_of_a_platform_hold_the_truth_without_noise() {
                      [-0.0353, -0.0511, -0.0301, -0.0393, 0.0298]]}"#,
         &[],
         &[],
-        &[
-            &[],
-            &["--butterworth", "4,20"],
-            &["--butterworth", "4,20", "--iv"],
-        ],
+        &[&[], &["--butterworth", "4,20"]],
     );
 }
 

@@ -73,6 +73,8 @@ pub struct FileReport {
     pub states: usize,
     /// Whether velocities and accelerations were read from it, not found from the positions.
     pub derivatives: bool,
+    /// The measured coordinates that never move in it.
+    pub still: Vec<String>,
     /// What is wrong with it.
     pub problems: Problems,
     /// What was done with the rows that this is about.
@@ -194,7 +196,12 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 Some(fit) => Some(fit.finish().map_err(|why| signal(&file, why))?),
                 None => None,
             };
+            let encoders: Vec<Encoder> = differences.into_iter().map(Differences::finish).collect();
+            let constant = file.layout.measured.iter().zip(&encoders);
+            let constant = constant.filter(|(_, encoder)| encoder.constant);
+            let still = constant.filter_map(|(c, _)| info.coordinates.get(*c));
             reports.push(FileReport {
+                still: still.map(|name| (*name).to_owned()).collect(),
                 file: name,
                 rows,
                 step: survey.step(),
@@ -207,7 +214,7 @@ impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
                 file,
                 survey,
                 series,
-                encoders: differences.into_iter().map(Differences::finish).collect(),
+                encoders,
             });
         }
         Ok(Self {

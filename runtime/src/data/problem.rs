@@ -273,7 +273,8 @@ impl Problems {
     pub fn left_out(&self, policy: Policy) -> Vec<(&str, usize)> {
         let counts = self.counts.iter().map(|(kind, n)| (kind.as_str(), *n));
         counts
-            .filter(|(kind, _)| !(policy.keeps() && NUMBERS.contains(kind)))
+            // the rows on both sides of a gap are there
+            .filter(|(kind, _)| *kind != "gap" && !(policy.keeps() && NUMBERS.contains(kind)))
             .collect()
     }
 }

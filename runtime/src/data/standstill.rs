@@ -42,6 +42,8 @@ pub(super) struct Encoder {
     pub(super) step: f64,
     /// The standard deviation of its noise, steps included, rad or m.
     pub(super) noise: f64,
+    /// Whether it never changes.
+    pub(super) constant: bool,
     /// How many neighbours on either side give the best second derivative, 1 to 3: more follow
     /// the motion better but take up more noise. 0 where the log is too short to tell.
     pub(super) neighbours: usize,
@@ -127,6 +129,7 @@ impl Differences {
             return Encoder::default();
         }
         let step = step(&mut self.values);
+        let constant = self.values.first() == self.values.last();
         let [fourth, sixth, eighth] = self.sizes.map(median);
         let counted = step / 12.0_f64.sqrt();
         // slow differences are of the motion, which only those of high order do not know
@@ -142,6 +145,7 @@ impl Differences {
         }
         Encoder {
             step,
+            constant,
             noise: counted.max(fourth / (HALF * FOURTH)),
             neighbours: best.1,
         }

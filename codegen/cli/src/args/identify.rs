@@ -83,7 +83,7 @@ pub(crate) struct IdentifyArgs {
     #[arg(long, value_name = "K")]
     pub(crate) huber: Option<f64>,
     /// Samples in which residuals are correlated [default: found from them]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
     pub(crate) bandwidth: Option<usize>,
     /// The level of the confidence intervals
     #[arg(long, value_name = "LEVEL", default_value_t = 0.95)]
@@ -171,7 +171,7 @@ pub(crate) struct ReadingArgs {
     #[arg(long, value_name = "S", group = "method")]
     pub(crate) local: Option<f64>,
     /// Take only each N-th state, after filtering
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = at_least_one)]
     pub(crate) decimate: usize,
     /// Average the runs of a trajectory of this period in s
     #[arg(long, value_name = "S")]
@@ -272,6 +272,13 @@ fn pair(text: &str) -> Result<(f64, usize), String> {
 fn flipped(text: &str) -> Result<(f64, usize), String> {
     let (a, b) = text.split_once(',').ok_or("two numbers with a comma")?;
     pair(&format!("{b},{a}"))
+}
+
+fn at_least_one(text: &str) -> Result<usize, String> {
+    match text.trim().parse::<usize>() {
+        Ok(value) if value > 0 => Ok(value),
+        _ => Err(format!("`{text}` is not a whole number of at least 1")),
+    }
 }
 
 fn not_negative(text: &str) -> Result<f64, String> {

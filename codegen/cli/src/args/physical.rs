@@ -44,8 +44,8 @@ pub(crate) struct PhysicalArgs {
     #[arg(long, value_name = "BODIES", requires = "physical")]
     pub(crate) identical: Vec<String>,
     /// Logs that are drawn by chance for the intervals of values under
-    /// constraints, one small fit each; 0: no intervals
-    #[arg(long, value_name = "N", default_value_t = REPLICATES, requires = "physical")]
+    /// constraints, one small fit each, at least 5; 0: no intervals
+    #[arg(long, value_name = "N", default_value_t = REPLICATES, requires = "physical", value_parser = draws)]
     pub(crate) draws: usize,
     /// Write the spec with `bodies:` and the joints' `nominal:` filled with the
     /// physical values; all else of its text stays
@@ -99,6 +99,18 @@ fn number(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
         _ => Err(format!("`{text}` is no number")),
+    }
+}
+
+/// Draws that give an interval at all.
+const LEAST_DRAWS: usize = 5;
+
+fn draws(text: &str) -> Result<usize, String> {
+    match text.trim().parse::<usize>() {
+        Ok(value) if value == 0 || value >= LEAST_DRAWS => Ok(value),
+        _ => Err(format!(
+            "`{text}` is neither 0 nor a whole number of at least {LEAST_DRAWS}"
+        )),
     }
 }
 

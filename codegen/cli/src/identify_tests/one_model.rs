@@ -214,7 +214,7 @@ const ALL: [&str; 11] = [
     "--feasible --weighting equal --huber 2",
     "--feasible --energy 0.1",
     "--reduce --delay q1=0.004",
-    "--feasible --standstill weigh --delay q3=0.004",
+    "--feasible --standstill keep --delay q3=0.004",
     "--iv",
 ];
 
