@@ -136,7 +136,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         let text = "--confidence must be between 0 and 1, such as 0.95";
         return Err(Failure::Input(text.to_owned()));
     }
-    if args.huber.is_some_and(|k| !(k >= LEAST_HUBER)) {
+    if args.huber.is_some_and(|k| k.is_nan() || k < LEAST_HUBER) {
         let text = format!(
             "--huber counts in standard deviations, and must be at least {LEAST_HUBER}; 1.345 is \
              usual"
