@@ -6,9 +6,9 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use regen_runtime::data::{DataError, Logs, Policy, Settings};
-use regen_runtime::identify::{Kind, observe};
-use regen_runtime::signals::Method;
+use regen_identify::data::{DataError, Logs, Policy, Settings};
+use regen_identify::identify::{Kind, observe};
+use regen_identify::signals::Method;
 
 mod model {
     #![allow(missing_docs, unreachable_pub, dead_code)]

@@ -2,8 +2,8 @@
 
 use regen_codegen::diag::Source;
 use regen_codegen::spec::parse;
+use regen_identify::estimate::{Estimate, FactorSet, Weighting};
 use regen_import::{Options, import as of};
-use regen_runtime::estimate::{Estimate, FactorSet, Weighting};
 
 use crate::description::shown;
 

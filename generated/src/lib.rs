@@ -1,8 +1,6 @@
 //! The dynamics of every robot in `robots/`, as `regen generate` writes them.
 //!
-//! One module per robot. Nothing here needs the standard library or an allocator; the
-//! features `std` and `libm` choose where the elementary functions of `f64` and `f32` come
-//! from.
+//! One module per robot. Nothing here needs the standard library or an allocator.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel

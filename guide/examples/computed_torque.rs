@@ -8,13 +8,13 @@
 use std::error::Error;
 use std::f64::consts::TAU;
 
-use regen_generated::rps3_friction::Rps3Friction;
-use regen_runtime::identify::{Kind, Options, Recorded, identify};
-use regen_runtime::simulate::Noise;
-use regen_runtime::simulate::{
-    Drive, Log, Now, Pid, Sensors, Settings, friction_laws, perturbed, simulate,
+use regen_experiment::simulate::Noise;
+use regen_experiment::simulate::{
+    Drive, Log, Now, Pid, Sensors, Settings, nominal_friction, perturbed, simulate,
     simulate_controlled,
 };
+use regen_generated::rps3_friction::Rps3Friction;
+use regen_identify::identify::{Kind, Options, Recorded, identify};
 use regen_runtime::{BaseModel, Closure};
 
 /// The robot, over `f64`.
@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The robot that nobody knows: its bodies differ from the drawing by up to 10 %.
     let drawing = info.nominal_parameters().ok_or("no nominal values")?;
     let truth = perturbed(&info, &drawing, 0.1, &mut Noise::new(7));
-    let laws = friction_laws(&info).map_err(|(_, why)| why)?;
+    let laws = nominal_friction(&info)?;
     let settings = Settings {
         duration: 7.5,
         pid: vec![

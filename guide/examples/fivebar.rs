@@ -9,10 +9,10 @@
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
+use regen_identify::data::{Logs, Settings};
+use regen_identify::identify::{Identified, Kind, Options, identify, observe, residuals};
+use regen_identify::signals::Method;
 use regen_runtime::BaseModel;
-use regen_runtime::data::{Logs, Settings};
-use regen_runtime::identify::{Identified, Kind, Options, identify, observe, residuals};
-use regen_runtime::signals::Method;
 
 regen_runtime::robot_model!("../fivebar/fivebar.yaml");
 

@@ -8,10 +8,10 @@
 use std::error::Error;
 use std::f64::consts::TAU;
 
+use regen_experiment::simulate::Noise;
 use regen_generated::panda::Panda;
+use regen_identify::estimate::{Estimate, Factor};
 use regen_runtime::Model;
-use regen_runtime::estimate::{Estimate, Factor};
-use regen_runtime::simulate::Noise;
 
 /// Standard deviation of the torques' noise, N m.
 const SIGMA: f64 = 0.05;

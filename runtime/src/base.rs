@@ -56,11 +56,7 @@ pub struct BaseInfo<'a> {
 }
 
 /// A [`Model`] with base parameters. `rank` is the number of them.
-pub trait BaseModel<
-    #[cfg(any(feature = "std", feature = "libm"))] T: Scalar = f64,
-    #[cfg(not(any(feature = "std", feature = "libm")))] T: Scalar,
->: Model<T>
-{
+pub trait BaseModel<T: Scalar = f64>: Model<T> {
     /// The combinations and their certificate.
     fn base_info(&self) -> BaseInfo<'_>;
 

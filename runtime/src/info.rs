@@ -1,5 +1,7 @@
 //! What a model states about itself: names, sizes, limits, nominal values.
 
+use crate::Friction;
+
 /// One loop closure: a joint that was cut to obtain a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cut<'a> {
@@ -16,59 +18,6 @@ pub enum Motion {
     Turn,
     /// A shift: m, N.
     Shift,
-}
-
-/// The friction model of a joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Friction {
-    /// None.
-    None,
-    /// `Fv qd`.
-    Viscous,
-    /// `Fc sgn(qd)`.
-    Coulomb,
-    /// `Fv qd + Fc sgn(qd)`.
-    Linear,
-    /// Viscous, and Coulomb with a coefficient for each direction.
-    CoulombAsymmetric,
-    /// Viscous and Coulomb with coefficients for each direction (Eq. 14).
-    Asymmetric,
-    /// `sgn(qd) (Fc + (Fs - Fc) exp(-|qd/vs|^delta)) + Fv qd` (Eq. 32); no columns.
-    Stribeck,
-    /// `sgn(qd) Fc + Fv1 qd + Fv2 atan(Fv3 qd)` (Eq. 16); no columns.
-    Atan,
-    /// `Fc+ + Fv |qd|^delta` where qd > 0, `-Fc- - Fv |qd|^delta` where qd < 0 (Eq. 17); no columns.
-    Power,
-}
-
-impl Friction {
-    /// The symbols of its coefficients, in the order of [`Joint::nominal`]: of columns where it
-    /// is linear in them.
-    ///
-    /// ```
-    /// use regen_runtime::Friction;
-    ///
-    /// assert_eq!(Friction::Linear.symbols(), ["Fv", "Fc"]);
-    /// assert_eq!(Friction::Stribeck.symbols(), ["Fc", "Fs", "vs", "delta", "Fv"]);
-    /// ```
-    pub fn symbols(self) -> &'static [&'static str] {
-        match self {
-            Friction::None => &[],
-            Friction::Viscous => &["Fv"],
-            Friction::Coulomb => &["Fc"],
-            Friction::Linear => &["Fv", "Fc"],
-            Friction::CoulombAsymmetric => &["Fv", "Fc+", "Fc-"],
-            Friction::Asymmetric => &["Fv+", "Fc+", "Fv-", "Fc-"],
-            Friction::Stribeck => &["Fc", "Fs", "vs", "delta", "Fv"],
-            Friction::Atan => &["Fc", "Fv1", "Fv2", "Fv3"],
-            Friction::Power => &["Fc+", "Fc-", "Fv", "delta"],
-        }
-    }
-
-    /// Whether it is linear in its coefficients, which then are parameters with columns.
-    pub fn is_linear(self) -> bool {
-        !matches!(self, Friction::Stribeck | Friction::Atan | Friction::Power)
-    }
 }
 
 /// The limits of a coordinate that are stated: lowest and highest value.
@@ -232,7 +181,7 @@ impl Info<'_> {
     }
 
     /// The nominal parameters in the order of `parameters`, if every one has a value.
-    #[cfg(feature = "alloc")]
+    #[cfg(feature = "closure")]
     pub fn nominal_parameters(&self) -> Option<alloc::vec::Vec<f64>> {
         if self.nominal.len() != self.parameters.len() {
             return None;

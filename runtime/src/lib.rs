@@ -3,7 +3,7 @@
 //! Emitted code is generic over [`Scalar`], falls back on [`solve_pivoted`] where a static
 //! pivot order loses accuracy, and reports the outcome as a [`Condition`]. [`Model`] is the
 //! interface that all robots share, generated or interpreted. The core is `no_std`, allocates
-//! nothing and has no dependencies.
+//! nothing and depends on `libm` alone.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
@@ -11,44 +11,25 @@
 //!
 //! # Features
 //!
-//! Numbers, from one provider of the elementary functions:
-//! - `std` (default): `f64` and `f32` by the standard library. Wins over `libm`.
-//! - `libm`: `f64` and `f32` by the crate `libm`, for targets without `std`.
-//!
-//! Further scalars:
+//! Every feature adds and none changes a result:
+//! - `std` (default): threads for batches, and fused products where the target has them.
+//! - `closure` (default): loop closure on an assembly branch; observation matrices over
+//!   samples. Needs an allocator.
 //! - `dual`: `Dual` over the crate `num-dual`, derivatives of everything a model computes.
 //!   Needs `std`.
 //! - `simd`: `Lane`, several states at once, by the instruction set found at run time; `batch`,
-//!   base regressors of many samples. Brings `libm` along for targets without `std`.
-//!
-//! Solvers and evaluation over a [`Model`]:
-//! - `closure` (default): loop closure on an assembly branch; observation matrices over
-//!   samples. Needs an allocator and, through `std` or `libm`, `f64`.
-//! - `simulation`: a simulated robot, `simulate`: forward dynamics of closed chains, control,
-//!   friction and sensors.
-//! - `excitation`: exciting trajectories, `excite`. Brings a conic solver.
-//! - `alloc`: set by the above; of no use alone.
-//!
-//! Identification:
-//! - `signals`: velocities and accelerations from sampled positions. Needs `std`.
-//! - `estimation`: observations reduced to a triangle, least squares with statistics.
-//! - `data`: logs from CSV files.
-//! - `parquet`: logs from Parquet files too, plain or compressed by snappy.
-//!
-//! Physical parameters:
-//! - `feasibility`: verdicts, identification under constraints, nonlinear friction, reduction to
-//!   what is identifiable. Brings a conic solver, with dense routines of its own.
-//! - `lapack-system`: leaves the dense routines to a BLAS and LAPACK that the program links.
-//!
-//! The macro:
+//!   base regressors of many samples.
 //! - `macros`: `robot_model!`, a robot from its YAML file at compile time.
+//!
+//! Identification from logs is the crate `regen-identify`; exciting trajectories and simulation
+//! are `regen-experiment`. Neither is linked by a controller.
 #![no_std]
 #![allow(
     clippy::doc_markdown,
     reason = "A_e and qdd_i are formulas, written as in the equations"
 )]
 
-#[cfg(feature = "alloc")]
+#[cfg(feature = "closure")]
 extern crate alloc;
 #[cfg(feature = "std")]
 extern crate std;
@@ -56,52 +37,30 @@ extern crate std;
 mod base;
 #[cfg(feature = "simd")]
 pub mod batch;
-#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+#[cfg(feature = "closure")]
 mod closure;
 mod condition;
-#[cfg(feature = "data")]
-pub mod data;
-#[cfg(feature = "estimation")]
-pub mod estimate;
-#[cfg(feature = "excitation")]
-pub mod excite;
-#[cfg(feature = "feasibility")]
-pub mod feasibility;
-#[cfg(feature = "feasibility")]
 pub mod friction;
 mod guarded;
-#[cfg(feature = "feasibility")]
-pub mod identifiability;
-#[cfg(feature = "estimation")]
-pub mod identify;
 mod info;
-#[cfg(feature = "feasibility")]
-pub mod intervals;
 mod kernel;
-#[cfg(any(feature = "feasibility", feature = "simulation"))]
-mod law;
 mod linear;
 mod model;
-#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+#[cfg(feature = "closure")]
 mod observe;
 mod scalar;
-#[cfg(feature = "signals")]
-pub mod signals;
-#[cfg(feature = "simulation")]
-pub mod simulate;
-#[cfg(feature = "signals")]
-mod triangle;
 
 pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
-#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+#[cfg(feature = "closure")]
 pub use closure::{Closure, Misuse, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
+pub use friction::{Friction, JointFriction};
 pub use guarded::{PIVOT_BOUND, guarded};
-pub use info::{Cone, Cut, Friction, Info, Joint, Limits, Motion};
+pub use info::{Cone, Cut, Info, Joint, Limits, Motion};
 pub use kernel::BaseKernel;
 pub use linear::solve_pivoted;
 pub use model::{Model, SizeError, array, array_mut, matrix_mut};
-#[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+#[cfg(feature = "closure")]
 pub use observe::{Observation, Sample, observation};
 #[cfg(feature = "macros")]
 pub use regen_macros::robot_model;

@@ -109,12 +109,7 @@ pub fn matrix_mut<'a, T, const OUTER: usize, const INNER: usize>(
 /// and radians: positions in m, angles in rad, efforts in N or N m. q, qd, qdd are over all
 /// coordinates; a suffix `_i` means over the independent ones, in `Info::independent` order.
 /// The states are used as given, closed or not.
-pub trait Model<
-    // Without a provider of the elementary functions, f64 is no Scalar and no default.
-    #[cfg(any(feature = "std", feature = "libm"))] T: Scalar = f64,
-    #[cfg(not(any(feature = "std", feature = "libm")))] T: Scalar,
->
-{
+pub trait Model<T: Scalar = f64> {
     /// The names and sizes of the model's parts.
     fn info(&self) -> Info<'_>;
 

@@ -3,13 +3,11 @@
 use core::fmt::Debug;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-#[cfg(any(feature = "std", feature = "libm"))]
 mod angles;
 #[cfg(feature = "dual")]
 mod dual;
 #[cfg(feature = "simd")]
 mod lane;
-#[cfg(any(feature = "std", feature = "libm"))]
 mod real;
 
 #[cfg(feature = "dual")]
@@ -84,10 +82,6 @@ pub trait Scalar:
     #[must_use]
     fn sign(self) -> Self;
 
-    /// The square root; NaN below zero.
-    #[must_use]
-    fn sqrt(self) -> Self;
-
     /// Sine and cosine of an angle in radians.
     #[must_use]
     fn sin_cos(self) -> (Self, Self);
@@ -110,18 +104,6 @@ pub trait Scalar:
     fn sin_cos_all<const N: usize>(angles: [Self; N]) -> [(Self, Self); N] {
         angles.map(Self::sin_cos)
     }
-
-    /// The arc tangent, in radians.
-    #[must_use]
-    fn atan(self) -> Self;
-
-    /// e to the power `self`.
-    #[must_use]
-    fn exp(self) -> Self;
-
-    /// `self` to the power `exponent`.
-    #[must_use]
-    fn powf(self, exponent: Self) -> Self;
 
     /// Where `self < other`; false at NaN.
     fn less(self, other: Self) -> Self::Mask;

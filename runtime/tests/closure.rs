@@ -1,6 +1,6 @@
 //! Loop closure on mechanisms whose branches and singularities are known in closed form.
 
-#![cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+#![cfg(feature = "closure")]
 #![allow(clippy::unwrap_used, clippy::float_cmp, unreachable_pub)]
 #![allow(clippy::doc_markdown, reason = "formulas")]
 

@@ -1,6 +1,5 @@
 //! The pivoted solve against systems of known solution.
 
-#![cfg(any(feature = "std", feature = "libm"))]
 #![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! One model through every scalar type, the meaning of its methods, and misuse.
 
-#![cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
+#![cfg(feature = "closure")]
 #![allow(clippy::unwrap_used, unreachable_pub)]
 #![allow(clippy::doc_markdown, reason = "formulas")]
 

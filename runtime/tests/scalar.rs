@@ -1,13 +1,12 @@
 //! Every scalar type against `f64`, and the rules about NaN.
 
-#![cfg(any(feature = "std", feature = "libm"))]
 #![allow(clippy::float_cmp, reason = "these values are exact")]
 
 use proptest::prelude::*;
 use regen_runtime::Scalar;
 
 /// All operations on a pair of values, in a fixed order.
-fn operations<T: Scalar>(x: T, y: T) -> [T; 17] {
+fn operations<T: Scalar>(x: T, y: T) -> [T; 13] {
     let (sin, cos) = x.sin_cos();
     [
         x + y,
@@ -19,19 +18,15 @@ fn operations<T: Scalar>(x: T, y: T) -> [T; 17] {
         x.mul_add(y, x),
         Scalar::abs(x),
         x.sign(),
-        Scalar::sqrt(Scalar::abs(x)),
         sin,
         cos,
-        Scalar::atan(x),
-        Scalar::exp(x / (Scalar::abs(x) + x.lift(1.0))),
-        Scalar::powf(Scalar::abs(x), y.lift(1.5)),
         Scalar::min(x, y),
         Scalar::max(x, y),
     ]
 }
 
 /// The same by the standard library.
-fn reference(x: f64, y: f64) -> [f64; 17] {
+fn reference(x: f64, y: f64) -> [f64; 13] {
     [
         x + y,
         x - y,
@@ -42,19 +37,15 @@ fn reference(x: f64, y: f64) -> [f64; 17] {
         x * y + x,
         x.abs(),
         if x == 0.0 { x } else { x.signum() },
-        x.abs().sqrt(),
         x.sin(),
         x.cos(),
-        x.atan(),
-        (x / (x.abs() + 1.0)).exp(),
-        x.abs().powf(1.5),
         x.min(y),
         x.max(y),
     ]
 }
 
 /// `mul_add` may be fused, a sum of two roundings; sines may be 2 ulp off.
-fn assert_like(found: &[f64; 17], x: f64, y: f64, epsilon: f64) {
+fn assert_like(found: &[f64; 13], x: f64, y: f64, epsilon: f64) {
     let size = 1.0 + x.abs() + (x * y).abs();
     for (i, (found, expected)) in found.iter().zip(reference(x, y)).enumerate() {
         let scale = if i == 6 { size } else { expected.abs() };
@@ -145,14 +136,6 @@ mod dual {
                 let difference = (after[i] - before[i]) / (2.0 * h);
                 prop_assert!((found.0.eps - difference).abs() < 1e-7, "operation {}", i);
             }
-        }
-
-        #[test]
-        fn a_power_has_both_partial_derivatives(x in 0.1..3.0_f64, y in -2.0..2.0_f64) {
-            let by_base = Scalar::powf(Dual(Dual64::new(x, 1.0)), Dual(Dual64::new(y, 0.0))).0.eps;
-            let by_exponent = Scalar::powf(Dual(Dual64::new(x, 0.0)), Dual(Dual64::new(y, 1.0))).0.eps;
-            prop_assert!((by_base - y * x.powf(y - 1.0)).abs() < 1e-11 * (1.0 + by_base.abs()));
-            prop_assert!((by_exponent - x.powf(y) * x.ln()).abs() < 1e-11 * (1.0 + by_exponent.abs()));
         }
     }
 

@@ -18,7 +18,7 @@ import numpy as np
 
 ROWS, COLUMNS, RUNS = 75_000, 34, 15
 BENCH = [
-    "cargo", "bench", "--quiet", "--package", "regen-runtime", "--features", "estimation",
+    "cargo", "bench", "--quiet", "--package", "regen-identify",
     "--bench", "least_squares",
 ]
 

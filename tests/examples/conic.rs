@@ -13,12 +13,12 @@
 use std::io::Write as _;
 
 use regen_codegen::{diag::Source, pipeline};
-use regen_interpreted::{BaseTerms, Interpreted};
-use regen_runtime::estimate::Factor;
-use regen_runtime::feasibility::{
+use regen_identify::estimate::Factor;
+use regen_identify::feasibility::{
     Bound, Combinations, FeasibilityError, Layout, Options, Physical, Scale, Total, Verdict,
     identify, verdict,
 };
+use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::{BaseModel, Closure, Model, Outcome};
 use regen_tests::random_spec;
 use regen_tests::reference::{PhysicalBody, Random};

@@ -15,12 +15,12 @@
 
 use regen_codegen::diag::Source as Text;
 use regen_codegen::pipeline::derive;
+use regen_identify::feasibility::{Combinations, FeasibilityError, Layout, Options, Scale};
+use regen_identify::friction::{self, JointFit, nonlinear_joints};
+use regen_identify::identifiability::{Checks, reduce};
+use regen_identify::identify::{self, Filtering, Kind, Recorded, Row, Source};
+use regen_identify::intervals::{LeastSquares, Spread, constrained};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_runtime::feasibility::{Combinations, FeasibilityError, Layout, Options, Scale};
-use regen_runtime::friction::{self, JointFit, nonlinear_joints};
-use regen_runtime::identifiability::{Checks, reduce};
-use regen_runtime::identify::{self, Filtering, Kind, Recorded, Row, Source};
-use regen_runtime::intervals::{LeastSquares, Spread, constrained};
 use regen_runtime::{BaseModel, Friction, Model};
 
 const STEP: f64 = 0.01;
@@ -77,7 +77,7 @@ impl Source for Log {
 
     fn visit(
         &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), regen_runtime::estimate::EstimateError>,
+        each: &mut dyn FnMut(&Row<'_>) -> Result<(), regen_identify::estimate::EstimateError>,
     ) -> Result<(), FeasibilityError> {
         Ok(self.0.visit(each)?)
     }
@@ -276,7 +276,7 @@ fn linear(which: &str, logs: usize, samples: usize) {
                     scale,
                     ..Options::default()
                 };
-                let fit = regen_runtime::feasibility::identify(
+                let fit = regen_identify::feasibility::identify(
                     &found.factor,
                     &combinations,
                     &layout,

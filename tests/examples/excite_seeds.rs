@@ -5,8 +5,8 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use regen_experiment::excite::{Criterion, Outcome, Settings, Watch, excite};
 use regen_generated::rps3::Rps3;
-use regen_runtime::excite::{Criterion, Outcome, Settings, Watch, excite};
 use regen_runtime::{Limits, Model};
 
 fn main() {

@@ -13,7 +13,7 @@ mod models;
 mod robot;
 
 use models::{Automatic, Table6};
-use regen_runtime::signals::Fourier;
+use regen_identify::signals::Fourier;
 use regen_runtime::{Closure, State};
 
 /// The trajectory that `regen excite` found with the condition number as its criterion.

@@ -3,11 +3,11 @@
 
 use std::sync::atomic::AtomicBool;
 
-use regen_generated::rps3::Rps3;
-use regen_runtime::excite::{
+use regen_experiment::excite::{
     Criterion, Excitation, ExciteError, Landscape, Outcome, Quantity, Settings, Sight, Watch,
     excite,
 };
+use regen_generated::rps3::Rps3;
 use regen_runtime::{Closure, Limits, Model};
 
 /// Few harmonics and samples, the limits of the chapter's robot.

@@ -5,12 +5,12 @@
 use std::time::Instant;
 
 use regen_generated::rps3_friction::Rps3Friction;
-use regen_runtime::estimate::Factor;
-use regen_runtime::feasibility::{
+use regen_identify::estimate::Factor;
+use regen_identify::feasibility::{
     Combinations, Layout, Options, Outcome, Scale, Verdict, bodies_yaml, identify, verdict,
 };
-use regen_runtime::friction::{FrictionData, FrictionJoint, directions, fit};
-use regen_runtime::identifiability::{Checks, Feasibility, WELL, reduce};
+use regen_identify::friction::{FrictionData, FrictionJoint, directions, fit};
+use regen_identify::identifiability::{Checks, Feasibility, WELL, reduce};
 use regen_runtime::{BaseModel, Closure, Friction, State};
 
 /// A sequence of numbers that is the same everywhere (SplitMix64), by Box and Muller normal.

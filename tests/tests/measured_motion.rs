@@ -4,7 +4,7 @@
 use regen_generated::{
     delta::Delta, fivebar::Fivebar, palletiser::Palletiser, rps3::Rps3, stewart::Stewart,
 };
-use regen_runtime::identify::{Completed, Completion};
+use regen_identify::identify::{Completed, Completion};
 use regen_runtime::{Closure, Model, State};
 
 const ROBOTS: [&dyn Model<f64>; 5] = [&Delta, &Fivebar, &Palletiser, &Rps3, &Stewart];

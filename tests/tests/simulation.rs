@@ -1,11 +1,11 @@
 //! The simulated robot: energy, constraints, control, friction, and what it reports.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use regen_generated::{fivebar, rps3, rps3_friction};
-use regen_runtime::simulate::{
-    Drive, Ended, FrictionLaw, Noise, Pid, Sensors, Settings, friction_laws, perturbed, simulate,
+use regen_experiment::simulate::{
+    Drive, Ended, Noise, Pid, Sensors, Settings, nominal_friction, perturbed, simulate,
 };
-use regen_runtime::{Info, Model};
+use regen_generated::{fivebar, rps3, rps3_friction};
+use regen_runtime::{Friction, Info, JointFriction, Model};
 
 fn nominal(info: &Info<'_>) -> Vec<f64> {
     info.nominal_parameters().expect("nominal values")
@@ -62,7 +62,7 @@ fn the_logged_motion_satisfies_inverse_dynamics() {
     let model = rps3_friction::Rps3Friction;
     let info = Model::<f64>::info(&model);
     let phi = nominal(&info);
-    let friction = friction_laws(&info).unwrap();
+    let friction = nominal_friction(&info).unwrap();
     let settings = Settings {
         pid: pid(&info, 40_000.0, 0.0, 1_500.0),
         friction,
@@ -93,12 +93,9 @@ fn friction_only_takes_energy() {
     let model = fivebar::Fivebar;
     let info = Model::<f64>::info(&model);
     let phi = nominal(&info);
-    let law = FrictionLaw::Stribeck {
-        fc: 0.5,
-        fs: 0.9,
-        vs: 0.1,
-        delta: 2.0,
-        fv: 1.0,
+    let law = JointFriction {
+        law: Friction::Stribeck,
+        values: [0.5, 0.9, 0.1, 2.0, 1.0],
     };
     let settings = Settings {
         duration: 3.0,

@@ -2,8 +2,8 @@
 //! were built there from their measures (`tests/simulation/vectors.py`).
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use regen_experiment::simulate::{Ended, Forward, Freed, Settings, simulate};
 use regen_generated::{fivebar, rps3};
-use regen_runtime::simulate::{Ended, Forward, Freed, Settings, simulate};
 use regen_runtime::{Closure, Model};
 use serde_json::Value;
 

@@ -1,7 +1,7 @@
 //! Delays of efforts behind the motion that they belong to: told where they are found, and
 //! corrected on request.
 
-use regen_runtime::identify::{self, Delay, Delays, Options};
+use regen_identify::identify::{self, Delay, Delays, Options};
 
 use crate::args::{DelayArg, IdentifyArgs};
 use crate::exit::Failure;

@@ -1,10 +1,10 @@
 //! The model that was identified: one set of values, and the one prediction that all commands
 //! make with it.
 
-use regen_runtime::data::DataError;
-use regen_runtime::estimate::{Estimate, EstimateError, Residuals};
-use regen_runtime::friction::{JointEfforts, JointFit};
-use regen_runtime::identify::{Kind, Observer, Source, equations};
+use regen_identify::data::DataError;
+use regen_identify::estimate::{Estimate, EstimateError, Residuals};
+use regen_identify::friction::{JointEfforts, JointFit};
+use regen_identify::identify::{Kind, Observer, Source, equations};
 
 use crate::exit::Failure;
 use regen_interpreted::Interpreted;

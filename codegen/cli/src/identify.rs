@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use regen_runtime::Model;
-use regen_runtime::data::{DataError, Logs};
-use regen_runtime::estimate::{
+use regen_identify::data::{DataError, Logs};
+use regen_identify::estimate::{
     Blocks, Deviations, EffortError, Estimate, Factor, FactorSet, Weighting,
 };
-use regen_runtime::friction::FrictionData;
-use regen_runtime::identify::{self, Delays, Identified, Kind, LeftOut, Options, digest};
+use regen_identify::friction::FrictionData;
+use regen_identify::identify::{self, Delays, Identified, Kind, LeftOut, Options, digest};
+use regen_runtime::Model;
 use serde::Serialize;
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use regen_runtime::data::{DataError, Logs, Settings as Reading};
-use regen_runtime::estimate::EstimateError;
-use regen_runtime::identify::{InstrumentOptions, Instrumental, Motion, instrumental};
-use regen_runtime::signals::Method;
-use regen_runtime::simulate::{Drive, Reference as _, Settings, simulate};
+use regen_experiment::simulate::{Drive, Reference as _, Settings, simulate};
+use regen_identify::data::{DataError, Logs, Settings as Reading};
+use regen_identify::estimate::EstimateError;
+use regen_identify::identify::{InstrumentOptions, Instrumental, Motion, instrumental};
+use regen_identify::signals::Method;
 use regen_runtime::{BaseModel, Model};
 use serde::Serialize;
 

@@ -13,10 +13,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use regen_codegen::robot::Robot;
-use regen_runtime::data::{Logs, Settings};
-use regen_runtime::estimate::{Estimate, EstimateError, FactorSet, Weighting};
-use regen_runtime::identify::{Identified, Kind, Options, Recorded, identify, observe, residuals};
-use regen_runtime::signals::{Fourier, Method};
+use regen_identify::data::{Logs, Settings};
+use regen_identify::estimate::{Estimate, EstimateError, FactorSet, Weighting};
+use regen_identify::identify::{Identified, Kind, Options, Recorded, identify, observe, residuals};
+use regen_identify::signals::{Fourier, Method};
 use regen_runtime::{BaseModel, Closure, Model, Motion};
 
 use crate::load;

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
+use regen_identify::data::{DataError, FileReport, Logs, Policy, Settings};
+use regen_identify::estimate::{EstimateError, FactorSet};
+use regen_identify::identify::{Kind, LeftOut, Standstill, observe};
+use regen_identify::signals::Method;
 use regen_runtime::BaseModel;
-use regen_runtime::data::{DataError, FileReport, Logs, Policy, Settings};
-use regen_runtime::estimate::{EstimateError, FactorSet};
-use regen_runtime::identify::{Kind, LeftOut, Standstill, observe};
-use regen_runtime::signals::Method;
 use serde::Serialize;
 
 use crate::args::{DelayArg, Format, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg};

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use regen_runtime::feasibility::Layout;
-use regen_runtime::identify::digest;
+use regen_identify::feasibility::Layout;
+use regen_identify::identify::digest;
 use regen_runtime::{BaseModel, Model};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

@@ -2,9 +2,9 @@
 
 use std::path;
 
+use regen_experiment::simulate::Reference;
+use regen_identify::signals::Fourier;
 use regen_runtime::Model;
-use regen_runtime::signals::Fourier;
-use regen_runtime::simulate::Reference;
 
 use crate::exit::Failure;
 use crate::sweep;

@@ -3,12 +3,12 @@
 use std::fmt::Write as _;
 
 use indicatif::ProgressBar;
-use regen_runtime::feasibility::{
+use regen_identify::feasibility::{
     Bound, Combinations, FeasibilityError, Layout, OPTIMAL, Options, Outcome, Physical, Prior,
     SYMBOLS, Scale, Total, Verdict, identify, verdict,
 };
-use regen_runtime::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
-use regen_runtime::intervals::{LeastSquares, Spread, constrained};
+use regen_identify::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
+use regen_identify::intervals::{LeastSquares, Spread, constrained};
 use regen_runtime::{BaseModel, Closure, Friction, Model};
 
 use crate::args::{IdentifyArgs, PhysicalArgs, PriorArg};
@@ -342,7 +342,7 @@ fn options(
     match args.prior {
         None => {}
         Some(PriorArg::Entropic(weight)) => {
-            let complete = |body: &regen_runtime::feasibility::Body| {
+            let complete = |body: &regen_identify::feasibility::Body| {
                 let values = body.columns.map(|c| options.reference.get(c).copied());
                 values.iter().all(|v| v.flatten().is_some())
             };
@@ -405,7 +405,7 @@ fn beliefs(layout: &Layout, nominal: &[Option<f64>], part: f64) -> Vec<Prior> {
 
 /// Notes that friction of the spec is left out of a linear model.
 pub(crate) fn note_friction(model: &Interpreted<'_>) {
-    let joints = regen_runtime::friction::nonlinear_joints(model);
+    let joints = regen_identify::friction::nonlinear_joints(model);
     if !joints.is_empty() {
         let names: Vec<&str> = joints.iter().map(|j| j.name.as_str()).collect();
         terminal::note(&format!(

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use regen_runtime::identify;
+use regen_identify::identify;
 use serde::Serialize;
 
 use crate::args::ReadingArgs;

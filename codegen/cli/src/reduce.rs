@@ -1,8 +1,8 @@
 //! `regen identify --reduce`: from all base parameters to those the data determine well.
 
-use regen_runtime::estimate::{EffortFit, Factor, FactorSet};
-use regen_runtime::identifiability::{Checks, Feasibility, Reduction, Step, reduce};
-use regen_runtime::identify::{self, Kind, NoColumns, Source};
+use regen_identify::estimate::{EffortFit, Factor, FactorSet};
+use regen_identify::identifiability::{Checks, Feasibility, Reduction, Step, reduce};
+use regen_identify::identify::{self, Kind, NoColumns, Source};
 use serde::Serialize;
 
 use crate::args::IdentifyArgs;
@@ -86,7 +86,7 @@ fn weighted(set: &FactorSet, efforts: &[EffortFit]) -> Result<Factor, Failure> {
     Ok(set.combined(&weights)?)
 }
 
-fn equations<S: Source<Error = regen_runtime::data::DataError>>(
+fn equations<S: Source<Error = regen_identify::data::DataError>>(
     model: &Interpreted<'_>,
     kind: Kind,
     logs: &mut S,

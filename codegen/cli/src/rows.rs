@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use regen_runtime::estimate::Estimate;
-use regen_runtime::feasibility::{Layout, unit};
-use regen_runtime::friction::JointFit;
+use regen_identify::estimate::Estimate;
+use regen_identify::feasibility::{Layout, unit};
+use regen_identify::friction::JointFit;
 use regen_runtime::{BaseParameter, Friction, Info};
 use serde::{Deserialize, Serialize};
 

@@ -2,12 +2,12 @@
 
 use core::fmt;
 
-use regen_runtime::estimate::Factor;
+use regen_identify::estimate::Factor;
 use serde::{Deserialize, Serialize};
 
 /// Deviations below this part of a value, in percent, are of well identified parameters (section
 /// 5.3).
-pub(crate) const WELL: f64 = regen_runtime::identifiability::WELL;
+pub(crate) const WELL: f64 = regen_identify::identifiability::WELL;
 /// A value within so many deviations of zero may be zero.
 const NEAR: f64 = 2.0;
 /// What such a deviation may contribute to the efforts, in percent, for the parameter to be known

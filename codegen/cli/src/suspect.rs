@@ -5,9 +5,9 @@
 mod tests;
 mod words;
 
-use regen_runtime::data::{Assignment, Logs, Quantity};
-use regen_runtime::estimate::Estimate;
-use regen_runtime::identify::suspect::{self, Change, Findings, Sample};
+use regen_identify::data::{Assignment, Logs, Quantity};
+use regen_identify::estimate::Estimate;
+use regen_identify::identify::suspect::{self, Change, Findings, Sample};
 use regen_runtime::{BaseModel, Model};
 use serde::Serialize;
 

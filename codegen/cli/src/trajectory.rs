@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
+use regen_identify::signals::Fourier;
 use regen_runtime::Info;
-use regen_runtime::signals::Fourier;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
@@ -15,7 +15,7 @@ use crate::{json_place, load, table, write};
 
 /// What the key `format` says.
 const FORMAT: &str = "regen-trajectory";
-/// More is a mistake: the fit of [`regen_runtime::signals::FourierFit`] takes no more.
+/// More is a mistake: the fit of [`regen_identify::signals::FourierFit`] takes no more.
 const MOST_HARMONICS: usize = 200;
 
 /// A periodic motion of the independent coordinates:

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use regen_runtime::estimate::EffortError;
-use regen_runtime::identify::{self, LeftOut};
+use regen_identify::estimate::EffortError;
+use regen_identify::identify::{self, LeftOut};
 use serde::Serialize;
 
 use crate::args::{Format, ValidateArgs};

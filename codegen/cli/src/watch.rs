@@ -1,9 +1,9 @@
 //! A bar on a terminal's standard error while logs are read.
 
 use indicatif::ProgressBar;
-use regen_runtime::data::{DataError, Logs};
-use regen_runtime::estimate::EstimateError;
-use regen_runtime::identify::{Filtering, Row, Source};
+use regen_identify::data::{DataError, Logs};
+use regen_identify::estimate::EstimateError;
+use regen_identify::identify::{Filtering, Row, Source};
 
 use crate::progress;
 use regen_interpreted::Interpreted;

@@ -74,37 +74,9 @@ impl<D: DualNum<Primitive = f64> + Copy> Scalar for Dual<D> {
     }
 
     #[inline]
-    fn sqrt(self) -> Self {
-        Self(self.0.sqrt())
-    }
-
-    #[inline]
     fn sin_cos(self) -> (Self, Self) {
         let (sin, cos) = self.0.sin_cos();
         (Self(sin), Self(cos))
-    }
-
-    #[inline]
-    fn atan(self) -> Self {
-        Self(self.0.atan())
-    }
-
-    #[inline]
-    fn exp(self) -> Self {
-        Self(self.0.exp())
-    }
-
-    /// x^y as x^re(y) times exp((y - re(y)) ln x): a constant exponent needs no logarithm, so
-    /// that bases of zero and below keep their value.
-    #[inline]
-    fn powf(self, exponent: Self) -> Self {
-        let constant = exponent.0.re();
-        let power = self.0.powf(constant);
-        if self.0.re() > 0.0 {
-            Self(power * ((exponent.0 - D::from(constant)) * self.0.ln()).exp())
-        } else {
-            Self(power)
-        }
     }
 
     #[inline]

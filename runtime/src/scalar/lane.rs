@@ -80,18 +80,6 @@ impl<S: Simd> Lane<S> {
         Self { v, ..self }
     }
 
-    /// The function applied to each pair of lanes on its own.
-    #[inline]
-    fn map2(self, other: Self, function: impl Fn(f64, f64) -> f64) -> Self {
-        let (mut v, w) = (self.v, other.v);
-        let left = bytemuck::cast_slice_mut::<S::f64s, f64>(core::slice::from_mut(&mut v));
-        let right = bytemuck::cast_slice::<S::f64s, f64>(core::slice::from_ref(&w));
-        for (a, b) in left.iter_mut().zip(right) {
-            *a = function(*a, *b);
-        }
-        Self { v, ..self }
-    }
-
     /// Where the value is not NaN, which is no number's equal.
     #[inline(always)]
     fn is_number(self) -> LaneMask<S> {
@@ -281,14 +269,6 @@ impl<S: Simd> Scalar for Lane<S> {
     }
 
     #[inline(always)]
-    fn sqrt(self) -> Self {
-        Self {
-            v: self.simd.sqrt_f64s(self.v),
-            ..self
-        }
-    }
-
-    #[inline(always)]
     fn sin_cos(self) -> (Self, Self) {
         let [both] = Self::sin_cos_all([self]);
         both
@@ -309,21 +289,6 @@ impl<S: Simd> Scalar for Lane<S> {
         } else {
             angles.map(sin_cos_each)
         }
-    }
-
-    #[inline]
-    fn atan(self) -> Self {
-        self.map(Scalar::atan)
-    }
-
-    #[inline]
-    fn exp(self) -> Self {
-        self.map(Scalar::exp)
-    }
-
-    #[inline]
-    fn powf(self, exponent: Self) -> Self {
-        self.map2(exponent, Scalar::powf)
     }
 
     #[inline(always)]

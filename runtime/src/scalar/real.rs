@@ -1,10 +1,11 @@
-//! `f64` and `f32`, over the standard library or over `libm`.
+//! `f64` and `f32`. Sines and cosines come from `libm`, so that every machine computes the same
+//! digits, with the standard library or without it.
 
 use super::Scalar;
 
-/// The functions of one float type that `core` does not have, by either provider.
+/// Implements [`Scalar`] for one float type.
 macro_rules! scalar {
-    ($float:ident, $sqrt:ident, $sincos:ident, $atan:ident, $exp:ident, $pow:ident, { $($all:item)* }) => {
+    ($float:ident, $sincos:ident, { $($all:item)* }) => {
         impl Scalar for $float {
             type Mask = bool;
 
@@ -44,66 +45,11 @@ macro_rules! scalar {
             }
 
             #[inline]
-            fn sqrt(self) -> Self {
-                #[cfg(feature = "std")]
-                {
-                    $float::sqrt(self)
-                }
-                #[cfg(not(feature = "std"))]
-                {
-                    libm::$sqrt(self)
-                }
-            }
-
-            #[inline]
             fn sin_cos(self) -> (Self, Self) {
-                #[cfg(feature = "std")]
-                {
-                    $float::sin_cos(self)
-                }
-                #[cfg(not(feature = "std"))]
-                {
-                    libm::$sincos(self)
-                }
+                libm::$sincos(self)
             }
 
             $($all)*
-
-            #[inline]
-            fn atan(self) -> Self {
-                #[cfg(feature = "std")]
-                {
-                    $float::atan(self)
-                }
-                #[cfg(not(feature = "std"))]
-                {
-                    libm::$atan(self)
-                }
-            }
-
-            #[inline]
-            fn exp(self) -> Self {
-                #[cfg(feature = "std")]
-                {
-                    $float::exp(self)
-                }
-                #[cfg(not(feature = "std"))]
-                {
-                    libm::$exp(self)
-                }
-            }
-
-            #[inline]
-            fn powf(self, exponent: Self) -> Self {
-                #[cfg(feature = "std")]
-                {
-                    $float::powf(self, exponent)
-                }
-                #[cfg(not(feature = "std"))]
-                {
-                    libm::$pow(self, exponent)
-                }
-            }
 
             #[inline]
             fn less(self, other: Self) -> bool {
@@ -141,7 +87,7 @@ macro_rules! scalar {
     };
 }
 
-scalar!(f64, sqrt, sincos, atan, exp, pow, {
+scalar!(f64, sincos, {
     #[inline(always)]
     #[allow(clippy::inline_always, reason = "the results shall stay in registers")]
     fn sin_cos_all<const N: usize>(angles: [Self; N]) -> [(Self, Self); N] {
@@ -151,4 +97,4 @@ scalar!(f64, sqrt, sincos, atan, exp, pow, {
         }
     }
 });
-scalar!(f32, sqrtf, sincosf, atanf, expf, powf, {});
+scalar!(f32, sincosf, {});

@@ -1,9 +1,9 @@
 //! The stand-in of the actual robot: simulated under control, with friction at its joints,
 //! encoders and noise; what is measured is averaged, filtered and thinned as in section 6.1.
 
+use regen_experiment::simulate::{Ended, Pid, Sensors, Settings, perturbed, simulate};
 use regen_generated::rps3_friction::Rps3Friction;
-use regen_runtime::signals::{Butterworth, Fourier, FourierFit};
-use regen_runtime::simulate::{Ended, FrictionLaw, Pid, Sensors, Settings, perturbed, simulate};
+use regen_identify::signals::{Butterworth, Fourier, FourierFit};
 use regen_runtime::{Model, State};
 
 use super::friction::stribeck;
@@ -28,14 +28,14 @@ pub(crate) struct Measured {
 pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
     let info = Model::<f64>::info(&Rps3Friction);
     let nominal = info.nominal_parameters().expect("nominal values");
-    let mut robot = regen_runtime::simulate::Noise::new(5);
+    let mut robot = regen_experiment::simulate::Noise::new(5);
     let mut phi = perturbed(&info, &nominal, 0.05, &mut robot);
     for (label, (value, nominal)) in info.parameters.iter().zip(phi.iter_mut().zip(&nominal)) {
         if label.starts_with("J(") {
             *value = *nominal;
         }
     }
-    let mut friction = vec![FrictionLaw::None; info.coordinates.len()];
+    let mut friction = vec![regen_runtime::JointFriction::NONE; info.coordinates.len()];
     for (place, law) in places().iter().zip(stribeck()) {
         friction[*place] = law;
     }

@@ -1,9 +1,9 @@
 //! Tables 3 and 4: linear and nonlinear friction, with and without feasibility.
 
-use regen_runtime::feasibility::{Options, identify};
-use regen_runtime::friction::{FrictionData, FrictionJoint, JointFit, directions, fit};
-use regen_runtime::simulate::{FrictionLaw, Noise};
-use regen_runtime::{Friction, State};
+use regen_experiment::simulate::Noise;
+use regen_identify::feasibility::{Options, identify};
+use regen_identify::friction::{FrictionData, FrictionJoint, directions, fit};
+use regen_runtime::{Friction, JointFriction, State};
 
 use super::robot::{
     Equations, JOINTS, cad, friction_forces, model, perturbed, places, relative_absolute,
@@ -14,21 +14,13 @@ pub(crate) const J: f64 = 483.1;
 
 /// Stribeck friction (Eq. 32) of the simulated robot. Fv and Fc of the legs are Table 5's; the
 /// static friction, the Stribeck velocity and the pivots' friction are not in the chapter.
-pub(crate) fn stribeck() -> [FrictionLaw; 6] {
-    let leg = FrictionLaw::Stribeck {
-        fc: 228.0,
-        fs: 420.0,
-        vs: 0.06,
-        delta: 1.5,
-        fv: 3272.0,
+pub(crate) fn stribeck() -> [JointFriction; 6] {
+    let stribeck = |values| JointFriction {
+        law: Friction::Stribeck,
+        values,
     };
-    let pivot = FrictionLaw::Stribeck {
-        fc: 4.0,
-        fs: 7.0,
-        vs: 0.1,
-        delta: 1.5,
-        fv: 6.0,
-    };
+    let leg = stribeck([228.0, 420.0, 0.06, 1.5, 3272.0]);
+    let pivot = stribeck([4.0, 7.0, 0.1, 1.5, 6.0]);
     [leg, leg, leg, pivot, pivot, pivot]
 }
 
@@ -49,7 +41,7 @@ pub(crate) struct Fits {
     pub(crate) feasible: Vec<f64>,
     bodies: Equations,
     pub(crate) rigid: Vec<f64>,
-    pub(crate) laws: [FrictionLaw; 6],
+    pub(crate) laws: [JointFriction; 6],
 }
 
 impl Fits {
@@ -78,19 +70,9 @@ impl Fits {
                 .expect("sizes");
         }
         let found = fit(&data, &combinations, &layout, &options).expect("a solution");
-        let law = |fit: &JointFit| match fit.values.as_slice() {
-            [fc, fs, vs, delta, fv] => FrictionLaw::Stribeck {
-                fc: *fc,
-                fs: *fs,
-                vs: *vs,
-                delta: *delta,
-                fv: *fv,
-            },
-            _ => FrictionLaw::None,
-        };
-        let mut laws = [FrictionLaw::None; 6];
+        let mut laws = [JointFriction::NONE; 6];
         for (slot, joint) in laws.iter_mut().zip(&found.joints) {
-            *slot = law(joint);
+            *slot = joint.law();
         }
         Self {
             linear,

@@ -15,7 +15,7 @@ mod robot;
 
 use std::path::PathBuf;
 
-use regen_runtime::excite::{Criterion, Excitation};
+use regen_experiment::excite::{Criterion, Excitation};
 use regen_runtime::{Closure, State};
 
 use actual::Measured;

@@ -1,10 +1,10 @@
 //! Tables 2 and 5 to 8: Models 1 to 4, and the reduction that finds one by itself.
 
+use regen_experiment::simulate::Noise;
+use regen_identify::estimate::Estimate;
+use regen_identify::feasibility::{Scale, verdict};
+use regen_identify::identifiability::{Checks, WELL, reduce};
 use regen_runtime::State;
-use regen_runtime::estimate::Estimate;
-use regen_runtime::feasibility::{Scale, verdict};
-use regen_runtime::identifiability::{Checks, WELL, reduce};
-use regen_runtime::simulate::Noise;
 
 use super::robot::{Column, Equations, LEGS, cad, relative_absolute};
 

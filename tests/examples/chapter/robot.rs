@@ -2,14 +2,14 @@
 
 use std::sync::atomic::AtomicBool;
 
+use regen_experiment::excite::{Criterion, Excitation, Outcome, Settings, Watch, excite};
+use regen_experiment::simulate::Noise;
 use regen_generated::rps3::Rps3;
-use regen_runtime::estimate::Factor;
-use regen_runtime::excite::{Criterion, Excitation, Outcome, Settings, Watch, excite};
-use regen_runtime::feasibility::{Combinations, Layout};
-use regen_runtime::friction::directions;
-use regen_runtime::signals::Fourier;
-use regen_runtime::simulate::{FrictionLaw, Noise};
-use regen_runtime::{BaseModel, Closure, Limits, State};
+use regen_identify::estimate::Factor;
+use regen_identify::feasibility::{Combinations, Layout};
+use regen_identify::friction::directions;
+use regen_identify::signals::Fourier;
+use regen_runtime::{BaseModel, Closure, JointFriction, Limits, State};
 
 /// The period, s (section 6.1).
 pub(crate) const PERIOD: f64 = 7.5;
@@ -186,13 +186,13 @@ pub(crate) fn places() -> [usize; 6] {
 }
 
 /// The forces of friction laws at [`JOINTS`], three for each state.
-pub(crate) fn friction_forces(states: &[State], laws: &[FrictionLaw; 6]) -> Vec<f64> {
+pub(crate) fn friction_forces(states: &[State], laws: &[JointFriction; 6]) -> Vec<f64> {
     let places = places();
     let mut out = Vec::with_capacity(3 * states.len());
     for state in states {
         let (d, _) = directions(model(), &state.q, &places).expect("sizes");
         for i in 0..3 {
-            let share = |k: usize| d[3 * k + i] * laws[k].effort(state.qd[places[k]], 1e-9);
+            let share = |k: usize| d[3 * k + i] * laws[k].smooth_effort(state.qd[places[k]], 1e-9);
             out.push((0..6).map(share).sum());
         }
     }

@@ -196,7 +196,7 @@ fn a_crate_without_the_standard_library_can_use_every_robot() {
     let dir = outside_crate(
         "bare",
         "[dependencies]\nregen-runtime = { path = \"RUNTIME\", default-features = false, \
-         features = [\"macros\", \"libm\"] }\n",
+         features = [\"macros\"] }\n",
         "lib.rs",
         &source,
     );

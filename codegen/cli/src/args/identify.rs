@@ -157,7 +157,7 @@ pub(crate) struct ReadingArgs {
     /// A column whose header does not say what it is: Q=COLUMN, and
     /// behind it :UNIT and *FACTOR where they are needed
     #[arg(long, value_name = "ASSIGNMENT")]
-    pub(crate) column: Vec<regen_runtime::data::Assignment>,
+    pub(crate) column: Vec<regen_identify::data::Assignment>,
     /// Differentiate the finite Fourier series of this frequency in Hz and
     /// number of harmonics
     #[arg(long, value_name = "HZ,N", value_parser = pair, group = "method")]

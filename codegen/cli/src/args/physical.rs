@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::{ArgGroup, Args};
-use regen_runtime::intervals::REPLICATES;
+use regen_identify::intervals::REPLICATES;
 
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Physical parameters")]

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use std::sync::atomic::Ordering;
 
 use indicatif::ProgressBar;
-use regen_runtime::excite::{
+use regen_experiment::excite::{
     Criterion, Excitation, ExciteError, Margin, Outcome, Progress, Settings, Watch, excite,
 };
 use regen_runtime::{Info, Model};

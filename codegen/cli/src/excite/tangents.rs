@@ -4,7 +4,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use regen_codegen::interpret::{self, Number};
 use regen_codegen::robot::{FunctionKind, Robot};
-use regen_runtime::excite::{DIRECTIONS, Evaluate, Tangent};
+use regen_experiment::excite::{DIRECTIONS, Evaluate, Tangent};
 use regen_runtime::{Condition, Scalar, SizeError};
 
 type T = Tangent<DIRECTIONS>;
@@ -82,7 +82,7 @@ impl Number for Carried {
     }
 }
 
-/// The robot for [`regen_runtime::excite::excite`].
+/// The robot for [`regen_experiment::excite::excite`].
 pub(super) struct Differentiable<'a>(pub(super) &'a Robot);
 
 impl Differentiable<'_> {

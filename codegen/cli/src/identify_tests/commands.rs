@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command as Process;
 
 use clap::Parser;
-use regen_runtime::feasibility::{Layout, Scale};
-use regen_runtime::friction::JointFit;
+use regen_identify::feasibility::{Layout, Scale};
+use regen_identify::friction::JointFit;
 use regen_runtime::{Friction, Model};
 use serde_json::Value;
 

@@ -2,13 +2,13 @@
 
 use std::fs;
 
-use regen_runtime::data::{Logs, Settings};
-use regen_runtime::estimate::{Estimate, Weighting};
-use regen_runtime::identify::{
+use regen_identify::data::{Logs, Settings};
+use regen_identify::estimate::{Estimate, Weighting};
+use regen_identify::identify::{
     Completed, Completion, Identified, Kind, Options, Recorded, Source, Standstill, identify,
     observe,
 };
-use regen_runtime::signals::{Derivatives, Method, differences};
+use regen_identify::signals::{Derivatives, Method, differences};
 
 use super::{Bench, FREQUENCY, HARMONICS, csv, normal, run, scratch, with, worst};
 use crate::verify::Random;

@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use regen_runtime::data::{Assignment, DataError, Fault, Logs, Policy, Settings};
-use regen_runtime::identify::{Identified, Kind, Options, identify};
-use regen_runtime::signals::Method;
+use regen_identify::data::{Assignment, DataError, Fault, Logs, Policy, Settings};
+use regen_identify::identify::{Identified, Kind, Options, identify};
+use regen_identify::signals::Method;
 
 use super::{Bench, FREQUENCY, HARMONICS, csv, normal, run, scratch, with, worst};
 use crate::verify::Random;

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::Parser;
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
-use regen_runtime::identify::{Kind, Options, identify};
+use regen_identify::identify::{Kind, Options, identify};
 use regen_runtime::{BaseModel, Model};
 use serde_json::Value;
 
@@ -168,7 +168,7 @@ impl Tried {
         let mut log =
             observe::open(&model, std::slice::from_ref(&self.log), &args.reading).unwrap();
         let kind = observe::kind(&args.reading);
-        let means = regen_runtime::identify::observe(&model, kind, &mut log).unwrap();
+        let means = regen_identify::identify::observe(&model, kind, &mut log).unwrap();
         let found = read
             .residuals(&model, kind, &mut log, &means.0.means(), 1)
             .unwrap();

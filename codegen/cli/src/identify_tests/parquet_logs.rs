@@ -9,9 +9,9 @@ use parquet::data_type::DoubleType;
 use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
-use regen_runtime::data::{DataError, Logs, Policy, Settings};
-use regen_runtime::identify::Kind;
-use regen_runtime::signals::Method;
+use regen_identify::data::{DataError, Logs, Policy, Settings};
+use regen_identify::identify::Kind;
+use regen_identify::signals::Method;
 
 use super::{Bench, FREQUENCY, HARMONICS, csv, run, scratch, with};
 

@@ -2,11 +2,11 @@
 
 use std::fmt::Write as _;
 
-use regen_runtime::data::{Logs, Settings};
-use regen_runtime::identify::{
+use regen_identify::data::{Logs, Settings};
+use regen_identify::identify::{
     Filtering, Identified, Kind, Options, Recorded, Standstill, identify,
 };
-use regen_runtime::signals::{Method, Smoothing};
+use regen_identify::signals::{Method, Smoothing};
 
 use super::scratch;
 use crate::load;
@@ -112,11 +112,11 @@ fn blocks_of_a_long_log_are_filtered_as_if_it_were_one() {
         let times: Vec<f64> = (0..rows).map(|k| k as f64 * 0.01).collect();
         smoothing.apply(&times, &mut whole, 1).unwrap();
         let mut seen = 0;
-        regen_runtime::identify::equations(
+        regen_identify::identify::equations(
             model,
             Kind::Forces,
             &mut log,
-            &mut regen_runtime::identify::NoColumns,
+            &mut regen_identify::identify::NoColumns,
             &mut |found| {
                 #[allow(clippy::cast_sign_loss)]
                 let k = (found.time / 0.01).round() as usize;

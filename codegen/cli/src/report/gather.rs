@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use nalgebra::DMatrix;
-use regen_runtime::data::DataError;
-use regen_runtime::estimate::EffortError;
-use regen_runtime::identify::{self, Kind, Source};
+use regen_identify::data::DataError;
+use regen_identify::estimate::EffortError;
+use regen_identify::identify::{self, Kind, Source};
 use regen_runtime::{BaseModel, Model};
 
 use crate::args::ReadingArgs;

@@ -1,7 +1,7 @@
 //! Controllers for a robot that nobody has tuned: gains from its inertia, efforts that hold it.
 
 use nalgebra::{DMatrix, DVector};
-use regen_runtime::simulate::Pid;
+use regen_experiment::simulate::Pid;
 use regen_runtime::{Closure, Model};
 
 use super::args::Gains;

@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
+use regen_experiment::simulate::{Log, Noise, Settings};
 use regen_runtime::Info;
-use regen_runtime::simulate::{Log, Noise, Settings};
 
 use super::args::SimulateArgs;
 

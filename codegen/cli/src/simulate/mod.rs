@@ -11,11 +11,11 @@ pub(crate) use args::{Gains, SimulateArgs, gains};
 pub(crate) use control::control;
 pub(crate) use parameters::linear_friction;
 
-use regen_runtime::Model;
-use regen_runtime::simulate::{
+use regen_experiment::simulate::{
     Drive, Ended, Log, Noise, Reference, Sensors, Settings, SimulationError, perturbed,
     simulate_watched,
 };
+use regen_runtime::Model;
 use serde::Serialize;
 
 use crate::args::Format;

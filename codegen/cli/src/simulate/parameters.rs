@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use regen_runtime::friction::JointFit;
-use regen_runtime::simulate::{FrictionLaw, Noise, friction_laws};
-use regen_runtime::{BaseModel, Friction, Info, Joint, Model};
+use regen_experiment::simulate::{Noise, nominal_friction};
+use regen_identify::friction::JointFit;
+use regen_runtime::{BaseModel, Friction, Info, Joint, JointFriction, Model};
 
 use super::args::SimulateArgs;
 use crate::exit::Failure;
@@ -102,7 +102,7 @@ fn identified(
 
 /// The laws of linear friction with the coefficients among all parameters; other friction is left
 /// out.
-pub(crate) fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<FrictionLaw> {
+pub(crate) fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<JointFriction> {
     let stated = info.joints.iter().zip(info.coordinates);
     let joints: Vec<Joint> = stated
         .map(|(joint, name)| {
@@ -118,7 +118,7 @@ pub(crate) fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<FrictionLaw> 
             joint
         })
         .collect();
-    friction_laws(&Info {
+    nominal_friction(&Info {
         joints: &joints,
         ..*info
     })
@@ -133,7 +133,7 @@ pub(super) fn friction(
     phi: &[f64],
     fitted: &[JointFit],
     chance: &mut Noise,
-) -> Result<Vec<FrictionLaw>, Failure> {
+) -> Result<Vec<JointFriction>, Failure> {
     let stated = info.joints.iter().zip(info.coordinates);
     let joints: Vec<Joint> = stated
         .map(|(joint, name)| {
@@ -158,11 +158,9 @@ pub(super) fn friction(
         joints: &joints,
         ..*info
     };
-    let mut laws = friction_laws(&with).map_err(|(coordinate, symbol)| {
-        let name = info.coordinates.get(coordinate).unwrap_or(&"?");
+    let mut laws = nominal_friction(&with).map_err(|why| {
         Failure::Input(format!(
-            "{}: joint {name} has no nominal value of {symbol}; state it under `friction:`, or \
-             leave friction out with --no-friction",
+            "{}: {why}; state it under `friction:`, or leave friction out with --no-friction",
             args.file.display()
         ))
     })?;

@@ -6,9 +6,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use regen_codegen::diag::Source;
-use regen_runtime::data::{Assignment, Logs, Settings};
-use regen_runtime::identify::{Kind, Options, identify};
-use regen_runtime::signals::{Fourier, Method};
+use regen_identify::data::{Assignment, Logs, Settings};
+use regen_identify::identify::{Kind, Options, identify};
+use regen_identify::signals::{Fourier, Method};
 use regen_runtime::{Closure, Model};
 
 use super::{Columns, Suspicion, one};

@@ -3,7 +3,7 @@
 use super::{
     Assignment, Change, EffortChange, Interpreted, Model, ONE, PART, Quantity, Sample, Suspicion,
 };
-use regen_runtime::identify::suspect::{Nominal, Reading, Shift};
+use regen_identify::identify::suspect::{Nominal, Reading, Shift};
 
 /// Factors that are units.
 const UNITS: [(f64, &str); 5] = [

@@ -1,0 +1,126 @@
+//! The last word on limits: between samples too, and what it takes to keep them.
+
+use super::evaluate::{Number, Problem};
+use super::space::Row;
+use super::{Evaluate, ExciteError};
+use regen_runtime::{BaseModel, Closure};
+
+/// Points in each period of the highest harmonic.
+pub(super) const DENSE: usize = 128;
+
+/// The limit that is passed most, or kept least: which, where and by how much.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Worst {
+    pub(super) limit: usize,
+    /// The point of the dense grid.
+    pub(super) point: usize,
+    /// In units of half the limit's range, with what may be hidden between points.
+    pub(super) value: f64,
+}
+
+/// An upper bound of each limit's value over the period.
+///
+/// Between two points a function is at most the larger of both plus an eighth of its greatest
+/// second difference; that is taken twice, from the points around.
+fn bounds(values: &[f64], limits: usize) -> Vec<Worst> {
+    let points = values.len().checked_div(limits).unwrap_or(0);
+    let at = |point: usize, limit: usize| values[(point % points) * limits + limit];
+    let bend = |point: usize, limit: usize| {
+        let (before, after) = (at(point + points - 1, limit), at(point + 1, limit));
+        (before - 2.0 * at(point, limit) + after).abs()
+    };
+    (0..limits)
+        .map(|limit| {
+            let mut worst = Worst {
+                limit,
+                point: 0,
+                value: f64::NEG_INFINITY,
+            };
+            for point in 0..points {
+                let bends = [point + points - 1, point, point + 1].map(|p| bend(p, limit));
+                let value = at(point, limit) + 0.25 * bends.into_iter().fold(0.0, f64::max);
+                // NaN is the worst
+                if value > worst.value || value.is_nan() {
+                    worst = Worst {
+                        limit,
+                        point,
+                        value,
+                    };
+                }
+            }
+            worst
+        })
+        .collect()
+}
+
+/// A motion that keeps every limit.
+pub(super) struct Kept {
+    pub(super) y: Vec<f64>,
+    pub(super) bounds: Vec<Worst>,
+}
+
+/// The motion itself or, where that passes a limit, a smaller one of the same shape about a pose
+/// that keeps them; else the limit that even the pose passes, or nothing where it cannot be
+/// closed.
+pub(super) fn keep<M, D>(
+    problem: &Problem<'_, M, D>,
+    closure: &mut Closure<'_, M>,
+    dense: &[Row],
+    poses: &[Vec<f64>],
+    y: &[f64],
+) -> Result<Result<Kept, Option<Worst>>, ExciteError>
+where
+    M: BaseModel<f64>,
+    D: Evaluate<Number>,
+{
+    let mut refused = None;
+    let limits = problem.limits.len();
+    for pose in poses {
+        let mut cut = 0.0;
+        while cut <= 1.0 {
+            let trial = problem.space.between(pose, y, 1.0 - cut);
+            let values = problem.values(closure, dense, &trial)?;
+            let mut worst = 0.0;
+            if let Some(values) = values {
+                let bounds = bounds(&values, limits);
+                let most = bounds
+                    .iter()
+                    .copied()
+                    .max_by(|a, b| a.value.total_cmp(&b.value));
+                match most {
+                    Some(most) if most.value > 0.0 || most.value.is_nan() => {
+                        refused = Some(most);
+                        worst = most.value;
+                    }
+                    _ => return Ok(Ok(Kept { y: trial, bounds })),
+                }
+            }
+            if cut >= 1.0 {
+                break;
+            }
+            let more = if worst.is_finite() { 1.2 * worst } else { 0.0 };
+            cut = (cut + more.max(1e-4).max(0.5 * cut)).min(1.0);
+        }
+    }
+    Ok(Err(refused))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bound_is_above_what_hides_between_points() {
+        // the peak of a sine halfway between two points
+        let points = 16;
+        let values: Vec<f64> = (0..points)
+            .map(|k| libm::cos(core::f64::consts::TAU * (f64::from(k) + 0.5) / f64::from(points)))
+            .collect();
+        let seen = values.iter().copied().fold(0.0, f64::max);
+        let bound = bounds(&values, 1)[0].value;
+        assert!(
+            seen < 0.99 && (1.0..1.03).contains(&bound),
+            "{seen} {bound}"
+        );
+    }
+}

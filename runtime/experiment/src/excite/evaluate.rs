@@ -1,0 +1,458 @@
+//! The robot along a trajectory: limits and observation matrix with their derivatives.
+
+use super::criterion::Objective;
+use super::limits::{Limit, Seen};
+use super::space::{Row, Space};
+use super::{Criterion, DIRECTIONS, ExciteError, Tangent};
+use regen_runtime::{BaseModel, Closure, Condition, Info, Scalar, SizeError};
+
+/// The number that derivatives are computed with.
+pub(super) type Number = Tangent<DIRECTIONS>;
+
+/// What the search computes of a robot, in one kind of number. Every [`BaseModel`] has it; an
+/// interpreted robot may implement it alone.
+///
+/// Sizes and units as in [`Model`](regen_runtime::Model).
+pub trait Evaluate<T: Scalar> {
+    /// See [`Model::newton_step`](regen_runtime::Model::newton_step).
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn newton_step(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
+
+    /// See [`Model::velocities`](regen_runtime::Model::velocities).
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn velocities(&self, q: &[T], qd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
+
+    /// See [`Model::accelerations`](regen_runtime::Model::accelerations).
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn accelerations(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd_i: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+
+    /// See [`Model::inverse_dynamics`](regen_runtime::Model::inverse_dynamics).
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn inverse_dynamics(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd: &[T],
+        phi: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+
+    /// See [`Model::efforts`](regen_runtime::Model::efforts).
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn efforts(&self, q: &[T], tau: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
+
+    /// See [`Model::cones`](regen_runtime::Model::cones).
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn cones(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError>;
+
+    /// See [`BaseModel::base_regressor`].
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    fn base_regressor(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+}
+
+impl<T: Scalar, M: BaseModel<T> + ?Sized> Evaluate<T> for M {
+    fn newton_step(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        regen_runtime::Model::newton_step(self, q, out)
+    }
+
+    fn velocities(&self, q: &[T], qd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        regen_runtime::Model::velocities(self, q, qd_i, out)
+    }
+
+    fn accelerations(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd_i: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError> {
+        regen_runtime::Model::accelerations(self, q, qd, qdd_i, out)
+    }
+
+    fn inverse_dynamics(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd: &[T],
+        phi: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError> {
+        regen_runtime::Model::inverse_dynamics(self, q, qd, qdd, phi, out)
+    }
+
+    fn efforts(&self, q: &[T], tau: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        regen_runtime::Model::efforts(self, q, tau, out)
+    }
+
+    fn cones(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        regen_runtime::Model::cones(self, q, out)
+    }
+
+    fn base_regressor(
+        &self,
+        q: &[T],
+        qd: &[T],
+        qdd: &[T],
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError> {
+        BaseModel::base_regressor(self, q, qd, qdd, out)
+    }
+}
+
+/// All that stays the same during a search.
+pub(super) struct Problem<'m, M, D> {
+    pub(super) model: &'m M,
+    pub(super) derivatives: &'m D,
+    pub(super) info: Info<'m>,
+    pub(super) limits: Vec<Limit>,
+    /// Parameters for efforts, where these are limited and known.
+    pub(super) nominal: Option<Vec<f64>>,
+    pub(super) criterion: Criterion,
+    /// 1 over the deviation of each row's effort.
+    pub(super) weights: Vec<f64>,
+    pub(super) columns: usize,
+    pub(super) space: Space,
+    /// The grid on which limits are kept during the search.
+    pub(super) grid: Vec<Row>,
+    /// Each `stride`-th grid point is a sample of the observation matrix.
+    pub(super) stride: usize,
+}
+
+/// The robot along one trajectory.
+#[derive(Clone, Debug)]
+pub(super) struct Evaluation {
+    pub(super) objective: f64,
+    pub(super) gradient: Vec<f64>,
+    /// The limits' values, grid point by grid point.
+    pub(super) values: Vec<f64>,
+    /// Their derivatives by q, qd, qdd of the independent coordinates.
+    pub(super) slopes: Vec<f64>,
+}
+
+/// The observation matrix of a trajectory.
+pub(super) struct Observed {
+    pub(super) w: Vec<f64>,
+    pub(super) weighted: Vec<f64>,
+}
+
+struct Motion<T> {
+    qd: Vec<T>,
+    qdd: Vec<T>,
+    efforts: Vec<T>,
+    cones: Vec<T>,
+    pivot: T,
+}
+
+impl<M, D> Problem<'_, M, D>
+where
+    M: BaseModel<f64>,
+    D: Evaluate<Number>,
+{
+    fn dof(&self) -> usize {
+        self.info.dof()
+    }
+
+    /// The rest of a state: `q` is closed.
+    fn motion<T: Scalar, E: Evaluate<T>>(
+        &self,
+        e: &E,
+        q: &[T],
+        qd_i: &[T],
+        qdd_i: &[T],
+        like: T,
+    ) -> Result<Motion<T>, SizeError> {
+        let zero = like.lift(0.0);
+        let mut qd = vec![zero; q.len()];
+        let mut qdd = vec![zero; q.len()];
+        let pivot = e.velocities(q, qd_i, &mut qd)?.pivot;
+        let _condition = e.accelerations(q, &qd, qdd_i, &mut qdd)?;
+        let mut cones = vec![zero; self.info.cones.len()];
+        e.cones(q, &mut cones)?;
+        let efforts = match &self.nominal {
+            None => Vec::new(),
+            Some(phi) => {
+                let phi: Vec<T> = phi.iter().map(|p| like.lift(*p)).collect();
+                let mut tau = vec![zero; self.dof()];
+                let _condition = e.inverse_dynamics(q, &qd, &qdd, &phi, &mut tau)?;
+                self.of_actuators(e, q, tau, like)?
+            }
+        };
+        Ok(Motion {
+            qd,
+            qdd,
+            efforts,
+            cones,
+            pivot,
+        })
+    }
+
+    /// The actuators' efforts from those of the independent coordinates: as many as these.
+    fn of_actuators<T: Scalar, E: Evaluate<T>>(
+        &self,
+        e: &E,
+        q: &[T],
+        tau: Vec<T>,
+        like: T,
+    ) -> Result<Vec<T>, SizeError> {
+        if self.info.actuated == self.info.independent {
+            return Ok(tau);
+        }
+        let n = tau.len();
+        let zero = like.lift(0.0);
+        let mut a = vec![zero; n * n];
+        for k in 0..n {
+            let mut unit = vec![zero; n];
+            unit[k] = like.lift(1.0);
+            let mut column = vec![zero; n];
+            let _condition = e.efforts(q, &unit, &mut column)?;
+            for (i, x) in column.iter().enumerate() {
+                a[i * n + k] = *x;
+            }
+        }
+        let mut b = tau;
+        for k in 0..n {
+            // rows change places by size, entry by entry: no branch on values is needed
+            for i in k + 1..n {
+                let swap = a[k * n + k].abs().less(a[i * n + k].abs());
+                for j in 0..n {
+                    let (x, y) = (a[k * n + j], a[i * n + j]);
+                    a[k * n + j] = T::select(swap, y, x);
+                    a[i * n + j] = T::select(swap, x, y);
+                }
+                let (x, y) = (b[k], b[i]);
+                b[k] = T::select(swap, y, x);
+                b[i] = T::select(swap, x, y);
+            }
+            for i in k + 1..n {
+                let factor = a[i * n + k] / a[k * n + k];
+                for j in k..n {
+                    a[i * n + j] = a[i * n + j] - factor * a[k * n + j];
+                }
+                b[i] = b[i] - factor * b[k];
+            }
+        }
+        for k in (0..n).rev() {
+            for j in k + 1..n {
+                b[k] = b[k] - a[k * n + j] * b[j];
+            }
+            b[k] = b[k] / a[k * n + k];
+        }
+        Ok(b)
+    }
+
+    fn limited<T: Scalar>(&self, q: &[T], motion: &Motion<T>) -> Vec<T> {
+        let seen = Seen {
+            q,
+            qd: &motion.qd,
+            qdd: &motion.qdd,
+            efforts: &motion.efforts,
+            cones: &motion.cones,
+            pivot: motion.pivot,
+        };
+        self.limits.iter().map(|l| l.value(&seen)).collect()
+    }
+
+    /// Limits and objective with derivatives; nothing where the loops do not stay closed.
+    pub(super) fn evaluate(
+        &self,
+        closure: &mut Closure<'_, M>,
+        y: &[f64],
+        sharpness: f64,
+    ) -> Result<Option<Evaluation>, ExciteError> {
+        let dof = self.dof();
+        let (directions, entries) = (3 * dof, dof * self.columns);
+        let samples = self.grid.len() / self.stride;
+        let rows = samples * dof;
+        let mut values = Vec::with_capacity(self.grid.len() * self.limits.len());
+        let mut slopes = vec![0.0; self.grid.len() * self.limits.len() * directions];
+        let mut w = vec![0.0; rows * self.columns];
+        let mut rates = vec![0.0; samples * entries * directions];
+        let zero = Number::constant(0.0);
+        let mut step = vec![zero; self.info.dependent.len()];
+        let mut block = vec![zero; entries];
+        closure.restart();
+        for (g, row) in self.grid.iter().enumerate() {
+            let at = row.at(y);
+            let closed = closure.track(&at[0])?;
+            if !closed.outcome.is_closed() {
+                return Ok(None);
+            }
+            for first in (0..directions).step_by(DIRECTIONS) {
+                let part = |order: usize, c: usize| {
+                    let direction = (order * dof + c).wrapping_sub(first);
+                    Number::along(at[order][c], direction)
+                };
+                let mut q: Vec<Number> = closed.q.iter().map(|x| Number::constant(*x)).collect();
+                for (c, place) in self.info.independent.iter().enumerate() {
+                    q[*place] = part(0, c);
+                }
+                // one step from a closed state is exact in the first derivatives
+                let _condition = self.derivatives.newton_step(&q, &mut step)?;
+                for (place, step) in self.info.dependent.iter().zip(&step) {
+                    q[*place] = q[*place] + *step;
+                }
+                let qd_i: Vec<Number> = (0..dof).map(|c| part(1, c)).collect();
+                let qdd_i: Vec<Number> = (0..dof).map(|c| part(2, c)).collect();
+                let motion = self.motion(self.derivatives, &q, &qd_i, &qdd_i, zero)?;
+                let count = DIRECTIONS.min(directions - first);
+                for (l, value) in self.limited(&q, &motion).iter().enumerate() {
+                    if first == 0 {
+                        values.push(value.value);
+                    }
+                    let start = (g * self.limits.len() + l) * directions + first;
+                    slopes[start..start + count].copy_from_slice(&value.rates[..count]);
+                }
+                if g % self.stride == 0 {
+                    let s = g / self.stride;
+                    let _condition =
+                        self.derivatives
+                            .base_regressor(&q, &motion.qd, &motion.qdd, &mut block)?;
+                    for (k, entry) in block.iter().enumerate() {
+                        w[(k / dof) * rows + s * dof + k % dof] = entry.value;
+                        let start = (s * entries + k) * directions + first;
+                        rates[start..start + count].copy_from_slice(&entry.rates[..count]);
+                    }
+                }
+            }
+        }
+        if !w.iter().chain(&values).all(|x| x.is_finite()) {
+            return Ok(None);
+        }
+        if self.criterion.weighs() {
+            self.weigh(&mut w);
+        }
+        let Objective { value, mut slope } = self.criterion.objective(&w, self.columns, sharpness);
+        if self.criterion.weighs() {
+            self.weigh(&mut slope);
+        }
+        let mut gradient = vec![0.0; y.len()];
+        let mut by_state = vec![0.0; directions];
+        for s in 0..samples {
+            by_state.fill(0.0);
+            for k in 0..entries {
+                let factor = slope[(k / dof) * rows + s * dof + k % dof];
+                let start = (s * entries + k) * directions;
+                for (b, r) in by_state.iter_mut().zip(&rates[start..start + directions]) {
+                    *b += factor * r;
+                }
+            }
+            self.grid[s * self.stride].pull(&by_state, &mut gradient);
+        }
+        Ok(Some(Evaluation {
+            objective: value,
+            gradient,
+            values,
+            slopes,
+        }))
+    }
+
+    fn weigh(&self, w: &mut [f64]) {
+        for chunk in w.chunks_exact_mut(self.weights.len().max(1)) {
+            for (x, weight) in chunk.iter_mut().zip(&self.weights) {
+                *x *= weight;
+            }
+        }
+    }
+
+    /// The limits' values at each of these rows; nothing where the loops do not stay closed.
+    pub(super) fn values(
+        &self,
+        closure: &mut Closure<'_, M>,
+        rows: &[Row],
+        y: &[f64],
+    ) -> Result<Option<Vec<f64>>, ExciteError> {
+        let mut out = Vec::with_capacity(rows.len() * self.limits.len());
+        closure.restart();
+        for row in rows {
+            let [q_i, qd_i, qdd_i] = row.at(y);
+            let closed = closure.track(&q_i)?;
+            if !closed.outcome.is_closed() {
+                return Ok(None);
+            }
+            let motion = self.motion(self.model, &closed.q, &qd_i, &qdd_i, 0.0)?;
+            out.extend(self.limited(&closed.q, &motion));
+        }
+        Ok(Some(out))
+    }
+
+    /// The observation matrix of a trajectory; nothing where the loops do not stay closed.
+    pub(super) fn observed(
+        &self,
+        closure: &mut Closure<'_, M>,
+        y: &[f64],
+    ) -> Result<Option<Observed>, ExciteError> {
+        let dof = self.dof();
+        let rows = self.grid.len() / self.stride * dof;
+        let mut w = vec![0.0; rows * self.columns];
+        let mut block = vec![0.0; dof * self.columns];
+        closure.restart();
+        for (s, row) in self.grid.iter().step_by(self.stride).enumerate() {
+            let [q_i, qd_i, qdd_i] = row.at(y);
+            let state = closure.track_state(&q_i, &qd_i, &qdd_i)?;
+            if !state.outcome.is_closed() {
+                return Ok(None);
+            }
+            let model = self.model;
+            let _condition =
+                BaseModel::base_regressor(model, &state.q, &state.qd, &state.qdd, &mut block)?;
+            for (k, entry) in block.iter().enumerate() {
+                w[(k / dof) * rows + s * dof + k % dof] = *entry;
+            }
+        }
+        let mut weighted = w.clone();
+        self.weigh(&mut weighted);
+        Ok(Some(Observed { w, weighted }))
+    }
+
+    /// The derivative of a limit's value by the variables.
+    pub(super) fn slope(&self, evaluation: &Evaluation, limit: usize) -> Vec<f64> {
+        let directions = 3 * self.dof();
+        let mut out = vec![0.0; self.space.size()];
+        let start = limit * directions;
+        let slope = &evaluation.slopes[start..start + directions];
+        self.grid[limit / self.limits.len().max(1)].pull(slope, &mut out);
+        out
+    }
+
+    /// How much each limit changes to first order along a step of the variables.
+    pub(super) fn changes(&self, evaluation: &Evaluation, step: &[f64]) -> Vec<f64> {
+        let directions = 3 * self.dof();
+        let each = self.limits.len();
+        let mut out = Vec::with_capacity(evaluation.values.len());
+        for (g, row) in self.grid.iter().enumerate() {
+            let moved = row.at(step).concat();
+            for l in 0..each {
+                let start = (g * each + l) * directions;
+                let slope = &evaluation.slopes[start..start + directions];
+                out.push(super::space::dot(slope, &moved));
+            }
+        }
+        out
+    }
+}

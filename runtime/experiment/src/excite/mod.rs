@@ -1,0 +1,180 @@
+//! Exciting trajectories: motions from which parameters can be told apart (section 3).
+//!
+//! The independent coordinates follow finite Fourier series (Eq. 25; Swevers et al., 1996) whose
+//! coefficients make the observation matrix of the base parameters well conditioned, by one of
+//! four [criteria](Criterion), while every limit is kept: positions, velocities and accelerations
+//! of all coordinates, passive ones included, cones of spherical joints, efforts at nominal
+//! parameters, and a margin from singularities. The loops stay closed on the branch of `home`.
+//!
+//! The search is sequential quadratic programming from random starts, with exact derivatives by
+//! [`Tangent`] numbers through the robot's functions. What it returns keeps all limits between
+//! samples too: it is checked on a grid of 128 points per period of the highest harmonic, with a
+//! bound on what hides between those, and made smaller where that is needed. The same seed gives
+//! the same result, on any number of threads.
+
+mod check;
+mod criterion;
+mod evaluate;
+mod landscape;
+mod limits;
+mod quadratic;
+mod run;
+mod search;
+mod space;
+mod tangent;
+
+use core::fmt;
+
+pub use criterion::{Criterion, Figures};
+pub use evaluate::Evaluate;
+pub use landscape::{Landscape, Sight};
+pub use limits::{Limit, Quantity};
+pub use run::{Excitation, Margin, Outcome, Progress, Watch, excite};
+pub use tangent::Tangent;
+
+use regen_identify::signals::SignalError;
+use regen_runtime::{Info, Limits, Misuse, SizeError};
+
+// the solver's symbols
+extern crate regen_lapack as _;
+
+/// The directions in which the search differentiates at a time: position, velocity and
+/// acceleration of three coordinates.
+pub const DIRECTIONS: usize = 9;
+
+/// What is sought, and within which limits.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The number of harmonics.
+    pub harmonics: usize,
+    /// The frequency of the first, Hz.
+    pub frequency: f64,
+    /// The number of samples in a period that make the observation matrix.
+    pub samples: usize,
+    /// What is sought.
+    pub criterion: Criterion,
+    /// Whether velocities and accelerations are 0 where the period starts and ends.
+    pub at_rest: bool,
+    /// The limits of each coordinate, in the order of `q`. Independent ones need a range of
+    /// positions.
+    pub limits: Vec<Limits>,
+    /// The greatest angle of each of `Info::cones`, rad.
+    pub cones: Vec<f64>,
+    /// The least [`Condition::pivot`](regen_runtime::Condition) along the trajectory.
+    pub singular_margin: f64,
+    /// The parameters by which efforts are computed, in the order of `Info::parameters`; none:
+    /// efforts are not limited.
+    pub nominal: Option<Vec<f64>>,
+    /// The standard deviation of each independent coordinate's effort, for
+    /// [`Criterion::Determinant`]; empty: all 1.
+    pub deviations: Vec<f64>,
+    /// Of the random starts.
+    pub seed: u64,
+    /// The number of starts.
+    pub starts: usize,
+    /// The number of threads; 0: as many as the machine has.
+    pub threads: usize,
+    /// Steps in each of the five stages of a start.
+    pub steps: usize,
+}
+
+impl Settings {
+    /// For a robot with the limits and nominal parameters that it states: 11 harmonics of
+    /// 1/7.5 Hz, 75 samples, a margin of 0.05 from singularities, four starts.
+    ///
+    /// ```
+    /// use regen_runtime::Info;
+    /// use regen_experiment::excite::{Criterion, Settings};
+    ///
+    /// let settings = Settings::of(&Info::EMPTY);
+    /// assert_eq!(settings.harmonics, 11);
+    /// assert_eq!(settings.criterion, Criterion::ScaledCondition);
+    /// ```
+    pub fn of(info: &Info<'_>) -> Self {
+        let limit = |c: usize| info.joints.get(c).map_or(Limits::NONE, |j| j.limits);
+        Self {
+            harmonics: 11,
+            frequency: 1.0 / 7.5,
+            samples: 75,
+            criterion: Criterion::default(),
+            at_rest: false,
+            limits: (0..info.coordinates.len()).map(limit).collect(),
+            cones: info.cones.iter().map(|cone| cone.greatest).collect(),
+            singular_margin: 0.05,
+            nominal: info.nominal_parameters(),
+            deviations: Vec::new(),
+            seed: 1,
+            starts: 4,
+            threads: 0,
+            steps: 60,
+        }
+    }
+}
+
+/// Why a search could not begin or go on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ExciteError {
+    /// An argument that does not fit the model.
+    Misuse(Misuse),
+    /// A Fourier series that cannot be.
+    Signal(SignalError),
+    /// A range whose ends are in the wrong order or not finite.
+    Range {
+        /// Of what.
+        what: String,
+        /// The ends.
+        range: [f64; 2],
+    },
+    /// An independent coordinate without a range of positions.
+    Unbounded {
+        /// Its name.
+        coordinate: String,
+    },
+    /// A setting that cannot be.
+    Setting(&'static str),
+    /// The robot has no base parameters.
+    NoBase,
+    /// The solver of quadratic programmes refused its input.
+    Solver(String),
+}
+
+impl fmt::Display for ExciteError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Misuse(error) => error.fmt(f),
+            Self::Signal(error) => error.fmt(f),
+            Self::Range { what, range } => {
+                let [lowest, highest] = range;
+                write!(f, "{what}: {lowest} to {highest} is no range")
+            }
+            Self::Unbounded { coordinate } => write!(
+                f,
+                "coordinate {coordinate} has no range of positions: state \
+                 `limits: {{position: [LOWEST, HIGHEST]}}` of its joint"
+            ),
+            Self::Setting(what) => f.write_str(what),
+            Self::NoBase => f.write_str("the robot has no base parameters to excite"),
+            Self::Solver(why) => write!(f, "the quadratic programme was refused: {why}"),
+        }
+    }
+}
+
+impl core::error::Error for ExciteError {}
+
+impl From<Misuse> for ExciteError {
+    fn from(error: Misuse) -> Self {
+        Self::Misuse(error)
+    }
+}
+
+impl From<SizeError> for ExciteError {
+    fn from(error: SizeError) -> Self {
+        Self::Misuse(error.into())
+    }
+}
+
+impl From<SignalError> for ExciteError {
+    fn from(error: SignalError) -> Self {
+        Self::Signal(error)
+    }
+}

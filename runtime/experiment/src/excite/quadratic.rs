@@ -1,0 +1,94 @@
+//! The quadratic programme of one step, handed to clarabel.
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{
+    DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT as Cone,
+};
+
+use super::ExciteError;
+
+/// Minimises `g.d + d^T B d / 2 + penalty t` where each `values_k + rows_k . d <= t`, `t >= 0`
+/// and every entry of d is at most `reach` in size.
+pub(super) struct Quadratic<'a> {
+    pub(super) gradient: &'a [f64],
+    /// Symmetric, n x n.
+    pub(super) hessian: &'a [f64],
+    pub(super) rows: &'a [Vec<f64>],
+    pub(super) values: &'a [f64],
+    pub(super) reach: f64,
+    pub(super) penalty: f64,
+}
+
+/// The step and the multipliers of `rows`.
+pub(super) struct Step {
+    pub(super) d: Vec<f64>,
+    pub(super) multipliers: Vec<f64>,
+}
+
+impl Quadratic<'_> {
+    /// Nothing where the solver gives up.
+    pub(super) fn solve(&self) -> Result<Option<Step>, ExciteError> {
+        let n = self.gradient.len();
+        let m = self.rows.len() + 1 + 2 * n;
+        // upper triangle of P, column by column, the elastic variable last
+        let (mut pointers, mut indices, mut entries) = (vec![0], Vec::new(), Vec::new());
+        for j in 0..n {
+            for i in 0..=j {
+                indices.push(i);
+                entries.push(self.hessian[j * n + i]);
+            }
+            pointers.push(indices.len());
+        }
+        pointers.push(indices.len());
+        let p = CscMatrix::new(n + 1, n + 1, pointers, indices, entries);
+        let mut q = self.gradient.to_vec();
+        q.push(self.penalty);
+        // A x + s = b, s >= 0: the limits, t, then both sides of the box
+        let box_row = self.rows.len() + 1;
+        let (mut pointers, mut indices, mut entries) = (vec![0], Vec::new(), Vec::new());
+        for j in 0..n {
+            for (k, row) in self.rows.iter().enumerate() {
+                indices.push(k);
+                entries.push(row[j]);
+            }
+            indices.extend([box_row + j, box_row + n + j]);
+            entries.extend([1.0, -1.0]);
+            pointers.push(indices.len());
+        }
+        for k in 0..=self.rows.len() {
+            indices.push(k);
+            entries.push(-1.0);
+        }
+        pointers.push(indices.len());
+        let a = CscMatrix::new(m, n + 1, pointers, indices, entries);
+        let mut b: Vec<f64> = self.values.iter().map(|v| -v).collect();
+        b.push(0.0);
+        b.extend(std::iter::repeat_n(self.reach, 2 * n));
+        let settings = DefaultSettings {
+            verbose: false,
+            max_iter: 100,
+            // one thread and no clock: the same numbers every time
+            max_threads: 1,
+            time_limit: f64::INFINITY,
+            presolve_enable: false,
+            chordal_decomposition_enable: false,
+            ..DefaultSettings::default()
+        };
+        let cones = [Cone::NonnegativeConeT(m)];
+        let mut solver = DefaultSolver::new(&p, &q, &a, &b, &cones, settings)
+            .map_err(|error| ExciteError::Solver(format!("{error}")))?;
+        solver.solve();
+        let solution = solver.solution;
+        let usable = matches!(
+            solution.status,
+            SolverStatus::Solved | SolverStatus::AlmostSolved
+        );
+        if !usable || solution.x.iter().any(|x| !x.is_finite()) {
+            return Ok(None);
+        }
+        Ok(Some(Step {
+            d: solution.x[..n].to_vec(),
+            multipliers: solution.z[..self.rows.len()].to_vec(),
+        }))
+    }
+}

@@ -1,0 +1,279 @@
+//! The variables of the search: scaled coefficients of the finite Fourier series (Eq. 25).
+
+use std::f64::consts::TAU;
+
+use super::ExciteError;
+use regen_identify::signals::Fourier;
+
+/// How variables become series: for each coordinate its offset, then what is left of the
+/// cosines and the sines of all harmonics, each divided by what a coordinate can do at that
+/// frequency.
+#[derive(Clone, Debug)]
+pub(super) struct Space {
+    frequency: f64,
+    harmonics: usize,
+    /// For each coordinate the factors of offset, cosines and sines.
+    scales: Vec<Vec<f64>>,
+    /// Where motion starts and ends at rest: the directions in which cosines and sines may not
+    /// go, scaled, as Householder vectors.
+    rest: Option<Vec<[Vec<f64>; 2]>>,
+}
+
+/// The series' values and rates at one time as linear functions of the variables.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    /// For each coordinate `q`, `qd`, `qdd`: factors of that coordinate's variables.
+    pub(super) factors: Vec<[Vec<f64>; 3]>,
+}
+
+impl Space {
+    /// - `reach`: how far each coordinate may go to either side; `speed`: how fast it may be, if
+    ///   that is limited.
+    pub(super) fn new(
+        frequency: f64,
+        harmonics: usize,
+        reach: &[f64],
+        speed: &[Option<f64>],
+        at_rest: bool,
+    ) -> Self {
+        let scales: Vec<Vec<f64>> = reach
+            .iter()
+            .zip(speed)
+            .map(|(reach, speed)| {
+                let of = |k: usize| {
+                    let w = TAU * frequency * k as f64;
+                    speed.map_or(*reach, |v| reach.min(v / w)) / (k as f64).sqrt()
+                };
+                let each = || (1..=harmonics).map(of);
+                std::iter::once(*reach)
+                    .chain(each())
+                    .chain(each())
+                    .collect()
+            })
+            .collect();
+        let rest = at_rest.then(|| {
+            let vectors = scales.iter().map(|scale| {
+                // qdd(0) = -sum (wk)^2 c_k and qd(0) = sum wk s_k
+                let part = |from: usize, power: i32| {
+                    let entries = scale[from..from + harmonics].iter().enumerate();
+                    let weighted = entries.map(|(k, s)| s * ((k + 1) as f64).powi(power));
+                    householder(weighted.collect())
+                };
+                [part(1, 2), part(1 + harmonics, 1)]
+            });
+            vectors.collect()
+        });
+        Self {
+            frequency,
+            harmonics,
+            scales,
+            rest,
+        }
+    }
+
+    /// The number of a coordinate's variables.
+    pub(super) fn each(&self) -> usize {
+        1 + 2 * self.harmonics - if self.rest.is_some() { 2 } else { 0 }
+    }
+
+    /// The number of all variables.
+    pub(super) fn size(&self) -> usize {
+        self.scales.len() * self.each()
+    }
+
+    /// Offset, cosines and sines of a coordinate from its variables.
+    fn unscaled(&self, coordinate: usize, y: &[f64]) -> Vec<f64> {
+        let scale = &self.scales[coordinate];
+        let full = match &self.rest {
+            None => y.to_vec(),
+            Some(rest) => {
+                let (offset, tail) = y.split_at(1);
+                let (cosines, sines) = tail.split_at(self.harmonics - 1);
+                let mut full = offset.to_vec();
+                for (part, vector) in [cosines, sines].into_iter().zip(&rest[coordinate]) {
+                    let mut padded = vec![0.0];
+                    padded.extend(part);
+                    reflect(vector, &mut padded);
+                    full.extend(padded);
+                }
+                full
+            }
+        };
+        full.iter().zip(scale).map(|(y, s)| y * s).collect()
+    }
+
+    /// The derivative by variables from that by offset, cosines and sines.
+    fn pulled(&self, coordinate: usize, slope: &[f64]) -> Vec<f64> {
+        let scale = &self.scales[coordinate];
+        let full: Vec<f64> = slope.iter().zip(scale).map(|(g, s)| g * s).collect();
+        let Some(rest) = &self.rest else {
+            return full;
+        };
+        let mut out = vec![full[0]];
+        let parts = full[1..].chunks_exact(self.harmonics);
+        for (part, vector) in parts.zip(&rest[coordinate]) {
+            let mut part = part.to_vec();
+            reflect(vector, &mut part);
+            out.extend(&part[1..]);
+        }
+        out
+    }
+
+    /// The row at the fraction `step / steps` of the period.
+    pub(super) fn row(&self, step: usize, steps: usize) -> Row {
+        let (mut cosines, mut sines) = (Vec::new(), Vec::new());
+        for k in 1..=self.harmonics {
+            // the angle modulo a turn in whole numbers: the period closes to the last bit
+            let angle = TAU * ((k * step) % steps) as f64 / steps as f64;
+            let (sin, cos) = libm::sincos(angle);
+            cosines.push(cos);
+            sines.push(sin);
+        }
+        let w = |k: usize| TAU * self.frequency * (k + 1) as f64;
+        let series = |constant: f64, of: &dyn Fn(usize) -> [f64; 2]| {
+            let each: Vec<[f64; 2]> = (0..self.harmonics).map(of).collect();
+            let cosines = each.iter().map(|e| e[0]);
+            let sines = each.iter().map(|e| e[1]);
+            std::iter::once(constant)
+                .chain(cosines)
+                .chain(sines)
+                .collect::<Vec<f64>>()
+        };
+        let rows = [
+            series(1.0, &|k| [cosines[k], sines[k]]),
+            series(0.0, &|k| [-w(k) * sines[k], w(k) * cosines[k]]),
+            series(0.0, &|k| {
+                [-w(k) * w(k) * cosines[k], -w(k) * w(k) * sines[k]]
+            }),
+        ];
+        let factors = (0..self.scales.len())
+            .map(|c| [0, 1, 2].map(|i: usize| self.pulled(c, &rows[i])))
+            .collect();
+        Row { factors }
+    }
+
+    /// The series of these variables.
+    pub(super) fn series(&self, y: &[f64]) -> Result<Fourier, ExciteError> {
+        let parts: Vec<_> = y
+            .chunks_exact(self.each())
+            .enumerate()
+            .map(|(c, y)| {
+                let all = self.unscaled(c, y);
+                let (cosine, sine) = all[1..].split_at(self.harmonics);
+                (all[0], cosine.to_vec(), sine.to_vec())
+            })
+            .collect();
+        Ok(Fourier::of_positions(self.frequency, &parts)?)
+    }
+
+    /// The variables that stand still at a pose of the independent coordinates.
+    pub(super) fn still(&self, pose: &[f64]) -> Vec<f64> {
+        let mut y = vec![0.0; self.size()];
+        let each = self.each();
+        for ((chunk, q), scale) in y.chunks_exact_mut(each).zip(pose).zip(&self.scales) {
+            chunk[0] = q / scale[0];
+        }
+        y
+    }
+
+    /// Variables between standing still at a pose (0) and `y` (1).
+    pub(super) fn between(&self, pose: &[f64], y: &[f64], part: f64) -> Vec<f64> {
+        let still = self.still(pose);
+        let pairs = still.iter().zip(y);
+        pairs.map(|(a, b)| a + part * (b - a)).collect()
+    }
+
+    /// The offsets of a motion.
+    pub(super) fn offsets(&self, y: &[f64]) -> Vec<f64> {
+        let chunks = y.chunks_exact(self.each()).zip(&self.scales);
+        chunks.map(|(chunk, scale)| chunk[0] * scale[0]).collect()
+    }
+}
+
+impl Row {
+    /// q, qd and qdd of each coordinate.
+    pub(super) fn at(&self, y: &[f64]) -> [Vec<f64>; 3] {
+        let each = self.factors.first().map_or(1, |f| f[0].len());
+        [0, 1, 2].map(|i: usize| {
+            let chunks = y.chunks_exact(each).zip(&self.factors);
+            let sum = |(y, f): (&[f64], &[Vec<f64>; 3])| dot(y, &f[i]);
+            chunks.map(sum).collect()
+        })
+    }
+
+    /// Adds to the derivative by variables what comes from `slope`, the derivative by q of each
+    /// coordinate, then qd, then qdd.
+    pub(super) fn pull(&self, slope: &[f64], out: &mut [f64]) {
+        let dof = self.factors.len();
+        let each = self.factors.first().map_or(1, |f| f[0].len());
+        for (c, (out, factors)) in out.chunks_exact_mut(each).zip(&self.factors).enumerate() {
+            let three = [slope[c], slope[dof + c], slope[2 * dof + c]];
+            for (g, row) in three.iter().zip(factors) {
+                if *g != 0.0 {
+                    for (o, f) in out.iter_mut().zip(row) {
+                        *o += g * f;
+                    }
+                }
+            }
+        }
+    }
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The unit vector v of the reflection that turns `a` into the first axis.
+fn householder(mut a: Vec<f64>) -> Vec<f64> {
+    let length = dot(&a, &a).sqrt();
+    let first = a[0];
+    a[0] += if first < 0.0 { -length } else { length };
+    let norm = dot(&a, &a).sqrt();
+    a.iter().map(|x| x / norm).collect()
+}
+
+fn reflect(v: &[f64], x: &mut [f64]) {
+    let twice = 2.0 * dot(v, x);
+    for (x, v) in x.iter_mut().zip(v) {
+        *x -= twice * v;
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_the_series_and_a_motion_at_rest_starts_at_rest() {
+        for at_rest in [false, true] {
+            let space = Space::new(0.2, 4, &[0.5, 2.0], &[Some(1.0), None], at_rest);
+            let y: Vec<f64> = (0..space.size()).map(|k| libm::sin(k as f64)).collect();
+            let series = space.series(&y).unwrap();
+            for step in 0..7 {
+                let at = space.row(step, 7).at(&y);
+                for c in 0..2 {
+                    let known = series.at(c, step as f64 / 7.0 / 0.2);
+                    for (found, known) in at.iter().zip(known) {
+                        assert!((found[c] - known).abs() < 1e-12, "{step} {c}");
+                    }
+                }
+            }
+            let [_, qd, qdd] = space.row(0, 7).at(&y);
+            let moves = qd.iter().chain(&qdd).any(|x| x.abs() > 1e-12);
+            assert_eq!(moves, !at_rest);
+        }
+    }
+
+    #[test]
+    fn derivatives_are_pulled_back_as_the_rows_say() {
+        let space = Space::new(0.2, 3, &[0.5, 2.0], &[None, None], true);
+        let row = space.row(2, 9);
+        let slope = [1.0, -2.0, 0.5, 0.25, 3.0, 0.125];
+        let mut pulled = vec![0.0; space.size()];
+        row.pull(&slope, &mut pulled);
+        let y: Vec<f64> = (0..space.size()).map(|k| libm::cos(k as f64)).collect();
+        let at = row.at(&y).concat();
+        assert!((dot(&at, &slope) - dot(&y, &pulled)).abs() < 1e-13);
+    }
+}

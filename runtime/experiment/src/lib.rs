@@ -1,0 +1,14 @@
+//! Experiments with a robot: [`excite`] finds trajectories that excite its base parameters within
+//! its limits, [`simulate`] moves a closed chain with friction, control and sensors and writes the
+//! log of it.
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
+#![allow(
+    clippy::doc_markdown,
+    reason = "A_e and qdd_i are formulas, written as in the equations"
+)]
+
+pub mod excite;
+pub mod simulate;

@@ -1,0 +1,212 @@
+//! Forward dynamics of a closed chain over its independent coordinates.
+
+use regen_runtime::{Condition, Model, SizeError};
+
+/// Pivots are rounding below this part of the diagonal, for each row: entries of M carry some
+/// roundings of their own.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// The accelerations that efforts cause, by the mass matrix and the inverse dynamics of one
+/// model: M qdd_i = tau_i - X^T tau_e - (bias + gravity).
+#[derive(Debug)]
+pub struct Forward<'m, M: ?Sized> {
+    model: &'m M,
+    /// Parameters without friction columns.
+    phi: Vec<f64>,
+    dof: usize,
+    accelerations: Vec<f64>,
+    zero: Vec<f64>,
+    mass: Vec<f64>,
+    forces: Vec<f64>,
+}
+
+/// What a solve for accelerations came to. A numerical outcome.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Freed {
+    /// The accelerations are in place; the condition is that of A_e.
+    Moves(Condition<f64>),
+    /// The mass matrix is not positive definite, or not beyond what roundoff may have made of it:
+    /// the parameters are not those of bodies, or a coordinate moves next to none.
+    NoMass,
+}
+
+impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
+    /// For a model with these parameters (p, in `Info::parameters` order). Friction columns are
+    /// left out: friction is among the efforts.
+    ///
+    /// # Errors
+    /// When the length of `phi` does not fit.
+    pub fn new(model: &'m M, phi: &[f64]) -> Result<Self, SizeError> {
+        let info = model.info();
+        if phi.len() != info.parameters.len() {
+            return Err(SizeError {
+                argument: "phi",
+                expected: info.parameters.len(),
+                got: phi.len(),
+            });
+        }
+        let is_friction = |label: &&str| label.starts_with("Fv") || label.starts_with("Fc");
+        let phi = info.parameters.iter().zip(phi);
+        let phi = phi
+            .map(|(label, value)| if is_friction(label) { 0.0 } else { *value })
+            .collect();
+        let (n, dof) = (info.coordinates.len(), info.dof());
+        Ok(Self {
+            model,
+            phi,
+            dof,
+            accelerations: vec![0.0; n],
+            zero: vec![0.0; dof],
+            mass: vec![0.0; dof * dof],
+            forces: vec![0.0; dof],
+        })
+    }
+
+    /// The parameters without friction.
+    pub fn phi(&self) -> &[f64] {
+        &self.phi
+    }
+
+    /// qdd_i (dof) at a closed state q, qd (n) under the reduced efforts tau_i - X^T tau_e
+    /// (dof), friction taken off.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    pub fn accelerations(
+        &mut self,
+        q: &[f64],
+        qd: &[f64],
+        efforts: &[f64],
+        out: &mut [f64],
+    ) -> Result<Freed, SizeError> {
+        let fits = |argument, got| {
+            let expected = self.dof;
+            if got == expected {
+                return Ok(());
+            }
+            Err(SizeError {
+                argument,
+                expected,
+                got,
+            })
+        };
+        fits("efforts", efforts.len())?;
+        fits("out", out.len())?;
+        let model = self.model;
+        let mut condition = model.accelerations(q, qd, &self.zero, &mut self.accelerations)?;
+        condition = condition.worst(model.inverse_dynamics(
+            q,
+            qd,
+            &self.accelerations,
+            &self.phi,
+            &mut self.forces,
+        )?);
+        condition = condition.worst(model.mass_matrix(q, &self.phi, &mut self.mass)?);
+        for ((out, effort), force) in out.iter_mut().zip(efforts).zip(&self.forces) {
+            *out = effort - force;
+        }
+        if solve_symmetric(&mut self.mass, out) {
+            Ok(Freed::Moves(condition))
+        } else {
+            Ok(Freed::NoMass)
+        }
+    }
+}
+
+/// Solves M x = b in place by the Cholesky factor; false where M is not positive definite.
+///
+/// A pivot below [`ROUNDING`] times n of its diagonal entry may be nothing but the rounding of M
+/// (Higham, *Accuracy and Stability of Numerical Algorithms*, theorem 10.7, which holds for M
+/// scaled to a unit diagonal): then no digit of x is certain. Units play no part in this.
+fn solve_symmetric(m: &mut [f64], b: &mut [f64]) -> bool {
+    let n = b.len();
+    let floor = ROUNDING * n as f64;
+    for j in 0..n {
+        let whole = m[j * n + j].abs();
+        for k in 0..j {
+            for i in j..n {
+                m[i * n + j] -= m[i * n + k] * m[j * n + k];
+            }
+        }
+        let pivot = m[j * n + j];
+        // NaN too
+        if pivot.is_nan() || pivot <= floor * whole {
+            return false;
+        }
+        let root = pivot.sqrt();
+        for i in j..n {
+            m[i * n + j] /= root;
+        }
+    }
+    for i in 0..n {
+        for k in 0..i {
+            b[i] -= m[i * n + k] * b[k];
+        }
+        b[i] /= m[i * n + i];
+    }
+    for i in (0..n).rev() {
+        for k in i + 1..n {
+            b[i] -= m[k * n + i] * b[k];
+        }
+        b[i] /= m[i * n + i];
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+
+    use super::solve_symmetric;
+
+    #[test]
+    fn a_symmetric_system_is_solved_and_an_indefinite_one_refused() {
+        let m = [4.0, 2.0, 0.6, 2.0, 3.0, 0.4, 0.6, 0.4, 1.0];
+        let x = [1.0, -2.0, 0.5];
+        let mut b: Vec<f64> = (0..3)
+            .map(|i| (0..3).map(|j| m[3 * i + j] * x[j]).sum())
+            .collect();
+        assert!(solve_symmetric(&mut m.clone(), &mut b));
+        for (b, x) in b.iter().zip(x) {
+            assert!((b - x).abs() < 1e-14);
+        }
+        assert!(!solve_symmetric(&mut [1.0, 2.0, 2.0, 1.0], &mut [1.0, 1.0]));
+        assert!(!solve_symmetric(&mut [f64::NAN], &mut [1.0]));
+    }
+
+    /// Whatever the units of its coordinates, a system is solved as well, and one that is singular
+    /// but for rounding is refused.
+    #[test]
+    fn units_do_not_decide_what_is_singular() {
+        for scale in [1e-12, 1e-6, 1.0, 1e6] {
+            let unit = [1.0, scale, 1.0 / scale];
+            let scaled = |m: &[f64; 9]| -> Vec<f64> {
+                let entry = |k: usize| m[k] * unit[k / 3] * unit[k % 3];
+                (0..9).map(entry).collect()
+            };
+            let mut good = scaled(&[4.0, 2.0, 0.6, 2.0, 3.0, 0.4, 0.6, 0.4, 1.0]);
+            let mut b: Vec<f64> = (0..3)
+                .map(|i| good[3 * i] + good[3 * i + 1] / scale)
+                .collect();
+            assert!(solve_symmetric(&mut good, &mut b), "{scale}");
+            for (b, x) in b.iter().zip([1.0, 1.0 / scale, 0.0]) {
+                assert!(
+                    (b - x).abs() < 1e-13 * (1.0 + x.abs()).max(scale),
+                    "{scale} {b} {x}"
+                );
+            }
+            // the third row is a third of the others' sum, rounded
+            let third = 1.0 / 3.0;
+            let rows = [[4.0, 2.0], [2.0, 3.0]];
+            let last = [(4.0 + 2.0) * third, (2.0 + 3.0) * third];
+            let corner = (last[0] + last[1]) * third;
+            let singular = [
+                rows[0][0], rows[0][1], last[0], rows[1][0], rows[1][1], last[1], last[0], last[1],
+                corner,
+            ];
+            assert!(
+                !solve_symmetric(&mut scaled(&singular), &mut [1.0; 3]),
+                "{scale}"
+            );
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Repeatable noise, and parameters changed within what bodies can be.
+
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+use regen_runtime::Info;
+
+/// Normally distributed numbers by seed, the same on every machine.
+///
+/// ```
+/// use regen_experiment::simulate::Noise;
+///
+/// let (mut a, mut b) = (Noise::new(7), Noise::new(7));
+/// assert_eq!(a.normal(), b.normal());
+/// ```
+#[derive(Clone, Debug)]
+pub struct Noise {
+    generator: ChaCha8Rng,
+    spare: Option<f64>,
+}
+
+impl Noise {
+    /// From a seed.
+    pub fn new(seed: u64) -> Self {
+        Self {
+            generator: ChaCha8Rng::seed_from_u64(seed),
+            spare: None,
+        }
+    }
+
+    /// Uniform in (0, 1).
+    pub fn uniform(&mut self) -> f64 {
+        let bits = self.generator.next_u64() >> 11;
+        (bits as f64 + 0.5) / (1_u64 << 53) as f64
+    }
+
+    /// Of mean 0 and variance 1 (Box and Muller, 1958).
+    pub fn normal(&mut self) -> f64 {
+        if let Some(spare) = self.spare.take() {
+            return spare;
+        }
+        let radius = (-2.0 * libm::log(self.uniform())).sqrt();
+        let angle = std::f64::consts::TAU * self.uniform();
+        self.spare = Some(radius * libm::sin(angle));
+        radius * libm::cos(angle)
+    }
+}
+
+/// Parameters about given ones (p), each body's ten scaled by one factor in
+/// `1 - by ... 1 + by`, every other parameter by a factor of its own: what was physical stays so.
+///
+/// ```
+/// use regen_runtime::{Info, simulate};
+///
+/// let info = Info { parameters: &["mx(1)", "m(1)", "J(q1)"], bodies: &["1"], ..Info::EMPTY };
+/// let changed = simulate::perturbed(&info, &[2.0, 4.0, 1.0], 0.1, &mut simulate::Noise::new(1));
+/// // The centre of mass stays where it was.
+/// assert!((changed[0] / changed[1] - 0.5).abs() < 1e-15);
+/// assert!((changed[2] - 1.0).abs() <= 0.1);
+/// ```
+pub fn perturbed(info: &Info<'_>, phi: &[f64], by: f64, noise: &mut Noise) -> Vec<f64> {
+    let mut factor = || 1.0 + by * (2.0 * noise.uniform() - 1.0);
+    let of_bodies: Vec<f64> = info.bodies.iter().map(|_| factor()).collect();
+    let body_of = |label: &str| {
+        // as `Ixy(3)`; those of joints are `Fv(q)`, `Fc+(q)`, `J(q)`
+        let (symbol, rest) = label.split_once('(')?;
+        let of_body = symbol.starts_with(['I', 'm']);
+        let name = rest.strip_suffix(')').filter(|_| of_body)?;
+        info.bodies.iter().position(|b| *b == name)
+    };
+    let mut changed = Vec::with_capacity(phi.len());
+    for (label, value) in info.parameters.iter().zip(phi) {
+        let by = body_of(label).map_or_else(&mut factor, |b| of_bodies[b]);
+        changed.push(value * by);
+    }
+    changed
+}

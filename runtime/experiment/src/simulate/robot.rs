@@ -1,0 +1,237 @@
+//! The robot between samples: forward dynamics, drives and friction, and what sensors tell.
+
+use super::audit::{Energy, kinetic, moments, potential};
+use super::control::Drive;
+use super::forward::{Forward, Freed};
+use super::log::{Ended, Log};
+use super::noise::Noise;
+use super::settings::{Settings, SimulationError};
+use regen_runtime::{Closure, Model, Outcome, SizeError, Status};
+
+/// The robot between samples.
+pub(super) struct Robot<'m, M: ?Sized> {
+    model: &'m M,
+    settings: &'m Settings,
+    closure: Closure<'m, M>,
+    forward: Forward<'m, M>,
+    moments: Vec<[f64; 4]>,
+    gravity: [f64; 3],
+    pub(super) dof: usize,
+    independent: Vec<usize>,
+    actuated: Vec<usize>,
+    pub(super) command: Vec<f64>,
+    // what `rates` leaves
+    q: Vec<f64>,
+    qd: Vec<f64>,
+    qdd_i: Vec<f64>,
+    effort: Vec<f64>,
+    pub(super) dy: Vec<f64>,
+    residual: f64,
+    // scratch
+    reduced: Vec<f64>,
+    column: Vec<f64>,
+    unit: Vec<f64>,
+}
+
+impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
+    pub(super) fn new(
+        model: &'m M,
+        phi: &[f64],
+        settings: &'m Settings,
+    ) -> Result<Self, SimulationError> {
+        let info = model.info();
+        let positive = [
+            ("duration", settings.duration),
+            ("period", settings.period),
+            ("friction_width", settings.friction_width),
+            ("tolerance", settings.tolerance),
+        ];
+        for (name, value) in positive {
+            // NaN too
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(SimulationError::Setting(name));
+            }
+        }
+        let fits = |argument, got: usize, expected: usize| {
+            if got == 0 || got == expected {
+                return Ok(());
+            }
+            Err(SizeError {
+                argument,
+                expected,
+                got,
+            })
+        };
+        let (n, dof, a) = (info.coordinates.len(), info.dof(), info.actuated.len());
+        fits("pid", settings.pid.len(), a)?;
+        fits("drives", settings.drives.len(), a)?;
+        fits("offset", settings.offset.len(), a)?;
+        fits("friction", settings.friction.len(), n)?;
+        let forward = Forward::new(model, phi)?;
+        Ok(Self {
+            model,
+            settings,
+            closure: Closure::new(model)?,
+            moments: moments(&info, phi),
+            gravity: info.gravity,
+            forward,
+            dof,
+            independent: info.independent.to_vec(),
+            actuated: info.actuated.to_vec(),
+            command: if settings.offset.is_empty() {
+                vec![0.0; a]
+            } else {
+                settings.offset.clone()
+            },
+            q: vec![0.0; n],
+            qd: vec![0.0; n],
+            qdd_i: vec![0.0; dof],
+            effort: vec![0.0; a],
+            dy: vec![0.0; 2 * dof + a + 2],
+            residual: 0.0,
+            reduced: vec![0.0; dof],
+            column: vec![0.0; n],
+            unit: vec![0.0; dof],
+        })
+    }
+
+    /// q_i, qd_i, efforts of lagging drives, work, loss.
+    pub(super) fn size(&self) -> usize {
+        2 * self.dof + self.actuated.len() + 2
+    }
+
+    fn drive(&self, k: usize) -> Drive {
+        self.settings.drives.get(k).copied().unwrap_or_default()
+    }
+
+    /// The state's rate in `dy`, and the whole motion beside it.
+    pub(super) fn rates(&mut self, y: &[f64]) -> Result<Result<(), Ended>, SimulationError> {
+        let (q_i, rest) = y.split_at(self.dof);
+        let (qd_i, rest) = rest.split_at(self.dof);
+        let (built_up, _) = rest.split_at(self.actuated.len());
+        if y.iter().any(|v| !v.is_finite()) {
+            return Ok(Err(Ended::Diverged));
+        }
+        let closed = self.closure.track(q_i)?;
+        if !closed.outcome.is_closed() {
+            return Ok(Err(Ended::Open(closed.outcome)));
+        }
+        self.residual = closed.residual;
+        self.q.copy_from_slice(&closed.q);
+        let _condition = self.model.velocities(&self.q, qd_i, &mut self.qd)?;
+        // drives: y' = (command - y) / lag
+        let at = 2 * self.dof;
+        for (k, built_up) in built_up.iter().enumerate() {
+            let lag = self.drive(k).lag;
+            if lag > 0.0 {
+                self.effort[k] = *built_up;
+                self.dy[at + k] = (self.command[k] - built_up) / lag;
+            } else {
+                self.effort[k] = self.command[k];
+                self.dy[at + k] = 0.0;
+            }
+        }
+        let _condition = self
+            .model
+            .efforts(&self.q, &self.effort, &mut self.reduced)?;
+        let mut loss = 0.0;
+        if !self.settings.friction.is_empty() {
+            let width = self.settings.friction_width;
+            let laws = self.settings.friction.iter().zip(&self.qd);
+            let friction: Vec<f64> = laws.map(|(law, v)| law.smooth_effort(*v, width)).collect();
+            loss = friction.iter().zip(&self.qd).map(|(f, v)| f * v).sum();
+            // column k of dq/dq_i: all velocities at unit velocity of q_i[k]
+            for k in 0..self.dof {
+                self.unit.fill(0.0);
+                self.unit[k] = 1.0;
+                let _condition = self
+                    .model
+                    .velocities(&self.q, &self.unit, &mut self.column)?;
+                let share: f64 = self.column.iter().zip(&friction).map(|(c, f)| c * f).sum();
+                self.reduced[k] -= share;
+            }
+        }
+        match self
+            .forward
+            .accelerations(&self.q, &self.qd, &self.reduced, &mut self.qdd_i)?
+        {
+            Freed::NoMass => return Ok(Err(Ended::NoMass)),
+            Freed::Moves(condition) if condition.status() == Status::Singular => {
+                let outcome = Outcome::Singular { at: 1.0, condition };
+                return Ok(Err(Ended::Open(outcome)));
+            }
+            Freed::Moves(_) => {}
+        }
+        self.dy[..self.dof].copy_from_slice(qd_i);
+        self.dy[self.dof..at].copy_from_slice(&self.qdd_i);
+        let joints = self.actuated.iter().zip(&self.effort);
+        let power: f64 = joints.map(|(j, e)| self.qd[*j] * e).sum();
+        let end = self.dy.len();
+        self.dy[end - 2] = power;
+        self.dy[end - 1] = loss;
+        Ok(Ok(()))
+    }
+
+    /// The positions of the actuated joints as the encoders give them.
+    pub(super) fn measured(
+        &mut self,
+        y: &[f64],
+        noise: &mut Noise,
+    ) -> Result<Vec<f64>, SimulationError> {
+        let closed = self.closure.track(&y[..self.dof])?;
+        let sensors = self.settings.sensors;
+        let joints = self.actuated.iter();
+        Ok(joints
+            .map(|j| sensors.position(closed.q[*j], noise))
+            .collect())
+    }
+
+    /// Adds a sample at which the command changes from `held` to `self.command`.
+    ///
+    /// A drive without lag jumps there. Its effort at that instant is the mean of the two
+    /// limits, and the acceleration is that of this effort: positions one period before and
+    /// after lie on parabolas with the two accelerations, so that their second difference is the
+    /// mean of both.
+    pub(super) fn record(
+        &mut self,
+        t: f64,
+        y: &[f64],
+        measured: &[f64],
+        held: &[f64],
+        noise: &mut Noise,
+        log: &mut Log,
+    ) -> Result<Result<(), Ended>, SimulationError> {
+        let next = self.command.clone();
+        for (command, held) in self.command.iter_mut().zip(held) {
+            *command = f64::midpoint(*held, *command);
+        }
+        let rates = self.rates(y);
+        self.command = next;
+        if let Err(stop) = rates? {
+            return Ok(Err(stop));
+        }
+        let mut qdd = vec![0.0; self.q.len()];
+        let _condition = self
+            .model
+            .accelerations(&self.q, &self.qd, &self.qdd_i, &mut qdd)?;
+        let qd_i: Vec<f64> = self.independent.iter().map(|c| self.qd[*c]).collect();
+        log.t.push(t);
+        log.q.extend(&self.q);
+        log.qd.extend(&self.qd);
+        log.qdd.extend(&qdd);
+        log.effort.extend(&self.effort);
+        log.measured_position.extend(measured);
+        let sensors = self.settings.sensors;
+        let seen = self.effort.iter().map(|e| sensors.effort(*e, noise));
+        log.measured_effort.extend(seen);
+        log.residual = log.residual.max(self.residual);
+        let phi = self.forward.phi();
+        log.energy.push(Energy {
+            kinetic: kinetic(self.model, phi, &self.q, &qd_i)?,
+            potential: potential(self.model, self.gravity, &self.moments, &self.q)?,
+            work: y[y.len() - 2],
+            loss: y[y.len() - 1],
+        });
+        Ok(Ok(()))
+    }
+}

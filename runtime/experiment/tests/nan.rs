@@ -1,0 +1,111 @@
+//! What the solvers make of numbers that are none: never a number that looks right.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+#[path = "../../tests/models/pendulum.rs"]
+#[allow(unreachable_pub, reason = "examples include the file too")]
+mod pendulum;
+
+use pendulum::Pendulum;
+use regen_experiment::simulate::{
+    Drive, Ended, Forward, Freed, Now, Settings, simulate_controlled,
+};
+use regen_runtime::{Sample, Status, observation};
+
+const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+const PHI: [f64; 2] = [0.02, 0.1];
+
+#[test]
+fn forward_dynamics_gives_no_number_for_what_is_none() {
+    let accelerations = |phi: [f64; 2], [q, qd, effort]: [f64; 3]| {
+        let mut out = [0.5];
+        let freed = Forward::new(&Pendulum, &phi)
+            .unwrap()
+            .accelerations(&[q], &[qd], &[effort], &mut out)
+            .unwrap();
+        match freed {
+            Freed::Moves(condition) if condition.status() != Status::Singular => Some(out[0]),
+            _ => None,
+        }
+    };
+    let state = [0.4, 0.2, 0.3];
+    assert!(accelerations(PHI, state).unwrap().is_finite());
+    for bad in BAD {
+        // A pendulum's acceleration does not depend on its velocity.
+        for k in [0, 2] {
+            let mut state = state;
+            state[k] = bad;
+            let found = accelerations(PHI, state);
+            assert!(found.is_none_or(|a| !a.is_finite()), "{k} {bad}: {found:?}");
+        }
+        let found = accelerations([0.02, bad], state);
+        assert!(
+            found.is_none_or(|a| !a.is_finite()),
+            "weight {bad}: {found:?}"
+        );
+    }
+    for inertia in [f64::NAN, f64::NEG_INFINITY, 0.0, -1.0] {
+        assert_eq!(accelerations([inertia, 0.1], state), None, "{inertia}");
+    }
+}
+
+/// A limit must not take the place of what a controller failed to compute.
+#[test]
+fn a_command_that_is_nan_ends_the_run_with_or_without_limits() {
+    let start = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.4;
+    for limit in [None, Some([-1.0, 1.0])] {
+        let settings = Settings {
+            duration: 0.5,
+            drives: vec![Drive {
+                limit,
+                ..Drive::default()
+            }],
+            ..Settings::default()
+        };
+        let run = |value: f64| {
+            let mut controller = |now: &Now<'_>, efforts: &mut [f64]| {
+                efforts[0] = if now.t < 0.2 { 0.0 } else { value }
+            };
+            simulate_controlled(&Pendulum, &PHI, &start, &mut controller, &settings).unwrap()
+        };
+        let log = run(f64::NAN);
+        assert_eq!(log.ended, Ended::Diverged, "{limit:?}");
+        assert!(
+            log.t.last().is_some_and(|t| *t < 0.21),
+            "{:?}",
+            log.t.last()
+        );
+        assert_eq!(run(0.1).ended, Ended::Complete);
+    }
+    // An infinite command is held at a limit.
+    let settings = Settings {
+        duration: 0.5,
+        drives: vec![Drive {
+            limit: Some([-0.01, 0.01]),
+            ..Drive::default()
+        }],
+        ..Settings::default()
+    };
+    let mut all = |_: &Now<'_>, efforts: &mut [f64]| efforts[0] = f64::INFINITY;
+    let log = simulate_controlled(&Pendulum, &PHI, &start, &mut all, &settings).unwrap();
+    assert_eq!(log.ended, Ended::Complete);
+}
+
+#[test]
+fn a_sample_that_is_nan_spoils_its_own_rows_of_the_observation_and_no_others() {
+    const GOOD: [[f64; 1]; 3] = [[0.4], [0.2], [0.3]];
+    const SPOILT: [[f64; 1]; 3] = [[f64::NAN], [0.2], [f64::NAN]];
+    let sample = |[q, qd, qdd]: &'static [[f64; 1]; 3]| Sample { q, qd, qdd };
+    let clean = observation(&Pendulum, &[sample(&GOOD), sample(&GOOD), sample(&GOOD)]).unwrap();
+    let mut spoilt =
+        observation(&Pendulum, &[sample(&GOOD), sample(&SPOILT), sample(&GOOD)]).unwrap();
+    for j in 0..clean.columns {
+        let (clean, spoilt) = (clean.column(j), spoilt.column(j));
+        assert!(spoilt[1].is_nan(), "column {j}");
+        assert_eq!(
+            [clean[0].to_bits(), clean[2].to_bits()],
+            [spoilt[0].to_bits(), spoilt[2].to_bits()]
+        );
+    }
+    let _ = spoilt.scale_columns();
+    assert!((0..clean.columns).all(|j| spoilt.column(j)[1].is_nan()));
+}

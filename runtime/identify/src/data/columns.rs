@@ -1,0 +1,360 @@
+//! Which column of a log is what.
+
+use core::fmt;
+use core::str::FromStr;
+
+use regen_runtime::Info;
+
+/// What a column holds.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Time, s.
+    Time,
+    /// A coordinate, rad or m.
+    Position(String),
+    /// Its velocity.
+    Velocity(String),
+    /// Its acceleration.
+    Acceleration(String),
+    /// Its effort, N or N m.
+    Effort(String),
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Time => f.write_str("t"),
+            Self::Position(name) => f.write_str(name),
+            Self::Velocity(name) => write!(f, "qd_{name}"),
+            Self::Acceleration(name) => write!(f, "qdd_{name}"),
+            Self::Effort(name) => write!(f, "tau_{name}"),
+        }
+    }
+}
+
+/// A column that a user names: `QUANTITY=COLUMN[:UNIT][*FACTOR]`.
+///
+/// Quantities are `t`, a coordinate's name, or the name behind `qd_`, `qdd_` or `tau_`. Units
+/// are `s ms us rad deg m mm N Nm A` and the like; the factor is a torque constant (Eq. 30), a
+/// gear's ratio, or any other. An effort in amperes needs one.
+///
+/// ```
+/// use regen_identify::data::{Assignment, Quantity};
+///
+/// let leg: Assignment = "q2=leg 1:mm".parse()?;
+/// assert_eq!(leg.quantity, Quantity::Position("q2".to_owned()));
+/// assert_eq!((leg.column.as_str(), leg.factor), ("leg 1", 1e-3));
+/// let current: Assignment = "tau_q2=i1:A*-35.5".parse()?;
+/// assert_eq!(current.factor, -35.5);
+/// assert_eq!((current.unit, current.gain), (Some("A"), Some(-35.5)));
+/// assert!("q2".parse::<Assignment>().is_err());
+/// # Ok::<(), regen_identify::data::AssignmentError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq)]
+pub struct Assignment {
+    /// What the column holds.
+    pub quantity: Quantity,
+    /// Its header.
+    pub column: String,
+    /// What its entries are multiplied by to be in SI.
+    pub factor: f64,
+    /// The unit that was given.
+    pub unit: Option<&'static str>,
+    /// The factor that was given beside the unit, or without one.
+    pub gain: Option<f64>,
+}
+
+impl Assignment {
+    /// Whether an effort is given as a current, whose torque constant belongs to the joint.
+    pub fn is_current(&self) -> bool {
+        matches!(self.quantity, Quantity::Effort(_)) && matches!(self.unit, Some("A" | "mA"))
+    }
+}
+
+/// Why a text assigns no column.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AssignmentError(String);
+
+impl fmt::Display for AssignmentError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl core::error::Error for AssignmentError {}
+
+/// Units with what makes them SI.
+const UNITS: [(&str, f64); 20] = [
+    ("s", 1.0),
+    ("ms", 1e-3),
+    ("us", 1e-6),
+    ("ns", 1e-9),
+    ("rad", 1.0),
+    ("deg", core::f64::consts::PI / 180.0),
+    ("m", 1.0),
+    ("cm", 1e-2),
+    ("mm", 1e-3),
+    ("um", 1e-6),
+    ("rad/s", 1.0),
+    ("deg/s", core::f64::consts::PI / 180.0),
+    ("m/s", 1.0),
+    ("mm/s", 1e-3),
+    ("N", 1.0),
+    ("kN", 1e3),
+    ("Nm", 1.0),
+    ("mNm", 1e-3),
+    ("A", 1.0),
+    ("mA", 1e-3),
+];
+
+impl FromStr for Assignment {
+    type Err = AssignmentError;
+
+    fn from_str(text: &str) -> Result<Self, AssignmentError> {
+        let Some((quantity, rest)) = text.split_once('=') else {
+            return Err(AssignmentError(format!(
+                "`{text}` assigns nothing: write QUANTITY=COLUMN[:UNIT][*FACTOR], such as \
+                 q1=angle1:deg or tau_q1=current1:A*0.12"
+            )));
+        };
+        let (rest, factor) = match rest.rsplit_once('*') {
+            None => (rest, None),
+            Some((rest, factor)) => match factor.trim().parse::<f64>() {
+                Ok(value) if value.is_finite() && value != 0.0 => (rest, Some(value)),
+                _ => {
+                    return Err(AssignmentError(format!(
+                        "the factor `{factor}` in `{text}` is not a number other than 0"
+                    )));
+                }
+            },
+        };
+        let (column, unit) = match rest.rsplit_once(':') {
+            None => (rest, None),
+            Some((column, unit)) => {
+                let Some((name, size)) = UNITS.iter().find(|(name, _)| *name == unit.trim()) else {
+                    let known: Vec<&str> = UNITS.iter().map(|(name, _)| *name).collect();
+                    return Err(AssignmentError(format!(
+                        "the unit `{unit}` in `{text}` is unknown: use one of {}",
+                        known.join(" ")
+                    )));
+                };
+                (column, Some((*name, *size)))
+            }
+        };
+        let name = quantity.trim();
+        let quantity = if name == "t" {
+            Quantity::Time
+        } else if let Some(name) = name.strip_prefix("qdd_") {
+            Quantity::Acceleration(name.to_owned())
+        } else if let Some(name) = name.strip_prefix("qd_") {
+            Quantity::Velocity(name.to_owned())
+        } else if let Some(name) = name.strip_prefix("tau_") {
+            Quantity::Effort(name.to_owned())
+        } else {
+            Quantity::Position(name.to_owned())
+        };
+        Ok(Self {
+            quantity,
+            column: column.trim().to_owned(),
+            factor: unit.map_or(1.0, |u| u.1) * factor.unwrap_or(1.0),
+            unit: unit.map(|u| u.0),
+            gain: factor,
+        })
+    }
+}
+
+/// A column's place in a file and its factor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Channel {
+    pub(super) index: usize,
+    pub(super) factor: f64,
+}
+
+/// Where everything stands in the rows of one file.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Layout {
+    pub(super) header: Vec<String>,
+    /// Coordinates that are measured, as indices into `Info::coordinates`.
+    pub(super) measured: Vec<usize>,
+    /// Columns in the order in which rows are kept: time, positions, then velocities and
+    /// accelerations if these are measured, then efforts.
+    pub(super) channels: Vec<Channel>,
+    /// Whether velocities and accelerations are measured.
+    pub(super) derivatives: bool,
+    pub(super) efforts: usize,
+}
+
+/// Titles that are listed in a message, and characters of each.
+const LISTED: usize = 40;
+
+/// A text that fits into a message.
+pub(super) fn shortened(text: &str) -> String {
+    match text.char_indices().nth(LISTED) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+/// The titles of a header, as many as can be looked through.
+fn listed(header: &[String]) -> String {
+    let titles: Vec<String> = header.iter().take(LISTED).map(|t| shortened(t)).collect();
+    let more = header.len().saturating_sub(LISTED);
+    let tail = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
+    format!("{}{tail}", titles.join(", "))
+}
+
+impl Layout {
+    /// Finds the columns of a header; the error is a sentence.
+    pub(super) fn new(
+        header: Vec<String>,
+        info: &Info<'_>,
+        assignments: &[Assignment],
+    ) -> Result<Self, String> {
+        for assignment in assignments {
+            if assignment.is_current() && assignment.gain.is_none() {
+                let Assignment {
+                    quantity, column, ..
+                } = assignment;
+                let unit = assignment.unit.unwrap_or("A");
+                return Err(format!(
+                    "{quantity} is a current in {unit}, and a current is no effort: give the \
+                     torque constant of the joint, in N m/A or N/A with the gear, such as \
+                     --column '{quantity}={column}:{unit}*0.12'"
+                ));
+            }
+            let name = match &assignment.quantity {
+                Quantity::Time => continue,
+                Quantity::Position(n)
+                | Quantity::Velocity(n)
+                | Quantity::Acceleration(n)
+                | Quantity::Effort(n) => n,
+            };
+            if info.index_of(name).is_none() {
+                return Err(format!(
+                    "`{name}` is no coordinate of {}: {}",
+                    info.name,
+                    info.coordinates.join(" ")
+                ));
+            }
+        }
+        if header.iter().all(String::is_empty) {
+            return Err("it is empty; its first row must name the columns".to_owned());
+        }
+        if header.iter().all(|title| title.parse::<f64>().is_ok()) {
+            return Err(format!(
+                "its first row has numbers, {}: it must name the columns",
+                listed(&header)
+            ));
+        }
+        if let [whole] = &header[..]
+            && let Some(mark) = whole.chars().find(|c| [';', '\t'].contains(c))
+        {
+            let mark = if mark == ';' { "semicolons" } else { "tabs" };
+            return Err(format!(
+                "its columns are separated by {mark}: separate them by commas, with points in \
+                 decimals"
+            ));
+        }
+        let place = |name: &str| header.iter().position(|h| h == name);
+        // Which of two columns of the same name is meant, nobody knows.
+        let once = |index: usize| -> Result<usize, String> {
+            let name = header.get(index).map_or("", String::as_str);
+            if header.iter().skip(index + 1).any(|h| h == name) {
+                return Err(format!("the header names two columns `{name}`: rename one"));
+            }
+            Ok(index)
+        };
+        let find = |quantity: &Quantity, alias: Option<&str>| -> Result<Option<Channel>, String> {
+            if let Some(given) = assignments.iter().find(|a| a.quantity == *quantity) {
+                let index = place(&given.column).ok_or_else(|| {
+                    let (column, all) = (&given.column, listed(&header));
+                    format!("there is no column `{column}` for {quantity}; there are: {all}")
+                })?;
+                let (index, factor) = (once(index)?, given.factor);
+                return Ok(Some(Channel { index, factor }));
+            }
+            let found = place(&format!("{quantity}")).or_else(|| alias.and_then(place));
+            let found = found.map(once).transpose()?;
+            Ok(found.map(|index| Channel { index, factor: 1.0 }))
+        };
+        let missing = |quantity: &Quantity, what: &str| {
+            let all = listed(&header);
+            format!(
+                "there is no column `{quantity}` ({what}); there are: {all}. Name it with \
+                 --column {quantity}=COLUMN"
+            )
+        };
+        let time = find(&Quantity::Time, Some("time"))?
+            .ok_or_else(|| missing(&Quantity::Time, "time in s"))?;
+        let mut measured = Vec::new();
+        let mut positions = Vec::new();
+        let mut rates = Vec::new();
+        for (k, name) in info.coordinates.iter().enumerate() {
+            let Some(position) = find(&Quantity::Position((*name).to_owned()), None)? else {
+                continue;
+            };
+            measured.push(k);
+            positions.push(position);
+            let velocity = find(&Quantity::Velocity((*name).to_owned()), None)?;
+            let acceleration = find(&Quantity::Acceleration((*name).to_owned()), None)?;
+            rates.push(velocity.zip(acceleration));
+        }
+        if measured.len() < info.dof() {
+            // the actuated ones are what a robot measures
+            let wanted: Vec<&str> = info
+                .actuated
+                .iter()
+                .filter(|k| !measured.contains(k))
+                .filter_map(|&k| info.coordinates.get(k).copied())
+                .collect();
+            return Err(format!(
+                "{} of {} positions that are needed; missing: {}; columns: {}. Name them with \
+                 --column COORDINATE=COLUMN",
+                measured.len(),
+                info.dof(),
+                wanted.join(" "),
+                listed(&header)
+            ));
+        }
+        let mut channels = Vec::from([time]);
+        channels.extend(positions);
+        let whole: Option<Vec<_>> = rates.into_iter().collect();
+        let derivatives = whole.is_some();
+        if let Some(rates) = whole {
+            channels.extend(rates.iter().map(|r| r.0));
+            channels.extend(rates.iter().map(|r| r.1));
+        }
+        for &k in info.actuated {
+            let name = info.coordinates.get(k).copied().unwrap_or_default();
+            let effort = Quantity::Effort(name.to_owned());
+            channels.push(find(&effort, None)?.ok_or_else(|| missing(&effort, "an effort"))?);
+        }
+        Ok(Self {
+            header,
+            measured,
+            channels,
+            derivatives,
+            efforts: info.actuated.len(),
+        })
+    }
+
+    /// The places of positions, velocities, accelerations and efforts in a kept row.
+    pub(super) fn positions(&self) -> core::ops::Range<usize> {
+        1..1 + self.measured.len()
+    }
+
+    pub(super) fn efforts(&self) -> core::ops::Range<usize> {
+        self.channels.len() - self.efforts..self.channels.len()
+    }
+
+    /// The header over a kept entry.
+    pub(super) fn title(&self, entry: usize) -> String {
+        let index = self.channels.get(entry).map(|c| c.index);
+        let title = index.and_then(|i| self.header.get(i));
+        title.cloned().unwrap_or_default()
+    }
+}

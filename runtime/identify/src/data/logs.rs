@@ -1,0 +1,397 @@
+//! Logs as a source of rows: read in windows, differentiated, completed by the closure.
+
+use std::path::PathBuf;
+
+use super::average::Average;
+use super::columns::Assignment;
+use super::problem::{DataError, Policy, Problems};
+use super::reader::{Kept, LogFile, Survey};
+use super::shift;
+use super::standstill::{self, Differences, Encoder};
+use super::window::Window;
+use crate::estimate::EstimateError;
+use crate::identify::{Completion, Filtering, Row, Source, Standstill};
+use crate::signals::{Fourier, FourierFit, Method, NEIGHBOURS, SignalError};
+use regen_runtime::{Info, Model};
+
+/// How logs are read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Columns whose headers do not say what they are.
+    pub columns: Vec<Assignment>,
+    /// How positions are differentiated, unless velocities and accelerations are measured.
+    pub method: Method,
+    /// What is done with rows that cannot be used.
+    pub policy: Policy,
+    /// Of the states found, each how many-th gives equations; at least 1.
+    pub decimation: usize,
+    /// The period in s of a trajectory that is run several times: the runs are averaged, their
+    /// spread becomes the rows' weights.
+    pub period: Option<f64>,
+    /// Standard deviations of positions by coordinate, where more is measured than needed; 1
+    /// for those not named.
+    pub deviations: Vec<(String, f64)>,
+    /// What is done with equations of coordinates that rest: whose raw positions stay within the
+    /// encoder's step or noise for 0.2 s, or whose velocities are within two deviations of zero or
+    /// turn round within the samples that they are made of.
+    pub standstill: Standstill,
+    /// Velocities below this, rad/s or m/s, count as rest too.
+    pub rest_speed: f64,
+    /// By how many seconds efforts are logged after the motion that they belong to, by
+    /// coordinate; 0 for those not named.
+    pub delays: Vec<(String, f64)>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            columns: Vec::new(),
+            method: Method::Central,
+            policy: Policy::Fail,
+            decimation: 1,
+            period: None,
+            deviations: Vec::new(),
+            standstill: Standstill::Drop,
+            rest_speed: 0.0,
+            delays: Vec::new(),
+        }
+    }
+}
+
+/// What was read of a file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FileReport {
+    /// The file.
+    pub file: String,
+    /// Good rows.
+    pub rows: usize,
+    /// The usual step, s.
+    pub step: f64,
+    /// States that gave equations.
+    pub states: usize,
+    /// Whether velocities and accelerations were read from it, not found from the positions.
+    pub derivatives: bool,
+    /// The measured coordinates that never move in it.
+    pub still: Vec<String>,
+    /// What is wrong with it.
+    pub problems: Problems,
+    /// What was done with the rows that this is about.
+    pub policy: Policy,
+}
+
+pub(super) struct Log {
+    pub(super) file: LogFile,
+    pub(super) survey: Survey,
+    /// The series, where it is fitted; from the first pass on.
+    pub(super) series: Option<Fourier>,
+    /// What is known of each measured position's encoder.
+    pub(super) encoders: Vec<Encoder>,
+}
+
+/// A filter that needs more rows than this on either side is none for windows.
+const WIDEST: usize = 1_000_000;
+
+/// Log files of one robot, as a [`Source`]: memory does not grow with their length.
+///
+/// ```
+/// # mod models {
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs"));
+/// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
+/// # }
+/// # use models::Pendulum;
+/// use regen_identify::data::{Logs, Settings};
+/// use regen_identify::identify::{Kind, Options, identify};
+/// use regen_identify::signals::Method;
+///
+/// // angles and torques of a pendulum of 0.5 kg m^2 and 2 kg m, moved as q = sin(2 pi t)
+/// let mut text = String::from("t,q1,tau_q1\n");
+/// for k in 0..200 {
+///     let t = 0.01 * f64::from(k);
+///     let w = core::f64::consts::TAU;
+///     let (q, qdd) = ((w * t).sin(), -w * w * (w * t).sin());
+///     text += &format!("{t},{q},{}\n", 0.5 * qdd + 2.0 * 9.81 * q.sin());
+/// }
+/// let path = std::env::temp_dir().join(format!("pendulum-{}.csv", std::process::id()));
+/// std::fs::write(&path, text)?;
+/// let settings = Settings {
+///     method: Method::Fourier { frequency: 1.0, harmonics: 1 },
+///     ..Settings::default()
+/// };
+/// let mut logs = Logs::open(&Pendulum, &[path.clone()], &settings)?;
+/// let found = identify(&Pendulum, Kind::Forces, &Options::default(), &mut logs)?;
+/// assert!((found.estimate.values[0] - 0.5).abs() < 1e-8);
+/// assert_eq!(logs.reports()[0].states, 200);
+/// # std::fs::remove_file(path)?;
+/// # Ok::<(), Box<dyn core::error::Error>>(())
+/// ```
+pub struct Logs<'m, M: ?Sized> {
+    pub(super) model: &'m M,
+    pub(super) settings: Settings,
+    pub(super) files: Vec<Log>,
+    pub(super) reports: Vec<FileReport>,
+}
+
+impl<'m, M: Model<f64> + ?Sized> Logs<'m, M> {
+    /// Opens files, reads each once for its sampling and twice where it is checked for
+    /// [`Policy::Fail`].
+    ///
+    /// # Errors
+    /// When a file cannot be read, lacks columns, or has rows that cannot be used.
+    pub fn open(model: &'m M, paths: &[PathBuf], settings: &Settings) -> Result<Self, DataError> {
+        let info = model.info();
+        let mut files = Vec::with_capacity(paths.len());
+        let mut reports = Vec::with_capacity(paths.len());
+        for path in paths {
+            let mut file = LogFile::open(path, &info, &settings.columns)?;
+            file.keep = settings.policy.keeps();
+            let survey = file.survey()?;
+            let mut problems = Problems::default();
+            let mut rows = 0;
+            let mut fit = match settings.method {
+                Method::Fourier {
+                    frequency,
+                    harmonics,
+                } if !file.layout.derivatives => Some(
+                    FourierFit::new(frequency, harmonics, file.layout.measured.len())
+                        .map_err(|why| signal(&file, why))?,
+                ),
+                _ => None,
+            };
+            let mut differences = vec![Differences::default(); file.layout.measured.len()];
+            file.rows(
+                &survey,
+                &mut |problem| problems.add(problem),
+                &mut |row, follows| {
+                    rows += 1;
+                    let positions = &row.values[file.layout.positions()];
+                    for (all, value) in differences.iter_mut().zip(positions) {
+                        all.push(*value, follows);
+                    }
+                    if let Some(fit) = &mut fit {
+                        fit.push(row.values[0], &row.values[file.layout.positions()])
+                            .map_err(|why| signal(&file, why))?;
+                    }
+                    Ok(())
+                },
+            )?;
+            let name = path.display().to_string();
+            if settings.policy == Policy::Fail && problems.total() > 0 {
+                return Err(DataError::Problems {
+                    file: name,
+                    problems,
+                });
+            }
+            if rows < 2 {
+                return Err(signal(
+                    &file,
+                    SignalError::TooFew {
+                        samples: rows,
+                        needed: 2,
+                    },
+                ));
+            }
+            let series = match fit {
+                Some(fit) => Some(fit.finish().map_err(|why| signal(&file, why))?),
+                None => None,
+            };
+            let encoders: Vec<Encoder> = differences.into_iter().map(Differences::finish).collect();
+            let constant = file.layout.measured.iter().zip(&encoders);
+            let constant = constant.filter(|(_, encoder)| encoder.constant);
+            let still = constant.filter_map(|(c, _)| info.coordinates.get(*c));
+            reports.push(FileReport {
+                still: still.map(|name| (*name).to_owned()).collect(),
+                file: name,
+                rows,
+                step: survey.step(),
+                states: 0,
+                derivatives: file.layout.derivatives,
+                problems,
+                policy: settings.policy,
+            });
+            files.push(Log {
+                file,
+                survey,
+                series,
+                encoders,
+            });
+        }
+        Ok(Self {
+            model,
+            settings: settings.clone(),
+            files,
+            reports,
+        })
+    }
+
+    /// What was read of each file; states and their problems after a pass.
+    pub fn reports(&self) -> &[FileReport] {
+        &self.reports
+    }
+}
+
+pub(super) fn signal(file: &LogFile, why: SignalError) -> DataError {
+    DataError::Signal {
+        file: file.path.display().to_string(),
+        why,
+    }
+}
+
+impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
+    type Error = DataError;
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), DataError> {
+        let info = self.model.info();
+        for (log, report) in self.files.iter().zip(&mut self.reports) {
+            let deviation = |&c: &usize| {
+                let name = info.coordinates.get(c).copied().unwrap_or_default();
+                let given = self.settings.deviations.iter().find(|(n, _)| n == name);
+                given.map_or(1.0, |(_, d)| *d)
+            };
+            let measured = &log.file.layout.measured;
+            let deviations: Vec<f64> = measured.iter().map(deviation).collect();
+            // states found by an earlier pass are told once
+            let mut fresh = Problems::default();
+            let mut window = Window {
+                log,
+                settings: &self.settings,
+                completion: Completion::new(self.model, measured, &deviations)?,
+                model: self.model,
+                support: support(log, &self.settings)?,
+                unsure: unsure(log, &self.settings)?,
+                delays: delays(&info, &self.settings),
+                rows: Vec::new(),
+                weights: Vec::new(),
+                before: 0,
+                count: 0,
+                follows: false,
+                states: 0,
+                problems: &mut fresh,
+                each,
+            };
+            let mut average = self
+                .settings
+                .period
+                .map(|period| Average::new(period, log.survey.step(), &log.file.layout))
+                .transpose()
+                .map_err(|why| DataError::Layout {
+                    file: report.file.clone(),
+                    why,
+                })?;
+            log.file.rows(
+                &log.survey,
+                &mut |_| {},
+                &mut |row, follows| match &mut average {
+                    Some(average) => {
+                        average.push(&row.values);
+                        Ok(())
+                    }
+                    None => window.take(row, None, follows),
+                },
+            )?;
+            if let Some(average) = average {
+                let means = average.finish().map_err(|why| DataError::Layout {
+                    file: report.file.clone(),
+                    why,
+                })?;
+                for (k, (values, weights)) in means.into_iter().enumerate() {
+                    let row = Kept { line: 0, values };
+                    window.take(row, Some(weights), k > 0)?;
+                }
+            }
+            window.finish()?;
+            report.states = window.states;
+            if self.settings.policy == Policy::Fail && fresh.total() > 0 {
+                return Err(DataError::Problems {
+                    file: report.file.clone(),
+                    problems: fresh,
+                });
+            }
+            report.problems.replace_open(&fresh);
+        }
+        Ok(())
+    }
+
+    fn filtering(&self) -> Filtering {
+        Filtering {
+            smoothing: self.settings.method.smoothing(),
+            decimation: self.settings.decimation,
+            standstill: self.settings.standstill,
+        }
+    }
+}
+
+/// The delay of each actuated joint's effort, s.
+fn delays(info: &Info<'_>, settings: &Settings) -> Vec<f64> {
+    let of = |c: &usize| {
+        let name = info.coordinates.get(*c).copied().unwrap_or_default();
+        let given = settings.delays.iter().find(|(n, _)| n == name);
+        given.map_or(0.0, |(_, delay)| *delay)
+    };
+    info.actuated.iter().map(of).collect()
+}
+
+/// The velocity of each measured coordinate below which its direction is not sure: noise of the
+/// encoder through the differentiation, twice its deviation.
+fn unsure(log: &Log, settings: &Settings) -> Result<Vec<f64>, DataError> {
+    let gain = if log.file.layout.derivatives || log.series.is_some() {
+        0.0
+    } else {
+        let step = log.survey.step();
+        settings
+            .method
+            .of_states(step)
+            .rate_gain(step)
+            .map_err(|why| signal(&log.file, why))?
+    };
+    // differences over more neighbours take up more noise
+    let more = |encoder: &Encoder| match (settings.method, encoder.neighbours) {
+        (Method::Central, 2) => 130_f64.sqrt() / 72_f64.sqrt(),
+        (Method::Central, 3) => 4214_f64.sqrt() / 1800_f64.sqrt(),
+        _ => 1.0,
+    };
+    let encoders = log.encoders.iter();
+    Ok(encoders
+        .map(|e| settings.rest_speed.max(2.0 * gain * more(e) * e.noise))
+        .collect())
+}
+
+/// How many rows on either side a state depends on.
+fn support(log: &Log, settings: &Settings) -> Result<usize, DataError> {
+    let step = log.survey.step();
+    let longest = settings
+        .delays
+        .iter()
+        .fold(0.0, |m: f64, d| m.max(d.1.abs()));
+    #[allow(clippy::cast_sign_loss, reason = "neither is negative")]
+    let shifted = if longest > 0.0 {
+        (longest / step).ceil() as usize + shift::NEIGHBOURS
+    } else {
+        0
+    };
+    let least = standstill::context(step).max(shifted);
+    if log.file.layout.derivatives || log.series.is_some() {
+        return Ok(least);
+    }
+    // what was asked for is refused in its own words
+    let asked = settings.method.support(step);
+    asked.map_err(|why| signal(&log.file, why))?;
+    let support = settings
+        .method
+        .of_states(step)
+        .support(step)
+        .map_err(|why| signal(&log.file, why))?;
+    let support = match settings.method {
+        Method::Central => support.max(Some(NEIGHBOURS)),
+        _ => support,
+    };
+    match support.map(|rows| rows.max(least)) {
+        Some(rows) if rows <= WIDEST => Ok(rows),
+        _ => Err(signal(
+            &log.file,
+            SignalError::Setting("the filter is too slow for this sampling: raise its cutoff"),
+        )),
+    }
+}

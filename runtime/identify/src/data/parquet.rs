@@ -1,0 +1,249 @@
+//! Rows of a Parquet file, a row group's pages at a time.
+
+mod format;
+mod guard;
+mod pages;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
+use parquet::data_type::DataType;
+use parquet::errors::ParquetError;
+use parquet::file::reader::{FileReader, SerializedFileReader};
+
+use self::guard::guarded;
+use super::columns::Layout;
+use super::problem::{DataError, Fault, Problem};
+use super::reader::Kept;
+
+/// Rows read at a time.
+const BATCH: usize = 4096;
+/// Longest footer: that of hundreds of columns in thousands of row groups.
+const FOOTER: u64 = 1 << 24;
+/// Groups of columns within groups, at most.
+const NESTED: usize = 32;
+/// Rows that a byte of a file may stand for, at most: equal numbers and equal steps are written
+/// in a few bytes, but time and forces differ from row to row.
+const DENSEST: u64 = 1000;
+
+/// What a row becomes.
+pub(super) type Each<'a> = dyn FnMut(Result<Kept, Problem>) -> Result<(), DataError> + 'a;
+
+fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
+    let io = |error: std::io::Error| DataError::Io {
+        file: path.display().to_string(),
+        why: format!("{error}"),
+    };
+    let mut file = File::open(path).map_err(io)?;
+    let mut tail = [0; 8];
+    let size = file.metadata().map_err(io)?.len();
+    if size >= 12 {
+        file.seek(SeekFrom::End(-8)).map_err(io)?;
+        file.read_exact(&mut tail).map_err(io)?;
+        let footer = u64::from(u32::from_le_bytes([tail[0], tail[1], tail[2], tail[3]]));
+        if footer > FOOTER {
+            return Err(broken(path, &format!("its footer claims {footer} bytes")));
+        }
+        if let Some(start) = (size - 8).checked_sub(footer) {
+            let mut bytes = Vec::new();
+            file.seek(SeekFrom::Start(start)).map_err(io)?;
+            let mut text = file.by_ref().take(footer);
+            text.read_to_end(&mut bytes).map_err(io)?;
+            if pages::nesting(&bytes).is_none_or(|deep| deep > NESTED) {
+                let why = format!("its footer is none, or has groups nested deeper than {NESTED}");
+                return Err(broken(path, &why));
+            }
+        }
+    }
+    guarded(|| SerializedFileReader::new(file)).map_err(|error| failed(path, &error))
+}
+
+fn broken(path: &Path, why: &str) -> DataError {
+    DataError::Io {
+        file: path.display().to_string(),
+        why: format!("this is a broken Parquet file: {why}"),
+    }
+}
+
+fn failed(path: &Path, error: &ParquetError) -> DataError {
+    DataError::Io {
+        file: path.display().to_string(),
+        why: format!("{error}"),
+    }
+}
+
+/// The names of the columns.
+pub(super) fn header(path: &Path) -> Result<Vec<String>, DataError> {
+    let reader = open(path)?;
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    Ok(schema.columns().iter().map(|c| c.path().string()).collect())
+}
+
+/// A column's batch: a number or nothing for each row.
+type Entries = Vec<Option<f64>>;
+
+fn typed<T: DataType>(
+    reader: &mut ColumnReaderImpl<T>,
+    rows: usize,
+    deepest: i16,
+    number: impl Fn(&T::T) -> f64,
+) -> Result<Entries, ParquetError> {
+    let (mut levels, mut values) = (Vec::new(), Vec::new());
+    let mut out = Vec::with_capacity(rows);
+    // a page ends a call
+    while out.len() < rows {
+        levels.clear();
+        values.clear();
+        let wanted = rows - out.len();
+        let (records, ..) =
+            guarded(|| reader.read_records(wanted, Some(&mut levels), None, &mut values))?;
+        if records == 0 {
+            break;
+        }
+        let mut numbers = values.iter().map(&number);
+        if deepest == 0 {
+            out.extend(numbers.map(Some));
+        } else {
+            let entry = |level: &i16| {
+                if *level == deepest {
+                    numbers.next()
+                } else {
+                    None
+                }
+            };
+            out.extend(levels.iter().map(entry));
+        }
+    }
+    Ok(out)
+}
+
+fn batch(
+    reader: &mut ColumnReader,
+    rows: usize,
+    deepest: i16,
+) -> Result<Option<Entries>, ParquetError> {
+    Ok(Some(match reader {
+        ColumnReader::DoubleColumnReader(r) => typed(r, rows, deepest, |x| *x)?,
+        ColumnReader::FloatColumnReader(r) => typed(r, rows, deepest, |x| f64::from(*x))?,
+        ColumnReader::Int32ColumnReader(r) => typed(r, rows, deepest, |x| f64::from(*x))?,
+        ColumnReader::Int64ColumnReader(r) => typed(r, rows, deepest, |x| *x as f64)?,
+        _ => return Ok(None),
+    }))
+}
+
+/// The rows of each group, once its pages claim nothing that cannot be.
+fn rows(
+    path: &Path,
+    reader: &SerializedFileReader<File>,
+    layout: &Layout,
+) -> Result<Vec<usize>, DataError> {
+    let io = |error: std::io::Error| DataError::Io {
+        file: path.display().to_string(),
+        why: format!("{error}"),
+    };
+    let mut file = File::open(path).map_err(io)?;
+    let size = file.metadata().map_err(io)?.len();
+    let mut out = Vec::new();
+    let mut total = 0_u64;
+    for group in reader.metadata().row_groups() {
+        let rows = u64::try_from(group.num_rows())
+            .map_err(|_| broken(path, "it claims less than no rows"))?;
+        total = total.saturating_add(rows);
+        if total > size.saturating_mul(DENSEST) {
+            return Err(broken(
+                path,
+                &format!("{size} bytes claim {total} rows; the limit is {DENSEST} rows a byte"),
+            ));
+        }
+        for (entry, channel) in layout.channels.iter().enumerate() {
+            let title = layout.title(entry);
+            let chunk = group.columns().get(channel.index);
+            let chunk = chunk
+                .ok_or_else(|| broken(path, &format!("a row group has no column `{title}`")))?;
+            let values = pages::values(&mut file, size, chunk)
+                .map_err(|why| broken(path, &format!("column `{title}`: {why}")))?;
+            if values < rows {
+                return Err(DataError::Layout {
+                    file: path.display().to_string(),
+                    why: format!("column `{title}` ends before the others"),
+                });
+            }
+        }
+        out.push(usize::try_from(rows).unwrap_or_default());
+    }
+    Ok(out)
+}
+
+/// Hands over all rows in order, counted from 1.
+pub(super) fn records(path: &Path, layout: &Layout, each: &mut Each<'_>) -> Result<(), DataError> {
+    let wrong = |error: ParquetError| failed(path, &error);
+    let unfit = |why: String| DataError::Layout {
+        file: path.display().to_string(),
+        why,
+    };
+    let reader = open(path)?;
+    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let rows = rows(path, &reader, layout)?;
+    let mut line = 0;
+    for (group, rows) in rows.into_iter().enumerate() {
+        let group = guarded(|| reader.get_row_group(group)).map_err(wrong)?;
+        let mut columns = Vec::with_capacity(layout.channels.len());
+        for (entry, channel) in layout.channels.iter().enumerate() {
+            let column = schema.column(channel.index);
+            if column.max_rep_level() > 0 {
+                let title = layout.title(entry);
+                return Err(unfit(format!("column `{title}` holds lists, not numbers")));
+            }
+            let own = guarded(|| group.get_column_reader(channel.index)).map_err(wrong)?;
+            columns.push((own, column.max_def_level()));
+        }
+        let mut left = rows;
+        while left > 0 {
+            let count = left.min(BATCH);
+            left -= count;
+            let mut entries: Vec<Entries> = vec![];
+            for (entry, (column, deepest)) in columns.iter_mut().enumerate() {
+                let found = batch(column, count, *deepest).map_err(wrong)?;
+                let found = found.ok_or_else(|| {
+                    let title = layout.title(entry);
+                    unfit(format!("column `{title}` holds no numbers"))
+                })?;
+                if found.len() != count {
+                    let title = layout.title(entry);
+                    return Err(unfit(format!("column `{title}` ends before the others")));
+                }
+                entries.push(found);
+            }
+            for row in 0..count {
+                line += 1;
+                each(kept(layout, line, entries.iter().map(|e| e[row])))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn kept(
+    layout: &Layout,
+    line: u64,
+    entries: impl Iterator<Item = Option<f64>>,
+) -> Result<Kept, Problem> {
+    let mut values = Vec::with_capacity(layout.channels.len());
+    for (entry, (channel, value)) in layout.channels.iter().zip(entries).enumerate() {
+        match value {
+            Some(value) if value.is_finite() => values.push(value * channel.factor),
+            other => {
+                let text = other.map_or_else(|| "null".to_owned(), |x| format!("{x}"));
+                return Err(Problem {
+                    row: line,
+                    what: Fault::NotANumber {
+                        column: layout.title(entry),
+                        text,
+                    },
+                });
+            }
+        }
+    }
+    Ok(Kept { line, values })
+}

@@ -1,0 +1,164 @@
+//! Some states of a log as they were measured, before the loops are closed: for what looks at a
+//! log as a whole and needs few of them.
+
+use super::logs::{Log, Logs};
+use super::problem::DataError;
+use super::reader::Kept;
+use crate::identify::suspect::{Measured, STATES, Sample};
+use crate::signals::Method;
+use regen_runtime::Model;
+
+/// Rows that are kept at most.
+const ROWS: usize = 16_384;
+/// Stretches of a longer log that are taken.
+const BLOCKS: usize = 8;
+
+impl<M: Model<f64> + ?Sized> Logs<'_, M> {
+    /// States of one of the files, spread over it, at most about twice as many as
+    /// [`STATES`]; a stretch that cannot be differentiated gives none.
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn sample(&self, file: usize) -> Result<Sample, DataError> {
+        let Some((log, report)) = self.files.get(file).zip(self.reports.get(file)) else {
+            return Ok(Sample::default());
+        };
+        let support = self.settings.method.support(log.survey.step());
+        let support = support.ok().flatten().unwrap_or(0);
+        let rows = report.rows;
+        // a filter may reach farther than any log is long
+        let length = (ROWS / BLOCKS).max(4 * support.min(rows));
+        let (count, length) = if rows <= BLOCKS * length {
+            (1, rows)
+        } else {
+            (BLOCKS, length)
+        };
+        let mut out = Sample {
+            measured: log.file.layout.measured.clone(),
+            step: log.survey.step(),
+            whole: rows / self.settings.decimation.max(1),
+            ..Sample::default()
+        };
+        let every = (count * length)
+            .div_ceil(STATES)
+            .max(self.settings.decimation)
+            .max(1);
+        let mut segment: Vec<Kept> = Vec::new();
+        let mut spread = Spread::new(log.file.layout.measured.len());
+        let mut place = 0;
+        log.file
+            .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
+                spread.push(log, &row);
+                let block = place * count / rows.max(1);
+                let within = place < block * rows / count.max(1) + length;
+                place += 1;
+                if !follows || !within {
+                    self.states(log, &mut segment, every, &mut out);
+                }
+                if within {
+                    segment.push(row);
+                }
+                Ok(())
+            })?;
+        self.states(log, &mut segment, every, &mut out);
+        if log.series.is_some() {
+            out.left = spread.left();
+        }
+        Ok(out)
+    }
+
+    /// Makes states of rows that follow each other, and empties them.
+    fn states(&self, log: &Log, rows: &mut Vec<Kept>, every: usize, out: &mut Sample) {
+        let layout = &log.file.layout;
+        let rows = core::mem::take(rows);
+        let times: Vec<f64> = rows.iter().map(|r| r.values[0]).collect();
+        let column = |entry: usize| -> Vec<f64> { rows.iter().map(|r| r.values[entry]).collect() };
+        let mut efforts: Vec<Vec<f64>> = layout.efforts().map(&column).collect();
+        let m = layout.measured.len();
+        let mut motion: Vec<[Vec<f64>; 3]> = Vec::with_capacity(m);
+        let mut valid = 0..rows.len();
+        if layout.derivatives {
+            let parts = |entry| [column(entry), column(entry + m), column(entry + 2 * m)];
+            motion.extend(layout.positions().map(parts));
+        } else if let Some(series) = &log.series {
+            for k in 0..m {
+                let at: Vec<[f64; 3]> = times.iter().map(|t| series.at(k, *t)).collect();
+                motion.push([0, 1, 2].map(|d| at.iter().map(|p| p[d]).collect()));
+            }
+        } else {
+            let method = self.settings.method;
+            for entry in layout.positions() {
+                let Ok(found) = method.differentiate(&times, &column(entry)) else {
+                    return;
+                };
+                valid = valid.start.max(found.valid.start)..valid.end.min(found.valid.end);
+                motion.push([found.value, found.rate, found.acceleration]);
+            }
+            if matches!(method, Method::Butterworth { .. }) {
+                for effort in &mut efforts {
+                    let Ok(found) = method.differentiate(&times, effort) else {
+                        return;
+                    };
+                    *effort = found.value;
+                }
+            }
+        }
+        for k in valid.step_by(every) {
+            let pick = |d: usize| motion.iter().map(|m| m[d][k]).collect();
+            out.states.push(Measured {
+                time: times[k],
+                motion: [pick(0), pick(1), pick(2)],
+                efforts: efforts.iter().map(|e| e[k]).collect(),
+            });
+        }
+    }
+}
+
+/// Sums over positions and over what a series leaves of them.
+struct Spread {
+    rows: f64,
+    first: Vec<f64>,
+    sums: Vec<f64>,
+    squares: Vec<f64>,
+    left: Vec<f64>,
+}
+
+impl Spread {
+    fn new(count: usize) -> Self {
+        Self {
+            rows: 0.0,
+            first: Vec::new(),
+            sums: vec![0.0; count],
+            squares: vec![0.0; count],
+            left: vec![0.0; count],
+        }
+    }
+
+    fn push(&mut self, log: &Log, row: &Kept) {
+        let Some(series) = &log.series else { return };
+        let values = &row.values[log.file.layout.positions()];
+        if self.rows == 0.0 {
+            self.first = values.to_vec();
+        }
+        self.rows += 1.0;
+        for (k, value) in values.iter().enumerate() {
+            let off = value - self.first[k];
+            self.sums[k] += off;
+            self.squares[k] += off * off;
+            self.left[k] += (value - series.at(k, row.values[0])[0]).powi(2);
+        }
+    }
+
+    /// What the series leaves over what moves; 0 where nothing moves.
+    fn left(&self) -> Vec<f64> {
+        let one = |k: usize| {
+            let spread = self.squares[k] - self.sums[k] * self.sums[k] / self.rows;
+            if spread > 0.0 {
+                (self.left[k] / spread).sqrt()
+            } else {
+                0.0
+            }
+        };
+        (0..self.left.len()).map(one).collect()
+    }
+}

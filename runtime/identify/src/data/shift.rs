@@ -1,0 +1,64 @@
+//! A signal read at other times than its samples'.
+
+use core::ops::Range;
+
+/// Samples beside a time that its value is interpolated from, on either side.
+pub(super) const NEIGHBOURS: usize = 2;
+
+/// Replaces each value by that of the signal `delay` seconds later, by cubic interpolation
+/// between the samples around that time; returns the samples that have all of these.
+///
+/// - `times`: s, increasing; `values`: one for each.
+pub(super) fn later(times: &[f64], values: &mut [f64], delay: f64) -> Range<usize> {
+    let n = times.len();
+    let samples = values.to_vec();
+    let mut valid: Option<Range<usize>> = None;
+    let mut at = 0;
+    for (k, (time, value)) in times.iter().zip(values).enumerate() {
+        let t = time + delay;
+        while at + 1 < n && times[at + 1] <= t {
+            at += 1;
+        }
+        if at + 1 < NEIGHBOURS || at + NEIGHBOURS >= n || t < times[at] {
+            continue;
+        }
+        let around = at + 1 - NEIGHBOURS..at + 1 + NEIGHBOURS;
+        *value = lagrange(&times[around.clone()], &samples[around], t);
+        valid = Some(valid.map_or(k..k + 1, |range| range.start..k + 1));
+    }
+    valid.unwrap_or(0..0)
+}
+
+/// The polynomial through all points, at a time.
+fn lagrange(times: &[f64], values: &[f64], t: f64) -> f64 {
+    let mut sum = 0.0;
+    for (i, (own, value)) in times.iter().zip(values).enumerate() {
+        let mut part = *value;
+        for (j, other) in times.iter().enumerate() {
+            if i != j {
+                part *= (t - other) / (own - other);
+            }
+        }
+        sum += part;
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_is_read_exactly_between_its_samples() {
+        let times: Vec<f64> = (0..50).map(|k| 0.01 * f64::from(k)).collect();
+        let cubic = |t: f64| 2.0 - t + 3.0 * t * t - 5.0 * t * t * t;
+        for delay in [0.0043, -0.0127, 0.03] {
+            let mut values: Vec<f64> = times.iter().map(|t| cubic(*t)).collect();
+            let valid = later(&times, &mut values, delay);
+            assert!(valid.len() > 40);
+            for k in valid {
+                assert!((values[k] - cubic(times[k] + delay)).abs() < 1e-12);
+            }
+        }
+    }
+}

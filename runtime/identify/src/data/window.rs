@@ -1,0 +1,273 @@
+//! The way from rows of a log to whole states of motion, in windows.
+
+use super::logs::{Log, Settings, signal};
+use super::problem::{DataError, Fault, Policy, Problem, Problems};
+use super::reader::Kept;
+use super::shift;
+use super::standstill::{Encoder, resting};
+use crate::estimate::EstimateError;
+use crate::identify::{Completed, Completion, Row};
+use crate::signals::{Method, SignalError, Smoothing, differences};
+use regen_runtime::{Model, Outcome};
+
+/// Rows read at a time, beside what filters need on both sides.
+const WINDOW: usize = 8192;
+/// The time in which a filter follows a jump, in periods of its cutoff.
+const RISE: f64 = 0.3;
+
+/// Rows of one file on their way to states.
+pub(super) struct Window<'a, 'm, M: ?Sized> {
+    pub(super) log: &'a Log,
+    pub(super) settings: &'a Settings,
+    pub(super) completion: Completion<'m, M>,
+    pub(super) model: &'m M,
+    pub(super) support: usize,
+    /// Velocities of measured coordinates below which their direction is not sure.
+    pub(super) unsure: Vec<f64>,
+    /// Of each actuated joint's effort, s.
+    pub(super) delays: Vec<f64>,
+    pub(super) rows: Vec<Kept>,
+    pub(super) weights: Vec<Option<Vec<f64>>>,
+    /// Rows at the start that are there for the filter only; 0 at the start of a segment.
+    pub(super) before: usize,
+    /// States of the segment so far, for decimation.
+    pub(super) count: usize,
+    /// Whether the next state follows the last.
+    pub(super) follows: bool,
+    pub(super) states: usize,
+    pub(super) problems: &'a mut Problems,
+    pub(super) each: &'a mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+}
+
+impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
+    /// Takes the next row, and whether it follows the last one.
+    pub(super) fn take(
+        &mut self,
+        row: Kept,
+        weights: Option<Vec<f64>>,
+        follows: bool,
+    ) -> Result<(), DataError> {
+        if !follows && !self.bridged(&row) {
+            self.process(true)?;
+        }
+        self.rows.push(row);
+        self.weights.push(weights);
+        if self.rows.len() >= self.before + WINDOW + self.support {
+            self.process(false)?;
+        }
+        Ok(())
+    }
+
+    /// Makes states of what is left.
+    pub(super) fn finish(&mut self) -> Result<(), DataError> {
+        self.process(true)
+    }
+
+    /// Whether the method sees over a gap: a series does, and a regression over short ones.
+    fn bridged(&self, row: &Kept) -> bool {
+        let Some(last) = self.rows.last() else {
+            return true;
+        };
+        match self.settings.method {
+            _ if self.log.file.layout.derivatives || self.log.series.is_some() => false,
+            Method::Local { half_width } => row.values[0] - last.values[0] < 0.5 * half_width,
+            _ => false,
+        }
+    }
+
+    /// For how long around a turn derivatives are those of neither side, s: as long as they reach
+    /// before and after a sample, and a step at least, as the turn itself is between samples.
+    fn reach(&self, encoder: Encoder) -> f64 {
+        let step = self.log.survey.step();
+        if self.log.file.layout.derivatives || self.log.series.is_some() {
+            return step;
+        }
+        match self.settings.method.of_states(step) {
+            Method::Butterworth { cutoff, .. } => (RISE / cutoff).max(2.0 * step),
+            Method::Local { half_width } => (0.5 * half_width).max(2.0 * step),
+            _ => encoder.neighbours.max(1) as f64 * step,
+        }
+    }
+
+    /// Makes states of the rows that have all they need; `end` of a segment or of a window.
+    fn process(&mut self, end: bool) -> Result<(), DataError> {
+        let n = self.rows.len();
+        let layout = &self.log.file.layout;
+        let m = layout.measured.len();
+        let mut valid = self.before..if end { n } else { n - self.support };
+        let times: Vec<f64> = self.rows.iter().map(|r| r.values[0]).collect();
+        let column =
+            |entry: usize| -> Vec<f64> { self.rows.iter().map(|r| r.values[entry]).collect() };
+        // for each measured coordinate: position, velocity, acceleration
+        let mut motion: Vec<[Vec<f64>; 3]> = Vec::with_capacity(m);
+        let mut efforts: Vec<Vec<f64>> = layout.efforts().map(&column).collect();
+        let file = &self.log.file;
+        if n > 0 && layout.derivatives {
+            for entry in layout.positions() {
+                motion.push([column(entry), column(entry + m), column(entry + 2 * m)]);
+            }
+        } else if let (Some(series), true) = (&self.log.series, n > 0) {
+            for k in 0..m {
+                let at: Vec<[f64; 3]> = times.iter().map(|t| series.at(k, *t)).collect();
+                motion.push([0, 1, 2].map(|d| at.iter().map(|p| p[d]).collect()));
+            }
+        } else if n > 0 {
+            let method = self.settings.method.of_states(self.log.survey.step());
+            for (entry, encoder) in layout.positions().zip(&self.log.encoders) {
+                let found = match method {
+                    Method::Central => differences(&times, &column(entry), encoder.neighbours),
+                    _ => method.differentiate(&times, &column(entry)),
+                };
+                match found {
+                    Ok(found) => {
+                        // at a window's edge the support says what is valid
+                        let start = if self.before > 0 {
+                            0
+                        } else {
+                            found.valid.start
+                        };
+                        let stop = if end { found.valid.end } else { n };
+                        valid = valid.start.max(start)..valid.end.min(stop);
+                        motion.push([found.value, found.rate, found.acceleration]);
+                    }
+                    // a piece between two faults may be too short, a log may not
+                    Err(SignalError::TooFew { .. }) if self.settings.policy != Policy::Fail => {
+                        valid = 0..0;
+                        break;
+                    }
+                    Err(why) => return Err(signal(file, why)),
+                }
+            }
+        }
+        for (effort, delay) in efforts.iter_mut().zip(&self.delays) {
+            if *delay != 0.0 && !valid.is_empty() {
+                let inside = shift::later(&times, effort, *delay);
+                // at a window's edge the support says what is valid
+                let start = if self.before > 0 { 0 } else { inside.start };
+                let stop = if end { inside.end } else { n };
+                valid = valid.start.max(start)..valid.end.min(stop);
+            }
+        }
+        let mut still: Vec<Vec<bool>> = Vec::with_capacity(m);
+        let entries = layout.positions().zip(&self.log.encoders);
+        for ((entry, encoder), [_, rate, acceleration]) in entries.zip(&mut motion) {
+            let mut rests = resting(&times, &column(entry), *encoder);
+            for (k, rests) in rests.iter().enumerate() {
+                if *rests {
+                    (rate[k], acceleration[k]) = (0.0, 0.0);
+                }
+            }
+            let slowest = self.unsure.get(still.len()).copied().unwrap_or(0.0);
+            let reach = self.reach(*encoder);
+            for ((rests, rate), acceleration) in rests.iter_mut().zip(rate).zip(acceleration) {
+                // derivatives from samples on both sides of a turn are those of neither
+                *rests |= rate.abs() < slowest.max(acceleration.abs() * reach);
+            }
+            still.push(rests);
+        }
+        // equations that pass a filter are decimated behind it
+        let every = match self.settings.method.smoothing() {
+            Smoothing::None => self.settings.decimation.max(1),
+            _ => 1,
+        };
+        for k in valid {
+            self.count += 1;
+            if (self.count - 1).is_multiple_of(every) {
+                self.emit(k, &motion, &efforts, &still)?;
+            }
+        }
+        if end {
+            self.rows.clear();
+            self.weights.clear();
+            self.before = 0;
+            self.count = 0;
+            self.follows = false;
+        } else {
+            let keep = (2 * self.support).min(n);
+            self.rows.drain(..n - keep);
+            self.weights.drain(..n - keep);
+            self.before = keep - self.support.min(keep);
+        }
+        Ok(())
+    }
+
+    fn emit(
+        &mut self,
+        k: usize,
+        motion: &[[Vec<f64>; 3]],
+        efforts: &[Vec<f64>],
+        still: &[Vec<bool>],
+    ) -> Result<(), DataError> {
+        let pick = |d: usize| -> Vec<f64> { motion.iter().map(|m| m[d][k]).collect() };
+        let completed = self.completion.complete(&pick(0), &pick(1), &pick(2))?;
+        let state = match completed {
+            Completed::State(state) => state,
+            Completed::Open(outcome) => {
+                self.skip(k, &outcome);
+                return Ok(());
+            }
+            Completed::Unmeasured => {
+                return Err(DataError::Layout {
+                    file: self.log.file.path.display().to_string(),
+                    why: "the measured coordinates do not determine the robot's state: log the \
+                          actuated ones"
+                        .to_owned(),
+                });
+            }
+        };
+        let actuated: Vec<f64> = efforts.iter().map(|e| e[k]).collect();
+        let dof = self.model.info().dof();
+        let mut tau = vec![0.0; dof];
+        let condition = self.model.efforts(&state.q, &actuated, &mut tau)?;
+        if condition.status() == regen_runtime::Status::Singular {
+            self.skip(k, &Outcome::Singular { at: 1.0, condition });
+            return Ok(());
+        }
+        let info = self.model.info();
+        // the spread of an effort weighs the equation of its own coordinate
+        let weight = |c: &usize| {
+            let given = self.weights[k].as_ref();
+            let place = info.actuated.iter().position(|a| a == c);
+            given
+                .zip(place)
+                .and_then(|(w, p)| w.get(p).copied())
+                .unwrap_or(1.0)
+        };
+        let weights: Vec<f64> = info.independent.iter().map(weight).collect();
+        // what is not measured rests where all that is measured does
+        let all = still.iter().all(|rests| rests[k]);
+        let mut rests = vec![all; info.coordinates.len()];
+        for (c, own) in self.log.file.layout.measured.iter().zip(still) {
+            rests[*c] = own[k];
+        }
+        let row = Row {
+            time: self.rows[k].values[0],
+            q: &state.q,
+            qd: &state.qd,
+            qdd: &state.qdd,
+            tau: &tau,
+            efforts: &actuated,
+            still: &rests,
+            weights: &weights,
+            follows: self.follows,
+        };
+        (self.each)(&row)?;
+        self.follows = true;
+        self.states += 1;
+        Ok(())
+    }
+
+    fn skip(&mut self, k: usize, outcome: &Outcome) {
+        self.follows = false;
+        self.problems.add(Problem {
+            row: self.rows[k].line,
+            what: Fault::Open {
+                why: match outcome {
+                    Outcome::NotClosed { .. } => "the loops cannot be closed there".to_owned(),
+                    Outcome::Singular { .. } => "the robot is singular there".to_owned(),
+                    _ => "the assembly branch is lost there".to_owned(),
+                },
+            },
+        });
+    }
+}

@@ -1,0 +1,473 @@
+//! The covariance of an estimate from its scores, with the degrees of freedom it is known by.
+
+use core::f64::consts::{PI, SQRT_2};
+
+use serde::{Deserialize, Serialize};
+
+use super::factor::size;
+use super::noise::cholesky;
+use super::scores::Block;
+use super::solution::inverse_gram;
+use super::{Blocks, Estimate, EstimateError, Factor};
+
+/// Cosines at most.
+const TERMS: usize = 32;
+/// Where parameters take up all but this part of what the cosines see, nothing is known about
+/// the noise.
+const LEAST: f64 = 1e-3;
+/// Below so many independent stretches deviations are too small.
+const STRETCHES: f64 = 20.0;
+
+/// The covariance of an estimate whose residuals are correlated in time and across efforts.
+///
+/// The long-run variance of the scores is the mean of the squares of their first cosine transforms
+/// (Lazarus, Lewis, Stock and Watson, 2018: equal-weighted cosines), each of which is one degree
+/// of freedom of Student's distribution; scores are whitened before
+/// ([`Scores`](super::Scores)). What the fitted parameters take away from residuals is given back,
+/// and the degrees of freedom are counted, as Bell and McCaffrey (2002) do: by what both are for
+/// noise as the residuals were found to be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Deviations {
+    /// n x n, symmetric, column-major.
+    pub covariance: Vec<f64>,
+    /// Of Student's distribution, one for each parameter.
+    pub degrees_of_freedom: Vec<f64>,
+    /// The cosines.
+    pub terms: usize,
+    /// The samples.
+    pub samples: usize,
+    /// The samples that are as good as one independent sample.
+    pub memory: f64,
+    /// A triangular root of a covariance of full rank, n x n, column-major.
+    root: Vec<f64>,
+}
+
+impl Deviations {
+    /// Those of an estimate whose residuals count as white, as where nothing is known of their
+    /// order in time.
+    pub fn white(estimate: &Estimate) -> Self {
+        let n = estimate.values.len();
+        let root = cholesky(&estimate.covariance, n).unwrap_or_else(|| {
+            let mut apart = vec![0.0; n * n];
+            for k in 0..n {
+                apart[k * n + k] = estimate.sigma(k);
+            }
+            apart
+        });
+        Self {
+            covariance: estimate.covariance.clone(),
+            degrees_of_freedom: estimate.students.clone(),
+            terms: estimate.degrees_of_freedom,
+            samples: estimate.degrees_of_freedom + n,
+            memory: 1.0,
+            root,
+        }
+    }
+
+    /// The standard deviation of a parameter; NaN if there is none of that index.
+    pub fn sigma(&self, parameter: usize) -> f64 {
+        let n = self.degrees_of_freedom.len();
+        let variance = self.covariance.get(parameter * n + parameter);
+        variance.map_or(f64::NAN, |v| v.sqrt())
+    }
+
+    /// The same with another covariance, known by as many degrees of freedom for all parameters.
+    #[must_use]
+    pub fn with_covariance(&self, covariance: Vec<f64>, degrees_of_freedom: usize) -> Self {
+        Self {
+            degrees_of_freedom: vec![degrees_of_freedom as f64; self.degrees_of_freedom.len()],
+            covariance,
+            ..self.clone()
+        }
+    }
+
+    /// The same where each parameter may be off by a change besides that is the same for all samples,
+    /// such as that of derivatives from samples: it counts as one deviation.
+    ///
+    /// - `change`: one for each parameter, in its unit.
+    #[must_use]
+    pub fn with_change(&self, change: &[f64]) -> Self {
+        let n = self.degrees_of_freedom.len();
+        if change.iter().all(|x| *x == 0.0) {
+            return self.clone();
+        }
+        let add = |matrix: &[f64]| -> Vec<f64> {
+            let entry = |(k, x): (usize, &f64)| {
+                let at = |k: usize| change.get(k).copied().unwrap_or_default();
+                x + at(k % n.max(1)) * at(k / n.max(1))
+            };
+            matrix.iter().enumerate().map(entry).collect()
+        };
+        let mut product = vec![0.0; n * n];
+        for column in self.root.chunks_exact(n.max(1)) {
+            for (k, x) in product.iter_mut().enumerate() {
+                *x += column[k % n] * column[k / n];
+            }
+        }
+        Self {
+            covariance: add(&self.covariance),
+            root: cholesky(&add(&product), n).unwrap_or_else(|| self.root.clone()),
+            ..self.clone()
+        }
+    }
+
+    /// Whether the log is too short for its noise: then the deviations are likely to be smaller
+    /// than they should be.
+    pub fn short(&self) -> bool {
+        (self.samples as f64) < STRETCHES * self.memory
+    }
+
+    /// A triangular root L of the covariance, n x n, column-major, for drawing all parameters
+    /// together: `L L^T` has full rank.
+    ///
+    /// Fewer cosines than parameters make a covariance that is singular. This one leans towards
+    /// that of noise as the residuals were found to be, as far as the cosines differ from it by
+    /// chance (Ledoit and Wolf, 2004).
+    pub fn root(&self) -> &[f64] {
+        &self.root
+    }
+
+    /// The degrees of freedom of the covariance as a whole.
+    pub fn joint_degrees_of_freedom(&self) -> f64 {
+        self.terms as f64
+    }
+}
+
+impl Blocks {
+    /// The deviations of an estimate.
+    ///
+    /// - `factor`: weighted, over the parameters of these scores, or over some of them: `kept`
+    ///   then lists their places;
+    /// - `values`: the parameters of the factor; those that are not kept are zero;
+    /// - `inside`: the part of the residuals within Huber's bound, 1 for least squares.
+    ///
+    /// # Errors
+    /// When sizes do not fit or the factor is singular.
+    ///
+    /// ```
+    /// use regen_identify::estimate::{Autoregression, Factor, Scores};
+    ///
+    /// // the mean of 400 values that come in equal pairs: 200 are independent
+    /// let value = |t: usize| (12.9898 * (t / 2 * t / 2) as f64).sin();
+    /// let mut factor = Factor::new(vec!["mean".to_owned()]);
+    /// factor.push_block(&[1.0; 400], &(0..400).map(value).collect::<Vec<_>>())?;
+    /// let mean = factor.solve()?;
+    ///
+    /// let noise = Autoregression::fit(0.5, &[0.5, 0.0], 400);
+    /// let mut scores = Scores::new(1, &[noise]);
+    /// for t in 0..400 {
+    ///     scores.push(&[1.0], &[1.0], &[value(t) - mean[0]], &[1.0])?;
+    /// }
+    /// let found = scores.finish(&mean)?.deviations(&factor, &[0], &mean, 1.0)?;
+    /// let exact = (0.5_f64 / 200.0).sqrt();
+    /// assert!((0.6..1.6).contains(&(found.sigma(0) / exact)));
+    /// assert!(found.degrees_of_freedom[0] > 10.0 && !found.short());
+    /// # Ok::<(), regen_identify::estimate::EstimateError>(())
+    /// ```
+    pub fn deviations(
+        &self,
+        factor: &Factor,
+        kept: &[usize],
+        values: &[f64],
+        inside: f64,
+    ) -> Result<Deviations, EstimateError> {
+        let k = factor.columns();
+        size("kept", k, kept.len())?;
+        size("values", k, values.len())?;
+        if let Some(&beyond) = kept.iter().find(|c| **c >= self.parameters) {
+            size("kept", self.parameters, beyond + 1)?;
+        }
+        let bread: Vec<f64> = inverse_gram(factor)
+            .ok_or(EstimateError::NoConvergence)?
+            .into_iter()
+            .map(|x| x / inside)
+            .collect();
+        let mut step: Vec<f64> = self.values.iter().map(|x| -x).collect();
+        for (place, value) in kept.iter().zip(values) {
+            step[*place] += value;
+        }
+        let samples = self.samples();
+        let usual = 0.4 * libm::cbrt((samples as f64).powi(2));
+        #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
+        let usual = usual as usize;
+        let terms = usual.min(TERMS).min(self.len() / 2).max(1);
+        let cosines = Cosines::new(&self.blocks, samples, 2 * terms);
+        let sum = Sums {
+            blocks: &self.blocks,
+            n: self.parameters,
+            kept,
+            bread: &bread,
+            cosines: &cosines,
+        };
+        let seen = sum.seen(terms, &step);
+        let expected: Vec<Vec<f64>> = (0..=2 * terms).map(|m| sum.expected(m)).collect();
+        let removed: Vec<Vec<f64>> = (1..=terms).map(|j| sum.removed(j)).collect();
+
+        let mut scale = vec![1.0; k];
+        let mut degrees_of_freedom = vec![terms as f64; k];
+        for a in 0..k {
+            let whole = expected[0][a * k + a];
+            if whole.is_nan() || whole <= 0.0 {
+                continue;
+            }
+            let omega = omega(&expected, &removed, terms, k, a);
+            let trace: f64 = (0..terms).map(|j| omega[j * terms + j]).sum();
+            let squares: f64 = omega.iter().map(|x| x * x).sum();
+            if trace > LEAST * terms as f64 * whole {
+                scale[a] = terms as f64 * whole / trace;
+                degrees_of_freedom[a] = trace * trace / squares;
+            } else {
+                scale[a] = f64::INFINITY;
+                degrees_of_freedom[a] = 1.0;
+            }
+        }
+        if factor.few() {
+            scale.fill(f64::INFINITY);
+            degrees_of_freedom.fill(1.0);
+        }
+        let mut covariance = vec![0.0; k * k];
+        for a in 0..k {
+            for b in 0..=a {
+                let own: f64 = seen.iter().map(|x| x[a] * x[b]).sum();
+                let own = own / terms as f64 * (scale[a] * scale[b]).sqrt();
+                covariance[a * k + b] = own;
+                covariance[b * k + a] = own;
+            }
+        }
+        let root = root(&seen, &scale, &expected[0], k).unwrap_or_else(|| {
+            // without a correlation that is known, none is assumed
+            let mut apart = vec![0.0; k * k];
+            for a in 0..k {
+                apart[a * k + a] = covariance[a * k + a].sqrt();
+            }
+            apart
+        });
+        let found = Deviations {
+            covariance,
+            degrees_of_freedom,
+            terms,
+            samples,
+            memory: self.memory.min(samples as f64),
+            root,
+        };
+        Ok(found.with_change(&self.change(factor, kept)))
+    }
+}
+
+/// cos(pi m s) at the middle s of each block, m = 0, 1, ...
+struct Cosines {
+    count: usize,
+    values: Vec<f64>,
+}
+
+impl Cosines {
+    fn new(blocks: &[Block], samples: usize, most: usize) -> Self {
+        let count = blocks.len();
+        let mut values = vec![0.0; count * (most + 1)];
+        let mut before = 0;
+        for (b, block) in blocks.iter().enumerate() {
+            let middle = (before as f64 + 0.5 * block.samples as f64) / samples as f64;
+            for m in 0..=most {
+                values[m * count + b] = libm::cos(PI * m as f64 * middle);
+            }
+            before += block.samples;
+        }
+        Self { count, values }
+    }
+
+    fn of(&self, m: usize) -> &[f64] {
+        &self.values[m * self.count..(m + 1) * self.count]
+    }
+}
+
+struct Sums<'a> {
+    blocks: &'a [Block],
+    n: usize,
+    kept: &'a [usize],
+    bread: &'a [f64],
+    cosines: &'a Cosines,
+}
+
+impl Sums<'_> {
+    /// The parameters' cosine transforms: `sqrt(2) B sum cos_j score`, j from 1.
+    fn seen(&self, terms: usize, step: &[f64]) -> Vec<Vec<f64>> {
+        let k = self.kept.len();
+        let mut out = vec![vec![0.0; k]; terms];
+        for (b, block) in self.blocks.iter().enumerate() {
+            let score: Vec<f64> = self
+                .kept
+                .iter()
+                .map(|&i| {
+                    let slope = &block.slope[i * self.n..(i + 1) * self.n];
+                    let moved: f64 = slope.iter().zip(step).map(|(s, x)| s * x).sum();
+                    block.score[i] - moved
+                })
+                .collect();
+            for (j, sum) in out.iter_mut().enumerate() {
+                let cosine = SQRT_2 * self.cosines.of(j + 1)[b];
+                for (x, own) in sum.iter_mut().zip(&score) {
+                    *x += cosine * own;
+                }
+            }
+        }
+        for x in &mut out {
+            *x = (0..k)
+                .map(|a| dot(&self.bread[a * k..(a + 1) * k], x))
+                .collect();
+        }
+        out
+    }
+
+    /// `B sum cos_m P B`: entry (a, b) at a k + b.
+    fn expected(&self, m: usize) -> Vec<f64> {
+        let k = self.kept.len();
+        let sum = self.collect(m, |block, i, j| {
+            let (low, high) = (i.min(j), i.max(j));
+            block.expected[low * self.n + high]
+        });
+        let half = product(self.bread, &sum, k);
+        // both are symmetric: (B S) B, rows of B are its columns
+        product(&half, self.bread, k)
+    }
+
+    /// `sqrt(2) B sum cos_j D`: what fitted parameters take away from the transform.
+    fn removed(&self, j: usize) -> Vec<f64> {
+        let k = self.kept.len();
+        let mut sum = self.collect(j, |block, i, l| block.slope[i * self.n + l]);
+        for x in &mut sum {
+            *x *= SQRT_2;
+        }
+        product(self.bread, &sum, k)
+    }
+
+    /// Sums a matrix of the blocks, row by row.
+    fn collect(&self, m: usize, entry: impl Fn(&Block, usize, usize) -> f64) -> Vec<f64> {
+        let k = self.kept.len();
+        let mut sum = vec![0.0; k * k];
+        for (block, cosine) in self.blocks.iter().zip(self.cosines.of(m)) {
+            for (row, &i) in sum.chunks_exact_mut(k.max(1)).zip(self.kept) {
+                for (x, &j) in row.iter_mut().zip(self.kept) {
+                    *x += cosine * entry(block, i, j);
+                }
+            }
+        }
+        sum
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+/// The product of two matrices, both row by row.
+fn product(a: &[f64], b: &[f64], k: usize) -> Vec<f64> {
+    let mut out = vec![0.0; k * k];
+    for (row, into) in a.chunks_exact(k.max(1)).zip(out.chunks_exact_mut(k.max(1))) {
+        for (x, other) in row.iter().zip(b.chunks_exact(k.max(1))) {
+            for (sum, y) in into.iter_mut().zip(other) {
+                *sum += x * y;
+            }
+        }
+    }
+    out
+}
+
+/// The covariance of one parameter's transforms under the noise that residuals were found to be,
+/// terms x terms.
+fn omega(
+    expected: &[Vec<f64>],
+    removed: &[Vec<f64>],
+    terms: usize,
+    k: usize,
+    a: usize,
+) -> Vec<f64> {
+    let row = |matrix: &'_ [f64]| -> Vec<f64> { matrix[a * k..(a + 1) * k].to_vec() };
+    let taken: Vec<Vec<f64>> = removed.iter().map(|m| row(m)).collect();
+    let own: Vec<Vec<f64>> = (1..=terms).map(|j| row(&expected[j])).collect();
+    // what is taken, through the covariance of all parameters
+    let through: Vec<Vec<f64>> = taken
+        .iter()
+        .map(|t| {
+            let rows = expected[0].chunks_exact(k.max(1));
+            rows.map(|r| dot(r, t)).collect()
+        })
+        .collect();
+    let at = |m: usize| expected[m][a * k + a];
+    let mut out = vec![0.0; terms * terms];
+    for i in 0..terms {
+        for j in 0..=i {
+            // sqrt(2) cos i sqrt(2) cos j = cos (i - j) + cos (i + j)
+            let plain = at(i - j) + at(i + j + 2);
+            let crossed = SQRT_2 * (dot(&taken[i], &own[j]) + dot(&taken[j], &own[i]));
+            let value = plain - crossed + dot(&taken[i], &through[j]);
+            out[i * terms + j] = value;
+            out[j * terms + i] = value;
+        }
+    }
+    out
+}
+
+/// A root of a covariance of full rank, see [`Deviations::root`].
+fn root(seen: &[Vec<f64>], scale: &[f64], expected: &[f64], k: usize) -> Option<Vec<f64>> {
+    let zero = vec![0.0; k * k];
+    let sizes: Vec<f64> = (0..k).map(|a| expected[a * k + a].sqrt()).collect();
+    if sizes.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
+        return None;
+    }
+    let related: Vec<f64> = (0..k * k)
+        .map(|at| expected[at] / (sizes[at / k] * sizes[at % k]))
+        .collect();
+    let own = cholesky(&related, k)?;
+    // the transforms as the expected covariance would have them white
+    let terms = seen.len() as f64;
+    let white: Vec<Vec<f64>> = seen
+        .iter()
+        .map(|x| {
+            let mut out: Vec<f64> = (0..k).map(|a| x[a] * scale[a].sqrt() / sizes[a]).collect();
+            for j in 0..k {
+                out[j] /= own[j * k + j];
+                let value = out[j];
+                for (i, x) in out.iter_mut().enumerate().skip(j + 1) {
+                    *x -= own[j * k + i] * value;
+                }
+            }
+            out
+        })
+        .collect();
+    let mut found = zero.clone();
+    for x in &white {
+        for (i, xi) in x.iter().enumerate() {
+            for (sum, xj) in found[i * k..(i + 1) * k].iter_mut().zip(x) {
+                *sum += xi * xj / terms;
+            }
+        }
+    }
+    let mean = (0..k).map(|a| found[a * k + a]).sum::<f64>() / k.max(1) as f64;
+    let square = |matrix: &[f64]| matrix.iter().map(|x| x * x).sum::<f64>();
+    // |S - mu I|^2, and what of it chance explains: sum |x x^T - S|^2 / terms^2
+    let apart = square(&found) - k as f64 * mean * mean;
+    let lengths: f64 = white.iter().map(|x| dot(x, x).powi(2)).sum();
+    let chance = (lengths / terms - square(&found)) / terms;
+    let lean = if apart > 0.0 {
+        (chance / apart).clamp(0.0, 1.0)
+    } else {
+        1.0
+    };
+    // a trace of the mean keeps what is singular definite
+    let lean = lean.max(1e-6);
+    for (at, x) in found.iter_mut().enumerate() {
+        *x *= 1.0 - lean;
+        if at / k == at % k {
+            *x += lean * mean;
+        }
+    }
+    let spread = cholesky(&found, k)?;
+    let mut out = zero;
+    for j in 0..k {
+        for i in j..k {
+            let sum: f64 = (j..=i).map(|l| own[l * k + i] * spread[j * k + l]).sum();
+            out[j * k + i] = sizes[i] * sum;
+        }
+    }
+    Some(out)
+}

@@ -1,0 +1,343 @@
+//! The triangular factor of an observation: all that least squares needs of any number of rows.
+
+use serde::{Deserialize, Serialize};
+
+use super::EstimateError;
+use crate::triangle::{BLOCK, reduce, substitute};
+
+/// The system W x = tau (Eq. 12) after an orthogonal transformation from the left:
+/// `||W x - tau||^2 = ||R x - z||^2 + rss`, whatever x.
+///
+/// Rows can be added in blocks, factors of different data merged in any order, columns chosen,
+/// combined or fixed afterwards: the data are not needed again.
+///
+/// ```
+/// use regen_identify::estimate::Factor;
+///
+/// let mut factor = Factor::new(["offset", "slope"].map(String::from).to_vec());
+/// // y = 1 + 2 x at x = 0, 1, 2, 3, column-major; then one row more, which is off
+/// factor.push_block(&[1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 2.0, 3.0], &[1.0, 3.0, 5.0, 7.0])?;
+/// let x = factor.solve()?;
+/// assert!((x[0] - 1.0).abs() < 1e-14 && (x[1] - 2.0).abs() < 1e-14);
+/// assert!(factor.rss() < 1e-28);
+///
+/// let mut other = Factor::new(factor.labels().to_vec());
+/// other.push_block(&[1.0, 4.0], &[10.0])?;
+/// factor.merge(&other)?;
+/// assert_eq!(factor.rows(), 5);
+/// assert!(factor.rss() > 0.1);
+/// # Ok::<(), regen_identify::estimate::EstimateError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Raw")]
+pub struct Factor {
+    labels: Vec<String>,
+    /// n x n, column-major, upper triangular with a diagonal that is not negative.
+    r: Vec<f64>,
+    z: Vec<f64>,
+    rss: f64,
+    rows: usize,
+}
+
+/// A factor as read, before it is checked.
+#[derive(Deserialize)]
+struct Raw {
+    labels: Vec<String>,
+    r: Vec<f64>,
+    z: Vec<f64>,
+    rss: f64,
+    rows: usize,
+}
+
+impl TryFrom<Raw> for Factor {
+    type Error = EstimateError;
+
+    fn try_from(raw: Raw) -> Result<Self, EstimateError> {
+        Factor::from_parts(raw.labels, raw.r, raw.z, raw.rss, raw.rows)
+    }
+}
+
+pub(super) fn size(what: &'static str, expected: usize, got: usize) -> Result<(), EstimateError> {
+    if expected == got {
+        return Ok(());
+    }
+    Err(EstimateError::Size {
+        what,
+        expected,
+        got,
+    })
+}
+
+impl Factor {
+    /// The factor of no rows, for parameters of these labels.
+    pub fn new(labels: Vec<String>) -> Self {
+        let n = labels.len();
+        Self {
+            labels,
+            r: vec![0.0; n * n],
+            z: vec![0.0; n],
+            rss: 0.0,
+            rows: 0,
+        }
+    }
+
+    /// A factor from its parts: `r` n x n column-major and upper triangular, `z` n.
+    ///
+    /// # Errors
+    /// When lengths do not fit, an entry is not finite, `r` has entries below its diagonal, or
+    /// `rss` is negative.
+    pub fn from_parts(
+        labels: Vec<String>,
+        r: Vec<f64>,
+        z: Vec<f64>,
+        rss: f64,
+        rows: usize,
+    ) -> Result<Self, EstimateError> {
+        let n = labels.len();
+        size("r", n * n, r.len())?;
+        size("z", n, z.len())?;
+        for (k, value) in r.iter().enumerate() {
+            let (column, row) = (k / n, k % n);
+            if !value.is_finite() || row > column && *value != 0.0 {
+                return Err(EstimateError::NotFinite { what: "r", row });
+            }
+        }
+        if let Some(row) = z.iter().position(|value| !value.is_finite()) {
+            return Err(EstimateError::NotFinite { what: "z", row });
+        }
+        if !rss.is_finite() || rss < 0.0 {
+            return Err(EstimateError::NotFinite {
+                what: "rss",
+                row: 0,
+            });
+        }
+        Ok(Self {
+            labels,
+            r,
+            z,
+            rss,
+            rows,
+        })
+    }
+
+    /// The labels of the n columns.
+    pub fn labels(&self) -> &[String] {
+        &self.labels
+    }
+
+    /// R: n x n, column-major, upper triangular, its diagonal not negative.
+    pub fn r(&self) -> &[f64] {
+        &self.r
+    }
+
+    /// z: the right side of R x = z, n entries.
+    pub fn z(&self) -> &[f64] {
+        &self.z
+    }
+
+    /// The sum of squared residuals that no x removes, in the squared units of the efforts.
+    pub fn rss(&self) -> f64 {
+        self.rss
+    }
+
+    /// The number of rows that were reduced.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Whether there are less than three rows for two columns: parameters can then take up the noise
+    /// of whole efforts, and what they leave of it says nothing.
+    pub(super) fn few(&self) -> bool {
+        2 * self.rows < 3 * self.columns()
+    }
+
+    /// The number of columns.
+    pub fn columns(&self) -> usize {
+        self.labels.len()
+    }
+
+    /// Reduces further rows.
+    ///
+    /// - `w`: rows x n, column-major; `tau`: rows, in N or N m.
+    ///
+    /// # Errors
+    /// When lengths do not fit or an entry is not finite; the factor is then as before.
+    pub fn push_block(&mut self, w: &[f64], tau: &[f64]) -> Result<(), EstimateError> {
+        let (n, rows) = (self.columns(), tau.len());
+        size("w", n * rows, w.len())?;
+        if let Some(row) = tau.iter().position(|x| !x.is_finite()) {
+            return Err(EstimateError::NotFinite { what: "tau", row });
+        }
+        if let Some(k) = w.iter().position(|x| !x.is_finite()) {
+            let row = k % rows.max(1);
+            return Err(EstimateError::NotFinite { what: "w", row });
+        }
+        let mut block = vec![0.0; BLOCK.min(rows) * n];
+        let mut side = vec![0.0; BLOCK.min(rows)];
+        for start in (0..rows).step_by(BLOCK) {
+            let end = rows.min(start + BLOCK);
+            let m = end - start;
+            side[..m].copy_from_slice(&tau[start..end]);
+            for (j, column) in block[..m * n].chunks_exact_mut(m).enumerate() {
+                column.copy_from_slice(&w[j * rows + start..j * rows + end]);
+            }
+            let (block, side) = (&mut block[..m * n], &mut side[..m]);
+            self.rss += reduce(&mut self.r, &mut self.z, block, side, m);
+        }
+        self.rows += rows;
+        Ok(())
+    }
+
+    /// Adds the rows of another factor of the same columns.
+    ///
+    /// The order of merges matters only to rounding.
+    ///
+    /// # Errors
+    /// When the labels differ.
+    pub fn merge(&mut self, other: &Self) -> Result<(), EstimateError> {
+        if self.labels != other.labels {
+            return Err(EstimateError::Mismatch {
+                what: "columns",
+                left: self.labels.join(" "),
+                right: other.labels.join(" "),
+            });
+        }
+        let rows = self.rows + other.rows;
+        self.push_block(&other.r, &other.z)?;
+        self.rss += other.rss;
+        self.rows = rows;
+        Ok(())
+    }
+
+    /// The factor with every row multiplied by `factor`: by 1/sigma for efforts of standard
+    /// deviation sigma.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let times = |values: &[f64]| values.iter().map(|x| x * factor.abs()).collect();
+        Self {
+            labels: self.labels.clone(),
+            r: times(&self.r),
+            z: times(&self.z),
+            rss: self.rss * factor * factor,
+            rows: self.rows,
+        }
+    }
+
+    /// The factor of the system in fewer or other unknowns y, x = T y.
+    ///
+    /// - `labels`: k names of y; `t`: n x k, column-major.
+    ///
+    /// Tying two parameters is a column with two ones, leaving one out a T without its column.
+    ///
+    /// # Errors
+    /// When lengths do not fit or an entry of `t` is not finite.
+    pub fn transformed(&self, labels: Vec<String>, t: &[f64]) -> Result<Self, EstimateError> {
+        let n = self.columns();
+        size("t", n * labels.len(), t.len())?;
+        let mut w = Vec::with_capacity(t.len());
+        for column in t.chunks_exact(n.max(1)) {
+            w.extend(self.times_r(column));
+        }
+        let mut out = Self::new(labels);
+        out.push_block(&w, &self.z)?;
+        out.rss += self.rss;
+        out.rows = self.rows;
+        Ok(out)
+    }
+
+    /// The factor of some of the columns, in the order given; the others are taken as zero.
+    ///
+    /// # Errors
+    /// When there is no such column.
+    pub fn select(&self, columns: &[usize]) -> Result<Self, EstimateError> {
+        let n = self.columns();
+        let mut labels = Vec::with_capacity(columns.len());
+        let mut w = Vec::with_capacity(columns.len() * n);
+        for &column in columns {
+            let Some(label) = self.labels.get(column) else {
+                return Err(EstimateError::Size {
+                    what: "columns",
+                    expected: n,
+                    got: column + 1,
+                });
+            };
+            labels.push(label.clone());
+            w.extend_from_slice(&self.r[column * n..(column + 1) * n]);
+        }
+        let mut out = Self::new(labels);
+        out.push_block(&w, &self.z)?;
+        out.rss += self.rss;
+        out.rows = self.rows;
+        Ok(out)
+    }
+
+    /// The factor of the remaining columns where some have known values.
+    ///
+    /// # Errors
+    /// When there is no such column or a value is not finite.
+    pub fn fixed(&self, known: &[(usize, f64)]) -> Result<Self, EstimateError> {
+        let n = self.columns();
+        let mut out = self.clone();
+        for &(column, value) in known {
+            let Some(entries) = self.r.get(column * n..(column + 1) * n) else {
+                return Err(EstimateError::Size {
+                    what: "known",
+                    expected: n,
+                    got: column + 1,
+                });
+            };
+            for (z, r) in out.z.iter_mut().zip(entries) {
+                *z -= r * value;
+            }
+        }
+        let kept: Vec<usize> = (0..n)
+            .filter(|c| known.iter().all(|(k, _)| k != c))
+            .collect();
+        out.select(&kept)
+    }
+
+    /// The columns' lengths, which are those of W's columns.
+    pub fn column_norms(&self) -> Vec<f64> {
+        self.r
+            .chunks_exact(self.columns().max(1))
+            .map(|column| column.iter().map(|x| x * x).sum::<f64>().sqrt())
+            .collect()
+    }
+
+    /// `||W x - tau||^2` for given parameters.
+    ///
+    /// # Errors
+    /// When the length does not fit.
+    pub fn squared_residual(&self, x: &[f64]) -> Result<f64, EstimateError> {
+        size("x", self.columns(), x.len())?;
+        let fitted = self.times_r(x);
+        let inside: f64 = fitted
+            .iter()
+            .zip(&self.z)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum();
+        Ok(inside + self.rss)
+    }
+
+    /// The least-squares parameters, columns scaled to unit length on the way (Eq. 27).
+    ///
+    /// # Errors
+    /// When there are fewer rows than parameters, or the data leave parameters undetermined:
+    /// the error names them.
+    pub fn solve(&self) -> Result<Vec<f64>, EstimateError> {
+        self.spectrum()?.require_full_rank(self)?;
+        substitute(&self.r, &self.z).ok_or(EstimateError::NoConvergence)
+    }
+
+    /// R x.
+    pub(super) fn times_r(&self, x: &[f64]) -> Vec<f64> {
+        let n = self.columns();
+        let mut out = vec![0.0; n];
+        for (column, value) in self.r.chunks_exact(n.max(1)).zip(x) {
+            for (o, r) in out.iter_mut().zip(column) {
+                *o += r * value;
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,129 @@
+//! Autoregressions of residuals, which tell how long noise remembers.
+
+use serde::{Deserialize, Serialize};
+
+/// The order of an autoregression at most.
+pub const ORDER: usize = 6;
+/// White noise that is added to the autocovariance before a fit, as a part of the variance: a
+/// filter leaves next to nothing at high frequencies, and the inverse of next to nothing is of no
+/// use.
+const FLOOR: f64 = 1e-3;
+
+/// A stationary autoregression: each value is a weighted sum of those before it and an innovation
+/// that nothing foretells. Read backwards in time it is the same (Brockwell and Davis, 1991,
+/// section 8.3).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Autoregression {
+    /// The weights of the values before: the last one's first.
+    pub coefficients: Vec<f64>,
+    /// The variance of the values.
+    pub variance: f64,
+    /// The variance of the innovations.
+    pub innovation: f64,
+}
+
+impl Autoregression {
+    /// White noise of this variance.
+    pub fn white(variance: f64) -> Self {
+        Self {
+            coefficients: Vec::new(),
+            variance,
+            innovation: variance,
+        }
+    }
+
+    /// Fits an autoregression (Levinson and Durbin) of the order that Akaike's criterion chooses,
+    /// at most [`ORDER`].
+    ///
+    /// - `variance`: of the values; `autocorrelation`: at lags 1, 2, ...; `samples`: how many
+    ///   values they were found from.
+    ///
+    /// ```
+    /// use regen_identify::estimate::Autoregression;
+    ///
+    /// let found = Autoregression::fit(2.0, &[0.9, 0.81, 0.729, 0.6561], 10_000);
+    /// assert!((found.coefficients[0] - 0.9).abs() < 0.01);
+    /// // (1 + 0.9) / (1 - 0.9) samples are as good as one that is independent
+    /// assert!((found.memory() - 19.0).abs() < 0.5);
+    /// assert_eq!(Autoregression::fit(2.0, &[0.0, 0.0], 10_000).memory(), 1.0);
+    /// ```
+    pub fn fit(variance: f64, autocorrelation: &[f64], samples: usize) -> Self {
+        let mut best = Self::white(variance);
+        // a NaN fails this too
+        if !(variance > 0.0 && variance.is_finite()) {
+            return best;
+        }
+        let at = |lag: usize| match lag {
+            0 => 1.0 + FLOOR,
+            _ => autocorrelation.get(lag - 1).copied().unwrap_or(0.0),
+        };
+        let mut coefficients: Vec<f64> = Vec::new();
+        let mut left = at(0);
+        let criterion =
+            |left: f64, order: usize| samples as f64 * libm::log(left) + 2.0 * order as f64;
+        let mut least = criterion(left, 0);
+        for order in 1..=ORDER.min(autocorrelation.len()).min(samples / 4) {
+            let known = coefficients.iter().enumerate();
+            let foretold: f64 = known.map(|(k, a)| a * at(order - 1 - k)).sum();
+            let reflection = (at(order) - foretold) / left;
+            if reflection.is_nan() || reflection.abs() >= 1.0 {
+                break;
+            }
+            let backwards: Vec<f64> = coefficients.iter().rev().copied().collect();
+            for (a, b) in coefficients.iter_mut().zip(backwards) {
+                *a -= reflection * b;
+            }
+            coefficients.push(reflection);
+            left *= 1.0 - reflection * reflection;
+            let own = criterion(left, order);
+            if own < least {
+                least = own;
+                best.coefficients.clone_from(&coefficients);
+                best.innovation = variance * left;
+            }
+        }
+        best
+    }
+
+    /// The samples that are as good as one independent sample for a mean: the sum of the
+    /// autocorrelation over all lags, of either sign; at least 1.
+    pub fn memory(&self) -> f64 {
+        let sum = 1.0 - self.coefficients.iter().sum::<f64>();
+        // the spectrum at frequency 0 over the variance
+        let memory = self.innovation / (sum * sum) / self.variance;
+        if memory.is_finite() {
+            memory.max(1.0)
+        } else {
+            1.0
+        }
+    }
+
+    /// What is left of a value when the values beside it have foretold it.
+    ///
+    /// - `at`: the value 0, 1, 2, ... samples away.
+    pub(super) fn innovation_of(&self, at: impl Fn(usize) -> f64) -> f64 {
+        let known = self.coefficients.iter().zip(1..);
+        at(0) - known.map(|(a, lag)| a * at(lag)).sum::<f64>()
+    }
+}
+
+/// The triangular root of a symmetric positive definite matrix: `a = L L^T`, column-major, zero
+/// above the diagonal; `None` where it is not definite.
+pub(crate) fn cholesky(a: &[f64], n: usize) -> Option<Vec<f64>> {
+    let mut l = vec![0.0; n * n];
+    for j in 0..n {
+        for i in j..n {
+            let sum: f64 = (0..j).map(|k| l[k * n + i] * l[k * n + j]).sum();
+            let rest = a[j * n + i] - sum;
+            if i == j {
+                if rest.is_nan() || rest <= 0.0 {
+                    return None;
+                }
+                l[j * n + j] = rest.sqrt();
+            } else {
+                l[j * n + i] = rest / l[j * n + j];
+            }
+        }
+    }
+    Some(l)
+}

@@ -1,0 +1,311 @@
+//! What the residuals say: errors, whiteness, and variances that know of autocorrelation.
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use super::factor::size;
+use super::solution::inverse_gram;
+use super::{EstimateError, Factor};
+
+/// How well one effort is predicted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EffortError {
+    /// The effort's name.
+    pub name: String,
+    /// Its samples.
+    pub samples: usize,
+    /// The relative absolute error eps_RA in percent (Eq. 33), around the effort's own mean.
+    pub relative_absolute: f64,
+    /// The root mean square of the residuals, N or N m.
+    pub rms: f64,
+    /// The same in percent of the root mean square of the measured effort.
+    pub relative_rms: f64,
+    /// The largest residual in size, N or N m.
+    pub largest: f64,
+    /// The autocorrelation of the residuals at lags 1, 2, ...
+    pub autocorrelation: Vec<f64>,
+    /// The probability of at least this autocorrelation if the residuals were white (Ljung and
+    /// Box, 1978).
+    pub white: f64,
+}
+
+/// Sums over the residuals of one effort, in order of time.
+#[derive(Clone, Debug)]
+struct Sums {
+    mean: f64,
+    samples: usize,
+    absolute: f64,
+    spread: f64,
+    measured: f64,
+    sum: f64,
+    largest: f64,
+    /// Sums of e(t) e(t - l), l = 0, 1, ...
+    lagged: Vec<f64>,
+    recent: VecDeque<f64>,
+}
+
+/// Collects residuals in order of time.
+#[derive(Clone, Debug)]
+pub struct Residuals {
+    names: Vec<String>,
+    sums: Vec<Sums>,
+}
+
+impl Residuals {
+    /// Starts a collection.
+    ///
+    /// - `means`: each effort's mean over all samples, N or N m (Eq. 33);
+    /// - `lags`: how many autocorrelations are found.
+    pub fn new(names: &[String], means: &[f64], lags: usize) -> Self {
+        let one = |mean: f64| Sums {
+            mean,
+            samples: 0,
+            absolute: 0.0,
+            spread: 0.0,
+            measured: 0.0,
+            sum: 0.0,
+            largest: 0.0,
+            lagged: vec![0.0; lags + 1],
+            recent: VecDeque::with_capacity(lags + 1),
+        };
+        let all = means.iter().copied().chain(core::iter::repeat(0.0));
+        Self {
+            names: names.to_vec(),
+            sums: all.take(names.len()).map(one).collect(),
+        }
+    }
+
+    /// Tells that the next sample does not follow the last one in time.
+    pub fn interrupt(&mut self) {
+        for sums in &mut self.sums {
+            sums.recent.clear();
+        }
+    }
+
+    /// Adds a sample of all efforts, measured and predicted, N or N m.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    pub fn push(&mut self, measured: &[f64], predicted: &[f64]) -> Result<(), EstimateError> {
+        self.push_used(measured, predicted, &vec![true; measured.len()])
+    }
+
+    /// As [`push`](Self::push), of which only the efforts count whose entry in `used` says so.
+    ///
+    /// # Errors
+    /// When a length does not fit.
+    pub fn push_used(
+        &mut self,
+        measured: &[f64],
+        predicted: &[f64],
+        used: &[bool],
+    ) -> Result<(), EstimateError> {
+        size("measured", self.sums.len(), measured.len())?;
+        size("predicted", self.sums.len(), predicted.len())?;
+        size("used", self.sums.len(), used.len())?;
+        let pairs = measured.iter().zip(predicted).zip(used);
+        for (sums, ((m, p), used)) in self.sums.iter_mut().zip(pairs) {
+            if !used {
+                sums.recent.clear();
+                continue;
+            }
+            let e = m - p;
+            sums.samples += 1;
+            sums.absolute += e.abs();
+            sums.spread += (m - sums.mean).abs();
+            sums.measured += m * m;
+            sums.sum += e;
+            sums.largest = sums.largest.max(e.abs());
+            if sums.recent.len() == sums.lagged.len() {
+                sums.recent.pop_back();
+            }
+            sums.recent.push_front(e);
+            for (sum, past) in sums.lagged.iter_mut().zip(&sums.recent) {
+                *sum += e * past;
+            }
+        }
+        Ok(())
+    }
+
+    /// The errors of each effort.
+    pub fn efforts(&self) -> Vec<EffortError> {
+        let one = |(name, sums): (&String, &Sums)| {
+            let squares = sums.lagged.first().copied().unwrap_or(0.0);
+            let samples = sums.samples.max(1) as f64;
+            let autocorrelation: Vec<f64> = sums
+                .lagged
+                .iter()
+                .skip(1)
+                .map(|s| if squares > 0.0 { s / squares } else { 0.0 })
+                .collect();
+            EffortError {
+                name: name.clone(),
+                samples: sums.samples,
+                relative_absolute: 100.0 * sums.absolute / sums.spread,
+                rms: (squares / samples).sqrt(),
+                relative_rms: 100.0 * (squares / sums.measured).sqrt(),
+                largest: sums.largest,
+                white: ljung_box(&autocorrelation, sums.samples),
+                autocorrelation,
+            }
+        };
+        self.names.iter().zip(&self.sums).map(one).collect()
+    }
+
+    /// The root mean square of all residuals in percent of that of all measured efforts, which
+    /// then should be of one unit.
+    pub fn relative_rms(&self) -> f64 {
+        let residual: f64 = self.sums.iter().filter_map(|s| s.lagged.first()).sum();
+        let measured: f64 = self.sums.iter().map(|s| s.measured).sum();
+        100.0 * (residual / measured).sqrt()
+    }
+
+    /// The relative absolute error over all efforts in percent (Eq. 33).
+    pub fn relative_absolute(&self) -> f64 {
+        let absolute: f64 = self.sums.iter().map(|s| s.absolute).sum();
+        let spread: f64 = self.sums.iter().map(|s| s.spread).sum();
+        100.0 * absolute / spread
+    }
+}
+
+/// The probability of autocorrelations at least as large in white noise.
+fn ljung_box(autocorrelation: &[f64], samples: usize) -> f64 {
+    let t = samples as f64;
+    let lags = autocorrelation.len();
+    if samples <= lags + 1 || lags == 0 {
+        return f64::NAN;
+    }
+    let terms = autocorrelation.iter().zip(1_u32..);
+    let q: f64 = terms.map(|(r, l)| r * r / (t - f64::from(l))).sum();
+    let q = t * (t + 2.0) * q;
+    ChiSquared::new(lags as f64).map_or(f64::NAN, |c| c.sf(q))
+}
+
+/// The average relative error eps_AV of parameters against exact ones (Eq. 34), as a fraction.
+///
+/// # Errors
+/// When the lengths differ.
+///
+/// ```
+/// use regen_identify::estimate::average_relative_error;
+/// assert_eq!(average_relative_error(&[2.0, -4.0], &[1.0, -4.0]), Ok(0.25));
+/// ```
+pub fn average_relative_error(exact: &[f64], estimated: &[f64]) -> Result<f64, EstimateError> {
+    size("estimated", exact.len(), estimated.len())?;
+    let errors = exact
+        .iter()
+        .zip(estimated)
+        .map(|(e, x)| ((e - x) / e).abs());
+    Ok(errors.sum::<f64>() / exact.len() as f64)
+}
+
+/// The covariance of estimates whose residuals are correlated in time and across efforts
+/// (Newey and West, 1987), in one pass and memory that does not grow.
+///
+/// With scores u(t) = sum over efforts of w(t) e(t), Bartlett's weights 1 - l/B on the products
+/// u(t) u(t-l)^T are what the squares of the sums over all windows of B samples add up to: each
+/// pair l apart is in B - l windows. So one running sum is all that is kept.
+#[derive(Clone, Debug)]
+pub struct Autocorrelated {
+    bandwidth: usize,
+    recent: VecDeque<Vec<f64>>,
+    window: Vec<f64>,
+    /// Lower triangle used only.
+    squares: Vec<f64>,
+}
+
+impl Autocorrelated {
+    /// Starts a sum for n parameters; lags up to `bandwidth - 1` count, at least lag 0.
+    pub fn new(parameters: usize, bandwidth: usize) -> Self {
+        Self {
+            bandwidth: bandwidth.max(1),
+            recent: VecDeque::new(),
+            window: vec![0.0; parameters],
+            squares: vec![0.0; parameters * parameters],
+        }
+    }
+
+    /// Adds the score of a sample, n entries: the weighted rows times their weighted residuals,
+    /// added over the efforts.
+    ///
+    /// # Errors
+    /// When the length does not fit.
+    pub fn push(&mut self, score: &[f64]) -> Result<(), EstimateError> {
+        size("score", self.window.len(), score.len())?;
+        for (sum, u) in self.window.iter_mut().zip(score) {
+            *sum += u;
+        }
+        self.recent.push_back(score.to_vec());
+        self.add_window();
+        if self.recent.len() == self.bandwidth {
+            self.drop_oldest();
+        }
+        Ok(())
+    }
+
+    /// Tells that the next sample does not follow the last one in time: windows end here.
+    pub fn interrupt(&mut self) {
+        if !self.recent.is_empty() {
+            // a run shorter than a window is whole in several
+            for _ in self.recent.len() + 1..self.bandwidth {
+                self.add_window();
+            }
+        }
+        while !self.recent.is_empty() {
+            self.add_window();
+            self.drop_oldest();
+        }
+        self.window.fill(0.0);
+    }
+
+    fn drop_oldest(&mut self) {
+        if let Some(oldest) = self.recent.pop_front() {
+            for (sum, u) in self.window.iter_mut().zip(&oldest) {
+                *sum -= u;
+            }
+        }
+    }
+
+    fn add_window(&mut self) {
+        let n = self.window.len();
+        for (i, column) in self.squares.chunks_exact_mut(n.max(1)).enumerate() {
+            let factor = self.window[i];
+            for (sum, u) in column.iter_mut().zip(&self.window).skip(i) {
+                *sum += factor * u;
+            }
+        }
+    }
+
+    /// The covariance (W^T W)^-1 S (W^T W)^-1 of the estimate from this weighted factor,
+    /// corrected for the parameters' degrees of freedom; n x n, column-major.
+    ///
+    /// # Errors
+    /// When sizes do not fit or the factor is singular.
+    pub fn covariance(mut self, factor: &Factor) -> Result<Vec<f64>, EstimateError> {
+        self.interrupt();
+        let n = self.window.len();
+        size("columns", n, factor.columns())?;
+        let bread = inverse_gram(factor).ok_or(EstimateError::NoConvergence)?;
+        let rows = factor.rows() as f64;
+        let spare = factor.rows().saturating_sub(n).max(1) as f64;
+        let scale = rows / spare / self.bandwidth as f64;
+        let meat = |i: usize, j: usize| self.squares[i.min(j) * n + i.max(j)];
+        let mut half = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..n {
+                half[j * n + i] = (0..n).map(|k| meat(i, k) * bread[j * n + k]).sum();
+            }
+        }
+        let mut out = vec![0.0; n * n];
+        for i in 0..n {
+            for j in 0..=i {
+                let sum: f64 = (0..n).map(|k| bread[i * n + k] * half[j * n + k]).sum();
+                out[i * n + j] = scale * sum;
+                out[j * n + i] = scale * sum;
+            }
+        }
+        Ok(out)
+    }
+}

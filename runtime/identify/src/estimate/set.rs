@@ -1,0 +1,306 @@
+//! Factors of one robot's efforts, apart until their noise is known, and as a file.
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::factor::size;
+use super::{EstimateError, Factor};
+use crate::triangle::BLOCK;
+
+/// The version of the file format.
+const VERSION: u32 = 1;
+/// What the file says it is.
+const FORMAT: &str = "regen observation factors";
+
+/// One factor per effort (a row of the regressor), so that the weights of the efforts can be
+/// chosen when the residuals are known, and logs be merged before.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FactorSet {
+    format: String,
+    version: u32,
+    /// The robot's name.
+    pub robot: String,
+    /// What tells models apart that share names, see [`digest`](crate::identify::digest).
+    pub model: String,
+    /// How rows were made: `forces` or `energy`.
+    pub kind: String,
+    /// Names of the efforts, one for each factor.
+    pub efforts: Vec<String>,
+    /// Sum of each effort, for its mean.
+    sums: Vec<f64>,
+    factors: Vec<Factor>,
+}
+
+/// What identifies the origin of a [`FactorSet`]: sets that differ in it cannot be merged.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Origin {
+    /// The robot's name.
+    pub robot: String,
+    /// The model's digest.
+    pub model: String,
+    /// How rows are made.
+    pub kind: String,
+    /// Names of the efforts.
+    pub efforts: Vec<String>,
+    /// Labels of the parameters.
+    pub labels: Vec<String>,
+}
+
+impl FactorSet {
+    /// A set without rows.
+    pub fn new(origin: &Origin) -> Self {
+        Self {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            robot: origin.robot.clone(),
+            model: origin.model.clone(),
+            kind: origin.kind.clone(),
+            efforts: origin.efforts.clone(),
+            sums: vec![0.0; origin.efforts.len()],
+            factors: vec![Factor::new(origin.labels.clone()); origin.efforts.len()],
+        }
+    }
+
+    /// The factors, one for each effort.
+    pub fn factors(&self) -> &[Factor] {
+        &self.factors
+    }
+
+    /// The labels of the parameters.
+    pub fn labels(&self) -> &[String] {
+        self.factors.first().map_or(&[], Factor::labels)
+    }
+
+    /// The mean of each effort, N or N m; 0 where there are no rows.
+    pub fn means(&self) -> Vec<f64> {
+        let mean = |(sum, factor): (&f64, &Factor)| sum / factor.rows().max(1) as f64;
+        self.sums.iter().zip(&self.factors).map(mean).collect()
+    }
+
+    /// Adds the rows of another set.
+    ///
+    /// # Errors
+    /// When it is of another robot, model, kind, effort or parameter.
+    pub fn merge(&mut self, other: &Self) -> Result<(), EstimateError> {
+        for (what, left, right) in [
+            ("robots", &self.robot, &other.robot),
+            ("models", &self.model, &other.model),
+            ("kinds of observation", &self.kind, &other.kind),
+        ] {
+            same(what, left, right)?;
+        }
+        same("efforts", &self.efforts.join(" "), &other.efforts.join(" "))?;
+        for (sum, more) in self.sums.iter_mut().zip(&other.sums) {
+            *sum += more;
+        }
+        for (factor, more) in self.factors.iter_mut().zip(&other.factors) {
+            factor.merge(more)?;
+        }
+        Ok(())
+    }
+
+    /// Merges any number of sets; the same sets give the same bits in whatever order.
+    ///
+    /// # Errors
+    /// When there is none, or two do not belong together.
+    pub fn merged(mut sets: Vec<Self>) -> Result<Self, EstimateError> {
+        sets.sort_by(Self::order);
+        let mut sets = sets.into_iter();
+        let mut first = sets.next().ok_or(EstimateError::TooShort {
+            rows: 0,
+            parameters: 0,
+            labels: Vec::new(),
+        })?;
+        for set in sets {
+            first.merge(&set)?;
+        }
+        Ok(first)
+    }
+
+    /// A total order of sets by what they hold.
+    fn order(a: &Self, b: &Self) -> core::cmp::Ordering {
+        let rows = |set: &Self| set.factors.iter().map(Factor::rows).sum::<usize>();
+        let numbers = |set: &Self| -> Vec<f64> {
+            let factors = set.factors.iter();
+            factors
+                .flat_map(|f| {
+                    f.z()
+                        .iter()
+                        .chain(f.r())
+                        .chain([&f.rss()])
+                        .copied()
+                        .collect::<Vec<_>>()
+                })
+                .collect()
+        };
+        rows(a).cmp(&rows(b)).then_with(|| {
+            let (a, b) = (numbers(a), numbers(b));
+            let pairs = a.iter().zip(&b).map(|(x, y)| x.total_cmp(y));
+            pairs
+                .into_iter()
+                .find(|o| o.is_ne())
+                .unwrap_or(core::cmp::Ordering::Equal)
+        })
+    }
+
+    /// All efforts in one factor, the rows of each multiplied by its weight (1/sigma).
+    ///
+    /// # Errors
+    /// When the number of weights is not that of the efforts.
+    pub fn combined(&self, weights: &[f64]) -> Result<Factor, EstimateError> {
+        size("weights", self.factors.len(), weights.len())?;
+        let mut whole = Factor::new(self.labels().to_vec());
+        for (factor, weight) in self.factors.iter().zip(weights) {
+            whole.merge(&factor.scaled(*weight))?;
+        }
+        Ok(whole)
+    }
+
+    /// The set as the text of a file: JSON, with numbers that read back to the same doubles.
+    pub fn to_text(&self) -> String {
+        serde_json::to_string(self).unwrap_or_default() + "\n"
+    }
+
+    /// A set from the text of a file.
+    ///
+    /// # Errors
+    /// When the text is no set of factors of this version, with line and column.
+    pub fn from_text(text: &str) -> Result<Self, FileError> {
+        let set: Self =
+            serde_json::from_str(text).map_err(|error| FileError(format!("{error}")))?;
+        if set.format != FORMAT || set.version != VERSION {
+            return Err(FileError(format!(
+                "is `{}` version {}, not `{FORMAT}` version {VERSION}",
+                set.format, set.version
+            )));
+        }
+        let labels = set.labels();
+        let fits = set.factors.len() == set.efforts.len()
+            && set.sums.len() == set.efforts.len()
+            && set.factors.iter().all(|f| f.labels() == labels);
+        if !fits {
+            return Err(FileError(
+                "has not one factor of the same labels for each effort".to_owned(),
+            ));
+        }
+        Ok(set)
+    }
+}
+
+fn same(what: &'static str, left: &str, right: &str) -> Result<(), EstimateError> {
+    if left == right {
+        return Ok(());
+    }
+    Err(EstimateError::Mismatch {
+        what,
+        left: left.to_owned(),
+        right: right.to_owned(),
+    })
+}
+
+/// Why a text is no set of factors.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FileError(String);
+
+impl fmt::Display for FileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl core::error::Error for FileError {}
+
+/// Collects rows sample by sample and reduces them in blocks that fit a cache.
+#[derive(Clone, Debug)]
+pub struct Accumulator {
+    set: FactorSet,
+    /// For each effort: up to [`BLOCK`] rows, column-major with a stride of `BLOCK`, and their
+    /// right side.
+    pending: Vec<(Vec<f64>, Vec<f64>)>,
+}
+
+impl Accumulator {
+    /// Starts with a set without rows.
+    pub fn new(origin: &Origin) -> Self {
+        let n = origin.labels.len();
+        let buffer = (vec![0.0; n * BLOCK], Vec::with_capacity(BLOCK));
+        Self {
+            set: FactorSet::new(origin),
+            pending: vec![buffer; origin.efforts.len()],
+        }
+    }
+
+    /// Adds one row of one effort.
+    ///
+    /// - `row`: one entry per parameter, read with a stride: entry j is `entries[j * stride]`;
+    /// - `tau`: the effort, N or N m; `weight`: what the row is multiplied by.
+    ///
+    /// # Errors
+    /// When there is no such effort, the length does not fit, or an entry is not finite.
+    pub fn push(
+        &mut self,
+        effort: usize,
+        entries: &[f64],
+        stride: usize,
+        tau: f64,
+        weight: f64,
+    ) -> Result<(), EstimateError> {
+        let n = self.set.labels().len();
+        let got = self.pending.len();
+        let Some((block, side)) = self.pending.get_mut(effort) else {
+            return Err(EstimateError::Size {
+                what: "effort",
+                expected: got,
+                got: effort + 1,
+            });
+        };
+        let at = side.len();
+        let mut given = 0;
+        for (slot, entry) in block
+            .iter_mut()
+            .skip(at)
+            .step_by(BLOCK)
+            .zip(entries.iter().step_by(stride.max(1)))
+        {
+            *slot = entry * weight;
+            given += 1;
+        }
+        size("row", n, given)?;
+        side.push(tau * weight);
+        self.set.sums[effort] += tau;
+        if side.len() == BLOCK {
+            self.flush(effort)?;
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self, effort: usize) -> Result<(), EstimateError> {
+        let (block, side) = &mut self.pending[effort];
+        let factor = &mut self.set.factors[effort];
+        if side.len() == BLOCK {
+            factor.push_block(block, side)?;
+        } else {
+            let rows = side.len();
+            let packed: Vec<f64> = block
+                .chunks_exact(BLOCK)
+                .flat_map(|column| column[..rows].iter().copied())
+                .collect();
+            factor.push_block(&packed, side)?;
+        }
+        side.clear();
+        Ok(())
+    }
+
+    /// The set with all rows reduced.
+    ///
+    /// # Errors
+    /// When an entry is not finite.
+    pub fn finish(mut self) -> Result<FactorSet, EstimateError> {
+        for effort in 0..self.pending.len() {
+            self.flush(effort)?;
+        }
+        Ok(self.set)
+    }
+}

@@ -1,0 +1,68 @@
+//! All parameters from base parameters that admit a physical robot.
+
+use super::program::{Affine, Program};
+use super::verdict::{Role, body_triangle, complete, expressions, led, reproduces, roles};
+use super::{Check, Combinations, FeasibilityError, Layout, Options};
+
+/// What the solver is asked for: free parameters are only to be sensible.
+const ACCURACY: f64 = 1e-9;
+/// The margin that is sought, where there is that much.
+const MARGIN: f64 = 1e-6;
+
+/// Among the robots with these base parameters, one close to the reference, or small; physical
+/// by its check.
+///
+/// - `inside`: a physical robot with these base parameters, and its margin.
+///
+/// The set is convex: between what the solver leaves, which may be on the wrong side by
+/// rounding, and `inside` lies what is physical.
+pub(super) fn near_reference(
+    layout: &Layout,
+    combinations: &Combinations,
+    beta: &[f64],
+    (inside, margin): (&[f64], f64),
+    options: &Options,
+) -> Result<(Vec<f64>, Check), FeasibilityError> {
+    let led = led(combinations, beta)?;
+    let (combinations, beta) = (&led.combinations, led.values.as_slice());
+    let (roles, free) = roles(combinations)?;
+    let units = layout.units(options.scale);
+    let (expressions, free_units) = expressions(combinations, &roles, &units, beta);
+    let mut program = Program::default();
+    program.variables(free);
+    for (j, expression) in expressions.iter().enumerate() {
+        if expression.terms.is_empty() {
+            continue;
+        }
+        let reference = options.reference.get(j).copied().flatten();
+        let mut off = expression.clone();
+        off.constant -= reference.unwrap_or(0.0) / units[j];
+        program.square(&off);
+    }
+    let sought = options.margin.max((margin / 2.0).min(MARGIN));
+    for body in layout.bodies() {
+        let triangle = body_triangle(&expressions, &body.columns, |diagonal: &mut Affine| {
+            diagonal.constant -= sought;
+        });
+        program.semidefinite(4, &triangle);
+    }
+    for &j in layout.single() {
+        if matches!(roles[j], Role::Free(_)) || !expressions[j].terms.is_empty() {
+            program.not_negative(&expressions[j]);
+        }
+    }
+    let solved = program.solve(ACCURACY)?;
+    let values: Vec<f64> = (0..free).map(|f| solved.x[f] * free_units[f]).collect();
+    let near = complete(combinations, &roles, beta, &values);
+    for part in [0.0, 1e-6, 1e-4, 1e-2, 0.1, 0.5, 1.0] {
+        let between = near.iter().zip(inside);
+        let phi: Vec<f64> = between.map(|(a, b)| (1.0 - part) * a + part * b).collect();
+        let check = layout.check(&phi, options.scale)?;
+        let fits = check.is_physical() && check.margin() >= options.margin;
+        if fits && reproduces(combinations, &phi, beta) {
+            return Ok((phi, check));
+        }
+    }
+    let check = layout.check(inside, options.scale)?;
+    Ok((inside.to_vec(), check))
+}

@@ -1,0 +1,238 @@
+//! The cones of the physical fit: bodies, signs, and limits.
+
+use super::cones::Cone;
+use super::inertia::{ENTRIES, TRIANGLE};
+use super::problem::{Face, Kind, Problem, Setting};
+use super::program::Affine;
+use super::symmetric::{Square, ZERO, cholesky, congruence, inverse, product, transposed};
+use super::verdict::combine;
+use super::{FeasibilityError, SYMBOLS, pseudo_inertia};
+
+/// A body may be this many times as heavy as all that is known of the robot: the unit of its
+/// scale, its reference, what is said of it, base parameters. That keeps the set bounded; without a
+/// bound the best fit can lie at masses without end.
+const HEAVIEST: f64 = 1e3;
+/// What base parameters are believed of a robot's mass at most, in units of the scale: larger ones
+/// are of springs and the like that are put as weights.
+const BELIEVED: f64 = 10.0;
+
+impl Setting<'_> {
+    /// The cones of the bodies, and the limits of their mass and reach.
+    pub(super) fn bodies(
+        &self,
+        problem: &mut Problem,
+        faces: &[Option<Face>],
+    ) -> Result<(), FeasibilityError> {
+        let options = self.options;
+        let certain = self.certain(&problem.units).into_iter();
+        let largest = certain.fold(1.0, f64::max).min(BELIEVED);
+        let margin = options.margin * options.scale.mass / self.scale().mass;
+        for (k, body) in self.layout.bodies().iter().enumerate() {
+            let said = body
+                .columns
+                .iter()
+                .flat_map(|c| self.said(*c, &problem.units));
+            let heaviest = HEAVIEST * said.fold(largest, f64::max);
+            problem.heaviest.push(heaviest);
+            let mut plain = Cone {
+                size: 4,
+                constant: ZERO,
+                terms: Vec::new(),
+                logarithm: 0.0,
+            };
+            for ((r, c), entry) in TRIANGLE.into_iter().zip(ENTRIES) {
+                let sum = combine(&problem.solved.expressions, &body.columns, entry);
+                let set = |m: &mut Square, x: f64| {
+                    m[r][c] = x;
+                    m[c][r] = x;
+                };
+                set(&mut plain.constant, sum.constant);
+                for (v, factor) in sum.terms {
+                    if let Some((_, m)) = plain.terms.iter_mut().find(|(k, _)| *k == v) {
+                        set(m, factor);
+                    } else {
+                        let mut m = ZERO;
+                        set(&mut m, factor);
+                        plain.terms.push((v, m));
+                    }
+                }
+            }
+            let trace = |m: &Square| m[0][0] + m[1][1] + m[2][2] + m[3][3];
+            let lighter = Affine {
+                terms: plain.terms.iter().map(|(v, m)| (*v, -trace(m))).collect(),
+                constant: heaviest - trace(&plain.constant),
+            };
+            self.entropic(problem, k, &plain)?;
+            if options.margin > 0.0 || problem.kinds.last() != Some(&Kind::Body(k)) {
+                let mut cone = plain;
+                for (i, row) in cone.constant.iter_mut().enumerate() {
+                    row[i] -= margin;
+                }
+                if let Some(face) = faces.get(k).copied().flatten() {
+                    let basis = transposed(&face.basis);
+                    cone.size = face.size;
+                    cone.constant = congruence(&basis, &cone.constant);
+                    for (_, m) in &mut cone.terms {
+                        *m = congruence(&basis, m);
+                    }
+                }
+                problem.push(cone, Kind::Body(k));
+            }
+            problem.push(Cone::line(&lighter), Kind::Size(k));
+        }
+        Ok(())
+    }
+
+    /// The log-det divergence from a body's reference, where it has one.
+    fn entropic(
+        &self,
+        problem: &mut Problem,
+        body: usize,
+        plain: &Cone,
+    ) -> Result<(), FeasibilityError> {
+        let options = self.options;
+        let Some(own) = self.layout.bodies().get(body) else {
+            return Ok(());
+        };
+        let of = |c: usize| options.reference.get(c).copied().flatten();
+        if options.entropic <= 0.0 || own.columns.iter().any(|c| of(*c).is_none()) {
+            return Ok(());
+        }
+        let reference = own.columns.map(|c| of(c).unwrap_or(0.0) / problem.units[c]);
+        let reference = pseudo_inertia(&reference);
+        let Some(l) = cholesky(&reference, 4) else {
+            return Err(FeasibilityError::Reference {
+                body: own.label.clone(),
+            });
+        };
+        let l = inverse(&l, 4);
+        let whitening = product(&transposed(&l), &l);
+        // squares are of twice the negative logarithm of the likelihood
+        let strength = 2.0 * options.entropic * self.noise * self.noise;
+        for (v, m) in &plain.terms {
+            problem.objective.linear[*v] += strength * super::symmetric::inner(&whitening, m);
+        }
+        let mut cone = plain.clone();
+        cone.logarithm = strength;
+        problem.push(cone, Kind::Body(body));
+        Ok(())
+    }
+
+    /// The signs of single parameters, unless a limit of the user's stands for it.
+    pub(super) fn singles(&self, problem: &mut Problem) -> Result<(), FeasibilityError> {
+        for &j in self.layout.single() {
+            let label = &self.layout.labels()[j];
+            let expression = problem.solved.expressions[j].clone();
+            let own = self.options.bounds.iter().find(|b| b.parameter == *label);
+            let free = own.is_some_and(|b| b.lowest < 0.0);
+            if expression.terms.is_empty() {
+                if expression.constant < 0.0 && !free {
+                    return Err(FeasibilityError::Contradiction(format!(
+                        "a value of {label} below 0"
+                    )));
+                }
+                continue;
+            }
+            let strongest = self.strongest(j, &problem.units);
+            let mut most = Affine {
+                terms: expression.terms.iter().map(|(v, f)| (*v, -f)).collect(),
+                constant: strongest - expression.constant,
+            };
+            problem.push(Cone::line(&most), Kind::Strength);
+            if !free {
+                problem.push(Cone::line(&expression), Kind::Sign);
+            } else if own.is_some_and(|b| !b.lowest.is_finite()) {
+                most = expression;
+                most.constant += strongest;
+                problem.push(Cone::line(&most), Kind::Strength);
+            }
+        }
+        Ok(())
+    }
+
+    /// The limits that the user gave.
+    pub(super) fn limits(&self, problem: &mut Problem) -> Result<(), FeasibilityError> {
+        for (k, bound) in self.options.bounds.iter().enumerate() {
+            if bound.lowest.is_nan() || bound.highest.is_nan() || bound.lowest > bound.highest {
+                return Err(FeasibilityError::NotFinite {
+                    what: "bounds",
+                    index: k,
+                });
+            }
+            let j = self.layout.find(&bound.parameter)?;
+            self.acts(j, bound.lowest, bound.highest)?;
+            if bound.lowest >= bound.highest {
+                continue;
+            }
+            let expression = &problem.solved.expressions[j];
+            let label = &bound.parameter;
+            if expression.terms.is_empty() {
+                let value = expression.constant * problem.units[j];
+                let fits = value >= bound.lowest && value <= bound.highest;
+                // a search inside may limit what turns out to be fixed
+                if fits && self.options.rough {
+                    continue;
+                }
+                return Err(if fits {
+                    FeasibilityError::Idle(format!(
+                        "{label} is {value} already, so that limits of it do nothing"
+                    ))
+                } else {
+                    FeasibilityError::Contradiction(format!(
+                        "a limit of {label}, which is {value} already,"
+                    ))
+                });
+            }
+            // in units of the interval, so that its inside is near 1
+            let width = bound.highest - bound.lowest;
+            let width = if width.is_finite() {
+                width / problem.units[j]
+            } else {
+                1.0
+            };
+            let mut lines = Vec::new();
+            for (limit, sign) in [(bound.lowest, 1.0), (bound.highest, -1.0)] {
+                if limit.is_finite() {
+                    let constant = expression.constant - limit / problem.units[j];
+                    lines.push(Affine {
+                        terms: expression
+                            .terms
+                            .iter()
+                            .map(|(v, f)| (*v, sign * f / width))
+                            .collect(),
+                        constant: sign * constant / width,
+                    });
+                }
+            }
+            for line in lines {
+                problem.push(Cone::line(&line), Kind::Limit);
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses limits that do nothing, whatever the data are.
+    fn acts(&self, j: usize, lowest: f64, highest: f64) -> Result<(), FeasibilityError> {
+        let label = &self.layout.labels()[j];
+        let symbol = label.split('(').next().unwrap_or_default();
+        let of_body = SYMBOLS.contains(&symbol) && !self.layout.single().contains(&j);
+        let positive = matches!(symbol, "m" | "Ixx" | "Iyy" | "Izz") && of_body;
+        let idle = |text: String| Err(FeasibilityError::Idle(text));
+        if lowest == f64::NEG_INFINITY && highest == f64::INFINITY {
+            return idle(format!("{label}: a range without limits does nothing"));
+        }
+        if positive && lowest < 0.0 && lowest.is_finite() {
+            return idle(format!(
+                "{label} cannot be below 0 whatever the limit, so that {lowest} does nothing: \
+                 leave it out"
+            ));
+        }
+        let bare = positive || !of_body;
+        if bare && lowest == 0.0 && highest == f64::INFINITY {
+            return idle(format!(
+                "{label} is not below 0 anyway: this limit does nothing"
+            ));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,241 @@
+//! The pseudo-inertia of a body: physical exactly when it is positive semidefinite.
+
+use super::symmetric::eigen;
+use super::{Combinations, Layout};
+
+/// Robots up to this many kilograms, or one over it, are measured in kilograms.
+const USUAL_MASS: f64 = 256.0;
+const MASS_STEP: f64 = 65536.0;
+
+/// A body's ten parameters: `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m` about its frame's origin, SI.
+pub type Ten = [f64; 10];
+
+/// The entries of the upper triangle of a symmetric 4 x 4 matrix, column by column.
+pub(super) const TRIANGLE: [(usize, usize); 10] = [
+    (0, 0),
+    (0, 1),
+    (1, 1),
+    (0, 2),
+    (1, 2),
+    (2, 2),
+    (0, 3),
+    (1, 3),
+    (2, 3),
+    (3, 3),
+];
+
+/// Each entry of the upper triangle as a combination of the ten parameters.
+pub(super) const ENTRIES: [&[(usize, f64)]; 10] = [
+    &[(0, -0.5), (3, 0.5), (5, 0.5)],
+    &[(1, -1.0)],
+    &[(0, 0.5), (3, -0.5), (5, 0.5)],
+    &[(2, -1.0)],
+    &[(4, -1.0)],
+    &[(0, 0.5), (3, 0.5), (5, -0.5)],
+    &[(6, 1.0)],
+    &[(7, 1.0)],
+    &[(8, 1.0)],
+    &[(9, 1.0)],
+];
+
+/// The exponents of a length in the ten parameters' units: kg m^2, kg m, kg.
+pub(super) const LENGTHS: [i32; 10] = [2, 2, 2, 2, 2, 2, 1, 1, 1, 0];
+
+/// The pseudo-inertia J of ten parameters: the integral of (x, y, z, 1)^T (x, y, z, 1) dm.
+///
+/// A body of non-negative density exists exactly when J is positive semidefinite: then its mass
+/// is not negative, and its moments of inertia about the centre of mass are not negative and
+/// fulfil the triangle inequality (Wensing, Kim and Slotine, 2018). That is Eq. 28, which has no
+/// triangle inequality, and more.
+///
+/// - returns: 4 x 4, symmetric, rows and columns in the order x, y, z, 1.
+///
+/// ```
+/// use regen_identify::feasibility::pseudo_inertia;
+///
+/// // 2 kg in one point at (1, 0, 0) m
+/// let j = pseudo_inertia(&[0.0, 0.0, 0.0, 2.0, 0.0, 2.0, 2.0, 0.0, 0.0, 2.0]);
+/// assert_eq!(j[0], [2.0, 0.0, 0.0, 2.0]);
+/// assert_eq!(j[1], [0.0; 4]);
+/// ```
+pub fn pseudo_inertia(phi: &Ten) -> [[f64; 4]; 4] {
+    let mut j = [[0.0; 4]; 4];
+    for ((r, c), entry) in TRIANGLE.into_iter().zip(ENTRIES) {
+        // adding to zero, so that an empty sum is not -0
+        let value = entry.iter().fold(0.0, |sum, (k, f)| sum + f * phi[*k]);
+        j[r][c] = value;
+        j[c][r] = value;
+    }
+    j
+}
+
+/// The ten parameters of a pseudo-inertia, of which the upper triangle is read.
+///
+/// ```
+/// use regen_identify::feasibility::{pseudo_inertia, ten_of};
+///
+/// let phi = [0.4, -0.01, 0.02, 0.5, 0.03, 0.6, 0.1, 0.2, 0.3, 2.0];
+/// let back = ten_of(&pseudo_inertia(&phi));
+/// assert!(phi.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-15));
+/// ```
+pub fn ten_of(j: &[[f64; 4]; 4]) -> Ten {
+    [
+        j[1][1] + j[2][2],
+        -j[0][1],
+        -j[0][2],
+        j[0][0] + j[2][2],
+        -j[1][2],
+        j[0][0] + j[1][1],
+        j[0][3],
+        j[1][3],
+        j[2][3],
+        j[3][3],
+    ]
+}
+
+/// The matrix Z with `trace(Z J(phi)) = c . phi` for all ten parameters phi: a functional that
+/// is not negative on any body exactly when Z is positive semidefinite.
+pub(super) fn functional(c: &Ten) -> [[f64; 4]; 4] {
+    let (x, y, z, m) = (c[6] / 2.0, c[7] / 2.0, c[8] / 2.0, c[9]);
+    let (xy, xz, yz) = (-c[1] / 2.0, -c[2] / 2.0, -c[4] / 2.0);
+    [
+        [c[3] + c[5], xy, xz, x],
+        [xy, c[0] + c[5], yz, y],
+        [xz, yz, c[0] + c[3], z],
+        [x, y, z, m],
+    ]
+}
+
+/// The eigenvalues of a symmetric matrix, ascending.
+pub(super) fn eigenvalues(m: &[[f64; 4]; 4]) -> [f64; 4] {
+    if m.iter().flatten().any(|x| !x.is_finite()) {
+        return [f64::NAN; 4];
+    }
+    let (mut values, _) = eigen(m, 4);
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// The units in which bodies are measured, so that kilograms and kilogram metres squared can be
+/// compared: eigenvalues and margins are of J with masses in `mass` and lengths in `length`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// kg, positive.
+    pub mass: f64,
+    /// m, positive.
+    pub length: f64,
+}
+
+impl Default for Scale {
+    /// 1 kg and 0.3 m: links of a robot that stands on a table or beside a man.
+    fn default() -> Self {
+        Self {
+            mass: 1.0,
+            length: 0.3,
+        }
+    }
+}
+
+impl Scale {
+    /// Whether both units are positive and finite.
+    pub fn is_valid(self) -> bool {
+        [self.mass, self.length]
+            .iter()
+            .all(|x| x.is_finite() && *x > 0.0)
+    }
+
+    /// Units near those of a robot, so that neither millimetres and tonnes nor a mechanism of
+    /// milligrams leave a semidefinite programme whose numbers are all beside its tolerances.
+    ///
+    /// - `length`: the size of the mechanism, in the description's unit of length, within a factor
+    ///   of sixteen: `Closure::length_unit`.
+    /// - `beta`: base parameters of these combinations. Each of a body is a mass at a length of
+    ///   the mechanism's; the largest is the robot's, within a factor of 2^8.
+    ///
+    /// For robots of usual size and mass this is the default. Where a value is not finite or
+    /// nothing is known of masses, their unit is 1.
+    ///
+    /// ```
+    /// use regen_identify::feasibility::{Combinations, Layout, SYMBOLS, Scale};
+    ///
+    /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+    /// let (layout, all) = (Layout::new(&labels)?, Combinations::identity(&labels));
+    /// let seen = all.select(&[5, 6])?;
+    /// assert_eq!(Scale::near(&layout, &seen, &[0.02, 0.15], 1.0), Scale::default());
+    /// // the same in millimetres and tonnes: t mm^2 and t mm
+    /// let scale = Scale::near(&layout, &seen, &[0.02e3, 0.15], 256.0);
+    /// assert!(scale.length > 50.0 && scale.mass < 1e-2);
+    /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
+    /// ```
+    pub fn near(layout: &Layout, combinations: &Combinations, beta: &[f64], length: f64) -> Self {
+        let usual = Self::default();
+        if !(length.is_finite() && length > 0.0) {
+            return usual;
+        }
+        let mut scale = Self {
+            length: usual.length * length,
+            ..usual
+        };
+        let units = layout.units(scale);
+        let mut mass = 0.0_f64;
+        for (label, value) in combinations.labels().iter().zip(beta) {
+            // friction and rotors say nothing of the bodies
+            let Ok(column) = layout.find(label) else {
+                continue;
+            };
+            if !layout.single().contains(&column) && value.is_finite() {
+                mass = mass.max((value / units[column]).abs());
+            }
+        }
+        if mass > 0.0 {
+            while mass > USUAL_MASS * scale.mass && scale.mass < 1e200 {
+                scale.mass *= MASS_STEP;
+            }
+            while mass < scale.mass / USUAL_MASS && scale.mass > 1e-200 {
+                scale.mass /= MASS_STEP;
+            }
+        }
+        scale
+    }
+
+    /// The unit of parameters that are of no body, friction and rotors: of a moment of inertia,
+    /// and 1 by default.
+    pub(super) fn single(self) -> f64 {
+        let usual = Self::default();
+        self.mass / usual.mass * (self.length / usual.length).powi(2)
+    }
+
+    /// The unit of each of the ten parameters.
+    pub(super) fn units(self) -> Ten {
+        LENGTHS.map(|k| self.mass * self.length.powi(k))
+    }
+
+    /// The smallest eigenvalue of the pseudo-inertia in these units, without dimension: at
+    /// least 0 exactly when the body is physical. What rounding leaves below zero counts as zero,
+    /// as of a rod, which has no extent across. NaN where a parameter is not finite.
+    ///
+    /// ```
+    /// use regen_identify::feasibility::Scale;
+    ///
+    /// // a cube of 3 kg with sides of 0.2 m around the origin: m a^2/6 about each axis
+    /// let i = 3.0 * 0.2 * 0.2 / 6.0;
+    /// let cube = [i, 0.0, 0.0, i, 0.0, i, 0.0, 0.0, 0.0, 3.0];
+    /// let unit = Scale { mass: 1.0, length: 1.0 };
+    /// assert!((unit.smallest_eigenvalue(&cube) - i / 2.0).abs() < 1e-15);
+    /// // moments that no mass distribution has: Izz > Ixx + Iyy
+    /// let no = [i, 0.0, 0.0, i, 0.0, 3.0 * i, 0.0, 0.0, 0.0, 3.0];
+    /// assert!(unit.smallest_eigenvalue(&no) < 0.0);
+    /// ```
+    pub fn smallest_eigenvalue(self, phi: &Ten) -> f64 {
+        let units = self.units();
+        let scaled: Ten = core::array::from_fn(|k| phi[k] / units[k]);
+        let j = pseudo_inertia(&scaled);
+        let least = eigenvalues(&j)[0];
+        let rounding = 4.0 * f64::EPSILON * (0..4).map(|k| j[k][k].abs()).sum::<f64>();
+        if least < 0.0 && least >= -rounding {
+            0.0
+        } else {
+            least
+        }
+    }
+}

@@ -1,0 +1,390 @@
+//! Which parameters belong to bodies, and how base parameters combine them.
+
+use super::error::{finite, size};
+use super::{FeasibilityError, Scale, Ten};
+use regen_runtime::{BaseInfo, BaseModel};
+
+/// The symbols of a body's ten parameters.
+pub const SYMBOLS: [&str; 10] = [
+    "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
+];
+
+/// A body among the parameters.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Body {
+    /// Its label.
+    pub label: String,
+    /// Where its ten parameters are, in the order of [`SYMBOLS`].
+    pub columns: [usize; 10],
+}
+
+/// The parameters of a robot, grouped: ten for each body, and single ones (friction, rotors),
+/// which dissipate or store energy and are not negative.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    labels: Vec<String>,
+    bodies: Vec<Body>,
+    single: Vec<usize>,
+}
+
+/// What a check of given parameters found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Check {
+    /// Of each body, the smallest eigenvalue of its pseudo-inertia, in units of the scale.
+    pub eigenvalues: Vec<f64>,
+    /// The labels of single parameters that are negative.
+    pub negative: Vec<String>,
+}
+
+impl Check {
+    /// The smallest of the eigenvalues; infinite without bodies.
+    pub fn margin(&self) -> f64 {
+        // a NaN is kept
+        let least = |m: f64, x: &f64| if *x >= m { m } else { *x };
+        self.eigenvalues.iter().fold(f64::INFINITY, least)
+    }
+
+    /// Whether all is physical: no eigenvalue and no single parameter below zero.
+    pub fn is_physical(&self) -> bool {
+        self.negative.is_empty() && self.margin() >= 0.0
+    }
+}
+
+impl Layout {
+    /// Groups parameters by their labels: `Ixx(3)` is of body 3; what is not of the ten kinds
+    /// is a single parameter.
+    ///
+    /// # Errors
+    /// When a body has not all ten, or a label is there twice.
+    ///
+    /// ```
+    /// use regen_identify::feasibility::{Layout, SYMBOLS};
+    ///
+    /// let mut labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(arm)")).collect();
+    /// labels.push("Fv(q1)".to_owned());
+    /// let layout = Layout::new(&labels)?;
+    /// assert_eq!(layout.bodies()[0].label, "arm");
+    /// assert_eq!(layout.single(), [10]);
+    /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
+    /// ```
+    pub fn new<S: AsRef<str>>(labels: &[S]) -> Result<Self, FeasibilityError> {
+        let labels: Vec<String> = labels.iter().map(|l| l.as_ref().to_owned()).collect();
+        let find = |label: &str| labels.iter().position(|l| l == label);
+        let mut bodies: Vec<Body> = Vec::new();
+        let mut single = Vec::new();
+        for (column, label) in labels.iter().enumerate() {
+            if find(label) != Some(column) {
+                return Err(FeasibilityError::Duplicate {
+                    label: label.clone(),
+                });
+            }
+            let split = label.strip_suffix(')').and_then(|l| l.split_once('('));
+            let of_body = split.filter(|(symbol, _)| SYMBOLS.contains(symbol));
+            let Some((_, body)) = of_body else {
+                single.push(column);
+                continue;
+            };
+            if bodies.iter().any(|b| b.label == body) {
+                continue;
+            }
+            let mut columns = [0; 10];
+            for (slot, symbol) in columns.iter_mut().zip(SYMBOLS) {
+                let missing = format!("{symbol}({body})");
+                *slot = find(&missing).ok_or_else(|| FeasibilityError::Incomplete {
+                    body: body.to_owned(),
+                    missing,
+                })?;
+            }
+            bodies.push(Body {
+                label: body.to_owned(),
+                columns,
+            });
+        }
+        Ok(Self {
+            labels,
+            bodies,
+            single,
+        })
+    }
+
+    /// The labels of all p parameters.
+    pub fn labels(&self) -> &[String] {
+        &self.labels
+    }
+
+    /// The bodies, in the order of their first parameters.
+    pub fn bodies(&self) -> &[Body] {
+        &self.bodies
+    }
+
+    /// The places of the parameters that are of no body.
+    pub fn single(&self) -> &[usize] {
+        &self.single
+    }
+
+    /// The number of parameters.
+    pub fn len(&self) -> usize {
+        self.labels.len()
+    }
+
+    /// Whether there are no parameters.
+    pub fn is_empty(&self) -> bool {
+        self.labels.is_empty()
+    }
+
+    /// The place of a parameter.
+    ///
+    /// # Errors
+    /// When there is none of that label.
+    pub fn find(&self, label: &str) -> Result<usize, FeasibilityError> {
+        let found = self.labels.iter().position(|l| l == label);
+        found.ok_or_else(|| FeasibilityError::Unknown {
+            what: "parameter",
+            label: label.to_owned(),
+        })
+    }
+
+    /// A body by its label.
+    ///
+    /// # Errors
+    /// When there is none of that label.
+    pub fn body(&self, label: &str) -> Result<&Body, FeasibilityError> {
+        let found = self.bodies.iter().find(|b| b.label == label);
+        found.ok_or_else(|| FeasibilityError::Unknown {
+            what: "body",
+            label: label.to_owned(),
+        })
+    }
+
+    /// The layout with more single parameters behind.
+    ///
+    /// # Errors
+    /// When a label is there twice.
+    pub fn extended(&self, more: &[String]) -> Result<Self, FeasibilityError> {
+        Self::new(&[self.labels.as_slice(), more].concat())
+    }
+
+    /// Checks parameters on its own, without any solver: by the eigenvalues of the
+    /// pseudo-inertias and the signs of the single parameters.
+    ///
+    /// # Errors
+    /// When the length does not fit, or the scale is not positive.
+    pub fn check(&self, phi: &[f64], scale: Scale) -> Result<Check, FeasibilityError> {
+        size("phi", self.len(), phi.len())?;
+        if !scale.is_valid() {
+            return Err(FeasibilityError::NotFinite {
+                what: "scale",
+                index: 0,
+            });
+        }
+        let eigenvalue = |body: &Body| scale.smallest_eigenvalue(&body.columns.map(|c| phi[c]));
+        // a NaN is no number that is at least zero
+        let negative = |&&c: &&usize| phi[c].is_nan() || phi[c] < 0.0;
+        Ok(Check {
+            eigenvalues: self.bodies.iter().map(eigenvalue).collect(),
+            negative: self
+                .single
+                .iter()
+                .filter(negative)
+                .map(|&c| self.labels[c].clone())
+                .collect(),
+        })
+    }
+
+    /// The unit of each parameter in the scale.
+    pub(super) fn units(&self, scale: Scale) -> Vec<f64> {
+        let mut units = vec![scale.single(); self.len()];
+        let ten: Ten = scale.units();
+        for body in &self.bodies {
+            for (column, unit) in body.columns.iter().zip(ten) {
+                units[*column] = unit;
+            }
+        }
+        units
+    }
+}
+
+/// How r observed unknowns (base parameters) combine p parameters: `beta = B phi`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Combinations {
+    labels: Vec<String>,
+    parameters: usize,
+    /// r x p, row by row.
+    rows: Vec<Vec<f64>>,
+    /// Forms in the parameters that the model takes as zero, by what they are called.
+    zeros: Vec<(String, Vec<f64>)>,
+}
+
+impl Combinations {
+    /// The base of a model.
+    ///
+    /// # Errors
+    /// When a term is of no parameter.
+    pub fn from_base(base: &BaseInfo<'_>, parameters: usize) -> Result<Self, FeasibilityError> {
+        let mut rows = Vec::with_capacity(base.base.len());
+        for combination in base.base {
+            let mut row = vec![0.0; parameters];
+            for term in combination.terms {
+                let Some(slot) = row.get_mut(term.index) else {
+                    return Err(FeasibilityError::Unknown {
+                        what: "parameter",
+                        label: term.parameter.to_owned(),
+                    });
+                };
+                *slot += term.value;
+            }
+            rows.push(row);
+        }
+        Self::new(base.base.iter().map(|b| b.label.to_owned()).collect(), rows)
+    }
+
+    /// The base of a model, with what its spec takes as zero.
+    ///
+    /// # Errors
+    /// When a term is of no parameter.
+    pub fn from_model(
+        model: &dyn BaseModel<f64>,
+        parameters: usize,
+    ) -> Result<Self, FeasibilityError> {
+        let mut zeros = Vec::with_capacity(model.zeros().len());
+        for form in model.zeros() {
+            let mut row = vec![0.0; parameters];
+            for term in form.terms {
+                let slot = row.get_mut(term.index);
+                *slot.ok_or_else(|| FeasibilityError::Unknown {
+                    what: "parameter",
+                    label: term.parameter.to_owned(),
+                })? += term.value;
+            }
+            zeros.push((form.label.to_owned(), row));
+        }
+        Self::from_base(&model.base_info(), parameters)?.with_zeros(zeros)
+    }
+
+    /// Combinations from their labels and rows, r of p factors each.
+    ///
+    /// # Errors
+    /// When lengths do not fit or a factor is not finite.
+    pub fn new(labels: Vec<String>, rows: Vec<Vec<f64>>) -> Result<Self, FeasibilityError> {
+        size("rows", labels.len(), rows.len())?;
+        let parameters = rows.first().map_or(0, Vec::len);
+        for row in &rows {
+            size("row", parameters, row.len())?;
+            finite("row", row)?;
+        }
+        Ok(Self {
+            labels,
+            parameters,
+            rows,
+            zeros: Vec::new(),
+        })
+    }
+
+    /// With forms in the p parameters that the model takes as zero: what `base: zero`, `equal` and
+    /// `drop` of its spec say. The combinations give the forces only of parameters that fulfil
+    /// them, so that verdicts and fits keep to them.
+    ///
+    /// # Errors
+    /// When lengths do not fit or a factor is not finite.
+    pub fn with_zeros(mut self, zeros: Vec<(String, Vec<f64>)>) -> Result<Self, FeasibilityError> {
+        for (_, row) in &zeros {
+            size("zeros", self.parameters, row.len())?;
+            finite("zeros", row)?;
+        }
+        self.zeros = zeros;
+        Ok(self)
+    }
+
+    /// The forms that are zero, p factors each, by what they are called.
+    pub fn zeros(&self) -> &[(String, Vec<f64>)] {
+        &self.zeros
+    }
+
+    /// Every parameter by itself, for factors of a full regressor.
+    pub fn identity<S: AsRef<str>>(labels: &[S]) -> Self {
+        let n = labels.len();
+        let row = |k: usize| (0..n).map(|j| if j == k { 1.0 } else { 0.0 }).collect();
+        Self {
+            labels: labels.iter().map(|l| l.as_ref().to_owned()).collect(),
+            parameters: n,
+            rows: (0..n).map(row).collect(),
+            zeros: Vec::new(),
+        }
+    }
+
+    /// The labels of the r combinations.
+    pub fn labels(&self) -> &[String] {
+        &self.labels
+    }
+
+    /// The number p of parameters.
+    pub fn parameters(&self) -> usize {
+        self.parameters
+    }
+
+    /// The factors of each combination.
+    pub fn rows(&self) -> &[Vec<f64>] {
+        &self.rows
+    }
+
+    /// The combinations' values for parameters.
+    ///
+    /// # Errors
+    /// When the length does not fit.
+    pub fn apply(&self, phi: &[f64]) -> Result<Vec<f64>, FeasibilityError> {
+        size("phi", self.parameters, phi.len())?;
+        let dot = |row: &Vec<f64>| row.iter().zip(phi).map(|(a, b)| a * b).sum();
+        Ok(self.rows.iter().map(dot).collect())
+    }
+
+    /// Some of the combinations.
+    ///
+    /// # Errors
+    /// When there is no such combination.
+    pub fn select(&self, kept: &[usize]) -> Result<Self, FeasibilityError> {
+        let mut labels = Vec::new();
+        let mut rows = Vec::new();
+        for &k in kept {
+            let (Some(label), Some(row)) = (self.labels.get(k), self.rows.get(k)) else {
+                return Err(FeasibilityError::Size {
+                    what: "combinations",
+                    expected: self.labels.len(),
+                    got: k + 1,
+                });
+            };
+            labels.push(label.clone());
+            rows.push(row.clone());
+        }
+        Ok(Self {
+            labels,
+            parameters: self.parameters,
+            rows,
+            zeros: self.zeros.clone(),
+        })
+    }
+
+    /// With further parameters that are observed by themselves.
+    #[must_use]
+    pub fn extended(&self, more: &[String]) -> Self {
+        let parameters = self.parameters + more.len();
+        let mut rows = self.rows.clone();
+        for row in &mut rows {
+            row.resize(parameters, 0.0);
+        }
+        for k in 0..more.len() {
+            let mut row = vec![0.0; parameters];
+            row[self.parameters + k] = 1.0;
+            rows.push(row);
+        }
+        let mut zeros = self.zeros.clone();
+        for (_, row) in &mut zeros {
+            row.resize(parameters, 0.0);
+        }
+        Self {
+            labels: [self.labels.as_slice(), more].concat(),
+            parameters,
+            rows,
+            zeros,
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! Identified parameters as text: the bodies of a spec, constants for a controller.
+
+use core::fmt::Write;
+
+use super::error::{finite, size};
+use super::{FeasibilityError, Layout};
+use regen_runtime::{Info, Motion};
+
+/// The SI unit of a parameter by its label; that of friction depends on how the joint moves.
+///
+/// ```
+/// use regen_identify::feasibility::unit;
+/// use regen_runtime::Info;
+/// assert_eq!(unit("Ixy(3)", &Info::EMPTY), "kg m^2");
+/// assert_eq!(unit("mx(3)", &Info::EMPTY), "kg m");
+/// ```
+pub fn unit(label: &str, info: &Info<'_>) -> &'static str {
+    let (symbol, name) = label
+        .strip_suffix(')')
+        .and_then(|l| l.split_once('('))
+        .unwrap_or((label, ""));
+    let joint = info.index_of(name).and_then(|k| info.joints.get(k));
+    let shift = joint.map(|j| j.motion == Motion::Shift);
+    let by = |turn, slide, unknown| match shift {
+        Some(false) => turn,
+        Some(true) => slide,
+        None => unknown,
+    };
+    match symbol {
+        "Ixx" | "Ixy" | "Ixz" | "Iyy" | "Iyz" | "Izz" => "kg m^2",
+        "mx" | "my" | "mz" => "kg m",
+        "m" => "kg",
+        "J" => by("kg m^2", "kg", "SI"),
+        _ if symbol.starts_with("Fv") => by("N m s/rad", "N s/m", "SI"),
+        _ if symbol.starts_with("Fc") || symbol.starts_with("Fs") => by("N m", "N", "SI"),
+        _ => "SI",
+    }
+}
+
+/// A key or label as YAML: quoted where it is no plain integer or identifier.
+fn key(label: &str) -> String {
+    let plain = !label.is_empty()
+        && label.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        && !matches!(
+            label.to_ascii_lowercase().as_str(),
+            "true" | "false" | "yes" | "no" | "on" | "off" | "null" | "y" | "n"
+        );
+    if plain {
+        label.to_owned()
+    } else {
+        format!("\"{}\"", label.replace('\\', "\\\\").replace('"', "\\\""))
+    }
+}
+
+/// A number that reads back to the same double, never without a point or exponent.
+fn number(x: f64) -> String {
+    format!("{x:?}")
+}
+
+fn list(values: &[f64]) -> String {
+    let texts: Vec<String> = values.iter().map(|x| number(*x)).collect();
+    texts.join(", ")
+}
+
+/// The `bodies:` of a spec: mass, centre of mass, and inertia about it in the body's axes.
+///
+/// - `phi`: p parameters of the layout, SI, about the origins of the bodies' frames.
+///
+/// A body without mass has its centre of mass at the origin.
+///
+/// # Errors
+/// When the length does not fit or a value is not finite.
+///
+/// ```
+/// use regen_identify::feasibility::{Layout, SYMBOLS, bodies_yaml};
+///
+/// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+/// let layout = Layout::new(&labels)?;
+/// // 2 kg around (0.5, 0, 0)
+/// let phi = [0.1, 0.0, 0.0, 0.6, 0.0, 0.6, 1.0, 0.0, 0.0, 2.0];
+/// assert_eq!(
+///     bodies_yaml(&layout, &phi)?,
+///     "bodies:\n  1: {mass: 2.0, com: [0.5, 0.0, 0.0], \
+///      inertia: [0.1, 0.0, 0.0, 0.09999999999999998, 0.0, 0.09999999999999998]}\n"
+/// );
+/// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
+/// ```
+pub fn bodies_yaml(layout: &Layout, phi: &[f64]) -> Result<String, FeasibilityError> {
+    size("phi", layout.len(), phi.len())?;
+    finite("phi", phi)?;
+    let mut out = String::from("bodies:\n");
+    for body in layout.bodies() {
+        let [xx, xy, xz, yy, yz, zz, mx, my, mz, m] = body.columns.map(|c| phi[c]);
+        let [x, y, z] = if m > 0.0 {
+            [mx / m, my / m, mz / m]
+        } else {
+            [0.0; 3]
+        };
+        // by the parallel axis theorem; the sum with zero takes the sign off a zero
+        let inertia = [
+            xx - m * (y * y + z * z),
+            xy + m * x * y,
+            xz + m * x * z,
+            yy - m * (x * x + z * z),
+            yz + m * y * z,
+            zz - m * (x * x + y * y),
+        ];
+        // a String takes everything
+        let _ = writeln!(
+            out,
+            "  {}: {{mass: {}, com: [{}], inertia: [{}]}}",
+            key(&body.label),
+            number(m),
+            list(&[x, y, z].map(|v| v + 0.0)),
+            list(&inertia.map(|v| v + 0.0)),
+        );
+    }
+    Ok(out)
+}
+
+/// The parameters as Rust source for a controller: `PHI` in the order of the model's regressor,
+/// each with its label and unit.
+///
+/// # Errors
+/// When the length does not fit or a value is not finite.
+///
+/// ```
+/// use regen_identify::feasibility::{Layout, rust_constants};
+/// use regen_runtime::Info;
+/// let layout = Layout::new(&["Fv(q1)"])?;
+/// assert_eq!(
+///     rust_constants(&layout, &[3.5], &Info::EMPTY)?,
+///     "/// Identified parameters, in the order of the regressor's columns.\n\
+///      pub const PHI: [f64; 1] = [\n    3.5, // Fv(q1), SI\n];\n"
+/// );
+/// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
+/// ```
+pub fn rust_constants(
+    layout: &Layout,
+    phi: &[f64],
+    info: &Info<'_>,
+) -> Result<String, FeasibilityError> {
+    size("phi", layout.len(), phi.len())?;
+    finite("phi", phi)?;
+    let of = if info.name.is_empty() {
+        String::new()
+    } else {
+        format!(" of {}", info.name)
+    };
+    let mut out = format!(
+        "/// Identified parameters{of}, in the order of the regressor's columns.\n\
+         pub const PHI: [f64; {}] = [\n",
+        phi.len()
+    );
+    for (label, value) in layout.labels().iter().zip(phi) {
+        // a label is one line of a comment
+        let label = label.replace(['\n', '\r'], " ");
+        let _ = writeln!(
+            out,
+            "    {}, // {label}, {}",
+            number(*value),
+            unit(&label, info)
+        );
+    }
+    out += "];\n";
+    Ok(out)
+}

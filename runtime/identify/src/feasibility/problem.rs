@@ -1,0 +1,305 @@
+//! The physical fit as least squares over cones.
+
+use super::cones::{Cone, Objective};
+use super::equalities::{Equality, Solved, solve};
+use super::program::Affine;
+use super::sizes::STRONGEST;
+use super::symmetric::{ONE, Square, ZERO};
+use super::{Combinations, FeasibilityError, Layout, Options};
+use crate::estimate::Factor;
+
+/// Residuals below this part of the efforts count as none: its square.
+const FLOOR: f64 = 1e-8;
+
+/// What a cone is there for.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Kind {
+    /// A body's pseudo-inertia.
+    Body(usize),
+    /// The sign of a single parameter.
+    Sign,
+    /// A limit that the user gave.
+    Limit,
+    /// The generous limit of a body's mass and reach.
+    Size(usize),
+    /// The generous limit of a single parameter, such as friction.
+    Strength,
+}
+
+/// A part of the space in which a body's pseudo-inertia lives, where the equations leave it no
+/// more: orthonormal columns, the first `size` of which count.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Face {
+    pub(super) basis: Square,
+    pub(super) size: usize,
+}
+
+/// What besides the observations shapes the problem.
+pub(super) struct Setting<'a> {
+    pub(super) factor: &'a Factor,
+    pub(super) combinations: &'a Combinations,
+    pub(super) layout: &'a Layout,
+    pub(super) options: &'a Options,
+    /// The standard deviation of the noise.
+    pub(super) noise: f64,
+}
+
+/// The problem in variables that no equation determines.
+pub(super) struct Problem {
+    pub(super) solved: Solved,
+    pub(super) units: Vec<f64>,
+    pub(super) objective: Objective,
+    pub(super) cones: Vec<Cone>,
+    pub(super) kinds: Vec<Kind>,
+    /// How large each variable can be.
+    pub(super) reach: Vec<f64>,
+    /// The largest trace of each body's pseudo-inertia, in units of the scale.
+    pub(super) heaviest: Vec<f64>,
+}
+
+impl Setting<'_> {
+    /// The equations between parameters, in units: what the model takes as known, identical
+    /// bodies, known values and sums, limits that leave one value.
+    pub(super) fn equalities(&self, units: &[f64]) -> Result<Vec<Equality>, FeasibilityError> {
+        let mut out = Vec::new();
+        for (name, row) in self.combinations.zeros() {
+            let terms = row.iter().enumerate().filter(|(_, f)| **f != 0.0);
+            out.push(Equality {
+                form: Affine {
+                    terms: terms.map(|(k, f)| (k, f * units[k])).collect(),
+                    constant: 0.0,
+                },
+                source: format!("the spec's `base:`, of {name},"),
+                group: None,
+                rounded: 0.0,
+            });
+        }
+        let options = self.options;
+        let mut group = 0;
+        for bodies in &options.identical {
+            let Some((first, others)) = bodies.split_first() else {
+                continue;
+            };
+            if others.is_empty() {
+                return Err(FeasibilityError::Idle(format!(
+                    "body {first} alone is identical to nothing: name two or more"
+                )));
+            }
+            let own = self.layout.body(first)?;
+            for label in others {
+                let other = self.layout.body(label)?;
+                if other.label == own.label {
+                    return Err(FeasibilityError::Idle(format!(
+                        "body {label} is identical to itself"
+                    )));
+                }
+                for (a, b) in own.columns.iter().zip(&other.columns) {
+                    out.push(Equality {
+                        form: Affine {
+                            terms: vec![(*b, 1.0), (*a, -1.0)],
+                            constant: 0.0,
+                        },
+                        source: format!("that {first} and {label} are identical"),
+                        group: Some(group),
+                        rounded: 0.0,
+                    });
+                }
+                group += 1;
+            }
+        }
+        let value = |label: &str, value: f64, group: usize| -> Result<_, FeasibilityError> {
+            let j = self.layout.find(label)?;
+            Ok(Equality {
+                form: Affine {
+                    terms: vec![(j, 1.0)],
+                    constant: -value / units[j],
+                },
+                source: format!("the known value {label} = {value}"),
+                group: Some(group),
+                rounded: 0.0,
+            })
+        };
+        for (k, (label, known)) in options.known.iter().enumerate() {
+            finite("known", k, *known)?;
+            out.push(value(label, *known, group)?);
+            group += 1;
+        }
+        for bound in options.bounds.iter().filter(|b| b.lowest >= b.highest) {
+            out.push(value(&bound.parameter, bound.lowest, group)?);
+            group += 1;
+        }
+        for (k, total) in options.totals.iter().enumerate() {
+            finite("totals", k, total.value)?;
+            let mut form = Affine {
+                terms: Vec::new(),
+                constant: -total.value,
+            };
+            for label in &total.parameters {
+                let j = self.layout.find(label)?;
+                form.terms.push((j, units[j]));
+            }
+            out.push(Equality {
+                form,
+                source: format!(
+                    "the sum of {} = {}",
+                    total.parameters.join(", "),
+                    total.value
+                ),
+                group: Some(group),
+                rounded: 0.0,
+            });
+            group += 1;
+        }
+        Ok(out)
+    }
+
+    /// The problem with these equations and faces.
+    pub(super) fn problem(
+        &self,
+        equalities: &[Equality],
+        faces: &[Option<Face>],
+    ) -> Result<Problem, FeasibilityError> {
+        let units = self.units();
+        let p = self.layout.len();
+        let solved = solve(p, equalities)?;
+        let n = solved.variables.len();
+        let objective = self.objective(&solved, &units)?;
+        let mut problem = Problem {
+            solved,
+            units,
+            objective,
+            cones: Vec::new(),
+            kinds: Vec::new(),
+            reach: vec![0.0; n],
+            heaviest: Vec::new(),
+        };
+        self.bodies(&mut problem, faces)?;
+        self.singles(&mut problem)?;
+        self.limits(&mut problem)?;
+        // how far each variable can go, which is a parameter of its own
+        let mut most = vec![0.0_f64; p];
+        for (body, heaviest) in self.layout.bodies().iter().zip(&problem.heaviest) {
+            body.columns.iter().for_each(|c| most[*c] = *heaviest);
+        }
+        for &j in self.layout.single() {
+            most[j] = self.strongest(j, &problem.units);
+        }
+        for (slot, j) in problem.reach.iter_mut().zip(&problem.solved.variables) {
+            *slot = most[*j];
+        }
+        Ok(problem)
+    }
+
+    fn objective(&self, solved: &Solved, units: &[f64]) -> Result<Objective, FeasibilityError> {
+        let n = solved.variables.len();
+        let r = self.factor.columns();
+        let mut rows = vec![vec![0.0; n + 1]; r];
+        for (i, row) in rows.iter_mut().enumerate() {
+            row[n] = self.factor.z()[i];
+        }
+        for (j, expression) in solved.expressions.iter().enumerate() {
+            let column = self.column(j);
+            for (row, a) in rows.iter_mut().zip(&column) {
+                if *a != 0.0 {
+                    row[n] -= a * units[j] * expression.constant;
+                    for (v, factor) in &expression.terms {
+                        row[*v] += a * units[j] * factor;
+                    }
+                }
+            }
+        }
+        for (k, prior) in self.options.priors.iter().enumerate() {
+            let fits = prior.value.is_finite() && prior.deviation.is_finite();
+            if !fits || prior.deviation <= 0.0 {
+                return Err(FeasibilityError::NotFinite {
+                    what: "priors",
+                    index: k,
+                });
+            }
+            let j = self.layout.find(&prior.parameter)?;
+            let expression = &solved.expressions[j];
+            if expression.terms.is_empty() {
+                continue;
+            }
+            let weight = self.noise / prior.deviation;
+            let mut row = vec![0.0; n + 1];
+            for (v, factor) in &expression.terms {
+                row[*v] += weight * units[j] * factor;
+            }
+            row[n] = weight * (prior.value - units[j] * expression.constant);
+            rows.push(row);
+        }
+        Ok(Objective {
+            rows,
+            linear: vec![0.0; n],
+            constant: self.factor.rss(),
+            floor: (FLOOR * self.whole()).max(f64::MIN_POSITIVE.sqrt()),
+        })
+    }
+}
+
+impl Problem {
+    pub(super) fn push(&mut self, cone: Cone, kind: Kind) {
+        self.cones.push(cone);
+        self.kinds.push(kind);
+    }
+
+    /// All parameters, SI, at a point.
+    pub(super) fn expand(&self, x: &[f64]) -> Vec<f64> {
+        let pairs = self.solved.expressions.iter().zip(&self.units);
+        pairs
+            .map(|(e, unit)| {
+                let sum: f64 = e.terms.iter().map(|(v, f)| f * x[*v]).sum();
+                (sum + e.constant) * unit
+            })
+            .collect()
+    }
+
+    /// Two problems with the same variables: the objective with a pull of `weight` towards
+    /// reference values added, squared distances in units.
+    pub(super) fn pulled(&self, reference: &[Option<f64>], weight: f64) -> Objective {
+        let mut objective = self.objective.clone();
+        let n = self.solved.variables.len();
+        let root = weight.sqrt();
+        for (j, expression) in self.solved.expressions.iter().enumerate() {
+            if expression.terms.is_empty() {
+                continue;
+            }
+            let mut row = vec![0.0; n + 1];
+            for (v, factor) in &expression.terms {
+                row[*v] += root * factor;
+            }
+            let to = reference.get(j).copied().flatten().unwrap_or(0.0) / self.units[j];
+            row[n] = root * (to - expression.constant);
+            objective.rows.push(row);
+        }
+        objective
+    }
+
+    /// The problem of being inside: a variable more, the part of its unit by which every cone is
+    /// inside, which is to be 1.
+    pub(super) fn inside(&self) -> (Vec<Cone>, Vec<f64>) {
+        let n = self.solved.variables.len();
+        let cones = self.cones.iter().map(|cone| {
+            let mut cone = cone.clone();
+            let mut less = ZERO;
+            for (k, row) in less.iter_mut().enumerate().take(cone.size) {
+                row[k] = -ONE[k][k];
+            }
+            cone.terms.push((n, less));
+            cone.logarithm = 0.0;
+            cone
+        });
+        let mut reach = self.reach.clone();
+        reach.push(STRONGEST);
+        (cones.collect(), reach)
+    }
+}
+
+pub(super) fn finite(what: &'static str, index: usize, x: f64) -> Result<(), FeasibilityError> {
+    if x.is_finite() {
+        Ok(())
+    } else {
+        Err(FeasibilityError::NotFinite { what, index })
+    }
+}

@@ -1,0 +1,493 @@
+//! Whether base parameters can be of a physical robot, with a proof either way.
+
+use super::error::{finite, size};
+use super::inertia::{ENTRIES, TRIANGLE, eigenvalues, functional};
+use super::program::{Affine, Program};
+use super::{Combinations, FeasibilityError, Layout, Scale};
+
+/// How large a robot must at least be, as a multiple of the base parameters' size, to escape a
+/// certificate that holds up to rounding.
+const ESCAPE: f64 = 1e6;
+/// What the solver is asked for.
+const ACCURACY: f64 = 1e-11;
+/// Base parameters are reproduced to this part of their size and of what they are sums of.
+const REPRODUCED: f64 = 1e-11;
+
+/// Weights on base parameters whose sum is not negative for any physical robot, but is negative
+/// for the given values: a proof that these are of none.
+#[derive(Clone, Debug, PartialEq)]
+pub struct InfeasibilityCertificate {
+    /// One for each base parameter, then one for each of [`Combinations::zeros`].
+    pub weights: Vec<f64>,
+    /// The weighted sum of the given base parameters, negative.
+    pub value: f64,
+    /// By how much the functional fails to be non-negative: minus the smallest eigenvalue among
+    /// the bodies, or minus the smallest factor of a single parameter; 0 for an exact proof.
+    pub defect: f64,
+}
+
+impl InfeasibilityCertificate {
+    /// Finds value and defect of weights anew. No solver takes part: the functional's matrices
+    /// follow from the weights, and their eigenvalues decide.
+    ///
+    /// # Errors
+    /// When lengths do not fit.
+    pub fn new(
+        layout: &Layout,
+        combinations: &Combinations,
+        beta: &[f64],
+        scale: Scale,
+        weights: Vec<f64>,
+    ) -> Result<Self, FeasibilityError> {
+        size("beta", combinations.rows().len(), beta.len())?;
+        size(
+            "weights",
+            beta.len() + combinations.zeros().len(),
+            weights.len(),
+        )?;
+        size("parameters", layout.len(), combinations.parameters())?;
+        let units = layout.units(scale);
+        let mut c = vec![0.0; layout.len()];
+        let zeros = combinations.zeros().iter().map(|(_, row)| row);
+        for (row, weight) in combinations.rows().iter().chain(zeros).zip(&weights) {
+            for (sum, factor) in c.iter_mut().zip(row) {
+                *sum += weight * factor;
+            }
+        }
+        for (sum, unit) in c.iter_mut().zip(&units) {
+            *sum *= unit;
+        }
+        let of_bodies = layout
+            .bodies()
+            .iter()
+            .map(|body| eigenvalues(&functional(&body.columns.map(|k| c[k])))[0]);
+        let of_single = layout.single().iter().map(|k| c[*k]);
+        let least = of_bodies.chain(of_single).fold(0.0, f64::min);
+        Ok(Self {
+            value: weights.iter().zip(beta).map(|(w, b)| w * b).sum(),
+            weights,
+            defect: -least,
+        })
+    }
+
+    /// The size that a physical robot must have at least to escape the proof, as the sum of the
+    /// traces of all pseudo-inertias and of the single parameters, in units of the scale:
+    /// infinite where the proof is exact.
+    pub fn escape(&self) -> f64 {
+        if self.defect > 0.0 {
+            -self.value / self.defect
+        } else {
+            f64::INFINITY
+        }
+    }
+}
+
+/// The answer to whether base parameters admit a physical robot.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Verdict {
+    /// They do.
+    Feasible {
+        /// Parameters of such a robot, p, which have these base parameters.
+        phi: Vec<f64>,
+        /// The smallest eigenvalue of its pseudo-inertias, in units of the scale; at most 1 is
+        /// sought.
+        margin: f64,
+    },
+    /// They do not.
+    Infeasible {
+        /// The proof.
+        certificate: InfeasibilityCertificate,
+    },
+    /// So close to the border that double precision cannot tell.
+    Undecided {
+        /// The smallest eigenvalue that was reached.
+        margin: f64,
+    },
+}
+
+impl Verdict {
+    /// Whether a physical robot was found.
+    pub fn is_feasible(&self) -> bool {
+        matches!(self, Self::Feasible { .. })
+    }
+}
+
+/// For each parameter: its place among the free ones, or the combination that it leads.
+pub(super) enum Role {
+    Free(usize),
+    Lead(usize),
+}
+
+/// The parameters' roles: each combination is led by a parameter that has the factor 1 there and
+/// is in no other.
+pub(super) fn roles(combinations: &Combinations) -> Result<(Vec<Role>, usize), FeasibilityError> {
+    let p = combinations.parameters();
+    let mut lead = vec![None; p];
+    for (k, row) in combinations.rows().iter().enumerate() {
+        #[allow(clippy::float_cmp, reason = "a leading factor is 1 as it is written")]
+        let own = |&j: &usize| {
+            row[j] == 1.0
+                && lead[j].is_none()
+                && combinations
+                    .rows()
+                    .iter()
+                    .enumerate()
+                    .all(|(other, r)| other == k || r[j] == 0.0)
+        };
+        let Some(j) = (0..p).find(own) else {
+            return Err(FeasibilityError::Unknown {
+                what: "parameter that is only in the combination",
+                label: combinations.labels()[k].clone(),
+            });
+        };
+        lead[j] = Some(k);
+    }
+    let mut free = 0;
+    let role = |lead: Option<usize>| {
+        if let Some(k) = lead {
+            return Role::Lead(k);
+        }
+        free += 1;
+        Role::Free(free - 1)
+    };
+    let roles = lead.into_iter().map(role).collect();
+    Ok((roles, free))
+}
+
+/// Combinations of which each is led by a parameter of its own, with the forms that are zero
+/// among them; their values; and each as a sum of the given combinations and zero forms.
+pub(super) struct Led {
+    pub(super) combinations: Combinations,
+    pub(super) values: Vec<f64>,
+    sums: Vec<Vec<f64>>,
+}
+
+/// Leads the zero forms by parameters of their own.
+pub(super) fn led(combinations: &Combinations, beta: &[f64]) -> Result<Led, FeasibilityError> {
+    let (own, _) = roles(combinations)?;
+    let r = combinations.rows().len();
+    let zeros = combinations.zeros();
+    let mut rows = combinations.rows().to_vec();
+    let mut labels = combinations.labels().to_vec();
+    let mut values = beta.to_vec();
+    let unit = |k: usize| -> Vec<f64> {
+        let all = 0..r + zeros.len();
+        all.map(|j| if j == k { 1.0 } else { 0.0 }).collect()
+    };
+    let mut sums: Vec<Vec<f64>> = (0..r).map(unit).collect();
+    let mut leads = vec![0; r];
+    for (j, role) in own.iter().enumerate() {
+        if let Role::Lead(k) = role {
+            leads[*k] = j;
+        }
+    }
+    let subtract = |a: &mut [f64], b: &[f64], factor: f64| {
+        for (x, y) in a.iter_mut().zip(b) {
+            *x -= factor * y;
+        }
+    };
+    for (k, (name, zero)) in zeros.iter().enumerate() {
+        let (mut row, mut sum, mut value) = (zero.clone(), unit(r + k), 0.0);
+        let size = row.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        for (place, &j) in leads.iter().enumerate() {
+            let factor = row[j];
+            if factor != 0.0 {
+                subtract(&mut row, &rows[place], factor);
+                subtract(&mut sum, &sums[place], factor);
+                value -= factor * values[place];
+                row[j] = 0.0;
+            }
+        }
+        let pivot = (0..row.len()).fold(0, |b, j| if row[j].abs() > row[b].abs() { j } else { b });
+        let lead = row.get(pivot).copied().unwrap_or(0.0);
+        // what the others say already
+        if lead.abs() <= REPRODUCED * size {
+            continue;
+        }
+        for x in row.iter_mut().chain(&mut sum) {
+            *x /= lead;
+        }
+        value /= lead;
+        row[pivot] = 1.0;
+        for place in 0..rows.len() {
+            let factor = rows[place][pivot];
+            if factor != 0.0 {
+                subtract(&mut rows[place], &row, factor);
+                subtract(&mut sums[place], &sum, factor);
+                values[place] -= factor * value;
+                rows[place][pivot] = 0.0;
+            }
+        }
+        rows.push(row);
+        sums.push(sum);
+        values.push(value);
+        leads.push(pivot);
+        labels.push(name.clone());
+    }
+    Ok(Led {
+        combinations: Combinations::new(labels, rows)?,
+        values,
+        sums,
+    })
+}
+
+/// Parameters with given base parameters, from values of the free ones.
+pub(super) fn complete(
+    combinations: &Combinations,
+    roles: &[Role],
+    beta: &[f64],
+    free: &[f64],
+) -> Vec<f64> {
+    let mut phi: Vec<f64> = roles
+        .iter()
+        .map(|role| match role {
+            Role::Free(f) => free[*f],
+            Role::Lead(_) => 0.0,
+        })
+        .collect();
+    let sums: Vec<f64> = combinations
+        .rows()
+        .iter()
+        .zip(beta)
+        .map(|(row, b)| b - row.iter().zip(&phi).map(|(f, x)| f * x).sum::<f64>())
+        .collect();
+    for (slot, role) in phi.iter_mut().zip(roles) {
+        if let Role::Lead(k) = role {
+            *slot = sums[*k];
+        }
+    }
+    phi
+}
+
+/// Each parameter, in its unit, as an expression in the free parameters in theirs, which are the
+/// first variables; and those units.
+pub(super) fn expressions(
+    combinations: &Combinations,
+    roles: &[Role],
+    units: &[f64],
+    beta: &[f64],
+) -> (Vec<Affine>, Vec<f64>) {
+    let free_units: Vec<f64> = roles
+        .iter()
+        .zip(units)
+        .filter_map(|(role, unit)| matches!(role, Role::Free(_)).then_some(*unit))
+        .collect();
+    let expression = |(role, unit): (&Role, &f64)| match role {
+        Role::Free(f) => Affine {
+            terms: vec![(*f, 1.0)],
+            constant: 0.0,
+        },
+        Role::Lead(k) => {
+            let row = &combinations.rows()[*k];
+            let others = roles
+                .iter()
+                .zip(row)
+                .filter_map(|(role, factor)| match role {
+                    Role::Free(f) if *factor != 0.0 => Some((*f, -factor * free_units[*f] / unit)),
+                    _ => None,
+                });
+            Affine {
+                terms: others.collect(),
+                constant: beta[*k] / unit,
+            }
+        }
+    };
+    let all = roles.iter().zip(units).map(expression).collect();
+    (all, free_units)
+}
+
+/// Whether parameters have given base parameters, up to rounding of the sums.
+pub(super) fn reproduces(combinations: &Combinations, phi: &[f64], beta: &[f64]) -> bool {
+    let mut rows = combinations.rows().iter().zip(beta);
+    rows.all(|(row, b)| {
+        let terms = || row.iter().zip(phi).map(|(f, x)| f * x);
+        let size = terms().map(f64::abs).sum::<f64>();
+        (terms().sum::<f64>() - b).abs() <= REPRODUCED * size.max(b.abs())
+    })
+}
+
+/// Judges whether base parameters are of any physical robot (Yoshida and Khalil, 2000).
+///
+/// The margin of all bodies is maximised over all parameters that have these base parameters, as
+/// a semidefinite programme. Its solution or its dual is the proof, and it is checked here
+/// without the solver: [`Verdict::Feasible`] holds parameters whose eigenvalues were computed,
+/// [`Verdict::Infeasible`] a functional whose eigenvalues were computed.
+///
+/// - `beta`: r base parameters, SI, of these combinations.
+///
+/// # Errors
+/// When lengths do not fit, a value is not finite, or a combination is led by no parameter of
+/// its own.
+///
+/// ```
+/// use regen_identify::feasibility::{Combinations, Layout, SYMBOLS, Scale, Verdict, verdict};
+///
+/// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+/// let layout = Layout::new(&labels)?;
+/// // only Izz and mx are seen: any mx is possible, the mass being free
+/// let all = Combinations::identity(&labels);
+/// let seen = all.select(&[5, 6])?;
+/// assert!(verdict(&layout, &seen, &[0.1, -3.0], Scale::default())?.is_feasible());
+/// let Verdict::Infeasible { certificate } =
+///     verdict(&layout, &seen, &[-0.1, 0.0], Scale::default())?
+/// else {
+///     panic!("a moment of inertia cannot be negative");
+/// };
+/// assert!(certificate.weights[0] > 0.0 && certificate.value < 0.0);
+/// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
+/// ```
+pub fn verdict(
+    layout: &Layout,
+    combinations: &Combinations,
+    beta: &[f64],
+    scale: Scale,
+) -> Result<Verdict, FeasibilityError> {
+    size("parameters", layout.len(), combinations.parameters())?;
+    size("beta", combinations.rows().len(), beta.len())?;
+    finite("beta", beta)?;
+    if !scale.is_valid() {
+        return Err(FeasibilityError::NotFinite {
+            what: "scale",
+            index: 0,
+        });
+    }
+    let given = (combinations, beta);
+    let led = led(combinations, beta)?;
+    let (combinations, beta) = (&led.combinations, led.values.as_slice());
+    let (roles, free) = roles(combinations)?;
+    let units = layout.units(scale);
+    let mut program = Program::default();
+    let (expressions, free_units) = expressions(combinations, &roles, &units, beta);
+    program.variables(free);
+    let margin = program.variables(1);
+
+    // single parameters that are observed alone need no solver
+    let alone = |j: &usize| expressions[*j].terms.is_empty();
+    let certify = |weights: Vec<f64>| {
+        let mut sums = vec![0.0; given.1.len() + given.0.zeros().len()];
+        for (weight, row) in weights.iter().zip(&led.sums) {
+            for (sum, factor) in sums.iter_mut().zip(row) {
+                *sum += weight * factor;
+            }
+        }
+        InfeasibilityCertificate::new(layout, given.0, given.1, scale, sums)
+    };
+    for j in layout.single().iter().copied().filter(alone) {
+        if let Role::Lead(k) = roles[j]
+            && beta[k] < 0.0
+        {
+            let mut weights = vec![0.0; beta.len()];
+            weights[k] = 1.0;
+            let certificate = certify(weights)?;
+            return Ok(Verdict::Infeasible { certificate });
+        }
+    }
+
+    let mut rows: Vec<(usize, Vec<usize>)> = Vec::new();
+    for &j in layout.single().iter().filter(|j| !alone(j)) {
+        let mut above = expressions[j].clone();
+        above.terms.push((margin, -1.0));
+        rows.push((program.not_negative(&above), vec![j]));
+    }
+    let cap = Affine {
+        terms: vec![(margin, -1.0)],
+        constant: 1.0,
+    };
+    program.not_negative(&cap);
+    for body in layout.bodies() {
+        let triangle = body_triangle(&expressions, &body.columns, |diagonal| {
+            diagonal.terms.push((margin, -1.0));
+        });
+        rows.push((program.semidefinite(4, &triangle), body.columns.to_vec()));
+    }
+    program.minimise(margin, -1.0);
+    let solved = program.solve(ACCURACY)?;
+
+    let free_values: Vec<f64> = (0..free).map(|f| solved.x[f] * free_units[f]).collect();
+    let phi = complete(combinations, &roles, beta, &free_values);
+    let check = layout.check(&phi, scale)?;
+    if check.is_physical() && reproduces(combinations, &phi, beta) {
+        let margin = check.margin();
+        return Ok(Verdict::Feasible { phi, margin });
+    }
+
+    // the dual's matrices as factors of the parameters, of which those that lead are the weights
+    let mut c = vec![0.0; layout.len()];
+    for (row, columns) in rows {
+        if let [single] = columns[..] {
+            c[single] += solved.z[row];
+            continue;
+        }
+        for (k, ((r, s), entry)) in TRIANGLE.into_iter().zip(ENTRIES).enumerate() {
+            let twice = if r == s {
+                1.0
+            } else {
+                core::f64::consts::SQRT_2
+            };
+            for (parameter, factor) in entry {
+                c[columns[*parameter]] += solved.z[row + k] * twice * factor;
+            }
+        }
+    }
+    let mut weights = vec![0.0; beta.len()];
+    for (j, role) in roles.iter().enumerate() {
+        if let Role::Lead(k) = role {
+            weights[*k] = c[j] / units[j];
+        }
+    }
+    let certificate = certify(weights)?;
+    // of what the functional sees: a large coefficient of friction beside it is no part of it
+    let largest = given
+        .1
+        .iter()
+        .zip(given.0.rows())
+        .zip(&certificate.weights)
+        .filter(|(_, weight)| **weight != 0.0)
+        .map(|((b, row), _)| {
+            let unit = row.iter().zip(&units).map(|(f, u)| f.abs() * u);
+            b.abs() / unit.fold(f64::MIN_POSITIVE, f64::max)
+        })
+        .fold(1.0, f64::max);
+    if certificate.value < 0.0 && certificate.escape() >= ESCAPE * largest {
+        return Ok(Verdict::Infeasible { certificate });
+    }
+    Ok(Verdict::Undecided {
+        margin: check.margin(),
+    })
+}
+
+/// The entry of a pseudo-inertia in terms of the parameters' expressions.
+pub(super) fn combine(
+    expressions: &[Affine],
+    columns: &[usize; 10],
+    entry: &[(usize, f64)],
+) -> Affine {
+    let mut sum = Affine::default();
+    for (parameter, factor) in entry {
+        let expression = &expressions[columns[*parameter]];
+        sum.constant += factor * expression.constant;
+        for (variable, value) in &expression.terms {
+            match sum.terms.iter_mut().find(|(v, _)| v == variable) {
+                Some((_, slot)) => *slot += factor * value,
+                None => sum.terms.push((*variable, factor * value)),
+            }
+        }
+    }
+    sum
+}
+
+/// The upper triangle of a body's pseudo-inertia, with a change to the entries on the diagonal.
+pub(super) fn body_triangle(
+    expressions: &[Affine],
+    columns: &[usize; 10],
+    change: impl Fn(&mut Affine),
+) -> Vec<Affine> {
+    let entry = |((r, s), entry): ((usize, usize), &[(usize, f64)])| {
+        let mut sum = combine(expressions, columns, entry);
+        if r == s {
+            change(&mut sum);
+        }
+        sum
+    };
+    TRIANGLE.into_iter().zip(ENTRIES).map(entry).collect()
+}

@@ -1,0 +1,520 @@
+//! Samples with what friction needs of them.
+
+use crate::estimate::{EstimateError, Factor};
+use crate::feasibility::FeasibilityError;
+use crate::signals::Smoothing;
+use regen_runtime::friction::SHAPES;
+use regen_runtime::{Condition, Friction, Model, SizeError};
+
+/// How friction at joints acts on the rows of the reduced model: column k is the derivative of
+/// the joint's velocity by the independent velocities, the unit vector at an independent joint
+/// and a row of -X at a dependent one (Eq. 10).
+///
+/// - `q`: n coordinates; `joints`: indices of coordinates;
+/// - returns: dof x joints, column by column, and the worst condition of the solves.
+///
+/// # Errors
+/// When a length does not fit.
+pub fn directions<M: Model<f64> + ?Sized>(
+    model: &M,
+    q: &[f64],
+    joints: &[usize],
+) -> Result<(Vec<f64>, Condition<f64>), SizeError> {
+    let info = model.info();
+    let (n, dof) = (info.coordinates.len(), info.dof());
+    let mut out = vec![0.0; dof * joints.len()];
+    let mut unit = vec![0.0; dof];
+    let mut qd = vec![0.0; n];
+    let mut worst: Option<Condition<f64>> = None;
+    for i in 0..dof {
+        unit.fill(0.0);
+        unit[i] = 1.0;
+        let condition = model.velocities(q, &unit, &mut qd)?;
+        if worst.is_none_or(|w| condition.pivot < w.pivot) {
+            worst = Some(condition);
+        }
+        for (k, joint) in joints.iter().enumerate() {
+            out[k * dof + i] = qd.get(*joint).copied().ok_or(SizeError {
+                argument: "joints",
+                expected: n,
+                got: joint + 1,
+            })?;
+        }
+    }
+    match worst {
+        Some(condition) => Ok((out, condition)),
+        None => Ok((out, model.velocities(q, &unit, &mut qd)?)),
+    }
+}
+
+/// A joint with nonlinear friction.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrictionJoint {
+    /// The coordinate's name.
+    pub name: String,
+    /// Its law: `Stribeck`, `Atan` or `Power`.
+    pub friction: Friction,
+}
+
+/// Equations of the parameters that are linear, with the motion of the joints whose friction is
+/// not. It stays in memory: friction's columns change with its shape, and pass the filter of the
+/// equations anew.
+#[derive(Clone, Debug)]
+pub struct FrictionData {
+    pub(super) labels: Vec<String>,
+    pub(super) joints: Vec<FrictionJoint>,
+    pub(super) laws: Vec<Friction>,
+    dof: usize,
+    smoothing: Smoothing,
+    /// Equation by equation: dof x columns, column by column, weighted.
+    w: Vec<f64>,
+    /// Weighted.
+    tau: Vec<f64>,
+    weights: Vec<f64>,
+    runs: Vec<Run>,
+    /// Whether the friction of a joint has a part in a row: dof x joints, joint by joint.
+    acts: Vec<bool>,
+}
+
+/// Samples that follow each other in time, unfiltered.
+#[derive(Clone, Debug, Default)]
+struct Run {
+    times: Vec<f64>,
+    qd: Vec<f64>,
+    /// Sample by sample: dof x joints, joint by joint.
+    directions: Vec<f64>,
+    /// The samples that equations stand at.
+    equations: Vec<usize>,
+}
+
+/// A number of equations for a shape of friction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rows<'a> {
+    /// dof x columns, column by column, weighted.
+    pub(super) w: &'a [f64],
+    /// dof, weighted.
+    pub(super) tau: &'a [f64],
+    /// dof; 0 for an equation that is left out.
+    pub(super) weights: &'a [f64],
+    /// Whether they follow those before in time.
+    pub(super) follows: bool,
+}
+
+impl FrictionData {
+    /// Starts without samples.
+    ///
+    /// - `labels`: of the r columns of the linear equations (base parameters);
+    /// - `dof`: rows of each sample.
+    ///
+    /// # Errors
+    /// When a joint's law is linear: it has columns among the parameters.
+    pub fn new(
+        labels: &[String],
+        joints: &[FrictionJoint],
+        dof: usize,
+    ) -> Result<Self, FeasibilityError> {
+        let law = |joint: &FrictionJoint| {
+            let law = Some(joint.friction).filter(|law| !law.is_linear());
+            law.ok_or_else(|| FeasibilityError::Unknown {
+                what: "nonlinear friction law at joint",
+                label: joint.name.clone(),
+            })
+        };
+        Ok(Self {
+            labels: labels.to_vec(),
+            laws: joints.iter().map(law).collect::<Result<_, _>>()?,
+            joints: joints.to_vec(),
+            dof,
+            smoothing: Smoothing::None,
+            w: Vec::new(),
+            tau: Vec::new(),
+            weights: Vec::new(),
+            runs: Vec::new(),
+            acts: vec![false; dof * joints.len()],
+        })
+    }
+
+    /// The same with a filter, which the equations that are added have passed already.
+    pub(super) fn filtered(mut self, smoothing: Smoothing) -> Self {
+        self.smoothing = smoothing;
+        self
+    }
+
+    /// Adds a sample that is not filtered, with its equations. Samples follow each other in time.
+    ///
+    /// - `w`: dof x r, column by column; `tau`: dof, N or N m; `qd`: the joints' velocities;
+    /// - `directions`: dof x joints, column by column, see [`directions`];
+    /// - `weights`: what each row is multiplied by, dof: 1/sigma.
+    ///
+    /// # Errors
+    /// When lengths do not fit or a value is not finite; nothing is then added.
+    pub fn push(
+        &mut self,
+        w: &[f64],
+        tau: &[f64],
+        qd: &[f64],
+        directions: &[f64],
+        weights: &[f64],
+    ) -> Result<(), EstimateError> {
+        self.check_sample(qd, directions)?;
+        self.check_equations(w, tau, weights)?;
+        let time = self.runs.last().map_or(0, |run| run.times.len());
+        self.push_sample(time as f64, qd, directions)?;
+        self.push_equations(time as f64, w, tau, weights)
+    }
+
+    /// Tells that the next sample does not follow the last one in time.
+    pub fn interrupt(&mut self) {
+        self.runs.push(Run::default());
+    }
+
+    fn check_sample(&self, qd: &[f64], directions: &[f64]) -> Result<(), EstimateError> {
+        let (dof, joints) = (self.dof, self.joints.len());
+        check("qd", joints, qd)?;
+        check("directions", dof * joints, directions)
+    }
+
+    fn check_equations(
+        &self,
+        w: &[f64],
+        tau: &[f64],
+        weights: &[f64],
+    ) -> Result<(), EstimateError> {
+        check("w", self.dof * self.labels.len(), w)?;
+        check("tau", self.dof, tau)?;
+        check("weights", self.dof, weights)
+    }
+
+    /// Adds a sample's motion, which is not filtered.
+    pub(super) fn push_sample(
+        &mut self,
+        time: f64,
+        qd: &[f64],
+        directions: &[f64],
+    ) -> Result<(), EstimateError> {
+        self.check_sample(qd, directions)?;
+        for (acts, d) in self.acts.iter_mut().zip(directions) {
+            *acts |= *d != 0.0;
+        }
+        if self.runs.is_empty() {
+            self.interrupt();
+        }
+        if let Some(run) = self.runs.last_mut() {
+            run.times.push(time);
+            run.qd.extend(qd);
+            run.directions.extend(directions);
+        }
+        Ok(())
+    }
+
+    /// Adds filtered equations at a sample of this run, in order of time.
+    pub(super) fn push_equations(
+        &mut self,
+        time: f64,
+        w: &[f64],
+        tau: &[f64],
+        weights: &[f64],
+    ) -> Result<(), EstimateError> {
+        self.check_equations(w, tau, weights)?;
+        let Some(run) = self.runs.last_mut() else {
+            return Ok(());
+        };
+        let after = run.equations.last().map_or(0, |last| last + 1);
+        let left = run.times.get(after..).unwrap_or_default();
+        let Some(place) = left.iter().position(|t| t.total_cmp(&time).is_eq()) else {
+            return Err(EstimateError::Size {
+                what: "samples of friction",
+                expected: run.times.len() + 1,
+                got: run.times.len(),
+            });
+        };
+        run.equations.push(after + place);
+        let weighted = |values: &[f64], into: &mut Vec<f64>| {
+            let rows = values.chunks_exact(weights.len().max(1));
+            into.extend(rows.flat_map(|c| c.iter().zip(weights).map(|(x, s)| x * s)));
+        };
+        weighted(w, &mut self.w);
+        weighted(tau, &mut self.tau);
+        self.weights.extend(weights);
+        Ok(())
+    }
+
+    /// Multiplies the rows of each effort, dof weights: by 1/sigma.
+    ///
+    /// # Errors
+    /// When the length does not fit or a weight is not positive.
+    pub fn weigh(&mut self, weights: &[f64]) -> Result<(), EstimateError> {
+        if weights.len() != self.dof {
+            return Err(EstimateError::Size {
+                what: "weights",
+                expected: self.dof,
+                got: weights.len(),
+            });
+        }
+        if let Some(row) = weights.iter().position(|x| !(x.is_finite() && *x > 0.0)) {
+            let what = "weights";
+            return Err(EstimateError::NotFinite { what, row });
+        }
+        for values in [&mut self.w, &mut self.tau, &mut self.weights] {
+            for row in values.chunks_exact_mut(self.dof.max(1)) {
+                for (value, weight) in row.iter_mut().zip(weights) {
+                    *value *= weight;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The factor of all linear columns where the joints have linear friction instead: those of
+    /// [`new`](Self::new), then `Fc` and `Fv` of each joint.
+    ///
+    /// # Errors
+    /// When an entry is not finite.
+    pub fn linear_factor(&self) -> Result<Factor, EstimateError> {
+        self.factor_of(&self.linear_laws(), &[], None)
+    }
+
+    /// Linear friction at every joint.
+    pub(super) fn linear_laws(&self) -> Vec<Friction> {
+        vec![Friction::Linear; self.laws.len()]
+    }
+
+    /// The joints whose friction is not linear.
+    pub fn joints(&self) -> &[FrictionJoint] {
+        &self.joints
+    }
+
+    /// The number of samples that give equations.
+    pub fn len(&self) -> usize {
+        self.tau.len() / self.dof.max(1)
+    }
+
+    /// Whether there are no equations.
+    pub fn is_empty(&self) -> bool {
+        self.tau.is_empty()
+    }
+
+    pub(super) fn dof(&self) -> usize {
+        self.dof
+    }
+
+    /// The highest velocity of each joint in size, at least a tiny one.
+    pub(super) fn fastest(&self) -> Vec<f64> {
+        let joints = self.joints.len();
+        let of = |k: usize| {
+            let runs = self.runs.iter();
+            let all = runs.flat_map(|run| run.qd.iter().skip(k).step_by(joints.max(1)));
+            all.fold(1e-9, |m: f64, v| m.max(v.abs()))
+        };
+        (0..joints).map(of).collect()
+    }
+
+    /// The labels of the coefficients of friction that are linear, `symbol(joint)`.
+    pub(super) fn coefficients(&self, laws: &[Friction]) -> Vec<String> {
+        let of = |(law, joint): (&Friction, &FrictionJoint)| {
+            let name = joint.name.clone();
+            let labels = law.coefficients().iter();
+            labels
+                .map(move |s| format!("{s}({name})"))
+                .collect::<Vec<_>>()
+        };
+        laws.iter().zip(&self.joints).flat_map(of).collect()
+    }
+
+    /// The labels of the steps of shapes.
+    pub(super) fn steps(&self, laws: &[Friction]) -> Vec<String> {
+        let of = |(law, joint): (&Friction, &FrictionJoint)| {
+            let name = joint.name.clone();
+            let labels = law.shape_symbols().iter();
+            labels
+                .map(move |s| format!("step {s}({name})"))
+                .collect::<Vec<_>>()
+        };
+        laws.iter().zip(&self.joints).flat_map(of).collect()
+    }
+
+    /// The factor of the linear columns and friction's for a shape; with steps, also of one
+    /// column more for each shape parameter: its effect, for coefficients `x`, times `reach`,
+    /// whose unknown is counted from -1.
+    pub(super) fn factor(
+        &self,
+        shapes: &[[f64; SHAPES]],
+        steps: Option<(&[f64], f64)>,
+    ) -> Result<Factor, EstimateError> {
+        self.factor_of(&self.laws, shapes, steps)
+    }
+
+    /// The same for other laws.
+    pub(super) fn factor_of(
+        &self,
+        laws: &[Friction],
+        shapes: &[[f64; SHAPES]],
+        steps: Option<(&[f64], f64)>,
+    ) -> Result<Factor, EstimateError> {
+        let mut labels = self.labels.clone();
+        labels.extend(self.coefficients(laws));
+        if steps.is_some() {
+            labels.extend(self.steps(laws));
+        }
+        let columns = labels.len();
+        let mut factor = Factor::new(labels);
+        // rows that stay in a cache
+        let most = FULL.max(self.dof);
+        let mut block = vec![0.0; most * columns];
+        let mut side = Vec::with_capacity(most);
+        let mut flush = |block: &[f64], side: &mut Vec<f64>| {
+            let rows = block.chunks_exact(most.max(1));
+            let packed: Vec<f64> = rows
+                .flat_map(|column| column[..side.len()].iter().copied())
+                .collect();
+            let done = factor.push_block(&packed, side);
+            side.clear();
+            done
+        };
+        self.visit(laws, shapes, steps, &mut |rows| {
+            for (i, (tau, weight)) in rows.tau.iter().zip(rows.weights).enumerate() {
+                if *weight == 0.0 {
+                    continue;
+                }
+                let at = side.len();
+                let entries = rows.w.iter().skip(i).step_by(rows.tau.len());
+                for (column, x) in block.chunks_exact_mut(most.max(1)).zip(entries) {
+                    column[at] = *x;
+                }
+                side.push(*tau);
+                if side.len() == most {
+                    flush(&block, &mut side)?;
+                }
+            }
+            Ok(())
+        })?;
+        flush(&block, &mut side)?;
+        Ok(factor)
+    }
+
+    /// Visits all equations in order of time, with the columns that [`factor`](Self::factor)
+    /// has.
+    pub(super) fn visit(
+        &self,
+        laws: &[Friction],
+        shapes: &[[f64; SHAPES]],
+        steps: Option<(&[f64], f64)>,
+        each: &mut dyn FnMut(Rows<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), EstimateError> {
+        let (dof, r) = (self.dof, self.labels.len());
+        let linear: usize = laws.iter().map(|law| law.coefficients().len()).sum();
+        let curved = steps.map_or(0, |_| {
+            laws.iter().map(|law| law.shape_symbols().len()).sum()
+        });
+        // of every column of friction, the rows that it acts on
+        let rows_of = |k: usize| (0..dof).filter(move |i| self.acts[k * dof + i]);
+        let mut places = Vec::new();
+        let (mut column, mut step) = (r, r + linear);
+        for (k, law) in laws.iter().enumerate() {
+            for c in 0..law.coefficients().len() {
+                places.extend(rows_of(k).map(|i| (column + c, i)));
+            }
+            column += law.coefficients().len();
+            if steps.is_some() {
+                for s in 0..law.shape_symbols().len() {
+                    places.extend(rows_of(k).map(|i| (step + s, i)));
+                }
+                step += law.shape_symbols().len();
+            }
+        }
+        let mut w = vec![0.0; dof * (r + linear + curved)];
+        let mut tau = vec![0.0; dof];
+        let mut channels = Vec::new();
+        let mut equation = 0;
+        for run in &self.runs {
+            if run.equations.is_empty() {
+                continue;
+            }
+            channels.clear();
+            for sample in 0..run.times.len() {
+                self.channels(run, sample, laws, shapes, steps, &mut channels);
+            }
+            self.smoothing
+                .apply(&run.times, &mut channels, places.len())?;
+            let mut follows = false;
+            for &sample in &run.equations {
+                w[..dof * r].copy_from_slice(&self.w[equation * dof * r..][..dof * r]);
+                w[dof * r..].fill(0.0);
+                tau.copy_from_slice(&self.tau[equation * dof..][..dof]);
+                let weights = &self.weights[equation * dof..][..dof];
+                let own = &channels[sample * places.len()..][..places.len()];
+                for ((column, row), value) in places.iter().zip(own) {
+                    let value = value * weights[*row];
+                    w[column * dof + row] = value;
+                    if *column >= r + linear {
+                        tau[*row] += value;
+                    }
+                }
+                each(Rows {
+                    w: &w,
+                    tau: &tau,
+                    weights,
+                    follows,
+                })?;
+                follows = true;
+                equation += 1;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds the entries of friction's columns at a sample.
+    fn channels(
+        &self,
+        run: &Run,
+        sample: usize,
+        laws: &[Friction],
+        shapes: &[[f64; SHAPES]],
+        steps: Option<(&[f64], f64)>,
+        out: &mut Vec<f64>,
+    ) {
+        let (dof, joints) = (self.dof, self.joints.len());
+        let mut column = self.labels.len();
+        for (k, law) in laws.iter().enumerate() {
+            let v = run.qd[sample * joints + k];
+            let sign = if v == 0.0 { 0.0 } else { v.signum() };
+            let shape = shapes.get(k).copied().unwrap_or([1.0; SHAPES]);
+            let direction = &run.directions[(sample * joints + k) * dof..][..dof];
+            let acts = &self.acts[k * dof..][..dof];
+            let mut add = |value: f64| {
+                let rows = direction.iter().zip(acts).filter(|(_, acts)| **acts);
+                out.extend(rows.map(|(d, _)| d * value));
+            };
+            let used = law.coefficients().len();
+            for value in &law.columns(v, sign, shape)[..used] {
+                add(*value);
+            }
+            if let Some((x, reach)) = steps {
+                let own = x.get(column..column + used).unwrap_or_default();
+                for slope in &law.slopes(v, sign, shape)[..law.shape_symbols().len()] {
+                    let effect: f64 = slope.iter().zip(own).map(|(s, x)| s * x).sum();
+                    add(effect * reach);
+                }
+            }
+            column += used;
+        }
+    }
+}
+
+/// Rows reduced at a time.
+const FULL: usize = 128;
+
+fn check(what: &'static str, expected: usize, values: &[f64]) -> Result<(), EstimateError> {
+    let got = values.len();
+    if got != expected {
+        return Err(EstimateError::Size {
+            what,
+            expected,
+            got,
+        });
+    }
+    match values.iter().position(|x| !x.is_finite()) {
+        Some(row) => Err(EstimateError::NotFinite { what, row }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,423 @@
+//! The nonlinear fit: shapes outside, convex programmes inside.
+
+use super::FrictionData;
+use super::starts::{STARTS, start};
+use crate::estimate::Factor;
+use crate::feasibility::{
+    Bound, Combinations, FeasibilityError, Layout, Options, Physical, identify,
+};
+use regen_runtime::friction::{SHAPES, VALUES};
+use regen_runtime::{Friction, JointFriction};
+
+/// Steps from each start, and from the best of them.
+const FEW: usize = 3;
+const MANY: usize = 40;
+/// A relative gain that is not worth another step.
+const GAIN: f64 = 1e-9;
+/// The region of trust in the logarithms: at the start, at most, and where it ends.
+const REACH: f64 = 0.5;
+const WIDEST: f64 = 1.0;
+const NARROWEST: f64 = 1e-6;
+/// Shapes stay within this factor of the first start: beyond, a law degenerates.
+const FARTHEST: f64 = 1e3;
+
+/// The friction of one joint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointFit {
+    /// The coordinate's name.
+    pub name: String,
+    /// The law.
+    pub friction: Friction,
+    /// Its coefficients in the order of [`Friction::symbols`], SI.
+    pub values: Vec<f64>,
+}
+
+impl JointFit {
+    /// Its friction at a velocity (Eq. 14, 16, 17, 32), N or N m over rad/s or m/s; opposes the
+    /// motion where positive at a positive velocity.
+    ///
+    /// ```
+    /// use regen_identify::friction::JointFit;
+    /// use regen_runtime::Friction;
+    ///
+    /// let joint = JointFit {
+    ///     name: "q1".to_owned(),
+    ///     friction: Friction::Stribeck,
+    ///     values: vec![2.0, 3.0, 0.1, 2.0, 5.0],
+    /// };
+    /// // far above the Stribeck velocity: Coulomb and viscous friction
+    /// assert!((joint.effort(1.0) - 7.0).abs() < 1e-12);
+    /// assert_eq!(joint.effort(-1.0), -joint.effort(1.0));
+    /// ```
+    pub fn effort(&self, v: f64) -> f64 {
+        self.law().effort(v)
+    }
+
+    /// The law with its values.
+    pub fn law(&self) -> JointFriction {
+        let mut values = [0.0; VALUES];
+        for (slot, value) in values.iter_mut().zip(&self.values) {
+            *slot = *value;
+        }
+        JointFriction {
+            law: self.friction,
+            values,
+        }
+    }
+}
+
+/// Parameters with nonlinear friction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrictionFit {
+    /// The friction of each joint.
+    pub joints: Vec<JointFit>,
+    /// All p parameters of the layout, SI, physical.
+    pub phi: Vec<f64>,
+    /// Their base parameters, SI.
+    pub beta: Vec<f64>,
+    /// The sum of squared residuals.
+    pub squared_residual: f64,
+    /// That of linear friction (viscous and Coulomb) at the same joints, under the same
+    /// constraints: never smaller.
+    pub linear: f64,
+    /// Whether the steps ended because they gained nothing any more.
+    pub converged: bool,
+    /// The convex programmes that were solved.
+    pub programmes: usize,
+    /// How far the parameters can be from the optimum for these shapes at most: that of
+    /// [`Physical::gap`].
+    pub gap: f64,
+    pub(super) point: Optimum,
+}
+
+/// Where a fit ended.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Optimum {
+    /// The law of each joint: its own, or linear friction where that is as good.
+    pub(super) laws: Vec<Friction>,
+    /// Base parameters and coefficients of friction.
+    pub(super) values: Vec<f64>,
+    pub(super) shapes: Vec<[f64; SHAPES]>,
+}
+
+/// The search's state.
+struct Search<'a> {
+    data: &'a FrictionData,
+    combinations: Combinations,
+    layout: Layout,
+    options: &'a Options,
+    first: Vec<[f64; SHAPES]>,
+    programmes: usize,
+}
+
+/// A shape with the best parameters for it.
+#[derive(Clone)]
+struct Point {
+    shapes: Vec<[f64; SHAPES]>,
+    solution: Physical,
+    /// What is minimised: squared residuals and what priors add.
+    cost: f64,
+}
+
+impl Search<'_> {
+    fn solve(
+        &mut self,
+        factor: &Factor,
+        combinations: &Combinations,
+        layout: &Layout,
+        options: &Options,
+    ) -> Result<Physical, FeasibilityError> {
+        self.programmes += 1;
+        identify(factor, combinations, layout, options)
+    }
+
+    /// The layout and combinations of the linear columns, and of these coefficients instead of
+    /// friction's.
+    fn plain(&self, more: &[String]) -> Result<(Layout, Combinations), FeasibilityError> {
+        let base = self.data.labels.len();
+        let p = self.layout.len() - self.data.coefficients(&self.data.laws).len();
+        let layout = Layout::new(&self.layout.labels()[..p])?.extended(more)?;
+        let kept: Vec<usize> = (0..base).collect();
+        let rows = self.combinations.select(&kept)?;
+        let cut = rows.rows().iter().map(|row| row[..p].to_vec()).collect();
+        let combinations = Combinations::new(rows.labels().to_vec(), cut)?.extended(more);
+        Ok((layout, combinations))
+    }
+
+    fn padded(&self, layout: &Layout) -> Options {
+        let mut options = self.options.clone();
+        options.rough = true;
+        if !options.reference.is_empty() {
+            options.reference.resize(layout.len(), None);
+        }
+        options
+    }
+
+    /// Squared residuals, and what beliefs add to them.
+    fn cost(&self, solution: &Physical) -> f64 {
+        let noise = self.options.noise.unwrap_or(1.0);
+        let beliefs = self.options.priors.iter().filter_map(|prior| {
+            let at = self.layout.find(&prior.parameter).ok()?;
+            Some(((solution.phi[at] - prior.value) / prior.deviation * noise).powi(2))
+        });
+        solution.squared_residual + beliefs.sum::<f64>()
+    }
+
+    fn point(&mut self, shapes: Vec<[f64; SHAPES]>) -> Result<Point, FeasibilityError> {
+        let factor = self.data.factor(&shapes, None)?;
+        let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
+        let options = self.padded(&layout);
+        let solution = self.solve(&factor, &combinations, &layout, &options)?;
+        let cost = self.cost(&solution);
+        Ok(Point {
+            shapes,
+            solution,
+            cost,
+        })
+    }
+
+    /// The same shapes with what the observations leave open chosen.
+    fn finished(&mut self, point: &Point) -> Result<Physical, FeasibilityError> {
+        let factor = self.data.factor(&point.shapes, None)?;
+        let (combinations, layout) = (self.combinations.clone(), self.layout.clone());
+        let options = Options {
+            rough: self.options.rough,
+            ..self.padded(&layout)
+        };
+        self.solve(&factor, &combinations, &layout, &options)
+    }
+
+    /// The step that least squares without constraints asks for, cut to the reach.
+    fn free_step(&self, from: &Point, reach: f64) -> Option<Vec<f64>> {
+        let effect = Some((from.solution.beta.as_slice(), 1.0));
+        let factor = self.data.factor(&from.shapes, effect).ok()?;
+        let values = factor.solve().ok()?;
+        let known = self.combinations.labels().len();
+        let steps: Vec<f64> = values[known..].iter().map(|s| s - 1.0).collect();
+        let longest = steps.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
+        let part = if longest > reach {
+            reach / longest
+        } else {
+            1.0
+        };
+        Some(steps.iter().map(|s| s * part).collect())
+    }
+
+    /// The logarithms' steps that the linearised problem asks for within a reach.
+    fn step(&mut self, from: &Point, reach: f64) -> Result<Vec<f64>, FeasibilityError> {
+        let factor = self
+            .data
+            .factor(&from.shapes, Some((&from.solution.beta, reach)))?;
+        let known = self.combinations.labels().len();
+        // a shape whose coefficient is 0 has no effect, and no step
+        let lengths = factor.column_norms();
+        let acting: Vec<bool> = lengths[known..].iter().map(|l| *l > 0.0).collect();
+        let kept: Vec<usize> = (0..factor.columns())
+            .filter(|c| *c < known || lengths[*c] > 0.0)
+            .collect();
+        let factor = factor.select(&kept)?;
+        let steps = factor.labels()[known..].to_vec();
+        let layout = self.layout.extended(&steps)?;
+        let combinations = self.combinations.extended(&steps);
+        let mut options = self.padded(&layout);
+        options.bounds.extend(steps.iter().map(|label| Bound {
+            parameter: label.clone(),
+            lowest: 0.0,
+            highest: 2.0,
+        }));
+        let solution = self.solve(&factor, &combinations, &layout, &options)?;
+        let mut values = solution.phi[self.layout.len()..].iter();
+        let step = |acts: &bool| {
+            let value = if *acts { values.next() } else { None };
+            value.map_or(0.0, |s| reach * (s - 1.0))
+        };
+        Ok(acting.iter().map(step).collect())
+    }
+
+    fn moved(&self, shapes: &[[f64; SHAPES]], by: &[f64]) -> Vec<[f64; SHAPES]> {
+        let mut by = by.iter();
+        let laws = self.data.laws.iter().zip(&self.first);
+        let pairs = shapes.iter().zip(laws);
+        pairs
+            .map(|(shape, (law, first))| {
+                let mut out = *shape;
+                for (value, first) in out.iter_mut().zip(first).take(law.shape_symbols().len()) {
+                    let step = by.next().copied().unwrap_or(0.0);
+                    *value = (*value * step.exp()).clamp(first / FARTHEST, first * FARTHEST);
+                }
+                out
+            })
+            .collect()
+    }
+
+    /// Descends; whether it ended by itself.
+    fn descend(&mut self, mut at: Point, most: usize) -> (Point, bool) {
+        let mut reach = REACH;
+        for _ in 0..most {
+            // far from the constraints plain least squares is exact and quick; a programme
+            // that fails says no more than that this step is too long
+            let free = self.free_step(&at, reach);
+            let next = free
+                .and_then(|by| self.point(self.moved(&at.shapes, &by)).ok())
+                .filter(|next| next.cost < at.cost)
+                .or_else(|| {
+                    let by = self.step(&at, reach).ok()?;
+                    self.point(self.moved(&at.shapes, &by)).ok()
+                });
+            match next {
+                Some(next) if next.cost < at.cost => {
+                    let gain = at.cost - next.cost;
+                    let worth = gain > GAIN * at.cost;
+                    at = next;
+                    if !worth {
+                        return (at, true);
+                    }
+                    reach = (2.0 * reach).min(WIDEST);
+                }
+                _ => reach /= 4.0,
+            }
+            if reach < NARROWEST {
+                return (at, true);
+            }
+        }
+        (at, false)
+    }
+}
+
+/// Fits nonlinear friction and all other parameters together.
+///
+/// - `combinations`: how the r columns of the data combine the p parameters of `layout`, which
+///   know nothing of the nonlinear friction;
+/// - `options`: constraints and priors, as for [`identify`].
+///
+/// The result is never worse than linear friction at the same joints: that is where the search
+/// starts, and only steps that lower the cost are taken.
+///
+/// # Errors
+/// As [`identify`].
+pub fn fit(
+    data: &FrictionData,
+    combinations: &Combinations,
+    layout: &Layout,
+    options: &Options,
+) -> Result<FrictionFit, FeasibilityError> {
+    let coefficients = data.coefficients(&data.laws);
+    let fastest = data.fastest();
+    let shapes = |which: usize| -> Vec<[f64; SHAPES]> {
+        let laws = data.laws.iter().zip(&fastest);
+        laws.map(|(law, v)| start(*law, which, *v)).collect()
+    };
+    let mut search = Search {
+        data,
+        combinations: combinations.extended(&coefficients),
+        layout: layout.extended(&coefficients)?,
+        options,
+        first: shapes(0),
+        programmes: 0,
+    };
+    let linear = linear(&mut search)?;
+    let mut points = Vec::with_capacity(STARTS);
+    for which in 0..STARTS {
+        points.push(search.point(shapes(which))?);
+    }
+    points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    points.truncate(2);
+    let mut best: Option<Point> = None;
+    for point in points {
+        let (end, _) = search.descend(point, FEW);
+        if best.as_ref().is_none_or(|b| end.cost < b.cost) {
+            best = Some(end);
+        }
+    }
+    let Some(best) = best else {
+        return Err(FeasibilityError::Size {
+            what: "starts",
+            expected: STARTS,
+            got: 0,
+        });
+    };
+    let (mut best, converged) = search.descend(best, MANY);
+    best.solution = search.finished(&best)?;
+
+    // Programmes are solved to a tolerance: where nothing is gained, linear friction stays, which
+    // every law contains.
+    let inertial = layout.len();
+    let gained = best.solution.squared_residual <= linear.squared_residual;
+    let (taken, laws) = if gained {
+        (&best.solution, data.laws.clone())
+    } else {
+        (&linear, data.linear_laws())
+    };
+    let values = symbols(data, &laws, &taken.phi[inertial..], &best.shapes);
+    let joints = data
+        .joints
+        .iter()
+        .zip(values)
+        .map(|(joint, values)| JointFit {
+            name: joint.name.clone(),
+            friction: joint.friction,
+            values,
+        });
+    let observed = combinations.labels().len();
+    Ok(FrictionFit {
+        joints: joints.collect(),
+        phi: taken.phi[..inertial].to_vec(),
+        beta: taken.beta[..observed].to_vec(),
+        squared_residual: taken.squared_residual,
+        linear: linear.squared_residual,
+        converged,
+        programmes: search.programmes,
+        gap: taken.gap,
+        point: Optimum {
+            laws,
+            values: taken.beta.clone(),
+            shapes: best.shapes,
+        },
+    })
+}
+
+/// The printed coefficients of each joint, in the order of its law's symbols.
+///
+/// - `laws`: of each joint, its own or linear friction in its place;
+/// - `own`: their coefficients, joint by joint.
+pub(super) fn symbols(
+    data: &FrictionData,
+    laws: &[Friction],
+    own: &[f64],
+    shapes: &[[f64; SHAPES]],
+) -> Vec<Vec<f64>> {
+    let mut next = 0;
+    let mut out = Vec::with_capacity(data.joints.len());
+    for (k, (joint, law)) in data.joints.iter().zip(&data.laws).enumerate() {
+        let found = laws.get(k).copied().unwrap_or(*law);
+        let used = found.coefficients().len();
+        let own = own.get(next..next + used).unwrap_or_default();
+        next += used;
+        let shape = shapes.get(k).copied().unwrap_or([1.0; SHAPES]);
+        let values = match (found, own) {
+            (Friction::Linear, [fc, fv]) => {
+                let (coefficients, shape) = law.of_linear([*fc, *fv], shape);
+                law.join(&coefficients, shape)
+            }
+            _ => law.join(own, shape),
+        };
+        let mut values = values.to_vec();
+        values.truncate(joint.friction.symbols().len());
+        out.push(values);
+    }
+    out
+}
+
+/// The fit with linear friction.
+fn linear(search: &mut Search<'_>) -> Result<Physical, FeasibilityError> {
+    let data = search.data;
+    let laws = data.linear_laws();
+    let factor = data.factor_of(&laws, &[], None)?;
+    let more = data.coefficients(&laws);
+    let (layout, combinations) = search.plain(&more)?;
+    let options = Options {
+        rough: search.options.rough,
+        ..search.padded(&layout)
+    };
+    search.solve(&factor, &combinations, &layout, &options)
+}

@@ -1,0 +1,262 @@
+//! Intervals of a fit with nonlinear friction, at its optimum.
+
+use super::FrictionData;
+use super::data::Rows;
+use super::fit::{FrictionFit, symbols};
+use crate::estimate::{
+    Autoregression, Deviations, EstimateError, Factor, ORDER, Residuals, Scores,
+};
+use crate::feasibility::{Bound, Combinations, FeasibilityError, Layout, Options};
+use crate::intervals::{LeastSquares, Spread, determined, replicate};
+use regen_runtime::friction::SHAPES;
+
+/// The logarithms of shapes stay within this of the fit's: a factor of 20 either way.
+const REACH: f64 = 3.0;
+
+/// The intervals of a fit with nonlinear friction.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrictionIntervals {
+    /// Of the r base parameters.
+    pub base: Vec<Spread>,
+    /// Of all p parameters; none for those whose values are a choice.
+    pub physical: Vec<Option<Spread>>,
+    /// Of each joint's coefficients in the order of [`Friction::symbols`](regen_runtime::Friction::symbols);
+    /// none for a shape that the data say nothing about.
+    pub joints: Vec<Vec<Option<Spread>>>,
+    /// The deviations of the linearised fit, over base parameters, coefficients of friction, and
+    /// steps of shapes.
+    pub deviations: Deviations,
+    /// The draws that were projected.
+    pub replicates: usize,
+    /// Draws that were left out because their programme was not solved.
+    pub failed: usize,
+}
+
+/// The intervals of a fit.
+///
+/// The fit is linearised at its optimum: columns of the base parameters, of friction's linear
+/// coefficients, and one for the logarithm of each shape parameter. Its least-squares parameters
+/// have the covariance that knows of the residuals' correlation ([`Deviations`]); draws of them
+/// are projected onto the constraints, see [`intervals`](crate::intervals). What is printed of a
+/// draw, such as `Fs` from `Fc` and the excess over it, is computed from that draw.
+///
+/// - `combinations`, `layout`, `options`: those of the fit;
+/// - `replicates`: see [`REPLICATES`](crate::intervals::REPLICATES);
+/// - `progress`: is told how many are done.
+///
+/// # Errors
+/// When sizes do not fit, the data leave base parameters undetermined, or more than a tenth of the
+/// programmes fail.
+pub fn intervals(
+    data: &FrictionData,
+    combinations: &Combinations,
+    layout: &Layout,
+    options: &Options,
+    fit: &FrictionFit,
+    replicates: usize,
+    progress: &mut dyn FnMut(usize),
+) -> Result<FrictionIntervals, FeasibilityError> {
+    let point = &fit.point;
+    let coefficients = data.coefficients(&point.laws);
+    let r = combinations.labels().len();
+    let known = r + coefficients.len();
+    let steps = Some((point.values.as_slice(), REACH));
+    let whole = data.factor_of(&point.laws, &point.shapes, steps)?;
+    let (factor, kept) = determined_part(&whole, known)?;
+    let values = factor.solve()?;
+    let linear = Linear {
+        data,
+        fit,
+        kept: &kept,
+        values: &values,
+    };
+    let deviations = linear.deviations(&factor)?;
+
+    let labels = factor.labels();
+    let more = &labels[r..];
+    let extended = layout.extended(more)?;
+    let combined = combinations.extended(more);
+    let mut own = options.clone();
+    if !own.reference.is_empty() {
+        own.reference.resize(extended.len(), None);
+    }
+    own.bounds.extend(labels[known..].iter().map(|label| Bound {
+        parameter: label.clone(),
+        lowest: 0.0,
+        highest: 2.0,
+    }));
+    let found = LeastSquares {
+        factor: &factor,
+        values: &values,
+        deviations: &deviations,
+    };
+    let drawn = replicate(found, &combined, &extended, &own, replicates, progress)?;
+
+    let p = layout.len();
+    let base = fit.beta.iter().enumerate();
+    let base = base.map(|(k, value)| drawn.spread(*value, drawn.of_base(k)));
+    let known_ones = determined(combinations, layout, options)?;
+    let physical = fit.phi.iter().zip(known_ones).enumerate();
+    let physical =
+        physical.map(|(k, (value, known))| known.then(|| drawn.spread(*value, drawn.of_all(k))));
+    // of each draw the coefficients and shapes of every joint
+    let mut printed: Vec<Vec<Vec<f64>>> = Vec::with_capacity(drawn.phi.len());
+    for draw in &drawn.phi {
+        let mut shapes = point.shapes.clone();
+        let mut column = known;
+        for (law, shape) in point.laws.iter().zip(&mut shapes) {
+            for value in shape.iter_mut().take(law.shape_symbols().len()) {
+                if let Some(place) = kept.iter().position(|c| *c == column) {
+                    let step = draw.get(p + place - r).copied().unwrap_or(1.0);
+                    *value *= libm::exp(REACH * (step - 1.0));
+                }
+                column += 1;
+            }
+        }
+        let own = draw.get(p..).unwrap_or_default();
+        printed.push(symbols(data, &point.laws, own, &shapes));
+    }
+    let mut joints = Vec::with_capacity(fit.joints.len());
+    let mut column = known;
+    for (j, ((joint, law), own)) in fit
+        .joints
+        .iter()
+        .zip(&data.laws)
+        .zip(&point.laws)
+        .enumerate()
+    {
+        let all = joint.friction.symbols();
+        // what is said of a shape, or of a coefficient that plain friction does not have
+        let mut silent: Vec<&str> = Vec::new();
+        for symbol in own.shape_symbols().iter().take(SHAPES) {
+            if !kept.contains(&column) {
+                silent.push(symbol);
+            }
+            column += 1;
+        }
+        if own != law {
+            silent.extend(law.shape_symbols());
+            silent.extend(law.coefficients().iter().filter(|s| **s == "Fv2"));
+        }
+        let one = |(k, symbol): (usize, &&str)| {
+            if silent.contains(symbol) {
+                return None;
+            }
+            let value = joint.values.get(k).copied()?;
+            let draws = printed.iter().map(|d| d.get(j)?.get(k).copied());
+            let draws = draws.map(|x| x.unwrap_or(f64::NAN));
+            Some(drawn.spread(value, draws.collect()))
+        };
+        joints.push(all.iter().enumerate().map(one).collect());
+    }
+    Ok(FrictionIntervals {
+        base: base.collect(),
+        physical: physical.collect(),
+        joints,
+        deviations,
+        replicates: drawn.phi.len(),
+        failed: drawn.failed,
+    })
+}
+
+/// The factor without the steps that the data leave undetermined, and which columns are left.
+fn determined_part(whole: &Factor, known: usize) -> Result<(Factor, Vec<usize>), EstimateError> {
+    let mut kept: Vec<usize> = (0..whole.columns()).collect();
+    loop {
+        let factor = whole.select(&kept)?;
+        let spectrum = factor.spectrum()?;
+        if spectrum.rank() == kept.len() {
+            return Ok((factor, kept));
+        }
+        let undetermined = spectrum.undetermined();
+        let step = undetermined.into_iter().rev().find(|k| kept[*k] >= known);
+        match step {
+            Some(k) => {
+                kept.remove(k);
+            }
+            // the solution names who is undetermined
+            None => return Ok((factor, kept)),
+        }
+    }
+}
+
+/// The linearised fit.
+struct Linear<'a> {
+    data: &'a FrictionData,
+    fit: &'a FrictionFit,
+    kept: &'a [usize],
+    values: &'a [f64],
+}
+
+/// What takes rows, the entries of the columns that are left, residuals, and what counts.
+type Each<'a> = dyn FnMut(&Rows<'_>, &[f64], &[f64], &[f64]) -> Result<(), EstimateError> + 'a;
+
+impl Linear<'_> {
+    /// Visits the rows of the columns that are left: entries, residuals, and 1 or 0 for each
+    /// effort.
+    fn visit(&self, each: &mut Each<'_>) -> Result<(), EstimateError> {
+        let dof = self.data.dof();
+        let point = &self.fit.point;
+        let steps = Some((point.values.as_slice(), REACH));
+        let mut w = Vec::with_capacity(dof * self.kept.len());
+        let mut left = vec![0.0; dof];
+        let mut used = vec![0.0; dof];
+        self.data
+            .visit(&point.laws, &point.shapes, steps, &mut |rows| {
+                w.clear();
+                for column in self.kept {
+                    w.extend_from_slice(&rows.w[column * dof..(column + 1) * dof]);
+                }
+                left.copy_from_slice(rows.tau);
+                for (column, value) in w.chunks_exact(dof.max(1)).zip(self.values) {
+                    for (rest, x) in left.iter_mut().zip(column) {
+                        *rest -= x * value;
+                    }
+                }
+                // steps that are left out stand at 1, where they change nothing
+                for column in 0..rows.w.len() / dof.max(1) {
+                    if !self.kept.contains(&column) {
+                        let entries = &rows.w[column * dof..(column + 1) * dof];
+                        for (rest, x) in left.iter_mut().zip(entries) {
+                            *rest -= x;
+                        }
+                    }
+                }
+                for (slot, weight) in used.iter_mut().zip(rows.weights) {
+                    *slot = f64::from(*weight > 0.0);
+                }
+                each(&rows, &w, &left, &used)
+            })
+    }
+
+    fn deviations(&self, factor: &Factor) -> Result<Deviations, EstimateError> {
+        let dof = self.data.dof();
+        let names: Vec<String> = (0..dof).map(|k| format!("{k}")).collect();
+        let none = vec![0.0; dof];
+        let mut residuals = Residuals::new(&names, &none, ORDER);
+        self.visit(&mut |rows, _, left, used| {
+            if !rows.follows {
+                residuals.interrupt();
+            }
+            let used: Vec<bool> = used.iter().map(|x| *x > 0.0).collect();
+            residuals.push_used(left, &none, &used)
+        })?;
+        let noise: Vec<Autoregression> = residuals
+            .efforts()
+            .iter()
+            .map(|e| Autoregression::fit(e.rms * e.rms, &e.autocorrelation, e.samples))
+            .collect();
+        let mut scores = Scores::new(self.kept.len(), &noise);
+        let ones = vec![1.0; dof];
+        self.visit(&mut |rows, w, left, used| {
+            if !rows.follows {
+                scores.interrupt();
+            }
+            scores.push(w, used, left, &ones)
+        })?;
+        let all: Vec<usize> = (0..self.kept.len()).collect();
+        scores
+            .finish(self.values)?
+            .deviations(factor, &all, self.values, 1.0)
+    }
+}

@@ -1,0 +1,255 @@
+//! Passes over a log for nonlinear friction: to equations in memory, and to residuals.
+
+use core::cell::{Cell, RefCell};
+
+use super::{FrictionData, FrictionJoint, JointFit, directions};
+use crate::estimate::{EstimateError, Residuals};
+use crate::feasibility::FeasibilityError;
+use crate::identify::{Columns, Filtering, Kind, LeftOut, Observer, Row, Source, equations};
+use regen_runtime::{BaseModel, SizeError, Status};
+
+/// The joints of a model whose friction is not linear.
+pub fn nonlinear_joints<M: BaseModel<f64> + ?Sized>(model: &M) -> Vec<FrictionJoint> {
+    let info = model.info();
+    let pairs = info.coordinates.iter().zip(info.joints);
+    pairs
+        .filter(|(_, joint)| !joint.friction.is_linear())
+        .map(|(name, joint)| FrictionJoint {
+            name: (*name).to_owned(),
+            friction: joint.friction,
+        })
+        .collect()
+}
+
+fn places<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    names: impl Iterator<Item = String>,
+) -> Result<Vec<usize>, FeasibilityError> {
+    let info = model.info();
+    names
+        .map(|name| {
+            info.index_of(&name).ok_or(FeasibilityError::Unknown {
+                what: "coordinate",
+                label: name,
+            })
+        })
+        .collect()
+}
+
+/// The velocities of joints, and how their friction acts on the rows.
+type Moved = (Vec<f64>, Vec<f64>);
+
+/// How joints move at a row; `None` at a singularity.
+fn motion<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    row: &Row<'_>,
+    at: &[usize],
+) -> Result<Option<Moved>, SizeError> {
+    let (d, condition) = directions(model, row.q, at)?;
+    let qd = at.iter().map(|&k| row.qd.get(k).copied());
+    let Some(qd) = qd.collect::<Option<Vec<f64>>>() else {
+        return Err(SizeError {
+            argument: "qd",
+            expected: model.info().coordinates.len(),
+            got: row.qd.len(),
+        });
+    };
+    let regular = condition.status() != Status::Singular && d.iter().all(|x| x.is_finite());
+    Ok(regular.then_some((qd, d)))
+}
+
+/// A log that counts its rows.
+struct Counted<'a, S: ?Sized> {
+    source: &'a mut S,
+    rows: &'a Cell<usize>,
+}
+
+impl<S: Source + ?Sized> Source for Counted<'_, S> {
+    type Error = S::Error;
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), S::Error> {
+        let rows = self.rows;
+        self.source.visit(&mut |row| {
+            rows.set(rows.get() + 1);
+            each(row)
+        })
+    }
+
+    fn filtering(&self) -> Filtering {
+        self.source.filtering()
+    }
+}
+
+/// Notes how joints move, beside the columns that are filtered.
+struct Recorder<'a, 'm, M: ?Sized> {
+    model: &'m M,
+    at: &'a [usize],
+    data: &'a RefCell<FrictionData>,
+    rows: &'a Cell<usize>,
+    /// The row before, if it gave an equation.
+    last: Option<usize>,
+}
+
+impl<M: BaseModel<f64> + ?Sized> Columns for Recorder<'_, '_, M> {
+    fn count(&self) -> usize {
+        0
+    }
+
+    fn fill(&mut self, row: &Row<'_>, _: &[f64], _: &mut [f64]) -> Result<bool, EstimateError> {
+        let Some((qd, d)) = motion(self.model, row, self.at)? else {
+            self.last = None;
+            return Ok(false);
+        };
+        let mut data = self.data.borrow_mut();
+        // rows between that gave no equation end a run, as the filter does
+        if !row.follows || self.last.is_none_or(|last| last + 1 != self.rows.get()) {
+            data.interrupt();
+        }
+        self.last = Some(self.rows.get());
+        data.push_sample(row.time, &qd, &d)?;
+        Ok(true)
+    }
+}
+
+/// Reads a log into memory for [`fit`](super::fit), all efforts weighted alike: see
+/// [`FrictionData::weigh`]. Equations are filtered as [`Source::filtering`] says, and so will
+/// friction's columns be. Also returns what gave no equation.
+///
+/// # Errors
+/// When a joint is none of the model's or has linear friction, or the log cannot be read.
+pub fn collect<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    source: &mut S,
+    joints: &[FrictionJoint],
+) -> Result<(FrictionData, LeftOut), S::Error>
+where
+    S::Error: From<FeasibilityError>,
+{
+    let labels = Observer::new(model, Kind::Forces).origin().labels;
+    let at = places(model, joints.iter().map(|j| j.name.clone()))?;
+    let data = FrictionData::new(&labels, joints, model.info().dof())?;
+    let data = RefCell::new(data.filtered(source.filtering().smoothing));
+    let rows = Cell::new(0);
+    let mut recorder = Recorder {
+        model,
+        at: &at,
+        data: &data,
+        rows: &rows,
+        last: None,
+    };
+    let mut counted = Counted {
+        source,
+        rows: &rows,
+    };
+    let left = equations(
+        model,
+        Kind::Forces,
+        &mut counted,
+        &mut recorder,
+        &mut |found| {
+            let mut data = data.borrow_mut();
+            data.push_equations(found.time, found.w, found.tau, found.weights)
+        },
+    )?;
+    Ok((data.into_inner(), left))
+}
+
+/// The efforts of joints' friction as one column of a stream of equations, which thus pass the
+/// same filter as the measured efforts.
+#[derive(Debug)]
+pub struct JointEfforts<'a, M: ?Sized> {
+    model: &'a M,
+    joints: &'a [JointFit],
+    places: Vec<usize>,
+}
+
+impl<'a, M: BaseModel<f64> + ?Sized> JointEfforts<'a, M> {
+    /// Prepares for a model; without joints there is no column.
+    ///
+    /// # Errors
+    /// When a joint is none of the model's.
+    pub fn new(model: &'a M, joints: &'a [JointFit]) -> Result<Self, FeasibilityError> {
+        Ok(Self {
+            model,
+            joints,
+            places: places(model, joints.iter().map(|j| j.name.clone()))?,
+        })
+    }
+}
+
+impl<M: BaseModel<f64> + ?Sized> Columns for JointEfforts<'_, M> {
+    fn count(&self) -> usize {
+        usize::from(!self.joints.is_empty())
+    }
+
+    fn fill(&mut self, row: &Row<'_>, _: &[f64], out: &mut [f64]) -> Result<bool, EstimateError> {
+        if self.joints.is_empty() {
+            return Ok(true);
+        }
+        let Some((qd, d)) = motion(self.model, row, &self.places)? else {
+            return Ok(false);
+        };
+        let efforts = self.joints.iter().zip(&qd).map(|(j, v)| j.effort(*v));
+        for (column, effort) in d.chunks_exact(out.len().max(1)).zip(efforts) {
+            for (sum, direction) in out.iter_mut().zip(column) {
+                *sum += direction * effort;
+            }
+        }
+        Ok(true)
+    }
+}
+
+/// The residuals of base parameters with friction on a log, as
+/// [`identify::residuals`](crate::identify::residuals) for linear models (Eq. 29).
+///
+/// - `values`: r base parameters, SI; `joints`: friction that has no columns among them;
+/// - `means`: of the efforts on this log, for eps_RA.
+///
+/// # Errors
+/// When a joint is none of the model's, or the log cannot be read.
+pub fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    source: &mut S,
+    values: &[f64],
+    joints: &[JointFit],
+    means: &[f64],
+    lags: usize,
+) -> Result<Residuals, S::Error>
+where
+    S::Error: From<FeasibilityError>,
+{
+    let origin = Observer::new(model, Kind::Forces).origin();
+    if values.len() != origin.labels.len() {
+        let error = EstimateError::Size {
+            what: "values",
+            expected: origin.labels.len(),
+            got: values.len(),
+        };
+        return Err(error.into());
+    }
+    let mut columns = JointEfforts::new(model, joints)?;
+    // the column of friction counts as it is
+    let factors: Vec<f64> = values.iter().copied().chain([1.0]).collect();
+    let mut out = Residuals::new(&origin.efforts, means, lags);
+    let mut fitted = vec![0.0; origin.efforts.len()];
+    let mut used = Vec::new();
+    equations(model, Kind::Forces, source, &mut columns, &mut |found| {
+        if !found.follows {
+            out.interrupt();
+        }
+        let dof = found.tau.len();
+        fitted.fill(0.0);
+        for (column, factor) in found.w.chunks_exact(dof.max(1)).zip(&factors) {
+            for (sum, w) in fitted.iter_mut().zip(column) {
+                *sum += w * factor;
+            }
+        }
+        used.clear();
+        used.extend(found.weights.iter().map(|w| *w > 0.0));
+        out.push_used(found.tau, &fitted, &used)
+    })?;
+    Ok(out)
+}

@@ -1,0 +1,367 @@
+//! Identifiability (sections 5.3 and 6.2): which base parameters the data determine well, and
+//! the reduction to them.
+//!
+//! A parameter is properly identified when its relative standard deviation is below 15 percent
+//! and the parameters are feasible. The chapter went from the full base (Model 1) to the largest
+//! well-identified set (Model 4) with the help of a simulated robot, and named doing so "by
+//! statistics and feasibility alone" as future work: [`reduce`].
+
+use core::fmt::{self, Write};
+
+use crate::estimate::{Blocks, Estimate, Factor, average_relative_error};
+use crate::feasibility::{Combinations, FeasibilityError, Layout, Scale, Verdict, verdict};
+
+/// The relative standard deviation in percent below which a parameter counts as well identified
+/// (Khalil and Dombre, 2002; section 5.3).
+pub const WELL: f64 = 15.0;
+
+/// Whether the parameters that are kept are of a physical robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feasibility {
+    /// They are.
+    Feasible,
+    /// They are not, proven.
+    Infeasible,
+    /// So close to the border that it cannot be told.
+    Undecided,
+}
+
+/// What a step of the reduction did.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Change {
+    /// The start: all of the base parameters that the data determine at all.
+    Start,
+    /// A base parameter was left out: the data do not determine it.
+    Undetermined(String),
+    /// A base parameter was left out: it was the least certain.
+    Uncertain {
+        /// Its label.
+        label: String,
+        /// Its relative standard deviation, percent.
+        sigma: f64,
+    },
+    /// A base parameter was left out: all were certain, and it had, in units of its deviation,
+    /// the largest part in the proof of infeasibility.
+    Unphysical {
+        /// Its label.
+        label: String,
+    },
+    /// A base parameter that had been left out was taken back: with fewer others it is well
+    /// identified.
+    Restored(String),
+}
+
+impl fmt::Display for Change {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Start => f.write_str("start"),
+            Self::Undetermined(label) => write!(f, "without {label}: not determined"),
+            Self::Uncertain { label, sigma } if sigma.is_finite() => {
+                write!(f, "without {label}: sigma {sigma:.3} %")
+            }
+            Self::Uncertain { label, .. } => write!(f, "without {label}: of no known sigma"),
+            Self::Unphysical { label } => {
+                write!(f, "without {label}: it makes the others infeasible")
+            }
+            Self::Restored(label) => write!(f, "with {label} again"),
+        }
+    }
+}
+
+/// A model on the way: a set of base parameters with what speaks for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Step {
+    /// What led to it.
+    pub change: Change,
+    /// The places of the base parameters that are kept.
+    pub kept: Vec<usize>,
+    /// How many of them are well identified: below [`WELL`], in a feasible set.
+    pub well: usize,
+    /// Whether they are of a physical robot.
+    pub feasibility: Feasibility,
+    /// The root mean square residual on the data, in units of the factor's rows.
+    pub residual: f64,
+    /// The same on the other trajectory, with the parameters of this one.
+    pub other_residual: Option<f64>,
+    /// eps_RA on the other trajectory in percent (Eq. 33), if there is a function for it.
+    pub relative_absolute: Option<f64>,
+    /// eps_AV against exact values (Eq. 34), as a fraction, if these are known.
+    pub average_relative: Option<f64>,
+    /// The condition number of the columns that are kept.
+    pub condition: f64,
+    /// The same, columns scaled.
+    pub scaled_condition: f64,
+    /// The estimate of those that are kept.
+    pub estimate: Estimate,
+}
+
+/// The error of base parameters on samples.
+pub type Predictor<'a> = dyn Fn(&[f64]) -> f64 + 'a;
+
+/// What a reduction may look at besides the data. [`Checks::default()`]: nothing.
+#[derive(Default)]
+pub struct Checks<'a> {
+    /// The factor of another trajectory, over the same base parameters.
+    pub other: Option<&'a Factor>,
+    /// eps_RA in percent on another trajectory (Eq. 33) of all r base parameters, those left
+    /// out being 0: it needs the samples, which factors do not keep.
+    pub relative_absolute: Option<&'a Predictor<'a>>,
+    /// The exact base parameters, of a simulated robot.
+    pub exact: Option<&'a [f64]>,
+    /// The units in which margins are measured.
+    pub scale: Scale,
+    /// The scores of the factor's rows in order of time: deviations then know of the residuals'
+    /// correlation. Without, residuals count as white.
+    pub blocks: Option<&'a Blocks>,
+}
+
+/// A reduction: every model on the way, the last being the result.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Reduction {
+    /// The models.
+    pub steps: Vec<Step>,
+}
+
+impl Reduction {
+    /// The model that all was reduced to.
+    pub fn result(&self) -> Option<&Step> {
+        self.steps.last()
+    }
+
+    /// All models as a text table, one a line.
+    pub fn table(&self) -> String {
+        let mut out = String::from(
+            "kept  well  feasible    condition  residual  other     eps_RA %  eps_AV  change\n",
+        );
+        for step in &self.steps {
+            let optional = |x: Option<f64>| x.map_or("-".to_owned(), |x| format!("{x:.4}"));
+            let feasible = match step.feasibility {
+                Feasibility::Feasible => "yes",
+                Feasibility::Infeasible => "no",
+                Feasibility::Undecided => "undecided",
+            };
+            // a String takes everything
+            let _ = writeln!(
+                out,
+                "{:<5} {:<5} {:<11} {:<10.4e} {:<9.4} {:<9} {:<9} {:<7} {}",
+                step.kept.len(),
+                step.well,
+                feasible,
+                step.condition,
+                step.residual,
+                optional(step.other_residual),
+                optional(step.relative_absolute),
+                optional(step.average_relative),
+                step.change
+            );
+        }
+        out
+    }
+}
+
+struct Search<'a> {
+    factor: &'a Factor,
+    combinations: &'a Combinations,
+    layout: &'a Layout,
+    checks: &'a Checks<'a>,
+}
+
+impl Search<'_> {
+    /// A set with its statistics, and, where it is infeasible, the parts in the proof.
+    fn step(
+        &self,
+        kept: Vec<usize>,
+        change: Change,
+    ) -> Result<(Step, Option<Vec<f64>>), FeasibilityError> {
+        let selected = self.factor.select(&kept)?;
+        let mut estimate = Estimate::of(&selected)?;
+        if let Some(blocks) = self.checks.blocks {
+            // the residuals of this model: those of all parameters, and what is left out
+            let found = blocks.deviations(&selected, &kept, &estimate.values, 1.0)?;
+            estimate = estimate.with_deviations(&found);
+        }
+        let combinations = self.combinations.select(&kept)?;
+        let judged = verdict(
+            self.layout,
+            &combinations,
+            &estimate.values,
+            self.checks.scale,
+        )?;
+        let (feasibility, weights) = match judged {
+            Verdict::Feasible { .. } => (Feasibility::Feasible, None),
+            Verdict::Undecided { .. } => (Feasibility::Undecided, None),
+            Verdict::Infeasible { certificate } => {
+                (Feasibility::Infeasible, Some(certificate.weights))
+            }
+        };
+        let certain = (0..kept.len()).filter(|&k| estimate.sigma_percent(k) < WELL);
+        let well = match feasibility {
+            Feasibility::Feasible => certain.count(),
+            _ => 0,
+        };
+        let root = |squares: f64, rows: usize| (squares / rows.max(1) as f64).sqrt();
+        let other_residual = match self.checks.other {
+            Some(other) => {
+                let squares = other.select(&kept)?.squared_residual(&estimate.values)?;
+                Some(root(squares, other.rows()))
+            }
+            None => None,
+        };
+        let mut all = vec![0.0; self.factor.columns()];
+        for (place, value) in kept.iter().zip(&estimate.values) {
+            all[*place] = *value;
+        }
+        let average_relative = match self.checks.exact {
+            Some(exact) => {
+                let of_kept: Vec<f64> = kept.iter().map(|k| exact[*k]).collect();
+                Some(average_relative_error(&of_kept, &estimate.values)?)
+            }
+            None => None,
+        };
+        let step = Step {
+            change,
+            well,
+            feasibility,
+            residual: root(
+                selected.squared_residual(&estimate.values)?,
+                selected.rows(),
+            ),
+            other_residual,
+            relative_absolute: self.checks.relative_absolute.map(|f| f(&all)),
+            average_relative,
+            condition: estimate.condition,
+            scaled_condition: estimate.scaled_condition,
+            kept,
+            estimate,
+        };
+        Ok((step, weights))
+    }
+}
+
+/// Reduces the base parameters to the largest set found in which each is properly identified.
+///
+/// What the data do not determine at all goes first. Then the least certain goes, one at a time,
+/// until all are below [`WELL`] and together feasible; where all are certain and infeasible, the
+/// one with the largest part in the proof of infeasibility goes. At last each that was left out is
+/// tried again, and kept where all stay properly identified.
+///
+/// Leaving out a base parameter takes it as zero in the forces, as the chapter's Models 2 to 4
+/// do; the verdict leaves it free.
+///
+/// - `factor`: over the r base parameters of `combinations`, rows weighted by 1/sigma.
+///
+/// Each model is judged by its own deviations: with [`Checks::blocks`] by those that know of the
+/// correlation of its residuals.
+///
+/// # Errors
+/// When sizes do not fit, or the rows are too few for any estimate.
+pub fn reduce(
+    factor: &Factor,
+    combinations: &Combinations,
+    layout: &Layout,
+    checks: &Checks<'_>,
+) -> Result<Reduction, FeasibilityError> {
+    let r = factor.columns();
+    let fits = |what, got: usize| {
+        if got == r {
+            return Ok(());
+        }
+        Err(FeasibilityError::Size {
+            what,
+            expected: r,
+            got,
+        })
+    };
+    fits("combinations", combinations.labels().len())?;
+    fits("exact", checks.exact.map_or(r, <[f64]>::len))?;
+    fits("other", checks.other.map_or(r, Factor::columns))?;
+    let search = Search {
+        factor,
+        combinations,
+        layout,
+        checks,
+    };
+    let label = |k: usize| combinations.labels()[k].clone();
+    let mut kept: Vec<usize> = (0..r).collect();
+    let mut out: Vec<usize> = Vec::new();
+    let mut undetermined = Vec::new();
+    loop {
+        let spectrum = factor.select(&kept)?.spectrum()?;
+        if spectrum.rank() == kept.len() {
+            break;
+        }
+        let Some(place) = spectrum.undetermined().pop() else {
+            break;
+        };
+        undetermined.push(kept.remove(place));
+    }
+    let mut steps = Vec::new();
+    let mut change = match undetermined.first() {
+        None => Change::Start,
+        Some(_) => Change::Undetermined(
+            undetermined
+                .iter()
+                .map(|k| label(*k))
+                .collect::<Vec<_>>()
+                .join(", "),
+        ),
+    };
+    while !kept.is_empty() {
+        let (step, weights) = search.step(kept.clone(), change)?;
+        let sigma = |k: usize| step.estimate.sigma_percent(k);
+        // a value of exactly zero has no relative deviation: it is the least certain
+        let size = |k: usize| {
+            if sigma(k).is_nan() {
+                f64::INFINITY
+            } else {
+                sigma(k)
+            }
+        };
+        let worst = (0..kept.len()).max_by(|a, b| size(*a).total_cmp(&size(*b)));
+        let place = match (worst, &weights) {
+            (Some(k), _) if size(k) >= WELL => {
+                change = Change::Uncertain {
+                    label: label(kept[k]),
+                    sigma: size(k),
+                };
+                Some(k)
+            }
+            (_, Some(weights)) => {
+                let part = |k: usize| (weights[k] * step.estimate.sigma(k)).abs();
+                let most = (0..kept.len()).max_by(|a, b| part(*a).total_cmp(&part(*b)));
+                if let Some(k) = most {
+                    change = Change::Unphysical {
+                        label: label(kept[k]),
+                    };
+                } else {
+                    change = Change::Start;
+                }
+                most
+            }
+            _ => {
+                change = Change::Start;
+                None
+            }
+        };
+        steps.push(step);
+        match place {
+            Some(k) => out.push(kept.remove(k)),
+            None => break,
+        }
+    }
+    // the last to go is the first to come back
+    for candidate in out.into_iter().rev() {
+        let Some(last) = steps.last() else { break };
+        if last.feasibility != Feasibility::Feasible {
+            break;
+        }
+        let mut more = last.kept.clone();
+        more.push(candidate);
+        more.sort_unstable();
+        let (step, _) = search.step(more, Change::Restored(label(candidate)))?;
+        if step.well == step.kept.len() {
+            steps.push(step);
+        }
+    }
+    Ok(Reduction { steps })
+}

@@ -1,0 +1,258 @@
+//! Covariances of both estimates and of their difference, and the test by it.
+
+use std::collections::VecDeque;
+
+use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
+
+use super::log::Log;
+use super::{Found, Hausman};
+use crate::estimate::{Autocorrelated, EffortError, EstimateError, Factor};
+use crate::identify::passes::{Source, predicted};
+use crate::triangle::substitute;
+use regen_runtime::BaseModel;
+
+/// Of correlated differences, those that others foretell up to this part are left out of the test.
+const FORETOLD: f64 = 1e-6;
+/// The order of the autoregression that whitens scores at most.
+const ORDER: usize = 6;
+/// White noise that is added to the autocovariance, as a part of the variance: a filter leaves next
+/// to nothing at high frequencies.
+const FLOOR: f64 = 1e-3;
+/// What an autoregression leaves of a constant at least (Andrews and Monahan, 1992): below that
+/// it would claim to know correlations longer than the log.
+const ROOT: f64 = 0.03;
+
+pub(super) struct Covariances {
+    pub(super) instrumental: Vec<f64>,
+    /// Of least squares less instrumental variables.
+    pub(super) difference: Vec<f64>,
+}
+
+/// The covariances from scores `w e` and `z e`, with `e = tau - W beta` at the estimate by
+/// instrumental variables, whose error is consistent: `(Z^T W)^-1 sum z e` is what that estimate is
+/// off by, `(W^T W)^-1 sum w e` what least squares is off by where it is consistent.
+///
+/// Scores are whitened by the residuals' autoregression before their long-run sum is found, which
+/// is coloured again (Andrews and Monahan, 1992): second differences of encoder noise are so
+/// strongly correlated that the sum alone would be several times too large.
+pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    log: &mut Log<'_, M, S>,
+    found: &Found,
+    bandwidth: usize,
+) -> Result<Covariances, S::Error> {
+    let solution = &found.solution;
+    let r = solution.values.len();
+    let noise = autoregression(&found.efforts);
+    let mut past: VecDeque<Vec<f64>> = VecDeque::new();
+    let mut scores = Autocorrelated::new(2 * r, bandwidth);
+    let mut score = vec![0.0; 2 * r];
+    log.visit(&mut |equations| {
+        if !equations.follows {
+            scores.interrupt();
+            past.clear();
+        }
+        score.fill(0.0);
+        let count = equations.tau.len();
+        for (e, (tau, own)) in equations.tau.iter().zip(equations.weights).enumerate() {
+            let weight = own * found.weights.get(e).copied().unwrap_or(1.0);
+            if weight == 0.0 {
+                continue;
+            }
+            let psi = weight * weight * (tau - predicted(equations, e, &solution.values));
+            // both halves: W, then Z
+            let row = equations.w.iter().skip(e).step_by(count);
+            for (sum, x) in score.iter_mut().zip(row) {
+                *sum += x * psi;
+            }
+        }
+        let own = score.clone();
+        for (a, before) in noise.iter().zip(&past) {
+            for (sum, x) in score.iter_mut().zip(before) {
+                *sum -= a * x;
+            }
+        }
+        past.push_front(own);
+        past.truncate(noise.len());
+        scores.push(&score)
+    })?;
+    // with the triangle 1 the long-run sum is left as it is, up to a known factor
+    let mut unit = Factor::new(vec![String::new(); 2 * r]);
+    let mut identity = vec![0.0; 4 * r * r];
+    for k in 0..2 * r {
+        identity[k * 2 * r + k] = 1.0;
+    }
+    unit.push_block(&identity, &vec![0.0; 2 * r])?;
+    let rows = solution.factor.rows() as f64;
+    let spare = solution.factor.rows().saturating_sub(r).max(1) as f64;
+    let whitened = (1.0 - noise.iter().sum::<f64>()).max(ROOT);
+    let scale = rows / spare / (2 * r).max(1) as f64 / (whitened * whitened);
+    let sums = scores.covariance(&unit)?;
+    // rows of (Z^T W)^-1, and of (W^T W)^-1 by the triangle
+    let gram = inverse_gram(&solution.factor)?;
+    let both = |i: usize, difference: bool| -> Vec<f64> {
+        let mut out = vec![0.0; 2 * r];
+        let sign = if difference { -1.0 } else { 1.0 };
+        for j in 0..r {
+            out[j] = if difference { gram[i * r + j] } else { 0.0 };
+            out[r + j] = sign * solution.inverse[i * r + j];
+        }
+        out
+    };
+    let sandwich = |difference: bool| -> Vec<f64> {
+        let lines: Vec<Vec<f64>> = (0..r).map(|i| both(i, difference)).collect();
+        let mut out = vec![0.0; r * r];
+        for (i, line) in lines.iter().enumerate() {
+            let half: Vec<f64> = (0..2 * r)
+                .map(|k| {
+                    let column = sums[k * 2 * r..(k + 1) * 2 * r].iter();
+                    column.zip(line).map(|(s, x)| s * x).sum()
+                })
+                .collect();
+            for (j, other) in lines.iter().enumerate() {
+                let sum: f64 = half.iter().zip(other).map(|(a, b)| a * b).sum();
+                out[i * r + j] = scale * sum;
+            }
+        }
+        out
+    };
+    Ok(Covariances {
+        instrumental: sandwich(false),
+        difference: sandwich(true),
+    })
+}
+
+/// `(R^T R)^-1`, n x n.
+fn inverse_gram(factor: &Factor) -> Result<Vec<f64>, EstimateError> {
+    let n = factor.columns();
+    let r = factor.r();
+    // columns of R^-1
+    let mut inverse = vec![0.0; n * n];
+    for k in 0..n {
+        let mut e = vec![0.0; n];
+        e[k] = 1.0;
+        let column = substitute(r, &e).ok_or(EstimateError::NoConvergence)?;
+        inverse[k * n..(k + 1) * n].copy_from_slice(&column);
+    }
+    let mut out = vec![0.0; n * n];
+    for i in 0..n {
+        for j in 0..n {
+            out[i * n + j] = (0..n)
+                .map(|k| inverse[k * n + i] * inverse[k * n + j])
+                .sum();
+        }
+    }
+    Ok(out)
+}
+
+/// The autoregression of the residuals of all efforts together (Levinson and Durbin), of the order
+/// with the least final prediction error (Akaike, 1969); its coefficients, the last sample's first.
+fn autoregression(efforts: &[EffortError]) -> Vec<f64> {
+    let samples: usize = efforts.iter().map(|e| e.samples).sum();
+    let lags = efforts.iter().map(|e| e.autocorrelation.len()).min();
+    let at = |lag: usize| -> f64 {
+        if lag == 0 {
+            return 1.0 + FLOOR;
+        }
+        let parts = efforts
+            .iter()
+            .filter_map(|e| Some(e.samples as f64 * e.autocorrelation.get(lag - 1)?));
+        parts.sum::<f64>() / samples.max(1) as f64
+    };
+    let criterion = |left: f64, order: usize| {
+        let (n, p) = (samples as f64, order as f64 + 1.0);
+        left * (n + p) / (n - p).max(1.0)
+    };
+    let (mut best, mut coefficients): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
+    let mut left = at(0);
+    let mut least = criterion(left, 0);
+    for order in 1..=ORDER.min(lags.unwrap_or(0)) {
+        let known = coefficients.iter().enumerate();
+        let foretold: f64 = known.map(|(k, a)| a * at(order - 1 - k)).sum();
+        let reflection = (at(order) - foretold) / left;
+        // NaN too
+        if reflection.is_nan() || reflection.abs() >= 1.0 {
+            break;
+        }
+        let backwards: Vec<f64> = coefficients.iter().rev().copied().collect();
+        for (a, b) in coefficients.iter_mut().zip(backwards) {
+            *a -= reflection * b;
+        }
+        coefficients.push(reflection);
+        left *= 1.0 - reflection * reflection;
+        let own = criterion(left, order);
+        if own < least {
+            least = own;
+            best.clone_from(&coefficients);
+        }
+    }
+    best
+}
+
+/// The test, from both estimates and the covariance of their difference.
+///
+/// - `stretches`: how many independent stretches of the log the covariance was found from: 1.5
+///   samples over the bandwidth, for Bartlett's weights (Priestley, 1981, table 6.2).
+pub(super) fn hausman(least: &[f64], found: &[f64], covariance: &[f64], stretches: f64) -> Hausman {
+    let n = least.len();
+    let differences: Vec<f64> = least.iter().zip(found).map(|(a, b)| a - b).collect();
+    let sigma = |k: usize| covariance[k * n + k].max(0.0).sqrt();
+    // what differs by rounding only has no deviation to speak of
+    let rounding = |k: usize| 1e-9 * (least[k].abs() + found[k].abs());
+    let counts: Vec<usize> = (0..n).filter(|&k| sigma(k) > rounding(k)).collect();
+    let ratios: Vec<f64> = (0..n)
+        .map(|k| {
+            if counts.contains(&k) {
+                differences[k] / sigma(k)
+            } else {
+                0.0
+            }
+        })
+        .collect();
+    // the correlations' triangle, the largest pivot first
+    let m = counts.len();
+    let mut matrix = vec![0.0; m * m];
+    for (i, a) in counts.iter().enumerate() {
+        for (j, b) in counts.iter().enumerate() {
+            matrix[i * m + j] = covariance[a * n + b] / (sigma(*a) * sigma(*b));
+        }
+    }
+    let mut side: Vec<f64> = counts.iter().map(|k| ratios[*k]).collect();
+    let mut left: Vec<usize> = (0..m).collect();
+    let (mut wald, mut rank) = (0.0, 0);
+    while let Some(place) = (0..left.len())
+        .max_by(|a, b| matrix[left[*a] * m + left[*a]].total_cmp(&matrix[left[*b] * m + left[*b]]))
+    {
+        let k = left.remove(place);
+        let pivot = matrix[k * m + k];
+        if pivot.is_nan() || pivot <= FORETOLD {
+            break;
+        }
+        wald += side[k] * side[k] / pivot;
+        rank += 1;
+        for i in &left {
+            let part = matrix[i * m + k] / pivot;
+            side[*i] -= part * side[k];
+            for j in &left {
+                matrix[i * m + j] -= part * matrix[k * m + j];
+            }
+        }
+    }
+    let rank = f64::from(rank);
+    let joint = stretches > 4.0 * rank;
+    let probability = if m == 0 {
+        1.0
+    } else if joint {
+        let rest = stretches - rank + 1.0;
+        FisherSnedecor::new(rank, rest).map_or(f64::NAN, |f| f.sf(wald * rest / (stretches * rank)))
+    } else {
+        let largest = ratios.iter().fold(0.0_f64, |a, x| a.max(x.abs()));
+        let one = StudentsT::new(0.0, 1.0, stretches.max(1.0));
+        let one = one.map_or(f64::NAN, |t| 2.0 * t.sf(largest));
+        (one * m as f64).min(1.0)
+    };
+    Hausman {
+        ratios,
+        probability,
+        joint,
+    }
+}

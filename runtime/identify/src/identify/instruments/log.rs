@@ -1,0 +1,142 @@
+//! The equations of a log with instruments beside them.
+
+use super::Motion;
+use crate::estimate::EstimateError;
+use crate::identify::observer::{Equations, Kind, Row};
+use crate::identify::passes::Source;
+use crate::identify::stream::{Columns, LeftOut, equations};
+use regen_runtime::{BaseModel, Closure, Misuse, Outcome, Status};
+
+/// The regressor at the motion of the instruments.
+struct At<'a, 'm, M: ?Sized> {
+    model: &'m M,
+    closure: Closure<'m, M>,
+    motion: &'a Motion,
+    /// Where the last sample was found.
+    last: Option<usize>,
+}
+
+impl<M: BaseModel<f64> + ?Sized> Columns for At<'_, '_, M> {
+    fn count(&self) -> usize {
+        self.model.base_info().base.len()
+    }
+
+    fn fill(&mut self, row: &Row<'_>, _: &[f64], out: &mut [f64]) -> Result<bool, EstimateError> {
+        let Some(at) = self.motion.find(self.last, row.time) else {
+            return Ok(false);
+        };
+        if !self.motion.follows(at) {
+            self.closure.restart();
+        }
+        self.last = Some(at);
+        let [q_i, qd_i, qdd_i] = self.motion.state(at);
+        let state = self.closure.track_state(q_i, qd_i, qdd_i);
+        let state = match state {
+            Ok(state) => state,
+            Err(Misuse::Size(error)) => return Err(error.into()),
+            Err(_) => return Ok(false),
+        };
+        if state.outcome != Outcome::Closed {
+            return Ok(false);
+        }
+        let condition = self
+            .model
+            .base_regressor(&state.q, &state.qd, &state.qdd, out)?;
+        Ok(condition.status() != Status::Singular)
+    }
+}
+
+/// Numbers that are kept at most: 64 MiB; longer logs are read anew in each pass.
+const MOST: usize = 1 << 23;
+
+/// A log with its instruments: equations with 2 r columns, W and then Z.
+pub(super) struct Log<'a, M: ?Sized, S: ?Sized> {
+    model: &'a M,
+    source: &'a mut S,
+    motion: Motion,
+    /// The samples, once all are known and are not too many.
+    kept: Vec<Sample>,
+    pub(super) left: LeftOut,
+}
+
+struct Sample {
+    time: f64,
+    w: Vec<f64>,
+    tau: Vec<f64>,
+    weights: Vec<f64>,
+    follows: bool,
+}
+
+impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
+    pub(super) fn new(model: &'a M, source: &'a mut S) -> Self {
+        Self {
+            model,
+            source,
+            motion: Motion::new(model.info().dof()),
+            kept: Vec::new(),
+            left: LeftOut::default(),
+        }
+    }
+
+    /// Takes the instruments from another motion.
+    pub(super) fn change(&mut self, motion: Motion) {
+        self.motion = motion;
+        self.kept.clear();
+    }
+
+    /// Visits all equations; their columns are those of W, and then those of Z.
+    pub(super) fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), S::Error> {
+        if !self.kept.is_empty() {
+            for sample in &self.kept {
+                each(&Equations {
+                    time: sample.time,
+                    w: &sample.w,
+                    tau: &sample.tau,
+                    weights: &sample.weights,
+                    follows: sample.follows,
+                })?;
+            }
+            return Ok(());
+        }
+        let mut at = At {
+            model: self.model,
+            closure: Closure::new(self.model).map_err(|why| match why {
+                Misuse::Size(error) => EstimateError::from(error),
+                _ => EstimateError::NoConvergence,
+            })?,
+            motion: &self.motion,
+            last: None,
+        };
+        let mut numbers = 0;
+        let mut kept = Vec::new();
+        self.left = equations(
+            self.model,
+            Kind::Forces,
+            self.source,
+            &mut at,
+            &mut |found| {
+                if found.tau.is_empty() {
+                    return Ok(());
+                }
+                numbers += found.w.len() + 2 * found.tau.len();
+                if numbers <= MOST {
+                    kept.push(Sample {
+                        time: found.time,
+                        w: found.w.to_vec(),
+                        tau: found.tau.to_vec(),
+                        weights: found.weights.to_vec(),
+                        follows: found.follows,
+                    });
+                }
+                each(found)
+            },
+        )?;
+        if numbers <= MOST {
+            self.kept = kept;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,257 @@
+//! Instrumental variables: estimates that errors of the regressor do not bias.
+//!
+//! Positions are measured with noise, and their derivatives more so; least squares takes the
+//! regressor W as exact and is biased by what is not. With instruments Z of the same size, which
+//! are correlated with the true regressor and not with the noise,
+//!
+//! ```text
+//! beta = (Z^T W)^-1 Z^T tau
+//! ```
+//!
+//! is consistent. Here Z is the regressor at another motion, which the caller gives for the
+//! present estimate: that of a simulation of the robot under control (IDIM-IV: Janot, Vandanjon
+//! and Gautier, A generic instrumental variable approach for industrial robot identification,
+//! 2014), or the measured one refitted ([`Motion::smoothed`]). Z passes the filter that W passes.
+
+mod hausman;
+mod log;
+mod motion;
+mod sums;
+
+pub use motion::Motion;
+
+use hausman::{covariances, hausman};
+use log::Log;
+use sums::{Solution, Sums};
+
+use super::observer::{Equations, Kind, Observer};
+use super::passes::{Source, predicted};
+use super::stream::LeftOut;
+use crate::estimate::{EffortError, Estimate, Residuals, Weighting};
+use regen_runtime::BaseModel;
+
+/// How an estimate by instrumental variables is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InstrumentOptions {
+    /// How efforts are weighted against each other.
+    pub weighting: Weighting,
+    /// Rounds of instruments and estimate at most.
+    pub rounds: usize,
+    /// Autocorrelations that are found of the residuals.
+    pub lags: usize,
+    /// Samples in which whitened scores are correlated; `None`: 3/4 of the cube root of the samples.
+    pub bandwidth: Option<usize>,
+}
+
+impl Default for InstrumentOptions {
+    fn default() -> Self {
+        Self {
+            weighting: Weighting::PerEffort,
+            rounds: 5,
+            lags: 20,
+            bandwidth: None,
+        }
+    }
+}
+
+/// Whether least squares differs from instrumental variables by more than chance: the test of
+/// Durbin, Wu and Hausman, with a covariance that knows of the residuals' correlation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hausman {
+    /// Of each parameter, least squares less instrumental variables over the deviation of this
+    /// difference; 0 where the two are the same to rounding.
+    pub ratios: Vec<f64>,
+    /// The probability of differences at least as large where the regressor has no errors.
+    pub probability: f64,
+    /// Whether that is of all differences together (a Wald test, as an F test with the
+    /// independent stretches of the log); else of the largest among them (Bonferroni), where
+    /// there are too few stretches.
+    pub joint: bool,
+}
+
+/// An estimate by instrumental variables.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Instrumental {
+    /// Values, with the covariance that knows of the residuals' correlation. The residuals hold
+    /// the errors of the regressor beside those of the efforts.
+    pub estimate: Estimate,
+    /// Least squares of the same equations with the same weights.
+    pub least_squares: Vec<f64>,
+    /// Whether the two differ.
+    pub test: Hausman,
+    /// The correlation of each instrument with the column it stands for: 1 at best, weak far
+    /// below.
+    pub relevance: Vec<f64>,
+    /// Rounds that were taken.
+    pub rounds: usize,
+    /// Whether the last one changed the estimate by less than a thousandth of its deviations.
+    pub settled: bool,
+    /// The errors of each effort at the measured motion.
+    pub errors: Vec<EffortError>,
+    /// eps_RA over all efforts in percent (Eq. 33), at the measured motion.
+    pub relative_absolute: f64,
+    /// The same with efforts predicted at the motion of the instruments, which has less noise.
+    pub at_instruments: f64,
+    /// The samples in which whitened scores count as correlated.
+    pub bandwidth: usize,
+    /// What gave no equation.
+    pub left_out: LeftOut,
+}
+
+/// A round that changes the estimate by less than this part of its deviations is the last one.
+const SETTLED: f64 = 1e-3;
+
+/// Gives the motion of the instruments for base parameters, or none where it is the last one again.
+pub type Motions<'a, E> = dyn FnMut(&[f64]) -> Result<Option<Motion>, E> + 'a;
+
+/// Identifies base parameters by instrumental variables.
+///
+/// - `start`: base parameters to begin with, those of least squares;
+/// - `motion`: gives the motion of the instruments for base parameters; `None` where it is the
+///   last one again. Samples that it does not have give no equation.
+///
+/// # Errors
+/// When the log cannot be read or does not fit the model, or the instruments leave parameters
+/// undetermined; those of `motion`.
+pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    options: &InstrumentOptions,
+    source: &mut S,
+    start: &[f64],
+    motion: &mut Motions<'_, S::Error>,
+) -> Result<Instrumental, S::Error> {
+    let origin = Observer::new(model, Kind::Forces).origin();
+    let mut values = start.to_vec();
+    let mut log = Log::new(model, source);
+    let mut sums: Option<Sums> = None;
+    let mut weights: Option<Vec<f64>> = None;
+    let mut rounds = 0;
+    let (sums, mut found, settled) = loop {
+        if let Some(next) = motion(&values)? {
+            log.change(next);
+            sums = None;
+        }
+        let now = match sums.take() {
+            Some(now) => now,
+            None => Sums::of(&mut log, &origin)?,
+        };
+        let own = if let Some(weights) = weights.take() {
+            weights
+        } else {
+            let first = Estimate::new(&now.factors, options.weighting)?;
+            first.efforts.iter().map(|e| e.weight).collect()
+        };
+        let solution = now.solve(&own)?;
+        let moved = solution.change_from(&values)?;
+        rounds += 1;
+        values.clone_from(&solution.values);
+        let (measured, smooth) = residuals(&mut log, options, &now, &values)?;
+        let efforts = measured.efforts();
+        let round = Found {
+            solution,
+            relative_absolute: measured.relative_absolute(),
+            at_instruments: smooth.relative_absolute(),
+            weights: own,
+            efforts,
+        };
+        // weights follow the residuals of the round before: the first is never the last
+        let settled = rounds > 1 && moved < SETTLED;
+        if settled || rounds >= options.rounds.max(1) {
+            break (now, round, settled);
+        }
+        weights = Some(round.next_weights(options.weighting));
+        sums = Some(now);
+    };
+    let rows = found.efforts.iter().map(|e| e.samples).max().unwrap_or(0);
+    // whitened scores need little: Stock and Watson's rule
+    #[allow(clippy::cast_sign_loss, reason = "a cube root of a count")]
+    let whitened = 1 + (0.75 * (rows as f64).cbrt()) as usize;
+    let bandwidth = options.bandwidth.unwrap_or(whitened).clamp(1, rows.max(1));
+    let covariance = covariances(&mut log, &found, bandwidth)?;
+    let mut estimate = Estimate::of(&found.solution.factor)?;
+    estimate.labels.clone_from(&origin.labels);
+    estimate.values.clone_from(&found.solution.values);
+    estimate.efforts = Estimate::new(&sums.factors, options.weighting)?.efforts;
+    let errors = found.efforts.iter().zip(&found.weights);
+    for (fit, (error, weight)) in estimate.efforts.iter_mut().zip(errors) {
+        fit.sigma = error.rms;
+        fit.weight = *weight;
+    }
+    let estimate = estimate.with_covariance(covariance.instrumental)?;
+    let test = hausman(
+        &found.solution.least_squares,
+        &found.solution.values,
+        &covariance.difference,
+        1.5 * rows as f64 / bandwidth as f64,
+    );
+    Ok(Instrumental {
+        estimate,
+        test,
+        relevance: core::mem::take(&mut found.solution.relevance),
+        least_squares: found.solution.least_squares,
+        rounds,
+        settled,
+        errors: found.efforts,
+        relative_absolute: found.relative_absolute,
+        at_instruments: found.at_instruments,
+        bandwidth,
+        left_out: log.left,
+    })
+}
+
+/// What the last round came to.
+struct Found {
+    solution: Solution,
+    weights: Vec<f64>,
+    efforts: Vec<EffortError>,
+    relative_absolute: f64,
+    at_instruments: f64,
+}
+
+impl Found {
+    /// The weights of the efforts for the next round.
+    fn next_weights(&self, weighting: Weighting) -> Vec<f64> {
+        let pairs = self.efforts.iter().zip(&self.weights);
+        let weight = |(error, old): (&EffortError, &f64)| match weighting {
+            Weighting::Equal => 1.0,
+            Weighting::PerEffort if error.rms > 0.0 => 1.0 / error.rms,
+            Weighting::PerEffort => *old,
+        };
+        pairs.map(weight).collect()
+    }
+}
+
+/// The residuals at the measured motion and at that of the instruments.
+fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    log: &mut Log<'_, M, S>,
+    options: &InstrumentOptions,
+    sums: &Sums,
+    values: &[f64],
+) -> Result<(Residuals, Residuals), S::Error> {
+    let means = sums.factors.means();
+    let names = sums.factors.efforts.clone();
+    let mut measured = Residuals::new(&names, &means, options.lags);
+    let mut smooth = measured.clone();
+    let (mut fitted, mut other, mut used) = (Vec::new(), Vec::new(), Vec::new());
+    log.visit(&mut |found| {
+        if !found.follows {
+            measured.interrupt();
+            smooth.interrupt();
+        }
+        let count = found.tau.len();
+        let (_, instruments) = found.w.split_at(values.len() * count);
+        let at = Equations {
+            w: instruments,
+            ..*found
+        };
+        fitted.clear();
+        fitted.extend((0..count).map(|e| predicted(found, e, values)));
+        other.clear();
+        other.extend((0..count).map(|e| predicted(&at, e, values)));
+        used.clear();
+        used.extend(found.weights.iter().map(|w| *w > 0.0));
+        measured.push_used(found.tau, &fitted, &used)?;
+        smooth.push_used(found.tau, &other, &used)
+    })?;
+    Ok((measured, smooth))
+}

@@ -1,0 +1,286 @@
+//! The motion that instruments are taken at.
+
+use crate::estimate::EstimateError;
+use crate::identify::{Source, require};
+use crate::signals::{Butterworth, Method, SignalError};
+use regen_runtime::Model;
+
+/// The order of the filter that smooths a measured motion; it passes twice.
+const ORDER: usize = 4;
+/// Samples that a run needs to be smoothed: the filter continues both ends.
+const SHORTEST: usize = 3 * (ORDER + 1) + 2;
+/// From one cutoff that is tried to the next: four to an octave.
+const NEXT: f64 = 1.189_207_115_002_721;
+/// What a smoothing removes may have this much more variance than the noise of the positions,
+const MORE: f64 = 1.1;
+/// and this part of a coordinate's standard deviation beside it: instruments that follow the motion
+/// to this part are as good as exact ones, and the lower the cutoff the less noise stays in them.
+const PART: f64 = 0.005;
+
+/// Independent coordinates with their derivatives, sample by sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    dof: usize,
+    times: Vec<f64>,
+    /// Whether each sample follows the one before it.
+    follows: Vec<bool>,
+    /// For each sample: positions, velocities, accelerations.
+    values: Vec<f64>,
+}
+
+impl Motion {
+    /// Without samples, of a robot with this many independent coordinates.
+    pub fn new(dof: usize) -> Self {
+        Self {
+            dof,
+            times: Vec::new(),
+            follows: Vec::new(),
+            values: Vec::new(),
+        }
+    }
+
+    /// Adds a sample.
+    ///
+    /// - `time`: s, after that of the sample it follows;
+    /// - `q_i`, `qd_i`, `qdd_i`: the independent coordinates and their derivatives, dof each.
+    ///
+    /// # Errors
+    /// When a length is not dof.
+    pub fn push(
+        &mut self,
+        time: f64,
+        [q_i, qd_i, qdd_i]: [&[f64]; 3],
+        follows: bool,
+    ) -> Result<(), EstimateError> {
+        for values in [q_i, qd_i, qdd_i] {
+            require("motion", self.dof, values.len())?;
+        }
+        self.times.push(time);
+        self.follows.push(follows && !self.follows.is_empty());
+        for values in [q_i, qd_i, qdd_i] {
+            self.values.extend_from_slice(values);
+        }
+        Ok(())
+    }
+
+    /// The motion of a log as it was measured.
+    ///
+    /// # Errors
+    /// When the log cannot be read.
+    pub fn recorded<M: Model<f64> + ?Sized, S: Source + ?Sized>(
+        model: &M,
+        source: &mut S,
+    ) -> Result<Self, S::Error> {
+        let info = model.info();
+        let mut out = Self::new(info.dof());
+        source.visit(&mut |row| {
+            let pick = |all: &[f64]| -> Vec<f64> {
+                let independent = info.independent.iter();
+                independent.filter_map(|c| all.get(*c).copied()).collect()
+            };
+            let [q, qd, qdd] = [row.q, row.qd, row.qdd].map(pick);
+            out.push(row.time, [&q, &qd, &qdd], row.follows)
+        })?;
+        Ok(out)
+    }
+
+    /// How many samples there are.
+    pub fn len(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.times.is_empty()
+    }
+
+    /// The times, s.
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// Whether a sample follows the one before it.
+    pub fn follows(&self, at: usize) -> bool {
+        self.follows.get(at).copied().unwrap_or(false)
+    }
+
+    /// Positions, velocities and accelerations of a sample (dof each); empty where there is none.
+    pub fn state(&self, at: usize) -> [&[f64]; 3] {
+        let start = 3 * self.dof * at;
+        [0, 1, 2].map(|d| {
+            let from = start + d * self.dof;
+            self.values.get(from..from + self.dof).unwrap_or_default()
+        })
+    }
+
+    /// Where the sample of a time is, which comes after the sample `last`.
+    pub(super) fn find(&self, last: Option<usize>, time: f64) -> Option<usize> {
+        let from = last.map_or(0, |k| k + 1);
+        let rest = self.times.get(from..)?;
+        // times of one file are read alike in every pass
+        let place = rest
+            .iter()
+            .position(|t| (t - time).abs() <= 1e-9 * (1.0 + time.abs()))?;
+        Some(from + place)
+    }
+
+    /// The runs of samples that follow each other.
+    pub fn runs(&self) -> Vec<core::ops::Range<usize>> {
+        let mut out = Vec::new();
+        let mut start = 0;
+        for k in 1..=self.len() {
+            if k == self.len() || !self.follows(k) {
+                out.push(start..k);
+                start = k;
+            }
+        }
+        out
+    }
+
+    /// One coordinate of a run.
+    fn positions(&self, run: &core::ops::Range<usize>, coordinate: usize) -> Vec<f64> {
+        let places = run.clone().map(|k| 3 * self.dof * k + coordinate);
+        places.filter_map(|k| self.values.get(k).copied()).collect()
+    }
+
+    /// The motion with its positions smoothed by a zero-phase filter and differentiated, and the
+    /// filter's cutoff in Hz. Runs too short for the filter are left out.
+    ///
+    /// Without a cutoff it is the lowest that leaves out little but noise: what the filter
+    /// removes has no more variance than white noise of the size that the fourth differences of
+    /// the positions tell (Morozov's discrepancy principle), and half a percent of the motion.
+    ///
+    /// # Errors
+    /// When the sampling is not uniform, no run is long enough, or the cutoff does not suit it.
+    ///
+    /// ```
+    /// use regen_identify::identify::Motion;
+    ///
+    /// // 1 Hz with an error of 1 mrad that changes its sign from sample to sample
+    /// let mut measured = Motion::new(1);
+    /// for k in 0..1000 {
+    ///     let t = 0.01 * f64::from(k);
+    ///     let error = if k % 2 == 0 { 1e-3 } else { -1e-3 };
+    ///     let q = (core::f64::consts::TAU * t).sin() + error;
+    ///     measured.push(t, [&[q], &[0.0], &[0.0]], true)?;
+    /// }
+    /// let (smooth, cutoff) = measured.smoothed(None)?;
+    /// assert!(cutoff > 1.0 && cutoff < 10.0, "{cutoff}");
+    /// let velocity = smooth.state(500)[1][0];
+    /// assert!((velocity - core::f64::consts::TAU).abs() < 0.05, "{velocity}");
+    /// # Ok::<(), Box<dyn core::error::Error>>(())
+    /// ```
+    pub fn smoothed(&self, cutoff: Option<f64>) -> Result<(Self, f64), SignalError> {
+        let runs = self.runs();
+        let longest = runs.iter().max_by_key(|run| run.len());
+        let Some(longest) = longest.filter(|run| run.len() >= SHORTEST) else {
+            return Err(SignalError::TooFew {
+                samples: longest.map_or(0, core::ops::Range::len),
+                needed: SHORTEST,
+            });
+        };
+        let cutoff = match cutoff {
+            Some(given) => given,
+            None => self.lowest(longest)?,
+        };
+        let method = Method::Butterworth {
+            order: ORDER,
+            cutoff,
+        };
+        let mut out = Self::new(self.dof);
+        for run in runs.iter().filter(|run| run.len() >= SHORTEST) {
+            let Some(times) = self.times.get(run.clone()) else {
+                continue;
+            };
+            let pad = padding(times, cutoff)?;
+            let around = mirrored(times, pad);
+            let mut all = Vec::with_capacity(self.dof);
+            for k in 0..self.dof {
+                let positions = mirrored(&self.positions(run, k), pad);
+                all.push(method.differentiate(&around, &positions)?);
+            }
+            for (k, time) in times.iter().enumerate() {
+                out.times.push(*time);
+                out.follows.push(k > 0);
+                out.values.extend(all.iter().map(|one| one.value[pad + k]));
+                out.values.extend(all.iter().map(|one| one.rate[pad + k]));
+                out.values
+                    .extend(all.iter().map(|one| one.acceleration[pad + k]));
+            }
+        }
+        Ok((out, cutoff))
+    }
+
+    /// The lowest cutoff that leaves out little but noise, Hz.
+    fn lowest(&self, run: &core::ops::Range<usize>) -> Result<f64, SignalError> {
+        let times = self.times.get(run.clone()).unwrap_or_default();
+        let span = times.last().zip(times.first());
+        let span = span.map_or(f64::NAN, |(last, first)| last - first);
+        let step = span / (times.len().max(2) - 1) as f64;
+        let columns: Vec<Vec<f64>> = (0..self.dof).map(|k| self.positions(run, k)).collect();
+        let noises: Vec<f64> = columns.iter().map(|x| noise(x)).collect();
+        let highest = 0.4 / step;
+        let lowest = (4.0 / span).min(highest);
+        let mut cutoff = lowest;
+        while cutoff < highest {
+            let filter = Butterworth::new(ORDER, cutoff, step)?;
+            let pad = padding(times, cutoff)?;
+            // how both ends go on is a guess: it says nothing of the motion
+            let inside = if 4 * pad < times.len() {
+                pad..times.len() - pad
+            } else {
+                0..times.len()
+            };
+            let mut enough = true;
+            for (x, noise) in columns.iter().zip(&noises) {
+                let smooth = filter.zero_phase(&mirrored(x, pad))?;
+                let pairs = x.iter().zip(smooth.iter().skip(pad));
+                let squares = pairs.map(|(a, b)| (a - b) * (a - b));
+                let squares: f64 = squares.skip(inside.start).take(inside.len()).sum();
+                let part = 1.0 - 2.0 * cutoff * step;
+                let allowed = MORE * part * noise + PART * PART * variance(x);
+                if squares / inside.len() as f64 > allowed {
+                    enough = false;
+                    break;
+                }
+            }
+            if enough {
+                return Ok(cutoff);
+            }
+            cutoff *= NEXT;
+        }
+        Ok(highest)
+    }
+}
+
+/// How many samples both ends are continued by: until the filter has forgotten how it started.
+fn padding(times: &[f64], cutoff: f64) -> Result<usize, SignalError> {
+    let span = times.last().zip(times.first());
+    let span = span.map_or(f64::NAN, |(last, first)| last - first);
+    let most = times.len().saturating_sub(1);
+    let filter = Butterworth::new(ORDER, cutoff, span / most as f64)?;
+    Ok(filter.settling().clamp(1, most.max(1)))
+}
+
+/// Samples with both ends continued by their mirror image about the end point.
+fn mirrored(x: &[f64], pad: usize) -> Vec<f64> {
+    let (Some(first), Some(last)) = (x.first(), x.last()) else {
+        return Vec::new();
+    };
+    let before = x.iter().skip(1).take(pad).rev().map(|v| 2.0 * first - v);
+    let after = x.iter().rev().skip(1).take(pad).map(|v| 2.0 * last - v);
+    before.chain(x.iter().copied()).chain(after).collect()
+}
+
+fn variance(x: &[f64]) -> f64 {
+    let count = x.len().max(1) as f64;
+    let mean = x.iter().sum::<f64>() / count;
+    x.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() / count
+}
+
+/// The variance of white noise by fourth differences, of which the squared weights add up to 70.
+fn noise(x: &[f64]) -> f64 {
+    let fourth = |w: &[f64]| w[0] - 4.0 * w[1] + 6.0 * w[2] - 4.0 * w[3] + w[4];
+    let squares: f64 = x.windows(5).map(|w| fourth(w) * fourth(w)).sum();
+    squares / (70.0 * x.len().saturating_sub(4).max(1) as f64)
+}

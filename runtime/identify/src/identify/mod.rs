@@ -1,0 +1,97 @@
+//! From logs to parameters: states of motion, equations, and the passes over them.
+
+mod delay;
+mod instruments;
+mod motion;
+mod observer;
+mod passes;
+mod recorded;
+mod replay;
+mod stream;
+pub mod suspect;
+
+pub use delay::{Delay, Delays};
+pub use instruments::{Hausman, InstrumentOptions, Instrumental, Motion, Motions, instrumental};
+pub use motion::{Completed, Completion};
+pub use observer::{Equations, Kind, Observer, Row};
+pub use passes::{Identified, Options, Source, identify, observe, residuals};
+pub use recorded::Recorded;
+pub use stream::{Columns, Filtering, LeftOut, NoColumns, Standstill, equations};
+
+use crate::estimate::EstimateError;
+use regen_runtime::BaseModel;
+
+fn require(what: &'static str, expected: usize, got: usize) -> Result<(), EstimateError> {
+    if expected == got {
+        return Ok(());
+    }
+    Err(EstimateError::Size {
+        what,
+        expected,
+        got,
+    })
+}
+
+/// Digits that count in a digest: compiled and interpreted models agree in more.
+const DIGITS: usize = 9;
+
+/// What tells models apart: a hash (FNV-1a, 64 bits, in hexadecimal) of the names, of the base
+/// combinations, and of the regressor at one state.
+///
+/// Two descriptions with the same names and other lengths have different digests; comments and
+/// layout do not count.
+pub fn digest<M: BaseModel<f64> + ?Sized>(model: &M) -> String {
+    let info = model.info();
+    let mut hash = Hash(0xcbf2_9ce4_8422_2325);
+    for list in [info.coordinates, info.parameters] {
+        for name in list {
+            hash.text(name);
+        }
+    }
+    for list in [info.independent, info.dependent, info.actuated] {
+        for k in list {
+            hash.text(&format!("{k}"));
+        }
+    }
+    for parameter in model.base_info().base {
+        hash.text(parameter.label);
+        for term in parameter.terms {
+            hash.text(term.parameter);
+            hash.number(term.value);
+        }
+    }
+    // home moved a little, so that lengths show; not closed, which does not matter
+    let n = info.coordinates.len();
+    let off = |k: usize, scale: f64| scale * (1.0 + 0.1 * k as f64);
+    let q: Vec<f64> = info
+        .home
+        .iter()
+        .enumerate()
+        .map(|(k, x)| x + off(k, 0.01))
+        .collect();
+    let qd: Vec<f64> = (0..n).map(|k| off(k, 0.3)).collect();
+    let qdd: Vec<f64> = (0..n).map(|k| off(k, -0.7)).collect();
+    let mut w = vec![0.0; info.dof() * model.base_info().base.len()];
+    if model.base_regressor(&q, &qd, &qdd, &mut w).is_ok() {
+        for x in w {
+            hash.number(x);
+        }
+    }
+    format!("{:016x}", hash.0)
+}
+
+struct Hash(u64);
+
+impl Hash {
+    fn text(&mut self, text: &str) {
+        for byte in text.bytes().chain([0]) {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+
+    fn number(&mut self, value: f64) {
+        // what is zero but for rounding is zero in one of the two only
+        let value = if value.abs() < 1e-12 { 0.0 } else { value };
+        self.text(&format!("{value:.DIGITS$e}"));
+    }
+}

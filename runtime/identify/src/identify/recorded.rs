@@ -1,0 +1,102 @@
+//! A log in memory.
+
+use super::{Filtering, Row, Source};
+use crate::estimate::EstimateError;
+
+/// Rows kept in memory, as a [`Source`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recorded {
+    rows: Vec<Kept>,
+    filtering: Filtering,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct Kept {
+    time: f64,
+    motion: [Vec<f64>; 3],
+    tau: Vec<f64>,
+    efforts: Vec<f64>,
+    still: Vec<bool>,
+    weights: Vec<f64>,
+    follows: bool,
+}
+
+impl Recorded {
+    /// A log without rows.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The same log, whose equations are filtered so.
+    #[must_use]
+    pub fn filtered(self, filtering: Filtering) -> Self {
+        Self { filtering, ..self }
+    }
+
+    /// Adds a row that follows the last one, with weights of 1.
+    ///
+    /// - `q`, `qd`, `qdd`: all coordinates; `tau`: dof efforts, as in [`Row`].
+    pub fn push(&mut self, time: f64, q: &[f64], qd: &[f64], qdd: &[f64], tau: &[f64]) {
+        self.rows.push(Kept {
+            time,
+            motion: [q.to_vec(), qd.to_vec(), qdd.to_vec()],
+            tau: tau.to_vec(),
+            efforts: Vec::new(),
+            still: Vec::new(),
+            weights: vec![1.0; tau.len()],
+            follows: !self.rows.is_empty(),
+        });
+    }
+
+    /// Adds a copy of a row.
+    pub fn push_row(&mut self, row: &Row<'_>) {
+        self.rows.push(Kept {
+            time: row.time,
+            motion: [row.q.to_vec(), row.qd.to_vec(), row.qdd.to_vec()],
+            tau: row.tau.to_vec(),
+            efforts: row.efforts.to_vec(),
+            still: row.still.to_vec(),
+            weights: row.weights.to_vec(),
+            follows: row.follows,
+        });
+    }
+
+    /// The number of rows.
+    pub fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+}
+
+impl Source for Recorded {
+    type Error = EstimateError;
+
+    fn filtering(&self) -> Filtering {
+        self.filtering
+    }
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), EstimateError> {
+        for row in &self.rows {
+            let [q, qd, qdd] = &row.motion;
+            each(&Row {
+                time: row.time,
+                q,
+                qd,
+                qdd,
+                tau: &row.tau,
+                efforts: &row.efforts,
+                still: &row.still,
+                weights: &row.weights,
+                follows: row.follows,
+            })?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,132 @@
+//! Equations that several passes go over.
+
+use super::observer::{Equations, Kind};
+use super::passes::Source;
+use super::stream::{LeftOut, NoColumns, equations};
+use crate::estimate::EstimateError;
+use regen_runtime::BaseModel;
+
+/// Numbers that are kept at most: 64 MiB. Longer logs are read anew in each pass, so that memory
+/// does not grow with them.
+const MOST: usize = 1 << 23;
+
+/// The equations of a log, which are made once where they fit into bounded memory.
+pub(super) struct Replay<'a, M: ?Sized, S: ?Sized> {
+    model: &'a M,
+    kind: Kind,
+    source: &'a mut S,
+    kept: Kept,
+    left: LeftOut,
+}
+
+#[derive(Default)]
+struct Kept {
+    state: State,
+    /// Equation by equation: `w`, `tau`, `weights`.
+    values: Vec<f64>,
+    samples: Vec<Sample>,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+enum State {
+    #[default]
+    Empty,
+    Complete,
+    TooMany,
+}
+
+struct Sample {
+    time: f64,
+    rows: usize,
+    end: usize,
+    follows: bool,
+}
+
+impl Kept {
+    fn push(&mut self, equations: &Equations<'_>) {
+        let Equations {
+            w, tau, weights, ..
+        } = equations;
+        if self.state == State::TooMany {
+            return;
+        }
+        if self.values.len() + w.len() + 2 * tau.len() > MOST {
+            self.state = State::TooMany;
+            (self.values, self.samples) = (vec![], vec![]);
+            return;
+        }
+        for part in [w, tau, weights] {
+            self.values.extend_from_slice(part);
+        }
+        self.samples.push(Sample {
+            time: equations.time,
+            rows: tau.len(),
+            end: self.values.len(),
+            follows: equations.follows,
+        });
+    }
+}
+
+impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
+    pub(super) fn new(model: &'a M, kind: Kind, source: &'a mut S) -> Self {
+        Self {
+            model,
+            kind,
+            source,
+            kept: Kept::default(),
+            left: LeftOut::default(),
+        }
+    }
+
+    pub(super) fn model(&self) -> &'a M {
+        self.model
+    }
+
+    pub(super) fn kind(&self) -> Kind {
+        self.kind
+    }
+
+    /// What the last pass over the log left out.
+    pub(super) fn left(&self) -> &LeftOut {
+        &self.left
+    }
+
+    /// Visits all equations in order of time.
+    pub(super) fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), S::Error> {
+        if self.kept.state == State::Complete {
+            let mut start = 0;
+            for sample in &self.kept.samples {
+                let values = &self.kept.values[start..sample.end];
+                start = sample.end;
+                let (w, rest) = values.split_at(values.len() - 2 * sample.rows);
+                let (tau, weights) = rest.split_at(sample.rows);
+                each(&Equations {
+                    time: sample.time,
+                    w,
+                    tau,
+                    weights,
+                    follows: sample.follows,
+                })?;
+            }
+            return Ok(());
+        }
+        let kept = &mut self.kept;
+        self.left = equations(
+            self.model,
+            self.kind,
+            self.source,
+            &mut NoColumns,
+            &mut |found| {
+                kept.push(found);
+                each(found)
+            },
+        )?;
+        if kept.state == State::Empty {
+            kept.state = State::Complete;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,393 @@
+//! The equations of a log as one stream: observed at every state, filtered, decimated.
+
+use serde::{Deserialize, Serialize};
+
+use super::observer::{Equations, Kind, Observer, Row};
+use super::passes::Source;
+use crate::estimate::EstimateError;
+use crate::signals::{SignalError, Smoothing};
+use regen_runtime::{BaseModel, Friction};
+
+/// What is done with equations of coordinates that rest, or move so slowly that noise decides
+/// on the direction of their friction.
+///
+/// A joint at rest is held by static friction of any size up to its limit, which no column
+/// explains; so its equation is of no use where the joint has friction that depends on the
+/// direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Standstill {
+    /// Equations at standstill are left out.
+    #[default]
+    Drop,
+    /// Equations at standstill count as all others do.
+    Keep,
+    /// Each counts by the part of the filter's memory in which its coordinate moved.
+    Weigh,
+}
+
+/// What happens to equations between the states of a log and least squares.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Filtering {
+    /// The filter that efforts and regressor pass.
+    pub smoothing: Smoothing,
+    /// Of the filtered equations, each how many-th is taken; at least 1.
+    pub decimation: usize,
+    /// What is done with equations at standstill.
+    pub standstill: Standstill,
+}
+
+impl Default for Filtering {
+    /// Nothing is filtered, all is taken, equations at standstill are left out.
+    fn default() -> Self {
+        Self {
+            smoothing: Smoothing::None,
+            decimation: 1,
+            standstill: Standstill::Drop,
+        }
+    }
+}
+
+/// What a pass over equations left out.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LeftOut {
+    /// Samples that gave equations.
+    pub samples: usize,
+    /// Samples that gave none because A_e is singular there.
+    pub singular: usize,
+    /// Samples at the ends of runs, where the filter has not settled.
+    pub unsettled: usize,
+    /// Of each effort, equations that were left out because its coordinate rested.
+    pub resting: Vec<usize>,
+}
+
+/// Columns beside those of the base parameters, such as nonlinear friction's. They are filled at
+/// every state and pass the same filter as efforts and regressor.
+pub trait Columns {
+    /// How many there are.
+    fn count(&self) -> usize;
+
+    /// Fills the columns at a state.
+    ///
+    /// - `w`: the base regressor there, dof x r, column by column;
+    /// - `out`: dof x [`count`](Self::count), column by column;
+    /// - returns: whether the state is regular; otherwise it gives no equation.
+    ///
+    /// # Errors
+    /// When a length does not fit the model.
+    fn fill(&mut self, row: &Row<'_>, w: &[f64], out: &mut [f64]) -> Result<bool, EstimateError>;
+}
+
+/// No further columns.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoColumns;
+
+impl Columns for NoColumns {
+    fn count(&self) -> usize {
+        0
+    }
+
+    fn fill(&mut self, _: &Row<'_>, _: &[f64], _: &mut [f64]) -> Result<bool, EstimateError> {
+        Ok(true)
+    }
+}
+
+/// Rows filtered at a time, beside what the filter needs on both sides.
+const BLOCK: usize = 2048;
+/// The part of the filter's memory in which a coordinate must have moved for its equation to
+/// be taken: with less, more than a tenth of the static friction would be in the residual.
+const MOVED: f64 = 0.9;
+
+/// Visits the equations of a log in order of time: the base regressor at every state, further
+/// columns beside it, all filtered as [`Source::filtering`] says (balances of energy pass no
+/// filter: their integrals smooth them already), equations at standstill with the weight 0.
+///
+/// # Errors
+/// When the log cannot be read, does not fit the model, or is sampled in a way that does not suit
+/// the filter.
+pub fn equations<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
+    model: &M,
+    kind: Kind,
+    source: &mut S,
+    columns: &mut dyn Columns,
+    each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
+) -> Result<LeftOut, S::Error> {
+    let filtering = source.filtering();
+    let mut stream = Stream::new(model, kind, filtering, columns.count());
+    source.visit(&mut |row| stream.take(row, columns, each))?;
+    stream.end_run(each)?;
+    let mut left = stream.left;
+    left.singular = stream.observer.singular() + stream.irregular;
+    left.unsettled = stream.taken - stream.settled;
+    Ok(left)
+}
+
+/// What takes an equation.
+type Each<'a> = dyn FnMut(&Equations<'_>) -> Result<(), EstimateError> + 'a;
+
+struct Stream<'m, M: ?Sized> {
+    observer: Observer<'m, M>,
+    kind: Kind,
+    filtering: Filtering,
+    friction: Direction,
+    dof: usize,
+    /// Columns beside the base regressor's.
+    extra: usize,
+    /// Entries of a sample in `values`: columns, efforts, and what moved, dof each.
+    width: usize,
+    times: Vec<f64>,
+    values: Vec<f64>,
+    weights: Vec<f64>,
+    filtered: Vec<f64>,
+    /// The filter's reach and settling at this run's sampling, once that is known.
+    reach: Option<(usize, usize)>,
+    /// Samples at the start of `times` that are there for the filter only.
+    before: usize,
+    /// Settled samples of the run so far, for decimation.
+    count: usize,
+    /// Whether the next sample follows the last one that was handed over.
+    follows: bool,
+    taken: usize,
+    settled: usize,
+    irregular: usize,
+    left: LeftOut,
+}
+
+/// Which coordinates have friction that depends on the direction.
+struct Direction {
+    independent: Vec<(usize, bool)>,
+    dependent: bool,
+}
+
+impl Direction {
+    fn of<M: BaseModel<f64> + ?Sized>(model: &M) -> Self {
+        let info = model.info();
+        let signed = |c: &usize| {
+            let joint = info.joints.get(*c);
+            joint.is_some_and(|j| !matches!(j.friction, Friction::None | Friction::Viscous))
+        };
+        Self {
+            independent: info.independent.iter().map(|c| (*c, signed(c))).collect(),
+            dependent: info.dependent.iter().any(signed),
+        }
+    }
+
+    /// Whether each independent coordinate's equation is free of friction at rest: 1 or 0.
+    fn moved(&self, still: &[bool], out: &mut Vec<f64>) {
+        let rests = |c: usize| still.get(c).copied().unwrap_or(false);
+        // a dependent coordinate rests with certainty only where all independent ones do
+        let all = self.dependent && self.independent.iter().all(|(c, _)| rests(*c));
+        let rows = self.independent.iter();
+        out.extend(rows.map(|(c, signed)| f64::from(!(all || *signed && rests(*c)))));
+    }
+}
+
+impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
+    fn new(model: &'m M, kind: Kind, filtering: Filtering, extra: usize) -> Self {
+        let dof = match kind {
+            Kind::Forces => model.info().dof(),
+            Kind::Energy { .. } => 1,
+        };
+        let columns = model.base_info().base.len() + extra;
+        Self {
+            observer: Observer::new(model, kind),
+            kind,
+            filtering,
+            friction: Direction::of(model),
+            dof,
+            extra,
+            width: dof * (columns + 2),
+            times: Vec::new(),
+            values: Vec::new(),
+            weights: Vec::new(),
+            filtered: Vec::new(),
+            reach: None,
+            before: 0,
+            count: 0,
+            follows: false,
+            taken: 0,
+            settled: 0,
+            irregular: 0,
+            left: LeftOut {
+                resting: vec![0; dof],
+                ..LeftOut::default()
+            },
+        }
+    }
+
+    fn take(
+        &mut self,
+        row: &Row<'_>,
+        columns: &mut dyn Columns,
+        each: &mut Each<'_>,
+    ) -> Result<(), EstimateError> {
+        if matches!(self.kind, Kind::Energy { .. }) {
+            return self.balance(row, each);
+        }
+        if !row.follows {
+            self.end_run(each)?;
+        }
+        if !self.observe(row, columns)? {
+            return self.end_run(each);
+        }
+        self.taken += 1;
+        if self.filtering.smoothing.is_none() {
+            self.settled += 1;
+            self.filtered.clear();
+            self.filtered.append(&mut self.values);
+            self.hand_over(0..1, each)?;
+            self.times.clear();
+            self.weights.clear();
+            return Ok(());
+        }
+        if self.times.len() <= BLOCK {
+            return Ok(());
+        }
+        let (support, settling) = self.reach()?;
+        if self.times.len() < self.before + BLOCK + support {
+            return Ok(());
+        }
+        let n = self.times.len();
+        let start = self.before.max(if self.before == 0 { settling } else { 0 });
+        self.filter(start..n - support, each)?;
+        let keep = (2 * support).min(n);
+        self.times.drain(..n - keep);
+        self.values.drain(..(n - keep) * self.width);
+        self.weights.drain(..(n - keep) * self.dof);
+        self.before = keep - support.min(keep);
+        Ok(())
+    }
+
+    /// Adds the equations at a state to those that wait; whether there are any.
+    fn observe(&mut self, row: &Row<'_>, columns: &mut dyn Columns) -> Result<bool, EstimateError> {
+        let equations = self.observer.observe(row)?;
+        if equations.tau.is_empty() {
+            return Ok(false);
+        }
+        let start = self.values.len();
+        self.values.extend_from_slice(equations.w);
+        let base = self.values.len();
+        self.values.resize(base + self.dof * self.extra, 0.0);
+        let (w, more) = self.values.split_at_mut(base);
+        let regular = columns.fill(row, &w[start..], more)?;
+        if !regular || more.iter().any(|x| !x.is_finite()) {
+            self.values.truncate(start);
+            self.irregular += 1;
+            return Ok(false);
+        }
+        self.values.extend_from_slice(equations.tau);
+        if self.filtering.standstill == Standstill::Keep {
+            self.values.extend(core::iter::repeat_n(1.0, self.dof));
+        } else {
+            self.friction.moved(row.still, &mut self.values);
+        }
+        self.times.push(row.time);
+        self.weights.extend_from_slice(row.weights);
+        Ok(true)
+    }
+
+    /// The equations of energy pass by as they are.
+    fn balance(&mut self, row: &Row<'_>, each: &mut Each<'_>) -> Result<(), EstimateError> {
+        let equations = self.observer.observe(row)?;
+        if !equations.tau.is_empty() {
+            self.left.samples += 1;
+        }
+        each(&equations)
+    }
+
+    /// How many samples the filter reaches, and how many it takes to settle.
+    fn reach(&mut self) -> Result<(usize, usize), EstimateError> {
+        if let Some(reach) = self.reach {
+            return Ok(reach);
+        }
+        let span = self.times.last().zip(self.times.first());
+        let span = span.map_or(f64::NAN, |(last, first)| last - first);
+        let step = span / (self.times.len().max(2) - 1) as f64;
+        let smoothing = self.filtering.smoothing;
+        let reach = (smoothing.support(step)?, smoothing.settling(step)?);
+        self.reach = Some(reach);
+        Ok(reach)
+    }
+
+    /// Hands over what is left of a run of samples that follow each other.
+    fn end_run(&mut self, each: &mut Each<'_>) -> Result<(), EstimateError> {
+        let n = self.times.len();
+        // a single sample has no step
+        if n > 1 {
+            let (_, settling) = self.reach()?;
+            let start = self.before.max(if self.before == 0 { settling } else { 0 });
+            self.filter(start..n.saturating_sub(settling), each)?;
+        }
+        self.times.clear();
+        self.values.clear();
+        self.weights.clear();
+        self.reach = None;
+        self.before = 0;
+        self.count = 0;
+        self.follows = false;
+        Ok(())
+    }
+
+    /// Filters all samples that wait and hands over some of them.
+    fn filter(
+        &mut self,
+        range: core::ops::Range<usize>,
+        each: &mut Each<'_>,
+    ) -> Result<(), EstimateError> {
+        if range.is_empty() {
+            return Ok(());
+        }
+        self.filtered.clear();
+        self.filtered.extend_from_slice(&self.values);
+        let smoothing = self.filtering.smoothing;
+        match smoothing.apply(&self.times, &mut self.filtered, self.width) {
+            Ok(()) => {}
+            // a run shorter than the filter gives no equation
+            Err(SignalError::TooFew { .. }) => return Ok(()),
+            Err(why) => return Err(why.into()),
+        }
+        self.settled += range.len();
+        self.hand_over(range, each)
+    }
+
+    fn hand_over(
+        &mut self,
+        range: core::ops::Range<usize>,
+        each: &mut Each<'_>,
+    ) -> Result<(), EstimateError> {
+        // without a filter the log is decimated where it is read
+        let every = match self.filtering.smoothing {
+            Smoothing::None => 1,
+            _ => self.filtering.decimation.max(1),
+        };
+        let dof = self.dof;
+        let mut weights = vec![0.0; dof];
+        for k in range {
+            self.count += 1;
+            if !(self.count - 1).is_multiple_of(every) {
+                continue;
+            }
+            let sample = &self.filtered[k * self.width..(k + 1) * self.width];
+            let (w, rest) = sample.split_at(self.width - 2 * dof);
+            let (tau, moved) = rest.split_at(dof);
+            let own = &self.weights[k * dof..(k + 1) * dof];
+            for (e, (weight, moved)) in weights.iter_mut().zip(moved).enumerate() {
+                let part = match self.filtering.standstill {
+                    Standstill::Weigh => moved.clamp(0.0, 1.0),
+                    _ => f64::from(*moved >= MOVED),
+                };
+                *weight = own[e] * part;
+                self.left.resting[e] += usize::from(*weight == 0.0);
+            }
+            self.left.samples += 1;
+            each(&Equations {
+                time: self.times[k],
+                w,
+                tau,
+                weights: &weights,
+                follows: self.follows,
+            })?;
+            self.follows = true;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,268 @@
+//! Hypotheses on the columns of efforts: exchanged, turned round, in another unit, shifted.
+
+use super::grams::{Fit, Grams};
+use super::{Change, EXPLAINED, HALF, Reading, SHIFTED, facts, nonsense, quality};
+use regen_runtime::BaseModel;
+
+/// Errors below this are as expected; nothing is looked for.
+const GOOD: f64 = 0.1;
+/// Fits this much worse than the best are as good as it: what they weigh tells them apart.
+const ALIKE: f64 = 1.05;
+/// Changes one after the other at most.
+const ROUNDS: usize = 3;
+/// A factor is looked for that makes errors this much smaller; it may have any value.
+const FACTOR: f64 = 3.0;
+/// A gain nearer to 1 than this factor is within what geometry and friction explain.
+const NEAR: f64 = 2.0;
+/// Turned signs may make errors this much larger, where they end nonsense.
+const AS_GOOD: f64 = 1.2;
+/// Factors between units: a factor near one of them is it.
+const UNITS: [f64; 4] = [1e3, 1e-3, 9.806_65, 0.01];
+
+/// A way to read the efforts.
+#[derive(Clone)]
+struct Candidate {
+    read: Vec<Reading>,
+    offsets: Vec<usize>,
+    /// The efforts that it changes.
+    touched: Vec<usize>,
+    /// By how much the product of errors must fall.
+    needed: f64,
+}
+
+/// The best change of effort columns.
+pub(super) fn search<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    own: &[f64],
+    start: &Fit,
+) -> Option<Change> {
+    let count = model.info().actuated.len();
+    let mut read = Reading::plain(count);
+    let mut offsets: Vec<usize> = Vec::new();
+    let mut now = start.clone();
+    let mut touched: Vec<usize> = Vec::new();
+    for _ in 0..ROUNDS {
+        let worst = now.errors.iter().fold(0.0, |m: f64, e| m.max(*e));
+        if worst < GOOD {
+            break;
+        }
+        let mut fits = Vec::new();
+        for candidate in candidates(grams, &read, &offsets, own, &touched, &now) {
+            let Some(fit) = grams.fit(&candidate.read, &candidate.offsets) else {
+                continue;
+            };
+            let gain = quality(&now.errors) / quality(&fit.errors);
+            if gain >= candidate.needed && accepted(grams, &candidate, &fit) {
+                fits.push((gain, fit, candidate));
+            }
+        }
+        let top = fits.iter().fold(0.0, |m: f64, f| m.max(f.0));
+        let mut alike = fits.into_iter().filter(|f| f.0 * ALIKE >= top);
+        let Some(mut best) = alike.next() else { break };
+        let mut weight = (nonsense(model, grams, &best.1), best.2.touched.len());
+        for other in alike {
+            let own = (nonsense(model, grams, &other.1), other.2.touched.len());
+            if own < weight {
+                (best, weight) = (other, own);
+            }
+        }
+        let (_, fit, candidate) = best;
+        touched.extend(&candidate.touched);
+        (read, offsets, now) = (candidate.read, candidate.offsets, fit);
+    }
+    if touched.is_empty() {
+        return None;
+    }
+    let mut change = Change {
+        offsets: shifts(count, &offsets, &now, grams),
+        positions: Vec::new(),
+        before: start.errors.clone(),
+        after: now.errors.clone(),
+        sign: false,
+        efforts: read,
+    };
+    if let Some(turned) = turned(model, grams, &change.efforts, &offsets, &now) {
+        change.efforts = turned.0;
+    }
+    Some(change)
+}
+
+fn shifts(count: usize, offsets: &[usize], fit: &Fit, grams: &Grams) -> Vec<f64> {
+    let mut out = vec![0.0; count];
+    for (k, value) in offsets.iter().zip(&fit.values[grams.columns()..]) {
+        out[*k] = *value;
+    }
+    out
+}
+
+/// Whether the efforts that a candidate changes are explained then, and an offset is worth a word.
+fn accepted(grams: &Grams, candidate: &Candidate, fit: &Fit) -> bool {
+    let equations = (0..grams.rows()).filter(|&i| match grams.alone(i) {
+        Some(k) => candidate.touched.contains(&k),
+        None => true,
+    });
+    let mut equations = equations.filter_map(|i| fit.errors.get(i));
+    let values = fit.values.get(grams.columns()..).unwrap_or_default();
+    let shifted = candidate.offsets.iter().zip(values).all(|(k, value)| {
+        let own = (0..grams.rows()).find(|i| grams.alone(*i) == Some(*k));
+        own.is_none_or(|i| fit.sizes[i] * SHIFTED <= value.abs())
+    });
+    shifted && equations.all(|e| *e < EXPLAINED)
+}
+
+fn candidates(
+    grams: &Grams,
+    read: &[Reading],
+    offsets: &[usize],
+    own: &[f64],
+    touched: &[usize],
+    now: &Fit,
+) -> Vec<Candidate> {
+    let bad = |k: usize| {
+        let alone = (0..grams.rows()).find(|i| grams.alone(*i) == Some(k));
+        alone.is_none_or(|i| now.errors[i] > GOOD)
+    };
+    let with = |changes: &[(usize, Reading)], needed: f64| {
+        let mut read = read.to_vec();
+        for (k, r) in changes {
+            read[*k] = *r;
+        }
+        Candidate {
+            read,
+            offsets: offsets.to_vec(),
+            touched: changes.iter().map(|c| c.0).collect(),
+            needed,
+        }
+    };
+    let times = |k: usize, factor: f64| Reading {
+        factor: read[k].factor * factor,
+        ..read[k]
+    };
+    let mut out = Vec::new();
+    for k in 0..read.len() {
+        out.push(with(&[(k, times(k, -1.0))], HALF));
+        if let Some(factor) = gain(grams, read, offsets, k, now)
+            && !touched.contains(&k)
+        {
+            out.push(with(&[(k, times(k, factor))], FACTOR));
+        }
+        if !offsets.contains(&k) && bad(k) {
+            let mut shifted = with(&[], HALF);
+            shifted.offsets.push(k);
+            shifted.touched.push(k);
+            out.push(shifted);
+        }
+        for l in (0..k).filter(|l| bad(*l) || bad(k)) {
+            // a torque constant is the motor's, whatever the column
+            let constant =
+                |a: usize, b: usize| own.get(a).zip(own.get(b)).map_or(1.0, |(a, b)| a / b);
+            for (a, b) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
+                let (from_k, from_l) = (read[k], read[l]);
+                let as_k = Reading {
+                    from: from_l.from,
+                    factor: from_l.factor * constant(k, l) * a,
+                };
+                let as_l = Reading {
+                    from: from_k.from,
+                    factor: from_k.factor * constant(l, k) * b,
+                };
+                let signs = if a * b > 0.0 && a > 0.0 { 1.0 } else { HALF };
+                out.push(with(&[(k, as_k), (l, as_l)], HALF * HALF * signs));
+            }
+        }
+    }
+    out
+}
+
+/// The factor of one effort that makes the product of errors least, where it is far from 1.
+fn gain(grams: &Grams, read: &[Reading], offsets: &[usize], k: usize, now: &Fit) -> Option<f64> {
+    let with = |factor: f64| -> f64 {
+        let mut read = read.to_vec();
+        read[k].factor *= factor;
+        let fit = grams.fit(&read, offsets);
+        fit.map_or(f64::INFINITY, |fit| quality(&fit.errors))
+    };
+    let root = 10.0_f64.sqrt();
+    let mut best = (quality(&now.errors), 1.0);
+    for towards in [root, 1.0 / root] {
+        let mut factor = 1.0;
+        for _ in 0..7 {
+            factor *= towards;
+            let error = with(factor);
+            if error < best.0 {
+                best = (error, factor);
+            }
+        }
+    }
+    // no step was better than none
+    if (best.1 - 1.0).abs() < f64::EPSILON {
+        return None;
+    }
+    let mut step = root;
+    for _ in 0..6 {
+        step = step.sqrt();
+        for factor in [best.1 * step, best.1 / step] {
+            let error = with(factor);
+            if error < best.0 {
+                best = (error, factor);
+            }
+        }
+    }
+    let factor = best.1;
+    let unit = UNITS.iter().find(|u| (factor / **u - 1.0).abs() < 0.1);
+    let factor = unit.copied().unwrap_or(factor);
+    (!(1.0 / NEAR..NEAR).contains(&factor)).then_some(factor)
+}
+
+/// Signs of efforts that, turned, make driving friction brake with a fit as good as before.
+fn turned<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    read: &[Reading],
+    offsets: &[usize],
+    now: &Fit,
+) -> Option<(Vec<Reading>, Fit)> {
+    let info = model.info();
+    let before = facts::driving(model, grams, now);
+    let mut turned = read.to_vec();
+    for (coordinate, _) in &before {
+        let k = info.actuated.iter().position(|a| a == coordinate)?;
+        let equation = (0..grams.rows()).find(|i| grams.alone(*i) == Some(k))?;
+        // the weights of the bodies know better
+        let nominal = grams.nominal.then(|| grams.against(model, equation, read));
+        if nominal.flatten().is_some_and(|(c, _, _)| c > 0.5) {
+            return None;
+        }
+        turned[k].factor = -turned[k].factor;
+    }
+    if before.is_empty() {
+        return None;
+    }
+    let fit = grams.fit(&turned, offsets)?;
+    let worse = fit
+        .errors
+        .iter()
+        .zip(&now.errors)
+        .any(|(a, b)| *a > AS_GOOD * b.max(0.01));
+    let fewer = nonsense(model, grams, &fit) < nonsense(model, grams, now);
+    (fewer && !worse && facts::driving(model, grams, &fit).is_empty()).then_some((turned, fit))
+}
+
+/// Signs alone, where nothing else is wrong.
+pub(super) fn signs<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    now: &Fit,
+) -> Option<Change> {
+    let count = model.info().actuated.len();
+    let (efforts, fit) = turned(model, grams, &Reading::plain(count), &[], now)?;
+    Some(Change {
+        efforts,
+        positions: Vec::new(),
+        offsets: vec![0.0; count],
+        before: now.errors.clone(),
+        after: fit.errors,
+        sign: true,
+    })
+}

@@ -1,0 +1,233 @@
+//! What a fit says that no robot can be: friction that drives, and weights that contradict.
+
+use super::grams::{Fit, Grams, is_friction, is_rotor, label};
+use super::{Reading, SHIFTED, Sample};
+use regen_runtime::BaseModel;
+
+/// Friction that gives this part of the efforts' power to a joint drives it.
+const DRIVES: f64 = 0.05;
+/// A motion this many times faster than its limits is none of the robot's.
+const ABSURD: f64 = 5.0;
+/// A value this many deviations below zero is negative.
+const CERTAIN: f64 = 6.0;
+/// A negative value whose absence makes an effort's error this much larger matters.
+const MATTERS: f64 = 1.5;
+
+/// The efforts of one equation against those that the nominal bodies need.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nominal {
+    /// The equation: an index into `Info::independent`.
+    pub equation: usize,
+    /// The effort that acts on it: an index into `Info::actuated`.
+    pub effort: usize,
+    /// Their correlation, friction and constants left aside.
+    pub correlation: f64,
+    /// What the nominal bodies' effort is multiplied by to be that measured.
+    pub factor: f64,
+    /// The part of the effort's rms that is neither friction nor constant.
+    pub part: f64,
+}
+
+/// A base parameter that cannot be negative and is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Told {
+    /// Its label.
+    pub label: String,
+    /// Its value.
+    pub value: f64,
+    /// Its deviation.
+    pub sigma: f64,
+}
+
+/// What friction that brakes in one direction and drives in the other looks like: a constant in
+/// the joint's effort beside friction that is the same in both.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shift {
+    /// The effort: an index into `Info::actuated`.
+    pub effort: usize,
+    /// The constant, N or N m.
+    pub offset: f64,
+    /// No less than its deviation.
+    pub sigma: f64,
+    /// The friction of the two directions.
+    pub friction: [f64; 2],
+}
+
+/// Whether the motion is far beyond the limits of the robot.
+pub(super) fn absurd<M: BaseModel<f64> + ?Sized>(model: &M, sample: &Sample) -> bool {
+    let info = model.info();
+    let beyond = |(k, c): (usize, &usize)| {
+        let Some(joint) = info.joints.get(*c) else {
+            return false;
+        };
+        let limits = [joint.limits.position, joint.limits.velocity];
+        let limits = limits.iter().zip([0, 1]);
+        limits
+            .filter_map(|(limit, d)| limit.map(|l| (l, d)))
+            .any(|(limit, d)| {
+                let bound = limit[0].abs().max(limit[1].abs());
+                let most = sample.states.iter().filter_map(|s| s.motion[d].get(k));
+                bound > 0.0 && most.fold(0.0, |m: f64, x| m.max(x.abs())) > ABSURD * bound
+            })
+    };
+    sample.measured.iter().enumerate().any(beyond)
+}
+
+/// Coordinates whose friction gives power to the joint, with the part of the efforts' power.
+pub(super) fn driving<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    fit: &Fit,
+) -> Vec<(usize, f64)> {
+    let info = model.info();
+    let base = model.base_info().base;
+    let mut powers = vec![0.0; info.independent.len()];
+    for (i, coordinate) in info.independent.iter().enumerate() {
+        let Some(name) = info.coordinates.get(*coordinate) else {
+            continue;
+        };
+        let of_joint = |text: &str| {
+            let inner = text.split_once('(').and_then(|(_, t)| t.strip_suffix(')'));
+            is_friction(text) && inner == Some(*name)
+        };
+        for (k, parameter) in base.iter().enumerate() {
+            // friction that is one with other parameters is not told apart
+            if !parameter.terms.is_empty() && parameter.terms.iter().all(|t| of_joint(t.parameter))
+            {
+                powers[i] += grams.power[k] * fit.values[k];
+            }
+        }
+    }
+    let pairs = info.independent.iter().zip(powers.iter().zip(&grams.spent));
+    pairs
+        .filter(|(_, (power, spent))| **spent > 0.0 && **power < -DRIVES * **spent)
+        .map(|(c, (power, spent))| (*c, power / spent))
+        .collect()
+}
+
+/// Each equation's effort against that of the nominal bodies.
+pub(super) fn nominal<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    read: &[Reading],
+) -> Vec<Nominal> {
+    if !grams.nominal {
+        return Vec::new();
+    }
+    let one = |equation: usize| {
+        let effort = grams.alone(equation)?;
+        let (correlation, factor, part) = grams.against(model, equation, read)?;
+        Some(Nominal {
+            equation,
+            effort,
+            correlation,
+            factor,
+            part,
+        })
+    };
+    (0..grams.rows()).filter_map(one).collect()
+}
+
+/// Friction and rotors that are negative by many deviations, and whose absence would make the
+/// errors of an effort much larger.
+pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    now: &Fit,
+    values: &[f64],
+    sigmas: &[f64],
+) -> Vec<Told> {
+    let base = model.base_info().base;
+    let pairs = values.iter().zip(sigmas).enumerate();
+    let mut out = Vec::new();
+    for (k, (value, sigma)) in pairs {
+        let sure = |value: f64, sigma: f64| value < -CERTAIN * sigma;
+        let Some(parameter) = base.get(k) else {
+            continue;
+        };
+        let all = |of: &dyn Fn(&str) -> bool| parameter.terms.iter().all(|t| of(t.parameter));
+        if !(all(&is_friction) || all(&is_rotor)) || !sure(*value, *sigma) {
+            continue;
+        }
+        // one direction may be negative where an offset is larger than the friction
+        let other = opposite(label(model, k)).map(|other| {
+            let place = (0..base.len()).find(|c| label(model, *c) == other);
+            place.map(|c| (values[c], sigmas[c]))
+        });
+        match other {
+            Some(Some((v, s))) if sure(value + v, sigma + s) => {}
+            Some(_) => continue,
+            None => {}
+        }
+        let Some(without) = grams.fit_without(&Reading::plain(model.info().actuated.len()), k)
+        else {
+            continue;
+        };
+        let pairs = without.errors.iter().zip(&now.errors);
+        if pairs.into_iter().any(|(a, b)| *a > MATTERS * b.max(0.01)) {
+            out.push(Told {
+                label: parameter.label.to_owned(),
+                value: *value,
+                sigma: *sigma,
+            });
+        }
+    }
+    out
+}
+
+/// Efforts that look shifted by a constant, which friction of two directions took up: it drives the
+/// joint in one of them.
+pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    grams: &Grams,
+    now: &Fit,
+    values: &[f64],
+    sigmas: &[f64],
+) -> Vec<Shift> {
+    let info = model.info();
+    let base = model.base_info().base;
+    let of = |wanted: &str| -> Option<(f64, f64)> {
+        let place = (0..base.len()).find(|c| label(model, *c) == wanted)?;
+        // what is one with other parameters says nothing of its own
+        let terms = base.get(place)?.terms;
+        let alone = terms.iter().all(|t| is_friction(t.parameter));
+        let found = (*values.get(place)?, *sigmas.get(place)?);
+        alone.then_some(found)
+    };
+    let one = |(effort, coordinate): (usize, &usize)| -> Option<Shift> {
+        let name = info.coordinates.get(*coordinate)?;
+        let forward = of(&["Fc+(", name, ")"].concat())?;
+        let back = of(&["Fc-(", name, ")"].concat())?;
+        // friction that differs a little between the directions is friction; that one of them
+        // drives and the other does not is no friction
+        let drives = |side: (f64, f64)| side.0 < -CERTAIN * side.1;
+        if drives(forward) == drives(back) || forward.0 + back.0 < 0.0 {
+            return None;
+        }
+        let offset = 0.5 * (forward.0 - back.0);
+        let equation = (0..grams.rows()).find(|i| grams.alone(*i) == Some(effort));
+        let size = equation.and_then(|i| now.sizes.get(i)).copied();
+        let matters = size.is_none_or(|size| offset.abs() > SHIFTED * size);
+        matters.then_some(Shift {
+            effort,
+            offset,
+            // the two may move against each other, as the weights of bodies let them
+            sigma: 0.5 * (forward.1 + back.1),
+            friction: [forward.0, back.0],
+        })
+    };
+    info.actuated.iter().enumerate().filter_map(one).collect()
+}
+
+/// The coefficient of the other direction.
+fn opposite(label: &str) -> Option<String> {
+    let (head, tail) = label.split_once('(')?;
+    let other = match head {
+        "Fc+" => "Fc-",
+        "Fc-" => "Fc+",
+        "Fv+" => "Fv-",
+        "Fv-" => "Fv+",
+        _ => return None,
+    };
+    Some([other, "(", tail].concat())
+}

@@ -1,0 +1,447 @@
+//! Gram matrices of the equations of a sample, and least squares on them.
+
+use super::{Reading, Sample};
+use crate::identify::{Completed, Completion};
+use regen_runtime::{BaseModel, Status};
+
+/// The Gram matrix of each equation's columns: those of the base regressor, every effort in the
+/// place of every one that acts there, a constant in that place, the nominal bodies' effort, and 1.
+#[derive(Clone, Debug)]
+pub(super) struct Grams {
+    columns: usize,
+    efforts: usize,
+    /// The efforts that act on each equation.
+    acting: Vec<Vec<usize>>,
+    matrices: Vec<Vec<f64>>,
+    count: f64,
+    tried: usize,
+    /// Power of each column with the velocities, and of the sizes of all efforts.
+    pub(super) power: Vec<f64>,
+    pub(super) spent: Vec<f64>,
+    /// Whether the nominal bodies are known.
+    pub(super) nominal: bool,
+}
+
+/// A least-squares solution.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    /// Base parameters, then offsets.
+    pub(super) values: Vec<f64>,
+    /// For each equation: rms of the residuals over rms of the efforts about their mean.
+    pub(super) errors: Vec<f64>,
+    /// For each equation: rms of the efforts.
+    pub(super) sizes: Vec<f64>,
+}
+
+/// Passes of reweighting: the errors settle to a few percent in three.
+const PASSES: usize = 4;
+/// What is added to the diagonal of the Gram matrix whose columns have unit length.
+const RIDGE: f64 = 1e-10;
+/// No equation's weight is taken from an error below this part of its efforts.
+const FLOOR: f64 = 1e-3;
+/// The part of the states at which the loops must close.
+const CLOSED: f64 = 0.8;
+
+/// The label of the parameter that a base parameter is named by.
+pub(super) fn label<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> &str {
+    let base = model.base_info().base;
+    let term = base.get(column).and_then(|p| p.terms.first());
+    term.map_or("", |t| t.parameter)
+}
+
+/// Whether a label is that of friction.
+pub(super) fn is_friction(label: &str) -> bool {
+    label.starts_with("Fv") || label.starts_with("Fc")
+}
+
+/// Whether a label is that of a rotor's inertia.
+pub(super) fn is_rotor(label: &str) -> bool {
+    label.starts_with("J(")
+}
+
+/// Whether a label is that of a rotor of which nothing is stated.
+fn unknown_rotor<M: BaseModel<f64> + ?Sized>(model: &M, label: &str) -> bool {
+    let info = model.info();
+    let stated = info.parameter_of(label).and_then(|k| info.nominal.get(k));
+    is_rotor(label) && stated.copied().flatten().is_none()
+}
+
+/// The base parameters of the nominal bodies; rotors and friction without a value count as none.
+fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
+    let info = model.info();
+    if info.nominal.len() != info.parameters.len() {
+        return None;
+    }
+    let mut phi = Vec::with_capacity(info.parameters.len());
+    for (value, label) in info.nominal.iter().zip(info.parameters) {
+        // friction is left to the columns beside it
+        let value = if is_friction(label) {
+            Some(0.0)
+        } else {
+            *value
+        };
+        phi.push(value.or_else(|| is_rotor(label).then_some(0.0))?);
+    }
+    let mut beta = vec![0.0; model.base_info().base.len()];
+    model.to_base(&phi, &mut beta).ok()?;
+    beta.iter().any(|b| *b != 0.0).then_some(beta)
+}
+
+impl Grams {
+    /// Passes over every `every`-th state, with positions read so. `None` where nothing closes.
+    pub(super) fn of<M: BaseModel<f64> + ?Sized>(
+        model: &M,
+        sample: &Sample,
+        positions: &[Reading],
+        every: usize,
+    ) -> Option<Self> {
+        let info = model.info();
+        let (dof, efforts) = (info.dof(), info.actuated.len());
+        let columns = model.base_info().base.len();
+        let ones = vec![1.0; sample.measured.len()];
+        let mut completion = Completion::new(model, &sample.measured, &ones).ok()?;
+        let beta = nominal(model);
+        let mut out = Self {
+            columns,
+            efforts,
+            acting: Vec::new(),
+            matrices: Vec::new(),
+            count: 0.0,
+            tried: 0,
+            power: vec![0.0; columns],
+            spent: vec![0.0; dof],
+            nominal: beta.is_some(),
+        };
+        let mut w = vec![0.0; dof * columns];
+        let mut transfer = vec![0.0; dof * efforts];
+        let mut own = vec![0.0; dof];
+        let mut entries = Vec::new();
+        for state in sample.states.iter().step_by(every.max(1)) {
+            out.tried += 1;
+            let read = |d: usize| -> Option<Vec<f64>> {
+                let column = &state.motion[d];
+                let one = |r: &Reading| Some(column.get(r.from)? * r.factor);
+                positions.iter().map(one).collect()
+            };
+            let completed = completion.complete(&read(0)?, &read(1)?, &read(2)?).ok()?;
+            let Completed::State(full) = completed else {
+                // nothing closes at the start: more of it will not
+                if out.count == 0.0 && out.tried >= 20 {
+                    return None;
+                }
+                continue;
+            };
+            let condition = model
+                .base_regressor(&full.q, &full.qd, &full.qdd, &mut w)
+                .ok()?;
+            if condition.status() == Status::Singular || w.iter().any(|x| !x.is_finite()) {
+                continue;
+            }
+            for k in 0..efforts {
+                let mut unit = vec![0.0; efforts];
+                unit[k] = 1.0;
+                let _ = model.efforts(&full.q, &unit, &mut own).ok()?;
+                transfer[k * dof..(k + 1) * dof].copy_from_slice(&own);
+            }
+            if out.acting.is_empty() {
+                let acts = |i: usize| {
+                    let entries = (0..efforts).filter(|k| transfer[k * dof + i] != 0.0);
+                    entries.collect::<Vec<_>>()
+                };
+                // where efforts act through the loops, all act on all
+                let whole = info.independent.iter().all(|c| info.actuated.contains(c))
+                    && info.independent.len() == efforts;
+                let all: Vec<usize> = (0..efforts).collect();
+                out.acting = (0..dof)
+                    .map(|i| if whole { acts(i) } else { all.clone() })
+                    .collect();
+                let sizes = (0..dof).map(|i| out.size(i));
+                out.matrices = sizes.map(|n| vec![0.0; n * n]).collect();
+            }
+            out.count += 1.0;
+            for i in 0..dof {
+                entries.clear();
+                entries.extend(w.iter().skip(i).step_by(dof));
+                let mut tau = 0.0;
+                for &k in &out.acting[i] {
+                    let t = transfer[k * dof + i];
+                    entries.extend(state.efforts.iter().map(|u| t * u));
+                    tau += t * state.efforts.get(k)?;
+                }
+                entries.extend(out.acting[i].iter().map(|k| transfer[k * dof + i]));
+                let predicted = beta.as_ref().map_or(0.0, |beta| {
+                    let pairs = entries.iter().zip(beta);
+                    pairs.map(|(w, b)| w * b).sum()
+                });
+                entries.push(predicted);
+                entries.push(1.0);
+                let n = entries.len();
+                let gram = &mut out.matrices[i];
+                for (a, x) in entries.iter().enumerate() {
+                    for (b, y) in entries[..=a].iter().enumerate() {
+                        gram[a * n + b] += x * y;
+                    }
+                }
+                let rate = full.qd[info.independent[i]];
+                for (power, w) in out.power.iter_mut().zip(&entries) {
+                    *power += w * rate;
+                }
+                out.spent[i] += (tau * rate).abs();
+            }
+        }
+        for gram in &mut out.matrices {
+            let n = gram.len().isqrt();
+            for a in 0..n {
+                for b in 0..a {
+                    gram[b * n + a] = gram[a * n + b];
+                }
+            }
+        }
+        (out.count > 0.0).then_some(out)
+    }
+
+    fn size(&self, i: usize) -> usize {
+        self.columns + self.acting[i].len() * (self.efforts + 1) + 2
+    }
+
+    /// The number of base parameters.
+    pub(super) fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Whether the loops close at nearly all states.
+    pub(super) fn closes(&self) -> bool {
+        self.count >= CLOSED * self.tried as f64
+    }
+
+    /// The number of equations.
+    pub(super) fn rows(&self) -> usize {
+        self.acting.len()
+    }
+
+    /// The effort that alone acts on an equation.
+    pub(super) fn alone(&self, i: usize) -> Option<usize> {
+        match self.acting.get(i).map(Vec::as_slice) {
+            Some([k]) => Some(*k),
+            _ => None,
+        }
+    }
+
+    fn entry(&self, i: usize, a: usize, b: usize) -> f64 {
+        self.matrices[i][a * self.size(i) + b]
+    }
+
+    /// The columns of equation `i` that sum up to its effort, with their factors.
+    fn side(&self, i: usize, read: &[Reading]) -> Vec<(usize, f64)> {
+        let acting = self.acting[i].iter().enumerate();
+        let place = |(a, k): (usize, &usize)| {
+            let read = read.get(*k)?;
+            Some((self.columns + a * self.efforts + read.from, read.factor))
+        };
+        acting.filter_map(place).collect()
+    }
+
+    /// The column of an effort's offset in equation `i`, where it acts.
+    fn constant(&self, i: usize, effort: usize) -> Option<usize> {
+        let acting = &self.acting[i];
+        let place = acting.iter().position(|k| *k == effort)?;
+        Some(self.columns + acting.len() * self.efforts + place)
+    }
+
+    /// The inner product of two sums of columns.
+    fn product(&self, i: usize, a: &[(usize, f64)], b: &[(usize, f64)]) -> f64 {
+        let one = |(x, f): &(usize, f64)| -> f64 {
+            let terms = b.iter().map(|(y, g)| self.entry(i, *x, *y) * g);
+            f * terms.sum::<f64>()
+        };
+        a.iter().map(one).sum()
+    }
+
+    /// Least squares with efforts read so and free offsets of some; every equation is weighted
+    /// by its own error. `None` where there is nothing to fit.
+    pub(super) fn fit(&self, read: &[Reading], offsets: &[usize]) -> Option<Fit> {
+        self.solve(read, offsets, None)
+    }
+
+    /// The same with one base parameter at zero.
+    pub(super) fn fit_without(&self, read: &[Reading], column: usize) -> Option<Fit> {
+        self.solve(read, &[], Some(column))
+    }
+
+    fn solve(&self, read: &[Reading], offsets: &[usize], zero: Option<usize>) -> Option<Fit> {
+        let n = self.columns + offsets.len();
+        let rows = self.rows();
+        // where the n columns stand in each equation
+        let mut places = Vec::with_capacity(rows);
+        let (mut squares, mut spreads, mut sides) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..rows {
+            let mut place: Vec<Option<usize>> = (0..self.columns)
+                .map(|c| (Some(c) != zero).then_some(c))
+                .collect();
+            place.extend(offsets.iter().map(|k| self.constant(i, *k)));
+            let side = self.side(i, read);
+            let one = [(self.size(i) - 1, 1.0)];
+            let square = self.product(i, &side, &side);
+            let mean = self.product(i, &side, &one);
+            let spread = (square - mean * mean / self.count).max(1e-6 * square);
+            if spread.partial_cmp(&0.0) != Some(core::cmp::Ordering::Greater) {
+                return None;
+            }
+            let right: Vec<f64> = place
+                .iter()
+                .map(|p| p.map_or(0.0, |p| self.product(i, &[(p, 1.0)], &side)))
+                .collect();
+            places.push(place);
+            squares.push(square);
+            spreads.push(spread);
+            sides.push(right);
+        }
+        let mut left = spreads.clone();
+        let mut values = vec![0.0; n];
+        for _ in 0..PASSES {
+            let (mut gram, mut right) = (vec![0.0; n * n], vec![0.0; n]);
+            for i in 0..rows {
+                let weight = self.count / left[i].max(FLOOR * FLOOR * spreads[i]);
+                let (size, own, place) = (self.size(i), &self.matrices[i], &places[i]);
+                for (a, p) in place.iter().enumerate() {
+                    let Some(p) = p else { continue };
+                    right[a] += weight * sides[i][a];
+                    for (b, q) in place[..=a].iter().enumerate() {
+                        if let Some(q) = q {
+                            gram[a * n + b] += weight * own[p * size + q];
+                        }
+                    }
+                }
+            }
+            values = solve(&mut gram, &right)?;
+            for i in 0..rows {
+                left[i] = self.rest(i, &places[i], &values, squares[i], &sides[i]);
+            }
+        }
+        let pairs = left.iter().zip(&spreads);
+        Some(Fit {
+            values,
+            errors: pairs.map(|(l, s)| (l / s).sqrt()).collect(),
+            sizes: squares.iter().map(|s| (s / self.count).sqrt()).collect(),
+        })
+    }
+
+    /// The sum of the squares of the residuals of an equation.
+    fn rest(
+        &self,
+        i: usize,
+        place: &[Option<usize>],
+        values: &[f64],
+        square: f64,
+        right: &[f64],
+    ) -> f64 {
+        let (size, own) = (self.size(i), &self.matrices[i]);
+        let mut out = square;
+        for ((p, x), side) in place.iter().zip(values).zip(right) {
+            let Some(p) = p else { continue };
+            let row = &own[p * size..(p + 1) * size];
+            let fitted: f64 = place
+                .iter()
+                .zip(values)
+                .filter_map(|(q, y)| q.map(|q| row[q] * y))
+                .sum();
+            out += x * (fitted - 2.0 * side);
+        }
+        out.max(0.0)
+    }
+
+    /// The correlation of the effort of equation `i` with what the nominal bodies need, its
+    /// slope, and the part of the effort's spread that the two have to explain: all with what
+    /// friction, rotors that are not stated, and a constant explain taken out.
+    pub(super) fn against<M: BaseModel<f64> + ?Sized>(
+        &self,
+        model: &M,
+        i: usize,
+        read: &[Reading],
+    ) -> Option<(f64, f64, f64)> {
+        let last = self.size(i) - 1;
+        let aside: Vec<usize> = (0..self.columns)
+            .filter(|c| is_friction(label(model, *c)) || unknown_rotor(model, label(model, *c)))
+            .filter(|c| self.entry(i, *c, *c) > 0.0)
+            .chain([last])
+            .collect();
+        let n = aside.len();
+        let mut gram = vec![0.0; n * n];
+        for (a, p) in aside.iter().enumerate() {
+            for (b, q) in aside[..=a].iter().enumerate() {
+                gram[a * n + b] = self.entry(i, *p, *q);
+            }
+        }
+        let side = self.side(i, read);
+        let nominal = [(last - 1, 1.0)];
+        let of = |what: &[(usize, f64)]| -> Vec<f64> {
+            let one = |p: &usize| self.product(i, &[(*p, 1.0)], what);
+            aside.iter().map(one).collect()
+        };
+        let (tau, own) = (of(&side), of(&nominal));
+        let solved = solve(&mut gram, &own)?;
+        let taken = |other: &[f64]| -> f64 { solved.iter().zip(other).map(|(a, b)| a * b).sum() };
+        let pp = self.product(i, &nominal, &nominal) - taken(&own);
+        let pt = self.product(i, &nominal, &side) - taken(&tau);
+        let mut again = vec![0.0; n * n];
+        for (a, p) in aside.iter().enumerate() {
+            for (b, q) in aside[..=a].iter().enumerate() {
+                again[a * n + b] = self.entry(i, *p, *q);
+            }
+        }
+        let both = solve(&mut again, &tau)?;
+        let tt =
+            self.product(i, &side, &side) - both.iter().zip(&tau).map(|(a, b)| a * b).sum::<f64>();
+        let whole = self.product(i, &side, &side);
+        (pp > 0.0 && tt > 0.0).then(|| (pt / (pp * tt).sqrt(), pt / pp, (tt / whole).sqrt()))
+    }
+}
+
+/// Solves with a Gram matrix of which the lower triangle is given, by Cholesky's factor of it with
+/// columns of unit length and a ridge.
+fn solve(gram: &mut [f64], right: &[f64]) -> Option<Vec<f64>> {
+    let n = right.len();
+    let scale: Vec<f64> = (0..n)
+        .map(|k| match gram[k * n + k] {
+            d if d > 0.0 => 1.0 / d.sqrt(),
+            _ => 0.0,
+        })
+        .collect();
+    for a in 0..n {
+        for b in 0..=a {
+            let scaled = gram[a * n + b] * scale[a] * scale[b];
+            gram[a * n + b] = if a == b { 1.0 + RIDGE } else { scaled };
+        }
+    }
+    for a in 0..n {
+        for b in 0..=a {
+            let (upper, lower) = gram.split_at(a * n);
+            let row = if a == b {
+                &lower[..a]
+            } else {
+                &upper[b * n..b * n + b]
+            };
+            let dot: f64 = row.iter().zip(&lower[..b]).map(|(x, y)| x * y).sum();
+            let value = gram[a * n + b] - dot;
+            gram[a * n + b] = if a == b {
+                // what is dependent to rounding is held by the ridge
+                value.max(RIDGE).sqrt()
+            } else {
+                value / gram[b * n + b]
+            };
+        }
+    }
+    let mut x: Vec<f64> = right.iter().zip(&scale).map(|(r, s)| r * s).collect();
+    for a in 0..n {
+        let dot: f64 = (0..a).map(|b| gram[a * n + b] * x[b]).sum();
+        x[a] = (x[a] - dot) / gram[a * n + a];
+    }
+    for a in (0..n).rev() {
+        let dot: f64 = (a + 1..n).map(|b| gram[b * n + a] * x[b]).sum();
+        x[a] = (x[a] - dot) / gram[a * n + a];
+    }
+    for (x, s) in x.iter_mut().zip(&scale) {
+        *x *= s;
+    }
+    x.iter().all(|x| x.is_finite()).then_some(x)
+}

@@ -1,0 +1,218 @@
+//! Hypotheses on the columns of positions: turned round, exchanged, in degrees or millimetres.
+//! Each takes a pass over some of the states.
+
+use super::grams::Grams;
+use super::{BAD, Change, EXPLAINED, FEW, HALF, Reading, SPARE, Sample, nonsense, quality};
+use regen_runtime::{BaseModel, Motion};
+
+/// Fits this much worse than the best are as good as it.
+const ALIKE: f64 = 1.05;
+/// A change of positions is preferred to one of efforts that explains more than this part as much.
+const BETTER: f64 = 1.5;
+/// Changes one after the other at most.
+const ROUNDS: usize = 2;
+/// States at least.
+const FEWEST: usize = 40;
+
+struct Candidate {
+    positions: Vec<Reading>,
+    efforts: Vec<Reading>,
+    /// Columns that it changes.
+    touched: usize,
+}
+
+/// The error of a candidate, how implausible it is and how much it touches, itself, and the errors
+/// of the equations.
+type Tried = (f64, (usize, usize), Candidate, Vec<f64>);
+
+/// The best change of position columns, if it is better than that of efforts.
+pub(super) fn search<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    own: &[f64],
+    open: bool,
+    efforts: Option<&Change>,
+    step: &mut dyn FnMut(usize, usize),
+) -> Option<Change> {
+    let info = model.info();
+    let plain = Reading::plain(info.actuated.len());
+    let mut positions = Reading::plain(sample.measured.len());
+    let mut read = plain.clone();
+    let all = candidates(model, sample, own, &positions, &read).len();
+    let least = (SPARE * model.base_info().base.len()).div_ceil(info.dof().max(1));
+    let states = (3 * sample.whole / all.max(1)).clamp(least.max(FEWEST), FEW.max(least));
+    let every = sample.states.len() / states.max(1);
+    let present = Grams::of(model, sample, &positions, every);
+    let present = present.filter(Grams::closes);
+    let start = present.as_ref().and_then(|g| g.fit(&plain, &[]));
+    let start = start.filter(|_| !open);
+    // an effort's offset is not a matter of positions
+    let rival = match (efforts, &present) {
+        (Some(change), Some(grams)) => {
+            let offsets = change.offsets.iter().enumerate();
+            let offsets: Vec<usize> = offsets.filter(|o| *o.1 != 0.0).map(|o| o.0).collect();
+            grams.fit(&change.efforts, &offsets)
+        }
+        _ => None,
+    };
+    let mut now = start.as_ref().map(|fit| quality(&fit.errors));
+    let mut found = None;
+    for round in 0..ROUNDS {
+        let mut fits: Vec<Tried> = Vec::new();
+        for (k, candidate) in candidates(model, sample, own, &positions, &read)
+            .into_iter()
+            .enumerate()
+        {
+            step(round * all + k, ROUNDS * all);
+            let Some(grams) = Grams::of(model, sample, &candidate.positions, every) else {
+                continue;
+            };
+            if !grams.closes() {
+                continue;
+            }
+            // the efforts may go with the positions
+            let ways = [candidate.efforts.clone(), read.clone()];
+            for efforts in &ways[..if candidate.efforts == read { 1 } else { 2 }] {
+                let Some(fit) = grams.fit(efforts, &[]) else {
+                    continue;
+                };
+                let error = quality(&fit.errors);
+                let fits_well = fit.errors.iter().all(|e| *e < 2.0 * BAD);
+                let needed = HALF.powi(i32::try_from(candidate.touched).unwrap_or(i32::MAX));
+                let explained = explained(model, sample, &positions, &candidate, &fit.errors);
+                if now.is_none_or(|now| now >= needed * error)
+                    && (now.is_some() && explained || fits_well)
+                {
+                    let weight = (nonsense(model, &grams, &fit), candidate.touched);
+                    let candidate = Candidate {
+                        efforts: efforts.clone(),
+                        positions: candidate.positions.clone(),
+                        ..candidate
+                    };
+                    fits.push((error, weight, candidate, fit.errors));
+                }
+            }
+        }
+        let top = fits.iter().fold(f64::INFINITY, |m, f| m.min(f.0));
+        let alike = fits.into_iter().filter(|f| f.0 <= top * ALIKE);
+        let Some(best) = alike.reduce(|best, other| if other.1 < best.1 { other } else { best })
+        else {
+            break;
+        };
+        now = Some(best.0);
+        positions = best.2.positions;
+        read = best.2.efforts;
+        let good = best.3.iter().all(|e| *e < BAD);
+        found = Some(best.3);
+        if good {
+            break;
+        }
+    }
+    let after = found?;
+    if let Some(rival) = rival
+        && quality(&rival.errors) < BETTER * quality(&after)
+    {
+        return None;
+    }
+    Some(Change {
+        efforts: read,
+        positions,
+        offsets: vec![0.0; plain.len()],
+        before: start.map(|fit| fit.errors).unwrap_or_default(),
+        after,
+        sign: false,
+    })
+}
+
+/// Whether the efforts of the joints whose positions a candidate changes are explained then: of
+/// two columns that say next to nothing, one is as good as the other.
+fn explained<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    before: &[Reading],
+    candidate: &Candidate,
+    errors: &[f64],
+) -> bool {
+    let info = model.info();
+    let pairs = before.iter().zip(&candidate.positions);
+    let mut changed = sample
+        .measured
+        .iter()
+        .zip(pairs)
+        .filter(|(_, (a, b))| a != b);
+    changed.all(|(coordinate, _)| {
+        let equation = info.independent.iter().position(|c| c == coordinate);
+        let error = equation.and_then(|i| errors.get(i));
+        error.is_none_or(|error| *error < EXPLAINED)
+    })
+}
+
+fn candidates<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    sample: &Sample,
+    own: &[f64],
+    positions: &[Reading],
+    efforts: &[Reading],
+) -> Vec<Candidate> {
+    let info = model.info();
+    let degree = core::f64::consts::PI / 180.0;
+    let motion = |c: usize| info.joints.get(c).map_or(Motion::Turn, |j| j.motion);
+    let actuator = |c: usize| info.actuated.iter().position(|a| *a == c);
+    let unit = |c: usize| {
+        if motion(c) == Motion::Turn {
+            degree
+        } else {
+            1e-3
+        }
+    };
+    let mut out = Vec::new();
+    let plain = |positions: Vec<Reading>, touched: usize| Candidate {
+        positions,
+        efforts: efforts.to_vec(),
+        touched,
+    };
+    let scaled = |which: &dyn Fn(usize) -> bool| -> Vec<Reading> {
+        let pairs = sample.measured.iter().zip(positions);
+        let one = |(c, r): (&usize, &Reading)| Reading {
+            factor: if which(*c) {
+                r.factor * unit(*c)
+            } else {
+                r.factor
+            },
+            ..*r
+        };
+        pairs.map(one).collect()
+    };
+    for kind in [Motion::Turn, Motion::Shift] {
+        if sample.measured.iter().any(|c| motion(*c) == kind) {
+            out.push(plain(scaled(&|c| motion(c) == kind), 1));
+        }
+    }
+    for (k, c) in sample.measured.iter().enumerate() {
+        if sample.measured.len() > 1 {
+            out.push(plain(scaled(&|other| other == *c), 1));
+        }
+        let mut turned = plain(positions.to_vec(), 1);
+        turned.positions[k].factor *= -1.0;
+        if let Some(a) = actuator(*c) {
+            turned.efforts[a].factor *= -1.0;
+        }
+        out.push(turned);
+        for (l, other) in sample.measured[..k].iter().enumerate() {
+            if motion(*c) != motion(*other) {
+                continue;
+            }
+            let mut swapped = plain(positions.to_vec(), 2);
+            swapped.positions.swap(k, l);
+            if let (Some(a), Some(b)) = (actuator(*c), actuator(*other)) {
+                swapped.efforts.swap(a, b);
+                if let (Some(x), Some(y)) = (own.get(a), own.get(b)) {
+                    swapped.efforts[a].factor *= x / y;
+                    swapped.efforts[b].factor *= y / x;
+                }
+            }
+            out.push(swapped);
+        }
+    }
+    out
+}

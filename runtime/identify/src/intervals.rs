@@ -1,0 +1,481 @@
+//! Intervals of estimates under constraints: what the constraints make of the estimates that other
+//! logs would have given.
+//!
+//! An estimate under constraints is the projection of the least-squares parameters onto what the
+//! constraints allow, in the metric of the data. Least-squares parameters are drawn around those
+//! that were found, with the covariance that knows of the residuals' correlation
+//! ([`Deviations`]), and each draw is projected in the same way. An interval holds the middle
+//! part of the projected draws (percentiles; Efron, 1979), and the estimate itself.
+//!
+//! The projection of an interval of least squares onto a bound covers a value as often as that
+//! interval does, so nothing is lost at bounds; intervals end there by themselves. Where all
+//! draws fall onto a bound the interval is that point: the data contradict anything else.
+//!
+//! A parameter that is correlated with one at its bound is another matter. Where the truth is at
+//! the bound, only draws that are there too tell how the other parameter scatters, and a
+//! percentile of all draws mixes them with the rest. So the percentiles of these draws are taken
+//! by themselves as well, and the interval holds both.
+
+use nalgebra::DMatrix;
+
+use crate::estimate::{Deviations, Factor};
+use crate::feasibility::{Combinations, FeasibilityError, Layout, Options, identify};
+
+/// Draws that intervals are made of unless others are asked for. Between the k-th from below and
+/// from above of n draws the next one lies with the probability 1 - 2 k / (n + 1), whatever n is: fewer
+/// draws make intervals whose length varies more, and which hold the truth as often.
+pub const REPLICATES: usize = 100;
+/// Digits of the least-squares parameters that seed the draws: the same log gives the same
+/// intervals on every machine, another log other draws, so that what chance makes of a hundred of
+/// them is not the same in all logs.
+const DIGITS: usize = 6;
+/// A part of the draws that leaves open whether a parameter is at its limit.
+const OPEN: f64 = 0.025;
+/// Parameters whose correlation is smaller than this have nothing to do with each other: that of a
+/// hundred draws differs from the true one by a tenth.
+const RELATED: f64 = 0.3;
+/// What is nearer to a limit than this part of a deviation is at the limit.
+const TOUCHING: f64 = 1e-3;
+/// A parameter whose unit vector lies in the span of what is determined but for this is
+/// determined.
+const DETERMINED: f64 = 1e-7;
+
+/// What other logs would have given for one parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spread {
+    /// The estimate.
+    pub value: f64,
+    /// The root mean square of the draws around it.
+    pub sigma: f64,
+    /// The draws, ascending.
+    draws: Vec<f64>,
+    /// For each bound that some draws are at, and whose parameter goes with this one: those
+    /// draws, ascending.
+    at_bounds: Vec<Vec<f64>>,
+}
+
+impl Spread {
+    /// A value with its draws.
+    ///
+    /// ```
+    /// use regen_identify::intervals::Spread;
+    ///
+    /// let spread = Spread::new(0.5, (0..=100).map(|k| 0.01 * f64::from(k)).collect());
+    /// let (low, high) = spread.interval(0.9);
+    /// assert!((low - 0.05).abs() < 0.01 && (high - 0.95).abs() < 0.01);
+    /// // an interval holds the value that it stands beside
+    /// assert_eq!(Spread::new(2.0, vec![0.0, 1.0]).interval(0.9).1, 2.0);
+    /// ```
+    pub fn new(value: f64, mut draws: Vec<f64>) -> Self {
+        draws.retain(|x| x.is_finite());
+        draws.sort_by(f64::total_cmp);
+        let squares: f64 = draws.iter().map(|x| (x - value).powi(2)).sum();
+        Self {
+            value,
+            sigma: (squares / draws.len() as f64).sqrt(),
+            draws,
+            at_bounds: Vec::new(),
+        }
+    }
+
+    /// The interval of this level: percentiles of the draws, and of those at a bound by
+    /// themselves, widened to the value where that lies outside; NaN for a level outside of (0, 1)
+    /// or without draws.
+    pub fn interval(&self, level: f64) -> (f64, f64) {
+        if !(level > 0.0 && level < 1.0) || self.draws.is_empty() {
+            return (f64::NAN, f64::NAN);
+        }
+        let tail = 0.5 - 0.5 * level;
+        let all = core::iter::once(&self.draws).chain(&self.at_bounds);
+        all.fold((self.value, self.value), |(low, high), draws| {
+            (
+                quantile(draws, tail).min(low),
+                quantile(draws, 1.0 - tail).max(high),
+            )
+        })
+    }
+
+    /// The standard deviation of the draws around their mean.
+    fn scatter(&self) -> f64 {
+        let n = self.draws.len() as f64;
+        let mean = self.draws.iter().sum::<f64>() / n;
+        let squares = self.draws.iter().map(|x| (x - mean).powi(2));
+        (squares.sum::<f64>() / n).sqrt()
+    }
+
+    /// The deviation in percent of the value's size.
+    pub fn sigma_percent(&self) -> f64 {
+        100.0 * self.sigma / self.value.abs()
+    }
+}
+
+/// A quantile, linear between the ascending draws, the k-th of n at k / (n + 1).
+fn quantile(draws: &[f64], part: f64) -> f64 {
+    let n = draws.len();
+    let place = (part * (n + 1) as f64 - 1.0).clamp(0.0, n.saturating_sub(1) as f64);
+    #[allow(clippy::cast_sign_loss, reason = "it is not negative")]
+    let below = place.floor() as usize;
+    let rest = place - below as f64;
+    let low = draws.get(below).copied().unwrap_or(f64::NAN);
+    let high = draws.get(below + 1).copied().unwrap_or(low);
+    (high - low).mul_add(rest, low)
+}
+
+/// The intervals of parameters under constraints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constrained {
+    /// Of the r base parameters.
+    pub base: Vec<Spread>,
+    /// Of all p parameters; none for those that the data and what is known besides leave
+    /// undetermined, whose values are a choice.
+    pub physical: Vec<Option<Spread>>,
+    /// The draws that were projected.
+    pub replicates: usize,
+    /// Draws that were left out because their programme was not solved.
+    pub failed: usize,
+}
+
+/// Least-squares parameters with what other logs would have given.
+#[derive(Clone, Copy, Debug)]
+pub struct LeastSquares<'a> {
+    /// The weighted factor.
+    pub factor: &'a Factor,
+    /// Its solution.
+    pub values: &'a [f64],
+    /// The solution's deviations.
+    pub deviations: &'a Deviations,
+}
+
+/// The intervals of a physical fit, see the [module](self).
+///
+/// - `combinations`, `layout`, `options`: those of the fit;
+/// - `phi`, `beta`: what it found;
+/// - `replicates`: how many draws are projected, one small convex programme each, see
+///   [`REPLICATES`];
+/// - `progress`: is told how many are done.
+///
+/// Where the samples are too few for any deviation, nothing is drawn, and intervals are NaN.
+///
+/// Priors count as if they were known for certain: the intervals are then of what the data leave
+/// open beside them.
+///
+/// # Errors
+/// When sizes or labels do not fit, or more than a tenth of the programmes fail.
+pub fn constrained(
+    data: LeastSquares<'_>,
+    combinations: &Combinations,
+    layout: &Layout,
+    options: &Options,
+    (phi, beta): (&[f64], &[f64]),
+    replicates: usize,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Constrained, FeasibilityError> {
+    let drawn = replicate(data, combinations, layout, options, replicates, progress)?;
+    let known = determined(combinations, layout, options)?;
+    let base = beta.iter().enumerate();
+    let physical = phi.iter().zip(known).enumerate();
+    Ok(Constrained {
+        base: base
+            .map(|(k, value)| drawn.spread(*value, drawn.of_base(k)))
+            .collect(),
+        physical: physical
+            .map(|(k, (value, known))| known.then(|| drawn.spread(*value, drawn.of_all(k))))
+            .collect(),
+        replicates: drawn.phi.len(),
+        failed: drawn.failed,
+    })
+}
+
+/// Projected draws.
+pub(crate) struct Drawn {
+    pub(crate) phi: Vec<Vec<f64>>,
+    pub(crate) beta: Vec<Vec<f64>>,
+    pub(crate) failed: usize,
+    /// The least-squares parameters of each that were projected.
+    unbound: Vec<Vec<f64>>,
+    /// For each limit of a base parameter that is a single one, and of which the draws leave open
+    /// whether the truth is there: the base parameter, and which draws are at the limit.
+    touched: Vec<(usize, Vec<bool>)>,
+}
+
+impl Drawn {
+    pub(crate) fn of_base(&self, k: usize) -> Vec<f64> {
+        self.beta.iter().filter_map(|x| x.get(k).copied()).collect()
+    }
+
+    /// The spread of what these draws make of a value, one for each draw.
+    pub(crate) fn spread(&self, value: f64, draws: Vec<f64>) -> Spread {
+        let mut at_bounds = Vec::new();
+        for (column, at) in &self.touched {
+            let cause: Vec<f64> = self.unbound.iter().map(|x| x[*column]).collect();
+            if correlation(&cause, &draws).abs() < RELATED {
+                continue;
+            }
+            let own = draws.iter().zip(at).filter(|(_, at)| **at).map(|(x, _)| *x);
+            let mut own: Vec<f64> = own.filter(|x| x.is_finite()).collect();
+            own.sort_by(f64::total_cmp);
+            at_bounds.push(own);
+        }
+        Spread {
+            at_bounds,
+            ..Spread::new(value, draws)
+        }
+    }
+
+    /// Puts onto their limit the values that a draw left within [`TOUCHING`] of it: the method
+    /// of the fit comes to a limit from inside and stops short of it.
+    fn settle(
+        &mut self,
+        combinations: &Combinations,
+        layout: &Layout,
+        options: &Options,
+        deviations: &Deviations,
+    ) {
+        for (j, label) in layout.labels().iter().enumerate() {
+            let own = options.bounds.iter().find(|b| b.parameter == *label);
+            let sign = if layout.single().contains(&j) {
+                0.0
+            } else {
+                f64::NEG_INFINITY
+            };
+            let (lowest, highest) = own.map_or((sign, f64::INFINITY), |b| (b.lowest, b.highest));
+            // the base parameter that is this one alone, if there is one
+            let rows = combinations.rows().iter();
+            let alone = rows
+                .clone()
+                .position(|row| row.iter().enumerate().all(|(k, x)| (*x != 0.0) == (k == j)));
+            let sigma = match alone {
+                Some(k) => deviations.sigma(k) / combinations.rows()[k][j].abs(),
+                None => Spread::new(0.0, self.of_all(j)).scatter(),
+            };
+            let near = |x: f64, limit: f64| (x - limit).abs() <= TOUCHING * sigma;
+            let mut at = vec![false; self.phi.len()];
+            let draws = self.phi.iter_mut().zip(&mut self.beta).zip(&mut at);
+            for ((phi, beta), at) in draws {
+                let Some(value) = phi.get_mut(j) else {
+                    continue;
+                };
+                *value = match *value {
+                    x if near(x, lowest) => lowest,
+                    x if near(x, highest) => highest,
+                    _ => continue,
+                };
+                *at = true;
+                let row = alone.and_then(|k| combinations.rows().get(k).zip(beta.get_mut(k)));
+                if let Some((factor, entry)) = row.and_then(|(row, b)| row.get(j).zip(Some(b))) {
+                    *entry = factor * *value;
+                }
+            }
+            let part = at.iter().filter(|at| **at).count() as f64 / at.len().max(1) as f64;
+            if let (Some(column), true) = (alone, OPEN < part && part < 1.0 - OPEN) {
+                self.touched.push((column, at));
+            }
+        }
+    }
+
+    pub(crate) fn of_all(&self, k: usize) -> Vec<f64> {
+        self.phi.iter().filter_map(|x| x.get(k).copied()).collect()
+    }
+}
+
+/// Draws least-squares parameters and projects them.
+pub(crate) fn replicate(
+    data: LeastSquares<'_>,
+    combinations: &Combinations,
+    layout: &Layout,
+    options: &Options,
+    replicates: usize,
+    progress: &mut dyn FnMut(usize),
+) -> Result<Drawn, FeasibilityError> {
+    let LeastSquares {
+        factor,
+        values,
+        deviations,
+    } = data;
+    let n = factor.columns();
+    // what the data leave open is not looked at, and no draw is to be proven the optimum
+    let options = &Options {
+        rough: true,
+        ..options.clone()
+    };
+    let mut random = Random(seed(values));
+    let mut out = Drawn {
+        phi: Vec::with_capacity(replicates),
+        beta: Vec::with_capacity(replicates),
+        failed: 0,
+        unbound: Vec::with_capacity(replicates),
+        touched: Vec::new(),
+    };
+    // samples that leave nothing to spare say nothing of deviations: there are no draws
+    if deviations.root().iter().any(|x| !x.is_finite()) {
+        return Ok(out);
+    }
+    let mut step = vec![0.0; n];
+    let mut error = None;
+    // what the data leave open has no interval: it need not be chosen
+    let options = &Options {
+        rough: true,
+        ..options.clone()
+    };
+    for k in 0..replicates {
+        // every other draw is the one before it on the other side: their mean is then right
+        if k.is_multiple_of(2) {
+            step = random.step(deviations, n);
+        } else {
+            for x in &mut step {
+                *x = -*x;
+            }
+        }
+        let moved: Vec<f64> = values.iter().zip(&step).map(|(x, s)| x + s).collect();
+        let factor = moved_to(factor, &moved)?;
+        match identify(&factor, combinations, layout, options) {
+            Ok(found) => {
+                out.phi.push(found.phi);
+                out.beta.push(found.beta);
+                out.unbound.push(moved);
+            }
+            Err(why) => {
+                out.failed += 1;
+                error.get_or_insert(why);
+            }
+        }
+        progress(k + 1);
+    }
+    out.settle(combinations, layout, options, deviations);
+    match error {
+        Some(why) if 10 * out.failed > replicates => Err(why),
+        _ => Ok(out),
+    }
+}
+
+/// The correlation of two lists; 0 where one of them does not vary.
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let finite = || a.iter().zip(b).filter(|(x, y)| (*x + *y).is_finite());
+    let n = finite().count() as f64;
+    let (sum_a, sum_b) = finite().fold((0.0, 0.0), |(p, q), (x, y)| (p + x, q + y));
+    let pairs = || finite().map(|(x, y)| (x - sum_a / n, y - sum_b / n));
+    let (xx, yy) = pairs().fold((0.0, 0.0), |(p, q), (x, y)| (p + x * x, q + y * y));
+    let xy: f64 = pairs().map(|(x, y)| x * y).sum();
+    if xx * yy > 0.0 {
+        xy / (xx * yy).sqrt()
+    } else {
+        0.0
+    }
+}
+
+/// The factor of data that least squares would have found these parameters in.
+fn moved_to(factor: &Factor, values: &[f64]) -> Result<Factor, FeasibilityError> {
+    let n = factor.columns();
+    let mut z = vec![0.0; n];
+    for (column, value) in factor.r().chunks_exact(n.max(1)).zip(values) {
+        for (sum, r) in z.iter_mut().zip(column) {
+            *sum += r * value;
+        }
+    }
+    Ok(Factor::from_parts(
+        factor.labels().to_vec(),
+        factor.r().to_vec(),
+        z,
+        factor.rss(),
+        factor.rows(),
+    )?)
+}
+
+/// Which of all parameters the data and what is known besides determine.
+pub(crate) fn determined(
+    combinations: &Combinations,
+    layout: &Layout,
+    options: &Options,
+) -> Result<Vec<bool>, FeasibilityError> {
+    let p = layout.len();
+    let mut rows: Vec<Vec<f64>> = combinations.rows().to_vec();
+    let mut tell = |entries: &[(usize, f64)]| {
+        let mut row = vec![0.0; p];
+        for (k, x) in entries {
+            row[*k] += x;
+        }
+        rows.push(row);
+    };
+    for (label, _) in &options.known {
+        tell(&[(layout.find(label)?, 1.0)]);
+    }
+    for bodies in &options.identical {
+        let of = |label: &String| layout.bodies().iter().find(|b| b.label == *label);
+        let columns: Vec<_> = bodies.iter().filter_map(of).collect();
+        for pair in columns.windows(2) {
+            for (a, b) in pair[0].columns.iter().zip(&pair[1].columns) {
+                tell(&[(*a, 1.0), (*b, -1.0)]);
+            }
+        }
+    }
+    for total in &options.totals {
+        let places = total.parameters.iter().map(|label| layout.find(label));
+        let places: Vec<usize> = places.collect::<Result<_, _>>()?;
+        tell(&places.iter().map(|k| (*k, 1.0)).collect::<Vec<_>>());
+    }
+    let matrix = DMatrix::from_fn(rows.len(), p, |i, j| {
+        let size = rows[i].iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+        if size > 0.0 { rows[i][j] / size } else { 0.0 }
+    });
+    let svd = matrix.svd(false, true);
+    let Some(v) = svd.v_t else {
+        return Err(FeasibilityError::Solver(format!("{p} parameters")));
+    };
+    let largest = svd.singular_values.iter().fold(0.0, |m: f64, s| m.max(*s));
+    let seen = |k: usize| -> f64 {
+        let pairs = svd.singular_values.iter().enumerate();
+        let inside = pairs.filter(|(_, s)| **s > 1e-10 * largest);
+        inside.map(|(i, _)| v[(i, k)].powi(2)).sum()
+    };
+    Ok((0..p).map(|k| seen(k) > 1.0 - DETERMINED).collect())
+}
+
+/// A seed from the digits of parameters (FNV-1a).
+fn seed(values: &[f64]) -> u64 {
+    let texts = values.iter().map(|x| format!("{x:.DIGITS$e}"));
+    texts
+        .flat_map(String::into_bytes)
+        .fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+        })
+}
+
+/// Normal numbers, the same on every machine (SplitMix64; Box and Muller).
+struct Random(u64);
+
+impl Random {
+    fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut x = self.0;
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^ (x >> 31)
+    }
+
+    /// Between 0 and 1, neither included.
+    fn part(&mut self) -> f64 {
+        ((self.bits() >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+    }
+
+    fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * libm::log(self.part())).sqrt();
+        radius * libm::cos(core::f64::consts::TAU * self.part())
+    }
+
+    /// What another log would have moved least squares by: of Student's distribution, as the
+    /// covariance is itself an estimate.
+    fn step(&mut self, deviations: &Deviations, n: usize) -> Vec<f64> {
+        // beyond a hundred it is normal
+        let freedom = deviations.terms.clamp(1, 100);
+        let squares: f64 = (0..freedom).map(|_| self.normal().powi(2)).sum();
+        let by = (freedom as f64 / squares).sqrt();
+        let normal: Vec<f64> = (0..n).map(|_| by * self.normal()).collect();
+        let mut out = vec![0.0; n];
+        for (column, x) in deviations.root().chunks_exact(n.max(1)).zip(&normal) {
+            for (sum, l) in out.iter_mut().zip(column) {
+                *sum += l * x;
+            }
+        }
+        out
+    }
+}

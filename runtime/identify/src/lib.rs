@@ -1,0 +1,36 @@
+//! Dynamic parameters of a robot from logs of its motion.
+//!
+//! A log becomes samples ([`data`]), samples become states of motion ([`signals`]), states become
+//! equations in the base parameters ([`identify`]), equations become a triangular factor and an
+//! estimate with its deviations ([`estimate`]). [`feasibility`] finds parameters of bodies that can
+//! exist, [`friction`] laws that are not linear, [`identifiability`] what a motion lets one
+//! identify, [`intervals`] the deviations of what no formula gives.
+//!
+//! It works on any [`BaseModel`](regen_runtime::BaseModel), generated or interpreted.
+//!
+//! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
+//! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
+//! Manipulators", in H. Wu (ed.), Parallel Manipulators, towards New Applications, I-Tech, 2008.
+//!
+//! # Features
+//!
+//! - `parquet`: logs from Parquet files too, plain or compressed by snappy.
+//! - `lapack-system`: leaves the dense routines of the conic solver to a BLAS and LAPACK that the
+//!   program links.
+#![allow(
+    clippy::doc_markdown,
+    reason = "A_e and qdd_i are formulas, written as in the equations"
+)]
+
+pub mod data;
+pub mod estimate;
+pub mod feasibility;
+pub mod friction;
+pub mod identifiability;
+pub mod identify;
+pub mod intervals;
+pub mod signals;
+mod singular;
+mod triangle;
+
+pub use singular::SingularValues;

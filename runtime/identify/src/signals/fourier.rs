@@ -1,0 +1,273 @@
+//! The finite Fourier series (Eq. 25), fitted to samples of several signals at once.
+
+use std::f64::consts::TAU;
+
+use super::SignalError;
+use crate::triangle::{BLOCK, reduce};
+
+/// Fourier series of signals with one fundamental frequency.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fourier {
+    frequency: f64,
+    harmonics: usize,
+    /// For each signal: the constant, then cosine and sine of each harmonic.
+    coefficients: Vec<Vec<f64>>,
+}
+
+impl Fourier {
+    /// A series from its coefficients as in Eq. 25: q0, then a_j and b_j for each signal, which
+    /// multiply the velocity's cosines and sines.
+    ///
+    /// # Errors
+    /// When the frequency is not positive or the lengths differ.
+    ///
+    /// ```
+    /// use regen_identify::signals::Fourier;
+    ///
+    /// let series = Fourier::new(0.5, &[(1.0, vec![2.0], vec![0.0])])?;
+    /// let [q, qd, qdd] = series.at(0, 0.0);
+    /// assert_eq!((q, qd, qdd), (1.0, 2.0, 0.0));
+    /// # Ok::<(), regen_identify::signals::SignalError>(())
+    /// ```
+    pub fn new(frequency: f64, signals: &[(f64, Vec<f64>, Vec<f64>)]) -> Result<Self, SignalError> {
+        let harmonics = signals.first().map_or(0, |s| s.1.len());
+        if !(frequency > 0.0 && frequency.is_finite()) {
+            return Err(SignalError::Setting("the frequency must be positive"));
+        }
+        let fits = |s: &(f64, Vec<f64>, Vec<f64>)| s.1.len() == harmonics && s.2.len() == harmonics;
+        if !signals.iter().all(fits) {
+            return Err(SignalError::Setting(
+                "all signals must have as many sines as cosines",
+            ));
+        }
+        let coefficients = signals
+            .iter()
+            .map(|(constant, a, b)| {
+                let pairs = a.iter().zip(b).enumerate();
+                let pairs = pairs.flat_map(|(j, (a, b))| {
+                    let w = TAU * frequency * (j + 1) as f64;
+                    [-b / w, a / w]
+                });
+                core::iter::once(*constant).chain(pairs).collect()
+            })
+            .collect();
+        Ok(Self {
+            frequency,
+            harmonics,
+            coefficients,
+        })
+    }
+
+    /// A series from the coefficients of the positions: for each signal its constant, then the
+    /// factors of the cosines and of the sines, `q0 + sum_k c_k cos(2 pi f k t) + s_k sin(...)`.
+    ///
+    /// - `frequency`: f, Hz.
+    ///
+    /// # Errors
+    /// When the frequency is not positive or the lengths differ.
+    ///
+    /// ```
+    /// use regen_identify::signals::Fourier;
+    ///
+    /// let series = Fourier::of_positions(0.5, &[(1.0, vec![0.25], vec![2.0])])?;
+    /// assert_eq!(series.at(0, 0.0)[0], 1.25);
+    /// assert_eq!(series.coefficients(0), (1.0, vec![0.25], vec![2.0]));
+    /// # Ok::<(), regen_identify::signals::SignalError>(())
+    /// ```
+    pub fn of_positions(
+        frequency: f64,
+        signals: &[(f64, Vec<f64>, Vec<f64>)],
+    ) -> Result<Self, SignalError> {
+        // checks the lengths
+        let mut series = Self::new(frequency, signals)?;
+        for (row, (_, cosine, sine)) in series.coefficients.iter_mut().zip(signals) {
+            let pairs = cosine.iter().zip(sine).flat_map(|(c, s)| [*c, *s]);
+            row.truncate(1);
+            row.extend(pairs);
+        }
+        Ok(series)
+    }
+
+    /// A signal's constant, and the factors of its cosines and sines; NaN and none if there is
+    /// no such signal.
+    pub fn coefficients(&self, signal: usize) -> (f64, Vec<f64>, Vec<f64>) {
+        let row = self.coefficients.get(signal);
+        let (constant, rest) = row.and_then(|row| row.split_first()).unzip();
+        let (pairs, _) = rest.unwrap_or(&[]).as_chunks::<2>();
+        (
+            constant.copied().unwrap_or(f64::NAN),
+            pairs.iter().map(|pair| pair[0]).collect(),
+            pairs.iter().map(|pair| pair[1]).collect(),
+        )
+    }
+
+    /// The frequency of the fundamental, Hz.
+    pub fn frequency(&self) -> f64 {
+        self.frequency
+    }
+
+    /// A signal's value and its first and second derivative at a time in s; NaN if there is no
+    /// such signal.
+    pub fn at(&self, signal: usize, time: f64) -> [f64; 3] {
+        let Some(c) = self.coefficients.get(signal) else {
+            return [f64::NAN; 3];
+        };
+        let mut out = [c.first().copied().unwrap_or(f64::NAN), 0.0, 0.0];
+        for (j, pair) in c.get(1..).unwrap_or(&[]).chunks_exact(2).enumerate() {
+            let w = TAU * self.frequency * (j + 1) as f64;
+            let (sin, cos) = (w * time).sin_cos();
+            out[0] += pair[0] * cos + pair[1] * sin;
+            out[1] += w * (pair[1] * cos - pair[0] * sin);
+            out[2] -= w * w * (pair[0] * cos + pair[1] * sin);
+        }
+        out
+    }
+
+    /// The number of harmonics.
+    pub fn harmonics(&self) -> usize {
+        self.harmonics
+    }
+}
+
+/// A fit of Fourier series in progress: any number of samples in fixed memory.
+#[derive(Clone, Debug)]
+pub struct FourierFit {
+    frequency: f64,
+    harmonics: usize,
+    signals: usize,
+    /// The triangle of basis and signals side by side.
+    r: Vec<f64>,
+    samples: usize,
+    /// Rows not reduced yet, column-major with a stride of [`BLOCK`].
+    pending: Vec<f64>,
+    waiting: usize,
+}
+
+impl FourierFit {
+    /// Starts a fit.
+    ///
+    /// - `frequency`: of the fundamental, Hz.
+    ///
+    /// # Errors
+    /// When the frequency is not positive or there is no harmonic.
+    pub fn new(frequency: f64, harmonics: usize, signals: usize) -> Result<Self, SignalError> {
+        if !(frequency > 0.0 && frequency.is_finite()) {
+            return Err(SignalError::Setting("the frequency must be positive"));
+        }
+        if !(1..=200).contains(&harmonics) {
+            return Err(SignalError::Setting("harmonics must be 1 to 200"));
+        }
+        let n = 1 + 2 * harmonics + signals;
+        Ok(Self {
+            frequency,
+            harmonics,
+            signals,
+            r: vec![0.0; n * n],
+            samples: 0,
+            pending: vec![0.0; n * BLOCK],
+            waiting: 0,
+        })
+    }
+
+    fn columns(&self) -> usize {
+        1 + 2 * self.harmonics + self.signals
+    }
+
+    /// Adds a sample of all signals.
+    ///
+    /// # Errors
+    /// When the number of values does not fit or one is not finite.
+    pub fn push(&mut self, time: f64, values: &[f64]) -> Result<(), SignalError> {
+        if values.len() != self.signals {
+            return Err(SignalError::Length {
+                times: self.signals,
+                values: values.len(),
+            });
+        }
+        if !time.is_finite() || values.iter().any(|x| !x.is_finite()) {
+            return Err(SignalError::NotFinite {
+                sample: self.samples,
+            });
+        }
+        let row = self.waiting;
+        let mut slots = self.pending.iter_mut().skip(row).step_by(BLOCK);
+        let mut put = |value: f64| {
+            if let Some(slot) = slots.next() {
+                *slot = value;
+            }
+        };
+        put(1.0);
+        for j in 1..=self.harmonics {
+            let (sin, cos) = (TAU * self.frequency * j as f64 * time).sin_cos();
+            put(cos);
+            put(sin);
+        }
+        for x in values {
+            put(*x);
+        }
+        self.samples += 1;
+        self.waiting += 1;
+        if self.waiting == BLOCK {
+            self.flush();
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self) {
+        let (n, rows) = (self.columns(), self.waiting);
+        let mut block: Vec<f64> = self
+            .pending
+            .chunks_exact(BLOCK)
+            .flat_map(|column| column[..rows].iter().copied())
+            .collect();
+        // no right side: the signals are columns
+        let (mut z, mut side) = (vec![0.0; n], vec![0.0; rows]);
+        reduce(&mut self.r, &mut z, &mut block, &mut side, rows);
+        self.waiting = 0;
+    }
+
+    /// The series of least squares.
+    ///
+    /// # Errors
+    /// When the samples do not determine the coefficients: too few, or too short a part of the
+    /// period.
+    pub fn finish(mut self) -> Result<Fourier, SignalError> {
+        self.flush();
+        let (n, basis) = (self.columns(), 1 + 2 * self.harmonics);
+        let few = SignalError::TooFew {
+            samples: self.samples,
+            needed: basis,
+        };
+        if self.samples < basis {
+            return Err(few);
+        }
+        let pivot = |k: usize| self.r[k * n + k];
+        let length = |k: usize| {
+            let column = &self.r[k * n..=k * n + k];
+            column.iter().map(|x| x * x).sum::<f64>().sqrt()
+        };
+        if (0..basis).any(|k| pivot(k) <= 1e-10 * length(k)) {
+            return Err(SignalError::Setting(
+                "the samples do not determine the Fourier series: they cover too short a part of \
+                 the period, or the frequency is wrong",
+            ));
+        }
+        let mut coefficients = Vec::with_capacity(self.signals);
+        for s in 0..self.signals {
+            let start = (basis + s) * n;
+            let mut x = self.r[start..start + basis].to_vec();
+            for k in (0..basis).rev() {
+                x[k] /= pivot(k);
+                for i in 0..k {
+                    x[i] -= self.r[k * n + i] * x[k];
+                }
+            }
+            coefficients.push(x);
+        }
+        Ok(Fourier {
+            frequency: self.frequency,
+            harmonics: self.harmonics,
+            coefficients,
+        })
+    }
+}

@@ -1,0 +1,170 @@
+//! Filters that many channels pass alike: the efforts and every column of the regressor.
+
+use super::{Butterworth, SignalError, local};
+
+/// A zero-phase filter of equations.
+///
+/// Measured efforts `tau` and the regressor `W` fulfil `tau = W x` (Eq. 12) at every instant; a
+/// linear filter `F` that passes over both keeps that true, `F tau = (F W) x`, also for columns
+/// that are not smooth, such as the sign of a velocity (Gautier's parallel filtering).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Smoothing {
+    /// Nothing is filtered.
+    #[default]
+    None,
+    /// The low-pass filter of [`Butterworth`], forward and backward. Needs uniform sampling.
+    Butterworth {
+        /// The filter's order.
+        order: usize,
+        /// The frequency at which one pass has lost 3 dB, Hz.
+        cutoff: f64,
+    },
+    /// The value of a cubic polynomial fitted around each sample with tricube weights.
+    Local {
+        /// How far samples count, s on either side.
+        half_width: f64,
+    },
+}
+
+impl Smoothing {
+    /// Whether it changes anything.
+    pub fn is_none(&self) -> bool {
+        *self == Self::None
+    }
+
+    /// How many samples on either side a filtered value depends on, to rounding.
+    ///
+    /// - `step`: the time between samples, s.
+    ///
+    /// # Errors
+    /// When the settings do not fit the step.
+    pub fn support(&self, step: f64) -> Result<usize, SignalError> {
+        Ok(match *self {
+            Self::None => 0,
+            Self::Butterworth { order, cutoff } => Butterworth::new(order, cutoff, step)?.support(),
+            Self::Local { half_width } => samples(half_width, step),
+        })
+    }
+
+    /// How many samples at either end of a run mean little, as the filter starts there with a
+    /// guess.
+    ///
+    /// - `step`: the time between samples, s.
+    ///
+    /// # Errors
+    /// When the settings do not fit the step.
+    pub fn settling(&self, step: f64) -> Result<usize, SignalError> {
+        Ok(match *self {
+            Self::None => 0,
+            Self::Butterworth { order, cutoff } => {
+                Butterworth::new(order, cutoff, step)?.settling()
+            }
+            Self::Local { half_width } => samples(half_width, step),
+        })
+    }
+
+    /// Filters channels side by side.
+    ///
+    /// - `times`: s, increasing, one for each sample;
+    /// - `values`: sample by sample, `channels` entries each; filtered in place.
+    ///
+    /// # Errors
+    /// When the sampling does not suit the filter, or there are too few samples for it.
+    pub fn apply(
+        &self,
+        times: &[f64],
+        values: &mut Vec<f64>,
+        channels: usize,
+    ) -> Result<(), SignalError> {
+        if channels.checked_mul(times.len()) != Some(values.len()) {
+            return Err(SignalError::Length {
+                times: times.len(),
+                values: values.len(),
+            });
+        }
+        if channels == 0 {
+            return Ok(());
+        }
+        match *self {
+            Self::None => Ok(()),
+            Self::Butterworth { order, cutoff } => {
+                let step = super::mean_step(times)?;
+                Butterworth::new(order, cutoff, step)?.zero_phase_channels(values, channels)
+            }
+            Self::Local { half_width } => {
+                let smooth = local::smooth(half_width, times, values, channels)?;
+                *values = smooth;
+                Ok(())
+            }
+        }
+    }
+}
+
+fn samples(half_width: f64, step: f64) -> usize {
+    #[allow(clippy::cast_sign_loss, reason = "a negative width gives 0")]
+    let samples = (half_width / step).ceil() as usize;
+    samples.saturating_add(1)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn channels_are_filtered_as_signals_by_themselves() {
+        let times: Vec<f64> = (0..400).map(|k| 0.01 * f64::from(k)).collect();
+        let signal = |c: usize, t: f64| (3.0 * t + c as f64).sin() + (60.0 * t).cos() * c as f64;
+        for filter in [
+            Smoothing::Butterworth {
+                order: 5,
+                cutoff: 7.0,
+            },
+            Smoothing::Local { half_width: 0.08 },
+        ] {
+            let mut values: Vec<f64> = times
+                .iter()
+                .flat_map(|t| [0, 1, 2].map(|c| signal(c, *t)))
+                .collect();
+            filter.apply(&times, &mut values, 3).unwrap();
+            for c in 0..3 {
+                let mut one: Vec<f64> = times.iter().map(|t| signal(c, *t)).collect();
+                filter.apply(&times, &mut one, 1).unwrap();
+                let own: Vec<f64> = values.iter().skip(c).step_by(3).copied().collect();
+                assert_eq!(own, one, "{filter:?} {c}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_filter_keeps_sums_of_columns() {
+        // linearity is what parallel filtering rests on: F(W x) = (F W) x
+        let times: Vec<f64> = (0..300).map(|k| 0.01 * f64::from(k)).collect();
+        let x = [0.7, -2.0];
+        let filter = Smoothing::Butterworth {
+            order: 4,
+            cutoff: 5.0,
+        };
+        let columns = |t: f64| [(2.0 * t).sin().signum(), (5.0 * t).cos()];
+        let mut w: Vec<f64> = times.iter().flat_map(|t| columns(*t)).collect();
+        let mut tau: Vec<f64> = times
+            .iter()
+            .map(|t| columns(*t).iter().zip(x).map(|(w, x)| w * x).sum())
+            .collect();
+        filter.apply(&times, &mut w, 2).unwrap();
+        filter.apply(&times, &mut tau, 1).unwrap();
+        for (w, tau) in w.chunks_exact(2).zip(&tau) {
+            // rounding of three sections, run twice over values near 2
+            assert!((w[0] * x[0] + w[1] * x[1] - tau).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_constant_stays_to_the_last_digit() {
+        let times: Vec<f64> = (0..200).map(|k| 0.01 * f64::from(k)).collect();
+        let filter = Smoothing::Local { half_width: 0.05 };
+        let mut values = vec![3.25; 200];
+        filter.apply(&times, &mut values, 1).unwrap();
+        assert!(values.iter().all(|x| (x - 3.25).abs() < 1e-12));
+    }
+}

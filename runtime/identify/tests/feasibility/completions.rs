@@ -1,0 +1,101 @@
+//! What observations leave open, completed towards a reference where a margin binds.
+
+use regen_identify::estimate::Factor;
+use regen_identify::feasibility::{
+    Combinations, Layout, Options, Outcome, Prior, SYMBOLS, identify,
+};
+
+/// A thin rod along x: its own margin is below those that are asked for.
+const ROD: [f64; 10] = [0.002, 0.0, 0.0, 0.3, 0.0, 0.3, 0.4, 0.0, 0.0, 1.5];
+
+/// The distance to the reference, in units of the scale, of the completion with a margin.
+fn distance(margin: f64) -> (f64, f64) {
+    let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+    let layout = Layout::new(&labels).unwrap();
+    let seen = Combinations::identity(&labels).select(&[5, 6]).unwrap();
+    let mut factor = Factor::new(seen.labels().to_vec());
+    factor
+        .push_block(&[1.0, 0.0, 0.0, 1.0], &[ROD[5], ROD[6]])
+        .unwrap();
+    let options = Options {
+        margin,
+        reference: ROD.iter().copied().map(Some).collect(),
+        ..Options::default()
+    };
+    let found = identify(&factor, &seen, &layout, &options).unwrap();
+    assert_eq!(found.outcome, Outcome::Unconstrained, "{margin}");
+    assert!(found.check.is_physical() && found.check.margin() >= margin);
+    for (k, exact) in [(5, ROD[5]), (6, ROD[6])] {
+        assert!((found.phi[k] - exact).abs() < 1e-12, "what was seen stays");
+    }
+    let length = options.scale.length;
+    let units = [2, 2, 2, 2, 2, 2, 1, 1, 1, 0].map(|k| length.powi(k));
+    let off = found.phi.iter().zip(ROD).zip(units);
+    let squares: f64 = off.map(|((a, b), unit)| ((a - b) / unit).powi(2)).sum();
+    (squares.sqrt(), found.check.margin())
+}
+
+/// As close to the reference as the margin lets it be: the margin is just met, and a little more
+/// of it is a little farther.
+#[test]
+fn a_completion_is_as_near_the_reference_as_its_margin_lets_it_be() {
+    let mut last = 0.0;
+    for k in 0..12 {
+        let margin = 0.02 + 0.005 * f64::from(k);
+        let (off, met) = distance(margin);
+        assert!(met < margin + 1e-5, "{met} is more than {margin}");
+        let (more, _) = distance(margin + 1e-4);
+        assert!(off > last && off < more + 1e-6, "{off} {last} {more}");
+        assert!(more - off < 1e-2, "{margin}: {off} {more}");
+        last = off;
+    }
+}
+
+const BODY: [f64; 10] = [0.2, 0.01, 0.0, 0.25, -0.02, 0.22, 0.1, 0.05, -0.03, 3.0];
+
+/// With something known or believed the parameters come from a programme: there too, every
+/// direction that nothing determines is the reference's.
+#[test]
+fn directions_that_nothing_determines_are_the_reference_s_beside_what_is_known() {
+    let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
+    let layout = Layout::new(&labels).unwrap();
+    let reference: Vec<Option<f64>> = BODY.iter().copied().map(Some).collect();
+    let known = Options {
+        known: vec![("my(1)".to_owned(), 0.02)],
+        reference: reference.clone(),
+        ..Options::default()
+    };
+    let believed = Options {
+        noise: Some(1e-3),
+        priors: vec![Prior {
+            parameter: "my(1)".to_owned(),
+            value: 0.02,
+            deviation: 1e-3,
+        }],
+        reference,
+        ..Options::default()
+    };
+    for options in [known, believed] {
+        for seen in [&[9][..], &[9, 3], &[9, 3, 6, 0]] {
+            let combinations = Combinations::identity(&labels).select(seen).unwrap();
+            let mut factor = Factor::new(combinations.labels().to_vec());
+            let n = seen.len();
+            let mut w = vec![0.0; n * n];
+            w.iter_mut().step_by(n + 1).for_each(|x| *x = 1.0);
+            let tau: Vec<f64> = seen.iter().map(|&k| 1.1 * BODY[k]).collect();
+            factor.push_block(&w, &tau).unwrap();
+            let found = identify(&factor, &combinations, &layout, &options).unwrap();
+            for (k, label) in labels.iter().enumerate() {
+                let exact = match k {
+                    7 => 0.02,
+                    _ if seen.contains(&k) => 1.1 * BODY[k],
+                    _ => BODY[k],
+                };
+                // the pull of the reference is 1e-4 of the observations': 1e-8 in their squares,
+                // of which the solver leaves 1e-12
+                let off = (found.phi[k] - exact).abs();
+                assert!(off < 1e-3, "{seen:?} {label}: {off:e}");
+            }
+        }
+    }
+}

@@ -1,0 +1,147 @@
+//! Intervals of estimates under constraints belong to the value that they stand beside.
+
+use regen_identify::estimate::{Deviations, Estimate, Factor};
+use regen_identify::feasibility::{Options, identify};
+use regen_identify::friction::{fit, intervals};
+use regen_identify::intervals::{Constrained, LeastSquares, constrained};
+use regen_runtime::Friction;
+
+use crate::friction::{plain, simulate};
+use crate::robots::Robot;
+
+/// What looks like noise, the same everywhere.
+fn noise(t: usize) -> f64 {
+    (12.9898 * (t * t) as f64).sin()
+}
+
+/// Data of a robot's combinations with noise of this size.
+fn factor(robot: &Robot, size: f64) -> Factor {
+    let labels = robot.combinations.labels();
+    let (n, rows) = (labels.len(), 200);
+    let w: Vec<f64> = (0..n * rows)
+        .map(|k| noise(k + 7) + 0.3 * noise(3 * k + 1))
+        .collect();
+    let beta = robot.beta();
+    let tau: Vec<f64> = (0..rows)
+        .map(|t| {
+            let exact: f64 = (0..n).map(|j| w[j * rows + t] * beta[j]).sum();
+            exact + size * noise(5 * t + 3)
+        })
+        .collect();
+    let mut factor = Factor::new(labels.to_vec());
+    factor.push_block(&w, &tau).unwrap();
+    factor
+}
+
+fn found(robot: &Robot, factor: &Factor, draws: usize) -> (Estimate, Constrained) {
+    let options = Options::default();
+    let fit = identify(factor, &robot.combinations, &robot.layout, &options).unwrap();
+    let estimate = Estimate::of(factor).unwrap();
+    let deviations = Deviations::white(&estimate);
+    let data = LeastSquares {
+        factor,
+        values: &estimate.values,
+        deviations: &deviations,
+    };
+    let adopted = (fit.phi.as_slice(), fit.beta.as_slice());
+    let mut told = 0;
+    let found = constrained(
+        data,
+        &robot.combinations,
+        &robot.layout,
+        &options,
+        adopted,
+        draws,
+        &mut |done| told = done,
+    )
+    .unwrap();
+    assert_eq!((told, found.failed), (draws, 0));
+    (estimate, found)
+}
+
+/// Far from every constraint a physical fit is least squares, and as uncertain.
+#[test]
+fn without_active_constraints_they_are_those_of_least_squares() {
+    let robot = plain();
+    let (estimate, found) = found(&robot, &factor(&robot, 1e-4), 400);
+    for (k, spread) in found.base.iter().enumerate() {
+        let (low, high) = spread.interval(0.95);
+        let half = estimate.half_width(k, 0.95);
+        // four hundred draws tell the ends of an interval to 10 %
+        for (end, exact) in [(low, spread.value - half), (high, spread.value + half)] {
+            assert!((end - exact).abs() < 0.25 * half, "{k}: {end} {exact}");
+        }
+        let ratio = spread.sigma / estimate.sigma(k);
+        assert!((0.85..1.15).contains(&ratio), "{k}: {ratio}");
+    }
+    // all parameters are observed here
+    assert!(found.physical.iter().all(Option::is_some));
+}
+
+/// With noise that pushes the parameters out of what is physical.
+#[test]
+fn at_constraints_they_hold_their_value_and_keep_inside() {
+    let mut robot = plain();
+    // no friction
+    robot.phi[10] = 0.0;
+    let (_, found) = found(&robot, &factor(&robot, 0.5), 40);
+    for spread in found.base.iter().chain(found.physical.iter().flatten()) {
+        let (low, high) = spread.interval(0.95);
+        assert!(low <= spread.value && spread.value <= high);
+        assert!(low < high);
+    }
+    let friction = found.physical[10].as_ref().unwrap();
+    let (low, high) = friction.interval(0.95);
+    assert!(low > -1e-9 && high > 0.01, "{low} {high}");
+}
+
+#[test]
+fn a_parameter_that_is_chosen_freely_has_none() {
+    let mut robot = plain();
+    let kept: Vec<usize> = (0..11).filter(|k| *k != 3).collect();
+    robot.combinations = robot.combinations.select(&kept).unwrap();
+    let (_, found) = found(&robot, &factor(&robot, 1e-3), 4);
+    for (k, spread) in found.physical.iter().enumerate() {
+        assert_eq!(spread.is_some(), k != 3);
+    }
+}
+
+#[test]
+fn nonlinear_friction_has_intervals_at_its_optimum() {
+    let robot = plain();
+    let stribeck: &[f64] = &[2.0, 3.5, 0.12, 1.3, 1.1];
+    let power: &[f64] = &[1.5, 0.9, 2.2, 0.6];
+    let laws = [(Friction::Stribeck, stribeck), (Friction::Power, power)];
+    let data = simulate(&robot, &laws, 0.05);
+    let options = Options::default();
+    let (combinations, layout) = (&robot.combinations, &robot.layout);
+    let best = fit(&data, combinations, layout, &options).unwrap();
+    let found = intervals(
+        &data,
+        combinations,
+        layout,
+        &options,
+        &best,
+        60,
+        &mut |_| {},
+    )
+    .unwrap();
+    assert_eq!(found.failed, 0);
+    let mut held = 0;
+    let joints = found.joints.iter().zip(&best.joints).zip(laws);
+    for ((spreads, joint), (_, truth)) in joints {
+        for ((spread, value), truth) in spreads.iter().zip(&joint.values).zip(truth) {
+            let spread = spread.as_ref().unwrap();
+            let (low, high) = spread.interval(0.95);
+            assert!(low <= *value && *value <= high && spread.sigma > 0.0);
+            assert!(spread.sigma < 0.3 * value.abs(), "{spread:?}");
+            held += usize::from(low <= *truth && *truth <= high);
+        }
+    }
+    // nine values, of which at most one may be missed by chance
+    assert!(held >= 8, "{held}");
+    for (spread, value) in found.base.iter().zip(&best.beta) {
+        let (low, high) = spread.interval(0.95);
+        assert!(low <= *value && *value <= high);
+    }
+}

@@ -1,0 +1,85 @@
+//! What is written of parameters: units, keys that YAML reads as text, inertias.
+
+use regen_identify::feasibility::{Layout, SYMBOLS, bodies_yaml, unit};
+use regen_runtime::{Friction, Info, Joint, Limits, Motion};
+
+/// A joint that turns and one that slides.
+fn joint(motion: Motion) -> Joint {
+    Joint {
+        motion,
+        friction: Friction::Linear,
+        limits: Limits::default(),
+        nominal: [None; 5],
+    }
+}
+
+#[test]
+fn every_kind_of_parameter_has_its_unit() {
+    let joints = [joint(Motion::Turn), joint(Motion::Shift)];
+    let info = Info {
+        coordinates: &["turn", "slide"],
+        joints: &joints,
+        ..Info::EMPTY
+    };
+    for symbol in ["Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz"] {
+        assert_eq!(unit(&format!("{symbol}(arm)"), &info), "kg m^2");
+    }
+    for symbol in ["mx", "my", "mz"] {
+        assert_eq!(unit(&format!("{symbol}(arm)"), &info), "kg m");
+    }
+    assert_eq!(unit("m(arm)", &info), "kg");
+    for (symbol, turn, slide) in [
+        ("J", "kg m^2", "kg"),
+        ("Fv", "N m s/rad", "N s/m"),
+        ("Fv+", "N m s/rad", "N s/m"),
+        ("Fc", "N m", "N"),
+        ("Fc-", "N m", "N"),
+        ("Fs", "N m", "N"),
+    ] {
+        assert_eq!(unit(&format!("{symbol}(turn)"), &info), turn);
+        assert_eq!(unit(&format!("{symbol}(slide)"), &info), slide);
+        // of no joint that is known
+        assert_eq!(unit(&format!("{symbol}(other)"), &info), "SI");
+    }
+    assert_eq!(unit("delta(turn)", &info), "SI");
+}
+
+/// The YAML of one body with these ten parameters.
+fn yaml(label: &str, ten: [f64; 10]) -> String {
+    let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}({label})")).collect();
+    bodies_yaml(&Layout::new(&labels).unwrap(), &ten).unwrap()
+}
+
+/// YAML reads `yes`, `on` and the like as something else than text, and some characters as
+/// marks: these are quoted, and nothing else is.
+#[test]
+fn keys_are_quoted_exactly_where_they_would_be_no_text() {
+    for (label, key) in [
+        ("1", "1"),
+        ("upper_arm2", "upper_arm2"),
+        ("yes", "\"yes\""),
+        ("No", "\"No\""),
+        ("TRUE", "\"TRUE\""),
+        ("null", "\"null\""),
+        ("n", "\"n\""),
+        ("arm: left", "\"arm: left\""),
+        ("arm-left", "\"arm-left\""),
+        ("", "\"\""),
+        ("a\"b\\c", "\"a\\\"b\\\\c\""),
+        ("nose", "nose"),
+    ] {
+        let text = yaml(label, [0.0; 10]);
+        let line = text.lines().nth(1).unwrap();
+        assert!(line.starts_with(&format!("  {key}: {{mass: ")), "{line}");
+    }
+}
+
+#[test]
+fn a_body_without_mass_has_its_centre_at_the_origin() {
+    let text = yaml("1", [1.0, 0.5, 0.0, 2.0, 0.25, 3.0, 0.5, 0.0, 0.0, 0.0]);
+    assert_eq!(
+        text,
+        "bodies:\n  1: {mass: 0.0, com: [0.0, 0.0, 0.0], \
+         inertia: [1.0, 0.5, 0.0, 2.0, 0.25, 3.0]}\n"
+    );
+}

@@ -1,0 +1,28 @@
+//! From samples to parameters: the balance of energy, robust weights, states from what is
+//! measured, on mechanisms whose equations are known in closed form.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+#[path = "identification/coverage.rs"]
+mod coverage;
+#[path = "identification/digests.rs"]
+mod digests;
+#[path = "identification/energy.rs"]
+mod energy;
+#[path = "identification/instruments.rs"]
+mod instruments;
+#[path = "identification/motion.rs"]
+mod motion;
+#[path = "identification/robust.rs"]
+mod robust;
+
+#[allow(unreachable_pub, reason = "examples include the files too")]
+mod models {
+    pub(crate) mod pendulum {
+        include!("../../tests/models/pendulum.rs");
+        include!("../../tests/models/pendulum_base.rs");
+    }
+    pub(crate) mod slider_crank {
+        include!("../../tests/models/slider_crank.rs");
+        include!("../../tests/models/slider_crank_base.rs");
+    }
+}

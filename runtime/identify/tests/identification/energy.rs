@@ -1,0 +1,214 @@
+//! The balance of energy against the energies and powers of a slider-crank, written by hand.
+
+use regen_identify::identify::{Kind, Observer, Options, Recorded, Row, identify, residuals};
+use regen_runtime::Closure;
+
+use crate::models::pendulum::Pendulum;
+use crate::models::slider_crank::SliderCrank;
+
+const GRAVITY: f64 = 9.81;
+const PHI: [f64; 3] = [0.7, 0.4, 2.5];
+/// Not at zero: only differences of times may count.
+const START: f64 = 5.0;
+
+fn model() -> SliderCrank {
+    SliderCrank {
+        offset: 0.3,
+        ..SliderCrank::default()
+    }
+}
+
+/// A sample of the crank's motion: the state and the crank's effort.
+struct Made {
+    time: f64,
+    q: Vec<f64>,
+    qd: Vec<f64>,
+    qdd: Vec<f64>,
+    tau: f64,
+}
+
+fn made(samples: u32, step: f64) -> Vec<Made> {
+    let model = model();
+    let mut closure = Closure::new(&model).unwrap();
+    (0..samples)
+        .map(|k| {
+            let t = step * f64::from(k);
+            let (s, c) = (2.0 * t).sin_cos();
+            let state = closure
+                .track_state(&[1.5 * t + 0.5 * s], &[1.5 + c], &[-2.0 * s])
+                .unwrap();
+            assert!(state.outcome.is_closed());
+            // d'Alembert: the slider's mass is moved against its acceleration and its weight
+            let ratio = state.qd[2] / state.qd[0];
+            let slide = PHI[2] * (state.qdd[2] + GRAVITY);
+            Made {
+                time: START + t,
+                tau: PHI[0] * state.qdd[0] + PHI[1] * state.qd[0] + ratio * slide,
+                q: state.q,
+                qd: state.qd,
+                qdd: state.qdd,
+            }
+        })
+        .collect()
+}
+
+fn row<'a>(made: &'a Made, tau: &'a [f64; 1], weights: &'a [f64; 1], follows: bool) -> Row<'a> {
+    Row {
+        time: made.time,
+        q: &made.q,
+        qd: &made.qd,
+        qdd: &made.qdd,
+        tau,
+        efforts: &[],
+        still: &[],
+        weights,
+        follows,
+    }
+}
+
+/// A window's equation by definition: what kinetic energies gain, and trapezoids of the powers
+/// of friction and weight; on the right those of the crank's effort.
+fn by_hand(window: &[Made]) -> ([f64; 3], f64) {
+    let trapezoid = |power: &dyn Fn(&Made) -> f64| -> f64 {
+        let pairs = window.windows(2);
+        pairs
+            .map(|p| (p[1].time - p[0].time) * (power(&p[0]) + power(&p[1])) / 2.0)
+            .sum()
+    };
+    let (first, last) = (&window[0], &window[window.len() - 1]);
+    let gained = |coordinate: usize| {
+        let half = |m: &Made| 0.5 * m.qd[coordinate] * m.qd[coordinate];
+        half(last) - half(first)
+    };
+    let w = [
+        gained(0),
+        trapezoid(&|m| m.qd[0] * m.qd[0]),
+        gained(2) + trapezoid(&|m| GRAVITY * m.qd[2]),
+    ];
+    (w, trapezoid(&|m| m.tau * m.qd[0]))
+}
+
+#[test]
+fn a_window_balances_work_with_what_energies_gain_and_friction_takes() {
+    let (model, rows) = (model(), made(200, 0.01));
+    let mut observer = Observer::new(&model, Kind::Energy { window: 0.25 });
+    let mut from = 0;
+    let mut windows = 0;
+    // the log is interrupted here: the window before it has no end
+    let gap = 110;
+    for (k, sample) in rows.iter().enumerate() {
+        // the weight is the one of the window's first sample
+        let (tau, weights) = ([sample.tau], [1.0 + k as f64]);
+        let found = observer
+            .observe(&row(sample, &tau, &weights, k > 0 && k != gap))
+            .unwrap();
+        if k == gap {
+            from = k;
+        }
+        if k - from < 25 {
+            assert!(found.tau.is_empty() && found.weights.is_empty(), "{k}");
+            continue;
+        }
+        let (w, work) = by_hand(&rows[from..=k]);
+        assert_eq!((found.tau.len(), found.w.len()), (1, 3));
+        // sums of 25 terms of size 10
+        for (a, b) in found.w.iter().zip(w) {
+            assert!((a - b).abs() < 1e-12, "{k}: {:?} {w:?}", found.w);
+        }
+        assert!((found.tau[0] - work).abs() < 1e-12);
+        assert_eq!(found.weights, [1.0 + from as f64]);
+        from = k;
+        windows += 1;
+    }
+    assert_eq!(windows, 4 + 3, "110 samples, then 90");
+    assert_eq!(observer.singular(), 0);
+}
+
+/// Trapezoids are wrong by their step squared: a quarter of it, a sixteenth of the error.
+#[test]
+fn energy_alone_finds_the_parameters_as_its_step_shrinks() {
+    let model = model();
+    let off = |samples: u32, step: f64| {
+        let mut log = Recorded::new();
+        for m in made(samples, step) {
+            // accelerations are not asked for
+            log.push(m.time, &m.q, &m.qd, &[f64::NAN; 3], &[m.tau]);
+        }
+        let kind = Kind::Energy { window: 0.1 };
+        let found = identify(&model, kind, &Options::default(), &mut log).unwrap();
+        let pairs = found.estimate.values.iter().zip(PHI);
+        pairs.fold(0.0, |m: f64, (a, b)| m.max((a - b).abs() / b))
+    };
+    let (coarse, fine) = (off(600, 0.01), off(2400, 0.0025));
+    assert!(coarse < 2e-2 && fine < coarse / 12.0, "{coarse:e} {fine:e}");
+}
+
+#[test]
+fn forces_and_energy_without_an_equation_are_counted_as_singular() {
+    let model = model();
+    let rows = made(6, 0.1);
+    // the rod stands across the slider's way: nothing follows from the crank
+    let mut across = made(1, 0.1).remove(0);
+    across.q[1] = std::f64::consts::FRAC_PI_2 - across.q[0];
+    for kind in [Kind::Forces, Kind::Energy { window: 0.15 }] {
+        let mut observer = Observer::new(&model, kind);
+        let mut given = 0;
+        for (k, sample) in rows.iter().enumerate() {
+            let sample = if k == 3 { &across } else { sample };
+            let tau = [sample.tau];
+            let found = observer.observe(&row(sample, &tau, &[1.0], k > 0)).unwrap();
+            given += found.tau.len();
+            assert!(k != 3 || found.tau.is_empty());
+        }
+        assert_eq!(observer.singular(), 1);
+        // windows of two steps: from 0 to 2, none over the gap, and 4 to 5 is too short
+        assert_eq!(given, if kind == Kind::Forces { 5 } else { 1 });
+    }
+}
+
+#[test]
+fn a_row_that_is_not_finite_gives_no_equation() {
+    let mut observer = Observer::new(&Pendulum, Kind::Forces);
+    for (qdd, given) in [(1.0, 1), (f64::INFINITY, 0), (f64::NAN, 0), (2.0, 1)] {
+        let row = Row {
+            time: 0.0,
+            q: &[0.1],
+            qd: &[0.2],
+            qdd: &[qdd],
+            tau: &[1.0],
+            efforts: &[],
+            still: &[],
+            weights: &[1.0],
+            follows: true,
+        };
+        assert_eq!(observer.observe(&row).unwrap().tau.len(), given, "{qdd}");
+    }
+    assert_eq!(observer.singular(), 2);
+}
+
+#[test]
+fn residuals_of_the_true_parameters_are_what_trapezoids_leave() {
+    let mut log = Recorded::new();
+    for m in made(400, 0.005) {
+        log.push(m.time, &m.q, &m.qd, &m.qdd, &[m.tau]);
+    }
+    let forces = residuals(&model(), Kind::Forces, &mut log, &PHI, &[0.0], 3).unwrap();
+    assert!(forces.efforts()[0].largest < 1e-10, "closed to rounding");
+    let kind = Kind::Energy { window: 0.5 };
+    let energy = residuals(&model(), kind, &mut log, &PHI, &[0.0], 1).unwrap();
+    // two seconds, less the first sample: three windows are full
+    assert_eq!(energy.efforts()[0].samples, 3);
+    // half a second of (step^2 / 12) times the second derivative of powers of size 100
+    assert!(energy.efforts()[0].largest < 1e-2);
+}
+
+#[test]
+fn kinds_of_equations_are_named_as_files_name_them() {
+    assert_eq!(Kind::Forces.name(), "forces");
+    assert_eq!(Kind::Energy { window: 0.5 }.name(), "energy over 0.5 s");
+    let origin = Observer::new(&model(), Kind::Energy { window: 0.5 }).origin();
+    assert_eq!(origin.efforts, ["energy"]);
+    assert_eq!(origin.labels, ["J(crank)", "Fv(crank)", "m(slider)"]);
+    let origin = Observer::new(&model(), Kind::Forces).origin();
+    assert_eq!(origin.efforts, ["crank"]);
+}

@@ -1,0 +1,181 @@
+//! States of a slider-crank from what is measured of it, against its closed form.
+
+use regen_identify::identify::{Completed, Completion};
+use regen_runtime::Closure;
+
+use crate::models::slider_crank::SliderCrank;
+
+const HOME: f64 = 0.5;
+
+/// A crank of 1 and a rod of 2 m, without offset.
+fn model() -> SliderCrank {
+    SliderCrank {
+        home: at(HOME),
+        ..SliderCrank::default()
+    }
+}
+
+/// All coordinates at a crank angle.
+fn at(crank: f64) -> [f64; 3] {
+    let rod = (-crank.sin() / 2.0).asin();
+    [crank, rod - crank, crank.cos() + 2.0 * rod.cos()]
+}
+
+/// How all coordinates move with the crank.
+fn rates(crank: f64) -> [f64; 3] {
+    let rod = (-crank.sin() / 2.0).asin();
+    let turn = -crank.cos() / (2.0 * rod.cos());
+    [1.0, turn - 1.0, -crank.sin() - 2.0 * rod.sin() * turn]
+}
+
+fn state(completed: Completed) -> regen_runtime::State {
+    match completed {
+        Completed::State(state) => state,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn measured_in_any_order_and_number_exact_values_give_the_state() {
+    let model = model();
+    let mut closure = Closure::new(&model).unwrap();
+    for measured in [&[0][..], &[2], &[1], &[2, 0], &[1, 2], &[2, 1, 0]] {
+        let deviations: Vec<f64> = measured.iter().map(|m| 0.01 + 0.5 * *m as f64).collect();
+        let mut completion = Completion::new(&model, measured, &deviations).unwrap();
+        for k in 0..20 {
+            let crank = HOME + 0.05 * f64::from(k);
+            let exact = closure.solve_state(&[crank], &[0.8], &[-1.7]).unwrap();
+            let pick = |all: &[f64]| -> Vec<f64> { measured.iter().map(|&m| all[m]).collect() };
+            let (q, qd, qdd) = (pick(&exact.q), pick(&exact.qd), pick(&exact.qdd));
+            let found = state(completion.complete(&q, &qd, &qdd).unwrap());
+            for (a, b) in [
+                (&found.q, &exact.q),
+                (&found.qd, &exact.qd),
+                (&found.qdd, &exact.qdd),
+            ] {
+                for (a, b) in a.iter().zip(b) {
+                    // rounding over the slider's rate of at least 0.7 and the steps' end
+                    assert!((a - b).abs() < 1e-11, "{measured:?}: {found:?} {exact:?}");
+                }
+            }
+        }
+    }
+}
+
+/// What contradicts itself is weighed by the deviations: the crank's rate is the mean of what
+/// crank and slider say, each divided by its variance.
+#[test]
+fn contradictions_are_weighed_by_the_deviations() {
+    let model = model();
+    let deviations = [0.02, 0.005];
+    let mut completion = Completion::new(&model, &[0, 2], &deviations).unwrap();
+    let crank = HOME + 0.2;
+    let (exact, slide) = (at(crank), rates(crank)[2]);
+    let (qd, qdd) = ([1.0, slide * 1.5], [2.0, -3.0]);
+    let found = state(completion.complete(&[crank, exact[2]], &qd, &qdd).unwrap());
+    let [a, b] = deviations.map(|d| 1.0 / (d * d));
+    let mean = |direct: f64, of_slider: f64| {
+        (a * direct + b * slide * of_slider) / (a + b * slide * slide)
+    };
+    let rate = mean(qd[0], qd[1]);
+    assert!((found.qd[0] - rate).abs() < 1e-12, "{found:?} {rate}");
+    // what the slider has at a steady crank is no contradiction
+    let coast = {
+        let mut closure = Closure::new(&model).unwrap();
+        closure.solve_state(&[crank], &[rate], &[0.0]).unwrap().qdd[2]
+    };
+    let acceleration = mean(qdd[0], qdd[1] - coast);
+    assert!((found.qdd[0] - acceleration).abs() < 1e-11);
+
+    // positions that contradict: where the weighted sum of squares does not change any more
+    let (q, s) = (crank + 0.01, exact[2] - 0.002);
+    let found = state(completion.complete(&[q, s], &qd, &qdd).unwrap());
+    let slope = a * (q - found.q[0]) + b * rates(found.q[0])[2] * (s - found.q[2]);
+    assert!(slope.abs() < 1e-8 * a, "{slope:e} of {a:e}");
+    assert!((found.q[0] - crank).abs() > 1e-4 && (found.q[0] - q).abs() > 1e-4);
+}
+
+/// A slider alone says nothing of its crank's side: it is the one where the last sample was,
+/// or home after a restart.
+#[test]
+fn a_restarted_completion_is_as_a_new_one() {
+    let model = model();
+    let mut used = Completion::new(&model, &[2], &[0.001]).unwrap();
+    let complete = |completion: &mut Completion<'_, _>, crank: f64| {
+        completion.complete(&[at(crank)[2]], &[0.0], &[0.0])
+    };
+    for crank in [0.4, 0.2, 0.1, 0.05] {
+        let found = state(complete(&mut used, crank).unwrap());
+        assert!((found.q[0] - crank).abs() < 1e-9);
+    }
+    // near its dead point the crank's angle is hardly known: a step from there goes astray
+    used.restart();
+    let mut fresh = Completion::new(&model, &[2], &[0.001]).unwrap();
+    let (a, b) = (complete(&mut used, 0.9), complete(&mut fresh, 0.9));
+    assert_eq!(a, b);
+    assert!((state(b.unwrap()).q[0] - 0.9).abs() < 1e-9);
+}
+
+#[test]
+fn what_does_not_move_with_the_mechanism_leaves_it_unmeasured() {
+    let mut model = model();
+    // at the dead point the slider rests whatever the crank does
+    model.home = at(0.0);
+    let mut completion = Completion::new(&model, &[2], &[0.001]).unwrap();
+    let found = completion.complete(&[3.0], &[0.0], &[0.0]).unwrap();
+    assert_eq!(found, Completed::Unmeasured);
+}
+
+#[test]
+fn what_is_measured_wrongly_is_refused() {
+    let model = model();
+    let made = |measured: &[usize], deviations: &[f64]| {
+        Completion::new(&model, measured, deviations).map(|_| ())
+    };
+    assert_eq!(made(&[0, 2], &[0.1, 0.1]), Ok(()));
+    for (measured, deviations) in [
+        (&[][..], &[][..]),
+        (&[0], &[0.1, 0.1]),
+        (&[3], &[0.1]),
+        (&[0, 0], &[0.1, 0.1]),
+        (&[0], &[0.0]),
+        (&[0], &[-1.0]),
+        (&[0], &[f64::NAN]),
+        (&[0], &[f64::INFINITY]),
+    ] {
+        assert!(
+            made(measured, deviations).is_err(),
+            "{measured:?} {deviations:?}"
+        );
+    }
+    let mut completion = Completion::new(&model, &[0, 2], &[0.1, 0.1]).unwrap();
+    let (two, one) = (at(HOME), [0.0]);
+    let both = [two[0], two[2]];
+    assert!(completion.complete(&one, &both, &both).is_err());
+    assert!(completion.complete(&both, &one, &both).is_err());
+    assert!(completion.complete(&both, &both, &one).is_err());
+}
+
+/// A rod shorter than the crank: it cannot follow all the way round.
+#[test]
+fn states_that_the_mechanism_does_not_reach_are_told_as_open() {
+    let model = SliderCrank {
+        rod: 0.5,
+        home: [0.0, 0.0, 1.5],
+        ..SliderCrank::default()
+    };
+    for measured in [&[0][..], &[0, 2]] {
+        let deviations = vec![0.1; measured.len()];
+        let mut completion = Completion::new(&model, measured, &deviations).unwrap();
+        let none = vec![0.0; measured.len()];
+        let mut complete = |crank: f64, slider: f64| {
+            let q = [crank, slider];
+            let found = completion.complete(&q[..measured.len()], &none, &none);
+            matches!(found.unwrap(), Completed::State(_))
+        };
+        let reached = |crank: f64| crank.cos() + (0.25 - crank.sin().powi(2)).sqrt();
+        assert!(complete(0.3, reached(0.3)), "{measured:?}");
+        // the rod reaches the slider's way up to a crank angle of 30 degrees
+        assert!(!complete(1.2, 0.4), "{measured:?}");
+    }
+}

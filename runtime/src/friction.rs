@@ -1,0 +1,450 @@
+//! Friction laws of joints (Eq. 14, 16, 17, 32): one row of each table per law. Simulation takes
+//! efforts from them, identification columns that are linear in some coefficients for a shape
+//! that is not.
+//!
+//! The elementary functions are those of `libm`: the same digits on every machine.
+
+/// The most coefficients, shape parameters and stated values that a law has.
+pub const COEFFICIENTS: usize = 4;
+/// See [`COEFFICIENTS`].
+pub const SHAPES: usize = 2;
+/// See [`COEFFICIENTS`].
+pub const VALUES: usize = 5;
+
+/// The friction law of a joint. `v` is its velocity, rad/s or m/s.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Friction {
+    /// None.
+    None,
+    /// `Fv v`.
+    Viscous,
+    /// `Fc sgn(v)`.
+    Coulomb,
+    /// `Fv v + Fc sgn(v)`.
+    Linear,
+    /// Viscous, and Coulomb with a coefficient for each direction.
+    CoulombAsymmetric,
+    /// Viscous and Coulomb with coefficients for each direction (Eq. 14).
+    Asymmetric,
+    /// `sgn(v) (Fc + (Fs - Fc) exp(-|v/vs|^delta)) + Fv v` (Eq. 32); no columns.
+    Stribeck,
+    /// `sgn(v) Fc + Fv1 v + Fv2 atan(Fv3 v)` (Eq. 16); no columns.
+    Atan,
+    /// `Fc+ + Fv |v|^delta` where v > 0, `-Fc- - Fv |v|^delta` where v < 0 (Eq. 17); no columns.
+    Power,
+}
+
+impl Friction {
+    /// Every law.
+    pub const ALL: [Friction; 9] = [
+        Friction::None,
+        Friction::Viscous,
+        Friction::Coulomb,
+        Friction::Linear,
+        Friction::CoulombAsymmetric,
+        Friction::Asymmetric,
+        Friction::Stribeck,
+        Friction::Atan,
+        Friction::Power,
+    ];
+
+    /// Its name in a spec and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Friction::None => "none",
+            Friction::Viscous => "viscous",
+            Friction::Coulomb => "coulomb",
+            Friction::Linear => "linear",
+            Friction::CoulombAsymmetric => "coulomb_asymmetric",
+            Friction::Asymmetric => "asymmetric",
+            Friction::Stribeck => "stribeck",
+            Friction::Atan => "atan",
+            Friction::Power => "power",
+        }
+    }
+
+    /// The symbols of its values, in the order of [`Joint::nominal`](crate::Joint::nominal): of
+    /// columns where it is linear in them.
+    ///
+    /// ```
+    /// use regen_runtime::Friction;
+    ///
+    /// assert_eq!(Friction::Linear.symbols(), ["Fv", "Fc"]);
+    /// assert_eq!(Friction::Stribeck.symbols(), ["Fc", "Fs", "vs", "delta", "Fv"]);
+    /// ```
+    pub fn symbols(self) -> &'static [&'static str] {
+        match self {
+            Friction::None => &[],
+            Friction::Viscous => &["Fv"],
+            Friction::Coulomb => &["Fc"],
+            Friction::Linear => &["Fv", "Fc"],
+            Friction::CoulombAsymmetric => &["Fv", "Fc+", "Fc-"],
+            Friction::Asymmetric => &["Fv+", "Fc+", "Fv-", "Fc-"],
+            Friction::Stribeck => &["Fc", "Fs", "vs", "delta", "Fv"],
+            Friction::Atan => &["Fc", "Fv1", "Fv2", "Fv3"],
+            Friction::Power => &["Fc+", "Fc-", "Fv", "delta"],
+        }
+    }
+
+    /// Whether it is linear in its values, which then are parameters with columns.
+    pub fn is_linear(self) -> bool {
+        self.shape_symbols().is_empty()
+    }
+
+    /// The symbols of the values that the effort is not linear in. They are positive.
+    pub fn shape_symbols(self) -> &'static [&'static str] {
+        match self {
+            Friction::Stribeck => &["vs", "delta"],
+            Friction::Atan => &["Fv3"],
+            Friction::Power => &["delta"],
+            Friction::None
+            | Friction::Viscous
+            | Friction::Coulomb
+            | Friction::Linear
+            | Friction::CoulombAsymmetric
+            | Friction::Asymmetric => &[],
+        }
+    }
+
+    /// What the columns of [`columns`](Self::columns) are multiplied by. None is negative in a
+    /// joint that dissipates; Stribeck's second is the excess of static over Coulomb friction.
+    pub fn coefficients(self) -> &'static [&'static str] {
+        match self {
+            Friction::None => &[],
+            Friction::Viscous => &["Fv"],
+            Friction::Coulomb => &["Fc"],
+            Friction::Linear => &["Fc", "Fv"],
+            Friction::CoulombAsymmetric => &["Fc+", "Fc-", "Fv"],
+            Friction::Asymmetric => &["Fc+", "Fc-", "Fv+", "Fv-"],
+            Friction::Stribeck => &["Fc", "Fs-Fc", "Fv"],
+            Friction::Atan => &["Fc", "Fv1", "Fv2"],
+            Friction::Power => &["Fc+", "Fc-", "Fv"],
+        }
+    }
+
+    /// The columns at a velocity, one for each coefficient, 0 beyond.
+    ///
+    /// - `sign`: sgn(v), or a smooth function in its place;
+    /// - `shape`: values of [`shape_symbols`](Self::shape_symbols), SI.
+    pub fn columns(self, v: f64, sign: f64, shape: [f64; SHAPES]) -> [f64; COEFFICIENTS] {
+        let (forwards, backwards) = (sign.max(0.0), sign.min(0.0));
+        match self {
+            Friction::None => [0.0; COEFFICIENTS],
+            Friction::Viscous => [v, 0.0, 0.0, 0.0],
+            Friction::Coulomb => [sign, 0.0, 0.0, 0.0],
+            Friction::Linear => [sign, v, 0.0, 0.0],
+            Friction::CoulombAsymmetric => [forwards, backwards, v, 0.0],
+            Friction::Asymmetric => [forwards, backwards, v.max(0.0), v.min(0.0)],
+            Friction::Stribeck => {
+                let [vs, delta] = shape;
+                let e = libm::exp(-libm::pow((v / vs).abs(), delta));
+                [sign, sign * e, v, 0.0]
+            }
+            Friction::Atan => [sign, v, libm::atan(shape[0] * v), 0.0],
+            Friction::Power => {
+                let power = libm::pow(v.abs(), shape[0]);
+                [forwards, backwards, sign * power, 0.0]
+            }
+        }
+    }
+
+    /// The columns' derivatives by the logarithm of each shape parameter, 0 beyond.
+    pub fn slopes(self, v: f64, sign: f64, shape: [f64; SHAPES]) -> [[f64; COEFFICIENTS]; SHAPES] {
+        let none = [0.0; COEFFICIENTS];
+        match self {
+            Friction::Stribeck => {
+                let [vs, delta] = shape;
+                let ratio = (v / vs).abs();
+                let power = libm::pow(ratio, delta);
+                let e = libm::exp(-power);
+                let by_vs = sign * e * delta * power;
+                let by_delta = -sign * e * delta * times_logarithm(power, ratio);
+                [[0.0, by_vs, 0.0, 0.0], [0.0, by_delta, 0.0, 0.0]]
+            }
+            Friction::Atan => {
+                let x = shape[0] * v;
+                [[0.0, 0.0, x / (1.0 + x * x), 0.0], none]
+            }
+            Friction::Power => {
+                let delta = shape[0];
+                let power = libm::pow(v.abs(), delta);
+                let by_delta = sign * delta * times_logarithm(power, v.abs());
+                [[0.0, 0.0, by_delta, 0.0], none]
+            }
+            Friction::None
+            | Friction::Viscous
+            | Friction::Coulomb
+            | Friction::Linear
+            | Friction::CoulombAsymmetric
+            | Friction::Asymmetric => [none; SHAPES],
+        }
+    }
+
+    /// The coefficients and shape of values in the order of [`symbols`](Self::symbols). A value
+    /// that is missing counts as 0.
+    pub fn split(self, values: &[f64]) -> ([f64; COEFFICIENTS], [f64; SHAPES]) {
+        let value = |symbol: &str| {
+            let place = self.symbols().iter().position(|s| *s == symbol);
+            place.and_then(|k| values.get(k)).copied().unwrap_or(0.0)
+        };
+        let (mut coefficients, mut shape) = ([0.0; COEFFICIENTS], [0.0; SHAPES]);
+        for (slot, symbol) in coefficients.iter_mut().zip(self.coefficients()) {
+            *slot = match (self, *symbol) {
+                (Friction::Stribeck, "Fs-Fc") => value("Fs") - value("Fc"),
+                _ => value(symbol),
+            };
+        }
+        for (slot, symbol) in shape.iter_mut().zip(self.shape_symbols()) {
+            *slot = value(symbol);
+        }
+        (coefficients, shape)
+    }
+
+    /// The values of coefficients and a shape, in the order of [`symbols`](Self::symbols); 0
+    /// beyond. The inverse of [`split`](Self::split).
+    pub fn join(self, coefficients: &[f64], shape: [f64; SHAPES]) -> [f64; VALUES] {
+        let coefficient = |symbol: &str| {
+            let place = self.coefficients().iter().position(|s| *s == symbol);
+            place.and_then(|k| coefficients.get(k)).copied()
+        };
+        let mut values = [0.0; VALUES];
+        for (slot, symbol) in values.iter_mut().zip(self.symbols()) {
+            let shape_of = || {
+                let mut all = self.shape_symbols().iter().zip(shape);
+                all.find(|(s, _)| s == &symbol).map(|(_, value)| value)
+            };
+            *slot = match (self, *symbol) {
+                // static friction is what is found above Coulomb's
+                (Friction::Stribeck, "Fs") => {
+                    coefficient("Fc").unwrap_or(0.0) + coefficient("Fs-Fc").unwrap_or(0.0)
+                }
+                _ => coefficient(symbol).or_else(shape_of).unwrap_or(0.0),
+            };
+        }
+        values
+    }
+
+    /// Coefficients and shape with which a law of three coefficients is linear friction of these
+    /// Fc and Fv; a law that does not contain linear friction gives that of the parts it has.
+    pub fn of_linear(
+        self,
+        [fc, fv]: [f64; 2],
+        shape: [f64; SHAPES],
+    ) -> ([f64; COEFFICIENTS], [f64; SHAPES]) {
+        match self {
+            Friction::None => ([0.0; COEFFICIENTS], shape),
+            Friction::Viscous => ([fv, 0.0, 0.0, 0.0], shape),
+            Friction::Coulomb => ([fc, 0.0, 0.0, 0.0], shape),
+            Friction::Linear | Friction::Atan => ([fc, fv, 0.0, 0.0], shape),
+            Friction::CoulombAsymmetric => ([fc, fc, fv, 0.0], shape),
+            Friction::Asymmetric => ([fc, fc, fv, fv], shape),
+            Friction::Stribeck => ([fc, 0.0, fv, 0.0], shape),
+            Friction::Power => ([fc, fc, fv, 0.0], [1.0, shape[1]]),
+        }
+    }
+
+    /// The effort that friction takes from a joint, N or N m: positive where it opposes a
+    /// positive velocity.
+    ///
+    /// - `values`: in the order of [`symbols`](Self::symbols), SI; a missing one counts as 0;
+    /// - `v`: rad/s or m/s; `sign`: sgn(v), or a smooth function in its place.
+    pub fn effort(self, values: &[f64], v: f64, sign: f64) -> f64 {
+        let (coefficients, shape) = self.split(values);
+        let columns = self.columns(v, sign, shape);
+        let used = columns.iter().zip(coefficients);
+        used.take(self.coefficients().len())
+            .map(|(c, x)| c * x)
+            .sum()
+    }
+}
+
+/// A friction law with its values.
+///
+/// ```
+/// use regen_runtime::{Friction, JointFriction};
+///
+/// let stribeck = JointFriction {
+///     law: Friction::Stribeck,
+///     values: [2.0, 3.0, 0.1, 2.0, 5.0],
+/// };
+/// // far above the Stribeck velocity: Coulomb and viscous friction
+/// assert!((stribeck.effort(1.0) - 7.0).abs() < 1e-12);
+/// // it opposes the motion, whatever its direction
+/// assert_eq!(stribeck.effort(-1.0), -stribeck.effort(1.0));
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointFriction {
+    /// The law.
+    pub law: Friction,
+    /// Its values in the order of [`Friction::symbols`], SI; 0 beyond.
+    pub values: [f64; VALUES],
+}
+
+impl JointFriction {
+    /// No friction.
+    pub const NONE: JointFriction = JointFriction {
+        law: Friction::None,
+        values: [0.0; VALUES],
+    };
+
+    /// The effort that friction takes from the joint at a velocity (Eq. 14, 16, 17, 32), N or N m
+    /// over rad/s or m/s; positive where it opposes a positive velocity, 0 at rest.
+    pub fn effort(&self, v: f64) -> f64 {
+        let sign = if v == 0.0 { 0.0 } else { v.signum() };
+        self.law.effort(&self.values, v, sign)
+    }
+
+    /// As [`effort`](Self::effort) with tanh(v/width) in place of sgn(v): smooth where the joint
+    /// reverses. `width` is a velocity, rad/s or m/s.
+    pub fn smooth_effort(&self, v: f64, width: f64) -> f64 {
+        self.law.effort(&self.values, v, libm::tanh(v / width))
+    }
+
+    /// The same law with every force scaled; velocities and exponents stay.
+    #[must_use]
+    pub fn scaled(&self, by: f64) -> Self {
+        let (mut coefficients, shape) = self.law.split(&self.values);
+        for value in &mut coefficients {
+            *value *= by;
+        }
+        let values = self.law.join(&coefficients, shape);
+        Self {
+            law: self.law,
+            values,
+        }
+    }
+}
+
+/// `power ln(base)`, 0 at the base 0, where the power wins.
+fn times_logarithm(power: f64, base: f64) -> f64 {
+    if power > 0.0 && base > 0.0 {
+        power * libm::log(base)
+    } else {
+        0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const VELOCITIES: [f64; 7] = [-1.3, -0.2, -0.01, 0.0, 0.03, 0.5, 2.0];
+    const SHAPE: [f64; SHAPES] = [0.3, 1.4];
+
+    fn sign(v: f64) -> f64 {
+        if v == 0.0 { 0.0 } else { v.signum() }
+    }
+
+    fn nonlinear() -> impl Iterator<Item = Friction> {
+        Friction::ALL.into_iter().filter(|law| !law.is_linear())
+    }
+
+    #[test]
+    fn every_nonlinear_law_contains_linear_friction() {
+        for law in nonlinear() {
+            let (coefficients, shape) = law.of_linear([0.7, 2.5], SHAPE);
+            for v in VELOCITIES {
+                let columns = law.columns(v, sign(v), shape);
+                let effort: f64 = columns.iter().zip(&coefficients).map(|(c, x)| c * x).sum();
+                assert!(
+                    (effort - (0.7 * sign(v) + 2.5 * v)).abs() < 1e-14,
+                    "{law:?} {v}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn slopes_are_the_derivatives_by_logarithms() {
+        for law in Friction::ALL {
+            for v in VELOCITIES {
+                let slopes = law.slopes(v, sign(v), SHAPE);
+                for (s, slope) in slopes.iter().enumerate() {
+                    let moved = |by: f64| {
+                        let mut shape = SHAPE;
+                        shape[s] *= libm::exp(by);
+                        law.columns(v, sign(v), shape)
+                    };
+                    let (more, less) = (moved(1e-5), moved(-1e-5));
+                    for c in 0..COEFFICIENTS {
+                        let difference = (more[c] - less[c]) / 2e-5;
+                        assert!((difference - slope[c]).abs() < 1e-9, "{law:?} {v} {s} {c}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn values_are_split_and_joined_without_loss() {
+        for law in Friction::ALL {
+            let count = law.symbols().len();
+            let mut values = [0.0; VALUES];
+            for (k, value) in values.iter_mut().enumerate().take(count) {
+                *value = 0.75 + 0.5 * k as f64;
+            }
+            let (coefficients, shape) = law.split(&values);
+            assert_eq!(law.join(&coefficients, shape), values, "{law:?}");
+            assert_eq!(law.coefficients().len() + law.shape_symbols().len(), count);
+        }
+    }
+
+    #[test]
+    fn efforts_follow_the_equations() {
+        for v in VELOCITIES {
+            let s = sign(v);
+            let plus = v > 0.0;
+            let bump = (-(v / 0.4_f64).abs().powf(1.4)).exp();
+            let expected: [(Friction, &[f64], f64); 9] = [
+                (Friction::None, &[], 0.0),
+                (Friction::Viscous, &[0.7], 0.7 * v),
+                (Friction::Coulomb, &[2.0], 2.0 * s),
+                (Friction::Linear, &[0.7, 2.0], 0.7 * v + 2.0 * s),
+                (
+                    Friction::CoulombAsymmetric,
+                    &[0.7, 2.0, 3.5],
+                    0.7 * v + if plus { 2.0 } else { 3.5 } * s,
+                ),
+                (
+                    Friction::Asymmetric,
+                    &[0.7, 2.0, 0.9, 3.5],
+                    if plus {
+                        0.7 * v + 2.0 * s
+                    } else {
+                        0.9 * v + 3.5 * s
+                    },
+                ),
+                (
+                    Friction::Stribeck,
+                    &[2.0, 3.5, 0.4, 1.4, 0.7],
+                    s * (2.0 + 1.5 * bump) + 0.7 * v,
+                ),
+                (
+                    Friction::Atan,
+                    &[2.0, 3.5, 0.7, 0.3],
+                    s * 2.0 + 3.5 * v + 0.7 * (0.3 * v).atan(),
+                ),
+                (
+                    Friction::Power,
+                    &[2.0, 3.5, 0.7, 0.3],
+                    s * (if plus { 2.0 } else { 3.5 } + 0.7 * v.abs().powf(0.3)),
+                ),
+            ];
+            for (law, values, effort) in expected {
+                let mut all = [0.0; VALUES];
+                all[..values.len()].copy_from_slice(values);
+                let joint = JointFriction { law, values: all };
+                assert!((joint.effort(v) - effort).abs() < 1e-14, "{law:?} {v}");
+                assert!(
+                    (joint.scaled(2.0).effort(v) - 2.0 * effort).abs() < 1e-13,
+                    "{law:?} {v}"
+                );
+                // far from rest on the scale of the width, tanh is the sign
+                assert!(
+                    (joint.smooth_effort(v, 1e-6) - effort).abs() < 1e-13,
+                    "{law:?} {v}"
+                );
+            }
+        }
+    }
+}
