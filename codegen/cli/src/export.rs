@@ -8,6 +8,8 @@ use regen_import::{BodyParameters, JointParameters, Parameters};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use regen_identify::files;
+
 use crate::args::{ExportArgs, Format};
 use crate::exit::Failure;
 use crate::{load, parameters, table, terminal, write};
@@ -151,7 +153,7 @@ fn placed(source: &Source) -> Result<Parameters, Failure> {
 /// What `regen identify --out` wrote, or any parameters in YAML; `None` for other JSON, whose
 /// mistakes have places.
 fn identified(path: &Path, source: &Source) -> Result<Option<Given>, Failure> {
-    let yaml = parameters::is_yaml(path);
+    let yaml = files::Format::of(path) == files::Format::Yaml;
     let Ok(mut value) = parameters::value(path) else {
         // YAML that does not parse has its place in the message
         return if yaml {

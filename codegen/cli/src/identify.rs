@@ -13,18 +13,20 @@ use serde::Serialize;
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
-use crate::identified::{IdentifiedModel, Intervals};
 use crate::identify_iv::{self, InstrumentsJson};
 use crate::identify_table::human;
 use crate::observe::{self, FileJson};
-use crate::parameters::ParameterFile;
 use crate::physical;
 use crate::predicted::{self, OnLog};
 use crate::reduce::{self, StepJson};
-use crate::rows::{FrictionRow, LeastSquaresRow};
-use crate::status::Shares;
 use crate::suspect::{self, Suspicion};
-use crate::{delay, identify_friction, load, outputs, progress, table, terminal, write};
+use crate::{
+    delay, identify_friction, load, outputs, parameters, progress, table, terminal, write,
+};
+use regen_identify::files::{FrictionRow, LeastSquaresRow};
+use regen_identify::files::{ParameterFile, rust_constants};
+use regen_identify::model::{IdentifiedModel, Intervals};
+use regen_identify::status::Shares;
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen identify`: the file of the adopted model, and what is known besides.
@@ -153,13 +155,13 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
     let Outcome { json, identified } = solve(args, &model)?;
     let mut written = Vec::new();
     if let Some(out) = &args.out {
-        written.push((out, json.file.text(out)?));
+        written.push((out, parameters::text(&json.file, out)?));
     }
     if let Some(out) = &args.physical.bodies {
         written.push((out, outputs::spec(&source, &model, &identified)?));
     }
     if let Some(out) = &args.physical.rust {
-        written.push((out, outputs::rust(&model, &identified)?));
+        written.push((out, rust_constants(&model, &identified, None)?));
     }
     for (out, text) in &written {
         write::atomically(out, text)?;
@@ -210,7 +212,7 @@ fn models(
     start: &mut Start,
 ) -> Result<(IdentifiedModel, bool), Failure> {
     let least = IdentifiedModel {
-        name: "least squares",
+        name: "least squares".to_owned(),
         beta: start.estimate.values.clone(),
         feasibility: "not judged: --feasible does".to_owned(),
         intervals: start.intervals.clone(),
@@ -253,7 +255,7 @@ fn models(
             .iter()
             .zip(errors)
             .map(|(f, logs)| ModelJson {
-                name: f.name.to_owned(),
+                name: f.name.clone(),
                 feasibility: f.feasibility.clone(),
                 gap: f.gap,
                 base: f.beta.clone(),

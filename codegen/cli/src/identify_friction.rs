@@ -8,10 +8,10 @@ use regen_runtime::Model;
 
 use crate::args::{IdentifyArgs, WeightingArg};
 use crate::exit::Failure;
-use crate::identified::{IdentifiedModel, Intervals};
 use crate::identify::{Start, Summary};
 use crate::observe::{self, FileJson};
 use crate::physical;
+use regen_identify::model::{IdentifiedModel, Intervals};
 use regen_interpreted::Interpreted;
 
 /// Passes that find the efforts' noise; two settle it to a percent.

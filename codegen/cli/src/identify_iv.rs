@@ -12,11 +12,11 @@ use serde::Serialize;
 
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
-use crate::identified::{IdentifiedModel, Intervals};
 use crate::identify::{Start, weighting};
 use crate::path::Path;
 use crate::simulate::{control, linear_friction, reason};
 use crate::{observe, progress, table};
+use regen_identify::model::{IdentifiedModel, Intervals};
 use regen_interpreted::Interpreted;
 
 /// What is said of the instruments.
@@ -133,7 +133,7 @@ pub(crate) fn run(
         estimate.covariance = covariance.map(|(c, x)| c + x).collect();
     }
     Ok(IdentifiedModel {
-        name: "instrumental variables",
+        name: "instrumental variables".to_owned(),
         beta: found.estimate.values.clone(),
         feasibility: "not judged".to_owned(),
         intervals: Intervals::of(&estimate, &estimate, args.confidence, method),

@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 
 use crate::identify::{Json, Summary};
-use crate::parameters::ParameterFile;
 use crate::predicted::{self, OnLog};
-use crate::status::{self, Status};
 use crate::{delay, observe, reduce, table};
+use regen_identify::files::ParameterFile;
+use regen_identify::status::{self, Status};
 
 /// A probability of white residuals below which they are called correlated.
 const WHITE: f64 = 0.01;

@@ -15,7 +15,6 @@ mod excite;
 mod exit;
 mod export;
 mod generate;
-mod identified;
 mod identify;
 mod identify_friction;
 mod identify_iv;
@@ -41,11 +40,9 @@ mod predicted;
 mod progress;
 mod reduce;
 mod report;
-mod rows;
 mod simulate;
 mod spec_text;
 mod states;
-mod status;
 mod suspect;
 mod sweep;
 mod table;
@@ -59,7 +56,6 @@ mod view;
 mod watch;
 mod workspace;
 mod write;
-mod yaml;
 
 use std::process::ExitCode;
 

@@ -274,6 +274,11 @@ impl From<DataError> for Failure {
             DataError::Io { .. } => Self::Io(error.to_string()),
             DataError::Estimate(error) => error.into(),
             DataError::Feasibility(error) => error.into(),
+            DataError::Problems { .. } => Self::Input(format!(
+                "{error}  leave them out with --problems drop, or use those that are numbers with \
+                 --problems keep"
+            )),
+            DataError::FrictionOfEnergy => Self::Input(format!("{error}: leave out --energy")),
             other => Self::Input(other.to_string()),
         }
     }

@@ -1,15 +1,13 @@
 //! Identified parameters as a spec's bodies and as Rust constants.
 
-use std::fmt::Write as _;
-
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::{self, BaseFrom};
 use regen_codegen::spec;
-use regen_identify::feasibility::{Layout, bodies_yaml, rust_constants, unit};
-use regen_runtime::{BaseModel, Info, Model};
+use regen_identify::IdentifiedModel;
+use regen_identify::feasibility::{Layout, bodies_yaml};
+use regen_runtime::Model;
 
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
 use crate::{spec_text, terminal};
 use regen_interpreted::Interpreted;
 
@@ -134,66 +132,6 @@ fn with_bodies(text: &str, block: &str) -> String {
         out.push_str(block);
     }
     out
-}
-
-/// Constants for a controller: base parameters, physical ones where they are known, friction.
-pub(crate) fn rust(model: &Interpreted<'_>, found: &IdentifiedModel) -> Result<String, Failure> {
-    let info = model.info();
-    let base = model.base_info().base;
-    let mut out = format!(
-        "/// Identified base parameters of {}, in the order of `BASE`: {}.\n\
-         pub const BETA: [f64; {}] = [\n",
-        info.name,
-        found.name,
-        base.len()
-    );
-    for (parameter, value) in base.iter().zip(&found.beta) {
-        let unit = unit(parameter.label, &info);
-        let _ = writeln!(out, "    {value:?}, // {}, {unit}", parameter.label);
-    }
-    out.push_str("];\n");
-    if let Some(phi) = &found.phi {
-        let layout = Layout::new(info.parameters)?;
-        out.push('\n');
-        out.push_str(&rust_constants(&layout, phi, &info)?);
-    }
-    for joint in &found.friction {
-        let symbols = joint.friction.symbols();
-        let _ = write!(
-            out,
-            "\n/// Friction of {} ({:?}): {}.\npub const FRICTION_{}: [f64; {}] = [{}];\n",
-            joint.name,
-            joint.friction,
-            symbols.join(", "),
-            constant(&joint.name, &info),
-            symbols.len(),
-            joint
-                .values
-                .iter()
-                .map(|v| format!("{v:?}"))
-                .collect::<Vec<_>>()
-                .join(", ")
-        );
-    }
-    Ok(out)
-}
-
-/// A coordinate's name in a constant's.
-fn constant(name: &str, info: &Info<'_>) -> String {
-    let plain = |c: char| {
-        if c.is_ascii_alphanumeric() {
-            c.to_ascii_uppercase()
-        } else {
-            '_'
-        }
-    };
-    let made: String = name.chars().map(plain).collect();
-    // names that only differ in what a constant cannot hold are told apart by their place
-    let same = |other: &&&str| other.chars().map(plain).collect::<String>() == made;
-    if info.coordinates.iter().filter(same).count() > 1 {
-        return format!("{made}_{}", info.index_of(name).unwrap_or_default());
-    }
-    made
 }
 
 #[cfg(test)]

@@ -13,9 +13,9 @@ use regen_runtime::{BaseModel, Closure, Friction, Model};
 
 use crate::args::{IdentifyArgs, PhysicalArgs, PriorArg};
 use crate::exit::Failure;
-use crate::identified::{IdentifiedModel, Interval, Intervals};
 use crate::identify::{Start, note_short, spoken};
 use crate::terminal;
+use regen_identify::model::{IdentifiedModel, Interval, Intervals};
 use regen_interpreted::Interpreted;
 
 /// The layout and combinations of a model.
@@ -51,9 +51,9 @@ pub(crate) fn models(
     let judged = verdict(&layout, &combinations, values, scale)?;
     let mut out = vec![IdentifiedModel {
         name: if data.is_some() {
-            "linear, least squares"
+            "linear, least squares".to_owned()
         } else {
-            "least squares"
+            "least squares".to_owned()
         },
         beta: values.get(..r).unwrap_or_default().to_vec(),
         phi: None,
@@ -99,9 +99,9 @@ pub(crate) fn models(
     };
     out.push(IdentifiedModel {
         name: if data.is_some() {
-            "linear, feasible"
+            "linear, feasible".to_owned()
         } else {
-            "feasible"
+            "feasible".to_owned()
         },
         beta: linear_fit.beta.get(..r).unwrap_or_default().to_vec(),
         phi: linear_fit.phi.get(..p).map(<[f64]>::to_vec),
@@ -152,7 +152,7 @@ pub(crate) fn models(
             }
         };
         out.push(IdentifiedModel {
-            name: "nonlinear, feasible",
+            name: "nonlinear, feasible".to_owned(),
             beta: found.beta,
             phi: Some(found.phi),
             friction: found.joints,

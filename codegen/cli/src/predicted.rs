@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use crate::args::ReadingArgs;
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
 use crate::{observe, table};
+use regen_identify::model::IdentifiedModel;
 use regen_interpreted::Interpreted;
 
 /// A model's error on a log.

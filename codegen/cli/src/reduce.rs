@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
-use crate::identified::{IdentifiedModel, Intervals};
 use crate::identify::Start;
 use crate::{observe, physical};
+use regen_identify::model::{IdentifiedModel, Intervals};
 use regen_interpreted::Interpreted;
 
 /// A step in JSON.
@@ -139,7 +139,7 @@ pub(crate) fn adopt(
         }
     }
     Ok(IdentifiedModel {
-        name: "reduced",
+        name: "reduced".to_owned(),
         beta,
         left_out: (0..columns).filter(|k| !step.kept.contains(k)).collect(),
         feasibility: feasibility(step.feasibility).to_owned(),

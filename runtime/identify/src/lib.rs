@@ -25,12 +25,16 @@
 pub mod data;
 pub mod estimate;
 pub mod feasibility;
+pub mod files;
 pub mod friction;
 pub mod identifiability;
 pub mod identify;
 pub mod intervals;
+pub mod model;
 pub mod signals;
 mod singular;
+pub mod status;
 mod triangle;
 
+pub use model::IdentifiedModel;
 pub use singular::SingularValues;

@@ -16,10 +16,10 @@ use super::{
     FREQUENCY, HARMONICS, Made, csv, made, normal, recorded, scratch, series, truth, worst,
 };
 use crate::args::{Cli, Command, IdentifyArgs};
-use crate::identified::IdentifiedModel;
 use crate::identify::{Outcome, solve};
 use crate::verify::Random;
 use crate::{identify_table, load, observe, outputs, parameters, table};
+use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// What base and physical predictions may differ by, of the largest effort.
@@ -105,7 +105,7 @@ impl Tried {
         let named = |ending: &str| format!("one-{number}.{ending}");
         let out = scratch(
             &named("json"),
-            &json.file.text(Path::new("one.json")).unwrap(),
+            &parameters::text(&json.file, Path::new("one.json")).unwrap(),
         );
         let read = parameters::read(&out, &model).unwrap();
         assert_eq!(read.beta, identified.beta, "{what}");
@@ -113,7 +113,7 @@ impl Tried {
         assert_eq!(read.friction, identified.friction, "{what}");
         let out = scratch(
             &named("yaml"),
-            &json.file.text(Path::new("one.yaml")).unwrap(),
+            &parameters::text(&json.file, Path::new("one.yaml")).unwrap(),
         );
         assert_eq!(
             parameters::read(&out, &model).unwrap().beta,
@@ -155,7 +155,7 @@ impl Tried {
         }
 
         // and the constants
-        let rust = outputs::rust(&model, &identified).unwrap();
+        let rust = regen_identify::files::rust_constants(&model, &identified, None).unwrap();
         let number = |line: &str| -> Option<f64> { line.trim().split_once(", //")?.0.parse().ok() };
         let numbers: Vec<f64> = rust.lines().filter_map(number).collect();
         let expected = identified

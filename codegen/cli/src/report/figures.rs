@@ -5,9 +5,9 @@ use regen_runtime::{BaseModel, Limits, Model, Motion};
 use super::charts::{self, BLUE, Bar, DYES, Figure, GREY, Line, Look, ORANGE, RED};
 use super::gather::{Seen, Spectra};
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
-use crate::parameters::ParameterFile;
-use crate::status::{Status, WELL};
+use regen_identify::files::ParameterFile;
+use regen_identify::model::IdentifiedModel;
+use regen_identify::status::{Status, WELL};
 use regen_interpreted::Interpreted;
 
 /// Points of a line at most: more is not seen, and makes pages heavy.

@@ -10,8 +10,8 @@ use regen_runtime::{BaseModel, Model};
 
 use crate::args::ReadingArgs;
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
 use crate::observe;
+use regen_identify::model::IdentifiedModel;
 use regen_interpreted::Interpreted;
 
 /// States of the regressor at most whose singular values are shown.

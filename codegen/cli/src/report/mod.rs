@@ -13,9 +13,9 @@ use regen_runtime::{BaseModel, BaseTerm, Model};
 
 use crate::args::{IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;
-use crate::identified::IdentifiedModel;
-use crate::parameters::ParameterFile;
 use crate::{load, observe, parameters, table, terminal, write};
+use regen_identify::files::ParameterFile;
+use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
 
 use charts::Figure;

@@ -7,8 +7,8 @@ use regen_runtime::{BaseModel, Model, Motion};
 use super::charts::Figure;
 use super::{Errors, Report};
 use crate::base_table;
-use crate::rows::ParameterRow;
-use crate::status::{self, Status};
+use regen_identify::files::ParameterRow;
+use regen_identify::status::{self, Status};
 
 /// Text that is safe between tags and in quotes.
 fn escaped(text: &str) -> String {

@@ -50,7 +50,8 @@ impl Noise {
 /// `1 - by ... 1 + by`, every other parameter by a factor of its own: what was physical stays so.
 ///
 /// ```
-/// use regen_runtime::{Info, simulate};
+/// use regen_experiment::simulate;
+/// use regen_runtime::Info;
 ///
 /// let info = Info { parameters: &["mx(1)", "m(1)", "J(q1)"], bodies: &["1"], ..Info::EMPTY };
 /// let changed = simulate::perturbed(&info, &[2.0, 4.0, 1.0], 0.1, &mut simulate::Noise::new(1));

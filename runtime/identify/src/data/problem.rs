@@ -330,6 +330,8 @@ pub enum DataError {
     Model(Misuse),
     /// Equations that do not fit or do not determine the parameters.
     Estimate(EstimateError),
+    /// A balance of energy was asked of parameters with nonlinear friction, which predict forces.
+    FrictionOfEnergy,
     /// Nonlinear friction that does not fit the model.
     Feasibility(crate::feasibility::FeasibilityError),
 }
@@ -341,20 +343,35 @@ impl fmt::Display for DataError {
             Self::Layout { file, why } => write!(f, "{file}: {why}"),
             Self::Problems { file, problems } => write!(
                 f,
-                "{file}: {} {} cannot be used\n{problems}  leave them out with --problems drop, or use those that are \
-                 numbers with --problems keep",
+                "{file}: {} {} cannot be used\n{problems}",
                 problems.total(),
                 if problems.total() == 1 { "row" } else { "rows" }
             ),
             Self::Signal { file, why } => write!(f, "{file}: {why}"),
             Self::Model(why) => write!(f, "{why}"),
             Self::Estimate(why) => write!(f, "{why}"),
+            Self::FrictionOfEnergy => {
+                f.write_str("parameters with nonlinear friction predict forces, not energy")
+            }
             Self::Feasibility(why) => write!(f, "{why}"),
         }
     }
 }
 
-impl core::error::Error for DataError {}
+impl core::error::Error for DataError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Signal { why, .. } => Some(why),
+            Self::Model(why) => Some(why),
+            Self::Estimate(why) => Some(why),
+            Self::Feasibility(why) => Some(why),
+            Self::Io { .. }
+            | Self::Layout { .. }
+            | Self::Problems { .. }
+            | Self::FrictionOfEnergy => None,
+        }
+    }
+}
 
 impl From<EstimateError> for DataError {
     fn from(error: EstimateError) -> Self {

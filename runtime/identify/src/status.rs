@@ -2,12 +2,12 @@
 
 use core::fmt;
 
-use regen_identify::estimate::Factor;
+use crate::estimate::Factor;
 use serde::{Deserialize, Serialize};
 
 /// Deviations below this part of a value, in percent, are of well identified parameters (section
 /// 5.3).
-pub(crate) const WELL: f64 = regen_identify::identifiability::WELL;
+pub const WELL: f64 = crate::identifiability::WELL;
 /// A value within so many deviations of zero may be zero.
 const NEAR: f64 = 2.0;
 /// What such a deviation may contribute to the efforts, in percent, for the parameter to be known
@@ -23,7 +23,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// How well a parameter is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub(crate) enum Status {
+pub enum Status {
     /// Its deviation is below 15 % of its value.
     #[serde(rename = "well")]
     Well,
@@ -48,7 +48,7 @@ pub(crate) enum Status {
 
 impl Status {
     /// All of them, in the order in which they are counted.
-    pub(crate) const ALL: [Self; 6] = [
+    pub const ALL: [Self; 6] = [
         Self::Well,
         Self::Zero,
         Self::Poor,
@@ -58,7 +58,7 @@ impl Status {
     ];
 
     /// A word for a column of a table.
-    pub(crate) fn word(self) -> &'static str {
+    pub fn word(self) -> &'static str {
         match self {
             Self::Zero => "zero",
             Self::Unknown => "-",
@@ -81,7 +81,7 @@ impl fmt::Display for Status {
 }
 
 /// How many there are of each status, in words: `23 well, 2 zero within their error`.
-pub(crate) fn counted(statuses: impl Iterator<Item = Status>) -> String {
+pub fn counted(statuses: impl Iterator<Item = Status>) -> String {
     let statuses: Vec<Status> = statuses.collect();
     let parts: Vec<String> = Status::ALL
         .iter()
@@ -98,7 +98,7 @@ pub(crate) fn counted(statuses: impl Iterator<Item = Status>) -> String {
 /// All efforts count with the weights of the fit, which are the inverse of their noise unless they
 /// are weighted alike: so N and N m can be summed, and an effort counts by how well it is measured.
 #[derive(Clone, Debug)]
-pub(crate) struct Shares {
+pub struct Shares {
     /// The root mean squares of the columns, each in the efforts' units over the parameter's.
     columns: Vec<f64>,
     /// The root mean square of the efforts.
@@ -107,7 +107,7 @@ pub(crate) struct Shares {
 
 impl Shares {
     /// Of a fit's weighted factor.
-    pub(crate) fn of(factor: &Factor) -> Self {
+    pub fn of(factor: &Factor) -> Self {
         let rows = factor.rows().max(1) as f64;
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         let norms = factor.column_norms();
@@ -122,7 +122,7 @@ impl Shares {
 
     /// What a value of a parameter contributes: the root mean square of its column times the value
     /// over that of the efforts, in percent. NaN where there is no such column.
-    pub(crate) fn percent(&self, parameter: usize, value: f64) -> f64 {
+    pub fn percent(&self, parameter: usize, value: f64) -> f64 {
         let column = self.columns.get(parameter).copied().unwrap_or(f64::NAN);
         if value == 0.0 || column == 0.0 {
             return 0.0;
@@ -131,7 +131,7 @@ impl Shares {
     }
 
     /// The status of a value with this standard deviation; NaN where none is known.
-    pub(crate) fn status(&self, parameter: usize, value: f64, sigma: f64) -> Status {
+    pub fn status(&self, parameter: usize, value: f64, sigma: f64) -> Status {
         let column = self.columns.get(parameter).copied().unwrap_or(f64::NAN);
         if column == 0.0 {
             Status::Unseen

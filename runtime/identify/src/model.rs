@@ -1,39 +1,38 @@
 //! The model that was identified: one set of values, and the one prediction that all commands
 //! make with it.
 
-use regen_identify::data::DataError;
-use regen_identify::estimate::{Estimate, EstimateError, Residuals};
-use regen_identify::friction::{JointEfforts, JointFit};
-use regen_identify::identify::{Kind, Observer, Source, equations};
-
-use crate::exit::Failure;
-use regen_interpreted::Interpreted;
+use crate::data::DataError;
+use crate::estimate::{Estimate, EstimateError, Residuals};
+use crate::friction::{JointEfforts, JointFit};
+use crate::identify::{Kind, Observer, Source, equations};
+use regen_runtime::BaseModel;
 
 /// What an estimator says of how uncertain its value is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Interval {
+pub struct Interval {
     /// The standard deviation, in the value's unit.
-    pub(crate) sigma: f64,
+    pub sigma: f64,
     /// The same as if the residuals were white; NaN where the estimator has none.
-    pub(crate) sigma_white: f64,
+    pub sigma_white: f64,
     /// The confidence interval, of the level that was asked for.
-    pub(crate) low: f64,
-    pub(crate) high: f64,
+    pub low: f64,
+    /// See `low`.
+    pub high: f64,
 }
 
 /// The intervals of a model's values, each by the estimator that gave the value.
 ///
 /// A list that is empty says that this estimator gives no intervals of these values.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Intervals {
+pub struct Intervals {
     /// Of the r base parameters; `None` where a value was left out or has no interval.
-    pub(crate) base: Vec<Option<Interval>>,
+    pub base: Vec<Option<Interval>>,
     /// Of all p parameters.
-    pub(crate) physical: Vec<Option<Interval>>,
+    pub physical: Vec<Option<Interval>>,
     /// Of the friction that has no columns: for each joint its coefficients.
-    pub(crate) friction: Vec<Vec<Option<Interval>>>,
+    pub friction: Vec<Vec<Option<Interval>>>,
     /// How they were found, in words.
-    pub(crate) method: String,
+    pub method: String,
 }
 
 impl Intervals {
@@ -41,7 +40,7 @@ impl Intervals {
     ///
     /// - `white`, `used`: the estimate with the covariance for white residuals, and with the one
     ///   that counts.
-    pub(crate) fn of(white: &Estimate, used: &Estimate, confidence: f64, method: String) -> Self {
+    pub fn of(white: &Estimate, used: &Estimate, confidence: f64, method: String) -> Self {
         let one = |k: usize| {
             let (value, sigma) = (*used.values.get(k)?, used.sigma(k));
             let half = used.half_width(k, confidence);
@@ -61,45 +60,59 @@ impl Intervals {
     }
 }
 
+/// Where an identified model came from.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Provenance {
+    /// The digest of the model that it belongs to, as [`digest`](crate::identify::digest) has it;
+    /// empty where it is not known.
+    pub model: String,
+    /// The logs, as their files are named.
+    pub logs: Vec<String>,
+    /// When it was identified, as the caller states it.
+    pub date: Option<String>,
+}
+
 /// A model that was identified, whatever by.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct IdentifiedModel {
+pub struct IdentifiedModel {
     /// The method that found it: `least squares`, `feasible`, `reduced`, ...
-    pub(crate) name: &'static str,
+    pub name: String,
     /// Its r base parameters, SI.
-    pub(crate) beta: Vec<f64>,
+    pub beta: Vec<f64>,
     /// All p parameters, SI, where it is physical; their base parameters are `beta`.
-    pub(crate) phi: Option<Vec<f64>>,
+    pub phi: Option<Vec<f64>>,
     /// Friction that has no columns among the base parameters.
-    pub(crate) friction: Vec<JointFit>,
+    pub friction: Vec<JointFit>,
     /// The places of base parameters that were left out of it on purpose; their values are zero.
-    pub(crate) left_out: Vec<usize>,
+    pub left_out: Vec<usize>,
     /// What is known of its feasibility.
-    pub(crate) feasibility: String,
+    pub feasibility: String,
     /// By what part of itself the objective can be above the optimum at most, where it is physical.
-    pub(crate) gap: Option<f64>,
+    pub gap: Option<f64>,
     /// How uncertain its values are.
-    pub(crate) intervals: Intervals,
+    pub intervals: Intervals,
+    /// Where it came from.
+    pub provenance: Provenance,
 }
 
 /// A sample's equations with what a model predicts for them.
-pub(crate) struct Predicted<'a> {
+pub struct Predicted<'a> {
     /// Time, s.
-    pub(crate) time: f64,
+    pub time: f64,
     /// Whether it follows the sample before it.
-    pub(crate) follows: bool,
+    pub follows: bool,
     /// The right side as measured, N or N m; J where energy is balanced.
-    pub(crate) measured: &'a [f64],
+    pub measured: &'a [f64],
     /// The same as the model predicts it.
-    pub(crate) fitted: &'a [f64],
+    pub fitted: &'a [f64],
     /// Which of the equations count: those of joints at rest do not.
-    pub(crate) used: &'a [bool],
+    pub used: &'a [bool],
 }
 
 impl IdentifiedModel {
     /// Takes over the intervals of another model that has the same base parameters: where no
     /// constraint is active, a feasible fit is least squares, and as uncertain.
-    pub(crate) fn inherit(&mut self, other: &Self) {
+    pub fn inherit(&mut self, other: &Self) {
         /// Values that differ by less than this part of a deviation are the same.
         const SAME: f64 = 1e-6;
         let same = self.beta.len() == other.beta.len()
@@ -130,18 +143,24 @@ impl IdentifiedModel {
 
     /// Predicts the right side of every equation that a log gives.
     ///
-    /// This is the only place where forces are predicted from what was identified: the tables of
-    /// `identify`, the report and `validate` all come through here.
-    pub(crate) fn predict<S: Source<Error = DataError>>(
+    /// Every prediction from what was identified comes through here: tables, reports, validation.
+    ///
+    /// # Errors
+    /// [`DataError::FrictionOfEnergy`] for nonlinear friction in a balance of energy; what reading
+    /// the log finds.
+    pub fn predict<M, S>(
         &self,
-        model: &Interpreted<'_>,
+        model: &M,
         kind: Kind,
         log: &mut S,
         each: &mut dyn FnMut(&Predicted<'_>) -> Result<(), EstimateError>,
-    ) -> Result<(), Failure> {
+    ) -> Result<(), DataError>
+    where
+        M: BaseModel<f64> + ?Sized,
+        S: Source<Error = DataError>,
+    {
         if !self.friction.is_empty() && kind != Kind::Forces {
-            let text = "parameters with nonlinear friction predict forces: leave out --energy";
-            return Err(Failure::Input(text.to_owned()));
+            return Err(DataError::FrictionOfEnergy);
         }
         let mut columns = JointEfforts::new(model, &self.friction)?;
         // the column of friction counts as it is
@@ -175,14 +194,21 @@ impl IdentifiedModel {
     ///
     /// - `means`: of the efforts on this log, for eps_RA (Eq. 33);
     /// - `lags`: how many autocorrelations are found.
-    pub(crate) fn residuals<S: Source<Error = DataError>>(
+    ///
+    /// # Errors
+    /// As [`predict`](Self::predict).
+    pub fn residuals<M, S>(
         &self,
-        model: &Interpreted<'_>,
+        model: &M,
         kind: Kind,
         log: &mut S,
         means: &[f64],
         lags: usize,
-    ) -> Result<Residuals, Failure> {
+    ) -> Result<Residuals, DataError>
+    where
+        M: BaseModel<f64> + ?Sized,
+        S: Source<Error = DataError>,
+    {
         let names = Observer::new(model, kind).origin().efforts;
         let mut out = Residuals::new(&names, means, lags);
         self.predict(model, kind, log, &mut |predicted| {

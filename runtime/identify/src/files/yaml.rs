@@ -1,4 +1,4 @@
-//! Parameter files in YAML. Robot files are read by `regen_codegen`, with places of its own.
+//! Parameter files in YAML. Specs of robots are read by `regen_codegen`, with places of its own.
 
 use serde::Serialize;
 use serde_json::Value;
@@ -6,7 +6,7 @@ use serde_saphyr::options::NonFiniteFloatPolicy;
 
 /// The content of a YAML text, with scalars as the core schema of YAML 1.2 has them: `on` and
 /// `010` are text. What is no number, `.nan`, is null, as in JSON.
-pub(crate) fn value(text: &str) -> Result<Value, String> {
+pub(super) fn value(text: &str) -> Result<Value, String> {
     let options = serde_saphyr::options! {
         strict_booleans: true,
         leading_zero_numbers_as_strings: true,
@@ -18,7 +18,7 @@ pub(crate) fn value(text: &str) -> Result<Value, String> {
 }
 
 /// A value as YAML text.
-pub(crate) fn text<T: Serialize>(value: &T) -> Result<String, String> {
+pub(super) fn text<T: Serialize>(value: &T) -> Result<String, String> {
     serde_saphyr::to_string(value).map_err(|error| error.to_string())
 }
 

@@ -3,59 +3,73 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use regen_identify::estimate::Estimate;
-use regen_identify::feasibility::{Layout, unit};
-use regen_identify::friction::JointFit;
+use crate::estimate::Estimate;
+use crate::feasibility::{Layout, unit};
+use crate::friction::JointFit;
 use regen_runtime::{BaseParameter, Friction, Info};
 use serde::{Deserialize, Serialize};
 
-use crate::identified::{IdentifiedModel, Interval};
+use crate::model::{IdentifiedModel, Interval};
 use crate::status::Status;
+
+use super::FileError;
 
 /// One base parameter of the adopted model. Deviations are those of the estimator that gave the
 /// value, and null where it gives none.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct ParameterRow {
-    pub(crate) label: String,
+pub struct ParameterRow {
+    /// The label.
+    pub label: String,
     /// The combination that it stands for, its factors in all their digits.
-    pub(crate) combination: String,
-    pub(crate) unit: String,
-    pub(crate) value: f64,
+    pub combination: String,
+    /// The unit.
+    pub unit: String,
+    /// The value, SI.
+    pub value: f64,
     /// The standard deviation; see the file's `deviations` for how it was found.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) sigma: f64,
+    pub sigma: f64,
     /// The standard deviation for white residuals.
     #[serde(default = "unknown", deserialize_with = "perhaps")]
-    pub(crate) sigma_white: f64,
+    pub sigma_white: f64,
     /// `sigma` in percent of the value's size.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) sigma_percent: f64,
+    pub sigma_percent: f64,
     /// The confidence interval.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) low: f64,
+    pub low: f64,
+    /// See `low`.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) high: f64,
+    pub high: f64,
     /// What it contributes to the efforts, in percent: the root mean square of its column times
     /// the value over that of the efforts, all efforts with the weights of the fit.
     #[serde(default = "unknown", deserialize_with = "perhaps")]
-    pub(crate) share: f64,
-    pub(crate) status: Status,
+    pub share: f64,
+    /// How well it is known.
+    pub status: Status,
 }
 
 /// What least squares found of a base parameter, where another model was adopted.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct LeastSquaresRow {
-    pub(crate) label: String,
-    pub(crate) unit: String,
-    pub(crate) value: f64,
+pub struct LeastSquaresRow {
+    /// The label.
+    pub label: String,
+    /// The unit.
+    pub unit: String,
+    /// The value, SI.
+    pub value: f64,
+    /// The standard deviation.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) sigma: f64,
+    pub sigma: f64,
+    /// The standard deviation for white residuals.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) sigma_white: f64,
+    pub sigma_white: f64,
+    /// The confidence interval.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) low: f64,
+    pub low: f64,
+    /// See `low`.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) high: f64,
+    pub high: f64,
 }
 
 /// A number, or null for one that is not finite.
@@ -69,50 +83,66 @@ fn unknown() -> f64 {
 
 /// The friction of a joint.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct FrictionRow {
-    pub(crate) joint: String,
-    pub(crate) law: String,
-    pub(crate) coefficients: BTreeMap<String, f64>,
+pub struct FrictionRow {
+    /// The coordinate's name.
+    pub joint: String,
+    /// The law's name.
+    pub law: String,
+    /// Its values by symbol, SI.
+    pub coefficients: BTreeMap<String, f64>,
     /// Deviations and intervals of coefficients that have them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    pub(crate) intervals: BTreeMap<String, IntervalRow>,
+    pub intervals: BTreeMap<String, IntervalRow>,
 }
 
 /// The uncertainty of a value.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(crate) struct IntervalRow {
+pub struct IntervalRow {
+    /// The standard deviation.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) sigma: f64,
+    pub sigma: f64,
+    /// The confidence interval.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) low: f64,
+    pub low: f64,
+    /// See `low`.
     #[serde(deserialize_with = "perhaps")]
-    pub(crate) high: f64,
+    pub high: f64,
 }
 
 /// One of all parameters.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct PhysicalRow {
-    pub(crate) label: String,
-    pub(crate) value: f64,
-    pub(crate) unit: String,
+pub struct PhysicalRow {
+    /// The label.
+    pub label: String,
+    /// The value, SI.
+    pub value: f64,
+    /// The unit.
+    pub unit: String,
+    /// The standard deviation.
     #[serde(default = "unknown", deserialize_with = "perhaps")]
-    pub(crate) sigma: f64,
+    pub sigma: f64,
+    /// The confidence interval.
     #[serde(default = "unknown", deserialize_with = "perhaps")]
-    pub(crate) low: f64,
+    pub low: f64,
+    /// See `low`.
     #[serde(default = "unknown", deserialize_with = "perhaps")]
-    pub(crate) high: f64,
+    pub high: f64,
 }
 
 /// A body as in a spec: inertia about the centre of mass.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct BodyRow {
-    mass: f64,
-    com: [f64; 3],
-    inertia: [f64; 6],
+pub struct BodyRow {
+    /// The mass, kg.
+    pub mass: f64,
+    /// The centre of mass in the body's frame, m.
+    pub com: [f64; 3],
+    /// Ixx, Ixy, Ixz, Iyy, Iyz, Izz about it, kg m^2.
+    pub inertia: [f64; 6],
 }
 
 impl ParameterRow {
-    pub(crate) fn new(
+    /// The row of a value.
+    pub fn new(
         parameter: &BaseParameter<'_>,
         info: &Info<'_>,
         value: f64,
@@ -139,11 +169,7 @@ impl ParameterRow {
 
 impl LeastSquaresRow {
     /// The rows of an estimate with the intervals that belong to it.
-    pub(crate) fn all(
-        estimate: &Estimate,
-        intervals: &[Option<Interval>],
-        info: &Info<'_>,
-    ) -> Vec<Self> {
+    pub fn all(estimate: &Estimate, intervals: &[Option<Interval>], info: &Info<'_>) -> Vec<Self> {
         let labels = estimate.labels.iter().zip(&estimate.values).enumerate();
         labels
             .map(|(k, (label, value))| {
@@ -164,12 +190,8 @@ impl LeastSquaresRow {
 }
 
 impl PhysicalRow {
-    pub(crate) fn new(
-        label: &str,
-        info: &Info<'_>,
-        value: f64,
-        interval: Option<Interval>,
-    ) -> Self {
+    /// The row of a value.
+    pub fn new(label: &str, info: &Info<'_>, value: f64, interval: Option<Interval>) -> Self {
         Self {
             label: label.to_owned(),
             value,
@@ -181,16 +203,8 @@ impl PhysicalRow {
     }
 }
 
-/// The laws by their names in specs.
-const LAWS: [(&str, Friction); 4] = [
-    ("linear", Friction::Linear),
-    ("stribeck", Friction::Stribeck),
-    ("atan", Friction::Atan),
-    ("power", Friction::Power),
-];
-
 /// The friction of a model that has no columns.
-pub(crate) fn friction(found: &IdentifiedModel) -> Vec<FrictionRow> {
+pub(super) fn friction(found: &IdentifiedModel) -> Vec<FrictionRow> {
     let joints = found.friction.iter().enumerate();
     joints
         .map(|(k, joint)| {
@@ -218,48 +232,47 @@ pub(crate) fn friction(found: &IdentifiedModel) -> Vec<FrictionRow> {
 }
 
 impl FrictionRow {
-    pub(crate) fn new(joint: &JointFit) -> Self {
-        let law = LAWS.iter().find(|(_, f)| *f == joint.friction);
+    /// The row of a value.
+    pub fn new(joint: &JointFit) -> Self {
         let symbols = joint.friction.symbols().iter();
         let pairs = symbols.zip(&joint.values);
         Self {
             joint: joint.name.clone(),
-            law: law.map_or("none", |(name, _)| name).to_owned(),
+            law: joint.friction.name().to_owned(),
             coefficients: pairs.map(|(s, v)| ((*s).to_owned(), *v)).collect(),
             intervals: BTreeMap::new(),
         }
     }
 
     /// The friction that a row stands for.
-    pub(crate) fn joint(&self) -> Result<JointFit, String> {
-        let known = LAWS.iter().find(|(name, _)| *name == self.law);
-        let (_, friction) = known.ok_or_else(|| {
-            let names: Vec<&str> = LAWS.iter().map(|(name, _)| *name).collect();
-            format!(
-                "friction of {}: `{}` is none of {}",
-                self.joint,
-                self.law,
-                names.join(", ")
-            )
+    ///
+    /// # Errors
+    /// [`FileError::Friction`] for a law of another name, or a value that is missing.
+    pub fn joint(&self) -> Result<JointFit, FileError> {
+        let wrong = |why: String| FileError::Friction {
+            joint: self.joint.clone(),
+            why,
+        };
+        let known = Friction::ALL.iter().find(|law| law.name() == self.law);
+        let law = known.ok_or_else(|| {
+            let names = Friction::ALL.map(Friction::name);
+            wrong(format!("`{}` is none of {}", self.law, names.join(", ")))
         })?;
         let value = |symbol: &&str| {
             let found = self.coefficients.get(*symbol).copied();
-            found.ok_or_else(|| format!("friction of {}: {symbol} is missing", self.joint))
+            found.ok_or_else(|| wrong(format!("{symbol} is missing")))
         };
+        let values = law.symbols().iter().map(value);
         Ok(JointFit {
             name: self.joint.clone(),
-            friction: *friction,
-            values: friction
-                .symbols()
-                .iter()
-                .map(value)
-                .collect::<Result<_, _>>()?,
+            friction: *law,
+            values: values.collect::<Result<_, _>>()?,
         })
     }
 }
 
 /// Each body's mass, centre of mass and inertia about it, by label.
-pub(crate) fn bodies(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BodyRow> {
+pub(super) fn bodies(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BodyRow> {
     let of = |column: usize| phi.get(column).copied().unwrap_or_default();
     let bodies = layout.bodies().iter();
     bodies
@@ -268,7 +281,7 @@ pub(crate) fn bodies(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BodyRow> 
 }
 
 /// Each joint's linear friction and rotor inertia, by symbol: all that are no body's.
-pub(crate) fn joints(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BTreeMap<String, f64>> {
+pub(super) fn joints(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BTreeMap<String, f64>> {
     let mut out: BTreeMap<String, BTreeMap<String, f64>> = BTreeMap::new();
     for k in layout.single() {
         let label = layout.labels().get(*k).map_or("", String::as_str);

@@ -1,0 +1,88 @@
+//! What keeps a file of parameters from being read or written.
+
+use core::fmt;
+
+use regen_runtime::SizeError;
+
+use crate::feasibility::FeasibilityError;
+
+/// Why a file of parameters was not read or written.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum FileError {
+    /// A text that breaks its format: why, with the place.
+    Syntax(String),
+    /// Neither a file of identified parameters, for this reason, nor an object of labels with
+    /// numbers.
+    NoParameters(String),
+    /// Parameters of another model.
+    Digest {
+        /// The robot that the file names.
+        robot: String,
+        /// The digest in the file.
+        found: String,
+        /// The digest of the model at hand.
+        expected: String,
+    },
+    /// Base parameters without a value, by their labels.
+    Missing(Vec<String>),
+    /// Friction of a joint that is no friction of any law.
+    Friction {
+        /// The joint.
+        joint: String,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// Parameters whose labels no body or joint has.
+    Layout(FeasibilityError),
+    /// Values whose number does not fit the model.
+    Size(SizeError),
+}
+
+impl fmt::Display for FileError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Syntax(why) => f.write_str(why),
+            Self::NoParameters(why) => write!(
+                f,
+                "is neither a file of identified parameters ({why}) nor an object of labels with \
+                 numbers"
+            ),
+            Self::Digest {
+                robot,
+                found,
+                expected,
+            } => write!(
+                f,
+                "these are parameters of {robot} with the digest {found}, the spec's model has \
+                 {expected}: identify again with this spec"
+            ),
+            Self::Missing(labels) => write!(f, "values are missing for {}", labels.join(", ")),
+            Self::Friction { joint, why } => write!(f, "friction of {joint}: {why}"),
+            Self::Layout(why) => write!(f, "{why}"),
+            Self::Size(why) => write!(f, "{why}"),
+        }
+    }
+}
+
+impl core::error::Error for FileError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Layout(why) => Some(why),
+            Self::Size(why) => Some(why),
+            _ => None,
+        }
+    }
+}
+
+impl From<FeasibilityError> for FileError {
+    fn from(why: FeasibilityError) -> Self {
+        Self::Layout(why)
+    }
+}
+
+impl From<SizeError> for FileError {
+    fn from(why: SizeError) -> Self {
+        Self::Size(why)
+    }
+}

@@ -1,0 +1,286 @@
+//! Files of identified parameters: what is written of an identified model, and read again.
+
+mod constants;
+mod error;
+mod rows;
+mod yaml;
+
+use std::collections::BTreeMap;
+
+use regen_runtime::BaseModel;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+pub use constants::rust_constants;
+pub use error::FileError;
+pub use rows::{BodyRow, FrictionRow, IntervalRow, LeastSquaresRow, ParameterRow, PhysicalRow};
+
+use crate::feasibility::Layout;
+use crate::identify::digest;
+use crate::model::{IdentifiedModel, Provenance};
+use crate::status::{Shares, Status};
+
+/// How a file writes its values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// JSON.
+    Json,
+    /// YAML 1.2.
+    Yaml,
+}
+
+impl Format {
+    /// YAML where a file's name ends in `.yaml` or `.yml`, JSON otherwise.
+    ///
+    /// ```
+    /// use regen_identify::files::Format;
+    ///
+    /// assert_eq!(Format::of("arm.YML".as_ref()), Format::Yaml);
+    /// assert_eq!(Format::of("arm.json".as_ref()), Format::Json);
+    /// ```
+    pub fn of(path: &std::path::Path) -> Self {
+        let extension = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
+        match extension {
+            Some(e) if e == "yaml" || e == "yml" => Self::Yaml,
+            _ => Self::Json,
+        }
+    }
+
+    /// A text's content.
+    ///
+    /// # Errors
+    /// What the text breaks of the format, with its place.
+    pub fn value(self, text: &str) -> Result<Value, FileError> {
+        match self {
+            Self::Yaml => yaml::value(text).map_err(FileError::Syntax),
+            Self::Json => serde_json::from_str(text)
+                .map_err(|error| FileError::Syntax(format!("not JSON: {error}"))),
+        }
+    }
+
+    /// A value's text, with a line end behind it.
+    ///
+    /// # Errors
+    /// A value that has no text: a map whose keys are no strings.
+    pub fn text<T: Serialize>(self, value: &T) -> Result<String, FileError> {
+        match self {
+            Self::Yaml => yaml::text(value).map_err(FileError::Syntax),
+            Self::Json => serde_json::to_string(value)
+                .map(|text| text + "\n")
+                .map_err(|error| FileError::Syntax(error.to_string())),
+        }
+    }
+}
+
+/// A file of identified parameters. All lists are of the one model that was adopted, but for
+/// `least_squares`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ParameterFile {
+    /// The robot's name.
+    pub robot: String,
+    /// The model's digest.
+    pub model: String,
+    /// What kind of model it is: `least squares`, `feasible`, ...
+    pub method: String,
+    /// The logs that it was identified from.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub logs: Vec<String>,
+    /// When, as the caller stated it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub date: Option<String>,
+    /// What is known of its feasibility.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub feasibility: Option<String>,
+    /// The level of the confidence intervals.
+    pub confidence: f64,
+    /// How the deviations were found.
+    #[serde(default)]
+    pub deviations: String,
+    /// The base parameters.
+    pub parameters: Vec<ParameterRow>,
+    /// What least squares found before, where another model was adopted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub least_squares: Vec<LeastSquaresRow>,
+    /// Friction that has no columns.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub friction: Vec<FrictionRow>,
+    /// All parameters, where they are physical.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub physical: Vec<PhysicalRow>,
+    /// The bodies as in a spec, by label.
+    #[serde(skip_deserializing, skip_serializing_if = "BTreeMap::is_empty")]
+    pub bodies: BTreeMap<String, BodyRow>,
+    /// Linear friction and rotor inertia of each joint, by symbol.
+    #[serde(skip_deserializing, skip_serializing_if = "BTreeMap::is_empty")]
+    pub joints: BTreeMap<String, BTreeMap<String, f64>>,
+}
+
+impl ParameterFile {
+    /// The file of an identified model.
+    ///
+    /// - `shares`: of the fit's data, by the places of the base parameters;
+    /// - `least`: what least squares found, where that is another model;
+    /// - `confidence`: the level of the model's intervals.
+    ///
+    /// # Errors
+    /// When parameters of the model have labels that no body or joint has.
+    pub fn new<M: BaseModel<f64> + ?Sized>(
+        model: &M,
+        found: &IdentifiedModel,
+        shares: &Shares,
+        least: Vec<LeastSquaresRow>,
+        confidence: f64,
+    ) -> Result<Self, FileError> {
+        let info = model.info();
+        let base = model.base_info().base.iter().enumerate();
+        let values = base.zip(&found.beta);
+        let parameters = values.map(|((k, parameter), value)| {
+            let interval = found.intervals.base.get(k).copied().flatten();
+            let sigma = interval.map_or(f64::NAN, |i| i.sigma);
+            let status = if found.left_out.contains(&k) {
+                Status::LeftOut
+            } else {
+                shares.status(k, *value, sigma)
+            };
+            let share = shares.percent(k, *value);
+            ParameterRow::new(parameter, &info, *value, interval, share, status)
+        });
+        let mut file = Self {
+            robot: info.name.to_owned(),
+            model: digest(model),
+            method: found.name.clone(),
+            logs: found.provenance.logs.clone(),
+            date: found.provenance.date.clone(),
+            feasibility: (!found.feasibility.is_empty()).then(|| found.feasibility.clone()),
+            confidence,
+            deviations: found.intervals.method.clone(),
+            parameters: parameters.collect(),
+            least_squares: least,
+            friction: rows::friction(found),
+            physical: Vec::new(),
+            bodies: BTreeMap::new(),
+            joints: BTreeMap::new(),
+        };
+        if let Some(phi) = &found.phi {
+            let layout = Layout::new(info.parameters)?;
+            let intervals = &found.intervals.physical;
+            let labels = layout.labels().iter().enumerate();
+            file.physical = labels
+                .zip(phi)
+                .map(|((k, label), value)| {
+                    let interval = intervals.get(k).copied().flatten();
+                    PhysicalRow::new(label, &info, *value, interval)
+                })
+                .collect();
+            file.bodies = rows::bodies(&layout, phi);
+            file.joints = rows::joints(&layout, phi);
+        }
+        Ok(file)
+    }
+}
+
+/// What is read of a file; deviations may be unknown, and are not needed.
+#[derive(Deserialize)]
+struct Read {
+    robot: String,
+    model: String,
+    #[serde(default)]
+    method: Option<String>,
+    #[serde(default)]
+    logs: Vec<String>,
+    #[serde(default)]
+    date: Option<String>,
+    parameters: Vec<ReadRow>,
+    #[serde(default)]
+    physical: Vec<ReadRow>,
+    #[serde(default)]
+    friction: Vec<FrictionRow>,
+}
+
+#[derive(Deserialize)]
+struct ReadRow {
+    label: String,
+    value: f64,
+}
+
+impl IdentifiedModel {
+    /// Reads a model from a file that [`ParameterFile`] wrote, or from an object with the labels
+    /// of all parameters, or of all base parameters, as keys and SI values.
+    ///
+    /// # Errors
+    /// [`FileError::Digest`] for parameters of another model; values that are missing.
+    ///
+    /// ```
+    /// # mod models {
+    /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs"));
+    /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
+    /// # }
+    /// use regen_identify::IdentifiedModel;
+    /// use regen_identify::files::{FileError, Format};
+    ///
+    /// let model = models::Pendulum;
+    /// let text = r#"{"Izz(1)": 0.1, "mx(1)": 0.5}"#;
+    /// let found = IdentifiedModel::read(&Format::Json.value(text)?, &model);
+    /// # let _ = &found;
+    /// let short = IdentifiedModel::read(&Format::Json.value(r#"{"none": 1.0}"#)?, &model);
+    /// assert!(matches!(short, Err(FileError::Missing(_))));
+    /// # Ok::<(), FileError>(())
+    /// ```
+    pub fn read<M: BaseModel<f64> + ?Sized>(value: &Value, model: &M) -> Result<Self, FileError> {
+        let mut found = IdentifiedModel {
+            name: "identified".to_owned(),
+            ..IdentifiedModel::default()
+        };
+        let mut physical = BTreeMap::new();
+        let values: BTreeMap<String, f64> = match Read::deserialize(value) {
+            Ok(file) => {
+                let own = digest(model);
+                if file.model != own {
+                    return Err(FileError::Digest {
+                        robot: file.robot,
+                        found: file.model,
+                        expected: own,
+                    });
+                }
+                found.name = file.method.unwrap_or(found.name);
+                found.provenance = Provenance {
+                    model: file.model,
+                    logs: file.logs,
+                    date: file.date,
+                };
+                for row in &file.friction {
+                    found.friction.push(row.joint()?);
+                }
+                let pair = |row: ReadRow| (row.label, row.value);
+                physical = file.physical.into_iter().map(pair).collect();
+                file.parameters.into_iter().map(pair).collect()
+            }
+            Err(why) => BTreeMap::deserialize(value)
+                .map_err(|_| FileError::NoParameters(why.to_string()))?,
+        };
+        let info = model.info();
+        let all = |values: &BTreeMap<String, f64>, labels: &[&str]| -> Option<Vec<f64>> {
+            let values = labels.iter().map(|label| values.get(*label).copied());
+            values.collect()
+        };
+        let base: Vec<&str> = model.base_info().base.iter().map(|b| b.label).collect();
+        // a file of base parameters has those in its list, even where all parameters are base
+        if physical.is_empty()
+            && let Some(phi) = all(&values, info.parameters)
+        {
+            found.beta = vec![0.0; base.len()];
+            model.to_base(&phi, &mut found.beta)?;
+            found.phi = Some(phi);
+            return Ok(found);
+        }
+        if let Some(beta) = all(&values, &base) {
+            found.beta = beta;
+            found.phi = all(&physical, info.parameters);
+            return Ok(found);
+        }
+        let missing = base
+            .into_iter()
+            .filter(|label| !values.contains_key(*label));
+        Err(FileError::Missing(missing.map(str::to_owned).collect()))
+    }
+}
