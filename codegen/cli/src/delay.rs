@@ -1,21 +1,16 @@
 //! Delays of efforts behind the motion that they belong to: told where they are found, and
 //! corrected on request.
 
-use regen_identify::identify::{self, Delay, Delays, Options};
+use regen_identify::identify::{Delay, Delays};
+use regen_identify::session::settled_delays;
 
 use crate::args::{DelayArg, IdentifyArgs};
 use crate::exit::Failure;
-use crate::{observe, table};
+use crate::{identify, table};
 use regen_interpreted::Interpreted;
-
-/// Rounds in which delays are corrected at most; two or three settle them.
-const ROUNDS: usize = 6;
 
 /// The options with the delays that the logs show in place of `--delay auto`; `None` where
 /// that was not asked for.
-///
-/// A delay is corrected where it differs from zero by more than three of its deviations. As the
-/// estimate is of first order, it is repeated until nothing significant is left.
 pub(crate) fn corrected(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
@@ -23,36 +18,10 @@ pub(crate) fn corrected(
     if !args.reading.delay.contains(&DelayArg::Auto) {
         return Ok(None);
     }
-    if args.reading.energy.is_some() {
-        let text = "--delay auto needs the equations of motion: leave out --energy";
-        return Err(Failure::Input(text.to_owned()));
-    }
     let mut args = args.clone();
-    args.reading.delay.retain(|d| *d != DelayArg::Auto);
-    let options = Options {
-        weighting: crate::identify::weighting(&args),
-        ..Options::default()
-    };
-    for _ in 0..ROUNDS {
-        let kind = observe::kind(&args.reading);
-        let mut logs = observe::open(model, &args.logs, &args.reading)?;
-        let found = identify::identify(model, kind, &options, &mut logs)?;
-        let late = found.delays.efforts.iter().filter(|d| d.is_significant());
-        let late: Vec<(String, f64)> = late.map(|d| (d.effort.clone(), d.seconds)).collect();
-        if late.is_empty() {
-            break;
-        }
-        for (name, seconds) in late {
-            let known = args.reading.delay.iter_mut().find_map(|d| match d {
-                DelayArg::Of(own, seconds) if *own == name => Some(seconds),
-                _ => None,
-            });
-            match known {
-                Some(known) => *known += seconds,
-                None => args.reading.delay.push(DelayArg::Of(name, seconds)),
-            }
-        }
-    }
+    let delays = settled_delays(&identify::session(&args, model), &args.logs)?;
+    let delays = delays.into_iter();
+    args.reading.delay = delays.map(|(name, s)| DelayArg::Of(name, s)).collect();
     Ok(Some(args))
 }
 

@@ -1,14 +1,18 @@
 //! `regen identify`: base parameters from logs or from factor files.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use regen_identify::data::{DataError, Logs};
-use regen_identify::estimate::{
-    Blocks, Deviations, EffortError, Estimate, Factor, FactorSet, Weighting,
+use regen_identify::data::DataError;
+use regen_identify::estimate::{Deviations, EffortError, FactorSet, Weighting};
+use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile, rust_constants};
+use regen_identify::identify::{Delays, LeftOut, Options, digest};
+use regen_identify::model::{IdentifiedModel, Provenance};
+use regen_identify::session::{
+    self, Cross, OnLog, Session, SessionError, Start, from_factors, from_logs, with_friction,
 };
-use regen_identify::friction::FrictionData;
-use regen_identify::identify::{self, Delays, Identified, Kind, LeftOut, Options, digest};
-use regen_runtime::Model;
+use regen_identify::status::Shares;
+use regen_interpreted::{BaseTerms, Interpreted};
+use regen_runtime::Model as _;
 use serde::Serialize;
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};
@@ -16,18 +20,9 @@ use crate::exit::Failure;
 use crate::identify_iv::{self, InstrumentsJson};
 use crate::identify_table::human;
 use crate::observe::{self, FileJson};
-use crate::physical;
-use crate::predicted::{self, OnLog};
 use crate::reduce::{self, StepJson};
 use crate::suspect::{self, Suspicion};
-use crate::{
-    delay, identify_friction, load, outputs, parameters, progress, table, terminal, write,
-};
-use regen_identify::files::{FrictionRow, LeastSquaresRow};
-use regen_identify::files::{ParameterFile, rust_constants};
-use regen_identify::model::{IdentifiedModel, Intervals};
-use regen_identify::status::Shares;
-use regen_interpreted::{BaseTerms, Interpreted};
+use crate::{delay, load, outputs, parameters, physical, predicted, table, terminal, write};
 
 /// The JSON of `regen identify`: the file of the adopted model, and what is known besides.
 #[derive(Serialize)]
@@ -85,14 +80,6 @@ pub(crate) struct EffortJson {
     pub(crate) error: Option<EffortError>,
 }
 
-/// A log predicted from the others.
-#[derive(Serialize)]
-pub(crate) struct Cross {
-    pub(crate) file: String,
-    pub(crate) relative_absolute: f64,
-    pub(crate) efforts: Vec<EffortError>,
-}
-
 /// A model on the logs.
 #[derive(Serialize)]
 pub(crate) struct ModelJson {
@@ -105,22 +92,6 @@ pub(crate) struct ModelJson {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) friction: Vec<FrictionRow>,
     pub(crate) logs: Vec<OnLog>,
-}
-
-/// What least squares found, and what goes on from it.
-pub(crate) struct Start {
-    pub(crate) json: Summary,
-    /// The weighted factor that the values are the solution of.
-    pub(crate) factor: Factor,
-    pub(crate) estimate: Estimate,
-    /// The intervals of the estimate's values.
-    pub(crate) intervals: Intervals,
-    /// The deviations that they are made of.
-    pub(crate) deviations: Deviations,
-    /// The scores of the logs in order of time; none where factors are all that is known.
-    pub(crate) blocks: Option<Blocks>,
-    /// The samples, where friction is not linear.
-    pub(crate) data: Option<FrictionData>,
 }
 
 /// What the command found.
@@ -180,17 +151,29 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
 
 /// Identifies a model from what the options name; the last model that is found is adopted.
 pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outcome, Failure> {
-    let mut start = if args.physical.friction {
-        identify_friction::start(args, model)?
+    let session = session(args, model);
+    let (start, mut summary) = if args.physical.friction {
+        let start = with_friction(&session, &args.logs)?;
+        observe::note_problems(&start.reports);
+        let summary = Summary::of(&start);
+        (start, summary)
     } else {
         physical::note_friction(model);
         if args.from.is_empty() {
-            from_logs(args, model)?
+            logs(args, &session)?
         } else {
-            from_factors(args, model)?
+            factors(args, &session)?
         }
     };
-    let (identified, more) = models(args, model, &mut start)?;
+    let (mut identified, more) = models(args, &session, &start, &mut summary)?;
+    identified.provenance = Provenance {
+        model: digest(model),
+        logs: (args.logs.iter().chain(&args.from))
+            .map(|path| predicted::stem(&path.display().to_string()))
+            .collect(),
+        date: args.date.clone(),
+    };
+    physical::note_unbounded(&identified);
     let least = if more {
         LeastSquaresRow::all(&start.estimate, &start.intervals.base, &model.info())
     } else {
@@ -198,31 +181,39 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
     };
     let shares = Shares::of(&start.factor);
     let file = ParameterFile::new(model, &identified, &shares, least, args.confidence)?;
-    let json = Json {
-        file,
-        summary: start.json,
-    };
+    let json = Json { file, summary };
     Ok(Outcome { json, identified })
+}
+
+/// The identification that the options ask for.
+pub(crate) fn session<'m>(
+    args: &IdentifyArgs,
+    model: &'m Interpreted<'m>,
+) -> Session<'m, Interpreted<'m>> {
+    Session {
+        options: options(args),
+        confidence: args.confidence,
+        ..observe::session(model, &args.reading)
+    }
 }
 
 /// Goes on from least squares as asked for: the last model, and whether it is another one.
 fn models(
     args: &IdentifyArgs,
-    model: &Interpreted<'_>,
-    start: &mut Start,
+    session: &Session<'_, Interpreted<'_>>,
+    start: &Start,
+    summary: &mut Summary,
 ) -> Result<(IdentifiedModel, bool), Failure> {
     let least = IdentifiedModel {
-        name: "least squares".to_owned(),
-        beta: start.estimate.values.clone(),
         feasibility: "not judged: --feasible does".to_owned(),
-        intervals: start.intervals.clone(),
-        ..IdentifiedModel::default()
+        ..start.model()
     };
     let mut found = Vec::new();
     if args.physical.wanted() {
-        let working = progress::spinner("solving for physical parameters".to_owned());
-        let result = physical::models(model, args, start, &working);
-        working.finish_and_clear();
+        session.watch.work("solving for physical parameters");
+        let knowledge = physical::knowledge(&args.physical);
+        let result = session::physical(session, &knowledge, start, args.physical.draws);
+        session.watch.rest();
         found = result?;
         if start.data.is_none()
             && let Some(first) = found.first_mut()
@@ -232,26 +223,31 @@ fn models(
     } else {
         found.push(least);
         if args.iv {
-            found.push(identify_iv::run(args, model, start)?);
+            found.push(identify_iv::run(args, session.model, start, summary)?);
         }
         if args.physical.reduce {
-            let reduction = reduce::run(args, model, start)?;
-            start.json.reduction = reduce::json(&reduction, &start.estimate.labels);
+            let reduction = session::reduction(session, start, &args.physical.against)?;
+            summary.reduction = reduce::json(&reduction, &start.estimate.labels);
             let columns = start.estimate.labels.len();
-            let known = start.blocks.is_some();
-            found.push(reduce::adopt(&reduction, columns, args.confidence, known)?);
+            let correlated = start.blocks.is_some();
+            found.push(session::adopt(
+                &reduction,
+                columns,
+                args.confidence,
+                correlated,
+            )?);
         }
     }
     let more = found.len() > 1;
     if more || !args.physical.against.is_empty() {
-        let logs: Vec<&Path> = args
+        let logs: Vec<PathBuf> = args
             .logs
             .iter()
             .chain(&args.physical.against)
-            .map(PathBuf::as_path)
+            .cloned()
             .collect();
-        let errors = predicted::table(model, &args.reading, &logs, &found)?;
-        start.json.models = found
+        let errors = session::compare(session, &logs, &found)?;
+        summary.models = found
             .iter()
             .zip(errors)
             .map(|(f, logs)| ModelJson {
@@ -267,13 +263,10 @@ fn models(
     let last = found.pop();
     let last = last.ok_or_else(|| Failure::Input("no model was found".to_owned()))?;
     if more && !args.logs.is_empty() {
-        let kind = observe::kind(&args.reading);
-        let mut logs = observe::open(model, &args.logs, &args.reading)?;
-        let means = identify::observe(model, kind, &mut logs)?.0.means();
         let lags = Options::default().lags;
-        let errors = last.residuals(model, kind, &mut logs, &means, lags)?;
-        start.json.relative_absolute = Some(errors.relative_absolute());
-        for (effort, error) in start.json.efforts.iter_mut().zip(errors.efforts()) {
+        let errors = session::residuals_of(session, &args.logs, &last, lags)?;
+        summary.relative_absolute = Some(errors.relative_absolute());
+        for (effort, error) in summary.efforts.iter_mut().zip(errors.efforts()) {
             effort.error = Some(error);
         }
     }
@@ -296,85 +289,56 @@ fn options(args: &IdentifyArgs) -> Options {
     }
 }
 
-fn from_factors(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Failure> {
+/// Least squares from factor files.
+fn factors(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+) -> Result<(Start, Summary), Failure> {
     let mut sets = Vec::with_capacity(args.from.len());
-    let own = digest(model);
     for path in &args.from {
-        let wrong = |why: String| Failure::Input(format!("{}: {why}", path.display()));
-        let set = FactorSet::from_text(&load::text(path)?).map_err(|e| wrong(e.to_string()))?;
-        if set.model != own {
-            return Err(wrong(format!(
-                "these are factors of {} with the digest {}, the spec's model has {own}: observe \
-                 again with this spec",
-                set.robot, set.model
-            )));
-        }
-        sets.push(set);
+        let set = FactorSet::from_text(&load::text(path)?);
+        sets.push(set.map_err(|e| Failure::Input(format!("{}: {e}", path.display())))?);
     }
-    let set = FactorSet::merged(sets)?;
-    let estimate = Estimate::new(&set, weighting(args))?;
-    let method = "least squares, for white residuals".to_owned();
-    let intervals = Intervals::of(&estimate, &estimate, args.confidence, method);
-    let weights: Vec<f64> = estimate.efforts.iter().map(|e| e.weight).collect();
-    Ok(Start {
-        json: Summary::of(&estimate, &set.kind),
-        factor: set.combined(&weights)?,
-        deviations: Deviations::white(&estimate),
-        blocks: None,
-        estimate,
-        intervals,
-        data: None,
-    })
+    let start = from_factors(session, sets).map_err(|error| match &error {
+        SessionError::Digest { place, .. } => {
+            let path = args.from.get(*place).map(|p| p.display().to_string());
+            Failure::Input(format!("{}: {error}", path.unwrap_or_default()))
+        }
+        _ => error.into(),
+    })?;
+    let summary = Summary::of(&start);
+    Ok((start, summary))
 }
 
-fn from_logs(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Start, Failure> {
-    let kind = observe::kind(&args.reading);
+/// Least squares from logs, with what looks wrong with them.
+fn logs(
+    args: &IdentifyArgs,
+    session: &Session<'_, Interpreted<'_>>,
+) -> Result<(Start, Summary), Failure> {
+    let model = session.model;
     let mut logs = observe::open(model, &args.logs, &args.reading)?;
-    let mut found =
-        identify::identify(model, kind, &options(args), &mut logs).inspect_err(|error| {
-            // loops that do not close may be two columns that are swapped
-            if matches!(error, DataError::Problems { .. } | DataError::Signal { .. }) {
-                suspect::tell(args, model, logs.logs(), None);
-            }
-        })?;
-    observe::note_problems(logs.logs().reports());
-    let sampled = match kind {
-        Kind::Forces => sampling(&mut found, logs.logs())?,
-        Kind::Energy { .. } => "",
-    };
-    let used = found.correlated();
-    let method = if let Some(n) = args.bandwidth {
-        format!("least squares, residuals correlated in {n} samples (Newey and West){sampled}")
-    } else {
-        note_short(&found.deviations);
-        format!("least squares, {}{sampled}", spoken(&found.deviations))
-    };
-    let intervals = Intervals::of(&found.estimate, &used, args.confidence, method);
-    let mut json = Summary::of(&found.estimate, &kind.name());
-    for (effort, error) in json.efforts.iter_mut().zip(&found.errors) {
-        effort.error = Some(error.clone());
+    let start = from_logs(session, &mut logs).inspect_err(|error| {
+        // loops that do not close may be two columns that are swapped
+        let unusable = matches!(
+            error,
+            SessionError::Data(DataError::Problems { .. } | DataError::Signal { .. })
+        );
+        if unusable {
+            suspect::tell(args, model, logs.logs(), None);
+        }
+    })?;
+    observe::note_problems(&start.reports);
+    if args.bandwidth.is_none() {
+        note_short(&start.deviations);
     }
-    note_unexplained(&found.errors);
-    json.relative_absolute = Some(found.relative_absolute);
-    json.bandwidth = Some(found.bandwidth);
-    json.singular = found.left_out.singular;
-    json.left_out = Some(found.left_out);
-    json.delays = found.delays;
-    json.corrected_delays = observe::delays(&args.reading);
-    json.suspicions = suspect::tell(args, model, logs.logs(), Some(&used));
-    json.files = logs.logs().reports().iter().map(FileJson::new).collect();
+    note_unexplained(&start.errors);
+    let mut summary = Summary::of(&start);
+    summary.corrected_delays = observe::delays(&args.reading);
+    summary.suspicions = suspect::tell(args, model, logs.logs(), Some(&start.used));
     if args.cross {
-        json.cross = cross(args, model, kind)?;
+        summary.cross = session::cross(session, &args.logs)?;
     }
-    Ok(Start {
-        json,
-        factor: found.factor,
-        estimate: found.estimate,
-        intervals,
-        deviations: found.deviations,
-        blocks: Some(found.blocks),
-        data: None,
-    })
+    Ok((start, summary))
 }
 
 /// An effort is unexplained where the residuals have this part of its size, in percent.
@@ -403,38 +367,6 @@ fn note_unexplained(errors: &[EffortError]) {
     }
 }
 
-/// A deviation grows by this part at least where it is said that it does.
-const GROWN: f64 = 0.1;
-
-/// Adds what the sampling of the positions does to parameters to their deviations; says so where
-/// that is much.
-fn sampling(
-    found: &mut Identified,
-    logs: &Logs<'_, Interpreted<'_>>,
-) -> Result<&'static str, Failure> {
-    let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
-    let change = logs.discretisation(&found.estimate.values, &weights, &found.factor)?;
-    let blocks = found.blocks.clone().with_change(&found.factor, &change);
-    let changed = found.deviations.with_change(&change);
-    let before = std::mem::replace(&mut found.deviations, changed);
-    found.blocks = blocks;
-    let grown = |k: usize| found.deviations.sigma(k) > (1.0 + GROWN) * before.sigma(k);
-    Ok(if (0..change.len()).any(grown) {
-        "; and what sampling leaves unknown of the motion"
-    } else {
-        ""
-    })
-}
-
-/// How deviations that know of correlation were found.
-pub(crate) fn spoken(deviations: &Deviations) -> String {
-    format!(
-        "residuals correlated in time ({:.0} samples are as good as one; {} cosines of whitened \
-         scores)",
-        deviations.memory, deviations.terms
-    )
-}
-
 /// Says that a log is too short for deviations to be trusted.
 pub(crate) fn note_short(deviations: &Deviations) {
     if deviations.short() {
@@ -447,75 +379,36 @@ pub(crate) fn note_short(deviations: &Deviations) {
 }
 
 impl Summary {
-    /// What an estimate says.
-    pub(crate) fn of(estimate: &Estimate, kind: &str) -> Self {
-        let efforts = estimate.efforts.iter().map(|e| EffortJson {
+    /// What a start says.
+    fn of(start: &Start) -> Self {
+        let estimate = &start.estimate;
+        let efforts = estimate.efforts.iter().enumerate();
+        let efforts = efforts.map(|(k, e)| EffortJson {
             name: e.name.clone(),
             equations: e.rows,
             sigma: e.sigma,
             weight: e.weight,
-            error: None,
+            error: start.errors.get(k).cloned(),
         });
         Self {
-            kind: kind.to_owned(),
+            kind: start.kind.clone(),
             equations: estimate.efforts.iter().map(|e| e.rows).sum(),
             degrees_of_freedom: estimate.degrees_of_freedom,
             condition: estimate.condition,
             scaled_condition: estimate.scaled_condition,
             efforts: efforts.collect(),
-            relative_absolute: None,
-            bandwidth: None,
-            singular: 0,
-            left_out: None,
-            delays: Delays::default(),
+            relative_absolute: start.relative_absolute,
+            bandwidth: start.bandwidth,
+            singular: start.left_out.as_ref().map_or(0, |left| left.singular),
+            left_out: start.left_out.clone(),
+            delays: start.delays.clone(),
             corrected_delays: Vec::new(),
             cross: Vec::new(),
             reduction: Vec::new(),
             models: Vec::new(),
-            files: Vec::new(),
+            files: start.reports.iter().map(FileJson::new).collect(),
             instruments: None,
             suspicions: Vec::new(),
         }
     }
-}
-
-/// Each log predicted by parameters from all others.
-pub(crate) fn cross(
-    args: &IdentifyArgs,
-    model: &Interpreted<'_>,
-    kind: Kind,
-) -> Result<Vec<Cross>, Failure> {
-    if args.logs.len() < 2 {
-        let text = "--cross needs two logs or more";
-        return Err(Failure::Input(text.to_owned()));
-    }
-    let one = |path: &PathBuf| observe::open(model, std::slice::from_ref(path), &args.reading);
-    // without Huber's weights a log's factor is all that is needed of it
-    let mut sets = Vec::with_capacity(args.logs.len());
-    for path in &args.logs {
-        sets.push(identify::observe(model, kind, &mut one(path)?)?.0);
-    }
-    let mut out = Vec::with_capacity(sets.len());
-    for (k, path) in args.logs.iter().enumerate() {
-        let values = if args.huber.is_some() {
-            let others = args.logs.iter().enumerate().filter(|(j, _)| *j != k);
-            let others: Vec<PathBuf> = others.map(|(_, path)| path.clone()).collect();
-            let mut logs = observe::open(model, &others, &args.reading)?;
-            identify::identify(model, kind, &options(args), &mut logs)?
-                .estimate
-                .values
-        } else {
-            let others = sets.iter().enumerate().filter(|(j, _)| *j != k);
-            let merged = FactorSet::merged(others.map(|(_, set)| set.clone()).collect())?;
-            Estimate::new(&merged, weighting(args))?.values
-        };
-        let means = sets.get(k).map(FactorSet::means).unwrap_or_default();
-        let residuals = identify::residuals(model, kind, &mut one(path)?, &values, &means, 1)?;
-        out.push(Cross {
-            file: path.display().to_string(),
-            relative_absolute: residuals.relative_absolute(),
-            efforts: residuals.efforts(),
-        });
-    }
-    Ok(out)
 }

@@ -12,11 +12,12 @@ use serde::Serialize;
 
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
-use crate::identify::{Start, weighting};
+use crate::identify::{Summary, weighting};
 use crate::path::Path;
 use crate::simulate::{control, linear_friction, reason};
 use crate::{observe, progress, table};
 use regen_identify::model::{IdentifiedModel, Intervals};
+use regen_identify::session::Start;
 use regen_interpreted::Interpreted;
 
 /// What is said of the instruments.
@@ -60,7 +61,8 @@ const BANDWIDTH: f64 = 3.0;
 pub(crate) fn run(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
-    start: &mut Start,
+    start: &Start,
+    summary: &mut Summary,
 ) -> Result<IdentifiedModel, Failure> {
     // positions as they are, whatever filter the regressor's pass, and all of them: what passes a
     // filter is thinned behind it
@@ -113,8 +115,8 @@ pub(crate) fn run(
         }
         (found, cutoff) = (simulation?, None);
     }
-    start.json.bandwidth = Some(found.bandwidth);
-    start.json.instruments = Some(InstrumentsJson::new(&found, cutoff));
+    summary.bandwidth = Some(found.bandwidth);
+    summary.instruments = Some(InstrumentsJson::new(&found, cutoff));
     let method = format!(
         "instrumental variables, whitened scores correlated in {} samples (Newey and West)",
         found.bandwidth

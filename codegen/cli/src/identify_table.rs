@@ -3,9 +3,9 @@
 use std::fmt::Write as _;
 
 use crate::identify::{Json, Summary};
-use crate::predicted::{self, OnLog};
-use crate::{delay, observe, reduce, table};
+use crate::{delay, observe, predicted, reduce, table};
 use regen_identify::files::ParameterFile;
+use regen_identify::session::OnLog;
 use regen_identify::status::{self, Status};
 
 /// A probability of white residuals below which they are called correlated.

@@ -16,7 +16,6 @@ mod exit;
 mod export;
 mod generate;
 mod identify;
-mod identify_friction;
 mod identify_iv;
 mod identify_table;
 #[cfg(test)]

@@ -2,17 +2,17 @@
 
 use std::path::PathBuf;
 
-use regen_identify::data::{DataError, FileReport, Logs, Policy, Settings};
+use regen_identify::data::{DataError, FileReport, Policy, Settings};
 use regen_identify::estimate::{EstimateError, FactorSet};
-use regen_identify::identify::{Kind, LeftOut, Standstill, observe};
+use regen_identify::identify::{Kind, LeftOut, Options, Standstill, observe};
+use regen_identify::session::{Session, SessionError, Watched};
 use regen_identify::signals::Method;
 use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use crate::args::{DelayArg, Format, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg};
 use crate::exit::Failure;
-use crate::progress::spinner;
-use crate::watch::Watched;
+use crate::watch::TERMINAL;
 use crate::{load, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
@@ -157,7 +157,7 @@ pub(crate) fn open<'m>(
     model: &'m Interpreted<'m>,
     paths: &[PathBuf],
     reading: &ReadingArgs,
-) -> Result<Watched<'m>, Failure> {
+) -> Result<Watched<'m, Interpreted<'m>>, Failure> {
     if reading.delay.contains(&DelayArg::Auto) {
         let text = "--delay auto is for `identify`: give the values that it printed, NAME=S";
         return Err(Failure::Input(text.to_owned()));
@@ -169,11 +169,22 @@ pub(crate) fn open<'m>(
                     drop or keep";
         return Err(Failure::Input(text.to_owned()));
     }
-    let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
-    let spinner = spinner(format!("checking {}", names.join(", ")));
-    let logs = Logs::open(model, paths, &settings(reading));
-    spinner.finish_and_clear();
-    Ok(Watched::new(logs?, reading.decimate))
+    Ok(session(model, reading).open(paths)?)
+}
+
+/// An identification with the options' reading, solved by default.
+pub(crate) fn session<'m>(
+    model: &'m Interpreted<'m>,
+    reading: &ReadingArgs,
+) -> Session<'m, Interpreted<'m>> {
+    Session {
+        model,
+        reading: settings(reading),
+        kind: kind(reading),
+        options: Options::default(),
+        confidence: 0.95,
+        watch: &TERMINAL,
+    }
 }
 
 /// What the options say of reading.
@@ -279,6 +290,21 @@ impl From<DataError> for Failure {
                  --problems keep"
             )),
             DataError::FrictionOfEnergy => Self::Input(format!("{error}: leave out --energy")),
+            other => Self::Input(other.to_string()),
+        }
+    }
+}
+
+impl From<SessionError> for Failure {
+    fn from(error: SessionError) -> Self {
+        match error {
+            SessionError::Data(error) => error.into(),
+            SessionError::Feasibility(error) => error.into(),
+            SessionError::OneLog => Self::Input("--cross needs two logs or more".to_owned()),
+            SessionError::DelayOfEnergy => Self::Input(
+                "--delay auto needs the equations of motion: leave out --energy".to_owned(),
+            ),
+            SessionError::NoneWell => Self::Numeric(error.to_string()),
             other => Self::Input(other.to_string()),
         }
     }

@@ -1,70 +1,72 @@
-//! A bar on a terminal's standard error while logs are read.
+//! A bar on a terminal's standard error while logs are read and fits are drawn.
+
+use std::sync::Mutex;
 
 use indicatif::ProgressBar;
-use regen_identify::data::{DataError, Logs};
-use regen_identify::estimate::EstimateError;
-use regen_identify::identify::{Filtering, Row, Source};
+use regen_identify::session::Watch;
 
 use crate::progress;
-use regen_interpreted::Interpreted;
 
-/// Rows between two steps of a bar.
-const EVERY: u64 = 64;
-
-/// Logs that show how far a pass over them is, and the time it has left.
-pub(crate) struct Watched<'m> {
-    logs: Logs<'m, Interpreted<'m>>,
-    bar: ProgressBar,
-    passes: usize,
+/// Shows work on the terminal, one bar at a time.
+pub(crate) struct Terminal {
+    shown: Mutex<Option<Shown>>,
 }
 
-impl<'m> Watched<'m> {
-    /// Watches logs whose states are taken with this decimation.
-    pub(crate) fn new(logs: Logs<'m, Interpreted<'m>>, decimation: usize) -> Self {
-        let rows: usize = logs.reports().iter().map(|report| report.rows).sum();
-        let length = (rows / decimation.max(1)) as u64;
-        let bar = progress::bar(length, "{msg} {bar:24} {pos}/{len} rows, {eta} left");
-        Self {
-            logs,
-            bar,
-            passes: 0,
+struct Shown {
+    bar: ProgressBar,
+    /// The pass over logs that it shows; none where the work's length is unknown.
+    pass: Option<usize>,
+}
+
+/// The terminal that this process prints on.
+pub(crate) static TERMINAL: Terminal = Terminal {
+    shown: Mutex::new(None),
+};
+
+impl Terminal {
+    /// Changes what is shown; nothing is shown where another thread failed while it did.
+    fn with(&self, change: impl FnOnce(&mut Option<Shown>)) {
+        if let Ok(mut shown) = self.shown.lock() {
+            change(&mut shown);
         }
     }
-
-    /// The logs.
-    pub(crate) fn logs(&self) -> &Logs<'m, Interpreted<'m>> {
-        &self.logs
-    }
 }
 
-impl Source for Watched<'_> {
-    type Error = DataError;
-
-    fn filtering(&self) -> Filtering {
-        self.logs.filtering()
-    }
-
-    fn visit(
-        &mut self,
-        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
-    ) -> Result<(), DataError> {
-        self.passes += 1;
-        self.bar.reset();
-        self.bar.set_message(format!("pass {}", self.passes));
-        let mut rows = 0;
-        let bar = &self.bar;
-        self.logs.visit(&mut |row| {
-            rows += 1;
-            if rows % EVERY == 0 {
-                bar.set_position(rows);
+impl Watch for Terminal {
+    fn work(&self, what: &str) {
+        self.with(|shown| match shown {
+            Some(Shown { bar, pass: None }) => bar.set_message(what.to_owned()),
+            _ => {
+                *shown = Some(Shown {
+                    bar: progress::spinner(what.to_owned()),
+                    pass: None,
+                });
             }
-            each(row)
-        })
+        });
     }
-}
 
-impl Drop for Watched<'_> {
-    fn drop(&mut self) {
-        self.bar.finish_and_clear();
+    fn rest(&self) {
+        self.with(|shown| {
+            if let Some(Shown { bar, .. }) = shown.take() {
+                bar.finish_and_clear();
+            }
+        });
+    }
+
+    fn rows(&self, pass: usize, done: u64, all: u64) {
+        self.with(|shown| {
+            let same = matches!(shown, Some(Shown { pass: Some(own), .. }) if *own == pass);
+            if !same {
+                let bar = progress::bar(all, "{msg} {bar:24} {pos}/{len} rows, {eta} left");
+                bar.set_message(format!("pass {pass}"));
+                *shown = Some(Shown {
+                    bar,
+                    pass: Some(pass),
+                });
+            }
+            if let Some(Shown { bar, .. }) = shown {
+                bar.set_position(done);
+            }
+        });
     }
 }

@@ -31,6 +31,7 @@ pub mod identifiability;
 pub mod identify;
 pub mod intervals;
 pub mod model;
+pub mod session;
 pub mod signals;
 mod singular;
 pub mod status;

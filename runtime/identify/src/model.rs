@@ -87,6 +87,9 @@ pub struct IdentifiedModel {
     pub left_out: Vec<usize>,
     /// What is known of its feasibility.
     pub feasibility: String,
+    /// The masses that only a limit far beyond this robot bounds, as labels: they want bounds of
+    /// their own, or nominal values.
+    pub unbounded: Vec<String>,
     /// By what part of itself the objective can be above the optimum at most, where it is physical.
     pub gap: Option<f64>,
     /// How uncertain its values are.

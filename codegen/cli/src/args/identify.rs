@@ -109,6 +109,9 @@ pub(crate) struct IdentifyArgs {
     /// .yaml, else JSON
     #[arg(long, value_name = "PARAMS")]
     pub(crate) out: Option<PathBuf>,
+    /// When this was done, for the file: nothing reads a clock
+    #[arg(long, value_name = "TEXT", requires = "out")]
+    pub(crate) date: Option<String>,
     /// How the result is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,

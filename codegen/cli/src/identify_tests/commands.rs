@@ -7,6 +7,7 @@ use std::process::Command as Process;
 use clap::Parser;
 use regen_identify::feasibility::{Layout, Scale};
 use regen_identify::friction::JointFit;
+use regen_identify::session::cross;
 use regen_runtime::{Friction, Model};
 use serde_json::Value;
 
@@ -310,9 +311,8 @@ fn cross_validation_keeps_outliers_off_as_the_estimate_does() {
         let robot = load::robot(&args.file).unwrap();
         let terms = BaseTerms::new(&robot);
         let model = Interpreted::with_terms(&robot, &terms);
-        let kind = observe::kind(&args.reading);
         // the good log predicted by parameters from the bad one
-        identify::cross(&args, &model, kind).unwrap()[0].relative_absolute
+        cross(&identify::session(&args, &model), &args.logs).unwrap()[0].relative_absolute
     };
     let (plain, robust) = (error(""), error("--huber 1.345"));
     assert!(robust < 0.3 * plain, "{robust} {plain}");

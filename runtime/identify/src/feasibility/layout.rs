@@ -242,8 +242,8 @@ impl Combinations {
     ///
     /// # Errors
     /// When a term is of no parameter.
-    pub fn from_model(
-        model: &dyn BaseModel<f64>,
+    pub fn from_model<M: BaseModel<f64> + ?Sized>(
+        model: &M,
         parameters: usize,
     ) -> Result<Self, FeasibilityError> {
         let mut zeros = Vec::with_capacity(model.zeros().len());

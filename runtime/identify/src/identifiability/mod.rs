@@ -18,12 +18,22 @@ pub const WELL: f64 = 15.0;
 /// Whether the parameters that are kept are of a physical robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Feasibility {
-    /// They are.
+    /// A physical robot has these parameters.
     Feasible,
-    /// They are not, proven.
+    /// No physical robot has these parameters; that is proven.
     Infeasible,
-    /// So close to the border that it cannot be told.
+    /// The parameters are too close to the border for double precision to decide.
     Undecided,
+}
+
+impl fmt::Display for Feasibility {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Feasible => "feasible",
+            Self::Infeasible => "infeasible",
+            Self::Undecided => "undecided",
+        })
+    }
 }
 
 /// What a step of the reduction did.

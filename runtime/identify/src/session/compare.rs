@@ -1,0 +1,63 @@
+//! Models compared on logs, as in the chapter's Table 4.
+
+use std::path::PathBuf;
+
+use regen_runtime::BaseModel;
+use serde::Serialize;
+
+use super::{Session, SessionError};
+use crate::estimate::Residuals;
+use crate::identify;
+use crate::model::IdentifiedModel;
+
+/// A model's error on a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OnLog {
+    /// The log's file.
+    pub log: String,
+    /// eps_RA in percent (Eq. 33).
+    pub relative_absolute: f64,
+}
+
+/// eps_RA of each model on each log: a list for each model.
+///
+/// # Errors
+/// What keeps a log from being read or predicted.
+pub fn compare<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &[PathBuf],
+    models: &[IdentifiedModel],
+) -> Result<Vec<Vec<OnLog>>, SessionError> {
+    let mut out = vec![Vec::with_capacity(logs.len()); models.len()];
+    for path in logs {
+        let mut log = session.open(std::slice::from_ref(path))?;
+        let means = identify::observe(session.model, session.kind, &mut log)?
+            .0
+            .means();
+        for (one, row) in models.iter().zip(&mut out) {
+            let found = one.residuals(session.model, session.kind, &mut log, &means, 1)?;
+            row.push(OnLog {
+                log: path.display().to_string(),
+                relative_absolute: found.relative_absolute(),
+            });
+        }
+    }
+    Ok(out)
+}
+
+/// What a model leaves of the efforts of all logs together, with so many autocorrelations.
+///
+/// # Errors
+/// What keeps a log from being read or predicted.
+pub fn residuals_of<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &[PathBuf],
+    model: &IdentifiedModel,
+    lags: usize,
+) -> Result<Residuals, SessionError> {
+    let mut log = session.open(logs)?;
+    let means = identify::observe(session.model, session.kind, &mut log)?
+        .0
+        .means();
+    Ok(model.residuals(session.model, session.kind, &mut log, &means, lags)?)
+}

@@ -1,0 +1,55 @@
+//! Delays of efforts behind the motion that they belong to, corrected until none is significant.
+
+use std::path::PathBuf;
+
+use regen_runtime::BaseModel;
+
+use super::{Session, SessionError};
+use crate::identify::{self, Kind, Options};
+
+/// Rounds in which delays are corrected at most; two or three settle them.
+const ROUNDS: usize = 6;
+
+/// The delays that logs show, s, by the names of efforts: those of the session's reading, and
+/// what differs from zero by more than three deviations. As the estimate of a delay is of first
+/// order, it is repeated until nothing significant is left.
+///
+/// # Errors
+/// [`SessionError::DelayOfEnergy`] where energy is balanced; what keeps a log from being read.
+pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    logs: &[PathBuf],
+) -> Result<Vec<(String, f64)>, SessionError> {
+    if session.kind != Kind::Forces {
+        return Err(SessionError::DelayOfEnergy);
+    }
+    let options = Options {
+        weighting: session.options.weighting,
+        ..Options::default()
+    };
+    let mut session = Session {
+        model: session.model,
+        reading: session.reading.clone(),
+        kind: session.kind,
+        options: session.options.clone(),
+        confidence: session.confidence,
+        watch: session.watch,
+    };
+    for _ in 0..ROUNDS {
+        let mut opened = session.open(logs)?;
+        let found = identify::identify(session.model, session.kind, &options, &mut opened)?;
+        let late = found.delays.efforts.iter().filter(|d| d.is_significant());
+        let late: Vec<(String, f64)> = late.map(|d| (d.effort.clone(), d.seconds)).collect();
+        if late.is_empty() {
+            break;
+        }
+        let delays = &mut session.reading.delays;
+        for (name, seconds) in late {
+            match delays.iter_mut().find(|(own, _)| *own == name) {
+                Some((_, known)) => *known += seconds,
+                None => delays.push((name, seconds)),
+            }
+        }
+    }
+    Ok(session.reading.delays)
+}

@@ -1,0 +1,116 @@
+//! What keeps an identification from its end.
+
+use core::fmt;
+
+use regen_runtime::{Misuse, SizeError};
+
+use crate::data::DataError;
+use crate::estimate::EstimateError;
+use crate::feasibility::FeasibilityError;
+
+/// Why an identification did not reach its end.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum SessionError {
+    /// Logs that cannot be used, or equations that do not determine the parameters.
+    Data(DataError),
+    /// Physical parameters that were not found.
+    Feasibility(FeasibilityError),
+    /// A robot without nominal values, which were to be believed in; its name.
+    NoNominal(String),
+    /// A robot without a joint of nonlinear friction, which was to be identified; its name.
+    NoNonlinearFriction(String),
+    /// Fewer than two logs, which were to predict each other.
+    OneLog,
+    /// Factors of another model.
+    Digest {
+        /// The place of the factors among those given.
+        place: usize,
+        /// The robot that the file names.
+        robot: String,
+        /// The digest in the file.
+        found: String,
+        /// The digest of the model at hand.
+        expected: String,
+    },
+    /// Delays were to be found from a balance of energy, which has none.
+    DelayOfEnergy,
+    /// No base parameter is well identified.
+    NoneWell,
+}
+
+impl fmt::Display for SessionError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Data(why) => write!(f, "{why}"),
+            Self::Feasibility(why) => write!(f, "{why}"),
+            Self::NoNominal(robot) => write!(
+                f,
+                "{robot} has no nominal values to believe in: give `bodies:` and `nominal:` in the \
+                 spec"
+            ),
+            Self::NoNonlinearFriction(robot) => write!(
+                f,
+                "{robot} has no nonlinear friction: give joints `friction: stribeck`, `atan` or \
+                 `power` in the spec"
+            ),
+            Self::OneLog => f.write_str("logs that predict each other must be two or more"),
+            Self::Digest {
+                robot,
+                found,
+                expected,
+                ..
+            } => write!(
+                f,
+                "these are factors of {robot} with the digest {found}, the spec's model has \
+                 {expected}: observe again with this spec"
+            ),
+            Self::DelayOfEnergy => {
+                f.write_str("delays are found from the equations of motion, not from energy")
+            }
+            Self::NoneWell => {
+                f.write_str("no base parameter is well identified: excite the robot more")
+            }
+        }
+    }
+}
+
+impl core::error::Error for SessionError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Data(why) => Some(why),
+            Self::Feasibility(why) => Some(why),
+            _ => None,
+        }
+    }
+}
+
+impl From<DataError> for SessionError {
+    fn from(why: DataError) -> Self {
+        Self::Data(why)
+    }
+}
+
+impl From<EstimateError> for SessionError {
+    fn from(why: EstimateError) -> Self {
+        Self::Data(why.into())
+    }
+}
+
+impl From<FeasibilityError> for SessionError {
+    fn from(why: FeasibilityError) -> Self {
+        Self::Feasibility(why)
+    }
+}
+
+impl From<Misuse> for SessionError {
+    fn from(why: Misuse) -> Self {
+        Self::Data(why.into())
+    }
+}
+
+impl From<SizeError> for SessionError {
+    fn from(why: SizeError) -> Self {
+        Self::Data(why.into())
+    }
+}

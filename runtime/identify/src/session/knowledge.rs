@@ -1,0 +1,108 @@
+//! What is known of a robot besides its logs.
+
+use regen_runtime::Info;
+
+use super::SessionError;
+use crate::feasibility::{Body, Bound, Layout, Options, Prior, SYMBOLS, Total};
+
+/// How far nominal values are believed in.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Trust {
+    /// Only where the data leave parameters open.
+    #[default]
+    Open,
+    /// With deviations of this part of the values.
+    Weighted(f64),
+    /// By the divergence of pseudo-inertias, with this weight.
+    Entropic(f64),
+}
+
+/// What is known of a robot besides its logs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Knowledge {
+    /// Bodies that are alike: lists of labels.
+    pub identical: Vec<Vec<String>>,
+    /// Parameters that are known, SI.
+    pub known: Vec<(String, f64)>,
+    /// Bounds of parameters, SI.
+    pub bounds: Vec<Bound>,
+    /// Sums of parameters, SI.
+    pub totals: Vec<Total>,
+    /// How far nominal values are believed in.
+    pub trust: Trust,
+}
+
+impl Knowledge {
+    /// As options of a fit among physical parameters of this layout.
+    ///
+    /// # Errors
+    /// [`SessionError::NoNominal`] where nominal values are believed in and there are none.
+    pub fn options(&self, info: &Info<'_>, layout: &Layout) -> Result<Options, SessionError> {
+        let mut reference = info.nominal.to_vec();
+        reference.resize(layout.len(), None);
+        let mut options = Options {
+            identical: self.identical.clone(),
+            known: self.known.clone(),
+            bounds: self.bounds.clone(),
+            totals: self.totals.clone(),
+            reference,
+            ..Options::default()
+        };
+        match self.trust {
+            Trust::Open => {}
+            Trust::Entropic(weight) => {
+                let complete = |body: &Body| {
+                    let values = body.columns.map(|c| options.reference.get(c).copied());
+                    values.iter().all(|v| v.flatten().is_some())
+                };
+                if !layout.bodies().iter().any(complete) {
+                    return Err(SessionError::NoNominal(info.name.to_owned()));
+                }
+                options.entropic = weight;
+            }
+            Trust::Weighted(part) => {
+                options.priors = beliefs(layout, &options.reference, part);
+                if options.priors.is_empty() {
+                    return Err(SessionError::NoNominal(info.name.to_owned()));
+                }
+            }
+        }
+        Ok(options)
+    }
+}
+
+/// Nominal values with deviations: a part of the value, or of what is usual for the body where
+/// the value is small.
+fn beliefs(layout: &Layout, nominal: &[Option<f64>], part: f64) -> Vec<Prior> {
+    let of = |k: usize| nominal.get(k).copied().flatten();
+    let mut out = Vec::new();
+    let mut push = |k: usize, size: f64| {
+        if let (Some(value), Some(label), true) = (of(k), layout.labels().get(k), size > 0.0) {
+            out.push(Prior {
+                parameter: label.clone(),
+                value,
+                deviation: part * size,
+            });
+        }
+    };
+    for body in layout.bodies() {
+        let at = |symbol: &str| {
+            let place = SYMBOLS.iter().position(|s| *s == symbol);
+            place.and_then(|k| of(body.columns[k])).unwrap_or(0.0)
+        };
+        let mass = at("m");
+        let moment = at("Ixx").max(at("Iyy")).max(at("Izz"));
+        for (column, symbol) in body.columns.iter().zip(SYMBOLS) {
+            let usual = match symbol {
+                "m" => mass,
+                "mx" | "my" | "mz" => (mass * moment).sqrt(),
+                _ => moment,
+            };
+            push(*column, usual);
+        }
+    }
+    for k in layout.single() {
+        push(*k, of(*k).unwrap_or(0.0).abs());
+    }
+    out
+}

@@ -1,0 +1,312 @@
+//! Physical parameters of a start: the verdict on least squares, the constrained fit, nonlinear
+//! friction.
+
+use std::fmt::Write as _;
+
+use regen_runtime::{BaseModel, Closure, Friction};
+
+use super::{Knowledge, Session, SessionError, Start, describe};
+use crate::feasibility::{
+    Combinations, Layout, OPTIMAL, Options, Outcome, Physical, Scale, Verdict, identify, verdict,
+};
+use crate::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
+use crate::intervals::{LeastSquares, Spread, constrained};
+use crate::model::{IdentifiedModel, Interval, Intervals};
+
+/// The layout and combinations of a model.
+pub(super) fn frame<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+) -> Result<(Layout, Combinations), SessionError> {
+    let layout = Layout::new(model.info().parameters)?;
+    let combinations = Combinations::from_model(model, layout.len())?;
+    Ok((layout, combinations))
+}
+
+/// The models of a start: least squares with its verdict, and the physical one.
+///
+/// The parameters of the start behind the base parameters are of linear friction at joints whose
+/// friction is not linear.
+///
+/// - `draws`: how many fits the intervals are made of; 0 for none.
+///
+/// # Errors
+/// Constraints that contradict each other or name what is not there.
+pub fn physical<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    knowledge: &Knowledge,
+    start: &Start,
+    draws: usize,
+) -> Result<Vec<IdentifiedModel>, SessionError> {
+    let model = session.model;
+    let info = model.info();
+    let (factor, values) = (&start.factor, start.estimate.values.as_slice());
+    let data = start.data.as_ref();
+    let (plain_layout, plain) = frame(model)?;
+    let r = plain.labels().len();
+    let more = factor.labels().get(r..).unwrap_or_default();
+    let joints = data.map_or(&[][..], FrictionData::joints);
+    let layout = plain_layout.extended(more)?;
+    let combinations = plain.extended(more);
+    let scale = scale(model, &layout, &combinations, values)?;
+    let options = Options {
+        scale,
+        ..knowledge.options(&info, &layout)?
+    };
+    let judged = verdict(&layout, &combinations, values, scale)?;
+    let mut out = vec![IdentifiedModel {
+        name: if data.is_some() {
+            "linear, least squares".to_owned()
+        } else {
+            "least squares".to_owned()
+        },
+        beta: values.get(..r).unwrap_or_default().to_vec(),
+        phi: None,
+        friction: linear(joints, values.get(r..).unwrap_or_default()),
+        feasibility: told(&judged),
+        ..IdentifiedModel::default()
+    }];
+    let linear_fit = identify(factor, &combinations, &layout, &options)?;
+    let p = plain_layout.len();
+    let mut progress = |done: usize| {
+        session
+            .watch
+            .work(&format!("intervals: {done} of {draws} fits"));
+    };
+    let intervals = if data.is_some() || draws == 0 {
+        Intervals::default()
+    } else {
+        let least = LeastSquares {
+            factor,
+            values,
+            deviations: &start.deviations,
+        };
+        let found = (linear_fit.phi.as_slice(), linear_fit.beta.as_slice());
+        let found = constrained(
+            least,
+            &combinations,
+            &layout,
+            &options,
+            found,
+            draws,
+            &mut progress,
+        )?;
+        let known = match start.blocks {
+            Some(_) => describe(&start.deviations),
+            None => "for white residuals".to_owned(),
+        };
+        let one = |s: &Spread| drawn_interval(s, session.confidence);
+        Intervals {
+            base: found.base.iter().map(one).collect(),
+            physical: found.physical.iter().map(|s| one(s.as_ref()?)).collect(),
+            friction: Vec::new(),
+            method: drawn(found.replicates, &known),
+        }
+    };
+    out.push(IdentifiedModel {
+        name: if data.is_some() {
+            "linear, feasible".to_owned()
+        } else {
+            "feasible".to_owned()
+        },
+        beta: linear_fit.beta.get(..r).unwrap_or_default().to_vec(),
+        phi: linear_fit.phi.get(..p).map(<[f64]>::to_vec),
+        friction: linear(joints, linear_fit.phi.get(p..).unwrap_or_default()),
+        feasibility: cost(&linear_fit, &layout),
+        unbounded: unbounded(&linear_fit, &layout),
+        gap: Some(linear_fit.gap),
+        intervals,
+        ..IdentifiedModel::default()
+    });
+    if let Some(data) = data {
+        let own = Options {
+            scale,
+            ..knowledge.options(&info, &plain_layout)?
+        };
+        let found = fit(data, &plain, &plain_layout, &own)?;
+        let mut text = format!(
+            "physical; {:.3} % of the linear model's squared residuals; with these shapes {}",
+            100.0 * found.squared_residual / found.linear,
+            proven(found.gap)
+        );
+        if !found.converged {
+            text.push_str("; the search for the shapes had not settled");
+        }
+        let intervals = if draws == 0 {
+            Intervals::default()
+        } else {
+            let spread = friction::intervals(
+                data,
+                &plain,
+                &plain_layout,
+                &own,
+                &found,
+                draws,
+                &mut progress,
+            )?;
+            let short = if spread.deviations.short() {
+                "; the samples are too few to know that"
+            } else {
+                ""
+            };
+            let one = |s: &Spread| drawn_interval(s, session.confidence);
+            let of_joint =
+                |joint: &Vec<Option<Spread>>| joint.iter().map(|s| one(s.as_ref()?)).collect();
+            Intervals {
+                base: spread.base.iter().map(one).collect(),
+                physical: spread.physical.iter().map(|s| one(s.as_ref()?)).collect(),
+                friction: spread.joints.iter().map(of_joint).collect(),
+                method: format!(
+                    "linearised at the optimum; {}{short}",
+                    drawn(spread.replicates, &describe(&spread.deviations))
+                ),
+            }
+        };
+        out.push(IdentifiedModel {
+            name: "nonlinear, feasible".to_owned(),
+            beta: found.beta,
+            phi: Some(found.phi),
+            friction: found.joints,
+            feasibility: text,
+            gap: Some(found.gap),
+            intervals,
+            ..IdentifiedModel::default()
+        });
+    }
+    Ok(out)
+}
+
+/// How intervals under constraints were found.
+fn drawn(replicates: usize, known: &str) -> String {
+    format!("percentiles of {replicates} draws of least squares under the constraints; {known}")
+}
+
+/// What draws say of a value.
+///
+/// There is none where nothing could be drawn.
+fn drawn_interval(spread: &Spread, confidence: f64) -> Option<Interval> {
+    let (low, high) = spread.interval(confidence);
+    low.is_finite().then_some(Interval {
+        sigma: spread.sigma,
+        sigma_white: f64::NAN,
+        low,
+        high,
+    })
+}
+
+/// Units near those of the robot, by its size and its base parameters.
+///
+/// # Errors
+/// When the model's home is not closed.
+pub fn scale<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    layout: &Layout,
+    combinations: &Combinations,
+    beta: &[f64],
+) -> Result<Scale, SessionError> {
+    let length = Closure::new(model)?.length_unit();
+    Ok(Scale::near(layout, combinations, beta, length))
+}
+
+/// A verdict in words.
+fn told(judged: &Verdict) -> String {
+    match judged {
+        Verdict::Feasible { margin, .. } => {
+            format!("feasible: a physical robot has them (smallest eigenvalue {margin:.2e})")
+        }
+        Verdict::Infeasible { certificate } => {
+            let escape = certificate.escape();
+            if escape.is_finite() {
+                format!("infeasible: proven for robots of less than {escape:.1e} kg and kg m^2")
+            } else {
+                "infeasible: proven, no physical robot has them".to_owned()
+            }
+        }
+        Verdict::Undecided { .. } => {
+            "undecided: too close to the border for double precision".to_owned()
+        }
+    }
+}
+
+/// What the gap to the optimum says.
+fn proven(gap: f64) -> String {
+    if gap <= OPTIMAL {
+        format!("the optimum, proven to {gap:.1e}")
+    } else {
+        format!("NOT proven to be the optimum, gap {gap:.1e}")
+    }
+}
+
+/// What being physical costs, and how far the result can be from the optimum.
+fn cost(found: &Physical, layout: &Layout) -> String {
+    let how = match found.outcome {
+        Outcome::Unconstrained => "physical, no constraint is active".to_owned(),
+        Outcome::Constrained => format!("physical, {}", proven(found.gap)),
+    };
+    let (margin, rise) = (found.check.margin(), 100.0 * found.rise());
+    let mut text = format!("{how} (smallest eigenvalue {margin:.2e}, rms residual +{rise:.3} %)");
+    if !found.limited.is_empty() {
+        // a String takes everything
+        let _ = write!(
+            text,
+            "; the fit wants {} heavier than any robot of this size: bound their masses",
+            found.limited.join(", ")
+        );
+    }
+    let heavy = heavy(found, layout);
+    if !heavy.is_empty() {
+        let _ = write!(
+            text,
+            "; the masses {} hardly matter to the fit and are no masses of this robot: bound them, \
+             or give nominal masses",
+            heavy.join(", ")
+        );
+    }
+    text
+}
+
+/// A body beyond this part of its generous limit, which is a thousand times what is known of the
+/// robot, is told.
+const HEAVY: f64 = 0.1;
+
+/// The masses that are far from any that the robot can have, of bodies that the fit does not ask to
+/// be so heavy.
+fn heavy(found: &Physical, layout: &Layout) -> Vec<String> {
+    let bodies = layout.bodies().iter().zip(&found.sizes);
+    let heavy = bodies.filter(|(body, size)| {
+        let mass = body.columns.last().and_then(|c| found.phi.get(*c));
+        !found.limited.contains(&body.label) && mass.is_some_and(|m| *m > HEAVY * size.mass)
+    });
+    heavy
+        .map(|(body, _)| format!("m({})", body.label))
+        .collect()
+}
+
+/// The bodies whose masses nothing bounds that matters to the fit, as labels of masses.
+fn unbounded(found: &Physical, layout: &Layout) -> Vec<String> {
+    let limited = found.limited.iter().map(|body| format!("m({body})"));
+    limited.chain(heavy(found, layout)).collect()
+}
+
+/// Linear friction at joints whose law is another: Fc and Fv of each.
+fn linear(joints: &[FrictionJoint], values: &[f64]) -> Vec<JointFit> {
+    let pairs = joints.iter().zip(values.chunks_exact(2));
+    pairs
+        .map(|(joint, own)| JointFit {
+            name: joint.name.clone(),
+            friction: Friction::Linear,
+            // the symbols are Fv, Fc
+            values: own.iter().rev().copied().collect(),
+        })
+        .collect()
+}
+
+/// Least-squares parameters apart: base parameters, and linear friction at these joints.
+pub(super) fn linear_part<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    joints: &[FrictionJoint],
+    values: &[f64],
+) -> (Vec<f64>, Vec<JointFit>) {
+    let r = model.base_info().base.len().min(values.len());
+    let (beta, more) = values.split_at(r);
+    (beta.to_vec(), linear(joints, more))
+}

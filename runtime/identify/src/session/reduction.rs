@@ -1,0 +1,147 @@
+//! From all base parameters of a start to those that the data determine well.
+
+use std::path::PathBuf;
+
+use regen_runtime::BaseModel;
+
+use super::{Session, SessionError, Start};
+use crate::data::DataError;
+use crate::estimate::{EffortFit, Factor, FactorSet};
+use crate::identifiability::{Checks, Reduction, reduce};
+use crate::identify::{self, Kind, NoColumns, Source};
+use crate::model::{IdentifiedModel, Intervals};
+
+/// Equations of the logs that a model is validated on, in memory.
+struct Equations {
+    columns: usize,
+    rows: Vec<(Vec<f64>, Vec<f64>)>,
+    means: Vec<f64>,
+}
+
+impl Equations {
+    fn relative_absolute(&self, beta: &[f64]) -> f64 {
+        let (mut absolute, mut spread) = (0.0, 0.0);
+        for (w, tau) in &self.rows {
+            for (i, (t, mean)) in tau.iter().zip(&self.means).enumerate() {
+                let entries = w.iter().skip(i).step_by(tau.len());
+                let fitted: f64 = entries.zip(beta).map(|(w, b)| w * b).sum();
+                absolute += (t - fitted).abs();
+                spread += (t - mean).abs();
+            }
+        }
+        debug_assert_eq!(self.columns, beta.len());
+        100.0 * absolute / spread
+    }
+}
+
+/// Reduces the base parameters of a start; the steps, and the last of them over all r.
+///
+/// - `against`: logs that each step is judged by too; may be empty.
+///
+/// # Errors
+/// What keeps a log from being read; a start that is not determined.
+pub fn reduction<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    start: &Start,
+    against: &[PathBuf],
+) -> Result<Reduction, SessionError> {
+    let (model, kind) = (session.model, session.kind);
+    let (factor, efforts) = (&start.factor, &start.estimate.efforts);
+    let (layout, combinations) = super::physical::frame(model)?;
+    let against = match against {
+        [] => None,
+        paths => {
+            let mut logs = session.open(paths)?;
+            let set = identify::observe(model, kind, &mut logs)?.0;
+            Some((
+                weighted(&set, efforts)?,
+                equations(model, kind, &mut logs, &set)?,
+            ))
+        }
+    };
+    let predict = against
+        .as_ref()
+        .map(|(_, equations)| |beta: &[f64]| equations.relative_absolute(beta));
+    let checks = Checks {
+        other: against.as_ref().map(|(factor, _)| factor),
+        relative_absolute: predict.as_ref().map(|f| f as _),
+        scale: super::physical::scale(model, &layout, &combinations, &factor.solve()?)?,
+        blocks: start.blocks.as_ref(),
+        ..Checks::default()
+    };
+    Ok(reduce(factor, &combinations, &layout, &checks)?)
+}
+
+fn weighted(set: &FactorSet, efforts: &[EffortFit]) -> Result<Factor, SessionError> {
+    let weights: Vec<f64> = efforts.iter().map(|e| e.weight).collect();
+    Ok(set.combined(&weights)?)
+}
+
+fn equations<M: BaseModel<f64> + ?Sized, S: Source<Error = DataError>>(
+    model: &M,
+    kind: Kind,
+    logs: &mut S,
+    set: &FactorSet,
+) -> Result<Equations, SessionError> {
+    let mut out = Equations {
+        columns: set.labels().len(),
+        rows: Vec::new(),
+        means: set.means(),
+    };
+    identify::equations(model, kind, logs, &mut NoColumns, &mut |found| {
+        let resting = found.weights.contains(&0.0);
+        if !found.tau.is_empty() && !resting {
+            out.rows.push((found.w.to_vec(), found.tau.to_vec()));
+        }
+        Ok(())
+    })?;
+    Ok(out)
+}
+
+/// Takes the last step over: what was left out is zero in the forces.
+///
+/// - `columns`: r, the number of base parameters;
+/// - `correlated`: whether the steps know of the residuals' correlation.
+///
+/// # Errors
+/// [`SessionError::NoneWell`] where no parameter was kept.
+pub fn adopt(
+    reduction: &Reduction,
+    columns: usize,
+    confidence: f64,
+    correlated: bool,
+) -> Result<IdentifiedModel, SessionError> {
+    let step = reduction.result().ok_or(SessionError::NoneWell)?;
+    let own = Intervals::of(
+        &step.estimate,
+        &step.estimate,
+        confidence,
+        if correlated {
+            "least squares of the parameters that were kept, residuals correlated in time"
+        } else {
+            "least squares of the parameters that were kept, for white residuals"
+        }
+        .to_owned(),
+    );
+    let mut beta = vec![0.0; columns];
+    let mut intervals = vec![None; columns];
+    for (k, place) in step.kept.iter().enumerate() {
+        if let (Some(slot), Some(value)) = (beta.get_mut(*place), step.estimate.values.get(k)) {
+            *slot = *value;
+        }
+        if let (Some(slot), Some(interval)) = (intervals.get_mut(*place), own.base.get(k)) {
+            *slot = *interval;
+        }
+    }
+    Ok(IdentifiedModel {
+        name: "reduced".to_owned(),
+        beta,
+        left_out: (0..columns).filter(|k| !step.kept.contains(k)).collect(),
+        feasibility: step.feasibility.to_string(),
+        intervals: Intervals {
+            base: intervals,
+            ..own
+        },
+        ..IdentifiedModel::default()
+    })
+}

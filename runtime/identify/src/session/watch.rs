@@ -1,0 +1,82 @@
+//! Who follows long work: a bar on a terminal, or nobody.
+
+use regen_runtime::BaseModel;
+
+use crate::data::{DataError, Logs};
+use crate::estimate::EstimateError;
+use crate::identify::{Filtering, Row, Source};
+
+/// Rows between two reports of a pass.
+const EVERY: u64 = 64;
+
+/// Follows long work.
+pub trait Watch {
+    /// Work of unknown length goes on with this, in words.
+    fn work(&self, what: &str);
+    /// That work has ended.
+    fn rest(&self);
+    /// A pass over logs has read so many of all rows; `pass` counts from 1.
+    fn rows(&self, pass: usize, done: u64, all: u64);
+}
+
+/// Follows nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Watch for Silent {
+    fn work(&self, _what: &str) {}
+    fn rest(&self) {}
+    fn rows(&self, _pass: usize, _done: u64, _all: u64) {}
+}
+
+/// Logs whose passes are followed.
+pub struct Watched<'a, M: ?Sized> {
+    logs: Logs<'a, M>,
+    watch: &'a dyn Watch,
+    all: u64,
+    passes: usize,
+}
+
+impl<'a, M: BaseModel<f64> + ?Sized> Watched<'a, M> {
+    /// Follows logs whose states are taken with this decimation.
+    pub fn new(logs: Logs<'a, M>, decimation: usize, watch: &'a dyn Watch) -> Self {
+        let rows: usize = logs.reports().iter().map(|report| report.rows).sum();
+        Self {
+            logs,
+            watch,
+            all: (rows / decimation.max(1)) as u64,
+            passes: 0,
+        }
+    }
+
+    /// The logs.
+    pub fn logs(&self) -> &Logs<'a, M> {
+        &self.logs
+    }
+}
+
+impl<M: BaseModel<f64> + ?Sized> Source for Watched<'_, M> {
+    type Error = DataError;
+
+    fn filtering(&self) -> Filtering {
+        self.logs.filtering()
+    }
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), DataError> {
+        self.passes += 1;
+        self.watch.rows(self.passes, 0, self.all);
+        let (mut rows, watch, passes, all) = (0, self.watch, self.passes, self.all);
+        let result = self.logs.visit(&mut |row| {
+            rows += 1;
+            if rows % EVERY == 0 {
+                watch.rows(passes, rows, all);
+            }
+            each(row)
+        });
+        self.watch.rest();
+        result
+    }
+}
