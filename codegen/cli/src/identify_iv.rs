@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_experiment::simulate::{Drive, Reference as _, Settings, simulate};
+use regen_experiment::simulate::{Drive, Reference as _, Settings, control, simulate};
 use regen_identify::data::{DataError, Logs, Settings as Reading};
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{InstrumentOptions, Instrumental, Motion, instrumental};
@@ -14,7 +14,7 @@ use crate::args::IdentifyArgs;
 use crate::exit::Failure;
 use crate::identify::{Summary, weighting};
 use crate::path::Path;
-use crate::simulate::{control, linear_friction, reason};
+use crate::simulate::{linear_friction, reason};
 use crate::{observe, progress, table};
 use regen_identify::model::{IdentifiedModel, Intervals};
 use regen_identify::session::Start;

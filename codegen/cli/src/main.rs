@@ -43,7 +43,6 @@ mod simulate;
 mod spec_text;
 mod states;
 mod suspect;
-mod sweep;
 mod table;
 mod terminal;
 mod trajectory;

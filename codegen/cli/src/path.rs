@@ -2,12 +2,12 @@
 
 use std::path;
 
+use regen_experiment::reach;
 use regen_experiment::simulate::Reference;
 use regen_identify::signals::Fourier;
 use regen_runtime::Model;
 
 use crate::exit::Failure;
-use crate::sweep;
 use crate::trajectory::Trajectory;
 use regen_interpreted::Interpreted;
 
@@ -33,7 +33,7 @@ impl Path {
                 dof,
             });
         }
-        let amplitudes = sweep::gentle(model)?;
+        let amplitudes = reach::gentle(model)?;
         let home = info.independent.iter().map(|c| info.home[*c]);
         let signals: Vec<_> = home
             .zip(amplitudes)

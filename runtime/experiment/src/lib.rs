@@ -1,5 +1,5 @@
 //! Experiments with a robot: [`excite`] finds trajectories that excite its base parameters within
-//! its limits, [`simulate`] moves a closed chain with friction, control and sensors and writes the
+//! its limits, [`reach`] how far each coordinate can go, [`simulate`] moves a closed chain with friction, control and sensors and writes the
 //! log of it.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
@@ -11,4 +11,5 @@
 )]
 
 pub mod excite;
+pub mod reach;
 pub mod simulate;

@@ -6,7 +6,8 @@ use clap::{Args, ValueEnum};
 
 use super::{Format, PhysicalArgs};
 use crate::report::ReportOptions;
-use crate::simulate::{Gains, gains};
+use crate::simulate::gains;
+use regen_experiment::simulate::Gains;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use regen_experiment::simulate::Gains;
 
 use crate::args::Format;
 
@@ -89,13 +90,6 @@ pub(crate) struct SimulateArgs {
     /// How the summary is printed
     #[arg(long, value_enum, default_value_t)]
     pub(crate) format: Format,
-}
-
-/// Gains by joint; of all without a name.
-#[derive(Clone, Debug)]
-pub(crate) struct Gains {
-    pub(crate) name: Option<String>,
-    pub(crate) values: [f64; 3],
 }
 
 /// Gains as options state them.

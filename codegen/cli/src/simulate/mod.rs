@@ -1,19 +1,17 @@
 //! `regen simulate`: what a log of the real robot would hold.
 
 mod args;
-mod control;
 mod log;
 mod parameters;
 
 use std::path::{Path, PathBuf};
 
-pub(crate) use args::{Gains, SimulateArgs, gains};
-pub(crate) use control::control;
+pub(crate) use args::{SimulateArgs, gains};
 pub(crate) use parameters::linear_friction;
 
 use regen_experiment::simulate::{
-    Drive, Ended, Log, Noise, Reference, Sensors, Settings, SimulationError, perturbed,
-    simulate_watched,
+    Drive, Ended, Log, Noise, Reference, Sensors, Settings, SimulationError, TuningError, control,
+    perturbed, simulate_watched,
 };
 use regen_runtime::Model;
 use serde::Serialize;
@@ -339,5 +337,18 @@ mod tests {
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len(), 2500);
+    }
+}
+
+impl From<TuningError> for Failure {
+    fn from(error: TuningError) -> Self {
+        match error {
+            TuningError::NotPositiveDefinite => Self::Numeric(format!(
+                "{error}; correct `bodies:` of the spec, or --parameters"
+            )),
+            TuningError::NotActuated { .. } => Self::Input(format!("--pid: {error}")),
+            TuningError::Model(error) => error.into(),
+            other => Self::Numeric(other.to_string()),
+        }
     }
 }

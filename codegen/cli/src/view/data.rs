@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::exit::Failure;
 use crate::path::Path;
-use crate::sweep;
+use regen_experiment::reach;
 use regen_interpreted::Interpreted;
 
 /// Samples of one coordinate's sweep, and its time in s.
@@ -149,7 +149,7 @@ type Swept = (f64, Vec<(usize, String)>, Vec<Vec<f64>>);
 
 fn swept(model: &Interpreted<'_>) -> Result<Swept, Failure> {
     let info = model.info();
-    let ranges = sweep::ranges(model)?;
+    let ranges = reach::ranges(model)?;
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
     let mut parts = Vec::new();
     let mut asked = Vec::new();

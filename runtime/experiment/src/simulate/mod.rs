@@ -19,6 +19,7 @@ mod noise;
 mod robot;
 mod run;
 mod settings;
+mod tuning;
 
 pub use audit::Energy;
 pub use control::{Controller, Drive, Now, Pid};
@@ -28,3 +29,4 @@ pub use log::{Ended, Log};
 pub use noise::{Noise, perturbed};
 pub use run::{simulate, simulate_controlled, simulate_watched};
 pub use settings::{Reference, Sensors, Settings, SimulationError};
+pub use tuning::{Control, Gains, TuningError, control};

@@ -1,36 +1,109 @@
 //! Controllers for a robot that nobody has tuned: gains from its inertia, efforts that hold it.
 
 use nalgebra::{DMatrix, DVector};
-use regen_experiment::simulate::Pid;
-use regen_runtime::{Closure, Model};
+use regen_runtime::{Closure, Misuse, Model, Outcome, SizeError};
 
-use super::args::Gains;
-use crate::exit::Failure;
-use regen_interpreted::Interpreted;
+use super::Pid;
+
+/// Gains of the controller of one joint, or of all.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gains {
+    /// The actuated joint; `None` for all.
+    pub name: Option<String>,
+    /// kp, ki and kd, SI.
+    pub values: [f64; 3],
+}
+
+/// Why a robot has no controllers.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum TuningError {
+    /// The start cannot be reached from home.
+    Unreachable(Outcome),
+    /// No efforts hold the start, for this reason.
+    NoEfforts(&'static str),
+    /// The mass matrix at the start is not positive definite: the parameters are not those of
+    /// bodies.
+    NotPositiveDefinite,
+    /// Gains of a joint that is not actuated.
+    NotActuated {
+        /// The name that was given.
+        name: String,
+        /// The joints that are.
+        actuated: Vec<String>,
+    },
+    /// A model that cannot be closed, or values that do not fit it.
+    Model(Misuse),
+}
+
+impl std::fmt::Display for TuningError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unreachable(why) => {
+                write!(f, "the motion's start cannot be reached from home: {why}")
+            }
+            Self::NoEfforts(why) => write!(f, "no efforts hold the start: {why}"),
+            Self::NotPositiveDefinite => f.write_str(
+                "the mass matrix at the start is not positive definite: the parameters are not \
+                 those of bodies",
+            ),
+            Self::NotActuated { name, actuated } => write!(
+                f,
+                "`{name}` is no actuated joint; these are {}",
+                actuated.join(", ")
+            ),
+            Self::Model(why) => write!(f, "{why}"),
+        }
+    }
+}
+
+impl std::error::Error for TuningError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Model(why) => Some(why),
+            _ => None,
+        }
+    }
+}
+
+impl From<Misuse> for TuningError {
+    fn from(why: Misuse) -> Self {
+        Self::Model(why)
+    }
+}
+
+impl From<SizeError> for TuningError {
+    fn from(why: SizeError) -> Self {
+        Self::Model(Misuse::Size(why))
+    }
+}
 
 /// One controller per actuated joint and the constant effort under each.
-pub(crate) struct Control {
-    pub(crate) pid: Vec<Pid>,
-    pub(crate) offset: Vec<f64>,
+#[derive(Clone, Debug, PartialEq)]
+pub struct Control {
+    /// In the order of the actuated joints.
+    pub pid: Vec<Pid>,
+    /// The efforts that hold the start, N or N m.
+    pub offset: Vec<f64>,
 }
 
 /// Controllers for a start at these independent coordinates, of this bandwidth in Hz but for those
 /// whose gains are given.
-pub(crate) fn control(
+///
+/// # Errors
+/// What keeps the start from being held, and names that are no actuated joints'.
+pub fn control<M: Model<f64> + ?Sized>(
     bandwidth: f64,
     given: &[Gains],
-    model: &Interpreted<'_>,
+    model: &M,
     phi: &[f64],
     start: &[f64],
-) -> Result<Control, Failure> {
+) -> Result<Control, TuningError> {
     let info = model.info();
     let (dof, actuated) = (info.dof(), info.actuated.len());
     let found = Closure::new(model)?.solve(start)?;
     if !found.outcome.is_closed() {
-        return Err(Failure::Numeric(format!(
-            "the motion's start cannot be reached from home: {}",
-            found.outcome
-        )));
+        return Err(TuningError::Unreachable(found.outcome));
     }
     let q = &found.q;
 
@@ -50,17 +123,13 @@ pub(crate) fn control(
         .clone()
         .svd(true, true)
         .solve(&DVector::from_vec(gravity), 1e-9)
-        .map_err(|why| Failure::Numeric(format!("no efforts hold the start: {why}")))?;
+        .map_err(TuningError::NoEfforts)?;
 
     let mut mass = vec![0.0; dof * dof];
     let _condition = model.mass_matrix(q, phi, &mut mass)?;
     let own = inertias(&DMatrix::from_vec(dof, dof, mass), &shares);
     let Some(own) = own else {
-        return Err(Failure::Numeric(
-            "the mass matrix at the start is not positive definite: the parameters are not those \
-             of bodies; correct `bodies:` of the spec, or --parameters"
-                .to_owned(),
-        ));
+        return Err(TuningError::NotPositiveDefinite);
     };
     let w = std::f64::consts::TAU * bandwidth;
     let mut pid: Vec<Pid> = own
@@ -83,14 +152,11 @@ pub(crate) fn control(
         }
         if !known {
             let names = info.actuated.iter();
-            let names: Vec<&str> = names
-                .filter_map(|j| info.coordinates.get(*j).copied())
-                .collect();
-            return Err(Failure::Input(format!(
-                "--pid: `{}` is no actuated joint; these are {}",
-                gains.name.as_deref().unwrap_or(""),
-                names.join(", ")
-            )));
+            let names = names.filter_map(|j| info.coordinates.get(*j));
+            return Err(TuningError::NotActuated {
+                name: gains.name.clone().unwrap_or_default(),
+                actuated: names.map(|name| (*name).to_owned()).collect(),
+            });
         }
     }
     Ok(Control {

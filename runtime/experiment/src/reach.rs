@@ -2,10 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use regen_runtime::{Closure, Info, Model, Motion};
-
-use crate::exit::Failure;
-use regen_interpreted::Interpreted;
+use regen_runtime::{Closure, Info, Misuse, Model, Motion};
 
 /// Parts in which the way to a limit is walked.
 const PARTS: usize = 40;
@@ -17,7 +14,10 @@ const SHIFT: f64 = 0.25;
 /// How far each independent coordinate can go from home while the others stay: the loops close
 /// on home's branch, and no limit that home itself keeps is passed. Lowest and highest value,
 /// in rad or m.
-pub(crate) fn ranges(model: &Interpreted<'_>) -> Result<Vec<[f64; 2]>, Failure> {
+///
+/// # Errors
+/// When the model's home is not closed.
+pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, Misuse> {
     let info = model.info();
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
     let size = size(model)?;
@@ -53,7 +53,10 @@ pub(crate) fn ranges(model: &Interpreted<'_>) -> Result<Vec<[f64; 2]>, Failure> 
 /// A gentle periodic motion of all independent coordinates at once: sines about the middle of
 /// the nearer range, each at a harmonic of its own, starting at home. The result is the
 /// amplitude of each; they are made smaller together until every state of the period is allowed.
-pub(crate) fn gentle(model: &Interpreted<'_>) -> Result<Vec<f64>, Failure> {
+///
+/// # Errors
+/// When the model's home is not closed.
+pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, Misuse> {
     let info = model.info();
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
     let judge = Judge::new(model)?;
@@ -90,7 +93,7 @@ pub(crate) fn gentle(model: &Interpreted<'_>) -> Result<Vec<f64>, Failure> {
 
 /// The greatest distance of a body's origin at home from the world's or another body's, m; 1
 /// where there is none.
-fn size(model: &Interpreted<'_>) -> Result<f64, Failure> {
+fn size<M: Model<f64> + ?Sized>(model: &M) -> Result<f64, Misuse> {
     let info = model.info();
     let mut poses = vec![0.0; 12 * info.bodies.len()];
     model.poses(info.home, &mut poses)?;
@@ -115,7 +118,7 @@ struct Judge {
 }
 
 impl Judge {
-    fn new(model: &Interpreted<'_>) -> Result<Self, Failure> {
+    fn new<M: Model<f64> + ?Sized>(model: &M) -> Result<Self, Misuse> {
         let info = model.info();
         let cosines = cosines(model, &info, info.home)?;
         let inside = |limit: &[f64; 2], at: f64| (limit[0]..=limit[1]).contains(&at);
@@ -131,7 +134,7 @@ impl Judge {
         })
     }
 
-    fn allows(&self, model: &Interpreted<'_>, q: &[f64]) -> Result<bool, Failure> {
+    fn allows<M: Model<f64> + ?Sized>(&self, model: &M, q: &[f64]) -> Result<bool, Misuse> {
         // as much as the end of a walk to a limit may round
         const SLACK: f64 = 1e-9;
         let info = model.info();
@@ -147,7 +150,11 @@ impl Judge {
     }
 }
 
-fn cosines(model: &Interpreted<'_>, info: &Info<'_>, q: &[f64]) -> Result<Vec<f64>, Failure> {
+fn cosines<M: Model<f64> + ?Sized>(
+    model: &M,
+    info: &Info<'_>,
+    q: &[f64],
+) -> Result<Vec<f64>, Misuse> {
     let mut out = vec![0.0; info.cones.len()];
     model.cones(q, &mut out)?;
     Ok(out)
