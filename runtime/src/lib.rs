@@ -69,6 +69,7 @@ pub mod excite;
 pub mod feasibility;
 #[cfg(feature = "feasibility")]
 pub mod friction;
+pub mod function;
 mod guarded;
 #[cfg(feature = "feasibility")]
 pub mod identifiability;
@@ -89,6 +90,7 @@ mod scalar;
 pub mod signals;
 #[cfg(feature = "simulation")]
 pub mod simulate;
+mod size;
 #[cfg(feature = "signals")]
 mod triangle;
 
@@ -96,11 +98,12 @@ pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 pub use closure::{Closure, Misuse, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
+pub use function::{Arguments, BaseFunction, Function};
 pub use guarded::{PIVOT_BOUND, guarded};
 pub use info::{Cone, Cut, Friction, Info, Joint, Limits, Motion};
 pub use kernel::BaseKernel;
 pub use linear::solve_pivoted;
-pub use model::{Model, SizeError, array, array_mut, matrix_mut};
+pub use model::Model;
 #[cfg(all(feature = "closure", any(feature = "std", feature = "libm")))]
 pub use observe::{Observation, Sample, observation};
 #[cfg(feature = "macros")]
@@ -110,3 +113,4 @@ pub use scalar::Dual;
 pub use scalar::Scalar;
 #[cfg(feature = "simd")]
 pub use scalar::{Lane, LaneMask};
+pub use size::{SizeError, array, array_mut, matrix_mut};
