@@ -107,16 +107,26 @@ pub struct Signature {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
-    coordinates: usize,
-    independent: usize,
-    dependent: usize,
-    actuated: usize,
-    rows: usize,
-    parameters: usize,
-    bodies: usize,
-    cones: usize,
-    base: usize,
-    free: usize,
+    /// All coordinates.
+    pub coordinates: usize,
+    /// The independent coordinates.
+    pub independent: usize,
+    /// The dependent coordinates.
+    pub dependent: usize,
+    /// The actuated coordinates.
+    pub actuated: usize,
+    /// The closure rows of cuts and couplings.
+    pub rows: usize,
+    /// The dynamic parameters.
+    pub parameters: usize,
+    /// The bodies.
+    pub bodies: usize,
+    /// The cones that limit joints and cuts.
+    pub cones: usize,
+    /// The base parameters.
+    pub base: usize,
+    /// The eliminated parameters.
+    pub free: usize,
 }
 
 impl Sizes {

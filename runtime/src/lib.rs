@@ -18,6 +18,8 @@
 //! Further scalars:
 //! - `dual`: `Dual` over the crate `num-dual`, derivatives of everything a model computes.
 //!   Needs `std`.
+//! - `tangent`: `Tangent`, derivatives in several directions, the same bits on every machine.
+//!   Brings `libm` along.
 //! - `simd`: `Lane`, several states at once, by the instruction set found at run time; `batch`,
 //!   base regressors of many samples. Brings `libm` along for targets without `std`.
 //!
@@ -111,6 +113,8 @@ pub use regen_macros::robot_model;
 #[cfg(feature = "dual")]
 pub use scalar::Dual;
 pub use scalar::Scalar;
+#[cfg(feature = "tangent")]
+pub use scalar::Tangent;
 #[cfg(feature = "simd")]
 pub use scalar::{Lane, LaneMask};
 pub use size::{SizeError, array, array_mut, matrix_mut};

@@ -11,11 +11,15 @@ mod dual;
 mod lane;
 #[cfg(any(feature = "std", feature = "libm"))]
 mod real;
+#[cfg(feature = "tangent")]
+mod tangent;
 
 #[cfg(feature = "dual")]
 pub use dual::Dual;
 #[cfg(feature = "simd")]
 pub use lane::{Lane, LaneMask};
+#[cfg(feature = "tangent")]
+pub use tangent::Tangent;
 
 /// A real number, a number with derivatives, or several numbers at once.
 ///

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use regen_runtime::Model;
 use regen_runtime::data::{DataError, Logs};
 use regen_runtime::estimate::{
     Blocks, Deviations, EffortError, Estimate, Factor, FactorSet, Weighting,

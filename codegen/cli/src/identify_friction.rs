@@ -1,7 +1,6 @@
 //! What `regen identify --friction` starts from: samples in memory, and least squares with linear
 //! friction at the joints whose friction is not linear.
 
-use regen_runtime::Model;
 use regen_runtime::estimate::{Deviations, EffortFit, Estimate};
 use regen_runtime::friction::{collect, nonlinear_joints};
 use regen_runtime::identify::{Kind, observe};

@@ -2,12 +2,12 @@
 
 use std::fmt::Write as _;
 
+use regen_runtime::BaseModel;
 use regen_runtime::data::{DataError, Logs, Settings as Reading};
 use regen_runtime::estimate::EstimateError;
 use regen_runtime::identify::{InstrumentOptions, Instrumental, Motion, instrumental};
 use regen_runtime::signals::Method;
 use regen_runtime::simulate::{Drive, Reference as _, Settings, simulate};
-use regen_runtime::{BaseModel, Model};
 use serde::Serialize;
 
 use crate::args::IdentifyArgs;

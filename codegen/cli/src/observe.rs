@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use regen_runtime::BaseModel;
 use regen_runtime::data::{DataError, FileReport, Logs, Policy, Settings};
 use regen_runtime::estimate::{EstimateError, FactorSet};
 use regen_runtime::identify::{Kind, LeftOut, Standstill, observe};

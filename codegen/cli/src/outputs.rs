@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use regen_codegen::diag::Source;
 use regen_codegen::pipeline::{self, BaseFrom};
 use regen_codegen::spec;
+use regen_runtime::Info;
 use regen_runtime::feasibility::{Layout, bodies_yaml, rust_constants, unit};
-use regen_runtime::{BaseModel, Info, Model};
 
 use crate::exit::Failure;
 use crate::identified::IdentifiedModel;

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use regen_runtime::BaseModel;
 use regen_runtime::feasibility::Layout;
 use regen_runtime::identify::digest;
-use regen_runtime::{BaseModel, Model};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 

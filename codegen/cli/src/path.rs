@@ -2,7 +2,6 @@
 
 use std::path;
 
-use regen_runtime::Model;
 use regen_runtime::signals::Fourier;
 use regen_runtime::simulate::Reference;
 

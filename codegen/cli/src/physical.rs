@@ -9,7 +9,7 @@ use regen_runtime::feasibility::{
 };
 use regen_runtime::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
 use regen_runtime::intervals::{LeastSquares, Spread, constrained};
-use regen_runtime::{BaseModel, Closure, Friction, Model};
+use regen_runtime::{Closure, Friction};
 
 use crate::args::{IdentifyArgs, PhysicalArgs, PriorArg};
 use crate::exit::Failure;

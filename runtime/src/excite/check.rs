@@ -4,7 +4,7 @@ use std::prelude::v1::*;
 
 use super::evaluate::{Number, Problem};
 use super::space::Row;
-use super::{Evaluate, ExciteError};
+use super::ExciteError;
 use crate::{BaseModel, Closure};
 
 /// Points in each period of the highest harmonic.
@@ -73,7 +73,7 @@ pub(super) fn keep<M, D>(
 ) -> Result<Result<Kept, Option<Worst>>, ExciteError>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     let mut refused = None;
     let limits = problem.limits.len();

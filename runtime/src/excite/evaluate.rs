@@ -7,126 +7,10 @@ use super::criterion::Objective;
 use super::limits::{Limit, Seen};
 use super::space::{Row, Space};
 use super::{Criterion, DIRECTIONS, ExciteError, Tangent};
-use crate::{BaseModel, Closure, Condition, Info, Scalar, SizeError};
+use crate::{BaseModel, Closure, Info, Scalar, SizeError};
 
 /// The number that derivatives are computed with.
 pub(super) type Number = Tangent<DIRECTIONS>;
-
-/// What the search computes of a robot, in one kind of number. Every [`BaseModel`] has it; an
-/// interpreted robot may implement it alone.
-///
-/// Sizes and units as in [`Model`](crate::Model).
-pub trait Evaluate<T: Scalar> {
-    /// See [`Model::newton_step`](crate::Model::newton_step).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn newton_step(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::velocities`](crate::Model::velocities).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn velocities(&self, q: &[T], qd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::accelerations`](crate::Model::accelerations).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn accelerations(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd_i: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::inverse_dynamics`](crate::Model::inverse_dynamics).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn inverse_dynamics(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::efforts`](crate::Model::efforts).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn efforts(&self, q: &[T], tau: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::cones`](crate::Model::cones).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn cones(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError>;
-
-    /// See [`BaseModel::base_regressor`].
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn base_regressor(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
-}
-
-impl<T: Scalar, M: BaseModel<T> + ?Sized> Evaluate<T> for M {
-    fn newton_step(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        crate::Model::newton_step(self, q, out)
-    }
-
-    fn velocities(&self, q: &[T], qd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        crate::Model::velocities(self, q, qd_i, out)
-    }
-
-    fn accelerations(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd_i: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        crate::Model::accelerations(self, q, qd, qdd_i, out)
-    }
-
-    fn inverse_dynamics(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        crate::Model::inverse_dynamics(self, q, qd, qdd, phi, out)
-    }
-
-    fn efforts(&self, q: &[T], tau: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        crate::Model::efforts(self, q, tau, out)
-    }
-
-    fn cones(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        crate::Model::cones(self, q, out)
-    }
-
-    fn base_regressor(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        BaseModel::base_regressor(self, q, qd, qdd, out)
-    }
-}
 
 /// All that stays the same during a search.
 pub(super) struct Problem<'m, M, D> {
@@ -175,14 +59,14 @@ struct Motion<T> {
 impl<M, D> Problem<'_, M, D>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     fn dof(&self) -> usize {
         self.info.dof()
     }
 
     /// The rest of a state: `q` is closed.
-    fn motion<T: Scalar, E: Evaluate<T>>(
+    fn motion<T: Scalar, E: BaseModel<T>>(
         &self,
         e: &E,
         q: &[T],
@@ -216,7 +100,7 @@ where
     }
 
     /// The actuators' efforts from those of the independent coordinates: as many as these.
-    fn of_actuators<T: Scalar, E: Evaluate<T>>(
+    fn of_actuators<T: Scalar, E: BaseModel<T>>(
         &self,
         e: &E,
         q: &[T],
@@ -423,7 +307,7 @@ where
             }
             let model = self.model;
             let _condition =
-                BaseModel::base_regressor(model, &state.q, &state.qd, &state.qdd, &mut block)?;
+                model.base_regressor(&state.q, &state.qd, &state.qdd, &mut block)?;
             for (k, entry) in block.iter().enumerate() {
                 w[(k / dof) * rows + s * dof + k % dof] = *entry;
             }

@@ -4,7 +4,7 @@ use std::prelude::v1::*;
 
 use super::evaluate::{Number, Problem};
 use super::run::problem;
-use super::{Evaluate, ExciteError, Limit, Settings};
+use super::{ExciteError, Limit, Settings};
 use crate::signals::Fourier;
 use crate::{BaseModel, Closure};
 
@@ -38,7 +38,7 @@ pub struct Sight {
 impl<'m, M, D> Landscape<'m, M, D>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     /// Of a search by these settings.
     ///

@@ -22,17 +22,15 @@ mod run;
 mod search;
 mod space;
 mod spectrum;
-mod tangent;
 
 use core::fmt;
 use std::prelude::v1::*;
 
 pub use criterion::{Criterion, Figures};
-pub use evaluate::Evaluate;
 pub use landscape::{Landscape, Sight};
 pub use limits::{Limit, Quantity};
 pub use run::{Excitation, Margin, Outcome, Progress, Watch, excite};
-pub use tangent::Tangent;
+pub use crate::Tangent;
 
 use crate::signals::SignalError;
 use crate::{Info, Limits, Misuse, SizeError};

@@ -11,7 +11,7 @@ use super::evaluate::{Number, Problem};
 use super::limits::limits;
 use super::search::{Search, Stage};
 use super::space::{Row, Space};
-use super::{Evaluate, ExciteError, Limit, Settings};
+use super::{ExciteError, Limit, Settings};
 use crate::signals::Fourier;
 use crate::{BaseModel, Closure, SizeError};
 
@@ -109,7 +109,7 @@ pub fn excite<M, D>(
 ) -> Result<Outcome, ExciteError>
 where
     M: BaseModel<f64> + Sync,
-    D: Evaluate<Number> + Sync,
+    D: BaseModel<Number> + Sync,
 {
     let problem = problem(model, derivatives, settings)?;
     let highest = DENSE * settings.harmonics;
@@ -164,7 +164,7 @@ pub(super) fn problem<'m, M, D>(
 ) -> Result<Problem<'m, M, D>, ExciteError>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     let info = model.info();
     let (n, dof) = (info.coordinates.len(), info.dof());
@@ -267,7 +267,7 @@ struct Crew<'s, 'm, M, D> {
 impl<M, D> Crew<'_, '_, M, D>
 where
     M: BaseModel<f64> + Sync,
-    D: Evaluate<Number> + Sync,
+    D: BaseModel<Number> + Sync,
 {
     /// The poses about which motions are made smaller: the middle of the ranges, and home.
     fn poses(&self) -> [Vec<f64>; 2] {

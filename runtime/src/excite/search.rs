@@ -14,7 +14,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use super::evaluate::{Evaluation, Number, Problem};
 use super::quadratic::{Quadratic, Step};
 use super::space::dot;
-use super::{Evaluate, ExciteError};
+use super::ExciteError;
 use crate::{BaseModel, Closure};
 
 /// The powers by which singular values are smoothed, one after the other: each stage ends near
@@ -50,7 +50,7 @@ pub(super) enum Stage {
 impl<'p, 'm, M, D> Search<'p, 'm, M, D>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     /// Random coefficients by seed and number of the start, made smaller about a pose until
     /// limits are kept, or most of them.

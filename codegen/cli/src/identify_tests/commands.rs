@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command as Process;
 
 use clap::Parser;
+use regen_runtime::Friction;
 use regen_runtime::feasibility::{Layout, Scale};
 use regen_runtime::friction::JointFit;
-use regen_runtime::{Friction, Model};
 use serde_json::Value;
 
 use super::{Bench, FREQUENCY, HARMONICS, Made, csv, made, normal, scratch, series, truth};

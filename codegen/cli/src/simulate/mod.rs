@@ -11,7 +11,6 @@ pub(crate) use args::{Gains, SimulateArgs, gains};
 pub(crate) use control::control;
 pub(crate) use parameters::linear_friction;
 
-use regen_runtime::Model;
 use regen_runtime::simulate::{
     Drive, Ended, Log, Noise, Reference, Sensors, Settings, SimulationError, perturbed,
     simulate_watched,

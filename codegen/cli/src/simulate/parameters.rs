@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use regen_runtime::friction::JointFit;
 use regen_runtime::simulate::{FrictionLaw, Noise, friction_laws};
-use regen_runtime::{BaseModel, Friction, Info, Joint, Model};
+use regen_runtime::{BaseModel, Friction, Info, Joint};
 
 use super::args::SimulateArgs;
 use crate::exit::Failure;

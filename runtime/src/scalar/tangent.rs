@@ -11,8 +11,7 @@ use crate::Scalar;
 /// derivative of [`sign`](Scalar::sign) is zero, at the jump too; comparisons look at the value.
 ///
 /// ```
-/// use regen_runtime::Scalar;
-/// use regen_runtime::excite::Tangent;
+/// use regen_runtime::{Scalar, Tangent};
 ///
 /// let angle = Tangent::<2>::along(0.3, 1);
 /// let (sine, _) = angle.sin_cos();
