@@ -19,7 +19,7 @@ use regen_runtime::feasibility::{
     Bound, Combinations, FeasibilityError, Layout, Options, Physical, Scale, Total, Verdict,
     identify, verdict,
 };
-use regen_runtime::{BaseModel, Closure, Model, Outcome};
+use regen_runtime::{BaseModel, Closure, Outcome};
 use regen_tests::random_spec;
 use regen_tests::reference::{PhysicalBody, Random};
 use serde_json::{Value, json};

@@ -21,7 +21,7 @@ use regen_runtime::friction::{self, JointFit, nonlinear_joints};
 use regen_runtime::identifiability::{Checks, reduce};
 use regen_runtime::identify::{self, Filtering, Kind, Recorded, Row, Source};
 use regen_runtime::intervals::{LeastSquares, Spread, constrained};
-use regen_runtime::{BaseModel, Friction, Model};
+use regen_runtime::{BaseModel, Friction};
 
 const STEP: f64 = 0.01;
 const FREQUENCY: f64 = 0.1;
