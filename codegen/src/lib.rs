@@ -21,5 +21,6 @@ pub mod optimize;
 pub mod pipeline;
 pub mod robot;
 pub mod scene;
+pub mod signature;
 pub mod spec;
 pub mod sym;

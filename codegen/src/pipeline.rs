@@ -167,12 +167,11 @@ fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
         name: cut.name.clone(),
         rows: model::rows_of(cut.kind),
     });
-    let cuts: Vec<_> = cuts.collect();
     let cones = model.cones.iter().map(|cone| crate::robot::ConeInfo {
         name: cone.name.clone(),
         greatest: cone.greatest.to_f64(),
     });
-    let rows = cuts.iter().map(|c| c.rows).sum::<usize>() + model.couplings.len();
+    let rows = model.rows();
     Robot {
         name: spec.name.value.clone(),
         description: spec.description.clone(),
@@ -183,7 +182,7 @@ fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
         parameters: model.parameters.iter().map(|p| p.label.clone()).collect(),
         bodies: model.bodies.iter().map(|b| b.label.clone()).collect(),
         rows,
-        cuts,
+        cuts: cuts.collect(),
         joints: crate::robot::joints(spec, model),
         cones: cones.collect(),
         nominal: model::nominal(spec, model)

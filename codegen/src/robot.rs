@@ -1,150 +1,13 @@
 //! A derived robot: its names and its functions as straight-line programs. What
 //! the stages after the derivation work on; it no longer knows expressions.
 
-use crate::base::Analysis;
+use crate::base::{Analysis, Base};
 use crate::model::{self, Model, MotionKind};
 use crate::optimize::{Operations, Program};
+use crate::signature::Size;
 use crate::spec::{Friction, Interval, Spec};
 
-/// What a function computes. `n` coordinates, `n_i` of them independent, `n_e`
-/// dependent, `p` parameters, `m` closure rows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum FunctionKind {
-    /// f(q), m (Eq. 6).
-    Constraints,
-    /// A(q), m x n (Eq. 7).
-    Jacobian,
-    /// b(q, qd), m (Eq. 7).
-    Bias,
-    /// The step of the dependent coordinates, `A_e dq_e = -f`.
-    NewtonStep,
-    /// The square A_e on the rows kept, n_e x n_e (Eq. 8).
-    DependentJacobian,
-    /// qd from qd_i.
-    Velocities,
-    /// qdd from qd and qdd_i.
-    Accelerations,
-    /// K_i - X^T K_e with friction and rotor columns (Eq. 11, 20).
-    Regressor,
-    /// tau from q, qd, qdd and parameters.
-    InverseDynamics,
-    /// The part of tau from gravity.
-    Gravity,
-    /// The part of tau from velocities, friction included.
-    BiasForces,
-    /// M over the independent coordinates.
-    MassMatrix,
-    /// Y(q, qd, qd_r, qdd_r) (Slotine and Li, 1987).
-    SlotineLi,
-    /// tau_i - X^T tau_e from the actuated efforts (Eq. 10).
-    Efforts,
-    /// Rotation and position of every body.
-    Poses,
-    /// Cosines of the angles that cones limit.
-    Cones,
-    /// W at the kept columns (Eq. 23).
-    BaseRegressor,
-    /// Base parameters from parameters.
-    ToBase,
-    /// All parameters with given base parameters.
-    FromBase,
-    /// tau from q, qd, qdd and base parameters.
-    BaseInverseDynamics,
-    /// Gravity from base parameters.
-    BaseGravity,
-    /// The part from velocities, from base parameters.
-    BaseBiasForces,
-    /// M from base parameters.
-    BaseMassMatrix,
-}
-
-impl FunctionKind {
-    /// All of them, in the order in which they are emitted.
-    pub const ALL: [FunctionKind; 23] = [
-        FunctionKind::Constraints,
-        FunctionKind::Jacobian,
-        FunctionKind::Bias,
-        FunctionKind::NewtonStep,
-        FunctionKind::DependentJacobian,
-        FunctionKind::Velocities,
-        FunctionKind::Accelerations,
-        FunctionKind::Regressor,
-        FunctionKind::InverseDynamics,
-        FunctionKind::Gravity,
-        FunctionKind::BiasForces,
-        FunctionKind::MassMatrix,
-        FunctionKind::SlotineLi,
-        FunctionKind::Efforts,
-        FunctionKind::Poses,
-        FunctionKind::Cones,
-        FunctionKind::BaseRegressor,
-        FunctionKind::ToBase,
-        FunctionKind::FromBase,
-        FunctionKind::BaseInverseDynamics,
-        FunctionKind::BaseGravity,
-        FunctionKind::BaseBiasForces,
-        FunctionKind::BaseMassMatrix,
-    ];
-
-    /// Its name in code.
-    pub fn name(self) -> &'static str {
-        match self {
-            FunctionKind::Constraints => "constraints",
-            FunctionKind::Jacobian => "jacobian",
-            FunctionKind::Bias => "bias",
-            FunctionKind::NewtonStep => "newton_step",
-            FunctionKind::DependentJacobian => "dependent_jacobian",
-            FunctionKind::Velocities => "velocities",
-            FunctionKind::Accelerations => "accelerations",
-            FunctionKind::Regressor => "regressor",
-            FunctionKind::InverseDynamics => "inverse_dynamics",
-            FunctionKind::Gravity => "gravity",
-            FunctionKind::BiasForces => "bias_forces",
-            FunctionKind::MassMatrix => "mass_matrix",
-            FunctionKind::SlotineLi => "slotine_li",
-            FunctionKind::Efforts => "efforts",
-            FunctionKind::Poses => "poses",
-            FunctionKind::Cones => "cones",
-            FunctionKind::BaseRegressor => "base_regressor",
-            FunctionKind::ToBase => "to_base",
-            FunctionKind::FromBase => "parameters_from_base",
-            FunctionKind::BaseInverseDynamics => "base_inverse_dynamics",
-            FunctionKind::BaseGravity => "base_gravity",
-            FunctionKind::BaseBiasForces => "base_bias_forces",
-            FunctionKind::BaseMassMatrix => "base_mass_matrix",
-        }
-    }
-
-    /// Whether only robots with base parameters have it.
-    pub fn needs_base(self) -> bool {
-        matches!(
-            self,
-            FunctionKind::BaseRegressor
-                | FunctionKind::ToBase
-                | FunctionKind::FromBase
-                | FunctionKind::BaseInverseDynamics
-                | FunctionKind::BaseGravity
-                | FunctionKind::BaseBiasForces
-                | FunctionKind::BaseMassMatrix
-        )
-    }
-
-    /// Whether only mechanisms with cuts or couplings have it.
-    pub fn needs_rows(self) -> bool {
-        matches!(
-            self,
-            FunctionKind::Constraints | FunctionKind::Jacobian | FunctionKind::Bias
-        )
-    }
-
-    /// Whether only mechanisms with dependent coordinates have it.
-    pub fn needs_solve(self) -> bool {
-        matches!(
-            self,
-            FunctionKind::NewtonStep | FunctionKind::DependentJacobian
-        )
-    }
-}
+pub use crate::signature::FunctionKind;
 
 /// A function of a robot.
 #[derive(Clone, Debug, PartialEq)]
@@ -284,6 +147,24 @@ impl Robot {
     /// A function, if the robot has it.
     pub fn function(&self, kind: FunctionKind) -> Option<&Function> {
         self.functions.iter().find(|f| f.kind == kind)
+    }
+
+    /// How many there are of what a size counts.
+    pub fn length(&self, size: Size) -> usize {
+        let base = || self.analysis.iter().map(|analysis| &analysis.base);
+        match size {
+            Size::Coordinates => self.coordinates.len(),
+            Size::Independent => self.independent.len(),
+            Size::Dependent => self.dependent.len(),
+            Size::Actuated => self.actuated.len(),
+            Size::Rows => self.rows,
+            Size::Parameters => self.parameters.len(),
+            Size::Bodies => self.bodies.len(),
+            Size::Cones => self.cones.len(),
+            Size::Base => base().map(Base::rank).sum(),
+            Size::Free => base().map(|base| base.null.len()).sum(),
+            Size::Pose => 12,
+        }
     }
 
     /// Operations of the full regressor.

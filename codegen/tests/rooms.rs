@@ -8,6 +8,7 @@ use std::path::Path;
 const ROOMS: &[(&str, &[&str])] = &[
     ("numeric", &[]),
     ("diag", &[]),
+    ("signature", &[]),
     ("sym", &["numeric"]),
     ("spec", &["diag", "sym"]),
     ("model", &["spec", "sym"]),
@@ -31,7 +32,7 @@ const ROOMS: &[(&str, &[&str])] = &[
     ),
     ("optimize", &["sym"]),
     // a derived robot: names and programs, no expressions
-    ("robot", &["base", "model", "optimize", "spec"]),
+    ("robot", &["base", "model", "optimize", "signature", "spec"]),
     (
         "functions",
         &[
@@ -41,13 +42,13 @@ const ROOMS: &[(&str, &[&str])] = &[
             "kinematics",
             "model",
             "optimize",
-            "robot",
+            "signature",
             "sym",
         ],
     ),
     ("interpret", &["numeric", "optimize"]),
     ("scene", &["diag", "model", "spec", "sym"]),
-    ("emit", &["base", "optimize", "robot"]),
+    ("emit", &["base", "optimize", "robot", "signature"]),
     (
         "checks",
         &[

@@ -35,8 +35,8 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Condition, Cone, Cut, Info, Joint, Limits, Model, Scalar, SizeError, };
-use ::regen_runtime::{BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
+ Arguments, Condition, Cone, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
+use ::regen_runtime::{BaseFunction, BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
 pub const COORDINATES: [&str; 4] = [
@@ -2529,132 +2529,128 @@ impl<T: Scalar> Model<T> for Fivebar {
         INFO
     }
 
-    fn constraints(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let out = ::regen_runtime::array_mut::<T, 5>(out, "out")?;
-        *out = constraints(q);
-        Ok(())
-    }
-
-    fn jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let out = ::regen_runtime::matrix_mut::<T, 5, 4>(out, "out")?;
-        *out = jacobian(q);
-        Ok(())
-    }
-
-    fn bias(&self, q: &[T], qd: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
-        let out = ::regen_runtime::array_mut::<T, 5>(out, "out")?;
-        *out = bias(q, qd);
-        Ok(())
-    }
-
-    fn newton_step(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
-        let (value, condition) = newton_step(q);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn dependent_jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let out = ::regen_runtime::matrix_mut::<T, 2, 2>(out, "out")?;
-        *out = dependent_jacobian(q);
-        Ok(())
-    }
-
-    fn velocities(&self, q: &[T], qd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd_i = ::regen_runtime::array::<T, 2>(qd_i, "qd_i")?;
-        let out = ::regen_runtime::array_mut::<T, 4>(out, "out")?;
-        let (value, condition) = velocities(q, qd_i);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn accelerations(&self, q: &[T], qd: &[T], qdd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
-        let qdd_i = ::regen_runtime::array::<T, 2>(qdd_i, "qdd_i")?;
-        let out = ::regen_runtime::array_mut::<T, 4>(out, "out")?;
-        let (value, condition) = accelerations(q, qd, qdd_i);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn regressor(&self, q: &[T], qd: &[T], qdd: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
-        let qdd = ::regen_runtime::array::<T, 4>(qdd, "qdd")?;
-        let out = ::regen_runtime::matrix_mut::<T, 40, 2>(out, "out")?;
-        Ok(regressor(q, qd, qdd, out))
-    }
-
-    fn inverse_dynamics(&self, q: &[T], qd: &[T], qdd: &[T], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
-        let qdd = ::regen_runtime::array::<T, 4>(qdd, "qdd")?;
-        let phi = ::regen_runtime::array::<T, 40>(phi, "phi")?;
-        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
-        let (value, condition) = inverse_dynamics(q, qd, qdd, phi);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn gravity(&self, q: &[T], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let phi = ::regen_runtime::array::<T, 40>(phi, "phi")?;
-        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
-        let (value, condition) = gravity(q, phi);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn bias_forces(&self, q: &[T], qd: &[T], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
-        let phi = ::regen_runtime::array::<T, 40>(phi, "phi")?;
-        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
-        let (value, condition) = bias_forces(q, qd, phi);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn mass_matrix(&self, q: &[T], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let phi = ::regen_runtime::array::<T, 40>(phi, "phi")?;
-        let out = ::regen_runtime::matrix_mut::<T, 2, 2>(out, "out")?;
-        let (value, condition) = mass_matrix(q, phi);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn slotine_li(&self, q: &[T], qd: &[T], qd_r_i: &[T], qdd_r_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
-        let qd_r_i = ::regen_runtime::array::<T, 2>(qd_r_i, "qd_r_i")?;
-        let qdd_r_i = ::regen_runtime::array::<T, 2>(qdd_r_i, "qdd_r_i")?;
-        let out = ::regen_runtime::matrix_mut::<T, 40, 2>(out, "out")?;
-        Ok(slotine_li(q, qd, qd_r_i, qdd_r_i, out))
-    }
-
-    fn efforts(&self, q: &[T], tau_actuated: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let tau_actuated = ::regen_runtime::array::<T, 2>(tau_actuated, "tau_actuated")?;
-        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
-        let (value, condition) = efforts(q, tau_actuated);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn poses(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let out = ::regen_runtime::matrix_mut::<T, 4, 12>(out, "out")?;
-        *out = poses(q);
-        Ok(())
+    #[inline(always)]
+    fn eval(&self, function: Function, arguments: Arguments<'_, T>, out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        match function {
+            Function::Constraints => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let out = ::regen_runtime::array_mut::<T, 5>(out, "out")?;
+                *out = constraints(q);
+                Ok(Condition::regular(q[0]))
+            }
+            Function::Jacobian => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let out = ::regen_runtime::matrix_mut::<T, 5, 4>(out, "out")?;
+                *out = jacobian(q);
+                Ok(Condition::regular(q[0]))
+            }
+            Function::Bias => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let out = ::regen_runtime::array_mut::<T, 5>(out, "out")?;
+                *out = bias(q, qd);
+                Ok(Condition::regular(q[0]))
+            }
+            Function::NewtonStep => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = newton_step(q);
+                *out = value;
+                Ok(condition)
+            }
+            Function::DependentJacobian => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let out = ::regen_runtime::matrix_mut::<T, 2, 2>(out, "out")?;
+                *out = dependent_jacobian(q);
+                Ok(Condition::regular(q[0]))
+            }
+            Function::Velocities => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd_i = ::regen_runtime::array::<T, 2>(arguments.qd_i, "qd_i")?;
+                let out = ::regen_runtime::array_mut::<T, 4>(out, "out")?;
+                let (value, condition) = velocities(q, qd_i);
+                *out = value;
+                Ok(condition)
+            }
+            Function::Accelerations => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let qdd_i = ::regen_runtime::array::<T, 2>(arguments.qdd_i, "qdd_i")?;
+                let out = ::regen_runtime::array_mut::<T, 4>(out, "out")?;
+                let (value, condition) = accelerations(q, qd, qdd_i);
+                *out = value;
+                Ok(condition)
+            }
+            Function::Regressor => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let qdd = ::regen_runtime::array::<T, 4>(arguments.qdd, "qdd")?;
+                let out = ::regen_runtime::matrix_mut::<T, 40, 2>(out, "out")?;
+                Ok(regressor(q, qd, qdd, out))
+            }
+            Function::InverseDynamics => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let qdd = ::regen_runtime::array::<T, 4>(arguments.qdd, "qdd")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = inverse_dynamics(q, qd, qdd, phi);
+                *out = value;
+                Ok(condition)
+            }
+            Function::Gravity => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = gravity(q, phi);
+                *out = value;
+                Ok(condition)
+            }
+            Function::BiasForces => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = bias_forces(q, qd, phi);
+                *out = value;
+                Ok(condition)
+            }
+            Function::MassMatrix => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::matrix_mut::<T, 2, 2>(out, "out")?;
+                let (value, condition) = mass_matrix(q, phi);
+                *out = value;
+                Ok(condition)
+            }
+            Function::SlotineLi => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let qd_r_i = ::regen_runtime::array::<T, 2>(arguments.qd_r_i, "qd_r_i")?;
+                let qdd_r_i = ::regen_runtime::array::<T, 2>(arguments.qdd_r_i, "qdd_r_i")?;
+                let out = ::regen_runtime::matrix_mut::<T, 40, 2>(out, "out")?;
+                Ok(slotine_li(q, qd, qd_r_i, qdd_r_i, out))
+            }
+            Function::Efforts => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let tau_actuated = ::regen_runtime::array::<T, 2>(arguments.tau_actuated, "tau_actuated")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = efforts(q, tau_actuated);
+                *out = value;
+                Ok(condition)
+            }
+            Function::Poses => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let out = ::regen_runtime::matrix_mut::<T, 4, 12>(out, "out")?;
+                *out = poses(q);
+                Ok(Condition::regular(q[0]))
+            }
+            Function::Cones => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let _ = ::regen_runtime::array_mut::<T, 0>(out, "out")?;
+                Ok(Condition::regular(q[0]))
+            }
+        }
     }
 }
 
@@ -2663,66 +2659,65 @@ impl<T: Scalar> BaseModel<T> for Fivebar {
         BASE_INFO
     }
 
-    fn base_regressor(&self, q: &[T], qd: &[T], qdd: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
-        let qdd = ::regen_runtime::array::<T, 4>(qdd, "qdd")?;
-        let out = ::regen_runtime::matrix_mut::<T, 11, 2>(out, "out")?;
-        Ok(base_regressor(q, qd, qdd, out))
-    }
-
-    fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let phi = ::regen_runtime::array::<T, 40>(phi, "phi")?;
-        let out = ::regen_runtime::array_mut::<T, 11>(out, "out")?;
-        *out = to_base(phi);
-        Ok(())
-    }
-
-    fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
-        let free = ::regen_runtime::array::<T, 29>(free, "free")?;
-        let out = ::regen_runtime::array_mut::<T, 40>(out, "out")?;
-        *out = parameters_from_base(beta, free);
-        Ok(())
-    }
-
-    fn base_inverse_dynamics(&self, q: &[T], qd: &[T], qdd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
-        let qdd = ::regen_runtime::array::<T, 4>(qdd, "qdd")?;
-        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
-        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
-        let (value, condition) = base_inverse_dynamics(q, qd, qdd, beta);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
-        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
-        let (value, condition) = base_gravity(q, beta);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn base_bias_forces(&self, q: &[T], qd: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let qd = ::regen_runtime::array::<T, 4>(qd, "qd")?;
-        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
-        let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
-        let (value, condition) = base_bias_forces(q, qd, beta);
-        *out = value;
-        Ok(condition)
-    }
-
-    fn base_mass_matrix(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let q = ::regen_runtime::array::<T, 4>(q, "q")?;
-        let beta = ::regen_runtime::array::<T, 11>(beta, "beta")?;
-        let out = ::regen_runtime::matrix_mut::<T, 2, 2>(out, "out")?;
-        let (value, condition) = base_mass_matrix(q, beta);
-        *out = value;
-        Ok(condition)
+    #[inline(always)]
+    fn eval_base(&self, function: BaseFunction, arguments: Arguments<'_, T>, out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        match function {
+            BaseFunction::BaseRegressor => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let qdd = ::regen_runtime::array::<T, 4>(arguments.qdd, "qdd")?;
+                let out = ::regen_runtime::matrix_mut::<T, 11, 2>(out, "out")?;
+                Ok(base_regressor(q, qd, qdd, out))
+            }
+            BaseFunction::ToBase => {
+                let phi = ::regen_runtime::array::<T, 40>(arguments.phi, "phi")?;
+                let out = ::regen_runtime::array_mut::<T, 11>(out, "out")?;
+                *out = to_base(phi);
+                Ok(Condition::regular(phi[0]))
+            }
+            BaseFunction::FromBase => {
+                let beta = ::regen_runtime::array::<T, 11>(arguments.beta, "beta")?;
+                let free = ::regen_runtime::array::<T, 29>(arguments.free, "free")?;
+                let out = ::regen_runtime::array_mut::<T, 40>(out, "out")?;
+                *out = parameters_from_base(beta, free);
+                Ok(Condition::regular(beta[0]))
+            }
+            BaseFunction::BaseInverseDynamics => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let qdd = ::regen_runtime::array::<T, 4>(arguments.qdd, "qdd")?;
+                let beta = ::regen_runtime::array::<T, 11>(arguments.beta, "beta")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = base_inverse_dynamics(q, qd, qdd, beta);
+                *out = value;
+                Ok(condition)
+            }
+            BaseFunction::BaseGravity => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let beta = ::regen_runtime::array::<T, 11>(arguments.beta, "beta")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = base_gravity(q, beta);
+                *out = value;
+                Ok(condition)
+            }
+            BaseFunction::BaseBiasForces => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
+                let beta = ::regen_runtime::array::<T, 11>(arguments.beta, "beta")?;
+                let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
+                let (value, condition) = base_bias_forces(q, qd, beta);
+                *out = value;
+                Ok(condition)
+            }
+            BaseFunction::BaseMassMatrix => {
+                let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
+                let beta = ::regen_runtime::array::<T, 11>(arguments.beta, "beta")?;
+                let out = ::regen_runtime::matrix_mut::<T, 2, 2>(out, "out")?;
+                let (value, condition) = base_mass_matrix(q, beta);
+                *out = value;
+                Ok(condition)
+            }
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Base parameters: the combinations of the dynamic parameters that the forces depend on, and
 //! the interface of models that compute with them.
 
-use crate::{Condition, Model, Scalar, SizeError};
+use crate::{Arguments, BaseFunction, Condition, Model, Scalar, SizeError};
 
 /// A parameter in a combination.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,19 +68,39 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
         &[]
     }
 
+    /// Computes a function over base parameters, as [`Model::eval`] does the others.
+    ///
+    /// # Errors
+    /// When a length does not fit: the first of the arguments in order, then of `out`.
+    fn eval_base(
+        &self,
+        function: BaseFunction,
+        arguments: Arguments<'_, T>,
+        out: &mut [T],
+    ) -> Result<Condition<T>, SizeError>;
+
     /// The reduced regressor `W_red` (Eq. 23).
     ///
     /// - `q`, `qd`, `qdd`: n; `out`: `dof * rank`, column by column.
     ///
     /// # Errors
     /// When a length does not fit.
+    #[inline]
     fn base_regressor(
         &self,
         q: &[T],
         qd: &[T],
         qdd: &[T],
         out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
+    ) -> Result<Condition<T>, SizeError> {
+        let arguments = Arguments {
+            q,
+            qd,
+            qdd,
+            ..Arguments::EMPTY
+        };
+        self.eval_base(BaseFunction::BaseRegressor, arguments, out)
+    }
 
     /// The base parameters of given parameters.
     ///
@@ -88,7 +108,15 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
     ///
     /// # Errors
     /// When a length does not fit.
-    fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError>;
+    #[inline]
+    fn to_base(&self, phi: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let arguments = Arguments {
+            phi,
+            ..Arguments::EMPTY
+        };
+        self.eval_base(BaseFunction::ToBase, arguments, out)
+            .map(drop)
+    }
 
     /// Parameters that have given base parameters: all of them, as `free` takes all values.
     ///
@@ -96,7 +124,16 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
     ///
     /// # Errors
     /// When a length does not fit.
-    fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError>;
+    #[inline]
+    fn parameters_from_base(&self, beta: &[T], free: &[T], out: &mut [T]) -> Result<(), SizeError> {
+        let arguments = Arguments {
+            beta,
+            free,
+            ..Arguments::EMPTY
+        };
+        self.eval_base(BaseFunction::FromBase, arguments, out)
+            .map(drop)
+    }
 
     /// Inverse dynamics from base parameters.
     ///
@@ -104,6 +141,7 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
     ///
     /// # Errors
     /// When a length does not fit.
+    #[inline]
     fn base_inverse_dynamics(
         &self,
         q: &[T],
@@ -111,7 +149,16 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
         qdd: &[T],
         beta: &[T],
         out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
+    ) -> Result<Condition<T>, SizeError> {
+        let arguments = Arguments {
+            q,
+            qd,
+            qdd,
+            beta,
+            ..Arguments::EMPTY
+        };
+        self.eval_base(BaseFunction::BaseInverseDynamics, arguments, out)
+    }
 
     /// Gravity from base parameters.
     ///
@@ -119,7 +166,15 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
     ///
     /// # Errors
     /// When a length does not fit.
-    fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
+    #[inline]
+    fn base_gravity(&self, q: &[T], beta: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
+        let arguments = Arguments {
+            q,
+            beta,
+            ..Arguments::EMPTY
+        };
+        self.eval_base(BaseFunction::BaseGravity, arguments, out)
+    }
 
     /// The efforts at zero independent accelerations, less gravity, from base parameters.
     ///
@@ -127,13 +182,22 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
     ///
     /// # Errors
     /// When a length does not fit.
+    #[inline]
     fn base_bias_forces(
         &self,
         q: &[T],
         qd: &[T],
         beta: &[T],
         out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
+    ) -> Result<Condition<T>, SizeError> {
+        let arguments = Arguments {
+            q,
+            qd,
+            beta,
+            ..Arguments::EMPTY
+        };
+        self.eval_base(BaseFunction::BaseBiasForces, arguments, out)
+    }
 
     /// The mass matrix from base parameters.
     ///
@@ -141,10 +205,18 @@ pub trait BaseModel<T: Scalar = f64>: Model<T> {
     ///
     /// # Errors
     /// When a length does not fit.
+    #[inline]
     fn base_mass_matrix(
         &self,
         q: &[T],
         beta: &[T],
         out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
+    ) -> Result<Condition<T>, SizeError> {
+        let arguments = Arguments {
+            q,
+            beta,
+            ..Arguments::EMPTY
+        };
+        self.eval_base(BaseFunction::BaseMassMatrix, arguments, out)
+    }
 }

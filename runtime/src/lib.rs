@@ -17,6 +17,7 @@
 //!   samples. Needs an allocator.
 //! - `dual`: `Dual` over the crate `num-dual`, derivatives of everything a model computes.
 //!   Needs `std`.
+//! - `tangent`: `Tangent`, derivatives in several directions, the same bits on every machine.
 //! - `simd`: `Lane`, several states at once, by the instruction set found at run time; `batch`,
 //!   base regressors of many samples.
 //! - `macros`: `robot_model!`, a robot from its YAML file at compile time.
@@ -41,6 +42,7 @@ pub mod batch;
 mod closure;
 mod condition;
 pub mod friction;
+pub mod function;
 mod guarded;
 mod info;
 mod kernel;
@@ -49,17 +51,19 @@ mod model;
 #[cfg(feature = "closure")]
 mod observe;
 mod scalar;
+mod size;
 
 pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 #[cfg(feature = "closure")]
 pub use closure::{Closure, Misuse, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
 pub use friction::{Friction, JointFriction};
+pub use function::{Arguments, BaseFunction, Function};
 pub use guarded::{PIVOT_BOUND, guarded};
 pub use info::{Cone, Cut, Info, Joint, Limits, Motion};
 pub use kernel::BaseKernel;
 pub use linear::solve_pivoted;
-pub use model::{Model, SizeError, array, array_mut, matrix_mut};
+pub use model::Model;
 #[cfg(feature = "closure")]
 pub use observe::{Observation, Sample, observation};
 #[cfg(feature = "macros")]
@@ -67,5 +71,8 @@ pub use regen_macros::robot_model;
 #[cfg(feature = "dual")]
 pub use scalar::Dual;
 pub use scalar::Scalar;
+#[cfg(feature = "tangent")]
+pub use scalar::Tangent;
 #[cfg(feature = "simd")]
 pub use scalar::{Lane, LaneMask};
+pub use size::{SizeError, array, array_mut, matrix_mut};

@@ -9,11 +9,15 @@ mod dual;
 #[cfg(feature = "simd")]
 mod lane;
 mod real;
+#[cfg(feature = "tangent")]
+mod tangent;
 
 #[cfg(feature = "dual")]
 pub use dual::Dual;
 #[cfg(feature = "simd")]
 pub use lane::{Lane, LaneMask};
+#[cfg(feature = "tangent")]
+pub use tangent::Tangent;
 
 /// A real number, a number with derivatives, or several numbers at once.
 ///

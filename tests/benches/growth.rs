@@ -52,7 +52,13 @@ fn growth(criterion: &mut Criterion) {
         let q = derived.home();
         let rate = vec![0.1; q.len()];
         group.bench_function(BenchmarkId::new("regressor", legs), |b| {
-            b.iter(|| black_box(derived.regressor(&q, &rate, &rate).is_ok()));
+            b.iter(|| {
+                black_box(
+                    derived
+                        .matrix(FunctionKind::Regressor, &[&q, &rate, &rate])
+                        .is_ok(),
+                )
+            });
         });
     }
     group.finish();

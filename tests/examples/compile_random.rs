@@ -66,6 +66,7 @@ const PROGRAM: &str = r#"//! Compiled random mechanisms, compared.
 use regen_runtime::Model;
 use regen_tests::compiled::Compiled;
 use regen_tests::derived::Derived;
+use regen_codegen::signature::FunctionKind;
 use regen_tests::engine::{Engine, check_engine, row_error};
 use regen_tests::random;
 
@@ -77,8 +78,8 @@ fn judge(seed: u64, model: &dyn Model<f64>) -> Result<f64, String> {
     let derived = Derived::without_base("random.yaml", &sample.text)?;
     let mut worst = 0.0_f64;
     for state in sample.mechanism.random_states(seed, 2)? {
-        let ours = compiled.regressor(&state.q, &state.qd, &state.qdd)?;
-        let theirs = derived.regressor(&state.q, &state.qd, &state.qdd)?;
+        let ours = compiled.matrix(FunctionKind::Regressor, &[&state.q, &state.qd, &state.qdd])?;
+        let theirs = derived.matrix(FunctionKind::Regressor, &[&state.q, &state.qd, &state.qdd])?;
         worst = worst.max(row_error(&ours, &theirs));
     }
     if worst <= 1e-10 { Ok(worst) } else { Err(format!("interpreter: {worst:e}")) }

@@ -19,7 +19,7 @@ use regen_identify::feasibility::{
     identify, verdict,
 };
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_runtime::{BaseModel, Closure, Model, Outcome};
+use regen_runtime::{BaseModel, Closure, Outcome};
 use regen_tests::random_spec;
 use regen_tests::reference::{PhysicalBody, Random};
 use serde_json::{Value, json};

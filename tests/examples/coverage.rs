@@ -21,7 +21,7 @@ use regen_identify::identifiability::{Checks, reduce};
 use regen_identify::identify::{self, Filtering, Kind, Recorded, Row, Source};
 use regen_identify::intervals::{LeastSquares, Spread, constrained};
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_runtime::{BaseModel, Friction, Model};
+use regen_runtime::{BaseModel, Friction};
 
 const STEP: f64 = 0.01;
 const FREQUENCY: f64 = 0.1;

@@ -5,8 +5,7 @@ use regen_codegen::interpret::run;
 use regen_codegen::pipeline::{BaseFrom, DeriveError, derive, derive_with};
 use regen_codegen::robot::{FunctionKind, Robot};
 
-use crate::engine::{Answer, Names};
-use crate::functions::Functions;
+use crate::engine::{Answer, Engine, Names};
 
 /// A robot derived from a spec, its programs interpreted.
 #[derive(Debug)]
@@ -47,7 +46,7 @@ impl Derived {
     }
 }
 
-impl Functions for Derived {
+impl Engine for Derived {
     fn names(&self) -> Names {
         let robot = &self.robot;
         let of = |which: &[usize]| {
@@ -78,14 +77,6 @@ impl Functions for Derived {
 
     fn home(&self) -> Vec<f64> {
         self.robot.home.clone()
-    }
-
-    fn rows(&self) -> usize {
-        self.robot.rows
-    }
-
-    fn dof(&self) -> usize {
-        self.robot.independent.len()
     }
 
     fn call(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<Vec<f64>> {

@@ -15,7 +15,6 @@ pub mod compiled;
 pub mod derived;
 pub mod engine;
 pub mod files;
-mod functions;
 pub mod platform;
 pub mod random;
 pub mod random_spec;

@@ -12,7 +12,6 @@ use regen_identify::session::{
 };
 use regen_identify::status::Shares;
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_runtime::Model as _;
 use serde::Serialize;
 
 use crate::args::{Format, IdentifyArgs, WeightingArg};

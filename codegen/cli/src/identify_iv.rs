@@ -7,7 +7,7 @@ use regen_identify::data::{DataError, Logs, Settings as Reading};
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{InstrumentOptions, Instrumental, Motion, instrumental};
 use regen_identify::signals::Method;
-use regen_runtime::{BaseModel, Model};
+use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use crate::args::IdentifyArgs;

@@ -7,7 +7,6 @@ use regen_identify::estimate::{EstimateError, FactorSet};
 use regen_identify::identify::{Kind, LeftOut, Options, Standstill, observe};
 use regen_identify::session::{Session, SessionError, Watched};
 use regen_identify::signals::Method;
-use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use crate::args::{DelayArg, Format, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg};

@@ -5,7 +5,6 @@ use regen_codegen::pipeline::{self, BaseFrom};
 use regen_codegen::spec;
 use regen_identify::IdentifiedModel;
 use regen_identify::feasibility::{Layout, bodies_yaml};
-use regen_runtime::Model;
 
 use crate::exit::Failure;
 use crate::{spec_text, terminal};

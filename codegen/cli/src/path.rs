@@ -5,7 +5,6 @@ use std::path;
 use regen_experiment::reach;
 use regen_experiment::simulate::Reference;
 use regen_identify::signals::Fourier;
-use regen_runtime::Model;
 
 use crate::exit::Failure;
 use crate::trajectory::Trajectory;

@@ -8,7 +8,7 @@ mod words;
 use regen_identify::data::{Assignment, Logs, Quantity};
 use regen_identify::estimate::Estimate;
 use regen_identify::identify::suspect::{self, Change, Findings, Sample};
-use regen_runtime::{BaseModel, Model};
+use regen_runtime::BaseModel;
 use serde::Serialize;
 
 use crate::args::IdentifyArgs;

@@ -5,7 +5,7 @@ use std::path::Path;
 use nalgebra::{DMatrix, DVector};
 use regen_codegen::base::{Analysis, Base, Direction};
 use regen_codegen::robot::Robot;
-use regen_runtime::{Closure, Model};
+use regen_runtime::Closure;
 use serde::Serialize;
 
 use crate::args::{VerifyArgs, VerifyFormat};

@@ -50,31 +50,16 @@ pub(super) struct Body<'p> {
     out: String,
 }
 
-/// The statements of a program's function, indented, without its last line.
-pub(super) fn statements(program: &Program, runtime: &str, elements: &[Vec<String>]) -> String {
+/// The statements of a program's function, indented, without its last line. `wishes` are the names
+/// that the elements of each argument shall have.
+pub(super) fn statements(program: &Program, runtime: &str, wishes: &[Vec<String>]) -> String {
     let mut names = Names::new();
     names.reserve(&program.output.name);
     for argument in &program.arguments {
         names.reserve(&argument.name);
     }
-    let inputs: Vec<Vec<String>> = program
-        .arguments
-        .iter()
-        .zip(elements)
-        .map(|(argument, elements)| {
-            let prefix = match argument.name.as_str() {
-                "q" => "",
-                "qd" | "qd_i" => "d_",
-                "qdd" | "qdd_i" => "dd_",
-                "qd_r" => "r_",
-                "qdd_r" => "dr_",
-                "tau" => "tau_",
-                _ => "p_",
-            };
-            let wish = |e: &String| format!("{prefix}{}", identifier(e));
-            elements.iter().map(|e| names.unique(&wish(e))).collect()
-        })
-        .collect();
+    let mut unique = |wishes: &Vec<String>| wishes.iter().map(|w| names.unique(w)).collect();
+    let inputs: Vec<Vec<String>> = wishes.iter().map(&mut unique).collect();
     let mut body = Body {
         program,
         runtime: runtime.to_owned(),

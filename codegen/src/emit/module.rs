@@ -4,10 +4,11 @@ use std::fmt::Write as _;
 
 use crate::base::Analysis;
 use crate::optimize::{Operand, Operations, Output, Program};
-use crate::robot::{Function, FunctionKind, Robot};
+use crate::robot::{Function, Robot};
+use crate::signature::{Argument, FunctionKind, Passing, Size};
 
 use super::body::statements;
-use super::names::{BASE_IMPORTS, IMPORTS, literal};
+use super::names::{BASE_IMPORTS, IMPORTS, identifier, literal};
 use super::{base, stated, trait_impl};
 
 /// How to write a module.
@@ -223,45 +224,35 @@ pub(super) fn base_of(robot: &Robot) -> Option<&Analysis> {
     robot.analysis.as_ref()
 }
 
-/// The names of the elements of an argument.
-fn elements(robot: &Robot, argument: &str) -> Vec<String> {
+/// The names of what a size counts.
+fn elements(robot: &Robot, size: Size) -> Vec<String> {
     let of = |which: &[usize]| -> Vec<String> {
         which
             .iter()
             .map(|c| robot.coordinates[*c].clone())
             .collect()
     };
-    match argument {
-        "phi" => robot.parameters.clone(),
-        "beta" => base::kept(robot),
-        "free" => base::free(robot),
-        "tau" => of(&robot.actuated),
-        "qd_i" | "qdd_i" | "qd_r" | "qdd_r" => of(&robot.independent),
-        _ => robot.coordinates.clone(),
+    let numbered = || (1..=robot.length(size)).map(|k| k.to_string()).collect();
+    match size {
+        Size::Coordinates => robot.coordinates.clone(),
+        Size::Independent => of(&robot.independent),
+        Size::Dependent => of(&robot.dependent),
+        Size::Actuated => of(&robot.actuated),
+        Size::Parameters => robot.parameters.clone(),
+        Size::Bodies => robot.bodies.clone(),
+        Size::Base => base::kept(robot),
+        Size::Free => base::free(robot),
+        Size::Rows | Size::Cones | Size::Pose => numbered(),
     }
 }
 
-/// Whether the function reports the condition of its solve.
-pub(super) fn has_condition(kind: FunctionKind) -> bool {
-    !matches!(
-        kind,
-        FunctionKind::Constraints
-            | FunctionKind::Jacobian
-            | FunctionKind::Bias
-            | FunctionKind::DependentJacobian
-            | FunctionKind::Poses
-            | FunctionKind::Cones
-            | FunctionKind::ToBase
-            | FunctionKind::FromBase
-    )
-}
-
-/// Whether the function writes through an argument: its result is large.
-pub(super) fn writes_through(kind: FunctionKind) -> bool {
-    matches!(
-        kind,
-        FunctionKind::Regressor | FunctionKind::SlotineLi | FunctionKind::BaseRegressor
-    )
+/// The names that an argument's elements shall have in an emitted function.
+fn wishes(robot: &Robot, argument: Argument) -> Vec<String> {
+    let row = argument.row();
+    let elements = elements(robot, row.size).into_iter();
+    elements
+        .map(|element| format!("{}{}", row.prefix, identifier(&element)))
+        .collect()
 }
 
 /// The type of an array of this shape.
@@ -273,59 +264,14 @@ pub(super) fn array_type(shape: &[usize]) -> String {
     }
 }
 
-fn formula(kind: FunctionKind) -> &'static str {
-    match kind {
-        FunctionKind::Constraints => {
-            "The closure equations f(q) (Eq. 6): every row of every cut in the world frame, then the couplings."
-        }
-        FunctionKind::Jacobian => "The Jacobian A = df/dq (Eq. 7).",
-        FunctionKind::Bias => "The bias b = -(dA/dt) qd of A qdd = b (Eq. 7).",
-        FunctionKind::NewtonStep => "The Newton step of the dependent coordinates, A_e dq_e = -f.",
-        FunctionKind::DependentJacobian => "The square A_e (Eq. 8).",
-        FunctionKind::Velocities => {
-            "All velocities from the independent ones: A_e qd_e = -A_i qd_i (Eq. 8)."
-        }
-        FunctionKind::Accelerations => {
-            "All accelerations from the independent ones: A_e qdd_e = b - A_i qdd_i (Eq. 8)."
-        }
-        FunctionKind::Regressor => {
-            "The regressor K_i - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20)."
-        }
-        FunctionKind::InverseDynamics => {
-            "Inverse dynamics: the regressor times `phi`, without forming it."
-        }
-        FunctionKind::Gravity => "The efforts of gravity.",
-        FunctionKind::BiasForces => "Coriolis, centrifugal and friction efforts.",
-        FunctionKind::MassMatrix => "The mass matrix over the independent coordinates.",
-        FunctionKind::SlotineLi => {
-            "The regressor Y(q, qd, qd_r, qdd_r) of passivity-based adaptive control (Slotine and Li, 1987)."
-        }
-        FunctionKind::Efforts => "The left side of Eq. 10 from the actuated efforts.",
-        FunctionKind::Poses => "Where the bodies are.",
-        FunctionKind::Cones => "The cosines of the angles that cones limit.",
-        FunctionKind::BaseRegressor => {
-            "The reduced regressor W_red (Eq. 23): only the columns that are kept."
-        }
-        FunctionKind::ToBase => "The base parameters of given parameters.",
-        FunctionKind::FromBase => {
-            "Parameters with given base parameters; all of them, as `free` takes all values."
-        }
-        FunctionKind::BaseInverseDynamics => "Inverse dynamics from base parameters.",
-        FunctionKind::BaseGravity => "The efforts of gravity from base parameters.",
-        FunctionKind::BaseBiasForces => {
-            "Coriolis, centrifugal and friction efforts from base parameters."
-        }
-        FunctionKind::BaseMassMatrix => "The mass matrix from base parameters.",
-    }
-}
-
 fn write_function(robot: &Robot, function: &Function, options: &Options, out: &mut String) {
     let Function { kind, program } = function;
-    let name = kind.name();
+    let signature = kind.signature();
+    let (name, has_condition) = (signature.name, signature.has_condition);
     let output = &program.output;
     let result = array_type(&output.shape);
     let _ = writeln!(out);
-    let _ = writeln!(out, "/// {}", formula(*kind));
+    let _ = writeln!(out, "/// {}", signature.formula);
     let _ = writeln!(out, "///");
     for argument in &program.arguments {
         let _ = writeln!(out, "/// - `{}`: {}", argument.name, argument.doc);
@@ -347,11 +293,11 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
         .iter()
         .map(|a| format!("{}: &[T; {}]", a.name, a.len))
         .collect();
-    let through = writes_through(*kind);
+    let through = signature.passing == Passing::Written;
     if through {
         parameters.push(format!("{}: &mut {result}", output.name));
     }
-    let returned = match (has_condition(*kind), through) {
+    let returned = match (has_condition, through) {
         (true, true) => "Condition<T>".to_owned(),
         (true, false) => format!("({result}, Condition<T>)"),
         (false, _) => result.clone(),
@@ -381,12 +327,9 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
             "pub fn {name}_entries<T: Scalar>({parameters}) -> {returned} {{"
         );
     }
-    let elements: Vec<Vec<String>> = program
-        .arguments
-        .iter()
-        .map(|a| elements(robot, &a.name))
-        .collect();
-    let body = statements(program, &options.runtime, &elements);
+    let arguments = signature.arguments.iter();
+    let wishes: Vec<Vec<String>> = arguments.map(|a| wishes(robot, *a)).collect();
+    let body = statements(program, &options.runtime, &wishes);
     let body = mark_unused(program, body);
     if through {
         out.push_str(&body);
@@ -403,7 +346,7 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
     } else {
         "Condition::regular(like)"
     };
-    let _ = match (has_condition(*kind), through) {
+    let _ = match (has_condition, through) {
         (true, true) => writeln!(out, "    {condition}"),
         (true, false) => writeln!(out, "    ({}, {condition})", output.name),
         (false, _) => writeln!(out, "    {}", output.name),

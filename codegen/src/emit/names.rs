@@ -113,11 +113,13 @@ fn is_taken(name: &str) -> bool {
 }
 
 /// What a module imports from the runtime, each where it uses it.
-pub(super) const IMPORTS: [&str; 10] = [
+pub(super) const IMPORTS: [&str; 12] = [
+    "Arguments",
     "Condition",
     "Cone",
     "Cut",
     "Friction",
+    "Function",
     "Info",
     "Joint",
     "Limits",
@@ -127,7 +129,8 @@ pub(super) const IMPORTS: [&str; 10] = [
 ];
 
 /// What a module with base parameters imports as well.
-pub(super) const BASE_IMPORTS: [&str; 6] = [
+pub(super) const BASE_IMPORTS: [&str; 7] = [
+    "BaseFunction",
     "BaseInfo",
     "BaseKernel",
     "BaseModel",

@@ -3,47 +3,11 @@
 
 use std::fmt::Write as _;
 
-use crate::robot::{Function, FunctionKind, Robot};
+use crate::robot::{Function, Robot};
+use crate::signature::{Argument, FunctionKind, Needs, Passing};
 
-use super::module::{Options, base_of, has_condition, writes_through};
+use super::module::{Options, base_of};
 use super::names::type_name;
-
-/// The trait's arguments that are not named as in the functions.
-fn trait_argument(name: &str) -> &str {
-    match name {
-        "qd_r" => "qd_r_i",
-        "qdd_r" => "qdd_r_i",
-        "tau" => "tau_actuated",
-        other => other,
-    }
-}
-
-/// The arguments of a trait method, by its function's or, where the robot has
-/// none, by the trait.
-fn arguments(kind: FunctionKind) -> &'static [&'static str] {
-    match kind {
-        FunctionKind::Bias => &["q", "qd"],
-        FunctionKind::Velocities => &["q", "qd_i"],
-        FunctionKind::Accelerations => &["q", "qd", "qdd_i"],
-        FunctionKind::Regressor | FunctionKind::BaseRegressor => &["q", "qd", "qdd"],
-        FunctionKind::InverseDynamics => &["q", "qd", "qdd", "phi"],
-        FunctionKind::Gravity | FunctionKind::MassMatrix => &["q", "phi"],
-        FunctionKind::BiasForces => &["q", "qd", "phi"],
-        FunctionKind::SlotineLi => &["q", "qd", "qd_r_i", "qdd_r_i"],
-        FunctionKind::Efforts => &["q", "tau_actuated"],
-        FunctionKind::Constraints
-        | FunctionKind::Jacobian
-        | FunctionKind::NewtonStep
-        | FunctionKind::DependentJacobian
-        | FunctionKind::Poses
-        | FunctionKind::Cones => &["q"],
-        FunctionKind::ToBase => &["phi"],
-        FunctionKind::FromBase => &["beta", "free"],
-        FunctionKind::BaseInverseDynamics => &["q", "qd", "qdd", "beta"],
-        FunctionKind::BaseGravity | FunctionKind::BaseMassMatrix => &["q", "beta"],
-        FunctionKind::BaseBiasForces => &["q", "qd", "beta"],
-    }
-}
 
 pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
     let name = type_name(&robot.name);
@@ -56,13 +20,14 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
     let _ = writeln!(out, "    fn info(&self) -> Info<'_> {{");
     let _ = writeln!(out, "        INFO");
     let _ = writeln!(out, "    }}");
-    for kind in FunctionKind::ALL.into_iter().filter(|k| !k.needs_base()) {
-        if kind == FunctionKind::Cones && robot.cones.is_empty() {
-            // the trait's own serves
-            continue;
-        }
-        trait_method(robot, kind, runtime, out);
-    }
+    eval(
+        robot,
+        "eval",
+        "Function",
+        |needs| needs != Needs::Base,
+        runtime,
+        out,
+    );
     let _ = writeln!(out, "}}");
     let Some(analysis) = base_of(robot) else {
         return;
@@ -77,9 +42,14 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
         let _ = writeln!(out, "        &ZEROS");
         let _ = writeln!(out, "    }}");
     }
-    for kind in FunctionKind::ALL.into_iter().filter(|k| k.needs_base()) {
-        trait_method(robot, kind, runtime, out);
-    }
+    eval(
+        robot,
+        "eval_base",
+        "BaseFunction",
+        |needs| needs == Needs::Base,
+        runtime,
+        out,
+    );
     let _ = writeln!(out, "}}");
     if let Some(function) = robot.function(FunctionKind::BaseRegressor) {
         kernel(robot, function, &name, out);
@@ -103,42 +73,55 @@ fn kernel(robot: &Robot, function: &Function, name: &str, out: &mut String) {
     let _ = writeln!(out, "    }}\n}}");
 }
 
-fn trait_method(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
-    let mut parameters = vec!["&self".to_owned()];
-    parameters.extend(arguments(kind).iter().map(|a| format!("{a}: &[T]")));
-    parameters.push("out: &mut [T]".to_owned());
-    let result = if has_condition(kind) {
-        "Condition<T>"
-    } else {
-        "()"
-    };
-    let _ = writeln!(out);
+/// The trait's primitive method: one arm for each of its functions.
+///
+/// It is inlined everywhere, so that a named method, which passes a constant, becomes the call in
+/// one arm.
+fn eval(
+    robot: &Robot,
+    method: &str,
+    functions: &str,
+    has: impl Fn(Needs) -> bool,
+    runtime: &str,
+    out: &mut String,
+) {
+    let _ = writeln!(out, "\n    #[inline(always)]");
     let _ = writeln!(
         out,
-        "    fn {}({}) -> Result<{result}, SizeError> {{",
-        kind.name(),
-        parameters.join(", ")
+        "    fn {method}(&self, function: {functions}, arguments: Arguments<'_, T>, out: &mut [T]) -> Result<Condition<T>, SizeError> {{"
     );
-    match robot.function(kind) {
-        Some(function) => method(function, runtime, out),
-        None => without_loops(robot, kind, runtime, out),
+    let _ = writeln!(out, "        match function {{");
+    let kinds = FunctionKind::ALL.into_iter();
+    for kind in kinds.filter(|kind| has(kind.signature().needs)) {
+        let _ = writeln!(out, "            {functions}::{kind:?} => {{");
+        match robot.function(kind) {
+            Some(function) => call(function, runtime, out),
+            None => nothing(robot, kind, runtime, out),
+        }
+        let _ = writeln!(out, "            }}");
     }
-    let _ = writeln!(out, "    }}");
+    let _ = writeln!(out, "        }}\n    }}");
 }
 
-fn method(function: &Function, runtime: &str, out: &mut String) {
-    let kind = function.kind;
-    let program = &function.program;
-    let mut calls = Vec::new();
-    for argument in &program.arguments {
-        let name = trait_argument(&argument.name);
-        let _ = writeln!(
-            out,
-            "        let {name} = {runtime}::array::<T, {}>({name}, {name:?})?;",
-            argument.len
-        );
-        calls.push(name.to_owned());
-    }
+/// An argument as an array of its length, bound to its name.
+fn checked(argument: Argument, length: usize, runtime: &str, out: &mut String) -> &'static str {
+    let name = argument.row().runtime_name;
+    let _ = writeln!(
+        out,
+        "                let {name} = {runtime}::array::<T, {length}>(arguments.{name}, {name:?})?;"
+    );
+    name
+}
+
+/// The call of a function that the robot has.
+fn call(function: &Function, runtime: &str, out: &mut String) {
+    let Function { kind, program } = function;
+    let signature = kind.signature();
+    let arguments = signature.arguments.iter().zip(&program.arguments);
+    let mut names: Vec<&str> = arguments
+        .map(|(argument, program)| checked(*argument, program.len, runtime, out))
+        .collect();
+    let like = names.first().copied().unwrap_or("q");
     let shape = &program.output.shape;
     let target = match shape.as_slice() {
         // no columns to write through
@@ -150,47 +133,46 @@ fn method(function: &Function, runtime: &str, out: &mut String) {
             shape.iter().product::<usize>()
         ),
     };
-    let _ = writeln!(out, "        let out = {target};");
-    let name = kind.name();
-    if writes_through(kind) {
-        calls.push("out".to_owned());
-        let _ = writeln!(out, "        Ok({name}({}))", calls.join(", "));
-    } else if has_condition(kind) {
-        let _ = writeln!(
-            out,
-            "        let (value, condition) = {name}({});",
-            calls.join(", ")
-        );
-        let _ = writeln!(out, "        *out = value;");
-        let _ = writeln!(out, "        Ok(condition)");
-    } else {
-        let _ = writeln!(out, "        *out = {name}({});", calls.join(", "));
-        let _ = writeln!(out, "        Ok(())");
+    let mut line = |text: String| {
+        let _ = writeln!(out, "                {text}");
+    };
+    line(format!("let out = {target};"));
+    let name = signature.name;
+    match (signature.passing, signature.has_condition) {
+        (Passing::Written, _) => {
+            names.push("out");
+            line(format!("Ok({name}({}))", names.join(", ")));
+        }
+        (Passing::Returned, true) => {
+            line(format!(
+                "let (value, condition) = {name}({});",
+                names.join(", ")
+            ));
+            line("*out = value;".to_owned());
+            line("Ok(condition)".to_owned());
+        }
+        (Passing::Returned, false) => {
+            line(format!("*out = {name}({});", names.join(", ")));
+            line(format!("Ok(Condition::regular({like}[0]))"));
+        }
     }
 }
 
-/// Nothing is solved without dependent coordinates, and a tree has no rows: the lengths are checked,
-/// nothing is written.
-fn without_loops(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
-    let n = robot.coordinates.len();
-    for name in arguments(kind) {
-        let binding = if *name == "q" && has_condition(kind) {
-            "q"
-        } else {
-            "_"
-        };
-        let _ = writeln!(
-            out,
-            "        let {binding} = {runtime}::array::<T, {n}>({name}, {name:?})?;"
-        );
+/// What stands for a function that the robot does not have: without dependent coordinates nothing
+/// is solved, a tree has no rows, and few robots have cones. The lengths are checked, nothing is
+/// written.
+fn nothing(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
+    let arguments = kind.signature().arguments.iter();
+    let names: Vec<&str> = arguments
+        .map(|argument| checked(*argument, robot.length(argument.row().size), runtime, out))
+        .collect();
+    for name in names.iter().skip(1) {
+        let _ = writeln!(out, "                let _ = {name};");
     }
+    let like = names.first().copied().unwrap_or("q");
     let _ = writeln!(
         out,
-        "        let _ = {runtime}::array_mut::<T, 0>(out, \"out\")?;"
+        "                let _ = {runtime}::array_mut::<T, 0>(out, \"out\")?;"
     );
-    if has_condition(kind) {
-        let _ = writeln!(out, "        Ok(Condition::regular(q[0]))");
-    } else {
-        let _ = writeln!(out, "        Ok(())");
-    }
+    let _ = writeln!(out, "                Ok(Condition::regular({like}[0]))");
 }

@@ -4,16 +4,18 @@
 //! eliminated ones at zero.
 
 use crate::base::{Base, Term};
-use crate::optimize::{Argument, Request};
 use crate::sym::{Ex, Graph, SymbolId};
 
 use super::dynamics::{self, Motion};
-use super::{Context, group, output};
+use super::{Context, Groups, Symbols, group};
 
-fn symbols(g: &mut Graph, prefix: &str, labels: &[String]) -> (Vec<SymbolId>, Vec<Ex>) {
-    let names: Vec<String> = labels.iter().map(|l| format!("{prefix}{l}")).collect();
-    let ids = names.iter().map(|n| g.symbol_id(n)).collect();
-    (ids, names.iter().map(|n| g.symbol(n)).collect())
+/// The symbols of base or eliminated parameters, which the graph gets here if it has none yet.
+fn symbols(cx: &mut Context<'_>, prefix: &str, columns: &[usize]) -> Vec<SymbolId> {
+    let labels = labels(cx, columns.iter().copied());
+    let ids = labels
+        .iter()
+        .map(|l| cx.g.symbol_id(&format!("{prefix}{l}")));
+    ids.collect()
 }
 
 fn labels(cx: &Context<'_>, columns: impl Iterator<Item = usize>) -> Vec<String> {
@@ -30,22 +32,21 @@ fn kept(base: &Base) -> impl Iterator<Item = usize> + '_ {
         .map(|p| p.column)
 }
 
-fn argument(name: &str, doc: &str, ids: Vec<SymbolId>) -> (Argument, Vec<SymbolId>) {
-    let argument = Argument {
-        name: name.to_owned(),
-        len: ids.len(),
-        doc: doc.to_owned(),
-    };
-    (argument, ids)
+/// The symbols of the base parameters.
+pub(super) fn beta(cx: &mut Context<'_>, base: &Base) -> Vec<SymbolId> {
+    let columns: Vec<usize> = kept(base).collect();
+    symbols(cx, "base:", &columns)
 }
 
-fn beta(cx: &mut Context<'_>, base: &Base) -> ((Argument, Vec<SymbolId>), Vec<Ex>) {
-    let labels = labels(cx, kept(base));
-    let (ids, nodes) = symbols(cx.g, "base:", &labels);
-    (
-        argument("beta", "base parameters, SI, in the order of `BASE`", ids),
-        nodes,
-    )
+/// The symbols of the eliminated parameters.
+pub(super) fn free(cx: &mut Context<'_>, base: &Base) -> Vec<SymbolId> {
+    let columns: Vec<usize> = base.null.iter().map(|n| n.column).collect();
+    symbols(cx, "free:", &columns)
+}
+
+fn beta_nodes(cx: &mut Context<'_>, base: &Base) -> Vec<Ex> {
+    let ids = beta(cx, base);
+    Symbols::nodes(cx.g, &ids)
 }
 
 fn combination(g: &mut Graph, terms: &[Term], phi: &[Ex]) -> Ex {
@@ -72,14 +73,14 @@ fn particular(cx: &mut Context<'_>, base: &Base, beta: &[Ex]) -> Vec<Ex> {
 
 /// W at the kept columns; known parameters add theirs to those they are
 /// written with.
-pub(super) fn base_regressor(cx: &mut Context<'_>, base: &Base) -> Request {
+pub(super) fn base_regressor(cx: &mut Context<'_>, base: &Base) -> Groups {
     let mut wanted = vec![false; cx.model.parameters.len()];
     let known = base.known.iter().map(|known| known.column);
     for column in kept(base).chain(known) {
         wanted[column] = true;
     }
     let columns = dynamics::regressor_columns(cx, &wanted);
-    let mut groups: Vec<(String, Vec<Ex>)> = Vec::new();
+    let mut groups: Groups = Vec::new();
     for column in kept(base) {
         let mut entries = columns[column].clone();
         for known in &base.known {
@@ -100,19 +101,10 @@ pub(super) fn base_regressor(cx: &mut Context<'_>, base: &Base) -> Request {
             _ => groups.push(group(title, entries)),
         }
     }
-    let shape = [base.rank(), cx.model.independent.len()];
-    Request {
-        arguments: vec![cx.symbols.q(), cx.symbols.qd(), cx.symbols.qdd()],
-        output: output(
-            "w",
-            &shape,
-            "W_red (Eq. 23), column by column: `w[c][r]` multiplies `BASE[c]` in the equation of `INDEPENDENT[r]`",
-        ),
-        groups,
-    }
+    groups
 }
 
-pub(super) fn to_base(cx: &mut Context<'_>, base: &Base) -> Request {
+pub(super) fn to_base(cx: &mut Context<'_>, base: &Base) -> Groups {
     let phi = cx.symbols.phi_nodes(cx.g);
     let values = base
         .parameters
@@ -120,27 +112,18 @@ pub(super) fn to_base(cx: &mut Context<'_>, base: &Base) -> Request {
         .filter(|p| !p.dropped)
         .map(|p| combination(cx.g, &p.terms, &phi))
         .collect();
-    Request {
-        arguments: vec![cx.symbols.phi()],
-        output: output(
-            "beta",
-            &[base.rank()],
-            "base parameters, in the order of `BASE`",
-        ),
-        groups: vec![group("combinations", values)],
-    }
+    vec![group("combinations", values)]
 }
 
 /// Every set of parameters with these base parameters: `free` are the values of
 /// the eliminated ones.
-pub(super) fn parameters_from_base(cx: &mut Context<'_>, base: &Base) -> Request {
-    let (beta_argument, beta) = beta(cx, base);
-    let eliminated: Vec<usize> = base.null.iter().map(|n| n.column).collect();
-    let names = labels(cx, eliminated.iter().copied());
-    let (ids, free) = symbols(cx.g, "free:", &names);
+pub(super) fn parameters_from_base(cx: &mut Context<'_>, base: &Base) -> Groups {
+    let beta = beta_nodes(cx, base);
+    let free = free(cx, base);
+    let free = Symbols::nodes(cx.g, &free);
     let mut phi = particular(cx, base, &beta);
-    for (column, value) in eliminated.iter().zip(&free) {
-        phi[*column] = *value;
+    for (eliminated, value) in base.null.iter().zip(&free) {
+        phi[eliminated.column] = *value;
     }
     for parameter in &base.parameters {
         // along the null space the kept parameter makes up for the eliminated
@@ -151,38 +134,19 @@ pub(super) fn parameters_from_base(cx: &mut Context<'_>, base: &Base) -> Request
     for known in &base.known {
         phi[known.column] = combination(cx.g, &known.terms, &phi);
     }
-    let free = argument(
-        "free",
-        "values of the eliminated parameters, in the order of `FREE`",
-        ids,
-    );
-    Request {
-        arguments: vec![beta_argument, free],
-        output: output(
-            "phi",
-            &[phi.len()],
-            "dynamic parameters, in the order of `PARAMETERS`",
-        ),
-        groups: vec![group("phi", phi)],
-    }
+    vec![group("phi", phi)]
 }
 
 /// Forces of a motion from base parameters.
-pub(super) fn forces(cx: &mut Context<'_>, base: &Base, motion: Motion) -> Request {
-    let (argument, beta) = beta(cx, base);
+pub(super) fn forces(cx: &mut Context<'_>, base: &Base, motion: Motion) -> Groups {
+    let beta = beta_nodes(cx, base);
     let phi = particular(cx, base, &beta);
-    let mut request = dynamics::forces(cx, motion, &phi);
-    request.arguments.pop();
-    request.arguments.push(argument);
-    request
+    dynamics::forces(cx, motion, &phi)
 }
 
 /// The mass matrix from base parameters.
-pub(super) fn mass_matrix(cx: &mut Context<'_>, base: &Base) -> Request {
-    let (argument, beta) = beta(cx, base);
+pub(super) fn mass_matrix(cx: &mut Context<'_>, base: &Base) -> Groups {
+    let beta = beta_nodes(cx, base);
     let phi = particular(cx, base, &beta);
-    let mut request = dynamics::mass_matrix_of(cx, &phi);
-    request.arguments.pop();
-    request.arguments.push(argument);
-    request
+    dynamics::mass_matrix_of(cx, &phi)
 }

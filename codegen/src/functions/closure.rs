@@ -3,10 +3,9 @@
 use crate::constraints::{View, world_equations};
 use crate::kinematics::{Chain, Rates, Start};
 use crate::model::Side;
-use crate::optimize::Request;
 use crate::sym::Ex;
 
-use super::{Context, group, output};
+use super::{Context, Groups, group};
 
 /// Rates in which the coordinates' accelerations do not appear.
 pub(super) fn rates_without_qdd(qd: Vec<Ex>, rd: Vec<Ex>) -> Rates {
@@ -18,77 +17,39 @@ pub(super) fn rates_without_qdd(qd: Vec<Ex>, rd: Vec<Ex>) -> Rates {
     }
 }
 
-pub(super) fn constraints(cx: &mut Context<'_>) -> Request {
+pub(super) fn constraints(cx: &mut Context<'_>) -> Groups {
     let f = world_equations(cx.g, cx.frames, cx.model, None).residual;
-    Request {
-        arguments: vec![cx.symbols.q()],
-        output: output(
-            "f",
-            &[f.len()],
-            "closure residual f, zero when closed (Eq. 6)",
-        ),
-        groups: vec![group("f (Eq. 6)", f)],
-    }
+    vec![group("f (Eq. 6)", f)]
 }
 
-pub(super) fn jacobian(cx: &mut Context<'_>) -> Request {
+pub(super) fn jacobian(cx: &mut Context<'_>) -> Groups {
     let rows = world_equations(cx.g, cx.frames, cx.model, None).jacobian;
-    let shape = [rows.len(), cx.model.coordinates.len()];
-    Request {
-        arguments: vec![cx.symbols.q()],
-        output: output("a", &shape, "A = df/dq, row by row (Eq. 7)"),
-        groups: rows
-            .into_iter()
-            .enumerate()
-            .map(|(i, row)| group(format!("row {}", i + 1), row))
-            .collect(),
-    }
+    let rows = rows.into_iter().enumerate();
+    rows.map(|(i, row)| group(format!("row {}", i + 1), row))
+        .collect()
 }
 
-pub(super) fn bias(cx: &mut Context<'_>) -> Request {
+pub(super) fn bias(cx: &mut Context<'_>) -> Groups {
     let qd = cx.symbols.qd_nodes(cx.g);
     let rates = rates_without_qdd(qd.clone(), qd);
     let b = world_equations(cx.g, cx.frames, cx.model, Some(&rates)).bias;
-    Request {
-        arguments: vec![cx.symbols.q(), cx.symbols.qd()],
-        output: output(
-            "b",
-            &[b.len()],
-            "b = -(dA/dt) qd, so that A qdd = b (Eq. 7)",
-        ),
-        groups: vec![group("b (Eq. 7)", b)],
-    }
+    vec![group("b (Eq. 7)", b)]
 }
 
-pub(super) fn newton_step(cx: &mut Context<'_>) -> Option<Request> {
+pub(super) fn newton_step(cx: &mut Context<'_>) -> Option<Groups> {
     let closure = cx.closed.closure.as_ref()?;
     let f = closure.residual(cx.g, cx.frames, cx.model);
     let rhs: Vec<Vec<Ex>> = f.iter().map(|e| vec![cx.g.neg(*e)]).collect();
     let step = closure.solve(cx.g, cx.model, &rhs);
     let step: Vec<Ex> = step.into_iter().flatten().collect();
-    Some(Request {
-        arguments: vec![cx.symbols.q()],
-        output: output(
-            "dq_e",
-            &[step.len()],
-            "step of the dependent coordinates in the order of `DEPENDENT`: A_e dq_e = -f",
-        ),
-        groups: vec![group("A_e dq_e = -f", step)],
-    })
+    Some(vec![group("A_e dq_e = -f", step)])
 }
 
-pub(super) fn dependent_jacobian(cx: &mut Context<'_>) -> Option<Request> {
+pub(super) fn dependent_jacobian(cx: &mut Context<'_>) -> Option<Groups> {
     let closure = cx.closed.closure.as_ref()?;
     let rows = closure.dependent_jacobian(cx.model);
-    Some(Request {
-        arguments: vec![cx.symbols.q()],
-        output: output(
-            "a_e",
-            &[rows.len(), rows.len()],
-            "the square A_e on the rows that are kept, each loop seen from one of its own frames (Eq. 8)",
-        ),
-        groups: vec![group("A_e (Eq. 8)", rows.into_iter().flatten().collect())],
-    })
+    let entries = rows.into_iter().flatten().collect();
+    Some(vec![group("A_e (Eq. 8)", entries)])
 }
 
 /// All velocities from the independent ones: `A_e qd_e = -A_i qd_i`.
@@ -136,31 +97,23 @@ fn all_rates(
     all
 }
 
-pub(super) fn velocities(cx: &mut Context<'_>) -> Request {
+pub(super) fn velocities(cx: &mut Context<'_>) -> Groups {
     let qd = cx.symbols.qd_nodes(cx.g);
     let independent: Vec<Ex> = cx.model.independent.iter().map(|c| qd[*c]).collect();
     let all = all_velocities(cx, &independent);
-    Request {
-        arguments: vec![cx.symbols.q(), cx.symbols.qd_i()],
-        output: output("qd", &[all.len()], "velocities of all coordinates"),
-        groups: vec![group("A_e qd_e = -A_i qd_i (Eq. 8)", all)],
-    }
+    vec![group("A_e qd_e = -A_i qd_i (Eq. 8)", all)]
 }
 
-pub(super) fn accelerations(cx: &mut Context<'_>) -> Request {
+pub(super) fn accelerations(cx: &mut Context<'_>) -> Groups {
     let qd = cx.symbols.qd_nodes(cx.g);
     let qdd = cx.symbols.qdd_nodes(cx.g);
     let independent: Vec<Ex> = cx.model.independent.iter().map(|c| qdd[*c]).collect();
     let rates = rates_without_qdd(qd.clone(), qd);
     let all = all_accelerations(cx, &independent, &rates);
-    Request {
-        arguments: vec![cx.symbols.q(), cx.symbols.qd(), cx.symbols.qdd_i()],
-        output: output("qdd", &[all.len()], "accelerations of all coordinates"),
-        groups: vec![group("A_e qdd_e = b - A_i qdd_i (Eq. 8)", all)],
-    }
+    vec![group("A_e qdd_e = b - A_i qdd_i (Eq. 8)", all)]
 }
 
-pub(super) fn poses(cx: &mut Context<'_>) -> Request {
+pub(super) fn poses(cx: &mut Context<'_>) -> Groups {
     let mut groups = Vec::new();
     for body in &cx.model.bodies {
         let path = cx.model.path(Some(body.link));
@@ -169,22 +122,11 @@ pub(super) fn poses(cx: &mut Context<'_>) -> Request {
         values.extend(chain.origin);
         groups.push(group(format!("body {}", body.label), values));
     }
-    Request {
-        arguments: vec![cx.symbols.q()],
-        output: output(
-            "poses",
-            &[cx.model.bodies.len(), 12],
-            "per body in the order of `BODIES`: rotation to the world frame, row by row, then the origin in the world, m",
-        ),
-        groups,
-    }
+    groups
 }
 
-/// The cosines of the angles between the z axes that cones limit; `None` without cones.
-pub(super) fn cones(cx: &mut Context<'_>) -> Option<Request> {
-    if cx.model.cones.is_empty() {
-        return None;
-    }
+/// The cosines of the angles between the z axes that cones limit.
+pub(super) fn cones(cx: &mut Context<'_>) -> Groups {
     let mut groups = Vec::new();
     for cone in &cx.model.cones {
         let [a, b] = &cone.sides;
@@ -200,13 +142,5 @@ pub(super) fn cones(cx: &mut Context<'_>) -> Option<Request> {
         let cosine = cx.g.dot3(&z_a, &z_b);
         groups.push(group(format!("cone of {}", cone.name), vec![cosine]));
     }
-    Some(Request {
-        arguments: vec![cx.symbols.q()],
-        output: output(
-            "cosines",
-            &[cx.model.cones.len()],
-            "per cone in the order of `INFO.cones`: the cosine of the angle between the two z axes",
-        ),
-        groups,
-    })
+    groups
 }

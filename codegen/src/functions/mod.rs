@@ -11,9 +11,9 @@ use crate::base::Base;
 use crate::constraints::Closed;
 use crate::kinematics::Frames;
 use crate::model::Model;
-use crate::optimize::{Output, Request};
-use crate::robot::FunctionKind;
-use crate::sym::{Ex, Graph};
+use crate::optimize::{self, Output, Request};
+use crate::signature::{Argument, FunctionKind, Needs, Size};
+use crate::sym::{Ex, Graph, SymbolId};
 
 /// A derivation in progress: everything the functions draw on.
 #[derive(Debug)]
@@ -32,57 +32,118 @@ pub struct Context<'a> {
     pub base: Option<&'a Base>,
 }
 
+/// What a function computes: titles with the expressions that belong to them, in the order of its
+/// output.
+type Groups = Vec<(String, Vec<Ex>)>;
+
 /// The request for a function; `None` where the robot does not have it.
 pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
-    // rows that hold by themselves leave nothing to solve, but are rows
-    let rows = !cx.model.cuts.is_empty() || !cx.model.couplings.is_empty();
-    if kind.needs_rows() && !rows || kind.needs_solve() && cx.closed.closure.is_none() {
+    let signature = kind.signature();
+    if !has(cx, signature.needs) {
         return None;
     }
-    if kind.needs_base() {
-        // a robot without base parameters has nothing to compute from them
-        let base = cx.base.filter(|b| b.rank() > 0)?;
-        return base_request(cx, base, kind);
-    }
-    match kind {
-        FunctionKind::Constraints => Some(closure::constraints(cx)),
-        FunctionKind::Jacobian => Some(closure::jacobian(cx)),
-        FunctionKind::Bias => Some(closure::bias(cx)),
-        FunctionKind::NewtonStep => closure::newton_step(cx),
-        FunctionKind::DependentJacobian => closure::dependent_jacobian(cx),
-        FunctionKind::Velocities => Some(closure::velocities(cx)),
-        FunctionKind::Accelerations => Some(closure::accelerations(cx)),
-        FunctionKind::Regressor => Some(dynamics::regressor(cx)),
-        FunctionKind::InverseDynamics => Some(dynamics::inverse_dynamics(cx)),
-        FunctionKind::Gravity => Some(dynamics::gravity(cx)),
-        FunctionKind::BiasForces => Some(dynamics::bias_forces(cx)),
-        FunctionKind::MassMatrix => Some(dynamics::mass_matrix(cx)),
-        FunctionKind::SlotineLi => Some(dynamics::slotine_li(cx)),
-        FunctionKind::Efforts => Some(dynamics::efforts(cx)),
-        FunctionKind::Poses => Some(closure::poses(cx)),
-        FunctionKind::Cones => closure::cones(cx),
-        _ => None,
-    }
-}
-
-fn base_request(cx: &mut Context<'_>, base: &Base, kind: FunctionKind) -> Option<Request> {
-    Some(match kind {
-        FunctionKind::BaseRegressor => base::base_regressor(cx, base),
-        FunctionKind::ToBase => base::to_base(cx, base),
-        FunctionKind::FromBase => base::parameters_from_base(cx, base),
-        FunctionKind::BaseInverseDynamics => base::forces(cx, base, dynamics::Motion::Given),
-        FunctionKind::BaseGravity => base::forces(cx, base, dynamics::Motion::Rest),
-        FunctionKind::BaseBiasForces => base::forces(cx, base, dynamics::Motion::Coasting),
-        FunctionKind::BaseMassMatrix => base::mass_matrix(cx, base),
-        _ => return None,
+    let groups = groups(cx, kind)?;
+    let arguments = signature.arguments.iter();
+    let arguments = arguments.map(|a| argument(cx, *a)).collect::<Option<_>>()?;
+    let lengths = signature.shape.outer_first().into_iter();
+    Some(Request {
+        arguments,
+        output: Output {
+            name: signature.output.to_owned(),
+            shape: lengths.map(|size| length(cx, size)).collect(),
+            doc: signature.output_doc.to_owned(),
+        },
+        groups,
     })
 }
 
-fn output(name: &str, shape: &[usize], doc: &str) -> Output {
-    Output {
-        name: name.to_owned(),
-        shape: shape.to_vec(),
-        doc: doc.to_owned(),
+fn has(cx: &Context<'_>, needs: Needs) -> bool {
+    match needs {
+        Needs::Nothing => true,
+        // rows that hold by themselves leave nothing to solve, but are rows
+        Needs::Rows => cx.model.is_closed(),
+        Needs::Dependent => cx.closed.closure.is_some(),
+        Needs::Cones => !cx.model.cones.is_empty(),
+        // a robot without base parameters has nothing to compute from them
+        Needs::Base => cx.base.is_some_and(|base| base.rank() > 0),
+    }
+}
+
+fn groups(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Groups> {
+    let base = cx.base;
+    Some(match kind {
+        FunctionKind::Constraints => closure::constraints(cx),
+        FunctionKind::Jacobian => closure::jacobian(cx),
+        FunctionKind::Bias => closure::bias(cx),
+        FunctionKind::NewtonStep => closure::newton_step(cx)?,
+        FunctionKind::DependentJacobian => closure::dependent_jacobian(cx)?,
+        FunctionKind::Velocities => closure::velocities(cx),
+        FunctionKind::Accelerations => closure::accelerations(cx),
+        FunctionKind::Regressor => dynamics::regressor(cx),
+        FunctionKind::InverseDynamics => dynamics::inverse_dynamics(cx),
+        FunctionKind::Gravity => dynamics::gravity(cx),
+        FunctionKind::BiasForces => dynamics::bias_forces(cx),
+        FunctionKind::MassMatrix => dynamics::mass_matrix(cx),
+        FunctionKind::SlotineLi => dynamics::slotine_li(cx),
+        FunctionKind::Efforts => dynamics::efforts(cx),
+        FunctionKind::Poses => closure::poses(cx),
+        FunctionKind::Cones => closure::cones(cx),
+        FunctionKind::BaseRegressor => base::base_regressor(cx, base?),
+        FunctionKind::ToBase => base::to_base(cx, base?),
+        FunctionKind::FromBase => base::parameters_from_base(cx, base?),
+        FunctionKind::BaseInverseDynamics => base::forces(cx, base?, dynamics::Motion::Given),
+        FunctionKind::BaseGravity => base::forces(cx, base?, dynamics::Motion::Rest),
+        FunctionKind::BaseBiasForces => base::forces(cx, base?, dynamics::Motion::Coasting),
+        FunctionKind::BaseMassMatrix => base::mass_matrix(cx, base?),
+    })
+}
+
+/// An argument with its symbols; `None` where it belongs to a base that the robot lacks.
+fn argument(
+    cx: &mut Context<'_>,
+    argument: Argument,
+) -> Option<(optimize::Argument, Vec<SymbolId>)> {
+    let symbols = symbols(cx, argument)?;
+    let row = argument.row();
+    let argument = optimize::Argument {
+        name: row.name.to_owned(),
+        len: symbols.len(),
+        doc: row.doc.to_owned(),
+    };
+    Some((argument, symbols))
+}
+
+fn symbols(cx: &mut Context<'_>, argument: Argument) -> Option<Vec<SymbolId>> {
+    let independent = |all: &[SymbolId]| cx.model.independent.iter().map(|c| all[*c]).collect();
+    Some(match argument {
+        Argument::Q => cx.symbols.q.clone(),
+        Argument::Qd => cx.symbols.qd.clone(),
+        Argument::Qdd => cx.symbols.qdd.clone(),
+        Argument::QdI => independent(&cx.symbols.qd),
+        Argument::QddI => independent(&cx.symbols.qdd),
+        Argument::QdRI => cx.symbols.qd_r.clone(),
+        Argument::QddRI => cx.symbols.qdd_r.clone(),
+        Argument::Phi => cx.symbols.phi.clone(),
+        Argument::TauActuated => cx.symbols.tau.clone(),
+        Argument::Beta => base::beta(cx, cx.base?),
+        Argument::Free => base::free(cx, cx.base?),
+    })
+}
+
+fn length(cx: &Context<'_>, size: Size) -> usize {
+    let model = cx.model;
+    match size {
+        Size::Coordinates => model.coordinates.len(),
+        Size::Independent => model.independent.len(),
+        Size::Dependent => model.dependent.len(),
+        Size::Actuated => model.actuated.len(),
+        Size::Rows => model.rows(),
+        Size::Parameters => model.parameters.len(),
+        Size::Bodies => model.bodies.len(),
+        Size::Cones => model.cones.len(),
+        Size::Base => cx.base.map_or(0, Base::rank),
+        Size::Free => cx.base.map_or(0, |base| base.null.len()),
+        Size::Pose => 12,
     }
 }
 

@@ -1,20 +1,18 @@
 //! The symbols that stand for the functions' arguments.
 
 use crate::model::Model;
-use crate::optimize::Argument;
 use crate::sym::{Ex, Graph, SymbolId};
 
 /// Symbols by argument. Coordinates come first in the graph, in order.
 #[derive(Clone, Debug)]
 pub struct Symbols {
-    q: Vec<SymbolId>,
-    qd: Vec<SymbolId>,
-    qdd: Vec<SymbolId>,
-    phi: Vec<SymbolId>,
-    tau: Vec<SymbolId>,
-    qd_r: Vec<SymbolId>,
-    qdd_r: Vec<SymbolId>,
-    independent: Vec<usize>,
+    pub(super) q: Vec<SymbolId>,
+    pub(super) qd: Vec<SymbolId>,
+    pub(super) qdd: Vec<SymbolId>,
+    pub(super) phi: Vec<SymbolId>,
+    pub(super) tau: Vec<SymbolId>,
+    pub(super) qd_r: Vec<SymbolId>,
+    pub(super) qdd_r: Vec<SymbolId>,
 }
 
 impl Symbols {
@@ -42,11 +40,10 @@ impl Symbols {
             tau,
             qd_r,
             qdd_r,
-            independent: model.independent.clone(),
         }
     }
 
-    fn nodes(g: &mut Graph, ids: &[SymbolId]) -> Vec<Ex> {
+    pub(super) fn nodes(g: &mut Graph, ids: &[SymbolId]) -> Vec<Ex> {
         let names: Vec<String> = ids.iter().map(|id| g.symbol_name(*id).to_owned()).collect();
         names.iter().map(|name| g.symbol(name)).collect()
     }
@@ -69,76 +66,5 @@ impl Symbols {
 
     pub(super) fn reference_nodes(&self, g: &mut Graph) -> (Vec<Ex>, Vec<Ex>) {
         (Self::nodes(g, &self.qd_r), Self::nodes(g, &self.qdd_r))
-    }
-
-    fn argument(name: &str, doc: &str, ids: Vec<SymbolId>) -> (Argument, Vec<SymbolId>) {
-        let argument = Argument {
-            name: name.to_owned(),
-            len: ids.len(),
-            doc: doc.to_owned(),
-        };
-        (argument, ids)
-    }
-
-    pub(super) fn q(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument(
-            "q",
-            "coordinates, rad or m, in the order of `COORDINATES`",
-            self.q.clone(),
-        )
-    }
-
-    pub(super) fn qd(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument("qd", "velocities of all coordinates", self.qd.clone())
-    }
-
-    pub(super) fn qdd(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument("qdd", "accelerations of all coordinates", self.qdd.clone())
-    }
-
-    pub(super) fn qd_i(&self) -> (Argument, Vec<SymbolId>) {
-        let ids = self.independent.iter().map(|c| self.qd[*c]).collect();
-        Self::argument(
-            "qd_i",
-            "velocities of the independent coordinates, in the order of `INDEPENDENT`",
-            ids,
-        )
-    }
-
-    pub(super) fn qdd_i(&self) -> (Argument, Vec<SymbolId>) {
-        let ids = self.independent.iter().map(|c| self.qdd[*c]).collect();
-        Self::argument("qdd_i", "accelerations of the independent coordinates", ids)
-    }
-
-    pub(super) fn phi(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument(
-            "phi",
-            "dynamic parameters, SI, in the order of `PARAMETERS`",
-            self.phi.clone(),
-        )
-    }
-
-    pub(super) fn tau(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument(
-            "tau",
-            "efforts of the actuated coordinates, N m or N, in the order of `ACTUATED`",
-            self.tau.clone(),
-        )
-    }
-
-    pub(super) fn qd_r(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument(
-            "qd_r",
-            "reference velocities of the independent coordinates",
-            self.qd_r.clone(),
-        )
-    }
-
-    pub(super) fn qdd_r(&self) -> (Argument, Vec<SymbolId>) {
-        Self::argument(
-            "qdd_r",
-            "reference accelerations of the independent coordinates",
-            self.qdd_r.clone(),
-        )
     }
 }

@@ -164,6 +164,12 @@ impl Model {
         path
     }
 
+    /// How many closure rows there are: those of all cuts, then one per coupling.
+    pub fn rows(&self) -> usize {
+        let cuts = self.cuts.iter().map(|cut| rows_of(cut.kind));
+        cuts.sum::<usize>() + self.couplings.len()
+    }
+
     /// Whether the mechanism has loops or ties.
     pub fn is_closed(&self) -> bool {
         !self.cuts.is_empty() || !self.couplings.is_empty()

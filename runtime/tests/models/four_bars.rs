@@ -1,6 +1,7 @@
 // Planar four-bars with one common input crank, written by hand.
 
-use regen_runtime::{Condition, Cut, Info, Model, SizeError};
+use regen_runtime::function::Sizes;
+use regen_runtime::{Arguments, Condition, Cut, Function, Info, Model, SizeError};
 
 /// One loop: lengths of the input crank, the coupler, the other crank and the ground.
 #[derive(Clone, Copy, Debug)]
@@ -30,18 +31,6 @@ const CUTS: [Cut<'static>; 2] = [
         rows: 2,
     },
 ];
-
-fn sized(argument: &'static str, got: usize, expected: usize) -> Result<(), SizeError> {
-    if got == expected {
-        Ok(())
-    } else {
-        Err(SizeError {
-            argument,
-            expected,
-            got,
-        })
-    }
-}
 
 impl FourBars {
     pub fn n(&self) -> usize {
@@ -97,6 +86,22 @@ impl FourBars {
         })
     }
 
+    /// A, row by row.
+    fn a(&self, q: &[f64], out: &mut [f64]) {
+        let n = self.n();
+        out.fill(0.0);
+        let input = self.driven(q, -1.0);
+        for (k, bars) in self.loops.iter().enumerate() {
+            let (coupler, follower) = (q[0] + q[1 + 2 * k], q[2 + 2 * k]);
+            out[2 * k * n] = input[2 * k];
+            out[(2 * k + 1) * n] = input[2 * k + 1];
+            out[2 * k * n + 1 + 2 * k] = -bars.coupler * coupler.sin();
+            out[(2 * k + 1) * n + 1 + 2 * k] = bars.coupler * coupler.cos();
+            out[2 * k * n + 2 + 2 * k] = bars.follower * follower.sin();
+            out[(2 * k + 1) * n + 2 + 2 * k] = -bars.follower * follower.cos();
+        }
+    }
+
     /// -A_i times the input's rate.
     fn driven(&self, q: &[f64], rate: f64) -> Vec<f64> {
         self.sides(|k, bars| {
@@ -127,150 +132,49 @@ impl Model for FourBars {
         }
     }
 
-    fn constraints(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
-        sized("q", q.len(), self.n())?;
-        out.copy_from_slice(&self.f(q));
-        Ok(())
-    }
-
-    fn jacobian(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
-        sized("q", q.len(), self.n())?;
-        let n = self.n();
-        out.fill(0.0);
-        let input = self.driven(q, -1.0);
-        for (k, bars) in self.loops.iter().enumerate() {
-            let (coupler, follower) = (q[0] + q[1 + 2 * k], q[2 + 2 * k]);
-            out[2 * k * n] = input[2 * k];
-            out[(2 * k + 1) * n] = input[2 * k + 1];
-            out[2 * k * n + 1 + 2 * k] = -bars.coupler * coupler.sin();
-            out[(2 * k + 1) * n + 1 + 2 * k] = bars.coupler * coupler.cos();
-            out[2 * k * n + 2 + 2 * k] = bars.follower * follower.sin();
-            out[(2 * k + 1) * n + 2 + 2 * k] = -bars.follower * follower.cos();
+    fn eval(
+        &self,
+        function: Function,
+        x: Arguments<'_, f64>,
+        out: &mut [f64],
+    ) -> Result<Condition<f64>, SizeError> {
+        Sizes::of(&self.info()).check(function.signature(), &x, out)?;
+        let q = x.q;
+        match function {
+            Function::Constraints => out.copy_from_slice(&self.f(q)),
+            Function::Jacobian => self.a(q, out),
+            Function::Bias => out.copy_from_slice(&self.b(q, x.qd)),
+            Function::NewtonStep => {
+                let sides: Vec<f64> = self.f(q).iter().map(|f| -f).collect();
+                return Ok(self.solve(q, &sides, out));
+            }
+            Function::DependentJacobian => {
+                let n = self.n();
+                let mut all = vec![0.0; (n - 1) * n];
+                self.a(q, &mut all);
+                for (row, all) in out.chunks_exact_mut(n - 1).zip(all.chunks_exact(n)) {
+                    row.copy_from_slice(&all[1..]);
+                }
+            }
+            Function::Velocities => {
+                out[0] = x.qd_i[0];
+                return Ok(self.solve(q, &self.driven(q, x.qd_i[0]), &mut out[1..]));
+            }
+            Function::Accelerations => {
+                out[0] = x.qdd_i[0];
+                let driven = self.driven(q, x.qdd_i[0]);
+                let sides = driven.iter().zip(self.b(q, x.qd));
+                let sides: Vec<f64> = sides.map(|(driven, b)| driven + b).collect();
+                return Ok(self.solve(q, &sides, &mut out[1..]));
+            }
+            Function::Regressor => out[0] = x.qdd[0],
+            Function::InverseDynamics => out[0] = x.phi[0] * x.qdd[0],
+            Function::Gravity | Function::BiasForces => out[0] = 0.0,
+            Function::MassMatrix => out[0] = x.phi[0],
+            Function::SlotineLi => out[0] = x.qdd_r_i[0],
+            Function::Efforts => out[0] = x.tau_actuated[0],
+            Function::Poses | Function::Cones => {}
         }
-        Ok(())
-    }
-
-    fn bias(&self, q: &[f64], qd: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
-        out.copy_from_slice(&self.b(q, qd));
-        Ok(())
-    }
-
-    fn newton_step(&self, q: &[f64], out: &mut [f64]) -> Result<Condition<f64>, SizeError> {
-        let sides: Vec<f64> = self.f(q).iter().map(|f| -f).collect();
-        Ok(self.solve(q, &sides, out))
-    }
-
-    fn dependent_jacobian(&self, q: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
-        let n = self.n();
-        let mut all = vec![0.0; (n - 1) * n];
-        self.jacobian(q, &mut all)?;
-        for (row, all) in out.chunks_exact_mut(n - 1).zip(all.chunks_exact(n)) {
-            row.copy_from_slice(&all[1..]);
-        }
-        Ok(())
-    }
-
-    fn velocities(
-        &self,
-        q: &[f64],
-        qd_i: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        sized("qd_i", qd_i.len(), 1)?;
-        out[0] = qd_i[0];
-        Ok(self.solve(q, &self.driven(q, qd_i[0]), &mut out[1..]))
-    }
-
-    fn accelerations(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qdd_i: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        sized("qdd_i", qdd_i.len(), 1)?;
-        out[0] = qdd_i[0];
-        let b = self.b(q, qd);
-        let sides: Vec<f64> = self
-            .driven(q, qdd_i[0])
-            .iter()
-            .zip(b)
-            .map(|(driven, b)| driven + b)
-            .collect();
-        Ok(self.solve(q, &sides, &mut out[1..]))
-    }
-
-    fn regressor(
-        &self,
-        _: &[f64],
-        _: &[f64],
-        qdd: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        out[0] = qdd[0];
-        Ok(Condition::regular(out[0]))
-    }
-
-    fn inverse_dynamics(
-        &self,
-        _: &[f64],
-        _: &[f64],
-        qdd: &[f64],
-        phi: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        out[0] = phi[0] * qdd[0];
-        Ok(Condition::regular(out[0]))
-    }
-
-    fn gravity(&self, _: &[f64], _: &[f64], out: &mut [f64]) -> Result<Condition<f64>, SizeError> {
-        out[0] = 0.0;
-        Ok(Condition::regular(out[0]))
-    }
-
-    fn bias_forces(
-        &self,
-        q: &[f64],
-        _: &[f64],
-        phi: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        self.gravity(q, phi, out)
-    }
-
-    fn mass_matrix(
-        &self,
-        _: &[f64],
-        phi: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        out[0] = phi[0];
-        Ok(Condition::regular(out[0]))
-    }
-
-    fn slotine_li(
-        &self,
-        _: &[f64],
-        _: &[f64],
-        _: &[f64],
-        qdd_r_i: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        out[0] = qdd_r_i[0];
-        Ok(Condition::regular(out[0]))
-    }
-
-    fn efforts(
-        &self,
-        _: &[f64],
-        tau_actuated: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        out[0] = tau_actuated[0];
-        Ok(Condition::regular(out[0]))
-    }
-
-    fn poses(&self, _: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
-        sized("out", out.len(), 0)
+        Ok(Condition::regular(1.0))
     }
 }

@@ -1,6 +1,8 @@
 // A pendulum, written by hand: the model without loops.
 
-use regen_runtime::{Condition, Info, Model, Scalar, SizeError, array, array_mut};
+use regen_runtime::{
+    Arguments, Condition, Function, Info, Model, Scalar, SizeError, array, array_mut,
+};
 
 /// A body on a revolute joint about a horizontal axis; angle 0 hangs down. Parameters: the
 /// inertia about the axis and the first moment.
@@ -37,121 +39,63 @@ impl<T: Scalar> Model<T> for Pendulum {
         }
     }
 
-    fn constraints(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        array::<T, 1>(q, "q")?;
-        array_mut::<T, 0>(out, "out")?;
-        Ok(())
-    }
-
-    fn jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        self.constraints(q, out)
-    }
-
-    fn bias(&self, q: &[T], qd: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        array::<T, 1>(qd, "qd")?;
-        self.constraints(q, out)
-    }
-
-    fn newton_step(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        self.constraints(q, out)?;
-        Ok(Condition::regular(array::<T, 1>(q, "q")?[0]))
-    }
-
-    fn dependent_jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        self.constraints(q, out)
-    }
-
-    fn velocities(&self, q: &[T], qd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        *array_mut::<T, 1>(out, "out")? = *array(qd_i, "qd_i")?;
-        Ok(Condition::regular(array::<T, 1>(q, "q")?[0]))
-    }
-
-    fn accelerations(
+    fn eval(
         &self,
-        q: &[T],
-        qd: &[T],
-        qdd_i: &[T],
+        function: Function,
+        x: Arguments<'_, T>,
         out: &mut [T],
     ) -> Result<Condition<T>, SizeError> {
-        array::<T, 1>(qd, "qd")?;
-        *array_mut::<T, 1>(out, "out")? = *array(qdd_i, "qdd_i")?;
-        Ok(Condition::regular(array::<T, 1>(q, "q")?[0]))
-    }
-
-    fn regressor(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        let ([q], [qdd]) = (*array(q, "q")?, *array(qdd, "qdd")?);
-        array::<T, 1>(qd, "qd")?;
-        *array_mut(out, "out")? = Self::row(q, qdd);
+        let [q] = *array(x.q, "q")?;
+        // velocities do not matter, but their count does
+        let velocity = || array::<T, 1>(x.qd, "qd");
+        match function {
+            Function::Constraints
+            | Function::Jacobian
+            | Function::NewtonStep
+            | Function::DependentJacobian
+            | Function::Cones => *array_mut(out, "out")? = [],
+            Function::Bias => {
+                velocity()?;
+                *array_mut(out, "out")? = [];
+            }
+            Function::Velocities => *array_mut::<T, 1>(out, "out")? = *array(x.qd_i, "qd_i")?,
+            Function::Accelerations => {
+                velocity()?;
+                *array_mut::<T, 1>(out, "out")? = *array(x.qdd_i, "qdd_i")?;
+            }
+            Function::Regressor => {
+                velocity()?;
+                let [qdd] = *array(x.qdd, "qdd")?;
+                *array_mut(out, "out")? = Self::row(q, qdd);
+            }
+            Function::InverseDynamics => {
+                velocity()?;
+                let [qdd] = *array(x.qdd, "qdd")?;
+                return Self::effort(Self::row(q, qdd), x.phi, out);
+            }
+            Function::Gravity => return Self::effort(Self::row(q, q.lift(0.0)), x.phi, out),
+            Function::BiasForces => {
+                velocity()?;
+                return Self::effort(Self::row(q, q.lift(0.0)), x.phi, out);
+            }
+            Function::MassMatrix => {
+                let [inertia, _] = *array(x.phi, "phi")?;
+                *array_mut(out, "out")? = [inertia];
+            }
+            Function::SlotineLi => {
+                velocity()?;
+                array::<T, 1>(x.qd_r_i, "qd_r_i")?;
+                let [qdd] = *array(x.qdd_r_i, "qdd_r_i")?;
+                *array_mut(out, "out")? = Self::row(q, qdd);
+            }
+            Function::Efforts => {
+                *array_mut::<T, 1>(out, "out")? = *array(x.tau_actuated, "tau_actuated")?;
+            }
+            Function::Poses => {
+                let ((s, c), o, l) = (q.sin_cos(), q.lift(0.0), q.lift(1.0));
+                *array_mut(out, "out")? = [c, -s, o, s, c, o, o, o, l, o, o, o];
+            }
+        }
         Ok(Condition::regular(q))
-    }
-
-    fn inverse_dynamics(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        let ([q], [qdd]) = (*array(q, "q")?, *array(qdd, "qdd")?);
-        array::<T, 1>(qd, "qd")?;
-        Self::effort(Self::row(q, qdd), phi, out)
-    }
-
-    fn gravity(&self, q: &[T], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let [q] = *array(q, "q")?;
-        Self::effort(Self::row(q, q.lift(0.0)), phi, out)
-    }
-
-    fn bias_forces(
-        &self,
-        q: &[T],
-        qd: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        array::<T, 1>(qd, "qd")?;
-        self.gravity(q, phi, out)
-    }
-
-    fn mass_matrix(&self, q: &[T], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        let [inertia, _] = *array(phi, "phi")?;
-        *array_mut(out, "out")? = [inertia];
-        Ok(Condition::regular(array::<T, 1>(q, "q")?[0]))
-    }
-
-    fn slotine_li(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qd_r_i: &[T],
-        qdd_r_i: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        array::<T, 1>(qd_r_i, "qd_r_i")?;
-        self.regressor(q, qd, qdd_r_i, out)
-    }
-
-    fn efforts(
-        &self,
-        q: &[T],
-        tau_actuated: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        *array_mut::<T, 1>(out, "out")? = *array(tau_actuated, "tau_actuated")?;
-        Ok(Condition::regular(array::<T, 1>(q, "q")?[0]))
-    }
-
-    fn poses(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        let [q] = *array(q, "q")?;
-        let ((s, c), o, l) = (q.sin_cos(), q.lift(0.0), q.lift(1.0));
-        *array_mut(out, "out")? = [c, -s, o, s, c, o, o, o, l, o, o, o];
-        Ok(())
     }
 }

@@ -1,6 +1,6 @@
 // The pendulum's base parameters: both of its parameters, as they are. Stands behind pendulum.rs.
 
-use regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm};
+use regen_runtime::{BaseFunction, BaseInfo, BaseModel, BaseParameter, BaseTerm};
 
 /// A parameter by itself.
 const fn alone(parameter: &'static str, index: usize) -> BaseTerm<'static> {
@@ -34,67 +34,29 @@ impl BaseModel<f64> for Pendulum {
         }
     }
 
-    fn base_regressor(
+    fn eval_base(
         &self,
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
+        function: BaseFunction,
+        x: Arguments<'_, f64>,
         out: &mut [f64],
     ) -> Result<Condition<f64>, SizeError> {
-        self.regressor(q, qd, qdd, out)
-    }
-
-    fn to_base(&self, phi: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
-        *array_mut::<f64, 2>(out, "out")? = *array(phi, "phi")?;
-        Ok(())
-    }
-
-    fn parameters_from_base(
-        &self,
-        beta: &[f64],
-        free: &[f64],
-        out: &mut [f64],
-    ) -> Result<(), SizeError> {
-        array::<f64, 0>(free, "free")?;
-        self.to_base(beta, out)
-    }
-
-    fn base_inverse_dynamics(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
-        beta: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        self.inverse_dynamics(q, qd, qdd, beta, out)
-    }
-
-    fn base_gravity(
-        &self,
-        q: &[f64],
-        beta: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        self.gravity(q, beta, out)
-    }
-
-    fn base_bias_forces(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        beta: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        self.bias_forces(q, qd, beta, out)
-    }
-
-    fn base_mass_matrix(
-        &self,
-        q: &[f64],
-        beta: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        self.mass_matrix(q, beta, out)
+        // the base parameters are the parameters
+        let full = Arguments { phi: x.beta, ..x };
+        match function {
+            BaseFunction::BaseRegressor => self.eval(Function::Regressor, x, out),
+            BaseFunction::ToBase => {
+                *array_mut::<f64, 2>(out, "out")? = *array(x.phi, "phi")?;
+                Ok(Condition::regular(1.0))
+            }
+            BaseFunction::FromBase => {
+                array::<f64, 0>(x.free, "free")?;
+                *array_mut::<f64, 2>(out, "out")? = *array(x.beta, "beta")?;
+                Ok(Condition::regular(1.0))
+            }
+            BaseFunction::BaseInverseDynamics => self.eval(Function::InverseDynamics, full, out),
+            BaseFunction::BaseGravity => self.eval(Function::Gravity, full, out),
+            BaseFunction::BaseBiasForces => self.eval(Function::BiasForces, full, out),
+            BaseFunction::BaseMassMatrix => self.eval(Function::MassMatrix, full, out),
+        }
     }
 }

@@ -103,184 +103,93 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
         }
     }
 
-    fn constraints(&self, q: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
-        *regen_runtime::array_mut(out, "out")? = self.residual(regen_runtime::array(q, "q")?);
-        Ok(())
-    }
-
-    fn jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
-        *regen_runtime::matrix_mut(out, "out")? = self.rows(regen_runtime::array(q, "q")?);
-        Ok(())
-    }
-
-    fn bias(&self, q: &[T], qd: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
-        let (q, qd) = (
-            regen_runtime::array(q, "q")?,
-            regen_runtime::array(qd, "qd")?,
-        );
-        *regen_runtime::array_mut(out, "out")? = self.b(q, qd);
-        Ok(())
-    }
-
-    fn newton_step(
+    fn eval(
         &self,
-        q: &[T],
+        function: regen_runtime::Function,
+        given: regen_runtime::Arguments<'_, T>,
         out: &mut [T],
     ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let q = regen_runtime::array(q, "q")?;
-        let (step, condition) = self.solve(q, &self.residual(q).map(|f| [-f]));
-        *regen_runtime::array_mut(out, "out")? = step.map(|[x]| x);
+        use regen_runtime::{Function, array, array_mut, matrix_mut};
+        let q: &[T; 3] = array(given.q, "q")?;
+        let qd = || array::<T, 3>(given.qd, "qd");
+        let qdd = || array::<T, 3>(given.qdd, "qdd");
+        let phi = || array::<T, 3>(given.phi, "phi");
+        let mut condition = regen_runtime::Condition::regular(q[0]);
+        let mut solved = || {
+            let (x, worst) = self.x(q);
+            condition = worst;
+            x
+        };
+        match function {
+            Function::Constraints => *array_mut(out, "out")? = self.residual(q),
+            Function::Jacobian => *matrix_mut(out, "out")? = self.rows(q),
+            Function::Bias => *array_mut(out, "out")? = self.b(q, qd()?),
+            Function::NewtonStep => {
+                let (step, worst) = self.solve(q, &self.residual(q).map(|f| [-f]));
+                *array_mut(out, "out")? = step.map(|[x]| x);
+                condition = worst;
+            }
+            Function::DependentJacobian => {
+                let rows = self.rows(q).map(|[_, rod, slider]| [rod, slider]);
+                *matrix_mut(out, "out")? = rows;
+            }
+            Function::Velocities => {
+                let ([qd], x) = (*array(given.qd_i, "qd_i")?, solved());
+                *array_mut(out, "out")? = [qd, -(x[0] * qd), -(x[1] * qd)];
+            }
+            Function::Accelerations => {
+                let (qd, [qdd]) = (qd()?, *array(given.qdd_i, "qdd_i")?);
+                *array_mut(out, "out")? = self.second(q, qd, qdd);
+                solved();
+            }
+            Function::Regressor => {
+                let ([qd, ..], [qdd, _, slide]) = (*qd()?, *qdd()?);
+                *array_mut(out, "out")? = Self::row(solved(), qd, qdd, slide);
+            }
+            Function::InverseDynamics => {
+                let ([qd, ..], [qdd, _, slide]) = (*qd()?, *qdd()?);
+                let row = Self::row(solved(), qd, qdd, slide);
+                *array_mut(out, "out")? = [dot(row, phi()?)];
+            }
+            Function::Gravity => {
+                let rest = q[0].lift(0.0);
+                let row = Self::row(solved(), rest, rest, rest);
+                *array_mut(out, "out")? = [dot(row, phi()?)];
+            }
+            Function::BiasForces => {
+                let qd = qd()?;
+                let [qdd, _, slide] = self.second(q, qd, q[0].lift(0.0));
+                let row = Self::row(solved(), qd[0], qdd, slide);
+                *array_mut(out, "out")? = [dot(row, phi()?)];
+            }
+            Function::MassMatrix => {
+                let ([inertia, _, mass], x) = (*phi()?, solved());
+                *array_mut(out, "out")? = [inertia + x[1] * x[1] * mass];
+            }
+            Function::SlotineLi => {
+                let (qd, x) = (qd()?, solved());
+                let [qd_r] = *array(given.qd_r_i, "qd_r_i")?;
+                let [qdd_r] = *array(given.qdd_r_i, "qdd_r_i")?;
+                // The bias is bilinear: one factor is the velocity, the other the reference.
+                let rates = [x[0].lift(1.0), -x[0], -x[1]];
+                let coast = self.second(q, &rates, qd_r.lift(0.0))[2];
+                let slide = coast * qd[0] * qd_r - x[1] * qdd_r;
+                *array_mut(out, "out")? = Self::row(x, qd_r, qdd_r, slide);
+            }
+            Function::Efforts => {
+                let [crank, slider] = *array(given.tau_actuated, "tau_actuated")?;
+                *array_mut(out, "out")? = [crank - solved()[1] * slider];
+            }
+            Function::Poses => {
+                let (s, c) = q[0].sin_cos();
+                let (o, l, e) = (s.lift(0.0), s.lift(1.0), s.lift(self.offset));
+                *matrix_mut(out, "out")? = [
+                    [c, -s, o, s, c, o, o, o, l, o, o, o],
+                    [l, o, o, o, l, o, o, o, l, q[2], e, o],
+                ];
+            }
+            Function::Cones => *array_mut(out, "out")? = [],
+        }
         Ok(condition)
-    }
-
-    fn dependent_jacobian(&self, q: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
-        let rows = self.rows(regen_runtime::array(q, "q")?);
-        *regen_runtime::matrix_mut(out, "out")? = rows.map(|[_, rod, slider]| [rod, slider]);
-        Ok(())
-    }
-
-    fn velocities(
-        &self,
-        q: &[T],
-        qd_i: &[T],
-        out: &mut [T],
-    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
-        let [qd] = *regen_runtime::array(qd_i, "qd_i")?;
-        *regen_runtime::array_mut(out, "out")? = [qd, -(x[0] * qd), -(x[1] * qd)];
-        Ok(condition)
-    }
-
-    fn accelerations(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd_i: &[T],
-        out: &mut [T],
-    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (q, qd) = (
-            regen_runtime::array(q, "q")?,
-            regen_runtime::array(qd, "qd")?,
-        );
-        let [qdd] = *regen_runtime::array(qdd_i, "qdd_i")?;
-        *regen_runtime::array_mut(out, "out")? = self.second(q, qd, qdd);
-        Ok(self.x(q).1)
-    }
-
-    fn regressor(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        out: &mut [T],
-    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
-        let [qd, ..]: [T; 3] = *regen_runtime::array(qd, "qd")?;
-        let [qdd, _, slide] = *regen_runtime::array(qdd, "qdd")?;
-        *regen_runtime::array_mut(out, "out")? = Self::row(x, qd, qdd, slide);
-        Ok(condition)
-    }
-
-    fn inverse_dynamics(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
-        let [qd, ..]: [T; 3] = *regen_runtime::array(qd, "qd")?;
-        let [qdd, _, slide] = *regen_runtime::array(qdd, "qdd")?;
-        let row = Self::row(x, qd, qdd, slide);
-        *regen_runtime::array_mut(out, "out")? = [dot(row, regen_runtime::array(phi, "phi")?)];
-        Ok(condition)
-    }
-
-    fn gravity(
-        &self,
-        q: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
-        let rest = x[0].lift(0.0);
-        let row = Self::row(x, rest, rest, rest);
-        *regen_runtime::array_mut(out, "out")? = [dot(row, regen_runtime::array(phi, "phi")?)];
-        Ok(condition)
-    }
-
-    fn bias_forces(
-        &self,
-        q: &[T],
-        qd: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (q, qd) = (
-            regen_runtime::array(q, "q")?,
-            regen_runtime::array(qd, "qd")?,
-        );
-        let (x, condition) = self.x(q);
-        let [qdd, _, slide] = self.second(q, qd, x[0].lift(0.0));
-        let row = Self::row(x, qd[0], qdd, slide);
-        *regen_runtime::array_mut(out, "out")? = [dot(row, regen_runtime::array(phi, "phi")?)];
-        Ok(condition)
-    }
-
-    fn mass_matrix(
-        &self,
-        q: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
-        let [inertia, _, mass] = *regen_runtime::array(phi, "phi")?;
-        *regen_runtime::array_mut(out, "out")? = [inertia + x[1] * x[1] * mass];
-        Ok(condition)
-    }
-
-    fn slotine_li(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qd_r_i: &[T],
-        qdd_r_i: &[T],
-        out: &mut [T],
-    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let q = regen_runtime::array(q, "q")?;
-        let qd: &[T; 3] = regen_runtime::array(qd, "qd")?;
-        let (x, condition) = self.x(q);
-        let [qd_r] = *regen_runtime::array(qd_r_i, "qd_r_i")?;
-        let [qdd_r] = *regen_runtime::array(qdd_r_i, "qdd_r_i")?;
-        // The bias is bilinear: one factor is the velocity, the other the reference.
-        let rates = [x[0].lift(1.0), -x[0], -x[1]];
-        let coast = self.second(q, &rates, qd_r.lift(0.0))[2];
-        let slide = coast * qd[0] * qd_r - x[1] * qdd_r;
-        *regen_runtime::array_mut(out, "out")? = Self::row(x, qd_r, qdd_r, slide);
-        Ok(condition)
-    }
-
-    fn efforts(
-        &self,
-        q: &[T],
-        tau_actuated: &[T],
-        out: &mut [T],
-    ) -> Result<regen_runtime::Condition<T>, regen_runtime::SizeError> {
-        let (x, condition) = self.x(regen_runtime::array(q, "q")?);
-        let [crank, slider] = *regen_runtime::array(tau_actuated, "tau_actuated")?;
-        *regen_runtime::array_mut(out, "out")? = [crank - x[1] * slider];
-        Ok(condition)
-    }
-
-    fn poses(&self, q: &[T], out: &mut [T]) -> Result<(), regen_runtime::SizeError> {
-        let q: &[T; 3] = regen_runtime::array(q, "q")?;
-        let (s, c) = q[0].sin_cos();
-        let (o, l, e) = (s.lift(0.0), s.lift(1.0), s.lift(self.offset));
-        *regen_runtime::matrix_mut(out, "out")? = [
-            [c, -s, o, s, c, o, o, o, l, o, o, o],
-            [l, o, o, o, l, o, o, o, l, q[2], e, o],
-        ];
-        Ok(())
     }
 }

@@ -1,7 +1,10 @@
 // The slider-crank's base parameters: all three of its parameters, as they are. Stands behind
 // slider_crank.rs.
 
-use regen_runtime::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Condition, Model, SizeError};
+use regen_runtime::{
+    Arguments, BaseFunction, BaseInfo, BaseModel, BaseParameter, BaseTerm, Condition, Function,
+    Model, SizeError,
+};
 
 const fn alone(parameter: &'static str, index: usize) -> BaseTerm<'static> {
     BaseTerm {
@@ -39,67 +42,30 @@ impl BaseModel<f64> for SliderCrank {
         }
     }
 
-    fn base_regressor(
+    fn eval_base(
         &self,
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
+        function: BaseFunction,
+        x: Arguments<'_, f64>,
         out: &mut [f64],
     ) -> Result<Condition<f64>, SizeError> {
-        self.regressor(q, qd, qdd, out)
-    }
-
-    fn to_base(&self, phi: &[f64], out: &mut [f64]) -> Result<(), SizeError> {
-        *regen_runtime::array_mut::<f64, 3>(out, "out")? = *regen_runtime::array(phi, "phi")?;
-        Ok(())
-    }
-
-    fn parameters_from_base(
-        &self,
-        beta: &[f64],
-        free: &[f64],
-        out: &mut [f64],
-    ) -> Result<(), SizeError> {
-        regen_runtime::array::<f64, 0>(free, "free")?;
-        self.to_base(beta, out)
-    }
-
-    fn base_inverse_dynamics(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
-        beta: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        self.inverse_dynamics(q, qd, qdd, beta, out)
-    }
-
-    fn base_gravity(
-        &self,
-        q: &[f64],
-        beta: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        self.gravity(q, beta, out)
-    }
-
-    fn base_bias_forces(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        beta: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        self.bias_forces(q, qd, beta, out)
-    }
-
-    fn base_mass_matrix(
-        &self,
-        q: &[f64],
-        beta: &[f64],
-        out: &mut [f64],
-    ) -> Result<Condition<f64>, SizeError> {
-        self.mass_matrix(q, beta, out)
+        use regen_runtime::{array, array_mut};
+        // the base parameters are the parameters
+        let full = Arguments { phi: x.beta, ..x };
+        match function {
+            BaseFunction::BaseRegressor => self.eval(Function::Regressor, x, out),
+            BaseFunction::ToBase => {
+                *array_mut::<f64, 3>(out, "out")? = *array(x.phi, "phi")?;
+                Ok(Condition::regular(1.0))
+            }
+            BaseFunction::FromBase => {
+                array::<f64, 0>(x.free, "free")?;
+                *array_mut::<f64, 3>(out, "out")? = *array(x.beta, "beta")?;
+                Ok(Condition::regular(1.0))
+            }
+            BaseFunction::BaseInverseDynamics => self.eval(Function::InverseDynamics, full, out),
+            BaseFunction::BaseGravity => self.eval(Function::Gravity, full, out),
+            BaseFunction::BaseBiasForces => self.eval(Function::BiasForces, full, out),
+            BaseFunction::BaseMassMatrix => self.eval(Function::MassMatrix, full, out),
+        }
     }
 }

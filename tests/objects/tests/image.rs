@@ -89,15 +89,22 @@ fn robots_call_nothing_but_each_other_and_copies_of_memory() {
     }
 }
 
-/// The methods of the traits in a robot's table.
+/// The methods of the traits in a robot's table: those that it implements, and the named ones that
+/// the traits provide for it.
 fn methods(roots: &[usize]) -> Vec<usize> {
     let seen = IMAGE.reach(roots);
     let is_method = |at: &&usize| {
         let section = &IMAGE.sections[**at];
         let name = &section.name;
-        let of = |what| name.contains(what) && name.starts_with('<');
-        section.code.is_some()
-            && (of(" as regen_runtime::model::Model") || of(" as regen_runtime::base::BaseModel"))
+        let of = |its: &str| {
+            let provided = name.starts_with(&format!("{its}::"));
+            provided || name.starts_with('<') && name.contains(&format!(" as {its}"))
+        };
+        let traits = [
+            "regen_runtime::model::Model",
+            "regen_runtime::base::BaseModel",
+        ];
+        section.code.is_some() && traits.into_iter().any(of)
     };
     seen.keys().filter(is_method).copied().collect()
 }

@@ -1,6 +1,7 @@
 //! One engine against the reference: names, kinematics, closure, then the dynamics.
 
 use nalgebra::DMatrix;
+use regen_codegen::signature::FunctionKind;
 
 use super::compare::{Figures, row_error_above, size, vector_error};
 use super::{Answer, Engine, Names, dynamics};
@@ -122,22 +123,30 @@ fn open(
     let error = vector_error(&flat(engine.poses(&q)?), &poses, 1.0 + size(&poses));
     figures.record("poses", error, DIRECT);
     let cones = reference.cone_cosines(&q);
-    let error = vector_error(&engine.cones(&q)?, &cones, 1.0);
+    let error = vector_error(&engine.call(FunctionKind::Cones, &[&q])?, &cones, 1.0);
     figures.record("cones", error, DIRECT);
     let f = reference.constraints(&q);
-    let error = vector_error(&engine.constraints(&q)?, &f, 1.0 + size(&f));
+    let error = vector_error(
+        &engine.call(FunctionKind::Constraints, &[&q])?,
+        &f,
+        1.0 + size(&f),
+    );
     figures.record("constraints", error, DIRECT);
     let theirs = reference.jacobian(&q);
     // Rows are made of metres and cosines; where all of them cancel, they are rounding.
     let error = row_error_above(
         theirs.amax().max(100.0) * 1e-4,
-        &engine.jacobian(&q)?,
+        &engine.matrix(FunctionKind::Jacobian, &[&q])?,
         &theirs,
     );
     figures.record("jacobian", error, ROW);
     let b = reference.bias(&q, &qd);
     // Velocities of 2 make products of 4: a bias of 0 is compared with that.
-    let error = vector_error(&engine.bias(&q, &qd)?, &b, size(&b).max(1e-2));
+    let error = vector_error(
+        &engine.call(FunctionKind::Bias, &[&q, &qd])?,
+        &b,
+        size(&b).max(1e-2),
+    );
     figures.record("bias", error, ROW);
     Ok(())
 }
@@ -162,7 +171,7 @@ fn closed(
         trial[*k] += random.uniform(-away, away);
     }
     for _ in 0..10 {
-        let step = engine.newton_step(&trial)?;
+        let step = engine.call(FunctionKind::NewtonStep, &[&trial])?;
         if step.len() != reference.dependent.len() {
             return Err(format!("newton_step: {} entries", step.len()));
         }
@@ -173,9 +182,13 @@ fn closed(
     // Ten steps end at rounding times the conditioning.
     figures.record("newton_step", vector_error(&trial, q, 1.0), 1e-10);
 
-    let error = vector_error(&engine.velocities(q, &pick(qd))?, qd, size(qd));
+    let error = vector_error(
+        &engine.call(FunctionKind::Velocities, &[q, &pick(qd)])?,
+        qd,
+        size(qd),
+    );
     figures.record("velocities", error, ROW);
-    let ours = engine.accelerations(q, qd, &pick(qdd))?;
+    let ours = engine.call(FunctionKind::Accelerations, &[q, qd, &pick(qdd)])?;
     figures.record("accelerations", vector_error(&ours, qdd, size(qdd)), ROW);
 
     let tau = random.vector(reference.actuated.len(), 10.0);
@@ -184,7 +197,11 @@ fn closed(
         all[*k] = *value;
     }
     let theirs = reference.reduce(q, &all)?;
-    let error = vector_error(&engine.efforts(q, &tau)?, &theirs, size(&theirs).max(1.0));
+    let error = vector_error(
+        &engine.call(FunctionKind::Efforts, &[q, &tau])?,
+        &theirs,
+        size(&theirs).max(1.0),
+    );
     figures.record("efforts", error, ROW);
     Ok(())
 }

@@ -2,6 +2,7 @@
 //! parameter, Eq. 1, Lagrange, energy.
 
 use nalgebra::DVector;
+use regen_codegen::signature::FunctionKind;
 
 use super::check::{FORCE, ROW, apply};
 use super::compare::{Figures, ratio, row_error, size, vector_error};
@@ -27,7 +28,7 @@ pub(super) fn check(
     let inertial = parameters(reference, &bodies, random, false);
     let all = parameters(reference, &bodies, random, true);
 
-    let w = engine.regressor(q, qd, qdd)?;
+    let w = engine.matrix(FunctionKind::Regressor, &[q, qd, qdd])?;
     let error = row_error(&w, &reference.regressor(q, qd, qdd)?);
     figures.record("regressor", error, ROW);
 
@@ -46,7 +47,7 @@ pub(super) fn check(
     figures.record("lagrange", error, ROW);
 
     let (with_friction, scale) = apply(&w, &all);
-    let ours = engine.inverse_dynamics(q, qd, qdd, &all)?;
+    let ours = engine.call(FunctionKind::InverseDynamics, &[q, qd, qdd, &all])?;
     let error = vector_error(&ours, &with_friction, scale);
     figures.record("inverse dynamics", error, ROW);
     power(reference, state, &all, &ours, figures);
@@ -110,7 +111,7 @@ fn matrices(
     let n = reference.n();
     let rest = vec![0.0; n];
     let dof = reference.dof();
-    let mass = engine.mass_matrix(q, phi)?;
+    let mass = engine.matrix(FunctionKind::MassMatrix, &[q, phi])?;
     let (theirs, _) = reference.mass_matrix(q, qd, phi)?;
     figures.record("mass matrix", row_error(&mass, &theirs), ROW);
     let symmetry = row_error(&mass, &mass.transpose());
@@ -119,12 +120,12 @@ fn matrices(
     let error = if definite { 0.0 } else { f64::INFINITY };
     figures.record("mass matrix definite", error, 0.0);
 
-    let gravity = engine.gravity(q, phi)?;
+    let gravity = engine.call(FunctionKind::Gravity, &[q, phi])?;
     let theirs = reference.regressor(q, &rest, &rest)?;
     let (theirs, weight) = apply(&theirs, phi);
     figures.record("gravity", vector_error(&gravity, &theirs, weight), ROW);
 
-    let still = engine.bias_forces(q, qd, phi)?;
+    let still = engine.call(FunctionKind::BiasForces, &[q, qd, phi])?;
     let bias: Vec<f64> = still.iter().zip(&gravity).map(|(c, g)| c + g).collect();
     let coasting = reference.accelerations(q, qd, &vec![0.0; dof])?;
     let (theirs, weight) = apply(&reference.regressor(q, qd, &coasting)?, phi);
@@ -132,15 +133,15 @@ fn matrices(
 
     let qdd_i = DVector::from_iterator(dof, reference.independent.iter().map(|k| qdd[*k]));
     let sum = &mass * qdd_i + DVector::from_vec(bias);
-    let ours = engine.inverse_dynamics(q, qd, qdd, phi)?;
+    let ours = engine.call(FunctionKind::InverseDynamics, &[q, qd, qdd, phi])?;
     let error = vector_error(sum.as_slice(), &ours, scale);
     figures.record("M qdd + bias", error, ROW);
 
     for j in 0..dof {
         let mut unit = vec![0.0; dof];
         unit[j] = 1.0;
-        let one = engine.accelerations(q, &rest, &unit)?;
-        let moved = engine.inverse_dynamics(q, &rest, &one, phi)?;
+        let one = engine.call(FunctionKind::Accelerations, &[q, &rest, &unit])?;
+        let moved = engine.call(FunctionKind::InverseDynamics, &[q, &rest, &one, phi])?;
         let column: Vec<f64> = moved.iter().zip(&gravity).map(|(a, g)| a - g).collect();
         let error = vector_error(
             &column,
@@ -164,14 +165,19 @@ fn slotine_li(
     let State { q, qd, qdd } = state;
     let dof = reference.dof();
     let pick = |v: &[f64]| -> Vec<f64> { reference.independent.iter().map(|k| v[*k]).collect() };
-    let y = engine.slotine_li(q, qd, &pick(qd), &pick(qdd))?;
+    let y = engine.matrix(FunctionKind::SlotineLi, &[q, qd, &pick(qd), &pick(qdd)])?;
     let error = row_error(&y, &reference.regressor(q, qd, qdd)?);
     figures.record("Y on the motion", error, ROW);
 
     let none = vec![0.0; dof];
-    let at = |v: &[f64], a: &[f64]| Ok::<_, String>(apply(&engine.slotine_li(q, qd, v, a)?, phi));
+    let at = |v: &[f64], a: &[f64]| {
+        Ok::<_, String>(apply(
+            &engine.matrix(FunctionKind::SlotineLi, &[q, qd, v, a])?,
+            phi,
+        ))
+    };
     let (gravity, weight) = at(&none, &none)?;
-    let theirs = engine.gravity(q, phi)?;
+    let theirs = engine.call(FunctionKind::Gravity, &[q, phi])?;
     // Without friction, references at rest leave gravity, whatever the motion is.
     let error = vector_error(&gravity, &theirs, weight.max(size(&theirs)));
     figures.record("Y at rest", error, ROW);

@@ -18,6 +18,7 @@ mod oracle;
 mod pairs;
 
 use nalgebra::DMatrix;
+use regen_codegen::signature::{FunctionKind, Layout, Shape, Size};
 
 pub use check::check_engine;
 pub use compare::{Figure, Figures, row_error, vector_error};
@@ -49,93 +50,74 @@ pub struct Names {
     pub nominal: Vec<Option<f64>>,
 }
 
-/// An engine over plain vectors. `q`, `qd`, `qdd` are over all coordinates; a suffix `_i` means
-/// over the independent ones; `phi` holds the parameters.
+/// An engine over plain vectors, which computes functions by their kind. `q`, `qd`, `qdd` are over
+/// all coordinates; a suffix `_i` means over the independent ones; `phi` holds the parameters.
 pub trait Engine {
     /// The names of its parts.
     fn names(&self) -> Names;
     /// The closed state that everything starts from.
     fn home(&self) -> Vec<f64>;
-    /// f(q), cuts in file order, then couplings.
+    /// A function's output, stored as its signature says; nothing where a function is of the model
+    /// but not of this robot.
+    ///
+    /// # Errors
+    /// Where the engine reports that the state is singular, that sizes are wrong, or that it has
+    /// no such function.
+    fn call(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<Vec<f64>>;
+
+    /// A function's output as a matrix; a vector becomes a column.
     ///
     /// # Errors
     /// What the engine reports.
-    fn constraints(&self, q: &[f64]) -> Answer<Vec<f64>>;
-    /// A = df/dq, every row.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn jacobian(&self, q: &[f64]) -> Answer<DMatrix<f64>>;
-    /// b of A qdd = b.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn bias(&self, q: &[f64], qd: &[f64]) -> Answer<Vec<f64>>;
-    /// What one Newton step adds to the dependent coordinates, in coordinate order.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn newton_step(&self, q: &[f64]) -> Answer<Vec<f64>>;
-    /// All velocities.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn velocities(&self, q: &[f64], qd_i: &[f64]) -> Answer<Vec<f64>>;
-    /// All accelerations.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn accelerations(&self, q: &[f64], qd: &[f64], qdd_i: &[f64]) -> Answer<Vec<f64>>;
-    /// K_i - X^T K_e: dof rows, one column per parameter.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn regressor(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Answer<DMatrix<f64>>;
-    /// The regressor times phi.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn inverse_dynamics(&self, q: &[f64], qd: &[f64], qdd: &[f64], phi: &[f64])
-    -> Answer<Vec<f64>>;
-    /// The efforts at rest.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn gravity(&self, q: &[f64], phi: &[f64]) -> Answer<Vec<f64>>;
-    /// The efforts at zero independent accelerations less gravity: Coriolis, centrifugal, friction.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn bias_forces(&self, q: &[f64], qd: &[f64], phi: &[f64]) -> Answer<Vec<f64>>;
-    /// The mass matrix of the independent coordinates.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn mass_matrix(&self, q: &[f64], phi: &[f64]) -> Answer<DMatrix<f64>>;
-    /// Y(q, qd, `qd_r`, `qdd_r`), references over the independent coordinates.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn slotine_li(
-        &self,
-        q: &[f64],
-        qd: &[f64],
-        qd_r_i: &[f64],
-        qdd_r_i: &[f64],
-    ) -> Answer<DMatrix<f64>>;
-    /// `tau_i` - X^T `tau_e` from the efforts of the actuated coordinates.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn efforts(&self, q: &[f64], tau_actuated: &[f64]) -> Answer<Vec<f64>>;
+    fn matrix(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<DMatrix<f64>> {
+        let values = self.call(kind, inputs)?;
+        let names = self.names();
+        Ok(match kind.signature().shape {
+            Shape::Vector(_) => DMatrix::from_column_slice(values.len(), 1, &values),
+            Shape::Matrix {
+                columns,
+                layout: Layout::RowMajor,
+                ..
+            } => {
+                let columns = names.length(columns);
+                DMatrix::from_row_slice(values.len() / columns, columns, &values)
+            }
+            Shape::Matrix {
+                rows,
+                layout: Layout::ColumnMajor,
+                ..
+            } => {
+                let rows = names.length(rows);
+                DMatrix::from_column_slice(rows, values.len() / rows, &values)
+            }
+        })
+    }
+
     /// The bodies' frames: rotation row by row, then the origin.
     ///
     /// # Errors
     /// What the engine reports.
-    fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>>;
-    /// The cosines of the angles between the z axes that cones limit.
-    ///
-    /// # Errors
-    /// What the engine reports.
-    fn cones(&self, q: &[f64]) -> Answer<Vec<f64>>;
+    fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>> {
+        let values = self.call(FunctionKind::Poses, &[q])?;
+        let (poses, _) = values.as_chunks::<12>();
+        Ok(poses.to_vec())
+    }
+}
+
+impl Names {
+    /// How many there are of what a size counts.
+    fn length(&self, size: Size) -> usize {
+        match size {
+            Size::Coordinates => self.coordinates.len(),
+            Size::Independent => self.independent.len(),
+            Size::Dependent => self.coordinates.len() - self.independent.len(),
+            Size::Actuated => self.actuated.len(),
+            // these have names in no engine
+            Size::Rows | Size::Base | Size::Free => 0,
+            Size::Parameters => self.parameters.len(),
+            Size::Bodies => self.bodies.len(),
+            Size::Cones => self.cones.len(),
+            Size::Pose => 12,
+        }
+    }
 }

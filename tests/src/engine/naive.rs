@@ -1,6 +1,7 @@
 //! The reference behind the interface of an engine: the judge tried on itself.
 
 use nalgebra::{DMatrix, DVector};
+use regen_codegen::signature::FunctionKind;
 
 use super::check::{apply, names};
 use super::{Answer, Engine, Names};
@@ -34,18 +35,48 @@ impl Engine for Naive<'_> {
         self.home.clone()
     }
 
-    fn constraints(&self, q: &[f64]) -> Answer<Vec<f64>> {
-        Ok(self.mechanism.constraints(q))
+    fn call(&self, kind: FunctionKind, inputs: &[&[f64]]) -> Answer<Vec<f64>> {
+        let m = self.mechanism;
+        let rows = |matrix: &DMatrix<f64>| matrix.transpose().as_slice().to_vec();
+        let columns = |matrix: &DMatrix<f64>| matrix.as_slice().to_vec();
+        let (q, x, y, z) = match *inputs {
+            [q] => (q, &[][..], &[][..], &[][..]),
+            [q, x] => (q, x, &[][..], &[][..]),
+            [q, x, y] => (q, x, y, &[][..]),
+            [q, x, y, z] => (q, x, y, z),
+            _ => return Err(format!("{}: {} arguments", kind.name(), inputs.len())),
+        };
+        Ok(match kind {
+            FunctionKind::Constraints => m.constraints(q),
+            FunctionKind::Jacobian => rows(&m.jacobian(q)),
+            FunctionKind::Bias => m.bias(q, x),
+            FunctionKind::NewtonStep => self.newton_step(q)?,
+            FunctionKind::Velocities => m.velocities(q, x)?,
+            FunctionKind::Accelerations => m.accelerations(q, x, y)?,
+            FunctionKind::Regressor => columns(&m.regressor(q, x, y)?),
+            FunctionKind::InverseDynamics => self.inverse_dynamics(q, x, y, z)?,
+            FunctionKind::Gravity => self.gravity(q, x)?,
+            FunctionKind::BiasForces => self.bias_forces(q, x, y)?,
+            FunctionKind::MassMatrix => rows(&self.mass_matrix(q, x)?),
+            FunctionKind::SlotineLi => columns(&self.slotine_li(q, x, y, z)?),
+            FunctionKind::Efforts => self.efforts(q, x)?,
+            FunctionKind::Poses => m.poses(q).concat(),
+            FunctionKind::Cones => m.cone_cosines(q),
+            FunctionKind::DependentJacobian
+            | FunctionKind::BaseRegressor
+            | FunctionKind::ToBase
+            | FunctionKind::FromBase
+            | FunctionKind::BaseInverseDynamics
+            | FunctionKind::BaseGravity
+            | FunctionKind::BaseBiasForces
+            | FunctionKind::BaseMassMatrix => {
+                return Err(format!("{} is unknown to the reference", kind.name()));
+            }
+        })
     }
+}
 
-    fn jacobian(&self, q: &[f64]) -> Answer<DMatrix<f64>> {
-        Ok(self.mechanism.jacobian(q))
-    }
-
-    fn bias(&self, q: &[f64], qd: &[f64]) -> Answer<Vec<f64>> {
-        Ok(self.mechanism.bias(q, qd))
-    }
-
+impl Naive<'_> {
     fn newton_step(&self, q: &[f64]) -> Answer<Vec<f64>> {
         let f = DVector::from_vec(self.mechanism.constraints(q));
         let a = self.mechanism.jacobian(q);
@@ -53,18 +84,6 @@ impl Engine for Naive<'_> {
             .mechanism
             .solve_dependent(&a, &DMatrix::from_columns(&[-f]))?;
         Ok(step.as_slice().to_vec())
-    }
-
-    fn velocities(&self, q: &[f64], qd_i: &[f64]) -> Answer<Vec<f64>> {
-        self.mechanism.velocities(q, qd_i)
-    }
-
-    fn accelerations(&self, q: &[f64], qd: &[f64], qdd_i: &[f64]) -> Answer<Vec<f64>> {
-        self.mechanism.accelerations(q, qd, qdd_i)
-    }
-
-    fn regressor(&self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Answer<DMatrix<f64>> {
-        self.mechanism.regressor(q, qd, qdd)
     }
 
     fn inverse_dynamics(
@@ -140,13 +159,5 @@ impl Engine for Naive<'_> {
             tau[*k] = *value;
         }
         self.mechanism.reduce(q, &tau)
-    }
-
-    fn poses(&self, q: &[f64]) -> Answer<Vec<[f64; 12]>> {
-        Ok(self.mechanism.poses(q))
-    }
-
-    fn cones(&self, q: &[f64]) -> Answer<Vec<f64>> {
-        Ok(self.mechanism.cone_cosines(q))
     }
 }

@@ -1,6 +1,7 @@
 //! Published vectors: regressor and Jacobian at given states, computed by another program.
 
 use nalgebra::DMatrix;
+use regen_codegen::signature::FunctionKind;
 use serde_json::Value;
 
 use super::compare::{Figures, row_error};
@@ -44,14 +45,17 @@ pub fn check_oracle(engine: &dyn Engine, name: &str) -> Result<Figures, String> 
             numbers(&state["qdd"])?,
         );
         let error = row_error(
-            &engine.regressor(&q, &qd, &qdd)?,
+            &engine.matrix(FunctionKind::Regressor, &[&q, &qd, &qdd])?,
             &matrix(&state["regressor"])?,
         );
         figures.record("regressor", error, ORACLE);
         if names.cuts.is_empty() {
             continue;
         }
-        let error = row_error(&engine.jacobian(&q)?, &matrix(&state["jacobian"])?);
+        let error = row_error(
+            &engine.matrix(FunctionKind::Jacobian, &[&q])?,
+            &matrix(&state["jacobian"])?,
+        );
         figures.record("jacobian", error, ORACLE);
     }
     figures.verdict(name)

@@ -1,5 +1,6 @@
 //! One mechanism cut at two places: the same bodies, the same independent coordinates.
 
+use regen_codegen::signature::FunctionKind;
 use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
@@ -46,8 +47,10 @@ pub fn check_pair(a: Side, b: Side, seed: u64, states: usize) -> Result<Figures,
     for state in a.1.random_states(seed, states)? {
         let pick = |v: &[f64]| -> Vec<f64> { a.1.independent.iter().map(|k| v[*k]).collect() };
         let q = b.1.follow(&b.1.home()?, &pick(&state.q))?;
-        let qd = b.0.velocities(&q, &pick(&state.qd))?;
-        let qdd = b.0.accelerations(&q, &qd, &pick(&state.qdd))?;
+        let qd =
+            b.0.call(FunctionKind::Velocities, &[&q, &pick(&state.qd)])?;
+        let qdd =
+            b.0.call(FunctionKind::Accelerations, &[&q, &qd, &pick(&state.qdd)])?;
         let poses = (a.0.poses(&state.q)?, b.0.poses(&q)?);
         for (i, j) in &bodies {
             // Positions are solved, to rounding times the conditioning.
@@ -55,11 +58,15 @@ pub fn check_pair(a: Side, b: Side, seed: u64, states: usize) -> Result<Figures,
             figures.record("poses", error, 1e-10);
         }
         let ours = selected(
-            &a.0.regressor(&state.q, &state.qd, &state.qdd),
+            &a.0.matrix(FunctionKind::Regressor, &[&state.q, &state.qd, &state.qdd]),
             &columns,
             true,
         )?;
-        let theirs = selected(&b.0.regressor(&q, &qd, &qdd), &columns, false)?;
+        let theirs = selected(
+            &b.0.matrix(FunctionKind::Regressor, &[&q, &qd, &qdd]),
+            &columns,
+            false,
+        )?;
         figures.record("regressor", row_error(&ours, &theirs), ROW);
     }
     figures.verdict(&who)

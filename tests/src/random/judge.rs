@@ -2,6 +2,7 @@
 //! differences, and the closure on a path and back.
 
 use regen_codegen::emit::{Options, module};
+use regen_codegen::signature::FunctionKind;
 use regen_interpreted::Interpreted;
 use regen_runtime::{Closure, Outcome};
 
@@ -56,11 +57,17 @@ pub fn differences(engine: &dyn Engine, mechanism: &Mechanism, seed: u64) -> Res
     let v = random.vector(mechanism.n(), 1.0);
     let (ahead, behind) = (at(&q, &v, h), at(&q, &v, -h));
     let along = |a: &nalgebra::DMatrix<f64>| a * nalgebra::DVector::from_column_slice(&v);
-    let (f_ahead, f_behind) = (engine.constraints(&ahead)?, engine.constraints(&behind)?);
-    let rate = along(&engine.jacobian(&q)?);
-    let (a_ahead, a_behind) = (engine.jacobian(&ahead)?, engine.jacobian(&behind)?);
+    let (f_ahead, f_behind) = (
+        engine.call(FunctionKind::Constraints, &[&ahead])?,
+        engine.call(FunctionKind::Constraints, &[&behind])?,
+    );
+    let rate = along(&engine.matrix(FunctionKind::Jacobian, &[&q])?);
+    let (a_ahead, a_behind) = (
+        engine.matrix(FunctionKind::Jacobian, &[&ahead])?,
+        engine.matrix(FunctionKind::Jacobian, &[&behind])?,
+    );
     let turned = along(&((a_ahead - a_behind) / (2.0 * h)));
-    let bias = engine.bias(&q, &v)?;
+    let bias = engine.call(FunctionKind::Bias, &[&q, &v])?;
     for row in 0..mechanism.rows() {
         let difference = (f_ahead[row] - f_behind[row]) / (2.0 * h);
         let size = 1.0 + rate.amax() + turned.amax();

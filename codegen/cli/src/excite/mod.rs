@@ -1,7 +1,6 @@
 //! `regen excite`: exciting trajectories.
 
 mod args;
-mod tangents;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -11,12 +10,11 @@ use indicatif::ProgressBar;
 use regen_experiment::excite::{
     Criterion, Excitation, ExciteError, Margin, Outcome, Progress, Settings, Watch, excite,
 };
-use regen_runtime::{Info, Model};
+use regen_runtime::Info;
 use serde::Serialize;
 
 use args::CriterionArg;
 pub(crate) use args::ExciteArgs;
-use tangents::Differentiable;
 
 use crate::args::Format;
 use crate::exit::Failure;
@@ -66,7 +64,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
         stop,
         report: &report,
     };
-    let outcome = excite(&model, &Differentiable(&robot), &settings, watch);
+    let outcome = excite(&model, &model, &settings, watch);
     bar.finish_and_clear();
     let interrupted = stop.load(Ordering::Relaxed);
     let found = match outcome? {

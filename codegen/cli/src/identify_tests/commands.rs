@@ -8,7 +8,7 @@ use clap::Parser;
 use regen_identify::feasibility::{Layout, Scale};
 use regen_identify::friction::JointFit;
 use regen_identify::session::cross;
-use regen_runtime::{Friction, Model};
+use regen_runtime::Friction;
 use serde_json::Value;
 
 use super::{Bench, FREQUENCY, HARMONICS, Made, csv, made, normal, scratch, series, truth};

@@ -52,7 +52,8 @@ fn faults_are_told_with_their_rows_or_left_out() {
                 (601, "gap"),
             ]
         );
-        assert!(error.to_string().contains("--problems drop"), "{error}");
+        let failure = crate::exit::Failure::from(error);
+        assert!(failure.to_string().contains("--problems drop"), "{failure}");
 
         let settings = Settings {
             policy: Policy::Drop,

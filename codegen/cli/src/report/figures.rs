@@ -1,6 +1,6 @@
 //! The figures of a report from what was gathered.
 
-use regen_runtime::{BaseModel, Limits, Model, Motion};
+use regen_runtime::{Limits, Motion};
 
 use super::charts::{self, BLUE, Bar, DYES, Figure, GREY, Line, Look, ORANGE, RED};
 use super::gather::{Seen, Spectra};

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use regen_codegen::robot::Robot;
-use regen_runtime::{BaseModel, BaseTerm, Model};
+use regen_runtime::BaseTerm;
 
 use crate::args::{IdentifyArgs, ReadingArgs};
 use crate::exit::Failure;

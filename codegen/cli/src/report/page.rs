@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_runtime::{BaseModel, Model, Motion};
+use regen_runtime::Motion;
 
 use super::charts::Figure;
 use super::{Errors, Report};

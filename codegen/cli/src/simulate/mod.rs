@@ -13,7 +13,6 @@ use regen_experiment::simulate::{
     Drive, Ended, Log, Noise, Reference, Sensors, Settings, SimulationError, TuningError, control,
     perturbed, simulate_watched,
 };
-use regen_runtime::Model;
 use serde::Serialize;
 
 use crate::args::Format;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use regen_experiment::simulate::{Noise, nominal_friction};
 use regen_identify::friction::JointFit;
-use regen_runtime::{BaseModel, Friction, Info, Joint, JointFriction, Model};
+use regen_runtime::{BaseModel, Friction, Info, Joint, JointFriction};
 
 use super::args::SimulateArgs;
 use crate::exit::Failure;

@@ -1,7 +1,7 @@
 //! A change of columns in words and options.
 
 use super::{
-    Assignment, Change, EffortChange, Interpreted, Model, ONE, PART, Quantity, Sample, Suspicion,
+    Assignment, Change, EffortChange, Interpreted, ONE, PART, Quantity, Sample, Suspicion,
 };
 use regen_identify::identify::suspect::{Nominal, Reading, Shift};
 

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path;
 
 use regen_codegen::scene::{Pose, Scene};
-use regen_runtime::{Closure, Model};
+use regen_runtime::Closure;
 use serde::Serialize;
 
 use crate::exit::Failure;

@@ -1,8 +1,8 @@
 //! The last word on limits: between samples too, and what it takes to keep them.
 
+use super::ExciteError;
 use super::evaluate::{Number, Problem};
 use super::space::Row;
-use super::{Evaluate, ExciteError};
 use regen_runtime::{BaseModel, Closure};
 
 /// Points in each period of the highest harmonic.
@@ -71,7 +71,7 @@ pub(super) fn keep<M, D>(
 ) -> Result<Result<Kept, Option<Worst>>, ExciteError>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     let mut refused = None;
     let limits = problem.limits.len();

@@ -4,126 +4,10 @@ use super::criterion::Objective;
 use super::limits::{Limit, Seen};
 use super::space::{Row, Space};
 use super::{Criterion, DIRECTIONS, ExciteError, Tangent};
-use regen_runtime::{BaseModel, Closure, Condition, Info, Scalar, SizeError};
+use regen_runtime::{BaseModel, Closure, Info, Scalar, SizeError};
 
 /// The number that derivatives are computed with.
 pub(super) type Number = Tangent<DIRECTIONS>;
-
-/// What the search computes of a robot, in one kind of number. Every [`BaseModel`] has it; an
-/// interpreted robot may implement it alone.
-///
-/// Sizes and units as in [`Model`](regen_runtime::Model).
-pub trait Evaluate<T: Scalar> {
-    /// See [`Model::newton_step`](regen_runtime::Model::newton_step).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn newton_step(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::velocities`](regen_runtime::Model::velocities).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn velocities(&self, q: &[T], qd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::accelerations`](regen_runtime::Model::accelerations).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn accelerations(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd_i: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::inverse_dynamics`](regen_runtime::Model::inverse_dynamics).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn inverse_dynamics(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::efforts`](regen_runtime::Model::efforts).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn efforts(&self, q: &[T], tau: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError>;
-
-    /// See [`Model::cones`](regen_runtime::Model::cones).
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn cones(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError>;
-
-    /// See [`BaseModel::base_regressor`].
-    ///
-    /// # Errors
-    /// When a length does not fit.
-    fn base_regressor(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError>;
-}
-
-impl<T: Scalar, M: BaseModel<T> + ?Sized> Evaluate<T> for M {
-    fn newton_step(&self, q: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        regen_runtime::Model::newton_step(self, q, out)
-    }
-
-    fn velocities(&self, q: &[T], qd_i: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        regen_runtime::Model::velocities(self, q, qd_i, out)
-    }
-
-    fn accelerations(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd_i: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        regen_runtime::Model::accelerations(self, q, qd, qdd_i, out)
-    }
-
-    fn inverse_dynamics(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        phi: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        regen_runtime::Model::inverse_dynamics(self, q, qd, qdd, phi, out)
-    }
-
-    fn efforts(&self, q: &[T], tau: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
-        regen_runtime::Model::efforts(self, q, tau, out)
-    }
-
-    fn cones(&self, q: &[T], out: &mut [T]) -> Result<(), SizeError> {
-        regen_runtime::Model::cones(self, q, out)
-    }
-
-    fn base_regressor(
-        &self,
-        q: &[T],
-        qd: &[T],
-        qdd: &[T],
-        out: &mut [T],
-    ) -> Result<Condition<T>, SizeError> {
-        BaseModel::base_regressor(self, q, qd, qdd, out)
-    }
-}
 
 /// All that stays the same during a search.
 pub(super) struct Problem<'m, M, D> {
@@ -172,14 +56,14 @@ struct Motion<T> {
 impl<M, D> Problem<'_, M, D>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     fn dof(&self) -> usize {
         self.info.dof()
     }
 
     /// The rest of a state: `q` is closed.
-    fn motion<T: Scalar, E: Evaluate<T>>(
+    fn motion<T: Scalar, E: BaseModel<T>>(
         &self,
         e: &E,
         q: &[T],
@@ -213,7 +97,7 @@ where
     }
 
     /// The actuators' efforts from those of the independent coordinates: as many as these.
-    fn of_actuators<T: Scalar, E: Evaluate<T>>(
+    fn of_actuators<T: Scalar, E: BaseModel<T>>(
         &self,
         e: &E,
         q: &[T],
@@ -419,8 +303,7 @@ where
                 return Ok(None);
             }
             let model = self.model;
-            let _condition =
-                BaseModel::base_regressor(model, &state.q, &state.qd, &state.qdd, &mut block)?;
+            let _condition = model.base_regressor(&state.q, &state.qd, &state.qdd, &mut block)?;
             for (k, entry) in block.iter().enumerate() {
                 w[(k / dof) * rows + s * dof + k % dof] = *entry;
             }

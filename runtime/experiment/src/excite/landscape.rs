@@ -2,7 +2,7 @@
 
 use super::evaluate::{Number, Problem};
 use super::run::problem;
-use super::{Evaluate, ExciteError, Limit, Settings};
+use super::{ExciteError, Limit, Settings};
 use regen_identify::signals::Fourier;
 use regen_runtime::{BaseModel, Closure};
 
@@ -36,7 +36,7 @@ pub struct Sight {
 impl<'m, M, D> Landscape<'m, M, D>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     /// Of a search by these settings.
     ///

@@ -21,16 +21,14 @@ mod quadratic;
 mod run;
 mod search;
 mod space;
-mod tangent;
 
 use core::fmt;
 
 pub use criterion::{Criterion, Figures};
-pub use evaluate::Evaluate;
 pub use landscape::{Landscape, Sight};
 pub use limits::{Limit, Quantity};
+pub use regen_runtime::Tangent;
 pub use run::{Excitation, Margin, Outcome, Progress, Watch, excite};
-pub use tangent::Tangent;
 
 use regen_identify::signals::SignalError;
 use regen_runtime::{Info, Limits, Misuse, SizeError};

@@ -9,7 +9,7 @@ use super::evaluate::{Number, Problem};
 use super::limits::limits;
 use super::search::{Search, Stage};
 use super::space::{Row, Space};
-use super::{Evaluate, ExciteError, Limit, Settings};
+use super::{ExciteError, Limit, Settings};
 use regen_identify::signals::Fourier;
 use regen_runtime::{BaseModel, Closure, SizeError};
 
@@ -107,7 +107,7 @@ pub fn excite<M, D>(
 ) -> Result<Outcome, ExciteError>
 where
     M: BaseModel<f64> + Sync,
-    D: Evaluate<Number> + Sync,
+    D: BaseModel<Number> + Sync,
 {
     let problem = problem(model, derivatives, settings)?;
     let highest = DENSE * settings.harmonics;
@@ -162,7 +162,7 @@ pub(super) fn problem<'m, M, D>(
 ) -> Result<Problem<'m, M, D>, ExciteError>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     let info = model.info();
     let (n, dof) = (info.coordinates.len(), info.dof());
@@ -265,7 +265,7 @@ struct Crew<'s, 'm, M, D> {
 impl<M, D> Crew<'_, '_, M, D>
 where
     M: BaseModel<f64> + Sync,
-    D: Evaluate<Number> + Sync,
+    D: BaseModel<Number> + Sync,
 {
     /// The poses about which motions are made smaller: the middle of the ranges, and home.
     fn poses(&self) -> [Vec<f64>; 2] {

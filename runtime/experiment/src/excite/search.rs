@@ -8,10 +8,10 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
+use super::ExciteError;
 use super::evaluate::{Evaluation, Number, Problem};
 use super::quadratic::{Quadratic, Step};
 use super::space::dot;
-use super::{Evaluate, ExciteError};
 use regen_runtime::{BaseModel, Closure};
 
 /// The powers by which singular values are smoothed, one after the other: each stage ends near
@@ -47,7 +47,7 @@ pub(super) enum Stage {
 impl<'p, 'm, M, D> Search<'p, 'm, M, D>
 where
     M: BaseModel<f64>,
-    D: Evaluate<Number>,
+    D: BaseModel<Number>,
 {
     /// Random coefficients by seed and number of the start, made smaller about a pose until
     /// limits are kept, or most of them.

@@ -2,7 +2,7 @@
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use regen_runtime::Scalar;
+use crate::Scalar;
 
 /// A number with its derivatives in `N` directions: a dual number with `N` tangents.
 ///
@@ -11,8 +11,7 @@ use regen_runtime::Scalar;
 /// derivative of [`sign`](Scalar::sign) is zero, at the jump too; comparisons look at the value.
 ///
 /// ```
-/// use regen_runtime::Scalar;
-/// use regen_experiment::excite::Tangent;
+/// use regen_runtime::{Scalar, Tangent};
 ///
 /// let angle = Tangent::<2>::along(0.3, 1);
 /// let (sine, _) = angle.sin_cos();

@@ -1,0 +1,208 @@
+//! The table of functions: one row for each function that a robot gets. The emitter, the
+//! interpreter, the command and the tests read names, arguments and shapes from here.
+
+mod table;
+
+pub use table::FunctionKind;
+
+/// What the length of an argument or of an output counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// All coordinates.
+    Coordinates,
+    /// The independent coordinates.
+    Independent,
+    /// The dependent coordinates.
+    Dependent,
+    /// The actuated coordinates.
+    Actuated,
+    /// The closure rows of cuts and couplings.
+    Rows,
+    /// The dynamic parameters.
+    Parameters,
+    /// The bodies.
+    Bodies,
+    /// The cones that limit joints and cuts.
+    Cones,
+    /// The base parameters.
+    Base,
+    /// The eliminated parameters.
+    Free,
+    /// The twelve numbers of a pose: a rotation matrix and a position.
+    Pose,
+}
+
+/// The order in which a matrix is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// Row by row.
+    RowMajor,
+    /// Column by column.
+    ColumnMajor,
+}
+
+/// The shape of an output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// A vector.
+    Vector(Size),
+    /// A matrix.
+    Matrix {
+        /// How many rows it has.
+        rows: Size,
+        /// How many columns it has.
+        columns: Size,
+        /// How it is stored.
+        layout: Layout,
+    },
+}
+
+impl Shape {
+    /// The lengths of the stored array, the outer one first.
+    pub fn outer_first(self) -> Vec<Size> {
+        match self {
+            Shape::Vector(size) => vec![size],
+            Shape::Matrix {
+                rows,
+                columns,
+                layout: Layout::RowMajor,
+            } => vec![rows, columns],
+            Shape::Matrix {
+                rows,
+                columns,
+                layout: Layout::ColumnMajor,
+            } => vec![columns, rows],
+        }
+    }
+}
+
+/// What a mechanism must have for a function to exist.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    /// Every robot has the function.
+    Nothing,
+    /// Cuts or couplings.
+    Rows,
+    /// Dependent coordinates.
+    Dependent,
+    /// Cones that limit joints or cuts.
+    Cones,
+    /// Base parameters.
+    Base,
+}
+
+/// How an emitted function hands its result to the caller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Passing {
+    /// It returns the result.
+    Returned,
+    /// It writes the result through its last argument, because the result is large.
+    Written,
+}
+
+/// What the table states about an argument.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ArgumentRow {
+    /// Its name in emitted functions.
+    pub name: &'static str,
+    /// Its name in the runtime's `Arguments` and traits.
+    pub runtime_name: &'static str,
+    /// What its elements belong to.
+    pub size: Size,
+    /// What the names of its elements begin with in emitted functions.
+    pub prefix: &'static str,
+    /// What it holds, for documentation.
+    pub doc: &'static str,
+}
+
+/// What the table states about a function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Signature {
+    /// Its name in code.
+    pub name: &'static str,
+    /// What it computes, with the number of the equation.
+    pub formula: &'static str,
+    /// Its arguments in order.
+    pub arguments: &'static [Argument],
+    /// The name of its output in emitted functions.
+    pub output: &'static str,
+    /// The shape of its output.
+    pub shape: Shape,
+    /// What its output holds, for documentation.
+    pub output_doc: &'static str,
+    /// How an emitted function hands over the output.
+    pub passing: Passing,
+    /// Whether it reports the condition of a solve with A_e.
+    pub has_condition: bool,
+    /// What a mechanism must have for the function to exist.
+    pub needs: Needs,
+}
+
+macro_rules! arguments {
+    ($($case:ident { doc: $doc:literal, $($field:ident: $value:expr,)* })*) => {
+        /// An argument of a function.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum Argument {
+            $(#[doc = $doc] $case,)*
+        }
+
+        impl Argument {
+            /// All of them, in the order of the table.
+            pub const ALL: [Argument; [$(stringify!($case)),*].len()] = [$(Argument::$case),*];
+
+            /// What the table states about it.
+            pub fn row(self) -> &'static ArgumentRow {
+                match self {
+                    $(Argument::$case => &ArgumentRow { doc: $doc, $($field: $value,)* },)*
+                }
+            }
+        }
+    };
+}
+
+arguments! {
+    Q {
+        doc: "coordinates, rad or m, in the order of `COORDINATES`",
+        name: "q", runtime_name: "q", size: Size::Coordinates, prefix: "",
+    }
+    Qd {
+        doc: "velocities of all coordinates",
+        name: "qd", runtime_name: "qd", size: Size::Coordinates, prefix: "d_",
+    }
+    Qdd {
+        doc: "accelerations of all coordinates",
+        name: "qdd", runtime_name: "qdd", size: Size::Coordinates, prefix: "dd_",
+    }
+    QdI {
+        doc: "velocities of the independent coordinates, in the order of `INDEPENDENT`",
+        name: "qd_i", runtime_name: "qd_i", size: Size::Independent, prefix: "d_",
+    }
+    QddI {
+        doc: "accelerations of the independent coordinates",
+        name: "qdd_i", runtime_name: "qdd_i", size: Size::Independent, prefix: "dd_",
+    }
+    QdRI {
+        doc: "reference velocities of the independent coordinates",
+        name: "qd_r", runtime_name: "qd_r_i", size: Size::Independent, prefix: "r_",
+    }
+    QddRI {
+        doc: "reference accelerations of the independent coordinates",
+        name: "qdd_r", runtime_name: "qdd_r_i", size: Size::Independent, prefix: "dr_",
+    }
+    Phi {
+        doc: "dynamic parameters, SI, in the order of `PARAMETERS`",
+        name: "phi", runtime_name: "phi", size: Size::Parameters, prefix: "p_",
+    }
+    TauActuated {
+        doc: "efforts of the actuated coordinates, N m or N, in the order of `ACTUATED`",
+        name: "tau", runtime_name: "tau_actuated", size: Size::Actuated, prefix: "tau_",
+    }
+    Beta {
+        doc: "base parameters, SI, in the order of `BASE`",
+        name: "beta", runtime_name: "beta", size: Size::Base, prefix: "p_",
+    }
+    Free {
+        doc: "values of the eliminated parameters, in the order of `FREE`",
+        name: "free", runtime_name: "free", size: Size::Free, prefix: "p_",
+    }
+}

@@ -1,0 +1,210 @@
+//! The functions of a model as data: what each is called, takes and gives.
+
+use crate::{BaseInfo, Info, SizeError};
+
+mod arguments;
+mod table;
+
+pub use arguments::{Argument, Arguments};
+pub use table::{BaseFunction, Function};
+
+/// What the length of an argument or of an output counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// All coordinates: n.
+    Coordinates,
+    /// The independent coordinates: dof.
+    Independent,
+    /// The dependent coordinates: n_e.
+    Dependent,
+    /// The actuated coordinates.
+    Actuated,
+    /// The closure rows of cuts and couplings.
+    Rows,
+    /// The dynamic parameters: p.
+    Parameters,
+    /// The bodies.
+    Bodies,
+    /// The cones that limit joints and cuts.
+    Cones,
+    /// The base parameters: rank.
+    Base,
+    /// The eliminated parameters.
+    Free,
+    /// The twelve numbers of a pose: a rotation matrix and a position.
+    Pose,
+}
+
+/// The order in which a matrix is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// Row by row.
+    RowMajor,
+    /// Column by column.
+    ColumnMajor,
+}
+
+/// The shape of an output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// A vector.
+    Vector(Size),
+    /// A matrix.
+    Matrix {
+        /// How many rows it has.
+        rows: Size,
+        /// How many columns it has.
+        columns: Size,
+        /// How it is stored.
+        layout: Layout,
+    },
+}
+
+/// What a function is called, takes and gives.
+///
+/// ```
+/// use regen_runtime::function::{Argument, Shape, Size};
+/// use regen_runtime::Function;
+///
+/// let gravity = Function::Gravity.signature();
+/// assert_eq!(gravity.name, "gravity");
+/// assert_eq!(gravity.arguments, [Argument::Q, Argument::Phi]);
+/// assert_eq!(gravity.shape, Shape::Vector(Size::Independent));
+/// assert!(gravity.has_condition);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Signature {
+    /// The name of its method.
+    pub name: &'static str,
+    /// Its arguments, in the order of its method.
+    pub arguments: &'static [Argument],
+    /// The shape of its output.
+    pub shape: Shape,
+    /// Whether its method returns the [`Condition`](crate::Condition) of a solve with A_e.
+    pub has_condition: bool,
+}
+
+/// How many there are of what each [`Size`] counts, in one model.
+///
+/// ```
+/// use regen_runtime::function::{Size, Sizes};
+/// use regen_runtime::{Arguments, Function, Info};
+///
+/// let info = Info {
+///     coordinates: &["q1", "q2"],
+///     independent: &[0, 1],
+///     ..Info::EMPTY
+/// };
+/// let sizes = Sizes::of(&info);
+/// assert_eq!(sizes.length(Size::Independent), 2);
+/// // what velocities take and give fits a model of two coordinates
+/// let velocities = Function::Velocities.signature();
+/// let (q, qd_i) = (&[0.1, 0.2][..], &[1.0][..]);
+/// let arguments = Arguments { q, qd_i, ..Arguments::EMPTY };
+/// assert_eq!(sizes.output(velocities), 2);
+/// let error = sizes.check(velocities, &arguments, &[0.0; 2]).unwrap_err();
+/// assert_eq!(error.to_string(), "`qd_i` has 1 entries, the model needs 2");
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// All coordinates.
+    pub coordinates: usize,
+    /// The independent coordinates.
+    pub independent: usize,
+    /// The dependent coordinates.
+    pub dependent: usize,
+    /// The actuated coordinates.
+    pub actuated: usize,
+    /// The closure rows of cuts and couplings.
+    pub rows: usize,
+    /// The dynamic parameters.
+    pub parameters: usize,
+    /// The bodies.
+    pub bodies: usize,
+    /// The cones that limit joints and cuts.
+    pub cones: usize,
+    /// The base parameters.
+    pub base: usize,
+    /// The eliminated parameters.
+    pub free: usize,
+}
+
+impl Sizes {
+    /// The sizes of a model, without base parameters.
+    pub fn of(info: &Info<'_>) -> Self {
+        Self {
+            coordinates: info.coordinates.len(),
+            independent: info.independent.len(),
+            dependent: info.dependent.len(),
+            actuated: info.actuated.len(),
+            rows: info.rows,
+            parameters: info.parameters.len(),
+            bodies: info.bodies.len(),
+            cones: info.cones.len(),
+            base: 0,
+            free: 0,
+        }
+    }
+
+    /// The same with the sizes of a base.
+    #[must_use]
+    pub fn with_base(self, base: &BaseInfo<'_>) -> Self {
+        Self {
+            base: base.base.len(),
+            free: base.free.len(),
+            ..self
+        }
+    }
+
+    /// How many there are of what a size counts.
+    pub fn length(&self, size: Size) -> usize {
+        match size {
+            Size::Coordinates => self.coordinates,
+            Size::Independent => self.independent,
+            Size::Dependent => self.dependent,
+            Size::Actuated => self.actuated,
+            Size::Rows => self.rows,
+            Size::Parameters => self.parameters,
+            Size::Bodies => self.bodies,
+            Size::Cones => self.cones,
+            Size::Base => self.base,
+            Size::Free => self.free,
+            Size::Pose => 12,
+        }
+    }
+
+    /// The length of a function's output.
+    pub fn output(&self, signature: &Signature) -> usize {
+        match signature.shape {
+            Shape::Vector(size) => self.length(size),
+            Shape::Matrix { rows, columns, .. } => self.length(rows) * self.length(columns),
+        }
+    }
+
+    /// Whether arguments and output have the lengths that a function needs.
+    ///
+    /// # Errors
+    /// The first length that does not fit: of the arguments in order, then of the output.
+    pub fn check<T>(
+        &self,
+        signature: &Signature,
+        arguments: &Arguments<'_, T>,
+        out: &[T],
+    ) -> Result<(), SizeError> {
+        let inputs = signature.arguments.iter().map(|argument| {
+            let got = arguments.get(*argument).len();
+            (argument.name(), self.length(argument.size()), got)
+        });
+        let output = ("out", self.output(signature), out.len());
+        for (argument, expected, got) in inputs.chain([output]) {
+            if got != expected {
+                return Err(SizeError {
+                    argument,
+                    expected,
+                    got,
+                });
+            }
+        }
+        Ok(())
+    }
+}

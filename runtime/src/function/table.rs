@@ -1,0 +1,109 @@
+//! The functions of the traits, one row each.
+
+use super::{Argument, Layout, Shape, Signature, Size};
+
+const fn by_rows(rows: Size, columns: Size) -> Shape {
+    Shape::Matrix {
+        rows,
+        columns,
+        layout: Layout::RowMajor,
+    }
+}
+
+const fn by_columns(rows: Size, columns: Size) -> Shape {
+    Shape::Matrix {
+        rows,
+        columns,
+        layout: Layout::ColumnMajor,
+    }
+}
+
+macro_rules! functions {
+    (
+        $(#[$about:meta])*
+        $enum:ident of $trait:ident {
+            $($case:ident = $name:ident($($argument:ident),*) -> $shape:expr, $condition:expr;)*
+        }
+    ) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum $enum {
+            $(
+                #[doc = concat!("[`", stringify!($trait), "::", stringify!($name), "`](crate::",
+                    stringify!($trait), "::", stringify!($name), ").")]
+                $case,
+            )*
+        }
+
+        impl $enum {
+            /// All of them.
+            pub const ALL: [$enum; [$(stringify!($case)),*].len()] = [$($enum::$case),*];
+
+            /// What it is called, takes and gives.
+            pub fn signature(self) -> &'static Signature {
+                match self {
+                    $($enum::$case => {
+                        const SIGNATURE: Signature = Signature {
+                            name: stringify!($name),
+                            arguments: &[$(Argument::$argument),*],
+                            shape: $shape,
+                            has_condition: $condition,
+                        };
+                        &SIGNATURE
+                    })*
+                }
+            }
+        }
+    };
+}
+
+/// The method returns a condition.
+const CONDITION: bool = true;
+/// The method returns nothing.
+const NOTHING: bool = false;
+
+functions! {
+    /// A function of every [`Model`](crate::Model).
+    Function of Model {
+        Constraints = constraints(Q) -> Shape::Vector(Size::Rows), NOTHING;
+        Jacobian = jacobian(Q) -> by_rows(Size::Rows, Size::Coordinates), NOTHING;
+        Bias = bias(Q, Qd) -> Shape::Vector(Size::Rows), NOTHING;
+        NewtonStep = newton_step(Q) -> Shape::Vector(Size::Dependent), CONDITION;
+        DependentJacobian = dependent_jacobian(Q)
+            -> by_rows(Size::Dependent, Size::Dependent), NOTHING;
+        Velocities = velocities(Q, QdI) -> Shape::Vector(Size::Coordinates), CONDITION;
+        Accelerations = accelerations(Q, Qd, QddI)
+            -> Shape::Vector(Size::Coordinates), CONDITION;
+        Regressor = regressor(Q, Qd, Qdd)
+            -> by_columns(Size::Independent, Size::Parameters), CONDITION;
+        InverseDynamics = inverse_dynamics(Q, Qd, Qdd, Phi)
+            -> Shape::Vector(Size::Independent), CONDITION;
+        Gravity = gravity(Q, Phi) -> Shape::Vector(Size::Independent), CONDITION;
+        BiasForces = bias_forces(Q, Qd, Phi) -> Shape::Vector(Size::Independent), CONDITION;
+        MassMatrix = mass_matrix(Q, Phi)
+            -> by_rows(Size::Independent, Size::Independent), CONDITION;
+        SlotineLi = slotine_li(Q, Qd, QdRI, QddRI)
+            -> by_columns(Size::Independent, Size::Parameters), CONDITION;
+        Efforts = efforts(Q, TauActuated) -> Shape::Vector(Size::Independent), CONDITION;
+        Poses = poses(Q) -> by_rows(Size::Bodies, Size::Pose), NOTHING;
+        Cones = cones(Q) -> Shape::Vector(Size::Cones), NOTHING;
+    }
+}
+
+functions! {
+    /// A function of every [`BaseModel`](crate::BaseModel).
+    BaseFunction of BaseModel {
+        BaseRegressor = base_regressor(Q, Qd, Qdd)
+            -> by_columns(Size::Independent, Size::Base), CONDITION;
+        ToBase = to_base(Phi) -> Shape::Vector(Size::Base), NOTHING;
+        FromBase = parameters_from_base(Beta, Free)
+            -> Shape::Vector(Size::Parameters), NOTHING;
+        BaseInverseDynamics = base_inverse_dynamics(Q, Qd, Qdd, Beta)
+            -> Shape::Vector(Size::Independent), CONDITION;
+        BaseGravity = base_gravity(Q, Beta) -> Shape::Vector(Size::Independent), CONDITION;
+        BaseBiasForces = base_bias_forces(Q, Qd, Beta)
+            -> Shape::Vector(Size::Independent), CONDITION;
+        BaseMassMatrix = base_mass_matrix(Q, Beta)
+            -> by_rows(Size::Independent, Size::Independent), CONDITION;
+    }
+}

@@ -1,0 +1,141 @@
+//! The table of functions of the generator and that of the runtime are one, and robots keep to it.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use regen_codegen::signature::{self, FunctionKind, Needs};
+use regen_runtime::function::{self, Sizes};
+use regen_runtime::{BaseFunction, Function};
+use regen_tests::derived::Derived;
+use regen_tests::files;
+
+/// What both tables state about a function: case, name, names of arguments, shape, whether it
+/// reports a condition.
+type Row = (String, &'static str, Vec<&'static str>, String, bool);
+
+fn of_codegen(kind: FunctionKind) -> Row {
+    let signature = kind.signature();
+    let arguments = signature.arguments.iter();
+    (
+        format!("{kind:?}"),
+        signature.name,
+        arguments.map(|a| a.row().runtime_name).collect(),
+        format!("{:?}", signature.shape),
+        signature.has_condition,
+    )
+}
+
+fn of_runtime(case: String, signature: &function::Signature) -> Row {
+    let arguments = signature.arguments.iter();
+    (
+        case,
+        signature.name,
+        arguments.map(|a| a.name()).collect(),
+        format!("{:?}", signature.shape),
+        signature.has_condition,
+    )
+}
+
+#[test]
+fn the_generator_and_the_runtime_have_the_same_functions() {
+    let (base, full): (Vec<FunctionKind>, Vec<FunctionKind>) = FunctionKind::ALL
+        .into_iter()
+        .partition(|kind| kind.signature().needs == Needs::Base);
+    let theirs = Function::ALL.map(|f| of_runtime(format!("{f:?}"), f.signature()));
+    assert_eq!(
+        full.into_iter().map(of_codegen).collect::<Vec<_>>(),
+        theirs.to_vec()
+    );
+    let theirs = BaseFunction::ALL.map(|f| of_runtime(format!("{f:?}"), f.signature()));
+    assert_eq!(
+        base.into_iter().map(of_codegen).collect::<Vec<_>>(),
+        theirs.to_vec()
+    );
+}
+
+#[test]
+fn the_generator_and_the_runtime_have_the_same_arguments() {
+    let ours = signature::Argument::ALL.map(|a| {
+        let row = a.row();
+        (
+            format!("{a:?}"),
+            row.runtime_name,
+            format!("{:?}", row.size),
+        )
+    });
+    let theirs =
+        function::Argument::ALL.map(|a| (format!("{a:?}"), a.name(), format!("{:?}", a.size())));
+    assert_eq!(ours, theirs);
+}
+
+/// What is derived has the arguments and the output that the table states, and exists where the
+/// table says so.
+#[test]
+fn every_program_has_the_sizes_of_its_signature() {
+    let mut seen = 0;
+    for folder in [files::robots(), files::mechanisms()] {
+        for path in files::list(&folder, "yaml").unwrap() {
+            let robot = Derived::from_file(&path).unwrap().robot;
+            for kind in FunctionKind::ALL {
+                let signature = kind.signature();
+                let has = match signature.needs {
+                    Needs::Nothing => true,
+                    Needs::Rows => robot.rows > 0,
+                    Needs::Dependent => !robot.dependent.is_empty(),
+                    Needs::Cones => !robot.cones.is_empty(),
+                    Needs::Base => robot.length(signature::Size::Base) > 0,
+                };
+                let what = format!("{}: {}", robot.name, signature.name);
+                assert_eq!(robot.function(kind).is_some(), has, "{what}");
+                let Some(function) = robot.function(kind) else {
+                    continue;
+                };
+                let program = &function.program;
+                let given = program.arguments.iter();
+                let given: Vec<(&str, usize)> = given.map(|a| (&a.name[..], a.len)).collect();
+                let stated = signature.arguments.iter().map(|a| a.row());
+                let stated: Vec<(&str, usize)> = stated
+                    .map(|row| (row.name, robot.length(row.size)))
+                    .collect();
+                assert_eq!(given, stated, "{what}");
+                let lengths = signature.shape.outer_first().into_iter();
+                let shape: Vec<usize> = lengths.map(|size| robot.length(size)).collect();
+                assert_eq!(program.output.shape, shape, "{what}");
+                let entries: usize = shape.iter().product();
+                assert_eq!(program.outputs.len(), entries, "{what}");
+                // who reports a condition solves, and who solves reports
+                assert!(signature.has_condition || !program.solves(), "{what}");
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen > 500, "{seen}");
+}
+
+/// The runtime counts what the generator counts.
+#[test]
+fn both_sides_count_alike() {
+    let robot = Derived::from_file(&files::robots().join("3rps_friction.yaml"));
+    let robot = robot.unwrap().robot;
+    let model = regen_interpreted::Interpreted::new(&robot);
+    let info = model.info();
+    let base = Sizes {
+        base: model.rank(),
+        free: model.base_info().free.len(),
+        ..Sizes::of(&info)
+    };
+    let pairs = [
+        (signature::Size::Coordinates, function::Size::Coordinates),
+        (signature::Size::Independent, function::Size::Independent),
+        (signature::Size::Dependent, function::Size::Dependent),
+        (signature::Size::Actuated, function::Size::Actuated),
+        (signature::Size::Rows, function::Size::Rows),
+        (signature::Size::Parameters, function::Size::Parameters),
+        (signature::Size::Bodies, function::Size::Bodies),
+        (signature::Size::Cones, function::Size::Cones),
+        (signature::Size::Base, function::Size::Base),
+        (signature::Size::Free, function::Size::Free),
+        (signature::Size::Pose, function::Size::Pose),
+    ];
+    for (ours, theirs) in pairs {
+        assert_eq!(robot.length(ours), base.length(theirs), "{ours:?}");
+    }
+}
