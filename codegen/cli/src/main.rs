@@ -10,7 +10,6 @@ mod check;
 mod closed;
 mod delay;
 mod eval;
-mod evidence;
 mod excite;
 mod exit;
 mod export;
@@ -31,7 +30,6 @@ mod man;
 mod model;
 mod modules;
 mod new;
-mod numeric;
 mod observe;
 mod outputs;
 mod parameters;
@@ -53,8 +51,6 @@ mod terminal;
 mod trajectory;
 mod validate;
 mod verify;
-mod verify_base;
-mod verify_run;
 mod view;
 mod watch;
 mod workspace;
@@ -86,7 +82,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Info(args)) => info::run(&args),
         Some(Command::Base(args)) => base::run(&args),
         Some(Command::Check(args)) => check::run(&args),
-        Some(Command::Verify(args)) => verify_run::run(&args),
+        Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Eval(args)) => eval::run(&args),
         Some(Command::Import(args)) => import::run(&args),
         Some(Command::Export(args)) => export::run(&args),
