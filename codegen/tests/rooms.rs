@@ -46,7 +46,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("interpret", &["numeric", "optimize"]),
-    ("scene", &["diag", "model", "spec", "sym"]),
+    ("scene", &["model", "spec", "sym"]),
     ("emit", &["base", "optimize", "robot"]),
     (
         "checks",
@@ -85,6 +85,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "model",
             "optimize",
             "robot",
+            "scene",
             "spec",
             "sym",
         ],

@@ -60,6 +60,12 @@ impl fmt::Display for Failure {
     }
 }
 
+impl From<Report> for Failure {
+    fn from(report: Report) -> Self {
+        Self::Spec(vec![report])
+    }
+}
+
 impl From<SizeError> for Failure {
     fn from(error: SizeError) -> Self {
         Self::Input(error.to_string())

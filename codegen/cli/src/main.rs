@@ -6,6 +6,7 @@ mod base;
 mod base_factor;
 mod base_latex;
 mod base_table;
+mod base_words;
 mod check;
 mod closed;
 mod delay;

@@ -13,7 +13,7 @@ use regen_verify::{Check, NumericPath, Report, Vectors, VerifyError, What};
 use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
 use crate::workspace::{self, Workspace};
-use crate::{base, closed, load, modules, progress, terminal};
+use crate::{closed, load, modules, progress, terminal};
 
 pub(crate) use one::{CheckJson, check_json, identities};
 
@@ -37,14 +37,13 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
         ));
     };
     let robot = load::with_base(&load::source(file)?)?;
-    let analysis = base::analysis(&robot)?;
     let report = checked(&robot, same_source(&robot, file)?)?;
     let numeric = regen_verify::numeric_path(&robot, args.states)?;
     terminal::print(&match args.format {
         VerifyFormat::Markdown => {
             return Err(Failure::Usage("--format markdown needs --all".to_owned()));
         }
-        VerifyFormat::Human => one::human(&report, &numeric, analysis),
+        VerifyFormat::Human => one::human(&report, &numeric, robot.analysis.as_ref()),
         VerifyFormat::Json => one::json(&report, &numeric),
     })?;
     let failed: Vec<&str> = failed(&report, &numeric).collect();

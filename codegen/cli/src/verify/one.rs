@@ -4,10 +4,10 @@ use regen_codegen::base::Analysis;
 use regen_verify::{Check, NumericPath, Rank, Report};
 use serde::Serialize;
 
-use crate::{base, table};
+use crate::{base_words, table};
 
 /// The result of `regen verify` of one robot.
-pub(super) fn human(report: &Report, numeric: &NumericPath, analysis: &Analysis) -> String {
+pub(super) fn human(report: &Report, numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
     format!(
         "{}\n{}\n{}",
         table::paragraph(&report.robot),
@@ -38,7 +38,7 @@ fn identity_table(report: &Report) -> String {
     table::columns(&["identity", "largest", "bound", ""], &rows)
 }
 
-fn beside(numeric: &NumericPath, analysis: &Analysis) -> String {
+fn beside(numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |name: &str, columns: usize, rank: usize, kept: Option<(f64, f64)>| {
         let mut cells = vec![name.to_owned(), columns.to_string(), rank.to_string()];
@@ -56,7 +56,7 @@ fn beside(numeric: &NumericPath, analysis: &Analysis) -> String {
         .reduced
         .as_ref()
         .map_or(numeric.columns, |r| r.columns);
-    if let Ok(c) = &analysis.certificate {
+    if let Some(Ok(c)) = analysis.map(|a| &a.certificate) {
         let kept = Some((c.smallest_kept, c.largest_dropped));
         row("certificate", c.columns, c.rank, kept);
     }
@@ -104,7 +104,7 @@ fn beside(numeric: &NumericPath, analysis: &Analysis) -> String {
     }
     out.push('\n');
     out.push_str(&identity_table(&numeric.report));
-    if let Some(why) = base::doubt(analysis) {
+    if let Some(why) = analysis.and_then(base_words::doubt) {
         out.push('\n');
         out.push_str(&table::paragraph(&format!("INCOMPLETE: {why}.")));
     }
