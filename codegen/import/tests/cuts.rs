@@ -124,31 +124,31 @@ fn wrong_cuts_are_refused_with_the_place_in_the_word() {
     for (cut, complaint) in [
         (
             "pin",
-            "--cut:1:1: a cut has four parts between colons, not 1 (for instance",
+            "cuts:1:1: a cut has four parts between colons, not 1 (for instance",
         ),
         (
             "pin:hinge:coupler:rocker",
-            "--cut:1:5: unknown joint type 'hinge' (cuts are spherical",
+            "cuts:1:5: unknown joint type 'hinge' (cuts are spherical",
         ),
         (
             "p-n:revolute:coupler:rocker",
-            "--cut:1:1: 'p-n' cannot be a cut's name",
+            "cuts:1:1: 'p-n' cannot be a cut's name",
         ),
         (
             "pin:revolute:couple:rocker",
-            "--cut:1:14: no body is called 'couple' (the file's bodies are world, ground",
+            "cuts:1:14: no body is called 'couple' (the file's bodies are world, ground",
         ),
         (
             "pin:revolute:coupler@1,2:rocker",
-            "--cut:1:22: a frame has 3 or 6 numbers, not 2",
+            "cuts:1:22: a frame has 3 or 6 numbers, not 2",
         ),
         (
             "pin:revolute:coupler@1,x,3:rocker",
-            "--cut:1:24: 'x' is no number",
+            "cuts:1:24: 'x' is no number",
         ),
         (
             "pin:revolute:coupler@1,2,3@4:rocker",
-            "--cut:1:28: a second '@'",
+            "cuts:1:28: a second '@'",
         ),
     ] {
         assert_has(&refused_with(TREE, &with_cut(cut)), complaint);
