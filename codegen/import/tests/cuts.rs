@@ -156,16 +156,16 @@ fn wrong_cuts_are_refused_with_the_place_in_the_word() {
     let far = with_cut("pin:revolute:coupler@0.35,0,0:rocker@3,0,0");
     assert_has(&refused_with(TREE, &far), "the loops do not close");
     for (actuated, home, complaint) in [
-        ("q4", "q1=0", "--actuated:1:1: no joint is called 'q4'"),
+        ("q4", "q1=0", "actuated:1:1: no joint is called 'q4'"),
         (
             "q1",
             "q4=0",
-            "--home:1:1: 'q4=0' gives no coordinate a value",
+            "home:1:1: 'q4=0' gives no coordinate a value",
         ),
         (
             "q1",
             "q1=x",
-            "--home:1:1: 'q1=x' gives no coordinate a value",
+            "home:1:1: 'q1=x' gives no coordinate a value",
         ),
     ] {
         let options = Options {
