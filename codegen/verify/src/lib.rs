@@ -36,6 +36,7 @@ mod independent;
 mod numeric;
 mod numeric_path;
 mod states;
+mod svd;
 mod vector;
 
 pub use check::{Check, Report, Verdict, What};
@@ -44,3 +45,4 @@ pub use identities::identities;
 pub use independent::{INDEPENDENT, Vectors, independent};
 pub use numeric::Rank;
 pub use numeric_path::{NumericPath, Reduced, numeric_path};
+pub use svd::scaled_singular_values;

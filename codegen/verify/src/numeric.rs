@@ -3,6 +3,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::svd::svd;
+
 /// A gap of fewer orders of magnitude between kept and dropped leaves the rank in doubt.
 const LEAST_GAP: f64 = 1e4;
 /// By how much the widest gap must exceed the next.
@@ -98,7 +100,7 @@ impl Numeric {
         // columns; filled up with zeros it has all right singular vectors
         let mut triangle = scaled.clone().qr().r();
         triangle = triangle.resize_vertically(columns, 0.0);
-        let svd = triangle.clone().try_svd(true, true, f64::EPSILON, 10_000)?;
+        let svd = svd(triangle.clone(), true)?;
         let error = (svd.clone().recompose().ok()? - &triangle).norm();
         if error.is_nan() || error > 1e-10 * triangle.norm().max(f64::MIN_POSITIVE) {
             return None;
