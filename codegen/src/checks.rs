@@ -21,22 +21,17 @@ fn independent_span(spec: &Spec) -> Span {
     spec.independent.as_ref().map_or(spec.name.span, |i| i.span)
 }
 
-/// Base parameters are derived up to a certain size.
-pub(crate) fn within_reach(source: &Source, spec: &Spec, model: &Model) -> Result<(), Report> {
-    let mut sink = Sink::new();
-    if !base::is_within_reach(model) {
-        let message = format!(
-            "the robot has {} dynamic parameters; base parameters are derived up to {}",
-            model.parameters.len(),
-            base::MOST_PARAMETERS
-        );
-        sink.push(
-            Diagnostic::new(spec.name.span, message)
-                .path("name")
-                .hint("what does not need them works: `regen info`, `eval`, `simulate` and `view`"),
-        );
-    }
-    sink.finish(source)
+/// The error of a mechanism with more parameters than base parameters are derived for.
+pub(crate) fn out_of_reach(source: &Source, spec: &Spec, model: &Model) -> Report {
+    let message = format!(
+        "the robot has {} dynamic parameters; base parameters are derived up to {}",
+        model.parameters.len(),
+        base::MOST_PARAMETERS
+    );
+    let diagnostic = Diagnostic::new(spec.name.span, message)
+        .path("name")
+        .hint("kinematics and the dynamics over all parameters do not need them");
+    Report::new(source.clone(), vec![diagnostic])
 }
 
 /// Results of a graph that ran out of indices are wrong, and there is no robot.

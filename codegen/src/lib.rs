@@ -1,5 +1,5 @@
 //! Symbolic derivation of robot dynamics with closed loops, from a YAML spec to
-//! specialised Rust. `pipeline.rs` has the whole derivation on one page.
+//! specialised Rust. [`Mechanism`] is the way in; `pipeline.rs` has the whole derivation on one page.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel
@@ -24,3 +24,5 @@ pub mod scene;
 pub mod signature;
 pub mod spec;
 pub mod sym;
+
+pub use pipeline::Mechanism;

@@ -1,6 +1,11 @@
 //! The whole derivation on one page: from a spec's text to a robot's programs.
 
-use crate::base::{self, Analysis};
+use std::cell::OnceCell;
+use std::error::Error;
+use std::fmt;
+
+use crate::base::{self, Analysis, StoreProblem};
+use crate::checks;
 use crate::constraints::Closed;
 use crate::diag::{Report, Source};
 use crate::explain::{self, Explanation};
@@ -9,8 +14,204 @@ use crate::kinematics::{Frames, Geometry};
 use crate::model::{self, Model};
 use crate::optimize::lower;
 use crate::robot::{Function, FunctionKind, Robot};
+use crate::scene::Scene;
+use crate::signature::Needs;
 use crate::spec::{self, Spec};
 use crate::sym::Graph;
+
+/// A mechanism that is derived as far as is asked for. Each stage runs when something first needs
+/// it, and once.
+///
+/// ```
+/// use regen_codegen::Mechanism;
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::robot::FunctionKind;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+/// // its base parameters take no programs
+/// assert_eq!(mechanism.analysis()?.base.rank(), 3);
+/// let robot = mechanism.robot(&[FunctionKind::Regressor])?;
+/// assert_eq!(robot.functions.len(), 1);
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
+#[derive(Debug)]
+pub struct Mechanism {
+    source: Source,
+    spec: Spec,
+    model: Model,
+    loops: OnceCell<Result<Loops, Report>>,
+    analysis: OnceCell<Analysis>,
+}
+
+/// The stage at which the loops are closed: what every function is built from.
+#[derive(Debug)]
+struct Loops {
+    g: Graph,
+    symbols: Symbols,
+    frames: Frames,
+    closed: Closed,
+}
+
+impl Mechanism {
+    /// Reads a mechanism from the text of its spec.
+    ///
+    /// # Errors
+    /// A report with the place of every mistake of syntax, names and values.
+    pub fn open(source: &Source) -> Result<Self, Report> {
+        // spec: text -> validated spec
+        let spec = spec::parse(source)?;
+        // model: bodies, joints, spanning tree, cuts, parameter order
+        let model = model::build(&spec);
+        Ok(Self {
+            source: source.clone(),
+            spec,
+            model,
+            loops: OnceCell::new(),
+            analysis: OnceCell::new(),
+        })
+    }
+
+    /// Its links, coordinates, cuts and parameters.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// Where its frames, joints and cuts stand; its loops are not closed for it.
+    pub fn scene(&self) -> Scene {
+        Scene::new(&self.spec, &self.model)
+    }
+
+    /// The base parameters with their certificate.
+    ///
+    /// # Errors
+    /// A report where the mechanism has too many parameters (see [`base::is_within_reach`]), home
+    /// does not close or does not fit the mobility, or the spec leaves out a base parameter that
+    /// there is not.
+    pub fn analysis(&self) -> Result<&Analysis, Report> {
+        let analysis = self.analysed()?;
+        checks::dropped_are_kept(&self.source, &self.spec, &self.model, &analysis.base)?;
+        Ok(analysis)
+    }
+
+    /// Takes base parameters that [`base::store`] wrote instead of deriving them.
+    ///
+    /// # Errors
+    /// Where they are not those of this spec.
+    pub fn restore(&mut self, stored: &str) -> Result<(), StoreProblem> {
+        let analysis = base::restore(stored, &self.source, &self.spec, &self.model)?;
+        self.analysis = OnceCell::from(analysis);
+        Ok(())
+    }
+
+    /// The mechanism in words.
+    ///
+    /// # Errors
+    /// A report where the mechanism has too many parameters, or home does not close or does not
+    /// fit the mobility.
+    pub fn explanation(&self) -> Result<Explanation, Report> {
+        let analysis = self.analysed()?;
+        let closed = &self.loops()?.closed;
+        let redundant = closed
+            .closure
+            .as_ref()
+            .map_or(&[][..], |c| c.redundant_rows());
+        Ok(explain::explain(
+            &self.spec,
+            &self.model,
+            &closed.home,
+            redundant,
+            analysis,
+        ))
+    }
+
+    /// The robot with programs of these functions, as far as it has them. Its base parameters are
+    /// derived where one of the functions needs them; a mechanism with too many parameters has
+    /// neither them nor those functions.
+    ///
+    /// # Errors
+    /// As [`Mechanism::analysis`]; too many parameters are none.
+    pub fn robot(&self, kinds: &[FunctionKind]) -> Result<Robot, Report> {
+        let loops = self.loops()?;
+        let base = kinds
+            .iter()
+            .any(|kind| kind.signature().needs == Needs::Base);
+        let analysis = (base && base::is_within_reach(&self.model)).then(|| self.analysis());
+        let analysis = analysis.transpose()?;
+        // a graph of its own: programs do not depend on what else was asked for
+        let mut g = loops.g.clone();
+        let mut cx = Context {
+            g: &mut g,
+            model: &self.model,
+            frames: &loops.frames,
+            closed: &loops.closed,
+            symbols: loops.symbols.clone(),
+            base: analysis.map(|a| &a.base),
+        };
+        // dynamics: every function's expressions (Eq. 2-5, 11, 14-20), then its program
+        let mut functions = Vec::new();
+        for &kind in kinds {
+            if let Some(request) = request(&mut cx, kind) {
+                // optimize: order, related angles, multiply-add
+                let program = lower(cx.g, request);
+                functions.push(Function { kind, program });
+            }
+            checks::fits(&self.source, &self.spec, cx.g)?;
+        }
+        Ok(Robot {
+            functions,
+            analysis: analysis.cloned(),
+            ..named(&self.spec, &self.model, &loops.closed)
+        })
+    }
+
+    /// The base parameters, as far as they go without what the spec leaves out.
+    fn analysed(&self) -> Result<&Analysis, Report> {
+        if !base::is_within_reach(&self.model) {
+            return Err(checks::out_of_reach(&self.source, &self.spec, &self.model));
+        }
+        let home = &self.loops()?.closed.home;
+        // base: which combinations of the parameters count (Eq. 23), certified
+        let analyse = || base::analyse(&self.spec, &self.model, home);
+        Ok(self.analysis.get_or_init(analyse))
+    }
+
+    fn loops(&self) -> Result<&Loops, Report> {
+        let loops = self.loops.get_or_init(|| self.close());
+        loops.as_ref().map_err(Clone::clone)
+    }
+
+    fn close(&self) -> Result<Loops, Report> {
+        let Self {
+            source,
+            spec,
+            model,
+            ..
+        } = self;
+        // sym: coordinates are the graph's first symbols
+        let mut g = Graph::new();
+        let symbols = Symbols::new(&mut g, model);
+        // kinematics: frames of the links
+        let frames = Frames::new(&mut g, model, Geometry::Values);
+        // constraints: closed at home, loops solved in a fixed order (Eq. 6-10)
+        let closed = Closed::new(&mut g, &frames, model)
+            .map_err(|problem| checks::home_report(source, spec, model, &problem))?;
+        checks::aligned_at_home(source, spec, &mut g, &frames, model, &closed.home)?;
+        checks::fits(source, spec, &g)?;
+        Ok(Loops {
+            g,
+            symbols,
+            frames,
+            closed,
+        })
+    }
+}
 
 /// Where base parameters with their certificate, and the functions over them,
 /// come from.
@@ -27,13 +228,36 @@ pub enum BaseFrom<'a> {
 
 /// Why there is no robot.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub enum DeriveError {
     /// The spec has errors.
     Spec(Box<Report>),
     /// The stored base parameters cannot be used.
-    Store(base::StoreProblem),
+    Store(StoreProblem),
     /// The base parameters should be stored, and are not.
     NotStored,
+}
+
+impl fmt::Display for DeriveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Spec(report) => report.fmt(f),
+            Self::Store(problem) => write!(f, "the file of stored base parameters {problem}"),
+            Self::NotStored => f.write_str(
+                "the base parameters of this robot take long to derive, and none are stored",
+            ),
+        }
+    }
+}
+
+impl Error for DeriveError {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        match self {
+            Self::Spec(report) => Some(report.as_ref()),
+            Self::Store(problem) => Some(problem),
+            Self::NotStored => None,
+        }
+    }
 }
 
 impl From<Report> for DeriveError {
@@ -50,9 +274,7 @@ impl From<Report> for DeriveError {
 /// names and values, or of a home that does not close or does not fit the
 /// mobility.
 pub fn derive(source: &Source) -> Result<Robot, Report> {
-    assemble(source, |spec, model, home| {
-        Ok(base::is_within_reach(model).then(|| base::analyse(spec, model, home)))
-    })
+    Mechanism::open(source)?.robot(&FunctionKind::ALL)
 }
 
 /// Derives a robot from the text of its spec, with base parameters from where
@@ -61,108 +283,32 @@ pub fn derive(source: &Source) -> Result<Robot, Report> {
 /// # Errors
 /// As [`derive()`]; or why what was stored cannot be used.
 pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveError> {
-    assemble(source, |spec, model, home| match from {
-        _ if !base::is_within_reach(model) => Ok(None),
-        BaseFrom::Nowhere => Ok(None),
-        BaseFrom::Store(Some(text)) => base::restore(text, source, spec, model)
-            .map(Some)
-            .map_err(DeriveError::Store),
-        BaseFrom::Store(None) if base::is_heavy(model) => Err(DeriveError::NotStored),
-        BaseFrom::Store(None) | BaseFrom::Derivation => Ok(Some(base::analyse(spec, model, home))),
-    })
-}
-
-/// Whether base parameters of a spec would be derived, before the work is done.
-///
-/// # Errors
-/// A report of mistakes in the spec, or of what puts them out of reach.
-pub fn within_reach(source: &Source) -> Result<(), Report> {
-    let spec = spec::parse(source)?;
-    crate::checks::within_reach(source, &spec, &model::build(&spec))
-}
-
-/// Explains a robot in words, from the text of its spec and the analysis of its
-/// base parameters, if there is one already.
-///
-/// # Errors
-/// As [`derive()`]; or where base parameters are out of reach.
-pub fn explain(source: &Source, analysis: Option<&Analysis>) -> Result<Explanation, Report> {
-    let spec = spec::parse(source)?;
-    let model = model::build(&spec);
-    crate::checks::within_reach(source, &spec, &model)?;
-    let mut g = Graph::new();
-    let _ = Symbols::new(&mut g, &model);
-    let frames = Frames::new(&mut g, &model, Geometry::Values);
-    let closed = Closed::new(&mut g, &frames, &model)
-        .map_err(|problem| crate::checks::home_report(source, &spec, &model, &problem))?;
-    crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
-    crate::checks::fits(source, &spec, &g)?;
-    let analysis = analysis.cloned();
-    let analysis = analysis.unwrap_or_else(|| base::analyse(&spec, &model, &closed.home));
-    let redundant = closed
-        .closure
-        .as_ref()
-        .map_or(&[][..], |c| c.redundant_rows());
-    Ok(explain::explain(
-        &spec,
-        &model,
-        &closed.home,
-        redundant,
-        &analysis,
-    ))
-}
-
-/// The derivation, stage by stage.
-fn assemble<E: From<Report>>(
-    source: &Source,
-    base: impl FnOnce(&Spec, &Model, &[f64]) -> Result<Option<Analysis>, E>,
-) -> Result<Robot, E> {
-    // spec: text -> validated spec
-    let spec = spec::parse(source)?;
-    // model: bodies, joints, spanning tree, cuts, parameter order
-    let model = model::build(&spec);
-    // sym: coordinates are the graph's first symbols
-    let mut g = Graph::new();
-    let symbols = Symbols::new(&mut g, &model);
-    // kinematics: frames of the links
-    let frames = Frames::new(&mut g, &model, Geometry::Values);
-    // constraints: closed at home, loops solved in a fixed order (Eq. 6-10)
-    let closed = Closed::new(&mut g, &frames, &model)
-        .map_err(|problem| crate::checks::home_report(source, &spec, &model, &problem))?;
-    crate::checks::aligned_at_home(source, &spec, &mut g, &frames, &model, &closed.home)?;
-    crate::checks::fits(source, &spec, &g)?;
-    // base: which combinations of the parameters count (Eq. 23), certified
-    let analysis = base(&spec, &model, &closed.home)?;
-    if let Some(analysis) = &analysis {
-        crate::checks::dropped_are_kept(source, &spec, &model, &analysis.base)?;
-    }
-    let mut cx = Context {
-        g: &mut g,
-        model: &model,
-        frames: &frames,
-        closed: &closed,
-        symbols,
-        base: analysis.as_ref().map(|a| &a.base),
-    };
-    // dynamics: every function's expressions (Eq. 2-5, 11, 14-20), then its program
-    let mut functions = Vec::new();
-    for kind in FunctionKind::ALL {
-        if let Some(request) = request(&mut cx, kind) {
-            // optimize: order, related angles, multiply-add
-            let program = lower(cx.g, request);
-            functions.push(Function { kind, program });
+    let mut mechanism = Mechanism::open(source)?;
+    // what is wrong with the spec comes before what is wrong with what was stored
+    mechanism.loops()?;
+    let within_reach = base::is_within_reach(&mechanism.model);
+    match from {
+        BaseFrom::Nowhere => return Ok(mechanism.robot(&without_base())?),
+        BaseFrom::Store(Some(text)) if within_reach => {
+            mechanism.restore(text).map_err(DeriveError::Store)?;
         }
-        crate::checks::fits(source, &spec, cx.g)?;
+        BaseFrom::Store(None) if within_reach && base::is_heavy(&mechanism.model) => {
+            return Err(DeriveError::NotStored);
+        }
+        BaseFrom::Store(_) | BaseFrom::Derivation => {}
     }
-    Ok(Robot {
-        functions,
-        analysis,
-        ..named(&spec, &model, closed)
-    })
+    Ok(mechanism.robot(&FunctionKind::ALL)?)
+}
+
+/// The functions that do without base parameters.
+pub fn without_base() -> Vec<FunctionKind> {
+    let all = FunctionKind::ALL.into_iter();
+    all.filter(|kind| kind.signature().needs != Needs::Base)
+        .collect()
 }
 
 /// The robot with its names.
-fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
+fn named(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
     let cuts = model.cuts.iter().map(|cut| crate::robot::CutInfo {
         name: cut.name.clone(),
         rows: model::rows_of(cut.kind),
@@ -194,7 +340,7 @@ fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
             .as_ref()
             .map_or_else(|| (0..rows).collect(), |c| c.redundant_rows().to_vec()),
         gravity: model.gravity.each_ref().map(|g| g.value.to_f64()),
-        home: closed.home,
+        home: closed.home.clone(),
         functions: Vec::new(),
         analysis: None,
     }

@@ -3,9 +3,8 @@
 //! A scene is made of a spec alone, before its loops are closed, so that a mechanism whose
 //! description is wrong can be looked at too.
 
-use crate::diag::{Report, Source};
-use crate::model::{self, Link, Model, MotionKind, Side, Step, joints_of_coordinates};
-use crate::spec::{self, Axis, CutKind, JointKind};
+use crate::model::{Coordinate, Link, Model, MotionKind, Side, Step, joints_of_coordinates};
+use crate::spec::{Axis, CutKind, JointKind, Spec};
 
 /// A frame in the world: the rotation matrix row-major (the frame's axes are its columns), then
 /// the position of the origin, m.
@@ -16,7 +15,7 @@ const WORLD: Pose = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 /// A mechanism ready to be drawn at any coordinates, closed or not.
 ///
 /// ```
-/// use regen_codegen::{diag::Source, scene::Scene};
+/// use regen_codegen::{Mechanism, diag::Source};
 ///
 /// let text = "
 /// name: arm
@@ -27,7 +26,7 @@ const WORLD: Pose = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 ///       - {name: q1, type: revolute, axis: z, body: 1, actuated: true}
 ///       - {name: q2, type: prismatic, origin: {xyz: [2, 0, 0]}, axis: x, body: 2, actuated: true}
 /// ";
-/// let scene = Scene::new(&Source::new("arm.yaml", text)).unwrap();
+/// let scene = Mechanism::open(&Source::new("arm.yaml", text)).unwrap().scene();
 /// // A quarter turn, then 0.5 m: the second body's origin stands at (0, 2.5, 0).
 /// let frames = scene.frames(&[std::f64::consts::FRAC_PI_2, 0.5]);
 /// let [x, y, z] = [9, 10, 11].map(|k| frames[scene.bodies[1].link][k]);
@@ -96,13 +95,8 @@ pub struct Cut {
 }
 
 impl Scene {
-    /// The scene of a spec.
-    ///
-    /// # Errors
-    /// A report with every mistake of the spec's text; loops are not closed here.
-    pub fn new(source: &Source) -> Result<Self, Report> {
-        let spec = spec::parse(source)?;
-        let model = model::build(&spec);
+    /// The scene of a mechanism.
+    pub(crate) fn new(spec: &Spec, model: &Model) -> Self {
         let placements: Vec<Pose> = model.links.iter().map(|l| placed(&l.placement)).collect();
         let side = |side: &Side| (side.link, placed(&side.placement));
         let cuts = model.cuts.iter().map(|cut| Cut {
@@ -111,18 +105,18 @@ impl Scene {
             sides: cut.sides.each_ref().map(side),
         });
         let cuts: Vec<Cut> = cuts.collect();
-        Ok(Self {
+        Self {
             name: spec.name.value.clone(),
             description: spec.description.clone(),
-            bodies: bodies(&model, &placements, &cuts),
-            joints: joints(&spec, &model),
+            bodies: bodies(model, &placements, &cuts),
+            joints: joints(spec, model),
             cuts,
             coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(),
-            turns: turns(&model),
+            turns: turns(model),
             home: model.home.iter().map(crate::sym::Number::to_f64).collect(),
             placements,
-            links: model.links,
-        })
+            links: model.links.clone(),
+        }
     }
 
     /// The frames of all links in the world.
@@ -181,7 +175,7 @@ impl Scene {
 }
 
 fn turns(model: &Model) -> Vec<bool> {
-    let kind = |c: &model::Coordinate| model.links.get(c.link).and_then(|l| l.motion);
+    let kind = |c: &Coordinate| model.links.get(c.link).and_then(|l| l.motion);
     let coordinates = model.coordinates.iter();
     coordinates
         .map(|c| kind(c).is_some_and(|m| m.kind == MotionKind::Rotation))
@@ -189,7 +183,7 @@ fn turns(model: &Model) -> Vec<bool> {
 }
 
 /// The joints with their coordinates, in the order of the spec.
-fn joints(spec: &spec::Spec, model: &Model) -> Vec<Joint> {
+fn joints(spec: &Spec, model: &Model) -> Vec<Joint> {
     let mut joints: Vec<Joint> = Vec::new();
     let mut last = None;
     let behind = joints_of_coordinates(spec).into_iter();

@@ -3,9 +3,9 @@
 
 use std::path::PathBuf;
 
+use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
 use regen_codegen::explain::{Evidence, Explanation, Freedom};
-use regen_codegen::pipeline::explain;
 
 fn file(path: &str) -> String {
     let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -13,7 +13,9 @@ fn file(path: &str) -> String {
 }
 
 fn explained(text: &str) -> Explanation {
-    explain(&Source::new("test.yaml", text), None).unwrap_or_else(|e| panic!("{e}"))
+    Mechanism::open(&Source::new("test.yaml", text))
+        .and_then(|mechanism| mechanism.explanation())
+        .unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn freedom(explanation: &Explanation, body: &str) -> (Freedom, Evidence) {

@@ -47,7 +47,7 @@ const ROOMS: &[(&str, &[&str])] = &[
         ],
     ),
     ("interpret", &["numeric", "optimize"]),
-    ("scene", &["diag", "model", "spec", "sym"]),
+    ("scene", &["model", "spec", "sym"]),
     ("emit", &["base", "optimize", "robot", "signature"]),
     (
         "checks",
@@ -86,6 +86,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "model",
             "optimize",
             "robot",
+            "scene",
             "spec",
             "sym",
         ],

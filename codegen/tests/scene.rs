@@ -4,6 +4,7 @@
 use std::fs;
 use std::path::Path;
 
+use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
 use regen_codegen::interpret;
 use regen_codegen::pipeline::{BaseFrom, derive_with};
@@ -27,7 +28,7 @@ fn bodies_stand_where_the_derived_poses_put_them() {
         "palletiser",
     ] {
         let source = source(robot);
-        let scene = Scene::new(&source).unwrap();
+        let scene = Mechanism::open(&source).unwrap().scene();
         let derived = derive_with(&source, BaseFrom::Nowhere).unwrap();
         let poses = derived.function(FunctionKind::Poses).unwrap();
         // closed or not: any coordinates
@@ -52,7 +53,7 @@ fn bodies_stand_where_the_derived_poses_put_them() {
 #[test]
 fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
     let source = source("3rps");
-    let scene = Scene::new(&source).unwrap();
+    let scene = Mechanism::open(&source).unwrap().scene();
     let derived = derive_with(&source, BaseFrom::Nowhere).unwrap();
     let gap = |q: &[f64]| {
         let frames = scene.frames(q);
@@ -69,7 +70,7 @@ fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
 #[test]
 fn what_is_joined_to_a_body_is_among_its_points() {
     // the platform of the 3-RPS: its origin under the first leg, and the corners of its cuts
-    let scene = Scene::new(&source("3rps")).unwrap();
+    let scene = Mechanism::open(&source("3rps")).unwrap().scene();
     let platform = scene.bodies.iter().find(|b| b.label == "3").unwrap();
     let a = 0.4563;
     let corners = [[0.0; 3], [a, 0.0, 0.0], [a / 2.0, a * 0.75_f64.sqrt(), 0.0]];
@@ -87,7 +88,7 @@ fn what_is_joined_to_a_body_is_among_its_points() {
         .collect();
     assert_eq!(names[2], ("s1", 3));
     // the Stewart platform's six corners, and not its frame's origin between them
-    let scene = Scene::new(&source("stewart")).unwrap();
+    let scene = Mechanism::open(&source("stewart")).unwrap().scene();
     let most = scene.bodies.iter().map(|b| b.points.len()).max();
     assert_eq!(most, Some(6));
 }

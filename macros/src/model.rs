@@ -48,6 +48,7 @@ pub(crate) fn expand(input: &Input) -> syn::Result<TokenStream> {
                 DeriveError::NotStored => error(format!(
                     "the base parameters of this robot take long to derive in a macro; {command}"
                 )),
+                problem => error(format!("{problem}; {command}")),
             }
         })?;
 

@@ -1,26 +1,26 @@
 //! `regen base`: the base parameters, and what is certain about them.
 
+use regen_codegen::Mechanism;
 use regen_codegen::base::certificate::Certificate;
-use regen_codegen::base::{
-    Analysis, BaseParameter, Exactness, Layer, MOST_PARAMETERS, Term, store,
-};
-use regen_codegen::diag::Source;
+use regen_codegen::base::{Analysis, BaseParameter, Exactness, Term, store};
 use regen_codegen::explain::Merged;
-use regen_codegen::pipeline;
 use regen_codegen::robot::Robot;
 use serde::Serialize;
 
 use crate::args::{BaseArgs, TableFormat};
 use crate::base_factor::Style;
 use crate::base_table::Table;
+use crate::base_words::{completed, doubt, label, layer};
 use crate::exit::Failure;
-use crate::{load, table, terminal, write};
+use crate::{base_words, load, table, terminal, write};
 
 /// Runs the command.
 pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
-    let robot = load::with_base(&source)?;
-    let analysis = analysis(&robot)?;
+    let mechanism = load::mechanism(&source)?;
+    let analysis = load::analysis(&mechanism, &source)?;
+    // its names alone: no function is looked at
+    let robot = mechanism.robot(&[])?;
     if args.store {
         let beside = args.file.with_extension("base");
         write::atomically(&beside, &store(&source, analysis))?;
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
         (_, true) => Style::Expressions,
         _ => Style::Short,
     };
-    let reasons = reasons(&source, analysis);
+    let reasons = reasons(&mechanism, analysis)?;
     let table = Table::new(&robot, analysis, style, &reasons);
     terminal::print(&match args.format {
         TableFormat::Human => table.human(),
@@ -50,98 +50,23 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
 
 /// Why parameters act together, where a direction was completed: trees need no
 /// reason but themselves.
-fn reasons(source: &Source, analysis: &Analysis) -> Vec<Merged> {
+fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Merged>, Failure> {
     if analysis.base.completed == 0 {
-        return Vec::new();
+        return Ok(Vec::new());
     }
-    let explained = pipeline::explain(source, Some(analysis));
-    let mut all: Vec<Merged> = Vec::new();
-    if let Ok(explained) = explained {
-        let unseen = explained.unseen.into_iter();
-        let alone = unseen.filter(|u| !u.derived).flat_map(|u| {
-            let reason = u.reason;
-            u.parameters.into_iter().map(move |parameter| Merged {
-                parameter,
-                with: Vec::new(),
-                reason: reason.clone(),
-                derived: false,
-            })
-        });
-        all.extend(alone);
-        all.extend(explained.merged.into_iter().filter(|m| !m.derived));
-    }
-    all
-}
-
-/// How well a layer's factors are known, as a mark behind its name.
-pub(crate) fn mark(exactness: Exactness) -> &'static str {
-    match exactness {
-        Exactness::Everywhere => "",
-        Exactness::Here => "*",
-        Exactness::Digits => "**",
-    }
-}
-
-/// The analysis of a robot.
-pub(crate) fn analysis(robot: &Robot) -> Result<&Analysis, Failure> {
-    let analysis = robot.analysis.as_ref();
-    analysis.ok_or_else(|| {
-        Failure::Check(format!(
-            "{} has {} dynamic parameters; base parameters are derived up to {MOST_PARAMETERS}",
-            robot.name,
-            robot.parameters.len()
-        ))
-    })
-}
-
-/// Why a base is not known to be complete.
-pub(crate) fn doubt(analysis: &Analysis) -> Option<String> {
-    if analysis.complete {
-        return None;
-    }
-    Some(match &analysis.certificate {
-        Err(why) => format!("there is no certificate: {why}"),
-        Ok(c) if !c.is_certain() => {
-            format!(
-                "the certificate leaves the rank open, with {:.1e} the smallest number kept and \
-                 {:.1e} the largest dropped",
-                c.smallest_kept, c.largest_dropped
-            )
-        }
-        Ok(_) if analysis.base.refuted > 0 => format!(
-            "{} derived directions are not null at sampled states",
-            analysis.base.refuted
-        ),
-        Ok(c) => format!(
-            "the directions derived leave {} parameters, the certified rank is {}",
-            bound(analysis, c),
-            c.rank
-        ),
-    })
-}
-
-/// What the derived null directions leave of all columns: a bound of the rank from above.
-fn bound(analysis: &Analysis, certificate: &Certificate) -> usize {
-    let null = analysis.base.from_trees + completed(analysis);
-    certificate.columns.saturating_sub(null)
-}
-
-/// Dimension of the null space beyond what trees account for.
-pub(crate) fn completed(analysis: &Analysis) -> usize {
-    analysis.base.completed
-}
-
-/// How a layer is called.
-pub(crate) fn layer(layer: Layer) -> &'static str {
-    match layer {
-        Layer::Derived => "derived",
-        Layer::Completed => "completed",
-    }
-}
-
-/// The label of a column.
-pub(crate) fn label(robot: &Robot, column: usize) -> &str {
-    robot.parameters.get(column).map_or("?", String::as_str)
+    let explained = mechanism.explanation()?;
+    let unseen = explained.unseen.into_iter();
+    let alone = unseen.filter(|u| !u.derived).flat_map(|u| {
+        let reason = u.reason;
+        u.parameters.into_iter().map(move |parameter| Merged {
+            parameter,
+            with: Vec::new(),
+            reason: reason.clone(),
+            derived: false,
+        })
+    });
+    let together = explained.merged.into_iter().filter(|m| !m.derived);
+    Ok(alone.chain(together).collect())
 }
 
 /// The JSON of `regen base`.
@@ -313,6 +238,6 @@ pub(crate) fn lines(analysis: &Analysis) -> String {
         None => format!("{} base parameters", analysis.base.rank()),
         Some(why) => format!("INCOMPLETE: {why}"),
     };
-    let certificate = crate::base_table::certificate(analysis);
+    let certificate = base_words::certificate(analysis);
     table::field("base", &rank) + &table::field("certificate", &certificate)
 }

@@ -7,9 +7,9 @@ use regen_codegen::base::{Analysis, Exactness, Known, Layer, Term};
 use regen_codegen::explain::Merged;
 use regen_codegen::robot::Robot;
 
-use crate::base::{completed, doubt, label, layer, mark};
 use crate::base_factor::{Factor, Signed, Style};
 use crate::base_latex as latex;
+use crate::base_words::{certificate, completed, doubt, label, layer, mark};
 use crate::table::{self, WIDTH};
 
 /// The kinds of a body's parameters, in their order.
@@ -397,27 +397,6 @@ fn facts(robot: &Robot, analysis: &Analysis) -> Vec<(&'static str, String)> {
         ));
     }
     facts
-}
-
-/// The certificate in a line.
-pub(crate) fn certificate(analysis: &Analysis) -> String {
-    match &analysis.certificate {
-        Err(why) => format!("none: {why}"),
-        Ok(c) => format!(
-            "{} columns have rank {} at {} closed states in {} digits; smallest kept {:.1e}, \
-             largest dropped {}",
-            c.columns,
-            c.rank,
-            c.states,
-            c.digits,
-            c.smallest_kept,
-            if c.largest_dropped == 0.0 {
-                "0".to_owned()
-            } else {
-                format!("{:.1e}", c.largest_dropped)
-            }
-        ),
-    }
 }
 
 /// What `base.zero` and `base.equal` say, identical bodies in one word.

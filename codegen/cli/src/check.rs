@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 
 use regen_codegen::explain::{BodyMotion, Evidence, Explanation, Fact, Merged, words};
-use regen_codegen::pipeline;
 use serde::Serialize;
 
 use crate::args::{CheckArgs, Format};
@@ -14,10 +13,12 @@ use crate::{load, table, terminal};
 /// Runs the command.
 pub(crate) fn run(args: &CheckArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
+    let mechanism = load::mechanism(&source)?;
+    load::within_reach(&mechanism)?;
     let working = spinner(format!("looking at how {} moves", source.name));
-    let explanation = pipeline::explain(&source, None);
+    let explanation = mechanism.explanation();
     working.finish_and_clear();
-    let explanation = explanation.map_err(|report| Failure::Spec(vec![report]))?;
+    let explanation = explanation?;
     terminal::print(&match args.format {
         Format::Human => human(&explanation),
         Format::Json => table::json(&json(&explanation)),

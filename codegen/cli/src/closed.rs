@@ -23,7 +23,8 @@ pub(crate) fn close(
     })
 }
 
-fn reason(outcome: Outcome) -> String {
+/// Why a state is not closed.
+pub(crate) fn reason(outcome: Outcome) -> String {
     let percent = |at: f64| format!("{:.0} % of the way from home", 100.0 * at);
     match outcome {
         Outcome::Closed => "closed".to_owned(),

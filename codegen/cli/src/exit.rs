@@ -60,6 +60,21 @@ impl fmt::Display for Failure {
     }
 }
 
+impl std::error::Error for Failure {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Spec(reports) => reports.first().map(|report| report as _),
+            _ => None,
+        }
+    }
+}
+
+impl From<Report> for Failure {
+    fn from(report: Report) -> Self {
+        Self::Spec(vec![report])
+    }
+}
+
 impl From<SizeError> for Failure {
     fn from(error: SizeError) -> Self {
         Self::Input(error.to_string())

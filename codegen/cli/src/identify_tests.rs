@@ -20,8 +20,8 @@ use regen_identify::signals::{Fourier, Method};
 use regen_runtime::{BaseModel, Closure, Model, Motion};
 
 use crate::load;
-use crate::verify::Random;
 use regen_interpreted::{BaseTerms, Interpreted};
+use regen_reference::Random;
 
 /// The frequency of all trajectories, Hz.
 const FREQUENCY: f64 = 0.2;
@@ -123,7 +123,7 @@ fn exact_data_give_exact_parameters(name: &str, reach: f64) {
     let robot = robot(name);
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     let series = series(&model, reach, &mut random);
     let (phi, beta) = truth(&model, &mut random);
     let rows = made(&model, &series, &phi, 400, 0.0125);
@@ -206,7 +206,7 @@ fn a_log_of_actuators_gives_the_parameters(name: &str, reach: f64) {
     let robot = robot(name);
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
-    let mut random = Random(2);
+    let mut random = Random::new(2);
     let series = series(&model, reach, &mut random);
     let (phi, beta) = truth(&model, &mut random);
     let rows = made(&model, &series, &phi, 500, 0.01);
@@ -262,7 +262,7 @@ impl Bench {
     ) -> R {
         let terms = BaseTerms::new(&self.robot);
         let model = Interpreted::with_terms(&self.robot, &terms);
-        let mut random = Random(2);
+        let mut random = Random::new(2);
         let series = series(&model, 0.12, &mut random);
         let (phi, beta) = truth(&model, &mut random);
         let rows = made(&model, &series, &phi, samples, step);

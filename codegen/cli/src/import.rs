@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use regen_import::{Imported, Options};
+use regen_codegen::diag::Report;
+use regen_import::{Imported, LOOP_IN_TREE, OptionNames, Options};
 use serde::Serialize;
 
 use crate::args::{Base, Format, ImportArgs};
@@ -46,9 +47,18 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
         cuts: args.cuts.clone(),
         actuated: args.actuated.clone(),
         home: args.home.clone(),
+        names: OptionNames {
+            cuts: "--cut",
+            actuated: "--actuated",
+            home: "--home",
+        },
     };
-    let imported = regen_import::import(&source, &mut reader, &options).map_err(Failure::Spec)?;
-    for note in &imported.notes {
+    let mut imported = regen_import::import(&source, &mut reader, &options)
+        .map_err(|reports| Failure::Spec(advised(reports)))?;
+    for note in &mut imported.notes {
+        if note.changes_digits {
+            note.text.push_str("; --exact keeps the digits");
+        }
         terminal::note(&format!("note: {note}"));
     }
     if let Some(out) = &args.out {
@@ -69,6 +79,18 @@ pub(crate) fn run(args: &ImportArgs) -> Result<(), Failure> {
         (Format::Human, None) => terminal::print(&imported.spec),
         (Format::Human, Some(out)) => terminal::print(&format!("wrote {}\n", out.display())),
     }
+}
+
+/// The errors, with the option that helps where there is one.
+fn advised(mut reports: Vec<Report>) -> Vec<Report> {
+    for diagnostic in reports.iter_mut().flat_map(|r| &mut r.diagnostics) {
+        if diagnostic.kind == Some(LOOP_IN_TREE)
+            && let Some(hint) = &mut diagnostic.hint
+        {
+            hint.push_str(" (--cut)");
+        }
+    }
+    reports
 }
 
 fn json(imported: &Imported, written: Option<String>) -> String {

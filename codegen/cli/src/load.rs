@@ -4,9 +4,11 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use regen_codegen::Mechanism;
+use regen_codegen::base::{self, Analysis};
 use regen_codegen::diag::Source;
-use regen_codegen::pipeline::{self, BaseFrom, DeriveError};
-use regen_codegen::robot::Robot;
+use regen_codegen::pipeline;
+use regen_codegen::robot::{FunctionKind, Robot};
 use regen_codegen::spec;
 
 use crate::exit::Failure;
@@ -58,6 +60,38 @@ pub(crate) fn file(path: &Path) -> Result<Source, Failure> {
     })
 }
 
+/// What can be done with a robot whose base parameters are not derived.
+const WITHOUT_BASE: &str =
+    "what does not need them works: `regen info`, `eval`, `simulate` and `view`";
+
+/// Reads a mechanism.
+pub(crate) fn mechanism(source: &Source) -> Result<Mechanism, Failure> {
+    Ok(Mechanism::open(source)?)
+}
+
+/// Refuses a mechanism that has more parameters than base parameters are derived for.
+pub(crate) fn within_reach(mechanism: &Mechanism) -> Result<(), Failure> {
+    if base::is_within_reach(mechanism.model()) {
+        return Ok(());
+    }
+    let Err(mut report) = mechanism.analysis() else {
+        return Ok(());
+    };
+    for diagnostic in &mut report.diagnostics {
+        diagnostic.hint = Some(WITHOUT_BASE.to_owned());
+    }
+    Err(report.into())
+}
+
+/// The base parameters of a mechanism.
+pub(crate) fn analysis<'m>(
+    mechanism: &'m Mechanism,
+    source: &Source,
+) -> Result<&'m Analysis, Failure> {
+    within_reach(mechanism)?;
+    Ok(deriving(source, || mechanism.analysis())?)
+}
+
 /// Reads and derives one robot.
 pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
     derived(&source(path)?)
@@ -65,26 +99,26 @@ pub(crate) fn robot(path: &Path) -> Result<Robot, Failure> {
 
 /// Derives one robot.
 pub(crate) fn derived(source: &Source) -> Result<Robot, Failure> {
-    // the certificate of a large mechanism takes seconds, and grows with the cube of its parameters
-    let working = spinner(format!("deriving the base parameters of {}", source.name));
-    let robot = pipeline::derive(source);
-    working.finish_and_clear();
-    robot.map_err(|report| Failure::Spec(vec![report]))
+    Ok(deriving(source, || pipeline::derive(source))?)
 }
 
 /// Derives one robot whose base parameters are what is wanted.
 pub(crate) fn with_base(source: &Source) -> Result<Robot, Failure> {
-    pipeline::within_reach(source).map_err(|report| Failure::Spec(vec![report]))?;
-    derived(source)
+    let mechanism = mechanism(source)?;
+    within_reach(&mechanism)?;
+    Ok(deriving(source, || mechanism.robot(&FunctionKind::ALL))?)
 }
 
 /// Reads and derives one robot without its base parameters: quick for large ones too.
 pub(crate) fn without_base(path: &Path) -> Result<Robot, Failure> {
-    pipeline::derive_with(&source(path)?, BaseFrom::Nowhere).map_err(|error| match error {
-        DeriveError::Spec(report) => Failure::Spec(vec![*report]),
-        // nothing stored was asked for
-        DeriveError::Store(_) | DeriveError::NotStored => {
-            Failure::Input(format!("{}: stored base parameters", path.display()))
-        }
-    })
+    Ok(mechanism(&source(path)?)?.robot(&pipeline::without_base())?)
+}
+
+/// Shows that base parameters are being derived: the certificate of a large mechanism takes
+/// seconds, and grows with the cube of its parameters.
+fn deriving<T>(source: &Source, run: impl FnOnce() -> T) -> T {
+    let working = spinner(format!("deriving the base parameters of {}", source.name));
+    let result = run();
+    working.finish_and_clear();
+    result
 }

@@ -6,11 +6,11 @@ mod base;
 mod base_factor;
 mod base_latex;
 mod base_table;
+mod base_words;
 mod check;
 mod closed;
 mod delay;
 mod eval;
-mod evidence;
 mod excite;
 mod exit;
 mod export;
@@ -29,7 +29,6 @@ mod man;
 mod model;
 mod modules;
 mod new;
-mod numeric;
 mod observe;
 mod outputs;
 mod parameters;
@@ -48,8 +47,6 @@ mod terminal;
 mod trajectory;
 mod validate;
 mod verify;
-mod verify_base;
-mod verify_run;
 mod view;
 mod watch;
 mod workspace;
@@ -80,7 +77,7 @@ fn run(cli: Cli) -> Result<(), Failure> {
         Some(Command::Info(args)) => info::run(&args),
         Some(Command::Base(args)) => base::run(&args),
         Some(Command::Check(args)) => check::run(&args),
-        Some(Command::Verify(args)) => verify_run::run(&args),
+        Some(Command::Verify(args)) => verify::run(&args),
         Some(Command::Eval(args)) => eval::run(&args),
         Some(Command::Import(args)) => import::run(&args),
         Some(Command::Export(args)) => export::run(&args),

@@ -1,7 +1,6 @@
 //! `regen FILE`, the main job: derive, summarise, write the source, verify it.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::Serialize;
@@ -10,9 +9,8 @@ use crate::args::{Format, ModelArgs};
 use crate::exit::Failure;
 use crate::generate::{self, State};
 use crate::info;
-use crate::verify::{self, Check};
-use crate::workspace::Workspace;
-use crate::{base, load, modules, table, terminal};
+use crate::verify::{self, CheckJson};
+use crate::{base, load, modules, table, terminal, workspace};
 
 #[derive(Serialize)]
 struct Summary<'a> {
@@ -21,7 +19,7 @@ struct Summary<'a> {
     base: Option<base::Summary>,
     source: String,
     states: usize,
-    checks: &'a [Check],
+    checks: Vec<CheckJson>,
 }
 
 /// Runs the command.
@@ -38,7 +36,10 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
         start.elapsed().as_secs_f64()
     ));
 
-    let dir = args.out.clone().unwrap_or_else(|| default_dir(file));
+    let dir = args
+        .out
+        .clone()
+        .unwrap_or_else(|| workspace::generated_beside(file));
     let module = dir.join(format!("{}.rs", robot.name));
     let lines = text.lines().count();
     let entries = generate::compare(BTreeMap::from([(robot.name.clone(), text)]), &dir, false)?;
@@ -49,7 +50,7 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     }
     let changed = entries.iter().any(|entry| entry.state != State::Current);
 
-    let verified = verify::all(&robot, Some(same))?;
+    let verified = verify::checked(&robot, Some(same))?;
     terminal::print(&match args.format {
         Format::Human => format!(
             "{}{}\n{} {} ({lines} lines)\n\n{}",
@@ -60,33 +61,20 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
                 .map_or_else(String::new, base::lines),
             if changed { "wrote" } else { "up to date:" },
             module.display(),
-            verify::human(&verified)
+            verify::identities(&verified)
         ),
         Format::Json => table::json(&Summary {
             info: info::info(&robot),
             base: robot.analysis.as_ref().map(base::summary),
             source: module.display().to_string(),
             states: verified.states,
-            checks: &verified.checks,
+            checks: verify::check_json(&verified),
         }),
     })?;
     let failed: Vec<&str> = verified.failed().collect();
     if failed.is_empty() {
         Ok(())
     } else {
-        Err(Failure::Check(format!(
-            "{} is not verified: {}",
-            robot.name,
-            failed.join("; ")
-        )))
+        Err(verify::not_verified(&robot.name, &failed))
     }
-}
-
-/// The workspace's directory for generated source, or the current directory.
-pub(crate) fn default_dir(file: &Path) -> PathBuf {
-    let beside = match file.parent() {
-        Some(dir) if !dir.as_os_str().is_empty() => dir,
-        _ => Path::new("."),
-    };
-    Workspace::above(beside).map_or_else(|| PathBuf::from("."), |w| w.generated())
 }

@@ -1,7 +1,7 @@
 //! Identified parameters as a spec's bodies and as Rust constants.
 
+use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
-use regen_codegen::pipeline::{self, BaseFrom};
 use regen_codegen::spec;
 use regen_identify::IdentifiedModel;
 use regen_identify::feasibility::{Layout, bodies_yaml};
@@ -60,12 +60,10 @@ pub(crate) fn spec(
         name: source.name.clone(),
         text: text.clone(),
     };
-    let robot = pipeline::derive_with(&read, BaseFrom::Nowhere).map_err(|error| {
-        wrong(match error {
-            pipeline::DeriveError::Spec(report) => report.to_string(),
-            other => format!("{other:?}"),
-        })
-    })?;
+    // names and nominal values alone: no function is needed
+    let robot = Mechanism::open(&read)
+        .and_then(|mechanism| mechanism.robot(&[]))
+        .map_err(|report| wrong(report.to_string()))?;
     let largest = phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     // what one value of a joint cannot say of its coordinates was noted
     let several = |label: &str| notes.iter().any(|note| note.starts_with(label));

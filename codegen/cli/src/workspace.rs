@@ -86,3 +86,12 @@ fn shortened(path: &Path) -> PathBuf {
             },
         )
 }
+
+/// The workspace's directory for generated source, or the current directory.
+pub(crate) fn generated_beside(file: &Path) -> PathBuf {
+    let beside = match file.parent() {
+        Some(dir) if !dir.as_os_str().is_empty() => dir,
+        _ => Path::new("."),
+    };
+    Workspace::above(beside).map_or_else(|| PathBuf::from("."), |w| w.generated())
+}

@@ -124,6 +124,27 @@ fn wrong_files_and_words_exit_with_3_and_show_the_place() {
     )
     .ended(3);
     assert!(run.err.contains("--cut:1:5"), "{}", run.err);
+    // what the library says in the file's terms goes with the option that helps
+    let joint = |name: &str, parent: &str, child: &str| {
+        format!(
+            "<joint name=\"{name}\" type=\"fixed\"><parent link=\"{parent}\"/>\
+             <child link=\"{child}\"/></joint>\n"
+        )
+    };
+    let ring = format!(
+        "<robot name=\"r\">\n<link name=\"a\"/><link name=\"b\"/>\n{}{}</robot>",
+        joint("ab", "a", "b"),
+        joint("ba", "b", "a"),
+    );
+    fs::write(dir.join("ring.urdf"), ring).unwrap();
+    let run = regen(&dir, &["import", "ring.urdf"]).ended(3);
+    assert!(run.err.contains("with a cut (--cut)"), "{}", run.err);
+    let run = regen(&dir, &["import", &arm]).ended(0);
+    assert!(
+        run.err.contains("as pi/2; --exact keeps the digits"),
+        "{}",
+        run.err
+    );
     regen(&dir, &["import", "none.urdf"]).ended(5);
     regen(&dir, &["import", &arm, "--base", "swimming"]).ended(2);
 }

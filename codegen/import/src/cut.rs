@@ -21,9 +21,9 @@ const KINDS: [&str; 6] = [
 
 const EXAMPLE: &str = "for instance pin:revolute:coupler@0.35,0,0:rocker@0.3,0,0";
 
-/// Adds the loop that a text describes.
-pub(crate) fn add(text: &str, tree: &mut Tree, log: &mut Log) {
-    let file = log.add(Source::new("--cut", text));
+/// Adds the loop that a text describes; errors call the text by its name.
+pub(crate) fn add(name: &str, text: &str, tree: &mut Tree, log: &mut Log) {
+    let file = log.add(Source::new(name, text));
     let mut reading = Reading { file, tree, log };
     if let Some(closure) = reading.closure(text) {
         tree.closures.push(closure);

@@ -67,8 +67,8 @@ impl Fields<'_> {
         }
         if !changed.is_empty() {
             changed.dedup();
-            let note = format!("took {}; --exact keeps the digits", changed.join(", "));
-            self.log.note(attribute.place, note);
+            let note = format!("took {}", changed.join(", "));
+            self.log.note_digits(attribute.place, note);
         }
         Some(angles)
     }
@@ -85,8 +85,8 @@ impl Fields<'_> {
         let size = crate::pose::norm(position);
         let cleared = position.map(|x| if x.abs() < NOTHING * size { 0.0 } else { x });
         if cleared != position {
-            let note = format!("took {} as 0; --exact keeps it", lost(position, cleared));
-            self.log.note(attribute.place, note);
+            let note = format!("took {} as 0", lost(position, cleared));
+            self.log.note_digits(attribute.place, note);
         }
         Some(cleared)
     }

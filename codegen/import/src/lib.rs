@@ -50,7 +50,7 @@ mod write;
 mod xml;
 
 pub use export::{BodyParameters, Exported, JointParameters, Parameters, export};
-pub use log::Note;
+pub use log::{LOOP_IN_TREE, Note};
 pub use xml::Reader;
 
 use regen_codegen::diag::{Report, Source, Span};
@@ -78,6 +78,29 @@ pub struct Options {
     pub actuated: Vec<String>,
     /// Start of the loops' solution, `NAME=VALUE` with the file's names; 0 if missing.
     pub home: Vec<String>,
+    /// What errors in the texts above name as their source.
+    pub names: OptionNames,
+}
+
+/// How the texts of [`Options`] are called in errors.
+#[derive(Clone, Copy, Debug)]
+pub struct OptionNames {
+    /// [`Options::cuts`].
+    pub cuts: &'static str,
+    /// [`Options::actuated`].
+    pub actuated: &'static str,
+    /// [`Options::home`].
+    pub home: &'static str,
+}
+
+impl Default for OptionNames {
+    fn default() -> Self {
+        Self {
+            cuts: "cuts",
+            actuated: "actuated",
+            home: "home",
+        }
+    }
 }
 
 /// What the root of the tree stands on.
@@ -165,7 +188,7 @@ fn tree(
 /// The tree as the options want it.
 fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
     for text in &options.cuts {
-        cut::add(text, tree, log);
+        cut::add(options.names.cuts, text, tree, log);
     }
     let names: Vec<&str> = tree
         .links
@@ -177,7 +200,7 @@ fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
         if !names.contains(&name.as_str()) {
             let hint = format!("the file's joints are {}", names.join(", "));
             unknown(
-                "--actuated",
+                options.names.actuated,
                 name,
                 format!("no joint is called '{name}'"),
                 &hint,
@@ -212,7 +235,7 @@ fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
     }
 }
 
-/// An error in a word of the command line.
+/// An error in a text of the options.
 fn unknown(option: &str, word: &str, message: String, hint: &str, log: &mut Log) {
     let file = log.add(Source::new(option, word));
     log.error(Place::new(file, Span::new(0, word.len())), message, hint);
@@ -229,7 +252,7 @@ fn home(draft: &mut Draft, options: &Options, log: &mut Log) {
             let message = format!("'{text}' gives no coordinate a value");
             let names = draft.coordinates().join(", ");
             let hint = format!("write NAME=VALUE; coordinates are {names}");
-            unknown("--home", text, message, &hint, log);
+            unknown(options.names.home, text, message, &hint, log);
             continue;
         };
         draft.home.retain(|(other, _)| *other != name);

@@ -2,6 +2,10 @@
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
 
+/// The [`Diagnostic::kind`] of an error that a loop of joints causes: a file that describes trees
+/// cannot have it, and [`Options::cuts`](crate::Options::cuts) can close it.
+pub const LOOP_IN_TREE: &str = "loop in a tree";
+
 /// A place in one of the files read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Place {
@@ -26,6 +30,9 @@ pub struct Note {
     pub column: usize,
     /// What was done.
     pub text: String,
+    /// Whether digits of the file were changed, which [`Options::exact`](crate::Options::exact)
+    /// keeps.
+    pub changes_digits: bool,
 }
 
 impl std::fmt::Display for Note {
@@ -35,6 +42,7 @@ impl std::fmt::Display for Note {
             line,
             column,
             text,
+            ..
         } = self;
         write!(f, "{file}:{line}:{column}: {text}")
     }
@@ -45,7 +53,7 @@ impl std::fmt::Display for Note {
 pub(crate) struct Log {
     sources: Vec<Source>,
     errors: Vec<(usize, Diagnostic)>,
-    notes: Vec<(Place, String)>,
+    notes: Vec<(Place, String, bool)>,
 }
 
 impl Log {
@@ -61,8 +69,20 @@ impl Log {
         self.errors.push((place.file, diagnostic));
     }
 
+    /// An error of a loop of joints in a tree.
+    pub(crate) fn loop_error(&mut self, place: Place, message: &str, hint: &str) {
+        let diagnostic = Diagnostic::new(place.span, message).hint(hint);
+        let diagnostic = diagnostic.kind(LOOP_IN_TREE);
+        self.errors.push((place.file, diagnostic));
+    }
+
     pub(crate) fn note(&mut self, place: Place, text: impl Into<String>) {
-        self.notes.push((place, text.into()));
+        self.notes.push((place, text.into(), false));
+    }
+
+    /// A note on digits that were changed.
+    pub(crate) fn note_digits(&mut self, place: Place, text: impl Into<String>) {
+        self.notes.push((place, text.into(), true));
     }
 
     pub(crate) fn forget_notes(&mut self) {
@@ -89,12 +109,12 @@ impl Log {
 
     /// The notes, in the order of the files.
     pub(crate) fn notes(&self) -> Vec<Note> {
-        let mut notes: Vec<&(Place, String)> = self.notes.iter().collect();
-        notes.sort_by_key(|(place, _)| (place.file, place.span.start));
+        let mut notes: Vec<&(Place, String, bool)> = self.notes.iter().collect();
+        notes.sort_by_key(|(place, ..)| (place.file, place.span.start));
         notes.dedup();
         notes
             .into_iter()
-            .filter_map(|(place, text)| {
+            .filter_map(|(place, text, changes_digits)| {
                 let source = self.sources.get(place.file)?;
                 let at = source.position(place.span);
                 Some(Note {
@@ -102,6 +122,7 @@ impl Log {
                     line: at.line,
                     column: at.column,
                     text: text.clone(),
+                    changes_digits: *changes_digits,
                 })
             })
             .collect()

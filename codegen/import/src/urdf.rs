@@ -37,10 +37,10 @@ pub(crate) fn read(root: &Element, fields: &mut Fields<'_>) -> Option<Tree> {
         };
         match above.get_mut(child) {
             Some(slot) if slot.is_none() => *slot = Some((joint, parent)),
-            _ => fields.log.error(
+            _ => fields.log.loop_error(
                 at,
                 "this link is the child of another joint already",
-                "a URDF file is a tree: take one joint out, and close the loop with --cut",
+                "a URDF file is a tree: take one joint out, and close the loop with a cut",
             ),
         }
     }
@@ -140,10 +140,10 @@ fn ordered(
                 "a second link that no joint carries",
                 "a robot has one root: connect this link by a joint, or take it out",
             ),
-            None => fields.log.error(
+            None => fields.log.loop_error(
                 root.place,
                 "no link is the root: the joints go round in a circle, or there is no link",
-                "take one joint out, and close the loop with --cut",
+                "take one joint out, and close the loop with a cut",
             ),
         }
         return None;
@@ -166,10 +166,10 @@ fn ordered(
     }
     let lost = (0..links.len()).find(|l| !order.contains(l));
     if let Some(link) = lost.and_then(|l| links.get(l)) {
-        fields.log.error(
+        fields.log.loop_error(
             link.place,
             "this link is part of a circle of joints that does not reach the root",
-            "take one joint out, and close the loop with --cut",
+            "take one joint out, and close the loop with a cut",
         );
     }
     None

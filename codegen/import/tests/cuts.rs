@@ -124,31 +124,31 @@ fn wrong_cuts_are_refused_with_the_place_in_the_word() {
     for (cut, complaint) in [
         (
             "pin",
-            "--cut:1:1: a cut has four parts between colons, not 1 (for instance",
+            "cuts:1:1: a cut has four parts between colons, not 1 (for instance",
         ),
         (
             "pin:hinge:coupler:rocker",
-            "--cut:1:5: unknown joint type 'hinge' (cuts are spherical",
+            "cuts:1:5: unknown joint type 'hinge' (cuts are spherical",
         ),
         (
             "p-n:revolute:coupler:rocker",
-            "--cut:1:1: 'p-n' cannot be a cut's name",
+            "cuts:1:1: 'p-n' cannot be a cut's name",
         ),
         (
             "pin:revolute:couple:rocker",
-            "--cut:1:14: no body is called 'couple' (the file's bodies are world, ground",
+            "cuts:1:14: no body is called 'couple' (the file's bodies are world, ground",
         ),
         (
             "pin:revolute:coupler@1,2:rocker",
-            "--cut:1:22: a frame has 3 or 6 numbers, not 2",
+            "cuts:1:22: a frame has 3 or 6 numbers, not 2",
         ),
         (
             "pin:revolute:coupler@1,x,3:rocker",
-            "--cut:1:24: 'x' is no number",
+            "cuts:1:24: 'x' is no number",
         ),
         (
             "pin:revolute:coupler@1,2,3@4:rocker",
-            "--cut:1:28: a second '@'",
+            "cuts:1:28: a second '@'",
         ),
     ] {
         assert_has(&refused_with(TREE, &with_cut(cut)), complaint);
@@ -156,17 +156,9 @@ fn wrong_cuts_are_refused_with_the_place_in_the_word() {
     let far = with_cut("pin:revolute:coupler@0.35,0,0:rocker@3,0,0");
     assert_has(&refused_with(TREE, &far), "the loops do not close");
     for (actuated, home, complaint) in [
-        ("q4", "q1=0", "--actuated:1:1: no joint is called 'q4'"),
-        (
-            "q1",
-            "q4=0",
-            "--home:1:1: 'q4=0' gives no coordinate a value",
-        ),
-        (
-            "q1",
-            "q1=x",
-            "--home:1:1: 'q1=x' gives no coordinate a value",
-        ),
+        ("q4", "q1=0", "actuated:1:1: no joint is called 'q4'"),
+        ("q1", "q4=0", "home:1:1: 'q4=0' gives no coordinate a value"),
+        ("q1", "q1=x", "home:1:1: 'q1=x' gives no coordinate a value"),
     ] {
         let options = Options {
             actuated: words(&[actuated]),

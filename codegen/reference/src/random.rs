@@ -27,6 +27,11 @@ impl Random {
         low + (high - low) * unit
     }
 
+    /// Uniform in [-1, 1).
+    pub fn signed(&mut self) -> f64 {
+        self.uniform(-1.0, 1.0)
+    }
+
     /// As many numbers, uniform in [-size, size].
     pub fn vector(&mut self, n: usize, size: f64) -> Vec<f64> {
         (0..n).map(|_| self.uniform(-size, size)).collect()

@@ -1,6 +1,6 @@
 //! Base parameters kept beside the spec. Where deriving them would take long in
-//! an unoptimised build, as macros are, `regen base FILE --store` writes them
-//! once, with a digest of the spec that they belong to.
+//! an unoptimised build, as macros are, they are written once, with a digest of
+//! the spec that they belong to.
 //!
 //! The format is one line per thing, the first word says what:
 //!
@@ -38,6 +38,7 @@ const END: &str = "end";
 
 /// Why stored base parameters cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum StoreProblem {
     /// They belong to another version of the spec.
     OutOfDate,

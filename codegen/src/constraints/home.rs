@@ -1,5 +1,7 @@
 //! Closing the mechanism at home, numerically, and its mobility there.
 
+use std::fmt;
+
 use crate::model::Model;
 use crate::numeric::{rank_and_columns, solve_pivoted};
 use crate::sym::Graph;
@@ -20,6 +22,7 @@ const MAX_STEPS: usize = 100;
 
 /// Why there is no usable home.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum HomeProblem {
     /// The loops cannot be closed from the given start.
     NotClosed {
@@ -39,6 +42,27 @@ pub enum HomeProblem {
         choice: Vec<usize>,
     },
 }
+
+impl fmt::Display for HomeProblem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotClosed { residual } => write!(
+                f,
+                "the loops do not close at home (residual {residual:.2e}, in m and rad)"
+            ),
+            Self::Mobility { mobility, .. } => write!(
+                f,
+                "the mechanism has {mobility} degrees of freedom at home, and another number of \
+                 independent coordinates"
+            ),
+            Self::NotIndependent { .. } => f.write_str(
+                "the dependent coordinates do not follow from the independent ones at home",
+            ),
+        }
+    }
+}
+
+impl std::error::Error for HomeProblem {}
 
 /// Evaluates f and A of a mechanism over all coordinates.
 #[derive(Debug)]

@@ -17,6 +17,8 @@ pub struct Diagnostic {
     pub secondary: Vec<(Span, String)>,
     /// What to write instead, or why the rule is there.
     pub hint: Option<String>,
+    /// A word for the kind of error, by which callers find those that they add advice to.
+    pub kind: Option<&'static str>,
 }
 
 impl Diagnostic {
@@ -29,6 +31,7 @@ impl Diagnostic {
             label: None,
             secondary: Vec::new(),
             hint: None,
+            kind: None,
         }
     }
 
@@ -57,6 +60,13 @@ impl Diagnostic {
     #[must_use]
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
+        self
+    }
+
+    /// Names the kind of error.
+    #[must_use]
+    pub fn kind(mut self, kind: &'static str) -> Self {
+        self.kind = Some(kind);
         self
     }
 

@@ -20,7 +20,7 @@ pub struct Report {
     pub diagnostics: Vec<Diagnostic>,
 }
 
-/// One error with its place as line and column, as `--format json` shows it.
+/// One error with its place as line and column, for output that is read by programs.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
     name: &'a str,

@@ -102,7 +102,7 @@ pub struct System {
 }
 
 /// The arena of expressions.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Graph {
     pub(super) nodes: Vec<Node>,
     pub(super) lookup: FxHashMap<Node, Ex>,

@@ -14,9 +14,9 @@ use serde_json::Value;
 use super::{Bench, FREQUENCY, HARMONICS, Made, csv, made, normal, scratch, series, truth};
 use crate::args::{Cli, Command};
 use crate::exit::Failure;
-use crate::verify::Random;
 use crate::{export, identify, load, observe, parameters, validate};
 use regen_interpreted::{BaseTerms, Interpreted};
+use regen_reference::Random;
 
 /// Runs a command line; spaces divide its words.
 fn regen(line: &str) -> Result<(), Failure> {
@@ -58,7 +58,7 @@ fn physical(file: &Value) -> (Vec<String>, Vec<f64>) {
 /// Logs of the five-bar with noise, which least squares finds no robot for.
 fn noisy(name: &str, seed: u64, sigma: f64) -> PathBuf {
     Bench::new().with(500, 0.01, |model, mut rows, _| {
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         for tau in rows.iter_mut().flat_map(|row| &mut row.tau) {
             *tau += sigma * normal(&mut random);
         }
@@ -237,8 +237,8 @@ fn nonlinear_friction_is_found_from_a_log_and_predicts_another() {
     });
     let places = ["q1", "q3"].map(|name| model.info().index_of(name).unwrap());
     let log = |seed: u64, name: &str| {
-        let series = series(&model, 0.12, &mut Random(seed));
-        let (phi, _) = truth(&model, &mut Random(9));
+        let series = series(&model, 0.12, &mut Random::new(seed));
+        let (phi, _) = truth(&model, &mut Random::new(9));
         let mut rows = made(&model, &series, &phi, 250, 0.02);
         with_friction(&mut rows, places, &laws);
         scratch(name, &csv(&model, &rows))
@@ -282,7 +282,7 @@ fn nonlinear_friction_is_found_from_a_log_and_predicts_another() {
 fn cross_validation_keeps_outliers_off_as_the_estimate_does() {
     let log = |name: &str, seed: u64, bad: bool| {
         Bench::new().with(500, 0.01, |model, mut rows, _| {
-            let mut random = Random(seed);
+            let mut random = Random::new(seed);
             for (k, row) in rows.iter_mut().enumerate() {
                 for tau in &mut row.tau {
                     *tau += 0.01 * normal(&mut random);

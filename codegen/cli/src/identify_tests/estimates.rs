@@ -11,7 +11,7 @@ use regen_identify::identify::{
 use regen_identify::signals::{Derivatives, Method, differences};
 
 use super::{Bench, FREQUENCY, HARMONICS, csv, normal, run, scratch, with, worst};
-use crate::verify::Random;
+use regen_reference::Random;
 
 /// The chapter's comparison of ways to derivatives (section 5.1), and of the integral method
 /// (section 2), on one log.
@@ -63,7 +63,7 @@ fn all_methods_and_both_kinds_of_equations_agree_on_one_log() {
 #[test]
 fn noise_is_found_and_errors_stay_within_their_own_sigma() {
     Bench::new().with(800, 0.00625, |model, rows, beta| {
-        let mut random = Random(7);
+        let mut random = Random::new(7);
         let runs = 40;
         let n = beta.len();
         let mut mean = vec![0.0; n];
@@ -103,7 +103,7 @@ fn noise_is_found_and_errors_stay_within_their_own_sigma() {
 #[test]
 fn hubers_weights_hold_outliers_off() {
     Bench::new().with(800, 0.00625, |model, rows, beta| {
-        let mut random = Random(8);
+        let mut random = Random::new(8);
         let mut source = Recorded::new();
         for row in &rows {
             // a tenth of the samples is off, all to one side

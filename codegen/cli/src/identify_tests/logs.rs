@@ -8,7 +8,7 @@ use regen_identify::identify::{Identified, Kind, Options, identify};
 use regen_identify::signals::Method;
 
 use super::{Bench, FREQUENCY, HARMONICS, csv, normal, run, scratch, with, worst};
-use crate::verify::Random;
+use regen_reference::Random;
 
 #[test]
 fn faults_are_told_with_their_rows_or_left_out() {
@@ -157,7 +157,7 @@ fn columns_have_the_names_and_units_that_the_user_gives_them() {
 #[test]
 fn runs_of_a_periodic_trajectory_are_averaged_with_their_spread_as_weights() {
     Bench::new().with(2500, 0.01, |model, mut rows, beta| {
-        let mut random = Random(9);
+        let mut random = Random::new(9);
         for (k, row) in rows.iter_mut().enumerate() {
             // half of the period is ten times as noisy
             let sigma = if k % 500 < 250 { 0.5 } else { 0.05 };

@@ -17,10 +17,10 @@ use super::{
 };
 use crate::args::{Cli, Command, IdentifyArgs};
 use crate::identify::{Outcome, solve};
-use crate::verify::Random;
 use crate::{identify_table, load, observe, outputs, parameters, table};
 use regen_identify::model::IdentifiedModel;
 use regen_interpreted::{BaseTerms, Interpreted};
+use regen_reference::Random;
 
 /// What base and physical predictions may differ by, of the largest effort.
 const SAME: f64 = 1e-9;
@@ -47,7 +47,7 @@ impl Tried {
         let (rows, log) = {
             let terms = BaseTerms::new(&robot);
             let model = Interpreted::with_terms(&robot, &terms);
-            let mut random = Random(7);
+            let mut random = Random::new(7);
             let series = series(&model, 0.06, &mut random);
             let (phi, _) = truth(&model, &mut random);
             let mut rows = made(&model, &series, &phi, samples, 5.0 / samples as f64);
@@ -418,7 +418,7 @@ fn the_balance_of_energy_knows_the_choices_about_the_base() {
         let robot = load::with_base(&Source::new(read.name.clone(), text)).unwrap();
         let terms = BaseTerms::new(&robot);
         let model = Interpreted::with_terms(&robot, &terms);
-        let mut random = Random(11);
+        let mut random = Random::new(11);
         let series = series(&model, 0.12, &mut random);
         let (phi, beta) = truth(&model, &mut random);
         let rows = made(&model, &series, &phi, 2000, 0.0025);

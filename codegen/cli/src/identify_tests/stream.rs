@@ -136,7 +136,7 @@ fn an_effort_that_is_logged_late_is_found_and_corrected() {
     with_arm(|model| {
         let (step, late) = (0.004, 0.0137);
         let mut text = "t,q1,tau_q1\n".to_owned();
-        let mut noise = crate::verify::Random(3);
+        let mut noise = regen_reference::Random::new(3);
         for k in 0..4000 {
             let t = f64::from(k) * step;
             let tau = effort(swing(t - late)) + 0.02 * noise.signed();

@@ -13,6 +13,7 @@ use crate::exit::Failure;
 use crate::observe;
 use regen_identify::model::IdentifiedModel;
 use regen_interpreted::Interpreted;
+use regen_verify::scaled_singular_values;
 
 /// States of the regressor at most whose singular values are shown.
 const STATES: usize = 300;
@@ -152,61 +153,13 @@ pub(super) fn spectra(model: &Interpreted<'_>, seen: &Seen) -> Result<Spectra, F
         }
     }
     Ok(Spectra {
-        all: singular(all),
-        base: singular(base),
+        all: scaled_singular_values(all),
+        base: scaled_singular_values(base),
     })
-}
-
-/// Singular values with columns scaled, as a part of the largest; none where a state was
-/// singular.
-fn singular(mut w: DMatrix<f64>) -> Vec<f64> {
-    if w.is_empty() || w.iter().any(|x| !x.is_finite()) {
-        return Vec::new();
-    }
-    let norms: Vec<f64> = w.column_iter().map(|c| c.norm()).collect();
-    let longest = norms.iter().copied().fold(0.0, f64::max);
-    for (mut column, norm) in w.column_iter_mut().zip(norms) {
-        // shorter columns are rounding
-        if norm > 1e-12 * longest {
-            column /= norm;
-        } else {
-            column.fill(0.0);
-        }
-    }
-    let triangle = w.qr().r();
-    let Some(svd) = triangle.try_svd(false, false, f64::EPSILON, 10_000) else {
-        return Vec::new();
-    };
-    let mut values: Vec<f64> = svd.singular_values.iter().copied().collect();
-    values.sort_by(|a, b| b.total_cmp(a));
-    let largest = values.first().copied().unwrap_or(1.0);
-    values.iter().map(|v| v / largest).collect()
 }
 
 /// A file's name without its folders, which differ from machine to machine.
 pub(super) fn name(path: &Path) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str());
     name.to_string_lossy().into_owned()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn singular_values_do_not_know_the_columns_units() {
-        // the third column is the sum of the others, in other units
-        let a = |r: usize| (r as f64).sin();
-        let b = |r: usize| 1e4 * (0.7 * r as f64).cos();
-        let w = DMatrix::from_fn(12, 4, |r, c| match c {
-            0 => a(r),
-            1 => b(r),
-            2 => 1e3 * (a(r) + b(r) / 1e4),
-            _ => 0.0,
-        });
-        let values = singular(w);
-        assert_eq!(values.len(), 4);
-        assert!((values[0] - 1.0).abs() < 1e-15);
-        assert!(values[1] > 0.1 && values[2] < 1e-14 && values[3] < 1e-14);
-    }
 }

@@ -13,8 +13,8 @@ use regen_runtime::{Closure, Model};
 
 use super::{Columns, Suspicion, one};
 use crate::load;
-use crate::verify::Random;
 use regen_interpreted::{BaseTerms, Interpreted};
+use regen_reference::Random;
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -299,7 +299,7 @@ fn an_offset_that_two_directions_of_friction_take_up_is_named() {
 /// nominal ones.
 fn legs(model: &Interpreted<'_>, series: &Fourier) -> Log {
     let info = model.info();
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let nominal = info.nominal_parameters().unwrap();
     let phi: Vec<f64> = nominal
         .iter()
@@ -342,7 +342,7 @@ fn mistakes_in_the_log_of_a_3rps_are_named() {
     let model = Interpreted::with_terms(&robot, &terms);
     let frequency = 0.2;
     let info = model.info();
-    let mut random = Random(5);
+    let mut random = Random::new(5);
     let signals: Vec<(f64, Vec<f64>, Vec<f64>)> = info
         .independent
         .iter()

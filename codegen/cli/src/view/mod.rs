@@ -5,8 +5,7 @@ mod data;
 use std::path::PathBuf;
 
 use clap::Args;
-use regen_codegen::pipeline::{self, BaseFrom, DeriveError};
-use regen_codegen::scene::Scene;
+use regen_codegen::pipeline;
 
 use crate::exit::Failure;
 use crate::{load, table, terminal, write};
@@ -39,20 +38,17 @@ pub(crate) struct ViewArgs {
 /// Runs the command.
 pub(crate) fn run(args: &ViewArgs) -> Result<(), Failure> {
     let source = load::source(&args.file)?;
-    let scene = Scene::new(&source).map_err(|report| Failure::Spec(vec![report]))?;
-    let (data, wrong) = match pipeline::derive_with(&source, BaseFrom::Nowhere) {
+    let mechanism = load::mechanism(&source)?;
+    let scene = mechanism.scene();
+    let (data, wrong) = match mechanism.robot(&pipeline::without_base()) {
         Ok(robot) => {
             let model = Interpreted::new(&robot);
             let file = args.trajectory.as_deref();
             (data::moving(&scene, &model, file)?, None)
         }
-        Err(DeriveError::Spec(report)) => {
+        Err(report) => {
             let data = data::still(&scene, &report.to_string());
-            (data, Some(Failure::Spec(vec![*report])))
-        }
-        // nothing stored was asked for
-        Err(DeriveError::Store(_) | DeriveError::NotStored) => {
-            return Err(Failure::Input("stored base parameters".to_owned()));
+            (data, Some(Failure::from(report)))
         }
     };
     write::atomically(&args.out, &page(&scene.name, &table::json(&data)))?;

@@ -106,11 +106,8 @@ impl Reading<'_, '_, '_> {
             return Some(r);
         };
         if !crate::pose::same_rotation(&meant, &r) {
-            let text = format!(
-                "took '{}' as {words}; --exact keeps the digits",
-                attribute.value
-            );
-            self.fields.log.note(attribute.place, text);
+            let text = format!("took '{}' as {words}", attribute.value);
+            self.fields.log.note_digits(attribute.place, text);
         }
         Some(meant)
     }

@@ -38,6 +38,7 @@ const FRESH_STATES: usize = 2;
 
 /// Why there is no certificate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum CertificateError {
     /// Home does not close in multiple precision: a closure that holds only to
     /// the digits of the lengths and angles given has redundant equations that

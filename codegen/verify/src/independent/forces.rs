@@ -2,14 +2,14 @@
 
 use regen_codegen::interpret::{self, Double, Precision, Single};
 use regen_codegen::robot::FunctionKind;
+use regen_reference::{Random, State};
 
-use crate::exit::Failure;
-use crate::states::Motion;
-use crate::verify::{Random, size};
+use crate::check::{Check, Worst};
+use crate::error::VerifyError;
+use crate::vector::size;
 
-use super::Subject;
-use super::finding::{Finding, Worst};
 use super::rounding::{self, Compared};
+use super::{PEER, POWER, SECOND, SINGLE, Subject};
 
 impl Subject<'_> {
     fn dof(&self) -> usize {
@@ -17,12 +17,12 @@ impl Subject<'_> {
     }
 
     /// K_i - X^T K_e entry by entry: Newton-Euler in the world frame, X by singular values.
-    pub(super) fn second(&self, states: &[Motion]) -> Result<Finding, Failure> {
+    pub(super) fn second(&self, states: &[State]) -> Result<Check, VerifyError> {
         let dof = self.dof();
         let mut worst = Worst::default();
-        for motion in states {
-            let theirs = Compared::at(self.reference, motion)?;
-            let ours = rounding::regressor::<Double>(self.robot, motion);
+        for (place, state) in states.iter().enumerate() {
+            let theirs = Compared::at(self.reference, state)?;
+            let ours = rounding::regressor::<Double>(self.robot, state);
             for row in 0..dof {
                 let scale = theirs.row(row);
                 if scale == 0.0 {
@@ -30,66 +30,72 @@ impl Subject<'_> {
                 }
                 for column in 0..self.robot.parameters.len() {
                     let Some(entry) = ours.get(column * dof + row) else {
-                        worst.note(f64::NAN, 0.0);
+                        worst.note(place, f64::NAN, 0.0);
                         continue;
                     };
                     let missed = (entry.value - theirs.reduced[(row, column)]).abs();
-                    worst.note(missed / scale, entry.error / scale + theirs.unit);
+                    worst.note(place, missed / scale, entry.error / scale + theirs.unit);
                 }
             }
         }
-        Ok(worst.finding())
+        Ok(worst.check(SECOND))
     }
 
     /// Forces of random parameters by another program.
-    pub(super) fn peer(&self) -> Finding {
+    pub(super) fn peer(&self) -> Check {
         let Some(vectors) = self.vectors else {
-            return Finding::absent("none");
+            return Check::absent(PEER, "none");
         };
         if let Err(why) = vectors.fit(self.robot) {
-            let mut found = Finding::of(f64::NAN, 0.0);
-            found.word = why;
-            return found;
+            return Check::of(PEER, f64::NAN, 0.0).with(why);
         }
         let mut worst = Worst::default();
-        for state in &vectors.states {
-            let motion = Motion {
-                q: state.q.clone(),
-                qd: state.qd.clone(),
-                qdd: state.qdd.clone(),
+        for (place, given) in vectors.states.iter().enumerate() {
+            let state = State {
+                q: given.q.clone(),
+                qd: given.qd.clone(),
+                qdd: given.qdd.clone(),
             };
-            let Ok(theirs) = Compared::at(self.reference, &motion) else {
-                worst.note(f64::NAN, 0.0);
+            let Ok(theirs) = Compared::at(self.reference, &state) else {
+                worst.note(place, f64::NAN, 0.0);
                 continue;
             };
             // vectors of another geometry are not closed here
-            let open = rounding::openness(self.reference, &motion.q);
-            worst.note(open, rounding::closed(self.reference));
-            let w = rounding::regressor::<Double>(self.robot, &motion);
-            let ours = rounding::forces(&w, &state.phi, self.dof());
-            let sizes = rounding::terms(&theirs, &state.phi);
-            for ((ours, tau), size) in ours.iter().zip(&state.tau).zip(&sizes) {
+            let open = rounding::openness(self.reference, &state.q);
+            worst.note(place, open, rounding::closed(self.reference));
+            let w = rounding::regressor::<Double>(self.robot, &state);
+            let ours = rounding::forces(&w, &given.phi, self.dof());
+            let sizes = rounding::terms(&theirs, &given.phi);
+            for ((ours, tau), size) in ours.iter().zip(&given.tau).zip(&sizes) {
                 if *size > 0.0 {
                     // their program rounds as the second derivation does
-                    worst.note((ours.0 - tau).abs() / size, ours.1 / size + theirs.unit);
+                    worst.note(
+                        place,
+                        (ours.0 - tau).abs() / size,
+                        ours.1 / size + theirs.unit,
+                    );
                 } else {
-                    worst.note((ours.0 - tau).abs(), 0.0);
+                    worst.note(place, (ours.0 - tau).abs(), 0.0);
                 }
             }
         }
-        worst.finding().with(vectors.by.clone())
+        worst.check(PEER).with(vectors.by.clone())
     }
 
     /// qd_i . W phi without friction against the rate of kinetic and potential energy, which
     /// dual numbers take from the bodies' poses alone.
-    pub(super) fn power(&self, states: &[Motion], random: &mut Random) -> Result<Finding, Failure> {
+    pub(super) fn power(
+        &self,
+        states: &[State],
+        random: &mut Random,
+    ) -> Result<Check, VerifyError> {
         let dof = self.dof();
         let mut worst = Worst::default();
-        for motion in states {
-            let Motion { q, qd, qdd } = motion;
-            let theirs = Compared::at(self.reference, motion)?;
+        for (place, state) in states.iter().enumerate() {
+            let State { q, qd, qdd } = state;
+            let theirs = Compared::at(self.reference, state)?;
             let phi = self.without_friction(random);
-            let w = rounding::regressor::<Double>(self.robot, motion);
+            let w = rounding::regressor::<Double>(self.robot, state);
             let ours = rounding::forces(&w, &phi, dof);
             let rates: Vec<f64> = self.robot.independent.iter().map(|k| qd[*k]).collect();
             let (mut power, mut error) = (0.0, 0.0);
@@ -108,10 +114,10 @@ impl Subject<'_> {
             let rate = self.reference.energy_rate(q, qd, qdd, &phi);
             if terms > 0.0 {
                 let missed = (power - rate).abs();
-                worst.note(missed / terms, error / terms + theirs.unit);
+                worst.note(place, missed / terms, error / terms + theirs.unit);
             }
         }
-        Ok(worst.finding())
+        Ok(worst.check(POWER))
     }
 
     /// Random parameters; energies know nothing of friction.
@@ -126,18 +132,18 @@ impl Subject<'_> {
     }
 
     /// The regressor in single precision at states that it holds, against double precision.
-    pub(super) fn single(&self, states: &[Motion]) -> Finding {
+    pub(super) fn single(&self, states: &[State]) -> Check {
         let Some(function) = self.robot.function(FunctionKind::Regressor) else {
-            return Finding::absent("none");
+            return Check::absent(SINGLE, "none");
         };
         let dof = self.dof();
         let mut worst = Worst::default();
-        for motion in states {
+        for (place, state) in states.iter().enumerate() {
             let narrow = |v: &[f64]| -> Vec<f32> { v.iter().map(|x| *x as f32).collect() };
-            let [q, qd, qdd] = [&motion.q, &motion.qd, &motion.qdd].map(|v| narrow(v));
+            let [q, qd, qdd] = [&state.q, &state.qd, &state.qdd].map(|v| narrow(v));
             let (single, _) = interpret::run(&function.program, &[&q, &qd, &qdd]);
             let wide = |v: &[f32]| -> Vec<f64> { v.iter().map(|x| f64::from(*x)).collect() };
-            let held = Motion {
+            let held = State {
                 q: wide(&q),
                 qd: wide(&qd),
                 qdd: wide(&qdd),
@@ -155,10 +161,10 @@ impl Subject<'_> {
                     let bound = &bounds[k];
                     // what double precision itself misses is a roundoff of this bound
                     let error = bound.error * (1.0 + Single::UNIT);
-                    worst.note((found - bound.value).abs() / scale, error / scale);
+                    worst.note(place, (found - bound.value).abs() / scale, error / scale);
                 }
             }
         }
-        worst.finding()
+        worst.check(SINGLE)
     }
 }

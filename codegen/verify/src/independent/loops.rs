@@ -2,13 +2,13 @@
 
 use regen_codegen::interpret;
 use regen_codegen::robot::FunctionKind;
+use regen_reference::State;
 
-use crate::states::Motion;
-use crate::verify::{larger, size};
+use crate::check::{Check, Worst};
+use crate::vector::{larger, size};
 
-use super::Subject;
-use super::finding::{Finding, Worst};
 use super::rounding;
+use super::{DRIFT, Subject};
 
 /// How far the fastest coordinate goes, rad or m.
 const WAY: f64 = 0.05;
@@ -23,40 +23,40 @@ impl Subject<'_> {
     /// Coordinates, all of them, integrated from A qdd = b alone by the classical Runge-Kutta
     /// method, without ever closing the loops: f and A qd of the second derivation must vanish at
     /// the end but for an error that falls as the step's fourth power.
-    pub(super) fn drift(&self, states: &[Motion]) -> Finding {
+    pub(super) fn drift(&self, states: &[State]) -> Check {
         if self.reference.rows() == 0 {
-            return Finding::absent("no loop");
+            return Check::absent(DRIFT, "no loop");
         }
         let mut worst = Worst::default();
-        for motion in states.iter().take(MOTIONS) {
+        for (place, state) in states.iter().enumerate().take(MOTIONS) {
             // closed at the start, as the second derivation sees it
-            let start = rounding::openness(self.reference, &motion.q);
-            worst.note(start, rounding::closed(self.reference));
-            let coarse = self.open_after(motion, STEPS);
-            let fine = self.open_after(motion, 2 * STEPS);
-            let rounding = rounding::unit(self.reference, &motion.q) * (2 * STEPS) as f64;
-            worst.note(fine, coarse / SMALLER + rounding);
+            let start = rounding::openness(self.reference, &state.q);
+            worst.note(place, start, rounding::closed(self.reference));
+            let coarse = self.open_after(state, STEPS);
+            let fine = self.open_after(state, 2 * STEPS);
+            let rounding = rounding::unit(self.reference, &state.q) * (2 * STEPS) as f64;
+            worst.note(place, fine, coarse / SMALLER + rounding);
         }
-        worst.finding()
+        worst.check(DRIFT)
     }
 
     /// How far open the loops and their rates are after the motion, relative to their terms.
-    fn open_after(&self, motion: &Motion, steps: usize) -> f64 {
-        let fastest = size(&motion.qd).max(size(&motion.qdd).sqrt()).max(1.0);
+    fn open_after(&self, state: &State, steps: usize) -> f64 {
+        let fastest = size(&state.qd).max(size(&state.qdd).sqrt()).max(1.0);
         let h = WAY / fastest / steps as f64;
-        let mut q = motion.q.clone();
-        let mut qd = motion.qd.clone();
+        let mut q = state.q.clone();
+        let mut qd = state.qd.clone();
         let pushed = |x: &[f64], h: f64, v: &[f64]| -> Vec<f64> {
             x.iter().zip(v).map(|(x, v)| x + h * v).collect()
         };
         for _ in 0..steps {
-            let a1 = self.accelerations(&q, &qd, &motion.qdd);
+            let a1 = self.accelerations(&q, &qd, &state.qdd);
             let v2 = pushed(&qd, h / 2.0, &a1);
-            let a2 = self.accelerations(&pushed(&q, h / 2.0, &qd), &v2, &motion.qdd);
+            let a2 = self.accelerations(&pushed(&q, h / 2.0, &qd), &v2, &state.qdd);
             let v3 = pushed(&qd, h / 2.0, &a2);
-            let a3 = self.accelerations(&pushed(&q, h / 2.0, &v2), &v3, &motion.qdd);
+            let a3 = self.accelerations(&pushed(&q, h / 2.0, &v2), &v3, &state.qdd);
             let v4 = pushed(&qd, h, &a3);
-            let a4 = self.accelerations(&pushed(&q, h, &v3), &v4, &motion.qdd);
+            let a4 = self.accelerations(&pushed(&q, h, &v3), &v4, &state.qdd);
             for k in 0..q.len() {
                 q[k] += h / 6.0 * (qd[k] + 2.0 * v2[k] + 2.0 * v3[k] + v4[k]);
                 qd[k] += h / 6.0 * (a1[k] + 2.0 * a2[k] + 2.0 * a3[k] + a4[k]);

@@ -2,7 +2,8 @@
 //! matrix in double precision.
 
 use nalgebra::{DMatrix, DVector};
-use serde::Serialize;
+
+use crate::svd::svd;
 
 /// A gap of fewer orders of magnitude between kept and dropped leaves the rank in doubt.
 const LEAST_GAP: f64 = 1e4;
@@ -10,16 +11,16 @@ const LEAST_GAP: f64 = 1e4;
 const LEAST_LEAD: f64 = 1e2;
 
 /// A rank by the widest gap in a row of numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(crate) struct Rank {
-    #[serde(rename = "rank")]
-    pub(crate) count: usize,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rank {
+    /// The rank.
+    pub count: usize,
     /// The last number kept, as a part of the largest.
-    pub(crate) last_kept: f64,
+    pub last_kept: f64,
     /// The first number dropped, as a part of the largest; 0 where nothing is.
-    pub(crate) first_dropped: f64,
+    pub first_dropped: f64,
     /// Whether the gap between them leaves no doubt in double precision.
-    pub(crate) certain: bool,
+    pub certain: bool,
 }
 
 impl Rank {
@@ -99,7 +100,7 @@ impl Numeric {
         // columns; filled up with zeros it has all right singular vectors
         let mut triangle = scaled.clone().qr().r();
         triangle = triangle.resize_vertically(columns, 0.0);
-        let svd = triangle.clone().try_svd(true, true, f64::EPSILON, 10_000)?;
+        let svd = svd(triangle.clone(), true)?;
         let error = (svd.clone().recompose().ok()? - &triangle).norm();
         if error.is_nan() || error > 1e-10 * triangle.norm().max(f64::MIN_POSITIVE) {
             return None;

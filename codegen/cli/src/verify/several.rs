@@ -1,16 +1,16 @@
-//! Evidence as tables and JSON.
+//! Independent checks of several robots as tables and JSON.
 //!
 //! Figures are rounded up to one digit. In Markdown, which is kept, a cell is the power of ten that
 //! both the figure and its bound stay below: the same on every machine.
 
 use std::fmt::Write as _;
 
+use regen_verify::{Check, INDEPENDENT, Report, Verdict};
 use serde::Serialize;
 
 use crate::table;
 
-use super::Evidence;
-use super::finding::{CHECKS, Check, Finding, Verdict};
+use super::Independent;
 
 /// A number rounded up to one digit.
 fn up(value: f64) -> f64 {
@@ -36,95 +36,89 @@ fn digits(value: f64) -> String {
     }
 }
 
-/// A robot's checks with their findings.
-fn rows(evidence: &Evidence) -> impl Iterator<Item = (&'static Check, &Finding)> {
-    CHECKS.iter().zip(&evidence.findings)
-}
-
-/// What failed, in words.
-pub(super) fn failures(evidence: &Evidence) -> Vec<String> {
-    let failed = rows(evidence).filter(|(_, f)| f.verdict == Verdict::Fails);
-    failed
-        .map(|(check, _)| format!("{}: {}", evidence.robot, check.title))
-        .collect()
-}
-
-fn cell(check: &Check, finding: &Finding) -> String {
-    match finding.verdict {
+fn cell(check: &Check) -> String {
+    match check.verdict {
         Verdict::Fails => "FAILED".to_owned(),
         Verdict::Open => "open".to_owned(),
-        Verdict::Absent => finding.word.clone(),
-        Verdict::Holds if check.key == "rank" => finding.word.clone(),
-        Verdict::Holds => digits(finding.figure),
+        Verdict::Absent => check.note.clone(),
+        Verdict::Holds if check.what.key == "rank" => check.note.clone(),
+        Verdict::Holds => digits(check.worst),
     }
 }
 
 /// One robot in full, several as a table with what failed below.
-pub(super) fn human(all: &[Evidence]) -> String {
+pub(super) fn human(all: &[Independent]) -> String {
     let mut out = String::new();
     if let [one] = all {
-        let _ = writeln!(out, "{}, from {}:", one.robot, one.file);
-        return out + &in_full(one);
+        let _ = writeln!(out, "{}, from {}:", one.report.robot, one.file);
+        return out + &in_full(&one.report);
     }
     let head: Vec<&str> = std::iter::once("robot")
-        .chain(CHECKS.iter().map(|c| c.head))
+        .chain(INDEPENDENT.iter().map(|c| c.heading))
         .collect();
     let table: Vec<Vec<String>> = all
         .iter()
-        .map(|evidence| {
-            let cells = rows(evidence).map(|(check, finding)| cell(check, finding));
-            std::iter::once(evidence.robot.clone())
+        .map(|one| {
+            let cells = one.report.checks.iter().map(cell);
+            std::iter::once(one.report.robot.clone())
                 .chain(cells)
                 .collect()
         })
         .collect();
     out.push_str(&table::columns(&head, &table));
     out.push('\n');
-    for check in &CHECKS {
-        out.push_str(&table::field(check.head, check.title));
+    for check in &INDEPENDENT {
+        out.push_str(&table::field(check.heading, check.statement));
     }
-    for evidence in all.iter().filter(|e| !failures(e).is_empty()) {
-        let _ = write!(out, "\n{}:\n{}", evidence.robot, in_full(evidence));
+    for one in all.iter().filter(|o| o.report.failed().count() > 0) {
+        let _ = write!(out, "\n{}:\n{}", one.report.robot, in_full(&one.report));
     }
     out
 }
 
-fn in_full(evidence: &Evidence) -> String {
-    let table: Vec<Vec<String>> = rows(evidence)
-        .map(|(check, finding)| {
-            let (figure, bound) = match finding.verdict {
-                Verdict::Absent => (finding.word.clone(), String::new()),
-                _ if check.key == "rank" => (finding.word.clone(), String::new()),
-                _ => (digits(finding.figure), digits(finding.bound)),
+fn in_full(report: &Report) -> String {
+    let table: Vec<Vec<String>> = report
+        .checks
+        .iter()
+        .map(|check| {
+            let (figure, bound) = match check.verdict {
+                Verdict::Absent => (check.note.clone(), String::new()),
+                _ if check.what.key == "rank" => (check.note.clone(), String::new()),
+                _ => (digits(check.worst), digits(check.bound)),
             };
-            let verdict = match finding.verdict {
+            let verdict = match check.verdict {
                 Verdict::Holds => "ok",
                 Verdict::Fails => "FAILED",
                 Verdict::Absent => "-",
                 Verdict::Open => "open",
             };
-            vec![check.title.to_owned(), figure, bound, verdict.to_owned()]
+            vec![
+                check.what.statement.to_owned(),
+                figure,
+                bound,
+                verdict.to_owned(),
+            ]
         })
         .collect();
     table::columns(&["check", "figure", "bound", ""], &table)
 }
 
 /// A table with one robot in a row.
-pub(super) fn markdown(all: &[Evidence]) -> String {
+pub(super) fn markdown(all: &[Independent]) -> String {
     let mut out = String::from("| robot |");
-    for check in &CHECKS {
-        let _ = write!(out, " {} |", check.head);
+    for check in &INDEPENDENT {
+        let _ = write!(out, " {} |", check.heading);
     }
     out.push_str("\n|---|");
-    out.push_str(&"---|".repeat(CHECKS.len()));
+    out.push_str(&"---|".repeat(INDEPENDENT.len()));
     out.push('\n');
-    for evidence in all {
-        let _ = write!(out, "| {} |", evidence.robot);
-        for (check, finding) in rows(evidence) {
-            let cell = match finding.verdict {
-                Verdict::Holds if check.key == "rank" => finding.word.clone(),
-                Verdict::Holds => decade(finding.figure.max(shown(check, finding))),
-                _ => cell(check, finding),
+    for one in all {
+        let _ = write!(out, "| {} |", one.report.robot);
+        for check in &one.report.checks {
+            let cell = match check.verdict {
+                Verdict::Holds if check.what.key == "rank" => check.note.clone(),
+                Verdict::Holds => decade(check.worst.max(shown(check))),
+                _ => cell(check),
             };
             let _ = write!(out, " {cell} |");
         }
@@ -135,11 +129,11 @@ pub(super) fn markdown(all: &[Evidence]) -> String {
 
 /// What Markdown shows beside the figure: the bound, but for the certificate, whose numbers are
 /// exact and its bound far away.
-fn shown(check: &Check, finding: &Finding) -> f64 {
-    if check.key == "gap" {
-        finding.figure
+fn shown(check: &Check) -> f64 {
+    if check.what.key == "gap" {
+        check.worst
     } else {
-        finding.bound
+        check.bound
     }
 }
 
@@ -153,10 +147,20 @@ fn decade(value: f64) -> String {
     exponent.map_or(text, |e| format!("1e{}", e + 1))
 }
 
+/// A verdict in JSON.
+fn word(verdict: Verdict) -> &'static str {
+    match verdict {
+        Verdict::Holds => "holds",
+        Verdict::Fails => "fails",
+        Verdict::Absent => "absent",
+        Verdict::Open => "open",
+    }
+}
+
 #[derive(Serialize)]
 struct Row<'a> {
     check: &'a str,
-    verdict: Verdict,
+    verdict: &'static str,
     figure: Option<f64>,
     bound: Option<f64>,
     note: &'a str,
@@ -171,22 +175,25 @@ struct Json<'a> {
 }
 
 /// A list with one object per robot.
-pub(super) fn json(all: &[Evidence]) -> String {
+pub(super) fn json(all: &[Independent]) -> String {
     let objects: Vec<Json<'_>> = all
         .iter()
-        .map(|evidence| Json {
-            robot: &evidence.robot,
-            file: &evidence.file,
-            ok: failures(evidence).is_empty(),
-            checks: rows(evidence)
-                .map(|(check, finding)| {
-                    let there = finding.verdict != Verdict::Absent;
+        .map(|one| Json {
+            robot: &one.report.robot,
+            file: &one.file,
+            ok: one.report.failed().count() == 0,
+            checks: one
+                .report
+                .checks
+                .iter()
+                .map(|check| {
+                    let there = check.verdict != Verdict::Absent;
                     Row {
-                        check: check.key,
-                        verdict: finding.verdict,
-                        figure: there.then(|| up(finding.figure)),
-                        bound: there.then(|| up(finding.bound)),
-                        note: &finding.word,
+                        check: check.what.key,
+                        verdict: word(check.verdict),
+                        figure: there.then(|| up(check.worst)),
+                        bound: there.then(|| up(check.bound)),
+                        note: &check.note,
                     }
                 })
                 .collect(),

@@ -3,41 +3,37 @@
 use regen_codegen::base::Analysis;
 use regen_codegen::interpret::{self, Double, Rounded};
 use regen_codegen::robot::FunctionKind;
+use regen_reference::{Random, State};
 
-use crate::exit::Failure;
-use crate::states::Motion;
-use crate::verify::{Random, larger};
-use crate::{base, verify_run};
+use crate::check::{Check, Verdict, Worst};
+use crate::error::VerifyError;
+use crate::numeric_path;
+use crate::vector::larger;
 
-use super::Subject;
-use super::finding::{Finding, Verdict, Worst};
 use super::rounding::{self, Compared};
+use super::{GAP, RANK, SPAN, Subject, WAY_BACK};
 
 impl Subject<'_> {
     /// Rank, span, gap and the way back.
     pub(super) fn base(
         &self,
-        states: &[Motion],
+        states: &[State],
         random: &mut Random,
-    ) -> Result<[Finding; 4], Failure> {
-        let analysis = base::analysis(self.robot)?;
-        let count = verify_run::states(self.robot, None)?;
-        let beside = verify_run::beside(self.robot, analysis, count)?;
-        let wrong = beside
-            .checks
-            .iter()
-            .filter(|c| !c.ok && c.bound == 0.0)
-            .count();
-        let mut rank = Finding::of(wrong as f64, 0.0).with(beside.analytic.to_string());
-        if rank.verdict == Verdict::Holds && beside.doubt {
+    ) -> Result<[Check; 4], VerifyError> {
+        let numeric = numeric_path::numeric_path(self.robot, None)?;
+        let analysis = numeric_path::analysis(self.robot)?;
+        let wrong = numeric.report.checks.iter();
+        let wrong = wrong.filter(|c| c.fails() && c.bound == 0.0).count();
+        let mut rank = Check::of(RANK, wrong as f64, 0.0).with(numeric.analytic.to_string());
+        if rank.verdict == Verdict::Holds && numeric.is_doubtful() {
             rank.verdict = Verdict::Open;
         }
 
         // Wedin: the sine of the angle is at most the error over the smallest singular value that
         // is kept. Columns have unit length, so that the error is a sum over columns.
         let error = self.column_errors(states)?;
-        let mut span = Finding::of(beside.angle, error / beside.found_by.last_kept);
-        if !beside.found_by.certain {
+        let mut span = Check::of(SPAN, numeric.angle, error / numeric.angle_rank.last_kept);
+        if !numeric.angle_rank.certain {
             span.verdict = Verdict::Open;
         }
         let gap = gap(analysis);
@@ -47,13 +43,13 @@ impl Subject<'_> {
 
     /// The norm of the error of an observation matrix with columns of unit length, relative to
     /// its largest singular value, which is at least 1.
-    fn column_errors(&self, states: &[Motion]) -> Result<f64, Failure> {
+    fn column_errors(&self, states: &[State]) -> Result<f64, VerifyError> {
         let dof = self.robot.independent.len();
         let columns = self.robot.parameters.len();
         let mut sums = vec![(0.0, 0.0); columns];
-        for motion in states {
-            let theirs = Compared::at(self.reference, motion)?;
-            let w = rounding::regressor::<Double>(self.robot, motion);
+        for state in states {
+            let theirs = Compared::at(self.reference, state)?;
+            let w = rounding::regressor::<Double>(self.robot, state);
             for (k, entry) in w.iter().enumerate() {
                 let (column, row) = (k / dof.max(1), k % dof.max(1));
                 let error = entry.error + theirs.unit * theirs.term(row, column);
@@ -80,20 +76,20 @@ impl Subject<'_> {
     /// derivation must find the same forces.
     fn back(
         &self,
-        states: &[Motion],
+        states: &[State],
         analysis: &Analysis,
         random: &mut Random,
-    ) -> Result<Finding, Failure> {
+    ) -> Result<Check, VerifyError> {
         if analysis.base.rank() == 0 {
-            return Ok(Finding::absent("no base"));
+            return Ok(Check::absent(WAY_BACK, "no base"));
         }
         let free = |random: &mut Random| -> Vec<Rounded<Double>> {
             let free = analysis.base.null.iter();
             free.map(|_| Rounded::exact(random.signed())).collect()
         };
         let mut worst = Worst::default();
-        for motion in states {
-            let theirs = Compared::at(self.reference, motion)?;
+        for (place, state) in states.iter().enumerate() {
+            let theirs = Compared::at(self.reference, state)?;
             // any parameters, or where some are known, parameters for which that holds
             let any = analysis.base.known.is_empty()
                 && analysis.base.parameters.iter().all(|p| !p.dropped);
@@ -115,7 +111,7 @@ impl Subject<'_> {
                 |v: &[Rounded<Double>]| -> Vec<f64> { v.iter().map(|x| x.value).collect() };
             let (before, after) = (values(&phi), values(&other));
             if before.len() != after.len() {
-                worst.note(f64::NAN, 0.0);
+                worst.note(place, f64::NAN, 0.0);
                 continue;
             }
             let forces = rounding::reference_forces(&theirs, &before);
@@ -134,10 +130,10 @@ impl Subject<'_> {
                     .map(|(column, (x, y))| theirs.term(row, column) * (x.error + y.error))
                     .sum();
                 let missed = (forces[row] - again[row]).abs();
-                worst.note(missed / scale, errors / scale + theirs.unit);
+                worst.note(place, missed / scale, errors / scale + theirs.unit);
             }
         }
-        Ok(worst.finding())
+        Ok(worst.check(WAY_BACK))
     }
 
     fn run(&self, kind: FunctionKind, inputs: &[&[Rounded<Double>]]) -> Vec<Rounded<Double>> {
@@ -149,16 +145,17 @@ impl Subject<'_> {
 
 /// Kept and dropped numbers further apart than double precision reaches: what no choice of a
 /// tolerance in it could fake.
-fn gap(analysis: &Analysis) -> Finding {
+fn gap(analysis: &Analysis) -> Check {
     let Ok(certificate) = &analysis.certificate else {
-        return Finding::of(f64::NAN, f64::EPSILON).with("no certificate");
+        return Check::of(GAP, f64::NAN, f64::EPSILON).with("no certificate");
     };
-    let mut found = Finding::of(
+    let mut found = Check::of(
+        GAP,
         certificate.largest_dropped / certificate.smallest_kept,
         f64::EPSILON,
     );
     if certificate.largest_dropped == 0.0 {
-        found = Finding::of(0.0, f64::EPSILON);
+        found = Check::of(GAP, 0.0, f64::EPSILON);
     }
     if !analysis.complete {
         found.verdict = Verdict::Fails;

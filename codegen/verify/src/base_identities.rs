@@ -1,22 +1,23 @@
 //! The functions over base parameters against those over all parameters.
 
 use regen_codegen::base::Base;
+use regen_reference::{Random, State};
 use regen_runtime::{BaseModel, Model, SizeError};
 
-use crate::states::Motion;
-use crate::verify::{ROUNDING, Random, Worst, fill, larger, product};
-use regen_interpreted::Interpreted;
+use crate::check::Identities;
+use crate::identities::{At, ROUNDING};
+use crate::vector::{fill, larger, product};
 
 /// Every set of parameters with the same base parameters has the same forces, which the functions
 /// over base parameters compute.
-pub(crate) fn functions(
-    model: &Interpreted<'_>,
-    motion: &Motion,
+pub(crate) fn check(
+    at: &At<'_>,
     base: &Base,
-    worst: &mut Worst,
+    all: &mut Identities,
     random: &mut Random,
 ) -> Result<(), SizeError> {
-    let Motion { q, qd, qdd } = motion;
+    let State { q, qd, qdd } = at.state;
+    let model = at.model;
     let info = model.info();
     let dof = info.dof();
     let beta: Vec<f64> = (0..base.rank()).map(|_| random.signed()).collect();
@@ -28,14 +29,17 @@ pub(crate) fn functions(
     let terms = base.parameters.iter().flat_map(|p| &p.terms);
     let terms = terms.filter_map(|t| Some((t.value.to_f64() * phi.get(t.column)?).abs()));
     let scale = terms.fold(1.0, larger);
-    worst.compare(
+    let again = fill(beta.len(), |out| model.to_base(&phi, out))?;
+    at.compare(
+        all,
         "to_base(parameters_from_base) = beta",
-        &fill(beta.len(), |out| model.to_base(&phi, out))?,
-        &beta,
+        [&again, &beta],
         scale,
         ROUNDING,
     );
-    let mut compare = |name, a: &[f64], b: &[f64]| worst.compare(name, a, b, 1.0, ROUNDING);
+    let mut compare = |statement, a: &[f64], b: &[f64]| {
+        at.compare(all, statement, [a, b], 1.0, ROUNDING);
+    };
 
     let w = fill(dof * phi.len(), |out| model.regressor(q, qd, qdd, out))?;
     let w_phi = product(&w, &phi, dof);

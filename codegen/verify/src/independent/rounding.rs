@@ -8,11 +8,10 @@
 use nalgebra::DMatrix;
 use regen_codegen::interpret::{self, Double, Precision, Rounded};
 use regen_codegen::robot::{FunctionKind, Robot};
-use regen_reference::Mechanism;
+use regen_reference::{Mechanism, State};
 
-use crate::exit::Failure;
-use crate::states::Motion;
-use crate::verify::{dot, larger, size};
+use crate::error::VerifyError;
+use crate::vector::{dot, larger, size};
 
 /// Roundings for each coordinate on the way from the ground to a force: two products of 4x4
 /// matrices (8 in a row each), two recursions of velocity and acceleration (16 each), the wrench
@@ -33,10 +32,12 @@ pub(crate) struct Compared {
 }
 
 impl Compared {
-    pub(crate) fn at(reference: &Mechanism, motion: &Motion) -> Result<Self, Failure> {
-        let Motion { q, qd, qdd } = motion;
-        let cannot = |why| Failure::Numeric(format!("second derivation: {why}"));
-        let projection = reference.null_space(q).map_err(cannot)?.transpose();
+    pub(crate) fn at(reference: &Mechanism, state: &State) -> Result<Self, VerifyError> {
+        let State { q, qd, qdd } = state;
+        let projection = reference
+            .null_space(q)
+            .map_err(VerifyError::NoForces)?
+            .transpose();
         let tree = reference.tree_regressor(q, qd, qdd);
         Ok(Self {
             reduced: &projection * &tree,
@@ -99,9 +100,9 @@ pub(crate) fn openness(reference: &Mechanism, q: &[f64]) -> f64 {
 }
 
 /// The program's reduced regressor, column by column, with the bounds of its errors in `P`.
-pub(crate) fn regressor<P: Precision>(robot: &Robot, motion: &Motion) -> Vec<Rounded<P>> {
+pub(crate) fn regressor<P: Precision>(robot: &Robot, state: &State) -> Vec<Rounded<P>> {
     let exact = |v: &[f64]| -> Vec<Rounded<P>> { v.iter().map(|x| Rounded::exact(*x)).collect() };
-    let (q, qd, qdd) = (exact(&motion.q), exact(&motion.qd), exact(&motion.qdd));
+    let (q, qd, qdd) = (exact(&state.q), exact(&state.qd), exact(&state.qdd));
     robot
         .function(FunctionKind::Regressor)
         .map_or_else(Vec::new, |function| {
@@ -111,8 +112,8 @@ pub(crate) fn regressor<P: Precision>(robot: &Robot, motion: &Motion) -> Vec<Rou
 
 /// The same in double precision, with 0 for what is nothing but rounding: columns may then be
 /// scaled up however short they are, as in millimetres beside tonnes.
-pub(crate) fn certain(robot: &Robot, motion: &Motion) -> Vec<f64> {
-    regressor::<Double>(robot, motion)
+pub(crate) fn certain(robot: &Robot, state: &State) -> Vec<f64> {
+    regressor::<Double>(robot, state)
         .iter()
         .map(|x| {
             if x.value.abs() <= x.error {

@@ -8,11 +8,10 @@ use regen_codegen::optimize::{Op, Operand, Step, Temp};
 use regen_codegen::pipeline;
 use regen_codegen::robot::{FunctionKind, Robot};
 use regen_codegen::sym::Number;
-use regen_reference::Mechanism;
 
-use super::Subject;
-use super::finding::{CHECKS, Verdict};
-use super::vectors::Vectors;
+use crate::check::Verdict;
+
+use super::{INDEPENDENT, Vectors, independent};
 
 fn path(name: &str) -> PathBuf {
     PathBuf::from(format!(
@@ -23,6 +22,12 @@ fn path(name: &str) -> PathBuf {
 
 fn text(name: &str) -> String {
     std::fs::read_to_string(path(name)).unwrap()
+}
+
+fn vectors(name: &str) -> Option<Vectors> {
+    let file = path(&format!("vectors/{name}")).with_extension("json");
+    let text = std::fs::read_to_string(file).ok()?;
+    Some(Vectors::parse(&text).unwrap())
 }
 
 fn derived(text: &str) -> Robot {
@@ -42,23 +47,19 @@ impl Case {
         Self {
             robot: derived(&text),
             text,
-            vectors: Vectors::beside(&path(name)).unwrap(),
+            vectors: vectors(name),
         }
     }
 
     /// The checks with this verdict.
     fn with(&self, verdict: Verdict) -> Vec<&'static str> {
-        let reference = Mechanism::from_yaml(&self.text).unwrap();
-        let subject = Subject {
-            robot: &self.robot,
-            reference: &reference,
-            vectors: self.vectors.as_ref(),
-        };
-        let findings = subject.check().unwrap();
-        assert_eq!(findings.len(), CHECKS.len());
-        let both = CHECKS.iter().zip(&findings);
-        both.filter(|(_, f)| f.verdict == verdict)
-            .map(|(check, _)| check.key)
+        let report = independent(&self.robot, &self.text, self.vectors.as_ref()).unwrap();
+        let made: Vec<_> = report.checks.iter().map(|c| c.what).collect();
+        assert_eq!(made, INDEPENDENT);
+        let checks = report.checks.iter();
+        checks
+            .filter(|c| c.verdict == verdict)
+            .map(|c| c.what.key)
             .collect()
     }
 
@@ -129,7 +130,7 @@ fn vectors_with_a_wrong_force_or_of_another_robot_are_seen() {
     let mut case = Case::new("fivebar");
     case.vectors.as_mut().unwrap().states[1].tau[0] *= 1.0 + 1e-9;
     assert_eq!(case.failing(), ["peer"]);
-    case.vectors = Vectors::beside(&path("fourbar")).unwrap();
+    case.vectors = vectors("fourbar");
     assert_eq!(case.failing(), ["peer"]);
     case.vectors = None;
     assert!(case.failing().is_empty());

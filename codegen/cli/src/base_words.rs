@@ -1,0 +1,85 @@
+//! What is said of base parameters, the same in every output.
+
+use regen_codegen::base::certificate::Certificate;
+use regen_codegen::base::{Analysis, Exactness, Layer};
+use regen_codegen::robot::Robot;
+
+/// How well a layer's factors are known, as a mark behind its name.
+pub(crate) fn mark(exactness: Exactness) -> &'static str {
+    match exactness {
+        Exactness::Everywhere => "",
+        Exactness::Here => "*",
+        Exactness::Digits => "**",
+    }
+}
+
+/// Why a base is not known to be complete.
+pub(crate) fn doubt(analysis: &Analysis) -> Option<String> {
+    if analysis.complete {
+        return None;
+    }
+    Some(match &analysis.certificate {
+        Err(why) => format!("there is no certificate: {why}"),
+        Ok(c) if !c.is_certain() => {
+            format!(
+                "the certificate leaves the rank open, with {:.1e} the smallest number kept and \
+                 {:.1e} the largest dropped",
+                c.smallest_kept, c.largest_dropped
+            )
+        }
+        Ok(_) if analysis.base.refuted > 0 => format!(
+            "{} derived directions are not null at sampled states",
+            analysis.base.refuted
+        ),
+        Ok(c) => format!(
+            "the directions derived leave {} parameters, the certified rank is {}",
+            bound(analysis, c),
+            c.rank
+        ),
+    })
+}
+
+/// What the derived null directions leave of all columns: a bound of the rank from above.
+fn bound(analysis: &Analysis, certificate: &Certificate) -> usize {
+    let null = analysis.base.from_trees + completed(analysis);
+    certificate.columns.saturating_sub(null)
+}
+
+/// Dimension of the null space beyond what trees account for.
+pub(crate) fn completed(analysis: &Analysis) -> usize {
+    analysis.base.completed
+}
+
+/// How a layer is called.
+pub(crate) fn layer(layer: Layer) -> &'static str {
+    match layer {
+        Layer::Derived => "derived",
+        Layer::Completed => "completed",
+    }
+}
+
+/// The label of a column.
+pub(crate) fn label(robot: &Robot, column: usize) -> &str {
+    robot.parameters.get(column).map_or("?", String::as_str)
+}
+
+/// The certificate in a line.
+pub(crate) fn certificate(analysis: &Analysis) -> String {
+    match &analysis.certificate {
+        Err(why) => format!("none: {why}"),
+        Ok(c) => format!(
+            "{} columns have rank {} at {} closed states in {} digits; smallest kept {:.1e}, \
+             largest dropped {}",
+            c.columns,
+            c.rank,
+            c.states,
+            c.digits,
+            c.smallest_kept,
+            if c.largest_dropped == 0.0 {
+                "0".to_owned()
+            } else {
+                format!("{:.1e}", c.largest_dropped)
+            }
+        ),
+    }
+}

@@ -1,0 +1,211 @@
+//! Identities and the numeric path of one robot as tables and JSON.
+
+use regen_codegen::base::Analysis;
+use regen_verify::{Check, NumericPath, Rank, Report};
+use serde::Serialize;
+
+use crate::{base_words, table};
+
+/// The result of `regen verify` of one robot.
+pub(super) fn human(report: &Report, numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
+    format!(
+        "{}\n{}\n{}",
+        table::paragraph(&report.robot),
+        identities(report),
+        beside(numeric, analysis)
+    )
+}
+
+/// Identities as a table.
+pub(crate) fn identities(report: &Report) -> String {
+    format!(
+        "verified at {} random closed states, relative errors:\n{}",
+        report.states,
+        identity_table(report)
+    )
+}
+
+fn identity_table(report: &Report) -> String {
+    let row = |check: &Check| {
+        vec![
+            check.what.statement.to_owned(),
+            table::size(2, check.worst),
+            table::size(1, check.bound),
+            if check.fails() { "FAILED" } else { "ok" }.to_owned(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = report.checks.iter().map(row).collect();
+    table::columns(&["identity", "largest", "bound", ""], &rows)
+}
+
+fn beside(numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    let mut row = |name: &str, columns: usize, rank: usize, kept: Option<(f64, f64)>| {
+        let mut cells = vec![name.to_owned(), columns.to_string(), rank.to_string()];
+        if let Some((kept, dropped)) = kept {
+            let gap = match dropped {
+                0.0 => String::new(),
+                dropped => format!("{:.0e}", kept / dropped),
+            };
+            cells.extend([format!("{kept:.1e}"), format!("{dropped:.1e}"), gap]);
+        }
+        rows.push(cells);
+    };
+    let numbers = |r: Rank| Some((r.last_kept, r.first_dropped));
+    let left = numeric
+        .reduced
+        .as_ref()
+        .map_or(numeric.columns, |r| r.columns);
+    if let Some(Ok(c)) = analysis.map(|a| &a.certificate) {
+        let kept = Some((c.smallest_kept, c.largest_dropped));
+        row("certificate", c.columns, c.rank, kept);
+    }
+    row(
+        "SVD",
+        numeric.columns,
+        numeric.svd.count,
+        numbers(numeric.svd),
+    );
+    row(
+        "QR with pivoting",
+        numeric.columns,
+        numeric.qr.count,
+        numbers(numeric.qr),
+    );
+    row("analytic", left, numeric.analytic, None);
+    if let Some(reduced) = &numeric.reduced {
+        row("SVD", left, reduced.svd.count, numbers(reduced.svd));
+        row(
+            "QR with pivoting",
+            left,
+            reduced.qr.count,
+            numbers(reduced.qr),
+        );
+    }
+    let mut out = table::paragraph(&format!(
+        "base parameters beside the numeric path, {} random closed states, {} rows:",
+        numeric.report.states, numeric.rows
+    ));
+    let head = [
+        "rank by",
+        "columns",
+        "rank",
+        "last kept",
+        "first dropped",
+        "gap",
+    ];
+    out.push_str(&table::columns(&head, &rows));
+    if numeric.is_doubtful() {
+        out.push('\n');
+        out.push_str(&table::paragraph(
+            "Double precision leaves a doubt: the first number dropped is more than rounding, or no \
+             gap stands out. A rank found so is not held against the analytic one.",
+        ));
+    }
+    out.push('\n');
+    out.push_str(&identity_table(&numeric.report));
+    if let Some(why) = analysis.and_then(base_words::doubt) {
+        out.push('\n');
+        out.push_str(&table::paragraph(&format!("INCOMPLETE: {why}.")));
+    }
+    out
+}
+
+/// A check in the JSON of `regen verify` and of the main job.
+#[derive(Serialize)]
+pub(crate) struct CheckJson {
+    name: &'static str,
+    /// NaN, `null` in JSON, where something could not be evaluated.
+    largest: f64,
+    bound: f64,
+    ok: bool,
+}
+
+/// A report's checks for JSON.
+pub(crate) fn check_json(report: &Report) -> Vec<CheckJson> {
+    let json = |check: &Check| CheckJson {
+        name: check.what.statement,
+        largest: check.worst,
+        bound: check.bound,
+        ok: !check.fails(),
+    };
+    report.checks.iter().map(json).collect()
+}
+
+#[derive(Serialize)]
+struct OneJson<'a> {
+    robot: &'a str,
+    ok: bool,
+    failed: &'a [&'a str],
+    states: usize,
+    checks: Vec<CheckJson>,
+    base: NumericJson,
+}
+
+#[derive(Serialize)]
+struct NumericJson {
+    states: usize,
+    rows: usize,
+    columns: usize,
+    certificate: Option<usize>,
+    analytic: usize,
+    svd: RankJson,
+    qr: RankJson,
+    reduced: Option<ReducedJson>,
+    doubt: bool,
+    checks: Vec<CheckJson>,
+}
+
+#[derive(Serialize)]
+struct ReducedJson {
+    columns: usize,
+    svd: RankJson,
+    qr: RankJson,
+}
+
+#[derive(Serialize)]
+struct RankJson {
+    rank: usize,
+    last_kept: f64,
+    first_dropped: f64,
+    certain: bool,
+}
+
+impl From<Rank> for RankJson {
+    fn from(found: Rank) -> Self {
+        Self {
+            rank: found.count,
+            last_kept: found.last_kept,
+            first_dropped: found.first_dropped,
+            certain: found.certain,
+        }
+    }
+}
+
+/// The result of `regen verify` of one robot as an object.
+pub(super) fn json(report: &Report, numeric: &NumericPath) -> String {
+    let failed: Vec<&str> = super::failed(report, numeric).collect();
+    table::json(&OneJson {
+        robot: &report.robot,
+        ok: failed.is_empty(),
+        failed: &failed,
+        states: report.states,
+        checks: check_json(report),
+        base: NumericJson {
+            states: numeric.report.states,
+            rows: numeric.rows,
+            columns: numeric.columns,
+            certificate: numeric.certificate,
+            analytic: numeric.analytic,
+            svd: numeric.svd.into(),
+            qr: numeric.qr.into(),
+            reduced: numeric.reduced.map(|r| ReducedJson {
+                columns: r.columns,
+                svd: r.svd.into(),
+                qr: r.qr.into(),
+            }),
+            doubt: numeric.is_doubtful(),
+            checks: check_json(&numeric.report),
+        },
+    })
+}

@@ -1,0 +1,164 @@
+//! Checks that share no code with what they check, each with a bound that is computed from
+//! roundoff, operations and condition numbers.
+//!
+//! | file | what |
+//! |---|---|
+//! | `rounding` | how far two computations may differ at a state |
+//! | `forces` | the regressor against other derivations: Newton-Euler, energy, vectors |
+//! | `loops` | the drift of the loops along a motion |
+//! | `base` | rank, span, certificate and the ways to base parameters and back |
+//! | `vectors` | forces that another program found |
+
+mod base;
+mod forces;
+mod loops;
+pub(crate) mod rounding;
+#[cfg(test)]
+mod tests;
+mod vectors;
+
+use regen_codegen::robot::Robot;
+use regen_interpreted::Interpreted;
+use regen_reference::{Mechanism, Random, State};
+use regen_runtime::Closure;
+
+use crate::check::{Check, Report, What};
+use crate::error::VerifyError;
+use crate::states::{Reach, SEED, closed_state};
+
+pub use vectors::Vectors;
+
+/// Closed states that are tried.
+const STATES: usize = 8;
+/// The condition of A_e may be this much worse than at home; bounds grow with it, and where they
+/// end near a singularity is no evidence about the model.
+const WORSE_THAN_HOME: f64 = 0.1;
+/// States that are drawn for one that is so.
+const TRIES: usize = 20;
+
+/// What the independent checks state, in the order in which [`independent`] reports them.
+pub const INDEPENDENT: [What; 9] = [
+    SECOND, PEER, POWER, DRIFT, RANK, SPAN, GAP, WAY_BACK, SINGLE,
+];
+const SECOND: What = What {
+    key: "second_derivation",
+    heading: "second",
+    statement: "regressor = Newton-Euler's, closed by singular values",
+};
+const PEER: What = What {
+    key: "peer",
+    heading: "peer",
+    statement: "forces = those of another program (vectors)",
+};
+const POWER: What = What {
+    key: "power",
+    heading: "power",
+    statement: "power of the forces = d/dt of the bodies' energy",
+};
+const DRIFT: What = What {
+    key: "drift",
+    heading: "drift",
+    statement: "loops stay closed along a motion, to order 4",
+};
+const RANK: What = What {
+    key: "rank",
+    heading: "rank",
+    statement: "base parameters, singular values and certificate agree",
+};
+const SPAN: What = What {
+    key: "span",
+    heading: "span",
+    statement: "angle between exact and numeric null space, rad",
+};
+const GAP: What = What {
+    key: "gap",
+    heading: "gap",
+    statement: "certificate: largest number dropped, of the smallest kept",
+};
+const WAY_BACK: What = What {
+    key: "way_back",
+    heading: "back",
+    statement: "to base parameters and back: same forces",
+};
+const SINGLE: What = What {
+    key: "single_precision",
+    heading: "f32",
+    statement: "regressor in single precision",
+};
+
+/// Checks a robot with base parameters against the second derivation from the text of its spec,
+/// and against the vectors of another program where there are any.
+///
+/// # Errors
+/// When the robot has no base parameters, the second derivation reads the text otherwise, or no
+/// closed state or singular value is found.
+pub fn independent(
+    robot: &Robot,
+    text: &str,
+    vectors: Option<&Vectors>,
+) -> Result<Report, VerifyError> {
+    let reference = Mechanism::from_yaml(text).map_err(VerifyError::Unread)?;
+    let subject = Subject {
+        robot,
+        reference: &reference,
+        vectors,
+    };
+    Ok(Report {
+        robot: robot.name.clone(),
+        states: STATES,
+        checks: subject.check()?,
+    })
+}
+
+/// Everything that the checks of one robot look at.
+struct Subject<'a> {
+    robot: &'a Robot,
+    /// The second derivation, from the same text.
+    reference: &'a Mechanism,
+    vectors: Option<&'a Vectors>,
+}
+
+impl Subject<'_> {
+    /// Every check, in the order of [`INDEPENDENT`].
+    fn check(&self) -> Result<Vec<Check>, VerifyError> {
+        if self.robot.coordinates != self.reference.coordinates
+            || self.robot.parameters != self.reference.labels()
+            || self.robot.independent != self.reference.independent
+        {
+            return Err(VerifyError::OtherNames {
+                robot: self.robot.name.clone(),
+            });
+        }
+        let states = self.states()?;
+        let mut random = Random::new(SEED + 1);
+        let mut checks = vec![
+            self.second(&states)?,
+            self.peer(),
+            self.power(&states, &mut random)?,
+            self.drift(&states),
+        ];
+        checks.extend(self.base(&states, &mut random)?);
+        checks.push(self.single(&states));
+        Ok(checks)
+    }
+
+    fn states(&self) -> Result<Vec<State>, VerifyError> {
+        let model = Interpreted::new(self.robot);
+        let mut closure = Closure::new(&model)?;
+        let mut random = Random::new(SEED);
+        let home = self.reference.conditioning(&closure.home().q);
+        let mut states = Vec::new();
+        for _ in 0..STATES {
+            let mut draw = || closed_state(&model, &mut closure, &mut random, Reach::INDEPENDENT);
+            let mut state = draw()?;
+            for _ in 0..TRIES {
+                if self.reference.conditioning(&state.q) >= WORSE_THAN_HOME * home {
+                    break;
+                }
+                state = draw()?;
+            }
+            states.push(state);
+        }
+        Ok(states)
+    }
+}

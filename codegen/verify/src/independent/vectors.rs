@@ -1,0 +1,61 @@
+//! Forces that another program found at given states.
+
+use regen_codegen::robot::Robot;
+use serde::Deserialize;
+
+use crate::error::VerifyError;
+
+/// States with parameters, and the forces that another program finds there.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Vectors {
+    /// Which program.
+    pub(super) by: String,
+    coordinates: Vec<String>,
+    independent: Vec<String>,
+    parameters: Vec<String>,
+    pub(super) states: Vec<State>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct State {
+    pub(super) q: Vec<f64>,
+    pub(super) qd: Vec<f64>,
+    pub(super) qdd: Vec<f64>,
+    pub(super) phi: Vec<f64>,
+    pub(super) tau: Vec<f64>,
+}
+
+impl Vectors {
+    /// Reads them from JSON.
+    ///
+    /// # Errors
+    /// When the text is no such JSON.
+    pub fn parse(text: &str) -> Result<Self, VerifyError> {
+        serde_json::from_str(text).map_err(VerifyError::Vectors)
+    }
+
+    /// Whether they are of this robot: names in the same order, and as many numbers.
+    pub(super) fn fit(&self, robot: &Robot) -> Result<(), String> {
+        let independent: Vec<&String> = robot
+            .independent
+            .iter()
+            .filter_map(|k| robot.coordinates.get(*k))
+            .collect();
+        let names = self.coordinates == robot.coordinates
+            && self.independent.iter().eq(independent)
+            && self.parameters == robot.parameters;
+        let n = self.coordinates.len();
+        let long = |state: &State| {
+            [state.q.len(), state.qd.len(), state.qdd.len()] == [n; 3]
+                && state.phi.len() == self.parameters.len()
+                && state.tau.len() == self.independent.len()
+        };
+        if names && !self.states.is_empty() && self.states.iter().all(long) {
+            Ok(())
+        } else {
+            Err("vectors of another spec".to_owned())
+        }
+    }
+}

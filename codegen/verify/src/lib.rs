@@ -1,0 +1,48 @@
+//! Checks of a derived robot: each says what must hold, by how much it is missed at worst, and
+//! how much may be missed.
+//!
+//! | function | checks |
+//! |---|---|
+//! | [`identities`] | the robot's functions against each other and against differences |
+//! | [`numeric_path`] | its base parameters against singular values and QR (Gautier, 1991) |
+//! | [`independent`] | its functions and base parameters against derivations that share no code with it, with bounds computed from roundoff |
+//!
+//! All of them look at random closed states that depend on a fixed seed and the robot alone; the
+//! numbers come from the interpreter, and are the same on every machine.
+//!
+//! ```
+//! use regen_codegen::{diag::Source, pipeline};
+//!
+//! let text = "\
+//! name: arm
+//! limbs:
+//!   - name: arm
+//!     joints:
+//!       - {name: q1, type: revolute, body: link, actuated: true}
+//! ";
+//! let robot = pipeline::derive(&Source::new("arm.yaml", text))?;
+//! let report = regen_verify::identities(&robot)?;
+//! assert_eq!(report.failed().count(), 0);
+//! let report = regen_verify::independent(&robot, text, None)?;
+//! assert_eq!(report.failed().count(), 0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod base_identities;
+mod check;
+mod error;
+mod identities;
+mod independent;
+mod numeric;
+mod numeric_path;
+mod states;
+mod svd;
+mod vector;
+
+pub use check::{Check, Report, Verdict, What};
+pub use error::VerifyError;
+pub use identities::identities;
+pub use independent::{INDEPENDENT, Vectors, independent};
+pub use numeric::Rank;
+pub use numeric_path::{NumericPath, Reduced, numeric_path};
+pub use svd::scaled_singular_values;

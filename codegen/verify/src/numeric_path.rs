@@ -1,0 +1,274 @@
+//! Base parameters beside the numeric path to them (Gautier, 1991): rank and null space of an
+//! observation matrix over random closed states.
+
+use nalgebra::{DMatrix, DVector};
+use regen_codegen::base::{Analysis, Base, Direction};
+use regen_codegen::robot::Robot;
+use regen_interpreted::Interpreted;
+use regen_reference::Random;
+use regen_runtime::Closure;
+
+use crate::check::{Check, Report, What};
+use crate::error::VerifyError;
+use crate::independent::rounding;
+use crate::numeric::{Numeric, Rank};
+use crate::states::{Reach, SEED, closed_state};
+use crate::vector::larger;
+
+/// Rows of the observation matrix per column.
+const ROWS_PER_COLUMN: usize = 4;
+/// Parameter vectors that are projected.
+const PROJECTED: usize = 8;
+/// Bound of the angle between null spaces, rad.
+const ANGLE: f64 = 1e-6;
+/// Bound of the error of projections, relative to the largest force.
+const PROJECTION: f64 = 1e-9;
+
+/// The numeric path beside the analytic one.
+#[derive(Clone, Debug)]
+pub struct NumericPath {
+    /// What must hold between the two.
+    pub report: Report,
+    /// Rows of the observation matrix.
+    pub rows: usize,
+    /// Its columns: all dynamic parameters.
+    pub columns: usize,
+    /// The certified rank over all columns, where there is a certificate.
+    pub certificate: Option<usize>,
+    /// The rank that the derived directions leave of the columns that the spec's `base` leaves.
+    pub analytic: usize,
+    /// The rank by singular values over all columns.
+    pub svd: Rank,
+    /// The rank by QR with pivoting over all columns.
+    pub qr: Rank,
+    /// The same where the spec's `base` takes columns out.
+    pub reduced: Option<Reduced>,
+    /// The angle between the null spaces, rad.
+    pub angle: f64,
+    /// The rank with which the numeric null space was found.
+    pub angle_rank: Rank,
+}
+
+/// Ranks over the columns that the spec's `base` leaves.
+#[derive(Clone, Copy, Debug)]
+pub struct Reduced {
+    /// How many columns these are.
+    pub columns: usize,
+    /// By singular values.
+    pub svd: Rank,
+    /// By QR with pivoting.
+    pub qr: Rank,
+}
+
+impl NumericPath {
+    /// Whether double precision leaves a rank open.
+    pub fn is_doubtful(&self) -> bool {
+        let reduced = self.reduced.iter().flat_map(|r| [r.svd, r.qr]);
+        let mut all = [self.svd, self.qr].into_iter().chain(reduced);
+        all.any(|rank| !rank.certain)
+    }
+}
+
+/// The base parameters of a robot.
+pub(crate) fn analysis(robot: &Robot) -> Result<&Analysis, VerifyError> {
+    robot.analysis.as_ref().ok_or_else(|| VerifyError::NoBase {
+        robot: robot.name.clone(),
+        parameters: robot.parameters.len(),
+    })
+}
+
+/// How many states give enough rows.
+fn enough(robot: &Robot, wanted: Option<usize>) -> Result<usize, VerifyError> {
+    let (columns, dof) = (robot.parameters.len(), robot.independent.len().max(1));
+    let least = columns.div_ceil(dof).max(1);
+    match wanted {
+        Some(states) if states < least => Err(VerifyError::TooFewStates {
+            robot: robot.name.clone(),
+            states,
+            rows: states * dof,
+            columns,
+            least,
+        }),
+        Some(states) => Ok(states),
+        None => Ok((ROWS_PER_COLUMN * columns).div_ceil(dof).max(1)),
+    }
+}
+
+/// The observation matrix over random closed states.
+fn observe(robot: &Robot, states: usize, random: &mut Random) -> Result<DMatrix<f64>, VerifyError> {
+    let model = Interpreted::new(robot);
+    let mut closure = Closure::new(&model)?;
+    let (dof, columns) = (model.info().dof(), robot.parameters.len());
+    let mut w = DMatrix::zeros(dof * states, columns);
+    for k in 0..states {
+        let state = closed_state(&model, &mut closure, random, Reach::RANKS)?;
+        let entries: Vec<f64> = rounding::certain(robot, &state);
+        if entries.iter().any(|x| !x.is_finite()) {
+            return Err(VerifyError::NotFinite {
+                robot: robot.name.clone(),
+            });
+        }
+        w.rows_mut(k * dof, dof)
+            .copy_from(&DMatrix::from_column_slice(dof, columns, &entries));
+    }
+    Ok(w)
+}
+
+/// Checks a robot's base parameters against the numeric path over so many random closed states,
+/// or as many as give four rows per column.
+///
+/// # Errors
+/// When the robot has no base parameters, the states are too few, or no closed state or singular
+/// value is found.
+pub fn numeric_path(robot: &Robot, states: Option<usize>) -> Result<NumericPath, VerifyError> {
+    let analysis = analysis(robot)?;
+    let states = enough(robot, states)?;
+    let base = &analysis.base;
+    let mut random = Random::new(SEED);
+    let w = observe(robot, states, &mut random)?;
+    let undecided = || VerifyError::NoSingularValues {
+        robot: robot.name.clone(),
+    };
+    let whole = Numeric::new(&w).ok_or_else(undecided)?;
+    let kept = Kept::new(base, robot.parameters.len());
+    let left = kept.columns_of(&w, base);
+    let (numeric, reduced) = if base.known.is_empty() {
+        (whole.clone(), None)
+    } else {
+        let numeric = Numeric::new(&left).ok_or_else(undecided)?;
+        let reduced = Reduced {
+            columns: left.ncols(),
+            svd: numeric.svd,
+            qr: numeric.qr,
+        };
+        (numeric, Some(reduced))
+    };
+    let angle = numeric.angle(&kept.null_directions(base));
+    let error = kept.projection(base, &left, &mut random);
+    Ok(NumericPath {
+        report: Report {
+            robot: robot.name.clone(),
+            states,
+            checks: checks(analysis, &whole, &numeric, angle, error),
+        },
+        rows: w.nrows(),
+        columns: w.ncols(),
+        certificate: analysis.certificate.as_ref().ok().map(|c| c.rank),
+        analytic: base.parameters.len(),
+        svd: whole.svd,
+        qr: whole.qr,
+        reduced,
+        angle,
+        angle_rank: numeric.svd,
+    })
+}
+
+/// What must hold between the two paths. A doubtful rank says nothing against the certificate or
+/// the analytic rank, and is not compared.
+fn checks(
+    analysis: &Analysis,
+    whole: &Numeric,
+    numeric: &Numeric,
+    angle: f64,
+    projection: f64,
+) -> Vec<Check> {
+    let mut checks = vec![Check::truth(
+        What::identity("base parameters are certified complete"),
+        analysis.complete,
+    )];
+    let mut ranks = |statements: [&'static str; 2], found: &Numeric, rank: usize| {
+        for (statement, found) in statements.into_iter().zip([found.svd, found.qr]) {
+            if found.certain {
+                let apart = found.count.abs_diff(rank) as f64;
+                checks.push(Check::of(What::identity(statement), apart, 0.0));
+            }
+        }
+    };
+    if let Ok(certificate) = &analysis.certificate {
+        let statements = ["SVD rank = certified rank", "QR rank = certified rank"];
+        ranks(statements, whole, certificate.rank);
+    }
+    let statements = ["SVD rank = analytic rank", "QR rank = analytic rank"];
+    ranks(statements, numeric, analysis.base.parameters.len());
+    if numeric.svd.certain {
+        let what = What::identity("angle between the null spaces, rad");
+        checks.push(Check::of(what, angle, ANGLE));
+    }
+    let what = What::identity("projection by the combinations");
+    checks.push(Check::of(what, projection, PROJECTION));
+    checks
+}
+
+/// The columns that the spec's `base` leaves, in order.
+struct Kept {
+    columns: Vec<usize>,
+    /// The place of each column among them.
+    place: Vec<Option<usize>>,
+}
+
+impl Kept {
+    fn new(base: &Base, all: usize) -> Self {
+        let known = |c: &usize| base.known.iter().any(|k| k.column == *c);
+        let columns: Vec<usize> = (0..all).filter(|c| !known(c)).collect();
+        let mut place = vec![None; all];
+        for (k, &column) in columns.iter().enumerate() {
+            place[column] = Some(k);
+        }
+        Self { columns, place }
+    }
+
+    fn place(&self, column: usize) -> Option<usize> {
+        self.place.get(column).copied().flatten()
+    }
+
+    /// The matrix over these columns, what is known added to what it is written with.
+    fn columns_of(&self, w: &DMatrix<f64>, base: &Base) -> DMatrix<f64> {
+        let mut reduced = w.select_columns(&self.columns);
+        for known in &base.known {
+            for term in &known.terms {
+                if let Some(k) = self.place(term.column) {
+                    let column = w.column(known.column) * term.value.to_f64();
+                    reduced.column_mut(k).axpy(1.0, &column, 1.0);
+                }
+            }
+        }
+        reduced
+    }
+
+    fn null_directions(&self, base: &Base) -> Vec<DVector<f64>> {
+        let direction = |row: &Direction| {
+            let mut direction = DVector::zeros(self.columns.len());
+            for term in &row.terms {
+                if let Some(k) = self.place(term.column) {
+                    direction[k] = term.value.to_f64();
+                }
+            }
+            direction
+        };
+        base.null.iter().map(direction).collect()
+    }
+
+    /// What is missed when parameters are replaced by their base parameters, relative to the
+    /// largest force.
+    fn projection(&self, base: &Base, w: &DMatrix<f64>, random: &mut Random) -> f64 {
+        let mut worst: f64 = 0.0;
+        for _ in 0..PROJECTED {
+            let phi = DVector::from_fn(self.columns.len(), |_, _| random.signed());
+            let mut projected = DVector::zeros(self.columns.len());
+            for parameter in &base.parameters {
+                let terms = parameter.terms.iter();
+                let value: f64 = terms
+                    .filter_map(|t| Some(t.value.to_f64() * phi.get(self.place(t.column)?)?))
+                    .sum();
+                if let Some(k) = self.place(parameter.column) {
+                    projected[k] = value;
+                }
+            }
+            let forces = w * &phi;
+            let missed = (w * projected - &forces).amax();
+            let scale = forces.amax();
+            worst = larger(worst, if scale > 0.0 { missed / scale } else { missed });
+        }
+        worst
+    }
+}

@@ -1,0 +1,97 @@
+//! Random closed states near home, the same on every machine.
+
+use regen_interpreted::Interpreted;
+use regen_reference::{Random, State};
+use regen_runtime::{Closure, Motion, Outcome};
+
+use crate::error::VerifyError;
+
+/// The seed of all checks. What is drawn beside states draws from the next seed, so that the
+/// states do not depend on it.
+pub(crate) const SEED: u64 = 1;
+
+/// Halvings of the distance from home before a robot is given up.
+const TRIES: usize = 8;
+
+/// How far from home the independent coordinates go at first, rad, and parts of the mechanism's
+/// length for slides.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reach {
+    tree: f64,
+    loops: f64,
+}
+
+impl Reach {
+    /// For differences: trees close anywhere, a loop is about as large as its links, some tenths
+    /// of a metre.
+    pub(crate) const IDENTITIES: Self = Self {
+        tree: 1.0,
+        loops: 0.2,
+    };
+    /// For bounds by roundings, which do not depend on how far a tree goes.
+    pub(crate) const INDEPENDENT: Self = Self {
+        tree: 2.0,
+        loops: 0.2,
+    };
+    /// For ranks: as far as states go without leaving what mechanisms are built for. The wider,
+    /// the clearer the numeric rank.
+    pub(crate) const RANKS: Self = Self {
+        tree: 3.0,
+        loops: 0.4,
+    };
+}
+
+/// A random closed state: independent coordinates near home, closer where it does not close.
+pub(crate) fn closed_state(
+    model: &Interpreted<'_>,
+    closure: &mut Closure<'_, Interpreted<'_>>,
+    random: &mut Random,
+    reach: Reach,
+) -> Result<State, VerifyError> {
+    let info = model.info();
+    let home: Vec<f64> = info
+        .independent
+        .iter()
+        .filter_map(|&k| info.home.get(k).copied())
+        .collect();
+    // slides are as long as the mechanism is large
+    let units: Vec<f64> = info
+        .independent
+        .iter()
+        .map(|&k| match info.joints.get(k).map(|j| j.motion) {
+            Some(Motion::Shift) => closure.length_unit(),
+            _ => 1.0,
+        })
+        .collect();
+    let mut reach = if info.rows == 0 {
+        reach.tree
+    } else {
+        reach.loops
+    };
+    let mut outcome = Outcome::Closed;
+    for _ in 0..TRIES {
+        let mut about = |middle: &[f64], reach: f64| -> Vec<f64> {
+            let both = middle.iter().zip(&units);
+            both.map(|(x, unit)| x + reach * unit * random.signed())
+                .collect()
+        };
+        let still = vec![0.0; home.len()];
+        let q = about(&home, reach);
+        let qd = about(&still, 1.0);
+        let qdd = about(&still, 1.0);
+        let found = closure.solve_state(&q, &qd, &qdd)?;
+        if found.outcome == Outcome::Closed {
+            return Ok(State {
+                q: found.q,
+                qd: found.qd,
+                qdd: found.qdd,
+            });
+        }
+        outcome = found.outcome;
+        reach /= 2.0;
+    }
+    Err(VerifyError::NotClosed {
+        robot: info.name.to_owned(),
+        outcome,
+    })
+}

@@ -1,0 +1,69 @@
+//! Sums over vectors and matrices that keep NaN, and derivatives by differences.
+
+use regen_runtime::SizeError;
+
+/// Step of differences: errors of the order of its fourth power and of epsilon over it.
+const STEP: f64 = 1e-4;
+
+/// The larger of two, NaN if one is.
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() || b > a { b } else { a }
+}
+
+/// The largest size of an entry.
+pub(crate) fn size(values: &[f64]) -> f64 {
+    values.iter().map(|v| v.abs()).fold(0.0, larger)
+}
+
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The largest difference of two vectors relative to the larger one, or to `scale` where both are
+/// small because they cancel.
+pub(crate) fn relative_difference(a: &[f64], b: &[f64], scale: f64) -> f64 {
+    let difference = a.iter().zip(b).map(|(a, b)| (a - b).abs());
+    difference.fold(0.0, larger) / larger(scale, larger(size(a), size(b)))
+}
+
+/// Row-major matrix times vector.
+pub(crate) fn times(matrix: &[f64], vector: &[f64]) -> Vec<f64> {
+    matrix
+        .chunks_exact(vector.len().max(1))
+        .map(|row| dot(row, vector))
+        .collect()
+}
+
+/// Column-major matrix times vector.
+pub(crate) fn product(columns: &[f64], vector: &[f64], rows: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; rows];
+    for (column, value) in columns.chunks_exact(rows.max(1)).zip(vector) {
+        for (sum, entry) in sum.iter_mut().zip(column) {
+            *sum += entry * value;
+        }
+    }
+    sum
+}
+
+/// The derivative at 0 of a vector function of one variable, by central differences of fourth
+/// order.
+pub(crate) fn slope(f: impl Fn(f64) -> Result<Vec<f64>, SizeError>) -> Result<Vec<f64>, SizeError> {
+    let difference = |h: f64| -> Result<Vec<f64>, SizeError> {
+        let (after, before) = (f(h)?, f(-h)?);
+        Ok(after.iter().zip(&before).map(|(a, b)| a - b).collect())
+    };
+    let (near, far) = (difference(STEP)?, difference(2.0 * STEP)?);
+    let both = near.iter().zip(&far);
+    Ok(both
+        .map(|(near, far)| (8.0 * near - far) / (12.0 * STEP))
+        .collect())
+}
+
+/// The vector that a method of a model fills.
+pub(crate) fn fill<C>(
+    size: usize,
+    run: impl FnOnce(&mut [f64]) -> Result<C, SizeError>,
+) -> Result<Vec<f64>, SizeError> {
+    let mut out = vec![0.0; size];
+    run(&mut out).map(|_| out)
+}
