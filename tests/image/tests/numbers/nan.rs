@@ -1,19 +1,20 @@
 //! What every generated function makes of numbers that are none: they are seen in its results.
 
-use crate::robot::{Argument, FUNCTIONS, Function, Inputs, Output};
+use crate::robot::{Function, Inputs, Output, functions};
 use regen_image::robots::all;
+use regen_runtime::function::Argument;
 
 /// The output with one entry of an argument set anew.
 fn with(
-    function: &Function,
+    function: Function,
     robot: regen_image::robots::Robot<f64>,
     inputs: &Inputs,
     place: (Argument, usize),
     value: f64,
 ) -> Output {
-    let mut inputs = inputs.clone();
-    inputs.of(place.0)[place.1] = value;
-    function.call(robot, &inputs)
+    let mut changed = inputs.of(place.0).to_vec();
+    changed[place.1] = value;
+    function.call_with(robot, inputs, place.0, &changed)
 }
 
 /// Whether the status says that nothing of the result means anything.
@@ -29,20 +30,20 @@ fn check(ok: impl Fn(f64, &dyn Fn(f64) -> f64) -> bool, bad: f64) {
     let mut asked = 0;
     for (name, robot) in all() {
         let inputs = Inputs::near_home(robot);
-        for function in FUNCTIONS {
+        for function in functions() {
             let plain = function.call(robot, &inputs);
             assert!(
                 plain.values.iter().all(|x| x.is_finite()),
                 "{name} {}",
-                function.name
+                function.name()
             );
-            assert!(!refused(&plain), "{name} {}", function.name);
-            for argument in function.takes {
-                for k in 0..inputs.clone().of(*argument).len() {
+            assert!(!refused(&plain), "{name} {}", function.name());
+            for argument in function.takes() {
+                for k in 0..inputs.of(*argument).len() {
                     let place = (*argument, k);
                     let at = |value| with(function, robot, &inputs, place, value);
                     let spoilt = at(bad);
-                    let old = inputs.clone().of(*argument)[k];
+                    let old = inputs.of(*argument)[k];
                     let moved = [at(old + 0.37), at(-1.9 * old - 0.01)];
                     for (i, before) in plain.values.iter().enumerate() {
                         // Beyond rounding.
@@ -58,7 +59,9 @@ fn check(ok: impl Fn(f64, &dyn Fn(f64) -> f64) -> bool, bad: f64) {
                         assert!(
                             seen,
                             "{name}: {}, {argument:?}[{k}] = {bad}: entry {i} is {}, pivot {:?}",
-                            function.name, spoilt.values[i], spoilt.pivot
+                            function.name(),
+                            spoilt.values[i],
+                            spoilt.pivot
                         );
                     }
                 }

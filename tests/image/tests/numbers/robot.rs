@@ -1,21 +1,8 @@
-//! The functions of any robot, called by name.
+//! The functions of any robot, from the runtime's table.
 
 use regen_image::robots::Robot;
-use regen_runtime::{Closure, Model, SizeError};
-
-/// What stands for an argument: how long it is, and a value of that length.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Argument {
-    Q,
-    Qd,
-    Qdd,
-    QdI,
-    QddI,
-    Phi,
-    Beta,
-    Free,
-    Tau,
-}
+use regen_runtime::function::{Argument, Signature, Sizes};
+use regen_runtime::{Arguments, BaseFunction, Closure, Model};
 
 /// Values of all arguments at one closed state.
 #[derive(Clone, Debug)]
@@ -38,68 +25,21 @@ pub(crate) struct Output {
     pub(crate) pivot: Pivot,
 }
 
-/// A function of the traits `Model` and `BaseModel`.
-pub(crate) struct Function {
-    pub(crate) name: &'static str,
-    pub(crate) takes: &'static [Argument],
-    size: fn(&Sizes) -> usize,
-    call: Call,
-}
-
 /// The pivot of a function that solves.
 type Pivot = Option<f64>;
 
-type Call = fn(Robot<f64>, &Inputs, &mut [f64]) -> Result<Pivot, SizeError>;
-
-struct Sizes {
-    n: usize,
-    dof: usize,
-    dependent: usize,
-    rows: usize,
-    p: usize,
-    rank: usize,
-    bodies: usize,
-    cones: usize,
+/// A function of the traits `Model` and `BaseModel`.
+#[derive(Clone, Copy)]
+pub(crate) enum Function {
+    Model(regen_runtime::Function),
+    Base(BaseFunction),
 }
 
-macro_rules! functions {
-    ($($name:ident($($argument:ident: $kind:ident),*) $size:expr, $outcome:tt;)*) => {
-        /// All of them.
-        pub(crate) const FUNCTIONS: &[Function] = &[$(Function {
-            name: stringify!($name),
-            takes: &[$(Argument::$kind),*],
-            size: $size,
-            call: |robot, x, out| Ok(functions!(@$outcome robot.$name($(&x.$argument,)* out)?)),
-        }),*];
-    };
-    (@status $result:expr) => { Some($result.pivot) };
-    (@none $result:expr) => {{ $result; None }};
-}
-
-functions! {
-    constraints(q: Q) |s| s.rows, none;
-    jacobian(q: Q) |s| s.rows * s.n, none;
-    bias(q: Q, qd: Qd) |s| s.rows, none;
-    newton_step(q: Q) |s| s.dependent, status;
-    dependent_jacobian(q: Q) |s| s.dependent * s.dependent, none;
-    velocities(q: Q, qd_i: QdI) |s| s.n, status;
-    accelerations(q: Q, qd: Qd, qdd_i: QddI) |s| s.n, status;
-    regressor(q: Q, qd: Qd, qdd: Qdd) |s| s.dof * s.p, status;
-    inverse_dynamics(q: Q, qd: Qd, qdd: Qdd, phi: Phi) |s| s.dof, status;
-    gravity(q: Q, phi: Phi) |s| s.dof, status;
-    bias_forces(q: Q, qd: Qd, phi: Phi) |s| s.dof, status;
-    mass_matrix(q: Q, phi: Phi) |s| s.dof * s.dof, status;
-    slotine_li(q: Q, qd: Qd, qd_i: QdI, qdd_i: QddI) |s| s.dof * s.p, status;
-    efforts(q: Q, tau: Tau) |s| s.dof, status;
-    poses(q: Q) |s| 12 * s.bodies, none;
-    cones(q: Q) |s| s.cones, none;
-    base_regressor(q: Q, qd: Qd, qdd: Qdd) |s| s.dof * s.rank, status;
-    to_base(phi: Phi) |s| s.rank, none;
-    parameters_from_base(beta: Beta, free: Free) |s| s.p, none;
-    base_inverse_dynamics(q: Q, qd: Qd, qdd: Qdd, beta: Beta) |s| s.dof, status;
-    base_gravity(q: Q, beta: Beta) |s| s.dof, status;
-    base_bias_forces(q: Q, qd: Qd, beta: Beta) |s| s.dof, status;
-    base_mass_matrix(q: Q, beta: Beta) |s| s.dof * s.dof, status;
+/// All of them.
+pub(crate) fn functions() -> impl Iterator<Item = Function> {
+    let full = regen_runtime::Function::ALL.map(Function::Model);
+    let base = BaseFunction::ALL.map(Function::Base);
+    full.into_iter().chain(base)
 }
 
 impl Inputs {
@@ -145,38 +85,72 @@ impl Inputs {
     }
 
     /// The values of an argument.
-    pub(crate) fn of(&mut self, argument: Argument) -> &mut Vec<f64> {
+    pub(crate) fn of(&self, argument: Argument) -> &[f64] {
         match argument {
-            Argument::Q => &mut self.q,
-            Argument::Qd => &mut self.qd,
-            Argument::Qdd => &mut self.qdd,
-            Argument::QdI => &mut self.qd_i,
-            Argument::QddI => &mut self.qdd_i,
-            Argument::Phi => &mut self.phi,
-            Argument::Beta => &mut self.beta,
-            Argument::Free => &mut self.free,
-            Argument::Tau => &mut self.tau,
+            Argument::Q => &self.q,
+            Argument::Qd => &self.qd,
+            Argument::Qdd => &self.qdd,
+            Argument::QdI | Argument::QdRI => &self.qd_i,
+            Argument::QddI | Argument::QddRI => &self.qdd_i,
+            Argument::Phi => &self.phi,
+            Argument::Beta => &self.beta,
+            Argument::Free => &self.free,
+            Argument::TauActuated => &self.tau,
         }
     }
 }
 
 impl Function {
-    pub(crate) fn call(&self, robot: Robot<f64>, inputs: &Inputs) -> Output {
-        let (info, base) = (robot.info(), robot.base_info());
-        let sizes = Sizes {
-            n: info.coordinates.len(),
-            dof: info.dof(),
-            dependent: info.dependent.len(),
-            rows: info.rows,
-            p: info.parameters.len(),
-            rank: base.base.len(),
-            bodies: info.bodies.len(),
-            cones: info.cones.len(),
-        };
+    pub(crate) fn signature(self) -> &'static Signature {
+        match self {
+            Function::Model(function) => function.signature(),
+            Function::Base(function) => function.signature(),
+        }
+    }
+
+    pub(crate) fn name(self) -> &'static str {
+        self.signature().name
+    }
+
+    pub(crate) fn takes(self) -> &'static [Argument] {
+        self.signature().arguments
+    }
+
+    pub(crate) fn call(self, robot: Robot<f64>, inputs: &Inputs) -> Output {
+        self.call_with(robot, inputs, Argument::Q, &inputs.q)
+    }
+
+    /// The same with other values of one argument.
+    pub(crate) fn call_with(
+        self,
+        robot: Robot<f64>,
+        inputs: &Inputs,
+        place: Argument,
+        changed: &[f64],
+    ) -> Output {
+        let signature = self.signature();
+        let listed = signature.arguments.iter();
+        let arguments = listed.fold(Arguments::EMPTY, |all, argument| {
+            let is_changed = *argument == place;
+            let values = if is_changed {
+                changed
+            } else {
+                inputs.of(*argument)
+            };
+            all.with(*argument, values)
+        });
+        let sizes = Sizes::of(&robot.info()).with_base(&robot.base_info());
         // What is not written stays as it was.
-        let mut values = vec![0.5; (self.size)(&sizes)];
-        let pivot = (self.call)(robot, inputs, &mut values).unwrap();
-        Output { values, pivot }
+        let mut values = vec![0.5; sizes.output(signature)];
+        let condition = match self {
+            Function::Model(function) => robot.eval(function, arguments, &mut values),
+            Function::Base(function) => robot.eval_base(function, arguments, &mut values),
+        };
+        let pivot = condition.unwrap().pivot;
+        Output {
+            values,
+            pivot: signature.has_condition.then_some(pivot),
+        }
     }
 }
 
