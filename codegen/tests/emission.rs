@@ -153,7 +153,11 @@ fn twelve_legs() -> String {
 
 #[test]
 fn no_scope_of_the_repositorys_robots_holds_many_variables() {
-    let folders = ["robots", "tests/oracle", "tests/mechanisms"];
+    let folders = [
+        "robots",
+        "tests/fixtures/oracle",
+        "tests/fixtures/mechanisms",
+    ];
     let paths: Vec<_> = folders.iter().flat_map(|folder| files(folder)).collect();
     assert!(paths.len() > 15);
     for path in paths {
@@ -195,7 +199,7 @@ fn every_process_writes_the_same_bytes() {
 
 #[test]
 fn what_was_derived_before_leaves_no_trace() {
-    let paths = files("tests/oracle");
+    let paths = files("tests/fixtures/oracle");
     let specs: Vec<String> = paths
         .iter()
         .map(|path| std::fs::read_to_string(path).unwrap())

@@ -7,34 +7,34 @@ use regen_tests::compiled::Compiled;
 use regen_tests::engine::{check_engine, check_oracle};
 use regen_tests::files;
 
-robot_model!("../mechanisms/delta.yaml");
-robot_model!("../mechanisms/fivebar_redundant.yaml");
-robot_model!("../mechanisms/geared_fivebar.yaml");
-robot_model!("../mechanisms/hexapod.yaml");
-robot_model!("../mechanisms/parallelogram.yaml");
-robot_model!("../mechanisms/parallelogram_cut.yaml");
-robot_model!("../mechanisms/prs3.yaml");
-robot_model!("../mechanisms/rrr3.yaml");
-robot_model!("../mechanisms/skew_tree.yaml");
-robot_model!("../pairs/fivebar/base.yaml");
-robot_model!("../pairs/fivebar/tip.yaml");
-robot_model!("../pairs/fourbar/pin.yaml");
-robot_model!("../pairs/fourbar/weld.yaml");
-robot_model!("../pairs/rps3/legs_1_3.yaml");
-robot_model!("../pairs/rps3/legs_2_3.yaml");
-robot_model!("../pairs/rscr/cylindrical.yaml");
-robot_model!("../pairs/rscr/spherical.yaml");
-robot_model!("../pairs/rsur/revolute.yaml");
-robot_model!("../pairs/rsur/spherical.yaml");
-robot_model!("../pairs/rsur/universal.yaml");
-robot_model!("../pairs/slider_crank/pin.yaml");
-robot_model!("../pairs/slider_crank/rail.yaml");
-robot_model!("../pairs/turntable/pin.yaml");
-robot_model!("../pairs/turntable/rocker.yaml");
+robot_model!("../fixtures/mechanisms/delta.yaml");
+robot_model!("../fixtures/mechanisms/fivebar_redundant.yaml");
+robot_model!("../fixtures/mechanisms/geared_fivebar.yaml");
+robot_model!("../fixtures/mechanisms/hexapod.yaml");
+robot_model!("../fixtures/mechanisms/parallelogram.yaml");
+robot_model!("../fixtures/mechanisms/parallelogram_cut.yaml");
+robot_model!("../fixtures/mechanisms/prs3.yaml");
+robot_model!("../fixtures/mechanisms/rrr3.yaml");
+robot_model!("../fixtures/mechanisms/skew_tree.yaml");
+robot_model!("../fixtures/pairs/fivebar/base.yaml");
+robot_model!("../fixtures/pairs/fivebar/tip.yaml");
+robot_model!("../fixtures/pairs/fourbar/pin.yaml");
+robot_model!("../fixtures/pairs/fourbar/weld.yaml");
+robot_model!("../fixtures/pairs/rps3/legs_1_3.yaml");
+robot_model!("../fixtures/pairs/rps3/legs_2_3.yaml");
+robot_model!("../fixtures/pairs/rscr/cylindrical.yaml");
+robot_model!("../fixtures/pairs/rscr/spherical.yaml");
+robot_model!("../fixtures/pairs/rsur/revolute.yaml");
+robot_model!("../fixtures/pairs/rsur/spherical.yaml");
+robot_model!("../fixtures/pairs/rsur/universal.yaml");
+robot_model!("../fixtures/pairs/slider_crank/pin.yaml");
+robot_model!("../fixtures/pairs/slider_crank/rail.yaml");
+robot_model!("../fixtures/pairs/turntable/pin.yaml");
+robot_model!("../fixtures/pairs/turntable/rocker.yaml");
 // Kept from among the random ones; the rest are compiled by `examples/compile_random.rs`.
-robot_model!("../random/kept/cut_that_holds_by_itself.yaml");
-robot_model!("../random/nasty/rail_on_an_arm.yaml");
-robot_model!("../random/nasty/spinning_rod.yaml");
+robot_model!("../fixtures/random/kept/cut_that_holds_by_itself.yaml");
+robot_model!("../fixtures/random/nasty/rail_on_an_arm.yaml");
+robot_model!("../fixtures/random/nasty/spinning_rod.yaml");
 
 /// Every compiled model of a mechanism, with its spec's file.
 fn compiled() -> Vec<(&'static str, Box<dyn Model<f64>>)> {
@@ -132,51 +132,63 @@ fn compiled() -> Vec<(&'static str, Box<dyn Model<f64>>)> {
 /// The checked-in robots.
 fn generated() -> Vec<(&'static str, Box<dyn Model<f64>>)> {
     vec![
-        ("../robots/3prs.yaml", Box::new(robots::prs3::Prs3)),
-        ("../robots/3rps.yaml", Box::new(robots::rps3::Rps3)),
+        ("../../robots/3prs.yaml", Box::new(robots::prs3::Prs3)),
+        ("../../robots/3rps.yaml", Box::new(robots::rps3::Rps3)),
         (
-            "../robots/3rps_friction.yaml",
+            "../../robots/3rps_friction.yaml",
             Box::new(robots::rps3_friction::Rps3Friction),
         ),
-        ("../robots/3rrr.yaml", Box::new(robots::rrr3::Rrr3)),
-        ("../robots/delta.yaml", Box::new(robots::delta::Delta)),
-        ("../robots/fivebar.yaml", Box::new(robots::fivebar::Fivebar)),
-        ("../robots/fourbar.yaml", Box::new(robots::fourbar::Fourbar)),
-        ("../robots/hybrid.yaml", Box::new(robots::hybrid::Hybrid)),
-        ("../robots/iiwa14.yaml", Box::new(robots::iiwa14::Iiwa14)),
+        ("../../robots/3rrr.yaml", Box::new(robots::rrr3::Rrr3)),
+        ("../../robots/delta.yaml", Box::new(robots::delta::Delta)),
         (
-            "../robots/linear_delta.yaml",
+            "../../robots/fivebar.yaml",
+            Box::new(robots::fivebar::Fivebar),
+        ),
+        (
+            "../../robots/fourbar.yaml",
+            Box::new(robots::fourbar::Fourbar),
+        ),
+        ("../../robots/hybrid.yaml", Box::new(robots::hybrid::Hybrid)),
+        ("../../robots/iiwa14.yaml", Box::new(robots::iiwa14::Iiwa14)),
+        (
+            "../../robots/linear_delta.yaml",
             Box::new(robots::linear_delta::LinearDelta),
         ),
         (
-            "../robots/palletiser.yaml",
+            "../../robots/palletiser.yaml",
             Box::new(robots::palletiser::Palletiser),
         ),
-        ("../robots/panda.yaml", Box::new(robots::panda::Panda)),
-        ("../robots/puma560.yaml", Box::new(robots::puma560::Puma560)),
-        ("../robots/rx90.yaml", Box::new(robots::rx90::Rx90)),
-        ("../robots/scara.yaml", Box::new(robots::scara::Scara)),
+        ("../../robots/panda.yaml", Box::new(robots::panda::Panda)),
         (
-            "../robots/slider_crank.yaml",
+            "../../robots/puma560.yaml",
+            Box::new(robots::puma560::Puma560),
+        ),
+        ("../../robots/rx90.yaml", Box::new(robots::rx90::Rx90)),
+        ("../../robots/scara.yaml", Box::new(robots::scara::Scara)),
+        (
+            "../../robots/slider_crank.yaml",
             Box::new(robots::slider_crank::SliderCrank),
         ),
         (
-            "../robots/stanford.yaml",
+            "../../robots/stanford.yaml",
             Box::new(robots::stanford::Stanford),
         ),
-        ("../robots/stewart.yaml", Box::new(robots::stewart::Stewart)),
         (
-            "../robots/tree_branch.yaml",
+            "../../robots/stewart.yaml",
+            Box::new(robots::stewart::Stewart),
+        ),
+        (
+            "../../robots/tree_branch.yaml",
             Box::new(robots::tree_branch::TreeBranch),
         ),
-        ("../robots/ur5e.yaml", Box::new(robots::ur5e::Ur5e)),
+        ("../../robots/ur5e.yaml", Box::new(robots::ur5e::Ur5e)),
     ]
 }
 
 fn judge(models: Vec<(&'static str, Box<dyn Model<f64>>)>) {
     let mut failures = Vec::new();
     for (file, model) in models {
-        let mechanism = files::mechanism(&files::package().join(file)).unwrap();
+        let mechanism = files::mechanism(&files::fixtures().join(file)).unwrap();
         match check_engine(&Compiled(model.as_ref()), &mechanism, 31, 3) {
             Ok(figures) => println!("{}\n{figures}", mechanism.name),
             Err(error) => failures.push(error),
@@ -200,7 +212,7 @@ fn checked_in_robots_meet_the_published_vectors() {
     let mut met = 0;
     for (file, model) in generated() {
         let name = file
-            .trim_start_matches("../robots/")
+            .trim_start_matches("../../robots/")
             .trim_end_matches(".yaml");
         // Not every robot has vectors of its own.
         if files::oracle().join(format!("{name}.json")).exists() {

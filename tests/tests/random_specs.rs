@@ -1,6 +1,6 @@
 //! Mechanisms that nobody chose, some hundred of them: every comparison with the second
 //! derivation, rows against differences, the closure on a path and back, bad variants.
-//! `random/RECORD.md` tells of ten thousand.
+//! `tests/records/random.md` tells of ten thousand.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -60,7 +60,7 @@ fn bad_variants_of_random_mechanisms_give_errors_at_the_mistake() {
 
 /// Judges the specs of a folder of `random/`.
 fn judge_folder(folder: &str) {
-    let folder = files::package().join("random").join(folder);
+    let folder = files::fixtures().join("random").join(folder);
     for path in files::list(&folder, "yaml").unwrap() {
         let text = std::fs::read_to_string(&path).unwrap();
         let mechanism = Mechanism::from_yaml(&text).unwrap();

@@ -392,7 +392,8 @@ With --all, the evidence: checks that share no code with what they check, each
 with a bound that is computed from roundoff, operations and condition numbers.
 FILES may then be several, or directories of *.yaml; without any, robots/*.yaml
 of the workspace. Vectors of another program are looked for beside each spec, as
-vectors/NAME.json; tests/evidence/vectors.py makes them with Pinocchio.
+vectors/NAME.json, then in tests/fixtures/vectors of the workspace;
+tests/tools/vectors/forces.py makes them with Pinocchio.
 
 Examples:
   regen verify robots/3rps.yaml

@@ -134,7 +134,7 @@ fn of_file(file: &Path) -> Result<Evidence, Failure> {
             file.display()
         ))
     })?;
-    let vectors = Vectors::beside(file)?;
+    let vectors = Vectors::of(file)?;
     let subject = Subject {
         robot: &robot,
         reference: &reference,

@@ -42,7 +42,7 @@ impl Case {
         Self {
             robot: derived(&text),
             text,
-            vectors: Vectors::beside(&path(name)).unwrap(),
+            vectors: Vectors::of(&path(name)).unwrap(),
         }
     }
 
@@ -129,7 +129,7 @@ fn vectors_with_a_wrong_force_or_of_another_robot_are_seen() {
     let mut case = Case::new("fivebar");
     case.vectors.as_mut().unwrap().states[1].tau[0] *= 1.0 + 1e-9;
     assert_eq!(case.failing(), ["peer"]);
-    case.vectors = Vectors::beside(&path("fourbar")).unwrap();
+    case.vectors = Vectors::of(&path("fourbar")).unwrap();
     assert_eq!(case.failing(), ["peer"]);
     case.vectors = None;
     assert!(case.failing().is_empty());

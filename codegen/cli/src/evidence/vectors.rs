@@ -1,4 +1,4 @@
-//! Vectors of another program, kept beside a spec as `vectors/NAME.json`.
+//! Vectors of another program for a spec, in a file `vectors/NAME.json`.
 
 use std::path::Path;
 
@@ -30,21 +30,28 @@ pub(crate) struct State {
     pub(crate) tau: Vec<f64>,
 }
 
+/// Where the vectors of a spec are looked for, from its folder: beside it, or among the fixtures of
+/// the workspace whose folder of robots holds it.
+const FOLDERS: [&str; 2] = ["vectors", "../tests/fixtures/vectors"];
+
 impl Vectors {
     /// Those of a spec; `None` where there are none.
-    pub(crate) fn beside(spec: &Path) -> Result<Option<Self>, Failure> {
+    pub(crate) fn of(spec: &Path) -> Result<Option<Self>, Failure> {
         let Some(stem) = spec.file_stem() else {
             return Ok(None);
         };
-        let mut file = spec.with_file_name("vectors").join(stem);
-        file.as_mut_os_string().push(".json");
-        if !file.is_file() {
+        let mut files = FOLDERS.iter().map(|folder| {
+            let mut file = spec.with_file_name(folder).join(stem);
+            file.as_mut_os_string().push(".json");
+            file
+        });
+        let Some(file) = files.find(|file| file.is_file()) else {
             return Ok(None);
-        }
+        };
         let text = load::text(&file)?;
         serde_json::from_str(&text).map(Some).map_err(|error| {
             Failure::Input(format!(
-                "{}: {error}; tests/evidence/vectors.py writes such files",
+                "{}: {error}; tests/tools/vectors/forces.py writes such files",
                 file.display()
             ))
         })
