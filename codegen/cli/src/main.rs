@@ -43,6 +43,7 @@ mod reduce;
 mod report;
 mod rows;
 mod simulate;
+mod sources;
 mod spec_text;
 mod states;
 mod status;

@@ -12,7 +12,7 @@ use crate::generate::{self, State};
 use crate::info;
 use crate::verify::{self, Check};
 use crate::workspace::Workspace;
-use crate::{base, load, modules, table, terminal};
+use crate::{base, load, modules, sources, table, terminal};
 
 #[derive(Serialize)]
 struct Summary<'a> {
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     };
     let start = Instant::now();
     let robot = load::robot(file)?;
-    let text = modules::text(&robot, file)?;
+    let module = modules::module(&robot, file)?;
     terminal::note(&format!(
         "derived {} in {:.2} s",
         file.display(),
@@ -39,9 +39,9 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     ));
 
     let dir = args.out.clone().unwrap_or_else(|| default_dir(file));
-    let module = dir.join(format!("{}.rs", robot.name));
-    let lines = text.lines().count();
-    let entries = generate::compare(BTreeMap::from([(robot.name.clone(), text)]), &dir, false)?;
+    let source = sources::place(&dir, &robot.name)?;
+    let lines = module.text.lines().count();
+    let entries = generate::compare(BTreeMap::from([(robot.name.clone(), module)]), &dir, false)?;
     let mut same = true;
     for entry in &entries {
         entry.mend()?;
@@ -59,13 +59,13 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
                 .as_ref()
                 .map_or_else(String::new, base::lines),
             if changed { "wrote" } else { "up to date:" },
-            module.display(),
+            source.display(),
             verify::human(&verified)
         ),
         Format::Json => table::json(&Summary {
             info: info::info(&robot),
             base: robot.analysis.as_ref().map(base::summary),
-            source: module.display().to_string(),
+            source: source.display().to_string(),
             states: verified.states,
             checks: &verified.checks,
         }),

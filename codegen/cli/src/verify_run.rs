@@ -1,5 +1,6 @@
 //! `regen verify`: every check of a robot, and its base parameters beside the numeric path.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
@@ -13,7 +14,7 @@ use crate::exit::Failure;
 use crate::numeric::{Numeric, Rank};
 use crate::verify::{self, Check, Random, Reach, larger};
 use crate::workspace::Workspace;
-use crate::{base, evidence, load, model, modules, table, terminal};
+use crate::{base, evidence, load, model, modules, sources, table, terminal};
 use regen_interpreted::Interpreted;
 
 /// Rows of the observation matrix per column.
@@ -139,8 +140,8 @@ pub(crate) fn states(robot: &Robot, asked: Option<usize>) -> Result<usize, Failu
     }
 }
 
-/// Whether the workspace's module of a robot of the workspace is what would be generated; `None`
-/// where there is none.
+/// Whether the workspace's module of a robot of the workspace, or its digest, is what would be
+/// generated; `None` where there is none.
 fn same_source(robot: &Robot, file: &Path) -> Result<Option<bool>, Failure> {
     let beside = match file.parent() {
         Some(dir) if !dir.as_os_str().is_empty() => dir,
@@ -149,11 +150,19 @@ fn same_source(robot: &Robot, file: &Path) -> Result<Option<bool>, Failure> {
     if !Workspace::above(beside).is_some_and(|w| w.holds_robot(file)) {
         return Ok(None);
     }
-    let module = model::default_dir(file).join(format!("{}.rs", robot.name));
-    if !module.is_file() {
+    let dir = model::default_dir(file);
+    let place = sources::place(&dir, &robot.name)?;
+    if !place.is_file() {
         return Ok(None);
     }
-    Ok(Some(load::text(&module)? == modules::text(robot, file)?))
+    let found = load::text(&place)?;
+    let module = modules::module(robot, file)?;
+    Ok(Some(if place.extension().is_some_and(|e| e == "rs") {
+        found == module.text
+    } else {
+        let digest = BTreeMap::from([(robot.name.clone(), module.digest)]);
+        found == sources::digests(Some(&found), digest)
+    }))
 }
 
 /// The observation matrix over random closed states.

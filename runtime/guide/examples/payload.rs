@@ -8,10 +8,12 @@
 use std::error::Error;
 use std::f64::consts::TAU;
 
-use regen_generated::panda::Panda;
+use panda::Panda;
 use regen_runtime::Model;
 use regen_runtime::estimate::{Estimate, Factor};
 use regen_runtime::simulate::Noise;
+
+regen_runtime::robot_model!("../../../robots/panda.yaml");
 
 /// Standard deviation of the torques' noise, N m.
 const SIGMA: f64 = 0.05;

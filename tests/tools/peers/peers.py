@@ -74,9 +74,18 @@ def links(robot):
     return rows, [number(g, names) for g in data["gravity"]]
 
 
+def module(robot):
+    """The generated module of a robot; regen writes those of all robots first."""
+    folder = WORK / "modules"
+    if not folder.is_dir():
+        command = ["cargo", "run", "--release", "--bin", "regen", "--", "generate", "--out", str(folder)]
+        subprocess.run(command, cwd=ROOT, check=True)
+    return (folder / f"{robot}.rs").read_text()
+
+
 def kept(robot):
     """Labels of the base parameters, from the generated module."""
-    text = (ROOT / "generated" / "src" / f"{robot}.rs").read_text()
+    text = module(robot)
     table = text[text.index("pub const BASE:"):text.index("pub const FREE")]
     return re.findall(r"BaseParameter \{\s*label: \"([^\"]+)\"", table)
 
@@ -168,7 +177,7 @@ def casadi_rps3(ca):
     import numpy as np
 
     data, names = spec("rps3")
-    source = (ROOT / "generated" / "src" / "rps3.rs").read_text()
+    source = module("rps3")
     order = re.findall(r'"([^"]+)"', re.search(r"pub const COORDINATES[^=]*= \[(.*?)\];", source, re.S)[1])
     independent = [int(i) for i in re.search(r"INDEPENDENT[^=]*= \[(.*?)\]", source)[1].split(",")]
     dependent = [i for i in range(len(order)) if i not in independent]
@@ -479,7 +488,7 @@ def figures(programs):
 
 
 def counted(robot):
-    text = (ROOT / "generated" / "src" / f"{robot}.rs").read_text()
+    text = module(robot)
     add, mul, div, angles = map(int, re.search(r"\[`base_regressor`\] \| (\d+) \| (\d+) \| (\d+) \| (\d+)", text).groups())
     return f"{mul}/{add}" + (f" + {div} div" if div else "")
 

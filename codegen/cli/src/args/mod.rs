@@ -251,6 +251,10 @@ If DIR has a lib.rs or mod.rs with the two lines
   // </regen modules>
 the list of modules between them is kept up to date.
 
+If the directory above DIR has a sources.txt, a robot's name per line, modules
+of these robots alone are written. Of the others digests.txt beside it says what
+they would be: lines, SHA-256 and the operations of each function.
+
 Examples:
   regen generate
   regen generate --check

@@ -3,7 +3,7 @@
 //! `peers-ours calls ROBOT COUNT` evaluates its base regressor that often. `peers-ours` prints one line per figure: a name and nanoseconds per call, the least of many
 //! rounds that take turns. `peers-ours columns ROBOT` reads states from standard input, a line of
 //! q, qd, qdd each, and prints the base regressor, column by column, a line per state.
-#![allow(non_camel_case_types)]
+#![allow(dead_code, non_camel_case_types)]
 
 use std::hint::black_box;
 use std::io::BufRead;
@@ -13,28 +13,15 @@ use pulp::{Simd, WithSimd};
 use regen_runtime::batch::{
     Block, Consumer, Normal, Samples, base_regressors, base_regressors_on_threads, task,
 };
+use regen_runtime::robot_model;
 
-#[path = "../../../../../generated/src/iiwa14.rs"]
-#[allow(dead_code)]
-mod iiwa14;
-#[path = "../../../../../generated/src/panda.rs"]
-#[allow(dead_code)]
-mod panda;
-#[path = "../../../../../generated/src/puma560.rs"]
-#[allow(dead_code)]
-mod puma560;
-#[path = "../../../../../generated/src/rps3.rs"]
-#[allow(dead_code)]
-mod rps3;
-#[path = "../../../../../generated/src/rx90.rs"]
-#[allow(dead_code)]
-mod rx90;
-#[path = "../../../../../generated/src/stewart.rs"]
-#[allow(dead_code)]
-mod stewart;
-#[path = "../../../../../generated/src/ur5e.rs"]
-#[allow(dead_code)]
-mod ur5e;
+robot_model!("../../../../../robots/iiwa14.yaml");
+robot_model!("../../../../../robots/panda.yaml");
+robot_model!("../../../../../robots/puma560.yaml");
+robot_model!("../../../../../robots/3rps.yaml");
+robot_model!("../../../../../robots/rx90.yaml");
+robot_model!("../../../../../robots/stewart.yaml");
+robot_model!("../../../../../robots/ur5e.yaml");
 
 /// Coordinates, velocities and accelerations without pattern, near home.
 fn state<const N: usize>(home: &[f64; N], k: f64) -> [[f64; N]; 3] {
