@@ -4,8 +4,13 @@
 //! Tests of all kinds take the robots from here, so that each is compiled once.
 #![no_std]
 
+#[cfg(feature = "all")]
+pub mod fixtures;
+
 pub use regen_generated::{delta, fivebar, fourbar, puma560, rps3, rps3_friction};
-use regen_runtime::{BaseModel, robot_model};
+#[cfg(feature = "all")]
+use regen_runtime::BaseModel;
+use regen_runtime::robot_model;
 
 robot_model!("../../../robots/3prs.yaml");
 robot_model!("../../../robots/3rrr.yaml");
@@ -23,10 +28,13 @@ robot_model!("../../../robots/tree_branch.yaml");
 robot_model!("../../../robots/ur5e.yaml");
 
 /// A robot that handles `f64`.
+#[cfg(feature = "all")]
 pub type Robot = &'static (dyn BaseModel<f64> + Sync);
 
-/// All of them, by the names of their files in `robots/`.
-pub const ALL: &[(&str, Robot)] = &[
+/// All of them, by the names of their files in `robots/`; their functions are compiled here, so that
+/// no test does it again.
+#[cfg(feature = "all")]
+pub static ALL: &[(&str, Robot)] = &[
     ("3prs", &prs3::Prs3),
     ("3rps", &rps3::Rps3),
     ("3rps_friction", &rps3_friction::Rps3Friction),
