@@ -29,10 +29,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "robots/panda.yaml",
         "robots/stewart.yaml",
         "robots/palletiser.yaml",
-        "tests/mechanisms/hexapod.yaml",
-        "tests/mechanisms/delta.yaml",
-        "tests/base/delta4.yaml",
-        "tests/base/schoenflies.yaml",
+        "tests/fixtures/mechanisms/hexapod.yaml",
+        "tests/fixtures/mechanisms/delta.yaml",
+        "tests/fixtures/base/delta4.yaml",
+        "tests/fixtures/base/schoenflies.yaml",
     ] {
         let path = root.join(name);
         let source = Source::new(name, std::fs::read_to_string(&path)?);

@@ -27,7 +27,7 @@ const FILES: [&str; 5] = [
     "robots/fivebar.yaml",
     "robots/puma560.yaml",
     "robots/3rps.yaml",
-    "tests/mechanisms/hexapod.yaml",
+    "tests/fixtures/mechanisms/hexapod.yaml",
 ];
 
 /// Seconds that this process has run on a processor.

@@ -23,13 +23,13 @@ fn with_rotors(text: &str) -> String {
 fn serial_arms_have_their_known_ranks_and_one_tree_suffices() {
     for (path, plain, rotors) in [
         ("robots/puma560.yaml", 36, 40),
-        ("tests/base/rx90.yaml", 36, 40),
-        ("tests/base/ur5.yaml", 36, 40),
-        ("tests/base/panda.yaml", 43, 48),
-        ("tests/base/iiwa.yaml", 43, 48),
-        ("tests/base/stanford.yaml", 33, 37),
-        ("tests/base/scara.yaml", 8, 11),
-        ("tests/base/skew6r.yaml", 36, 41),
+        ("tests/fixtures/base/rx90.yaml", 36, 40),
+        ("tests/fixtures/base/ur5.yaml", 36, 40),
+        ("tests/fixtures/base/panda.yaml", 43, 48),
+        ("tests/fixtures/base/iiwa.yaml", 43, 48),
+        ("tests/fixtures/base/stanford.yaml", 33, 37),
+        ("tests/fixtures/base/scara.yaml", 8, 11),
+        ("tests/fixtures/base/skew6r.yaml", 36, 41),
     ] {
         let text = file(path);
         let (_, found) = base(&text);
@@ -40,7 +40,7 @@ fn serial_arms_have_their_known_ranks_and_one_tree_suffices() {
 
 #[test]
 fn gravity_off_the_first_axis_shows_two_more_parameters() {
-    let text = file("tests/base/skew6r.yaml");
+    let text = file("tests/fixtures/base/skew6r.yaml");
     let tilted = text.replace("limbs:", "gravity: [1.1, 0.7, -9.6]\nlimbs:");
     assert_eq!(rank(&tilted), rank(&text) + 2);
     assert_eq!(rank(&tilted), 38);
@@ -50,19 +50,19 @@ fn gravity_off_the_first_axis_shows_two_more_parameters() {
 /// how many there are.
 const LOOPS: [(&str, usize, usize, usize); 12] = [
     ("robots/fourbar.yaml", 9, 8, 8),
-    ("tests/pairs/slider_crank/pin.yaml", 7, 6, 6),
-    ("tests/oracle/fivebar.yaml", 12, 11, 11),
-    ("tests/mechanisms/rrr3.yaml", 21, 19, 19),
-    ("tests/oracle/3rps.yaml", 27, 25, 25),
-    ("tests/mechanisms/hexapod.yaml", 87, 82, 82),
-    ("tests/pairs/rsur/universal.yaml", 15, 14, 14),
+    ("tests/fixtures/pairs/slider_crank/pin.yaml", 7, 6, 6),
+    ("tests/fixtures/oracle/fivebar.yaml", 12, 11, 11),
+    ("tests/fixtures/mechanisms/rrr3.yaml", 21, 19, 19),
+    ("tests/fixtures/oracle/3rps.yaml", 27, 25, 25),
+    ("tests/fixtures/mechanisms/hexapod.yaml", 87, 82, 82),
+    ("tests/fixtures/pairs/rsur/universal.yaml", 15, 14, 14),
     // 12 friction parameters and rotors beside 21 and 19
-    ("tests/mechanisms/prs3.yaml", 33, 31, 31),
+    ("tests/fixtures/mechanisms/prs3.yaml", 33, 31, 31),
     // what no tree shows
-    ("tests/mechanisms/delta.yaml", 45, 43, 34),
-    ("tests/mechanisms/parallelogram_cut.yaml", 9, 8, 3),
-    ("tests/pairs/turntable/pin.yaml", 24, 22, 21),
-    ("tests/base/fourbar_two_names.yaml", 9, 8, 3),
+    ("tests/fixtures/mechanisms/delta.yaml", 45, 43, 34),
+    ("tests/fixtures/mechanisms/parallelogram_cut.yaml", 9, 8, 3),
+    ("tests/fixtures/pairs/turntable/pin.yaml", 24, 22, 21),
+    ("tests/fixtures/base/fourbar_two_names.yaml", 9, 8, 3),
 ];
 
 #[test]
@@ -128,16 +128,22 @@ fn identical_legs_leave_the_known_numbers() {
         let text = text.split("\nbase:").next().unwrap();
         rank(&format!("{text}\nbase: {{equal: [{groups}]}}\n"))
     };
-    assert_eq!(with("tests/oracle/3rps.yaml", "[1, 4, 6], [2, 5, 7]"), 15);
     assert_eq!(
-        with("tests/mechanisms/rrr3.yaml", "[1, 4, 6], [2, 5, 7]"),
+        with("tests/fixtures/oracle/3rps.yaml", "[1, 4, 6], [2, 5, 7]"),
+        15
+    );
+    assert_eq!(
+        with(
+            "tests/fixtures/mechanisms/rrr3.yaml",
+            "[1, 4, 6], [2, 5, 7]"
+        ),
         9
     );
     // 12 friction parameters and rotors stay
     let prs = "[slider1, slider2, slider3], [rod1, rod2, rod3]";
-    assert_eq!(with("tests/mechanisms/prs3.yaml", prs), 13 + 12);
+    assert_eq!(with("tests/fixtures/mechanisms/prs3.yaml", prs), 13 + 12);
     let ups = "[1, 3, 5, 7, 9, 11], [2, 4, 6, 8, 10, 12]";
-    assert_eq!(with("tests/mechanisms/hexapod.yaml", ups), 22);
+    assert_eq!(with("tests/fixtures/mechanisms/hexapod.yaml", ups), 22);
 }
 
 #[test]
@@ -150,7 +156,7 @@ fn friction_and_rotors_of_the_3_rps_are_independent_of_its_25() {
 
 #[test]
 fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
-    let text = with_rotors(&file("tests/base/scara.yaml"));
+    let text = with_rotors(&file("tests/fixtures/base/scara.yaml"));
     let asymmetric = text.replace("actuated: true", "actuated: true, friction: asymmetric");
     let (model, found) = base(&asymmetric);
     assert_eq!(model.parameters.len(), 40 + 16 + 4);

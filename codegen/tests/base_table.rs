@@ -15,7 +15,7 @@ fn table(text: &str) -> Vec<String> {
 
 #[test]
 fn the_3_rps_has_the_rows_of_table_1_with_the_side_as_a_symbol() {
-    let rows = table(&file("tests/oracle/3rps.yaml"));
+    let rows = table(&file("tests/fixtures/oracle/3rps.yaml"));
     insta::assert_snapshot!(rows.join("\n"));
 }
 
@@ -75,7 +75,7 @@ const TABLE_1: [(usize, &[(f64, &str)]); 25] = [
 
 #[test]
 fn the_3_rps_has_the_printed_numbers_of_table_1() {
-    let (model, base) = base(&file("tests/oracle/3rps.yaml"));
+    let (model, base) = base(&file("tests/fixtures/oracle/3rps.yaml"));
     let found: Vec<Vec<(String, f64)>> = base
         .parameters
         .iter()
@@ -104,7 +104,7 @@ fn the_3_rps_has_the_printed_numbers_of_table_1() {
 
 #[test]
 fn a_coefficient_of_table_1_is_exact_in_the_side() {
-    let text = file("tests/oracle/3rps.yaml");
+    let text = file("tests/fixtures/oracle/3rps.yaml");
     let (model, base) = base(&text);
     let at = |label: &str| model.parameters.iter().position(|p| p.label == label);
     let row = base
@@ -128,8 +128,8 @@ fn a_coefficient_of_table_1_is_exact_in_the_side() {
 
 #[test]
 fn model_2_drops_ten_rows_and_keeps_15() {
-    let (_, all) = base(&file("tests/oracle/3rps.yaml"));
-    let (_, two) = base(&file("tests/base/model2.yaml"));
+    let (_, all) = base(&file("tests/fixtures/oracle/3rps.yaml"));
+    let (_, two) = base(&file("tests/fixtures/base/model2.yaml"));
     assert_eq!(two.rank(), 15);
     assert_eq!(two.parameters.iter().filter(|p| p.dropped).count(), 10);
     // rows are left out, columns are not: what is kept is combined as before
@@ -141,7 +141,7 @@ fn model_2_drops_ten_rows_and_keeps_15() {
 #[test]
 fn without_a_column_there_are_16_where_without_its_row_there_are_15() {
     // taking the column Ixy(3) for zero leaves a/2 my(3) of row 7
-    let text = file("tests/base/model2.yaml");
+    let text = file("tests/fixtures/base/model2.yaml");
     let text = text.replace("mx(2), Ixy(3), ", "mx(2), ") + "  zero: [Ixy(3)]\n";
     let (model, found) = base(&text);
     assert_eq!(found.known.len(), 1);
@@ -151,7 +151,7 @@ fn without_a_column_there_are_16_where_without_its_row_there_are_15() {
 
 #[test]
 fn model_3_has_equal_legs_and_9_rows() {
-    let text = file("tests/base/model3.yaml");
+    let text = file("tests/fixtures/base/model3.yaml");
     let (model, three) = base(&text);
     assert_eq!(three.parameters.len(), 15);
     assert_eq!(three.rank(), 9);
@@ -171,7 +171,7 @@ fn model_3_has_equal_legs_and_9_rows() {
 
 #[test]
 fn a_known_linear_form_takes_one_parameter_out() {
-    let text = file("tests/base/model2.yaml");
+    let text = file("tests/fixtures/base/model2.yaml");
     let form = "  zero: [Ixy(3) + a/2*my(3)]\n";
     let (model, found) = base(&(text.clone() + form));
     assert_eq!(found.known.len(), 1);
@@ -186,7 +186,7 @@ fn a_known_linear_form_takes_one_parameter_out() {
 #[test]
 fn two_names_of_equal_value_count_as_equal_where_that_decides_and_are_noted() {
     // the second axis comes back to the first by another name
-    let text = file("tests/base/two_r.yaml");
+    let text = file("tests/fixtures/base/two_r.yaml");
     let back = |b: &str| {
         text.replace("{a: 0.3}", &format!("{{a: 0.3, b: {b}}}"))
             .replace("dh: {a: a}", "origin: {xyz: [a - b, 0, 0]}")
@@ -206,7 +206,7 @@ fn two_names_of_equal_value_count_as_equal_where_that_decides_and_are_noted() {
 #[test]
 fn no_tree_of_a_parallelogram_rests_on_its_equal_sides() {
     // trees say 8 whether or not opposite sides are equal, so nothing is noted
-    let text = file("tests/base/fourbar_two_names.yaml");
+    let text = file("tests/fixtures/base/fourbar_two_names.yaml");
     let (_, equal) = base(&text);
     let (_, skew) = base(&text.replace("rocker: 0.4", "rocker: 0.53"));
     assert_eq!((equal.rank(), skew.rank()), (8, 8));
@@ -215,7 +215,7 @@ fn no_tree_of_a_parallelogram_rests_on_its_equal_sides() {
 
 #[test]
 fn a_length_of_zero_is_noted_where_it_decides() {
-    let text = file("tests/base/two_r.yaml");
+    let text = file("tests/fixtures/base/two_r.yaml");
     let (_, symbolic) = base(&text);
     assert_eq!(symbolic.rank(), 4);
     assert!(symbolic.coincidences.is_empty());
@@ -229,7 +229,7 @@ fn sines_of_angles_in_rational_proportion_are_related() {
     // the second axis meets the first at 0.3, the third is turned by 0.6 back: in the frame
     // between, sin 0.6 = 2 sin 0.3 cos 0.3 decides
     let arm = |angle: &str| {
-        file("tests/base/two_r.yaml").replace(
+        file("tests/fixtures/base/two_r.yaml").replace(
             "dh: {a: a}, body: 2",
             &format!("origin: {{rpy: [0.3, 0, 0]}}}}\n      - {{name: f, type: fixed, origin: {{rpy: [{angle}, 0, 0]}}}}\n      - {{name: q3, type: revolute, origin: {{rpy: [0.3, 0, 0]}}, body: 2"),
         )

@@ -53,15 +53,15 @@ fn rank(text: &str) -> usize {
 #[test]
 fn trees_and_loops_have_their_known_ranks() {
     for (path, expected) in [
-        ("tests/oracle/3rps.yaml", 25),
-        ("tests/oracle/fivebar.yaml", 11),
-        ("tests/oracle/puma560.yaml", 36),
-        ("tests/oracle/tree_branch.yaml", 29),
+        ("tests/fixtures/oracle/3rps.yaml", 25),
+        ("tests/fixtures/oracle/fivebar.yaml", 11),
+        ("tests/fixtures/oracle/puma560.yaml", 36),
+        ("tests/fixtures/oracle/tree_branch.yaml", 29),
         ("robots/fourbar.yaml", 8),
-        ("tests/pairs/slider_crank/pin.yaml", 6),
-        ("tests/mechanisms/rrr3.yaml", 19),
+        ("tests/fixtures/pairs/slider_crank/pin.yaml", 6),
+        ("tests/fixtures/mechanisms/rrr3.yaml", 19),
         // and 12 columns of friction
-        ("tests/mechanisms/prs3.yaml", 19 + 12),
+        ("tests/fixtures/mechanisms/prs3.yaml", 19 + 12),
     ] {
         assert_eq!(rank(&file(path)), expected, "{path}");
     }
@@ -69,7 +69,7 @@ fn trees_and_loops_have_their_known_ranks() {
 
 #[test]
 fn a_six_legged_platform_has_82() {
-    assert_eq!(rank(&file("tests/mechanisms/hexapod.yaml")), 82);
+    assert_eq!(rank(&file("tests/fixtures/mechanisms/hexapod.yaml")), 82);
 }
 
 #[test]
@@ -82,16 +82,23 @@ fn where_a_loop_is_cut_does_not_matter() {
         ("rscr/cylindrical", "rscr/spherical"),
         ("turntable/pin", "turntable/rocker"),
     ] {
-        let [one, other] = [one, other].map(|p| rank(&file(&format!("tests/pairs/{p}.yaml"))));
+        let [one, other] =
+            [one, other].map(|p| rank(&file(&format!("tests/fixtures/pairs/{p}.yaml"))));
         assert_eq!(one, other);
     }
 }
 
 #[test]
 fn a_parallelogram_stays_on_its_branch_and_has_3() {
-    assert_eq!(rank(&file("tests/mechanisms/parallelogram_cut.yaml")), 3);
+    assert_eq!(
+        rank(&file("tests/fixtures/mechanisms/parallelogram_cut.yaml")),
+        3
+    );
     // with viscous and Coulomb friction of q2, and a rotor that is like an inertia
-    assert_eq!(rank(&file("tests/mechanisms/parallelogram.yaml")), 3 + 2);
+    assert_eq!(
+        rank(&file("tests/fixtures/mechanisms/parallelogram.yaml")),
+        3 + 2
+    );
 }
 
 #[test]
@@ -178,7 +185,7 @@ fn on_a_vertical_slide_weight_and_one_sided_friction_are_one() {
 
 #[test]
 fn angles_that_add_up_to_a_constant_tie_their_one_sided_friction() {
-    let rail = file("tests/pairs/slider_crank/rail.yaml");
+    let rail = file("tests/fixtures/pairs/slider_crank/rail.yaml");
     let with = |kind: &str| rail.replace(", body:", &format!(", friction: {kind}, body:"));
     assert_eq!(rank(&with("viscous")), 6 + 3);
     // |qd| of the three is independent only over changes of their signs
@@ -219,7 +226,7 @@ fn absurd_scales_do_not_change_a_rank() {
     }
     let loops = [
         ("robots/fourbar.yaml", 8),
-        ("tests/mechanisms/parallelogram_cut.yaml", 3),
+        ("tests/fixtures/mechanisms/parallelogram_cut.yaml", 3),
     ];
     for (path, expected) in loops {
         let text = file(path);
@@ -230,7 +237,7 @@ fn absurd_scales_do_not_change_a_rank() {
         }
     }
     for unit in ["1e-6", "1e3"] {
-        let text = file("tests/mechanisms/parallelogram_cut.yaml");
+        let text = file("tests/fixtures/mechanisms/parallelogram_cut.yaml");
         let text = text.replace("l: 0.4, w: 0.25", &format!("l: 0.4*{unit}, w: 0.25*{unit}"));
         assert!(text.contains(unit));
         assert_eq!(rank(&text), 3, "{unit}");
@@ -239,7 +246,7 @@ fn absurd_scales_do_not_change_a_rank() {
 
 #[test]
 fn a_platform_that_never_turns_has_fewer_than_its_trees_say() {
-    assert_eq!(rank(&file("tests/mechanisms/delta.yaml")), 34);
+    assert_eq!(rank(&file("tests/fixtures/mechanisms/delta.yaml")), 34);
 }
 
 #[test]

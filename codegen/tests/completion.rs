@@ -14,7 +14,7 @@ use regen_codegen::spec;
 use regen_codegen::sym::Graph;
 
 fn file(path: &str) -> String {
-    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests");
+    let root = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../tests/fixtures");
     std::fs::read_to_string(root.join(path)).unwrap()
 }
 

@@ -51,7 +51,7 @@ fn together<'a>(explanation: &'a Explanation, parameter: &str) -> Option<&'a str
 
 #[test]
 fn a_parallelogram_is_recognised_by_samples() {
-    let found = explained(&file("tests/mechanisms/parallelogram_cut.yaml"));
+    let found = explained(&file("tests/fixtures/mechanisms/parallelogram_cut.yaml"));
     let shape = found
         .loops
         .iter()
@@ -78,14 +78,14 @@ fn a_parallelogram_is_recognised_by_samples() {
 
 #[test]
 fn couplings_show_a_parallelogram_exactly() {
-    let found = explained(&file("tests/mechanisms/parallelogram.yaml"));
+    let found = explained(&file("tests/fixtures/mechanisms/parallelogram.yaml"));
     assert_eq!(relation(&found, "q3 = q1 "), Some(Evidence::Exact));
     assert_eq!(freedom(&found, "2"), (Freedom::Plane, Evidence::Exact));
 }
 
 #[test]
 fn a_delta_has_a_platform_that_never_rotates() {
-    let found = explained(&file("tests/mechanisms/delta.yaml"));
+    let found = explained(&file("tests/fixtures/mechanisms/delta.yaml"));
     assert_eq!(found.mobility, 3);
     let (platform, evidence) = freedom(&found, "platform");
     assert_eq!(platform, Freedom::Translates);
@@ -102,7 +102,7 @@ fn an_ordinary_planar_loop_has_the_one_relation_of_its_turns_and_it_is_exact() {
     // the angle of its pin is no coordinate
     let found = explained(&file("robots/fourbar.yaml"));
     assert_eq!(found.relations, []);
-    let crank = explained(&file("tests/pairs/slider_crank/rail.yaml"));
+    let crank = explained(&file("tests/fixtures/pairs/slider_crank/rail.yaml"));
     assert_eq!(crank.relations.len(), 1, "{:?}", crank.relations);
     assert_eq!(crank.relations[0].evidence, Evidence::Exact);
     assert!(!found.loops.iter().any(|f| f.text.contains("parallelogram")));
@@ -120,7 +120,7 @@ fn gravity_along_the_axes_is_named() {
 
 #[test]
 fn special_loops_are_told_apart() {
-    let spherical = explained(&file("tests/base/spherical_fourbar.yaml"));
+    let spherical = explained(&file("tests/fixtures/base/spherical_fourbar.yaml"));
     assert!(
         spherical
             .loops
@@ -128,7 +128,7 @@ fn special_loops_are_told_apart() {
             .any(|f| f.text.contains("is spherical"))
     );
     assert_eq!(freedom(&spherical, "2").0, Freedom::Point);
-    let bennett = explained(&file("tests/base/bennett.yaml"));
+    let bennett = explained(&file("tests/fixtures/base/bennett.yaml"));
     assert!(
         bennett
             .loops
@@ -141,16 +141,16 @@ fn special_loops_are_told_apart() {
             .iter()
             .any(|f| f.text.contains("in proportion"))
     );
-    let sarrus = explained(&file("tests/base/sarrus.yaml"));
+    let sarrus = explained(&file("tests/fixtures/base/sarrus.yaml"));
     assert_eq!(freedom(&sarrus, "plate").0, Freedom::Line);
     assert!(is_sampled(relation(&sarrus, "q5 = -2*q1 - pi ").unwrap()));
-    let scara = explained(&file("tests/base/scara.yaml"));
+    let scara = explained(&file("tests/fixtures/base/scara.yaml"));
     assert_eq!(freedom(&scara, "4"), (Freedom::Direction, Evidence::Exact));
 }
 
 #[test]
 fn limits_and_cones_close_to_home_are_named() {
-    let base = file("tests/mechanisms/hexapod.yaml");
+    let base = file("tests/fixtures/mechanisms/hexapod.yaml");
     let near = base
         .replacen(
             "name: p1, type: prismatic,",
@@ -187,7 +187,7 @@ fn limits_and_cones_close_to_home_are_named() {
 
 #[test]
 fn drives_beside_the_mobility_are_named() {
-    let found = explained(&file("tests/mechanisms/fivebar_redundant.yaml"));
+    let found = explained(&file("tests/fixtures/mechanisms/fivebar_redundant.yaml"));
     let all: Vec<&str> = found.coordinates.iter().map(|f| f.text.as_str()).collect();
     let all = all.join("\n");
     assert!(all.contains("actuated are q1 q3 q4"), "{all}");

@@ -31,7 +31,7 @@ fn read(name: &str, text: &str) -> Model {
 }
 
 fn file(name: &str) -> Model {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/oracle");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/fixtures/oracle");
     let text = std::fs::read_to_string(path.join(name)).unwrap();
     read(name, &text)
 }

@@ -18,12 +18,12 @@ use regen_codegen::pipeline::{BaseFrom, DeriveError, derive_with};
 fn seeds() -> Vec<String> {
     let folders = [
         "robots",
-        "tests/oracle",
-        "tests/mechanisms",
-        "tests/pairs/fourbar",
-        "tests/pairs/slider_crank",
-        "tests/pairs/rsur",
-        "tests/pairs/turntable",
+        "tests/fixtures/oracle",
+        "tests/fixtures/mechanisms",
+        "tests/fixtures/pairs/fourbar",
+        "tests/fixtures/pairs/slider_crank",
+        "tests/fixtures/pairs/rsur",
+        "tests/fixtures/pairs/turntable",
     ];
     let paths: Vec<_> = folders.iter().flat_map(|folder| files(folder)).collect();
     assert!(paths.len() > 20);

@@ -14,7 +14,7 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 fn oracle(name: &str) -> (Robot, Value) {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/oracle");
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/fixtures/oracle");
     let text = std::fs::read_to_string(format!("{folder}/{name}.yaml")).unwrap();
     let vectors = std::fs::read_to_string(format!("{folder}/{name}.json")).unwrap();
     let robot =

@@ -87,6 +87,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "optimize",
             "robot",
             "scene",
+            "signature",
             "spec",
             "sym",
         ],

@@ -14,7 +14,7 @@ use regen_codegen::diag::Source;
 use regen_codegen::spec::parse;
 
 fn seeds() -> Vec<String> {
-    let folders = ["tests/oracle", "robots/invalid"];
+    let folders = ["tests/fixtures/oracle", "tests/fixtures/invalid"];
     let paths: Vec<_> = folders.iter().flat_map(|folder| files(folder)).collect();
     assert!(paths.len() > 40);
     let texts = paths

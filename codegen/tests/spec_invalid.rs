@@ -1,4 +1,4 @@
-//! Invalid specs: every error of robots/invalid, as it is shown.
+//! Invalid specs: every error of tests/fixtures/invalid, as it is shown.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ fn root() -> PathBuf {
 }
 
 fn files() -> Vec<String> {
-    let folder = std::fs::read_dir(root().join("robots/invalid")).unwrap();
+    let folder = std::fs::read_dir(root().join("tests/fixtures/invalid")).unwrap();
     let mut names: Vec<String> = folder
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect();
@@ -20,7 +20,7 @@ fn files() -> Vec<String> {
 }
 
 fn source(file: &str) -> Source {
-    let name = format!("robots/invalid/{file}");
+    let name = format!("tests/fixtures/invalid/{file}");
     let text = std::fs::read_to_string(root().join(&name)).unwrap();
     // what git checked out on Windows reads the same
     Source::new(name, text.replace("\r\n", "\n"))
@@ -49,7 +49,7 @@ fn every_shown_error_belongs_to_a_file() {
         let file = name.trim_end_matches(".new").replace(".snap", ".yaml");
         assert!(
             files().contains(&file),
-            "robots/invalid/{file} is gone, its errors are not"
+            "tests/fixtures/invalid/{file} is gone, its errors are not"
         );
     }
 }
@@ -61,7 +61,7 @@ fn plain_text_names_file_line_column_and_path() {
     let line = text.lines().nth(1).unwrap();
     assert!(
         line.starts_with(
-            "robots/invalid/shape_unknown_joint_type.yaml:9:26: \
+            "tests/fixtures/invalid/shape_unknown_joint_type.yaml:9:26: \
              limb 'limb2', joint 'q7': unknown joint type 'prismtic'; did you mean 'prismatic'?"
         ),
         "{line}"

@@ -14,7 +14,7 @@ fn read(text: &str) -> Spec {
 
 fn oracle(name: &str) -> Spec {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../tests/oracle")
+        .join("../tests/fixtures/oracle")
         .join(name);
     read(&std::fs::read_to_string(path).unwrap())
 }
@@ -204,7 +204,7 @@ fn spans_find_the_words_that_they_belong_to() {
         "tree_branch.yaml",
     ] {
         let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("../tests/oracle")
+            .join("../tests/fixtures/oracle")
             .join(file);
         let text = std::fs::read_to_string(path).unwrap();
         let spec = read(&text);

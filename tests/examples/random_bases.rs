@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Seeds are taken from the first one on, until as many mechanisms have been judged.
-//! `tests/base/RECORD.md` keeps what it printed.
+//! `tests/records/base.md` keeps what it printed.
 
 use std::process::ExitCode;
 use std::time::Instant;

@@ -14,19 +14,24 @@ pub fn robots() -> PathBuf {
     package().join("../robots")
 }
 
+/// What tests read: mechanisms, files of others, and numbers that other programs computed.
+pub fn fixtures() -> PathBuf {
+    package().join("fixtures")
+}
+
 /// The mechanisms for the harder checks.
 pub fn mechanisms() -> PathBuf {
-    package().join("mechanisms")
+    fixtures().join("mechanisms")
 }
 
 /// The published vectors and their specs.
 pub fn oracle() -> PathBuf {
-    package().join("oracle")
+    fixtures().join("oracle")
 }
 
 /// One folder per mechanism; the files in a folder open it at different joints.
 pub fn pairs() -> PathBuf {
-    package().join("pairs")
+    fixtures().join("pairs")
 }
 
 /// The files of a folder with an extension, by name.

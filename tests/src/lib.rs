@@ -19,3 +19,9 @@ pub mod platform;
 pub mod random;
 pub mod random_spec;
 pub use regen_reference as reference;
+
+/// Whether samples are as large as `.ci/full` takes them, which sets `REGEN_FULL`; the gate takes
+/// the first part of each.
+pub fn full() -> bool {
+    std::env::var_os("REGEN_FULL").is_some()
+}

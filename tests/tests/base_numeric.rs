@@ -28,7 +28,7 @@ fn all_files() -> Vec<PathBuf> {
         files::robots(),
         files::mechanisms(),
         files::oracle(),
-        files::package().join("base"),
+        files::fixtures().join("base"),
     ];
     folders.extend(files::folders(&files::pairs()).unwrap());
     folders
@@ -175,7 +175,7 @@ const OTHER_GEOMETRIES: [Variations; 7] = [
 #[test]
 fn one_derivation_holds_at_other_geometries() {
     for (file, count, variations) in OTHER_GEOMETRIES {
-        let text = text_of(&files::package().join(file));
+        let text = text_of(&files::fixtures().join(file));
         let derivation = Derivation::new(&text).unwrap();
         assert_eq!(derivation.kept().len(), count, "{file}");
         assert!(
@@ -242,7 +242,7 @@ fn completed_factors_hold_at_other_geometries() {
         ),
     ];
     for (file, count, [from, to]) in cases {
-        let text = text_of(&files::package().join(file));
+        let text = text_of(&files::fixtures().join(file));
         let derivation = Derivation::completed(&text).unwrap();
         assert_eq!(derivation.kept().len(), count, "{file}");
         assert!(text.contains(from), "{file}: {from}");
@@ -316,7 +316,7 @@ fn combinations_hold_on_random_loops() {
     );
 }
 
-/// Larger ones are judged in an optimised build: `tests/base/RECORD.md`.
+/// Larger ones are judged in an optimised build: `tests/records/base.md`.
 const SMALL: usize = 40;
 
 fn holds(seed: u64) -> Result<(), String> {

@@ -39,10 +39,6 @@ fn states() -> Vec<State> {
 }
 
 #[test]
-#[cfg_attr(
-    debug_assertions,
-    ignore = "minutes without optimisation: cargo test --release -p regen-tests --test chapter"
-)]
 fn nonlinear_feasible_friction_beats_linear_on_the_original_forces() {
     let [_, linear, nonlinear] = friction::table3(&states(), 1);
     assert!(nonlinear[1] < linear[1], "{nonlinear:?} {linear:?}");

@@ -1,7 +1,7 @@
 //! States of the shipped robots with loops from their measured coordinates.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use regen_generated::{
+use regen_robots::{
     delta::Delta, fivebar::Fivebar, palletiser::Palletiser, rps3::Rps3, stewart::Stewart,
 };
 use regen_identify::identify::{Completed, Completion};

@@ -1,6 +1,6 @@
 //! Mechanisms that nobody chose, some hundred of them: every comparison with the second
 //! derivation, rows against differences, the closure on a path and back, bad variants.
-//! `random/RECORD.md` tells of ten thousand.
+//! `tests/records/random.md` tells of ten thousand.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,12 +8,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use regen_tests::derived::Derived;
 use regen_tests::engine::check_pair;
 use regen_tests::random::{self, Sample, TOPOLOGIES, cut_word};
-use regen_tests::{files, reference::Mechanism};
+use regen_tests::{files, full, reference::Mechanism};
 
-/// How many seeds; more with `RANDOM_SPECS`.
+/// How many seeds: the first of those that `.ci/full` takes, or as many as `RANDOM_SPECS` says.
 fn seeds() -> u64 {
     let asked = std::env::var("RANDOM_SPECS").ok();
-    asked.and_then(|n| n.parse().ok()).unwrap_or(240)
+    let usual = if full() { 240 } else { 80 };
+    asked.and_then(|n| n.parse().ok()).unwrap_or(usual)
 }
 
 fn sample(seed: u64) -> Sample {
@@ -53,14 +54,14 @@ fn random_mechanisms_agree_with_the_second_derivation_4() {
 
 #[test]
 fn bad_variants_of_random_mechanisms_give_errors_at_the_mistake() {
-    for seed in 0..seeds() / 10 {
+    for seed in 0..seeds().max(240) / 10 {
         random::spoil(&sample(seed), seed).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
     }
 }
 
 /// Judges the specs of a folder of `random/`.
 fn judge_folder(folder: &str) {
-    let folder = files::package().join("random").join(folder);
+    let folder = files::fixtures().join("random").join(folder);
     for path in files::list(&folder, "yaml").unwrap() {
         let text = std::fs::read_to_string(&path).unwrap();
         let mechanism = Mechanism::from_yaml(&text).unwrap();

@@ -101,7 +101,7 @@ fn forces(m: &Mechanism, q: &[f64], qd: &[f64], qdd: &[f64]) -> DVector<f64> {
 
 #[test]
 fn arms_agree_with_pinocchio_in_the_frames_of_their_sources() {
-    let path = files::package().join("nominal/vectors.json");
+    let path = files::fixtures().join("computed/nominal.json");
     let text = std::fs::read_to_string(path).unwrap();
     let vectors: BTreeMap<String, Vec<BTreeMap<String, Vec<f64>>>> =
         serde_json::from_str(&text).unwrap();

@@ -1,5 +1,5 @@
 //! The simulated robot beside another engine: Pinocchio's constraint dynamics on mechanisms that
-//! were built there from their measures (`tests/simulation/vectors.py`).
+//! were built there from their measures (`tests/tools/vectors/simulation.py`).
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_experiment::simulate::{Ended, Forward, Freed, Settings, simulate};
@@ -21,7 +21,10 @@ fn numbers(value: &Value) -> Vec<f64> {
 }
 
 fn vectors(robot: &str) -> Value {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/simulation/vectors.json");
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/fixtures/computed/simulation.json"
+    );
     let text = std::fs::read_to_string(path).unwrap();
     let all: Value = serde_json::from_str(&text).unwrap();
     let robots = all["robots"].as_array().unwrap();

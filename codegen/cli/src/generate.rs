@@ -11,6 +11,8 @@ use serde::Serialize;
 
 use crate::args::{Format, GenerateArgs};
 use crate::exit::Failure;
+use crate::modules::Module;
+use crate::sources::{self, Manifest};
 use crate::workspace::{self, Workspace};
 use crate::{load, modules, progress, table, terminal, write};
 
@@ -30,7 +32,7 @@ pub(crate) enum State {
         /// What it should be; `None` where the file should end before it.
         expected: Option<String>,
     },
-    /// Written for a robot that is gone.
+    /// Written for a robot that is gone, or of which only a digest is kept.
     Stale,
 }
 
@@ -115,20 +117,20 @@ fn mending(args: &GenerateArgs) -> String {
     command
 }
 
-/// The text of each robot's module by its name; the errors of all files at once.
-fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, String>, Failure> {
+/// Each robot's module by its name; the errors of all files at once.
+fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, Module>, Failure> {
     let bar = match files.len() {
         0 | 1 => ProgressBar::hidden(),
         many => progress::bar(many as u64, "{bar:24} {pos}/{len} {msg}"),
     };
-    let mut texts = BTreeMap::new();
+    let mut modules = BTreeMap::new();
     let mut reports = Vec::new();
     for file in files {
         bar.set_message(file.display().to_string());
         match load::robot(file) {
             Ok(robot) => {
-                let text = modules::text(&robot, file)?;
-                if texts.insert(robot.name.clone(), text).is_some() {
+                let module = modules::module(&robot, file)?;
+                if modules.insert(robot.name.clone(), module).is_some() {
                     return Err(Failure::Input(format!(
                         "{}: another of these files has `name: {}` too; modules need names of \
                          their own",
@@ -144,21 +146,36 @@ fn derive(files: &[PathBuf]) -> Result<BTreeMap<String, String>, Failure> {
     }
     bar.finish_and_clear();
     if reports.is_empty() {
-        Ok(texts)
+        Ok(modules)
     } else {
         Err(Failure::Spec(reports))
     }
 }
 
-/// How the directory's files stand to these modules. `whole`: no other modules belong there.
+/// How the directory's files, and the digests beside it, stand to these modules. `whole`: no other
+/// modules belong there.
 pub(crate) fn compare(
-    texts: BTreeMap<String, String>,
+    mut modules: BTreeMap<String, Module>,
     dir: &Path,
     whole: bool,
 ) -> Result<Vec<Entry>, Failure> {
-    let mut names: BTreeSet<String> = texts.keys().cloned().collect();
     let mut entries = Vec::new();
-    for (name, text) in texts {
+    if let Some(manifest) = Manifest::of(dir)? {
+        if whole {
+            manifest.names_only(&modules)?;
+        }
+        let digests = manifest.take_others(&mut modules);
+        let path = manifest.digests();
+        let found = read_if_there(&path)?;
+        let text = sources::digests(if whole { None } else { found.as_deref() }, digests);
+        entries.push(Entry {
+            state: state(found.as_deref(), &text),
+            path,
+            text: Some(text),
+        });
+    }
+    let mut names: BTreeSet<String> = modules.keys().cloned().collect();
+    for (name, Module { text, .. }) in modules {
         let path = dir.join(format!("{name}.rs"));
         let found = read_if_there(&path)?;
         if let Some(found) = &found
@@ -274,9 +291,13 @@ fn human(entries: &[Entry], check: bool) -> String {
             (State::Missing | State::Differs { .. }, false) => {
                 writeln!(out, "{path}: written")
             }
-            (State::Stale, false) => writeln!(out, "{path}: removed, no robot has this name"),
+            (State::Stale, false) => {
+                writeln!(out, "{path}: removed, no robot has a source of this name")
+            }
             (State::Missing, true) => writeln!(out, "{path}: missing"),
-            (State::Stale, true) => writeln!(out, "{path}: stale, no robot has this name"),
+            (State::Stale, true) => {
+                writeln!(out, "{path}: stale, no robot has a source of this name")
+            }
             (
                 State::Differs {
                     line,

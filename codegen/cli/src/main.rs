@@ -39,6 +39,7 @@ mod progress;
 mod reduce;
 mod report;
 mod simulate;
+mod sources;
 mod spec_text;
 mod states;
 mod suspect;

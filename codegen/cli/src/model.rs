@@ -10,7 +10,7 @@ use crate::exit::Failure;
 use crate::generate::{self, State};
 use crate::info;
 use crate::verify::{self, CheckJson};
-use crate::{base, load, modules, table, terminal, workspace};
+use crate::{base, load, modules, sources, table, terminal, workspace};
 
 #[derive(Serialize)]
 struct Summary<'a> {
@@ -29,7 +29,7 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
     };
     let start = Instant::now();
     let robot = load::robot(file)?;
-    let text = modules::text(&robot, file)?;
+    let module = modules::module(&robot, file)?;
     terminal::note(&format!(
         "derived {} in {:.2} s",
         file.display(),
@@ -40,9 +40,9 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
         .out
         .clone()
         .unwrap_or_else(|| workspace::generated_beside(file));
-    let module = dir.join(format!("{}.rs", robot.name));
-    let lines = text.lines().count();
-    let entries = generate::compare(BTreeMap::from([(robot.name.clone(), text)]), &dir, false)?;
+    let source = sources::place(&dir, &robot.name)?;
+    let lines = module.text.lines().count();
+    let entries = generate::compare(BTreeMap::from([(robot.name.clone(), module)]), &dir, false)?;
     let mut same = true;
     for entry in &entries {
         entry.mend()?;
@@ -60,13 +60,13 @@ pub(crate) fn run(args: &ModelArgs) -> Result<(), Failure> {
                 .as_ref()
                 .map_or_else(String::new, base::lines),
             if changed { "wrote" } else { "up to date:" },
-            module.display(),
+            source.display(),
             verify::identities(&verified)
         ),
         Format::Json => table::json(&Summary {
             info: info::info(&robot),
             base: robot.analysis.as_ref().map(base::summary),
-            source: module.display().to_string(),
+            source: source.display().to_string(),
             states: verified.states,
             checks: verify::check_json(&verified),
         }),

@@ -16,8 +16,17 @@ const END: &str = "// </regen modules>";
 /// Module names that the crate's own files take.
 const RESERVED: [&str; 3] = ["lib", "main", "mod"];
 
-/// A robot's module as a file: the banner, then what the emitter wrote.
-pub(crate) fn text(robot: &Robot, spec: &Path) -> Result<String, Failure> {
+/// A robot's module.
+#[derive(Clone, Debug)]
+pub(crate) struct Module {
+    /// The file.
+    pub(crate) text: String,
+    /// What stands for the file in a list of digests.
+    pub(crate) digest: String,
+}
+
+/// A robot's module: as a file the banner, then what the emitter wrote; and the digest of the latter.
+pub(crate) fn module(robot: &Robot, spec: &Path) -> Result<Module, Failure> {
     if RESERVED.contains(&robot.name.as_str()) {
         return Err(Failure::Input(format!(
             "{}: a robot named `{}` cannot have a module file of that name",
@@ -29,10 +38,11 @@ pub(crate) fn text(robot: &Robot, spec: &Path) -> Result<String, Failure> {
     let options = emit::Options {
         runtime: "::regen_runtime".to_owned(),
     };
-    Ok(format!(
-        "{BANNER}{file}; edit that file and run `regen generate`.\n{}",
-        emit::module(robot, &options)
-    ))
+    let written = emit::module(robot, &options);
+    Ok(Module {
+        digest: emit::digest(robot, &written),
+        text: format!("{BANNER}{file}; edit that file and run `regen generate`.\n{written}"),
+    })
 }
 
 /// Whether a file's text was written by `regen`.

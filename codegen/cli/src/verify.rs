@@ -4,6 +4,7 @@
 mod one;
 mod several;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
@@ -13,7 +14,7 @@ use regen_verify::{Check, NumericPath, Report, Vectors, VerifyError, What};
 use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
 use crate::workspace::{self, Workspace};
-use crate::{closed, load, modules, progress, terminal};
+use crate::{closed, load, modules, sources, progress, terminal};
 
 pub(crate) use one::{CheckJson, check_json, identities};
 
@@ -74,8 +75,8 @@ fn failed<'a>(
     report.failed().chain(numeric.report.failed())
 }
 
-/// Whether the workspace's module of a robot of the workspace is what would be generated; `None`
-/// where there is none.
+/// Whether the workspace's module of a robot of the workspace, or its digest, is what would be
+/// generated; `None` where there is none.
 fn same_source(robot: &Robot, file: &Path) -> Result<Option<bool>, Failure> {
     let beside = match file.parent() {
         Some(dir) if !dir.as_os_str().is_empty() => dir,
@@ -84,11 +85,18 @@ fn same_source(robot: &Robot, file: &Path) -> Result<Option<bool>, Failure> {
     if !Workspace::above(beside).is_some_and(|w| w.holds_robot(file)) {
         return Ok(None);
     }
-    let module = workspace::generated_beside(file).join(format!("{}.rs", robot.name));
-    if !module.is_file() {
+    let place = sources::place(&workspace::generated_beside(file), &robot.name)?;
+    if !place.is_file() {
         return Ok(None);
     }
-    Ok(Some(load::text(&module)? == modules::text(robot, file)?))
+    let found = load::text(&place)?;
+    let module = modules::module(robot, file)?;
+    Ok(Some(if place.extension().is_some_and(|e| e == "rs") {
+        found == module.text
+    } else {
+        let digest = BTreeMap::from([(robot.name.clone(), module.digest)]);
+        found == sources::digests(Some(&found), digest)
+    }))
 }
 
 fn run_all(args: &VerifyArgs) -> Result<(), Failure> {
@@ -163,22 +171,29 @@ fn independent(file: &Path) -> Result<Independent, Failure> {
     })
 }
 
-/// The vectors of another program, beside a spec as `vectors/NAME.json`; `None` where there are
+/// Where the vectors of a spec are looked for, from its folder: beside it, or among the fixtures of
+/// the workspace whose folder of robots holds it.
+const FOLDERS: [&str; 2] = ["vectors", "../tests/fixtures/vectors"];
+
+/// The vectors of another program for a spec, in a file `vectors/NAME.json`; `None` where there are
 /// none.
 fn vectors(spec: &Path) -> Result<Option<Vectors>, Failure> {
     let Some(stem) = spec.file_stem() else {
         return Ok(None);
     };
-    let mut file = spec.with_file_name("vectors").join(stem);
-    file.as_mut_os_string().push(".json");
-    if !file.is_file() {
+    let mut files = FOLDERS.iter().map(|folder| {
+        let mut file = spec.with_file_name(folder).join(stem);
+        file.as_mut_os_string().push(".json");
+        file
+    });
+    let Some(file) = files.find(|file| file.is_file()) else {
         return Ok(None);
-    }
+    };
     Vectors::parse(&load::text(&file)?)
         .map(Some)
         .map_err(|error| {
             Failure::Input(format!(
-                "{}: {error}; tests/evidence/vectors.py writes such files",
+                "{}: {error}; tests/tools/vectors/forces.py writes such files",
                 file.display()
             ))
         })

@@ -91,7 +91,7 @@ fn what_stands_in_the_way_is_named_with_its_exit_code() {
 /// A search of far more starts than anybody waits for, interrupted after so many seconds.
 #[cfg(unix)]
 fn interrupted(dir: &Path, seconds: u64) -> (Option<i32>, String) {
-    let spec = robots().join("../guide/fivebar/fivebar.yaml");
+    let spec = robots().join("../runtime/guide/fivebar/fivebar.yaml");
     let spec = spec.to_str().unwrap();
     let args = "--harmonics 2 --samples 20 --frequency 0.5 --steps 3 --starts 100000 --threads 1 \
                 --out t.json";

@@ -54,7 +54,7 @@ impl Log {
 /// The five-bar of the guide with its logs.
 fn bench(test: &str) -> (PathBuf, Log) {
     let dir = scratch(test);
-    let guide = root().join("guide/fivebar");
+    let guide = root().join("runtime/guide/fivebar");
     fs::copy(guide.join("fivebar.yaml"), dir.join("r.yaml")).unwrap();
     (dir, Log::read(&guide.join("run1.csv")))
 }
@@ -80,7 +80,7 @@ fn places() -> Vec<usize> {
 #[test]
 fn logs_without_a_fault_are_read_without_a_word() {
     let (dir, log) = bench("clean_logs");
-    let other = Log::read(&root().join("guide/fivebar/run2.csv"));
+    let other = Log::read(&root().join("runtime/guide/fivebar/run2.csv"));
     for log in [log, other] {
         let run = identify(&dir, &log.text(), &[]).ended(0);
         assert_eq!(run.err, "");

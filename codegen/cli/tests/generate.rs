@@ -124,6 +124,55 @@ fn naming_files_leaves_the_other_modules_alone() {
 }
 
 #[test]
+fn of_robots_that_are_no_sources_a_digest_is_held() {
+    let dir = workspace("digests", &["one", "two", "three"]);
+    fs::write(dir.join("generated/sources.txt"), "# read by people\ntwo\n").unwrap();
+    regen(&dir, &["generate"]).ended(0);
+    regen(&dir, &["generate", "--check"]).ended(0);
+    let there = |name: &str| dir.join(format!("generated/src/{name}.rs")).exists();
+    assert_eq!(["one", "two", "three"].map(there), [false, true, false]);
+    let list = fs::read_to_string(dir.join("generated/src/lib.rs")).unwrap();
+    assert!(list.contains("two;") && !list.contains("one;"), "{list}");
+
+    let file = dir.join("generated/digests.txt");
+    let good = fs::read_to_string(&file).unwrap();
+    let robots: Vec<&str> = good
+        .lines()
+        .filter(|line| line.contains("sha256"))
+        .filter_map(|line| line.split(':').next())
+        .collect();
+    assert_eq!(robots, ["one", "three"]);
+
+    // another robot under the name changes its digest, and the check names file and command
+    let spec = dir.join("robots/one.yaml");
+    let text = fs::read_to_string(&spec).unwrap();
+    fs::write(&spec, text.replace("revolute", "prismatic")).unwrap();
+    assert_ne!(fs::read_to_string(&spec).unwrap(), text);
+    let run = regen(&dir, &["generate", "--check"]).ended(1);
+    assert!(
+        run.out.contains("generated/digests.txt: differs"),
+        "{}",
+        run.out
+    );
+    assert!(run.err.contains("regen -- generate"), "{}", run.err);
+    let run = regen(&dir, &["verify", "robots/one.yaml"]).ended(1);
+    assert!(run.err.contains("one is not verified"), "{}", run.err);
+
+    // naming the file mends its digest and leaves the other
+    regen(&dir, &["generate", "robots/one.yaml"]).ended(0);
+    regen(&dir, &["verify", "robots/one.yaml"]).ended(0);
+    regen(&dir, &["generate", "--check"]).ended(0);
+    let mended = fs::read_to_string(&file).unwrap();
+    let three = |text: &str| text.split_once("three:").map(|(_, three)| three.to_owned());
+    assert_ne!(mended, good);
+    assert_eq!(three(&mended), three(&good));
+
+    fs::write(dir.join("generated/sources.txt"), "two\nfour\n").unwrap();
+    let run = regen(&dir, &["generate"]).ended(3);
+    assert!(run.err.contains("no robot is named `four`"), "{}", run.err);
+}
+
+#[test]
 fn a_directory_of_ones_own_needs_no_list() {
     let dir = scratch("own-directory");
     fs::write(dir.join("arm.yaml"), pendulum("arm")).unwrap();

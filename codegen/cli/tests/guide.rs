@@ -33,7 +33,11 @@ fn commands(page: &str) -> Vec<String> {
 
 /// What of a clone the pages name.
 fn clone(dir: &Path) {
-    for folder in ["robots", "guide/fivebar", "tests/import/airo-models"] {
+    for folder in [
+        "robots",
+        "runtime/guide/fivebar",
+        "tests/fixtures/import/airo-models",
+    ] {
         let into = dir.join(folder);
         fs::create_dir_all(&into).unwrap();
         for entry in fs::read_dir(root().join(folder)).unwrap() {
@@ -47,7 +51,7 @@ fn clone(dir: &Path) {
 
 /// Runs a page's commands; every file that one writes must be there and not empty.
 fn follow(page: &str) -> Vec<String> {
-    let text = fs::read_to_string(root().join(format!("guide/pages/{page}.md"))).unwrap();
+    let text = fs::read_to_string(root().join(format!("runtime/guide/pages/{page}.md"))).unwrap();
     let dir = scratch(&format!("guide_{page}"));
     clone(&dir);
     let commands = commands(&text);
@@ -95,7 +99,7 @@ fn the_stewart_platforms_table_is_a_latex_document() {
         .into_iter()
         .chain(std::env::split_paths(&paths));
     let ended = std::process::Command::new("sh")
-        .arg(root().join("guide/examples/stewart_table.sh"))
+        .arg(root().join("runtime/guide/examples/stewart_table.sh"))
         .arg("stewart.tex")
         .current_dir(&dir)
         .env("PATH", std::env::join_paths(paths).unwrap())
@@ -113,19 +117,19 @@ fn the_five_bars_log_becomes_a_report_in_under_ten_commands() {
     assert!(follow("identify").len() < 10);
     let dir = scratch("guide_report");
     clone(&dir);
-    let args = "identify guide/fivebar/fivebar.yaml guide/fivebar/run1.csv --butterworth 4,20 \
-                --against guide/fivebar/run2.csv --format json";
+    let args = "identify runtime/guide/fivebar/fivebar.yaml runtime/guide/fivebar/run1.csv --butterworth 4,20 \
+                --against runtime/guide/fivebar/run2.csv --format json";
     let args: Vec<_> = args.split_whitespace().collect();
     let json = regen(&dir, &args).ended(0).json();
     // The log has 1 % of noise; what fits it fits the other one too.
     assert!(json["relative_absolute"].as_f64().unwrap() < 3.0, "{json}");
     assert_eq!(json["parameters"].as_array().unwrap().len(), 15);
     // The pages show figures of this report.
-    let args = "identify guide/fivebar/fivebar.yaml guide/fivebar/run1.csv --butterworth 4,20 \
-                --against guide/fivebar/run2.csv --report report.html --figures figures";
+    let args = "identify runtime/guide/fivebar/fivebar.yaml runtime/guide/fivebar/run1.csv --butterworth 4,20 \
+                --against runtime/guide/fivebar/run2.csv --report report.html --figures figures";
     let args: Vec<_> = args.split_whitespace().collect();
     regen(&dir, &args).ended(0);
-    for entry in fs::read_dir(root().join("guide/pages/figures")).unwrap() {
+    for entry in fs::read_dir(root().join("runtime/guide/pages/figures")).unwrap() {
         let entry = entry.unwrap();
         let made = fs::read_to_string(dir.join("figures").join(entry.file_name())).unwrap();
         let kept = fs::read_to_string(entry.path()).unwrap();

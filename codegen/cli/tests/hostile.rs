@@ -262,7 +262,7 @@ fn descriptions_made_to_break_the_reader_are_answered() {
 #[test]
 fn logs_made_to_break_the_reader_are_answered() {
     let dir = scratch("hostile_logs");
-    let spec = root().join("guide/fivebar/fivebar.yaml");
+    let spec = root().join("runtime/guide/fivebar/fivebar.yaml");
     fs::copy(spec, dir.join("r.yaml")).unwrap();
     let head = "t,q1,q3,tau_q1,tau_q3\n";
     let rows = |row: &dyn Fn(usize) -> String| (0..2000).map(row).collect::<String>();
@@ -323,11 +323,12 @@ fn logs_made_to_break_the_reader_are_answered() {
         ("a Parquet file of nothing", b"PAR1\0\0\0\0PAR1".to_vec()),
         (
             "a broken column",
-            fs::read(root().join("fuzz/kept/parquet/column_of_negative_length")).unwrap(),
+            fs::read(root().join("tests/tools/fuzz/kept/parquet/column_of_negative_length"))
+                .unwrap(),
         ),
         (
             "billions of truths",
-            fs::read(root().join("fuzz/kept/parquet/billions_of_truths")).unwrap(),
+            fs::read(root().join("tests/tools/fuzz/kept/parquet/billions_of_truths")).unwrap(),
         ),
     ];
     for (name, text) in cases {

@@ -92,7 +92,7 @@ fn run(dir: &Path, args: &[&str]) -> Run {
 #[test]
 fn instruments_are_found_for_equations_that_are_thinned() {
     let dir = scratch("thinned");
-    let guide = root().join("guide/fivebar");
+    let guide = root().join("runtime/guide/fivebar");
     for name in ["fivebar.yaml", "run1.csv"] {
         fs::copy(guide.join(name), dir.join(name)).unwrap();
     }

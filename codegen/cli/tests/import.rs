@@ -8,7 +8,7 @@ use std::fs;
 use common::{regen, root, scratch};
 
 fn published(file: &str) -> String {
-    let path = root().join("tests/import").join(file);
+    let path = root().join("tests/fixtures/import").join(file);
     path.canonicalize().unwrap().display().to_string()
 }
 

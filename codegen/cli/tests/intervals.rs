@@ -86,7 +86,7 @@ fn intervals_of_a_platform_hold_the_truth_without_noise() {
 #[test]
 fn intervals_of_a_five_bar_with_friction_hold_the_truth_without_noise() {
     every_interval_holds_the_truth(
-        "guide/fivebar/fivebar.yaml",
+        "runtime/guide/fivebar/fivebar.yaml",
         r#"{"format": "regen-trajectory", "robot": "picker", "coordinates": ["q1", "q3"],
             "base_frequency": 0.2, "harmonics": 5, "offset": [2.2022, 0.9745],
             "cosine": [[0.2654, -0.0032, 0.3107, -0.0139, -0.1297],

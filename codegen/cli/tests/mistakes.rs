@@ -34,7 +34,7 @@ fn told(name: &str, code: i32, err: &str) -> String {
 fn every_mistake_in_a_description_is_answered_with_its_place() {
     let dir = scratch("mistakes_specs");
     let mut table = String::new();
-    let mut files: Vec<_> = fs::read_dir(root().join("robots/invalid"))
+    let mut files: Vec<_> = fs::read_dir(root().join("tests/fixtures/invalid"))
         .unwrap()
         .map(|entry| entry.unwrap().path())
         .filter(|path| path.extension().is_some_and(|e| e == "yaml"))
@@ -43,7 +43,11 @@ fn every_mistake_in_a_description_is_answered_with_its_place() {
     files.sort();
     assert!(files.len() >= 50, "{}", files.len());
     for name in files {
-        fs::copy(root().join("robots/invalid").join(&name), dir.join(&name)).unwrap();
+        fs::copy(
+            root().join("tests/fixtures/invalid").join(&name),
+            dir.join(&name),
+        )
+        .unwrap();
         let run = regen(&dir, &["info", &name]).ended(3);
         assert!(run.out.is_empty(), "{}", run.out);
         assert!(run.err.contains(&format!("--> {name}:")), "{}", run.err);
@@ -54,7 +58,7 @@ fn every_mistake_in_a_description_is_answered_with_its_place() {
 
 /// The log of the guide with its rows changed.
 fn log(dir: &Path, change: impl FnOnce(&mut Vec<String>)) {
-    let text = fs::read_to_string(root().join("guide/fivebar/run1.csv")).unwrap();
+    let text = fs::read_to_string(root().join("runtime/guide/fivebar/run1.csv")).unwrap();
     let mut lines: Vec<String> = text.lines().take(801).map(str::to_owned).collect();
     change(&mut lines);
     fs::write(dir.join("log.csv"), lines.join("\n") + "\n").unwrap();
@@ -131,7 +135,7 @@ const LOGS: [Mistake; 23] = [
 #[test]
 fn every_mistake_in_a_log_is_answered_with_its_rows() {
     let dir = scratch("mistakes_logs");
-    let spec = root().join("guide/fivebar/fivebar.yaml");
+    let spec = root().join("runtime/guide/fivebar/fivebar.yaml");
     fs::copy(spec, dir.join("fivebar.yaml")).unwrap();
     let mut table = String::new();
     for (name, change, more) in LOGS {

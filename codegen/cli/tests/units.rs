@@ -206,7 +206,7 @@ fn every_check_holds_in_any_units() {
 #[test]
 fn identified_parameters_are_the_same_in_any_units() {
     let dir = scratch("units-identify");
-    let guide = root().join("guide/fivebar");
+    let guide = root().join("runtime/guide/fivebar");
     let text = fs::read_to_string(guide.join("fivebar.yaml")).unwrap();
     let log = fs::read_to_string(guide.join("run1.csv")).unwrap();
     let mut found: Vec<(Vec<(String, f64)>, String)> = Vec::new();

@@ -32,11 +32,11 @@ fn the_oracles_robots_are_verified_beside_the_numeric_path() {
 #[test]
 fn the_guide_shows_the_evidence_for_every_robot() {
     let run = regen(&root(), &["verify", "--all", "--format", "markdown"]).ended(0);
-    let page = root().join("guide/pages/evidence-table.md");
+    let page = root().join("runtime/guide/pages/evidence-table.md");
     let kept = fs::read_to_string(page).unwrap();
     assert_eq!(
         run.out, kept,
-        "mend it with: regen verify --all --format markdown > guide/pages/evidence-table.md"
+        "mend it with: regen verify --all --format markdown > runtime/guide/pages/evidence-table.md"
     );
     let robots = fs::read_dir(root().join("robots")).unwrap();
     let is_spec = |e: &fs::DirEntry| e.path().extension().is_some_and(|e| e == "yaml");
@@ -89,14 +89,14 @@ fn evidence_that_fails_ends_with_1_and_says_what() {
         text.replace("l1: 0.30", "l1: 0.31"),
     )
     .unwrap();
-    let vectors = root().join("robots/vectors/fivebar.json");
+    let vectors = root().join("tests/fixtures/vectors/fivebar.json");
     fs::copy(vectors, dir.join("vectors/fivebar.json")).unwrap();
     let run = regen(&dir, &["verify", "--all", "fivebar.yaml"]).ended(1);
     assert!(run.out.contains("FAILED"), "{}", run.out);
     assert!(run.err.contains("another program"), "{}", run.err);
     fs::write(dir.join("vectors/fivebar.json"), "{}").unwrap();
     let run = regen(&dir, &["verify", "--all", "fivebar.yaml"]).ended(3);
-    assert!(run.err.contains("vectors.py"), "{}", run.err);
+    assert!(run.err.contains("vectors/forces.py"), "{}", run.err);
     let run = regen(&dir, &["verify", "fivebar.yaml", "--format", "markdown"]).ended(2);
     assert!(run.err.contains("--all"), "{}", run.err);
 }

@@ -89,7 +89,7 @@ fn killed_runs_leave_the_old_file_or_the_new_one() {
     killed_at_any_moment(&dir, &single, "one.rs", Some(&old), 15);
     let store = ["base", "robots/one.yaml", "--store"];
     killed_at_any_moment(&dir, &store, "robots/one.base", None, 15);
-    let guide = root().join("guide/fivebar");
+    let guide = root().join("runtime/guide/fivebar");
     fs::copy(guide.join("fivebar.yaml"), dir.join("fivebar.yaml")).unwrap();
     let log = fs::read_to_string(guide.join("run1.csv")).unwrap();
     let log: Vec<&str> = log.lines().take(201).collect();

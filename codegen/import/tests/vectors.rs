@@ -1,6 +1,6 @@
 //! Robot files of other people's packages: the regressor of the imported spec times
 //! its nominal parameters is the inverse dynamics that Pinocchio computes from the
-//! same file. `tests/import/vectors.py` made the vectors.
+//! same file. `tests/tools/vectors/import.py` made the vectors.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::BTreeSet;
@@ -15,7 +15,7 @@ use regen_import::{Options, import};
 use serde_json::Value;
 
 fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/import")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/import")
 }
 
 fn spec_of(file: &str, exact: bool) -> String {

@@ -282,7 +282,7 @@ mod tests {
     use super::*;
 
     fn five_bar() -> (Source, Spec, Model, Analysis) {
-        let text = include_str!("../../../tests/oracle/fivebar.yaml");
+        let text = include_str!("../../../tests/fixtures/oracle/fivebar.yaml");
         let source = Source::new("fivebar.yaml", text);
         let spec = crate::spec::parse(&source).unwrap();
         let model = crate::model::build(&spec);

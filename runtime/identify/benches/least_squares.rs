@@ -1,5 +1,5 @@
 //! Least squares with statistics of 75,000 equations in 34 parameters, as of a trajectory of the
-//! 3-RPS with friction and rotors. Prints the best of some runs in ms; tests/estimation/ratio.py
+//! 3-RPS with friction and rotors. Prints the best of some runs in ms; tests/tools/estimation/ratio.py
 //! runs it beside numpy.
 
 use std::time::Instant;

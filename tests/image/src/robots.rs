@@ -9,7 +9,7 @@ macro_rules! images {
     ($($name:ident = $module:ident :: $type:ident;)*) => {
         $(
             #[doc = concat!("The robot `", stringify!($module), "`.")]
-            pub static $name: Robot<f64> = &regen_generated::$module::$type;
+            pub static $name: Robot<f64> = &regen_robots::$module::$type;
         )*
 
         /// All of them, by the names of their modules.
@@ -43,4 +43,4 @@ images! {
 }
 
 /// A closed loop in single precision.
-pub static FIVEBAR_F32: Robot<f32> = &regen_generated::fivebar::Fivebar;
+pub static FIVEBAR_F32: Robot<f32> = &regen_robots::fivebar::Fivebar;

@@ -28,7 +28,13 @@ pub fn image(features: &str) -> Vec<PathBuf> {
         .map(PathBuf::from)
         .filter(|path| path.extension().is_some_and(|e| e == "rlib"))
         .collect();
-    for part in ["regen_image", "regen_generated", "regen_runtime", "libm"] {
+    for part in [
+        "regen_image",
+        "regen_generated",
+        "regen_robots",
+        "regen_runtime",
+        "libm",
+    ] {
         let named = |path: &PathBuf| path.to_string_lossy().contains(part);
         assert!(
             libraries.iter().any(named),

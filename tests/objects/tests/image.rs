@@ -35,14 +35,21 @@ static IMAGE: LazyLock<Graph> = LazyLock::new(|| {
     Graph::read(&paths)
 });
 
-/// The modules of `regen-generated`, in order.
+/// The names of the robots of `robots/`, in order.
 fn modules() -> Vec<String> {
-    let file = root().join("generated/src/lib.rs");
-    let text = std::fs::read_to_string(file).unwrap();
-    text.lines()
-        .filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';'))
-        .map(str::to_owned)
-        .collect()
+    let entries = std::fs::read_dir(root().join("robots")).unwrap();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|e| e == "yaml"))
+        .map(|path| {
+            let text = std::fs::read_to_string(path).unwrap();
+            let mut lines = text.lines();
+            let name = lines.find_map(|line| line.strip_prefix("name: "));
+            name.unwrap().trim().to_owned()
+        })
+        .collect();
+    names.sort();
+    names
 }
 
 /// The table of methods of each robot; its module's name.

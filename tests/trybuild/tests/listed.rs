@@ -1,4 +1,4 @@
-//! The tables of `DEPENDENCIES.md` and `deny.toml` say what cargo says.
+//! The tables of `DEPENDENCIES.md` and `.deny.toml` say what cargo says.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -43,7 +43,9 @@ fn text<'v>(value: &'v Value, key: &str) -> &'v str {
 
 /// The rows of the table whose head starts with `head`, cell by cell, without back quotes.
 fn table(head: &str) -> Vec<Vec<String>> {
-    let page = std::fs::read_to_string(root().join("DEPENDENCIES.md")).unwrap();
+    let page =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("DEPENDENCIES.md"))
+            .unwrap();
     let mut lines = page.lines().skip_while(|line| !line.starts_with(head));
     assert!(lines.next().is_some(), "no table {head}");
     lines
@@ -56,16 +58,16 @@ fn table(head: &str) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// The strings of a list in `deny.toml`, which stand in lines of their own.
+/// The strings of a list in `.deny.toml`, which stand in lines of their own.
 fn listed(key: &str) -> BTreeSet<String> {
-    let file = std::fs::read_to_string(root().join("deny.toml")).unwrap();
+    let file = std::fs::read_to_string(root().join(".deny.toml")).unwrap();
     let start = format!("{key} = [");
     let lines = file.lines().skip_while(|line| *line != start).skip(1);
     let list: BTreeSet<_> = lines
         .take_while(|line| *line != "]")
         .map(|line| line.trim().trim_matches([',', '"']).to_owned())
         .collect();
-    assert!(!list.is_empty(), "no {key} in deny.toml");
+    assert!(!list.is_empty(), "no {key} in .deny.toml");
     list
 }
 

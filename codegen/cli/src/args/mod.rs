@@ -251,6 +251,10 @@ If DIR has a lib.rs or mod.rs with the two lines
   // </regen modules>
 the list of modules between them is kept up to date.
 
+If the directory above DIR has a sources.txt, a robot's name per line, modules
+of these robots alone are written. Of the others digests.txt beside it says what
+they would be: lines, SHA-256 and the operations of each function.
+
 Examples:
   regen generate
   regen generate --check
@@ -392,7 +396,8 @@ With --all, the evidence: checks that share no code with what they check, each
 with a bound that is computed from roundoff, operations and condition numbers.
 FILES may then be several, or directories of *.yaml; without any, robots/*.yaml
 of the workspace. Vectors of another program are looked for beside each spec, as
-vectors/NAME.json; tests/evidence/vectors.py makes them with Pinocchio.
+vectors/NAME.json, then in tests/fixtures/vectors of the workspace;
+tests/tools/vectors/forces.py makes them with Pinocchio.
 
 Examples:
   regen verify robots/3rps.yaml

@@ -256,7 +256,7 @@ fn a_five_bars_models_are_one_whatever_is_asked_for() {
 
 #[test]
 fn an_asymmetric_five_bars_models_are_one_whatever_is_asked_for() {
-    let robot = Tried::new("guide/fivebar/fivebar", 200, |text| {
+    let robot = Tried::new("runtime/guide/fivebar/fivebar", 200, |text| {
         text.replacen("friction: linear", "friction: coulomb_asymmetric", 1)
     });
     for options in ALL {

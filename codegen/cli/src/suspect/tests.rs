@@ -138,7 +138,7 @@ fn are_named(model: &Interpreted<'_>, settings: &Settings, mistakes: &[Mistake<'
 
 #[test]
 fn mistakes_in_the_log_of_a_fivebar_are_named() {
-    let guide = root().join("guide/fivebar");
+    let guide = root().join("runtime/guide/fivebar");
     let robot = load::robot(&guide.join("fivebar.yaml")).unwrap();
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
@@ -247,7 +247,7 @@ fn mistakes_in_the_log_of_a_fivebar_are_named() {
 /// direction's friction is negative tells it.
 #[test]
 fn an_offset_that_two_directions_of_friction_take_up_is_named() {
-    let guide = root().join("guide/fivebar");
+    let guide = root().join("runtime/guide/fivebar");
     let read = load::source(&guide.join("fivebar.yaml")).unwrap();
     let text = read
         .text

@@ -73,12 +73,16 @@ pub fn root() -> PathBuf {
 
 /// The path of an oracle's file.
 pub fn oracle(file: &str) -> String {
-    root().join("tests/oracle").join(file).display().to_string()
+    root()
+        .join("tests/fixtures/oracle")
+        .join(file)
+        .display()
+        .to_string()
 }
 
 /// The path of a mechanism that tests are made of.
 pub fn mechanism(file: &str) -> String {
-    let dir = root().join("tests/mechanisms");
+    let dir = root().join("tests/fixtures/mechanisms");
     dir.join(file).display().to_string()
 }
 

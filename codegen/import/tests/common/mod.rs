@@ -14,7 +14,7 @@ use regen_import::{Imported, Options, import};
 
 /// The robot files of others.
 pub fn folder() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/import")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/fixtures/import")
 }
 
 /// A file of others, as it was published.

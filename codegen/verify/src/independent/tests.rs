@@ -25,7 +25,10 @@ fn text(name: &str) -> String {
 }
 
 fn vectors(name: &str) -> Option<Vectors> {
-    let file = path(&format!("vectors/{name}")).with_extension("json");
+    let file = format!(
+        "{}/../../tests/fixtures/vectors/{name}.json",
+        env!("CARGO_MANIFEST_DIR")
+    );
     let text = std::fs::read_to_string(file).ok()?;
     Some(Vectors::parse(&text).unwrap())
 }

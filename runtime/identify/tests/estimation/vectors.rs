@@ -1,4 +1,4 @@
-//! Against the vectors that tests/estimation/vectors.py wrote.
+//! Against the vectors that tests/tools/vectors/estimation.py wrote.
 
 use regen_identify::estimate::{
     Accumulator, Autocorrelated, Estimate, Factor, Origin, Residuals, Weighting,
@@ -10,7 +10,10 @@ use serde_json::Value;
 const TOLERANCE: f64 = 1e-9;
 
 fn vectors() -> Value {
-    serde_json::from_str(include_str!("../../../../tests/estimation/vectors.json")).unwrap()
+    serde_json::from_str(include_str!(
+        "../../../../tests/fixtures/computed/estimation.json"
+    ))
+    .unwrap()
 }
 
 fn numbers(value: &Value) -> Vec<f64> {

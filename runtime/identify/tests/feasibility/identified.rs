@@ -74,7 +74,7 @@ struct Vector {
 fn the_solution_is_that_of_another_conic_solver() {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/../../tests/feasibility/vectors.json"
+        "/../../tests/fixtures/computed/feasibility.json"
     );
     let vectors: Vec<Vector> =
         serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();

@@ -8,8 +8,8 @@
 use crate::double::Double;
 use crate::robot::Inputs;
 use nalgebra::{DMatrix, DVector};
-use regen_generated as generated;
 use regen_image::robots::{Robot, all};
+use regen_robots as generated;
 use regen_runtime::{Closure, Condition, Model, NEAR_SINGULAR, Outcome, SizeError};
 
 /// Where the pivot is p, errors at given coordinates are below this times 2^-52 / p^2, relative to

@@ -31,7 +31,7 @@ fn spread(states: &[State], c: usize) -> f64 {
 
 #[test]
 fn a_parallelogram_keeps_its_opposite_sides_parallel() {
-    let (_, states) = states("tests/mechanisms/parallelogram_cut.yaml", 40);
+    let (_, states) = states("tests/fixtures/mechanisms/parallelogram_cut.yaml", 40);
     for state in &states {
         assert!((state.q[0] + state.q[1]).log10() < -75.0);
         assert!((state.q[0] - state.q[2]).log10() < -75.0);

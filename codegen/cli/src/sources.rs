@@ -1,0 +1,130 @@
+//! Which robots of a workspace are checked in as whole sources, and the digests of the others.
+//!
+//! `sources.txt` beside the directory of modules names the robots whose source people read, one a
+//! line. `digests.txt` beside it is written by regen, and says of all others what their source
+//! would be. Without `sources.txt` every robot has its source.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::exit::Failure;
+use crate::modules::Module;
+
+const SOURCES: &str = "sources.txt";
+const DIGESTS: &str = "digests.txt";
+const HEAD: &str = "\
+# Written by regen generate: modules that are not checked in. Per robot the lines of its module and
+# their SHA-256, and the operations of each function.
+";
+
+/// The robots whose sources belong into a directory.
+#[derive(Debug)]
+pub(crate) struct Manifest {
+    file: PathBuf,
+    names: BTreeSet<String>,
+}
+
+impl Manifest {
+    /// The manifest of a directory of modules; `None` where every robot has its source.
+    pub(crate) fn of(dir: &Path) -> Result<Option<Self>, Failure> {
+        let file = beside(dir, SOURCES);
+        let text = match fs::read_to_string(&file) {
+            Ok(text) => text,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(Failure::io("read", &file, &error)),
+        };
+        let lines = text.lines().map(str::trim);
+        let names = lines
+            .filter(|line| !line.is_empty() && !line.starts_with('#'))
+            .map(str::to_owned)
+            .collect();
+        Ok(Some(Self { file, names }))
+    }
+
+    /// An error unless every name is one of these robots.
+    pub(crate) fn names_only(&self, robots: &BTreeMap<String, Module>) -> Result<(), Failure> {
+        match self.names.iter().find(|name| !robots.contains_key(*name)) {
+            None => Ok(()),
+            Some(name) => Err(Failure::Input(format!(
+                "{}: no robot is named `{name}`",
+                self.file.display()
+            ))),
+        }
+    }
+
+    /// Takes the robots out whose source is not wanted; their digests by their names.
+    pub(crate) fn take_others(
+        &self,
+        robots: &mut BTreeMap<String, Module>,
+    ) -> BTreeMap<String, String> {
+        robots
+            .extract_if(.., |name, _| !self.names.contains(name))
+            .map(|(name, module)| (name, module.digest))
+            .collect()
+    }
+
+    /// The file of digests.
+    pub(crate) fn digests(&self) -> PathBuf {
+        self.file.with_file_name(DIGESTS)
+    }
+}
+
+/// The file that holds a robot's source, or its digest.
+pub(crate) fn place(dir: &Path, robot: &str) -> Result<PathBuf, Failure> {
+    Ok(match Manifest::of(dir)? {
+        Some(manifest) if !manifest.names.contains(robot) => manifest.digests(),
+        _ => dir.join(format!("{robot}.rs")),
+    })
+}
+
+/// The text of a file of digests: those that `found` has, with these in place of the same robots'.
+pub(crate) fn digests(found: Option<&str>, new: BTreeMap<String, String>) -> String {
+    let mut all = BTreeMap::new();
+    let mut robot = None;
+    for line in found.unwrap_or_default().split_inclusive('\n') {
+        match line.split_once(": ") {
+            _ if line.starts_with('#') => robot = None,
+            Some((name, _)) if !line.starts_with(' ') => robot = Some(name.to_owned()),
+            _ => {}
+        }
+        if let Some(name) = &robot {
+            all.entry(name.clone())
+                .or_insert_with(String::new)
+                .push_str(line);
+        }
+    }
+    all.extend(new);
+    all.values().fold(HEAD.to_owned(), |text, one| text + one)
+}
+
+fn beside(dir: &Path, name: &str) -> PathBuf {
+    match dir.parent() {
+        // the parent of `src` is the current directory
+        Some(parent) if dir.file_name().is_some() => parent.join(name),
+        _ => dir.join("..").join(name),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_digest_takes_the_place_of_the_one_of_the_same_robot_only() {
+        let old = "# head\nb: 1\n    f: 1\n    g: 2\nc: 1\n    f: 1\n";
+        let new = |list: &[(&str, &str)]| {
+            let own = |(name, text): &(&str, &str)| ((*name).to_owned(), (*text).to_owned());
+            list.iter().map(own).collect::<BTreeMap<_, _>>()
+        };
+        assert_eq!(
+            digests(
+                Some(old),
+                new(&[("b", "b: 2\n    f: 3\n"), ("a", "a: 1\n")])
+            ),
+            format!("{HEAD}a: 1\nb: 2\n    f: 3\nc: 1\n    f: 1\n")
+        );
+        assert_eq!(digests(None, new(&[])), HEAD);
+    }
+}

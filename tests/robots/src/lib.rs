@@ -1,0 +1,58 @@
+//! Every robot of `robots/` as compiled Rust: of those that are not checked in whole, what the macro
+//! makes of them, beside the sources of `regen-generated`.
+//!
+//! Tests of all kinds take the robots from here, so that each is compiled once.
+#![no_std]
+
+#[cfg(feature = "all")]
+pub mod fixtures;
+
+pub use regen_generated::{delta, fivebar, fourbar, puma560, rps3, rps3_friction};
+#[cfg(feature = "all")]
+use regen_runtime::BaseModel;
+use regen_runtime::robot_model;
+
+robot_model!("../../../robots/3prs.yaml");
+robot_model!("../../../robots/3rrr.yaml");
+robot_model!("../../../robots/hybrid.yaml");
+robot_model!("../../../robots/iiwa14.yaml");
+robot_model!("../../../robots/linear_delta.yaml");
+robot_model!("../../../robots/palletiser.yaml");
+robot_model!("../../../robots/panda.yaml");
+robot_model!("../../../robots/rx90.yaml");
+robot_model!("../../../robots/scara.yaml");
+robot_model!("../../../robots/slider_crank.yaml");
+robot_model!("../../../robots/stanford.yaml");
+robot_model!("../../../robots/stewart.yaml");
+robot_model!("../../../robots/tree_branch.yaml");
+robot_model!("../../../robots/ur5e.yaml");
+
+/// A robot that handles `f64`.
+#[cfg(feature = "all")]
+pub type Robot = &'static (dyn BaseModel<f64> + Sync);
+
+/// All of them, by the names of their files in `robots/`; their functions are compiled here, so that
+/// no test does it again.
+#[cfg(feature = "all")]
+pub static ALL: &[(&str, Robot)] = &[
+    ("3prs", &prs3::Prs3),
+    ("3rps", &rps3::Rps3),
+    ("3rps_friction", &rps3_friction::Rps3Friction),
+    ("3rrr", &rrr3::Rrr3),
+    ("delta", &delta::Delta),
+    ("fivebar", &fivebar::Fivebar),
+    ("fourbar", &fourbar::Fourbar),
+    ("hybrid", &hybrid::Hybrid),
+    ("iiwa14", &iiwa14::Iiwa14),
+    ("linear_delta", &linear_delta::LinearDelta),
+    ("palletiser", &palletiser::Palletiser),
+    ("panda", &panda::Panda),
+    ("puma560", &puma560::Puma560),
+    ("rx90", &rx90::Rx90),
+    ("scara", &scara::Scara),
+    ("slider_crank", &slider_crank::SliderCrank),
+    ("stanford", &stanford::Stanford),
+    ("stewart", &stewart::Stewart),
+    ("tree_branch", &tree_branch::TreeBranch),
+    ("ur5e", &ur5e::Ur5e),
+];

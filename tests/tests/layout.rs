@@ -1,0 +1,92 @@
+//! The top level of the repository holds what was agreed and nothing else, and fixtures are where
+//! `tests/README.md` lists them.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::process::Command;
+
+use regen_tests::files;
+
+/// Beside hidden files, which belong to tools.
+const TOP: [&str; 14] = [
+    "CHANGELOG.md",
+    "CITATION.cff",
+    "Cargo.lock",
+    "Cargo.toml",
+    "LICENSE-APACHE",
+    "LICENSE-MIT",
+    "README.md",
+    "codegen",
+    "generated",
+    "macros",
+    "robots",
+    "runtime",
+    "target",
+    "tests",
+];
+
+/// What git tracks in a folder; in a copy without git all that is there.
+fn names(folder: &Path) -> BTreeSet<String> {
+    let listed = Command::new("git")
+        .args(["ls-files", "-z"])
+        .current_dir(folder)
+        .output()
+        .ok()
+        .filter(|output| output.status.success());
+    match listed {
+        Some(output) => String::from_utf8_lossy(&output.stdout)
+            .split('\0')
+            .filter_map(|path| path.split('/').next())
+            .filter(|name| !name.is_empty())
+            .map(str::to_owned)
+            .collect(),
+        None => std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect(),
+    }
+}
+
+#[test]
+fn the_top_level_holds_what_was_agreed() {
+    let found = names(&files::package().join(".."));
+    let extra: Vec<_> = found
+        .iter()
+        .filter(|name| !name.starts_with('.') && !TOP.contains(&name.as_str()))
+        .collect();
+    assert!(extra.is_empty(), "{extra:?}");
+    for name in TOP.iter().filter(|name| **name != "target") {
+        assert!(found.contains(*name), "{name} is missing");
+    }
+}
+
+#[test]
+fn the_folder_of_robots_holds_robots() {
+    for name in names(&files::robots()) {
+        let known = ["README.md", "spec.schema.json"].contains(&name.as_str());
+        let extension = Path::new(&name).extension().and_then(|e| e.to_str());
+        assert!(
+            known || matches!(extension, Some("yaml" | "base")),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn every_folder_of_fixtures_and_tools_has_its_row() {
+    let page = std::fs::read_to_string(files::package().join("README.md")).unwrap();
+    let rows: Vec<&str> = page
+        .lines()
+        .filter(|line| line.starts_with("| `"))
+        .collect();
+    for folder in ["fixtures", "tools"] {
+        for name in names(&files::package().join(folder)) {
+            let cell = format!("| `{name}/` |");
+            assert!(
+                rows.iter().any(|row| row.starts_with(&cell)),
+                "{folder}/{name}"
+            );
+        }
+    }
+}

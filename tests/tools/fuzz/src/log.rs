@@ -1,0 +1,118 @@
+//! Logs: CSV and Parquet files, through every way of differentiating.
+
+use std::cell::RefCell;
+use std::fs::File;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use regen_identify::data::{DataError, Logs, Policy, Settings};
+use regen_identify::identify::{Kind, observe};
+use regen_identify::signals::Method;
+
+mod model {
+    #![allow(missing_docs, unreachable_pub, dead_code)]
+    include!("../../../../runtime/tests/models/pendulum.rs");
+    include!("../../../../runtime/tests/models/pendulum_base.rs");
+}
+
+/// A file of this thread's own, which goes with the thread.
+struct Scratch(PathBuf);
+
+impl Scratch {
+    fn new() -> Self {
+        static NUMBER: AtomicUsize = AtomicUsize::new(0);
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = format!("regen-fuzz-{}-{number}", std::process::id());
+        // in memory, where there is such a place
+        let shared = Path::new("/dev/shm");
+        let dir = if shared.is_dir() {
+            shared.to_path_buf()
+        } else {
+            std::env::temp_dir()
+        };
+        Self(dir.join(name))
+    }
+
+    fn fill(&self, bytes: &[u8]) -> std::io::Result<()> {
+        File::create(&self.0)?.write_all(bytes)
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::new(Scratch::new());
+}
+
+/// Reads every row in one of the ways to differentiate, and reduces what comes to equations:
+/// results and errors are both right, and both can be shown.
+fn read(path: &Path, way: u64) {
+    let method = match way % 4 {
+        0 => Method::Central,
+        1 => Method::Local { half_width: 0.3 },
+        2 => Method::Butterworth {
+            order: 2,
+            cutoff: 2.0,
+        },
+        _ => Method::Fourier {
+            frequency: 0.5,
+            harmonics: 2,
+        },
+    };
+    let policy = if (way / 4).is_multiple_of(2) {
+        Policy::Fail
+    } else {
+        Policy::Drop
+    };
+    let settings = Settings {
+        method,
+        policy,
+        ..Settings::default()
+    };
+    let told = |error: DataError| assert!(!error.to_string().is_empty(), "no word");
+    match Logs::open(&model::Pendulum, &[path.to_path_buf()], &settings) {
+        Err(error) => told(error),
+        Ok(mut logs) => match observe(&model::Pendulum, Kind::Forces, &mut logs) {
+            Err(error) => told(error),
+            Ok((set, _)) => assert!(!set.labels().is_empty()),
+        },
+    }
+}
+
+/// A number that every bit of the input has a part in (FNV-1a).
+fn hash(bytes: &[u8]) -> u64 {
+    let mix = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, mix) >> 7
+}
+
+/// A log that is read whether it is CSV or Parquet.
+fn log(bytes: &[u8]) {
+    SCRATCH.with_borrow(|scratch| {
+        if scratch.fill(bytes).is_ok() {
+            read(&scratch.0, hash(bytes));
+        }
+    });
+}
+
+/// A CSV log gives equations or an error.
+///
+/// # Panics
+/// When it gives neither.
+pub fn csv(bytes: &[u8]) {
+    log(bytes);
+}
+
+/// A Parquet log gives equations or an error; what does not start as one is left to [`csv`].
+///
+/// # Panics
+/// When it gives neither.
+pub fn parquet(bytes: &[u8]) {
+    if bytes.starts_with(b"PAR1") {
+        log(bytes);
+    }
+}

@@ -1,0 +1,180 @@
+//! Every reader on the kept inputs, on the repository's own files, and on mutations of both that a
+//! seed draws. The long runs are those of the fuzz targets; this keeps what they found.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Longest seed: longer files are the tests of others.
+const LONGEST: u64 = 4000;
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..")
+}
+
+/// The short files of a directory by name, of these kinds; of every kind if none is named.
+fn files(directory: &str, kinds: &[&str]) -> Vec<Vec<u8>> {
+    let path = root().join(directory);
+    let Ok(entries) = fs::read_dir(&path) else {
+        return Vec::new();
+    };
+    let mut paths: Vec<PathBuf> = entries.map(|e| e.unwrap().path()).collect();
+    paths.retain(|path| {
+        let kind = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        path.is_file()
+            && (kinds.is_empty() || kinds.contains(&kind))
+            && fs::metadata(path).unwrap().len() <= LONGEST
+    });
+    paths.sort();
+    paths.iter().map(|path| fs::read(path).unwrap()).collect()
+}
+
+/// A generator of numbers (splitmix64).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, bound: usize) -> usize {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) % bound.max(1) as u64) as usize
+    }
+}
+
+/// Pieces that mean something to one of the readers.
+const PIECES: [&[u8]; 28] = [
+    b"{",
+    b"}",
+    b"[",
+    b"]",
+    b": ",
+    b"\n",
+    b",",
+    b"\"",
+    b"&a ",
+    b"*a",
+    b"<<: ",
+    b"(",
+    b")",
+    b"^",
+    b"sqrt(",
+    b"1e999",
+    b"1e-400",
+    b"nan",
+    b"-1",
+    b"0",
+    b"pi",
+    b"\0",
+    b"\xff\xff\xff\xff\x7f",
+    b"\xef\xbb\xbf",
+    b"<",
+    b"/>",
+    b"&#0;",
+    b"9999999999999999999",
+];
+
+fn mutated(seeds: &[Vec<u8>], random: &mut Random) -> Vec<u8> {
+    let mut bytes = seeds[random.below(seeds.len())].clone();
+    for _ in 0..=random.below(4) {
+        let at = random.below(bytes.len() + 1);
+        let end = (at + 1 + random.below(24)).min(bytes.len());
+        match random.below(6) {
+            0 if at < bytes.len() => bytes[at] ^= 1 << random.below(8),
+            1 if at < bytes.len() => bytes[at] = random.below(256) as u8,
+            2 => drop(bytes.drain(at..end)),
+            3 => {
+                let piece = bytes[at..end].to_vec();
+                let to = random.below(bytes.len() + 1);
+                bytes.splice(to..to, piece);
+            }
+            4 => {
+                let other = &seeds[random.below(seeds.len())];
+                let from = random.below(other.len() + 1);
+                bytes.truncate(at);
+                bytes.extend(&other[from..]);
+            }
+            _ => drop(bytes.splice(at..at, PIECES[random.below(PIECES.len())].iter().copied())),
+        }
+    }
+    bytes
+}
+
+/// Runs a target on all that is kept for it, on these files of the repository, and on mutations.
+#[track_caller]
+fn answers(target: &str, own: &[(&str, &[&str])], mutations: usize) {
+    let (_, run) = regen_fuzz::TARGETS
+        .into_iter()
+        .find(|(name, _)| *name == target)
+        .unwrap();
+    let mut seeds = files(&format!("tests/tools/fuzz/kept/{target}"), &[]);
+    let kept = seeds.len();
+    for (directory, kinds) in own {
+        seeds.extend(files(directory, kinds));
+    }
+    assert!(kept > 1, "{target}: {kept} kept");
+    for seed in &seeds {
+        run(seed);
+    }
+    let mut random = Random(1);
+    for _ in 0..mutations {
+        run(&mutated(&seeds, &mut random));
+    }
+}
+
+#[test]
+fn every_description_is_read_or_refused() {
+    let own: [(&str, &[&str]); 3] = [
+        ("tests/fixtures/invalid", &["yaml"]),
+        ("tests/fixtures/oracle", &["yaml"]),
+        ("tests/fixtures/mechanisms", &["yaml"]),
+    ];
+    answers("yaml", &own, 1500);
+}
+
+#[test]
+fn every_expression_has_a_value_or_a_fault() {
+    answers("expression", &[], 3000);
+}
+
+#[test]
+fn every_short_description_is_derived_or_refused() {
+    answers("derive", &[("tests/fixtures/mechanisms", &["yaml"])], 60);
+}
+
+#[test]
+fn every_csv_log_gives_equations_or_an_error() {
+    answers("csv", &[], 1500);
+}
+
+#[test]
+fn every_parquet_log_gives_equations_or_an_error() {
+    answers("parquet", &[], 3000);
+}
+
+#[test]
+fn every_robot_file_of_others_is_imported_or_refused() {
+    answers(
+        "import",
+        &[("tests/fixtures/import/gymnasium-robotics", &["xml"])],
+        300,
+    );
+}
+
+#[test]
+fn every_factor_file_is_read_or_refused() {
+    answers("factors", &[], 500);
+}
+
+#[test]
+fn each_target_of_cargo_fuzz_calls_its_reader() {
+    for (name, _) in regen_fuzz::TARGETS {
+        let text =
+            fs::read_to_string(root().join(format!("tests/tools/fuzz/fuzz_targets/{name}.rs")))
+                .unwrap();
+        assert!(
+            text.contains(&format!("regen_fuzz::{name}(input)")),
+            "{text}"
+        );
+    }
+}
