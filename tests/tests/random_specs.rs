@@ -13,7 +13,7 @@ use regen_tests::{files, full, reference::Mechanism};
 /// How many seeds: the first of those that `.ci/full` takes, or as many as `RANDOM_SPECS` says.
 fn seeds() -> u64 {
     let asked = std::env::var("RANDOM_SPECS").ok();
-    let usual = if full() { 240 } else { 80 };
+    let usual = if full() { 240 } else { 60 };
     asked.and_then(|n| n.parse().ok()).unwrap_or(usual)
 }
 
