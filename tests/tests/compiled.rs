@@ -1,7 +1,7 @@
 //! The same derivation compiled: `robot_model!` of every mechanism, and the checked-in robots.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use regen_runtime::{Model, robot_model};
+use regen_runtime::Model;
 use regen_tests::compiled::Compiled;
 use regen_tests::engine::{check_engine, check_oracle};
 use regen_tests::files;

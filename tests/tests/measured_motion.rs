@@ -1,10 +1,10 @@
 //! States of the shipped robots with loops from their measured coordinates.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use regen_identify::identify::{Completed, Completion};
 use regen_robots::{
     delta::Delta, fivebar::Fivebar, palletiser::Palletiser, rps3::Rps3, stewart::Stewart,
 };
-use regen_identify::identify::{Completed, Completion};
 use regen_runtime::{Closure, Model, State};
 
 const ROBOTS: [&dyn Model<f64>; 5] = [&Delta, &Fivebar, &Palletiser, &Rps3, &Stewart];

@@ -14,7 +14,7 @@ use regen_verify::{Check, NumericPath, Report, Vectors, VerifyError, What};
 use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
 use crate::workspace::{self, Workspace};
-use crate::{closed, load, modules, sources, progress, terminal};
+use crate::{closed, load, modules, progress, sources, terminal};
 
 pub(crate) use one::{CheckJson, check_json, identities};
 
