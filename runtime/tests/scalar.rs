@@ -239,7 +239,7 @@ mod lane {
                 assert_eq!(together.map(bits), angles.map(|x| bits(x.sin_cos())));
             } else {
                 let library =
-                    |x: Lane<S>| bits((x.map(|x| x.sin_cos().0), x.map(|x| x.sin_cos().1)));
+                    |x: Lane<S>| bits((x.map(|x| Scalar::sin_cos(x).0), x.map(|x| Scalar::sin_cos(x).1)));
                 assert_eq!(together.map(bits), angles.map(library));
             }
         }

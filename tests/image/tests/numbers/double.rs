@@ -127,14 +127,6 @@ impl Scalar for Double {
         Self::new(Scalar::sign(self.high))
     }
 
-    fn sqrt(self) -> Self {
-        let mut root = Self::new(self.high.sqrt());
-        for _ in 0..2 {
-            root = (root + self / root) * Self::new(0.5);
-        }
-        root
-    }
-
     #[inline(never)]
     fn sin_cos(self) -> (Self, Self) {
         // to |rest| < pi / 4
@@ -162,19 +154,6 @@ impl Scalar for Double {
             2.0 => (-sine, -cosine),
             _ => (-cosine, sine),
         }
-    }
-
-    // No robot's functions ask for these; if one did, the comparison would see NaN.
-    fn atan(self) -> Self {
-        Self::new(f64::NAN)
-    }
-
-    fn exp(self) -> Self {
-        Self::new(f64::NAN)
-    }
-
-    fn powf(self, _: Self) -> Self {
-        Self::new(f64::NAN)
     }
 
     fn less(self, other: Self) -> bool {
