@@ -131,7 +131,9 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         written.push((out, outputs::spec(&source, &model, &identified)?));
     }
     if let Some(out) = &args.physical.rust {
-        written.push((out, rust_constants(&model, &identified, None)?));
+        let beside = format!("super::{}", robot.name);
+        let module = args.physical.module.as_deref().unwrap_or(&beside);
+        written.push((out, rust_constants(&model, &identified, Some(module))?));
     }
     for (out, text) in &written {
         write::atomically(out, text)?;
