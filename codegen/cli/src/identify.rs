@@ -167,11 +167,15 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
         }
     };
     let (mut identified, more) = models(args, &session, &start, &mut summary)?;
+    let logs = args.logs.iter().chain(&args.from);
+    let mut logs: Vec<String> = logs
+        .map(|path| predicted::stem(&path.display().to_string()))
+        .collect();
+    // what the order does not change, the file does not tell
+    logs.sort();
     identified.provenance = Provenance {
         model: digest(model),
-        logs: (args.logs.iter().chain(&args.from))
-            .map(|path| predicted::stem(&path.display().to_string()))
-            .collect(),
+        logs,
         date: args.date.clone(),
     };
     physical::note_unbounded(&identified);
