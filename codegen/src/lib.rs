@@ -9,6 +9,7 @@ pub mod base;
 mod checks;
 pub mod constraints;
 pub mod diag;
+pub mod digest;
 pub mod dynamics;
 pub mod emit;
 pub mod explain;

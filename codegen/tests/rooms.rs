@@ -48,7 +48,11 @@ const ROOMS: &[(&str, &[&str])] = &[
     ),
     ("interpret", &["numeric", "optimize"]),
     ("scene", &["model", "spec", "sym"]),
-    ("emit", &["base", "optimize", "robot", "signature"]),
+    ("digest", &["interpret", "robot"]),
+    (
+        "emit",
+        &["base", "digest", "optimize", "robot", "signature"],
+    ),
     (
         "checks",
         &[

@@ -3,6 +3,13 @@
 //!
 //! Written by `regen` from the robot's spec; edits here are lost.
 //!
+//! Equations are those of V. Mata, N. Farhat, M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic
+//! Parameter Identification for Parallel Manipulators", in H. Wu (ed.), Parallel Manipulators,
+//! towards New Applications, I-Tech, 2008. K_i and K_e are the rows of the spanning tree's
+//! Gibbs-Appell regressor at independent and dependent coordinates (Eq. 4, 5), X carries velocities,
+//! qd_e = -X qd_i (Eq. 10), and the base parameters phi_b are the fewest combinations of the
+//! parameters phi with (K_i - X^T K_e) phi = W phi_b at every state (Eq. 11, 23).
+//!
 //! 6 coordinates, 6 independent; 6 bodies, 60 parameters; 0 closure rows, 0 of them redundant.
 //!
 //! 36 base parameters, certified to be minimal.
@@ -103,6 +110,8 @@ pub const INFO: Info<'static> = Info {
     cones: &CONES,
     nominal: &NOMINAL,
 };
+/// What tells models apart: parameters that were identified for another one have another number.
+pub const DIGEST: u64 = 0xd67681172a349560;
 /// The base parameters, in the order of `beta`: the columns of `base_regressor`.
 pub const BASE: [BaseParameter<'static>; 36] = [
     BaseParameter {

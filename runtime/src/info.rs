@@ -1,6 +1,6 @@
 //! What a model states about itself: names, sizes, limits, nominal values.
 
-use crate::Friction;
+use crate::{Friction, Parameter};
 
 /// One loop closure: a joint that was cut to obtain a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -178,6 +178,18 @@ impl Info<'_> {
     /// The place of a parameter among the regressor's columns, if there is one of that label.
     pub fn parameter_of(&self, label: &str) -> Option<usize> {
         self.parameters.iter().position(|name| *name == label)
+    }
+
+    /// The parameters by what they are, in the order of `parameters`; `None` for a label that
+    /// stands for none.
+    pub fn typed_parameters(&self) -> impl Iterator<Item = Option<Parameter<'_>>> {
+        self.parameters.iter().map(|label| Parameter::read(label))
+    }
+
+    /// How the joint of a coordinate moves, where that is stated.
+    pub fn motion_of(&self, coordinate: &str) -> Option<Motion> {
+        let joint = self.joints.get(self.index_of(coordinate)?)?;
+        Some(joint.motion)
     }
 
     /// The nominal parameters in the order of `parameters`, if every one has a value.

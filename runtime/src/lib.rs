@@ -50,6 +50,7 @@ mod linear;
 mod model;
 #[cfg(feature = "closure")]
 mod observe;
+mod parameter;
 mod scalar;
 mod size;
 
@@ -66,6 +67,7 @@ pub use linear::solve_pivoted;
 pub use model::Model;
 #[cfg(feature = "closure")]
 pub use observe::{Observation, Sample, observation};
+pub use parameter::{INERTIAL, Parameter, Symbol};
 #[cfg(feature = "macros")]
 pub use regen_macros::robot_model;
 #[cfg(feature = "dual")]

@@ -1,6 +1,8 @@
 //! The table of functions of the generator and that of the runtime are one, and robots keep to it.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+use regen_codegen::diag::Source;
+use regen_codegen::pipeline;
 use regen_codegen::signature::{self, FunctionKind, Needs};
 use regen_runtime::function::{self, Sizes};
 use regen_runtime::{BaseFunction, Function};
@@ -137,5 +139,29 @@ fn both_sides_count_alike() {
     ];
     for (ours, theirs) in pairs {
         assert_eq!(robot.length(ours), base.length(theirs), "{ours:?}");
+    }
+}
+
+#[test]
+fn the_digest_of_a_module_is_that_of_its_model() {
+    let modules = [
+        ("3rps", regen_generated::rps3::DIGEST),
+        ("fivebar", regen_generated::fivebar::DIGEST),
+        ("puma560", regen_generated::puma560::DIGEST),
+    ];
+    let compiled: [&dyn regen_runtime::BaseModel<f64>; 3] = [
+        &regen_generated::rps3::Rps3,
+        &regen_generated::fivebar::Fivebar,
+        &regen_generated::puma560::Puma560,
+    ];
+    for ((name, digest), compiled) in modules.into_iter().zip(compiled) {
+        let file = files::robots().join(format!("{name}.yaml"));
+        let text = std::fs::read_to_string(file).unwrap();
+        let robot = pipeline::derive(&Source::new(name, text)).unwrap();
+        let terms = regen_interpreted::BaseTerms::new(&robot);
+        let model = regen_interpreted::Interpreted::with_terms(&robot, &terms);
+        let digest = format!("{digest:016x}");
+        assert_eq!(regen_identify::identify::digest(&model), digest, "{name}");
+        assert_eq!(regen_identify::identify::digest(compiled), digest, "{name}");
     }
 }

@@ -131,7 +131,9 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
         written.push((out, outputs::spec(&source, &model, &identified)?));
     }
     if let Some(out) = &args.physical.rust {
-        written.push((out, rust_constants(&model, &identified, None)?));
+        let beside = format!("super::{}", robot.name);
+        let module = args.physical.module.as_deref().unwrap_or(&beside);
+        written.push((out, rust_constants(&model, &identified, Some(module))?));
     }
     for (out, text) in &written {
         write::atomically(out, text)?;
@@ -165,11 +167,15 @@ pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outc
         }
     };
     let (mut identified, more) = models(args, &session, &start, &mut summary)?;
+    let logs = args.logs.iter().chain(&args.from);
+    let mut logs: Vec<String> = logs
+        .map(|path| predicted::stem(&path.display().to_string()))
+        .collect();
+    // what the order does not change, the file does not tell
+    logs.sort();
     identified.provenance = Provenance {
         model: digest(model),
-        logs: (args.logs.iter().chain(&args.from))
-            .map(|path| predicted::stem(&path.display().to_string()))
-            .collect(),
+        logs,
         date: args.date.clone(),
     };
     physical::note_unbounded(&identified);

@@ -5,6 +5,7 @@ use regen_codegen::diag::Source;
 use regen_codegen::spec;
 use regen_identify::IdentifiedModel;
 use regen_identify::feasibility::{Layout, bodies_yaml};
+use regen_runtime::Parameter;
 
 use crate::exit::Failure;
 use crate::{spec_text, terminal};
@@ -69,10 +70,8 @@ pub(crate) fn spec(
     let several = |label: &str| notes.iter().any(|note| note.starts_with(label));
     for (k, (label, exact)) in layout.labels().iter().zip(phi).enumerate() {
         let value = robot.nominal.get(k).copied().flatten();
-        let split = label.strip_suffix(')').and_then(|l| l.split_once('('));
-        let skipped = split.is_some_and(|(symbol, coordinate)| {
-            coordinate.contains('.') && several(&format!("{symbol} of "))
-        });
+        let skipped = Parameter::read(label)
+            .is_some_and(|p| p.owner.contains('.') && several(&format!("{} of ", p.name())));
         if !skipped && !value.is_some_and(|v| (v - exact).abs() <= KEPT * largest) {
             return Err(wrong(format!("{label} reads back as {value:?}")));
         }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::base::Analysis;
+use crate::digest::digest;
 use crate::optimize::{Operand, Operations, Output, Program};
 use crate::robot::{Function, Robot};
 use crate::signature::{Argument, FunctionKind, Passing, Size};
@@ -48,6 +49,12 @@ pub fn module(robot: &Robot, options: &Options) -> String {
     }
     let _ = writeln!(out);
     constants(robot, &mut out);
+    let _ = writeln!(
+        out,
+        "/// What tells models apart: parameters that were identified for another one have another number.\n\
+         pub const DIGEST: u64 = 0x{:016x};",
+        digest(robot)
+    );
     if let Some(analysis) = base_of(robot) {
         base::constants(robot, analysis, &mut out);
     }
@@ -82,7 +89,14 @@ fn header(robot: &Robot, out: &mut String) {
     let _ = writeln!(out, "//!");
     let _ = writeln!(
         out,
-        "//! Written by `regen` from the robot's spec; edits here are lost."
+        "//! Written by `regen` from the robot's spec; edits here are lost.\n\
+         //!\n\
+         //! Equations are those of V. Mata, N. Farhat, M. Diaz-Rodriguez, A. Valera, A. Page, \"Dynamic\n\
+         //! Parameter Identification for Parallel Manipulators\", in H. Wu (ed.), Parallel Manipulators,\n\
+         //! towards New Applications, I-Tech, 2008. K_i and K_e are the rows of the spanning tree's\n\
+         //! Gibbs-Appell regressor at independent and dependent coordinates (Eq. 4, 5), X carries velocities,\n\
+         //! qd_e = -X qd_i (Eq. 10), and the base parameters phi_b are the fewest combinations of the\n\
+         //! parameters phi with (K_i - X^T K_e) phi = W phi_b at every state (Eq. 11, 23)."
     );
     let _ = writeln!(out, "//!");
     let _ = writeln!(

@@ -70,6 +70,11 @@ pub(super) fn coordinates_of(name: &str, kind: JointKind) -> Vec<String> {
     }
 }
 
+/// The symbol and the owner that a parameter's label names: `Fc+` and `q2` of `Fc+(q2)`.
+pub(super) fn parts_of_label(label: &str) -> Option<(&str, &str)> {
+    label.strip_suffix(')')?.split_once('(')
+}
+
 /// What the labels depend on.
 pub(super) struct JointFacts<'a> {
     pub(super) name: &'a str,

@@ -3,7 +3,7 @@
 use regen_codegen::robot::Robot;
 use regen_interpreted::Interpreted;
 use regen_reference::{Random, State};
-use regen_runtime::{Closure, Model, SizeError};
+use regen_runtime::{Closure, Model, SizeError, Symbol};
 
 use crate::base_identities;
 use crate::check::{Identities, Report};
@@ -221,10 +221,12 @@ impl At<'_> {
         let qd_i = self.independent(qd);
         // Friction takes power that no energy accounts for.
         let phi: Vec<f64> = info
-            .parameters
-            .iter()
+            .typed_parameters()
             .zip(self.phi)
-            .map(|(label, &value)| if label.starts_with('F') { 0.0 } else { value })
+            .map(|(parameter, &value)| {
+                let friction = parameter.is_some_and(|p| p.is_friction());
+                if friction { 0.0 } else { value }
+            })
             .collect();
 
         let mass = |q: &[f64]| fill(dof * dof, |out| model.mass_matrix(q, &phi, out));
@@ -296,9 +298,9 @@ impl At<'_> {
                 + 0.5 * p[9] * dot(&v, &v)
                 + dot(&swept, &p[6..9]);
         }
-        for (label, value) in info.parameters.iter().zip(phi) {
-            let rotor = label.strip_prefix("J(").and_then(|l| l.strip_suffix(')'));
-            if let Some(k) = rotor.and_then(|name| info.index_of(name)) {
+        for (parameter, value) in info.typed_parameters().zip(phi) {
+            let rotor = parameter.filter(|p| p.symbol == Symbol::Rotor);
+            if let Some(k) = rotor.and_then(|p| info.index_of(p.owner)) {
                 energy += 0.5 * value * self.state.qd[k].powi(2);
             }
         }

@@ -54,6 +54,10 @@ pub(crate) struct PhysicalArgs {
     /// Write the parameters as Rust constants for a controller
     #[arg(long, value_name = "FILE")]
     pub(crate) rust: Option<PathBuf>,
+    /// The path of the robot's generated module, from where the constants will
+    /// stand: they compile with that model only [default: super::ROBOT]
+    #[arg(long, value_name = "PATH", requires = "rust")]
+    pub(crate) module: Option<String>,
 }
 
 impl PhysicalArgs {

@@ -78,7 +78,7 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
         log.display()
     );
     regen(&format!(
-        "{line} --out {} --bodies {} --rust {}",
+        "{line} --out {} --bodies {} --rust {} --module fivebar",
         out.display(),
         bodies.display(),
         rust.display()
@@ -135,19 +135,29 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
     let check = rust.with_file_name("feasible_check.rs");
     let text = fs::read_to_string(&rust).unwrap();
     let last = a.len() - 1;
-    let asserts = format!(
-        "{text}\nfn main() {{ assert!(BETA[{last}] == {:?} && PHI[0] == {:?}); }}\n",
-        a[last], phi[0]
-    );
-    fs::write(&check, asserts).unwrap();
+    let asserts = |digest: u64| {
+        format!(
+            "mod fivebar {{ pub const DIGEST: u64 = {digest}; }}\n{text}\nfn main() {{ \
+             assert!(BETA[{last}] == {:?} && PHI[0] == {:?}); }}\n",
+            a[last], phi[0]
+        )
+    };
     let program = rust.with_extension("run");
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
-    let built = Process::new(rustc)
-        .args(["--edition", "2024", "-D", "warnings", "-o"])
-        .args([&program, &check])
-        .status()
-        .unwrap();
-    assert!(built.success());
+    let compile = |digest: u64| {
+        fs::write(&check, asserts(digest)).unwrap();
+        Process::new(&rustc)
+            .args(["--edition", "2024", "-D", "warnings", "-o"])
+            .args([&program, &check])
+            .output()
+            .unwrap()
+    };
+    // beside the module of another model they do not compile
+    let digest = regen_codegen::digest::digest(&robot);
+    let refused = compile(digest ^ 1);
+    assert!(!refused.status.success());
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("are of another model"));
+    assert!(compile(digest).status.success());
     assert!(Process::new(&program).status().unwrap().success());
     for path in [log, out, yaml, bodies, rust, check, program] {
         fs::remove_file(path).unwrap();

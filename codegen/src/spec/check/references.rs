@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::super::expression::{Ast, AstKind};
+use super::super::labels::parts_of_label;
 use super::super::raw::RawCut;
 use super::super::shape::{Choice, Scalar, Word};
 use super::super::suggest::{did_you_mean, nearest};
@@ -316,7 +317,7 @@ impl Checker<'_> {
     fn unknown_parameter(&self, word: &Word) -> Diagnostic {
         let known = &self.inventory.parameters;
         let split = |parameter: &'_ str| -> Option<(String, String)> {
-            let (symbol, label) = parameter.strip_suffix(')')?.split_once('(')?;
+            let (symbol, label) = parts_of_label(parameter)?;
             Some((symbol.to_owned(), label.to_owned()))
         };
         let (symbol, label) = split(&word.text).unwrap_or_default();

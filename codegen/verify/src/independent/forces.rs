@@ -3,6 +3,7 @@
 use regen_codegen::interpret::{self, Double, Precision, Single};
 use regen_codegen::robot::FunctionKind;
 use regen_reference::{Random, State};
+use regen_runtime::Parameter;
 
 use crate::check::{Check, Worst};
 use crate::error::VerifyError;
@@ -125,7 +126,7 @@ impl Subject<'_> {
         let labels = self.robot.parameters.iter();
         labels
             .map(|label| match random.signed() {
-                _ if label.starts_with('F') => 0.0,
+                _ if Parameter::read(label).is_some_and(|p| p.is_friction()) => 0.0,
                 value => value,
             })
             .collect()

@@ -3,7 +3,7 @@
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
-use regen_runtime::Info;
+use regen_runtime::{Info, Parameter};
 
 /// Normally distributed numbers by seed, the same on every machine.
 ///
@@ -62,16 +62,13 @@ impl Noise {
 pub fn perturbed(info: &Info<'_>, phi: &[f64], by: f64, noise: &mut Noise) -> Vec<f64> {
     let mut factor = || 1.0 + by * (2.0 * noise.uniform() - 1.0);
     let of_bodies: Vec<f64> = info.bodies.iter().map(|_| factor()).collect();
-    let body_of = |label: &str| {
-        // as `Ixy(3)`; those of joints are `Fv(q)`, `Fc+(q)`, `J(q)`
-        let (symbol, rest) = label.split_once('(')?;
-        let of_body = symbol.starts_with(['I', 'm']);
-        let name = rest.strip_suffix(')').filter(|_| of_body)?;
-        info.bodies.iter().position(|b| *b == name)
+    let body_of = |parameter: Option<Parameter<'_>>| {
+        let of_body = parameter.filter(Parameter::is_inertial)?;
+        info.bodies.iter().position(|b| *b == of_body.owner)
     };
     let mut changed = Vec::with_capacity(phi.len());
-    for (label, value) in info.parameters.iter().zip(phi) {
-        let by = body_of(label).map_or_else(&mut factor, |b| of_bodies[b]);
+    for (parameter, value) in info.typed_parameters().zip(phi) {
+        let by = body_of(parameter).map_or_else(&mut factor, |b| of_bodies[b]);
         changed.push(value * by);
     }
     changed

@@ -6,7 +6,8 @@ use super::problem::{Face, Kind, Problem, Setting};
 use super::program::Affine;
 use super::symmetric::{Square, ZERO, cholesky, congruence, inverse, product, transposed};
 use super::verdict::combine;
-use super::{FeasibilityError, SYMBOLS, pseudo_inertia};
+use super::{FeasibilityError, pseudo_inertia};
+use regen_runtime::Parameter;
 
 /// A body may be this many times as heavy as all that is known of the robot: the unit of its
 /// scale, its reference, what is said of it, base parameters. That keeps the set bounded; without a
@@ -214,9 +215,10 @@ impl Setting<'_> {
     /// Refuses limits that do nothing, whatever the data are.
     fn acts(&self, j: usize, lowest: f64, highest: f64) -> Result<(), FeasibilityError> {
         let label = &self.layout.labels()[j];
-        let symbol = label.split('(').next().unwrap_or_default();
-        let of_body = SYMBOLS.contains(&symbol) && !self.layout.single().contains(&j);
-        let positive = matches!(symbol, "m" | "Ixx" | "Iyy" | "Izz") && of_body;
+        let parameter = Parameter::read(label).filter(|_| !self.layout.single().contains(&j));
+        let symbol = parameter.map_or("", |p| p.name());
+        let of_body = parameter.is_some_and(|p| p.is_inertial());
+        let positive = matches!(symbol, "m" | "Ixx" | "Iyy" | "Izz");
         let idle = |text: String| Err(FeasibilityError::Idle(text));
         if lowest == f64::NEG_INFINITY && highest == f64::INFINITY {
             return idle(format!("{label}: a range without limits does nothing"));

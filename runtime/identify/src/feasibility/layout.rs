@@ -2,12 +2,10 @@
 
 use super::error::{finite, size};
 use super::{FeasibilityError, Scale, Ten};
-use regen_runtime::{BaseInfo, BaseModel};
+use regen_runtime::{BaseInfo, BaseModel, Parameter};
 
 /// The symbols of a body's ten parameters.
-pub const SYMBOLS: [&str; 10] = [
-    "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
-];
+pub const SYMBOLS: [&str; 10] = regen_runtime::INERTIAL;
 
 /// A body among the parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -78,9 +76,8 @@ impl Layout {
                     label: label.clone(),
                 });
             }
-            let split = label.strip_suffix(')').and_then(|l| l.split_once('('));
-            let of_body = split.filter(|(symbol, _)| SYMBOLS.contains(symbol));
-            let Some((_, body)) = of_body else {
+            let of_body = Parameter::read(label).filter(Parameter::is_inertial);
+            let Some(Parameter { owner: body, .. }) = of_body else {
                 single.push(column);
                 continue;
             };

@@ -4,7 +4,7 @@ use core::fmt::Write;
 
 use super::error::{finite, size};
 use super::{FeasibilityError, Layout};
-use regen_runtime::{Info, Motion};
+use regen_runtime::{Info, Parameter};
 
 /// The SI unit of a parameter by its label; that of friction depends on how the joint moves.
 ///
@@ -15,26 +15,8 @@ use regen_runtime::{Info, Motion};
 /// assert_eq!(unit("mx(3)", &Info::EMPTY), "kg m");
 /// ```
 pub fn unit(label: &str, info: &Info<'_>) -> &'static str {
-    let (symbol, name) = label
-        .strip_suffix(')')
-        .and_then(|l| l.split_once('('))
-        .unwrap_or((label, ""));
-    let joint = info.index_of(name).and_then(|k| info.joints.get(k));
-    let shift = joint.map(|j| j.motion == Motion::Shift);
-    let by = |turn, slide, unknown| match shift {
-        Some(false) => turn,
-        Some(true) => slide,
-        None => unknown,
-    };
-    match symbol {
-        "Ixx" | "Ixy" | "Ixz" | "Iyy" | "Iyz" | "Izz" => "kg m^2",
-        "mx" | "my" | "mz" => "kg m",
-        "m" => "kg",
-        "J" => by("kg m^2", "kg", "SI"),
-        _ if symbol.starts_with("Fv") => by("N m s/rad", "N s/m", "SI"),
-        _ if symbol.starts_with("Fc") || symbol.starts_with("Fs") => by("N m", "N", "SI"),
-        _ => "SI",
-    }
+    let parameter = Parameter::read(label);
+    parameter.map_or("SI", |p| p.unit(info.motion_of(p.owner)))
 }
 
 /// A key or label as YAML: quoted where it is no plain integer or identifier.

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use crate::estimate::Estimate;
 use crate::feasibility::{Layout, unit};
 use crate::friction::JointFit;
-use regen_runtime::{BaseParameter, Friction, Info};
+use regen_runtime::{BaseParameter, Friction, Info, Parameter};
 use serde::{Deserialize, Serialize};
 
 use crate::model::{IdentifiedModel, Interval};
@@ -285,10 +285,9 @@ pub(super) fn joints(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BTreeMap<
     let mut out: BTreeMap<String, BTreeMap<String, f64>> = BTreeMap::new();
     for k in layout.single() {
         let label = layout.labels().get(*k).map_or("", String::as_str);
-        let split = label.strip_suffix(')').and_then(|l| l.split_once('('));
-        if let (Some((symbol, joint)), Some(value)) = (split, phi.get(*k)) {
-            let own = out.entry(joint.to_owned()).or_default();
-            own.insert(symbol.to_owned(), *value);
+        if let (Some(parameter), Some(value)) = (Parameter::read(label), phi.get(*k)) {
+            let own = out.entry(parameter.owner.to_owned()).or_default();
+            own.insert(parameter.name().to_owned(), *value);
         }
     }
     out

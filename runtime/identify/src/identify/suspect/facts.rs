@@ -2,7 +2,7 @@
 
 use super::grams::{Fit, Grams, is_friction, is_rotor, label};
 use super::{Reading, SHIFTED, Sample};
-use regen_runtime::BaseModel;
+use regen_runtime::{BaseModel, Parameter, Symbol};
 
 /// Friction that gives this part of the efforts' power to a joint drives it.
 const DRIVES: f64 = 0.05;
@@ -87,8 +87,8 @@ pub(super) fn driving<M: BaseModel<f64> + ?Sized>(
             continue;
         };
         let of_joint = |text: &str| {
-            let inner = text.split_once('(').and_then(|(_, t)| t.strip_suffix(')'));
-            is_friction(text) && inner == Some(*name)
+            let of_joint = Parameter::read(text).filter(Parameter::is_friction);
+            of_joint.is_some_and(|p| p.owner == *name)
         };
         for (k, parameter) in base.iter().enumerate() {
             // friction that is one with other parameters is not told apart
@@ -221,13 +221,20 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
 
 /// The coefficient of the other direction.
 fn opposite(label: &str) -> Option<String> {
-    let (head, tail) = label.split_once('(')?;
-    let other = match head {
-        "Fc+" => "Fc-",
-        "Fc-" => "Fc+",
-        "Fv+" => "Fv-",
-        "Fv-" => "Fv+",
+    let parameter = Parameter::read(label)?;
+    let other = match parameter.symbol {
+        Symbol::Friction("Fc+") => "Fc-",
+        Symbol::Friction("Fc-") => "Fc+",
+        Symbol::Friction("Fv+") => "Fv-",
+        Symbol::Friction("Fv-") => "Fv+",
         _ => return None,
     };
-    Some([other, "(", tail].concat())
+    let symbol = Symbol::Friction(other);
+    Some(
+        Parameter {
+            symbol,
+            ..parameter
+        }
+        .to_string(),
+    )
 }

@@ -2,7 +2,7 @@
 
 use super::{Reading, Sample};
 use crate::identify::{Completed, Completion};
-use regen_runtime::{BaseModel, Status};
+use regen_runtime::{BaseModel, Parameter, Status, Symbol};
 
 /// The Gram matrix of each equation's columns: those of the base regressor, every effort in the
 /// place of every one that acts there, a constant in that place, the nominal bodies' effort, and 1.
@@ -51,12 +51,12 @@ pub(super) fn label<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> &st
 
 /// Whether a label is that of friction.
 pub(super) fn is_friction(label: &str) -> bool {
-    label.starts_with("Fv") || label.starts_with("Fc")
+    Parameter::read(label).is_some_and(|p| p.is_friction())
 }
 
 /// Whether a label is that of a rotor's inertia.
 pub(super) fn is_rotor(label: &str) -> bool {
-    label.starts_with("J(")
+    Parameter::read(label).is_some_and(|p| p.symbol == Symbol::Rotor)
 }
 
 /// Whether a label is that of a rotor of which nothing is stated.
