@@ -146,7 +146,7 @@ fn judge(text: &str) {
     assert_eq!(found.trees, 1);
     assert_eq!(found.parameters.len(), certificate.rank, "\n{text}");
     let terms: Vec<_> = found.parameters.iter().flat_map(|p| &p.terms).collect();
-    let texts: Vec<String> = terms.iter().map(|t| t.coefficient.clone()).collect();
+    let texts: Vec<String> = terms.iter().map(|t| t.coefficient.to_string()).collect();
     for (term, value) in terms.iter().zip(evaluate(text, &texts)) {
         // a coefficient too long to be read is written as its number
         let error = value.sub(&term.value);

@@ -117,12 +117,13 @@ fn a_coefficient_of_table_1_is_exact_in_the_side() {
         .iter()
         .find(|t| Some(t.column) == at("my(3)"));
     let term = term.unwrap();
-    assert_eq!(term.coefficient, "-2*sqrt(3)/(3*a)");
+    let printed = term.coefficient.to_string();
+    assert_eq!(printed, "-2*sqrt(3)/(3*a)");
     assert!(term.value.is_exact());
     // 2.531 in the chapter
     let expected = -2.0 / (3.0_f64.sqrt() * 0.4563);
     assert!((term.value.to_f64() - expected).abs() < 1e-14);
-    let again = evaluate(&text, std::slice::from_ref(&term.coefficient));
+    let again = evaluate(&text, std::slice::from_ref(&printed));
     assert_eq!(again, std::slice::from_ref(&term.value));
 }
 
@@ -158,7 +159,7 @@ fn model_3_has_equal_legs_and_9_rows() {
     // the legs' other bodies stand under the first one's labels
     for known in &three.known {
         assert_eq!(known.terms.len(), 1);
-        assert_eq!(known.terms[0].coefficient, "1");
+        assert!(known.terms[0].coefficient.is_one());
         assert!(known.terms[0].column < 20, "{known:?}");
     }
     assert_eq!(three.known.len(), 40);
@@ -177,7 +178,7 @@ fn a_known_linear_form_takes_one_parameter_out() {
     assert_eq!(found.known.len(), 1);
     let known = &found.known[0];
     assert_eq!(model.parameters[known.column].label, "Ixy(3)");
-    assert_eq!(known.terms[0].coefficient, "-a/2");
+    assert_eq!(known.terms[0].coefficient.to_string(), "-a/2");
     // row 7 is that form: it is gone, and with it one of the 25
     assert_eq!(found.parameters.len(), 24);
     assert_eq!(found.rank(), 15);

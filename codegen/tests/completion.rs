@@ -63,7 +63,7 @@ fn complete(path: &str, text: &str, rank: usize, completed: usize) -> (Model, An
     reproduces(path, &model, &home, &analysis);
     for parameter in &analysis.base.parameters {
         for term in &parameter.terms {
-            let text = &term.coefficient;
+            let text = term.coefficient.to_string();
             assert!(!text.contains('.'), "{path}: a bare number: {text}");
         }
     }

@@ -79,7 +79,7 @@ impl Derivation {
     /// # Errors
     /// When the text is no expression in the other's names.
     pub fn value_at(term: &Term, other: &Spec) -> Result<f64, String> {
-        evaluate(&term.coefficient, &|name| {
+        evaluate(&term.coefficient.to_string(), &|name| {
             let found = other.geometry.iter().find(|(n, _)| n.value == name);
             found.map(|(_, quantity)| quantity.value.to_f64())
         })

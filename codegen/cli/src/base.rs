@@ -113,7 +113,7 @@ struct Row<'a> {
 #[derive(Serialize)]
 struct TermJson<'a> {
     parameter: &'a str,
-    coefficient: &'a str,
+    coefficient: String,
     value: f64,
 }
 
@@ -198,7 +198,7 @@ fn row<'a>(robot: &'a Robot, parameter: &'a BaseParameter) -> Row<'a> {
 fn terms<'a>(robot: &'a Robot, terms: &'a [Term]) -> Vec<TermJson<'a>> {
     let term = |term: &'a Term| TermJson {
         parameter: label(robot, term.column),
-        coefficient: &term.coefficient,
+        coefficient: term.coefficient.to_string(),
         value: term.value.to_f64(),
     };
     terms.iter().map(term).collect()

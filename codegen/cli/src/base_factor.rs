@@ -1,6 +1,6 @@
 //! Factors of combinations as they are printed: signs apart, so that they can be joined.
 
-use regen_codegen::base::Term;
+use regen_codegen::base::{Coefficient, Term};
 
 /// Longer expressions are printed as numbers unless they are asked for.
 const LONGEST: usize = 60;
@@ -25,8 +25,8 @@ pub(crate) enum Style {
 pub(crate) enum Factor {
     /// 1, which is not printed.
     One,
-    /// An expression; whether it is a sum.
-    Expression(String, bool),
+    /// An expression.
+    Expression(Coefficient),
     /// A number, because numbers were asked for.
     Number(String),
     /// A number in place of a long expression.
@@ -43,62 +43,31 @@ pub(crate) struct Signed {
 impl Signed {
     /// The coefficient of a term.
     pub(crate) fn new(term: &Term, style: Style) -> Self {
-        let (negative, text, is_sum) = unsigned(&term.coefficient);
+        let (negative, expression) = term.coefficient.unsigned();
         let number = || digits(term.value.to_f64().abs());
         let factor = match style {
-            _ if text == "1" => Factor::One,
+            _ if expression.is_one() => Factor::One,
             Style::Numbers => Factor::Number(number()),
-            Style::Short if text.chars().count() > LONGEST || has_long_number(&text) => {
-                Factor::Instead(number())
-            }
-            Style::Short | Style::Expressions => Factor::Expression(text, is_sum),
+            Style::Short if is_long(&expression.to_string()) => Factor::Instead(number()),
+            Style::Short | Style::Expressions => Factor::Expression(expression),
         };
         let negative = match factor {
             Factor::Number(_) | Factor::Instead(_) => term.value.is_negative(),
-            Factor::One | Factor::Expression(..) => negative,
+            Factor::One | Factor::Expression(_) => negative,
         };
         Self { negative, factor }
     }
+}
+
+/// Whether an expression is too long to be read, or has a number that is.
+fn is_long(text: &str) -> bool {
+    text.chars().count() > LONGEST || has_long_number(text)
 }
 
 /// Whether an expression has a whole number of many digits.
 fn has_long_number(text: &str) -> bool {
     let mut runs = text.split(|c: char| !c.is_ascii_digit());
     runs.any(|run| run.len() > MOST_DIGITS)
-}
-
-/// A sign that can be taken out of an expression, the rest, and whether that is a sum. The sign
-/// of a sum can be taken out where all its terms have it.
-fn unsigned(text: &str) -> (bool, String, bool) {
-    // positive terms are printed first: one in front says that all are negative
-    let Some(rest) = text.strip_prefix('-') else {
-        let is_sum = !signs(text).is_empty();
-        return (false, text.to_owned(), is_sum);
-    };
-    let signs = signs(rest);
-    if signs.iter().any(|&(_, sign)| sign == '+') {
-        return (false, text.to_owned(), true);
-    }
-    let mut turned = rest.to_owned();
-    for &(at, _) in &signs {
-        turned.replace_range(at..=at, "+");
-    }
-    (true, turned, !signs.is_empty())
-}
-
-/// The binary signs outside parentheses, with their places.
-fn signs(text: &str) -> Vec<(usize, char)> {
-    let mut depth = 0_usize;
-    let mut found = Vec::new();
-    for (at, c) in text.char_indices() {
-        match c {
-            '(' => depth += 1,
-            ')' => depth = depth.saturating_sub(1),
-            '+' | '-' if depth == 0 && text[..at].ends_with(' ') => found.push((at, c)),
-            _ => {}
-        }
-    }
-    found
 }
 
 /// A number in four digits, fewer where they are all it has. What is rounded is the decimal that
@@ -155,30 +124,17 @@ mod tests {
     use super::*;
     use regen_codegen::sym::Number;
 
+    fn expression(text: &str) -> Factor {
+        Factor::Expression(Coefficient::parse(text).unwrap())
+    }
+
     fn signed(coefficient: &str, value: Number, style: Style) -> Signed {
         let term = Term {
             column: 0,
-            coefficient: coefficient.to_owned(),
+            coefficient: Coefficient::parse(coefficient).unwrap(),
             value,
         };
         Signed::new(&term, style)
-    }
-
-    #[test]
-    fn signs_are_taken_out_where_all_terms_have_them() {
-        for (text, expected) in [
-            ("a", (false, "a", false)),
-            ("-a", (true, "a", false)),
-            ("-a*(b - c)", (true, "a*(b - c)", false)),
-            ("a - b", (false, "a - b", true)),
-            ("-a - b", (true, "a + b", true)),
-            ("-a - b*(c - d)", (true, "a + b*(c - d)", true)),
-            ("-a + b", (false, "-a + b", true)),
-            ("2^-1", (false, "2^-1", false)),
-        ] {
-            let (negative, rest, is_sum) = unsigned(text);
-            assert_eq!((negative, rest.as_str(), is_sum), expected, "{text}");
-        }
     }
 
     #[test]
@@ -213,12 +169,9 @@ mod tests {
         assert!(instead.negative);
         assert_eq!(instead.factor, Factor::Instead("0.5".to_owned()));
         let full = signed(&long, half.clone(), Style::Expressions);
-        assert_eq!(full.factor, Factor::Expression(long[1..].to_owned(), false));
+        assert_eq!(full.factor, expression(&long[1..]));
         let just = signed(&long[..=60], half, Style::Short);
-        assert_eq!(
-            just.factor,
-            Factor::Expression(long[1..=60].to_owned(), false)
-        );
+        assert_eq!(just.factor, expression(&long[1..=60]));
     }
 
     #[test]
@@ -227,8 +180,7 @@ mod tests {
         let short = signed("632337041/115162534", ratio.clone(), Style::Short);
         assert_eq!(short.factor, Factor::Instead("5.491".to_owned()));
         let full = signed("632337041/115162534", ratio, Style::Expressions);
-        let exact = "632337041/115162534".to_owned();
-        assert_eq!(full.factor, Factor::Expression(exact, false));
+        assert_eq!(full.factor, expression("632337041/115162534"));
         assert!(!has_long_number("123456/654321*a"));
     }
 

@@ -3,12 +3,11 @@
 
 use std::fmt::Write as _;
 
-use regen_codegen::base::{Analysis, Exactness, Known, Layer, Term};
+use regen_codegen::base::{Analysis, Exactness, Known, Layer, Term, latex};
 use regen_codegen::explain::Merged;
 use regen_codegen::robot::Robot;
 
 use crate::base_factor::{Factor, Signed, Style};
-use crate::base_latex as latex;
 use crate::base_words::{certificate, completed, doubt, label, layer, mark};
 use crate::table::{self, WIDTH};
 
@@ -208,8 +207,9 @@ impl Part {
     fn plain(&self, k: usize) -> String {
         let factor = match &self.signed.factor {
             Factor::One => String::new(),
-            Factor::Expression(text, true) => format!("({text}) "),
-            Factor::Expression(text, false) | Factor::Number(text) => format!("{text} "),
+            Factor::Expression(sum) if sum.is_sum() => format!("({sum}) "),
+            Factor::Expression(expression) => format!("{expression} "),
+            Factor::Number(text) => format!("{text} "),
             Factor::Instead(text) => format!("~{text} "),
         };
         format!("{}{factor}{}", self.sign(k), self.label)
@@ -218,13 +218,12 @@ impl Part {
     fn latex(&self, k: usize) -> String {
         let factor = match &self.signed.factor {
             Factor::One => String::new(),
-            Factor::Expression(text, true) => {
-                format!("\\bigl({}\\bigr) \\, ", latex::expression(text))
+            Factor::Expression(sum) if sum.is_sum() => {
+                format!("\\bigl({}\\bigr) \\, ", latex::expression(sum))
             }
-            Factor::Expression(text, false) | Factor::Number(text) => {
-                format!("{} \\, ", latex::expression(text))
-            }
-            Factor::Instead(text) => format!("{{\\sim}}{} \\, ", latex::expression(text)),
+            Factor::Expression(expression) => format!("{} \\, ", latex::expression(expression)),
+            Factor::Number(text) => format!("{} \\, ", latex::number(text)),
+            Factor::Instead(text) => format!("{{\\sim}}{} \\, ", latex::number(text)),
         };
         format!("{}{factor}{}", self.sign(k), latex::label(&self.label))
     }

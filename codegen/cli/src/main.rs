@@ -4,7 +4,6 @@
 mod args;
 mod base;
 mod base_factor;
-mod base_latex;
 mod base_table;
 mod base_words;
 mod check;

@@ -21,6 +21,8 @@
 mod eval;
 mod tangent;
 
+use std::sync::OnceLock;
+
 use regen_codegen::base;
 use regen_codegen::model::MotionKind;
 use regen_codegen::robot::{JointInfo, Robot};
@@ -52,13 +54,52 @@ pub struct Interpreted<'a> {
     free: Vec<&'a str>,
 }
 
-/// A label with what it stands for.
-type Labelled<'a> = (&'a str, Vec<BaseTerm<'a>>);
-
 /// The terms of a robot's base parameters, for [`Interpreted::with_terms`] to lend.
 pub struct BaseTerms<'a> {
-    base: Vec<Labelled<'a>>,
-    zeros: Vec<Labelled<'a>>,
+    base: Vec<Combination<'a>>,
+    zeros: Vec<Combination<'a>>,
+}
+
+/// A label with what it stands for.
+struct Combination<'a> {
+    label: &'a str,
+    terms: Vec<Term<'a>>,
+    /// The terms as the model shows them; they borrow the texts of `terms`.
+    lent: OnceLock<Vec<BaseTerm<'a>>>,
+}
+
+/// A term that owns the text of its coefficient.
+struct Term<'a> {
+    parameter: &'a str,
+    index: usize,
+    coefficient: String,
+    value: f64,
+}
+
+impl<'a> Combination<'a> {
+    fn new(label: &'a str, terms: impl Iterator<Item = Term<'a>>) -> Self {
+        Self {
+            label,
+            terms: terms.collect(),
+            lent: OnceLock::new(),
+        }
+    }
+
+    fn lend(&'a self) -> BaseParameter<'a> {
+        let lent = self.lent.get_or_init(|| {
+            let terms = self.terms.iter().map(|term| BaseTerm {
+                parameter: term.parameter,
+                index: term.index,
+                coefficient: &term.coefficient,
+                value: term.value,
+            });
+            terms.collect()
+        });
+        BaseParameter {
+            label: self.label,
+            terms: lent,
+        }
+    }
 }
 
 impl<'a> BaseTerms<'a> {
@@ -66,25 +107,26 @@ impl<'a> BaseTerms<'a> {
     pub fn new(robot: &'a Robot) -> Self {
         let label = |column: usize| robot.parameters.get(column).map_or("?", String::as_str);
         let analysis = robot.analysis.iter();
-        let of = |term: &'a base::Term| BaseTerm {
+        let of = |term: &base::Term| Term {
             parameter: label(term.column),
             index: term.column,
-            coefficient: &term.coefficient,
+            coefficient: term.coefficient.to_string(),
             value: term.value.to_f64(),
         };
         let all = || analysis.clone().flat_map(|a| &a.base.parameters);
-        let row = |p: &'a base::BaseParameter| (label(p.column), p.terms.iter().map(of).collect());
+        let row =
+            |p: &base::BaseParameter| Combination::new(label(p.column), p.terms.iter().map(of));
         let dropped = all().filter(|p| p.dropped).map(row);
         // a parameter that others stand for: those less it are zero
         let known = analysis.clone().flat_map(|a| &a.base.known).map(|known| {
-            let own = BaseTerm {
+            let own = Term {
                 parameter: label(known.column),
                 index: known.column,
-                coefficient: "-1",
+                coefficient: "-1".to_owned(),
                 value: -1.0,
             };
             let all = std::iter::once(own).chain(known.terms.iter().map(of));
-            (own.parameter, all.collect())
+            Combination::new(label(known.column), all)
         });
         Self {
             base: all().filter(|p| !p.dropped).map(row).collect(),
@@ -136,11 +178,7 @@ impl<'a> Interpreted<'a> {
 
     /// The model of a robot with its base parameters.
     pub fn with_terms(robot: &'a Robot, terms: &'a BaseTerms<'a>) -> Self {
-        let lent = |all: &'a [Labelled<'a>]| {
-            let each = all.iter();
-            each.map(|(label, terms)| BaseParameter { label, terms })
-                .collect()
-        };
+        let lent = |all: &'a [Combination<'a>]| all.iter().map(Combination::lend).collect();
         Self {
             base: lent(&terms.base),
             zeros: lent(&terms.zeros),

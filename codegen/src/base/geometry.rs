@@ -5,6 +5,7 @@ use crate::model::{Placement, Step};
 use crate::spec::{Axis, Expr, Function, Quantity, Spec};
 use crate::sym::Number;
 
+use super::Coefficient;
 use super::field::{Element, Field, Variable};
 
 /// Three elements.
@@ -37,7 +38,7 @@ impl Names {
     pub(super) fn element(&self, field: &mut Field, quantity: &Quantity) -> Element {
         self.read(field, &quantity.expr).unwrap_or_else(|| {
             field.variable(
-                Variable::Written(quantity.value.to_string()),
+                Variable::Written((&quantity.value).into()),
                 quantity.value.clone(),
             )
         })
@@ -69,7 +70,7 @@ impl Names {
                 let (a, b) = (self.read(field, a)?, self.read(field, b)?);
                 let Some(exponent) = b.value().as_i64() else {
                     let root = a.value().sqrt()?;
-                    return Some(written(field, "sqrt", &a, root));
+                    return Some(written(field, Function::Sqrt, &a, root));
                 };
                 let mut power = Element::one();
                 for _ in 0..u8::try_from(exponent.unsigned_abs()).ok()? {
@@ -85,22 +86,22 @@ impl Names {
                 match function {
                     Function::Sqrt => {
                         let value = a.value().sqrt()?;
-                        written(field, "sqrt", &a, value)
+                        written(field, Function::Sqrt, &a, value)
                     }
                     // of a constant, the same variables as a placement's
                     Function::Sin if a.weight() == 0 => field.sin_cos(a.value()).0,
                     Function::Cos if a.weight() == 0 => field.sin_cos(a.value()).1,
                     Function::Sin => {
                         let value = a.value().sin_cos().0;
-                        written(field, "sin", &a, value)
+                        written(field, Function::Sin, &a, value)
                     }
                     Function::Cos => {
                         let value = a.value().sin_cos().1;
-                        written(field, "cos", &a, value)
+                        written(field, Function::Cos, &a, value)
                     }
                     Function::Tan => {
                         let value = a.value().tan()?;
-                        written(field, "tan", &a, value)
+                        written(field, Function::Tan, &a, value)
                     }
                     Function::Deg => {
                         let factor = Number::pi().div(&Number::from_i64(180))?;
@@ -127,17 +128,17 @@ fn constant(field: &mut Field, value: &Number) -> Element {
     if value.is_exact() {
         return Element::exact(value.clone());
     }
-    field.variable(Variable::Written(value.to_string()), value.clone())
+    field.variable(Variable::Written(value.into()), value.clone())
 }
 
 /// A function's value: an exact constant where it is one, else a variable that
 /// is written as the call.
-fn written(field: &mut Field, function: &str, argument: &Element, value: Number) -> Element {
+fn written(field: &mut Field, function: Function, argument: &Element, value: Number) -> Element {
     if argument.weight() == 0 && value.is_exact() {
         return Element::exact(value);
     }
-    let text = format!("{function}({})", field.text(argument));
-    field.variable(Variable::Written(text), value)
+    let call = Coefficient::call(function, field.coefficient(argument));
+    field.variable(Variable::Written(call), value)
 }
 
 /// A constant change of frame: the child's frame on the parent.

@@ -4,11 +4,13 @@
 mod analysis;
 pub mod certificate;
 mod choice;
+mod coefficient;
 mod completion;
 mod coupled;
 pub mod field;
 mod geometry;
 mod known;
+pub mod latex;
 mod linkage;
 mod rates;
 mod span;
@@ -18,6 +20,7 @@ mod trees;
 mod ways;
 
 pub use analysis::{Analysis, analyse};
+pub use coefficient::Coefficient;
 pub use completion::recognise;
 pub use rates::ties;
 pub use store::{StoreProblem, is_heavy, restore, store};
@@ -35,8 +38,8 @@ use span::{Span, Vector};
 pub struct Term {
     /// Its column.
     pub column: usize,
-    /// The factor as an expression in the geometry's names, in the spec's grammar.
-    pub coefficient: String,
+    /// The factor as an expression in the geometry's names.
+    pub coefficient: Coefficient,
     /// The factor's exact value.
     pub value: Number,
 }
@@ -266,7 +269,7 @@ fn column(model: &Model, label: &str) -> Option<usize> {
 fn term(field: &Field, column: usize, element: &Element) -> Term {
     Term {
         column,
-        coefficient: field.text(element),
+        coefficient: field.coefficient(element),
         value: element.value().clone(),
     }
 }

@@ -29,7 +29,7 @@ use crate::model::Model;
 use crate::spec::Spec;
 
 use super::certificate::Certificate;
-use super::{Analysis, Base, BaseParameter, Direction, Exactness, Known, Layer, Term};
+use super::{Analysis, Base, BaseParameter, Coefficient, Direction, Exactness, Known, Layer, Term};
 
 /// With the version: another one may choose other columns.
 const HEAD: &str = concat!("regen-base ", env!("CARGO_PKG_VERSION"));
@@ -259,11 +259,11 @@ fn read<'a>(lines: impl Iterator<Item = &'a str>, spec: &Spec, columns: usize) -
                 open = Some(2);
             }
             "term" => {
-                let coefficient = rest.split_once(' ')?.1.to_owned();
+                let coefficient = rest.split_once(' ')?.1;
                 let term = Term {
                     column: column()?,
-                    value: spec.evaluate(&coefficient)?,
-                    coefficient,
+                    value: spec.evaluate(coefficient)?,
+                    coefficient: Coefficient::parse(coefficient)?,
                 };
                 match open? {
                     0 => base.parameters.last_mut()?.terms.push(term),

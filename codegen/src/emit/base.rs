@@ -73,7 +73,7 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
                 "            BaseTerm {{ parameter: {:?}, index: {}, coefficient: {:?}, value: {} }},",
                 robot.parameters[term.column],
                 term.column,
-                term.coefficient,
+                term.coefficient.to_string(),
                 literal(term.value.to_f64()),
             );
         }
@@ -145,7 +145,7 @@ fn zeros(robot: &Robot, analysis: &Analysis, out: &mut String) {
     };
     let rest = |terms: &[crate::base::Term]| -> String {
         let each = terms.iter();
-        each.map(|t| term(t.column, &t.coefficient, t.value.to_f64()))
+        each.map(|t| term(t.column, &t.coefficient.to_string(), t.value.to_f64()))
             .collect()
     };
     // a parameter that others stand for: those less it are zero

@@ -21,6 +21,7 @@ mod suggest;
 mod types;
 mod yaml;
 
+pub(crate) use expression::{Ast, AstKind, Operator};
 pub use physical::{Flaw, flaw};
 pub use schema::schema;
 pub use suggest::nearest;
@@ -56,17 +57,23 @@ fn complete<T>(result: Option<T>, sink: Sink, source: &Source) -> Result<T, Repo
     })
 }
 
+/// The syntax of an expression in numbers and names, its places counted from the text's start;
+/// `None` where it is none.
+pub(crate) fn syntax(text: &str) -> Option<Ast> {
+    let whole = Span::new(0, text.len());
+    expression::parse(text, whole, Some(0), expression::Vocabulary::Constants).ok()
+}
+
 impl Spec {
     /// The exact value of an expression in the geometry names; `None` where it
     /// is none.
     pub fn evaluate(&self, text: &str) -> Option<crate::sym::Number> {
-        use expression::{Vocabulary, evaluate, parse};
-        let ast = parse(text, Span::default(), None, Vocabulary::Constants).ok()?;
+        let ast = syntax(text)?;
         let geometry = &self.geometry;
         let lookup = |name: &str| {
             let found = geometry.iter().find(|(n, _)| n.value == name);
             found.map(|(_, quantity)| quantity.value.clone())
         };
-        evaluate(&ast, &lookup).ok()
+        expression::evaluate(&ast, &lookup).ok()
     }
 }

@@ -14,5 +14,6 @@ mod vector;
 pub use angle::{Angle, AngleId};
 pub use graph::{Ex, Graph, Node, SymbolId, System, SystemId};
 pub use number::Number;
+pub(crate) use number::NumberFactor;
 pub use tally::Tally;
 pub use vector::{IDENTITY, M3, V3, ZERO3, transposed};

@@ -11,6 +11,8 @@ use std::sync::{Arc, OnceLock};
 use dashu_int::{IBig, Sign, UBig};
 use dashu_ratio::RBig;
 
+pub(crate) use display::NumberFactor;
+
 use super::real::{self, AGREEMENT, PRECISION, Real};
 use super::surd::{Surd, cos_of_pi_times};
 

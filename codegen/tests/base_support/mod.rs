@@ -51,9 +51,10 @@ pub fn row(model: &Model, base: &Base, at: usize) -> String {
     let mut text = String::new();
     for term in &base.parameters[at].terms {
         let label = &model.parameters[term.column].label;
-        let (sign, factor) = match term.coefficient.strip_prefix('-') {
+        let printed = term.coefficient.to_string();
+        let (sign, factor) = match printed.strip_prefix('-') {
             Some(rest) if !rest.contains(" + ") && !rest.contains(" - ") => (" - ", rest),
-            _ => (" + ", term.coefficient.as_str()),
+            _ => (" + ", printed.as_str()),
         };
         if !text.is_empty() {
             text.push_str(sign);

@@ -18,6 +18,7 @@ use std::sync::Arc;
 
 use dashu_ratio::RBig;
 
+use crate::base::Coefficient;
 use crate::sym::Number;
 
 pub(crate) use polynomial::Polynomial;
@@ -265,12 +266,12 @@ impl Field {
         Some(Element::new(value, form))
     }
 
-    /// The expression as text in the spec's grammar; the value where there is
-    /// no expression short enough.
-    pub fn text(&self, a: &Element) -> String {
+    /// The expression as it is printed; the value where there is no expression
+    /// short enough.
+    pub fn coefficient(&self, a: &Element) -> Coefficient {
         match &a.form {
             Form::Expression(ratio) => print::ratio(ratio, &self.variables),
-            Form::Constant | Form::TooLong => a.value.to_string(),
+            Form::Constant | Form::TooLong => (&a.value).into(),
         }
     }
 }

@@ -1,6 +1,8 @@
 //! The variables of expressions: geometry names, and sines and cosines of
 //! angles that have no exact ones.
 
+use crate::base::Coefficient;
+use crate::spec::Function;
 use crate::sym::Number;
 
 /// What a variable stands for.
@@ -13,7 +15,7 @@ pub(crate) enum Variable {
     /// Cosine of an angle, rad.
     Cos(Number),
     /// A constant that is not a polynomial in the others, as written.
-    Written(String),
+    Written(Coefficient),
 }
 
 /// All variables with their values.
@@ -49,12 +51,13 @@ impl Variables {
     }
 
     /// How the variable is written.
-    pub(super) fn name(&self, index: usize) -> String {
+    pub(super) fn name(&self, index: usize) -> Coefficient {
         match self.all.get(index).map(|v| &v.0) {
-            Some(Variable::Name(name) | Variable::Written(name)) => name.clone(),
-            Some(Variable::Sin(angle)) => format!("sin({angle})"),
-            Some(Variable::Cos(angle)) => format!("cos({angle})"),
-            None => "?".to_owned(),
+            Some(Variable::Name(name)) => Coefficient::Name(name.clone()),
+            Some(Variable::Written(expression)) => expression.clone(),
+            Some(Variable::Sin(angle)) => Coefficient::call(Function::Sin, angle.into()),
+            Some(Variable::Cos(angle)) => Coefficient::call(Function::Cos, angle.into()),
+            None => Coefficient::Name("?".to_owned()),
         }
     }
 }

@@ -45,15 +45,15 @@ pub(super) enum Vocabulary {
 
 /// An expression that knows where each part of it stands.
 #[derive(Clone, Debug)]
-pub(super) struct Ast {
-    pub(super) kind: AstKind,
-    pub(super) span: Span,
+pub(crate) struct Ast {
+    pub(crate) kind: AstKind,
+    pub(crate) span: Span,
     height: usize,
 }
 
 /// The forms of expressions.
 #[derive(Clone, Debug)]
-pub(super) enum AstKind {
+pub(crate) enum AstKind {
     Number(Number),
     Pi,
     /// A geometry name, or a coordinate where these are allowed.
@@ -67,7 +67,7 @@ pub(super) enum AstKind {
 
 /// The operators of two arguments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Operator {
+pub(crate) enum Operator {
     Add,
     Sub,
     Mul,
@@ -166,6 +166,15 @@ pub(super) const FUNCTIONS: [(&str, Function); 5] = [
     ("tan", Function::Tan),
     ("deg", Function::Deg),
 ];
+
+impl Function {
+    /// How it is written.
+    pub(crate) fn name(self) -> &'static str {
+        let mut all = FUNCTIONS.iter();
+        all.find(|(_, function)| *function == self)
+            .map_or("", |(name, _)| name)
+    }
+}
 
 /// Whether a name means something else in expressions.
 pub(super) fn is_reserved(name: &str) -> bool {

@@ -15,12 +15,31 @@ const MAX_FRACTION: u8 = 64;
 /// Decimals up to this many places are written out.
 const MAX_PLACES: usize = 12;
 
-/// The exact form, such as `-1/2`, `0.4563`, `2*sqrt(3)/3`, `5*pi/6` or `1/4 + sqrt(5)/4`;
-/// of an inexact number 17 significant digits.
-impl fmt::Display for Number {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+/// A number's term as it is written: what stands above and below the fraction line.
+pub(crate) struct NumberTerm {
+    pub(crate) negative: bool,
+    pub(crate) above: Vec<NumberFactor>,
+    pub(crate) below: Vec<NumberFactor>,
+}
+
+/// A factor of a term.
+pub(crate) enum NumberFactor {
+    /// Decimal digits: `3`, `0.25`, `1.5e-3`.
+    Digits(String),
+    /// The square root of an integer.
+    Root(u128),
+    /// A power of pi.
+    Pi(u32),
+    /// A power of two.
+    Two(i64),
+}
+
+impl Number {
+    /// The terms of the exact form, a positive one in front where there is one; of an inexact
+    /// number 17 significant digits.
+    pub(crate) fn written(&self) -> Vec<NumberTerm> {
         let Some(exact) = &self.0.exact else {
-            return f.write_str(&inexact_text(self.real()));
+            return vec![inexact(self.real())];
         };
         let terms = exact.terms();
         // a positive term first reads best
@@ -29,15 +48,61 @@ impl fmt::Display for Number {
             .position(|term| !term.is_negative())
             .unwrap_or(0);
         let Some(first) = terms.get(lead) else {
-            return f.write_str("0");
+            return vec![NumberTerm {
+                negative: false,
+                above: vec![NumberFactor::Digits("0".to_owned())],
+                below: Vec::new(),
+            }];
         };
-        let minus = if first.is_negative() { "-" } else { "" };
-        write!(f, "{minus}{}", unsigned_term(first))?;
-        for (_, term) in terms.iter().enumerate().filter(|(index, _)| *index != lead) {
-            let sign = if term.is_negative() { '-' } else { '+' };
-            write!(f, " {sign} {}", unsigned_term(term))?;
+        let others = terms.iter().enumerate().filter(|(at, _)| *at != lead);
+        let others = others.map(|(_, term)| written(term));
+        std::iter::once(written(first)).chain(others).collect()
+    }
+}
+
+/// The exact form, such as `-1/2`, `0.4563`, `2*sqrt(3)/3`, `5*pi/6` or `1/4 + sqrt(5)/4`;
+/// of an inexact number 17 significant digits.
+impl fmt::Display for Number {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (k, term) in self.written().iter().enumerate() {
+            f.write_str(match (k, term.negative) {
+                (0, true) => "-",
+                (0, false) => "",
+                (_, true) => " - ",
+                (_, false) => " + ",
+            })?;
+            factors(f, &term.above)?;
+            match term.below.as_slice() {
+                [] => {}
+                [one] => write!(f, "/{one}")?,
+                several => {
+                    f.write_str("/(")?;
+                    factors(f, several)?;
+                    f.write_str(")")?;
+                }
+            }
         }
         Ok(())
+    }
+}
+
+fn factors(f: &mut fmt::Formatter<'_>, all: &[NumberFactor]) -> fmt::Result {
+    for (k, factor) in all.iter().enumerate() {
+        let joint = if k == 0 { "" } else { "*" };
+        write!(f, "{joint}{factor}")?;
+    }
+    Ok(())
+}
+
+impl fmt::Display for NumberFactor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            NumberFactor::Digits(digits) => f.write_str(digits),
+            NumberFactor::Root(radicand) => write!(f, "sqrt({radicand})"),
+            NumberFactor::Pi(1) => f.write_str("pi"),
+            NumberFactor::Pi(power) => write!(f, "pi^{power}"),
+            NumberFactor::Two(exponent) => write!(f, "2^{exponent}"),
+        }
     }
 }
 
@@ -48,39 +113,36 @@ impl fmt::Debug for Number {
     }
 }
 
-fn unsigned_term(term: &Term) -> String {
-    let (mut factors, mut divisors) = (Vec::new(), Vec::new());
+fn written(term: &Term) -> NumberTerm {
+    let (mut above, mut below) = (Vec::new(), Vec::new());
     if let Some(decimal) = short_decimal(&term.coefficient) {
-        factors.push(decimal);
+        above.push(NumberFactor::Digits(decimal));
     } else {
         let numerator = term.coefficient.numerator().unsigned_abs();
         if !numerator.is_one() {
-            factors.push(numerator.to_string());
+            above.push(NumberFactor::Digits(numerator.to_string()));
         }
         if !term.coefficient.denominator().is_one() {
-            divisors.push(term.coefficient.denominator().to_string());
+            let denominator = term.coefficient.denominator().to_string();
+            below.push(NumberFactor::Digits(denominator));
         }
     }
     if term.radicand > 1 {
-        factors.push(format!("sqrt({})", term.radicand));
+        above.push(NumberFactor::Root(term.radicand));
     }
-    let pi = match term.pi_power.unsigned_abs() {
-        1 => "pi".to_owned(),
-        power => format!("pi^{power}"),
-    };
+    let pi = NumberFactor::Pi(term.pi_power.unsigned_abs());
     match term.pi_power {
         0 => {}
-        1.. => factors.push(pi),
-        _ => divisors.push(pi),
+        1.. => above.push(pi),
+        _ => below.push(pi),
     }
-    if factors.is_empty() {
-        factors.push("1".to_owned());
+    if above.is_empty() {
+        above.push(NumberFactor::Digits("1".to_owned()));
     }
-    let numerator = factors.join("*");
-    match divisors.as_slice() {
-        [] => numerator,
-        [divisor] => format!("{numerator}/{divisor}"),
-        _ => format!("{numerator}/({})", divisors.join("*")),
+    NumberTerm {
+        negative: term.is_negative(),
+        above,
+        below,
     }
 }
 
@@ -103,23 +165,38 @@ fn short_decimal(value: &RBig) -> Option<String> {
     Some(format!("{whole}.{fraction}"))
 }
 
-fn inexact_text(value: &Real) -> String {
-    let minus = if value.is_negative() { "-" } else { "" };
-    let Some((digits, exponent)) = value.decimal_digits() else {
-        let (_, mantissa, exponent) = value.rounded(53);
-        return format!("{minus}{mantissa}*2^{exponent}");
+fn inexact(value: &Real) -> NumberTerm {
+    let above = match value.decimal_digits() {
+        Some((digits, exponent)) => {
+            vec![NumberFactor::Digits(decimal(&digits.to_string(), exponent))]
+        }
+        None => {
+            let (_, mantissa, exponent) = value.rounded(53);
+            vec![
+                NumberFactor::Digits(mantissa.to_string()),
+                NumberFactor::Two(exponent),
+            ]
+        }
     };
-    let digits = digits.to_string();
+    NumberTerm {
+        negative: value.is_negative(),
+        above,
+        below: Vec::new(),
+    }
+}
+
+/// Digits with the point behind the first one times a power of ten, as a person writes it.
+fn decimal(digits: &str, exponent: i64) -> String {
     let (first, rest) = digits.split_at(1);
     match usize::try_from(exponent) {
         Ok(whole) if whole < rest.len() => {
             let (whole, fraction) = digits.split_at(whole + 1);
-            format!("{minus}{whole}.{fraction}")
+            format!("{whole}.{fraction}")
         }
         Err(_) if exponent >= -5 => {
             let zeros = "0".repeat((exponent.unsigned_abs() - 1) as usize);
-            format!("{minus}0.{zeros}{digits}")
+            format!("0.{zeros}{digits}")
         }
-        _ => format!("{minus}{first}.{rest}e{exponent}"),
+        _ => format!("{first}.{rest}e{exponent}"),
     }
 }

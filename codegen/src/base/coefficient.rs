@@ -1,0 +1,402 @@
+//! Coefficients of combinations as expressions: what prints them takes their tree, and only files
+//! and generated modules hold their text.
+
+use core::fmt;
+
+use crate::spec::{self, Ast, AstKind, Function, Operator};
+use crate::sym::{Number, NumberFactor};
+
+/// An expression in numbers and the geometry's names.
+///
+/// Signs stand as far outside as they can: a factor and what is above or below a fraction line
+/// has none of its own, and a term has it beside it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Coefficient {
+    /// A number without a sign, in the digits that are printed: `3`, `0.25`, `1.5e-3`.
+    Number(String),
+    /// A geometry name, or `pi`.
+    Name(String),
+    /// The negative.
+    Neg(Box<Coefficient>),
+    /// Terms, each with whether it is subtracted.
+    Sum(Vec<(bool, Coefficient)>),
+    /// Factors.
+    Product(Vec<Coefficient>),
+    /// What is above the fraction line, and what is below it.
+    Quotient(Box<Coefficient>, Box<Coefficient>),
+    /// A base and its exponent.
+    Power(Box<Coefficient>, Box<Coefficient>),
+    /// A function of one argument.
+    Call(Function, Box<Coefficient>),
+}
+
+impl Coefficient {
+    /// The tree of a text in the spec's grammar; `None` where it is no expression.
+    ///
+    /// The tree of a printed coefficient comes back from its text.
+    pub fn parse(text: &str) -> Option<Self> {
+        Some(Self::read(&spec::syntax(text)?, text))
+    }
+
+    /// The tree of what the spec's parser read in a text. Numbers keep their digits.
+    fn read(ast: &Ast, text: &str) -> Self {
+        let of = |inner: &Ast| Self::read(inner, text);
+        match &ast.kind {
+            AstKind::Number(_) => {
+                let digits = text.get(ast.span.start..ast.span.end).unwrap_or_default();
+                let outside = |c: char| matches!(c, '(' | ')') || c.is_whitespace();
+                Self::Number(digits.trim_matches(outside).to_owned())
+            }
+            AstKind::Pi => Self::pi(),
+            AstKind::Name(name) | AstKind::Variable(name) => Self::Name(name.clone()),
+            AstKind::Neg(a) => of(a).negated(),
+            AstKind::Call(function, a) => Self::call(*function, of(a)),
+            AstKind::Binary(Operator::Add, a, b) => of(a).joined(false, of(b)),
+            AstKind::Binary(Operator::Sub, a, b) => of(a).joined(true, of(b)),
+            AstKind::Binary(Operator::Mul, a, b) => of(a).times(of(b)),
+            AstKind::Binary(Operator::Div, a, b) => of(a).over(of(b)),
+            AstKind::Binary(Operator::Pow, a, b) => of(a).to_the(of(b)),
+        }
+    }
+
+    /// An integer that is not negative.
+    pub(super) fn integer(value: impl fmt::Display) -> Self {
+        Self::Number(value.to_string())
+    }
+
+    fn pi() -> Self {
+        Self::Name("pi".to_owned())
+    }
+
+    /// A function of an argument.
+    pub(super) fn call(function: Function, argument: Self) -> Self {
+        Self::Call(function, Box::new(argument))
+    }
+
+    /// `self^exponent`.
+    pub(super) fn to_the(self, exponent: Self) -> Self {
+        Self::Power(Box::new(self), Box::new(exponent))
+    }
+
+    /// `self * factor`, with the signs of both outside.
+    pub(super) fn times(self, factor: Self) -> Self {
+        let ((minus, left), (other, right)) = (self.split(), factor.split());
+        let product = match left {
+            Self::Product(mut factors) => {
+                factors.push(right);
+                Self::Product(factors)
+            }
+            _ => Self::Product(vec![left, right]),
+        };
+        product.signed(minus != other)
+    }
+
+    /// `self / below`, with the signs of both outside.
+    pub(super) fn over(self, below: Self) -> Self {
+        let ((minus, above), (other, below)) = (self.split(), below.split());
+        Self::Quotient(Box::new(above), Box::new(below)).signed(minus != other)
+    }
+
+    /// `self + term`, or `self - term`; a sum on the left goes on.
+    fn joined(self, minus: bool, term: Self) -> Self {
+        let mut terms = match self {
+            Self::Sum(terms) => terms,
+            other => vec![other.split()],
+        };
+        let (negative, term) = term.split();
+        terms.push((negative != minus, term));
+        Self::Sum(terms)
+    }
+
+    /// The sum of terms, each with whether it is subtracted. An added sum joins the terms.
+    pub(super) fn sum(parts: impl IntoIterator<Item = (bool, Self)>) -> Self {
+        let mut terms = Vec::new();
+        for (minus, term) in parts {
+            let (negative, term) = term.split();
+            match (negative != minus, term) {
+                (false, Self::Sum(inner)) => terms.extend(inner),
+                signed => terms.push(signed),
+            }
+        }
+        match terms.pop() {
+            None => Self::integer(0),
+            Some((negative, only)) if terms.is_empty() => only.signed(negative),
+            Some(last) => {
+                terms.push(last);
+                Self::Sum(terms)
+            }
+        }
+    }
+
+    /// The negative.
+    #[must_use]
+    pub fn negated(self) -> Self {
+        match self {
+            Self::Neg(inner) => *inner,
+            other => Self::Neg(Box::new(other)),
+        }
+    }
+
+    fn signed(self, negative: bool) -> Self {
+        if negative { self.negated() } else { self }
+    }
+
+    /// Whether there is a sign in front, and the rest.
+    fn split(self) -> (bool, Self) {
+        match self {
+            Self::Neg(inner) => (true, *inner),
+            other => (false, other),
+        }
+    }
+
+    /// Whether it is the number 1.
+    pub fn is_one(&self) -> bool {
+        matches!(self, Self::Number(digits) if digits == "1")
+    }
+
+    /// Whether it is a sum, which needs parentheses as a factor.
+    pub fn is_sum(&self) -> bool {
+        matches!(self, Self::Sum(_))
+    }
+
+    /// A sign that can be taken out, and the rest. The sign of a sum can be taken out where all
+    /// its terms have it.
+    #[must_use]
+    pub fn unsigned(&self) -> (bool, Self) {
+        match self {
+            Self::Sum(terms) if terms.iter().all(|(negative, _)| *negative) => {
+                let turned = terms.iter().map(|(_, term)| (false, term.clone()));
+                (true, Self::Sum(turned.collect()))
+            }
+            other => other.clone().split(),
+        }
+    }
+
+    /// How tightly it binds what stands in it.
+    fn level(&self) -> Level {
+        match self {
+            Self::Sum(_) | Self::Neg(_) => Level::Sum,
+            Self::Product(_) | Self::Quotient(..) => Level::Product,
+            Self::Power(..) => Level::Power,
+            Self::Number(_) | Self::Name(_) | Self::Call(..) => Level::Atom,
+        }
+    }
+}
+
+/// How tightly an expression's outermost operator binds.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Level {
+    Sum,
+    Product,
+    Power,
+    Atom,
+}
+
+/// A part of an expression: in parentheses where it binds less tightly than it must.
+struct Part<'a>(&'a Coefficient, Level);
+
+impl fmt::Display for Part<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(part, least) = self;
+        if part.level() < *least {
+            write!(f, "({part})")
+        } else {
+            write!(f, "{part}")
+        }
+    }
+}
+
+/// In the spec's grammar, as a person writes it: `-2*sqrt(3)/(3*a)`.
+impl fmt::Display for Coefficient {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(text) | Self::Name(text) => f.write_str(text),
+            Self::Neg(inner) => write!(f, "-{}", Part(inner, Level::Product)),
+            Self::Sum(terms) => {
+                for (k, (negative, term)) in terms.iter().enumerate() {
+                    f.write_str(match (k, negative) {
+                        (0, true) => "-",
+                        (0, false) => "",
+                        (_, true) => " - ",
+                        (_, false) => " + ",
+                    })?;
+                    Part(term, Level::Product).fmt(f)?;
+                }
+                Ok(())
+            }
+            Self::Product(factors) => {
+                for (k, factor) in factors.iter().enumerate() {
+                    // only a quotient in front reads the same without parentheses
+                    let (joint, least) = match (k, factor) {
+                        (0, Self::Product(_)) => ("", Level::Power),
+                        (0, _) => ("", Level::Product),
+                        _ => ("*", Level::Power),
+                    };
+                    f.write_str(joint)?;
+                    Part(factor, least).fmt(f)?;
+                }
+                Ok(())
+            }
+            Self::Quotient(above, below) => {
+                let (above, below) = (Part(above, Level::Product), Part(below, Level::Power));
+                write!(f, "{above}/{below}")
+            }
+            Self::Power(base, exponent) => {
+                let base = Part(base, Level::Atom);
+                match &**exponent {
+                    // a sign binds tighter there
+                    Self::Neg(inner) => write!(f, "{base}^-{}", Part(inner, Level::Power)),
+                    other => write!(f, "{base}^{}", Part(other, Level::Power)),
+                }
+            }
+            Self::Call(function, argument) => write!(f, "{}({argument})", function.name()),
+        }
+    }
+}
+
+/// A number as it is printed.
+impl From<&Number> for Coefficient {
+    fn from(number: &Number) -> Self {
+        let factor = |factor: NumberFactor| match factor {
+            NumberFactor::Digits(digits) => Self::Number(digits),
+            NumberFactor::Root(radicand) => Self::call(Function::Sqrt, Self::integer(radicand)),
+            NumberFactor::Pi(1) => Self::pi(),
+            NumberFactor::Pi(power) => Self::pi().to_the(Self::integer(power)),
+            NumberFactor::Two(exponent) => {
+                let size = Self::integer(exponent.unsigned_abs());
+                Self::integer(2).to_the(size.signed(exponent < 0))
+            }
+        };
+        let product =
+            |factors: Vec<NumberFactor>| factors.into_iter().map(factor).reduce(Self::times);
+        Self::sum(number.written().into_iter().map(|term| {
+            let above = product(term.above).unwrap_or_else(|| Self::integer(1));
+            let whole = match product(term.below) {
+                Some(below) => above.over(below),
+                None => above,
+            };
+            (term.negative, whole)
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree(text: &str) -> Coefficient {
+        Coefficient::parse(text).unwrap()
+    }
+
+    #[test]
+    fn what_is_printed_is_what_was_read() {
+        for text in [
+            "0",
+            "-1",
+            "2*sqrt(3)/(3*a)",
+            "-2*sqrt(3)/(3*a)",
+            "a - (sqrt(6) - sqrt(2))",
+            "-(sqrt(6) - sqrt(2))*a",
+            "(a + b)/(a^2 + b^2)",
+            "a/(3*(b + c))",
+            "63233704/3/b",
+            "63233704/3*b",
+            "a/b^2",
+            "cos(3/5)^2*tan(l/2)",
+            "(a + b)^2",
+            "(-a)^2",
+            "2^-1",
+            "2^-(a/b)",
+            "2^(a*b)",
+            "a^b^c",
+            "(a^b)^c",
+            "a/(b/c)",
+            "a*(b/c)",
+            "a*(b*c)",
+            "a - (b + c)",
+            "a + (b - c)",
+            "9007199254740993*2^-70*a",
+            "1.5000000000000000e-7*a",
+            "0.50000000000000001*a",
+            "5*pi^2/6 + 1/(3*pi)",
+            "deg(30)",
+            "-a - b",
+            "-a + b",
+        ] {
+            assert_eq!(tree(text).to_string(), text);
+        }
+        for (text, printed) in [
+            ("1 - -a", "1 + a"),
+            ("a*-b", "-a*b"),
+            ("-a/-b", "a/b"),
+            ("((2))*( a )", "2*a"),
+            ("(a*b)*c", "a*b*c"),
+            ("+a", "a"),
+        ] {
+            assert_eq!(tree(text).to_string(), printed);
+        }
+    }
+
+    #[test]
+    fn what_is_no_expression_has_no_tree() {
+        for text in ["?", "a +", "(a", "a b", "", "2 $ 3", "50%"] {
+            assert_eq!(Coefficient::parse(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn numbers_have_the_tree_of_their_text() {
+        let ratio = |a, b| Number::ratio(a, b).unwrap();
+        let root = |n| Number::from_i64(n).sqrt().unwrap();
+        let third = Number::one().div(&Number::pi().mul(&ratio(3, 1))).unwrap();
+        for number in [
+            Number::zero(),
+            Number::from_i64(-7),
+            ratio(-1, 2),
+            ratio(4563, 10_000),
+            ratio(632_337_041, 115_162_534),
+            root(3).mul(&ratio(-2, 3)),
+            root(6).sub(&root(2)),
+            root(2).neg().sub(&root(6)),
+            third,
+            Number::pi().powi(2).unwrap().mul(&ratio(5, 6)),
+            Number::from_i64(1).sin_cos().0.neg(),
+            ratio(1, 1_000_000_000).sin_cos().0,
+            Number::pi().powi(1000).unwrap().sin_cos().1,
+            Number::from_i64(3)
+                .sin_cos()
+                .0
+                .powi(1000)
+                .unwrap()
+                .powi(1000)
+                .unwrap(),
+        ] {
+            let text = number.to_string();
+            let tree = Coefficient::from(&number);
+            assert_eq!(tree.to_string(), text);
+            assert_eq!(Coefficient::parse(&text), Some(tree), "{text}");
+        }
+    }
+
+    #[test]
+    fn signs_are_taken_out_where_all_terms_have_them() {
+        for (text, expected) in [
+            ("a", (false, "a", false)),
+            ("-a", (true, "a", false)),
+            ("-a*(b - c)", (true, "a*(b - c)", false)),
+            ("a - b", (false, "a - b", true)),
+            ("-a - b", (true, "a + b", true)),
+            ("-a - b*(c - d)", (true, "a + b*(c - d)", true)),
+            ("-a - (b - c)", (true, "a + (b - c)", true)),
+            ("-a + b", (false, "-a + b", true)),
+            ("2^-1", (false, "2^-1", false)),
+        ] {
+            let (negative, rest) = tree(text).unsigned();
+            assert_eq!(
+                (negative, rest.to_string().as_str(), rest.is_sum()),
+                expected,
+                "{text}"
+            );
+        }
+    }
+}

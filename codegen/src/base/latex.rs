@@ -1,0 +1,221 @@
+//! Coefficients and parameter labels as LaTeX, in math mode.
+
+use crate::spec::Function;
+
+use super::Coefficient;
+
+/// A parameter's label: `Ixx(3)`, `Fc+(q2)`.
+pub fn label(text: &str) -> String {
+    let Some((kind, of)) = text.strip_suffix(')').and_then(|t| t.split_once('(')) else {
+        return upright(text);
+    };
+    let kind = match kind {
+        "mx" | "my" | "mz" | "m" | "J" => kind.to_owned(),
+        _ => {
+            let (stem, sign) = match kind.strip_suffix(['+', '-']) {
+                Some(stem) => (stem, format!("^{{{}}}", &kind[stem.len()..])),
+                None => (kind, String::new()),
+            };
+            match stem.split_at_checked(1) {
+                Some((head, index)) if !index.is_empty() => format!("{head}_{{{index}}}{sign}"),
+                _ => upright(kind),
+            }
+        }
+    };
+    format!("{kind}({})", name(of))
+}
+
+/// A name: a letter or a Greek letter's name with an index, or else upright.
+fn name(text: &str) -> String {
+    const GREEK: [&str; 22] = [
+        "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",
+        "lambda", "mu", "nu", "xi", "rho", "sigma", "tau", "phi", "chi", "psi", "omega", "pi",
+    ];
+    let digits = |t: &str| !t.is_empty() && t.bytes().all(|b| b.is_ascii_digit() || b == b'.');
+    if digits(text) {
+        return text.to_owned();
+    }
+    let letters = text.bytes().take_while(u8::is_ascii_alphabetic).count();
+    let (stem, rest) = text.split_at(letters);
+    let index = rest.strip_prefix('_').unwrap_or(rest);
+    let plain = index
+        .bytes()
+        .all(|b| b.is_ascii_alphanumeric() || b == b'.');
+    let stem = match stem {
+        _ if !plain || (rest.is_empty() != index.is_empty()) => return upright(text),
+        _ if GREEK.contains(&stem) => format!("\\{stem}"),
+        _ if stem.len() == 1 => stem.to_owned(),
+        _ => return upright(text),
+    };
+    match index {
+        "" => stem,
+        _ if digits(index) || index.len() == 1 => format!("{stem}_{{{index}}}"),
+        _ => format!("{stem}_{{\\mathrm{{{index}}}}}"),
+    }
+}
+
+fn upright(text: &str) -> String {
+    format!("\\mathrm{{{}}}", escaped(text))
+}
+
+/// Text outside math mode, with what LaTeX would read as commands written out.
+pub fn escaped(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            '\\' => out.push_str("\\textbackslash{}"),
+            '^' => out.push_str("\\textasciicircum{}"),
+            '~' => out.push_str("\\textasciitilde{}"),
+            '_' | '%' | '&' | '#' | '$' | '{' | '}' => {
+                out.push('\\');
+                out.push(c);
+            }
+            _ => out.push(c),
+        }
+    }
+    out
+}
+
+/// A number's digits: `1.5e-3` with a power of ten.
+pub fn number(digits: &str) -> String {
+    match digits.split_once(['e', 'E']) {
+        Some((mantissa, exponent)) => {
+            let exponent = exponent.trim_start_matches('+');
+            format!("{mantissa} \\cdot 10^{{{exponent}}}")
+        }
+        None => digits.to_owned(),
+    }
+}
+
+/// An expression.
+pub fn expression(tree: &Coefficient) -> String {
+    match tree {
+        Coefficient::Number(digits) => number(digits),
+        Coefficient::Name(text) => name(text),
+        Coefficient::Neg(inner) => format!("-{}", factor(inner)),
+        Coefficient::Sum(terms) => {
+            let mut out = String::new();
+            for (negative, term) in terms {
+                out.push_str(match (out.is_empty(), negative) {
+                    (true, true) => "-",
+                    (true, false) => "",
+                    (false, true) => " - ",
+                    (false, false) => " + ",
+                });
+                out.push_str(&factor(term));
+            }
+            out
+        }
+        Coefficient::Product(factors) => {
+            let mut out = String::new();
+            for each in factors {
+                let text = factor(each);
+                if text.starts_with(|c: char| c.is_ascii_digit()) && !out.is_empty() {
+                    out.push_str(" \\cdot ");
+                } else if !out.is_empty() {
+                    out.push(' ');
+                }
+                out.push_str(&text);
+            }
+            out
+        }
+        Coefficient::Quotient(above, below) => {
+            format!("\\frac{{{}}}{{{}}}", expression(above), expression(below))
+        }
+        Coefficient::Power(base, exponent) => {
+            let text = match **base {
+                Coefficient::Number(_) | Coefficient::Name(_) => expression(base),
+                _ => format!("\\bigl({}\\bigr)", expression(base)),
+            };
+            format!("{text}^{{{}}}", expression(exponent))
+        }
+        Coefficient::Call(function, inner) => match function {
+            Function::Sqrt => format!("\\sqrt{{{}}}", expression(inner)),
+            Function::Deg => format!("{}^{{\\circ}}", factor(inner)),
+            Function::Sin | Function::Cos | Function::Tan => {
+                format!("\\{}\\bigl({}\\bigr)", function.name(), expression(inner))
+            }
+        },
+    }
+}
+
+/// An expression as a factor: sums and signs in parentheses.
+fn factor(tree: &Coefficient) -> String {
+    match tree {
+        Coefficient::Sum(_) | Coefficient::Neg(_) => {
+            format!("\\bigl({}\\bigr)", expression(tree))
+        }
+        _ => expression(tree),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn expressions_become_fractions_roots_and_powers() {
+        for (text, latex) in [
+            ("2*sqrt(3)/(3*a)", r"\frac{2 \sqrt{3}}{3 a}"),
+            ("-2*sqrt(3)/(3*a)", r"-\frac{2 \sqrt{3}}{3 a}"),
+            ("a^2", "a^{2}"),
+            ("-a^2", "-a^{2}"),
+            ("d4^2 + a3^2", "d_{4}^{2} + a_{3}^{2}"),
+            ("sqrt(3)*a/2", r"\frac{\sqrt{3} a}{2}"),
+            ("sqrt(3)/2*a", r"\frac{\sqrt{3}}{2} a"),
+            ("a*(b - c)", r"a \bigl(b - c\bigr)"),
+            ("(a - b)/(a + b)", r"\frac{a - b}{a + b}"),
+            ("1 - -a", "1 + a"),
+            ("a - (b + c)", r"a - \bigl(b + c\bigr)"),
+            ("a*2*3", r"a \cdot 2 \cdot 3"),
+            ("(a + b)^2", r"\bigl(a + b\bigr)^{2}"),
+            ("2^-1", "2^{-1}"),
+            (
+                "cos(0.3)*sin(3/10)",
+                r"\cos\bigl(0.3\bigr) \sin\bigl(\frac{3}{10}\bigr)",
+            ),
+            ("1.5e-3", r"1.5 \cdot 10^{-3}"),
+            ("5*pi/6", r"\frac{5 \pi}{6}"),
+            ("l_arm", r"l_{\mathrm{arm}}"),
+            ("reach", r"\mathrm{reach}"),
+            ("upper_arm_2", r"\mathrm{upper\_arm\_2}"),
+            ("alpha2", r"\alpha_{2}"),
+            ("a^b^c", "a^{b^{c}}"),
+            ("a/b/c", r"\frac{\frac{a}{b}}{c}"),
+        ] {
+            let tree = Coefficient::parse(text).unwrap();
+            assert_eq!(expression(&tree), latex, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_latex_would_read_as_commands_is_written_out() {
+        for (text, latex) in [
+            ("50%", r"\mathrm{50\%}"),
+            ("2 $ 3", r"\mathrm{2 \$ 3}"),
+            ("a_b_c", r"\mathrm{a\_b\_c}"),
+        ] {
+            assert_eq!(label(text), latex);
+        }
+        assert_eq!(
+            escaped(r"\^~"),
+            r"\textbackslash{}\textasciicircum{}\textasciitilde{}"
+        );
+        assert_eq!(number("1.235e4"), r"1.235 \cdot 10^{4}");
+    }
+
+    #[test]
+    fn labels_are_set_as_in_textbooks() {
+        for (text, latex) in [
+            ("Ixx(3)", "I_{xx}(3)"),
+            ("mx(3)", "mx(3)"),
+            ("m(platform_1)", r"m(\mathrm{platform\_1})"),
+            ("Fv(q2)", "F_{v}(q_{2})"),
+            ("Fc+(q2)", "F_{c}^{+}(q_{2})"),
+            ("Fv-(s1.2)", "F_{v}^{-}(s_{1.2})"),
+            ("J(q12)", "J(q_{12})"),
+        ] {
+            assert_eq!(label(text), latex, "{text}");
+        }
+    }
+}
