@@ -165,7 +165,7 @@ fn assemble<E: From<Report>>(
 fn named(spec: &Spec, model: &Model, closed: Closed) -> Robot {
     let cuts = model.cuts.iter().map(|cut| crate::robot::CutInfo {
         name: cut.name.clone(),
-        rows: model::rows_of(cut.kind),
+        rows: cut.kind.equations(),
     });
     let cuts: Vec<_> = cuts.collect();
     let cones = model.cones.iter().map(|cone| crate::robot::ConeInfo {

@@ -2,7 +2,6 @@
 //! all its axes parallel, nothing but slides, nothing at all.
 
 use crate::model::{Link, Model, MotionKind, Placement, Step};
-use crate::spec::Axis;
 use crate::sym::Number;
 
 type Direction = [Number; 3];
@@ -73,14 +72,6 @@ fn zero() -> Direction {
     [(); 3].map(|()| Number::zero())
 }
 
-pub(super) fn index(axis: Axis) -> usize {
-    match axis {
-        Axis::X => 0,
-        Axis::Y => 1,
-        Axis::Z => 2,
-    }
-}
-
 fn unit(axis: usize) -> Direction {
     let mut v = zero();
     v[axis] = Number::one();
@@ -120,7 +111,7 @@ impl Way {
             let Step::Rotate(axis, angle) = step else {
                 continue;
             };
-            let axis = index(*axis);
+            let axis = axis.index();
             let vectors = self.world.iter_mut().chain(&mut self.slides);
             for v in vectors.chain(&mut self.axis) {
                 *v = into(v, axis, angle);
@@ -207,8 +198,8 @@ impl Way {
 
     fn pass(&mut self, link: &Link) {
         self.place(&link.placement);
-        if let Some(motion) = link.motion {
-            let axis = index(motion.axis);
+        if let Some(motion) = &link.motion {
+            let axis = motion.axis.index();
             match motion.kind {
                 MotionKind::Rotation => self.turn(motion.coordinate, axis),
                 MotionKind::Translation => self.slide(axis),

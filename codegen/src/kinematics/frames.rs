@@ -9,6 +9,8 @@ use crate::model::{Model, MotionKind, Placement, Step};
 use crate::spec::{Axis, Expr, Function, Quantity};
 use crate::sym::{Angle, Ex, Graph, M3, Number, V3, ZERO3};
 
+use super::Twist;
+
 /// How lengths enter the expressions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Geometry {
@@ -38,8 +40,18 @@ pub struct LinkFrame {
     placed: Vec<Turn>,
     /// The link's origin in the parent's frame.
     pub offset: V3,
-    /// The joint's coordinate, its kind, and its axis in the link's frame.
-    pub joint: Option<(usize, MotionKind, V3)>,
+    /// The joint that moves it.
+    pub joint: Option<FrameJoint>,
+}
+
+/// A joint seen from the link that it moves.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameJoint {
+    /// Its coordinate.
+    pub coordinate: usize,
+    /// How a unit rate of the coordinate moves the link, in the link's frame at its origin,
+    /// which is on the joint's axis. It is constant.
+    pub twist: Twist,
 }
 
 /// The frames of all links.
@@ -55,16 +67,8 @@ pub struct Frames {
 /// The unit vector of an axis.
 pub fn unit(axis: Axis) -> V3 {
     let mut v = ZERO3;
-    v[index(axis)] = Ex::ONE;
+    v[axis.index()] = Ex::ONE;
     v
-}
-
-fn index(axis: Axis) -> usize {
-    match axis {
-        Axis::X => 0,
-        Axis::Y => 1,
-        Axis::Z => 2,
-    }
 }
 
 impl Turn {
@@ -139,7 +143,7 @@ impl Frames {
         };
         for link in &model.links {
             let name = |c: usize| model.coordinates[c].name.as_str();
-            let turning = link.motion.and_then(|m| {
+            let turning = link.motion.as_ref().and_then(|m| {
                 (m.kind == MotionKind::Rotation).then(|| {
                     (
                         m.axis,
@@ -148,7 +152,7 @@ impl Frames {
                 })
             });
             let (fixed, mut offset) = frames.placement(g, &link.placement);
-            if let Some(m) = link.motion
+            if let Some(m) = &link.motion
                 && m.kind == MotionKind::Translation
             {
                 let q = g.symbol(name(m.coordinate));
@@ -162,7 +166,10 @@ impl Frames {
                 turns: turns(g, angles),
                 placed: fixed,
                 offset,
-                joint: link.motion.map(|m| (m.coordinate, m.kind, unit(m.axis))),
+                joint: link.motion.as_ref().map(|m| FrameJoint {
+                    coordinate: m.coordinate,
+                    twist: Twist::of_motion(m),
+                }),
             });
         }
         frames

@@ -10,6 +10,8 @@ pub use build::build;
 pub use parameters::{FrictionColumn, INERTIAL, Parameter, ParameterKind};
 pub use stated::{joints_of_coordinates, nominal};
 
+pub use crate::spec::MotionKind;
+
 use crate::spec::{Axis, CutKind, Quantity};
 use crate::sym::Number;
 
@@ -25,21 +27,12 @@ pub enum Step {
 /// A constant placement of one frame in another.
 pub type Placement = Vec<Step>;
 
-/// How a coordinate moves its link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MotionKind {
-    /// The link turns about the axis.
-    Rotation,
-    /// The link slides along the axis.
-    Translation,
-}
-
 /// The motion of a link in the frame that its placement gives.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Motion {
     /// Index of the coordinate.
     pub coordinate: usize,
-    /// Turn or slide.
+    /// Whether it is an angle or a length.
     pub kind: MotionKind,
     /// About or along which axis of the placed frame.
     pub axis: Axis,
@@ -164,13 +157,21 @@ impl Model {
         path
     }
 
+    /// The motion that a coordinate gives its link.
+    pub fn motion(&self, coordinate: usize) -> Option<&Motion> {
+        self.links[self.coordinates[coordinate].link]
+            .motion
+            .as_ref()
+    }
+
+    /// Whether a coordinate is a length; else it is an angle.
+    pub fn slides(&self, coordinate: usize) -> bool {
+        self.motion(coordinate)
+            .is_some_and(|m| m.kind == MotionKind::Translation)
+    }
+
     /// Whether the mechanism has loops or ties.
     pub fn is_closed(&self) -> bool {
         !self.cuts.is_empty() || !self.couplings.is_empty()
     }
-}
-
-/// How many equations a cut of this kind has.
-pub fn rows_of(kind: CutKind) -> usize {
-    kind.equations()
 }

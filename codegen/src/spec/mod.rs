@@ -11,6 +11,7 @@
 
 mod check;
 mod expression;
+mod joints;
 mod labels;
 mod physical;
 mod raw;
@@ -21,6 +22,7 @@ mod suggest;
 mod types;
 mod yaml;
 
+pub use joints::{CutRow, MotionKind};
 pub use physical::{Flaw, flaw};
 pub use schema::schema;
 pub use suggest::nearest;

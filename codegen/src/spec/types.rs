@@ -174,6 +174,17 @@ pub enum Axis {
     Z,
 }
 
+impl Axis {
+    /// Its place in a vector.
+    pub fn index(self) -> usize {
+        match self {
+            Axis::X => 0,
+            Axis::Y => 1,
+            Axis::Z => 2,
+        }
+    }
+}
+
 /// Friction model of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Friction {
