@@ -4,7 +4,7 @@
 //! description is wrong can be looked at too.
 
 use crate::diag::{Report, Source};
-use crate::model::{self, Link, Model, MotionKind, Side, Step, joints_of_coordinates};
+use crate::model::{self, Link, Model, Side, Step, joints_of_coordinates};
 use crate::spec::{self, Axis};
 
 /// A frame in the world: the rotation matrix row-major (the frame's axes are its columns), then
@@ -136,10 +136,8 @@ impl Scene {
             let before = self.before(&frames, k);
             let motion = link.motion.as_ref().map(|m| {
                 let value = q.get(m.coordinate).copied().unwrap_or(0.0);
-                match m.kind {
-                    MotionKind::Rotation => turned(m.axis, value),
-                    MotionKind::Translation => shifted(m.axis, value),
-                }
+                let (angle, shift) = m.displacement(value);
+                after(&turned(m.axis, angle), &shifted(m.axis, shift))
             });
             frames.push(motion.map_or(before, |motion| after(&before, &motion)));
         }

@@ -193,8 +193,8 @@ impl Tree {
         self.actuated.sort_unstable();
         self.bodies = pick(&self.bodies, bodies);
         for node in &mut self.nodes {
-            if let JointMotion::Turn(_, k) | JointMotion::Slide(_, k) = &mut node.motion {
-                *k = place(*k);
+            if let Some(motion) = &mut node.motion {
+                motion.coordinate = place(motion.coordinate);
             }
         }
     }
@@ -207,7 +207,7 @@ impl Tree {
         self.nodes.push(Node {
             parent: from,
             offset: base,
-            motion: JointMotion::Fixed,
+            motion: None,
         });
         for joint in list(limb, "joints")? {
             self.joint(joint, names).map_err(|e| in_item(joint, &e))?;
@@ -229,8 +229,8 @@ impl Tree {
             Some(other) => return Err(format!("no axis {other}")),
         };
         let kind = text(joint.get("type").ok_or("no type")?)?;
-        let turns = JointMotion::Turn as fn(Axis, usize) -> JointMotion;
-        let slides = JointMotion::Slide as fn(Axis, usize) -> JointMotion;
+        // What a unit of the coordinate turns and slides.
+        let (turns, slides) = ((1.0, 0.0), (0.0, 1.0));
         let (single, motions) = match kind.as_str() {
             "revolute" => (true, vec![(turns, axis)]),
             "prismatic" => (true, vec![(slides, axis)]),
@@ -246,7 +246,7 @@ impl Tree {
         self.nodes.push(Node {
             parent: Some(self.nodes.len() - 1),
             offset,
-            motion: JointMotion::Fixed,
+            motion: None,
         });
         for (k, (motion, axis)) in motions.iter().enumerate() {
             let name = text(joint.get("name").ok_or("no name")?)?;
@@ -259,7 +259,12 @@ impl Tree {
             self.nodes.push(Node {
                 parent: Some(self.nodes.len() - 1),
                 offset: identity(),
-                motion: motion(*axis, coordinate),
+                motion: Some(JointMotion {
+                    axis: *axis,
+                    coordinate,
+                    turn: motion.0,
+                    slide: motion.1,
+                }),
             });
         }
         if let Some(cone) = joint.get("limits").and_then(|l| l.get("cone")) {

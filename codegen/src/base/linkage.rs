@@ -16,6 +16,8 @@ pub(super) enum Stage {
     Moving {
         kind: MotionKind,
         axis: usize,
+        /// How far a rotation slides along the axis as well, per radian.
+        lead: Option<Element>,
         /// Whether it is passed from its moved side: rates change their sign.
         backward: bool,
         /// The coordinate; cuts have none.
@@ -76,6 +78,7 @@ impl Linkage {
                     stages.push(Stage::Moving {
                         kind: motion.kind,
                         axis: motion.axis.index(),
+                        lead: motion.lead.as_ref().map(|lead| names.element(field, lead)),
                         backward: false,
                         coordinate: Some(motion.coordinate),
                         rotor: rotor_column(model, motion.coordinate),
@@ -100,6 +103,7 @@ impl Linkage {
                     .map(|(kind, axis)| Stage::Moving {
                         kind: *kind,
                         axis: axis.index(),
+                        lead: cut.lead.as_ref().map(|lead| names.element(field, lead)),
                         backward: false,
                         coordinate: None,
                         rotor: None,

@@ -56,6 +56,8 @@ pub struct Way {
     /// Directions of slides before the first turn, in the link's frame.
     slides: Vec<Direction>,
     slide_count: usize,
+    /// How many of the slides are those of a turn in proportion.
+    screw_count: usize,
     /// The first axis that turns, in the link's frame.
     axis: Option<Direction>,
     /// The same in the world's axes.
@@ -98,6 +100,7 @@ impl Way {
             world: [0, 1, 2].map(unit),
             slides: Vec::new(),
             slide_count: 0,
+            screw_count: 0,
             axis: None,
             direction: None,
             parallel: true,
@@ -153,6 +156,7 @@ impl Way {
             (0, _) => Freedom::Translates,
             _ if follows(ties, &self.turn) => Freedom::Translates,
             (1, 0) => Freedom::Spin,
+            (1, 1) if self.screw_count == 1 => Freedom::Screw,
             _ if self.across => Freedom::Planar,
             _ => Freedom::Direction,
         }
@@ -203,6 +207,10 @@ impl Way {
             match motion.kind {
                 MotionKind::Rotation => self.turn(motion.coordinate, axis),
                 MotionKind::Translation => self.slide(axis),
+            }
+            if motion.lead.is_some() {
+                self.slide(axis);
+                self.screw_count += 1;
             }
         }
     }

@@ -48,12 +48,12 @@ impl Equations {
 pub(super) fn cut_equations(
     g: &mut Graph,
     coordinates: usize,
-    kind: CutKind,
-    a: &View,
-    b: &View,
+    cut: &Cut,
+    [a, b]: &[View; 2],
     form: Form,
     with_bias: bool,
 ) -> Equations {
+    let kind = cut.kind;
     let mut equations = Equations::default();
     let gap = g.sub3(&b.point, &a.point);
     for row in kind.rows() {
@@ -110,6 +110,19 @@ pub(super) fn cut_equations(
         }
     }
     equations
+}
+
+/// Cosines that are 1 where a cut is closed, and -1 where its rows vanish a half turn away from
+/// that; none where no half turn is mistaken for closed.
+pub fn agreement(g: &mut Graph, cut: &Cut, [a, b]: &[View; 2]) -> Vec<Ex> {
+    match cut.kind {
+        CutKind::Fixed | CutKind::Prismatic => {
+            (0..3).map(|i| g.dot3(&a.axes[i], &b.axes[i])).collect()
+        }
+        CutKind::Spherical | CutKind::Universal | CutKind::Revolute | CutKind::Cylindrical => {
+            Vec::new()
+        }
+    }
 }
 
 /// Whether the cut holds the axes of both sides together.
@@ -190,9 +203,9 @@ pub fn world_equations(
 ) -> Equations {
     let mut equations = Equations::default();
     for cut in &model.cuts {
-        let [a, b] = world_views(g, frames, model, cut, rates);
+        let views = world_views(g, frames, model, cut, rates);
         let n = model.coordinates.len();
-        let rows = cut_equations(g, n, cut.kind, &a, &b, Form::Exact, rates.is_some());
+        let rows = cut_equations(g, n, cut, &views, Form::Exact, rates.is_some());
         equations.extend(rows);
     }
     equations.extend(coupling_equations(g, model, rates.is_some()));

@@ -205,9 +205,8 @@ impl<'a> Motions<'a> {
                 .iter()
                 .find(|s| s.1.iter().any(|x| x.log10() > -60.0));
             let across = axis.is_none_or(|n| {
-                // slides have no turn, and lie in the plane
-                let slides = screws.iter().filter(|s| s.1.iter().all(Wide::is_zero));
-                let along: Vec<Vec<Wide>> = slides.map(|s| vec![dot(&s.2, &n.1)]).collect();
+                // slides and screws that move along the axis leave the plane
+                let along: Vec<Vec<Wide>> = screws.iter().map(|s| vec![dot(&s.2, &n.1)]).collect();
                 rank_of(along, Wide::ONE).0 == 0
             });
             shape.planar &= turning == 1 && across;

@@ -31,7 +31,7 @@ pub fn centres(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<Centre>
         let turn = |link: usize| {
             let joint = frames.links[link].joint?;
             let twist = joint.twist;
-            twist.only_turns().then_some((joint.coordinate, twist.e))
+            (twist.turns() && !twist.slides()).then_some((joint.coordinate, twist.e))
         };
         if let Some((coordinate, axis)) = turn(link) {
             let through = |arm: &V3| {

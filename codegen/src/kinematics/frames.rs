@@ -143,6 +143,10 @@ impl Frames {
         };
         for link in &model.links {
             let name = |c: usize| model.coordinates[c].name.as_str();
+            let joint = link.motion.as_ref().map(|m| FrameJoint {
+                coordinate: m.coordinate,
+                twist: Twist::of_motion(g, m, geometry),
+            });
             let turning = link.motion.as_ref().and_then(|m| {
                 (m.kind == MotionKind::Rotation).then(|| {
                     (
@@ -152,11 +156,11 @@ impl Frames {
                 })
             });
             let (fixed, mut offset) = frames.placement(g, &link.placement);
-            if let Some(m) = &link.motion
-                && m.kind == MotionKind::Translation
+            if let Some(joint) = joint
+                && joint.twist.slides()
             {
-                let q = g.symbol(name(m.coordinate));
-                let slide = g.scale3(q, &unit(m.axis));
+                let q = g.symbol(name(joint.coordinate));
+                let slide = g.scale3(q, &joint.twist.u);
                 let slide = apply_out(g, &fixed, &slide);
                 offset = g.add3(&offset, &slide);
             }
@@ -166,10 +170,7 @@ impl Frames {
                 turns: turns(g, angles),
                 placed: fixed,
                 offset,
-                joint: link.motion.as_ref().map(|m| FrameJoint {
-                    coordinate: m.coordinate,
-                    twist: Twist::of_motion(m),
-                }),
+                joint,
             });
         }
         frames
@@ -208,6 +209,11 @@ impl Frames {
         crate::sym::transposed(&columns)
     }
 
+    /// A length as an expression.
+    pub fn length(&self, g: &mut Graph, quantity: &Quantity) -> Ex {
+        length(g, quantity, self.geometry)
+    }
+
     /// A vector from the parent's axes into the link's.
     pub fn into_link(&self, g: &mut Graph, link: usize, v: &V3) -> V3 {
         let turns = &self.links[link].turns;
@@ -226,7 +232,7 @@ impl Frames {
 }
 
 /// A length as an expression.
-fn length(g: &mut Graph, quantity: &Quantity, geometry: Geometry) -> Ex {
+pub(super) fn length(g: &mut Graph, quantity: &Quantity, geometry: Geometry) -> Ex {
     match geometry {
         Geometry::Values => g.constant(quantity.value.clone()),
         Geometry::Names => {

@@ -5,7 +5,8 @@
 use crate::model::{Model, Motion, MotionKind};
 use crate::sym::{Graph, V3, ZERO3};
 
-use super::{Frames, unit};
+use super::frames::length;
+use super::{Frames, Geometry, unit};
 
 /// A unit twist in a link's frame, at its origin.
 #[derive(Clone, Copy, Debug)]
@@ -18,11 +19,16 @@ pub struct Twist {
 
 impl Twist {
     /// The unit twist of a motion in the frame of the link that it moves.
-    pub fn of_motion(motion: &Motion) -> Twist {
+    pub fn of_motion(g: &mut Graph, motion: &Motion, geometry: Geometry) -> Twist {
         let axis = unit(motion.axis);
-        match motion.kind {
-            MotionKind::Rotation => Twist { e: axis, u: ZERO3 },
-            MotionKind::Translation => Twist { e: ZERO3, u: axis },
+        match (motion.kind, &motion.lead) {
+            (MotionKind::Rotation, None) => Twist { e: axis, u: ZERO3 },
+            (MotionKind::Rotation, Some(lead)) => {
+                let lead = length(g, lead, geometry);
+                let u = g.scale3(lead, &axis);
+                Twist { e: axis, u }
+            }
+            (MotionKind::Translation, _) => Twist { e: ZERO3, u: axis },
         }
     }
 
@@ -31,9 +37,9 @@ impl Twist {
         self.e != ZERO3
     }
 
-    /// Whether it does nothing but turn about an axis through the origin.
-    pub fn only_turns(&self) -> bool {
-        self.turns() && self.u == ZERO3
+    /// Whether it moves the origin.
+    pub fn slides(&self) -> bool {
+        self.u != ZERO3
     }
 
     /// The twist in the frame of a link that stands on the twist's one.

@@ -36,6 +36,21 @@ pub struct Motion {
     pub kind: MotionKind,
     /// About or along which axis of the placed frame.
     pub axis: Axis,
+    /// How far a rotation slides the link along the axis, m per radian; `None` where it does not.
+    pub lead: Option<Quantity>,
+}
+
+impl Motion {
+    /// The angle about the axis and the shift along it at a value of the coordinate.
+    pub fn displacement(&self, q: f64) -> (f64, f64) {
+        match self.kind {
+            MotionKind::Rotation => {
+                let lead = self.lead.as_ref();
+                (q, lead.map_or(0.0, |lead| lead.value.to_f64() * q))
+            }
+            MotionKind::Translation => (0.0, q),
+        }
+    }
 }
 
 /// A frame of the tree.
@@ -89,6 +104,8 @@ pub struct Cut {
     pub name: String,
     /// The joint that was opened.
     pub kind: CutKind,
+    /// How far it slides when it turns, m per radian, where the two are tied.
+    pub lead: Option<Quantity>,
     /// Frame A, then frame B.
     pub sides: [Side; 2],
 }

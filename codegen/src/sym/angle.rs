@@ -187,7 +187,10 @@ mod tests {
         let (nested, _) = g.sin_cos_of(sin);
         let values = Evaluator::new(&g, vec![sin, cos, nested]).run(&[0.7, -1.3]);
         let expected = (0.7_f64 * -1.3).sin_cos();
-        for (value, expected) in values.iter().zip([expected.0, expected.1, expected.0.sin()]) {
+        for (value, expected) in values
+            .iter()
+            .zip([expected.0, expected.1, expected.0.sin()])
+        {
             assert!((value - expected).abs() < 1e-15, "{value} {expected}");
         }
     }
