@@ -3,13 +3,13 @@
 //! closed with a half turn too much.
 
 use crate::base::{self, Base};
-use crate::constraints::{HomeProblem, agreement, world_views};
+use crate::constraints::{HomeProblem, agreement};
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
 use crate::kinematics::Frames;
 use crate::model::Model;
 use crate::spec::Spec;
-use crate::sym::eval::Evaluator;
 use crate::sym::Graph;
+use crate::sym::eval::Evaluator;
 
 fn list(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.collect();
@@ -121,8 +121,7 @@ pub(crate) fn aligned_at_home(
 ) -> Result<(), Report> {
     let mut sink = Sink::new();
     for (cut, written) in model.cuts.iter().zip(&spec.cuts) {
-        let views = world_views(g, frames, model, cut, None);
-        let cosines = agreement(g, cut, &views);
+        let cosines = agreement(g, frames, model, cut);
         let values = Evaluator::new(g, cosines).run(home);
         if values.iter().any(|c| *c < 0.5) {
             sink.push(

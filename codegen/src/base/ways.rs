@@ -267,6 +267,7 @@ pub fn follows(ties: &[Form], form: &[(usize, Number)]) -> bool {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::spec::Axis;
 
     #[test]
     fn a_form_follows_from_ties_that_span_it() {

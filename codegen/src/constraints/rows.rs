@@ -114,7 +114,8 @@ pub(super) fn cut_equations(
 
 /// Cosines that are 1 where a cut is closed, and -1 where its rows vanish a half turn away from
 /// that; none where no half turn is mistaken for closed.
-pub fn agreement(g: &mut Graph, cut: &Cut, [a, b]: &[View; 2]) -> Vec<Ex> {
+pub fn agreement(g: &mut Graph, frames: &Frames, model: &Model, cut: &Cut) -> Vec<Ex> {
+    let [a, b] = world_views(g, frames, model, cut, None);
     match cut.kind {
         CutKind::Fixed | CutKind::Prismatic => {
             (0..3).map(|i| g.dot3(&a.axes[i], &b.axes[i])).collect()

@@ -214,3 +214,46 @@ record! {
         default drop: Vec<ParameterReference> = "[]",
     }
 }
+
+impl RawPlacement {
+    /// Its expressions in the geometry names.
+    pub(super) fn constants(&self) -> impl Iterator<Item = &Scalar> {
+        self.xyz.iter().chain(&self.rpy)
+    }
+}
+
+impl RawJoint {
+    /// Its expressions in the geometry names.
+    pub(super) fn constants(&self) -> Vec<&Scalar> {
+        let mut all = Vec::new();
+        if let Some(dh) = &self.dh {
+            all.extend([&dh.alpha, &dh.a, &dh.d, &dh.theta]);
+        }
+        all.extend(self.origin.iter().flat_map(RawPlacement::constants));
+        if let Some(limits) = &self.limits {
+            let intervals = [
+                &limits.position,
+                &limits.velocity,
+                &limits.acceleration,
+                &limits.effort,
+            ];
+            all.extend(intervals.into_iter().flatten().flatten());
+            all.extend(&limits.cone);
+        }
+        let nominal = self.nominal.iter().flat_map(|nominal| &nominal.0);
+        all.extend(nominal.map(|(_, scalar)| scalar));
+        all
+    }
+}
+
+impl RawCut {
+    /// Its expressions in the geometry names.
+    pub(super) fn constants(&self) -> Vec<&Scalar> {
+        let sides = self.between.iter();
+        let mut all: Vec<&Scalar> = sides
+            .flat_map(|side| side.xyz.iter().chain(&side.rpy))
+            .collect();
+        all.extend(self.limits.iter().flat_map(|limits| &limits.cone));
+        all
+    }
+}

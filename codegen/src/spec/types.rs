@@ -104,6 +104,38 @@ pub struct Spec {
     pub base: BaseChoices,
 }
 
+impl Spec {
+    /// Every quantity that the mechanism and its home depend on, but for the geometry's own.
+    pub fn quantities_mut(&mut self) -> Vec<&mut Quantity> {
+        let mut all: Vec<&mut Quantity> = self.gravity.iter_mut().collect();
+        for limb in &mut self.limbs {
+            all.extend(limb.base.quantities_mut());
+            for joint in &mut limb.joints {
+                match &mut joint.frame {
+                    JointFrame::Dh { alpha, a, d, theta } => all.extend([alpha, a, d, theta]),
+                    JointFrame::Origin(origin) => all.extend(origin.quantities_mut()),
+                }
+            }
+        }
+        for cut in &mut self.cuts {
+            let sides = cut.sides.iter_mut();
+            all.extend(sides.flat_map(|side| side.placement.quantities_mut()));
+        }
+        for (_, form) in &mut self.couplings {
+            all.push(&mut form.constant);
+            all.extend(form.terms.iter_mut().map(|(_, factor)| factor));
+        }
+        all.extend(self.home.iter_mut().map(|(_, q)| q));
+        all
+    }
+}
+
+impl Placement {
+    fn quantities_mut(&mut self) -> impl Iterator<Item = &mut Quantity> {
+        self.xyz.iter_mut().chain(&mut self.rpy)
+    }
+}
+
 /// A serial branch.
 #[derive(Clone, Debug)]
 pub struct Limb {
