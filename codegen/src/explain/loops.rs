@@ -160,6 +160,14 @@ fn shape(
             sampled,
         ));
     }
+    if redundant && shape.parallel {
+        return Some(Fact::new(
+            format!(
+                "loop '{name}' keeps to one direction: its axes are parallel, and it moves along them too"
+            ),
+            sampled,
+        ));
+    }
     redundant.then(|| {
         Fact::new(
             format!(

@@ -191,6 +191,7 @@ impl<'a> Motions<'a> {
     pub(super) fn of_loop(&self, ends: [Option<usize>; 2], within: &[usize]) -> LoopShape {
         let mut shape = LoopShape {
             planar: true,
+            parallel: true,
             spherical: true,
             translational: true,
         };
@@ -210,6 +211,7 @@ impl<'a> Motions<'a> {
                 rank_of(along, Wide::ONE).0 == 0
             });
             shape.planar &= turning == 1 && across;
+            shape.parallel &= turning == 1;
             let slides = screws.iter().any(|s| s.1.iter().all(Wide::is_zero));
             let through = fixed_point(screws.iter().map(|s| (&s.1, &s.2)), self.size).0;
             shape.spherical &= turning > 1 && !slides && through;
@@ -222,6 +224,8 @@ impl<'a> Motions<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LoopShape {
     pub(super) planar: bool,
+    /// Whether all its turns are about one direction; it may move along that too.
+    pub(super) parallel: bool,
     pub(super) spherical: bool,
     pub(super) translational: bool,
 }
