@@ -15,6 +15,7 @@ robot_model!("../mechanisms/parallelogram.yaml");
 robot_model!("../mechanisms/parallelogram_cut.yaml");
 robot_model!("../mechanisms/prs3.yaml");
 robot_model!("../mechanisms/rrr3.yaml");
+robot_model!("../mechanisms/screw_jack.yaml");
 robot_model!("../mechanisms/skew_tree.yaml");
 robot_model!("../pairs/fivebar/base.yaml");
 robot_model!("../pairs/fivebar/tip.yaml");
@@ -27,6 +28,8 @@ robot_model!("../pairs/rscr/spherical.yaml");
 robot_model!("../pairs/rsur/revolute.yaml");
 robot_model!("../pairs/rsur/spherical.yaml");
 robot_model!("../pairs/rsur/universal.yaml");
+robot_model!("../pairs/screw/rail.yaml");
+robot_model!("../pairs/screw/thread.yaml");
 robot_model!("../pairs/slider_crank/pin.yaml");
 robot_model!("../pairs/slider_crank/rail.yaml");
 robot_model!("../pairs/turntable/pin.yaml");
@@ -59,6 +62,10 @@ fn compiled() -> Vec<(&'static str, Box<dyn Model<f64>>)> {
         ),
         ("mechanisms/prs3.yaml", Box::new(prs3::Prs3)),
         ("mechanisms/rrr3.yaml", Box::new(rrr3::Rrr3)),
+        (
+            "mechanisms/screw_jack.yaml",
+            Box::new(screw_jack::ScrewJack),
+        ),
         ("mechanisms/skew_tree.yaml", Box::new(skew_tree::SkewTree)),
         (
             "pairs/fivebar/base.yaml",
@@ -97,6 +104,11 @@ fn compiled() -> Vec<(&'static str, Box<dyn Model<f64>>)> {
         (
             "pairs/rsur/universal.yaml",
             Box::new(rsur_universal::RsurUniversal),
+        ),
+        ("pairs/screw/rail.yaml", Box::new(screw_rail::ScrewRail)),
+        (
+            "pairs/screw/thread.yaml",
+            Box::new(screw_thread::ScrewThread),
         ),
         (
             "pairs/slider_crank/pin.yaml",

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::expr::evaluate;
-use crate::load_fields::{Names, dh, entries, list, placement, scalar, text, vector};
+use crate::load_fields::{Names, dh, entries, list, pitch, placement, scalar, text, vector};
 use crate::mechanism::{
     Axis, Body, Cone, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
     PARAMETERS_PER_BODY, Parameter,
@@ -234,6 +234,10 @@ impl Tree {
         let (single, motions) = match kind.as_str() {
             "revolute" => (true, vec![(turns, axis)]),
             "prismatic" => (true, vec![(slides, axis)]),
+            "helical" => {
+                let lead = pitch(joint, names)? / core::f64::consts::TAU;
+                (true, vec![((1.0, lead), axis)])
+            }
             "cylindrical" => (false, vec![(turns, Axis::Z), (slides, Axis::Z)]),
             "universal" => (false, vec![(turns, Axis::X), (turns, Axis::Y)]),
             "spherical" => (
@@ -331,6 +335,7 @@ impl Tree {
             "universal" => CutKind::Universal,
             "revolute" => CutKind::Revolute,
             "prismatic" => CutKind::Prismatic,
+            "helical" => CutKind::Helical,
             "cylindrical" => CutKind::Cylindrical,
             "fixed" => CutKind::Fixed,
             other => return Err(format!("no cut joint {other}")),
@@ -347,6 +352,10 @@ impl Tree {
         Ok(Cut {
             name: text(cut.get("name").ok_or("no name")?)?,
             kind,
+            pitch: match kind {
+                CutKind::Helical => pitch(cut, names)?,
+                _ => 0.0,
+            },
             sides: sides.try_into().map_err(|_| "not two sides")?,
         })
     }

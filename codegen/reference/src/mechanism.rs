@@ -75,6 +75,8 @@ pub enum CutKind {
     Revolute,
     /// 5 rows.
     Prismatic,
+    /// 5 rows.
+    Helical,
     /// 4 rows.
     Cylindrical,
     /// 6 rows.
@@ -87,7 +89,7 @@ impl CutKind {
         match self {
             CutKind::Spherical => 3,
             CutKind::Universal | CutKind::Cylindrical => 4,
-            CutKind::Revolute | CutKind::Prismatic => 5,
+            CutKind::Revolute | CutKind::Prismatic | CutKind::Helical => 5,
             CutKind::Fixed => 6,
         }
     }
@@ -109,6 +111,8 @@ pub struct Cut {
     pub name: String,
     /// What it opens.
     pub kind: CutKind,
+    /// Shift per turn of a helical cut.
+    pub pitch: f64,
     /// Frames A and B.
     pub sides: [CutSide; 2],
 }

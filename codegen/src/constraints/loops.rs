@@ -94,6 +94,14 @@ impl<'m> LoopEquations<'m> {
         };
         let views = [seen(0), seen(1)];
         let n = self.coordinates;
-        cut_equations(g, n, self.cut, &views, Form::OnClosure, rates.is_some())
+        cut_equations(
+            g,
+            frames,
+            n,
+            self.cut,
+            &views,
+            Form::OnClosure,
+            rates.is_some(),
+        )
     }
 }

@@ -9,6 +9,7 @@ mod home;
 mod loops;
 mod rows;
 mod samples;
+mod screw;
 mod units;
 mod view;
 

@@ -5,6 +5,7 @@ use crate::model::{Cut, Model};
 use crate::spec::{Axis, CutKind, CutRow};
 use crate::sym::{Ex, Graph, V3};
 
+use super::screw::Screw;
 use super::view::View;
 
 /// Which rows of a cut are lengths; the others are cosines.
@@ -47,6 +48,7 @@ impl Equations {
 /// The rows of one cut from its two sides, both seen from the same frame.
 pub(super) fn cut_equations(
     g: &mut Graph,
+    frames: &Frames,
     coordinates: usize,
     cut: &Cut,
     [a, b]: &[View; 2],
@@ -56,6 +58,7 @@ pub(super) fn cut_equations(
     let kind = cut.kind;
     let mut equations = Equations::default();
     let gap = g.sub3(&b.point, &a.point);
+    let screw = screw(g, frames, cut, [a, b]);
     for row in kind.rows() {
         let mut jacobian = vec![Ex::ZERO; coordinates];
         let sides = [(a, true), (b, false)];
@@ -63,6 +66,7 @@ pub(super) fn cut_equations(
             CutRow::Position(i) => gap[i.index()],
             CutRow::Axes(i, j) => g.dot3(&a.axes[i.index()], &b.axes[j.index()]),
             CutRow::Offset(i) => g.dot3(&a.axes[i.index()], &gap),
+            CutRow::Screw => screw.as_ref().map_or(Ex::ZERO, |s| s.residual(g)),
         };
         for (side, negative) in sides {
             for (coordinate, column) in &side.columns {
@@ -76,6 +80,10 @@ pub(super) fn cut_equations(
                     CutRow::Offset(i) => {
                         let velocity = column.at(g, &b.point);
                         g.dot3(&a.axes[i.index()], &velocity)
+                    }
+                    CutRow::Screw => {
+                        let screw = screw.as_ref();
+                        screw.map_or(Ex::ZERO, |s| s.entry(g, column, form))
                     }
                 };
                 let sum = if negative {
@@ -105,6 +113,7 @@ pub(super) fn cut_equations(
                     product_rule(g, a, i, &v, &rates, &acceleration)
                 }
                 CutRow::Axes(i, j) => aligned_second(g, kind, a, b, (i, j)),
+                CutRow::Screw => screw.as_ref().map_or(Ex::ZERO, |s| s.second(g, form)),
             };
             equations.bias.push(g.neg(second));
         }
@@ -120,10 +129,20 @@ pub fn agreement(g: &mut Graph, frames: &Frames, model: &Model, cut: &Cut) -> Ve
         CutKind::Fixed | CutKind::Prismatic => {
             (0..3).map(|i| g.dot3(&a.axes[i], &b.axes[i])).collect()
         }
+        CutKind::Helical => {
+            let screw = screw(g, frames, cut, [&a, &b]);
+            screw.iter().map(|s| s.agreement(g)).collect()
+        }
         CutKind::Spherical | CutKind::Universal | CutKind::Revolute | CutKind::Cylindrical => {
             Vec::new()
         }
     }
+}
+
+/// The screw of a helical cut.
+fn screw<'v>(g: &mut Graph, frames: &Frames, cut: &Cut, sides: [&'v View; 2]) -> Option<Screw<'v>> {
+    let lead = frames.length(g, cut.lead.as_ref()?);
+    Some(Screw::new(g, lead, sides))
 }
 
 /// Whether the cut holds the axes of both sides together.
@@ -173,7 +192,7 @@ fn aligned_second(g: &mut Graph, kind: CutKind, a: &View, b: &View, axes: (Axis,
 
 /// Second derivative of uA . v at zero accelerations of the coordinates, polar
 /// in the velocities.
-fn product_rule(
+pub(super) fn product_rule(
     g: &mut Graph,
     a: &View,
     i: Axis,
@@ -206,7 +225,7 @@ pub fn world_equations(
     for cut in &model.cuts {
         let views = world_views(g, frames, model, cut, rates);
         let n = model.coordinates.len();
-        let rows = cut_equations(g, n, cut, &views, Form::Exact, rates.is_some());
+        let rows = cut_equations(g, frames, n, cut, &views, Form::Exact, rates.is_some());
         equations.extend(rows);
     }
     equations.extend(coupling_equations(g, model, rates.is_some()));

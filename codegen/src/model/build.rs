@@ -15,7 +15,7 @@ fn motions_of(joint: &Joint, first: usize) -> Vec<Motion> {
         coordinate: first + index,
         kind: *motion,
         axis: if kind.takes_axis() { joint.axis } else { *axis },
-        lead: None,
+        lead: joint.lead.clone(),
     });
     motions.collect()
 }
@@ -78,7 +78,7 @@ pub fn build(spec: &Spec) -> Model {
         .map(|cut| Cut {
             name: cut.name.value.clone(),
             kind: cut.kind.value,
-            lead: None,
+            lead: cut.lead.clone(),
             sides: [side(&cut.sides[0]), side(&cut.sides[1])],
         })
         .collect();

@@ -21,6 +21,9 @@ pub enum CutRow {
     Axes(Axis, Axis),
     /// An axis of A against pB - pA.
     Offset(Axis),
+    /// The lead times the sine of what is between the shift along z over the lead and the angle
+    /// about z. It is analytic, and to first order the shift less the lead times the angle.
+    Screw,
 }
 
 impl JointKind {
@@ -36,6 +39,7 @@ impl JointKind {
         match self {
             Self::Revolute => &[(Rotation, Z)],
             Self::Prismatic => &[(Translation, Z)],
+            Self::Helical => &[(Rotation, Z)],
             Self::Cylindrical => &[(Rotation, Z), (Translation, Z)],
             Self::Universal => &[(Rotation, X), (Rotation, Y)],
             Self::Spherical => &[(Rotation, Z), (Rotation, Y), (Rotation, X)],
@@ -51,6 +55,11 @@ impl JointKind {
     /// Whether the spec may choose its axis.
     pub fn takes_axis(self) -> bool {
         self.coordinates() == 1
+    }
+
+    /// Whether it slides in proportion to its turn, so that it has a pitch.
+    pub fn takes_pitch(self) -> bool {
+        self == Self::Helical
     }
 
     /// Whether the spec may limit the angle between the z axes of its two sides.
@@ -72,6 +81,7 @@ impl CutKind {
             Self::Universal => JointKind::Universal,
             Self::Revolute => JointKind::Revolute,
             Self::Prismatic => JointKind::Prismatic,
+            Self::Helical => JointKind::Helical,
             Self::Cylindrical => JointKind::Cylindrical,
             Self::Fixed => JointKind::Fixed,
         }
@@ -80,7 +90,7 @@ impl CutKind {
     /// Its equations, in order.
     pub fn rows(self) -> &'static [CutRow] {
         use Axis::{X, Y, Z};
-        use CutRow::{Axes, Offset, Position};
+        use CutRow::{Axes, Offset, Position, Screw};
         const PX: CutRow = Position(X);
         const PY: CutRow = Position(Y);
         const PZ: CutRow = Position(Z);
@@ -89,6 +99,7 @@ impl CutKind {
             Self::Universal => &[PX, PY, PZ, Axes(X, Y)],
             Self::Revolute => &[PX, PY, PZ, Axes(X, Z), Axes(Y, Z)],
             Self::Cylindrical => &[Axes(X, Z), Axes(Y, Z), Offset(X), Offset(Y)],
+            Self::Helical => &[Axes(X, Z), Axes(Y, Z), Offset(X), Offset(Y), Screw],
             Self::Prismatic => &[Offset(X), Offset(Y), Axes(X, Y), Axes(X, Z), Axes(Y, Z)],
             Self::Fixed => &[PX, PY, PZ, Axes(X, Y), Axes(X, Z), Axes(Y, Z)],
         }

@@ -115,11 +115,13 @@ impl Spec {
                     JointFrame::Dh { alpha, a, d, theta } => all.extend([alpha, a, d, theta]),
                     JointFrame::Origin(origin) => all.extend(origin.quantities_mut()),
                 }
+                all.extend(&mut joint.lead);
             }
         }
         for cut in &mut self.cuts {
             let sides = cut.sides.iter_mut();
             all.extend(sides.flat_map(|side| side.placement.quantities_mut()));
+            all.extend(&mut cut.lead);
         }
         for (_, form) in &mut self.couplings {
             all.push(&mut form.constant);
@@ -167,6 +169,8 @@ pub enum JointKind {
     Revolute,
     /// One translation.
     Prismatic,
+    /// A rotation and a translation in proportion.
+    Helical,
     /// Rz(n.1) Tz(n.2).
     Cylindrical,
     /// Rx(n.1) Ry(n.2).
@@ -267,8 +271,10 @@ pub struct Joint {
     pub kind: Spanned<JointKind>,
     /// Its frame.
     pub frame: JointFrame,
-    /// The axis a revolute or prismatic joint moves about or along.
+    /// The axis that a joint of one coordinate moves about or along.
     pub axis: Axis,
+    /// How far a helical joint slides, m per radian: its pitch over 2 pi.
+    pub lead: Option<Quantity>,
     /// Label of the body it carries; `None` is massless.
     pub body: Option<Spanned<String>>,
     /// Whether each of its coordinates is actuated.
@@ -296,6 +302,8 @@ pub enum CutKind {
     Revolute,
     /// 5 rows.
     Prismatic,
+    /// 5 rows.
+    Helical,
     /// 4 rows.
     Cylindrical,
     /// 6 rows.
@@ -318,6 +326,8 @@ pub struct Cut {
     pub name: Spanned<String>,
     /// The joint that was opened.
     pub kind: Spanned<CutKind>,
+    /// How far a helical cut slides, m per radian: its pitch over 2 pi.
+    pub lead: Option<Quantity>,
     /// Frame A, then frame B.
     pub sides: [CutSide; 2],
     /// Only `cone` is used.
