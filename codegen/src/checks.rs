@@ -3,13 +3,13 @@
 //! closed with a half turn too much.
 
 use crate::base::{self, Base};
-use crate::constraints::{HomeProblem, world_views};
+use crate::constraints::{HomeProblem, agreement};
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
 use crate::kinematics::Frames;
 use crate::model::Model;
-use crate::spec::{CutKind, Spec};
+use crate::spec::Spec;
+use crate::sym::Graph;
 use crate::sym::eval::Evaluator;
-use crate::sym::{Ex, Graph};
 
 fn list(names: impl Iterator<Item = String>) -> String {
     let names: Vec<String> = names.collect();
@@ -105,8 +105,7 @@ pub(crate) fn home_report(
     Report::new(source.clone(), vec![diagnostic])
 }
 
-/// Rows of fixed and prismatic cuts vanish at half turns too: the frames must
-/// agree at home.
+/// Rows of some cuts vanish at half turns too: their frames must agree at home.
 pub(crate) fn aligned_at_home(
     source: &Source,
     spec: &Spec,
@@ -117,11 +116,7 @@ pub(crate) fn aligned_at_home(
 ) -> Result<(), Report> {
     let mut sink = Sink::new();
     for (cut, written) in model.cuts.iter().zip(&spec.cuts) {
-        if !matches!(cut.kind, CutKind::Fixed | CutKind::Prismatic) {
-            continue;
-        }
-        let [a, b] = world_views(g, frames, model, cut, None);
-        let cosines: Vec<Ex> = (0..3).map(|i| g.dot3(&a.axes[i], &b.axes[i])).collect();
+        let cosines = agreement(g, frames, model, cut);
         let values = Evaluator::new(g, cosines).run(home);
         if values.iter().any(|c| *c < 0.5) {
             sink.push(

@@ -311,7 +311,7 @@ pub fn without_base() -> Vec<FunctionKind> {
 fn named(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
     let cuts = model.cuts.iter().map(|cut| crate::robot::CutInfo {
         name: cut.name.clone(),
-        rows: model::rows_of(cut.kind),
+        rows: cut.kind.equations(),
     });
     let cones = model.cones.iter().map(|cone| crate::robot::ConeInfo {
         name: cone.name.clone(),

@@ -127,6 +127,7 @@ pub fn joints(spec: &Spec, model: &Model) -> Vec<JointInfo> {
         .map(|(coordinate, joint)| JointInfo {
             motion: model.links[coordinate.link]
                 .motion
+                .as_ref()
                 .map_or(MotionKind::Rotation, |m| m.kind),
             friction: joint.friction,
             limits: [

@@ -3,8 +3,8 @@
 //! A scene is made of a spec alone, before its loops are closed, so that a mechanism whose
 //! description is wrong can be looked at too.
 
-use crate::model::{Coordinate, Link, Model, MotionKind, Side, Step, joints_of_coordinates};
-use crate::spec::{Axis, CutKind, JointKind, Spec};
+use crate::model::{Link, Model, Side, Step, joints_of_coordinates};
+use crate::spec::{Axis, Spec};
 
 /// A frame in the world: the rotation matrix row-major (the frame's axes are its columns), then
 /// the position of the origin, m.
@@ -101,7 +101,7 @@ impl Scene {
         let side = |side: &Side| (side.link, placed(&side.placement));
         let cuts = model.cuts.iter().map(|cut| Cut {
             name: cut.name.clone(),
-            kind: cut_name(cut.kind),
+            kind: cut.kind.name(),
             sides: cut.sides.each_ref().map(side),
         });
         let cuts: Vec<Cut> = cuts.collect();
@@ -112,7 +112,9 @@ impl Scene {
             joints: joints(spec, model),
             cuts,
             coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(),
-            turns: turns(model),
+            turns: (0..model.coordinates.len())
+                .map(|c| !model.slides(c))
+                .collect(),
             home: model.home.iter().map(crate::sym::Number::to_f64).collect(),
             placements,
             links: model.links.clone(),
@@ -126,12 +128,10 @@ impl Scene {
         let mut frames: Vec<Pose> = Vec::with_capacity(self.links.len());
         for (k, link) in self.links.iter().enumerate() {
             let before = self.before(&frames, k);
-            let motion = link.motion.map(|m| {
+            let motion = link.motion.as_ref().map(|m| {
                 let value = q.get(m.coordinate).copied().unwrap_or(0.0);
-                match m.kind {
-                    MotionKind::Rotation => turned(m.axis, value),
-                    MotionKind::Translation => shifted(m.axis, value),
-                }
+                let (angle, shift) = m.displacement(value);
+                after(&turned(m.axis, angle), &shifted(m.axis, shift))
             });
             frames.push(motion.map_or(before, |motion| after(&before, &motion)));
         }
@@ -150,7 +150,7 @@ impl Scene {
     /// The axis of a link's motion in the frame before it, a unit vector; `None` where it is
     /// fixed.
     pub fn axis(&self, link: usize) -> Option<[f64; 3]> {
-        let motion = self.links.get(link)?.motion?;
+        let motion = self.links.get(link)?.motion.as_ref()?;
         Some(match motion.axis {
             Axis::X => [1.0, 0.0, 0.0],
             Axis::Y => [0.0, 1.0, 0.0],
@@ -174,14 +174,6 @@ impl Scene {
     }
 }
 
-fn turns(model: &Model) -> Vec<bool> {
-    let kind = |c: &Coordinate| model.links.get(c.link).and_then(|l| l.motion);
-    let coordinates = model.coordinates.iter();
-    coordinates
-        .map(|c| kind(c).is_some_and(|m| m.kind == MotionKind::Rotation))
-        .collect()
-}
-
 /// The joints with their coordinates, in the order of the spec.
 fn joints(spec: &Spec, model: &Model) -> Vec<Joint> {
     let mut joints: Vec<Joint> = Vec::new();
@@ -197,7 +189,7 @@ fn joints(spec: &Spec, model: &Model) -> Vec<Joint> {
                     .name
                     .as_ref()
                     .map_or_else(String::new, |n| n.value.clone()),
-                kind: joint_name(joint.kind.value),
+                kind: joint.kind.value.name(),
                 coordinates: Vec::new(),
                 links: Vec::new(),
                 parent,
@@ -281,28 +273,6 @@ fn carried_at(model: &Model, placements: &[Pose], link: usize) -> Option<[f64; 3
     let far = back.iter().any(|x| x.abs() > 1e-9);
     // R^T (-p)
     far.then(|| [0, 1, 2].map(|j: usize| (0..3).map(|i| pose[3 * i + j] * back[i]).sum()))
-}
-
-fn joint_name(kind: JointKind) -> &'static str {
-    match kind {
-        JointKind::Revolute => "revolute",
-        JointKind::Prismatic => "prismatic",
-        JointKind::Cylindrical => "cylindrical",
-        JointKind::Universal => "universal",
-        JointKind::Spherical => "spherical",
-        JointKind::Fixed => "fixed",
-    }
-}
-
-fn cut_name(kind: CutKind) -> &'static str {
-    match kind {
-        CutKind::Revolute => "revolute",
-        CutKind::Prismatic => "prismatic",
-        CutKind::Cylindrical => "cylindrical",
-        CutKind::Universal => "universal",
-        CutKind::Spherical => "spherical",
-        CutKind::Fixed => "fixed",
-    }
 }
 
 fn placed(steps: &[Step]) -> Pose {

@@ -50,6 +50,20 @@ fn together<'a>(explanation: &'a Explanation, parameter: &str) -> Option<&'a str
 }
 
 #[test]
+fn a_screw_is_said_to_move_along_its_axis_in_proportion() {
+    let found = explained(&file("tests/fixtures/mechanisms/screw_jack.yaml"));
+    let screw = (Freedom::Screw, Evidence::Exact);
+    assert_eq!(freedom(&found, "spindle"), screw);
+    assert_eq!(freedom(&found, "block").0, Freedom::Line);
+    let found = explained(&file("tests/fixtures/pairs/screw/thread.yaml"));
+    let loops: Vec<&str> = found.loops.iter().map(|f| f.text.as_str()).collect();
+    let said = |part: &str| loops.iter().any(|text| text.contains(part));
+    assert!(said("closed by a helical joint with 5 rows"), "{loops:?}");
+    assert!(said("loop 'thread' keeps to one direction"), "{loops:?}");
+    assert!(said("loop 'pin' is planar"), "{loops:?}");
+}
+
+#[test]
 fn a_parallelogram_is_recognised_by_samples() {
     let found = explained(&file("tests/fixtures/mechanisms/parallelogram_cut.yaml"));
     let shape = found

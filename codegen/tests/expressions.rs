@@ -148,7 +148,7 @@ fn closure_equations_of_the_3rps_are_those_of_its_legs() {
 /// `s2.1`: row 1 of the cut s2.
 fn row_names(model: &Model) -> Vec<String> {
     let cuts = model.cuts.iter().flat_map(|cut| {
-        let rows = 1..=model::rows_of(cut.kind);
+        let rows = 1..=cut.kind.equations();
         rows.map(|row| format!("{}.{row}", cut.name))
     });
     let ties = model.couplings.iter();

@@ -150,6 +150,33 @@ fn labels_come_in_the_order_of_the_format() {
 }
 
 #[test]
+fn a_pitch_is_read_as_the_lead_per_radian_with_its_names() {
+    let spec = read(
+        "name: r
+geometry: {p: 0.02}
+limbs:
+  - name: l
+    joints:
+      - {name: q1, type: helical, pitch: -p/4, axis: y, body: b, actuated: true}
+      - {name: q2, type: revolute, body: c}
+cuts:
+  - {name: c, joint: helical, pitch: pi, between: [{body: world}, {body: c}]}
+",
+    );
+    let joint = &spec.limbs[0].joints[0];
+    assert_eq!(spec.coordinates(), ["q1", "q2"]);
+    assert_eq!(joint.axis, Axis::Y);
+    let turn = Number::pi().mul(&Number::from_i64(2));
+    let pitch = Number::ratio(-1, 200).unwrap();
+    let lead = joint.lead.as_ref().unwrap();
+    assert_eq!(lead.value, pitch.div(&turn).unwrap());
+    assert!(spec.limbs[0].joints[1].lead.is_none());
+    let half = Number::ratio(1, 2).unwrap();
+    assert_eq!(spec.cuts[0].lead.as_ref().unwrap().value, half);
+    assert_eq!(spec.cuts[0].kind.value.equations(), 5);
+}
+
+#[test]
 fn missing_fields_have_the_values_of_the_format() {
     let spec = read(
         "name: r\nlimbs: [{name: l, joints: [{name: q, type: revolute, body: b, actuated: true}]}]\n",

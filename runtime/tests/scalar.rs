@@ -238,8 +238,12 @@ mod lane {
             if angles.iter().all(within) {
                 assert_eq!(together.map(bits), angles.map(|x| bits(x.sin_cos())));
             } else {
-                let library =
-                    |x: Lane<S>| bits((x.map(|x| Scalar::sin_cos(x).0), x.map(|x| Scalar::sin_cos(x).1)));
+                let library = |x: Lane<S>| {
+                    bits((
+                        x.map(|x| Scalar::sin_cos(x).0),
+                        x.map(|x| Scalar::sin_cos(x).1),
+                    ))
+                };
                 assert_eq!(together.map(bits), angles.map(library));
             }
         }

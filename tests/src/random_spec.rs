@@ -33,9 +33,30 @@ const CUTS: [(&str, CutKind); 6] = [
     ("fixed", CutKind::Fixed),
 ];
 
+/// The pitch of helical joints and cuts.
+const PITCH: &str = ", pitch: 0.7";
+
+/// Which joint types are drawn.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Hinges {
+    /// Those of the tables.
+    Plain,
+    /// With helical joints for revolute ones, and a helical cut.
+    Screws,
+}
+
 /// Three limbs with every kind of joint, friction and placement; the second starts at a body.
 pub fn tree(seed: u64) -> String {
-    let mut writer = Writer::new(seed, "tree");
+    tree_of(seed, Hinges::Plain)
+}
+
+/// A tree as [`tree`] gives it, whose revolute joints are helical.
+pub fn screw_tree(seed: u64) -> String {
+    tree_of(seed, Hinges::Screws)
+}
+
+fn tree_of(seed: u64, hinges: Hinges) -> String {
+    let mut writer = Writer::new(seed, "tree", hinges);
     for limb in 0..3 {
         let from = writer.bodies.first().cloned().filter(|_| limb == 1);
         writer.limb(from.as_deref());
@@ -52,9 +73,26 @@ pub fn tree(seed: u64) -> String {
 /// # Errors
 /// When no regular loop is found, which no seed has shown.
 pub fn closed_loop(seed: u64) -> Result<String, String> {
+    loop_of(seed, Hinges::Plain)
+}
+
+/// A loop as [`closed_loop`] gives it, with helical joints for revolute ones, cut at a helical
+/// joint for every second seed.
+///
+/// # Errors
+/// When no regular loop is found.
+pub fn screw_loop(seed: u64) -> Result<String, String> {
+    loop_of(seed, Hinges::Screws)
+}
+
+fn loop_of(seed: u64, hinges: Hinges) -> Result<String, String> {
     let mut last = String::new();
     for attempt in 0..200 {
-        match try_loop(seed.wrapping_mul(1000) + attempt) {
+        match try_loop(
+            seed.wrapping_mul(1000) + attempt,
+            hinges,
+            seed.is_multiple_of(2),
+        ) {
             Ok(text) => return Ok(text),
             Err(error) => last = error,
         }
@@ -62,9 +100,13 @@ pub fn closed_loop(seed: u64) -> Result<String, String> {
     Err(format!("seed {seed}: {last}"))
 }
 
-fn try_loop(seed: u64) -> Result<String, String> {
-    let mut writer = Writer::new(seed, "loop");
-    let (cut, kind) = CUTS[writer.below(CUTS.len())];
+fn try_loop(seed: u64, hinges: Hinges, is_even: bool) -> Result<String, String> {
+    let mut writer = Writer::new(seed, "loop", hinges);
+    let (mut cut, mut kind) = CUTS[writer.below(CUTS.len())];
+    let mut pitch = "";
+    if hinges == Hinges::Screws && is_even {
+        (cut, kind, pitch) = ("helical", CutKind::Helical, PITCH);
+    }
     let mobility = 1 + writer.below(2);
     let mut left = mobility + kind.rows();
     let limbs = 1 + writer.below(2);
@@ -106,7 +148,7 @@ fn try_loop(seed: u64) -> Result<String, String> {
     let [r, p, y] = rpy(&b);
     let _ = write!(
         writer.text,
-        "cuts:\n  - {{name: cut, joint: {cut}, between: [{{body: {}}}, {{body: {label}, \
+        "cuts:\n  - {{name: cut, joint: {cut}{pitch}, between: [{{body: {}}}, {{body: {label}, \
          xyz: [{}, {}, {}], rpy: [{r}, {p}, {y}]}}]}}\n",
         ends[0], b[9], b[10], b[11]
     );
@@ -133,6 +175,7 @@ fn try_loop(seed: u64) -> Result<String, String> {
 
 struct Writer {
     random: Random,
+    hinges: Hinges,
     text: String,
     bodies: Vec<String>,
     /// Names, and whether they slide.
@@ -142,7 +185,7 @@ struct Writer {
 }
 
 impl Writer {
-    fn new(seed: u64, name: &str) -> Writer {
+    fn new(seed: u64, name: &str, hinges: Hinges) -> Writer {
         let mut random = Random::new(seed);
         let g: Vec<f64> = random.vector(3, 9.0);
         let text = format!(
@@ -151,6 +194,7 @@ impl Writer {
         );
         Writer {
             random,
+            hinges,
             text,
             bodies: Vec::new(),
             coordinates: Vec::new(),
@@ -185,6 +229,10 @@ impl Writer {
     }
 
     fn joint(&mut self, (kind, coordinates): (&str, usize), actuated: bool) {
+        let (kind, pitch) = match (kind, self.hinges) {
+            ("revolute", Hinges::Screws) => ("helical", PITCH),
+            _ => (kind, ""),
+        };
         let name = format!("j{}", self.joints);
         let body = format!("b{}", self.joints);
         self.joints += 1;
@@ -197,7 +245,8 @@ impl Writer {
                 v[0], v[1], v[2], v[3]
             )
         };
-        let mut line = format!("      - {{name: {name}, type: {kind}, {frame}, body: {body}");
+        let mut line =
+            format!("      - {{name: {name}, type: {kind}{pitch}, {frame}, body: {body}");
         if coordinates == 1 {
             let _ = write!(line, ", axis: {}", ["x", "y", "z"][self.below(3)]);
         }

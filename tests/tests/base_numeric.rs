@@ -316,6 +316,15 @@ fn combinations_hold_on_random_loops() {
     );
 }
 
+#[test]
+fn combinations_hold_on_random_screws() {
+    judge((0..8).map(random_spec::screw_tree), true);
+    judge(
+        (0..6).map(|seed| random_spec::screw_loop(seed).unwrap()),
+        false,
+    );
+}
+
 /// Larger ones are judged in an optimised build: `tests/records/base.md`.
 const SMALL: usize = 40;
 

@@ -28,6 +28,12 @@ fn random_loops_agree_with_the_second_derivation() {
 }
 
 #[test]
+fn random_screws_agree_with_the_second_derivation() {
+    judge((0..8).map(random_spec::screw_tree));
+    judge((0..16).map(|seed| random_spec::screw_loop(seed).unwrap()));
+}
+
+#[test]
 fn published_vectors_are_met_to_1e_11() {
     for name in ORACLES {
         let file = files::oracle().join(format!("{name}.yaml"));

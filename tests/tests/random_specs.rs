@@ -121,6 +121,7 @@ fn every_kind_of_part_is_drawn() {
             "universal",
             "revolute",
             "prismatic",
+            "helical",
             "cylindrical",
             "fixed",
         ] {
@@ -171,7 +172,7 @@ fn a_loop_opened_elsewhere_has_the_same_regressor() {
                 .unwrap_or_else(|e| panic!("seed {seed}: {e}\n{}\n{text}", sample.text));
         }
     }
-    assert_eq!(pairs.len(), 12, "six kinds at two places: {pairs:?}");
+    assert_eq!(pairs.len(), 14, "seven kinds at two places: {pairs:?}");
     assert!(pairs.values().all(|n| *n == 1), "{pairs:?}");
 }
 

@@ -62,3 +62,15 @@ fn derivations_agree_on_random_loops_through_every_kind_of_cut() {
     }
     assert_eq!(cuts.len(), 6, "{cuts:?}");
 }
+
+#[test]
+fn derivations_agree_on_random_screws() {
+    for seed in 0..8 {
+        let spec = random_spec::screw_loop(seed).unwrap();
+        // every second one is cut at a screw
+        assert!(seed % 2 == 1 || spec.contains("joint: helical"), "{spec}");
+        let mechanism = Mechanism::from_yaml(&spec).unwrap();
+        let naive = Naive::new(&mechanism).unwrap();
+        check_engine(&naive, &mechanism, seed, 1).unwrap_or_else(|e| panic!("{e}\n{spec}"));
+    }
+}

@@ -61,6 +61,7 @@ fn every_kind_of_cut_has_a_pair_of_another_kind_or_place() {
         CutKind::Universal,
         CutKind::Revolute,
         CutKind::Prismatic,
+        CutKind::Helical,
         CutKind::Cylindrical,
         CutKind::Fixed,
     ];

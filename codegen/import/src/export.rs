@@ -1,7 +1,7 @@
 //! Identified parameters back into a URDF file, nothing else of it changed.
 
 use regen_codegen::diag::{Diagnostic, Report, Source, Span};
-use regen_codegen::model::{self, Model, MotionKind, Step};
+use regen_codegen::model::{self, Model, Step};
 use regen_codegen::spec::{self, Axis, Spec};
 
 use crate::edits::Edits;
@@ -371,10 +371,9 @@ fn link_of(model: &Model, link: usize, q: &[f64]) -> Pose {
         if let Some(motion) = &link.motion {
             let by = q.get(motion.coordinate).copied().unwrap_or(0.0);
             let axis = vector(motion.axis);
-            pose = pose.then(&match motion.kind {
-                MotionKind::Rotation => Pose::turn(about(axis, by)),
-                MotionKind::Translation => Pose::shift(axis.map(|x| x * by)),
-            });
+            let (angle, shift) = motion.displacement(by);
+            pose = pose.then(&Pose::turn(about(axis, angle)));
+            pose = pose.then(&Pose::shift(axis.map(|x| x * shift)));
         }
     }
     pose

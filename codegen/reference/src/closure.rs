@@ -30,6 +30,13 @@ impl Mechanism {
                 CutKind::Cylindrical => {
                     out.extend([angle(0, 2), angle(1, 2), along(0), along(1)]);
                 }
+                CutKind::Helical => {
+                    out.extend([angle(0, 2), angle(1, 2), along(0), along(1)]);
+                    // The angle of B's x axis that the shift stands for, less the one it has.
+                    let lead = cut.pitch / core::f64::consts::TAU;
+                    let (due, x) = (along(2) / lead, [angle(0, 0), angle(1, 0)]);
+                    out.push((x[0] * due.sin() - x[1] * due.cos()) * lead);
+                }
                 CutKind::Prismatic => {
                     out.extend([along(0), along(1)]);
                     out.extend([angle(0, 1), angle(0, 2), angle(1, 2)]);

@@ -2,7 +2,7 @@
 
 use num_dual::{Dual2, Dual2_64};
 
-use crate::mechanism::{Cone, CutSide, JointMotion, Mechanism};
+use crate::mechanism::{Cone, CutSide, Mechanism};
 use crate::scalar::{Mat4, Scalar, lift, mul, shift, turn};
 
 /// The frame of a node with its first and second time derivatives.
@@ -27,9 +27,12 @@ impl Mechanism {
                 None => offset,
             };
             out.push(match node.motion {
-                JointMotion::Fixed => placed,
-                JointMotion::Turn(axis, k) => mul(&placed, &turn(axis.index(), q[k])),
-                JointMotion::Slide(axis, k) => mul(&placed, &shift(axis.index(), q[k])),
+                None => placed,
+                Some(m) => {
+                    let (axis, q) = (m.axis.index(), q[m.coordinate]);
+                    let turned = mul(&placed, &turn(axis, q * m.turn));
+                    mul(&turned, &shift(axis, q * m.slide))
+                }
             });
         }
         out

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::expr::evaluate;
-use crate::load_fields::{Names, dh, entries, list, placement, scalar, text, vector};
+use crate::load_fields::{Names, dh, entries, list, pitch, placement, scalar, text, vector};
 use crate::mechanism::{
     Axis, Body, Cone, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
     PARAMETERS_PER_BODY, Parameter,
@@ -193,8 +193,8 @@ impl Tree {
         self.actuated.sort_unstable();
         self.bodies = pick(&self.bodies, bodies);
         for node in &mut self.nodes {
-            if let JointMotion::Turn(_, k) | JointMotion::Slide(_, k) = &mut node.motion {
-                *k = place(*k);
+            if let Some(motion) = &mut node.motion {
+                motion.coordinate = place(motion.coordinate);
             }
         }
     }
@@ -207,7 +207,7 @@ impl Tree {
         self.nodes.push(Node {
             parent: from,
             offset: base,
-            motion: JointMotion::Fixed,
+            motion: None,
         });
         for joint in list(limb, "joints")? {
             self.joint(joint, names).map_err(|e| in_item(joint, &e))?;
@@ -229,11 +229,15 @@ impl Tree {
             Some(other) => return Err(format!("no axis {other}")),
         };
         let kind = text(joint.get("type").ok_or("no type")?)?;
-        let turns = JointMotion::Turn as fn(Axis, usize) -> JointMotion;
-        let slides = JointMotion::Slide as fn(Axis, usize) -> JointMotion;
+        // What a unit of the coordinate turns and slides.
+        let (turns, slides) = ((1.0, 0.0), (0.0, 1.0));
         let (single, motions) = match kind.as_str() {
             "revolute" => (true, vec![(turns, axis)]),
             "prismatic" => (true, vec![(slides, axis)]),
+            "helical" => {
+                let lead = pitch(joint, names)? / core::f64::consts::TAU;
+                (true, vec![((1.0, lead), axis)])
+            }
             "cylindrical" => (false, vec![(turns, Axis::Z), (slides, Axis::Z)]),
             "universal" => (false, vec![(turns, Axis::X), (turns, Axis::Y)]),
             "spherical" => (
@@ -246,7 +250,7 @@ impl Tree {
         self.nodes.push(Node {
             parent: Some(self.nodes.len() - 1),
             offset,
-            motion: JointMotion::Fixed,
+            motion: None,
         });
         for (k, (motion, axis)) in motions.iter().enumerate() {
             let name = text(joint.get("name").ok_or("no name")?)?;
@@ -259,7 +263,12 @@ impl Tree {
             self.nodes.push(Node {
                 parent: Some(self.nodes.len() - 1),
                 offset: identity(),
-                motion: motion(*axis, coordinate),
+                motion: Some(JointMotion {
+                    axis: *axis,
+                    coordinate,
+                    turn: motion.0,
+                    slide: motion.1,
+                }),
             });
         }
         if let Some(cone) = joint.get("limits").and_then(|l| l.get("cone")) {
@@ -326,6 +335,7 @@ impl Tree {
             "universal" => CutKind::Universal,
             "revolute" => CutKind::Revolute,
             "prismatic" => CutKind::Prismatic,
+            "helical" => CutKind::Helical,
             "cylindrical" => CutKind::Cylindrical,
             "fixed" => CutKind::Fixed,
             other => return Err(format!("no cut joint {other}")),
@@ -342,6 +352,10 @@ impl Tree {
         Ok(Cut {
             name: text(cut.get("name").ok_or("no name")?)?,
             kind,
+            pitch: match kind {
+                CutKind::Helical => pitch(cut, names)?,
+                _ => 0.0,
+            },
             sides: sides.try_into().map_err(|_| "not two sides")?,
         })
     }

@@ -89,3 +89,8 @@ pub(crate) fn entries<'a>(value: &'a Value, key: &str) -> Result<Vec<(String, &'
         .ok_or_else(|| format!("`{key}` is no mapping"))?;
     mapping.iter().map(|(k, v)| Ok((text(k)?, v))).collect()
 }
+
+/// The shift per turn of a helical joint or cut.
+pub(crate) fn pitch(of: &Value, names: &Names) -> Result<f64, String> {
+    scalar(of.get("pitch").ok_or("no pitch")?, names)
+}

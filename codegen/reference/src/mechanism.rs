@@ -30,14 +30,16 @@ impl Axis {
 }
 
 /// What a coordinate does to the frame of its node.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum JointMotion {
-    /// Rigid.
-    Fixed,
-    /// The coordinate of this index turns about the axis.
-    Turn(Axis, usize),
-    /// The coordinate of this index slides along the axis.
-    Slide(Axis, usize),
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointMotion {
+    /// The axis of both its parts.
+    pub axis: Axis,
+    /// The index of the coordinate.
+    pub coordinate: usize,
+    /// The angle about the axis per unit of the coordinate: 1, or 0 where it is a distance.
+    pub turn: f64,
+    /// The shift along the axis per unit of the coordinate.
+    pub slide: f64,
 }
 
 /// A frame of the tree: a constant offset from its parent, then at most one motion.
@@ -47,8 +49,8 @@ pub struct Node {
     pub parent: Option<usize>,
     /// The constant placement in the parent's frame.
     pub offset: Mat4<f64>,
-    /// The motion after it.
-    pub motion: JointMotion,
+    /// The motion after it; `None` is rigid.
+    pub motion: Option<JointMotion>,
 }
 
 /// A body and the node that carries it.
@@ -73,6 +75,8 @@ pub enum CutKind {
     Revolute,
     /// 5 rows.
     Prismatic,
+    /// 5 rows.
+    Helical,
     /// 4 rows.
     Cylindrical,
     /// 6 rows.
@@ -85,7 +89,7 @@ impl CutKind {
         match self {
             CutKind::Spherical => 3,
             CutKind::Universal | CutKind::Cylindrical => 4,
-            CutKind::Revolute | CutKind::Prismatic => 5,
+            CutKind::Revolute | CutKind::Prismatic | CutKind::Helical => 5,
             CutKind::Fixed => 6,
         }
     }
@@ -107,6 +111,8 @@ pub struct Cut {
     pub name: String,
     /// What it opens.
     pub kind: CutKind,
+    /// Shift per turn of a helical cut.
+    pub pitch: f64,
     /// Frames A and B.
     pub sides: [CutSide; 2],
 }
@@ -242,7 +248,8 @@ impl Mechanism {
     pub fn slides(&self, coordinate: usize) -> bool {
         self.nodes
             .iter()
-            .any(|n| matches!(n.motion, JointMotion::Slide(_, k) if k == coordinate))
+            .filter_map(|n| n.motion)
+            .any(|m| m.coordinate == coordinate && m.turn.abs() < 0.5)
     }
 
     /// The nominal parameter vector, if the spec gives every value.

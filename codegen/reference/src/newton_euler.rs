@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::mechanism::{JointMotion, Mechanism, Parameter};
+use crate::mechanism::{Mechanism, Parameter};
 use crate::scalar::{
     Mat4, Vec3, add, axis, cross, dot, identity, mul, position, rotate, scale, sub,
 };
@@ -33,21 +33,19 @@ impl Mechanism {
                     &add(&cross(&alpha, &r), &cross(&omega, &cross(&omega, &r))),
                 );
             }
-            match node.motion {
-                JointMotion::Fixed => {}
-                JointMotion::Turn(a, k) => {
-                    let z = axis(&frames[i], a.index());
-                    let spin = scale(&z, qd[k]);
-                    alpha = add(&alpha, &add(&scale(&z, qdd[k]), &cross(&omega, &spin)));
-                    omega = add(&omega, &spin);
-                }
-                JointMotion::Slide(a, k) => {
-                    let z = axis(&frames[i], a.index());
-                    let slip = scale(&z, qd[k]);
-                    velocity = add(&velocity, &slip);
-                    let coriolis = scale(&cross(&omega, &slip), 2.0);
-                    acceleration = add(&acceleration, &add(&scale(&z, qdd[k]), &coriolis));
-                }
+            if let Some(m) = node.motion {
+                let z = axis(&frames[i], m.axis.index());
+                let (rate, second) = (qd[m.coordinate], qdd[m.coordinate]);
+                // The parent's omega, in both.
+                let slip = scale(&z, m.slide * rate);
+                velocity = add(&velocity, &slip);
+                let coriolis = scale(&cross(&omega, &slip), 2.0);
+                let straight = scale(&z, m.slide * second);
+                acceleration = add(&acceleration, &add(&straight, &coriolis));
+                let spin = scale(&z, m.turn * rate);
+                let tangential = scale(&z, m.turn * second);
+                alpha = add(&alpha, &add(&tangential, &cross(&omega, &spin)));
+                omega = add(&omega, &spin);
             }
             out.push(Spatial {
                 omega,
@@ -77,17 +75,14 @@ impl Mechanism {
                     let at = position(&frames[node]);
                     for ancestor in self.lineage(node) {
                         let frame = &frames[ancestor];
-                        match self.nodes[ancestor].motion {
-                            JointMotion::Fixed => {}
-                            JointMotion::Turn(a, j) => {
-                                let arm = sub(&at, &position(frame));
-                                let total = add(&moment, &cross(&arm, &force));
-                                out[(j, column)] += dot(&axis(frame, a.index()), &total);
-                            }
-                            JointMotion::Slide(a, j) => {
-                                out[(j, column)] += dot(&axis(frame, a.index()), &force);
-                            }
-                        }
+                        let Some(m) = self.nodes[ancestor].motion else {
+                            continue;
+                        };
+                        let arm = sub(&at, &position(frame));
+                        let total = add(&moment, &cross(&arm, &force));
+                        let z = axis(frame, m.axis.index());
+                        out[(m.coordinate, column)] +=
+                            m.turn * dot(&z, &total) + m.slide * dot(&z, &force);
                     }
                 }
                 Parameter::Friction(j, symbol) => {

@@ -16,7 +16,7 @@ use super::field::{Element, Field};
 use super::linkage::Linkage;
 use super::rates;
 use super::span::{Vector, add_scaled};
-use super::ways::{Form, Freedom, Way, follows, index, into, ways};
+use super::ways::{Form, Freedom, Way, follows, into, ways};
 
 /// Products of inertia and moments: which entry of the ten is at a row and column.
 const PLACE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
@@ -104,13 +104,13 @@ fn axes(model: &Model, links: &[usize]) -> Matrix {
         let link = &model.links[link];
         for step in &link.placement {
             if let Step::Rotate(axis, angle) = step {
-                turn(index(*axis), angle);
+                turn(axis.index(), angle);
             }
         }
-        if let Some(motion) = link.motion
+        if let Some(motion) = &link.motion
             && motion.kind == MotionKind::Rotation
         {
-            turn(index(motion.axis), &value(model, motion.coordinate, 0));
+            turn(motion.axis.index(), &value(model, motion.coordinate, 0));
         }
     }
     rows
@@ -180,8 +180,7 @@ fn in_proportion(
     // qd_b = k qd_a
     let k = ratio(ties, a, b)?;
     let moment = |body: usize, coordinate: usize| -> Option<usize> {
-        let motion = model.links[model.coordinates[coordinate].link].motion?;
-        let axis = index(motion.axis);
+        let axis = model.motion(coordinate)?.axis.index();
         Some(10 * body + PLACE[axis][axis])
     };
     let mut direction = Vector::from([(moment(j, b)?, Element::one())]);

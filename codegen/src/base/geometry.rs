@@ -158,14 +158,6 @@ fn zero3() -> E3 {
     [Element::zero(), Element::zero(), Element::zero()]
 }
 
-fn axis_index(axis: Axis) -> usize {
-    match axis {
-        Axis::X => 0,
-        Axis::Y => 1,
-        Axis::Z => 2,
-    }
-}
-
 impl Field {
     pub(super) fn dot(&mut self, a: &[Element], b: &[Element]) -> Element {
         let mut sum = Element::zero();
@@ -213,7 +205,7 @@ impl Placed {
                     if length.is_zero() {
                         continue;
                     }
-                    let i = axis_index(*axis);
+                    let i = axis.index();
                     for (offset, row) in placed.offset.iter_mut().zip(&placed.rotation) {
                         let shift = field.mul(&length, &row[i]);
                         *offset = field.add(offset, &shift);

@@ -2,7 +2,7 @@
 //! spanning trees are chosen from.
 
 use crate::model::{FrictionColumn, Model, MotionKind, ParameterKind};
-use crate::spec::{Axis, CutKind, Spec};
+use crate::spec::Spec;
 
 use super::field::{Element, Field};
 use super::geometry::{Names, Placed};
@@ -16,6 +16,8 @@ pub(super) enum Stage {
     Moving {
         kind: MotionKind,
         axis: usize,
+        /// How far a rotation slides along the axis as well, per radian.
+        lead: Option<Element>,
         /// Whether it is passed from its moved side: rates change their sign.
         backward: bool,
         /// The coordinate; cuts have none.
@@ -42,26 +44,6 @@ pub(super) struct Linkage {
     pub(super) bodies: usize,
     pub(super) edges: Vec<Edge>,
     pub(super) gravity: [Element; 3],
-}
-
-fn index(axis: Axis) -> usize {
-    match axis {
-        Axis::X => 0,
-        Axis::Y => 1,
-        Axis::Z => 2,
-    }
-}
-
-fn cut_motions(kind: CutKind) -> &'static [(MotionKind, usize)] {
-    use MotionKind::{Rotation as R, Translation as T};
-    match kind {
-        CutKind::Spherical => &[(R, 2), (R, 1), (R, 0)],
-        CutKind::Universal => &[(R, 0), (R, 1)],
-        CutKind::Revolute => &[(R, 2)],
-        CutKind::Prismatic => &[(T, 2)],
-        CutKind::Cylindrical => &[(R, 2), (T, 2)],
-        CutKind::Fixed => &[],
-    }
 }
 
 fn fixed(placed: Placed) -> Stage {
@@ -92,10 +74,11 @@ impl Linkage {
             for link in chain.into_iter().rev() {
                 let link = &model.links[link];
                 stages.push(fixed(Placed::new(field, &names, &link.placement)));
-                if let Some(motion) = link.motion {
+                if let Some(motion) = &link.motion {
                     stages.push(Stage::Moving {
                         kind: motion.kind,
-                        axis: index(motion.axis),
+                        axis: motion.axis.index(),
+                        lead: motion.lead.as_ref().map(|lead| names.element(field, lead)),
                         backward: false,
                         coordinate: Some(motion.coordinate),
                         rotor: rotor_column(model, motion.coordinate),
@@ -113,11 +96,14 @@ impl Linkage {
             let [a, b] = &cut.sides;
             let mut stages = vec![fixed(Placed::new(field, &names, &a.placement))];
             stages.extend(
-                cut_motions(cut.kind)
+                cut.kind
+                    .joint()
+                    .motions()
                     .iter()
                     .map(|(kind, axis)| Stage::Moving {
                         kind: *kind,
-                        axis: *axis,
+                        axis: axis.index(),
+                        lead: cut.lead.as_ref().map(|lead| names.element(field, lead)),
                         backward: false,
                         coordinate: None,
                         rotor: None,

@@ -145,12 +145,13 @@ fn pass(field: &mut Field, start: Reach, stages: &[Stage]) -> (Reach, Vec<Passin
             Stage::Moving {
                 kind,
                 axis,
+                lead,
                 backward,
                 coordinate: _,
                 rotor,
                 coulomb,
             } => {
-                let joint = Joint::new(*kind, *axis);
+                let joint = Joint::new(field, *kind, *axis, lead.as_ref());
                 let rotor_at = rotor.map(|column| {
                     own.push(Own::Rotor(column));
                     9 + own.len()
@@ -219,29 +220,37 @@ fn seen_from_child(field: &mut Field, h: &Vector, columns: &[Vector]) -> Vector 
 
 /// A motion about or along a coordinate axis through the frame's origin.
 struct Joint {
-    twist: [i64; 6],
+    twist: [Element; 6],
     /// The action of the motion on h, column by column.
     action: Vec<Vector>,
 }
 
 impl Joint {
-    fn new(kind: MotionKind, axis: usize) -> Self {
-        let mut twist = [0; 6];
-        twist[match kind {
+    fn new(field: &mut Field, kind: MotionKind, axis: usize, lead: Option<&Element>) -> Self {
+        let slide = 3 + axis;
+        let first = match kind {
             MotionKind::Rotation => axis,
-            MotionKind::Translation => 3 + axis,
-        }] = 1;
-        let mut joint = Joint {
-            twist,
-            action: Vec::new(),
+            MotionKind::Translation => slide,
         };
-        joint.action = joint.action_on_h();
+        let mut joint = Joint {
+            twist: [(); 6].map(|()| Element::zero()),
+            action: Joint::action_on_h(first),
+        };
+        joint.twist[first] = Element::one();
+        if let Some(lead) = lead {
+            joint.twist[slide] = lead.clone();
+            // the action is linear in the twist
+            for (column, slid) in joint.action.iter_mut().zip(Joint::action_on_h(slide)) {
+                add_scaled(field, column, lead, &slid);
+            }
+        }
         joint
     }
 
-    /// h moves with the transposed of how parameters move.
-    fn action_on_h(&self) -> Vec<Vector> {
-        let [wx, wy, wz, vx, vy, vz] = self.twist;
+    /// The action of the twist that has one entry, which is 1: h moves with the transposed of
+    /// how parameters move.
+    fn action_on_h(entry: usize) -> Vec<Vector> {
+        let [wx, wy, wz, vx, vy, vz] = std::array::from_fn(|k| i64::from(k == entry));
         let cross = [[0, -wz, wy], [wz, 0, -wx], [-wy, wx, 0]];
         let v = [vx, vy, vz];
         let place = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
@@ -290,7 +299,7 @@ impl Joint {
     /// `ad_S` on a twist; gravity's weight does not move.
     fn ad(&self, field: &mut Field, twist: &Vector) -> Vector {
         let e = |i: usize| twist.get(&i).cloned().unwrap_or_else(Element::zero);
-        let s = self.twist.map(Element::integer);
+        let s = &self.twist;
         let [sw, sv] = [
             [s[0].clone(), s[1].clone(), s[2].clone()],
             [s[3].clone(), s[4].clone(), s[5].clone()],
@@ -306,7 +315,7 @@ impl Joint {
     /// h(w, S) in ten entries.
     fn value(&self, field: &mut Field, twist: &Vector) -> Vector {
         let e = |i: usize| twist.get(&i).cloned().unwrap_or_else(Element::zero);
-        let s = self.twist.map(Element::integer);
+        let s = &self.twist;
         let (w1, v1) = ([e(0), e(1), e(2)], [e(3), e(4), e(5)]);
         let (w2, v2) = (
             [s[0].clone(), s[1].clone(), s[2].clone()],
@@ -332,7 +341,7 @@ impl Joint {
     }
 
     fn unit(&self) -> Vector {
-        sparse(self.twist.map(Element::integer))
+        sparse(self.twist.clone())
     }
 
     /// The reach behind the joint, and the functionals that a direction must be

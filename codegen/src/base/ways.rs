@@ -2,7 +2,6 @@
 //! all its axes parallel, nothing but slides, nothing at all.
 
 use crate::model::{Link, Model, MotionKind, Placement, Step};
-use crate::spec::Axis;
 use crate::sym::Number;
 
 type Direction = [Number; 3];
@@ -57,6 +56,8 @@ pub struct Way {
     /// Directions of slides before the first turn, in the link's frame.
     slides: Vec<Direction>,
     slide_count: usize,
+    /// How many of the slides are those of a turn in proportion.
+    screw_count: usize,
     /// The first axis that turns, in the link's frame.
     axis: Option<Direction>,
     /// The same in the world's axes.
@@ -71,14 +72,6 @@ pub struct Way {
 
 fn zero() -> Direction {
     [(); 3].map(|()| Number::zero())
-}
-
-pub(super) fn index(axis: Axis) -> usize {
-    match axis {
-        Axis::X => 0,
-        Axis::Y => 1,
-        Axis::Z => 2,
-    }
 }
 
 fn unit(axis: usize) -> Direction {
@@ -107,6 +100,7 @@ impl Way {
             world: [0, 1, 2].map(unit),
             slides: Vec::new(),
             slide_count: 0,
+            screw_count: 0,
             axis: None,
             direction: None,
             parallel: true,
@@ -120,7 +114,7 @@ impl Way {
             let Step::Rotate(axis, angle) = step else {
                 continue;
             };
-            let axis = index(*axis);
+            let axis = axis.index();
             let vectors = self.world.iter_mut().chain(&mut self.slides);
             for v in vectors.chain(&mut self.axis) {
                 *v = into(v, axis, angle);
@@ -162,6 +156,7 @@ impl Way {
             (0, _) => Freedom::Translates,
             _ if follows(ties, &self.turn) => Freedom::Translates,
             (1, 0) => Freedom::Spin,
+            (1, 1) if self.screw_count == 1 => Freedom::Screw,
             _ if self.across => Freedom::Planar,
             _ => Freedom::Direction,
         }
@@ -207,11 +202,15 @@ impl Way {
 
     fn pass(&mut self, link: &Link) {
         self.place(&link.placement);
-        if let Some(motion) = link.motion {
-            let axis = index(motion.axis);
+        if let Some(motion) = &link.motion {
+            let axis = motion.axis.index();
             match motion.kind {
                 MotionKind::Rotation => self.turn(motion.coordinate, axis),
                 MotionKind::Translation => self.slide(axis),
+            }
+            if motion.lead.is_some() {
+                self.slide(axis);
+                self.screw_count += 1;
             }
         }
     }
@@ -268,6 +267,7 @@ pub fn follows(ties: &[Form], form: &[(usize, Number)]) -> bool {
 mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
+    use crate::spec::Axis;
 
     #[test]
     fn a_form_follows_from_ties_that_span_it() {

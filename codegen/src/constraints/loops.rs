@@ -92,14 +92,14 @@ impl<'m> LoopEquations<'m> {
                 View::along(g, frames, path, frame, &start, rates)
             }
         };
-        let (a, b) = (seen(0), seen(1));
-        let kind = self.cut.kind;
+        let views = [seen(0), seen(1)];
+        let n = self.coordinates;
         cut_equations(
             g,
-            self.coordinates,
-            kind,
-            &a,
-            &b,
+            frames,
+            n,
+            self.cut,
+            &views,
             Form::OnClosure,
             rates.is_some(),
         )

@@ -9,6 +9,7 @@ mod home;
 mod loops;
 mod rows;
 mod samples;
+mod screw;
 mod units;
 mod view;
 
@@ -16,7 +17,7 @@ pub use closed::{Closed, Closure};
 pub use elimination::{Eliminated, Plan, eliminate, plan, structure};
 pub use home::{HomeProblem, NumericLoops, close_home};
 pub use loops::{LoopEquations, Viewpoint};
-pub use rows::{Equations, Form, world_equations, world_views};
+pub use rows::{Equations, Form, agreement, world_equations, world_views};
 pub use samples::closed_states;
 pub use units::Units;
 pub use view::{Column, View};

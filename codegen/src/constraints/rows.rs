@@ -2,56 +2,17 @@
 
 use crate::kinematics::{Frames, Rates, Start, turned_twice};
 use crate::model::{Cut, Model};
-use crate::spec::CutKind;
+use crate::spec::{Axis, CutKind, CutRow};
 use crate::sym::{Ex, Graph, V3};
 
+use super::screw::Screw;
 use super::view::View;
-
-/// One equation of a cut.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Row {
-    /// A component of pB - pA in the observing frame.
-    Position(usize),
-    /// An axis of A against an axis of B.
-    Axes(usize, usize),
-    /// An axis of A against pB - pA.
-    Offset(usize),
-}
-
-/// The rows of a cut, in the spec's order.
-fn rows_of(kind: CutKind) -> &'static [Row] {
-    use Row::{Axes, Offset, Position};
-    const X: usize = 0;
-    const Y: usize = 1;
-    const Z: usize = 2;
-    match kind {
-        CutKind::Spherical => &[Position(X), Position(Y), Position(Z)],
-        CutKind::Universal => &[Position(X), Position(Y), Position(Z), Axes(X, Y)],
-        CutKind::Revolute => &[
-            Position(X),
-            Position(Y),
-            Position(Z),
-            Axes(X, Z),
-            Axes(Y, Z),
-        ],
-        CutKind::Cylindrical => &[Axes(X, Z), Axes(Y, Z), Offset(X), Offset(Y)],
-        CutKind::Prismatic => &[Offset(X), Offset(Y), Axes(X, Y), Axes(X, Z), Axes(Y, Z)],
-        CutKind::Fixed => &[
-            Position(X),
-            Position(Y),
-            Position(Z),
-            Axes(X, Y),
-            Axes(X, Z),
-            Axes(Y, Z),
-        ],
-    }
-}
 
 /// Which rows of a cut are lengths; the others are cosines.
 pub(super) fn lengths_of(kind: CutKind) -> impl Iterator<Item = bool> {
-    rows_of(kind)
+    kind.rows()
         .iter()
-        .map(|row| !matches!(row, Row::Axes(..)))
+        .map(|row| !matches!(row, CutRow::Axes(..)))
 }
 
 /// Which form of the rows is meant.
@@ -87,35 +48,42 @@ impl Equations {
 /// The rows of one cut from its two sides, both seen from the same frame.
 pub(super) fn cut_equations(
     g: &mut Graph,
+    frames: &Frames,
     coordinates: usize,
-    kind: CutKind,
-    a: &View,
-    b: &View,
+    cut: &Cut,
+    [a, b]: &[View; 2],
     form: Form,
     with_bias: bool,
 ) -> Equations {
+    let kind = cut.kind;
     let mut equations = Equations::default();
     let gap = g.sub3(&b.point, &a.point);
-    for row in rows_of(kind) {
+    let screw = screw(g, frames, cut, [a, b]);
+    for row in kind.rows() {
         let mut jacobian = vec![Ex::ZERO; coordinates];
         let sides = [(a, true), (b, false)];
         let residual = match *row {
-            Row::Position(i) => gap[i],
-            Row::Axes(i, j) => g.dot3(&a.axes[i], &b.axes[j]),
-            Row::Offset(i) => g.dot3(&a.axes[i], &gap),
+            CutRow::Position(i) => gap[i.index()],
+            CutRow::Axes(i, j) => g.dot3(&a.axes[i.index()], &b.axes[j.index()]),
+            CutRow::Offset(i) => g.dot3(&a.axes[i.index()], &gap),
+            CutRow::Screw => screw.as_ref().map_or(Ex::ZERO, |s| s.residual(g)),
         };
         for (side, negative) in sides {
             for (coordinate, column) in &side.columns {
                 let entry = match *row {
-                    Row::Position(i) => column.at(g, &side.point)[i],
-                    Row::Axes(i, j) => {
+                    CutRow::Position(i) => column.at(g, &side.point)[i.index()],
+                    CutRow::Axes(i, j) => {
                         let normal = normal(g, kind, a, b, (i, j), form);
                         g.dot3(&normal, &column.angular())
                     }
                     // the point of either side that is at pB just now
-                    Row::Offset(i) => {
+                    CutRow::Offset(i) => {
                         let velocity = column.at(g, &b.point);
-                        g.dot3(&a.axes[i], &velocity)
+                        g.dot3(&a.axes[i.index()], &velocity)
+                    }
+                    CutRow::Screw => {
+                        let screw = screw.as_ref();
+                        screw.map_or(Ex::ZERO, |s| s.entry(g, column, form))
                     }
                 };
                 let sum = if negative {
@@ -130,26 +98,51 @@ pub(super) fn cut_equations(
         equations.jacobian.push(jacobian);
         if with_bias {
             let second = match *row {
-                Row::Position(i) => g.sub(b.a[i], a.a[i]),
-                Row::Offset(i) => {
+                CutRow::Position(i) => g.sub(b.a[i.index()], a.a[i.index()]),
+                CutRow::Offset(i) => {
                     let rates = (g.sub3(&b.v, &a.v), g.sub3(&b.vr, &a.vr));
                     let acceleration = g.sub3(&b.a, &a.a);
                     product_rule(g, a, i, &gap, &rates, &acceleration)
                 }
-                Row::Axes(i, j) if form == Form::Exact || !is_aligned(kind) => {
-                    let v = b.axes[j];
+                CutRow::Axes(i, j) if form == Form::Exact || !is_aligned(kind) => {
+                    let v = b.axes[j.index()];
                     let rates = (g.cross(&b.w, &v), g.cross(&b.wr, &v));
                     let turned = turned_twice(g, &b.w, &b.wr, &v);
                     let tangential = g.cross(&b.alpha, &v);
                     let acceleration = g.add3(&tangential, &turned);
                     product_rule(g, a, i, &v, &rates, &acceleration)
                 }
-                Row::Axes(i, j) => aligned_second(g, kind, a, b, (i, j)),
+                CutRow::Axes(i, j) => aligned_second(g, kind, a, b, (i, j)),
+                CutRow::Screw => screw.as_ref().map_or(Ex::ZERO, |s| s.second(g, form)),
             };
             equations.bias.push(g.neg(second));
         }
     }
     equations
+}
+
+/// Cosines that are 1 where a cut is closed, and -1 where its rows vanish a half turn away from
+/// that; none where no half turn is mistaken for closed.
+pub fn agreement(g: &mut Graph, frames: &Frames, model: &Model, cut: &Cut) -> Vec<Ex> {
+    let [a, b] = world_views(g, frames, model, cut, None);
+    match cut.kind {
+        CutKind::Fixed | CutKind::Prismatic => {
+            (0..3).map(|i| g.dot3(&a.axes[i], &b.axes[i])).collect()
+        }
+        CutKind::Helical => {
+            let screw = screw(g, frames, cut, [&a, &b]);
+            screw.iter().map(|s| s.agreement(g)).collect()
+        }
+        CutKind::Spherical | CutKind::Universal | CutKind::Revolute | CutKind::Cylindrical => {
+            Vec::new()
+        }
+    }
+}
+
+/// The screw of a helical cut.
+fn screw<'v>(g: &mut Graph, frames: &Frames, cut: &Cut, sides: [&'v View; 2]) -> Option<Screw<'v>> {
+    let lead = frames.length(g, cut.lead.as_ref()?);
+    Some(Screw::new(g, lead, sides))
 }
 
 /// Whether the cut holds the axes of both sides together.
@@ -164,9 +157,10 @@ fn normal(
     kind: CutKind,
     a: &View,
     b: &View,
-    (i, j): (usize, usize),
+    (i, j): (Axis, Axis),
     form: Form,
 ) -> V3 {
+    let (i, j) = (i.index(), j.index());
     if form == Form::OnClosure && is_aligned(kind) {
         // vB is A's own axis j, and j x i is the third axis up to a sign
         let third = 3 - i - j;
@@ -182,7 +176,7 @@ fn normal(
 
 /// Second derivative of n . (angle of B in A) on the closure, at zero
 /// accelerations of the coordinates.
-fn aligned_second(g: &mut Graph, kind: CutKind, a: &View, b: &View, axes: (usize, usize)) -> Ex {
+fn aligned_second(g: &mut Graph, kind: CutKind, a: &View, b: &View, axes: (Axis, Axis)) -> Ex {
     let n = normal(g, kind, a, b, axes, Form::OnClosure);
     let alpha = g.sub3(&b.alpha, &a.alpha);
     let direct = g.dot3(&n, &alpha);
@@ -198,15 +192,15 @@ fn aligned_second(g: &mut Graph, kind: CutKind, a: &View, b: &View, axes: (usize
 
 /// Second derivative of uA . v at zero accelerations of the coordinates, polar
 /// in the velocities.
-fn product_rule(
+pub(super) fn product_rule(
     g: &mut Graph,
     a: &View,
-    i: usize,
+    i: Axis,
     v: &V3,
     (rate, rate_r): &(V3, V3),
     acceleration: &V3,
 ) -> Ex {
-    let u = a.axes[i];
+    let u = a.axes[i.index()];
     let tangential = g.cross(&a.alpha, &u);
     let turned = turned_twice(g, &a.w, &a.wr, &u);
     let u_second = g.add3(&tangential, &turned);
@@ -229,9 +223,9 @@ pub fn world_equations(
 ) -> Equations {
     let mut equations = Equations::default();
     for cut in &model.cuts {
-        let [a, b] = world_views(g, frames, model, cut, rates);
+        let views = world_views(g, frames, model, cut, rates);
         let n = model.coordinates.len();
-        let rows = cut_equations(g, n, cut.kind, &a, &b, Form::Exact, rates.is_some());
+        let rows = cut_equations(g, frames, n, cut, &views, Form::Exact, rates.is_some());
         equations.extend(rows);
     }
     equations.extend(coupling_equations(g, model, rates.is_some()));

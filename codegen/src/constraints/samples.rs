@@ -1,7 +1,7 @@
 //! Closed states near home, reached by small steps so that they stay on its
 //! assembly branch. The same ones in every run.
 
-use crate::model::{Model, MotionKind};
+use crate::model::Model;
 use crate::numeric::solve_pivoted;
 
 use super::home::{NumericLoops, select};
@@ -84,11 +84,7 @@ fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]
 /// How far a coordinate is moved from home: a third of a radian, or a fifth of
 /// its length, or within its limits.
 fn range(loops: &NumericLoops<'_>, model: &Model, home: &[f64], c: usize) -> f64 {
-    let link = &model.links[model.coordinates[c].link];
-    let sliding = link
-        .motion
-        .is_some_and(|m| m.kind == MotionKind::Translation);
-    let usual = if sliding {
+    let usual = if model.slides(c) {
         0.2 * home[c].abs().max(0.25 * loops.units().length)
     } else {
         0.35

@@ -5,7 +5,7 @@
 //! The unit is a power of 2^8. It changes no digit, and mechanisms between a sixteenth and sixteen
 //! units of the spec stay as they are.
 
-use crate::model::{Model, MotionKind, Step};
+use crate::model::{Model, Step};
 
 use super::rows::lengths_of;
 
@@ -29,13 +29,8 @@ pub struct Units {
 impl Units {
     /// From the longest offset and the longest slide at home.
     pub fn of(model: &Model) -> Units {
-        let slides: Vec<bool> = model
-            .coordinates
-            .iter()
-            .map(|c| {
-                let motion = model.links[c.link].motion;
-                motion.is_some_and(|m| m.kind == MotionKind::Translation)
-            })
+        let slides: Vec<bool> = (0..model.coordinates.len())
+            .map(|c| model.slides(c))
             .collect();
         let placements = model.links.iter().map(|l| &l.placement);
         let sides = model.cuts.iter().flat_map(|c| &c.sides);

@@ -1,48 +1,32 @@
 //! One side of a cut, seen from an observing frame.
 
 use crate::kinematics::{Chain, Frames, LinkMotion, Rates, Start, Twist};
-use crate::model::{MotionKind, Side};
+use crate::model::Side;
 use crate::sym::{Graph, M3, V3, ZERO3, transposed};
 
 /// How a unit rate of a coordinate moves points of a side.
 #[derive(Clone, Copy, Debug)]
-pub enum Column {
-    /// About an axis through a point.
-    Turn {
-        /// Unit axis.
-        axis: V3,
-        /// A point on it.
-        through: V3,
-    },
-    /// Along an axis.
-    Slide(V3),
-    /// A twist at the observing frame's origin.
-    Twist(Twist),
+pub struct Column {
+    /// The motion of the point `through`.
+    twist: Twist,
+    through: V3,
 }
 
 impl Column {
     /// Angular part.
     pub fn angular(&self) -> V3 {
-        match self {
-            Column::Turn { axis, .. } => *axis,
-            Column::Slide(_) => ZERO3,
-            Column::Twist(t) => t.e,
-        }
+        self.twist.e
     }
 
     /// Velocity of a point.
     pub fn at(&self, g: &mut Graph, point: &V3) -> V3 {
-        match self {
-            Column::Turn { axis, through } => {
-                let arm = g.sub3(point, through);
-                g.cross(axis, &arm)
-            }
-            Column::Slide(axis) => *axis,
-            Column::Twist(t) => {
-                let swing = g.cross(&t.e, point);
-                g.add3(&t.u, &swing)
-            }
+        let Twist { e, u } = self.twist;
+        if !self.twist.turns() {
+            return u;
         }
+        let arm = g.sub3(point, &self.through);
+        let swing = g.cross(&e, &arm);
+        g.add3(&u, &swing)
     }
 }
 
@@ -91,12 +75,9 @@ impl View {
                 .joints
                 .iter()
                 .map(|joint| {
-                    let column = match joint.kind {
-                        MotionKind::Rotation => Column::Turn {
-                            axis: joint.axis,
-                            through: joint.origin,
-                        },
-                        MotionKind::Translation => Column::Slide(joint.axis),
+                    let column = Column {
+                        twist: joint.twist,
+                        through: joint.origin,
                     };
                     (joint.coordinate, column)
                 })
@@ -126,8 +107,8 @@ impl View {
                 .into_iter()
                 .map(|(c, t)| (c, t.carried(g, frames, link)))
                 .collect();
-            if let Some((coordinate, kind, axis)) = frames.links[link].joint {
-                twists.push((coordinate, Twist::of_joint(kind, axis)));
+            if let Some(joint) = frames.links[link].joint {
+                twists.push((joint.coordinate, joint.twist));
             }
             if let Some(rates) = rates {
                 motion = motion.carried(g, frames, link, rates);
@@ -135,7 +116,10 @@ impl View {
         }
         let columns: Vec<(usize, Column)> = twists
             .into_iter()
-            .map(|(c, t)| (c, Column::Twist(t)))
+            .map(|(c, twist)| {
+                let through = ZERO3;
+                (c, Column { twist, through })
+            })
             .collect();
         let (mut v, mut vr) = (ZERO3, ZERO3);
         if let Some(rates) = rates {

@@ -1,8 +1,8 @@
 //! Inverse dynamics with given parameters: link forces outward, joint efforts
 //! inward, without forming K.
 
-use crate::kinematics::{Frames, LinkMotion, Rates};
-use crate::model::{Model, MotionKind, ParameterKind};
+use crate::kinematics::{Frames, LinkMotion, Rates, Twist};
+use crate::model::{Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3, ZERO3};
 
 use super::friction_factor;
@@ -78,12 +78,11 @@ impl Wrench {
         }
     }
 
-    /// Its power on a joint's unit motion.
-    pub(super) fn along(&self, g: &mut Graph, kind: MotionKind, axis: &V3) -> Ex {
-        match kind {
-            MotionKind::Rotation => g.dot3(axis, &self.moment),
-            MotionKind::Translation => g.dot3(axis, &self.force),
-        }
+    /// Its power on a joint's unit twist.
+    pub(super) fn along(&self, g: &mut Graph, twist: &Twist) -> Ex {
+        let turning = g.dot3(&twist.e, &self.moment);
+        let sliding = g.dot3(&twist.u, &self.force);
+        g.add(turning, sliding)
     }
 }
 
@@ -106,8 +105,8 @@ pub fn joint_efforts(
     for link in (0..frames.links.len()).rev() {
         let wrench = wrenches[link];
         let frame = &frames.links[link];
-        if let Some((coordinate, kind, axis)) = frame.joint {
-            efforts[coordinate] = wrench.along(g, kind, &axis);
+        if let Some(joint) = frame.joint {
+            efforts[joint.coordinate] = wrench.along(g, &joint.twist);
         }
         if let Some(parent) = frame.parent {
             let carried = wrench.on_parent(g, frames, link);

@@ -1,8 +1,8 @@
 //! The mass matrix of the tree from composite inertias, carried inward.
 
-use crate::kinematics::Frames;
-use crate::model::{Model, MotionKind, ParameterKind};
-use crate::sym::{Ex, Graph, V3, transposed};
+use crate::kinematics::{Frames, Twist};
+use crate::model::{Model, ParameterKind};
+use crate::sym::{Ex, Graph, transposed};
 
 use super::forces::{Inertial, Wrench};
 
@@ -22,16 +22,17 @@ pub fn mass_matrix(g: &mut Graph, frames: &Frames, model: &Model, phi: &[Ex]) ->
     }
     let mut matrix = vec![vec![Ex::ZERO; n]; n];
     for (start, inertia) in composite.iter().enumerate() {
-        let Some((coordinate, kind, axis)) = frames.links[start].joint else {
+        let Some(joint) = frames.links[start].joint else {
             continue;
         };
-        let mut wrench = accelerated(g, inertia, kind, &axis);
+        let coordinate = joint.coordinate;
+        let mut wrench = accelerated(g, inertia, &joint.twist);
         let mut link = start;
         loop {
-            if let Some((other, kind, axis)) = frames.links[link].joint {
-                let entry = wrench.along(g, kind, &axis);
-                matrix[coordinate][other] = entry;
-                matrix[other][coordinate] = entry;
+            if let Some(other) = frames.links[link].joint {
+                let entry = wrench.along(g, &other.twist);
+                matrix[coordinate][other.coordinate] = entry;
+                matrix[other.coordinate][coordinate] = entry;
             }
             let Some(parent) = frames.links[link].parent else {
                 break;
@@ -50,17 +51,16 @@ pub fn mass_matrix(g: &mut Graph, frames: &Frames, model: &Model, phi: &[Ex]) ->
 }
 
 /// The wrench that a unit acceleration of the joint takes.
-fn accelerated(g: &mut Graph, inertia: &Inertial, kind: MotionKind, axis: &V3) -> Wrench {
-    match kind {
-        MotionKind::Rotation => Wrench {
-            moment: inertia.turn(g, axis),
-            force: g.cross(axis, &inertia.moment),
-        },
-        MotionKind::Translation => Wrench {
-            moment: g.cross(&inertia.moment, axis),
-            force: g.scale3(inertia.mass, axis),
-        },
-    }
+fn accelerated(g: &mut Graph, inertia: &Inertial, Twist { e, u }: &Twist) -> Wrench {
+    let turned = Wrench {
+        moment: inertia.turn(g, e),
+        force: g.cross(e, &inertia.moment),
+    };
+    let slid = Wrench {
+        moment: g.cross(&inertia.moment, u),
+        force: g.scale3(inertia.mass, u),
+    };
+    turned.plus(g, &slid)
 }
 
 fn sum(g: &mut Graph, a: &Inertial, b: &Inertial) -> Inertial {

@@ -330,7 +330,7 @@ impl Body<'_> {
             let angles = self.angles_at(at, last);
             if angles > 1 {
                 self.write_angles(at..at + angles);
-            } else if angles == 1 || !matches!(self.program.steps[at].op, Op::SinCos(_)) {
+            } else if angles == 1 || !self.is_angle(at) {
                 self.write_step(at);
             }
             if let Some(stores) = stores.remove(&Some(at)) {
@@ -485,14 +485,25 @@ impl Body<'_> {
 
     /// How many sines and cosines are taken in a row, where such a row begins; else 0.
     fn angles_at(&self, at: usize, end: usize) -> usize {
-        let is_angle = |step: &Step| matches!(step.op, Op::SinCos(_));
-        let steps = &self.program.steps;
         // a row that began before this block begins anew in it
-        let begins = self.block_starts.contains(&at) || !is_angle(&steps[at - 1]);
+        let begins = self.block_starts.contains(&at) || !self.is_angle(at - 1);
         if !begins {
             return 0;
         }
-        steps[at..end].iter().take_while(|s| is_angle(s)).count()
+        (at..end).take_while(|at| self.is_angle(*at)).count()
+    }
+
+    /// Whether a step's sine and cosine can be taken together with the ones just before it: it
+    /// works on none of theirs.
+    fn is_angle(&self, at: usize) -> bool {
+        let steps = &self.program.steps;
+        let Op::SinCos(angle) = &steps[at].op else {
+            return false;
+        };
+        let before = steps[..at].iter().rev();
+        let row = before.take_while(|s| matches!(s.op, Op::SinCos(_)));
+        !row.flat_map(|s| &s.results)
+            .any(|t| *angle == Operand::Temp(*t))
     }
 
     /// Sines and cosines of several angles at once.

@@ -3,10 +3,10 @@
 use core::fmt::Write as _;
 
 use crate::base::{Form, Way};
-use crate::model::{Cut, Model, rows_of};
+use crate::model::{Cut, Model};
 use crate::spec::CutKind;
 
-use super::motion::Motions;
+use super::motion::{Motions, Turning};
 use super::{Evidence, Fact};
 
 /// A loop: from the link that both sides share out to each side of the cut.
@@ -16,17 +16,6 @@ struct Loop<'m> {
     common: Option<usize>,
     /// Links beyond the shared one, outward.
     sides: [Vec<usize>; 2],
-}
-
-fn kind(kind: CutKind) -> &'static str {
-    match kind {
-        CutKind::Spherical => "spherical",
-        CutKind::Universal => "universal",
-        CutKind::Revolute => "revolute",
-        CutKind::Prismatic => "prismatic",
-        CutKind::Cylindrical => "cylindrical",
-        CutKind::Fixed => "fixed",
-    }
 }
 
 impl<'m> Loop<'m> {
@@ -47,14 +36,14 @@ impl<'m> Loop<'m> {
     }
 
     fn joint_name(&self, link: usize) -> Option<&str> {
-        let motion = self.model.links[link].motion?;
+        let motion = self.model.links[link].motion.as_ref()?;
         Some(&self.model.coordinates[motion.coordinate].name)
     }
 
     fn coordinates(&self) -> Vec<usize> {
         let links = self.sides.iter().flatten();
         links
-            .filter_map(|l| self.model.links[*l].motion.map(|m| m.coordinate))
+            .filter_map(|l| self.model.links[*l].motion.as_ref().map(|m| m.coordinate))
             .collect()
     }
 
@@ -111,7 +100,7 @@ pub(super) fn facts(
     let mut facts = Vec::new();
     let mut first = 0;
     for cut in &model.cuts {
-        let rows = rows_of(cut.kind);
+        let rows = cut.kind.equations();
         let own = redundant
             .iter()
             .filter(|r| (first..first + rows).contains(*r));
@@ -122,7 +111,7 @@ pub(super) fn facts(
             "loop '{}': {}, closed by a {} joint with {rows} rows",
             cut.name,
             ring.route(),
-            kind(cut.kind)
+            cut.kind.name()
         );
         if !left_out.is_empty() {
             let plural = if left_out.len() == 1 { "row" } else { "rows" };
@@ -148,7 +137,7 @@ fn shape(
     let shape = motions.of_loop(ends, &ring.coordinates());
     let name = &ring.cut.name;
     let sampled = Evidence::sampled(states, 0.0);
-    if shape.planar {
+    if shape.turning == Turning::InPlane {
         let exact = ends.iter().flatten().all(|l| {
             let freedom = ways[*l].freedom(&[]);
             freedom.is_planar()
@@ -168,6 +157,14 @@ fn shape(
     if shape.translational {
         return Some(Fact::new(
             format!("loop '{name}' only slides: no joint of it turns"),
+            sampled,
+        ));
+    }
+    if redundant && shape.turning == Turning::OneDirection {
+        return Some(Fact::new(
+            format!(
+                "loop '{name}' keeps to one direction: its axes are parallel, and it moves along them too"
+            ),
             sampled,
         ));
     }

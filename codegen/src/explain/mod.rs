@@ -17,7 +17,7 @@ use core::fmt;
 pub use crate::base::Freedom;
 use crate::base::certificate::observe;
 use crate::base::{Analysis, Form, Way, ties, ways};
-use crate::model::{Model, rows_of};
+use crate::model::Model;
 use crate::spec::Spec;
 
 use motion::{Motions, Seen};
@@ -272,7 +272,7 @@ fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
         names.collect::<Vec<_>>().join(" ")
     };
     let n = model.coordinates.len();
-    let rows = model.cuts.iter().map(|c| rows_of(c.kind)).sum::<usize>() + model.couplings.len();
+    let rows = model.cuts.iter().map(|c| c.kind.equations()).sum::<usize>() + model.couplings.len();
     let mobility = model.independent.len();
     let mut facts = vec![Fact::given(if rows == 0 {
         format!("{n} coordinates and no loop: mobility {mobility}")

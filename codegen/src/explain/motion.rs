@@ -190,7 +190,7 @@ impl<'a> Motions<'a> {
     /// What the axes of a loop have in common: all parallel, or through one point.
     pub(super) fn of_loop(&self, ends: [Option<usize>; 2], within: &[usize]) -> LoopShape {
         let mut shape = LoopShape {
-            planar: true,
+            turning: Turning::InPlane,
             spherical: true,
             translational: true,
         };
@@ -205,12 +205,15 @@ impl<'a> Motions<'a> {
                 .iter()
                 .find(|s| s.1.iter().any(|x| x.log10() > -60.0));
             let across = axis.is_none_or(|n| {
-                // slides have no turn, and lie in the plane
-                let slides = screws.iter().filter(|s| s.1.iter().all(Wide::is_zero));
-                let along: Vec<Vec<Wide>> = slides.map(|s| vec![dot(&s.2, &n.1)]).collect();
+                // slides and screws that move along the axis leave the plane
+                let along: Vec<Vec<Wide>> = screws.iter().map(|s| vec![dot(&s.2, &n.1)]).collect();
                 rank_of(along, Wide::ONE).0 == 0
             });
-            shape.planar &= turning == 1 && across;
+            shape.turning = match (turning, across, shape.turning) {
+                (1, false, Turning::InPlane) => Turning::OneDirection,
+                (1, _, turning) => turning,
+                _ => Turning::Other,
+            };
             let slides = screws.iter().any(|s| s.1.iter().all(Wide::is_zero));
             let through = fixed_point(screws.iter().map(|s| (&s.1, &s.2)), self.size).0;
             shape.spherical &= turning > 1 && !slides && through;
@@ -219,10 +222,21 @@ impl<'a> Motions<'a> {
     }
 }
 
+/// How a loop's axes of turning lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Turning {
+    /// All are parallel, and nothing moves along them.
+    InPlane,
+    /// All are parallel, and something moves along them too.
+    OneDirection,
+    /// They are not all parallel, or there are none.
+    Other,
+}
+
 /// What the axes of a loop have in common.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LoopShape {
-    pub(super) planar: bool,
+    pub(super) turning: Turning,
     pub(super) spherical: bool,
     pub(super) translational: bool,
 }

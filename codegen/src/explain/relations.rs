@@ -4,7 +4,7 @@ use core::fmt::Write as _;
 
 use crate::base::certificate::{Observation, Wide, relations};
 use crate::base::{Form, follows, recognise};
-use crate::model::{Model, MotionKind};
+use crate::model::Model;
 use crate::sym::Number;
 
 use super::{Evidence, Fact};
@@ -132,10 +132,7 @@ impl Relation {
     /// Whether only angles occur.
     fn turns(&self, model: &Model) -> bool {
         let all = self.terms.iter().map(|(c, _)| *c).chain([self.coordinate]);
-        all.into_iter().all(|c| {
-            let motion = model.links[model.coordinates[c].link].motion;
-            motion.is_some_and(|m| m.kind == MotionKind::Rotation)
-        })
+        all.into_iter().all(|c| !model.slides(c))
     }
 }
 

@@ -219,7 +219,7 @@ impl Bodies<'_> {
             if is_other_body {
                 return None;
             }
-            let motion = self.model.links[link].motion;
+            let motion = self.model.links[link].motion.as_ref();
             names.extend(motion.map(|m| self.model.coordinates[m.coordinate].name.as_str()));
             at = self.model.links[link].parent;
         }

@@ -3,7 +3,7 @@
 //! All joints whose axes meet in a point move a link's origin by `e x arm`, with one arm for all
 //! of them, so that what they do to the link can be taken about that point at once.
 
-use crate::model::{Model, MotionKind};
+use crate::model::Model;
 use crate::sym::{Ex, Graph, V3};
 
 use super::Frames;
@@ -29,8 +29,9 @@ pub fn centres(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<Centre>
             centre.arm = frames.into_link(g, link, &arm);
         }
         let turn = |link: usize| {
-            let (coordinate, kind, axis) = frames.links[link].joint?;
-            (kind == MotionKind::Rotation).then_some((coordinate, axis))
+            let joint = frames.links[link].joint?;
+            let twist = joint.twist;
+            (twist.turns() && !twist.slides()).then_some((joint.coordinate, twist.e))
         };
         if let Some((coordinate, axis)) = turn(link) {
             let through = |arm: &V3| {

@@ -2,11 +2,10 @@
 //! that remain where the coordinates' accelerations are zero. Loop closures are
 //! written with these.
 
-use crate::model::MotionKind;
 use crate::sym::{Ex, Graph, IDENTITY, M3, V3, ZERO3};
 
-use super::motion::half;
-use super::{Frames, Rates};
+use super::motion::{carried_along, half};
+use super::{Frames, Rates, Twist};
 
 /// Where a chain begins: the pose of its first parent in the observing frame.
 #[derive(Clone, Debug)]
@@ -32,11 +31,9 @@ impl Start {
 pub struct ChainJoint {
     /// The coordinate.
     pub coordinate: usize,
-    /// Turn or slide.
-    pub kind: MotionKind,
-    /// Unit axis.
-    pub axis: V3,
-    /// A point on the axis.
+    /// How its unit rate moves the point `origin` and what is behind it.
+    pub twist: Twist,
+    /// A point on its axis.
     pub origin: V3,
 }
 
@@ -93,42 +90,36 @@ impl Chain {
             chain.origin = origin;
             chain.rotation = rotation;
             (chain.v, chain.vr, chain.a) = (point_v, point_vr, point_a);
-            let Some((coordinate, kind, axis)) = frame.joint else {
+            let Some(joint) = frame.joint else {
                 continue;
             };
-            let axis = g.mul_mv(&chain.rotation, &axis);
+            let coordinate = joint.coordinate;
+            let twist = Twist {
+                e: g.mul_mv(&chain.rotation, &joint.twist.e),
+                u: g.mul_mv(&chain.rotation, &joint.twist.u),
+            };
             chain.joints.push(ChainJoint {
                 coordinate,
-                kind,
-                axis,
+                twist,
                 origin,
             });
             if let Some(rates) = rates {
-                chain.move_joint(g, kind, &axis, rates.qd[coordinate], rates.rd[coordinate]);
+                chain.move_joint(g, &twist, rates.qd[coordinate], rates.rd[coordinate]);
             }
         }
         chain
     }
 
-    fn move_joint(&mut self, g: &mut Graph, kind: MotionKind, axis: &V3, qd: Ex, rd: Ex) {
-        let with_r = g.cross(&self.w, axis);
-        let with_r = g.scale3(rd, &with_r);
-        let with_q = g.cross(&self.wr, axis);
-        let with_q = g.scale3(qd, &with_q);
-        let both = g.add3(&with_r, &with_q);
-        match kind {
-            MotionKind::Rotation => {
-                let half = half(g);
-                self.alpha = g.add_scaled3(&self.alpha, half, &both);
-                self.w = g.add_scaled3(&self.w, qd, axis);
-                self.wr = g.add_scaled3(&self.wr, rd, axis);
-            }
-            MotionKind::Translation => {
-                self.a = g.add3(&self.a, &both);
-                self.v = g.add_scaled3(&self.v, qd, axis);
-                self.vr = g.add_scaled3(&self.vr, rd, axis);
-            }
-        }
+    fn move_joint(&mut self, g: &mut Graph, Twist { e, u }: &Twist, qd: Ex, rd: Ex) {
+        let turned = carried_along(g, (&self.w, &self.wr), e, (qd, rd));
+        let slid = carried_along(g, (&self.w, &self.wr), u, (qd, rd));
+        let half = half(g);
+        self.alpha = g.add_scaled3(&self.alpha, half, &turned);
+        self.w = g.add_scaled3(&self.w, qd, e);
+        self.wr = g.add_scaled3(&self.wr, rd, e);
+        self.a = g.add3(&self.a, &slid);
+        self.v = g.add_scaled3(&self.v, qd, u);
+        self.vr = g.add_scaled3(&self.vr, rd, u);
     }
 
     /// Velocity, reference velocity and remaining acceleration of a point of

@@ -9,6 +9,8 @@ use crate::model::{Model, MotionKind, Placement, Step};
 use crate::spec::{Axis, Expr, Function, Quantity};
 use crate::sym::{Angle, Ex, Graph, M3, Number, V3, ZERO3};
 
+use super::Twist;
+
 /// How lengths enter the expressions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Geometry {
@@ -38,8 +40,18 @@ pub struct LinkFrame {
     placed: Vec<Turn>,
     /// The link's origin in the parent's frame.
     pub offset: V3,
-    /// The joint's coordinate, its kind, and its axis in the link's frame.
-    pub joint: Option<(usize, MotionKind, V3)>,
+    /// The joint that moves it.
+    pub joint: Option<FrameJoint>,
+}
+
+/// A joint seen from the link that it moves.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameJoint {
+    /// Its coordinate.
+    pub coordinate: usize,
+    /// How a unit rate of the coordinate moves the link, in the link's frame at its origin,
+    /// which is on the joint's axis. It is constant.
+    pub twist: Twist,
 }
 
 /// The frames of all links.
@@ -55,16 +67,8 @@ pub struct Frames {
 /// The unit vector of an axis.
 pub fn unit(axis: Axis) -> V3 {
     let mut v = ZERO3;
-    v[index(axis)] = Ex::ONE;
+    v[axis.index()] = Ex::ONE;
     v
-}
-
-fn index(axis: Axis) -> usize {
-    match axis {
-        Axis::X => 0,
-        Axis::Y => 1,
-        Axis::Z => 2,
-    }
 }
 
 impl Turn {
@@ -139,7 +143,11 @@ impl Frames {
         };
         for link in &model.links {
             let name = |c: usize| model.coordinates[c].name.as_str();
-            let turning = link.motion.and_then(|m| {
+            let joint = link.motion.as_ref().map(|m| FrameJoint {
+                coordinate: m.coordinate,
+                twist: Twist::of_motion(g, m, geometry),
+            });
+            let turning = link.motion.as_ref().and_then(|m| {
                 (m.kind == MotionKind::Rotation).then(|| {
                     (
                         m.axis,
@@ -148,11 +156,11 @@ impl Frames {
                 })
             });
             let (fixed, mut offset) = frames.placement(g, &link.placement);
-            if let Some(m) = link.motion
-                && m.kind == MotionKind::Translation
+            if let Some(joint) = joint
+                && joint.twist.slides()
             {
-                let q = g.symbol(name(m.coordinate));
-                let slide = g.scale3(q, &unit(m.axis));
+                let q = g.symbol(name(joint.coordinate));
+                let slide = g.scale3(q, &joint.twist.u);
                 let slide = apply_out(g, &fixed, &slide);
                 offset = g.add3(&offset, &slide);
             }
@@ -162,7 +170,7 @@ impl Frames {
                 turns: turns(g, angles),
                 placed: fixed,
                 offset,
-                joint: link.motion.map(|m| (m.coordinate, m.kind, unit(m.axis))),
+                joint,
             });
         }
         frames
@@ -201,6 +209,11 @@ impl Frames {
         crate::sym::transposed(&columns)
     }
 
+    /// A length as an expression.
+    pub fn length(&self, g: &mut Graph, quantity: &Quantity) -> Ex {
+        length(g, quantity, self.geometry)
+    }
+
     /// A vector from the parent's axes into the link's.
     pub fn into_link(&self, g: &mut Graph, link: usize, v: &V3) -> V3 {
         let turns = &self.links[link].turns;
@@ -219,7 +232,7 @@ impl Frames {
 }
 
 /// A length as an expression.
-fn length(g: &mut Graph, quantity: &Quantity, geometry: Geometry) -> Ex {
+pub(super) fn length(g: &mut Graph, quantity: &Quantity, geometry: Geometry) -> Ex {
     match geometry {
         Geometry::Values => g.constant(quantity.value.clone()),
         Geometry::Names => {

@@ -8,6 +8,6 @@ mod twist;
 
 pub use centre::{Centre, centres};
 pub use chain::{Chain, ChainJoint, Start, turned_twice};
-pub use frames::{Frames, Geometry, LinkFrame, Turn, unit};
+pub use frames::{FrameJoint, Frames, Geometry, LinkFrame, Turn, unit};
 pub use motion::{LinkMotion, Rates, motions};
 pub use twist::{Twist, twists};

@@ -7,10 +7,9 @@
 //! symmetric bilinear form of the Coriolis terms is the one of the Christoffel
 //! symbols (Slotine and Li, 1987).
 
-use crate::model::MotionKind;
 use crate::sym::{Ex, Graph, M3, Number, V3, ZERO3};
 
-use super::Frames;
+use super::{Frames, Twist};
 
 /// Rates of the coordinates.
 #[derive(Clone, Debug)]
@@ -53,6 +52,15 @@ fn polar(g: &mut Graph, x: Ex, y: Ex, xr: Ex, yr: Ex) -> Ex {
     let sum = g.add(l, r);
     let half = half(g);
     g.mul(half, sum)
+}
+
+/// `2 w x (v qd)` in polar form, for a joint's axis v that turns with w.
+pub(super) fn carried_along(g: &mut Graph, (w, wr): (&V3, &V3), v: &V3, (qd, rd): (Ex, Ex)) -> V3 {
+    let with_r = g.cross(w, v);
+    let with_r = g.scale3(rd, &with_r);
+    let with_q = g.cross(wr, v);
+    let with_q = g.scale3(qd, &with_q);
+    g.add3(&with_r, &with_q)
 }
 
 /// The motions of all links.
@@ -106,28 +114,19 @@ impl LinkMotion {
         let mut wr = frames.into_link(g, link, &self.wr);
         let mut alpha = frames.into_link(g, link, &self.alpha);
         let mut a = frames.into_link(g, link, &a_parent);
-        if let Some((coordinate, kind, axis)) = frame.joint {
-            let (qd, rd) = (rates.qd[coordinate], rates.rd[coordinate]);
-            let qdd = rates.qdd[coordinate];
-            // 2 w x (axis qd), in polar form
-            let with_r = g.cross(&w, &axis);
-            let with_r = g.scale3(rd, &with_r);
-            let with_q = g.cross(&wr, &axis);
-            let with_q = g.scale3(qd, &with_q);
-            let both = g.add3(&with_r, &with_q);
-            match kind {
-                MotionKind::Rotation => {
-                    let half = half(g);
-                    alpha = g.add_scaled3(&alpha, half, &both);
-                    alpha = g.add_scaled3(&alpha, qdd, &axis);
-                    w = g.add_scaled3(&w, qd, &axis);
-                    wr = g.add_scaled3(&wr, rd, &axis);
-                }
-                MotionKind::Translation => {
-                    a = g.add3(&a, &both);
-                    a = g.add_scaled3(&a, qdd, &axis);
-                }
-            }
+        if let Some(joint) = frame.joint {
+            let (qd, rd) = (rates.qd[joint.coordinate], rates.rd[joint.coordinate]);
+            let qdd = rates.qdd[joint.coordinate];
+            let Twist { e, u } = joint.twist;
+            let turned = carried_along(g, (&w, &wr), &e, (qd, rd));
+            let slid = carried_along(g, (&w, &wr), &u, (qd, rd));
+            let half = half(g);
+            alpha = g.add_scaled3(&alpha, half, &turned);
+            alpha = g.add_scaled3(&alpha, qdd, &e);
+            a = g.add3(&a, &slid);
+            a = g.add_scaled3(&a, qdd, &u);
+            w = g.add_scaled3(&w, qd, &e);
+            wr = g.add_scaled3(&wr, rd, &e);
         }
         let mut product = |i: usize, j: usize| polar(g, w[i], w[j], wr[i], wr[j]);
         let ww = [
@@ -157,11 +156,12 @@ impl LinkMotion {
     /// belongs to the axis. Both links have it, so it need only be turned. `None` where the link
     /// does not turn, or about an axis along none of this link's.
     fn field_on_axis(&self, g: &mut Graph, frames: &Frames, link: usize) -> Option<OnAxis> {
-        let (_, kind, axis) = frames.links[link].joint?;
+        let twist = frames.links[link].joint?.twist;
+        let axis = twist.e;
         let before = frames.into_parent(g, link, &axis);
         let moves = before.iter().filter(|e| !e.is_zero()).count() == 1;
         // a link that turns about an axis of the base has little to share
-        if kind != MotionKind::Rotation || !moves || self.w.iter().any(|e| e.is_zero()) {
+        if !twist.turns() || !moves || self.w.iter().any(|e| e.is_zero()) {
             return None;
         }
         let k = axis.iter().position(|e| *e == Ex::ONE)?;

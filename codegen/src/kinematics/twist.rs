@@ -2,10 +2,11 @@
 //! Gibbs-Appell equations these are the derivatives of the links' accelerations
 //! by the coordinate's acceleration (Eq. 1).
 
-use crate::model::{Model, MotionKind};
+use crate::model::{Model, Motion, MotionKind};
 use crate::sym::{Graph, V3, ZERO3};
 
-use super::Frames;
+use super::frames::length;
+use super::{Frames, Geometry, unit};
 
 /// A unit twist in a link's frame, at its origin.
 #[derive(Clone, Copy, Debug)]
@@ -17,12 +18,28 @@ pub struct Twist {
 }
 
 impl Twist {
-    /// The unit twist of a joint in the frame of the link that it moves.
-    pub fn of_joint(kind: MotionKind, axis: V3) -> Twist {
-        match kind {
-            MotionKind::Rotation => Twist { e: axis, u: ZERO3 },
-            MotionKind::Translation => Twist { e: ZERO3, u: axis },
+    /// The unit twist of a motion in the frame of the link that it moves.
+    pub fn of_motion(g: &mut Graph, motion: &Motion, geometry: Geometry) -> Twist {
+        let axis = unit(motion.axis);
+        match (motion.kind, &motion.lead) {
+            (MotionKind::Rotation, None) => Twist { e: axis, u: ZERO3 },
+            (MotionKind::Rotation, Some(lead)) => {
+                let lead = length(g, lead, geometry);
+                let u = g.scale3(lead, &axis);
+                Twist { e: axis, u }
+            }
+            (MotionKind::Translation, _) => Twist { e: ZERO3, u: axis },
         }
+    }
+
+    /// Whether it turns what it moves.
+    pub fn turns(&self) -> bool {
+        self.e != ZERO3
+    }
+
+    /// Whether it moves the origin.
+    pub fn slides(&self) -> bool {
+        self.u != ZERO3
     }
 
     /// The twist in the frame of a link that stands on the twist's one.
@@ -47,8 +64,8 @@ pub fn twists(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<(usize, 
             .into_iter()
             .map(|(c, t)| (c, t.carried(g, frames, link)))
             .collect();
-        if let Some((coordinate, kind, axis)) = frame.joint {
-            own.push((coordinate, Twist::of_joint(kind, axis)));
+        if let Some(joint) = frame.joint {
+            own.push((joint.coordinate, joint.twist));
         }
         for (coordinate, twist) in &own {
             let (link, coordinate) = (

@@ -1,28 +1,23 @@
 //! From the validated spec to the mechanism.
 
-use crate::spec::{self, Axis, Joint, JointFrame, JointKind, Spec};
+use crate::spec::{self, Axis, Joint, JointFrame, Spec};
 use crate::sym::Number;
 
 use super::{
-    Body, Cone, Coordinate, Coupling, Cut, Link, Model, Motion, MotionKind, Placement, Side, Step,
-    parameters,
+    Body, Cone, Coordinate, Coupling, Cut, Link, Model, Motion, Placement, Side, Step, parameters,
 };
 
-/// The single-axis motions that a joint is made of, in order.
-pub(super) fn axes_of(joint: &Joint) -> Vec<(MotionKind, Axis)> {
-    use MotionKind::{Rotation, Translation};
-    match joint.kind.value {
-        JointKind::Revolute => vec![(Rotation, joint.axis)],
-        JointKind::Prismatic => vec![(Translation, joint.axis)],
-        JointKind::Cylindrical => vec![(Rotation, Axis::Z), (Translation, Axis::Z)],
-        JointKind::Universal => vec![(Rotation, Axis::X), (Rotation, Axis::Y)],
-        JointKind::Spherical => vec![
-            (Rotation, Axis::Z),
-            (Rotation, Axis::Y),
-            (Rotation, Axis::X),
-        ],
-        JointKind::Fixed => Vec::new(),
-    }
+/// The motions of a joint, in order.
+fn motions_of(joint: &Joint, first: usize) -> Vec<Motion> {
+    let kind = joint.kind.value;
+    let motions = kind.motions().iter().enumerate();
+    let motions = motions.map(|(index, (motion, axis))| Motion {
+        coordinate: first + index,
+        kind: *motion,
+        axis: if kind.takes_axis() { joint.axis } else { *axis },
+        lead: joint.lead.clone(),
+    });
+    motions.collect()
 }
 
 /// xyz, then R = Rz(y) Ry(p) Rx(r).
@@ -83,6 +78,7 @@ pub fn build(spec: &Spec) -> Model {
         .map(|cut| Cut {
             name: cut.name.value.clone(),
             kind: cut.kind.value,
+            lead: cut.lead.clone(),
             sides: [side(&cut.sides[0]), side(&cut.sides[1])],
         })
         .collect();
@@ -128,7 +124,7 @@ fn cones(spec: &Spec, model: &Model) -> Vec<Cone> {
     let mut cones = Vec::new();
     let mut coordinate = 0;
     for joint in spec.limbs.iter().flat_map(|limb| &limb.joints) {
-        let axes = axes_of(joint).len();
+        let axes = joint.kind.value.coordinates();
         if let (Some(greatest), Some(name)) = (&joint.limits.cone, &joint.name)
             && axes > 0
         {
@@ -171,7 +167,7 @@ fn add_limbs(spec: &Spec, model: &mut Model) {
         first_coordinate.push(model.coordinates.len());
         first_body.push(model.bodies.len());
         for joint in &limb.joints {
-            let axes = axes_of(joint).len();
+            let axes = joint.kind.value.coordinates();
             let base = joint.name.as_ref().map_or("", |n| n.value.as_str());
             for axis in 0..axes {
                 model.coordinates.push(Coordinate {
@@ -234,10 +230,11 @@ fn add_limb(
     let mut pending = placement(&limb.base);
     for joint in &limb.joints {
         pending.extend(joint_frame(&joint.frame));
-        let axes = axes_of(joint);
+        let motions = motions_of(joint, coordinate);
+        let is_rigid = motions.is_empty();
         let body_label = joint.body.as_ref().map(|b| b.value.clone());
-        let last = axes.len().saturating_sub(1);
-        for (index, (kind, axis)) in axes.iter().enumerate() {
+        let last = motions.len().saturating_sub(1);
+        for (index, motion) in motions.into_iter().enumerate() {
             let link = model.links.len();
             let name = match &body_label {
                 Some(label) if index == last => label.clone(),
@@ -247,18 +244,14 @@ fn add_limb(
             model.links.push(Link {
                 parent,
                 placement: std::mem::take(&mut pending),
-                motion: Some(Motion {
-                    coordinate,
-                    kind: *kind,
-                    axis: *axis,
-                }),
+                motion: Some(motion),
                 name,
             });
             parent = Some(link);
             coordinate += 1;
         }
         if let Some(label) = body_label {
-            if axes.is_empty() {
+            if is_rigid {
                 let link = model.links.len();
                 model.links.push(Link {
                     parent,

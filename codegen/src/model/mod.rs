@@ -10,6 +10,8 @@ pub use build::build;
 pub use parameters::{FrictionColumn, INERTIAL, Parameter, ParameterKind};
 pub use stated::{joints_of_coordinates, nominal};
 
+pub use crate::spec::MotionKind;
+
 use crate::spec::{Axis, CutKind, Quantity};
 use crate::sym::Number;
 
@@ -25,24 +27,30 @@ pub enum Step {
 /// A constant placement of one frame in another.
 pub type Placement = Vec<Step>;
 
-/// How a coordinate moves its link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MotionKind {
-    /// The link turns about the axis.
-    Rotation,
-    /// The link slides along the axis.
-    Translation,
-}
-
 /// The motion of a link in the frame that its placement gives.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Motion {
     /// Index of the coordinate.
     pub coordinate: usize,
-    /// Turn or slide.
+    /// Whether it is an angle or a length.
     pub kind: MotionKind,
     /// About or along which axis of the placed frame.
     pub axis: Axis,
+    /// How far a rotation slides the link along the axis, m per radian; `None` where it does not.
+    pub lead: Option<Quantity>,
+}
+
+impl Motion {
+    /// The angle about the axis and the shift along it at a value of the coordinate.
+    pub fn displacement(&self, q: f64) -> (f64, f64) {
+        match self.kind {
+            MotionKind::Rotation => {
+                let lead = self.lead.as_ref();
+                (q, lead.map_or(0.0, |lead| lead.value.to_f64() * q))
+            }
+            MotionKind::Translation => (0.0, q),
+        }
+    }
 }
 
 /// A frame of the tree.
@@ -96,6 +104,8 @@ pub struct Cut {
     pub name: String,
     /// The joint that was opened.
     pub kind: CutKind,
+    /// How far it slides when it turns, m per radian, where the two are tied.
+    pub lead: Option<Quantity>,
     /// Frame A, then frame B.
     pub sides: [Side; 2],
 }
@@ -164,9 +174,22 @@ impl Model {
         path
     }
 
+    /// The motion that a coordinate gives its link.
+    pub fn motion(&self, coordinate: usize) -> Option<&Motion> {
+        self.links[self.coordinates[coordinate].link]
+            .motion
+            .as_ref()
+    }
+
+    /// Whether a coordinate is a length; else it is an angle.
+    pub fn slides(&self, coordinate: usize) -> bool {
+        self.motion(coordinate)
+            .is_some_and(|m| m.kind == MotionKind::Translation)
+    }
+
     /// How many closure rows there are: those of all cuts, then one per coupling.
     pub fn rows(&self) -> usize {
-        let cuts = self.cuts.iter().map(|cut| rows_of(cut.kind));
+        let cuts = self.cuts.iter().map(|cut| cut.kind.rows().len());
         cuts.sum::<usize>() + self.couplings.len()
     }
 
@@ -174,9 +197,4 @@ impl Model {
     pub fn is_closed(&self) -> bool {
         !self.cuts.is_empty() || !self.couplings.is_empty()
     }
-}
-
-/// How many equations a cut of this kind has.
-pub fn rows_of(kind: CutKind) -> usize {
-    kind.equations()
 }

@@ -10,7 +10,7 @@ pub fn joints_of_coordinates(spec: &Spec) -> Vec<&Joint> {
     spec.limbs
         .iter()
         .flat_map(|limb| &limb.joints)
-        .flat_map(|joint| std::iter::repeat_n(joint, super::build::axes_of(joint).len()))
+        .flat_map(|joint| std::iter::repeat_n(joint, joint.kind.value.coordinates()))
         .collect()
 }
 

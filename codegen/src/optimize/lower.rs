@@ -43,6 +43,7 @@ pub fn lower(g: &Graph, request: Request) -> Program {
         angles: Angles::new(g, &uses.angles),
         uses,
         values: FxHashMap::default(),
+        turned: FxHashMap::default(),
         solutions: FxHashMap::default(),
         steps: Vec::new(),
         names: Vec::new(),
@@ -130,6 +131,8 @@ struct Lowering<'g> {
     angles: Angles,
     uses: Uses,
     values: FxHashMap<Ex, Operand>,
+    /// Sines and cosines by the expression that they are taken of.
+    turned: FxHashMap<Ex, (Operand, Operand)>,
     solutions: FxHashMap<SystemId, Vec<Vec<Operand>>>,
     steps: Vec<Step>,
     names: Vec<Option<String>>,
@@ -240,6 +243,8 @@ impl Lowering<'_> {
             Node::Negative(a) => Op::Negative(at(&a)),
             Node::Sin(angle) => return self.sin_cos(angle).0,
             Node::Cos(angle) => return self.sin_cos(angle).1,
+            Node::SinOf(a) => return self.sin_cos_of(a).0,
+            Node::CosOf(a) => return self.sin_cos_of(a).1,
             Node::Solved(system, row, column) => {
                 return self.solution(system)[row as usize][column as usize];
             }
@@ -288,6 +293,18 @@ impl Lowering<'_> {
     fn sin_cos(&mut self, id: crate::sym::AngleId) -> (Operand, Operand) {
         let angle = self.g.angle(id).clone();
         super::angles::lower(self, &angle)
+    }
+
+    fn sin_cos_of(&mut self, ex: Ex) -> (Operand, Operand) {
+        use super::angles::Target as _;
+        if let Some(turned) = self.turned.get(&ex) {
+            return *turned;
+        }
+        let label = self.turned.len() + 1;
+        let names = (format!("sin_turn_{label}"), format!("cos_turn_{label}"));
+        let turned = self.sin_cos_step(self.values[&ex], names);
+        self.turned.insert(ex, turned);
+        turned
     }
 }
 

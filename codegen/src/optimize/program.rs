@@ -236,16 +236,17 @@ impl Program {
     }
 
     /// Moves sines and cosines, with what their angles take, in front of all else: there they
-    /// can be computed at once. Angles are linear forms in the arguments, so nothing else moves.
+    /// can be computed at once. Their angles are linear forms in the arguments, so nothing else
+    /// moves; sines and cosines of what depends on others stay where they are.
     pub(super) fn angles_first(&mut self) {
-        let is_angle = |step: &Step| matches!(step.op, Op::SinCos(_));
-        if self.steps.iter().filter(|s| is_angle(s)).count() < 2 {
+        let first = self.first_angles();
+        if first.iter().filter(|f| **f).count() < 2 {
             return;
         }
         let mut needed = vec![false; self.names.len()];
         let mut early = vec![0_u8; self.steps.len()];
         for (index, step) in self.steps.iter().enumerate().rev() {
-            if is_angle(step) {
+            if first[index] {
                 early[index] = 2;
             } else if step.results.iter().any(|t| needed[t.0 as usize]) {
                 early[index] = 1;
@@ -279,6 +280,24 @@ impl Program {
             outputs: start..start,
         };
         self.groups.insert(0, all);
+    }
+
+    /// By step, whether it takes the sine and cosine of an angle that no other sine, cosine or
+    /// solution enters.
+    fn first_angles(&self) -> Vec<bool> {
+        let mut late = vec![false; self.names.len()];
+        let angles = self.steps.iter().map(|step| {
+            let of_late = step.op.operands().iter().any(|operand| match operand {
+                Operand::Temp(t) => late[t.0 as usize],
+                Operand::Input { .. } | Operand::Constant(_) => false,
+            });
+            let is_angle = matches!(step.op, Op::SinCos(_));
+            if of_late || is_angle || matches!(step.op, Op::Solve(_)) {
+                step.results.iter().for_each(|t| late[t.0 as usize] = true);
+            }
+            is_angle && !of_late
+        });
+        angles.collect()
     }
 
     /// Whether the program solves linear systems, so that it has a condition.

@@ -1,31 +1,7 @@
 //! The names that a spec defines: coordinates, bodies, parameters, in their order.
 
 use super::expression::INERTIAL;
-use super::types::{CutKind, Friction, Joint, JointKind, Quantity, Spec};
-
-impl JointKind {
-    /// How many coordinates it has.
-    pub fn coordinates(self) -> usize {
-        match self {
-            Self::Revolute | Self::Prismatic => 1,
-            Self::Cylindrical | Self::Universal => 2,
-            Self::Spherical => 3,
-            Self::Fixed => 0,
-        }
-    }
-}
-
-impl CutKind {
-    /// How many equations it has.
-    pub fn equations(self) -> usize {
-        match self {
-            Self::Spherical => 3,
-            Self::Universal | Self::Cylindrical => 4,
-            Self::Revolute | Self::Prismatic => 5,
-            Self::Fixed => 6,
-        }
-    }
-}
+use super::types::{Friction, Joint, JointKind, Quantity, Spec};
 
 impl Friction {
     /// The symbols of the parameters it adds, in the order of its columns.

@@ -11,6 +11,7 @@
 
 mod check;
 mod expression;
+mod joints;
 mod labels;
 mod physical;
 mod raw;
@@ -22,6 +23,7 @@ mod types;
 mod yaml;
 
 pub(crate) use expression::{Ast, AstKind, Operator};
+pub use joints::{CutRow, MotionKind};
 pub use physical::{Flaw, flaw};
 pub use schema::schema;
 pub use suggest::nearest;

@@ -10,6 +10,7 @@ use super::types::{Axis, CutKind, Friction, JointKind};
 choices! { JointKind, "joint type" {
     "revolute" => Revolute: "one rotation about the axis",
     "prismatic" => Prismatic: "one translation along the axis",
+    "helical" => Helical: "a screw: one rotation about the axis, with a translation along it by the pitch per turn",
     "cylindrical" => Cylindrical: "Rz(n.1) Tz(n.2)",
     "universal" => Universal: "Rx(n.1) Ry(n.2)",
     "spherical" => Spherical: "Rz(n.1) Ry(n.2) Rx(n.3)",
@@ -21,6 +22,7 @@ choices! { CutKind, "cut joint" {
     "universal" => Universal: "4 equations",
     "revolute" => Revolute: "5 equations, about the frames' z axes",
     "prismatic" => Prismatic: "5 equations, along the frames' z axes",
+    "helical" => Helical: "5 equations, about and along the frames' z axes by the pitch per turn",
     "cylindrical" => Cylindrical: "4 equations, about and along the frames' z axes",
     "fixed" => Fixed: "6 equations",
 } }
@@ -120,8 +122,10 @@ record! {
         optional dh: RawDh,
         /// Any placement of the joint's frame, instead of dh
         optional origin: RawPlacement,
-        /// The axis of a revolute or prismatic joint; z if missing
+        /// The axis of a revolute, prismatic or helical joint; z if missing
         optional axis: Chosen<Axis>,
+        /// How far a helical joint slides per turn, m; negative for a left-handed screw
+        optional pitch: Scalar,
         /// Label of the body carried, a whole number or an identifier; none: massless
         optional body: Label,
         /// Whether each of its coordinates is actuated
@@ -162,6 +166,8 @@ record! {
         required name: Label,
         /// The joint that was opened
         required joint: Chosen<CutKind>,
+        /// How far a helical cut slides per turn, m; negative for a left-handed screw
+        optional pitch: Scalar,
         /// Frame A, then frame B
         required between: [RawSide; 2],
         /// Limits of the opened joint
@@ -212,5 +218,50 @@ record! {
         default equal: Vec<Vec<BodyReference>> = "[]",
         /// Base parameters left out, by the label of the column they are kept at
         default drop: Vec<ParameterReference> = "[]",
+    }
+}
+
+impl RawPlacement {
+    /// Its expressions in the geometry names.
+    pub(super) fn constants(&self) -> impl Iterator<Item = &Scalar> {
+        self.xyz.iter().chain(&self.rpy)
+    }
+}
+
+impl RawJoint {
+    /// Its expressions in the geometry names.
+    pub(super) fn constants(&self) -> Vec<&Scalar> {
+        let mut all = Vec::new();
+        if let Some(dh) = &self.dh {
+            all.extend([&dh.alpha, &dh.a, &dh.d, &dh.theta]);
+        }
+        all.extend(self.origin.iter().flat_map(RawPlacement::constants));
+        all.extend(&self.pitch);
+        if let Some(limits) = &self.limits {
+            let intervals = [
+                &limits.position,
+                &limits.velocity,
+                &limits.acceleration,
+                &limits.effort,
+            ];
+            all.extend(intervals.into_iter().flatten().flatten());
+            all.extend(&limits.cone);
+        }
+        let nominal = self.nominal.iter().flat_map(|nominal| &nominal.0);
+        all.extend(nominal.map(|(_, scalar)| scalar));
+        all
+    }
+}
+
+impl RawCut {
+    /// Its expressions in the geometry names.
+    pub(super) fn constants(&self) -> Vec<&Scalar> {
+        let sides = self.between.iter();
+        let mut all: Vec<&Scalar> = sides
+            .flat_map(|side| side.xyz.iter().chain(&side.rpy))
+            .collect();
+        all.extend(&self.pitch);
+        all.extend(self.limits.iter().flat_map(|limits| &limits.cone));
+        all
     }
 }

@@ -10,8 +10,8 @@ use super::raw::{
 };
 use super::shape::{BodyReference, Scalar, Word};
 use super::types::{
-    Axis, BaseChoices, BodyInertia, Cut, CutSide, Interval, Joint, JointFrame, Limb, Limits,
-    LinearForm, Placement, Quantity, Spanned, Spec,
+    Axis, BaseChoices, BodyInertia, Cut, CutSide, Expr, Interval, Joint, JointFrame, JointKind,
+    Limb, Limits, LinearForm, Placement, Quantity, Spanned, Spec,
 };
 use crate::diag::{Diagnostic, Sink, Span};
 use crate::sym::Number;
@@ -88,6 +88,14 @@ fn body(reference: &BodyReference) -> Option<Spanned<String>> {
 
 /// Something is wrong, and the sink knows it.
 struct Reported;
+
+/// A joint or a cut that may have a pitch.
+struct Screw<'a> {
+    kind: JointKind,
+    /// `joint` or `cut`.
+    what: &'static str,
+    path: &'a str,
+}
 
 struct Resolver<'a> {
     /// Geometry so far; `None` where a value was reported as bad, so that its uses are not reported too.
@@ -199,6 +207,14 @@ impl Resolver<'_> {
                 })
             }
         };
+        let kind = raw.kind.value;
+        let path = raw.name.as_ref().map_or("", |name| &*name.0.path);
+        let screw = Screw {
+            kind,
+            what: "joint",
+            path,
+        };
+        let lead = self.lead(&screw, raw.kind.span, raw.pitch.as_ref());
         let limits = match &raw.limits {
             Some(limits) => self.limits(limits),
             None => Some(Limits::default()),
@@ -222,6 +238,7 @@ impl Resolver<'_> {
             },
             frame: frame?,
             axis: raw.axis.map_or(Axis::Z, |axis| axis.value),
+            lead: lead.ok()?,
             body: raw.body.as_ref().map(|body| spanned(&body.0)),
             actuated: raw.actuated.value,
             friction: raw.friction.value,
@@ -288,6 +305,55 @@ impl Resolver<'_> {
         Ok(Some(cone))
     }
 
+    /// The lead of a joint or cut that has a pitch; an error if it is reported.
+    fn lead(
+        &mut self,
+        screw: &Screw<'_>,
+        kind_span: Span,
+        raw: Option<&Scalar>,
+    ) -> Result<Option<Quantity>, Reported> {
+        let (word, what) = (screw.kind.name(), screw.what);
+        match (screw.kind.takes_pitch(), raw) {
+            (false, None) => Ok(None),
+            (false, Some(raw)) => {
+                self.sink.push(
+                    Diagnostic::new(raw.ast.span, format!("a {word} {what} takes no pitch"))
+                        .path(&*raw.path)
+                        .secondary(kind_span, format!("the {what} is {word}"))
+                        .hint(format!("only helical {what}s do")),
+                );
+                Err(Reported)
+            }
+            (true, None) => {
+                self.sink.push(
+                    Diagnostic::new(kind_span, format!("a {word} {what} needs a pitch"))
+                        // of the joint or the cut, not of its name
+                        .path(screw.path.trim_end_matches(", name"))
+                        .hint("write `pitch: 0.005` for 5 mm per turn"),
+                );
+                Err(Reported)
+            }
+            (true, Some(raw)) => {
+                let pitch = self.quantity(raw).ok_or(Reported)?;
+                if pitch.value.is_zero() {
+                    self.refuse(raw, "a pitch must not be 0: that is a revolute joint");
+                    return Err(Reported);
+                }
+                let turn = Number::from_i64(2).mul(&Number::pi());
+                let value = pitch.value.div(&turn).ok_or(Reported)?;
+                let turn = Expr::Mul(
+                    Box::new(Expr::Number(Number::from_i64(2))),
+                    Box::new(Expr::Pi),
+                );
+                Ok(Some(Quantity {
+                    expr: Expr::Div(Box::new(pitch.expr), Box::new(turn)),
+                    value,
+                    span: pitch.span,
+                }))
+            }
+        }
+    }
+
     fn cut(&mut self, raw: &RawCut) -> Option<Cut> {
         let sides = each(&raw.between, |side| {
             let (xyz, rpy) = (self.all(&side.xyz), self.all(&side.rpy));
@@ -300,12 +366,19 @@ impl Resolver<'_> {
             })
         });
         let cone = self.cone(raw.limits.as_ref().and_then(|limits| limits.cone.as_ref()));
+        let screw = Screw {
+            kind: raw.joint.value.joint(),
+            what: "cut",
+            path: &raw.name.0.path,
+        };
+        let lead = self.lead(&screw, raw.joint.span, raw.pitch.as_ref());
         Some(Cut {
             name: spanned(&raw.name.0),
             kind: Spanned {
                 value: raw.joint.value,
                 span: raw.joint.span,
             },
+            lead: lead.ok()?,
             sides: sides?.try_into().ok()?,
             limits: Limits {
                 cone: cone.ok()?,

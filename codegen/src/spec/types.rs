@@ -104,6 +104,40 @@ pub struct Spec {
     pub base: BaseChoices,
 }
 
+impl Spec {
+    /// Every quantity that the mechanism and its home depend on, but for the geometry's own.
+    pub fn quantities_mut(&mut self) -> Vec<&mut Quantity> {
+        let mut all: Vec<&mut Quantity> = self.gravity.iter_mut().collect();
+        for limb in &mut self.limbs {
+            all.extend(limb.base.quantities_mut());
+            for joint in &mut limb.joints {
+                match &mut joint.frame {
+                    JointFrame::Dh { alpha, a, d, theta } => all.extend([alpha, a, d, theta]),
+                    JointFrame::Origin(origin) => all.extend(origin.quantities_mut()),
+                }
+                all.extend(&mut joint.lead);
+            }
+        }
+        for cut in &mut self.cuts {
+            let sides = cut.sides.iter_mut();
+            all.extend(sides.flat_map(|side| side.placement.quantities_mut()));
+            all.extend(&mut cut.lead);
+        }
+        for (_, form) in &mut self.couplings {
+            all.push(&mut form.constant);
+            all.extend(form.terms.iter_mut().map(|(_, factor)| factor));
+        }
+        all.extend(self.home.iter_mut().map(|(_, q)| q));
+        all
+    }
+}
+
+impl Placement {
+    fn quantities_mut(&mut self) -> impl Iterator<Item = &mut Quantity> {
+        self.xyz.iter_mut().chain(&mut self.rpy)
+    }
+}
+
 /// A serial branch.
 #[derive(Clone, Debug)]
 pub struct Limb {
@@ -135,6 +169,8 @@ pub enum JointKind {
     Revolute,
     /// One translation.
     Prismatic,
+    /// A rotation and a translation in proportion.
+    Helical,
     /// Rz(n.1) Tz(n.2).
     Cylindrical,
     /// Rx(n.1) Ry(n.2).
@@ -172,6 +208,17 @@ pub enum Axis {
     Y,
     /// z
     Z,
+}
+
+impl Axis {
+    /// Its place in a vector.
+    pub fn index(self) -> usize {
+        match self {
+            Axis::X => 0,
+            Axis::Y => 1,
+            Axis::Z => 2,
+        }
+    }
 }
 
 /// Friction model of a joint.
@@ -224,8 +271,10 @@ pub struct Joint {
     pub kind: Spanned<JointKind>,
     /// Its frame.
     pub frame: JointFrame,
-    /// The axis a revolute or prismatic joint moves about or along.
+    /// The axis that a joint of one coordinate moves about or along.
     pub axis: Axis,
+    /// How far a helical joint slides, m per radian: its pitch over 2 pi.
+    pub lead: Option<Quantity>,
     /// Label of the body it carries; `None` is massless.
     pub body: Option<Spanned<String>>,
     /// Whether each of its coordinates is actuated.
@@ -253,6 +302,8 @@ pub enum CutKind {
     Revolute,
     /// 5 rows.
     Prismatic,
+    /// 5 rows.
+    Helical,
     /// 4 rows.
     Cylindrical,
     /// 6 rows.
@@ -275,6 +326,8 @@ pub struct Cut {
     pub name: Spanned<String>,
     /// The joint that was opened.
     pub kind: Spanned<CutKind>,
+    /// How far a helical cut slides, m per radian: its pitch over 2 pi.
+    pub lead: Option<Quantity>,
     /// Frame A, then frame B.
     pub sides: [CutSide; 2],
     /// Only `cone` is used.

@@ -1,4 +1,4 @@
-//! Angles: linear forms in the symbols, the only arguments of sine and cosine.
+//! Angles: linear forms in the symbols, the usual arguments of sine and cosine.
 //!
 //! Keeping the argument linear makes the sum of angles about parallel axes an
 //! addition of forms, and lets sines and cosines of related angles share.
@@ -147,6 +147,51 @@ impl Graph {
             1 => (cos, self.neg(sin)),
             2 => (self.neg(sin), self.neg(cos)),
             _ => (self.neg(cos), sin),
+        }
+    }
+
+    /// Sine and cosine of an expression. Constants and symbols are angles; of other expressions
+    /// nothing is known but the sign, which is taken out.
+    pub fn sin_cos_of(&mut self, ex: Ex) -> (Ex, Ex) {
+        if let Some(constant) = self.value(ex) {
+            return self.sin_cos(&Angle::constant(constant));
+        }
+        match self.node(ex) {
+            Node::Symbol(symbol) => self.sin_cos(&Angle::symbol(symbol)),
+            Node::Neg(inner) => {
+                let (sin, cos) = self.sin_cos_of(inner);
+                (self.neg(sin), cos)
+            }
+            _ => (self.intern(Node::SinOf(ex)), self.intern(Node::CosOf(ex))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sym::eval::Evaluator;
+
+    #[test]
+    fn sines_of_expressions_are_evaluated_and_angles_among_them_share_their_nodes() {
+        let mut g = Graph::new();
+        let (x, y) = (g.symbol("x"), g.symbol("y"));
+        let angle = Angle::symbol(g.symbol_id("x"));
+        assert_eq!(g.sin_cos_of(x), g.sin_cos(&angle));
+        assert_eq!(g.sin_cos_of(Ex::ZERO), (Ex::ZERO, Ex::ONE));
+        let product = g.mul(x, y);
+        let negative = g.neg(product);
+        let (sin, cos) = g.sin_cos_of(product);
+        assert_eq!(g.sin_cos_of(negative), (g.neg(sin), cos));
+        // of what is a sine itself too
+        let (nested, _) = g.sin_cos_of(sin);
+        let values = Evaluator::new(&g, vec![sin, cos, nested]).run(&[0.7, -1.3]);
+        let expected = (0.7_f64 * -1.3).sin_cos();
+        for (value, expected) in values
+            .iter()
+            .zip([expected.0, expected.1, expected.0.sin()])
+        {
+            assert!((value - expected).abs() < 1e-15, "{value} {expected}");
         }
     }
 }

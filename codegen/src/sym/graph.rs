@@ -77,6 +77,10 @@ pub enum Node {
     Sin(AngleId),
     /// Cosine of a linear form in the symbols.
     Cos(AngleId),
+    /// Sine of an expression that is no linear form in the symbols.
+    SinOf(Ex),
+    /// Cosine of an expression that is no linear form in the symbols.
+    CosOf(Ex),
     /// -1, 0 or 1 by the sign.
     Sign(Ex),
     /// 1 where positive, else 0.
@@ -324,7 +328,12 @@ impl Graph {
     pub fn children(&self, ex: Ex) -> Vec<Ex> {
         match self.node(ex) {
             Node::Constant(_) | Node::Symbol(_) => Vec::new(),
-            Node::Neg(a) | Node::Sign(a) | Node::Positive(a) | Node::Negative(a) => vec![a],
+            Node::Neg(a)
+            | Node::SinOf(a)
+            | Node::CosOf(a)
+            | Node::Sign(a)
+            | Node::Positive(a)
+            | Node::Negative(a) => vec![a],
             Node::Add(a, b) | Node::Sub(a, b) | Node::Mul(a, b) | Node::Div(a, b) => vec![a, b],
             Node::Sin(angle) | Node::Cos(angle) => self.angles[angle.index()].symbol_nodes(self),
             Node::Solved(system, ..) => {
@@ -357,7 +366,7 @@ impl Graph {
             | Node::Positive(_)
             | Node::Negative(_) => 1,
             Node::Div(..) => 6,
-            Node::Sin(_) | Node::Cos(_) => 10,
+            Node::Sin(_) | Node::Cos(_) | Node::SinOf(_) | Node::CosOf(_) => 10,
         }
     }
 

@@ -65,6 +65,8 @@ fn render(graph: &Graph, ex: Ex) -> (String, Level) {
             format!("cos({})", angle_text(graph, graph.angle(id))),
             Level::Atom,
         ),
+        Node::SinOf(a) => (format!("sin({})", sub(a).0), Level::Atom),
+        Node::CosOf(a) => (format!("cos({})", sub(a).0), Level::Atom),
         Node::Sign(a) => (format!("sgn({})", sub(a).0), Level::Atom),
         Node::Positive(a) => (format!("[{} > 0]", sub(a).0), Level::Atom),
         Node::Negative(a) => (format!("[{} < 0]", sub(a).0), Level::Atom),

@@ -23,6 +23,7 @@ const NUMBERS: &[&str] = &[
 const KINDS: &[&str] = &[
     "revolute",
     "prismatic",
+    "helical",
     "cylindrical",
     "universal",
     "spherical",

@@ -10,6 +10,7 @@ robot_model!("../../fixtures/mechanisms/parallelogram.yaml");
 robot_model!("../../fixtures/mechanisms/parallelogram_cut.yaml");
 robot_model!("../../fixtures/mechanisms/prs3.yaml");
 robot_model!("../../fixtures/mechanisms/rrr3.yaml");
+robot_model!("../../fixtures/mechanisms/screw_jack.yaml");
 robot_model!("../../fixtures/mechanisms/skew_tree.yaml");
 robot_model!("../../fixtures/pairs/fivebar/base.yaml");
 robot_model!("../../fixtures/pairs/fivebar/tip.yaml");
@@ -22,6 +23,8 @@ robot_model!("../../fixtures/pairs/rscr/spherical.yaml");
 robot_model!("../../fixtures/pairs/rsur/revolute.yaml");
 robot_model!("../../fixtures/pairs/rsur/spherical.yaml");
 robot_model!("../../fixtures/pairs/rsur/universal.yaml");
+robot_model!("../../fixtures/pairs/screw/rail.yaml");
+robot_model!("../../fixtures/pairs/screw/thread.yaml");
 robot_model!("../../fixtures/pairs/slider_crank/pin.yaml");
 robot_model!("../../fixtures/pairs/slider_crank/rail.yaml");
 robot_model!("../../fixtures/pairs/turntable/pin.yaml");
@@ -52,6 +55,7 @@ pub static ALL: &[(&str, &(dyn Model<f64> + Sync))] = &[
     ),
     ("mechanisms/prs3.yaml", &prs3::Prs3),
     ("mechanisms/rrr3.yaml", &rrr3::Rrr3),
+    ("mechanisms/screw_jack.yaml", &screw_jack::ScrewJack),
     ("mechanisms/skew_tree.yaml", &skew_tree::SkewTree),
     ("pairs/fivebar/base.yaml", &fivebar_base::FivebarBase),
     ("pairs/fivebar/tip.yaml", &fivebar_tip::FivebarTip),
@@ -67,6 +71,8 @@ pub static ALL: &[(&str, &(dyn Model<f64> + Sync))] = &[
     ("pairs/rsur/revolute.yaml", &rsur_revolute::RsurRevolute),
     ("pairs/rsur/spherical.yaml", &rsur_spherical::RsurSpherical),
     ("pairs/rsur/universal.yaml", &rsur_universal::RsurUniversal),
+    ("pairs/screw/rail.yaml", &screw_rail::ScrewRail),
+    ("pairs/screw/thread.yaml", &screw_thread::ScrewThread),
     (
         "pairs/slider_crank/pin.yaml",
         &slider_crank_pin::SliderCrankPin,

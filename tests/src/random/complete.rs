@@ -126,7 +126,11 @@ pub(super) fn closed_text(draft: &Draft) -> Result<String, Reject> {
         let a = pose(cut.a.body.as_ref()).ok_or(Reject::Unfit)?;
         let b = pose(cut.b.as_ref()).ok_or(Reject::Unfit)?;
         let mut frame = product(&a, &placed(&cut.a.placement, draft)?);
-        for motion in slack(cut.kind, cut.slack) {
+        let pitch = match cut.kind {
+            CutKind::Helical => evaluate(cut.pitch, &lookup(draft)).map_err(|_| Reject::Unfit)?,
+            _ => 0.0,
+        };
+        for motion in slack(cut.kind, pitch, cut.slack) {
             frame = product(&frame, &motion);
         }
         let second = placement_text(&relative(&b, &frame));
@@ -139,8 +143,12 @@ pub(super) fn closed_text(draft: &Draft) -> Result<String, Reject> {
         }
         let _ = writeln!(
             text,
-            "  - {{name: c{i}, joint: {}, between: [{}]{}}}",
+            "  - {{name: c{i}, joint: {}{}, between: [{}]{}}}",
             cut_word(cut.kind),
+            match cut.kind {
+                CutKind::Helical => format!(", pitch: {}", cut.pitch),
+                _ => String::new(),
+            },
             sides.join(", "),
             cut.more
         );
@@ -328,12 +336,13 @@ fn heavy(mechanism: &Mechanism, q: &[f64]) -> Result<(), Reject> {
 const IDENTITY: [f64; 12] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
 /// The motions that the joint of a cut allows.
-fn slack(kind: CutKind, [x, y, z, slide]: [f64; 4]) -> Vec<[f64; 12]> {
+fn slack(kind: CutKind, pitch: f64, [x, y, z, slide]: [f64; 4]) -> Vec<[f64; 12]> {
     match kind {
         CutKind::Spherical => vec![turn(2, z), turn(1, y), turn(0, x)],
         CutKind::Universal => vec![turn(0, x), turn(1, y)],
         CutKind::Revolute => vec![turn(2, z)],
         CutKind::Prismatic => vec![lift(slide)],
+        CutKind::Helical => vec![turn(2, z), lift(pitch / std::f64::consts::TAU * z)],
         CutKind::Cylindrical => vec![turn(2, z), lift(slide)],
         CutKind::Fixed => Vec::new(),
     }

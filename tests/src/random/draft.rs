@@ -54,6 +54,8 @@ pub enum Kind {
     Revolute,
     /// One slide.
     Prismatic,
+    /// A turn and a slide in proportion.
+    Helical,
     /// A turn and a slide.
     Cylindrical,
     /// Two turns.
@@ -66,9 +68,10 @@ pub enum Kind {
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Kind; 6] = [
+    pub const ALL: [Kind; 7] = [
         Kind::Revolute,
         Kind::Prismatic,
+        Kind::Helical,
         Kind::Cylindrical,
         Kind::Universal,
         Kind::Spherical,
@@ -80,6 +83,7 @@ impl Kind {
         match self {
             Kind::Revolute => "revolute",
             Kind::Prismatic => "prismatic",
+            Kind::Helical => "helical",
             Kind::Cylindrical => "cylindrical",
             Kind::Universal => "universal",
             Kind::Spherical => "spherical",
@@ -91,7 +95,7 @@ impl Kind {
     pub fn coordinates(self) -> usize {
         match self {
             Kind::Fixed => 0,
-            Kind::Revolute | Kind::Prismatic => 1,
+            Kind::Revolute | Kind::Prismatic | Kind::Helical => 1,
             Kind::Cylindrical | Kind::Universal => 2,
             Kind::Spherical => 3,
         }
@@ -110,6 +114,7 @@ pub fn cut_word(kind: CutKind) -> &'static str {
         CutKind::Universal => "universal",
         CutKind::Revolute => "revolute",
         CutKind::Prismatic => "prismatic",
+        CutKind::Helical => "helical",
         CutKind::Cylindrical => "cylindrical",
         CutKind::Fixed => "fixed",
     }
@@ -124,8 +129,10 @@ pub struct Joint {
     pub kind: Kind,
     /// Where it stands.
     pub frame: Frame,
-    /// Its axis, with revolute and prismatic joints; "z" is not written.
+    /// Its axis, with joints of one coordinate; "z" is not written.
     pub axis: &'static str,
+    /// Its pitch, with helical joints.
+    pub pitch: &'static str,
     /// The body carried.
     pub body: Option<String>,
     /// Whether it has a motor.
@@ -164,8 +171,11 @@ impl Joint {
             }
             Frame::Origin(placement) => keys.push(format!("origin: {{{placement}}}")),
         }
-        if matches!(self.kind, Kind::Revolute | Kind::Prismatic) && self.axis != "z" {
+        if self.kind.coordinates() == 1 && self.axis != "z" {
             keys.push(format!("axis: {}", self.axis));
+        }
+        if self.kind == Kind::Helical {
+            keys.push(format!("pitch: {}", self.pitch));
         }
         if let Some(body) = &self.body {
             keys.push(format!("body: {body}"));
@@ -211,6 +221,8 @@ pub struct Side {
 pub struct Cut {
     /// The joint.
     pub kind: CutKind,
+    /// Its pitch, if it is helical.
+    pub pitch: &'static str,
     /// Frame A.
     pub a: Side,
     /// The body of frame B.

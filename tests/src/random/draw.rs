@@ -294,6 +294,7 @@ impl Drawing {
             kind,
             frame,
             axis,
+            pitch: "",
             body: body.clone(),
             actuated: moves && self.chance(0.4),
             friction,

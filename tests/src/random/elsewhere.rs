@@ -22,6 +22,7 @@ pub fn opened_elsewhere(sample: &Sample, cut: usize) -> Result<(String, Mechanis
         CutKind::Universal => (Kind::Universal, vec![x, y]),
         CutKind::Revolute => (Kind::Revolute, vec![z]),
         CutKind::Prismatic => (Kind::Prismatic, vec![slide]),
+        CutKind::Helical => (Kind::Helical, vec![z]),
         CutKind::Cylindrical => (Kind::Cylindrical, vec![z, slide]),
         CutKind::Fixed => (Kind::Fixed, Vec::new()),
     };
@@ -33,6 +34,7 @@ pub fn opened_elsewhere(sample: &Sample, cut: usize) -> Result<(String, Mechanis
             kind,
             frame: Frame::Same,
             axis: "z",
+            pitch: opened.pitch,
             body: Some("extra".into()),
             actuated: false,
             friction: "none",

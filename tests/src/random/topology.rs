@@ -61,11 +61,40 @@ pub(super) fn draft(seed: u64, attempt: u64) -> Draft {
     if d.chance(0.25) {
         couple(&mut d);
     }
+    screws(&mut d.draft, seed ^ attempt.rotate_right(8));
     // A limb may start from a body that is written after it.
     if d.chance(0.15) {
         d.draft.limbs.reverse();
     }
     d.draft
+}
+
+/// The pitches of screws, right-handed and left-handed.
+const PITCHES: [&str; 5] = ["0.5", "-1.3", "2*a", "pi/2", "-4*c + 0.1"];
+
+/// Makes hinges of every third draft with screws in its group into screws. They are drawn apart,
+/// so that the other drafts stay what they are.
+fn screws(draft: &mut Draft, seed: u64) {
+    let mut random = Random::new(seed.wrapping_mul(0x9E37_79B9) ^ 0x5c4e);
+    let _ = random.uniform(0.0, 1.0);
+    if below(&mut random, 3) != 0 || !["space", "schoenflies"].contains(&draft.group) {
+        return;
+    }
+    let joints = draft.limbs.iter_mut().flat_map(|limb| &mut limb.joints);
+    for joint in joints.filter(|j| j.kind == Kind::Revolute) {
+        if below(&mut random, 3) == 0 {
+            joint.kind = Kind::Helical;
+            joint.pitch = PITCHES[below(&mut random, PITCHES.len())];
+        }
+    }
+    // rails too where their direction is free: both leave as much freedom as a screw
+    let rails = draft.group == "space";
+    for cut in &mut draft.cuts {
+        if cut.kind == CutKind::Revolute || (rails && cut.kind == CutKind::Prismatic) {
+            cut.kind = CutKind::Helical;
+            cut.pitch = PITCHES[below(&mut random, PITCHES.len())];
+        }
+    }
 }
 
 fn tree(d: &mut Drawing) {
@@ -161,6 +190,7 @@ fn add_cut(d: &mut Drawing, group: Group, kind: CutKind, a: Option<String>, b: O
     let swapped = swapped && kind != CutKind::Universal;
     d.draft.cuts.push(Cut {
         kind,
+        pitch: "",
         a: Side { body: a, placement },
         b,
         slack,

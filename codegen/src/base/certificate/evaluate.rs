@@ -90,6 +90,8 @@ impl<'g> Evaluator<'g> {
                 Node::Div(a, b) => at(a).checked_div(at(b))?,
                 Node::Sin(id) => sin_cos(id).0,
                 Node::Cos(id) => sin_cos(id).1,
+                Node::SinOf(a) => at(a).sin_cos().0,
+                Node::CosOf(a) => at(a).sin_cos().1,
                 Node::Sign(a) => whether(at(a) > Wide::ZERO) - whether(at(a).is_negative()),
                 Node::Positive(a) => whether(at(a) > Wide::ZERO),
                 Node::Negative(a) => whether(at(a).is_negative()),

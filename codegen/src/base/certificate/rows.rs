@@ -12,7 +12,7 @@ use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3};
 
 use super::evaluate::Evaluator;
-use super::states::{Random, State, slides};
+use super::states::{Random, State};
 use super::units::Units;
 use super::wide::Wide;
 
@@ -42,7 +42,7 @@ pub(super) fn states_needed(model: &Model) -> usize {
 pub(super) fn column_units(model: &Model, units: Units) -> Vec<i32> {
     let parameters = model.parameters.iter();
     parameters
-        .map(|p| units.column(p.kind, |c| slides(model, c)))
+        .map(|p| units.column(p.kind, |c| model.slides(c)))
         .collect()
 }
 
@@ -274,7 +274,7 @@ impl<'a> Rows<'a> {
         let mut state = state.clone();
         for k in 0..self.model.independent.len() {
             let rates = state.j.iter().enumerate();
-            let rates = rates.map(|(c, row)| (slides(self.model, c), row[k]));
+            let rates = rates.map(|(c, row)| (self.model.slides(c), row[k]));
             let unit = self.units.rate(rates);
             for row in &mut state.j {
                 row[k] = row[k].scaled(-unit);

@@ -7,7 +7,7 @@
 //! the walk ends, Newton's method in multiple precision makes a state of it.
 
 use crate::constraints::{Equations, NumericLoops};
-use crate::model::{Model, MotionKind};
+use crate::model::Model;
 use crate::numeric::solve_pivoted;
 use crate::sym::Graph;
 
@@ -182,7 +182,7 @@ impl<'a> Walk<'a> {
                 *d = TURN * self.random.next();
                 continue;
             }
-            let length = if slides(self.model, c) {
+            let length = if self.model.slides(c) {
                 SLIDE * (high - low)
             } else {
                 TURN
@@ -300,11 +300,6 @@ impl<'a> Walk<'a> {
     }
 }
 
-pub(super) fn slides(model: &Model, c: usize) -> bool {
-    let motion = model.links[model.coordinates[c].link].motion;
-    motion.is_some_and(|m| m.kind == MotionKind::Translation)
-}
-
 /// Where a coordinate may go: within its limits where home is; else a slide about
 /// home, and for angles and dependent coordinates anywhere.
 fn range(model: &Model, home: &[f64], c: usize, units: Units) -> [f64; 2] {
@@ -314,7 +309,7 @@ fn range(model: &Model, home: &[f64], c: usize, units: Units) -> [f64; 2] {
     {
         return [low, high];
     }
-    let reach = if slides(model, c) && model.independent.contains(&c) {
+    let reach = if model.slides(c) && model.independent.contains(&c) {
         0.75 * home[c].abs().max(0.4 * units.metres())
     } else {
         f64::INFINITY

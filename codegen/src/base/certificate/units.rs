@@ -7,7 +7,7 @@
 //! anything is sampled, or taken from rates one of which is 1: a column or row
 //! that is zero up to rounding is never scaled up to something.
 
-use crate::model::{FrictionColumn, Model, MotionKind, ParameterKind, Step};
+use crate::model::{FrictionColumn, Model, ParameterKind, Step};
 
 use super::wide::Wide;
 
@@ -49,11 +49,8 @@ impl Units {
             Step::Translate(_, quantity) => Some(Wide::from_number(&quantity.value)),
             Step::Rotate(..) => None,
         });
-        let slides = model.coordinates.iter().zip(home);
-        let slides = slides.filter_map(|(c, q)| {
-            let motion = model.links[c.link].motion?;
-            (motion.kind == MotionKind::Translation).then(|| Wide::from_f64(*q))
-        });
+        let slides = home.iter().enumerate().filter(|(c, _)| model.slides(*c));
+        let slides = slides.map(|(_, q)| Wide::from_f64(*q));
         let length = coarse(&largest(offsets.chain(slides)));
         let gravity = largest(model.gravity.iter().map(|q| Wide::from_number(&q.value)));
         Units {

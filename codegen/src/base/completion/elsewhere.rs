@@ -7,7 +7,7 @@ use crate::base::geometry::mentions_names;
 use crate::constraints::{NumericLoops, close_home, world_equations};
 use crate::kinematics::{Frames, Geometry};
 use crate::model::{self, Model};
-use crate::spec::{Expr, Function, JointFrame, LinearForm, Placement, Quantity, Spec};
+use crate::spec::{Expr, Function, Spec};
 use crate::sym::{Graph, Number};
 
 /// Names that are scaled together.
@@ -111,40 +111,10 @@ fn scaled(spec: &Spec, scales: &[(&Group, Number)]) -> Option<Spec> {
         };
         names.push((name.value.clone(), quantity.value.clone()));
     }
-    let again = |quantity: &mut Quantity| -> Option<()> {
+    for quantity in spec.quantities_mut() {
         quantity.value = value(&quantity.expr, &names)?;
-        Some(())
-    };
-    spec.gravity.iter_mut().try_for_each(again)?;
-    for limb in &mut spec.limbs {
-        placement(&mut limb.base, again)?;
-        for joint in &mut limb.joints {
-            match &mut joint.frame {
-                JointFrame::Dh { alpha, a, d, theta } => {
-                    [alpha, a, d, theta].into_iter().try_for_each(again)?;
-                }
-                JointFrame::Origin(origin) => placement(origin, again)?,
-            }
-        }
     }
-    for cut in &mut spec.cuts {
-        for side in &mut cut.sides {
-            placement(&mut side.placement, again)?;
-        }
-    }
-    for (_, form) in &mut spec.couplings {
-        let LinearForm {
-            constant, terms, ..
-        } = form;
-        again(constant)?;
-        terms.iter_mut().try_for_each(|(_, factor)| again(factor))?;
-    }
-    spec.home.iter_mut().try_for_each(|(_, q)| again(q))?;
     Some(spec)
-}
-
-fn placement(of: &mut Placement, again: impl Fn(&mut Quantity) -> Option<()>) -> Option<()> {
-    of.xyz.iter_mut().chain(&mut of.rpy).try_for_each(again)
 }
 
 /// An expression's value.

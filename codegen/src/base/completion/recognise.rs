@@ -22,14 +22,17 @@ pub(super) fn is_rounding(value: &Wide) -> bool {
     value.log10() < -60.0
 }
 
-/// The exact number: a fraction, a fraction times a root of one, or a sum of
-/// fractions times square roots of small integers.
+/// The exact number: a fraction, a fraction times a root of one or times or over pi or its
+/// square, or a sum of fractions times square roots of small integers.
 pub fn recognise(value: &Wide) -> Option<Number> {
     if is_rounding(value) {
         return Some(Number::zero());
     }
     if let Some(found) = fraction(value) {
         return Some(Number::from_rational(found));
+    }
+    if let Some(found) = of_pi(value) {
+        return Some(found);
     }
     if let Some(square) = fraction(&(*value * *value)) {
         let root = Number::from_rational(square).sqrt()?;
@@ -57,6 +60,20 @@ pub fn recognise(value: &Wide) -> Option<Number> {
             constants.push(Number::from_i64(*root).sqrt()?);
         }
         combination(value, &constants)
+    })
+}
+
+/// A fraction times or over pi or its square, as the leads of screws bring them in.
+fn of_pi(value: &Wide) -> Option<Number> {
+    let pi = Number::pi();
+    let square = pi.mul(&pi);
+    [pi, square].into_iter().find_map(|power| {
+        let wide = Wide::from_number(&power);
+        if let Some(found) = fraction(&(*value * wide)) {
+            return Number::from_rational(found).div(&power);
+        }
+        let found = fraction(&value.checked_div(wide)?)?;
+        Some(Number::from_rational(found).mul(&power))
     })
 }
 
@@ -161,14 +178,22 @@ mod tests {
             root(7).mul(&decimal),
             third.mul(&root(3)).add(&decimal),
             third.mul(&root(6)).sub(&root(2)),
+            third.mul(&Number::pi()),
+            // the square of a lead of 0.05 m per turn
+            Number::ratio(1, 1600).unwrap().div(&pi_to(2)).unwrap(),
         ] {
             assert_eq!(found(&exact), Some(exact));
         }
     }
 
+    fn pi_to(power: i64) -> Number {
+        Number::pi().powi(power).unwrap()
+    }
+
     #[test]
     fn other_numbers_are_not_taken_for_fractions() {
-        assert_eq!(found(&Number::pi()), None);
+        assert_eq!(found(&pi_to(3)), None);
+        assert_eq!(found(&Number::pi().add(&Number::one())), None);
         assert_eq!(found(&Number::ratio(3, 10).unwrap().sin_cos().0), None);
     }
 

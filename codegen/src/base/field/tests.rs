@@ -1,6 +1,6 @@
 use super::*;
 
-fn text(field: &Field, element: &Element) -> String {
+fn printed(field: &Field, element: &Element) -> String {
     field.coefficient(element).to_string()
 }
 
@@ -22,17 +22,17 @@ fn quotients_print_as_a_person_writes_them() {
     let numerator = f.mul(&two, &root);
     let below = f.mul(&three, &a);
     let q = f.div(&numerator, &below).unwrap();
-    assert_eq!(text(&f, &q), "-2*sqrt(3)/(3*a)");
+    assert_eq!(printed(&f, &q), "-2*sqrt(3)/(3*a)");
     let aa = f.mul(&a, &a);
-    assert_eq!(text(&f, &aa), "a^2");
+    assert_eq!(printed(&f, &aa), "a^2");
     let bb = f.mul(&b, &b);
     let s = f.add(&aa, &bb);
-    assert_eq!(text(&f, &s), "a^2 + b^2");
+    assert_eq!(printed(&f, &s), "a^2 + b^2");
     let q = f.div(&a, &s).unwrap();
-    assert_eq!(text(&f, &q), "a/(a^2 + b^2)");
+    assert_eq!(printed(&f, &q), "a/(a^2 + b^2)");
     let half = Element::exact(Number::ratio(1, 2).unwrap());
     let e = f.mul(&half, &a);
-    assert_eq!(text(&f, &e), "a/2");
+    assert_eq!(printed(&f, &e), "a/2");
 }
 
 #[test]
@@ -43,11 +43,11 @@ fn common_factors_cancel() {
     let difference = f.sub(&a, &b);
     let squares = f.mul(&sum, &difference);
     let q = f.div(&squares, &sum).unwrap();
-    assert_eq!(text(&f, &q), "a - b");
+    assert_eq!(printed(&f, &q), "a - b");
     let cubes = f.mul(&squares, &sum);
     let q = f.div(&sum, &cubes).unwrap();
     let back = f.mul(&q, &squares);
-    assert_eq!(text(&f, &back), "1");
+    assert_eq!(printed(&f, &back), "1");
 }
 
 #[test]
@@ -60,7 +60,7 @@ fn a_sum_that_is_zero_only_by_value_is_zero_and_noted() {
     let right = f.mul(&b, &c);
     let difference = f.sub(&left, &right);
     assert!(difference.is_zero());
-    assert_eq!(text(&f, &difference), "0");
+    assert_eq!(printed(&f, &difference), "0");
     assert_eq!(f.coincidences().collect::<Vec<_>>(), ["l1 = l2"]);
     // and what is zero by its expression is not worth a note
     let nothing = f.sub(&left, &left);
@@ -74,9 +74,9 @@ fn sines_of_skew_angles_obey_pythagoras_without_a_note() {
     let (s, c) = f.sin_cos(&angle);
     let (ss, cc) = (f.mul(&s, &s), f.mul(&c, &c));
     let one = f.add(&ss, &cc);
-    assert_eq!(text(&f, &one), "1");
+    assert_eq!(printed(&f, &one), "1");
     let e = f.mul(&s, &c);
-    assert_eq!(text(&f, &e), "cos(3/5)*sin(3/5)");
+    assert_eq!(printed(&f, &e), "cos(3/5)*sin(3/5)");
     assert_eq!(f.coincidences().count(), 0);
 }
 
@@ -85,10 +85,10 @@ fn quotients_by_a_sine_have_no_idle_parentheses() {
     let mut f = Field::default();
     let (s, c) = f.sin_cos(&Number::parse_decimal("0.6").unwrap());
     let tangent = f.div(&s, &c).unwrap().neg();
-    assert_eq!(text(&f, &tangent), "-sin(3/5)/cos(3/5)");
+    assert_eq!(printed(&f, &tangent), "-sin(3/5)/cos(3/5)");
     let below = f.mul(&c, &Element::integer(10));
     let q = f.div(&s, &below).unwrap();
-    assert_eq!(text(&f, &q), "sin(3/5)/(10*cos(3/5))");
+    assert_eq!(printed(&f, &q), "sin(3/5)/(10*cos(3/5))");
 }
 
 #[test]
@@ -97,12 +97,12 @@ fn a_negative_sum_of_roots_keeps_its_sign() {
     let root = |n: i64| Number::from_i64(n).sqrt().unwrap();
     let difference = root(2).sub(&root(6));
     let constant = Element::exact(difference.clone());
-    assert_eq!(text(&f, &constant), "sqrt(2) - sqrt(6)");
+    assert_eq!(printed(&f, &constant), "sqrt(2) - sqrt(6)");
     let [a] = names(&mut f, &[("a", 2)]).try_into().unwrap();
     let sum = f.add(&a, &constant);
-    assert_eq!(text(&f, &sum), "a - (sqrt(6) - sqrt(2))");
+    assert_eq!(printed(&f, &sum), "a - (sqrt(6) - sqrt(2))");
     let product = f.mul(&a, &constant);
-    assert_eq!(text(&f, &product), "-(sqrt(6) - sqrt(2))*a");
+    assert_eq!(printed(&f, &product), "-(sqrt(6) - sqrt(2))*a");
 }
 
 #[test]
@@ -116,7 +116,7 @@ fn quarter_turns_bring_no_new_sines() {
         let (sin, cos) = f.sin_cos(&angle);
         assert!(sin.value().sub(&expected_sin).is_zero());
         assert!(cos.value().sub(&expected_cos).is_zero());
-        let texts = format!("{} {}", text(&f, &sin), text(&f, &cos));
+        let texts = format!("{} {}", printed(&f, &sin), printed(&f, &cos));
         assert!(!texts.contains("pi"), "{texts}");
     }
 }
@@ -131,7 +131,7 @@ fn multiples_of_pi_are_written_within_an_eighth_turn() {
         assert!(sin.value().sub(&expected_sin).is_zero());
         assert!(cos.value().sub(&expected_cos).is_zero());
         for e in [sin, cos] {
-            let text = text(&f, &e);
+            let text = printed(&f, &e);
             let known = ["(pi/18)", "(pi/9)", "(2*pi/9)"];
             let exact = !text.contains("pi");
             assert!(exact || known.iter().any(|k| text.ends_with(k)), "{text}");
@@ -149,7 +149,7 @@ fn what_is_left_of_sines_is_exact() {
     let one = f.add(&ss, &cc);
     let e = f.mul(&one, &seventh);
     assert!(e.value().is_exact());
-    assert_eq!(text(&f, &e), "1/7");
+    assert_eq!(printed(&f, &e), "1/7");
 }
 
 #[test]
@@ -170,6 +170,6 @@ fn an_expression_that_is_too_long_is_written_as_its_value() {
         (sum, false, "1"),
     ] {
         assert_eq!(element.has_form(), known, "{text}");
-        assert_eq!(text(&f, &element), text);
+        assert_eq!(printed(&f, &element), text);
     }
 }

@@ -1,6 +1,5 @@
 //! Names in constant expressions.
 
-use super::super::raw::{RawCut, RawJoint, RawPlacement};
 use super::super::shape::Scalar;
 use super::super::suggest::did_you_mean;
 use super::{Checker, listing};
@@ -22,13 +21,19 @@ impl Checker<'_> {
             self.constant(scalar, all);
         }
         for limb in &raw.limbs {
-            self.placement(&limb.base);
+            for scalar in limb.base.constants() {
+                self.constant(scalar, all);
+            }
             for joint in &limb.joints {
-                self.joint_constants(joint);
+                for scalar in joint.constants() {
+                    self.constant(scalar, all);
+                }
             }
         }
         for cut in raw.cuts.iter().flatten() {
-            self.cut_constants(cut);
+            for scalar in cut.constants() {
+                self.constant(scalar, all);
+            }
         }
         for (_, scalar) in raw.home.iter().flat_map(|home| &home.value.0) {
             self.constant(scalar, all);
@@ -38,53 +43,6 @@ impl Checker<'_> {
             for scalar in inertia.com.iter().chain(&inertia.inertia) {
                 self.constant(scalar, all);
             }
-        }
-    }
-
-    fn placement(&mut self, placement: &RawPlacement) {
-        for scalar in placement.xyz.iter().chain(&placement.rpy) {
-            self.constant(scalar, usize::MAX);
-        }
-    }
-
-    fn joint_constants(&mut self, joint: &RawJoint) {
-        if let Some(dh) = &joint.dh {
-            for scalar in [&dh.alpha, &dh.a, &dh.d, &dh.theta] {
-                self.constant(scalar, usize::MAX);
-            }
-        }
-        if let Some(origin) = &joint.origin {
-            self.placement(origin);
-        }
-        if let Some(limits) = &joint.limits {
-            let intervals = [
-                &limits.position,
-                &limits.velocity,
-                &limits.acceleration,
-                &limits.effort,
-            ];
-            for scalar in intervals
-                .into_iter()
-                .flatten()
-                .flatten()
-                .chain(&limits.cone)
-            {
-                self.constant(scalar, usize::MAX);
-            }
-        }
-        for (_, scalar) in joint.nominal.iter().flat_map(|nominal| &nominal.0) {
-            self.constant(scalar, usize::MAX);
-        }
-    }
-
-    fn cut_constants(&mut self, cut: &RawCut) {
-        for side in &cut.between {
-            for scalar in side.xyz.iter().chain(&side.rpy) {
-                self.constant(scalar, usize::MAX);
-            }
-        }
-        if let Some(cone) = cut.limits.as_ref().and_then(|limits| limits.cone.as_ref()) {
-            self.constant(cone, usize::MAX);
         }
     }
 

@@ -115,7 +115,7 @@ impl Checker<'_> {
             );
         };
         if let Some(axis) = joint.axis
-            && !matches!(kind, JointKind::Revolute | JointKind::Prismatic)
+            && !kind.takes_axis()
         {
             let message = format!("a {word} joint takes no axis");
             refuse(
@@ -154,7 +154,7 @@ impl Checker<'_> {
             .limits
             .as_ref()
             .and_then(|limits| limits.cone.as_ref())
-            && !matches!(kind, JointKind::Spherical | JointKind::Universal)
+            && !kind.takes_cone()
         {
             let message = format!("a {word} joint takes no cone");
             refuse(

@@ -7,7 +7,6 @@ use super::super::labels::parts_of_label;
 use super::super::raw::RawCut;
 use super::super::shape::{Choice, Scalar, Word};
 use super::super::suggest::{did_you_mean, nearest};
-use super::super::types::CutKind;
 use super::cycles::cycles;
 use super::{Checker, duplicates, joint_name, listing, unknown, unknown_body};
 use crate::diag::Diagnostic;
@@ -44,7 +43,7 @@ impl Checker<'_> {
             );
         }
         if let Some(cone) = cut.limits.as_ref().and_then(|limits| limits.cone.as_ref())
-            && !matches!(cut.joint.value, CutKind::Spherical | CutKind::Universal)
+            && !cut.joint.value.joint().takes_cone()
         {
             let word = cut.joint.value.word();
             self.sink.push(
