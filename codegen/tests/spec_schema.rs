@@ -99,7 +99,7 @@ fn the_schema_describes_every_key_and_closes_every_record() {
     );
     assert_eq!(
         definitions["joint_type"]["enum"].as_array().unwrap().len(),
-        6
+        7
     );
     assert_eq!(
         definitions["limb"]["required"],
