@@ -56,7 +56,9 @@ impl Engine for Wrong<'_> {
             values[9] += part;
         } else if kind == FunctionKind::NewtonStep {
             // A slightly wrong step still converges; one that is a third short does not in ten.
-            values.iter_mut().for_each(|x| *x *= 0.7);
+            for x in &mut values {
+                *x *= 0.7;
+            }
         } else if kind == FunctionKind::SlotineLi && !resting(inputs[3]) {
             // Off where the references rest, so that the split and not the sum is wrong.
         } else if let Shape::Vector(_) = kind.signature().shape {
@@ -64,7 +66,9 @@ impl Engine for Wrong<'_> {
                 *value += part * value.abs().max(1e-3);
             }
         } else {
-            values.iter_mut().for_each(|x| *x *= 1.0 + part);
+            for x in &mut values {
+                *x *= 1.0 + part;
+            }
         }
         Ok(values)
     }

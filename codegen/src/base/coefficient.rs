@@ -55,7 +55,7 @@ impl Coefficient {
             AstKind::Binary(Operator::Sub, a, b) => of(a).joined(true, of(b)),
             AstKind::Binary(Operator::Mul, a, b) => of(a).times(of(b)),
             AstKind::Binary(Operator::Div, a, b) => of(a).over(of(b)),
-            AstKind::Binary(Operator::Pow, a, b) => of(a).to_the(of(b)),
+            AstKind::Binary(Operator::Pow, a, b) => of(a).raised(of(b)),
         }
     }
 
@@ -74,7 +74,7 @@ impl Coefficient {
     }
 
     /// `self^exponent`.
-    pub(super) fn to_the(self, exponent: Self) -> Self {
+    pub(super) fn raised(self, exponent: Self) -> Self {
         Self::Power(Box::new(self), Box::new(exponent))
     }
 
@@ -261,10 +261,10 @@ impl From<&Number> for Coefficient {
             NumberFactor::Digits(digits) => Self::Number(digits),
             NumberFactor::Root(radicand) => Self::call(Function::Sqrt, Self::integer(radicand)),
             NumberFactor::Pi(1) => Self::pi(),
-            NumberFactor::Pi(power) => Self::pi().to_the(Self::integer(power)),
+            NumberFactor::Pi(power) => Self::pi().raised(Self::integer(power)),
             NumberFactor::Two(exponent) => {
                 let size = Self::integer(exponent.unsigned_abs());
-                Self::integer(2).to_the(size.signed(exponent < 0))
+                Self::integer(2).raised(size.signed(exponent < 0))
             }
         };
         let product =

@@ -316,6 +316,19 @@ fn human(json: &Json) -> String {
     out
 }
 
+impl From<TuningError> for Failure {
+    fn from(error: TuningError) -> Self {
+        match error {
+            TuningError::NotPositiveDefinite => Self::Numeric(format!(
+                "{error}; correct `bodies:` of the spec, or --parameters"
+            )),
+            TuningError::NotActuated { .. } => Self::Input(format!("--pid: {error}")),
+            TuningError::Model(error) => error.into(),
+            other => Self::Numeric(other.to_string()),
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -336,18 +349,5 @@ mod tests {
         all.sort_unstable();
         all.dedup();
         assert_eq!(all.len(), 2500);
-    }
-}
-
-impl From<TuningError> for Failure {
-    fn from(error: TuningError) -> Self {
-        match error {
-            TuningError::NotPositiveDefinite => Self::Numeric(format!(
-                "{error}; correct `bodies:` of the spec, or --parameters"
-            )),
-            TuningError::NotActuated { .. } => Self::Input(format!("--pid: {error}")),
-            TuningError::Model(error) => error.into(),
-            other => Self::Numeric(other.to_string()),
-        }
     }
 }

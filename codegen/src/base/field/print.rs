@@ -22,7 +22,7 @@ fn factors(monomial: &Monomial, variables: &Variables) -> Vec<Coefficient> {
             if *e == 1 {
                 name
             } else {
-                name.to_the(Coefficient::integer(e))
+                name.raised(Coefficient::integer(e))
             }
         })
         .collect()

@@ -166,17 +166,12 @@ fn short_decimal(value: &RBig) -> Option<String> {
 }
 
 fn inexact(value: &Real) -> NumberTerm {
-    let above = match value.decimal_digits() {
-        Some((digits, exponent)) => {
-            vec![NumberFactor::Digits(decimal(&digits.to_string(), exponent))]
-        }
-        None => {
-            let (_, mantissa, exponent) = value.rounded(53);
-            vec![
-                NumberFactor::Digits(mantissa.to_string()),
-                NumberFactor::Two(exponent),
-            ]
-        }
+    let above = if let Some((digits, exponent)) = value.decimal_digits() {
+        vec![NumberFactor::Digits(decimal(&digits.to_string(), exponent))]
+    } else {
+        let (_, mantissa, exponent) = value.rounded(53);
+        let mantissa = NumberFactor::Digits(mantissa.to_string());
+        vec![mantissa, NumberFactor::Two(exponent)]
     };
     NumberTerm {
         negative: value.is_negative(),

@@ -31,7 +31,7 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
         model: session.model,
         reading: session.reading.clone(),
         kind: session.kind,
-        options: session.options.clone(),
+        options: session.options,
         confidence: session.confidence,
         watch: session.watch,
     };
