@@ -170,8 +170,10 @@ mod tests {
         assert_eq!(instead.factor, Factor::Instead("0.5".to_owned()));
         let full = signed(&long, half.clone(), Style::Expressions);
         assert_eq!(full.factor, expression(&long[1..]));
-        let just = signed(&long[..=60], half, Style::Short);
-        assert_eq!(just.factor, expression(&long[1..=60]));
+        let sixty = format!("{}ab", "b*".repeat(29));
+        assert_eq!((sixty.len(), long.len()), (60, 62));
+        let just = signed(&format!("-{sixty}"), half, Style::Short);
+        assert_eq!(just.factor, expression(&sixty));
     }
 
     #[test]
