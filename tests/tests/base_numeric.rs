@@ -9,7 +9,7 @@ use regen_tests::reference::Mechanism;
 use regen_tests::{files, random_spec};
 
 /// Mechanisms that have fewer base parameters than trees show, with both numbers.
-const SPECIAL: [(&str, usize, usize); 11] = [
+const SPECIAL: [(&str, usize, usize); 14] = [
     ("delta.yaml", 43, 34),
     ("linear_delta.yaml", 37, 28),
     ("palletiser.yaml", 36, 22),
@@ -21,6 +21,10 @@ const SPECIAL: [(&str, usize, usize); 11] = [
     ("schoenflies.yaml", 81, 63),
     ("pin.yaml", 22, 21),
     ("rocker.yaml", 22, 21),
+    // the shift of a screw follows its angle, which trees do not know of loops
+    ("screw_jack.yaml", 12, 11),
+    ("rail.yaml", 9, 8),
+    ("thread.yaml", 9, 8),
 ];
 
 fn all_files() -> Vec<PathBuf> {
