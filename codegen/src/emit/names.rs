@@ -141,13 +141,14 @@ pub(super) const BASE_IMPORTS: [&str; 7] = [
 
 /// The constants that a module defines and whose names a type could have. Names with `_` between
 /// two letters are not among them, because no type has one.
-const CONSTANTS: [&str; 14] = [
+const CONSTANTS: [&str; 15] = [
     "ACTUATED",
     "BASE",
     "BODIES",
     "CONES",
     "COORDINATES",
     "DEPENDENT",
+    "DIGEST",
     "FREE",
     "HOME",
     "INDEPENDENT",
