@@ -4,11 +4,11 @@
 //!
 //! The elementary functions are those of `libm`: the same digits on every machine.
 
-/// The most coefficients, shape parameters and stated values that a law has.
+/// The most coefficients that a law is linear in.
 pub const COEFFICIENTS: usize = 4;
-/// See [`COEFFICIENTS`].
+/// The most parameters of shape, which a law is not linear in.
 pub const SHAPES: usize = 2;
-/// See [`COEFFICIENTS`].
+/// The most values that a law has, coefficients and shape together.
 pub const VALUES: usize = 5;
 
 /// The friction law of a joint. `v` is its velocity, rad/s or m/s.
@@ -225,8 +225,10 @@ impl Friction {
         values
     }
 
-    /// Coefficients and shape with which a law of three coefficients is linear friction of these
-    /// Fc and Fv; a law that does not contain linear friction gives that of the parts it has.
+    /// The coefficients and shape with which this law is linear friction of these Fc and Fv. A law
+    /// that does not contain linear friction takes the part of it that it has.
+    ///
+    /// - `shape`: kept where linear friction does not depend on it.
     pub fn of_linear(
         self,
         [fc, fv]: [f64; 2],

@@ -39,9 +39,9 @@ const PITCH: &str = ", pitch: 0.7";
 /// Which joint types are drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Hinges {
-    /// Those of the tables.
+    /// Every joint type but helical ones.
     Plain,
-    /// With helical joints for revolute ones, and a helical cut.
+    /// Helical joints take the place of revolute ones, and one cut is helical.
     Screws,
 }
 

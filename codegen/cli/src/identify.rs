@@ -154,6 +154,7 @@ pub(crate) fn run(args: &IdentifyArgs) -> Result<(), Failure> {
 pub(crate) fn solve(args: &IdentifyArgs, model: &Interpreted<'_>) -> Result<Outcome, Failure> {
     let session = session(args, model);
     let (start, mut summary) = if args.physical.friction {
+        observe::require_consistent(&args.reading)?;
         let start = with_friction(&session, &args.logs)?;
         observe::note_problems(&start.reports);
         let summary = Summary::of(&start);

@@ -151,12 +151,8 @@ pub(crate) fn require_base(model: &Interpreted<'_>, name: &str) -> Result<(), Fa
     Err(Failure::Input(text))
 }
 
-/// Opens logs as the options say, and watches the passes over them.
-pub(crate) fn open<'m>(
-    model: &'m Interpreted<'m>,
-    paths: &[PathBuf],
-    reading: &ReadingArgs,
-) -> Result<Watched<'m, Interpreted<'m>>, Failure> {
+/// Refuses options of reading that do not go together.
+pub(crate) fn require_consistent(reading: &ReadingArgs) -> Result<(), Failure> {
     if reading.delay.contains(&DelayArg::Auto) {
         let text = "--delay auto is for `identify`: give the values that it printed, NAME=S";
         return Err(Failure::Input(text.to_owned()));
@@ -168,6 +164,16 @@ pub(crate) fn open<'m>(
                     drop or keep";
         return Err(Failure::Input(text.to_owned()));
     }
+    Ok(())
+}
+
+/// Opens logs as the options say, and watches the passes over them.
+pub(crate) fn open<'m>(
+    model: &'m Interpreted<'m>,
+    paths: &[PathBuf],
+    reading: &ReadingArgs,
+) -> Result<Watched<'m, Interpreted<'m>>, Failure> {
+    require_consistent(reading)?;
     Ok(session(model, reading).open(paths)?)
 }
 

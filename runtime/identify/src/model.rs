@@ -66,7 +66,7 @@ pub struct Provenance {
     /// The digest of the model that it belongs to, as [`digest`](crate::identify::digest) has it;
     /// empty where it is not known.
     pub model: String,
-    /// The logs, as their files are named.
+    /// The logs by the names of their files without folder and ending, in alphabetical order.
     pub logs: Vec<String>,
     /// When it was identified, as the caller states it.
     pub date: Option<String>,

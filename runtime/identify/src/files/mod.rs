@@ -220,8 +220,8 @@ impl IdentifiedModel {
     ///
     /// let model = models::Pendulum;
     /// let text = r#"{"Izz(1)": 0.1, "mx(1)": 0.5}"#;
-    /// let found = IdentifiedModel::read(&Format::Json.value(text)?, &model);
-    /// # let _ = &found;
+    /// let found = IdentifiedModel::read(&Format::Json.value(text)?, &model)?;
+    /// assert_eq!(found.beta, [0.1, 0.5]);
     /// let short = IdentifiedModel::read(&Format::Json.value(r#"{"none": 1.0}"#)?, &model);
     /// assert!(matches!(short, Err(FileError::Missing(_))));
     /// # Ok::<(), FileError>(())

@@ -11,11 +11,13 @@ const EVERY: u64 = 64;
 
 /// Follows long work.
 pub trait Watch {
-    /// Work of unknown length goes on with this, in words.
+    /// Called when work of unknown length begins or comes to its next step; `what` says in words
+    /// what is done.
     fn work(&self, what: &str);
-    /// That work has ended.
+    /// Called when the work that [`work`](Self::work) or [`rows`](Self::rows) reported has ended.
     fn rest(&self);
-    /// A pass over logs has read so many of all rows; `pass` counts from 1.
+    /// Called while a pass over logs runs, when it has read `done` of `all` rows; `pass` counts
+    /// from 1.
     fn rows(&self, pass: usize, done: u64, all: u64);
 }
 
