@@ -55,7 +55,7 @@ fn main() {
         let (mut text, mut runs) = (String::new(), 0.0);
         // the system counts processor time in steps of some milliseconds
         while clock.elapsed().as_secs_f64() < 0.5 {
-            let robot = derive_with(&source, BaseFrom::Nowhere)
+            let robot = derive_with(&source, BaseFrom::Skip)
                 .unwrap_or_else(|problem| panic!("{problem:?}"));
             text = module(&robot, &Options::default());
             runs += 1.0;

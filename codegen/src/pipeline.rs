@@ -218,11 +218,11 @@ impl Mechanism {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BaseFrom<'a> {
     /// They are left out.
-    Nowhere,
+    Skip,
     /// They are derived, however long it takes.
     Derivation,
     /// They are read from what was stored; derived where nothing was and it is
-    /// quick (see [`base::is_heavy`]).
+    /// quick (see [`base::is_slow_in_debug`]).
     Store(Option<&'a str>),
 }
 
@@ -288,11 +288,11 @@ pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveE
     mechanism.loops()?;
     let within_reach = base::is_within_reach(&mechanism.model);
     match from {
-        BaseFrom::Nowhere => return Ok(mechanism.robot(&without_base())?),
+        BaseFrom::Skip => return Ok(mechanism.robot(&without_base())?),
         BaseFrom::Store(Some(text)) if within_reach => {
             mechanism.restore(text).map_err(DeriveError::Store)?;
         }
-        BaseFrom::Store(None) if within_reach && base::is_heavy(&mechanism.model) => {
+        BaseFrom::Store(None) if within_reach && base::is_slow_in_debug(&mechanism.model) => {
             return Err(DeriveError::NotStored);
         }
         BaseFrom::Store(_) | BaseFrom::Derivation => {}
@@ -313,7 +313,7 @@ fn named(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
         name: cut.name.clone(),
         rows: cut.kind.equations(),
     });
-    let cones = model.cones.iter().map(|cone| crate::robot::ConeInfo {
+    let cones = model.cones.iter().map(|cone| crate::robot::SwingLimitInfo {
         name: cone.name.clone(),
         greatest: cone.greatest.to_f64(),
     });

@@ -67,7 +67,7 @@ impl JointInfo {
 
 /// A limit of the angle between two z axes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ConeInfo {
+pub struct SwingLimitInfo {
     /// The joint or the cut.
     pub name: String,
     /// The greatest angle, rad.
@@ -98,7 +98,7 @@ pub struct Robot {
     /// What is stated about the joint of each coordinate.
     pub joints: Vec<JointInfo>,
     /// Cones in order: joints, then cuts.
-    pub cones: Vec<ConeInfo>,
+    pub cones: Vec<SwingLimitInfo>,
     /// Nominal values of the parameters, in their order.
     pub nominal: Vec<Option<f64>>,
     /// Rows of A: cuts, then couplings.

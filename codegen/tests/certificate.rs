@@ -5,7 +5,7 @@
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use regen_codegen::base::certificate::{CertificateError, Samples, Wide, certify};
+use regen_codegen::base::certificate::{CertificateError, Float320, Samples, certify};
 use regen_codegen::constraints::{NumericLoops, close_home, world_equations};
 use regen_codegen::diag::Source;
 use regen_codegen::kinematics::{Frames, Geometry};
@@ -274,13 +274,13 @@ fn combinations_hold_at_states_that_they_were_not_made_from() {
         if kept.contains(&c) {
             continue;
         }
-        let mut direction = vec![Wide::ZERO; model.parameters.len()];
-        direction[c] = -Wide::ONE;
+        let mut direction = vec![Float320::ZERO; model.parameters.len()];
+        direction[c] = -Float320::ONE;
         for (k, x) in kept.iter().zip(coefficients) {
             direction[*k] = *x;
         }
         assert!(fresh.residual(&direction) < 1e-80);
-        direction[kept[0]] = direction[kept[0]] + Wide::from_f64(1e-30);
+        direction[kept[0]] = direction[kept[0]] + Float320::from_f64(1e-30);
         assert!(fresh.residual(&direction) > 1e-40);
         null_directions += 1;
     }
@@ -294,7 +294,7 @@ fn combinations_hold_at_states_that_they_were_not_made_from() {
     let exact = root.mul(&Number::ratio(-2, 3).unwrap()).div(&a).unwrap();
     let found = combinations[column("my(3)")][at];
     assert!(
-        (found - Wide::from_number(&exact)).log10() < -80.0,
+        (found - Float320::from_number(&exact)).log10() < -80.0,
         "{}",
         found.to_f64()
     );
@@ -354,5 +354,5 @@ limbs:
     assert_eq!((certificate.columns, certificate.rank), (10, 0));
     assert!(certificate.is_certain());
     assert_eq!(samples.combinations(&[]), Some(vec![vec![]; 10]));
-    assert_eq!(samples.residual(&[Wide::ONE; 10]).to_bits(), 0);
+    assert_eq!(samples.residual(&[Float320::ONE; 10]).to_bits(), 0);
 }

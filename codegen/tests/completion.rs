@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use regen_codegen::base::certificate::{Wide, certify};
+use regen_codegen::base::certificate::{Float320, certify};
 use regen_codegen::base::{Analysis, Exactness, Layer, analyse, restore, store};
 use regen_codegen::constraints::{NumericLoops, close_home, world_equations};
 use regen_codegen::diag::Source;
@@ -76,14 +76,14 @@ fn complete(path: &str, text: &str, rank: usize, completed: usize) -> (Model, An
 /// At fresh states, W(all) phi is W(base) beta.
 fn reproduces(path: &str, model: &Model, home: &[f64], analysis: &Analysis) {
     let fresh = certify(model, home, 99).unwrap();
-    let phi: Vec<Wide> = (0..model.parameters.len())
-        .map(|c| Wide::from_f64(((c * 7919 + 13) % 101) as f64 / 16.0 - 3.0))
+    let phi: Vec<Float320> = (0..model.parameters.len())
+        .map(|c| Float320::from_f64(((c * 7919 + 13) % 101) as f64 / 16.0 - 3.0))
         .collect();
     let mut difference = phi.clone();
     for parameter in &analysis.base.parameters {
         let terms = parameter.terms.iter();
-        let beta = terms.fold(Wide::ZERO, |sum, t| {
-            sum + Wide::from_number(&t.value) * phi[t.column]
+        let beta = terms.fold(Float320::ZERO, |sum, t| {
+            sum + Float320::from_number(&t.value) * phi[t.column]
         });
         difference[parameter.column] = difference[parameter.column] - beta;
     }
@@ -256,14 +256,14 @@ fn factors_that_hold_at_the_given_values_only_are_marked() {
     assert!(held.contains("a, b in proportion only"), "{held}");
     for parameter in &base.parameters {
         let expected = match parameter.layer {
-            Layer::Derived => Exactness::Everywhere,
-            Layer::Completed => Exactness::Here,
+            Layer::Derived => Exactness::Symbolic,
+            Layer::Completed => Exactness::AtThisGeometry,
         };
         assert_eq!(parameter.exactness, expected);
     }
     let (_, _, delta) = analysed(&file("mechanisms/delta.yaml"));
     assert_eq!(delta.base.held, [""; 0]);
-    let everywhere = |e: Exactness| e == Exactness::Everywhere;
+    let everywhere = |e: Exactness| e == Exactness::Symbolic;
     assert!(
         delta
             .base
@@ -294,7 +294,7 @@ fn a_factor_without_short_expression_is_a_number_and_says_so() {
     let of_digits = base
         .null
         .iter()
-        .filter(|row| row.exactness == Exactness::Digits);
+        .filter(|row| row.exactness == Exactness::Numeric);
     let labels: Vec<&str> = of_digits
         .map(|row| model.parameters[row.column].label.as_str())
         .collect();

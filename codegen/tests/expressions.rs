@@ -6,7 +6,7 @@ use std::path::Path;
 
 use regen_codegen::constraints::{Closed, world_equations};
 use regen_codegen::diag::Source;
-use regen_codegen::dynamics::{Reduction, Ways, reduced_regressor};
+use regen_codegen::dynamics::{Reduction, UnitTwists, reduced_regressor};
 use regen_codegen::functions::Symbols;
 use regen_codegen::kinematics::{Frames, Geometry, Rates, centres, motions, twists};
 use regen_codegen::model::{self, Model};
@@ -107,7 +107,7 @@ fn columns_of_a_planar_arm_are_those_of_equation_4() {
     let twists = twists(&mut g, &frames, &model);
     let j = Reduction::new(&mut g, &model, &[]);
     let centres = centres(&mut g, &frames, &model);
-    let ways = Ways {
+    let ways = UnitTwists {
         twists: &twists,
         centres: &centres,
     };
@@ -151,9 +151,10 @@ fn row_names(model: &Model) -> Vec<String> {
         let rows = 1..=cut.kind.equations();
         rows.map(|row| format!("{}.{row}", cut.name))
     });
-    let ties = model.couplings.iter();
-    let ties = ties.map(|tie| format!("tie of {}", model.coordinates[tie.key].name));
-    cuts.chain(ties).collect()
+    let velocity_constraints = model.couplings.iter();
+    let velocity_constraints =
+        velocity_constraints.map(|tie| format!("tie of {}", model.coordinates[tie.key].name));
+    cuts.chain(velocity_constraints).collect()
 }
 
 /// What each stage hands to the next, in words.

@@ -39,7 +39,7 @@ fn survive(text: &str) -> bool {
     let source = Source::new("fuzz.yaml", text);
     // with base parameters where they are quick, as the macro has it
     let robot = match derive_with(&source, BaseFrom::Store(None)) {
-        Err(DeriveError::NotStored) => derive_with(&source, BaseFrom::Nowhere),
+        Err(DeriveError::NotStored) => derive_with(&source, BaseFrom::Skip),
         other => other,
     };
     let robot = match robot {

@@ -204,7 +204,7 @@ fn a_trespass_is_noticed() {
 
 /// Files of the base room that decide anything in layers 1 and 2.
 const EXACT: [&str; 16] = [
-    "choice.rs",
+    "kept_columns.rs",
     "coefficient.rs",
     "coupled.rs",
     "geometry.rs",
@@ -214,7 +214,7 @@ const EXACT: [&str; 16] = [
     "span.rs",
     "tree.rs",
     "trees.rs",
-    "ways.rs",
+    "link_path.rs",
     "field/mod.rs",
     "field/polynomial.rs",
     "field/print.rs",

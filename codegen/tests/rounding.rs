@@ -19,7 +19,7 @@ fn robots() -> Vec<Robot> {
         .map(|path| {
             let text = std::fs::read_to_string(path).unwrap();
             let source = Source::new(path.display().to_string(), text);
-            derive_with(&source, BaseFrom::Nowhere).unwrap()
+            derive_with(&source, BaseFrom::Skip).unwrap()
         })
         .collect()
 }

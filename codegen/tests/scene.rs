@@ -29,7 +29,7 @@ fn bodies_stand_where_the_derived_poses_put_them() {
     ] {
         let source = source(robot);
         let scene = Mechanism::open(&source).unwrap().scene();
-        let derived = derive_with(&source, BaseFrom::Nowhere).unwrap();
+        let derived = derive_with(&source, BaseFrom::Skip).unwrap();
         let poses = derived.function(FunctionKind::Poses).unwrap();
         // closed or not: any coordinates
         let n = derived.coordinates.len();
@@ -54,7 +54,7 @@ fn bodies_stand_where_the_derived_poses_put_them() {
 fn the_ends_of_cuts_meet_at_home_and_part_elsewhere() {
     let source = source("3rps");
     let scene = Mechanism::open(&source).unwrap().scene();
-    let derived = derive_with(&source, BaseFrom::Nowhere).unwrap();
+    let derived = derive_with(&source, BaseFrom::Skip).unwrap();
     let gap = |q: &[f64]| {
         let frames = scene.frames(q);
         let cuts = scene.cuts.iter().map(|cut| Scene::ends(&frames, cut));

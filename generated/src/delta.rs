@@ -28,8 +28,8 @@
 //! | [`gravity`] | 289 | 450 | 8 | 11 |
 //! | [`bias_forces`] | 724 | 987 | 8 | 11 |
 //! | [`mass_matrix`] | 451 | 613 | 8 | 11 |
-//! | [`slotine_li`] | 1025 | 1527 | 8 | 11 |
-//! | [`efforts`] | 0 | 0 | 0 | 0 |
+//! | [`adaptive_regressor`] | 1025 | 1527 | 8 | 11 |
+//! | [`generalized_forces`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 26 | 68 | 0 | 11 |
 //! | [`base_regressor`] | 430 | 656 | 8 | 11 |
 //! | [`to_base`] | 31 | 14 | 0 | 0 |
@@ -42,7 +42,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Arguments, Condition, Cone, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
+ Arguments, Condition, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseFunction, BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -95,7 +95,7 @@ pub const JOINTS: [Joint; 11] = [
     Joint::TURN,
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
-pub const CONES: [Cone<'static>; 0] = [
+pub const CONES: [SwingLimit<'static>; 0] = [
 ];
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
@@ -434,8 +434,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 ///
 /// 54 additions, 60 multiplications, 0 divisions, 11 sines and cosines.
 pub fn constraints<T: Scalar>(q: &[T; 11]) -> [T; 8] {
-    let like = q[0];
-    let mut f = [like.lift(0.0); 8];
+    let proto = q[0];
+    let mut f = [proto.splat(0.0); 8];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -462,65 +462,65 @@ pub fn constraints<T: Scalar>(q: &[T; 11]) -> [T; 8] {
     };
     // f (Eq. 6)
     {
-        let t2_1 = like.lift(1.244) * cos_u1_2;
-        let t2_2 = like.lift(0.524) * sin_q1;
+        let t2_1 = proto.splat(1.244) * cos_u1_2;
+        let t2_2 = proto.splat(0.524) * sin_q1;
         let t2_3 = sin_e1x * sin_u1_2_e1y;
         let t2_4 = sin_e1x * cos_u1_2_e1y;
-        let t2_5 = like.lift(0.044) * t2_3;
-        let t2_6 = like.lift(1.244).mul_add(sin_u1_2, t2_5);
-        let t2_7 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_8 = like.lift(0.5) * cos_u1_2_e1y;
-        let t2_9 = like.lift(0.022) * t2_3;
-        let t2_10 = like.lift(0.8660254037844386) * t2_3;
+        let t2_5 = proto.splat(0.044) * t2_3;
+        let t2_6 = proto.splat(1.244).mul_add(sin_u1_2, t2_5);
+        let t2_7 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_8 = proto.splat(0.5) * cos_u1_2_e1y;
+        let t2_9 = proto.splat(0.022) * t2_3;
+        let t2_10 = proto.splat(0.8660254037844386) * t2_3;
         let t2_11 = cos_u2_2 * sin_q2_u2_1;
-        let t2_12 = like.lift(1.244) * cos_u2_2;
-        let t2_13 = like.lift(0.8660254037844386) * t2_11;
-        let t2_14 = like.lift(-0.5).mul_add(sin_u2_2, t2_13);
-        let t2_15 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_16 = like.lift(0.5).mul_add(t2_11, t2_15);
+        let t2_12 = proto.splat(1.244) * cos_u2_2;
+        let t2_13 = proto.splat(0.8660254037844386) * t2_11;
+        let t2_14 = proto.splat(-0.5).mul_add(sin_u2_2, t2_13);
+        let t2_15 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_16 = proto.splat(0.5).mul_add(t2_11, t2_15);
         let t2_17 = t2_6 + t2_7;
         let t2_18 = t2_6 - t2_7;
         let t2_19 = t2_17 + t2_9;
-        let t2_20 = like.lift(-1.244).mul_add(t2_14, t2_19);
+        let t2_20 = proto.splat(-1.244).mul_add(t2_14, t2_19);
         let t2_21 = t2_18 + t2_9;
-        let t2_22 = like.lift(-0.45379731158304587).mul_add(cos_q2, t2_20);
-        let t2_23 = t2_22 - like.lift(0.14202816622064793);
+        let t2_22 = proto.splat(-0.45379731158304587).mul_add(cos_q2, t2_20);
+        let t2_23 = t2_22 - proto.splat(0.14202816622064793);
         f[0] = t2_23;
         let t2_24 = cos_e1x * cos_q1_u1_1;
         let t2_25 = (-sin_q1_u1_1).mul_add(t2_4, t2_24);
         let t2_26 = cos_q1_u1_1 * t2_4;
         let t2_27 = cos_e1x.mul_add(sin_q1_u1_1, t2_26);
-        let t2_28 = like.lift(-0.044).mul_add(t2_27, t2_2);
+        let t2_28 = proto.splat(-0.044).mul_add(t2_27, t2_2);
         let t2_29 = (-cos_q1_u1_1).mul_add(t2_1, t2_28);
         let t2_30 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_31 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_32 = like.lift(-0.044).mul_add(t2_25, like.lift(0.164));
+        let t2_32 = proto.splat(-0.044).mul_add(t2_25, proto.splat(0.164));
         let t2_33 = sin_q1_u1_1.mul_add(t2_1, t2_32);
-        let t2_34 = like.lift(0.524).mul_add(cos_q1, t2_33);
-        let t2_35 = like.lift(0.0381051177665153) * t2_31;
-        let t2_36 = like.lift(0.5) * t2_31;
-        let t2_37 = like.lift(0.022) * t2_25;
-        let t2_38 = like.lift(0.8660254037844386) * t2_25;
+        let t2_34 = proto.splat(0.524).mul_add(cos_q1, t2_33);
+        let t2_35 = proto.splat(0.0381051177665153) * t2_31;
+        let t2_36 = proto.splat(0.5) * t2_31;
+        let t2_37 = proto.splat(0.022) * t2_25;
+        let t2_38 = proto.splat(0.8660254037844386) * t2_25;
         let t2_39 = t2_36 + t2_38;
-        let t2_40 = like.lift(0.5) * t2_39;
+        let t2_40 = proto.splat(0.5) * t2_39;
         let t2_41 = t2_36 - t2_40;
         let t2_42 = t2_8 - t2_10;
         let t2_43 = t2_8 + t2_10;
-        let t2_44 = like.lift(0.8660254037844386).mul_add(t2_42, t2_41);
-        let t2_45 = like.lift(-0.8660254037844386).mul_add(t2_43, t2_40);
+        let t2_44 = proto.splat(0.8660254037844386).mul_add(t2_42, t2_41);
+        let t2_45 = proto.splat(-0.8660254037844386).mul_add(t2_43, t2_40);
         let t2_46 = t2_34 - t2_35;
         let t2_47 = t2_34 + t2_35;
         let t2_48 = t2_46 - t2_37;
-        let t2_49 = like.lift(1.244).mul_add(t2_16, t2_48);
-        let t2_50 = like.lift(0.262).mul_add(cos_q2, t2_49);
+        let t2_49 = proto.splat(1.244).mul_add(t2_16, t2_48);
+        let t2_50 = proto.splat(0.262).mul_add(cos_q2, t2_49);
         let t2_51 = t2_47 - t2_37;
-        let t2_52 = t2_50 + like.lift(0.082);
+        let t2_52 = t2_50 + proto.splat(0.082);
         let t2_53 = -t2_52;
         f[1] = t2_53;
-        let t2_54 = like.lift(0.0381051177665153) * t2_30;
-        let t2_55 = like.lift(0.5) * t2_30;
-        let t2_56 = like.lift(0.022) * t2_27;
-        let t2_57 = like.lift(0.8660254037844386) * t2_27;
+        let t2_54 = proto.splat(0.0381051177665153) * t2_30;
+        let t2_55 = proto.splat(0.5) * t2_30;
+        let t2_56 = proto.splat(0.022) * t2_27;
+        let t2_57 = proto.splat(0.8660254037844386) * t2_27;
         let t2_58 = t2_55 + t2_57;
         let t2_59 = t2_58 * sin_q2_u2_1;
         let t2_60 = cos_q2_u2_1.mul_add(t2_44, t2_59);
@@ -530,30 +530,30 @@ pub fn constraints<T: Scalar>(q: &[T; 11]) -> [T; 8] {
         let t2_63 = cos_q3_u3_1.mul_add(t2_45, t2_62);
         f[7] = t2_63;
         let t2_64 = cos_u3_2 * sin_q3_u3_1;
-        let t2_65 = like.lift(1.244) * cos_u3_2;
+        let t2_65 = proto.splat(1.244) * cos_u3_2;
         let t2_66 = t2_29 + t2_54;
         let t2_67 = t2_66 - t2_56;
         let t2_68 = t2_12.mul_add(cos_q2_u2_1, t2_67);
-        let t2_69 = like.lift(-0.524).mul_add(sin_q2, t2_68);
+        let t2_69 = proto.splat(-0.524).mul_add(sin_q2, t2_68);
         let t2_70 = t2_29 - t2_54;
         let t2_71 = t2_70 - t2_56;
         let t2_72 = t2_65.mul_add(cos_q3_u3_1, t2_71);
-        let t2_73 = like.lift(-0.524).mul_add(sin_q3, t2_72);
+        let t2_73 = proto.splat(-0.524).mul_add(sin_q3, t2_72);
         let t2_74 = -t2_69;
         f[2] = t2_74;
         let t2_75 = -t2_73;
         f[6] = t2_75;
-        let t2_76 = like.lift(0.5) * sin_u3_2;
-        let t2_77 = like.lift(0.8660254037844386).mul_add(t2_64, t2_76);
-        let t2_78 = like.lift(1.244).mul_add(t2_77, t2_21);
-        let t2_79 = like.lift(0.45379731158304587).mul_add(cos_q3, t2_78);
-        let t2_80 = t2_79 + like.lift(0.14202816622064793);
+        let t2_76 = proto.splat(0.5) * sin_u3_2;
+        let t2_77 = proto.splat(0.8660254037844386).mul_add(t2_64, t2_76);
+        let t2_78 = proto.splat(1.244).mul_add(t2_77, t2_21);
+        let t2_79 = proto.splat(0.45379731158304587).mul_add(cos_q3, t2_78);
+        let t2_80 = t2_79 + proto.splat(0.14202816622064793);
         f[4] = t2_80;
-        let t2_81 = like.lift(0.5) * t2_64;
-        let t2_82 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_81);
-        let t2_83 = like.lift(1.244).mul_add(t2_82, t2_51);
-        let t2_84 = like.lift(0.262).mul_add(cos_q3, t2_83);
-        let t2_85 = t2_84 + like.lift(0.082);
+        let t2_81 = proto.splat(0.5) * t2_64;
+        let t2_82 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_81);
+        let t2_83 = proto.splat(1.244).mul_add(t2_82, t2_51);
+        let t2_84 = proto.splat(0.262).mul_add(cos_q3, t2_83);
+        let t2_85 = t2_84 + proto.splat(0.082);
         let t2_86 = -t2_85;
         f[5] = t2_86;
     }
@@ -567,8 +567,8 @@ pub fn constraints<T: Scalar>(q: &[T; 11]) -> [T; 8] {
 ///
 /// 87 additions, 135 multiplications, 0 divisions, 11 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
-    let like = q[0];
-    let mut a = [[like.lift(0.0); 11]; 8];
+    let proto = q[0];
+    let mut a = [[proto.splat(0.0); 11]; 8];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -599,27 +599,27 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         t2_18, t2_19, t2_20, t2_21, t2_22, t2_23, t2_24, t2_29, t2_30, t2_31, t2_33, t2_36,
         t2_38, t2_39,
     ] = {
-        let t2_1 = like.lift(1.244) * cos_u1_2;
-        let t2_2 = like.lift(0.524) * sin_q2;
+        let t2_1 = proto.splat(1.244) * cos_u1_2;
+        let t2_2 = proto.splat(0.524) * sin_q2;
         let t2_3 = sin_e1x * cos_u1_2_e1y;
         let t2_4 = cos_q1_u1_1 * t2_3;
         let t2_5 = cos_e1x.mul_add(sin_q1_u1_1, t2_4);
         let t2_6 = cos_e1x * cos_q1_u1_1;
         let t2_7 = (-sin_q1_u1_1).mul_add(t2_3, t2_6);
-        let t2_8 = like.lift(0.022) * t2_5;
+        let t2_8 = proto.splat(0.022) * t2_5;
         let t2_9 = cos_q1_u1_1 * sin_u1_2_e1y;
-        let t2_10 = like.lift(0.0381051177665153) * t2_9;
+        let t2_10 = proto.splat(0.0381051177665153) * t2_9;
         let t2_11 = cos_q1_u1_1 * t2_1;
-        let t2_12 = like.lift(0.044) * t2_5;
+        let t2_12 = proto.splat(0.044) * t2_5;
         let t2_13 = t2_11 + t2_12;
         let t2_14 = t2_10 - t2_8;
         let t2_15 = t2_12 - t2_14;
         let t2_16 = t2_15 + t2_11;
         let t2_17 = sin_q1_u1_1 * t2_1;
-        let t2_18 = like.lift(0.044) * t2_7;
+        let t2_18 = proto.splat(0.044) * t2_7;
         let t2_19 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_20 = like.lift(0.0381051177665153) * t2_19;
-        let t2_21 = like.lift(0.022) * t2_7;
+        let t2_20 = proto.splat(0.0381051177665153) * t2_19;
+        let t2_21 = proto.splat(0.022) * t2_7;
         let t2_22 = t2_21 + t2_18;
         let t2_23 = t2_22 + t2_20;
         let t2_24 = t2_17 - t2_23;
@@ -632,19 +632,19 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         let t2_29 = t2_19.mul_add(t2_15, t2_28);
         a[0][4] = t2_29;
         let t2_30 = cos_u2_2 * cos_q2_u2_1;
-        let t2_31 = like.lift(-1.244).mul_add(t2_30, t2_2);
-        let t2_32 = like.lift(0.8660254037844386) * t2_31;
+        let t2_31 = proto.splat(-1.244).mul_add(t2_30, t2_2);
+        let t2_32 = proto.splat(0.8660254037844386) * t2_31;
         a[0][5] = t2_32;
         let t2_33 = cos_u2_2 * sin_q2_u2_1;
-        let t2_34 = like.lift(1.0773356023078418) * t2_30;
+        let t2_34 = proto.splat(1.0773356023078418) * t2_30;
         let t2_35 = -t2_34;
         a[0][6] = t2_35;
         let t2_36 = cos_q2_u2_1 * t2_30;
-        let t2_37 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_38 = like.lift(0.5).mul_add(t2_33, t2_37);
-        let t2_39 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_37 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_38 = proto.splat(0.5).mul_add(t2_33, t2_37);
+        let t2_39 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_40 = t2_38 * t2_39;
-        let t2_41 = like.lift(0.622).mul_add(t2_36, t2_40);
+        let t2_41 = proto.splat(0.622).mul_add(t2_36, t2_40);
         a[0][7] = t2_41;
         [
             t2_1, t2_5, t2_7, t2_8, t2_9, t2_10, t2_11, t2_12, t2_13, t2_14, t2_15, t2_16,
@@ -654,28 +654,28 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
     };
     // row 2
     let [t3_1, t3_4, t3_9, t3_15, t3_16, t3_17, t3_18, t3_20, t3_22, t3_24] = {
-        let t3_1 = like.lift(0.524).mul_add(sin_q1, -t2_13);
+        let t3_1 = proto.splat(0.524).mul_add(sin_q1, -t2_13);
         let t3_2 = t3_1 + t2_14;
         a[1][0] = t3_2;
         let t3_3 = -t2_16;
         a[1][1] = t3_3;
         let t3_4 = sin_e1x * sin_u1_2_e1y;
-        let t3_5 = like.lift(0.5) * t2_31;
+        let t3_5 = proto.splat(0.5) * t2_31;
         a[1][5] = t3_5;
-        let t3_6 = like.lift(0.622) * t2_30;
+        let t3_6 = proto.splat(0.622) * t2_30;
         let t3_7 = -t3_6;
         a[1][6] = t3_7;
-        let t3_8 = like.lift(0.8660254037844386) * t2_33;
-        let t3_9 = like.lift(-0.5).mul_add(sin_u2_2, t3_8);
-        let t3_10 = like.lift(1.0773356023078418) * t2_36;
+        let t3_8 = proto.splat(0.8660254037844386) * t2_33;
+        let t3_9 = proto.splat(-0.5).mul_add(sin_u2_2, t3_8);
+        let t3_10 = proto.splat(1.0773356023078418) * t2_36;
         let t3_11 = t3_9.mul_add(t2_39, t3_10);
         let t3_12 = -t3_11;
         a[1][7] = t3_12;
         let t3_13 = cos_u1_2_e1y * t2_15;
-        let t3_14 = like.lift(0.044) * t3_4;
-        let t3_15 = like.lift(1.244).mul_add(sin_u1_2, t3_14);
-        let t3_16 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t3_17 = like.lift(0.022) * t3_4;
+        let t3_14 = proto.splat(0.044) * t3_4;
+        let t3_15 = proto.splat(1.244).mul_add(sin_u1_2, t3_14);
+        let t3_16 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t3_17 = proto.splat(0.022) * t3_4;
         let t3_18 = t3_17 + t3_14;
         let t3_19 = t3_15 + t3_16;
         let t3_20 = t3_19 + t3_17;
@@ -691,7 +691,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
     };
     // row 3
     let [t4_5, t4_7] = {
-        let t4_1 = like.lift(-0.524).mul_add(cos_q1, t2_18);
+        let t4_1 = proto.splat(-0.524).mul_add(cos_q1, t2_18);
         let t4_2 = -t2_24;
         a[2][1] = t4_2;
         let t4_3 = cos_q1_u1_1 * t3_20;
@@ -707,18 +707,18 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         let t4_10 = t2_21 + t2_20;
         let t4_11 = t4_10 + t4_5;
         a[2][0] = t4_11;
-        let t4_12 = like.lift(1.0773356023078418) * t3_9;
-        let t4_13 = like.lift(0.622).mul_add(t2_38, t4_12);
+        let t4_12 = proto.splat(1.0773356023078418) * t3_9;
+        let t4_13 = proto.splat(0.622).mul_add(t2_38, t4_12);
         a[2][6] = t4_13;
-        let t4_14 = like.lift(1.244) * t2_38;
-        let t4_15 = like.lift(0.262).mul_add(cos_q2, t4_14);
-        let t4_16 = like.lift(1.244) * t3_9;
-        let t4_17 = like.lift(0.45379731158304587).mul_add(cos_q2, t4_16);
-        let t4_18 = like.lift(0.8660254037844386) * t4_17;
-        let t4_19 = like.lift(0.5).mul_add(t4_15, t4_18);
+        let t4_14 = proto.splat(1.244) * t2_38;
+        let t4_15 = proto.splat(0.262).mul_add(cos_q2, t4_14);
+        let t4_16 = proto.splat(1.244) * t3_9;
+        let t4_17 = proto.splat(0.45379731158304587).mul_add(cos_q2, t4_16);
+        let t4_18 = proto.splat(0.8660254037844386) * t4_17;
+        let t4_19 = proto.splat(0.5).mul_add(t4_15, t4_18);
         a[2][5] = t4_19;
-        let t4_20 = like.lift(0.622) * t3_9;
-        let t4_21 = like.lift(-1.0773356023078418).mul_add(t2_38, t4_20);
+        let t4_20 = proto.splat(0.622) * t3_9;
+        let t4_21 = proto.splat(-1.0773356023078418).mul_add(t2_38, t4_20);
         let t4_22 = cos_q2_u2_1 * t4_21;
         let t4_23 = -t4_22;
         a[2][7] = t4_23;
@@ -726,23 +726,23 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
     };
     // row 4
     let [t5_1, t5_2, t5_3, t5_4, t5_7, t5_11, t5_26] = {
-        let t5_1 = like.lift(0.8660254037844386) * t2_5;
-        let t5_2 = like.lift(0.8660254037844386) * t2_7;
-        let t5_3 = like.lift(0.8660254037844386) * t3_4;
-        let t5_4 = like.lift(0.5) * t2_9;
+        let t5_1 = proto.splat(0.8660254037844386) * t2_5;
+        let t5_2 = proto.splat(0.8660254037844386) * t2_7;
+        let t5_3 = proto.splat(0.8660254037844386) * t3_4;
+        let t5_4 = proto.splat(0.5) * t2_9;
         let t5_5 = t5_4 + t5_1;
         let t5_6 = t5_5 * cos_q2_u2_1;
-        let t5_7 = like.lift(0.5) * t2_19;
+        let t5_7 = proto.splat(0.5) * t2_19;
         let t5_8 = t5_7 - t5_2;
-        let t5_9 = like.lift(0.5) * t5_6;
+        let t5_9 = proto.splat(0.5) * t5_6;
         let t5_10 = (-t5_8).mul_add(sin_q2_u2_1, t5_9);
         a[3][0] = t5_10; a[3][1] = t5_10;
-        let t5_11 = like.lift(0.5) * cos_u1_2_e1y;
+        let t5_11 = proto.splat(0.5) * cos_u1_2_e1y;
         let t5_12 = t5_11 - t5_3;
         let t5_13 = t5_12 * sin_q2_u2_1;
-        let t5_14 = like.lift(-0.8660254037844386).mul_add(t5_6, t5_13);
-        let t5_15 = like.lift(0.5) * t5_12;
-        let t5_16 = like.lift(-0.8660254037844386).mul_add(t5_8, t5_15);
+        let t5_14 = proto.splat(-0.8660254037844386).mul_add(t5_6, t5_13);
+        let t5_15 = proto.splat(0.5) * t5_12;
+        let t5_16 = proto.splat(-0.8660254037844386).mul_add(t5_8, t5_15);
         let t5_17 = cos_q2_u2_1 * t5_16;
         let t5_18 = -t5_17;
         let t5_19 = cos_q1_u1_1 * t5_14;
@@ -752,10 +752,10 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         let t5_22 = t2_19.mul_add(t5_14, t5_21);
         let t5_23 = cos_u1_2_e1y.mul_add(t5_10, t5_22);
         a[3][4] = t5_23;
-        let t5_24 = like.lift(0.5) * t5_10;
-        let t5_25 = like.lift(-0.8660254037844386).mul_add(t5_14, t5_24);
+        let t5_24 = proto.splat(0.5) * t5_10;
+        let t5_25 = proto.splat(-0.8660254037844386).mul_add(t5_14, t5_24);
         a[3][5] = t5_25; a[3][6] = t5_25;
-        let t5_26 = like.lift(0.022) - like.lift(0.022);
+        let t5_26 = proto.splat(0.022) - proto.splat(0.022);
         a[3][7] = t5_26;
         [t5_1, t5_2, t5_3, t5_4, t5_7, t5_11, t5_26]
     };
@@ -773,21 +773,21 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         a[4][3] = t6_8;
         let t6_9 = t6_8 + t2_1;
         a[4][2] = t6_9;
-        let t6_10 = like.lift(0.524) * sin_q3;
+        let t6_10 = proto.splat(0.524) * sin_q3;
         let t6_11 = cos_u3_2 * cos_q3_u3_1;
-        let t6_12 = like.lift(-1.244).mul_add(t6_11, t6_10);
-        let t6_13 = like.lift(1.0773356023078418) * t6_11;
+        let t6_12 = proto.splat(-1.244).mul_add(t6_11, t6_10);
+        let t6_13 = proto.splat(1.0773356023078418) * t6_11;
         a[4][9] = t6_13;
         let t6_14 = cos_u3_2 * sin_q3_u3_1;
-        let t6_15 = like.lift(0.8660254037844386) * t6_12;
+        let t6_15 = proto.splat(0.8660254037844386) * t6_12;
         let t6_16 = -t6_15;
         a[4][8] = t6_16;
         let t6_17 = cos_q3_u3_1 * t6_11;
-        let t6_18 = like.lift(0.5) * t6_14;
-        let t6_19 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t6_18);
-        let t6_20 = like.lift(1.244) * sin_q3_u3_1;
+        let t6_18 = proto.splat(0.5) * t6_14;
+        let t6_19 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t6_18);
+        let t6_20 = proto.splat(1.244) * sin_q3_u3_1;
         let t6_21 = t6_19 * t6_20;
-        let t6_22 = like.lift(0.622).mul_add(t6_17, t6_21);
+        let t6_22 = proto.splat(0.622).mul_add(t6_17, t6_21);
         a[4][10] = t6_22;
         [t6_1, t6_4, t6_6, t6_11, t6_12, t6_14, t6_17, t6_19, t6_20]
     };
@@ -797,7 +797,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         a[5][0] = t7_1;
         let t7_2 = -t6_4;
         a[5][1] = t7_2;
-        let t7_3 = like.lift(0.5) * t6_12;
+        let t7_3 = proto.splat(0.5) * t6_12;
         a[5][8] = t7_3;
         let t7_4 = t3_15 - t3_16;
         let t7_5 = t7_4 + t3_17;
@@ -805,12 +805,12 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         let t7_7 = t5_26 + t3_24;
         let t7_8 = -t7_7;
         a[5][4] = t7_8;
-        let t7_9 = like.lift(0.622) * t6_11;
+        let t7_9 = proto.splat(0.622) * t6_11;
         let t7_10 = -t7_9;
         a[5][9] = t7_10;
-        let t7_11 = like.lift(0.5) * sin_u3_2;
-        let t7_12 = like.lift(0.8660254037844386).mul_add(t6_14, t7_11);
-        let t7_13 = like.lift(1.0773356023078418) * t6_17;
+        let t7_11 = proto.splat(0.5) * sin_u3_2;
+        let t7_12 = proto.splat(0.8660254037844386).mul_add(t6_14, t7_11);
+        let t7_13 = proto.splat(1.0773356023078418) * t6_17;
         let t7_14 = t7_12.mul_add(t6_20, t7_13);
         a[5][10] = t7_14;
         let t7_15 = sin_q1_u1_1 * t7_5;
@@ -834,18 +834,18 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         let t8_7 = cos_q1_u1_1 * t7_6;
         let t8_8 = -t8_7;
         a[6][3] = t8_8;
-        let t8_9 = like.lift(1.0773356023078418) * t7_12;
-        let t8_10 = like.lift(0.622).mul_add(t6_19, t8_9);
+        let t8_9 = proto.splat(1.0773356023078418) * t7_12;
+        let t8_10 = proto.splat(0.622).mul_add(t6_19, t8_9);
         a[6][9] = t8_10;
-        let t8_11 = like.lift(1.244) * t6_19;
-        let t8_12 = like.lift(0.262).mul_add(cos_q3, t8_11);
-        let t8_13 = like.lift(1.244) * t7_12;
-        let t8_14 = like.lift(0.45379731158304587).mul_add(cos_q3, t8_13);
-        let t8_15 = like.lift(0.8660254037844386) * t8_14;
-        let t8_16 = like.lift(0.5).mul_add(t8_12, t8_15);
+        let t8_11 = proto.splat(1.244) * t6_19;
+        let t8_12 = proto.splat(0.262).mul_add(cos_q3, t8_11);
+        let t8_13 = proto.splat(1.244) * t7_12;
+        let t8_14 = proto.splat(0.45379731158304587).mul_add(cos_q3, t8_13);
+        let t8_15 = proto.splat(0.8660254037844386) * t8_14;
+        let t8_16 = proto.splat(0.5).mul_add(t8_12, t8_15);
         a[6][8] = t8_16;
-        let t8_17 = like.lift(0.622) * t7_12;
-        let t8_18 = like.lift(-1.0773356023078418).mul_add(t6_19, t8_17);
+        let t8_17 = proto.splat(0.622) * t7_12;
+        let t8_18 = proto.splat(-1.0773356023078418).mul_add(t6_19, t8_17);
         let t8_19 = cos_q3_u3_1 * t8_18;
         a[6][10] = t8_19;
     }
@@ -855,16 +855,16 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         let t9_2 = t5_7 + t5_2;
         let t9_3 = t5_11 + t5_3;
         let t9_4 = t9_1 * cos_q3_u3_1;
-        let t9_5 = like.lift(0.022) - like.lift(0.022);
+        let t9_5 = proto.splat(0.022) - proto.splat(0.022);
         let t9_6 = -t9_5;
         a[7][10] = t9_6;
-        let t9_7 = like.lift(0.5) * t9_4;
+        let t9_7 = proto.splat(0.5) * t9_4;
         let t9_8 = (-t9_2).mul_add(sin_q3_u3_1, t9_7);
         a[7][0] = t9_8; a[7][1] = t9_8;
-        let t9_9 = like.lift(0.8660254037844386) * t9_4;
+        let t9_9 = proto.splat(0.8660254037844386) * t9_4;
         let t9_10 = t9_3.mul_add(sin_q3_u3_1, t9_9);
-        let t9_11 = like.lift(0.5) * t9_3;
-        let t9_12 = like.lift(0.8660254037844386).mul_add(t9_2, t9_11);
+        let t9_11 = proto.splat(0.5) * t9_3;
+        let t9_12 = proto.splat(0.8660254037844386).mul_add(t9_2, t9_11);
         let t9_13 = cos_q3_u3_1 * t9_12;
         let t9_14 = sin_q1_u1_1 * t9_13;
         let t9_15 = cos_q1_u1_1.mul_add(t9_10, t9_14);
@@ -873,8 +873,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
         let t9_17 = (-t2_9).mul_add(t9_13, t9_16);
         let t9_18 = cos_u1_2_e1y.mul_add(t9_8, t9_17);
         a[7][4] = t9_18;
-        let t9_19 = like.lift(0.8660254037844386) * t9_10;
-        let t9_20 = like.lift(0.5).mul_add(t9_8, t9_19);
+        let t9_19 = proto.splat(0.8660254037844386) * t9_10;
+        let t9_20 = proto.splat(0.5).mul_add(t9_8, t9_19);
         a[7][8] = t9_20; a[7][9] = t9_20;
     }
     a
@@ -888,8 +888,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 11]; 8] {
 ///
 /// 180 additions, 274 multiplications, 0 divisions, 11 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
-    let like = q[0];
-    let mut b = [like.lift(0.0); 8];
+    let proto = q[0];
+    let mut b = [proto.splat(0.0); 8];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -921,19 +921,19 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         t2_189, t2_190, t2_199, t2_201, t2_203, t2_206, t2_208, t2_212, t2_236, t2_237, t2_240,
         t2_241, t2_242, t2_243, t2_245, t2_247, t2_249, t2_250,
     ] = {
-        let t2_1 = like.lift(0.524) * sin_q2;
-        let t2_2 = like.lift(0.524) * sin_q3;
+        let t2_1 = proto.splat(0.524) * sin_q2;
+        let t2_2 = proto.splat(0.524) * sin_q3;
         let t2_3 = cos_q1_u1_1 * d_u1_2;
         let t2_4 = d_q1 + d_u1_1;
         let t2_5 = sin_q1_u1_1 * t2_4;
         let t2_6 = sin_u1_2 * t2_3;
         let t2_7 = cos_u1_2.mul_add(t2_5, t2_6);
-        let t2_8 = like.lift(1.244) * t2_7;
+        let t2_8 = proto.splat(1.244) * t2_7;
         let t2_9 = sin_q1_u1_1 * d_u1_2;
         let t2_10 = cos_q1_u1_1 * t2_4;
         let t2_11 = cos_u1_2 * t2_10;
         let t2_12 = (-sin_u1_2).mul_add(t2_9, t2_11);
-        let t2_13 = like.lift(1.244) * t2_12;
+        let t2_13 = proto.splat(1.244) * t2_12;
         let t2_14 = -t2_13;
         let t2_15 = cos_u1_2 * d_u1_2;
         let t2_16 = sin_e1x * cos_u1_2_e1y;
@@ -953,13 +953,13 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_30 = d_e1y.mul_add(t2_5, t2_29);
         let t2_31 = sin_u1_2 * t2_22;
         let t2_32 = (-t2_3).mul_add(t2_15, t2_31);
-        let t2_33 = like.lift(1.244) * t2_32;
+        let t2_33 = proto.splat(1.244) * t2_32;
         let t2_34 = t2_9 * t2_14;
         let t2_35 = t2_3.mul_add(t2_8, t2_34);
         let t2_36 = d_u1_2 * t2_10;
         let t2_37 = sin_u1_2 * t2_36;
         let t2_38 = t2_9.mul_add(t2_15, t2_37);
-        let t2_39 = like.lift(1.244) * t2_38;
+        let t2_39 = proto.splat(1.244) * t2_38;
         let t2_40 = t2_24 * t2_4;
         let t2_41 = (-cos_u1_2_e1y).mul_add(t2_26, t2_40);
         let t2_42 = d_e1x.mul_add(t2_41, t2_36);
@@ -971,30 +971,30 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_48 = cos_u1_2_e1y.mul_add(d_e1x, t2_4);
         let t2_49 = t2_17 * t2_44;
         let t2_50 = (-t2_21).mul_add(t2_48, t2_49);
-        let t2_51 = like.lift(0.044) * t2_50;
+        let t2_51 = proto.splat(0.044) * t2_50;
         let t2_52 = -t2_51;
         let t2_53 = t2_19 * t2_48;
         let t2_54 = (-t2_17).mul_add(t2_47, t2_53);
-        let t2_55 = like.lift(0.044) * t2_54;
+        let t2_55 = proto.splat(0.044) * t2_54;
         let t2_56 = -t2_55;
         let t2_57 = t2_21 * t2_43;
         let t2_58 = t2_19.mul_add(t2_30, t2_57);
-        let t2_59 = like.lift(0.044).mul_add(t2_58, t2_35);
+        let t2_59 = proto.splat(0.044).mul_add(t2_58, t2_35);
         let t2_60 = t2_47.mul_add(t2_56, t2_59);
         let t2_61 = (-t2_44).mul_add(t2_52, t2_60);
-        let t2_62 = like.lift(0.0381051177665153) * t2_25;
-        let t2_63 = like.lift(0.5) * t2_25;
-        let t2_64 = like.lift(0.022) * t2_19;
+        let t2_62 = proto.splat(0.0381051177665153) * t2_25;
+        let t2_63 = proto.splat(0.5) * t2_25;
+        let t2_64 = proto.splat(0.022) * t2_19;
         let t2_65 = t2_62 - t2_64;
         let t2_66 = t2_62 + t2_64;
-        let t2_67 = like.lift(0.0381051177665153) * t2_24;
-        let t2_68 = like.lift(0.5) * t2_24;
-        let t2_69 = like.lift(0.022) * t2_21;
+        let t2_67 = proto.splat(0.0381051177665153) * t2_24;
+        let t2_68 = proto.splat(0.5) * t2_24;
+        let t2_69 = proto.splat(0.022) * t2_21;
         let t2_70 = t2_67 + t2_69;
         let t2_71 = t2_67 - t2_69;
-        let t2_72 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_73 = like.lift(0.5) * cos_u1_2_e1y;
-        let t2_74 = like.lift(0.022) * t2_17;
+        let t2_72 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_73 = proto.splat(0.5) * cos_u1_2_e1y;
+        let t2_74 = proto.splat(0.022) * t2_17;
         let t2_75 = t2_72 + t2_74;
         let t2_76 = t2_72 - t2_74;
         let t2_77 = t2_71 * t2_48;
@@ -1008,29 +1008,29 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_85 = cos_u2_2 * cos_q2_u2_1;
         let t2_86 = cos_u2_2 * sin_q2_u2_1;
         let t2_87 = d_u2_1 + d_q2;
-        let t2_88 = like.lift(0.5) * t2_87;
-        let t2_89 = like.lift(0.8660254037844386) * t2_87;
+        let t2_88 = proto.splat(0.5) * t2_87;
+        let t2_89 = proto.splat(0.8660254037844386) * t2_87;
         let t2_90 = d_u2_2 * sin_q2_u2_1;
         let t2_91 = t2_88 * t2_90;
-        let t2_92 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_93 = like.lift(0.5).mul_add(t2_86, t2_92);
-        let t2_94 = like.lift(0.8660254037844386) * t2_86;
-        let t2_95 = like.lift(-0.5).mul_add(sin_u2_2, t2_94);
+        let t2_92 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_93 = proto.splat(0.5).mul_add(t2_86, t2_92);
+        let t2_94 = proto.splat(0.8660254037844386) * t2_86;
+        let t2_95 = proto.splat(-0.5).mul_add(sin_u2_2, t2_94);
         let t2_96 = cos_q2_u2_1 * d_u2_2;
-        let t2_97 = like.lift(0.8660254037844386).mul_add(t2_96, t2_88);
-        let t2_98 = like.lift(-0.5).mul_add(t2_96, t2_89);
-        let t2_99 = like.lift(0.8660254037844386) * t2_98;
-        let t2_100 = like.lift(0.5).mul_add(t2_97, t2_99);
+        let t2_97 = proto.splat(0.8660254037844386).mul_add(t2_96, t2_88);
+        let t2_98 = proto.splat(-0.5).mul_add(t2_96, t2_89);
+        let t2_99 = proto.splat(0.8660254037844386) * t2_98;
+        let t2_100 = proto.splat(0.5).mul_add(t2_97, t2_99);
         let t2_101 = cos_q2_u2_1 * t2_100;
-        let t2_102 = like.lift(0.022) - like.lift(0.022);
+        let t2_102 = proto.splat(0.022) - proto.splat(0.022);
         let t2_103 = t2_102 + t2_101;
         let t2_104 = d_u2_2 * t2_103;
         let t2_105 = t2_95 * t2_98;
         let t2_106 = t2_93.mul_add(t2_97, t2_105);
-        let t2_107 = like.lift(1.244) * t2_106;
+        let t2_107 = proto.splat(1.244) * t2_106;
         let t2_108 = t2_85 * t2_97;
         let t2_109 = t2_95.mul_add(t2_90, t2_108);
-        let t2_110 = like.lift(1.244) * t2_109;
+        let t2_110 = proto.splat(1.244) * t2_109;
         let t2_111 = t2_93 * t2_104;
         let t2_112 = (-t2_85).mul_add(t2_91, t2_111);
         let t2_113 = t2_95 * t2_91;
@@ -1038,8 +1038,8 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_115 = (-t2_65).mul_add(t2_30, t2_114);
         let t2_116 = t2_47.mul_add(t2_82, t2_115);
         let t2_117 = (-t2_44).mul_add(t2_79, t2_116);
-        let t2_118 = like.lift(-0.45379731158304587).mul_add(t2_84, t2_117);
-        let t2_119 = like.lift(-1.244).mul_add(t2_112, t2_118);
+        let t2_118 = proto.splat(-0.45379731158304587).mul_add(t2_84, t2_117);
+        let t2_119 = proto.splat(-1.244).mul_add(t2_112, t2_118);
         let t2_120 = (-t2_90).mul_add(t2_110, t2_119);
         let t2_121 = (-t2_98).mul_add(t2_107, t2_120);
         let t2_122 = (-t2_71).mul_add(t2_43, t2_61);
@@ -1053,7 +1053,7 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_130 = t2_66.mul_add(t2_44, t2_129);
         let t2_131 = t2_128 - t2_130;
         let t2_132 = -t2_131;
-        let t2_133 = like.lift(0.524) * d_q1;
+        let t2_133 = proto.splat(0.524) * d_q1;
         let t2_134 = d_q1 * t2_133;
         let t2_135 = cos_q1.mul_add(t2_134, t2_39);
         let t2_136 = sin_q1.mul_add(t2_134, t2_33);
@@ -1061,7 +1061,7 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_138 = t2_4.mul_add(t2_14, t2_136);
         let t2_139 = t2_19 * t2_126;
         let t2_140 = t2_17.mul_add(t2_43, t2_139);
-        let t2_141 = like.lift(0.044).mul_add(t2_140, t2_137);
+        let t2_141 = proto.splat(0.044).mul_add(t2_140, t2_137);
         let t2_142 = (-t2_48).mul_add(t2_52, t2_141);
         let t2_143 = t2_47.mul_add(t2_132, t2_142);
         let t2_144 = (-t2_65).mul_add(t2_126, t2_143);
@@ -1069,26 +1069,26 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_146 = t2_75.mul_add(t2_43, t2_144);
         let t2_147 = (-t2_48).mul_add(t2_79, t2_146);
         let t2_148 = (-t2_47).mul_add(t2_128, t2_147);
-        let t2_149 = like.lift(0.262).mul_add(t2_84, t2_148);
+        let t2_149 = proto.splat(0.262).mul_add(t2_84, t2_148);
         let t2_150 = (-t2_76).mul_add(t2_43, t2_145);
         let t2_151 = t2_48.mul_add(t2_78, t2_150);
-        let t2_152 = like.lift(0.8660254037844386) * t2_19;
+        let t2_152 = proto.splat(0.8660254037844386) * t2_19;
         let t2_153 = t2_47.mul_add(t2_130, t2_151);
         let t2_154 = t2_89 * t2_90;
         let t2_155 = t2_85 * t2_154;
         let t2_156 = (-t2_95).mul_add(t2_104, t2_155);
-        let t2_157 = like.lift(1.244).mul_add(t2_156, t2_149);
+        let t2_157 = proto.splat(1.244).mul_add(t2_156, t2_149);
         let t2_158 = t2_97.mul_add(t2_107, t2_157);
         let t2_159 = (-t2_93).mul_add(t2_154, t2_113);
         let t2_160 = t2_93 * t2_90;
         let t2_161 = (-t2_85).mul_add(t2_98, t2_160);
-        let t2_162 = like.lift(1.244) * t2_161;
+        let t2_162 = proto.splat(1.244) * t2_161;
         let t2_163 = -t2_162;
         let t2_164 = (-t2_90).mul_add(t2_163, t2_158);
         let t2_165 = -t2_164;
         let t2_166 = t2_17 * t2_30;
         let t2_167 = (-t2_21).mul_add(t2_126, t2_166);
-        let t2_168 = like.lift(0.044).mul_add(t2_167, t2_138);
+        let t2_168 = proto.splat(0.044).mul_add(t2_167, t2_138);
         let t2_169 = (-t2_44).mul_add(t2_132, t2_168);
         let t2_170 = t2_48.mul_add(t2_56, t2_169);
         let t2_171 = t2_75.mul_add(t2_30, t2_170);
@@ -1096,7 +1096,7 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_173 = t2_44.mul_add(t2_128, t2_172);
         let t2_174 = t2_48.mul_add(t2_82, t2_173);
         let t2_175 = (-t2_1).mul_add(t2_83, t2_174);
-        let t2_176 = like.lift(1.244).mul_add(t2_159, t2_175);
+        let t2_176 = proto.splat(1.244).mul_add(t2_159, t2_175);
         let t2_177 = t2_98.mul_add(t2_163, t2_176);
         let t2_178 = t2_97.mul_add(t2_110, t2_177);
         let t2_179 = (-t2_76).mul_add(t2_30, t2_170);
@@ -1104,13 +1104,13 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_181 = (-t2_44).mul_add(t2_130, t2_180);
         let t2_182 = -t2_178;
         let t2_183 = (-t2_48).mul_add(t2_81, t2_181);
-        let t2_184 = like.lift(0.8660254037844386) * t2_21;
-        let t2_185 = like.lift(0.8660254037844386) * t2_17;
+        let t2_184 = proto.splat(0.8660254037844386) * t2_21;
+        let t2_185 = proto.splat(0.8660254037844386) * t2_17;
         let t2_186 = d_q3 * d_q3;
         let t2_187 = (-t2_2).mul_add(t2_186, t2_183);
         let t2_188 = cos_q3 * t2_186;
-        let t2_189 = like.lift(0.45379731158304587).mul_add(t2_188, t2_125);
-        let t2_190 = like.lift(0.262).mul_add(t2_188, t2_153);
+        let t2_189 = proto.splat(0.45379731158304587).mul_add(t2_188, t2_125);
+        let t2_190 = proto.splat(0.262).mul_add(t2_188, t2_153);
         let t2_191 = sin_q2_u2_1 * t2_89;
         let t2_192 = t2_89 * t2_103;
         let t2_193 = t2_88 * t2_103;
@@ -1144,8 +1144,8 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_221 = (-t2_198).mul_add(t2_126, t2_220);
         let t2_222 = (-t2_48).mul_add(t2_213, t2_221);
         let t2_223 = (-t2_47).mul_add(t2_204, t2_222);
-        let t2_224 = like.lift(0.5) * t2_223;
-        let t2_225 = like.lift(0.8660254037844386).mul_add(t2_219, t2_224);
+        let t2_224 = proto.splat(0.5) * t2_223;
+        let t2_225 = proto.splat(0.8660254037844386).mul_add(t2_219, t2_224);
         let t2_226 = t2_200 * t2_126;
         let t2_227 = (-t2_205).mul_add(t2_30, t2_226);
         let t2_228 = (-t2_44).mul_add(t2_204, t2_227);
@@ -1160,17 +1160,17 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t2_237 = cos_u3_2 * cos_q3_u3_1;
         let t2_238 = cos_u3_2 * sin_q3_u3_1;
         let t2_239 = d_u3_1 + d_q3;
-        let t2_240 = like.lift(0.5) * t2_239;
-        let t2_241 = like.lift(0.8660254037844386) * t2_239;
+        let t2_240 = proto.splat(0.5) * t2_239;
+        let t2_241 = proto.splat(0.8660254037844386) * t2_239;
         let t2_242 = d_u3_2 * sin_q3_u3_1;
         let t2_243 = t2_240 * t2_242;
-        let t2_244 = like.lift(0.5) * t2_238;
-        let t2_245 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_244);
-        let t2_246 = like.lift(0.5) * sin_u3_2;
-        let t2_247 = like.lift(0.8660254037844386).mul_add(t2_238, t2_246);
+        let t2_244 = proto.splat(0.5) * t2_238;
+        let t2_245 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_244);
+        let t2_246 = proto.splat(0.5) * sin_u3_2;
+        let t2_247 = proto.splat(0.8660254037844386).mul_add(t2_238, t2_246);
         let t2_248 = cos_q3_u3_1 * d_u3_2;
-        let t2_249 = like.lift(-0.8660254037844386).mul_add(t2_248, t2_240);
-        let t2_250 = like.lift(0.5).mul_add(t2_248, t2_241);
+        let t2_249 = proto.splat(-0.8660254037844386).mul_add(t2_248, t2_240);
+        let t2_250 = proto.splat(0.5).mul_add(t2_248, t2_241);
         [
             t2_30, t2_43, t2_44, t2_47, t2_48, t2_102, t2_121, t2_126, t2_165, t2_182, t2_187,
             t2_189, t2_190, t2_199, t2_201, t2_203, t2_206, t2_208, t2_212, t2_236, t2_237,
@@ -1180,22 +1180,22 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
     // b (Eq. 7)
     {
         b[0] = t2_121; b[1] = t2_165; b[2] = t2_182; b[3] = t2_236;
-        let t3_1 = like.lift(0.8660254037844386) * t2_250;
-        let t3_2 = like.lift(0.5).mul_add(t2_249, t3_1);
+        let t3_1 = proto.splat(0.8660254037844386) * t2_250;
+        let t3_2 = proto.splat(0.5).mul_add(t2_249, t3_1);
         let t3_3 = cos_q3_u3_1 * t3_2;
         let t3_4 = t3_3 + t2_102;
         let t3_5 = t3_3 * t2_212;
         let t3_6 = d_u3_2 * t3_4;
         let t3_7 = t2_247 * t2_250;
         let t3_8 = t2_245.mul_add(t2_249, t3_7);
-        let t3_9 = like.lift(1.244) * t3_8;
+        let t3_9 = proto.splat(1.244) * t3_8;
         let t3_10 = t2_237 * t2_249;
         let t3_11 = (-t2_247).mul_add(t2_242, t3_10);
-        let t3_12 = like.lift(1.244) * t3_11;
+        let t3_12 = proto.splat(1.244) * t3_11;
         let t3_13 = -t3_12;
         let t3_14 = t2_245 * t3_6;
         let t3_15 = (-t2_237).mul_add(t2_243, t3_14);
-        let t3_16 = like.lift(-1.244).mul_add(t3_15, t2_189);
+        let t3_16 = proto.splat(-1.244).mul_add(t3_15, t2_189);
         let t3_17 = t2_242.mul_add(t3_13, t3_16);
         let t3_18 = t2_250.mul_add(t3_9, t3_17);
         b[4] = t3_18;
@@ -1204,12 +1204,12 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t3_21 = (-t2_245).mul_add(t3_20, t3_19);
         let t3_22 = t2_237 * t3_20;
         let t3_23 = (-t2_247).mul_add(t3_6, t3_22);
-        let t3_24 = like.lift(-1.244).mul_add(t3_23, t2_190);
+        let t3_24 = proto.splat(-1.244).mul_add(t3_23, t2_190);
         let t3_25 = t2_249.mul_add(t3_9, t3_24);
-        let t3_26 = like.lift(-1.244).mul_add(t3_21, t2_187);
+        let t3_26 = proto.splat(-1.244).mul_add(t3_21, t2_187);
         let t3_27 = t2_245 * t2_242;
         let t3_28 = t2_237.mul_add(t2_250, t3_27);
-        let t3_29 = like.lift(1.244) * t3_28;
+        let t3_29 = proto.splat(1.244) * t3_28;
         let t3_30 = t2_242.mul_add(t3_29, t3_25);
         let t3_31 = t2_250.mul_add(t3_29, t3_26);
         let t3_32 = (-t2_249).mul_add(t3_13, t3_31);
@@ -1239,8 +1239,8 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
         let t3_54 = (-t2_44).mul_add(t2_203, t3_53);
         let t3_55 = (-t2_48).mul_add(t2_208, t3_54);
         let t3_56 = (-sin_q3_u3_1).mul_add(t3_55, t3_42);
-        let t3_57 = like.lift(0.5) * t3_51;
-        let t3_58 = like.lift(-0.8660254037844386).mul_add(t3_47, t3_57);
+        let t3_57 = proto.splat(0.5) * t3_51;
+        let t3_58 = proto.splat(-0.8660254037844386).mul_add(t3_47, t3_57);
         let t3_59 = (-cos_q3_u3_1).mul_add(t3_58, t3_56);
         let t3_60 = t3_59 + t3_42;
         let t3_61 = t2_199.mul_add(t3_40, t3_60);
@@ -1258,9 +1258,9 @@ pub fn bias<T: Scalar>(q: &[T; 11], qd: &[T; 11]) -> [T; 8] {
 ///
 /// 186 additions, 251 multiplications, 8 divisions, 11 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
-    let like = q[0];
-    let mut dq_e = [like.lift(0.0); 8];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut dq_e = [proto.splat(0.0); 8];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -1296,22 +1296,22 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         t2_203, t2_204, t2_205, t2_206, t2_208, t2_209, t2_211, t2_215, pivot_4, inv_pivot_4,
         t2_222, t2_225, t2_226, t2_228, t2_230, t2_235, t2_236, t2_237, t2_238, t2_239, t2_241,
     ] = {
-        let t2_1 = like.lift(1.244) * cos_u1_2;
-        let t2_2 = like.lift(0.524).mul_add(cos_q1, like.lift(0.164));
+        let t2_1 = proto.splat(1.244) * cos_u1_2;
+        let t2_2 = proto.splat(0.524).mul_add(cos_q1, proto.splat(0.164));
         let t2_3 = sin_e1x * cos_u1_2_e1y;
         let t2_4 = sin_e1x * sin_u1_2_e1y;
         let t2_5 = cos_q1_u1_1 * t2_3;
         let t2_6 = cos_e1x.mul_add(sin_q1_u1_1, t2_5);
         let t2_7 = cos_e1x * cos_q1_u1_1;
         let t2_8 = (-sin_q1_u1_1).mul_add(t2_3, t2_7);
-        let t2_9 = like.lift(0.022) * t2_6;
+        let t2_9 = proto.splat(0.022) * t2_6;
         let t2_10 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_11 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_12 = like.lift(0.0381051177665153) * t2_10;
+        let t2_12 = proto.splat(0.0381051177665153) * t2_10;
         let t2_13 = cos_q1_u1_1 * t2_1;
-        let t2_14 = like.lift(0.524).mul_add(sin_q1, -t2_13);
-        let t2_15 = like.lift(0.044) * t2_6;
-        let t2_16 = like.lift(0.8660254037844386) * t2_6;
+        let t2_14 = proto.splat(0.524).mul_add(sin_q1, -t2_13);
+        let t2_15 = proto.splat(0.044) * t2_6;
+        let t2_16 = proto.splat(0.8660254037844386) * t2_6;
         let t2_17 = t2_14 - t2_15;
         let t2_18 = t2_12 - t2_9;
         let t2_19 = t2_12 + t2_9;
@@ -1324,11 +1324,11 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t2_26 = t2_21 + t2_13;
         let t2_27 = sin_q1_u1_1 * t2_1;
         let t2_28 = t2_2 + t2_27;
-        let t2_29 = like.lift(0.044) * t2_8;
+        let t2_29 = proto.splat(0.044) * t2_8;
         let t2_30 = t2_28 - t2_29;
-        let t2_31 = like.lift(0.0381051177665153) * t2_11;
-        let t2_32 = like.lift(0.022) * t2_8;
-        let t2_33 = like.lift(0.8660254037844386) * t2_8;
+        let t2_31 = proto.splat(0.0381051177665153) * t2_11;
+        let t2_32 = proto.splat(0.022) * t2_8;
+        let t2_33 = proto.splat(0.8660254037844386) * t2_8;
         let t2_34 = t2_31 + t2_32;
         let t2_35 = t2_31 - t2_32;
         let t2_36 = t2_34 + t2_29;
@@ -1341,41 +1341,41 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t2_43 = t2_37 + t2_1;
         let t2_44 = t2_10 * t2_39;
         let t2_45 = t2_11.mul_add(t2_21, t2_44);
-        let t2_46 = like.lift(0.0) + t2_45;
+        let t2_46 = proto.splat(0.0) + t2_45;
         let t2_47 = cos_u2_2 * cos_q2_u2_1;
-        let t2_48 = like.lift(1.244).mul_add(t2_47, t2_22);
-        let t2_49 = like.lift(-0.524).mul_add(sin_q2, t2_48);
+        let t2_48 = proto.splat(1.244).mul_add(t2_47, t2_22);
+        let t2_49 = proto.splat(-0.524).mul_add(sin_q2, t2_48);
         let t2_50 = cos_u2_2 * sin_q2_u2_1;
-        let t2_51 = like.lift(1.0773356023078418) * t2_47;
+        let t2_51 = proto.splat(1.0773356023078418) * t2_47;
         let t2_52 = -t2_51;
         let t2_53 = cos_q2_u2_1 * t2_47;
-        let t2_54 = like.lift(0.622) * t2_47;
-        let t2_55 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_56 = like.lift(0.5).mul_add(t2_50, t2_55);
-        let t2_57 = like.lift(0.8660254037844386) * t2_50;
-        let t2_58 = like.lift(-0.5).mul_add(sin_u2_2, t2_57);
-        let t2_59 = like.lift(1.244).mul_add(t2_56, t2_41);
-        let t2_60 = like.lift(0.262).mul_add(cos_q2, t2_59);
-        let t2_61 = t2_60 + like.lift(0.082);
-        let t2_62 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_54 = proto.splat(0.622) * t2_47;
+        let t2_55 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_56 = proto.splat(0.5).mul_add(t2_50, t2_55);
+        let t2_57 = proto.splat(0.8660254037844386) * t2_50;
+        let t2_58 = proto.splat(-0.5).mul_add(sin_u2_2, t2_57);
+        let t2_59 = proto.splat(1.244).mul_add(t2_56, t2_41);
+        let t2_60 = proto.splat(0.262).mul_add(cos_q2, t2_59);
+        let t2_61 = t2_60 + proto.splat(0.082);
+        let t2_62 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_63 = t2_56 * t2_62;
-        let t2_64 = like.lift(0.622).mul_add(t2_53, t2_63);
-        let t2_65 = like.lift(1.0773356023078418) * t2_53;
+        let t2_64 = proto.splat(0.622).mul_add(t2_53, t2_63);
+        let t2_65 = proto.splat(1.0773356023078418) * t2_53;
         let pivot_5 = t2_58.mul_add(t2_62, t2_65);
         let t2_66 = -t2_24;
-        let t2_67 = like.lift(0.044) * t2_4;
-        let t2_68 = like.lift(1.244).mul_add(sin_u1_2, t2_67);
-        let t2_69 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_70 = like.lift(0.022) * t2_4;
+        let t2_67 = proto.splat(0.044) * t2_4;
+        let t2_68 = proto.splat(1.244).mul_add(sin_u1_2, t2_67);
+        let t2_69 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_70 = proto.splat(0.022) * t2_4;
         let t2_71 = t2_70 + t2_67;
-        let t2_72 = like.lift(0.8660254037844386) * t2_4;
+        let t2_72 = proto.splat(0.8660254037844386) * t2_4;
         let t2_73 = t2_68 + t2_69;
         let t2_74 = t2_73 + t2_70;
         let t2_75 = t2_68 - t2_69;
         let t2_76 = t2_75 + t2_70;
-        let t2_77 = like.lift(-1.244).mul_add(t2_58, t2_74);
-        let t2_78 = like.lift(-0.45379731158304587).mul_add(cos_q2, t2_77);
-        let t2_79 = t2_78 - like.lift(0.14202816622064793);
+        let t2_77 = proto.splat(-1.244).mul_add(t2_58, t2_74);
+        let t2_78 = proto.splat(-0.45379731158304587).mul_add(cos_q2, t2_77);
+        let t2_79 = t2_78 - proto.splat(0.14202816622064793);
         let t2_80 = sin_q1_u1_1 * t2_74;
         let t2_81 = cos_q1_u1_1 * t2_74;
         let t2_82 = t2_69 + t2_71;
@@ -1389,70 +1389,70 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t2_90 = cos_u1_2_e1y * t2_39;
         let t2_91 = (-t2_11).mul_add(t2_83, t2_90);
         let t2_92 = t2_89 + t2_1;
-        let t2_93 = like.lift(0.0) + t2_87;
+        let t2_93 = proto.splat(0.0) + t2_87;
         let t2_94 = -t2_93;
         let t2_95 = -t2_54;
         let t2_96 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_97 = -t2_38;
         let t2_98 = -t2_81;
         let t2_99 = -t2_85;
-        let t2_100 = like.lift(0.0) + t2_91;
-        let t2_101 = like.lift(1.0773356023078418) * t2_58;
-        let t2_102 = like.lift(0.622).mul_add(t2_56, t2_101);
-        let t2_103 = like.lift(0.622) * t2_58;
-        let t2_104 = like.lift(-1.0773356023078418).mul_add(t2_56, t2_103);
+        let t2_100 = proto.splat(0.0) + t2_91;
+        let t2_101 = proto.splat(1.0773356023078418) * t2_58;
+        let t2_102 = proto.splat(0.622).mul_add(t2_56, t2_101);
+        let t2_103 = proto.splat(0.622) * t2_58;
+        let t2_104 = proto.splat(-1.0773356023078418).mul_add(t2_56, t2_103);
         let t2_105 = cos_q2_u2_1 * t2_104;
         let t2_106 = -t2_105;
-        let t2_107 = like.lift(0.5) * t2_10;
+        let t2_107 = proto.splat(0.5) * t2_10;
         let t2_108 = t2_107 + t2_16;
         let t2_109 = t2_107 - t2_16;
         let t2_110 = t2_108 * cos_q2_u2_1;
         let t2_111 = t2_108 * sin_q2_u2_1;
-        let t2_112 = like.lift(0.5) * t2_11;
+        let t2_112 = proto.splat(0.5) * t2_11;
         let t2_113 = t2_112 - t2_33;
         let t2_114 = t2_112 + t2_33;
-        let t2_115 = like.lift(0.5) * t2_110;
+        let t2_115 = proto.splat(0.5) * t2_110;
         let t2_116 = (-t2_113).mul_add(sin_q2_u2_1, t2_115);
         let t2_117 = t2_113 * cos_q2_u2_1;
-        let t2_118 = like.lift(0.5).mul_add(t2_117, t2_111);
-        let t2_119 = like.lift(0.8660254037844386) * t2_117;
-        let t2_120 = like.lift(0.5) * cos_u1_2_e1y;
+        let t2_118 = proto.splat(0.5).mul_add(t2_117, t2_111);
+        let t2_119 = proto.splat(0.8660254037844386) * t2_117;
+        let t2_120 = proto.splat(0.5) * cos_u1_2_e1y;
         let t2_121 = t2_120 - t2_72;
         let t2_122 = t2_120 + t2_72;
         let t2_123 = t2_121 * sin_q2_u2_1;
-        let t2_124 = like.lift(-0.8660254037844386).mul_add(t2_110, t2_123);
+        let t2_124 = proto.splat(-0.8660254037844386).mul_add(t2_110, t2_123);
         let t2_125 = t2_121 * cos_q2_u2_1;
-        let t2_126 = like.lift(-0.5).mul_add(t2_125, t2_119);
-        let t2_127 = like.lift(0.8660254037844386).mul_add(t2_125, t2_118);
+        let t2_126 = proto.splat(-0.5).mul_add(t2_125, t2_119);
+        let t2_127 = proto.splat(0.8660254037844386).mul_add(t2_125, t2_118);
         let t2_128 = cos_q1_u1_1 * t2_124;
         let t2_129 = (-sin_q1_u1_1).mul_add(t2_126, t2_128);
         let t2_130 = t2_10 * t2_126;
         let t2_131 = t2_11.mul_add(t2_124, t2_130);
         let t2_132 = cos_u1_2_e1y.mul_add(t2_116, t2_131);
-        let t2_133 = like.lift(0.5) * t2_116;
-        let t2_134 = like.lift(-0.8660254037844386).mul_add(t2_124, t2_133);
-        let t2_135 = like.lift(0.0) + like.lift(0.0);
+        let t2_133 = proto.splat(0.5) * t2_116;
+        let t2_134 = proto.splat(-0.8660254037844386).mul_add(t2_124, t2_133);
+        let t2_135 = proto.splat(0.0) + proto.splat(0.0);
         let t2_136 = cos_u3_2 * cos_q3_u3_1;
-        let t2_137 = like.lift(1.244).mul_add(t2_136, t2_23);
-        let t2_138 = like.lift(-0.524).mul_add(sin_q3, t2_137);
+        let t2_137 = proto.splat(1.244).mul_add(t2_136, t2_23);
+        let t2_138 = proto.splat(-0.524).mul_add(sin_q3, t2_137);
         let t2_139 = cos_u3_2 * sin_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t2_136;
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_136;
         let t2_140 = cos_q3_u3_1 * t2_136;
-        let t2_141 = like.lift(0.5) * t2_139;
-        let t2_142 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_141);
-        let t2_143 = like.lift(0.5) * sin_u3_2;
-        let t2_144 = like.lift(0.8660254037844386).mul_add(t2_139, t2_143);
-        let t2_145 = like.lift(1.244).mul_add(t2_142, t2_42);
-        let t2_146 = like.lift(0.262).mul_add(cos_q3, t2_145);
-        let t2_147 = t2_146 + like.lift(0.082);
-        let t2_148 = like.lift(1.244).mul_add(t2_144, t2_76);
-        let t2_149 = like.lift(0.45379731158304587).mul_add(cos_q3, t2_148);
-        let t2_150 = t2_149 + like.lift(0.14202816622064793);
-        let t2_151 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_141 = proto.splat(0.5) * t2_139;
+        let t2_142 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_141);
+        let t2_143 = proto.splat(0.5) * sin_u3_2;
+        let t2_144 = proto.splat(0.8660254037844386).mul_add(t2_139, t2_143);
+        let t2_145 = proto.splat(1.244).mul_add(t2_142, t2_42);
+        let t2_146 = proto.splat(0.262).mul_add(cos_q3, t2_145);
+        let t2_147 = t2_146 + proto.splat(0.082);
+        let t2_148 = proto.splat(1.244).mul_add(t2_144, t2_76);
+        let t2_149 = proto.splat(0.45379731158304587).mul_add(cos_q3, t2_148);
+        let t2_150 = t2_149 + proto.splat(0.14202816622064793);
+        let t2_151 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_152 = t2_142 * t2_151;
-        let t2_153 = like.lift(0.622).mul_add(t2_140, t2_152);
-        let t2_154 = like.lift(1.0773356023078418) * t2_140;
+        let t2_153 = proto.splat(0.622).mul_add(t2_140, t2_152);
+        let t2_154 = proto.splat(1.0773356023078418) * t2_140;
         let t2_155 = t2_144.mul_add(t2_151, t2_154);
         let t2_156 = -t2_26;
         let t2_157 = sin_q1_u1_1 * t2_76;
@@ -1460,64 +1460,64 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t2_159 = sin_q1_u1_1 * t2_83;
         let t2_160 = cos_q1_u1_1 * t2_83;
         let t2_161 = -t2_87;
-        let t2_162 = like.lift(-0.5773502691896257).mul_add(t2_45, t2_87);
-        let t2_163 = like.lift(0.622) * t2_136;
+        let t2_162 = proto.splat(-0.5773502691896257).mul_add(t2_45, t2_87);
+        let t2_163 = proto.splat(0.622) * t2_136;
         let t2_164 = -t2_163;
-        let t2_165 = like.lift(1.0) / t2_136;
+        let t2_165 = proto.splat(1.0) / t2_136;
         let t2_166 = -t2_40;
         let t2_167 = -t2_158;
         let t2_168 = -t2_160;
-        let t2_169 = like.lift(1.0773356023078418) * t2_144;
-        let t2_170 = like.lift(0.622).mul_add(t2_142, t2_169);
-        let t2_171 = like.lift(0.622) * t2_144;
-        let t2_172 = like.lift(-1.0773356023078418).mul_add(t2_142, t2_171);
+        let t2_169 = proto.splat(1.0773356023078418) * t2_144;
+        let t2_170 = proto.splat(0.622).mul_add(t2_142, t2_169);
+        let t2_171 = proto.splat(0.622) * t2_144;
+        let t2_172 = proto.splat(-1.0773356023078418).mul_add(t2_142, t2_171);
         let t2_173 = cos_q3_u3_1 * t2_172;
         let t2_174 = -t2_173;
         let t2_175 = t2_109 * cos_q3_u3_1;
-        let t2_176 = like.lift(0.5) * t2_175;
+        let t2_176 = proto.splat(0.5) * t2_175;
         let t2_177 = (-t2_114).mul_add(sin_q3_u3_1, t2_176);
-        let t2_178 = like.lift(0.8660254037844386) * t2_175;
+        let t2_178 = proto.splat(0.8660254037844386) * t2_175;
         let t2_179 = t2_122.mul_add(sin_q3_u3_1, t2_178);
         let t2_180 = t2_114 * cos_q3_u3_1;
         let t2_181 = t2_122 * cos_q3_u3_1;
-        let t2_182 = like.lift(0.8660254037844386) * t2_181;
+        let t2_182 = proto.splat(0.8660254037844386) * t2_181;
         let t2_183 = (-t2_109).mul_add(sin_q3_u3_1, t2_182);
-        let t2_184 = like.lift(0.5) * t2_181;
-        let t2_185 = like.lift(0.8660254037844386).mul_add(t2_180, t2_184);
-        let t2_186 = like.lift(-0.5).mul_add(t2_180, t2_183);
+        let t2_184 = proto.splat(0.5) * t2_181;
+        let t2_185 = proto.splat(0.8660254037844386).mul_add(t2_180, t2_184);
+        let t2_186 = proto.splat(-0.5).mul_add(t2_180, t2_183);
         let t2_187 = sin_q1_u1_1 * t2_185;
         let t2_188 = t2_11 * t2_179;
         let t2_189 = (-t2_10).mul_add(t2_185, t2_188);
         let t2_190 = cos_q1_u1_1.mul_add(t2_179, t2_187);
         let t2_191 = cos_u1_2_e1y.mul_add(t2_177, t2_189);
-        let t2_192 = like.lift(0.8660254037844386) * t2_179;
-        let t2_193 = like.lift(0.5).mul_add(t2_177, t2_192);
-        let t2_194 = like.lift(0.0) + like.lift(0.0);
+        let t2_192 = proto.splat(0.8660254037844386) * t2_179;
+        let t2_193 = proto.splat(0.5).mul_add(t2_177, t2_192);
+        let t2_194 = proto.splat(0.0) + proto.splat(0.0);
         let t2_195 = -t2_194;
         let t2_196 = -t2_79;
         let t2_197 = -t2_127;
         let t2_198 = -t2_150;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_153, t2_155);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t2_153, t2_155);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t2_199 = t2_170 * t2_165;
-        let t2_200 = like.lift(0.9282158668643501) * t2_199;
+        let t2_200 = proto.splat(0.9282158668643501) * t2_199;
         let t2_201 = t2_153.mul_add(t2_200, t2_174);
         let t2_202 = inv_pivot_2 * t2_201;
         let pivot_3 = t2_26.mul_add(t2_202, t2_40);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_203 = t2_24 * inv_pivot_3;
         let t2_204 = t2_38 * inv_pivot_3;
         let t2_205 = -pivot_3;
-        let t2_206 = like.lift(-0.5773502691896257).mul_add(t2_150, t2_147);
+        let t2_206 = proto.splat(-0.5773502691896257).mul_add(t2_150, t2_147);
         let t2_207 = t2_202.mul_add(t2_206, t2_138);
         let t2_208 = t2_150.mul_add(t2_200, t2_207);
-        let t2_209 = like.lift(0.5773502691896257).mul_add(t2_92, t2_157);
+        let t2_209 = proto.splat(0.5773502691896257).mul_add(t2_92, t2_157);
         let t2_210 = (-t2_209).mul_add(t2_202, t2_158);
         let t2_211 = t2_92.mul_add(t2_200, t2_210);
         let t2_212 = (-t2_211).mul_add(t2_204, t2_81);
         let t2_213 = t2_193 * t2_165;
-        let t2_214 = like.lift(0.9282158668643501) * t2_213;
-        let t2_215 = like.lift(0.9282158668643501) * t2_165;
+        let t2_214 = proto.splat(0.9282158668643501) * t2_213;
+        let t2_215 = proto.splat(0.9282158668643501) * t2_165;
         let t2_216 = t2_153 * t2_214;
         let t2_217 = inv_pivot_2 * t2_216;
         let t2_218 = (-t2_26).mul_add(t2_217, t2_177);
@@ -1525,12 +1525,12 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t2_220 = (-t2_211).mul_add(t2_219, t2_190);
         let t2_221 = t2_209.mul_add(t2_217, t2_220);
         let pivot_4 = (-t2_92).mul_add(t2_214, t2_221);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_222 = t2_212 * inv_pivot_4;
         let t2_223 = t2_219.mul_add(t2_208, t2_186);
         let t2_224 = t2_217.mul_add(t2_206, t2_223);
         let t2_225 = t2_150.mul_add(t2_214, t2_224);
-        let t2_226 = like.lift(0.5773502691896257).mul_add(t2_89, t2_159);
+        let t2_226 = proto.splat(0.5773502691896257).mul_add(t2_89, t2_159);
         let t2_227 = (-t2_226).mul_add(t2_202, t2_160);
         let t2_228 = t2_89.mul_add(t2_200, t2_227);
         let t2_229 = (-t2_162).mul_add(t2_202, t2_91);
@@ -1572,7 +1572,7 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let pivot_6 = (-t2_235).mul_add(t2_237, t3_9);
         let t3_10 = (-t2_238).mul_add(t3_2, t2_46);
         let t3_11 = (-t2_236).mul_add(t2_237, t3_10);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t3_12 = t2_116 * inv_pivot_3;
         let t3_13 = (-t2_211).mul_add(t3_12, t2_129);
         let t3_14 = t3_13 * inv_pivot_4;
@@ -1586,7 +1586,7 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t3_22 = (-t2_236).mul_add(t3_14, t3_21);
         let pivot_7 = t2_230.mul_add(t3_12, t3_22);
         let t3_23 = t3_17.mul_add(t2_239, t2_134);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t3_24 = t2_106 * inv_pivot_5;
         let t3_25 = (-t3_4).mul_add(t3_24, t2_85);
         let t3_26 = (-t2_235).mul_add(t2_222, t3_25);
@@ -1605,7 +1605,7 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t3_39 = t2_222.mul_add(t2_225, t3_38);
         let pivot_8 = (-t3_24).mul_add(t2_54, t3_35);
         let t3_40 = (-t2_204).mul_add(t2_208, t3_39);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t3_41 = inv_pivot_8 * t3_40;
         let t3_42 = t3_23.mul_add(t3_41, t3_20);
         let t3_43 = inv_pivot_7 * t3_42;
@@ -1639,27 +1639,27 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
         let t3_71 = t2_215 * t3_70;
         let t3_72 = -t3_71;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t2_205 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_96 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
-        let ([[t3_73], [t3_74], [t3_75], [t3_76], [t3_77], [t3_78], [t3_79], [t3_80]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t2_205 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_96 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
+        let ([[t3_73], [t3_74], [t3_75], [t3_76], [t3_77], [t3_78], [t3_79], [t3_80]], found) = ::regen_runtime::solve_guarded(
             [[t3_63], [t3_54], [t3_68], [t3_66], [t3_41], [t3_64], [t3_72], [t3_62]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_43, t2_37, t2_46, t2_52, t2_64, like.lift(0.0), like.lift(0.0)],
-                    [t2_66, t2_80, t2_84, t2_94, t2_95, t2_96, like.lift(0.0), like.lift(0.0)],
-                    [t2_97, t2_98, t2_99, t2_100, t2_102, t2_106, like.lift(0.0), like.lift(0.0)],
-                    [t2_116, t2_129, t2_129, t2_132, t2_134, t2_135, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_92, t2_89, t2_45, like.lift(0.0), like.lift(0.0), pivot_1, t2_153],
-                    [t2_156, t2_157, t2_159, t2_161, like.lift(0.0), like.lift(0.0), t2_164, t2_155],
-                    [t2_166, t2_167, t2_168, t2_91, like.lift(0.0), like.lift(0.0), t2_170, t2_173],
-                    [t2_177, t2_190, t2_190, t2_191, like.lift(0.0), like.lift(0.0), t2_193, t2_195],
+                    [proto.splat(0.0), t2_43, t2_37, t2_46, t2_52, t2_64, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_66, t2_80, t2_84, t2_94, t2_95, t2_96, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_97, t2_98, t2_99, t2_100, t2_102, t2_106, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_116, t2_129, t2_129, t2_132, t2_134, t2_135, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_92, t2_89, t2_45, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_153],
+                    [t2_156, t2_157, t2_159, t2_161, proto.splat(0.0), proto.splat(0.0), t2_164, t2_155],
+                    [t2_166, t2_167, t2_168, t2_91, proto.splat(0.0), proto.splat(0.0), t2_170, t2_173],
+                    [t2_177, t2_190, t2_190, t2_191, proto.splat(0.0), proto.splat(0.0), t2_193, t2_195],
                 ],
                 [[t2_196], [t2_61], [t2_49], [t2_197], [t2_198], [t2_147], [t2_138], [t2_186]],
             ),
@@ -1677,8 +1677,8 @@ pub fn newton_step<T: Scalar>(q: &[T; 11]) -> ([T; 8], Condition<T>) {
 ///
 /// 70 additions, 113 multiplications, 0 divisions, 8 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
-    let like = q[0];
-    let mut a_e = [[like.lift(0.0); 8]; 8];
+    let proto = q[0];
+    let mut a_e = [[proto.splat(0.0); 8]; 8];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -1704,8 +1704,8 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
     };
     // A_e (Eq. 8)
     {
-        let t2_1 = like.lift(1.244) * cos_u1_2;
-        let t2_2 = like.lift(0.022) - like.lift(0.022);
+        let t2_1 = proto.splat(1.244) * cos_u1_2;
+        let t2_2 = proto.splat(0.022) - proto.splat(0.022);
         a_e[6][5] = t2_2;
         let t2_3 = sin_e1x * cos_u1_2_e1y;
         let t2_4 = sin_e1x * sin_u1_2_e1y;
@@ -1713,12 +1713,12 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
         let t2_6 = cos_e1x.mul_add(sin_q1_u1_1, t2_5);
         let t2_7 = cos_e1x * cos_q1_u1_1;
         let t2_8 = (-sin_q1_u1_1).mul_add(t2_3, t2_7);
-        let t2_9 = like.lift(0.022) * t2_6;
+        let t2_9 = proto.splat(0.022) * t2_6;
         let t2_10 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_11 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_12 = like.lift(0.0381051177665153) * t2_10;
-        let t2_13 = like.lift(0.044) * t2_6;
-        let t2_14 = like.lift(0.8660254037844386) * t2_6;
+        let t2_12 = proto.splat(0.0381051177665153) * t2_10;
+        let t2_13 = proto.splat(0.044) * t2_6;
+        let t2_14 = proto.splat(0.8660254037844386) * t2_6;
         let t2_15 = cos_q1_u1_1.mul_add(t2_1, t2_13);
         let t2_16 = t2_9 + t2_12;
         let t2_17 = t2_9 - t2_12;
@@ -1732,11 +1732,11 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
         let t2_23 = t2_17 + t2_13;
         let t2_24 = cos_q1_u1_1 * t2_22;
         let t2_25 = sin_q1_u1_1 * t2_1;
-        let t2_26 = like.lift(0.044) * t2_8;
-        let t2_27 = like.lift(0.022) * t2_8;
+        let t2_26 = proto.splat(0.044) * t2_8;
+        let t2_27 = proto.splat(0.022) * t2_8;
         let t2_28 = t2_27 + t2_26;
-        let t2_29 = like.lift(0.8660254037844386) * t2_8;
-        let t2_30 = like.lift(0.0381051177665153) * t2_11;
+        let t2_29 = proto.splat(0.8660254037844386) * t2_8;
+        let t2_30 = proto.splat(0.0381051177665153) * t2_11;
         let t2_31 = t2_28 - t2_30;
         let t2_32 = t2_28 + t2_30;
         let t2_33 = (-sin_q1_u1_1).mul_add(t2_31, t2_24);
@@ -1752,43 +1752,43 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
         let t2_39 = t2_10 * t2_32;
         let t2_40 = t2_11.mul_add(t2_23, t2_39);
         a_e[5][3] = t2_40;
-        let t2_41 = like.lift(0.022) - like.lift(0.022);
+        let t2_41 = proto.splat(0.022) - proto.splat(0.022);
         let t2_42 = t2_41 + t2_40;
         a_e[0][3] = t2_42;
         let t2_43 = -t2_41;
         a_e[3][7] = t2_43;
         let t2_44 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t2_44;
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_44;
         a_e[0][6] = pivot_1;
         let t2_45 = cos_u3_2 * sin_q3_u3_1;
-        let t2_46 = like.lift(0.622) * t2_44;
+        let t2_46 = proto.splat(0.622) * t2_44;
         let t2_47 = -t2_46;
         a_e[1][6] = t2_47;
         let t2_48 = cos_q3_u3_1 * t2_44;
-        let t2_49 = like.lift(0.5) * t2_45;
-        let t2_50 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_49);
-        let t2_51 = like.lift(0.5) * sin_u3_2;
-        let t2_52 = like.lift(0.8660254037844386).mul_add(t2_45, t2_51);
-        let t2_53 = like.lift(1.0773356023078418) * t2_52;
-        let t2_54 = like.lift(0.622).mul_add(t2_50, t2_53);
+        let t2_49 = proto.splat(0.5) * t2_45;
+        let t2_50 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_49);
+        let t2_51 = proto.splat(0.5) * sin_u3_2;
+        let t2_52 = proto.splat(0.8660254037844386).mul_add(t2_45, t2_51);
+        let t2_53 = proto.splat(1.0773356023078418) * t2_52;
+        let t2_54 = proto.splat(0.622).mul_add(t2_50, t2_53);
         a_e[2][6] = t2_54;
-        let t2_55 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_55 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_56 = t2_50 * t2_55;
-        let t2_57 = like.lift(0.622).mul_add(t2_48, t2_56);
+        let t2_57 = proto.splat(0.622).mul_add(t2_48, t2_56);
         a_e[0][7] = t2_57;
-        let t2_58 = like.lift(1.0773356023078418) * t2_48;
+        let t2_58 = proto.splat(1.0773356023078418) * t2_48;
         let t2_59 = t2_52.mul_add(t2_55, t2_58);
         a_e[1][7] = t2_59;
-        let t2_60 = like.lift(0.622) * t2_52;
-        let t2_61 = like.lift(-1.0773356023078418).mul_add(t2_50, t2_60);
+        let t2_60 = proto.splat(0.622) * t2_52;
+        let t2_61 = proto.splat(-1.0773356023078418).mul_add(t2_50, t2_60);
         let t2_62 = cos_q3_u3_1 * t2_61;
         a_e[2][7] = t2_62;
-        let t2_63 = like.lift(0.044) * t2_4;
-        let t2_64 = like.lift(1.244).mul_add(sin_u1_2, t2_63);
-        let t2_65 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_66 = like.lift(0.022) * t2_4;
+        let t2_63 = proto.splat(0.044) * t2_4;
+        let t2_64 = proto.splat(1.244).mul_add(sin_u1_2, t2_63);
+        let t2_65 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_66 = proto.splat(0.022) * t2_4;
         let t2_67 = t2_66 + t2_63;
-        let t2_68 = like.lift(0.8660254037844386) * t2_4;
+        let t2_68 = proto.splat(0.8660254037844386) * t2_4;
         let t2_69 = t2_64 - t2_65;
         let t2_70 = t2_69 + t2_66;
         let t2_71 = t2_64 + t2_65;
@@ -1832,24 +1832,24 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
         a_e[7][3] = t2_96;
         let t2_97 = t2_41 + t2_96;
         a_e[2][3] = t2_97;
-        let t2_98 = like.lift(0.5) * t2_10;
+        let t2_98 = proto.splat(0.5) * t2_10;
         let t2_99 = t2_98 - t2_14;
         let t2_100 = t2_98 + t2_14;
         let t2_101 = t2_99 * cos_q3_u3_1;
         let t2_102 = t2_100 * cos_q2_u2_1;
-        let t2_103 = like.lift(0.5) * t2_11;
+        let t2_103 = proto.splat(0.5) * t2_11;
         let t2_104 = t2_103 + t2_29;
         let t2_105 = t2_103 - t2_29;
-        let t2_106 = like.lift(0.5) * t2_101;
+        let t2_106 = proto.splat(0.5) * t2_101;
         let t2_107 = (-t2_104).mul_add(sin_q3_u3_1, t2_106);
         a_e[3][0] = t2_107;
-        let t2_108 = like.lift(0.8660254037844386) * t2_101;
-        let t2_109 = like.lift(0.5) * cos_u1_2_e1y;
+        let t2_108 = proto.splat(0.8660254037844386) * t2_101;
+        let t2_109 = proto.splat(0.5) * cos_u1_2_e1y;
         let t2_110 = t2_109 + t2_68;
         let t2_111 = t2_110.mul_add(sin_q3_u3_1, t2_108);
         let t2_112 = t2_109 - t2_68;
-        let t2_113 = like.lift(0.5) * t2_110;
-        let t2_114 = like.lift(0.8660254037844386).mul_add(t2_104, t2_113);
+        let t2_113 = proto.splat(0.5) * t2_110;
+        let t2_114 = proto.splat(0.8660254037844386).mul_add(t2_104, t2_113);
         let t2_115 = cos_q3_u3_1 * t2_114;
         let t2_116 = sin_q1_u1_1 * t2_115;
         let t2_117 = cos_q1_u1_1.mul_add(t2_111, t2_116);
@@ -1858,45 +1858,45 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
         let t2_119 = (-t2_10).mul_add(t2_115, t2_118);
         let t2_120 = cos_u1_2_e1y.mul_add(t2_107, t2_119);
         a_e[3][3] = t2_120;
-        let t2_121 = like.lift(0.8660254037844386) * t2_111;
-        let t2_122 = like.lift(0.5).mul_add(t2_107, t2_121);
+        let t2_121 = proto.splat(0.8660254037844386) * t2_111;
+        let t2_122 = proto.splat(0.5).mul_add(t2_107, t2_121);
         a_e[3][6] = t2_122;
         let t2_123 = cos_u2_2 * cos_q2_u2_1;
         let t2_124 = cos_u2_2 * sin_q2_u2_1;
-        let t2_125 = like.lift(0.622) * t2_123;
+        let t2_125 = proto.splat(0.622) * t2_123;
         let t2_126 = -t2_125;
         a_e[4][4] = t2_126;
-        let t2_127 = like.lift(1.0773356023078418) * t2_123;
+        let t2_127 = proto.splat(1.0773356023078418) * t2_123;
         let t2_128 = -t2_127;
         a_e[5][4] = t2_128;
         let t2_129 = cos_q2_u2_1 * t2_123;
-        let t2_130 = like.lift(0.8660254037844386) * t2_124;
-        let t2_131 = like.lift(-0.5).mul_add(sin_u2_2, t2_130);
-        let t2_132 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_133 = like.lift(0.5).mul_add(t2_124, t2_132);
-        let t2_134 = like.lift(1.0773356023078418) * t2_131;
-        let t2_135 = like.lift(0.622).mul_add(t2_133, t2_134);
+        let t2_130 = proto.splat(0.8660254037844386) * t2_124;
+        let t2_131 = proto.splat(-0.5).mul_add(sin_u2_2, t2_130);
+        let t2_132 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_133 = proto.splat(0.5).mul_add(t2_124, t2_132);
+        let t2_134 = proto.splat(1.0773356023078418) * t2_131;
+        let t2_135 = proto.splat(0.622).mul_add(t2_133, t2_134);
         a_e[7][4] = t2_135;
-        let t2_136 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_136 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_137 = t2_133 * t2_136;
-        let t2_138 = like.lift(0.622).mul_add(t2_129, t2_137);
+        let t2_138 = proto.splat(0.622).mul_add(t2_129, t2_137);
         a_e[5][5] = t2_138;
-        let t2_139 = like.lift(1.0773356023078418) * t2_129;
+        let t2_139 = proto.splat(1.0773356023078418) * t2_129;
         let pivot_5 = t2_131.mul_add(t2_136, t2_139);
         let t2_140 = -pivot_5;
         a_e[4][5] = t2_140;
-        let t2_141 = like.lift(0.622) * t2_131;
-        let t2_142 = like.lift(-1.0773356023078418).mul_add(t2_133, t2_141);
+        let t2_141 = proto.splat(0.622) * t2_131;
+        let t2_142 = proto.splat(-1.0773356023078418).mul_add(t2_133, t2_141);
         let t2_143 = cos_q2_u2_1 * t2_142;
         let t2_144 = -t2_143;
         a_e[7][5] = t2_144;
-        let t2_145 = like.lift(0.5) * t2_102;
+        let t2_145 = proto.splat(0.5) * t2_102;
         let t2_146 = (-t2_105).mul_add(sin_q2_u2_1, t2_145);
         a_e[6][0] = t2_146;
         let t2_147 = t2_112 * sin_q2_u2_1;
-        let t2_148 = like.lift(-0.8660254037844386).mul_add(t2_102, t2_147);
-        let t2_149 = like.lift(0.5) * t2_112;
-        let t2_150 = like.lift(-0.8660254037844386).mul_add(t2_105, t2_149);
+        let t2_148 = proto.splat(-0.8660254037844386).mul_add(t2_102, t2_147);
+        let t2_149 = proto.splat(0.5) * t2_112;
+        let t2_150 = proto.splat(-0.8660254037844386).mul_add(t2_105, t2_149);
         let t2_151 = cos_q2_u2_1 * t2_150;
         let t2_152 = -t2_151;
         let t2_153 = cos_q1_u1_1 * t2_148;
@@ -1906,8 +1906,8 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
         let t2_156 = t2_11.mul_add(t2_148, t2_155);
         let t2_157 = cos_u1_2_e1y.mul_add(t2_146, t2_156);
         a_e[6][3] = t2_157;
-        let t2_158 = like.lift(0.5) * t2_146;
-        let t2_159 = like.lift(-0.8660254037844386).mul_add(t2_148, t2_158);
+        let t2_158 = proto.splat(0.5) * t2_146;
+        let t2_159 = proto.splat(-0.8660254037844386).mul_add(t2_148, t2_158);
         a_e[6][4] = t2_159;
     }
     a_e
@@ -1921,9 +1921,9 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 11]) -> [[T; 8]; 8] {
 ///
 /// 178 additions, 263 multiplications, 8 divisions, 11 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<T>) {
-    let like = q[0];
-    let mut qd = [like.lift(0.0); 11];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut qd = [proto.splat(0.0); 11];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -1961,23 +1961,23 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         t2_223, t2_226, t2_227, t2_229, t2_231, t2_234, pivot_4, inv_pivot_4, t2_237, t2_238,
         t2_240, t2_241,
     ] = {
-        let t2_1 = like.lift(1.244) * cos_u1_2;
-        let t2_2 = like.lift(0.524) * sin_q2;
-        let t2_3 = like.lift(0.524) * sin_q3;
+        let t2_1 = proto.splat(1.244) * cos_u1_2;
+        let t2_2 = proto.splat(0.524) * sin_q2;
+        let t2_3 = proto.splat(0.524) * sin_q3;
         let t2_4 = sin_e1x * cos_u1_2_e1y;
         let t2_5 = sin_e1x * sin_u1_2_e1y;
         let t2_6 = cos_q1_u1_1 * t2_4;
         let t2_7 = cos_e1x.mul_add(sin_q1_u1_1, t2_6);
         let t2_8 = cos_e1x * cos_q1_u1_1;
         let t2_9 = (-sin_q1_u1_1).mul_add(t2_4, t2_8);
-        let t2_10 = like.lift(0.022) * t2_7;
+        let t2_10 = proto.splat(0.022) * t2_7;
         let t2_11 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_12 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_13 = like.lift(0.0381051177665153) * t2_11;
+        let t2_13 = proto.splat(0.0381051177665153) * t2_11;
         let t2_14 = cos_q1_u1_1 * t2_1;
-        let t2_15 = like.lift(0.524).mul_add(sin_q1, -t2_14);
-        let t2_16 = like.lift(0.044) * t2_7;
-        let t2_17 = like.lift(0.8660254037844386) * t2_7;
+        let t2_15 = proto.splat(0.524).mul_add(sin_q1, -t2_14);
+        let t2_16 = proto.splat(0.044) * t2_7;
+        let t2_17 = proto.splat(0.8660254037844386) * t2_7;
         let t2_18 = t2_15 - t2_16;
         let t2_19 = t2_13 - t2_10;
         let t2_20 = t2_13 + t2_10;
@@ -1990,12 +1990,12 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t2_27 = cos_q1_u1_1 * t2_21;
         let t2_28 = t2_22 + t2_14;
         let t2_29 = sin_q1_u1_1 * t2_1;
-        let t2_30 = like.lift(0.044) * t2_9;
-        let t2_31 = like.lift(-0.524).mul_add(cos_q1, t2_30);
+        let t2_30 = proto.splat(0.044) * t2_9;
+        let t2_31 = proto.splat(-0.524).mul_add(cos_q1, t2_30);
         let t2_32 = t2_31 - t2_29;
-        let t2_33 = like.lift(0.0381051177665153) * t2_12;
-        let t2_34 = like.lift(0.022) * t2_9;
-        let t2_35 = like.lift(0.8660254037844386) * t2_9;
+        let t2_33 = proto.splat(0.0381051177665153) * t2_12;
+        let t2_34 = proto.splat(0.022) * t2_9;
+        let t2_35 = proto.splat(0.8660254037844386) * t2_9;
         let t2_36 = t2_34 + t2_33;
         let t2_37 = t2_34 - t2_33;
         let t2_38 = t2_36 + t2_30;
@@ -2008,34 +2008,34 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t2_45 = t2_39 + t2_1;
         let t2_46 = t2_11 * t2_41;
         let t2_47 = t2_12.mul_add(t2_22, t2_46);
-        let t2_48 = like.lift(0.0) + t2_47;
+        let t2_48 = proto.splat(0.0) + t2_47;
         let t2_49 = cos_u2_2 * cos_q2_u2_1;
         let t2_50 = cos_u2_2 * sin_q2_u2_1;
-        let t2_51 = like.lift(-1.244).mul_add(t2_49, t2_2);
+        let t2_51 = proto.splat(-1.244).mul_add(t2_49, t2_2);
         let t2_52 = t2_51 * d_q2;
-        let t2_53 = like.lift(0.5) * t2_52;
+        let t2_53 = proto.splat(0.5) * t2_52;
         let t2_54 = t2_23.mul_add(d_q1, t2_53);
-        let t2_55 = like.lift(0.8660254037844386) * t2_52;
-        let t2_56 = like.lift(1.0773356023078418) * t2_49;
+        let t2_55 = proto.splat(0.8660254037844386) * t2_52;
+        let t2_56 = proto.splat(1.0773356023078418) * t2_49;
         let t2_57 = -t2_56;
         let t2_58 = cos_q2_u2_1 * t2_49;
-        let t2_59 = like.lift(0.622) * t2_49;
-        let t2_60 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_61 = like.lift(0.5).mul_add(t2_50, t2_60);
-        let t2_62 = like.lift(0.8660254037844386) * t2_50;
-        let t2_63 = like.lift(-0.5).mul_add(sin_u2_2, t2_62);
-        let t2_64 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_59 = proto.splat(0.622) * t2_49;
+        let t2_60 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_61 = proto.splat(0.5).mul_add(t2_50, t2_60);
+        let t2_62 = proto.splat(0.8660254037844386) * t2_50;
+        let t2_63 = proto.splat(-0.5).mul_add(sin_u2_2, t2_62);
+        let t2_64 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_65 = t2_61 * t2_64;
-        let t2_66 = like.lift(0.622).mul_add(t2_58, t2_65);
-        let t2_67 = like.lift(1.0773356023078418) * t2_58;
+        let t2_66 = proto.splat(0.622).mul_add(t2_58, t2_65);
+        let t2_67 = proto.splat(1.0773356023078418) * t2_58;
         let pivot_5 = t2_63.mul_add(t2_64, t2_67);
         let t2_68 = -t2_26;
-        let t2_69 = like.lift(0.044) * t2_5;
-        let t2_70 = like.lift(1.244).mul_add(sin_u1_2, t2_69);
-        let t2_71 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_72 = like.lift(0.022) * t2_5;
+        let t2_69 = proto.splat(0.044) * t2_5;
+        let t2_70 = proto.splat(1.244).mul_add(sin_u1_2, t2_69);
+        let t2_71 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_72 = proto.splat(0.022) * t2_5;
         let t2_73 = t2_72 + t2_69;
-        let t2_74 = like.lift(0.8660254037844386) * t2_5;
+        let t2_74 = proto.splat(0.8660254037844386) * t2_5;
         let t2_75 = t2_70 + t2_71;
         let t2_76 = t2_75 + t2_72;
         let t2_77 = t2_70 - t2_71;
@@ -2053,46 +2053,46 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t2_89 = cos_u1_2_e1y * t2_41;
         let t2_90 = (-t2_12).mul_add(t2_82, t2_89);
         let t2_91 = t2_88 + t2_1;
-        let t2_92 = like.lift(0.0) + t2_86;
+        let t2_92 = proto.splat(0.0) + t2_86;
         let t2_93 = -t2_92;
         let t2_94 = -t2_59;
         let t2_95 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_96 = -t2_40;
         let t2_97 = -t2_80;
         let t2_98 = -t2_84;
-        let t2_99 = like.lift(0.0) + t2_90;
-        let t2_100 = like.lift(1.0773356023078418) * t2_63;
-        let t2_101 = like.lift(0.622).mul_add(t2_61, t2_100);
-        let t2_102 = like.lift(0.622) * t2_63;
-        let t2_103 = like.lift(-1.0773356023078418).mul_add(t2_61, t2_102);
+        let t2_99 = proto.splat(0.0) + t2_90;
+        let t2_100 = proto.splat(1.0773356023078418) * t2_63;
+        let t2_101 = proto.splat(0.622).mul_add(t2_61, t2_100);
+        let t2_102 = proto.splat(0.622) * t2_63;
+        let t2_103 = proto.splat(-1.0773356023078418).mul_add(t2_61, t2_102);
         let t2_104 = cos_q2_u2_1 * t2_103;
         let t2_105 = -t2_104;
-        let t2_106 = like.lift(1.244) * t2_61;
-        let t2_107 = like.lift(0.262).mul_add(cos_q2, t2_106);
-        let t2_108 = like.lift(1.244) * t2_63;
-        let t2_109 = like.lift(0.45379731158304587).mul_add(cos_q2, t2_108);
-        let t2_110 = like.lift(0.8660254037844386) * t2_109;
-        let t2_111 = like.lift(0.5).mul_add(t2_107, t2_110);
+        let t2_106 = proto.splat(1.244) * t2_61;
+        let t2_107 = proto.splat(0.262).mul_add(cos_q2, t2_106);
+        let t2_108 = proto.splat(1.244) * t2_63;
+        let t2_109 = proto.splat(0.45379731158304587).mul_add(cos_q2, t2_108);
+        let t2_110 = proto.splat(0.8660254037844386) * t2_109;
+        let t2_111 = proto.splat(0.5).mul_add(t2_107, t2_110);
         let t2_112 = t2_111 * d_q2;
         let t2_113 = t2_43.mul_add(d_q1, t2_112);
-        let t2_114 = like.lift(0.5) * t2_11;
+        let t2_114 = proto.splat(0.5) * t2_11;
         let t2_115 = t2_114 + t2_17;
         let t2_116 = t2_114 - t2_17;
         let t2_117 = t2_115 * cos_q2_u2_1;
         let t2_118 = t2_116 * cos_q3_u3_1;
-        let t2_119 = like.lift(0.5) * t2_12;
+        let t2_119 = proto.splat(0.5) * t2_12;
         let t2_120 = t2_119 - t2_35;
         let t2_121 = t2_119 + t2_35;
-        let t2_122 = like.lift(0.5) * t2_117;
+        let t2_122 = proto.splat(0.5) * t2_117;
         let t2_123 = (-t2_120).mul_add(sin_q2_u2_1, t2_122);
-        let t2_124 = like.lift(0.5) * cos_u1_2_e1y;
+        let t2_124 = proto.splat(0.5) * cos_u1_2_e1y;
         let t2_125 = t2_124 - t2_74;
         let t2_126 = t2_124 + t2_74;
         let t2_127 = t2_125 * sin_q2_u2_1;
-        let t2_128 = like.lift(-0.8660254037844386).mul_add(t2_117, t2_127);
-        let t2_129 = like.lift(0.5) * t2_125;
-        let t2_130 = like.lift(-0.8660254037844386).mul_add(t2_120, t2_129);
+        let t2_128 = proto.splat(-0.8660254037844386).mul_add(t2_117, t2_127);
+        let t2_129 = proto.splat(0.5) * t2_125;
+        let t2_130 = proto.splat(-0.8660254037844386).mul_add(t2_120, t2_129);
         let t2_131 = cos_q2_u2_1 * t2_130;
         let t2_132 = -t2_131;
         let t2_133 = cos_q1_u1_1 * t2_128;
@@ -2100,23 +2100,23 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t2_135 = t2_11 * t2_132;
         let t2_136 = t2_12.mul_add(t2_128, t2_135);
         let t2_137 = cos_u1_2_e1y.mul_add(t2_123, t2_136);
-        let t2_138 = like.lift(0.5) * t2_123;
-        let t2_139 = like.lift(-0.8660254037844386).mul_add(t2_128, t2_138);
-        let t2_140 = like.lift(0.0) + like.lift(0.0);
+        let t2_138 = proto.splat(0.5) * t2_123;
+        let t2_139 = proto.splat(-0.8660254037844386).mul_add(t2_128, t2_138);
+        let t2_140 = proto.splat(0.0) + proto.splat(0.0);
         let t2_141 = cos_u3_2 * cos_q3_u3_1;
         let t2_142 = cos_u3_2 * sin_q3_u3_1;
-        let t2_143 = like.lift(-1.244).mul_add(t2_141, t2_3);
+        let t2_143 = proto.splat(-1.244).mul_add(t2_141, t2_3);
         let t2_144 = t2_143 * d_q3;
-        let pivot_1 = like.lift(1.0773356023078418) * t2_141;
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_141;
         let t2_145 = cos_q3_u3_1 * t2_141;
-        let t2_146 = like.lift(0.5) * t2_142;
-        let t2_147 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_146);
-        let t2_148 = like.lift(0.5) * sin_u3_2;
-        let t2_149 = like.lift(0.8660254037844386).mul_add(t2_142, t2_148);
-        let t2_150 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_146 = proto.splat(0.5) * t2_142;
+        let t2_147 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_146);
+        let t2_148 = proto.splat(0.5) * sin_u3_2;
+        let t2_149 = proto.splat(0.8660254037844386).mul_add(t2_142, t2_148);
+        let t2_150 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_151 = t2_147 * t2_150;
-        let t2_152 = like.lift(0.622).mul_add(t2_145, t2_151);
-        let t2_153 = like.lift(1.0773356023078418) * t2_145;
+        let t2_152 = proto.splat(0.622).mul_add(t2_145, t2_151);
+        let t2_153 = proto.splat(1.0773356023078418) * t2_145;
         let t2_154 = t2_149.mul_add(t2_150, t2_153);
         let t2_155 = -t2_28;
         let t2_156 = sin_q1_u1_1 * t2_78;
@@ -2124,42 +2124,42 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t2_158 = sin_q1_u1_1 * t2_82;
         let t2_159 = cos_q1_u1_1 * t2_82;
         let t2_160 = -t2_86;
-        let t2_161 = like.lift(-0.5773502691896257).mul_add(t2_47, t2_86);
-        let t2_162 = like.lift(0.622) * t2_141;
+        let t2_161 = proto.splat(-0.5773502691896257).mul_add(t2_47, t2_86);
+        let t2_162 = proto.splat(0.622) * t2_141;
         let t2_163 = -t2_162;
-        let t2_164 = like.lift(1.0) / t2_141;
+        let t2_164 = proto.splat(1.0) / t2_141;
         let t2_165 = -t2_42;
         let t2_166 = -t2_157;
         let t2_167 = -t2_159;
-        let t2_168 = like.lift(1.0773356023078418) * t2_149;
-        let t2_169 = like.lift(0.622).mul_add(t2_147, t2_168);
-        let t2_170 = like.lift(0.622) * t2_149;
-        let t2_171 = like.lift(-1.0773356023078418).mul_add(t2_147, t2_170);
+        let t2_168 = proto.splat(1.0773356023078418) * t2_149;
+        let t2_169 = proto.splat(0.622).mul_add(t2_147, t2_168);
+        let t2_170 = proto.splat(0.622) * t2_149;
+        let t2_171 = proto.splat(-1.0773356023078418).mul_add(t2_147, t2_170);
         let t2_172 = cos_q3_u3_1 * t2_171;
-        let t2_173 = like.lift(1.244) * t2_147;
-        let t2_174 = like.lift(0.262).mul_add(cos_q3, t2_173);
-        let t2_175 = like.lift(1.244) * t2_149;
-        let t2_176 = like.lift(0.45379731158304587).mul_add(cos_q3, t2_175);
-        let t2_177 = like.lift(0.8660254037844386) * t2_176;
-        let t2_178 = like.lift(0.5).mul_add(t2_174, t2_177);
+        let t2_173 = proto.splat(1.244) * t2_147;
+        let t2_174 = proto.splat(0.262).mul_add(cos_q3, t2_173);
+        let t2_175 = proto.splat(1.244) * t2_149;
+        let t2_176 = proto.splat(0.45379731158304587).mul_add(cos_q3, t2_175);
+        let t2_177 = proto.splat(0.8660254037844386) * t2_176;
+        let t2_178 = proto.splat(0.5).mul_add(t2_174, t2_177);
         let t2_179 = t2_178 * d_q3;
         let t2_180 = t2_44.mul_add(d_q1, t2_179);
         let t2_181 = -t2_172;
-        let t2_182 = like.lift(0.5) * t2_118;
+        let t2_182 = proto.splat(0.5) * t2_118;
         let t2_183 = (-t2_121).mul_add(sin_q3_u3_1, t2_182);
-        let t2_184 = like.lift(0.8660254037844386) * t2_118;
+        let t2_184 = proto.splat(0.8660254037844386) * t2_118;
         let t2_185 = t2_126.mul_add(sin_q3_u3_1, t2_184);
-        let t2_186 = like.lift(0.5) * t2_126;
-        let t2_187 = like.lift(0.8660254037844386).mul_add(t2_121, t2_186);
+        let t2_186 = proto.splat(0.5) * t2_126;
+        let t2_187 = proto.splat(0.8660254037844386).mul_add(t2_121, t2_186);
         let t2_188 = cos_q3_u3_1 * t2_187;
         let t2_189 = sin_q1_u1_1 * t2_188;
         let t2_190 = t2_12 * t2_185;
         let t2_191 = (-t2_11).mul_add(t2_188, t2_190);
         let t2_192 = cos_q1_u1_1.mul_add(t2_185, t2_189);
         let t2_193 = cos_u1_2_e1y.mul_add(t2_183, t2_191);
-        let t2_194 = like.lift(0.8660254037844386) * t2_185;
-        let t2_195 = like.lift(0.5).mul_add(t2_183, t2_194);
-        let t2_196 = like.lift(0.0) + like.lift(0.0);
+        let t2_194 = proto.splat(0.8660254037844386) * t2_185;
+        let t2_195 = proto.splat(0.5).mul_add(t2_183, t2_194);
+        let t2_196 = proto.splat(0.0) + proto.splat(0.0);
         let t2_197 = -t2_196;
         let t2_198 = -t2_55;
         let t2_199 = -t2_54;
@@ -2167,34 +2167,34 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t2_201 = t2_139 * d_q2;
         let t2_202 = t2_123.mul_add(d_q1, t2_201);
         let t2_203 = -t2_202;
-        let t2_204 = like.lift(0.8660254037844386) * t2_144;
-        let t2_205 = like.lift(0.5).mul_add(t2_144, t2_25);
+        let t2_204 = proto.splat(0.8660254037844386) * t2_144;
+        let t2_205 = proto.splat(0.5).mul_add(t2_144, t2_25);
         let t2_206 = -t2_205;
-        let t2_207 = like.lift(0.8038585209003215) * t2_144;
+        let t2_207 = proto.splat(0.8038585209003215) * t2_144;
         let t2_208 = -t2_180;
         let t2_209 = t2_195 * d_q3;
         let t2_210 = t2_183.mul_add(d_q1, t2_209);
         let t2_211 = -t2_210;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_152, t2_154);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t2_152, t2_154);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t2_212 = t2_169 * t2_164;
-        let t2_213 = like.lift(0.9282158668643501) * t2_212;
+        let t2_213 = proto.splat(0.9282158668643501) * t2_212;
         let t2_214 = t2_152.mul_add(t2_213, t2_181);
         let t2_215 = inv_pivot_2 * t2_214;
         let t2_216 = t2_215.mul_add(t2_25, t2_180);
         let t2_217 = t2_212.mul_add(t2_207, t2_216);
         let pivot_3 = t2_28.mul_add(t2_215, t2_42);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_218 = t2_26 * inv_pivot_3;
         let t2_219 = t2_40 * inv_pivot_3;
         let t2_220 = -pivot_3;
-        let t2_221 = like.lift(0.5773502691896257).mul_add(t2_91, t2_156);
+        let t2_221 = proto.splat(0.5773502691896257).mul_add(t2_91, t2_156);
         let t2_222 = (-t2_221).mul_add(t2_215, t2_157);
         let t2_223 = t2_91.mul_add(t2_213, t2_222);
         let t2_224 = (-t2_223).mul_add(t2_219, t2_80);
         let t2_225 = t2_195 * t2_164;
-        let t2_226 = like.lift(0.9282158668643501) * t2_164;
-        let t2_227 = like.lift(0.9282158668643501) * t2_225;
+        let t2_226 = proto.splat(0.9282158668643501) * t2_164;
+        let t2_227 = proto.splat(0.9282158668643501) * t2_225;
         let t2_228 = t2_152 * t2_227;
         let t2_229 = inv_pivot_2 * t2_228;
         let t2_230 = (-t2_28).mul_add(t2_229, t2_183);
@@ -2205,9 +2205,9 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t2_235 = (-t2_223).mul_add(t2_231, t2_192);
         let t2_236 = t2_221.mul_add(t2_229, t2_235);
         let pivot_4 = (-t2_91).mul_add(t2_227, t2_236);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_237 = t2_224 * inv_pivot_4;
-        let t2_238 = like.lift(0.5773502691896257).mul_add(t2_88, t2_158);
+        let t2_238 = proto.splat(0.5773502691896257).mul_add(t2_88, t2_158);
         let t2_239 = (-t2_238).mul_add(t2_215, t2_159);
         let t2_240 = t2_88.mul_add(t2_213, t2_239);
         let t2_241 = (-t2_161).mul_add(t2_215, t2_90);
@@ -2250,7 +2250,7 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let pivot_6 = (-t3_6).mul_add(t3_8, t3_21);
         let t3_22 = (-t3_9).mul_add(t3_20, t2_48);
         let t3_23 = (-t3_7).mul_add(t3_8, t3_22);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t3_24 = t2_123 * inv_pivot_3;
         let t3_25 = (-t2_223).mul_add(t3_24, t2_134);
         let t3_26 = t3_25 * inv_pivot_4;
@@ -2264,7 +2264,7 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t3_34 = (-t3_7).mul_add(t3_26, t3_33);
         let pivot_7 = t3_1.mul_add(t3_24, t3_34);
         let t3_35 = t3_29.mul_add(t3_10, t2_139);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t3_36 = t2_105 * inv_pivot_5;
         let t3_37 = (-t3_19).mul_add(t3_36, t2_84);
         let t3_38 = (-t3_6).mul_add(t2_237, t3_37);
@@ -2283,7 +2283,7 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t3_51 = t2_237.mul_add(t2_234, t3_50);
         let pivot_8 = (-t3_36).mul_add(t2_59, t3_48);
         let t3_52 = (-t2_219).mul_add(t2_217, t3_51);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t3_53 = inv_pivot_8 * t3_52;
         let t3_54 = (-t3_35).mul_add(t3_53, t3_32);
         let t3_55 = inv_pivot_7 * t3_54;
@@ -2317,27 +2317,27 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
         let t3_83 = -t3_55;
         let t3_84 = -t3_74;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t2_220 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_95 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
-        let ([[t3_85], [t3_86], [t3_87], [t3_88], [t3_89], [t3_90], [t3_91], [t3_92]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t2_220 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_95 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
+        let ([[t3_85], [t3_86], [t3_87], [t3_88], [t3_89], [t3_90], [t3_91], [t3_92]], found) = ::regen_runtime::solve_guarded(
             [[t3_70], [t3_76], [t3_77], [t3_83], [t3_75], [t3_73], [t3_82], [t3_84]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_45, t2_39, t2_48, t2_57, t2_66, like.lift(0.0), like.lift(0.0)],
-                    [t2_68, t2_79, t2_83, t2_93, t2_94, t2_95, like.lift(0.0), like.lift(0.0)],
-                    [t2_96, t2_97, t2_98, t2_99, t2_101, t2_105, like.lift(0.0), like.lift(0.0)],
-                    [t2_123, t2_134, t2_134, t2_137, t2_139, t2_140, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_91, t2_88, t2_47, like.lift(0.0), like.lift(0.0), pivot_1, t2_152],
-                    [t2_155, t2_156, t2_158, t2_160, like.lift(0.0), like.lift(0.0), t2_163, t2_154],
-                    [t2_165, t2_166, t2_167, t2_90, like.lift(0.0), like.lift(0.0), t2_169, t2_172],
-                    [t2_183, t2_192, t2_192, t2_193, like.lift(0.0), like.lift(0.0), t2_195, t2_197],
+                    [proto.splat(0.0), t2_45, t2_39, t2_48, t2_57, t2_66, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_68, t2_79, t2_83, t2_93, t2_94, t2_95, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_96, t2_97, t2_98, t2_99, t2_101, t2_105, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_123, t2_134, t2_134, t2_137, t2_139, t2_140, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_91, t2_88, t2_47, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_152],
+                    [t2_155, t2_156, t2_158, t2_160, proto.splat(0.0), proto.splat(0.0), t2_163, t2_154],
+                    [t2_165, t2_166, t2_167, t2_90, proto.splat(0.0), proto.splat(0.0), t2_169, t2_172],
+                    [t2_183, t2_192, t2_192, t2_193, proto.splat(0.0), proto.splat(0.0), t2_195, t2_197],
                 ],
                 [
                     [t2_198], [t2_199], [t2_200], [t2_203], [t2_204], [t2_206], [t2_208],
@@ -2360,9 +2360,9 @@ pub fn velocities<T: Scalar>(q: &[T; 11], qd_i: &[T; 3]) -> ([T; 11], Condition<
 ///
 /// 344 additions, 506 multiplications, 8 divisions, 11 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([T; 11], Condition<T>) {
-    let like = q[0];
-    let mut qdd = [like.lift(0.0); 11];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut qdd = [proto.splat(0.0); 11];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -2402,70 +2402,70 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         t2_227, t2_228, t2_229, t2_230, t2_232, t2_233, t2_234, t2_235, t2_237, t2_238, t2_241,
         t2_242, t2_243, t2_246, t2_247,
     ] = {
-        let t2_1 = like.lift(0.524) * sin_q2;
-        let t2_2 = like.lift(0.524) * sin_q3;
+        let t2_1 = proto.splat(0.524) * sin_q2;
+        let t2_2 = proto.splat(0.524) * sin_q3;
         let t2_3 = sin_e1x * cos_u1_2_e1y;
         let t2_4 = sin_e1x * sin_u1_2_e1y;
         let t2_5 = cos_q1_u1_1 * t2_3;
         let t2_6 = cos_e1x.mul_add(sin_q1_u1_1, t2_5);
         let t2_7 = cos_e1x * cos_q1_u1_1;
         let t2_8 = (-sin_q1_u1_1).mul_add(t2_3, t2_7);
-        let t2_9 = like.lift(0.022) * t2_6;
+        let t2_9 = proto.splat(0.022) * t2_6;
         let t2_10 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_11 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_12 = like.lift(0.0381051177665153) * t2_10;
+        let t2_12 = proto.splat(0.0381051177665153) * t2_10;
         let t2_13 = cos_u1_2 * cos_q1_u1_1;
-        let t2_14 = like.lift(1.244) * t2_13;
-        let t2_15 = like.lift(0.044) * t2_6;
+        let t2_14 = proto.splat(1.244) * t2_13;
+        let t2_15 = proto.splat(0.044) * t2_6;
         let t2_16 = t2_12 - t2_9;
         let t2_17 = t2_12 + t2_9;
         let t2_18 = t2_15 - t2_16;
         let t2_19 = t2_18 + t2_14;
         let t2_20 = cos_q1_u1_1 * t2_18;
         let t2_21 = cos_u1_2 * sin_q1_u1_1;
-        let t2_22 = like.lift(1.244) * t2_21;
-        let t2_23 = like.lift(0.044) * t2_8;
-        let t2_24 = like.lift(0.0381051177665153) * t2_11;
-        let t2_25 = like.lift(0.022) * t2_8;
+        let t2_22 = proto.splat(1.244) * t2_21;
+        let t2_23 = proto.splat(0.044) * t2_8;
+        let t2_24 = proto.splat(0.0381051177665153) * t2_11;
+        let t2_25 = proto.splat(0.022) * t2_8;
         let t2_26 = t2_24 + t2_25;
         let t2_27 = t2_26 + t2_23;
         let t2_28 = (-sin_q1_u1_1).mul_add(t2_27, t2_20);
         let t2_29 = t2_22 - t2_27;
-        let t2_30 = like.lift(1.244).mul_add(cos_u1_2, t2_28);
+        let t2_30 = proto.splat(1.244).mul_add(cos_u1_2, t2_28);
         let t2_31 = t2_15 + t2_17;
-        let t2_32 = like.lift(0.524).mul_add(sin_q1, -t2_14);
+        let t2_32 = proto.splat(0.524).mul_add(sin_q1, -t2_14);
         let t2_33 = t2_32 - t2_15;
         let t2_34 = t2_31 + t2_14;
         let t2_35 = t2_25 - t2_24;
         let t2_36 = t2_24 - t2_25;
         let t2_37 = t2_35 + t2_23;
-        let t2_38 = like.lift(-0.524).mul_add(cos_q1, t2_23);
+        let t2_38 = proto.splat(-0.524).mul_add(cos_q1, t2_23);
         let t2_39 = t2_38 - t2_22;
         let t2_40 = t2_22 - t2_37;
         let t2_41 = t2_35 + t2_39;
         let t2_42 = t2_39 + t2_26;
         let t2_43 = t2_10 * t2_37;
         let t2_44 = t2_11.mul_add(t2_31, t2_43);
-        let t2_45 = like.lift(0.0) + t2_44;
+        let t2_45 = proto.splat(0.0) + t2_44;
         let t2_46 = cos_u2_2 * cos_q2_u2_1;
         let t2_47 = cos_u2_2 * sin_q2_u2_1;
-        let t2_48 = like.lift(1.0773356023078418) * t2_46;
+        let t2_48 = proto.splat(1.0773356023078418) * t2_46;
         let t2_49 = -t2_48;
         let t2_50 = cos_q2_u2_1 * t2_46;
-        let t2_51 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_52 = like.lift(0.5).mul_add(t2_47, t2_51);
-        let t2_53 = like.lift(0.8660254037844386) * t2_47;
-        let t2_54 = like.lift(-0.5).mul_add(sin_u2_2, t2_53);
-        let t2_55 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_51 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_52 = proto.splat(0.5).mul_add(t2_47, t2_51);
+        let t2_53 = proto.splat(0.8660254037844386) * t2_47;
+        let t2_54 = proto.splat(-0.5).mul_add(sin_u2_2, t2_53);
+        let t2_55 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_56 = t2_52 * t2_55;
-        let t2_57 = like.lift(0.622).mul_add(t2_50, t2_56);
-        let t2_58 = like.lift(1.0773356023078418) * t2_50;
+        let t2_57 = proto.splat(0.622).mul_add(t2_50, t2_56);
+        let t2_58 = proto.splat(1.0773356023078418) * t2_50;
         let pivot_5 = t2_54.mul_add(t2_55, t2_58);
         let t2_59 = -t2_19;
-        let t2_60 = like.lift(0.044) * t2_4;
-        let t2_61 = like.lift(1.244).mul_add(sin_u1_2, t2_60);
-        let t2_62 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_63 = like.lift(0.022) * t2_4;
+        let t2_60 = proto.splat(0.044) * t2_4;
+        let t2_61 = proto.splat(1.244).mul_add(sin_u1_2, t2_60);
+        let t2_62 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_63 = proto.splat(0.022) * t2_4;
         let t2_64 = t2_62 + t2_63;
         let t2_65 = t2_62 - t2_63;
         let t2_66 = t2_61 + t2_64;
@@ -2482,41 +2482,41 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_77 = (-sin_q1_u1_1).mul_add(t2_37, t2_76);
         let t2_78 = cos_u1_2_e1y * t2_37;
         let t2_79 = (-t2_11).mul_add(t2_71, t2_78);
-        let t2_80 = like.lift(0.0) + t2_75;
+        let t2_80 = proto.splat(0.0) + t2_75;
         let t2_81 = -t2_80;
-        let t2_82 = like.lift(0.622) * t2_46;
+        let t2_82 = proto.splat(0.622) * t2_46;
         let t2_83 = -t2_82;
         let t2_84 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_85 = -t2_29;
         let t2_86 = -t2_69;
         let t2_87 = -t2_73;
-        let t2_88 = like.lift(0.0) + t2_79;
-        let t2_89 = like.lift(1.0773356023078418) * t2_54;
-        let t2_90 = like.lift(0.622).mul_add(t2_52, t2_89);
-        let t2_91 = like.lift(0.622) * t2_54;
-        let t2_92 = like.lift(-1.0773356023078418).mul_add(t2_52, t2_91);
+        let t2_88 = proto.splat(0.0) + t2_79;
+        let t2_89 = proto.splat(1.0773356023078418) * t2_54;
+        let t2_90 = proto.splat(0.622).mul_add(t2_52, t2_89);
+        let t2_91 = proto.splat(0.622) * t2_54;
+        let t2_92 = proto.splat(-1.0773356023078418).mul_add(t2_52, t2_91);
         let t2_93 = cos_q2_u2_1 * t2_92;
         let t2_94 = -t2_93;
-        let t2_95 = like.lift(0.5) * t2_10;
-        let t2_96 = like.lift(0.8660254037844386) * t2_6;
+        let t2_95 = proto.splat(0.5) * t2_10;
+        let t2_96 = proto.splat(0.8660254037844386) * t2_6;
         let t2_97 = t2_95 + t2_96;
         let t2_98 = t2_95 - t2_96;
         let t2_99 = t2_97 * cos_q2_u2_1;
-        let t2_100 = like.lift(0.5) * t2_11;
-        let t2_101 = like.lift(0.8660254037844386) * t2_8;
+        let t2_100 = proto.splat(0.5) * t2_11;
+        let t2_101 = proto.splat(0.8660254037844386) * t2_8;
         let t2_102 = t2_100 - t2_101;
         let t2_103 = t2_100 + t2_101;
-        let t2_104 = like.lift(0.5) * t2_99;
+        let t2_104 = proto.splat(0.5) * t2_99;
         let t2_105 = (-t2_102).mul_add(sin_q2_u2_1, t2_104);
-        let t2_106 = like.lift(0.5) * cos_u1_2_e1y;
-        let t2_107 = like.lift(0.8660254037844386) * t2_4;
+        let t2_106 = proto.splat(0.5) * cos_u1_2_e1y;
+        let t2_107 = proto.splat(0.8660254037844386) * t2_4;
         let t2_108 = t2_106 - t2_107;
         let t2_109 = t2_106 + t2_107;
         let t2_110 = t2_108 * sin_q2_u2_1;
-        let t2_111 = like.lift(-0.8660254037844386).mul_add(t2_99, t2_110);
-        let t2_112 = like.lift(0.5) * t2_108;
-        let t2_113 = like.lift(-0.8660254037844386).mul_add(t2_102, t2_112);
+        let t2_111 = proto.splat(-0.8660254037844386).mul_add(t2_99, t2_110);
+        let t2_112 = proto.splat(0.5) * t2_108;
+        let t2_113 = proto.splat(-0.8660254037844386).mul_add(t2_102, t2_112);
         let t2_114 = cos_q2_u2_1 * t2_113;
         let t2_115 = -t2_114;
         let t2_116 = cos_q1_u1_1 * t2_111;
@@ -2524,23 +2524,23 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_118 = t2_10 * t2_115;
         let t2_119 = t2_11.mul_add(t2_111, t2_118);
         let t2_120 = cos_u1_2_e1y.mul_add(t2_105, t2_119);
-        let t2_121 = like.lift(0.5) * t2_105;
-        let t2_122 = like.lift(-0.8660254037844386).mul_add(t2_111, t2_121);
-        let t2_123 = like.lift(0.0) + like.lift(0.0);
-        let t2_124 = like.lift(1.244).mul_add(cos_u1_2, t2_77);
+        let t2_121 = proto.splat(0.5) * t2_105;
+        let t2_122 = proto.splat(-0.8660254037844386).mul_add(t2_111, t2_121);
+        let t2_123 = proto.splat(0.0) + proto.splat(0.0);
+        let t2_124 = proto.splat(1.244).mul_add(cos_u1_2, t2_77);
         let t2_125 = cos_u1_2 * d_u1_2;
         let t2_126 = cos_u3_2 * cos_q3_u3_1;
         let t2_127 = cos_u3_2 * sin_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t2_126;
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_126;
         let t2_128 = cos_q3_u3_1 * t2_126;
-        let t2_129 = like.lift(0.5) * t2_127;
-        let t2_130 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_129);
-        let t2_131 = like.lift(0.5) * sin_u3_2;
-        let t2_132 = like.lift(0.8660254037844386).mul_add(t2_127, t2_131);
-        let t2_133 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_129 = proto.splat(0.5) * t2_127;
+        let t2_130 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_129);
+        let t2_131 = proto.splat(0.5) * sin_u3_2;
+        let t2_132 = proto.splat(0.8660254037844386).mul_add(t2_127, t2_131);
+        let t2_133 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_134 = t2_130 * t2_133;
-        let t2_135 = like.lift(0.622).mul_add(t2_128, t2_134);
-        let t2_136 = like.lift(1.0773356023078418) * t2_128;
+        let t2_135 = proto.splat(0.622).mul_add(t2_128, t2_134);
+        let t2_136 = proto.splat(1.0773356023078418) * t2_128;
         let t2_137 = t2_132.mul_add(t2_133, t2_136);
         let t2_138 = -t2_34;
         let t2_139 = sin_q1_u1_1 * t2_67;
@@ -2548,44 +2548,44 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_141 = sin_q1_u1_1 * t2_71;
         let t2_142 = cos_q1_u1_1 * t2_71;
         let t2_143 = -t2_75;
-        let t2_144 = like.lift(-0.5773502691896257).mul_add(t2_44, t2_75);
-        let t2_145 = like.lift(0.622) * t2_126;
+        let t2_144 = proto.splat(-0.5773502691896257).mul_add(t2_44, t2_75);
+        let t2_145 = proto.splat(0.622) * t2_126;
         let t2_146 = -t2_145;
         let t2_147 = -t2_40;
         let t2_148 = -t2_140;
         let t2_149 = -t2_142;
-        let t2_150 = like.lift(1.0773356023078418) * t2_132;
-        let t2_151 = like.lift(0.622).mul_add(t2_130, t2_150);
-        let t2_152 = like.lift(0.622) * t2_132;
-        let t2_153 = like.lift(-1.0773356023078418).mul_add(t2_130, t2_152);
+        let t2_150 = proto.splat(1.0773356023078418) * t2_132;
+        let t2_151 = proto.splat(0.622).mul_add(t2_130, t2_150);
+        let t2_152 = proto.splat(0.622) * t2_132;
+        let t2_153 = proto.splat(-1.0773356023078418).mul_add(t2_130, t2_152);
         let t2_154 = cos_q3_u3_1 * t2_153;
         let t2_155 = -t2_154;
         let t2_156 = t2_98 * cos_q3_u3_1;
-        let t2_157 = like.lift(0.5) * t2_156;
+        let t2_157 = proto.splat(0.5) * t2_156;
         let t2_158 = (-t2_103).mul_add(sin_q3_u3_1, t2_157);
-        let t2_159 = like.lift(0.8660254037844386) * t2_156;
+        let t2_159 = proto.splat(0.8660254037844386) * t2_156;
         let t2_160 = t2_109.mul_add(sin_q3_u3_1, t2_159);
-        let t2_161 = like.lift(0.5) * t2_109;
-        let t2_162 = like.lift(0.8660254037844386).mul_add(t2_103, t2_161);
+        let t2_161 = proto.splat(0.5) * t2_109;
+        let t2_162 = proto.splat(0.8660254037844386).mul_add(t2_103, t2_161);
         let t2_163 = cos_q3_u3_1 * t2_162;
         let t2_164 = sin_q1_u1_1 * t2_163;
         let t2_165 = cos_q1_u1_1.mul_add(t2_160, t2_164);
         let t2_166 = t2_11 * t2_160;
         let t2_167 = (-t2_10).mul_add(t2_163, t2_166);
         let t2_168 = cos_u1_2_e1y.mul_add(t2_158, t2_167);
-        let t2_169 = like.lift(0.8660254037844386) * t2_160;
-        let t2_170 = like.lift(0.5).mul_add(t2_158, t2_169);
-        let t2_171 = like.lift(0.0) + like.lift(0.0);
+        let t2_169 = proto.splat(0.8660254037844386) * t2_160;
+        let t2_170 = proto.splat(0.5).mul_add(t2_158, t2_169);
+        let t2_171 = proto.splat(0.0) + proto.splat(0.0);
         let t2_172 = -t2_171;
         let t2_173 = cos_q1_u1_1 * d_u1_2;
         let t2_174 = d_q1 + d_u1_1;
         let t2_175 = t2_13 * t2_174;
         let t2_176 = sin_u1_2 * t2_173;
         let t2_177 = t2_21.mul_add(t2_174, t2_176);
-        let t2_178 = like.lift(1.244) * t2_177;
+        let t2_178 = proto.splat(1.244) * t2_177;
         let t2_179 = sin_q1_u1_1 * d_u1_2;
         let t2_180 = (-sin_u1_2).mul_add(t2_179, t2_175);
-        let t2_181 = like.lift(1.244) * t2_180;
+        let t2_181 = proto.splat(1.244) * t2_180;
         let t2_182 = -t2_181;
         let t2_183 = sin_q1_u1_1 * t2_174;
         let t2_184 = sin_q1_u1_1.mul_add(d_e1y, t2_179);
@@ -2596,7 +2596,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_189 = d_e1y.mul_add(t2_183, t2_188);
         let t2_190 = sin_u1_2 * t2_185;
         let t2_191 = (-t2_173).mul_add(t2_125, t2_190);
-        let t2_192 = like.lift(1.244) * t2_191;
+        let t2_192 = proto.splat(1.244) * t2_191;
         let t2_193 = cos_q1_u1_1 * t2_174;
         let t2_194 = cos_q1_u1_1.mul_add(d_e1y, t2_173);
         let t2_195 = t2_179 * t2_182;
@@ -2604,7 +2604,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_197 = d_u1_2 * t2_193;
         let t2_198 = sin_u1_2 * t2_197;
         let t2_199 = t2_179.mul_add(t2_125, t2_198);
-        let t2_200 = like.lift(1.244) * t2_199;
+        let t2_200 = proto.splat(1.244) * t2_199;
         let t2_201 = t2_11 * t2_174;
         let t2_202 = (-cos_u1_2_e1y).mul_add(t2_194, t2_201);
         let t2_203 = d_e1x.mul_add(t2_202, t2_197);
@@ -2616,15 +2616,15 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_209 = (-t2_10).mul_add(d_e1x, t2_184);
         let t2_210 = t2_4 * t2_206;
         let t2_211 = (-t2_8).mul_add(t2_205, t2_210);
-        let t2_212 = like.lift(0.044) * t2_211;
+        let t2_212 = proto.splat(0.044) * t2_211;
         let t2_213 = -t2_212;
         let t2_214 = t2_6 * t2_205;
         let t2_215 = (-t2_4).mul_add(t2_209, t2_214);
-        let t2_216 = like.lift(0.044) * t2_215;
+        let t2_216 = proto.splat(0.044) * t2_215;
         let t2_217 = -t2_216;
         let t2_218 = t2_8 * t2_204;
         let t2_219 = t2_6.mul_add(t2_189, t2_218);
-        let t2_220 = like.lift(0.044).mul_add(t2_219, t2_196);
+        let t2_220 = proto.splat(0.044).mul_add(t2_219, t2_196);
         let t2_221 = t2_209.mul_add(t2_217, t2_220);
         let t2_222 = (-t2_206).mul_add(t2_213, t2_221);
         let t2_223 = t2_36 * t2_205;
@@ -2636,21 +2636,21 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t2_229 = d_q2 * d_q2;
         let t2_230 = cos_q2 * t2_229;
         let t2_231 = d_u2_1 + d_q2;
-        let t2_232 = like.lift(0.5) * t2_231;
-        let t2_233 = like.lift(0.8660254037844386) * t2_231;
+        let t2_232 = proto.splat(0.5) * t2_231;
+        let t2_233 = proto.splat(0.8660254037844386) * t2_231;
         let t2_234 = d_u2_2 * sin_q2_u2_1;
         let t2_235 = t2_232 * t2_234;
         let t2_236 = cos_q2_u2_1 * d_u2_2;
-        let t2_237 = like.lift(0.8660254037844386).mul_add(t2_236, t2_232);
-        let t2_238 = like.lift(-0.5).mul_add(t2_236, t2_233);
-        let t2_239 = like.lift(0.8660254037844386) * t2_238;
-        let t2_240 = like.lift(0.5).mul_add(t2_237, t2_239);
+        let t2_237 = proto.splat(0.8660254037844386).mul_add(t2_236, t2_232);
+        let t2_238 = proto.splat(-0.5).mul_add(t2_236, t2_233);
+        let t2_239 = proto.splat(0.8660254037844386) * t2_238;
+        let t2_240 = proto.splat(0.5).mul_add(t2_237, t2_239);
         let t2_241 = cos_q2_u2_1 * t2_240;
-        let t2_242 = like.lift(0.0) + t2_241;
+        let t2_242 = proto.splat(0.0) + t2_241;
         let t2_243 = d_u2_2 * t2_242;
         let t2_244 = t2_54 * t2_238;
         let t2_245 = t2_52.mul_add(t2_237, t2_244);
-        let t2_246 = like.lift(1.244) * t2_245;
+        let t2_246 = proto.splat(1.244) * t2_245;
         let t2_247 = t2_46 * t2_237;
         [
             t2_1, t2_2, t2_4, t2_6, t2_8, t2_16, t2_17, t2_19, t2_26, t2_28, t2_29, t2_30,
@@ -2674,19 +2674,19 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         t3_233, t3_234, t3_236, t3_237, t3_239, t3_240, t3_242, t3_244, t3_246,
     ] = {
         let t3_1 = t2_54.mul_add(t2_234, t2_247);
-        let t3_2 = like.lift(1.244) * t3_1;
-        let t3_3 = like.lift(-1.244).mul_add(t2_46, t2_1);
+        let t3_2 = proto.splat(1.244) * t3_1;
+        let t3_3 = proto.splat(-1.244).mul_add(t2_46, t2_1);
         let t3_4 = t3_3 * dd_q2;
         let t3_5 = t2_52 * t2_243;
         let t3_6 = (-t2_46).mul_add(t2_235, t3_5);
         let t3_7 = t2_54 * t2_235;
-        let t3_8 = like.lift(-0.8660254037844386).mul_add(t3_4, t2_222);
+        let t3_8 = proto.splat(-0.8660254037844386).mul_add(t3_4, t2_222);
         let t3_9 = t2_26.mul_add(t2_204, t3_8);
         let t3_10 = (-t2_16).mul_add(t2_189, t3_9);
         let t3_11 = t2_209.mul_add(t2_228, t3_10);
         let t3_12 = (-t2_206).mul_add(t2_225, t3_11);
-        let t3_13 = like.lift(-0.45379731158304587).mul_add(t2_230, t3_12);
-        let t3_14 = like.lift(-1.244).mul_add(t3_6, t3_13);
+        let t3_13 = proto.splat(-0.45379731158304587).mul_add(t2_230, t3_12);
+        let t3_14 = proto.splat(-1.244).mul_add(t3_6, t3_13);
         let t3_15 = (-t2_234).mul_add(t3_2, t3_14);
         let t3_16 = (-t2_238).mul_add(t2_246, t3_15);
         let t3_17 = d_e1x * t2_208;
@@ -2700,15 +2700,15 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_25 = t2_17.mul_add(t2_206, t3_24);
         let t3_26 = t3_23 - t3_25;
         let t3_27 = -t3_26;
-        let t3_28 = like.lift(0.524) * d_q1;
+        let t3_28 = proto.splat(0.524) * d_q1;
         let t3_29 = d_q1 * t3_28;
         let t3_30 = cos_q1.mul_add(t3_29, t2_200);
         let t3_31 = sin_q1.mul_add(t3_29, t2_192);
         let t3_32 = t2_174.mul_add(t2_178, t3_30);
         let t3_33 = t2_174.mul_add(t2_182, t3_31);
-        let t3_34 = like.lift(0.044).mul_add(t3_19, t3_32);
+        let t3_34 = proto.splat(0.044).mul_add(t3_19, t3_32);
         let t3_35 = (-t2_205).mul_add(t2_213, t3_34);
-        let t3_36 = like.lift(0.044).mul_add(t3_21, t3_33);
+        let t3_36 = proto.splat(0.044).mul_add(t3_21, t3_33);
         let t3_37 = (-t2_206).mul_add(t3_27, t3_36);
         let t3_38 = t2_209.mul_add(t3_27, t3_35);
         let t3_39 = t2_205.mul_add(t2_217, t3_37);
@@ -2725,7 +2725,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_50 = t2_64.mul_add(t2_204, t3_49);
         let t3_51 = (-t2_205).mul_add(t2_225, t3_50);
         let t3_52 = (-t2_209).mul_add(t3_23, t3_51);
-        let t3_53 = like.lift(0.262).mul_add(t2_230, t3_52);
+        let t3_53 = proto.splat(0.262).mul_add(t2_230, t3_52);
         let t3_54 = t2_17.mul_add(t3_17, t3_38);
         let t3_55 = (-t2_65).mul_add(t2_204, t3_54);
         let t3_56 = t2_205.mul_add(t2_224, t3_55);
@@ -2734,23 +2734,23 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_59 = t2_33 - t2_17;
         let t3_60 = t2_233 * t2_234;
         let t3_61 = (-t2_52).mul_add(t3_60, t3_7);
-        let t3_62 = like.lift(1.244).mul_add(t3_61, t3_44);
+        let t3_62 = proto.splat(1.244).mul_add(t3_61, t3_44);
         let t3_63 = t2_46 * t3_60;
         let t3_64 = (-t2_54).mul_add(t2_243, t3_63);
-        let t3_65 = like.lift(1.244).mul_add(t3_64, t3_53);
+        let t3_65 = proto.splat(1.244).mul_add(t3_64, t3_53);
         let t3_66 = t2_237.mul_add(t2_246, t3_65);
-        let t3_67 = like.lift(1.244) * t2_54;
-        let t3_68 = like.lift(0.45379731158304587).mul_add(cos_q2, t3_67);
-        let t3_69 = like.lift(0.8660254037844386) * t3_68;
+        let t3_67 = proto.splat(1.244) * t2_54;
+        let t3_68 = proto.splat(0.45379731158304587).mul_add(cos_q2, t3_67);
+        let t3_69 = proto.splat(0.8660254037844386) * t3_68;
         let t3_70 = t2_52 * t2_234;
         let t3_71 = (-t2_46).mul_add(t2_238, t3_70);
-        let t3_72 = like.lift(1.244) * t2_52;
-        let t3_73 = like.lift(0.262).mul_add(cos_q2, t3_72);
-        let t3_74 = like.lift(0.5).mul_add(t3_73, t3_69);
-        let t3_75 = like.lift(1.244) * t3_71;
+        let t3_72 = proto.splat(1.244) * t2_52;
+        let t3_73 = proto.splat(0.262).mul_add(cos_q2, t3_72);
+        let t3_74 = proto.splat(0.5).mul_add(t3_73, t3_69);
+        let t3_75 = proto.splat(1.244) * t3_71;
         let t3_76 = -t3_75;
         let t3_77 = (-t2_234).mul_add(t3_76, t3_66);
-        let t3_78 = like.lift(0.5).mul_add(t3_4, t3_77);
+        let t3_78 = proto.splat(0.5).mul_add(t3_4, t3_77);
         let t3_79 = t2_238.mul_add(t3_76, t3_62);
         let t3_80 = t2_237.mul_add(t3_2, t3_79);
         let t3_81 = t3_74.mul_add(dd_q2, t3_80);
@@ -2785,8 +2785,8 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_110 = (-t2_97).mul_add(t3_17, t3_109);
         let t3_111 = (-t2_205).mul_add(t3_102, t3_110);
         let t3_112 = (-t2_209).mul_add(t3_95, t3_111);
-        let t3_113 = like.lift(0.5) * t3_112;
-        let t3_114 = like.lift(0.8660254037844386).mul_add(t3_108, t3_113);
+        let t3_113 = proto.splat(0.5) * t3_112;
+        let t3_114 = proto.splat(0.8660254037844386).mul_add(t3_108, t3_113);
         let t3_115 = t2_102 * t3_17;
         let t3_116 = (-t2_108).mul_add(t2_189, t3_115);
         let t3_117 = (-t2_206).mul_add(t3_95, t3_116);
@@ -2803,68 +2803,68 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_128 = d_q3 * d_q3;
         let t3_129 = (-t2_2).mul_add(t3_128, t3_48);
         let t3_130 = cos_q3 * t3_128;
-        let t3_131 = like.lift(-1.244).mul_add(t2_126, t2_2);
+        let t3_131 = proto.splat(-1.244).mul_add(t2_126, t2_2);
         let t3_132 = t3_131 * dd_q3;
-        let t3_133 = like.lift(0.8660254037844386).mul_add(t3_132, t2_222);
+        let t3_133 = proto.splat(0.8660254037844386).mul_add(t3_132, t2_222);
         let t3_134 = (-t2_36).mul_add(t2_204, t3_133);
         let t3_135 = t2_17.mul_add(t2_189, t3_134);
         let t3_136 = (-t2_209).mul_add(t2_227, t3_135);
         let t3_137 = t2_206.mul_add(t2_224, t3_136);
-        let t3_138 = like.lift(0.45379731158304587).mul_add(t3_130, t3_137);
-        let t3_139 = like.lift(0.262).mul_add(t3_130, t3_57);
+        let t3_138 = proto.splat(0.45379731158304587).mul_add(t3_130, t3_137);
+        let t3_139 = proto.splat(0.262).mul_add(t3_130, t3_57);
         let t3_140 = d_u3_1 + d_q3;
-        let t3_141 = like.lift(0.5) * t3_140;
-        let t3_142 = like.lift(0.8660254037844386) * t3_140;
+        let t3_141 = proto.splat(0.5) * t3_140;
+        let t3_142 = proto.splat(0.8660254037844386) * t3_140;
         let t3_143 = d_u3_2 * sin_q3_u3_1;
         let t3_144 = t3_141 * t3_143;
         let t3_145 = cos_q3_u3_1 * d_u3_2;
-        let t3_146 = like.lift(-0.8660254037844386).mul_add(t3_145, t3_141);
-        let t3_147 = like.lift(0.5).mul_add(t3_145, t3_142);
-        let t3_148 = like.lift(0.8660254037844386) * t3_147;
-        let t3_149 = like.lift(0.5).mul_add(t3_146, t3_148);
+        let t3_146 = proto.splat(-0.8660254037844386).mul_add(t3_145, t3_141);
+        let t3_147 = proto.splat(0.5).mul_add(t3_145, t3_142);
+        let t3_148 = proto.splat(0.8660254037844386) * t3_147;
+        let t3_149 = proto.splat(0.5).mul_add(t3_146, t3_148);
         let t3_150 = cos_q3_u3_1 * t3_149;
-        let t3_151 = like.lift(0.0) + t3_150;
+        let t3_151 = proto.splat(0.0) + t3_150;
         let t3_152 = t3_150 * t3_101;
         let t3_153 = d_u3_2 * t3_151;
         let t3_154 = t2_132 * t3_147;
         let t3_155 = t2_130.mul_add(t3_146, t3_154);
-        let t3_156 = like.lift(1.244) * t3_155;
+        let t3_156 = proto.splat(1.244) * t3_155;
         let t3_157 = t2_126 * t3_146;
         let t3_158 = (-t2_132).mul_add(t3_143, t3_157);
-        let t3_159 = like.lift(1.244) * t3_158;
+        let t3_159 = proto.splat(1.244) * t3_158;
         let t3_160 = -t3_159;
         let t3_161 = t2_130 * t3_153;
         let t3_162 = (-t2_126).mul_add(t3_144, t3_161);
-        let t3_163 = like.lift(-1.244).mul_add(t3_162, t3_138);
+        let t3_163 = proto.splat(-1.244).mul_add(t3_162, t3_138);
         let t3_164 = t3_143.mul_add(t3_160, t3_163);
         let t3_165 = t3_147.mul_add(t3_156, t3_164);
         let t3_166 = t2_132 * t3_144;
         let t3_167 = t3_142 * t3_143;
         let t3_168 = (-t2_130).mul_add(t3_167, t3_166);
-        let t3_169 = like.lift(-1.244).mul_add(t3_168, t3_129);
+        let t3_169 = proto.splat(-1.244).mul_add(t3_168, t3_129);
         let t3_170 = t2_126 * t3_167;
         let t3_171 = (-t2_132).mul_add(t3_153, t3_170);
-        let t3_172 = like.lift(-1.244).mul_add(t3_171, t3_139);
+        let t3_172 = proto.splat(-1.244).mul_add(t3_171, t3_139);
         let t3_173 = t3_146.mul_add(t3_156, t3_172);
-        let t3_174 = like.lift(1.244) * t2_132;
-        let t3_175 = like.lift(0.45379731158304587).mul_add(cos_q3, t3_174);
-        let t3_176 = like.lift(0.8660254037844386) * t3_175;
-        let t3_177 = like.lift(1.244) * t2_130;
-        let t3_178 = like.lift(0.262).mul_add(cos_q3, t3_177);
-        let t3_179 = like.lift(0.5).mul_add(t3_178, t3_176);
+        let t3_174 = proto.splat(1.244) * t2_132;
+        let t3_175 = proto.splat(0.45379731158304587).mul_add(cos_q3, t3_174);
+        let t3_176 = proto.splat(0.8660254037844386) * t3_175;
+        let t3_177 = proto.splat(1.244) * t2_130;
+        let t3_178 = proto.splat(0.262).mul_add(cos_q3, t3_177);
+        let t3_179 = proto.splat(0.5).mul_add(t3_178, t3_176);
         let t3_180 = t2_130 * t3_143;
         let t3_181 = t2_126.mul_add(t3_147, t3_180);
-        let t3_182 = like.lift(1.244) * t3_181;
+        let t3_182 = proto.splat(1.244) * t3_181;
         let t3_183 = t3_143.mul_add(t3_182, t3_173);
-        let t3_184 = like.lift(0.5).mul_add(t3_132, t3_183);
+        let t3_184 = proto.splat(0.5).mul_add(t3_132, t3_183);
         let t3_185 = t3_147.mul_add(t3_182, t3_169);
         let t3_186 = (-t3_146).mul_add(t3_160, t3_185);
         let t3_187 = t3_179.mul_add(dd_q3, t3_186);
         let t3_188 = t3_59.mul_add(dd_q1, t3_184);
         let t3_189 = t2_41.mul_add(dd_q1, t3_187);
-        let t3_190 = like.lift(1.0) / t2_126;
+        let t3_190 = proto.splat(1.0) / t2_126;
         let t3_191 = -t3_188;
-        let t3_192 = like.lift(-0.5773502691896257).mul_add(t3_165, t3_188);
+        let t3_192 = proto.splat(-0.5773502691896257).mul_add(t3_165, t3_188);
         let t3_193 = -t3_189;
         let t3_194 = sin_q3_u3_1 * t3_142;
         let t3_195 = t3_142 * t3_151;
@@ -2888,8 +2888,8 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_213 = (-t2_206).mul_add(t3_94, t3_212);
         let t3_214 = (-t2_205).mul_add(t3_97, t3_213);
         let t3_215 = (-sin_q3_u3_1).mul_add(t3_214, t3_201);
-        let t3_216 = like.lift(0.5) * t3_210;
-        let t3_217 = like.lift(-0.8660254037844386).mul_add(t3_206, t3_216);
+        let t3_216 = proto.splat(0.5) * t3_210;
+        let t3_217 = proto.splat(-0.8660254037844386).mul_add(t3_206, t3_216);
         let t3_218 = (-cos_q3_u3_1).mul_add(t3_217, t3_215);
         let t3_219 = t3_218 + t3_201;
         let t3_220 = t2_98.mul_add(t3_199, t3_219);
@@ -2897,26 +2897,26 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t3_222 = (-t2_109).mul_add(t3_195, t3_221);
         let t3_223 = (-t2_170).mul_add(dd_q3, t3_222);
         let t3_224 = (-t2_158).mul_add(dd_q1, t3_223);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_135, t2_137);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t2_135, t2_137);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t3_225 = t2_151 * t3_190;
-        let t3_226 = like.lift(0.9282158668643501) * t3_225;
+        let t3_226 = proto.splat(0.9282158668643501) * t3_225;
         let t3_227 = t2_135.mul_add(t3_226, t2_155);
         let t3_228 = inv_pivot_2 * t3_227;
         let pivot_3 = t2_34.mul_add(t3_228, t2_40);
         let t3_229 = t3_228.mul_add(t3_192, t3_189);
         let t3_230 = t3_165.mul_add(t3_226, t3_229);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t3_231 = t2_19 * inv_pivot_3;
         let t3_232 = t2_29 * inv_pivot_3;
         let t3_233 = -pivot_3;
-        let t3_234 = like.lift(0.5773502691896257).mul_add(t2_124, t2_139);
+        let t3_234 = proto.splat(0.5773502691896257).mul_add(t2_124, t2_139);
         let t3_235 = (-t3_234).mul_add(t3_228, t2_140);
         let t3_236 = t2_124.mul_add(t3_226, t3_235);
         let t3_237 = (-t3_236).mul_add(t3_232, t2_69);
         let t3_238 = t2_170 * t3_190;
-        let t3_239 = like.lift(0.9282158668643501) * t3_238;
-        let t3_240 = like.lift(0.9282158668643501) * t3_190;
+        let t3_239 = proto.splat(0.9282158668643501) * t3_238;
+        let t3_240 = proto.splat(0.9282158668643501) * t3_190;
         let t3_241 = t2_135 * t3_239;
         let t3_242 = inv_pivot_2 * t3_241;
         let t3_243 = (-t2_34).mul_add(t3_242, t2_158);
@@ -2933,12 +2933,12 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
     {
         qdd[0] = dd_q1; qdd[5] = dd_q2; qdd[8] = dd_q3;
         let pivot_4 = (-t2_124).mul_add(t3_239, t3_246);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t4_1 = t3_237 * inv_pivot_4;
         let t4_2 = (-t3_244).mul_add(t3_230, t3_224);
         let t4_3 = (-t3_242).mul_add(t3_192, t4_2);
         let t4_4 = (-t3_165).mul_add(t3_239, t4_3);
-        let t4_5 = like.lift(0.5773502691896257).mul_add(t2_77, t2_141);
+        let t4_5 = proto.splat(0.5773502691896257).mul_add(t2_77, t2_141);
         let t4_6 = (-t4_5).mul_add(t3_228, t2_142);
         let t4_7 = t2_77.mul_add(t3_226, t4_6);
         let t4_8 = (-t2_144).mul_add(t3_228, t2_79);
@@ -2962,7 +2962,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t4_26 = t4_9.mul_add(t3_231, t4_23);
         let t4_27 = t4_17.mul_add(t4_25, t2_28);
         let pivot_6 = (-t4_14).mul_add(t4_16, t4_27);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t4_28 = (-t4_17).mul_add(t4_22, t3_16);
         let t4_29 = (-t4_16).mul_add(t4_4, t4_28);
         let t4_30 = (-t4_17).mul_add(t4_26, t2_45);
@@ -2980,7 +2980,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t4_42 = (-t4_15).mul_add(t4_34, t4_41);
         let pivot_7 = t4_9.mul_add(t4_32, t4_42);
         let t4_43 = t4_37.mul_add(t4_18, t2_122);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t4_44 = t2_94 * inv_pivot_5;
         let t4_45 = (-t4_25).mul_add(t4_44, t2_73);
         let t4_46 = (-t4_14).mul_add(t4_1, t4_45);
@@ -2999,7 +2999,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t4_59 = (-t4_1).mul_add(t4_4, t4_58);
         let pivot_8 = (-t4_44).mul_add(t2_82, t4_56);
         let t4_60 = (-t3_232).mul_add(t3_230, t4_59);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t4_61 = inv_pivot_8 * t4_60;
         let t4_62 = (-t4_43).mul_add(t4_61, t4_40);
         let t4_63 = inv_pivot_7 * t4_62;
@@ -3031,27 +3031,27 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
         let t4_89 = t3_240 * t4_88;
         let t4_90 = -t4_82;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t3_233 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_84 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
-        let ([[t4_91], [t4_92], [t4_93], [t4_94], [t4_95], [t4_96], [t4_97], [t4_98]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t3_233 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_84 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
+        let ([[t4_91], [t4_92], [t4_93], [t4_94], [t4_95], [t4_96], [t4_97], [t4_98]], found) = ::regen_runtime::solve_guarded(
             [[t4_78], [t4_74], [t4_67], [t4_84], [t4_83], [t4_81], [t4_89], [t4_90]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_30, t2_28, t2_45, t2_49, t2_57, like.lift(0.0), like.lift(0.0)],
-                    [t2_59, t2_68, t2_72, t2_81, t2_83, t2_84, like.lift(0.0), like.lift(0.0)],
-                    [t2_85, t2_86, t2_87, t2_88, t2_90, t2_94, like.lift(0.0), like.lift(0.0)],
-                    [t2_105, t2_117, t2_117, t2_120, t2_122, t2_123, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_124, t2_77, t2_44, like.lift(0.0), like.lift(0.0), pivot_1, t2_135],
-                    [t2_138, t2_139, t2_141, t2_143, like.lift(0.0), like.lift(0.0), t2_146, t2_137],
-                    [t2_147, t2_148, t2_149, t2_79, like.lift(0.0), like.lift(0.0), t2_151, t2_154],
-                    [t2_158, t2_165, t2_165, t2_168, like.lift(0.0), like.lift(0.0), t2_170, t2_172],
+                    [proto.splat(0.0), t2_30, t2_28, t2_45, t2_49, t2_57, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_59, t2_68, t2_72, t2_81, t2_83, t2_84, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_85, t2_86, t2_87, t2_88, t2_90, t2_94, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_105, t2_117, t2_117, t2_120, t2_122, t2_123, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_124, t2_77, t2_44, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_135],
+                    [t2_138, t2_139, t2_141, t2_143, proto.splat(0.0), proto.splat(0.0), t2_146, t2_137],
+                    [t2_147, t2_148, t2_149, t2_79, proto.splat(0.0), proto.splat(0.0), t2_151, t2_154],
+                    [t2_158, t2_165, t2_165, t2_168, proto.splat(0.0), proto.splat(0.0), t2_170, t2_172],
                 ],
                 [[t3_16], [t3_84], [t3_85], [t3_127], [t3_165], [t3_191], [t3_193], [t3_224]],
             ),
@@ -3071,7 +3071,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd_i: &[T; 3]) -> ([
 ///
 /// 596 additions, 873 multiplications, 8 divisions, 11 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 70]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+    let zero = q[0].splat(0.0);
     w[0][1] = zero; w[0][2] = zero;
     w[1] = [zero; 3];
     w[2] = [zero; 3];
@@ -3113,8 +3113,8 @@ pub fn regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 70]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -3141,9 +3141,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
     // body crank1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank1z, a_crank1y] = {
         w[0][0] = dd_q1;
-        let a_crank1z = like.lift(9.81) * cos_q1;
+        let a_crank1z = proto.splat(9.81) * cos_q1;
         w[7][0] = a_crank1z;
-        let a_crank1y = like.lift(9.81) * sin_q1;
+        let a_crank1y = proto.splat(9.81) * sin_q1;
         let t2_1 = -a_crank1y;
         w[8][0] = t2_1;
         [a_crank1z, a_crank1y]
@@ -3161,8 +3161,8 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         t3_216, t3_219, t3_220, t3_223, t3_224, t3_225, t3_226, t3_227, pivot_2, inv_pivot_2,
         t3_228, t3_229, t3_231, pivot_3,
     ] = {
-        let t3_1 = like.lift(0.524).mul_add(dd_q1, a_crank1z);
-        let t3_2 = like.lift(0.524) * d_q1;
+        let t3_1 = proto.splat(0.524).mul_add(dd_q1, a_crank1z);
+        let t3_2 = proto.splat(0.524) * d_q1;
         let t3_3 = (-t3_2).mul_add(d_q1, a_crank1y);
         let al_u1_1x = dd_q1 + dd_u1_1;
         let t3_4 = cos_u1_2 * al_u1_1x;
@@ -3183,28 +3183,28 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t3_12 = cos_e1x.mul_add(sin_q1_u1_1, t3_11);
         let t3_13 = cos_e1x * cos_q1_u1_1;
         let t3_14 = (-sin_q1_u1_1).mul_add(t3_10, t3_13);
-        let t3_15 = like.lift(0.022) * t3_12;
+        let t3_15 = proto.splat(0.022) * t3_12;
         let t3_16 = cos_q1_u1_1 * sin_u1_2_e1y;
-        let t3_17 = like.lift(0.0381051177665153) * t3_16;
-        let t3_18 = like.lift(1.244) * cos_u1_2;
+        let t3_17 = proto.splat(0.0381051177665153) * t3_16;
+        let t3_18 = proto.splat(1.244) * cos_u1_2;
         let t3_19 = cos_q1_u1_1 * t3_18;
-        let t3_20 = like.lift(0.524).mul_add(sin_q1, -t3_19);
-        let t3_21 = like.lift(0.044) * t3_12;
+        let t3_20 = proto.splat(0.524).mul_add(sin_q1, -t3_19);
+        let t3_21 = proto.splat(0.044) * t3_12;
         let t3_22 = t3_19 + t3_21;
-        let t3_23 = like.lift(0.8660254037844386) * t3_12;
+        let t3_23 = proto.splat(0.8660254037844386) * t3_12;
         let t3_24 = t3_20 - t3_21;
         let t3_25 = t3_15 - t3_17;
         let t3_26 = t3_25 + t3_22;
         let t3_27 = t3_15 + t3_17;
         let t3_28 = t3_27 + t3_22;
         let t3_29 = sin_q1_u1_1 * t3_18;
-        let t3_30 = like.lift(0.044) * t3_14;
-        let t3_31 = like.lift(-0.524).mul_add(cos_q1, t3_30);
+        let t3_30 = proto.splat(0.044) * t3_14;
+        let t3_31 = proto.splat(-0.524).mul_add(cos_q1, t3_30);
         let t3_32 = t3_31 - t3_29;
         let t3_33 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t3_34 = like.lift(0.0381051177665153) * t3_33;
-        let t3_35 = like.lift(0.022) * t3_14;
-        let t3_36 = like.lift(0.8660254037844386) * t3_14;
+        let t3_34 = proto.splat(0.0381051177665153) * t3_33;
+        let t3_35 = proto.splat(0.022) * t3_14;
+        let t3_36 = proto.splat(0.8660254037844386) * t3_14;
         let t3_37 = t3_29 - t3_30;
         let t3_38 = t3_37 - t3_34;
         let t3_39 = t3_38 - t3_35;
@@ -3234,25 +3234,25 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t3_62 = cos_q2 * cos_u2_1;
         let cos_q2_u2_1 = (-sin_q2).mul_add(sin_u2_1, t3_62);
         let t3_63 = cos_u2_2 * cos_q2_u2_1;
-        let t3_64 = like.lift(1.0773356023078418) * t3_63;
+        let t3_64 = proto.splat(1.0773356023078418) * t3_63;
         let t3_65 = -t3_64;
         let t3_66 = cos_q2_u2_1 * t3_63;
         let t3_67 = cos_u2_2 * sin_q2_u2_1;
-        let t3_68 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t3_69 = like.lift(0.5).mul_add(t3_67, t3_68);
-        let t3_70 = like.lift(0.8660254037844386) * t3_67;
-        let t3_71 = like.lift(-0.5).mul_add(sin_u2_2, t3_70);
-        let t3_72 = like.lift(1.244) * sin_q2_u2_1;
+        let t3_68 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t3_69 = proto.splat(0.5).mul_add(t3_67, t3_68);
+        let t3_70 = proto.splat(0.8660254037844386) * t3_67;
+        let t3_71 = proto.splat(-0.5).mul_add(sin_u2_2, t3_70);
+        let t3_72 = proto.splat(1.244) * sin_q2_u2_1;
         let t3_73 = t3_69 * t3_72;
-        let t3_74 = like.lift(0.622).mul_add(t3_66, t3_73);
-        let t3_75 = like.lift(1.0773356023078418) * t3_66;
+        let t3_74 = proto.splat(0.622).mul_add(t3_66, t3_73);
+        let t3_75 = proto.splat(1.0773356023078418) * t3_66;
         let pivot_5 = t3_71.mul_add(t3_72, t3_75);
         let t3_76 = -t3_26;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
-        let t3_77 = like.lift(0.044) * e_e1x_q1y;
-        let t3_78 = like.lift(1.244).mul_add(sin_u1_2, t3_77);
-        let t3_79 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t3_80 = like.lift(0.022) * e_e1x_q1y;
+        let t3_77 = proto.splat(0.044) * e_e1x_q1y;
+        let t3_78 = proto.splat(1.244).mul_add(sin_u1_2, t3_77);
+        let t3_79 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t3_80 = proto.splat(0.022) * e_e1x_q1y;
         let t3_81 = t3_78 + t3_79;
         let t3_82 = t3_81 + t3_80;
         let t3_83 = t3_78 - t3_79;
@@ -3268,44 +3268,44 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t3_93 = sin_q1_u1_1 * t3_89;
         let t3_94 = cos_q1_u1_1 * t3_89;
         let t3_95 = -t3_91;
-        let t3_96 = like.lift(0.622) * t3_63;
-        let t3_97 = like.lift(0.524) * sin_q2;
-        let t3_98 = like.lift(-1.244).mul_add(t3_63, t3_97);
+        let t3_96 = proto.splat(0.622) * t3_63;
+        let t3_97 = proto.splat(0.524) * sin_q2;
+        let t3_98 = proto.splat(-1.244).mul_add(t3_63, t3_97);
         let t3_99 = -t3_96;
         let t3_100 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t3_101 = -t3_39;
         let t3_102 = -t3_86;
         let t3_103 = -t3_94;
-        let t3_104 = like.lift(1.0773356023078418) * t3_71;
-        let t3_105 = like.lift(0.622).mul_add(t3_69, t3_104);
-        let t3_106 = like.lift(0.622) * t3_71;
-        let t3_107 = like.lift(-1.0773356023078418).mul_add(t3_69, t3_106);
+        let t3_104 = proto.splat(1.0773356023078418) * t3_71;
+        let t3_105 = proto.splat(0.622).mul_add(t3_69, t3_104);
+        let t3_106 = proto.splat(0.622) * t3_71;
+        let t3_107 = proto.splat(-1.0773356023078418).mul_add(t3_69, t3_106);
         let t3_108 = cos_q2_u2_1 * t3_107;
         let t3_109 = -t3_108;
-        let t3_110 = like.lift(1.244) * t3_69;
-        let t3_111 = like.lift(0.262).mul_add(cos_q2, t3_110);
-        let t3_112 = like.lift(1.244) * t3_71;
-        let t3_113 = like.lift(0.45379731158304587).mul_add(cos_q2, t3_112);
-        let t3_114 = like.lift(0.8660254037844386) * t3_113;
-        let t3_115 = like.lift(0.5).mul_add(t3_111, t3_114);
-        let t3_116 = like.lift(0.5) * t3_16;
+        let t3_110 = proto.splat(1.244) * t3_69;
+        let t3_111 = proto.splat(0.262).mul_add(cos_q2, t3_110);
+        let t3_112 = proto.splat(1.244) * t3_71;
+        let t3_113 = proto.splat(0.45379731158304587).mul_add(cos_q2, t3_112);
+        let t3_114 = proto.splat(0.8660254037844386) * t3_113;
+        let t3_115 = proto.splat(0.5).mul_add(t3_111, t3_114);
+        let t3_116 = proto.splat(0.5) * t3_16;
         let t3_117 = t3_116 + t3_23;
         let t3_118 = t3_116 - t3_23;
         let t3_119 = t3_117 * cos_q2_u2_1;
-        let t3_120 = like.lift(0.5) * t3_33;
+        let t3_120 = proto.splat(0.5) * t3_33;
         let t3_121 = t3_120 - t3_36;
         let t3_122 = t3_120 + t3_36;
-        let t3_123 = like.lift(0.5) * t3_119;
+        let t3_123 = proto.splat(0.5) * t3_119;
         let t3_124 = (-t3_121).mul_add(sin_q2_u2_1, t3_123);
-        let t3_125 = like.lift(0.5) * cos_u1_2_e1y;
-        let t3_126 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t3_125 = proto.splat(0.5) * cos_u1_2_e1y;
+        let t3_126 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t3_127 = t3_125 - t3_126;
         let t3_128 = t3_125 + t3_126;
         let t3_129 = t3_127 * sin_q2_u2_1;
-        let t3_130 = like.lift(-0.8660254037844386).mul_add(t3_119, t3_129);
-        let t3_131 = like.lift(0.5) * t3_127;
-        let t3_132 = like.lift(-0.8660254037844386).mul_add(t3_121, t3_131);
+        let t3_130 = proto.splat(-0.8660254037844386).mul_add(t3_119, t3_129);
+        let t3_131 = proto.splat(0.5) * t3_127;
+        let t3_132 = proto.splat(-0.8660254037844386).mul_add(t3_121, t3_131);
         let t3_133 = cos_q2_u2_1 * t3_132;
         let t3_134 = -t3_133;
         let t3_135 = sin_q2_u2_1 * t3_134;
@@ -3314,10 +3314,10 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t3_138 = t3_16 * t3_134;
         let t3_139 = t3_33.mul_add(t3_130, t3_138);
         let t3_140 = cos_u1_2_e1y.mul_add(t3_124, t3_139);
-        let t3_141 = like.lift(0.5) * t3_124;
-        let t3_142 = like.lift(-0.8660254037844386).mul_add(t3_130, t3_141);
-        let t3_143 = like.lift(0.5) * t3_130;
-        let t3_144 = like.lift(0.8660254037844386).mul_add(t3_124, t3_143);
+        let t3_141 = proto.splat(0.5) * t3_124;
+        let t3_142 = proto.splat(-0.8660254037844386).mul_add(t3_130, t3_141);
+        let t3_143 = proto.splat(0.5) * t3_130;
+        let t3_144 = proto.splat(0.8660254037844386).mul_add(t3_124, t3_143);
         let t3_145 = cos_q2_u2_1.mul_add(t3_144, t3_135);
         let t3_146 = sin_q1_u1_1 * t3_42;
         let t3_147 = cos_q1_u1_1.mul_add(t3_28, t3_146);
@@ -3335,17 +3335,17 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let cos_q3_u3_1 = (-sin_q3).mul_add(sin_u3_1, t3_157);
         let t3_158 = t3_118 * cos_q3_u3_1;
         let t3_159 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t3_159;
+        let pivot_1 = proto.splat(1.0773356023078418) * t3_159;
         let t3_160 = cos_q3_u3_1 * t3_159;
         let t3_161 = cos_u3_2 * sin_q3_u3_1;
-        let t3_162 = like.lift(0.5) * t3_161;
-        let t3_163 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t3_162);
-        let t3_164 = like.lift(0.5) * sin_u3_2;
-        let t3_165 = like.lift(0.8660254037844386).mul_add(t3_161, t3_164);
-        let t3_166 = like.lift(1.244) * sin_q3_u3_1;
+        let t3_162 = proto.splat(0.5) * t3_161;
+        let t3_163 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t3_162);
+        let t3_164 = proto.splat(0.5) * sin_u3_2;
+        let t3_165 = proto.splat(0.8660254037844386).mul_add(t3_161, t3_164);
+        let t3_166 = proto.splat(1.244) * sin_q3_u3_1;
         let t3_167 = t3_163 * t3_166;
-        let t3_168 = like.lift(0.622).mul_add(t3_160, t3_167);
-        let t3_169 = like.lift(1.0773356023078418) * t3_160;
+        let t3_168 = proto.splat(0.622).mul_add(t3_160, t3_167);
+        let t3_169 = proto.splat(1.0773356023078418) * t3_160;
         let t3_170 = t3_165.mul_add(t3_166, t3_169);
         let t3_171 = -t3_28;
         let t3_172 = sin_q1_u1_1 * t3_84;
@@ -3353,31 +3353,31 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t3_174 = sin_q1_u1_1 * t3_90;
         let t3_175 = cos_q1_u1_1 * t3_90;
         let t3_176 = -t3_153;
-        let t3_177 = like.lift(-0.5773502691896257).mul_add(t3_151, t3_153);
-        let t3_178 = like.lift(0.622) * t3_159;
+        let t3_177 = proto.splat(-0.5773502691896257).mul_add(t3_151, t3_153);
+        let t3_178 = proto.splat(0.622) * t3_159;
         let t3_179 = -t3_178;
         let t3_180 = -t3_42;
         let t3_181 = -t3_173;
         let t3_182 = -t3_175;
-        let t3_183 = like.lift(1.0773356023078418) * t3_165;
-        let t3_184 = like.lift(0.622).mul_add(t3_163, t3_183);
-        let t3_185 = like.lift(0.622) * t3_165;
-        let t3_186 = like.lift(-1.0773356023078418).mul_add(t3_163, t3_185);
+        let t3_183 = proto.splat(1.0773356023078418) * t3_165;
+        let t3_184 = proto.splat(0.622).mul_add(t3_163, t3_183);
+        let t3_185 = proto.splat(0.622) * t3_165;
+        let t3_186 = proto.splat(-1.0773356023078418).mul_add(t3_163, t3_185);
         let t3_187 = cos_q3_u3_1 * t3_186;
         let t3_188 = -t3_187;
-        let t3_189 = like.lift(1.244) * t3_163;
-        let t3_190 = like.lift(0.262).mul_add(cos_q3, t3_189);
-        let t3_191 = like.lift(1.244) * t3_165;
-        let t3_192 = like.lift(0.45379731158304587).mul_add(cos_q3, t3_191);
-        let t3_193 = like.lift(0.8660254037844386) * t3_192;
-        let t3_194 = like.lift(0.5).mul_add(t3_190, t3_193);
+        let t3_189 = proto.splat(1.244) * t3_163;
+        let t3_190 = proto.splat(0.262).mul_add(cos_q3, t3_189);
+        let t3_191 = proto.splat(1.244) * t3_165;
+        let t3_192 = proto.splat(0.45379731158304587).mul_add(cos_q3, t3_191);
+        let t3_193 = proto.splat(0.8660254037844386) * t3_192;
+        let t3_194 = proto.splat(0.5).mul_add(t3_190, t3_193);
         let t3_195 = -t3_188;
-        let t3_196 = like.lift(0.5) * t3_158;
+        let t3_196 = proto.splat(0.5) * t3_158;
         let t3_197 = (-t3_122).mul_add(sin_q3_u3_1, t3_196);
-        let t3_198 = like.lift(0.8660254037844386) * t3_158;
+        let t3_198 = proto.splat(0.8660254037844386) * t3_158;
         let t3_199 = t3_128.mul_add(sin_q3_u3_1, t3_198);
-        let t3_200 = like.lift(0.5) * t3_128;
-        let t3_201 = like.lift(0.8660254037844386).mul_add(t3_122, t3_200);
+        let t3_200 = proto.splat(0.5) * t3_128;
+        let t3_201 = proto.splat(0.8660254037844386).mul_add(t3_122, t3_200);
         let t3_202 = cos_q3_u3_1 * t3_201;
         let t3_203 = sin_q1_u1_1 * t3_202;
         let t3_204 = cos_q1_u1_1.mul_add(t3_199, t3_203);
@@ -3385,29 +3385,29 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t3_206 = (-t3_16).mul_add(t3_202, t3_205);
         let t3_207 = sin_q3_u3_1 * t3_202;
         let t3_208 = cos_u1_2_e1y.mul_add(t3_197, t3_206);
-        let t3_209 = like.lift(0.8660254037844386) * t3_199;
-        let t3_210 = like.lift(0.5).mul_add(t3_197, t3_209);
-        let t3_211 = like.lift(0.5) * t3_199;
-        let t3_212 = like.lift(-0.8660254037844386).mul_add(t3_197, t3_211);
+        let t3_209 = proto.splat(0.8660254037844386) * t3_199;
+        let t3_210 = proto.splat(0.5).mul_add(t3_197, t3_209);
+        let t3_211 = proto.splat(0.5) * t3_199;
+        let t3_212 = proto.splat(-0.8660254037844386).mul_add(t3_197, t3_211);
         let t3_213 = (-cos_q3_u3_1).mul_add(t3_212, t3_207);
         let t3_214 = -t3_213;
-        let t3_215 = like.lift(0.8660254037844386) * t3_98;
-        let t3_216 = like.lift(0.5) * t3_98;
+        let t3_215 = proto.splat(0.8660254037844386) * t3_98;
+        let t3_216 = proto.splat(0.5) * t3_98;
         let t3_217 = t3_35 + t3_34;
         let t3_218 = t3_35 - t3_34;
         let t3_219 = t3_217 + t3_32;
         let t3_220 = t3_218 + t3_32;
-        let t3_221 = like.lift(0.524) * sin_q3;
-        let t3_222 = like.lift(-1.244).mul_add(t3_159, t3_221);
-        let t3_223 = like.lift(1.0) / t3_159;
-        let t3_224 = like.lift(0.8660254037844386) * t3_222;
+        let t3_221 = proto.splat(0.524) * sin_q3;
+        let t3_222 = proto.splat(-1.244).mul_add(t3_159, t3_221);
+        let t3_223 = proto.splat(1.0) / t3_159;
+        let t3_224 = proto.splat(0.8660254037844386) * t3_222;
         let t3_225 = -t3_224;
-        let t3_226 = like.lift(0.5) * t3_222;
-        let t3_227 = like.lift(0.8038585209003215) * t3_222;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t3_168, t3_170);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let t3_226 = proto.splat(0.5) * t3_222;
+        let t3_227 = proto.splat(0.8038585209003215) * t3_222;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t3_168, t3_170);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t3_228 = t3_184 * t3_223;
-        let t3_229 = like.lift(0.9282158668643501) * t3_228;
+        let t3_229 = proto.splat(0.9282158668643501) * t3_228;
         let t3_230 = t3_168.mul_add(t3_229, t3_188);
         let t3_231 = inv_pivot_2 * t3_230;
         let pivot_3 = t3_28.mul_add(t3_231, t3_42);
@@ -3430,18 +3430,18 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
     ] = {
         let t4_1 = t3_228.mul_add(t3_227, t3_194);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t4_2 = t3_26 * inv_pivot_3;
         let t4_3 = t3_39 * inv_pivot_3;
         let t4_4 = -pivot_3;
         let t4_5 = t3_50.mul_add(t3_231, t3_220);
-        let t4_6 = like.lift(0.5773502691896257).mul_add(t3_147, t3_172);
+        let t4_6 = proto.splat(0.5773502691896257).mul_add(t3_147, t3_172);
         let t4_7 = (-t4_6).mul_add(t3_231, t3_173);
         let t4_8 = t3_147.mul_add(t3_229, t4_7);
         let t4_9 = (-t4_8).mul_add(t4_3, t3_86);
         let t4_10 = t3_210 * t3_223;
-        let t4_11 = like.lift(0.9282158668643501) * t3_223;
-        let t4_12 = like.lift(0.9282158668643501) * t4_10;
+        let t4_11 = proto.splat(0.9282158668643501) * t3_223;
+        let t4_12 = proto.splat(0.9282158668643501) * t4_10;
         let t4_13 = t3_168.mul_add(t4_12, t3_213);
         let t4_14 = inv_pivot_2 * t4_13;
         let t4_15 = (-t3_28).mul_add(t4_14, t3_197);
@@ -3451,11 +3451,11 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t4_19 = (-t4_8).mul_add(t4_16, t3_204);
         let t4_20 = t4_6.mul_add(t4_14, t4_19);
         let pivot_4 = (-t3_147).mul_add(t4_12, t4_20);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t4_21 = t4_9 * inv_pivot_4;
         let t4_22 = t4_5.mul_add(t4_16, t3_197);
         let t4_23 = t3_50.mul_add(t4_14, t4_22);
-        let t4_24 = like.lift(0.5773502691896257).mul_add(t3_149, t3_174);
+        let t4_24 = proto.splat(0.5773502691896257).mul_add(t3_149, t3_174);
         let t4_25 = (-t4_24).mul_add(t3_231, t3_175);
         let t4_26 = t3_149.mul_add(t3_229, t4_25);
         let t4_27 = (-t3_177).mul_add(t3_231, t3_155);
@@ -3477,7 +3477,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t4_43 = t4_26.mul_add(t4_2, t4_42);
         let t4_44 = t4_36.mul_add(t4_43, t3_56);
         let pivot_6 = (-t4_33).mul_add(t4_35, t4_44);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t4_45 = (-t4_23).mul_add(t4_39, t3_49);
         let t4_46 = (-t4_5).mul_add(t4_2, t4_45);
         let t4_47 = t4_18 * t4_39;
@@ -3501,7 +3501,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t4_65 = (-t4_41).mul_add(t4_59, t4_64);
         let t4_66 = (-t4_34).mul_add(t4_58, t4_65);
         let pivot_7 = t4_28.mul_add(t4_56, t4_66);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t4_67 = t4_50.mul_add(t4_63, t3_124);
         let t4_68 = t4_46.mul_add(t4_59, t4_67);
         let t4_69 = (-t4_23).mul_add(t4_58, t4_68);
@@ -3526,7 +3526,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t4_88 = (-t4_72).mul_add(t4_82, t3_105);
         let t4_89 = (-t4_37).mul_add(t4_77, t4_88);
         let pivot_8 = (-t4_73).mul_add(t3_96, t4_89);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t4_90 = t4_87 * inv_pivot_8;
         let t4_91 = (-t4_72).mul_add(t4_90, t4_70);
         let t4_92 = inv_pivot_7 * t4_91;
@@ -3635,20 +3635,20 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t4_195 = t4_194 * t4_11;
         let t4_196 = -t4_195;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t4_4 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t3_100 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t4_4 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t3_100 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
             [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t4_108, t4_147, t4_162], [t4_98, t4_163, t4_140], [t4_164, t4_133, t4_165],
                 [t4_92, t4_127, t4_128], [t4_90, t4_123, t4_150], [t4_107, t4_158, t4_157],
@@ -3657,20 +3657,22 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
             margin,
             || (
                 [
-                    [like.lift(0.0), t3_44, t3_56, t3_58, t3_65, t3_74, like.lift(0.0), like.lift(0.0)],
-                    [t3_76, t3_85, t3_93, t3_95, t3_99, t3_100, like.lift(0.0), like.lift(0.0)],
-                    [t3_101, t3_102, t3_103, t3_92, t3_105, t3_109, like.lift(0.0), like.lift(0.0)],
-                    [t3_124, t3_137, t3_137, t3_140, t3_142, t3_145, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t3_147, t3_149, t3_151, like.lift(0.0), like.lift(0.0), pivot_1, t3_168],
-                    [t3_171, t3_172, t3_174, t3_176, like.lift(0.0), like.lift(0.0), t3_179, t3_170],
-                    [t3_180, t3_181, t3_182, t3_155, like.lift(0.0), like.lift(0.0), t3_184, t3_195],
-                    [t3_197, t3_204, t3_204, t3_208, like.lift(0.0), like.lift(0.0), t3_210, t3_214],
+                    [proto.splat(0.0), t3_44, t3_56, t3_58, t3_65, t3_74, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_76, t3_85, t3_93, t3_95, t3_99, t3_100, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_101, t3_102, t3_103, t3_92, t3_105, t3_109, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_124, t3_137, t3_137, t3_140, t3_142, t3_145, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t3_147, t3_149, t3_151, proto.splat(0.0), proto.splat(0.0), pivot_1, t3_168],
+                    [t3_171, t3_172, t3_174, t3_176, proto.splat(0.0), proto.splat(0.0), t3_179, t3_170],
+                    [t3_180, t3_181, t3_182, t3_155, proto.splat(0.0), proto.splat(0.0), t3_184, t3_195],
+                    [t3_197, t3_204, t3_204, t3_208, proto.splat(0.0), proto.splat(0.0), t3_210, t3_214],
                 ],
                 [
-                    [like.lift(0.0), t3_215, like.lift(0.0)], [t3_49, t3_216, like.lift(0.0)],
-                    [t3_219, t3_115, like.lift(0.0)], [t3_124, t3_142, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t3_225], [t3_50, like.lift(0.0), t3_226],
-                    [t3_220, like.lift(0.0), t3_194], [t3_197, like.lift(0.0), t3_210],
+                    [proto.splat(0.0), t3_215, proto.splat(0.0)],
+                    [t3_49, t3_216, proto.splat(0.0)], [t3_219, t3_115, proto.splat(0.0)],
+                    [t3_124, t3_142, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t3_225],
+                    [t3_50, proto.splat(0.0), t3_226], [t3_220, proto.splat(0.0), t3_194],
+                    [t3_197, proto.splat(0.0), t3_210],
                 ],
             ),
         );
@@ -3804,7 +3806,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let a_rod1x = sin_u1_2 * a_u1_1z;
         let t5_69 = cos_u1_1 * a_u1_1z;
         let t5_70 = (-sin_u1_1).mul_add(a_u1_1y, t5_69);
-        let t5_71 = like.lift(0.524) * t5_70;
+        let t5_71 = proto.splat(0.524) * t5_70;
         let w_m_rod1_q1 = -t5_71;
         w[19][0] = w_m_rod1_q1;
         let t5_72 = x_u1_2_q2 * a_rod1x;
@@ -3824,19 +3826,19 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t5_82 = t5_68.mul_add(t5_26, t5_81);
         let t5_83 = a_u1_1y * t5_9;
         let t5_84 = (-x_u1_2_q1).mul_add(a_rod1z, t5_83);
-        let w_mx_rod1_q1 = like.lift(-0.524).mul_add(t5_79, t5_84);
+        let w_mx_rod1_q1 = proto.splat(-0.524).mul_add(t5_79, t5_84);
         w[16][0] = w_mx_rod1_q1;
         let t5_85 = a_rod1x * t5_9;
         let t5_86 = a_rod1z.mul_add(t5_3, t5_85);
         let t5_87 = a_u1_1y * t5_3;
         let t5_88 = x_u1_2_q1.mul_add(a_rod1x, t5_87);
-        let w_mz_rod1_q1 = like.lift(0.524).mul_add(t5_82, t5_88);
+        let w_mz_rod1_q1 = proto.splat(0.524).mul_add(t5_82, t5_88);
         let t5_89 = -w_mz_rod1_q1;
         w[18][0] = t5_89;
         let t5_90 = cos_u1_1 * al_u1_1x;
         let t5_91 = sin_u1_1 * w_u1_1x;
         let t5_92 = (-t5_91).mul_add(w_u1_1x, t5_90);
-        let w_my_rod1_q1 = like.lift(-0.524).mul_add(t5_92, t5_86);
+        let w_my_rod1_q1 = proto.splat(-0.524).mul_add(t5_92, t5_86);
         let t5_93 = -w_my_rod1_q1;
         w[17][0] = t5_93;
         [t5_24, t5_26, t5_43, a_u1_1y, a_rod1z, a_rod1x]
@@ -3849,10 +3851,10 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         w_mx_platform_q1, w_my_platform_q1, w_mz_platform_q1, t6_176, t6_181, w_my_platform_q2,
         t6_190, t6_193, t6_198, w_my_platform_q3, t6_204,
     ] = {
-        let a_e1yy = like.lift(-1.244).mul_add(t5_24, a_u1_1y);
-        let t6_1 = like.lift(-1.244).mul_add(t5_43, a_rod1z);
-        let t6_2 = like.lift(-1.244).mul_add(t5_26, a_rod1x);
-        let u_e1y_q1y = like.lift(0.524).mul_add(sin_u1_1, t3_18);
+        let a_e1yy = proto.splat(-1.244).mul_add(t5_24, a_u1_1y);
+        let t6_1 = proto.splat(-1.244).mul_add(t5_43, a_rod1z);
+        let t6_2 = proto.splat(-1.244).mul_add(t5_26, a_rod1x);
+        let u_e1y_q1y = proto.splat(0.524).mul_add(sin_u1_1, t3_18);
         let t6_3 = cos_u1_2 * cos_e1x;
         let w_e1yz = sin_u1_2_e1y * w_u1_1x;
         let w_e1yx = cos_u1_2_e1y * w_u1_1x;
@@ -3880,23 +3882,23 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t6_20 = w_e1xy * w_e1xx;
         let t6_21 = w_e1xx * w_e1xx;
         let e_e1x_q1z = cos_e1x * sin_u1_2_e1y;
-        let t6_22 = like.lift(0.524) * cos_u1_1;
+        let t6_22 = proto.splat(0.524) * cos_u1_1;
         let t6_23 = t6_22 * sin_u1_2_e1y;
         let t6_24 = cos_u1_1 * cos_u1_2_e1y;
-        let t6_25 = like.lift(0.524) * t6_24;
+        let t6_25 = proto.splat(0.524) * t6_24;
         let t6_26 = e_e1x_q1z * x_u1_1_q1;
         let t6_27 = sin_e1x.mul_add(x_u1_2_q1, e_e1x_q1z);
         let t6_28 = t6_27 - t6_26;
         let t6_29 = t6_28 + t6_12;
         let t6_30 = t6_12 - t6_26;
         let t6_31 = t6_30 + e_e1x_q1z;
-        let t6_32 = like.lift(-0.044).mul_add(t6_31, t6_23);
+        let t6_32 = proto.splat(-0.044).mul_add(t6_31, t6_23);
         let t6_33 = t6_20 * t6_29;
         let t6_34 = al_e1xx.mul_add(t6_6, t6_13);
         let w_ixx_platform_q1 = t6_34 + t6_33;
         let t6_35 = -w_ixx_platform_q1;
         let t6_36 = cos_u1_2_e1y.mul_add(x_u1_1_q2, x_e1x_q2);
-        let t6_37 = like.lift(0.044) * x_e1x_q2;
+        let t6_37 = proto.splat(0.044) * x_e1x_q2;
         let t6_38 = x_e1y_q2 + x_u1_2_q2;
         let t6_39 = cos_e1x * t6_38;
         let t6_40 = e_e1x_q1y.mul_add(x_u1_1_q2, t6_39);
@@ -3907,16 +3909,16 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t6_45 = (-sin_e1x).mul_add(x_u1_2_q2, t6_43);
         let t6_46 = t6_45 - t6_41;
         let t6_47 = t6_41 - t6_43;
-        let t6_48 = like.lift(0.044) * t6_47;
+        let t6_48 = proto.splat(0.044) * t6_47;
         let t6_49 = t6_20 * t6_46;
         let t6_50 = al_e1xx.mul_add(t6_36, -t6_42);
         let w_ixx_platform_q2 = t6_50 - t6_49;
         let t6_51 = -w_ixx_platform_q2;
         let t6_52 = cos_u1_2_e1y.mul_add(x_u1_1_q3, x_e1x_q3);
-        let t6_53 = like.lift(0.044) * cos_u1_2_e1y;
+        let t6_53 = proto.splat(0.044) * cos_u1_2_e1y;
         let u_platform_u1_1z = sin_e1x.mul_add(t3_18, t6_53);
-        let t6_54 = like.lift(-0.044).mul_add(x_e1x_q1, t6_53);
-        let t6_55 = like.lift(0.044) * x_e1x_q3;
+        let t6_54 = proto.splat(-0.044).mul_add(x_e1x_q1, t6_53);
+        let t6_55 = proto.splat(0.044) * x_e1x_q3;
         let t6_56 = x_e1y_q3 + x_u1_2_q3;
         let t6_57 = cos_e1x * t6_56;
         let t6_58 = e_e1x_q1y.mul_add(x_u1_1_q3, t6_57);
@@ -3925,7 +3927,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t6_61 = (-sin_e1x).mul_add(x_u1_2_q3, t6_44);
         let t6_62 = t6_61 - t6_59;
         let t6_63 = t6_59 - t6_44;
-        let t6_64 = like.lift(0.044) * t6_63;
+        let t6_64 = proto.splat(0.044) * t6_63;
         let t6_65 = t6_20 * t6_62;
         let t6_66 = al_e1xx.mul_add(t6_52, -t6_60);
         let w_ixx_platform_q3 = t6_66 - t6_65;
@@ -4004,10 +4006,10 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t6_122 = cos_e1y * t6_1;
         let a_e1yz = (-sin_e1y).mul_add(t6_2, t6_122);
         let t6_123 = cos_e1y * t6_2;
-        let t6_124 = like.lift(-0.044).mul_add(t6_111, t6_123);
+        let t6_124 = proto.splat(-0.044).mul_add(t6_111, t6_123);
         let a_platformx = sin_e1y.mul_add(t6_1, t6_124);
-        let t6_125 = like.lift(1.244) * cos_e1y;
-        let u_platform_u1_2x = like.lift(0.044).mul_add(sin_e1x, t6_125);
+        let t6_125 = proto.splat(1.244) * cos_e1y;
+        let u_platform_u1_2x = proto.splat(0.044).mul_add(sin_e1x, t6_125);
         let t6_126 = (-u_platform_u1_2x).mul_add(x_u1_2_q1, t6_32);
         let t6_127 = u_platform_u1_2x.mul_add(x_u1_2_q2, t6_48);
         let t6_128 = u_platform_u1_2x.mul_add(x_u1_2_q3, t6_64);
@@ -4016,20 +4018,20 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t6_131 = t6_21 + t6_74;
         let t6_132 = t6_73 + t6_74;
         let t6_133 = t6_21 + t6_73;
-        let t6_134 = like.lift(0.044) * t6_131;
+        let t6_134 = proto.splat(0.044) * t6_131;
         let t6_135 = (-sin_e1x).mul_add(a_e1yz, t6_134);
         let a_platformy = cos_e1x.mul_add(a_e1yy, t6_135);
-        let t6_136 = like.lift(0.044) * t6_75;
+        let t6_136 = proto.splat(0.044) * t6_75;
         let t6_137 = cos_e1x.mul_add(a_e1yz, t6_136);
         let a_platformz = sin_e1x.mul_add(a_e1yy, t6_137);
         let t6_138 = sin_e1y * sin_e1x;
         let t6_139 = sin_e1y * cos_e1x;
-        let t6_140 = like.lift(1.244) * t6_139;
+        let t6_140 = proto.splat(1.244) * t6_139;
         let t6_141 = (-x_u1_2_q1).mul_add(t6_140, t6_54);
         let t6_142 = t6_138 * x_u1_2_q1;
         let t6_143 = (-t6_3).mul_add(x_u1_1_q1, t6_142);
         let t6_144 = (-u_platform_u1_1z).mul_add(x_u1_1_q1, t6_141);
-        let t6_145 = like.lift(1.244) * t6_143;
+        let t6_145 = proto.splat(1.244) * t6_143;
         let t6_146 = sin_e1x.mul_add(t6_25, t6_145);
         let t6_147 = (-cos_e1x).mul_add(t6_25, t6_144);
         let t6_148 = cos_e1x.mul_add(u_e1y_q1y, t6_146);
@@ -4042,9 +4044,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let t6_155 = u_platform_u1_1z.mul_add(x_u1_1_q2, t6_150);
         let t6_156 = (-t6_3).mul_add(x_u1_1_q3, t6_153);
         let t6_157 = u_platform_u1_1z.mul_add(x_u1_1_q3, t6_151);
-        let t6_158 = like.lift(1.244) * t6_154;
+        let t6_158 = proto.splat(1.244) * t6_154;
         let t6_159 = -t6_158;
-        let t6_160 = like.lift(1.244) * t6_156;
+        let t6_160 = proto.splat(1.244) * t6_156;
         let t6_161 = -t6_160;
         let t6_162 = a_platformz * t6_11;
         let t6_163 = a_platformy.mul_add(t6_29, t6_162);
@@ -4124,23 +4126,23 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
     // body crank2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank2z, a_crank2y] = {
         w[30][1] = dd_q2;
-        let a_crank2z = like.lift(9.81) * cos_q2;
+        let a_crank2z = proto.splat(9.81) * cos_q2;
         w[37][1] = a_crank2z;
-        let a_crank2y = like.lift(9.81) * sin_q2;
+        let a_crank2y = proto.splat(9.81) * sin_q2;
         let t8_1 = -a_crank2y;
         w[38][1] = t8_1;
         [a_crank2z, a_crank2y]
     };
     // body rod2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t9_1 = like.lift(0.524).mul_add(dd_q2, a_crank2z);
+        let t9_1 = proto.splat(0.524).mul_add(dd_q2, a_crank2z);
         let w_iyy_rod2_q1 = dd_u2_2 * x_u2_2_q1;
         let t9_2 = -w_iyy_rod2_q1;
         w[43][0] = t9_2;
         let w_iyy_rod2_q3 = dd_u2_2 * x_u2_2_q3;
         let t9_3 = -w_iyy_rod2_q3;
         w[43][2] = t9_3;
-        let t9_4 = like.lift(0.524) * d_q2;
+        let t9_4 = proto.splat(0.524) * d_q2;
         let t9_5 = (-t9_4).mul_add(d_q2, a_crank2y);
         let al_u2_1x = dd_q2 + dd_u2_1;
         let t9_6 = cos_u2_2 * al_u2_1x;
@@ -4272,7 +4274,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let w_mz_rod2_q1 = (-a_u2_1y).mul_add(t9_8, t9_84);
         let t9_85 = -w_mz_rod2_q1;
         w[48][0] = t9_85;
-        let t9_86 = like.lift(0.524) * t9_83;
+        let t9_86 = proto.splat(0.524) * t9_83;
         let w_m_rod2_q2 = -t9_86;
         w[49][1] = w_m_rod2_q2;
         let t9_87 = x_u2_2_q3 * a_rod2z;
@@ -4285,14 +4287,14 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         w[48][2] = t9_90;
         let t9_91 = a_u2_1y * t9_18;
         let t9_92 = (-x_u2_2_q2).mul_add(a_rod2z, t9_91);
-        let w_mx_rod2_q2 = like.lift(-0.524).mul_add(t9_80, t9_92);
+        let w_mx_rod2_q2 = proto.splat(-0.524).mul_add(t9_80, t9_92);
         w[46][1] = w_mx_rod2_q2;
         let t9_93 = a_rod2x * t9_18;
         let t9_94 = a_rod2z.mul_add(t9_17, t9_93);
         let t9_95 = a_u2_1y * t9_17;
         let t9_96 = x_u2_2_q2.mul_add(a_rod2x, t9_95);
-        let w_my_rod2_q2 = like.lift(-0.524).mul_add(t9_45, t9_94);
-        let w_mz_rod2_q2 = like.lift(0.524).mul_add(t9_81, t9_96);
+        let w_my_rod2_q2 = proto.splat(-0.524).mul_add(t9_45, t9_94);
+        let w_mz_rod2_q2 = proto.splat(0.524).mul_add(t9_81, t9_96);
         let t9_97 = -w_my_rod2_q2;
         w[47][1] = t9_97;
         let t9_98 = -w_mz_rod2_q2;
@@ -4301,23 +4303,23 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
     // body crank3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_crank3z, a_crank3y] = {
         w[50][2] = dd_q3;
-        let a_crank3z = like.lift(9.81) * cos_q3;
+        let a_crank3z = proto.splat(9.81) * cos_q3;
         w[57][2] = a_crank3z;
-        let a_crank3y = like.lift(9.81) * sin_q3;
+        let a_crank3y = proto.splat(9.81) * sin_q3;
         let t10_1 = -a_crank3y;
         w[58][2] = t10_1;
         [a_crank3z, a_crank3y]
     };
     // body rod3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t11_1 = like.lift(0.524).mul_add(dd_q3, a_crank3z);
+        let t11_1 = proto.splat(0.524).mul_add(dd_q3, a_crank3z);
         let w_iyy_rod3_q1 = dd_u3_2 * x_u3_2_q1;
         let t11_2 = -w_iyy_rod3_q1;
         w[63][0] = t11_2;
         let w_iyy_rod3_q2 = dd_u3_2 * x_u3_2_q2;
         let t11_3 = -w_iyy_rod3_q2;
         w[63][1] = t11_3;
-        let t11_4 = like.lift(0.524) * d_q3;
+        let t11_4 = proto.splat(0.524) * d_q3;
         let t11_5 = (-t11_4).mul_add(d_q3, a_crank3y);
         let al_u3_1x = dd_q3 + dd_u3_1;
         let t11_6 = cos_u3_2 * al_u3_1x;
@@ -4457,19 +4459,19 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
         let w_mz_rod3_q2 = (-a_u3_1y).mul_add(t11_17, t11_88);
         let t11_89 = -w_mz_rod3_q2;
         w[68][1] = t11_89;
-        let t11_90 = like.lift(0.524) * t11_85;
+        let t11_90 = proto.splat(0.524) * t11_85;
         let w_m_rod3_q3 = -t11_90;
         w[69][2] = w_m_rod3_q3;
         let t11_91 = a_u3_1y * t11_23;
         let t11_92 = (-x_u3_2_q3).mul_add(a_rod3z, t11_91);
-        let w_mx_rod3_q3 = like.lift(-0.524).mul_add(t11_82, t11_92);
+        let w_mx_rod3_q3 = proto.splat(-0.524).mul_add(t11_82, t11_92);
         w[66][2] = w_mx_rod3_q3;
         let t11_93 = a_rod3x * t11_23;
         let t11_94 = a_rod3z.mul_add(t11_22, t11_93);
         let t11_95 = a_u3_1y * t11_22;
         let t11_96 = x_u3_2_q3.mul_add(a_rod3x, t11_95);
-        let w_my_rod3_q3 = like.lift(-0.524).mul_add(t11_45, t11_94);
-        let w_mz_rod3_q3 = like.lift(0.524).mul_add(t11_83, t11_96);
+        let w_my_rod3_q3 = proto.splat(-0.524).mul_add(t11_45, t11_94);
+        let w_mz_rod3_q3 = proto.splat(0.524).mul_add(t11_83, t11_96);
         let t11_97 = -w_my_rod3_q3;
         w[67][2] = t11_97;
         let t11_98 = -w_mz_rod3_q3;
@@ -4488,9 +4490,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w:
 ///
 /// 532 additions, 674 multiplications, 8 divisions, 11 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -4548,11 +4550,11 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_8 = p_ixx_rod1 - p_iyy_rod1;
         let t2_9 = d_u1_2 * d_u1_2;
         let t2_10 = t2_6 - t2_9;
-        let t2_11 = like.lift(9.81) * sin_q1;
-        let t2_12 = like.lift(0.524) * d_q1;
+        let t2_11 = proto.splat(9.81) * sin_q1;
+        let t2_12 = proto.splat(0.524) * d_q1;
         let t2_13 = (-t2_12).mul_add(d_q1, t2_11);
-        let t2_14 = like.lift(0.524) * dd_q1;
-        let t2_15 = like.lift(9.81).mul_add(cos_q1, t2_14);
+        let t2_14 = proto.splat(0.524) * dd_q1;
+        let t2_15 = proto.splat(9.81).mul_add(cos_q1, t2_14);
         let t2_16 = sin_u1_1 * t2_15;
         let a_u1_1y = cos_u1_1.mul_add(t2_13, t2_16);
         let t2_17 = sin_u1_1 * t2_13;
@@ -4595,24 +4597,24 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_40 = t2_35 - t2_37;
         let t2_41 = t2_6 + t2_9;
         let t2_42 = t2_6 - t2_7;
-        let t2_43 = like.lift(-1.244).mul_add(t2_41, a_rod1z);
+        let t2_43 = proto.splat(-1.244).mul_add(t2_41, a_rod1z);
         let t2_44 = a_rod1z * p_m_rod1;
         let t2_45 = t2_41.mul_add(p_mz_rod1, t2_44);
         let t2_46 = (-t2_1).mul_add(p_my_rod1, t2_45);
         let t2_47 = dd_u1_2 - t2_5;
         let t2_48 = t2_47.mul_add(p_mx_rod1, t2_46);
         let t2_49 = dd_u1_2 + t2_5;
-        let t2_50 = like.lift(-1.244).mul_add(t2_49, a_rod1x);
+        let t2_50 = proto.splat(-1.244).mul_add(t2_49, a_rod1x);
         let t2_51 = t2_34 + al_e1xz;
         let t2_52 = cos_e1y * t2_50;
-        let t2_53 = like.lift(-0.044).mul_add(t2_51, t2_52);
+        let t2_53 = proto.splat(-0.044).mul_add(t2_51, t2_52);
         let a_platformx = sin_e1y.mul_add(t2_43, t2_53);
         let t2_54 = cos_e1y * t2_43;
         let a_e1yz = (-sin_e1y).mul_add(t2_50, t2_54);
         let t2_55 = t2_2 - al_rod1x;
-        let a_e1yy = like.lift(-1.244).mul_add(t2_55, a_u1_1y);
+        let a_e1yy = proto.splat(-1.244).mul_add(t2_55, a_u1_1y);
         let t2_56 = al_e1xx - t2_36;
-        let t2_57 = like.lift(0.044) * t2_56;
+        let t2_57 = proto.splat(0.044) * t2_56;
         let t2_58 = cos_e1x.mul_add(a_e1yz, t2_57);
         let a_platformz = sin_e1x.mul_add(a_e1yy, t2_58);
         let t2_59 = al_e1xx - t2_36;
@@ -4628,7 +4630,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_69 = t2_35 - t2_38;
         let t2_70 = t2_35 + t2_37;
         let t2_71 = t2_35 + t2_38;
-        let t2_72 = like.lift(0.044) * t2_70;
+        let t2_72 = proto.splat(0.044) * t2_70;
         let t2_73 = (-sin_e1x).mul_add(a_e1yz, t2_72);
         let a_platformy = cos_e1x.mul_add(a_e1yy, t2_73);
         let t2_74 = a_platformz * p_m_platform;
@@ -4646,7 +4648,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_86 = al_e1xx + t2_36;
         let t2_87 = al_e1xy + t2_23;
         let t2_88 = al_e1xy - t2_23;
-        let t2_89 = like.lift(0.044) * t2_84;
+        let t2_89 = proto.splat(0.044) * t2_84;
         let t2_90 = (-al_e1xz).mul_add(p_izz_platform, t2_89);
         let t2_91 = (-p_iyz_platform).mul_add(t2_87, t2_90);
         let t2_92 = p_ixz_platform.mul_add(t2_86, t2_91);
@@ -4656,7 +4658,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_96 = al_e1xz - t2_34;
         let t2_97 = a_platformy.mul_add(p_mx_platform, t2_95);
         let t2_98 = cos_e1y * t2_84;
-        let t2_99 = like.lift(0.044) * t2_77;
+        let t2_99 = proto.splat(0.044) * t2_77;
         let t2_100 = (-p_ixz_platform).mul_add(t2_96, t2_99);
         let t2_101 = (-p_ixy_platform).mul_add(t2_88, t2_100);
         let t2_102 = al_e1xx.mul_add(p_ixx_platform, t2_101);
@@ -4718,12 +4720,12 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_158 = (-a_u1_1y).mul_add(p_mz_rod1, t2_157);
         let t2_159 = al_rod1x + t2_2;
         let t2_160 = (-a_rod1z).mul_add(p_my_rod1, t2_158);
-        let t2_161 = like.lift(1.244).mul_add(t2_132, t2_160);
+        let t2_161 = proto.splat(1.244).mul_add(t2_132, t2_160);
         let t2_162 = cos_e1y.mul_add(t2_108, t2_161);
         let t2_163 = sin_e1y.mul_add(t2_114, t2_162);
         let t2_164 = cos_u1_2 * t2_163;
         let t2_165 = sin_u1_2.mul_add(t2_127, t2_164);
-        let t2_166 = like.lift(1.244) * cos_u1_2;
+        let t2_166 = proto.splat(1.244) * cos_u1_2;
         let t2_167 = p_iyz_rod1.mul_add(t2_152, t2_116);
         let t2_168 = dd_u1_2.mul_add(p_iyy_rod1, t2_167);
         let t2_169 = p_ixy_rod1.mul_add(t2_159, t2_168);
@@ -4732,7 +4734,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_172 = t2_5.mul_add(t2_171, t2_170);
         let t2_173 = a_rod1z.mul_add(p_mx_rod1, t2_172);
         let t2_174 = a_rod1x.mul_add(p_mz_rod1, t2_173);
-        let t2_175 = like.lift(-1.244).mul_add(t2_136, t2_174);
+        let t2_175 = proto.splat(-1.244).mul_add(t2_136, t2_174);
         let t2_176 = sin_q1 * cos_u1_1;
         let sin_q1_u1_1 = cos_q1.mul_add(sin_u1_1, t2_176);
         let t2_177 = cos_q1 * cos_u1_1;
@@ -4743,16 +4745,16 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_180 = cos_e1x.mul_add(sin_q1_u1_1, t2_179);
         let t2_181 = cos_e1x * cos_q1_u1_1;
         let t2_182 = (-sin_q1_u1_1).mul_add(t2_178, t2_181);
-        let t2_183 = like.lift(0.022) * t2_180;
+        let t2_183 = proto.splat(0.022) * t2_180;
         let t2_184 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_185 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_186 = like.lift(0.0381051177665153) * t2_184;
+        let t2_186 = proto.splat(0.0381051177665153) * t2_184;
         let t2_187 = cos_q1_u1_1 * t2_166;
         let t2_188 = sin_q1_u1_1 * t2_166;
-        let t2_189 = like.lift(0.044) * t2_180;
-        let t2_190 = like.lift(0.8660254037844386) * t2_180;
+        let t2_189 = proto.splat(0.044) * t2_180;
+        let t2_190 = proto.splat(0.8660254037844386) * t2_180;
         let t2_191 = t2_187 + t2_189;
-        let t2_192 = like.lift(0.524).mul_add(sin_q1, -t2_187);
+        let t2_192 = proto.splat(0.524).mul_add(sin_q1, -t2_187);
         let t2_193 = t2_192 - t2_189;
         let t2_194 = sin_q1 * p_mz_crank1;
         let t2_195 = (-cos_q1).mul_add(p_my_crank1, t2_194);
@@ -4760,12 +4762,12 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t2_197 = t2_196 + t2_191;
         let t2_198 = t2_183 + t2_186;
         let t2_199 = t2_198 + t2_191;
-        let t2_200 = like.lift(0.044) * t2_182;
-        let t2_201 = like.lift(-0.524).mul_add(cos_q1, t2_200);
+        let t2_200 = proto.splat(0.044) * t2_182;
+        let t2_201 = proto.splat(-0.524).mul_add(cos_q1, t2_200);
         let t2_202 = t2_201 - t2_188;
-        let t2_203 = like.lift(0.0381051177665153) * t2_185;
-        let t2_204 = like.lift(0.022) * t2_182;
-        let t2_205 = like.lift(0.8660254037844386) * t2_182;
+        let t2_203 = proto.splat(0.0381051177665153) * t2_185;
+        let t2_204 = proto.splat(0.022) * t2_182;
+        let t2_205 = proto.splat(0.8660254037844386) * t2_182;
         let t2_206 = t2_188 - t2_200;
         let t2_207 = t2_206 - t2_203;
         let t2_208 = t2_207 - t2_204;
@@ -4813,25 +4815,25 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t3_10 = cos_q2 * cos_u2_1;
         let cos_q2_u2_1 = (-sin_q2).mul_add(sin_u2_1, t3_10);
         let t3_11 = cos_u2_2 * cos_q2_u2_1;
-        let t3_12 = like.lift(1.0773356023078418) * t3_11;
+        let t3_12 = proto.splat(1.0773356023078418) * t3_11;
         let t3_13 = -t3_12;
         let t3_14 = cos_q2_u2_1 * t3_11;
         let t3_15 = cos_u2_2 * sin_q2_u2_1;
-        let t3_16 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t3_17 = like.lift(0.5).mul_add(t3_15, t3_16);
-        let t3_18 = like.lift(0.8660254037844386) * t3_15;
-        let t3_19 = like.lift(-0.5).mul_add(sin_u2_2, t3_18);
-        let t3_20 = like.lift(1.244) * sin_q2_u2_1;
+        let t3_16 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t3_17 = proto.splat(0.5).mul_add(t3_15, t3_16);
+        let t3_18 = proto.splat(0.8660254037844386) * t3_15;
+        let t3_19 = proto.splat(-0.5).mul_add(sin_u2_2, t3_18);
+        let t3_20 = proto.splat(1.244) * sin_q2_u2_1;
         let t3_21 = t3_17 * t3_20;
-        let t3_22 = like.lift(0.622).mul_add(t3_14, t3_21);
-        let t3_23 = like.lift(1.0773356023078418) * t3_14;
+        let t3_22 = proto.splat(0.622).mul_add(t3_14, t3_21);
+        let t3_23 = proto.splat(1.0773356023078418) * t3_14;
         let pivot_5 = t3_19.mul_add(t3_20, t3_23);
         let t3_24 = -t2_197;
-        let t3_25 = like.lift(0.044) * e_e1x_q1y;
-        let t3_26 = like.lift(1.244).mul_add(sin_u1_2, t3_25);
-        let t3_27 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t3_28 = like.lift(0.022) * e_e1x_q1y;
-        let t3_29 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t3_25 = proto.splat(0.044) * e_e1x_q1y;
+        let t3_26 = proto.splat(1.244).mul_add(sin_u1_2, t3_25);
+        let t3_27 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t3_28 = proto.splat(0.022) * e_e1x_q1y;
+        let t3_29 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t3_30 = t3_26 + t3_27;
         let t3_31 = t3_30 + t3_28;
         let t3_32 = t3_26 - t3_27;
@@ -4847,43 +4849,43 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t3_42 = sin_q1_u1_1 * t3_38;
         let t3_43 = cos_q1_u1_1 * t3_38;
         let t3_44 = -t3_40;
-        let t3_45 = like.lift(0.622) * t3_11;
-        let t3_46 = like.lift(0.524) * sin_q2;
-        let t3_47 = like.lift(-1.244).mul_add(t3_11, t3_46);
+        let t3_45 = proto.splat(0.622) * t3_11;
+        let t3_46 = proto.splat(0.524) * sin_q2;
+        let t3_47 = proto.splat(-1.244).mul_add(t3_11, t3_46);
         let t3_48 = -t3_45;
         let t3_49 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t3_50 = -t2_208;
         let t3_51 = -t3_35;
         let t3_52 = -t3_43;
-        let t3_53 = like.lift(1.0773356023078418) * t3_19;
-        let t3_54 = like.lift(0.622).mul_add(t3_17, t3_53);
-        let t3_55 = like.lift(0.622) * t3_19;
-        let t3_56 = like.lift(-1.0773356023078418).mul_add(t3_17, t3_55);
+        let t3_53 = proto.splat(1.0773356023078418) * t3_19;
+        let t3_54 = proto.splat(0.622).mul_add(t3_17, t3_53);
+        let t3_55 = proto.splat(0.622) * t3_19;
+        let t3_56 = proto.splat(-1.0773356023078418).mul_add(t3_17, t3_55);
         let t3_57 = cos_q2_u2_1 * t3_56;
         let t3_58 = -t3_57;
-        let t3_59 = like.lift(1.244) * t3_17;
-        let t3_60 = like.lift(0.262).mul_add(cos_q2, t3_59);
-        let t3_61 = like.lift(1.244) * t3_19;
-        let t3_62 = like.lift(0.45379731158304587).mul_add(cos_q2, t3_61);
-        let t3_63 = like.lift(0.8660254037844386) * t3_62;
-        let t3_64 = like.lift(0.5).mul_add(t3_60, t3_63);
-        let t3_65 = like.lift(0.5) * t2_184;
+        let t3_59 = proto.splat(1.244) * t3_17;
+        let t3_60 = proto.splat(0.262).mul_add(cos_q2, t3_59);
+        let t3_61 = proto.splat(1.244) * t3_19;
+        let t3_62 = proto.splat(0.45379731158304587).mul_add(cos_q2, t3_61);
+        let t3_63 = proto.splat(0.8660254037844386) * t3_62;
+        let t3_64 = proto.splat(0.5).mul_add(t3_60, t3_63);
+        let t3_65 = proto.splat(0.5) * t2_184;
         let t3_66 = t3_65 + t2_190;
         let t3_67 = t3_65 - t2_190;
         let t3_68 = t3_66 * cos_q2_u2_1;
-        let t3_69 = like.lift(0.5) * t2_185;
+        let t3_69 = proto.splat(0.5) * t2_185;
         let t3_70 = t3_69 - t2_205;
         let t3_71 = t3_69 + t2_205;
-        let t3_72 = like.lift(0.5) * t3_68;
+        let t3_72 = proto.splat(0.5) * t3_68;
         let t3_73 = (-t3_70).mul_add(sin_q2_u2_1, t3_72);
-        let t3_74 = like.lift(0.5) * cos_u1_2_e1y;
+        let t3_74 = proto.splat(0.5) * cos_u1_2_e1y;
         let t3_75 = t3_74 - t3_29;
         let t3_76 = t3_74 + t3_29;
         let t3_77 = t3_75 * sin_q2_u2_1;
-        let t3_78 = like.lift(-0.8660254037844386).mul_add(t3_68, t3_77);
-        let t3_79 = like.lift(0.5) * t3_75;
-        let t3_80 = like.lift(-0.8660254037844386).mul_add(t3_70, t3_79);
+        let t3_78 = proto.splat(-0.8660254037844386).mul_add(t3_68, t3_77);
+        let t3_79 = proto.splat(0.5) * t3_75;
+        let t3_80 = proto.splat(-0.8660254037844386).mul_add(t3_70, t3_79);
         let t3_81 = cos_q2_u2_1 * t3_80;
         let t3_82 = -t3_81;
         let t3_83 = sin_q2_u2_1 * t3_82;
@@ -4892,10 +4894,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t3_86 = t2_184 * t3_82;
         let t3_87 = t2_185.mul_add(t3_78, t3_86);
         let t3_88 = cos_u1_2_e1y.mul_add(t3_73, t3_87);
-        let t3_89 = like.lift(0.5) * t3_73;
-        let t3_90 = like.lift(-0.8660254037844386).mul_add(t3_78, t3_89);
-        let t3_91 = like.lift(0.5) * t3_78;
-        let t3_92 = like.lift(0.8660254037844386).mul_add(t3_73, t3_91);
+        let t3_89 = proto.splat(0.5) * t3_73;
+        let t3_90 = proto.splat(-0.8660254037844386).mul_add(t3_78, t3_89);
+        let t3_91 = proto.splat(0.5) * t3_78;
+        let t3_92 = proto.splat(0.8660254037844386).mul_add(t3_73, t3_91);
         let t3_93 = cos_q2_u2_1.mul_add(t3_92, t3_83);
         let t3_94 = sin_q1_u1_1 * t2_211;
         let t3_95 = cos_q1_u1_1.mul_add(t2_199, t3_94);
@@ -4913,17 +4915,17 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let cos_q3_u3_1 = (-sin_q3).mul_add(sin_u3_1, t3_105);
         let t3_106 = t3_67 * cos_q3_u3_1;
         let t3_107 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t3_107;
+        let pivot_1 = proto.splat(1.0773356023078418) * t3_107;
         let t3_108 = cos_q3_u3_1 * t3_107;
         let t3_109 = cos_u3_2 * sin_q3_u3_1;
-        let t3_110 = like.lift(0.5) * t3_109;
-        let t3_111 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t3_110);
-        let t3_112 = like.lift(0.5) * sin_u3_2;
-        let t3_113 = like.lift(0.8660254037844386).mul_add(t3_109, t3_112);
-        let t3_114 = like.lift(1.244) * sin_q3_u3_1;
+        let t3_110 = proto.splat(0.5) * t3_109;
+        let t3_111 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t3_110);
+        let t3_112 = proto.splat(0.5) * sin_u3_2;
+        let t3_113 = proto.splat(0.8660254037844386).mul_add(t3_109, t3_112);
+        let t3_114 = proto.splat(1.244) * sin_q3_u3_1;
         let t3_115 = t3_111 * t3_114;
-        let t3_116 = like.lift(0.622).mul_add(t3_108, t3_115);
-        let t3_117 = like.lift(1.0773356023078418) * t3_108;
+        let t3_116 = proto.splat(0.622).mul_add(t3_108, t3_115);
+        let t3_117 = proto.splat(1.0773356023078418) * t3_108;
         let t3_118 = t3_113.mul_add(t3_114, t3_117);
         let t3_119 = -t2_199;
         let t3_120 = sin_q1_u1_1 * t3_33;
@@ -4931,31 +4933,31 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t3_122 = sin_q1_u1_1 * t3_39;
         let t3_123 = cos_q1_u1_1 * t3_39;
         let t3_124 = -t3_101;
-        let t3_125 = like.lift(-0.5773502691896257).mul_add(t3_99, t3_101);
-        let t3_126 = like.lift(0.622) * t3_107;
+        let t3_125 = proto.splat(-0.5773502691896257).mul_add(t3_99, t3_101);
+        let t3_126 = proto.splat(0.622) * t3_107;
         let t3_127 = -t3_126;
         let t3_128 = -t2_211;
         let t3_129 = -t3_121;
         let t3_130 = -t3_123;
-        let t3_131 = like.lift(1.0773356023078418) * t3_113;
-        let t3_132 = like.lift(0.622).mul_add(t3_111, t3_131);
-        let t3_133 = like.lift(0.622) * t3_113;
-        let t3_134 = like.lift(-1.0773356023078418).mul_add(t3_111, t3_133);
+        let t3_131 = proto.splat(1.0773356023078418) * t3_113;
+        let t3_132 = proto.splat(0.622).mul_add(t3_111, t3_131);
+        let t3_133 = proto.splat(0.622) * t3_113;
+        let t3_134 = proto.splat(-1.0773356023078418).mul_add(t3_111, t3_133);
         let t3_135 = cos_q3_u3_1 * t3_134;
         let t3_136 = -t3_135;
-        let t3_137 = like.lift(1.244) * t3_111;
-        let t3_138 = like.lift(0.262).mul_add(cos_q3, t3_137);
-        let t3_139 = like.lift(1.244) * t3_113;
-        let t3_140 = like.lift(0.45379731158304587).mul_add(cos_q3, t3_139);
-        let t3_141 = like.lift(0.8660254037844386) * t3_140;
-        let t3_142 = like.lift(0.5).mul_add(t3_138, t3_141);
+        let t3_137 = proto.splat(1.244) * t3_111;
+        let t3_138 = proto.splat(0.262).mul_add(cos_q3, t3_137);
+        let t3_139 = proto.splat(1.244) * t3_113;
+        let t3_140 = proto.splat(0.45379731158304587).mul_add(cos_q3, t3_139);
+        let t3_141 = proto.splat(0.8660254037844386) * t3_140;
+        let t3_142 = proto.splat(0.5).mul_add(t3_138, t3_141);
         let t3_143 = -t3_136;
-        let t3_144 = like.lift(0.5) * t3_106;
+        let t3_144 = proto.splat(0.5) * t3_106;
         let t3_145 = (-t3_71).mul_add(sin_q3_u3_1, t3_144);
-        let t3_146 = like.lift(0.8660254037844386) * t3_106;
+        let t3_146 = proto.splat(0.8660254037844386) * t3_106;
         let t3_147 = t3_76.mul_add(sin_q3_u3_1, t3_146);
-        let t3_148 = like.lift(0.5) * t3_76;
-        let t3_149 = like.lift(0.8660254037844386).mul_add(t3_71, t3_148);
+        let t3_148 = proto.splat(0.5) * t3_76;
+        let t3_149 = proto.splat(0.8660254037844386).mul_add(t3_71, t3_148);
         let t3_150 = cos_q3_u3_1 * t3_149;
         let t3_151 = sin_q1_u1_1 * t3_150;
         let t3_152 = cos_q1_u1_1.mul_add(t3_147, t3_151);
@@ -4963,45 +4965,45 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t3_154 = (-t2_184).mul_add(t3_150, t3_153);
         let t3_155 = cos_u1_2_e1y.mul_add(t3_145, t3_154);
         let t3_156 = sin_q3_u3_1 * t3_150;
-        let t3_157 = like.lift(0.8660254037844386) * t3_147;
-        let t3_158 = like.lift(0.5).mul_add(t3_145, t3_157);
-        let t3_159 = like.lift(0.5) * t3_147;
-        let t3_160 = like.lift(-0.8660254037844386).mul_add(t3_145, t3_159);
+        let t3_157 = proto.splat(0.8660254037844386) * t3_147;
+        let t3_158 = proto.splat(0.5).mul_add(t3_145, t3_157);
+        let t3_159 = proto.splat(0.5) * t3_147;
+        let t3_160 = proto.splat(-0.8660254037844386).mul_add(t3_145, t3_159);
         let t3_161 = (-cos_q3_u3_1).mul_add(t3_160, t3_156);
         let t3_162 = -t3_161;
-        let t3_163 = like.lift(0.8660254037844386) * t3_47;
-        let t3_164 = like.lift(0.5) * t3_47;
+        let t3_163 = proto.splat(0.8660254037844386) * t3_47;
+        let t3_164 = proto.splat(0.5) * t3_47;
         let t3_165 = t2_204 + t2_203;
         let t3_166 = t2_204 - t2_203;
         let t3_167 = t3_165 + t2_202;
         let t3_168 = t3_166 + t2_202;
-        let t3_169 = like.lift(0.524) * sin_q3;
-        let t3_170 = like.lift(-1.244).mul_add(t3_107, t3_169);
-        let t3_171 = like.lift(1.0) / t3_107;
-        let t3_172 = like.lift(0.8660254037844386) * t3_170;
+        let t3_169 = proto.splat(0.524) * sin_q3;
+        let t3_170 = proto.splat(-1.244).mul_add(t3_107, t3_169);
+        let t3_171 = proto.splat(1.0) / t3_107;
+        let t3_172 = proto.splat(0.8660254037844386) * t3_170;
         let t3_173 = -t3_172;
-        let t3_174 = like.lift(0.5) * t3_170;
-        let t3_175 = like.lift(0.8038585209003215) * t3_170;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t3_116, t3_118);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let t3_174 = proto.splat(0.5) * t3_170;
+        let t3_175 = proto.splat(0.8038585209003215) * t3_170;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t3_116, t3_118);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t3_176 = t3_132 * t3_171;
-        let t3_177 = like.lift(0.9282158668643501) * t3_176;
+        let t3_177 = proto.splat(0.9282158668643501) * t3_176;
         let t3_178 = t3_116.mul_add(t3_177, t3_136);
         let t3_179 = inv_pivot_2 * t3_178;
         let pivot_3 = t2_199.mul_add(t3_179, t2_211);
         let t3_180 = t3_176.mul_add(t3_175, t3_142);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t3_181 = t2_197 * inv_pivot_3;
         let t3_182 = t2_208 * inv_pivot_3;
         let t3_183 = -pivot_3;
         let t3_184 = t2_219.mul_add(t3_179, t3_168);
-        let t3_185 = like.lift(0.5773502691896257).mul_add(t3_95, t3_120);
+        let t3_185 = proto.splat(0.5773502691896257).mul_add(t3_95, t3_120);
         let t3_186 = (-t3_185).mul_add(t3_179, t3_121);
         let t3_187 = t3_95.mul_add(t3_177, t3_186);
         let t3_188 = (-t3_187).mul_add(t3_182, t3_35);
         let t3_189 = t3_158 * t3_171;
-        let t3_190 = like.lift(0.9282158668643501) * t3_171;
-        let t3_191 = like.lift(0.9282158668643501) * t3_189;
+        let t3_190 = proto.splat(0.9282158668643501) * t3_171;
+        let t3_191 = proto.splat(0.9282158668643501) * t3_189;
         let t3_192 = t3_116.mul_add(t3_191, t3_161);
         let t3_193 = inv_pivot_2 * t3_192;
         let t3_194 = (-t2_199).mul_add(t3_193, t3_145);
@@ -5011,11 +5013,11 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t3_198 = (-t3_187).mul_add(t3_195, t3_152);
         let t3_199 = t3_185.mul_add(t3_193, t3_198);
         let pivot_4 = (-t3_95).mul_add(t3_191, t3_199);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t3_200 = t3_188 * inv_pivot_4;
         let t3_201 = t3_184.mul_add(t3_195, t3_145);
         let t3_202 = t2_219.mul_add(t3_193, t3_201);
-        let t3_203 = like.lift(0.5773502691896257).mul_add(t3_97, t3_122);
+        let t3_203 = proto.splat(0.5773502691896257).mul_add(t3_97, t3_122);
         let t3_204 = (-t3_203).mul_add(t3_179, t3_123);
         let t3_205 = t3_97.mul_add(t3_177, t3_204);
         let t3_206 = (-t3_125).mul_add(t3_179, t3_103);
@@ -5037,7 +5039,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t3_222 = t3_205.mul_add(t3_181, t3_221);
         let t3_223 = t3_215.mul_add(t3_222, t3_4);
         let pivot_6 = (-t3_212).mul_add(t3_214, t3_223);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t3_224 = (-t3_202).mul_add(t3_218, t2_218);
         let t3_225 = (-t3_184).mul_add(t3_181, t3_224);
         let t3_226 = t3_197 * t3_218;
@@ -5079,7 +5081,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t4_9 = (-t3_220).mul_add(t4_3, t4_8);
         let t4_10 = (-t3_213).mul_add(t4_2, t4_9);
         let pivot_7 = t3_207.mul_add(t3_235, t4_10);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t4_11 = t3_229.mul_add(t4_7, t3_73);
         let t4_12 = t3_225.mul_add(t4_3, t4_11);
         let t4_13 = (-t3_202).mul_add(t4_2, t4_12);
@@ -5104,7 +5106,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t4_32 = (-t4_16).mul_add(t4_26, t3_54);
         let t4_33 = (-t3_216).mul_add(t4_21, t4_32);
         let pivot_8 = (-t4_17).mul_add(t3_45, t4_33);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t4_34 = t4_31 * inv_pivot_8;
         let t4_35 = (-t4_16).mul_add(t4_34, t4_14);
         let t4_36 = inv_pivot_7 * t4_35;
@@ -5213,20 +5215,20 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t4_139 = t4_138 * t3_190;
         let t4_140 = -t4_139;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t3_183 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t3_49 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t3_183 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t3_49 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
             [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t4_52, t4_91, t4_106], [t4_42, t4_107, t4_84], [t4_108, t4_77, t4_109],
                 [t4_36, t4_71, t4_72], [t4_34, t4_67, t4_94], [t4_51, t4_102, t4_101],
@@ -5235,20 +5237,22 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_213, t3_4, t3_6, t3_13, t3_22, like.lift(0.0), like.lift(0.0)],
-                    [t3_24, t3_34, t3_42, t3_44, t3_48, t3_49, like.lift(0.0), like.lift(0.0)],
-                    [t3_50, t3_51, t3_52, t3_41, t3_54, t3_58, like.lift(0.0), like.lift(0.0)],
-                    [t3_73, t3_85, t3_85, t3_88, t3_90, t3_93, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t3_95, t3_97, t3_99, like.lift(0.0), like.lift(0.0), pivot_1, t3_116],
-                    [t3_119, t3_120, t3_122, t3_124, like.lift(0.0), like.lift(0.0), t3_127, t3_118],
-                    [t3_128, t3_129, t3_130, t3_103, like.lift(0.0), like.lift(0.0), t3_132, t3_143],
-                    [t3_145, t3_152, t3_152, t3_155, like.lift(0.0), like.lift(0.0), t3_158, t3_162],
+                    [proto.splat(0.0), t2_213, t3_4, t3_6, t3_13, t3_22, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_24, t3_34, t3_42, t3_44, t3_48, t3_49, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_50, t3_51, t3_52, t3_41, t3_54, t3_58, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_73, t3_85, t3_85, t3_88, t3_90, t3_93, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t3_95, t3_97, t3_99, proto.splat(0.0), proto.splat(0.0), pivot_1, t3_116],
+                    [t3_119, t3_120, t3_122, t3_124, proto.splat(0.0), proto.splat(0.0), t3_127, t3_118],
+                    [t3_128, t3_129, t3_130, t3_103, proto.splat(0.0), proto.splat(0.0), t3_132, t3_143],
+                    [t3_145, t3_152, t3_152, t3_155, proto.splat(0.0), proto.splat(0.0), t3_158, t3_162],
                 ],
                 [
-                    [like.lift(0.0), t3_163, like.lift(0.0)], [t2_218, t3_164, like.lift(0.0)],
-                    [t3_167, t3_64, like.lift(0.0)], [t3_73, t3_90, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t3_173], [t2_219, like.lift(0.0), t3_174],
-                    [t3_168, like.lift(0.0), t3_142], [t3_145, like.lift(0.0), t3_158],
+                    [proto.splat(0.0), t3_163, proto.splat(0.0)],
+                    [t2_218, t3_164, proto.splat(0.0)], [t3_167, t3_64, proto.splat(0.0)],
+                    [t3_73, t3_90, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t3_173],
+                    [t2_219, proto.splat(0.0), t3_174], [t3_168, proto.splat(0.0), t3_142],
+                    [t3_145, proto.splat(0.0), t3_158],
                 ],
             ),
         );
@@ -5279,13 +5283,13 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t5_9 = p_ixx_rod2 - p_iyy_rod2;
         let t5_10 = d_u2_2 * d_u2_2;
         let t5_11 = t5_7 - t5_10;
-        let t5_12 = like.lift(9.81) * sin_q2;
+        let t5_12 = proto.splat(9.81) * sin_q2;
         let t5_13 = sin_q2 * p_mz_crank2;
         let t5_14 = (-cos_q2).mul_add(p_my_crank2, t5_13);
-        let t5_15 = like.lift(0.524) * d_q2;
+        let t5_15 = proto.splat(0.524) * d_q2;
         let t5_16 = (-t5_15).mul_add(d_q2, t5_12);
-        let t5_17 = like.lift(0.524) * dd_q2;
-        let t5_18 = like.lift(9.81).mul_add(cos_q2, t5_17);
+        let t5_17 = proto.splat(0.524) * dd_q2;
+        let t5_18 = proto.splat(9.81).mul_add(cos_q2, t5_17);
         let t5_19 = sin_u2_1 * t5_18;
         let a_u2_1y = cos_u2_1.mul_add(t5_16, t5_19);
         let t5_20 = sin_u2_1 * t5_16;
@@ -5364,13 +5368,13 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t5_84 = p_ixx_rod3 - p_iyy_rod3;
         let t5_85 = d_u3_2 * d_u3_2;
         let t5_86 = t5_82 - t5_85;
-        let t5_87 = like.lift(9.81) * sin_q3;
+        let t5_87 = proto.splat(9.81) * sin_q3;
         let t5_88 = sin_q3 * p_mz_crank3;
         let t5_89 = (-cos_q3).mul_add(p_my_crank3, t5_88);
-        let t5_90 = like.lift(0.524) * d_q3;
+        let t5_90 = proto.splat(0.524) * d_q3;
         let t5_91 = (-t5_90).mul_add(d_q3, t5_87);
-        let t5_92 = like.lift(0.524) * dd_q3;
-        let t5_93 = like.lift(9.81).mul_add(cos_q3, t5_92);
+        let t5_92 = proto.splat(0.524) * dd_q3;
+        let t5_93 = proto.splat(9.81).mul_add(cos_q3, t5_92);
         let t5_94 = sin_u3_1 * t5_93;
         let a_u3_1y = cos_u3_1.mul_add(t5_91, t5_94);
         let t5_95 = sin_u3_1 * t5_91;
@@ -5431,8 +5435,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t5_147 = (-t2_175).mul_add(x_u1_2_q1, t5_146);
         let t5_148 = (-t2_165).mul_add(x_u1_1_q1, t5_147);
         let t5_149 = dd_q1.mul_add(p_ixx_crank1, t5_148);
-        let t5_150 = like.lift(-9.81).mul_add(t2_195, t5_149);
-        let t5_151 = like.lift(0.524).mul_add(t2_149, t5_150);
+        let t5_150 = proto.splat(-9.81).mul_add(t2_195, t5_149);
+        let t5_151 = proto.splat(0.524).mul_add(t2_149, t5_150);
         tau[0] = t5_151;
         let t5_152 = (-t5_140).mul_add(x_u3_2_q2, t5_42);
         let t5_153 = (-t5_117).mul_add(x_u3_1_q2, t5_152);
@@ -5441,15 +5445,15 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t5_156 = (-t5_65).mul_add(x_u2_2_q2, t5_153);
         let t5_157 = (-t5_42).mul_add(x_u2_1_q2, t5_156);
         let t5_158 = dd_q2.mul_add(p_ixx_crank2, t5_157);
-        let t5_159 = like.lift(-9.81).mul_add(t5_14, t5_158);
-        let t5_160 = like.lift(0.524).mul_add(t5_75, t5_159);
+        let t5_159 = proto.splat(-9.81).mul_add(t5_14, t5_158);
+        let t5_160 = proto.splat(0.524).mul_add(t5_75, t5_159);
         let t5_161 = (-t2_108).mul_add(x_e1x_q2, t5_160);
         let t5_162 = (-t2_116).mul_add(x_e1y_q2, t5_161);
         let t5_163 = (-t2_175).mul_add(x_u1_2_q2, t5_162);
         let t5_164 = (-t2_165).mul_add(x_u1_1_q2, t5_163);
         tau[1] = t5_164;
         let t5_165 = dd_q3.mul_add(p_ixx_crank3, t5_155);
-        let t5_166 = like.lift(-9.81).mul_add(t5_89, t5_165);
+        let t5_166 = proto.splat(-9.81).mul_add(t5_89, t5_165);
         let t5_167 = a_rod3x * p_m_rod3;
         let t5_168 = dd_u3_2 - t5_81;
         let t5_169 = t5_168.mul_add(p_mx_rod3, t5_139);
@@ -5460,7 +5464,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
         let t5_174 = sin_u3_2 * t5_173;
         let t5_175 = cos_u3_2.mul_add(t5_169, t5_174);
         let t5_176 = (-cos_u3_1).mul_add(t5_175, t5_126);
-        let t5_177 = like.lift(0.524).mul_add(t5_176, t5_166);
+        let t5_177 = proto.splat(0.524).mul_add(t5_176, t5_166);
         let t5_178 = (-t5_65).mul_add(x_u2_2_q3, t5_177);
         let t5_179 = (-t5_42).mul_add(x_u2_1_q3, t5_178);
         let t5_180 = (-t2_108).mul_add(x_e1x_q3, t5_179);
@@ -5480,9 +5484,9 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], phi
 ///
 /// 289 additions, 450 multiplications, 8 divisions, 11 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -5536,21 +5540,21 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t2_7 = cos_q1_u1_1 * cos_u1_2_e1y;
         let t2_8 = sin_q1_u1_1 * sin_e1x;
         let t2_9 = cos_e1x.mul_add(t2_7, -t2_8);
-        let t2_10 = like.lift(9.81) * t2_9;
+        let t2_10 = proto.splat(9.81) * t2_9;
         let a_e1xz = -t2_10;
         let t2_11 = sin_e1x * t2_7;
         let t2_12 = cos_e1x * cos_q1_u1_1;
         let t2_13 = (-cos_u1_2_e1y).mul_add(t2_8, t2_12);
-        let t2_14 = like.lift(9.81) * t2_6;
+        let t2_14 = proto.splat(9.81) * t2_6;
         let t2_15 = p_mz_platform * t2_14;
         let t2_16 = (-p_mx_platform).mul_add(a_e1xz, t2_15);
         let t2_17 = p_my_platform * t2_14;
         let t2_18 = cos_e1x * sin_q1_u1_1;
         let t2_19 = t2_11 + t2_18;
         let t2_20 = t2_18 + t2_11;
-        let a_e1xy = like.lift(9.81) * t2_19;
+        let a_e1xy = proto.splat(9.81) * t2_19;
         let t2_21 = t2_6 * p_m_platform;
-        let t2_22 = like.lift(-0.43164).mul_add(t2_21, t2_17);
+        let t2_22 = proto.splat(-0.43164).mul_add(t2_21, t2_17);
         let t2_23 = p_mx_platform.mul_add(a_e1xy, t2_22);
         let t2_24 = sin_e1x * t2_16;
         let t2_25 = (-cos_e1x).mul_add(t2_23, t2_24);
@@ -5558,12 +5562,12 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t2_27 = cos_e1x.mul_add(t2_16, t2_26);
         let t2_28 = p_m_platform * a_e1xz;
         let t2_29 = p_mz_platform * a_e1xy;
-        let t2_30 = like.lift(-0.044).mul_add(t2_28, t2_29);
+        let t2_30 = proto.splat(-0.044).mul_add(t2_28, t2_29);
         let t2_31 = p_my_platform.mul_add(a_e1xz, t2_30);
         let t2_32 = p_m_platform * a_e1xy;
         let t2_33 = t2_3 * p_my_rod1;
         let t2_34 = sin_q1_u1_1.mul_add(p_mx_rod1, t2_33);
-        let t2_35 = like.lift(9.81) * t2_34;
+        let t2_35 = proto.splat(9.81) * t2_34;
         let t2_36 = sin_e1y.mul_add(t2_31, t2_35);
         let t2_37 = (-cos_e1y).mul_add(t2_25, t2_36);
         let t2_38 = cos_u1_2 * cos_q1_u1_1;
@@ -5575,46 +5579,46 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t2_43 = sin_q1_u1_1 * sin_u1_2_e1y;
         let t2_44 = sin_q1_u1_1 * p_mz_rod1;
         let t2_45 = (-t2_38).mul_add(p_my_rod1, t2_44);
-        let t2_46 = like.lift(1.244) * t2_40;
-        let t2_47 = like.lift(-9.81).mul_add(t2_45, t2_46);
+        let t2_46 = proto.splat(1.244) * t2_40;
+        let t2_47 = proto.splat(-9.81).mul_add(t2_45, t2_46);
         let t2_48 = (-cos_e1y).mul_add(t2_31, t2_47);
         let t2_49 = (-sin_e1y).mul_add(t2_25, t2_48);
         let t2_50 = cos_u1_2 * t2_49;
         let t2_51 = sin_u1_2.mul_add(t2_37, t2_50);
-        let t2_52 = like.lift(9.81) * p_m_rod1;
+        let t2_52 = proto.splat(9.81) * p_m_rod1;
         let t2_53 = sin_q1_u1_1.mul_add(t2_52, t2_40);
         let t2_54 = t2_38 * p_m_rod1;
         let t2_55 = sin_e1y.mul_add(t2_21, t2_54);
-        let t2_56 = like.lift(9.81) * t2_55;
+        let t2_56 = proto.splat(9.81) * t2_55;
         let t2_57 = cos_e1y.mul_add(t2_42, t2_56);
         let t2_58 = sin_e1y * t2_42;
-        let t2_59 = like.lift(9.81) * cos_e1y;
+        let t2_59 = proto.splat(9.81) * cos_e1y;
         let t2_60 = (-t2_59).mul_add(t2_21, t2_58);
         let t2_61 = t2_3.mul_add(t2_52, -t2_60);
         let t2_62 = sin_u1_2 * t2_61;
         let t2_63 = cos_u1_2.mul_add(t2_57, t2_62);
         let t2_64 = cos_u1_1 * t2_63;
         let t2_65 = sin_u1_1.mul_add(t2_53, t2_64);
-        let t2_66 = like.lift(1.244) * cos_u1_2;
+        let t2_66 = proto.splat(1.244) * cos_u1_2;
         let t2_67 = t2_38 * p_mx_rod1;
         let t2_68 = t2_3.mul_add(p_mz_rod1, t2_67);
-        let t2_69 = like.lift(9.81).mul_add(t2_68, t2_27);
-        let t2_70 = like.lift(1.244).mul_add(t2_60, t2_69);
-        let t2_71 = like.lift(1.244) * t2_38;
-        let t2_72 = like.lift(0.022) * t2_20;
-        let t2_73 = like.lift(0.0381051177665153) * t2_6;
-        let t2_74 = like.lift(0.044) * t2_20;
-        let t2_75 = like.lift(0.8660254037844386) * t2_20;
+        let t2_69 = proto.splat(9.81).mul_add(t2_68, t2_27);
+        let t2_70 = proto.splat(1.244).mul_add(t2_60, t2_69);
+        let t2_71 = proto.splat(1.244) * t2_38;
+        let t2_72 = proto.splat(0.022) * t2_20;
+        let t2_73 = proto.splat(0.0381051177665153) * t2_6;
+        let t2_74 = proto.splat(0.044) * t2_20;
+        let t2_75 = proto.splat(0.8660254037844386) * t2_20;
         let t2_76 = t2_73 - t2_72;
         let t2_77 = t2_73 + t2_72;
         let t2_78 = t2_74 - t2_76;
         let t2_79 = t2_78 + t2_71;
         let t2_80 = cos_q1_u1_1 * t2_78;
         let t2_81 = t2_66 * sin_q1_u1_1;
-        let t2_82 = like.lift(0.044) * t2_13;
-        let t2_83 = like.lift(0.0381051177665153) * t2_43;
-        let t2_84 = like.lift(0.022) * t2_13;
-        let t2_85 = like.lift(0.8660254037844386) * t2_13;
+        let t2_82 = proto.splat(0.044) * t2_13;
+        let t2_83 = proto.splat(0.0381051177665153) * t2_43;
+        let t2_84 = proto.splat(0.022) * t2_13;
+        let t2_85 = proto.splat(0.8660254037844386) * t2_13;
         let t2_86 = t2_84 + t2_83;
         let t2_87 = t2_84 - t2_83;
         let t2_88 = t2_86 + t2_82;
@@ -5622,14 +5626,14 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t2_90 = t2_81 - t2_88;
         let t2_91 = t2_89 + t2_66;
         let t2_92 = t2_74 + t2_77;
-        let t2_93 = like.lift(0.524).mul_add(sin_q1, -t2_71);
+        let t2_93 = proto.splat(0.524).mul_add(sin_q1, -t2_71);
         let t2_94 = t2_93 - t2_74;
         let t2_95 = t2_92 + t2_71;
         let t2_96 = t2_94 + t2_76;
         let t2_97 = t2_94 - t2_77;
         let t2_98 = sin_q1 * p_mz_crank1;
         let t2_99 = (-cos_q1).mul_add(p_my_crank1, t2_98);
-        let t2_100 = like.lift(-0.524).mul_add(cos_q1, t2_82);
+        let t2_100 = proto.splat(-0.524).mul_add(cos_q1, t2_82);
         let t2_101 = t2_87 + t2_82;
         let t2_102 = t2_100 - t2_81;
         let t2_103 = t2_81 - t2_101;
@@ -5637,28 +5641,28 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t2_105 = t2_87 + t2_102;
         let t2_106 = t2_6 * t2_101;
         let t2_107 = t2_43.mul_add(t2_92, t2_106);
-        let t2_108 = like.lift(0.0) + t2_107;
+        let t2_108 = proto.splat(0.0) + t2_107;
         let t2_109 = cos_u2_2 * cos_q2_u2_1;
-        let t2_110 = like.lift(1.0773356023078418) * t2_109;
+        let t2_110 = proto.splat(1.0773356023078418) * t2_109;
         let t2_111 = -t2_110;
         let t2_112 = cos_q2_u2_1 * t2_109;
         let t2_113 = cos_u2_2 * sin_q2_u2_1;
-        let t2_114 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_115 = like.lift(0.5).mul_add(t2_113, t2_114);
-        let t2_116 = like.lift(0.8660254037844386) * t2_113;
-        let t2_117 = like.lift(-0.5).mul_add(sin_u2_2, t2_116);
-        let t2_118 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_114 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_115 = proto.splat(0.5).mul_add(t2_113, t2_114);
+        let t2_116 = proto.splat(0.8660254037844386) * t2_113;
+        let t2_117 = proto.splat(-0.5).mul_add(sin_u2_2, t2_116);
+        let t2_118 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_119 = t2_115 * t2_118;
-        let t2_120 = like.lift(0.622).mul_add(t2_112, t2_119);
-        let t2_121 = like.lift(1.0773356023078418) * t2_112;
+        let t2_120 = proto.splat(0.622).mul_add(t2_112, t2_119);
+        let t2_121 = proto.splat(1.0773356023078418) * t2_112;
         let pivot_5 = t2_117.mul_add(t2_118, t2_121);
         let t2_122 = -t2_79;
-        let t2_123 = like.lift(0.044) * e_e1x_q1y;
-        let t2_124 = like.lift(1.244).mul_add(sin_u1_2, t2_123);
-        let t2_125 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_126 = like.lift(0.022) * e_e1x_q1y;
+        let t2_123 = proto.splat(0.044) * e_e1x_q1y;
+        let t2_124 = proto.splat(1.244).mul_add(sin_u1_2, t2_123);
+        let t2_125 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_126 = proto.splat(0.022) * e_e1x_q1y;
         let t2_127 = t2_126 + t2_123;
-        let t2_128 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t2_128 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t2_129 = t2_124 + t2_125;
         let t2_130 = t2_129 + t2_126;
         let t2_131 = t2_124 - t2_125;
@@ -5676,45 +5680,45 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t2_143 = cos_u1_2_e1y * t2_101;
         let t2_144 = (-t2_43).mul_add(t2_136, t2_143);
         let t2_145 = t2_142 + t2_66;
-        let t2_146 = like.lift(0.0) + t2_140;
+        let t2_146 = proto.splat(0.0) + t2_140;
         let t2_147 = -t2_146;
-        let t2_148 = like.lift(0.622) * t2_109;
+        let t2_148 = proto.splat(0.622) * t2_109;
         let t2_149 = -t2_148;
         let t2_150 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_151 = -t2_90;
         let t2_152 = -t2_134;
         let t2_153 = -t2_138;
-        let t2_154 = like.lift(0.0) + t2_144;
-        let t2_155 = like.lift(1.0773356023078418) * t2_117;
-        let t2_156 = like.lift(0.622).mul_add(t2_115, t2_155);
-        let t2_157 = like.lift(0.622) * t2_117;
-        let t2_158 = like.lift(-1.0773356023078418).mul_add(t2_115, t2_157);
+        let t2_154 = proto.splat(0.0) + t2_144;
+        let t2_155 = proto.splat(1.0773356023078418) * t2_117;
+        let t2_156 = proto.splat(0.622).mul_add(t2_115, t2_155);
+        let t2_157 = proto.splat(0.622) * t2_117;
+        let t2_158 = proto.splat(-1.0773356023078418).mul_add(t2_115, t2_157);
         let t2_159 = cos_q2_u2_1 * t2_158;
         let t2_160 = -t2_159;
-        let t2_161 = like.lift(1.244) * t2_115;
-        let t2_162 = like.lift(0.262).mul_add(cos_q2, t2_161);
-        let t2_163 = like.lift(1.244) * t2_117;
-        let t2_164 = like.lift(0.45379731158304587).mul_add(cos_q2, t2_163);
-        let t2_165 = like.lift(0.8660254037844386) * t2_164;
-        let t2_166 = like.lift(0.5).mul_add(t2_162, t2_165);
-        let t2_167 = like.lift(0.5) * t2_6;
+        let t2_161 = proto.splat(1.244) * t2_115;
+        let t2_162 = proto.splat(0.262).mul_add(cos_q2, t2_161);
+        let t2_163 = proto.splat(1.244) * t2_117;
+        let t2_164 = proto.splat(0.45379731158304587).mul_add(cos_q2, t2_163);
+        let t2_165 = proto.splat(0.8660254037844386) * t2_164;
+        let t2_166 = proto.splat(0.5).mul_add(t2_162, t2_165);
+        let t2_167 = proto.splat(0.5) * t2_6;
         let t2_168 = t2_167 + t2_75;
         let t2_169 = t2_167 - t2_75;
         let t2_170 = t2_168 * cos_q2_u2_1;
         let t2_171 = t2_169 * cos_q3_u3_1;
-        let t2_172 = like.lift(0.5) * t2_43;
+        let t2_172 = proto.splat(0.5) * t2_43;
         let t2_173 = t2_172 - t2_85;
         let t2_174 = t2_172 + t2_85;
-        let t2_175 = like.lift(0.5) * t2_170;
+        let t2_175 = proto.splat(0.5) * t2_170;
         let t2_176 = (-t2_173).mul_add(sin_q2_u2_1, t2_175);
-        let t2_177 = like.lift(0.5) * cos_u1_2_e1y;
+        let t2_177 = proto.splat(0.5) * cos_u1_2_e1y;
         let t2_178 = t2_177 - t2_128;
         let t2_179 = t2_177 + t2_128;
         let t2_180 = t2_178 * sin_q2_u2_1;
-        let t2_181 = like.lift(-0.8660254037844386).mul_add(t2_170, t2_180);
-        let t2_182 = like.lift(0.5) * t2_178;
-        let t2_183 = like.lift(-0.8660254037844386).mul_add(t2_173, t2_182);
+        let t2_181 = proto.splat(-0.8660254037844386).mul_add(t2_170, t2_180);
+        let t2_182 = proto.splat(0.5) * t2_178;
+        let t2_183 = proto.splat(-0.8660254037844386).mul_add(t2_173, t2_182);
         let t2_184 = cos_q2_u2_1 * t2_183;
         let t2_185 = -t2_184;
         let t2_186 = sin_u2_2 * cos_q2_u2_1;
@@ -5723,21 +5727,21 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t2_189 = t2_6 * t2_185;
         let t2_190 = t2_43.mul_add(t2_181, t2_189);
         let t2_191 = cos_u1_2_e1y.mul_add(t2_176, t2_190);
-        let t2_192 = like.lift(0.5) * t2_176;
-        let t2_193 = like.lift(-0.8660254037844386).mul_add(t2_181, t2_192);
-        let t2_194 = like.lift(0.0) + like.lift(0.0);
+        let t2_192 = proto.splat(0.5) * t2_176;
+        let t2_193 = proto.splat(-0.8660254037844386).mul_add(t2_181, t2_192);
+        let t2_194 = proto.splat(0.0) + proto.splat(0.0);
         let t2_195 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t2_195;
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_195;
         let t2_196 = cos_q3_u3_1 * t2_195;
         let t2_197 = cos_u3_2 * sin_q3_u3_1;
-        let t2_198 = like.lift(0.5) * t2_197;
-        let t2_199 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_198);
-        let t2_200 = like.lift(0.5) * sin_u3_2;
-        let t2_201 = like.lift(0.8660254037844386).mul_add(t2_197, t2_200);
-        let t2_202 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_198 = proto.splat(0.5) * t2_197;
+        let t2_199 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_198);
+        let t2_200 = proto.splat(0.5) * sin_u3_2;
+        let t2_201 = proto.splat(0.8660254037844386).mul_add(t2_197, t2_200);
+        let t2_202 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_203 = t2_199 * t2_202;
-        let t2_204 = like.lift(0.622).mul_add(t2_196, t2_203);
-        let t2_205 = like.lift(1.0773356023078418) * t2_196;
+        let t2_204 = proto.splat(0.622).mul_add(t2_196, t2_203);
+        let t2_205 = proto.splat(1.0773356023078418) * t2_196;
         let t2_206 = t2_201.mul_add(t2_202, t2_205);
         let t2_207 = -t2_95;
         let t2_208 = sin_q1_u1_1 * t2_132;
@@ -5745,30 +5749,30 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t2_210 = sin_q1_u1_1 * t2_136;
         let t2_211 = cos_q1_u1_1 * t2_136;
         let t2_212 = -t2_140;
-        let t2_213 = like.lift(-0.5773502691896257).mul_add(t2_107, t2_140);
-        let t2_214 = like.lift(0.622) * t2_195;
+        let t2_213 = proto.splat(-0.5773502691896257).mul_add(t2_107, t2_140);
+        let t2_214 = proto.splat(0.622) * t2_195;
         let t2_215 = -t2_214;
         let t2_216 = -t2_103;
         let t2_217 = -t2_209;
         let t2_218 = -t2_211;
-        let t2_219 = like.lift(1.0773356023078418) * t2_201;
-        let t2_220 = like.lift(0.622).mul_add(t2_199, t2_219);
-        let t2_221 = like.lift(0.622) * t2_201;
-        let t2_222 = like.lift(-1.0773356023078418).mul_add(t2_199, t2_221);
+        let t2_219 = proto.splat(1.0773356023078418) * t2_201;
+        let t2_220 = proto.splat(0.622).mul_add(t2_199, t2_219);
+        let t2_221 = proto.splat(0.622) * t2_201;
+        let t2_222 = proto.splat(-1.0773356023078418).mul_add(t2_199, t2_221);
         let t2_223 = cos_q3_u3_1 * t2_222;
-        let t2_224 = like.lift(1.244) * t2_199;
-        let t2_225 = like.lift(0.262).mul_add(cos_q3, t2_224);
-        let t2_226 = like.lift(1.244) * t2_201;
-        let t2_227 = like.lift(0.45379731158304587).mul_add(cos_q3, t2_226);
-        let t2_228 = like.lift(0.8660254037844386) * t2_227;
-        let t2_229 = like.lift(0.5).mul_add(t2_225, t2_228);
+        let t2_224 = proto.splat(1.244) * t2_199;
+        let t2_225 = proto.splat(0.262).mul_add(cos_q3, t2_224);
+        let t2_226 = proto.splat(1.244) * t2_201;
+        let t2_227 = proto.splat(0.45379731158304587).mul_add(cos_q3, t2_226);
+        let t2_228 = proto.splat(0.8660254037844386) * t2_227;
+        let t2_229 = proto.splat(0.5).mul_add(t2_225, t2_228);
         let t2_230 = -t2_223;
-        let t2_231 = like.lift(0.5) * t2_171;
+        let t2_231 = proto.splat(0.5) * t2_171;
         let t2_232 = (-t2_174).mul_add(sin_q3_u3_1, t2_231);
-        let t2_233 = like.lift(0.8660254037844386) * t2_171;
+        let t2_233 = proto.splat(0.8660254037844386) * t2_171;
         let t2_234 = t2_179.mul_add(sin_q3_u3_1, t2_233);
-        let t2_235 = like.lift(0.5) * t2_179;
-        let t2_236 = like.lift(0.8660254037844386).mul_add(t2_174, t2_235);
+        let t2_235 = proto.splat(0.5) * t2_179;
+        let t2_236 = proto.splat(0.8660254037844386).mul_add(t2_174, t2_235);
         let t2_237 = cos_q3_u3_1 * t2_236;
         let t2_238 = sin_q1_u1_1 * t2_237;
         let t2_239 = t2_43 * t2_234;
@@ -5793,48 +5797,48 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
     ] = {
         let t3_1 = cos_q1_u1_1.mul_add(t2_234, t2_238);
         let t3_2 = cos_u1_2_e1y.mul_add(t2_232, t2_240);
-        let t3_3 = like.lift(0.8660254037844386) * t2_234;
-        let t3_4 = like.lift(0.5).mul_add(t2_232, t3_3);
+        let t3_3 = proto.splat(0.8660254037844386) * t2_234;
+        let t3_4 = proto.splat(0.5).mul_add(t2_232, t3_3);
         let t3_5 = sin_u3_2 * cos_q3_u3_1;
-        let t3_6 = like.lift(0.0) + like.lift(0.0);
+        let t3_6 = proto.splat(0.0) + proto.splat(0.0);
         let t3_7 = -t3_6;
-        let t3_8 = like.lift(0.524) * sin_q2;
-        let t3_9 = like.lift(-1.244).mul_add(t2_109, t3_8);
+        let t3_8 = proto.splat(0.524) * sin_q2;
+        let t3_9 = proto.splat(-1.244).mul_add(t2_109, t3_8);
         let t3_10 = sin_q2 * p_mz_crank2;
         let t3_11 = (-cos_q2).mul_add(p_my_crank2, t3_10);
-        let t3_12 = like.lift(5.14044) * cos_q2;
-        let t3_13 = like.lift(0.8660254037844386) * t3_9;
-        let t3_14 = like.lift(0.5) * t3_9;
-        let t3_15 = like.lift(0.524) * sin_q3;
-        let t3_16 = like.lift(-1.244).mul_add(t2_195, t3_15);
+        let t3_12 = proto.splat(5.14044) * cos_q2;
+        let t3_13 = proto.splat(0.8660254037844386) * t3_9;
+        let t3_14 = proto.splat(0.5) * t3_9;
+        let t3_15 = proto.splat(0.524) * sin_q3;
+        let t3_16 = proto.splat(-1.244).mul_add(t2_195, t3_15);
         let t3_17 = sin_q3 * p_mz_crank3;
         let t3_18 = (-cos_q3).mul_add(p_my_crank3, t3_17);
-        let t3_19 = like.lift(5.14044) * cos_q3;
-        let t3_20 = like.lift(0.8660254037844386) * t3_16;
+        let t3_19 = proto.splat(5.14044) * cos_q3;
+        let t3_20 = proto.splat(0.8660254037844386) * t3_16;
         let t3_21 = -t3_20;
-        let t3_22 = like.lift(0.5) * t3_16;
-        let t3_23 = like.lift(0.8038585209003215) * t3_16;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_204, t2_206);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t3_24 = like.lift(1.0) / t2_195;
+        let t3_22 = proto.splat(0.5) * t3_16;
+        let t3_23 = proto.splat(0.8038585209003215) * t3_16;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t2_204, t2_206);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
+        let t3_24 = proto.splat(1.0) / t2_195;
         let t3_25 = t2_220 * t3_24;
-        let t3_26 = like.lift(0.9282158668643501) * t3_25;
+        let t3_26 = proto.splat(0.9282158668643501) * t3_25;
         let t3_27 = t2_204.mul_add(t3_26, t2_230);
         let t3_28 = inv_pivot_2 * t3_27;
         let pivot_3 = t2_95.mul_add(t3_28, t2_103);
         let t3_29 = t3_25.mul_add(t3_23, t2_229);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t3_30 = t2_79 * inv_pivot_3;
         let t3_31 = t2_90 * inv_pivot_3;
         let t3_32 = -pivot_3;
         let t3_33 = t2_97.mul_add(t3_28, t2_105);
-        let t3_34 = like.lift(0.5773502691896257).mul_add(t2_145, t2_208);
+        let t3_34 = proto.splat(0.5773502691896257).mul_add(t2_145, t2_208);
         let t3_35 = (-t3_34).mul_add(t3_28, t2_209);
         let t3_36 = t2_145.mul_add(t3_26, t3_35);
         let t3_37 = (-t3_36).mul_add(t3_31, t2_134);
         let t3_38 = t3_4 * t3_24;
-        let t3_39 = like.lift(0.9282158668643501) * t3_24;
-        let t3_40 = like.lift(0.9282158668643501) * t3_38;
+        let t3_39 = proto.splat(0.9282158668643501) * t3_24;
+        let t3_40 = proto.splat(0.9282158668643501) * t3_38;
         let t3_41 = t2_204 * t3_40;
         let t3_42 = inv_pivot_2 * t3_41;
         let t3_43 = (-t2_95).mul_add(t3_42, t2_232);
@@ -5844,11 +5848,11 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t3_47 = (-t3_36).mul_add(t3_44, t3_1);
         let t3_48 = t3_34.mul_add(t3_42, t3_47);
         let pivot_4 = (-t2_145).mul_add(t3_40, t3_48);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t3_49 = t3_37 * inv_pivot_4;
         let t3_50 = t3_33.mul_add(t3_44, t2_232);
         let t3_51 = t2_97.mul_add(t3_42, t3_50);
-        let t3_52 = like.lift(0.5773502691896257).mul_add(t2_142, t2_210);
+        let t3_52 = proto.splat(0.5773502691896257).mul_add(t2_142, t2_210);
         let t3_53 = (-t3_52).mul_add(t3_28, t2_211);
         let t3_54 = t2_142.mul_add(t3_26, t3_53);
         let t3_55 = (-t2_213).mul_add(t3_28, t2_144);
@@ -5870,7 +5874,7 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t3_71 = t3_54.mul_add(t3_30, t3_70);
         let t3_72 = t3_64.mul_add(t3_71, t2_89);
         let pivot_6 = (-t3_61).mul_add(t3_63, t3_72);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t3_73 = (-t3_51).mul_add(t3_67, t2_96);
         let t3_74 = (-t3_33).mul_add(t3_30, t3_73);
         let t3_75 = t3_46 * t3_67;
@@ -5891,7 +5895,7 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t3_90 = (-t3_80).mul_add(t3_89, t2_191);
         let t3_91 = (-t3_62).mul_add(t3_86, t3_90);
         let pivot_7 = t3_56.mul_add(t3_84, t3_91);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t3_92 = t3_78.mul_add(t3_89, t2_176);
         let t3_93 = (-t3_51).mul_add(t3_86, t3_92);
         let t3_94 = t3_33.mul_add(t3_84, t3_93);
@@ -5918,7 +5922,7 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t3_115 = (-t3_98).mul_add(t3_109, t2_156);
         let t3_116 = (-t3_65).mul_add(t3_104, t3_115);
         let pivot_8 = (-t3_100).mul_add(t2_148, t3_116);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t3_117 = t3_114 * inv_pivot_8;
         let t3_118 = (-t3_98).mul_add(t3_117, t3_94);
         let t3_119 = inv_pivot_7 * t3_118;
@@ -6021,20 +6025,20 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t3_216 = t3_215 * t3_39;
         let t3_217 = -t3_216;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t3_32 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_150 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t3_32 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_150 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
             [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t3_135, t3_168, t3_183], [t3_125, t3_184, t3_161], [t3_185, t3_154, t3_186],
                 [t3_119, t3_148, t3_149], [t3_117, t3_144, t3_171], [t3_134, t3_179, t3_178],
@@ -6043,20 +6047,22 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_91, t2_89, t2_108, t2_111, t2_120, like.lift(0.0), like.lift(0.0)],
-                    [t2_122, t2_133, t2_137, t2_147, t2_149, t2_150, like.lift(0.0), like.lift(0.0)],
-                    [t2_151, t2_152, t2_153, t2_154, t2_156, t2_160, like.lift(0.0), like.lift(0.0)],
-                    [t2_176, t2_188, t2_188, t2_191, t2_193, t2_194, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_145, t2_142, t2_107, like.lift(0.0), like.lift(0.0), pivot_1, t2_204],
-                    [t2_207, t2_208, t2_210, t2_212, like.lift(0.0), like.lift(0.0), t2_215, t2_206],
-                    [t2_216, t2_217, t2_218, t2_144, like.lift(0.0), like.lift(0.0), t2_220, t2_223],
-                    [t2_232, t3_1, t3_1, t3_2, like.lift(0.0), like.lift(0.0), t3_4, t3_7],
+                    [proto.splat(0.0), t2_91, t2_89, t2_108, t2_111, t2_120, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_122, t2_133, t2_137, t2_147, t2_149, t2_150, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_151, t2_152, t2_153, t2_154, t2_156, t2_160, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_176, t2_188, t2_188, t2_191, t2_193, t2_194, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_145, t2_142, t2_107, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_204],
+                    [t2_207, t2_208, t2_210, t2_212, proto.splat(0.0), proto.splat(0.0), t2_215, t2_206],
+                    [t2_216, t2_217, t2_218, t2_144, proto.splat(0.0), proto.splat(0.0), t2_220, t2_223],
+                    [t2_232, t3_1, t3_1, t3_2, proto.splat(0.0), proto.splat(0.0), t3_4, t3_7],
                 ],
                 [
-                    [like.lift(0.0), t3_13, like.lift(0.0)], [t2_96, t3_14, like.lift(0.0)],
-                    [t2_104, t2_166, like.lift(0.0)], [t2_176, t2_193, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t3_21], [t2_97, like.lift(0.0), t3_22],
-                    [t2_105, like.lift(0.0), t2_229], [t2_232, like.lift(0.0), t3_4],
+                    [proto.splat(0.0), t3_13, proto.splat(0.0)],
+                    [t2_96, t3_14, proto.splat(0.0)], [t2_104, t2_166, proto.splat(0.0)],
+                    [t2_176, t2_193, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t3_21],
+                    [t2_97, proto.splat(0.0), t3_22], [t2_105, proto.splat(0.0), t2_229],
+                    [t2_232, proto.splat(0.0), t3_4],
                 ],
             ),
         );
@@ -6072,28 +6078,28 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
     {
         let t4_1 = t2_186 * p_my_rod2;
         let t4_2 = sin_q2_u2_1.mul_add(p_mx_rod2, t4_1);
-        let t4_3 = like.lift(9.81) * t4_2;
+        let t4_3 = proto.splat(9.81) * t4_2;
         let t4_4 = sin_q2_u2_1 * p_mz_rod2;
         let t4_5 = (-t2_109).mul_add(p_my_rod2, t4_4);
         let t4_6 = t2_109 * p_mx_rod2;
         let t4_7 = t2_186.mul_add(p_mz_rod2, t4_6);
-        let t4_8 = like.lift(9.81) * t4_5;
+        let t4_8 = proto.splat(9.81) * t4_5;
         let t4_9 = -t4_8;
         let t4_10 = cos_u2_2 * t4_9;
         let t4_11 = sin_u2_2.mul_add(t4_3, t4_10);
-        let t4_12 = like.lift(9.81) * t4_7;
+        let t4_12 = proto.splat(9.81) * t4_7;
         let t4_13 = t3_5 * p_my_rod3;
         let t4_14 = sin_q3_u3_1.mul_add(p_mx_rod3, t4_13);
-        let t4_15 = like.lift(9.81) * t4_14;
+        let t4_15 = proto.splat(9.81) * t4_14;
         let t4_16 = sin_q3_u3_1 * p_mz_rod3;
         let t4_17 = (-t2_195).mul_add(p_my_rod3, t4_16);
         let t4_18 = t2_195 * p_mx_rod3;
         let t4_19 = t3_5.mul_add(p_mz_rod3, t4_18);
-        let t4_20 = like.lift(9.81) * t4_17;
+        let t4_20 = proto.splat(9.81) * t4_17;
         let t4_21 = -t4_20;
         let t4_22 = cos_u3_2 * t4_21;
         let t4_23 = sin_u3_2.mul_add(t4_15, t4_22);
-        let t4_24 = like.lift(9.81) * t4_19;
+        let t4_24 = proto.splat(9.81) * t4_19;
         let t4_25 = t4_24.mul_add(x_u3_2_q1, t2_51);
         let t4_26 = (-t4_23).mul_add(x_u3_1_q1, t4_25);
         let t4_27 = t4_12.mul_add(x_u2_2_q1, t4_26);
@@ -6102,8 +6108,8 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t4_30 = t2_27.mul_add(x_e1y_q1, t4_29);
         let t4_31 = t2_70.mul_add(x_u1_2_q1, t4_30);
         let t4_32 = (-t2_51).mul_add(x_u1_1_q1, t4_31);
-        let t4_33 = like.lift(-9.81).mul_add(t2_99, t4_32);
-        let t4_34 = like.lift(0.524).mul_add(t2_65, t4_33);
+        let t4_33 = proto.splat(-9.81).mul_add(t2_99, t4_32);
+        let t4_34 = proto.splat(0.524).mul_add(t2_65, t4_33);
         tau[0] = t4_34;
         let t4_35 = t4_24.mul_add(x_u3_2_q2, t4_11);
         let t4_36 = (-t4_23).mul_add(x_u3_1_q2, t4_35);
@@ -6111,14 +6117,14 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
         let t4_38 = (-t4_23).mul_add(x_u3_1_q3, t4_37);
         let t4_39 = t4_12.mul_add(x_u2_2_q2, t4_36);
         let t4_40 = (-t4_11).mul_add(x_u2_1_q2, t4_39);
-        let t4_41 = like.lift(-9.81).mul_add(t3_11, t4_40);
+        let t4_41 = proto.splat(-9.81).mul_add(t3_11, t4_40);
         let t4_42 = t3_12.mul_add(p_m_rod2, t4_41);
         let t4_43 = t2_31.mul_add(x_e1x_q2, t4_42);
         let t4_44 = t2_27.mul_add(x_e1y_q2, t4_43);
         let t4_45 = t2_70.mul_add(x_u1_2_q2, t4_44);
         let t4_46 = (-t2_51).mul_add(x_u1_1_q2, t4_45);
         tau[1] = t4_46;
-        let t4_47 = like.lift(-9.81).mul_add(t3_18, t4_38);
+        let t4_47 = proto.splat(-9.81).mul_add(t3_18, t4_38);
         let t4_48 = t3_19.mul_add(p_m_rod3, t4_47);
         let t4_49 = t4_12.mul_add(x_u2_2_q3, t4_48);
         let t4_50 = (-t4_11).mul_add(x_u2_1_q3, t4_49);
@@ -6140,9 +6146,9 @@ pub fn gravity<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) 
 ///
 /// 724 additions, 987 multiplications, 8 divisions, 11 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -6202,8 +6208,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let sin_q1_u1_1 = cos_q1.mul_add(sin_u1_1, t2_9);
         let t2_10 = cos_q1 * cos_u1_1;
         let cos_q1_u1_1 = (-sin_q1).mul_add(sin_u1_1, t2_10);
-        let t2_11 = like.lift(0.524) * cos_q1;
-        let t2_12 = like.lift(0.524) * sin_q1;
+        let t2_11 = proto.splat(0.524) * cos_q1;
+        let t2_12 = proto.splat(0.524) * sin_q1;
         let t2_13 = sin_u1_2 * cos_e1y;
         let sin_u1_2_e1y = cos_u1_2.mul_add(sin_e1y, t2_13);
         let t2_14 = cos_u1_2 * cos_e1y;
@@ -6213,13 +6219,13 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_17 = cos_e1x.mul_add(sin_q1_u1_1, t2_16);
         let t2_18 = cos_e1x * cos_q1_u1_1;
         let t2_19 = (-sin_q1_u1_1).mul_add(t2_15, t2_18);
-        let t2_20 = like.lift(0.022) * t2_17;
+        let t2_20 = proto.splat(0.022) * t2_17;
         let t2_21 = cos_q1_u1_1 * sin_u1_2_e1y;
-        let t2_22 = like.lift(0.0381051177665153) * t2_21;
+        let t2_22 = proto.splat(0.0381051177665153) * t2_21;
         let t2_23 = cos_u1_2 * cos_q1_u1_1;
-        let t2_24 = like.lift(1.244) * t2_23;
+        let t2_24 = proto.splat(1.244) * t2_23;
         let t2_25 = t2_23 * w_u1_1x;
-        let t2_26 = like.lift(0.044) * t2_17;
+        let t2_26 = proto.splat(0.044) * t2_17;
         let t2_27 = t2_24 + t2_26;
         let t2_28 = t2_12 - t2_24;
         let t2_29 = t2_28 - t2_26;
@@ -6228,11 +6234,11 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_32 = t2_20 + t2_22;
         let t2_33 = t2_32 + t2_27;
         let t2_34 = cos_u1_2 * sin_q1_u1_1;
-        let t2_35 = like.lift(1.244) * t2_34;
-        let t2_36 = like.lift(0.044) * t2_19;
+        let t2_35 = proto.splat(1.244) * t2_34;
+        let t2_36 = proto.splat(0.044) * t2_19;
         let t2_37 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_38 = like.lift(0.0381051177665153) * t2_37;
-        let t2_39 = like.lift(0.022) * t2_19;
+        let t2_38 = proto.splat(0.0381051177665153) * t2_37;
+        let t2_39 = proto.splat(0.022) * t2_19;
         let t2_40 = t2_38 + t2_39;
         let t2_41 = t2_35 - t2_36;
         let t2_42 = t2_41 - t2_40;
@@ -6254,27 +6260,27 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let sin_q2_u2_1 = cos_q2.mul_add(sin_u2_1, t2_57);
         let t2_58 = cos_q2 * cos_u2_1;
         let cos_q2_u2_1 = (-sin_q2).mul_add(sin_u2_1, t2_58);
-        let t2_59 = like.lift(0.524) * sin_q2;
+        let t2_59 = proto.splat(0.524) * sin_q2;
         let t2_60 = cos_u2_2 * cos_q2_u2_1;
-        let t2_61 = like.lift(1.0773356023078418) * t2_60;
+        let t2_61 = proto.splat(1.0773356023078418) * t2_60;
         let t2_62 = -t2_61;
         let t2_63 = cos_q2_u2_1 * t2_60;
         let t2_64 = cos_u2_2 * sin_q2_u2_1;
-        let t2_65 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_66 = like.lift(0.5).mul_add(t2_64, t2_65);
-        let t2_67 = like.lift(0.8660254037844386) * t2_64;
-        let t2_68 = like.lift(-0.5).mul_add(sin_u2_2, t2_67);
-        let t2_69 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_65 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_66 = proto.splat(0.5).mul_add(t2_64, t2_65);
+        let t2_67 = proto.splat(0.8660254037844386) * t2_64;
+        let t2_68 = proto.splat(-0.5).mul_add(sin_u2_2, t2_67);
+        let t2_69 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_70 = t2_66 * t2_69;
-        let t2_71 = like.lift(0.622).mul_add(t2_63, t2_70);
-        let t2_72 = like.lift(1.0773356023078418) * t2_63;
+        let t2_71 = proto.splat(0.622).mul_add(t2_63, t2_70);
+        let t2_72 = proto.splat(1.0773356023078418) * t2_63;
         let pivot_5 = t2_68.mul_add(t2_69, t2_72);
         let t2_73 = -t2_31;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
-        let t2_74 = like.lift(0.044) * e_e1x_q1y;
-        let t2_75 = like.lift(1.244).mul_add(sin_u1_2, t2_74);
-        let t2_76 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_77 = like.lift(0.022) * e_e1x_q1y;
+        let t2_74 = proto.splat(0.044) * e_e1x_q1y;
+        let t2_75 = proto.splat(1.244).mul_add(sin_u1_2, t2_74);
+        let t2_76 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_77 = proto.splat(0.022) * e_e1x_q1y;
         let t2_78 = t2_76 + t2_77;
         let t2_79 = t2_75 + t2_78;
         let t2_80 = sin_q1_u1_1 * t2_79;
@@ -6290,38 +6296,38 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_90 = sin_q1_u1_1 * t2_83;
         let t2_91 = cos_q1_u1_1 * t2_83;
         let t2_92 = -t2_84;
-        let t2_93 = like.lift(0.622) * t2_60;
+        let t2_93 = proto.splat(0.622) * t2_60;
         let t2_94 = -t2_93;
         let t2_95 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_96 = -t2_42;
         let t2_97 = -t2_81;
         let t2_98 = -t2_91;
-        let t2_99 = like.lift(1.0773356023078418) * t2_68;
-        let t2_100 = like.lift(0.622).mul_add(t2_66, t2_99);
-        let t2_101 = like.lift(0.622) * t2_68;
-        let t2_102 = like.lift(-1.0773356023078418).mul_add(t2_66, t2_101);
+        let t2_99 = proto.splat(1.0773356023078418) * t2_68;
+        let t2_100 = proto.splat(0.622).mul_add(t2_66, t2_99);
+        let t2_101 = proto.splat(0.622) * t2_68;
+        let t2_102 = proto.splat(-1.0773356023078418).mul_add(t2_66, t2_101);
         let t2_103 = cos_q2_u2_1 * t2_102;
         let t2_104 = -t2_103;
-        let t2_105 = like.lift(0.5) * t2_21;
-        let t2_106 = like.lift(0.8660254037844386) * t2_17;
+        let t2_105 = proto.splat(0.5) * t2_21;
+        let t2_106 = proto.splat(0.8660254037844386) * t2_17;
         let t2_107 = t2_105 + t2_106;
         let t2_108 = t2_105 - t2_106;
         let t2_109 = t2_107 * cos_q2_u2_1;
-        let t2_110 = like.lift(0.5) * t2_37;
-        let t2_111 = like.lift(0.8660254037844386) * t2_19;
+        let t2_110 = proto.splat(0.5) * t2_37;
+        let t2_111 = proto.splat(0.8660254037844386) * t2_19;
         let t2_112 = t2_110 - t2_111;
         let t2_113 = t2_110 + t2_111;
-        let t2_114 = like.lift(0.5) * t2_109;
+        let t2_114 = proto.splat(0.5) * t2_109;
         let t2_115 = (-t2_112).mul_add(sin_q2_u2_1, t2_114);
-        let t2_116 = like.lift(0.5) * cos_u1_2_e1y;
-        let t2_117 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t2_116 = proto.splat(0.5) * cos_u1_2_e1y;
+        let t2_117 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t2_118 = t2_116 - t2_117;
         let t2_119 = t2_116 + t2_117;
         let t2_120 = t2_118 * sin_q2_u2_1;
-        let t2_121 = like.lift(-0.8660254037844386).mul_add(t2_109, t2_120);
-        let t2_122 = like.lift(0.5) * t2_118;
-        let t2_123 = like.lift(-0.8660254037844386).mul_add(t2_112, t2_122);
+        let t2_121 = proto.splat(-0.8660254037844386).mul_add(t2_109, t2_120);
+        let t2_122 = proto.splat(0.5) * t2_118;
+        let t2_123 = proto.splat(-0.8660254037844386).mul_add(t2_112, t2_122);
         let t2_124 = cos_q2_u2_1 * t2_123;
         let t2_125 = -t2_124;
         let t2_126 = cos_q1_u1_1 * t2_121;
@@ -6330,10 +6336,10 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_129 = t2_37.mul_add(t2_121, t2_128);
         let t2_130 = cos_u1_2_e1y.mul_add(t2_115, t2_129);
         let t2_131 = sin_q2_u2_1 * t2_125;
-        let t2_132 = like.lift(0.5) * t2_115;
-        let t2_133 = like.lift(-0.8660254037844386).mul_add(t2_121, t2_132);
-        let t2_134 = like.lift(0.5) * t2_121;
-        let t2_135 = like.lift(0.8660254037844386).mul_add(t2_115, t2_134);
+        let t2_132 = proto.splat(0.5) * t2_115;
+        let t2_133 = proto.splat(-0.8660254037844386).mul_add(t2_121, t2_132);
+        let t2_134 = proto.splat(0.5) * t2_121;
+        let t2_135 = proto.splat(0.8660254037844386).mul_add(t2_115, t2_134);
         let t2_136 = cos_q2_u2_1.mul_add(t2_135, t2_131);
         let t2_137 = t2_38 - t2_39;
         let t2_138 = t2_35 - t2_36;
@@ -6356,19 +6362,19 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let sin_q3_u3_1 = cos_q3.mul_add(sin_u3_1, t2_154);
         let t2_155 = cos_q3 * cos_u3_1;
         let cos_q3_u3_1 = (-sin_q3).mul_add(sin_u3_1, t2_155);
-        let t2_156 = like.lift(0.524) * sin_q3;
+        let t2_156 = proto.splat(0.524) * sin_q3;
         let t2_157 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t2_157;
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_157;
         let t2_158 = cos_q3_u3_1 * t2_157;
         let t2_159 = cos_u3_2 * sin_q3_u3_1;
-        let t2_160 = like.lift(0.5) * t2_159;
-        let t2_161 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_160);
-        let t2_162 = like.lift(0.5) * sin_u3_2;
-        let t2_163 = like.lift(0.8660254037844386).mul_add(t2_159, t2_162);
-        let t2_164 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_160 = proto.splat(0.5) * t2_159;
+        let t2_161 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_160);
+        let t2_162 = proto.splat(0.5) * sin_u3_2;
+        let t2_163 = proto.splat(0.8660254037844386).mul_add(t2_159, t2_162);
+        let t2_164 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_165 = t2_161 * t2_164;
-        let t2_166 = like.lift(0.622).mul_add(t2_158, t2_165);
-        let t2_167 = like.lift(1.0773356023078418) * t2_158;
+        let t2_166 = proto.splat(0.622).mul_add(t2_158, t2_165);
+        let t2_167 = proto.splat(1.0773356023078418) * t2_158;
         let t2_168 = t2_163.mul_add(t2_164, t2_167);
         let t2_169 = -t2_33;
         let t2_170 = sin_q1_u1_1 * t2_89;
@@ -6376,26 +6382,26 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_172 = sin_q1_u1_1 * t2_88;
         let t2_173 = cos_q1_u1_1 * t2_88;
         let t2_174 = -t2_151;
-        let t2_175 = like.lift(-0.5773502691896257).mul_add(t2_149, t2_151);
-        let t2_176 = like.lift(0.622) * t2_157;
+        let t2_175 = proto.splat(-0.5773502691896257).mul_add(t2_149, t2_151);
+        let t2_176 = proto.splat(0.622) * t2_157;
         let t2_177 = -t2_176;
         let t2_178 = -t2_139;
         let t2_179 = -t2_171;
         let t2_180 = -t2_173;
-        let t2_181 = like.lift(1.0773356023078418) * t2_163;
-        let t2_182 = like.lift(0.622).mul_add(t2_161, t2_181);
-        let t2_183 = like.lift(0.622) * t2_163;
-        let t2_184 = like.lift(-1.0773356023078418).mul_add(t2_161, t2_183);
+        let t2_181 = proto.splat(1.0773356023078418) * t2_163;
+        let t2_182 = proto.splat(0.622).mul_add(t2_161, t2_181);
+        let t2_183 = proto.splat(0.622) * t2_163;
+        let t2_184 = proto.splat(-1.0773356023078418).mul_add(t2_161, t2_183);
         let t2_185 = cos_q3_u3_1 * t2_184;
         let t2_186 = -t2_185;
         let t2_187 = -t2_186;
         let t2_188 = t2_108 * cos_q3_u3_1;
-        let t2_189 = like.lift(0.5) * t2_188;
+        let t2_189 = proto.splat(0.5) * t2_188;
         let t2_190 = (-t2_113).mul_add(sin_q3_u3_1, t2_189);
-        let t2_191 = like.lift(0.8660254037844386) * t2_188;
+        let t2_191 = proto.splat(0.8660254037844386) * t2_188;
         let t2_192 = t2_119.mul_add(sin_q3_u3_1, t2_191);
-        let t2_193 = like.lift(0.5) * t2_119;
-        let t2_194 = like.lift(0.8660254037844386).mul_add(t2_113, t2_193);
+        let t2_193 = proto.splat(0.5) * t2_119;
+        let t2_194 = proto.splat(0.8660254037844386).mul_add(t2_113, t2_193);
         let t2_195 = cos_q3_u3_1 * t2_194;
         let t2_196 = sin_q1_u1_1 * t2_195;
         let t2_197 = cos_q1_u1_1.mul_add(t2_192, t2_196);
@@ -6403,19 +6409,19 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t2_199 = (-t2_21).mul_add(t2_195, t2_198);
         let t2_200 = cos_u1_2_e1y.mul_add(t2_190, t2_199);
         let t2_201 = sin_q3_u3_1 * t2_195;
-        let t2_202 = like.lift(0.8660254037844386) * t2_192;
-        let t2_203 = like.lift(0.5).mul_add(t2_190, t2_202);
-        let t2_204 = like.lift(0.5) * t2_192;
-        let t2_205 = like.lift(-0.8660254037844386).mul_add(t2_190, t2_204);
+        let t2_202 = proto.splat(0.8660254037844386) * t2_192;
+        let t2_203 = proto.splat(0.5).mul_add(t2_190, t2_202);
+        let t2_204 = proto.splat(0.5) * t2_192;
+        let t2_205 = proto.splat(-0.8660254037844386).mul_add(t2_190, t2_204);
         let t2_206 = (-cos_q3_u3_1).mul_add(t2_205, t2_201);
         let t2_207 = -t2_206;
         let t2_208 = cos_q1_u1_1 * d_u1_2;
         let t2_209 = sin_u1_2 * t2_208;
         let t2_210 = t2_34.mul_add(w_u1_1x, t2_209);
-        let t2_211 = like.lift(1.244) * t2_210;
+        let t2_211 = proto.splat(1.244) * t2_210;
         let t2_212 = sin_q1_u1_1 * d_u1_2;
         let t2_213 = (-sin_u1_2).mul_add(t2_212, t2_25);
-        let t2_214 = like.lift(1.244) * t2_213;
+        let t2_214 = proto.splat(1.244) * t2_213;
         let t2_215 = -t2_214;
         let t2_216 = sin_q1_u1_1 * w_u1_1x;
         let t2_217 = sin_q1_u1_1.mul_add(d_e1y, t2_212);
@@ -6463,24 +6469,24 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t3_2 = cos_u1_2_e1y.mul_add(d_e1x, w_u1_1x);
         let t3_3 = e_e1x_q1y * t2_232;
         let t3_4 = (-t2_19).mul_add(t3_2, t3_3);
-        let t3_5 = like.lift(0.044) * t3_4;
+        let t3_5 = proto.splat(0.044) * t3_4;
         let t3_6 = -t3_5;
         let t3_7 = t2_17 * t3_2;
         let t3_8 = (-e_e1x_q1y).mul_add(t2_235, t3_7);
-        let t3_9 = like.lift(0.044) * t3_8;
+        let t3_9 = proto.splat(0.044) * t3_8;
         let t3_10 = -t3_9;
         let t3_11 = t2_19 * t2_230;
         let t3_12 = t2_17.mul_add(t2_222, t3_11);
         let t3_13 = t2_212 * t2_215;
         let t3_14 = t2_208.mul_add(t2_211, t3_13);
-        let t3_15 = like.lift(0.044).mul_add(t3_12, t3_14);
+        let t3_15 = proto.splat(0.044).mul_add(t3_12, t3_14);
         let t3_16 = t2_235.mul_add(t3_10, t3_15);
         let t3_17 = (-t2_232).mul_add(t3_6, t3_16);
         let t3_18 = cos_u1_2 * d_u1_2;
         let t3_19 = t2_212.mul_add(t3_18, t2_231);
         let t3_20 = (-t2_208).mul_add(t3_18, t2_223);
-        let t3_21 = like.lift(1.244) * t3_19;
-        let t3_22 = like.lift(1.244) * t3_20;
+        let t3_21 = proto.splat(1.244) * t3_19;
+        let t3_22 = proto.splat(1.244) * t3_20;
         let t3_23 = d_q1 * d_q1;
         let t3_24 = t3_23.mul_add(t2_11, t3_21);
         let t3_25 = t3_23.mul_add(t2_12, t3_22);
@@ -6493,48 +6499,48 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t3_32 = d_q2 * d_q2;
         let t3_33 = cos_q2 * t3_32;
         let t3_34 = d_u2_1 + d_q2;
-        let t3_35 = like.lift(0.5) * t3_34;
+        let t3_35 = proto.splat(0.5) * t3_34;
         let t3_36 = d_u2_2 * sin_q2_u2_1;
         let t3_37 = t3_35 * t3_36;
         let t3_38 = d_u2_1 + d_q2;
-        let t3_39 = like.lift(0.8660254037844386) * t3_38;
-        let t3_40 = like.lift(0.8660254037844386) * t3_39;
-        let t3_41 = like.lift(0.5).mul_add(t3_35, t3_40);
+        let t3_39 = proto.splat(0.8660254037844386) * t3_38;
+        let t3_40 = proto.splat(0.8660254037844386) * t3_39;
+        let t3_41 = proto.splat(0.5).mul_add(t3_35, t3_40);
         let t3_42 = cos_q2_u2_1 * t3_41;
         let t3_43 = d_u2_2 * t3_42;
         let t3_44 = cos_q2_u2_1 * d_u2_2;
-        let t3_45 = like.lift(0.8660254037844386).mul_add(t3_44, t3_35);
-        let t3_46 = like.lift(-0.5).mul_add(t3_44, t3_39);
+        let t3_45 = proto.splat(0.8660254037844386).mul_add(t3_44, t3_35);
+        let t3_46 = proto.splat(-0.5).mul_add(t3_44, t3_39);
         let t3_47 = t3_39 * t3_36;
         let t3_48 = t2_68 * t3_46;
         let t3_49 = t2_66.mul_add(t3_45, t3_48);
-        let t3_50 = like.lift(1.244) * t3_49;
+        let t3_50 = proto.splat(1.244) * t3_49;
         let t3_51 = t2_60 * t3_45;
         let t3_52 = t2_68.mul_add(t3_36, t3_51);
-        let t3_53 = like.lift(1.244) * t3_52;
+        let t3_53 = proto.splat(1.244) * t3_52;
         let t3_54 = t2_66 * t3_43;
         let t3_55 = (-t2_60).mul_add(t3_37, t3_54);
         let t3_56 = t2_40.mul_add(t2_230, t3_17);
         let t3_57 = (-t2_45).mul_add(t2_222, t3_56);
         let t3_58 = t2_235.mul_add(t3_31, t3_57);
         let t3_59 = (-t2_232).mul_add(t3_29, t3_58);
-        let t3_60 = like.lift(-0.45379731158304587).mul_add(t3_33, t3_59);
-        let t3_61 = like.lift(-1.244).mul_add(t3_55, t3_60);
+        let t3_60 = proto.splat(-0.45379731158304587).mul_add(t3_33, t3_59);
+        let t3_61 = proto.splat(-1.244).mul_add(t3_55, t3_60);
         let t3_62 = (-t3_36).mul_add(t3_53, t3_61);
         let t3_63 = (-t3_46).mul_add(t3_50, t3_62);
         let t3_64 = (-t2_137).mul_add(t2_230, t3_17);
         let t3_65 = t2_46.mul_add(t2_222, t3_64);
         let t3_66 = t2_19 * t2_235;
         let t3_67 = (-t2_17).mul_add(t2_232, t3_66);
-        let t3_68 = like.lift(0.044) * t3_67;
+        let t3_68 = proto.splat(0.044) * t3_67;
         let t3_69 = -t3_68;
         let t3_70 = t2_17 * t3_1;
         let t3_71 = e_e1x_q1y.mul_add(t2_230, t3_70);
-        let t3_72 = like.lift(0.044).mul_add(t3_71, t3_26);
+        let t3_72 = proto.splat(0.044).mul_add(t3_71, t3_26);
         let t3_73 = (-t3_2).mul_add(t3_6, t3_72);
         let t3_74 = e_e1x_q1y * t2_222;
         let t3_75 = (-t2_19).mul_add(t3_1, t3_74);
-        let t3_76 = like.lift(0.044).mul_add(t3_75, t3_27);
+        let t3_76 = proto.splat(0.044).mul_add(t3_75, t3_27);
         let t3_77 = (-t2_232).mul_add(t3_69, t3_76);
         let t3_78 = t2_235.mul_add(t3_69, t3_73);
         let t3_79 = t3_2.mul_add(t3_10, t3_77);
@@ -6547,50 +6553,50 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t3_86 = (-t3_32).mul_add(t2_59, t3_85);
         let t3_87 = (-t2_87).mul_add(t2_222, t3_79);
         let t3_88 = t2_137.mul_add(t3_1, t3_87);
-        let t3_89 = like.lift(-1.244).mul_add(t2_60, t2_59);
+        let t3_89 = proto.splat(-1.244).mul_add(t2_60, t2_59);
         let t3_90 = (-t2_45).mul_add(t3_1, t3_78);
         let t3_91 = t2_78.mul_add(t2_230, t3_90);
         let t3_92 = (-t3_2).mul_add(t3_29, t3_91);
         let t3_93 = (-t2_235).mul_add(t3_81, t3_92);
-        let t3_94 = like.lift(0.262).mul_add(t3_33, t3_93);
+        let t3_94 = proto.splat(0.262).mul_add(t3_33, t3_93);
         let t3_95 = t2_46.mul_add(t3_1, t3_78);
         let t3_96 = (-t2_87).mul_add(t2_230, t3_95);
         let t3_97 = t2_29 + t2_45;
         let t3_98 = t2_29 - t2_46;
         let t3_99 = t2_66 * t3_36;
         let t3_100 = (-t2_60).mul_add(t3_46, t3_99);
-        let t3_101 = like.lift(1.244) * t3_100;
+        let t3_101 = proto.splat(1.244) * t3_100;
         let t3_102 = -t3_101;
         let t3_103 = t2_60 * t3_47;
         let t3_104 = (-t2_68).mul_add(t3_43, t3_103);
-        let t3_105 = like.lift(1.244).mul_add(t3_104, t3_94);
+        let t3_105 = proto.splat(1.244).mul_add(t3_104, t3_94);
         let t3_106 = t3_45.mul_add(t3_50, t3_105);
         let t3_107 = (-t3_36).mul_add(t3_102, t3_106);
         let t3_108 = cos_q2_u2_1 * t3_43;
         let t3_109 = -t3_107;
         let t3_110 = t2_68 * t3_37;
         let t3_111 = (-t2_66).mul_add(t3_47, t3_110);
-        let t3_112 = like.lift(1.244).mul_add(t3_111, t3_86);
+        let t3_112 = proto.splat(1.244).mul_add(t3_111, t3_86);
         let t3_113 = t3_46.mul_add(t3_102, t3_112);
         let t3_114 = t3_45.mul_add(t3_53, t3_113);
-        let t3_115 = like.lift(1.244) * t2_66;
-        let t3_116 = like.lift(0.262).mul_add(cos_q2, t3_115);
-        let t3_117 = like.lift(1.244) * t2_68;
-        let t3_118 = like.lift(0.45379731158304587).mul_add(cos_q2, t3_117);
-        let t3_119 = like.lift(0.8660254037844386) * t3_118;
-        let t3_120 = like.lift(0.5).mul_add(t3_116, t3_119);
+        let t3_115 = proto.splat(1.244) * t2_66;
+        let t3_116 = proto.splat(0.262).mul_add(cos_q2, t3_115);
+        let t3_117 = proto.splat(1.244) * t2_68;
+        let t3_118 = proto.splat(0.45379731158304587).mul_add(cos_q2, t3_117);
+        let t3_119 = proto.splat(0.8660254037844386) * t3_118;
+        let t3_120 = proto.splat(0.5).mul_add(t3_116, t3_119);
         let t3_121 = -t3_114;
         let t3_122 = cos_q2_u2_1 * t3_36;
-        let t3_123 = like.lift(0.5) * t3_122;
+        let t3_123 = proto.splat(0.5) * t3_122;
         let t3_124 = sin_q2_u2_1.mul_add(t3_46, t3_123);
-        let t3_125 = like.lift(0.8660254037844386) * t3_122;
+        let t3_125 = proto.splat(0.8660254037844386) * t3_122;
         let t3_126 = (-sin_q2_u2_1).mul_add(t3_45, t3_125);
         let t3_127 = t2_112 * t2_235;
         let t3_128 = t2_107.mul_add(t2_232, t3_127);
         let t3_129 = t2_107 * t3_2;
         let t3_130 = t2_118.mul_add(t2_235, t3_129);
-        let t3_131 = like.lift(0.8660254037844386) * t3_46;
-        let t3_132 = like.lift(0.5).mul_add(t3_45, t3_131);
+        let t3_131 = proto.splat(0.8660254037844386) * t3_46;
+        let t3_132 = proto.splat(0.5).mul_add(t3_45, t3_131);
         let t3_133 = cos_q2_u2_1 * t3_132;
         let t3_134 = t2_112 * t3_2;
         let t3_135 = (-t2_118).mul_add(t2_232, t3_134);
@@ -6605,8 +6611,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t3_144 = (-t2_107).mul_add(t3_1, t3_143);
         let t3_145 = (-t3_2).mul_add(t3_135, t3_144);
         let t3_146 = (-t2_235).mul_add(t3_128, t3_145);
-        let t3_147 = like.lift(0.5) * t3_146;
-        let t3_148 = like.lift(0.8660254037844386).mul_add(t3_142, t3_147);
+        let t3_147 = proto.splat(0.5) * t3_146;
+        let t3_148 = proto.splat(0.8660254037844386).mul_add(t3_142, t3_147);
         let t3_149 = t2_112 * t3_1;
         let t3_150 = (-t2_118).mul_add(t2_222, t3_149);
         let t3_151 = (-t2_232).mul_add(t3_128, t3_150);
@@ -6620,12 +6626,12 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t3_159 = t3_45 * t3_126;
         let t3_160 = t3_36.mul_add(t3_124, t3_158);
         let t3_161 = (-t3_46).mul_add(t3_124, t3_159);
-        let t3_162 = like.lift(0.5).mul_add(t3_108, t3_157);
+        let t3_162 = proto.splat(0.5).mul_add(t3_108, t3_157);
         let t3_163 = (-sin_q2_u2_1).mul_add(t3_47, t3_160);
         let t3_164 = sin_q2_u2_1.mul_add(t3_37, t3_162);
-        let t3_165 = like.lift(-0.8660254037844386).mul_add(t3_108, t3_163);
-        let t3_166 = like.lift(0.8660254037844386) * t3_37;
-        let t3_167 = like.lift(-0.5).mul_add(t3_47, t3_166);
+        let t3_165 = proto.splat(-0.8660254037844386).mul_add(t3_108, t3_163);
+        let t3_166 = proto.splat(0.8660254037844386) * t3_37;
+        let t3_167 = proto.splat(-0.5).mul_add(t3_47, t3_166);
         let t3_168 = cos_q2_u2_1.mul_add(t3_167, t3_161);
         let t3_169 = t2_107.mul_add(t3_168, t3_155);
         let t3_170 = (-t2_112).mul_add(t3_165, t3_169);
@@ -6645,70 +6651,70 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t3_184 = t2_235.mul_add(t3_176, t3_182);
         let t3_185 = d_q3 * d_q3;
         let t3_186 = (-t3_185).mul_add(t2_156, t3_181);
-        let t3_187 = like.lift(-1.244).mul_add(t2_157, t2_156);
+        let t3_187 = proto.splat(-1.244).mul_add(t2_157, t2_156);
         let t3_188 = cos_q3 * t3_185;
-        let t3_189 = like.lift(0.45379731158304587).mul_add(t3_188, t3_183);
-        let t3_190 = like.lift(0.262).mul_add(t3_188, t3_184);
+        let t3_189 = proto.splat(0.45379731158304587).mul_add(t3_188, t3_183);
+        let t3_190 = proto.splat(0.262).mul_add(t3_188, t3_184);
         let t3_191 = d_u3_1 + d_q3;
-        let t3_192 = like.lift(0.5) * t3_191;
+        let t3_192 = proto.splat(0.5) * t3_191;
         let t3_193 = d_u3_2 * sin_q3_u3_1;
         let t3_194 = t3_192 * t3_193;
         let t3_195 = d_u3_1 + d_q3;
-        let t3_196 = like.lift(0.8660254037844386) * t3_195;
-        let t3_197 = like.lift(0.8660254037844386) * t3_196;
-        let t3_198 = like.lift(0.5).mul_add(t3_192, t3_197);
+        let t3_196 = proto.splat(0.8660254037844386) * t3_195;
+        let t3_197 = proto.splat(0.8660254037844386) * t3_196;
+        let t3_198 = proto.splat(0.5).mul_add(t3_192, t3_197);
         let t3_199 = cos_q3_u3_1 * t3_198;
         let t3_200 = d_u3_2 * t3_199;
         let t3_201 = cos_q3_u3_1 * d_u3_2;
-        let t3_202 = like.lift(-0.8660254037844386).mul_add(t3_201, t3_192);
-        let t3_203 = like.lift(0.5).mul_add(t3_201, t3_196);
+        let t3_202 = proto.splat(-0.8660254037844386).mul_add(t3_201, t3_192);
+        let t3_203 = proto.splat(0.5).mul_add(t3_201, t3_196);
         let t3_204 = t3_196 * t3_193;
         let t3_205 = t2_163 * t3_203;
         let t3_206 = t2_161.mul_add(t3_202, t3_205);
-        let t3_207 = like.lift(1.244) * t3_206;
+        let t3_207 = proto.splat(1.244) * t3_206;
         let t3_208 = t2_157 * t3_202;
         let t3_209 = (-t2_163).mul_add(t3_193, t3_208);
-        let t3_210 = like.lift(1.244) * t3_209;
+        let t3_210 = proto.splat(1.244) * t3_209;
         let t3_211 = -t3_210;
         let t3_212 = t2_161 * t3_200;
         let t3_213 = (-t2_157).mul_add(t3_194, t3_212);
-        let t3_214 = like.lift(-1.244).mul_add(t3_213, t3_189);
+        let t3_214 = proto.splat(-1.244).mul_add(t3_213, t3_189);
         let t3_215 = t3_193.mul_add(t3_211, t3_214);
         let t3_216 = t3_203.mul_add(t3_207, t3_215);
         let t3_217 = t2_161 * t3_193;
         let t3_218 = t2_157.mul_add(t3_203, t3_217);
-        let t3_219 = like.lift(1.244) * t3_218;
+        let t3_219 = proto.splat(1.244) * t3_218;
         let t3_220 = t2_157 * t3_204;
         let t3_221 = (-t2_163).mul_add(t3_200, t3_220);
-        let t3_222 = like.lift(-1.244).mul_add(t3_221, t3_190);
+        let t3_222 = proto.splat(-1.244).mul_add(t3_221, t3_190);
         let t3_223 = t3_202.mul_add(t3_207, t3_222);
         let t3_224 = t3_193.mul_add(t3_219, t3_223);
         let t3_225 = cos_q3_u3_1 * t3_200;
-        let t3_226 = like.lift(1.0) / t2_157;
+        let t3_226 = proto.splat(1.0) / t2_157;
         let t3_227 = -t3_224;
-        let t3_228 = like.lift(-0.5773502691896257).mul_add(t3_216, t3_224);
+        let t3_228 = proto.splat(-0.5773502691896257).mul_add(t3_216, t3_224);
         let t3_229 = t2_163 * t3_194;
         let t3_230 = (-t2_161).mul_add(t3_204, t3_229);
-        let t3_231 = like.lift(-1.244).mul_add(t3_230, t3_186);
+        let t3_231 = proto.splat(-1.244).mul_add(t3_230, t3_186);
         let t3_232 = t3_203.mul_add(t3_219, t3_231);
         let t3_233 = (-t3_202).mul_add(t3_211, t3_232);
-        let t3_234 = like.lift(1.244) * t2_161;
-        let t3_235 = like.lift(0.262).mul_add(cos_q3, t3_234);
-        let t3_236 = like.lift(1.244) * t2_163;
-        let t3_237 = like.lift(0.45379731158304587).mul_add(cos_q3, t3_236);
-        let t3_238 = like.lift(0.8660254037844386) * t3_237;
-        let t3_239 = like.lift(0.5).mul_add(t3_235, t3_238);
+        let t3_234 = proto.splat(1.244) * t2_161;
+        let t3_235 = proto.splat(0.262).mul_add(cos_q3, t3_234);
+        let t3_236 = proto.splat(1.244) * t2_163;
+        let t3_237 = proto.splat(0.45379731158304587).mul_add(cos_q3, t3_236);
+        let t3_238 = proto.splat(0.8660254037844386) * t3_237;
+        let t3_239 = proto.splat(0.5).mul_add(t3_235, t3_238);
         let t3_240 = -t3_233;
         let t3_241 = cos_q3_u3_1 * t3_193;
         let t3_242 = sin_q3_u3_1 * t3_203;
-        let t3_243 = like.lift(-0.5).mul_add(t3_241, t3_242);
+        let t3_243 = proto.splat(-0.5).mul_add(t3_241, t3_242);
         let t3_244 = sin_q3_u3_1 * t3_202;
-        let t3_245 = like.lift(0.8660254037844386).mul_add(t3_241, t3_244);
+        let t3_245 = proto.splat(0.8660254037844386).mul_add(t3_241, t3_244);
         let t3_246 = t2_113 * t2_235;
         let t3_247 = t2_108.mul_add(t2_232, t3_246);
         let t3_248 = t2_108 * t3_2;
         let t3_249 = t2_119.mul_add(t2_235, t3_248);
-        let t3_250 = like.lift(0.8660254037844386) * t3_203;
+        let t3_250 = proto.splat(0.8660254037844386) * t3_203;
         [
             t3_1, t3_2, t3_23, t3_32, t3_63, t3_89, t3_97, t3_98, t3_107, t3_109, t3_114,
             t3_120, t3_121, t3_171, t3_172, t3_185, t3_187, t3_193, t3_194, t3_202, t3_203,
@@ -6725,7 +6731,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         inv_pivot_8, al_u1_1x, al_rod1y, t4_158, t4_159, al_u2_1x, al_rod2y, al_u3_1x,
         al_rod3y,
     ] = {
-        let t4_1 = like.lift(0.5).mul_add(t3_202, t3_250);
+        let t4_1 = proto.splat(0.5).mul_add(t3_202, t3_250);
         let t4_2 = cos_q3_u3_1 * t4_1;
         let t4_3 = t2_113 * t3_2;
         let t4_4 = (-t2_119).mul_add(t2_232, t4_3);
@@ -6744,8 +6750,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_17 = (-t2_119).mul_add(t2_222, t4_16);
         let t4_18 = (-t2_232).mul_add(t3_247, t4_17);
         let t4_19 = (-t3_2).mul_add(t3_249, t4_18);
-        let t4_20 = like.lift(0.5) * t4_15;
-        let t4_21 = like.lift(-0.8660254037844386).mul_add(t4_11, t4_20);
+        let t4_20 = proto.splat(0.5) * t4_15;
+        let t4_21 = proto.splat(-0.8660254037844386).mul_add(t4_11, t4_20);
         let t4_22 = (-sin_q3_u3_1).mul_add(t4_19, t4_7);
         let t4_23 = (-cos_q3_u3_1).mul_add(t4_21, t4_22);
         let t4_24 = t4_23 + t4_7;
@@ -6755,36 +6761,36 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_28 = t3_203 * t3_243;
         let t4_29 = (-t3_202).mul_add(t4_2, t4_27);
         let t4_30 = t3_202.mul_add(t3_245, t4_28);
-        let t4_31 = like.lift(-0.5).mul_add(t3_225, t4_26);
+        let t4_31 = proto.splat(-0.5).mul_add(t3_225, t4_26);
         let t4_32 = (-sin_q3_u3_1).mul_add(t3_204, t4_29);
         let t4_33 = (-sin_q3_u3_1).mul_add(t3_194, t4_31);
-        let t4_34 = like.lift(-0.8660254037844386).mul_add(t3_225, t4_32);
-        let t4_35 = like.lift(0.8660254037844386) * t3_194;
-        let t4_36 = like.lift(-0.5).mul_add(t3_204, t4_35);
+        let t4_34 = proto.splat(-0.8660254037844386).mul_add(t3_225, t4_32);
+        let t4_35 = proto.splat(0.8660254037844386) * t3_194;
+        let t4_36 = proto.splat(-0.5).mul_add(t3_204, t4_35);
         let t4_37 = cos_q3_u3_1.mul_add(t4_36, t4_30);
         let t4_38 = t2_108.mul_add(t4_37, t4_24);
         let t4_39 = (-t2_113).mul_add(t4_34, t4_38);
         let t4_40 = (-t2_119).mul_add(t4_33, t4_39);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_166, t2_168);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t2_166, t2_168);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t4_41 = t2_182 * t3_226;
-        let t4_42 = like.lift(0.9282158668643501) * t4_41;
+        let t4_42 = proto.splat(0.9282158668643501) * t4_41;
         let t4_43 = t2_166.mul_add(t4_42, t2_186);
         let t4_44 = inv_pivot_2 * t4_43;
         let pivot_3 = t2_33.mul_add(t4_44, t2_139);
         let t4_45 = t4_44.mul_add(t3_228, t3_233);
         let t4_46 = t3_216.mul_add(t4_42, t4_45);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t4_47 = t2_31 * inv_pivot_3;
         let t4_48 = t2_42 * inv_pivot_3;
         let t4_49 = -pivot_3;
-        let t4_50 = like.lift(0.5773502691896257).mul_add(t2_145, t2_170);
+        let t4_50 = proto.splat(0.5773502691896257).mul_add(t2_145, t2_170);
         let t4_51 = (-t4_50).mul_add(t4_44, t2_171);
         let t4_52 = t2_145.mul_add(t4_42, t4_51);
         let t4_53 = (-t4_52).mul_add(t4_48, t2_81);
         let t4_54 = t2_203 * t3_226;
-        let t4_55 = like.lift(0.9282158668643501) * t3_226;
-        let t4_56 = like.lift(0.9282158668643501) * t4_54;
+        let t4_55 = proto.splat(0.9282158668643501) * t3_226;
+        let t4_56 = proto.splat(0.9282158668643501) * t4_54;
         let t4_57 = t2_166.mul_add(t4_56, t2_206);
         let t4_58 = inv_pivot_2 * t4_57;
         let t4_59 = (-t2_33).mul_add(t4_58, t2_190);
@@ -6792,12 +6798,12 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_61 = (-t4_52).mul_add(t4_60, t2_197);
         let t4_62 = t4_50.mul_add(t4_58, t4_61);
         let pivot_4 = (-t2_145).mul_add(t4_56, t4_62);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t4_63 = t4_53 * inv_pivot_4;
         let t4_64 = (-t4_60).mul_add(t4_46, t4_40);
         let t4_65 = (-t4_58).mul_add(t3_228, t4_64);
         let t4_66 = (-t3_216).mul_add(t4_56, t4_65);
-        let t4_67 = like.lift(0.5773502691896257).mul_add(t2_147, t2_172);
+        let t4_67 = proto.splat(0.5773502691896257).mul_add(t2_147, t2_172);
         let t4_68 = (-t4_67).mul_add(t4_44, t2_173);
         let t4_69 = t2_147.mul_add(t4_42, t4_68);
         let t4_70 = (-t2_175).mul_add(t4_44, t2_153);
@@ -6816,7 +6822,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_83 = t4_69.mul_add(t4_47, t4_82);
         let t4_84 = t4_76.mul_add(t4_83, t2_52);
         let pivot_6 = (-t4_74).mul_add(t4_75, t4_84);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t4_85 = (-t4_76).mul_add(t4_81, t3_63);
         let t4_86 = (-t4_75).mul_add(t4_66, t4_85);
         let t4_87 = t4_71.mul_add(t4_60, t2_200);
@@ -6842,7 +6848,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_107 = (-t4_91).mul_add(t4_97, t4_106);
         let t4_108 = (-t4_89).mul_add(t4_96, t4_107);
         let pivot_7 = t4_71.mul_add(t4_94, t4_108);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t4_109 = t4_77.mul_add(t4_101, t2_133);
         let t4_110 = (-t4_97).mul_add(t2_93, t4_109);
         let t4_111 = t2_104 * inv_pivot_5;
@@ -6863,7 +6869,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_126 = (-t4_110).mul_add(t4_120, t2_100);
         let t4_127 = (-t4_77).mul_add(t4_115, t4_126);
         let pivot_8 = (-t4_111).mul_add(t2_93, t4_127);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t4_128 = inv_pivot_8 * t4_125;
         let t4_129 = (-t4_110).mul_add(t4_128, t4_105);
         let t4_130 = inv_pivot_7 * t4_129;
@@ -6895,30 +6901,30 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t4_156 = t4_155 * t4_55;
         let t4_157 = -t4_150;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t4_49 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_95 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t4_49 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_95 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [al_u1_1x], [al_rod1y], [t4_158], [t4_159], [al_u2_1x], [al_rod2y], [al_u3_1x],
             [al_rod3y],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [[t4_140], [t4_136], [t4_133], [t4_151], [t4_142], [t4_145], [t4_156], [t4_157]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_44, t2_52, t2_54, t2_62, t2_71, like.lift(0.0), like.lift(0.0)],
-                    [t2_73, t2_80, t2_90, t2_92, t2_94, t2_95, like.lift(0.0), like.lift(0.0)],
-                    [t2_96, t2_97, t2_98, t2_85, t2_100, t2_104, like.lift(0.0), like.lift(0.0)],
-                    [t2_115, t2_127, t2_127, t2_130, t2_133, t2_136, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_145, t2_147, t2_149, like.lift(0.0), like.lift(0.0), pivot_1, t2_166],
-                    [t2_169, t2_170, t2_172, t2_174, like.lift(0.0), like.lift(0.0), t2_177, t2_168],
-                    [t2_178, t2_179, t2_180, t2_153, like.lift(0.0), like.lift(0.0), t2_182, t2_187],
-                    [t2_190, t2_197, t2_197, t2_200, like.lift(0.0), like.lift(0.0), t2_203, t2_207],
+                    [proto.splat(0.0), t2_44, t2_52, t2_54, t2_62, t2_71, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_73, t2_80, t2_90, t2_92, t2_94, t2_95, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_96, t2_97, t2_98, t2_85, t2_100, t2_104, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_115, t2_127, t2_127, t2_130, t2_133, t2_136, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_145, t2_147, t2_149, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_166],
+                    [t2_169, t2_170, t2_172, t2_174, proto.splat(0.0), proto.splat(0.0), t2_177, t2_168],
+                    [t2_178, t2_179, t2_180, t2_153, proto.splat(0.0), proto.splat(0.0), t2_182, t2_187],
+                    [t2_190, t2_197, t2_197, t2_200, proto.splat(0.0), proto.splat(0.0), t2_203, t2_207],
                 ],
                 [[t3_63], [t3_109], [t3_121], [t3_172], [t3_216], [t3_227], [t3_240], [t4_40]],
             ),
@@ -6979,22 +6985,22 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let al_e1xz = t5_16 - t5_27;
         let t5_28 = t2_5 + t2_7;
         let t5_29 = t2_5 - t2_3;
-        let t5_30 = like.lift(1.244) * t5_28;
-        let t5_31 = like.lift(0.524).mul_add(t5_7, t5_30);
+        let t5_30 = proto.splat(1.244) * t5_28;
+        let t5_31 = proto.splat(0.524).mul_add(t5_7, t5_30);
         let t5_32 = t2_2 + al_rod1y;
-        let t5_33 = like.lift(1.244) * t5_32;
-        let t5_34 = like.lift(0.524).mul_add(t5_6, t5_33);
+        let t5_33 = proto.splat(1.244) * t5_32;
+        let t5_34 = proto.splat(0.524).mul_add(t5_6, t5_33);
         let t5_35 = t5_16 + al_e1xz;
-        let t5_36 = like.lift(0.044) * t5_35;
+        let t5_36 = proto.splat(0.044) * t5_35;
         let t5_37 = cos_e1y.mul_add(t5_34, t5_36);
         let a_platformx = sin_e1y.mul_add(t5_31, t5_37);
         let t5_38 = cos_e1y * t5_31;
         let a_e1yz = (-sin_e1y).mul_add(t5_34, t5_38);
         let t5_39 = t2_1 + al_rod1x;
-        let t5_40 = like.lift(1.244) * t5_39;
-        let a_e1yy = like.lift(0.524).mul_add(t5_4, t5_40);
+        let t5_40 = proto.splat(1.244) * t5_39;
+        let a_e1yy = proto.splat(0.524).mul_add(t5_4, t5_40);
         let t5_41 = t5_17 - al_e1xx;
-        let t5_42 = like.lift(0.044) * t5_41;
+        let t5_42 = proto.splat(0.044) * t5_41;
         let t5_43 = cos_e1x.mul_add(a_e1yz, t5_42);
         let a_platformz = sin_e1x.mul_add(a_e1yy, t5_43);
         let t5_44 = t5_17 - al_e1xx;
@@ -7010,7 +7016,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t5_54 = t5_20 - t5_18;
         let t5_55 = t5_20 + t5_21;
         let t5_56 = t5_20 + t5_18;
-        let t5_57 = like.lift(0.044) * t5_55;
+        let t5_57 = proto.splat(0.044) * t5_55;
         let t5_58 = sin_e1x.mul_add(a_e1yz, t5_57);
         let a_platformy = (-cos_e1x).mul_add(a_e1yy, t5_58);
         let t5_59 = p_m_platform * a_platformz;
@@ -7026,7 +7032,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t5_69 = t5_63.mul_add(p_mx_platform, t5_68);
         let t5_70 = t5_17 + al_e1xx;
         let t5_71 = p_ixz_platform * t5_70;
-        let t5_72 = like.lift(-0.044).mul_add(t5_69, t5_71);
+        let t5_72 = proto.splat(-0.044).mul_add(t5_69, t5_71);
         let t5_73 = t5_19 + al_e1xy;
         let t5_74 = (-p_iyz_platform).mul_add(t5_73, t5_72);
         let t5_75 = t5_54.mul_add(p_ixy_platform, t5_74);
@@ -7037,7 +7043,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t5_80 = t5_16 - al_e1xz;
         let t5_81 = p_mx_platform.mul_add(a_platformy, t5_79);
         let t5_82 = p_ixy_platform * t5_77;
-        let t5_83 = like.lift(-0.044).mul_add(t5_62, t5_82);
+        let t5_83 = proto.splat(-0.044).mul_add(t5_62, t5_82);
         let t5_84 = p_ixz_platform.mul_add(t5_80, t5_83);
         let t5_85 = t5_64.mul_add(p_iyz_platform, t5_84);
         let t5_86 = p_iyy_platform - p_izz_platform;
@@ -7063,7 +7069,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t5_106 = (-t2_8).mul_add(p_ixy_rod1, t5_105);
         let t5_107 = t2_4.mul_add(t2_6, t5_106);
         let t5_108 = (-p_izz_rod1).mul_add(al_rod1z, t5_107);
-        let t5_109 = like.lift(-0.524).mul_add(t5_101, t5_108);
+        let t5_109 = proto.splat(-0.524).mul_add(t5_101, t5_108);
         let t5_110 = sin_e1y.mul_add(t5_91, t5_109);
         let t5_111 = cos_e1y.mul_add(t5_97, t5_110);
         let t5_112 = p_iyy_rod1 - p_izz_rod1;
@@ -7082,14 +7088,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t5_125 = (-t5_113).mul_add(p_iyz_rod1, t5_124);
         let t5_126 = t2_1.mul_add(t5_112, t5_125);
         let t5_127 = p_ixx_rod1.mul_add(al_rod1x, t5_126);
-        let t5_128 = like.lift(-0.524).mul_add(t5_120, t5_127);
+        let t5_128 = proto.splat(-0.524).mul_add(t5_120, t5_127);
         let t5_129 = t2_1 - al_rod1x;
-        let t5_130 = like.lift(-1.244).mul_add(t5_117, t5_128);
+        let t5_130 = proto.splat(-1.244).mul_add(t5_117, t5_128);
         let t5_131 = (-cos_e1y).mul_add(t5_91, t5_130);
         let t5_132 = sin_e1y.mul_add(t5_97, t5_131);
         let t5_133 = cos_u1_2 * t5_132;
         let t5_134 = sin_u1_2.mul_add(t5_111, t5_133);
-        let t5_135 = like.lift(0.524) * p_m_rod1;
+        let t5_135 = proto.splat(0.524) * p_m_rod1;
         let t5_136 = t5_4.mul_add(t5_135, -t5_117);
         let t5_137 = (-p_mz_rod1).mul_add(t5_39, t5_136);
         let t5_138 = t2_4 + al_rod1z;
@@ -7110,7 +7116,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t5_153 = p_ixx_rod1 - p_izz_rod1;
         let t5_154 = (-t2_2).mul_add(t5_153, t5_145);
         let t5_155 = (-p_iyy_rod1).mul_add(al_rod1y, t5_154);
-        let t5_156 = like.lift(0.524).mul_add(t5_150, t5_155);
+        let t5_156 = proto.splat(0.524).mul_add(t5_150, t5_155);
         let t5_157 = sin_e1y.mul_add(t5_69, t5_152);
         let t5_158 = sin_e1y * t5_118;
         let t5_159 = (-cos_e1y).mul_add(t5_69, t5_158);
@@ -7122,9 +7128,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t5_165 = sin_u1_2 * t5_164;
         let t5_166 = cos_u1_2.mul_add(t5_160, t5_165);
         let t5_167 = (-cos_u1_1).mul_add(t5_166, t5_141);
-        let t5_168 = like.lift(1.244).mul_add(t5_159, t5_156);
-        let t5_169 = like.lift(0.8660254037844386) * t3_89;
-        let t5_170 = like.lift(0.5) * t3_89;
+        let t5_168 = proto.splat(1.244).mul_add(t5_159, t5_156);
+        let t5_169 = proto.splat(0.8660254037844386) * t3_89;
+        let t5_170 = proto.splat(0.5) * t3_89;
         let t5_171 = t2_39 + t2_38;
         let t5_172 = t2_39 - t2_38;
         let t5_173 = t5_171 + t2_141;
@@ -7132,10 +7138,10 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t5_175 = t3_98.mul_add(t4_44, t5_174);
         let t5_176 = t5_175.mul_add(t4_60, t2_190);
         let t5_177 = t3_98.mul_add(t4_58, t5_176);
-        let t5_178 = like.lift(0.8660254037844386) * t3_187;
+        let t5_178 = proto.splat(0.8660254037844386) * t3_187;
         let t5_179 = -t5_178;
-        let t5_180 = like.lift(0.5) * t3_187;
-        let t5_181 = like.lift(0.8038585209003215) * t3_187;
+        let t5_180 = proto.splat(0.5) * t3_187;
+        let t5_181 = proto.splat(0.8038585209003215) * t3_187;
         let t5_182 = t4_41.mul_add(t5_181, t3_239);
         let t5_183 = t5_182.mul_add(t4_60, t2_203);
         let t5_184 = t4_54.mul_add(t5_181, t5_183);
@@ -7277,20 +7283,20 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t6_74 = t6_73 * t4_55;
         let t6_75 = -t6_74;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t4_49 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_95 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t4_49 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_95 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
             [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t5_221, t6_26, t6_41], [t5_211, t6_42, t6_19], [t6_43, t6_12, t6_44],
                 [t5_205, t6_6, t6_7], [t5_203, t6_2, t6_29], [t5_220, t6_37, t6_36],
@@ -7299,20 +7305,22 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_44, t2_52, t2_54, t2_62, t2_71, like.lift(0.0), like.lift(0.0)],
-                    [t2_73, t2_80, t2_90, t2_92, t2_94, t2_95, like.lift(0.0), like.lift(0.0)],
-                    [t2_96, t2_97, t2_98, t2_85, t2_100, t2_104, like.lift(0.0), like.lift(0.0)],
-                    [t2_115, t2_127, t2_127, t2_130, t2_133, t2_136, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_145, t2_147, t2_149, like.lift(0.0), like.lift(0.0), pivot_1, t2_166],
-                    [t2_169, t2_170, t2_172, t2_174, like.lift(0.0), like.lift(0.0), t2_177, t2_168],
-                    [t2_178, t2_179, t2_180, t2_153, like.lift(0.0), like.lift(0.0), t2_182, t2_187],
-                    [t2_190, t2_197, t2_197, t2_200, like.lift(0.0), like.lift(0.0), t2_203, t2_207],
+                    [proto.splat(0.0), t2_44, t2_52, t2_54, t2_62, t2_71, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_73, t2_80, t2_90, t2_92, t2_94, t2_95, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_96, t2_97, t2_98, t2_85, t2_100, t2_104, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_115, t2_127, t2_127, t2_130, t2_133, t2_136, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_145, t2_147, t2_149, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_166],
+                    [t2_169, t2_170, t2_172, t2_174, proto.splat(0.0), proto.splat(0.0), t2_177, t2_168],
+                    [t2_178, t2_179, t2_180, t2_153, proto.splat(0.0), proto.splat(0.0), t2_182, t2_187],
+                    [t2_190, t2_197, t2_197, t2_200, proto.splat(0.0), proto.splat(0.0), t2_203, t2_207],
                 ],
                 [
-                    [like.lift(0.0), t5_169, like.lift(0.0)], [t3_97, t5_170, like.lift(0.0)],
-                    [t5_173, t3_120, like.lift(0.0)], [t2_115, t2_133, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t5_179], [t3_98, like.lift(0.0), t5_180],
-                    [t5_174, like.lift(0.0), t3_239], [t2_190, like.lift(0.0), t2_203],
+                    [proto.splat(0.0), t5_169, proto.splat(0.0)],
+                    [t3_97, t5_170, proto.splat(0.0)], [t5_173, t3_120, proto.splat(0.0)],
+                    [t2_115, t2_133, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t5_179],
+                    [t3_98, proto.splat(0.0), t5_180], [t5_174, proto.splat(0.0), t3_239],
+                    [t2_190, proto.splat(0.0), t2_203],
                 ],
             ),
         );
@@ -7355,7 +7363,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_22 = (-t7_9).mul_add(p_ixy_rod2, t7_21);
         let t7_23 = t7_5.mul_add(t7_7, t7_22);
         let t7_24 = (-p_izz_rod2).mul_add(al_rod2z, t7_23);
-        let t7_25 = like.lift(-0.524).mul_add(t7_17, t7_24);
+        let t7_25 = proto.splat(-0.524).mul_add(t7_17, t7_24);
         let t7_26 = p_iyy_rod2 - p_izz_rod2;
         let t7_27 = t7_8 - t7_4;
         let t7_28 = p_mz_rod2 * t7_12;
@@ -7367,7 +7375,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_34 = (-t7_27).mul_add(p_iyz_rod2, t7_33);
         let t7_35 = t7_1.mul_add(t7_26, t7_34);
         let t7_36 = p_ixx_rod2.mul_add(al_rod2x, t7_35);
-        let t7_37 = like.lift(-0.524).mul_add(t7_29, t7_36);
+        let t7_37 = proto.splat(-0.524).mul_add(t7_29, t7_36);
         let t7_38 = cos_u2_2 * t7_37;
         let t7_39 = sin_u2_2.mul_add(t7_25, t7_38);
         let t7_40 = p_ixx_rod2 - p_izz_rod2;
@@ -7385,7 +7393,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_52 = t7_41.mul_add(p_ixz_rod2, t7_51);
         let t7_53 = (-t7_3).mul_add(t7_40, t7_52);
         let t7_54 = (-p_iyy_rod2).mul_add(al_rod2y, t7_53);
-        let t7_55 = like.lift(0.524).mul_add(t7_45, t7_54);
+        let t7_55 = proto.splat(0.524).mul_add(t7_45, t7_54);
         let w_u3_1x = d_q3 + d_u3_1;
         let w_rod3z = sin_u3_2 * w_u3_1x;
         let t7_56 = d_u3_2 * w_rod3z;
@@ -7415,7 +7423,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_77 = (-t7_64).mul_add(p_ixy_rod3, t7_76);
         let t7_78 = t7_60.mul_add(t7_62, t7_77);
         let t7_79 = (-p_izz_rod3).mul_add(al_rod3z, t7_78);
-        let t7_80 = like.lift(-0.524).mul_add(t7_72, t7_79);
+        let t7_80 = proto.splat(-0.524).mul_add(t7_72, t7_79);
         let t7_81 = p_iyy_rod3 - p_izz_rod3;
         let t7_82 = t7_63 - t7_59;
         let t7_83 = p_mz_rod3 * t7_67;
@@ -7427,7 +7435,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_89 = (-t7_82).mul_add(p_iyz_rod3, t7_88);
         let t7_90 = t7_56.mul_add(t7_81, t7_89);
         let t7_91 = p_ixx_rod3.mul_add(al_rod3x, t7_90);
-        let t7_92 = like.lift(-0.524).mul_add(t7_84, t7_91);
+        let t7_92 = proto.splat(-0.524).mul_add(t7_84, t7_91);
         let t7_93 = cos_u3_2 * t7_92;
         let t7_94 = sin_u3_2.mul_add(t7_80, t7_93);
         let t7_95 = p_ixx_rod3 - p_izz_rod3;
@@ -7445,7 +7453,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_107 = t7_96.mul_add(p_ixz_rod3, t7_106);
         let t7_108 = (-t7_58).mul_add(t7_95, t7_107);
         let t7_109 = (-p_iyy_rod3).mul_add(al_rod3y, t7_108);
-        let t7_110 = like.lift(0.524).mul_add(t7_100, t7_109);
+        let t7_110 = proto.splat(0.524).mul_add(t7_100, t7_109);
         let t7_111 = (-t7_110).mul_add(x_u3_2_q1, t5_134);
         let t7_112 = (-t7_94).mul_add(x_u3_1_q1, t7_111);
         let t7_113 = (-t7_55).mul_add(x_u2_2_q1, t7_112);
@@ -7454,7 +7462,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_116 = (-t5_99).mul_add(x_e1y_q1, t7_115);
         let t7_117 = (-t5_168).mul_add(x_u1_2_q1, t7_116);
         let t7_118 = (-t5_134).mul_add(x_u1_1_q1, t7_117);
-        let t7_119 = like.lift(0.524).mul_add(t5_167, t7_118);
+        let t7_119 = proto.splat(0.524).mul_add(t5_167, t7_118);
         let t7_120 = -t7_119;
         tau[0] = t7_120;
         let t7_121 = (-t7_110).mul_add(x_u3_2_q2, t7_39);
@@ -7463,7 +7471,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_124 = (-t7_94).mul_add(x_u3_1_q3, t7_123);
         let t7_125 = (-t7_55).mul_add(x_u2_2_q2, t7_122);
         let t7_126 = (-t7_39).mul_add(x_u2_1_q2, t7_125);
-        let t7_127 = like.lift(0.524) * p_m_rod2;
+        let t7_127 = proto.splat(0.524) * p_m_rod2;
         let t7_128 = t7_12 * t7_127;
         let t7_129 = (-p_mz_rod2).mul_add(t7_47, t7_128);
         let t7_130 = (-p_mx_rod2).mul_add(t7_49, t7_129);
@@ -7482,14 +7490,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_143 = sin_u2_2 * t7_141;
         let t7_144 = cos_u2_2.mul_add(t7_142, t7_143);
         let t7_145 = (-cos_u2_1).mul_add(t7_144, t7_132);
-        let t7_146 = like.lift(0.524).mul_add(t7_145, t7_126);
+        let t7_146 = proto.splat(0.524).mul_add(t7_145, t7_126);
         let t7_147 = t5_91.mul_add(x_e1x_q2, t7_146);
         let t7_148 = (-t5_99).mul_add(x_e1y_q2, t7_147);
         let t7_149 = (-t5_168).mul_add(x_u1_2_q2, t7_148);
         let t7_150 = (-t5_134).mul_add(x_u1_1_q2, t7_149);
         let t7_151 = -t7_150;
         tau[1] = t7_151;
-        let t7_152 = like.lift(0.524) * p_m_rod3;
+        let t7_152 = proto.splat(0.524) * p_m_rod3;
         let t7_153 = t7_67 * t7_152;
         let t7_154 = (-p_mz_rod3).mul_add(t7_102, t7_153);
         let t7_155 = (-p_mx_rod3).mul_add(t7_104, t7_154);
@@ -7508,7 +7516,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
         let t7_168 = sin_u3_2 * t7_166;
         let t7_169 = cos_u3_2.mul_add(t7_167, t7_168);
         let t7_170 = (-cos_u3_1).mul_add(t7_169, t7_157);
-        let t7_171 = like.lift(0.524).mul_add(t7_170, t7_124);
+        let t7_171 = proto.splat(0.524).mul_add(t7_170, t7_124);
         let t7_172 = (-t7_55).mul_add(x_u2_2_q3, t7_171);
         let t7_173 = (-t7_39).mul_add(x_u2_1_q3, t7_172);
         let t7_174 = t5_91.mul_add(x_e1x_q3, t7_173);
@@ -7529,9 +7537,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], phi: &[T; 70]) -> ([T; 
 ///
 /// 451 additions, 613 multiplications, 8 divisions, 11 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 3]; 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 3]; 3];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -7572,20 +7580,20 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         t2_216, t2_218, t2_220, t2_222, t2_224, sin_q3_u3_1, cos_q3_u3_1, t2_227, t2_229,
         t2_230, pivot_1, t2_231, t2_234, t2_236, t2_237, t2_238,
     ] = {
-        let t2_1 = like.lift(0.044).mul_add(p_mx_platform, p_ixy_platform);
+        let t2_1 = proto.splat(0.044).mul_add(p_mx_platform, p_ixy_platform);
         let t2_2 = cos_e1x * p_ixz_platform;
         let t2_3 = sin_e1x.mul_add(t2_1, t2_2);
         let t2_4 = cos_e1x * t2_1;
         let t2_5 = (-sin_e1x).mul_add(p_ixz_platform, t2_4);
         let t2_6 = cos_e1y * t2_3;
         let t2_7 = sin_e1y * t2_3;
-        let t2_8 = like.lift(0.044).mul_add(p_mz_platform, p_iyz_platform);
+        let t2_8 = proto.splat(0.044).mul_add(p_mz_platform, p_iyz_platform);
         let t2_9 = cos_e1x * t2_8;
         let t2_10 = sin_e1x * t2_8;
         let t2_11 = sin_e1x.mul_add(p_iyy_platform, t2_9);
-        let t2_12 = like.lift(-0.044).mul_add(p_m_platform, p_my_platform);
+        let t2_12 = proto.splat(-0.044).mul_add(p_m_platform, p_my_platform);
         let t2_13 = p_my_platform + t2_12;
-        let t2_14 = like.lift(0.044) * t2_13;
+        let t2_14 = proto.splat(0.044) * t2_13;
         let t2_15 = p_izz_platform - t2_14;
         let t2_16 = p_ixx_platform - t2_14;
         let t2_17 = (-sin_e1x).mul_add(t2_15, t2_9);
@@ -7606,24 +7614,24 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t2_32 = (-sin_e1x).mul_add(p_mz_platform, t2_31);
         let t2_33 = cos_e1y * p_mx_platform;
         let t2_34 = sin_e1y.mul_add(t2_30, t2_33);
-        let t2_35 = like.lift(1.244).mul_add(t2_34, p_ixz_rod1);
+        let t2_35 = proto.splat(1.244).mul_add(t2_34, p_ixz_rod1);
         let t2_36 = (-sin_e1y).mul_add(t2_24, t2_35);
         let t2_37 = cos_e1y.mul_add(t2_22, t2_36);
         let t2_38 = cos_u1_2.mul_add(t2_37, t2_28);
         let t2_39 = cos_e1y.mul_add(t2_24, p_ixx_rod1);
         let t2_40 = sin_e1y.mul_add(t2_22, t2_39);
-        let t2_41 = like.lift(-1.244).mul_add(t2_30, t2_24);
+        let t2_41 = proto.splat(-1.244).mul_add(t2_30, t2_24);
         let t2_42 = cos_u1_2 * t2_41;
         let t2_43 = sin_u1_2.mul_add(t2_25, t2_42);
         let t2_44 = cos_e1y * t2_30;
         let t2_45 = (-sin_e1y).mul_add(p_mx_platform, t2_44);
         let t2_46 = sin_u1_1 * t2_30;
-        let t2_47 = like.lift(-1.244).mul_add(p_m_platform, t2_45);
-        let t2_48 = like.lift(1.244) * t2_45;
+        let t2_47 = proto.splat(-1.244).mul_add(p_m_platform, t2_45);
+        let t2_48 = proto.splat(1.244) * t2_45;
         let t2_49 = sin_u1_2 * t2_45;
         let t2_50 = cos_u1_2.mul_add(t2_34, t2_49);
         let t2_51 = p_mx_rod1 + t2_34;
-        let t2_52 = like.lift(1.244).mul_add(t2_47, t2_48);
+        let t2_52 = proto.splat(1.244).mul_add(t2_47, t2_48);
         let t2_53 = t2_40 - t2_52;
         let t2_54 = cos_u1_2 * t2_53;
         let t2_55 = sin_u1_2.mul_add(t2_37, t2_54);
@@ -7638,8 +7646,8 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t2_64 = cos_u1_2 * t2_51;
         let t2_65 = sin_u1_2.mul_add(t2_58, t2_64);
         let t2_66 = p_m_rod1 + p_m_platform;
-        let t2_67 = like.lift(0.524).mul_add(t2_66, t2_63);
-        let t2_68 = like.lift(0.524) * t2_63;
+        let t2_67 = proto.splat(0.524).mul_add(t2_66, t2_63);
+        let t2_68 = proto.splat(0.524) * t2_63;
         let t2_69 = t2_57 + t2_68;
         let t2_70 = sin_q1 * cos_u1_1;
         let sin_q1_u1_1 = cos_q1.mul_add(sin_u1_1, t2_70);
@@ -7651,37 +7659,37 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let cos_u1_2_e1y = (-sin_u1_2).mul_add(sin_e1y, t2_73);
         let t2_74 = cos_u1_1 * cos_u1_2_e1y;
         let t2_75 = (-t2_74).mul_add(t2_32, t2_46);
-        let t2_76 = like.lift(1.244) * t2_32;
-        let t2_77 = like.lift(0.524) * cos_u1_1;
-        let t2_78 = like.lift(-0.524).mul_add(t2_75, t2_43);
+        let t2_76 = proto.splat(1.244) * t2_32;
+        let t2_77 = proto.splat(0.524) * cos_u1_1;
+        let t2_78 = proto.splat(-0.524).mul_add(t2_75, t2_43);
         let t2_79 = sin_e1x * cos_u1_2_e1y;
         let t2_80 = cos_q1_u1_1 * t2_79;
         let t2_81 = cos_e1x.mul_add(sin_q1_u1_1, t2_80);
         let t2_82 = cos_e1x * cos_q1_u1_1;
         let t2_83 = (-sin_q1_u1_1).mul_add(t2_79, t2_82);
-        let t2_84 = like.lift(0.022) * t2_81;
+        let t2_84 = proto.splat(0.022) * t2_81;
         let t2_85 = cos_q1_u1_1 * sin_u1_2_e1y;
-        let t2_86 = like.lift(0.0381051177665153) * t2_85;
-        let t2_87 = like.lift(1.244) * cos_u1_2;
+        let t2_86 = proto.splat(0.0381051177665153) * t2_85;
+        let t2_87 = proto.splat(1.244) * cos_u1_2;
         let t2_88 = cos_q1_u1_1 * t2_87;
         let t2_89 = sin_q1_u1_1 * t2_87;
-        let t2_90 = like.lift(0.524).mul_add(sin_q1, -t2_88);
-        let t2_91 = like.lift(0.044) * t2_81;
+        let t2_90 = proto.splat(0.524).mul_add(sin_q1, -t2_88);
+        let t2_91 = proto.splat(0.044) * t2_81;
         let t2_92 = t2_88 + t2_91;
-        let t2_93 = like.lift(0.8660254037844386) * t2_81;
+        let t2_93 = proto.splat(0.8660254037844386) * t2_81;
         let t2_94 = t2_90 - t2_91;
         let t2_95 = t2_84 - t2_86;
         let t2_96 = t2_95 + t2_92;
         let t2_97 = t2_84 + t2_86;
         let t2_98 = t2_97 + t2_92;
-        let t2_99 = like.lift(0.044) * t2_83;
-        let t2_100 = like.lift(-0.524).mul_add(cos_q1, t2_99);
+        let t2_99 = proto.splat(0.044) * t2_83;
+        let t2_100 = proto.splat(-0.524).mul_add(cos_q1, t2_99);
         let t2_101 = t2_100 - t2_89;
         let t2_102 = sin_q1_u1_1 * sin_u1_2_e1y;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
-        let t2_103 = like.lift(0.0381051177665153) * t2_102;
-        let t2_104 = like.lift(0.022) * t2_83;
-        let t2_105 = like.lift(0.8660254037844386) * t2_83;
+        let t2_103 = proto.splat(0.0381051177665153) * t2_102;
+        let t2_104 = proto.splat(0.022) * t2_83;
+        let t2_105 = proto.splat(0.8660254037844386) * t2_83;
         let t2_106 = t2_89 - t2_99;
         let t2_107 = t2_106 - t2_103;
         let t2_108 = t2_107 - t2_104;
@@ -7710,29 +7718,29 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let sin_q2_u2_1 = cos_q2.mul_add(sin_u2_1, t2_130);
         let t2_131 = cos_q2 * cos_u2_1;
         let cos_q2_u2_1 = (-sin_q2).mul_add(sin_u2_1, t2_131);
-        let t2_132 = like.lift(0.524) * sin_q2;
+        let t2_132 = proto.splat(0.524) * sin_q2;
         let t2_133 = cos_u2_2 * cos_q2_u2_1;
-        let t2_134 = like.lift(-1.244).mul_add(t2_133, t2_132);
-        let t2_135 = like.lift(1.0773356023078418) * t2_133;
+        let t2_134 = proto.splat(-1.244).mul_add(t2_133, t2_132);
+        let t2_135 = proto.splat(1.0773356023078418) * t2_133;
         let t2_136 = -t2_135;
         let t2_137 = cos_q2_u2_1 * t2_133;
-        let t2_138 = like.lift(0.622) * t2_133;
+        let t2_138 = proto.splat(0.622) * t2_133;
         let t2_139 = cos_u2_2 * sin_q2_u2_1;
-        let t2_140 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_141 = like.lift(0.5).mul_add(t2_139, t2_140);
-        let t2_142 = like.lift(0.8660254037844386) * t2_139;
-        let t2_143 = like.lift(-0.5).mul_add(sin_u2_2, t2_142);
-        let t2_144 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_140 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_141 = proto.splat(0.5).mul_add(t2_139, t2_140);
+        let t2_142 = proto.splat(0.8660254037844386) * t2_139;
+        let t2_143 = proto.splat(-0.5).mul_add(sin_u2_2, t2_142);
+        let t2_144 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_145 = t2_141 * t2_144;
-        let t2_146 = like.lift(0.622).mul_add(t2_137, t2_145);
-        let t2_147 = like.lift(1.0773356023078418) * t2_137;
+        let t2_146 = proto.splat(0.622).mul_add(t2_137, t2_145);
+        let t2_147 = proto.splat(1.0773356023078418) * t2_137;
         let pivot_5 = t2_143.mul_add(t2_144, t2_147);
         let t2_148 = -t2_96;
-        let t2_149 = like.lift(0.044) * e_e1x_q1y;
-        let t2_150 = like.lift(1.244).mul_add(sin_u1_2, t2_149);
-        let t2_151 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_152 = like.lift(0.022) * e_e1x_q1y;
-        let t2_153 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t2_149 = proto.splat(0.044) * e_e1x_q1y;
+        let t2_150 = proto.splat(1.244).mul_add(sin_u1_2, t2_149);
+        let t2_151 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_152 = proto.splat(0.022) * e_e1x_q1y;
+        let t2_153 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t2_154 = t2_150 + t2_151;
         let t2_155 = t2_154 + t2_152;
         let t2_156 = t2_150 - t2_151;
@@ -7750,38 +7758,38 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t2_168 = -t2_164;
         let t2_169 = -t2_138;
         let t2_170 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_171 = -t2_108;
         let t2_172 = -t2_159;
         let t2_173 = -t2_167;
-        let t2_174 = like.lift(1.0773356023078418) * t2_143;
-        let t2_175 = like.lift(0.622).mul_add(t2_141, t2_174);
-        let t2_176 = like.lift(0.622) * t2_143;
-        let t2_177 = like.lift(-1.0773356023078418).mul_add(t2_141, t2_176);
+        let t2_174 = proto.splat(1.0773356023078418) * t2_143;
+        let t2_175 = proto.splat(0.622).mul_add(t2_141, t2_174);
+        let t2_176 = proto.splat(0.622) * t2_143;
+        let t2_177 = proto.splat(-1.0773356023078418).mul_add(t2_141, t2_176);
         let t2_178 = cos_q2_u2_1 * t2_177;
         let t2_179 = -t2_178;
-        let t2_180 = like.lift(1.244) * t2_141;
-        let t2_181 = like.lift(0.262).mul_add(cos_q2, t2_180);
-        let t2_182 = like.lift(1.244) * t2_143;
-        let t2_183 = like.lift(0.45379731158304587).mul_add(cos_q2, t2_182);
-        let t2_184 = like.lift(0.8660254037844386) * t2_183;
-        let t2_185 = like.lift(0.5).mul_add(t2_181, t2_184);
-        let t2_186 = like.lift(0.5) * t2_85;
+        let t2_180 = proto.splat(1.244) * t2_141;
+        let t2_181 = proto.splat(0.262).mul_add(cos_q2, t2_180);
+        let t2_182 = proto.splat(1.244) * t2_143;
+        let t2_183 = proto.splat(0.45379731158304587).mul_add(cos_q2, t2_182);
+        let t2_184 = proto.splat(0.8660254037844386) * t2_183;
+        let t2_185 = proto.splat(0.5).mul_add(t2_181, t2_184);
+        let t2_186 = proto.splat(0.5) * t2_85;
         let t2_187 = t2_186 + t2_93;
         let t2_188 = t2_186 - t2_93;
         let t2_189 = t2_187 * cos_q2_u2_1;
-        let t2_190 = like.lift(0.5) * t2_102;
+        let t2_190 = proto.splat(0.5) * t2_102;
         let t2_191 = t2_190 - t2_105;
         let t2_192 = t2_190 + t2_105;
-        let t2_193 = like.lift(0.5) * t2_189;
+        let t2_193 = proto.splat(0.5) * t2_189;
         let t2_194 = (-t2_191).mul_add(sin_q2_u2_1, t2_193);
-        let t2_195 = like.lift(0.5) * cos_u1_2_e1y;
+        let t2_195 = proto.splat(0.5) * cos_u1_2_e1y;
         let t2_196 = t2_195 - t2_153;
         let t2_197 = t2_195 + t2_153;
         let t2_198 = t2_196 * sin_q2_u2_1;
-        let t2_199 = like.lift(-0.8660254037844386).mul_add(t2_189, t2_198);
-        let t2_200 = like.lift(0.5) * t2_196;
-        let t2_201 = like.lift(-0.8660254037844386).mul_add(t2_191, t2_200);
+        let t2_199 = proto.splat(-0.8660254037844386).mul_add(t2_189, t2_198);
+        let t2_200 = proto.splat(0.5) * t2_196;
+        let t2_201 = proto.splat(-0.8660254037844386).mul_add(t2_191, t2_200);
         let t2_202 = cos_q2_u2_1 * t2_201;
         let t2_203 = -t2_202;
         let t2_204 = sin_q2_u2_1 * t2_203;
@@ -7790,10 +7798,10 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t2_207 = t2_85 * t2_203;
         let t2_208 = t2_102.mul_add(t2_199, t2_207);
         let t2_209 = cos_u1_2_e1y.mul_add(t2_194, t2_208);
-        let t2_210 = like.lift(0.5) * t2_194;
-        let t2_211 = like.lift(-0.8660254037844386).mul_add(t2_199, t2_210);
-        let t2_212 = like.lift(0.5) * t2_199;
-        let t2_213 = like.lift(0.8660254037844386).mul_add(t2_194, t2_212);
+        let t2_210 = proto.splat(0.5) * t2_194;
+        let t2_211 = proto.splat(-0.8660254037844386).mul_add(t2_199, t2_210);
+        let t2_212 = proto.splat(0.5) * t2_199;
+        let t2_213 = proto.splat(0.8660254037844386).mul_add(t2_194, t2_212);
         let t2_214 = cos_q2_u2_1.mul_add(t2_213, t2_204);
         let t2_215 = sin_q1_u1_1 * t2_111;
         let t2_216 = cos_q1_u1_1.mul_add(t2_98, t2_215);
@@ -7810,17 +7818,17 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t2_226 = cos_q3 * cos_u3_1;
         let cos_q3_u3_1 = (-sin_q3).mul_add(sin_u3_1, t2_226);
         let t2_227 = t2_188 * cos_q3_u3_1;
-        let t2_228 = like.lift(0.524) * sin_q3;
+        let t2_228 = proto.splat(0.524) * sin_q3;
         let t2_229 = cos_u3_2 * cos_q3_u3_1;
-        let t2_230 = like.lift(-1.244).mul_add(t2_229, t2_228);
-        let pivot_1 = like.lift(1.0773356023078418) * t2_229;
+        let t2_230 = proto.splat(-1.244).mul_add(t2_229, t2_228);
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_229;
         let t2_231 = cos_q3_u3_1 * t2_229;
         let t2_232 = cos_u3_2 * sin_q3_u3_1;
-        let t2_233 = like.lift(0.5) * t2_232;
-        let t2_234 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_233);
-        let t2_235 = like.lift(0.5) * sin_u3_2;
-        let t2_236 = like.lift(0.8660254037844386).mul_add(t2_232, t2_235);
-        let t2_237 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_233 = proto.splat(0.5) * t2_232;
+        let t2_234 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_233);
+        let t2_235 = proto.splat(0.5) * sin_u3_2;
+        let t2_236 = proto.splat(0.8660254037844386).mul_add(t2_232, t2_235);
+        let t2_237 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_238 = t2_234 * t2_237;
         [
             t2_5, t2_16, t2_17, t2_21, t2_43, t2_48, t2_50, t2_52, t2_57, t2_65, t2_67, t2_68,
@@ -7843,8 +7851,8 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         t3_202, t3_209, t3_210, t3_212, t3_219, t3_220, t3_223, t3_224, t3_225, t3_226, t3_227,
         t3_232, t3_238,
     ] = {
-        let t3_1 = like.lift(0.622).mul_add(t2_231, t2_238);
-        let t3_2 = like.lift(1.0773356023078418) * t2_231;
+        let t3_1 = proto.splat(0.622).mul_add(t2_231, t2_238);
+        let t3_2 = proto.splat(1.0773356023078418) * t2_231;
         let t3_3 = t2_236.mul_add(t2_237, t3_2);
         let t3_4 = -t2_98;
         let t3_5 = sin_q1_u1_1 * t2_157;
@@ -7852,32 +7860,32 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t3_7 = sin_q1_u1_1 * t2_163;
         let t3_8 = cos_q1_u1_1 * t2_163;
         let t3_9 = -t2_222;
-        let t3_10 = like.lift(-0.5773502691896257).mul_add(t2_220, t2_222);
-        let t3_11 = like.lift(0.622) * t2_229;
+        let t3_10 = proto.splat(-0.5773502691896257).mul_add(t2_220, t2_222);
+        let t3_11 = proto.splat(0.622) * t2_229;
         let t3_12 = -t3_11;
-        let t3_13 = like.lift(1.0) / t2_229;
+        let t3_13 = proto.splat(1.0) / t2_229;
         let t3_14 = -t2_111;
         let t3_15 = -t3_6;
         let t3_16 = -t3_8;
-        let t3_17 = like.lift(1.0773356023078418) * t2_236;
-        let t3_18 = like.lift(0.622).mul_add(t2_234, t3_17);
-        let t3_19 = like.lift(0.622) * t2_236;
-        let t3_20 = like.lift(-1.0773356023078418).mul_add(t2_234, t3_19);
+        let t3_17 = proto.splat(1.0773356023078418) * t2_236;
+        let t3_18 = proto.splat(0.622).mul_add(t2_234, t3_17);
+        let t3_19 = proto.splat(0.622) * t2_236;
+        let t3_20 = proto.splat(-1.0773356023078418).mul_add(t2_234, t3_19);
         let t3_21 = cos_q3_u3_1 * t3_20;
         let t3_22 = -t3_21;
-        let t3_23 = like.lift(1.244) * t2_234;
-        let t3_24 = like.lift(0.262).mul_add(cos_q3, t3_23);
-        let t3_25 = like.lift(1.244) * t2_236;
-        let t3_26 = like.lift(0.45379731158304587).mul_add(cos_q3, t3_25);
-        let t3_27 = like.lift(0.8660254037844386) * t3_26;
-        let t3_28 = like.lift(0.5).mul_add(t3_24, t3_27);
+        let t3_23 = proto.splat(1.244) * t2_234;
+        let t3_24 = proto.splat(0.262).mul_add(cos_q3, t3_23);
+        let t3_25 = proto.splat(1.244) * t2_236;
+        let t3_26 = proto.splat(0.45379731158304587).mul_add(cos_q3, t3_25);
+        let t3_27 = proto.splat(0.8660254037844386) * t3_26;
+        let t3_28 = proto.splat(0.5).mul_add(t3_24, t3_27);
         let t3_29 = -t3_22;
-        let t3_30 = like.lift(0.5) * t2_227;
+        let t3_30 = proto.splat(0.5) * t2_227;
         let t3_31 = (-t2_192).mul_add(sin_q3_u3_1, t3_30);
-        let t3_32 = like.lift(0.8660254037844386) * t2_227;
+        let t3_32 = proto.splat(0.8660254037844386) * t2_227;
         let t3_33 = t2_197.mul_add(sin_q3_u3_1, t3_32);
-        let t3_34 = like.lift(0.5) * t2_197;
-        let t3_35 = like.lift(0.8660254037844386).mul_add(t2_192, t3_34);
+        let t3_34 = proto.splat(0.5) * t2_197;
+        let t3_35 = proto.splat(0.8660254037844386).mul_add(t2_192, t3_34);
         let t3_36 = cos_q3_u3_1 * t3_35;
         let t3_37 = sin_q1_u1_1 * t3_36;
         let t3_38 = cos_q1_u1_1.mul_add(t3_33, t3_37);
@@ -7885,42 +7893,42 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t3_40 = (-t2_85).mul_add(t3_36, t3_39);
         let t3_41 = cos_u1_2_e1y.mul_add(t3_31, t3_40);
         let t3_42 = sin_q3_u3_1 * t3_36;
-        let t3_43 = like.lift(0.8660254037844386) * t3_33;
-        let t3_44 = like.lift(0.5).mul_add(t3_31, t3_43);
-        let t3_45 = like.lift(0.5) * t3_33;
-        let t3_46 = like.lift(-0.8660254037844386).mul_add(t3_31, t3_45);
+        let t3_43 = proto.splat(0.8660254037844386) * t3_33;
+        let t3_44 = proto.splat(0.5).mul_add(t3_31, t3_43);
+        let t3_45 = proto.splat(0.5) * t3_33;
+        let t3_46 = proto.splat(-0.8660254037844386).mul_add(t3_31, t3_45);
         let t3_47 = (-cos_q3_u3_1).mul_add(t3_46, t3_42);
         let t3_48 = -t3_47;
-        let t3_49 = like.lift(0.8660254037844386) * t2_134;
-        let t3_50 = like.lift(0.5) * t2_134;
+        let t3_49 = proto.splat(0.8660254037844386) * t2_134;
+        let t3_50 = proto.splat(0.5) * t2_134;
         let t3_51 = t2_104 + t2_103;
         let t3_52 = t2_104 - t2_103;
         let t3_53 = t3_51 + t2_101;
         let t3_54 = t3_52 + t2_101;
-        let t3_55 = like.lift(0.8660254037844386) * t2_230;
+        let t3_55 = proto.splat(0.8660254037844386) * t2_230;
         let t3_56 = -t3_55;
-        let t3_57 = like.lift(0.5) * t2_230;
-        let t3_58 = like.lift(0.8038585209003215) * t2_230;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t3_1, t3_3);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let t3_57 = proto.splat(0.5) * t2_230;
+        let t3_58 = proto.splat(0.8038585209003215) * t2_230;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t3_1, t3_3);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t3_59 = t3_18 * t3_13;
-        let t3_60 = like.lift(0.9282158668643501) * t3_59;
+        let t3_60 = proto.splat(0.9282158668643501) * t3_59;
         let t3_61 = t3_1.mul_add(t3_60, t3_22);
         let t3_62 = inv_pivot_2 * t3_61;
         let pivot_3 = t2_98.mul_add(t3_62, t2_111);
         let t3_63 = t3_59.mul_add(t3_58, t3_28);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t3_64 = t2_96 * inv_pivot_3;
         let t3_65 = t2_108 * inv_pivot_3;
         let t3_66 = -pivot_3;
         let t3_67 = t2_119.mul_add(t3_62, t3_54);
-        let t3_68 = like.lift(0.5773502691896257).mul_add(t2_216, t3_5);
+        let t3_68 = proto.splat(0.5773502691896257).mul_add(t2_216, t3_5);
         let t3_69 = (-t3_68).mul_add(t3_62, t3_6);
         let t3_70 = t2_216.mul_add(t3_60, t3_69);
         let t3_71 = (-t3_70).mul_add(t3_65, t2_159);
         let t3_72 = t3_44 * t3_13;
-        let t3_73 = like.lift(0.9282158668643501) * t3_13;
-        let t3_74 = like.lift(0.9282158668643501) * t3_72;
+        let t3_73 = proto.splat(0.9282158668643501) * t3_13;
+        let t3_74 = proto.splat(0.9282158668643501) * t3_72;
         let t3_75 = t3_1.mul_add(t3_74, t3_47);
         let t3_76 = inv_pivot_2 * t3_75;
         let t3_77 = (-t2_98).mul_add(t3_76, t3_31);
@@ -7930,11 +7938,11 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t3_81 = (-t3_70).mul_add(t3_78, t3_38);
         let t3_82 = t3_68.mul_add(t3_76, t3_81);
         let pivot_4 = (-t2_216).mul_add(t3_74, t3_82);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t3_83 = t3_71 * inv_pivot_4;
         let t3_84 = t3_67.mul_add(t3_78, t3_31);
         let t3_85 = t2_119.mul_add(t3_76, t3_84);
-        let t3_86 = like.lift(0.5773502691896257).mul_add(t2_218, t3_7);
+        let t3_86 = proto.splat(0.5773502691896257).mul_add(t2_218, t3_7);
         let t3_87 = (-t3_86).mul_add(t3_62, t3_8);
         let t3_88 = t2_218.mul_add(t3_60, t3_87);
         let t3_89 = (-t3_10).mul_add(t3_62, t2_224);
@@ -7956,7 +7964,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t3_105 = t3_88.mul_add(t3_64, t3_104);
         let t3_106 = t3_98.mul_add(t3_105, t2_125);
         let pivot_6 = (-t3_95).mul_add(t3_97, t3_106);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t3_107 = (-t3_85).mul_add(t3_101, t2_118);
         let t3_108 = (-t3_67).mul_add(t3_64, t3_107);
         let t3_109 = t3_80 * t3_101;
@@ -7980,7 +7988,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t3_127 = (-t3_103).mul_add(t3_121, t3_126);
         let t3_128 = (-t3_96).mul_add(t3_120, t3_127);
         let pivot_7 = t3_90.mul_add(t3_118, t3_128);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t3_129 = t3_112.mul_add(t3_125, t2_194);
         let t3_130 = t3_108.mul_add(t3_121, t3_129);
         let t3_131 = (-t3_85).mul_add(t3_120, t3_130);
@@ -8005,7 +8013,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t3_150 = (-t3_134).mul_add(t3_144, t2_175);
         let t3_151 = (-t3_99).mul_add(t3_139, t3_150);
         let pivot_8 = (-t3_135).mul_add(t2_138, t3_151);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t3_152 = t3_149 * inv_pivot_8;
         let t3_153 = (-t3_134).mul_add(t3_152, t3_132);
         let t3_154 = inv_pivot_7 * t3_153;
@@ -8129,20 +8137,20 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t4_19 = t4_18 * t3_73;
         let t4_20 = -t4_19;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t3_66 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_170 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t3_66 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_170 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
             [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t3_170, t3_209, t3_224], [t3_160, t3_225, t3_202], [t3_226, t3_195, t3_227],
                 [t3_154, t3_189, t3_190], [t3_152, t3_185, t3_212], [t3_169, t3_220, t3_219],
@@ -8151,20 +8159,22 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_113, t2_125, t2_127, t2_136, t2_146, like.lift(0.0), like.lift(0.0)],
-                    [t2_148, t2_158, t2_166, t2_168, t2_169, t2_170, like.lift(0.0), like.lift(0.0)],
-                    [t2_171, t2_172, t2_173, t2_165, t2_175, t2_179, like.lift(0.0), like.lift(0.0)],
-                    [t2_194, t2_206, t2_206, t2_209, t2_211, t2_214, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_216, t2_218, t2_220, like.lift(0.0), like.lift(0.0), pivot_1, t3_1],
-                    [t3_4, t3_5, t3_7, t3_9, like.lift(0.0), like.lift(0.0), t3_12, t3_3],
-                    [t3_14, t3_15, t3_16, t2_224, like.lift(0.0), like.lift(0.0), t3_18, t3_29],
-                    [t3_31, t3_38, t3_38, t3_41, like.lift(0.0), like.lift(0.0), t3_44, t3_48],
+                    [proto.splat(0.0), t2_113, t2_125, t2_127, t2_136, t2_146, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_148, t2_158, t2_166, t2_168, t2_169, t2_170, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_171, t2_172, t2_173, t2_165, t2_175, t2_179, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_194, t2_206, t2_206, t2_209, t2_211, t2_214, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_216, t2_218, t2_220, proto.splat(0.0), proto.splat(0.0), pivot_1, t3_1],
+                    [t3_4, t3_5, t3_7, t3_9, proto.splat(0.0), proto.splat(0.0), t3_12, t3_3],
+                    [t3_14, t3_15, t3_16, t2_224, proto.splat(0.0), proto.splat(0.0), t3_18, t3_29],
+                    [t3_31, t3_38, t3_38, t3_41, proto.splat(0.0), proto.splat(0.0), t3_44, t3_48],
                 ],
                 [
-                    [like.lift(0.0), t3_49, like.lift(0.0)], [t2_118, t3_50, like.lift(0.0)],
-                    [t3_53, t2_185, like.lift(0.0)], [t2_194, t2_211, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t3_56], [t2_119, like.lift(0.0), t3_57],
-                    [t3_54, like.lift(0.0), t3_28], [t3_31, like.lift(0.0), t3_44],
+                    [proto.splat(0.0), t3_49, proto.splat(0.0)],
+                    [t2_118, t3_50, proto.splat(0.0)], [t3_53, t2_185, proto.splat(0.0)],
+                    [t2_194, t2_211, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t3_56],
+                    [t2_119, proto.splat(0.0), t3_57], [t3_54, proto.splat(0.0), t3_28],
+                    [t3_31, proto.splat(0.0), t3_44],
                 ],
             ),
         );
@@ -8252,7 +8262,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t5_72 = (-x_u1_2_q1).mul_add(t5_31, t5_71);
         let t5_73 = (-x_u1_1_q1).mul_add(t5_26, t5_72);
         let t5_74 = t5_73 + t2_57;
-        let t5_75 = like.lift(0.524).mul_add(t2_67, t5_74);
+        let t5_75 = proto.splat(0.524).mul_add(t2_67, t5_74);
         let t5_76 = t5_75 + t2_68;
         m[0][0] = t5_76;
         let t5_77 = t2_43 * x_e1x_q2;
@@ -8293,10 +8303,10 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t5_112 = sin_u2_2.mul_add(p_mz_rod2, t5_111);
         let t5_113 = cos_u2_1 * p_my_rod2;
         let t5_114 = (-sin_u2_1).mul_add(t5_110, t5_113);
-        let t5_115 = like.lift(0.524) * cos_u2_1;
+        let t5_115 = proto.splat(0.524) * cos_u2_1;
         let t5_116 = (-t5_115).mul_add(t5_112, t5_49);
-        let t5_117 = like.lift(0.524) * t5_114;
-        let t5_118 = like.lift(0.524).mul_add(p_m_rod2, t5_114);
+        let t5_117 = proto.splat(0.524) * t5_114;
+        let t5_118 = proto.splat(0.524).mul_add(p_m_rod2, t5_114);
         let t5_119 = t5_47 + t5_117;
         let t5_120 = (-t5_49).mul_add(x_u2_2_q2, t5_119);
         let t5_121 = (-t5_47).mul_add(x_u2_1_q2, t5_120);
@@ -8317,7 +8327,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t5_136 = t5_121 + t5_119;
         let t5_137 = (-x_u2_1_q2).mul_add(t5_136, t5_134);
         let t5_138 = t5_137 + t5_47;
-        let t5_139 = like.lift(0.524).mul_add(t5_118, t5_138);
+        let t5_139 = proto.splat(0.524).mul_add(t5_118, t5_138);
         let t5_140 = t5_139 + t5_117;
         let t5_141 = (-x_e1x_q1).mul_add(t5_107, t5_135);
         let t5_142 = x_e1x_q2.mul_add(t5_107, t5_140);
@@ -8344,10 +8354,10 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t5_161 = sin_u3_2.mul_add(p_mz_rod3, t5_160);
         let t5_162 = cos_u3_1 * p_my_rod3;
         let t5_163 = (-sin_u3_1).mul_add(t5_159, t5_162);
-        let t5_164 = like.lift(0.524) * cos_u3_1;
+        let t5_164 = proto.splat(0.524) * cos_u3_1;
         let t5_165 = (-t5_164).mul_add(t5_161, t5_61);
-        let t5_166 = like.lift(0.524) * t5_163;
-        let t5_167 = like.lift(0.524).mul_add(p_m_rod3, t5_163);
+        let t5_166 = proto.splat(0.524) * t5_163;
+        let t5_167 = proto.splat(0.524).mul_add(p_m_rod3, t5_163);
         let t5_168 = t5_59 + t5_166;
         let t5_169 = (-t5_61).mul_add(x_u3_2_q3, t5_168);
         let t5_170 = (-t5_59).mul_add(x_u3_1_q3, t5_169);
@@ -8380,7 +8390,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
         let t5_197 = (-x_u3_2_q3).mul_add(t5_196, p_ixx_crank3);
         let t5_198 = (-x_u3_1_q3).mul_add(t5_171, t5_197);
         let t5_199 = t5_198 + t5_59;
-        let t5_200 = like.lift(0.524).mul_add(t5_167, t5_199);
+        let t5_200 = proto.splat(0.524).mul_add(t5_167, t5_199);
         let t5_201 = t5_200 + t5_166;
         let t5_202 = x_u2_2_q3.mul_add(t5_157, t5_201);
         let t5_203 = x_u2_1_q3.mul_add(t5_155, t5_202);
@@ -8406,8 +8416,8 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 11], phi: &[T; 70]) -> ([[T; 3]; 3], Condi
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
 /// 1025 additions, 1527 multiplications, 8 divisions, 11 sines and cosines.
-pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+pub fn adaptive_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
+    let zero = q[0].splat(0.0);
     y[0][1] = zero; y[0][2] = zero;
     y[1] = [zero; 3];
     y[2] = [zero; 3];
@@ -8441,17 +8451,17 @@ pub fn slotine_li<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[
     y[58][0] = zero; y[58][1] = zero;
     y[59] = [zero; 3];
     y[69][0] = zero; y[69][1] = zero;
-    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+    adaptive_regressor_entries(q, qd, qd_r, qdd_r, y)
 }
 
-/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+/// The entries of [`adaptive_regressor`] that are not zero at every state; the others are left as they are.
 ///
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
-pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
-    let mut kept = [like; 356];
+pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
+    let mut kept = [proto; 356];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     {
@@ -8490,9 +8500,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let sin_q1 = kept[0];
         let cos_q1 = kept[1];
         y[0][0] = dr_q1;
-        let a_crank1z = like.lift(9.81) * cos_q1;
+        let a_crank1z = proto.splat(9.81) * cos_q1;
         y[7][0] = a_crank1z;
-        let a_crank1y = like.lift(9.81) * sin_q1;
+        let a_crank1y = proto.splat(9.81) * sin_q1;
         let t2_1 = -a_crank1y;
         y[8][0] = t2_1;
         kept[22] = a_crank1z;
@@ -8525,7 +8535,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let cos_q3 = kept[19];
         let sin_u3_1 = kept[20];
         let cos_u3_1 = kept[21];
-        let t3_1 = like.lift(0.524).mul_add(dr_q1, a_crank1z);
+        let t3_1 = proto.splat(0.524).mul_add(dr_q1, a_crank1z);
         let t3_2 = sin_q1 * cos_u1_1;
         let sin_q1_u1_1 = cos_q1.mul_add(sin_u1_1, t3_2);
         let t3_3 = cos_q1 * cos_u1_1;
@@ -8539,25 +8549,25 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t3_8 = cos_e1x.mul_add(sin_q1_u1_1, t3_7);
         let t3_9 = cos_e1x * cos_q1_u1_1;
         let t3_10 = (-sin_q1_u1_1).mul_add(t3_6, t3_9);
-        let t3_11 = like.lift(0.022) * t3_8;
+        let t3_11 = proto.splat(0.022) * t3_8;
         let t3_12 = cos_q1_u1_1 * sin_u1_2_e1y;
-        let t3_13 = like.lift(0.0381051177665153) * t3_12;
+        let t3_13 = proto.splat(0.0381051177665153) * t3_12;
         let t3_14 = cos_u1_2 * cos_q1_u1_1;
-        let t3_15 = like.lift(1.244) * t3_14;
-        let t3_16 = like.lift(0.044) * t3_8;
+        let t3_15 = proto.splat(1.244) * t3_14;
+        let t3_16 = proto.splat(0.044) * t3_8;
         let t3_17 = t3_15 + t3_16;
-        let t3_18 = like.lift(0.524).mul_add(sin_q1, -t3_15);
+        let t3_18 = proto.splat(0.524).mul_add(sin_q1, -t3_15);
         let t3_19 = t3_18 - t3_16;
         let t3_20 = t3_11 - t3_13;
         let t3_21 = t3_20 + t3_17;
         let t3_22 = t3_11 + t3_13;
         let t3_23 = t3_22 + t3_17;
         let t3_24 = cos_u1_2 * sin_q1_u1_1;
-        let t3_25 = like.lift(1.244) * t3_24;
-        let t3_26 = like.lift(0.044) * t3_10;
+        let t3_25 = proto.splat(1.244) * t3_24;
+        let t3_26 = proto.splat(0.044) * t3_10;
         let t3_27 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t3_28 = like.lift(0.0381051177665153) * t3_27;
-        let t3_29 = like.lift(0.022) * t3_10;
+        let t3_28 = proto.splat(0.0381051177665153) * t3_27;
+        let t3_29 = proto.splat(0.022) * t3_10;
         let t3_30 = t3_28 + t3_29;
         let t3_31 = t3_25 - t3_26;
         let t3_32 = t3_31 - t3_30;
@@ -8580,25 +8590,25 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t3_48 = cos_q2 * cos_u2_1;
         let cos_q2_u2_1 = (-sin_q2).mul_add(sin_u2_1, t3_48);
         let t3_49 = cos_u2_2 * cos_q2_u2_1;
-        let t3_50 = like.lift(1.0773356023078418) * t3_49;
+        let t3_50 = proto.splat(1.0773356023078418) * t3_49;
         let t3_51 = -t3_50;
         let t3_52 = cos_q2_u2_1 * t3_49;
         let t3_53 = cos_u2_2 * sin_q2_u2_1;
-        let t3_54 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t3_55 = like.lift(0.5).mul_add(t3_53, t3_54);
-        let t3_56 = like.lift(0.8660254037844386) * t3_53;
-        let t3_57 = like.lift(-0.5).mul_add(sin_u2_2, t3_56);
-        let t3_58 = like.lift(1.244) * sin_q2_u2_1;
+        let t3_54 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t3_55 = proto.splat(0.5).mul_add(t3_53, t3_54);
+        let t3_56 = proto.splat(0.8660254037844386) * t3_53;
+        let t3_57 = proto.splat(-0.5).mul_add(sin_u2_2, t3_56);
+        let t3_58 = proto.splat(1.244) * sin_q2_u2_1;
         let t3_59 = t3_55 * t3_58;
-        let t3_60 = like.lift(0.622).mul_add(t3_52, t3_59);
-        let t3_61 = like.lift(1.0773356023078418) * t3_52;
+        let t3_60 = proto.splat(0.622).mul_add(t3_52, t3_59);
+        let t3_61 = proto.splat(1.0773356023078418) * t3_52;
         let pivot_5 = t3_57.mul_add(t3_58, t3_61);
         let t3_62 = -t3_21;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
-        let t3_63 = like.lift(0.044) * e_e1x_q1y;
-        let t3_64 = like.lift(1.244).mul_add(sin_u1_2, t3_63);
-        let t3_65 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t3_66 = like.lift(0.022) * e_e1x_q1y;
+        let t3_63 = proto.splat(0.044) * e_e1x_q1y;
+        let t3_64 = proto.splat(1.244).mul_add(sin_u1_2, t3_63);
+        let t3_65 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t3_66 = proto.splat(0.022) * e_e1x_q1y;
         let t3_67 = t3_65 + t3_66;
         let t3_68 = t3_64 + t3_67;
         let t3_69 = sin_q1_u1_1 * t3_68;
@@ -8610,38 +8620,38 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t3_75 = sin_q1_u1_1 * t3_72;
         let t3_76 = cos_q1_u1_1 * t3_72;
         let t3_77 = -t3_73;
-        let t3_78 = like.lift(0.622) * t3_49;
+        let t3_78 = proto.splat(0.622) * t3_49;
         let t3_79 = -t3_78;
         let t3_80 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t3_81 = -t3_32;
         let t3_82 = -t3_70;
         let t3_83 = -t3_76;
-        let t3_84 = like.lift(1.0773356023078418) * t3_57;
-        let t3_85 = like.lift(0.622).mul_add(t3_55, t3_84);
-        let t3_86 = like.lift(0.622) * t3_57;
-        let t3_87 = like.lift(-1.0773356023078418).mul_add(t3_55, t3_86);
+        let t3_84 = proto.splat(1.0773356023078418) * t3_57;
+        let t3_85 = proto.splat(0.622).mul_add(t3_55, t3_84);
+        let t3_86 = proto.splat(0.622) * t3_57;
+        let t3_87 = proto.splat(-1.0773356023078418).mul_add(t3_55, t3_86);
         let t3_88 = cos_q2_u2_1 * t3_87;
         let t3_89 = -t3_88;
-        let t3_90 = like.lift(0.5) * t3_12;
-        let t3_91 = like.lift(0.8660254037844386) * t3_8;
+        let t3_90 = proto.splat(0.5) * t3_12;
+        let t3_91 = proto.splat(0.8660254037844386) * t3_8;
         let t3_92 = t3_90 + t3_91;
         let t3_93 = t3_90 - t3_91;
         let t3_94 = t3_92 * cos_q2_u2_1;
-        let t3_95 = like.lift(0.5) * t3_27;
-        let t3_96 = like.lift(0.8660254037844386) * t3_10;
+        let t3_95 = proto.splat(0.5) * t3_27;
+        let t3_96 = proto.splat(0.8660254037844386) * t3_10;
         let t3_97 = t3_95 - t3_96;
         let t3_98 = t3_95 + t3_96;
-        let t3_99 = like.lift(0.5) * t3_94;
+        let t3_99 = proto.splat(0.5) * t3_94;
         let t3_100 = (-t3_97).mul_add(sin_q2_u2_1, t3_99);
-        let t3_101 = like.lift(0.5) * cos_u1_2_e1y;
-        let t3_102 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t3_101 = proto.splat(0.5) * cos_u1_2_e1y;
+        let t3_102 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t3_103 = t3_101 - t3_102;
         let t3_104 = t3_101 + t3_102;
         let t3_105 = t3_103 * sin_q2_u2_1;
-        let t3_106 = like.lift(-0.8660254037844386).mul_add(t3_94, t3_105);
-        let t3_107 = like.lift(0.5) * t3_103;
-        let t3_108 = like.lift(-0.8660254037844386).mul_add(t3_97, t3_107);
+        let t3_106 = proto.splat(-0.8660254037844386).mul_add(t3_94, t3_105);
+        let t3_107 = proto.splat(0.5) * t3_103;
+        let t3_108 = proto.splat(-0.8660254037844386).mul_add(t3_97, t3_107);
         let t3_109 = cos_q2_u2_1 * t3_108;
         let t3_110 = -t3_109;
         let t3_111 = cos_q1_u1_1 * t3_106;
@@ -8650,15 +8660,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t3_114 = t3_27.mul_add(t3_106, t3_113);
         let t3_115 = cos_u1_2_e1y.mul_add(t3_100, t3_114);
         let t3_116 = sin_q2_u2_1 * t3_110;
-        let t3_117 = like.lift(0.5) * t3_100;
-        let t3_118 = like.lift(-0.8660254037844386).mul_add(t3_106, t3_117);
-        let t3_119 = like.lift(0.5) * t3_106;
-        let t3_120 = like.lift(0.8660254037844386).mul_add(t3_100, t3_119);
+        let t3_117 = proto.splat(0.5) * t3_100;
+        let t3_118 = proto.splat(-0.8660254037844386).mul_add(t3_106, t3_117);
+        let t3_119 = proto.splat(0.5) * t3_106;
+        let t3_120 = proto.splat(0.8660254037844386).mul_add(t3_100, t3_119);
         let t3_121 = cos_q2_u2_1.mul_add(t3_120, t3_116);
         let t3_122 = t3_28 - t3_29;
         let t3_123 = t3_25 - t3_26;
         let t3_124 = t3_123 + t3_122;
-        let t3_125 = like.lift(-0.524).mul_add(cos_q1, t3_26);
+        let t3_125 = proto.splat(-0.524).mul_add(cos_q1, t3_26);
         let t3_126 = t3_125 - t3_25;
         let t3_127 = t3_29 + t3_26;
         let t3_128 = t3_127 - t3_28;
@@ -8675,17 +8685,17 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t3_138 = cos_q3 * cos_u3_1;
         let cos_q3_u3_1 = (-sin_q3).mul_add(sin_u3_1, t3_138);
         let t3_139 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t3_139;
+        let pivot_1 = proto.splat(1.0773356023078418) * t3_139;
         let t3_140 = cos_q3_u3_1 * t3_139;
         let t3_141 = cos_u3_2 * sin_q3_u3_1;
-        let t3_142 = like.lift(0.5) * t3_141;
-        let t3_143 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t3_142);
-        let t3_144 = like.lift(0.5) * sin_u3_2;
-        let t3_145 = like.lift(0.8660254037844386).mul_add(t3_141, t3_144);
-        let t3_146 = like.lift(1.244) * sin_q3_u3_1;
+        let t3_142 = proto.splat(0.5) * t3_141;
+        let t3_143 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t3_142);
+        let t3_144 = proto.splat(0.5) * sin_u3_2;
+        let t3_145 = proto.splat(0.8660254037844386).mul_add(t3_141, t3_144);
+        let t3_146 = proto.splat(1.244) * sin_q3_u3_1;
         let t3_147 = t3_143 * t3_146;
-        let t3_148 = like.lift(0.622).mul_add(t3_140, t3_147);
-        let t3_149 = like.lift(1.0773356023078418) * t3_140;
+        let t3_148 = proto.splat(0.622).mul_add(t3_140, t3_147);
+        let t3_149 = proto.splat(1.0773356023078418) * t3_140;
         let t3_150 = t3_145.mul_add(t3_146, t3_149);
         let t3_151 = -t3_23;
         let t3_152 = t3_65 - t3_66;
@@ -8699,26 +8709,26 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t3_160 = sin_q1_u1_1 * t3_154;
         let t3_161 = cos_q1_u1_1 * t3_154;
         let t3_162 = -t3_156;
-        let t3_163 = like.lift(-0.5773502691896257).mul_add(t3_134, t3_156);
-        let t3_164 = like.lift(0.622) * t3_139;
+        let t3_163 = proto.splat(-0.5773502691896257).mul_add(t3_134, t3_156);
+        let t3_164 = proto.splat(0.622) * t3_139;
         let t3_165 = -t3_164;
         let t3_166 = -t3_124;
         let t3_167 = -t3_159;
         let t3_168 = -t3_161;
-        let t3_169 = like.lift(1.0773356023078418) * t3_145;
-        let t3_170 = like.lift(0.622).mul_add(t3_143, t3_169);
-        let t3_171 = like.lift(0.622) * t3_145;
-        let t3_172 = like.lift(-1.0773356023078418).mul_add(t3_143, t3_171);
+        let t3_169 = proto.splat(1.0773356023078418) * t3_145;
+        let t3_170 = proto.splat(0.622).mul_add(t3_143, t3_169);
+        let t3_171 = proto.splat(0.622) * t3_145;
+        let t3_172 = proto.splat(-1.0773356023078418).mul_add(t3_143, t3_171);
         let t3_173 = cos_q3_u3_1 * t3_172;
         let t3_174 = -t3_173;
         let t3_175 = -t3_174;
         let t3_176 = t3_93 * cos_q3_u3_1;
-        let t3_177 = like.lift(0.5) * t3_176;
+        let t3_177 = proto.splat(0.5) * t3_176;
         let t3_178 = (-t3_98).mul_add(sin_q3_u3_1, t3_177);
-        let t3_179 = like.lift(0.8660254037844386) * t3_176;
+        let t3_179 = proto.splat(0.8660254037844386) * t3_176;
         let t3_180 = t3_104.mul_add(sin_q3_u3_1, t3_179);
-        let t3_181 = like.lift(0.5) * t3_104;
-        let t3_182 = like.lift(0.8660254037844386).mul_add(t3_98, t3_181);
+        let t3_181 = proto.splat(0.5) * t3_104;
+        let t3_182 = proto.splat(0.8660254037844386).mul_add(t3_98, t3_181);
         let t3_183 = cos_q3_u3_1 * t3_182;
         let t3_184 = sin_q1_u1_1 * t3_183;
         let t3_185 = cos_q1_u1_1.mul_add(t3_180, t3_184);
@@ -8726,20 +8736,20 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t3_187 = (-t3_12).mul_add(t3_183, t3_186);
         let t3_188 = cos_u1_2_e1y.mul_add(t3_178, t3_187);
         let t3_189 = sin_q3_u3_1 * t3_183;
-        let t3_190 = like.lift(0.8660254037844386) * t3_180;
-        let t3_191 = like.lift(0.5).mul_add(t3_178, t3_190);
-        let t3_192 = like.lift(0.5) * t3_180;
-        let t3_193 = like.lift(-0.8660254037844386).mul_add(t3_178, t3_192);
+        let t3_190 = proto.splat(0.8660254037844386) * t3_180;
+        let t3_191 = proto.splat(0.5).mul_add(t3_178, t3_190);
+        let t3_192 = proto.splat(0.5) * t3_180;
+        let t3_193 = proto.splat(-0.8660254037844386).mul_add(t3_178, t3_192);
         let t3_194 = (-cos_q3_u3_1).mul_add(t3_193, t3_189);
         let t3_195 = -t3_194;
-        let t3_196 = like.lift(0.524) * sin_q2;
-        let t3_197 = like.lift(-1.244).mul_add(t3_49, t3_196);
+        let t3_196 = proto.splat(0.524) * sin_q2;
+        let t3_197 = proto.splat(-1.244).mul_add(t3_49, t3_196);
         let t3_198 = t3_197 * dr_q2;
         let w_u1_1x = d_q1 + d_u1_1;
         let t3_199 = sin_q1_u1_1 * w_u1_1x;
         let t3_200 = t3_197 * r_q2;
-        let t3_201 = like.lift(0.8660254037844386) * t3_200;
-        let t3_202 = like.lift(0.5) * t3_200;
+        let t3_201 = proto.splat(0.8660254037844386) * t3_200;
+        let t3_202 = proto.splat(0.5) * t3_200;
         let t3_203 = -t3_201;
         let t3_204 = t3_19 + t3_35;
         let t3_205 = t3_204.mul_add(r_q1, t3_202);
@@ -8749,32 +8759,32 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t3_209 = t3_208 + t3_126;
         let t3_210 = t3_29 - t3_28;
         let t3_211 = t3_210 + t3_126;
-        let t3_212 = like.lift(1.244) * t3_55;
-        let t3_213 = like.lift(0.262).mul_add(cos_q2, t3_212);
-        let t3_214 = like.lift(1.244) * t3_57;
-        let t3_215 = like.lift(0.45379731158304587).mul_add(cos_q2, t3_214);
-        let t3_216 = like.lift(0.8660254037844386) * t3_215;
-        let t3_217 = like.lift(0.5).mul_add(t3_213, t3_216);
+        let t3_212 = proto.splat(1.244) * t3_55;
+        let t3_213 = proto.splat(0.262).mul_add(cos_q2, t3_212);
+        let t3_214 = proto.splat(1.244) * t3_57;
+        let t3_215 = proto.splat(0.45379731158304587).mul_add(cos_q2, t3_214);
+        let t3_216 = proto.splat(0.8660254037844386) * t3_215;
+        let t3_217 = proto.splat(0.5).mul_add(t3_213, t3_216);
         let t3_218 = t3_217 * r_q2;
         let t3_219 = t3_209.mul_add(r_q1, t3_218);
         let t3_220 = -t3_219;
         let t3_221 = t3_118 * r_q2;
         let t3_222 = t3_100.mul_add(r_q1, t3_221);
         let t3_223 = -t3_222;
-        let t3_224 = like.lift(0.524) * sin_q3;
-        let t3_225 = like.lift(-1.244).mul_add(t3_139, t3_224);
+        let t3_224 = proto.splat(0.524) * sin_q3;
+        let t3_225 = proto.splat(-1.244).mul_add(t3_139, t3_224);
         let t3_226 = t3_225 * r_q3;
-        let t3_227 = like.lift(0.8660254037844386) * t3_226;
+        let t3_227 = proto.splat(0.8660254037844386) * t3_226;
         let t3_228 = t3_206 * r_q1;
-        let t3_229 = like.lift(0.5).mul_add(t3_226, t3_228);
+        let t3_229 = proto.splat(0.5).mul_add(t3_226, t3_228);
         let t3_230 = -t3_229;
-        let t3_231 = like.lift(0.8038585209003215) * t3_226;
-        let t3_232 = like.lift(1.244) * t3_143;
-        let t3_233 = like.lift(0.262).mul_add(cos_q3, t3_232);
-        let t3_234 = like.lift(1.244) * t3_145;
-        let t3_235 = like.lift(0.45379731158304587).mul_add(cos_q3, t3_234);
-        let t3_236 = like.lift(0.8660254037844386) * t3_235;
-        let t3_237 = like.lift(0.5).mul_add(t3_233, t3_236);
+        let t3_231 = proto.splat(0.8038585209003215) * t3_226;
+        let t3_232 = proto.splat(1.244) * t3_143;
+        let t3_233 = proto.splat(0.262).mul_add(cos_q3, t3_232);
+        let t3_234 = proto.splat(1.244) * t3_145;
+        let t3_235 = proto.splat(0.45379731158304587).mul_add(cos_q3, t3_234);
+        let t3_236 = proto.splat(0.8660254037844386) * t3_235;
+        let t3_237 = proto.splat(0.5).mul_add(t3_233, t3_236);
         kept[24] = t3_1;
         kept[25] = sin_q1_u1_1;
         kept[26] = cos_q1_u1_1;
@@ -8979,27 +8989,27 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t4_4 = t3_191 * r_q3;
         let t4_5 = t3_178.mul_add(r_q1, t4_4);
         let t4_6 = -t4_5;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t3_148, t3_150);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t4_7 = like.lift(1.0) / t3_139;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t3_148, t3_150);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
+        let t4_7 = proto.splat(1.0) / t3_139;
         let t4_8 = t3_170 * t4_7;
-        let t4_9 = like.lift(0.9282158668643501) * t4_8;
+        let t4_9 = proto.splat(0.9282158668643501) * t4_8;
         let t4_10 = t3_148.mul_add(t4_9, t3_174);
         let t4_11 = inv_pivot_2 * t4_10;
         let pivot_3 = t3_23.mul_add(t4_11, t3_124);
         let t4_12 = t4_11.mul_add(t3_228, t4_2);
         let t4_13 = t4_8.mul_add(t3_231, t4_12);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t4_14 = t3_21 * inv_pivot_3;
         let t4_15 = t3_32 * inv_pivot_3;
         let t4_16 = -pivot_3;
-        let t4_17 = like.lift(0.5773502691896257).mul_add(t3_130, t3_158);
+        let t4_17 = proto.splat(0.5773502691896257).mul_add(t3_130, t3_158);
         let t4_18 = (-t4_17).mul_add(t4_11, t3_159);
         let t4_19 = t3_130.mul_add(t4_9, t4_18);
         let t4_20 = (-t4_19).mul_add(t4_15, t3_70);
         let t4_21 = t3_191 * t4_7;
-        let t4_22 = like.lift(0.9282158668643501) * t4_7;
-        let t4_23 = like.lift(0.9282158668643501) * t4_21;
+        let t4_22 = proto.splat(0.9282158668643501) * t4_7;
+        let t4_23 = proto.splat(0.9282158668643501) * t4_21;
         let t4_24 = t3_148.mul_add(t4_23, t3_194);
         let t4_25 = inv_pivot_2 * t4_24;
         let t4_26 = (-t3_23).mul_add(t4_25, t3_178);
@@ -9010,9 +9020,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t4_31 = (-t4_19).mul_add(t4_27, t3_185);
         let t4_32 = t4_17.mul_add(t4_25, t4_31);
         let pivot_4 = (-t3_130).mul_add(t4_23, t4_32);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t4_33 = t4_20 * inv_pivot_4;
-        let t4_34 = like.lift(0.5773502691896257).mul_add(t3_132, t3_160);
+        let t4_34 = proto.splat(0.5773502691896257).mul_add(t3_132, t3_160);
         let t4_35 = (-t4_34).mul_add(t4_11, t3_161);
         let t4_36 = t3_132.mul_add(t4_9, t4_35);
         let t4_37 = (-t4_36).mul_add(t4_27, t3_185);
@@ -9031,7 +9041,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t4_50 = t4_36.mul_add(t4_14, t4_49);
         let t4_51 = t4_41.mul_add(t4_50, t3_42);
         let pivot_6 = (-t4_39).mul_add(t4_40, t4_51);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t4_52 = (-t3_163).mul_add(t4_11, t3_157);
         let t4_53 = (-t3_134).mul_add(t4_9, t4_52);
         let t4_54 = t4_53.mul_add(t4_27, t3_188);
@@ -9057,7 +9067,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t4_74 = (-t4_58).mul_add(t4_64, t4_73);
         let t4_75 = (-t4_56).mul_add(t4_63, t4_74);
         let pivot_7 = t4_53.mul_add(t4_61, t4_75);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t4_76 = t4_42.mul_add(t4_68, t3_118);
         let t4_77 = (-t4_64).mul_add(t3_78, t4_76);
         let t4_78 = t3_89 * inv_pivot_5;
@@ -9078,7 +9088,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t4_93 = (-t4_77).mul_add(t4_87, t3_85);
         let t4_94 = (-t4_42).mul_add(t4_82, t4_93);
         let pivot_8 = (-t4_78).mul_add(t3_78, t4_94);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t4_95 = inv_pivot_8 * t4_92;
         let t4_96 = (-t4_77).mul_add(t4_95, t4_72);
         let t4_97 = inv_pivot_7 * t4_96;
@@ -9112,29 +9122,29 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t4_125 = t4_124 * t4_22;
         let t4_126 = -t4_117;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t4_16 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t3_80 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t4_16 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t3_80 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [t4_127], [t4_128], [t4_129], [t4_130], [t4_131], [t4_132], [t4_133], [t4_134],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [[t4_107], [t4_118], [t4_119], [t4_123], [t4_109], [t4_112], [t4_125], [t4_126]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t3_34, t3_42, t3_44, t3_51, t3_60, like.lift(0.0), like.lift(0.0)],
-                    [t3_62, t3_69, t3_75, t3_77, t3_79, t3_80, like.lift(0.0), like.lift(0.0)],
-                    [t3_81, t3_82, t3_83, t3_74, t3_85, t3_89, like.lift(0.0), like.lift(0.0)],
-                    [t3_100, t3_112, t3_112, t3_115, t3_118, t3_121, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t3_130, t3_132, t3_134, like.lift(0.0), like.lift(0.0), pivot_1, t3_148],
-                    [t3_151, t3_158, t3_160, t3_162, like.lift(0.0), like.lift(0.0), t3_165, t3_150],
-                    [t3_166, t3_167, t3_168, t3_157, like.lift(0.0), like.lift(0.0), t3_170, t3_175],
-                    [t3_178, t3_185, t3_185, t3_188, like.lift(0.0), like.lift(0.0), t3_191, t3_195],
+                    [proto.splat(0.0), t3_34, t3_42, t3_44, t3_51, t3_60, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_62, t3_69, t3_75, t3_77, t3_79, t3_80, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_81, t3_82, t3_83, t3_74, t3_85, t3_89, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_100, t3_112, t3_112, t3_115, t3_118, t3_121, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t3_130, t3_132, t3_134, proto.splat(0.0), proto.splat(0.0), pivot_1, t3_148],
+                    [t3_151, t3_158, t3_160, t3_162, proto.splat(0.0), proto.splat(0.0), t3_165, t3_150],
+                    [t3_166, t3_167, t3_168, t3_157, proto.splat(0.0), proto.splat(0.0), t3_170, t3_175],
+                    [t3_178, t3_185, t3_185, t3_188, proto.splat(0.0), proto.splat(0.0), t3_191, t3_195],
                 ],
                 [[t3_203], [t3_207], [t3_220], [t3_223], [t3_227], [t3_230], [t4_3], [t4_6]],
             ),
@@ -9249,21 +9259,21 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_14 = cos_q1_u1_1 * t4_128;
         let t5_15 = sin_u1_2 * t5_14;
         let t5_16 = t3_24.mul_add(t5_1, t5_15);
-        let t5_17 = like.lift(1.244) * t5_16;
+        let t5_17 = proto.splat(1.244) * t5_16;
         let t5_18 = sin_q1_u1_1 * d_u1_2;
         let t5_19 = sin_q1_u1_1 * t4_128;
         let t5_20 = t3_14 * t5_1;
         let t5_21 = (-sin_u1_2).mul_add(t5_19, t5_20);
-        let t5_22 = like.lift(1.244) * t5_21;
+        let t5_22 = proto.splat(1.244) * t5_21;
         let t5_23 = -t5_22;
         let t5_24 = sin_u1_2 * t5_13;
         let t5_25 = t3_24.mul_add(w_u1_1x, t5_24);
-        let t5_26 = like.lift(1.244) * t5_25;
+        let t5_26 = proto.splat(1.244) * t5_25;
         let t5_27 = t3_24 * t5_10;
         let t5_28 = (-t3_14).mul_add(t5_4, t5_27);
         let t5_29 = t3_14 * w_u1_1x;
         let t5_30 = (-sin_u1_2).mul_add(t5_18, t5_29);
-        let t5_31 = like.lift(1.244) * t5_30;
+        let t5_31 = proto.splat(1.244) * t5_30;
         let t5_32 = -t5_31;
         let t5_33 = t5_18 * t5_23;
         let t5_34 = t5_13.mul_add(t5_17, t5_33);
@@ -9281,7 +9291,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_46 = t5_42.mul_add(t4_130, t5_45);
         let t5_47 = t5_46 - t5_6;
         let t5_48 = t5_47 - t5_4;
-        let t5_49 = like.lift(0.5) * t5_48;
+        let t5_49 = proto.splat(0.5) * t5_48;
         let t5_50 = -t5_49;
         let t5_51 = cos_q1_u1_1.mul_add(d_e1y, t5_13);
         let t5_52 = cos_q1_u1_1.mul_add(t4_129, t5_14);
@@ -9293,7 +9303,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_58 = t5_54.mul_add(t4_130, t5_57);
         let t5_59 = t5_58 + t5_12;
         let t5_60 = t5_59 + t5_10;
-        let t5_61 = like.lift(0.5) * t5_60;
+        let t5_61 = proto.splat(0.5) * t5_60;
         let t5_62 = t3_27.mul_add(d_e1x, t5_51);
         let t5_63 = t3_27 * t5_39;
         let t5_64 = t3_12.mul_add(t5_51, t5_63);
@@ -9307,20 +9317,20 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_72 = t5_64.mul_add(t4_130, t5_71);
         let t5_73 = e_e1x_q1y * t5_67;
         let t5_74 = (-t3_10).mul_add(t5_66, t5_73);
-        let t5_75 = like.lift(0.044) * t5_74;
+        let t5_75 = proto.splat(0.044) * t5_74;
         let t5_76 = -t5_75;
         let t5_77 = t3_8 * t5_66;
         let t5_78 = (-e_e1x_q1y).mul_add(t5_70, t5_77);
-        let t5_79 = like.lift(0.044) * t5_78;
+        let t5_79 = proto.splat(0.044) * t5_78;
         let t5_80 = -t5_79;
         let t5_81 = cos_u1_2_e1y.mul_add(d_e1x, w_u1_1x);
         let t5_82 = e_e1x_q1y * t5_62;
         let t5_83 = (-t3_10).mul_add(t5_81, t5_82);
-        let t5_84 = like.lift(0.044) * t5_83;
+        let t5_84 = proto.splat(0.044) * t5_83;
         let t5_85 = -t5_84;
         let t5_86 = t3_8 * t5_81;
         let t5_87 = (-e_e1x_q1y).mul_add(t5_65, t5_86);
-        let t5_88 = like.lift(0.044) * t5_87;
+        let t5_88 = proto.splat(0.044) * t5_87;
         let t5_89 = -t5_88;
         let t5_90 = t5_62 * t5_76;
         let t5_91 = (-t5_65).mul_add(t5_80, t5_90);
@@ -9330,9 +9340,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_95 = t5_81 * t5_80;
         let t5_96 = t3_10 * t5_61;
         let t5_97 = t3_8.mul_add(t5_50, t5_96);
-        let t5_98 = like.lift(0.044) * t5_97;
-        let t5_99 = like.lift(-0.5).mul_add(t5_94, t5_98);
-        let t5_100 = like.lift(-0.622).mul_add(t5_28, t5_99);
+        let t5_98 = proto.splat(0.044) * t5_97;
+        let t5_99 = proto.splat(-0.5).mul_add(t5_94, t5_98);
+        let t5_100 = proto.splat(-0.622).mul_add(t5_28, t5_99);
         let t5_101 = t3_30 * t5_66;
         let t5_102 = (-t3_67).mul_add(t5_67, t5_101);
         let t5_103 = t3_35 * t5_66;
@@ -9349,60 +9359,60 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_114 = d_q2 * r_q2;
         let t5_115 = cos_q2 * t5_114;
         let t5_116 = d_u2_1 + d_q2;
-        let t5_117 = like.lift(0.5) * t5_116;
+        let t5_117 = proto.splat(0.5) * t5_116;
         let t5_118 = t4_131 + r_q2;
-        let t5_119 = like.lift(0.5) * t5_118;
+        let t5_119 = proto.splat(0.5) * t5_118;
         let t5_120 = d_u2_2 * t5_119;
         let t5_121 = t5_117.mul_add(t4_132, t5_120);
         let t5_122 = sin_q2_u2_1 * t5_121;
         let t5_123 = d_u2_1 + d_q2;
-        let t5_124 = like.lift(0.8660254037844386) * t5_123;
-        let t5_125 = like.lift(0.8660254037844386) * t5_124;
-        let t5_126 = like.lift(0.5).mul_add(t5_117, t5_125);
+        let t5_124 = proto.splat(0.8660254037844386) * t5_123;
+        let t5_125 = proto.splat(0.8660254037844386) * t5_124;
+        let t5_126 = proto.splat(0.5).mul_add(t5_117, t5_125);
         let t5_127 = cos_q2_u2_1 * t5_126;
         let t5_128 = t4_131 + r_q2;
-        let t5_129 = like.lift(0.8660254037844386) * t5_128;
-        let t5_130 = like.lift(0.8660254037844386) * t5_129;
-        let t5_131 = like.lift(0.5).mul_add(t5_119, t5_130);
+        let t5_129 = proto.splat(0.8660254037844386) * t5_128;
+        let t5_130 = proto.splat(0.8660254037844386) * t5_129;
+        let t5_131 = proto.splat(0.5).mul_add(t5_119, t5_130);
         let t5_132 = cos_q2_u2_1 * t5_131;
         let t5_133 = d_u2_2 * t5_132;
         let t5_134 = t5_127.mul_add(t4_132, t5_133);
         let t5_135 = cos_q2_u2_1 * d_u2_2;
-        let t5_136 = like.lift(0.8660254037844386).mul_add(t5_135, t5_117);
-        let t5_137 = like.lift(-0.5).mul_add(t5_135, t5_124);
+        let t5_136 = proto.splat(0.8660254037844386).mul_add(t5_135, t5_117);
+        let t5_137 = proto.splat(-0.5).mul_add(t5_135, t5_124);
         let t5_138 = d_u2_2 * t5_129;
         let t5_139 = t5_124.mul_add(t4_132, t5_138);
         let t5_140 = sin_q2_u2_1 * t5_139;
         let t5_141 = cos_q2_u2_1 * t4_132;
-        let t5_142 = like.lift(0.8660254037844386).mul_add(t5_141, t5_119);
-        let t5_143 = like.lift(-0.5).mul_add(t5_141, t5_129);
+        let t5_142 = proto.splat(0.8660254037844386).mul_add(t5_141, t5_119);
+        let t5_143 = proto.splat(-0.5).mul_add(t5_141, t5_129);
         let t5_144 = t3_57 * t5_143;
         let t5_145 = t3_55.mul_add(t5_142, t5_144);
-        let t5_146 = like.lift(1.244) * t5_145;
+        let t5_146 = proto.splat(1.244) * t5_145;
         let t5_147 = sin_q2_u2_1 * d_u2_2;
         let t5_148 = sin_q2_u2_1 * t4_132;
         let t5_149 = t3_49 * t5_142;
         let t5_150 = t3_57.mul_add(t5_148, t5_149);
-        let t5_151 = like.lift(1.244) * t5_150;
+        let t5_151 = proto.splat(1.244) * t5_150;
         let t5_152 = t3_57 * t5_137;
         let t5_153 = t3_55.mul_add(t5_136, t5_152);
-        let t5_154 = like.lift(1.244) * t5_153;
+        let t5_154 = proto.splat(1.244) * t5_153;
         let t5_155 = t3_49 * t5_136;
         let t5_156 = t3_57.mul_add(t5_147, t5_155);
-        let t5_157 = like.lift(1.244) * t5_156;
+        let t5_157 = proto.splat(1.244) * t5_156;
         let t5_158 = t5_147 * t5_151;
         let t5_159 = t5_137.mul_add(t5_146, t5_158);
         let t5_160 = t5_157.mul_add(t5_148, t5_159);
         let t5_161 = t5_154.mul_add(t5_143, t5_160);
         let t5_162 = t5_112 + t5_161;
-        let t5_163 = like.lift(0.8660254037844386).mul_add(t3_198, -t5_100);
-        let t5_164 = like.lift(0.5).mul_add(t5_162, t5_163);
+        let t5_163 = proto.splat(0.8660254037844386).mul_add(t3_198, -t5_100);
+        let t5_164 = proto.splat(0.5).mul_add(t5_162, t5_163);
         let t5_165 = (-t3_30).mul_add(t5_61, t5_164);
         let t5_166 = t3_35.mul_add(t5_50, t5_165);
-        let t5_167 = like.lift(0.45379731158304587).mul_add(t5_115, t5_166);
+        let t5_167 = proto.splat(0.45379731158304587).mul_add(t5_115, t5_166);
         let t5_168 = t3_55 * t5_134;
         let t5_169 = (-t3_49).mul_add(t5_122, t5_168);
-        let t5_170 = like.lift(0.622).mul_add(t5_169, t5_167);
+        let t5_170 = proto.splat(0.622).mul_add(t5_169, t5_167);
         let t5_171 = -t5_170;
         let t5_172 = cos_u1_2 * t4_128;
         let t5_173 = t5_18 * t5_172;
@@ -9410,17 +9420,17 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_175 = cos_u1_2 * d_u1_2;
         let t5_176 = t5_175.mul_add(t5_19, t5_173);
         let t5_177 = t5_175.mul_add(t5_14, t5_174);
-        let t5_178 = like.lift(1.244).mul_add(t5_176, t5_37);
-        let t5_179 = like.lift(-1.244).mul_add(t5_177, t5_38);
+        let t5_178 = proto.splat(1.244).mul_add(t5_176, t5_37);
+        let t5_179 = proto.splat(-1.244).mul_add(t5_177, t5_38);
         let t5_180 = t5_26.mul_add(t5_1, t5_178);
         let t5_181 = t5_32.mul_add(t5_1, t5_179);
         let t5_182 = t3_10 * t5_70;
         let t5_183 = (-t3_8).mul_add(t5_67, t5_182);
         let t5_184 = t3_10 * t5_65;
         let t5_185 = (-t3_8).mul_add(t5_62, t5_184);
-        let t5_186 = like.lift(0.044) * t5_183;
+        let t5_186 = proto.splat(0.044) * t5_183;
         let t5_187 = -t5_186;
-        let t5_188 = like.lift(0.044) * t5_185;
+        let t5_188 = proto.splat(0.044) * t5_185;
         let t5_189 = -t5_188;
         let t5_190 = (-t5_62).mul_add(t5_187, t5_95);
         let t5_191 = t5_65 * t5_187;
@@ -9431,12 +9441,12 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_196 = t5_89.mul_add(t5_66, t5_195);
         let t5_197 = t5_194 + t5_180;
         let t5_198 = t5_196 + t5_181;
-        let t5_199 = like.lift(0.5) * t5_197;
-        let t5_200 = like.lift(0.5) * t5_198;
-        let t5_201 = like.lift(0.622) * sin_u1_2;
+        let t5_199 = proto.splat(0.5) * t5_197;
+        let t5_200 = proto.splat(0.5) * t5_198;
+        let t5_201 = proto.splat(0.622) * sin_u1_2;
         let t5_202 = t5_10.mul_add(t5_201, t5_199);
         let t5_203 = t5_4.mul_add(t5_201, t5_200);
-        let t5_204 = like.lift(0.524) * d_q1;
+        let t5_204 = proto.splat(0.524) * d_q1;
         let t5_205 = r_q1 * t5_204;
         let t5_206 = cos_q1.mul_add(t5_205, t5_202);
         let t5_207 = t5_72.mul_add(t3_11, t5_206);
@@ -9461,7 +9471,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_226 = (-t3_30).mul_add(t5_72, t5_224);
         let t5_227 = t3_55 * t5_148;
         let t5_228 = (-t3_49).mul_add(t5_143, t5_227);
-        let t5_229 = like.lift(1.244) * t5_228;
+        let t5_229 = proto.splat(1.244) * t5_228;
         let t5_230 = -t5_229;
         let t5_231 = t5_147 * t5_230;
         let t5_232 = (-t5_136).mul_add(t5_146, t5_231);
@@ -9470,7 +9480,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_235 = t5_136.mul_add(t5_151, t5_234);
         let t5_236 = t3_55 * t5_147;
         let t5_237 = (-t3_49).mul_add(t5_137, t5_236);
-        let t5_238 = like.lift(1.244) * t5_237;
+        let t5_238 = proto.splat(1.244) * t5_237;
         let t5_239 = -t5_238;
         let t5_240 = t5_239.mul_add(t5_148, t5_233);
         let t5_241 = t5_239.mul_add(t5_143, t5_235);
@@ -9481,7 +9491,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t5_246 = (-t3_57).mul_add(t5_134, t5_245);
         let t5_247 = t3_57 * t5_122;
         let t5_248 = (-t3_55).mul_add(t5_140, t5_247);
-        let t5_249 = like.lift(0.5).mul_add(t5_243, t5_211);
+        let t5_249 = proto.splat(0.5).mul_add(t5_243, t5_211);
         let t5_250 = t3_204.mul_add(dr_q1, t5_249);
         kept[198] = t5_1;
         kept[199] = t5_50;
@@ -9577,16 +9587,16 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t3_224 = kept[138];
         let t5_250 = kept[228];
         let t6_1 = t3_67.mul_add(t5_61, t5_250);
-        let t6_2 = like.lift(0.262).mul_add(t5_115, t6_1);
-        let t6_3 = like.lift(0.622).mul_add(t5_246, t6_2);
+        let t6_2 = proto.splat(0.262).mul_add(t5_115, t6_1);
+        let t6_3 = proto.splat(0.622).mul_add(t5_246, t6_2);
         let t6_4 = cos_q2_u2_1 * t5_134;
         let t6_5 = -t6_3;
         let t6_6 = t3_217.mul_add(dr_q2, t5_212);
         let t6_7 = t3_209.mul_add(dr_q1, t6_6);
-        let t6_8 = like.lift(0.5).mul_add(t5_244, t6_7);
+        let t6_8 = proto.splat(0.5).mul_add(t5_244, t6_7);
         let t6_9 = t3_67.mul_add(t5_50, t6_8);
         let t6_10 = (-t5_114).mul_add(t3_196, t6_9);
-        let t6_11 = like.lift(0.622).mul_add(t5_248, t6_10);
+        let t6_11 = proto.splat(0.622).mul_add(t5_248, t6_10);
         let t6_12 = t3_237.mul_add(dr_q3, t5_212);
         let t6_13 = t3_211.mul_add(dr_q1, t6_12);
         let t6_14 = -t6_11;
@@ -9602,7 +9612,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t6_24 = (-t5_65).mul_add(t6_18, t6_23);
         let t6_25 = (-t6_22).mul_add(t5_70, t6_24);
         let t6_26 = t6_20.mul_add(t5_67, t6_25);
-        let t6_27 = like.lift(0.5) * t6_26;
+        let t6_27 = proto.splat(0.5) * t6_26;
         let t6_28 = (-t3_97).mul_add(t5_61, t6_27);
         let t6_29 = t3_92.mul_add(t5_50, t6_28);
         let t6_30 = t3_97 * t5_70;
@@ -9615,54 +9625,54 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t6_37 = t6_33.mul_add(t5_70, t6_36);
         let t6_38 = t3_92.mul_add(t5_72, t6_37);
         let t6_39 = t3_103 * t5_61;
-        let t6_40 = like.lift(-0.5).mul_add(t6_38, t6_39);
-        let t6_41 = like.lift(0.5) * t6_40;
-        let t6_42 = like.lift(0.8660254037844386).mul_add(t6_29, t6_41);
+        let t6_40 = proto.splat(-0.5).mul_add(t6_38, t6_39);
+        let t6_41 = proto.splat(0.5) * t6_40;
+        let t6_42 = proto.splat(0.8660254037844386).mul_add(t6_29, t6_41);
         let t6_43 = t5_62 * t6_31;
         let t6_44 = t5_81.mul_add(t6_18, t6_43);
         let t6_45 = t6_33.mul_add(t5_67, t6_44);
         let t6_46 = t6_22.mul_add(t5_66, t6_45);
         let t6_47 = (-t3_97).mul_add(t5_72, t6_46);
-        let t6_48 = like.lift(0.5) * t6_47;
+        let t6_48 = proto.splat(0.5) * t6_47;
         let t6_49 = t3_103.mul_add(t5_50, t6_48);
         let t6_50 = -t6_49;
         let t6_51 = cos_q2_u2_1 * t5_148;
-        let t6_52 = like.lift(0.5) * t6_51;
+        let t6_52 = proto.splat(0.5) * t6_51;
         let t6_53 = sin_q2_u2_1.mul_add(t5_143, t6_52);
-        let t6_54 = like.lift(0.8660254037844386) * t6_51;
+        let t6_54 = proto.splat(0.8660254037844386) * t6_51;
         let t6_55 = (-sin_q2_u2_1).mul_add(t5_142, t6_54);
-        let t6_56 = like.lift(0.8660254037844386) * t5_143;
-        let t6_57 = like.lift(0.5).mul_add(t5_142, t6_56);
+        let t6_56 = proto.splat(0.8660254037844386) * t5_143;
+        let t6_57 = proto.splat(0.5).mul_add(t5_142, t6_56);
         let t6_58 = cos_q2_u2_1 * t6_57;
         let t6_59 = cos_q2_u2_1 * t5_147;
-        let t6_60 = like.lift(0.5) * t6_59;
+        let t6_60 = proto.splat(0.5) * t6_59;
         let t6_61 = sin_q2_u2_1.mul_add(t5_137, t6_60);
-        let t6_62 = like.lift(0.8660254037844386) * t6_59;
+        let t6_62 = proto.splat(0.8660254037844386) * t6_59;
         let t6_63 = (-sin_q2_u2_1).mul_add(t5_136, t6_62);
-        let t6_64 = like.lift(0.8660254037844386) * t5_137;
-        let t6_65 = like.lift(0.5).mul_add(t5_136, t6_64);
+        let t6_64 = proto.splat(0.8660254037844386) * t5_137;
+        let t6_65 = proto.splat(0.5).mul_add(t5_136, t6_64);
         let t6_66 = cos_q2_u2_1 * t6_65;
         let t6_67 = t5_147 * t6_55;
         let t6_68 = t5_137.mul_add(t6_58, t6_67);
         let t6_69 = t6_63.mul_add(t5_148, t6_68);
         let t6_70 = t6_66.mul_add(t5_143, t6_69);
         let t6_71 = sin_q2_u2_1.mul_add(t5_122, t6_70);
-        let t6_72 = like.lift(0.5) * t6_71;
-        let t6_73 = like.lift(0.25).mul_add(t6_4, t6_72);
-        let t6_74 = like.lift(0.4330127018922193) * t5_122;
-        let t6_75 = like.lift(-0.25).mul_add(t5_140, t6_74);
+        let t6_72 = proto.splat(0.5) * t6_71;
+        let t6_73 = proto.splat(0.25).mul_add(t6_4, t6_72);
+        let t6_74 = proto.splat(0.4330127018922193) * t5_122;
+        let t6_75 = proto.splat(-0.25).mul_add(t5_140, t6_74);
         let t6_76 = t5_136 * t6_58;
         let t6_77 = t5_147.mul_add(t6_53, t6_76);
         let t6_78 = t6_66.mul_add(t5_142, t6_77);
         let t6_79 = t6_61.mul_add(t5_148, t6_78);
         let t6_80 = (-sin_q2_u2_1).mul_add(t5_140, t6_79);
-        let t6_81 = like.lift(0.5) * t6_80;
-        let t6_82 = like.lift(-0.4330127018922193).mul_add(t6_4, t6_81);
+        let t6_81 = proto.splat(0.5) * t6_80;
+        let t6_82 = proto.splat(-0.4330127018922193).mul_add(t6_4, t6_81);
         let t6_83 = t5_136 * t6_55;
         let t6_84 = (-t5_137).mul_add(t6_53, t6_83);
         let t6_85 = (-t6_61).mul_add(t5_143, t6_84);
         let t6_86 = t6_63.mul_add(t5_142, t6_85);
-        let t6_87 = like.lift(0.5) * t6_86;
+        let t6_87 = proto.splat(0.5) * t6_86;
         let t6_88 = cos_q2_u2_1.mul_add(t6_75, t6_87);
         let t6_89 = t3_118 * dr_q2;
         let t6_90 = t3_100.mul_add(dr_q1, t6_89);
@@ -9679,7 +9689,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t6_101 = (-t3_103).mul_add(t6_73, t6_100);
         let t6_102 = -t6_101;
         let t6_103 = t3_225 * dr_q3;
-        let t6_104 = like.lift(0.8660254037844386).mul_add(t6_103, t5_100);
+        let t6_104 = proto.splat(0.8660254037844386).mul_add(t6_103, t5_100);
         let t6_105 = t3_122 * t5_66;
         let t6_106 = (-t3_152).mul_add(t5_67, t6_105);
         let t6_107 = t3_36 * t5_66;
@@ -9696,63 +9706,63 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t6_118 = d_q3 * r_q3;
         let t6_119 = cos_q3 * t6_118;
         let t6_120 = d_u3_1 + d_q3;
-        let t6_121 = like.lift(0.5) * t6_120;
+        let t6_121 = proto.splat(0.5) * t6_120;
         let t6_122 = t4_133 + r_q3;
-        let t6_123 = like.lift(0.5) * t6_122;
+        let t6_123 = proto.splat(0.5) * t6_122;
         let t6_124 = d_u3_2 * t6_123;
         let t6_125 = t6_121.mul_add(t4_134, t6_124);
         let t6_126 = sin_q3_u3_1 * t6_125;
         let t6_127 = d_u3_1 + d_q3;
-        let t6_128 = like.lift(0.8660254037844386) * t6_127;
-        let t6_129 = like.lift(0.8660254037844386) * t6_128;
-        let t6_130 = like.lift(0.5).mul_add(t6_121, t6_129);
+        let t6_128 = proto.splat(0.8660254037844386) * t6_127;
+        let t6_129 = proto.splat(0.8660254037844386) * t6_128;
+        let t6_130 = proto.splat(0.5).mul_add(t6_121, t6_129);
         let t6_131 = cos_q3_u3_1 * t6_130;
         let t6_132 = t4_133 + r_q3;
-        let t6_133 = like.lift(0.8660254037844386) * t6_132;
-        let t6_134 = like.lift(0.8660254037844386) * t6_133;
-        let t6_135 = like.lift(0.5).mul_add(t6_123, t6_134);
+        let t6_133 = proto.splat(0.8660254037844386) * t6_132;
+        let t6_134 = proto.splat(0.8660254037844386) * t6_133;
+        let t6_135 = proto.splat(0.5).mul_add(t6_123, t6_134);
         let t6_136 = cos_q3_u3_1 * t6_135;
         let t6_137 = d_u3_2 * t6_136;
         let t6_138 = t6_131.mul_add(t4_134, t6_137);
         let t6_139 = cos_q3_u3_1 * d_u3_2;
-        let t6_140 = like.lift(-0.8660254037844386).mul_add(t6_139, t6_121);
-        let t6_141 = like.lift(0.5).mul_add(t6_139, t6_128);
+        let t6_140 = proto.splat(-0.8660254037844386).mul_add(t6_139, t6_121);
+        let t6_141 = proto.splat(0.5).mul_add(t6_139, t6_128);
         let t6_142 = d_u3_2 * t6_133;
         let t6_143 = t6_128.mul_add(t4_134, t6_142);
         let t6_144 = sin_q3_u3_1 * t6_143;
         let t6_145 = cos_q3_u3_1 * t4_134;
-        let t6_146 = like.lift(-0.8660254037844386).mul_add(t6_145, t6_123);
-        let t6_147 = like.lift(0.5).mul_add(t6_145, t6_133);
+        let t6_146 = proto.splat(-0.8660254037844386).mul_add(t6_145, t6_123);
+        let t6_147 = proto.splat(0.5).mul_add(t6_145, t6_133);
         let t6_148 = t3_145 * t6_147;
         let t6_149 = t3_143.mul_add(t6_146, t6_148);
-        let t6_150 = like.lift(1.244) * t6_149;
+        let t6_150 = proto.splat(1.244) * t6_149;
         let t6_151 = sin_q3_u3_1 * d_u3_2;
         let t6_152 = sin_q3_u3_1 * t4_134;
         let t6_153 = t3_139 * t6_146;
         let t6_154 = (-t3_145).mul_add(t6_152, t6_153);
-        let t6_155 = like.lift(1.244) * t6_154;
+        let t6_155 = proto.splat(1.244) * t6_154;
         let t6_156 = -t6_155;
         let t6_157 = t3_145 * t6_141;
         let t6_158 = t3_143.mul_add(t6_140, t6_157);
-        let t6_159 = like.lift(1.244) * t6_158;
+        let t6_159 = proto.splat(1.244) * t6_158;
         let t6_160 = t3_139 * t6_140;
         let t6_161 = (-t3_145).mul_add(t6_151, t6_160);
-        let t6_162 = like.lift(1.244) * t6_161;
+        let t6_162 = proto.splat(1.244) * t6_161;
         let t6_163 = -t6_162;
         let t6_164 = t6_151 * t6_156;
         let t6_165 = t6_141.mul_add(t6_150, t6_164);
         let t6_166 = t6_163.mul_add(t6_152, t6_165);
         let t6_167 = t6_159.mul_add(t6_147, t6_166);
         let t6_168 = t6_116 + t6_167;
-        let t6_169 = like.lift(0.5).mul_add(t6_168, t6_104);
+        let t6_169 = proto.splat(0.5).mul_add(t6_168, t6_104);
         let t6_170 = (-t3_122).mul_add(t5_61, t6_169);
         let t6_171 = t3_36.mul_add(t5_50, t6_170);
-        let t6_172 = like.lift(0.45379731158304587).mul_add(t6_119, t6_171);
+        let t6_172 = proto.splat(0.45379731158304587).mul_add(t6_119, t6_171);
         let t6_173 = t6_140 * t6_150;
         let t6_174 = t6_140 * t6_156;
         let t6_175 = t3_143 * t6_138;
         let t6_176 = (-t3_139).mul_add(t6_126, t6_175);
-        let t6_177 = like.lift(-0.622).mul_add(t6_176, t6_172);
+        let t6_177 = proto.splat(-0.622).mul_add(t6_176, t6_172);
         let t6_178 = t3_122 * t5_70;
         let t6_179 = t3_36.mul_add(t5_67, t6_178);
         let t6_180 = t5_65.mul_add(t6_179, t6_117);
@@ -9769,34 +9779,34 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t6_191 = (-t3_122).mul_add(t5_72, t6_189);
         let t6_192 = t3_143 * t6_152;
         let t6_193 = t3_139.mul_add(t6_147, t6_192);
-        let t6_194 = like.lift(1.244) * t6_193;
+        let t6_194 = proto.splat(1.244) * t6_193;
         let t6_195 = t6_151.mul_add(t6_194, t6_173);
         let t6_196 = t6_159.mul_add(t6_146, t6_195);
         let t6_197 = (-t6_141).mul_add(t6_194, t6_174);
         let t6_198 = t3_143 * t6_151;
         let t6_199 = t3_139.mul_add(t6_141, t6_198);
-        let t6_200 = like.lift(1.244) * t6_199;
+        let t6_200 = proto.splat(1.244) * t6_199;
         let t6_201 = t6_200.mul_add(t6_152, t6_196);
         let t6_202 = t6_190 + t6_201;
         let t6_203 = (-t6_200).mul_add(t6_147, t6_197);
         let t6_204 = t6_163.mul_add(t6_146, t6_203);
         let t6_205 = t6_191 + t6_204;
-        let t6_206 = like.lift(0.5).mul_add(t6_202, t5_211);
-        let t6_207 = like.lift(-0.5).mul_add(t6_205, t6_13);
+        let t6_206 = proto.splat(0.5).mul_add(t6_202, t5_211);
+        let t6_207 = proto.splat(-0.5).mul_add(t6_205, t6_13);
         let t6_208 = (-t3_152).mul_add(t5_50, t6_207);
         let t6_209 = (-t6_118).mul_add(t3_224, t6_208);
         let t6_210 = t3_206.mul_add(dr_q1, t6_206);
         let t6_211 = (-t3_152).mul_add(t5_61, t6_210);
-        let t6_212 = like.lift(0.262).mul_add(t6_119, t6_211);
+        let t6_212 = proto.splat(0.262).mul_add(t6_119, t6_211);
         let t6_213 = t3_139 * t6_144;
         let t6_214 = (-t3_145).mul_add(t6_138, t6_213);
-        let t6_215 = like.lift(-0.622).mul_add(t6_214, t6_212);
+        let t6_215 = proto.splat(-0.622).mul_add(t6_214, t6_212);
         let t6_216 = t3_145 * t6_126;
         let t6_217 = (-t3_143).mul_add(t6_144, t6_216);
-        let t6_218 = like.lift(-0.622).mul_add(t6_217, t6_209);
+        let t6_218 = proto.splat(-0.622).mul_add(t6_217, t6_209);
         let t6_219 = cos_q3_u3_1 * t6_138;
         let t6_220 = -t6_215;
-        let t6_221 = like.lift(-0.5773502691896257).mul_add(t6_177, t6_215);
+        let t6_221 = proto.splat(-0.5773502691896257).mul_add(t6_177, t6_215);
         let t6_222 = t4_11.mul_add(t6_221, t6_218);
         let t6_223 = t6_177.mul_add(t4_9, t6_222);
         let t6_224 = -t6_218;
@@ -9813,7 +9823,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t6_235 = (-t5_65).mul_add(t6_229, t6_234);
         let t6_236 = (-t6_233).mul_add(t5_70, t6_235);
         let t6_237 = t6_231.mul_add(t5_67, t6_236);
-        let t6_238 = like.lift(0.5) * t6_237;
+        let t6_238 = proto.splat(0.5) * t6_237;
         let t6_239 = (-t3_98).mul_add(t5_61, t6_238);
         let t6_240 = t3_93.mul_add(t5_50, t6_239);
         let t6_241 = t3_104 * t5_61;
@@ -9997,36 +10007,36 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t7_2 = t6_245.mul_add(t5_70, t7_1);
         let t7_3 = t6_233.mul_add(t5_66, t6_248);
         let t7_4 = t3_93.mul_add(t5_72, t7_2);
-        let t7_5 = like.lift(-0.5).mul_add(t7_4, t6_241);
+        let t7_5 = proto.splat(-0.5).mul_add(t7_4, t6_241);
         let t7_6 = (-t3_98).mul_add(t5_72, t7_3);
-        let t7_7 = like.lift(0.5) * t7_6;
+        let t7_7 = proto.splat(0.5) * t7_6;
         let t7_8 = t3_104.mul_add(t5_50, t7_7);
-        let t7_9 = like.lift(0.5) * t7_5;
-        let t7_10 = like.lift(-0.8660254037844386).mul_add(t6_240, t7_9);
+        let t7_9 = proto.splat(0.5) * t7_5;
+        let t7_10 = proto.splat(-0.8660254037844386).mul_add(t6_240, t7_9);
         let t7_11 = -t7_8;
         let t7_12 = cos_q3_u3_1 * t6_152;
         let t7_13 = sin_q3_u3_1 * t6_147;
-        let t7_14 = like.lift(-0.5).mul_add(t7_12, t7_13);
+        let t7_14 = proto.splat(-0.5).mul_add(t7_12, t7_13);
         let t7_15 = sin_q3_u3_1 * t6_146;
-        let t7_16 = like.lift(0.8660254037844386).mul_add(t7_12, t7_15);
-        let t7_17 = like.lift(0.8660254037844386) * t6_147;
-        let t7_18 = like.lift(0.5).mul_add(t6_146, t7_17);
+        let t7_16 = proto.splat(0.8660254037844386).mul_add(t7_12, t7_15);
+        let t7_17 = proto.splat(0.8660254037844386) * t6_147;
+        let t7_18 = proto.splat(0.5).mul_add(t6_146, t7_17);
         let t7_19 = cos_q3_u3_1 * t7_18;
         let t7_20 = cos_q3_u3_1 * t6_151;
         let t7_21 = sin_q3_u3_1 * t6_141;
-        let t7_22 = like.lift(-0.5).mul_add(t7_20, t7_21);
+        let t7_22 = proto.splat(-0.5).mul_add(t7_20, t7_21);
         let t7_23 = sin_q3_u3_1 * t6_140;
-        let t7_24 = like.lift(0.8660254037844386).mul_add(t7_20, t7_23);
-        let t7_25 = like.lift(0.8660254037844386) * t6_141;
-        let t7_26 = like.lift(0.5).mul_add(t6_140, t7_25);
+        let t7_24 = proto.splat(0.8660254037844386).mul_add(t7_20, t7_23);
+        let t7_25 = proto.splat(0.8660254037844386) * t6_141;
+        let t7_26 = proto.splat(0.5).mul_add(t6_140, t7_25);
         let t7_27 = cos_q3_u3_1 * t7_26;
         let t7_28 = t6_151 * t7_16;
         let t7_29 = t6_141.mul_add(t7_19, t7_28);
         let t7_30 = t7_24.mul_add(t6_152, t7_29);
         let t7_31 = t7_27.mul_add(t6_147, t7_30);
         let t7_32 = (-sin_q3_u3_1).mul_add(t6_126, t7_31);
-        let t7_33 = like.lift(0.5) * t7_32;
-        let t7_34 = like.lift(-0.25).mul_add(t6_219, t7_33);
+        let t7_33 = proto.splat(0.5) * t7_32;
+        let t7_34 = proto.splat(-0.25).mul_add(t6_219, t7_33);
         let t7_35 = t6_151 * t7_14;
         let t7_36 = (-t6_140).mul_add(t7_19, t7_35);
         let t7_37 = (-t7_27).mul_add(t6_146, t7_36);
@@ -10036,11 +10046,11 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t7_41 = t7_22.mul_add(t6_147, t7_40);
         let t7_42 = t7_24.mul_add(t6_146, t7_41);
         let t7_43 = (-sin_q3_u3_1).mul_add(t6_144, t7_38);
-        let t7_44 = like.lift(0.5) * t7_43;
-        let t7_45 = like.lift(-0.4330127018922193).mul_add(t6_219, t7_44);
-        let t7_46 = like.lift(0.4330127018922193) * t6_126;
-        let t7_47 = like.lift(-0.25).mul_add(t6_144, t7_46);
-        let t7_48 = like.lift(0.5) * t7_42;
+        let t7_44 = proto.splat(0.5) * t7_43;
+        let t7_45 = proto.splat(-0.4330127018922193).mul_add(t6_219, t7_44);
+        let t7_46 = proto.splat(0.4330127018922193) * t6_126;
+        let t7_47 = proto.splat(-0.25).mul_add(t6_144, t7_46);
+        let t7_48 = proto.splat(0.5) * t7_42;
         let t7_49 = cos_q3_u3_1.mul_add(t7_47, t7_48);
         let t7_50 = t3_191 * dr_q3;
         let t7_51 = t3_178.mul_add(dr_q1, t7_50);
@@ -10107,30 +10117,30 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t7_112 = t7_111 * t4_22;
         let t7_113 = -t7_102;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t4_16 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t3_80 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t4_16 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t3_80 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [t7_114], [al_rod1y], [t7_115], [t7_116], [t7_117], [al_rod2y], [t7_118],
             [al_rod3y],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [[t7_92], [t7_105], [t7_106], [t7_110], [t7_94], [t7_97], [t7_112], [t7_113]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t3_34, t3_42, t3_44, t3_51, t3_60, like.lift(0.0), like.lift(0.0)],
-                    [t3_62, t3_69, t3_75, t3_77, t3_79, t3_80, like.lift(0.0), like.lift(0.0)],
-                    [t3_81, t3_82, t3_83, t3_74, t3_85, t3_89, like.lift(0.0), like.lift(0.0)],
-                    [t3_100, t3_112, t3_112, t3_115, t3_118, t3_121, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t3_130, t3_132, t3_134, like.lift(0.0), like.lift(0.0), pivot_1, t3_148],
-                    [t3_151, t3_158, t3_160, t3_162, like.lift(0.0), like.lift(0.0), t3_165, t3_150],
-                    [t3_166, t3_167, t3_168, t3_157, like.lift(0.0), like.lift(0.0), t3_170, t3_175],
-                    [t3_178, t3_185, t3_185, t3_188, like.lift(0.0), like.lift(0.0), t3_191, t3_195],
+                    [proto.splat(0.0), t3_34, t3_42, t3_44, t3_51, t3_60, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_62, t3_69, t3_75, t3_77, t3_79, t3_80, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_81, t3_82, t3_83, t3_74, t3_85, t3_89, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_100, t3_112, t3_112, t3_115, t3_118, t3_121, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t3_130, t3_132, t3_134, proto.splat(0.0), proto.splat(0.0), pivot_1, t3_148],
+                    [t3_151, t3_158, t3_160, t3_162, proto.splat(0.0), proto.splat(0.0), t3_165, t3_150],
+                    [t3_166, t3_167, t3_168, t3_157, proto.splat(0.0), proto.splat(0.0), t3_170, t3_175],
+                    [t3_178, t3_185, t3_185, t3_188, proto.splat(0.0), proto.splat(0.0), t3_191, t3_195],
                 ],
                 [[t5_171], [t6_5], [t6_14], [t6_102], [t6_177], [t6_220], [t6_224], [t7_63]],
             ),
@@ -10259,15 +10269,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t8_2 = sin_u1_2 * t5_1;
         let t8_3 = d_u1_2 * t8_2;
         let t8_4 = w_rod1z.mul_add(t4_128, t8_3);
-        let t8_5 = like.lift(0.5) * t8_4;
+        let t8_5 = proto.splat(0.5) * t8_4;
         let t8_6 = w_rod1z * t8_2;
         let al_rod1x = t8_1 - t8_5;
-        let t8_7 = like.lift(0.8660254037844386) * t3_197;
-        let t8_8 = like.lift(0.5) * t3_197;
-        let t8_9 = like.lift(0.8660254037844386) * t3_225;
+        let t8_7 = proto.splat(0.8660254037844386) * t3_197;
+        let t8_8 = proto.splat(0.5) * t3_197;
+        let t8_9 = proto.splat(0.8660254037844386) * t3_225;
         let t8_10 = -t8_9;
-        let t8_11 = like.lift(0.5) * t3_225;
-        let t8_12 = like.lift(0.8038585209003215) * t3_225;
+        let t8_11 = proto.splat(0.5) * t3_225;
+        let t8_12 = proto.splat(0.8038585209003215) * t3_225;
         let t8_13 = t4_8.mul_add(t8_12, t3_237);
         let t8_14 = t8_13.mul_add(t4_27, t3_191);
         let t8_15 = t4_21.mul_add(t8_12, t8_14);
@@ -10397,20 +10407,20 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t8_139 = t8_138 * t4_22;
         let t8_140 = -t8_139;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t4_16 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t3_80 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t4_16 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t3_80 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3],
             [x_e1y_q1, x_e1y_q2, x_e1y_q3], [x_e1x_q1, x_e1x_q2, x_e1x_q3],
             [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t8_52, t8_91, t8_106], [t8_42, t8_107, t8_84], [t8_108, t8_77, t8_109],
                 [t8_36, t8_71, t8_72], [t8_34, t8_67, t8_94], [t8_51, t8_102, t8_101],
@@ -10419,20 +10429,22 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
             margin,
             || (
                 [
-                    [like.lift(0.0), t3_34, t3_42, t3_44, t3_51, t3_60, like.lift(0.0), like.lift(0.0)],
-                    [t3_62, t3_69, t3_75, t3_77, t3_79, t3_80, like.lift(0.0), like.lift(0.0)],
-                    [t3_81, t3_82, t3_83, t3_74, t3_85, t3_89, like.lift(0.0), like.lift(0.0)],
-                    [t3_100, t3_112, t3_112, t3_115, t3_118, t3_121, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t3_130, t3_132, t3_134, like.lift(0.0), like.lift(0.0), pivot_1, t3_148],
-                    [t3_151, t3_158, t3_160, t3_162, like.lift(0.0), like.lift(0.0), t3_165, t3_150],
-                    [t3_166, t3_167, t3_168, t3_157, like.lift(0.0), like.lift(0.0), t3_170, t3_175],
-                    [t3_178, t3_185, t3_185, t3_188, like.lift(0.0), like.lift(0.0), t3_191, t3_195],
+                    [proto.splat(0.0), t3_34, t3_42, t3_44, t3_51, t3_60, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_62, t3_69, t3_75, t3_77, t3_79, t3_80, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_81, t3_82, t3_83, t3_74, t3_85, t3_89, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_100, t3_112, t3_112, t3_115, t3_118, t3_121, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t3_130, t3_132, t3_134, proto.splat(0.0), proto.splat(0.0), pivot_1, t3_148],
+                    [t3_151, t3_158, t3_160, t3_162, proto.splat(0.0), proto.splat(0.0), t3_165, t3_150],
+                    [t3_166, t3_167, t3_168, t3_157, proto.splat(0.0), proto.splat(0.0), t3_170, t3_175],
+                    [t3_178, t3_185, t3_185, t3_188, proto.splat(0.0), proto.splat(0.0), t3_191, t3_195],
                 ],
                 [
-                    [like.lift(0.0), t8_7, like.lift(0.0)], [t3_204, t8_8, like.lift(0.0)],
-                    [t3_209, t3_217, like.lift(0.0)], [t3_100, t3_118, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t8_10], [t3_206, like.lift(0.0), t8_11],
-                    [t3_211, like.lift(0.0), t3_237], [t3_178, like.lift(0.0), t3_191],
+                    [proto.splat(0.0), t8_7, proto.splat(0.0)],
+                    [t3_204, t8_8, proto.splat(0.0)], [t3_209, t3_217, proto.splat(0.0)],
+                    [t3_100, t3_118, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t8_10],
+                    [t3_206, proto.splat(0.0), t8_11], [t3_211, proto.splat(0.0), t3_237],
+                    [t3_178, proto.splat(0.0), t3_191],
                 ],
             ),
         );
@@ -10500,7 +10512,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t9_5 = d_u1_2 * t9_4;
         let t9_6 = w_rod1x.mul_add(t4_128, t9_5);
         let t9_7 = w_rod1x * t9_4;
-        let t9_8 = like.lift(0.5) * t9_6;
+        let t9_8 = proto.splat(0.5) * t9_6;
         let t9_9 = (-sin_u1_2).mul_add(x_u1_1_q1, sin_u1_2);
         let t9_10 = t9_9 * t9_8;
         let t9_11 = al_rod1x.mul_add(t9_1, -t9_3);
@@ -10620,7 +10632,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let a_rod1x = sin_u1_2 * a_u1_1z;
         let t9_77 = cos_u1_1 * a_u1_1z;
         let t9_78 = (-sin_u1_1).mul_add(a_u1_1y, t9_77);
-        let t9_79 = like.lift(0.524) * t9_78;
+        let t9_79 = proto.splat(0.524) * t9_78;
         let w_m_rod1_q1 = -t9_79;
         y[19][0] = w_m_rod1_q1;
         let t9_80 = x_u1_2_q2 * a_rod1x;
@@ -10640,19 +10652,19 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t9_90 = t9_76.mul_add(t9_30, t9_89);
         let t9_91 = a_u1_1y * t9_9;
         let t9_92 = (-x_u1_2_q1).mul_add(a_rod1z, t9_91);
-        let w_mx_rod1_q1 = like.lift(-0.524).mul_add(t9_87, t9_92);
+        let w_mx_rod1_q1 = proto.splat(-0.524).mul_add(t9_87, t9_92);
         y[16][0] = w_mx_rod1_q1;
         let t9_93 = a_rod1x * t9_9;
         let t9_94 = a_rod1z.mul_add(t9_1, t9_93);
         let t9_95 = a_u1_1y * t9_1;
         let t9_96 = x_u1_2_q1.mul_add(a_rod1x, t9_95);
-        let w_mz_rod1_q1 = like.lift(0.524).mul_add(t9_90, t9_96);
+        let w_mz_rod1_q1 = proto.splat(0.524).mul_add(t9_90, t9_96);
         let t9_97 = -w_mz_rod1_q1;
         y[18][0] = t9_97;
         let t9_98 = cos_u1_1 * al_u1_1x;
         let t9_99 = sin_u1_1 * w_u1_1x;
         let t9_100 = (-t9_99).mul_add(t5_1, t9_98);
-        let w_my_rod1_q1 = like.lift(-0.524).mul_add(t9_100, t9_94);
+        let w_my_rod1_q1 = proto.splat(-0.524).mul_add(t9_100, t9_94);
         let t9_101 = -w_my_rod1_q1;
         y[17][0] = t9_101;
         kept[300] = t9_27;
@@ -10702,9 +10714,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let a_rod1x = kept[305];
         let t9_51 = kept[302];
         let t10_1 = t4_128 + t4_129;
-        let a_e1yy = like.lift(-1.244).mul_add(t9_27, a_u1_1y);
-        let t10_2 = like.lift(-1.244).mul_add(t9_51, a_rod1z);
-        let t10_3 = like.lift(-1.244).mul_add(t9_30, a_rod1x);
+        let a_e1yy = proto.splat(-1.244).mul_add(t9_27, a_u1_1y);
+        let t10_2 = proto.splat(-1.244).mul_add(t9_51, a_rod1z);
+        let t10_3 = proto.splat(-1.244).mul_add(t9_30, a_rod1x);
         let t10_4 = cos_u1_2_e1y.mul_add(al_u1_1x, t7_116);
         let w_e1yy = d_u1_2 + d_e1y;
         let t10_5 = sin_u1_2_e1y * t5_1;
@@ -10717,12 +10729,12 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t10_10 = t10_9 + t7_115;
         let t10_11 = w_e1yx.mul_add(t10_1, t10_8);
         let w_e1xx = d_e1x + w_e1yx;
-        let t10_12 = like.lift(0.5) * t10_11;
+        let t10_12 = proto.splat(0.5) * t10_11;
         let t10_13 = sin_u1_2_e1y.mul_add(al_u1_1x, t10_12);
         let t10_14 = t10_13 + t10_12;
         let t10_15 = w_e1yz * t10_1;
         let t10_16 = w_e1yy.mul_add(t10_5, t10_15);
-        let al_e1xx = like.lift(-0.5).mul_add(t10_16, t10_4);
+        let al_e1xx = proto.splat(-0.5).mul_add(t10_16, t10_4);
         let t10_17 = cos_u1_2_e1y.mul_add(x_u1_1_q1, x_e1x_q1);
         let t10_18 = t10_17 - cos_u1_2_e1y;
         let t10_19 = sin_e1x * t10_1;
@@ -10735,7 +10747,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let w_e1xy = cos_e1x.mul_add(w_e1yy, t10_24);
         let t10_25 = w_e1xz * t10_7;
         let t10_26 = w_e1xx.mul_add(t10_20, t10_25);
-        let t10_27 = like.lift(0.5) * t10_26;
+        let t10_27 = proto.splat(0.5) * t10_26;
         let t10_28 = x_e1y_q1 + x_u1_2_q1;
         let t10_29 = (-cos_e1x).mul_add(t10_28, e_e1x_q1y);
         let t10_30 = (-e_e1x_q1y).mul_add(x_u1_1_q1, t10_29);
@@ -10744,25 +10756,25 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t10_33 = w_e1xy * t10_7;
         let t10_34 = w_e1xx.mul_add(t10_22, t10_33);
         let t10_35 = w_e1xx * t10_7;
-        let t10_36 = like.lift(0.5) * t10_34;
+        let t10_36 = proto.splat(0.5) * t10_34;
         let e_e1x_q1z = cos_e1x * sin_u1_2_e1y;
-        let t10_37 = like.lift(0.524) * cos_u1_1;
+        let t10_37 = proto.splat(0.524) * cos_u1_1;
         let t10_38 = t10_37 * sin_u1_2_e1y;
         let t10_39 = cos_u1_1 * cos_u1_2_e1y;
-        let t10_40 = like.lift(0.524) * t10_39;
+        let t10_40 = proto.splat(0.524) * t10_39;
         let t10_41 = e_e1x_q1z * x_u1_1_q1;
         let t10_42 = sin_e1x.mul_add(x_u1_2_q1, e_e1x_q1z);
         let t10_43 = t10_42 - t10_41;
         let t10_44 = t10_43 + t10_31;
         let t10_45 = t10_31 - t10_41;
         let t10_46 = t10_45 + e_e1x_q1z;
-        let t10_47 = like.lift(-0.044).mul_add(t10_46, t10_38);
+        let t10_47 = proto.splat(-0.044).mul_add(t10_46, t10_38);
         let t10_48 = t10_44 * t10_36;
         let t10_49 = al_e1xx.mul_add(t10_18, t10_32);
         let w_ixx_platform_q1 = t10_49 + t10_48;
         let t10_50 = -w_ixx_platform_q1;
         let t10_51 = cos_u1_2_e1y.mul_add(x_u1_1_q2, x_e1x_q2);
-        let t10_52 = like.lift(0.044) * x_e1x_q2;
+        let t10_52 = proto.splat(0.044) * x_e1x_q2;
         let t10_53 = x_e1y_q2 + x_u1_2_q2;
         let t10_54 = cos_e1x * t10_53;
         let t10_55 = e_e1x_q1y.mul_add(x_u1_1_q2, t10_54);
@@ -10773,15 +10785,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t10_60 = (-sin_e1x).mul_add(x_u1_2_q2, t10_58);
         let t10_61 = t10_60 - t10_56;
         let t10_62 = t10_56 - t10_58;
-        let t10_63 = like.lift(0.044) * t10_62;
+        let t10_63 = proto.splat(0.044) * t10_62;
         let t10_64 = t10_61 * t10_36;
         let t10_65 = al_e1xx.mul_add(t10_51, -t10_57);
         let w_ixx_platform_q2 = t10_65 - t10_64;
         let t10_66 = -w_ixx_platform_q2;
         let t10_67 = cos_u1_2_e1y.mul_add(x_u1_1_q3, x_e1x_q3);
-        let t10_68 = like.lift(0.044) * cos_u1_2_e1y;
-        let t10_69 = like.lift(-0.044).mul_add(x_e1x_q1, t10_68);
-        let t10_70 = like.lift(0.044) * x_e1x_q3;
+        let t10_68 = proto.splat(0.044) * cos_u1_2_e1y;
+        let t10_69 = proto.splat(-0.044).mul_add(x_e1x_q1, t10_68);
+        let t10_70 = proto.splat(0.044) * x_e1x_q3;
         let t10_71 = x_e1y_q3 + x_u1_2_q3;
         let t10_72 = cos_e1x * t10_71;
         let t10_73 = e_e1x_q1y.mul_add(x_u1_1_q3, t10_72);
@@ -10790,7 +10802,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t10_76 = (-sin_e1x).mul_add(x_u1_2_q3, t10_59);
         let t10_77 = t10_76 - t10_74;
         let t10_78 = t10_74 - t10_59;
-        let t10_79 = like.lift(0.044) * t10_78;
+        let t10_79 = proto.splat(0.044) * t10_78;
         let t10_80 = t10_77 * t10_36;
         let t10_81 = al_e1xx.mul_add(t10_67, -t10_75);
         let w_ixx_platform_q3 = t10_81 - t10_80;
@@ -10803,7 +10815,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t10_88 = w_e1xy.mul_add(t10_20, t10_87);
         let t10_89 = w_e1xy * t10_22;
         let t10_90 = w_e1xz * t10_20;
-        let t10_91 = like.lift(0.5) * t10_88;
+        let t10_91 = proto.splat(0.5) * t10_88;
         let t10_92 = al_e1xx - t10_91;
         let t10_93 = al_e1xx + t10_91;
         let t10_94 = t10_35 - t10_89;
@@ -10871,10 +10883,10 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t10_139 = cos_e1y * t10_2;
         let a_e1yz = (-sin_e1y).mul_add(t10_3, t10_139);
         let t10_140 = cos_e1y * t10_3;
-        let t10_141 = like.lift(-0.044).mul_add(t10_128, t10_140);
+        let t10_141 = proto.splat(-0.044).mul_add(t10_128, t10_140);
         let a_platformx = sin_e1y.mul_add(t10_2, t10_141);
-        let t10_142 = like.lift(1.244) * cos_e1y;
-        let u_platform_u1_2x = like.lift(0.044).mul_add(sin_e1x, t10_142);
+        let t10_142 = proto.splat(1.244) * cos_e1y;
+        let u_platform_u1_2x = proto.splat(0.044).mul_add(sin_e1x, t10_142);
         let t10_143 = (-u_platform_u1_2x).mul_add(x_u1_2_q1, t10_47);
         let t10_144 = u_platform_u1_2x.mul_add(x_u1_2_q2, t10_63);
         let t10_145 = u_platform_u1_2x.mul_add(x_u1_2_q3, t10_79);
@@ -10883,24 +10895,24 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t10_148 = t10_35 + t10_90;
         let t10_149 = t10_89 + t10_90;
         let t10_150 = t10_35 + t10_89;
-        let t10_151 = like.lift(0.044) * t10_148;
+        let t10_151 = proto.splat(0.044) * t10_148;
         let t10_152 = (-sin_e1x).mul_add(a_e1yz, t10_151);
         let a_platformy = cos_e1x.mul_add(a_e1yy, t10_152);
-        let t10_153 = like.lift(0.044) * t10_92;
+        let t10_153 = proto.splat(0.044) * t10_92;
         let t10_154 = cos_e1x.mul_add(a_e1yz, t10_153);
         let a_platformz = sin_e1x.mul_add(a_e1yy, t10_154);
-        let t10_155 = like.lift(1.244) * cos_u1_2;
-        let u_e1y_q1y = like.lift(0.524).mul_add(sin_u1_1, t10_155);
+        let t10_155 = proto.splat(1.244) * cos_u1_2;
+        let u_e1y_q1y = proto.splat(0.524).mul_add(sin_u1_1, t10_155);
         let u_platform_u1_1z = sin_e1x.mul_add(t10_155, t10_68);
         let t10_156 = cos_u1_2 * cos_e1x;
         let t10_157 = sin_e1y * sin_e1x;
         let t10_158 = sin_e1y * cos_e1x;
-        let t10_159 = like.lift(1.244) * t10_158;
+        let t10_159 = proto.splat(1.244) * t10_158;
         let t10_160 = (-x_u1_2_q1).mul_add(t10_159, t10_69);
         let t10_161 = t10_157 * x_u1_2_q1;
         let t10_162 = (-t10_156).mul_add(x_u1_1_q1, t10_161);
         let t10_163 = (-u_platform_u1_1z).mul_add(x_u1_1_q1, t10_160);
-        let t10_164 = like.lift(1.244) * t10_162;
+        let t10_164 = proto.splat(1.244) * t10_162;
         let t10_165 = sin_e1x.mul_add(t10_40, t10_164);
         let t10_166 = (-cos_e1x).mul_add(t10_40, t10_163);
         let t10_167 = cos_e1x.mul_add(u_e1y_q1y, t10_165);
@@ -10913,9 +10925,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t10_174 = u_platform_u1_1z.mul_add(x_u1_1_q2, t10_169);
         let t10_175 = (-t10_156).mul_add(x_u1_1_q3, t10_172);
         let t10_176 = u_platform_u1_1z.mul_add(x_u1_1_q3, t10_170);
-        let t10_177 = like.lift(1.244) * t10_173;
+        let t10_177 = proto.splat(1.244) * t10_173;
         let t10_178 = -t10_177;
-        let t10_179 = like.lift(1.244) * t10_175;
+        let t10_179 = proto.splat(1.244) * t10_175;
         let t10_180 = -t10_179;
         let t10_181 = a_platformz * t10_30;
         let t10_182 = a_platformy.mul_add(t10_44, t10_181);
@@ -11086,9 +11098,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let sin_q2 = kept[12];
         let cos_q2 = kept[13];
         y[30][1] = dr_q2;
-        let a_crank2z = like.lift(9.81) * cos_q2;
+        let a_crank2z = proto.splat(9.81) * cos_q2;
         y[37][1] = a_crank2z;
-        let a_crank2y = like.lift(9.81) * sin_q2;
+        let a_crank2y = proto.splat(9.81) * sin_q2;
         let t12_1 = -a_crank2y;
         y[38][1] = t12_1;
         kept[352] = a_crank2z;
@@ -11113,17 +11125,17 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let a_crank2z = kept[352];
         let a_crank2y = kept[353];
         let t5_114 = kept[209];
-        let t13_1 = like.lift(-0.524).mul_add(t5_114, a_crank2y);
+        let t13_1 = proto.splat(-0.524).mul_add(t5_114, a_crank2y);
         let al_u2_1x = dr_q2 + t7_117;
         let t13_2 = r_q2 + t4_131;
-        let t13_3 = like.lift(0.524).mul_add(dr_q2, a_crank2z);
+        let t13_3 = proto.splat(0.524).mul_add(dr_q2, a_crank2z);
         let t13_4 = cos_u2_2 * al_u2_1x;
         let w_u2_1x = d_q2 + d_u2_1;
         let w_rod2z = sin_u2_2 * w_u2_1x;
         let t13_5 = sin_u2_2 * t13_2;
         let t13_6 = d_u2_2 * t13_5;
         let t13_7 = w_rod2z.mul_add(t4_132, t13_6);
-        let t13_8 = like.lift(0.5) * t13_7;
+        let t13_8 = proto.splat(0.5) * t13_7;
         let t13_9 = w_rod2z * t13_5;
         let al_rod2x = t13_4 - t13_8;
         let t13_10 = cos_u2_2 * x_u2_1_q1;
@@ -11138,7 +11150,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t13_18 = d_u2_2 * t13_15;
         let t13_19 = w_rod2x.mul_add(t4_132, t13_18);
         let t13_20 = w_rod2x * t13_15;
-        let t13_21 = like.lift(0.5) * t13_19;
+        let t13_21 = proto.splat(0.5) * t13_19;
         let t13_22 = d_u2_2 * t4_132;
         let t13_23 = sin_u2_2 * x_u2_1_q1;
         let t13_24 = t13_23 * t13_21;
@@ -11264,7 +11276,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let w_mz_rod2_q1 = (-a_u2_1y).mul_add(t13_10, t13_96);
         let t13_97 = -w_mz_rod2_q1;
         y[48][0] = t13_97;
-        let t13_98 = like.lift(0.524) * t13_95;
+        let t13_98 = proto.splat(0.524) * t13_95;
         let w_m_rod2_q2 = -t13_98;
         y[49][1] = w_m_rod2_q2;
         let t13_99 = x_u2_2_q3 * a_rod2z;
@@ -11277,14 +11289,14 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         y[48][2] = t13_102;
         let t13_103 = a_u2_1y * t13_29;
         let t13_104 = (-x_u2_2_q2).mul_add(a_rod2z, t13_103);
-        let w_mx_rod2_q2 = like.lift(-0.524).mul_add(t13_92, t13_104);
+        let w_mx_rod2_q2 = proto.splat(-0.524).mul_add(t13_92, t13_104);
         y[46][1] = w_mx_rod2_q2;
         let t13_105 = a_rod2x * t13_29;
         let t13_106 = a_rod2z.mul_add(t13_28, t13_105);
         let t13_107 = a_u2_1y * t13_28;
         let t13_108 = x_u2_2_q2.mul_add(a_rod2x, t13_107);
-        let w_my_rod2_q2 = like.lift(-0.524).mul_add(t13_14, t13_106);
-        let w_mz_rod2_q2 = like.lift(0.524).mul_add(t13_93, t13_108);
+        let w_my_rod2_q2 = proto.splat(-0.524).mul_add(t13_14, t13_106);
+        let w_mz_rod2_q2 = proto.splat(0.524).mul_add(t13_93, t13_108);
         let t13_109 = -w_my_rod2_q2;
         y[47][1] = t13_109;
         let t13_110 = -w_mz_rod2_q2;
@@ -11295,9 +11307,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let sin_q3 = kept[18];
         let cos_q3 = kept[19];
         y[50][2] = dr_q3;
-        let a_crank3z = like.lift(9.81) * cos_q3;
+        let a_crank3z = proto.splat(9.81) * cos_q3;
         y[57][2] = a_crank3z;
-        let a_crank3y = like.lift(9.81) * sin_q3;
+        let a_crank3y = proto.splat(9.81) * sin_q3;
         let t14_1 = -a_crank3y;
         y[58][2] = t14_1;
         kept[354] = a_crank3z;
@@ -11322,17 +11334,17 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let a_crank3z = kept[354];
         let a_crank3y = kept[355];
         let t6_118 = kept[235];
-        let t15_1 = like.lift(-0.524).mul_add(t6_118, a_crank3y);
+        let t15_1 = proto.splat(-0.524).mul_add(t6_118, a_crank3y);
         let al_u3_1x = dr_q3 + t7_118;
         let t15_2 = r_q3 + t4_133;
-        let t15_3 = like.lift(0.524).mul_add(dr_q3, a_crank3z);
+        let t15_3 = proto.splat(0.524).mul_add(dr_q3, a_crank3z);
         let t15_4 = cos_u3_2 * al_u3_1x;
         let w_u3_1x = d_q3 + d_u3_1;
         let w_rod3z = sin_u3_2 * w_u3_1x;
         let t15_5 = sin_u3_2 * t15_2;
         let t15_6 = d_u3_2 * t15_5;
         let t15_7 = w_rod3z.mul_add(t4_134, t15_6);
-        let t15_8 = like.lift(0.5) * t15_7;
+        let t15_8 = proto.splat(0.5) * t15_7;
         let t15_9 = w_rod3z * t15_5;
         let al_rod3x = t15_4 - t15_8;
         let t15_10 = cos_u3_2 * x_u3_1_q1;
@@ -11347,7 +11359,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let t15_18 = d_u3_2 * t15_15;
         let t15_19 = w_rod3x.mul_add(t4_134, t15_18);
         let t15_20 = w_rod3x * t15_15;
-        let t15_21 = like.lift(0.5) * t15_19;
+        let t15_21 = proto.splat(0.5) * t15_19;
         let t15_22 = d_u3_2 * t4_134;
         let t15_23 = sin_u3_2 * x_u3_1_q1;
         let t15_24 = t15_23 * t15_21;
@@ -11481,19 +11493,19 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
         let w_mz_rod3_q2 = (-a_u3_1y).mul_add(t15_28, t15_100);
         let t15_101 = -w_mz_rod3_q2;
         y[68][1] = t15_101;
-        let t15_102 = like.lift(0.524) * t15_97;
+        let t15_102 = proto.splat(0.524) * t15_97;
         let w_m_rod3_q3 = -t15_102;
         y[69][2] = w_m_rod3_q3;
         let t15_103 = a_u3_1y * t15_36;
         let t15_104 = (-x_u3_2_q3).mul_add(a_rod3z, t15_103);
-        let w_mx_rod3_q3 = like.lift(-0.524).mul_add(t15_94, t15_104);
+        let w_mx_rod3_q3 = proto.splat(-0.524).mul_add(t15_94, t15_104);
         y[66][2] = w_mx_rod3_q3;
         let t15_105 = a_rod3x * t15_36;
         let t15_106 = a_rod3z.mul_add(t15_35, t15_105);
         let t15_107 = a_u3_1y * t15_35;
         let t15_108 = x_u3_2_q3.mul_add(a_rod3x, t15_107);
-        let w_my_rod3_q3 = like.lift(-0.524).mul_add(t15_14, t15_106);
-        let w_mz_rod3_q3 = like.lift(0.524).mul_add(t15_95, t15_108);
+        let w_my_rod3_q3 = proto.splat(-0.524).mul_add(t15_14, t15_106);
+        let w_mz_rod3_q3 = proto.splat(0.524).mul_add(t15_95, t15_108);
         let t15_109 = -w_my_rod3_q3;
         y[67][2] = t15_109;
         let t15_110 = -w_mz_rod3_q3;
@@ -11509,15 +11521,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qd_r: &[T; 3], q
 /// - `left`: tau_i - X^T tau_e (Eq. 10): what W phi must equal
 ///
 /// 0 additions, 0 multiplications, 0 divisions, 0 sines and cosines.
-pub fn efforts<T: Scalar>(q: &[T; 11], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut left = [like.lift(0.0); 3];
+pub fn generalized_forces<T: Scalar>(q: &[T; 11], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
+    let proto = q[0];
+    let mut left = [proto.splat(0.0); 3];
     let [tau_q1, tau_q2, tau_q3] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q1; left[1] = tau_q2; left[2] = tau_q3;
     }
-    (left, Condition::regular(like))
+    (left, Condition::regular(proto))
 }
 
 /// Where the bodies are.
@@ -11527,8 +11539,8 @@ pub fn efforts<T: Scalar>(q: &[T; 11], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
 ///
 /// 26 additions, 68 multiplications, 0 divisions, 11 sines and cosines.
 pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
-    let like = q[0];
-    let mut poses = [[like.lift(0.0); 12]; 7];
+    let proto = q[0];
+    let mut poses = [[proto.splat(0.0); 12]; 7];
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -11555,7 +11567,7 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
     };
     // body crank1
     {
-        poses[0][0] = like.lift(1.0); poses[0][4] = cos_q1; poses[0][7] = sin_q1; poses[0][8] = cos_q1; poses[0][10] = like.lift(0.164);
+        poses[0][0] = proto.splat(1.0); poses[0][4] = cos_q1; poses[0][7] = sin_q1; poses[0][8] = cos_q1; poses[0][10] = proto.splat(0.164);
         let t2_1 = -sin_q1;
         poses[0][5] = t2_1;
     }
@@ -11564,9 +11576,9 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
         poses[1][0] = cos_u1_2; poses[1][2] = sin_u1_2; poses[1][4] = cos_q1_u1_1; poses[1][7] = sin_q1_u1_1;
         let t3_1 = sin_u1_2 * sin_q1_u1_1;
         poses[1][3] = t3_1;
-        let t3_2 = like.lift(0.524).mul_add(cos_q1, like.lift(0.164));
+        let t3_2 = proto.splat(0.524).mul_add(cos_q1, proto.splat(0.164));
         poses[1][10] = t3_2;
-        let t3_3 = like.lift(0.524) * sin_q1;
+        let t3_3 = proto.splat(0.524) * sin_q1;
         poses[1][11] = t3_3;
         let t3_4 = sin_u1_2 * cos_q1_u1_1;
         let t3_5 = -t3_4;
@@ -11590,8 +11602,8 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
         poses[2][6] = t4_3;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
         poses[2][1] = e_e1x_q1y;
-        let t4_4 = like.lift(0.044) * e_e1x_q1y;
-        let t4_5 = like.lift(1.244).mul_add(sin_u1_2, t4_4);
+        let t4_4 = proto.splat(0.044) * e_e1x_q1y;
+        let t4_5 = proto.splat(1.244).mul_add(sin_u1_2, t4_4);
         let t4_6 = -t4_5;
         poses[2][9] = t4_6;
         let t4_7 = sin_q1_u1_1 * cos_u1_2_e1y;
@@ -11599,8 +11611,8 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
         let t4_9 = cos_e1x * cos_q1_u1_1;
         let t4_10 = (-sin_e1x).mul_add(t4_7, t4_9);
         poses[2][4] = t4_10;
-        let t4_11 = like.lift(-0.044).mul_add(t4_10, t3_2);
-        let t4_12 = like.lift(1.244).mul_add(t3_6, t4_11);
+        let t4_11 = proto.splat(-0.044).mul_add(t4_10, t3_2);
+        let t4_12 = proto.splat(1.244).mul_add(t3_6, t4_11);
         poses[2][10] = t4_12;
         let t4_13 = cos_e1x * t4_7;
         let t4_14 = sin_e1x.mul_add(cos_q1_u1_1, t4_13);
@@ -11611,94 +11623,94 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
         poses[2][7] = t4_17;
         let t4_18 = sin_e1x * sin_q1_u1_1;
         let t4_19 = (-cos_e1x).mul_add(t4_8, t4_18);
-        let t4_20 = like.lift(-0.044).mul_add(t4_17, t3_3);
-        let t4_21 = like.lift(-1.244).mul_add(t3_8, t4_20);
+        let t4_20 = proto.splat(-0.044).mul_add(t4_17, t3_3);
+        let t4_21 = proto.splat(-1.244).mul_add(t3_8, t4_20);
         poses[2][11] = t4_21;
         let t4_22 = -t4_19;
         poses[2][8] = t4_22;
     }
     // body crank2
     {
-        poses[3][0] = like.lift(-0.5); poses[3][3] = like.lift(0.8660254037844386); poses[3][7] = sin_q2; poses[3][8] = cos_q2; poses[3][9] = like.lift(-0.14202816622064793); poses[3][10] = like.lift(-0.082);
-        let t5_1 = like.lift(0.8660254037844386) * sin_q2;
+        poses[3][0] = proto.splat(-0.5); poses[3][3] = proto.splat(0.8660254037844386); poses[3][7] = sin_q2; poses[3][8] = cos_q2; poses[3][9] = proto.splat(-0.14202816622064793); poses[3][10] = proto.splat(-0.082);
+        let t5_1 = proto.splat(0.8660254037844386) * sin_q2;
         poses[3][2] = t5_1;
-        let t5_2 = like.lift(0.5) * sin_q2;
+        let t5_2 = proto.splat(0.5) * sin_q2;
         poses[3][5] = t5_2;
-        let t5_3 = like.lift(0.8660254037844386) * cos_q2;
+        let t5_3 = proto.splat(0.8660254037844386) * cos_q2;
         let t5_4 = -t5_3;
         poses[3][1] = t5_4;
-        let t5_5 = like.lift(0.5) * cos_q2;
+        let t5_5 = proto.splat(0.5) * cos_q2;
         let t5_6 = -t5_5;
         poses[3][4] = t5_6;
     }
     // body rod2
     {
         poses[4][7] = sin_q2_u2_1;
-        let t6_1 = like.lift(0.524) * sin_q2;
+        let t6_1 = proto.splat(0.524) * sin_q2;
         poses[4][11] = t6_1;
         let t6_2 = cos_u2_2 * cos_q2_u2_1;
         poses[4][8] = t6_2;
-        let t6_3 = like.lift(0.8660254037844386) * cos_q2_u2_1;
+        let t6_3 = proto.splat(0.8660254037844386) * cos_q2_u2_1;
         let t6_4 = -t6_3;
         poses[4][1] = t6_4;
-        let t6_5 = like.lift(0.5) * cos_q2_u2_1;
+        let t6_5 = proto.splat(0.5) * cos_q2_u2_1;
         let t6_6 = -t6_5;
         poses[4][4] = t6_6;
         let t6_7 = sin_u2_2 * cos_q2_u2_1;
         let t6_8 = -t6_7;
         poses[4][6] = t6_8;
-        let t6_9 = like.lift(0.45379731158304587).mul_add(cos_q2, like.lift(0.14202816622064793));
+        let t6_9 = proto.splat(0.45379731158304587).mul_add(cos_q2, proto.splat(0.14202816622064793));
         let t6_10 = -t6_9;
         poses[4][9] = t6_10;
-        let t6_11 = like.lift(0.262).mul_add(cos_q2, like.lift(0.082));
+        let t6_11 = proto.splat(0.262).mul_add(cos_q2, proto.splat(0.082));
         let t6_12 = -t6_11;
         poses[4][10] = t6_12;
         let t6_13 = sin_u2_2 * sin_q2_u2_1;
         let t6_14 = cos_u2_2 * sin_q2_u2_1;
-        let t6_15 = like.lift(0.8660254037844386) * t6_14;
-        let t6_16 = like.lift(-0.5).mul_add(sin_u2_2, t6_15);
+        let t6_15 = proto.splat(0.8660254037844386) * t6_14;
+        let t6_16 = proto.splat(-0.5).mul_add(sin_u2_2, t6_15);
         poses[4][2] = t6_16;
-        let t6_17 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t6_18 = like.lift(0.5).mul_add(t6_14, t6_17);
+        let t6_17 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t6_18 = proto.splat(0.5).mul_add(t6_14, t6_17);
         poses[4][5] = t6_18;
-        let t6_19 = like.lift(0.5) * cos_u2_2;
-        let t6_20 = like.lift(0.8660254037844386).mul_add(t6_13, t6_19);
+        let t6_19 = proto.splat(0.5) * cos_u2_2;
+        let t6_20 = proto.splat(0.8660254037844386).mul_add(t6_13, t6_19);
         let t6_21 = -t6_20;
         poses[4][0] = t6_21;
-        let t6_22 = like.lift(0.5) * t6_13;
-        let t6_23 = like.lift(-0.8660254037844386).mul_add(cos_u2_2, t6_22);
+        let t6_22 = proto.splat(0.5) * t6_13;
+        let t6_23 = proto.splat(-0.8660254037844386).mul_add(cos_u2_2, t6_22);
         let t6_24 = -t6_23;
         poses[4][3] = t6_24;
     }
     // body crank3
     {
-        poses[5][0] = like.lift(-0.5); poses[5][3] = like.lift(-0.8660254037844386); poses[5][7] = sin_q3; poses[5][8] = cos_q3; poses[5][9] = like.lift(0.14202816622064793); poses[5][10] = like.lift(-0.082);
-        let t7_1 = like.lift(0.8660254037844386) * cos_q3;
+        poses[5][0] = proto.splat(-0.5); poses[5][3] = proto.splat(-0.8660254037844386); poses[5][7] = sin_q3; poses[5][8] = cos_q3; poses[5][9] = proto.splat(0.14202816622064793); poses[5][10] = proto.splat(-0.082);
+        let t7_1 = proto.splat(0.8660254037844386) * cos_q3;
         poses[5][1] = t7_1;
-        let t7_2 = like.lift(0.5) * sin_q3;
+        let t7_2 = proto.splat(0.5) * sin_q3;
         poses[5][5] = t7_2;
-        let t7_3 = like.lift(0.8660254037844386) * sin_q3;
+        let t7_3 = proto.splat(0.8660254037844386) * sin_q3;
         let t7_4 = -t7_3;
         poses[5][2] = t7_4;
-        let t7_5 = like.lift(0.5) * cos_q3;
+        let t7_5 = proto.splat(0.5) * cos_q3;
         let t7_6 = -t7_5;
         poses[5][4] = t7_6;
     }
     // body rod3
     {
         poses[6][7] = sin_q3_u3_1;
-        let t8_1 = like.lift(0.524) * sin_q3;
+        let t8_1 = proto.splat(0.524) * sin_q3;
         poses[6][11] = t8_1;
-        let t8_2 = like.lift(0.8660254037844386) * cos_q3_u3_1;
+        let t8_2 = proto.splat(0.8660254037844386) * cos_q3_u3_1;
         poses[6][1] = t8_2;
         let t8_3 = cos_u3_2 * cos_q3_u3_1;
         poses[6][8] = t8_3;
-        let t8_4 = like.lift(0.45379731158304587).mul_add(cos_q3, like.lift(0.14202816622064793));
+        let t8_4 = proto.splat(0.45379731158304587).mul_add(cos_q3, proto.splat(0.14202816622064793));
         poses[6][9] = t8_4;
-        let t8_5 = like.lift(0.262).mul_add(cos_q3, like.lift(0.082));
+        let t8_5 = proto.splat(0.262).mul_add(cos_q3, proto.splat(0.082));
         let t8_6 = -t8_5;
         poses[6][10] = t8_6;
-        let t8_7 = like.lift(0.5) * cos_q3_u3_1;
+        let t8_7 = proto.splat(0.5) * cos_q3_u3_1;
         let t8_8 = -t8_7;
         poses[6][4] = t8_8;
         let t8_9 = sin_u3_2 * cos_q3_u3_1;
@@ -11706,18 +11718,18 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
         poses[6][6] = t8_10;
         let t8_11 = sin_u3_2 * sin_q3_u3_1;
         let t8_12 = cos_u3_2 * sin_q3_u3_1;
-        let t8_13 = like.lift(0.8660254037844386) * t8_11;
-        let t8_14 = like.lift(-0.5).mul_add(cos_u3_2, t8_13);
+        let t8_13 = proto.splat(0.8660254037844386) * t8_11;
+        let t8_14 = proto.splat(-0.5).mul_add(cos_u3_2, t8_13);
         poses[6][0] = t8_14;
-        let t8_15 = like.lift(0.8660254037844386) * cos_u3_2;
-        let t8_16 = like.lift(0.5).mul_add(t8_11, t8_15);
+        let t8_15 = proto.splat(0.8660254037844386) * cos_u3_2;
+        let t8_16 = proto.splat(0.5).mul_add(t8_11, t8_15);
         let t8_17 = -t8_16;
         poses[6][3] = t8_17;
-        let t8_18 = like.lift(0.5) * t8_12;
-        let t8_19 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t8_18);
+        let t8_18 = proto.splat(0.5) * t8_12;
+        let t8_19 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t8_18);
         poses[6][5] = t8_19;
-        let t8_20 = like.lift(0.5) * sin_u3_2;
-        let t8_21 = like.lift(0.8660254037844386).mul_add(t8_12, t8_20);
+        let t8_20 = proto.splat(0.5) * sin_u3_2;
+        let t8_21 = proto.splat(0.8660254037844386).mul_add(t8_12, t8_20);
         let t8_22 = -t8_21;
         poses[6][2] = t8_22;
     }
@@ -11733,7 +11745,7 @@ pub fn poses<T: Scalar>(q: &[T; 11]) -> [[T; 12]; 7] {
 ///
 /// 430 additions, 656 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 34]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+    let zero = q[0].splat(0.0);
     w[0][1] = zero; w[0][2] = zero;
     w[1][1] = zero; w[1][2] = zero;
     w[2][1] = zero; w[2][2] = zero;
@@ -11750,8 +11762,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &m
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], w: &mut [[T; 3]; 34]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -11778,9 +11790,9 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
     // body crank1
     let [a_crank1z, a_crank1y] = {
         w[0][0] = dd_q1;
-        let a_crank1z = like.lift(9.81) * cos_q1;
+        let a_crank1z = proto.splat(9.81) * cos_q1;
         w[1][0] = a_crank1z;
-        let a_crank1y = like.lift(9.81) * sin_q1;
+        let a_crank1y = proto.splat(9.81) * sin_q1;
         let t2_1 = -a_crank1y;
         w[2][0] = t2_1;
         [a_crank1z, a_crank1y]
@@ -11797,8 +11809,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         t3_211, t3_212, t3_213, t3_214, t3_217, t3_218, t3_221, t3_222, t3_223, t3_224, t3_225,
         pivot_2, inv_pivot_2, t3_227, t3_229, pivot_3, t3_230, inv_pivot_3, t3_231, t3_232,
     ] = {
-        let t3_1 = like.lift(0.524).mul_add(dd_q1, a_crank1z);
-        let t3_2 = like.lift(0.524) * d_q1;
+        let t3_1 = proto.splat(0.524).mul_add(dd_q1, a_crank1z);
+        let t3_2 = proto.splat(0.524) * d_q1;
         let t3_3 = (-t3_2).mul_add(d_q1, a_crank1y);
         let al_u1_1x = dd_q1 + dd_u1_1;
         let t3_4 = cos_u1_2 * al_u1_1x;
@@ -11816,28 +11828,28 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t3_10 = cos_e1x.mul_add(sin_q1_u1_1, t3_9);
         let t3_11 = cos_e1x * cos_q1_u1_1;
         let t3_12 = (-sin_q1_u1_1).mul_add(t3_8, t3_11);
-        let t3_13 = like.lift(0.022) * t3_10;
+        let t3_13 = proto.splat(0.022) * t3_10;
         let t3_14 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t3_15 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t3_16 = like.lift(0.0381051177665153) * t3_14;
-        let t3_17 = like.lift(1.244) * cos_u1_2;
+        let t3_16 = proto.splat(0.0381051177665153) * t3_14;
+        let t3_17 = proto.splat(1.244) * cos_u1_2;
         let t3_18 = cos_q1_u1_1 * t3_17;
         let t3_19 = sin_q1_u1_1 * t3_17;
-        let t3_20 = like.lift(0.524).mul_add(sin_q1, -t3_18);
-        let t3_21 = like.lift(0.044) * t3_10;
+        let t3_20 = proto.splat(0.524).mul_add(sin_q1, -t3_18);
+        let t3_21 = proto.splat(0.044) * t3_10;
         let t3_22 = t3_18 + t3_21;
-        let t3_23 = like.lift(0.8660254037844386) * t3_10;
+        let t3_23 = proto.splat(0.8660254037844386) * t3_10;
         let t3_24 = t3_20 - t3_21;
         let t3_25 = t3_13 - t3_16;
         let t3_26 = t3_25 + t3_22;
         let t3_27 = t3_13 + t3_16;
         let t3_28 = t3_27 + t3_22;
-        let t3_29 = like.lift(0.044) * t3_12;
-        let t3_30 = like.lift(-0.524).mul_add(cos_q1, t3_29);
+        let t3_29 = proto.splat(0.044) * t3_12;
+        let t3_30 = proto.splat(-0.524).mul_add(cos_q1, t3_29);
         let t3_31 = t3_30 - t3_19;
-        let t3_32 = like.lift(0.0381051177665153) * t3_15;
-        let t3_33 = like.lift(0.022) * t3_12;
-        let t3_34 = like.lift(0.8660254037844386) * t3_12;
+        let t3_32 = proto.splat(0.0381051177665153) * t3_15;
+        let t3_33 = proto.splat(0.022) * t3_12;
+        let t3_34 = proto.splat(0.8660254037844386) * t3_12;
         let t3_35 = t3_19 - t3_29;
         let t3_36 = t3_35 - t3_32;
         let t3_37 = t3_36 - t3_33;
@@ -11867,25 +11879,25 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t3_60 = cos_q2 * cos_u2_1;
         let cos_q2_u2_1 = (-sin_q2).mul_add(sin_u2_1, t3_60);
         let t3_61 = cos_u2_2 * cos_q2_u2_1;
-        let t3_62 = like.lift(1.0773356023078418) * t3_61;
+        let t3_62 = proto.splat(1.0773356023078418) * t3_61;
         let t3_63 = -t3_62;
         let t3_64 = cos_q2_u2_1 * t3_61;
         let t3_65 = cos_u2_2 * sin_q2_u2_1;
-        let t3_66 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t3_67 = like.lift(0.5).mul_add(t3_65, t3_66);
-        let t3_68 = like.lift(0.8660254037844386) * t3_65;
-        let t3_69 = like.lift(-0.5).mul_add(sin_u2_2, t3_68);
-        let t3_70 = like.lift(1.244) * sin_q2_u2_1;
+        let t3_66 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t3_67 = proto.splat(0.5).mul_add(t3_65, t3_66);
+        let t3_68 = proto.splat(0.8660254037844386) * t3_65;
+        let t3_69 = proto.splat(-0.5).mul_add(sin_u2_2, t3_68);
+        let t3_70 = proto.splat(1.244) * sin_q2_u2_1;
         let t3_71 = t3_67 * t3_70;
-        let t3_72 = like.lift(0.622).mul_add(t3_64, t3_71);
-        let t3_73 = like.lift(1.0773356023078418) * t3_64;
+        let t3_72 = proto.splat(0.622).mul_add(t3_64, t3_71);
+        let t3_73 = proto.splat(1.0773356023078418) * t3_64;
         let pivot_5 = t3_69.mul_add(t3_70, t3_73);
         let t3_74 = -t3_26;
-        let t3_75 = like.lift(0.044) * e_e1x_q1y;
-        let t3_76 = like.lift(1.244).mul_add(sin_u1_2, t3_75);
-        let t3_77 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t3_78 = like.lift(0.022) * e_e1x_q1y;
-        let t3_79 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t3_75 = proto.splat(0.044) * e_e1x_q1y;
+        let t3_76 = proto.splat(1.244).mul_add(sin_u1_2, t3_75);
+        let t3_77 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t3_78 = proto.splat(0.022) * e_e1x_q1y;
+        let t3_79 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t3_80 = t3_76 + t3_77;
         let t3_81 = t3_80 + t3_78;
         let t3_82 = t3_76 - t3_77;
@@ -11901,43 +11913,43 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t3_92 = sin_q1_u1_1 * t3_88;
         let t3_93 = cos_q1_u1_1 * t3_88;
         let t3_94 = -t3_90;
-        let t3_95 = like.lift(0.622) * t3_61;
-        let t3_96 = like.lift(0.524) * sin_q2;
-        let t3_97 = like.lift(-1.244).mul_add(t3_61, t3_96);
+        let t3_95 = proto.splat(0.622) * t3_61;
+        let t3_96 = proto.splat(0.524) * sin_q2;
+        let t3_97 = proto.splat(-1.244).mul_add(t3_61, t3_96);
         let t3_98 = -t3_95;
         let t3_99 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t3_100 = -t3_37;
         let t3_101 = -t3_85;
         let t3_102 = -t3_93;
-        let t3_103 = like.lift(1.0773356023078418) * t3_69;
-        let t3_104 = like.lift(0.622).mul_add(t3_67, t3_103);
-        let t3_105 = like.lift(0.622) * t3_69;
-        let t3_106 = like.lift(-1.0773356023078418).mul_add(t3_67, t3_105);
+        let t3_103 = proto.splat(1.0773356023078418) * t3_69;
+        let t3_104 = proto.splat(0.622).mul_add(t3_67, t3_103);
+        let t3_105 = proto.splat(0.622) * t3_69;
+        let t3_106 = proto.splat(-1.0773356023078418).mul_add(t3_67, t3_105);
         let t3_107 = cos_q2_u2_1 * t3_106;
         let t3_108 = -t3_107;
-        let t3_109 = like.lift(1.244) * t3_67;
-        let t3_110 = like.lift(0.262).mul_add(cos_q2, t3_109);
-        let t3_111 = like.lift(1.244) * t3_69;
-        let t3_112 = like.lift(0.45379731158304587).mul_add(cos_q2, t3_111);
-        let t3_113 = like.lift(0.8660254037844386) * t3_112;
-        let t3_114 = like.lift(0.5).mul_add(t3_110, t3_113);
-        let t3_115 = like.lift(0.5) * t3_14;
+        let t3_109 = proto.splat(1.244) * t3_67;
+        let t3_110 = proto.splat(0.262).mul_add(cos_q2, t3_109);
+        let t3_111 = proto.splat(1.244) * t3_69;
+        let t3_112 = proto.splat(0.45379731158304587).mul_add(cos_q2, t3_111);
+        let t3_113 = proto.splat(0.8660254037844386) * t3_112;
+        let t3_114 = proto.splat(0.5).mul_add(t3_110, t3_113);
+        let t3_115 = proto.splat(0.5) * t3_14;
         let t3_116 = t3_115 + t3_23;
         let t3_117 = t3_115 - t3_23;
         let t3_118 = t3_116 * cos_q2_u2_1;
-        let t3_119 = like.lift(0.5) * t3_15;
+        let t3_119 = proto.splat(0.5) * t3_15;
         let t3_120 = t3_119 - t3_34;
         let t3_121 = t3_119 + t3_34;
-        let t3_122 = like.lift(0.5) * t3_118;
+        let t3_122 = proto.splat(0.5) * t3_118;
         let t3_123 = (-t3_120).mul_add(sin_q2_u2_1, t3_122);
-        let t3_124 = like.lift(0.5) * cos_u1_2_e1y;
+        let t3_124 = proto.splat(0.5) * cos_u1_2_e1y;
         let t3_125 = t3_124 - t3_79;
         let t3_126 = t3_124 + t3_79;
         let t3_127 = t3_125 * sin_q2_u2_1;
-        let t3_128 = like.lift(-0.8660254037844386).mul_add(t3_118, t3_127);
-        let t3_129 = like.lift(0.5) * t3_125;
-        let t3_130 = like.lift(-0.8660254037844386).mul_add(t3_120, t3_129);
+        let t3_128 = proto.splat(-0.8660254037844386).mul_add(t3_118, t3_127);
+        let t3_129 = proto.splat(0.5) * t3_125;
+        let t3_130 = proto.splat(-0.8660254037844386).mul_add(t3_120, t3_129);
         let t3_131 = cos_q2_u2_1 * t3_130;
         let t3_132 = -t3_131;
         let t3_133 = sin_q2_u2_1 * t3_132;
@@ -11946,10 +11958,10 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t3_136 = t3_14 * t3_132;
         let t3_137 = t3_15.mul_add(t3_128, t3_136);
         let t3_138 = cos_u1_2_e1y.mul_add(t3_123, t3_137);
-        let t3_139 = like.lift(0.5) * t3_123;
-        let t3_140 = like.lift(-0.8660254037844386).mul_add(t3_128, t3_139);
-        let t3_141 = like.lift(0.5) * t3_128;
-        let t3_142 = like.lift(0.8660254037844386).mul_add(t3_123, t3_141);
+        let t3_139 = proto.splat(0.5) * t3_123;
+        let t3_140 = proto.splat(-0.8660254037844386).mul_add(t3_128, t3_139);
+        let t3_141 = proto.splat(0.5) * t3_128;
+        let t3_142 = proto.splat(0.8660254037844386).mul_add(t3_123, t3_141);
         let t3_143 = cos_q2_u2_1.mul_add(t3_142, t3_133);
         let t3_144 = sin_q1_u1_1 * t3_40;
         let t3_145 = cos_q1_u1_1.mul_add(t3_28, t3_144);
@@ -11967,17 +11979,17 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let cos_q3_u3_1 = (-sin_q3).mul_add(sin_u3_1, t3_155);
         let t3_156 = t3_117 * cos_q3_u3_1;
         let t3_157 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t3_157;
+        let pivot_1 = proto.splat(1.0773356023078418) * t3_157;
         let t3_158 = cos_q3_u3_1 * t3_157;
         let t3_159 = cos_u3_2 * sin_q3_u3_1;
-        let t3_160 = like.lift(0.5) * t3_159;
-        let t3_161 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t3_160);
-        let t3_162 = like.lift(0.5) * sin_u3_2;
-        let t3_163 = like.lift(0.8660254037844386).mul_add(t3_159, t3_162);
-        let t3_164 = like.lift(1.244) * sin_q3_u3_1;
+        let t3_160 = proto.splat(0.5) * t3_159;
+        let t3_161 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t3_160);
+        let t3_162 = proto.splat(0.5) * sin_u3_2;
+        let t3_163 = proto.splat(0.8660254037844386).mul_add(t3_159, t3_162);
+        let t3_164 = proto.splat(1.244) * sin_q3_u3_1;
         let t3_165 = t3_161 * t3_164;
-        let t3_166 = like.lift(0.622).mul_add(t3_158, t3_165);
-        let t3_167 = like.lift(1.0773356023078418) * t3_158;
+        let t3_166 = proto.splat(0.622).mul_add(t3_158, t3_165);
+        let t3_167 = proto.splat(1.0773356023078418) * t3_158;
         let t3_168 = t3_163.mul_add(t3_164, t3_167);
         let t3_169 = -t3_28;
         let t3_170 = sin_q1_u1_1 * t3_83;
@@ -11985,31 +11997,31 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t3_172 = sin_q1_u1_1 * t3_89;
         let t3_173 = cos_q1_u1_1 * t3_89;
         let t3_174 = -t3_151;
-        let t3_175 = like.lift(-0.5773502691896257).mul_add(t3_149, t3_151);
-        let t3_176 = like.lift(0.622) * t3_157;
+        let t3_175 = proto.splat(-0.5773502691896257).mul_add(t3_149, t3_151);
+        let t3_176 = proto.splat(0.622) * t3_157;
         let t3_177 = -t3_176;
         let t3_178 = -t3_40;
         let t3_179 = -t3_171;
         let t3_180 = -t3_173;
-        let t3_181 = like.lift(1.0773356023078418) * t3_163;
-        let t3_182 = like.lift(0.622).mul_add(t3_161, t3_181);
-        let t3_183 = like.lift(0.622) * t3_163;
-        let t3_184 = like.lift(-1.0773356023078418).mul_add(t3_161, t3_183);
+        let t3_181 = proto.splat(1.0773356023078418) * t3_163;
+        let t3_182 = proto.splat(0.622).mul_add(t3_161, t3_181);
+        let t3_183 = proto.splat(0.622) * t3_163;
+        let t3_184 = proto.splat(-1.0773356023078418).mul_add(t3_161, t3_183);
         let t3_185 = cos_q3_u3_1 * t3_184;
         let t3_186 = -t3_185;
-        let t3_187 = like.lift(1.244) * t3_161;
-        let t3_188 = like.lift(0.262).mul_add(cos_q3, t3_187);
-        let t3_189 = like.lift(1.244) * t3_163;
-        let t3_190 = like.lift(0.45379731158304587).mul_add(cos_q3, t3_189);
-        let t3_191 = like.lift(0.8660254037844386) * t3_190;
-        let t3_192 = like.lift(0.5).mul_add(t3_188, t3_191);
+        let t3_187 = proto.splat(1.244) * t3_161;
+        let t3_188 = proto.splat(0.262).mul_add(cos_q3, t3_187);
+        let t3_189 = proto.splat(1.244) * t3_163;
+        let t3_190 = proto.splat(0.45379731158304587).mul_add(cos_q3, t3_189);
+        let t3_191 = proto.splat(0.8660254037844386) * t3_190;
+        let t3_192 = proto.splat(0.5).mul_add(t3_188, t3_191);
         let t3_193 = -t3_186;
-        let t3_194 = like.lift(0.5) * t3_156;
+        let t3_194 = proto.splat(0.5) * t3_156;
         let t3_195 = (-t3_121).mul_add(sin_q3_u3_1, t3_194);
-        let t3_196 = like.lift(0.8660254037844386) * t3_156;
+        let t3_196 = proto.splat(0.8660254037844386) * t3_156;
         let t3_197 = t3_126.mul_add(sin_q3_u3_1, t3_196);
-        let t3_198 = like.lift(0.5) * t3_126;
-        let t3_199 = like.lift(0.8660254037844386).mul_add(t3_121, t3_198);
+        let t3_198 = proto.splat(0.5) * t3_126;
+        let t3_199 = proto.splat(0.8660254037844386).mul_add(t3_121, t3_198);
         let t3_200 = cos_q3_u3_1 * t3_199;
         let t3_201 = sin_q1_u1_1 * t3_200;
         let t3_202 = cos_q1_u1_1.mul_add(t3_197, t3_201);
@@ -12017,34 +12029,34 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t3_204 = (-t3_14).mul_add(t3_200, t3_203);
         let t3_205 = cos_u1_2_e1y.mul_add(t3_195, t3_204);
         let t3_206 = sin_q3_u3_1 * t3_200;
-        let t3_207 = like.lift(0.8660254037844386) * t3_197;
-        let t3_208 = like.lift(0.5).mul_add(t3_195, t3_207);
-        let t3_209 = like.lift(0.5) * t3_197;
-        let t3_210 = like.lift(-0.8660254037844386).mul_add(t3_195, t3_209);
+        let t3_207 = proto.splat(0.8660254037844386) * t3_197;
+        let t3_208 = proto.splat(0.5).mul_add(t3_195, t3_207);
+        let t3_209 = proto.splat(0.5) * t3_197;
+        let t3_210 = proto.splat(-0.8660254037844386).mul_add(t3_195, t3_209);
         let t3_211 = (-cos_q3_u3_1).mul_add(t3_210, t3_206);
         let t3_212 = -t3_211;
-        let t3_213 = like.lift(0.8660254037844386) * t3_97;
-        let t3_214 = like.lift(0.5) * t3_97;
+        let t3_213 = proto.splat(0.8660254037844386) * t3_97;
+        let t3_214 = proto.splat(0.5) * t3_97;
         let t3_215 = t3_33 + t3_32;
         let t3_216 = t3_33 - t3_32;
         let t3_217 = t3_215 + t3_31;
         let t3_218 = t3_216 + t3_31;
-        let t3_219 = like.lift(0.524) * sin_q3;
-        let t3_220 = like.lift(-1.244).mul_add(t3_157, t3_219);
-        let t3_221 = like.lift(1.0) / t3_157;
-        let t3_222 = like.lift(0.8660254037844386) * t3_220;
+        let t3_219 = proto.splat(0.524) * sin_q3;
+        let t3_220 = proto.splat(-1.244).mul_add(t3_157, t3_219);
+        let t3_221 = proto.splat(1.0) / t3_157;
+        let t3_222 = proto.splat(0.8660254037844386) * t3_220;
         let t3_223 = -t3_222;
-        let t3_224 = like.lift(0.5) * t3_220;
-        let t3_225 = like.lift(0.8038585209003215) * t3_220;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t3_166, t3_168);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let t3_224 = proto.splat(0.5) * t3_220;
+        let t3_225 = proto.splat(0.8038585209003215) * t3_220;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t3_166, t3_168);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t3_226 = t3_182 * t3_221;
-        let t3_227 = like.lift(0.9282158668643501) * t3_226;
+        let t3_227 = proto.splat(0.9282158668643501) * t3_226;
         let t3_228 = t3_166.mul_add(t3_227, t3_186);
         let t3_229 = inv_pivot_2 * t3_228;
         let pivot_3 = t3_28.mul_add(t3_229, t3_40);
         let t3_230 = t3_226.mul_add(t3_225, t3_192);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t3_231 = t3_26 * inv_pivot_3;
         let t3_232 = t3_37 * inv_pivot_3;
         [
@@ -12067,13 +12079,13 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
     ] = {
         let t4_1 = -pivot_3;
         let t4_2 = t3_48.mul_add(t3_229, t3_218);
-        let t4_3 = like.lift(0.5773502691896257).mul_add(t3_145, t3_170);
+        let t4_3 = proto.splat(0.5773502691896257).mul_add(t3_145, t3_170);
         let t4_4 = (-t4_3).mul_add(t3_229, t3_171);
         let t4_5 = t3_145.mul_add(t3_227, t4_4);
         let t4_6 = (-t4_5).mul_add(t3_232, t3_85);
         let t4_7 = t3_208 * t3_221;
-        let t4_8 = like.lift(0.9282158668643501) * t3_221;
-        let t4_9 = like.lift(0.9282158668643501) * t4_7;
+        let t4_8 = proto.splat(0.9282158668643501) * t3_221;
+        let t4_9 = proto.splat(0.9282158668643501) * t4_7;
         let t4_10 = t3_166.mul_add(t4_9, t3_211);
         let t4_11 = inv_pivot_2 * t4_10;
         let t4_12 = (-t3_28).mul_add(t4_11, t3_195);
@@ -12083,11 +12095,11 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t4_16 = (-t4_5).mul_add(t4_13, t3_202);
         let t4_17 = t4_3.mul_add(t4_11, t4_16);
         let pivot_4 = (-t3_145).mul_add(t4_9, t4_17);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t4_18 = t4_6 * inv_pivot_4;
         let t4_19 = t4_2.mul_add(t4_13, t3_195);
         let t4_20 = t3_48.mul_add(t4_11, t4_19);
-        let t4_21 = like.lift(0.5773502691896257).mul_add(t3_147, t3_172);
+        let t4_21 = proto.splat(0.5773502691896257).mul_add(t3_147, t3_172);
         let t4_22 = (-t4_21).mul_add(t3_229, t3_173);
         let t4_23 = t3_147.mul_add(t3_227, t4_22);
         let t4_24 = (-t3_175).mul_add(t3_229, t3_153);
@@ -12109,7 +12121,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t4_40 = t4_23.mul_add(t3_231, t4_39);
         let t4_41 = t4_33.mul_add(t4_40, t3_54);
         let pivot_6 = (-t4_30).mul_add(t4_32, t4_41);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t4_42 = (-t4_20).mul_add(t4_36, t3_47);
         let t4_43 = (-t4_2).mul_add(t3_231, t4_42);
         let t4_44 = t4_15 * t4_36;
@@ -12133,7 +12145,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t4_62 = (-t4_38).mul_add(t4_56, t4_61);
         let t4_63 = (-t4_31).mul_add(t4_55, t4_62);
         let pivot_7 = t4_25.mul_add(t4_53, t4_63);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t4_64 = t4_47.mul_add(t4_60, t3_123);
         let t4_65 = t4_43.mul_add(t4_56, t4_64);
         let t4_66 = (-t4_20).mul_add(t4_55, t4_65);
@@ -12158,7 +12170,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t4_85 = (-t4_69).mul_add(t4_79, t3_104);
         let t4_86 = (-t4_34).mul_add(t4_74, t4_85);
         let pivot_8 = (-t4_70).mul_add(t3_95, t4_86);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t4_87 = t4_84 * inv_pivot_8;
         let t4_88 = (-t4_69).mul_add(t4_87, t4_67);
         let t4_89 = inv_pivot_7 * t4_88;
@@ -12267,19 +12279,19 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t4_192 = t4_191 * t4_8;
         let t4_193 = -t4_192;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t4_1 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t3_99 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t4_1 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t3_99 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t4_105, t4_144, t4_159], [t4_95, t4_160, t4_137], [t4_161, t4_130, t4_162],
                 [t4_89, t4_124, t4_125], [t4_87, t4_120, t4_147], [t4_104, t4_155, t4_154],
@@ -12288,20 +12300,22 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
             margin,
             || (
                 [
-                    [like.lift(0.0), t3_42, t3_54, t3_56, t3_63, t3_72, like.lift(0.0), like.lift(0.0)],
-                    [t3_74, t3_84, t3_92, t3_94, t3_98, t3_99, like.lift(0.0), like.lift(0.0)],
-                    [t3_100, t3_101, t3_102, t3_91, t3_104, t3_108, like.lift(0.0), like.lift(0.0)],
-                    [t3_123, t3_135, t3_135, t3_138, t3_140, t3_143, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t3_145, t3_147, t3_149, like.lift(0.0), like.lift(0.0), pivot_1, t3_166],
-                    [t3_169, t3_170, t3_172, t3_174, like.lift(0.0), like.lift(0.0), t3_177, t3_168],
-                    [t3_178, t3_179, t3_180, t3_153, like.lift(0.0), like.lift(0.0), t3_182, t3_193],
-                    [t3_195, t3_202, t3_202, t3_205, like.lift(0.0), like.lift(0.0), t3_208, t3_212],
+                    [proto.splat(0.0), t3_42, t3_54, t3_56, t3_63, t3_72, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_74, t3_84, t3_92, t3_94, t3_98, t3_99, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_100, t3_101, t3_102, t3_91, t3_104, t3_108, proto.splat(0.0), proto.splat(0.0)],
+                    [t3_123, t3_135, t3_135, t3_138, t3_140, t3_143, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t3_145, t3_147, t3_149, proto.splat(0.0), proto.splat(0.0), pivot_1, t3_166],
+                    [t3_169, t3_170, t3_172, t3_174, proto.splat(0.0), proto.splat(0.0), t3_177, t3_168],
+                    [t3_178, t3_179, t3_180, t3_153, proto.splat(0.0), proto.splat(0.0), t3_182, t3_193],
+                    [t3_195, t3_202, t3_202, t3_205, proto.splat(0.0), proto.splat(0.0), t3_208, t3_212],
                 ],
                 [
-                    [like.lift(0.0), t3_213, like.lift(0.0)], [t3_47, t3_214, like.lift(0.0)],
-                    [t3_217, t3_114, like.lift(0.0)], [t3_123, t3_140, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t3_223], [t3_48, like.lift(0.0), t3_224],
-                    [t3_218, like.lift(0.0), t3_192], [t3_195, like.lift(0.0), t3_208],
+                    [proto.splat(0.0), t3_213, proto.splat(0.0)],
+                    [t3_47, t3_214, proto.splat(0.0)], [t3_217, t3_114, proto.splat(0.0)],
+                    [t3_123, t3_140, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t3_223],
+                    [t3_48, proto.splat(0.0), t3_224], [t3_218, proto.splat(0.0), t3_192],
+                    [t3_195, proto.splat(0.0), t3_208],
                 ],
             ),
         );
@@ -12424,7 +12438,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t5_70 = (-sin_u1_1).mul_add(t5_24, t5_69);
         let t5_71 = (-t5_65).mul_add(t5_56, t5_68);
         let t5_72 = t5_65.mul_add(t5_26, t5_70);
-        let t5_73 = like.lift(0.524) * t5_72;
+        let t5_73 = proto.splat(0.524) * t5_72;
         let t5_74 = sin_u1_1 * t3_1;
         let t5_75 = sin_u1_1 * t3_3;
         let a_u1_1z = (-cos_u1_1).mul_add(t3_1, t5_75);
@@ -12440,11 +12454,11 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t5_77 = -w_mz_rod1_q1;
         w[11][0] = t5_77;
         let t5_78 = a_u1_1y * t5_4;
-        let t5_79 = like.lift(-0.524).mul_add(t5_71, t5_78);
+        let t5_79 = proto.splat(-0.524).mul_add(t5_71, t5_78);
         let w_mx_rod1_q1 = (-a_rod1z).mul_add(x_u1_2_q1, t5_79);
         w[9][0] = w_mx_rod1_q1;
         let t5_80 = a_rod1x * t5_4;
-        let t5_81 = like.lift(-0.524).mul_add(t5_40, t5_80);
+        let t5_81 = proto.splat(-0.524).mul_add(t5_40, t5_80);
         let w_my_rod1_q1 = a_rod1z.mul_add(t5_3, t5_81);
         let t5_82 = -w_my_rod1_q1;
         w[10][0] = t5_82;
@@ -12468,23 +12482,23 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
     // body crank2
     let [a_crank2z, a_crank2y] = {
         w[12][1] = dd_q2;
-        let a_crank2z = like.lift(9.81) * cos_q2;
+        let a_crank2z = proto.splat(9.81) * cos_q2;
         w[13][1] = a_crank2z;
-        let a_crank2y = like.lift(9.81) * sin_q2;
+        let a_crank2y = proto.splat(9.81) * sin_q2;
         let t6_1 = -a_crank2y;
         w[14][1] = t6_1;
         [a_crank2z, a_crank2y]
     };
     // body rod2
     {
-        let t7_1 = like.lift(0.524).mul_add(dd_q2, a_crank2z);
+        let t7_1 = proto.splat(0.524).mul_add(dd_q2, a_crank2z);
         let w_iyy_rod2_q1 = dd_u2_2 * x_u2_2_q1;
         let t7_2 = -w_iyy_rod2_q1;
         w[18][0] = t7_2;
         let w_iyy_rod2_q3 = dd_u2_2 * x_u2_2_q3;
         let t7_3 = -w_iyy_rod2_q3;
         w[18][2] = t7_3;
-        let t7_4 = like.lift(0.524) * d_q2;
+        let t7_4 = proto.splat(0.524) * d_q2;
         let t7_5 = (-t7_4).mul_add(d_q2, a_crank2y);
         let al_u2_1x = dd_q2 + dd_u2_1;
         let t7_6 = cos_u2_2 * al_u2_1x;
@@ -12611,11 +12625,11 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t7_80 = -w_mx_rod2_q3;
         w[21][2] = t7_80;
         let t7_81 = a_u2_1y * t7_18;
-        let t7_82 = like.lift(-0.524).mul_add(t7_65, t7_81);
+        let t7_82 = proto.splat(-0.524).mul_add(t7_65, t7_81);
         let w_mx_rod2_q2 = (-a_rod2z).mul_add(x_u2_2_q2, t7_82);
         w[21][1] = w_mx_rod2_q2;
         let t7_83 = t7_76 * t7_18;
-        let t7_84 = like.lift(-0.524).mul_add(t7_48, t7_83);
+        let t7_84 = proto.splat(-0.524).mul_add(t7_48, t7_83);
         let w_my_rod2_q2 = a_rod2z.mul_add(t7_17, t7_84);
         let t7_85 = -w_my_rod2_q2;
         w[22][1] = t7_85;
@@ -12623,7 +12637,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
     // body crank3
     let [a_crank3y] = {
         w[23][2] = dd_q3;
-        let a_crank3y = like.lift(9.81) * sin_q3;
+        let a_crank3y = proto.splat(9.81) * sin_q3;
         let t8_1 = -a_crank3y;
         w[24][2] = t8_1;
         [a_crank3y]
@@ -12636,10 +12650,10 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let w_iyy_rod3_q2 = dd_u3_2 * x_u3_2_q2;
         let t9_2 = -w_iyy_rod3_q2;
         w[28][1] = t9_2;
-        let t9_3 = like.lift(0.524) * d_q3;
+        let t9_3 = proto.splat(0.524) * d_q3;
         let t9_4 = (-t9_3).mul_add(d_q3, a_crank3y);
-        let t9_5 = like.lift(0.524) * dd_q3;
-        let t9_6 = like.lift(9.81).mul_add(cos_q3, t9_5);
+        let t9_5 = proto.splat(0.524) * dd_q3;
+        let t9_6 = proto.splat(9.81).mul_add(cos_q3, t9_5);
         let al_u3_1x = dd_q3 + dd_u3_1;
         let t9_7 = cos_u3_2 * al_u3_1x;
         let w_u3_1x = d_q3 + d_u3_1;
@@ -12760,7 +12774,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t9_79 = (-t9_78).mul_add(t9_62, t9_76);
         let t9_80 = t9_78.mul_add(t9_32, t9_77);
         let a_rod3x = sin_u3_2 * a_u3_1z;
-        let t9_81 = like.lift(0.524) * t9_80;
+        let t9_81 = proto.splat(0.524) * t9_80;
         let t9_82 = a_u3_1y.mul_add(t9_23, t9_81);
         let w_mz_rod3_q3 = a_rod3x.mul_add(x_u3_2_q3, t9_82);
         let t9_83 = -w_mz_rod3_q3;
@@ -12782,11 +12796,11 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
         let t9_91 = -w_mz_rod3_q2;
         w[33][1] = t9_91;
         let t9_92 = a_u3_1y * t9_24;
-        let t9_93 = like.lift(-0.524).mul_add(t9_79, t9_92);
+        let t9_93 = proto.splat(-0.524).mul_add(t9_79, t9_92);
         let w_mx_rod3_q3 = (-a_rod3z).mul_add(x_u3_2_q3, t9_93);
         w[31][2] = w_mx_rod3_q3;
         let t9_94 = a_rod3x * t9_24;
-        let t9_95 = like.lift(-0.524).mul_add(t9_46, t9_94);
+        let t9_95 = proto.splat(-0.524).mul_add(t9_46, t9_94);
         let w_my_rod3_q3 = a_rod3z.mul_add(t9_23, t9_95);
         let t9_96 = -w_my_rod3_q3;
         w[32][2] = t9_96;
@@ -12801,8 +12815,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11
 ///
 /// 31 additions, 14 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 34] {
-    let like = phi[0];
-    let mut beta = [like.lift(0.0); 34];
+    let proto = phi[0];
+    let mut beta = [proto.splat(0.0); 34];
     let [
         p_ixx_crank1, _, _, _, _, _, _, p_my_crank1, p_mz_crank1, _, p_ixx_rod1, p_ixy_rod1,
         p_ixz_rod1, p_iyy_rod1, p_iyz_rod1, p_izz_rod1, p_mx_rod1, p_my_rod1, p_mz_rod1,
@@ -12815,35 +12829,35 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 34] {
     // combinations
     {
         beta[2] = p_mz_crank1; beta[4] = p_ixy_rod1; beta[5] = p_ixz_rod1; beta[7] = p_iyz_rod1; beta[8] = p_izz_rod1; beta[9] = p_mx_rod1; beta[10] = p_my_rod1; beta[14] = p_mz_crank2; beta[16] = p_ixy_rod2; beta[17] = p_ixz_rod2; beta[19] = p_iyz_rod2; beta[20] = p_izz_rod2; beta[21] = p_mx_rod2; beta[22] = p_my_rod2; beta[24] = p_mz_crank3; beta[26] = p_ixy_rod3; beta[27] = p_ixz_rod3; beta[29] = p_iyz_rod3; beta[30] = p_izz_rod3; beta[31] = p_mx_rod3; beta[32] = p_my_rod3;
-        let t1_1 = like.lift(0.524) * p_my_crank3;
+        let t1_1 = proto.splat(0.524) * p_my_crank3;
         let t1_2 = p_ixx_crank3 - t1_1;
         beta[23] = t1_2;
-        let t1_3 = like.lift(0.22072025723472669) * p_mz_rod2;
-        let t1_4 = like.lift(0.274576).mul_add(p_m_rod2, t1_3);
+        let t1_3 = proto.splat(0.22072025723472669) * p_mz_rod2;
+        let t1_4 = proto.splat(0.274576).mul_add(p_m_rod2, t1_3);
         let t1_5 = t1_4 + p_ixx_crank2;
         beta[12] = t1_5;
         let t1_6 = p_m_rod1 + p_m_platform;
         let t1_7 = p_m_rod3 + t1_6;
-        let t1_8 = like.lift(0.274576).mul_add(t1_7, p_ixx_crank1);
+        let t1_8 = proto.splat(0.274576).mul_add(t1_7, p_ixx_crank1);
         let t1_9 = t1_8 + t1_1;
         let t1_10 = t1_9 - t1_3;
         beta[0] = t1_10;
-        let t1_11 = like.lift(0.524).mul_add(t1_7, p_my_crank1);
+        let t1_11 = proto.splat(0.524).mul_add(t1_7, p_my_crank1);
         let t1_12 = t1_11 + p_my_crank3;
-        let t1_13 = like.lift(0.4212218649517685) * p_mz_rod2;
+        let t1_13 = proto.splat(0.4212218649517685) * p_mz_rod2;
         let t1_14 = t1_12 - t1_13;
         beta[1] = t1_14;
-        let t1_15 = like.lift(0.524).mul_add(p_m_rod2, t1_13);
+        let t1_15 = proto.splat(0.524).mul_add(p_m_rod2, t1_13);
         let t1_16 = t1_15 + p_my_crank2;
         beta[13] = t1_16;
-        let t1_17 = like.lift(1.244) * p_mz_rod2;
+        let t1_17 = proto.splat(1.244) * p_mz_rod2;
         let t1_18 = p_ixx_rod2 + t1_17;
         beta[15] = t1_18;
         let t1_19 = p_iyy_rod2 + t1_17;
         beta[18] = t1_19;
-        let t1_20 = like.lift(1.547536) * p_m_rod3;
-        let t1_21 = like.lift(1.547536) * p_m_platform;
-        let t1_22 = like.lift(2.9533129770992366) * p_my_crank3;
+        let t1_20 = proto.splat(1.547536) * p_m_rod3;
+        let t1_21 = proto.splat(1.547536) * p_m_platform;
+        let t1_22 = proto.splat(2.9533129770992366) * p_my_crank3;
         let t1_23 = t1_22 + t1_21;
         let t1_24 = t1_23 + t1_20;
         let t1_25 = p_ixx_rod1 - t1_17;
@@ -12852,12 +12866,12 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 34] {
         let t1_27 = t1_24 + p_iyy_rod1;
         let t1_28 = t1_27 - t1_17;
         beta[6] = t1_28;
-        let t1_29 = like.lift(1.244) * p_m_rod3;
-        let t1_30 = like.lift(2.3740458015267176) * p_my_crank3;
+        let t1_29 = proto.splat(1.244) * p_m_rod3;
+        let t1_30 = proto.splat(2.3740458015267176) * p_my_crank3;
         let t1_31 = t1_30 + p_mz_rod3;
         let t1_32 = t1_31 + t1_29;
         beta[33] = t1_32;
-        let t1_33 = like.lift(1.244).mul_add(p_m_platform, t1_29);
+        let t1_33 = proto.splat(1.244).mul_add(p_m_platform, t1_29);
         let t1_34 = t1_33 - p_mz_rod1;
         let t1_35 = t1_34 - p_mz_rod2;
         let t1_36 = t1_35 + t1_30;
@@ -12883,8 +12897,8 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 34] {
 ///
 /// 28 additions, 14 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 36]) -> [T; 70] {
-    let like = beta[0];
-    let mut phi = [like.lift(0.0); 70];
+    let proto = beta[0];
+    let mut phi = [proto.splat(0.0); 70];
     let [
         p_ixx_crank1, p_my_crank1, p_mz_crank1, p_ixx_rod1, p_ixy_rod1, p_ixz_rod1, p_iyy_rod1,
         p_iyz_rod1, p_izz_rod1, p_mx_rod1, p_my_rod1, p_mz_rod1, p_ixx_crank2, p_my_crank2,
@@ -12903,35 +12917,35 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 36]) -> [T; 70
     // phi
     {
         phi[1] = p_ixy_crank1; phi[2] = p_ixz_crank1; phi[3] = p_iyy_crank1; phi[4] = p_iyz_crank1; phi[5] = p_izz_crank1; phi[6] = p_mx_crank1; phi[8] = p_mz_crank1; phi[9] = p_m_crank1; phi[11] = p_ixy_rod1; phi[12] = p_ixz_rod1; phi[14] = p_iyz_rod1; phi[15] = p_izz_rod1; phi[16] = p_mx_rod1; phi[17] = p_my_rod1; phi[19] = p_m_rod1; phi[20] = p_ixx_platform; phi[21] = p_ixy_platform; phi[22] = p_ixz_platform; phi[23] = p_iyy_platform; phi[24] = p_iyz_platform; phi[25] = p_izz_platform; phi[26] = p_mx_platform; phi[27] = p_my_platform; phi[28] = p_mz_platform; phi[29] = p_m_platform; phi[31] = p_ixy_crank2; phi[32] = p_ixz_crank2; phi[33] = p_iyy_crank2; phi[34] = p_iyz_crank2; phi[35] = p_izz_crank2; phi[36] = p_mx_crank2; phi[38] = p_mz_crank2; phi[39] = p_m_crank2; phi[41] = p_ixy_rod2; phi[42] = p_ixz_rod2; phi[44] = p_iyz_rod2; phi[45] = p_izz_rod2; phi[46] = p_mx_rod2; phi[47] = p_my_rod2; phi[48] = p_mz_rod2; phi[49] = p_m_rod2; phi[51] = p_ixy_crank3; phi[52] = p_ixz_crank3; phi[53] = p_iyy_crank3; phi[54] = p_iyz_crank3; phi[55] = p_izz_crank3; phi[56] = p_mx_crank3; phi[57] = p_my_crank3; phi[58] = p_mz_crank3; phi[59] = p_m_crank3; phi[61] = p_ixy_rod3; phi[62] = p_ixz_rod3; phi[64] = p_iyz_rod3; phi[65] = p_izz_rod3; phi[66] = p_mx_rod3; phi[67] = p_my_rod3; phi[69] = p_m_rod3;
-        let t1_1 = like.lift(0.524) * p_my_crank3;
+        let t1_1 = proto.splat(0.524) * p_my_crank3;
         let t1_2 = p_ixx_crank3 + t1_1;
         phi[50] = t1_2;
-        let t1_3 = like.lift(0.22072025723472669) * p_mz_rod2;
-        let t1_4 = like.lift(-0.274576).mul_add(p_m_rod2, p_ixx_crank2);
+        let t1_3 = proto.splat(0.22072025723472669) * p_mz_rod2;
+        let t1_4 = proto.splat(-0.274576).mul_add(p_m_rod2, p_ixx_crank2);
         let t1_5 = t1_4 - t1_3;
         phi[30] = t1_5;
         let t1_6 = p_m_rod1 + p_m_platform;
         let t1_7 = p_m_rod3 + t1_6;
-        let t1_8 = like.lift(-0.274576).mul_add(t1_7, p_ixx_crank1);
+        let t1_8 = proto.splat(-0.274576).mul_add(t1_7, p_ixx_crank1);
         let t1_9 = t1_8 - t1_1;
         let t1_10 = t1_9 + t1_3;
         phi[0] = t1_10;
-        let t1_11 = like.lift(-0.524).mul_add(t1_7, p_my_crank1);
+        let t1_11 = proto.splat(-0.524).mul_add(t1_7, p_my_crank1);
         let t1_12 = t1_11 - p_my_crank3;
-        let t1_13 = like.lift(0.4212218649517685) * p_mz_rod2;
+        let t1_13 = proto.splat(0.4212218649517685) * p_mz_rod2;
         let t1_14 = t1_12 + t1_13;
         phi[7] = t1_14;
-        let t1_15 = like.lift(-0.524).mul_add(p_m_rod2, p_my_crank2);
+        let t1_15 = proto.splat(-0.524).mul_add(p_m_rod2, p_my_crank2);
         let t1_16 = t1_15 - t1_13;
         phi[37] = t1_16;
-        let t1_17 = like.lift(1.244) * p_mz_rod2;
+        let t1_17 = proto.splat(1.244) * p_mz_rod2;
         let t1_18 = p_ixx_rod2 - t1_17;
         phi[40] = t1_18;
         let t1_19 = p_iyy_rod2 - t1_17;
         phi[43] = t1_19;
-        let t1_20 = like.lift(-1.547536).mul_add(p_m_platform, t1_17);
-        let t1_21 = like.lift(1.547536) * p_m_rod3;
-        let t1_22 = like.lift(2.9533129770992366) * p_my_crank3;
+        let t1_20 = proto.splat(-1.547536).mul_add(p_m_platform, t1_17);
+        let t1_21 = proto.splat(1.547536) * p_m_rod3;
+        let t1_22 = proto.splat(2.9533129770992366) * p_my_crank3;
         let t1_23 = t1_21 + t1_22;
         let t1_24 = t1_20 - t1_23;
         let t1_25 = p_ixx_rod1 + t1_24;
@@ -12942,12 +12956,12 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 36]) -> [T; 70
         phi[60] = t1_27;
         let t1_28 = p_iyy_rod3 + t1_23;
         phi[63] = t1_28;
-        let t1_29 = like.lift(1.244) * p_m_rod3;
-        let t1_30 = like.lift(2.3740458015267176) * p_my_crank3;
+        let t1_29 = proto.splat(1.244) * p_m_rod3;
+        let t1_30 = proto.splat(2.3740458015267176) * p_my_crank3;
         let t1_31 = p_mz_rod3 - t1_29;
         let t1_32 = t1_31 - t1_30;
         phi[68] = t1_32;
-        let t1_33 = like.lift(1.244).mul_add(p_m_platform, p_mz_rod1);
+        let t1_33 = proto.splat(1.244).mul_add(p_m_platform, p_mz_rod1);
         let t1_34 = t1_33 - p_mz_rod2;
         let t1_35 = t1_34 + t1_29;
         let t1_36 = t1_35 + t1_30;
@@ -12966,9 +12980,9 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 34], free: &[T; 36]) -> [T; 70
 ///
 /// 384 additions, 535 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -13028,11 +13042,11 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t2_9 = p_ixx_rod1 - p_iyy_rod1;
         let t2_10 = d_u1_2 * d_u1_2;
         let t2_11 = t2_7 - t2_10;
-        let t2_12 = like.lift(9.81) * sin_q1;
-        let t2_13 = like.lift(0.524) * d_q1;
+        let t2_12 = proto.splat(9.81) * sin_q1;
+        let t2_13 = proto.splat(0.524) * d_q1;
         let t2_14 = (-t2_13).mul_add(d_q1, t2_12);
-        let t2_15 = like.lift(0.524) * dd_q1;
-        let t2_16 = like.lift(9.81).mul_add(cos_q1, t2_15);
+        let t2_15 = proto.splat(0.524) * dd_q1;
+        let t2_16 = proto.splat(9.81).mul_add(cos_q1, t2_15);
         let t2_17 = sin_u1_1 * t2_16;
         let a_u1_1y = cos_u1_1.mul_add(t2_14, t2_17);
         let t2_18 = sin_u1_1 * t2_14;
@@ -13085,7 +13099,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t2_62 = (-a_rod1z).mul_add(p_my_rod1, t2_60);
         let t2_63 = cos_u1_2 * t2_62;
         let t2_64 = sin_u1_2.mul_add(t2_61, t2_63);
-        let t2_65 = like.lift(1.244) * cos_u1_2;
+        let t2_65 = proto.splat(1.244) * cos_u1_2;
         let t2_66 = sin_q1 * cos_u1_1;
         let sin_q1_u1_1 = cos_q1.mul_add(sin_u1_1, t2_66);
         let t2_67 = cos_q1 * cos_u1_1;
@@ -13096,23 +13110,23 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t2_70 = cos_e1x.mul_add(sin_q1_u1_1, t2_69);
         let t2_71 = cos_e1x * cos_q1_u1_1;
         let t2_72 = (-sin_q1_u1_1).mul_add(t2_68, t2_71);
-        let t2_73 = like.lift(0.022) * t2_70;
+        let t2_73 = proto.splat(0.022) * t2_70;
         let t2_74 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_75 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_76 = like.lift(0.0381051177665153) * t2_74;
+        let t2_76 = proto.splat(0.0381051177665153) * t2_74;
         let t2_77 = cos_q1_u1_1 * t2_65;
-        let t2_78 = like.lift(0.044) * t2_70;
-        let t2_79 = like.lift(0.8660254037844386) * t2_70;
+        let t2_78 = proto.splat(0.044) * t2_70;
+        let t2_79 = proto.splat(0.8660254037844386) * t2_70;
         let t2_80 = t2_76 - t2_73;
         let t2_81 = t2_76 + t2_73;
         let t2_82 = t2_78 - t2_80;
         let t2_83 = t2_82 + t2_77;
         let t2_84 = cos_q1_u1_1 * t2_82;
         let t2_85 = sin_q1_u1_1 * t2_65;
-        let t2_86 = like.lift(0.044) * t2_72;
-        let t2_87 = like.lift(0.0381051177665153) * t2_75;
-        let t2_88 = like.lift(0.022) * t2_72;
-        let t2_89 = like.lift(0.8660254037844386) * t2_72;
+        let t2_86 = proto.splat(0.044) * t2_72;
+        let t2_87 = proto.splat(0.0381051177665153) * t2_75;
+        let t2_88 = proto.splat(0.022) * t2_72;
+        let t2_89 = proto.splat(0.8660254037844386) * t2_72;
         let t2_90 = t2_88 + t2_87;
         let t2_91 = t2_88 - t2_87;
         let t2_92 = t2_90 + t2_86;
@@ -13120,14 +13134,14 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t2_94 = t2_85 - t2_92;
         let t2_95 = t2_93 + t2_65;
         let t2_96 = t2_78 + t2_81;
-        let t2_97 = like.lift(0.524).mul_add(sin_q1, -t2_77);
+        let t2_97 = proto.splat(0.524).mul_add(sin_q1, -t2_77);
         let t2_98 = t2_97 - t2_78;
         let t2_99 = t2_96 + t2_77;
         let t2_100 = t2_98 + t2_80;
         let t2_101 = t2_98 - t2_81;
         let t2_102 = sin_q1 * p_mz_crank1;
         let t2_103 = (-cos_q1).mul_add(p_my_crank1, t2_102);
-        let t2_104 = like.lift(-0.524).mul_add(cos_q1, t2_86);
+        let t2_104 = proto.splat(-0.524).mul_add(cos_q1, t2_86);
         let t2_105 = t2_91 + t2_86;
         let t2_106 = t2_104 - t2_85;
         let t2_107 = t2_85 - t2_105;
@@ -13135,32 +13149,32 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t2_109 = t2_91 + t2_106;
         let t2_110 = t2_74 * t2_105;
         let t2_111 = t2_75.mul_add(t2_96, t2_110);
-        let t2_112 = like.lift(0.0) + t2_111;
+        let t2_112 = proto.splat(0.0) + t2_111;
         let t2_113 = sin_q2 * cos_u2_1;
         let sin_q2_u2_1 = cos_q2.mul_add(sin_u2_1, t2_113);
         let t2_114 = cos_q2 * cos_u2_1;
         let cos_q2_u2_1 = (-sin_q2).mul_add(sin_u2_1, t2_114);
         let t2_115 = cos_u2_2 * cos_q2_u2_1;
-        let t2_116 = like.lift(1.0773356023078418) * t2_115;
+        let t2_116 = proto.splat(1.0773356023078418) * t2_115;
         let t2_117 = -t2_116;
         let t2_118 = cos_q2_u2_1 * t2_115;
         let t2_119 = cos_u2_2 * sin_q2_u2_1;
-        let t2_120 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_121 = like.lift(0.5).mul_add(t2_119, t2_120);
-        let t2_122 = like.lift(0.8660254037844386) * t2_119;
-        let t2_123 = like.lift(-0.5).mul_add(sin_u2_2, t2_122);
-        let t2_124 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_120 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_121 = proto.splat(0.5).mul_add(t2_119, t2_120);
+        let t2_122 = proto.splat(0.8660254037844386) * t2_119;
+        let t2_123 = proto.splat(-0.5).mul_add(sin_u2_2, t2_122);
+        let t2_124 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_125 = t2_121 * t2_124;
-        let t2_126 = like.lift(0.622).mul_add(t2_118, t2_125);
-        let t2_127 = like.lift(1.0773356023078418) * t2_118;
+        let t2_126 = proto.splat(0.622).mul_add(t2_118, t2_125);
+        let t2_127 = proto.splat(1.0773356023078418) * t2_118;
         let pivot_5 = t2_123.mul_add(t2_124, t2_127);
         let t2_128 = -t2_83;
-        let t2_129 = like.lift(0.044) * e_e1x_q1y;
-        let t2_130 = like.lift(1.244).mul_add(sin_u1_2, t2_129);
-        let t2_131 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_132 = like.lift(0.022) * e_e1x_q1y;
+        let t2_129 = proto.splat(0.044) * e_e1x_q1y;
+        let t2_130 = proto.splat(1.244).mul_add(sin_u1_2, t2_129);
+        let t2_131 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_132 = proto.splat(0.022) * e_e1x_q1y;
         let t2_133 = t2_132 + t2_129;
-        let t2_134 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t2_134 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t2_135 = t2_130 + t2_131;
         let t2_136 = t2_135 + t2_132;
         let t2_137 = t2_130 - t2_131;
@@ -13178,46 +13192,46 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t2_149 = cos_u1_2_e1y * t2_105;
         let t2_150 = (-t2_75).mul_add(t2_142, t2_149);
         let t2_151 = t2_148 + t2_65;
-        let t2_152 = like.lift(0.0) + t2_146;
+        let t2_152 = proto.splat(0.0) + t2_146;
         let t2_153 = -t2_152;
-        let t2_154 = like.lift(0.622) * t2_115;
-        let t2_155 = like.lift(0.524) * sin_q2;
-        let t2_156 = like.lift(-1.244).mul_add(t2_115, t2_155);
+        let t2_154 = proto.splat(0.622) * t2_115;
+        let t2_155 = proto.splat(0.524) * sin_q2;
+        let t2_156 = proto.splat(-1.244).mul_add(t2_115, t2_155);
         let t2_157 = -t2_154;
         let t2_158 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_159 = -t2_94;
         let t2_160 = -t2_140;
         let t2_161 = -t2_144;
-        let t2_162 = like.lift(0.0) + t2_150;
-        let t2_163 = like.lift(1.0773356023078418) * t2_123;
-        let t2_164 = like.lift(0.622).mul_add(t2_121, t2_163);
-        let t2_165 = like.lift(0.622) * t2_123;
-        let t2_166 = like.lift(-1.0773356023078418).mul_add(t2_121, t2_165);
+        let t2_162 = proto.splat(0.0) + t2_150;
+        let t2_163 = proto.splat(1.0773356023078418) * t2_123;
+        let t2_164 = proto.splat(0.622).mul_add(t2_121, t2_163);
+        let t2_165 = proto.splat(0.622) * t2_123;
+        let t2_166 = proto.splat(-1.0773356023078418).mul_add(t2_121, t2_165);
         let t2_167 = cos_q2_u2_1 * t2_166;
         let t2_168 = -t2_167;
-        let t2_169 = like.lift(1.244) * t2_121;
-        let t2_170 = like.lift(0.262).mul_add(cos_q2, t2_169);
-        let t2_171 = like.lift(1.244) * t2_123;
-        let t2_172 = like.lift(0.45379731158304587).mul_add(cos_q2, t2_171);
-        let t2_173 = like.lift(0.8660254037844386) * t2_172;
-        let t2_174 = like.lift(0.5).mul_add(t2_170, t2_173);
-        let t2_175 = like.lift(0.5) * t2_74;
+        let t2_169 = proto.splat(1.244) * t2_121;
+        let t2_170 = proto.splat(0.262).mul_add(cos_q2, t2_169);
+        let t2_171 = proto.splat(1.244) * t2_123;
+        let t2_172 = proto.splat(0.45379731158304587).mul_add(cos_q2, t2_171);
+        let t2_173 = proto.splat(0.8660254037844386) * t2_172;
+        let t2_174 = proto.splat(0.5).mul_add(t2_170, t2_173);
+        let t2_175 = proto.splat(0.5) * t2_74;
         let t2_176 = t2_175 + t2_79;
         let t2_177 = t2_175 - t2_79;
         let t2_178 = t2_176 * cos_q2_u2_1;
-        let t2_179 = like.lift(0.5) * t2_75;
+        let t2_179 = proto.splat(0.5) * t2_75;
         let t2_180 = t2_179 - t2_89;
         let t2_181 = t2_179 + t2_89;
-        let t2_182 = like.lift(0.5) * t2_178;
+        let t2_182 = proto.splat(0.5) * t2_178;
         let t2_183 = (-t2_180).mul_add(sin_q2_u2_1, t2_182);
-        let t2_184 = like.lift(0.5) * cos_u1_2_e1y;
+        let t2_184 = proto.splat(0.5) * cos_u1_2_e1y;
         let t2_185 = t2_184 - t2_134;
         let t2_186 = t2_184 + t2_134;
         let t2_187 = t2_185 * sin_q2_u2_1;
-        let t2_188 = like.lift(-0.8660254037844386).mul_add(t2_178, t2_187);
-        let t2_189 = like.lift(0.5) * t2_185;
-        let t2_190 = like.lift(-0.8660254037844386).mul_add(t2_180, t2_189);
+        let t2_188 = proto.splat(-0.8660254037844386).mul_add(t2_178, t2_187);
+        let t2_189 = proto.splat(0.5) * t2_185;
+        let t2_190 = proto.splat(-0.8660254037844386).mul_add(t2_180, t2_189);
         let t2_191 = cos_q2_u2_1 * t2_190;
         let t2_192 = -t2_191;
         let t2_193 = cos_q1_u1_1 * t2_188;
@@ -13225,26 +13239,26 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t2_195 = t2_74 * t2_192;
         let t2_196 = t2_75.mul_add(t2_188, t2_195);
         let t2_197 = cos_u1_2_e1y.mul_add(t2_183, t2_196);
-        let t2_198 = like.lift(0.5) * t2_183;
-        let t2_199 = like.lift(-0.8660254037844386).mul_add(t2_188, t2_198);
-        let t2_200 = like.lift(0.0) + like.lift(0.0);
+        let t2_198 = proto.splat(0.5) * t2_183;
+        let t2_199 = proto.splat(-0.8660254037844386).mul_add(t2_188, t2_198);
+        let t2_200 = proto.splat(0.0) + proto.splat(0.0);
         let t2_201 = sin_q3 * cos_u3_1;
         let sin_q3_u3_1 = cos_q3.mul_add(sin_u3_1, t2_201);
         let t2_202 = cos_q3 * cos_u3_1;
         let cos_q3_u3_1 = (-sin_q3).mul_add(sin_u3_1, t2_202);
         let t2_203 = t2_177 * cos_q3_u3_1;
         let t2_204 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t2_204;
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_204;
         let t2_205 = cos_q3_u3_1 * t2_204;
         let t2_206 = cos_u3_2 * sin_q3_u3_1;
-        let t2_207 = like.lift(0.5) * t2_206;
-        let t2_208 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_207);
-        let t2_209 = like.lift(0.5) * sin_u3_2;
-        let t2_210 = like.lift(0.8660254037844386).mul_add(t2_206, t2_209);
-        let t2_211 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_207 = proto.splat(0.5) * t2_206;
+        let t2_208 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_207);
+        let t2_209 = proto.splat(0.5) * sin_u3_2;
+        let t2_210 = proto.splat(0.8660254037844386).mul_add(t2_206, t2_209);
+        let t2_211 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_212 = t2_208 * t2_211;
-        let t2_213 = like.lift(0.622).mul_add(t2_205, t2_212);
-        let t2_214 = like.lift(1.0773356023078418) * t2_205;
+        let t2_213 = proto.splat(0.622).mul_add(t2_205, t2_212);
+        let t2_214 = proto.splat(1.0773356023078418) * t2_205;
         let t2_215 = t2_210.mul_add(t2_211, t2_214);
         let t2_216 = -t2_99;
         let t2_217 = sin_q1_u1_1 * t2_138;
@@ -13252,15 +13266,15 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t2_219 = sin_q1_u1_1 * t2_142;
         let t2_220 = cos_q1_u1_1 * t2_142;
         let t2_221 = -t2_146;
-        let t2_222 = like.lift(-0.5773502691896257).mul_add(t2_111, t2_146);
-        let t2_223 = like.lift(0.622) * t2_204;
+        let t2_222 = proto.splat(-0.5773502691896257).mul_add(t2_111, t2_146);
+        let t2_223 = proto.splat(0.622) * t2_204;
         let t2_224 = -t2_223;
         let t2_225 = -t2_107;
         let t2_226 = -t2_218;
         let t2_227 = -t2_220;
-        let t2_228 = like.lift(1.0773356023078418) * t2_210;
-        let t2_229 = like.lift(0.622).mul_add(t2_208, t2_228);
-        let t2_230 = like.lift(0.622) * t2_210;
+        let t2_228 = proto.splat(1.0773356023078418) * t2_210;
+        let t2_229 = proto.splat(0.622).mul_add(t2_208, t2_228);
+        let t2_230 = proto.splat(0.622) * t2_210;
         [
             t2_43, t2_57, t2_64, sin_q1_u1_1, cos_q1_u1_1, t2_74, t2_75, t2_83, t2_93, t2_94,
             t2_95, t2_99, t2_100, t2_101, t2_103, t2_107, t2_108, t2_109, t2_111, t2_112,
@@ -13278,63 +13292,63 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         x_u2_1_q1, x_u2_1_q2, x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2,
         x_u3_1_q3, x_u3_2_q1, x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let t3_1 = like.lift(-1.0773356023078418).mul_add(t2_208, t2_230);
+        let t3_1 = proto.splat(-1.0773356023078418).mul_add(t2_208, t2_230);
         let t3_2 = cos_q3_u3_1 * t3_1;
-        let t3_3 = like.lift(1.244) * t2_208;
-        let t3_4 = like.lift(0.262).mul_add(cos_q3, t3_3);
-        let t3_5 = like.lift(1.244) * t2_210;
-        let t3_6 = like.lift(0.45379731158304587).mul_add(cos_q3, t3_5);
-        let t3_7 = like.lift(0.8660254037844386) * t3_6;
-        let t3_8 = like.lift(0.5).mul_add(t3_4, t3_7);
-        let t3_9 = like.lift(0.524) * dd_q3;
-        let t3_10 = like.lift(9.81).mul_add(cos_q3, t3_9);
+        let t3_3 = proto.splat(1.244) * t2_208;
+        let t3_4 = proto.splat(0.262).mul_add(cos_q3, t3_3);
+        let t3_5 = proto.splat(1.244) * t2_210;
+        let t3_6 = proto.splat(0.45379731158304587).mul_add(cos_q3, t3_5);
+        let t3_7 = proto.splat(0.8660254037844386) * t3_6;
+        let t3_8 = proto.splat(0.5).mul_add(t3_4, t3_7);
+        let t3_9 = proto.splat(0.524) * dd_q3;
+        let t3_10 = proto.splat(9.81).mul_add(cos_q3, t3_9);
         let t3_11 = -t3_2;
-        let t3_12 = like.lift(0.5) * t2_203;
+        let t3_12 = proto.splat(0.5) * t2_203;
         let t3_13 = (-t2_181).mul_add(sin_q3_u3_1, t3_12);
-        let t3_14 = like.lift(0.8660254037844386) * t2_203;
+        let t3_14 = proto.splat(0.8660254037844386) * t2_203;
         let t3_15 = t2_186.mul_add(sin_q3_u3_1, t3_14);
-        let t3_16 = like.lift(0.5) * t2_186;
-        let t3_17 = like.lift(0.8660254037844386).mul_add(t2_181, t3_16);
+        let t3_16 = proto.splat(0.5) * t2_186;
+        let t3_17 = proto.splat(0.8660254037844386).mul_add(t2_181, t3_16);
         let t3_18 = cos_q3_u3_1 * t3_17;
         let t3_19 = sin_q1_u1_1 * t3_18;
         let t3_20 = t2_75 * t3_15;
         let t3_21 = (-t2_74).mul_add(t3_18, t3_20);
         let t3_22 = cos_q1_u1_1.mul_add(t3_15, t3_19);
         let t3_23 = cos_u1_2_e1y.mul_add(t3_13, t3_21);
-        let t3_24 = like.lift(0.8660254037844386) * t3_15;
-        let t3_25 = like.lift(0.5).mul_add(t3_13, t3_24);
-        let t3_26 = like.lift(0.0) + like.lift(0.0);
+        let t3_24 = proto.splat(0.8660254037844386) * t3_15;
+        let t3_25 = proto.splat(0.5).mul_add(t3_13, t3_24);
+        let t3_26 = proto.splat(0.0) + proto.splat(0.0);
         let t3_27 = -t3_26;
-        let t3_28 = like.lift(0.8660254037844386) * t2_156;
-        let t3_29 = like.lift(0.5) * t2_156;
-        let t3_30 = like.lift(0.524) * sin_q3;
-        let t3_31 = like.lift(-1.244).mul_add(t2_204, t3_30);
-        let t3_32 = like.lift(1.0) / t2_204;
-        let t3_33 = like.lift(9.81) * sin_q3;
-        let t3_34 = like.lift(0.8660254037844386) * t3_31;
+        let t3_28 = proto.splat(0.8660254037844386) * t2_156;
+        let t3_29 = proto.splat(0.5) * t2_156;
+        let t3_30 = proto.splat(0.524) * sin_q3;
+        let t3_31 = proto.splat(-1.244).mul_add(t2_204, t3_30);
+        let t3_32 = proto.splat(1.0) / t2_204;
+        let t3_33 = proto.splat(9.81) * sin_q3;
+        let t3_34 = proto.splat(0.8660254037844386) * t3_31;
         let t3_35 = -t3_34;
-        let t3_36 = like.lift(0.5) * t3_31;
-        let t3_37 = like.lift(0.8038585209003215) * t3_31;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_213, t2_215);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let t3_36 = proto.splat(0.5) * t3_31;
+        let t3_37 = proto.splat(0.8038585209003215) * t3_31;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t2_213, t2_215);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t3_38 = t2_229 * t3_32;
-        let t3_39 = like.lift(0.9282158668643501) * t3_38;
+        let t3_39 = proto.splat(0.9282158668643501) * t3_38;
         let t3_40 = t2_213.mul_add(t3_39, t3_11);
         let t3_41 = inv_pivot_2 * t3_40;
         let pivot_3 = t2_99.mul_add(t3_41, t2_107);
         let t3_42 = t3_38.mul_add(t3_37, t3_8);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t3_43 = t2_83 * inv_pivot_3;
         let t3_44 = t2_94 * inv_pivot_3;
         let t3_45 = -pivot_3;
         let t3_46 = t2_101.mul_add(t3_41, t2_109);
-        let t3_47 = like.lift(0.5773502691896257).mul_add(t2_151, t2_217);
+        let t3_47 = proto.splat(0.5773502691896257).mul_add(t2_151, t2_217);
         let t3_48 = (-t3_47).mul_add(t3_41, t2_218);
         let t3_49 = t2_151.mul_add(t3_39, t3_48);
         let t3_50 = (-t3_49).mul_add(t3_44, t2_140);
         let t3_51 = t3_25 * t3_32;
-        let t3_52 = like.lift(0.9282158668643501) * t3_32;
-        let t3_53 = like.lift(0.9282158668643501) * t3_51;
+        let t3_52 = proto.splat(0.9282158668643501) * t3_32;
+        let t3_53 = proto.splat(0.9282158668643501) * t3_51;
         let t3_54 = t2_213 * t3_53;
         let t3_55 = inv_pivot_2 * t3_54;
         let t3_56 = (-t2_99).mul_add(t3_55, t3_13);
@@ -13344,11 +13358,11 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t3_60 = (-t3_49).mul_add(t3_57, t3_22);
         let t3_61 = t3_47.mul_add(t3_55, t3_60);
         let pivot_4 = (-t2_151).mul_add(t3_53, t3_61);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t3_62 = t3_50 * inv_pivot_4;
         let t3_63 = t3_46.mul_add(t3_57, t3_13);
         let t3_64 = t2_101.mul_add(t3_55, t3_63);
-        let t3_65 = like.lift(0.5773502691896257).mul_add(t2_148, t2_219);
+        let t3_65 = proto.splat(0.5773502691896257).mul_add(t2_148, t2_219);
         let t3_66 = (-t3_65).mul_add(t3_41, t2_220);
         let t3_67 = t2_148.mul_add(t3_39, t3_66);
         let t3_68 = (-t2_222).mul_add(t3_41, t2_150);
@@ -13370,7 +13384,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t3_84 = t3_67.mul_add(t3_43, t3_83);
         let t3_85 = t3_77.mul_add(t3_84, t2_93);
         let pivot_6 = (-t3_74).mul_add(t3_76, t3_85);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t3_86 = (-t3_64).mul_add(t3_80, t2_100);
         let t3_87 = (-t3_46).mul_add(t3_43, t3_86);
         let t3_88 = t3_59 * t3_80;
@@ -13391,7 +13405,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t3_103 = (-t3_93).mul_add(t3_102, t2_197);
         let t3_104 = (-t3_75).mul_add(t3_99, t3_103);
         let pivot_7 = t3_69.mul_add(t3_97, t3_104);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t3_105 = t3_91.mul_add(t3_102, t2_183);
         let t3_106 = (-t3_64).mul_add(t3_99, t3_105);
         let t3_107 = t3_46.mul_add(t3_97, t3_106);
@@ -13418,7 +13432,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t3_128 = (-t3_111).mul_add(t3_122, t2_164);
         let t3_129 = (-t3_78).mul_add(t3_117, t3_128);
         let pivot_8 = (-t3_113).mul_add(t2_154, t3_129);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t3_130 = t3_127 * inv_pivot_8;
         let t3_131 = (-t3_111).mul_add(t3_130, t3_107);
         let t3_132 = inv_pivot_7 * t3_131;
@@ -13521,19 +13535,19 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t3_229 = t3_228 * t3_52;
         let t3_230 = -t3_229;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t3_45 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_158 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t3_45 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_158 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t3_148, t3_181, t3_196], [t3_138, t3_197, t3_174], [t3_198, t3_167, t3_199],
                 [t3_132, t3_161, t3_162], [t3_130, t3_157, t3_184], [t3_147, t3_192, t3_191],
@@ -13542,20 +13556,22 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_95, t2_93, t2_112, t2_117, t2_126, like.lift(0.0), like.lift(0.0)],
-                    [t2_128, t2_139, t2_143, t2_153, t2_157, t2_158, like.lift(0.0), like.lift(0.0)],
-                    [t2_159, t2_160, t2_161, t2_162, t2_164, t2_168, like.lift(0.0), like.lift(0.0)],
-                    [t2_183, t2_194, t2_194, t2_197, t2_199, t2_200, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_151, t2_148, t2_111, like.lift(0.0), like.lift(0.0), pivot_1, t2_213],
-                    [t2_216, t2_217, t2_219, t2_221, like.lift(0.0), like.lift(0.0), t2_224, t2_215],
-                    [t2_225, t2_226, t2_227, t2_150, like.lift(0.0), like.lift(0.0), t2_229, t3_2],
-                    [t3_13, t3_22, t3_22, t3_23, like.lift(0.0), like.lift(0.0), t3_25, t3_27],
+                    [proto.splat(0.0), t2_95, t2_93, t2_112, t2_117, t2_126, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_128, t2_139, t2_143, t2_153, t2_157, t2_158, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_159, t2_160, t2_161, t2_162, t2_164, t2_168, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_183, t2_194, t2_194, t2_197, t2_199, t2_200, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_151, t2_148, t2_111, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_213],
+                    [t2_216, t2_217, t2_219, t2_221, proto.splat(0.0), proto.splat(0.0), t2_224, t2_215],
+                    [t2_225, t2_226, t2_227, t2_150, proto.splat(0.0), proto.splat(0.0), t2_229, t3_2],
+                    [t3_13, t3_22, t3_22, t3_23, proto.splat(0.0), proto.splat(0.0), t3_25, t3_27],
                 ],
                 [
-                    [like.lift(0.0), t3_28, like.lift(0.0)], [t2_100, t3_29, like.lift(0.0)],
-                    [t2_108, t2_174, like.lift(0.0)], [t2_183, t2_199, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t3_35], [t2_101, like.lift(0.0), t3_36],
-                    [t2_109, like.lift(0.0), t3_8], [t3_13, like.lift(0.0), t3_25],
+                    [proto.splat(0.0), t3_28, proto.splat(0.0)],
+                    [t2_100, t3_29, proto.splat(0.0)], [t2_108, t2_174, proto.splat(0.0)],
+                    [t2_183, t2_199, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t3_35],
+                    [t2_101, proto.splat(0.0), t3_36], [t2_109, proto.splat(0.0), t3_8],
+                    [t3_13, proto.splat(0.0), t3_25],
                 ],
             ),
         );
@@ -13586,13 +13602,13 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t4_10 = d_u2_2 * d_u2_2;
         let t4_11 = t4_7 - t4_10;
         let t4_12 = t4_7 - t4_8;
-        let t4_13 = like.lift(9.81) * sin_q2;
+        let t4_13 = proto.splat(9.81) * sin_q2;
         let t4_14 = sin_q2 * p_mz_crank2;
         let t4_15 = (-cos_q2).mul_add(p_my_crank2, t4_14);
-        let t4_16 = like.lift(0.524) * d_q2;
+        let t4_16 = proto.splat(0.524) * d_q2;
         let t4_17 = (-t4_16).mul_add(d_q2, t4_13);
-        let t4_18 = like.lift(0.524) * dd_q2;
-        let t4_19 = like.lift(9.81).mul_add(cos_q2, t4_18);
+        let t4_18 = proto.splat(0.524) * dd_q2;
+        let t4_19 = proto.splat(9.81).mul_add(cos_q2, t4_18);
         let t4_20 = sin_u2_1 * t4_19;
         let a_u2_1y = cos_u2_1.mul_add(t4_17, t4_20);
         let t4_21 = sin_u2_1 * t4_17;
@@ -13655,7 +13671,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t4_70 = p_ixx_rod3 - p_iyy_rod3;
         let t4_71 = d_u3_2 * d_u3_2;
         let t4_72 = t4_68 - t4_71;
-        let t4_73 = like.lift(0.524) * d_q3;
+        let t4_73 = proto.splat(0.524) * d_q3;
         let t4_74 = (-t4_73).mul_add(d_q3, t3_33);
         let t4_75 = sin_u3_1 * t3_10;
         let a_u3_1y = cos_u3_1.mul_add(t4_74, t4_75);
@@ -13723,17 +13739,17 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
         let t4_134 = (-t4_61).mul_add(x_u2_1_q2, t4_132);
         let t4_135 = (-p_mz_crank3).mul_add(t3_33, t4_131);
         let t4_136 = dd_q1.mul_add(p_ixx_crank1, t4_133);
-        let t4_137 = like.lift(-9.81).mul_add(t2_103, t4_136);
-        let t4_138 = like.lift(0.524).mul_add(t2_57, t4_137);
+        let t4_137 = proto.splat(-9.81).mul_add(t2_103, t4_136);
+        let t4_138 = proto.splat(0.524).mul_add(t2_57, t4_137);
         tau[0] = t4_138;
         let t4_139 = dd_q2.mul_add(p_ixx_crank2, t4_134);
-        let t4_140 = like.lift(-9.81).mul_add(t4_15, t4_139);
-        let t4_141 = like.lift(0.524).mul_add(t4_56, t4_140);
+        let t4_140 = proto.splat(-9.81).mul_add(t4_15, t4_139);
+        let t4_141 = proto.splat(0.524).mul_add(t4_56, t4_140);
         let t4_142 = (-t2_43).mul_add(x_u1_2_q2, t4_141);
         let t4_143 = (-t2_64).mul_add(x_u1_1_q2, t4_142);
         tau[1] = t4_143;
         let t4_144 = dd_q3.mul_add(p_ixx_crank3, t4_135);
-        let t4_145 = like.lift(0.524).mul_add(t4_117, t4_144);
+        let t4_145 = proto.splat(0.524).mul_add(t4_117, t4_144);
         let t4_146 = (-t4_45).mul_add(x_u2_2_q3, t4_145);
         let t4_147 = (-t4_61).mul_add(x_u2_1_q3, t4_146);
         let t4_148 = (-t2_43).mul_add(x_u1_2_q3, t4_147);
@@ -13751,9 +13767,9 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 11], qd: &[T; 11], qdd: &[T; 11]
 ///
 /// 250 additions, 383 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -13798,41 +13814,41 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t2_1 = sin_u1_2 * cos_q1_u1_1;
         let t2_2 = t2_1 * p_my_rod1;
         let t2_3 = sin_q1_u1_1.mul_add(p_mx_rod1, t2_2);
-        let t2_4 = like.lift(9.81) * t2_3;
+        let t2_4 = proto.splat(9.81) * t2_3;
         let t2_5 = cos_u1_2 * cos_q1_u1_1;
         let t2_6 = t2_5 * p_mx_rod1;
         let t2_7 = t2_1.mul_add(p_mz_rod1, t2_6);
-        let t2_8 = like.lift(9.81) * t2_7;
+        let t2_8 = proto.splat(9.81) * t2_7;
         let t2_9 = sin_q1_u1_1 * p_mz_rod1;
         let t2_10 = (-t2_5).mul_add(p_my_rod1, t2_9);
-        let t2_11 = like.lift(9.81) * t2_10;
+        let t2_11 = proto.splat(9.81) * t2_10;
         let t2_12 = -t2_11;
         let t2_13 = cos_u1_2 * t2_12;
         let t2_14 = sin_u1_2.mul_add(t2_4, t2_13);
-        let t2_15 = like.lift(1.244) * t2_5;
-        let t2_16 = like.lift(1.244) * cos_u1_2;
+        let t2_15 = proto.splat(1.244) * t2_5;
+        let t2_16 = proto.splat(1.244) * cos_u1_2;
         let t2_17 = sin_e1x * cos_u1_2_e1y;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
         let t2_18 = cos_q1_u1_1 * t2_17;
         let t2_19 = cos_e1x.mul_add(sin_q1_u1_1, t2_18);
         let t2_20 = cos_e1x * cos_q1_u1_1;
         let t2_21 = (-sin_q1_u1_1).mul_add(t2_17, t2_20);
-        let t2_22 = like.lift(0.022) * t2_19;
+        let t2_22 = proto.splat(0.022) * t2_19;
         let t2_23 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_24 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_25 = like.lift(0.0381051177665153) * t2_23;
-        let t2_26 = like.lift(0.044) * t2_19;
-        let t2_27 = like.lift(0.8660254037844386) * t2_19;
+        let t2_25 = proto.splat(0.0381051177665153) * t2_23;
+        let t2_26 = proto.splat(0.044) * t2_19;
+        let t2_27 = proto.splat(0.8660254037844386) * t2_19;
         let t2_28 = t2_25 - t2_22;
         let t2_29 = t2_25 + t2_22;
         let t2_30 = t2_26 - t2_28;
         let t2_31 = t2_30 + t2_15;
         let t2_32 = cos_q1_u1_1 * t2_30;
         let t2_33 = t2_16 * sin_q1_u1_1;
-        let t2_34 = like.lift(0.044) * t2_21;
-        let t2_35 = like.lift(0.0381051177665153) * t2_24;
-        let t2_36 = like.lift(0.022) * t2_21;
-        let t2_37 = like.lift(0.8660254037844386) * t2_21;
+        let t2_34 = proto.splat(0.044) * t2_21;
+        let t2_35 = proto.splat(0.0381051177665153) * t2_24;
+        let t2_36 = proto.splat(0.022) * t2_21;
+        let t2_37 = proto.splat(0.8660254037844386) * t2_21;
         let t2_38 = t2_36 + t2_35;
         let t2_39 = t2_36 - t2_35;
         let t2_40 = t2_38 + t2_34;
@@ -13840,44 +13856,44 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t2_42 = t2_33 - t2_40;
         let t2_43 = t2_41 + t2_16;
         let t2_44 = t2_26 + t2_29;
-        let t2_45 = like.lift(0.524).mul_add(sin_q1, -t2_15);
+        let t2_45 = proto.splat(0.524).mul_add(sin_q1, -t2_15);
         let t2_46 = t2_45 - t2_26;
         let t2_47 = t2_44 + t2_15;
         let t2_48 = t2_46 + t2_28;
         let t2_49 = t2_46 - t2_29;
         let t2_50 = t2_39 + t2_34;
-        let t2_51 = like.lift(-0.524).mul_add(cos_q1, t2_34);
+        let t2_51 = proto.splat(-0.524).mul_add(cos_q1, t2_34);
         let t2_52 = t2_51 - t2_33;
         let t2_53 = t2_33 - t2_50;
         let t2_54 = t2_38 + t2_52;
         let t2_55 = t2_39 + t2_52;
         let t2_56 = t2_23 * t2_50;
         let t2_57 = t2_24.mul_add(t2_44, t2_56);
-        let t2_58 = like.lift(0.0) + t2_57;
+        let t2_58 = proto.splat(0.0) + t2_57;
         let t2_59 = cos_u2_2 * cos_q2_u2_1;
-        let t2_60 = like.lift(1.0773356023078418) * t2_59;
+        let t2_60 = proto.splat(1.0773356023078418) * t2_59;
         let t2_61 = -t2_60;
         let t2_62 = cos_q2_u2_1 * t2_59;
         let t2_63 = cos_u2_2 * sin_q2_u2_1;
-        let t2_64 = like.lift(9.81) * cos_u2_2;
+        let t2_64 = proto.splat(9.81) * cos_u2_2;
         let t2_65 = t2_64 * t2_59;
         let t2_66 = t2_65 * p_my_rod2;
-        let t2_67 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_68 = like.lift(0.5).mul_add(t2_63, t2_67);
-        let t2_69 = like.lift(0.8660254037844386) * t2_63;
-        let t2_70 = like.lift(-0.5).mul_add(sin_u2_2, t2_69);
-        let t2_71 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_67 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_68 = proto.splat(0.5).mul_add(t2_63, t2_67);
+        let t2_69 = proto.splat(0.8660254037844386) * t2_63;
+        let t2_70 = proto.splat(-0.5).mul_add(sin_u2_2, t2_69);
+        let t2_71 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_72 = t2_68 * t2_71;
-        let t2_73 = like.lift(0.622).mul_add(t2_62, t2_72);
-        let t2_74 = like.lift(1.0773356023078418) * t2_62;
+        let t2_73 = proto.splat(0.622).mul_add(t2_62, t2_72);
+        let t2_74 = proto.splat(1.0773356023078418) * t2_62;
         let pivot_5 = t2_70.mul_add(t2_71, t2_74);
         let t2_75 = -t2_31;
-        let t2_76 = like.lift(0.044) * e_e1x_q1y;
-        let t2_77 = like.lift(1.244).mul_add(sin_u1_2, t2_76);
-        let t2_78 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_79 = like.lift(0.022) * e_e1x_q1y;
+        let t2_76 = proto.splat(0.044) * e_e1x_q1y;
+        let t2_77 = proto.splat(1.244).mul_add(sin_u1_2, t2_76);
+        let t2_78 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_79 = proto.splat(0.022) * e_e1x_q1y;
         let t2_80 = t2_79 + t2_76;
-        let t2_81 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t2_81 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t2_82 = t2_77 + t2_78;
         let t2_83 = t2_82 + t2_79;
         let t2_84 = t2_77 - t2_78;
@@ -13895,72 +13911,72 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t2_96 = cos_u1_2_e1y * t2_50;
         let t2_97 = (-t2_24).mul_add(t2_89, t2_96);
         let t2_98 = t2_95 + t2_16;
-        let t2_99 = like.lift(0.0) + t2_93;
+        let t2_99 = proto.splat(0.0) + t2_93;
         let t2_100 = -t2_99;
-        let t2_101 = like.lift(0.622) * t2_59;
+        let t2_101 = proto.splat(0.622) * t2_59;
         let t2_102 = -t2_101;
         let t2_103 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_104 = -t2_42;
         let t2_105 = -t2_87;
         let t2_106 = -t2_91;
-        let t2_107 = like.lift(0.0) + t2_97;
-        let t2_108 = like.lift(1.0773356023078418) * t2_70;
-        let t2_109 = like.lift(0.622).mul_add(t2_68, t2_108);
-        let t2_110 = like.lift(0.622) * t2_70;
-        let t2_111 = like.lift(-1.0773356023078418).mul_add(t2_68, t2_110);
+        let t2_107 = proto.splat(0.0) + t2_97;
+        let t2_108 = proto.splat(1.0773356023078418) * t2_70;
+        let t2_109 = proto.splat(0.622).mul_add(t2_68, t2_108);
+        let t2_110 = proto.splat(0.622) * t2_70;
+        let t2_111 = proto.splat(-1.0773356023078418).mul_add(t2_68, t2_110);
         let t2_112 = cos_q2_u2_1 * t2_111;
         let t2_113 = -t2_112;
-        let t2_114 = like.lift(1.244) * t2_68;
-        let t2_115 = like.lift(0.262).mul_add(cos_q2, t2_114);
-        let t2_116 = like.lift(1.244) * t2_70;
-        let t2_117 = like.lift(0.45379731158304587).mul_add(cos_q2, t2_116);
-        let t2_118 = like.lift(0.8660254037844386) * t2_117;
-        let t2_119 = like.lift(0.5).mul_add(t2_115, t2_118);
-        let t2_120 = like.lift(0.5) * t2_23;
+        let t2_114 = proto.splat(1.244) * t2_68;
+        let t2_115 = proto.splat(0.262).mul_add(cos_q2, t2_114);
+        let t2_116 = proto.splat(1.244) * t2_70;
+        let t2_117 = proto.splat(0.45379731158304587).mul_add(cos_q2, t2_116);
+        let t2_118 = proto.splat(0.8660254037844386) * t2_117;
+        let t2_119 = proto.splat(0.5).mul_add(t2_115, t2_118);
+        let t2_120 = proto.splat(0.5) * t2_23;
         let t2_121 = t2_120 + t2_27;
         let t2_122 = t2_120 - t2_27;
         let t2_123 = t2_121 * cos_q2_u2_1;
         let t2_124 = t2_122 * cos_q3_u3_1;
-        let t2_125 = like.lift(0.5) * t2_24;
+        let t2_125 = proto.splat(0.5) * t2_24;
         let t2_126 = t2_125 - t2_37;
         let t2_127 = t2_125 + t2_37;
-        let t2_128 = like.lift(0.5) * t2_123;
+        let t2_128 = proto.splat(0.5) * t2_123;
         let t2_129 = (-t2_126).mul_add(sin_q2_u2_1, t2_128);
-        let t2_130 = like.lift(0.5) * cos_u1_2_e1y;
+        let t2_130 = proto.splat(0.5) * cos_u1_2_e1y;
         let t2_131 = t2_130 - t2_81;
         let t2_132 = t2_130 + t2_81;
         let t2_133 = t2_131 * sin_q2_u2_1;
-        let t2_134 = like.lift(-0.8660254037844386).mul_add(t2_123, t2_133);
-        let t2_135 = like.lift(0.5) * t2_131;
-        let t2_136 = like.lift(-0.8660254037844386).mul_add(t2_126, t2_135);
+        let t2_134 = proto.splat(-0.8660254037844386).mul_add(t2_123, t2_133);
+        let t2_135 = proto.splat(0.5) * t2_131;
+        let t2_136 = proto.splat(-0.8660254037844386).mul_add(t2_126, t2_135);
         let t2_137 = cos_q2_u2_1 * t2_136;
         let t2_138 = -t2_137;
         let t2_139 = sin_u2_2 * cos_q2_u2_1;
         let t2_140 = t2_139 * p_my_rod2;
         let t2_141 = sin_q2_u2_1.mul_add(p_mx_rod2, t2_140);
-        let t2_142 = like.lift(9.81) * t2_141;
+        let t2_142 = proto.splat(9.81) * t2_141;
         let t2_143 = sin_u2_2.mul_add(t2_142, t2_66);
         let t2_144 = cos_q1_u1_1 * t2_134;
         let t2_145 = (-sin_q1_u1_1).mul_add(t2_138, t2_144);
         let t2_146 = t2_23 * t2_138;
         let t2_147 = t2_24.mul_add(t2_134, t2_146);
         let t2_148 = cos_u1_2_e1y.mul_add(t2_129, t2_147);
-        let t2_149 = like.lift(0.5) * t2_129;
-        let t2_150 = like.lift(-0.8660254037844386).mul_add(t2_134, t2_149);
-        let t2_151 = like.lift(0.0) + like.lift(0.0);
+        let t2_149 = proto.splat(0.5) * t2_129;
+        let t2_150 = proto.splat(-0.8660254037844386).mul_add(t2_134, t2_149);
+        let t2_151 = proto.splat(0.0) + proto.splat(0.0);
         let t2_152 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t2_152;
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_152;
         let t2_153 = cos_q3_u3_1 * t2_152;
         let t2_154 = cos_u3_2 * sin_q3_u3_1;
-        let t2_155 = like.lift(0.5) * t2_154;
-        let t2_156 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_155);
-        let t2_157 = like.lift(0.5) * sin_u3_2;
-        let t2_158 = like.lift(0.8660254037844386).mul_add(t2_154, t2_157);
-        let t2_159 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_155 = proto.splat(0.5) * t2_154;
+        let t2_156 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_155);
+        let t2_157 = proto.splat(0.5) * sin_u3_2;
+        let t2_158 = proto.splat(0.8660254037844386).mul_add(t2_154, t2_157);
+        let t2_159 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_160 = t2_156 * t2_159;
-        let t2_161 = like.lift(0.622).mul_add(t2_153, t2_160);
-        let t2_162 = like.lift(1.0773356023078418) * t2_153;
+        let t2_161 = proto.splat(0.622).mul_add(t2_153, t2_160);
+        let t2_162 = proto.splat(1.0773356023078418) * t2_153;
         let t2_163 = t2_158.mul_add(t2_159, t2_162);
         let t2_164 = -t2_47;
         let t2_165 = sin_q1_u1_1 * t2_85;
@@ -13968,74 +13984,74 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t2_167 = sin_q1_u1_1 * t2_89;
         let t2_168 = cos_q1_u1_1 * t2_89;
         let t2_169 = -t2_93;
-        let t2_170 = like.lift(-0.5773502691896257).mul_add(t2_57, t2_93);
-        let t2_171 = like.lift(0.622) * t2_152;
+        let t2_170 = proto.splat(-0.5773502691896257).mul_add(t2_57, t2_93);
+        let t2_171 = proto.splat(0.622) * t2_152;
         let t2_172 = -t2_171;
         let t2_173 = -t2_53;
         let t2_174 = -t2_166;
         let t2_175 = -t2_168;
-        let t2_176 = like.lift(1.0773356023078418) * t2_158;
-        let t2_177 = like.lift(0.622).mul_add(t2_156, t2_176);
-        let t2_178 = like.lift(0.622) * t2_158;
-        let t2_179 = like.lift(-1.0773356023078418).mul_add(t2_156, t2_178);
+        let t2_176 = proto.splat(1.0773356023078418) * t2_158;
+        let t2_177 = proto.splat(0.622).mul_add(t2_156, t2_176);
+        let t2_178 = proto.splat(0.622) * t2_158;
+        let t2_179 = proto.splat(-1.0773356023078418).mul_add(t2_156, t2_178);
         let t2_180 = cos_q3_u3_1 * t2_179;
-        let t2_181 = like.lift(1.244) * t2_156;
-        let t2_182 = like.lift(0.262).mul_add(cos_q3, t2_181);
-        let t2_183 = like.lift(1.244) * t2_158;
-        let t2_184 = like.lift(0.45379731158304587).mul_add(cos_q3, t2_183);
-        let t2_185 = like.lift(0.8660254037844386) * t2_184;
-        let t2_186 = like.lift(0.5).mul_add(t2_182, t2_185);
+        let t2_181 = proto.splat(1.244) * t2_156;
+        let t2_182 = proto.splat(0.262).mul_add(cos_q3, t2_181);
+        let t2_183 = proto.splat(1.244) * t2_158;
+        let t2_184 = proto.splat(0.45379731158304587).mul_add(cos_q3, t2_183);
+        let t2_185 = proto.splat(0.8660254037844386) * t2_184;
+        let t2_186 = proto.splat(0.5).mul_add(t2_182, t2_185);
         let t2_187 = -t2_180;
-        let t2_188 = like.lift(0.5) * t2_124;
+        let t2_188 = proto.splat(0.5) * t2_124;
         let t2_189 = (-t2_127).mul_add(sin_q3_u3_1, t2_188);
-        let t2_190 = like.lift(0.8660254037844386) * t2_124;
+        let t2_190 = proto.splat(0.8660254037844386) * t2_124;
         let t2_191 = t2_132.mul_add(sin_q3_u3_1, t2_190);
-        let t2_192 = like.lift(0.5) * t2_132;
-        let t2_193 = like.lift(0.8660254037844386).mul_add(t2_127, t2_192);
+        let t2_192 = proto.splat(0.5) * t2_132;
+        let t2_193 = proto.splat(0.8660254037844386).mul_add(t2_127, t2_192);
         let t2_194 = cos_q3_u3_1 * t2_193;
         let t2_195 = sin_q1_u1_1 * t2_194;
         let t2_196 = t2_24 * t2_191;
         let t2_197 = (-t2_23).mul_add(t2_194, t2_196);
         let t2_198 = cos_q1_u1_1.mul_add(t2_191, t2_195);
         let t2_199 = cos_u1_2_e1y.mul_add(t2_189, t2_197);
-        let t2_200 = like.lift(0.8660254037844386) * t2_191;
-        let t2_201 = like.lift(0.5).mul_add(t2_189, t2_200);
+        let t2_200 = proto.splat(0.8660254037844386) * t2_191;
+        let t2_201 = proto.splat(0.5).mul_add(t2_189, t2_200);
         let t2_202 = sin_u3_2 * cos_q3_u3_1;
-        let t2_203 = like.lift(0.0) + like.lift(0.0);
+        let t2_203 = proto.splat(0.0) + proto.splat(0.0);
         let t2_204 = -t2_203;
-        let t2_205 = like.lift(0.524) * sin_q2;
-        let t2_206 = like.lift(-1.244).mul_add(t2_59, t2_205);
+        let t2_205 = proto.splat(0.524) * sin_q2;
+        let t2_206 = proto.splat(-1.244).mul_add(t2_59, t2_205);
         let t2_207 = t2_59 * p_mx_rod2;
-        let t2_208 = like.lift(0.8660254037844386) * t2_206;
-        let t2_209 = like.lift(0.5) * t2_206;
-        let t2_210 = like.lift(0.524) * sin_q3;
-        let t2_211 = like.lift(-1.244).mul_add(t2_152, t2_210);
+        let t2_208 = proto.splat(0.8660254037844386) * t2_206;
+        let t2_209 = proto.splat(0.5) * t2_206;
+        let t2_210 = proto.splat(0.524) * sin_q3;
+        let t2_211 = proto.splat(-1.244).mul_add(t2_152, t2_210);
         let t2_212 = sin_q3 * p_mz_crank3;
-        let t2_213 = like.lift(0.8660254037844386) * t2_211;
+        let t2_213 = proto.splat(0.8660254037844386) * t2_211;
         let t2_214 = -t2_213;
-        let t2_215 = like.lift(0.5) * t2_211;
-        let t2_216 = like.lift(0.8038585209003215) * t2_211;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_161, t2_163);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
-        let t2_217 = like.lift(1.0) / t2_152;
+        let t2_215 = proto.splat(0.5) * t2_211;
+        let t2_216 = proto.splat(0.8038585209003215) * t2_211;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t2_161, t2_163);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
+        let t2_217 = proto.splat(1.0) / t2_152;
         let t2_218 = t2_177 * t2_217;
-        let t2_219 = like.lift(0.9282158668643501) * t2_218;
+        let t2_219 = proto.splat(0.9282158668643501) * t2_218;
         let t2_220 = t2_161.mul_add(t2_219, t2_187);
         let t2_221 = inv_pivot_2 * t2_220;
         let pivot_3 = t2_47.mul_add(t2_221, t2_53);
         let t2_222 = t2_218.mul_add(t2_216, t2_186);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_223 = t2_31 * inv_pivot_3;
         let t2_224 = t2_42 * inv_pivot_3;
         let t2_225 = -pivot_3;
         let t2_226 = t2_49.mul_add(t2_221, t2_55);
-        let t2_227 = like.lift(0.5773502691896257).mul_add(t2_98, t2_165);
+        let t2_227 = proto.splat(0.5773502691896257).mul_add(t2_98, t2_165);
         let t2_228 = (-t2_227).mul_add(t2_221, t2_166);
         let t2_229 = t2_98.mul_add(t2_219, t2_228);
         let t2_230 = (-t2_229).mul_add(t2_224, t2_87);
         let t2_231 = t2_201 * t2_217;
-        let t2_232 = like.lift(0.9282158668643501) * t2_217;
-        let t2_233 = like.lift(0.9282158668643501) * t2_231;
+        let t2_232 = proto.splat(0.9282158668643501) * t2_217;
+        let t2_233 = proto.splat(0.9282158668643501) * t2_231;
         let t2_234 = t2_161 * t2_233;
         let t2_235 = inv_pivot_2 * t2_234;
         let t2_236 = (-t2_47).mul_add(t2_235, t2_189);
@@ -14063,11 +14079,11 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         x_u2_1_q3, x_u2_2_q1, x_u2_2_q2, x_u2_2_q3, x_u3_1_q1, x_u3_1_q2, x_u3_1_q3, x_u3_2_q1,
         x_u3_2_q2, x_u3_2_q3,
     ] = {
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t3_1 = t2_230 * inv_pivot_4;
         let t3_2 = t2_226.mul_add(t2_237, t2_189);
         let t3_3 = t2_49.mul_add(t2_235, t3_2);
-        let t3_4 = like.lift(0.5773502691896257).mul_add(t2_95, t2_167);
+        let t3_4 = proto.splat(0.5773502691896257).mul_add(t2_95, t2_167);
         let t3_5 = (-t3_4).mul_add(t2_221, t2_168);
         let t3_6 = t2_95.mul_add(t2_219, t3_5);
         let t3_7 = (-t2_170).mul_add(t2_221, t2_97);
@@ -14089,7 +14105,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t3_23 = t3_6.mul_add(t2_223, t3_22);
         let t3_24 = t3_16.mul_add(t3_23, t2_41);
         let pivot_6 = (-t3_13).mul_add(t3_15, t3_24);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t3_25 = (-t3_3).mul_add(t3_19, t2_48);
         let t3_26 = (-t2_226).mul_add(t2_223, t3_25);
         let t3_27 = t2_239 * t3_19;
@@ -14110,7 +14126,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t3_42 = (-t3_32).mul_add(t3_41, t2_148);
         let t3_43 = (-t3_14).mul_add(t3_38, t3_42);
         let pivot_7 = t3_8.mul_add(t3_36, t3_43);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t3_44 = t3_30.mul_add(t3_41, t2_129);
         let t3_45 = (-t3_3).mul_add(t3_38, t3_44);
         let t3_46 = t2_226.mul_add(t3_36, t3_45);
@@ -14137,7 +14153,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t3_67 = (-t3_50).mul_add(t3_61, t2_109);
         let t3_68 = (-t3_17).mul_add(t3_56, t3_67);
         let pivot_8 = (-t3_52).mul_add(t2_101, t3_68);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t3_69 = t3_66 * inv_pivot_8;
         let t3_70 = (-t3_50).mul_add(t3_69, t3_46);
         let t3_71 = inv_pivot_7 * t3_70;
@@ -14240,19 +14256,19 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t3_168 = t3_167 * t2_232;
         let t3_169 = -t3_168;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t2_225 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_103 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t2_225 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_103 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t3_87, t3_120, t3_135], [t3_77, t3_136, t3_113], [t3_137, t3_106, t3_138],
                 [t3_71, t3_100, t3_101], [t3_69, t3_96, t3_123], [t3_86, t3_131, t3_130],
@@ -14261,20 +14277,22 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_43, t2_41, t2_58, t2_61, t2_73, like.lift(0.0), like.lift(0.0)],
-                    [t2_75, t2_86, t2_90, t2_100, t2_102, t2_103, like.lift(0.0), like.lift(0.0)],
-                    [t2_104, t2_105, t2_106, t2_107, t2_109, t2_113, like.lift(0.0), like.lift(0.0)],
-                    [t2_129, t2_145, t2_145, t2_148, t2_150, t2_151, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_98, t2_95, t2_57, like.lift(0.0), like.lift(0.0), pivot_1, t2_161],
-                    [t2_164, t2_165, t2_167, t2_169, like.lift(0.0), like.lift(0.0), t2_172, t2_163],
-                    [t2_173, t2_174, t2_175, t2_97, like.lift(0.0), like.lift(0.0), t2_177, t2_180],
-                    [t2_189, t2_198, t2_198, t2_199, like.lift(0.0), like.lift(0.0), t2_201, t2_204],
+                    [proto.splat(0.0), t2_43, t2_41, t2_58, t2_61, t2_73, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_75, t2_86, t2_90, t2_100, t2_102, t2_103, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_104, t2_105, t2_106, t2_107, t2_109, t2_113, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_129, t2_145, t2_145, t2_148, t2_150, t2_151, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_98, t2_95, t2_57, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_161],
+                    [t2_164, t2_165, t2_167, t2_169, proto.splat(0.0), proto.splat(0.0), t2_172, t2_163],
+                    [t2_173, t2_174, t2_175, t2_97, proto.splat(0.0), proto.splat(0.0), t2_177, t2_180],
+                    [t2_189, t2_198, t2_198, t2_199, proto.splat(0.0), proto.splat(0.0), t2_201, t2_204],
                 ],
                 [
-                    [like.lift(0.0), t2_208, like.lift(0.0)], [t2_48, t2_209, like.lift(0.0)],
-                    [t2_54, t2_119, like.lift(0.0)], [t2_129, t2_150, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t2_214], [t2_49, like.lift(0.0), t2_215],
-                    [t2_55, like.lift(0.0), t2_186], [t2_189, like.lift(0.0), t2_201],
+                    [proto.splat(0.0), t2_208, proto.splat(0.0)],
+                    [t2_48, t2_209, proto.splat(0.0)], [t2_54, t2_119, proto.splat(0.0)],
+                    [t2_129, t2_150, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t2_214],
+                    [t2_49, proto.splat(0.0), t2_215], [t2_55, proto.splat(0.0), t2_186],
+                    [t2_189, proto.splat(0.0), t2_201],
                 ],
             ),
         );
@@ -14296,19 +14314,19 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t4_7 = cos_q2.mul_add(p_my_crank2, t4_5);
         let t4_8 = t2_202 * p_my_rod3;
         let t4_9 = sin_q3_u3_1.mul_add(p_mx_rod3, t4_8);
-        let t4_10 = like.lift(9.81) * t4_9;
+        let t4_10 = proto.splat(9.81) * t4_9;
         let t4_11 = sin_q3_u3_1 * p_mz_rod3;
         let t4_12 = (-t2_152).mul_add(p_my_rod3, t4_11);
         let t4_13 = t2_152 * p_mx_rod3;
         let t4_14 = t2_202.mul_add(p_mz_rod3, t4_13);
-        let t4_15 = like.lift(9.81) * t4_12;
+        let t4_15 = proto.splat(9.81) * t4_12;
         let t4_16 = -t4_15;
         let t4_17 = cos_u3_2 * t4_16;
         let t4_18 = sin_u3_2.mul_add(t4_10, t4_17);
-        let t4_19 = like.lift(9.81) * t4_14;
+        let t4_19 = proto.splat(9.81) * t4_14;
         let t4_20 = t4_19.mul_add(x_u3_2_q1, t2_14);
         let t4_21 = (-t4_18).mul_add(x_u3_1_q1, t4_20);
-        let t4_22 = like.lift(9.81).mul_add(t4_6, t4_21);
+        let t4_22 = proto.splat(9.81).mul_add(t4_6, t4_21);
         let t4_23 = (-t2_143).mul_add(x_u2_1_q1, t4_22);
         let t4_24 = t2_8.mul_add(x_u1_2_q1, t4_23);
         let t4_25 = (-t2_14).mul_add(x_u1_1_q1, t4_24);
@@ -14317,10 +14335,10 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
         let t4_27 = (-t4_18).mul_add(x_u3_1_q2, t4_26);
         let t4_28 = t4_18.mul_add(x_u3_1_q3, -t4_18);
         let t4_29 = (-t4_19).mul_add(x_u3_2_q3, t4_28);
-        let t4_30 = like.lift(9.81).mul_add(t4_7, t4_27);
+        let t4_30 = proto.splat(9.81).mul_add(t4_7, t4_27);
         let t4_31 = (-t2_143).mul_add(x_u2_1_q2, t4_30);
         let t4_32 = t2_8.mul_add(x_u1_2_q2, t4_31);
-        let t4_33 = like.lift(9.81).mul_add(t4_1, t4_29);
+        let t4_33 = proto.splat(9.81).mul_add(t4_1, t4_29);
         let t4_34 = t2_143.mul_add(x_u2_1_q3, t4_33);
         let t4_35 = (-t2_8).mul_add(x_u1_2_q3, t4_34);
         let t4_36 = (-t2_14).mul_add(x_u1_1_q2, t4_32);
@@ -14341,9 +14359,9 @@ pub fn base_gravity<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([T; 3], Conditio
 ///
 /// 612 additions, 868 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -14400,22 +14418,22 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let sin_q1_u1_1 = cos_q1.mul_add(sin_u1_1, t2_9);
         let t2_10 = cos_q1 * cos_u1_1;
         let cos_q1_u1_1 = (-sin_q1).mul_add(sin_u1_1, t2_10);
-        let t2_11 = like.lift(0.524) * cos_q1;
-        let t2_12 = like.lift(0.524) * sin_q1;
+        let t2_11 = proto.splat(0.524) * cos_q1;
+        let t2_12 = proto.splat(0.524) * sin_q1;
         let t2_13 = sin_e1x * cos_u1_2_e1y;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
         let t2_14 = cos_q1_u1_1 * t2_13;
         let t2_15 = cos_e1x.mul_add(sin_q1_u1_1, t2_14);
         let t2_16 = cos_e1x * cos_q1_u1_1;
         let t2_17 = (-sin_q1_u1_1).mul_add(t2_13, t2_16);
-        let t2_18 = like.lift(0.022) * t2_15;
+        let t2_18 = proto.splat(0.022) * t2_15;
         let t2_19 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_20 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_21 = like.lift(0.0381051177665153) * t2_19;
+        let t2_21 = proto.splat(0.0381051177665153) * t2_19;
         let t2_22 = cos_u1_2 * cos_q1_u1_1;
-        let t2_23 = like.lift(1.244) * t2_22;
+        let t2_23 = proto.splat(1.244) * t2_22;
         let t2_24 = t2_22 * w_u1_1x;
-        let t2_25 = like.lift(0.044) * t2_15;
+        let t2_25 = proto.splat(0.044) * t2_15;
         let t2_26 = t2_23 + t2_25;
         let t2_27 = t2_12 - t2_23;
         let t2_28 = t2_27 - t2_25;
@@ -14424,10 +14442,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t2_31 = t2_18 + t2_21;
         let t2_32 = t2_31 + t2_26;
         let t2_33 = cos_u1_2 * sin_q1_u1_1;
-        let t2_34 = like.lift(1.244) * t2_33;
-        let t2_35 = like.lift(0.044) * t2_17;
-        let t2_36 = like.lift(0.0381051177665153) * t2_20;
-        let t2_37 = like.lift(0.022) * t2_17;
+        let t2_34 = proto.splat(1.244) * t2_33;
+        let t2_35 = proto.splat(0.044) * t2_17;
+        let t2_36 = proto.splat(0.0381051177665153) * t2_20;
+        let t2_37 = proto.splat(0.022) * t2_17;
         let t2_38 = t2_36 + t2_37;
         let t2_39 = t2_34 - t2_35;
         let t2_40 = t2_39 - t2_38;
@@ -14449,26 +14467,26 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let sin_q2_u2_1 = cos_q2.mul_add(sin_u2_1, t2_55);
         let t2_56 = cos_q2 * cos_u2_1;
         let cos_q2_u2_1 = (-sin_q2).mul_add(sin_u2_1, t2_56);
-        let t2_57 = like.lift(0.524) * sin_q2;
+        let t2_57 = proto.splat(0.524) * sin_q2;
         let t2_58 = cos_u2_2 * cos_q2_u2_1;
-        let t2_59 = like.lift(1.0773356023078418) * t2_58;
+        let t2_59 = proto.splat(1.0773356023078418) * t2_58;
         let t2_60 = -t2_59;
         let t2_61 = cos_q2_u2_1 * t2_58;
         let t2_62 = cos_u2_2 * sin_q2_u2_1;
-        let t2_63 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_64 = like.lift(0.5).mul_add(t2_62, t2_63);
-        let t2_65 = like.lift(0.8660254037844386) * t2_62;
-        let t2_66 = like.lift(-0.5).mul_add(sin_u2_2, t2_65);
-        let t2_67 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_63 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_64 = proto.splat(0.5).mul_add(t2_62, t2_63);
+        let t2_65 = proto.splat(0.8660254037844386) * t2_62;
+        let t2_66 = proto.splat(-0.5).mul_add(sin_u2_2, t2_65);
+        let t2_67 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_68 = t2_64 * t2_67;
-        let t2_69 = like.lift(0.622).mul_add(t2_61, t2_68);
-        let t2_70 = like.lift(1.0773356023078418) * t2_61;
+        let t2_69 = proto.splat(0.622).mul_add(t2_61, t2_68);
+        let t2_70 = proto.splat(1.0773356023078418) * t2_61;
         let pivot_5 = t2_66.mul_add(t2_67, t2_70);
         let t2_71 = -t2_30;
-        let t2_72 = like.lift(0.044) * e_e1x_q1y;
-        let t2_73 = like.lift(1.244).mul_add(sin_u1_2, t2_72);
-        let t2_74 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_75 = like.lift(0.022) * e_e1x_q1y;
+        let t2_72 = proto.splat(0.044) * e_e1x_q1y;
+        let t2_73 = proto.splat(1.244).mul_add(sin_u1_2, t2_72);
+        let t2_74 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_75 = proto.splat(0.022) * e_e1x_q1y;
         let t2_76 = t2_74 + t2_75;
         let t2_77 = t2_73 + t2_76;
         let t2_78 = sin_q1_u1_1 * t2_77;
@@ -14484,38 +14502,38 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t2_88 = sin_q1_u1_1 * t2_81;
         let t2_89 = cos_q1_u1_1 * t2_81;
         let t2_90 = -t2_82;
-        let t2_91 = like.lift(0.622) * t2_58;
+        let t2_91 = proto.splat(0.622) * t2_58;
         let t2_92 = -t2_91;
         let t2_93 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_94 = -t2_40;
         let t2_95 = -t2_79;
         let t2_96 = -t2_89;
-        let t2_97 = like.lift(1.0773356023078418) * t2_66;
-        let t2_98 = like.lift(0.622).mul_add(t2_64, t2_97);
-        let t2_99 = like.lift(0.622) * t2_66;
-        let t2_100 = like.lift(-1.0773356023078418).mul_add(t2_64, t2_99);
+        let t2_97 = proto.splat(1.0773356023078418) * t2_66;
+        let t2_98 = proto.splat(0.622).mul_add(t2_64, t2_97);
+        let t2_99 = proto.splat(0.622) * t2_66;
+        let t2_100 = proto.splat(-1.0773356023078418).mul_add(t2_64, t2_99);
         let t2_101 = cos_q2_u2_1 * t2_100;
         let t2_102 = -t2_101;
-        let t2_103 = like.lift(0.5) * t2_19;
-        let t2_104 = like.lift(0.8660254037844386) * t2_15;
+        let t2_103 = proto.splat(0.5) * t2_19;
+        let t2_104 = proto.splat(0.8660254037844386) * t2_15;
         let t2_105 = t2_103 + t2_104;
         let t2_106 = t2_103 - t2_104;
         let t2_107 = t2_105 * cos_q2_u2_1;
-        let t2_108 = like.lift(0.5) * t2_20;
-        let t2_109 = like.lift(0.8660254037844386) * t2_17;
+        let t2_108 = proto.splat(0.5) * t2_20;
+        let t2_109 = proto.splat(0.8660254037844386) * t2_17;
         let t2_110 = t2_108 - t2_109;
         let t2_111 = t2_108 + t2_109;
-        let t2_112 = like.lift(0.5) * t2_107;
+        let t2_112 = proto.splat(0.5) * t2_107;
         let t2_113 = (-t2_110).mul_add(sin_q2_u2_1, t2_112);
-        let t2_114 = like.lift(0.5) * cos_u1_2_e1y;
-        let t2_115 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t2_114 = proto.splat(0.5) * cos_u1_2_e1y;
+        let t2_115 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t2_116 = t2_114 - t2_115;
         let t2_117 = t2_114 + t2_115;
         let t2_118 = t2_116 * sin_q2_u2_1;
-        let t2_119 = like.lift(-0.8660254037844386).mul_add(t2_107, t2_118);
-        let t2_120 = like.lift(0.5) * t2_116;
-        let t2_121 = like.lift(-0.8660254037844386).mul_add(t2_110, t2_120);
+        let t2_119 = proto.splat(-0.8660254037844386).mul_add(t2_107, t2_118);
+        let t2_120 = proto.splat(0.5) * t2_116;
+        let t2_121 = proto.splat(-0.8660254037844386).mul_add(t2_110, t2_120);
         let t2_122 = cos_q2_u2_1 * t2_121;
         let t2_123 = -t2_122;
         let t2_124 = cos_q1_u1_1 * t2_119;
@@ -14524,10 +14542,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t2_127 = t2_20.mul_add(t2_119, t2_126);
         let t2_128 = cos_u1_2_e1y.mul_add(t2_113, t2_127);
         let t2_129 = sin_q2_u2_1 * t2_123;
-        let t2_130 = like.lift(0.5) * t2_113;
-        let t2_131 = like.lift(-0.8660254037844386).mul_add(t2_119, t2_130);
-        let t2_132 = like.lift(0.5) * t2_119;
-        let t2_133 = like.lift(0.8660254037844386).mul_add(t2_113, t2_132);
+        let t2_130 = proto.splat(0.5) * t2_113;
+        let t2_131 = proto.splat(-0.8660254037844386).mul_add(t2_119, t2_130);
+        let t2_132 = proto.splat(0.5) * t2_119;
+        let t2_133 = proto.splat(0.8660254037844386).mul_add(t2_113, t2_132);
         let t2_134 = cos_q2_u2_1.mul_add(t2_133, t2_129);
         let t2_135 = t2_36 - t2_37;
         let t2_136 = t2_34 - t2_35;
@@ -14550,19 +14568,19 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let sin_q3_u3_1 = cos_q3.mul_add(sin_u3_1, t2_152);
         let t2_153 = cos_q3 * cos_u3_1;
         let cos_q3_u3_1 = (-sin_q3).mul_add(sin_u3_1, t2_153);
-        let t2_154 = like.lift(0.524) * sin_q3;
+        let t2_154 = proto.splat(0.524) * sin_q3;
         let t2_155 = cos_u3_2 * cos_q3_u3_1;
-        let pivot_1 = like.lift(1.0773356023078418) * t2_155;
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_155;
         let t2_156 = cos_q3_u3_1 * t2_155;
         let t2_157 = cos_u3_2 * sin_q3_u3_1;
-        let t2_158 = like.lift(0.5) * t2_157;
-        let t2_159 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_158);
-        let t2_160 = like.lift(0.5) * sin_u3_2;
-        let t2_161 = like.lift(0.8660254037844386).mul_add(t2_157, t2_160);
-        let t2_162 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_158 = proto.splat(0.5) * t2_157;
+        let t2_159 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_158);
+        let t2_160 = proto.splat(0.5) * sin_u3_2;
+        let t2_161 = proto.splat(0.8660254037844386).mul_add(t2_157, t2_160);
+        let t2_162 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_163 = t2_159 * t2_162;
-        let t2_164 = like.lift(0.622).mul_add(t2_156, t2_163);
-        let t2_165 = like.lift(1.0773356023078418) * t2_156;
+        let t2_164 = proto.splat(0.622).mul_add(t2_156, t2_163);
+        let t2_165 = proto.splat(1.0773356023078418) * t2_156;
         let t2_166 = t2_161.mul_add(t2_162, t2_165);
         let t2_167 = -t2_32;
         let t2_168 = sin_q1_u1_1 * t2_87;
@@ -14570,26 +14588,26 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t2_170 = sin_q1_u1_1 * t2_86;
         let t2_171 = cos_q1_u1_1 * t2_86;
         let t2_172 = -t2_149;
-        let t2_173 = like.lift(-0.5773502691896257).mul_add(t2_147, t2_149);
-        let t2_174 = like.lift(0.622) * t2_155;
+        let t2_173 = proto.splat(-0.5773502691896257).mul_add(t2_147, t2_149);
+        let t2_174 = proto.splat(0.622) * t2_155;
         let t2_175 = -t2_174;
         let t2_176 = -t2_137;
         let t2_177 = -t2_169;
         let t2_178 = -t2_171;
-        let t2_179 = like.lift(1.0773356023078418) * t2_161;
-        let t2_180 = like.lift(0.622).mul_add(t2_159, t2_179);
-        let t2_181 = like.lift(0.622) * t2_161;
-        let t2_182 = like.lift(-1.0773356023078418).mul_add(t2_159, t2_181);
+        let t2_179 = proto.splat(1.0773356023078418) * t2_161;
+        let t2_180 = proto.splat(0.622).mul_add(t2_159, t2_179);
+        let t2_181 = proto.splat(0.622) * t2_161;
+        let t2_182 = proto.splat(-1.0773356023078418).mul_add(t2_159, t2_181);
         let t2_183 = cos_q3_u3_1 * t2_182;
         let t2_184 = -t2_183;
         let t2_185 = -t2_184;
         let t2_186 = t2_106 * cos_q3_u3_1;
-        let t2_187 = like.lift(0.5) * t2_186;
+        let t2_187 = proto.splat(0.5) * t2_186;
         let t2_188 = (-t2_111).mul_add(sin_q3_u3_1, t2_187);
-        let t2_189 = like.lift(0.8660254037844386) * t2_186;
+        let t2_189 = proto.splat(0.8660254037844386) * t2_186;
         let t2_190 = t2_117.mul_add(sin_q3_u3_1, t2_189);
-        let t2_191 = like.lift(0.5) * t2_117;
-        let t2_192 = like.lift(0.8660254037844386).mul_add(t2_111, t2_191);
+        let t2_191 = proto.splat(0.5) * t2_117;
+        let t2_192 = proto.splat(0.8660254037844386).mul_add(t2_111, t2_191);
         let t2_193 = cos_q3_u3_1 * t2_192;
         let t2_194 = sin_q1_u1_1 * t2_193;
         let t2_195 = cos_q1_u1_1.mul_add(t2_190, t2_194);
@@ -14597,19 +14615,19 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t2_197 = (-t2_19).mul_add(t2_193, t2_196);
         let t2_198 = cos_u1_2_e1y.mul_add(t2_188, t2_197);
         let t2_199 = sin_q3_u3_1 * t2_193;
-        let t2_200 = like.lift(0.8660254037844386) * t2_190;
-        let t2_201 = like.lift(0.5).mul_add(t2_188, t2_200);
-        let t2_202 = like.lift(0.5) * t2_190;
-        let t2_203 = like.lift(-0.8660254037844386).mul_add(t2_188, t2_202);
+        let t2_200 = proto.splat(0.8660254037844386) * t2_190;
+        let t2_201 = proto.splat(0.5).mul_add(t2_188, t2_200);
+        let t2_202 = proto.splat(0.5) * t2_190;
+        let t2_203 = proto.splat(-0.8660254037844386).mul_add(t2_188, t2_202);
         let t2_204 = (-cos_q3_u3_1).mul_add(t2_203, t2_199);
         let t2_205 = -t2_204;
         let t2_206 = cos_q1_u1_1 * d_u1_2;
         let t2_207 = sin_u1_2 * t2_206;
         let t2_208 = t2_33.mul_add(w_u1_1x, t2_207);
-        let t2_209 = like.lift(1.244) * t2_208;
+        let t2_209 = proto.splat(1.244) * t2_208;
         let t2_210 = sin_q1_u1_1 * d_u1_2;
         let t2_211 = (-sin_u1_2).mul_add(t2_210, t2_24);
-        let t2_212 = like.lift(1.244) * t2_211;
+        let t2_212 = proto.splat(1.244) * t2_211;
         let t2_213 = -t2_212;
         let t2_214 = sin_q1_u1_1 * w_u1_1x;
         let t2_215 = sin_q1_u1_1.mul_add(d_e1y, t2_210);
@@ -14656,24 +14674,24 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         t3_223, t3_224, t3_225, t3_226, t3_231, t3_237, t3_238, t3_241, t3_243, t3_245, t3_247,
         t3_250,
     ] = {
-        let t3_1 = like.lift(0.044) * t2_237;
+        let t3_1 = proto.splat(0.044) * t2_237;
         let t3_2 = -t3_1;
         let t3_3 = t2_15 * t2_229;
         let t3_4 = (-e_e1x_q1y).mul_add(t2_234, t3_3);
-        let t3_5 = like.lift(0.044) * t3_4;
+        let t3_5 = proto.splat(0.044) * t3_4;
         let t3_6 = -t3_5;
         let t3_7 = t2_17 * t2_228;
         let t3_8 = t2_15.mul_add(t2_220, t3_7);
         let t3_9 = t2_210 * t2_213;
         let t3_10 = t2_206.mul_add(t2_209, t3_9);
-        let t3_11 = like.lift(0.044).mul_add(t3_8, t3_10);
+        let t3_11 = proto.splat(0.044).mul_add(t3_8, t3_10);
         let t3_12 = t2_234.mul_add(t3_6, t3_11);
         let t3_13 = (-t2_231).mul_add(t3_2, t3_12);
         let t3_14 = cos_u1_2 * d_u1_2;
         let t3_15 = t2_210.mul_add(t3_14, t2_230);
         let t3_16 = (-t2_206).mul_add(t3_14, t2_221);
-        let t3_17 = like.lift(1.244) * t3_15;
-        let t3_18 = like.lift(1.244) * t3_16;
+        let t3_17 = proto.splat(1.244) * t3_15;
+        let t3_18 = proto.splat(1.244) * t3_16;
         let t3_19 = d_q1 * d_q1;
         let t3_20 = t3_19.mul_add(t2_11, t3_17);
         let t3_21 = t3_19.mul_add(t2_12, t3_18);
@@ -14688,48 +14706,48 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t3_30 = d_q2 * d_q2;
         let t3_31 = cos_q2 * t3_30;
         let t3_32 = d_u2_1 + d_q2;
-        let t3_33 = like.lift(0.5) * t3_32;
+        let t3_33 = proto.splat(0.5) * t3_32;
         let t3_34 = d_u2_2 * sin_q2_u2_1;
         let t3_35 = t3_33 * t3_34;
         let t3_36 = d_u2_1 + d_q2;
-        let t3_37 = like.lift(0.8660254037844386) * t3_36;
-        let t3_38 = like.lift(0.8660254037844386) * t3_37;
-        let t3_39 = like.lift(0.5).mul_add(t3_33, t3_38);
+        let t3_37 = proto.splat(0.8660254037844386) * t3_36;
+        let t3_38 = proto.splat(0.8660254037844386) * t3_37;
+        let t3_39 = proto.splat(0.5).mul_add(t3_33, t3_38);
         let t3_40 = cos_q2_u2_1 * t3_39;
         let t3_41 = d_u2_2 * t3_40;
         let t3_42 = cos_q2_u2_1 * d_u2_2;
-        let t3_43 = like.lift(0.8660254037844386).mul_add(t3_42, t3_33);
-        let t3_44 = like.lift(-0.5).mul_add(t3_42, t3_37);
+        let t3_43 = proto.splat(0.8660254037844386).mul_add(t3_42, t3_33);
+        let t3_44 = proto.splat(-0.5).mul_add(t3_42, t3_37);
         let t3_45 = t3_37 * t3_34;
         let t3_46 = t2_66 * t3_44;
         let t3_47 = t2_64.mul_add(t3_43, t3_46);
-        let t3_48 = like.lift(1.244) * t3_47;
+        let t3_48 = proto.splat(1.244) * t3_47;
         let t3_49 = t2_58 * t3_43;
         let t3_50 = t2_66.mul_add(t3_34, t3_49);
-        let t3_51 = like.lift(1.244) * t3_50;
+        let t3_51 = proto.splat(1.244) * t3_50;
         let t3_52 = t2_64 * t3_41;
         let t3_53 = (-t2_58).mul_add(t3_35, t3_52);
         let t3_54 = t2_38.mul_add(t2_228, t3_13);
         let t3_55 = (-t2_43).mul_add(t2_220, t3_54);
         let t3_56 = t2_234.mul_add(t3_29, t3_55);
         let t3_57 = (-t2_231).mul_add(t3_27, t3_56);
-        let t3_58 = like.lift(-0.45379731158304587).mul_add(t3_31, t3_57);
-        let t3_59 = like.lift(-1.244).mul_add(t3_53, t3_58);
+        let t3_58 = proto.splat(-0.45379731158304587).mul_add(t3_31, t3_57);
+        let t3_59 = proto.splat(-1.244).mul_add(t3_53, t3_58);
         let t3_60 = (-t3_34).mul_add(t3_51, t3_59);
         let t3_61 = (-t3_44).mul_add(t3_48, t3_60);
         let t3_62 = (-t2_135).mul_add(t2_228, t3_13);
         let t3_63 = t2_44.mul_add(t2_220, t3_62);
         let t3_64 = t2_17 * t2_234;
         let t3_65 = (-t2_15).mul_add(t2_231, t3_64);
-        let t3_66 = like.lift(0.044) * t3_65;
+        let t3_66 = proto.splat(0.044) * t3_65;
         let t3_67 = -t3_66;
         let t3_68 = t2_15 * t2_235;
         let t3_69 = e_e1x_q1y.mul_add(t2_228, t3_68);
-        let t3_70 = like.lift(0.044).mul_add(t3_69, t3_22);
+        let t3_70 = proto.splat(0.044).mul_add(t3_69, t3_22);
         let t3_71 = (-t2_229).mul_add(t3_2, t3_70);
         let t3_72 = e_e1x_q1y * t2_220;
         let t3_73 = (-t2_17).mul_add(t2_235, t3_72);
-        let t3_74 = like.lift(0.044).mul_add(t3_73, t3_23);
+        let t3_74 = proto.splat(0.044).mul_add(t3_73, t3_23);
         let t3_75 = (-t2_231).mul_add(t3_67, t3_74);
         let t3_76 = t2_234.mul_add(t3_67, t3_71);
         let t3_77 = t2_229.mul_add(t3_6, t3_75);
@@ -14742,50 +14760,50 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t3_84 = (-t3_30).mul_add(t2_57, t3_83);
         let t3_85 = (-t2_85).mul_add(t2_220, t3_77);
         let t3_86 = t2_135.mul_add(t2_235, t3_85);
-        let t3_87 = like.lift(-1.244).mul_add(t2_58, t2_57);
+        let t3_87 = proto.splat(-1.244).mul_add(t2_58, t2_57);
         let t3_88 = (-t2_43).mul_add(t2_235, t3_76);
         let t3_89 = t2_76.mul_add(t2_228, t3_88);
         let t3_90 = (-t2_229).mul_add(t3_27, t3_89);
         let t3_91 = (-t2_234).mul_add(t3_79, t3_90);
-        let t3_92 = like.lift(0.262).mul_add(t3_31, t3_91);
+        let t3_92 = proto.splat(0.262).mul_add(t3_31, t3_91);
         let t3_93 = t2_44.mul_add(t2_235, t3_76);
         let t3_94 = (-t2_85).mul_add(t2_228, t3_93);
         let t3_95 = t2_28 + t2_43;
         let t3_96 = t2_28 - t2_44;
         let t3_97 = t2_64 * t3_34;
         let t3_98 = (-t2_58).mul_add(t3_44, t3_97);
-        let t3_99 = like.lift(1.244) * t3_98;
+        let t3_99 = proto.splat(1.244) * t3_98;
         let t3_100 = -t3_99;
         let t3_101 = t2_58 * t3_45;
         let t3_102 = (-t2_66).mul_add(t3_41, t3_101);
-        let t3_103 = like.lift(1.244).mul_add(t3_102, t3_92);
+        let t3_103 = proto.splat(1.244).mul_add(t3_102, t3_92);
         let t3_104 = t3_43.mul_add(t3_48, t3_103);
         let t3_105 = (-t3_34).mul_add(t3_100, t3_104);
         let t3_106 = cos_q2_u2_1 * t3_41;
         let t3_107 = -t3_105;
         let t3_108 = t2_66 * t3_35;
         let t3_109 = (-t2_64).mul_add(t3_45, t3_108);
-        let t3_110 = like.lift(1.244).mul_add(t3_109, t3_84);
+        let t3_110 = proto.splat(1.244).mul_add(t3_109, t3_84);
         let t3_111 = t3_44.mul_add(t3_100, t3_110);
         let t3_112 = t3_43.mul_add(t3_51, t3_111);
-        let t3_113 = like.lift(1.244) * t2_64;
-        let t3_114 = like.lift(0.262).mul_add(cos_q2, t3_113);
-        let t3_115 = like.lift(1.244) * t2_66;
-        let t3_116 = like.lift(0.45379731158304587).mul_add(cos_q2, t3_115);
-        let t3_117 = like.lift(0.8660254037844386) * t3_116;
-        let t3_118 = like.lift(0.5).mul_add(t3_114, t3_117);
+        let t3_113 = proto.splat(1.244) * t2_64;
+        let t3_114 = proto.splat(0.262).mul_add(cos_q2, t3_113);
+        let t3_115 = proto.splat(1.244) * t2_66;
+        let t3_116 = proto.splat(0.45379731158304587).mul_add(cos_q2, t3_115);
+        let t3_117 = proto.splat(0.8660254037844386) * t3_116;
+        let t3_118 = proto.splat(0.5).mul_add(t3_114, t3_117);
         let t3_119 = -t3_112;
         let t3_120 = cos_q2_u2_1 * t3_34;
-        let t3_121 = like.lift(0.5) * t3_120;
+        let t3_121 = proto.splat(0.5) * t3_120;
         let t3_122 = sin_q2_u2_1.mul_add(t3_44, t3_121);
-        let t3_123 = like.lift(0.8660254037844386) * t3_120;
+        let t3_123 = proto.splat(0.8660254037844386) * t3_120;
         let t3_124 = (-sin_q2_u2_1).mul_add(t3_43, t3_123);
         let t3_125 = t2_110 * t2_234;
         let t3_126 = t2_105.mul_add(t2_231, t3_125);
         let t3_127 = t2_105 * t2_229;
         let t3_128 = t2_116.mul_add(t2_234, t3_127);
-        let t3_129 = like.lift(0.8660254037844386) * t3_44;
-        let t3_130 = like.lift(0.5).mul_add(t3_43, t3_129);
+        let t3_129 = proto.splat(0.8660254037844386) * t3_44;
+        let t3_130 = proto.splat(0.5).mul_add(t3_43, t3_129);
         let t3_131 = cos_q2_u2_1 * t3_130;
         let t3_132 = t2_110 * t2_229;
         let t3_133 = (-t2_116).mul_add(t2_231, t3_132);
@@ -14800,8 +14818,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t3_142 = (-t2_105).mul_add(t2_235, t3_141);
         let t3_143 = (-t2_229).mul_add(t3_133, t3_142);
         let t3_144 = (-t2_234).mul_add(t3_126, t3_143);
-        let t3_145 = like.lift(0.5) * t3_144;
-        let t3_146 = like.lift(0.8660254037844386).mul_add(t3_140, t3_145);
+        let t3_145 = proto.splat(0.5) * t3_144;
+        let t3_146 = proto.splat(0.8660254037844386).mul_add(t3_140, t3_145);
         let t3_147 = t2_110 * t2_235;
         let t3_148 = (-t2_116).mul_add(t2_220, t3_147);
         let t3_149 = (-t2_231).mul_add(t3_126, t3_148);
@@ -14815,12 +14833,12 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t3_157 = t3_43 * t3_124;
         let t3_158 = t3_34.mul_add(t3_122, t3_156);
         let t3_159 = (-t3_44).mul_add(t3_122, t3_157);
-        let t3_160 = like.lift(0.5).mul_add(t3_106, t3_155);
+        let t3_160 = proto.splat(0.5).mul_add(t3_106, t3_155);
         let t3_161 = (-sin_q2_u2_1).mul_add(t3_45, t3_158);
         let t3_162 = sin_q2_u2_1.mul_add(t3_35, t3_160);
-        let t3_163 = like.lift(-0.8660254037844386).mul_add(t3_106, t3_161);
-        let t3_164 = like.lift(0.8660254037844386) * t3_35;
-        let t3_165 = like.lift(-0.5).mul_add(t3_45, t3_164);
+        let t3_163 = proto.splat(-0.8660254037844386).mul_add(t3_106, t3_161);
+        let t3_164 = proto.splat(0.8660254037844386) * t3_35;
+        let t3_165 = proto.splat(-0.5).mul_add(t3_45, t3_164);
         let t3_166 = cos_q2_u2_1.mul_add(t3_165, t3_159);
         let t3_167 = t2_105.mul_add(t3_166, t3_153);
         let t3_168 = (-t2_110).mul_add(t3_163, t3_167);
@@ -14840,71 +14858,71 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t3_182 = t2_234.mul_add(t3_174, t3_180);
         let t3_183 = d_q3 * d_q3;
         let t3_184 = (-t3_183).mul_add(t2_154, t3_179);
-        let t3_185 = like.lift(-1.244).mul_add(t2_155, t2_154);
+        let t3_185 = proto.splat(-1.244).mul_add(t2_155, t2_154);
         let t3_186 = cos_q3 * t3_183;
-        let t3_187 = like.lift(0.45379731158304587).mul_add(t3_186, t3_181);
-        let t3_188 = like.lift(0.262).mul_add(t3_186, t3_182);
+        let t3_187 = proto.splat(0.45379731158304587).mul_add(t3_186, t3_181);
+        let t3_188 = proto.splat(0.262).mul_add(t3_186, t3_182);
         let t3_189 = d_u3_1 + d_q3;
-        let t3_190 = like.lift(0.5) * t3_189;
+        let t3_190 = proto.splat(0.5) * t3_189;
         let t3_191 = d_u3_2 * sin_q3_u3_1;
         let t3_192 = t3_190 * t3_191;
         let t3_193 = d_u3_1 + d_q3;
-        let t3_194 = like.lift(0.8660254037844386) * t3_193;
-        let t3_195 = like.lift(0.8660254037844386) * t3_194;
-        let t3_196 = like.lift(0.5).mul_add(t3_190, t3_195);
+        let t3_194 = proto.splat(0.8660254037844386) * t3_193;
+        let t3_195 = proto.splat(0.8660254037844386) * t3_194;
+        let t3_196 = proto.splat(0.5).mul_add(t3_190, t3_195);
         let t3_197 = cos_q3_u3_1 * t3_196;
         let t3_198 = d_u3_2 * t3_197;
         let t3_199 = cos_q3_u3_1 * d_u3_2;
-        let t3_200 = like.lift(-0.8660254037844386).mul_add(t3_199, t3_190);
-        let t3_201 = like.lift(0.5).mul_add(t3_199, t3_194);
+        let t3_200 = proto.splat(-0.8660254037844386).mul_add(t3_199, t3_190);
+        let t3_201 = proto.splat(0.5).mul_add(t3_199, t3_194);
         let t3_202 = t3_194 * t3_191;
         let t3_203 = t2_161 * t3_201;
         let t3_204 = t2_159.mul_add(t3_200, t3_203);
-        let t3_205 = like.lift(1.244) * t3_204;
+        let t3_205 = proto.splat(1.244) * t3_204;
         let t3_206 = t2_155 * t3_200;
         let t3_207 = (-t2_161).mul_add(t3_191, t3_206);
-        let t3_208 = like.lift(1.244) * t3_207;
+        let t3_208 = proto.splat(1.244) * t3_207;
         let t3_209 = -t3_208;
         let t3_210 = t2_159 * t3_198;
         let t3_211 = (-t2_155).mul_add(t3_192, t3_210);
-        let t3_212 = like.lift(-1.244).mul_add(t3_211, t3_187);
+        let t3_212 = proto.splat(-1.244).mul_add(t3_211, t3_187);
         let t3_213 = t3_191.mul_add(t3_209, t3_212);
         let t3_214 = t3_201.mul_add(t3_205, t3_213);
         let t3_215 = t2_159 * t3_191;
         let t3_216 = t2_155.mul_add(t3_201, t3_215);
-        let t3_217 = like.lift(1.244) * t3_216;
+        let t3_217 = proto.splat(1.244) * t3_216;
         let t3_218 = t2_155 * t3_202;
         let t3_219 = (-t2_161).mul_add(t3_198, t3_218);
-        let t3_220 = like.lift(-1.244).mul_add(t3_219, t3_188);
+        let t3_220 = proto.splat(-1.244).mul_add(t3_219, t3_188);
         let t3_221 = t3_200.mul_add(t3_205, t3_220);
         let t3_222 = t3_191.mul_add(t3_217, t3_221);
         let t3_223 = cos_q3_u3_1 * t3_198;
-        let t3_224 = like.lift(1.0) / t2_155;
+        let t3_224 = proto.splat(1.0) / t2_155;
         let t3_225 = -t3_222;
-        let t3_226 = like.lift(-0.5773502691896257).mul_add(t3_214, t3_222);
+        let t3_226 = proto.splat(-0.5773502691896257).mul_add(t3_214, t3_222);
         let t3_227 = t2_161 * t3_192;
         let t3_228 = (-t2_159).mul_add(t3_202, t3_227);
-        let t3_229 = like.lift(-1.244).mul_add(t3_228, t3_184);
+        let t3_229 = proto.splat(-1.244).mul_add(t3_228, t3_184);
         let t3_230 = t3_201.mul_add(t3_217, t3_229);
         let t3_231 = (-t3_200).mul_add(t3_209, t3_230);
-        let t3_232 = like.lift(1.244) * t2_159;
-        let t3_233 = like.lift(0.262).mul_add(cos_q3, t3_232);
-        let t3_234 = like.lift(1.244) * t2_161;
-        let t3_235 = like.lift(0.45379731158304587).mul_add(cos_q3, t3_234);
-        let t3_236 = like.lift(0.8660254037844386) * t3_235;
-        let t3_237 = like.lift(0.5).mul_add(t3_233, t3_236);
+        let t3_232 = proto.splat(1.244) * t2_159;
+        let t3_233 = proto.splat(0.262).mul_add(cos_q3, t3_232);
+        let t3_234 = proto.splat(1.244) * t2_161;
+        let t3_235 = proto.splat(0.45379731158304587).mul_add(cos_q3, t3_234);
+        let t3_236 = proto.splat(0.8660254037844386) * t3_235;
+        let t3_237 = proto.splat(0.5).mul_add(t3_233, t3_236);
         let t3_238 = -t3_231;
         let t3_239 = cos_q3_u3_1 * t3_191;
         let t3_240 = sin_q3_u3_1 * t3_201;
-        let t3_241 = like.lift(-0.5).mul_add(t3_239, t3_240);
+        let t3_241 = proto.splat(-0.5).mul_add(t3_239, t3_240);
         let t3_242 = sin_q3_u3_1 * t3_200;
-        let t3_243 = like.lift(0.8660254037844386).mul_add(t3_239, t3_242);
+        let t3_243 = proto.splat(0.8660254037844386).mul_add(t3_239, t3_242);
         let t3_244 = t2_111 * t2_234;
         let t3_245 = t2_106.mul_add(t2_231, t3_244);
         let t3_246 = t2_106 * t2_229;
         let t3_247 = t2_117.mul_add(t2_234, t3_246);
-        let t3_248 = like.lift(0.8660254037844386) * t3_201;
-        let t3_249 = like.lift(0.5).mul_add(t3_200, t3_248);
+        let t3_248 = proto.splat(0.8660254037844386) * t3_201;
+        let t3_249 = proto.splat(0.5).mul_add(t3_200, t3_248);
         let t3_250 = cos_q3_u3_1 * t3_249;
         [
             t3_19, t3_25, t3_30, t3_61, t3_87, t3_95, t3_96, t3_105, t3_107, t3_112, t3_118,
@@ -14938,8 +14956,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_15 = (-t2_117).mul_add(t2_220, t4_14);
         let t4_16 = (-t2_231).mul_add(t3_245, t4_15);
         let t4_17 = (-t2_229).mul_add(t3_247, t4_16);
-        let t4_18 = like.lift(0.5) * t4_13;
-        let t4_19 = like.lift(-0.8660254037844386).mul_add(t4_9, t4_18);
+        let t4_18 = proto.splat(0.5) * t4_13;
+        let t4_19 = proto.splat(-0.8660254037844386).mul_add(t4_9, t4_18);
         let t4_20 = (-sin_q3_u3_1).mul_add(t4_17, t4_5);
         let t4_21 = (-cos_q3_u3_1).mul_add(t4_19, t4_20);
         let t4_22 = t4_21 + t4_5;
@@ -14949,36 +14967,36 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_26 = t3_201 * t3_241;
         let t4_27 = (-t3_200).mul_add(t3_250, t4_25);
         let t4_28 = t3_200.mul_add(t3_243, t4_26);
-        let t4_29 = like.lift(-0.5).mul_add(t3_223, t4_24);
+        let t4_29 = proto.splat(-0.5).mul_add(t3_223, t4_24);
         let t4_30 = (-sin_q3_u3_1).mul_add(t3_202, t4_27);
         let t4_31 = (-sin_q3_u3_1).mul_add(t3_192, t4_29);
-        let t4_32 = like.lift(-0.8660254037844386).mul_add(t3_223, t4_30);
-        let t4_33 = like.lift(0.8660254037844386) * t3_192;
-        let t4_34 = like.lift(-0.5).mul_add(t3_202, t4_33);
+        let t4_32 = proto.splat(-0.8660254037844386).mul_add(t3_223, t4_30);
+        let t4_33 = proto.splat(0.8660254037844386) * t3_192;
+        let t4_34 = proto.splat(-0.5).mul_add(t3_202, t4_33);
         let t4_35 = cos_q3_u3_1.mul_add(t4_34, t4_28);
         let t4_36 = t2_106.mul_add(t4_35, t4_22);
         let t4_37 = (-t2_111).mul_add(t4_32, t4_36);
         let t4_38 = (-t2_117).mul_add(t4_31, t4_37);
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_164, t2_166);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t2_164, t2_166);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t4_39 = t2_180 * t3_224;
-        let t4_40 = like.lift(0.9282158668643501) * t4_39;
+        let t4_40 = proto.splat(0.9282158668643501) * t4_39;
         let t4_41 = t2_164.mul_add(t4_40, t2_184);
         let t4_42 = inv_pivot_2 * t4_41;
         let pivot_3 = t2_32.mul_add(t4_42, t2_137);
         let t4_43 = t4_42.mul_add(t3_226, t3_231);
         let t4_44 = t3_214.mul_add(t4_40, t4_43);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t4_45 = t2_30 * inv_pivot_3;
         let t4_46 = t2_40 * inv_pivot_3;
         let t4_47 = -pivot_3;
-        let t4_48 = like.lift(0.5773502691896257).mul_add(t2_143, t2_168);
+        let t4_48 = proto.splat(0.5773502691896257).mul_add(t2_143, t2_168);
         let t4_49 = (-t4_48).mul_add(t4_42, t2_169);
         let t4_50 = t2_143.mul_add(t4_40, t4_49);
         let t4_51 = (-t4_50).mul_add(t4_46, t2_79);
         let t4_52 = t2_201 * t3_224;
-        let t4_53 = like.lift(0.9282158668643501) * t3_224;
-        let t4_54 = like.lift(0.9282158668643501) * t4_52;
+        let t4_53 = proto.splat(0.9282158668643501) * t3_224;
+        let t4_54 = proto.splat(0.9282158668643501) * t4_52;
         let t4_55 = t2_164.mul_add(t4_54, t2_204);
         let t4_56 = inv_pivot_2 * t4_55;
         let t4_57 = (-t2_32).mul_add(t4_56, t2_188);
@@ -14986,12 +15004,12 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_59 = (-t4_50).mul_add(t4_58, t2_195);
         let t4_60 = t4_48.mul_add(t4_56, t4_59);
         let pivot_4 = (-t2_143).mul_add(t4_54, t4_60);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t4_61 = t4_51 * inv_pivot_4;
         let t4_62 = (-t4_58).mul_add(t4_44, t4_38);
         let t4_63 = (-t4_56).mul_add(t3_226, t4_62);
         let t4_64 = (-t3_214).mul_add(t4_54, t4_63);
-        let t4_65 = like.lift(0.5773502691896257).mul_add(t2_145, t2_170);
+        let t4_65 = proto.splat(0.5773502691896257).mul_add(t2_145, t2_170);
         let t4_66 = (-t4_65).mul_add(t4_42, t2_171);
         let t4_67 = t2_145.mul_add(t4_40, t4_66);
         let t4_68 = (-t2_173).mul_add(t4_42, t2_151);
@@ -15010,7 +15028,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_81 = t4_67.mul_add(t4_45, t4_80);
         let t4_82 = t4_74.mul_add(t4_81, t2_50);
         let pivot_6 = (-t4_72).mul_add(t4_73, t4_82);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t4_83 = (-t4_74).mul_add(t4_79, t3_61);
         let t4_84 = (-t4_73).mul_add(t4_64, t4_83);
         let t4_85 = t4_69.mul_add(t4_58, t2_198);
@@ -15036,7 +15054,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_105 = (-t4_89).mul_add(t4_95, t4_104);
         let t4_106 = (-t4_87).mul_add(t4_94, t4_105);
         let pivot_7 = t4_69.mul_add(t4_92, t4_106);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t4_107 = t4_75.mul_add(t4_99, t2_131);
         let t4_108 = (-t4_95).mul_add(t2_91, t4_107);
         let t4_109 = t2_102 * inv_pivot_5;
@@ -15057,7 +15075,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_124 = (-t4_108).mul_add(t4_118, t2_98);
         let t4_125 = (-t4_75).mul_add(t4_113, t4_124);
         let pivot_8 = (-t4_109).mul_add(t2_91, t4_125);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t4_126 = inv_pivot_8 * t4_123;
         let t4_127 = (-t4_108).mul_add(t4_126, t4_103);
         let t4_128 = inv_pivot_7 * t4_127;
@@ -15089,29 +15107,29 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t4_154 = t4_153 * t4_53;
         let t4_155 = -t4_148;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t4_47 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_93 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t4_47 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_93 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [al_u1_1x], [al_rod1y], [_], [_], [al_u2_1x], [al_rod2y], [al_u3_1x], [al_rod3y],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [[t4_138], [t4_134], [t4_131], [t4_149], [t4_140], [t4_143], [t4_154], [t4_155]],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_42, t2_50, t2_52, t2_60, t2_69, like.lift(0.0), like.lift(0.0)],
-                    [t2_71, t2_78, t2_88, t2_90, t2_92, t2_93, like.lift(0.0), like.lift(0.0)],
-                    [t2_94, t2_95, t2_96, t2_83, t2_98, t2_102, like.lift(0.0), like.lift(0.0)],
-                    [t2_113, t2_125, t2_125, t2_128, t2_131, t2_134, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_143, t2_145, t2_147, like.lift(0.0), like.lift(0.0), pivot_1, t2_164],
-                    [t2_167, t2_168, t2_170, t2_172, like.lift(0.0), like.lift(0.0), t2_175, t2_166],
-                    [t2_176, t2_177, t2_178, t2_151, like.lift(0.0), like.lift(0.0), t2_180, t2_185],
-                    [t2_188, t2_195, t2_195, t2_198, like.lift(0.0), like.lift(0.0), t2_201, t2_205],
+                    [proto.splat(0.0), t2_42, t2_50, t2_52, t2_60, t2_69, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_71, t2_78, t2_88, t2_90, t2_92, t2_93, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_94, t2_95, t2_96, t2_83, t2_98, t2_102, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_113, t2_125, t2_125, t2_128, t2_131, t2_134, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_143, t2_145, t2_147, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_164],
+                    [t2_167, t2_168, t2_170, t2_172, proto.splat(0.0), proto.splat(0.0), t2_175, t2_166],
+                    [t2_176, t2_177, t2_178, t2_151, proto.splat(0.0), proto.splat(0.0), t2_180, t2_185],
+                    [t2_188, t2_195, t2_195, t2_198, proto.splat(0.0), proto.splat(0.0), t2_201, t2_205],
                 ],
                 [[t3_61], [t3_107], [t3_119], [t3_170], [t3_214], [t3_225], [t3_238], [t4_38]],
             ),
@@ -15162,7 +15180,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t5_26 = (-t2_8).mul_add(p_ixy_rod1, t5_25);
         let t5_27 = t2_4.mul_add(t2_6, t5_26);
         let t5_28 = (-p_izz_rod1).mul_add(al_rod1z, t5_27);
-        let t5_29 = like.lift(-0.524).mul_add(t5_17, t5_28);
+        let t5_29 = proto.splat(-0.524).mul_add(t5_17, t5_28);
         let t5_30 = p_iyy_rod1 - p_izz_rod1;
         let t5_31 = t2_7 - t2_3;
         let t5_32 = t2_5 + t2_7;
@@ -15183,7 +15201,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t5_47 = t2_1.mul_add(t5_30, t5_46);
         let t5_48 = t2_4 - al_rod1z;
         let t5_49 = p_ixx_rod1.mul_add(al_rod1x, t5_47);
-        let t5_50 = like.lift(-0.524).mul_add(t5_19, t5_49);
+        let t5_50 = proto.splat(-0.524).mul_add(t5_19, t5_49);
         let t5_51 = cos_u1_2 * t5_50;
         let t5_52 = sin_u1_2.mul_add(t5_29, t5_51);
         let t5_53 = t2_1 - al_rod1x;
@@ -15193,9 +15211,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t5_57 = p_ixx_rod1 - p_izz_rod1;
         let t5_58 = (-t2_2).mul_add(t5_57, t5_56);
         let t5_59 = (-p_iyy_rod1).mul_add(al_rod1y, t5_58);
-        let t5_60 = like.lift(0.524).mul_add(t5_21, t5_59);
-        let t5_61 = like.lift(0.8660254037844386) * t3_87;
-        let t5_62 = like.lift(0.5) * t3_87;
+        let t5_60 = proto.splat(0.524).mul_add(t5_21, t5_59);
+        let t5_61 = proto.splat(0.8660254037844386) * t3_87;
+        let t5_62 = proto.splat(0.5) * t3_87;
         let t5_63 = t2_37 + t2_36;
         let t5_64 = t2_37 - t2_36;
         let t5_65 = t5_63 + t2_139;
@@ -15203,10 +15221,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t5_67 = t3_96.mul_add(t4_42, t5_66);
         let t5_68 = t5_67.mul_add(t4_58, t2_188);
         let t5_69 = t3_96.mul_add(t4_56, t5_68);
-        let t5_70 = like.lift(0.8660254037844386) * t3_185;
+        let t5_70 = proto.splat(0.8660254037844386) * t3_185;
         let t5_71 = -t5_70;
-        let t5_72 = like.lift(0.5) * t3_185;
-        let t5_73 = like.lift(0.8038585209003215) * t3_185;
+        let t5_72 = proto.splat(0.5) * t3_185;
+        let t5_73 = proto.splat(0.8038585209003215) * t3_185;
         let t5_74 = t4_39.mul_add(t5_73, t3_237);
         let t5_75 = t5_74.mul_add(t4_58, t2_201);
         let t5_76 = t4_52.mul_add(t5_73, t5_75);
@@ -15336,19 +15354,19 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t5_200 = t5_199 * t4_53;
         let t5_201 = -t5_200;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t4_47 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_93 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t4_47 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_93 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t5_113, t5_152, t5_167], [t5_103, t5_168, t5_145], [t5_169, t5_138, t5_170],
                 [t5_97, t5_132, t5_133], [t5_95, t5_128, t5_155], [t5_112, t5_163, t5_162],
@@ -15357,20 +15375,22 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_42, t2_50, t2_52, t2_60, t2_69, like.lift(0.0), like.lift(0.0)],
-                    [t2_71, t2_78, t2_88, t2_90, t2_92, t2_93, like.lift(0.0), like.lift(0.0)],
-                    [t2_94, t2_95, t2_96, t2_83, t2_98, t2_102, like.lift(0.0), like.lift(0.0)],
-                    [t2_113, t2_125, t2_125, t2_128, t2_131, t2_134, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_143, t2_145, t2_147, like.lift(0.0), like.lift(0.0), pivot_1, t2_164],
-                    [t2_167, t2_168, t2_170, t2_172, like.lift(0.0), like.lift(0.0), t2_175, t2_166],
-                    [t2_176, t2_177, t2_178, t2_151, like.lift(0.0), like.lift(0.0), t2_180, t2_185],
-                    [t2_188, t2_195, t2_195, t2_198, like.lift(0.0), like.lift(0.0), t2_201, t2_205],
+                    [proto.splat(0.0), t2_42, t2_50, t2_52, t2_60, t2_69, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_71, t2_78, t2_88, t2_90, t2_92, t2_93, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_94, t2_95, t2_96, t2_83, t2_98, t2_102, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_113, t2_125, t2_125, t2_128, t2_131, t2_134, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_143, t2_145, t2_147, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_164],
+                    [t2_167, t2_168, t2_170, t2_172, proto.splat(0.0), proto.splat(0.0), t2_175, t2_166],
+                    [t2_176, t2_177, t2_178, t2_151, proto.splat(0.0), proto.splat(0.0), t2_180, t2_185],
+                    [t2_188, t2_195, t2_195, t2_198, proto.splat(0.0), proto.splat(0.0), t2_201, t2_205],
                 ],
                 [
-                    [like.lift(0.0), t5_61, like.lift(0.0)], [t3_95, t5_62, like.lift(0.0)],
-                    [t5_65, t3_118, like.lift(0.0)], [t2_113, t2_131, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t5_71], [t3_96, like.lift(0.0), t5_72],
-                    [t5_66, like.lift(0.0), t3_237], [t2_188, like.lift(0.0), t2_201],
+                    [proto.splat(0.0), t5_61, proto.splat(0.0)],
+                    [t3_95, t5_62, proto.splat(0.0)], [t5_65, t3_118, proto.splat(0.0)],
+                    [t2_113, t2_131, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t5_71],
+                    [t3_96, proto.splat(0.0), t5_72], [t5_66, proto.splat(0.0), t3_237],
+                    [t2_188, proto.splat(0.0), t2_201],
                 ],
             ),
         );
@@ -15420,7 +15440,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t6_30 = t6_29 * p_my_rod2;
         let t6_31 = (-t6_22).mul_add(p_mx_rod2, t6_30);
         let t6_32 = cos_u2_2 * t6_21;
-        let t6_33 = like.lift(0.524) * t6_32;
+        let t6_33 = proto.splat(0.524) * t6_32;
         let t6_34 = t6_1 + al_rod2x;
         let t6_35 = p_ixz_rod2 * t6_34;
         let t6_36 = t6_4 + al_rod2y;
@@ -15428,7 +15448,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t6_38 = (-t6_10).mul_add(p_ixy_rod2, t6_37);
         let t6_39 = t6_6.mul_add(t6_8, t6_38);
         let t6_40 = (-p_izz_rod2).mul_add(al_rod2z, t6_39);
-        let t6_41 = like.lift(-0.524).mul_add(t6_31, t6_40);
+        let t6_41 = proto.splat(-0.524).mul_add(t6_31, t6_40);
         let t6_42 = p_iyy_rod2 - p_izz_rod2;
         let t6_43 = t6_4 - al_rod2y;
         let t6_44 = p_ixy_rod2 * t6_43;
@@ -15492,7 +15512,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t6_97 = (-t6_71).mul_add(p_ixy_rod3, t6_96);
         let t6_98 = t6_67.mul_add(t6_69, t6_97);
         let t6_99 = (-p_izz_rod3).mul_add(al_rod3z, t6_98);
-        let t6_100 = like.lift(-0.524).mul_add(t6_88, t6_99);
+        let t6_100 = proto.splat(-0.524).mul_add(t6_88, t6_99);
         let t6_101 = p_iyy_rod3 - p_izz_rod3;
         let t6_102 = t6_70 - t6_66;
         let t6_103 = t6_68 - t6_66;
@@ -15513,7 +15533,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t6_118 = t6_62.mul_add(t6_101, t6_117);
         let t6_119 = t6_67 - al_rod3z;
         let t6_120 = p_ixx_rod3.mul_add(al_rod3x, t6_118);
-        let t6_121 = like.lift(-0.524).mul_add(t6_90, t6_120);
+        let t6_121 = proto.splat(-0.524).mul_add(t6_90, t6_120);
         let t6_122 = cos_u3_2 * t6_121;
         let t6_123 = sin_u3_2.mul_add(t6_100, t6_122);
         let t6_124 = t6_62 - al_rod3x;
@@ -15523,14 +15543,14 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t6_128 = p_ixx_rod3 - p_izz_rod3;
         let t6_129 = (-t6_65).mul_add(t6_128, t6_127);
         let t6_130 = (-p_iyy_rod3).mul_add(al_rod3y, t6_129);
-        let t6_131 = like.lift(0.524).mul_add(t6_92, t6_130);
+        let t6_131 = proto.splat(0.524).mul_add(t6_92, t6_130);
         let t6_132 = (-t6_131).mul_add(x_u3_2_q1, t5_52);
         let t6_133 = (-t6_123).mul_add(x_u3_1_q1, t6_132);
         let t6_134 = (-t6_61).mul_add(x_u2_2_q1, t6_133);
         let t6_135 = (-t6_55).mul_add(x_u2_1_q1, t6_134);
         let t6_136 = (-t5_60).mul_add(x_u1_2_q1, t6_135);
         let t6_137 = (-t5_52).mul_add(x_u1_1_q1, t6_136);
-        let t6_138 = like.lift(0.524).mul_add(t5_41, t6_137);
+        let t6_138 = proto.splat(0.524).mul_add(t5_41, t6_137);
         let t6_139 = -t6_138;
         tau[0] = t6_139;
         let t6_140 = (-t6_131).mul_add(x_u3_2_q2, t6_55);
@@ -15538,11 +15558,11 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
         let t6_142 = (-t6_131).mul_add(x_u3_2_q3, t6_123);
         let t6_143 = (-t6_123).mul_add(x_u3_1_q3, t6_142);
         let t6_144 = (-t6_61).mul_add(x_u2_2_q2, t6_141);
-        let t6_145 = like.lift(0.524).mul_add(t6_112, t6_143);
+        let t6_145 = proto.splat(0.524).mul_add(t6_112, t6_143);
         let t6_146 = (-t6_61).mul_add(x_u2_2_q3, t6_145);
         let t6_147 = (-t6_55).mul_add(x_u2_1_q2, t6_144);
         let t6_148 = (-t6_55).mul_add(x_u2_1_q3, t6_146);
-        let t6_149 = like.lift(0.524).mul_add(t6_28, t6_147);
+        let t6_149 = proto.splat(0.524).mul_add(t6_28, t6_147);
         let t6_150 = (-t5_60).mul_add(x_u1_2_q2, t6_149);
         let t6_151 = (-t5_60).mul_add(x_u1_2_q3, t6_148);
         let t6_152 = (-t5_52).mul_add(x_u1_1_q2, t6_150);
@@ -15563,9 +15583,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 11], qd: &[T; 11], beta: &[T; 34]) ->
 ///
 /// 320 additions, 465 multiplications, 8 divisions, 11 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 3]; 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 3]; 3];
+    let mut condition = proto.splat(1.0);
     let [q1, u1_1, u1_2, e1y, e1x, q2, u2_1, u2_2, q3, u3_1, u3_2] = *q;
     // sines and cosines
     let [
@@ -15615,27 +15635,27 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t2_8 = (-sin_u1_2).mul_add(p_mx_rod1, t2_7);
         let t2_9 = cos_u1_1 * p_my_rod1;
         let t2_10 = (-sin_u1_1).mul_add(t2_8, t2_9);
-        let t2_11 = like.lift(0.524).mul_add(t2_10, t2_6);
+        let t2_11 = proto.splat(0.524).mul_add(t2_10, t2_6);
         let t2_12 = sin_q1 * cos_u1_1;
         let sin_q1_u1_1 = cos_q1.mul_add(sin_u1_1, t2_12);
         let t2_13 = cos_q1 * cos_u1_1;
         let cos_q1_u1_1 = (-sin_q1).mul_add(sin_u1_1, t2_13);
-        let t2_14 = like.lift(0.524) * cos_u1_1;
+        let t2_14 = proto.splat(0.524) * cos_u1_1;
         let t2_15 = sin_e1x * cos_u1_2_e1y;
         let e_e1x_q1y = sin_e1x * sin_u1_2_e1y;
         let t2_16 = cos_q1_u1_1 * t2_15;
         let t2_17 = cos_e1x.mul_add(sin_q1_u1_1, t2_16);
         let t2_18 = cos_e1x * cos_q1_u1_1;
         let t2_19 = (-sin_q1_u1_1).mul_add(t2_15, t2_18);
-        let t2_20 = like.lift(0.022) * t2_17;
+        let t2_20 = proto.splat(0.022) * t2_17;
         let t2_21 = cos_q1_u1_1 * sin_u1_2_e1y;
         let t2_22 = sin_q1_u1_1 * sin_u1_2_e1y;
-        let t2_23 = like.lift(0.0381051177665153) * t2_21;
-        let t2_24 = like.lift(1.244) * cos_u1_2;
+        let t2_23 = proto.splat(0.0381051177665153) * t2_21;
+        let t2_24 = proto.splat(1.244) * cos_u1_2;
         let t2_25 = cos_q1_u1_1 * t2_24;
-        let t2_26 = like.lift(0.524).mul_add(sin_q1, -t2_25);
-        let t2_27 = like.lift(0.044) * t2_17;
-        let t2_28 = like.lift(0.8660254037844386) * t2_17;
+        let t2_26 = proto.splat(0.524).mul_add(sin_q1, -t2_25);
+        let t2_27 = proto.splat(0.044) * t2_17;
+        let t2_28 = proto.splat(0.8660254037844386) * t2_17;
         let t2_29 = t2_26 - t2_27;
         let t2_30 = t2_23 - t2_20;
         let t2_31 = t2_23 + t2_20;
@@ -15647,12 +15667,12 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t2_37 = cos_q1_u1_1 * t2_32;
         let t2_38 = t2_33 + t2_25;
         let t2_39 = sin_q1_u1_1 * t2_24;
-        let t2_40 = like.lift(0.044) * t2_19;
-        let t2_41 = like.lift(-0.524).mul_add(cos_q1, t2_40);
+        let t2_40 = proto.splat(0.044) * t2_19;
+        let t2_41 = proto.splat(-0.524).mul_add(cos_q1, t2_40);
         let t2_42 = t2_41 - t2_39;
-        let t2_43 = like.lift(0.0381051177665153) * t2_22;
-        let t2_44 = like.lift(0.022) * t2_19;
-        let t2_45 = like.lift(0.8660254037844386) * t2_19;
+        let t2_43 = proto.splat(0.0381051177665153) * t2_22;
+        let t2_44 = proto.splat(0.022) * t2_19;
+        let t2_45 = proto.splat(0.8660254037844386) * t2_19;
         let t2_46 = t2_44 + t2_43;
         let t2_47 = t2_44 - t2_43;
         let t2_48 = t2_46 + t2_40;
@@ -15665,40 +15685,40 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t2_55 = t2_49 + t2_24;
         let t2_56 = t2_21 * t2_51;
         let t2_57 = t2_22.mul_add(t2_33, t2_56);
-        let t2_58 = like.lift(0.0) + t2_57;
+        let t2_58 = proto.splat(0.0) + t2_57;
         let t2_59 = sin_q2 * cos_u2_1;
         let sin_q2_u2_1 = cos_q2.mul_add(sin_u2_1, t2_59);
         let t2_60 = cos_q2 * cos_u2_1;
         let cos_q2_u2_1 = (-sin_q2).mul_add(sin_u2_1, t2_60);
-        let t2_61 = like.lift(0.524) * sin_q2;
+        let t2_61 = proto.splat(0.524) * sin_q2;
         let t2_62 = sin_u2_1 * sin_u2_2;
         let t2_63 = t2_62 * p_mx_rod2;
         let t2_64 = cos_u2_1.mul_add(p_my_rod2, t2_63);
-        let t2_65 = like.lift(0.524) * cos_u2_1;
+        let t2_65 = proto.splat(0.524) * cos_u2_1;
         let t2_66 = t2_65 * cos_u2_2;
         let t2_67 = cos_u2_2 * cos_q2_u2_1;
-        let t2_68 = like.lift(-1.244).mul_add(t2_67, t2_61);
-        let t2_69 = like.lift(1.0773356023078418) * t2_67;
+        let t2_68 = proto.splat(-1.244).mul_add(t2_67, t2_61);
+        let t2_69 = proto.splat(1.0773356023078418) * t2_67;
         let t2_70 = -t2_69;
         let t2_71 = cos_q2_u2_1 * t2_67;
-        let t2_72 = like.lift(0.622) * t2_67;
+        let t2_72 = proto.splat(0.622) * t2_67;
         let t2_73 = cos_u2_2 * sin_q2_u2_1;
-        let t2_74 = like.lift(0.8660254037844386) * sin_u2_2;
-        let t2_75 = like.lift(0.5).mul_add(t2_73, t2_74);
-        let t2_76 = like.lift(0.8660254037844386) * t2_73;
-        let t2_77 = like.lift(-0.5).mul_add(sin_u2_2, t2_76);
-        let t2_78 = like.lift(1.244) * sin_q2_u2_1;
+        let t2_74 = proto.splat(0.8660254037844386) * sin_u2_2;
+        let t2_75 = proto.splat(0.5).mul_add(t2_73, t2_74);
+        let t2_76 = proto.splat(0.8660254037844386) * t2_73;
+        let t2_77 = proto.splat(-0.5).mul_add(sin_u2_2, t2_76);
+        let t2_78 = proto.splat(1.244) * sin_q2_u2_1;
         let t2_79 = t2_75 * t2_78;
-        let t2_80 = like.lift(0.622).mul_add(t2_71, t2_79);
-        let t2_81 = like.lift(1.0773356023078418) * t2_71;
+        let t2_80 = proto.splat(0.622).mul_add(t2_71, t2_79);
+        let t2_81 = proto.splat(1.0773356023078418) * t2_71;
         let pivot_5 = t2_77.mul_add(t2_78, t2_81);
         let t2_82 = -t2_36;
-        let t2_83 = like.lift(0.044) * e_e1x_q1y;
-        let t2_84 = like.lift(1.244).mul_add(sin_u1_2, t2_83);
-        let t2_85 = like.lift(0.0381051177665153) * cos_u1_2_e1y;
-        let t2_86 = like.lift(0.022) * e_e1x_q1y;
+        let t2_83 = proto.splat(0.044) * e_e1x_q1y;
+        let t2_84 = proto.splat(1.244).mul_add(sin_u1_2, t2_83);
+        let t2_85 = proto.splat(0.0381051177665153) * cos_u1_2_e1y;
+        let t2_86 = proto.splat(0.022) * e_e1x_q1y;
         let t2_87 = t2_86 + t2_83;
-        let t2_88 = like.lift(0.8660254037844386) * e_e1x_q1y;
+        let t2_88 = proto.splat(0.8660254037844386) * e_e1x_q1y;
         let t2_89 = t2_84 + t2_85;
         let t2_90 = t2_89 + t2_86;
         let t2_91 = t2_84 - t2_85;
@@ -15716,43 +15736,43 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t2_103 = cos_u1_2_e1y * t2_51;
         let t2_104 = (-t2_22).mul_add(t2_96, t2_103);
         let t2_105 = t2_102 + t2_24;
-        let t2_106 = like.lift(0.0) + t2_100;
+        let t2_106 = proto.splat(0.0) + t2_100;
         let t2_107 = -t2_106;
         let t2_108 = -t2_72;
         let t2_109 = -pivot_5;
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_110 = -t2_50;
         let t2_111 = -t2_94;
         let t2_112 = -t2_98;
-        let t2_113 = like.lift(0.0) + t2_104;
-        let t2_114 = like.lift(1.0773356023078418) * t2_77;
-        let t2_115 = like.lift(0.622).mul_add(t2_75, t2_114);
-        let t2_116 = like.lift(0.622) * t2_77;
-        let t2_117 = like.lift(-1.0773356023078418).mul_add(t2_75, t2_116);
+        let t2_113 = proto.splat(0.0) + t2_104;
+        let t2_114 = proto.splat(1.0773356023078418) * t2_77;
+        let t2_115 = proto.splat(0.622).mul_add(t2_75, t2_114);
+        let t2_116 = proto.splat(0.622) * t2_77;
+        let t2_117 = proto.splat(-1.0773356023078418).mul_add(t2_75, t2_116);
         let t2_118 = cos_q2_u2_1 * t2_117;
         let t2_119 = -t2_118;
-        let t2_120 = like.lift(1.244) * t2_75;
-        let t2_121 = like.lift(0.262).mul_add(cos_q2, t2_120);
-        let t2_122 = like.lift(1.244) * t2_77;
-        let t2_123 = like.lift(0.45379731158304587).mul_add(cos_q2, t2_122);
-        let t2_124 = like.lift(0.8660254037844386) * t2_123;
-        let t2_125 = like.lift(0.5).mul_add(t2_121, t2_124);
-        let t2_126 = like.lift(0.5) * t2_21;
+        let t2_120 = proto.splat(1.244) * t2_75;
+        let t2_121 = proto.splat(0.262).mul_add(cos_q2, t2_120);
+        let t2_122 = proto.splat(1.244) * t2_77;
+        let t2_123 = proto.splat(0.45379731158304587).mul_add(cos_q2, t2_122);
+        let t2_124 = proto.splat(0.8660254037844386) * t2_123;
+        let t2_125 = proto.splat(0.5).mul_add(t2_121, t2_124);
+        let t2_126 = proto.splat(0.5) * t2_21;
         let t2_127 = t2_126 + t2_28;
         let t2_128 = t2_126 - t2_28;
         let t2_129 = t2_127 * cos_q2_u2_1;
-        let t2_130 = like.lift(0.5) * t2_22;
+        let t2_130 = proto.splat(0.5) * t2_22;
         let t2_131 = t2_130 - t2_45;
         let t2_132 = t2_130 + t2_45;
-        let t2_133 = like.lift(0.5) * t2_129;
+        let t2_133 = proto.splat(0.5) * t2_129;
         let t2_134 = (-t2_131).mul_add(sin_q2_u2_1, t2_133);
-        let t2_135 = like.lift(0.5) * cos_u1_2_e1y;
+        let t2_135 = proto.splat(0.5) * cos_u1_2_e1y;
         let t2_136 = t2_135 - t2_88;
         let t2_137 = t2_135 + t2_88;
         let t2_138 = t2_136 * sin_q2_u2_1;
-        let t2_139 = like.lift(-0.8660254037844386).mul_add(t2_129, t2_138);
-        let t2_140 = like.lift(0.5) * t2_136;
-        let t2_141 = like.lift(-0.8660254037844386).mul_add(t2_131, t2_140);
+        let t2_139 = proto.splat(-0.8660254037844386).mul_add(t2_129, t2_138);
+        let t2_140 = proto.splat(0.5) * t2_136;
+        let t2_141 = proto.splat(-0.8660254037844386).mul_add(t2_131, t2_140);
         let t2_142 = cos_q2_u2_1 * t2_141;
         let t2_143 = -t2_142;
         let t2_144 = cos_q1_u1_1 * t2_139;
@@ -15760,28 +15780,28 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t2_146 = t2_21 * t2_143;
         let t2_147 = t2_22.mul_add(t2_139, t2_146);
         let t2_148 = cos_u1_2_e1y.mul_add(t2_134, t2_147);
-        let t2_149 = like.lift(0.5) * t2_134;
-        let t2_150 = like.lift(-0.8660254037844386).mul_add(t2_139, t2_149);
-        let t2_151 = like.lift(0.0) + like.lift(0.0);
+        let t2_149 = proto.splat(0.5) * t2_134;
+        let t2_150 = proto.splat(-0.8660254037844386).mul_add(t2_139, t2_149);
+        let t2_151 = proto.splat(0.0) + proto.splat(0.0);
         let t2_152 = sin_q3 * cos_u3_1;
         let sin_q3_u3_1 = cos_q3.mul_add(sin_u3_1, t2_152);
         let t2_153 = cos_q3 * cos_u3_1;
         let cos_q3_u3_1 = (-sin_q3).mul_add(sin_u3_1, t2_153);
         let t2_154 = t2_128 * cos_q3_u3_1;
-        let t2_155 = like.lift(0.524) * sin_q3;
+        let t2_155 = proto.splat(0.524) * sin_q3;
         let t2_156 = cos_u3_2 * cos_q3_u3_1;
-        let t2_157 = like.lift(-1.244).mul_add(t2_156, t2_155);
-        let pivot_1 = like.lift(1.0773356023078418) * t2_156;
+        let t2_157 = proto.splat(-1.244).mul_add(t2_156, t2_155);
+        let pivot_1 = proto.splat(1.0773356023078418) * t2_156;
         let t2_158 = cos_q3_u3_1 * t2_156;
         let t2_159 = cos_u3_2 * sin_q3_u3_1;
-        let t2_160 = like.lift(0.5) * t2_159;
-        let t2_161 = like.lift(-0.8660254037844386).mul_add(sin_u3_2, t2_160);
-        let t2_162 = like.lift(0.5) * sin_u3_2;
-        let t2_163 = like.lift(0.8660254037844386).mul_add(t2_159, t2_162);
-        let t2_164 = like.lift(1.244) * sin_q3_u3_1;
+        let t2_160 = proto.splat(0.5) * t2_159;
+        let t2_161 = proto.splat(-0.8660254037844386).mul_add(sin_u3_2, t2_160);
+        let t2_162 = proto.splat(0.5) * sin_u3_2;
+        let t2_163 = proto.splat(0.8660254037844386).mul_add(t2_159, t2_162);
+        let t2_164 = proto.splat(1.244) * sin_q3_u3_1;
         let t2_165 = t2_161 * t2_164;
-        let t2_166 = like.lift(0.622).mul_add(t2_158, t2_165);
-        let t2_167 = like.lift(1.0773356023078418) * t2_158;
+        let t2_166 = proto.splat(0.622).mul_add(t2_158, t2_165);
+        let t2_167 = proto.splat(1.0773356023078418) * t2_158;
         let t2_168 = t2_163.mul_add(t2_164, t2_167);
         let t2_169 = -t2_38;
         let t2_170 = sin_q1_u1_1 * t2_92;
@@ -15789,67 +15809,67 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t2_172 = sin_q1_u1_1 * t2_96;
         let t2_173 = cos_q1_u1_1 * t2_96;
         let t2_174 = -t2_100;
-        let t2_175 = like.lift(-0.5773502691896257).mul_add(t2_57, t2_100);
-        let t2_176 = like.lift(0.622) * t2_156;
+        let t2_175 = proto.splat(-0.5773502691896257).mul_add(t2_57, t2_100);
+        let t2_176 = proto.splat(0.622) * t2_156;
         let t2_177 = -t2_176;
-        let t2_178 = like.lift(1.0) / t2_156;
+        let t2_178 = proto.splat(1.0) / t2_156;
         let t2_179 = -t2_52;
         let t2_180 = -t2_171;
         let t2_181 = -t2_173;
-        let t2_182 = like.lift(1.0773356023078418) * t2_163;
-        let t2_183 = like.lift(0.622).mul_add(t2_161, t2_182);
-        let t2_184 = like.lift(0.622) * t2_163;
-        let t2_185 = like.lift(-1.0773356023078418).mul_add(t2_161, t2_184);
+        let t2_182 = proto.splat(1.0773356023078418) * t2_163;
+        let t2_183 = proto.splat(0.622).mul_add(t2_161, t2_182);
+        let t2_184 = proto.splat(0.622) * t2_163;
+        let t2_185 = proto.splat(-1.0773356023078418).mul_add(t2_161, t2_184);
         let t2_186 = cos_q3_u3_1 * t2_185;
-        let t2_187 = like.lift(1.244) * t2_161;
-        let t2_188 = like.lift(0.262).mul_add(cos_q3, t2_187);
-        let t2_189 = like.lift(1.244) * t2_163;
-        let t2_190 = like.lift(0.45379731158304587).mul_add(cos_q3, t2_189);
-        let t2_191 = like.lift(0.8660254037844386) * t2_190;
-        let t2_192 = like.lift(0.5).mul_add(t2_188, t2_191);
+        let t2_187 = proto.splat(1.244) * t2_161;
+        let t2_188 = proto.splat(0.262).mul_add(cos_q3, t2_187);
+        let t2_189 = proto.splat(1.244) * t2_163;
+        let t2_190 = proto.splat(0.45379731158304587).mul_add(cos_q3, t2_189);
+        let t2_191 = proto.splat(0.8660254037844386) * t2_190;
+        let t2_192 = proto.splat(0.5).mul_add(t2_188, t2_191);
         let t2_193 = -t2_186;
-        let t2_194 = like.lift(0.5) * t2_154;
+        let t2_194 = proto.splat(0.5) * t2_154;
         let t2_195 = (-t2_132).mul_add(sin_q3_u3_1, t2_194);
-        let t2_196 = like.lift(0.8660254037844386) * t2_154;
+        let t2_196 = proto.splat(0.8660254037844386) * t2_154;
         let t2_197 = t2_137.mul_add(sin_q3_u3_1, t2_196);
-        let t2_198 = like.lift(0.5) * t2_137;
-        let t2_199 = like.lift(0.8660254037844386).mul_add(t2_132, t2_198);
+        let t2_198 = proto.splat(0.5) * t2_137;
+        let t2_199 = proto.splat(0.8660254037844386).mul_add(t2_132, t2_198);
         let t2_200 = cos_q3_u3_1 * t2_199;
         let t2_201 = sin_q1_u1_1 * t2_200;
         let t2_202 = t2_22 * t2_197;
         let t2_203 = (-t2_21).mul_add(t2_200, t2_202);
         let t2_204 = cos_q1_u1_1.mul_add(t2_197, t2_201);
         let t2_205 = cos_u1_2_e1y.mul_add(t2_195, t2_203);
-        let t2_206 = like.lift(0.8660254037844386) * t2_197;
-        let t2_207 = like.lift(0.5).mul_add(t2_195, t2_206);
-        let t2_208 = like.lift(0.0) + like.lift(0.0);
+        let t2_206 = proto.splat(0.8660254037844386) * t2_197;
+        let t2_207 = proto.splat(0.5).mul_add(t2_195, t2_206);
+        let t2_208 = proto.splat(0.0) + proto.splat(0.0);
         let t2_209 = -t2_208;
-        let t2_210 = like.lift(0.8660254037844386) * t2_68;
-        let t2_211 = like.lift(0.5) * t2_68;
-        let t2_212 = like.lift(0.8660254037844386) * t2_157;
+        let t2_210 = proto.splat(0.8660254037844386) * t2_68;
+        let t2_211 = proto.splat(0.5) * t2_68;
+        let t2_212 = proto.splat(0.8660254037844386) * t2_157;
         let t2_213 = -t2_212;
-        let t2_214 = like.lift(0.5) * t2_157;
-        let t2_215 = like.lift(0.8038585209003215) * t2_157;
-        let pivot_2 = like.lift(0.5773502691896257).mul_add(t2_166, t2_168);
-        let inv_pivot_2 = like.lift(1.0) / pivot_2;
+        let t2_214 = proto.splat(0.5) * t2_157;
+        let t2_215 = proto.splat(0.8038585209003215) * t2_157;
+        let pivot_2 = proto.splat(0.5773502691896257).mul_add(t2_166, t2_168);
+        let inv_pivot_2 = proto.splat(1.0) / pivot_2;
         let t2_216 = t2_183 * t2_178;
-        let t2_217 = like.lift(0.9282158668643501) * t2_216;
+        let t2_217 = proto.splat(0.9282158668643501) * t2_216;
         let t2_218 = t2_166.mul_add(t2_217, t2_193);
         let t2_219 = inv_pivot_2 * t2_218;
         let pivot_3 = t2_38.mul_add(t2_219, t2_52);
         let t2_220 = t2_216.mul_add(t2_215, t2_192);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_221 = t2_36 * inv_pivot_3;
         let t2_222 = t2_50 * inv_pivot_3;
         let t2_223 = -pivot_3;
         let t2_224 = t2_35.mul_add(t2_219, t2_54);
-        let t2_225 = like.lift(0.5773502691896257).mul_add(t2_105, t2_170);
+        let t2_225 = proto.splat(0.5773502691896257).mul_add(t2_105, t2_170);
         let t2_226 = (-t2_225).mul_add(t2_219, t2_171);
         let t2_227 = t2_105.mul_add(t2_217, t2_226);
         let t2_228 = (-t2_227).mul_add(t2_222, t2_94);
         let t2_229 = t2_207 * t2_178;
-        let t2_230 = like.lift(0.9282158668643501) * t2_178;
-        let t2_231 = like.lift(0.9282158668643501) * t2_229;
+        let t2_230 = proto.splat(0.9282158668643501) * t2_178;
+        let t2_231 = proto.splat(0.9282158668643501) * t2_229;
         let t2_232 = t2_166 * t2_231;
         let t2_233 = inv_pivot_2 * t2_232;
         let t2_234 = (-t2_38).mul_add(t2_233, t2_195);
@@ -15877,11 +15897,11 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t3_2 = (-t2_227).mul_add(t2_235, t2_204);
         let t3_3 = t2_225.mul_add(t2_233, t3_2);
         let pivot_4 = (-t2_105).mul_add(t2_231, t3_3);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t3_4 = t2_228 * inv_pivot_4;
         let t3_5 = t2_224.mul_add(t2_235, t2_195);
         let t3_6 = t2_35.mul_add(t2_233, t3_5);
-        let t3_7 = like.lift(0.5773502691896257).mul_add(t2_102, t2_172);
+        let t3_7 = proto.splat(0.5773502691896257).mul_add(t2_102, t2_172);
         let t3_8 = (-t3_7).mul_add(t2_219, t2_173);
         let t3_9 = t2_102.mul_add(t2_217, t3_8);
         let t3_10 = (-t2_175).mul_add(t2_219, t2_104);
@@ -15903,7 +15923,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t3_26 = t3_9.mul_add(t2_221, t3_25);
         let t3_27 = t3_19.mul_add(t3_26, t2_49);
         let pivot_6 = (-t3_16).mul_add(t3_18, t3_27);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t3_28 = (-t3_6).mul_add(t3_22, t2_34);
         let t3_29 = (-t2_224).mul_add(t2_221, t3_28);
         let t3_30 = t3_1 * t3_22;
@@ -15924,7 +15944,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t3_45 = (-t3_35).mul_add(t3_44, t2_148);
         let t3_46 = (-t3_17).mul_add(t3_41, t3_45);
         let pivot_7 = t3_11.mul_add(t3_39, t3_46);
-        let inv_pivot_7 = like.lift(1.0) / pivot_7;
+        let inv_pivot_7 = proto.splat(1.0) / pivot_7;
         let t3_47 = t3_33.mul_add(t3_44, t2_134);
         let t3_48 = (-t3_6).mul_add(t3_41, t3_47);
         let t3_49 = t2_224.mul_add(t3_39, t3_48);
@@ -15951,7 +15971,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t3_70 = (-t3_53).mul_add(t3_64, t2_115);
         let t3_71 = (-t3_20).mul_add(t3_59, t3_70);
         let pivot_8 = (-t3_55).mul_add(t2_72, t3_71);
-        let inv_pivot_8 = like.lift(1.0) / pivot_8;
+        let inv_pivot_8 = proto.splat(1.0) / pivot_8;
         let t3_72 = t3_69 * inv_pivot_8;
         let t3_73 = (-t3_53).mul_add(t3_72, t3_49);
         let t3_74 = inv_pivot_7 * t3_73;
@@ -16054,19 +16074,19 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t3_171 = t3_170 * t2_230;
         let t3_172 = -t3_171;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(1.1463243377359178)).abs()
-            .min((pivot_2 * like.lift(0.7083062198287623)).abs())
-            .min((t2_223 * like.lift(0.9440490168096608)).abs())
-            .min((pivot_4 * like.lift(1.183280398321959)).abs())
-            .min((t2_109 * like.lift(0.9580029161088279)).abs())
-            .min((pivot_6 * like.lift(0.9377487565481418)).abs())
-            .min((pivot_7 * like.lift(1.191451741811329)).abs())
-            .min((pivot_8 * like.lift(1.0544250499941836)).abs());
+        let margin = (pivot_1 * proto.splat(1.1463243377359178)).abs()
+            .min((pivot_2 * proto.splat(0.7083062198287623)).abs())
+            .min((t2_223 * proto.splat(0.9440490168096608)).abs())
+            .min((pivot_4 * proto.splat(1.183280398321959)).abs())
+            .min((t2_109 * proto.splat(0.9580029161088279)).abs())
+            .min((pivot_6 * proto.splat(0.9377487565481418)).abs())
+            .min((pivot_7 * proto.splat(1.191451741811329)).abs())
+            .min((pivot_8 * proto.splat(1.0544250499941836)).abs());
         let ([
             [x_u1_1_q1, x_u1_1_q2, x_u1_1_q3], [x_u1_2_q1, x_u1_2_q2, x_u1_2_q3], [_, _, _],
             [_, _, _], [x_u2_1_q1, x_u2_1_q2, x_u2_1_q3], [x_u2_2_q1, x_u2_2_q2, x_u2_2_q3],
             [x_u3_1_q1, x_u3_1_q2, x_u3_1_q3], [x_u3_2_q1, x_u3_2_q2, x_u3_2_q3],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t3_90, t3_123, t3_138], [t3_80, t3_139, t3_116], [t3_140, t3_109, t3_141],
                 [t3_74, t3_103, t3_104], [t3_72, t3_99, t3_126], [t3_89, t3_134, t3_133],
@@ -16075,20 +16095,22 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
             margin,
             || (
                 [
-                    [like.lift(0.0), t2_55, t2_49, t2_58, t2_70, t2_80, like.lift(0.0), like.lift(0.0)],
-                    [t2_82, t2_93, t2_97, t2_107, t2_108, t2_109, like.lift(0.0), like.lift(0.0)],
-                    [t2_110, t2_111, t2_112, t2_113, t2_115, t2_119, like.lift(0.0), like.lift(0.0)],
-                    [t2_134, t2_145, t2_145, t2_148, t2_150, t2_151, like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), t2_105, t2_102, t2_57, like.lift(0.0), like.lift(0.0), pivot_1, t2_166],
-                    [t2_169, t2_170, t2_172, t2_174, like.lift(0.0), like.lift(0.0), t2_177, t2_168],
-                    [t2_179, t2_180, t2_181, t2_104, like.lift(0.0), like.lift(0.0), t2_183, t2_186],
-                    [t2_195, t2_204, t2_204, t2_205, like.lift(0.0), like.lift(0.0), t2_207, t2_209],
+                    [proto.splat(0.0), t2_55, t2_49, t2_58, t2_70, t2_80, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_82, t2_93, t2_97, t2_107, t2_108, t2_109, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_110, t2_111, t2_112, t2_113, t2_115, t2_119, proto.splat(0.0), proto.splat(0.0)],
+                    [t2_134, t2_145, t2_145, t2_148, t2_150, t2_151, proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), t2_105, t2_102, t2_57, proto.splat(0.0), proto.splat(0.0), pivot_1, t2_166],
+                    [t2_169, t2_170, t2_172, t2_174, proto.splat(0.0), proto.splat(0.0), t2_177, t2_168],
+                    [t2_179, t2_180, t2_181, t2_104, proto.splat(0.0), proto.splat(0.0), t2_183, t2_186],
+                    [t2_195, t2_204, t2_204, t2_205, proto.splat(0.0), proto.splat(0.0), t2_207, t2_209],
                 ],
                 [
-                    [like.lift(0.0), t2_210, like.lift(0.0)], [t2_34, t2_211, like.lift(0.0)],
-                    [t2_53, t2_125, like.lift(0.0)], [t2_134, t2_150, like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0), t2_213], [t2_35, like.lift(0.0), t2_214],
-                    [t2_54, like.lift(0.0), t2_192], [t2_195, like.lift(0.0), t2_207],
+                    [proto.splat(0.0), t2_210, proto.splat(0.0)],
+                    [t2_34, t2_211, proto.splat(0.0)], [t2_53, t2_125, proto.splat(0.0)],
+                    [t2_134, t2_150, proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0), t2_213],
+                    [t2_35, proto.splat(0.0), t2_214], [t2_54, proto.splat(0.0), t2_192],
+                    [t2_195, proto.splat(0.0), t2_207],
                 ],
             ),
         );
@@ -16143,7 +16165,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t4_40 = x_u2_1_q1.mul_add(t4_22, t4_39);
         let t4_41 = (-x_u1_2_q1).mul_add(t4_11, t4_40);
         let t4_42 = (-x_u1_1_q1).mul_add(t4_8, t4_41);
-        let t4_43 = like.lift(1.048).mul_add(t2_10, t4_42);
+        let t4_43 = proto.splat(1.048).mul_add(t2_10, t4_42);
         let t4_44 = t4_43 + t2_6;
         m[0][0] = t4_44;
         let t4_45 = t4_2 * x_u1_2_q2;
@@ -16154,7 +16176,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t4_50 = t4_2.mul_add(x_u1_1_q2, t4_49);
         let t4_51 = p_iyy_rod1 * x_u1_2_q3;
         let t4_52 = t4_2.mul_add(x_u1_1_q3, t4_51);
-        let t4_53 = like.lift(0.524).mul_add(t2_64, t4_17);
+        let t4_53 = proto.splat(0.524).mul_add(t2_64, t4_17);
         let t4_54 = (-t4_19).mul_add(x_u2_2_q2, t4_53);
         let t4_55 = (-t4_17).mul_add(x_u2_1_q2, t4_54);
         let t4_56 = (-p_iyy_rod2).mul_add(x_u2_2_q2, t4_20);
@@ -16173,7 +16195,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t4_69 = x_u2_1_q1.mul_add(t4_55, t4_64);
         let t4_70 = t4_55 + t4_53;
         let t4_71 = (-x_u2_1_q2).mul_add(t4_70, t4_68);
-        let t4_72 = like.lift(1.048).mul_add(t2_64, t4_71);
+        let t4_72 = proto.splat(1.048).mul_add(t2_64, t4_71);
         let t4_73 = (-x_u1_2_q1).mul_add(t4_50, t4_69);
         let t4_74 = t4_72 + t4_17;
         let t4_75 = x_u1_2_q2.mul_add(t4_50, t4_74);
@@ -16194,9 +16216,9 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t4_88 = sin_u3_2.mul_add(p_mz_rod3, t4_87);
         let t4_89 = cos_u3_1 * p_my_rod3;
         let t4_90 = (-sin_u3_1).mul_add(t4_86, t4_89);
-        let t4_91 = like.lift(0.524) * cos_u3_1;
+        let t4_91 = proto.splat(0.524) * cos_u3_1;
         let t4_92 = (-t4_91).mul_add(t4_88, t4_32);
-        let t4_93 = like.lift(0.524).mul_add(t4_90, t4_30);
+        let t4_93 = proto.splat(0.524).mul_add(t4_90, t4_30);
         let t4_94 = (-t4_32).mul_add(x_u3_2_q3, t4_93);
         let t4_95 = (-t4_30).mul_add(x_u3_1_q3, t4_94);
         let t4_96 = t4_95 + t4_93;
@@ -16221,7 +16243,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 11], beta: &[T; 34]) -> ([[T; 3]; 3],
         let t4_115 = t4_98 + t4_92;
         let t4_116 = (-x_u3_2_q3).mul_add(t4_115, p_ixx_crank3);
         let t4_117 = (-x_u3_1_q3).mul_add(t4_96, t4_116);
-        let t4_118 = like.lift(1.048).mul_add(t4_90, t4_117);
+        let t4_118 = proto.splat(1.048).mul_add(t4_90, t4_117);
         let t4_119 = t4_118 + t4_30;
         let t4_120 = x_u2_2_q3.mul_add(t4_84, t4_119);
         let t4_121 = x_u2_1_q3.mul_add(t4_82, t4_120);
@@ -16339,19 +16361,19 @@ impl<T: Scalar> Model<T> for Delta {
                 *out = value;
                 Ok(condition)
             }
-            Function::SlotineLi => {
+            Function::AdaptiveRegressor => {
                 let q = ::regen_runtime::array::<T, 11>(arguments.q, "q")?;
                 let qd = ::regen_runtime::array::<T, 11>(arguments.qd, "qd")?;
                 let qd_r_i = ::regen_runtime::array::<T, 3>(arguments.qd_r_i, "qd_r_i")?;
                 let qdd_r_i = ::regen_runtime::array::<T, 3>(arguments.qdd_r_i, "qdd_r_i")?;
                 let out = ::regen_runtime::matrix_mut::<T, 70, 3>(out, "out")?;
-                Ok(slotine_li(q, qd, qd_r_i, qdd_r_i, out))
+                Ok(adaptive_regressor(q, qd, qd_r_i, qdd_r_i, out))
             }
-            Function::Efforts => {
+            Function::GeneralizedForces => {
                 let q = ::regen_runtime::array::<T, 11>(arguments.q, "q")?;
                 let tau_actuated = ::regen_runtime::array::<T, 3>(arguments.tau_actuated, "tau_actuated")?;
                 let out = ::regen_runtime::array_mut::<T, 3>(out, "out")?;
-                let (value, condition) = efforts(q, tau_actuated);
+                let (value, condition) = generalized_forces(q, tau_actuated);
                 *out = value;
                 Ok(condition)
             }

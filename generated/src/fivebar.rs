@@ -28,8 +28,8 @@
 //! | [`gravity`] | 24 | 43 | 1 | 5 |
 //! | [`bias_forces`] | 37 | 70 | 1 | 3 |
 //! | [`mass_matrix`] | 30 | 39 | 1 | 3 |
-//! | [`slotine_li`] | 48 | 98 | 1 | 4 |
-//! | [`efforts`] | 0 | 0 | 0 | 0 |
+//! | [`adaptive_regressor`] | 48 | 98 | 1 | 4 |
+//! | [`generalized_forces`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 3 | 4 | 0 | 4 |
 //! | [`base_regressor`] | 33 | 71 | 1 | 4 |
 //! | [`to_base`] | 14 | 7 | 0 | 0 |
@@ -42,7 +42,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Arguments, Condition, Cone, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
+ Arguments, Condition, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseFunction, BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -79,7 +79,7 @@ pub const JOINTS: [Joint; 4] = [
     Joint::TURN,
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
-pub const CONES: [Cone<'static>; 0] = [
+pub const CONES: [SwingLimit<'static>; 0] = [
 ];
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
@@ -248,8 +248,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 ///
 /// 9 additions, 4 multiplications, 0 divisions, 4 sines and cosines.
 pub fn constraints<T: Scalar>(q: &[T; 4]) -> [T; 5] {
-    let like = q[0];
-    let mut f = [like.lift(0.0); 5];
+    let proto = q[0];
+    let mut f = [proto.splat(0.0); 5];
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4] = {
@@ -267,12 +267,12 @@ pub fn constraints<T: Scalar>(q: &[T; 4]) -> [T; 5] {
         let t2_2 = cos_q1_q2 - cos_q3_q4;
         let t2_3 = sin_q1 - sin_q3;
         let t2_4 = sin_q1_q2 - sin_q3_q4;
-        let t2_5 = like.lift(0.4).mul_add(t2_2, like.lift(-0.2));
-        let t2_6 = like.lift(0.3).mul_add(t2_1, t2_5);
+        let t2_5 = proto.splat(0.4).mul_add(t2_2, proto.splat(-0.2));
+        let t2_6 = proto.splat(0.3).mul_add(t2_1, t2_5);
         let t2_7 = -t2_6;
         f[0] = t2_7;
-        let t2_8 = like.lift(0.4) * t2_4;
-        let t2_9 = like.lift(0.3).mul_add(t2_3, t2_8);
+        let t2_8 = proto.splat(0.4) * t2_4;
+        let t2_9 = proto.splat(0.3).mul_add(t2_3, t2_8);
         let t2_10 = -t2_9;
         f[2] = t2_10;
     }
@@ -286,8 +286,8 @@ pub fn constraints<T: Scalar>(q: &[T; 4]) -> [T; 5] {
 ///
 /// 6 additions, 8 multiplications, 0 divisions, 4 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 4]; 5] {
-    let like = q[0];
-    let mut a = [[like.lift(0.0); 4]; 5];
+    let proto = q[0];
+    let mut a = [[proto.splat(0.0); 4]; 5];
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4] = {
@@ -301,12 +301,12 @@ pub fn jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 4]; 5] {
     };
     // row 1
     {
-        let t2_1 = like.lift(0.4) * sin_q1_q2;
+        let t2_1 = proto.splat(0.4) * sin_q1_q2;
         a[0][1] = t2_1;
-        let t2_2 = like.lift(0.3).mul_add(sin_q1, t2_1);
+        let t2_2 = proto.splat(0.3).mul_add(sin_q1, t2_1);
         a[0][0] = t2_2;
-        let t2_3 = like.lift(0.4) * sin_q3_q4;
-        let t2_4 = like.lift(0.3).mul_add(sin_q3, t2_3);
+        let t2_3 = proto.splat(0.4) * sin_q3_q4;
+        let t2_4 = proto.splat(0.3).mul_add(sin_q3, t2_3);
         let t2_5 = -t2_4;
         a[0][2] = t2_5;
         let t2_6 = -t2_3;
@@ -317,12 +317,12 @@ pub fn jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 4]; 5] {
     }
     // row 3
     {
-        let t4_1 = like.lift(0.4) * cos_q3_q4;
+        let t4_1 = proto.splat(0.4) * cos_q3_q4;
         a[2][3] = t4_1;
-        let t4_2 = like.lift(0.3).mul_add(cos_q3, t4_1);
+        let t4_2 = proto.splat(0.3).mul_add(cos_q3, t4_1);
         a[2][2] = t4_2;
-        let t4_3 = like.lift(0.4) * cos_q1_q2;
-        let t4_4 = like.lift(0.3).mul_add(cos_q1, t4_3);
+        let t4_3 = proto.splat(0.4) * cos_q1_q2;
+        let t4_4 = proto.splat(0.3).mul_add(cos_q1, t4_3);
         let t4_5 = -t4_4;
         a[2][0] = t4_5;
         let t4_6 = -t4_3;
@@ -345,8 +345,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 4]; 5] {
 ///
 /// 10 additions, 16 multiplications, 0 divisions, 4 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
-    let like = q[0];
-    let mut b = [like.lift(0.0); 5];
+    let proto = q[0];
+    let mut b = [proto.splat(0.0); 5];
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4] = {
@@ -369,16 +369,16 @@ pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
         let t2_6 = t2_5 * t2_5;
         let t2_7 = (-cos_q3_q4).mul_add(t2_6, t2_3);
         let t2_8 = (-sin_q3_q4).mul_add(t2_6, t2_4);
-        let t2_9 = like.lift(0.4) * t2_7;
-        let t2_10 = like.lift(0.4) * t2_8;
+        let t2_9 = proto.splat(0.4) * t2_7;
+        let t2_10 = proto.splat(0.4) * t2_8;
         let t2_11 = d_q3 * d_q3;
         let t2_12 = d_q1 * d_q1;
         let t2_13 = cos_q1 * t2_12;
         let t2_14 = (-cos_q3).mul_add(t2_11, t2_13);
         let t2_15 = sin_q1 * t2_12;
         let t2_16 = (-sin_q3).mul_add(t2_11, t2_15);
-        let t2_17 = like.lift(0.3).mul_add(t2_14, t2_9);
-        let t2_18 = like.lift(0.3).mul_add(t2_16, t2_10);
+        let t2_17 = proto.splat(0.3).mul_add(t2_14, t2_9);
+        let t2_18 = proto.splat(0.3).mul_add(t2_16, t2_10);
         let t2_19 = -t2_17;
         b[0] = t2_19;
         let t2_20 = -t2_18;
@@ -394,9 +394,9 @@ pub fn bias<T: Scalar>(q: &[T; 4], qd: &[T; 4]) -> [T; 5] {
 ///
 /// 12 additions, 10 multiplications, 1 divisions, 4 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
-    let like = q[0];
-    let mut dq_e = [like.lift(0.0); 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut dq_e = [proto.splat(0.0); 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -421,31 +421,31 @@ pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
     {
         let t2_1 = cos_q1_q2_minus_q3 - cos_q2;
         let t2_2 = sin_q1_q2_minus_q3 - sin_q2;
-        let t2_3 = like.lift(-0.3).mul_add(t2_1, like.lift(0.4));
-        let t2_4 = like.lift(-0.2).mul_add(cos_q1_q2, t2_3);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_5 = like.lift(0.3).mul_add(t2_2, pivot_2);
-        let t2_6 = like.lift(0.2).mul_add(sin_q1_q2, t2_5);
-        let t2_7 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_8 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_3 = proto.splat(-0.3).mul_add(t2_1, proto.splat(0.4));
+        let t2_4 = proto.splat(-0.2).mul_add(cos_q1_q2, t2_3);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_5 = proto.splat(0.3).mul_add(t2_2, pivot_2);
+        let t2_6 = proto.splat(0.2).mul_add(sin_q1_q2, t2_5);
+        let t2_7 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_8 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let t2_9 = t2_4 - t2_8;
         let t2_10 = t2_9 * t2_7;
         let t2_11 = -t2_6;
         let t2_12 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_10, t2_11);
-        let t2_13 = like.lift(2.5) * t2_12;
-        let t2_14 = like.lift(2.5) * t2_10;
+        let t2_13 = proto.splat(2.5) * t2_12;
+        let t2_14 = proto.splat(2.5) * t2_10;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t2_15], [t2_16]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t2_15], [t2_16]], found) = ::regen_runtime::solve_guarded(
             [[t2_13], [t2_14]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_8],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_8],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_9], [t2_6], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_9], [t2_6], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -461,19 +461,19 @@ pub fn newton_step<T: Scalar>(q: &[T; 4]) -> ([T; 2], Condition<T>) {
 ///
 /// 3 additions, 2 multiplications, 0 divisions, 1 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 2]; 2] {
-    let like = q[0];
-    let mut a_e = [[like.lift(0.0); 2]; 2];
+    let proto = q[0];
+    let mut a_e = [[proto.splat(0.0); 2]; 2];
     let [q1, q2, q3, q4] = *q;
     // A_e (Eq. 8)
     {
-        a_e[0][0] = like.lift(-0.4);
+        a_e[0][0] = proto.splat(-0.4);
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
         let t1_3 = t1_2 - q4;
         let (sin_q1_q2_minus_q3_minus_q4, cos_q1_q2_minus_q3_minus_q4) = t1_3.sin_cos();
-        let t1_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t1_4 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
         a_e[0][1] = t1_4;
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
         a_e[1][1] = pivot_2;
     }
     a_e
@@ -487,9 +487,9 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 4]) -> [[T; 2]; 2] {
 ///
 /// 9 additions, 14 multiplications, 1 divisions, 3 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>) {
-    let like = q[0];
-    let mut qd = [like.lift(0.0); 4];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut qd = [proto.splat(0.0); 4];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -513,34 +513,34 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
         qd[0] = d_q1; qd[2] = d_q3;
-        let t2_1 = like.lift(0.3) * sin_q2;
+        let t2_1 = proto.splat(0.3) * sin_q2;
         let t2_2 = t2_1 * d_q1;
-        let t2_3 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_3 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
         let t2_4 = t2_3 * d_q1;
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_5 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_5 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
         let t2_6 = (-t2_5).mul_add(d_q3, t2_2);
-        let t2_7 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_7 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
         let t2_8 = t2_7 * t2_6;
-        let t2_9 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_10 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_9);
+        let t2_9 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_10 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_9);
         let t2_11 = (-t2_10).mul_add(d_q3, t2_4);
         let t2_12 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_8, t2_11);
-        let t2_13 = like.lift(2.5) * t2_12;
+        let t2_13 = proto.splat(2.5) * t2_12;
         let t2_14 = -t2_13;
-        let t2_15 = like.lift(2.5) * t2_8;
+        let t2_15 = proto.splat(2.5) * t2_8;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t2_16], [t2_17]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t2_16], [t2_17]], found) = ::regen_runtime::solve_guarded(
             [[t2_14], [t2_15]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_9],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_9],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_6], [t2_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_6], [t2_11], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -558,9 +558,9 @@ pub fn velocities<T: Scalar>(q: &[T; 4], qd_i: &[T; 2]) -> ([T; 4], Condition<T>
 ///
 /// 18 additions, 26 multiplications, 1 divisions, 3 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T; 4], Condition<T>) {
-    let like = q[0];
-    let mut qdd = [like.lift(0.0); 4];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut qdd = [proto.splat(0.0); 4];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -585,10 +585,10 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
         qdd[0] = dd_q1; qdd[2] = dd_q3;
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_1 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_2 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_3 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_1 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_2 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_3 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
         let t2_4 = d_q1 * d_q1;
         let t2_5 = d_q1 + d_q2;
         let t2_6 = t2_5 * t2_5;
@@ -601,32 +601,32 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
         let t2_13 = sin_q2 * dd_q1;
         let t2_14 = (-cos_q2).mul_add(t2_4, t2_13);
         let t2_15 = cos_q1_q2_minus_q3.mul_add(t2_10, t2_14);
-        let t2_16 = like.lift(0.3) * t2_15;
+        let t2_16 = proto.splat(0.3) * t2_15;
         let t2_17 = (-t2_3).mul_add(dd_q3, t2_16);
-        let t2_18 = like.lift(-0.4).mul_add(t2_9, t2_17);
-        let t2_19 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_20 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_2);
+        let t2_18 = proto.splat(-0.4).mul_add(t2_9, t2_17);
+        let t2_19 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t2_20 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_2);
         let t2_21 = t2_19 * dd_q1;
         let t2_22 = (-t2_20).mul_add(dd_q3, t2_21);
-        let t2_23 = like.lift(0.3).mul_add(t2_12, t2_22);
+        let t2_23 = proto.splat(0.3).mul_add(t2_12, t2_22);
         let t2_24 = (-pivot_2).mul_add(t2_8, t2_23);
         let t2_25 = t2_1 * t2_18;
         let t2_26 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_25, t2_24);
-        let t2_27 = like.lift(2.5) * t2_26;
+        let t2_27 = proto.splat(2.5) * t2_26;
         let t2_28 = -t2_27;
-        let t2_29 = like.lift(2.5) * t2_25;
+        let t2_29 = proto.splat(2.5) * t2_25;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t2_30], [t2_31]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t2_30], [t2_31]], found) = ::regen_runtime::solve_guarded(
             [[t2_28], [t2_29]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_2],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_2],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_18], [t2_24], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_18], [t2_24], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -644,7 +644,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd_i: &[T; 2]) -> ([T;
 ///
 /// 33 additions, 73 multiplications, 1 divisions, 4 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+    let zero = q[0].splat(0.0);
     w[0] = [zero; 2];
     w[1] = [zero; 2];
     w[2] = [zero; 2];
@@ -687,8 +687,8 @@ pub fn regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 40]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -700,9 +700,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, a_1x] = {
         w[5][0] = dd_q1;
-        let a_1y = like.lift(9.81) * cos_q1;
+        let a_1y = proto.splat(9.81) * cos_q1;
         w[6][0] = a_1y;
-        let a_1x = like.lift(9.81) * sin_q1;
+        let a_1x = proto.splat(9.81) * sin_q1;
         let t2_1 = -a_1x;
         w[7][0] = t2_1;
         [a_1y, a_1x]
@@ -710,9 +710,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [t3_1, t3_2, t3_4, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let t3_1 = like.lift(0.3).mul_add(dd_q1, a_1y);
-        let t3_2 = like.lift(0.3) * t3_1;
-        let t3_3 = like.lift(0.3) * d_q1;
+        let t3_1 = proto.splat(0.3).mul_add(dd_q1, a_1y);
+        let t3_2 = proto.splat(0.3) * t3_1;
+        let t3_3 = proto.splat(0.3) * d_q1;
         let t3_4 = t3_3.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
         let t3_5 = sin_q1 * cos_q2;
@@ -727,40 +727,40 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_9);
         let t3_10 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_10);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t3_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t3_12 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t3_13 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_14 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_13);
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t3_11 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_12 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_13 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_14 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t3_13);
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t3_15 = -u_2_q1x;
-        let t3_16 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_16 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
         let t3_17 = -t3_16;
         let t3_18 = sin_q2 * t3_12;
         let t3_19 = t3_11 * t3_12;
-        let t3_20 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_20 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t3_21 = (-t3_20).mul_add(t3_18, t3_16);
-        let t3_22 = like.lift(2.5) * t3_21;
+        let t3_22 = proto.splat(2.5) * t3_21;
         let t3_23 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_19, t3_14);
-        let t3_24 = like.lift(2.5) * t3_23;
+        let t3_24 = proto.splat(2.5) * t3_23;
         let t3_25 = -t3_24;
-        let t3_26 = like.lift(0.75) * t3_18;
+        let t3_26 = proto.splat(0.75) * t3_18;
         let t3_27 = -t3_26;
-        let t3_28 = like.lift(2.5) * t3_19;
+        let t3_28 = proto.splat(2.5) * t3_19;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t3_22, t3_25], [t3_27, t3_28]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_13],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t3_13],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t3_15, t3_11], [t3_17, t3_14], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t3_15, t3_11], [t3_17, t3_14], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -770,7 +770,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         w[19][0] = t3_2;
-        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let t4_1 = proto.splat(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
         w[15][0] = w_izz_2_q1;
         let w_izz_2_q3 = x_q2_q3 * al_2z;
@@ -794,28 +794,28 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
         let t4_11 = (-sin_q2).mul_add(t4_9, t4_10);
         let t4_12 = cos_q2 * t4_9;
         let t4_13 = sin_q2.mul_add(al_2z, t4_12);
-        let w_mx_2_q1 = like.lift(0.3).mul_add(t4_11, t4_7);
+        let w_mx_2_q1 = proto.splat(0.3).mul_add(t4_11, t4_7);
         w[16][0] = w_mx_2_q1;
-        let w_my_2_q1 = like.lift(-0.3).mul_add(t4_13, t4_8);
+        let w_my_2_q1 = proto.splat(-0.3).mul_add(t4_13, t4_8);
         w[17][0] = w_my_2_q1;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_3y, a_3x] = {
         w[25][1] = dd_q3;
-        let a_3y = like.lift(9.81) * cos_q3;
+        let a_3y = proto.splat(9.81) * cos_q3;
         w[26][1] = a_3y;
-        let a_3x = like.lift(9.81) * sin_q3;
+        let a_3x = proto.splat(9.81) * sin_q3;
         let t5_1 = -a_3x;
         w[27][1] = t5_1;
         [a_3y, a_3x]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t6_1 = like.lift(1.0) - x_q4_q3;
-        let t6_2 = like.lift(0.3).mul_add(dd_q3, a_3y);
-        let t6_3 = like.lift(0.3) * d_q3;
+        let t6_1 = proto.splat(1.0) - x_q4_q3;
+        let t6_2 = proto.splat(0.3).mul_add(dd_q3, a_3y);
+        let t6_3 = proto.splat(0.3) * d_q3;
         let t6_4 = (-t6_3).mul_add(d_q3, a_3x);
-        let t6_5 = like.lift(-0.3) * t6_2;
+        let t6_5 = proto.splat(-0.3) * t6_2;
         let w_m_4_q3 = -t6_5;
         w[39][1] = w_m_4_q3;
         let al_4z = dd_q3 + dd_q4;
@@ -840,8 +840,8 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
         let t6_13 = (-sin_q4).mul_add(t6_11, t6_12);
         let t6_14 = cos_q4 * t6_11;
         let t6_15 = sin_q4.mul_add(al_4z, t6_14);
-        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_13, t6_9);
-        let w_my_4_q3 = like.lift(0.3).mul_add(t6_15, t6_10);
+        let w_mx_4_q3 = proto.splat(-0.3).mul_add(t6_13, t6_9);
+        let w_my_4_q3 = proto.splat(0.3).mul_add(t6_15, t6_10);
         let t6_16 = -w_mx_4_q3;
         w[36][1] = t6_16;
         let t6_17 = -w_my_4_q3;
@@ -860,9 +860,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &m
 ///
 /// 49 additions, 83 multiplications, 1 divisions, 4 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -880,11 +880,11 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
     // loops: solve with A_e (Eq. 8, 10)
     let [t2_10, t2_19, t2_23, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dd_q1 + dd_q2;
-        let t2_1 = like.lift(0.3) * d_q1;
+        let t2_1 = proto.splat(0.3) * d_q1;
         let t2_2 = t2_1 * d_q1;
-        let t2_3 = like.lift(-9.81).mul_add(sin_q1, t2_2);
-        let t2_4 = like.lift(0.3) * dd_q1;
-        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_3 = proto.splat(-9.81).mul_add(sin_q1, t2_2);
+        let t2_4 = proto.splat(0.3) * dd_q1;
+        let t2_5 = proto.splat(9.81).mul_add(cos_q1, t2_4);
         let t2_6 = cos_q2 * t2_5;
         let a_2y = sin_q2.mul_add(t2_3, t2_6);
         let t2_7 = cos_q2 * t2_3;
@@ -908,7 +908,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_21);
         let t2_22 = sin_q1 * p_my_1;
         let t2_23 = (-cos_q1).mul_add(p_mx_1, t2_22);
-        let t2_24 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_24 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
         let t2_25 = sin_q1_q2 * cos_q3;
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_25);
         let t2_26 = cos_q1_q2 * cos_q3;
@@ -917,39 +917,39 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_27);
         let t2_28 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_28);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_29 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_30 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_31 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_32 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_31);
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_29 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_30 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_31 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_32 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_31);
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t2_33 = -u_2_q1x;
         let t2_34 = sin_q2 * t2_30;
         let t2_35 = t2_29 * t2_30;
         let t2_36 = -t2_24;
-        let t2_37 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_37 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t2_38 = (-t2_37).mul_add(t2_34, t2_24);
-        let t2_39 = like.lift(2.5) * t2_38;
+        let t2_39 = proto.splat(2.5) * t2_38;
         let t2_40 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_35, t2_32);
-        let t2_41 = like.lift(2.5) * t2_40;
+        let t2_41 = proto.splat(2.5) * t2_40;
         let t2_42 = -t2_41;
-        let t2_43 = like.lift(0.75) * t2_34;
+        let t2_43 = proto.splat(0.75) * t2_34;
         let t2_44 = -t2_43;
-        let t2_45 = like.lift(2.5) * t2_35;
+        let t2_45 = proto.splat(2.5) * t2_35;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t2_39, t2_42], [t2_44, t2_45]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_31],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_31],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t2_33, t2_29], [t2_36, t2_32], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t2_33, t2_29], [t2_36, t2_32], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -959,13 +959,13 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
     // tau
     {
         let al_4z = dd_q3 + dd_q4;
-        let t3_1 = like.lift(9.81) * sin_q3;
+        let t3_1 = proto.splat(9.81) * sin_q3;
         let t3_2 = sin_q3 * p_my_3;
         let t3_3 = (-cos_q3).mul_add(p_mx_3, t3_2);
-        let t3_4 = like.lift(0.3) * d_q3;
+        let t3_4 = proto.splat(0.3) * d_q3;
         let t3_5 = (-t3_4).mul_add(d_q3, t3_1);
-        let t3_6 = like.lift(0.3) * dd_q3;
-        let t3_7 = like.lift(9.81).mul_add(cos_q3, t3_6);
+        let t3_6 = proto.splat(0.3) * dd_q3;
+        let t3_7 = proto.splat(9.81).mul_add(cos_q3, t3_6);
         let t3_8 = sin_q4 * t3_5;
         let a_4y = (-cos_q4).mul_add(t3_7, t3_8);
         let t3_9 = sin_q4 * t3_7;
@@ -978,11 +978,11 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         let t3_15 = (-t2_10).mul_add(x_q2_q1, t3_13);
         let t3_16 = (-t2_10).mul_add(x_q2_q3, t3_14);
         let t3_17 = dd_q1.mul_add(p_izz_1, t3_15);
-        let t3_18 = like.lift(-9.81).mul_add(t2_23, t3_17);
-        let t3_19 = like.lift(-0.3).mul_add(t2_19, t3_18);
+        let t3_18 = proto.splat(-9.81).mul_add(t2_23, t3_17);
+        let t3_19 = proto.splat(-0.3).mul_add(t2_19, t3_18);
         tau[0] = t3_19;
         let t3_20 = dd_q3.mul_add(p_izz_3, t3_16);
-        let t3_21 = like.lift(-9.81).mul_add(t3_3, t3_20);
+        let t3_21 = proto.splat(-9.81).mul_add(t3_3, t3_20);
         let t3_22 = a_4x * p_m_4;
         let t3_23 = (-al_4z).mul_add(p_my_4, t3_22);
         let t3_24 = a_4y * p_m_4;
@@ -993,7 +993,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
         let t3_28 = (-al_4z).mul_add(p_mx_4, t3_27);
         let t3_29 = sin_q4 * t3_26;
         let t3_30 = (-cos_q4).mul_add(t3_28, t3_29);
-        let t3_31 = like.lift(0.3).mul_add(t3_30, t3_21);
+        let t3_31 = proto.splat(0.3).mul_add(t3_30, t3_21);
         tau[1] = t3_31;
     }
     (tau, Condition { pivot: condition })
@@ -1007,9 +1007,9 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], phi: &
 ///
 /// 24 additions, 43 multiplications, 1 divisions, 5 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -1038,60 +1038,60 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     let [t2_4, t2_9, t2_10, t2_14, t2_25, t2_26, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let t2_1 = sin_q3_q4 * p_my_4;
         let t2_2 = (-cos_q3_q4).mul_add(p_mx_4, t2_1);
-        let t2_3 = like.lift(9.81) * t2_2;
+        let t2_3 = proto.splat(9.81) * t2_2;
         let t2_4 = -t2_3;
         let t2_5 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_5);
         let t2_6 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_6);
-        let t2_7 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_7 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
         let t2_8 = sin_q1 * p_my_1;
         let t2_9 = (-cos_q1).mul_add(p_mx_1, t2_8);
-        let t2_10 = like.lift(2.943) * cos_q1;
+        let t2_10 = proto.splat(2.943) * cos_q1;
         let t2_11 = sin_q1_q2 * p_my_2;
         let t2_12 = (-cos_q1_q2).mul_add(p_mx_2, t2_11);
-        let t2_13 = like.lift(9.81) * t2_12;
+        let t2_13 = proto.splat(9.81) * t2_12;
         let t2_14 = -t2_13;
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_15 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_16 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_15 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_16 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t2_17 = -u_2_q1x;
         let t2_18 = sin_q2 * t2_15;
         let t2_19 = sin_q1_q2 * cos_q3;
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_19);
         let t2_20 = cos_q1_q2 * cos_q3;
         let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_20);
-        let t2_21 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_22 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_16);
+        let t2_21 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_22 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_16);
         let t2_23 = t2_21 * t2_15;
         let t2_24 = sin_q3 * p_my_3;
         let t2_25 = (-cos_q3).mul_add(p_mx_3, t2_24);
-        let t2_26 = like.lift(2.943) * cos_q3;
+        let t2_26 = proto.splat(2.943) * cos_q3;
         let t2_27 = -t2_7;
-        let t2_28 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_28 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t2_29 = (-t2_28).mul_add(t2_18, t2_7);
-        let t2_30 = like.lift(2.5) * t2_29;
+        let t2_30 = proto.splat(2.5) * t2_29;
         let t2_31 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_23, t2_22);
-        let t2_32 = like.lift(2.5) * t2_31;
+        let t2_32 = proto.splat(2.5) * t2_31;
         let t2_33 = -t2_32;
-        let t2_34 = like.lift(0.75) * t2_18;
+        let t2_34 = proto.splat(0.75) * t2_18;
         let t2_35 = -t2_34;
-        let t2_36 = like.lift(2.5) * t2_23;
+        let t2_36 = proto.splat(2.5) * t2_23;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t2_30, t2_33], [t2_35, t2_36]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_16],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_16],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t2_17, t2_21], [t2_27, t2_22], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t2_17, t2_21], [t2_27, t2_22], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -1102,10 +1102,10 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
     {
         let t3_1 = (-t2_4).mul_add(x_q4_q1, t2_14);
         let t3_2 = (-t2_14).mul_add(x_q2_q1, t3_1);
-        let t3_3 = like.lift(-9.81).mul_add(t2_9, t3_2);
+        let t3_3 = proto.splat(-9.81).mul_add(t2_9, t3_2);
         let t3_4 = (-t2_4).mul_add(x_q4_q3, t2_4);
         let t3_5 = (-t2_14).mul_add(x_q2_q3, t3_4);
-        let t3_6 = like.lift(-9.81).mul_add(t2_25, t3_5);
+        let t3_6 = proto.splat(-9.81).mul_add(t2_25, t3_5);
         let t3_7 = t2_10.mul_add(p_m_2, t3_3);
         tau[0] = t3_7;
         let t3_8 = t2_26.mul_add(p_m_4, t3_6);
@@ -1123,9 +1123,9 @@ pub fn gravity<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
 ///
 /// 37 additions, 70 multiplications, 1 divisions, 3 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2] = {
@@ -1145,9 +1145,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_1);
         let t2_2 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_2);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_3 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_3 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_4 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let t2_5 = d_q1 * d_q1;
         let t2_6 = cos_q2 * t2_5;
         let t2_7 = sin_q2 * t2_5;
@@ -1157,33 +1157,33 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
         let t2_9 = w_4z * w_4z;
         let t2_10 = d_q3 * d_q3;
         let t2_11 = (-cos_q1_q2_minus_q3).mul_add(t2_10, t2_6);
-        let t2_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_4);
+        let t2_12 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_4);
         let t2_13 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_9, t2_8);
-        let t2_14 = like.lift(0.4) * t2_13;
-        let t2_15 = like.lift(0.3).mul_add(t2_11, t2_14);
+        let t2_14 = proto.splat(0.4) * t2_13;
+        let t2_15 = proto.splat(0.3).mul_add(t2_11, t2_14);
         let t2_16 = -t2_15;
         let t2_17 = t2_3 * t2_15;
         let t2_18 = (-sin_q1_q2_minus_q3).mul_add(t2_10, t2_7);
-        let t2_19 = like.lift(0.3) * t2_18;
+        let t2_19 = proto.splat(0.3) * t2_18;
         let t2_20 = (-t2_9).mul_add(pivot_2, t2_19);
-        let t2_21 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_21 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
         let t2_22 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_17, t2_20);
-        let t2_23 = like.lift(2.5) * t2_22;
+        let t2_23 = proto.splat(2.5) * t2_22;
         let t2_24 = -t2_23;
-        let t2_25 = like.lift(2.5) * t2_17;
+        let t2_25 = proto.splat(2.5) * t2_17;
         let t2_26 = -t2_25;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[al_2z], [al_4z]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[al_2z], [al_4z]], found) = ::regen_runtime::solve_guarded(
             [[t2_24], [t2_26]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_4],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_4],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_16], [t2_20], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_16], [t2_20], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1201,8 +1201,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
         let t3_1 = t2_6 * p_my_2;
         let t3_2 = t2_7.mul_add(p_mx_2, t3_1);
         let t3_3 = p_izz_2 * al_2z;
-        let t3_4 = like.lift(0.3).mul_add(t3_2, t3_3);
-        let t3_5 = like.lift(0.3) * p_m_2;
+        let t3_4 = proto.splat(0.3).mul_add(t3_2, t3_3);
+        let t3_5 = proto.splat(0.3) * p_m_2;
         let t3_6 = t2_6 * t3_5;
         let t3_7 = t2_7 * t3_5;
         let t3_8 = p_my_2.mul_add(al_2z, t3_6);
@@ -1211,35 +1211,35 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
         let t3_11 = (-t2_8).mul_add(p_my_2, t3_9);
         let t3_12 = sin_q2 * t3_10;
         let t3_13 = (-cos_q2).mul_add(t3_11, t3_12);
-        let t3_14 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t3_14 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t3_15 = -u_2_q1x;
         let t3_16 = sin_q2 * t2_3;
         let t3_17 = t2_21 * t2_3;
         let t3_18 = -t3_14;
-        let t3_19 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_19 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t3_20 = (-t3_19).mul_add(t3_16, t3_14);
-        let t3_21 = like.lift(2.5) * t3_20;
+        let t3_21 = proto.splat(2.5) * t3_20;
         let t3_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_17, t2_12);
-        let t3_23 = like.lift(2.5) * t3_22;
+        let t3_23 = proto.splat(2.5) * t3_22;
         let t3_24 = -t3_23;
-        let t3_25 = like.lift(0.75) * t3_16;
+        let t3_25 = proto.splat(0.75) * t3_16;
         let t3_26 = -t3_25;
-        let t3_27 = like.lift(2.5) * t3_17;
+        let t3_27 = proto.splat(2.5) * t3_17;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t3_21, t3_24], [t3_26, t3_27]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_4],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_4],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t3_15, t2_21], [t3_18, t2_12], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t3_15, t2_21], [t3_18, t2_12], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -1253,14 +1253,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
         let t4_3 = p_my_4 * t4_2;
         let t4_4 = p_mx_4.mul_add(t4_1, t4_3);
         let t4_5 = p_izz_4 * al_4z;
-        let t4_6 = like.lift(0.3).mul_add(t4_4, t4_5);
+        let t4_6 = proto.splat(0.3).mul_add(t4_4, t4_5);
         let t4_7 = (-t4_6).mul_add(x_q4_q1, t3_4);
         let t4_8 = (-t3_4).mul_add(x_q2_q1, t4_7);
         let t4_9 = (-t4_6).mul_add(x_q4_q3, t4_6);
-        let t4_10 = like.lift(-0.3).mul_add(t3_13, t4_8);
+        let t4_10 = proto.splat(-0.3).mul_add(t3_13, t4_8);
         tau[0] = t4_10;
         let t4_11 = (-t3_4).mul_add(x_q2_q3, t4_9);
-        let t4_12 = like.lift(0.3) * p_m_4;
+        let t4_12 = proto.splat(0.3) * p_m_4;
         let t4_13 = t4_2 * t4_12;
         let t4_14 = t4_1 * t4_12;
         let t4_15 = p_my_4.mul_add(al_4z, t4_13);
@@ -1269,7 +1269,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
         let t4_18 = (-t2_9).mul_add(p_my_4, t4_16);
         let t4_19 = sin_q4 * t4_17;
         let t4_20 = (-cos_q4).mul_add(t4_18, t4_19);
-        let t4_21 = like.lift(-0.3).mul_add(t4_20, t4_11);
+        let t4_21 = proto.splat(-0.3).mul_add(t4_20, t4_11);
         tau[1] = t4_21;
     }
     (tau, Condition { pivot: condition })
@@ -1283,9 +1283,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], phi: &[T; 40]) -> ([T; 2]
 ///
 /// 30 additions, 39 multiplications, 1 divisions, 3 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 2]; 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 2]; 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {
@@ -1303,9 +1303,9 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
     let [t2_4, t2_5, t2_6, t2_10, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
-        let t2_3 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_4 = like.lift(0.3).mul_add(p_m_2, t2_2);
-        let t2_5 = like.lift(0.3) * t2_2;
+        let t2_3 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t2_4 = proto.splat(0.3).mul_add(p_m_2, t2_2);
+        let t2_5 = proto.splat(0.3) * t2_2;
         let t2_6 = p_izz_2 + t2_5;
         let t2_7 = sin_q1_q2_minus_q3 * cos_q4;
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_7);
@@ -1313,39 +1313,39 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_8);
         let t2_9 = cos_q4 * p_mx_4;
         let t2_10 = (-sin_q4).mul_add(p_my_4, t2_9);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_12 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_13 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_14 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_13);
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_11 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_12 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_13 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_14 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_13);
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t2_15 = -u_2_q1x;
         let t2_16 = sin_q2 * t2_12;
         let t2_17 = t2_11 * t2_12;
         let t2_18 = -t2_3;
-        let t2_19 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_19 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t2_20 = (-t2_19).mul_add(t2_16, t2_3);
-        let t2_21 = like.lift(2.5) * t2_20;
+        let t2_21 = proto.splat(2.5) * t2_20;
         let t2_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_17, t2_14);
-        let t2_23 = like.lift(2.5) * t2_22;
+        let t2_23 = proto.splat(2.5) * t2_22;
         let t2_24 = -t2_23;
-        let t2_25 = like.lift(0.75) * t2_16;
+        let t2_25 = proto.splat(0.75) * t2_16;
         let t2_26 = -t2_25;
-        let t2_27 = like.lift(2.5) * t2_17;
+        let t2_27 = proto.splat(2.5) * t2_17;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t2_21, t2_24], [t2_26, t2_27]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_13],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_13],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t2_15, t2_11], [t2_18, t2_14], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t2_15, t2_11], [t2_18, t2_14], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -1360,12 +1360,12 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
         let t3_4 = t3_3.mul_add(x_q4_q1, p_izz_1);
         let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
         let t3_6 = t3_5 + p_izz_2;
-        let t3_7 = like.lift(0.3).mul_add(t2_4, t3_6);
+        let t3_7 = proto.splat(0.3).mul_add(t2_4, t3_6);
         let t3_8 = t3_7 + t2_5;
         m[0][0] = t3_8;
         let t3_9 = p_izz_2 * x_q2_q3;
-        let t3_10 = like.lift(0.3) * t2_10;
-        let t3_11 = like.lift(0.3).mul_add(p_m_4, t2_10);
+        let t3_10 = proto.splat(0.3) * t2_10;
+        let t3_11 = proto.splat(0.3).mul_add(p_m_4, t2_10);
         let t3_12 = p_izz_4 + t3_10;
         let t3_13 = (-p_izz_4).mul_add(x_q4_q3, t3_12);
         let t3_14 = x_q4_q1 * t3_13;
@@ -1376,7 +1376,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
         let t3_19 = -t3_15;
         m[0][1] = t3_19; m[1][0] = t3_19;
         let t3_20 = t3_18 + p_izz_4;
-        let t3_21 = like.lift(0.3).mul_add(t3_11, t3_20);
+        let t3_21 = proto.splat(0.3).mul_add(t3_11, t3_20);
         let t3_22 = t3_21 + t3_10;
         m[1][1] = t3_22;
     }
@@ -1392,8 +1392,8 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 4], phi: &[T; 40]) -> ([[T; 2]; 2], Condit
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
 /// 48 additions, 98 multiplications, 1 divisions, 4 sines and cosines.
-pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+pub fn adaptive_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
+    let zero = q[0].splat(0.0);
     y[0] = [zero; 2];
     y[1] = [zero; 2];
     y[2] = [zero; 2];
@@ -1428,16 +1428,16 @@ pub fn slotine_li<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T;
     y[34] = [zero; 2];
     y[38] = [zero; 2];
     y[39][0] = zero;
-    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+    adaptive_regressor_entries(q, qd, qd_r, qdd_r, y)
 }
 
-/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+/// The entries of [`adaptive_regressor`] that are not zero at every state; the others are left as they are.
 ///
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
-pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd_r: &[T; 2], y: &mut [[T; 2]; 40]) -> Condition<T> {
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -1449,9 +1449,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, a_1x] = {
         y[5][0] = dr_q1;
-        let a_1y = like.lift(9.81) * cos_q1;
+        let a_1y = proto.splat(9.81) * cos_q1;
         y[6][0] = a_1y;
-        let a_1x = like.lift(9.81) * sin_q1;
+        let a_1x = proto.splat(9.81) * sin_q1;
         let t2_1 = -a_1x;
         y[7][0] = t2_1;
         [a_1y, a_1x]
@@ -1463,8 +1463,8 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
         t3_1, w_m_2_q1, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, cos_q1_q2_minus_q3_minus_q4,
         pivot_2, t3_9, t3_10, t3_11, t3_12, t3_13, w_2z, t3_16, t3_17, t3_18, t3_26, t3_27,
     ] = {
-        let t3_1 = like.lift(0.3).mul_add(dr_q1, a_1y);
-        let t3_2 = like.lift(-0.3) * t3_1;
+        let t3_1 = proto.splat(0.3).mul_add(dr_q1, a_1y);
+        let t3_2 = proto.splat(-0.3) * t3_1;
         let w_m_2_q1 = -t3_2;
         let t3_3 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_3);
@@ -1478,38 +1478,38 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_7);
         let t3_8 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_8);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t3_9 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t3_10 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_11 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t3_9 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_10 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_11 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
         let t3_12 = d_q1 * r_q1;
-        let t3_13 = like.lift(-0.3).mul_add(t3_12, a_1x);
+        let t3_13 = proto.splat(-0.3).mul_add(t3_12, a_1x);
         let w_2z = d_q1 + d_q2;
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t3_14 = r_q1 * u_2_q1x;
         let t3_15 = (-t3_11).mul_add(r_q3, t3_14);
         let t3_16 = -u_2_q1x;
-        let t3_17 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t3_18 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_10);
+        let t3_17 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t3_18 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t3_10);
         let t3_19 = t3_17 * r_q1;
         let t3_20 = (-t3_18).mul_add(r_q3, t3_19);
         let t3_21 = t3_9 * t3_15;
         let t3_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_21, t3_20);
-        let t3_23 = like.lift(2.5) * t3_22;
+        let t3_23 = proto.splat(2.5) * t3_22;
         let t3_24 = -t3_23;
-        let t3_25 = like.lift(2.5) * t3_21;
+        let t3_25 = proto.splat(2.5) * t3_21;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t3_26], [t3_27]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t3_26], [t3_27]], found) = ::regen_runtime::solve_guarded(
             [[t3_24], [t3_25]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_10],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t3_10],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t3_15], [t3_20], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_15], [t3_20], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1532,31 +1532,31 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
         let t4_8 = sin_q2 * dr_q1;
         let t4_9 = (-cos_q2).mul_add(t3_12, t4_8);
         let t4_10 = cos_q1_q2_minus_q3.mul_add(t4_5, t4_9);
-        let t4_11 = like.lift(0.3) * t4_10;
+        let t4_11 = proto.splat(0.3) * t4_10;
         let t4_12 = (-t3_11).mul_add(dr_q3, t4_11);
         let t4_13 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_4, t4_2);
-        let t4_14 = like.lift(-0.4).mul_add(t4_13, t4_12);
+        let t4_14 = proto.splat(-0.4).mul_add(t4_13, t4_12);
         let t4_15 = t3_17 * dr_q1;
         let t4_16 = (-t3_18).mul_add(dr_q3, t4_15);
-        let t4_17 = like.lift(0.3).mul_add(t4_7, t4_16);
+        let t4_17 = proto.splat(0.3).mul_add(t4_7, t4_16);
         let t4_18 = (-t4_4).mul_add(pivot_2, t4_17);
         let t4_19 = t3_9 * t4_14;
         let t4_20 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t4_19, t4_18);
-        let t4_21 = like.lift(2.5) * t4_20;
+        let t4_21 = proto.splat(2.5) * t4_20;
         let t4_22 = -t4_21;
-        let t4_23 = like.lift(2.5) * t4_19;
+        let t4_23 = proto.splat(2.5) * t4_19;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[t4_24], [t4_25]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[t4_24], [t4_25]], found) = ::regen_runtime::solve_guarded(
             [[t4_22], [t4_23]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_10],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t3_10],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t4_14], [t4_18], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_14], [t4_18], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1568,29 +1568,29 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
         let t5_1 = -t3_17;
         let t5_2 = sin_q2 * t3_9;
         let t5_3 = t3_11 * t3_9;
-        let t5_4 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t5_4 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t5_5 = (-t5_4).mul_add(t5_2, t3_17);
-        let t5_6 = like.lift(2.5) * t5_5;
+        let t5_6 = proto.splat(2.5) * t5_5;
         let t5_7 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t5_3, t3_18);
-        let t5_8 = like.lift(2.5) * t5_7;
+        let t5_8 = proto.splat(2.5) * t5_7;
         let t5_9 = -t5_8;
-        let t5_10 = like.lift(0.75) * t5_2;
+        let t5_10 = proto.splat(0.75) * t5_2;
         let t5_11 = -t5_10;
-        let t5_12 = like.lift(2.5) * t5_3;
+        let t5_12 = proto.splat(2.5) * t5_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t5_6, t5_9], [t5_11, t5_12]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_10],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t3_10],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t3_16, t3_11], [t5_1, t3_18], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t3_16, t3_11], [t5_1, t3_18], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -1600,7 +1600,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         y[19][0] = w_m_2_q1;
-        let t6_1 = like.lift(1.0) - x_q2_q1;
+        let t6_1 = proto.splat(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t6_1;
         y[15][0] = w_izz_2_q1;
         let w_izz_2_q3 = x_q2_q3 * al_2z;
@@ -1620,8 +1620,8 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
         let t6_8 = (-sin_q2).mul_add(t4_2, t6_7);
         let t6_9 = cos_q2 * t4_2;
         let t6_10 = sin_q2.mul_add(al_2z, t6_9);
-        let w_mx_2_q1 = like.lift(-0.3).mul_add(t6_8, t6_5);
-        let w_my_2_q1 = like.lift(0.3).mul_add(t6_10, t6_6);
+        let w_mx_2_q1 = proto.splat(-0.3).mul_add(t6_8, t6_5);
+        let w_my_2_q1 = proto.splat(0.3).mul_add(t6_10, t6_6);
         let t6_11 = -w_mx_2_q1;
         y[16][0] = t6_11;
         let t6_12 = -w_my_2_q1;
@@ -1630,25 +1630,25 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_3y, a_3x] = {
         y[25][1] = dr_q3;
-        let a_3y = like.lift(9.81) * cos_q3;
+        let a_3y = proto.splat(9.81) * cos_q3;
         y[26][1] = a_3y;
-        let a_3x = like.lift(9.81) * sin_q3;
+        let a_3x = proto.splat(9.81) * sin_q3;
         let t7_1 = -a_3x;
         y[27][1] = t7_1;
         [a_3y, a_3x]
     };
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let t8_1 = like.lift(-0.3).mul_add(t4_5, a_3x);
+        let t8_1 = proto.splat(-0.3).mul_add(t4_5, a_3x);
         let al_4z = dr_q3 + t4_25;
-        let t8_2 = like.lift(1.0) - x_q4_q3;
+        let t8_2 = proto.splat(1.0) - x_q4_q3;
         let w_izz_4_q3 = al_4z * t8_2;
         y[35][1] = w_izz_4_q3;
-        let t8_3 = like.lift(0.3).mul_add(dr_q3, a_3y);
+        let t8_3 = proto.splat(0.3).mul_add(dr_q3, a_3y);
         let w_izz_4_q1 = x_q4_q1 * al_4z;
         let t8_4 = -w_izz_4_q1;
         y[35][0] = t8_4;
-        let t8_5 = like.lift(-0.3) * t8_3;
+        let t8_5 = proto.splat(-0.3) * t8_3;
         let w_m_4_q3 = -t8_5;
         y[39][1] = w_m_4_q3;
         let t8_6 = sin_q4 * t8_1;
@@ -1665,8 +1665,8 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
         let t8_11 = (-sin_q4).mul_add(t4_4, t8_10);
         let t8_12 = cos_q4 * t4_4;
         let t8_13 = sin_q4.mul_add(al_4z, t8_12);
-        let w_mx_4_q3 = like.lift(-0.3).mul_add(t8_11, t8_8);
-        let w_my_4_q3 = like.lift(0.3).mul_add(t8_13, t8_9);
+        let w_mx_4_q3 = proto.splat(-0.3).mul_add(t8_11, t8_8);
+        let w_my_4_q3 = proto.splat(0.3).mul_add(t8_13, t8_9);
         let t8_14 = -w_mx_4_q3;
         y[36][1] = t8_14;
         let t8_15 = -w_my_4_q3;
@@ -1682,15 +1682,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qd_r: &[T; 2], qdd
 /// - `left`: tau_i - X^T tau_e (Eq. 10): what W phi must equal
 ///
 /// 0 additions, 0 multiplications, 0 divisions, 0 sines and cosines.
-pub fn efforts<T: Scalar>(q: &[T; 4], tau: &[T; 2]) -> ([T; 2], Condition<T>) {
-    let like = q[0];
-    let mut left = [like.lift(0.0); 2];
+pub fn generalized_forces<T: Scalar>(q: &[T; 4], tau: &[T; 2]) -> ([T; 2], Condition<T>) {
+    let proto = q[0];
+    let mut left = [proto.splat(0.0); 2];
     let [tau_q1, tau_q3] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q1; left[1] = tau_q3;
     }
-    (left, Condition::regular(like))
+    (left, Condition::regular(proto))
 }
 
 /// Where the bodies are.
@@ -1700,8 +1700,8 @@ pub fn efforts<T: Scalar>(q: &[T; 4], tau: &[T; 2]) -> ([T; 2], Condition<T>) {
 ///
 /// 3 additions, 4 multiplications, 0 divisions, 4 sines and cosines.
 pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
-    let like = q[0];
-    let mut poses = [[like.lift(0.0); 12]; 4];
+    let proto = q[0];
+    let mut poses = [[proto.splat(0.0); 12]; 4];
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3, sin_q3_q4, cos_q3_q4] = {
@@ -1715,34 +1715,34 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
     };
     // body 1
     {
-        poses[0][0] = cos_q1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
+        poses[0][0] = cos_q1; poses[0][5] = proto.splat(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
         let t2_1 = -sin_q1;
         poses[0][1] = t2_1;
     }
     // body 2
     {
-        poses[1][0] = cos_q1_q2; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2;
+        poses[1][0] = cos_q1_q2; poses[1][5] = proto.splat(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2;
         let t3_1 = -sin_q1_q2;
         poses[1][1] = t3_1;
-        let t3_2 = like.lift(0.3) * cos_q1;
+        let t3_2 = proto.splat(0.3) * cos_q1;
         poses[1][9] = t3_2;
-        let t3_3 = like.lift(0.3) * sin_q1;
+        let t3_3 = proto.splat(0.3) * sin_q1;
         poses[1][11] = t3_3;
     }
     // body 3
     {
-        poses[2][0] = cos_q3; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q3; poses[2][7] = cos_q3; poses[2][9] = like.lift(0.2);
+        poses[2][0] = cos_q3; poses[2][5] = proto.splat(-1.0); poses[2][6] = sin_q3; poses[2][7] = cos_q3; poses[2][9] = proto.splat(0.2);
         let t4_1 = -sin_q3;
         poses[2][1] = t4_1;
     }
     // body 4
     {
-        poses[3][0] = cos_q3_q4; poses[3][5] = like.lift(-1.0); poses[3][6] = sin_q3_q4; poses[3][7] = cos_q3_q4;
+        poses[3][0] = cos_q3_q4; poses[3][5] = proto.splat(-1.0); poses[3][6] = sin_q3_q4; poses[3][7] = cos_q3_q4;
         let t5_1 = -sin_q3_q4;
         poses[3][1] = t5_1;
-        let t5_2 = like.lift(0.3).mul_add(cos_q3, like.lift(0.2));
+        let t5_2 = proto.splat(0.3).mul_add(cos_q3, proto.splat(0.2));
         poses[3][9] = t5_2;
-        let t5_3 = like.lift(0.3) * sin_q3;
+        let t5_3 = proto.splat(0.3) * sin_q3;
         poses[3][11] = t5_3;
     }
     poses
@@ -1757,7 +1757,7 @@ pub fn poses<T: Scalar>(q: &[T; 4]) -> [[T; 12]; 4] {
 ///
 /// 33 additions, 71 multiplications, 1 divisions, 4 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 11]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+    let zero = q[0].splat(0.0);
     w[0][1] = zero;
     w[1][1] = zero;
     w[2][1] = zero;
@@ -1771,8 +1771,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut 
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], w: &mut [[T; 2]; 11]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -1784,9 +1784,9 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], 
     // body 1
     let [a_1y, a_1x] = {
         w[0][0] = dd_q1;
-        let a_1y = like.lift(9.81) * cos_q1;
+        let a_1y = proto.splat(9.81) * cos_q1;
         w[1][0] = a_1y;
-        let a_1x = like.lift(9.81) * sin_q1;
+        let a_1x = proto.splat(9.81) * sin_q1;
         let t2_1 = -a_1x;
         w[2][0] = t2_1;
         [a_1y, a_1x]
@@ -1794,8 +1794,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], 
     let [d_q1, d_q2, d_q3, d_q4] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [t3_1, t3_3, al_2z, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
-        let t3_1 = like.lift(0.3).mul_add(dd_q1, a_1y);
-        let t3_2 = like.lift(0.3) * d_q1;
+        let t3_1 = proto.splat(0.3).mul_add(dd_q1, a_1y);
+        let t3_2 = proto.splat(0.3) * d_q1;
         let t3_3 = t3_2.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
         let t3_4 = sin_q1 * cos_q2;
@@ -1810,40 +1810,40 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], 
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t3_8);
         let t3_9 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t3_9);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t3_10 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t3_11 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t3_12 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t3_13 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t3_12);
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t3_10 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t3_11 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t3_12 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_13 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t3_12);
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t3_14 = -u_2_q1x;
-        let t3_15 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t3_15 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
         let t3_16 = -t3_15;
         let t3_17 = sin_q2 * t3_11;
         let t3_18 = t3_10 * t3_11;
-        let t3_19 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_19 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t3_20 = (-t3_19).mul_add(t3_17, t3_15);
-        let t3_21 = like.lift(2.5) * t3_20;
+        let t3_21 = proto.splat(2.5) * t3_20;
         let t3_22 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_18, t3_13);
-        let t3_23 = like.lift(2.5) * t3_22;
+        let t3_23 = proto.splat(2.5) * t3_22;
         let t3_24 = -t3_23;
-        let t3_25 = like.lift(0.75) * t3_17;
+        let t3_25 = proto.splat(0.75) * t3_17;
         let t3_26 = -t3_25;
-        let t3_27 = like.lift(2.5) * t3_18;
+        let t3_27 = proto.splat(2.5) * t3_18;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t3_21, t3_24], [t3_26, t3_27]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t3_12],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t3_12],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t3_14, t3_10], [t3_16, t3_13], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t3_14, t3_10], [t3_16, t3_13], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -1852,7 +1852,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], 
     };
     // body 2
     {
-        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let t4_1 = proto.splat(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
         w[3][0] = w_izz_2_q1;
         let w_izz_2_q3 = al_2z * x_q2_q3;
@@ -1875,9 +1875,9 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], 
         let t4_10 = (-sin_q2).mul_add(t4_3, t4_9);
         let t4_11 = cos_q2 * t4_3;
         let t4_12 = sin_q2.mul_add(al_2z, t4_11);
-        let t4_13 = like.lift(0.3) * t4_12;
+        let t4_13 = proto.splat(0.3) * t4_12;
         let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_13);
-        let t4_14 = like.lift(0.3).mul_add(t4_10, t4_8);
+        let t4_14 = proto.splat(0.3).mul_add(t4_10, t4_8);
         let t4_15 = -w_my_2_q1;
         w[5][0] = t4_15;
         let w_mx_2_q1 = -t4_14;
@@ -1887,18 +1887,18 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], 
     // body 3
     let [a_3x] = {
         w[6][1] = dd_q3;
-        let a_3x = like.lift(9.81) * sin_q3;
+        let a_3x = proto.splat(9.81) * sin_q3;
         let t5_1 = -a_3x;
         w[7][1] = t5_1;
         [a_3x]
     };
     // body 4
     {
-        let t6_1 = like.lift(1.0) - x_q4_q3;
-        let t6_2 = like.lift(0.3) * d_q3;
+        let t6_1 = proto.splat(1.0) - x_q4_q3;
+        let t6_2 = proto.splat(0.3) * d_q3;
         let t6_3 = (-t6_2).mul_add(d_q3, a_3x);
-        let t6_4 = like.lift(0.3) * dd_q3;
-        let t6_5 = like.lift(9.81).mul_add(cos_q3, t6_4);
+        let t6_4 = proto.splat(0.3) * dd_q3;
+        let t6_5 = proto.splat(9.81).mul_add(cos_q3, t6_4);
         let al_4z = dd_q3 + dd_q4;
         let w_izz_4_q3 = al_4z * t6_1;
         w[8][1] = w_izz_4_q3;
@@ -1921,8 +1921,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], 
         let t6_13 = (-sin_q4).mul_add(t6_11, t6_12);
         let t6_14 = cos_q4 * t6_11;
         let t6_15 = sin_q4.mul_add(al_4z, t6_14);
-        let w_mx_4_q3 = like.lift(-0.3).mul_add(t6_13, t6_9);
-        let w_my_4_q3 = like.lift(0.3).mul_add(t6_15, t6_10);
+        let w_mx_4_q3 = proto.splat(-0.3).mul_add(t6_13, t6_9);
+        let w_my_4_q3 = proto.splat(0.3).mul_add(t6_15, t6_10);
         let t6_16 = -w_mx_4_q3;
         w[9][1] = t6_16;
         let t6_17 = -w_my_4_q3;
@@ -1938,8 +1938,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], 
 ///
 /// 14 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
-    let like = phi[0];
-    let mut beta = [like.lift(0.0); 11];
+    let proto = phi[0];
+    let mut beta = [proto.splat(0.0); 11];
     let [
         _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2,
         _, p_m_2, _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, _, _, _, _, _, _, p_izz_4, p_mx_4,
@@ -1948,18 +1948,18 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
     // combinations
     {
         beta[2] = p_my_1; beta[5] = p_my_2; beta[7] = p_my_3; beta[10] = p_my_4;
-        let t1_1 = like.lift(0.3) * p_mx_3;
+        let t1_1 = proto.splat(0.3) * p_mx_3;
         let t1_2 = p_izz_3 - t1_1;
         beta[6] = t1_2;
         let t1_3 = p_m_2 + p_m_4;
-        let t1_4 = like.lift(0.09).mul_add(t1_3, p_izz_1);
+        let t1_4 = proto.splat(0.09).mul_add(t1_3, p_izz_1);
         let t1_5 = t1_4 + t1_1;
         beta[0] = t1_5;
-        let t1_6 = like.lift(0.3).mul_add(t1_3, p_mx_1);
+        let t1_6 = proto.splat(0.3).mul_add(t1_3, p_mx_1);
         let t1_7 = t1_6 + p_mx_3;
         beta[1] = t1_7;
-        let t1_8 = like.lift(0.16) * p_m_4;
-        let t1_9 = like.lift(0.5333333333333333) * p_mx_3;
+        let t1_8 = proto.splat(0.16) * p_m_4;
+        let t1_9 = proto.splat(0.5333333333333333) * p_mx_3;
         let t1_10 = p_izz_2 + t1_8;
         let t1_11 = t1_10 + t1_9;
         beta[3] = t1_11;
@@ -1967,8 +1967,8 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
         let t1_13 = t1_12 + t1_8;
         let t1_14 = -t1_13;
         beta[8] = t1_14;
-        let t1_15 = like.lift(0.4) * p_m_4;
-        let t1_16 = like.lift(1.3333333333333333) * p_mx_3;
+        let t1_15 = proto.splat(0.4) * p_m_4;
+        let t1_16 = proto.splat(1.3333333333333333) * p_mx_3;
         let t1_17 = p_mx_2 + t1_15;
         let t1_18 = t1_17 + t1_16;
         beta[4] = t1_18;
@@ -1988,8 +1988,8 @@ pub fn to_base<T: Scalar>(phi: &[T; 40]) -> [T; 11] {
 ///
 /// 12 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40] {
-    let like = beta[0];
-    let mut phi = [like.lift(0.0); 40];
+    let proto = beta[0];
+    let mut phi = [proto.splat(0.0); 40];
     let [
         p_izz_1, p_mx_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_my_3, p_izz_4, p_mx_4,
         p_my_4,
@@ -2002,24 +2002,24 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40
     // phi
     {
         phi[0] = p_ixx_1; phi[1] = p_ixy_1; phi[2] = p_ixz_1; phi[3] = p_iyy_1; phi[4] = p_iyz_1; phi[7] = p_my_1; phi[8] = p_mz_1; phi[9] = p_m_1; phi[10] = p_ixx_2; phi[11] = p_ixy_2; phi[12] = p_ixz_2; phi[13] = p_iyy_2; phi[14] = p_iyz_2; phi[17] = p_my_2; phi[18] = p_mz_2; phi[19] = p_m_2; phi[20] = p_ixx_3; phi[21] = p_ixy_3; phi[22] = p_ixz_3; phi[23] = p_iyy_3; phi[24] = p_iyz_3; phi[26] = p_mx_3; phi[27] = p_my_3; phi[28] = p_mz_3; phi[29] = p_m_3; phi[30] = p_ixx_4; phi[31] = p_ixy_4; phi[32] = p_ixz_4; phi[33] = p_iyy_4; phi[34] = p_iyz_4; phi[37] = p_my_4; phi[38] = p_mz_4; phi[39] = p_m_4;
-        let t1_1 = like.lift(0.3) * p_mx_3;
+        let t1_1 = proto.splat(0.3) * p_mx_3;
         let t1_2 = p_izz_3 + t1_1;
         phi[25] = t1_2;
         let t1_3 = p_m_2 + p_m_4;
-        let t1_4 = like.lift(-0.09).mul_add(t1_3, p_izz_1);
+        let t1_4 = proto.splat(-0.09).mul_add(t1_3, p_izz_1);
         let t1_5 = t1_4 - t1_1;
         phi[5] = t1_5;
-        let t1_6 = like.lift(-0.3).mul_add(t1_3, p_mx_1);
+        let t1_6 = proto.splat(-0.3).mul_add(t1_3, p_mx_1);
         let t1_7 = t1_6 - p_mx_3;
         phi[6] = t1_7;
-        let t1_8 = like.lift(0.5333333333333333) * p_mx_3;
-        let t1_9 = like.lift(0.16).mul_add(p_m_4, t1_8);
+        let t1_8 = proto.splat(0.5333333333333333) * p_mx_3;
+        let t1_9 = proto.splat(0.16).mul_add(p_m_4, t1_8);
         let t1_10 = p_izz_2 - t1_9;
         phi[15] = t1_10;
         let t1_11 = p_izz_4 + t1_9;
         phi[35] = t1_11;
-        let t1_12 = like.lift(1.3333333333333333) * p_mx_3;
-        let t1_13 = like.lift(0.4).mul_add(p_m_4, t1_12);
+        let t1_12 = proto.splat(1.3333333333333333) * p_mx_3;
+        let t1_13 = proto.splat(0.4).mul_add(p_m_4, t1_12);
         let t1_14 = p_mx_2 - t1_13;
         phi[16] = t1_14;
         let t1_15 = p_mx_4 + t1_13;
@@ -2038,9 +2038,9 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 11], free: &[T; 29]) -> [T; 40
 ///
 /// 44 additions, 77 multiplications, 1 divisions, 4 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4] = {
@@ -2057,11 +2057,11 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
     // loops: solve with A_e (Eq. 8, 10)
     let [t2_10, t2_17, t2_21, t2_25, t2_27, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let al_2z = dd_q1 + dd_q2;
-        let t2_1 = like.lift(0.3) * d_q1;
+        let t2_1 = proto.splat(0.3) * d_q1;
         let t2_2 = t2_1 * d_q1;
-        let t2_3 = like.lift(-9.81).mul_add(sin_q1, t2_2);
-        let t2_4 = like.lift(0.3) * dd_q1;
-        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_3 = proto.splat(-9.81).mul_add(sin_q1, t2_2);
+        let t2_4 = proto.splat(0.3) * dd_q1;
+        let t2_5 = proto.splat(9.81).mul_add(cos_q1, t2_4);
         let t2_6 = cos_q2 * t2_5;
         let a_2y = sin_q2.mul_add(t2_3, t2_6);
         let t2_7 = cos_q2 * t2_3;
@@ -2083,51 +2083,51 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_19);
         let t2_20 = sin_q1 * p_my_1;
         let t2_21 = (-cos_q1).mul_add(p_mx_1, t2_20);
-        let t2_22 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_22 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
         let t2_23 = sin_q1_q2 * cos_q3;
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_23);
         let t2_24 = cos_q1_q2 * cos_q3;
         let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_24);
-        let t2_25 = like.lift(9.81) * sin_q3;
-        let t2_26 = like.lift(0.3) * dd_q3;
-        let t2_27 = like.lift(9.81).mul_add(cos_q3, t2_26);
+        let t2_25 = proto.splat(9.81) * sin_q3;
+        let t2_26 = proto.splat(0.3) * dd_q3;
+        let t2_27 = proto.splat(9.81).mul_add(cos_q3, t2_26);
         let t2_28 = sin_q1_q2_minus_q3 * cos_q4;
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_28);
         let t2_29 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_29);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_30 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_31 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_32 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_33 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_32);
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_30 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_31 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_32 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_33 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_32);
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t2_34 = -u_2_q1x;
         let t2_35 = sin_q2 * t2_31;
         let t2_36 = t2_30 * t2_31;
         let t2_37 = -t2_22;
-        let t2_38 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_38 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t2_39 = (-t2_38).mul_add(t2_35, t2_22);
-        let t2_40 = like.lift(2.5) * t2_39;
+        let t2_40 = proto.splat(2.5) * t2_39;
         let t2_41 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_36, t2_33);
-        let t2_42 = like.lift(2.5) * t2_41;
+        let t2_42 = proto.splat(2.5) * t2_41;
         let t2_43 = -t2_42;
-        let t2_44 = like.lift(0.75) * t2_35;
+        let t2_44 = proto.splat(0.75) * t2_35;
         let t2_45 = -t2_44;
-        let t2_46 = like.lift(2.5) * t2_36;
+        let t2_46 = proto.splat(2.5) * t2_36;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t2_40, t2_43], [t2_45, t2_46]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_32],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_32],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t2_34, t2_30], [t2_37, t2_33], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t2_34, t2_30], [t2_37, t2_33], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -2137,7 +2137,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
     // tau
     {
         let al_4z = dd_q3 + dd_q4;
-        let t3_1 = like.lift(0.3) * d_q3;
+        let t3_1 = proto.splat(0.3) * d_q3;
         let t3_2 = (-t3_1).mul_add(d_q3, t2_25);
         let t3_3 = sin_q4 * t3_2;
         let a_4y = (-cos_q4).mul_add(t2_27, t3_3);
@@ -2152,8 +2152,8 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
         let t3_11 = (-t2_10).mul_add(x_q2_q1, t3_8);
         let t3_12 = (-p_my_3).mul_add(t2_25, t3_10);
         let t3_13 = dd_q1.mul_add(p_izz_1, t3_11);
-        let t3_14 = like.lift(-9.81).mul_add(t2_21, t3_13);
-        let t3_15 = like.lift(-0.3).mul_add(t2_17, t3_14);
+        let t3_14 = proto.splat(-9.81).mul_add(t2_21, t3_13);
+        let t3_15 = proto.splat(-0.3).mul_add(t2_17, t3_14);
         tau[0] = t3_15;
         let t3_16 = dd_q3.mul_add(p_izz_3, t3_12);
         let w_4z = d_q3 + d_q4;
@@ -2164,7 +2164,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
         let t3_21 = al_4z * p_mx_4;
         let t3_22 = (-t3_17).mul_add(p_my_4, t3_21);
         let t3_23 = (-cos_q4).mul_add(t3_22, t3_20);
-        let t3_24 = like.lift(-0.3).mul_add(t3_23, t3_16);
+        let t3_24 = proto.splat(-0.3).mul_add(t3_23, t3_16);
         tau[1] = t3_24;
     }
     (tau, Condition { pivot: condition })
@@ -2178,9 +2178,9 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 4], qd: &[T; 4], qdd: &[T; 4], b
 ///
 /// 21 additions, 38 multiplications, 1 divisions, 5 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [
@@ -2206,7 +2206,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition
     let [t2_4, t2_8, t2_13, t2_23, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let t2_1 = sin_q3_q4 * p_my_4;
         let t2_2 = (-cos_q3_q4).mul_add(p_mx_4, t2_1);
-        let t2_3 = like.lift(9.81) * t2_2;
+        let t2_3 = proto.splat(9.81) * t2_2;
         let t2_4 = -t2_3;
         let t2_5 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_5);
@@ -2214,49 +2214,49 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_6);
         let t2_7 = sin_q1 * p_my_1;
         let t2_8 = (-cos_q1).mul_add(p_mx_1, t2_7);
-        let t2_9 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
+        let t2_9 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
         let t2_10 = sin_q1_q2 * p_my_2;
         let t2_11 = (-cos_q1_q2).mul_add(p_mx_2, t2_10);
-        let t2_12 = like.lift(9.81) * t2_11;
+        let t2_12 = proto.splat(9.81) * t2_11;
         let t2_13 = -t2_12;
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_14 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_15 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_14 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_15 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t2_16 = -u_2_q1x;
         let t2_17 = sin_q2 * t2_14;
         let t2_18 = sin_q1_q2 * cos_q3;
         let t2_19 = cos_q1_q2 * cos_q3;
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_18);
         let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_19);
-        let t2_20 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_21 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_15);
+        let t2_20 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_21 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_15);
         let t2_22 = t2_20 * t2_14;
-        let t2_23 = like.lift(9.81) * sin_q3;
+        let t2_23 = proto.splat(9.81) * sin_q3;
         let t2_24 = -t2_9;
-        let t2_25 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_25 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t2_26 = (-t2_25).mul_add(t2_17, t2_9);
-        let t2_27 = like.lift(2.5) * t2_26;
+        let t2_27 = proto.splat(2.5) * t2_26;
         let t2_28 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_22, t2_21);
-        let t2_29 = like.lift(2.5) * t2_28;
+        let t2_29 = proto.splat(2.5) * t2_28;
         let t2_30 = -t2_29;
-        let t2_31 = like.lift(0.75) * t2_17;
+        let t2_31 = proto.splat(0.75) * t2_17;
         let t2_32 = -t2_31;
-        let t2_33 = like.lift(2.5) * t2_22;
+        let t2_33 = proto.splat(2.5) * t2_22;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t2_27, t2_30], [t2_32, t2_33]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_15],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_15],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t2_16, t2_20], [t2_24, t2_21], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t2_16, t2_20], [t2_24, t2_21], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -2269,7 +2269,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition
         let t3_2 = (-t2_13).mul_add(x_q2_q1, t3_1);
         let t3_3 = t2_4.mul_add(x_q4_q3, -t2_4);
         let t3_4 = t2_13.mul_add(x_q2_q3, t3_3);
-        let t3_5 = like.lift(-9.81).mul_add(t2_8, t3_2);
+        let t3_5 = proto.splat(-9.81).mul_add(t2_8, t3_2);
         tau[0] = t3_5;
         let t3_6 = t2_23.mul_add(p_my_3, t3_4);
         let t3_7 = -t3_6;
@@ -2287,9 +2287,9 @@ pub fn base_gravity<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition
 ///
 /// 33 additions, 64 multiplications, 1 divisions, 3 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> ([T; 2], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4, sin_q2, cos_q2] = {
@@ -2310,9 +2310,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_1);
         let t2_2 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_2);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_3 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_4 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_3 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_4 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
         let t2_5 = d_q1 * d_q1;
         let t2_6 = cos_q2 * t2_5;
         let t2_7 = sin_q2 * t2_5;
@@ -2325,32 +2325,32 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
         let t2_12 = t2_6 * p_my_2;
         let t2_13 = t2_7.mul_add(p_mx_2, t2_12);
         let t2_14 = (-sin_q1_q2_minus_q3).mul_add(t2_10, t2_7);
-        let t2_15 = like.lift(0.3) * t2_14;
+        let t2_15 = proto.splat(0.3) * t2_14;
         let t2_16 = (-t2_9).mul_add(pivot_2, t2_15);
-        let t2_17 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_18 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_4);
+        let t2_17 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_18 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_4);
         let t2_19 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_9, t2_8);
-        let t2_20 = like.lift(0.4) * t2_19;
-        let t2_21 = like.lift(0.3).mul_add(t2_11, t2_20);
+        let t2_20 = proto.splat(0.4) * t2_19;
+        let t2_21 = proto.splat(0.3).mul_add(t2_11, t2_20);
         let t2_22 = -t2_21;
         let t2_23 = t2_3 * t2_21;
         let t2_24 = cos_q1_q2_minus_q3_minus_q4.mul_add(t2_23, t2_16);
-        let t2_25 = like.lift(2.5) * t2_24;
+        let t2_25 = proto.splat(2.5) * t2_24;
         let t2_26 = -t2_25;
-        let t2_27 = like.lift(2.5) * t2_23;
+        let t2_27 = proto.splat(2.5) * t2_23;
         let t2_28 = -t2_27;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[al_2z], [al_4z]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[al_2z], [al_4z]], found) = ::regen_runtime::solve_guarded(
             [[t2_26], [t2_28]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_4],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_4],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_22], [t2_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_22], [t2_16], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -2362,42 +2362,42 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
     // loops: solve with A_e (Eq. 8, 10)
     let [t3_2, t3_8, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let t3_1 = p_izz_2 * al_2z;
-        let t3_2 = like.lift(0.3).mul_add(t2_13, t3_1);
+        let t3_2 = proto.splat(0.3).mul_add(t2_13, t3_1);
         let t3_3 = p_my_2 * al_2z;
         let t3_4 = t2_8.mul_add(p_mx_2, t3_3);
         let t3_5 = t2_8 * p_my_2;
         let t3_6 = (-p_mx_2).mul_add(al_2z, t3_5);
         let t3_7 = cos_q2 * t3_6;
         let t3_8 = sin_q2.mul_add(t3_4, t3_7);
-        let t3_9 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let t3_9 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t3_10 = -u_2_q1x;
         let t3_11 = sin_q2 * t2_3;
         let t3_12 = t2_17 * t2_3;
         let t3_13 = -t3_9;
-        let t3_14 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t3_14 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t3_15 = (-t3_14).mul_add(t3_11, t3_9);
-        let t3_16 = like.lift(2.5) * t3_15;
+        let t3_16 = proto.splat(2.5) * t3_15;
         let t3_17 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t3_12, t2_18);
-        let t3_18 = like.lift(2.5) * t3_17;
+        let t3_18 = proto.splat(2.5) * t3_17;
         let t3_19 = -t3_18;
-        let t3_20 = like.lift(0.75) * t3_11;
+        let t3_20 = proto.splat(0.75) * t3_11;
         let t3_21 = -t3_20;
-        let t3_22 = like.lift(2.5) * t3_12;
+        let t3_22 = proto.splat(2.5) * t3_12;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t3_16, t3_19], [t3_21, t3_22]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_4],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_4],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t3_10, t2_17], [t3_13, t2_18], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t3_10, t2_17], [t3_13, t2_18], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -2411,11 +2411,11 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
         let t4_3 = sin_q4 * t2_10;
         let t4_4 = t4_3.mul_add(p_mx_4, t4_2);
         let t4_5 = p_izz_4 * al_4z;
-        let t4_6 = like.lift(0.3).mul_add(t4_4, t4_5);
+        let t4_6 = proto.splat(0.3).mul_add(t4_4, t4_5);
         let t4_7 = (-t4_6).mul_add(x_q4_q1, t3_2);
         let t4_8 = (-t3_2).mul_add(x_q2_q1, t4_7);
         let t4_9 = (-t4_6).mul_add(x_q4_q3, t4_6);
-        let t4_10 = like.lift(-0.3).mul_add(t3_8, t4_8);
+        let t4_10 = proto.splat(-0.3).mul_add(t3_8, t4_8);
         tau[0] = t4_10;
         let t4_11 = (-t3_2).mul_add(x_q2_q3, t4_9);
         let t4_12 = p_my_4 * al_4z;
@@ -2424,7 +2424,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
         let t4_15 = (-p_mx_4).mul_add(al_4z, t4_14);
         let t4_16 = cos_q4 * t4_15;
         let t4_17 = sin_q4.mul_add(t4_13, t4_16);
-        let t4_18 = like.lift(-0.3).mul_add(t4_17, t4_11);
+        let t4_18 = proto.splat(-0.3).mul_add(t4_17, t4_11);
         tau[1] = t4_18;
     }
     (tau, Condition { pivot: condition })
@@ -2438,9 +2438,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 4], qd: &[T; 4], beta: &[T; 11]) -> (
 ///
 /// 26 additions, 37 multiplications, 1 divisions, 3 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 2]; 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 2]; 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3, q4] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q4, cos_q4] = {
@@ -2455,47 +2455,47 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], 
     let [t2_2, t2_4, t2_8, x_q2_q1, x_q2_q3, x_q4_q1, x_q4_q3] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
-        let t2_3 = like.lift(0.3).mul_add(cos_q2, like.lift(0.4));
-        let t2_4 = like.lift(0.3).mul_add(t2_2, p_izz_2);
+        let t2_3 = proto.splat(0.3).mul_add(cos_q2, proto.splat(0.4));
+        let t2_4 = proto.splat(0.3).mul_add(t2_2, p_izz_2);
         let t2_5 = sin_q1_q2_minus_q3 * cos_q4;
         let sin_q1_q2_minus_q3_minus_q4 = (-cos_q1_q2_minus_q3).mul_add(sin_q4, t2_5);
         let t2_6 = cos_q1_q2_minus_q3 * cos_q4;
         let cos_q1_q2_minus_q3_minus_q4 = sin_q1_q2_minus_q3.mul_add(sin_q4, t2_6);
         let t2_7 = cos_q4 * p_mx_4;
         let t2_8 = (-sin_q4).mul_add(p_my_4, t2_7);
-        let pivot_2 = like.lift(0.4) * sin_q1_q2_minus_q3_minus_q4;
-        let t2_9 = like.lift(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
-        let t2_10 = like.lift(1.0) / sin_q1_q2_minus_q3_minus_q4;
-        let t2_11 = like.lift(0.4) * cos_q1_q2_minus_q3_minus_q4;
-        let t2_12 = like.lift(0.3).mul_add(cos_q1_q2_minus_q3, t2_11);
-        let u_2_q1x = like.lift(0.3) * sin_q2;
+        let pivot_2 = proto.splat(0.4) * sin_q1_q2_minus_q3_minus_q4;
+        let t2_9 = proto.splat(0.3).mul_add(sin_q1_q2_minus_q3, pivot_2);
+        let t2_10 = proto.splat(1.0) / sin_q1_q2_minus_q3_minus_q4;
+        let t2_11 = proto.splat(0.4) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_12 = proto.splat(0.3).mul_add(cos_q1_q2_minus_q3, t2_11);
+        let u_2_q1x = proto.splat(0.3) * sin_q2;
         let t2_13 = -u_2_q1x;
         let t2_14 = sin_q2 * t2_10;
         let t2_15 = t2_9 * t2_10;
         let t2_16 = -t2_3;
-        let t2_17 = like.lift(0.3) * cos_q1_q2_minus_q3_minus_q4;
+        let t2_17 = proto.splat(0.3) * cos_q1_q2_minus_q3_minus_q4;
         let t2_18 = (-t2_17).mul_add(t2_14, t2_3);
-        let t2_19 = like.lift(2.5) * t2_18;
+        let t2_19 = proto.splat(2.5) * t2_18;
         let t2_20 = (-cos_q1_q2_minus_q3_minus_q4).mul_add(t2_15, t2_12);
-        let t2_21 = like.lift(2.5) * t2_20;
+        let t2_21 = proto.splat(2.5) * t2_20;
         let t2_22 = -t2_21;
-        let t2_23 = like.lift(0.75) * t2_14;
+        let t2_23 = proto.splat(0.75) * t2_14;
         let t2_24 = -t2_23;
-        let t2_25 = like.lift(2.5) * t2_15;
+        let t2_25 = proto.splat(2.5) * t2_15;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(2.6839436291026852)).abs();
-        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(2.6839436291026852)).abs();
+        let ([[x_q2_q1, x_q2_q3], [x_q4_q1, x_q4_q3]], found) = ::regen_runtime::solve_guarded(
             [[t2_19, t2_22], [t2_24, t2_25]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.4), t2_11],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.4), t2_11],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
                 [
-                    [t2_13, t2_9], [t2_16, t2_12], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
+                    [t2_13, t2_9], [t2_16, t2_12], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
                 ],
             ),
         );
@@ -2509,18 +2509,18 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 4], beta: &[T; 11]) -> ([[T; 2]; 2], 
         let t3_3 = x_q4_q1 * p_izz_4;
         let t3_4 = t3_3.mul_add(x_q4_q1, p_izz_1);
         let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
-        let t3_6 = like.lift(0.6).mul_add(t2_2, t3_5);
+        let t3_6 = proto.splat(0.6).mul_add(t2_2, t3_5);
         let t3_7 = t3_6 + p_izz_2;
         m[0][0] = t3_7;
         let t3_8 = p_izz_2 * x_q2_q3;
-        let t3_9 = like.lift(0.3).mul_add(t2_8, p_izz_4);
+        let t3_9 = proto.splat(0.3).mul_add(t2_8, p_izz_4);
         let t3_10 = (-p_izz_4).mul_add(x_q4_q3, t3_9);
         let t3_11 = x_q4_q1 * t3_10;
         let t3_12 = x_q2_q3.mul_add(t3_1, t3_11);
         let t3_13 = t3_10 + t3_9;
         let t3_14 = (-x_q4_q3).mul_add(t3_13, p_izz_3);
         let t3_15 = x_q2_q3.mul_add(t3_8, t3_14);
-        let t3_16 = like.lift(0.6).mul_add(t2_8, t3_15);
+        let t3_16 = proto.splat(0.6).mul_add(t2_8, t3_15);
         let t3_17 = -t3_12;
         m[0][1] = t3_17; m[1][0] = t3_17;
         let t3_18 = t3_16 + p_izz_4;
@@ -2632,19 +2632,19 @@ impl<T: Scalar> Model<T> for Fivebar {
                 *out = value;
                 Ok(condition)
             }
-            Function::SlotineLi => {
+            Function::AdaptiveRegressor => {
                 let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
                 let qd = ::regen_runtime::array::<T, 4>(arguments.qd, "qd")?;
                 let qd_r_i = ::regen_runtime::array::<T, 2>(arguments.qd_r_i, "qd_r_i")?;
                 let qdd_r_i = ::regen_runtime::array::<T, 2>(arguments.qdd_r_i, "qdd_r_i")?;
                 let out = ::regen_runtime::matrix_mut::<T, 40, 2>(out, "out")?;
-                Ok(slotine_li(q, qd, qd_r_i, qdd_r_i, out))
+                Ok(adaptive_regressor(q, qd, qd_r_i, qdd_r_i, out))
             }
-            Function::Efforts => {
+            Function::GeneralizedForces => {
                 let q = ::regen_runtime::array::<T, 4>(arguments.q, "q")?;
                 let tau_actuated = ::regen_runtime::array::<T, 2>(arguments.tau_actuated, "tau_actuated")?;
                 let out = ::regen_runtime::array_mut::<T, 2>(out, "out")?;
-                let (value, condition) = efforts(q, tau_actuated);
+                let (value, condition) = generalized_forces(q, tau_actuated);
                 *out = value;
                 Ok(condition)
             }

@@ -28,8 +28,8 @@
 //! | [`gravity`] | 13 | 30 | 1 | 3 |
 //! | [`bias_forces`] | 19 | 41 | 1 | 2 |
 //! | [`mass_matrix`] | 14 | 18 | 1 | 2 |
-//! | [`slotine_li`] | 25 | 61 | 1 | 3 |
-//! | [`efforts`] | 0 | 0 | 0 | 0 |
+//! | [`adaptive_regressor`] | 25 | 61 | 1 | 3 |
+//! | [`generalized_forces`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 1 | 2 | 0 | 3 |
 //! | [`base_regressor`] | 17 | 40 | 1 | 3 |
 //! | [`to_base`] | 9 | 9 | 0 | 0 |
@@ -42,7 +42,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Arguments, Condition, Cone, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
+ Arguments, Condition, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseFunction, BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -77,7 +77,7 @@ pub const JOINTS: [Joint; 3] = [
     Joint::TURN,
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
-pub const CONES: [Cone<'static>; 0] = [
+pub const CONES: [SwingLimit<'static>; 0] = [
 ];
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
@@ -214,8 +214,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 ///
 /// 6 additions, 6 multiplications, 0 divisions, 3 sines and cosines.
 pub fn constraints<T: Scalar>(q: &[T; 3]) -> [T; 5] {
-    let like = q[0];
-    let mut f = [like.lift(0.0); 5];
+    let proto = q[0];
+    let mut f = [proto.splat(0.0); 5];
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3] = {
@@ -226,14 +226,14 @@ pub fn constraints<T: Scalar>(q: &[T; 3]) -> [T; 5] {
     };
     // f (Eq. 6)
     {
-        let t2_1 = like.lift(0.35).mul_add(cos_q1_q2, like.lift(-0.4));
-        let t2_2 = like.lift(0.12).mul_add(cos_q1, t2_1);
-        let t2_3 = like.lift(-0.3).mul_add(cos_q3, t2_2);
+        let t2_1 = proto.splat(0.35).mul_add(cos_q1_q2, proto.splat(-0.4));
+        let t2_2 = proto.splat(0.12).mul_add(cos_q1, t2_1);
+        let t2_3 = proto.splat(-0.3).mul_add(cos_q3, t2_2);
         let t2_4 = -t2_3;
         f[0] = t2_4;
-        let t2_5 = like.lift(0.35) * sin_q1_q2;
-        let t2_6 = like.lift(-0.3).mul_add(sin_q3, t2_5);
-        let t2_7 = like.lift(0.12).mul_add(sin_q1, t2_6);
+        let t2_5 = proto.splat(0.35) * sin_q1_q2;
+        let t2_6 = proto.splat(-0.3).mul_add(sin_q3, t2_5);
+        let t2_7 = proto.splat(0.12).mul_add(sin_q1, t2_6);
         let t2_8 = -t2_7;
         f[2] = t2_8;
     }
@@ -247,8 +247,8 @@ pub fn constraints<T: Scalar>(q: &[T; 3]) -> [T; 5] {
 ///
 /// 3 additions, 6 multiplications, 0 divisions, 3 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 3]; 5] {
-    let like = q[0];
-    let mut a = [[like.lift(0.0); 3]; 5];
+    let proto = q[0];
+    let mut a = [[proto.splat(0.0); 3]; 5];
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3] = {
@@ -259,11 +259,11 @@ pub fn jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 3]; 5] {
     };
     // row 1
     {
-        let t2_1 = like.lift(0.35) * sin_q1_q2;
+        let t2_1 = proto.splat(0.35) * sin_q1_q2;
         a[0][1] = t2_1;
-        let t2_2 = like.lift(0.12).mul_add(sin_q1, t2_1);
+        let t2_2 = proto.splat(0.12).mul_add(sin_q1, t2_1);
         a[0][0] = t2_2;
-        let t2_3 = like.lift(0.3) * sin_q3;
+        let t2_3 = proto.splat(0.3) * sin_q3;
         let t2_4 = -t2_3;
         a[0][2] = t2_4;
     }
@@ -272,10 +272,10 @@ pub fn jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 3]; 5] {
     }
     // row 3
     {
-        let t4_1 = like.lift(0.3) * cos_q3;
+        let t4_1 = proto.splat(0.3) * cos_q3;
         a[2][2] = t4_1;
-        let t4_2 = like.lift(0.35) * cos_q1_q2;
-        let t4_3 = like.lift(0.12).mul_add(cos_q1, t4_2);
+        let t4_2 = proto.splat(0.35) * cos_q1_q2;
+        let t4_3 = proto.splat(0.12).mul_add(cos_q1, t4_2);
         let t4_4 = -t4_3;
         a[2][0] = t4_4;
         let t4_5 = -t4_2;
@@ -298,8 +298,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 3]; 5] {
 ///
 /// 6 additions, 12 multiplications, 0 divisions, 3 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 3], qd: &[T; 3]) -> [T; 5] {
-    let like = q[0];
-    let mut b = [like.lift(0.0); 5];
+    let proto = q[0];
+    let mut b = [proto.splat(0.0); 5];
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3] = {
@@ -312,15 +312,15 @@ pub fn bias<T: Scalar>(q: &[T; 3], qd: &[T; 3]) -> [T; 5] {
     // b (Eq. 7)
     {
         let t2_1 = d_q1 + d_q2;
-        let t2_2 = like.lift(0.35) * t2_1;
+        let t2_2 = proto.splat(0.35) * t2_1;
         let t2_3 = t2_1 * t2_2;
         let t2_4 = cos_q1_q2 * t2_3;
         let t2_5 = sin_q1_q2 * t2_3;
-        let t2_6 = like.lift(0.3) * d_q3;
+        let t2_6 = proto.splat(0.3) * d_q3;
         let t2_7 = d_q3 * t2_6;
         let t2_8 = (-cos_q3).mul_add(t2_7, t2_4);
         let t2_9 = (-sin_q3).mul_add(t2_7, t2_5);
-        let t2_10 = like.lift(0.12) * d_q1;
+        let t2_10 = proto.splat(0.12) * d_q1;
         let t2_11 = d_q1 * t2_10;
         let t2_12 = cos_q1.mul_add(t2_11, t2_8);
         let t2_13 = sin_q1.mul_add(t2_11, t2_9);
@@ -339,9 +339,9 @@ pub fn bias<T: Scalar>(q: &[T; 3], qd: &[T; 3]) -> [T; 5] {
 ///
 /// 9 additions, 10 multiplications, 1 divisions, 3 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 3]) -> ([T; 2], Condition<T>) {
-    let like = q[0];
-    let mut dq_e = [like.lift(0.0); 2];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut dq_e = [proto.splat(0.0); 2];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2, sin_q1_q2, cos_q1_q2] = {
@@ -356,31 +356,31 @@ pub fn newton_step<T: Scalar>(q: &[T; 3]) -> ([T; 2], Condition<T>) {
     };
     // A_e dq_e = -f
     {
-        let t2_1 = like.lift(-0.4).mul_add(cos_q1_q2, like.lift(0.35));
-        let t2_2 = like.lift(0.12).mul_add(cos_q2, t2_1);
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_3 = like.lift(0.12).mul_add(sin_q2, -pivot_2);
-        let t2_4 = like.lift(-0.4).mul_add(sin_q1_q2, t2_3);
-        let t2_5 = like.lift(1.0) / sin_q1_q2_minus_q3;
-        let t2_6 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t2_1 = proto.splat(-0.4).mul_add(cos_q1_q2, proto.splat(0.35));
+        let t2_2 = proto.splat(0.12).mul_add(cos_q2, t2_1);
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_3 = proto.splat(0.12).mul_add(sin_q2, -pivot_2);
+        let t2_4 = proto.splat(-0.4).mul_add(sin_q1_q2, t2_3);
+        let t2_5 = proto.splat(1.0) / sin_q1_q2_minus_q3;
+        let t2_6 = proto.splat(0.3) * cos_q1_q2_minus_q3;
         let t2_7 = t2_2 - t2_6;
         let t2_8 = t2_7 * t2_5;
         let t2_9 = cos_q1_q2_minus_q3.mul_add(t2_8, t2_4);
         let t2_10 = -t2_4;
-        let t2_11 = like.lift(2.857142857142857) * t2_9;
-        let t2_12 = like.lift(3.3333333333333335) * t2_8;
+        let t2_11 = proto.splat(2.857142857142857) * t2_9;
+        let t2_12 = proto.splat(3.3333333333333335) * t2_8;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[t2_13], [t2_14]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[t2_13], [t2_14]], found) = ::regen_runtime::solve_guarded(
             [[t2_11], [t2_12]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_6],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_6],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_7], [t2_10], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_7], [t2_10], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -396,18 +396,18 @@ pub fn newton_step<T: Scalar>(q: &[T; 3]) -> ([T; 2], Condition<T>) {
 ///
 /// 2 additions, 2 multiplications, 0 divisions, 1 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 2]; 2] {
-    let like = q[0];
-    let mut a_e = [[like.lift(0.0); 2]; 2];
+    let proto = q[0];
+    let mut a_e = [[proto.splat(0.0); 2]; 2];
     let [q1, q2, q3] = *q;
     // A_e (Eq. 8)
     {
-        a_e[0][0] = like.lift(-0.35);
+        a_e[0][0] = proto.splat(-0.35);
         let t1_1 = q2 + q1;
         let t1_2 = t1_1 - q3;
         let (sin_q1_q2_minus_q3, cos_q1_q2_minus_q3) = t1_2.sin_cos();
-        let t1_3 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let t1_3 = proto.splat(0.3) * cos_q1_q2_minus_q3;
         a_e[0][1] = t1_3;
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
         a_e[1][1] = pivot_2;
     }
     a_e
@@ -421,9 +421,9 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 3]) -> [[T; 2]; 2] {
 ///
 /// 4 additions, 11 multiplications, 1 divisions, 2 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut qd = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut qd = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
@@ -438,30 +438,30 @@ pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>
     {
         qd[0] = d_q1;
         let t2_1 = sin_q2 * d_q1;
-        let t2_2 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_2 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t2_3 = t2_2 * d_q1;
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_4 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_4 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_5 = t2_4 * t2_1;
-        let t2_6 = like.lift(0.12) * t2_1;
-        let t2_7 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t2_8 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_6 = proto.splat(0.12) * t2_1;
+        let t2_7 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t2_8 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t2_9 = (-t2_8).mul_add(t2_5, t2_3);
-        let t2_10 = like.lift(2.857142857142857) * t2_9;
+        let t2_10 = proto.splat(2.857142857142857) * t2_9;
         let t2_11 = -t2_10;
-        let t2_12 = like.lift(0.4) * t2_5;
+        let t2_12 = proto.splat(0.4) * t2_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[t2_13], [t2_14]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[t2_13], [t2_14]], found) = ::regen_runtime::solve_guarded(
             [[t2_11], [t2_12]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_7],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_7],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_6], [t2_3], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_6], [t2_3], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -479,9 +479,9 @@ pub fn velocities<T: Scalar>(q: &[T; 3], qd_i: &[T; 1]) -> ([T; 3], Condition<T>
 ///
 /// 10 additions, 20 multiplications, 1 divisions, 2 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut qdd = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut qdd = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
@@ -496,41 +496,41 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
         qdd[0] = dd_q1;
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_1 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_1 = proto.splat(0.3) * cos_q1_q2_minus_q3;
         let t2_2 = d_q1 * d_q1;
         let t2_3 = d_q1 + d_q2;
-        let t2_4 = like.lift(0.3) * d_q3;
+        let t2_4 = proto.splat(0.3) * d_q3;
         let t2_5 = d_q3 * t2_4;
         let t2_6 = sin_q2 * dd_q1;
         let t2_7 = (-cos_q2).mul_add(t2_2, t2_6);
-        let t2_8 = like.lift(0.12) * t2_7;
+        let t2_8 = proto.splat(0.12) * t2_7;
         let t2_9 = cos_q1_q2_minus_q3.mul_add(t2_5, t2_8);
-        let t2_10 = like.lift(0.35) * t2_3;
+        let t2_10 = proto.splat(0.35) * t2_3;
         let t2_11 = (-t2_10).mul_add(t2_3, t2_9);
-        let t2_12 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_12 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t2_13 = t2_12 * dd_q1;
         let t2_14 = (-sin_q1_q2_minus_q3).mul_add(t2_5, t2_13);
-        let t2_15 = like.lift(0.12) * sin_q2;
+        let t2_15 = proto.splat(0.12) * sin_q2;
         let t2_16 = t2_15.mul_add(t2_2, t2_14);
-        let t2_17 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_17 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_18 = t2_17 * t2_11;
         let t2_19 = (-cos_q1_q2_minus_q3).mul_add(t2_18, t2_16);
-        let t2_20 = like.lift(2.857142857142857) * t2_19;
+        let t2_20 = proto.splat(2.857142857142857) * t2_19;
         let t2_21 = -t2_20;
-        let t2_22 = like.lift(3.3333333333333335) * t2_18;
+        let t2_22 = proto.splat(3.3333333333333335) * t2_18;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[t2_23], [t2_24]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[t2_23], [t2_24]], found) = ::regen_runtime::solve_guarded(
             [[t2_21], [t2_22]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_1],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_1],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_11], [t2_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_11], [t2_16], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -548,7 +548,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd_i: &[T; 1]) -> ([T;
 ///
 /// 17 additions, 41 multiplications, 1 divisions, 3 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 30]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+    let zero = q[0].splat(0.0);
     w[0] = [zero; 1];
     w[1] = [zero; 1];
     w[2] = [zero; 1];
@@ -577,8 +577,8 @@ pub fn regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 30]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -590,9 +590,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, a_1x] = {
         w[5][0] = dd_q1;
-        let a_1y = like.lift(9.81) * cos_q1;
+        let a_1y = proto.splat(9.81) * cos_q1;
         w[6][0] = a_1y;
-        let a_1x = like.lift(9.81) * sin_q1;
+        let a_1x = proto.splat(9.81) * sin_q1;
         let t2_1 = -a_1x;
         w[7][0] = t2_1;
         [a_1y, a_1x]
@@ -600,9 +600,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
     let [d_q1, d_q2, _] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [t3_1, t3_2, t3_4, al_2z, x_q2_q1, x_q3_q1] = {
-        let t3_1 = like.lift(0.12).mul_add(dd_q1, a_1y);
-        let t3_2 = like.lift(0.12) * t3_1;
-        let t3_3 = like.lift(0.12) * d_q1;
+        let t3_1 = proto.splat(0.12).mul_add(dd_q1, a_1y);
+        let t3_2 = proto.splat(0.12) * t3_1;
+        let t3_3 = proto.splat(0.12) * d_q1;
         let t3_4 = t3_3.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
         let t3_5 = sin_q1 * cos_q2;
@@ -613,31 +613,31 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_7);
         let t3_8 = cos_q1_q2 * cos_q3;
         let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_8);
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t3_9 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t3_9 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t3_10 = sin_q2 * t3_9;
-        let t3_11 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t3_12 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let t3_11 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t3_12 = proto.splat(0.12) * cos_q1_q2_minus_q3;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t3_13 = -u_2_q1x;
-        let t3_14 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_14 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t3_15 = (-t3_12).mul_add(t3_10, t3_14);
         let t3_16 = -t3_14;
-        let t3_17 = like.lift(2.857142857142857) * t3_15;
-        let t3_18 = like.lift(0.4) * t3_10;
+        let t3_17 = proto.splat(2.857142857142857) * t3_15;
+        let t3_18 = proto.splat(0.4) * t3_10;
         let t3_19 = -t3_18;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t3_17], [t3_19]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_11],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t3_11],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t3_13], [t3_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_13], [t3_16], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -646,7 +646,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         w[19][0] = t3_2;
-        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let t4_1 = proto.splat(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
         w[15][0] = w_izz_2_q1;
         let t4_2 = cos_q2 * t3_1;
@@ -661,9 +661,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
         let t4_8 = (-sin_q2).mul_add(t4_6, t4_7);
         let t4_9 = cos_q2 * t4_6;
         let t4_10 = sin_q2.mul_add(al_2z, t4_9);
-        let w_mx_2_q1 = like.lift(0.12).mul_add(t4_8, t4_4);
+        let w_mx_2_q1 = proto.splat(0.12).mul_add(t4_8, t4_4);
         w[16][0] = w_mx_2_q1;
-        let w_my_2_q1 = like.lift(-0.12).mul_add(t4_10, t4_5);
+        let w_my_2_q1 = proto.splat(-0.12).mul_add(t4_10, t4_5);
         w[17][0] = w_my_2_q1;
     }
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
@@ -671,7 +671,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
         let w_izz_3_q1 = dd_q3 * x_q3_q1;
         let t5_1 = -w_izz_3_q1;
         w[25][0] = t5_1;
-        let t5_2 = like.lift(9.81) * x_q3_q1;
+        let t5_2 = proto.splat(9.81) * x_q3_q1;
         let w_my_3_q1 = sin_q3 * t5_2;
         w[27][0] = w_my_3_q1;
         let w_mx_3_q1 = cos_q3 * t5_2;
@@ -691,9 +691,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &m
 ///
 /// 27 additions, 49 multiplications, 1 divisions, 3 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 1];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 1];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -710,11 +710,11 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
     // loops: solve with A_e (Eq. 8, 10)
     let [t2_10, t2_19, t2_23, t2_30, x_q2_q1, x_q3_q1] = {
         let al_2z = dd_q1 + dd_q2;
-        let t2_1 = like.lift(0.12) * d_q1;
+        let t2_1 = proto.splat(0.12) * d_q1;
         let t2_2 = t2_1 * d_q1;
-        let t2_3 = like.lift(-9.81).mul_add(sin_q1, t2_2);
-        let t2_4 = like.lift(0.12) * dd_q1;
-        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_3 = proto.splat(-9.81).mul_add(sin_q1, t2_2);
+        let t2_4 = proto.splat(0.12) * dd_q1;
+        let t2_5 = proto.splat(9.81).mul_add(cos_q1, t2_4);
         let t2_6 = cos_q2 * t2_5;
         let a_2y = sin_q2.mul_add(t2_3, t2_6);
         let t2_7 = cos_q2 * t2_3;
@@ -738,7 +738,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_21);
         let t2_22 = sin_q1 * p_my_1;
         let t2_23 = (-cos_q1).mul_add(p_mx_1, t2_22);
-        let t2_24 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_24 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t2_25 = sin_q1_q2 * cos_q3;
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_25);
         let t2_26 = cos_q1_q2 * cos_q3;
@@ -746,31 +746,31 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
         let t2_27 = sin_q3 * p_my_3;
         let t2_28 = (-cos_q3).mul_add(p_mx_3, t2_27);
         let t2_29 = dd_q3 * p_izz_3;
-        let t2_30 = like.lift(-9.81).mul_add(t2_28, t2_29);
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_31 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_30 = proto.splat(-9.81).mul_add(t2_28, t2_29);
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_31 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_32 = sin_q2 * t2_31;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t2_33 = -u_2_q1x;
-        let t2_34 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t2_35 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_34 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t2_35 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t2_36 = (-t2_35).mul_add(t2_32, t2_24);
         let t2_37 = -t2_24;
-        let t2_38 = like.lift(2.857142857142857) * t2_36;
-        let t2_39 = like.lift(0.4) * t2_32;
+        let t2_38 = proto.splat(2.857142857142857) * t2_36;
+        let t2_39 = proto.splat(0.4) * t2_32;
         let t2_40 = -t2_39;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t2_38], [t2_40]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_34],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_34],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_33], [t2_37], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_33], [t2_37], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -781,8 +781,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
         let t3_1 = (-t2_30).mul_add(x_q3_q1, t2_10);
         let t3_2 = (-t2_10).mul_add(x_q2_q1, t3_1);
         let t3_3 = dd_q1.mul_add(p_izz_1, t3_2);
-        let t3_4 = like.lift(-9.81).mul_add(t2_23, t3_3);
-        let t3_5 = like.lift(-0.12).mul_add(t2_19, t3_4);
+        let t3_4 = proto.splat(-9.81).mul_add(t2_23, t3_3);
+        let t3_5 = proto.splat(-0.12).mul_add(t2_19, t3_4);
         tau[0] = t3_5;
     }
     (tau, Condition { pivot: condition })
@@ -796,9 +796,9 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], phi: &
 ///
 /// 13 additions, 30 multiplications, 1 divisions, 3 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 1];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 1];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -816,13 +816,13 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
         let t2_2 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
-        let t2_3 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_3 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t2_4 = sin_q1 * p_my_1;
         let t2_5 = (-cos_q1).mul_add(p_mx_1, t2_4);
-        let t2_6 = like.lift(1.1772) * cos_q1;
+        let t2_6 = proto.splat(1.1772) * cos_q1;
         let t2_7 = sin_q1_q2 * p_my_2;
         let t2_8 = (-cos_q1_q2).mul_add(p_mx_2, t2_7);
-        let t2_9 = like.lift(9.81) * t2_8;
+        let t2_9 = proto.splat(9.81) * t2_8;
         let t2_10 = -t2_9;
         let t2_11 = sin_q1_q2 * cos_q3;
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_11);
@@ -830,32 +830,32 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
         let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_12);
         let t2_13 = sin_q3 * p_my_3;
         let t2_14 = (-cos_q3).mul_add(p_mx_3, t2_13);
-        let t2_15 = like.lift(9.81) * t2_14;
+        let t2_15 = proto.splat(9.81) * t2_14;
         let t2_16 = -t2_15;
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_17 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_17 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_18 = sin_q2 * t2_17;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t2_19 = -u_2_q1x;
-        let t2_20 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t2_21 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_20 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t2_21 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t2_22 = (-t2_21).mul_add(t2_18, t2_3);
         let t2_23 = -t2_3;
-        let t2_24 = like.lift(2.857142857142857) * t2_22;
-        let t2_25 = like.lift(0.4) * t2_18;
+        let t2_24 = proto.splat(2.857142857142857) * t2_22;
+        let t2_25 = proto.splat(0.4) * t2_18;
         let t2_26 = -t2_25;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t2_24], [t2_26]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_20],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_20],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_19], [t2_23], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_19], [t2_23], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -865,7 +865,7 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
     {
         let t3_1 = (-t2_16).mul_add(x_q3_q1, t2_10);
         let t3_2 = (-t2_10).mul_add(x_q2_q1, t3_1);
-        let t3_3 = like.lift(-9.81).mul_add(t2_5, t3_2);
+        let t3_3 = proto.splat(-9.81).mul_add(t2_5, t3_2);
         let t3_4 = t2_6.mul_add(p_m_2, t3_3);
         tau[0] = t3_4;
     }
@@ -881,9 +881,9 @@ pub fn gravity<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
 ///
 /// 19 additions, 41 multiplications, 1 divisions, 2 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 1];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 1];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
@@ -896,41 +896,41 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
     let [d_q1, d_q2, d_q3] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [pivot_2, t2_1, t2_3, t2_4, t2_5, t2_16, al_2z, al_3z] = {
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_1 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_1 = proto.splat(0.3) * cos_q1_q2_minus_q3;
         let t2_2 = d_q1 * d_q1;
         let t2_3 = cos_q2 * t2_2;
         let t2_4 = sin_q2 * t2_2;
         let w_2z = d_q1 + d_q2;
         let t2_5 = w_2z * w_2z;
-        let t2_6 = like.lift(0.3) * d_q3;
+        let t2_6 = proto.splat(0.3) * d_q3;
         let t2_7 = d_q3 * t2_6;
-        let t2_8 = like.lift(0.35) * t2_5;
+        let t2_8 = proto.splat(0.35) * t2_5;
         let t2_9 = (-cos_q1_q2_minus_q3).mul_add(t2_7, t2_8);
-        let t2_10 = like.lift(0.12).mul_add(t2_3, t2_9);
-        let t2_11 = like.lift(0.12) * t2_4;
+        let t2_10 = proto.splat(0.12).mul_add(t2_3, t2_9);
+        let t2_11 = proto.splat(0.12) * t2_4;
         let t2_12 = (-sin_q1_q2_minus_q3).mul_add(t2_7, t2_11);
-        let t2_13 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_13 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_14 = -t2_10;
         let t2_15 = t2_13 * t2_10;
         let t2_16 = sin_q2 * t2_13;
         let t2_17 = cos_q1_q2_minus_q3.mul_add(t2_15, t2_12);
-        let t2_18 = like.lift(2.857142857142857) * t2_17;
+        let t2_18 = proto.splat(2.857142857142857) * t2_17;
         let t2_19 = -t2_18;
-        let t2_20 = like.lift(3.3333333333333335) * t2_15;
+        let t2_20 = proto.splat(3.3333333333333335) * t2_15;
         let t2_21 = -t2_20;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[al_2z], [al_3z]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[al_2z], [al_3z]], found) = ::regen_runtime::solve_guarded(
             [[t2_19], [t2_21]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_1],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_1],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_14], [t2_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_14], [t2_12], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -942,13 +942,13 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
     ] = *phi;
     // loops: solve with A_e (Eq. 8, 10)
     let [t3_2, t3_6, t3_15, x_q2_q1, x_q3_q1] = {
-        let t3_1 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t3_1 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t3_2 = p_izz_3 * al_3z;
         let t3_3 = t2_3 * p_my_2;
         let t3_4 = t2_4.mul_add(p_mx_2, t3_3);
         let t3_5 = p_izz_2 * al_2z;
-        let t3_6 = like.lift(0.12).mul_add(t3_4, t3_5);
-        let t3_7 = like.lift(0.12) * p_m_2;
+        let t3_6 = proto.splat(0.12).mul_add(t3_4, t3_5);
+        let t3_7 = proto.splat(0.12) * p_m_2;
         let t3_8 = t2_3 * t3_7;
         let t3_9 = t2_4 * t3_7;
         let t3_10 = p_my_2.mul_add(al_2z, t3_8);
@@ -957,26 +957,26 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
         let t3_13 = (-t2_5).mul_add(p_my_2, t3_11);
         let t3_14 = sin_q2 * t3_12;
         let t3_15 = (-cos_q2).mul_add(t3_13, t3_14);
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t3_16 = -u_2_q1x;
-        let t3_17 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_17 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t3_18 = (-t3_1).mul_add(t2_16, t3_17);
         let t3_19 = -t3_17;
-        let t3_20 = like.lift(2.857142857142857) * t3_18;
-        let t3_21 = like.lift(0.4) * t2_16;
+        let t3_20 = proto.splat(2.857142857142857) * t3_18;
+        let t3_21 = proto.splat(0.4) * t2_16;
         let t3_22 = -t3_21;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t3_20], [t3_22]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_1],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_1],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t3_16], [t3_19], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_16], [t3_19], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -986,7 +986,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
     {
         let t4_1 = (-t3_2).mul_add(x_q3_q1, t3_6);
         let t4_2 = (-t3_6).mul_add(x_q2_q1, t4_1);
-        let t4_3 = like.lift(-0.12).mul_add(t3_15, t4_2);
+        let t4_3 = proto.splat(-0.12).mul_add(t3_15, t4_2);
         tau[0] = t4_3;
     }
     (tau, Condition { pivot: condition })
@@ -1000,9 +1000,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], phi: &[T; 30]) -> ([T; 1]
 ///
 /// 14 additions, 18 multiplications, 1 divisions, 2 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 1]; 1];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 1]; 1];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3] = {
@@ -1020,34 +1020,34 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
     let [t2_4, t2_5, t2_6, x_q2_q1, x_q3_q1] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
-        let t2_3 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_4 = like.lift(0.12).mul_add(p_m_2, t2_2);
-        let t2_5 = like.lift(0.12) * t2_2;
+        let t2_3 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
+        let t2_4 = proto.splat(0.12).mul_add(p_m_2, t2_2);
+        let t2_5 = proto.splat(0.12) * t2_2;
         let t2_6 = p_izz_2 + t2_5;
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_7 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_7 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_8 = sin_q2 * t2_7;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t2_9 = -u_2_q1x;
-        let t2_10 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t2_11 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_10 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t2_11 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t2_12 = (-t2_11).mul_add(t2_8, t2_3);
         let t2_13 = -t2_3;
-        let t2_14 = like.lift(2.857142857142857) * t2_12;
-        let t2_15 = like.lift(0.4) * t2_8;
+        let t2_14 = proto.splat(2.857142857142857) * t2_12;
+        let t2_15 = proto.splat(0.4) * t2_8;
         let t2_16 = -t2_15;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t2_14], [t2_16]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_10],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_10],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_9], [t2_13], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_9], [t2_13], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1061,7 +1061,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
         let t3_4 = t3_3.mul_add(x_q3_q1, p_izz_1);
         let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
         let t3_6 = t3_5 + p_izz_2;
-        let t3_7 = like.lift(0.12).mul_add(t2_4, t3_6);
+        let t3_7 = proto.splat(0.12).mul_add(t2_4, t3_6);
         let t3_8 = t3_7 + t2_5;
         m[0][0] = t3_8;
     }
@@ -1077,8 +1077,8 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 3], phi: &[T; 30]) -> ([[T; 1]; 1], Condit
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
 /// 25 additions, 61 multiplications, 1 divisions, 3 sines and cosines.
-pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+pub fn adaptive_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
+    let zero = q[0].splat(0.0);
     y[0] = [zero; 1];
     y[1] = [zero; 1];
     y[2] = [zero; 1];
@@ -1099,16 +1099,16 @@ pub fn slotine_li<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T;
     y[24] = [zero; 1];
     y[28] = [zero; 1];
     y[29] = [zero; 1];
-    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+    adaptive_regressor_entries(q, qd, qd_r, qdd_r, y)
 }
 
-/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+/// The entries of [`adaptive_regressor`] that are not zero at every state; the others are left as they are.
 ///
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
-pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd_r: &[T; 1], y: &mut [[T; 1]; 30]) -> Condition<T> {
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -1120,9 +1120,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, a_1x] = {
         y[5][0] = dr_q1;
-        let a_1y = like.lift(9.81) * cos_q1;
+        let a_1y = proto.splat(9.81) * cos_q1;
         y[6][0] = a_1y;
-        let a_1x = like.lift(9.81) * sin_q1;
+        let a_1x = proto.splat(9.81) * sin_q1;
         let t2_1 = -a_1x;
         y[7][0] = t2_1;
         [a_1y, a_1x]
@@ -1134,8 +1134,8 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
         w_m_2_q1, sin_q1_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, pivot_2, t3_7, t3_8, a_2y,
         w_2z, t3_13, t3_15, t3_17, t3_22, t3_23,
     ] = {
-        let t3_1 = like.lift(0.12).mul_add(dr_q1, a_1y);
-        let t3_2 = like.lift(-0.12) * t3_1;
+        let t3_1 = proto.splat(0.12).mul_add(dr_q1, a_1y);
+        let t3_2 = proto.splat(-0.12) * t3_1;
         let w_m_2_q1 = -t3_2;
         let t3_3 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_3);
@@ -1145,36 +1145,36 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_5);
         let t3_6 = cos_q1_q2 * cos_q3;
         let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_6);
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t3_7 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t3_7 = proto.splat(0.3) * cos_q1_q2_minus_q3;
         let t3_8 = d_q1 * r_q1;
-        let t3_9 = like.lift(-0.12).mul_add(t3_8, a_1x);
+        let t3_9 = proto.splat(-0.12).mul_add(t3_8, a_1x);
         let t3_10 = sin_q2 * t3_9;
         let a_2y = (-cos_q2).mul_add(t3_1, t3_10);
         let w_2z = d_q1 + d_q2;
         let t3_11 = sin_q2 * r_q1;
-        let t3_12 = like.lift(0.12) * t3_11;
-        let t3_13 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_12 = proto.splat(0.12) * t3_11;
+        let t3_13 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t3_14 = t3_13 * r_q1;
-        let t3_15 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t3_15 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t3_16 = t3_15 * t3_11;
-        let t3_17 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t3_17 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t3_18 = (-t3_16).mul_add(t3_17, t3_14);
-        let t3_19 = like.lift(2.857142857142857) * t3_18;
+        let t3_19 = proto.splat(2.857142857142857) * t3_18;
         let t3_20 = -t3_19;
-        let t3_21 = like.lift(0.4) * t3_16;
+        let t3_21 = proto.splat(0.4) * t3_16;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[t3_22], [t3_23]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[t3_22], [t3_23]], found) = ::regen_runtime::solve_guarded(
             [[t3_20], [t3_21]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_7],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t3_7],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t3_12], [t3_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_12], [t3_14], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1187,36 +1187,36 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
     let [t4_2, a_2x, t4_13, t4_19, al_3z] = {
         let t4_1 = r_q1 + t3_22;
         let t4_2 = w_2z * t4_1;
-        let t4_3 = like.lift(0.3) * d_q3;
+        let t4_3 = proto.splat(0.3) * d_q3;
         let t4_4 = t3_23 * t4_3;
         let t4_5 = t3_13 * dr_q1;
         let t4_6 = (-sin_q1_q2_minus_q3).mul_add(t4_4, t4_5);
         let t4_7 = sin_q2 * dr_q1;
         let t4_8 = (-cos_q2).mul_add(t3_8, t4_7);
-        let t4_9 = like.lift(0.12) * t4_8;
+        let t4_9 = proto.splat(0.12) * t4_8;
         let t4_10 = cos_q1_q2_minus_q3.mul_add(t4_4, t4_9);
-        let a_2x = like.lift(9.81).mul_add(sin_q1_q2, t4_9);
-        let t4_11 = like.lift(-0.35).mul_add(t4_2, t4_10);
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let a_2x = proto.splat(9.81).mul_add(sin_q1_q2, t4_9);
+        let t4_11 = proto.splat(-0.35).mul_add(t4_2, t4_10);
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t4_12 = t3_8.mul_add(u_2_q1x, t4_6);
         let t4_13 = -u_2_q1x;
         let t4_14 = t3_15 * t4_11;
         let t4_15 = (-cos_q1_q2_minus_q3).mul_add(t4_14, t4_12);
-        let t4_16 = like.lift(2.857142857142857) * t4_15;
+        let t4_16 = proto.splat(2.857142857142857) * t4_15;
         let t4_17 = -t4_16;
-        let t4_18 = like.lift(3.3333333333333335) * t4_14;
+        let t4_18 = proto.splat(3.3333333333333335) * t4_14;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[t4_19], [al_3z]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[t4_19], [al_3z]], found) = ::regen_runtime::solve_guarded(
             [[t4_17], [t4_18]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_7],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t3_7],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t4_11], [t4_12], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_11], [t4_12], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1228,21 +1228,21 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
         let t5_1 = sin_q2 * t3_15;
         let t5_2 = (-t5_1).mul_add(t3_17, t3_13);
         let t5_3 = -t3_13;
-        let t5_4 = like.lift(2.857142857142857) * t5_2;
-        let t5_5 = like.lift(0.4) * t5_1;
+        let t5_4 = proto.splat(2.857142857142857) * t5_2;
+        let t5_5 = proto.splat(0.4) * t5_1;
         let t5_6 = -t5_5;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t5_4], [t5_6]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_7],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t3_7],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t4_13], [t5_3], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t4_13], [t5_3], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1251,7 +1251,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
     // body 2: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
         y[19][0] = w_m_2_q1;
-        let t6_1 = like.lift(1.0) - x_q2_q1;
+        let t6_1 = proto.splat(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t6_1;
         y[15][0] = w_izz_2_q1;
         let t6_2 = a_2y * t6_1;
@@ -1260,8 +1260,8 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
         let t6_5 = (-sin_q2).mul_add(t4_2, t6_4);
         let t6_6 = cos_q2 * t4_2;
         let t6_7 = sin_q2.mul_add(al_2z, t6_6);
-        let w_mx_2_q1 = like.lift(-0.12).mul_add(t6_5, t6_2);
-        let w_my_2_q1 = like.lift(0.12).mul_add(t6_7, t6_3);
+        let w_mx_2_q1 = proto.splat(-0.12).mul_add(t6_5, t6_2);
+        let w_my_2_q1 = proto.splat(0.12).mul_add(t6_7, t6_3);
         let t6_8 = -w_mx_2_q1;
         y[16][0] = t6_8;
         let t6_9 = -w_my_2_q1;
@@ -1272,7 +1272,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
         let w_izz_3_q1 = al_3z * x_q3_q1;
         let t7_1 = -w_izz_3_q1;
         y[25][0] = t7_1;
-        let t7_2 = like.lift(9.81) * x_q3_q1;
+        let t7_2 = proto.splat(9.81) * x_q3_q1;
         let w_my_3_q1 = sin_q3 * t7_2;
         y[27][0] = w_my_3_q1;
         let w_mx_3_q1 = cos_q3 * t7_2;
@@ -1289,15 +1289,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qd_r: &[T; 1], qdd
 /// - `left`: tau_i - X^T tau_e (Eq. 10): what W phi must equal
 ///
 /// 0 additions, 0 multiplications, 0 divisions, 0 sines and cosines.
-pub fn efforts<T: Scalar>(q: &[T; 3], tau: &[T; 1]) -> ([T; 1], Condition<T>) {
-    let like = q[0];
-    let mut left = [like.lift(0.0); 1];
+pub fn generalized_forces<T: Scalar>(q: &[T; 3], tau: &[T; 1]) -> ([T; 1], Condition<T>) {
+    let proto = q[0];
+    let mut left = [proto.splat(0.0); 1];
     let [tau_q1] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q1;
     }
-    (left, Condition::regular(like))
+    (left, Condition::regular(proto))
 }
 
 /// Where the bodies are.
@@ -1307,8 +1307,8 @@ pub fn efforts<T: Scalar>(q: &[T; 3], tau: &[T; 1]) -> ([T; 1], Condition<T>) {
 ///
 /// 1 additions, 2 multiplications, 0 divisions, 3 sines and cosines.
 pub fn poses<T: Scalar>(q: &[T; 3]) -> [[T; 12]; 3] {
-    let like = q[0];
-    let mut poses = [[like.lift(0.0); 12]; 3];
+    let proto = q[0];
+    let mut poses = [[proto.splat(0.0); 12]; 3];
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q1_q2, cos_q1_q2, sin_q3, cos_q3] = {
@@ -1319,23 +1319,23 @@ pub fn poses<T: Scalar>(q: &[T; 3]) -> [[T; 12]; 3] {
     };
     // body 1
     {
-        poses[0][0] = cos_q1; poses[0][5] = like.lift(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
+        poses[0][0] = cos_q1; poses[0][5] = proto.splat(-1.0); poses[0][6] = sin_q1; poses[0][7] = cos_q1;
         let t2_1 = -sin_q1;
         poses[0][1] = t2_1;
     }
     // body 2
     {
-        poses[1][0] = cos_q1_q2; poses[1][5] = like.lift(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2;
+        poses[1][0] = cos_q1_q2; poses[1][5] = proto.splat(-1.0); poses[1][6] = sin_q1_q2; poses[1][7] = cos_q1_q2;
         let t3_1 = -sin_q1_q2;
         poses[1][1] = t3_1;
-        let t3_2 = like.lift(0.12) * cos_q1;
+        let t3_2 = proto.splat(0.12) * cos_q1;
         poses[1][9] = t3_2;
-        let t3_3 = like.lift(0.12) * sin_q1;
+        let t3_3 = proto.splat(0.12) * sin_q1;
         poses[1][11] = t3_3;
     }
     // body 3
     {
-        poses[2][0] = cos_q3; poses[2][5] = like.lift(-1.0); poses[2][6] = sin_q3; poses[2][7] = cos_q3; poses[2][9] = like.lift(0.4);
+        poses[2][0] = cos_q3; poses[2][5] = proto.splat(-1.0); poses[2][6] = sin_q3; poses[2][7] = cos_q3; poses[2][9] = proto.splat(0.4);
         let t4_1 = -sin_q3;
         poses[2][1] = t4_1;
     }
@@ -1359,8 +1359,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut 
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], w: &mut [[T; 1]; 8]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -1372,7 +1372,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
     // body 1
     let [a_1x] = {
         w[0][0] = dd_q1;
-        let a_1x = like.lift(9.81) * sin_q1;
+        let a_1x = proto.splat(9.81) * sin_q1;
         let t2_1 = -a_1x;
         w[1][0] = t2_1;
         [a_1x]
@@ -1380,44 +1380,44 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
     let [d_q1, d_q2, _] = *qd;
     // loops: solve with A_e (Eq. 8, 10)
     let [t3_2, al_2z, t3_6, x_q2_q1, x_q3_q1] = {
-        let t3_1 = like.lift(0.12) * d_q1;
+        let t3_1 = proto.splat(0.12) * d_q1;
         let t3_2 = t3_1.mul_add(d_q1, -a_1x);
         let al_2z = dd_q1 + dd_q2;
         let t3_3 = sin_q1 * cos_q2;
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t3_3);
         let t3_4 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t3_4);
-        let t3_5 = like.lift(0.12) * dd_q1;
-        let t3_6 = like.lift(9.81).mul_add(cos_q1, t3_5);
+        let t3_5 = proto.splat(0.12) * dd_q1;
+        let t3_6 = proto.splat(9.81).mul_add(cos_q1, t3_5);
         let t3_7 = sin_q1_q2 * cos_q3;
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t3_7);
         let t3_8 = cos_q1_q2 * cos_q3;
         let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t3_8);
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t3_9 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t3_9 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t3_10 = sin_q2 * t3_9;
-        let t3_11 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t3_12 = like.lift(0.12) * cos_q1_q2_minus_q3;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let t3_11 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t3_12 = proto.splat(0.12) * cos_q1_q2_minus_q3;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t3_13 = -u_2_q1x;
-        let t3_14 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_14 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t3_15 = (-t3_12).mul_add(t3_10, t3_14);
         let t3_16 = -t3_14;
-        let t3_17 = like.lift(2.857142857142857) * t3_15;
-        let t3_18 = like.lift(0.4) * t3_10;
+        let t3_17 = proto.splat(2.857142857142857) * t3_15;
+        let t3_18 = proto.splat(0.4) * t3_10;
         let t3_19 = -t3_18;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t3_17], [t3_19]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t3_11],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t3_11],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t3_13], [t3_16], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_13], [t3_16], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1425,7 +1425,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
     };
     // body 2
     {
-        let t4_1 = like.lift(1.0) - x_q2_q1;
+        let t4_1 = proto.splat(1.0) - x_q2_q1;
         let w_izz_2_q1 = al_2z * t4_1;
         w[2][0] = w_izz_2_q1;
         let w_2z = d_q1 + d_q2;
@@ -1439,9 +1439,9 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
         let t4_7 = (-sin_q2).mul_add(t4_2, t4_6);
         let t4_8 = cos_q2 * t4_2;
         let t4_9 = sin_q2.mul_add(al_2z, t4_8);
-        let t4_10 = like.lift(0.12) * t4_9;
+        let t4_10 = proto.splat(0.12) * t4_9;
         let w_my_2_q1 = (-a_2x).mul_add(t4_1, t4_10);
-        let t4_11 = like.lift(0.12).mul_add(t4_7, t4_5);
+        let t4_11 = proto.splat(0.12).mul_add(t4_7, t4_5);
         let t4_12 = -w_my_2_q1;
         w[4][0] = t4_12;
         let w_mx_2_q1 = -t4_11;
@@ -1453,7 +1453,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
         let w_izz_3_q1 = dd_q3 * x_q3_q1;
         let t5_1 = -w_izz_3_q1;
         w[5][0] = t5_1;
-        let t5_2 = like.lift(9.81) * x_q3_q1;
+        let t5_2 = proto.splat(9.81) * x_q3_q1;
         let w_my_3_q1 = sin_q3 * t5_2;
         w[7][0] = w_my_3_q1;
         let w_mx_3_q1 = cos_q3 * t5_2;
@@ -1470,8 +1470,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], 
 ///
 /// 9 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 8] {
-    let like = phi[0];
-    let mut beta = [like.lift(0.0); 8];
+    let proto = phi[0];
+    let mut beta = [proto.splat(0.0); 8];
     let [
         _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, _, _, p_izz_2, p_mx_2, p_my_2,
         _, p_m_2, _, _, _, _, _, p_izz_3, p_mx_3, p_my_3, _, _,
@@ -1479,19 +1479,19 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 8] {
     // combinations
     {
         beta[1] = p_my_1; beta[4] = p_my_2; beta[7] = p_my_3;
-        let t1_1 = like.lift(-0.12).mul_add(p_mx_1, p_izz_1);
+        let t1_1 = proto.splat(-0.12).mul_add(p_mx_1, p_izz_1);
         beta[0] = t1_1;
-        let t1_2 = like.lift(-1.0208333333333333).mul_add(p_mx_1, p_izz_2);
-        let t1_3 = like.lift(-0.1225).mul_add(p_m_2, t1_2);
+        let t1_2 = proto.splat(-1.0208333333333333).mul_add(p_mx_1, p_izz_2);
+        let t1_3 = proto.splat(-0.1225).mul_add(p_m_2, t1_2);
         beta[2] = t1_3;
-        let t1_4 = like.lift(-2.9166666666666665).mul_add(p_mx_1, p_mx_2);
-        let t1_5 = like.lift(-0.35).mul_add(p_m_2, t1_4);
+        let t1_4 = proto.splat(-2.9166666666666665).mul_add(p_mx_1, p_mx_2);
+        let t1_5 = proto.splat(-0.35).mul_add(p_m_2, t1_4);
         beta[3] = t1_5;
-        let t1_6 = like.lift(0.75).mul_add(p_mx_1, p_izz_3);
-        let t1_7 = like.lift(0.09).mul_add(p_m_2, t1_6);
+        let t1_6 = proto.splat(0.75).mul_add(p_mx_1, p_izz_3);
+        let t1_7 = proto.splat(0.09).mul_add(p_m_2, t1_6);
         beta[5] = t1_7;
-        let t1_8 = like.lift(2.5).mul_add(p_mx_1, p_mx_3);
-        let t1_9 = like.lift(0.3).mul_add(p_m_2, t1_8);
+        let t1_8 = proto.splat(2.5).mul_add(p_mx_1, p_mx_3);
+        let t1_9 = proto.splat(0.3).mul_add(p_m_2, t1_8);
         beta[6] = t1_9;
     }
     beta
@@ -1505,8 +1505,8 @@ pub fn to_base<T: Scalar>(phi: &[T; 30]) -> [T; 8] {
 ///
 /// 9 additions, 9 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30] {
-    let like = beta[0];
-    let mut phi = [like.lift(0.0); 30];
+    let proto = beta[0];
+    let mut phi = [proto.splat(0.0); 30];
     let [p_izz_1, p_my_1, p_izz_2, p_mx_2, p_my_2, p_izz_3, p_mx_3, p_my_3] = *beta;
     let [
         p_ixx_1, p_ixy_1, p_ixz_1, p_iyy_1, p_iyz_1, p_mx_1, p_mz_1, p_m_1, p_ixx_2, p_ixy_2,
@@ -1516,19 +1516,19 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30]
     // phi
     {
         phi[0] = p_ixx_1; phi[1] = p_ixy_1; phi[2] = p_ixz_1; phi[3] = p_iyy_1; phi[4] = p_iyz_1; phi[6] = p_mx_1; phi[7] = p_my_1; phi[8] = p_mz_1; phi[9] = p_m_1; phi[10] = p_ixx_2; phi[11] = p_ixy_2; phi[12] = p_ixz_2; phi[13] = p_iyy_2; phi[14] = p_iyz_2; phi[17] = p_my_2; phi[18] = p_mz_2; phi[19] = p_m_2; phi[20] = p_ixx_3; phi[21] = p_ixy_3; phi[22] = p_ixz_3; phi[23] = p_iyy_3; phi[24] = p_iyz_3; phi[27] = p_my_3; phi[28] = p_mz_3; phi[29] = p_m_3;
-        let t1_1 = like.lift(0.12).mul_add(p_mx_1, p_izz_1);
+        let t1_1 = proto.splat(0.12).mul_add(p_mx_1, p_izz_1);
         phi[5] = t1_1;
-        let t1_2 = like.lift(1.0208333333333333).mul_add(p_mx_1, p_izz_2);
-        let t1_3 = like.lift(0.1225).mul_add(p_m_2, t1_2);
+        let t1_2 = proto.splat(1.0208333333333333).mul_add(p_mx_1, p_izz_2);
+        let t1_3 = proto.splat(0.1225).mul_add(p_m_2, t1_2);
         phi[15] = t1_3;
-        let t1_4 = like.lift(2.9166666666666665).mul_add(p_mx_1, p_mx_2);
-        let t1_5 = like.lift(0.35).mul_add(p_m_2, t1_4);
+        let t1_4 = proto.splat(2.9166666666666665).mul_add(p_mx_1, p_mx_2);
+        let t1_5 = proto.splat(0.35).mul_add(p_m_2, t1_4);
         phi[16] = t1_5;
-        let t1_6 = like.lift(-0.75).mul_add(p_mx_1, p_izz_3);
-        let t1_7 = like.lift(-0.09).mul_add(p_m_2, t1_6);
+        let t1_6 = proto.splat(-0.75).mul_add(p_mx_1, p_izz_3);
+        let t1_7 = proto.splat(-0.09).mul_add(p_m_2, t1_6);
         phi[25] = t1_7;
-        let t1_8 = like.lift(-2.5).mul_add(p_mx_1, p_mx_3);
-        let t1_9 = like.lift(-0.3).mul_add(p_m_2, t1_8);
+        let t1_8 = proto.splat(-2.5).mul_add(p_mx_1, p_mx_3);
+        let t1_9 = proto.splat(-0.3).mul_add(p_m_2, t1_8);
         phi[26] = t1_9;
     }
     phi
@@ -1544,9 +1544,9 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 8], free: &[T; 22]) -> [T; 30]
 ///
 /// 24 additions, 45 multiplications, 1 divisions, 3 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 1];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 1];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -1560,11 +1560,11 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
     // loops: solve with A_e (Eq. 8, 10)
     let [t2_1, t2_10, t2_17, t2_26, x_q2_q1, x_q3_q1] = {
         let al_2z = dd_q1 + dd_q2;
-        let t2_1 = like.lift(9.81) * sin_q1;
-        let t2_2 = like.lift(0.12) * d_q1;
+        let t2_1 = proto.splat(9.81) * sin_q1;
+        let t2_2 = proto.splat(0.12) * d_q1;
         let t2_3 = t2_2.mul_add(d_q1, -t2_1);
-        let t2_4 = like.lift(0.12) * dd_q1;
-        let t2_5 = like.lift(9.81).mul_add(cos_q1, t2_4);
+        let t2_4 = proto.splat(0.12) * dd_q1;
+        let t2_5 = proto.splat(9.81).mul_add(cos_q1, t2_4);
         let t2_6 = cos_q2 * t2_5;
         let a_2y = sin_q2.mul_add(t2_3, t2_6);
         let t2_7 = cos_q2 * t2_3;
@@ -1584,7 +1584,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_18);
         let t2_19 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_19);
-        let t2_20 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t2_20 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t2_21 = sin_q1_q2 * cos_q3;
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_21);
         let t2_22 = cos_q1_q2 * cos_q3;
@@ -1592,31 +1592,31 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
         let t2_23 = sin_q3 * p_my_3;
         let t2_24 = (-cos_q3).mul_add(p_mx_3, t2_23);
         let t2_25 = dd_q3 * p_izz_3;
-        let t2_26 = like.lift(-9.81).mul_add(t2_24, t2_25);
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_27 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_26 = proto.splat(-9.81).mul_add(t2_24, t2_25);
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_27 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_28 = sin_q2 * t2_27;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t2_29 = -u_2_q1x;
-        let t2_30 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t2_31 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_30 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t2_31 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t2_32 = (-t2_31).mul_add(t2_28, t2_20);
         let t2_33 = -t2_20;
-        let t2_34 = like.lift(2.857142857142857) * t2_32;
-        let t2_35 = like.lift(0.4) * t2_28;
+        let t2_34 = proto.splat(2.857142857142857) * t2_32;
+        let t2_35 = proto.splat(0.4) * t2_28;
         let t2_36 = -t2_35;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t2_34], [t2_36]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_30],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_30],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_29], [t2_33], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_29], [t2_33], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1628,7 +1628,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
         let t3_2 = (-t2_10).mul_add(x_q2_q1, t3_1);
         let t3_3 = (-p_my_1).mul_add(t2_1, t3_2);
         let t3_4 = dd_q1.mul_add(p_izz_1, t3_3);
-        let t3_5 = like.lift(-0.12).mul_add(t2_17, t3_4);
+        let t3_5 = proto.splat(-0.12).mul_add(t2_17, t3_4);
         tau[0] = t3_5;
     }
     (tau, Condition { pivot: condition })
@@ -1642,9 +1642,9 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 3], qd: &[T; 3], qdd: &[T; 3], b
 ///
 /// 11 additions, 27 multiplications, 1 divisions, 3 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 1];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 1];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1, cos_q1, sin_q2, cos_q2, sin_q3, cos_q3] = {
@@ -1659,11 +1659,11 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<
         let sin_q1_q2 = cos_q1.mul_add(sin_q2, t2_1);
         let t2_2 = cos_q1 * cos_q2;
         let cos_q1_q2 = (-sin_q1).mul_add(sin_q2, t2_2);
-        let t2_3 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_4 = like.lift(9.81) * sin_q1;
+        let t2_3 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
+        let t2_4 = proto.splat(9.81) * sin_q1;
         let t2_5 = sin_q1_q2 * p_my_2;
         let t2_6 = (-cos_q1_q2).mul_add(p_mx_2, t2_5);
-        let t2_7 = like.lift(9.81) * t2_6;
+        let t2_7 = proto.splat(9.81) * t2_6;
         let t2_8 = -t2_7;
         let t2_9 = sin_q1_q2 * cos_q3;
         let sin_q1_q2_minus_q3 = (-cos_q1_q2).mul_add(sin_q3, t2_9);
@@ -1671,32 +1671,32 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<
         let cos_q1_q2_minus_q3 = sin_q1_q2.mul_add(sin_q3, t2_10);
         let t2_11 = sin_q3 * p_my_3;
         let t2_12 = (-cos_q3).mul_add(p_mx_3, t2_11);
-        let t2_13 = like.lift(9.81) * t2_12;
+        let t2_13 = proto.splat(9.81) * t2_12;
         let t2_14 = -t2_13;
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_15 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_15 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_16 = sin_q2 * t2_15;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t2_17 = -u_2_q1x;
-        let t2_18 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t2_19 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_18 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t2_19 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t2_20 = (-t2_19).mul_add(t2_16, t2_3);
         let t2_21 = -t2_3;
-        let t2_22 = like.lift(2.857142857142857) * t2_20;
-        let t2_23 = like.lift(0.4) * t2_16;
+        let t2_22 = proto.splat(2.857142857142857) * t2_20;
+        let t2_23 = proto.splat(0.4) * t2_16;
         let t2_24 = -t2_23;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t2_22], [t2_24]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_18],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_18],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_17], [t2_21], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_17], [t2_21], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1722,9 +1722,9 @@ pub fn base_gravity<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<
 ///
 /// 17 additions, 38 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([T; 1], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 1];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 1];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q1_q2_minus_q3, cos_q1_q2_minus_q3, sin_q2, cos_q2] = {
@@ -1738,43 +1738,43 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([
     let [_, _, p_izz_2, p_mx_2, p_my_2, p_izz_3, _, _] = *beta;
     // loops: solve with A_e (Eq. 8, 10)
     let [pivot_2, t2_1, t2_5, t2_12, t2_18, al_2z, al_3z] = {
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_1 = like.lift(0.3) * cos_q1_q2_minus_q3;
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_1 = proto.splat(0.3) * cos_q1_q2_minus_q3;
         let t2_2 = d_q1 * d_q1;
         let t2_3 = cos_q2 * t2_2;
         let t2_4 = sin_q2 * t2_2;
         let w_2z = d_q1 + d_q2;
         let t2_5 = w_2z * w_2z;
-        let t2_6 = like.lift(0.3) * d_q3;
+        let t2_6 = proto.splat(0.3) * d_q3;
         let t2_7 = d_q3 * t2_6;
-        let t2_8 = like.lift(0.35) * t2_5;
+        let t2_8 = proto.splat(0.35) * t2_5;
         let t2_9 = (-cos_q1_q2_minus_q3).mul_add(t2_7, t2_8);
-        let t2_10 = like.lift(0.12).mul_add(t2_3, t2_9);
+        let t2_10 = proto.splat(0.12).mul_add(t2_3, t2_9);
         let t2_11 = t2_3 * p_my_2;
         let t2_12 = t2_4.mul_add(p_mx_2, t2_11);
-        let t2_13 = like.lift(0.12) * t2_4;
+        let t2_13 = proto.splat(0.12) * t2_4;
         let t2_14 = (-sin_q1_q2_minus_q3).mul_add(t2_7, t2_13);
-        let t2_15 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_15 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_16 = -t2_10;
         let t2_17 = t2_15 * t2_10;
         let t2_18 = sin_q2 * t2_15;
         let t2_19 = cos_q1_q2_minus_q3.mul_add(t2_17, t2_14);
-        let t2_20 = like.lift(2.857142857142857) * t2_19;
+        let t2_20 = proto.splat(2.857142857142857) * t2_19;
         let t2_21 = -t2_20;
-        let t2_22 = like.lift(3.3333333333333335) * t2_17;
+        let t2_22 = proto.splat(3.3333333333333335) * t2_17;
         let t2_23 = -t2_22;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[al_2z], [al_3z]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[al_2z], [al_3z]], found) = ::regen_runtime::solve_guarded(
             [[t2_21], [t2_23]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_1],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_1],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_16], [t2_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_16], [t2_14], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1782,36 +1782,36 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([
     };
     // loops: solve with A_e (Eq. 8, 10)
     let [t3_2, t3_4, t3_10, x_q2_q1, x_q3_q1] = {
-        let t3_1 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t3_1 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t3_2 = p_izz_3 * al_3z;
         let t3_3 = p_izz_2 * al_2z;
-        let t3_4 = like.lift(0.12).mul_add(t2_12, t3_3);
+        let t3_4 = proto.splat(0.12).mul_add(t2_12, t3_3);
         let t3_5 = p_my_2 * al_2z;
         let t3_6 = t2_5.mul_add(p_mx_2, t3_5);
         let t3_7 = t2_5 * p_my_2;
         let t3_8 = (-p_mx_2).mul_add(al_2z, t3_7);
         let t3_9 = cos_q2 * t3_8;
         let t3_10 = sin_q2.mul_add(t3_6, t3_9);
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t3_11 = -u_2_q1x;
-        let t3_12 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
+        let t3_12 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
         let t3_13 = (-t3_1).mul_add(t2_18, t3_12);
         let t3_14 = -t3_12;
-        let t3_15 = like.lift(2.857142857142857) * t3_13;
-        let t3_16 = like.lift(0.4) * t2_18;
+        let t3_15 = proto.splat(2.857142857142857) * t3_13;
+        let t3_16 = proto.splat(0.4) * t2_18;
         let t3_17 = -t3_16;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t3_15], [t3_17]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_1],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_1],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t3_11], [t3_14], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t3_11], [t3_14], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1821,7 +1821,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([
     {
         let t4_1 = (-t3_2).mul_add(x_q3_q1, t3_4);
         let t4_2 = (-t3_4).mul_add(x_q2_q1, t4_1);
-        let t4_3 = like.lift(-0.12).mul_add(t3_10, t4_2);
+        let t4_3 = proto.splat(-0.12).mul_add(t3_10, t4_2);
         tau[0] = t4_3;
     }
     (tau, Condition { pivot: condition })
@@ -1835,9 +1835,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 3], qd: &[T; 3], beta: &[T; 8]) -> ([
 ///
 /// 12 additions, 17 multiplications, 1 divisions, 2 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([[T; 1]; 1], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 1]; 1];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 1]; 1];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, q3] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q1_q2_minus_q3, cos_q1_q2_minus_q3] = {
@@ -1852,32 +1852,32 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([[T; 1]; 1], C
     let [t2_2, t2_4, x_q2_q1, x_q3_q1] = {
         let t2_1 = cos_q2 * p_mx_2;
         let t2_2 = (-sin_q2).mul_add(p_my_2, t2_1);
-        let t2_3 = like.lift(0.12).mul_add(cos_q2, like.lift(0.35));
-        let t2_4 = like.lift(0.12).mul_add(t2_2, p_izz_2);
-        let pivot_2 = like.lift(0.3) * sin_q1_q2_minus_q3;
-        let t2_5 = like.lift(1.0) / sin_q1_q2_minus_q3;
+        let t2_3 = proto.splat(0.12).mul_add(cos_q2, proto.splat(0.35));
+        let t2_4 = proto.splat(0.12).mul_add(t2_2, p_izz_2);
+        let pivot_2 = proto.splat(0.3) * sin_q1_q2_minus_q3;
+        let t2_5 = proto.splat(1.0) / sin_q1_q2_minus_q3;
         let t2_6 = sin_q2 * t2_5;
-        let u_2_q1x = like.lift(0.12) * sin_q2;
+        let u_2_q1x = proto.splat(0.12) * sin_q2;
         let t2_7 = -u_2_q1x;
-        let t2_8 = like.lift(0.3) * cos_q1_q2_minus_q3;
-        let t2_9 = like.lift(0.12) * cos_q1_q2_minus_q3;
+        let t2_8 = proto.splat(0.3) * cos_q1_q2_minus_q3;
+        let t2_9 = proto.splat(0.12) * cos_q1_q2_minus_q3;
         let t2_10 = (-t2_9).mul_add(t2_6, t2_3);
         let t2_11 = -t2_3;
-        let t2_12 = like.lift(2.857142857142857) * t2_10;
-        let t2_13 = like.lift(0.4) * t2_6;
+        let t2_12 = proto.splat(2.857142857142857) * t2_10;
+        let t2_13 = proto.splat(0.4) * t2_6;
         let t2_14 = -t2_13;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_2 * like.lift(3.639503660121463)).abs();
-        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_2 * proto.splat(3.639503660121463)).abs();
+        let ([[x_q2_q1], [x_q3_q1]], found) = ::regen_runtime::solve_guarded(
             [[t2_12], [t2_14]],
             margin,
             || (
                 [
-                    [like.lift(0.0), pivot_2], [like.lift(-0.35), t2_8],
-                    [like.lift(0.0), like.lift(0.0)], [like.lift(0.0), like.lift(0.0)],
-                    [like.lift(0.0), like.lift(0.0)],
+                    [proto.splat(0.0), pivot_2], [proto.splat(-0.35), t2_8],
+                    [proto.splat(0.0), proto.splat(0.0)], [proto.splat(0.0), proto.splat(0.0)],
+                    [proto.splat(0.0), proto.splat(0.0)],
                 ],
-                [[t2_7], [t2_11], [like.lift(0.0)], [like.lift(0.0)], [like.lift(0.0)]],
+                [[t2_7], [t2_11], [proto.splat(0.0)], [proto.splat(0.0)], [proto.splat(0.0)]],
             ),
         );
         condition = condition.min(found);
@@ -1890,7 +1890,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 3], beta: &[T; 8]) -> ([[T; 1]; 1], C
         let t3_3 = x_q3_q1 * p_izz_3;
         let t3_4 = t3_3.mul_add(x_q3_q1, p_izz_1);
         let t3_5 = (-x_q2_q1).mul_add(t3_2, t3_4);
-        let t3_6 = like.lift(0.24).mul_add(t2_2, t3_5);
+        let t3_6 = proto.splat(0.24).mul_add(t2_2, t3_5);
         let t3_7 = t3_6 + p_izz_2;
         m[0][0] = t3_7;
     }
@@ -2000,19 +2000,19 @@ impl<T: Scalar> Model<T> for Fourbar {
                 *out = value;
                 Ok(condition)
             }
-            Function::SlotineLi => {
+            Function::AdaptiveRegressor => {
                 let q = ::regen_runtime::array::<T, 3>(arguments.q, "q")?;
                 let qd = ::regen_runtime::array::<T, 3>(arguments.qd, "qd")?;
                 let qd_r_i = ::regen_runtime::array::<T, 1>(arguments.qd_r_i, "qd_r_i")?;
                 let qdd_r_i = ::regen_runtime::array::<T, 1>(arguments.qdd_r_i, "qdd_r_i")?;
                 let out = ::regen_runtime::matrix_mut::<T, 30, 1>(out, "out")?;
-                Ok(slotine_li(q, qd, qd_r_i, qdd_r_i, out))
+                Ok(adaptive_regressor(q, qd, qd_r_i, qdd_r_i, out))
             }
-            Function::Efforts => {
+            Function::GeneralizedForces => {
                 let q = ::regen_runtime::array::<T, 3>(arguments.q, "q")?;
                 let tau_actuated = ::regen_runtime::array::<T, 1>(arguments.tau_actuated, "tau_actuated")?;
                 let out = ::regen_runtime::array_mut::<T, 1>(out, "out")?;
-                let (value, condition) = efforts(q, tau_actuated);
+                let (value, condition) = generalized_forces(q, tau_actuated);
                 *out = value;
                 Ok(condition)
             }

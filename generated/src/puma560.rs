@@ -23,8 +23,8 @@
 //! | [`gravity`] | 43 | 74 | 0 | 5 |
 //! | [`bias_forces`] | 261 | 276 | 0 | 5 |
 //! | [`mass_matrix`] | 174 | 192 | 0 | 5 |
-//! | [`slotine_li`] | 344 | 455 | 0 | 5 |
-//! | [`efforts`] | 0 | 0 | 0 | 0 |
+//! | [`adaptive_regressor`] | 344 | 455 | 0 | 5 |
+//! | [`generalized_forces`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 27 | 55 | 0 | 6 |
 //! | [`base_regressor`] | 272 | 377 | 0 | 5 |
 //! | [`to_base`] | 40 | 17 | 0 | 0 |
@@ -37,7 +37,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Arguments, Condition, Cone, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
+ Arguments, Condition, SwingLimit, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseFunction, BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -78,7 +78,7 @@ pub const JOINTS: [Joint; 6] = [
     Joint { limits: Limits { position: Some([-4.642575810304916, 4.642575810304916]), ..Limits::NONE }, ..Joint::TURN },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
-pub const CONES: [Cone<'static>; 0] = [
+pub const CONES: [SwingLimit<'static>; 0] = [
 ];
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
@@ -439,14 +439,14 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 ///
 /// 0 additions, 0 multiplications, 0 divisions, 0 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 6], qd_i: &[T; 6]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut qd = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut qd = [proto.splat(0.0); 6];
     let [d_q1, d_q2, d_q3, d_q4, d_q5, d_q6] = *qd_i;
     // A_e qd_e = -A_i qd_i (Eq. 8)
     {
         qd[0] = d_q1; qd[1] = d_q2; qd[2] = d_q3; qd[3] = d_q4; qd[4] = d_q5; qd[5] = d_q6;
     }
-    (qd, Condition::regular(like))
+    (qd, Condition::regular(proto))
 }
 
 /// All accelerations from the independent ones: A_e qdd_e = b - A_i qdd_i (Eq. 8).
@@ -458,15 +458,15 @@ pub fn velocities<T: Scalar>(q: &[T; 6], qd_i: &[T; 6]) -> ([T; 6], Condition<T>
 ///
 /// 0 additions, 0 multiplications, 0 divisions, 0 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd_i: &[T; 6]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut qdd = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut qdd = [proto.splat(0.0); 6];
     let [dd_q1, dd_q2, dd_q3, dd_q4, dd_q5, dd_q6] = *qdd_i;
     // A_e qdd_e = b - A_i qdd_i (Eq. 8)
     {
         qdd[0] = dd_q1; qdd[1] = dd_q2; qdd[2] = dd_q3; qdd[3] = dd_q4; qdd[4] = dd_q5; qdd[5] = dd_q6;
     }
     let _ = qd;
-    (qdd, Condition::regular(like))
+    (qdd, Condition::regular(proto))
 }
 
 /// The regressor K_i - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20).
@@ -478,7 +478,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd_i: &[T; 6]) -> ([T;
 ///
 /// 322 additions, 424 multiplications, 0 divisions, 5 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 60]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+    let zero = q[0].splat(0.0);
     w[0] = [zero; 6];
     w[1] = [zero; 6];
     w[2] = [zero; 6];
@@ -539,7 +539,7 @@ pub fn regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 60]) -> Condition<T> {
-    let like = q[0];
+    let proto = q[0];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -599,27 +599,27 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         let w_ixz_2_q1 = (-cos_q2).mul_add(t3_18, t3_16);
         let t3_19 = -w_ixz_2_q1;
         w[12][0] = t3_19;
-        let w_mx_2_q1 = like.lift(0.2435) * w_ixz_2_q1;
+        let w_mx_2_q1 = proto.splat(0.2435) * w_ixz_2_q1;
         w[16][0] = w_mx_2_q1;
         let t3_20 = t3_12 - t3_17;
         let w_iyz_2_q1 = sin_q2.mul_add(t3_20, t3_15);
         let t3_21 = t3_12 + t3_17;
         let t3_22 = -w_iyz_2_q1;
         w[14][0] = t3_22;
-        let w_my_2_q1 = like.lift(0.2435) * w_iyz_2_q1;
+        let w_my_2_q1 = proto.splat(0.2435) * w_iyz_2_q1;
         w[17][0] = w_my_2_q1;
         let t3_23 = d_q1 * d_q1;
-        let a_2z = like.lift(0.2435) * t3_23;
-        let t3_24 = like.lift(0.2435) * w_ixz_2_q2;
-        let a_2y = like.lift(-9.81).mul_add(cos_q2, t3_24);
+        let a_2z = proto.splat(0.2435) * t3_23;
+        let t3_24 = proto.splat(0.2435) * w_ixz_2_q2;
+        let a_2y = proto.splat(-9.81).mul_add(cos_q2, t3_24);
         w[16][1] = a_2y;
-        let t3_25 = like.lift(0.2435) * w_iyz_2_q2;
-        let a_2x = like.lift(9.81).mul_add(sin_q2, t3_25);
+        let t3_25 = proto.splat(0.2435) * w_iyz_2_q2;
+        let a_2x = proto.splat(9.81).mul_add(sin_q2, t3_25);
         w[17][1] = a_2x;
-        let t3_26 = like.lift(0.2435) * dd_q1;
+        let t3_26 = proto.splat(0.2435) * dd_q1;
         let w_mz_2_q1 = t3_26 + t3_26;
         w[18][0] = w_mz_2_q1;
-        let w_m_2_q1 = like.lift(0.2435) * t3_26;
+        let w_m_2_q1 = proto.splat(0.2435) * t3_26;
         w[19][0] = w_m_2_q1;
         [w_ixz_2_q2, w_iyz_2_q2, t3_6, t3_13, t3_21, t3_23, a_2z, a_2y, a_2x]
     };
@@ -628,21 +628,21 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         a_3z, sin_q2_q3, cos_q2_q3, t4_9, w_3y, w_3z, t4_12, w_3x, al_3y, t4_15, w_ixy_3_q2,
         t4_22, t4_23, t4_26, t4_27, a_3y, a_3x, t4_43,
     ] = {
-        let t4_1 = like.lift(-0.0934).mul_add(w_iyz_2_q2, a_2x);
-        let t4_2 = like.lift(0.4318).mul_add(t3_21, t4_1);
-        let t4_3 = like.lift(-0.0934).mul_add(t3_23, a_2z);
-        let a_3z = like.lift(0.4318).mul_add(t3_6, t4_3);
-        let t4_4 = like.lift(-0.0934).mul_add(w_ixz_2_q2, a_2y);
-        let t4_5 = like.lift(0.4318).mul_add(t3_13, t4_4);
-        let w_mz_3_q2 = like.lift(0.4318) * w_ixz_2_q2;
+        let t4_1 = proto.splat(-0.0934).mul_add(w_iyz_2_q2, a_2x);
+        let t4_2 = proto.splat(0.4318).mul_add(t3_21, t4_1);
+        let t4_3 = proto.splat(-0.0934).mul_add(t3_23, a_2z);
+        let a_3z = proto.splat(0.4318).mul_add(t3_6, t4_3);
+        let t4_4 = proto.splat(-0.0934).mul_add(w_ixz_2_q2, a_2y);
+        let t4_5 = proto.splat(0.4318).mul_add(t3_13, t4_4);
+        let w_mz_3_q2 = proto.splat(0.4318) * w_ixz_2_q2;
         w[28][1] = w_mz_3_q2;
-        let t4_6 = like.lift(0.4318) * t4_5;
+        let t4_6 = proto.splat(0.4318) * t4_5;
         w[29][1] = t4_6;
         let t4_7 = sin_q2 * cos_q3;
         let sin_q2_q3 = cos_q2.mul_add(sin_q3, t4_7);
         let t4_8 = cos_q2 * cos_q3;
         let cos_q2_q3 = (-sin_q2).mul_add(sin_q3, t4_8);
-        let t4_9 = like.lift(0.4318) * cos_q2;
+        let t4_9 = proto.splat(0.4318) * cos_q2;
         let w_3y = d_q1 * cos_q2_q3;
         let w_3z = d_q2 + d_q3;
         let t4_10 = w_3y * w_3z;
@@ -694,7 +694,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         w[24][0] = t4_32;
         let t4_33 = a_3z * cos_q2_q3;
         let t4_34 = t4_15.mul_add(t4_9, t4_33);
-        let w_mx_3_q1 = like.lift(-0.1501).mul_add(t4_28, t4_34);
+        let w_mx_3_q1 = proto.splat(-0.1501).mul_add(t4_28, t4_34);
         let t4_35 = -w_mx_3_q1;
         w[26][0] = t4_35;
         let t4_36 = cos_q3 * t4_5;
@@ -705,23 +705,23 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         w[27][2] = a_3x;
         let t4_38 = cos_q3 * t4_22;
         let t4_39 = (-sin_q3).mul_add(t4_26, t4_38);
-        let w_mx_3_q2 = like.lift(0.4318).mul_add(t4_39, a_3y);
+        let w_mx_3_q2 = proto.splat(0.4318).mul_add(t4_39, a_3y);
         w[26][1] = w_mx_3_q2;
         let t4_40 = a_3z * sin_q2_q3;
         let t4_41 = (-t4_12).mul_add(t4_9, t4_40);
-        let w_my_3_q1 = like.lift(-0.1501).mul_add(t4_31, t4_41);
+        let w_my_3_q1 = proto.splat(-0.1501).mul_add(t4_31, t4_41);
         w[27][0] = w_my_3_q1;
         let t4_42 = cos_q3 * t4_27;
         let t4_43 = sin_q3.mul_add(t4_23, t4_42);
-        let w_my_3_q2 = like.lift(-0.4318).mul_add(t4_43, a_3x);
+        let w_my_3_q2 = proto.splat(-0.4318).mul_add(t4_43, a_3x);
         w[27][1] = w_my_3_q2;
         let t4_44 = cos_q2_q3 * a_3x;
         let t4_45 = sin_q2_q3 * a_3y;
         let t4_46 = t4_45 + t4_44;
         let t4_47 = (-t3_23).mul_add(t4_9, t4_46);
-        let w_mz_3_q1 = like.lift(0.1501).mul_add(dd_q1, t4_47);
+        let w_mz_3_q1 = proto.splat(0.1501).mul_add(dd_q1, t4_47);
         w[28][0] = w_mz_3_q1;
-        let t4_48 = like.lift(0.1501) * t4_46;
+        let t4_48 = proto.splat(0.1501) * t4_46;
         let w_m_3_q1 = (-a_3z).mul_add(t4_9, t4_48);
         w[29][0] = w_m_3_q1;
         [
@@ -735,22 +735,22 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         t5_51, a_4y, u_4_q1x, u_4_q1y, t5_56, t5_61, u_4_q2x, u_4_q2y, a_4x, w_my_4_q1, t5_74,
         t5_75, w_m_4_q3, w_m_4_q1, w_m_4_q2,
     ] = {
-        let t5_1 = like.lift(-0.4331).mul_add(t4_12, a_3z);
-        let t5_2 = like.lift(-0.0203).mul_add(t4_15, t5_1);
-        let t5_3 = like.lift(0.4331).mul_add(t4_27, a_3y);
-        let a_4z = like.lift(-0.0203).mul_add(t4_22, t5_3);
+        let t5_1 = proto.splat(-0.4331).mul_add(t4_12, a_3z);
+        let t5_2 = proto.splat(-0.0203).mul_add(t4_15, t5_1);
+        let t5_3 = proto.splat(0.4331).mul_add(t4_27, a_3y);
+        let a_4z = proto.splat(-0.0203).mul_add(t4_22, t5_3);
         let w_4z = d_q4 + w_3y;
         let al_4z = dd_q4 - al_3y;
         w[35][3] = al_4z;
-        let t5_4 = like.lift(-0.4331).mul_add(t4_23, a_3x);
-        let t5_5 = like.lift(-0.0203).mul_add(t4_26, t5_4);
-        let t5_6 = like.lift(0.0203).mul_add(w_ixy_3_q2, t5_4);
-        let t5_7 = like.lift(-0.0203).mul_add(cos_q2_q3, t4_9);
-        let t5_8 = like.lift(0.4331).mul_add(sin_q2_q3, t5_7);
-        let arm0_4z = like.lift(0.4318).mul_add(sin_q3, like.lift(0.4331));
-        let u_4_q2z = like.lift(-0.4318).mul_add(cos_q3, like.lift(0.0203));
-        let w_mz_4_q3 = like.lift(-0.4331).mul_add(t4_23, t5_6);
-        let w_mz_4_q2 = like.lift(-0.4318).mul_add(t4_43, w_mz_4_q3);
+        let t5_4 = proto.splat(-0.4331).mul_add(t4_23, a_3x);
+        let t5_5 = proto.splat(-0.0203).mul_add(t4_26, t5_4);
+        let t5_6 = proto.splat(0.0203).mul_add(w_ixy_3_q2, t5_4);
+        let t5_7 = proto.splat(-0.0203).mul_add(cos_q2_q3, t4_9);
+        let t5_8 = proto.splat(0.4331).mul_add(sin_q2_q3, t5_7);
+        let arm0_4z = proto.splat(0.4318).mul_add(sin_q3, proto.splat(0.4331));
+        let u_4_q2z = proto.splat(-0.4318).mul_add(cos_q3, proto.splat(0.0203));
+        let w_mz_4_q3 = proto.splat(-0.4331).mul_add(t4_23, t5_6);
+        let w_mz_4_q2 = proto.splat(-0.4318).mul_add(t4_43, w_mz_4_q3);
         let t5_9 = -w_mz_4_q2;
         w[38][1] = t5_9;
         let t5_10 = -w_mz_4_q3;
@@ -838,12 +838,12 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         let t5_52 = sin_q4 * t5_5;
         let a_4y = (-cos_q4).mul_add(t5_2, t5_52);
         w[36][3] = a_4y;
-        let t5_53 = like.lift(0.1501) * cos_q2_q3;
+        let t5_53 = proto.splat(0.1501) * cos_q2_q3;
         let t5_54 = cos_q4 * t5_53;
         let u_4_q1x = (-sin_q4).mul_add(t5_8, t5_54);
         let t5_55 = cos_q4 * t5_8;
         let u_4_q1y = sin_q4.mul_add(t5_53, t5_55);
-        let t5_56 = like.lift(0.1501) * sin_q2_q3;
+        let t5_56 = proto.splat(0.1501) * sin_q2_q3;
         let t5_57 = sin_q2_q3 * t5_2;
         let t5_58 = (-t4_27).mul_add(t5_56, t5_57);
         let t5_59 = w_ixz_4_q4.mul_add(u_4_q1y, t5_58);
@@ -859,10 +859,10 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         w[36][0] = w_mx_4_q1;
         let t5_66 = cos_q4 * a_4z;
         let t5_67 = (-t5_27).mul_add(u_4_q2z, t5_66);
-        let t5_68 = like.lift(-0.0203).mul_add(t5_27, t5_66);
+        let t5_68 = proto.splat(-0.0203).mul_add(t5_27, t5_66);
         let w_mx_4_q2 = (-arm0_4z).mul_add(t5_46, t5_67);
         w[36][1] = w_mx_4_q2;
-        let w_mx_4_q3 = like.lift(-0.4331).mul_add(t5_46, t5_68);
+        let w_mx_4_q3 = proto.splat(-0.4331).mul_add(t5_46, t5_68);
         w[36][2] = w_mx_4_q3;
         let u_4_q2x = cos_q4 * arm0_4z;
         let u_4_q2y = sin_q4 * arm0_4z;
@@ -876,18 +876,18 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         w[37][0] = w_my_4_q1;
         let t5_73 = sin_q4 * a_4z;
         let t5_74 = (-t5_22).mul_add(u_4_q2z, t5_73);
-        let t5_75 = like.lift(-0.0203).mul_add(t5_22, t5_73);
+        let t5_75 = proto.splat(-0.0203).mul_add(t5_22, t5_73);
         let w_my_4_q2 = (-arm0_4z).mul_add(t5_51, t5_74);
         let t5_76 = -w_my_4_q2;
         w[37][1] = t5_76;
-        let w_my_4_q3 = like.lift(-0.4331).mul_add(t5_51, t5_75);
+        let w_my_4_q3 = proto.splat(-0.4331).mul_add(t5_51, t5_75);
         let t5_77 = -w_my_4_q3;
         w[37][2] = t5_77;
         let t5_78 = cos_q4 * a_4x;
         let t5_79 = sin_q4 * a_4y;
-        let t5_80 = like.lift(0.4331) * t5_79;
-        let t5_81 = like.lift(0.0203).mul_add(a_4z, t5_80);
-        let w_m_4_q3 = like.lift(0.4331).mul_add(t5_78, t5_81);
+        let t5_80 = proto.splat(0.4331) * t5_79;
+        let t5_81 = proto.splat(0.0203).mul_add(a_4z, t5_80);
+        let w_m_4_q3 = proto.splat(0.4331).mul_add(t5_78, t5_81);
         let t5_82 = -w_m_4_q3;
         w[39][2] = t5_82;
         let t5_83 = a_4y * u_4_q1y;
@@ -913,7 +913,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
     ] = {
         let w_mz_5_q2 = arm0_4z.mul_add(t5_51, -t5_74);
         w[48][1] = w_mz_5_q2;
-        let w_mz_5_q3 = like.lift(0.4331).mul_add(t5_51, -t5_75);
+        let w_mz_5_q3 = proto.splat(0.4331).mul_add(t5_51, -t5_75);
         w[48][2] = w_mz_5_q3;
         let w_mz_5_q4 = cos_q4.mul_add(t5_5, t5_61);
         w[48][3] = w_mz_5_q4;
@@ -988,7 +988,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         let w_ixx_5_q4 = w_iyy_5_q4 - t5_36;
         let t6_31 = -w_ixx_5_q4;
         w[40][3] = t6_31;
-        let t6_32 = like.lift(0.4331) * sin_q4;
+        let t6_32 = proto.splat(0.4331) * sin_q4;
         let t6_33 = w_5x * w_5x;
         let t6_34 = w_5y * w_5y;
         let w_ixy_5_q5 = t6_33 - t6_34;
@@ -1068,10 +1068,10 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         let t6_79 = (-t6_42).mul_add(u_5_q2y, t6_77);
         let w_mx_5_q2 = (-t6_55).mul_add(u_5_q2x, t6_79);
         w[46][1] = w_mx_5_q2;
-        let t6_80 = like.lift(0.4331) * cos_q4;
+        let t6_80 = proto.splat(0.4331) * cos_q4;
         let t6_81 = cos_q5 * t6_80;
-        let u_5_q3x = like.lift(-0.0203).mul_add(sin_q5, t6_81);
-        let t6_82 = like.lift(0.0203) * cos_q5;
+        let u_5_q3x = proto.splat(-0.0203).mul_add(sin_q5, t6_81);
+        let t6_82 = proto.splat(0.0203) * cos_q5;
         let u_5_q3y = sin_q5.mul_add(t6_80, t6_82);
         let t6_83 = (-t6_42).mul_add(u_5_q3y, t6_78);
         let w_mx_5_q3 = (-t6_55).mul_add(u_5_q3x, t6_83);
@@ -1344,7 +1344,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
         let t7_111 = -w_my_6_q3;
         w[57][2] = t7_111;
     }
-    Condition::regular(like)
+    Condition::regular(proto)
 }
 
 /// Inverse dynamics: the regressor times `phi`, without forming it.
@@ -1357,8 +1357,8 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &m
 ///
 /// 297 additions, 305 multiplications, 0 divisions, 5 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 6];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -1404,8 +1404,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         let t2_6 = d_q2 * d_q2;
         let t2_7 = t2_3 - t2_6;
         let t2_8 = d_q1 * d_q1;
-        let t2_9 = like.lift(0.2435) * w_ixz_2_q2;
-        let a_2y = like.lift(-9.81).mul_add(cos_q2, t2_9);
+        let t2_9 = proto.splat(0.2435) * w_ixz_2_q2;
+        let a_2y = proto.splat(-9.81).mul_add(cos_q2, t2_9);
         let t2_10 = sin_q2 * cos_q3;
         let sin_q2_q3 = cos_q2.mul_add(sin_q3, t2_10);
         let t2_11 = cos_q2 * cos_q3;
@@ -1426,18 +1426,18 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         let w_4z = d_q4 + w_3y;
         let t2_16 = w_3z * w_3z;
         let t2_17 = t2_15 - t2_16;
-        let t2_18 = like.lift(0.2435) - like.lift(0.0934);
+        let t2_18 = proto.splat(0.2435) - proto.splat(0.0934);
         let t2_19 = t2_8 * t2_18;
         let t2_20 = al_2y - t2_2;
-        let a_3z = like.lift(-0.4318).mul_add(t2_20, t2_19);
+        let a_3z = proto.splat(-0.4318).mul_add(t2_20, t2_19);
         let t2_21 = p_ixy_2 * t2_20;
         let t2_22 = al_2y * p_iyy_2;
-        let t2_23 = like.lift(9.81) * sin_q2;
-        let a_2x = like.lift(0.2435).mul_add(w_iyz_2_q2, t2_23);
+        let t2_23 = proto.splat(9.81) * sin_q2;
+        let a_2x = proto.splat(0.2435).mul_add(w_iyz_2_q2, t2_23);
         let t2_24 = t2_3 + t2_6;
         let w_ixy_2_q2 = t2_4 - t2_3;
-        let t2_25 = like.lift(-0.0934).mul_add(w_iyz_2_q2, a_2x);
-        let t2_26 = like.lift(0.4318).mul_add(t2_24, t2_25);
+        let t2_25 = proto.splat(-0.0934).mul_add(w_iyz_2_q2, a_2x);
+        let t2_26 = proto.splat(0.4318).mul_add(t2_24, t2_25);
         let t2_27 = dd_q2 + w_ixx_2_q2;
         let t2_28 = (-p_ixz_2).mul_add(t2_27, t2_21);
         let t2_29 = al_2x.mul_add(p_ixx_2, t2_28);
@@ -1445,8 +1445,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         let t2_31 = (-t2_1).mul_add(t2_5, t2_30);
         let t2_32 = al_2x + t2_1;
         let t2_33 = a_2y.mul_add(p_mz_2, t2_31);
-        let t2_34 = like.lift(-0.0934).mul_add(w_ixz_2_q2, a_2y);
-        let t2_35 = like.lift(0.4318).mul_add(t2_27, t2_34);
+        let t2_34 = proto.splat(-0.0934).mul_add(w_ixz_2_q2, a_2y);
+        let t2_35 = proto.splat(0.4318).mul_add(t2_27, t2_34);
         let t2_36 = cos_q3 * t2_35;
         let a_3y = sin_q3.mul_add(t2_26, t2_36);
         let t2_37 = cos_q3 * t2_26;
@@ -1488,18 +1488,18 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         let t2_62 = (-a_3y).mul_add(p_mx_3, t2_61);
         let t2_63 = t2_40 + t2_16;
         let t2_64 = t2_40 - t2_16;
-        let t2_65 = like.lift(0.4331).mul_add(t2_63, a_3y);
-        let a_4z = like.lift(-0.0203).mul_add(t2_52, t2_65);
-        let t2_66 = like.lift(-0.4331).mul_add(t2_42, a_3x);
-        let t2_67 = like.lift(-0.0203).mul_add(t2_60, t2_66);
+        let t2_65 = proto.splat(0.4331).mul_add(t2_63, a_3y);
+        let a_4z = proto.splat(-0.0203).mul_add(t2_52, t2_65);
+        let t2_66 = proto.splat(-0.4331).mul_add(t2_42, a_3x);
+        let t2_67 = proto.splat(-0.0203).mul_add(t2_60, t2_66);
         let t2_68 = t2_13 + al_3y;
         let t2_69 = (-p_ixy_3).mul_add(t2_68, t2_53);
         let t2_70 = (-t2_17).mul_add(p_iyz_3, t2_69);
         let t2_71 = (-t2_12).mul_add(t2_14, t2_70);
         let t2_72 = a_3y.mul_add(p_mz_3, t2_71);
         let t2_73 = a_3z.mul_add(p_my_3, t2_72);
-        let t2_74 = like.lift(-0.4331).mul_add(t2_43, a_3z);
-        let t2_75 = like.lift(-0.0203).mul_add(t2_68, t2_74);
+        let t2_74 = proto.splat(-0.4331).mul_add(t2_43, a_3z);
+        let t2_75 = proto.splat(-0.0203).mul_add(t2_68, t2_74);
         let t2_76 = sin_q4 * t2_67;
         let a_4y = (-cos_q4).mul_add(t2_75, t2_76);
         let t2_77 = sin_q4 * t2_75;
@@ -1727,7 +1727,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         let t3_71 = (-sin_q6).mul_add(t2_140, t3_70);
         let t3_72 = sin_q4 * t3_30;
         let t3_73 = (-cos_q4).mul_add(t3_71, t3_72);
-        let t3_74 = like.lift(-0.4331).mul_add(t3_73, t2_73);
+        let t3_74 = proto.splat(-0.4331).mul_add(t3_73, t2_73);
         let t3_75 = sin_q4.mul_add(t2_185, t3_74);
         let t3_76 = sin_q4 * t3_71;
         let t3_77 = (-cos_q4).mul_add(t3_50, t3_75);
@@ -1735,15 +1735,15 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         let t3_79 = a_3x.mul_add(p_m_3, t3_78);
         let t3_80 = w_iyz_3_q2.mul_add(p_mz_3, t3_79);
         let t3_81 = t2_42.mul_add(p_my_3, t3_80);
-        let t3_82 = like.lift(0.4331).mul_add(t3_78, t3_61);
+        let t3_82 = proto.splat(0.4331).mul_add(t3_78, t3_61);
         let t3_83 = t2_60.mul_add(p_mx_3, t3_81);
-        let t3_84 = like.lift(0.0203).mul_add(t3_56, t3_82);
-        let t3_85 = like.lift(0.0203).mul_add(t3_73, t3_41);
+        let t3_84 = proto.splat(0.0203).mul_add(t3_56, t3_82);
+        let t3_85 = proto.splat(0.0203).mul_add(t3_73, t3_41);
         let t3_86 = a_3z.mul_add(p_m_3, t3_73);
         let t3_87 = t2_8.mul_add(p_mz_3, t3_86);
         let t3_88 = t2_43.mul_add(p_my_3, t3_87);
         let t3_89 = t2_68.mul_add(p_mx_3, t3_88);
-        let t3_90 = like.lift(0.2435) * t2_8;
+        let t3_90 = proto.splat(0.2435) * t2_8;
         let t3_91 = p_my_2.mul_add(t3_90, t2_33);
         let t3_92 = -t3_84;
         tau[2] = t3_92;
@@ -1767,10 +1767,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         let t3_110 = a_2x.mul_add(p_mz_2, t3_109);
         let t3_111 = cos_q3.mul_add(t3_85, t3_110);
         let t3_112 = sin_q3.mul_add(t3_77, t3_111);
-        let t3_113 = like.lift(-0.4318).mul_add(t3_89, t3_112);
+        let t3_113 = proto.splat(-0.4318).mul_add(t3_89, t3_112);
         let t3_114 = sin_q3 * t3_83;
         let t3_115 = (-cos_q3).mul_add(t3_60, t3_114);
-        let t3_116 = like.lift(0.0934).mul_add(t3_115, t3_91);
+        let t3_116 = proto.splat(0.0934).mul_add(t3_115, t3_91);
         let t3_117 = (-sin_q3).mul_add(t3_85, t3_116);
         let t3_118 = sin_q3 * t3_60;
         let t3_119 = cos_q3.mul_add(t3_77, t3_117);
@@ -1778,24 +1778,24 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
         let t3_121 = a_2x.mul_add(p_m_2, t3_120);
         let t3_122 = w_iyz_2_q2.mul_add(p_mz_2, t3_121);
         let t3_123 = p_my_2.mul_add(t3_99, t3_122);
-        let t3_124 = like.lift(-0.0934).mul_add(t3_120, t3_113);
+        let t3_124 = proto.splat(-0.0934).mul_add(t3_120, t3_113);
         let t3_125 = t2_24.mul_add(p_mx_2, t3_123);
         let t3_126 = a_2y.mul_add(p_m_2, -t3_115);
         let t3_127 = w_ixz_2_q2.mul_add(p_mz_2, t3_126);
         let t3_128 = (-t3_106).mul_add(p_my_2, t3_127);
-        let t3_129 = like.lift(0.4318).mul_add(t3_115, t3_103);
+        let t3_129 = proto.splat(0.4318).mul_add(t3_115, t3_103);
         let t3_130 = t2_27.mul_add(p_mx_2, t3_128);
         let t3_131 = -t3_129;
         tau[1] = t3_131;
         let t3_132 = sin_q2 * t3_130;
         let t3_133 = cos_q2.mul_add(t3_125, t3_132);
         let t3_134 = dd_q1 * p_izz_1;
-        let t3_135 = like.lift(0.2435).mul_add(t3_133, t3_134);
+        let t3_135 = proto.splat(0.2435).mul_add(t3_133, t3_134);
         let t3_136 = cos_q2.mul_add(t3_124, t3_135);
         let t3_137 = sin_q2.mul_add(t3_119, t3_136);
         tau[0] = t3_137;
     }
-    (tau, Condition::regular(like))
+    (tau, Condition::regular(proto))
 }
 
 /// The efforts of gravity.
@@ -1806,8 +1806,8 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], phi: &
 ///
 /// 43 additions, 74 multiplications, 0 divisions, 5 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 6];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -1825,7 +1825,7 @@ pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
     ] = *phi;
     // tau
     {
-        let t2_1 = like.lift(0.0203) - like.lift(0.0203);
+        let t2_1 = proto.splat(0.0203) - proto.splat(0.0203);
         let t2_2 = -t2_1;
         tau[0] = t2_2;
         let t2_3 = sin_q2 * cos_q3;
@@ -1838,12 +1838,12 @@ pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
         let e_4_q1x = cos_q4 * sin_q2_q3;
         let t2_7 = cos_q5 * cos_q2_q3;
         let t2_8 = (-sin_q5).mul_add(e_4_q1x, t2_7);
-        let t2_9 = like.lift(9.81) * t2_8;
+        let t2_9 = proto.splat(9.81) * t2_8;
         let a_5y = -t2_9;
         let t2_10 = sin_q5 * cos_q2_q3;
         let t2_11 = cos_q5.mul_add(e_4_q1x, t2_10);
-        let a_5x = like.lift(9.81) * t2_11;
-        let t2_12 = like.lift(9.81) * e_4_q1y;
+        let a_5x = proto.splat(9.81) * t2_11;
+        let t2_12 = proto.splat(9.81) * e_4_q1y;
         let t2_13 = cos_q6 * t2_12;
         let a_6y = sin_q6.mul_add(a_5x, t2_13);
         let t2_14 = p_mz_6 * a_6y;
@@ -1869,17 +1869,17 @@ pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
         let t2_31 = e_4_q1y * p_mz_4;
         let t2_32 = (-cos_q2_q3).mul_add(p_my_4, t2_31);
         let t2_33 = sin_q5 * t2_22;
-        let t2_34 = like.lift(-9.81).mul_add(t2_32, t2_33);
+        let t2_34 = proto.splat(-9.81).mul_add(t2_32, t2_33);
         let t2_35 = cos_q5.mul_add(t2_30, t2_34);
         let t2_36 = cos_q2_q3 * p_mx_4;
         let t2_37 = e_4_q1x.mul_add(p_mz_4, t2_36);
-        let t2_38 = like.lift(9.81).mul_add(t2_37, -t2_26);
+        let t2_38 = proto.splat(9.81).mul_add(t2_37, -t2_26);
         let t2_39 = cos_q4 * t2_38;
         let t2_40 = p_m_6 + p_m_5;
-        let t2_41 = like.lift(9.81) * e_4_q1x;
+        let t2_41 = proto.splat(9.81) * e_4_q1x;
         let t2_42 = e_4_q1x * p_my_4;
         let t2_43 = e_4_q1y.mul_add(p_mx_4, t2_42);
-        let t2_44 = like.lift(9.81) * t2_43;
+        let t2_44 = proto.splat(9.81) * t2_43;
         let t2_45 = cos_q5.mul_add(t2_22, t2_44);
         let t2_46 = (-sin_q5).mul_add(t2_30, t2_45);
         tau[3] = t2_46;
@@ -1887,32 +1887,32 @@ pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
         let t2_48 = t2_40.mul_add(t2_41, t2_47);
         let t2_49 = e_4_q1y * p_m_4;
         let t2_50 = e_4_q1y.mul_add(p_m_5, t2_49);
-        let t2_51 = like.lift(9.81) * t2_50;
+        let t2_51 = proto.splat(9.81) * t2_50;
         let t2_52 = p_m_6.mul_add(t2_12, t2_51);
         let t2_53 = sin_q4 * t2_52;
         let t2_54 = cos_q4.mul_add(t2_48, t2_53);
-        let t2_55 = like.lift(9.81) * cos_q2_q3;
+        let t2_55 = proto.splat(9.81) * cos_q2_q3;
         let t2_56 = p_m_4 * t2_55;
         let t2_57 = t2_40.mul_add(t2_55, t2_56);
         let t2_58 = p_m_3.mul_add(t2_55, t2_57);
         let t2_59 = cos_q3 * t2_58;
         let t2_60 = sin_q2_q3 * p_my_3;
         let t2_61 = (-cos_q2_q3).mul_add(p_mx_3, t2_60);
-        let t2_62 = like.lift(-9.81).mul_add(t2_61, t2_39);
+        let t2_62 = proto.splat(-9.81).mul_add(t2_61, t2_39);
         let t2_63 = (-sin_q4).mul_add(t2_35, t2_62);
-        let t2_64 = like.lift(0.4331).mul_add(t2_54, t2_63);
-        let t2_65 = like.lift(-0.0203).mul_add(t2_57, t2_64);
-        let t2_66 = like.lift(9.81) * sin_q2_q3;
+        let t2_64 = proto.splat(0.4331).mul_add(t2_54, t2_63);
+        let t2_65 = proto.splat(-0.0203).mul_add(t2_57, t2_64);
+        let t2_66 = proto.splat(9.81) * sin_q2_q3;
         let t2_67 = p_m_3.mul_add(t2_66, t2_54);
         let t2_68 = sin_q3.mul_add(t2_67, t2_59);
-        let t2_69 = like.lift(-9.81).mul_add(t2_6, t2_65);
-        let t2_70 = like.lift(0.4318).mul_add(t2_68, t2_69);
+        let t2_69 = proto.splat(-9.81).mul_add(t2_6, t2_65);
+        let t2_70 = proto.splat(0.4318).mul_add(t2_68, t2_69);
         let t2_71 = -t2_70;
         tau[1] = t2_71;
         let t2_72 = -t2_65;
         tau[2] = t2_72;
     }
-    (tau, Condition::regular(like))
+    (tau, Condition::regular(proto))
 }
 
 /// Coriolis, centrifugal and friction efforts.
@@ -1924,8 +1924,8 @@ pub fn gravity<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
 ///
 /// 261 additions, 276 multiplications, 0 divisions, 5 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 6];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -1987,14 +1987,14 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
         let t2_18 = t2_16.mul_add(p_iyz_3, t2_17);
         let t2_19 = al_3x.mul_add(t2_13, t2_18);
         let t2_20 = t2_19 + t2_11;
-        let t2_21 = like.lift(0.2435) - like.lift(0.0934);
+        let t2_21 = proto.splat(0.2435) - proto.splat(0.0934);
         let t2_22 = t2_1 * t2_21;
-        let a_3z = like.lift(0.8636).mul_add(al_2y, t2_22);
+        let a_3z = proto.splat(0.8636).mul_add(al_2y, t2_22);
         let t2_23 = t2_4 + t2_7;
         let w_ixy_2_q2 = t2_3 - t2_4;
         let t2_24 = cos_q3 * w_ixx_2_q2;
         let t2_25 = sin_q3.mul_add(t2_23, t2_24);
-        let a_3y = like.lift(0.4318) * t2_25;
+        let a_3y = proto.splat(0.4318) * t2_25;
         let t2_26 = (-p_mz_3).mul_add(a_3y, t2_20);
         let t2_27 = (-p_my_3).mul_add(a_3z, t2_26);
         let t2_28 = cos_q4 * w_3x;
@@ -2010,7 +2010,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
         let w_5z = d_q5 + w_4y;
         let t2_35 = w_4z * w_4z;
         let t2_36 = t2_34 - t2_35;
-        let t2_37 = like.lift(2.0) * al_3x;
+        let t2_37 = proto.splat(2.0) * al_3x;
         let t2_38 = cos_q4 * t2_37;
         let t2_39 = sin_q4.mul_add(w_ixx_3_q2, t2_38);
         let t2_40 = cos_q4 * w_ixx_3_q2;
@@ -2018,19 +2018,19 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
         let al_4x = t2_32 - t2_39;
         let al_4y = t2_31 - t2_41;
         let t2_42 = t2_30 + t2_15;
-        let t2_43 = like.lift(-0.0203).mul_add(w_ixx_3_q2, a_3y);
-        let a_4z = like.lift(0.4331).mul_add(t2_42, t2_43);
+        let t2_43 = proto.splat(-0.0203).mul_add(w_ixx_3_q2, a_3y);
+        let a_4z = proto.splat(0.4331).mul_add(t2_42, t2_43);
         let t2_44 = sin_q3 * w_ixx_2_q2;
         let t2_45 = (-cos_q3).mul_add(t2_23, t2_44);
-        let t2_46 = like.lift(0.4318) * t2_45;
+        let t2_46 = proto.splat(0.4318) * t2_45;
         let a_3x = -t2_46;
         let t2_47 = t2_14 + t2_15;
         let t2_48 = t2_30 - t2_15;
         let w_ixy_3_q2 = t2_30 - t2_14;
-        let t2_49 = like.lift(0.4331).mul_add(w_ixx_3_q2, a_3x);
-        let t2_50 = like.lift(-0.0203).mul_add(t2_47, t2_49);
-        let t2_51 = like.lift(-0.8662).mul_add(al_3x, a_3z);
-        let t2_52 = like.lift(-0.0406).mul_add(al_3y, t2_51);
+        let t2_49 = proto.splat(0.4331).mul_add(w_ixx_3_q2, a_3x);
+        let t2_50 = proto.splat(-0.0203).mul_add(t2_47, t2_49);
+        let t2_51 = proto.splat(-0.8662).mul_add(al_3x, a_3z);
+        let t2_52 = proto.splat(-0.0406).mul_add(al_3y, t2_51);
         let t2_53 = sin_q4 * t2_50;
         let a_4y = (-cos_q4).mul_add(t2_52, t2_53);
         let t2_54 = sin_q4 * t2_52;
@@ -2248,7 +2248,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
         let t3_30 = (-cos_q4).mul_add(t3_28, t3_29);
         let t3_31 = sin_q4 * t3_28;
         let t3_32 = cos_q4.mul_add(t3_7, t3_31);
-        let t3_33 = like.lift(0.4331).mul_add(t3_30, t2_27);
+        let t3_33 = proto.splat(0.4331).mul_add(t3_30, t2_27);
         let t3_34 = (-sin_q4).mul_add(t2_190, t3_33);
         let t3_35 = cos_q4.mul_add(t2_160, t3_34);
         let t3_36 = al_3x * p_ixy_3;
@@ -2264,24 +2264,24 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
         let t3_46 = (-w_ixy_3_q2).mul_add(p_ixy_3, t3_45);
         let t3_47 = (-p_mx_3).mul_add(a_3z, t3_44);
         let t3_48 = p_mz_3.mul_add(a_3x, t3_47);
-        let t3_49 = like.lift(0.0203).mul_add(t3_30, t3_48);
+        let t3_49 = proto.splat(0.0203).mul_add(t3_30, t3_48);
         let t3_50 = t3_49 - t3_17;
         let t3_51 = p_m_3.mul_add(a_3z, t3_30);
         let t3_52 = t2_1.mul_add(p_mz_3, t3_51);
-        let t3_53 = like.lift(2.0).mul_add(t3_38, t3_52);
-        let t3_54 = like.lift(0.2435) * t2_1;
+        let t3_53 = proto.splat(2.0).mul_add(t3_38, t3_52);
+        let t3_54 = proto.splat(0.2435) * t2_1;
         let t3_55 = (-p_my_3).mul_add(a_3x, t3_46);
         let t3_56 = (-p_mx_3).mul_add(a_3y, t3_55);
         let t3_57 = (-cos_q4).mul_add(t2_190, t3_56);
         let t3_58 = (-sin_q4).mul_add(t2_160, t3_57);
         let t3_59 = p_m_3.mul_add(a_3x, t3_32);
-        let t3_60 = like.lift(0.4331).mul_add(t3_32, t3_58);
+        let t3_60 = proto.splat(0.4331).mul_add(t3_32, t3_58);
         let t3_61 = (-w_ixx_3_q2).mul_add(p_my_3, t3_59);
         let t3_62 = t2_47.mul_add(p_mx_3, t3_61);
         let t3_63 = p_m_3.mul_add(a_3y, t2_204);
         let t3_64 = w_ixx_3_q2.mul_add(p_mx_3, t3_63);
         let t3_65 = (-t2_42).mul_add(p_my_3, t3_64);
-        let t3_66 = like.lift(0.0203).mul_add(t2_204, t3_60);
+        let t3_66 = proto.splat(0.0203).mul_add(t2_204, t3_60);
         let t3_67 = (-w_ixy_2_q2).mul_add(p_ixy_2, t3_66);
         let t3_68 = -t3_66;
         tau[2] = t3_68;
@@ -2297,7 +2297,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
         let t3_78 = (-t2_8).mul_add(p_iyz_2, t3_77);
         let t3_79 = (-al_2x).mul_add(t2_6, t3_78);
         let t3_80 = t3_79 - t2_2;
-        let t3_81 = like.lift(0.0934).mul_add(t3_70, t3_80);
+        let t3_81 = proto.splat(0.0934).mul_add(t3_70, t3_80);
         let t3_82 = (-sin_q3).mul_add(t3_50, t3_81);
         let t3_83 = (-cos_q3).mul_add(t3_35, t3_82);
         let t3_84 = al_2x * p_ixy_2;
@@ -2309,24 +2309,24 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
         let t3_90 = (-w_ixx_2_q2).mul_add(p_mx_2, t3_70);
         let t3_91 = t3_89.mul_add(p_my_2, t3_90);
         let t3_92 = (-sin_q2).mul_add(t3_91, t3_75);
-        let t3_93 = like.lift(0.2435) * t3_92;
+        let t3_93 = proto.splat(0.2435) * t3_92;
         let t3_94 = p_ixx_2 - p_iyy_2;
         let t3_95 = w_ixx_2_q2.mul_add(t3_94, t3_67);
-        let t3_96 = like.lift(0.4318).mul_add(t3_70, t3_95);
+        let t3_96 = proto.splat(0.4318).mul_add(t3_70, t3_95);
         let t3_97 = t3_94 - p_izz_2;
         let t3_98 = (-al_2y).mul_add(t3_97, t3_88);
         let t3_99 = t3_98 - t3_84;
         let t3_100 = (-cos_q3).mul_add(t3_50, t3_99);
         let t3_101 = sin_q3.mul_add(t3_35, t3_100);
-        let t3_102 = like.lift(0.4318).mul_add(t3_53, t3_101);
-        let t3_103 = like.lift(0.0934).mul_add(t3_72, t3_102);
+        let t3_102 = proto.splat(0.4318).mul_add(t3_53, t3_101);
+        let t3_103 = proto.splat(0.0934).mul_add(t3_72, t3_102);
         let t3_104 = (-cos_q2).mul_add(t3_103, t3_93);
         let t3_105 = sin_q2.mul_add(t3_83, t3_104);
         tau[0] = t3_105;
         let t3_106 = -t3_96;
         tau[1] = t3_106;
     }
-    (tau, Condition::regular(like))
+    (tau, Condition::regular(proto))
 }
 
 /// The mass matrix over the independent coordinates.
@@ -2337,8 +2337,8 @@ pub fn bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], phi: &[T; 60]) -> ([T; 6]
 ///
 /// 174 additions, 192 multiplications, 0 divisions, 5 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 6]; 6];
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 6]; 6];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6, sin_q3, cos_q3] = {
@@ -2378,7 +2378,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_16 = cos_q4 * t2_9;
         let t2_17 = (-sin_q4).mul_add(t2_13, t2_16);
         let t2_18 = p_mz_3 + t2_15;
-        let t2_19 = like.lift(0.0934) * t2_18;
+        let t2_19 = proto.splat(0.0934) * t2_18;
         let t2_20 = sin_q6 * p_ixy_6;
         let t2_21 = cos_q6.mul_add(p_ixx_6, -t2_20);
         let t2_22 = cos_q6.mul_add(p_iyy_6, t2_20);
@@ -2423,36 +2423,36 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_57 = cos_q4 * t2_47;
         let t2_58 = (-sin_q4).mul_add(t2_56, t2_57);
         let t2_59 = cos_q4 * t2_56;
-        let t2_60 = like.lift(-0.4331).mul_add(t2_15, t2_59);
+        let t2_60 = proto.splat(-0.4331).mul_add(t2_15, t2_59);
         let t2_61 = sin_q4.mul_add(t2_47, t2_60);
         m[2][3] = t2_61; m[3][2] = t2_61;
         let t2_62 = sin_q3 * t2_15;
-        let t2_63 = like.lift(-0.4318).mul_add(t2_62, t2_61);
+        let t2_63 = proto.splat(-0.4318).mul_add(t2_62, t2_61);
         m[1][3] = t2_63; m[3][1] = t2_63;
         let t2_64 = p_iyz_3 - t2_61;
         let t2_65 = p_mz_4 - t2_8;
         let t2_66 = p_m_4 + p_m_5;
         let t2_67 = t2_66 + p_m_6;
-        let t2_68 = like.lift(0.4331).mul_add(t2_67, t2_65);
-        let t2_69 = like.lift(0.4331) * t2_65;
-        let t2_70 = like.lift(0.4331) * t2_17;
+        let t2_68 = proto.splat(0.4331).mul_add(t2_67, t2_65);
+        let t2_69 = proto.splat(0.4331) * t2_65;
+        let t2_70 = proto.splat(0.4331) * t2_17;
         let t2_71 = p_ixy_3 - t2_58;
-        let t2_72 = like.lift(-0.0203).mul_add(t2_68, t2_71);
+        let t2_72 = proto.splat(-0.0203).mul_add(t2_68, t2_71);
         let t2_73 = t2_72 + t2_70;
         let t2_74 = t2_58 - t2_70;
         let t2_75 = cos_q3 * t2_73;
         let t2_76 = sin_q3 * t2_73;
-        let t2_77 = like.lift(-0.0203).mul_add(t2_67, t2_17);
+        let t2_77 = proto.splat(-0.0203).mul_add(t2_67, t2_17);
         let t2_78 = p_m_3 + t2_67;
-        let t2_79 = like.lift(-0.0934).mul_add(t2_78, t2_18);
-        let t2_80 = like.lift(0.0203) * t2_77;
+        let t2_79 = proto.splat(-0.0934).mul_add(t2_78, t2_18);
+        let t2_80 = proto.splat(0.0203) * t2_77;
         let t2_81 = p_mx_3 + t2_77;
-        let t2_82 = like.lift(0.0203) * t2_17;
+        let t2_82 = proto.splat(0.0203) * t2_17;
         let t2_83 = t2_45 + p_iyy_3;
         let t2_84 = t2_83 - t2_80;
         let t2_85 = t2_84 - t2_82;
         let t2_86 = t2_45 - t2_82;
-        let t2_87 = like.lift(-0.0934).mul_add(t2_15, t2_86);
+        let t2_87 = proto.splat(-0.0934).mul_add(t2_15, t2_86);
         let t2_88 = (-sin_q3).mul_add(t2_85, t2_75);
         let t2_89 = cos_q3.mul_add(t2_85, t2_76);
         let t2_90 = cos_q3.mul_add(t2_89, p_iyy_2);
@@ -2467,7 +2467,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_99 = cos_q4.mul_add(t2_98, p_izz_3);
         let t2_100 = sin_q4.mul_add(t2_96, t2_99);
         let t2_101 = t2_100 - t2_80;
-        let t2_102 = like.lift(0.4331) * t2_68;
+        let t2_102 = proto.splat(0.4331) * t2_68;
         let t2_103 = t2_101 + t2_102;
         let t2_104 = t2_103 - t2_82;
         let t2_105 = p_my_3 - t2_68;
@@ -2480,10 +2480,10 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_111 = sin_q3.mul_add(t2_110, t2_75);
         let t2_112 = cos_q3.mul_add(t2_110, -t2_76);
         let t2_113 = sin_q3.mul_add(t2_111, t2_90);
-        let t2_114 = like.lift(0.0203).mul_add(t2_15, p_ixz_3);
+        let t2_114 = proto.splat(0.0203).mul_add(t2_15, p_ixz_3);
         let t2_115 = cos_q4.mul_add(t2_95, t2_114);
         let t2_116 = sin_q4.mul_add(t2_97, t2_115);
-        let t2_117 = like.lift(0.0934) * t2_79;
+        let t2_117 = proto.splat(0.0934) * t2_79;
         let t2_118 = p_ixx_2 - t2_19;
         let t2_119 = (-sin_q3).mul_add(t2_88, t2_118);
         let t2_120 = cos_q3.mul_add(t2_112, t2_119);
@@ -2492,17 +2492,17 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_123 = sin_q3.mul_add(t2_81, t2_122);
         let t2_124 = cos_q3 * t2_81;
         let t2_125 = (-sin_q3).mul_add(t2_105, t2_124);
-        let t2_126 = like.lift(-0.4318).mul_add(t2_123, p_ixy_2);
+        let t2_126 = proto.splat(-0.4318).mul_add(t2_123, p_ixy_2);
         let t2_127 = cos_q3.mul_add(t2_88, t2_126);
         let t2_128 = sin_q3.mul_add(t2_112, t2_127);
         let t2_129 = cos_q2 * t2_128;
         let t2_130 = sin_q2.mul_add(t2_121, t2_129);
-        let t2_131 = like.lift(0.4318).mul_add(t2_78, t2_125);
+        let t2_131 = proto.splat(0.4318).mul_add(t2_78, t2_125);
         let t2_132 = p_m_2 + t2_78;
-        let t2_133 = like.lift(0.4318) * t2_125;
+        let t2_133 = proto.splat(0.4318) * t2_125;
         let t2_134 = t2_106 + t2_133;
         m[1][2] = t2_134; m[2][1] = t2_134;
-        let t2_135 = like.lift(0.4318).mul_add(t2_131, t2_133);
+        let t2_135 = proto.splat(0.4318).mul_add(t2_131, t2_133);
         let t2_136 = t2_135 - t2_117;
         let t2_137 = t2_136 - t2_19;
         let t2_138 = p_izz_2 + t2_106;
@@ -2515,18 +2515,18 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_144 = sin_q2.mul_add(t2_130, t2_143);
         let t2_145 = p_mx_2 + t2_131;
         let t2_146 = p_mz_2 + t2_79;
-        let t2_147 = like.lift(0.2435).mul_add(t2_132, t2_146);
+        let t2_147 = proto.splat(0.2435).mul_add(t2_132, t2_146);
         let t2_148 = t2_146 + t2_147;
-        let t2_149 = like.lift(0.2435).mul_add(t2_148, t2_144);
+        let t2_149 = proto.splat(0.2435).mul_add(t2_148, t2_144);
         m[0][0] = t2_149;
         let t2_150 = cos_q3 * t2_116;
         let t2_151 = (-sin_q3).mul_add(t2_64, t2_150);
         let t2_152 = p_ixz_2 + t2_151;
-        let t2_153 = like.lift(-0.4318).mul_add(t2_79, t2_152);
-        let t2_154 = like.lift(0.0934) * t2_123;
+        let t2_153 = proto.splat(-0.4318).mul_add(t2_79, t2_152);
+        let t2_154 = proto.splat(0.0934) * t2_123;
         let t2_155 = cos_q3.mul_add(t2_64, t2_154);
         let t2_156 = sin_q3.mul_add(t2_116, t2_155);
-        let t2_157 = like.lift(0.0934) * t2_125;
+        let t2_157 = proto.splat(0.0934) * t2_125;
         let t2_158 = t2_153 + t2_157;
         let t2_159 = t2_151 + t2_157;
         let t2_160 = sin_q2 * t2_125;
@@ -2535,13 +2535,13 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_163 = cos_q2 * t2_162;
         let t2_164 = sin_q2.mul_add(t2_145, t2_163);
         let t2_165 = cos_q2 * t2_156;
-        let t2_166 = like.lift(-0.2435).mul_add(t2_161, t2_165);
+        let t2_166 = proto.splat(-0.2435).mul_add(t2_161, t2_165);
         let t2_167 = sin_q2.mul_add(t2_159, t2_166);
         let t2_168 = -t2_167;
         m[0][2] = t2_168; m[2][0] = t2_168;
         let t2_169 = p_iyz_2 + t2_156;
         let t2_170 = cos_q2 * t2_169;
-        let t2_171 = like.lift(-0.2435).mul_add(t2_164, t2_170);
+        let t2_171 = proto.splat(-0.2435).mul_add(t2_164, t2_170);
         let t2_172 = sin_q2.mul_add(t2_158, t2_171);
         let t2_173 = -t2_172;
         m[0][1] = t2_173; m[1][0] = t2_173;
@@ -2549,43 +2549,43 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_175 = cos_q3.mul_add(t2_74, t2_174);
         let t2_176 = sin_q3 * t2_74;
         let t2_177 = (-cos_q3).mul_add(t2_87, t2_176);
-        let t2_178 = like.lift(-0.4318).mul_add(t2_17, t2_177);
+        let t2_178 = proto.splat(-0.4318).mul_add(t2_17, t2_177);
         let t2_179 = cos_q2 * t2_178;
         let t2_180 = cos_q2 * cos_q3;
         let cos_q2_q3 = (-sin_q2).mul_add(sin_q3, t2_180);
-        let t2_181 = like.lift(0.2435) * cos_q2_q3;
+        let t2_181 = proto.splat(0.2435) * cos_q2_q3;
         let t2_182 = (-t2_181).mul_add(t2_15, t2_179);
         let t2_183 = sin_q2.mul_add(t2_175, t2_182);
         let t2_184 = -t2_183;
         m[0][3] = t2_184; m[3][0] = t2_184;
         let t2_185 = sin_q4 * t2_8;
-        let t2_186 = like.lift(-0.0203).mul_add(t2_185, t2_52);
+        let t2_186 = proto.splat(-0.0203).mul_add(t2_185, t2_52);
         let t2_187 = cos_q4 * t2_8;
-        let t2_188 = like.lift(0.4331) * t2_185;
+        let t2_188 = proto.splat(0.4331) * t2_185;
         let t2_189 = (-sin_q4).mul_add(t2_26, t2_188);
         let t2_190 = cos_q4.mul_add(t2_54, t2_189);
         let t2_191 = cos_q4 * t2_26;
         let t2_192 = sin_q4.mul_add(t2_54, t2_191);
-        let t2_193 = like.lift(-0.4331).mul_add(t2_187, t2_192);
-        let t2_194 = like.lift(-0.0203).mul_add(t2_6, t2_193);
+        let t2_193 = proto.splat(-0.4331).mul_add(t2_187, t2_192);
+        let t2_194 = proto.splat(-0.0203).mul_add(t2_6, t2_193);
         m[2][4] = t2_194; m[4][2] = t2_194;
         let t2_195 = sin_q3 * t2_187;
         let t2_196 = (-cos_q3).mul_add(t2_6, t2_195);
-        let t2_197 = like.lift(-0.4318).mul_add(t2_196, t2_194);
+        let t2_197 = proto.splat(-0.4318).mul_add(t2_196, t2_194);
         m[1][4] = t2_197; m[4][1] = t2_197;
         let t2_198 = sin_q3 * t2_6;
         let t2_199 = cos_q3.mul_add(t2_187, t2_198);
         let t2_200 = cos_q3 * t2_190;
-        let t2_201 = like.lift(-0.0934).mul_add(t2_196, t2_200);
+        let t2_201 = proto.splat(-0.0934).mul_add(t2_196, t2_200);
         let t2_202 = (-sin_q3).mul_add(t2_186, t2_201);
         let t2_203 = cos_q3 * t2_186;
         let t2_204 = sin_q3.mul_add(t2_190, t2_203);
-        let t2_205 = like.lift(0.4318).mul_add(t2_185, t2_204);
-        let t2_206 = like.lift(0.0934).mul_add(t2_199, t2_205);
+        let t2_205 = proto.splat(0.4318).mul_add(t2_185, t2_204);
+        let t2_206 = proto.splat(0.0934).mul_add(t2_199, t2_205);
         let t2_207 = cos_q2 * t2_199;
         let t2_208 = (-sin_q2).mul_add(t2_196, t2_207);
         let t2_209 = cos_q2 * t2_206;
-        let t2_210 = like.lift(-0.2435).mul_add(t2_208, t2_209);
+        let t2_210 = proto.splat(-0.2435).mul_add(t2_208, t2_209);
         let t2_211 = sin_q2.mul_add(t2_202, t2_210);
         let t2_212 = -t2_211;
         m[0][4] = t2_212; m[4][0] = t2_212;
@@ -2601,37 +2601,37 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
         let t2_221 = (-cos_q4).mul_add(t2_2, t2_220);
         let t2_222 = sin_q4 * t2_2;
         let t2_223 = cos_q4.mul_add(t2_217, t2_222);
-        let t2_224 = like.lift(-0.0203).mul_add(t2_221, t2_216);
-        let t2_225 = like.lift(0.4331) * t2_221;
+        let t2_224 = proto.splat(-0.0203).mul_add(t2_221, t2_216);
+        let t2_225 = proto.splat(0.4331) * t2_221;
         let t2_226 = (-sin_q4).mul_add(t2_35, t2_225);
         let t2_227 = cos_q4 * t2_35;
         let t2_228 = cos_q4.mul_add(t2_214, t2_226);
         let t2_229 = sin_q4.mul_add(t2_214, t2_227);
-        let t2_230 = like.lift(-0.4331).mul_add(t2_223, t2_229);
-        let t2_231 = like.lift(0.0203).mul_add(t2_218, t2_230);
+        let t2_230 = proto.splat(-0.4331).mul_add(t2_223, t2_229);
+        let t2_231 = proto.splat(0.0203).mul_add(t2_218, t2_230);
         m[2][5] = t2_231; m[5][2] = t2_231;
         let t2_232 = cos_q3 * t2_218;
         let t2_233 = sin_q3.mul_add(t2_223, t2_232);
-        let t2_234 = like.lift(-0.4318).mul_add(t2_233, t2_231);
+        let t2_234 = proto.splat(-0.4318).mul_add(t2_233, t2_231);
         m[1][5] = t2_234; m[5][1] = t2_234;
         let t2_235 = cos_q3 * t2_223;
         let t2_236 = (-sin_q3).mul_add(t2_218, t2_235);
         let t2_237 = cos_q3 * t2_228;
         let t2_238 = cos_q3 * t2_224;
         let t2_239 = sin_q3.mul_add(t2_228, t2_238);
-        let t2_240 = like.lift(-0.0934).mul_add(t2_233, t2_237);
+        let t2_240 = proto.splat(-0.0934).mul_add(t2_233, t2_237);
         let t2_241 = (-sin_q3).mul_add(t2_224, t2_240);
-        let t2_242 = like.lift(0.4318).mul_add(t2_221, t2_239);
-        let t2_243 = like.lift(0.0934).mul_add(t2_236, t2_242);
+        let t2_242 = proto.splat(0.4318).mul_add(t2_221, t2_239);
+        let t2_243 = proto.splat(0.0934).mul_add(t2_236, t2_242);
         let t2_244 = cos_q2 * t2_236;
         let t2_245 = (-sin_q2).mul_add(t2_233, t2_244);
         let t2_246 = cos_q2 * t2_243;
-        let t2_247 = like.lift(-0.2435).mul_add(t2_245, t2_246);
+        let t2_247 = proto.splat(-0.2435).mul_add(t2_245, t2_246);
         let t2_248 = sin_q2.mul_add(t2_241, t2_247);
         let t2_249 = -t2_248;
         m[0][5] = t2_249; m[5][0] = t2_249;
     }
-    (m, Condition::regular(like))
+    (m, Condition::regular(proto))
 }
 
 /// The regressor Y(q, qd, qd_r, qdd_r) of passivity-based adaptive control (Slotine and Li, 1987).
@@ -2643,8 +2643,8 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 6], phi: &[T; 60]) -> ([[T; 6]; 6], Condit
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
 /// 344 additions, 455 multiplications, 0 divisions, 5 sines and cosines.
-pub fn slotine_li<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T; 6], y: &mut [[T; 6]; 60]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+pub fn adaptive_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T; 6], y: &mut [[T; 6]; 60]) -> Condition<T> {
+    let zero = q[0].splat(0.0);
     y[0] = [zero; 6];
     y[1] = [zero; 6];
     y[2] = [zero; 6];
@@ -2697,15 +2697,15 @@ pub fn slotine_li<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T;
     y[49][3] = zero; y[49][4] = zero; y[49][5] = zero;
     y[58][5] = zero;
     y[59][3] = zero; y[59][4] = zero; y[59][5] = zero;
-    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+    adaptive_regressor_entries(q, qd, qd_r, qdd_r, y)
 }
 
-/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+/// The entries of [`adaptive_regressor`] that are not zero at every state; the others are left as they are.
 ///
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
-pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T; 6], y: &mut [[T; 6]; 60]) -> Condition<T> {
-    let like = q[0];
+pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd_r: &[T; 6], y: &mut [[T; 6]; 60]) -> Condition<T> {
+    let proto = q[0];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -2768,31 +2768,31 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let w_ixz_2_q1 = (-cos_q2).mul_add(t3_22, t3_20);
         let t3_23 = -w_ixz_2_q1;
         y[12][0] = t3_23;
-        let w_mx_2_q1 = like.lift(0.2435) * w_ixz_2_q1;
+        let w_mx_2_q1 = proto.splat(0.2435) * w_ixz_2_q1;
         y[16][0] = w_mx_2_q1;
         let t3_24 = t3_6 - t3_21;
         let w_iyz_2_q1 = sin_q2.mul_add(t3_24, t3_19);
         let t3_25 = t3_6 + t3_21;
         let t3_26 = -w_iyz_2_q1;
         y[14][0] = t3_26;
-        let w_my_2_q1 = like.lift(0.2435) * w_iyz_2_q1;
+        let w_my_2_q1 = proto.splat(0.2435) * w_iyz_2_q1;
         y[17][0] = w_my_2_q1;
-        let w_izz_2_q1 = like.lift(0.0203) - like.lift(0.0203);
+        let w_izz_2_q1 = proto.splat(0.0203) - proto.splat(0.0203);
         let t3_27 = -w_izz_2_q1;
         y[15][0] = t3_27;
         let t3_28 = d_q1 * r_q1;
-        let a_2z = like.lift(0.2435) * t3_28;
-        let t3_29 = like.lift(0.2435) * w_ixz_2_q2;
-        let a_2y = like.lift(9.81).mul_add(cos_q2, -t3_29);
+        let a_2z = proto.splat(0.2435) * t3_28;
+        let t3_29 = proto.splat(0.2435) * w_ixz_2_q2;
+        let a_2y = proto.splat(9.81).mul_add(cos_q2, -t3_29);
         let t3_30 = -a_2y;
         y[16][1] = t3_30;
-        let t3_31 = like.lift(0.2435) * w_iyz_2_q2;
-        let a_2x = like.lift(9.81).mul_add(sin_q2, t3_31);
+        let t3_31 = proto.splat(0.2435) * w_iyz_2_q2;
+        let a_2x = proto.splat(9.81).mul_add(sin_q2, t3_31);
         y[17][1] = a_2x;
-        let t3_32 = like.lift(-0.2435) * dr_q1;
-        let w_mz_2_q1 = like.lift(0.2435).mul_add(dr_q1, -t3_32);
+        let t3_32 = proto.splat(-0.2435) * dr_q1;
+        let w_mz_2_q1 = proto.splat(0.2435).mul_add(dr_q1, -t3_32);
         y[18][0] = w_mz_2_q1;
-        let t3_33 = like.lift(0.2435) * t3_32;
+        let t3_33 = proto.splat(0.2435) * t3_32;
         let w_m_2_q1 = -t3_33;
         y[19][0] = w_m_2_q1;
         [w_ixz_2_q2, w_iyz_2_q2, t3_12, t3_17, t3_25, w_izz_2_q1, t3_28, a_2z, a_2y, a_2x]
@@ -2802,24 +2802,24 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         a_3z, sin_q2_q3, cos_q2_q3, t4_10, w_3y, t4_11, w_3z, t4_12, t4_15, w_3x, t4_17, t4_21,
         al_3y, t4_23, w_ixy_3_q2, t4_30, t4_31, t4_34, t4_35, a_3y, a_3x, t4_51,
     ] = {
-        let t4_1 = like.lift(-0.0934).mul_add(w_iyz_2_q2, a_2x);
-        let t4_2 = like.lift(0.4318).mul_add(t3_25, t4_1);
-        let t4_3 = like.lift(-0.0934).mul_add(t3_28, a_2z);
-        let a_3z = like.lift(0.4318).mul_add(t3_12, t4_3);
-        let t4_4 = like.lift(0.0934).mul_add(w_ixz_2_q2, a_2y);
-        let t4_5 = like.lift(-0.4318).mul_add(t3_17, t4_4);
-        let w_mz_3_q2 = like.lift(0.4318) * w_ixz_2_q2;
+        let t4_1 = proto.splat(-0.0934).mul_add(w_iyz_2_q2, a_2x);
+        let t4_2 = proto.splat(0.4318).mul_add(t3_25, t4_1);
+        let t4_3 = proto.splat(-0.0934).mul_add(t3_28, a_2z);
+        let a_3z = proto.splat(0.4318).mul_add(t3_12, t4_3);
+        let t4_4 = proto.splat(0.0934).mul_add(w_ixz_2_q2, a_2y);
+        let t4_5 = proto.splat(-0.4318).mul_add(t3_17, t4_4);
+        let w_mz_3_q2 = proto.splat(0.4318) * w_ixz_2_q2;
         y[28][1] = w_mz_3_q2;
-        let t4_6 = like.lift(-0.4318) * t4_5;
+        let t4_6 = proto.splat(-0.4318) * t4_5;
         y[29][1] = t4_6;
-        let w_izz_3_q1 = like.lift(0.0203) - like.lift(0.0203);
+        let w_izz_3_q1 = proto.splat(0.0203) - proto.splat(0.0203);
         let t4_7 = -w_izz_3_q1;
         y[25][0] = t4_7;
         let t4_8 = sin_q2 * cos_q3;
         let sin_q2_q3 = cos_q2.mul_add(sin_q3, t4_8);
         let t4_9 = cos_q2 * cos_q3;
         let cos_q2_q3 = (-sin_q2).mul_add(sin_q3, t4_9);
-        let t4_10 = like.lift(0.4318) * cos_q2;
+        let t4_10 = proto.splat(0.4318) * cos_q2;
         let w_3y = d_q1 * cos_q2_q3;
         let t4_11 = r_q2 + r_q3;
         let w_3z = d_q2 + d_q3;
@@ -2834,8 +2834,8 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let t4_17 = sin_q2_q3 * r_q1;
         let t4_18 = w_3z * t4_17;
         let t4_19 = w_3x.mul_add(t4_11, t4_18);
-        let t4_20 = like.lift(0.5) * t4_19;
-        let t4_21 = like.lift(0.5) * cos_q2_q3;
+        let t4_20 = proto.splat(0.5) * t4_19;
+        let t4_21 = proto.splat(0.5) * cos_q2_q3;
         let w_iyz_3_q2 = cos_q2_q3 * dr_q1;
         let t4_22 = -w_iyz_3_q2;
         y[24][1] = t4_22; y[24][2] = t4_22;
@@ -2877,7 +2877,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         y[24][0] = t4_40;
         let t4_41 = cos_q2_q3 * a_3z;
         let t4_42 = t4_23.mul_add(t4_10, t4_41);
-        let w_mx_3_q1 = like.lift(-0.1501).mul_add(t4_36, t4_42);
+        let w_mx_3_q1 = proto.splat(-0.1501).mul_add(t4_36, t4_42);
         let t4_43 = -w_mx_3_q1;
         y[26][0] = t4_43;
         let t4_44 = sin_q3 * t4_2;
@@ -2888,23 +2888,23 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         y[27][2] = a_3x;
         let t4_46 = cos_q3 * t4_30;
         let t4_47 = (-sin_q3).mul_add(t4_34, t4_46);
-        let w_mx_3_q2 = like.lift(0.4318).mul_add(t4_47, a_3y);
+        let w_mx_3_q2 = proto.splat(0.4318).mul_add(t4_47, a_3y);
         y[26][1] = w_mx_3_q2;
         let t4_48 = sin_q2_q3 * a_3z;
         let t4_49 = (-t4_15).mul_add(t4_10, t4_48);
-        let w_my_3_q1 = like.lift(-0.1501).mul_add(t4_39, t4_49);
+        let w_my_3_q1 = proto.splat(-0.1501).mul_add(t4_39, t4_49);
         y[27][0] = w_my_3_q1;
         let t4_50 = cos_q3 * t4_35;
         let t4_51 = sin_q3.mul_add(t4_31, t4_50);
-        let w_my_3_q2 = like.lift(-0.4318).mul_add(t4_51, a_3x);
+        let w_my_3_q2 = proto.splat(-0.4318).mul_add(t4_51, a_3x);
         y[27][1] = w_my_3_q2;
         let t4_52 = cos_q2_q3 * a_3x;
         let t4_53 = sin_q2_q3 * a_3y;
         let t4_54 = t4_53 + t4_52;
         let t4_55 = (-t3_28).mul_add(t4_10, t4_54);
-        let w_mz_3_q1 = like.lift(0.1501).mul_add(dr_q1, t4_55);
+        let w_mz_3_q1 = proto.splat(0.1501).mul_add(dr_q1, t4_55);
         y[28][0] = w_mz_3_q1;
-        let t4_56 = like.lift(0.1501) * t4_54;
+        let t4_56 = proto.splat(0.1501) * t4_54;
         let w_m_3_q1 = (-a_3z).mul_add(t4_10, t4_56);
         y[29][0] = w_m_3_q1;
         [
@@ -2918,23 +2918,23 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         t5_49, a_4y, a_4x, t5_68, u_4_q1x, u_4_q1y, u_4_q2x, u_4_q2y, w_my_4_q1, w_my_4_q2,
         w_my_4_q3, w_m_4_q3, w_m_4_q1, w_m_4_q2,
     ] = {
-        let t5_1 = like.lift(-0.4331).mul_add(t4_15, a_3z);
-        let t5_2 = like.lift(-0.0203).mul_add(t4_23, t5_1);
-        let t5_3 = like.lift(0.4331).mul_add(t4_35, a_3y);
-        let a_4z = like.lift(-0.0203).mul_add(t4_30, t5_3);
+        let t5_1 = proto.splat(-0.4331).mul_add(t4_15, a_3z);
+        let t5_2 = proto.splat(-0.0203).mul_add(t4_23, t5_1);
+        let t5_3 = proto.splat(0.4331).mul_add(t4_35, a_3y);
+        let a_4z = proto.splat(-0.0203).mul_add(t4_30, t5_3);
         let t5_4 = r_q4 + t4_12;
         let w_4z = d_q4 + w_3y;
         let al_4z = dr_q4 - al_3y;
         y[35][3] = al_4z;
-        let t5_5 = like.lift(-0.4331).mul_add(t4_31, a_3x);
-        let t5_6 = like.lift(-0.0203).mul_add(t4_34, t5_5);
-        let t5_7 = like.lift(0.0203).mul_add(w_ixy_3_q2, t5_5);
-        let t5_8 = like.lift(-0.0203).mul_add(cos_q2_q3, t4_10);
-        let t5_9 = like.lift(0.4331).mul_add(sin_q2_q3, t5_8);
-        let arm0_4z = like.lift(0.4318).mul_add(sin_q3, like.lift(0.4331));
-        let u_4_q2z = like.lift(-0.4318).mul_add(cos_q3, like.lift(0.0203));
-        let w_mz_4_q3 = like.lift(-0.4331).mul_add(t4_31, t5_7);
-        let w_mz_4_q2 = like.lift(-0.4318).mul_add(t4_51, w_mz_4_q3);
+        let t5_5 = proto.splat(-0.4331).mul_add(t4_31, a_3x);
+        let t5_6 = proto.splat(-0.0203).mul_add(t4_34, t5_5);
+        let t5_7 = proto.splat(0.0203).mul_add(w_ixy_3_q2, t5_5);
+        let t5_8 = proto.splat(-0.0203).mul_add(cos_q2_q3, t4_10);
+        let t5_9 = proto.splat(0.4331).mul_add(sin_q2_q3, t5_8);
+        let arm0_4z = proto.splat(0.4318).mul_add(sin_q3, proto.splat(0.4331));
+        let u_4_q2z = proto.splat(-0.4318).mul_add(cos_q3, proto.splat(0.0203));
+        let w_mz_4_q3 = proto.splat(-0.4331).mul_add(t4_31, t5_7);
+        let w_mz_4_q2 = proto.splat(-0.4318).mul_add(t4_51, w_mz_4_q3);
         let t5_10 = -w_mz_4_q2;
         y[38][1] = t5_10;
         let t5_11 = -w_mz_4_q3;
@@ -2950,7 +2950,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let t5_17 = (-sin_q4).mul_add(t4_11, t5_16);
         let t5_18 = w_4z * t5_15;
         let t5_19 = w_4y.mul_add(t5_4, t5_18);
-        let t5_20 = like.lift(0.5) * t5_19;
+        let t5_20 = proto.splat(0.5) * t5_19;
         let t5_21 = sin_q4 * t4_31;
         let w_ixz_4_q4 = (-cos_q4).mul_add(t4_15, t5_21);
         y[32][3] = w_ixz_4_q4;
@@ -2961,12 +2961,12 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let e_4_q1y = sin_q4 * sin_q2_q3;
         let t5_23 = w_4z * t5_17;
         let t5_24 = w_4x.mul_add(t5_4, t5_23);
-        let t5_25 = like.lift(0.5) * t5_24;
+        let t5_25 = proto.splat(0.5) * t5_24;
         let t5_26 = e_4_q1y * t5_25;
         let t5_27 = w_4y * t5_17;
         let t5_28 = w_4x.mul_add(t5_15, t5_27);
         let t5_29 = t5_28 * t4_21;
-        let w_ixx_4_q4 = like.lift(0.5) * t5_28;
+        let w_ixx_4_q4 = proto.splat(0.5) * t5_28;
         y[30][3] = w_ixx_4_q4;
         let t5_30 = -w_ixx_4_q4;
         y[33][3] = t5_30;
@@ -3038,9 +3038,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let a_4x = cos_q4.mul_add(t5_6, t5_66);
         y[37][3] = a_4x;
         let t5_67 = sin_q2_q3 * t5_2;
-        let t5_68 = like.lift(0.1501) * sin_q2_q3;
+        let t5_68 = proto.splat(0.1501) * sin_q2_q3;
         let t5_69 = (-t4_35).mul_add(t5_68, t5_67);
-        let t5_70 = like.lift(0.1501) * cos_q2_q3;
+        let t5_70 = proto.splat(0.1501) * cos_q2_q3;
         let t5_71 = cos_q4 * t5_70;
         let u_4_q1x = (-sin_q4).mul_add(t5_9, t5_71);
         let t5_72 = cos_q4 * t5_9;
@@ -3057,10 +3057,10 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         y[36][0] = w_mx_4_q1;
         let t5_79 = cos_q4 * a_4z;
         let t5_80 = (-u_4_q2z).mul_add(t5_41, t5_79);
-        let t5_81 = like.lift(-0.0203).mul_add(t5_41, t5_79);
+        let t5_81 = proto.splat(-0.0203).mul_add(t5_41, t5_79);
         let w_mx_4_q2 = (-arm0_4z).mul_add(t5_59, t5_80);
         y[36][1] = w_mx_4_q2;
-        let w_mx_4_q3 = like.lift(-0.4331).mul_add(t5_59, t5_81);
+        let w_mx_4_q3 = proto.splat(-0.4331).mul_add(t5_59, t5_81);
         y[36][2] = w_mx_4_q3;
         let u_4_q2x = cos_q4 * arm0_4z;
         let u_4_q2y = sin_q4 * arm0_4z;
@@ -3073,17 +3073,17 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let t5_86 = sin_q4 * a_4z;
         let t5_87 = (-u_4_q2z).mul_add(t5_33, t5_86);
         let w_my_4_q2 = (-arm0_4z).mul_add(t5_64, t5_87);
-        let t5_88 = like.lift(-0.0203).mul_add(t5_33, t5_86);
-        let w_my_4_q3 = like.lift(-0.4331).mul_add(t5_64, t5_88);
+        let t5_88 = proto.splat(-0.0203).mul_add(t5_33, t5_86);
+        let w_my_4_q3 = proto.splat(-0.4331).mul_add(t5_64, t5_88);
         let t5_89 = -w_my_4_q2;
         y[37][1] = t5_89;
         let t5_90 = -w_my_4_q3;
         y[37][2] = t5_90;
         let t5_91 = cos_q4 * a_4x;
         let t5_92 = sin_q4 * a_4y;
-        let t5_93 = like.lift(0.4331) * t5_92;
-        let t5_94 = like.lift(0.0203).mul_add(a_4z, t5_93);
-        let w_m_4_q3 = like.lift(0.4331).mul_add(t5_91, t5_94);
+        let t5_93 = proto.splat(0.4331) * t5_92;
+        let t5_94 = proto.splat(0.0203).mul_add(a_4z, t5_93);
+        let w_m_4_q3 = proto.splat(0.4331).mul_add(t5_91, t5_94);
         let t5_95 = -w_m_4_q3;
         y[39][2] = t5_95;
         let t5_96 = u_4_q1y * a_4y;
@@ -3144,7 +3144,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let t6_12 = cos_q5.mul_add(t5_17, t6_11);
         let t6_13 = w_5z * t6_10;
         let t6_14 = w_5y.mul_add(t6_2, t6_13);
-        let t6_15 = like.lift(0.5) * t6_14;
+        let t6_15 = proto.splat(0.5) * t6_14;
         let t6_16 = sin_q5 * t5_49;
         let w_ixz_5_q5 = (-cos_q5).mul_add(t5_33, t6_16);
         let t6_17 = -w_ixz_5_q5;
@@ -3152,11 +3152,11 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let al_5x = t6_15 - w_ixz_5_q5;
         let t6_18 = w_5z * t6_12;
         let t6_19 = w_5x.mul_add(t6_2, t6_18);
-        let t6_20 = like.lift(0.5) * t6_19;
+        let t6_20 = proto.splat(0.5) * t6_19;
         let t6_21 = e_5_q1y * t6_20;
         let t6_22 = w_5y * t6_12;
         let t6_23 = w_5x.mul_add(t6_10, t6_22);
-        let w_ixx_5_q5 = like.lift(0.5) * t6_23;
+        let w_ixx_5_q5 = proto.splat(0.5) * t6_23;
         y[40][4] = w_ixx_5_q5;
         let t6_24 = -w_ixx_5_q5;
         y[43][4] = t6_24;
@@ -3195,7 +3195,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let w_iyy_5_q1 = t6_41 - t6_30;
         let t6_42 = -w_iyy_5_q1;
         y[43][0] = t6_42;
-        let t6_43 = like.lift(0.4331) * sin_q4;
+        let t6_43 = proto.splat(0.4331) * sin_q4;
         let w_iyy_5_q4 = (-cos_q5).mul_add(al_5y, t6_36);
         y[43][3] = w_iyy_5_q4;
         let w_ixx_5_q4 = w_iyy_5_q4 - t5_49;
@@ -3283,10 +3283,10 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let t6_92 = (-u_5_q2y).mul_add(t6_57, t6_90);
         let w_mx_5_q2 = (-u_5_q2x).mul_add(t6_70, t6_92);
         y[46][1] = w_mx_5_q2;
-        let t6_93 = like.lift(0.4331) * cos_q4;
+        let t6_93 = proto.splat(0.4331) * cos_q4;
         let t6_94 = cos_q5 * t6_93;
-        let u_5_q3x = like.lift(-0.0203).mul_add(sin_q5, t6_94);
-        let t6_95 = like.lift(0.0203) * cos_q5;
+        let u_5_q3x = proto.splat(-0.0203).mul_add(sin_q5, t6_94);
+        let t6_95 = proto.splat(0.0203) * cos_q5;
         let u_5_q3y = sin_q5.mul_add(t6_93, t6_95);
         let t6_96 = (-u_5_q3y).mul_add(t6_57, t6_91);
         let w_mx_5_q3 = (-u_5_q3x).mul_add(t6_70, t6_96);
@@ -3363,7 +3363,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let t7_15 = (-sin_q6).mul_add(t6_2, t7_14);
         let t7_16 = w_6z * t7_13;
         let t7_17 = w_6y.mul_add(t7_6, t7_16);
-        let t7_18 = like.lift(0.5) * t7_17;
+        let t7_18 = proto.splat(0.5) * t7_17;
         let t7_19 = cos_q6 * t6_28;
         let w_ixz_6_q6 = sin_q6.mul_add(t6_58, t7_19);
         y[52][5] = w_ixz_6_q6;
@@ -3371,13 +3371,13 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let t7_20 = w_6z * t7_15;
         let t7_21 = w_6x.mul_add(t7_6, t7_20);
         let t7_22 = w_6z * t7_6;
-        let t7_23 = like.lift(0.5) * t7_21;
+        let t7_23 = proto.splat(0.5) * t7_21;
         let t7_24 = e_6_q1y * t7_23;
         let t7_25 = w_6y * t7_15;
         let t7_26 = w_6x.mul_add(t7_13, t7_25);
         let t7_27 = w_6x * t7_15;
         let t7_28 = w_6y * t7_13;
-        let w_ixx_6_q6 = like.lift(0.5) * t7_26;
+        let w_ixx_6_q6 = proto.splat(0.5) * t7_26;
         y[50][5] = w_ixx_6_q6;
         let t7_29 = -w_ixx_6_q6;
         y[53][5] = t7_29;
@@ -3560,7 +3560,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
         let t7_124 = -w_my_6_q3;
         y[57][2] = t7_124;
     }
-    Condition::regular(like)
+    Condition::regular(proto)
 }
 
 /// The left side of Eq. 10 from the actuated efforts.
@@ -3570,15 +3570,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qd_r: &[T; 6], qdd
 /// - `left`: tau_i - X^T tau_e (Eq. 10): what W phi must equal
 ///
 /// 0 additions, 0 multiplications, 0 divisions, 0 sines and cosines.
-pub fn efforts<T: Scalar>(q: &[T; 6], tau: &[T; 6]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut left = [like.lift(0.0); 6];
+pub fn generalized_forces<T: Scalar>(q: &[T; 6], tau: &[T; 6]) -> ([T; 6], Condition<T>) {
+    let proto = q[0];
+    let mut left = [proto.splat(0.0); 6];
     let [tau_q1, tau_q2, tau_q3, tau_q4, tau_q5, tau_q6] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q1; left[1] = tau_q2; left[2] = tau_q3; left[3] = tau_q4; left[4] = tau_q5; left[5] = tau_q6;
     }
-    (left, Condition::regular(like))
+    (left, Condition::regular(proto))
 }
 
 /// Where the bodies are.
@@ -3588,8 +3588,8 @@ pub fn efforts<T: Scalar>(q: &[T; 6], tau: &[T; 6]) -> ([T; 6], Condition<T>) {
 ///
 /// 27 additions, 55 multiplications, 0 divisions, 6 sines and cosines.
 pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 6] {
-    let like = q[0];
-    let mut poses = [[like.lift(0.0); 12]; 6];
+    let proto = q[0];
+    let mut poses = [[proto.splat(0.0); 12]; 6];
     let [q1, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [
@@ -3609,7 +3609,7 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 6] {
     };
     // body 1
     let [t2_1] = {
-        poses[0][0] = cos_q1; poses[0][3] = sin_q1; poses[0][4] = cos_q1; poses[0][8] = like.lift(1.0);
+        poses[0][0] = cos_q1; poses[0][3] = sin_q1; poses[0][4] = cos_q1; poses[0][8] = proto.splat(1.0);
         let t2_1 = -sin_q1;
         poses[0][1] = t2_1;
         [t2_1]
@@ -3631,20 +3631,20 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 6] {
         poses[1][0] = t3_7;
         let t3_8 = sin_q1 * cos_q2;
         poses[1][3] = t3_8;
-        let t3_9 = like.lift(0.2435) * sin_q1;
+        let t3_9 = proto.splat(0.2435) * sin_q1;
         let t3_10 = -t3_9;
         poses[1][9] = t3_10;
-        let t3_11 = like.lift(0.2435) * cos_q1;
+        let t3_11 = proto.splat(0.2435) * cos_q1;
         poses[1][10] = t3_11;
         [t3_7, t3_8, t3_9, t3_11]
     };
     // body 3
     let [t4_2, t4_4, t4_8, t4_10, t4_11, t4_13, t4_14] = {
         poses[2][2] = t2_1; poses[2][5] = cos_q1;
-        let t4_1 = like.lift(-0.0934).mul_add(sin_q1, t3_9);
-        let t4_2 = like.lift(-0.4318).mul_add(t3_7, t4_1);
-        let t4_3 = like.lift(-0.0934).mul_add(cos_q1, t3_11);
-        let t4_4 = like.lift(0.4318).mul_add(t3_8, t4_3);
+        let t4_1 = proto.splat(-0.0934).mul_add(sin_q1, t3_9);
+        let t4_2 = proto.splat(-0.4318).mul_add(t3_7, t4_1);
+        let t4_3 = proto.splat(-0.0934).mul_add(cos_q1, t3_11);
+        let t4_4 = proto.splat(0.4318).mul_add(t3_8, t4_3);
         poses[2][10] = t4_4;
         let t4_5 = -sin_q2_q3;
         poses[2][6] = t4_5;
@@ -3652,7 +3652,7 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 6] {
         poses[2][7] = t4_6;
         let t4_7 = -t4_2;
         poses[2][9] = t4_7;
-        let t4_8 = like.lift(0.4318) * sin_q2;
+        let t4_8 = proto.splat(0.4318) * sin_q2;
         let t4_9 = -t4_8;
         poses[2][11] = t4_9;
         let t4_10 = cos_q1 * cos_q2_q3;
@@ -3670,15 +3670,15 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 6] {
     // body 4
     let [t5_2, t5_5, t5_8, t5_10, t5_12, t5_13, t5_15, t5_17, t5_18, e_4_q1x, e_4_q1y] = {
         poses[3][2] = t4_11; poses[3][5] = t4_14; poses[3][8] = cos_q2_q3;
-        let t5_1 = like.lift(0.4331).mul_add(t4_14, t4_4);
-        let t5_2 = like.lift(-0.0203).mul_add(t4_13, t5_1);
+        let t5_1 = proto.splat(0.4331).mul_add(t4_14, t4_4);
+        let t5_2 = proto.splat(-0.0203).mul_add(t4_13, t5_1);
         poses[3][10] = t5_2;
-        let t5_3 = like.lift(-0.4331).mul_add(t4_11, t4_2);
-        let t5_4 = like.lift(0.0203).mul_add(t4_10, t5_3);
+        let t5_3 = proto.splat(-0.4331).mul_add(t4_11, t4_2);
+        let t5_4 = proto.splat(0.0203).mul_add(t4_10, t5_3);
         let t5_5 = -t5_4;
         poses[3][9] = t5_5;
-        let t5_6 = like.lift(-0.4331).mul_add(cos_q2_q3, t4_8);
-        let t5_7 = like.lift(-0.0203).mul_add(sin_q2_q3, t5_6);
+        let t5_6 = proto.splat(-0.4331).mul_add(cos_q2_q3, t4_8);
+        let t5_7 = proto.splat(-0.0203).mul_add(sin_q2_q3, t5_6);
         let t5_8 = -t5_7;
         poses[3][11] = t5_8;
         let t5_9 = cos_q4 * t4_10;
@@ -3767,7 +3767,7 @@ pub fn poses<T: Scalar>(q: &[T; 6]) -> [[T; 12]; 6] {
 ///
 /// 272 additions, 377 multiplications, 0 divisions, 5 sines and cosines.
 pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 36]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+    let zero = q[0].splat(0.0);
     w[0][1] = zero; w[0][2] = zero; w[0][3] = zero; w[0][4] = zero; w[0][5] = zero;
     w[1][2] = zero; w[1][3] = zero; w[1][4] = zero; w[1][5] = zero;
     w[2][2] = zero; w[2][3] = zero; w[2][4] = zero; w[2][5] = zero;
@@ -3805,7 +3805,7 @@ pub fn base_regressor<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut 
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], w: &mut [[T; 6]; 36]) -> Condition<T> {
-    let like = q[0];
+    let proto = q[0];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -3861,22 +3861,22 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         let w_ixz_2_q1 = (-cos_q2).mul_add(t3_16, t3_14);
         let t3_17 = -w_ixz_2_q1;
         w[3][0] = t3_17;
-        let w_mx_2_q1 = like.lift(0.2435) * w_ixz_2_q1;
+        let w_mx_2_q1 = proto.splat(0.2435) * w_ixz_2_q1;
         w[6][0] = w_mx_2_q1;
         let t3_18 = t3_5 - t3_15;
         let w_iyz_2_q1 = sin_q2.mul_add(t3_18, t3_13);
         let t3_19 = t3_5 + t3_15;
         let t3_20 = -w_iyz_2_q1;
         w[4][0] = t3_20;
-        let w_my_2_q1 = like.lift(0.2435) * w_iyz_2_q1;
+        let w_my_2_q1 = proto.splat(0.2435) * w_iyz_2_q1;
         w[7][0] = w_my_2_q1;
         let t3_21 = d_q1 * d_q1;
-        let a_2z = like.lift(0.2435) * t3_21;
-        let t3_22 = like.lift(0.2435) * w_ixz_2_q2;
-        let a_2y = like.lift(-9.81).mul_add(cos_q2, t3_22);
+        let a_2z = proto.splat(0.2435) * t3_21;
+        let t3_22 = proto.splat(0.2435) * w_ixz_2_q2;
+        let a_2y = proto.splat(-9.81).mul_add(cos_q2, t3_22);
         w[6][1] = a_2y;
-        let t3_23 = like.lift(0.2435) * w_iyz_2_q2;
-        let a_2x = like.lift(9.81).mul_add(sin_q2, t3_23);
+        let t3_23 = proto.splat(0.2435) * w_iyz_2_q2;
+        let a_2x = proto.splat(9.81).mul_add(sin_q2, t3_23);
         w[7][1] = a_2x;
         [w_ixz_2_q2, w_iyz_2_q2, t3_8, t3_11, t3_19, t3_21, a_2z, a_2y, a_2x]
     };
@@ -3885,17 +3885,17 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         a_3z, sin_q2_q3, cos_q2_q3, t4_8, w_3y, w_3z, t4_10, w_3x, al_3y_2, t4_13, t4_18,
         t4_19, t4_22, t4_23, a_3y, a_3x,
     ] = {
-        let t4_1 = like.lift(-0.0934).mul_add(w_iyz_2_q2, a_2x);
-        let t4_2 = like.lift(-0.0934).mul_add(w_ixz_2_q2, a_2y);
-        let t4_3 = like.lift(0.4318).mul_add(t3_19, t4_1);
-        let t4_4 = like.lift(0.4318).mul_add(t3_11, t4_2);
-        let t4_5 = like.lift(-0.0934).mul_add(t3_21, a_2z);
-        let a_3z = like.lift(0.4318).mul_add(t3_8, t4_5);
+        let t4_1 = proto.splat(-0.0934).mul_add(w_iyz_2_q2, a_2x);
+        let t4_2 = proto.splat(-0.0934).mul_add(w_ixz_2_q2, a_2y);
+        let t4_3 = proto.splat(0.4318).mul_add(t3_19, t4_1);
+        let t4_4 = proto.splat(0.4318).mul_add(t3_11, t4_2);
+        let t4_5 = proto.splat(-0.0934).mul_add(t3_21, a_2z);
+        let a_3z = proto.splat(0.4318).mul_add(t3_8, t4_5);
         let t4_6 = sin_q2 * cos_q3;
         let sin_q2_q3 = cos_q2.mul_add(sin_q3, t4_6);
         let t4_7 = cos_q2 * cos_q3;
         let cos_q2_q3 = (-sin_q2).mul_add(sin_q3, t4_7);
-        let t4_8 = like.lift(0.4318) * cos_q2;
+        let t4_8 = proto.splat(0.4318) * cos_q2;
         let w_3y = d_q1 * cos_q2_q3;
         let w_3z = d_q2 + d_q3;
         let al_3x = w_3y * w_3z;
@@ -3943,7 +3943,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         w[11][0] = t4_28;
         let t4_29 = a_3z * cos_q2_q3;
         let t4_30 = t4_13.mul_add(t4_8, t4_29);
-        let w_mx_3_q1 = like.lift(-0.1501).mul_add(t4_24, t4_30);
+        let w_mx_3_q1 = proto.splat(-0.1501).mul_add(t4_24, t4_30);
         let t4_31 = -w_mx_3_q1;
         w[13][0] = t4_31;
         let t4_32 = cos_q3 * t4_4;
@@ -3954,15 +3954,15 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         w[14][2] = a_3x;
         let t4_34 = cos_q3 * t4_18;
         let t4_35 = (-sin_q3).mul_add(t4_22, t4_34);
-        let w_mx_3_q2 = like.lift(0.4318).mul_add(t4_35, a_3y);
+        let w_mx_3_q2 = proto.splat(0.4318).mul_add(t4_35, a_3y);
         w[13][1] = w_mx_3_q2;
         let t4_36 = a_3z * sin_q2_q3;
         let t4_37 = (-t4_10).mul_add(t4_8, t4_36);
-        let w_my_3_q1 = like.lift(-0.1501).mul_add(t4_27, t4_37);
+        let w_my_3_q1 = proto.splat(-0.1501).mul_add(t4_27, t4_37);
         w[14][0] = w_my_3_q1;
         let t4_38 = cos_q3 * t4_23;
         let t4_39 = sin_q3.mul_add(t4_19, t4_38);
-        let w_my_3_q2 = like.lift(-0.4318).mul_add(t4_39, a_3x);
+        let w_my_3_q2 = proto.splat(-0.4318).mul_add(t4_39, a_3x);
         w[14][1] = w_my_3_q2;
         [
             a_3z, sin_q2_q3, cos_q2_q3, t4_8, w_3y, w_3z, t4_10, w_3x, al_3y_2, t4_13, t4_18,
@@ -3974,19 +3974,19 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         a_4z, w_4z, u_4_q2z, w_4y, w_4x, t5_13, e_4_q1x, e_4_q1y, t5_15, al_4y, t5_28, a_4y,
         a_4x, u_4_q1x, u_4_q1y, u_4_q2x, u_4_q2y,
     ] = {
-        let t5_1 = like.lift(0.4331).mul_add(t4_23, a_3y);
-        let a_4z = like.lift(-0.0203).mul_add(t4_18, t5_1);
-        let t5_2 = like.lift(-0.4331).mul_add(t4_19, a_3x);
-        let t5_3 = like.lift(-0.0203).mul_add(t4_22, t5_2);
-        let t5_4 = like.lift(-0.4331).mul_add(t4_10, a_3z);
-        let t5_5 = like.lift(-0.0203).mul_add(t4_13, t5_4);
+        let t5_1 = proto.splat(0.4331).mul_add(t4_23, a_3y);
+        let a_4z = proto.splat(-0.0203).mul_add(t4_18, t5_1);
+        let t5_2 = proto.splat(-0.4331).mul_add(t4_19, a_3x);
+        let t5_3 = proto.splat(-0.0203).mul_add(t4_22, t5_2);
+        let t5_4 = proto.splat(-0.4331).mul_add(t4_10, a_3z);
+        let t5_5 = proto.splat(-0.0203).mul_add(t4_13, t5_4);
         let w_4z = d_q4 + w_3y;
         let al_4z = dd_q4 - al_3y_2;
         w[19][3] = al_4z;
-        let t5_6 = like.lift(-0.0203).mul_add(cos_q2_q3, t4_8);
-        let t5_7 = like.lift(0.4331).mul_add(sin_q2_q3, t5_6);
-        let arm0_4z = like.lift(0.4318).mul_add(sin_q3, like.lift(0.4331));
-        let u_4_q2z = like.lift(-0.4318).mul_add(cos_q3, like.lift(0.0203));
+        let t5_6 = proto.splat(-0.0203).mul_add(cos_q2_q3, t4_8);
+        let t5_7 = proto.splat(0.4331).mul_add(sin_q2_q3, t5_6);
+        let arm0_4z = proto.splat(0.4318).mul_add(sin_q3, proto.splat(0.4331));
+        let u_4_q2z = proto.splat(-0.4318).mul_add(cos_q3, proto.splat(0.0203));
         let t5_8 = cos_q4 * w_3z;
         let w_4y = sin_q4.mul_add(w_3x, t5_8);
         let t5_9 = cos_q4 * w_3x;
@@ -4007,7 +4007,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         let e_4_q1x = cos_q4 * sin_q2_q3;
         let t5_14 = w_4x * w_4z;
         let e_4_q1y = sin_q4 * sin_q2_q3;
-        let t5_15 = like.lift(0.1501) * sin_q2_q3;
+        let t5_15 = proto.splat(0.1501) * sin_q2_q3;
         let t5_16 = t5_14 * e_4_q1y;
         let t5_17 = cos_q2_q3.mul_add(al_4z, t5_16);
         let w_izz_4_q1 = (-t5_10).mul_add(e_4_q1x, t5_17);
@@ -4063,7 +4063,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         let t5_45 = sin_q4 * t5_5;
         let a_4x = cos_q4.mul_add(t5_3, t5_45);
         w[21][3] = a_4x;
-        let t5_46 = like.lift(0.1501) * cos_q2_q3;
+        let t5_46 = proto.splat(0.1501) * cos_q2_q3;
         let t5_47 = cos_q4 * t5_46;
         let u_4_q1x = (-sin_q4).mul_add(t5_7, t5_47);
         let t5_48 = cos_q4 * t5_7;
@@ -4076,10 +4076,10 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         w[20][0] = w_mx_4_q1;
         let t5_53 = cos_q4 * a_4z;
         let t5_54 = (-t5_20).mul_add(u_4_q2z, t5_53);
-        let t5_55 = like.lift(-0.0203).mul_add(t5_20, t5_53);
+        let t5_55 = proto.splat(-0.0203).mul_add(t5_20, t5_53);
         let w_mx_4_q2 = (-arm0_4z).mul_add(t5_38, t5_54);
         w[20][1] = w_mx_4_q2;
-        let w_mx_4_q3 = like.lift(-0.4331).mul_add(t5_38, t5_55);
+        let w_mx_4_q3 = proto.splat(-0.4331).mul_add(t5_38, t5_55);
         w[20][2] = w_mx_4_q3;
         let u_4_q2x = cos_q4 * arm0_4z;
         let u_4_q2y = sin_q4 * arm0_4z;
@@ -4094,8 +4094,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         let w_my_4_q2 = (-arm0_4z).mul_add(t5_43, t5_61);
         let t5_62 = -w_my_4_q2;
         w[21][1] = t5_62;
-        let t5_63 = like.lift(-0.0203).mul_add(t5_13, t5_60);
-        let w_my_4_q3 = like.lift(-0.4331).mul_add(t5_43, t5_63);
+        let t5_63 = proto.splat(-0.0203).mul_add(t5_13, t5_60);
+        let w_my_4_q3 = proto.splat(-0.4331).mul_add(t5_43, t5_63);
         let t5_64 = -w_my_4_q3;
         w[21][2] = t5_64;
         [
@@ -4150,7 +4150,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         w[22][0] = t6_16;
         let e_5_q2x = sin_q4 * cos_q5;
         let e_5_q2y = sin_q4 * sin_q5;
-        let t6_17 = like.lift(0.4331) * sin_q4;
+        let t6_17 = proto.splat(0.4331) * sin_q4;
         let t6_18 = t6_12 * e_5_q2y;
         let t6_19 = cos_q4.mul_add(w_ixx_5_q5, t6_18);
         let w_ixx_5_q2 = al_5x.mul_add(e_5_q2x, t6_19);
@@ -4242,10 +4242,10 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         let t6_69 = (-t6_34).mul_add(u_5_q2y, t6_67);
         let w_mx_5_q2 = (-t6_47).mul_add(u_5_q2x, t6_69);
         w[27][1] = w_mx_5_q2;
-        let t6_70 = like.lift(0.4331) * cos_q4;
+        let t6_70 = proto.splat(0.4331) * cos_q4;
         let t6_71 = cos_q5 * t6_70;
-        let u_5_q3x = like.lift(-0.0203).mul_add(sin_q5, t6_71);
-        let t6_72 = like.lift(0.0203) * cos_q5;
+        let u_5_q3x = proto.splat(-0.0203).mul_add(sin_q5, t6_71);
+        let t6_72 = proto.splat(0.0203) * cos_q5;
         let u_5_q3y = sin_q5.mul_add(t6_70, t6_72);
         let t6_73 = (-t6_34).mul_add(u_5_q3y, t6_68);
         let w_mx_5_q3 = (-t6_47).mul_add(u_5_q3x, t6_73);
@@ -4460,7 +4460,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
         let t7_95 = -w_my_6_q3;
         w[35][2] = t7_95;
     }
-    Condition::regular(like)
+    Condition::regular(proto)
 }
 
 /// The base parameters of given parameters.
@@ -4470,8 +4470,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], 
 ///
 /// 40 additions, 17 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 60]) -> [T; 36] {
-    let like = phi[0];
-    let mut beta = [like.lift(0.0); 36];
+    let proto = phi[0];
+    let mut beta = [proto.splat(0.0); 36];
     let [
         _, _, _, _, _, p_izz_1, _, _, _, _, p_ixx_2, p_ixy_2, p_ixz_2, p_iyy_2, p_iyz_2,
         p_izz_2, p_mx_2, p_my_2, p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3,
@@ -4496,30 +4496,30 @@ pub fn to_base<T: Scalar>(phi: &[T; 60]) -> [T; 36] {
         let t1_6 = p_m_4 + p_m_5;
         let t1_7 = p_m_3 + t1_6;
         let t1_8 = p_m_6 + t1_7;
-        let t1_9 = like.lift(0.18645124) * t1_7;
-        let t1_10 = like.lift(0.4318).mul_add(t1_8, p_mx_2);
+        let t1_9 = proto.splat(0.18645124) * t1_7;
+        let t1_10 = proto.splat(0.4318).mul_add(t1_8, p_mx_2);
         beta[6] = t1_10;
-        let t1_11 = like.lift(0.04033012).mul_add(t1_8, p_ixz_2);
-        let t1_12 = like.lift(-0.4318).mul_add(p_mz_3, t1_11);
+        let t1_11 = proto.splat(0.04033012).mul_add(t1_8, p_ixz_2);
+        let t1_12 = proto.splat(-0.4318).mul_add(p_mz_3, t1_11);
         beta[3] = t1_12;
         let t1_13 = t1_8 - p_m_3;
-        let t1_14 = like.lift(-0.0203).mul_add(t1_13, p_mx_3);
+        let t1_14 = proto.splat(-0.0203).mul_add(t1_13, p_mx_3);
         beta[13] = t1_14;
-        let t1_15 = like.lift(-0.00879193).mul_add(t1_13, p_ixy_3);
-        let t1_16 = like.lift(-0.0203).mul_add(p_mz_4, t1_15);
+        let t1_15 = proto.splat(-0.00879193).mul_add(t1_13, p_ixy_3);
+        let t1_16 = proto.splat(-0.0203).mul_add(p_mz_4, t1_15);
         beta[9] = t1_16;
-        let t1_17 = like.lift(-0.4331).mul_add(t1_13, p_my_3);
+        let t1_17 = proto.splat(-0.4331).mul_add(t1_13, p_my_3);
         let t1_18 = t1_17 - p_mz_4;
         beta[14] = t1_18;
-        let t1_19 = like.lift(0.20939334).mul_add(t1_13, p_iyy_2);
-        let t1_20 = like.lift(0.20898125).mul_add(p_m_3, t1_19);
-        let t1_21 = like.lift(0.3002).mul_add(p_mz_3, t1_20);
-        let t1_22 = like.lift(0.05929225).mul_add(p_m_2, t1_21);
-        let t1_23 = like.lift(0.487).mul_add(p_mz_2, t1_22);
+        let t1_19 = proto.splat(0.20939334).mul_add(t1_13, p_iyy_2);
+        let t1_20 = proto.splat(0.20898125).mul_add(p_m_3, t1_19);
+        let t1_21 = proto.splat(0.3002).mul_add(p_mz_3, t1_20);
+        let t1_22 = proto.splat(0.05929225).mul_add(p_m_2, t1_21);
+        let t1_23 = proto.splat(0.487).mul_add(p_mz_2, t1_22);
         let t1_24 = t1_23 + p_izz_1;
         let t1_25 = t1_24 + p_iyy_3;
         beta[0] = t1_25;
-        let t1_26 = like.lift(0.18645124) * p_m_6;
+        let t1_26 = proto.splat(0.18645124) * p_m_6;
         let t1_27 = t1_9 + p_izz_2;
         let t1_28 = t1_27 + t1_26;
         beta[5] = t1_28;
@@ -4527,14 +4527,14 @@ pub fn to_base<T: Scalar>(phi: &[T; 60]) -> [T; 36] {
         let t1_30 = t1_29 - t1_26;
         let t1_31 = t1_30 - t1_9;
         beta[1] = t1_31;
-        let t1_32 = like.lift(0.8662) * p_mz_4;
-        let t1_33 = like.lift(-0.18716352).mul_add(t1_13, p_iyy_3);
+        let t1_32 = proto.splat(0.8662) * p_mz_4;
+        let t1_33 = proto.splat(-0.18716352).mul_add(t1_13, p_iyy_3);
         let t1_34 = t1_33 - p_ixx_3;
         let t1_35 = t1_34 - p_iyy_4;
         let t1_36 = t1_35 - t1_32;
         let t1_37 = -t1_36;
         beta[8] = t1_37;
-        let t1_38 = like.lift(0.1879877).mul_add(t1_13, t1_32);
+        let t1_38 = proto.splat(0.1879877).mul_add(t1_13, t1_32);
         let t1_39 = t1_38 + p_izz_3;
         let t1_40 = t1_39 + p_iyy_4;
         beta[12] = t1_40;
@@ -4558,8 +4558,8 @@ pub fn to_base<T: Scalar>(phi: &[T; 60]) -> [T; 36] {
 ///
 /// 44 additions, 19 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 36], free: &[T; 24]) -> [T; 60] {
-    let like = beta[0];
-    let mut phi = [like.lift(0.0); 60];
+    let proto = beta[0];
+    let mut phi = [proto.splat(0.0); 60];
     let [
         p_izz_1, p_ixx_2, p_ixy_2, p_ixz_2, p_iyz_2, p_izz_2, p_mx_2, p_my_2, p_ixx_3, p_ixy_3,
         p_ixz_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3, p_ixx_4, p_ixy_4, p_ixz_4, p_iyz_4, p_izz_4,
@@ -4593,32 +4593,32 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 36], free: &[T; 24]) -> [T; 60
         let t1_10 = p_m_4 + p_m_5;
         let t1_11 = p_m_3 + t1_10;
         let t1_12 = p_m_6 + t1_11;
-        let t1_13 = like.lift(-0.4318).mul_add(t1_12, p_mx_2);
+        let t1_13 = proto.splat(-0.4318).mul_add(t1_12, p_mx_2);
         phi[16] = t1_13;
-        let t1_14 = like.lift(-0.04033012).mul_add(t1_12, p_ixz_2);
-        let t1_15 = like.lift(0.4318).mul_add(p_mz_3, t1_14);
+        let t1_14 = proto.splat(-0.04033012).mul_add(t1_12, p_ixz_2);
+        let t1_15 = proto.splat(0.4318).mul_add(p_mz_3, t1_14);
         phi[12] = t1_15;
         let t1_16 = t1_12 - p_m_3;
-        let t1_17 = like.lift(0.0203).mul_add(t1_16, p_mx_3);
+        let t1_17 = proto.splat(0.0203).mul_add(t1_16, p_mx_3);
         phi[26] = t1_17;
-        let t1_18 = like.lift(0.00879193).mul_add(t1_16, p_ixy_3);
-        let t1_19 = like.lift(0.0203).mul_add(p_mz_4, t1_18);
+        let t1_18 = proto.splat(0.00879193).mul_add(t1_16, p_ixy_3);
+        let t1_19 = proto.splat(0.0203).mul_add(p_mz_4, t1_18);
         phi[21] = t1_19;
-        let t1_20 = like.lift(0.4331).mul_add(t1_16, p_my_3);
+        let t1_20 = proto.splat(0.4331).mul_add(t1_16, p_my_3);
         let t1_21 = t1_20 + p_mz_4;
         phi[27] = t1_21;
-        let t1_22 = like.lift(-0.20939334).mul_add(t1_16, p_izz_1);
-        let t1_23 = like.lift(-0.20898125).mul_add(p_m_3, t1_22);
-        let t1_24 = like.lift(-0.3002).mul_add(p_mz_3, t1_23);
-        let t1_25 = like.lift(-0.05929225).mul_add(p_m_2, t1_24);
-        let t1_26 = like.lift(-0.487).mul_add(p_mz_2, t1_25);
+        let t1_22 = proto.splat(-0.20939334).mul_add(t1_16, p_izz_1);
+        let t1_23 = proto.splat(-0.20898125).mul_add(p_m_3, t1_22);
+        let t1_24 = proto.splat(-0.3002).mul_add(p_mz_3, t1_23);
+        let t1_25 = proto.splat(-0.05929225).mul_add(p_m_2, t1_24);
+        let t1_26 = proto.splat(-0.487).mul_add(p_mz_2, t1_25);
         let t1_27 = t1_26 - p_iyy_2;
         let t1_28 = t1_27 - p_iyy_3;
         phi[5] = t1_28;
-        let t1_29 = like.lift(0.18645124) * p_m_6;
-        let t1_30 = like.lift(0.18645124) * p_m_5;
-        let t1_31 = like.lift(0.18645124) * p_m_4;
-        let t1_32 = like.lift(0.18645124) * p_m_3;
+        let t1_29 = proto.splat(0.18645124) * p_m_6;
+        let t1_30 = proto.splat(0.18645124) * p_m_5;
+        let t1_31 = proto.splat(0.18645124) * p_m_4;
+        let t1_32 = proto.splat(0.18645124) * p_m_3;
         let t1_33 = p_ixx_2 + p_iyy_2;
         let t1_34 = t1_33 + t1_29;
         let t1_35 = t1_34 + t1_30;
@@ -4630,13 +4630,13 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 36], free: &[T; 24]) -> [T; 60
         let t1_40 = t1_39 - t1_29;
         let t1_41 = t1_40 - t1_30;
         phi[15] = t1_41;
-        let t1_42 = like.lift(0.8662) * p_mz_4;
-        let t1_43 = like.lift(-0.18716352).mul_add(t1_16, p_ixx_3);
+        let t1_42 = proto.splat(0.8662) * p_mz_4;
+        let t1_43 = proto.splat(-0.18716352).mul_add(t1_16, p_ixx_3);
         let t1_44 = t1_43 + p_iyy_3;
         let t1_45 = t1_44 - p_iyy_4;
         let t1_46 = t1_45 - t1_42;
         phi[20] = t1_46;
-        let t1_47 = like.lift(-0.1879877).mul_add(t1_16, p_izz_3);
+        let t1_47 = proto.splat(-0.1879877).mul_add(t1_16, p_izz_3);
         let t1_48 = t1_47 - p_iyy_4;
         let t1_49 = t1_48 - t1_42;
         phi[25] = t1_49;
@@ -4654,8 +4654,8 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 36], free: &[T; 24]) -> [T; 60
 ///
 /// 252 additions, 264 multiplications, 0 divisions, 5 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 6];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -4713,10 +4713,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
         let w_4z = d_q4 + w_3y;
         let t2_10 = w_3z * w_3z;
         let t2_11 = t2_9 - t2_10;
-        let t2_12 = like.lift(0.2435) - like.lift(0.0934);
+        let t2_12 = proto.splat(0.2435) - proto.splat(0.0934);
         let t2_13 = t2_6 * t2_12;
-        let a_3z = like.lift(-0.4318).mul_add(t2_1, t2_13);
-        let t2_14 = like.lift(0.2435) * t2_6;
+        let a_3z = proto.splat(-0.4318).mul_add(t2_1, t2_13);
+        let t2_14 = proto.splat(0.2435) * t2_6;
         let t2_15 = cos_q4 * w_3z;
         let w_4y = sin_q4.mul_add(w_3x, t2_15);
         let t2_16 = cos_q4 * w_3x;
@@ -4736,25 +4736,25 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
         let w_5z = d_q5 + w_4y;
         let t2_25 = w_4z * w_4z;
         let t2_26 = t2_24 - t2_25;
-        let t2_27 = like.lift(0.2435) * w_iyz_2_q2;
-        let a_2x = like.lift(9.81).mul_add(sin_q2, t2_27);
+        let t2_27 = proto.splat(0.2435) * w_iyz_2_q2;
+        let a_2x = proto.splat(9.81).mul_add(sin_q2, t2_27);
         let t2_28 = t2_2 + t2_4;
         let w_ixy_2_q2 = t2_3 - t2_2;
-        let t2_29 = like.lift(-0.0934).mul_add(w_iyz_2_q2, a_2x);
-        let t2_30 = like.lift(0.4318).mul_add(t2_28, t2_29);
-        let t2_31 = like.lift(0.2435) * w_ixz_2_q2;
-        let a_2y = like.lift(-9.81).mul_add(cos_q2, t2_31);
+        let t2_29 = proto.splat(-0.0934).mul_add(w_iyz_2_q2, a_2x);
+        let t2_30 = proto.splat(0.4318).mul_add(t2_28, t2_29);
+        let t2_31 = proto.splat(0.2435) * w_ixz_2_q2;
+        let a_2y = proto.splat(-9.81).mul_add(cos_q2, t2_31);
         let t2_32 = dd_q2 + w_ixx_2_q2;
-        let t2_33 = like.lift(-0.0934).mul_add(w_ixz_2_q2, a_2y);
-        let t2_34 = like.lift(0.4318).mul_add(t2_32, t2_33);
+        let t2_33 = proto.splat(-0.0934).mul_add(w_ixz_2_q2, a_2y);
+        let t2_34 = proto.splat(0.4318).mul_add(t2_32, t2_33);
         let t2_35 = cos_q3 * t2_34;
         let a_3y = sin_q3.mul_add(t2_30, t2_35);
         let t2_36 = cos_q3 * t2_30;
         let a_3x = (-sin_q3).mul_add(t2_34, t2_36);
         let t2_37 = al_3z + w_ixx_3_q2;
         let t2_38 = t2_17 + t2_10;
-        let t2_39 = like.lift(0.4331).mul_add(t2_38, a_3y);
-        let a_4z = like.lift(-0.0203).mul_add(t2_37, t2_39);
+        let t2_39 = proto.splat(0.4331).mul_add(t2_38, a_3y);
+        let a_4z = proto.splat(-0.0203).mul_add(t2_37, t2_39);
         let t2_40 = sin_q5 * w_4x;
         let w_5y = (-cos_q5).mul_add(w_4z, t2_40);
         let t2_41 = sin_q5 * w_4z;
@@ -4777,12 +4777,12 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
         let t2_52 = t2_9 + t2_10;
         let t2_53 = t2_17 - t2_10;
         let w_ixy_3_q2 = t2_17 - t2_9;
-        let t2_54 = like.lift(-0.4331).mul_add(t2_19, a_3x);
-        let t2_55 = like.lift(-0.0203).mul_add(t2_52, t2_54);
+        let t2_54 = proto.splat(-0.4331).mul_add(t2_19, a_3x);
+        let t2_55 = proto.splat(-0.0203).mul_add(t2_52, t2_54);
         let t2_56 = al_3y + al_3y_2;
         let t2_57 = al_3y_2 - al_3y;
-        let t2_58 = like.lift(-0.4331).mul_add(t2_20, a_3z);
-        let t2_59 = like.lift(-0.0203).mul_add(t2_56, t2_58);
+        let t2_58 = proto.splat(-0.4331).mul_add(t2_20, a_3z);
+        let t2_59 = proto.splat(-0.0203).mul_add(t2_56, t2_58);
         let t2_60 = sin_q4 * t2_55;
         let a_4y = (-cos_q4).mul_add(t2_59, t2_60);
         let t2_61 = sin_q4 * t2_59;
@@ -4967,17 +4967,17 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
         let t3_24 = (-sin_q4).mul_add(t2_191, t3_23);
         let t3_25 = sin_q4 * t2_151;
         let t3_26 = (-cos_q4).mul_add(t2_174, t3_25);
-        let t3_27 = like.lift(-0.4331).mul_add(t3_26, t3_9);
+        let t3_27 = proto.splat(-0.4331).mul_add(t3_26, t3_9);
         let t3_28 = sin_q4.mul_add(t2_147, t3_27);
         let t3_29 = sin_q4 * t2_174;
         let t3_30 = (-cos_q4).mul_add(t2_191, t3_28);
         let t3_31 = cos_q4.mul_add(t2_151, t3_29);
         let t3_32 = t2_19.mul_add(p_my_3, t3_31);
-        let t3_33 = like.lift(0.4331).mul_add(t3_31, t3_24);
+        let t3_33 = proto.splat(0.4331).mul_add(t3_31, t3_24);
         let t3_34 = t2_52.mul_add(p_mx_3, t3_32);
-        let t3_35 = like.lift(0.0203).mul_add(t2_188, t3_33);
+        let t3_35 = proto.splat(0.0203).mul_add(t2_188, t3_33);
         let t3_36 = t2_20.mul_add(p_my_3, t3_26);
-        let t3_37 = like.lift(0.0203).mul_add(t3_26, t3_22);
+        let t3_37 = proto.splat(0.0203).mul_add(t3_26, t3_22);
         let t3_38 = t2_56.mul_add(p_mx_3, t3_36);
         let t3_39 = -t3_35;
         tau[2] = t3_39;
@@ -4993,7 +4993,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
         let t3_49 = (-cos_q3).mul_add(t3_5, t3_48);
         let t3_50 = sin_q3 * t3_5;
         let t3_51 = cos_q3.mul_add(t3_34, t3_50);
-        let t3_52 = like.lift(0.4318).mul_add(t3_49, t3_46);
+        let t3_52 = proto.splat(0.4318).mul_add(t3_49, t3_46);
         let t3_53 = -t3_52;
         tau[1] = t3_53;
         let t3_54 = p_my_2.mul_add(t3_47, t3_51);
@@ -5008,7 +5008,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
         let t3_63 = p_ixy_2 * t3_62;
         let t3_64 = (-p_mx_2).mul_add(t2_14, t3_63);
         let t3_65 = (-p_iyz_2).mul_add(t3_47, t3_64);
-        let t3_66 = like.lift(0.0934).mul_add(t3_49, t3_61);
+        let t3_66 = proto.splat(0.0934).mul_add(t3_49, t3_61);
         let t3_67 = t2_32.mul_add(p_mx_2, -t3_49);
         let t3_68 = (-sin_q3).mul_add(t3_37, t3_66);
         let t3_69 = cos_q3.mul_add(t3_30, t3_68);
@@ -5022,15 +5022,15 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
         let t3_77 = al_2y.mul_add(t3_76, t3_72);
         let t3_78 = cos_q3.mul_add(t3_37, t3_77);
         let t3_79 = sin_q3.mul_add(t3_30, t3_78);
-        let t3_80 = like.lift(-0.4318).mul_add(t3_38, t3_79);
-        let t3_81 = like.lift(-0.0934).mul_add(t3_51, t3_80);
+        let t3_80 = proto.splat(-0.4318).mul_add(t3_38, t3_79);
+        let t3_81 = proto.splat(-0.0934).mul_add(t3_51, t3_80);
         let t3_82 = dd_q1 * p_izz_1;
-        let t3_83 = like.lift(0.2435).mul_add(t3_75, t3_82);
+        let t3_83 = proto.splat(0.2435).mul_add(t3_75, t3_82);
         let t3_84 = cos_q2.mul_add(t3_81, t3_83);
         let t3_85 = sin_q2.mul_add(t3_69, t3_84);
         tau[0] = t3_85;
     }
-    (tau, Condition::regular(like))
+    (tau, Condition::regular(proto))
 }
 
 /// The efforts of gravity from base parameters.
@@ -5041,8 +5041,8 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 6], qd: &[T; 6], qdd: &[T; 6], b
 ///
 /// 25 additions, 47 multiplications, 0 divisions, 5 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 6];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -5059,7 +5059,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition
     ] = *beta;
     // tau
     {
-        let t2_1 = like.lift(9.81) - like.lift(9.81);
+        let t2_1 = proto.splat(9.81) - proto.splat(9.81);
         let t2_2 = -t2_1;
         tau[0] = t2_2;
         let t2_3 = sin_q2 * cos_q3;
@@ -5074,18 +5074,18 @@ pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition
         let t2_8 = (-cos_q2_q3).mul_add(p_mx_3, t2_7);
         let t2_9 = cos_q5 * cos_q2_q3;
         let t2_10 = (-sin_q5).mul_add(e_4_q1x, t2_9);
-        let t2_11 = like.lift(9.81) * t2_10;
+        let t2_11 = proto.splat(9.81) * t2_10;
         let a_5y = -t2_11;
         let t2_12 = a_5y * p_my_6;
         let t2_13 = a_5y * p_mx_6;
-        let t2_14 = like.lift(9.81) * e_4_q1y;
+        let t2_14 = proto.splat(9.81) * e_4_q1y;
         let t2_15 = e_4_q1x * p_my_4;
         let t2_16 = e_4_q1y.mul_add(p_mx_4, t2_15);
-        let t2_17 = like.lift(9.81) * t2_16;
+        let t2_17 = proto.splat(9.81) * t2_16;
         let t2_18 = sin_q5 * cos_q2_q3;
         let t2_19 = cos_q5.mul_add(e_4_q1x, t2_18);
-        let a_5x = like.lift(9.81) * t2_19;
-        let t2_20 = like.lift(9.81) * cos_q2_q3;
+        let a_5x = proto.splat(9.81) * t2_19;
+        let t2_20 = proto.splat(9.81) * cos_q2_q3;
         let t2_21 = a_5x * p_my_5;
         let t2_22 = a_5y.mul_add(p_mx_5, t2_21);
         let t2_23 = cos_q6.mul_add(t2_13, t2_22);
@@ -5093,7 +5093,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition
         tau[4] = t2_24;
         let t2_25 = p_mx_4.mul_add(t2_20, -t2_24);
         let t2_26 = cos_q4 * t2_25;
-        let t2_27 = like.lift(-9.81).mul_add(t2_8, t2_26);
+        let t2_27 = proto.splat(-9.81).mul_add(t2_8, t2_26);
         let t2_28 = p_my_4 * t2_20;
         let t2_29 = p_my_5 * t2_14;
         let t2_30 = (-sin_q6).mul_add(t2_13, t2_29);
@@ -5112,13 +5112,13 @@ pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition
         let t2_40 = (-sin_q5).mul_add(t2_31, t2_37);
         tau[3] = t2_40;
         let t2_41 = (-sin_q4).mul_add(t2_39, t2_27);
-        let t2_42 = like.lift(-9.81).mul_add(t2_6, t2_41);
+        let t2_42 = proto.splat(-9.81).mul_add(t2_6, t2_41);
         let t2_43 = -t2_42;
         tau[1] = t2_43;
         let t2_44 = -t2_41;
         tau[2] = t2_44;
     }
-    (tau, Condition::regular(like))
+    (tau, Condition::regular(proto))
 }
 
 /// Coriolis, centrifugal and friction efforts from base parameters.
@@ -5130,8 +5130,8 @@ pub fn base_gravity<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition
 ///
 /// 223 additions, 245 multiplications, 0 divisions, 5 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 6];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -5181,10 +5181,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let w_4z = d_q4 + w_3y;
         let t2_11 = w_3z * w_3z;
         let t2_12 = t2_10 - t2_11;
-        let t2_13 = like.lift(0.2435) - like.lift(0.0934);
+        let t2_13 = proto.splat(0.2435) - proto.splat(0.0934);
         let t2_14 = t2_1 * t2_13;
-        let a_3z = like.lift(0.8636).mul_add(al_2y, t2_14);
-        let t2_15 = like.lift(0.2435) * t2_1;
+        let a_3z = proto.splat(0.8636).mul_add(al_2y, t2_14);
+        let t2_15 = proto.splat(0.2435) * t2_1;
         let t2_16 = cos_q4 * w_3x;
         let w_4x = (-sin_q4).mul_add(w_3z, t2_16);
         let t2_17 = cos_q4 * w_3z;
@@ -5197,7 +5197,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let w_5z = d_q5 + w_4y;
         let t2_22 = w_4z * w_4z;
         let t2_23 = t2_21 - t2_22;
-        let t2_24 = like.lift(2.0) * al_3x;
+        let t2_24 = proto.splat(2.0) * al_3x;
         let t2_25 = (-cos_q4).mul_add(t2_24, t2_20);
         let al_4x = (-sin_q4).mul_add(w_ixx_3_q2, t2_25);
         let t2_26 = sin_q4.mul_add(t2_24, t2_19);
@@ -5206,10 +5206,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let w_ixy_2_q2 = t2_3 - t2_4;
         let t2_28 = cos_q3 * w_ixx_2_q2;
         let t2_29 = sin_q3.mul_add(t2_27, t2_28);
-        let a_3y = like.lift(0.4318) * t2_29;
+        let a_3y = proto.splat(0.4318) * t2_29;
         let t2_30 = t2_18 + t2_11;
-        let t2_31 = like.lift(-0.0203).mul_add(w_ixx_3_q2, a_3y);
-        let a_4z = like.lift(0.4331).mul_add(t2_30, t2_31);
+        let t2_31 = proto.splat(-0.0203).mul_add(w_ixx_3_q2, a_3y);
+        let a_4z = proto.splat(0.4331).mul_add(t2_30, t2_31);
         let t2_32 = sin_q5 * w_4z;
         let w_5x = cos_q5.mul_add(w_4x, t2_32);
         let t2_33 = sin_q5 * w_4x;
@@ -5230,7 +5230,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let al_5y = cos_q5.mul_add(t2_40, t2_43);
         let t2_44 = sin_q3 * w_ixx_2_q2;
         let t2_45 = (-cos_q3).mul_add(t2_27, t2_44);
-        let t2_46 = like.lift(0.4318) * t2_45;
+        let t2_46 = proto.splat(0.4318) * t2_45;
         let a_3x = -t2_46;
         let t2_47 = t2_10 + t2_11;
         let t2_48 = t2_18 - t2_11;
@@ -5239,10 +5239,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let t2_50 = (-w_ixy_3_q2).mul_add(p_ixy_3, t2_49);
         let t2_51 = (-a_3x).mul_add(p_my_3, t2_50);
         let t2_52 = (-a_3y).mul_add(p_mx_3, t2_51);
-        let t2_53 = like.lift(0.4331).mul_add(w_ixx_3_q2, a_3x);
-        let t2_54 = like.lift(-0.0203).mul_add(t2_47, t2_53);
-        let t2_55 = like.lift(-0.8662).mul_add(al_3x, a_3z);
-        let t2_56 = like.lift(-0.0406).mul_add(al_3y, t2_55);
+        let t2_53 = proto.splat(0.4331).mul_add(w_ixx_3_q2, a_3x);
+        let t2_54 = proto.splat(-0.0203).mul_add(t2_47, t2_53);
+        let t2_55 = proto.splat(-0.8662).mul_add(al_3x, a_3z);
+        let t2_56 = proto.splat(-0.0406).mul_add(al_3y, t2_55);
         let t2_57 = sin_q4 * t2_54;
         let a_4y = (-cos_q4).mul_add(t2_56, t2_57);
         let t2_58 = sin_q4 * t2_56;
@@ -5401,8 +5401,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let t2_198 = sin_q4.mul_add(t2_190, t2_197);
         let t2_199 = cos_q4 * t2_190;
         let t2_200 = (-sin_q4).mul_add(t2_183, t2_199);
-        let t2_201 = like.lift(0.4331).mul_add(t2_200, t2_177);
-        let t2_202 = like.lift(0.0203).mul_add(t2_163, t2_201);
+        let t2_201 = proto.splat(0.4331).mul_add(t2_200, t2_177);
+        let t2_202 = proto.splat(0.0203).mul_add(t2_163, t2_201);
         let t2_203 = (-w_ixx_3_q2).mul_add(p_my_3, t2_200);
         let t2_204 = t2_47.mul_add(p_mx_3, t2_203);
         [
@@ -5424,7 +5424,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let t3_7 = t2_12.mul_add(p_iyz_3, t3_6);
         let t3_8 = (-al_3x).mul_add(t3_4, t3_7);
         let t3_9 = t3_8 + t2_9;
-        let t3_10 = like.lift(0.4331).mul_add(t2_198, t3_9);
+        let t3_10 = proto.splat(0.4331).mul_add(t2_198, t3_9);
         let t3_11 = (-sin_q4).mul_add(t2_144, t3_10);
         let t3_12 = cos_q4.mul_add(t2_175, t3_11);
         let t3_13 = al_3x * p_ixy_3;
@@ -5436,14 +5436,14 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let t3_19 = al_3y.mul_add(p_mx_3, t3_18);
         let t3_20 = p_ixx_3 - p_izz_3;
         let t3_21 = al_3y.mul_add(t3_20, t3_17);
-        let t3_22 = like.lift(0.0203).mul_add(t2_198, t3_21);
+        let t3_22 = proto.splat(0.0203).mul_add(t2_198, t3_21);
         let t3_23 = t3_22 - t2_195;
-        let t3_24 = like.lift(2.0).mul_add(t3_19, t2_198);
+        let t3_24 = proto.splat(2.0).mul_add(t3_19, t2_198);
         let t3_25 = cos_q3 * t2_165;
         let t3_26 = sin_q3.mul_add(t2_204, t3_25);
         let t3_27 = cos_q3 * t2_204;
         let t3_28 = (-sin_q3).mul_add(t2_165, t3_27);
-        let t3_29 = like.lift(0.4318).mul_add(t3_26, t3_3);
+        let t3_29 = proto.splat(0.4318).mul_add(t3_26, t3_3);
         let t3_30 = -t3_29;
         tau[1] = t3_30;
         let t3_31 = (-w_ixx_2_q2).mul_add(p_my_2, t3_28);
@@ -5455,7 +5455,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let t3_37 = (-t2_6).mul_add(p_iyz_2, t3_36);
         let t3_38 = al_2x.mul_add(t3_34, t3_37);
         let t3_39 = t3_38 - t2_2;
-        let t3_40 = like.lift(0.0934).mul_add(t3_26, t3_39);
+        let t3_40 = proto.splat(0.0934).mul_add(t3_26, t3_39);
         let t3_41 = (-sin_q3).mul_add(t3_23, t3_40);
         let t3_42 = (-cos_q3).mul_add(t3_12, t3_41);
         let t3_43 = al_2x * p_ixy_2;
@@ -5472,14 +5472,14 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
         let t3_54 = (-al_2y).mul_add(t3_53, t3_51);
         let t3_55 = (-cos_q3).mul_add(t3_23, t3_54);
         let t3_56 = sin_q3.mul_add(t3_12, t3_55);
-        let t3_57 = like.lift(0.4318).mul_add(t3_24, t3_56);
-        let t3_58 = like.lift(0.0934).mul_add(t3_28, t3_57);
-        let t3_59 = like.lift(0.2435) * t3_52;
+        let t3_57 = proto.splat(0.4318).mul_add(t3_24, t3_56);
+        let t3_58 = proto.splat(0.0934).mul_add(t3_28, t3_57);
+        let t3_59 = proto.splat(0.2435) * t3_52;
         let t3_60 = (-cos_q2).mul_add(t3_58, t3_59);
         let t3_61 = sin_q2.mul_add(t3_42, t3_60);
         tau[0] = t3_61;
     }
-    (tau, Condition::regular(like))
+    (tau, Condition::regular(proto))
 }
 
 /// The mass matrix from base parameters.
@@ -5490,8 +5490,8 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 6], qd: &[T; 6], beta: &[T; 36]) -> (
 ///
 /// 151 additions, 182 multiplications, 0 divisions, 5 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 6]; 6];
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 6]; 6];
     let [_, q2, q3, q4, q5, q6] = *q;
     // sines and cosines
     let [sin_q2, cos_q2, sin_q3, cos_q3, sin_q4, cos_q4, sin_q5, cos_q5, sin_q6, cos_q6] = {
@@ -5573,32 +5573,32 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], 
         let t2_57 = (-sin_q4).mul_add(t2_55, t2_56);
         let t2_58 = cos_q4 * t2_55;
         let t2_59 = sin_q4.mul_add(t2_54, t2_58);
-        let t2_60 = like.lift(0.0203) * t2_57;
-        let t2_61 = like.lift(0.4331).mul_add(t2_53, t2_60);
+        let t2_60 = proto.splat(0.0203) * t2_57;
+        let t2_61 = proto.splat(0.4331).mul_add(t2_53, t2_60);
         let t2_62 = t2_61 + t2_61;
         let t2_63 = t2_43 - t2_62;
         m[2][2] = t2_63;
-        let t2_64 = like.lift(0.0406).mul_add(t2_57, p_ixx_3);
+        let t2_64 = proto.splat(0.0406).mul_add(t2_57, p_ixx_3);
         let t2_65 = (-sin_q4).mul_add(t2_39, t2_64);
         let t2_66 = cos_q4.mul_add(t2_36, t2_65);
         let t2_67 = t2_66 - t2_62;
-        let t2_68 = like.lift(0.0203).mul_add(t2_59, p_ixz_3);
+        let t2_68 = proto.splat(0.0203).mul_add(t2_59, p_ixz_3);
         let t2_69 = cos_q4.mul_add(t2_39, t2_68);
         let t2_70 = sin_q4.mul_add(t2_36, t2_69);
         let t2_71 = p_iyz_4 - t2_31;
         let t2_72 = cos_q4 * t2_24;
         let t2_73 = (-sin_q4).mul_add(t2_71, t2_72);
         let t2_74 = cos_q4 * t2_71;
-        let t2_75 = like.lift(-0.4331).mul_add(t2_59, t2_74);
+        let t2_75 = proto.splat(-0.4331).mul_add(t2_59, t2_74);
         let t2_76 = sin_q4.mul_add(t2_24, t2_75);
         m[2][3] = t2_76; m[3][2] = t2_76;
         let t2_77 = sin_q3 * t2_59;
-        let t2_78 = like.lift(-0.4318).mul_add(t2_77, t2_76);
+        let t2_78 = proto.splat(-0.4318).mul_add(t2_77, t2_76);
         m[1][3] = t2_78; m[3][1] = t2_78;
         let t2_79 = p_iyz_3 - t2_76;
-        let t2_80 = like.lift(0.4331) * t2_57;
+        let t2_80 = proto.splat(0.4331) * t2_57;
         let t2_81 = p_ixy_3 - t2_73;
-        let t2_82 = like.lift(0.0203).mul_add(t2_53, t2_81);
+        let t2_82 = proto.splat(0.0203).mul_add(t2_53, t2_81);
         let t2_83 = t2_82 + t2_80;
         let t2_84 = t2_73 - t2_80;
         let t2_85 = sin_q3 * t2_83;
@@ -5616,7 +5616,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], 
         let t2_95 = t2_94 - t2_60;
         let t2_96 = (-sin_q3).mul_add(t2_95, t2_86);
         let t2_97 = cos_q3.mul_add(t2_95, t2_85);
-        let t2_98 = like.lift(-0.0934).mul_add(t2_59, t2_94);
+        let t2_98 = proto.splat(-0.0934).mul_add(t2_59, t2_94);
         let t2_99 = cos_q5 * t2_48;
         let t2_100 = sin_q5 * t2_48;
         let t2_101 = p_mx_3 + t2_57;
@@ -5625,40 +5625,40 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], 
         let t2_104 = (-sin_q3).mul_add(t2_102, t2_103);
         let t2_105 = cos_q3 * t2_102;
         let t2_106 = sin_q3.mul_add(t2_101, t2_105);
-        let t2_107 = like.lift(0.4318) * t2_104;
+        let t2_107 = proto.splat(0.4318) * t2_104;
         let t2_108 = t2_63 + t2_107;
         m[1][2] = t2_108; m[2][1] = t2_108;
-        let t2_109 = like.lift(-0.0934).mul_add(t2_59, t2_107);
+        let t2_109 = proto.splat(-0.0934).mul_add(t2_59, t2_107);
         let t2_110 = t2_109 + t2_109;
         let t2_111 = cos_q3.mul_add(t2_97, t2_110);
         let t2_112 = sin_q3.mul_add(t2_88, t2_111);
         let t2_113 = cos_q2 * t2_112;
-        let t2_114 = like.lift(0.1868).mul_add(t2_59, p_izz_2);
+        let t2_114 = proto.splat(0.1868).mul_add(t2_59, p_izz_2);
         let t2_115 = t2_114 + t2_63;
         let t2_116 = t2_115 + t2_110;
         m[1][1] = t2_116;
-        let t2_117 = like.lift(-0.8636).mul_add(t2_104, p_ixx_2);
+        let t2_117 = proto.splat(-0.8636).mul_add(t2_104, p_ixx_2);
         let t2_118 = (-sin_q3).mul_add(t2_96, t2_117);
         let t2_119 = cos_q3.mul_add(t2_87, t2_118);
         let t2_120 = t2_119 + t2_110;
-        let t2_121 = like.lift(-0.4318).mul_add(t2_106, p_ixy_2);
+        let t2_121 = proto.splat(-0.4318).mul_add(t2_106, p_ixy_2);
         let t2_122 = cos_q3.mul_add(t2_96, t2_121);
         let t2_123 = sin_q3.mul_add(t2_87, t2_122);
         let t2_124 = sin_q2.mul_add(t2_123, t2_113);
         let t2_125 = cos_q2 * t2_123;
         let t2_126 = sin_q2.mul_add(t2_120, t2_125);
-        let t2_127 = like.lift(0.487).mul_add(t2_59, p_izz_1);
+        let t2_127 = proto.splat(0.487).mul_add(t2_59, p_izz_1);
         let t2_128 = cos_q2.mul_add(t2_124, t2_127);
         let t2_129 = sin_q2.mul_add(t2_126, t2_128);
         m[0][0] = t2_129;
         let t2_130 = cos_q3 * t2_70;
         let t2_131 = (-sin_q3).mul_add(t2_79, t2_130);
-        let t2_132 = like.lift(0.0934) * t2_106;
+        let t2_132 = proto.splat(0.0934) * t2_106;
         let t2_133 = cos_q3.mul_add(t2_79, t2_132);
         let t2_134 = sin_q3.mul_add(t2_70, t2_133);
-        let t2_135 = like.lift(0.0934) * t2_104;
+        let t2_135 = proto.splat(0.0934) * t2_104;
         let t2_136 = p_ixz_2 + t2_131;
-        let t2_137 = like.lift(-0.4318).mul_add(t2_59, t2_136);
+        let t2_137 = proto.splat(-0.4318).mul_add(t2_59, t2_136);
         let t2_138 = t2_137 + t2_135;
         let t2_139 = t2_131 + t2_135;
         let t2_140 = p_iyz_2 + t2_134;
@@ -5667,14 +5667,14 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], 
         let t2_143 = p_mx_2 + t2_104;
         let t2_144 = sin_q2 * t2_104;
         let t2_145 = cos_q2.mul_add(t2_106, t2_144);
-        let t2_146 = like.lift(-0.2435).mul_add(t2_145, t2_142);
+        let t2_146 = proto.splat(-0.2435).mul_add(t2_145, t2_142);
         let t2_147 = sin_q2.mul_add(t2_139, t2_146);
         let t2_148 = -t2_147;
         m[0][2] = t2_148; m[2][0] = t2_148;
         let t2_149 = p_my_2 + t2_106;
         let t2_150 = cos_q2 * t2_149;
         let t2_151 = sin_q2.mul_add(t2_143, t2_150);
-        let t2_152 = like.lift(-0.2435).mul_add(t2_151, t2_141);
+        let t2_152 = proto.splat(-0.2435).mul_add(t2_151, t2_141);
         let t2_153 = sin_q2.mul_add(t2_138, t2_152);
         let t2_154 = -t2_153;
         m[0][1] = t2_154; m[1][0] = t2_154;
@@ -5682,39 +5682,39 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], 
         let t2_156 = cos_q3.mul_add(t2_84, t2_155);
         let t2_157 = sin_q3 * t2_84;
         let t2_158 = (-cos_q3).mul_add(t2_98, t2_157);
-        let t2_159 = like.lift(-0.4318).mul_add(t2_57, t2_158);
+        let t2_159 = proto.splat(-0.4318).mul_add(t2_57, t2_158);
         let t2_160 = cos_q2 * t2_159;
         let t2_161 = cos_q2 * cos_q3;
         let cos_q2_q3 = (-sin_q2).mul_add(sin_q3, t2_161);
-        let t2_162 = like.lift(0.2435) * cos_q2_q3;
+        let t2_162 = proto.splat(0.2435) * cos_q2_q3;
         let t2_163 = (-t2_162).mul_add(t2_59, t2_160);
         let t2_164 = sin_q2.mul_add(t2_156, t2_163);
         let t2_165 = -t2_164;
         m[0][3] = t2_165; m[3][0] = t2_165;
         let t2_166 = sin_q4 * t2_53;
-        let t2_167 = like.lift(-0.4331).mul_add(t2_166, t2_38);
+        let t2_167 = proto.splat(-0.4331).mul_add(t2_166, t2_38);
         let t2_168 = (-cos_q4).mul_add(t2_29, t2_167);
-        let t2_169 = like.lift(-0.0203).mul_add(t2_166, t2_31);
+        let t2_169 = proto.splat(-0.0203).mul_add(t2_166, t2_31);
         let t2_170 = cos_q4 * t2_53;
-        let t2_171 = like.lift(-0.4331).mul_add(t2_170, t2_44);
-        let t2_172 = like.lift(-0.0203).mul_add(t2_51, t2_171);
+        let t2_171 = proto.splat(-0.4331).mul_add(t2_170, t2_44);
+        let t2_172 = proto.splat(-0.0203).mul_add(t2_51, t2_171);
         m[2][4] = t2_172; m[4][2] = t2_172;
         let t2_173 = sin_q3 * t2_170;
         let t2_174 = (-cos_q3).mul_add(t2_51, t2_173);
-        let t2_175 = like.lift(-0.4318).mul_add(t2_174, t2_172);
+        let t2_175 = proto.splat(-0.4318).mul_add(t2_174, t2_172);
         m[1][4] = t2_175; m[4][1] = t2_175;
         let t2_176 = sin_q3 * t2_51;
         let t2_177 = cos_q3.mul_add(t2_170, t2_176);
-        let t2_178 = like.lift(0.0934) * t2_174;
+        let t2_178 = proto.splat(0.0934) * t2_174;
         let t2_179 = sin_q3.mul_add(t2_169, t2_178);
         let t2_180 = cos_q3.mul_add(t2_168, t2_179);
         let t2_181 = sin_q3 * t2_168;
         let t2_182 = (-cos_q3).mul_add(t2_169, t2_181);
-        let t2_183 = like.lift(-0.4318).mul_add(t2_166, t2_182);
-        let t2_184 = like.lift(-0.0934).mul_add(t2_177, t2_183);
+        let t2_183 = proto.splat(-0.4318).mul_add(t2_166, t2_182);
+        let t2_184 = proto.splat(-0.0934).mul_add(t2_177, t2_183);
         let t2_185 = cos_q2 * t2_177;
         let t2_186 = (-sin_q2).mul_add(t2_174, t2_185);
-        let t2_187 = like.lift(0.2435) * t2_186;
+        let t2_187 = proto.splat(0.2435) * t2_186;
         let t2_188 = cos_q2.mul_add(t2_184, t2_187);
         let t2_189 = sin_q2.mul_add(t2_180, t2_188);
         m[0][4] = t2_189; m[4][0] = t2_189;
@@ -5722,37 +5722,37 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 6], beta: &[T; 36]) -> ([[T; 6]; 6], 
         let t2_191 = (-cos_q4).mul_add(t2_46, t2_190);
         let t2_192 = sin_q4 * t2_46;
         let t2_193 = cos_q4.mul_add(t2_99, t2_192);
-        let t2_194 = like.lift(0.0203).mul_add(t2_191, t2_91);
-        let t2_195 = like.lift(0.4331) * t2_191;
+        let t2_194 = proto.splat(0.0203).mul_add(t2_191, t2_91);
+        let t2_195 = proto.splat(0.4331) * t2_191;
         let t2_196 = (-sin_q4).mul_add(t2_26, t2_195);
         let t2_197 = cos_q4 * t2_26;
         let t2_198 = cos_q4.mul_add(t2_20, t2_196);
         let t2_199 = sin_q4.mul_add(t2_20, t2_197);
-        let t2_200 = like.lift(-0.4331).mul_add(t2_193, t2_199);
-        let t2_201 = like.lift(0.0203).mul_add(t2_100, t2_200);
+        let t2_200 = proto.splat(-0.4331).mul_add(t2_193, t2_199);
+        let t2_201 = proto.splat(0.0203).mul_add(t2_100, t2_200);
         m[2][5] = t2_201; m[5][2] = t2_201;
         let t2_202 = cos_q3 * t2_100;
         let t2_203 = sin_q3.mul_add(t2_193, t2_202);
-        let t2_204 = like.lift(-0.4318).mul_add(t2_203, t2_201);
+        let t2_204 = proto.splat(-0.4318).mul_add(t2_203, t2_201);
         m[1][5] = t2_204; m[5][1] = t2_204;
         let t2_205 = cos_q3 * t2_193;
         let t2_206 = (-sin_q3).mul_add(t2_100, t2_205);
         let t2_207 = sin_q3 * t2_194;
         let t2_208 = sin_q3 * t2_198;
         let t2_209 = (-cos_q3).mul_add(t2_194, t2_208);
-        let t2_210 = like.lift(-0.0934).mul_add(t2_203, t2_207);
+        let t2_210 = proto.splat(-0.0934).mul_add(t2_203, t2_207);
         let t2_211 = cos_q3.mul_add(t2_198, t2_210);
-        let t2_212 = like.lift(0.4318).mul_add(t2_191, t2_209);
-        let t2_213 = like.lift(0.0934).mul_add(t2_206, t2_212);
+        let t2_212 = proto.splat(0.4318).mul_add(t2_191, t2_209);
+        let t2_213 = proto.splat(0.0934).mul_add(t2_206, t2_212);
         let t2_214 = cos_q2 * t2_206;
         let t2_215 = (-sin_q2).mul_add(t2_203, t2_214);
         let t2_216 = cos_q2 * t2_213;
-        let t2_217 = like.lift(-0.2435).mul_add(t2_215, t2_216);
+        let t2_217 = proto.splat(-0.2435).mul_add(t2_215, t2_216);
         let t2_218 = sin_q2.mul_add(t2_211, t2_217);
         let t2_219 = -t2_218;
         m[0][5] = t2_219; m[5][0] = t2_219;
     }
-    (m, Condition::regular(like))
+    (m, Condition::regular(proto))
 }
 
 /// The robot as a `Model`, over slices.
@@ -5853,19 +5853,19 @@ impl<T: Scalar> Model<T> for Puma560 {
                 *out = value;
                 Ok(condition)
             }
-            Function::SlotineLi => {
+            Function::AdaptiveRegressor => {
                 let q = ::regen_runtime::array::<T, 6>(arguments.q, "q")?;
                 let qd = ::regen_runtime::array::<T, 6>(arguments.qd, "qd")?;
                 let qd_r_i = ::regen_runtime::array::<T, 6>(arguments.qd_r_i, "qd_r_i")?;
                 let qdd_r_i = ::regen_runtime::array::<T, 6>(arguments.qdd_r_i, "qdd_r_i")?;
                 let out = ::regen_runtime::matrix_mut::<T, 60, 6>(out, "out")?;
-                Ok(slotine_li(q, qd, qd_r_i, qdd_r_i, out))
+                Ok(adaptive_regressor(q, qd, qd_r_i, qdd_r_i, out))
             }
-            Function::Efforts => {
+            Function::GeneralizedForces => {
                 let q = ::regen_runtime::array::<T, 6>(arguments.q, "q")?;
                 let tau_actuated = ::regen_runtime::array::<T, 6>(arguments.tau_actuated, "tau_actuated")?;
                 let out = ::regen_runtime::array_mut::<T, 6>(out, "out")?;
-                let (value, condition) = efforts(q, tau_actuated);
+                let (value, condition) = generalized_forces(q, tau_actuated);
                 *out = value;
                 Ok(condition)
             }

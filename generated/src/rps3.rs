@@ -28,8 +28,8 @@
 //! | [`gravity`] | 118 | 233 | 6 | 6 |
 //! | [`bias_forces`] | 264 | 421 | 6 | 6 |
 //! | [`mass_matrix`] | 204 | 317 | 6 | 6 |
-//! | [`slotine_li`] | 418 | 681 | 6 | 6 |
-//! | [`efforts`] | 0 | 0 | 0 | 0 |
+//! | [`adaptive_regressor`] | 418 | 681 | 6 | 6 |
+//! | [`generalized_forces`] | 0 | 0 | 0 | 0 |
 //! | [`poses`] | 15 | 44 | 0 | 6 |
 //! | [`cones`] | 9 | 20 | 0 | 6 |
 //! | [`base_regressor`] | 213 | 392 | 6 | 6 |
@@ -43,7 +43,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Arguments, Condition, Cone, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
+ Arguments, Condition, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
 use ::regen_runtime::{BaseFunction, BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -89,10 +89,10 @@ pub const JOINTS: [Joint; 9] = [
     Joint { limits: Limits { position: Some([0.45, 0.8]), velocity: Some([-0.4, 0.4]), acceleration: Some([-3.0, 3.0]), effort: Some([-3000.0, 3000.0]) }, ..Joint::SHIFT },
 ];
 /// The cones that limit joints and cuts, in the order of `cones`.
-pub const CONES: [Cone<'static>; 3] = [
-    Cone { name: "s1", greatest: 0.8 },
-    Cone { name: "s2", greatest: 0.8 },
-    Cone { name: "s3", greatest: 0.8 },
+pub const CONES: [SwingLimit<'static>; 3] = [
+    SwingLimit { name: "s1", greatest: 0.8 },
+    SwingLimit { name: "s2", greatest: 0.8 },
+    SwingLimit { name: "s3", greatest: 0.8 },
 ];
 /// Nominal values of the parameters, in the order of `PARAMETERS`, about the origins of
 /// the bodies' frames.
@@ -368,8 +368,8 @@ pub const BASE_INFO: BaseInfo<'static> = BaseInfo {
 ///
 /// 25 additions, 38 multiplications, 0 divisions, 6 sines and cosines.
 pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
-    let like = q[0];
-    let mut f = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut f = [proto.splat(0.0); 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -390,20 +390,20 @@ pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
     {
         let t2_1 = sin_q6 * q7;
         let t2_2 = sin_q8 * q9;
-        let t2_3 = sin_q1.mul_add(q2, like.lift(0.26344492783122625));
+        let t2_3 = sin_q1.mul_add(q2, proto.splat(0.26344492783122625));
         let t2_4 = cos_q1 * cos_s1_1;
         let t2_5 = sin_q1 * sin_s1_2;
         let t2_6 = (-cos_s1_2).mul_add(t2_4, t2_5);
         let t2_7 = sin_s1_2 * t2_4;
         let t2_8 = sin_q1.mul_add(cos_s1_2, t2_7);
-        let t2_9 = like.lift(-0.4563).mul_add(t2_6, t2_3);
-        let t2_10 = like.lift(0.5).mul_add(t2_1, t2_9);
-        let t2_11 = t2_10 + like.lift(0.13172246391561312);
+        let t2_9 = proto.splat(-0.4563).mul_add(t2_6, t2_3);
+        let t2_10 = proto.splat(0.5).mul_add(t2_1, t2_9);
+        let t2_11 = t2_10 + proto.splat(0.13172246391561312);
         let t2_12 = -t2_11;
         f[0] = t2_12;
         let t2_13 = sin_s1_1 * cos_s1_2;
-        let t2_14 = like.lift(0.4563).mul_add(t2_13, like.lift(-0.22815));
-        let t2_15 = like.lift(-0.8660254037844386).mul_add(t2_1, t2_14);
+        let t2_14 = proto.splat(0.4563).mul_add(t2_13, proto.splat(-0.22815));
+        let t2_15 = proto.splat(-0.8660254037844386).mul_add(t2_1, t2_14);
         let t2_16 = -t2_15;
         f[1] = t2_16;
         let t2_17 = cos_q1 * q2;
@@ -414,7 +414,7 @@ pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
         let t2_22 = cos_q1 * cos_s1_2;
         let t2_23 = (-sin_s1_2).mul_add(t2_20, t2_22);
         let t2_24 = cos_q1.mul_add(sin_s1_2, t2_21);
-        let t2_25 = like.lift(-0.4563).mul_add(t2_24, t2_18);
+        let t2_25 = proto.splat(-0.4563).mul_add(t2_24, t2_18);
         let t2_26 = -t2_25;
         f[2] = t2_26;
         let t2_27 = sin_s1_3 * t2_23;
@@ -422,22 +422,22 @@ pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
         let t2_29 = sin_q1.mul_add(t2_28, t2_27);
         let t2_30 = cos_q1 * t2_28;
         let t2_31 = (-sin_s1_3).mul_add(t2_8, t2_30);
-        let t2_32 = like.lift(-0.39516739174683935).mul_add(t2_31, t2_3);
+        let t2_32 = proto.splat(-0.39516739174683935).mul_add(t2_31, t2_3);
         let t2_33 = sin_s1_3 * sin_s1_1;
         let t2_34 = t2_33 * sin_s1_2;
         let t2_35 = cos_s1_1.mul_add(cos_s1_3, t2_34);
-        let t2_36 = like.lift(0.39516739174683935).mul_add(t2_29, t2_19);
-        let t2_37 = like.lift(-0.22815).mul_add(t2_24, t2_36);
-        let t2_38 = like.lift(-0.22815).mul_add(t2_6, t2_32);
+        let t2_36 = proto.splat(0.39516739174683935).mul_add(t2_29, t2_19);
+        let t2_37 = proto.splat(-0.22815).mul_add(t2_24, t2_36);
+        let t2_38 = proto.splat(-0.22815).mul_add(t2_6, t2_32);
         let t2_39 = -t2_37;
         f[5] = t2_39;
-        let t2_40 = like.lift(0.39516739174683935).mul_add(t2_35, like.lift(0.22815));
-        let t2_41 = like.lift(0.22815).mul_add(t2_13, t2_40);
-        let t2_42 = like.lift(0.8660254037844386).mul_add(t2_2, t2_41);
-        let t2_43 = like.lift(0.5).mul_add(t2_2, t2_38);
+        let t2_40 = proto.splat(0.39516739174683935).mul_add(t2_35, proto.splat(0.22815));
+        let t2_41 = proto.splat(0.22815).mul_add(t2_13, t2_40);
+        let t2_42 = proto.splat(0.8660254037844386).mul_add(t2_2, t2_41);
+        let t2_43 = proto.splat(0.5).mul_add(t2_2, t2_38);
         let t2_44 = -t2_42;
         f[4] = t2_44;
-        let t2_45 = t2_43 + like.lift(0.13172246391561312);
+        let t2_45 = t2_43 + proto.splat(0.13172246391561312);
         let t2_46 = -t2_45;
         f[3] = t2_46;
     }
@@ -451,8 +451,8 @@ pub fn constraints<T: Scalar>(q: &[T; 9]) -> [T; 6] {
 ///
 /// 21 additions, 66 multiplications, 0 divisions, 6 sines and cosines.
 pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
-    let like = q[0];
-    let mut a = [[like.lift(0.0); 9]; 6];
+    let proto = q[0];
+    let mut a = [[proto.splat(0.0); 9]; 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -474,46 +474,46 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t2_1 = -sin_q1;
         a[0][1] = t2_1;
         let t2_2 = cos_q6 * q7;
-        let t2_3 = like.lift(0.5) * t2_2;
+        let t2_3 = proto.splat(0.5) * t2_2;
         let t2_4 = -t2_3;
         a[0][5] = t2_4;
-        let t2_5 = like.lift(0.5) * sin_q6;
+        let t2_5 = proto.splat(0.5) * sin_q6;
         let t2_6 = -t2_5;
         a[0][6] = t2_6;
         let t2_7 = cos_q1 * q2;
         let t2_8 = sin_q1 * cos_s1_1;
         let t2_9 = cos_s1_2 * t2_8;
         let t2_10 = cos_q1.mul_add(sin_s1_2, t2_9);
-        let t2_11 = like.lift(-0.4563).mul_add(t2_10, t2_7);
+        let t2_11 = proto.splat(-0.4563).mul_add(t2_10, t2_7);
         let t2_12 = -t2_11;
         a[0][0] = t2_12;
         let t2_13 = sin_s1_1 * cos_s1_2;
-        let t2_14 = like.lift(0.4563) * t2_13;
+        let t2_14 = proto.splat(0.4563) * t2_13;
         let t2_15 = cos_q1 * t2_14;
         a[0][2] = t2_15;
         let t2_16 = sin_q1 * sin_s1_1;
         let t2_17 = t2_16 * t2_13;
         let t2_18 = cos_s1_1.mul_add(t2_10, t2_17);
-        let t2_19 = like.lift(0.4563) * t2_18;
+        let t2_19 = proto.splat(0.4563) * t2_18;
         a[0][3] = t2_19;
         [t2_1, t2_2, t2_7, t2_10, t2_13, t2_14, t2_16, t2_18]
     };
     // row 2
     let [t3_5, t3_9, t3_10] = {
-        let t3_1 = like.lift(0.8660254037844386) * t2_2;
+        let t3_1 = proto.splat(0.8660254037844386) * t2_2;
         a[1][5] = t3_1;
-        let t3_2 = like.lift(0.8660254037844386) * sin_q6;
+        let t3_2 = proto.splat(0.8660254037844386) * sin_q6;
         a[1][6] = t3_2;
         let t3_3 = cos_q1 * cos_s1_1;
         let t3_4 = sin_q1 * sin_s1_2;
         let t3_5 = (-cos_s1_2).mul_add(t3_3, t3_4);
         let t3_6 = cos_s1_2 * cos_s1_1;
-        let t3_7 = like.lift(0.4563) * t3_6;
+        let t3_7 = proto.splat(0.4563) * t3_6;
         let t3_8 = -t3_7;
         a[1][2] = t3_8;
         let t3_9 = sin_s1_2 * sin_s1_1;
         let t3_10 = cos_q1 * sin_s1_1;
-        let t3_11 = like.lift(0.4563) * t3_9;
+        let t3_11 = proto.splat(0.4563) * t3_9;
         a[1][3] = t3_11;
         [t3_5, t3_9, t3_10]
     };
@@ -529,11 +529,11 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t4_5 = -cos_q1;
         a[2][1] = t4_5;
         let t4_6 = sin_q1 * q2;
-        let t4_7 = like.lift(-0.4563).mul_add(t3_5, t4_6);
+        let t4_7 = proto.splat(-0.4563).mul_add(t3_5, t4_6);
         a[2][0] = t4_7;
         let t4_8 = cos_s1_1 * t3_5;
         let t4_9 = (-t3_10).mul_add(t2_13, t4_8);
-        let t4_10 = like.lift(0.4563) * t4_9;
+        let t4_10 = proto.splat(0.4563) * t4_9;
         let t4_11 = -t4_10;
         a[2][3] = t4_11;
         [t4_5, t4_6, t4_9]
@@ -546,13 +546,13 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t5_3 = cos_s1_3.mul_add(t2_16, t5_2);
         let t5_4 = t3_9 * sin_s1_3;
         let t5_5 = cos_s1_1.mul_add(cos_s1_3, t5_4);
-        let t5_6 = like.lift(0.39516739174683935) * t5_5;
-        let t5_7 = like.lift(0.22815).mul_add(t2_13, t5_6);
+        let t5_6 = proto.splat(0.39516739174683935) * t5_5;
+        let t5_7 = proto.splat(0.22815).mul_add(t2_13, t5_6);
         let t5_8 = cos_q1 * t5_7;
         a[3][2] = t5_8;
         let t5_9 = cos_q8 * q9;
-        let t5_10 = like.lift(0.22815) * t2_10;
-        let t5_11 = like.lift(-0.39516739174683935).mul_add(t5_3, t5_10);
+        let t5_10 = proto.splat(0.22815) * t2_10;
+        let t5_11 = proto.splat(-0.39516739174683935).mul_add(t5_3, t5_10);
         let t5_12 = t2_7 - t5_11;
         let t5_13 = -t5_12;
         a[3][0] = t5_13;
@@ -562,10 +562,10 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t5_16 = t2_13 * t5_11;
         let t5_17 = (-t2_10).mul_add(t5_7, t5_16);
         a[3][4] = t5_17;
-        let t5_18 = like.lift(0.5) * t5_9;
+        let t5_18 = proto.splat(0.5) * t5_9;
         let t5_19 = -t5_18;
         a[3][7] = t5_19;
-        let t5_20 = like.lift(0.5) * sin_q8;
+        let t5_20 = proto.splat(0.5) * sin_q8;
         let t5_21 = -t5_20;
         a[3][8] = t5_21;
         [t5_7, t5_9, t5_11]
@@ -574,11 +574,11 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
     let [t6_7] = {
         let t6_1 = cos_s1_3 * t3_10;
         let t6_2 = (-t2_18).mul_add(sin_s1_3, t6_1);
-        let t6_3 = like.lift(0.8660254037844386) * t5_9;
+        let t6_3 = proto.splat(0.8660254037844386) * t5_9;
         let t6_4 = -t6_3;
         a[4][7] = t6_4;
-        let t6_5 = like.lift(0.39516739174683935) * t6_2;
-        let t6_6 = like.lift(0.22815) * t3_5;
+        let t6_5 = proto.splat(0.39516739174683935) * t6_2;
+        let t6_6 = proto.splat(0.22815) * t3_5;
         let t6_7 = t6_6 + t6_5;
         let t6_8 = cos_q1 * t6_7;
         let t6_9 = (-sin_q1).mul_add(t5_11, t6_8);
@@ -590,7 +590,7 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
         let t6_13 = (-t3_5).mul_add(t5_11, t6_12);
         let t6_14 = -t6_13;
         a[4][4] = t6_14;
-        let t6_15 = like.lift(0.8660254037844386) * sin_q8;
+        let t6_15 = proto.splat(0.8660254037844386) * sin_q8;
         let t6_16 = -t6_15;
         a[4][8] = t6_16;
         [t6_7]
@@ -625,8 +625,8 @@ pub fn jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 9]; 6] {
 ///
 /// 65 additions, 121 multiplications, 0 divisions, 6 sines and cosines.
 pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
-    let like = q[0];
-    let mut b = [like.lift(0.0); 6];
+    let proto = q[0];
+    let mut b = [proto.splat(0.0); 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -649,7 +649,7 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
         let t2_1 = d_q1 * cos_q1;
         let t2_2 = d_q1 * sin_q1;
         let t2_3 = q2 * d_q1;
-        let t2_4 = like.lift(2.0) * d_q2;
+        let t2_4 = proto.splat(2.0) * d_q2;
         let t2_5 = t2_3 * t2_2;
         let t2_6 = (-t2_1).mul_add(t2_4, t2_5);
         let t2_7 = t2_2 * t2_4;
@@ -670,20 +670,20 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
         let t2_22 = sin_s1_3 * sin_s1_1;
         let t2_23 = t2_22 * sin_s1_2;
         let t2_24 = cos_s1_1.mul_add(cos_s1_3, t2_23);
-        let t2_25 = like.lift(0.39516739174683935) * t2_24;
-        let t2_26 = like.lift(0.22815).mul_add(t2_21, t2_25);
+        let t2_25 = proto.splat(0.39516739174683935) * t2_24;
+        let t2_26 = proto.splat(0.22815).mul_add(t2_21, t2_25);
         let t2_27 = cos_q1 * d_s1_1;
         let t2_28 = cos_q1 * sin_s1_1;
         let t2_29 = cos_s1_3 * t2_28;
         let t2_30 = (-sin_s1_3).mul_add(t2_20, t2_29);
-        let t2_31 = like.lift(0.39516739174683935) * t2_30;
-        let t2_32 = like.lift(0.22815).mul_add(t2_18, t2_31);
+        let t2_31 = proto.splat(0.39516739174683935) * t2_30;
+        let t2_32 = proto.splat(0.22815).mul_add(t2_18, t2_31);
         let t2_33 = sin_q1 * sin_s1_1;
         let t2_34 = cos_s1_3.mul_add(t2_33, t2_15);
         let t2_35 = sin_q1 * d_s1_1;
         let t2_36 = d_s1_2 * sin_s1_1;
-        let t2_37 = like.lift(0.22815) * t2_12;
-        let t2_38 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_37);
+        let t2_37 = proto.splat(0.22815) * t2_12;
+        let t2_38 = proto.splat(-0.39516739174683935).mul_add(t2_34, t2_37);
         let t2_39 = t2_33.mul_add(d_s1_2, t2_27);
         let t2_40 = t2_33 * d_q1;
         let t2_41 = (-cos_s1_1).mul_add(t2_27, t2_40);
@@ -700,27 +700,27 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
         let t2_52 = d_s1_3 * t2_51;
         let t2_53 = -t2_52;
         let t2_54 = t2_36.mul_add(d_s1_1, t2_53);
-        let t2_55 = like.lift(0.4563) * t2_51;
+        let t2_55 = proto.splat(0.4563) * t2_51;
         let t2_56 = -t2_55;
         let t2_57 = t2_18 * t2_49;
         let t2_58 = t2_21.mul_add(t2_47, t2_57);
         let t2_59 = (-d_s1_3).mul_add(t2_58, t2_9);
         let t2_60 = (-d_s1_2).mul_add(t2_46, t2_59);
-        let t2_61 = like.lift(0.4563) * t2_58;
+        let t2_61 = proto.splat(0.4563) * t2_58;
         let t2_62 = q7 * d_q6;
         let t2_63 = sin_q6 * d_q6;
         let t2_64 = t2_63 * t2_62;
-        let t2_65 = like.lift(2.0) * d_q7;
+        let t2_65 = proto.splat(2.0) * d_q7;
         let t2_66 = t2_65 * sin_q6;
         let t2_67 = cos_q6.mul_add(t2_62, t2_66);
         let t2_68 = d_q7 * cos_q6;
         let t2_69 = t2_68 * d_q6;
         let t2_70 = t2_21 * t2_60;
         let t2_71 = t2_12.mul_add(t2_54, t2_70);
-        let t2_72 = like.lift(-0.4563).mul_add(t2_71, t2_6);
+        let t2_72 = proto.splat(-0.4563).mul_add(t2_71, t2_6);
         let t2_73 = (-t2_42).mul_add(t2_56, t2_72);
         let t2_74 = (-t2_49).mul_add(t2_61, t2_73);
-        let t2_75 = like.lift(0.5).mul_add(t2_64, t2_74);
+        let t2_75 = proto.splat(0.5).mul_add(t2_64, t2_74);
         let t2_76 = t2_75 - t2_69;
         let t2_77 = -t2_76;
         b[0] = t2_77;
@@ -730,18 +730,18 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
         let t2_81 = t2_12.mul_add(t2_49, t2_80);
         let t2_82 = (-d_s1_3).mul_add(t2_81, t2_43);
         let t2_83 = d_s1_1.mul_add(t2_1, t2_82);
-        let t2_84 = like.lift(0.4563) * t2_81;
+        let t2_84 = proto.splat(0.4563) * t2_81;
         let t2_85 = t2_12 * t2_83;
         let t2_86 = t2_18.mul_add(t2_60, t2_85);
-        let t2_87 = like.lift(0.4563) * t2_86;
+        let t2_87 = proto.splat(0.4563) * t2_86;
         let t2_88 = (-t2_47).mul_add(t2_61, t2_87);
         let t2_89 = (-t2_42).mul_add(t2_84, t2_88);
-        let t2_90 = like.lift(-1.7320508075688772).mul_add(t2_69, t2_89);
-        let t2_91 = like.lift(0.8660254037844386).mul_add(t2_64, t2_90);
+        let t2_90 = proto.splat(-1.7320508075688772).mul_add(t2_69, t2_89);
+        let t2_91 = proto.splat(0.8660254037844386).mul_add(t2_64, t2_90);
         b[1] = t2_91;
         let t2_92 = t2_18 * t2_54;
         let t2_93 = (-t2_21).mul_add(t2_83, t2_92);
-        let t2_94 = like.lift(0.4563).mul_add(t2_93, t2_8);
+        let t2_94 = proto.splat(0.4563).mul_add(t2_93, t2_8);
         let t2_95 = (-t2_49).mul_add(t2_84, t2_94);
         let t2_96 = t2_47.mul_add(t2_56, t2_95);
         let t2_97 = (-d_q6).mul_add(t2_67, t2_96);
@@ -766,8 +766,8 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
         let t2_115 = q9 * d_q8;
         let t2_116 = sin_q8 * d_q8;
         let t2_117 = t2_116 * t2_115;
-        let t2_118 = like.lift(0.5).mul_add(t2_117, t2_112);
-        let t2_119 = like.lift(2.0) * d_q9;
+        let t2_118 = proto.splat(0.5).mul_add(t2_117, t2_112);
+        let t2_119 = proto.splat(2.0) * d_q9;
         let t2_120 = t2_119 * sin_q8;
         let t2_121 = cos_q8.mul_add(t2_115, t2_120);
         let t2_122 = (-d_q8).mul_add(t2_121, t2_114);
@@ -775,8 +775,8 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
         b[5] = t2_123;
         let t2_124 = d_q9 * cos_q8;
         let t2_125 = t2_124 * d_q8;
-        let t2_126 = like.lift(1.7320508075688772).mul_add(t2_125, t2_113);
-        let t2_127 = like.lift(-0.8660254037844386).mul_add(t2_117, t2_126);
+        let t2_126 = proto.splat(1.7320508075688772).mul_add(t2_125, t2_113);
+        let t2_127 = proto.splat(-0.8660254037844386).mul_add(t2_117, t2_126);
         b[4] = t2_127;
         let t2_128 = t2_118 - t2_125;
         let t2_129 = -t2_128;
@@ -792,9 +792,9 @@ pub fn bias<T: Scalar>(q: &[T; 9], qd: &[T; 9]) -> [T; 6] {
 ///
 /// 71 additions, 119 multiplications, 6 divisions, 6 sines and cosines.
 pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
-    let like = q[0];
-    let mut dq_e = [like.lift(0.0); 6];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut dq_e = [proto.splat(0.0); 6];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -823,10 +823,10 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
         let t2_8 = cos_q1.mul_add(sin_s1_2, t2_7);
         let t2_9 = cos_q1 * cos_s1_2;
         let t2_10 = (-sin_s1_2).mul_add(t2_6, t2_9);
-        let t2_11 = like.lift(-0.4563).mul_add(t2_8, t2_5);
+        let t2_11 = proto.splat(-0.4563).mul_add(t2_8, t2_5);
         let t2_12 = -t2_11;
         let t2_13 = sin_s1_1 * cos_s1_2;
-        let t2_14 = like.lift(0.4563) * t2_13;
+        let t2_14 = proto.splat(0.4563) * t2_13;
         let t2_15 = cos_q1 * t2_14;
         let t2_16 = sin_q1 * sin_s1_1;
         let t2_17 = cos_q1 * cos_s1_1;
@@ -835,38 +835,38 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
         let t2_20 = sin_q1 * sin_s1_2;
         let t2_21 = (-cos_s1_2).mul_add(t2_17, t2_20);
         let t2_22 = cos_s1_2 * cos_s1_1;
-        let t2_23 = like.lift(0.4563) * t2_22;
+        let t2_23 = proto.splat(0.4563) * t2_22;
         let t2_24 = -t2_23;
         let t2_25 = sin_s1_2 * sin_s1_1;
         let t2_26 = cos_q1 * sin_s1_1;
-        let t2_27 = like.lift(0.4563) * t2_19;
+        let t2_27 = proto.splat(0.4563) * t2_19;
         let t2_28 = cos_s1_3 * t2_26;
         let t2_29 = (-sin_s1_3).mul_add(t2_19, t2_28);
-        let t2_30 = like.lift(0.39516739174683935) * t2_29;
-        let t2_31 = like.lift(0.22815) * t2_21;
+        let t2_30 = proto.splat(0.39516739174683935) * t2_29;
+        let t2_31 = proto.splat(0.22815) * t2_21;
         let t2_32 = t2_31 + t2_30;
-        let t2_33 = like.lift(0.5) * t2_1;
+        let t2_33 = proto.splat(0.5) * t2_1;
         let t2_34 = -t2_33;
         let t2_35 = sin_q1 * q2;
-        let t2_36 = like.lift(0.4563) * t2_21;
+        let t2_36 = proto.splat(0.4563) * t2_21;
         let t2_37 = t2_35 - t2_36;
         let t2_38 = -t2_37;
         let t2_39 = sin_q1 * t2_14;
-        let t2_40 = like.lift(-0.8660254037844386).mul_add(t2_2, t2_14);
-        let t2_41 = t2_40 - like.lift(0.22815);
-        let t2_42 = like.lift(-0.4563) * t2_10;
+        let t2_40 = proto.splat(-0.8660254037844386).mul_add(t2_2, t2_14);
+        let t2_41 = t2_40 - proto.splat(0.22815);
+        let t2_42 = proto.splat(-0.4563) * t2_10;
         let t2_43 = sin_s1_3 * t2_10;
         let t2_44 = cos_s1_3.mul_add(t2_16, t2_43);
         let t2_45 = t2_25 * sin_s1_3;
         let t2_46 = cos_s1_1.mul_add(cos_s1_3, t2_45);
-        let t2_47 = like.lift(0.4563) * t2_25;
-        let t2_48 = like.lift(0.39516739174683935) * t2_46;
-        let t2_49 = like.lift(0.22815).mul_add(t2_13, t2_48);
-        let t2_50 = like.lift(0.22815) * t2_8;
-        let t2_51 = like.lift(-0.39516739174683935).mul_add(t2_44, t2_50);
+        let t2_47 = proto.splat(0.4563) * t2_25;
+        let t2_48 = proto.splat(0.39516739174683935) * t2_46;
+        let t2_49 = proto.splat(0.22815).mul_add(t2_13, t2_48);
+        let t2_50 = proto.splat(0.22815) * t2_8;
+        let t2_51 = proto.splat(-0.39516739174683935).mul_add(t2_44, t2_50);
         let t2_52 = t2_5 - t2_51;
         let t2_53 = -t2_42;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_1;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_1;
         let t2_54 = -t2_52;
         let t2_55 = cos_q1 * t2_49;
         let t2_56 = cos_q1 * t2_32;
@@ -884,60 +884,60 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
         let t2_68 = (-t2_21).mul_add(t2_51, t2_67);
         let t2_69 = t2_21 * t2_49;
         let t2_70 = (-t2_13).mul_add(t2_32, t2_69);
-        let t2_71 = like.lift(0.8660254037844386).mul_add(t2_4, t2_49);
-        let t2_72 = t2_71 + like.lift(0.22815);
-        let t2_73 = like.lift(0.5) * t2_3;
+        let t2_71 = proto.splat(0.8660254037844386).mul_add(t2_4, t2_49);
+        let t2_72 = t2_71 + proto.splat(0.22815);
+        let t2_73 = proto.splat(0.5) * t2_3;
         let t2_74 = -t2_73;
         let t2_75 = t2_32 - t2_35;
-        let t2_76 = like.lift(0.26344492783122625) + t2_35;
+        let t2_76 = proto.splat(0.26344492783122625) + t2_35;
         let t2_77 = t2_76 - t2_36;
         let t2_78 = t2_76 - t2_32;
-        let t2_79 = like.lift(0.5).mul_add(t2_2, t2_77);
-        let t2_80 = t2_79 + like.lift(0.13172246391561312);
-        let t2_81 = like.lift(0.5).mul_add(t2_4, t2_78);
-        let t2_82 = t2_81 + like.lift(0.13172246391561312);
+        let t2_79 = proto.splat(0.5).mul_add(t2_2, t2_77);
+        let t2_80 = t2_79 + proto.splat(0.13172246391561312);
+        let t2_81 = proto.splat(0.5).mul_add(t2_4, t2_78);
+        let t2_82 = t2_81 + proto.splat(0.13172246391561312);
         let t2_83 = -t2_62;
         let t2_84 = -t2_70;
         let t2_85 = -t2_68;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_3;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_3;
         let t2_86 = -pivot_2;
         let t2_87 = t2_11 - t2_1;
-        let t2_88 = like.lift(1.0) / t2_1;
+        let t2_88 = proto.splat(1.0) / t2_1;
         let t2_89 = -t2_87;
         let t2_90 = t2_52 - t2_3;
-        let t2_91 = like.lift(1.0) / t2_3;
+        let t2_91 = proto.splat(1.0) / t2_3;
         let t2_92 = -t2_90;
-        let t2_93 = like.lift(0.5773502691896257).mul_add(t2_68, t2_66);
+        let t2_93 = proto.splat(0.5773502691896257).mul_add(t2_68, t2_66);
         let t2_94 = t2_4 * t2_91;
-        let t2_95 = like.lift(1.1547005383792515) * t2_94;
+        let t2_95 = proto.splat(1.1547005383792515) * t2_94;
         let pivot_3 = t2_68.mul_add(t2_95, t2_70);
         let t2_96 = (-t2_72).mul_add(t2_95, t2_90);
         let t2_97 = (-t2_64).mul_add(t2_95, t2_62);
         let t2_98 = t2_57.mul_add(t2_95, t2_58);
-        let t2_99 = like.lift(1.1547005383792515) * t2_91;
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_99 = proto.splat(1.1547005383792515) * t2_91;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_100 = t2_93 * inv_pivot_3;
         let t2_101 = (-t2_75).mul_add(t2_100, t2_52);
         let t2_102 = -pivot_3;
-        let t2_103 = like.lift(0.5773502691896257).mul_add(t2_24, t2_15);
+        let t2_103 = proto.splat(0.5773502691896257).mul_add(t2_24, t2_15);
         let t2_104 = t2_98.mul_add(t2_100, t2_55);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_57, t2_104);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_57, t2_104);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_105 = t2_103 * inv_pivot_4;
         let pivot_5 = (-t2_101).mul_add(t2_105, t2_11);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_106 = -pivot_5;
         let t2_107 = (-t2_100).mul_add(t2_96, t2_82);
-        let t2_108 = like.lift(-0.5773502691896257).mul_add(t2_72, t2_107);
+        let t2_108 = proto.splat(-0.5773502691896257).mul_add(t2_72, t2_107);
         let t2_109 = (-t2_97).mul_add(t2_100, t2_60);
-        let t2_110 = like.lift(-0.5773502691896257).mul_add(t2_64, t2_109);
+        let t2_110 = proto.splat(-0.5773502691896257).mul_add(t2_64, t2_109);
         let t2_111 = (-t2_105).mul_add(t2_108, t2_80);
-        let t2_112 = like.lift(0.5773502691896257).mul_add(t2_41, t2_111);
+        let t2_112 = proto.splat(0.5773502691896257).mul_add(t2_41, t2_111);
         let t2_113 = (-t2_110).mul_add(t2_105, t2_27);
-        let t2_114 = like.lift(0.5773502691896257).mul_add(t2_47, t2_113);
+        let t2_114 = proto.splat(0.5773502691896257).mul_add(t2_47, t2_113);
         let t2_115 = t2_2 * t2_88;
-        let t2_116 = like.lift(1.1547005383792515) * t2_115;
-        let t2_117 = like.lift(1.1547005383792515) * t2_88;
+        let t2_116 = proto.splat(1.1547005383792515) * t2_115;
+        let t2_117 = proto.splat(1.1547005383792515) * t2_88;
         let t2_118 = (-t2_24).mul_add(t2_116, t2_39);
         let t2_119 = t2_118 * inv_pivot_4;
         let t2_120 = (-t2_101).mul_add(t2_119, t2_37);
@@ -948,7 +948,7 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
         let t2_125 = t2_119.mul_add(t2_108, t2_123);
         let pivot_6 = t2_47.mul_add(t2_116, t2_124);
         let t2_126 = t2_41.mul_add(t2_116, t2_125);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_127 = inv_pivot_6 * t2_126;
         let t2_128 = (-t2_114).mul_add(t2_127, t2_112);
         let t2_129 = inv_pivot_5 * t2_128;
@@ -970,23 +970,23 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
         let t2_145 = t2_99 * t2_144;
         let t2_146 = -t2_145;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_86 * like.lift(1.8955297449982944)).abs())
-            .min((t2_102 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_106 * like.lift(0.8284577646309275)).abs())
-            .min((t2_138 * like.lift(2.1915406530791146)).abs());
-        let ([[t2_147], [t2_148], [t2_149], [t2_150], [t2_151], [t2_152]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_86 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_102 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_106 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_138 * proto.splat(2.1915406530791146)).abs());
+        let ([[t2_147], [t2_148], [t2_149], [t2_150], [t2_151], [t2_152]], found) = ::regen_runtime::solve_guarded(
             [[t2_137], [t2_132], [t2_127], [t2_136], [t2_141], [t2_146]],
             margin,
             || (
                 [
-                    [t2_12, t2_15, t2_27, like.lift(0.0), t2_34, like.lift(0.0)],
-                    [t2_38, t2_39, t2_42, like.lift(0.0), t2_2, like.lift(0.0)],
-                    [like.lift(0.0), t2_24, t2_47, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_54, t2_55, t2_60, t2_66, like.lift(0.0), t2_74],
-                    [t2_75, t2_58, t2_83, t2_84, like.lift(0.0), t2_4],
-                    [like.lift(0.0), t2_57, t2_64, t2_85, like.lift(0.0), t2_86],
+                    [t2_12, t2_15, t2_27, proto.splat(0.0), t2_34, proto.splat(0.0)],
+                    [t2_38, t2_39, t2_42, proto.splat(0.0), t2_2, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_24, t2_47, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_54, t2_55, t2_60, t2_66, proto.splat(0.0), t2_74],
+                    [t2_75, t2_58, t2_83, t2_84, proto.splat(0.0), t2_4],
+                    [proto.splat(0.0), t2_57, t2_64, t2_85, proto.splat(0.0), t2_86],
                 ],
                 [[t2_80], [t2_89], [t2_41], [t2_82], [t2_92], [t2_72]],
             ),
@@ -1004,8 +1004,8 @@ pub fn newton_step<T: Scalar>(q: &[T; 9]) -> ([T; 6], Condition<T>) {
 ///
 /// 21 additions, 62 multiplications, 0 divisions, 6 sines and cosines.
 pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
-    let like = q[0];
-    let mut a_e = [[like.lift(0.0); 6]; 6];
+    let proto = q[0];
+    let mut a_e = [[proto.splat(0.0); 6]; 6];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -1029,16 +1029,16 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
         let t2_2 = sin_q6 * q7;
         a_e[5][4] = t2_2;
         let t2_3 = cos_q6 * q7;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_3;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_3;
         a_e[0][4] = pivot_1;
-        let t2_4 = like.lift(0.5) * t2_3;
+        let t2_4 = proto.splat(0.5) * t2_3;
         let t2_5 = -t2_4;
         a_e[4][4] = t2_5;
         let t2_6 = cos_q8 * q9;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_6;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_6;
         let t2_7 = -pivot_2;
         a_e[1][5] = t2_7;
-        let t2_8 = like.lift(0.5) * t2_6;
+        let t2_8 = proto.splat(0.5) * t2_6;
         let t2_9 = -t2_8;
         a_e[3][5] = t2_9;
         let t2_10 = cos_q1 * cos_s1_1;
@@ -1048,41 +1048,41 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
         let t2_14 = cos_s1_2 * t2_13;
         let t2_15 = cos_q1.mul_add(sin_s1_2, t2_14);
         let t2_16 = sin_s1_2 * sin_s1_1;
-        let t2_17 = like.lift(0.4563) * t2_16;
+        let t2_17 = proto.splat(0.4563) * t2_16;
         a_e[0][2] = t2_17;
         let t2_18 = t2_16 * sin_s1_3;
         let t2_19 = cos_s1_1.mul_add(cos_s1_3, t2_18);
-        let t2_20 = like.lift(0.39516739174683935) * t2_19;
+        let t2_20 = proto.splat(0.39516739174683935) * t2_19;
         let t2_21 = cos_s1_2 * cos_s1_1;
-        let t2_22 = like.lift(0.4563) * t2_21;
+        let t2_22 = proto.splat(0.4563) * t2_21;
         let t2_23 = -t2_22;
         a_e[0][1] = t2_23;
         let t2_24 = sin_s1_1 * cos_s1_2;
-        let t2_25 = like.lift(0.22815).mul_add(t2_24, t2_20);
+        let t2_25 = proto.splat(0.22815).mul_add(t2_24, t2_20);
         let t2_26 = sin_q1 * t2_25;
         a_e[2][1] = t2_26;
         let t2_27 = cos_q1 * t2_25;
         a_e[3][1] = t2_27;
         let t2_28 = sin_q1 * sin_s1_1;
         let t2_29 = cos_q1 * sin_s1_1;
-        let t2_30 = like.lift(0.22815) * t2_12;
+        let t2_30 = proto.splat(0.22815) * t2_12;
         let t2_31 = t2_28 * t2_24;
         let t2_32 = cos_s1_1.mul_add(t2_15, t2_31);
-        let t2_33 = like.lift(0.4563) * t2_32;
+        let t2_33 = proto.splat(0.4563) * t2_32;
         a_e[4][2] = t2_33;
         let t2_34 = cos_s1_3 * t2_29;
         let t2_35 = (-sin_s1_3).mul_add(t2_32, t2_34);
-        let t2_36 = like.lift(0.39516739174683935) * t2_35;
+        let t2_36 = proto.splat(0.39516739174683935) * t2_35;
         let t2_37 = t2_30 + t2_36;
         let t2_38 = cos_s1_1 * t2_12;
         let t2_39 = (-t2_29).mul_add(t2_24, t2_38);
         let t2_40 = sin_s1_3 * t2_39;
-        let t2_41 = like.lift(0.4563) * t2_39;
+        let t2_41 = proto.splat(0.4563) * t2_39;
         a_e[5][2] = t2_41;
         let t2_42 = -t2_40;
         let t2_43 = cos_s1_3.mul_add(t2_28, t2_42);
-        let t2_44 = like.lift(0.22815) * t2_15;
-        let t2_45 = like.lift(-0.39516739174683935).mul_add(t2_43, t2_44);
+        let t2_44 = proto.splat(0.22815) * t2_15;
+        let t2_45 = proto.splat(-0.39516739174683935).mul_add(t2_43, t2_44);
         let t2_46 = cos_q1 * t2_37;
         let t2_47 = (-sin_q1).mul_add(t2_45, t2_46);
         a_e[1][1] = t2_47;
@@ -1103,7 +1103,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
         let t2_58 = (-t2_24).mul_add(t2_37, t2_57);
         let t2_59 = -t2_58;
         a_e[2][3] = t2_59;
-        let t2_60 = like.lift(0.4563) * t2_24;
+        let t2_60 = proto.splat(0.4563) * t2_24;
         let t2_61 = cos_q1 * t2_60;
         a_e[4][1] = t2_61;
         let t2_62 = sin_q1 * t2_60;
@@ -1111,7 +1111,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
         let t2_63 = sin_q1 * q2;
         let t2_64 = t2_37 - t2_63;
         a_e[2][0] = t2_64;
-        let t2_65 = like.lift(-0.4563).mul_add(t2_12, t2_63);
+        let t2_65 = proto.splat(-0.4563).mul_add(t2_12, t2_63);
         let t2_66 = -t2_65;
         a_e[5][0] = t2_66;
         let t2_67 = t2_15 * t2_37;
@@ -1120,7 +1120,7 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
         a_e[1][3] = t2_69;
         let t2_70 = cos_q1 * q2;
         let t2_71 = t2_70 - t2_45;
-        let t2_72 = like.lift(-0.4563).mul_add(t2_15, t2_70);
+        let t2_72 = proto.splat(-0.4563).mul_add(t2_15, t2_70);
         let t2_73 = -t2_71;
         a_e[3][0] = t2_73;
         let t2_74 = -t2_72;
@@ -1137,9 +1137,9 @@ pub fn dependent_jacobian<T: Scalar>(q: &[T; 9]) -> [[T; 6]; 6] {
 ///
 /// 60 additions, 123 multiplications, 6 divisions, 6 sines and cosines.
 pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
-    let like = q[0];
-    let mut qd = [like.lift(0.0); 9];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut qd = [proto.splat(0.0); 9];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -1166,10 +1166,10 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_7 = proto.splat(-0.4563).mul_add(t2_4, t2_1);
         let t2_8 = -t2_7;
         let t2_9 = sin_s1_1 * cos_s1_2;
-        let t2_10 = like.lift(0.4563) * t2_9;
+        let t2_10 = proto.splat(0.4563) * t2_9;
         let t2_11 = cos_q1 * t2_10;
         let t2_12 = sin_q1 * t2_10;
         let t2_13 = sin_q1 * sin_s1_1;
@@ -1179,39 +1179,39 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
         let t2_17 = sin_q1 * sin_s1_2;
         let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
         let t2_19 = cos_s1_2 * cos_s1_1;
-        let t2_20 = like.lift(0.4563) * t2_19;
+        let t2_20 = proto.splat(0.4563) * t2_19;
         let t2_21 = -t2_20;
         let t2_22 = sin_s1_2 * sin_s1_1;
         let t2_23 = cos_q1 * sin_s1_1;
-        let t2_24 = like.lift(0.4563) * t2_16;
+        let t2_24 = proto.splat(0.4563) * t2_16;
         let t2_25 = cos_s1_3 * t2_23;
         let t2_26 = (-sin_s1_3).mul_add(t2_16, t2_25);
-        let t2_27 = like.lift(0.39516739174683935) * t2_26;
-        let t2_28 = like.lift(0.22815) * t2_18;
+        let t2_27 = proto.splat(0.39516739174683935) * t2_26;
+        let t2_28 = proto.splat(0.22815) * t2_18;
         let t2_29 = t2_28 + t2_27;
         let t2_30 = cos_q6 * q7;
-        let t2_31 = like.lift(0.5) * t2_30;
+        let t2_31 = proto.splat(0.5) * t2_30;
         let t2_32 = -t2_31;
         let t2_33 = sin_q1 * q2;
-        let t2_34 = like.lift(-0.4563).mul_add(t2_18, t2_33);
+        let t2_34 = proto.splat(-0.4563).mul_add(t2_18, t2_33);
         let t2_35 = t2_29 - t2_33;
         let t2_36 = -t2_34;
-        let t2_37 = like.lift(-0.4563) * t2_6;
+        let t2_37 = proto.splat(-0.4563) * t2_6;
         let t2_38 = sin_s1_3 * t2_6;
         let t2_39 = cos_s1_3.mul_add(t2_13, t2_38);
         let t2_40 = t2_22 * sin_s1_3;
         let t2_41 = cos_s1_1.mul_add(cos_s1_3, t2_40);
-        let t2_42 = like.lift(0.4563) * t2_22;
-        let t2_43 = like.lift(0.39516739174683935) * t2_41;
-        let t2_44 = like.lift(0.22815).mul_add(t2_9, t2_43);
-        let t2_45 = like.lift(0.22815) * t2_4;
-        let t2_46 = like.lift(-0.39516739174683935).mul_add(t2_39, t2_45);
+        let t2_42 = proto.splat(0.4563) * t2_22;
+        let t2_43 = proto.splat(0.39516739174683935) * t2_41;
+        let t2_44 = proto.splat(0.22815).mul_add(t2_9, t2_43);
+        let t2_45 = proto.splat(0.22815) * t2_4;
+        let t2_46 = proto.splat(-0.39516739174683935).mul_add(t2_39, t2_45);
         let t2_47 = t2_1 - t2_46;
         let t2_48 = -t2_37;
         let t2_49 = sin_q6 * q7;
         let t2_50 = sin_q6 * d_q7;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_30;
-        let t2_51 = like.lift(1.0) / t2_30;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_30;
+        let t2_51 = proto.splat(1.0) / t2_30;
         let t2_52 = -t2_47;
         let t2_53 = cos_q1 * t2_44;
         let t2_54 = t2_13 * t2_44;
@@ -1234,52 +1234,52 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
         let t2_71 = (-cos_q6).mul_add(d_q7, t2_70);
         let t2_72 = (-cos_q8).mul_add(d_q9, t2_70);
         let t2_73 = cos_q8 * q9;
-        let t2_74 = like.lift(0.5) * t2_73;
+        let t2_74 = proto.splat(0.5) * t2_73;
         let t2_75 = -t2_74;
         let t2_76 = -t2_57;
         let t2_77 = -t2_65;
         let t2_78 = sin_q8 * q9;
         let t2_79 = sin_q8 * d_q9;
         let t2_80 = -t2_63;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_73;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_73;
         let t2_81 = -pivot_2;
-        let t2_82 = like.lift(1.0) / t2_73;
-        let t2_83 = like.lift(0.5).mul_add(t2_50, t2_69);
+        let t2_82 = proto.splat(1.0) / t2_73;
+        let t2_83 = proto.splat(0.5).mul_add(t2_50, t2_69);
         let t2_84 = -t2_71;
-        let t2_85 = like.lift(0.8660254037844386) * t2_50;
+        let t2_85 = proto.splat(0.8660254037844386) * t2_50;
         let t2_86 = -t2_85;
-        let t2_87 = like.lift(0.5).mul_add(t2_79, t2_69);
+        let t2_87 = proto.splat(0.5).mul_add(t2_79, t2_69);
         let t2_88 = -t2_72;
-        let t2_89 = like.lift(0.8660254037844386) * t2_79;
+        let t2_89 = proto.splat(0.8660254037844386) * t2_79;
         let t2_90 = t2_78 * t2_82;
         let t2_91 = (-t2_90).mul_add(t2_79, t2_72);
-        let t2_92 = like.lift(1.1547005383792515) * t2_90;
+        let t2_92 = proto.splat(1.1547005383792515) * t2_90;
         let pivot_3 = t2_63.mul_add(t2_92, t2_65);
         let t2_93 = (-t2_59).mul_add(t2_92, t2_57);
         let t2_94 = t2_67.mul_add(t2_92, t2_68);
-        let t2_95 = like.lift(1.1547005383792515) * t2_82;
-        let t2_96 = like.lift(0.5773502691896257).mul_add(t2_63, t2_61);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_95 = proto.splat(1.1547005383792515) * t2_82;
+        let t2_96 = proto.splat(0.5773502691896257).mul_add(t2_63, t2_61);
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_97 = t2_96 * inv_pivot_3;
         let t2_98 = (-t2_35).mul_add(t2_97, t2_47);
         let t2_99 = -pivot_3;
-        let t2_100 = like.lift(0.5773502691896257).mul_add(t2_21, t2_11);
+        let t2_100 = proto.splat(0.5773502691896257).mul_add(t2_21, t2_11);
         let t2_101 = t2_94.mul_add(t2_97, t2_53);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_67, t2_101);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_67, t2_101);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_102 = t2_100 * inv_pivot_4;
         let pivot_5 = (-t2_98).mul_add(t2_102, t2_7);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_103 = -pivot_5;
         let t2_104 = (-t2_97).mul_add(t2_91, t2_69);
         let t2_105 = (-t2_102).mul_add(t2_104, t2_69);
         let t2_106 = (-t2_93).mul_add(t2_97, t2_55);
-        let t2_107 = like.lift(-0.5773502691896257).mul_add(t2_59, t2_106);
+        let t2_107 = proto.splat(-0.5773502691896257).mul_add(t2_59, t2_106);
         let t2_108 = (-t2_107).mul_add(t2_102, t2_24);
-        let t2_109 = like.lift(0.5773502691896257).mul_add(t2_42, t2_108);
+        let t2_109 = proto.splat(0.5773502691896257).mul_add(t2_42, t2_108);
         let t2_110 = t2_49 * t2_51;
-        let t2_111 = like.lift(1.1547005383792515) * t2_51;
-        let t2_112 = like.lift(1.1547005383792515) * t2_110;
+        let t2_111 = proto.splat(1.1547005383792515) * t2_51;
+        let t2_112 = proto.splat(1.1547005383792515) * t2_110;
         let t2_113 = (-t2_21).mul_add(t2_112, t2_12);
         let t2_114 = t2_113 * inv_pivot_4;
         let t2_115 = (-t2_98).mul_add(t2_114, t2_34);
@@ -1290,7 +1290,7 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
         let t2_120 = (-t2_110).mul_add(t2_50, t2_119);
         let t2_121 = t2_107.mul_add(t2_114, t2_117);
         let pivot_6 = t2_42.mul_add(t2_112, t2_121);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_122 = inv_pivot_6 * t2_120;
         let t2_123 = (-t2_109).mul_add(t2_122, t2_105);
         let t2_124 = inv_pivot_5 * t2_123;
@@ -1313,23 +1313,23 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
         let t2_141 = t2_95 * t2_140;
         let t2_142 = -t2_141;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_81 * like.lift(1.8955297449982944)).abs())
-            .min((t2_99 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_103 * like.lift(0.8284577646309275)).abs())
-            .min((t2_137 * like.lift(2.1915406530791146)).abs());
-        let ([[t2_143], [t2_144], [t2_145], [t2_146], [t2_147], [t2_148]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_81 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_99 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_103 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_137 * proto.splat(2.1915406530791146)).abs());
+        let ([[t2_143], [t2_144], [t2_145], [t2_146], [t2_147], [t2_148]], found) = ::regen_runtime::solve_guarded(
             [[t2_132], [t2_127], [t2_122], [t2_131], [t2_136], [t2_142]],
             margin,
             || (
                 [
-                    [t2_8, t2_11, t2_24, like.lift(0.0), t2_32, like.lift(0.0)],
-                    [t2_36, t2_12, t2_37, like.lift(0.0), t2_49, like.lift(0.0)],
-                    [like.lift(0.0), t2_21, t2_42, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_52, t2_53, t2_55, t2_61, like.lift(0.0), t2_75],
-                    [t2_35, t2_68, t2_76, t2_77, like.lift(0.0), t2_78],
-                    [like.lift(0.0), t2_67, t2_59, t2_80, like.lift(0.0), t2_81],
+                    [t2_8, t2_11, t2_24, proto.splat(0.0), t2_32, proto.splat(0.0)],
+                    [t2_36, t2_12, t2_37, proto.splat(0.0), t2_49, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_21, t2_42, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_52, t2_53, t2_55, t2_61, proto.splat(0.0), t2_75],
+                    [t2_35, t2_68, t2_76, t2_77, proto.splat(0.0), t2_78],
+                    [proto.splat(0.0), t2_67, t2_59, t2_80, proto.splat(0.0), t2_81],
                 ],
                 [[t2_83], [t2_84], [t2_86], [t2_87], [t2_88], [t2_89]],
             ),
@@ -1349,9 +1349,9 @@ pub fn velocities<T: Scalar>(q: &[T; 9], qd_i: &[T; 3]) -> ([T; 9], Condition<T>
 ///
 /// 121 additions, 214 multiplications, 6 divisions, 6 sines and cosines.
 pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T; 9], Condition<T>) {
-    let like = q[0];
-    let mut qdd = [like.lift(0.0); 9];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut qdd = [proto.splat(0.0); 9];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -1383,10 +1383,10 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_7 = proto.splat(-0.4563).mul_add(t2_4, t2_1);
         let t2_8 = -t2_7;
         let t2_9 = sin_s1_1 * cos_s1_2;
-        let t2_10 = like.lift(0.4563) * t2_9;
+        let t2_10 = proto.splat(0.4563) * t2_9;
         let t2_11 = cos_q1 * t2_10;
         let t2_12 = sin_q1 * t2_10;
         let t2_13 = sin_q1 * sin_s1_1;
@@ -1396,36 +1396,36 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_17 = sin_q1 * sin_s1_2;
         let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
         let t2_19 = cos_s1_2 * cos_s1_1;
-        let t2_20 = like.lift(0.4563) * t2_19;
+        let t2_20 = proto.splat(0.4563) * t2_19;
         let t2_21 = -t2_20;
         let t2_22 = sin_s1_2 * sin_s1_1;
-        let t2_23 = like.lift(0.4563) * t2_16;
+        let t2_23 = proto.splat(0.4563) * t2_16;
         let t2_24 = cos_q6 * q7;
-        let t2_25 = like.lift(0.5) * t2_24;
+        let t2_25 = proto.splat(0.5) * t2_24;
         let t2_26 = -t2_25;
         let t2_27 = sin_q1 * q2;
-        let t2_28 = like.lift(-0.4563).mul_add(t2_18, t2_27);
+        let t2_28 = proto.splat(-0.4563).mul_add(t2_18, t2_27);
         let t2_29 = -t2_28;
         let t2_30 = cos_q1 * sin_s1_1;
         let t2_31 = d_s1_2 * sin_s1_1;
         let t2_32 = cos_s1_3 * t2_30;
         let t2_33 = (-sin_s1_3).mul_add(t2_16, t2_32);
-        let t2_34 = like.lift(0.39516739174683935) * t2_33;
-        let t2_35 = like.lift(0.22815) * t2_18;
+        let t2_34 = proto.splat(0.39516739174683935) * t2_33;
+        let t2_35 = proto.splat(0.22815) * t2_18;
         let t2_36 = t2_35 + t2_34;
-        let t2_37 = like.lift(-0.4563) * t2_6;
+        let t2_37 = proto.splat(-0.4563) * t2_6;
         let t2_38 = sin_s1_3 * t2_6;
         let t2_39 = cos_s1_3.mul_add(t2_13, t2_38);
         let t2_40 = t2_22 * sin_s1_3;
         let t2_41 = cos_s1_1.mul_add(cos_s1_3, t2_40);
-        let t2_42 = like.lift(0.4563) * t2_22;
-        let t2_43 = like.lift(0.39516739174683935) * t2_41;
-        let t2_44 = like.lift(0.22815).mul_add(t2_9, t2_43);
-        let t2_45 = like.lift(0.22815) * t2_4;
-        let t2_46 = like.lift(-0.39516739174683935).mul_add(t2_39, t2_45);
+        let t2_42 = proto.splat(0.4563) * t2_22;
+        let t2_43 = proto.splat(0.39516739174683935) * t2_41;
+        let t2_44 = proto.splat(0.22815).mul_add(t2_9, t2_43);
+        let t2_45 = proto.splat(0.22815) * t2_4;
+        let t2_46 = proto.splat(-0.39516739174683935).mul_add(t2_39, t2_45);
         let t2_47 = -t2_37;
         let t2_48 = sin_q6 * q7;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_24;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_24;
         let t2_49 = t2_1 - t2_46;
         let t2_50 = -t2_49;
         let t2_51 = cos_q1 * t2_44;
@@ -1434,7 +1434,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_54 = t2_9 * t2_46;
         let t2_55 = (-t2_4).mul_add(t2_44, t2_54);
         let t2_56 = cos_q8 * q9;
-        let t2_57 = like.lift(0.5) * t2_56;
+        let t2_57 = proto.splat(0.5) * t2_56;
         let t2_58 = -t2_57;
         let t2_59 = t2_36 - t2_27;
         let t2_60 = sin_q1 * t2_44;
@@ -1452,12 +1452,12 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_72 = t2_4 * t2_36;
         let t2_73 = (-t2_18).mul_add(t2_46, t2_72);
         let t2_74 = -t2_73;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_56;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_56;
         let t2_75 = -pivot_2;
         let t2_76 = cos_q1 * d_q1;
         let t2_77 = d_q1 * d_q1;
         let t2_78 = t2_27 * t2_77;
-        let t2_79 = like.lift(2.0) * d_q2;
+        let t2_79 = proto.splat(2.0) * d_q2;
         let t2_80 = (-t2_76).mul_add(t2_79, t2_78);
         let t2_81 = cos_q1 * d_s1_1;
         let t2_82 = cos_q1 * dd_q2;
@@ -1478,7 +1478,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_97 = d_s1_3 * t2_96;
         let t2_98 = -t2_97;
         let t2_99 = t2_31.mul_add(d_s1_1, t2_98);
-        let t2_100 = like.lift(0.4563) * t2_96;
+        let t2_100 = proto.splat(0.4563) * t2_96;
         let t2_101 = -t2_100;
         let t2_102 = sin_q1 * d_q1;
         let t2_103 = t2_102 * t2_79;
@@ -1489,23 +1489,23 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_108 = t2_9.mul_add(t2_92, t2_107);
         let t2_109 = (-d_s1_3).mul_add(t2_108, t2_105);
         let t2_110 = (-d_s1_2).mul_add(t2_91, t2_109);
-        let t2_111 = like.lift(0.4563) * t2_108;
+        let t2_111 = proto.splat(0.4563) * t2_108;
         let t2_112 = d_q6 * t2_48;
         let t2_113 = t2_112 * d_q6;
         let t2_114 = sin_q6 * dd_q7;
         let t2_115 = t2_114 - t2_113;
-        let t2_116 = like.lift(2.0) * d_q7;
+        let t2_116 = proto.splat(2.0) * d_q7;
         let t2_117 = t2_116 * sin_q6;
         let t2_118 = t2_24.mul_add(d_q6, t2_117);
-        let t2_119 = like.lift(1.0) / t2_24;
+        let t2_119 = proto.splat(1.0) / t2_24;
         let t2_120 = d_q7 * cos_q6;
         let t2_121 = t2_120 * d_q6;
         let t2_122 = t2_9 * t2_110;
         let t2_123 = t2_4.mul_add(t2_99, t2_122);
-        let t2_124 = like.lift(-0.4563).mul_add(t2_123, t2_80);
+        let t2_124 = proto.splat(-0.4563).mul_add(t2_123, t2_80);
         let t2_125 = (-t2_86).mul_add(t2_101, t2_124);
         let t2_126 = (-t2_94).mul_add(t2_111, t2_125);
-        let t2_127 = like.lift(-0.5).mul_add(t2_115, t2_126);
+        let t2_127 = proto.splat(-0.5).mul_add(t2_115, t2_126);
         let t2_128 = t2_127 - t2_121;
         let t2_129 = t2_128 - t2_106;
         let t2_130 = (-t2_44).mul_add(t2_110, t2_80);
@@ -1515,17 +1515,17 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_134 = t2_4.mul_add(t2_94, t2_133);
         let t2_135 = (-d_s1_3).mul_add(t2_134, t2_87);
         let t2_136 = d_s1_1.mul_add(t2_76, t2_135);
-        let t2_137 = like.lift(0.4563) * t2_134;
+        let t2_137 = proto.splat(0.4563) * t2_134;
         let t2_138 = t2_4 * t2_136;
         let t2_139 = t2_18.mul_add(t2_110, t2_138);
         let t2_140 = t2_18 * t2_99;
         let t2_141 = (-t2_9).mul_add(t2_136, t2_140);
-        let t2_142 = like.lift(0.4563) * t2_139;
-        let t2_143 = like.lift(-0.8660254037844386).mul_add(t2_115, t2_142);
+        let t2_142 = proto.splat(0.4563) * t2_139;
+        let t2_143 = proto.splat(-0.8660254037844386).mul_add(t2_115, t2_142);
         let t2_144 = (-t2_92).mul_add(t2_111, t2_143);
         let t2_145 = (-t2_86).mul_add(t2_137, t2_144);
-        let t2_146 = like.lift(-1.7320508075688772).mul_add(t2_121, t2_145);
-        let t2_147 = like.lift(0.4563).mul_add(t2_141, t2_104);
+        let t2_146 = proto.splat(-1.7320508075688772).mul_add(t2_121, t2_145);
+        let t2_147 = proto.splat(0.4563).mul_add(t2_141, t2_104);
         let t2_148 = (-t2_94).mul_add(t2_137, t2_147);
         let t2_149 = t2_92.mul_add(t2_101, t2_148);
         let t2_150 = (-d_q6).mul_add(t2_118, t2_149);
@@ -1547,13 +1547,13 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_166 = t2_165 * d_q8;
         let t2_167 = sin_q8 * dd_q9;
         let t2_168 = t2_167 - t2_166;
-        let t2_169 = like.lift(0.8660254037844386) * t2_168;
+        let t2_169 = proto.splat(0.8660254037844386) * t2_168;
         let t2_170 = t2_46.mul_add(t2_136, t2_169);
         let t2_171 = t2_36.mul_add(t2_110, t2_170);
         let t2_172 = (-t2_92).mul_add(t2_156, t2_171);
         let t2_173 = (-t2_86).mul_add(t2_158, t2_172);
-        let t2_174 = like.lift(-0.5).mul_add(t2_168, t2_163);
-        let t2_175 = like.lift(2.0) * d_q9;
+        let t2_174 = proto.splat(-0.5).mul_add(t2_168, t2_163);
+        let t2_175 = proto.splat(2.0) * d_q9;
         let t2_176 = t2_175 * sin_q8;
         let t2_177 = t2_56.mul_add(d_q8, t2_176);
         let t2_178 = (-d_q8).mul_add(t2_177, t2_164);
@@ -1563,40 +1563,40 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_182 = t2_181 * d_q8;
         let t2_183 = t2_174 - t2_182;
         let t2_184 = t2_183 - t2_106;
-        let t2_185 = like.lift(1.7320508075688772).mul_add(t2_182, t2_173);
-        let t2_186 = like.lift(1.0) / t2_56;
+        let t2_185 = proto.splat(1.7320508075688772).mul_add(t2_182, t2_173);
+        let t2_186 = proto.splat(1.0) / t2_56;
         let t2_187 = -t2_184;
-        let t2_188 = like.lift(0.5773502691896257).mul_add(t2_73, t2_55);
+        let t2_188 = proto.splat(0.5773502691896257).mul_add(t2_73, t2_55);
         let t2_189 = t2_67 * t2_186;
-        let t2_190 = like.lift(1.1547005383792515) * t2_189;
+        let t2_190 = proto.splat(1.1547005383792515) * t2_189;
         let pivot_3 = t2_73.mul_add(t2_190, t2_65);
         let t2_191 = (-t2_71).mul_add(t2_190, t2_62);
-        let t2_192 = like.lift(1.1547005383792515) * t2_186;
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let t2_192 = proto.splat(1.1547005383792515) * t2_186;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_193 = t2_188 * inv_pivot_3;
         let t2_194 = (-t2_59).mul_add(t2_193, t2_49);
         let t2_195 = -pivot_3;
-        let t2_196 = like.lift(0.5773502691896257).mul_add(t2_21, t2_11);
+        let t2_196 = proto.splat(0.5773502691896257).mul_add(t2_21, t2_11);
         let t2_197 = t2_69.mul_add(t2_190, t2_60);
         let t2_198 = t2_185.mul_add(t2_190, t2_180);
         let t2_199 = (-t2_193).mul_add(t2_198, t2_184);
-        let t2_200 = like.lift(0.5773502691896257).mul_add(t2_185, t2_199);
+        let t2_200 = proto.splat(0.5773502691896257).mul_add(t2_185, t2_199);
         let t2_201 = t2_197.mul_add(t2_193, t2_51);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_69, t2_201);
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_69, t2_201);
         let t2_202 = (-t2_191).mul_add(t2_193, t2_53);
-        let t2_203 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_202);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let t2_203 = proto.splat(-0.5773502691896257).mul_add(t2_71, t2_202);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_204 = t2_196 * inv_pivot_4;
         let pivot_5 = (-t2_194).mul_add(t2_204, t2_7);
         let t2_205 = (-t2_204).mul_add(t2_200, t2_129);
-        let t2_206 = like.lift(-0.5773502691896257).mul_add(t2_146, t2_205);
+        let t2_206 = proto.splat(-0.5773502691896257).mul_add(t2_146, t2_205);
         let t2_207 = (-t2_203).mul_add(t2_204, t2_23);
-        let t2_208 = like.lift(0.5773502691896257).mul_add(t2_42, t2_207);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_208 = proto.splat(0.5773502691896257).mul_add(t2_42, t2_207);
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_209 = -pivot_5;
         let t2_210 = t2_48 * t2_119;
-        let t2_211 = like.lift(1.1547005383792515) * t2_210;
-        let t2_212 = like.lift(1.1547005383792515) * t2_119;
+        let t2_211 = proto.splat(1.1547005383792515) * t2_210;
+        let t2_212 = proto.splat(1.1547005383792515) * t2_119;
         let t2_213 = (-t2_21).mul_add(t2_211, t2_12);
         let t2_214 = t2_213 * inv_pivot_4;
         let t2_215 = (-t2_194).mul_add(t2_214, t2_28);
@@ -1607,7 +1607,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t2_220 = t2_214.mul_add(t2_200, t2_219);
         let pivot_6 = t2_42.mul_add(t2_211, t2_218);
         let t2_221 = (-t2_146).mul_add(t2_211, t2_220);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_222 = inv_pivot_6 * t2_221;
         let t2_223 = (-t2_208).mul_add(t2_222, t2_206);
         let t2_224 = inv_pivot_5 * t2_223;
@@ -1642,23 +1642,23 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
         let t3_2 = t2_192 * t3_1;
         let t3_3 = -t3_2;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_75 * like.lift(1.8955297449982944)).abs())
-            .min((t2_195 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_209 * like.lift(0.8284577646309275)).abs())
-            .min((t2_232 * like.lift(2.1915406530791146)).abs());
-        let ([[t3_4], [t3_5], [t3_6], [t3_7], [t3_8], [t3_9]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_75 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_195 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_209 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_232 * proto.splat(2.1915406530791146)).abs());
+        let ([[t3_4], [t3_5], [t3_6], [t3_7], [t3_8], [t3_9]], found) = ::regen_runtime::solve_guarded(
             [[t2_224], [t2_233], [t2_234], [t2_235], [t2_238], [t3_3]],
             margin,
             || (
                 [
-                    [t2_8, t2_11, t2_23, like.lift(0.0), t2_26, like.lift(0.0)],
-                    [t2_29, t2_12, t2_37, like.lift(0.0), t2_48, like.lift(0.0)],
-                    [like.lift(0.0), t2_21, t2_42, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_50, t2_51, t2_53, t2_55, like.lift(0.0), t2_58],
-                    [t2_59, t2_60, t2_63, t2_66, like.lift(0.0), t2_67],
-                    [like.lift(0.0), t2_69, t2_71, t2_74, like.lift(0.0), t2_75],
+                    [t2_8, t2_11, t2_23, proto.splat(0.0), t2_26, proto.splat(0.0)],
+                    [t2_29, t2_12, t2_37, proto.splat(0.0), t2_48, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_21, t2_42, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_50, t2_51, t2_53, t2_55, proto.splat(0.0), t2_58],
+                    [t2_59, t2_60, t2_63, t2_66, proto.splat(0.0), t2_67],
+                    [proto.splat(0.0), t2_69, t2_71, t2_74, proto.splat(0.0), t2_75],
                 ],
                 [[t2_132], [t2_153], [t2_146], [t2_187], [t2_180], [t2_185]],
             ),
@@ -1678,7 +1678,7 @@ pub fn accelerations<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd_i: &[T; 3]) -> ([T;
 ///
 /// 230 additions, 412 multiplications, 6 divisions, 6 sines and cosines.
 pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 70]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+    let zero = q[0].splat(0.0);
     w[0] = [zero; 3];
     w[1] = [zero; 3];
     w[2] = [zero; 3];
@@ -1726,8 +1726,8 @@ pub fn regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 70]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -1756,10 +1756,10 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_7 = proto.splat(-0.4563).mul_add(t2_4, t2_1);
         let t2_8 = -t2_7;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_9 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_9 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_10 = cos_q1 * t2_9;
         let t2_11 = sin_q1 * t2_9;
         let t2_12 = sin_q1 * sin_s1_1;
@@ -1768,40 +1768,40 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let t2_15 = sin_q1.mul_add(cos_s1_2, t2_14);
         let t2_16 = sin_q1 * sin_s1_2;
         let t2_17 = (-cos_s1_2).mul_add(t2_13, t2_16);
-        let t2_18 = like.lift(0.4563) * t2_15;
+        let t2_18 = proto.splat(0.4563) * t2_15;
         let t2_19 = cos_q6 * q7;
-        let t2_20 = like.lift(0.5) * t2_19;
+        let t2_20 = proto.splat(0.5) * t2_19;
         let t2_21 = -t2_20;
         let t2_22 = sin_q1 * q2;
-        let t2_23 = like.lift(-0.4563).mul_add(t2_17, t2_22);
+        let t2_23 = proto.splat(-0.4563).mul_add(t2_17, t2_22);
         let t2_24 = -t2_23;
         let t2_25 = cos_q1 * sin_s1_1;
         let t2_26 = cos_s1_3 * t2_25;
         let t2_27 = (-sin_s1_3).mul_add(t2_15, t2_26);
-        let t2_28 = like.lift(0.39516739174683935) * t2_27;
-        let t2_29 = like.lift(0.22815) * t2_17;
+        let t2_28 = proto.splat(0.39516739174683935) * t2_27;
+        let t2_29 = proto.splat(0.22815) * t2_17;
         let t2_30 = t2_29 + t2_28;
         let t2_31 = t2_30 - t2_22;
-        let t2_32 = like.lift(-0.4563) * t2_6;
+        let t2_32 = proto.splat(-0.4563) * t2_6;
         let t2_33 = sin_s1_3 * t2_6;
         let t2_34 = cos_s1_3.mul_add(t2_12, t2_33);
-        let t2_35 = like.lift(0.22815) * t2_4;
-        let t2_36 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_35);
+        let t2_35 = proto.splat(0.22815) * t2_4;
+        let t2_36 = proto.splat(-0.39516739174683935).mul_add(t2_34, t2_35);
         let t2_37 = t2_1 - t2_36;
         let t2_38 = -t2_32;
         let t2_39 = sin_q6 * q7;
         let t2_40 = cos_s1_2 * cos_s1_1;
-        let t2_41 = like.lift(0.4563) * t2_40;
+        let t2_41 = proto.splat(0.4563) * t2_40;
         let t2_42 = -t2_41;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let t2_43 = like.lift(0.4563) * e_s1_2_q1z;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_19;
-        let t2_44 = like.lift(1.0) / t2_19;
+        let t2_43 = proto.splat(0.4563) * e_s1_2_q1z;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_19;
+        let t2_44 = proto.splat(1.0) / t2_19;
         let t2_45 = -t2_37;
         let t2_46 = sin_s1_3 * e_s1_2_q1z;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_46);
-        let t2_47 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_48 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_47);
+        let t2_47 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_48 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_47);
         let t2_49 = cos_q1 * t2_48;
         let t2_50 = t2_12 * t2_48;
         let t2_51 = cos_s1_1.mul_add(t2_36, t2_50);
@@ -1819,52 +1819,52 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let t2_63 = cos_q1 * t2_30;
         let t2_64 = (-sin_q1).mul_add(t2_36, t2_63);
         let t2_65 = cos_q8 * q9;
-        let t2_66 = like.lift(0.5) * t2_65;
+        let t2_66 = proto.splat(0.5) * t2_65;
         let t2_67 = -t2_66;
         let t2_68 = -t2_55;
         let t2_69 = -t2_62;
         let t2_70 = sin_q8 * q9;
         let t2_71 = -t2_59;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_65;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_65;
         let t2_72 = -pivot_2;
-        let t2_73 = like.lift(1.0) / t2_65;
+        let t2_73 = proto.splat(1.0) / t2_65;
         let t2_74 = -sin_q1;
-        let t2_75 = like.lift(0.5) * sin_q6;
+        let t2_75 = proto.splat(0.5) * sin_q6;
         let t2_76 = -t2_75;
         let t2_77 = -cos_q6;
-        let t2_78 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_79 = like.lift(0.5) * sin_q8;
+        let t2_78 = proto.splat(0.8660254037844386) * sin_q6;
+        let t2_79 = proto.splat(0.5) * sin_q8;
         let t2_80 = -t2_79;
         let t2_81 = -cos_q8;
-        let t2_82 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_82 = proto.splat(0.8660254037844386) * sin_q8;
         let t2_83 = -t2_82;
-        let t2_84 = like.lift(0.5773502691896257).mul_add(t2_59, t2_57);
+        let t2_84 = proto.splat(0.5773502691896257).mul_add(t2_59, t2_57);
         let t2_85 = t2_70 * t2_73;
-        let t2_86 = like.lift(1.1547005383792515) * t2_85;
+        let t2_86 = proto.splat(1.1547005383792515) * t2_85;
         let pivot_3 = t2_59.mul_add(t2_86, t2_62);
         let t2_87 = (-t2_53).mul_add(t2_86, t2_55);
         let t2_88 = t2_64.mul_add(t2_86, t2_61);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_89 = t2_84 * inv_pivot_3;
         let t2_90 = (-t2_31).mul_add(t2_89, t2_37);
         let t2_91 = -pivot_3;
-        let t2_92 = like.lift(0.5773502691896257).mul_add(t2_42, t2_10);
+        let t2_92 = proto.splat(0.5773502691896257).mul_add(t2_42, t2_10);
         let t2_93 = t2_88.mul_add(t2_89, t2_49);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_64, t2_93);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_64, t2_93);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_94 = t2_92 * inv_pivot_4;
         let pivot_5 = (-t2_90).mul_add(t2_94, t2_7);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_95 = -pivot_5;
         let t2_96 = (-cos_q1).mul_add(t2_89, sin_q1);
         let t2_97 = (-t2_96).mul_add(t2_94, sin_q1);
-        let t2_98 = like.lift(9.81) * sin_q1;
+        let t2_98 = proto.splat(9.81) * sin_q1;
         let t2_99 = (-t2_87).mul_add(t2_89, t2_51);
-        let t2_100 = like.lift(-0.5773502691896257).mul_add(t2_53, t2_99);
+        let t2_100 = proto.splat(-0.5773502691896257).mul_add(t2_53, t2_99);
         let t2_101 = (-t2_100).mul_add(t2_94, t2_18);
-        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_43, t2_101);
+        let t2_102 = proto.splat(0.5773502691896257).mul_add(t2_43, t2_101);
         let t2_103 = t2_39 * t2_44;
-        let t2_104 = like.lift(1.1547005383792515) * t2_103;
+        let t2_104 = proto.splat(1.1547005383792515) * t2_103;
         let t2_105 = (-t2_42).mul_add(t2_104, t2_11);
         let t2_106 = t2_105 * inv_pivot_4;
         let t2_107 = (-t2_90).mul_add(t2_106, t2_23);
@@ -1874,7 +1874,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let pivot_6 = t2_43.mul_add(t2_104, t2_110);
         let t2_111 = t2_97.mul_add(t2_108, cos_q1);
         let t2_112 = t2_96.mul_add(t2_106, t2_111);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_113 = t2_112 * inv_pivot_6;
         let t2_114 = (-t2_102).mul_add(t2_113, t2_97);
         let t2_115 = inv_pivot_5 * t2_114;
@@ -1884,7 +1884,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let t2_119 = -pivot_6;
         let t2_120 = q7 * t2_44;
         let t2_121 = t2_120 * inv_pivot_6;
-        let t2_122 = like.lift(1.1547005383792515) * t2_44;
+        let t2_122 = proto.splat(1.1547005383792515) * t2_44;
         let t2_123 = inv_pivot_5 * t2_102;
         let t2_124 = t2_123 * t2_121;
         let t2_125 = q9 * t2_73;
@@ -1906,7 +1906,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let t2_141 = -t2_132;
         let t2_142 = (-t2_88).mul_add(t2_138, t2_140);
         let t2_143 = inv_pivot_3 * t2_142;
-        let t2_144 = like.lift(1.1547005383792515) * t2_73;
+        let t2_144 = proto.splat(1.1547005383792515) * t2_73;
         let t2_145 = (-t2_53).mul_add(t2_130, t2_82);
         let t2_146 = (-t2_64).mul_add(t2_138, t2_145);
         let t2_147 = (-t2_59).mul_add(t2_143, t2_146);
@@ -1943,17 +1943,17 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         let t2_178 = (-t2_42).mul_add(t2_137, t2_177);
         let t2_179 = t2_178 * t2_122;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_72 * like.lift(1.8955297449982944)).abs())
-            .min((t2_91 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_95 * like.lift(0.8284577646309275)).abs())
-            .min((t2_119 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_72 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_91 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_95 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_119 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t2_115, t2_124, t2_141], [t2_149, t2_137, t2_150], [t2_155, t2_121, t2_153],
                 [t2_164, t2_163, t2_143], [t2_170, t2_179, t2_154], [t2_171, t2_176, t2_148],
@@ -1961,17 +1961,18 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
             margin,
             || (
                 [
-                    [t2_8, t2_10, t2_18, like.lift(0.0), t2_21, like.lift(0.0)],
-                    [t2_24, t2_11, t2_32, like.lift(0.0), t2_39, like.lift(0.0)],
-                    [like.lift(0.0), t2_42, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_45, t2_49, t2_51, t2_57, like.lift(0.0), t2_67],
-                    [t2_31, t2_61, t2_68, t2_69, like.lift(0.0), t2_70],
-                    [like.lift(0.0), t2_64, t2_53, t2_71, like.lift(0.0), t2_72],
+                    [t2_8, t2_10, t2_18, proto.splat(0.0), t2_21, proto.splat(0.0)],
+                    [t2_24, t2_11, t2_32, proto.splat(0.0), t2_39, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_42, t2_43, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_45, t2_49, t2_51, t2_57, proto.splat(0.0), t2_67],
+                    [t2_31, t2_61, t2_68, t2_69, proto.splat(0.0), t2_70],
+                    [proto.splat(0.0), t2_64, t2_53, t2_71, proto.splat(0.0), t2_72],
                 ],
                 [
-                    [t2_74, t2_76, like.lift(0.0)], [cos_q1, t2_77, like.lift(0.0)],
-                    [like.lift(0.0), t2_78, like.lift(0.0)], [t2_74, like.lift(0.0), t2_80],
-                    [cos_q1, like.lift(0.0), t2_81], [like.lift(0.0), like.lift(0.0), t2_83],
+                    [t2_74, t2_76, proto.splat(0.0)], [cos_q1, t2_77, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_78, proto.splat(0.0)],
+                    [t2_74, proto.splat(0.0), t2_80], [cos_q1, proto.splat(0.0), t2_81],
+                    [proto.splat(0.0), proto.splat(0.0), t2_83],
                 ],
             ),
         );
@@ -1985,7 +1986,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, t3_1, t3_2, t3_3] = {
-        let a_1y = like.lift(9.81) * cos_q1;
+        let a_1y = proto.splat(9.81) * cos_q1;
         let w_mx_1_q2 = x_q1_q2 * a_1y;
         w[6][0] = w_mx_1_q2;
         let w_mx_1_q7 = x_q1_q7 * a_1y;
@@ -2023,7 +2024,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         w[16][1] = w_mx_2_q7;
         let w_mx_2_q9 = x_q1_q9 * t4_1;
         w[16][2] = w_mx_2_q9;
-        let t4_2 = like.lift(2.0) * d_q1;
+        let t4_2 = proto.splat(2.0) * d_q1;
         let t4_3 = (-t4_2).mul_add(d_q2, t2_98);
         let t4_4 = d_q1 * d_q1;
         let a_2z = (-q2).mul_add(t4_4, t4_1);
@@ -2051,11 +2052,11 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     };
     // body 3: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     {
-        let w_m_3_q2 = w_m_2_q2 + like.lift(0.0);
+        let w_m_3_q2 = w_m_2_q2 + proto.splat(0.0);
         w[29][0] = w_m_3_q2;
-        let w_m_3_q7 = w_m_2_q7 + like.lift(0.0);
+        let w_m_3_q7 = w_m_2_q7 + proto.splat(0.0);
         w[29][1] = w_m_3_q7;
-        let w_m_3_q9 = w_m_2_q9 + like.lift(0.0);
+        let w_m_3_q9 = w_m_2_q9 + proto.splat(0.0);
         w[29][2] = w_m_3_q9;
         let t5_1 = (-sin_s1_2).mul_add(x_s1_1_q2, x_s1_3_q2);
         let t5_2 = e_s1_2_q1x.mul_add(x_q1_q2, t5_1);
@@ -2298,14 +2299,14 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     }
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_4y, t6_1, t6_2, t6_3, w_izz_4_q7, t6_7] = {
-        let a_4y = like.lift(9.81) * cos_q6;
+        let a_4y = proto.splat(9.81) * cos_q6;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
         w[36][0] = w_mx_4_q2;
         let w_mx_4_q7 = x_q6_q7 * a_4y;
         w[36][1] = w_mx_4_q7;
         let w_mx_4_q9 = x_q6_q9 * a_4y;
         w[36][2] = w_mx_4_q9;
-        let t6_1 = like.lift(9.81) * sin_q6;
+        let t6_1 = proto.splat(9.81) * sin_q6;
         let w_izz_4_q2 = dd_q6 * x_q6_q2;
         let t6_2 = -w_izz_4_q2;
         w[35][0] = t6_2;
@@ -2336,7 +2337,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         w[46][1] = w_mx_5_q7;
         let w_mx_5_q9 = x_q6_q9 * t7_1;
         w[46][2] = w_mx_5_q9;
-        let t7_2 = like.lift(2.0) * d_q6;
+        let t7_2 = proto.splat(2.0) * d_q6;
         let t7_3 = (-t7_2).mul_add(d_q7, t6_1);
         let t7_4 = d_q6 * d_q6;
         let t7_5 = q7 * dd_q6;
@@ -2361,14 +2362,14 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
     }
     // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_6y, t8_1, t8_2, t8_3, w_izz_6_q9, t8_7] = {
-        let a_6y = like.lift(9.81) * cos_q8;
+        let a_6y = proto.splat(9.81) * cos_q8;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
         w[56][0] = w_mx_6_q2;
         let w_mx_6_q7 = x_q8_q7 * a_6y;
         w[56][1] = w_mx_6_q7;
         let w_mx_6_q9 = x_q8_q9 * a_6y;
         w[56][2] = w_mx_6_q9;
-        let t8_1 = like.lift(9.81) * sin_q8;
+        let t8_1 = proto.splat(9.81) * sin_q8;
         let w_izz_6_q2 = dd_q8 * x_q8_q2;
         let t8_2 = -w_izz_6_q2;
         w[55][0] = t8_2;
@@ -2399,7 +2400,7 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
         w[66][1] = w_mx_7_q7;
         let w_mx_7_q9 = x_q8_q9.mul_add(t9_1, -dd_q8);
         w[66][2] = w_mx_7_q9;
-        let t9_2 = like.lift(2.0) * d_q8;
+        let t9_2 = proto.splat(2.0) * d_q8;
         let t9_3 = (-t9_2).mul_add(d_q9, t8_1);
         let t9_4 = d_q8 * d_q8;
         let t9_5 = q9 * dd_q8;
@@ -2435,9 +2436,9 @@ pub fn regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &m
 ///
 /// 209 additions, 328 multiplications, 6 divisions, 6 sines and cosines.
 pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -2475,9 +2476,9 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
     ] = {
         let t2_1 = d_q1 * d_q1;
         let t2_2 = (-q2).mul_add(t2_1, dd_q2);
-        let a_2z = like.lift(9.81).mul_add(cos_q1, t2_2);
-        let t2_3 = like.lift(9.81) * sin_q1;
-        let t2_4 = like.lift(2.0) * d_q1;
+        let a_2z = proto.splat(9.81).mul_add(cos_q1, t2_2);
+        let t2_3 = proto.splat(9.81) * sin_q1;
+        let t2_4 = proto.splat(2.0) * d_q1;
         let t2_5 = (-t2_4).mul_add(d_q2, t2_3);
         let a_2x = (-q2).mul_add(dd_q1, t2_5);
         let a_s1_1y = sin_s1_1 * a_2x;
@@ -2597,7 +2598,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_103 = (-cos_q1).mul_add(p_mx_1, t2_102);
         let t2_104 = p_izz_1 + p_iyy_2;
         let t2_105 = dd_q1 * t2_104;
-        let t2_106 = like.lift(9.81).mul_add(t2_103, t2_105);
+        let t2_106 = proto.splat(9.81).mul_add(t2_103, t2_105);
         let t2_107 = (-q2).mul_add(t2_101, t2_106);
         let t2_108 = (-a_2z).mul_add(p_mx_2, t2_107);
         let t2_109 = (-a_2x).mul_add(p_mz_2, t2_108);
@@ -2610,10 +2611,10 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_116 = cos_q1.mul_add(sin_s1_2, t2_115);
         let t2_117 = cos_q1 * cos_s1_2;
         let t2_118 = (-sin_s1_2).mul_add(t2_114, t2_117);
-        let t2_119 = like.lift(-0.4563).mul_add(t2_116, t2_113);
+        let t2_119 = proto.splat(-0.4563).mul_add(t2_116, t2_113);
         let t2_120 = -t2_119;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_121 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_121 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_122 = cos_q1 * t2_121;
         let t2_123 = sin_q1 * t2_121;
         let t2_124 = sin_q1 * sin_s1_1;
@@ -2622,39 +2623,39 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_127 = sin_q1.mul_add(cos_s1_2, t2_126);
         let t2_128 = sin_q1 * sin_s1_2;
         let t2_129 = (-cos_s1_2).mul_add(t2_125, t2_128);
-        let t2_130 = like.lift(0.4563) * t2_127;
+        let t2_130 = proto.splat(0.4563) * t2_127;
         let t2_131 = cos_q6 * q7;
-        let t2_132 = like.lift(0.5) * t2_131;
+        let t2_132 = proto.splat(0.5) * t2_131;
         let t2_133 = -t2_132;
         let t2_134 = sin_q1 * q2;
-        let t2_135 = like.lift(-0.4563).mul_add(t2_129, t2_134);
+        let t2_135 = proto.splat(-0.4563).mul_add(t2_129, t2_134);
         let t2_136 = -t2_135;
         let t2_137 = cos_q1 * sin_s1_1;
         let t2_138 = sin_s1_2 * sin_s1_1;
         let t2_139 = cos_s1_3 * t2_137;
         let t2_140 = (-sin_s1_3).mul_add(t2_127, t2_139);
-        let t2_141 = like.lift(0.39516739174683935) * t2_140;
-        let t2_142 = like.lift(0.22815) * t2_129;
+        let t2_141 = proto.splat(0.39516739174683935) * t2_140;
+        let t2_142 = proto.splat(0.22815) * t2_129;
         let t2_143 = t2_142 + t2_141;
         let t2_144 = t2_143 - t2_134;
-        let t2_145 = like.lift(-0.4563) * t2_118;
+        let t2_145 = proto.splat(-0.4563) * t2_118;
         let t2_146 = sin_s1_3 * t2_118;
         let t2_147 = cos_s1_3.mul_add(t2_124, t2_146);
         let t2_148 = sin_s1_3 * t2_138;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_148);
-        let t2_149 = like.lift(0.4563) * t2_138;
-        let t2_150 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_151 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_150);
-        let t2_152 = like.lift(0.22815) * t2_116;
-        let t2_153 = like.lift(-0.39516739174683935).mul_add(t2_147, t2_152);
+        let t2_149 = proto.splat(0.4563) * t2_138;
+        let t2_150 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_151 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_150);
+        let t2_152 = proto.splat(0.22815) * t2_116;
+        let t2_153 = proto.splat(-0.39516739174683935).mul_add(t2_147, t2_152);
         let t2_154 = t2_113 - t2_153;
         let t2_155 = -t2_145;
         let t2_156 = sin_q6 * q7;
         let t2_157 = cos_s1_2 * cos_s1_1;
-        let t2_158 = like.lift(0.4563) * t2_157;
+        let t2_158 = proto.splat(0.4563) * t2_157;
         let t2_159 = -t2_158;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_131;
-        let t2_160 = like.lift(1.0) / t2_131;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_131;
+        let t2_160 = proto.splat(1.0) / t2_131;
         let t2_161 = -t2_154;
         let t2_162 = cos_q1 * t2_151;
         let t2_163 = t2_124 * t2_151;
@@ -2673,51 +2674,51 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t2_176 = (-sin_q1).mul_add(t2_153, t2_175);
         let t2_177 = sin_q1 * t2_151;
         let t2_178 = cos_q8 * q9;
-        let t2_179 = like.lift(0.5) * t2_178;
+        let t2_179 = proto.splat(0.5) * t2_178;
         let t2_180 = -t2_179;
         let t2_181 = -t2_166;
         let t2_182 = -t2_174;
         let t2_183 = sin_q8 * q9;
         let t2_184 = -t2_172;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_178;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_178;
         let t2_185 = -pivot_2;
-        let t2_186 = like.lift(1.0) / t2_178;
+        let t2_186 = proto.splat(1.0) / t2_178;
         let t2_187 = -sin_q1;
-        let t2_188 = like.lift(0.5) * sin_q6;
+        let t2_188 = proto.splat(0.5) * sin_q6;
         let t2_189 = -t2_188;
         let t2_190 = -cos_q6;
-        let t2_191 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_192 = like.lift(0.5) * sin_q8;
+        let t2_191 = proto.splat(0.8660254037844386) * sin_q6;
+        let t2_192 = proto.splat(0.5) * sin_q8;
         let t2_193 = -t2_192;
         let t2_194 = -cos_q8;
-        let t2_195 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_195 = proto.splat(0.8660254037844386) * sin_q8;
         let t2_196 = -t2_195;
-        let t2_197 = like.lift(0.5773502691896257).mul_add(t2_172, t2_170);
+        let t2_197 = proto.splat(0.5773502691896257).mul_add(t2_172, t2_170);
         let t2_198 = t2_183 * t2_186;
-        let t2_199 = like.lift(1.1547005383792515) * t2_198;
+        let t2_199 = proto.splat(1.1547005383792515) * t2_198;
         let pivot_3 = t2_172.mul_add(t2_199, t2_174);
         let t2_200 = (-t2_168).mul_add(t2_199, t2_166);
         let t2_201 = t2_176.mul_add(t2_199, t2_177);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_202 = t2_197 * inv_pivot_3;
         let t2_203 = (-t2_144).mul_add(t2_202, t2_154);
         let t2_204 = -pivot_3;
-        let t2_205 = like.lift(0.5773502691896257).mul_add(t2_159, t2_122);
+        let t2_205 = proto.splat(0.5773502691896257).mul_add(t2_159, t2_122);
         let t2_206 = t2_201.mul_add(t2_202, t2_162);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_176, t2_206);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_176, t2_206);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_207 = t2_205 * inv_pivot_4;
         let pivot_5 = (-t2_203).mul_add(t2_207, t2_119);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_208 = -pivot_5;
         let t2_209 = (-cos_q1).mul_add(t2_202, sin_q1);
         let t2_210 = (-t2_209).mul_add(t2_207, sin_q1);
         let t2_211 = (-t2_200).mul_add(t2_202, t2_164);
-        let t2_212 = like.lift(-0.5773502691896257).mul_add(t2_168, t2_211);
+        let t2_212 = proto.splat(-0.5773502691896257).mul_add(t2_168, t2_211);
         let t2_213 = (-t2_212).mul_add(t2_207, t2_130);
-        let t2_214 = like.lift(0.5773502691896257).mul_add(t2_149, t2_213);
+        let t2_214 = proto.splat(0.5773502691896257).mul_add(t2_149, t2_213);
         let t2_215 = t2_156 * t2_160;
-        let t2_216 = like.lift(1.1547005383792515) * t2_215;
+        let t2_216 = proto.splat(1.1547005383792515) * t2_215;
         let t2_217 = (-t2_159).mul_add(t2_216, t2_123);
         let t2_218 = t2_217 * inv_pivot_4;
         let t2_219 = (-t2_203).mul_add(t2_218, t2_135);
@@ -2743,7 +2744,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let pivot_6 = t2_149.mul_add(t2_216, t3_1);
         let t3_2 = t2_210.mul_add(t2_220, cos_q1);
         let t3_3 = t2_209.mul_add(t2_218, t3_2);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t3_4 = t3_3 * inv_pivot_6;
         let t3_5 = (-t2_214).mul_add(t3_4, t2_210);
         let t3_6 = inv_pivot_5 * t3_5;
@@ -2753,7 +2754,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t3_10 = -pivot_6;
         let t3_11 = q7 * t2_160;
         let t3_12 = t3_11 * inv_pivot_6;
-        let t3_13 = like.lift(1.1547005383792515) * t2_160;
+        let t3_13 = proto.splat(1.1547005383792515) * t2_160;
         let t3_14 = inv_pivot_5 * t2_214;
         let t3_15 = t3_14 * t3_12;
         let t3_16 = q9 * t2_186;
@@ -2775,7 +2776,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t3_32 = -t3_23;
         let t3_33 = (-t2_201).mul_add(t3_29, t3_31);
         let t3_34 = inv_pivot_3 * t3_33;
-        let t3_35 = like.lift(1.1547005383792515) * t2_186;
+        let t3_35 = proto.splat(1.1547005383792515) * t2_186;
         let t3_36 = (-t2_168).mul_add(t3_21, t2_195);
         let t3_37 = (-t2_176).mul_add(t3_29, t3_36);
         let t3_38 = (-t2_172).mul_add(t3_34, t3_37);
@@ -2812,17 +2813,17 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t3_69 = (-t2_159).mul_add(t3_28, t3_68);
         let t3_70 = t3_69 * t3_13;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_185 * like.lift(1.8955297449982944)).abs())
-            .min((t2_204 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_208 * like.lift(0.8284577646309275)).abs())
-            .min((t3_10 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_185 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_204 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_208 * proto.splat(0.8284577646309275)).abs())
+            .min((t3_10 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t3_6, t3_15, t3_32], [t3_40, t3_28, t3_41], [t3_46, t3_12, t3_44],
                 [t3_55, t3_54, t3_34], [t3_61, t3_70, t3_45], [t3_62, t3_67, t3_39],
@@ -2830,17 +2831,18 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
             margin,
             || (
                 [
-                    [t2_120, t2_122, t2_130, like.lift(0.0), t2_133, like.lift(0.0)],
-                    [t2_136, t2_123, t2_145, like.lift(0.0), t2_156, like.lift(0.0)],
-                    [like.lift(0.0), t2_159, t2_149, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_161, t2_162, t2_164, t2_170, like.lift(0.0), t2_180],
-                    [t2_144, t2_177, t2_181, t2_182, like.lift(0.0), t2_183],
-                    [like.lift(0.0), t2_176, t2_168, t2_184, like.lift(0.0), t2_185],
+                    [t2_120, t2_122, t2_130, proto.splat(0.0), t2_133, proto.splat(0.0)],
+                    [t2_136, t2_123, t2_145, proto.splat(0.0), t2_156, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_159, t2_149, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_161, t2_162, t2_164, t2_170, proto.splat(0.0), t2_180],
+                    [t2_144, t2_177, t2_181, t2_182, proto.splat(0.0), t2_183],
+                    [proto.splat(0.0), t2_176, t2_168, t2_184, proto.splat(0.0), t2_185],
                 ],
                 [
-                    [t2_187, t2_189, like.lift(0.0)], [cos_q1, t2_190, like.lift(0.0)],
-                    [like.lift(0.0), t2_191, like.lift(0.0)], [t2_187, like.lift(0.0), t2_193],
-                    [cos_q1, like.lift(0.0), t2_194], [like.lift(0.0), like.lift(0.0), t2_196],
+                    [t2_187, t2_189, proto.splat(0.0)], [cos_q1, t2_190, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_191, proto.splat(0.0)],
+                    [t2_187, proto.splat(0.0), t2_193], [cos_q1, proto.splat(0.0), t2_194],
+                    [proto.splat(0.0), proto.splat(0.0), t2_196],
                 ],
             ),
         );
@@ -2853,34 +2855,34 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
     };
     // tau
     {
-        let t4_1 = like.lift(9.81) * sin_q6;
+        let t4_1 = proto.splat(9.81) * sin_q6;
         let t4_2 = sin_q6 * p_my_4;
         let t4_3 = (-cos_q6).mul_add(p_mx_4, t4_2);
-        let t4_4 = like.lift(2.0) * d_q6;
+        let t4_4 = proto.splat(2.0) * d_q6;
         let t4_5 = (-t4_4).mul_add(d_q7, t4_1);
         let a_5x = (-q7).mul_add(dd_q6, t4_5);
         let t4_6 = d_q6 * d_q6;
         let t4_7 = (-q7).mul_add(t4_6, dd_q7);
-        let a_5z = like.lift(9.81).mul_add(cos_q6, t4_7);
+        let a_5z = proto.splat(9.81).mul_add(cos_q6, t4_7);
         let t4_8 = a_5x * p_m_5;
         let t4_9 = (-dd_q6).mul_add(p_mz_5, t4_8);
         let t4_10 = t4_6.mul_add(p_mx_5, t4_9);
         let t4_11 = p_izz_4 + p_iyy_5;
         let t4_12 = dd_q6 * t4_11;
-        let t4_13 = like.lift(9.81).mul_add(t4_3, t4_12);
+        let t4_13 = proto.splat(9.81).mul_add(t4_3, t4_12);
         let t4_14 = (-q7).mul_add(t4_10, t4_13);
         let t4_15 = (-a_5z).mul_add(p_mx_5, t4_14);
         let t4_16 = (-a_5x).mul_add(p_mz_5, t4_15);
         let t4_17 = a_5z * p_m_5;
-        let t4_18 = like.lift(9.81) * sin_q8;
+        let t4_18 = proto.splat(9.81) * sin_q8;
         let t4_19 = sin_q8 * p_my_6;
         let t4_20 = (-cos_q8).mul_add(p_mx_6, t4_19);
-        let t4_21 = like.lift(2.0) * d_q8;
+        let t4_21 = proto.splat(2.0) * d_q8;
         let t4_22 = (-t4_21).mul_add(d_q9, t4_18);
         let a_7x = (-q9).mul_add(dd_q8, t4_22);
         let t4_23 = d_q8 * d_q8;
         let t4_24 = (-q9).mul_add(t4_23, dd_q9);
-        let a_7z = like.lift(9.81).mul_add(cos_q8, t4_24);
+        let a_7z = proto.splat(9.81).mul_add(cos_q8, t4_24);
         let t4_25 = a_7x * p_m_7;
         let t4_26 = (-dd_q8).mul_add(p_mz_7, t4_25);
         let t4_27 = t4_23.mul_add(p_mx_7, t4_26);
@@ -2889,7 +2891,7 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
         let t4_30 = (-dd_q8).mul_add(p_mx_7, t4_29);
         let t4_31 = p_izz_6 + p_iyy_7;
         let t4_32 = dd_q8 * t4_31;
-        let t4_33 = like.lift(9.81).mul_add(t4_20, t4_32);
+        let t4_33 = proto.splat(9.81).mul_add(t4_20, t4_32);
         let t4_34 = (-q9).mul_add(t4_27, t4_33);
         let t4_35 = (-a_7z).mul_add(p_mx_7, t4_34);
         let t4_36 = (-a_7x).mul_add(p_mz_7, t4_35);
@@ -2932,9 +2934,9 @@ pub fn inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], phi: &
 ///
 /// 118 additions, 233 multiplications, 6 divisions, 6 sines and cosines.
 pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -2970,16 +2972,16 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_5 = sin_s1_2 * t2_4;
         let t2_6 = t2_3 - t2_5;
         let t2_7 = cos_s1_2 * t2_4;
-        let t2_8 = like.lift(-9.81) * t2_6;
+        let t2_8 = proto.splat(-9.81) * t2_6;
         let a_s1_2z = -t2_8;
         let t2_9 = p_m_3 * t2_8;
         let t2_10 = -t2_9;
         let t2_11 = sin_s1_3 * a_s1_2z;
-        let a_3y = like.lift(9.81).mul_add(t2_2, t2_11);
+        let a_3y = proto.splat(9.81).mul_add(t2_2, t2_11);
         let t2_12 = sin_s1_3.mul_add(t2_6, t2_2);
-        let t2_13 = like.lift(-0.4563) * t2_6;
+        let t2_13 = proto.splat(-0.4563) * t2_6;
         let t2_14 = p_m_3 * a_3y;
-        let t2_15 = like.lift(9.81) * sin_s1_3;
+        let t2_15 = proto.splat(9.81) * sin_s1_3;
         let t2_16 = t2_15 * t2_1;
         let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_16);
         let t2_17 = p_m_3 * a_3z;
@@ -2988,9 +2990,9 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_20 = cos_q1 * sin_s1_2;
         let t2_21 = t2_7 + t2_20;
         let t2_22 = t2_20 + t2_7;
-        let a_s1_2x = like.lift(9.81) * t2_21;
-        let t2_23 = like.lift(0.22815) * t2_22;
-        let t2_24 = like.lift(-0.39516739174683935).mul_add(t2_12, t2_23);
+        let a_s1_2x = proto.splat(9.81) * t2_21;
+        let t2_23 = proto.splat(0.22815) * t2_22;
+        let t2_24 = proto.splat(-0.39516739174683935).mul_add(t2_12, t2_23);
         let t2_25 = p_m_3 * a_s1_2x;
         let t2_26 = p_mz_3 * a_s1_2x;
         let t2_27 = (-p_mx_3).mul_add(a_3z, t2_26);
@@ -3008,7 +3010,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_39 = (-sin_s1_2).mul_add(t2_31, t2_38);
         let t2_40 = sin_s1_2 * t2_10;
         let t2_41 = (-cos_s1_2).mul_add(t2_25, t2_40);
-        let t2_42 = like.lift(9.81) * p_m_2;
+        let t2_42 = proto.splat(9.81) * p_m_2;
         let t2_43 = sin_q1 * t2_42;
         let t2_44 = sin_s1_1.mul_add(t2_19, t2_43);
         let t2_45 = (-cos_s1_1).mul_add(t2_41, t2_44);
@@ -3017,15 +3019,15 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_48 = (-cos_q1).mul_add(p_mx_1, t2_47);
         let t2_49 = (-cos_q1).mul_add(p_mx_2, t2_48);
         let t2_50 = (-sin_q1).mul_add(p_mz_2, t2_49);
-        let t2_51 = like.lift(-9.81).mul_add(t2_50, t2_46);
+        let t2_51 = proto.splat(-9.81).mul_add(t2_50, t2_46);
         let t2_52 = cos_s1_1.mul_add(t2_35, t2_51);
         let t2_53 = sin_s1_1.mul_add(t2_37, t2_52);
         let t2_54 = cos_q1 * q2;
-        let t2_55 = like.lift(-0.4563).mul_add(t2_22, t2_54);
+        let t2_55 = proto.splat(-0.4563).mul_add(t2_22, t2_54);
         let t2_56 = t2_54 - t2_24;
         let t2_57 = -t2_55;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_58 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_58 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_59 = cos_q1 * t2_58;
         let t2_60 = sin_q1 * t2_58;
         let t2_61 = cos_q1 * cos_s1_1;
@@ -3033,12 +3035,12 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_63 = sin_q1.mul_add(cos_s1_2, t2_62);
         let t2_64 = sin_q1 * sin_s1_2;
         let t2_65 = (-cos_s1_2).mul_add(t2_61, t2_64);
-        let t2_66 = like.lift(0.4563) * t2_63;
+        let t2_66 = proto.splat(0.4563) * t2_63;
         let t2_67 = cos_q6 * q7;
-        let t2_68 = like.lift(0.5) * t2_67;
+        let t2_68 = proto.splat(0.5) * t2_67;
         let t2_69 = -t2_68;
         let t2_70 = sin_q1 * q2;
-        let t2_71 = like.lift(-0.4563).mul_add(t2_65, t2_70);
+        let t2_71 = proto.splat(-0.4563).mul_add(t2_65, t2_70);
         let t2_72 = -t2_71;
         let t2_73 = cos_q1 * sin_s1_1;
         let t2_74 = sin_s1_2 * sin_s1_1;
@@ -3046,20 +3048,20 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_76 = (-sin_s1_3).mul_add(t2_63, t2_75);
         let t2_77 = sin_s1_3 * t2_74;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_77);
-        let t2_78 = like.lift(0.4563) * t2_74;
-        let t2_79 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_80 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_79);
-        let t2_81 = like.lift(0.39516739174683935) * t2_76;
-        let t2_82 = like.lift(0.22815) * t2_65;
+        let t2_78 = proto.splat(0.4563) * t2_74;
+        let t2_79 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_80 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_79);
+        let t2_81 = proto.splat(0.39516739174683935) * t2_76;
+        let t2_82 = proto.splat(0.22815) * t2_65;
         let t2_83 = t2_82 + t2_81;
         let t2_84 = t2_83 - t2_70;
         let t2_85 = -t2_13;
         let t2_86 = q7 * sin_q6;
         let t2_87 = cos_s1_2 * cos_s1_1;
-        let t2_88 = like.lift(0.4563) * t2_87;
+        let t2_88 = proto.splat(0.4563) * t2_87;
         let t2_89 = -t2_88;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_67;
-        let t2_90 = like.lift(1.0) / t2_67;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_67;
+        let t2_90 = proto.splat(1.0) / t2_67;
         let t2_91 = -t2_56;
         let t2_92 = cos_q1 * t2_80;
         let t2_93 = t2_1 * t2_80;
@@ -3078,51 +3080,51 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_106 = (-sin_q1).mul_add(t2_24, t2_105);
         let t2_107 = sin_q1 * t2_80;
         let t2_108 = cos_q8 * q9;
-        let t2_109 = like.lift(0.5) * t2_108;
+        let t2_109 = proto.splat(0.5) * t2_108;
         let t2_110 = -t2_109;
         let t2_111 = -t2_96;
         let t2_112 = -t2_104;
         let t2_113 = q9 * sin_q8;
         let t2_114 = -t2_102;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_108;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_108;
         let t2_115 = -pivot_2;
-        let t2_116 = like.lift(1.0) / t2_108;
+        let t2_116 = proto.splat(1.0) / t2_108;
         let t2_117 = -sin_q1;
-        let t2_118 = like.lift(0.5) * sin_q6;
+        let t2_118 = proto.splat(0.5) * sin_q6;
         let t2_119 = -t2_118;
         let t2_120 = -cos_q6;
-        let t2_121 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_122 = like.lift(0.5) * sin_q8;
+        let t2_121 = proto.splat(0.8660254037844386) * sin_q6;
+        let t2_122 = proto.splat(0.5) * sin_q8;
         let t2_123 = -t2_122;
         let t2_124 = -cos_q8;
-        let t2_125 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_125 = proto.splat(0.8660254037844386) * sin_q8;
         let t2_126 = -t2_125;
-        let t2_127 = like.lift(0.5773502691896257).mul_add(t2_102, t2_100);
+        let t2_127 = proto.splat(0.5773502691896257).mul_add(t2_102, t2_100);
         let t2_128 = t2_113 * t2_116;
-        let t2_129 = like.lift(1.1547005383792515) * t2_128;
+        let t2_129 = proto.splat(1.1547005383792515) * t2_128;
         let pivot_3 = t2_102.mul_add(t2_129, t2_104);
         let t2_130 = (-t2_98).mul_add(t2_129, t2_96);
         let t2_131 = t2_106.mul_add(t2_129, t2_107);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_132 = t2_127 * inv_pivot_3;
         let t2_133 = (-t2_84).mul_add(t2_132, t2_56);
         let t2_134 = -pivot_3;
-        let t2_135 = like.lift(0.5773502691896257).mul_add(t2_89, t2_59);
+        let t2_135 = proto.splat(0.5773502691896257).mul_add(t2_89, t2_59);
         let t2_136 = t2_131.mul_add(t2_132, t2_92);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_106, t2_136);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_106, t2_136);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_137 = t2_135 * inv_pivot_4;
         let pivot_5 = (-t2_133).mul_add(t2_137, t2_55);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_138 = -pivot_5;
         let t2_139 = (-cos_q1).mul_add(t2_132, sin_q1);
         let t2_140 = (-t2_139).mul_add(t2_137, sin_q1);
         let t2_141 = (-t2_130).mul_add(t2_132, t2_94);
-        let t2_142 = like.lift(-0.5773502691896257).mul_add(t2_98, t2_141);
+        let t2_142 = proto.splat(-0.5773502691896257).mul_add(t2_98, t2_141);
         let t2_143 = (-t2_142).mul_add(t2_137, t2_66);
-        let t2_144 = like.lift(0.5773502691896257).mul_add(t2_78, t2_143);
+        let t2_144 = proto.splat(0.5773502691896257).mul_add(t2_78, t2_143);
         let t2_145 = t2_86 * t2_90;
-        let t2_146 = like.lift(1.1547005383792515) * t2_145;
+        let t2_146 = proto.splat(1.1547005383792515) * t2_145;
         let t2_147 = (-t2_89).mul_add(t2_146, t2_60);
         let t2_148 = t2_147 * inv_pivot_4;
         let t2_149 = (-t2_133).mul_add(t2_148, t2_71);
@@ -3132,7 +3134,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let pivot_6 = t2_78.mul_add(t2_146, t2_152);
         let t2_153 = t2_140.mul_add(t2_150, cos_q1);
         let t2_154 = t2_139.mul_add(t2_148, t2_153);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_155 = t2_154 * inv_pivot_6;
         let t2_156 = (-t2_144).mul_add(t2_155, t2_140);
         let t2_157 = inv_pivot_5 * t2_156;
@@ -3142,7 +3144,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_161 = -pivot_6;
         let t2_162 = q7 * t2_90;
         let t2_163 = t2_162 * inv_pivot_6;
-        let t2_164 = like.lift(1.1547005383792515) * t2_90;
+        let t2_164 = proto.splat(1.1547005383792515) * t2_90;
         let t2_165 = inv_pivot_5 * t2_144;
         let t2_166 = t2_165 * t2_163;
         let t2_167 = q9 * t2_116;
@@ -3164,7 +3166,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_183 = -t2_174;
         let t2_184 = (-t2_131).mul_add(t2_180, t2_182);
         let t2_185 = inv_pivot_3 * t2_184;
-        let t2_186 = like.lift(1.1547005383792515) * t2_116;
+        let t2_186 = proto.splat(1.1547005383792515) * t2_116;
         let t2_187 = (-t2_98).mul_add(t2_172, t2_125);
         let t2_188 = (-t2_106).mul_add(t2_180, t2_187);
         let t2_189 = (-t2_102).mul_add(t2_185, t2_188);
@@ -3201,17 +3203,17 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t2_220 = (-t2_89).mul_add(t2_179, t2_219);
         let t2_221 = t2_220 * t2_164;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_115 * like.lift(1.8955297449982944)).abs())
-            .min((t2_134 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_138 * like.lift(0.8284577646309275)).abs())
-            .min((t2_161 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_115 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_134 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_138 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_161 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t2_157, t2_166, t2_183], [t2_191, t2_179, t2_192], [t2_197, t2_163, t2_195],
                 [t2_206, t2_205, t2_185], [t2_212, t2_221, t2_196], [t2_213, t2_218, t2_190],
@@ -3219,17 +3221,18 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
             margin,
             || (
                 [
-                    [t2_57, t2_59, t2_66, like.lift(0.0), t2_69, like.lift(0.0)],
-                    [t2_72, t2_60, t2_13, like.lift(0.0), t2_86, like.lift(0.0)],
-                    [like.lift(0.0), t2_89, t2_78, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_91, t2_92, t2_94, t2_100, like.lift(0.0), t2_110],
-                    [t2_84, t2_107, t2_111, t2_112, like.lift(0.0), t2_113],
-                    [like.lift(0.0), t2_106, t2_98, t2_114, like.lift(0.0), t2_115],
+                    [t2_57, t2_59, t2_66, proto.splat(0.0), t2_69, proto.splat(0.0)],
+                    [t2_72, t2_60, t2_13, proto.splat(0.0), t2_86, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_89, t2_78, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_91, t2_92, t2_94, t2_100, proto.splat(0.0), t2_110],
+                    [t2_84, t2_107, t2_111, t2_112, proto.splat(0.0), t2_113],
+                    [proto.splat(0.0), t2_106, t2_98, t2_114, proto.splat(0.0), t2_115],
                 ],
                 [
-                    [t2_117, t2_119, like.lift(0.0)], [cos_q1, t2_120, like.lift(0.0)],
-                    [like.lift(0.0), t2_121, like.lift(0.0)], [t2_117, like.lift(0.0), t2_123],
-                    [cos_q1, like.lift(0.0), t2_124], [like.lift(0.0), like.lift(0.0), t2_126],
+                    [t2_117, t2_119, proto.splat(0.0)], [cos_q1, t2_120, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_121, proto.splat(0.0)],
+                    [t2_117, proto.splat(0.0), t2_123], [cos_q1, proto.splat(0.0), t2_124],
+                    [proto.splat(0.0), proto.splat(0.0), t2_126],
                 ],
             ),
         );
@@ -3248,15 +3251,15 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t3_3 = (-p_m_5).mul_add(t2_86, t3_2);
         let t3_4 = (-cos_q6).mul_add(p_mx_5, t3_3);
         let t3_5 = (-sin_q6).mul_add(p_mz_5, t3_4);
-        let t3_6 = like.lift(9.81) * t3_5;
+        let t3_6 = proto.splat(9.81) * t3_5;
         let t3_7 = -t3_6;
-        let t3_8 = like.lift(9.81) * cos_q6;
+        let t3_8 = proto.splat(9.81) * cos_q6;
         let t3_9 = sin_q8 * p_my_6;
         let t3_10 = (-cos_q8).mul_add(p_mx_6, t3_9);
         let t3_11 = (-p_m_7).mul_add(t2_113, t3_10);
         let t3_12 = (-cos_q8).mul_add(p_mx_7, t3_11);
         let t3_13 = (-sin_q8).mul_add(p_mz_7, t3_12);
-        let t3_14 = like.lift(9.81) * t3_13;
+        let t3_14 = proto.splat(9.81) * t3_13;
         let t3_15 = -t3_14;
         let t3_16 = t3_15 * x_q8_q2;
         let t3_17 = t3_7.mul_add(x_q6_q2, t3_16);
@@ -3276,7 +3279,7 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
         let t3_30 = t2_39.mul_add(x_s1_1_q7, t3_29);
         let t3_31 = t2_53.mul_add(x_q1_q7, t3_30);
         tau[1] = t3_31;
-        let t3_32 = like.lift(9.81) * cos_q8;
+        let t3_32 = proto.splat(9.81) * cos_q8;
         let t3_33 = t3_32 * p_m_7;
         let t3_34 = t3_15.mul_add(x_q8_q9, t3_33);
         let t3_35 = t3_7.mul_add(x_q6_q9, t3_34);
@@ -3298,9 +3301,9 @@ pub fn gravity<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
 ///
 /// 264 additions, 421 multiplications, 6 divisions, 6 sines and cosines.
 pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -3335,10 +3338,10 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_5 = cos_q1.mul_add(sin_s1_2, t2_4);
         let t2_6 = cos_q1 * cos_s1_2;
         let t2_7 = (-sin_s1_2).mul_add(t2_3, t2_6);
-        let t2_8 = like.lift(-0.4563).mul_add(t2_5, t2_2);
+        let t2_8 = proto.splat(-0.4563).mul_add(t2_5, t2_2);
         let t2_9 = -t2_8;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_10 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_11 = cos_q1 * t2_10;
         let t2_12 = sin_q1 * t2_10;
         let t2_13 = sin_q1 * sin_s1_1;
@@ -3347,36 +3350,36 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_16 = sin_q1.mul_add(cos_s1_2, t2_15);
         let t2_17 = sin_q1 * sin_s1_2;
         let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
-        let t2_19 = like.lift(0.4563) * t2_16;
+        let t2_19 = proto.splat(0.4563) * t2_16;
         let t2_20 = cos_q6 * q7;
-        let t2_21 = like.lift(0.5) * t2_20;
+        let t2_21 = proto.splat(0.5) * t2_20;
         let t2_22 = -t2_21;
         let t2_23 = sin_q1 * q2;
-        let t2_24 = like.lift(-0.4563).mul_add(t2_18, t2_23);
+        let t2_24 = proto.splat(-0.4563).mul_add(t2_18, t2_23);
         let t2_25 = -t2_24;
         let t2_26 = cos_q1 * sin_s1_1;
         let t2_27 = cos_s1_3 * t2_26;
         let t2_28 = (-sin_s1_3).mul_add(t2_16, t2_27);
-        let t2_29 = like.lift(0.39516739174683935) * t2_28;
-        let t2_30 = like.lift(0.22815) * t2_18;
+        let t2_29 = proto.splat(0.39516739174683935) * t2_28;
+        let t2_30 = proto.splat(0.22815) * t2_18;
         let t2_31 = t2_30 + t2_29;
-        let t2_32 = like.lift(-0.4563) * t2_7;
+        let t2_32 = proto.splat(-0.4563) * t2_7;
         let t2_33 = sin_s1_3 * t2_7;
         let t2_34 = cos_s1_3.mul_add(t2_13, t2_33);
-        let t2_35 = like.lift(0.22815) * t2_5;
-        let t2_36 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_35);
+        let t2_35 = proto.splat(0.22815) * t2_5;
+        let t2_36 = proto.splat(-0.39516739174683935).mul_add(t2_34, t2_35);
         let t2_37 = -t2_32;
         let t2_38 = sin_q6 * q7;
         let t2_39 = cos_s1_2 * cos_s1_1;
-        let t2_40 = like.lift(0.4563) * t2_39;
+        let t2_40 = proto.splat(0.4563) * t2_39;
         let t2_41 = -t2_40;
         let t2_42 = sin_s1_2 * sin_s1_1;
-        let t2_43 = like.lift(0.4563) * t2_42;
+        let t2_43 = proto.splat(0.4563) * t2_42;
         let t2_44 = t2_42 * sin_s1_3;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_44);
-        let t2_45 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_46 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_45);
-        let pivot_1 = like.lift(0.8660254037844386) * t2_20;
+        let t2_45 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_46 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_45);
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_20;
         let t2_47 = t2_2 - t2_36;
         let t2_48 = -t2_47;
         let t2_49 = cos_q1 * t2_46;
@@ -3385,7 +3388,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_52 = e_s1_2_q1x * t2_36;
         let t2_53 = (-t2_5).mul_add(t2_46, t2_52);
         let t2_54 = cos_q8 * q9;
-        let t2_55 = like.lift(0.5) * t2_54;
+        let t2_55 = proto.splat(0.5) * t2_54;
         let t2_56 = -t2_55;
         let t2_57 = t2_31 - t2_23;
         let t2_58 = t2_23 * t2_1;
@@ -3404,10 +3407,10 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_71 = t2_5 * t2_31;
         let t2_72 = (-t2_18).mul_add(t2_36, t2_71);
         let t2_73 = -t2_72;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_54;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_54;
         let t2_74 = -pivot_2;
         let t2_75 = cos_q1 * d_q1;
-        let t2_76 = like.lift(2.0) * d_q2;
+        let t2_76 = proto.splat(2.0) * d_q2;
         let t2_77 = (-t2_75).mul_add(t2_76, t2_58);
         let t2_78 = cos_q1 * d_s1_1;
         let t2_79 = t2_13.mul_add(d_s1_2, t2_78);
@@ -3424,7 +3427,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_90 = (-t2_18).mul_add(t2_82, t2_89);
         let t2_91 = d_s1_3 * t2_90;
         let t2_92 = -t2_91;
-        let t2_93 = like.lift(0.4563) * t2_90;
+        let t2_93 = proto.splat(0.4563) * t2_90;
         let t2_94 = -t2_93;
         let t2_95 = d_s1_2 * sin_s1_1;
         let t2_96 = t2_95.mul_add(d_s1_1, t2_92);
@@ -3438,7 +3441,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_104 = e_s1_2_q1x.mul_add(t2_88, t2_103);
         let t2_105 = (-d_s1_3).mul_add(t2_104, t2_100);
         let t2_106 = (-d_s1_2).mul_add(t2_87, t2_105);
-        let t2_107 = like.lift(0.4563) * t2_104;
+        let t2_107 = proto.splat(0.4563) * t2_104;
         let t2_108 = d_q6 * d_q6;
         let t2_109 = t2_38 * t2_108;
         let t2_110 = d_q7 * cos_q6;
@@ -3446,10 +3449,10 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_112 = -cos_q6;
         let t2_113 = e_s1_2_q1x * t2_106;
         let t2_114 = t2_5.mul_add(t2_96, t2_113);
-        let t2_115 = like.lift(-0.4563).mul_add(t2_114, t2_77);
+        let t2_115 = proto.splat(-0.4563).mul_add(t2_114, t2_77);
         let t2_116 = (-t2_82).mul_add(t2_94, t2_115);
         let t2_117 = (-t2_102).mul_add(t2_107, t2_116);
-        let t2_118 = like.lift(0.5).mul_add(t2_109, t2_117);
+        let t2_118 = proto.splat(0.5).mul_add(t2_109, t2_117);
         let t2_119 = t2_118 - t2_111;
         let t2_120 = (-t2_46).mul_add(t2_106, t2_77);
         let t2_121 = (-t2_36).mul_add(t2_96, t2_120);
@@ -3458,28 +3461,28 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_124 = t2_5.mul_add(t2_102, t2_123);
         let t2_125 = (-d_s1_3).mul_add(t2_124, t2_83);
         let t2_126 = d_s1_1.mul_add(t2_75, t2_125);
-        let t2_127 = like.lift(0.4563) * t2_124;
+        let t2_127 = proto.splat(0.4563) * t2_124;
         let t2_128 = t2_5 * t2_126;
         let t2_129 = t2_18.mul_add(t2_106, t2_128);
         let t2_130 = t2_18 * t2_96;
         let t2_131 = (-e_s1_2_q1x).mul_add(t2_126, t2_130);
-        let t2_132 = like.lift(0.4563) * t2_129;
+        let t2_132 = proto.splat(0.4563) * t2_129;
         let t2_133 = (-t2_88).mul_add(t2_107, t2_132);
         let t2_134 = (-t2_82).mul_add(t2_127, t2_133);
-        let t2_135 = like.lift(-1.7320508075688772).mul_add(t2_111, t2_134);
-        let t2_136 = like.lift(0.8660254037844386).mul_add(t2_109, t2_135);
-        let t2_137 = like.lift(0.4563).mul_add(t2_131, t2_99);
+        let t2_135 = proto.splat(-1.7320508075688772).mul_add(t2_111, t2_134);
+        let t2_136 = proto.splat(0.8660254037844386).mul_add(t2_109, t2_135);
+        let t2_137 = proto.splat(0.4563).mul_add(t2_131, t2_99);
         let t2_138 = (-t2_102).mul_add(t2_127, t2_137);
         let t2_139 = t2_88.mul_add(t2_94, t2_138);
         let t2_140 = t2_31.mul_add(t2_96, t2_99);
         let t2_141 = (-t2_46).mul_add(t2_126, t2_140);
         let t2_142 = t2_36 * t2_126;
         let t2_143 = t2_31.mul_add(t2_106, t2_142);
-        let t2_144 = like.lift(2.0) * d_q7;
+        let t2_144 = proto.splat(2.0) * d_q7;
         let t2_145 = sin_q6 * t2_144;
         let t2_146 = t2_20.mul_add(d_q6, t2_145);
         let t2_147 = (-d_q6).mul_add(t2_146, t2_139);
-        let t2_148 = like.lift(1.0) / t2_20;
+        let t2_148 = proto.splat(1.0) / t2_20;
         let t2_149 = t2_31 * t2_102;
         let t2_150 = t2_46.mul_add(t2_88, t2_149);
         let t2_151 = t2_31 * t2_82;
@@ -3494,48 +3497,48 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_160 = (-t2_82).mul_add(t2_154, t2_157);
         let t2_161 = d_q8 * d_q8;
         let t2_162 = t2_66 * t2_161;
-        let t2_163 = like.lift(0.5).mul_add(t2_162, t2_158);
+        let t2_163 = proto.splat(0.5).mul_add(t2_162, t2_158);
         let t2_164 = d_q9 * cos_q8;
         let t2_165 = t2_164 * d_q8;
-        let t2_166 = like.lift(1.7320508075688772).mul_add(t2_165, t2_160);
+        let t2_166 = proto.splat(1.7320508075688772).mul_add(t2_165, t2_160);
         let t2_167 = t2_163 - t2_165;
-        let t2_168 = like.lift(-0.8660254037844386).mul_add(t2_162, t2_166);
+        let t2_168 = proto.splat(-0.8660254037844386).mul_add(t2_162, t2_166);
         let t2_169 = -cos_q8;
         let t2_170 = -t2_167;
-        let t2_171 = like.lift(2.0) * d_q9;
+        let t2_171 = proto.splat(2.0) * d_q9;
         let t2_172 = sin_q8 * t2_171;
         let t2_173 = t2_54.mul_add(d_q8, t2_172);
         let t2_174 = (-d_q8).mul_add(t2_173, t2_159);
-        let t2_175 = like.lift(1.0) / t2_54;
-        let t2_176 = like.lift(0.5773502691896257).mul_add(t2_72, t2_53);
+        let t2_175 = proto.splat(1.0) / t2_54;
+        let t2_176 = proto.splat(0.5773502691896257).mul_add(t2_72, t2_53);
         let t2_177 = t2_66 * t2_175;
-        let t2_178 = like.lift(1.1547005383792515) * t2_177;
+        let t2_178 = proto.splat(1.1547005383792515) * t2_177;
         let pivot_3 = t2_72.mul_add(t2_178, t2_64);
         let t2_179 = (-t2_70).mul_add(t2_178, t2_61);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_180 = t2_176 * inv_pivot_3;
         let t2_181 = (-t2_57).mul_add(t2_180, t2_47);
         let t2_182 = -pivot_3;
-        let t2_183 = like.lift(0.5773502691896257).mul_add(t2_41, t2_11);
+        let t2_183 = proto.splat(0.5773502691896257).mul_add(t2_41, t2_11);
         let t2_184 = t2_68.mul_add(t2_178, t2_59);
         let t2_185 = t2_168.mul_add(t2_178, t2_174);
         let t2_186 = (-t2_180).mul_add(t2_185, t2_167);
-        let t2_187 = like.lift(0.5773502691896257).mul_add(t2_168, t2_186);
+        let t2_187 = proto.splat(0.5773502691896257).mul_add(t2_168, t2_186);
         let t2_188 = t2_184.mul_add(t2_180, t2_49);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_68, t2_188);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_68, t2_188);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_189 = t2_183 * inv_pivot_4;
         let pivot_5 = (-t2_181).mul_add(t2_189, t2_8);
         let t2_190 = (-t2_189).mul_add(t2_187, t2_119);
-        let t2_191 = like.lift(-0.5773502691896257).mul_add(t2_136, t2_190);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_191 = proto.splat(-0.5773502691896257).mul_add(t2_136, t2_190);
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_192 = -pivot_5;
         let t2_193 = (-t2_179).mul_add(t2_180, t2_51);
-        let t2_194 = like.lift(-0.5773502691896257).mul_add(t2_70, t2_193);
+        let t2_194 = proto.splat(-0.5773502691896257).mul_add(t2_70, t2_193);
         let t2_195 = (-t2_194).mul_add(t2_189, t2_19);
-        let t2_196 = like.lift(0.5773502691896257).mul_add(t2_43, t2_195);
+        let t2_196 = proto.splat(0.5773502691896257).mul_add(t2_43, t2_195);
         let t2_197 = t2_38 * t2_148;
-        let t2_198 = like.lift(1.1547005383792515) * t2_197;
+        let t2_198 = proto.splat(1.1547005383792515) * t2_197;
         let t2_199 = (-t2_41).mul_add(t2_198, t2_12);
         let t2_200 = t2_199 * inv_pivot_4;
         let t2_201 = (-t2_181).mul_add(t2_200, t2_24);
@@ -3543,7 +3546,7 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_203 = t2_196.mul_add(t2_202, t2_37);
         let t2_204 = t2_194.mul_add(t2_200, t2_203);
         let pivot_6 = t2_43.mul_add(t2_198, t2_204);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_205 = -pivot_6;
         let t2_206 = t2_202.mul_add(t2_191, t2_147);
         let t2_207 = t2_200.mul_add(t2_187, t2_206);
@@ -3566,31 +3569,31 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t2_224 = t2_70.mul_add(t2_209, t2_168);
         let t2_225 = t2_68.mul_add(t2_214, t2_224);
         let t2_226 = (-t2_72).mul_add(t2_218, t2_225);
-        let t2_227 = like.lift(1.1547005383792515) * t2_148;
+        let t2_227 = proto.splat(1.1547005383792515) * t2_148;
         let t2_228 = t2_223 * t2_227;
         let t2_229 = q7 * t2_148;
         let t2_230 = t2_229 * inv_pivot_6;
-        let t2_231 = like.lift(1.1547005383792515) * t2_175;
+        let t2_231 = proto.splat(1.1547005383792515) * t2_175;
         let t2_232 = t2_226 * t2_231;
         let t2_233 = -t2_232;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_74 * like.lift(1.8955297449982944)).abs())
-            .min((t2_182 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_192 * like.lift(0.8284577646309275)).abs())
-            .min((t2_205 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t2_234], [t2_235], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_74 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_182 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_192 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_205 * proto.splat(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t2_234], [t2_235], [al_4z], [al_6z]], found) = ::regen_runtime::solve_guarded(
             [[t2_211], [t2_219], [t2_220], [t2_221], [t2_228], [t2_233]],
             margin,
             || (
                 [
-                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
-                    [t2_25, t2_12, t2_32, like.lift(0.0), t2_38, like.lift(0.0)],
-                    [like.lift(0.0), t2_41, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_48, t2_49, t2_51, t2_53, like.lift(0.0), t2_56],
-                    [t2_57, t2_59, t2_62, t2_65, like.lift(0.0), t2_66],
-                    [like.lift(0.0), t2_68, t2_70, t2_73, like.lift(0.0), t2_74],
+                    [t2_9, t2_11, t2_19, proto.splat(0.0), t2_22, proto.splat(0.0)],
+                    [t2_25, t2_12, t2_32, proto.splat(0.0), t2_38, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_41, t2_43, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_48, t2_49, t2_51, t2_53, proto.splat(0.0), t2_56],
+                    [t2_57, t2_59, t2_62, t2_65, proto.splat(0.0), t2_66],
+                    [proto.splat(0.0), t2_68, t2_70, t2_73, proto.splat(0.0), t2_74],
                 ],
                 [[t2_122], [t2_147], [t2_136], [t2_170], [t2_174], [t2_168]],
             ),
@@ -3747,12 +3750,12 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t3_107 = (-cos_s1_1).mul_add(t3_90, t3_106);
         let t3_108 = (-sin_s1_1).mul_add(t3_92, t3_107);
         let t3_109 = -sin_q1;
-        let t3_110 = like.lift(0.5) * sin_q6;
+        let t3_110 = proto.splat(0.5) * sin_q6;
         let t3_111 = -t3_110;
-        let t3_112 = like.lift(0.8660254037844386) * sin_q6;
-        let t3_113 = like.lift(0.5) * sin_q8;
+        let t3_112 = proto.splat(0.8660254037844386) * sin_q6;
+        let t3_113 = proto.splat(0.5) * sin_q8;
         let t3_114 = -t3_113;
-        let t3_115 = like.lift(0.8660254037844386) * sin_q8;
+        let t3_115 = proto.splat(0.8660254037844386) * sin_q8;
         let t3_116 = -t3_115;
         let t3_117 = (-cos_q1).mul_add(t2_180, sin_q1);
         let t3_118 = (-t3_117).mul_add(t2_189, sin_q1);
@@ -3820,17 +3823,17 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
         let t3_180 = (-t2_41).mul_add(t3_140, t3_179);
         let t3_181 = t3_180 * t2_227;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_74 * like.lift(1.8955297449982944)).abs())
-            .min((t2_182 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_192 * like.lift(0.8284577646309275)).abs())
-            .min((t2_205 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_74 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_182 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_192 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_205 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t3_128, t3_132, t3_144], [t3_151, t3_140, t3_152], [t3_157, t2_230, t3_155],
                 [t3_166, t3_165, t3_146], [t3_172, t3_181, t3_156], [t3_173, t3_178, t3_150],
@@ -3838,17 +3841,18 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
             margin,
             || (
                 [
-                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
-                    [t2_25, t2_12, t2_32, like.lift(0.0), t2_38, like.lift(0.0)],
-                    [like.lift(0.0), t2_41, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_48, t2_49, t2_51, t2_53, like.lift(0.0), t2_56],
-                    [t2_57, t2_59, t2_62, t2_65, like.lift(0.0), t2_66],
-                    [like.lift(0.0), t2_68, t2_70, t2_73, like.lift(0.0), t2_74],
+                    [t2_9, t2_11, t2_19, proto.splat(0.0), t2_22, proto.splat(0.0)],
+                    [t2_25, t2_12, t2_32, proto.splat(0.0), t2_38, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_41, t2_43, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_48, t2_49, t2_51, t2_53, proto.splat(0.0), t2_56],
+                    [t2_57, t2_59, t2_62, t2_65, proto.splat(0.0), t2_66],
+                    [proto.splat(0.0), t2_68, t2_70, t2_73, proto.splat(0.0), t2_74],
                 ],
                 [
-                    [t3_109, t3_111, like.lift(0.0)], [cos_q1, t2_112, like.lift(0.0)],
-                    [like.lift(0.0), t3_112, like.lift(0.0)], [t3_109, like.lift(0.0), t3_114],
-                    [cos_q1, like.lift(0.0), t2_169], [like.lift(0.0), like.lift(0.0), t3_116],
+                    [t3_109, t3_111, proto.splat(0.0)], [cos_q1, t2_112, proto.splat(0.0)],
+                    [proto.splat(0.0), t3_112, proto.splat(0.0)],
+                    [t3_109, proto.splat(0.0), t3_114], [cos_q1, proto.splat(0.0), t2_169],
+                    [proto.splat(0.0), proto.splat(0.0), t3_116],
                 ],
             ),
         );
@@ -3922,9 +3926,9 @@ pub fn bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], phi: &[T; 70]) -> ([T; 3]
 ///
 /// 204 additions, 317 multiplications, 6 divisions, 6 sines and cosines.
 pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 3]; 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 3]; 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -3968,10 +3972,10 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_13 = cos_q1.mul_add(sin_s1_2, t2_12);
         let t2_14 = cos_q1 * cos_s1_2;
         let t2_15 = (-sin_s1_2).mul_add(t2_11, t2_14);
-        let t2_16 = like.lift(-0.4563).mul_add(t2_13, t2_10);
+        let t2_16 = proto.splat(-0.4563).mul_add(t2_13, t2_10);
         let t2_17 = -t2_16;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_18 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_18 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_19 = cos_q1 * t2_18;
         let t2_20 = sin_q1 * t2_18;
         let t2_21 = sin_q1 * sin_s1_1;
@@ -3980,40 +3984,40 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_24 = sin_q1.mul_add(cos_s1_2, t2_23);
         let t2_25 = sin_q1 * sin_s1_2;
         let t2_26 = (-cos_s1_2).mul_add(t2_22, t2_25);
-        let t2_27 = like.lift(0.4563) * t2_24;
+        let t2_27 = proto.splat(0.4563) * t2_24;
         let t2_28 = cos_q6 * q7;
         let t2_29 = -cos_q6;
-        let t2_30 = like.lift(0.5) * t2_28;
+        let t2_30 = proto.splat(0.5) * t2_28;
         let t2_31 = -t2_30;
         let t2_32 = sin_q1 * q2;
-        let t2_33 = like.lift(-0.4563).mul_add(t2_26, t2_32);
+        let t2_33 = proto.splat(-0.4563).mul_add(t2_26, t2_32);
         let t2_34 = -t2_33;
         let t2_35 = cos_q1 * sin_s1_1;
         let t2_36 = cos_s1_3 * t2_35;
         let t2_37 = (-sin_s1_3).mul_add(t2_24, t2_36);
-        let t2_38 = like.lift(0.39516739174683935) * t2_37;
-        let t2_39 = like.lift(0.22815) * t2_26;
+        let t2_38 = proto.splat(0.39516739174683935) * t2_37;
+        let t2_39 = proto.splat(0.22815) * t2_26;
         let t2_40 = t2_39 + t2_38;
         let t2_41 = t2_40 - t2_32;
-        let t2_42 = like.lift(-0.4563) * t2_15;
+        let t2_42 = proto.splat(-0.4563) * t2_15;
         let t2_43 = sin_s1_3 * t2_15;
         let t2_44 = cos_s1_3.mul_add(t2_21, t2_43);
-        let t2_45 = like.lift(0.22815) * t2_13;
-        let t2_46 = like.lift(-0.39516739174683935).mul_add(t2_44, t2_45);
+        let t2_45 = proto.splat(0.22815) * t2_13;
+        let t2_46 = proto.splat(-0.39516739174683935).mul_add(t2_44, t2_45);
         let t2_47 = t2_10 - t2_46;
         let t2_48 = -t2_42;
         let t2_49 = sin_q6 * q7;
         let t2_50 = cos_s1_1 * cos_s1_2;
-        let t2_51 = like.lift(0.4563) * t2_50;
+        let t2_51 = proto.splat(0.4563) * t2_50;
         let t2_52 = -t2_51;
         let t2_53 = sin_s1_1 * sin_s1_2;
-        let t2_54 = like.lift(0.4563) * t2_53;
+        let t2_54 = proto.splat(0.4563) * t2_53;
         let t2_55 = sin_s1_3 * t2_53;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_55);
-        let t2_56 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_57 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_56);
-        let pivot_1 = like.lift(0.8660254037844386) * t2_28;
-        let t2_58 = like.lift(1.0) / t2_28;
+        let t2_56 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_57 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_56);
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_28;
+        let t2_58 = proto.splat(1.0) / t2_28;
         let t2_59 = -t2_47;
         let t2_60 = cos_q1 * t2_57;
         let t2_61 = t2_21 * t2_57;
@@ -4033,49 +4037,49 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_75 = sin_q1 * t2_57;
         let t2_76 = cos_q8 * q9;
         let t2_77 = -cos_q8;
-        let t2_78 = like.lift(0.5) * t2_76;
+        let t2_78 = proto.splat(0.5) * t2_76;
         let t2_79 = -t2_78;
         let t2_80 = -t2_66;
         let t2_81 = -t2_72;
         let t2_82 = sin_q8 * q9;
         let t2_83 = -t2_70;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_76;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_76;
         let t2_84 = -pivot_2;
-        let t2_85 = like.lift(1.0) / t2_76;
+        let t2_85 = proto.splat(1.0) / t2_76;
         let t2_86 = -sin_q1;
-        let t2_87 = like.lift(0.5) * sin_q6;
+        let t2_87 = proto.splat(0.5) * sin_q6;
         let t2_88 = -t2_87;
-        let t2_89 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_90 = like.lift(0.5) * sin_q8;
+        let t2_89 = proto.splat(0.8660254037844386) * sin_q6;
+        let t2_90 = proto.splat(0.5) * sin_q8;
         let t2_91 = -t2_90;
-        let t2_92 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_92 = proto.splat(0.8660254037844386) * sin_q8;
         let t2_93 = -t2_92;
-        let t2_94 = like.lift(0.5773502691896257).mul_add(t2_70, t2_68);
+        let t2_94 = proto.splat(0.5773502691896257).mul_add(t2_70, t2_68);
         let t2_95 = t2_82 * t2_85;
-        let t2_96 = like.lift(1.1547005383792515) * t2_95;
+        let t2_96 = proto.splat(1.1547005383792515) * t2_95;
         let pivot_3 = t2_70.mul_add(t2_96, t2_72);
         let t2_97 = (-t2_64).mul_add(t2_96, t2_66);
         let t2_98 = t2_74.mul_add(t2_96, t2_75);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_99 = t2_94 * inv_pivot_3;
         let t2_100 = (-t2_41).mul_add(t2_99, t2_47);
         let t2_101 = -pivot_3;
-        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_52, t2_19);
+        let t2_102 = proto.splat(0.5773502691896257).mul_add(t2_52, t2_19);
         let t2_103 = t2_98.mul_add(t2_99, t2_60);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_103);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_74, t2_103);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_104 = t2_102 * inv_pivot_4;
         let pivot_5 = (-t2_100).mul_add(t2_104, t2_16);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_105 = -pivot_5;
         let t2_106 = (-cos_q1).mul_add(t2_99, sin_q1);
         let t2_107 = (-t2_106).mul_add(t2_104, sin_q1);
         let t2_108 = (-t2_97).mul_add(t2_99, t2_62);
-        let t2_109 = like.lift(-0.5773502691896257).mul_add(t2_64, t2_108);
+        let t2_109 = proto.splat(-0.5773502691896257).mul_add(t2_64, t2_108);
         let t2_110 = (-t2_109).mul_add(t2_104, t2_27);
-        let t2_111 = like.lift(0.5773502691896257).mul_add(t2_54, t2_110);
+        let t2_111 = proto.splat(0.5773502691896257).mul_add(t2_54, t2_110);
         let t2_112 = t2_49 * t2_58;
-        let t2_113 = like.lift(1.1547005383792515) * t2_112;
+        let t2_113 = proto.splat(1.1547005383792515) * t2_112;
         let t2_114 = (-t2_52).mul_add(t2_113, t2_20);
         let t2_115 = t2_114 * inv_pivot_4;
         let t2_116 = (-t2_100).mul_add(t2_115, t2_33);
@@ -4085,7 +4089,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let pivot_6 = t2_54.mul_add(t2_113, t2_119);
         let t2_120 = t2_107.mul_add(t2_117, cos_q1);
         let t2_121 = t2_106.mul_add(t2_115, t2_120);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_122 = t2_121 * inv_pivot_6;
         let t2_123 = (-t2_111).mul_add(t2_122, t2_107);
         let t2_124 = inv_pivot_5 * t2_123;
@@ -4095,7 +4099,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_128 = -pivot_6;
         let t2_129 = q7 * t2_58;
         let t2_130 = t2_129 * inv_pivot_6;
-        let t2_131 = like.lift(1.1547005383792515) * t2_58;
+        let t2_131 = proto.splat(1.1547005383792515) * t2_58;
         let t2_132 = inv_pivot_5 * t2_111;
         let t2_133 = t2_132 * t2_130;
         let t2_134 = q9 * t2_85;
@@ -4117,7 +4121,7 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_150 = -t2_141;
         let t2_151 = (-t2_98).mul_add(t2_147, t2_149);
         let t2_152 = inv_pivot_3 * t2_151;
-        let t2_153 = like.lift(1.1547005383792515) * t2_85;
+        let t2_153 = proto.splat(1.1547005383792515) * t2_85;
         let t2_154 = (-t2_64).mul_add(t2_139, t2_92);
         let t2_155 = (-t2_74).mul_add(t2_147, t2_154);
         let t2_156 = (-t2_70).mul_add(t2_152, t2_155);
@@ -4154,17 +4158,17 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
         let t2_187 = (-t2_52).mul_add(t2_146, t2_186);
         let t2_188 = t2_187 * t2_131;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_84 * like.lift(1.8955297449982944)).abs())
-            .min((t2_101 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_105 * like.lift(0.8284577646309275)).abs())
-            .min((t2_128 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_84 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_101 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_105 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_128 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t2_124, t2_133, t2_150], [t2_158, t2_146, t2_159], [t2_164, t2_130, t2_162],
                 [t2_173, t2_172, t2_152], [t2_179, t2_188, t2_163], [t2_180, t2_185, t2_157],
@@ -4172,17 +4176,18 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
             margin,
             || (
                 [
-                    [t2_17, t2_19, t2_27, like.lift(0.0), t2_31, like.lift(0.0)],
-                    [t2_34, t2_20, t2_42, like.lift(0.0), t2_49, like.lift(0.0)],
-                    [like.lift(0.0), t2_52, t2_54, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_59, t2_60, t2_62, t2_68, like.lift(0.0), t2_79],
-                    [t2_41, t2_75, t2_80, t2_81, like.lift(0.0), t2_82],
-                    [like.lift(0.0), t2_74, t2_64, t2_83, like.lift(0.0), t2_84],
+                    [t2_17, t2_19, t2_27, proto.splat(0.0), t2_31, proto.splat(0.0)],
+                    [t2_34, t2_20, t2_42, proto.splat(0.0), t2_49, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_52, t2_54, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_59, t2_60, t2_62, t2_68, proto.splat(0.0), t2_79],
+                    [t2_41, t2_75, t2_80, t2_81, proto.splat(0.0), t2_82],
+                    [proto.splat(0.0), t2_74, t2_64, t2_83, proto.splat(0.0), t2_84],
                 ],
                 [
-                    [t2_86, t2_88, like.lift(0.0)], [cos_q1, t2_29, like.lift(0.0)],
-                    [like.lift(0.0), t2_89, like.lift(0.0)], [t2_86, like.lift(0.0), t2_91],
-                    [cos_q1, like.lift(0.0), t2_77], [like.lift(0.0), like.lift(0.0), t2_93],
+                    [t2_86, t2_88, proto.splat(0.0)], [cos_q1, t2_29, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_89, proto.splat(0.0)],
+                    [t2_86, proto.splat(0.0), t2_91], [cos_q1, proto.splat(0.0), t2_77],
+                    [proto.splat(0.0), proto.splat(0.0), t2_93],
                 ],
             ),
         );
@@ -4380,8 +4385,8 @@ pub fn mass_matrix<T: Scalar>(q: &[T; 9], phi: &[T; 70]) -> ([[T; 3]; 3], Condit
 /// - `y`: column by column: Y phi = M qdd_r + C(q, qd) qd_r + g, with dM/dt - 2 C skew
 ///
 /// 418 additions, 681 multiplications, 6 divisions, 6 sines and cosines.
-pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
-    let zero = q[0].lift(0.0);
+pub fn adaptive_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
+    let zero = q[0].splat(0.0);
     y[0] = [zero; 3];
     y[1] = [zero; 3];
     y[2] = [zero; 3];
@@ -4421,16 +4426,16 @@ pub fn slotine_li<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T;
     y[64] = [zero; 3];
     y[65] = [zero; 3];
     y[67] = [zero; 3];
-    slotine_li_entries(q, qd, qd_r, qdd_r, y)
+    adaptive_regressor_entries(q, qd, qd_r, qdd_r, y)
 }
 
-/// The entries of [`slotine_li`] that are not zero at every state; the others are left as they are.
+/// The entries of [`adaptive_regressor`] that are not zero at every state; the others are left as they are.
 ///
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
-pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+pub fn adaptive_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd_r: &[T; 3], y: &mut [[T; 3]; 70]) -> Condition<T> {
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -4466,21 +4471,21 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
         let t2_7 = sin_s1_3 * t2_6;
-        let t2_8 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_8 = proto.splat(-0.4563).mul_add(t2_4, t2_1);
         let t2_9 = -t2_8;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_10 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_11 = cos_q1 * t2_10;
         let t2_12 = sin_q1 * t2_10;
         let t2_13 = sin_q1 * sin_s1_1;
         let t2_14 = cos_s1_3.mul_add(t2_13, t2_7);
-        let t2_15 = like.lift(0.22815) * t2_4;
-        let t2_16 = like.lift(-0.39516739174683935).mul_add(t2_14, t2_15);
+        let t2_15 = proto.splat(0.22815) * t2_4;
+        let t2_16 = proto.splat(-0.39516739174683935).mul_add(t2_14, t2_15);
         let t2_17 = t2_13 * e_s1_2_q1x;
         let t2_18 = cos_s1_1.mul_add(t2_4, t2_17);
-        let t2_19 = like.lift(0.4563) * t2_18;
+        let t2_19 = proto.splat(0.4563) * t2_18;
         let t2_20 = cos_q6 * q7;
-        let t2_21 = like.lift(0.5) * t2_20;
+        let t2_21 = proto.splat(0.5) * t2_20;
         let t2_22 = -t2_21;
         let t2_23 = sin_q1 * q2;
         let t2_24 = cos_q1 * cos_s1_1;
@@ -4488,42 +4493,42 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t2_26 = (-cos_s1_2).mul_add(t2_24, t2_25);
         let t2_27 = sin_s1_2 * t2_24;
         let t2_28 = sin_q1.mul_add(cos_s1_2, t2_27);
-        let t2_29 = like.lift(-0.4563).mul_add(t2_26, t2_23);
+        let t2_29 = proto.splat(-0.4563).mul_add(t2_26, t2_23);
         let t2_30 = -t2_29;
         let t2_31 = cos_q1 * sin_s1_1;
         let t2_32 = cos_s1_3 * t2_31;
         let t2_33 = (-sin_s1_3).mul_add(t2_28, t2_32);
-        let t2_34 = like.lift(0.39516739174683935) * t2_33;
+        let t2_34 = proto.splat(0.39516739174683935) * t2_33;
         let t2_35 = cos_s1_1 * t2_26;
         let t2_36 = (-t2_31).mul_add(e_s1_2_q1x, t2_35);
-        let t2_37 = like.lift(0.4563) * t2_36;
+        let t2_37 = proto.splat(0.4563) * t2_36;
         let t2_38 = -t2_37;
         let t2_39 = -t2_38;
         let t2_40 = sin_q6 * q7;
         let t2_41 = sin_q1 * t2_4;
         let t2_42 = (-cos_q1).mul_add(t2_26, t2_41);
-        let t2_43 = like.lift(0.4563) * t2_42;
+        let t2_43 = proto.splat(0.4563) * t2_42;
         let t2_44 = -t2_43;
         let t2_45 = t2_31 * t2_4;
         let t2_46 = t2_13.mul_add(t2_26, t2_45);
-        let t2_47 = like.lift(0.4563) * t2_46;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_20;
+        let t2_47 = proto.splat(0.4563) * t2_46;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_20;
         let t2_48 = t2_1 - t2_16;
         let t2_49 = -t2_48;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
         let t2_50 = sin_s1_3 * e_s1_2_q1z;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_50);
-        let t2_51 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_52 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_51);
+        let t2_51 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_52 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_51);
         let t2_53 = cos_q1 * t2_52;
         let t2_54 = t2_13 * t2_52;
         let t2_55 = cos_s1_1.mul_add(t2_16, t2_54);
         let t2_56 = e_s1_2_q1x * t2_16;
         let t2_57 = (-t2_4).mul_add(t2_52, t2_56);
         let t2_58 = cos_q8 * q9;
-        let t2_59 = like.lift(0.5) * t2_58;
+        let t2_59 = proto.splat(0.5) * t2_58;
         let t2_60 = -t2_59;
-        let t2_61 = like.lift(0.22815) * t2_26;
+        let t2_61 = proto.splat(0.22815) * t2_26;
         let t2_62 = t2_34 - t2_23;
         let t2_63 = t2_62 + t2_61;
         let t2_64 = t2_61 + t2_34;
@@ -4542,55 +4547,55 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t2_77 = t2_4 * t2_64;
         let t2_78 = (-t2_26).mul_add(t2_16, t2_77);
         let t2_79 = -t2_78;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_58;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_58;
         let t2_80 = -pivot_2;
         let t2_81 = sin_q1 * dr_q2;
         let t2_82 = sin_q6 * dr_q7;
         let t2_83 = sin_q1 * r_q2;
         let t2_84 = sin_q6 * r_q7;
-        let t2_85 = like.lift(0.5).mul_add(t2_84, t2_83);
+        let t2_85 = proto.splat(0.5).mul_add(t2_84, t2_83);
         let t2_86 = cos_q1 * r_q2;
         let t2_87 = (-cos_q6).mul_add(r_q7, t2_86);
         let t2_88 = (-cos_q8).mul_add(r_q9, t2_86);
         let t2_89 = -t2_87;
-        let t2_90 = like.lift(0.8660254037844386) * t2_84;
+        let t2_90 = proto.splat(0.8660254037844386) * t2_84;
         let t2_91 = -t2_90;
         let t2_92 = sin_q8 * r_q9;
-        let t2_93 = like.lift(0.5).mul_add(t2_92, t2_83);
+        let t2_93 = proto.splat(0.5).mul_add(t2_92, t2_83);
         let t2_94 = -t2_88;
-        let t2_95 = like.lift(0.8660254037844386) * t2_92;
-        let t2_96 = like.lift(0.5773502691896257).mul_add(t2_78, t2_57);
-        let t2_97 = like.lift(1.0) / t2_58;
+        let t2_95 = proto.splat(0.8660254037844386) * t2_92;
+        let t2_96 = proto.splat(0.5773502691896257).mul_add(t2_78, t2_57);
+        let t2_97 = proto.splat(1.0) / t2_58;
         let t2_98 = t2_72 * t2_97;
         let t2_99 = (-t2_98).mul_add(t2_92, t2_88);
-        let t2_100 = like.lift(1.1547005383792515) * t2_97;
-        let t2_101 = like.lift(1.1547005383792515) * t2_98;
+        let t2_100 = proto.splat(1.1547005383792515) * t2_97;
+        let t2_101 = proto.splat(1.1547005383792515) * t2_98;
         let pivot_3 = t2_78.mul_add(t2_101, t2_70);
         let t2_102 = (-t2_76).mul_add(t2_101, t2_67);
         let t2_103 = sin_q8.mul_add(t2_98, cos_q8);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_104 = t2_96 * inv_pivot_3;
         let t2_105 = (-t2_63).mul_add(t2_104, t2_48);
         let t2_106 = -pivot_3;
-        let t2_107 = like.lift(0.5773502691896257).mul_add(t2_44, t2_11);
+        let t2_107 = proto.splat(0.5773502691896257).mul_add(t2_44, t2_11);
         let t2_108 = t2_74.mul_add(t2_101, t2_65);
         let t2_109 = t2_108.mul_add(t2_104, t2_53);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_74, t2_109);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_74, t2_109);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_110 = t2_107 * inv_pivot_4;
         let pivot_5 = (-t2_105).mul_add(t2_110, t2_8);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_111 = -pivot_5;
         let t2_112 = (-t2_104).mul_add(t2_99, t2_83);
         let t2_113 = (-t2_110).mul_add(t2_112, t2_83);
         let t2_114 = (-t2_102).mul_add(t2_104, t2_55);
-        let t2_115 = like.lift(-0.5773502691896257).mul_add(t2_76, t2_114);
+        let t2_115 = proto.splat(-0.5773502691896257).mul_add(t2_76, t2_114);
         let t2_116 = (-t2_115).mul_add(t2_110, t2_19);
-        let t2_117 = like.lift(0.5773502691896257).mul_add(t2_47, t2_116);
-        let t2_118 = like.lift(1.0) / t2_20;
+        let t2_117 = proto.splat(0.5773502691896257).mul_add(t2_47, t2_116);
+        let t2_118 = proto.splat(1.0) / t2_20;
         let t2_119 = t2_40 * t2_118;
-        let t2_120 = like.lift(1.1547005383792515) * t2_118;
-        let t2_121 = like.lift(1.1547005383792515) * t2_119;
+        let t2_120 = proto.splat(1.1547005383792515) * t2_118;
+        let t2_121 = proto.splat(1.1547005383792515) * t2_119;
         let t2_122 = (-t2_44).mul_add(t2_121, t2_12);
         let t2_123 = t2_122 * inv_pivot_4;
         let t2_124 = (-t2_105).mul_add(t2_123, t2_29);
@@ -4602,7 +4607,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t2_129 = t2_123.mul_add(t2_112, t2_128);
         let t2_130 = (-t2_119).mul_add(t2_84, t2_129);
         let t2_131 = sin_q6.mul_add(t2_119, cos_q6);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_132 = inv_pivot_6 * t2_130;
         let t2_133 = (-t2_117).mul_add(t2_132, t2_113);
         let t2_134 = inv_pivot_5 * t2_133;
@@ -4626,23 +4631,23 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t2_152 = t2_151 * t2_100;
         let t2_153 = -t2_152;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_80 * like.lift(1.8955297449982944)).abs())
-            .min((t2_106 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_111 * like.lift(0.8284577646309275)).abs())
-            .min((t2_147 * like.lift(2.1915406530791146)).abs());
-        let ([[t2_154], [t2_155], [t2_156], [t2_157], [t2_158], [t2_159]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_80 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_106 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_111 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_147 * proto.splat(2.1915406530791146)).abs());
+        let ([[t2_154], [t2_155], [t2_156], [t2_157], [t2_158], [t2_159]], found) = ::regen_runtime::solve_guarded(
             [[t2_140], [t2_137], [t2_132], [t2_142], [t2_146], [t2_153]],
             margin,
             || (
                 [
-                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
-                    [t2_30, t2_12, t2_39, like.lift(0.0), t2_40, like.lift(0.0)],
-                    [like.lift(0.0), t2_44, t2_47, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_49, t2_53, t2_55, t2_57, like.lift(0.0), t2_60],
-                    [t2_63, t2_65, t2_68, t2_71, like.lift(0.0), t2_72],
-                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
+                    [t2_9, t2_11, t2_19, proto.splat(0.0), t2_22, proto.splat(0.0)],
+                    [t2_30, t2_12, t2_39, proto.splat(0.0), t2_40, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_44, t2_47, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_49, t2_53, t2_55, t2_57, proto.splat(0.0), t2_60],
+                    [t2_63, t2_65, t2_68, t2_71, proto.splat(0.0), t2_72],
+                    [proto.splat(0.0), t2_74, t2_76, t2_79, proto.splat(0.0), t2_80],
                 ],
                 [[t2_85], [t2_89], [t2_91], [t2_93], [t2_94], [t2_95]],
             ),
@@ -4703,7 +4708,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t3_37 = t3_32.mul_add(t2_157, t3_36);
         let t3_38 = t3_37 + t3_29;
         let t3_39 = t3_38 - t3_18;
-        let t3_40 = like.lift(0.5) * t3_39;
+        let t3_40 = proto.splat(0.5) * t3_39;
         let t3_41 = -t3_40;
         let t3_42 = d_s1_2 * t2_155;
         let t3_43 = d_s1_1.mul_add(t2_156, t3_42);
@@ -4726,7 +4731,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t3_60 = (-t2_26).mul_add(t3_55, t3_59);
         let t3_61 = (-d_s1_3).mul_add(t3_60, t3_52);
         let t3_62 = t3_61 + t3_44;
-        let t3_63 = like.lift(0.5) * t3_62;
+        let t3_63 = proto.splat(0.5) * t3_62;
         let t3_64 = (-t2_26).mul_add(t2_157, t3_27);
         let t3_65 = (-t2_4).mul_add(d_s1_3, t3_46);
         let t3_66 = e_s1_2_q1x * t3_46;
@@ -4740,22 +4745,22 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t3_74 = t3_73 - t3_58;
         let t3_75 = t3_74 - t3_12;
         let t3_76 = e_s1_2_q1x.mul_add(t2_157, t3_33);
-        let t3_77 = like.lift(0.5) * t3_75;
+        let t3_77 = proto.splat(0.5) * t3_75;
         let t3_78 = -t3_77;
         let t3_79 = t2_26 * t3_69;
         let t3_80 = (-t2_4).mul_add(t3_64, t3_79);
-        let t3_81 = like.lift(0.4563) * t3_80;
+        let t3_81 = proto.splat(0.4563) * t3_80;
         let t3_82 = -t3_81;
         let t3_83 = e_s1_2_q1x * t3_64;
         let t3_84 = t2_26.mul_add(t3_76, t3_83);
-        let t3_85 = like.lift(0.4563) * t3_84;
+        let t3_85 = proto.splat(0.4563) * t3_84;
         let t3_86 = t2_4 * t3_53;
         let t3_87 = (-t2_26).mul_add(t3_65, t3_86);
-        let t3_88 = like.lift(0.4563) * t3_87;
+        let t3_88 = proto.splat(0.4563) * t3_87;
         let t3_89 = -t3_88;
         let t3_90 = t2_26 * t3_68;
         let t3_91 = e_s1_2_q1x.mul_add(t3_53, t3_90);
-        let t3_92 = like.lift(0.4563) * t3_91;
+        let t3_92 = proto.splat(0.4563) * t3_91;
         let t3_93 = t3_65 * t3_82;
         let t3_94 = (-t3_68).mul_add(t3_85, t3_93);
         let t3_95 = (-t3_92).mul_add(t3_76, t3_94);
@@ -4774,37 +4779,37 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t3_108 = t3_103 + t3_106;
         let t3_109 = t3_107 + t3_105;
         let t3_110 = t3_108 + t3_105;
-        let t3_111 = like.lift(0.5).mul_add(t3_109, t2_81);
+        let t3_111 = proto.splat(0.5).mul_add(t3_109, t2_81);
         let t3_112 = t3_111 - t3_10;
-        let t3_113 = like.lift(0.8660254037844386) * t3_110;
+        let t3_113 = proto.splat(0.8660254037844386) * t3_110;
         let t3_114 = t2_4 * t3_63;
         let t3_115 = e_s1_2_q1x.mul_add(t3_41, t3_114);
-        let t3_116 = like.lift(0.4563).mul_add(t3_115, t3_112);
+        let t3_116 = proto.splat(0.4563).mul_add(t3_115, t3_112);
         let t3_117 = cos_q1 * dr_q2;
         let t3_118 = t2_4 * t3_76;
         let t3_119 = e_s1_2_q1x.mul_add(t3_69, t3_118);
-        let t3_120 = like.lift(0.4563) * t3_119;
+        let t3_120 = proto.splat(0.4563) * t3_119;
         let t3_121 = t3_68.mul_add(t3_120, t3_98);
         let t3_122 = (-t3_89).mul_add(t3_64, t3_121);
         let t3_123 = t3_65 * t3_120;
         let t3_124 = t3_53.mul_add(t3_85, t3_123);
         let t3_125 = e_s1_2_q1x * t3_65;
         let t3_126 = t2_4.mul_add(t3_68, t3_125);
-        let t3_127 = like.lift(0.4563) * t3_126;
+        let t3_127 = proto.splat(0.4563) * t3_126;
         let t3_128 = t3_127.mul_add(t3_69, t3_124);
         let t3_129 = t3_92.mul_add(t3_64, t3_128);
         let t3_130 = t3_127.mul_add(t3_76, t3_122);
-        let t3_131 = like.lift(0.5).mul_add(t3_129, t3_113);
+        let t3_131 = proto.splat(0.5).mul_add(t3_129, t3_113);
         let t3_132 = (-cos_q6).mul_add(dr_q7, t3_117);
-        let t3_133 = like.lift(0.5).mul_add(t3_130, t3_132);
+        let t3_133 = proto.splat(0.5).mul_add(t3_130, t3_132);
         let t3_134 = t3_133 - t3_19;
         let t3_135 = (-cos_q8).mul_add(dr_q9, t3_117);
         let t3_136 = t2_26 * t3_41;
         let t3_137 = t2_4.mul_add(t3_78, t3_136);
-        let t3_138 = like.lift(-0.4563).mul_add(t3_137, t3_131);
+        let t3_138 = proto.splat(-0.4563).mul_add(t3_137, t3_131);
         let t3_139 = e_s1_2_q1x * t3_78;
         let t3_140 = (-t2_26).mul_add(t3_63, t3_139);
-        let t3_141 = like.lift(0.4563).mul_add(t3_140, t3_134);
+        let t3_141 = proto.splat(0.4563).mul_add(t3_140, t3_134);
         let t3_142 = d_q6.mul_add(t3_2, t3_141);
         let t3_143 = sin_q6.mul_add(t3_100, t3_142);
         let t3_144 = -t3_143;
@@ -4835,12 +4840,12 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t3_169 = t3_164 + t3_168;
         let t3_170 = t3_165 + t3_168;
         let t3_171 = t3_169 + t3_167;
-        let t3_172 = like.lift(0.5).mul_add(t3_171, t2_81);
+        let t3_172 = proto.splat(0.5).mul_add(t3_171, t2_81);
         let t3_173 = t3_172 - t3_10;
         let t3_174 = t3_170 + t3_167;
         let t3_175 = t2_16.mul_add(t3_63, t3_173);
         let t3_176 = t2_52.mul_add(t3_41, t3_175);
-        let t3_177 = like.lift(0.8660254037844386) * t3_174;
+        let t3_177 = proto.splat(0.8660254037844386) * t3_174;
         let t3_178 = t2_16 * t3_76;
         let t3_179 = t2_52.mul_add(t3_69, t3_178);
         let t3_180 = t3_68.mul_add(t3_179, t3_160);
@@ -4852,11 +4857,11 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t3_186 = t3_185.mul_add(t3_69, t3_182);
         let t3_187 = t3_185.mul_add(t3_76, t3_183);
         let t3_188 = t3_154.mul_add(t3_64, t3_186);
-        let t3_189 = like.lift(0.5).mul_add(t3_187, t3_135);
+        let t3_189 = proto.splat(0.5).mul_add(t3_187, t3_135);
         let t3_190 = t3_189 - t3_19;
         let t3_191 = t2_52.mul_add(t3_78, t3_190);
         let t3_192 = (-t2_64).mul_add(t3_63, t3_191);
-        let t3_193 = like.lift(-0.5).mul_add(t3_188, t3_177);
+        let t3_193 = proto.splat(-0.5).mul_add(t3_188, t3_177);
         let t3_194 = t2_64.mul_add(t3_41, t3_193);
         let t3_195 = t2_16.mul_add(t3_78, t3_194);
         let t3_196 = d_q8.mul_add(t3_4, t3_192);
@@ -4864,9 +4869,9 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t3_198 = (-t3_195).mul_add(t2_101, t3_197);
         let t3_199 = -t3_197;
         let t3_200 = (-t2_104).mul_add(t3_198, t3_176);
-        let t3_201 = like.lift(-0.5773502691896257).mul_add(t3_195, t3_200);
+        let t3_201 = proto.splat(-0.5773502691896257).mul_add(t3_195, t3_200);
         let t3_202 = (-t2_110).mul_add(t3_201, t3_116);
-        let t3_203 = like.lift(-0.5773502691896257).mul_add(t3_138, t3_202);
+        let t3_203 = proto.splat(-0.5773502691896257).mul_add(t3_138, t3_202);
         let t3_204 = t2_125.mul_add(t3_203, t3_143);
         let t3_205 = t2_123.mul_add(t3_201, t3_204);
         let t3_206 = (-t3_138).mul_add(t2_121, t3_205);
@@ -4891,23 +4896,23 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t3_225 = t3_224 * t2_100;
         let t3_226 = -t3_225;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_80 * like.lift(1.8955297449982944)).abs())
-            .min((t2_106 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_111 * like.lift(0.8284577646309275)).abs())
-            .min((t2_147 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t3_227], [t3_228], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_80 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_106 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_111 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_147 * proto.splat(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t3_227], [t3_228], [al_4z], [al_6z]], found) = ::regen_runtime::solve_guarded(
             [[t3_215], [t3_212], [t3_207], [t3_217], [t3_221], [t3_226]],
             margin,
             || (
                 [
-                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
-                    [t2_30, t2_12, t2_39, like.lift(0.0), t2_40, like.lift(0.0)],
-                    [like.lift(0.0), t2_44, t2_47, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_49, t2_53, t2_55, t2_57, like.lift(0.0), t2_60],
-                    [t2_63, t2_65, t2_68, t2_71, like.lift(0.0), t2_72],
-                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
+                    [t2_9, t2_11, t2_19, proto.splat(0.0), t2_22, proto.splat(0.0)],
+                    [t2_30, t2_12, t2_39, proto.splat(0.0), t2_40, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_44, t2_47, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_49, t2_53, t2_55, t2_57, proto.splat(0.0), t2_60],
+                    [t2_63, t2_65, t2_68, t2_71, proto.splat(0.0), t2_72],
+                    [proto.splat(0.0), t2_74, t2_76, t2_79, proto.splat(0.0), t2_80],
                 ],
                 [[t3_116], [t3_144], [t3_145], [t3_176], [t3_199], [t3_195]],
             ),
@@ -4925,20 +4930,20 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         x_q8_q2, x_q8_q7, x_q8_q9,
     ] = {
         let t4_1 = -sin_q1;
-        let t4_2 = like.lift(0.5) * sin_q6;
+        let t4_2 = proto.splat(0.5) * sin_q6;
         let t4_3 = -t4_2;
         let t4_4 = -cos_q6;
-        let t4_5 = like.lift(0.8660254037844386) * sin_q6;
-        let t4_6 = like.lift(0.5) * sin_q8;
+        let t4_5 = proto.splat(0.8660254037844386) * sin_q6;
+        let t4_6 = proto.splat(0.5) * sin_q8;
         let t4_7 = -t4_6;
         let t4_8 = -cos_q8;
-        let t4_9 = like.lift(0.8660254037844386) * sin_q8;
+        let t4_9 = proto.splat(0.8660254037844386) * sin_q8;
         let t4_10 = -t4_9;
         let t4_11 = (-cos_q1).mul_add(t2_104, sin_q1);
         let t4_12 = t2_103 * t2_104;
         let t4_13 = (-t4_11).mul_add(t2_110, sin_q1);
         let t4_14 = t4_12 * t2_110;
-        let t4_15 = like.lift(9.81) * sin_q1;
+        let t4_15 = proto.splat(9.81) * sin_q1;
         let t4_16 = t4_13.mul_add(t2_125, cos_q1);
         let t4_17 = t4_11.mul_add(t2_123, t4_16);
         let t4_18 = t4_12 * t2_123;
@@ -5001,17 +5006,17 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t4_75 = (-t2_44).mul_add(t4_35, t4_74);
         let t4_76 = t4_75 * t2_120;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_80 * like.lift(1.8955297449982944)).abs())
-            .min((t2_106 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_111 * like.lift(0.8284577646309275)).abs())
-            .min((t2_147 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_80 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_106 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_111 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_147 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t4_23, t4_27, t4_39], [t4_46, t4_35, t4_47], [t4_52, t2_148, t4_50],
                 [t4_61, t4_60, t4_41], [t4_67, t4_76, t4_51], [t4_68, t4_73, t4_45],
@@ -5019,17 +5024,18 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
             margin,
             || (
                 [
-                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
-                    [t2_30, t2_12, t2_39, like.lift(0.0), t2_40, like.lift(0.0)],
-                    [like.lift(0.0), t2_44, t2_47, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_49, t2_53, t2_55, t2_57, like.lift(0.0), t2_60],
-                    [t2_63, t2_65, t2_68, t2_71, like.lift(0.0), t2_72],
-                    [like.lift(0.0), t2_74, t2_76, t2_79, like.lift(0.0), t2_80],
+                    [t2_9, t2_11, t2_19, proto.splat(0.0), t2_22, proto.splat(0.0)],
+                    [t2_30, t2_12, t2_39, proto.splat(0.0), t2_40, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_44, t2_47, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_49, t2_53, t2_55, t2_57, proto.splat(0.0), t2_60],
+                    [t2_63, t2_65, t2_68, t2_71, proto.splat(0.0), t2_72],
+                    [proto.splat(0.0), t2_74, t2_76, t2_79, proto.splat(0.0), t2_80],
                 ],
                 [
-                    [t4_1, t4_3, like.lift(0.0)], [cos_q1, t4_4, like.lift(0.0)],
-                    [like.lift(0.0), t4_5, like.lift(0.0)], [t4_1, like.lift(0.0), t4_7],
-                    [cos_q1, like.lift(0.0), t4_8], [like.lift(0.0), like.lift(0.0), t4_10],
+                    [t4_1, t4_3, proto.splat(0.0)], [cos_q1, t4_4, proto.splat(0.0)],
+                    [proto.splat(0.0), t4_5, proto.splat(0.0)], [t4_1, proto.splat(0.0), t4_7],
+                    [cos_q1, proto.splat(0.0), t4_8],
+                    [proto.splat(0.0), proto.splat(0.0), t4_10],
                 ],
             ),
         );
@@ -5042,7 +5048,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
     };
     // body 1: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_1y, t5_1, t5_2, t5_3] = {
-        let a_1y = like.lift(9.81) * cos_q1;
+        let a_1y = proto.splat(9.81) * cos_q1;
         let w_mx_1_q2 = x_q1_q2 * a_1y;
         y[6][0] = w_mx_1_q2;
         let w_mx_1_q7 = x_q1_q7 * a_1y;
@@ -5123,7 +5129,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t7_10 = t2_156 + t7_9;
         let t7_11 = d_s1_1 * t7_9;
         let t7_12 = w_s1_1y.mul_add(t2_155, t7_11);
-        let t7_13 = like.lift(0.5) * t7_12;
+        let t7_13 = proto.splat(0.5) * t7_12;
         let w_s1_1x = sin_s1_1 * d_q1;
         let t7_14 = (-w_s1_1x).mul_add(t7_9, al_s1_1z);
         let t7_15 = sin_s1_1.mul_add(al_1z, t7_13);
@@ -5134,7 +5140,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let w_s1_2z = cos_s1_2.mul_add(d_s1_1, t7_19);
         let t7_20 = w_s1_2z * t7_10;
         let t7_21 = w_s1_2y.mul_add(t7_18, t7_20);
-        let t7_22 = like.lift(-0.5).mul_add(t7_21, t3_228);
+        let t7_22 = proto.splat(-0.5).mul_add(t7_21, t3_228);
         let t7_23 = (-sin_s1_2).mul_add(t7_14, t7_22);
         let al_3x = cos_s1_2.mul_add(t7_16, t7_23);
         let t7_24 = sin_s1_2 * d_s1_1;
@@ -5151,7 +5157,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let w_3z = (-cos_s1_3).mul_add(w_s1_2z, t7_32);
         let t7_33 = w_3z * t7_29;
         let t7_34 = w_3x.mul_add(t7_31, t7_33);
-        let t7_35 = like.lift(0.5) * t7_34;
+        let t7_35 = proto.splat(0.5) * t7_34;
         let u_3_q2y = cos_s1_2 * sin_s1_3;
         let t7_36 = cos_s1_3 * x_s1_2_q2;
         let t7_37 = u_3_q2y.mul_add(x_s1_1_q2, t7_36);
@@ -5168,18 +5174,18 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t7_47 = w_s1_2z * t7_28;
         let t7_48 = w_s1_2x.mul_add(t7_18, t7_47);
         let t7_49 = t7_48 - t7_26;
-        let t7_50 = like.lift(0.5).mul_add(t7_49, t3_227);
+        let t7_50 = proto.splat(0.5).mul_add(t7_49, t3_227);
         let t7_51 = cos_s1_1.mul_add(al_1z, t7_50);
         let t7_52 = sin_s1_3 * w_s1_2z;
         let w_3y = cos_s1_3.mul_add(w_s1_2y, t7_52);
-        let t7_53 = like.lift(0.5) * t7_46;
+        let t7_53 = proto.splat(0.5) * t7_46;
         let t7_54 = t7_53 + t7_53;
         let t7_55 = (-cos_s1_2).mul_add(t7_14, t7_54);
         let t7_56 = (-sin_s1_2).mul_add(t7_16, t7_55);
         let t7_57 = w_3y * t7_29;
         let t7_58 = w_3x.mul_add(t7_44, t7_57);
         let t7_59 = w_3x * t7_29;
-        let t7_60 = like.lift(0.5) * t7_58;
+        let t7_60 = proto.splat(0.5) * t7_58;
         let t7_61 = t7_41 * t7_60;
         let t7_62 = al_3x.mul_add(t7_2, t7_61);
         let w_ixx_3_q2 = t7_62 - t7_42;
@@ -5217,7 +5223,7 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
         let t7_89 = w_3y.mul_add(t7_31, t7_88);
         let t7_90 = w_3y * t7_44;
         let t7_91 = w_3z * t7_31;
-        let t7_92 = like.lift(0.5) * t7_89;
+        let t7_92 = proto.splat(0.5) * t7_89;
         let t7_93 = al_3x - t7_92;
         let t7_94 = al_3x + t7_92;
         let t7_95 = t7_59 - t7_90;
@@ -5389,14 +5395,14 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
     }
     // body 4: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_4y, t8_1, t8_2, t8_3, t8_4] = {
-        let a_4y = like.lift(9.81) * cos_q6;
+        let a_4y = proto.splat(9.81) * cos_q6;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
         y[36][0] = w_mx_4_q2;
         let w_mx_4_q7 = x_q6_q7 * a_4y;
         y[36][1] = w_mx_4_q7;
         let w_mx_4_q9 = x_q6_q9 * a_4y;
         y[36][2] = w_mx_4_q9;
-        let t8_1 = like.lift(9.81) * sin_q6;
+        let t8_1 = proto.splat(9.81) * sin_q6;
         let w_izz_4_q2 = al_4z * x_q6_q2;
         let t8_2 = -w_izz_4_q2;
         y[35][0] = t8_2;
@@ -5455,14 +5461,14 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
     }
     // body 6: Ixx Ixy Ixz Iyy Iyz Izz mx my mz m
     let [a_6y, t10_1, t10_2, t10_3, t10_4] = {
-        let a_6y = like.lift(9.81) * cos_q8;
+        let a_6y = proto.splat(9.81) * cos_q8;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
         y[56][0] = w_mx_6_q2;
         let w_mx_6_q7 = x_q8_q7 * a_6y;
         y[56][1] = w_mx_6_q7;
         let w_mx_6_q9 = x_q8_q9 * a_6y;
         y[56][2] = w_mx_6_q9;
-        let t10_1 = like.lift(9.81) * sin_q8;
+        let t10_1 = proto.splat(9.81) * sin_q8;
         let w_izz_6_q2 = al_6z * x_q8_q2;
         let t10_2 = -w_izz_6_q2;
         y[55][0] = t10_2;
@@ -5529,15 +5535,15 @@ pub fn slotine_li_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qd_r: &[T; 3], qdd
 /// - `left`: tau_i - X^T tau_e (Eq. 10): what W phi must equal
 ///
 /// 0 additions, 0 multiplications, 0 divisions, 0 sines and cosines.
-pub fn efforts<T: Scalar>(q: &[T; 9], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut left = [like.lift(0.0); 3];
+pub fn generalized_forces<T: Scalar>(q: &[T; 9], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
+    let proto = q[0];
+    let mut left = [proto.splat(0.0); 3];
     let [tau_q2, tau_q7, tau_q9] = *tau;
     // tau_i - X^T tau_e (Eq. 10)
     {
         left[0] = tau_q2; left[1] = tau_q7; left[2] = tau_q9;
     }
-    (left, Condition::regular(like))
+    (left, Condition::regular(proto))
 }
 
 /// Where the bodies are.
@@ -5547,8 +5553,8 @@ pub fn efforts<T: Scalar>(q: &[T; 9], tau: &[T; 3]) -> ([T; 3], Condition<T>) {
 ///
 /// 15 additions, 44 multiplications, 0 divisions, 6 sines and cosines.
 pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
-    let like = q[0];
-    let mut poses = [[like.lift(0.0); 12]; 7];
+    let proto = q[0];
+    let mut poses = [[proto.splat(0.0); 12]; 7];
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -5567,7 +5573,7 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
     };
     // body 1
     let [t2_1] = {
-        poses[0][0] = cos_q1; poses[0][5] = like.lift(1.0); poses[0][9] = like.lift(0.26344492783122625);
+        poses[0][0] = cos_q1; poses[0][5] = proto.splat(1.0); poses[0][9] = proto.splat(0.26344492783122625);
         let t2_1 = -sin_q1;
         poses[0][1] = t2_1; poses[0][6] = t2_1;
         let t2_2 = -cos_q1;
@@ -5576,8 +5582,8 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
     };
     // body 2
     let [t3_1, t3_2] = {
-        poses[1][0] = cos_q1; poses[1][2] = sin_q1; poses[1][4] = like.lift(1.0); poses[1][6] = t2_1; poses[1][8] = cos_q1;
-        let t3_1 = sin_q1.mul_add(q2, like.lift(0.26344492783122625));
+        poses[1][0] = cos_q1; poses[1][2] = sin_q1; poses[1][4] = proto.splat(1.0); poses[1][6] = t2_1; poses[1][8] = cos_q1;
+        let t3_1 = sin_q1.mul_add(q2, proto.splat(0.26344492783122625));
         poses[1][9] = t3_1;
         let t3_2 = cos_q1 * q2;
         poses[1][11] = t3_2;
@@ -5629,59 +5635,59 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
     }
     // body 4
     let [t5_1, t5_2, t5_5, t5_6, t5_8] = {
-        poses[3][2] = like.lift(-0.8660254037844386); poses[3][5] = like.lift(-0.5); poses[3][9] = like.lift(-0.13172246391561312); poses[3][10] = like.lift(0.22815);
-        let t5_1 = like.lift(0.8660254037844386) * cos_q6;
+        poses[3][2] = proto.splat(-0.8660254037844386); poses[3][5] = proto.splat(-0.5); poses[3][9] = proto.splat(-0.13172246391561312); poses[3][10] = proto.splat(0.22815);
+        let t5_1 = proto.splat(0.8660254037844386) * cos_q6;
         poses[3][3] = t5_1;
         let t5_2 = -sin_q6;
         poses[3][6] = t5_2;
         let t5_3 = -cos_q6;
         poses[3][7] = t5_3;
-        let t5_4 = like.lift(0.5) * cos_q6;
+        let t5_4 = proto.splat(0.5) * cos_q6;
         let t5_5 = -t5_4;
         poses[3][0] = t5_5;
-        let t5_6 = like.lift(0.8660254037844386) * sin_q6;
+        let t5_6 = proto.splat(0.8660254037844386) * sin_q6;
         let t5_7 = -t5_6;
         poses[3][4] = t5_7;
-        let t5_8 = like.lift(0.5) * sin_q6;
+        let t5_8 = proto.splat(0.5) * sin_q6;
         poses[3][1] = t5_8;
         [t5_1, t5_2, t5_5, t5_6, t5_8]
     };
     // body 5
     {
-        poses[4][0] = t5_5; poses[4][1] = like.lift(-0.8660254037844386); poses[4][3] = t5_1; poses[4][4] = like.lift(-0.5); poses[4][5] = t5_6; poses[4][6] = t5_2; poses[4][8] = cos_q6;
+        poses[4][0] = t5_5; poses[4][1] = proto.splat(-0.8660254037844386); poses[4][3] = t5_1; poses[4][4] = proto.splat(-0.5); poses[4][5] = t5_6; poses[4][6] = t5_2; poses[4][8] = cos_q6;
         let t6_1 = -t5_8;
         poses[4][2] = t6_1;
         let t6_2 = cos_q6 * q7;
         poses[4][11] = t6_2;
         let t6_3 = sin_q6 * q7;
-        let t6_4 = like.lift(0.8660254037844386).mul_add(t6_3, like.lift(0.22815));
+        let t6_4 = proto.splat(0.8660254037844386).mul_add(t6_3, proto.splat(0.22815));
         poses[4][10] = t6_4;
-        let t6_5 = like.lift(0.5).mul_add(t6_3, like.lift(0.13172246391561312));
+        let t6_5 = proto.splat(0.5).mul_add(t6_3, proto.splat(0.13172246391561312));
         let t6_6 = -t6_5;
         poses[4][9] = t6_6;
     }
     // body 6
     let [t7_1, t7_4, t7_6, t7_7, t7_8] = {
-        poses[5][2] = like.lift(0.8660254037844386); poses[5][5] = like.lift(-0.5); poses[5][9] = like.lift(-0.13172246391561312); poses[5][10] = like.lift(-0.22815);
+        poses[5][2] = proto.splat(0.8660254037844386); poses[5][5] = proto.splat(-0.5); poses[5][9] = proto.splat(-0.13172246391561312); poses[5][10] = proto.splat(-0.22815);
         let t7_1 = -sin_q8;
         poses[5][6] = t7_1;
         let t7_2 = -cos_q8;
         poses[5][7] = t7_2;
-        let t7_3 = like.lift(0.5) * cos_q8;
+        let t7_3 = proto.splat(0.5) * cos_q8;
         let t7_4 = -t7_3;
         poses[5][0] = t7_4;
-        let t7_5 = like.lift(0.8660254037844386) * cos_q8;
+        let t7_5 = proto.splat(0.8660254037844386) * cos_q8;
         let t7_6 = -t7_5;
         poses[5][3] = t7_6;
-        let t7_7 = like.lift(0.5) * sin_q8;
+        let t7_7 = proto.splat(0.5) * sin_q8;
         poses[5][1] = t7_7;
-        let t7_8 = like.lift(0.8660254037844386) * sin_q8;
+        let t7_8 = proto.splat(0.8660254037844386) * sin_q8;
         poses[5][4] = t7_8;
         [t7_1, t7_4, t7_6, t7_7, t7_8]
     };
     // body 7
     {
-        poses[6][0] = t7_4; poses[6][1] = like.lift(0.8660254037844386); poses[6][3] = t7_6; poses[6][4] = like.lift(-0.5); poses[6][6] = t7_1; poses[6][8] = cos_q8;
+        poses[6][0] = t7_4; poses[6][1] = proto.splat(0.8660254037844386); poses[6][3] = t7_6; poses[6][4] = proto.splat(-0.5); poses[6][6] = t7_1; poses[6][8] = cos_q8;
         let t8_1 = -t7_7;
         poses[6][2] = t8_1;
         let t8_2 = -t7_8;
@@ -5689,10 +5695,10 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
         let t8_3 = cos_q8 * q9;
         poses[6][11] = t8_3;
         let t8_4 = sin_q8 * q9;
-        let t8_5 = like.lift(0.5).mul_add(t8_4, like.lift(0.13172246391561312));
+        let t8_5 = proto.splat(0.5).mul_add(t8_4, proto.splat(0.13172246391561312));
         let t8_6 = -t8_5;
         poses[6][9] = t8_6;
-        let t8_7 = like.lift(0.8660254037844386).mul_add(t8_4, like.lift(0.22815));
+        let t8_7 = proto.splat(0.8660254037844386).mul_add(t8_4, proto.splat(0.22815));
         let t8_8 = -t8_7;
         poses[6][10] = t8_8;
     }
@@ -5706,8 +5712,8 @@ pub fn poses<T: Scalar>(q: &[T; 9]) -> [[T; 12]; 7] {
 ///
 /// 9 additions, 20 multiplications, 0 divisions, 6 sines and cosines.
 pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
-    let like = q[0];
-    let mut cosines = [like.lift(0.0); 3];
+    let proto = q[0];
+    let mut cosines = [proto.splat(0.0); 3];
     let [q1, _, s1_1, s1_2, s1_3, q6, _, q8, _] = *q;
     // sines and cosines
     let [
@@ -5736,7 +5742,7 @@ pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
         let t3_3 = cos_s1_3 * sin_s1_1;
         let e_3_q1z = (-t3_3).mul_add(sin_s1_2, t3_2);
         let t3_4 = sin_s1_3 * sin_s1_1;
-        let t3_5 = like.lift(0.8660254037844386) * e_3_q1z;
+        let t3_5 = proto.splat(0.8660254037844386) * e_3_q1z;
         let t3_6 = cos_q1 * cos_s1_2;
         let t3_7 = (-sin_q1).mul_add(t3_1, t3_6);
         let t3_8 = cos_q1 * t3_1;
@@ -5745,7 +5751,7 @@ pub fn cones<T: Scalar>(q: &[T; 9]) -> [T; 3] {
         let t3_11 = cos_s1_3 * t3_9;
         let t3_12 = (-cos_s1_3).mul_add(t3_7, t3_10);
         let t3_13 = cos_q1.mul_add(t3_4, t3_11);
-        let t3_14 = like.lift(0.5).mul_add(t3_13, t3_5);
+        let t3_14 = proto.splat(0.5).mul_add(t3_13, t3_5);
         let t3_15 = cos_q6 * t3_12;
         let t3_16 = sin_q6.mul_add(t3_14, t3_15);
         let t3_17 = -t3_16;
@@ -5780,8 +5786,8 @@ pub fn base_regressor<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut 
 /// Inlined where it is called, so that lanes keep the caller's instruction set.
 #[inline(always)]
 pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], w: &mut [[T; 3]; 25]) -> Condition<T> {
-    let like = q[0];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -5810,10 +5816,10 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let t2_4 = cos_q1.mul_add(sin_s1_2, t2_3);
         let t2_5 = cos_q1 * cos_s1_2;
         let t2_6 = (-sin_s1_2).mul_add(t2_2, t2_5);
-        let t2_7 = like.lift(-0.4563).mul_add(t2_4, t2_1);
+        let t2_7 = proto.splat(-0.4563).mul_add(t2_4, t2_1);
         let t2_8 = -t2_7;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_9 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_9 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_10 = cos_q1 * t2_9;
         let t2_11 = sin_q1 * t2_9;
         let t2_12 = sin_q1 * sin_s1_1;
@@ -5822,40 +5828,40 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let t2_15 = sin_q1.mul_add(cos_s1_2, t2_14);
         let t2_16 = sin_q1 * sin_s1_2;
         let t2_17 = (-cos_s1_2).mul_add(t2_13, t2_16);
-        let t2_18 = like.lift(0.4563) * t2_15;
+        let t2_18 = proto.splat(0.4563) * t2_15;
         let t2_19 = cos_q6 * q7;
-        let t2_20 = like.lift(0.5) * t2_19;
+        let t2_20 = proto.splat(0.5) * t2_19;
         let t2_21 = -t2_20;
         let t2_22 = sin_q1 * q2;
-        let t2_23 = like.lift(-0.4563).mul_add(t2_17, t2_22);
+        let t2_23 = proto.splat(-0.4563).mul_add(t2_17, t2_22);
         let t2_24 = -t2_23;
         let t2_25 = cos_q1 * sin_s1_1;
         let t2_26 = cos_s1_3 * t2_25;
         let t2_27 = (-sin_s1_3).mul_add(t2_15, t2_26);
-        let t2_28 = like.lift(0.39516739174683935) * t2_27;
-        let t2_29 = like.lift(0.22815) * t2_17;
+        let t2_28 = proto.splat(0.39516739174683935) * t2_27;
+        let t2_29 = proto.splat(0.22815) * t2_17;
         let t2_30 = t2_29 + t2_28;
         let t2_31 = t2_30 - t2_22;
-        let t2_32 = like.lift(-0.4563) * t2_6;
+        let t2_32 = proto.splat(-0.4563) * t2_6;
         let t2_33 = sin_s1_3 * t2_6;
         let t2_34 = cos_s1_3.mul_add(t2_12, t2_33);
-        let t2_35 = like.lift(0.22815) * t2_4;
-        let t2_36 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_35);
+        let t2_35 = proto.splat(0.22815) * t2_4;
+        let t2_36 = proto.splat(-0.39516739174683935).mul_add(t2_34, t2_35);
         let t2_37 = t2_1 - t2_36;
         let t2_38 = -t2_32;
         let t2_39 = sin_q6 * q7;
         let t2_40 = cos_s1_2 * cos_s1_1;
-        let t2_41 = like.lift(0.4563) * t2_40;
+        let t2_41 = proto.splat(0.4563) * t2_40;
         let t2_42 = -t2_41;
         let e_s1_2_q1z = sin_s1_1 * sin_s1_2;
-        let t2_43 = like.lift(0.4563) * e_s1_2_q1z;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_19;
-        let t2_44 = like.lift(1.0) / t2_19;
+        let t2_43 = proto.splat(0.4563) * e_s1_2_q1z;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_19;
+        let t2_44 = proto.splat(1.0) / t2_19;
         let t2_45 = -t2_37;
         let t2_46 = sin_s1_3 * e_s1_2_q1z;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_46);
-        let t2_47 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_48 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_47);
+        let t2_47 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_48 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_47);
         let t2_49 = cos_q1 * t2_48;
         let t2_50 = t2_12 * t2_48;
         let t2_51 = cos_s1_1.mul_add(t2_36, t2_50);
@@ -5873,52 +5879,52 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let t2_63 = cos_q1 * t2_30;
         let t2_64 = (-sin_q1).mul_add(t2_36, t2_63);
         let t2_65 = cos_q8 * q9;
-        let t2_66 = like.lift(0.5) * t2_65;
+        let t2_66 = proto.splat(0.5) * t2_65;
         let t2_67 = -t2_66;
         let t2_68 = -t2_55;
         let t2_69 = -t2_62;
         let t2_70 = sin_q8 * q9;
         let t2_71 = -t2_59;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_65;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_65;
         let t2_72 = -pivot_2;
-        let t2_73 = like.lift(1.0) / t2_65;
+        let t2_73 = proto.splat(1.0) / t2_65;
         let t2_74 = -sin_q1;
-        let t2_75 = like.lift(0.5) * sin_q6;
+        let t2_75 = proto.splat(0.5) * sin_q6;
         let t2_76 = -t2_75;
         let t2_77 = -cos_q6;
-        let t2_78 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_79 = like.lift(0.5) * sin_q8;
+        let t2_78 = proto.splat(0.8660254037844386) * sin_q6;
+        let t2_79 = proto.splat(0.5) * sin_q8;
         let t2_80 = -t2_79;
         let t2_81 = -cos_q8;
-        let t2_82 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_82 = proto.splat(0.8660254037844386) * sin_q8;
         let t2_83 = -t2_82;
-        let t2_84 = like.lift(0.5773502691896257).mul_add(t2_59, t2_57);
+        let t2_84 = proto.splat(0.5773502691896257).mul_add(t2_59, t2_57);
         let t2_85 = t2_70 * t2_73;
-        let t2_86 = like.lift(1.1547005383792515) * t2_85;
+        let t2_86 = proto.splat(1.1547005383792515) * t2_85;
         let pivot_3 = t2_59.mul_add(t2_86, t2_62);
         let t2_87 = (-t2_53).mul_add(t2_86, t2_55);
         let t2_88 = t2_64.mul_add(t2_86, t2_61);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_89 = t2_84 * inv_pivot_3;
         let t2_90 = (-t2_31).mul_add(t2_89, t2_37);
         let t2_91 = -pivot_3;
-        let t2_92 = like.lift(0.5773502691896257).mul_add(t2_42, t2_10);
+        let t2_92 = proto.splat(0.5773502691896257).mul_add(t2_42, t2_10);
         let t2_93 = t2_88.mul_add(t2_89, t2_49);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_64, t2_93);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_64, t2_93);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_94 = t2_92 * inv_pivot_4;
         let pivot_5 = (-t2_90).mul_add(t2_94, t2_7);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_95 = -pivot_5;
         let t2_96 = (-cos_q1).mul_add(t2_89, sin_q1);
         let t2_97 = (-t2_96).mul_add(t2_94, sin_q1);
-        let t2_98 = like.lift(9.81) * sin_q1;
+        let t2_98 = proto.splat(9.81) * sin_q1;
         let t2_99 = (-t2_87).mul_add(t2_89, t2_51);
-        let t2_100 = like.lift(-0.5773502691896257).mul_add(t2_53, t2_99);
+        let t2_100 = proto.splat(-0.5773502691896257).mul_add(t2_53, t2_99);
         let t2_101 = (-t2_100).mul_add(t2_94, t2_18);
-        let t2_102 = like.lift(0.5773502691896257).mul_add(t2_43, t2_101);
+        let t2_102 = proto.splat(0.5773502691896257).mul_add(t2_43, t2_101);
         let t2_103 = t2_39 * t2_44;
-        let t2_104 = like.lift(1.1547005383792515) * t2_103;
+        let t2_104 = proto.splat(1.1547005383792515) * t2_103;
         let t2_105 = (-t2_42).mul_add(t2_104, t2_11);
         let t2_106 = t2_105 * inv_pivot_4;
         let t2_107 = (-t2_90).mul_add(t2_106, t2_23);
@@ -5928,7 +5934,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let pivot_6 = t2_43.mul_add(t2_104, t2_110);
         let t2_111 = t2_97.mul_add(t2_108, cos_q1);
         let t2_112 = t2_96.mul_add(t2_106, t2_111);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_113 = t2_112 * inv_pivot_6;
         let t2_114 = (-t2_102).mul_add(t2_113, t2_97);
         let t2_115 = inv_pivot_5 * t2_114;
@@ -5938,7 +5944,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let t2_119 = -pivot_6;
         let t2_120 = q7 * t2_44;
         let t2_121 = t2_120 * inv_pivot_6;
-        let t2_122 = like.lift(1.1547005383792515) * t2_44;
+        let t2_122 = proto.splat(1.1547005383792515) * t2_44;
         let t2_123 = inv_pivot_5 * t2_102;
         let t2_124 = t2_123 * t2_121;
         let t2_125 = q9 * t2_73;
@@ -5960,7 +5966,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let t2_141 = -t2_132;
         let t2_142 = (-t2_88).mul_add(t2_138, t2_140);
         let t2_143 = inv_pivot_3 * t2_142;
-        let t2_144 = like.lift(1.1547005383792515) * t2_73;
+        let t2_144 = proto.splat(1.1547005383792515) * t2_73;
         let t2_145 = (-t2_53).mul_add(t2_130, t2_82);
         let t2_146 = (-t2_64).mul_add(t2_138, t2_145);
         let t2_147 = (-t2_59).mul_add(t2_143, t2_146);
@@ -5997,17 +6003,17 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         let t2_178 = (-t2_42).mul_add(t2_137, t2_177);
         let t2_179 = t2_178 * t2_122;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_72 * like.lift(1.8955297449982944)).abs())
-            .min((t2_91 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_95 * like.lift(0.8284577646309275)).abs())
-            .min((t2_119 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_72 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_91 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_95 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_119 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t2_115, t2_124, t2_141], [t2_149, t2_137, t2_150], [t2_155, t2_121, t2_153],
                 [t2_164, t2_163, t2_143], [t2_170, t2_179, t2_154], [t2_171, t2_176, t2_148],
@@ -6015,17 +6021,18 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
             margin,
             || (
                 [
-                    [t2_8, t2_10, t2_18, like.lift(0.0), t2_21, like.lift(0.0)],
-                    [t2_24, t2_11, t2_32, like.lift(0.0), t2_39, like.lift(0.0)],
-                    [like.lift(0.0), t2_42, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_45, t2_49, t2_51, t2_57, like.lift(0.0), t2_67],
-                    [t2_31, t2_61, t2_68, t2_69, like.lift(0.0), t2_70],
-                    [like.lift(0.0), t2_64, t2_53, t2_71, like.lift(0.0), t2_72],
+                    [t2_8, t2_10, t2_18, proto.splat(0.0), t2_21, proto.splat(0.0)],
+                    [t2_24, t2_11, t2_32, proto.splat(0.0), t2_39, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_42, t2_43, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_45, t2_49, t2_51, t2_57, proto.splat(0.0), t2_67],
+                    [t2_31, t2_61, t2_68, t2_69, proto.splat(0.0), t2_70],
+                    [proto.splat(0.0), t2_64, t2_53, t2_71, proto.splat(0.0), t2_72],
                 ],
                 [
-                    [t2_74, t2_76, like.lift(0.0)], [cos_q1, t2_77, like.lift(0.0)],
-                    [like.lift(0.0), t2_78, like.lift(0.0)], [t2_74, like.lift(0.0), t2_80],
-                    [cos_q1, like.lift(0.0), t2_81], [like.lift(0.0), like.lift(0.0), t2_83],
+                    [t2_74, t2_76, proto.splat(0.0)], [cos_q1, t2_77, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_78, proto.splat(0.0)],
+                    [t2_74, proto.splat(0.0), t2_80], [cos_q1, proto.splat(0.0), t2_81],
+                    [proto.splat(0.0), proto.splat(0.0), t2_83],
                 ],
             ),
         );
@@ -6039,7 +6046,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
     let [dd_q1, dd_q2, dd_s1_1, dd_s1_2, dd_s1_3, dd_q6, dd_q7, dd_q8, dd_q9] = *qdd;
     // body 1
     let [a_1y, w_izz_1_q2] = {
-        let a_1y = like.lift(9.81) * cos_q1;
+        let a_1y = proto.splat(9.81) * cos_q1;
         let w_mx_1_q2 = x_q1_q2 * a_1y;
         w[1][0] = w_mx_1_q2;
         let w_mx_1_q7 = x_q1_q7 * a_1y;
@@ -6076,7 +6083,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         w[3][1] = w_mx_2_q7;
         let w_mx_2_q9 = t4_1 * x_q1_q9;
         w[3][2] = w_mx_2_q9;
-        let t4_2 = like.lift(2.0) * d_q1;
+        let t4_2 = proto.splat(2.0) * d_q1;
         let t4_3 = (-t4_2).mul_add(d_q2, t2_98);
         let t4_4 = d_q1 * d_q1;
         let a_2z = (-q2).mul_add(t4_4, t4_1);
@@ -6318,14 +6325,14 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
     }
     // body 4
     let [a_4y, t6_1, w_izz_4_q7] = {
-        let a_4y = like.lift(9.81) * cos_q6;
+        let a_4y = proto.splat(9.81) * cos_q6;
         let w_mx_4_q2 = x_q6_q2 * a_4y;
         w[14][0] = w_mx_4_q2;
         let w_mx_4_q7 = x_q6_q7 * a_4y;
         w[14][1] = w_mx_4_q7;
         let w_mx_4_q9 = x_q6_q9 * a_4y;
         w[14][2] = w_mx_4_q9;
-        let t6_1 = like.lift(9.81) * sin_q6;
+        let t6_1 = proto.splat(9.81) * sin_q6;
         let w_izz_4_q2 = dd_q6 * x_q6_q2;
         let t6_2 = -w_izz_4_q2;
         w[13][0] = t6_2;
@@ -6355,7 +6362,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         w[16][1] = w_mx_5_q7;
         let w_mx_5_q9 = t7_1 * x_q6_q9;
         w[16][2] = w_mx_5_q9;
-        let t7_2 = like.lift(2.0) * d_q6;
+        let t7_2 = proto.splat(2.0) * d_q6;
         let t7_3 = (-t7_2).mul_add(d_q7, t6_1);
         let t7_4 = d_q6 * d_q6;
         let t7_5 = q7 * dd_q6;
@@ -6380,14 +6387,14 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
     }
     // body 6
     let [a_6y, t8_1, w_izz_6_q9] = {
-        let a_6y = like.lift(9.81) * cos_q8;
+        let a_6y = proto.splat(9.81) * cos_q8;
         let w_mx_6_q2 = x_q8_q2 * a_6y;
         w[20][0] = w_mx_6_q2;
         let w_mx_6_q7 = x_q8_q7 * a_6y;
         w[20][1] = w_mx_6_q7;
         let w_mx_6_q9 = x_q8_q9 * a_6y;
         w[20][2] = w_mx_6_q9;
-        let t8_1 = like.lift(9.81) * sin_q8;
+        let t8_1 = proto.splat(9.81) * sin_q8;
         let w_izz_6_q2 = dd_q8 * x_q8_q2;
         let t8_2 = -w_izz_6_q2;
         w[19][0] = t8_2;
@@ -6417,7 +6424,7 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
         w[22][1] = w_mx_7_q7;
         let w_mx_7_q9 = x_q8_q9.mul_add(t9_1, -dd_q8);
         w[22][2] = w_mx_7_q9;
-        let t9_2 = like.lift(2.0) * d_q8;
+        let t9_2 = proto.splat(2.0) * d_q8;
         let t9_3 = (-t9_2).mul_add(d_q9, t8_1);
         let t9_4 = d_q8 * d_q8;
         let t9_5 = q9 * dd_q8;
@@ -6450,8 +6457,8 @@ pub fn base_regressor_entries<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], 
 ///
 /// 16 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 25] {
-    let like = phi[0];
-    let mut beta = [like.lift(0.0); 25];
+    let proto = phi[0];
+    let mut beta = [proto.splat(0.0); 25];
     let [
         _, _, _, _, _, p_izz_1, p_mx_1, p_my_1, _, _, _, _, _, p_iyy_2, _, _, p_mx_2, _,
         p_mz_2, p_m_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3, p_izz_3, p_mx_3, p_my_3,
@@ -6464,19 +6471,19 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 25] {
         beta[1] = p_mx_1; beta[2] = p_my_1; beta[3] = p_mx_2; beta[4] = p_mz_2; beta[7] = p_ixz_3; beta[9] = p_iyz_3; beta[12] = p_mz_3; beta[14] = p_mx_4; beta[15] = p_my_4; beta[16] = p_mx_5; beta[17] = p_mz_5; beta[20] = p_mx_6; beta[21] = p_my_6; beta[22] = p_mx_7; beta[23] = p_mz_7;
         let t1_1 = p_izz_1 + p_iyy_2;
         beta[0] = t1_1;
-        let t1_2 = like.lift(0.22815).mul_add(p_my_3, p_ixy_3);
+        let t1_2 = proto.splat(0.22815).mul_add(p_my_3, p_ixy_3);
         beta[6] = t1_2;
         let t1_3 = p_izz_4 + p_iyy_5;
         beta[13] = t1_3;
         let t1_4 = p_izz_6 + p_iyy_7;
         beta[19] = t1_4;
-        let t1_5 = like.lift(0.39516739174683935) * p_my_3;
+        let t1_5 = proto.splat(0.39516739174683935) * p_my_3;
         let t1_6 = p_ixx_3 - t1_5;
         beta[5] = t1_6;
         let t1_7 = p_iyy_3 + t1_5;
-        let t1_8 = like.lift(0.20820969) * p_m_3;
+        let t1_8 = proto.splat(0.20820969) * p_m_3;
         let t1_9 = t1_7 - t1_8;
-        let t1_10 = like.lift(0.20820969) * p_m_2;
+        let t1_10 = proto.splat(0.20820969) * p_m_2;
         let t1_11 = t1_9 - t1_10;
         beta[8] = t1_11;
         let t1_12 = t1_10 - p_izz_3;
@@ -6484,11 +6491,11 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 25] {
         let t1_14 = -t1_13;
         beta[10] = t1_14;
         let t1_15 = p_m_2 + p_m_3;
-        let t1_16 = like.lift(-0.4563).mul_add(t1_15, p_mx_3);
-        let t1_17 = like.lift(0.5773502691896257).mul_add(p_my_3, t1_16);
+        let t1_16 = proto.splat(-0.4563).mul_add(t1_15, p_mx_3);
+        let t1_17 = proto.splat(0.5773502691896257).mul_add(p_my_3, t1_16);
         beta[11] = t1_17;
         let t1_18 = t1_15 + p_m_5;
-        let t1_19 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_19 = proto.splat(2.5305731719904703) * p_my_3;
         let t1_20 = t1_18 - t1_19;
         beta[18] = t1_20;
         let t1_21 = p_m_7 + t1_19;
@@ -6505,8 +6512,8 @@ pub fn to_base<T: Scalar>(phi: &[T; 70]) -> [T; 25] {
 ///
 /// 16 additions, 7 multiplications, 0 divisions, 0 sines and cosines.
 pub fn parameters_from_base<T: Scalar>(beta: &[T; 25], free: &[T; 45]) -> [T; 70] {
-    let like = beta[0];
-    let mut phi = [like.lift(0.0); 70];
+    let proto = beta[0];
+    let mut phi = [proto.splat(0.0); 70];
     let [
         p_izz_1, p_mx_1, p_my_1, p_mx_2, p_mz_2, p_ixx_3, p_ixy_3, p_ixz_3, p_iyy_3, p_iyz_3,
         p_izz_3, p_mx_3, p_mz_3, p_izz_4, p_mx_4, p_my_4, p_mx_5, p_mz_5, p_m_5, p_izz_6,
@@ -6524,30 +6531,30 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 25], free: &[T; 45]) -> [T; 70
         phi[0] = p_ixx_1; phi[1] = p_ixy_1; phi[2] = p_ixz_1; phi[3] = p_iyy_1; phi[4] = p_iyz_1; phi[6] = p_mx_1; phi[7] = p_my_1; phi[8] = p_mz_1; phi[9] = p_m_1; phi[10] = p_ixx_2; phi[11] = p_ixy_2; phi[12] = p_ixz_2; phi[13] = p_iyy_2; phi[14] = p_iyz_2; phi[15] = p_izz_2; phi[16] = p_mx_2; phi[17] = p_my_2; phi[18] = p_mz_2; phi[19] = p_m_2; phi[22] = p_ixz_3; phi[24] = p_iyz_3; phi[27] = p_my_3; phi[28] = p_mz_3; phi[29] = p_m_3; phi[30] = p_ixx_4; phi[31] = p_ixy_4; phi[32] = p_ixz_4; phi[33] = p_iyy_4; phi[34] = p_iyz_4; phi[36] = p_mx_4; phi[37] = p_my_4; phi[38] = p_mz_4; phi[39] = p_m_4; phi[40] = p_ixx_5; phi[41] = p_ixy_5; phi[42] = p_ixz_5; phi[43] = p_iyy_5; phi[44] = p_iyz_5; phi[45] = p_izz_5; phi[46] = p_mx_5; phi[47] = p_my_5; phi[48] = p_mz_5; phi[50] = p_ixx_6; phi[51] = p_ixy_6; phi[52] = p_ixz_6; phi[53] = p_iyy_6; phi[54] = p_iyz_6; phi[56] = p_mx_6; phi[57] = p_my_6; phi[58] = p_mz_6; phi[59] = p_m_6; phi[60] = p_ixx_7; phi[61] = p_ixy_7; phi[62] = p_ixz_7; phi[63] = p_iyy_7; phi[64] = p_iyz_7; phi[65] = p_izz_7; phi[66] = p_mx_7; phi[67] = p_my_7; phi[68] = p_mz_7;
         let t1_1 = p_izz_1 - p_iyy_2;
         phi[5] = t1_1;
-        let t1_2 = like.lift(-0.22815).mul_add(p_my_3, p_ixy_3);
+        let t1_2 = proto.splat(-0.22815).mul_add(p_my_3, p_ixy_3);
         phi[21] = t1_2;
         let t1_3 = p_izz_4 - p_iyy_5;
         phi[35] = t1_3;
         let t1_4 = p_izz_6 - p_iyy_7;
         phi[55] = t1_4;
-        let t1_5 = like.lift(0.39516739174683935) * p_my_3;
+        let t1_5 = proto.splat(0.39516739174683935) * p_my_3;
         let t1_6 = p_ixx_3 + t1_5;
         phi[20] = t1_6;
         let t1_7 = p_iyy_3 - t1_5;
-        let t1_8 = like.lift(0.20820969) * p_m_3;
+        let t1_8 = proto.splat(0.20820969) * p_m_3;
         let t1_9 = t1_7 + t1_8;
         let t1_10 = p_izz_3 + t1_8;
-        let t1_11 = like.lift(0.20820969) * p_m_2;
+        let t1_11 = proto.splat(0.20820969) * p_m_2;
         let t1_12 = t1_9 + t1_11;
         phi[23] = t1_12;
         let t1_13 = t1_10 + t1_11;
         phi[25] = t1_13;
         let t1_14 = p_m_2 + p_m_3;
-        let t1_15 = like.lift(0.4563).mul_add(t1_14, p_mx_3);
-        let t1_16 = like.lift(-0.5773502691896257).mul_add(p_my_3, t1_15);
+        let t1_15 = proto.splat(0.4563).mul_add(t1_14, p_mx_3);
+        let t1_16 = proto.splat(-0.5773502691896257).mul_add(p_my_3, t1_15);
         phi[26] = t1_16;
         let t1_17 = p_m_5 - t1_14;
-        let t1_18 = like.lift(2.5305731719904703) * p_my_3;
+        let t1_18 = proto.splat(2.5305731719904703) * p_my_3;
         let t1_19 = t1_17 + t1_18;
         phi[49] = t1_19;
         let t1_20 = p_m_7 - t1_18;
@@ -6566,9 +6573,9 @@ pub fn parameters_from_base<T: Scalar>(beta: &[T; 25], free: &[T; 45]) -> [T; 70
 ///
 /// 195 additions, 318 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -6654,11 +6661,11 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_40 = t2_30 + al_3y;
         let t2_41 = t2_40 * p_mz_3;
         let t2_42 = t2_39.mul_add(p_mx_3, t2_41);
-        let t2_43 = like.lift(9.81) * sin_q1;
-        let t2_44 = like.lift(2.0) * d_q1;
+        let t2_43 = proto.splat(9.81) * sin_q1;
+        let t2_44 = proto.splat(2.0) * d_q1;
         let t2_45 = (-t2_44).mul_add(d_q2, t2_43);
         let a_2x = (-q2).mul_add(dd_q1, t2_45);
-        let t2_46 = like.lift(9.81).mul_add(cos_q1, dd_q2);
+        let t2_46 = proto.splat(9.81).mul_add(cos_q1, dd_q2);
         let a_2z = (-q2).mul_add(t2_1, t2_46);
         let al_3z = t2_29 + t2_18;
         let t2_47 = p_ixx_3 - p_izz_3;
@@ -6715,7 +6722,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_92 = sin_q1 * p_my_1;
         let t2_93 = (-cos_q1).mul_add(p_mx_1, t2_92);
         let t2_94 = dd_q1 * p_izz_1;
-        let t2_95 = like.lift(9.81).mul_add(t2_93, t2_94);
+        let t2_95 = proto.splat(9.81).mul_add(t2_93, t2_94);
         let t2_96 = (-q2).mul_add(t2_91, t2_95);
         let t2_97 = (-a_2z).mul_add(p_mx_2, t2_96);
         let t2_98 = (-a_2x).mul_add(p_mz_2, t2_97);
@@ -6727,10 +6734,10 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_104 = cos_q1.mul_add(sin_s1_2, t2_103);
         let t2_105 = cos_q1 * cos_s1_2;
         let t2_106 = (-sin_s1_2).mul_add(t2_102, t2_105);
-        let t2_107 = like.lift(-0.4563).mul_add(t2_104, t2_101);
+        let t2_107 = proto.splat(-0.4563).mul_add(t2_104, t2_101);
         let t2_108 = -t2_107;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_109 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_109 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_110 = cos_q1 * t2_109;
         let t2_111 = sin_q1 * t2_109;
         let t2_112 = sin_q1 * sin_s1_1;
@@ -6739,39 +6746,39 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_115 = sin_q1.mul_add(cos_s1_2, t2_114);
         let t2_116 = sin_q1 * sin_s1_2;
         let t2_117 = (-cos_s1_2).mul_add(t2_113, t2_116);
-        let t2_118 = like.lift(0.4563) * t2_115;
+        let t2_118 = proto.splat(0.4563) * t2_115;
         let t2_119 = cos_q6 * q7;
-        let t2_120 = like.lift(0.5) * t2_119;
+        let t2_120 = proto.splat(0.5) * t2_119;
         let t2_121 = -t2_120;
         let t2_122 = sin_q1 * q2;
-        let t2_123 = like.lift(-0.4563).mul_add(t2_117, t2_122);
+        let t2_123 = proto.splat(-0.4563).mul_add(t2_117, t2_122);
         let t2_124 = -t2_123;
         let t2_125 = cos_q1 * sin_s1_1;
         let t2_126 = sin_s1_2 * sin_s1_1;
         let t2_127 = cos_s1_3 * t2_125;
         let t2_128 = (-sin_s1_3).mul_add(t2_115, t2_127);
-        let t2_129 = like.lift(0.39516739174683935) * t2_128;
-        let t2_130 = like.lift(0.22815) * t2_117;
+        let t2_129 = proto.splat(0.39516739174683935) * t2_128;
+        let t2_130 = proto.splat(0.22815) * t2_117;
         let t2_131 = t2_130 + t2_129;
         let t2_132 = t2_131 - t2_122;
-        let t2_133 = like.lift(-0.4563) * t2_106;
+        let t2_133 = proto.splat(-0.4563) * t2_106;
         let t2_134 = sin_s1_3 * t2_106;
         let t2_135 = cos_s1_3.mul_add(t2_112, t2_134);
         let t2_136 = sin_s1_3 * t2_126;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_136);
-        let t2_137 = like.lift(0.4563) * t2_126;
-        let t2_138 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_139 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_138);
-        let t2_140 = like.lift(0.22815) * t2_104;
-        let t2_141 = like.lift(-0.39516739174683935).mul_add(t2_135, t2_140);
+        let t2_137 = proto.splat(0.4563) * t2_126;
+        let t2_138 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_139 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_138);
+        let t2_140 = proto.splat(0.22815) * t2_104;
+        let t2_141 = proto.splat(-0.39516739174683935).mul_add(t2_135, t2_140);
         let t2_142 = t2_101 - t2_141;
         let t2_143 = -t2_133;
         let t2_144 = sin_q6 * q7;
         let t2_145 = cos_s1_2 * cos_s1_1;
-        let t2_146 = like.lift(0.4563) * t2_145;
+        let t2_146 = proto.splat(0.4563) * t2_145;
         let t2_147 = -t2_146;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_119;
-        let t2_148 = like.lift(1.0) / t2_119;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_119;
+        let t2_148 = proto.splat(1.0) / t2_119;
         let t2_149 = -t2_142;
         let t2_150 = cos_q1 * t2_139;
         let t2_151 = t2_112 * t2_139;
@@ -6790,51 +6797,51 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t2_164 = (-sin_q1).mul_add(t2_141, t2_163);
         let t2_165 = sin_q1 * t2_139;
         let t2_166 = cos_q8 * q9;
-        let t2_167 = like.lift(0.5) * t2_166;
+        let t2_167 = proto.splat(0.5) * t2_166;
         let t2_168 = -t2_167;
         let t2_169 = -t2_154;
         let t2_170 = -t2_162;
         let t2_171 = sin_q8 * q9;
         let t2_172 = -t2_160;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_166;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_166;
         let t2_173 = -pivot_2;
-        let t2_174 = like.lift(1.0) / t2_166;
+        let t2_174 = proto.splat(1.0) / t2_166;
         let t2_175 = -sin_q1;
-        let t2_176 = like.lift(0.5) * sin_q6;
+        let t2_176 = proto.splat(0.5) * sin_q6;
         let t2_177 = -t2_176;
         let t2_178 = -cos_q6;
-        let t2_179 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_180 = like.lift(0.5) * sin_q8;
+        let t2_179 = proto.splat(0.8660254037844386) * sin_q6;
+        let t2_180 = proto.splat(0.5) * sin_q8;
         let t2_181 = -t2_180;
         let t2_182 = -cos_q8;
-        let t2_183 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_183 = proto.splat(0.8660254037844386) * sin_q8;
         let t2_184 = -t2_183;
-        let t2_185 = like.lift(0.5773502691896257).mul_add(t2_160, t2_158);
+        let t2_185 = proto.splat(0.5773502691896257).mul_add(t2_160, t2_158);
         let t2_186 = t2_171 * t2_174;
-        let t2_187 = like.lift(1.1547005383792515) * t2_186;
+        let t2_187 = proto.splat(1.1547005383792515) * t2_186;
         let pivot_3 = t2_160.mul_add(t2_187, t2_162);
         let t2_188 = (-t2_156).mul_add(t2_187, t2_154);
         let t2_189 = t2_164.mul_add(t2_187, t2_165);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_190 = t2_185 * inv_pivot_3;
         let t2_191 = (-t2_132).mul_add(t2_190, t2_142);
         let t2_192 = -pivot_3;
-        let t2_193 = like.lift(0.5773502691896257).mul_add(t2_147, t2_110);
+        let t2_193 = proto.splat(0.5773502691896257).mul_add(t2_147, t2_110);
         let t2_194 = t2_189.mul_add(t2_190, t2_150);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_164, t2_194);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_164, t2_194);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_195 = t2_193 * inv_pivot_4;
         let pivot_5 = (-t2_191).mul_add(t2_195, t2_107);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_196 = -pivot_5;
         let t2_197 = (-cos_q1).mul_add(t2_190, sin_q1);
         let t2_198 = (-t2_197).mul_add(t2_195, sin_q1);
         let t2_199 = (-t2_188).mul_add(t2_190, t2_152);
-        let t2_200 = like.lift(-0.5773502691896257).mul_add(t2_156, t2_199);
+        let t2_200 = proto.splat(-0.5773502691896257).mul_add(t2_156, t2_199);
         let t2_201 = (-t2_200).mul_add(t2_195, t2_118);
-        let t2_202 = like.lift(0.5773502691896257).mul_add(t2_137, t2_201);
+        let t2_202 = proto.splat(0.5773502691896257).mul_add(t2_137, t2_201);
         let t2_203 = t2_144 * t2_148;
-        let t2_204 = like.lift(1.1547005383792515) * t2_203;
+        let t2_204 = proto.splat(1.1547005383792515) * t2_203;
         let t2_205 = (-t2_147).mul_add(t2_204, t2_111);
         let t2_206 = t2_205 * inv_pivot_4;
         let t2_207 = (-t2_191).mul_add(t2_206, t2_123);
@@ -6844,7 +6851,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let pivot_6 = t2_137.mul_add(t2_204, t2_210);
         let t2_211 = t2_198.mul_add(t2_208, cos_q1);
         let t2_212 = t2_197.mul_add(t2_206, t2_211);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_213 = t2_212 * inv_pivot_6;
         let t2_214 = (-t2_202).mul_add(t2_213, t2_198);
         let t2_215 = inv_pivot_5 * t2_214;
@@ -6870,7 +6877,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
     ] = {
         let t3_1 = q7 * t2_148;
         let t3_2 = t3_1 * inv_pivot_6;
-        let t3_3 = like.lift(1.1547005383792515) * t2_148;
+        let t3_3 = proto.splat(1.1547005383792515) * t2_148;
         let t3_4 = inv_pivot_5 * t2_202;
         let t3_5 = t3_4 * t3_2;
         let t3_6 = q9 * t2_174;
@@ -6892,7 +6899,7 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t3_22 = -t3_13;
         let t3_23 = (-t2_189).mul_add(t3_19, t3_21);
         let t3_24 = inv_pivot_3 * t3_23;
-        let t3_25 = like.lift(1.1547005383792515) * t2_174;
+        let t3_25 = proto.splat(1.1547005383792515) * t2_174;
         let t3_26 = (-t2_156).mul_add(t3_11, t2_183);
         let t3_27 = (-t2_164).mul_add(t3_19, t3_26);
         let t3_28 = (-t2_160).mul_add(t3_24, t3_27);
@@ -6929,17 +6936,17 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t3_59 = (-t2_147).mul_add(t3_18, t3_58);
         let t3_60 = t3_59 * t3_3;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_173 * like.lift(1.8955297449982944)).abs())
-            .min((t2_192 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_196 * like.lift(0.8284577646309275)).abs())
-            .min((t2_219 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_173 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_192 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_196 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_219 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t2_215, t3_5, t3_22], [t3_30, t3_18, t3_31], [t3_36, t3_2, t3_34],
                 [t3_45, t3_44, t3_24], [t3_51, t3_60, t3_35], [t3_52, t3_57, t3_29],
@@ -6947,17 +6954,18 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
             margin,
             || (
                 [
-                    [t2_108, t2_110, t2_118, like.lift(0.0), t2_121, like.lift(0.0)],
-                    [t2_124, t2_111, t2_133, like.lift(0.0), t2_144, like.lift(0.0)],
-                    [like.lift(0.0), t2_147, t2_137, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_149, t2_150, t2_152, t2_158, like.lift(0.0), t2_168],
-                    [t2_132, t2_165, t2_169, t2_170, like.lift(0.0), t2_171],
-                    [like.lift(0.0), t2_164, t2_156, t2_172, like.lift(0.0), t2_173],
+                    [t2_108, t2_110, t2_118, proto.splat(0.0), t2_121, proto.splat(0.0)],
+                    [t2_124, t2_111, t2_133, proto.splat(0.0), t2_144, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_147, t2_137, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_149, t2_150, t2_152, t2_158, proto.splat(0.0), t2_168],
+                    [t2_132, t2_165, t2_169, t2_170, proto.splat(0.0), t2_171],
+                    [proto.splat(0.0), t2_164, t2_156, t2_172, proto.splat(0.0), t2_173],
                 ],
                 [
-                    [t2_175, t2_177, like.lift(0.0)], [cos_q1, t2_178, like.lift(0.0)],
-                    [like.lift(0.0), t2_179, like.lift(0.0)], [t2_175, like.lift(0.0), t2_181],
-                    [cos_q1, like.lift(0.0), t2_182], [like.lift(0.0), like.lift(0.0), t2_184],
+                    [t2_175, t2_177, proto.splat(0.0)], [cos_q1, t2_178, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_179, proto.splat(0.0)],
+                    [t2_175, proto.splat(0.0), t2_181], [cos_q1, proto.splat(0.0), t2_182],
+                    [proto.splat(0.0), proto.splat(0.0), t2_184],
                 ],
             ),
         );
@@ -6970,15 +6978,15 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
     };
     // tau
     {
-        let t4_1 = like.lift(9.81) * sin_q6;
+        let t4_1 = proto.splat(9.81) * sin_q6;
         let t4_2 = sin_q6 * p_my_4;
         let t4_3 = (-cos_q6).mul_add(p_mx_4, t4_2);
-        let t4_4 = like.lift(9.81).mul_add(cos_q6, dd_q7);
-        let t4_5 = like.lift(2.0) * d_q6;
+        let t4_4 = proto.splat(9.81).mul_add(cos_q6, dd_q7);
+        let t4_5 = proto.splat(2.0) * d_q6;
         let t4_6 = (-t4_5).mul_add(d_q7, t4_1);
         let a_5x = (-q7).mul_add(dd_q6, t4_6);
         let t4_7 = dd_q6 * p_izz_4;
-        let t4_8 = like.lift(9.81).mul_add(t4_3, t4_7);
+        let t4_8 = proto.splat(9.81).mul_add(t4_3, t4_7);
         let t4_9 = d_q6 * d_q6;
         let a_5z = (-q7).mul_add(t4_9, t4_4);
         let t4_10 = a_5x * p_m_5;
@@ -6988,15 +6996,15 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
         let t4_14 = (-a_5z).mul_add(p_mx_5, t4_13);
         let t4_15 = (-a_5x).mul_add(p_mz_5, t4_14);
         let t4_16 = a_5z * p_m_5;
-        let t4_17 = like.lift(9.81) * sin_q8;
+        let t4_17 = proto.splat(9.81) * sin_q8;
         let t4_18 = sin_q8 * p_my_6;
         let t4_19 = (-cos_q8).mul_add(p_mx_6, t4_18);
-        let t4_20 = like.lift(9.81).mul_add(cos_q8, dd_q9);
-        let t4_21 = like.lift(2.0) * d_q8;
+        let t4_20 = proto.splat(9.81).mul_add(cos_q8, dd_q9);
+        let t4_21 = proto.splat(2.0) * d_q8;
         let t4_22 = (-t4_21).mul_add(d_q9, t4_17);
         let a_7x = (-q9).mul_add(dd_q8, t4_22);
         let t4_23 = dd_q8 * p_izz_6;
-        let t4_24 = like.lift(9.81).mul_add(t4_19, t4_23);
+        let t4_24 = proto.splat(9.81).mul_add(t4_19, t4_23);
         let t4_25 = d_q8 * d_q8;
         let a_7z = (-q9).mul_add(t4_25, t4_20);
         let t4_26 = a_7x * p_m_7;
@@ -7048,9 +7056,9 @@ pub fn base_inverse_dynamics<T: Scalar>(q: &[T; 9], qd: &[T; 9], qdd: &[T; 9], b
 ///
 /// 108 additions, 215 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -7085,22 +7093,22 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let t2_6 = t2_5 - t2_4;
         let t2_7 = t2_3 + t2_1;
         let t2_8 = t2_1 + t2_3;
-        let a_s1_2x = like.lift(9.81) * t2_7;
+        let a_s1_2x = proto.splat(9.81) * t2_7;
         let t2_9 = a_s1_2x * p_mz_3;
         let t2_10 = sin_q1 * sin_s1_1;
-        let t2_11 = like.lift(-9.81) * t2_6;
+        let t2_11 = proto.splat(-9.81) * t2_6;
         let a_s1_2z = -t2_11;
-        let t2_12 = like.lift(9.81) * sin_s1_3;
+        let t2_12 = proto.splat(9.81) * sin_s1_3;
         let t2_13 = t2_12 * t2_10;
         let a_3z = (-cos_s1_3).mul_add(a_s1_2z, t2_13);
         let t2_14 = (-a_3z).mul_add(p_mx_3, t2_9);
         let t2_15 = sin_s1_3 * a_s1_2z;
         let t2_16 = cos_s1_3 * t2_10;
-        let a_3y = like.lift(9.81).mul_add(t2_16, t2_15);
+        let a_3y = proto.splat(9.81).mul_add(t2_16, t2_15);
         let t2_17 = sin_s1_3.mul_add(t2_6, t2_16);
-        let t2_18 = like.lift(-0.4563) * t2_6;
-        let t2_19 = like.lift(0.22815) * t2_8;
-        let t2_20 = like.lift(-0.39516739174683935).mul_add(t2_17, t2_19);
+        let t2_18 = proto.splat(-0.4563) * t2_6;
+        let t2_19 = proto.splat(0.22815) * t2_8;
+        let t2_20 = proto.splat(-0.39516739174683935).mul_add(t2_17, t2_19);
         let t2_21 = a_3y * p_mx_3;
         let t2_22 = a_3y * p_mz_3;
         let t2_23 = sin_s1_3 * t2_14;
@@ -7116,14 +7124,14 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let t2_33 = (-cos_q1).mul_add(p_mx_2, t2_32);
         let t2_34 = (-sin_q1).mul_add(p_mz_2, t2_33);
         let t2_35 = cos_s1_1 * t2_26;
-        let t2_36 = like.lift(-9.81).mul_add(t2_34, t2_35);
+        let t2_36 = proto.splat(-9.81).mul_add(t2_34, t2_35);
         let t2_37 = sin_s1_1.mul_add(t2_28, t2_36);
         let t2_38 = cos_q1 * q2;
-        let t2_39 = like.lift(-0.4563).mul_add(t2_8, t2_38);
+        let t2_39 = proto.splat(-0.4563).mul_add(t2_8, t2_38);
         let t2_40 = t2_38 - t2_20;
         let t2_41 = -t2_39;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_42 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_42 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_43 = cos_q1 * t2_42;
         let t2_44 = sin_q1 * t2_42;
         let t2_45 = cos_q1 * cos_s1_1;
@@ -7132,32 +7140,32 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let t2_48 = sin_q1 * sin_s1_2;
         let t2_49 = (-cos_s1_2).mul_add(t2_45, t2_48);
         let t2_50 = cos_s1_1 * cos_s1_2;
-        let t2_51 = like.lift(0.4563) * t2_50;
+        let t2_51 = proto.splat(0.4563) * t2_50;
         let t2_52 = -t2_51;
         let t2_53 = sin_s1_1 * sin_s1_2;
         let t2_54 = cos_q1 * sin_s1_1;
-        let t2_55 = like.lift(0.4563) * t2_47;
+        let t2_55 = proto.splat(0.4563) * t2_47;
         let t2_56 = cos_s1_3 * t2_54;
         let t2_57 = (-sin_s1_3).mul_add(t2_47, t2_56);
         let t2_58 = sin_s1_3 * t2_53;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_58);
-        let t2_59 = like.lift(0.4563) * t2_53;
-        let t2_60 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_61 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_60);
-        let t2_62 = like.lift(0.39516739174683935) * t2_57;
-        let t2_63 = like.lift(0.22815) * t2_49;
+        let t2_59 = proto.splat(0.4563) * t2_53;
+        let t2_60 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_61 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_60);
+        let t2_62 = proto.splat(0.39516739174683935) * t2_57;
+        let t2_63 = proto.splat(0.22815) * t2_49;
         let t2_64 = t2_63 + t2_62;
         let t2_65 = cos_q6 * q7;
-        let t2_66 = like.lift(0.5) * t2_65;
+        let t2_66 = proto.splat(0.5) * t2_65;
         let t2_67 = -t2_66;
         let t2_68 = sin_q1 * q2;
-        let t2_69 = like.lift(-0.4563).mul_add(t2_49, t2_68);
+        let t2_69 = proto.splat(-0.4563).mul_add(t2_49, t2_68);
         let t2_70 = t2_64 - t2_68;
         let t2_71 = -t2_69;
         let t2_72 = -t2_18;
         let t2_73 = q7 * sin_q6;
-        let pivot_1 = like.lift(0.8660254037844386) * t2_65;
-        let t2_74 = like.lift(1.0) / t2_65;
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_65;
+        let t2_74 = proto.splat(1.0) / t2_65;
         let t2_75 = -t2_40;
         let t2_76 = cos_q1 * t2_61;
         let t2_77 = t2_10 * t2_61;
@@ -7176,51 +7184,51 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let t2_90 = (-sin_q1).mul_add(t2_20, t2_89);
         let t2_91 = sin_q1 * t2_61;
         let t2_92 = cos_q8 * q9;
-        let t2_93 = like.lift(0.5) * t2_92;
+        let t2_93 = proto.splat(0.5) * t2_92;
         let t2_94 = -t2_93;
         let t2_95 = -t2_80;
         let t2_96 = -t2_88;
         let t2_97 = q9 * sin_q8;
         let t2_98 = -t2_86;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_92;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_92;
         let t2_99 = -pivot_2;
-        let t2_100 = like.lift(1.0) / t2_92;
+        let t2_100 = proto.splat(1.0) / t2_92;
         let t2_101 = -sin_q1;
-        let t2_102 = like.lift(0.5) * sin_q6;
+        let t2_102 = proto.splat(0.5) * sin_q6;
         let t2_103 = -t2_102;
         let t2_104 = -cos_q6;
-        let t2_105 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_106 = like.lift(0.5) * sin_q8;
+        let t2_105 = proto.splat(0.8660254037844386) * sin_q6;
+        let t2_106 = proto.splat(0.5) * sin_q8;
         let t2_107 = -t2_106;
         let t2_108 = -cos_q8;
-        let t2_109 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_109 = proto.splat(0.8660254037844386) * sin_q8;
         let t2_110 = -t2_109;
-        let t2_111 = like.lift(0.5773502691896257).mul_add(t2_86, t2_84);
+        let t2_111 = proto.splat(0.5773502691896257).mul_add(t2_86, t2_84);
         let t2_112 = t2_97 * t2_100;
-        let t2_113 = like.lift(1.1547005383792515) * t2_112;
+        let t2_113 = proto.splat(1.1547005383792515) * t2_112;
         let pivot_3 = t2_86.mul_add(t2_113, t2_88);
         let t2_114 = (-t2_82).mul_add(t2_113, t2_80);
         let t2_115 = t2_90.mul_add(t2_113, t2_91);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_116 = t2_111 * inv_pivot_3;
         let t2_117 = (-t2_70).mul_add(t2_116, t2_40);
         let t2_118 = -pivot_3;
-        let t2_119 = like.lift(0.5773502691896257).mul_add(t2_52, t2_43);
+        let t2_119 = proto.splat(0.5773502691896257).mul_add(t2_52, t2_43);
         let t2_120 = t2_115.mul_add(t2_116, t2_76);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_90, t2_120);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_90, t2_120);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_121 = t2_119 * inv_pivot_4;
         let pivot_5 = (-t2_117).mul_add(t2_121, t2_39);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_122 = -pivot_5;
         let t2_123 = (-cos_q1).mul_add(t2_116, sin_q1);
         let t2_124 = (-t2_123).mul_add(t2_121, sin_q1);
         let t2_125 = (-t2_114).mul_add(t2_116, t2_78);
-        let t2_126 = like.lift(-0.5773502691896257).mul_add(t2_82, t2_125);
+        let t2_126 = proto.splat(-0.5773502691896257).mul_add(t2_82, t2_125);
         let t2_127 = (-t2_126).mul_add(t2_121, t2_55);
-        let t2_128 = like.lift(0.5773502691896257).mul_add(t2_59, t2_127);
+        let t2_128 = proto.splat(0.5773502691896257).mul_add(t2_59, t2_127);
         let t2_129 = t2_73 * t2_74;
-        let t2_130 = like.lift(1.1547005383792515) * t2_129;
+        let t2_130 = proto.splat(1.1547005383792515) * t2_129;
         let t2_131 = (-t2_52).mul_add(t2_130, t2_44);
         let t2_132 = t2_131 * inv_pivot_4;
         let t2_133 = (-t2_117).mul_add(t2_132, t2_69);
@@ -7230,7 +7238,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let pivot_6 = t2_59.mul_add(t2_130, t2_136);
         let t2_137 = t2_124.mul_add(t2_134, cos_q1);
         let t2_138 = t2_123.mul_add(t2_132, t2_137);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_139 = t2_138 * inv_pivot_6;
         let t2_140 = (-t2_128).mul_add(t2_139, t2_124);
         let t2_141 = inv_pivot_5 * t2_140;
@@ -7240,7 +7248,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let t2_145 = -pivot_6;
         let t2_146 = q7 * t2_74;
         let t2_147 = t2_146 * inv_pivot_6;
-        let t2_148 = like.lift(1.1547005383792515) * t2_74;
+        let t2_148 = proto.splat(1.1547005383792515) * t2_74;
         let t2_149 = inv_pivot_5 * t2_128;
         let t2_150 = t2_149 * t2_147;
         let t2_151 = q9 * t2_100;
@@ -7262,7 +7270,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let t2_167 = -t2_158;
         let t2_168 = (-t2_115).mul_add(t2_164, t2_166);
         let t2_169 = inv_pivot_3 * t2_168;
-        let t2_170 = like.lift(1.1547005383792515) * t2_100;
+        let t2_170 = proto.splat(1.1547005383792515) * t2_100;
         let t2_171 = (-t2_82).mul_add(t2_156, t2_109);
         let t2_172 = (-t2_90).mul_add(t2_164, t2_171);
         let t2_173 = (-t2_86).mul_add(t2_169, t2_172);
@@ -7299,17 +7307,17 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let t2_204 = (-t2_52).mul_add(t2_163, t2_203);
         let t2_205 = t2_204 * t2_148;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_99 * like.lift(1.8955297449982944)).abs())
-            .min((t2_118 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_122 * like.lift(0.8284577646309275)).abs())
-            .min((t2_145 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_99 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_118 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_122 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_145 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t2_141, t2_150, t2_167], [t2_175, t2_163, t2_176], [t2_181, t2_147, t2_179],
                 [t2_190, t2_189, t2_169], [t2_196, t2_205, t2_180], [t2_197, t2_202, t2_174],
@@ -7317,17 +7325,18 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
             margin,
             || (
                 [
-                    [t2_41, t2_43, t2_55, like.lift(0.0), t2_67, like.lift(0.0)],
-                    [t2_71, t2_44, t2_18, like.lift(0.0), t2_73, like.lift(0.0)],
-                    [like.lift(0.0), t2_52, t2_59, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_75, t2_76, t2_78, t2_84, like.lift(0.0), t2_94],
-                    [t2_70, t2_91, t2_95, t2_96, like.lift(0.0), t2_97],
-                    [like.lift(0.0), t2_90, t2_82, t2_98, like.lift(0.0), t2_99],
+                    [t2_41, t2_43, t2_55, proto.splat(0.0), t2_67, proto.splat(0.0)],
+                    [t2_71, t2_44, t2_18, proto.splat(0.0), t2_73, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_52, t2_59, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_75, t2_76, t2_78, t2_84, proto.splat(0.0), t2_94],
+                    [t2_70, t2_91, t2_95, t2_96, proto.splat(0.0), t2_97],
+                    [proto.splat(0.0), t2_90, t2_82, t2_98, proto.splat(0.0), t2_99],
                 ],
                 [
-                    [t2_101, t2_103, like.lift(0.0)], [cos_q1, t2_104, like.lift(0.0)],
-                    [like.lift(0.0), t2_105, like.lift(0.0)], [t2_101, like.lift(0.0), t2_107],
-                    [cos_q1, like.lift(0.0), t2_108], [like.lift(0.0), like.lift(0.0), t2_110],
+                    [t2_101, t2_103, proto.splat(0.0)], [cos_q1, t2_104, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_105, proto.splat(0.0)],
+                    [t2_101, proto.splat(0.0), t2_107], [cos_q1, proto.splat(0.0), t2_108],
+                    [proto.splat(0.0), proto.splat(0.0), t2_110],
                 ],
             ),
         );
@@ -7345,15 +7354,15 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let t3_3 = (-p_m_5).mul_add(t2_73, t3_2);
         let t3_4 = (-cos_q6).mul_add(p_mx_5, t3_3);
         let t3_5 = (-sin_q6).mul_add(p_mz_5, t3_4);
-        let t3_6 = like.lift(9.81) * t3_5;
+        let t3_6 = proto.splat(9.81) * t3_5;
         let t3_7 = -t3_6;
-        let t3_8 = like.lift(9.81) * cos_q6;
+        let t3_8 = proto.splat(9.81) * cos_q6;
         let t3_9 = sin_q8 * p_my_6;
         let t3_10 = (-cos_q8).mul_add(p_mx_6, t3_9);
         let t3_11 = (-p_m_7).mul_add(t2_97, t3_10);
         let t3_12 = (-cos_q8).mul_add(p_mx_7, t3_11);
         let t3_13 = (-sin_q8).mul_add(p_mz_7, t3_12);
-        let t3_14 = like.lift(9.81) * t3_13;
+        let t3_14 = proto.splat(9.81) * t3_13;
         let t3_15 = -t3_14;
         let t3_16 = t3_15 * x_q8_q2;
         let t3_17 = t3_7.mul_add(x_q6_q2, t3_16);
@@ -7370,7 +7379,7 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
         let t3_27 = t2_30.mul_add(x_s1_1_q7, t3_26);
         let t3_28 = t2_37.mul_add(x_q1_q7, t3_27);
         tau[1] = t3_28;
-        let t3_29 = like.lift(9.81) * cos_q8;
+        let t3_29 = proto.splat(9.81) * cos_q8;
         let t3_30 = t3_29 * p_m_7;
         let t3_31 = t3_15.mul_add(x_q8_q9, t3_30);
         let t3_32 = t3_7.mul_add(x_q6_q9, t3_31);
@@ -7392,9 +7401,9 @@ pub fn base_gravity<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition
 ///
 /// 250 additions, 411 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> ([T; 3], Condition<T>) {
-    let like = q[0];
-    let mut tau = [like.lift(0.0); 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut tau = [proto.splat(0.0); 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -7428,10 +7437,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_5 = cos_q1.mul_add(sin_s1_2, t2_4);
         let t2_6 = cos_q1 * cos_s1_2;
         let t2_7 = (-sin_s1_2).mul_add(t2_3, t2_6);
-        let t2_8 = like.lift(-0.4563).mul_add(t2_5, t2_2);
+        let t2_8 = proto.splat(-0.4563).mul_add(t2_5, t2_2);
         let t2_9 = -t2_8;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_10 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_10 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_11 = cos_q1 * t2_10;
         let t2_12 = sin_q1 * t2_10;
         let t2_13 = sin_q1 * sin_s1_1;
@@ -7440,36 +7449,36 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_16 = sin_q1.mul_add(cos_s1_2, t2_15);
         let t2_17 = sin_q1 * sin_s1_2;
         let t2_18 = (-cos_s1_2).mul_add(t2_14, t2_17);
-        let t2_19 = like.lift(0.4563) * t2_16;
+        let t2_19 = proto.splat(0.4563) * t2_16;
         let t2_20 = cos_q6 * q7;
-        let t2_21 = like.lift(0.5) * t2_20;
+        let t2_21 = proto.splat(0.5) * t2_20;
         let t2_22 = -t2_21;
         let t2_23 = sin_q1 * q2;
-        let t2_24 = like.lift(-0.4563).mul_add(t2_18, t2_23);
+        let t2_24 = proto.splat(-0.4563).mul_add(t2_18, t2_23);
         let t2_25 = -t2_24;
         let t2_26 = cos_q1 * sin_s1_1;
         let t2_27 = cos_s1_3 * t2_26;
         let t2_28 = (-sin_s1_3).mul_add(t2_16, t2_27);
-        let t2_29 = like.lift(0.39516739174683935) * t2_28;
-        let t2_30 = like.lift(0.22815) * t2_18;
+        let t2_29 = proto.splat(0.39516739174683935) * t2_28;
+        let t2_30 = proto.splat(0.22815) * t2_18;
         let t2_31 = t2_30 + t2_29;
-        let t2_32 = like.lift(-0.4563) * t2_7;
+        let t2_32 = proto.splat(-0.4563) * t2_7;
         let t2_33 = sin_s1_3 * t2_7;
         let t2_34 = cos_s1_3.mul_add(t2_13, t2_33);
-        let t2_35 = like.lift(0.22815) * t2_5;
-        let t2_36 = like.lift(-0.39516739174683935).mul_add(t2_34, t2_35);
+        let t2_35 = proto.splat(0.22815) * t2_5;
+        let t2_36 = proto.splat(-0.39516739174683935).mul_add(t2_34, t2_35);
         let t2_37 = -t2_32;
         let t2_38 = sin_q6 * q7;
         let t2_39 = cos_s1_2 * cos_s1_1;
-        let t2_40 = like.lift(0.4563) * t2_39;
+        let t2_40 = proto.splat(0.4563) * t2_39;
         let t2_41 = -t2_40;
         let t2_42 = sin_s1_2 * sin_s1_1;
-        let t2_43 = like.lift(0.4563) * t2_42;
+        let t2_43 = proto.splat(0.4563) * t2_42;
         let t2_44 = t2_42 * sin_s1_3;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_44);
-        let t2_45 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_46 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_45);
-        let pivot_1 = like.lift(0.8660254037844386) * t2_20;
+        let t2_45 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_46 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_45);
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_20;
         let t2_47 = t2_2 - t2_36;
         let t2_48 = -t2_47;
         let t2_49 = cos_q1 * t2_46;
@@ -7478,7 +7487,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_52 = e_s1_2_q1x * t2_36;
         let t2_53 = (-t2_5).mul_add(t2_46, t2_52);
         let t2_54 = cos_q8 * q9;
-        let t2_55 = like.lift(0.5) * t2_54;
+        let t2_55 = proto.splat(0.5) * t2_54;
         let t2_56 = -t2_55;
         let t2_57 = t2_31 - t2_23;
         let t2_58 = t2_23 * t2_1;
@@ -7497,10 +7506,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_71 = t2_5 * t2_31;
         let t2_72 = (-t2_18).mul_add(t2_36, t2_71);
         let t2_73 = -t2_72;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_54;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_54;
         let t2_74 = -pivot_2;
         let t2_75 = cos_q1 * d_q1;
-        let t2_76 = like.lift(2.0) * d_q2;
+        let t2_76 = proto.splat(2.0) * d_q2;
         let t2_77 = (-t2_75).mul_add(t2_76, t2_58);
         let t2_78 = cos_q1 * d_s1_1;
         let t2_79 = t2_13.mul_add(d_s1_2, t2_78);
@@ -7517,7 +7526,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_90 = (-t2_18).mul_add(t2_82, t2_89);
         let t2_91 = d_s1_3 * t2_90;
         let t2_92 = -t2_91;
-        let t2_93 = like.lift(0.4563) * t2_90;
+        let t2_93 = proto.splat(0.4563) * t2_90;
         let t2_94 = -t2_93;
         let t2_95 = d_s1_2 * sin_s1_1;
         let t2_96 = t2_95.mul_add(d_s1_1, t2_92);
@@ -7531,7 +7540,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_104 = e_s1_2_q1x.mul_add(t2_88, t2_103);
         let t2_105 = (-d_s1_3).mul_add(t2_104, t2_100);
         let t2_106 = (-d_s1_2).mul_add(t2_87, t2_105);
-        let t2_107 = like.lift(0.4563) * t2_104;
+        let t2_107 = proto.splat(0.4563) * t2_104;
         let t2_108 = d_q6 * d_q6;
         let t2_109 = t2_38 * t2_108;
         let t2_110 = d_q7 * cos_q6;
@@ -7539,10 +7548,10 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_112 = -cos_q6;
         let t2_113 = e_s1_2_q1x * t2_106;
         let t2_114 = t2_5.mul_add(t2_96, t2_113);
-        let t2_115 = like.lift(-0.4563).mul_add(t2_114, t2_77);
+        let t2_115 = proto.splat(-0.4563).mul_add(t2_114, t2_77);
         let t2_116 = (-t2_82).mul_add(t2_94, t2_115);
         let t2_117 = (-t2_102).mul_add(t2_107, t2_116);
-        let t2_118 = like.lift(0.5).mul_add(t2_109, t2_117);
+        let t2_118 = proto.splat(0.5).mul_add(t2_109, t2_117);
         let t2_119 = t2_118 - t2_111;
         let t2_120 = (-t2_46).mul_add(t2_106, t2_77);
         let t2_121 = (-t2_36).mul_add(t2_96, t2_120);
@@ -7551,28 +7560,28 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_124 = t2_5.mul_add(t2_102, t2_123);
         let t2_125 = (-d_s1_3).mul_add(t2_124, t2_83);
         let t2_126 = d_s1_1.mul_add(t2_75, t2_125);
-        let t2_127 = like.lift(0.4563) * t2_124;
+        let t2_127 = proto.splat(0.4563) * t2_124;
         let t2_128 = t2_5 * t2_126;
         let t2_129 = t2_18.mul_add(t2_106, t2_128);
         let t2_130 = t2_18 * t2_96;
         let t2_131 = (-e_s1_2_q1x).mul_add(t2_126, t2_130);
-        let t2_132 = like.lift(0.4563) * t2_129;
+        let t2_132 = proto.splat(0.4563) * t2_129;
         let t2_133 = (-t2_88).mul_add(t2_107, t2_132);
         let t2_134 = (-t2_82).mul_add(t2_127, t2_133);
-        let t2_135 = like.lift(-1.7320508075688772).mul_add(t2_111, t2_134);
-        let t2_136 = like.lift(0.8660254037844386).mul_add(t2_109, t2_135);
-        let t2_137 = like.lift(0.4563).mul_add(t2_131, t2_99);
+        let t2_135 = proto.splat(-1.7320508075688772).mul_add(t2_111, t2_134);
+        let t2_136 = proto.splat(0.8660254037844386).mul_add(t2_109, t2_135);
+        let t2_137 = proto.splat(0.4563).mul_add(t2_131, t2_99);
         let t2_138 = (-t2_102).mul_add(t2_127, t2_137);
         let t2_139 = t2_88.mul_add(t2_94, t2_138);
         let t2_140 = t2_31.mul_add(t2_96, t2_99);
         let t2_141 = (-t2_46).mul_add(t2_126, t2_140);
         let t2_142 = t2_36 * t2_126;
         let t2_143 = t2_31.mul_add(t2_106, t2_142);
-        let t2_144 = like.lift(2.0) * d_q7;
+        let t2_144 = proto.splat(2.0) * d_q7;
         let t2_145 = sin_q6 * t2_144;
         let t2_146 = t2_20.mul_add(d_q6, t2_145);
         let t2_147 = (-d_q6).mul_add(t2_146, t2_139);
-        let t2_148 = like.lift(1.0) / t2_20;
+        let t2_148 = proto.splat(1.0) / t2_20;
         let t2_149 = t2_31 * t2_102;
         let t2_150 = t2_46.mul_add(t2_88, t2_149);
         let t2_151 = t2_31 * t2_82;
@@ -7587,48 +7596,48 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_160 = (-t2_82).mul_add(t2_154, t2_157);
         let t2_161 = d_q8 * d_q8;
         let t2_162 = t2_66 * t2_161;
-        let t2_163 = like.lift(0.5).mul_add(t2_162, t2_158);
+        let t2_163 = proto.splat(0.5).mul_add(t2_162, t2_158);
         let t2_164 = d_q9 * cos_q8;
         let t2_165 = t2_164 * d_q8;
-        let t2_166 = like.lift(1.7320508075688772).mul_add(t2_165, t2_160);
+        let t2_166 = proto.splat(1.7320508075688772).mul_add(t2_165, t2_160);
         let t2_167 = t2_163 - t2_165;
-        let t2_168 = like.lift(-0.8660254037844386).mul_add(t2_162, t2_166);
+        let t2_168 = proto.splat(-0.8660254037844386).mul_add(t2_162, t2_166);
         let t2_169 = -cos_q8;
         let t2_170 = -t2_167;
-        let t2_171 = like.lift(2.0) * d_q9;
+        let t2_171 = proto.splat(2.0) * d_q9;
         let t2_172 = sin_q8 * t2_171;
         let t2_173 = t2_54.mul_add(d_q8, t2_172);
         let t2_174 = (-d_q8).mul_add(t2_173, t2_159);
-        let t2_175 = like.lift(1.0) / t2_54;
-        let t2_176 = like.lift(0.5773502691896257).mul_add(t2_72, t2_53);
+        let t2_175 = proto.splat(1.0) / t2_54;
+        let t2_176 = proto.splat(0.5773502691896257).mul_add(t2_72, t2_53);
         let t2_177 = t2_66 * t2_175;
-        let t2_178 = like.lift(1.1547005383792515) * t2_177;
+        let t2_178 = proto.splat(1.1547005383792515) * t2_177;
         let pivot_3 = t2_72.mul_add(t2_178, t2_64);
         let t2_179 = (-t2_70).mul_add(t2_178, t2_61);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_180 = t2_176 * inv_pivot_3;
         let t2_181 = (-t2_57).mul_add(t2_180, t2_47);
         let t2_182 = -pivot_3;
-        let t2_183 = like.lift(0.5773502691896257).mul_add(t2_41, t2_11);
+        let t2_183 = proto.splat(0.5773502691896257).mul_add(t2_41, t2_11);
         let t2_184 = t2_68.mul_add(t2_178, t2_59);
         let t2_185 = t2_168.mul_add(t2_178, t2_174);
         let t2_186 = (-t2_180).mul_add(t2_185, t2_167);
-        let t2_187 = like.lift(0.5773502691896257).mul_add(t2_168, t2_186);
+        let t2_187 = proto.splat(0.5773502691896257).mul_add(t2_168, t2_186);
         let t2_188 = t2_184.mul_add(t2_180, t2_49);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_68, t2_188);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_68, t2_188);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_189 = t2_183 * inv_pivot_4;
         let pivot_5 = (-t2_181).mul_add(t2_189, t2_8);
         let t2_190 = (-t2_189).mul_add(t2_187, t2_119);
-        let t2_191 = like.lift(-0.5773502691896257).mul_add(t2_136, t2_190);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let t2_191 = proto.splat(-0.5773502691896257).mul_add(t2_136, t2_190);
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_192 = -pivot_5;
         let t2_193 = (-t2_179).mul_add(t2_180, t2_51);
-        let t2_194 = like.lift(-0.5773502691896257).mul_add(t2_70, t2_193);
+        let t2_194 = proto.splat(-0.5773502691896257).mul_add(t2_70, t2_193);
         let t2_195 = (-t2_194).mul_add(t2_189, t2_19);
-        let t2_196 = like.lift(0.5773502691896257).mul_add(t2_43, t2_195);
+        let t2_196 = proto.splat(0.5773502691896257).mul_add(t2_43, t2_195);
         let t2_197 = t2_38 * t2_148;
-        let t2_198 = like.lift(1.1547005383792515) * t2_197;
+        let t2_198 = proto.splat(1.1547005383792515) * t2_197;
         let t2_199 = (-t2_41).mul_add(t2_198, t2_12);
         let t2_200 = t2_199 * inv_pivot_4;
         let t2_201 = (-t2_181).mul_add(t2_200, t2_24);
@@ -7636,7 +7645,7 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_203 = t2_196.mul_add(t2_202, t2_37);
         let t2_204 = t2_194.mul_add(t2_200, t2_203);
         let pivot_6 = t2_43.mul_add(t2_198, t2_204);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_205 = -pivot_6;
         let t2_206 = t2_202.mul_add(t2_191, t2_147);
         let t2_207 = t2_200.mul_add(t2_187, t2_206);
@@ -7659,31 +7668,31 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t2_224 = t2_70.mul_add(t2_209, t2_168);
         let t2_225 = t2_68.mul_add(t2_214, t2_224);
         let t2_226 = (-t2_72).mul_add(t2_218, t2_225);
-        let t2_227 = like.lift(1.1547005383792515) * t2_148;
+        let t2_227 = proto.splat(1.1547005383792515) * t2_148;
         let t2_228 = t2_223 * t2_227;
         let t2_229 = q7 * t2_148;
         let t2_230 = t2_229 * inv_pivot_6;
-        let t2_231 = like.lift(1.1547005383792515) * t2_175;
+        let t2_231 = proto.splat(1.1547005383792515) * t2_175;
         let t2_232 = t2_226 * t2_231;
         let t2_233 = -t2_232;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_74 * like.lift(1.8955297449982944)).abs())
-            .min((t2_182 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_192 * like.lift(0.8284577646309275)).abs())
-            .min((t2_205 * like.lift(2.1915406530791146)).abs());
-        let ([[al_1z], [al_s1_1z], [t2_234], [t2_235], [al_4z], [al_6z]], found) = ::regen_runtime::guarded(
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_74 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_182 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_192 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_205 * proto.splat(2.1915406530791146)).abs());
+        let ([[al_1z], [al_s1_1z], [t2_234], [t2_235], [al_4z], [al_6z]], found) = ::regen_runtime::solve_guarded(
             [[t2_211], [t2_219], [t2_220], [t2_221], [t2_228], [t2_233]],
             margin,
             || (
                 [
-                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
-                    [t2_25, t2_12, t2_32, like.lift(0.0), t2_38, like.lift(0.0)],
-                    [like.lift(0.0), t2_41, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_48, t2_49, t2_51, t2_53, like.lift(0.0), t2_56],
-                    [t2_57, t2_59, t2_62, t2_65, like.lift(0.0), t2_66],
-                    [like.lift(0.0), t2_68, t2_70, t2_73, like.lift(0.0), t2_74],
+                    [t2_9, t2_11, t2_19, proto.splat(0.0), t2_22, proto.splat(0.0)],
+                    [t2_25, t2_12, t2_32, proto.splat(0.0), t2_38, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_41, t2_43, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_48, t2_49, t2_51, t2_53, proto.splat(0.0), t2_56],
+                    [t2_57, t2_59, t2_62, t2_65, proto.splat(0.0), t2_66],
+                    [proto.splat(0.0), t2_68, t2_70, t2_73, proto.splat(0.0), t2_74],
                 ],
                 [[t2_122], [t2_147], [t2_136], [t2_170], [t2_174], [t2_168]],
             ),
@@ -7827,12 +7836,12 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t3_95 = (-cos_s1_1).mul_add(t3_80, t3_94);
         let t3_96 = (-sin_s1_1).mul_add(t3_82, t3_95);
         let t3_97 = -sin_q1;
-        let t3_98 = like.lift(0.5) * sin_q6;
+        let t3_98 = proto.splat(0.5) * sin_q6;
         let t3_99 = -t3_98;
-        let t3_100 = like.lift(0.8660254037844386) * sin_q6;
-        let t3_101 = like.lift(0.5) * sin_q8;
+        let t3_100 = proto.splat(0.8660254037844386) * sin_q6;
+        let t3_101 = proto.splat(0.5) * sin_q8;
         let t3_102 = -t3_101;
-        let t3_103 = like.lift(0.8660254037844386) * sin_q8;
+        let t3_103 = proto.splat(0.8660254037844386) * sin_q8;
         let t3_104 = -t3_103;
         let t3_105 = (-cos_q1).mul_add(t2_180, sin_q1);
         let t3_106 = (-t3_105).mul_add(t2_189, sin_q1);
@@ -7900,17 +7909,17 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
         let t3_168 = (-t2_41).mul_add(t3_128, t3_167);
         let t3_169 = t3_168 * t2_227;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_74 * like.lift(1.8955297449982944)).abs())
-            .min((t2_182 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_192 * like.lift(0.8284577646309275)).abs())
-            .min((t2_205 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_74 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_182 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_192 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_205 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t3_116, t3_120, t3_132], [t3_139, t3_128, t3_140], [t3_145, t2_230, t3_143],
                 [t3_154, t3_153, t3_134], [t3_160, t3_169, t3_144], [t3_161, t3_166, t3_138],
@@ -7918,17 +7927,18 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
             margin,
             || (
                 [
-                    [t2_9, t2_11, t2_19, like.lift(0.0), t2_22, like.lift(0.0)],
-                    [t2_25, t2_12, t2_32, like.lift(0.0), t2_38, like.lift(0.0)],
-                    [like.lift(0.0), t2_41, t2_43, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_48, t2_49, t2_51, t2_53, like.lift(0.0), t2_56],
-                    [t2_57, t2_59, t2_62, t2_65, like.lift(0.0), t2_66],
-                    [like.lift(0.0), t2_68, t2_70, t2_73, like.lift(0.0), t2_74],
+                    [t2_9, t2_11, t2_19, proto.splat(0.0), t2_22, proto.splat(0.0)],
+                    [t2_25, t2_12, t2_32, proto.splat(0.0), t2_38, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_41, t2_43, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_48, t2_49, t2_51, t2_53, proto.splat(0.0), t2_56],
+                    [t2_57, t2_59, t2_62, t2_65, proto.splat(0.0), t2_66],
+                    [proto.splat(0.0), t2_68, t2_70, t2_73, proto.splat(0.0), t2_74],
                 ],
                 [
-                    [t3_97, t3_99, like.lift(0.0)], [cos_q1, t2_112, like.lift(0.0)],
-                    [like.lift(0.0), t3_100, like.lift(0.0)], [t3_97, like.lift(0.0), t3_102],
-                    [cos_q1, like.lift(0.0), t2_169], [like.lift(0.0), like.lift(0.0), t3_104],
+                    [t3_97, t3_99, proto.splat(0.0)], [cos_q1, t2_112, proto.splat(0.0)],
+                    [proto.splat(0.0), t3_100, proto.splat(0.0)],
+                    [t3_97, proto.splat(0.0), t3_102], [cos_q1, proto.splat(0.0), t2_169],
+                    [proto.splat(0.0), proto.splat(0.0), t3_104],
                 ],
             ),
         );
@@ -7999,9 +8009,9 @@ pub fn base_bias_forces<T: Scalar>(q: &[T; 9], qd: &[T; 9], beta: &[T; 25]) -> (
 ///
 /// 195 additions, 315 multiplications, 6 divisions, 6 sines and cosines.
 pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], Condition<T>) {
-    let like = q[0];
-    let mut m = [[like.lift(0.0); 3]; 3];
-    let mut condition = like.lift(1.0);
+    let proto = q[0];
+    let mut m = [[proto.splat(0.0); 3]; 3];
+    let mut condition = proto.splat(1.0);
     let [q1, q2, s1_1, s1_2, s1_3, q6, q7, q8, q9] = *q;
     // sines and cosines
     let [
@@ -8041,10 +8051,10 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
         let t2_10 = cos_q1.mul_add(sin_s1_2, t2_9);
         let t2_11 = cos_q1 * cos_s1_2;
         let t2_12 = (-sin_s1_2).mul_add(t2_8, t2_11);
-        let t2_13 = like.lift(-0.4563).mul_add(t2_10, t2_7);
+        let t2_13 = proto.splat(-0.4563).mul_add(t2_10, t2_7);
         let t2_14 = -t2_13;
         let e_s1_2_q1x = sin_s1_1 * cos_s1_2;
-        let t2_15 = like.lift(0.4563) * e_s1_2_q1x;
+        let t2_15 = proto.splat(0.4563) * e_s1_2_q1x;
         let t2_16 = cos_q1 * t2_15;
         let t2_17 = sin_q1 * t2_15;
         let t2_18 = sin_q1 * sin_s1_1;
@@ -8053,40 +8063,40 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
         let t2_21 = sin_q1.mul_add(cos_s1_2, t2_20);
         let t2_22 = sin_q1 * sin_s1_2;
         let t2_23 = (-cos_s1_2).mul_add(t2_19, t2_22);
-        let t2_24 = like.lift(0.4563) * t2_21;
+        let t2_24 = proto.splat(0.4563) * t2_21;
         let t2_25 = cos_q6 * q7;
         let t2_26 = -cos_q6;
-        let t2_27 = like.lift(0.5) * t2_25;
+        let t2_27 = proto.splat(0.5) * t2_25;
         let t2_28 = -t2_27;
         let t2_29 = sin_q1 * q2;
-        let t2_30 = like.lift(-0.4563).mul_add(t2_23, t2_29);
+        let t2_30 = proto.splat(-0.4563).mul_add(t2_23, t2_29);
         let t2_31 = -t2_30;
         let t2_32 = cos_q1 * sin_s1_1;
         let t2_33 = cos_s1_3 * t2_32;
         let t2_34 = (-sin_s1_3).mul_add(t2_21, t2_33);
-        let t2_35 = like.lift(0.39516739174683935) * t2_34;
-        let t2_36 = like.lift(0.22815) * t2_23;
+        let t2_35 = proto.splat(0.39516739174683935) * t2_34;
+        let t2_36 = proto.splat(0.22815) * t2_23;
         let t2_37 = t2_36 + t2_35;
         let t2_38 = t2_37 - t2_29;
-        let t2_39 = like.lift(-0.4563) * t2_12;
+        let t2_39 = proto.splat(-0.4563) * t2_12;
         let t2_40 = sin_s1_3 * t2_12;
         let t2_41 = cos_s1_3.mul_add(t2_18, t2_40);
-        let t2_42 = like.lift(0.22815) * t2_10;
-        let t2_43 = like.lift(-0.39516739174683935).mul_add(t2_41, t2_42);
+        let t2_42 = proto.splat(0.22815) * t2_10;
+        let t2_43 = proto.splat(-0.39516739174683935).mul_add(t2_41, t2_42);
         let t2_44 = t2_7 - t2_43;
         let t2_45 = -t2_39;
         let t2_46 = sin_q6 * q7;
         let t2_47 = cos_s1_1 * cos_s1_2;
-        let t2_48 = like.lift(0.4563) * t2_47;
+        let t2_48 = proto.splat(0.4563) * t2_47;
         let t2_49 = -t2_48;
         let t2_50 = sin_s1_1 * sin_s1_2;
-        let t2_51 = like.lift(0.4563) * t2_50;
+        let t2_51 = proto.splat(0.4563) * t2_50;
         let t2_52 = sin_s1_3 * t2_50;
         let e_3_q1y = cos_s1_1.mul_add(cos_s1_3, t2_52);
-        let t2_53 = like.lift(0.39516739174683935) * e_3_q1y;
-        let t2_54 = like.lift(0.22815).mul_add(e_s1_2_q1x, t2_53);
-        let pivot_1 = like.lift(0.8660254037844386) * t2_25;
-        let t2_55 = like.lift(1.0) / t2_25;
+        let t2_53 = proto.splat(0.39516739174683935) * e_3_q1y;
+        let t2_54 = proto.splat(0.22815).mul_add(e_s1_2_q1x, t2_53);
+        let pivot_1 = proto.splat(0.8660254037844386) * t2_25;
+        let t2_55 = proto.splat(1.0) / t2_25;
         let t2_56 = -t2_44;
         let t2_57 = cos_q1 * t2_54;
         let t2_58 = t2_18 * t2_54;
@@ -8106,49 +8116,49 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
         let t2_72 = sin_q1 * t2_54;
         let t2_73 = cos_q8 * q9;
         let t2_74 = -cos_q8;
-        let t2_75 = like.lift(0.5) * t2_73;
+        let t2_75 = proto.splat(0.5) * t2_73;
         let t2_76 = -t2_75;
         let t2_77 = -t2_63;
         let t2_78 = -t2_69;
         let t2_79 = sin_q8 * q9;
         let t2_80 = -t2_67;
-        let pivot_2 = like.lift(0.8660254037844386) * t2_73;
+        let pivot_2 = proto.splat(0.8660254037844386) * t2_73;
         let t2_81 = -pivot_2;
-        let t2_82 = like.lift(1.0) / t2_73;
+        let t2_82 = proto.splat(1.0) / t2_73;
         let t2_83 = -sin_q1;
-        let t2_84 = like.lift(0.5) * sin_q6;
+        let t2_84 = proto.splat(0.5) * sin_q6;
         let t2_85 = -t2_84;
-        let t2_86 = like.lift(0.8660254037844386) * sin_q6;
-        let t2_87 = like.lift(0.5) * sin_q8;
+        let t2_86 = proto.splat(0.8660254037844386) * sin_q6;
+        let t2_87 = proto.splat(0.5) * sin_q8;
         let t2_88 = -t2_87;
-        let t2_89 = like.lift(0.8660254037844386) * sin_q8;
+        let t2_89 = proto.splat(0.8660254037844386) * sin_q8;
         let t2_90 = -t2_89;
-        let t2_91 = like.lift(0.5773502691896257).mul_add(t2_67, t2_65);
+        let t2_91 = proto.splat(0.5773502691896257).mul_add(t2_67, t2_65);
         let t2_92 = t2_79 * t2_82;
-        let t2_93 = like.lift(1.1547005383792515) * t2_92;
+        let t2_93 = proto.splat(1.1547005383792515) * t2_92;
         let pivot_3 = t2_67.mul_add(t2_93, t2_69);
         let t2_94 = (-t2_61).mul_add(t2_93, t2_63);
         let t2_95 = t2_71.mul_add(t2_93, t2_72);
-        let inv_pivot_3 = like.lift(1.0) / pivot_3;
+        let inv_pivot_3 = proto.splat(1.0) / pivot_3;
         let t2_96 = t2_91 * inv_pivot_3;
         let t2_97 = (-t2_38).mul_add(t2_96, t2_44);
         let t2_98 = -pivot_3;
-        let t2_99 = like.lift(0.5773502691896257).mul_add(t2_49, t2_16);
+        let t2_99 = proto.splat(0.5773502691896257).mul_add(t2_49, t2_16);
         let t2_100 = t2_95.mul_add(t2_96, t2_57);
-        let pivot_4 = like.lift(-0.5773502691896257).mul_add(t2_71, t2_100);
-        let inv_pivot_4 = like.lift(1.0) / pivot_4;
+        let pivot_4 = proto.splat(-0.5773502691896257).mul_add(t2_71, t2_100);
+        let inv_pivot_4 = proto.splat(1.0) / pivot_4;
         let t2_101 = t2_99 * inv_pivot_4;
         let pivot_5 = (-t2_97).mul_add(t2_101, t2_13);
-        let inv_pivot_5 = like.lift(1.0) / pivot_5;
+        let inv_pivot_5 = proto.splat(1.0) / pivot_5;
         let t2_102 = -pivot_5;
         let t2_103 = (-cos_q1).mul_add(t2_96, sin_q1);
         let t2_104 = (-t2_103).mul_add(t2_101, sin_q1);
         let t2_105 = (-t2_94).mul_add(t2_96, t2_59);
-        let t2_106 = like.lift(-0.5773502691896257).mul_add(t2_61, t2_105);
+        let t2_106 = proto.splat(-0.5773502691896257).mul_add(t2_61, t2_105);
         let t2_107 = (-t2_106).mul_add(t2_101, t2_24);
-        let t2_108 = like.lift(0.5773502691896257).mul_add(t2_51, t2_107);
+        let t2_108 = proto.splat(0.5773502691896257).mul_add(t2_51, t2_107);
         let t2_109 = t2_46 * t2_55;
-        let t2_110 = like.lift(1.1547005383792515) * t2_109;
+        let t2_110 = proto.splat(1.1547005383792515) * t2_109;
         let t2_111 = (-t2_49).mul_add(t2_110, t2_17);
         let t2_112 = t2_111 * inv_pivot_4;
         let t2_113 = (-t2_97).mul_add(t2_112, t2_30);
@@ -8158,7 +8168,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
         let pivot_6 = t2_51.mul_add(t2_110, t2_116);
         let t2_117 = t2_104.mul_add(t2_114, cos_q1);
         let t2_118 = t2_103.mul_add(t2_112, t2_117);
-        let inv_pivot_6 = like.lift(1.0) / pivot_6;
+        let inv_pivot_6 = proto.splat(1.0) / pivot_6;
         let t2_119 = t2_118 * inv_pivot_6;
         let t2_120 = (-t2_108).mul_add(t2_119, t2_104);
         let t2_121 = inv_pivot_5 * t2_120;
@@ -8168,7 +8178,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
         let t2_125 = -pivot_6;
         let t2_126 = q7 * t2_55;
         let t2_127 = t2_126 * inv_pivot_6;
-        let t2_128 = like.lift(1.1547005383792515) * t2_55;
+        let t2_128 = proto.splat(1.1547005383792515) * t2_55;
         let t2_129 = inv_pivot_5 * t2_108;
         let t2_130 = t2_129 * t2_127;
         let t2_131 = q9 * t2_82;
@@ -8190,7 +8200,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
         let t2_147 = -t2_138;
         let t2_148 = (-t2_95).mul_add(t2_144, t2_146);
         let t2_149 = inv_pivot_3 * t2_148;
-        let t2_150 = like.lift(1.1547005383792515) * t2_82;
+        let t2_150 = proto.splat(1.1547005383792515) * t2_82;
         let t2_151 = (-t2_61).mul_add(t2_136, t2_89);
         let t2_152 = (-t2_71).mul_add(t2_144, t2_151);
         let t2_153 = (-t2_67).mul_add(t2_149, t2_152);
@@ -8227,17 +8237,17 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
         let t2_184 = (-t2_49).mul_add(t2_143, t2_183);
         let t2_185 = t2_184 * t2_128;
         // the smallest pivot relative to its usual size
-        let margin = (pivot_1 * like.lift(2.021146347066245)).abs()
-            .min((t2_81 * like.lift(1.8955297449982944)).abs())
-            .min((t2_98 * like.lift(2.6463477742948585)).abs())
-            .min((pivot_4 * like.lift(2.1915406530791146)).abs())
-            .min((t2_102 * like.lift(0.8284577646309275)).abs())
-            .min((t2_125 * like.lift(2.1915406530791146)).abs());
+        let margin = (pivot_1 * proto.splat(2.021146347066245)).abs()
+            .min((t2_81 * proto.splat(1.8955297449982944)).abs())
+            .min((t2_98 * proto.splat(2.6463477742948585)).abs())
+            .min((pivot_4 * proto.splat(2.1915406530791146)).abs())
+            .min((t2_102 * proto.splat(0.8284577646309275)).abs())
+            .min((t2_125 * proto.splat(2.1915406530791146)).abs());
         let ([
             [x_q1_q2, x_q1_q7, x_q1_q9], [x_s1_1_q2, x_s1_1_q7, x_s1_1_q9],
             [x_s1_2_q2, x_s1_2_q7, x_s1_2_q9], [x_s1_3_q2, x_s1_3_q7, x_s1_3_q9],
             [x_q6_q2, x_q6_q7, x_q6_q9], [x_q8_q2, x_q8_q7, x_q8_q9],
-        ], found) = ::regen_runtime::guarded(
+        ], found) = ::regen_runtime::solve_guarded(
             [
                 [t2_121, t2_130, t2_147], [t2_155, t2_143, t2_156], [t2_161, t2_127, t2_159],
                 [t2_170, t2_169, t2_149], [t2_176, t2_185, t2_160], [t2_177, t2_182, t2_154],
@@ -8245,17 +8255,18 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
             margin,
             || (
                 [
-                    [t2_14, t2_16, t2_24, like.lift(0.0), t2_28, like.lift(0.0)],
-                    [t2_31, t2_17, t2_39, like.lift(0.0), t2_46, like.lift(0.0)],
-                    [like.lift(0.0), t2_49, t2_51, like.lift(0.0), pivot_1, like.lift(0.0)],
-                    [t2_56, t2_57, t2_59, t2_65, like.lift(0.0), t2_76],
-                    [t2_38, t2_72, t2_77, t2_78, like.lift(0.0), t2_79],
-                    [like.lift(0.0), t2_71, t2_61, t2_80, like.lift(0.0), t2_81],
+                    [t2_14, t2_16, t2_24, proto.splat(0.0), t2_28, proto.splat(0.0)],
+                    [t2_31, t2_17, t2_39, proto.splat(0.0), t2_46, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_49, t2_51, proto.splat(0.0), pivot_1, proto.splat(0.0)],
+                    [t2_56, t2_57, t2_59, t2_65, proto.splat(0.0), t2_76],
+                    [t2_38, t2_72, t2_77, t2_78, proto.splat(0.0), t2_79],
+                    [proto.splat(0.0), t2_71, t2_61, t2_80, proto.splat(0.0), t2_81],
                 ],
                 [
-                    [t2_83, t2_85, like.lift(0.0)], [cos_q1, t2_26, like.lift(0.0)],
-                    [like.lift(0.0), t2_86, like.lift(0.0)], [t2_83, like.lift(0.0), t2_88],
-                    [cos_q1, like.lift(0.0), t2_74], [like.lift(0.0), like.lift(0.0), t2_90],
+                    [t2_83, t2_85, proto.splat(0.0)], [cos_q1, t2_26, proto.splat(0.0)],
+                    [proto.splat(0.0), t2_86, proto.splat(0.0)],
+                    [t2_83, proto.splat(0.0), t2_88], [cos_q1, proto.splat(0.0), t2_74],
+                    [proto.splat(0.0), proto.splat(0.0), t2_90],
                 ],
             ),
         );
@@ -8317,7 +8328,7 @@ pub fn base_mass_matrix<T: Scalar>(q: &[T; 9], beta: &[T; 25]) -> ([[T; 3]; 3], 
         let t3_47 = (-q2).mul_add(t3_37, t3_46);
         let t3_48 = sin_s1_1.mul_add(t3_16, t3_47);
         let t3_49 = p_mz_2 + t3_34;
-        let t3_50 = like.lift(2.0) * q2;
+        let t3_50 = proto.splat(2.0) * q2;
         let t3_51 = t3_50.mul_add(t3_49, p_izz_1);
         let t3_52 = cos_s1_1.mul_add(t3_42, t3_51);
         let t3_53 = sin_s1_1.mul_add(t3_40, t3_52);
@@ -8543,19 +8554,19 @@ impl<T: Scalar> Model<T> for Rps3 {
                 *out = value;
                 Ok(condition)
             }
-            Function::SlotineLi => {
+            Function::AdaptiveRegressor => {
                 let q = ::regen_runtime::array::<T, 9>(arguments.q, "q")?;
                 let qd = ::regen_runtime::array::<T, 9>(arguments.qd, "qd")?;
                 let qd_r_i = ::regen_runtime::array::<T, 3>(arguments.qd_r_i, "qd_r_i")?;
                 let qdd_r_i = ::regen_runtime::array::<T, 3>(arguments.qdd_r_i, "qdd_r_i")?;
                 let out = ::regen_runtime::matrix_mut::<T, 70, 3>(out, "out")?;
-                Ok(slotine_li(q, qd, qd_r_i, qdd_r_i, out))
+                Ok(adaptive_regressor(q, qd, qd_r_i, qdd_r_i, out))
             }
-            Function::Efforts => {
+            Function::GeneralizedForces => {
                 let q = ::regen_runtime::array::<T, 9>(arguments.q, "q")?;
                 let tau_actuated = ::regen_runtime::array::<T, 3>(arguments.tau_actuated, "tau_actuated")?;
                 let out = ::regen_runtime::array_mut::<T, 3>(out, "out")?;
-                let (value, condition) = efforts(q, tau_actuated);
+                let (value, condition) = generalized_forces(q, tau_actuated);
                 *out = value;
                 Ok(condition)
             }

@@ -125,7 +125,7 @@ pub trait Consumer<const DOF: usize, const COLUMNS: usize> {
 ///         [qdd]: &[T; 1],
 ///         w: &mut [[T; 1]; 1],
 ///     ) -> Condition<T> {
-///         w[0][0] = *qdd + qdd.lift(9.81);
+///         w[0][0] = *qdd + qdd.splat(9.81);
 ///         Condition::regular(*qdd)
 ///     }
 /// }
@@ -222,7 +222,7 @@ where
     fn with_simd<S: Simd>(self, simd: S) {
         let Samples { q, qd, qdd, len } = self.samples;
         let whole = len - len % S::F64_LANES;
-        let mut w = Aligned([[Lane::splat(simd, 0.0); DOF]; COLUMNS]);
+        let mut w = Aligned([[Lane::broadcast(simd, 0.0); DOF]; COLUMNS]);
         let rest = [q, qd, qdd].map(|series| loaded(simd, &series, whole, len));
         let [rest_q, rest_qd, rest_qdd] = rest.each_ref().map(one_register);
         let [mut q, mut qd, mut qdd] = [q, qd, qdd].map(whole_registers::<S, N>);
@@ -230,7 +230,7 @@ where
         loop {
             for i in 0..count {
                 let at = |series: &[&[S::f64s]; N]| {
-                    let mut lanes = [Lane::splat(simd, 0.0); N];
+                    let mut lanes = [Lane::broadcast(simd, 0.0); N];
                     for (lane, series) in lanes.iter_mut().zip(series) {
                         lane.v = series[i];
                     }
@@ -280,7 +280,7 @@ fn loaded<S: Simd, const N: usize>(
     first: usize,
     end: usize,
 ) -> [Lane<S>; N] {
-    let mut lanes = [Lane::splat(simd, 0.0); N];
+    let mut lanes = [Lane::broadcast(simd, 0.0); N];
     for (lane, series) in lanes.iter_mut().zip(series) {
         lane.v = simd.partial_load_f64s(&series[first..end]);
     }
@@ -335,22 +335,22 @@ impl<const DOF: usize, const COLUMNS: usize> Consumer<DOF, COLUMNS> for Normal<'
         }
         let tau: [Lane<S>; DOF] = loaded(simd, &self.tau, block.first, end);
         // lanes without a sample do not count
-        let mut counts = Lane::splat(simd, 0.0);
+        let mut counts = Lane::broadcast(simd, 0.0);
         let values = bytemuck::cast_slice_mut::<S::f64s, f64>(core::slice::from_mut(&mut counts.v));
         for value in values.iter_mut().take(end - block.first) {
             *value = 1.0;
         }
-        let on = counts.lift(0.5).less(counts);
+        let on = counts.splat(0.5).less(counts);
         for (a, column) in block.w.iter().enumerate() {
             let mut weighted = *column;
             for (entry, weight) in weighted.iter_mut().zip(self.weights) {
-                *entry = *entry * counts.lift(weight);
+                *entry = *entry * counts.splat(weight);
             }
             let dot = |other: &[Lane<S>; DOF]| {
                 let products = weighted.iter().zip(other);
-                let sum = products.fold(counts.lift(0.0), |sum, (x, y)| x.mul_add(*y, sum));
+                let sum = products.fold(counts.splat(0.0), |sum, (x, y)| x.mul_add(*y, sum));
                 // a state of zeros may be singular: nothing of it may be added, not even times zero
-                let counted = Lane::select(on, sum, counts.lift(0.0));
+                let counted = Lane::select(on, sum, counts.splat(0.0));
                 simd.reduce_sum_f64s(counted.v)
             };
             for (b, other) in block.w[..=a].iter().enumerate() {

@@ -37,7 +37,7 @@ pub enum Outcome {
         /// The fraction of the line that was reached, from 0 to 1.
         at: f64,
         /// The largest |f| where it stopped, in m or without unit; on the way, lengths are in
-        /// [`Closure::length_unit`].
+        /// [`LoopClosure::length_unit`].
         residual: f64,
     },
     /// The line meets a singularity of A_e: a fold, where the branch ends, or a crossing of
@@ -81,7 +81,7 @@ impl fmt::Display for Outcome {
 
 /// A call that no model and no number can make good.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Misuse {
+pub enum ClosureError {
     /// An argument's length does not fit the model.
     Size(SizeError),
     /// An entry of an argument is NaN or infinite.
@@ -98,13 +98,13 @@ pub enum Misuse {
     },
 }
 
-impl From<SizeError> for Misuse {
+impl From<SizeError> for ClosureError {
     fn from(error: SizeError) -> Self {
         Self::Size(error)
     }
 }
 
-impl fmt::Display for Misuse {
+impl fmt::Display for ClosureError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Size(error) => error.fmt(f),
@@ -119,9 +119,9 @@ impl fmt::Display for Misuse {
     }
 }
 
-impl core::error::Error for Misuse {}
+impl core::error::Error for ClosureError {}
 
-/// A configuration found by [`Closure`].
+/// A configuration found by [`LoopClosure`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {
     /// All n coordinates, rad or m: closed at the target if the outcome says so, else the last
@@ -137,7 +137,7 @@ pub struct Solution {
     pub steps: usize,
 }
 
-/// A state of motion found by [`Closure`].
+/// A state of motion found by [`LoopClosure`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
     /// All n coordinates, as [`Solution::q`].
@@ -163,11 +163,11 @@ pub struct State {
 /// ```
 /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/slider_crank.rs")); }
 /// # use models::SliderCrank;
-/// use regen_runtime::{Closure, Outcome};
+/// use regen_runtime::{LoopClosure, Outcome};
 ///
 /// // Crank 1 m, rod 2 m; q = (crank angle, rod angle, slider), home at crank angle 0.
 /// let model = SliderCrank::default();
-/// let mut closure = Closure::new(&model)?;
+/// let mut closure = LoopClosure::new(&model)?;
 /// let top = closure.solve(&[core::f64::consts::FRAC_PI_2])?;
 /// assert_eq!(top.outcome, Outcome::Closed);
 /// assert!((top.q[2] - 3.0_f64.sqrt()).abs() < 1e-14);
@@ -175,23 +175,23 @@ pub struct State {
 /// // At crank speed 1 rad/s the slider there moves as fast as the crank's end.
 /// let state = closure.solve_state(&[core::f64::consts::FRAC_PI_2], &[1.0], &[0.0])?;
 /// assert!((state.qd[2] + 1.0).abs() < 1e-14);
-/// # Ok::<(), regen_runtime::Misuse>(())
+/// # Ok::<(), regen_runtime::ClosureError>(())
 /// ```
 #[derive(Debug)]
-pub struct Closure<'m, M: ?Sized> {
+pub struct LoopClosure<'m, M: ?Sized> {
     newton: Newton<'m, M>,
     home: Solution,
     /// Home, and the last solution of a `track` call; absent where home is not closed.
     ends: Option<(Point, Point)>,
 }
 
-impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
+impl<'m, M: Model<f64> + ?Sized> LoopClosure<'m, M> {
     /// Closes the model's home: the independent coordinates keep their values, the dependent
-    /// ones are solved by damped Newton. What became of it is in [`home`](Closure::home).
+    /// ones are solved by damped Newton. What became of it is in [`home`](LoopClosure::home).
     ///
     /// # Errors
     /// When the model's `Info` is inconsistent.
-    pub fn new(model: &'m M) -> Result<Self, Misuse> {
+    pub fn new(model: &'m M) -> Result<Self, ClosureError> {
         let info = model.info();
         check_info(&info)?;
         let mut newton = Newton::new(model)?;
@@ -241,18 +241,18 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
     ///
     /// # Errors
     /// When `q_i` has a wrong length or an entry that is not finite.
-    pub fn solve(&mut self, q_i: &[f64]) -> Result<Solution, Misuse> {
+    pub fn solve(&mut self, q_i: &[f64]) -> Result<Solution, ClosureError> {
         Ok(self.go(q_i, false)?.0)
     }
 
-    /// As [`solve`](Closure::solve), along the straight line from the last solution of a
+    /// As [`solve`](LoopClosure::solve), along the straight line from the last solution of a
     /// `track` call that closed; at first from home.
     ///
     /// For trajectories: short lines are cheap, and the branch is kept along the path itself.
     ///
     /// # Errors
     /// When `q_i` has a wrong length or an entry that is not finite.
-    pub fn track(&mut self, q_i: &[f64]) -> Result<Solution, Misuse> {
+    pub fn track(&mut self, q_i: &[f64]) -> Result<Solution, ClosureError> {
         let (solution, point) = self.go(q_i, true)?;
         if let (Some(point), Some(ends)) = (point, &mut self.ends) {
             ends.1 = point;
@@ -267,7 +267,7 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
         }
     }
 
-    /// As [`solve`](Closure::solve), with all velocities and accelerations from the
+    /// As [`solve`](LoopClosure::solve), with all velocities and accelerations from the
     /// independent ones (dof each; rad/s or m/s, rad/s^2 or m/s^2).
     ///
     /// # Errors
@@ -277,13 +277,13 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
         q_i: &[f64],
         qd_i: &[f64],
         qdd_i: &[f64],
-    ) -> Result<State, Misuse> {
+    ) -> Result<State, ClosureError> {
         self.check_rates(qd_i, qdd_i)?;
         let solution = self.solve(q_i)?;
         self.motion(solution, qd_i, qdd_i)
     }
 
-    /// As [`track`](Closure::track), with all velocities and accelerations from the
+    /// As [`track`](LoopClosure::track), with all velocities and accelerations from the
     /// independent ones.
     ///
     /// # Errors
@@ -293,13 +293,17 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
         q_i: &[f64],
         qd_i: &[f64],
         qdd_i: &[f64],
-    ) -> Result<State, Misuse> {
+    ) -> Result<State, ClosureError> {
         self.check_rates(qd_i, qdd_i)?;
         let solution = self.track(q_i)?;
         self.motion(solution, qd_i, qdd_i)
     }
 
-    fn go(&mut self, q_i: &[f64], from_last: bool) -> Result<(Solution, Option<Point>), Misuse> {
+    fn go(
+        &mut self,
+        q_i: &[f64],
+        from_last: bool,
+    ) -> Result<(Solution, Option<Point>), ClosureError> {
         check("q_i", q_i, self.newton.independent.len())?;
         let Some((home, last)) = &self.ends else {
             return Ok((self.home.clone(), None));
@@ -324,12 +328,17 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
         Ok((solution, outcome.is_closed().then_some(point)))
     }
 
-    fn check_rates(&self, qd_i: &[f64], qdd_i: &[f64]) -> Result<(), Misuse> {
+    fn check_rates(&self, qd_i: &[f64], qdd_i: &[f64]) -> Result<(), ClosureError> {
         check("qd_i", qd_i, self.newton.independent.len())?;
         check("qdd_i", qdd_i, self.newton.independent.len())
     }
 
-    fn motion(&mut self, solution: Solution, qd_i: &[f64], qdd_i: &[f64]) -> Result<State, Misuse> {
+    fn motion(
+        &mut self,
+        solution: Solution,
+        qd_i: &[f64],
+        qdd_i: &[f64],
+    ) -> Result<State, ClosureError> {
         let Solution {
             q,
             residual,
@@ -359,34 +368,34 @@ impl<'m, M: Model<f64> + ?Sized> Closure<'m, M> {
 }
 
 /// The argument has the length and is finite.
-fn check(argument: &'static str, values: &[f64], expected: usize) -> Result<(), Misuse> {
+fn check(argument: &'static str, values: &[f64], expected: usize) -> Result<(), ClosureError> {
     if values.len() != expected {
         let got = values.len();
-        return Err(Misuse::Size(SizeError {
+        return Err(ClosureError::Size(SizeError {
             argument,
             expected,
             got,
         }));
     }
     match values.iter().position(|x| !x.is_finite()) {
-        Some(index) => Err(Misuse::NotFinite { argument, index }),
+        Some(index) => Err(ClosureError::NotFinite { argument, index }),
         None => Ok(()),
     }
 }
 
 /// Home fits, and independent and dependent coordinates are a partition of all.
-fn check_info(info: &Info<'_>) -> Result<(), Misuse> {
+fn check_info(info: &Info<'_>) -> Result<(), ClosureError> {
     let n = info.coordinates.len();
     check("home", info.home, n)?;
     let mut times = vec![0_usize; n];
     for at in info.independent.iter().chain(info.dependent) {
         match times.get_mut(*at) {
             Some(times) => *times += 1,
-            None => return Err(Misuse::Partition { coordinate: *at }),
+            None => return Err(ClosureError::Partition { coordinate: *at }),
         }
     }
     match times.iter().position(|times| *times != 1) {
-        Some(coordinate) => Err(Misuse::Partition { coordinate }),
+        Some(coordinate) => Err(ClosureError::Partition { coordinate }),
         None => Ok(()),
     }
 }

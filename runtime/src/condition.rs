@@ -39,11 +39,11 @@ pub enum Status {
 }
 
 impl<T: Scalar> Condition<T> {
-    /// The condition of a mechanism without loops, in the shape of `like`.
+    /// The condition of a mechanism without loops, in the shape of `proto`.
     #[inline]
-    pub fn regular(like: T) -> Self {
+    pub fn regular(proto: T) -> Self {
         Self {
-            pivot: like.lift(1.0),
+            pivot: proto.splat(1.0),
         }
     }
 
@@ -71,7 +71,7 @@ impl<T: Scalar> Condition<T> {
     #[inline]
     pub fn is_regular(self) -> bool {
         // At the bound itself too: slightly on the safe side of `status`.
-        T::all(self.pivot.lift(NEAR_SINGULAR).less(self.pivot))
+        T::all(self.pivot.splat(NEAR_SINGULAR).less(self.pivot))
     }
 }
 

@@ -15,9 +15,9 @@ pub struct Cut<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
     /// A turn: rad, N m.
-    Turn,
+    Rotation,
     /// A shift: m, N.
-    Shift,
+    Translation,
 }
 
 /// The limits of a coordinate that are stated: lowest and highest value.
@@ -51,7 +51,7 @@ pub struct Joint {
 /// A limit of the angle between two z axes: those before and after a spherical or universal
 /// joint, or those of a cut's two frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Cone<'a> {
+pub struct SwingLimit<'a> {
     /// The joint or the cut.
     pub name: &'a str,
     /// The greatest angle, rad.
@@ -113,7 +113,7 @@ pub struct Info<'a> {
     pub joints: &'a [Joint],
     /// The cones that limit spherical and universal joints: joints in the order of their
     /// coordinates, then cuts. The order of [`Model::cones`](crate::Model::cones).
-    pub cones: &'a [Cone<'a>],
+    pub cones: &'a [SwingLimit<'a>],
     /// The nominal value of each parameter, in the order of `parameters`, about the origin of
     /// the body's frame; `None` where the spec gives none. Empty where nothing is known.
     pub nominal: &'a [Option<f64>],
@@ -132,14 +132,14 @@ impl Limits {
 impl Joint {
     /// A turn, nothing else stated.
     pub const TURN: Joint = Joint {
-        motion: Motion::Turn,
+        motion: Motion::Rotation,
         friction: Friction::None,
         limits: Limits::NONE,
         nominal: [None; 5],
     };
     /// A shift, nothing else stated.
     pub const SHIFT: Joint = Joint {
-        motion: Motion::Shift,
+        motion: Motion::Translation,
         ..Joint::TURN
     };
 }

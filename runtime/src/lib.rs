@@ -43,30 +43,29 @@ mod closure;
 mod condition;
 pub mod friction;
 pub mod function;
-mod guarded;
 mod info;
 mod kernel;
 mod linear;
 mod model;
 #[cfg(feature = "closure")]
-mod observe;
+mod observation;
 mod parameter;
 mod scalar;
 mod size;
+mod solve_guarded;
 
 pub use base::{BaseInfo, BaseModel, BaseParameter, BaseTerm, Certificate};
 #[cfg(feature = "closure")]
-pub use closure::{Closure, Misuse, Outcome, Solution, State};
+pub use closure::{ClosureError, LoopClosure, Outcome, Solution, State};
 pub use condition::{Condition, NEAR_SINGULAR, SINGULAR, Status};
 pub use friction::{Friction, JointFriction};
 pub use function::{Arguments, BaseFunction, Function};
-pub use guarded::{PIVOT_BOUND, guarded};
-pub use info::{Cone, Cut, Info, Joint, Limits, Motion};
+pub use info::{Cut, Info, Joint, Limits, Motion, SwingLimit};
 pub use kernel::BaseKernel;
 pub use linear::solve_pivoted;
 pub use model::Model;
 #[cfg(feature = "closure")]
-pub use observe::{Observation, Sample, observation};
+pub use observation::{ObservationMatrix, Sample, observation_matrix};
 pub use parameter::{INERTIAL, Parameter, Symbol};
 #[cfg(feature = "macros")]
 pub use regen_macros::robot_model;
@@ -78,3 +77,4 @@ pub use scalar::Tangent;
 #[cfg(feature = "simd")]
 pub use scalar::{Lane, LaneMask};
 pub use size::{SizeError, array, array_mut, matrix_mut};
+pub use solve_guarded::{PIVOT_BOUND, solve_guarded};

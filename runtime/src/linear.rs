@@ -48,9 +48,9 @@ pub fn solve_pivoted<T: Scalar, const R: usize, const N: usize, const K: usize>(
         );
     };
     // In range by the line above, so that the compiler keeps no check.
-    let like = a[0][0];
-    let zero = like.lift(0.0);
-    let one = like.lift(1.0);
+    let proto = a[0][0];
+    let zero = proto.splat(0.0);
+    let one = proto.splat(1.0);
 
     let mut a = *a;
     let mut b = *b;
@@ -60,7 +60,7 @@ pub fn solve_pivoted<T: Scalar, const R: usize, const N: usize, const K: usize>(
     // `order` follows the swaps of columns: entry k is the unknown that stands in column k.
     let mut order = [zero; N];
     for (k, slot) in order.iter_mut().enumerate() {
-        *slot = like.lift(k as f64);
+        *slot = proto.splat(k as f64);
     }
     eliminate(
         &mut a,
@@ -74,8 +74,8 @@ pub fn solve_pivoted<T: Scalar, const R: usize, const N: usize, const K: usize>(
 
     let mut x = [[zero; K]; N];
     for (j, row) in x.iter_mut().enumerate() {
-        let half_below = like.lift(j as f64 - 0.5);
-        let half_above = like.lift(j as f64 + 0.5);
+        let half_below = proto.splat(j as f64 - 0.5);
+        let half_above = proto.splat(j as f64 + 0.5);
         for ((at, scale), value) in order.iter().zip(&column_scale).zip(&solved) {
             let above = half_below.less(*at);
             let below = at.less(half_above);
@@ -132,7 +132,7 @@ fn equilibrate<T: Scalar, const R: usize, const N: usize, const K: usize>(
 /// Makes divisors of sizes: none below [`FLOOR`] of the largest, and none zero.
 fn bound<T: Scalar>(sizes: &mut [T], zero: T, one: T) {
     let largest = sizes.iter().fold(zero, |m, size| larger(m, *size));
-    let floor = largest * zero.lift(FLOOR);
+    let floor = largest * zero.splat(FLOOR);
     for size in sizes {
         let divisor = larger(*size, floor);
         *size = T::select(zero.less(divisor), divisor, one);
@@ -262,10 +262,10 @@ fn substitute<T: Scalar, const R: usize, const N: usize, const K: usize>(
 }
 
 /// The largest entry of a row from column `k` on.
-fn tail_max<T: Scalar, const N: usize>(row: &[T; N], k: usize, like: T) -> T {
+fn tail_max<T: Scalar, const N: usize>(row: &[T; N], k: usize, proto: T) -> T {
     row.iter()
         .skip(k)
-        .fold(like.lift(0.0), |m, entry| larger(m, entry.abs()))
+        .fold(proto.splat(0.0), |m, entry| larger(m, entry.abs()))
 }
 
 /// The larger of two values; NaN is dealt with once, by `non_finite`.

@@ -265,7 +265,7 @@ pub trait Model<T: Scalar = f64> {
     /// # Errors
     /// When a length does not fit.
     #[inline]
-    fn slotine_li(
+    fn adaptive_regressor(
         &self,
         q: &[T],
         qd: &[T],
@@ -280,7 +280,7 @@ pub trait Model<T: Scalar = f64> {
             qdd_r_i,
             ..Arguments::EMPTY
         };
-        self.eval(Function::SlotineLi, arguments, out)
+        self.eval(Function::AdaptiveRegressor, arguments, out)
     }
 
     /// The left side of the reduced model: tau_i - X^T tau_e (Eq. 10), from the efforts of all
@@ -291,7 +291,7 @@ pub trait Model<T: Scalar = f64> {
     /// # Errors
     /// When a length does not fit.
     #[inline]
-    fn efforts(
+    fn generalized_forces(
         &self,
         q: &[T],
         tau_actuated: &[T],
@@ -302,7 +302,7 @@ pub trait Model<T: Scalar = f64> {
             tau_actuated,
             ..Arguments::EMPTY
         };
-        self.eval(Function::Efforts, arguments, out)
+        self.eval(Function::GeneralizedForces, arguments, out)
     }
 
     /// The bodies' frames in the world.

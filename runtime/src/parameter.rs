@@ -32,7 +32,7 @@ pub enum Symbol<'a> {
 /// let friction = Parameter::read("Fc+(q2)").ok_or("a label")?;
 /// assert_eq!(friction.owner, "q2");
 /// assert_eq!(friction.symbol, Symbol::Friction("Fc+"));
-/// assert_eq!(friction.unit(Some(Motion::Turn)), "N m");
+/// assert_eq!(friction.unit(Some(Motion::Rotation)), "N m");
 /// assert_eq!(friction.to_string(), "Fc+(q2)");
 /// assert_eq!(Parameter::read("Q(1)"), None);
 /// # Ok::<(), &str>(())
@@ -88,8 +88,8 @@ impl<'a> Parameter<'a> {
     /// this is not known.
     pub fn unit(&self, motion: Option<Motion>) -> &'static str {
         let by = |turn, shift| match motion {
-            Some(Motion::Turn) => turn,
-            Some(Motion::Shift) => shift,
+            Some(Motion::Rotation) => turn,
+            Some(Motion::Translation) => shift,
             None => "SI",
         };
         match self.symbol {

@@ -27,7 +27,7 @@ pub use tangent::Tangent;
 ///
 /// # Constants are lifted, not made
 ///
-/// There is no `from_f64`. [`lift`](Scalar::lift) takes the shape of a value in hand. A SIMD lane
+/// There is no `from_f64`. [`splat`](Scalar::splat) takes the shape of a value in hand. A SIMD lane
 /// whose instruction set is found at run time carries a token that proves the set is there; a
 /// constant made from nothing would have no token, and only `unsafe` could invent one.
 ///
@@ -53,7 +53,7 @@ pub use tangent::Tangent;
 /// use regen_runtime::Scalar;
 ///
 /// fn coulomb<T: Scalar>(qd: T) -> T {
-///     qd.sign() * qd.lift(228.0)
+///     qd.sign() * qd.splat(228.0)
 /// }
 /// assert_eq!(coulomb(-0.3), -228.0);
 /// assert_eq!(coulomb(0.0_f32), 0.0);
@@ -72,7 +72,7 @@ pub trait Scalar:
 
     /// The constant `c` in the shape of `self`, whose value does not matter.
     #[must_use]
-    fn lift(self, c: f64) -> Self;
+    fn splat(self, c: f64) -> Self;
 
     /// `self * a + b`, fused where the hardware is known to fuse.
     #[must_use]
@@ -142,5 +142,5 @@ pub trait Scalar:
 /// Where the value is not NaN: a sign is a number below two, NaN is below nothing.
 #[inline]
 fn is_number<T: Scalar>(value: T) -> T::Mask {
-    value.sign().less(value.lift(2.0))
+    value.sign().less(value.splat(2.0))
 }

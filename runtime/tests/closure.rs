@@ -7,7 +7,7 @@
 use core::f64::consts::{FRAC_PI_2, PI};
 
 use proptest::prelude::*;
-use regen_runtime::{Closure, Misuse, Model, Outcome, SizeError};
+use regen_runtime::{ClosureError, LoopClosure, Model, Outcome, SizeError};
 
 #[path = "models/four_bars.rs"]
 mod four_bars;
@@ -76,7 +76,7 @@ proptest! {
         elbow in prop::sample::select(vec![-1.0, 1.0]),
     ) {
         let model = slider_crank(1.0, 1.6, offset, start, elbow);
-        let mut closure = Closure::new(&model).unwrap();
+        let mut closure = LoopClosure::new(&model).unwrap();
         let solution = closure.solve(&[target]).unwrap();
         prop_assert_eq!(solution.outcome, Outcome::Closed);
         prop_assert!(solution.residual < 1e-13 * (1.0 + target.abs()), "{:e}", solution.residual);
@@ -96,7 +96,7 @@ proptest! {
         // The rod is perpendicular to the slider at sin(angle) = +-rod: a fold.
         let fold = rod.asin();
         let model = slider_crank(1.0, rod, 0.0, start * fold, elbow);
-        let mut closure = Closure::new(&model).unwrap();
+        let mut closure = LoopClosure::new(&model).unwrap();
         let solution = closure.solve(&[target]).unwrap();
         if target.abs() < fold - 1e-9 {
             prop_assert_eq!(solution.outcome, Outcome::Closed);
@@ -118,7 +118,7 @@ proptest! {
     #[test]
     fn tracking_gives_what_solving_gives(angles in prop::collection::vec(-4.0..4.0_f64, 1..20)) {
         let model = slider_crank(1.0, 1.6, 0.3, 0.4, -1.0);
-        let (mut tracked, mut solved) = (Closure::new(&model).unwrap(), Closure::new(&model).unwrap());
+        let (mut tracked, mut solved) = (LoopClosure::new(&model).unwrap(), LoopClosure::new(&model).unwrap());
         for angle in angles {
             let (a, b) = (tracked.track(&[angle]).unwrap(), solved.solve(&[angle]).unwrap());
             prop_assert_eq!(a.outcome, Outcome::Closed);
@@ -131,7 +131,7 @@ proptest! {
     #[test]
     fn rates_are_those_of_the_closed_form(angle in -3.0..3.0_f64, qd in -2.0..2.0_f64, qdd in -2.0..2.0_f64) {
         let model = slider_crank(1.0, 1.6, 0.3, 0.4, 1.0);
-        let state = Closure::new(&model).unwrap().solve_state(&[angle], &[qd], &[qdd]).unwrap();
+        let state = LoopClosure::new(&model).unwrap().solve_state(&[angle], &[qd], &[qdd]).unwrap();
         let h = 1e-4;
         let [before, now, after] = [-h, 0.0, h].map(|t| {
             exact(&model, angle + t * qd + 0.5 * t * t * qdd, 1.0)
@@ -166,7 +166,7 @@ proptest! {
             home.extend(flat);
         }
         let model = FourBars { loops: vec![PARALLELOGRAM; loops], home };
-        let mut closure = Closure::new(&model).unwrap();
+        let mut closure = LoopClosure::new(&model).unwrap();
         prop_assert_eq!((closure.home().outcome, closure.home().steps), (Outcome::Closed, 0));
         let solution = closure.solve(&[target]).unwrap();
         match solution.outcome {
@@ -183,7 +183,7 @@ proptest! {
         let bars = Loop { input: 0.5, coupler: 1.5, follower: 1.2, ground: 1.4 };
         let guess = if up { vec![0.0, 0.8, 1.8] } else { vec![0.0, -0.8, -1.8] };
         let model = FourBars { loops: vec![bars], home: guess };
-        let mut closure = Closure::new(&model).unwrap();
+        let mut closure = LoopClosure::new(&model).unwrap();
         prop_assert_eq!(closure.home().outcome, Outcome::Closed);
         let solution = closure.solve(&[target]).unwrap();
         prop_assert_eq!(solution.outcome, Outcome::Closed);
@@ -200,7 +200,7 @@ fn home_is_closed_from_a_rough_guess() {
         home: [0.7, -1.5, 2.0],
         ..SliderCrank::default()
     };
-    let closure = Closure::new(&model).unwrap();
+    let closure = LoopClosure::new(&model).unwrap();
     assert_eq!(closure.home().outcome, Outcome::Closed);
     assert_at(&closure.home().q, &exact(&model, 0.7, 1.0), 1e-14);
 }
@@ -213,7 +213,7 @@ fn a_home_out_of_reach_is_not_closed_and_nothing_is_solved_from_it() {
         offset: 0.0,
         home: [FRAC_PI_2, 0.1, 0.5],
     };
-    let mut closure = Closure::new(&model).unwrap();
+    let mut closure = LoopClosure::new(&model).unwrap();
     assert!(
         matches!(closure.home().outcome, Outcome::NotClosed { at, residual } if at == 0.0 && residual > 0.5)
     );
@@ -231,14 +231,17 @@ fn a_singular_home_is_singular() {
         offset: 2.0,
         home: [FRAC_PI_2, 0.0, 0.0],
     };
-    let closure = Closure::new(&model).unwrap();
+    let closure = LoopClosure::new(&model).unwrap();
     assert!(matches!(closure.home().outcome, Outcome::Singular { .. }));
 }
 
 #[test]
 fn a_target_at_the_fold_is_singular() {
     let model = slider_crank(1.0, 0.5, 0.0, 0.1, 1.0);
-    let solution = Closure::new(&model).unwrap().solve(&[PI / 6.0]).unwrap();
+    let solution = LoopClosure::new(&model)
+        .unwrap()
+        .solve(&[PI / 6.0])
+        .unwrap();
     assert!(matches!(solution.outcome, Outcome::Singular { at, .. } if at > 1.0 - 1e-9));
 }
 
@@ -246,7 +249,7 @@ fn a_target_at_the_fold_is_singular() {
 fn small_mechanisms_are_closed_as_tightly_as_large_ones() {
     for size in [1e-3, 1.0, 1e3] {
         let model = slider_crank(size, 1.6 * size, 0.2 * size, 0.3, -1.0);
-        let solution = Closure::new(&model).unwrap().solve(&[2.5]).unwrap();
+        let solution = LoopClosure::new(&model).unwrap().solve(&[2.5]).unwrap();
         assert_eq!(solution.outcome, Outcome::Closed);
         assert!(solution.residual <= 4.0 * f64::EPSILON * size.max(1e-3));
         assert_at(
@@ -260,7 +263,7 @@ fn small_mechanisms_are_closed_as_tightly_as_large_ones() {
 #[test]
 fn a_failed_track_leaves_the_last_solution() {
     let model = slider_crank(1.0, 0.5, 0.0, 0.1, 1.0);
-    let mut closure = Closure::new(&model).unwrap();
+    let mut closure = LoopClosure::new(&model).unwrap();
     let before = closure.track(&[0.3]).unwrap();
     assert!(!closure.track(&[1.5]).unwrap().outcome.is_closed());
     let after = closure.track(&[0.3]).unwrap();
@@ -275,7 +278,7 @@ fn a_failed_track_leaves_the_last_solution() {
 #[test]
 fn a_mechanism_without_loops_is_always_closed() {
     let model = Pendulum;
-    let mut closure = Closure::new(&model as &dyn Model).unwrap();
+    let mut closure = LoopClosure::new(&model as &dyn Model).unwrap();
     let state = closure.solve_state(&[7.0], &[2.0], &[3.0]).unwrap();
     assert_eq!(state.outcome, Outcome::Closed);
     assert_eq!((state.q[0], state.qd[0], state.qdd[0]), (7.0, 2.0, 3.0));
@@ -285,14 +288,14 @@ fn a_mechanism_without_loops_is_always_closed() {
 #[test]
 fn misuse_is_an_error_that_names_the_argument() {
     let model = SliderCrank::default();
-    let mut closure = Closure::new(&model).unwrap();
+    let mut closure = LoopClosure::new(&model).unwrap();
     let size = SizeError {
         argument: "q_i",
         expected: 1,
         got: 2,
     };
-    assert_eq!(closure.solve(&[0.0, 1.0]), Err(Misuse::Size(size)));
-    let not_finite = Misuse::NotFinite {
+    assert_eq!(closure.solve(&[0.0, 1.0]), Err(ClosureError::Size(size)));
+    let not_finite = ClosureError::NotFinite {
         argument: "qdd_i",
         index: 0,
     };
@@ -309,5 +312,8 @@ fn misuse_is_an_error_that_names_the_argument() {
         expected: 3,
         got: 2,
     };
-    assert_eq!(Closure::new(&short).err(), Some(Misuse::Size(size)));
+    assert_eq!(
+        LoopClosure::new(&short).err(),
+        Some(ClosureError::Size(size))
+    );
 }

@@ -5,7 +5,9 @@
 #![allow(clippy::doc_markdown, reason = "formulas")]
 
 use proptest::prelude::*;
-use regen_runtime::{Closure, Condition, Model, Sample, Scalar, SizeError, State, observation};
+use regen_runtime::{
+    Condition, LoopClosure, Model, Sample, Scalar, SizeError, State, observation_matrix,
+};
 
 #[path = "models/slider_crank.rs"]
 mod slider_crank;
@@ -20,7 +22,7 @@ const MODEL: SliderCrank = SliderCrank {
 const PHI: [f64; 3] = [0.7, 0.3, 2.5];
 
 fn state(angle: f64, qd: f64, qdd: f64) -> State {
-    let state = Closure::new(&MODEL)
+    let state = LoopClosure::new(&MODEL)
         .unwrap()
         .solve_state(&[angle], &[qd], &[qdd])
         .unwrap();
@@ -29,23 +31,23 @@ fn state(angle: f64, qd: f64, qdd: f64) -> State {
 }
 
 /// One number of a model's method that fills a slice.
-fn one<T: Scalar>(like: T, fill: impl FnOnce(&mut [T]) -> Result<Condition<T>, SizeError>) -> T {
-    let mut out = [like];
+fn one<T: Scalar>(proto: T, fill: impl FnOnce(&mut [T]) -> Result<Condition<T>, SizeError>) -> T {
+    let mut out = [proto];
     let condition = fill(&mut out).unwrap();
     assert!(condition.is_regular());
     out[0]
 }
 
 /// The regressor, the inverse dynamics and the velocities at a state, one after the other.
-fn evaluate<T: Scalar>(like: T, state: &State) -> Vec<T> {
-    let lift = |values: &[f64]| values.iter().map(|x| like.lift(*x)).collect::<Vec<_>>();
+fn evaluate<T: Scalar>(proto: T, state: &State) -> Vec<T> {
+    let splat = |values: &[f64]| values.iter().map(|x| proto.splat(*x)).collect::<Vec<_>>();
     let (q, qd, qdd, phi) = (
-        lift(&state.q),
-        lift(&state.qd),
-        lift(&state.qdd),
-        lift(&PHI),
+        splat(&state.q),
+        splat(&state.qd),
+        splat(&state.qdd),
+        splat(&PHI),
     );
-    let mut all = vec![like; 7];
+    let mut all = vec![proto; 7];
     let _ = MODEL.regressor(&q, &qd, &qdd, &mut all[..3]).unwrap();
     let _ = MODEL
         .inverse_dynamics(&q, &qd, &qdd, &phi, &mut all[3..4])
@@ -72,7 +74,7 @@ proptest! {
 
         // With itself as its reference, Slotine and Li's regressor is the regressor.
         let mut y = [0.0; 3];
-        let _ = MODEL.slotine_li(&q, &rates, &[qd], &[qdd], &mut y).unwrap();
+        let _ = MODEL.adaptive_regressor(&q, &rates, &[qd], &[qdd], &mut y).unwrap();
         for (y, w) in y.iter().zip(&w) {
             prop_assert!((y - w).abs() < 1e-11 * size);
         }
@@ -81,7 +83,7 @@ proptest! {
     #[test]
     fn efforts_do_the_same_work_on_either_side(angle in -3.0..3.0_f64, crank in -9.0..9.0_f64, slider in -9.0..9.0_f64) {
         let State { q, qd, .. } = state(angle, 1.0, 0.0);
-        let effort = one(0.0, |out| MODEL.efforts(&q, &[crank, slider], out));
+        let effort = one(0.0, |out| MODEL.generalized_forces(&q, &[crank, slider], out));
         prop_assert!((effort * qd[0] - (crank * qd[0] + slider * qd[2])).abs() < 1e-12);
     }
 
@@ -170,7 +172,7 @@ fn observations_stand_sample_by_sample_with_their_conditions() {
         state(2.0, 0.5, -4.0),
     ];
     let samples: Vec<Sample<'_>> = states.iter().map(Sample::from).collect();
-    let mut observed = observation(&MODEL, &samples).unwrap();
+    let mut observed = observation_matrix(&MODEL, &samples).unwrap();
     assert_eq!((observed.rows, observed.columns, observed.dof), (3, 3, 1));
     for (k, state) in states.iter().enumerate() {
         let mut w = [0.0; 3];
@@ -197,7 +199,7 @@ fn observations_stand_sample_by_sample_with_their_conditions() {
             assert!((scaled * divisor - plain).abs() <= 1e-15 * plain.abs());
         }
     }
-    let mut empty = observation(&MODEL, &[]).unwrap();
+    let mut empty = observation_matrix(&MODEL, &[]).unwrap();
     assert_eq!((empty.rows, empty.scale_columns().len()), (0, 3));
 }
 
@@ -213,5 +215,5 @@ fn a_sample_of_the_wrong_size_is_an_error() {
         expected: 3,
         got: 2,
     };
-    assert_eq!(observation(&MODEL, &[sample]), Err(error));
+    assert_eq!(observation_matrix(&MODEL, &[sample]), Err(error));
 }

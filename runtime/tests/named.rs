@@ -109,8 +109,8 @@ fn each_named_method_is_its_function_with_its_arguments() {
         gravity(q = 1.0, phi = 8.0) -> condition;
         bias_forces(q = 1.0, qd = 2.0, phi = 8.0) -> condition;
         mass_matrix(q = 1.0, phi = 8.0) -> condition;
-        slotine_li(q = 1.0, qd = 2.0, qd_r_i = 6.0, qdd_r_i = 7.0) -> condition;
-        efforts(q = 1.0, tau_actuated = 9.0) -> condition;
+        adaptive_regressor(q = 1.0, qd = 2.0, qd_r_i = 6.0, qdd_r_i = 7.0) -> condition;
+        generalized_forces(q = 1.0, tau_actuated = 9.0) -> condition;
         poses(q = 1.0) -> nothing;
         cones(q = 1.0) -> nothing;
         base_regressor(q = 1.0, qd = 2.0, qdd = 3.0) -> condition;

@@ -14,7 +14,7 @@ fn operations<T: Scalar>(x: T, y: T) -> [T; 13] {
         x * y,
         x / y,
         -x,
-        x.lift(0.1),
+        x.splat(0.1),
         x.mul_add(y, x),
         Scalar::abs(x),
         x.sign(),
@@ -82,9 +82,9 @@ proptest! {
 }
 
 /// The rules that hold for one type, values taken out by `get`.
-fn nan_rules<T: Scalar>(like: T, get: impl Fn(T) -> f64) {
-    let nan = like.lift(f64::NAN);
-    let one = like.lift(1.0);
+fn nan_rules<T: Scalar>(proto: T, get: impl Fn(T) -> f64) {
+    let nan = proto.splat(f64::NAN);
+    let one = proto.splat(1.0);
     for value in operations(nan, one)
         .into_iter()
         .enumerate()
@@ -101,9 +101,9 @@ fn nan_rules<T: Scalar>(like: T, get: impl Fn(T) -> f64) {
     assert!(!T::all(nan.less(one)));
     assert!(!T::all(one.less(nan)));
     assert!(!T::all(nan.less(nan)));
-    let zero = like.lift(0.0);
+    let zero = proto.splat(0.0);
     assert!(get(zero.sign()) == 0.0 && get((-zero).sign()) == 0.0);
-    let infinite = like.lift(f64::INFINITY);
+    let infinite = proto.splat(f64::INFINITY);
     assert!(get(Scalar::min(infinite, infinite)) == f64::INFINITY);
     assert!(get(Scalar::max(-infinite, infinite)) == f64::INFINITY);
 }
@@ -278,7 +278,9 @@ mod lane {
     impl WithSimd for NanRules {
         type Output = ();
         fn with_simd<S: Simd>(self, simd: S) {
-            nan_rules(Lane::splat(simd, 0.0), |x| values_of(x)[S::F64_LANES - 1]);
+            nan_rules(Lane::broadcast(simd, 0.0), |x| {
+                values_of(x)[S::F64_LANES - 1]
+            });
         }
     }
 

@@ -13,13 +13,13 @@
 use std::io::Write as _;
 
 use regen_codegen::{diag::Source, pipeline};
-use regen_identify::estimate::Factor;
+use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    Bound, Combinations, FeasibilityError, Layout, Options, Physical, Scale, Total, Verdict,
+    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, Physical, Scale, Total, Verdict,
     identify, verdict,
 };
 use regen_interpreted::{BaseTerms, Interpreted};
-use regen_runtime::{BaseModel, Closure, Outcome};
+use regen_runtime::{BaseModel, LoopClosure, Outcome};
 use regen_tests::random_spec;
 use regen_tests::reference::{PhysicalBody, Random};
 use serde_json::{Value, json};
@@ -54,8 +54,8 @@ fn problem(seed: u64) -> Option<Value> {
     let robot = pipeline::derive(&Source::new("random.yaml", &text)).ok()?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
-    let layout = Layout::new(model.info().parameters).ok()?;
-    let combinations = Combinations::from_model(&model, layout.len()).ok()?;
+    let layout = ParameterLayout::new(model.info().parameters).ok()?;
+    let combinations = BaseMap::from_model(&model, layout.len()).ok()?;
     let mut random = Random::new(seed.wrapping_mul(0x9E37_79B9).wrapping_add(17));
     let truth = truth(&layout, &mut random);
     let (factor, rows) = data(&model, &combinations, &truth, &mut random)?;
@@ -123,7 +123,7 @@ fn below(random: &mut Random, n: usize) -> usize {
 }
 
 /// Physical values, light bodies beside heavy ones.
-fn truth(layout: &Layout, random: &mut Random) -> Vec<f64> {
+fn truth(layout: &ParameterLayout, random: &mut Random) -> Vec<f64> {
     let mut phi = vec![0.0; layout.len()];
     for body in layout.bodies() {
         let mass = 10.0_f64.powf(random.uniform(-2.0, 1.3));
@@ -142,14 +142,14 @@ fn truth(layout: &Layout, random: &mut Random) -> Vec<f64> {
 /// Observations of a poor motion, with noise.
 fn data(
     model: &Interpreted<'_>,
-    combinations: &Combinations,
+    combinations: &BaseMap,
     truth: &[f64],
     random: &mut Random,
-) -> Option<(Factor, usize)> {
+) -> Option<(QrFactor, usize)> {
     let info = model.info();
     let (dof, r) = (info.independent.len(), combinations.rows().len());
     let beta = combinations.apply(truth).ok()?;
-    let mut closure = Closure::new(model).ok()?;
+    let mut closure = LoopClosure::new(model).ok()?;
     let home: Vec<f64> = info.independent.iter().map(|k| info.home[*k]).collect();
     let resting: Vec<bool> = (0..dof).map(|_| random.uniform(0.0, 1.0) < 0.2).collect();
     let reach = 10.0_f64.powf(random.uniform(-1.5, 0.0));
@@ -189,7 +189,7 @@ fn data(
     let squares: f64 = all.iter().flat_map(|(_, t)| t).map(|t| t * t).sum();
     let noise =
         (squares / (all.len() * dof) as f64).sqrt() * 10.0_f64.powf(random.uniform(-2.5, -0.3));
-    let mut factor = Factor::new(combinations.labels().to_vec());
+    let mut factor = QrFactor::new(combinations.labels().to_vec());
     for (w, tau) in &mut all {
         for t in tau.iter_mut() {
             // near normal
@@ -202,7 +202,7 @@ fn data(
 }
 
 /// Bounds that may exclude the truth, known values and sums.
-fn wishes(layout: &Layout, truth: &[f64], random: &mut Random) -> Options {
+fn wishes(layout: &ParameterLayout, truth: &[f64], random: &mut Random) -> Options {
     let mut options = Options::default();
     let mut used = Vec::new();
     for body in layout.bodies() {

@@ -15,10 +15,10 @@
 
 use regen_codegen::diag::Source as Text;
 use regen_codegen::pipeline::derive;
-use regen_identify::feasibility::{Combinations, FeasibilityError, Layout, Options, Scale};
+use regen_identify::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout, Scale};
 use regen_identify::friction::{self, JointFit, nonlinear_joints};
 use regen_identify::identifiability::{Checks, reduce};
-use regen_identify::identify::{self, Filtering, Kind, Recorded, Row, Source};
+use regen_identify::identify::{self, EquationKind, Filtering, Recorded, Row, Source};
 use regen_identify::intervals::{LeastSquares, Spread, constrained};
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_runtime::{BaseModel, Friction};
@@ -240,15 +240,15 @@ fn linear(which: &str, logs: usize, samples: usize) {
     let ideal = Ideal::new(&model, &beta, &[], samples);
     let labels = || base.iter().map(|b| b.label);
     let mut all = counts(labels(), &beta);
-    let layout = Layout::new(info.parameters).unwrap();
-    let combinations = Combinations::from_base(&model.base_info(), layout.len()).unwrap();
+    let layout = ParameterLayout::new(info.parameters).unwrap();
+    let combinations = BaseMap::from_base(&model.base_info(), layout.len()).unwrap();
     let options = identify::Options {
         huber: (which == "huber").then_some(1.345),
         ..identify::Options::default()
     };
     for seed in 0..logs {
         let mut log = ideal.log(seed as u64);
-        let found = identify::identify(&model, Kind::Forces, &options, &mut log).unwrap();
+        let found = identify::identify(&model, EquationKind::Forces, &options, &mut log).unwrap();
         let values = &found.estimate.values;
         let scale = Scale::near(&layout, &combinations, values, 0.7);
         match which {
@@ -356,8 +356,8 @@ fn nonlinear(which: &str, logs: usize, samples: usize) {
         truth.extend(&joint.values);
     }
     let mut all = counts(names.iter().map(String::as_str), &truth);
-    let layout = Layout::new(info.parameters).unwrap();
-    let combinations = Combinations::from_base(&model.base_info(), layout.len()).unwrap();
+    let layout = ParameterLayout::new(info.parameters).unwrap();
+    let combinations = BaseMap::from_base(&model.base_info(), layout.len()).unwrap();
     let options = Options {
         scale: Scale::near(&layout, &combinations, &beta, 0.7),
         ..Options::default()

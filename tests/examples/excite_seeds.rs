@@ -5,7 +5,7 @@
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
-use regen_experiment::excite::{Criterion, Outcome, Settings, Watch, excite};
+use regen_experiment::excite::{Criterion, Monitor, Outcome, Settings, excite};
 use regen_generated::rps3::Rps3;
 use regen_runtime::{Limits, Model};
 
@@ -40,7 +40,7 @@ fn main() {
         settings.seed = seed;
         let from = Instant::now();
         let stop = AtomicBool::new(false);
-        let watch = Watch {
+        let watch = Monitor {
             stop: &stop,
             report: &|_| {},
         };

@@ -29,7 +29,7 @@ impl Derived {
     /// # Errors
     /// The report of the spec's mistakes.
     pub fn without_base(name: &str, text: &str) -> Answer<Derived> {
-        match derive_with(&Source::new(name, text), BaseFrom::Nowhere) {
+        match derive_with(&Source::new(name, text), BaseFrom::Skip) {
             Ok(robot) => Ok(Derived { robot }),
             Err(DeriveError::Spec(report)) => Err(report.to_string()),
             Err(other) => Err(format!("{other:?}")),

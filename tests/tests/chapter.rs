@@ -14,7 +14,7 @@ mod robot;
 
 use models::{Automatic, Table6};
 use regen_identify::signals::Fourier;
-use regen_runtime::{Closure, State};
+use regen_runtime::{LoopClosure, State};
 
 /// The trajectory that `regen excite` found with the condition number as its criterion.
 fn states() -> Vec<State> {
@@ -96,7 +96,7 @@ fn friction_and_drives_are_independent_of_rigid_bodies() {
 #[test]
 fn within_cones_of_45_degrees_the_robot_is_far_from_singularities() {
     let model = robot::model();
-    let mut closure = Closure::new(model).unwrap();
+    let mut closure = LoopClosure::new(model).unwrap();
     let (mut inside, mut outside) = (f64::INFINITY, f64::INFINITY);
     let leg = |k: usize| 0.35 + 0.5 * k as f64 / 7.0;
     for k in 0..512 {

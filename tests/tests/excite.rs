@@ -4,11 +4,11 @@
 use std::sync::atomic::AtomicBool;
 
 use regen_experiment::excite::{
-    Criterion, Excitation, ExciteError, Landscape, Outcome, Quantity, Settings, Sight, Watch,
-    excite,
+    Criterion, Excitation, ExciteError, Monitor, Outcome, Quantity, ScaledEvaluation,
+    ScaledProblem, Settings, excite,
 };
 use regen_generated::rps3::Rps3;
-use regen_runtime::{Closure, Limits, Model};
+use regen_runtime::{Limits, LoopClosure, Model};
 
 /// Few harmonics and samples, the limits of the chapter's robot.
 fn settings() -> Settings {
@@ -30,7 +30,7 @@ fn settings() -> Settings {
 
 fn seek(settings: &Settings, stop: bool) -> Outcome {
     let stop = AtomicBool::new(stop);
-    let watch = Watch {
+    let watch = Monitor {
         stop: &stop,
         report: &|_| {},
     };
@@ -59,19 +59,19 @@ fn gradients_are_the_finite_differences_of_every_criterion_and_limit() {
             at_rest: criterion == Criterion::Condition,
             ..settings()
         };
-        let mut landscape = Landscape::new(&Rps3, &Rps3, &settings).unwrap();
-        let kinds = landscape.limits().iter().map(|limit| limit.quantity);
+        let mut problem = ScaledProblem::new(&Rps3, &Rps3, &settings).unwrap();
+        let kinds = problem.limits().iter().map(|limit| limit.quantity);
         for quantity in [
             Quantity::Position,
             Quantity::Velocity,
             Quantity::Acceleration,
             Quantity::Effort,
-            Quantity::Cone,
+            Quantity::SwingLimit,
             Quantity::Singularity,
         ] {
             assert!(kinds.clone().any(|kind| kind == quantity), "{quantity:?}");
         }
-        let mut y = landscape.still(&[0.6, 0.61, 0.59]);
+        let mut y = problem.still(&[0.6, 0.61, 0.59]);
         for (k, y) in y.iter_mut().enumerate() {
             *y += 0.1 * (1.7 * k as f64).sin();
         }
@@ -82,7 +82,7 @@ fn gradients_are_the_finite_differences_of_every_criterion_and_limit() {
         let mut at = |part: f64| {
             let moved = y.iter().zip(&direction).map(|(y, d)| y + part * d);
             let moved: Vec<f64> = moved.collect();
-            landscape.at(&moved, 5.0).unwrap().expect("closed")
+            problem.at(&moved, 5.0).unwrap().expect("closed")
         };
         let here = at(0.0);
         let around = [-2.0, -1.0, 1.0, 2.0].map(|part| at(part * h));
@@ -93,7 +93,7 @@ fn gradients_are_the_finite_differences_of_every_criterion_and_limit() {
                 .map(|(s, d)| s * d)
                 .sum::<f64>()
         };
-        let agree = |exact: f64, of: &dyn Fn(&Sight) -> f64, what: &str| {
+        let agree = |exact: f64, of: &dyn Fn(&ScaledEvaluation) -> f64, what: &str| {
             let [a, b, c, d] = around.each_ref().map(of);
             let difference = (a - 8.0 * b + 8.0 * c - d) / (12.0 * h);
             let tolerance = 1e-5 * (1.0 + exact.abs());
@@ -103,9 +103,9 @@ fn gradients_are_the_finite_differences_of_every_criterion_and_limit() {
             );
         };
         agree(along(&here.gradient), &|sight| sight.objective, "objective");
-        let count = landscape.limits().len();
+        let count = problem.limits().len();
         for (k, slope) in here.slopes.iter().enumerate() {
-            let what = landscape.limits()[k % count].to_string();
+            let what = problem.limits()[k % count].to_string();
             agree(along(slope), &|sight| sight.values[k], &what);
         }
     }
@@ -120,7 +120,7 @@ fn a_trajectory_keeps_every_limit_between_samples_too_and_starts_at_rest() {
     let found = found(seek(&settings, false));
     let info = Model::<f64>::info(&Rps3);
     let phi = settings.nominal.clone().unwrap();
-    let mut closure = Closure::new(&Rps3).unwrap();
+    let mut closure = LoopClosure::new(&Rps3).unwrap();
     let (mut nearest, steps) = (f64::INFINITY, 3001_u16);
     let mut inside = |value: f64, range: Option<[f64; 2]>| {
         if let Some([lowest, highest]) = range {
@@ -215,21 +215,21 @@ fn a_limit_that_no_motion_keeps_is_named() {
 #[test]
 fn a_variable_that_is_no_number_is_an_error_wherever_it_stands() {
     let settings = settings();
-    let mut landscape = Landscape::new(&Rps3, &Rps3, &settings).unwrap();
-    let good = landscape.still(&[0.6, 0.61, 0.59]);
-    assert!(landscape.at(&good, 8.0).is_ok());
+    let mut problem = ScaledProblem::new(&Rps3, &Rps3, &settings).unwrap();
+    let good = problem.still(&[0.6, 0.61, 0.59]);
+    assert!(problem.at(&good, 8.0).is_ok());
     for bad in [f64::NAN, f64::INFINITY] {
         for k in 0..good.len() {
             let mut y = good.clone();
             y[k] = bad;
-            assert!(landscape.at(&y, 8.0).is_err(), "variable {k} is {bad}");
+            assert!(problem.at(&y, 8.0).is_err(), "variable {k} is {bad}");
         }
     }
 }
 
 #[test]
 fn misuse_is_an_error_that_says_what_to_do() {
-    let fails = |settings: &Settings| match Landscape::new(&Rps3, &Rps3, settings) {
+    let fails = |settings: &Settings| match ScaledProblem::new(&Rps3, &Rps3, settings) {
         Err(error) => error,
         Ok(_) => panic!("accepted"),
     };

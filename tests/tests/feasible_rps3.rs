@@ -5,13 +5,13 @@
 use std::time::Instant;
 
 use regen_generated::rps3_friction::Rps3Friction;
-use regen_identify::estimate::Factor;
+use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    Combinations, Layout, Options, Outcome, Scale, Verdict, bodies_yaml, identify, verdict,
+    BaseMap, Options, Outcome, ParameterLayout, Scale, Verdict, bodies_yaml, identify, verdict,
 };
 use regen_identify::friction::{FrictionData, FrictionJoint, directions, fit};
 use regen_identify::identifiability::{Checks, Feasibility, WELL, reduce};
-use regen_runtime::{BaseModel, Closure, Friction, State};
+use regen_runtime::{BaseModel, Friction, LoopClosure, State};
 
 /// A sequence of numbers that is the same everywhere (SplitMix64), by Box and Muller normal.
 struct Random(u64);
@@ -35,12 +35,12 @@ fn model() -> &'static dyn BaseModel<f64> {
     &Rps3Friction
 }
 
-fn layout() -> Layout {
-    Layout::new(model().info().parameters).unwrap()
+fn layout() -> ParameterLayout {
+    ParameterLayout::new(model().info().parameters).unwrap()
 }
 
-fn combinations() -> Combinations {
-    Combinations::from_base(&model().base_info(), layout().len()).unwrap()
+fn combinations() -> BaseMap {
+    BaseMap::from_base(&model().base_info(), layout().len()).unwrap()
 }
 
 fn nominal() -> Vec<f64> {
@@ -50,7 +50,7 @@ fn nominal() -> Vec<f64> {
 /// States along sums of sines about the middle of the legs' strokes.
 fn states(samples: usize, phase: f64) -> Vec<State> {
     let model = model();
-    let mut closure = Closure::new(model).unwrap();
+    let mut closure = LoopClosure::new(model).unwrap();
     (0..samples)
         .map(|k| {
             let t = 7.5 * k as f64 / samples as f64;
@@ -82,9 +82,9 @@ fn equations(state: &State, beta: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (w, tau)
 }
 
-fn factor(states: &[State], beta: &[f64], sigma: f64, seed: u64) -> Factor {
+fn factor(states: &[State], beta: &[f64], sigma: f64, seed: u64) -> QrFactor {
     let mut random = Random(seed);
-    let mut factor = Factor::new(combinations().labels().to_vec());
+    let mut factor = QrFactor::new(combinations().labels().to_vec());
     for state in states {
         let (w, mut tau) = equations(state, beta);
         for t in &mut tau {
@@ -202,7 +202,7 @@ fn nonlinear_friction_of_active_and_passive_joints_is_recovered() {
             .collect();
         data.push(&columns, &tau, &qd, &d, &[1.0; 3]).unwrap();
     }
-    let plain = Layout::new(
+    let plain = ParameterLayout::new(
         &layout
             .labels()
             .iter()
@@ -219,7 +219,7 @@ fn nonlinear_friction_of_active_and_passive_joints_is_recovered() {
     let rows = rows
         .map(|row| columns.iter().map(|c| row[*c]).collect())
         .collect();
-    let narrowed = Combinations::new(seen.labels().to_vec(), rows).unwrap();
+    let narrowed = BaseMap::new(seen.labels().to_vec(), rows).unwrap();
     let found = fit(&data, &narrowed, &plain, &Options::default()).unwrap();
     println!(
         "{} programmes, {:e} of {:e}",

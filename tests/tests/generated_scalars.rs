@@ -15,7 +15,7 @@ use regen_codegen::optimize::{Op, Program};
 use regen_codegen::pipeline::derive;
 use regen_codegen::robot::FunctionKind;
 use regen_generated::rps3::{self, Rps3};
-use regen_runtime::{Closure, Dual, Lane, PIVOT_BOUND, Scalar};
+use regen_runtime::{Dual, Lane, LoopClosure, PIVOT_BOUND, Scalar};
 use regen_tests::files;
 use regen_tests::reference::Random;
 
@@ -46,10 +46,10 @@ fn parameters() -> [f64; P] {
     reason = "lanes need the instruction set of the function that dispatches"
 )]
 fn ask<T: Scalar>([q, qd, qdd]: &[[T; N]; 3]) -> Answer<T> {
-    let like = q[0];
-    let phi = parameters().map(|x| like.lift(x));
+    let proto = q[0];
+    let phi = parameters().map(|x| proto.splat(x));
     let qd_i = rps3::INDEPENDENT.map(|c| qd[c]);
-    let mut regressor = [[like; DOF]; P];
+    let mut regressor = [[proto; DOF]; P];
     let first = rps3::regressor(q, qd, qdd, &mut regressor);
     let (velocities, second) = rps3::velocities(q, &qd_i);
     let (tau, third) = rps3::inverse_dynamics(q, qd, qdd, &phi);
@@ -96,7 +96,7 @@ fn difference(found: &Answer<f64>, expected: &Answer<f64>) -> f64 {
 /// Closed states about home, moving.
 fn states(count: usize) -> Vec<State> {
     let mut random = Random::new(1);
-    let mut closure = Closure::new(&Rps3).unwrap();
+    let mut closure = LoopClosure::new(&Rps3).unwrap();
     let mut states = Vec::new();
     while states.len() < count {
         let mut draw =

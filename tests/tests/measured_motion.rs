@@ -5,14 +5,14 @@ use regen_identify::identify::{Completed, Completion};
 use regen_robots::{
     delta::Delta, fivebar::Fivebar, palletiser::Palletiser, rps3::Rps3, stewart::Stewart,
 };
-use regen_runtime::{Closure, Model, State};
+use regen_runtime::{LoopClosure, Model, State};
 
 const ROBOTS: [&dyn Model<f64>; 5] = [&Delta, &Fivebar, &Palletiser, &Rps3, &Stewart];
 
 /// States along a small motion around home, all independent coordinates out of step.
 fn states(model: &dyn Model<f64>) -> Vec<State> {
     let info = model.info();
-    let mut closure = Closure::new(model).unwrap();
+    let mut closure = LoopClosure::new(model).unwrap();
     (0..12)
         .map(|k| {
             let along = |size: f64, lead: f64| -> Vec<f64> {

@@ -20,8 +20,8 @@ const MISTAKES: [(&str, &str); 16] = [
     ("gravity", "gravity"),
     ("bias_forces", "M qdd + bias"),
     ("mass_matrix", "mass matrix"),
-    ("slotine_li", "dM/dt - 2C skew"),
-    ("efforts", "efforts"),
+    ("adaptive_regressor", "dM/dt - 2C skew"),
+    ("generalized_forces", "efforts"),
     ("poses", "poses"),
     ("cones", "cones"),
 ];
@@ -59,7 +59,7 @@ impl Engine for Wrong<'_> {
             for x in &mut values {
                 *x *= 0.7;
             }
-        } else if kind == FunctionKind::SlotineLi && !resting(inputs[3]) {
+        } else if kind == FunctionKind::AdaptiveRegressor && !resting(inputs[3]) {
             // Off where the references rest, so that the split and not the sum is wrong.
         } else if let Shape::Vector(_) = kind.signature().shape {
             for value in &mut values {

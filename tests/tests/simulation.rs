@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use regen_experiment::simulate::{
-    Drive, Ended, Noise, Pid, Sensors, Settings, nominal_friction, perturbed, simulate,
+    Drive, Noise, Pid, Sensors, Settings, Termination, nominal_friction, perturbed, simulate,
 };
 use regen_generated::{fivebar, rps3, rps3_friction};
 use regen_runtime::{Friction, Info, JointFriction, Model};
@@ -39,7 +39,7 @@ fn a_minute_of_a_controlled_platform_keeps_loops_closed_and_energy_balanced() {
         ..Settings::default()
     };
     let log = simulate(&model, &phi, &swing(&info, 0.05), &settings).unwrap();
-    assert_eq!(log.ended, Ended::Complete);
+    assert_eq!(log.ended, Termination::Complete);
     assert_eq!(log.t.len(), 6001);
     assert!(log.residual < 1e-9, "drift {:e} m", log.residual);
     let size = log.energy.iter().map(|e| e.work.abs().max(e.kinetic));
@@ -70,7 +70,7 @@ fn the_logged_motion_satisfies_inverse_dynamics() {
         ..Settings::default()
     };
     let log = simulate(&model, &phi, &swing(&info, 0.05), &settings).unwrap();
-    assert_eq!(log.ended, Ended::Complete);
+    assert_eq!(log.ended, Termination::Complete);
     let mut compared = 0;
     for (k, q) in log.q.chunks(9).enumerate() {
         let (qd, qdd) = (&log.qd[9 * k..9 * k + 9], &log.qdd[9 * k..9 * k + 9]);
@@ -103,7 +103,7 @@ fn friction_only_takes_energy() {
         ..Settings::default()
     };
     let log = simulate(&model, &phi, &swing(&info, 0.0), &settings).unwrap();
-    assert_eq!(log.ended, Ended::Complete);
+    assert_eq!(log.ended, Termination::Complete);
     for pair in log.energy.windows(2) {
         assert!(pair[1].loss >= pair[0].loss);
     }
@@ -176,7 +176,7 @@ fn a_platform_that_falls_out_of_its_workspace_is_reported_and_not_invented() {
         ..Settings::default()
     };
     let log = simulate(&model, &phi, &push, &settings).unwrap();
-    assert!(matches!(log.ended, Ended::Open(_)), "{:?}", log.ended);
+    assert!(matches!(log.ended, Termination::Open(_)), "{:?}", log.ended);
     assert!(log.residual < 1e-9);
     assert!(log.q.iter().all(|x| x.is_finite()));
 }

@@ -2,9 +2,9 @@
 //! were built there from their measures (`tests/tools/vectors/simulation.py`).
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
-use regen_experiment::simulate::{Ended, Forward, Freed, Settings, simulate};
+use regen_experiment::simulate::{Forward, ForwardOutcome, Settings, Termination, simulate};
 use regen_generated::{fivebar, rps3};
-use regen_runtime::{Closure, Model};
+use regen_runtime::{LoopClosure, Model};
 use serde_json::Value;
 
 /// Relative, of accelerations. The vectors' constraints hold to 1e-14 m, and the solves on
@@ -58,12 +58,12 @@ fn agrees(model: &dyn Model) {
     for state in states {
         let [q, qd, effort, theirs] = ["q", "qd", "effort", "qdd"].map(|key| numbers(&state[key]));
         let mut reduced = vec![0.0; dof];
-        let _ = model.efforts(&q, &effort, &mut reduced).unwrap();
+        let _ = model.generalized_forces(&q, &effort, &mut reduced).unwrap();
         let mut qdd_i = vec![0.0; dof];
         let freed = forward
             .accelerations(&q, &qd, &reduced, &mut qdd_i)
             .unwrap();
-        assert!(matches!(freed, Freed::Moves(_)));
+        assert!(matches!(freed, ForwardOutcome::Solved(_)));
         let mut ours = vec![0.0; n];
         let _ = model.accelerations(&q, &qd, &qdd_i, &mut ours).unwrap();
         worst = worst.max(apart(&ours, &theirs));
@@ -78,7 +78,7 @@ fn agrees(model: &dyn Model) {
         |all: &[f64]| -> Vec<f64> { info.independent.iter().map(|c| all[*c]).collect() };
     let (start_q, start_qd) = (independent(&q), independent(&qd));
     // the vectors are of home's branch
-    let closed = Closure::new(model).unwrap().solve(&start_q).unwrap();
+    let closed = LoopClosure::new(model).unwrap().solve(&start_q).unwrap();
     assert!(apart(&closed.q, &q) < 1e-12);
     let start = |_: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
         q.copy_from_slice(&start_q);
@@ -92,7 +92,7 @@ fn agrees(model: &dyn Model) {
         ..Settings::default()
     };
     let log = simulate(model, &phi, &start, &settings).unwrap();
-    assert_eq!(log.ended, Ended::Complete);
+    assert_eq!(log.ended, Termination::Complete);
     let (last_q, last_qd) = (&log.q[log.q.len() - n..], &log.qd[log.qd.len() - n..]);
     // it went somewhere
     assert!(apart(last_q, &q) > 1e-2);

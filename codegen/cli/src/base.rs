@@ -3,7 +3,7 @@
 use regen_codegen::Mechanism;
 use regen_codegen::base::certificate::Certificate;
 use regen_codegen::base::{Analysis, BaseParameter, Exactness, Term, store};
-use regen_codegen::explain::Merged;
+use regen_codegen::explain::Grouped;
 use regen_codegen::robot::Robot;
 use serde::Serialize;
 
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
 
 /// Why parameters act together, where a direction was completed: trees need no
 /// reason but themselves.
-fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Merged>, Failure> {
+fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Grouped>, Failure> {
     if analysis.base.completed == 0 {
         return Ok(Vec::new());
     }
@@ -58,7 +58,7 @@ fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Merged>, Fa
     let unseen = explained.unseen.into_iter();
     let alone = unseen.filter(|u| !u.derived).flat_map(|u| {
         let reason = u.reason;
-        u.parameters.into_iter().map(move |parameter| Merged {
+        u.parameters.into_iter().map(move |parameter| Grouped {
             parameter,
             with: Vec::new(),
             reason: reason.clone(),
@@ -140,7 +140,7 @@ struct CertificateJson {
     largest_dropped: f64,
 }
 
-fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Merged]) -> Json<'a> {
+fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) -> Json<'a> {
     let base = &analysis.base;
     let rows = |dropped: bool| -> Vec<Row<'a>> {
         let rows = base.parameters.iter().filter(|p| p.dropped == dropped);
@@ -188,9 +188,9 @@ fn row<'a>(robot: &'a Robot, parameter: &'a BaseParameter) -> Row<'a> {
         terms: terms(robot, &parameter.terms),
         layer: layer(parameter.layer),
         factors: match parameter.exactness {
-            Exactness::Everywhere => "everywhere",
-            Exactness::Here => "here",
-            Exactness::Digits => "digits",
+            Exactness::Symbolic => "everywhere",
+            Exactness::AtThisGeometry => "here",
+            Exactness::Numeric => "digits",
         },
     }
 }

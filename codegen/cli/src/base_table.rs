@@ -4,7 +4,7 @@
 use std::fmt::Write as _;
 
 use regen_codegen::base::{Analysis, Exactness, Known, Layer, Term, latex};
-use regen_codegen::explain::Merged;
+use regen_codegen::explain::Grouped;
 use regen_codegen::robot::Robot;
 
 use crate::base_factor::{Factor, Signed, Style};
@@ -50,7 +50,7 @@ impl Table {
         robot: &Robot,
         analysis: &Analysis,
         style: Style,
-        reasons: &[Merged],
+        reasons: &[Grouped],
     ) -> Self {
         let base = &analysis.base;
         let kept = base.parameters.iter().filter(|p| !p.dropped);
@@ -304,7 +304,7 @@ fn pieces(word: &str, width: usize) -> Vec<&str> {
 
 /// Why completed directions are there: reasons with the parameters that they
 /// explain.
-fn because(reasons: &[Merged]) -> Vec<(&'static str, String)> {
+fn because(reasons: &[Grouped]) -> Vec<(&'static str, String)> {
     let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
     for one in reasons {
         let Some(reason) = &one.reason else { continue };
@@ -323,12 +323,12 @@ fn because(reasons: &[Merged]) -> Vec<(&'static str, String)> {
 fn marks(rows: &[Row]) -> Vec<(&'static str, String)> {
     [
         (
-            Exactness::Here,
+            Exactness::AtThisGeometry,
             "factors are exact at these values of the names; they are not known as functions of \
              all of them",
         ),
         (
-            Exactness::Digits,
+            Exactness::Numeric,
             "some factors are known by their digits only",
         ),
     ]

@@ -7,9 +7,9 @@ use regen_codegen::robot::Robot;
 /// How well a layer's factors are known, as a mark behind its name.
 pub(crate) fn mark(exactness: Exactness) -> &'static str {
     match exactness {
-        Exactness::Everywhere => "",
-        Exactness::Here => "*",
-        Exactness::Digits => "**",
+        Exactness::Symbolic => "",
+        Exactness::AtThisGeometry => "*",
+        Exactness::Numeric => "**",
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use regen_codegen::explain::{BodyMotion, Evidence, Explanation, Fact, Merged, words};
+use regen_codegen::explain::{BodyMotion, Evidence, Explanation, Fact, Grouped, words};
 use serde::Serialize;
 
 use crate::args::{CheckArgs, Format};
@@ -100,7 +100,7 @@ fn rests(derived: bool) -> &'static str {
 }
 
 /// Merged parameters, those with one reason and one set of partners together.
-fn merged(all: &[Merged]) -> Vec<String> {
+fn merged(all: &[Grouped]) -> Vec<String> {
     let mut groups: Vec<(&Option<String>, bool, Vec<&str>)> = Vec::new();
     for one in all {
         let same = |group: &&mut (&Option<String>, bool, Vec<&str>)| {

@@ -1,6 +1,6 @@
 //! Closed states from the independent coordinates.
 
-use regen_runtime::{Closure, Outcome};
+use regen_runtime::{LoopClosure, Outcome};
 
 use crate::exit::Failure;
 use crate::states::Motion;
@@ -8,7 +8,7 @@ use regen_interpreted::Interpreted;
 
 /// The whole motion; the inner error says why there is none.
 pub(crate) fn close(
-    closure: &mut Closure<'_, Interpreted<'_>>,
+    closure: &mut LoopClosure<'_, Interpreted<'_>>,
     independent: &Motion,
 ) -> Result<Result<Motion, String>, Failure> {
     let Motion { q, qd, qdd } = independent;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
-use regen_runtime::{BaseModel, Closure, Model, Status};
+use regen_runtime::{BaseModel, LoopClosure, Model, Status};
 use serde::Serialize;
 
 use crate::args::{EvalArgs, Format};
@@ -35,7 +35,7 @@ pub(crate) fn run(args: &EvalArgs) -> Result<(), Failure> {
     let source = read(&args.states)?;
     let states = states::parse(&source, &robot).map_err(|report| Failure::Spec(vec![report]))?;
     let model = Interpreted::new(&robot);
-    let mut closure = Closure::new(&model)?;
+    let mut closure = LoopClosure::new(&model)?;
     let mut results = Vec::with_capacity(states.len());
     for (k, state) in states.into_iter().enumerate() {
         let motion = match state {

@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 
 use regen_codegen::diag::Report;
-use regen_runtime::{Misuse, SizeError};
+use regen_runtime::{ClosureError, SizeError};
 
 /// What ended a run early.
 #[derive(Debug)]
@@ -81,8 +81,8 @@ impl From<SizeError> for Failure {
     }
 }
 
-impl From<Misuse> for Failure {
-    fn from(error: Misuse) -> Self {
+impl From<ClosureError> for Failure {
+    fn from(error: ClosureError) -> Self {
         Self::Input(error.to_string())
     }
 }

@@ -8,7 +8,8 @@ use regen_identify::files::{FrictionRow, LeastSquaresRow, ParameterFile, rust_co
 use regen_identify::identify::{Delays, LeftOut, Options, digest};
 use regen_identify::model::{IdentifiedModel, Provenance};
 use regen_identify::session::{
-    self, Cross, OnLog, Session, SessionError, Start, from_factors, from_logs, with_friction,
+    self, CrossValidation, LogError, Session, SessionError, Start, from_factors, from_logs,
+    with_friction,
 };
 use regen_identify::status::Shares;
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -53,7 +54,7 @@ pub(crate) struct Summary {
     /// The delays that efforts were read with, s.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) corrected_delays: Vec<(String, f64)>,
-    pub(crate) cross: Vec<Cross>,
+    pub(crate) cross: Vec<CrossValidation>,
     /// The steps of `--reduce`.
     pub(crate) reduction: Vec<StepJson>,
     /// The models that were found, on each log; those after the first are only there where they
@@ -90,7 +91,7 @@ pub(crate) struct ModelJson {
     pub(crate) base: Vec<f64>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) friction: Vec<FrictionRow>,
-    pub(crate) logs: Vec<OnLog>,
+    pub(crate) logs: Vec<LogError>,
 }
 
 /// What the command found.

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::identify::{Json, Summary};
 use crate::{delay, observe, predicted, reduce, table};
 use regen_identify::files::ParameterFile;
-use regen_identify::session::OnLog;
+use regen_identify::session::LogError;
 use regen_identify::status::{self, Status};
 
 /// A probability of white residuals below which they are called correlated.
@@ -69,7 +69,7 @@ pub(crate) fn human(json: &Json) -> String {
                 model.name, model.feasibility
             )));
         }
-        let rows: Vec<(String, &[OnLog])> = summary
+        let rows: Vec<(String, &[LogError])> = summary
             .models
             .iter()
             .map(|m| (m.name.clone(), m.logs.as_slice()))

@@ -15,9 +15,11 @@ use std::path::{Path, PathBuf};
 use regen_codegen::robot::Robot;
 use regen_identify::data::{Logs, Settings};
 use regen_identify::estimate::{Estimate, EstimateError, FactorSet, Weighting};
-use regen_identify::identify::{Identified, Kind, Options, Recorded, identify, observe, residuals};
+use regen_identify::identify::{
+    EquationKind, Identified, Options, Recorded, identify, observe, residuals,
+};
 use regen_identify::signals::{Fourier, Method};
-use regen_runtime::{BaseModel, Closure, Model, Motion};
+use regen_runtime::{BaseModel, LoopClosure, Model, Motion};
 
 use crate::load;
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -41,8 +43,8 @@ fn series(model: &Interpreted<'_>, reach: f64, random: &mut Random) -> Fourier {
         .iter()
         .map(|&c| {
             let size = match info.joints[c].motion {
-                Motion::Turn => reach,
-                Motion::Shift => 0.2 * reach,
+                Motion::Rotation => reach,
+                Motion::Translation => 0.2 * reach,
             };
             let rate = size * std::f64::consts::TAU * FREQUENCY;
             let mut draw = || (0..HARMONICS).map(|_| rate * random.signed()).collect();
@@ -79,7 +81,7 @@ fn made(
     step: f64,
 ) -> Vec<Made> {
     let dof = model.info().dof();
-    let mut closure = Closure::new(model).unwrap();
+    let mut closure = LoopClosure::new(model).unwrap();
     (0..samples)
         .map(|k| {
             let time = k as f64 * step;
@@ -129,7 +131,7 @@ fn exact_data_give_exact_parameters(name: &str, reach: f64) {
     let rows = made(&model, &series, &phi, 400, 0.0125);
     let found = identify(
         &model,
-        Kind::Forces,
+        EquationKind::Forces,
         &Options::default(),
         &mut recorded(&rows),
     )
@@ -219,7 +221,7 @@ fn a_log_of_actuators_gives_the_parameters(name: &str, reach: f64) {
         ..Settings::default()
     };
     let mut logs = Logs::open(&model, std::slice::from_ref(&path), &settings).unwrap();
-    let found = identify(&model, Kind::Forces, &Options::default(), &mut logs).unwrap();
+    let found = identify(&model, EquationKind::Forces, &Options::default(), &mut logs).unwrap();
     // the refit has the rounding of the positions times frequencies squared
     let off = worst(&found.estimate.values, &beta);
     assert!(off < 1e-8, "{name}: {off:e}");
@@ -276,7 +278,12 @@ fn normal(random: &mut Random) -> f64 {
     (-2.0 * u.max(1e-300).ln()).sqrt() * (std::f64::consts::PI * v).cos()
 }
 
-fn run(model: &Interpreted<'_>, path: &Path, settings: &Settings, kind: Kind) -> Identified {
+fn run(
+    model: &Interpreted<'_>,
+    path: &Path,
+    settings: &Settings,
+    kind: EquationKind,
+) -> Identified {
     let mut logs = Logs::open(model, &[path.to_path_buf()], settings).unwrap();
     identify(model, kind, &Options::default(), &mut logs).unwrap()
 }
@@ -300,7 +307,8 @@ fn data_that_do_not_determine_the_parameters_name_them() {
             let _ = model.gravity(&row.q, &phi, &mut tau).unwrap();
             still.push(row.time, &row.q, &none, &none, &tau);
         }
-        let error = identify(model, Kind::Forces, &Options::default(), &mut still).unwrap_err();
+        let error =
+            identify(model, EquationKind::Forces, &Options::default(), &mut still).unwrap_err();
         let EstimateError::Undetermined { labels, rank, .. } = &error else {
             panic!("{error}");
         };
@@ -312,7 +320,7 @@ fn data_that_do_not_determine_the_parameters_name_them() {
         assert!(!labels.iter().any(|l| l.starts_with("mx")), "{error}");
         let short = identify(
             model,
-            Kind::Forces,
+            EquationKind::Forces,
             &Options::default(),
             &mut recorded(&rows[..3]),
         );
@@ -326,12 +334,16 @@ fn data_that_do_not_determine_the_parameters_name_them() {
 #[test]
 fn factors_of_parts_merge_to_those_of_the_whole() {
     Bench::new().with(600, 0.01, |model, rows, _| {
-        let whole = observe(model, Kind::Forces, &mut recorded(&rows))
+        let whole = observe(model, EquationKind::Forces, &mut recorded(&rows))
             .unwrap()
             .0;
         let parts: Vec<FactorSet> = [&rows[..100], &rows[100..350], &rows[350..]]
             .iter()
-            .map(|part| observe(model, Kind::Forces, &mut recorded(part)).unwrap().0)
+            .map(|part| {
+                observe(model, EquationKind::Forces, &mut recorded(part))
+                    .unwrap()
+                    .0
+            })
             .map(|set| FactorSet::from_text(&set.to_text()).unwrap())
             .rev()
             .collect();
@@ -347,7 +359,15 @@ fn factors_of_parts_merge_to_those_of_the_whole() {
         }
         let means = whole.means();
         let mut source = recorded(&rows);
-        let errors = residuals(model, Kind::Forces, &mut source, &a.values, &means, 5).unwrap();
+        let errors = residuals(
+            model,
+            EquationKind::Forces,
+            &mut source,
+            &a.values,
+            &means,
+            5,
+        )
+        .unwrap();
         assert!(errors.relative_absolute() < 1e-8);
         // another geometry with the same names has another digest
         let longer = load::derived(&regen_codegen::diag::Source {
@@ -361,7 +381,7 @@ fn factors_of_parts_merge_to_those_of_the_whole() {
         .unwrap();
         let terms = BaseTerms::new(&longer);
         let other = Interpreted::with_terms(&longer, &terms);
-        let set = observe(&other, Kind::Forces, &mut recorded(&rows[..1]))
+        let set = observe(&other, EquationKind::Forces, &mut recorded(&rows[..1]))
             .unwrap()
             .0;
         assert_eq!(

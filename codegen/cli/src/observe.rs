@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use regen_identify::data::{DataError, FileReport, Policy, Settings};
 use regen_identify::estimate::{EstimateError, FactorSet};
-use regen_identify::identify::{Kind, LeftOut, Options, Standstill, observe};
-use regen_identify::session::{Session, SessionError, Watched};
+use regen_identify::identify::{EquationKind, LeftOut, Options, Standstill, observe};
+use regen_identify::session::{MonitoredLogs, Session, SessionError};
 use regen_identify::signals::Method;
 use serde::Serialize;
 
@@ -172,7 +172,7 @@ pub(crate) fn open<'m>(
     model: &'m Interpreted<'m>,
     paths: &[PathBuf],
     reading: &ReadingArgs,
-) -> Result<Watched<'m, Interpreted<'m>>, Failure> {
+) -> Result<MonitoredLogs<'m, Interpreted<'m>>, Failure> {
     require_consistent(reading)?;
     Ok(session(model, reading).open(paths)?)
 }
@@ -238,10 +238,10 @@ pub(crate) fn delays(reading: &ReadingArgs) -> Vec<(String, f64)> {
 }
 
 /// Which equations the options ask for.
-pub(crate) fn kind(reading: &ReadingArgs) -> Kind {
+pub(crate) fn kind(reading: &ReadingArgs) -> EquationKind {
     match reading.energy {
-        Some(window) => Kind::Energy { window },
-        None => Kind::Forces,
+        Some(window) => EquationKind::Energy { window },
+        None => EquationKind::Forces,
     }
 }
 

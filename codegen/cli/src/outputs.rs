@@ -4,7 +4,7 @@ use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
 use regen_codegen::spec;
 use regen_identify::IdentifiedModel;
-use regen_identify::feasibility::{Layout, bodies_yaml};
+use regen_identify::feasibility::{ParameterLayout, bodies_yaml};
 use regen_runtime::Parameter;
 
 use crate::exit::Failure;
@@ -26,7 +26,7 @@ pub(crate) fn spec(
     found: &IdentifiedModel,
 ) -> Result<String, Failure> {
     let info = model.info();
-    let layout = Layout::new(info.parameters)?;
+    let layout = ParameterLayout::new(info.parameters)?;
     let phi = found.phi.as_deref().unwrap_or_default();
     let written = spec::parse(source).map_err(|report| Failure::Spec(vec![report]))?;
     let known = |coordinate: &str, symbol: &str| -> Option<f64> {

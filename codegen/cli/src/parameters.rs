@@ -34,7 +34,7 @@ fn wrong(path: &Path, why: &FileError) -> Failure {
 impl From<FileError> for Failure {
     fn from(error: FileError) -> Self {
         match error {
-            FileError::Layout(error) => error.into(),
+            FileError::ParameterLayout(error) => error.into(),
             other => Self::Input(other.to_string()),
         }
     }

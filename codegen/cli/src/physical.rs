@@ -3,7 +3,7 @@
 
 use regen_identify::feasibility::{Bound, FeasibilityError, OPTIMAL, Total};
 use regen_identify::model::IdentifiedModel;
-use regen_identify::session::{Knowledge, Trust};
+use regen_identify::session::{PriorKnowledge, Trust};
 use regen_interpreted::Interpreted;
 
 use crate::args::{PhysicalArgs, PriorArg};
@@ -11,7 +11,7 @@ use crate::exit::Failure;
 use crate::terminal;
 
 /// What the options say of the robot.
-pub(crate) fn knowledge(args: &PhysicalArgs) -> Knowledge {
+pub(crate) fn knowledge(args: &PhysicalArgs) -> PriorKnowledge {
     let names = |text: &str| -> Vec<String> {
         let parts = text.split(',').map(str::trim);
         parts.map(str::to_owned).collect()
@@ -25,7 +25,7 @@ pub(crate) fn knowledge(args: &PhysicalArgs) -> Knowledge {
         parameters: names(labels),
         value: *value,
     };
-    Knowledge {
+    PriorKnowledge {
         identical: args.identical.iter().map(|text| names(text)).collect(),
         known: args.known.clone(),
         bounds: args.bound.iter().map(bound).collect(),

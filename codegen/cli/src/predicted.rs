@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use regen_identify::session::OnLog;
+use regen_identify::session::LogError;
 
 use crate::table;
 
 /// The table for people: a row for each model, a column for each log.
-pub(crate) fn human(title: &str, rows: &[(String, &[OnLog])]) -> String {
+pub(crate) fn human(title: &str, rows: &[(String, &[LogError])]) -> String {
     // as many logs beside each other as fit
     const BLOCK: usize = 4;
     let mut out = String::new();

@@ -25,11 +25,11 @@ struct Json {
 #[derive(Serialize)]
 struct Predicted {
     params: String,
-    logs: Vec<OnLog>,
+    logs: Vec<LogError>,
 }
 
 #[derive(Serialize)]
-struct OnLog {
+struct LogError {
     relative_absolute: f64,
     /// The root mean square of the residuals in percent of that of the efforts.
     relative_rms: f64,
@@ -70,7 +70,7 @@ pub(crate) fn run(args: &ValidateArgs) -> Result<(), Failure> {
         }
         for (identified, predicted) in &mut models {
             let found = identified.residuals(&model, kind, &mut log, &means, 1)?;
-            predicted.logs.push(OnLog {
+            predicted.logs.push(LogError {
                 relative_absolute: found.relative_absolute(),
                 relative_rms: found.relative_rms(),
                 left_out: left_out.clone(),

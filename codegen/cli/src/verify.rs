@@ -203,7 +203,7 @@ impl From<VerifyError> for Failure {
     fn from(error: VerifyError) -> Self {
         match error {
             VerifyError::Size(error) => error.into(),
-            VerifyError::Closure(error) => error.into(),
+            VerifyError::LoopClosure(error) => error.into(),
             VerifyError::NotClosed { robot, outcome } => Self::Numeric(format!(
                 "{robot}: no closed state was found near home: {}",
                 closed::reason(outcome)

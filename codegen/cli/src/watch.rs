@@ -3,7 +3,7 @@
 use std::sync::Mutex;
 
 use indicatif::ProgressBar;
-use regen_identify::session::Watch;
+use regen_identify::session::Monitor;
 
 use crate::progress;
 
@@ -32,7 +32,7 @@ impl Terminal {
     }
 }
 
-impl Watch for Terminal {
+impl Monitor for Terminal {
     fn work(&self, what: &str) {
         self.with(|shown| match shown {
             Some(Shown { bar, pass: None }) => bar.set_message(what.to_owned()),

@@ -8,7 +8,7 @@ use regen_codegen::diag::{Source, Span};
 use crate::log::{Log, Place};
 use crate::names::mended;
 use crate::pose::Pose;
-use crate::tree::{Closure, Side, Tree};
+use crate::tree::{LoopCut, Side, Tree};
 
 const KINDS: [&str; 6] = [
     "spherical",
@@ -57,7 +57,7 @@ impl Reading<'_> {
         self.log.error(Place::new(self.file, span), message, hint);
     }
 
-    fn closure(&mut self, text: &str) -> Option<Closure> {
+    fn closure(&mut self, text: &str) -> Option<LoopCut> {
         let whole = Part(text, 0);
         let parts: Vec<Part<'_>> = whole.split(':').collect();
         let [name, kind, a, b] = parts.as_slice() else {
@@ -83,7 +83,7 @@ impl Reading<'_> {
             self.tree.at_zero(second).inverse().then(&world)
         });
         let side = |link, pose| Side { link, pose };
-        Some(Closure {
+        Some(LoopCut {
             name: name.0.to_owned(),
             kind: kind.0.to_owned(),
             sides: [side(first, pose), side(second, other)],

@@ -122,16 +122,16 @@ struct Node {
 
 /// Lays out the limbs.
 pub(crate) fn lay_out(tree: &Tree, log: &mut Log) -> Draft {
-    let mut layout = Layout::new(tree, log);
+    let mut layout = LimbLayout::new(tree, log);
     layout.prune();
     layout.label();
     layout.limbs();
-    layout.ties();
+    layout.velocity_constraints();
     layout.renamed.tell(layout.log);
     layout.draft
 }
 
-struct Layout<'a> {
+struct LimbLayout<'a> {
     tree: &'a Tree,
     log: &'a mut Log,
     /// For each link: what carries it (`None` is the world) and where.
@@ -143,7 +143,7 @@ struct Layout<'a> {
     draft: Draft,
 }
 
-impl<'a> Layout<'a> {
+impl<'a> LimbLayout<'a> {
     fn new(tree: &'a Tree, log: &'a mut Log) -> Self {
         let mut layout = Self {
             tree,
@@ -421,7 +421,7 @@ impl<'a> Layout<'a> {
     }
 
     /// Cuts and couplings.
-    fn ties(&mut self) {
+    fn velocity_constraints(&mut self) {
         let mut names = Names::default();
         for closure in &self.tree.closures {
             let sides = closure.sides.map(|side| {

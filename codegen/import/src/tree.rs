@@ -15,7 +15,7 @@ pub(crate) struct Tree {
     pub(crate) gravity: Option<V3>,
     /// Parents before children.
     pub(crate) links: Vec<Link>,
-    pub(crate) closures: Vec<Closure>,
+    pub(crate) closures: Vec<LoopCut>,
     pub(crate) couplings: Vec<Coupling>,
     /// Joints that a motor moves; empty where the file does not say.
     pub(crate) actuated: Vec<String>,
@@ -155,7 +155,7 @@ impl Inertia {
 
 /// A loop that is closed.
 #[derive(Clone, Debug)]
-pub(crate) struct Closure {
+pub(crate) struct LoopCut {
     pub(crate) name: String,
     /// The cut's joint type in the spec.
     pub(crate) kind: String,

@@ -43,7 +43,7 @@ fn with_cut(cut: &str) -> Options {
 }
 
 fn robot(text: &str) -> Robot {
-    derive_with(&Source::new("spec.yaml", text), BaseFrom::Nowhere).unwrap()
+    derive_with(&Source::new("spec.yaml", text), BaseFrom::Skip).unwrap()
 }
 
 /// The regressor at home, moving.

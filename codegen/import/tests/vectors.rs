@@ -36,7 +36,7 @@ fn spec_of(file: &str, exact: bool) -> String {
 fn imported(file: &str, exact: bool) -> (Spec, Robot) {
     let text = Source::new("imported.yaml", spec_of(file, exact));
     let spec = spec::parse(&text).unwrap_or_else(|e| panic!("{e}\n{}", text.text));
-    let robot = derive_with(&text, BaseFrom::Nowhere);
+    let robot = derive_with(&text, BaseFrom::Skip);
     let robot = robot.unwrap_or_else(|e| panic!("{e:?}\n{}", text.text));
     (spec, robot)
 }

@@ -29,8 +29,8 @@ use regen_codegen::robot::{JointInfo, Robot};
 use regen_codegen::spec;
 use regen_runtime::function::Sizes;
 use regen_runtime::{
-    BaseInfo, BaseParameter, BaseTerm, Certificate, Cone, Cut, Friction, Info, Joint, Limits,
-    Motion,
+    BaseInfo, BaseParameter, BaseTerm, Certificate, Cut, Friction, Info, Joint, Limits, Motion,
+    SwingLimit,
 };
 
 pub use eval::Interpret;
@@ -48,7 +48,7 @@ pub struct Interpreted<'a> {
     bodies: Vec<&'a str>,
     cuts: Vec<Cut<'a>>,
     joints: Vec<Joint>,
-    cones: Vec<Cone<'a>>,
+    cones: Vec<SwingLimit<'a>>,
     base: Vec<BaseParameter<'a>>,
     zeros: Vec<BaseParameter<'a>>,
     free: Vec<&'a str>,
@@ -159,7 +159,7 @@ impl<'a> Interpreted<'a> {
             cones: robot
                 .cones
                 .iter()
-                .map(|cone| Cone {
+                .map(|cone| SwingLimit {
                     name: &cone.name,
                     greatest: cone.greatest,
                 })
@@ -244,8 +244,8 @@ fn stated(joint: &JointInfo) -> Joint {
     let [position, velocity, acceleration, effort] = joint.limits;
     Joint {
         motion: match joint.motion {
-            MotionKind::Rotation => Motion::Turn,
-            MotionKind::Translation => Motion::Shift,
+            MotionKind::Rotation => Motion::Rotation,
+            MotionKind::Translation => Motion::Translation,
         },
         friction: match joint.friction {
             spec::Friction::None => Friction::None,

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use num_dual::{Dual, Dual2, Dual2_64, Dual64};
 
 use crate::mechanism::{CutKind, CutSide, Mechanism};
-use crate::scalar::{Mat4, Scalar, axis, dot, lift, mul, position, sub};
+use crate::scalar::{Mat4, Scalar, axis, constant_matrix, dot, mul, position, sub};
 
 impl Mechanism {
     /// The rows of f (Eq. 6): cuts in order, then couplings.
@@ -196,7 +196,7 @@ impl Mechanism {
 
 /// The frame of a cut's side in the world.
 fn place<T: Scalar>(side: &CutSide, frames: &[Mat4<T>]) -> Mat4<T> {
-    let offset = lift(&side.offset);
+    let offset = constant_matrix(&side.offset);
     match side.node {
         Some(node) => mul(&frames[node], &offset),
         None => offset,

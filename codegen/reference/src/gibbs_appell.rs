@@ -36,9 +36,9 @@ impl Mechanism {
                     let (_, alpha_k) = angular(partial);
                     let spin = times(&inertial.inertia, &omega);
                     let moment = add(&times(&inertial.inertia, &alpha), &cross(&omega, &spin));
-                    let lift = self.gravity.map(|g| -g);
-                    let lift = in_body(&state.pose, &lift);
-                    let acceleration = add(&centre(state, &inertial.com), &lift);
+                    let constant_matrix = self.gravity.map(|g| -g);
+                    let constant_matrix = in_body(&state.pose, &constant_matrix);
+                    let acceleration = add(&centre(state, &inertial.com), &constant_matrix);
                     let acceleration_k = centre(partial, &inertial.com);
                     tau += dot(&alpha_k, &moment)
                         + dot(&acceleration_k, &acceleration) * inertial.mass;

@@ -2,8 +2,8 @@
 
 use num_dual::{Dual2, Dual2_64};
 
-use crate::mechanism::{Cone, CutSide, Mechanism};
-use crate::scalar::{Mat4, Scalar, lift, mul, shift, turn};
+use crate::mechanism::{CutSide, Mechanism, SwingLimit};
+use crate::scalar::{Mat4, Scalar, constant_matrix, mul, shift, turn};
 
 /// The frame of a node with its first and second time derivatives.
 #[derive(Clone, Debug)]
@@ -21,7 +21,7 @@ impl Mechanism {
     pub fn frames<T: Scalar>(&self, q: &[T]) -> Vec<Mat4<T>> {
         let mut out: Vec<Mat4<T>> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {
-            let offset = lift(&node.offset);
+            let offset = constant_matrix(&node.offset);
             let placed = match node.parent {
                 Some(parent) => mul(&out[parent], &offset),
                 None => offset,
@@ -80,7 +80,7 @@ impl Mechanism {
             };
             [frame[0][2], frame[1][2], frame[2][2]]
         };
-        let cosine = |cone: &Cone| {
+        let cosine = |cone: &SwingLimit| {
             let (a, b) = (z(&cone.sides[0]), z(&cone.sides[1]));
             a.iter().zip(b).map(|(x, y)| x * y).sum()
         };

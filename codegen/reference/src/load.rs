@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use crate::expr::evaluate;
 use crate::load_fields::{Names, dh, entries, list, pitch, placement, scalar, text, vector};
 use crate::mechanism::{
-    Axis, Body, Cone, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
-    PARAMETERS_PER_BODY, Parameter,
+    Axis, Body, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
+    PARAMETERS_PER_BODY, Parameter, SwingLimit,
 };
 use crate::random::PhysicalBody;
 use crate::scalar::identity;
@@ -70,7 +70,7 @@ impl Mechanism {
         let mut cones = std::mem::take(&mut tree.cones);
         for (cut, item) in cuts.iter().zip(list(&spec, "cuts")?) {
             if let Some(cone) = item.get("limits").and_then(|l| l.get("cone")) {
-                cones.push(Cone {
+                cones.push(SwingLimit {
                     name: cut.name.clone(),
                     greatest: scalar(cone, &names)?,
                     sides: cut.sides.clone(),
@@ -158,7 +158,7 @@ struct Tree {
     friction: Vec<Friction>,
     rotor: Vec<bool>,
     nominal: BTreeMap<String, f64>,
-    cones: Vec<Cone>,
+    cones: Vec<SwingLimit>,
 }
 
 impl Tree {
@@ -278,7 +278,7 @@ impl Tree {
                 node: Some(node),
                 offset: identity(),
             };
-            self.cones.push(Cone {
+            self.cones.push(SwingLimit {
                 name: text(joint.get("name").ok_or("no name")?)?,
                 greatest: scalar(cone, names)?,
                 sides: [side(last - motions.len()), side(last)],

@@ -119,7 +119,7 @@ pub struct Cut {
 
 /// A limit of the angle between two z axes.
 #[derive(Clone, Debug)]
-pub struct Cone {
+pub struct SwingLimit {
     /// The joint or the cut.
     pub name: String,
     /// The greatest angle.
@@ -185,7 +185,7 @@ pub struct Mechanism {
     /// Cuts in the order of the file.
     pub cuts: Vec<Cut>,
     /// Cones of joints, then of cuts.
-    pub cones: Vec<Cone>,
+    pub cones: Vec<SwingLimit>,
     /// Couplings in the order of the file.
     pub couplings: Vec<Coupling>,
     /// The independent coordinates.

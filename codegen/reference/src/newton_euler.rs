@@ -104,7 +104,7 @@ fn wrench(
     k: usize,
 ) -> (Vec3<f64>, Vec3<f64>) {
     let Spatial { omega, alpha, .. } = motion;
-    let lift = sub(&motion.acceleration, gravity);
+    let constant_matrix = sub(&motion.acceleration, gravity);
     match k {
         0..6 => {
             let (i, j) = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)][k];
@@ -126,8 +126,8 @@ fn wrench(
         6..9 => {
             let s = axis(frame, k - 6);
             let force = add(&cross(alpha, &s), &cross(omega, &cross(omega, &s)));
-            (force, cross(&s, &lift))
+            (force, cross(&s, &constant_matrix))
         }
-        _ => (lift, ZERO),
+        _ => (constant_matrix, ZERO),
     }
 }

@@ -22,7 +22,7 @@ pub(crate) fn identity() -> Mat4<f64> {
 }
 
 /// A constant matrix among dual numbers.
-pub(crate) fn lift<T: Scalar>(m: &Mat4<f64>) -> Mat4<T> {
+pub(crate) fn constant_matrix<T: Scalar>(m: &Mat4<f64>) -> Mat4<T> {
     m.map(|row| row.map(T::from))
 }
 
@@ -91,7 +91,7 @@ pub(crate) fn scale<T: Scalar>(a: &Vec3<T>, s: T) -> Vec3<T> {
 
 /// A turn about an axis.
 pub(crate) fn turn<T: Scalar>(k: usize, angle: T) -> Mat4<T> {
-    let mut out = lift(&identity());
+    let mut out = constant_matrix(&identity());
     let (i, j) = ((k + 1) % 3, (k + 2) % 3);
     let (s, c) = (angle.sin(), angle.cos());
     out[i][i] = c;
@@ -103,7 +103,7 @@ pub(crate) fn turn<T: Scalar>(k: usize, angle: T) -> Mat4<T> {
 
 /// A shift along an axis.
 pub(crate) fn shift<T: Scalar>(k: usize, distance: T) -> Mat4<T> {
-    let mut out = lift(&identity());
+    let mut out = constant_matrix(&identity());
     out[k][3] = distance;
     out
 }

@@ -4,7 +4,7 @@ use crate::model::Model;
 use crate::spec::Spec;
 
 use super::certificate::{Certificate, Samples, certify};
-use super::completion::Sampled;
+use super::null_completion::Sampled;
 use super::{Base, derive_all};
 
 /// Where the states of every certificate come from.

@@ -258,7 +258,7 @@ impl fmt::Display for Coefficient {
 impl From<&Number> for Coefficient {
     fn from(number: &Number) -> Self {
         let factor = |factor: NumberFactor| match factor {
-            NumberFactor::Digits(digits) => Self::Number(digits),
+            NumberFactor::Numeric(digits) => Self::Number(digits),
             NumberFactor::Root(radicand) => Self::call(Function::Sqrt, Self::integer(radicand)),
             NumberFactor::Pi(1) => Self::pi(),
             NumberFactor::Pi(power) => Self::pi().raised(Self::integer(power)),

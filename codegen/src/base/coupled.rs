@@ -13,10 +13,10 @@ use crate::model::{Model, MotionKind, Step};
 use crate::sym::Number;
 
 use super::field::{Element, Field};
+use super::link_path::{Form, Freedom, LinkPath, follows, into, ways};
 use super::linkage::Linkage;
 use super::rates;
 use super::span::{Vector, add_scaled};
-use super::ways::{Form, Freedom, Way, follows, into, ways};
 
 /// Products of inertia and moments: which entry of the ten is at a row and column.
 const PLACE: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
@@ -27,17 +27,17 @@ type Matrix = [[Number; 3]; 3];
 
 /// The directions that exact ties of rates give.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
-    let ties = rates::all_ties(field, linkage, model);
-    if ties.is_empty() {
+    let velocity_constraints = rates::all_velocity_constraints(field, linkage, model);
+    if velocity_constraints.is_empty() {
         return Vec::new();
     }
-    let couplings = rates::ties_of_couplings(model);
+    let couplings = rates::coupling_velocity_constraints(model);
     let ways = ways(model);
     let mut all = Vec::new();
     let free: Vec<Freedom> = model
         .bodies
         .iter()
-        .map(|b| ways[b.link].freedom(&ties))
+        .map(|b| ways[b.link].freedom(&velocity_constraints))
         .collect();
     for (body, freedom) in free.iter().enumerate() {
         if freedom.never_turns() {
@@ -55,7 +55,13 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
                 let alike = on_axis(i) && on_axis(j);
                 all.extend(together(field, i, j, &relative, alike));
             } else if free[i] == Freedom::Spin && free[j] == Freedom::Spin {
-                all.extend(in_proportion(field, model, &ways, &ties, [i, j]));
+                all.extend(in_proportion(
+                    field,
+                    model,
+                    &ways,
+                    &velocity_constraints,
+                    [i, j],
+                ));
             }
         }
     }
@@ -72,7 +78,7 @@ fn same_orientation(model: &Model, couplings: &[Form], i: usize, j: usize) -> Op
         // welded to each other: trees know
         return None;
     }
-    if !Way::over(model, a).turns_as(&Way::over(model, b), couplings) {
+    if !LinkPath::over(model, a).turns_as(&LinkPath::over(model, b), couplings) {
         return None;
     }
     let (a, b) = (axes(model, a), axes(model, b));
@@ -170,15 +176,15 @@ fn subtract(field: &mut Field, from: &mut Vector, column: usize, entry: &Number)
 fn in_proportion(
     field: &mut Field,
     model: &Model,
-    ways: &[Way],
-    ties: &[Form],
+    ways: &[LinkPath],
+    velocity_constraints: &[Form],
     pair: [usize; 2],
 ) -> Option<Vector> {
     let [i, j] = pair;
     let [a, b] = pair.map(|body| own_joint(model, ways, body));
     let (a, b) = (a?, b?);
     // qd_b = k qd_a
-    let k = ratio(ties, a, b)?;
+    let k = ratio(velocity_constraints, a, b)?;
     let moment = |body: usize, coordinate: usize| -> Option<usize> {
         let axis = model.motion(coordinate)?.axis.index();
         Some(10 * body + PLACE[axis][axis])
@@ -190,16 +196,16 @@ fn in_proportion(
 
 /// The first coordinate that turns on the way to a body, where it is the body's own
 /// joint: the body's origin is on its axis, which is one of the body's own.
-fn own_joint(model: &Model, ways: &[Way], body: usize) -> Option<usize> {
+fn own_joint(model: &Model, ways: &[LinkPath], body: usize) -> Option<usize> {
     let link = model.bodies[body].link;
     let coordinate = ways[link].turn.first()?.0;
     (model.coordinates[coordinate].link == link).then_some(coordinate)
 }
 
 /// The proportion of two rates that ties fix.
-fn ratio(ties: &[Form], a: usize, b: usize) -> Option<Number> {
+fn ratio(velocity_constraints: &[Form], a: usize, b: usize) -> Option<Number> {
     // of the ties' combinations, the one that speaks of both alone
-    let mut rows: Vec<Form> = ties.to_vec();
+    let mut rows: Vec<Form> = velocity_constraints.to_vec();
     while let Some((r, outside)) = rows.iter().enumerate().find_map(|(r, row)| {
         let outside = row.iter().find(|(c, k)| *c != a && *c != b && !k.is_zero());
         outside.map(|(c, _)| (r, *c))
@@ -230,7 +236,7 @@ fn ratio(ties: &[Form], a: usize, b: usize) -> Option<Number> {
         .iter()
         .find_map(|row| Some((of(row, a)?, of(row, b)?)))?;
     let k = found.0.div(&found.1)?.neg();
-    follows(ties, &[(b, Number::one()), (a, k.neg())]).then_some(k)
+    follows(velocity_constraints, &[(b, Number::one()), (a, k.neg())]).then_some(k)
 }
 
 #[cfg(test)]
@@ -242,10 +248,10 @@ mod tests {
     fn a_ratio_is_read_off_ties_in_a_row() {
         let n = Number::from_i64;
         // b = -2 a, c = 3 b
-        let ties = vec![vec![(1, n(1)), (0, n(2))], vec![(2, n(1)), (1, n(-3))]];
-        assert_eq!(ratio(&ties, 0, 2), Some(n(-6)));
-        assert_eq!(ratio(&ties, 0, 1), Some(n(-2)));
-        assert_eq!(ratio(&ties, 0, 3), None);
+        let velocity_constraints = vec![vec![(1, n(1)), (0, n(2))], vec![(2, n(1)), (1, n(-3))]];
+        assert_eq!(ratio(&velocity_constraints, 0, 2), Some(n(-6)));
+        assert_eq!(ratio(&velocity_constraints, 0, 1), Some(n(-2)));
+        assert_eq!(ratio(&velocity_constraints, 0, 3), None);
     }
 
     #[test]

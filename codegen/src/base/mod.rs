@@ -3,28 +3,28 @@
 
 mod analysis;
 pub mod certificate;
-mod choice;
 mod coefficient;
-mod completion;
 mod coupled;
 pub mod field;
 mod geometry;
+mod kept_columns;
 mod known;
 pub mod latex;
+mod link_path;
 mod linkage;
+mod null_completion;
 mod rates;
 mod span;
 mod store;
 mod tree;
 mod trees;
-mod ways;
 
 pub use analysis::{Analysis, analyse};
 pub use coefficient::Coefficient;
-pub use completion::recognise;
-pub use rates::ties;
-pub use store::{StoreProblem, is_heavy, restore, store};
-pub use ways::{Form, Freedom, Way, follows, ways};
+pub use link_path::{Form, Freedom, LinkPath, follows, ways};
+pub use null_completion::recognise;
+pub use rates::velocity_constraints;
+pub use store::{StoreProblem, is_slow_in_debug, restore, store};
 
 use crate::model::Model;
 use crate::spec::Spec;
@@ -58,12 +58,12 @@ pub enum Layer {
 pub enum Exactness {
     /// As functions of the geometry's names, verified at other values of them (but
     /// for the names that [`Base::held`] lists); or derived.
-    Everywhere,
+    Symbolic,
     /// As exact numbers at the given geometry; how they depend on its names is not
     /// known.
-    Here,
+    AtThisGeometry,
     /// Some by their digits only.
-    Digits,
+    Numeric,
 }
 
 /// A null direction: forces do not change along it.
@@ -152,7 +152,7 @@ fn derive_all(
     spec: &Spec,
     model: &Model,
     target: Option<usize>,
-    sampled: Option<&completion::Sampled<'_>>,
+    sampled: Option<&null_completion::Sampled<'_>>,
 ) -> Base {
     let mut field = Field::default();
     let linkage = linkage::Linkage::new(&mut field, spec, model);
@@ -172,7 +172,7 @@ fn derive_all(
         .iter()
         .filter_map(|label| column(model, &label.value))
         .collect();
-    let order = choice::preference(model, &asked);
+    let order = kept_columns::preference(model, &asked);
     let columns = model.parameters.len();
     let mut unrecognised = Vec::new();
     let mut held = Vec::new();
@@ -192,20 +192,19 @@ fn derive_all(
     let refuted = sampled.map_or(0, |sampled| sampled.refuted(&null));
     let known = known::substitutions(&mut field, spec, model);
     let restricted = known::restricted(&mut field, &null, &known);
-    let reduced = choice::reduce(&mut field, &restricted, &order, asked.len());
+    let reduced = kept_columns::reduce(&mut field, &restricted, &order, asked.len());
     let rests = |row: &Vector| -> (Layer, Exactness) {
         let completed = row.range(columns..);
         let of = completed.filter_map(|(k, _)| exactness.get(k - columns));
-        of.max()
-            .map_or((Layer::Derived, Exactness::Everywhere), |e| {
-                (Layer::Completed, *e)
-            })
+        of.max().map_or((Layer::Derived, Exactness::Symbolic), |e| {
+            (Layer::Completed, *e)
+        })
     };
     let gone: Vec<usize> = known.iter().map(|k| k.column).collect();
     let parameters = (0..model.parameters.len())
         .filter(|c| !reduced.rows.contains_key(c) && !gone.contains(c))
         .map(|c| {
-            let (mut layer, mut exactness) = (Layer::Derived, Exactness::Everywhere);
+            let (mut layer, mut exactness) = (Layer::Derived, Exactness::Symbolic);
             let combined = reduced.rows.iter().filter_map(|(eliminated, row)| {
                 // forces do not change along the row: what is eliminated comes
                 // back with the opposite sign

@@ -14,20 +14,20 @@ use crate::sym::Number;
 
 use super::field::{Element, Field};
 use super::geometry::Placed;
+use super::link_path::Form;
 use super::linkage::{Linkage, Stage};
 use super::span::{Vector, add_scaled};
 use super::trees::path;
-use super::ways::Form;
 
 /// The directions that ties of rates give.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
-    let mut ties = couplings(model);
-    ties.extend(planar_loops(field, linkage));
+    let mut velocity_constraints = couplings(model);
+    velocity_constraints.extend(planar_loops(field, linkage));
     let mut directions = Vec::new();
     let n = model.coordinates.len();
     let offsets: Vec<Option<Vector>> = (0..n).map(|c| offset(model, c)).collect();
     let with_offset: Vec<usize> = (0..n).filter(|c| offsets[*c].is_some()).collect();
-    for tie in within(field, &ties, &with_offset) {
+    for tie in within(field, &velocity_constraints, &with_offset) {
         let mut direction = Vector::new();
         for (coordinate, factor) in &tie {
             if let Some(offset) = &offsets[*coordinate] {
@@ -39,7 +39,7 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
     for a in 0..n {
         for b in a..n {
             let both = if a == b { vec![a] } else { vec![a, b] };
-            for tie in within(field, &ties, &both) {
+            for tie in within(field, &velocity_constraints, &both) {
                 // a coordinate that stands still is met on its own
                 if tie.len() < both.len() {
                     continue;
@@ -53,21 +53,25 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
 
 /// Ties of rates that hold by construction: coordinates with factors whose sum of
 /// rates is 0 all the time.
-pub fn ties(spec: &Spec, model: &Model) -> Vec<Form> {
+pub fn velocity_constraints(spec: &Spec, model: &Model) -> Vec<Form> {
     let mut field = Field::default();
     let linkage = Linkage::new(&mut field, spec, model);
-    all_ties(&mut field, &linkage, model)
+    all_velocity_constraints(&mut field, &linkage, model)
 }
 
 /// Ties by couplings and by the turns around planar loops.
-pub(super) fn all_ties(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Form> {
-    let mut ties = couplings(model);
-    ties.extend(planar_loops(field, linkage));
-    ties.iter().map(plain).collect()
+pub(super) fn all_velocity_constraints(
+    field: &mut Field,
+    linkage: &Linkage,
+    model: &Model,
+) -> Vec<Form> {
+    let mut velocity_constraints = couplings(model);
+    velocity_constraints.extend(planar_loops(field, linkage));
+    velocity_constraints.iter().map(plain).collect()
 }
 
 /// Ties by couplings alone.
-pub(super) fn ties_of_couplings(model: &Model) -> Vec<Form> {
+pub(super) fn coupling_velocity_constraints(model: &Model) -> Vec<Form> {
     couplings(model).iter().map(plain).collect()
 }
 
@@ -161,8 +165,12 @@ fn viscous_difference(model: &Model, c: usize) -> Option<Vector> {
 }
 
 /// The combinations of ties that speak of these coordinates only.
-fn within(field: &mut Field, ties: &[Vector], coordinates: &[usize]) -> Vec<Vector> {
-    let mut rows = ties.to_vec();
+fn within(
+    field: &mut Field,
+    velocity_constraints: &[Vector],
+    coordinates: &[usize],
+) -> Vec<Vector> {
+    let mut rows = velocity_constraints.to_vec();
     while let Some((r, outside)) = rows.iter().enumerate().find_map(|(r, row)| {
         let outside = row.keys().find(|c| !coordinates.contains(c));
         outside.map(|c| (r, *c))
@@ -204,7 +212,7 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
         .filter(|e| linkage.edges[*e].in_spec_tree)
         .collect();
     let cuts = linkage.edges.iter().filter(|e| !e.in_spec_tree);
-    let mut ties = Vec::new();
+    let mut velocity_constraints = Vec::new();
     for cut in cuts {
         // from one side of the cut back through it to the other
         let (from, to) = cut.ends;
@@ -224,10 +232,10 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
         let stages = cut.stages_from(field, to);
         planar &= walk.follow(field, &stages, false);
         if planar && !walk.free && !walk.tie.is_empty() {
-            ties.push(walk.tie);
+            velocity_constraints.push(walk.tie);
         }
     }
-    ties
+    velocity_constraints
 }
 
 /// Turns met on the way around a loop.

@@ -76,17 +76,21 @@ fn effort(model: &Model) -> usize {
 
 /// Whether deriving the base would take over about a second in an unoptimised
 /// build, so that it should be stored.
-pub fn is_heavy(model: &Model) -> bool {
+pub fn is_slow_in_debug(model: &Model) -> bool {
     // 70 columns and two cuts, 1.0 million, take a third of a second
     effort(model) > 3_000_000
 }
 
 /// What combinations may rest on, in the file's words.
 const RESTS: [(&str, Layer, Exactness); 4] = [
-    ("derived", Layer::Derived, Exactness::Everywhere),
-    ("completed", Layer::Completed, Exactness::Everywhere),
-    ("completed-here", Layer::Completed, Exactness::Here),
-    ("completed-digits", Layer::Completed, Exactness::Digits),
+    ("derived", Layer::Derived, Exactness::Symbolic),
+    ("completed", Layer::Completed, Exactness::Symbolic),
+    (
+        "completed-here",
+        Layer::Completed,
+        Exactness::AtThisGeometry,
+    ),
+    ("completed-digits", Layer::Completed, Exactness::Numeric),
 ];
 
 fn rests(layer: Layer, exactness: Exactness) -> &'static str {

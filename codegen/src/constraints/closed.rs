@@ -5,16 +5,16 @@ use crate::model::Model;
 use crate::sym::eval::Evaluator;
 use crate::sym::{Ex, Graph, System};
 
-use super::choice;
 use super::elimination::{Eliminated, Plan, eliminate, plan, structure};
 use super::home::{HomeProblem, NumericLoops, close_home};
 use super::loops::{LoopEquations, Viewpoint};
 use super::rows::{Equations, coupling_equations, world_equations};
 use super::samples::closed_states;
+use super::viewpoints;
 
 /// How the loops of a mechanism are solved.
 #[derive(Clone, Debug)]
-pub struct Closure {
+pub struct LoopSolver {
     viewpoints: Vec<Viewpoint>,
     plan: Plan,
     /// All rows over all coordinates, seen from within the loops.
@@ -29,7 +29,7 @@ pub struct Closed {
     /// The home configuration, closed, by coordinate.
     pub home: Vec<f64>,
     /// How its loops are solved; `None` for a tree.
-    pub closure: Option<Closure>,
+    pub closure: Option<LoopSolver>,
 }
 
 impl Closed {
@@ -51,8 +51,8 @@ impl Closed {
         let states = closed_states(&loops, model, &home);
         drop(loops);
         g.set_naming(false);
-        let viewpoints = choice::viewpoints(g, frames, model, &states);
-        let closure = Closure::build(g, frames, model, &viewpoints, &states);
+        let viewpoints = viewpoints::viewpoints(g, frames, model, &states);
+        let closure = LoopSolver::build(g, frames, model, &viewpoints, &states);
         g.set_naming(true);
         let closure = closure.ok_or_else(|| HomeProblem::NotIndependent {
             choice: model.independent.clone(),
@@ -86,14 +86,14 @@ fn columns(rows: &[Vec<Ex>], which: &[usize]) -> Vec<Vec<Ex>> {
         .collect()
 }
 
-impl Closure {
+impl LoopSolver {
     fn build(
         g: &mut Graph,
         frames: &Frames,
         model: &Model,
         viewpoints: &[Viewpoint],
         states: &[Vec<f64>],
-    ) -> Option<Closure> {
+    ) -> Option<LoopSolver> {
         let jacobian = equations(g, frames, model, viewpoints, None).jacobian;
         let a_e = columns(&jacobian, &model.dependent);
         let a_i = columns(&jacobian, &model.independent);
@@ -112,7 +112,7 @@ impl Closure {
         drop(evaluator);
         let plan = plan(&structure(g, &a_e), &samples)?;
         let x = eliminate(g, &a_e, &a_i, &plan).solution;
-        Some(Closure {
+        Some(LoopSolver {
             viewpoints: viewpoints.to_vec(),
             plan,
             jacobian,

@@ -2,7 +2,6 @@
 //! partition into independent and dependent coordinates (Eq. 8-9), and
 //! X = A_e^-1 A_i (Eq. 10) by an elimination laid out for the structure.
 
-mod choice;
 mod closed;
 mod elimination;
 mod home;
@@ -12,8 +11,9 @@ mod samples;
 mod screw;
 mod units;
 mod view;
+mod viewpoints;
 
-pub use closed::{Closed, Closure};
+pub use closed::{Closed, LoopSolver};
 pub use elimination::{Eliminated, Plan, eliminate, plan, structure};
 pub use home::{HomeProblem, NumericLoops, close_home};
 pub use loops::{LoopEquations, Viewpoint};

@@ -1,13 +1,13 @@
 //! The linear model of Eq. 4-5 and its reduction (Eq. 8-11), the recursions
 //! with given parameters, and friction and rotor columns (Eq. 14-20).
 
-mod choice;
 mod forces;
 mod inertia;
 mod reduction;
+mod reference_points;
 mod regressor;
 
 pub use forces::{Inertial, joint_efforts};
 pub use inertia::mass_matrix;
 pub use reduction::Reduction;
-pub use regressor::{Projection, Ways, friction_factor, reduced_regressor};
+pub use regressor::{Projection, UnitTwists, friction_factor, reduced_regressor};

@@ -12,7 +12,7 @@ use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3, ZERO3};
 
 use super::Reduction;
-use super::choice::{self, Block};
+use super::reference_points::{self, Block};
 
 /// The link's inertial forces, linear in its ten parameters.
 #[derive(Clone, Debug)]
@@ -54,7 +54,7 @@ impl Projection {
 
     /// The moments of first moments and mass about a point: `v x a + arm x eta_tilde v` for each
     /// axis v, and `arm x a`.
-    fn about(&self, g: &mut Graph, arm: &V3) -> About {
+    fn about(&self, g: &mut Graph, arm: &V3) -> MomentsAbout {
         let first = [0, 1, 2].map(|axis| {
             let mut unit = ZERO3;
             unit[axis] = Ex::ONE;
@@ -63,7 +63,7 @@ impl Projection {
             g.add3(&own, &lever)
         });
         let mass = g.cross(arm, &self.a);
-        About { first, mass }
+        MomentsAbout { first, mass }
     }
 
     /// A row for the twist `(turn + twist.e, turn x arm + twist.u)`, the turn being about the
@@ -71,7 +71,7 @@ impl Projection {
     fn split_row(
         &self,
         g: &mut Graph,
-        about: Option<&About>,
+        about: Option<&MomentsAbout>,
         turn: &V3,
         twist: &Twist,
     ) -> [Ex; 10] {
@@ -97,12 +97,12 @@ impl Projection {
 }
 
 /// Moments about a point where axes meet.
-struct About {
+struct MomentsAbout {
     first: [V3; 3],
     mass: V3,
 }
 
-impl About {
+impl MomentsAbout {
     fn columns(&self) -> impl Iterator<Item = &V3> {
         self.first.iter().chain([&self.mass])
     }
@@ -131,7 +131,7 @@ pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) ->
 
 /// How the coordinates move the links.
 #[derive(Debug)]
-pub struct Ways<'a> {
+pub struct UnitTwists<'a> {
     /// Unit twists, link by link.
     pub twists: &'a [Vec<(usize, Twist)>],
     /// Points where axes meet, link by link.
@@ -148,7 +148,7 @@ pub fn reduced_regressor(
     g: &mut Graph,
     model: &Model,
     motions: &[LinkMotion],
-    ways: &Ways<'_>,
+    ways: &UnitTwists<'_>,
     rates: &Rates,
     j: &Reduction,
     wanted: &[bool],
@@ -167,7 +167,7 @@ pub fn reduced_regressor(
                 .collect()
         })
         .collect();
-    let chosen = choice::cheapest(g, &blocks, wanted);
+    let chosen = reference_points::cheapest(g, &blocks, wanted);
     for (block, choice) in blocks.iter().zip(chosen) {
         for entry in 0..10 {
             columns.push(block[choice].iter().map(|row| row[entry]).collect());

@@ -237,10 +237,10 @@ impl Body<'_> {
 
     fn write(&mut self) {
         let first = &self.program.arguments[0].name;
-        self.line(1, &format!("let like = {first}[0];"));
+        self.line(1, &format!("let proto = {first}[0];"));
         let mut inputs = self.inputs_by_block();
         if self.program.solves() {
-            self.line(1, "let mut condition = like.lift(1.0);");
+            self.line(1, "let mut condition = proto.splat(1.0);");
         }
         let handed: Vec<Temp> = self
             .blocks
@@ -249,7 +249,7 @@ impl Body<'_> {
             .collect();
         let unnamed = |step: &Step| matches!(step.op, Op::Solve(_)) && step.results.len() > SOLVED;
         if handed.len() > SCOPE || self.program.steps.iter().any(unnamed) {
-            self.line(1, &format!("let mut kept = [like; {}];", handed.len()));
+            self.line(1, &format!("let mut kept = [proto; {}];", handed.len()));
             self.kept = handed.into_iter().zip(0..).collect();
         }
         for index in 0..self.blocks.len() {
@@ -426,7 +426,7 @@ impl Body<'_> {
     fn operand(&self, operand: &Operand) -> String {
         match *operand {
             Operand::Input { argument, element } => self.inputs[argument][element].clone(),
-            Operand::Constant(c) => format!("like.lift({})", literal(c)),
+            Operand::Constant(c) => format!("proto.splat({})", literal(c)),
             Operand::Temp(t) => self.names[t.0 as usize].clone(),
         }
     }
@@ -458,13 +458,13 @@ impl Body<'_> {
             Op::Sign(a) => format!("{}.sign()", o(a)),
             Op::Positive(a) => {
                 format!(
-                    "T::select(like.lift(0.0).less({}), like.lift(1.0), like.lift(0.0))",
+                    "T::select(proto.splat(0.0).less({}), proto.splat(1.0), proto.splat(0.0))",
                     o(a)
                 )
             }
             Op::Negative(a) => {
                 format!(
-                    "T::select({}.less(like.lift(0.0)), like.lift(1.0), like.lift(0.0))",
+                    "T::select({}.less(proto.splat(0.0)), proto.splat(1.0), proto.splat(0.0))",
                     o(a)
                 )
             }
@@ -524,14 +524,14 @@ impl Body<'_> {
     fn write_solve(&mut self, solve: &SolveStep, results: &[Temp]) {
         let mut margins = solve.pivots.iter().map(|(pivot, size)| {
             format!(
-                "({} * like.lift({})).abs()",
+                "({} * proto.splat({})).abs()",
                 self.operand(pivot),
                 literal(1.0 / size)
             )
         });
         let first = margins
             .next()
-            .unwrap_or_else(|| "like.lift(1.0)".to_owned());
+            .unwrap_or_else(|| "proto.splat(1.0)".to_owned());
         let rest: Vec<String> = margins.collect();
         self.line(2, "// the smallest pivot relative to its usual size");
         self.line(2, &format!("let margin = {first}"));
@@ -554,7 +554,7 @@ impl Body<'_> {
             self.list(2, "let (", &rows, ", found) = ");
         }
         self.out.pop();
-        let head = format!("{}::guarded(\n", self.runtime);
+        let head = format!("{}::solve_guarded(\n", self.runtime);
         self.out.push_str(&head);
         let matrix = |body: &Self, rows: &[Vec<Operand>]| -> Vec<String> {
             rows.iter()

@@ -348,7 +348,7 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
     if through {
         out.push_str(&body);
     } else {
-        // after `like` is bound, on the body's first line
+        // after `proto` is bound, on the body's first line
         let (first, rest) = body.split_once('\n').unwrap_or((body.as_str(), ""));
         let _ = writeln!(out, "{first}");
         let zeros = zeros(program);
@@ -358,7 +358,7 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
     let condition = if program.solves() {
         "Condition { pivot: condition }"
     } else {
-        "Condition::regular(like)"
+        "Condition::regular(proto)"
     };
     let _ = match (has_condition, through) {
         (true, true) => writeln!(out, "    {condition}"),
@@ -384,14 +384,14 @@ fn mark_unused(program: &Program, mut body: String) -> String {
 
 /// Stores the entries that are zero at every state, one by one: next to one another, they are
 /// stored together, and in most columns they are few.
-fn write_zeros(program: &Program, like: &str, out: &mut String) {
+fn write_zeros(program: &Program, proto: &str, out: &mut String) {
     let Output { name, shape, .. } = &program.output;
     let inner = shape.get(1).copied().unwrap_or(1).max(1);
     let is_zero = |o: &Operand| matches!(o, Operand::Constant(c) if *c == 0.0);
     if !program.outputs.iter().any(is_zero) {
         return;
     }
-    let _ = writeln!(out, "    let zero = {like}[0].lift(0.0);");
+    let _ = writeln!(out, "    let zero = {proto}[0].splat(0.0);");
     for (outer, entries) in program.outputs.chunks(inner).enumerate() {
         if entries.iter().all(is_zero) {
             let _ = writeln!(out, "    {name}[{outer}] = [zero; {inner}];");
@@ -409,8 +409,8 @@ fn write_zeros(program: &Program, like: &str, out: &mut String) {
 
 fn zeros(program: &Program) -> String {
     match program.output.shape.as_slice() {
-        [outer, inner] => format!("[[like.lift(0.0); {inner}]; {outer}]"),
-        [len] => format!("[like.lift(0.0); {len}]"),
-        _ => "like.lift(0.0)".to_owned(),
+        [outer, inner] => format!("[[proto.splat(0.0); {inner}]; {outer}]"),
+        [len] => format!("[proto.splat(0.0); {len}]"),
+        _ => "proto.splat(0.0)".to_owned(),
     }
 }

@@ -56,7 +56,7 @@ const TAKEN: [&str; 58] = [
     "typeof",
     "unsized",
     "virtual",
-    "like",
+    "proto",
     "condition",
     "margin",
     "found",
@@ -116,7 +116,7 @@ fn is_taken(name: &str) -> bool {
 pub(super) const IMPORTS: [&str; 12] = [
     "Arguments",
     "Condition",
-    "Cone",
+    "SwingLimit",
     "Cut",
     "Friction",
     "Function",

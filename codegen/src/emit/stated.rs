@@ -25,14 +25,14 @@ pub(super) fn constants(robot: &Robot, out: &mut String) {
     );
     let _ = writeln!(
         out,
-        "pub const CONES: [Cone<'static>; {}] = [",
+        "pub const CONES: [SwingLimit<'static>; {}] = [",
         robot.cones.len()
     );
     for cone in &robot.cones {
         let greatest = literal(cone.greatest);
         let _ = writeln!(
             out,
-            "    Cone {{ name: {:?}, greatest: {greatest} }},",
+            "    SwingLimit {{ name: {:?}, greatest: {greatest} }},",
             cone.name
         );
     }

@@ -121,7 +121,7 @@ fn call(function: &Function, runtime: &str, out: &mut String) {
     let mut names: Vec<&str> = arguments
         .map(|(argument, program)| checked(*argument, program.len, runtime, out))
         .collect();
-    let like = names.first().copied().unwrap_or("q");
+    let proto = names.first().copied().unwrap_or("q");
     let shape = &program.output.shape;
     let target = match shape.as_slice() {
         // no columns to write through
@@ -153,7 +153,7 @@ fn call(function: &Function, runtime: &str, out: &mut String) {
         }
         (Passing::Returned, false) => {
             line(format!("*out = {name}({});", names.join(", ")));
-            line(format!("Ok(Condition::regular({like}[0]))"));
+            line(format!("Ok(Condition::regular({proto}[0]))"));
         }
     }
 }
@@ -169,10 +169,10 @@ fn nothing(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
     for name in names.iter().skip(1) {
         let _ = writeln!(out, "                let _ = {name};");
     }
-    let like = names.first().copied().unwrap_or("q");
+    let proto = names.first().copied().unwrap_or("q");
     let _ = writeln!(
         out,
         "                let _ = {runtime}::array_mut::<T, 0>(out, \"out\")?;"
     );
-    let _ = writeln!(out, "                Ok(Condition::regular({like}[0]))");
+    let _ = writeln!(out, "                Ok(Condition::regular({proto}[0]))");
 }

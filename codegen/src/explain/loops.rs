@@ -2,7 +2,7 @@
 
 use core::fmt::Write as _;
 
-use crate::base::{Form, Way};
+use crate::base::{Form, LinkPath};
 use crate::model::{Cut, Model};
 use crate::spec::CutKind;
 
@@ -92,8 +92,8 @@ impl<'m> Loop<'m> {
 pub(super) fn facts(
     model: &Model,
     redundant: &[usize],
-    ways: &[Way],
-    ties: &[Form],
+    ways: &[LinkPath],
+    velocity_constraints: &[Form],
     motions: Option<&Motions<'_>>,
     states: usize,
 ) -> Vec<Fact> {
@@ -120,7 +120,13 @@ pub(super) fn facts(
         facts.push(Fact::given(text));
         let Some(motions) = motions else { continue };
         facts.extend(shape(&ring, ways, motions, states, !left_out.is_empty()));
-        facts.extend(parallelogram(&ring, ways, ties, motions, states));
+        facts.extend(parallelogram(
+            &ring,
+            ways,
+            velocity_constraints,
+            motions,
+            states,
+        ));
     }
     facts
 }
@@ -128,7 +134,7 @@ pub(super) fn facts(
 /// Why rows are redundant.
 fn shape(
     ring: &Loop<'_>,
-    ways: &[Way],
+    ways: &[LinkPath],
     motions: &Motions<'_>,
     states: usize,
     redundant: bool,
@@ -182,8 +188,8 @@ fn shape(
 /// Whether a four-bar's opposite sides stay parallel.
 fn parallelogram(
     ring: &Loop<'_>,
-    ways: &[Way],
-    ties: &[Form],
+    ways: &[LinkPath],
+    velocity_constraints: &[Form],
     motions: &Motions<'_>,
     states: usize,
 ) -> Option<Fact> {
@@ -199,10 +205,10 @@ fn parallelogram(
     if !(sides && coupler) || turns {
         return None;
     }
-    let exact = ways[first].turns_as(&ways[last], ties)
+    let exact = ways[first].turns_as(&ways[last], velocity_constraints)
         && ring.common.map_or_else(
-            || ways[middle].freedom(ties).never_turns(),
-            |common| ways[middle].turns_as(&ways[common], ties),
+            || ways[middle].freedom(velocity_constraints).never_turns(),
+            |common| ways[middle].turns_as(&ways[common], velocity_constraints),
         );
     let evidence = if exact {
         Evidence::Exact

@@ -16,11 +16,11 @@ use core::fmt;
 
 pub use crate::base::Freedom;
 use crate::base::certificate::observe;
-use crate::base::{Analysis, Form, Way, ties, ways};
+use crate::base::{Analysis, Form, LinkPath, velocity_constraints, ways};
 use crate::model::Model;
 use crate::spec::Spec;
 
-use motion::{Motions, Seen};
+use motion::{Motions, ObservedMotion};
 use unseen::Bodies;
 
 /// How many closed states are observed.
@@ -139,7 +139,7 @@ fn direction_text(n: &[f64; 3]) -> String {
 
 /// Parameters without any effect on the forces.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unseen {
+pub struct Unidentifiable {
     /// Their labels.
     pub parameters: Vec<String>,
     /// Why, where a reason can be named.
@@ -151,7 +151,7 @@ pub struct Unseen {
 
 /// A parameter that acts only together with others.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Merged {
+pub struct Grouped {
     /// Its label.
     pub parameter: String,
     /// The parameters with which it acts.
@@ -178,9 +178,9 @@ pub struct Explanation {
     /// Relations among coordinates and among orientations on this branch.
     pub relations: Vec<Fact>,
     /// Parameters that cannot be identified at all.
-    pub unseen: Vec<Unseen>,
+    pub unseen: Vec<Unidentifiable>,
     /// Parameters that can be identified only together with others.
-    pub merged: Vec<Merged>,
+    pub merged: Vec<Grouped>,
     /// What holds at the given values of the geometry only.
     pub values: Vec<Fact>,
     /// Trouble with limits and singularities.
@@ -197,7 +197,7 @@ pub fn explain(
     analysis: &Analysis,
 ) -> Explanation {
     let ways = ways(model);
-    let ties = ties(spec, model);
+    let velocity_constraints = velocity_constraints(spec, model);
     let states = observe(model, home, SEED, STATES);
     let mut trouble = limits::facts(spec, model, home);
     trouble.extend(limits::inertias(spec));
@@ -211,7 +211,14 @@ pub fn explain(
         robot: spec.name.value.clone(),
         mobility: model.independent.len(),
         coordinates: coordinates(model, redundant),
-        loops: loops::facts(model, redundant, &ways, &ties, sampled, states.len()),
+        loops: loops::facts(
+            model,
+            redundant,
+            &ways,
+            &velocity_constraints,
+            sampled,
+            states.len(),
+        ),
         bodies: Vec::new(),
         relations: Vec::new(),
         unseen: Vec::new(),
@@ -222,13 +229,13 @@ pub fn explain(
     let Some(motions) = sampled else {
         return explanation;
     };
-    let seen: Vec<Seen> = model.bodies.iter().map(|b| motions.of(b.link)).collect();
+    let seen: Vec<ObservedMotion> = model.bodies.iter().map(|b| motions.of(b.link)).collect();
     explanation.bodies = model
         .bodies
         .iter()
         .zip(&seen)
         .map(|(body, seen)| {
-            let bound = ways[body.link].freedom(&ties);
+            let bound = ways[body.link].freedom(&velocity_constraints);
             // samples bound a motion from below, joints from above
             let exact = bound == seen.freedom || bound.never_turns() && seen.freedom.never_turns();
             BodyMotion {
@@ -244,13 +251,15 @@ pub fn explain(
         })
         .collect();
     let relations = relations::found(model, &states);
-    let facts = relations.iter().map(|r| r.fact(model, &states, &ties));
+    let facts = relations
+        .iter()
+        .map(|r| r.fact(model, &states, &velocity_constraints));
     explanation.relations = facts.collect();
     explanation.relations.extend(orientations(
         model,
         motions,
         &ways,
-        &ties,
+        &velocity_constraints,
         &seen,
         states.len(),
     ));
@@ -342,9 +351,9 @@ fn values(analysis: &Analysis) -> Vec<Fact> {
 fn orientations(
     model: &Model,
     motions: &Motions<'_>,
-    ways: &[Way],
-    ties: &[Form],
-    seen: &[Seen],
+    ways: &[LinkPath],
+    velocity_constraints: &[Form],
+    seen: &[ObservedMotion],
     states: usize,
 ) -> Vec<Fact> {
     let mut classes: Vec<Vec<usize>> = Vec::new();
@@ -368,7 +377,7 @@ fn orientations(
             let first = link(class[0]);
             let exact = class
                 .iter()
-                .all(|b| ways[first].turns_as(&ways[link(*b)], ties));
+                .all(|b| ways[first].turns_as(&ways[link(*b)], velocity_constraints));
             let off = class
                 .iter()
                 .map(|b| motions.same_orientation(Some(first), Some(link(*b))).1);

@@ -1,12 +1,12 @@
 //! How links move, told from sampled states.
 
-use crate::base::certificate::{LinkMotion, Observation, Vector3, Wide, rank_of};
+use crate::base::certificate::{ClosedState, Float320, LinkMotion, Vector3, rank_of};
 
 use super::Freedom;
 
 /// What was seen of a link.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Seen {
+pub(super) struct ObservedMotion {
     pub(super) freedom: Freedom,
     /// The direction of turning in the world, where there is one.
     pub(super) direction: Option<[f64; 3]>,
@@ -21,27 +21,29 @@ pub(super) struct Seen {
 /// States at which links are seen.
 #[derive(Debug)]
 pub(super) struct Motions<'a> {
-    states: &'a [Observation],
+    states: &'a [ClosedState],
     /// The fastest turn and the fastest move of anything.
-    size: (Wide, Wide),
+    size: (Float320, Float320),
 }
 
-fn dot(a: &Vector3, b: &Vector3) -> Wide {
+fn dot(a: &Vector3, b: &Vector3) -> Float320 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-fn largest<'v>(vectors: impl Iterator<Item = &'v Vector3>) -> Wide {
-    vectors.flatten().fold(Wide::ZERO, |m, x| m.max(x.abs()))
+fn largest<'v>(vectors: impl Iterator<Item = &'v Vector3>) -> Float320 {
+    vectors
+        .flatten()
+        .fold(Float320::ZERO, |m, x| m.max(x.abs()))
 }
 
 impl<'a> Motions<'a> {
-    pub(super) fn new(states: &'a [Observation]) -> Motions<'a> {
+    pub(super) fn new(states: &'a [ClosedState]) -> Motions<'a> {
         let links = || states.iter().flat_map(|s| &s.links);
-        let or_one = |x: Wide| if x.is_zero() { Wide::ONE } else { x };
+        let or_one = |x: Float320| if x.is_zero() { Float320::ONE } else { x };
         Motions {
             states,
             size: (
-                or_one(largest(links().flat_map(|l| &l.turns)).max(Wide::ONE)),
+                or_one(largest(links().flat_map(|l| &l.turns)).max(Float320::ONE)),
                 or_one(largest(
                     links().flat_map(|l| l.moves.iter().chain(&l.passes)),
                 )),
@@ -59,13 +61,13 @@ impl<'a> Motions<'a> {
     }
 
     /// How a link moves.
-    pub(super) fn of(&self, link: usize) -> Seen {
+    pub(super) fn of(&self, link: usize) -> ObservedMotion {
         let turns: Vec<Vector3> = self.all(link, |l| &l.turns).copied().collect();
         let moves: Vec<Vector3> = self.all(link, |l| &l.moves).copied().collect();
         let rows = |v: &[Vector3]| v.iter().map(|x| x.to_vec()).collect::<Vec<_>>();
         let (turning, off_turns) = rank_of(rows(&turns), self.size.0);
         let (moving, off_moves) = rank_of(rows(&moves), self.size.1);
-        let mut seen = Seen {
+        let mut seen = ObservedMotion {
             freedom: Freedom::General,
             direction: None,
             in_link: None,
@@ -99,11 +101,11 @@ impl<'a> Motions<'a> {
         link: usize,
         turns: &[Vector3],
         moves: &[Vector3],
-        seen: &mut Seen,
+        seen: &mut ObservedMotion,
     ) {
         let fastest = turns.iter().max_by(|a, b| dot(a, a).cmp_abs(&dot(b, b)));
         let Some(n) = fastest else { return };
-        let along: Vec<Vec<Wide>> = moves.iter().map(|v| vec![dot(v, n)]).collect();
+        let along: Vec<Vec<Float320>> = moves.iter().map(|v| vec![dot(v, n)]).collect();
         let (leaves, off) = rank_of(along, self.size.0 * self.size.1);
         seen.off = seen.off.max(off);
         let (screws, off) = self.screw_rank(link);
@@ -168,7 +170,7 @@ impl<'a> Motions<'a> {
         &self,
         a: Option<usize>,
         b: Option<usize>,
-        size: Wide,
+        size: Float320,
         what: fn(&LinkMotion) -> &[Vector3],
     ) -> (bool, f64) {
         let mut rows = Vec::new();
@@ -178,7 +180,7 @@ impl<'a> Motions<'a> {
             let count = a.or(b).map_or(0, <[Vector3]>::len);
             for k in 0..count {
                 let part = |v: Option<&[Vector3]>, i: usize| {
-                    v.and_then(|v| v.get(k)).map_or(Wide::ZERO, |v| v[i])
+                    v.and_then(|v| v.get(k)).map_or(Float320::ZERO, |v| v[i])
                 };
                 rows.push((0..3).map(|i| part(a, i) - part(b, i)).collect());
             }
@@ -198,23 +200,24 @@ impl<'a> Motions<'a> {
             let links = ends.iter().flatten().filter_map(|l| state.links.get(*l));
             let screws = links.flat_map(|l| &l.screws);
             let screws: Vec<_> = screws.filter(|s| within.contains(&s.0)).collect();
-            let turns: Vec<Vec<Wide>> = screws.iter().map(|s| s.1.to_vec()).collect();
-            let (turning, _) = rank_of(turns, Wide::ONE);
+            let turns: Vec<Vec<Float320>> = screws.iter().map(|s| s.1.to_vec()).collect();
+            let (turning, _) = rank_of(turns, Float320::ONE);
             shape.translational &= turning == 0;
             let axis = screws
                 .iter()
                 .find(|s| s.1.iter().any(|x| x.log10() > -60.0));
             let across = axis.is_none_or(|n| {
                 // slides and screws that move along the axis leave the plane
-                let along: Vec<Vec<Wide>> = screws.iter().map(|s| vec![dot(&s.2, &n.1)]).collect();
-                rank_of(along, Wide::ONE).0 == 0
+                let along: Vec<Vec<Float320>> =
+                    screws.iter().map(|s| vec![dot(&s.2, &n.1)]).collect();
+                rank_of(along, Float320::ONE).0 == 0
             });
             shape.turning = match (turning, across, shape.turning) {
                 (1, false, Turning::InPlane) => Turning::OneDirection,
                 (1, _, turning) => turning,
                 _ => Turning::Other,
             };
-            let slides = screws.iter().any(|s| s.1.iter().all(Wide::is_zero));
+            let slides = screws.iter().any(|s| s.1.iter().all(Float320::is_zero));
             let through = fixed_point(screws.iter().map(|s| (&s.1, &s.2)), self.size).0;
             shape.spherical &= turning > 1 && !slides && through;
         }
@@ -244,15 +247,15 @@ pub(super) struct LoopShape {
 /// Whether a point c rests: v + w x c = 0 for velocities v at the world's origin.
 fn fixed_point<'v>(
     screws: impl Iterator<Item = (&'v Vector3, &'v Vector3)>,
-    size: (Wide, Wide),
+    size: (Float320, Float320),
 ) -> (bool, f64) {
-    let mut rows: Vec<Vec<Wide>> = Vec::new();
+    let mut rows: Vec<Vec<Float320>> = Vec::new();
     for (w, v) in screws {
         let [x, y, z] = w.map(|x| x * size.1);
         let v = v.map(|x| x * size.0);
-        rows.push(vec![Wide::ZERO, -z, y, v[0]]);
-        rows.push(vec![z, Wide::ZERO, -x, v[1]]);
-        rows.push(vec![-y, x, Wide::ZERO, v[2]]);
+        rows.push(vec![Float320::ZERO, -z, y, v[0]]);
+        rows.push(vec![z, Float320::ZERO, -x, v[1]]);
+        rows.push(vec![-y, x, Float320::ZERO, v[2]]);
     }
     let size = size.0 * size.1;
     let without = rows.iter().map(|r| r[..3].to_vec()).collect();

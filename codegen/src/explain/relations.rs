@@ -2,7 +2,7 @@
 
 use core::fmt::Write as _;
 
-use crate::base::certificate::{Observation, Wide, relations};
+use crate::base::certificate::{ClosedState, Float320, relations};
 use crate::base::{Form, follows, recognise};
 use crate::model::Model;
 use crate::sym::Number;
@@ -19,15 +19,18 @@ pub(super) struct Relation {
 }
 
 /// The relations: pairs first, then what follows from several others.
-pub(super) fn found(model: &Model, states: &[Observation]) -> Vec<Relation> {
-    let rows: Vec<Vec<Wide>> = states
+pub(super) fn found(model: &Model, states: &[ClosedState]) -> Vec<Relation> {
+    let rows: Vec<Vec<Float320>> = states
         .iter()
         .flat_map(|s| {
             let width = s.j.first().map_or(0, Vec::len);
             (0..width).map(|k| s.j.iter().map(|row| row[k]).collect())
         })
         .collect();
-    let size = rows.iter().flatten().fold(Wide::ONE, |m, x| m.max(x.abs()));
+    let size = rows
+        .iter()
+        .flatten()
+        .fold(Float320::ONE, |m, x| m.max(x.abs()));
     let order: Vec<usize> = model
         .independent
         .iter()
@@ -59,8 +62,8 @@ impl Relation {
     /// The relation with exact factors; `None` where these have none.
     fn recognised(
         found: &crate::base::certificate::Relation,
-        rows: &[Vec<Wide>],
-        size: Wide,
+        rows: &[Vec<Float320>],
+        size: Float320,
     ) -> Option<Relation> {
         let mut terms = Vec::new();
         for (c, factor) in &found.terms {
@@ -68,12 +71,14 @@ impl Relation {
         }
         let errors = rows.iter().map(|row| {
             let terms = terms.iter();
-            let sum = terms.fold(Wide::ZERO, |sum, (c, k)| {
-                sum + Wide::from_number(k) * row[*c]
+            let sum = terms.fold(Float320::ZERO, |sum, (c, k)| {
+                sum + Float320::from_number(k) * row[*c]
             });
             (row[found.column] - sum).abs()
         });
-        let worst = errors.fold(Wide::ZERO, Wide::max).checked_div(size)?;
+        let worst = errors
+            .fold(Float320::ZERO, Float320::max)
+            .checked_div(size)?;
         let off = worst.to_f64();
         (off < super::ROUNDING).then_some(Relation {
             coordinate: found.column,
@@ -83,10 +88,15 @@ impl Relation {
     }
 
     /// As a fact, with the constant that home shows.
-    pub(super) fn fact(&self, model: &Model, states: &[Observation], ties: &[Form]) -> Fact {
+    pub(super) fn fact(
+        &self,
+        model: &Model,
+        states: &[ClosedState],
+        velocity_constraints: &[Form],
+    ) -> Fact {
         let mut form = self.terms.clone();
         form.push((self.coordinate, Number::from_i64(-1)));
-        let evidence = if follows(ties, &form) {
+        let evidence = if follows(velocity_constraints, &form) {
             Evidence::Exact
         } else {
             Evidence::sampled(states.len(), self.off)
@@ -113,10 +123,10 @@ impl Relation {
                 evidence,
             );
         }
-        let constant = states.first().map_or(Wide::ZERO, |s| {
+        let constant = states.first().map_or(Float320::ZERO, |s| {
             let terms = self.terms.iter();
             terms.fold(s.q[self.coordinate], |rest, (c, k)| {
-                rest - Wide::from_number(k) * s.q[*c]
+                rest - Float320::from_number(k) * s.q[*c]
             })
         });
         let turns = self.turns(model);
@@ -146,13 +156,13 @@ fn factor_text(factor: &Number) -> String {
 }
 
 /// ` + constant`, as a fraction of pi where it is one.
-fn constant_text(constant: Wide, turns: bool) -> String {
+fn constant_text(constant: Float320, turns: bool) -> String {
     if constant.is_zero() || constant.log10() < -60.0 {
         return String::new();
     }
     let sign = if constant.is_negative() { '-' } else { '+' };
     let size = constant.abs();
-    let pi = Wide::from_number(&Number::pi());
+    let pi = Float320::from_number(&Number::pi());
     let of_pi = size.checked_div(pi).filter(|_| turns);
     let text = match of_pi.and_then(|x| recognise(&x)) {
         Some(part) if part.as_rational().is_some() => part.mul(&Number::pi()).to_string(),

@@ -3,8 +3,8 @@
 use crate::base::{Base, Direction, Layer};
 use crate::model::{Model, ParameterKind};
 
-use super::motion::{Motions, Seen};
-use super::{Freedom, Merged, Unseen, words};
+use super::motion::{Motions, ObservedMotion};
+use super::{Freedom, Grouped, Unidentifiable, words};
 
 const MASS: usize = 9;
 
@@ -13,7 +13,7 @@ pub(super) struct Bodies<'a> {
     pub(super) model: &'a Model,
     pub(super) motions: &'a Motions<'a>,
     /// By body.
-    pub(super) seen: &'a [Seen],
+    pub(super) seen: &'a [ObservedMotion],
     /// Gravity in the world's axes.
     pub(super) gravity: [f64; 3],
 }
@@ -82,8 +82,8 @@ impl Bodies<'_> {
     }
 
     /// Parameters without any effect, those with one reason together.
-    pub(super) fn without_effect(&self, base: &Base) -> Vec<Unseen> {
-        let mut all: Vec<Unseen> = Vec::new();
+    pub(super) fn without_effect(&self, base: &Base) -> Vec<Unidentifiable> {
+        let mut all: Vec<Unidentifiable> = Vec::new();
         for row in base.null.iter().filter(|row| row.terms.len() == 1) {
             let parameter = &self.model.parameters[row.column];
             let (reason, body) = match parameter.kind {
@@ -95,13 +95,13 @@ impl Bodies<'_> {
                 }
             };
             let derived = row.layer == Layer::Derived;
-            let same = |u: &&mut Unseen| {
+            let same = |u: &&mut Unidentifiable| {
                 u.reason == reason && u.derived == derived && (reason.is_some() || u.body == body)
             };
             let label = parameter.label.clone();
             match all.iter_mut().find(same) {
                 Some(unseen) => unseen.parameters.push(label),
-                None => all.push(Unseen {
+                None => all.push(Unidentifiable {
                     parameters: vec![label],
                     reason,
                     derived,
@@ -113,12 +113,12 @@ impl Bodies<'_> {
     }
 
     /// Parameters that act only together with others.
-    pub(super) fn merged(&self, base: &Base) -> Vec<Merged> {
+    pub(super) fn merged(&self, base: &Base) -> Vec<Grouped> {
         let label = |c: usize| self.model.parameters[c].label.clone();
         let rows = base.null.iter().filter(|row| row.terms.len() > 1);
         rows.map(|row| {
             let others = row.terms.iter().map(|t| t.column);
-            Merged {
+            Grouped {
                 parameter: label(row.column),
                 with: others.filter(|c| *c != row.column).map(label).collect(),
                 reason: self.why_together(row),

@@ -1,6 +1,6 @@
 //! Dynamic functions: regressors, forces, mass matrix.
 
-use crate::dynamics::{self, Reduction, Ways};
+use crate::dynamics::{self, Reduction, UnitTwists};
 use crate::kinematics::{LinkMotion, Rates, centres, motions, twists};
 use crate::sym::Ex;
 
@@ -36,7 +36,7 @@ fn columns_of(cx: &mut Context<'_>, rates: &Rates, wanted: &[bool]) -> Vec<Vec<E
     let j = reduction(cx);
     let motions = link_motions(cx, rates);
     let twists = twists(cx.g, cx.frames, cx.model);
-    let ways = Ways {
+    let ways = UnitTwists {
         twists: &twists,
         centres: &centres(cx.g, cx.frames, cx.model),
     };
@@ -76,7 +76,7 @@ pub(super) fn regressor(cx: &mut Context<'_>) -> Groups {
     regressor_groups(cx, &rates)
 }
 
-pub(super) fn slotine_li(cx: &mut Context<'_>) -> Groups {
+pub(super) fn adaptive_regressor(cx: &mut Context<'_>) -> Groups {
     let (qd_r, qdd_r) = cx.symbols.reference_nodes(cx.g);
     let rd = all_velocities(cx, &qd_r);
     let qd = cx.symbols.qd_nodes(cx.g);
@@ -158,7 +158,7 @@ pub(super) fn mass_matrix_of(cx: &mut Context<'_>, phi: &[Ex]) -> Groups {
     vec![group("M", matrix.into_iter().flatten().collect())]
 }
 
-pub(super) fn efforts(cx: &mut Context<'_>) -> Groups {
+pub(super) fn generalized_forces(cx: &mut Context<'_>) -> Groups {
     let measured = cx.symbols.tau_nodes(cx.g);
     let mut tau = vec![Ex::ZERO; cx.model.coordinates.len()];
     for (c, value) in cx.model.actuated.iter().zip(measured) {

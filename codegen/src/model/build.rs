@@ -4,7 +4,8 @@ use crate::spec::{self, Axis, Joint, JointFrame, Spec};
 use crate::sym::Number;
 
 use super::{
-    Body, Cone, Coordinate, Coupling, Cut, Link, Model, Motion, Placement, Side, Step, parameters,
+    Body, Coordinate, Coupling, Cut, Link, Model, Motion, Placement, Side, Step, SwingLimit,
+    parameters,
 };
 
 /// The motions of a joint, in order.
@@ -120,7 +121,7 @@ pub fn build(spec: &Spec) -> Model {
 
 /// The cones of joints, between the frame that a joint's row gives and the one it
 /// moves, and those of cuts.
-fn cones(spec: &Spec, model: &Model) -> Vec<Cone> {
+fn cones(spec: &Spec, model: &Model) -> Vec<SwingLimit> {
     let mut cones = Vec::new();
     let mut coordinate = 0;
     for joint in spec.limbs.iter().flat_map(|limb| &limb.joints) {
@@ -137,7 +138,7 @@ fn cones(spec: &Spec, model: &Model) -> Vec<Cone> {
                 link: Some(model.coordinates[coordinate + axes - 1].link),
                 placement: Vec::new(),
             };
-            cones.push(Cone {
+            cones.push(SwingLimit {
                 name: name.value.clone(),
                 greatest: greatest.value.clone(),
                 sides: [before, after],
@@ -147,7 +148,7 @@ fn cones(spec: &Spec, model: &Model) -> Vec<Cone> {
     }
     for (cut, of_model) in spec.cuts.iter().zip(&model.cuts) {
         if let Some(greatest) = &cut.limits.cone {
-            cones.push(Cone {
+            cones.push(SwingLimit {
                 name: cut.name.value.clone(),
                 greatest: greatest.value.clone(),
                 sides: of_model.sides.clone(),

@@ -112,7 +112,7 @@ pub struct Cut {
 
 /// A limit of the angle between the z axes of two frames.
 #[derive(Clone, Debug)]
-pub struct Cone {
+pub struct SwingLimit {
     /// The joint or the cut.
     pub name: String,
     /// The greatest angle, rad.
@@ -146,7 +146,7 @@ pub struct Model {
     /// Loop closures in the spec's order.
     pub cuts: Vec<Cut>,
     /// Cones of joints in the order of coordinates, then of cuts.
-    pub cones: Vec<Cone>,
+    pub cones: Vec<SwingLimit>,
     /// Linear ties in the spec's order.
     pub couplings: Vec<Coupling>,
     /// Independent coordinates, in the order given.

@@ -54,7 +54,7 @@ struct Value {
 
 /// What a value may be, of others by their places.
 #[derive(Clone, Copy)]
-enum Way {
+enum Rewrite {
     /// `a + b`
     Sum(usize, usize),
     /// `a - b`
@@ -71,13 +71,18 @@ enum Way {
     Less(usize, usize, usize),
 }
 
-impl Way {
+impl Rewrite {
     fn places(self) -> Vec<usize> {
         match self {
-            Way::Sum(a, b) | Way::Difference(a, b) | Way::Product(a, b) | Way::Negative(a, b) => {
+            Rewrite::Sum(a, b)
+            | Rewrite::Difference(a, b)
+            | Rewrite::Product(a, b)
+            | Rewrite::Negative(a, b) => {
                 vec![a, b]
             }
-            Way::With(a, b, c) | Way::From(a, b, c) | Way::Less(a, b, c) => vec![a, b, c],
+            Rewrite::With(a, b, c) | Rewrite::From(a, b, c) | Rewrite::Less(a, b, c) => {
+                vec![a, b, c]
+            }
         }
     }
 
@@ -85,13 +90,13 @@ impl Way {
     fn number(self, values: &[Value], draw: usize) -> u64 {
         let at = |place: usize| values[place].numbers[draw];
         match self {
-            Way::Sum(a, b) => field::add(at(a), at(b)),
-            Way::Difference(a, b) => field::sub(at(a), at(b)),
-            Way::Product(a, b) => field::mul(at(a), at(b)),
-            Way::Negative(a, b) => field::neg(field::mul(at(a), at(b))),
-            Way::With(a, b, c) => field::add(field::mul(at(a), at(b)), at(c)),
-            Way::From(a, b, c) => field::sub(at(c), field::mul(at(a), at(b))),
-            Way::Less(a, b, c) => field::sub(field::mul(at(a), at(b)), at(c)),
+            Rewrite::Sum(a, b) => field::add(at(a), at(b)),
+            Rewrite::Difference(a, b) => field::sub(at(a), at(b)),
+            Rewrite::Product(a, b) => field::mul(at(a), at(b)),
+            Rewrite::Negative(a, b) => field::neg(field::mul(at(a), at(b))),
+            Rewrite::With(a, b, c) => field::add(field::mul(at(a), at(b)), at(c)),
+            Rewrite::From(a, b, c) => field::sub(at(c), field::mul(at(a), at(b))),
+            Rewrite::Less(a, b, c) => field::sub(field::mul(at(a), at(b)), at(c)),
         }
     }
 
@@ -99,26 +104,28 @@ impl Way {
     fn size(self, values: &[Value]) -> f64 {
         let at = |place: usize| values[place].size;
         match self {
-            Way::Sum(a, b) | Way::Difference(a, b) => at(a) + at(b),
-            Way::Product(a, b) | Way::Negative(a, b) => at(a) * at(b),
-            Way::With(a, b, c) | Way::From(a, b, c) | Way::Less(a, b, c) => at(a) * at(b) + at(c),
+            Rewrite::Sum(a, b) | Rewrite::Difference(a, b) => at(a) + at(b),
+            Rewrite::Product(a, b) | Rewrite::Negative(a, b) => at(a) * at(b),
+            Rewrite::With(a, b, c) | Rewrite::From(a, b, c) | Rewrite::Less(a, b, c) => {
+                at(a) * at(b) + at(c)
+            }
         }
     }
 
-    /// The operation, but for the sign of [`Way::Negative`], and whether that is missing.
+    /// The operation, but for the sign of [`Rewrite::Negative`], and whether that is missing.
     fn op(self, values: &[Value]) -> (Op, bool) {
         let at = |place: usize| values[place].operand;
         match self {
-            Way::Sum(a, b) => (Op::Add(at(a), at(b)), false),
-            Way::Difference(a, b) => (Op::Sub(at(a), at(b)), false),
-            Way::Product(a, b) => (Op::Mul(at(a), at(b)), false),
-            Way::Negative(a, b) => match at(a) {
+            Rewrite::Sum(a, b) => (Op::Add(at(a), at(b)), false),
+            Rewrite::Difference(a, b) => (Op::Sub(at(a), at(b)), false),
+            Rewrite::Product(a, b) => (Op::Mul(at(a), at(b)), false),
+            Rewrite::Negative(a, b) => match at(a) {
                 Operand::Constant(c) => (Op::Mul(Operand::Constant(-c), at(b)), false),
                 factor => (Op::Mul(factor, at(b)), true),
             },
-            Way::With(a, b, c) => (Op::MulAdd(at(a), at(b), at(c)), false),
-            Way::From(a, b, c) => (Op::NegMulAdd(at(a), at(b), at(c)), false),
-            Way::Less(a, b, c) => (Op::MulSub(at(a), at(b), at(c)), false),
+            Rewrite::With(a, b, c) => (Op::MulAdd(at(a), at(b), at(c)), false),
+            Rewrite::From(a, b, c) => (Op::NegMulAdd(at(a), at(b), at(c)), false),
+            Rewrite::Less(a, b, c) => (Op::MulSub(at(a), at(b), at(c)), false),
         }
     }
 }
@@ -140,7 +147,7 @@ fn is_arithmetic(op: &Op) -> bool {
 
 /// Goes through all steps once; whether anything changed.
 fn sweep(program: &mut Program, values: &[Value]) -> bool {
-    let known = Known::of(values);
+    let known = ValueTable::of(values);
     let mut uses = Uses::of(program);
     let mut signs: Vec<(usize, Op)> = Vec::new();
     let mut changed = false;
@@ -191,15 +198,15 @@ fn sweep(program: &mut Program, values: &[Value]) -> bool {
 }
 
 /// Values and products by what they are in the first draw.
-struct Known {
+struct ValueTable {
     values: FxHashMap<u64, usize>,
     /// Of several pairs the one that is there first.
     products: FxHashMap<u64, (usize, usize)>,
 }
 
-impl Known {
+impl ValueTable {
     fn of(values: &[Value]) -> Self {
-        let mut known = Known {
+        let mut known = ValueTable {
             values: FxHashMap::default(),
             products: FxHashMap::default(),
         };
@@ -221,16 +228,16 @@ impl Known {
         end: usize,
         value: &Value,
         [products, sums]: [i32; 2],
-        mut found: impl FnMut(Way),
+        mut found: impl FnMut(Rewrite),
     ) {
         let number = value.numbers[0];
         let product = |number: u64| self.products.get(&number).copied();
         if products > 0 && products + sums > 1 {
             if let Some((a, b)) = product(number) {
-                found(Way::Product(a, b));
+                found(Rewrite::Product(a, b));
             }
             if let Some((a, b)) = product(field::neg(number)) {
-                found(Way::Negative(a, b));
+                found(Rewrite::Negative(a, b));
             }
         }
         if sums == 0 || products + sums < 2 {
@@ -241,22 +248,22 @@ impl Known {
             let less = field::sub(number, third.numbers[0]);
             let more = field::add(number, third.numbers[0]);
             if let Some(a) = self.values.get(&less) {
-                found(Way::Sum(*a, c));
+                found(Rewrite::Sum(*a, c));
             }
             if let Some(a) = self.values.get(&more) {
-                found(Way::Difference(*a, c));
+                found(Rewrite::Difference(*a, c));
             }
             if products == 0 || products + sums < 3 {
                 continue;
             }
             if let Some((a, b)) = product(less) {
-                found(Way::With(a, b, c));
+                found(Rewrite::With(a, b, c));
             }
             if let Some((a, b)) = product(field::neg(less)) {
-                found(Way::From(a, b, c));
+                found(Rewrite::From(a, b, c));
             }
             if let Some((a, b)) = product(more) {
-                found(Way::Less(a, b, c));
+                found(Rewrite::Less(a, b, c));
             }
         }
     }
@@ -264,7 +271,7 @@ impl Known {
 
 /// All that a program's steps can work on, from what is there first.
 fn values(program: &Program) -> Vec<Value> {
-    let draws = [Drawn::new(program, 0), Drawn::new(program, 1)];
+    let draws = [RandomValues::new(program, 0), RandomValues::new(program, 1)];
     let sizes = sizes(program);
     let mut values = Vec::new();
     let mut add = |operand: Operand, after: usize| {
@@ -345,14 +352,14 @@ fn size_of(operand: &Operand, sizes: &[(f64, bool)]) -> (f64, bool) {
 }
 
 /// The values of a program at numbers that are drawn.
-struct Drawn {
+struct RandomValues {
     draw: u64,
     temps: Vec<u64>,
 }
 
-impl Drawn {
+impl RandomValues {
     fn new(program: &Program, draw: u64) -> Self {
-        let mut drawn = Drawn {
+        let mut drawn = RandomValues {
             draw,
             temps: vec![0; program.names.len()],
         };

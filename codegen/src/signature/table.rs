@@ -184,9 +184,9 @@ functions! {
         has_condition: true,
         needs: Needs::Nothing,
     }
-    SlotineLi {
+    AdaptiveRegressor {
         formula: "The regressor Y(q, qd, qd_r, qdd_r) of passivity-based adaptive control (Slotine and Li, 1987).",
-        name: "slotine_li",
+        name: "adaptive_regressor",
         arguments: &[Argument::Q, Argument::Qd, Argument::QdRI, Argument::QddRI],
         output: "y",
         shape: by_columns(Size::Independent, Size::Parameters),
@@ -195,9 +195,9 @@ functions! {
         has_condition: true,
         needs: Needs::Nothing,
     }
-    Efforts {
+    GeneralizedForces {
         formula: "The left side of Eq. 10 from the actuated efforts.",
-        name: "efforts",
+        name: "generalized_forces",
         arguments: &[Argument::Q, Argument::TauActuated],
         output: "left",
         shape: Shape::Vector(Size::Independent),

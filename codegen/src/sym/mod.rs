@@ -1,11 +1,11 @@
 //! Exact numbers and expressions: the leaf that knows no robots.
 
 mod angle;
+mod big_float;
 pub mod eval;
 mod graph;
 mod number;
 pub mod print;
-mod real;
 mod simplify;
 mod surd;
 mod tally;

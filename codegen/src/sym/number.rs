@@ -13,7 +13,7 @@ use dashu_ratio::RBig;
 
 pub(crate) use display::NumberFactor;
 
-use super::real::{self, AGREEMENT, PRECISION, Real};
+use super::big_float::{self, AGREEMENT, BigFloat, PRECISION};
 use super::surd::{Surd, cos_of_pi_times};
 
 /// Largest decimal exponent [`Number::parse_decimal`] takes.
@@ -54,7 +54,7 @@ pub struct Number(Arc<Inner>);
 struct Inner {
     exact: Option<Surd>,
     /// Found on demand if there is an exact value, there from the start if not.
-    real: OnceLock<Real>,
+    real: OnceLock<BigFloat>,
     /// [`Number::to_f64`], found on demand.
     double: OnceLock<f64>,
 }
@@ -341,7 +341,7 @@ impl Number {
     }
 
     /// Of a result known to 320 bits only; one that agrees with zero or a short binary fraction becomes exact.
-    fn inexact(value: Real) -> Self {
+    fn inexact(value: BigFloat) -> Self {
         const SHORT: usize = 32;
         const RANGE: i64 = 64;
         if value.is_zero() {
@@ -379,13 +379,16 @@ impl Number {
         } else {
             Sign::Positive
         };
-        Self::inexact(Real::new(sign, magnitude, exponent))
+        Self::inexact(BigFloat::new(sign, magnitude, exponent))
     }
 
-    fn real(&self) -> &Real {
-        self.0
-            .real
-            .get_or_init(|| self.0.exact.as_ref().map_or_else(Real::zero, Surd::to_real))
+    fn real(&self) -> &BigFloat {
+        self.0.real.get_or_init(|| {
+            self.0
+                .exact
+                .as_ref()
+                .map_or_else(BigFloat::zero, Surd::to_real)
+        })
     }
 
     fn both(&self, other: &Self, operation: fn(&Surd, &Surd) -> Option<Surd>) -> Option<Self> {
@@ -430,12 +433,12 @@ fn split_sign(text: &str) -> (Sign, &str) {
 }
 
 /// Sine and cosine of an exact angle, reduced with as many bits as it takes.
-fn sin_cos_near(angle: &Number, exact: &Surd) -> (Real, Real) {
+fn sin_cos_near(angle: &Number, exact: &Surd) -> (BigFloat, BigFloat) {
     let near = angle.real();
-    real::sin_cos(near, false, |scale| {
-        let bits = real::signed(scale) + near.top();
-        let (_, magnitude, exponent) = exact.approximate(real::unsigned(bits));
-        real::shifted(magnitude, exponent + real::signed(scale))
+    big_float::sin_cos(near, false, |scale| {
+        let bits = big_float::signed(scale) + near.top();
+        let (_, magnitude, exponent) = exact.approximate(big_float::unsigned(bits));
+        big_float::shifted(magnitude, exponent + big_float::signed(scale))
     })
 }
 

@@ -9,7 +9,7 @@ use dashu_int::ops::{BitTest, SquareRoot, UnsignedAbs};
 use dashu_int::{IBig, Sign, UBig};
 use dashu_ratio::RBig;
 
-use super::real::{PRECISION, Real, nearest_f64, pi_fixed, shifted, signed};
+use super::big_float::{BigFloat, PRECISION, nearest_f64, pi_fixed, shifted, signed};
 
 const MAX_TERMS: usize = 64;
 const MAX_BITS: usize = 4096;
@@ -283,9 +283,9 @@ impl Surd {
         }
     }
 
-    pub(super) fn to_real(&self) -> Real {
+    pub(super) fn to_real(&self) -> BigFloat {
         let (sign, magnitude, exponent) = self.approximate(PRECISION);
-        Real::new(sign, magnitude, exponent)
+        BigFloat::new(sign, magnitude, exponent)
     }
 
     /// The nearest `f64`, ties to even: of the exact value, not of an approximation.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use regen_runtime::{Misuse, Outcome, SizeError};
+use regen_runtime::{ClosureError, Outcome, SizeError};
 
 /// Why a robot could not be checked.
 #[derive(Debug)]
@@ -11,7 +11,7 @@ pub enum VerifyError {
     /// A robot's functions do not have the sizes that its own description states.
     Size(SizeError),
     /// A robot that loop closure cannot work with.
-    Closure(Misuse),
+    LoopClosure(ClosureError),
     /// No closed state was found near home.
     NotClosed {
         /// The robot.
@@ -66,7 +66,7 @@ impl fmt::Display for VerifyError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Size(error) => error.fmt(f),
-            Self::Closure(error) => error.fmt(f),
+            Self::LoopClosure(error) => error.fmt(f),
             Self::NotClosed { robot, outcome } => {
                 write!(f, "{robot}: no closed state was found near home: {outcome}")
             }
@@ -107,7 +107,7 @@ impl std::error::Error for VerifyError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Self::Size(error) => Some(error),
-            Self::Closure(error) => Some(error),
+            Self::LoopClosure(error) => Some(error),
             Self::Vectors(error) => Some(error),
             _ => None,
         }
@@ -120,8 +120,8 @@ impl From<SizeError> for VerifyError {
     }
 }
 
-impl From<Misuse> for VerifyError {
-    fn from(error: Misuse) -> Self {
-        Self::Closure(error)
+impl From<ClosureError> for VerifyError {
+    fn from(error: ClosureError) -> Self {
+        Self::LoopClosure(error)
     }
 }

@@ -3,7 +3,7 @@
 use regen_codegen::robot::Robot;
 use regen_interpreted::Interpreted;
 use regen_reference::{Random, State};
-use regen_runtime::{Closure, Model, SizeError, Symbol};
+use regen_runtime::{LoopClosure, Model, SizeError, Symbol};
 
 use crate::base_identities;
 use crate::check::{Identities, Report};
@@ -24,7 +24,7 @@ const DIFFERENCES: f64 = 1e-6;
 /// When no closed state is found near home, or the robot's sizes contradict each other.
 pub fn identities(robot: &Robot) -> Result<Report, VerifyError> {
     let model = Interpreted::new(robot);
-    let mut closure = Closure::new(&model)?;
+    let mut closure = LoopClosure::new(&model)?;
     let mut random = Random::new(SEED);
     let mut all = Identities::default();
     for place in 0..STATES {
@@ -197,11 +197,13 @@ impl At<'_> {
             ROUNDING,
         );
 
-        let y = fill(w.len(), |out| model.slotine_li(q, qd, &qd_i, &qdd_i, out))?;
+        let y = fill(w.len(), |out| {
+            model.adaptive_regressor(q, qd, &qd_i, &qdd_i, out)
+        })?;
         self.compare(all, "Y(q, qd, qd, qdd) = W", [&y, &w], 1.0, ROUNDING);
 
         let drives: Vec<f64> = info.actuated.iter().map(|_| random.signed()).collect();
-        let efforts = fill(dof, |out| model.efforts(q, &drives, out))?;
+        let efforts = fill(dof, |out| model.generalized_forces(q, &drives, out))?;
         let driven: Vec<f64> = info.actuated.iter().map(|&k| qd[k]).collect();
         self.compare(
             all,
@@ -255,7 +257,7 @@ impl At<'_> {
         let v: Vec<f64> = qd_i.iter().map(|_| random.signed()).collect();
         let none = vec![0.0; dof];
         let y = fill(dof * phi.len(), |out| {
-            model.slotine_li(q, qd, &v, &none, out)
+            model.adaptive_regressor(q, qd, &v, &none, out)
         })?;
         let gravity = fill(dof, |out| model.gravity(q, &phi, out))?;
         self.compare(

@@ -6,7 +6,7 @@ use regen_codegen::base::{Analysis, Base, Direction};
 use regen_codegen::robot::Robot;
 use regen_interpreted::Interpreted;
 use regen_reference::Random;
-use regen_runtime::Closure;
+use regen_runtime::LoopClosure;
 
 use crate::check::{Check, Report, What};
 use crate::error::VerifyError;
@@ -97,7 +97,7 @@ fn enough(robot: &Robot, wanted: Option<usize>) -> Result<usize, VerifyError> {
 /// The observation matrix over random closed states.
 fn observe(robot: &Robot, states: usize, random: &mut Random) -> Result<DMatrix<f64>, VerifyError> {
     let model = Interpreted::new(robot);
-    let mut closure = Closure::new(&model)?;
+    let mut closure = LoopClosure::new(&model)?;
     let (dof, columns) = (model.info().dof(), robot.parameters.len());
     let mut w = DMatrix::zeros(dof * states, columns);
     for k in 0..states {
@@ -130,7 +130,7 @@ pub fn numeric_path(robot: &Robot, states: Option<usize>) -> Result<NumericPath,
         robot: robot.name.clone(),
     };
     let whole = Numeric::new(&w).ok_or_else(undecided)?;
-    let kept = Kept::new(base, robot.parameters.len());
+    let kept = KeptColumns::new(base, robot.parameters.len());
     let left = kept.columns_of(&w, base);
     let (numeric, reduced) = if base.known.is_empty() {
         (whole.clone(), None)
@@ -200,13 +200,13 @@ fn checks(
 }
 
 /// The columns that the spec's `base` leaves, in order.
-struct Kept {
+struct KeptColumns {
     columns: Vec<usize>,
     /// The place of each column among them.
     place: Vec<Option<usize>>,
 }
 
-impl Kept {
+impl KeptColumns {
     fn new(base: &Base, all: usize) -> Self {
         let known = |c: &usize| base.known.iter().any(|k| k.column == *c);
         let columns: Vec<usize> = (0..all).filter(|c| !known(c)).collect();

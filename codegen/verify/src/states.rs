@@ -2,7 +2,7 @@
 
 use regen_interpreted::Interpreted;
 use regen_reference::{Random, State};
-use regen_runtime::{Closure, Motion, Outcome};
+use regen_runtime::{LoopClosure, Motion, Outcome};
 
 use crate::error::VerifyError;
 
@@ -44,7 +44,7 @@ impl Reach {
 /// A random closed state: independent coordinates near home, closer where it does not close.
 pub(crate) fn closed_state(
     model: &Interpreted<'_>,
-    closure: &mut Closure<'_, Interpreted<'_>>,
+    closure: &mut LoopClosure<'_, Interpreted<'_>>,
     random: &mut Random,
     reach: Reach,
 ) -> Result<State, VerifyError> {
@@ -59,7 +59,7 @@ pub(crate) fn closed_state(
         .independent
         .iter()
         .map(|&k| match info.joints.get(k).map(|j| j.motion) {
-            Some(Motion::Shift) => closure.length_unit(),
+            Some(Motion::Translation) => closure.length_unit(),
             _ => 1.0,
         })
         .collect();

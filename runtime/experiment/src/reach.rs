@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use regen_runtime::{Closure, Info, Misuse, Model, Motion};
+use regen_runtime::{ClosureError, Info, LoopClosure, Model, Motion};
 
 /// Parts in which the way to a limit is walked.
 const PARTS: usize = 40;
@@ -17,17 +17,17 @@ const SHIFT: f64 = 0.25;
 ///
 /// # Errors
 /// When the model's home is not closed.
-pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, Misuse> {
+pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, ClosureError> {
     let info = model.info();
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
     let size = size(model)?;
     let judge = Judge::new(model)?;
-    let mut closure = Closure::new(model)?;
+    let mut closure = LoopClosure::new(model)?;
     let mut ranges = Vec::with_capacity(home.len());
     for (k, coordinate) in info.independent.iter().enumerate() {
         let joint = info.joints.get(*coordinate);
         let free = match joint.map(|j| j.motion) {
-            Some(Motion::Shift) => SHIFT * size,
+            Some(Motion::Translation) => SHIFT * size,
             _ => TURN,
         };
         let limit = joint.and_then(|j| j.limits.position);
@@ -56,7 +56,7 @@ pub fn ranges<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<[f64; 2]>, Misuse
 ///
 /// # Errors
 /// When the model's home is not closed.
-pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, Misuse> {
+pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, ClosureError> {
     let info = model.info();
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
     let judge = Judge::new(model)?;
@@ -65,7 +65,7 @@ pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, Misuse> {
         .zip(&home)
         .map(|([lo, hi], home)| 0.4 * (hi - home).min(home - lo))
         .collect();
-    let mut closure = Closure::new(model)?;
+    let mut closure = LoopClosure::new(model)?;
     let samples = 40 * home.len().max(1);
     for _ in 0..20 {
         closure.restart();
@@ -93,7 +93,7 @@ pub fn gentle<M: Model<f64> + ?Sized>(model: &M) -> Result<Vec<f64>, Misuse> {
 
 /// The greatest distance of a body's origin at home from the world's or another body's, m; 1
 /// where there is none.
-fn size<M: Model<f64> + ?Sized>(model: &M) -> Result<f64, Misuse> {
+fn size<M: Model<f64> + ?Sized>(model: &M) -> Result<f64, ClosureError> {
     let info = model.info();
     let mut poses = vec![0.0; 12 * info.bodies.len()];
     model.poses(info.home, &mut poses)?;
@@ -118,7 +118,7 @@ struct Judge {
 }
 
 impl Judge {
-    fn new<M: Model<f64> + ?Sized>(model: &M) -> Result<Self, Misuse> {
+    fn new<M: Model<f64> + ?Sized>(model: &M) -> Result<Self, ClosureError> {
         let info = model.info();
         let cosines = cosines(model, &info, info.home)?;
         let inside = |limit: &[f64; 2], at: f64| (limit[0]..=limit[1]).contains(&at);
@@ -134,7 +134,7 @@ impl Judge {
         })
     }
 
-    fn allows<M: Model<f64> + ?Sized>(&self, model: &M, q: &[f64]) -> Result<bool, Misuse> {
+    fn allows<M: Model<f64> + ?Sized>(&self, model: &M, q: &[f64]) -> Result<bool, ClosureError> {
         // as much as the end of a walk to a limit may round
         const SLACK: f64 = 1e-9;
         let info = model.info();
@@ -154,7 +154,7 @@ fn cosines<M: Model<f64> + ?Sized>(
     model: &M,
     info: &Info<'_>,
     q: &[f64],
-) -> Result<Vec<f64>, Misuse> {
+) -> Result<Vec<f64>, ClosureError> {
     let mut out = vec![0.0; info.cones.len()];
     model.cones(q, &mut out)?;
     Ok(out)

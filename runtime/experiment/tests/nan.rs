@@ -7,9 +7,9 @@ mod pendulum;
 
 use pendulum::Pendulum;
 use regen_experiment::simulate::{
-    Drive, Ended, Forward, Freed, Now, Settings, simulate_controlled,
+    ControllerInput, Drive, Forward, ForwardOutcome, Settings, Termination, simulate_controlled,
 };
-use regen_runtime::{Sample, Status, observation};
+use regen_runtime::{Sample, Status, observation_matrix};
 
 const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 const PHI: [f64; 2] = [0.02, 0.1];
@@ -23,7 +23,9 @@ fn forward_dynamics_gives_no_number_for_what_is_none() {
             .accelerations(&[q], &[qd], &[effort], &mut out)
             .unwrap();
         match freed {
-            Freed::Moves(condition) if condition.status() != Status::Singular => Some(out[0]),
+            ForwardOutcome::Solved(condition) if condition.status() != Status::Singular => {
+                Some(out[0])
+            }
             _ => None,
         }
     };
@@ -62,19 +64,19 @@ fn a_command_that_is_nan_ends_the_run_with_or_without_limits() {
             ..Settings::default()
         };
         let run = |value: f64| {
-            let mut controller = |now: &Now<'_>, efforts: &mut [f64]| {
+            let mut controller = |now: &ControllerInput<'_>, efforts: &mut [f64]| {
                 efforts[0] = if now.t < 0.2 { 0.0 } else { value }
             };
             simulate_controlled(&Pendulum, &PHI, &start, &mut controller, &settings).unwrap()
         };
         let log = run(f64::NAN);
-        assert_eq!(log.ended, Ended::Diverged, "{limit:?}");
+        assert_eq!(log.ended, Termination::Diverged, "{limit:?}");
         assert!(
             log.t.last().is_some_and(|t| *t < 0.21),
             "{:?}",
             log.t.last()
         );
-        assert_eq!(run(0.1).ended, Ended::Complete);
+        assert_eq!(run(0.1).ended, Termination::Complete);
     }
     // An infinite command is held at a limit.
     let settings = Settings {
@@ -85,9 +87,9 @@ fn a_command_that_is_nan_ends_the_run_with_or_without_limits() {
         }],
         ..Settings::default()
     };
-    let mut all = |_: &Now<'_>, efforts: &mut [f64]| efforts[0] = f64::INFINITY;
+    let mut all = |_: &ControllerInput<'_>, efforts: &mut [f64]| efforts[0] = f64::INFINITY;
     let log = simulate_controlled(&Pendulum, &PHI, &start, &mut all, &settings).unwrap();
-    assert_eq!(log.ended, Ended::Complete);
+    assert_eq!(log.ended, Termination::Complete);
 }
 
 #[test]
@@ -95,9 +97,10 @@ fn a_sample_that_is_nan_spoils_its_own_rows_of_the_observation_and_no_others() {
     const GOOD: [[f64; 1]; 3] = [[0.4], [0.2], [0.3]];
     const SPOILT: [[f64; 1]; 3] = [[f64::NAN], [0.2], [f64::NAN]];
     let sample = |[q, qd, qdd]: &'static [[f64; 1]; 3]| Sample { q, qd, qdd };
-    let clean = observation(&Pendulum, &[sample(&GOOD), sample(&GOOD), sample(&GOOD)]).unwrap();
+    let clean =
+        observation_matrix(&Pendulum, &[sample(&GOOD), sample(&GOOD), sample(&GOOD)]).unwrap();
     let mut spoilt =
-        observation(&Pendulum, &[sample(&GOOD), sample(&SPOILT), sample(&GOOD)]).unwrap();
+        observation_matrix(&Pendulum, &[sample(&GOOD), sample(&SPOILT), sample(&GOOD)]).unwrap();
     for j in 0..clean.columns {
         let (clean, spoilt) = (clean.column(j), spoilt.column(j));
         assert!(spoilt[1].is_nan(), "column {j}");

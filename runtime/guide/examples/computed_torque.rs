@@ -10,12 +10,12 @@ use std::f64::consts::TAU;
 
 use regen_experiment::simulate::Noise;
 use regen_experiment::simulate::{
-    Drive, Log, Now, Pid, Sensors, Settings, nominal_friction, perturbed, simulate,
+    ControllerInput, Drive, Log, Pid, Sensors, Settings, nominal_friction, perturbed, simulate,
     simulate_controlled,
 };
 use regen_generated::rps3_friction::Rps3Friction;
-use regen_identify::identify::{Kind, Options, Recorded, identify};
-use regen_runtime::{BaseModel, Closure};
+use regen_identify::identify::{EquationKind, Options, Recorded, identify};
+use regen_runtime::{BaseModel, LoopClosure};
 
 /// The robot, over `f64`.
 fn robot() -> &'static dyn BaseModel<f64> {
@@ -81,7 +81,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let fast = motion(&[(0.06, 4.0), (0.006, 10.0)]);
     let by_pid = simulate(robot(), &truth, &fast, &settings)?;
     let mut controller = ComputedTorque::new(beta)?;
-    let mut command = |now: &Now<'_>, efforts: &mut [f64]| controller.efforts(now, efforts);
+    let mut command =
+        |now: &ControllerInput<'_>, efforts: &mut [f64]| controller.efforts(now, efforts);
     let by_model = simulate_controlled(robot(), &truth, &fast, &mut command, &settings)?;
 
     let (pid, model) = (tracking(&by_pid, &fast), tracking(&by_model, &fast));
@@ -111,7 +112,13 @@ fn identified(log: &Log) -> Result<Vec<f64>, Box<dyn Error>> {
             &row(&log.measured_effort, 3),
         );
     }
-    let found = identify(robot(), Kind::Forces, &Options::default(), &mut data)?.estimate;
+    let found = identify(
+        robot(),
+        EquationKind::Forces,
+        &Options::default(),
+        &mut data,
+    )?
+    .estimate;
     println!(
         "{} samples, {} base parameters, condition number {:.0} with columns scaled",
         log.t.len(),
@@ -124,13 +131,13 @@ fn identified(log: &Log) -> Result<Vec<f64>, Box<dyn Error>> {
 /// tau = M(q) (qdd_wanted + Kv e' + Kp e) + h(q, qd), in base parameters.
 struct ComputedTorque {
     beta: Vec<f64>,
-    closure: Closure<'static, dyn BaseModel<f64>>,
+    closure: LoopClosure<'static, dyn BaseModel<f64>>,
     last: Option<Vec<f64>>,
 }
 
 impl ComputedTorque {
     fn new(beta: Vec<f64>) -> Result<Self, Box<dyn Error>> {
-        let closure = Closure::new(robot())?;
+        let closure = LoopClosure::new(robot())?;
         Ok(Self {
             beta,
             closure,
@@ -138,7 +145,7 @@ impl ComputedTorque {
         })
     }
 
-    fn efforts(&mut self, now: &Now<'_>, efforts: &mut [f64]) {
+    fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]) {
         // 20 rad/s, critically damped.
         let (kp, kv) = (400.0, 40.0);
         let measured = now.measured;

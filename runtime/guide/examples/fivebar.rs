@@ -10,7 +10,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use regen_identify::data::{Logs, Settings};
-use regen_identify::identify::{Identified, Kind, Options, identify, observe, residuals};
+use regen_identify::identify::{EquationKind, Identified, Options, identify, observe, residuals};
 use regen_identify::signals::Method;
 use regen_runtime::BaseModel;
 
@@ -25,13 +25,25 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fivebar");
     // Positions and torques of the motors; all else follows from the loop.
     let mut first = logs(&folder.join("run1.csv"))?;
-    let found = identify(robot(), Kind::Forces, &Options::default(), &mut first)?;
+    let found = identify(
+        robot(),
+        EquationKind::Forces,
+        &Options::default(),
+        &mut first,
+    )?;
     table(&found);
 
     let mut second = logs(&folder.join("run2.csv"))?;
-    let (set, _) = observe(robot(), Kind::Forces, &mut second)?;
+    let (set, _) = observe(robot(), EquationKind::Forces, &mut second)?;
     let values = &found.estimate.values;
-    let checked = residuals(robot(), Kind::Forces, &mut second, values, &set.means(), 0)?;
+    let checked = residuals(
+        robot(),
+        EquationKind::Forces,
+        &mut second,
+        values,
+        &set.means(),
+        0,
+    )?;
     for error in checked.efforts() {
         println!(
             "on the other log, {}: eps_RA {:.2} %",

@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 
 use panda::Panda;
 use regen_experiment::simulate::Noise;
-use regen_identify::estimate::{Estimate, Factor};
+use regen_identify::estimate::{Estimate, QrFactor};
 use regen_runtime::Model;
 
 regen_runtime::robot_model!("../../../robots/panda.yaml");
@@ -66,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let labels = info.parameters[first..first + 10]
         .iter()
         .map(|s| (*s).to_owned());
-    let mut factor = Factor::new(labels.collect());
+    let mut factor = QrFactor::new(labels.collect());
     let mut w = vec![0.0; n * p];
     let torque = |q: &[f64], qd: &[f64], qdd: &[f64], phi: &[f64], noise: &mut Noise| {
         let mut tau = vec![0.0; n];

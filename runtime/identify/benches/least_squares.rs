@@ -4,7 +4,7 @@
 
 use std::time::Instant;
 
-use regen_identify::estimate::{Estimate, EstimateError, Factor};
+use regen_identify::estimate::{Estimate, EstimateError, QrFactor};
 
 const ROWS: usize = 75_000;
 const COLUMNS: usize = 34;
@@ -28,7 +28,7 @@ fn main() -> Result<(), EstimateError> {
     let mut sum = 0.0;
     for _ in 0..RUNS {
         let start = Instant::now();
-        let mut factor = Factor::new(labels.clone());
+        let mut factor = QrFactor::new(labels.clone());
         factor.push_block(&w, &tau)?;
         let estimate = Estimate::of(&factor)?;
         sum += estimate.values.iter().sum::<f64>() + estimate.sigma(0);

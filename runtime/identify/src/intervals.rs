@@ -18,8 +18,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::estimate::{Deviations, Factor};
-use crate::feasibility::{Combinations, FeasibilityError, Layout, Options, identify};
+use crate::estimate::{Deviations, QrFactor};
+use crate::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout, identify};
 
 /// Draws that intervals are made of unless others are asked for. Between the k-th from below and
 /// from above of n draws the next one lies with the probability 1 - 2 k / (n + 1), whatever n is: fewer
@@ -139,7 +139,7 @@ pub struct Constrained {
 #[derive(Clone, Copy, Debug)]
 pub struct LeastSquares<'a> {
     /// The weighted factor.
-    pub factor: &'a Factor,
+    pub factor: &'a QrFactor,
     /// Its solution.
     pub values: &'a [f64],
     /// The solution's deviations.
@@ -163,8 +163,8 @@ pub struct LeastSquares<'a> {
 /// When sizes or labels do not fit, or more than a tenth of the programmes fail.
 pub fn constrained(
     data: LeastSquares<'_>,
-    combinations: &Combinations,
-    layout: &Layout,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
     options: &Options,
     (phi, beta): (&[f64], &[f64]),
     replicates: usize,
@@ -187,7 +187,7 @@ pub fn constrained(
 }
 
 /// Projected draws.
-pub(crate) struct Drawn {
+pub(crate) struct ProjectedDraws {
     pub(crate) phi: Vec<Vec<f64>>,
     pub(crate) beta: Vec<Vec<f64>>,
     pub(crate) failed: usize,
@@ -198,7 +198,7 @@ pub(crate) struct Drawn {
     touched: Vec<(usize, Vec<bool>)>,
 }
 
-impl Drawn {
+impl ProjectedDraws {
     pub(crate) fn of_base(&self, k: usize) -> Vec<f64> {
         self.beta.iter().filter_map(|x| x.get(k).copied()).collect()
     }
@@ -226,8 +226,8 @@ impl Drawn {
     /// of the fit comes to a limit from inside and stops short of it.
     fn settle(
         &mut self,
-        combinations: &Combinations,
-        layout: &Layout,
+        combinations: &BaseMap,
+        layout: &ParameterLayout,
         options: &Options,
         deviations: &Deviations,
     ) {
@@ -281,12 +281,12 @@ impl Drawn {
 /// Draws least-squares parameters and projects them.
 pub(crate) fn replicate(
     data: LeastSquares<'_>,
-    combinations: &Combinations,
-    layout: &Layout,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
     options: &Options,
     replicates: usize,
     progress: &mut dyn FnMut(usize),
-) -> Result<Drawn, FeasibilityError> {
+) -> Result<ProjectedDraws, FeasibilityError> {
     let LeastSquares {
         factor,
         values,
@@ -299,7 +299,7 @@ pub(crate) fn replicate(
         ..options.clone()
     };
     let mut random = Random(seed(values));
-    let mut out = Drawn {
+    let mut out = ProjectedDraws {
         phi: Vec::with_capacity(replicates),
         beta: Vec::with_capacity(replicates),
         failed: 0,
@@ -364,7 +364,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The factor of data that least squares would have found these parameters in.
-fn moved_to(factor: &Factor, values: &[f64]) -> Result<Factor, FeasibilityError> {
+fn moved_to(factor: &QrFactor, values: &[f64]) -> Result<QrFactor, FeasibilityError> {
     let n = factor.columns();
     let mut z = vec![0.0; n];
     for (column, value) in factor.r().chunks_exact(n.max(1)).zip(values) {
@@ -372,7 +372,7 @@ fn moved_to(factor: &Factor, values: &[f64]) -> Result<Factor, FeasibilityError>
             *sum += r * value;
         }
     }
-    Ok(Factor::from_parts(
+    Ok(QrFactor::from_parts(
         factor.labels().to_vec(),
         factor.r().to_vec(),
         z,
@@ -383,8 +383,8 @@ fn moved_to(factor: &Factor, values: &[f64]) -> Result<Factor, FeasibilityError>
 
 /// Which of all parameters the data and what is known besides determine.
 pub(crate) fn determined(
-    combinations: &Combinations,
-    layout: &Layout,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
     options: &Options,
 ) -> Result<Vec<bool>, FeasibilityError> {
     let p = layout.len();

@@ -31,11 +31,11 @@ pub mod identifiability;
 pub mod identify;
 pub mod intervals;
 pub mod model;
+mod qr_update;
 pub mod session;
 pub mod signals;
 mod singular;
 pub mod status;
-mod triangle;
 
 pub use model::IdentifiedModel;
 pub use singular::SingularValues;

@@ -4,7 +4,7 @@
 use crate::data::DataError;
 use crate::estimate::{Estimate, EstimateError, Residuals};
 use crate::friction::{JointEfforts, JointFit};
-use crate::identify::{Kind, Observer, Source, equations};
+use crate::identify::{EquationBuilder, EquationKind, Source, equations};
 use regen_runtime::BaseModel;
 
 /// What an estimator says of how uncertain its value is.
@@ -154,7 +154,7 @@ impl IdentifiedModel {
     pub fn predict<M, S>(
         &self,
         model: &M,
-        kind: Kind,
+        kind: EquationKind,
         log: &mut S,
         each: &mut dyn FnMut(&Predicted<'_>) -> Result<(), EstimateError>,
     ) -> Result<(), DataError>
@@ -162,7 +162,7 @@ impl IdentifiedModel {
         M: BaseModel<f64> + ?Sized,
         S: Source<Error = DataError>,
     {
-        if !self.friction.is_empty() && kind != Kind::Forces {
+        if !self.friction.is_empty() && kind != EquationKind::Forces {
             return Err(DataError::FrictionOfEnergy);
         }
         let mut columns = JointEfforts::new(model, &self.friction)?;
@@ -203,7 +203,7 @@ impl IdentifiedModel {
     pub fn residuals<M, S>(
         &self,
         model: &M,
-        kind: Kind,
+        kind: EquationKind,
         log: &mut S,
         means: &[f64],
         lags: usize,
@@ -212,7 +212,7 @@ impl IdentifiedModel {
         M: BaseModel<f64> + ?Sized,
         S: Source<Error = DataError>,
     {
-        let names = Observer::new(model, kind).origin().efforts;
+        let names = EquationBuilder::new(model, kind).origin().efforts;
         let mut out = Residuals::new(&names, means, lags);
         self.predict(model, kind, log, &mut |predicted| {
             if !predicted.follows {

@@ -1,6 +1,6 @@
 //! Singular values and right singular vectors of a tall matrix, the same on every machine.
 
-use crate::triangle::reduce;
+use crate::qr_update::reduce;
 
 /// Singular values, largest first, and the right singular vectors that belong to them.
 ///

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use crate::estimate::Factor;
+use crate::estimate::QrFactor;
 use serde::{Deserialize, Serialize};
 
 /// Deviations below this part of a value, in percent, are of well identified parameters (section
@@ -107,7 +107,7 @@ pub struct Shares {
 
 impl Shares {
     /// Of a fit's weighted factor.
-    pub fn of(factor: &Factor) -> Self {
+    pub fn of(factor: &QrFactor) -> Self {
         let rows = factor.rows().max(1) as f64;
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         let norms = factor.column_norms();
@@ -158,7 +158,7 @@ mod tests {
     fn a_value_is_judged_by_its_deviation_and_by_what_that_moves() {
         // efforts of rms 1; columns of rms 1, 0.01 and 0
         let labels = ["a", "b", "c"].map(str::to_owned).to_vec();
-        let mut factor = Factor::new(labels);
+        let mut factor = QrFactor::new(labels);
         let w = [
             1.0, -1.0, 1.0, -1.0, 0.01, 0.01, -0.01, -0.01, 0.0, 0.0, 0.0, 0.0,
         ];

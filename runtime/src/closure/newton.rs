@@ -31,7 +31,7 @@ pub(super) const NEARLY: f64 = 1e6;
 
 /// Which rows a step solves, where there are more than dependent coordinates.
 #[derive(Clone, Copy)]
-enum Way {
+enum SolvedRows {
     /// As many as there are dependent coordinates: the model's choice.
     Chosen,
     /// All of them, in the sense of least squares: the chosen ones may meet at states where the
@@ -98,12 +98,12 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
     }
 
     /// Fills `step` by this way; returns its largest entry.
-    fn step_by(&mut self, way: Way, q: &[f64]) -> Result<f64, SizeError> {
+    fn step_by(&mut self, way: SolvedRows, q: &[f64]) -> Result<f64, SizeError> {
         match way {
-            Way::Chosen => {
+            SolvedRows::Chosen => {
                 let _ = self.newton_step(q)?;
             }
-            Way::All => self.gauss_newton_step(q)?,
+            SolvedRows::All => self.gauss_newton_step(q)?,
         }
         Ok(largest(&self.step))
     }
@@ -163,7 +163,7 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
     /// open, all rows are tried.
     pub(super) fn correct(&mut self, q: &mut [f64], reach: f64) -> Result<Correction, SizeError> {
         let start = self.redundant().then(|| q.to_vec());
-        let chosen = self.correct_by(Way::Chosen, q, reach)?;
+        let chosen = self.correct_by(SolvedRows::Chosen, q, reach)?;
         let Some(start) = start else {
             return Ok(chosen);
         };
@@ -173,10 +173,15 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
             return Ok(chosen);
         }
         copy(q, &start);
-        self.correct_by(Way::All, q, reach)
+        self.correct_by(SolvedRows::All, q, reach)
     }
 
-    fn correct_by(&mut self, way: Way, q: &mut [f64], reach: f64) -> Result<Correction, SizeError> {
+    fn correct_by(
+        &mut self,
+        way: SolvedRows,
+        q: &mut [f64],
+        reach: f64,
+    ) -> Result<Correction, SizeError> {
         let floor = CONVERGED * (1.0 + largest_at(q, &self.dependent));
         let mut moved = 0.0;
         let mut last = f64::INFINITY;
@@ -200,14 +205,14 @@ impl<'m, M: Model<f64> + ?Sized> Newton<'m, M> {
 
     /// Newton steps as long as the residual falls; returns it.
     pub(super) fn polish(&mut self, q: &mut [f64]) -> Result<f64, SizeError> {
-        let best = self.polish_by(Way::Chosen, q)?;
+        let best = self.polish_by(SolvedRows::Chosen, q)?;
         if self.redundant() && best > self.tolerance(q)? {
-            return self.polish_by(Way::All, q);
+            return self.polish_by(SolvedRows::All, q);
         }
         Ok(best)
     }
 
-    fn polish_by(&mut self, way: Way, q: &mut [f64]) -> Result<f64, SizeError> {
+    fn polish_by(&mut self, way: SolvedRows, q: &mut [f64]) -> Result<f64, SizeError> {
         let mut best = self.residual(q)?;
         for _ in 0..8 {
             let _ = self.step_by(way, q)?;

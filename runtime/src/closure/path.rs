@@ -5,7 +5,7 @@ use alloc::vec::Vec;
 
 use super::lu::{Lu, entry};
 use super::newton::{Correction, NEARLY, Newton, largest};
-use super::{Misuse, Outcome};
+use super::{ClosureError, Outcome};
 use crate::{Condition, Model, Status};
 
 /// The most that any coordinate moves in one step, rad or units of length.
@@ -45,7 +45,7 @@ impl Point {
     pub(super) fn new<M: Model<f64> + ?Sized>(
         newton: &mut Newton<'_, M>,
         q: Vec<f64>,
-    ) -> Result<Self, Misuse> {
+    ) -> Result<Self, ClosureError> {
         let (lu, condition) = factored(newton, &q)?;
         Ok(Self { q, condition, lu })
     }
@@ -70,7 +70,7 @@ pub(super) fn doubted<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     q: &[f64],
     condition: Condition<f64>,
-) -> Result<Condition<f64>, Misuse> {
+) -> Result<Condition<f64>, ClosureError> {
     if newton.dependent.is_empty() || condition.pivot >= DOUBTFUL {
         return Ok(condition);
     }
@@ -82,7 +82,7 @@ pub(super) fn doubted<M: Model<f64> + ?Sized>(
 fn factored<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     q: &[f64],
-) -> Result<(Lu, Condition<f64>), Misuse> {
+) -> Result<(Lu, Condition<f64>), ClosureError> {
     let matrix = compared(newton, q)?;
     let condition = newton.condition(q)?;
     Ok((Lu::new(&matrix, newton.dependent.len()), condition))
@@ -93,7 +93,7 @@ fn factored<M: Model<f64> + ?Sized>(
 fn compared<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     q: &[f64],
-) -> Result<Vec<f64>, Misuse> {
+) -> Result<Vec<f64>, ClosureError> {
     if newton.redundant() {
         return Ok(newton.dependent_columns(q)?);
     }
@@ -110,7 +110,7 @@ pub(super) fn follow<M: Model<f64> + ?Sized>(
     newton: &mut Newton<'_, M>,
     start: &Point,
     target: &[f64],
-) -> Result<(Point, Outcome, usize), Misuse> {
+) -> Result<(Point, Outcome, usize), ClosureError> {
     let origin: Vec<f64> = newton
         .independent
         .iter()
@@ -217,7 +217,7 @@ fn step<M: Model<f64> + ?Sized>(
     tangent: &[f64],
     part: f64,
     to: &[f64],
-) -> Result<Result<(Point, f64), Refusal>, Misuse> {
+) -> Result<Result<(Point, f64), Refusal>, ClosureError> {
     let mut q = point.q.clone();
     for (q, tangent) in q.iter_mut().zip(tangent) {
         *q += part * tangent;

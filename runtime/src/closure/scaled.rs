@@ -50,7 +50,7 @@ impl<'m, M: Model<f64> + ?Sized> Scaled<'m, M> {
         let shifts = |k: usize| {
             info.joints
                 .get(k)
-                .is_some_and(|j| j.motion == Motion::Shift)
+                .is_some_and(|j| j.motion == Motion::Translation)
         };
         let mut poses = vec![0.0; 12 * info.bodies.len()];
         model.poses(info.home, &mut poses)?;

@@ -82,9 +82,9 @@ functions! {
         BiasForces = bias_forces(Q, Qd, Phi) -> Shape::Vector(Size::Independent), CONDITION;
         MassMatrix = mass_matrix(Q, Phi)
             -> by_rows(Size::Independent, Size::Independent), CONDITION;
-        SlotineLi = slotine_li(Q, Qd, QdRI, QddRI)
+        AdaptiveRegressor = adaptive_regressor(Q, Qd, QdRI, QddRI)
             -> by_columns(Size::Independent, Size::Parameters), CONDITION;
-        Efforts = efforts(Q, TauActuated) -> Shape::Vector(Size::Independent), CONDITION;
+        GeneralizedForces = generalized_forces(Q, TauActuated) -> Shape::Vector(Size::Independent), CONDITION;
         Poses = poses(Q) -> by_rows(Size::Bodies, Size::Pose), NOTHING;
         Cones = cones(Q) -> Shape::Vector(Size::Cones), NOTHING;
     }

@@ -54,7 +54,7 @@ impl<D: DualNum<Primitive = f64> + Copy> Scalar for Dual<D> {
     type Mask = bool;
 
     #[inline]
-    fn lift(self, c: f64) -> Self {
+    fn splat(self, c: f64) -> Self {
         Self(D::from(c))
     }
 
@@ -70,7 +70,7 @@ impl<D: DualNum<Primitive = f64> + Copy> Scalar for Dual<D> {
 
     #[inline]
     fn sign(self) -> Self {
-        self.lift(Scalar::sign(self.0.re()))
+        self.splat(Scalar::sign(self.0.re()))
     }
 
     #[inline]

@@ -62,7 +62,7 @@ impl<S: Simd> Lane<S> {
 
     /// The constant in every lane.
     #[inline(always)]
-    pub fn splat(simd: S, value: f64) -> Self {
+    pub fn broadcast(simd: S, value: f64) -> Self {
         Self {
             simd,
             v: simd.splat_f64s(value),
@@ -94,8 +94,8 @@ impl<S: Simd> Lane<S> {
     #[inline(always)]
     fn fuses(self) -> bool {
         let small = f64::EPSILON * 4_194_304.0;
-        let (low, high) = (self.lift(1.0 - small), self.lift(1.0 + small));
-        let lost = low.mul_add(high, self.lift(-1.0));
+        let (low, high) = (self.splat(1.0 - small), self.splat(1.0 + small));
+        let lost = low.mul_add(high, self.splat(-1.0));
         bytemuck::cast_slice::<S::f64s, f64>(core::slice::from_ref(&lost.v))
             .iter()
             .any(|x| *x != 0.0)
@@ -106,20 +106,20 @@ impl<S: Simd> Lane<S> {
     fn reduced(self, quarters: Self) -> (Self, Self) {
         if self.fuses() {
             // exact: a multiple of the last place of x or of pi/2, and below one
-            let first = (-quarters).mul_add(self.lift(core::f64::consts::FRAC_PI_2), self);
-            let low = self.lift(HALF_PI_LOW);
+            let first = (-quarters).mul_add(self.splat(core::f64::consts::FRAC_PI_2), self);
+            let low = self.splat(HALF_PI_LOW);
             let second = quarters * low;
             let (y, error) = two_sum(first, -second);
             let rounded = quarters.mul_add(low, -second);
-            let last = quarters.mul_add(self.lift(HALF_PI_LAST), rounded);
+            let last = quarters.mul_add(self.splat(HALF_PI_LAST), rounded);
             (y, error - last)
         } else {
             // the three leading parts of pi/2 have 33 bits, so that their products with an
             // integer of 20 bits are exact (Cody and Waite); the sums keep what they round off
-            let first = self - quarters * self.lift(HALF_PI[0]);
-            let (second, error_2) = two_sum(first, -(quarters * self.lift(HALF_PI[1])));
-            let (third, error_3) = two_sum(second, -(quarters * self.lift(HALF_PI[2])));
-            let rest = (error_2 + error_3) - quarters * self.lift(HALF_PI[3]);
+            let first = self - quarters * self.splat(HALF_PI[0]);
+            let (second, error_2) = two_sum(first, -(quarters * self.splat(HALF_PI[1])));
+            let (third, error_3) = two_sum(second, -(quarters * self.splat(HALF_PI[2])));
+            let rest = (error_2 + error_3) - quarters * self.splat(HALF_PI[3]);
             let y = third + rest;
             (y, (third - y) + rest)
         }
@@ -131,12 +131,12 @@ impl<S: Simd> Lane<S> {
     fn turned(self, tail: Self, shifted: Self) -> (Self, Self) {
         let (simd, y) = (self.simd, self);
         let z = y * y;
-        let half = z * y.lift(0.5);
+        let half = z * y.splat(0.5);
         // sin(y + tail) = y + (y^3 S(y^2) + tail cos y)
-        let leading = y.lift(1.0) - half;
+        let leading = y.splat(1.0) - half;
         let sin = y + (y * z).mul_add(polynomial(z, &SIN), tail * leading);
         // cos(y + tail) = 1 - y^2/2 + (y^4 C(y^2) - y tail); what 1 - y^2/2 rounds off comes back
-        let lost = (y.lift(1.0) - leading) - half;
+        let lost = (y.splat(1.0) - leading) - half;
         let cos = leading + (z * z).mul_add(polynomial(z, &COS), (-y).mul_add(tail, lost));
 
         // odd quarter turns swap the two; the sine's sign is the second last bit, the cosine's
@@ -176,11 +176,11 @@ fn sin_cos_near<S: Simd, const N: usize>(angles: [Lane<S>; N]) -> [(Lane<S>, Lan
     let mut shifted = angles;
     for x in &mut shifted {
         // the sum rounds to an integer of quarter turns
-        *x = x.mul_add(x.lift(TWO_OVER_PI), x.lift(MAGIC));
+        *x = x.mul_add(x.splat(TWO_OVER_PI), x.splat(MAGIC));
     }
     let mut reduced = angles.map(|x| (x, x));
     for ((y, tail), (x, shifted)) in reduced.iter_mut().zip(angles.iter().zip(&shifted)) {
-        (*y, *tail) = x.reduced(*shifted - x.lift(MAGIC));
+        (*y, *tail) = x.reduced(*shifted - x.splat(MAGIC));
     }
     for ((y, tail), shifted) in reduced.iter_mut().zip(&shifted) {
         (*y, *tail) = y.turned(*tail, *shifted);
@@ -191,7 +191,7 @@ fn sin_cos_near<S: Simd, const N: usize>(angles: [Lane<S>; N]) -> [(Lane<S>, Lan
 /// The polynomial with these coefficients, lowest power first.
 #[inline(always)]
 fn polynomial<S: Simd>(z: Lane<S>, coefficients: &[f64; 6]) -> Lane<S> {
-    let [c0, c1, c2, c3, c4, c5] = coefficients.map(|c| z.lift(c));
+    let [c0, c1, c2, c3, c4, c5] = coefficients.map(|c| z.splat(c));
     // Estrin's scheme: half as deep as Horner's
     let square = z * z;
     let high = c5.mul_add(z, c4).mul_add(square, c3.mul_add(z, c2));
@@ -241,8 +241,8 @@ impl<S: Simd> Scalar for Lane<S> {
     type Mask = LaneMask<S>;
 
     #[inline(always)]
-    fn lift(self, c: f64) -> Self {
-        Self::splat(self.simd, c)
+    fn splat(self, c: f64) -> Self {
+        Self::broadcast(self.simd, c)
     }
 
     #[inline(always)]
@@ -263,9 +263,9 @@ impl<S: Simd> Scalar for Lane<S> {
 
     #[inline(always)]
     fn sign(self) -> Self {
-        let zero = self.lift(0.0);
-        let negative = Self::select(self.less(zero), self.lift(-1.0), self);
-        Self::select(zero.less(self), self.lift(1.0), negative)
+        let zero = self.splat(0.0);
+        let negative = Self::select(self.less(zero), self.splat(-1.0), self);
+        Self::select(zero.less(self), self.splat(1.0), negative)
     }
 
     #[inline(always)]
@@ -280,9 +280,9 @@ impl<S: Simd> Scalar for Lane<S> {
             return angles.map(|x| (x, x));
         };
         let simd = first.simd;
-        let mut within = first.abs().less(first.lift(Self::REACH)).mask;
+        let mut within = first.abs().less(first.splat(Self::REACH)).mask;
         for x in &angles {
-            within = simd.and_m64s(within, x.abs().less(x.lift(Self::REACH)).mask);
+            within = simd.and_m64s(within, x.abs().less(x.splat(Self::REACH)).mask);
         }
         if Self::all(LaneMask { simd, mask: within }) {
             sin_cos_near(angles)

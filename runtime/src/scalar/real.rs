@@ -11,7 +11,7 @@ macro_rules! scalar {
 
             #[inline]
             #[allow(clippy::cast_lossless, reason = "one text for both widths")]
-            fn lift(self, c: f64) -> Self {
+            fn splat(self, c: f64) -> Self {
                 c as $float
             }
 

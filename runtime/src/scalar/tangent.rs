@@ -112,7 +112,7 @@ impl<const N: usize> Scalar for Tangent<N> {
     type Mask = bool;
 
     #[inline]
-    fn lift(self, c: f64) -> Self {
+    fn splat(self, c: f64) -> Self {
         Self::constant(c)
     }
 

@@ -171,8 +171,8 @@ impl Model for FourBars {
             Function::InverseDynamics => out[0] = x.phi[0] * x.qdd[0],
             Function::Gravity | Function::BiasForces => out[0] = 0.0,
             Function::MassMatrix => out[0] = x.phi[0],
-            Function::SlotineLi => out[0] = x.qdd_r_i[0],
-            Function::Efforts => out[0] = x.tau_actuated[0],
+            Function::AdaptiveRegressor => out[0] = x.qdd_r_i[0],
+            Function::GeneralizedForces => out[0] = x.tau_actuated[0],
             Function::Poses | Function::Cones => {}
         }
         Ok(Condition::regular(1.0))

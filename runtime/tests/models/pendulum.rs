@@ -11,7 +11,7 @@ pub struct Pendulum;
 
 impl Pendulum {
     fn row<T: Scalar>(q: T, qdd: T) -> [T; 2] {
-        [qdd, q.lift(9.81) * q.sin_cos().0]
+        [qdd, q.splat(9.81) * q.sin_cos().0]
     }
 
     fn effort<T: Scalar>(row: [T; 2], phi: &[T], out: &mut [T]) -> Result<Condition<T>, SizeError> {
@@ -73,26 +73,26 @@ impl<T: Scalar> Model<T> for Pendulum {
                 let [qdd] = *array(x.qdd, "qdd")?;
                 return Self::effort(Self::row(q, qdd), x.phi, out);
             }
-            Function::Gravity => return Self::effort(Self::row(q, q.lift(0.0)), x.phi, out),
+            Function::Gravity => return Self::effort(Self::row(q, q.splat(0.0)), x.phi, out),
             Function::BiasForces => {
                 velocity()?;
-                return Self::effort(Self::row(q, q.lift(0.0)), x.phi, out);
+                return Self::effort(Self::row(q, q.splat(0.0)), x.phi, out);
             }
             Function::MassMatrix => {
                 let [inertia, _] = *array(x.phi, "phi")?;
                 *array_mut(out, "out")? = [inertia];
             }
-            Function::SlotineLi => {
+            Function::AdaptiveRegressor => {
                 velocity()?;
                 array::<T, 1>(x.qd_r_i, "qd_r_i")?;
                 let [qdd] = *array(x.qdd_r_i, "qdd_r_i")?;
                 *array_mut(out, "out")? = Self::row(q, qdd);
             }
-            Function::Efforts => {
+            Function::GeneralizedForces => {
                 *array_mut::<T, 1>(out, "out")? = *array(x.tau_actuated, "tau_actuated")?;
             }
             Function::Poses => {
-                let ((s, c), o, l) = (q.sin_cos(), q.lift(0.0), q.lift(1.0));
+                let ((s, c), o, l) = (q.sin_cos(), q.splat(0.0), q.splat(1.0));
                 *array_mut(out, "out")? = [c, -s, o, s, c, o, o, o, l, o, o, o];
             }
         }

@@ -29,10 +29,10 @@ impl SliderCrank {
 
     fn rows<T: regen_runtime::Scalar>(&self, q: &[T; 3]) -> [[T; 3]; 2] {
         let ((s, c), (rs, rc)) = (q[0].sin_cos(), (q[0] + q[1]).sin_cos());
-        let (a, b) = (s.lift(self.crank), s.lift(self.rod));
+        let (a, b) = (s.splat(self.crank), s.splat(self.rod));
         [
-            [-(a * s) - b * rs, -(b * rs), s.lift(-1.0)],
-            [a * c + b * rc, b * rc, s.lift(0.0)],
+            [-(a * s) - b * rs, -(b * rs), s.splat(-1.0)],
+            [a * c + b * rc, b * rc, s.splat(0.0)],
         ]
     }
 
@@ -55,20 +55,20 @@ impl SliderCrank {
 
     fn residual<T: regen_runtime::Scalar>(&self, q: &[T; 3]) -> [T; 2] {
         let ((s, c), (rs, rc)) = (q[0].sin_cos(), (q[0] + q[1]).sin_cos());
-        let (a, b) = (s.lift(self.crank), s.lift(self.rod));
-        [a * c + b * rc - q[2], a * s + b * rs - s.lift(self.offset)]
+        let (a, b) = (s.splat(self.crank), s.splat(self.rod));
+        [a * c + b * rc - q[2], a * s + b * rs - s.splat(self.offset)]
     }
 
     fn b<T: regen_runtime::Scalar>(&self, q: &[T; 3], qd: &[T; 3]) -> [T; 2] {
         let ((s, c), (rs, rc)) = (q[0].sin_cos(), (q[0] + q[1]).sin_cos());
-        let crank = s.lift(self.crank) * qd[0] * qd[0];
-        let rod = s.lift(self.rod) * (qd[0] + qd[1]) * (qd[0] + qd[1]);
+        let crank = s.splat(self.crank) * qd[0] * qd[0];
+        let rod = s.splat(self.rod) * (qd[0] + qd[1]) * (qd[0] + qd[1]);
         [crank * c + rod * rc, crank * s + rod * rs]
     }
 
     /// The regressor row for given velocity and accelerations of crank and slider.
     fn row<T: regen_runtime::Scalar>(x: [T; 2], qd: T, qdd: T, slide: T) -> [T; 3] {
-        [qdd, qd, -(x[1] * (slide + slide.lift(Self::GRAVITY)))]
+        [qdd, qd, -(x[1] * (slide + slide.splat(Self::GRAVITY)))]
     }
 
     /// All accelerations at given velocities.
@@ -152,13 +152,13 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
                 *array_mut(out, "out")? = [dot(row, phi()?)];
             }
             Function::Gravity => {
-                let rest = q[0].lift(0.0);
+                let rest = q[0].splat(0.0);
                 let row = Self::row(solved(), rest, rest, rest);
                 *array_mut(out, "out")? = [dot(row, phi()?)];
             }
             Function::BiasForces => {
                 let qd = qd()?;
-                let [qdd, _, slide] = self.second(q, qd, q[0].lift(0.0));
+                let [qdd, _, slide] = self.second(q, qd, q[0].splat(0.0));
                 let row = Self::row(solved(), qd[0], qdd, slide);
                 *array_mut(out, "out")? = [dot(row, phi()?)];
             }
@@ -166,23 +166,23 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
                 let ([inertia, _, mass], x) = (*phi()?, solved());
                 *array_mut(out, "out")? = [inertia + x[1] * x[1] * mass];
             }
-            Function::SlotineLi => {
+            Function::AdaptiveRegressor => {
                 let (qd, x) = (qd()?, solved());
                 let [qd_r] = *array(given.qd_r_i, "qd_r_i")?;
                 let [qdd_r] = *array(given.qdd_r_i, "qdd_r_i")?;
                 // The bias is bilinear: one factor is the velocity, the other the reference.
-                let rates = [x[0].lift(1.0), -x[0], -x[1]];
-                let coast = self.second(q, &rates, qd_r.lift(0.0))[2];
+                let rates = [x[0].splat(1.0), -x[0], -x[1]];
+                let coast = self.second(q, &rates, qd_r.splat(0.0))[2];
                 let slide = coast * qd[0] * qd_r - x[1] * qdd_r;
                 *array_mut(out, "out")? = Self::row(x, qd_r, qdd_r, slide);
             }
-            Function::Efforts => {
+            Function::GeneralizedForces => {
                 let [crank, slider] = *array(given.tau_actuated, "tau_actuated")?;
                 *array_mut(out, "out")? = [crank - solved()[1] * slider];
             }
             Function::Poses => {
                 let (s, c) = q[0].sin_cos();
-                let (o, l, e) = (s.lift(0.0), s.lift(1.0), s.lift(self.offset));
+                let (o, l, e) = (s.splat(0.0), s.splat(1.0), s.splat(self.offset));
                 *matrix_mut(out, "out")? = [
                     [c, -s, o, s, c, o, o, o, l, o, o, o],
                     [l, o, o, o, l, o, o, o, l, q[2], e, o],

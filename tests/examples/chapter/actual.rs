@@ -1,7 +1,7 @@
 //! The stand-in of the actual robot: simulated under control, with friction at its joints,
 //! encoders and noise; what is measured is averaged, filtered and thinned as in section 6.1.
 
-use regen_experiment::simulate::{Ended, Pid, Sensors, Settings, perturbed, simulate};
+use regen_experiment::simulate::{Pid, Sensors, Settings, Termination, perturbed, simulate};
 use regen_generated::rps3_friction::Rps3Friction;
 use regen_identify::signals::{Butterworth, Fourier, FourierFit};
 use regen_runtime::{Model, State};
@@ -69,7 +69,7 @@ pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
         }
     };
     let log = simulate(&Rps3Friction, &phi, &follow, &settings).expect("settings that fit");
-    assert_eq!(log.ended, Ended::Complete);
+    assert_eq!(log.ended, Termination::Complete);
     #[allow(clippy::cast_sign_loss, reason = "both are positive")]
     let rows = (period / settings.period).round() as usize;
     let mean = |values: &[f64], k: usize, i: usize| {

@@ -16,7 +16,7 @@ mod robot;
 use std::path::PathBuf;
 
 use regen_experiment::excite::{Criterion, Excitation};
-use regen_runtime::{Closure, State};
+use regen_runtime::{LoopClosure, State};
 
 use actual::Measured;
 use figures::{Curve, Panel};
@@ -136,7 +136,7 @@ fn cones() {
 /// Least pivot of `A_e` over poses whose largest cone angle is in steps of 15 degrees.
 fn pivots(steps: usize) -> Vec<(f64, f64, usize)> {
     let model = robot::model();
-    let mut closure = Closure::new(model).expect("a model");
+    let mut closure = LoopClosure::new(model).expect("a model");
     let mut classes: Vec<(f64, f64, usize)> = (0..6)
         .map(|k| (15.0 * f64::from(k), f64::INFINITY, 0))
         .collect();

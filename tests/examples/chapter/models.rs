@@ -160,9 +160,9 @@ pub(crate) fn exact(equations: &Equations) -> Vec<f64> {
 /// Noise on the independent coordinates and their derivatives: every measured state is closed
 /// again.
 pub(crate) fn noisy(states: &[State], noise: &mut Noise) -> Vec<State> {
-    use regen_runtime::Closure;
+    use regen_runtime::LoopClosure;
     let model = super::robot::model();
-    let mut closure = Closure::new(model).expect("a model");
+    let mut closure = LoopClosure::new(model).expect("a model");
     let places = LEGS.map(|leg| model.info().index_of(leg).expect("a leg"));
     let mut near = |state: &State| {
         let mut seen =

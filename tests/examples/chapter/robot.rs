@@ -2,14 +2,14 @@
 
 use std::sync::atomic::AtomicBool;
 
-use regen_experiment::excite::{Criterion, Excitation, Outcome, Settings, Watch, excite};
+use regen_experiment::excite::{Criterion, Excitation, Monitor, Outcome, Settings, excite};
 use regen_experiment::simulate::Noise;
 use regen_generated::rps3::Rps3;
-use regen_identify::estimate::Factor;
-use regen_identify::feasibility::{Combinations, Layout};
+use regen_identify::estimate::QrFactor;
+use regen_identify::feasibility::{BaseMap, ParameterLayout};
 use regen_identify::friction::directions;
 use regen_identify::signals::Fourier;
-use regen_runtime::{BaseModel, Closure, JointFriction, Limits, State};
+use regen_runtime::{BaseModel, JointFriction, Limits, LoopClosure, State};
 
 /// The period, s (section 6.1).
 pub(crate) const PERIOD: f64 = 7.5;
@@ -50,7 +50,7 @@ pub(crate) fn trajectory(seed: u64, criterion: Criterion, steps: usize) -> Excit
     }
     settings.cones.fill(45.0_f64.to_radians());
     let stop = AtomicBool::new(false);
-    let watch = Watch {
+    let watch = Monitor {
         stop: &stop,
         report: &|_| {},
     };
@@ -63,7 +63,7 @@ pub(crate) fn trajectory(seed: u64, criterion: Criterion, steps: usize) -> Excit
 /// The closed states at `count` times of a period.
 pub(crate) fn states(series: &Fourier, count: usize) -> Vec<State> {
     let period = 1.0 / series.frequency();
-    let mut closure = Closure::new(model()).expect("a model");
+    let mut closure = LoopClosure::new(model()).expect("a model");
     let state = |k: usize| {
         let t = period * k as f64 / count as f64;
         let at = [0, 1, 2].map(|leg| series.at(leg, t));
@@ -114,14 +114,14 @@ impl Equations {
     }
 
     /// How the columns combine the parameters, and those parameters.
-    pub(crate) fn combinations(&self) -> (Combinations, Layout) {
+    pub(crate) fn combinations(&self) -> (BaseMap, ParameterLayout) {
         let info = model().info();
-        let bodies = Combinations::from_base(&model().base_info(), info.parameters.len());
+        let bodies = BaseMap::from_base(&model().base_info(), info.parameters.len());
         let labels = self.labels();
         let more = labels[25..].to_vec();
         let mut all: Vec<String> = info.parameters.iter().map(|&p| p.to_owned()).collect();
         all.extend(more.iter().cloned());
-        let layout = Layout::new(&all).expect("known labels");
+        let layout = ParameterLayout::new(&all).expect("known labels");
         (bodies.expect("a base").extended(&more), layout)
     }
 
@@ -154,8 +154,8 @@ impl Equations {
     }
 
     /// The factor of states with their forces, three each.
-    pub(crate) fn factor(&self, states: &[State], forces: &[f64]) -> Factor {
-        let mut factor = Factor::new(self.labels());
+    pub(crate) fn factor(&self, states: &[State], forces: &[f64]) -> QrFactor {
+        let mut factor = QrFactor::new(self.labels());
         for (state, tau) in states.iter().zip(forces.chunks(3)) {
             factor.push_block(&self.rows(state), tau).expect("sizes");
         }

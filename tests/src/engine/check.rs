@@ -198,7 +198,7 @@ fn closed(
     }
     let theirs = reference.reduce(q, &all)?;
     let error = vector_error(
-        &engine.call(FunctionKind::Efforts, &[q, &tau])?,
+        &engine.call(FunctionKind::GeneralizedForces, &[q, &tau])?,
         &theirs,
         size(&theirs).max(1.0),
     );

@@ -53,7 +53,7 @@ pub(super) fn check(
     power(reference, state, &all, &ours, figures);
 
     matrices(engine, reference, state, &all, scale, figures)?;
-    slotine_li(engine, reference, state, &inertial, random, figures)
+    adaptive_regressor(engine, reference, state, &inertial, random, figures)
 }
 
 /// Random physical bodies and rotors, with or without friction.
@@ -154,7 +154,7 @@ fn matrices(
 }
 
 /// Y(q, qd, qd, qdd) = W, and dM/dt - 2 C is skew with the C that Y contains.
-fn slotine_li(
+fn adaptive_regressor(
     engine: &dyn Engine,
     reference: &Mechanism,
     state: &State,
@@ -165,14 +165,17 @@ fn slotine_li(
     let State { q, qd, qdd } = state;
     let dof = reference.dof();
     let pick = |v: &[f64]| -> Vec<f64> { reference.independent.iter().map(|k| v[*k]).collect() };
-    let y = engine.matrix(FunctionKind::SlotineLi, &[q, qd, &pick(qd), &pick(qdd)])?;
+    let y = engine.matrix(
+        FunctionKind::AdaptiveRegressor,
+        &[q, qd, &pick(qd), &pick(qdd)],
+    )?;
     let error = row_error(&y, &reference.regressor(q, qd, qdd)?);
     figures.record("Y on the motion", error, ROW);
 
     let none = vec![0.0; dof];
     let at = |v: &[f64], a: &[f64]| {
         Ok::<_, String>(apply(
-            &engine.matrix(FunctionKind::SlotineLi, &[q, qd, v, a])?,
+            &engine.matrix(FunctionKind::AdaptiveRegressor, &[q, qd, v, a])?,
             phi,
         ))
     };

@@ -58,8 +58,8 @@ impl Engine for Naive<'_> {
             FunctionKind::Gravity => self.gravity(q, x)?,
             FunctionKind::BiasForces => self.bias_forces(q, x, y)?,
             FunctionKind::MassMatrix => rows(&self.mass_matrix(q, x)?),
-            FunctionKind::SlotineLi => columns(&self.slotine_li(q, x, y, z)?),
-            FunctionKind::Efforts => self.efforts(q, x)?,
+            FunctionKind::AdaptiveRegressor => columns(&self.adaptive_regressor(q, x, y, z)?),
+            FunctionKind::GeneralizedForces => self.efforts(q, x)?,
             FunctionKind::Poses => m.poses(q).concat(),
             FunctionKind::Cones => m.cone_cosines(q),
             FunctionKind::DependentJacobian
@@ -125,7 +125,7 @@ impl Naive<'_> {
     }
 
     /// The Christoffel form: the symmetric bilinear form of the quadratic velocity efforts.
-    fn slotine_li(
+    fn adaptive_regressor(
         &self,
         q: &[f64],
         qd: &[f64],

@@ -4,7 +4,7 @@
 use regen_codegen::emit::{Options, module};
 use regen_codegen::signature::FunctionKind;
 use regen_interpreted::Interpreted;
-use regen_runtime::{Closure, Outcome};
+use regen_runtime::{LoopClosure, Outcome};
 
 use super::Sample;
 use crate::derived::Derived;
@@ -96,7 +96,7 @@ pub fn closure(derived: &Derived, mechanism: &Mechanism, seed: u64) -> Result<()
         return Ok(());
     }
     let model = Interpreted::new(&derived.robot);
-    let mut closure = Closure::new(&model).map_err(|e| e.to_string())?;
+    let mut closure = LoopClosure::new(&model).map_err(|e| e.to_string())?;
     let home = closure.home().clone();
     if home.outcome != Outcome::Closed {
         return Err(format!("closure at home: {}", home.outcome));

@@ -136,11 +136,11 @@ fn evaluate(model: &dyn {runtime}::Model<f64>) -> Result<f64, {runtime}::SizeErr
     model.dependent_jacobian(q, &mut vec![0.0; ne * ne])?;
     let _ = model.velocities(q, &still, &mut vec![0.0; n])?;
     let _ = model.accelerations(q, &rate, &still, &mut vec![0.0; n])?;
-    let _ = model.slotine_li(q, &rate, &still, &still, &mut vec![0.0; dof * p])?;
+    let _ = model.adaptive_regressor(q, &rate, &still, &still, &mut vec![0.0; dof * p])?;
     let _ = model.mass_matrix(q, &phi, &mut vec![0.0; dof * dof])?;
     let _ = model.gravity(q, &phi, &mut vec![0.0; dof])?;
     let _ = model.bias_forces(q, &rate, &phi, &mut vec![0.0; dof])?;
-    let _ = model.efforts(q, &vec![1.0; info.actuated.len()], &mut vec![0.0; dof])?;
+    let _ = model.generalized_forces(q, &vec![1.0; info.actuated.len()], &mut vec![0.0; dof])?;
     model.poses(q, &mut vec![0.0; 12 * info.bodies.len()])?;
     let mut tau = vec![0.0; dof];
     let _ = model.inverse_dynamics(q, &rate, &rate, &phi, &mut tau)?;

@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 
 use indicatif::ProgressBar;
 use regen_experiment::excite::{
-    Criterion, Excitation, ExciteError, Margin, Outcome, Progress, Settings, Watch, excite,
+    Criterion, Excitation, ExciteError, Margin, Monitor, Outcome, Progress, Settings, excite,
 };
 use regen_runtime::Info;
 use serde::Serialize;
@@ -60,7 +60,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     let stop = interrupt::asks();
     let bar = progress::bar(1, "{bar:24} {percent} %, {eta} left{msg}");
     let report = |progress: Progress| show(&bar, progress);
-    let watch = Watch {
+    let watch = Monitor {
         stop,
         report: &report,
     };

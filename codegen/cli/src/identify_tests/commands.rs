@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command as Process;
 
 use clap::Parser;
-use regen_identify::feasibility::{Layout, Scale};
+use regen_identify::feasibility::{ParameterLayout, Scale};
 use regen_identify::friction::JointFit;
 use regen_identify::session::cross;
 use regen_runtime::Friction;
@@ -88,7 +88,7 @@ fn feasible_parameters_go_out_and_are_read_back_as_the_same_numbers() {
 
     let written = json(&out);
     let (labels, phi) = physical(&written);
-    let layout = Layout::new(&labels).unwrap();
+    let layout = ParameterLayout::new(&labels).unwrap();
     assert!(layout.check(&phi, Scale::default()).unwrap().is_physical());
     // a deviation stands beside its own value or not at all; those of least squares are there too
     let least = written["least_squares"].as_array().unwrap();

@@ -5,8 +5,8 @@ use std::fs;
 use regen_identify::data::{Logs, Settings};
 use regen_identify::estimate::{Estimate, Weighting};
 use regen_identify::identify::{
-    Completed, Completion, Identified, Kind, Options, Recorded, Source, Standstill, identify,
-    observe,
+    Completed, Completion, EquationKind, Identified, Options, Recorded, Source, Standstill,
+    identify, observe,
 };
 use regen_identify::signals::{Derivatives, Method, differences};
 
@@ -19,27 +19,31 @@ use regen_reference::Random;
 fn all_methods_and_both_kinds_of_equations_agree_on_one_log() {
     Bench::new().with(5001, 0.001, |model, rows, beta| {
         let path = scratch("methods.csv", &csv(model, &rows));
-        let energy = Kind::Energy { window: 0.05 };
+        let energy = EquationKind::Energy { window: 0.05 };
         // their own errors: of differences over 1 ms at 1 Hz, of a cutoff 60 times that, of
         // cubics over a fiftieth of the shortest period, of the trapezoidal rule; all magnified by
         // the weakest excited parameter
         for (method, kind, bound) in [
-            (Method::Central, Kind::Forces, 1e-3),
+            (Method::Central, EquationKind::Forces, 1e-3),
             (
                 Method::Butterworth {
                     order: 4,
                     cutoff: 60.0,
                 },
-                Kind::Forces,
+                EquationKind::Forces,
                 1e-2,
             ),
-            (Method::Local { half_width: 0.01 }, Kind::Forces, 5e-2),
+            (
+                Method::Local { half_width: 0.01 },
+                EquationKind::Forces,
+                5e-2,
+            ),
             (
                 Method::Fourier {
                     frequency: FREQUENCY,
                     harmonics: HARMONICS,
                 },
-                Kind::Forces,
+                EquationKind::Forces,
                 1e-8,
             ),
             (
@@ -78,7 +82,7 @@ fn noise_is_found_and_errors_stay_within_their_own_sigma() {
                 ];
                 source.push(row.time, &row.q, &row.qd, &row.qdd, &tau);
             }
-            let (set, _) = observe(model, Kind::Forces, &mut source).unwrap();
+            let (set, _) = observe(model, EquationKind::Forces, &mut source).unwrap();
             let found = Estimate::new(&set, Weighting::PerEffort).unwrap();
             for (effort, sigma) in found.efforts.iter().zip([0.05, 0.20]) {
                 // 800 samples: five standard deviations of a standard deviation
@@ -115,12 +119,18 @@ fn hubers_weights_hold_outliers_off() {
                 .collect();
             source.push(row.time, &row.q, &row.qd, &row.qdd, &tau);
         }
-        let plain = identify(model, Kind::Forces, &Options::default(), &mut source).unwrap();
+        let plain = identify(
+            model,
+            EquationKind::Forces,
+            &Options::default(),
+            &mut source,
+        )
+        .unwrap();
         let options = Options {
             huber: Some(1.345),
             ..Options::default()
         };
-        let robust = identify(model, Kind::Forces, &options, &mut source).unwrap();
+        let robust = identify(model, EquationKind::Forces, &options, &mut source).unwrap();
         let error = |found: &Identified| -> f64 {
             let pairs = found.estimate.values.iter().zip(beta);
             pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
@@ -162,7 +172,7 @@ fn windows_change_nothing() {
                 ..with(method)
             };
             let mut logs = Logs::open(model, std::slice::from_ref(&path), &settings).unwrap();
-            let (set, _) = observe(model, Kind::Forces, &mut logs).unwrap();
+            let (set, _) = observe(model, EquationKind::Forces, &mut logs).unwrap();
             // the same, filtered as a whole; positions without noise have three neighbours
             let times: Vec<f64> = rows.iter().map(|r| r.time).collect();
             let whole: Vec<_> = [0, 2]
@@ -196,7 +206,7 @@ fn windows_change_nothing() {
                 };
                 source.push(times[k], &s.q, &s.qd, &s.qdd, &rows[k].tau);
             }
-            let (expected, _) = observe(model, Kind::Forces, &mut source).unwrap();
+            let (expected, _) = observe(model, EquationKind::Forces, &mut source).unwrap();
             assert_eq!(
                 set.factors()[0].rows(),
                 expected.factors()[0].rows(),

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::fs;
 
 use regen_identify::data::{Assignment, DataError, Fault, Logs, Policy, Settings};
-use regen_identify::identify::{Identified, Kind, Options, identify};
+use regen_identify::identify::{EquationKind, Identified, Options, identify};
 use regen_identify::signals::Method;
 
 use super::{Bench, FREQUENCY, HARMONICS, csv, normal, run, scratch, with, worst};
@@ -59,7 +59,7 @@ fn faults_are_told_with_their_rows_or_left_out() {
             policy: Policy::Drop,
             ..settings
         };
-        let found = run(model, &path, &settings, Kind::Forces);
+        let found = run(model, &path, &settings, EquationKind::Forces);
         let off = worst(&found.estimate.values, beta);
         assert!(off < 1e-7, "{off:e}");
         // filters do not look over gaps
@@ -67,7 +67,7 @@ fn faults_are_told_with_their_rows_or_left_out() {
             method: Method::Central,
             ..settings
         };
-        let found = run(model, &path, &settings, Kind::Forces);
+        let found = run(model, &path, &settings, EquationKind::Forces);
         assert!(worst(&found.estimate.values, beta) < 3e-2);
         fs::remove_file(path).unwrap();
     });
@@ -129,7 +129,7 @@ fn columns_have_the_names_and_units_that_the_user_gives_them() {
             method,
             ..Settings::default()
         };
-        let found = run(model, &path, &settings, Kind::Forces);
+        let found = run(model, &path, &settings, EquationKind::Forces);
         assert!(worst(&found.estimate.values, beta) < 1e-8);
 
         for (columns, says) in [
@@ -174,8 +174,8 @@ fn runs_of_a_periodic_trajectory_are_averaged_with_their_spread_as_weights() {
             period: Some(1.0 / FREQUENCY),
             ..with(method)
         };
-        let one = run(model, &path, &averaged, Kind::Forces);
-        let all = run(model, &path, &with(method), Kind::Forces);
+        let one = run(model, &path, &averaged, EquationKind::Forces);
+        let all = run(model, &path, &with(method), EquationKind::Forces);
         assert_eq!(one.errors[0].samples, 500);
         let error = |found: &Identified| -> f64 {
             let pairs = found.estimate.values.iter().zip(beta);
@@ -192,7 +192,8 @@ fn runs_of_a_periodic_trajectory_are_averaged_with_their_spread_as_weights() {
             ..averaged
         };
         let mut logs = Logs::open(model, std::slice::from_ref(&path), &settings).unwrap();
-        let error = identify(model, Kind::Forces, &Options::default(), &mut logs).unwrap_err();
+        let error =
+            identify(model, EquationKind::Forces, &Options::default(), &mut logs).unwrap_err();
         assert!(
             error.to_string().contains("whole number of steps"),
             "{error}"

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::Parser;
 use regen_codegen::diag::Source;
 use regen_codegen::robot::Robot;
-use regen_identify::identify::{Kind, Options, identify};
+use regen_identify::identify::{EquationKind, Options, identify};
 use regen_runtime::{BaseModel, Model};
 use serde_json::Value;
 
@@ -422,7 +422,7 @@ fn the_balance_of_energy_knows_the_choices_about_the_base() {
         let series = series(&model, 0.12, &mut random);
         let (phi, beta) = truth(&model, &mut random);
         let rows = made(&model, &series, &phi, 2000, 0.0025);
-        let energy = Kind::Energy { window: 0.05 };
+        let energy = EquationKind::Energy { window: 0.05 };
         let found = identify(&model, energy, &Options::default(), &mut recorded(&rows)).unwrap();
         let off = worst(&found.estimate.values, &beta);
         assert!(off < 1e-2, "{choices}: {off:e}");

@@ -10,7 +10,7 @@ use parquet::file::properties::WriterProperties;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::parser::parse_message_type;
 use regen_identify::data::{DataError, Logs, Policy, Settings};
-use regen_identify::identify::Kind;
+use regen_identify::identify::EquationKind;
 use regen_identify::signals::Method;
 
 use super::{Bench, FREQUENCY, HARMONICS, csv, run, scratch, with};
@@ -67,8 +67,8 @@ fn a_log_gives_the_same_bits_as_csv_and_as_parquet() {
                 harmonics: HARMONICS,
             },
         ] {
-            let a = run(model, &plain, &with(method), Kind::Forces);
-            let b = run(model, &columns, &with(method), Kind::Forces);
+            let a = run(model, &plain, &with(method), EquationKind::Forces);
+            let b = run(model, &columns, &with(method), EquationKind::Forces);
             assert_eq!(a, b);
         }
         for path in [plain, columns] {

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use regen_identify::data::{Logs, Settings};
 use regen_identify::identify::{
-    Filtering, Identified, Kind, Options, Recorded, Standstill, identify,
+    EquationKind, Filtering, Identified, Options, Recorded, Standstill, identify,
 };
 use regen_identify::signals::{Method, Smoothing};
 
@@ -86,7 +86,8 @@ fn a_filter_over_both_sides_leaves_the_parameters_as_they_are() {
                 decimation: 7,
                 standstill: Standstill::Keep,
             });
-            let found = identify(model, Kind::Forces, &Options::default(), &mut log).unwrap();
+            let found =
+                identify(model, EquationKind::Forces, &Options::default(), &mut log).unwrap();
             // blocks start from guesses that are forgotten to 1e-16, ends to 1e-3 only
             assert!(error(&found) < 1e-3, "{smoothing:?} {:?}", found.estimate);
             let samples = found.left_out.samples;
@@ -114,7 +115,7 @@ fn blocks_of_a_long_log_are_filtered_as_if_it_were_one() {
         let mut seen = 0;
         regen_identify::identify::equations(
             model,
-            Kind::Forces,
+            EquationKind::Forces,
             &mut log,
             &mut regen_identify::identify::NoColumns,
             &mut |found| {
@@ -153,7 +154,7 @@ fn an_effort_that_is_logged_late_is_found_and_corrected() {
                 ..Settings::default()
             };
             let mut logs = Logs::open(model, std::slice::from_ref(&path), &settings).unwrap();
-            identify(model, Kind::Forces, &Options::default(), &mut logs).unwrap()
+            identify(model, EquationKind::Forces, &Options::default(), &mut logs).unwrap()
         };
         let before = fit(0.0);
         let delay = &before.delays.efforts[0];
@@ -209,7 +210,7 @@ fn what_holds_a_joint_at_rest_does_not_count() {
                 ..Settings::default()
             };
             let mut logs = Logs::open(model, std::slice::from_ref(&path), &settings).unwrap();
-            identify(model, Kind::Forces, &Options::default(), &mut logs).unwrap()
+            identify(model, EquationKind::Forces, &Options::default(), &mut logs).unwrap()
         };
         let (drop, keep) = (fit(Standstill::Drop), fit(Standstill::Keep));
         let share = drop.left_out.resting[0] as f64 / drop.left_out.samples as f64;

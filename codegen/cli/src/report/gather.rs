@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::DMatrix;
 use regen_identify::data::DataError;
 use regen_identify::estimate::EffortError;
-use regen_identify::identify::{self, Kind, Source};
+use regen_identify::identify::{self, EquationKind, Source};
 use regen_runtime::{BaseModel, Model};
 
 use crate::args::ReadingArgs;
@@ -94,7 +94,7 @@ pub(super) fn seen(
     });
     found?;
     let mut at = 0;
-    identified.predict(model, Kind::Forces, &mut logs, &mut |predicted| {
+    identified.predict(model, EquationKind::Forces, &mut logs, &mut |predicted| {
         // equations come in the order of the rows, some of which give none
         while seen.t.get(at).is_some_and(|t| *t < predicted.time) {
             at += 1;
@@ -115,7 +115,7 @@ pub(super) fn errors(
     identified: &IdentifiedModel,
     used: bool,
 ) -> Result<Errors, Failure> {
-    let kind: Kind = observe::kind(reading);
+    let kind: EquationKind = observe::kind(reading);
     let mut log = observe::open(model, std::slice::from_ref(path), reading)?;
     let means = identify::observe(model, kind, &mut log)?.0.means();
     let found = identified.residuals(model, kind, &mut log, &means, 1)?;

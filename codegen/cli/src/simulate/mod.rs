@@ -10,8 +10,8 @@ pub(crate) use args::{SimulateArgs, gains};
 pub(crate) use parameters::linear_friction;
 
 use regen_experiment::simulate::{
-    Drive, Ended, Log, Noise, Reference, Sensors, Settings, SimulationError, TuningError, control,
-    perturbed, simulate_watched,
+    Drive, Log, Noise, Reference, Sensors, Settings, SimulationError, Termination, TuningError,
+    control, perturbed, simulate_watched,
 };
 use serde::Serialize;
 
@@ -215,18 +215,22 @@ fn misuse(error: &SimulationError) -> Failure {
 /// Why a run ended before its time, in words.
 pub(crate) fn reason(log: &Log) -> Option<String> {
     Some(match log.ended {
-        Ended::Complete => return None,
-        Ended::Open(outcome) => format!(
+        Termination::Complete => return None,
+        Termination::Open(outcome) => format!(
             "the loops cannot be kept closed ({outcome}); stay further from singularities, or \
              raise --bandwidth"
         ),
-        Ended::NoMass => "the mass matrix is not positive definite: the parameters are not those \
+        Termination::NotPositiveDefinite => {
+            "the mass matrix is not positive definite: the parameters are not those \
                           of bodies"
-            .to_owned(),
-        Ended::Stiff => "no step of the integration is short enough; raise --friction-width, or \
+                .to_owned()
+        }
+        Termination::StepTooSmall => {
+            "no step of the integration is short enough; raise --friction-width, or \
                          lower the gains"
-            .to_owned(),
-        Ended::Diverged => {
+                .to_owned()
+        }
+        Termination::Diverged => {
             "positions grew beyond all bounds: the gains are too high for this --step".to_owned()
         }
     })

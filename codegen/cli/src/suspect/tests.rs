@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 use regen_codegen::diag::Source;
 use regen_identify::data::{Assignment, Logs, Settings};
-use regen_identify::identify::{Kind, Options, identify};
+use regen_identify::identify::{EquationKind, Options, identify};
 use regen_identify::signals::{Fourier, Method};
-use regen_runtime::{Closure, Model};
+use regen_runtime::{LoopClosure, Model};
 
 use super::{Columns, Suspicion, one};
 use crate::load;
@@ -83,7 +83,7 @@ fn told(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicio
     let path = dir.join(format!("{}.csv", model.info().name));
     fs::write(&path, log.text()).unwrap();
     let mut logs = Logs::open(model, std::slice::from_ref(&path), settings).unwrap();
-    let found = identify(model, Kind::Forces, &Options::default(), &mut logs).ok();
+    let found = identify(model, EquationKind::Forces, &Options::default(), &mut logs).ok();
     let used = found.map(|found| found.correlated());
     let sample = logs.sample(0).unwrap();
     let columns = Columns {
@@ -305,7 +305,7 @@ fn legs(model: &Interpreted<'_>, series: &Fourier) -> Log {
         .iter()
         .map(|x| x * (1.0 + 0.1 * random.signed()))
         .collect();
-    let mut closure = Closure::new(model).unwrap();
+    let mut closure = LoopClosure::new(model).unwrap();
     let names = info
         .independent
         .iter()

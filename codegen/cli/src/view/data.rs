@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path;
 
 use regen_codegen::scene::{Pose, Scene};
-use regen_runtime::Closure;
+use regen_runtime::LoopClosure;
 use serde::Serialize;
 
 use crate::exit::Failure;
@@ -117,7 +117,7 @@ pub(super) fn moving(
         }
         None => swept(model)?,
     };
-    let mut closure = Closure::new(model)?;
+    let mut closure = LoopClosure::new(model)?;
     let mut states: Vec<Vec<f64>> = Vec::with_capacity(asked.len());
     for (k, q) in asked.iter().enumerate() {
         let found = closure.track(q)?;

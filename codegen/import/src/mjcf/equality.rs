@@ -4,11 +4,11 @@ use super::Reading;
 use super::orientation::Classed;
 use crate::log::Place;
 use crate::pose::{Pose, from_quaternion};
-use crate::tree::{Closure, Coupling, Kind, Side};
+use crate::tree::{Coupling, Kind, LoopCut, Side};
 use crate::xml::{Attribute, Element};
 
 /// Something is wrong, and was told.
-struct Told;
+struct Reported;
 
 impl Reading<'_, '_, '_> {
     pub(super) fn equalities(&mut self) {
@@ -49,7 +49,7 @@ impl Reading<'_, '_, '_> {
     }
 
     /// `connect` as a spherical cut, `weld` as a fixed one.
-    fn closure(&mut self, element: &Element) -> Option<Closure> {
+    fn closure(&mut self, element: &Element) -> Option<LoopCut> {
         let welded = element.tag == "weld";
         let sides = if element.attribute("site1").is_some() {
             [self.site(element, "site1")?, self.site(element, "site2")?]
@@ -69,7 +69,7 @@ impl Reading<'_, '_, '_> {
             None => format!("{}_{}", side(&sides[0]), side(&sides[1])),
         };
         let kind = if welded { "fixed" } else { "spherical" };
-        Some(Closure {
+        Some(LoopCut {
             name,
             kind: kind.to_owned(),
             sides,
@@ -87,7 +87,7 @@ impl Reading<'_, '_, '_> {
         found
     }
 
-    fn body_of(&mut self, name: &Attribute) -> Result<Option<usize>, Told> {
+    fn body_of(&mut self, name: &Attribute) -> Result<Option<usize>, Reported> {
         if name.value == "world" {
             return Ok(None);
         }
@@ -97,7 +97,7 @@ impl Reading<'_, '_, '_> {
             let hint = "an equality names bodies of the same model, or world";
             self.fields.log.error(name.place, message, hint);
         }
-        found.map(Some).ok_or(Told)
+        found.map(Some).ok_or(Reported)
     }
 
     fn sides_of_bodies(&mut self, element: &Element, welded: bool) -> Option<[Side; 2]> {

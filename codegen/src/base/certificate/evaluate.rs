@@ -2,8 +2,8 @@
 
 use crate::sym::{AngleId, Ex, Graph, Node};
 
+use super::float320::Float320;
 use super::linear::solve;
-use super::wide::Wide;
 
 /// Evaluates a fixed set of expressions many times.
 #[derive(Debug)]
@@ -12,15 +12,15 @@ pub(super) struct Evaluator<'g> {
     /// What is needed, children first.
     order: Vec<Ex>,
     roots: Vec<Ex>,
-    constants: Vec<Wide>,
+    constants: Vec<Float320>,
     angles: Vec<Option<LinearForm>>,
 }
 
 /// An angle's coefficients by symbol, and its constant.
 #[derive(Clone, Debug)]
 struct LinearForm {
-    terms: Vec<(usize, Wide)>,
-    constant: Wide,
+    terms: Vec<(usize, Float320)>,
+    constant: Float320,
 }
 
 impl<'g> Evaluator<'g> {
@@ -42,17 +42,17 @@ impl<'g> Evaluator<'g> {
         for &ex in &order {
             match graph.node(ex) {
                 Node::Constant(id) => {
-                    let value = Wide::from_number(graph.number(id));
-                    put(&mut constants, id as usize, value, Wide::ZERO);
+                    let value = Float320::from_number(graph.number(id));
+                    put(&mut constants, id as usize, value, Float320::ZERO);
                 }
                 Node::Sin(id) | Node::Cos(id) => {
                     let angle = graph.angle(id);
                     let terms = angle.terms.iter();
                     let form = LinearForm {
                         terms: terms
-                            .map(|(symbol, c)| (symbol.index(), Wide::from_number(c)))
+                            .map(|(symbol, c)| (symbol.index(), Float320::from_number(c)))
                             .collect(),
-                        constant: Wide::from_number(&angle.constant),
+                        constant: Float320::from_number(&angle.constant),
                     };
                     put(&mut angles, id.index(), Some(form), None);
                 }
@@ -71,18 +71,18 @@ impl<'g> Evaluator<'g> {
     /// The values of the roots, with a value for each symbol in order of
     /// creation (missing ones are 0); `None` where something is divided by 0 or
     /// a system is singular.
-    pub(super) fn run(&self, symbols: &[Wide]) -> Option<Vec<Wide>> {
-        let mut values = vec![Wide::ZERO; self.graph.len()];
-        let mut turned: Vec<Option<(Wide, Wide)>> = vec![None; self.angles.len()];
-        let mut solutions: Vec<Option<Vec<Vec<Wide>>>> = Vec::new();
-        let whether = |yes: bool| if yes { Wide::ONE } else { Wide::ZERO };
+    pub(super) fn run(&self, symbols: &[Float320]) -> Option<Vec<Float320>> {
+        let mut values = vec![Float320::ZERO; self.graph.len()];
+        let mut turned: Vec<Option<(Float320, Float320)>> = vec![None; self.angles.len()];
+        let mut solutions: Vec<Option<Vec<Vec<Float320>>>> = Vec::new();
+        let whether = |yes: bool| if yes { Float320::ONE } else { Float320::ZERO };
         for &ex in &self.order {
             let at = |e: Ex| values[e.index()];
             let mut sin_cos =
                 |id: AngleId| *turned[id.index()].get_or_insert_with(|| self.turn(id, symbols));
             let value = match self.graph.node(ex) {
                 Node::Constant(id) => self.constants[id as usize],
-                Node::Symbol(id) => symbols.get(id.index()).copied().unwrap_or(Wide::ZERO),
+                Node::Symbol(id) => symbols.get(id.index()).copied().unwrap_or(Float320::ZERO),
                 Node::Neg(a) => -at(a),
                 Node::Add(a, b) => at(a) + at(b),
                 Node::Sub(a, b) => at(a) - at(b),
@@ -92,8 +92,8 @@ impl<'g> Evaluator<'g> {
                 Node::Cos(id) => sin_cos(id).1,
                 Node::SinOf(a) => at(a).sin_cos().0,
                 Node::CosOf(a) => at(a).sin_cos().1,
-                Node::Sign(a) => whether(at(a) > Wide::ZERO) - whether(at(a).is_negative()),
-                Node::Positive(a) => whether(at(a) > Wide::ZERO),
+                Node::Sign(a) => whether(at(a) > Float320::ZERO) - whether(at(a).is_negative()),
+                Node::Positive(a) => whether(at(a) > Float320::ZERO),
                 Node::Negative(a) => whether(at(a).is_negative()),
                 Node::Solved(id, row, column) => {
                     if solutions.len() <= id.index() {
@@ -102,7 +102,7 @@ impl<'g> Evaluator<'g> {
                     let solution = &mut solutions[id.index()];
                     if solution.is_none() {
                         let system = self.graph.system(id);
-                        let wide = |rows: &[Vec<Ex>]| -> Vec<Vec<Wide>> {
+                        let wide = |rows: &[Vec<Ex>]| -> Vec<Vec<Float320>> {
                             rows.iter()
                                 .map(|row| row.iter().map(|e| at(*e)).collect())
                                 .collect()
@@ -117,12 +117,12 @@ impl<'g> Evaluator<'g> {
         Some(self.roots.iter().map(|r| values[r.index()]).collect())
     }
 
-    fn turn(&self, id: AngleId, symbols: &[Wide]) -> (Wide, Wide) {
+    fn turn(&self, id: AngleId, symbols: &[Float320]) -> (Float320, Float320) {
         let Some(form) = &self.angles[id.index()] else {
-            return (Wide::ZERO, Wide::ONE);
+            return (Float320::ZERO, Float320::ONE);
         };
         let angle = form.terms.iter().fold(form.constant, |sum, (symbol, c)| {
-            let value = symbols.get(*symbol).copied().unwrap_or(Wide::ZERO);
+            let value = symbols.get(*symbol).copied().unwrap_or(Float320::ZERO);
             sum + *c * value
         });
         angle.sin_cos()
@@ -175,7 +175,7 @@ mod tests {
         let point = [0.7, -1.9];
         let doubles = crate::sym::eval::Evaluator::new(&g, roots.clone()).run(&point);
         let wide = Evaluator::new(&g, roots);
-        let wide = wide.run(&point.map(Wide::from_f64)).unwrap();
+        let wide = wide.run(&point.map(Float320::from_f64)).unwrap();
         assert_eq!(wide.len(), doubles.len());
         for (w, d) in wide.iter().zip(&doubles) {
             assert!((w.to_f64() - d).abs() < 1e-14, "{} {d}", w.to_f64());
@@ -188,6 +188,6 @@ mod tests {
         let (x, y) = (g.symbol("x"), g.symbol("y"));
         let quotient = g.div(x, y).unwrap();
         let evaluator = Evaluator::new(&g, vec![quotient]);
-        assert!(evaluator.run(&[Wide::ONE, Wide::ZERO]).is_none());
+        assert!(evaluator.run(&[Float320::ONE, Float320::ZERO]).is_none());
     }
 }

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use super::wide::Wide;
+use super::float320::Float320;
 
 /// What is left below this part of the largest pivot is rounding: 2^-200, or
 /// 1e-60, far from both the rounding of 96 digits and anything that a mechanism
@@ -14,18 +14,18 @@ const ROUNDING: i32 = 200;
 #[derive(Clone, Debug)]
 pub(super) struct Eliminated {
     /// Pivot rows, in order: each has zeros at the columns of earlier pivots.
-    pub(super) rows: Vec<Vec<Wide>>,
+    pub(super) rows: Vec<Vec<Float320>>,
     /// The pivots' columns.
     pub(super) columns: Vec<usize>,
     /// The largest entry there was.
-    pub(super) largest: Wide,
+    pub(super) largest: Float320,
     /// The largest entry left over: rounding, or 0.
-    pub(super) dropped: Wide,
+    pub(super) dropped: Float320,
 }
 
 impl Eliminated {
     /// The sizes of the pivots.
-    pub(super) fn pivots(&self) -> impl Iterator<Item = Wide> {
+    pub(super) fn pivots(&self) -> impl Iterator<Item = Float320> {
         let pairs = self.rows.iter().zip(&self.columns);
         pairs.map(|(row, c)| row[*c].abs())
     }
@@ -36,20 +36,20 @@ const MANY: usize = 200;
 
 /// A row that is not a pivot's yet, and what the choice of a pivot asks of it.
 struct Open {
-    row: Vec<Wide>,
+    row: Vec<Float320>,
     /// The column of its largest entry, and that entry.
     column: usize,
-    largest: Wide,
+    largest: Float320,
     /// How many entries it has.
     entries: usize,
 }
 
 impl Open {
-    fn new(row: Vec<Wide>, free: &[usize]) -> Open {
+    fn new(row: Vec<Float320>, free: &[usize]) -> Open {
         let mut open = Open {
             row,
             column: 0,
-            largest: Wide::ZERO,
+            largest: Float320::ZERO,
             entries: 0,
         };
         open.look(free);
@@ -57,7 +57,7 @@ impl Open {
     }
 
     fn look(&mut self, free: &[usize]) {
-        (self.column, self.largest, self.entries) = (0, Wide::ZERO, 0);
+        (self.column, self.largest, self.entries) = (0, Float320::ZERO, 0);
         for &c in free {
             let x = &self.row[c];
             if x.is_zero() {
@@ -85,10 +85,10 @@ fn largest_entry(rows: &[Open]) -> Option<(usize, usize)> {
 /// Of the shortest rows that have one, an entry whose exponent is that of the largest in its
 /// column: pivots are taken away from other rows with factors below 2, so that rounding does not
 /// grow. `floor` is rounding.
-fn entry_of_a_short_row(rows: &[Open], free: &[usize], floor: &Wide) -> Option<(usize, usize)> {
+fn entry_of_a_short_row(rows: &[Open], free: &[usize], floor: &Float320) -> Option<(usize, usize)> {
     let mut order: Vec<usize> = (0..rows.len()).collect();
     order.sort_by_key(|&i| rows[i].entries);
-    let mut columns: BTreeMap<usize, Wide> = BTreeMap::new();
+    let mut columns: BTreeMap<usize, Float320> = BTreeMap::new();
     for &i in &order {
         let row = &rows[i].row;
         for &c in free {
@@ -98,7 +98,7 @@ fn entry_of_a_short_row(rows: &[Open], free: &[usize], floor: &Wide) -> Option<(
             }
             let largest = columns.entry(c).or_insert_with(|| {
                 let entries = rows.iter().map(|r| r.row[c].abs());
-                entries.fold(Wide::ZERO, Wide::max)
+                entries.fold(Float320::ZERO, Float320::max)
             });
             if x.exponent() == largest.exponent() {
                 return Some((i, c));
@@ -114,22 +114,22 @@ fn entry_of_a_short_row(rows: &[Open], free: &[usize], floor: &Wide) -> Option<(
 /// their columns or near it, and are taken from the shortest rows: in a chain the energies of the
 /// last bodies depend on few parameters, and rows that begin with those stay short, where the
 /// largest entries would fill all of them.
-pub(super) fn eliminate(rows: Vec<Vec<Wide>>, width: usize) -> Eliminated {
+pub(super) fn eliminate(rows: Vec<Vec<Float320>>, width: usize) -> Eliminated {
     eliminate_in_order(rows, width, width >= MANY)
 }
 
-fn eliminate_in_order(rows: Vec<Vec<Wide>>, width: usize, short_first: bool) -> Eliminated {
+fn eliminate_in_order(rows: Vec<Vec<Float320>>, width: usize, short_first: bool) -> Eliminated {
     let mut free = (0..width).collect::<Vec<_>>();
     let mut rows: Vec<Open> = rows.into_iter().map(|row| Open::new(row, &free)).collect();
     let largest = |rows: &[Open]| {
         let entries = rows.iter().map(|r| r.largest.abs());
-        entries.fold(Wide::ZERO, Wide::max)
+        entries.fold(Float320::ZERO, Float320::max)
     };
     let mut done = Eliminated {
         rows: Vec::new(),
         columns: Vec::new(),
         largest: largest(&rows),
-        dropped: Wide::ZERO,
+        dropped: Float320::ZERO,
     };
     let floor = done.largest.scaled(-ROUNDING);
     loop {
@@ -158,7 +158,7 @@ fn eliminate_in_order(rows: Vec<Vec<Wide>>, width: usize, short_first: bool) -> 
                 continue;
             }
             let factor = row[column] * inverse;
-            row[column] = Wide::ZERO;
+            row[column] = Float320::ZERO;
             for &c in &carried {
                 row[c] = row[c] - factor * pivot_row[c];
             }
@@ -182,9 +182,9 @@ fn eliminate_in_order(rows: Vec<Vec<Wide>>, width: usize, short_first: bool) -> 
 impl Eliminated {
     /// The largest number that is left of more rows, and whether it is more than rounding: then
     /// they are not in the span of those that were eliminated.
-    pub(super) fn left_of(&self, rows: Vec<Vec<Wide>>) -> (Wide, bool) {
-        let mut left = Wide::ZERO;
-        let inverses: Vec<Option<Wide>> = self
+    pub(super) fn left_of(&self, rows: Vec<Vec<Float320>>) -> (Float320, bool) {
+        let mut left = Float320::ZERO;
+        let inverses: Vec<Option<Float320>> = self
             .rows
             .iter()
             .zip(&self.columns)
@@ -203,9 +203,9 @@ impl Eliminated {
                         *x = *x - factor * *p;
                     }
                 }
-                row[column] = Wide::ZERO;
+                row[column] = Float320::ZERO;
             }
-            left = row.iter().map(|x| x.abs()).fold(left, Wide::max);
+            left = row.iter().map(|x| x.abs()).fold(left, Float320::max);
         }
         let floor = self.largest.scaled(-ROUNDING);
         (left, left.cmp_abs(&floor).is_gt())
@@ -213,9 +213,11 @@ impl Eliminated {
 }
 
 /// The first columns, in a given order, that do not follow from those before.
-pub(super) fn independent(mut rows: Vec<Vec<Wide>>, order: &[usize]) -> Vec<usize> {
+pub(super) fn independent(mut rows: Vec<Vec<Float320>>, order: &[usize]) -> Vec<usize> {
     let entries = rows.iter().flatten().map(|x| x.abs());
-    let floor = entries.fold(Wide::ZERO, Wide::max).scaled(-ROUNDING);
+    let floor = entries
+        .fold(Float320::ZERO, Float320::max)
+        .scaled(-ROUNDING);
     let mut found = Vec::new();
     for (k, &column) in order.iter().enumerate() {
         let largest = (0..rows.len()).max_by(|&i, &j| rows[i][column].cmp_abs(&rows[j][column]));
@@ -244,7 +246,7 @@ pub(super) fn independent(mut rows: Vec<Vec<Wide>>, order: &[usize]) -> Vec<usiz
 
 /// The rank of rows whose entries are of the given size where they are more than
 /// rounding, and the largest number dropped as a part of that size.
-pub fn rank_of(rows: Vec<Vec<Wide>>, size: Wide) -> (usize, f64) {
+pub fn rank_of(rows: Vec<Vec<Float320>>, size: Float320) -> (usize, f64) {
     let width = rows.first().map_or(0, Vec::len);
     // the largest first, so that pivots come in order of size
     let done = eliminate_in_order(rows, width, false);
@@ -261,19 +263,19 @@ pub struct Relation {
     /// The column.
     pub column: usize,
     /// Other columns with their factors.
-    pub terms: Vec<(usize, Wide)>,
+    pub terms: Vec<(usize, Float320)>,
 }
 
 /// The columns that follow from those before them, in a given order; factors that
 /// are rounding are left out.
-pub fn relations(rows: &[Vec<Wide>], order: &[usize]) -> Vec<Relation> {
+pub fn relations(rows: &[Vec<Float320>], order: &[usize]) -> Vec<Relation> {
     let kept = independent(rows.to_vec(), order);
     let others: Vec<usize> = order
         .iter()
         .copied()
         .filter(|c| !kept.contains(c))
         .collect();
-    let pick = |columns: &[usize]| -> Vec<Vec<Wide>> {
+    let pick = |columns: &[usize]| -> Vec<Vec<Float320>> {
         rows.iter()
             .map(|row| columns.iter().map(|&c| row[c]).collect())
             .collect()
@@ -286,7 +288,7 @@ pub fn relations(rows: &[Vec<Wide>], order: &[usize]) -> Vec<Relation> {
     let Some(factors) = factors else {
         return Vec::new();
     };
-    let tiny = |x: &Wide| x.cmp_abs(&Wide::ONE.scaled(-ROUNDING)).is_le();
+    let tiny = |x: &Float320| x.cmp_abs(&Float320::ONE.scaled(-ROUNDING)).is_le();
     let relation = |(k, column): (usize, &usize)| Relation {
         column: *column,
         terms: kept
@@ -301,7 +303,10 @@ pub fn relations(rows: &[Vec<Wide>], order: &[usize]) -> Vec<Relation> {
 
 /// Solves `A Z = B` with at least as many rows as unknowns, consistent where
 /// there are more; unknowns by right-hand sides. `None` where it is singular.
-pub(super) fn solve(mut a: Vec<Vec<Wide>>, b: Vec<Vec<Wide>>) -> Option<Vec<Vec<Wide>>> {
+pub(super) fn solve(
+    mut a: Vec<Vec<Float320>>,
+    b: Vec<Vec<Float320>>,
+) -> Option<Vec<Vec<Float320>>> {
     let unknowns = a.first().map_or(0, Vec::len);
     let sides = b.first().map_or(0, Vec::len);
     for (row, rhs) in a.iter_mut().zip(b) {
@@ -318,7 +323,7 @@ pub(super) fn solve(mut a: Vec<Vec<Wide>>, b: Vec<Vec<Wide>>) -> Option<Vec<Vec<
         let values = (0..sides).map(|side| {
             let known = &done.columns[k + 1..];
             let rest = known.iter().fold(row[unknowns + side], |rest, &c| {
-                let z: &Vec<Wide> = &solution[c];
+                let z: &Vec<Float320> = &solution[c];
                 rest - row[c] * z[side]
             });
             rest * inverse
@@ -334,8 +339,8 @@ mod tests {
 
     use super::*;
 
-    fn wide(rows: &[&[f64]]) -> Vec<Vec<Wide>> {
-        let row = |r: &&[f64]| r.iter().map(|x| Wide::from_f64(*x)).collect();
+    fn wide(rows: &[&[f64]]) -> Vec<Vec<Float320>> {
+        let row = |r: &&[f64]| r.iter().map(|x| Float320::from_f64(*x)).collect();
         rows.iter().map(row).collect()
     }
 
@@ -364,11 +369,11 @@ mod tests {
         let mut number = 0.37_f64;
         let mut next = || {
             number = (number * 997.13 + 0.71).fract();
-            Wide::from_f64(number - 0.5)
+            Float320::from_f64(number - 0.5)
         };
-        let mut rows: Vec<Vec<Wide>> = (0..60)
+        let mut rows: Vec<Vec<Float320>> = (0..60)
             .map(|i| {
-                let mut row = vec![Wide::ZERO; width];
+                let mut row = vec![Float320::ZERO; width];
                 row.iter_mut().skip(i % 30).for_each(|x| *x = next());
                 row
             })
@@ -377,12 +382,12 @@ mod tests {
         for row in &mut rows {
             row[35] = row[33] + row[34];
             row[36] = row[32] - row[34].scaled(1);
-            row[39] = Wide::ZERO;
+            row[39] = Float320::ZERO;
         }
         let complete = eliminate_in_order(rows.clone(), width, false);
         let short = eliminate_in_order(rows, width, true);
         assert_eq!((complete.rows.len(), short.rows.len()), (37, 37));
-        let part = |x: Wide| x.checked_div(short.largest).unwrap().log10();
+        let part = |x: Float320| x.checked_div(short.largest).unwrap().log10();
         assert!(part(short.dropped) < -88.0, "{}", part(short.dropped));
         assert!(short.pivots().all(|p| part(p) > -6.0));
     }

@@ -9,14 +9,14 @@
 //! chosen. Samples bound the rank from below; directions derived exactly bound
 //! it from above: where the two meet, the base is proven.
 
+mod closed_state;
 mod evaluate;
+mod float320;
 mod linear;
-mod observe;
 mod rank;
 mod rows;
 mod states;
 mod units;
-mod wide;
 
 use core::fmt;
 
@@ -24,10 +24,10 @@ use crate::kinematics::{Frames, Geometry};
 use crate::model::Model;
 use crate::sym::Graph;
 
+pub use closed_state::{ClosedState, LinkMotion, Vector3, observe};
+pub use float320::{DIGITS, Float320};
 pub use linear::{Relation, rank_of, relations};
-pub use observe::{LinkMotion, Observation, Vector3, observe};
 pub use rank::{Certificate, Samples};
-pub use wide::{DIGITS, Wide};
 
 use rows::Rows;
 use states::Walk;

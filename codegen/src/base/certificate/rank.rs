@@ -1,7 +1,7 @@
 //! The rank of the sampled rows, and questions about their null space.
 
+use super::float320::{DIGITS, Float320};
 use super::linear::{Eliminated, eliminate, independent, solve};
-use super::wide::{DIGITS, Wide};
 
 /// A gap of fewer orders of magnitude between kept and dropped leaves the rank
 /// open.
@@ -39,17 +39,17 @@ impl Certificate {
     }
 }
 
-fn largest_of(values: &[Wide]) -> Wide {
-    values.iter().fold(Wide::ZERO, |m, x| m.max(x.abs()))
+fn largest_of(values: &[Float320]) -> Float320 {
+    values.iter().fold(Float320::ZERO, |m, x| m.max(x.abs()))
 }
 
 /// Sampled rows over the parameters' columns.
 #[derive(Clone, Debug)]
 pub struct Samples {
     /// In units of their own.
-    rows: Vec<Vec<Wide>>,
+    rows: Vec<Vec<Float320>>,
     /// The largest of their entries.
-    largest: Wide,
+    largest: Float320,
     /// By column, the power of two that it is multiplied by in the rows.
     units: Vec<i32>,
     /// A basis of the rows' span.
@@ -58,10 +58,10 @@ pub struct Samples {
 }
 
 impl Samples {
-    pub(super) fn new(rows: Vec<Vec<Wide>>, units: Vec<i32>, states: usize) -> Samples {
+    pub(super) fn new(rows: Vec<Vec<Float320>>, units: Vec<i32>, states: usize) -> Samples {
         let columns = units.len();
         let done = eliminate(rows.clone(), columns);
-        let part = |x: Wide| {
+        let part = |x: Float320| {
             let quotient = x.checked_div(done.largest);
             quotient.map_or(0.0, |q| q.to_f64())
         };
@@ -78,7 +78,7 @@ impl Samples {
             largest: rows
                 .iter()
                 .map(|row| largest_of(row))
-                .fold(Wide::ZERO, Wide::max),
+                .fold(Float320::ZERO, Float320::max),
             rows,
             units,
             basis: done,
@@ -87,12 +87,12 @@ impl Samples {
     }
 
     /// Adds the rows of more states; whether they raised the rank.
-    pub(super) fn extend(&mut self, fresh: Vec<Vec<Wide>>, states: usize) -> bool {
+    pub(super) fn extend(&mut self, fresh: Vec<Vec<Float320>>, states: usize) -> bool {
         let (left, grown) = self.basis.left_of(fresh.clone());
         self.largest = fresh
             .iter()
             .map(|row| largest_of(row))
-            .fold(self.largest, Wide::max);
+            .fold(self.largest, Float320::max);
         self.rows.extend(fresh);
         if grown {
             let rows = core::mem::take(&mut self.rows);
@@ -127,11 +127,11 @@ impl Samples {
     /// What the rows make of a direction in the space of the parameters, as a
     /// part of the largest term that goes into it: rounding for a null
     /// direction, and of order 1 for a direction at random.
-    pub fn residual(&self, direction: &[Wide]) -> f64 {
+    pub fn residual(&self, direction: &[Float320]) -> f64 {
         let direction = self.in_units(direction);
-        let (mut largest, mut worst) = (Wide::ZERO, Wide::ZERO);
+        let (mut largest, mut worst) = (Float320::ZERO, Float320::ZERO);
         for row in &self.rows {
-            let mut sum = Wide::ZERO;
+            let mut sum = Float320::ZERO;
             for (x, d) in row.iter().zip(&direction) {
                 let term = *x * *d;
                 sum = sum + term;
@@ -144,7 +144,7 @@ impl Samples {
 
     /// What the rows make of a direction, as a part of the largest entry of all:
     /// rounding for a null direction, also for one of columns that are all zero.
-    pub fn left_over(&self, direction: &[Wide]) -> f64 {
+    pub fn left_over(&self, direction: &[Float320]) -> f64 {
         let direction = &self.in_units(direction)[..];
         let largest = self.largest * largest_of(direction);
         // a direction has few entries
@@ -154,24 +154,24 @@ impl Samples {
         let sums = self.rows.iter().map(|row| {
             let terms = support.iter().filter(|&&c| !row[c].is_zero());
             terms
-                .fold(Wide::ZERO, |sum, &c| sum + row[c] * direction[c])
+                .fold(Float320::ZERO, |sum, &c| sum + row[c] * direction[c])
                 .abs()
         });
-        let worst = sums.fold(Wide::ZERO, Wide::max);
+        let worst = sums.fold(Float320::ZERO, Float320::max);
         worst.checked_div(largest).map_or(0.0, |part| part.to_f64())
     }
 
     /// A direction's entries in the units of the rows.
-    fn in_units(&self, direction: &[Wide]) -> Vec<Wide> {
+    fn in_units(&self, direction: &[Float320]) -> Vec<Float320> {
         let entries = direction.iter().zip(&self.units);
         entries.map(|(x, unit)| x.scaled(-unit)).collect()
     }
 
     /// The one null direction within some columns, with 1 at the first of them:
     /// `None` where there is none or more than one. Entries in the order given.
-    pub fn circuit(&self, columns: &[usize]) -> Option<Vec<Wide>> {
+    pub fn circuit(&self, columns: &[usize]) -> Option<Vec<Float320>> {
         let (first, others) = columns.split_first()?;
-        let pick = |columns: &[usize]| -> Vec<Vec<Wide>> {
+        let pick = |columns: &[usize]| -> Vec<Vec<Float320>> {
             let rows = self.basis.rows.iter();
             rows.map(|row| columns.iter().map(|&c| row[c]).collect())
                 .collect()
@@ -181,30 +181,36 @@ impl Samples {
             return None;
         }
         if others.is_empty() {
-            return Some(vec![Wide::ONE]);
+            return Some(vec![Float320::ONE]);
         }
         let solution = solve(pick(others), pick(&[*first]))?;
         let found = solution.iter().zip(others).map(|(row, &c)| {
             let unit = self.units[c] - self.units[*first];
             -row[0].scaled(unit)
         });
-        Some(std::iter::once(Wide::ONE).chain(found).collect())
+        Some(std::iter::once(Float320::ONE).chain(found).collect())
     }
 
     /// Every column as a combination of the kept ones: by column, the
     /// coefficients in the order of `kept`. `None` where `kept` is no basis.
     ///
     /// A kept column's own coefficients are a unit vector.
-    pub fn combinations(&self, kept: &[usize]) -> Option<Vec<Vec<Wide>>> {
+    pub fn combinations(&self, kept: &[usize]) -> Option<Vec<Vec<Float320>>> {
         if kept.len() != self.basis.rows.len() {
             return None;
         }
         let rows = self.basis.rows.iter();
         let matrix = rows.map(|row| kept.iter().map(|&c| row[c]).collect());
         let by_kept = solve(matrix.collect(), self.basis.rows.clone())?;
-        let unit = |k: usize, at: usize| if k == at { Wide::ONE } else { Wide::ZERO };
-        let true_size = |x: Wide, k: usize, c: usize| x.scaled(self.units[k] - self.units[c]);
-        let column = |c: usize| -> Vec<Wide> {
+        let unit = |k: usize, at: usize| {
+            if k == at {
+                Float320::ONE
+            } else {
+                Float320::ZERO
+            }
+        };
+        let true_size = |x: Float320, k: usize, c: usize| x.scaled(self.units[k] - self.units[c]);
+        let column = |c: usize| -> Vec<Float320> {
             if let Some(at) = kept.iter().position(|&k| k == c) {
                 return (0..kept.len()).map(|k| unit(k, at)).collect();
             }
@@ -222,8 +228,8 @@ mod tests {
     fn certificate(diagonal: &[f64]) -> Certificate {
         let n = diagonal.len();
         let rows = diagonal.iter().enumerate().map(|(i, x)| {
-            let mut row = vec![Wide::ZERO; n];
-            row[i] = Wide::from_f64(*x);
+            let mut row = vec![Float320::ZERO; n];
+            row[i] = Float320::from_f64(*x);
             row
         });
         Samples::new(rows.collect(), vec![0; n], 1).certificate()

@@ -12,12 +12,12 @@ use crate::model::{FrictionColumn, Model, ParameterKind};
 use crate::sym::{Ex, Graph, V3};
 
 use super::evaluate::Evaluator;
+use super::float320::Float320;
 use super::states::{Random, State};
 use super::units::Units;
-use super::wide::Wide;
 
 /// A twist (w, v) of a body in its own frame at its own origin.
-type Twist = [Wide; 6];
+type Twist = [Float320; 6];
 
 /// No fewer states, however many rows each has.
 const LEAST_STATES: usize = 8;
@@ -124,8 +124,8 @@ impl Effort {
     }
 }
 
-fn halves(count: i8, of: Wide) -> Wide {
-    Wide::from_f64(f64::from(count)).scaled(-1) * of
+fn halves(count: i8, of: Float320) -> Float320 {
+    Float320::from_f64(f64::from(count)).scaled(-1) * of
 }
 
 /// Collects rows, one column per parameter.
@@ -141,7 +141,7 @@ pub(super) struct Rows<'a> {
     units: Units,
     /// By parameter, the power of two that its column is multiplied by.
     columns: Vec<i32>,
-    collected: Vec<Vec<Wide>>,
+    collected: Vec<Vec<Float320>>,
 }
 
 impl<'a> Rows<'a> {
@@ -177,7 +177,7 @@ impl<'a> Rows<'a> {
     }
 
     /// The rows since they were taken last.
-    pub(super) fn take(&mut self) -> Vec<Vec<Wide>> {
+    pub(super) fn take(&mut self) -> Vec<Vec<Float320>> {
         core::mem::take(&mut self.collected)
     }
 
@@ -189,7 +189,7 @@ impl<'a> Rows<'a> {
         let mut bodies = Vec::new();
         let mut at = 0;
         for body in &self.expressions.bodies {
-            let mut twists = vec![[Wide::ZERO; 6]; width];
+            let mut twists = vec![[Float320::ZERO; 6]; width];
             for (coordinate, _) in &body.twists {
                 let unit = &values[at..at + 6];
                 at += 6;
@@ -202,7 +202,7 @@ impl<'a> Rows<'a> {
                     }
                 }
             }
-            let mut gamma = [Wide::ZERO; 6];
+            let mut gamma = [Float320::ZERO; 6];
             gamma[3..].copy_from_slice(&values[at..at + 3]);
             at += 3;
             bodies.push((twists, gamma));
@@ -216,7 +216,9 @@ impl<'a> Rows<'a> {
                     ParameterKind::Rotor { coordinate } => {
                         state.j[coordinate][j] * state.j[coordinate][k]
                     }
-                    ParameterKind::Inertial { .. } | ParameterKind::Friction { .. } => Wide::ZERO,
+                    ParameterKind::Inertial { .. } | ParameterKind::Friction { .. } => {
+                        Float320::ZERO
+                    }
                 };
                 let blocks = bodies.iter().map(|(t, _)| polar(&t[j], &t[k]));
                 self.push(0, &blocks.collect::<Vec<_>>(), entry);
@@ -225,7 +227,7 @@ impl<'a> Rows<'a> {
                 ParameterKind::Friction { coordinate, column } => {
                     halves(Effort::of(column).o, state.j[coordinate][j])
                 }
-                ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Wide::ZERO,
+                ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Float320::ZERO,
             };
             // of the potential energy: the power that gravity takes
             let blocks = bodies.iter().map(|(t, gamma)| {
@@ -243,16 +245,18 @@ impl<'a> Rows<'a> {
     /// The rows of friction at random velocities, which change their signs.
     fn sample_friction(&mut self, state: &State, random: &mut Random) {
         let width = self.model.independent.len();
-        let rates: Vec<Wide> = (0..width).map(|_| Wide::from_f64(random.next())).collect();
-        let qd: Vec<Wide> = state
+        let rates: Vec<Float320> = (0..width)
+            .map(|_| Float320::from_f64(random.next()))
+            .collect();
+        let qd: Vec<Float320> = state
             .j
             .iter()
             .map(|row| {
                 let terms = row.iter().zip(&rates);
-                terms.fold(Wide::ZERO, |sum, (x, r)| sum + *x * *r)
+                terms.fold(Float320::ZERO, |sum, (x, r)| sum + *x * *r)
             })
             .collect();
-        type Power = fn(Effort, Wide) -> Wide;
+        type Power = fn(Effort, Float320) -> Float320;
         let kinds: [(i32, Power); 3] = [
             (0, |effort, qd| halves(effort.v, qd * qd)),
             (-self.units.time, |effort, qd| halves(effort.c, qd.abs())),
@@ -263,7 +267,7 @@ impl<'a> Rows<'a> {
                 ParameterKind::Friction { coordinate, column } => {
                     power(Effort::of(column), qd[coordinate])
                 }
-                ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Wide::ZERO,
+                ParameterKind::Inertial { .. } | ParameterKind::Rotor { .. } => Float320::ZERO,
             };
             self.push(unit, &[], entry);
         }
@@ -285,16 +289,21 @@ impl<'a> Rows<'a> {
 
     /// Adds a row, times a power of two: blocks of the bodies, or none, and an
     /// entry for every other parameter.
-    fn push(&mut self, unit: i32, blocks: &[[Wide; 10]], entry: impl Fn(ParameterKind) -> Wide) {
+    fn push(
+        &mut self,
+        unit: i32,
+        blocks: &[[Float320; 10]],
+        entry: impl Fn(ParameterKind) -> Float320,
+    ) {
         let parameters = self.model.parameters.iter();
         let row = parameters.map(|parameter| match parameter.kind {
-            ParameterKind::Inertial { body, entry } => {
-                blocks.get(body).map_or(Wide::ZERO, |block| block[entry])
-            }
+            ParameterKind::Inertial { body, entry } => blocks
+                .get(body)
+                .map_or(Float320::ZERO, |block| block[entry]),
             kind => entry(kind),
         });
         let row = row.zip(&self.columns);
-        let row: Vec<Wide> = row.map(|(x, column)| x.scaled(unit + column)).collect();
+        let row: Vec<Float320> = row.map(|(x, column)| x.scaled(unit + column)).collect();
         if row.iter().any(|x| !x.is_zero()) {
             self.collected.push(row);
         }
@@ -302,7 +311,7 @@ impl<'a> Rows<'a> {
 }
 
 /// h with h(V, V) . phi / 2 the kinetic energy of a body, in polar form.
-fn polar(a: &Twist, b: &Twist) -> [Wide; 10] {
+fn polar(a: &Twist, b: &Twist) -> [Float320; 10] {
     let ([ax, ay, az, au, av, aw], [bx, by, bz, bu, bv, bw]) = (*a, *b);
     [
         ax * bx,

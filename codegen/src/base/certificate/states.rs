@@ -13,9 +13,9 @@ use crate::sym::Graph;
 
 use super::CertificateError;
 use super::evaluate::Evaluator;
+use super::float320::Float320;
 use super::linear::solve;
 use super::units::Units;
-use super::wide::Wide;
 
 /// A step that brings A_e closer to singular than this is not taken.
 const LEAST_RATIO: f64 = 1e-3;
@@ -72,9 +72,9 @@ impl Random {
 #[derive(Clone, Debug)]
 pub(super) struct State {
     /// By coordinate.
-    pub(super) q: Vec<Wide>,
+    pub(super) q: Vec<Float320>,
     /// J with qd = J qd_i: coordinates by independent coordinates.
-    pub(super) j: Vec<Vec<Wide>>,
+    pub(super) j: Vec<Vec<Float320>>,
 }
 
 /// A walk through the mechanism's closed states.
@@ -263,10 +263,10 @@ impl<'a> Walk<'a> {
     fn polish(&self, q: &[f64]) -> Option<State> {
         let model = self.model;
         let width = model.independent.len();
-        let mut q: Vec<Wide> = q.iter().map(|x| Wide::from_f64(*x)).collect();
-        let mut j = vec![vec![Wide::ZERO; width]; q.len()];
+        let mut q: Vec<Float320> = q.iter().map(|x| Float320::from_f64(*x)).collect();
+        let mut j = vec![vec![Float320::ZERO; width]; q.len()];
         for (k, &c) in model.independent.iter().enumerate() {
-            j[c][k] = Wide::ONE;
+            j[c][k] = Float320::ONE;
         }
         if model.dependent.is_empty() {
             return Some(State { q, j });
@@ -274,8 +274,8 @@ impl<'a> Walk<'a> {
         for _ in 0..WIDE_STEPS {
             let mut values = self.wide.run(&q)?;
             let jacobian = values.split_off(self.rows);
-            let a: Vec<&[Wide]> = jacobian.chunks(q.len()).collect();
-            let pick = |columns: &[usize]| -> Vec<Vec<Wide>> {
+            let a: Vec<&[Float320]> = jacobian.chunks(q.len()).collect();
+            let pick = |columns: &[usize]| -> Vec<Vec<Float320>> {
                 a.iter()
                     .map(|row| columns.iter().map(|&c| row[c]).collect())
                     .collect()

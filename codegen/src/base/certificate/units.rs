@@ -9,7 +9,7 @@
 
 use crate::model::{FrictionColumn, Model, ParameterKind, Step};
 
-use super::wide::Wide;
+use super::float320::Float320;
 
 /// Exponents are multiples of this.
 const COARSE: f64 = 8.0;
@@ -26,7 +26,7 @@ pub(super) struct Units {
 }
 
 /// The coarse power of two near a size, 0 for nothing.
-fn coarse(size: &Wide) -> i32 {
+fn coarse(size: &Float320) -> i32 {
     if size.is_zero() {
         return 0;
     }
@@ -35,8 +35,8 @@ fn coarse(size: &Wide) -> i32 {
     steps.clamp(-LARGEST, LARGEST) as i32
 }
 
-fn largest(values: impl Iterator<Item = Wide>) -> Wide {
-    values.fold(Wide::ZERO, |m, x| m.max(x.abs()))
+fn largest(values: impl Iterator<Item = Float320>) -> Float320 {
+    values.fold(Float320::ZERO, |m, x| m.max(x.abs()))
 }
 
 impl Units {
@@ -46,13 +46,18 @@ impl Units {
         let sides = model.cuts.iter().flat_map(|c| &c.sides);
         let steps = placements.chain(sides.map(|s| &s.placement)).flatten();
         let offsets = steps.filter_map(|step| match step {
-            Step::Translate(_, quantity) => Some(Wide::from_number(&quantity.value)),
+            Step::Translate(_, quantity) => Some(Float320::from_number(&quantity.value)),
             Step::Rotate(..) => None,
         });
         let slides = home.iter().enumerate().filter(|(c, _)| model.slides(*c));
-        let slides = slides.map(|(_, q)| Wide::from_f64(*q));
+        let slides = slides.map(|(_, q)| Float320::from_f64(*q));
         let length = coarse(&largest(offsets.chain(slides)));
-        let gravity = largest(model.gravity.iter().map(|q| Wide::from_number(&q.value)));
+        let gravity = largest(
+            model
+                .gravity
+                .iter()
+                .map(|q| Float320::from_number(&q.value)),
+        );
         Units {
             length,
             time: if gravity.is_zero() {
@@ -101,7 +106,7 @@ impl Units {
     /// The unit for the rate of an independent coordinate, from the rates of all
     /// coordinates with it (turns, and slides in m): the largest is not rounding,
     /// since its own is 1.
-    pub(super) fn rate(self, rates: impl Iterator<Item = (bool, Wide)>) -> i32 {
+    pub(super) fn rate(self, rates: impl Iterator<Item = (bool, Float320)>) -> i32 {
         let lengths = rates.map(|(slides, rate)| {
             if slides {
                 rate.scaled(-self.length)
@@ -120,10 +125,10 @@ mod tests {
     #[test]
     fn usual_sizes_stay_in_metres_and_seconds() {
         for size in [0.1, 0.4563, 1.0, 9.81, 15.0] {
-            assert_eq!(coarse(&Wide::from_f64(size)), 0, "{size}");
+            assert_eq!(coarse(&Float320::from_f64(size)), 0, "{size}");
         }
-        assert_eq!(coarse(&Wide::ZERO), 0);
-        assert_eq!(coarse(&Wide::from_f64(1e-6)), -16);
-        assert_eq!(coarse(&Wide::from_f64(1e200)), 664);
+        assert_eq!(coarse(&Float320::ZERO), 0);
+        assert_eq!(coarse(&Float320::from_f64(1e-6)), -16);
+        assert_eq!(coarse(&Float320::from_f64(1e200)), 664);
     }
 }

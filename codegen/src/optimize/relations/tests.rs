@@ -236,7 +236,7 @@ proptest::proptest! {
         let mut program = program(steps(ops), &[cut, count - cut], outputs);
         program.drop_unused();
         let (before, number) = (counted(&program), |p: &Program, draw: u64| -> Vec<u64> {
-            let drawn = Drawn::new(p, draw);
+            let drawn = RandomValues::new(p, draw);
             p.outputs.iter().map(|o| drawn.at(o)).collect()
         });
         let expected = [number(&program, 2), number(&program, 3)];

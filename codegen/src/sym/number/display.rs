@@ -6,7 +6,7 @@ use dashu_int::UBig;
 use dashu_int::ops::UnsignedAbs;
 use dashu_ratio::RBig;
 
-use super::super::real::Real;
+use super::super::big_float::BigFloat;
 use super::super::surd::Term;
 use super::Number;
 
@@ -25,7 +25,7 @@ pub(crate) struct NumberTerm {
 /// A factor of a term.
 pub(crate) enum NumberFactor {
     /// Decimal digits: `3`, `0.25`, `1.5e-3`.
-    Digits(String),
+    Numeric(String),
     /// The square root of an integer.
     Root(u128),
     /// A power of pi.
@@ -50,7 +50,7 @@ impl Number {
         let Some(first) = terms.get(lead) else {
             return vec![NumberTerm {
                 negative: false,
-                above: vec![NumberFactor::Digits("0".to_owned())],
+                above: vec![NumberFactor::Numeric("0".to_owned())],
                 below: Vec::new(),
             }];
         };
@@ -97,7 +97,7 @@ fn factors(f: &mut fmt::Formatter<'_>, all: &[NumberFactor]) -> fmt::Result {
 impl fmt::Display for NumberFactor {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            NumberFactor::Digits(digits) => f.write_str(digits),
+            NumberFactor::Numeric(digits) => f.write_str(digits),
             NumberFactor::Root(radicand) => write!(f, "sqrt({radicand})"),
             NumberFactor::Pi(1) => f.write_str("pi"),
             NumberFactor::Pi(power) => write!(f, "pi^{power}"),
@@ -116,15 +116,15 @@ impl fmt::Debug for Number {
 fn written(term: &Term) -> NumberTerm {
     let (mut above, mut below) = (Vec::new(), Vec::new());
     if let Some(decimal) = short_decimal(&term.coefficient) {
-        above.push(NumberFactor::Digits(decimal));
+        above.push(NumberFactor::Numeric(decimal));
     } else {
         let numerator = term.coefficient.numerator().unsigned_abs();
         if !numerator.is_one() {
-            above.push(NumberFactor::Digits(numerator.to_string()));
+            above.push(NumberFactor::Numeric(numerator.to_string()));
         }
         if !term.coefficient.denominator().is_one() {
             let denominator = term.coefficient.denominator().to_string();
-            below.push(NumberFactor::Digits(denominator));
+            below.push(NumberFactor::Numeric(denominator));
         }
     }
     if term.radicand > 1 {
@@ -137,7 +137,7 @@ fn written(term: &Term) -> NumberTerm {
         _ => below.push(pi),
     }
     if above.is_empty() {
-        above.push(NumberFactor::Digits("1".to_owned()));
+        above.push(NumberFactor::Numeric("1".to_owned()));
     }
     NumberTerm {
         negative: term.is_negative(),
@@ -165,12 +165,15 @@ fn short_decimal(value: &RBig) -> Option<String> {
     Some(format!("{whole}.{fraction}"))
 }
 
-fn inexact(value: &Real) -> NumberTerm {
+fn inexact(value: &BigFloat) -> NumberTerm {
     let above = if let Some((digits, exponent)) = value.decimal_digits() {
-        vec![NumberFactor::Digits(decimal(&digits.to_string(), exponent))]
+        vec![NumberFactor::Numeric(decimal(
+            &digits.to_string(),
+            exponent,
+        ))]
     } else {
         let (_, mantissa, exponent) = value.rounded(53);
-        let mantissa = NumberFactor::Digits(mantissa.to_string());
+        let mantissa = NumberFactor::Numeric(mantissa.to_string());
         vec![mantissa, NumberFactor::Two(exponent)]
     };
     NumberTerm {

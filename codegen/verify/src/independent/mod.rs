@@ -20,7 +20,7 @@ mod vectors;
 use regen_codegen::robot::Robot;
 use regen_interpreted::Interpreted;
 use regen_reference::{Mechanism, Random, State};
-use regen_runtime::Closure;
+use regen_runtime::LoopClosure;
 
 use crate::check::{Check, Report, What};
 use crate::error::VerifyError;
@@ -144,7 +144,7 @@ impl Subject<'_> {
 
     fn states(&self) -> Result<Vec<State>, VerifyError> {
         let model = Interpreted::new(self.robot);
-        let mut closure = Closure::new(&model)?;
+        let mut closure = LoopClosure::new(&model)?;
         let mut random = Random::new(SEED);
         let home = self.reference.conditioning(&closure.home().q);
         let mut states = Vec::new();

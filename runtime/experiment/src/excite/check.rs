@@ -3,7 +3,7 @@
 use super::ExciteError;
 use super::evaluate::{Number, Problem};
 use super::space::Row;
-use regen_runtime::{BaseModel, Closure};
+use regen_runtime::{BaseModel, LoopClosure};
 
 /// Points in each period of the highest harmonic.
 pub(super) const DENSE: usize = 128;
@@ -54,7 +54,7 @@ fn bounds(values: &[f64], limits: usize) -> Vec<Worst> {
 }
 
 /// A motion that keeps every limit.
-pub(super) struct Kept {
+pub(super) struct MotionWithinLimits {
     pub(super) y: Vec<f64>,
     pub(super) bounds: Vec<Worst>,
 }
@@ -64,11 +64,11 @@ pub(super) struct Kept {
 /// closed.
 pub(super) fn keep<M, D>(
     problem: &Problem<'_, M, D>,
-    closure: &mut Closure<'_, M>,
+    closure: &mut LoopClosure<'_, M>,
     dense: &[Row],
     poses: &[Vec<f64>],
     y: &[f64],
-) -> Result<Result<Kept, Option<Worst>>, ExciteError>
+) -> Result<Result<MotionWithinLimits, Option<Worst>>, ExciteError>
 where
     M: BaseModel<f64>,
     D: BaseModel<Number>,
@@ -92,7 +92,7 @@ where
                         refused = Some(most);
                         worst = most.value;
                     }
-                    _ => return Ok(Ok(Kept { y: trial, bounds })),
+                    _ => return Ok(Ok(MotionWithinLimits { y: trial, bounds })),
                 }
             }
             if cut >= 1.0 {

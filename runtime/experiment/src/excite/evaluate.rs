@@ -1,10 +1,10 @@
 //! The robot along a trajectory: limits and observation matrix with their derivatives.
 
 use super::criterion::Objective;
-use super::limits::{Limit, Seen};
+use super::limits::{Limit, LimitInputs};
 use super::space::{Row, Space};
 use super::{Criterion, DIRECTIONS, ExciteError, Tangent};
-use regen_runtime::{BaseModel, Closure, Info, Scalar, SizeError};
+use regen_runtime::{BaseModel, Info, LoopClosure, Scalar, SizeError};
 
 /// The number that derivatives are computed with.
 pub(super) type Number = Tangent<DIRECTIONS>;
@@ -69,9 +69,9 @@ where
         q: &[T],
         qd_i: &[T],
         qdd_i: &[T],
-        like: T,
+        proto: T,
     ) -> Result<Motion<T>, SizeError> {
-        let zero = like.lift(0.0);
+        let zero = proto.splat(0.0);
         let mut qd = vec![zero; q.len()];
         let mut qdd = vec![zero; q.len()];
         let pivot = e.velocities(q, qd_i, &mut qd)?.pivot;
@@ -81,10 +81,10 @@ where
         let efforts = match &self.nominal {
             None => Vec::new(),
             Some(phi) => {
-                let phi: Vec<T> = phi.iter().map(|p| like.lift(*p)).collect();
+                let phi: Vec<T> = phi.iter().map(|p| proto.splat(*p)).collect();
                 let mut tau = vec![zero; self.dof()];
                 let _condition = e.inverse_dynamics(q, &qd, &qdd, &phi, &mut tau)?;
-                self.of_actuators(e, q, tau, like)?
+                self.of_actuators(e, q, tau, proto)?
             }
         };
         Ok(Motion {
@@ -102,19 +102,19 @@ where
         e: &E,
         q: &[T],
         tau: Vec<T>,
-        like: T,
+        proto: T,
     ) -> Result<Vec<T>, SizeError> {
         if self.info.actuated == self.info.independent {
             return Ok(tau);
         }
         let n = tau.len();
-        let zero = like.lift(0.0);
+        let zero = proto.splat(0.0);
         let mut a = vec![zero; n * n];
         for k in 0..n {
             let mut unit = vec![zero; n];
-            unit[k] = like.lift(1.0);
+            unit[k] = proto.splat(1.0);
             let mut column = vec![zero; n];
-            let _condition = e.efforts(q, &unit, &mut column)?;
+            let _condition = e.generalized_forces(q, &unit, &mut column)?;
             for (i, x) in column.iter().enumerate() {
                 a[i * n + k] = *x;
             }
@@ -151,7 +151,7 @@ where
     }
 
     fn limited<T: Scalar>(&self, q: &[T], motion: &Motion<T>) -> Vec<T> {
-        let seen = Seen {
+        let seen = LimitInputs {
             q,
             qd: &motion.qd,
             qdd: &motion.qdd,
@@ -165,7 +165,7 @@ where
     /// Limits and objective with derivatives; nothing where the loops do not stay closed.
     pub(super) fn evaluate(
         &self,
-        closure: &mut Closure<'_, M>,
+        closure: &mut LoopClosure<'_, M>,
         y: &[f64],
         sharpness: f64,
     ) -> Result<Option<Evaluation>, ExciteError> {
@@ -267,7 +267,7 @@ where
     /// The limits' values at each of these rows; nothing where the loops do not stay closed.
     pub(super) fn values(
         &self,
-        closure: &mut Closure<'_, M>,
+        closure: &mut LoopClosure<'_, M>,
         rows: &[Row],
         y: &[f64],
     ) -> Result<Option<Vec<f64>>, ExciteError> {
@@ -288,7 +288,7 @@ where
     /// The observation matrix of a trajectory; nothing where the loops do not stay closed.
     pub(super) fn observed(
         &self,
-        closure: &mut Closure<'_, M>,
+        closure: &mut LoopClosure<'_, M>,
         y: &[f64],
     ) -> Result<Option<Observed>, ExciteError> {
         let dof = self.dof();

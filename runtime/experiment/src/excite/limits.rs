@@ -17,7 +17,7 @@ pub enum Quantity {
     /// An actuator's effort.
     Effort,
     /// The angle of a cone.
-    Cone,
+    SwingLimit,
     /// The distance from singularities.
     Singularity,
 }
@@ -48,7 +48,7 @@ impl fmt::Display for Limit {
             Quantity::Velocity => write!(f, "velocity of {name} {side} {bound}"),
             Quantity::Acceleration => write!(f, "acceleration of {name} {side} {bound}"),
             Quantity::Effort => write!(f, "effort of {name} {side} {bound}"),
-            Quantity::Cone => write!(f, "cone angle of {name} {side} {bound}"),
+            Quantity::SwingLimit => write!(f, "cone angle of {name} {side} {bound}"),
             Quantity::Singularity => {
                 write!(
                     f,
@@ -60,7 +60,7 @@ impl fmt::Display for Limit {
 }
 
 /// What limits look at in one state.
-pub(super) struct Seen<'a, T> {
+pub(super) struct LimitInputs<'a, T> {
     pub(super) q: &'a [T],
     pub(super) qd: &'a [T],
     pub(super) qdd: &'a [T],
@@ -73,7 +73,7 @@ pub(super) struct Seen<'a, T> {
 
 impl Limit {
     /// At most zero where the limit is kept; in units of half the range.
-    pub(super) fn value<T: Scalar>(&self, seen: &Seen<'_, T>) -> T {
+    pub(super) fn value<T: Scalar>(&self, seen: &LimitInputs<'_, T>) -> T {
         let entry = |values: &[T]| values.get(self.at).copied().unwrap_or(seen.pivot);
         let value = match self.quantity {
             Quantity::Position => entry(seen.q),
@@ -81,15 +81,15 @@ impl Limit {
             Quantity::Acceleration => entry(seen.qdd),
             Quantity::Effort => entry(seen.efforts),
             Quantity::Singularity => seen.pivot,
-            Quantity::Cone => {
+            Quantity::SwingLimit => {
                 // the cosine is at least the bound's
                 let cosine = entry(seen.cones);
-                return (cosine.lift(libm::cos(self.bound)) - cosine) / cosine.lift(self.size);
+                return (cosine.splat(libm::cos(self.bound)) - cosine) / cosine.splat(self.size);
             }
         };
-        let beyond = value - value.lift(self.bound);
+        let beyond = value - value.splat(self.bound);
         let beyond = if self.upper { beyond } else { -beyond };
-        beyond / value.lift(self.size)
+        beyond / value.splat(self.size)
     }
 }
 
@@ -140,7 +140,7 @@ pub(super) fn limits(
             });
         }
         out.push(Limit {
-            quantity: Quantity::Cone,
+            quantity: Quantity::SwingLimit,
             name: cone.name.to_owned(),
             bound: *greatest,
             upper: true,

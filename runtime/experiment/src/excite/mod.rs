@@ -15,23 +15,23 @@
 mod check;
 mod criterion;
 mod evaluate;
-mod landscape;
 mod limits;
 mod quadratic;
 mod run;
+mod scaled_problem;
 mod search;
 mod space;
 
 use core::fmt;
 
 pub use criterion::{Criterion, Figures};
-pub use landscape::{Landscape, Sight};
 pub use limits::{Limit, Quantity};
 pub use regen_runtime::Tangent;
-pub use run::{Excitation, Margin, Outcome, Progress, Watch, excite};
+pub use run::{Excitation, Margin, Monitor, Outcome, Progress, excite};
+pub use scaled_problem::{ScaledEvaluation, ScaledProblem};
 
 use regen_identify::signals::SignalError;
-use regen_runtime::{Info, Limits, Misuse, SizeError};
+use regen_runtime::{ClosureError, Info, Limits, SizeError};
 
 // the solver's symbols
 extern crate regen_lapack as _;
@@ -113,7 +113,7 @@ impl Settings {
 #[derive(Clone, Debug, PartialEq)]
 pub enum ExciteError {
     /// An argument that does not fit the model.
-    Misuse(Misuse),
+    ClosureError(ClosureError),
     /// A Fourier series that cannot be.
     Signal(SignalError),
     /// A range whose ends are in the wrong order or not finite.
@@ -139,7 +139,7 @@ pub enum ExciteError {
 impl fmt::Display for ExciteError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Misuse(error) => error.fmt(f),
+            Self::ClosureError(error) => error.fmt(f),
             Self::Signal(error) => error.fmt(f),
             Self::Range { what, range } => {
                 let [lowest, highest] = range;
@@ -159,15 +159,15 @@ impl fmt::Display for ExciteError {
 
 impl core::error::Error for ExciteError {}
 
-impl From<Misuse> for ExciteError {
-    fn from(error: Misuse) -> Self {
-        Self::Misuse(error)
+impl From<ClosureError> for ExciteError {
+    fn from(error: ClosureError) -> Self {
+        Self::ClosureError(error)
     }
 }
 
 impl From<SizeError> for ExciteError {
     fn from(error: SizeError) -> Self {
-        Self::Misuse(error.into())
+        Self::ClosureError(error.into())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT as Cone,
+    DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT as SwingLimit,
 };
 
 use super::ExciteError;
@@ -74,7 +74,7 @@ impl Quadratic<'_> {
             chordal_decomposition_enable: false,
             ..DefaultSettings::default()
         };
-        let cones = [Cone::NonnegativeConeT(m)];
+        let cones = [SwingLimit::NonnegativeConeT(m)];
         let mut solver = DefaultSolver::new(&p, &q, &a, &b, &cones, settings)
             .map_err(|error| ExciteError::Solver(format!("{error}")))?;
         solver.solve();

@@ -11,7 +11,7 @@ use super::search::{Search, Stage};
 use super::space::{Row, Space};
 use super::{ExciteError, Limit, Settings};
 use regen_identify::signals::Fourier;
-use regen_runtime::{BaseModel, Closure, SizeError};
+use regen_runtime::{BaseModel, LoopClosure, SizeError};
 
 /// How close a trajectory comes to a limit.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,21 +71,21 @@ pub struct Progress {
 
 /// What goes on beside a search: how it is watched, and how it is stopped.
 #[derive(Clone, Copy)]
-pub struct Watch<'a> {
+pub struct Monitor<'a> {
     /// Set by whoever wants the search to end with the best so far.
     pub stop: &'a AtomicBool,
     /// Called after each step, by any thread.
     pub report: &'a (dyn Fn(Progress) + Sync),
 }
 
-impl core::fmt::Debug for Watch<'_> {
+impl core::fmt::Debug for Monitor<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_struct("Watch").field("stop", self.stop).finish()
     }
 }
 
 /// What one start came to.
-enum Ended {
+enum StartOutcome {
     Found(Box<Excitation>),
     Passed(Worst),
     NotClosed,
@@ -103,7 +103,7 @@ pub fn excite<M, D>(
     model: &M,
     derivatives: &D,
     settings: &Settings,
-    watch: Watch<'_>,
+    watch: Monitor<'_>,
 ) -> Result<Outcome, ExciteError>
 where
     M: BaseModel<f64> + Sync,
@@ -118,7 +118,7 @@ where
         0 => std::thread::available_parallelism().map_or(1, core::num::NonZero::get),
         threads => threads,
     };
-    let crew = Crew {
+    let crew = SharedSearch {
         problem,
         dense,
         settings,
@@ -252,17 +252,17 @@ where
 }
 
 /// What threads share.
-struct Crew<'s, 'm, M, D> {
+struct SharedSearch<'s, 'm, M, D> {
     problem: Problem<'m, M, D>,
     dense: Vec<Row>,
     settings: &'s Settings,
-    watch: Watch<'s>,
+    watch: Monitor<'s>,
     next: AtomicUsize,
     done: AtomicUsize,
     best: Mutex<Option<f64>>,
 }
 
-impl<M, D> Crew<'_, '_, M, D>
+impl<M, D> SharedSearch<'_, '_, M, D>
 where
     M: BaseModel<f64> + Sync,
     D: BaseModel<Number> + Sync,
@@ -281,15 +281,15 @@ where
         ]
     }
 
-    fn start(&self, start: usize) -> Result<Ended, ExciteError> {
+    fn start(&self, start: usize) -> Result<StartOutcome, ExciteError> {
         // The first start gives its trajectory even then.
         if start > 0 && self.watch.stop.load(Ordering::Relaxed) {
-            return Ok(Ended::Stopped);
+            return Ok(StartOutcome::Stopped);
         }
         let stages = Search::<M, D>::stages();
         let steps = self.settings.steps;
         let [middle, home] = self.poses();
-        let mut closure = Closure::new(self.problem.model)?;
+        let mut closure = LoopClosure::new(self.problem.model)?;
         // a pose that keeps the limits, if one does
         let mut pose = &middle;
         for candidate in [&middle, &home] {
@@ -317,7 +317,7 @@ where
             let ended = search.stage(stage, steps, &mut goes_on)?;
             self.count(steps.saturating_sub(used));
             if ended == Stage::NotClosed {
-                return Ok(Ended::NotClosed);
+                return Ok(StartOutcome::NotClosed);
             }
             let poses = [
                 self.problem.space.offsets(search.at()),
@@ -349,17 +349,17 @@ where
             }
         }
         Ok(match (best, passed) {
-            (Some(best), _) => Ended::Found(best),
-            (None, Some(worst)) => Ended::Passed(worst),
-            (None, None) if self.watch.stop.load(Ordering::Relaxed) => Ended::Stopped,
-            (None, None) => Ended::NotClosed,
+            (Some(best), _) => StartOutcome::Found(best),
+            (None, Some(worst)) => StartOutcome::Passed(worst),
+            (None, None) if self.watch.stop.load(Ordering::Relaxed) => StartOutcome::Stopped,
+            (None, None) => StartOutcome::NotClosed,
         })
     }
 
     fn made(
         &self,
-        closure: &mut Closure<'_, M>,
-        kept: &check::Kept,
+        closure: &mut LoopClosure<'_, M>,
+        kept: &check::MotionWithinLimits,
         start: usize,
     ) -> Result<Option<Box<Excitation>>, ExciteError> {
         let Some(observed) = self.problem.observed(closure, &kept.y)? else {
@@ -392,17 +392,17 @@ where
         if of(&b) < of(&a) { b } else { a }
     }
 
-    fn better(&self, so_far: Outcome, ended: Ended) -> Outcome {
+    fn better(&self, so_far: Outcome, ended: StartOutcome) -> Outcome {
         match (so_far, ended) {
-            (Outcome::Found(a), Ended::Found(b)) => Outcome::Found(self.smaller(a, b)),
+            (Outcome::Found(a), StartOutcome::Found(b)) => Outcome::Found(self.smaller(a, b)),
             (Outcome::Found(a), _) => Outcome::Found(a),
-            (_, Ended::Found(b)) => Outcome::Found(b),
-            (_, Ended::Passed(worst)) => Outcome::Infeasible {
+            (_, StartOutcome::Found(b)) => Outcome::Found(b),
+            (_, StartOutcome::Passed(worst)) => Outcome::Infeasible {
                 limit: self.problem.limits[worst.limit].clone(),
                 excess: worst.value,
                 time: self.time(worst),
             },
-            (Outcome::NotClosed, Ended::Stopped) => Outcome::Stopped,
+            (Outcome::NotClosed, StartOutcome::Stopped) => Outcome::Stopped,
             (so_far, _) => so_far,
         }
     }

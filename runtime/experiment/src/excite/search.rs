@@ -12,7 +12,7 @@ use super::ExciteError;
 use super::evaluate::{Evaluation, Number, Problem};
 use super::quadratic::{Quadratic, Step};
 use super::space::dot;
-use regen_runtime::{BaseModel, Closure};
+use regen_runtime::{BaseModel, LoopClosure};
 
 /// The powers by which singular values are smoothed, one after the other: each stage ends near
 /// the start of the next.
@@ -26,7 +26,7 @@ const KEPT: f64 = 1e-7;
 /// A start in progress.
 pub(super) struct Search<'p, 'm, M, D> {
     problem: &'p Problem<'m, M, D>,
-    closure: Closure<'m, M>,
+    closure: LoopClosure<'m, M>,
     y: Vec<f64>,
     hessian: Vec<f64>,
     reach: f64,
@@ -69,7 +69,7 @@ where
             let radius = (-2.0 * libm::log(uniform())).sqrt();
             *entry += 0.3 * radius * libm::cos(core::f64::consts::TAU * uniform());
         }
-        let mut closure = Closure::new(problem.model)?;
+        let mut closure = LoopClosure::new(problem.model)?;
         let mut part = 1.0;
         let mut start = problem.space.still(pose);
         for _ in 0..40 {

@@ -23,7 +23,7 @@ pub struct Drive {
 
 /// What a controller is given at each sample.
 #[derive(Clone, Copy, Debug)]
-pub struct Now<'a> {
+pub struct ControllerInput<'a> {
     /// The time, s.
     pub t: f64,
     /// The time between samples, s.
@@ -44,11 +44,11 @@ pub struct Now<'a> {
 pub trait Controller {
     /// Fills the efforts of the actuated joints, N or N m, in the order of `Info::actuated`. The
     /// drives carry them out, within their limits.
-    fn efforts(&mut self, now: &Now<'_>, efforts: &mut [f64]);
+    fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]);
 }
 
-impl<F: FnMut(&Now<'_>, &mut [f64])> Controller for F {
-    fn efforts(&mut self, now: &Now<'_>, efforts: &mut [f64]) {
+impl<F: FnMut(&ControllerInput<'_>, &mut [f64])> Controller for F {
+    fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]) {
         self(now, efforts);
     }
 }
@@ -82,7 +82,7 @@ impl<'a> Bank<'a> {
 }
 
 impl Controller for Bank<'_> {
-    fn efforts(&mut self, now: &Now<'_>, efforts: &mut [f64]) {
+    fn efforts(&mut self, now: &ControllerInput<'_>, efforts: &mut [f64]) {
         let loops = self.joints.iter().zip(self.pid).zip(&mut self.memories);
         for (k, ((joint, pid), memory)) in loops.enumerate() {
             let error = now.q[*joint] - now.measured[k];

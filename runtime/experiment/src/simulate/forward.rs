@@ -22,12 +22,12 @@ pub struct Forward<'m, M: ?Sized> {
 
 /// What a solve for accelerations came to. A numerical outcome.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Freed {
+pub enum ForwardOutcome {
     /// The accelerations are in place; the condition is that of A_e.
-    Moves(Condition<f64>),
+    Solved(Condition<f64>),
     /// The mass matrix is not positive definite, or not beyond what roundoff may have made of it:
     /// the parameters are not those of bodies, or a coordinate moves next to none.
-    NoMass,
+    NotPositiveDefinite,
 }
 
 impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
@@ -78,7 +78,7 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
         qd: &[f64],
         efforts: &[f64],
         out: &mut [f64],
-    ) -> Result<Freed, SizeError> {
+    ) -> Result<ForwardOutcome, SizeError> {
         let fits = |argument, got| {
             let expected = self.dof;
             if got == expected {
@@ -106,9 +106,9 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
             *out = effort - force;
         }
         if solve_symmetric(&mut self.mass, out) {
-            Ok(Freed::Moves(condition))
+            Ok(ForwardOutcome::Solved(condition))
         } else {
-            Ok(Freed::NoMass)
+            Ok(ForwardOutcome::NotPositiveDefinite)
         }
     }
 }

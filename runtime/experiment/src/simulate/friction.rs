@@ -5,32 +5,32 @@ use regen_runtime::{Info, JointFriction};
 
 /// A value of a friction law that a model states no nominal value of.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct NoNominal {
+pub struct MissingNominal {
     /// The coordinate's name.
     pub coordinate: String,
     /// The symbol of the value, as in [`Friction::symbols`](regen_runtime::Friction::symbols).
     pub symbol: &'static str,
 }
 
-impl std::fmt::Display for NoNominal {
+impl std::fmt::Display for MissingNominal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let NoNominal { coordinate, symbol } = self;
+        let MissingNominal { coordinate, symbol } = self;
         write!(f, "joint {coordinate} has no nominal value of {symbol}")
     }
 }
 
-impl std::error::Error for NoNominal {}
+impl std::error::Error for MissingNominal {}
 
 /// The friction of each coordinate from a model's nominal values, in the order of `q`.
 ///
 /// # Errors
 /// The first coordinate whose law has a symbol without a nominal value.
-pub fn nominal_friction(info: &Info<'_>) -> Result<Vec<JointFriction>, NoNominal> {
+pub fn nominal_friction(info: &Info<'_>) -> Result<Vec<JointFriction>, MissingNominal> {
     let joint = |(joint, name): (&regen_runtime::Joint, &&str)| {
         let mut values = [0.0; VALUES];
         let stated = joint.friction.symbols().iter().zip(joint.nominal);
         for (value, (symbol, nominal)) in values.iter_mut().zip(stated) {
-            *value = nominal.ok_or_else(|| NoNominal {
+            *value = nominal.ok_or_else(|| MissingNominal {
                 coordinate: (*name).to_owned(),
                 symbol,
             })?;

@@ -7,7 +7,7 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stop<E> {
     /// No step is short enough.
-    Stiff,
+    StepTooSmall,
     /// The derivative has none.
     Refused(E),
 }
@@ -115,7 +115,7 @@ impl Integrator {
                 self.step = h * factor;
             }
             if !accepted && self.step < 1e-12 * (1.0 + self.t) {
-                return Err(refused.map_or(Stop::Stiff, Stop::Refused));
+                return Err(refused.map_or(Stop::StepTooSmall, Stop::Refused));
             }
         }
         Ok(())

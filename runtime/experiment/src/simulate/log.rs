@@ -5,15 +5,15 @@ use regen_runtime::Outcome;
 
 /// How a run ended. A numerical outcome.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Ended {
+pub enum Termination {
     /// After its whole duration.
     Complete,
     /// The loops could not be kept closed: a singularity, or the end of the branch.
     Open(Outcome),
     /// The mass matrix is not positive definite: the parameters are not those of bodies.
-    NoMass,
+    NotPositiveDefinite,
     /// No step of the integration is short enough.
-    Stiff,
+    StepTooSmall,
     /// Positions or velocities grew beyond all bounds.
     Diverged,
 }
@@ -29,7 +29,7 @@ pub enum Ended {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Log {
     /// How the run ended.
-    pub ended: Ended,
+    pub ended: Termination,
     /// Times, s.
     pub t: Vec<f64>,
     /// All coordinates (n a row).
@@ -58,7 +58,7 @@ pub struct Log {
 impl Log {
     pub(super) fn empty() -> Self {
         Self {
-            ended: Ended::Complete,
+            ended: Termination::Complete,
             t: Vec::new(),
             q: Vec::new(),
             qd: Vec::new(),

@@ -22,10 +22,10 @@ mod settings;
 mod tuning;
 
 pub use audit::Energy;
-pub use control::{Controller, Drive, Now, Pid};
-pub use forward::{Forward, Freed};
-pub use friction::{NoNominal, nominal_friction};
-pub use log::{Ended, Log};
+pub use control::{Controller, ControllerInput, Drive, Pid};
+pub use forward::{Forward, ForwardOutcome};
+pub use friction::{MissingNominal, nominal_friction};
+pub use log::{Log, Termination};
 pub use noise::{Noise, perturbed};
 pub use run::{simulate, simulate_controlled, simulate_watched};
 pub use settings::{Reference, Sensors, Settings, SimulationError};

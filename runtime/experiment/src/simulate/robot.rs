@@ -2,17 +2,17 @@
 
 use super::audit::{Energy, kinetic, moments, potential};
 use super::control::Drive;
-use super::forward::{Forward, Freed};
-use super::log::{Ended, Log};
+use super::forward::{Forward, ForwardOutcome};
+use super::log::{Log, Termination};
 use super::noise::Noise;
 use super::settings::{Settings, SimulationError};
-use regen_runtime::{Closure, Model, Outcome, SizeError, Status};
+use regen_runtime::{LoopClosure, Model, Outcome, SizeError, Status};
 
 /// The robot between samples.
 pub(super) struct Robot<'m, M: ?Sized> {
     model: &'m M,
     settings: &'m Settings,
-    closure: Closure<'m, M>,
+    closure: LoopClosure<'m, M>,
     forward: Forward<'m, M>,
     moments: Vec<[f64; 4]>,
     gravity: [f64; 3],
@@ -71,7 +71,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         Ok(Self {
             model,
             settings,
-            closure: Closure::new(model)?,
+            closure: LoopClosure::new(model)?,
             moments: moments(&info, phi),
             gravity: info.gravity,
             forward,
@@ -105,16 +105,16 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
     }
 
     /// The state's rate in `dy`, and the whole motion beside it.
-    pub(super) fn rates(&mut self, y: &[f64]) -> Result<Result<(), Ended>, SimulationError> {
+    pub(super) fn rates(&mut self, y: &[f64]) -> Result<Result<(), Termination>, SimulationError> {
         let (q_i, rest) = y.split_at(self.dof);
         let (qd_i, rest) = rest.split_at(self.dof);
         let (built_up, _) = rest.split_at(self.actuated.len());
         if y.iter().any(|v| !v.is_finite()) {
-            return Ok(Err(Ended::Diverged));
+            return Ok(Err(Termination::Diverged));
         }
         let closed = self.closure.track(q_i)?;
         if !closed.outcome.is_closed() {
-            return Ok(Err(Ended::Open(closed.outcome)));
+            return Ok(Err(Termination::Open(closed.outcome)));
         }
         self.residual = closed.residual;
         self.q.copy_from_slice(&closed.q);
@@ -133,7 +133,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         }
         let _condition = self
             .model
-            .efforts(&self.q, &self.effort, &mut self.reduced)?;
+            .generalized_forces(&self.q, &self.effort, &mut self.reduced)?;
         let mut loss = 0.0;
         if !self.settings.friction.is_empty() {
             let width = self.settings.friction_width;
@@ -155,12 +155,14 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
             .forward
             .accelerations(&self.q, &self.qd, &self.reduced, &mut self.qdd_i)?
         {
-            Freed::NoMass => return Ok(Err(Ended::NoMass)),
-            Freed::Moves(condition) if condition.status() == Status::Singular => {
-                let outcome = Outcome::Singular { at: 1.0, condition };
-                return Ok(Err(Ended::Open(outcome)));
+            ForwardOutcome::NotPositiveDefinite => {
+                return Ok(Err(Termination::NotPositiveDefinite));
             }
-            Freed::Moves(_) => {}
+            ForwardOutcome::Solved(condition) if condition.status() == Status::Singular => {
+                let outcome = Outcome::Singular { at: 1.0, condition };
+                return Ok(Err(Termination::Open(outcome)));
+            }
+            ForwardOutcome::Solved(_) => {}
         }
         self.dy[..self.dof].copy_from_slice(qd_i);
         self.dy[self.dof..at].copy_from_slice(&self.qdd_i);
@@ -200,7 +202,7 @@ impl<'m, M: Model<f64> + ?Sized> Robot<'m, M> {
         held: &[f64],
         noise: &mut Noise,
         log: &mut Log,
-    ) -> Result<Result<(), Ended>, SimulationError> {
+    ) -> Result<Result<(), Termination>, SimulationError> {
         let next = self.command.clone();
         for (command, held) in self.command.iter_mut().zip(held) {
             *command = f64::midpoint(*held, *command);

@@ -1,12 +1,12 @@
 //! A run: controller, drives, friction and sensors around the forward dynamics.
 
-use super::control::{Bank, Controller, Now};
+use super::control::{Bank, Controller, ControllerInput};
 use super::integrate::{Integrator, Stop};
-use super::log::{Ended, Log};
+use super::log::{Log, Termination};
 use super::noise::Noise;
 use super::robot::Robot;
 use super::settings::{Reference, Settings, SimulationError};
-use regen_runtime::{Closure, Model};
+use regen_runtime::{LoopClosure, Model};
 
 /// Runs the robot with parameters `phi` (p) along a reference, from the reference's start.
 ///
@@ -21,7 +21,7 @@ use regen_runtime::{Closure, Model};
 ///
 /// ```
 /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs")); }
-/// use regen_experiment::simulate::{Ended, Settings, simulate};
+/// use regen_experiment::simulate::{Termination, Settings, simulate};
 ///
 /// // A pendulum let go at rest keeps its energy.
 /// let pendulum = models::Pendulum;
@@ -30,7 +30,7 @@ use regen_runtime::{Closure, Model};
 /// };
 /// let settings = Settings { duration: 2.0, ..Settings::default() };
 /// let log = simulate(&pendulum, &[0.02, 0.1], &start, &settings)?;
-/// assert_eq!(log.ended, Ended::Complete);
+/// assert_eq!(log.ended, Termination::Complete);
 /// assert_eq!(log.t.len(), 201);
 /// # Ok::<(), regen_experiment::simulate::SimulationError>(())
 /// ```
@@ -66,7 +66,7 @@ pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
 
 /// As [`simulate`], under a controller of your own instead of `settings.pid`. What it commands is
 /// held within the drives' limits; a command that is not finite ends the run as
-/// [`Ended::Diverged`].
+/// [`Termination::Diverged`].
 ///
 /// # Errors
 /// As [`simulate`].
@@ -74,17 +74,17 @@ pub fn simulate_watched<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
 /// ```
 /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum.rs")); }
 /// use regen_runtime::Model;
-/// use regen_experiment::simulate::{Ended, Now, Settings, simulate_controlled};
+/// use regen_experiment::simulate::{Termination, ControllerInput, Settings, simulate_controlled};
 ///
 /// // The pendulum's own weight, at the angle that is measured, holds it where it is.
 /// let (pendulum, phi) = (models::Pendulum, [0.02, 0.1]);
 /// let start = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.4;
-/// let mut hold = |now: &Now<'_>, efforts: &mut [f64]| {
+/// let mut hold = |now: &ControllerInput<'_>, efforts: &mut [f64]| {
 ///     let _condition = pendulum.gravity(now.measured, &phi, efforts).expect("one joint");
 /// };
 /// let settings = Settings { duration: 0.5, ..Settings::default() };
 /// let log = simulate_controlled(&pendulum, &phi, &start, &mut hold, &settings)?;
-/// assert_eq!(log.ended, Ended::Complete);
+/// assert_eq!(log.ended, Termination::Complete);
 /// assert!(log.q.iter().all(|q| (q - 0.4).abs() < 1e-9));
 /// # Ok::<(), regen_experiment::simulate::SimulationError>(())
 /// ```
@@ -124,7 +124,7 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
     // the scales of positions, velocities, efforts, energies where they are small
     let mut scales = vec![1.0; y.len()];
     scales[2 * dof..].fill(1e2);
-    let mut wanted = Closure::new(model)?;
+    let mut wanted = LoopClosure::new(model)?;
     let mut noise = Noise::new(settings.seed);
     let mut log = Log::empty();
 
@@ -146,10 +146,10 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
             reference.at(t, &mut q_i, &mut qd_i, &mut qdd_i);
             let target = wanted.track(&q_i)?;
             if !target.outcome.is_closed() {
-                log.ended = Ended::Open(target.outcome);
+                log.ended = Termination::Open(target.outcome);
                 return Ok(log);
             }
-            let now = Now {
+            let now = ControllerInput {
                 t,
                 period: settings.period,
                 q: &target.q,
@@ -168,7 +168,7 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
                 }
             }
             if robot.command.iter().any(|effort| !effort.is_finite()) {
-                log.ended = Ended::Diverged;
+                log.ended = Termination::Diverged;
                 return Ok(log);
             }
         }
@@ -200,8 +200,8 @@ fn run<M: Model<f64> + ?Sized, R: Reference + ?Sized>(
         log.steps = integrator.steps;
         match went {
             Ok(()) => {}
-            Err(Stop::Stiff) => {
-                log.ended = Ended::Stiff;
+            Err(Stop::StepTooSmall) => {
+                log.ended = Termination::StepTooSmall;
                 return Ok(log);
             }
             Err(Stop::Refused(Refusal::Stop(stop))) => {
@@ -226,6 +226,6 @@ fn samples(settings: &Settings) -> Result<usize, SimulationError> {
 }
 
 enum Refusal {
-    Stop(Ended),
+    Stop(Termination),
     Error(SimulationError),
 }

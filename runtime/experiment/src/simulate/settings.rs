@@ -4,7 +4,7 @@ use core::fmt;
 
 use super::control::{Drive, Pid};
 use super::noise::Noise;
-use regen_runtime::{JointFriction, Misuse, SizeError};
+use regen_runtime::{ClosureError, JointFriction, SizeError};
 
 /// A motion to follow: the independent coordinates over time.
 pub trait Reference {
@@ -99,7 +99,7 @@ pub enum SimulationError {
     /// A list's length does not fit the model.
     Size(SizeError),
     /// The closure refuses the call.
-    Misuse(Misuse),
+    ClosureError(ClosureError),
     /// A setting is not a positive finite number.
     Setting(&'static str),
     /// More than 100 million samples.
@@ -112,9 +112,9 @@ impl From<SizeError> for SimulationError {
     }
 }
 
-impl From<Misuse> for SimulationError {
-    fn from(error: Misuse) -> Self {
-        Self::Misuse(error)
+impl From<ClosureError> for SimulationError {
+    fn from(error: ClosureError) -> Self {
+        Self::ClosureError(error)
     }
 }
 
@@ -122,7 +122,7 @@ impl fmt::Display for SimulationError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Size(error) => error.fmt(f),
-            Self::Misuse(error) => error.fmt(f),
+            Self::ClosureError(error) => error.fmt(f),
             Self::Setting(name) => write!(f, "`{name}` must be a positive finite number"),
             Self::TooLong => write!(f, "`duration` has more than 100 million of `period`"),
         }

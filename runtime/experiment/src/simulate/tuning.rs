@@ -1,7 +1,7 @@
 //! Controllers for a robot that nobody has tuned: gains from its inertia, efforts that hold it.
 
 use nalgebra::{DMatrix, DVector};
-use regen_runtime::{Closure, Misuse, Model, Outcome, SizeError};
+use regen_runtime::{ClosureError, LoopClosure, Model, Outcome, SizeError};
 
 use super::Pid;
 
@@ -33,7 +33,7 @@ pub enum TuningError {
         actuated: Vec<String>,
     },
     /// A model that cannot be closed, or values that do not fit it.
-    Model(Misuse),
+    Model(ClosureError),
 }
 
 impl std::fmt::Display for TuningError {
@@ -66,15 +66,15 @@ impl std::error::Error for TuningError {
     }
 }
 
-impl From<Misuse> for TuningError {
-    fn from(why: Misuse) -> Self {
+impl From<ClosureError> for TuningError {
+    fn from(why: ClosureError) -> Self {
         Self::Model(why)
     }
 }
 
 impl From<SizeError> for TuningError {
     fn from(why: SizeError) -> Self {
-        Self::Model(Misuse::Size(why))
+        Self::Model(ClosureError::Size(why))
     }
 }
 
@@ -101,7 +101,7 @@ pub fn control<M: Model<f64> + ?Sized>(
 ) -> Result<Control, TuningError> {
     let info = model.info();
     let (dof, actuated) = (info.dof(), info.actuated.len());
-    let found = Closure::new(model)?.solve(start)?;
+    let found = LoopClosure::new(model)?.solve(start)?;
     if !found.outcome.is_closed() {
         return Err(TuningError::Unreachable(found.outcome));
     }
@@ -116,7 +116,7 @@ pub fn control<M: Model<f64> + ?Sized>(
     for k in 0..actuated {
         unit.fill(0.0);
         unit[k] = 1.0;
-        let _condition = model.efforts(q, &unit, &mut column)?;
+        let _condition = model.generalized_forces(q, &unit, &mut column)?;
         shares.column_mut(k).copy_from_slice(&column);
     }
     let offset = shares

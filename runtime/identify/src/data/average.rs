@@ -1,6 +1,6 @@
 //! Runs of a periodic trajectory, averaged.
 
-use super::columns::Layout;
+use super::columns::ColumnLayout;
 
 /// Degrees of freedom of a spread: that of one sample over few runs alone would make absurd
 /// weights, so that neighbours on both sides are taken along.
@@ -28,7 +28,7 @@ struct Phase {
 }
 
 impl Average {
-    pub(super) fn new(period: f64, step: f64, layout: &Layout) -> Result<Self, String> {
+    pub(super) fn new(period: f64, step: f64, layout: &ColumnLayout) -> Result<Self, String> {
         let samples = (period / step).round();
         if !(2.0..1e8).contains(&samples) {
             return Err(format!("a period of {period} s has no samples of {step} s"));

@@ -172,7 +172,7 @@ pub(super) struct Channel {
 
 /// Where everything stands in the rows of one file.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Layout {
+pub(super) struct ColumnLayout {
     pub(super) header: Vec<String>,
     /// Coordinates that are measured, as indices into `Info::coordinates`.
     pub(super) measured: Vec<usize>,
@@ -207,7 +207,7 @@ fn listed(header: &[String]) -> String {
     format!("{}{tail}", titles.join(", "))
 }
 
-impl Layout {
+impl ColumnLayout {
     /// Finds the columns of a header; the error is a sentence.
     pub(super) fn new(
         header: Vec<String>,

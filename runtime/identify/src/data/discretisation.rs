@@ -3,8 +3,8 @@
 
 use super::logs::{Log, Logs};
 use super::problem::DataError;
-use super::reader::Kept;
-use crate::estimate::Factor;
+use super::reader::LogRow;
+use crate::estimate::QrFactor;
 use crate::identify::{Completed, Completion};
 use crate::signals::{Derivatives, Method, SignalError, differences};
 use regen_runtime::BaseModel;
@@ -43,13 +43,13 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
         &self,
         beta: &[f64],
         weights: &[f64],
-        factor: &Factor,
+        factor: &QrFactor,
     ) -> Result<Vec<f64>, DataError> {
         let r = beta.len();
         let mut changes = Changes {
             beta,
             weights,
-            factor: Factor::new(factor.labels().to_vec()),
+            factor: QrFactor::new(factor.labels().to_vec()),
         };
         for (log, report) in self.files.iter().zip(&self.reports) {
             let differs = match self.settings.method {
@@ -91,7 +91,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
             (STRETCHES, length)
         };
         let every = (count * length).div_ceil(STATES).max(1);
-        let mut stretch: Vec<Kept> = Vec::new();
+        let mut stretch: Vec<LogRow> = Vec::new();
         let mut place = 0;
         log.file
             .rows(&log.survey, &mut |_| {}, &mut |row, follows| {
@@ -112,7 +112,7 @@ impl<M: BaseModel<f64> + ?Sized> Logs<'_, M> {
     fn stretch(
         &self,
         log: &Log,
-        rows: &mut Vec<Kept>,
+        rows: &mut Vec<LogRow>,
         every: usize,
         completions: &mut Completions<'_, M>,
         out: &mut Changes<'_>,
@@ -248,7 +248,7 @@ struct Completions<'m, M: ?Sized> {
 struct Changes<'a> {
     beta: &'a [f64],
     weights: &'a [f64],
-    factor: Factor,
+    factor: QrFactor,
 }
 
 impl Changes<'_> {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use super::average::Average;
 use super::columns::Assignment;
 use super::problem::{DataError, Policy, Problems};
-use super::reader::{Kept, LogFile, Survey};
+use super::reader::{LogFile, LogRow, Survey};
 use super::shift;
 use super::standstill::{self, Differences, Encoder};
 use super::window::Window;
@@ -276,7 +276,7 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
                 .period
                 .map(|period| Average::new(period, log.survey.step(), &log.file.layout))
                 .transpose()
-                .map_err(|why| DataError::Layout {
+                .map_err(|why| DataError::ColumnLayout {
                     file: report.file.clone(),
                     why,
                 })?;
@@ -292,12 +292,12 @@ impl<M: Model<f64> + ?Sized> Source for Logs<'_, M> {
                 },
             )?;
             if let Some(average) = average {
-                let means = average.finish().map_err(|why| DataError::Layout {
+                let means = average.finish().map_err(|why| DataError::ColumnLayout {
                     file: report.file.clone(),
                     why,
                 })?;
                 for (k, (values, weights)) in means.into_iter().enumerate() {
-                    let row = Kept { line: 0, values };
+                    let row = LogRow { line: 0, values };
                     window.take(row, Some(weights), k > 0)?;
                 }
             }

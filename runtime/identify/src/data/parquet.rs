@@ -12,10 +12,10 @@ use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 
-use self::guard::guarded;
-use super::columns::Layout;
+use self::guard::solve_guarded;
+use super::columns::ColumnLayout;
 use super::problem::{DataError, Fault, Problem};
-use super::reader::Kept;
+use super::reader::LogRow;
 
 /// Rows read at a time.
 const BATCH: usize = 4096;
@@ -28,7 +28,7 @@ const NESTED: usize = 32;
 const DENSEST: u64 = 1000;
 
 /// What a row becomes.
-pub(super) type Each<'a> = dyn FnMut(Result<Kept, Problem>) -> Result<(), DataError> + 'a;
+pub(super) type RowSink<'a> = dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError> + 'a;
 
 fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
     let io = |error: std::io::Error| DataError::Io {
@@ -56,7 +56,7 @@ fn open(path: &Path) -> Result<SerializedFileReader<File>, DataError> {
             }
         }
     }
-    guarded(|| SerializedFileReader::new(file)).map_err(|error| failed(path, &error))
+    solve_guarded(|| SerializedFileReader::new(file)).map_err(|error| failed(path, &error))
 }
 
 fn broken(path: &Path, why: &str) -> DataError {
@@ -97,7 +97,7 @@ fn typed<T: DataType>(
         values.clear();
         let wanted = rows - out.len();
         let (records, ..) =
-            guarded(|| reader.read_records(wanted, Some(&mut levels), None, &mut values))?;
+            solve_guarded(|| reader.read_records(wanted, Some(&mut levels), None, &mut values))?;
         if records == 0 {
             break;
         }
@@ -136,7 +136,7 @@ fn batch(
 fn rows(
     path: &Path,
     reader: &SerializedFileReader<File>,
-    layout: &Layout,
+    layout: &ColumnLayout,
 ) -> Result<Vec<usize>, DataError> {
     let io = |error: std::io::Error| DataError::Io {
         file: path.display().to_string(),
@@ -164,7 +164,7 @@ fn rows(
             let values = pages::values(&mut file, size, chunk)
                 .map_err(|why| broken(path, &format!("column `{title}`: {why}")))?;
             if values < rows {
-                return Err(DataError::Layout {
+                return Err(DataError::ColumnLayout {
                     file: path.display().to_string(),
                     why: format!("column `{title}` ends before the others"),
                 });
@@ -176,9 +176,13 @@ fn rows(
 }
 
 /// Hands over all rows in order, counted from 1.
-pub(super) fn records(path: &Path, layout: &Layout, each: &mut Each<'_>) -> Result<(), DataError> {
+pub(super) fn records(
+    path: &Path,
+    layout: &ColumnLayout,
+    each: &mut RowSink<'_>,
+) -> Result<(), DataError> {
     let wrong = |error: ParquetError| failed(path, &error);
-    let unfit = |why: String| DataError::Layout {
+    let unfit = |why: String| DataError::ColumnLayout {
         file: path.display().to_string(),
         why,
     };
@@ -187,7 +191,7 @@ pub(super) fn records(path: &Path, layout: &Layout, each: &mut Each<'_>) -> Resu
     let rows = rows(path, &reader, layout)?;
     let mut line = 0;
     for (group, rows) in rows.into_iter().enumerate() {
-        let group = guarded(|| reader.get_row_group(group)).map_err(wrong)?;
+        let group = solve_guarded(|| reader.get_row_group(group)).map_err(wrong)?;
         let mut columns = Vec::with_capacity(layout.channels.len());
         for (entry, channel) in layout.channels.iter().enumerate() {
             let column = schema.column(channel.index);
@@ -195,7 +199,7 @@ pub(super) fn records(path: &Path, layout: &Layout, each: &mut Each<'_>) -> Resu
                 let title = layout.title(entry);
                 return Err(unfit(format!("column `{title}` holds lists, not numbers")));
             }
-            let own = guarded(|| group.get_column_reader(channel.index)).map_err(wrong)?;
+            let own = solve_guarded(|| group.get_column_reader(channel.index)).map_err(wrong)?;
             columns.push((own, column.max_def_level()));
         }
         let mut left = rows;
@@ -225,10 +229,10 @@ pub(super) fn records(path: &Path, layout: &Layout, each: &mut Each<'_>) -> Resu
 }
 
 fn kept(
-    layout: &Layout,
+    layout: &ColumnLayout,
     line: u64,
     entries: impl Iterator<Item = Option<f64>>,
-) -> Result<Kept, Problem> {
+) -> Result<LogRow, Problem> {
     let mut values = Vec::with_capacity(layout.channels.len());
     for (entry, (channel, value)) in layout.channels.iter().zip(entries).enumerate() {
         match value {
@@ -245,5 +249,5 @@ fn kept(
             }
         }
     }
-    Ok(Kept { line, values })
+    Ok(LogRow { line, values })
 }

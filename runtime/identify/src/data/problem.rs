@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::estimate::EstimateError;
 use crate::signals::SignalError;
-use regen_runtime::{Misuse, SizeError};
+use regen_runtime::{ClosureError, SizeError};
 
 /// A row that cannot be used, or a place where rows are missing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -306,7 +306,7 @@ pub enum DataError {
         why: String,
     },
     /// The file is no log of this robot.
-    Layout {
+    ColumnLayout {
         /// The file.
         file: String,
         /// Why, and what to do.
@@ -327,7 +327,7 @@ pub enum DataError {
         why: SignalError,
     },
     /// A model that cannot be closed, or does not fit.
-    Model(Misuse),
+    Model(ClosureError),
     /// Equations that do not fit or do not determine the parameters.
     Estimate(EstimateError),
     /// A balance of energy was asked of parameters with nonlinear friction, which predict forces.
@@ -340,7 +340,7 @@ impl fmt::Display for DataError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Io { file, why } => write!(f, "cannot read {file}: {why}"),
-            Self::Layout { file, why } => write!(f, "{file}: {why}"),
+            Self::ColumnLayout { file, why } => write!(f, "{file}: {why}"),
             Self::Problems { file, problems } => write!(
                 f,
                 "{file}: {} {} cannot be used\n{problems}",
@@ -366,7 +366,7 @@ impl core::error::Error for DataError {
             Self::Estimate(why) => Some(why),
             Self::Feasibility(why) => Some(why),
             Self::Io { .. }
-            | Self::Layout { .. }
+            | Self::ColumnLayout { .. }
             | Self::Problems { .. }
             | Self::FrictionOfEnergy => None,
         }
@@ -385,15 +385,15 @@ impl From<crate::feasibility::FeasibilityError> for DataError {
     }
 }
 
-impl From<Misuse> for DataError {
-    fn from(error: Misuse) -> Self {
+impl From<ClosureError> for DataError {
+    fn from(error: ClosureError) -> Self {
         Self::Model(error)
     }
 }
 
 impl From<SizeError> for DataError {
     fn from(error: SizeError) -> Self {
-        Self::Model(Misuse::Size(error))
+        Self::Model(ClosureError::Size(error))
     }
 }
 

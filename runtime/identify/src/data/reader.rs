@@ -7,15 +7,15 @@ use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, Reader};
 
-use super::columns::{Assignment, Layout, shortened};
+use super::columns::{Assignment, ColumnLayout, shortened};
 use super::problem::{DataError, Fault, Problem, median};
 use super::rates::Rates;
-use super::stuck::{Steps, Stuck, Watch};
+use super::stuck::{PositionHistory, Steps, Stuck};
 use regen_runtime::Info;
 
-/// A row in SI, in the order of [`Layout::channels`].
+/// A row in SI, in the order of [`ColumnLayout::channels`].
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Kept {
+pub(super) struct LogRow {
     pub(super) line: u64,
     pub(super) values: Vec<f64>,
 }
@@ -58,7 +58,7 @@ const STUCK: usize = 4;
 #[derive(Clone, Debug)]
 pub(super) struct LogFile {
     pub(super) path: PathBuf,
-    pub(super) layout: Layout,
+    pub(super) layout: ColumnLayout,
     parquet: bool,
     /// Whether rows that are told are used where they are numbers.
     pub(super) keep: bool,
@@ -87,7 +87,7 @@ fn unended(path: &Path) -> Option<u64> {
 
 #[cfg(not(feature = "parquet"))]
 fn unsupported(path: &Path) -> DataError {
-    DataError::Layout {
+    DataError::ColumnLayout {
         file: path.display().to_string(),
         why: "this is a Parquet file: build with the feature `parquet`".to_owned(),
     }
@@ -114,9 +114,11 @@ impl LogFile {
             let titles = reader.headers().map_err(|error| failed(path, &error))?;
             titles.iter().map(|title| title.trim().to_owned()).collect()
         };
-        let layout = Layout::new(header, info, assignments).map_err(|why| DataError::Layout {
-            file: path.display().to_string(),
-            why,
+        let layout = ColumnLayout::new(header, info, assignments).map_err(|why| {
+            DataError::ColumnLayout {
+                file: path.display().to_string(),
+                why,
+            }
         })?;
         Ok(Self {
             path: path.to_path_buf(),
@@ -132,7 +134,7 @@ impl LogFile {
         let mut times: Vec<f64> = Vec::new();
         let mut extremes = vec![(f64::INFINITY, f64::NEG_INFINITY); self.layout.efforts];
         let positions = self.layout.positions();
-        let mut watches = vec![Watch::default(); positions.len()];
+        let mut watches = vec![PositionHistory::default(); positions.len()];
         let mut rates = Rates::default();
         let mut last = None;
         self.records(&mut |row| {
@@ -150,7 +152,7 @@ impl LogFile {
                 }
                 let time = row.values[0];
                 if last.is_none_or(|last| time <= last) {
-                    watches.iter_mut().for_each(Watch::pause);
+                    watches.iter_mut().for_each(PositionHistory::pause);
                     rates.pause();
                 }
                 last = Some(time);
@@ -164,7 +166,7 @@ impl LogFile {
             Ok(())
         })?;
         if let Some(why) = rates.judge(&|entry| self.layout.title(entry)) {
-            return Err(DataError::Layout {
+            return Err(DataError::ColumnLayout {
                 file: self.path.display().to_string(),
                 why,
             });
@@ -190,7 +192,7 @@ impl LogFile {
 
     fn records(
         &self,
-        each: &mut dyn FnMut(Result<Kept, Problem>) -> Result<(), DataError>,
+        each: &mut dyn FnMut(Result<LogRow, Problem>) -> Result<(), DataError>,
     ) -> Result<(), DataError> {
         if self.parquet {
             #[cfg(feature = "parquet")]
@@ -232,7 +234,7 @@ impl LogFile {
         }
     }
 
-    fn parse(&self, line: u64, record: &ByteRecord) -> Result<Kept, Problem> {
+    fn parse(&self, line: u64, record: &ByteRecord) -> Result<LogRow, Problem> {
         let expected = self.layout.header.len();
         if record.len() != expected {
             return Err(Problem {
@@ -260,7 +262,7 @@ impl LogFile {
                 }
             }
         }
-        Ok(Kept { line, values })
+        Ok(LogRow { line, values })
     }
 
     /// Hands over the good rows, each with whether it follows the one before without a break;
@@ -269,7 +271,7 @@ impl LogFile {
         &self,
         survey: &Survey,
         problem: &mut dyn FnMut(Problem),
-        each: &mut dyn FnMut(Kept, bool) -> Result<(), DataError>,
+        each: &mut dyn FnMut(LogRow, bool) -> Result<(), DataError>,
     ) -> Result<(), DataError> {
         let mut cleaner = Cleaner {
             layout: &self.layout,
@@ -309,8 +311,8 @@ impl LogFile {
 const SPAN: usize = 2 * AROUND + 1;
 
 /// A row that waits for those after it.
-struct Waiting {
-    row: Kept,
+struct PendingRow {
+    row: LogRow,
     /// Whether time goes on without a gap from the row before.
     follows: bool,
     fault: Option<Fault>,
@@ -321,9 +323,9 @@ struct Waiting {
     reason = "each is about one thing and any may hold with any"
 )]
 struct Cleaner<'a> {
-    layout: &'a Layout,
+    layout: &'a ColumnLayout,
     survey: &'a Survey,
-    queue: VecDeque<Waiting>,
+    queue: VecDeque<PendingRow>,
     last: Option<f64>,
     /// Whether the next row that is released starts anew.
     broken: bool,
@@ -344,7 +346,7 @@ struct Cleaner<'a> {
 }
 
 impl Cleaner<'_> {
-    fn take(&mut self, row: Kept, problem: &mut dyn FnMut(Problem)) {
+    fn take(&mut self, row: LogRow, problem: &mut dyn FnMut(Problem)) {
         let time = row.values.first().copied().unwrap_or(f64::NAN);
         let mut tell = |what| {
             problem(Problem {
@@ -406,7 +408,7 @@ impl Cleaner<'_> {
         self.last = Some(time);
         let efforts = self.layout.efforts();
         let standing = self.standing(&row.values[efforts.clone()]);
-        self.queue.push_back(Waiting {
+        self.queue.push_back(PendingRow {
             row,
             follows,
             fault: None,
@@ -480,7 +482,7 @@ impl Cleaner<'_> {
     fn release(
         &mut self,
         problem: &mut dyn FnMut(Problem),
-        each: &mut dyn FnMut(Kept, bool) -> Result<(), DataError>,
+        each: &mut dyn FnMut(LogRow, bool) -> Result<(), DataError>,
     ) -> Result<(), DataError> {
         let Some(waiting) = self.queue.pop_front() else {
             return Ok(());

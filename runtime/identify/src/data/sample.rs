@@ -3,7 +3,7 @@
 
 use super::logs::{Log, Logs};
 use super::problem::DataError;
-use super::reader::Kept;
+use super::reader::LogRow;
 use crate::identify::suspect::{Measured, STATES, Sample};
 use crate::signals::Method;
 use regen_runtime::Model;
@@ -43,7 +43,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
             .div_ceil(STATES)
             .max(self.settings.decimation)
             .max(1);
-        let mut segment: Vec<Kept> = Vec::new();
+        let mut segment: Vec<LogRow> = Vec::new();
         let mut spread = Spread::new(log.file.layout.measured.len());
         let mut place = 0;
         log.file
@@ -68,7 +68,7 @@ impl<M: Model<f64> + ?Sized> Logs<'_, M> {
     }
 
     /// Makes states of rows that follow each other, and empties them.
-    fn states(&self, log: &Log, rows: &mut Vec<Kept>, every: usize, out: &mut Sample) {
+    fn states(&self, log: &Log, rows: &mut Vec<LogRow>, every: usize, out: &mut Sample) {
         let layout = &log.file.layout;
         let rows = core::mem::take(rows);
         let times: Vec<f64> = rows.iter().map(|r| r.values[0]).collect();
@@ -134,7 +134,7 @@ impl Spread {
         }
     }
 
-    fn push(&mut self, log: &Log, row: &Kept) {
+    fn push(&mut self, log: &Log, row: &LogRow) {
         let Some(series) = &log.series else { return };
         let values = &row.values[log.file.layout.positions()];
         if self.rows == 0.0 {

@@ -93,7 +93,7 @@ pub(super) struct Stuck {
 
 /// One position on its way through a file.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Watch {
+pub(super) struct PositionHistory {
     value: Option<f64>,
     /// The last changes.
     recent: [f64; BEFORE],
@@ -102,13 +102,13 @@ pub(super) struct Watch {
     span: (u64, u64),
     speed: f64,
     changes: Vec<f64>,
-    stretches: Vec<Stretch>,
+    stretches: Vec<RepeatedRows>,
     /// Whether the last stretch waits for the change behind its jump.
     waking: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Stretch {
+struct RepeatedRows {
     rows: usize,
     span: (u64, u64),
     /// Change per row before, all in one direction and not braked; 0 otherwise.
@@ -119,7 +119,7 @@ struct Stretch {
     next: f64,
 }
 
-impl Watch {
+impl PositionHistory {
     /// The next row.
     pub(super) fn push(&mut self, line: u64, value: f64) {
         let Some(before) = self.value.replace(value) else {
@@ -167,7 +167,7 @@ impl Watch {
         let rows = core::mem::take(&mut self.alike);
         if rows + 1 >= ALIKE && self.stretches.len() < REMEMBERED {
             self.waking = jump.is_some();
-            self.stretches.push(Stretch {
+            self.stretches.push(RepeatedRows {
                 rows,
                 span: self.span,
                 speed: self.speed,
@@ -209,7 +209,7 @@ mod tests {
     use super::*;
 
     fn found(values: impl IntoIterator<Item = f64>) -> Vec<(u64, u64)> {
-        let mut watch = Watch::default();
+        let mut watch = PositionHistory::default();
         for (line, value) in values.into_iter().enumerate() {
             watch.push(line as u64, value);
         }
@@ -295,7 +295,7 @@ mod tests {
     #[test]
     fn the_step_of_an_encoder_is_the_smallest_change_that_is_frequent() {
         let steps = |values: &mut dyn Iterator<Item = f64>| {
-            let mut watch = Watch::default();
+            let mut watch = PositionHistory::default();
             values.for_each(|value| watch.push(0, value));
             watch.finish(1).1
         };

@@ -2,7 +2,7 @@
 
 use super::logs::{Log, Settings, signal};
 use super::problem::{DataError, Fault, Policy, Problem, Problems};
-use super::reader::Kept;
+use super::reader::LogRow;
 use super::shift;
 use super::standstill::{Encoder, resting};
 use crate::estimate::EstimateError;
@@ -26,7 +26,7 @@ pub(super) struct Window<'a, 'm, M: ?Sized> {
     pub(super) unsure: Vec<f64>,
     /// Of each actuated joint's effort, s.
     pub(super) delays: Vec<f64>,
-    pub(super) rows: Vec<Kept>,
+    pub(super) rows: Vec<LogRow>,
     pub(super) weights: Vec<Option<Vec<f64>>>,
     /// Rows at the start that are there for the filter only; 0 at the start of a segment.
     pub(super) before: usize,
@@ -43,7 +43,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
     /// Takes the next row, and whether it follows the last one.
     pub(super) fn take(
         &mut self,
-        row: Kept,
+        row: LogRow,
         weights: Option<Vec<f64>>,
         follows: bool,
     ) -> Result<(), DataError> {
@@ -64,7 +64,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
     }
 
     /// Whether the method sees over a gap: a series does, and a regression over short ones.
-    fn bridged(&self, row: &Kept) -> bool {
+    fn bridged(&self, row: &LogRow) -> bool {
         let Some(last) = self.rows.last() else {
             return true;
         };
@@ -207,7 +207,7 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
                 return Ok(());
             }
             Completed::Unmeasured => {
-                return Err(DataError::Layout {
+                return Err(DataError::ColumnLayout {
                     file: self.log.file.path.display().to_string(),
                     why: "the measured coordinates do not determine the robot's state: log the \
                           actuated ones"
@@ -218,7 +218,9 @@ impl<M: Model<f64> + ?Sized> Window<'_, '_, M> {
         let actuated: Vec<f64> = efforts.iter().map(|e| e[k]).collect();
         let dof = self.model.info().dof();
         let mut tau = vec![0.0; dof];
-        let condition = self.model.efforts(&state.q, &actuated, &mut tau)?;
+        let condition = self
+            .model
+            .generalized_forces(&state.q, &actuated, &mut tau)?;
         if condition.status() == regen_runtime::Status::Singular {
             self.skip(k, &Outcome::Singular { at: 1.0, condition });
             return Ok(());

@@ -8,7 +8,7 @@ use super::factor::size;
 use super::noise::cholesky;
 use super::scores::Block;
 use super::solution::inverse_gram;
-use super::{Blocks, Estimate, EstimateError, Factor};
+use super::{Blocks, Estimate, EstimateError, QrFactor};
 
 /// Cosines at most.
 const TERMS: usize = 32;
@@ -145,11 +145,11 @@ impl Blocks {
     /// When sizes do not fit or the factor is singular.
     ///
     /// ```
-    /// use regen_identify::estimate::{Autoregression, Factor, Scores};
+    /// use regen_identify::estimate::{Autoregression, QrFactor, Scores};
     ///
     /// // the mean of 400 values that come in equal pairs: 200 are independent
     /// let value = |t: usize| (12.9898 * (t / 2 * t / 2) as f64).sin();
-    /// let mut factor = Factor::new(vec!["mean".to_owned()]);
+    /// let mut factor = QrFactor::new(vec!["mean".to_owned()]);
     /// factor.push_block(&[1.0; 400], &(0..400).map(value).collect::<Vec<_>>())?;
     /// let mean = factor.solve()?;
     ///
@@ -166,7 +166,7 @@ impl Blocks {
     /// ```
     pub fn deviations(
         &self,
-        factor: &Factor,
+        factor: &QrFactor,
         kept: &[usize],
         values: &[f64],
         inside: f64,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::EstimateError;
-use crate::triangle::{BLOCK, reduce, substitute};
+use crate::qr_update::{BLOCK, reduce, substitute};
 
 /// The system W x = tau (Eq. 12) after an orthogonal transformation from the left:
 /// `||W x - tau||^2 = ||R x - z||^2 + rss`, whatever x.
@@ -12,16 +12,16 @@ use crate::triangle::{BLOCK, reduce, substitute};
 /// combined or fixed afterwards: the data are not needed again.
 ///
 /// ```
-/// use regen_identify::estimate::Factor;
+/// use regen_identify::estimate::QrFactor;
 ///
-/// let mut factor = Factor::new(["offset", "slope"].map(String::from).to_vec());
+/// let mut factor = QrFactor::new(["offset", "slope"].map(String::from).to_vec());
 /// // y = 1 + 2 x at x = 0, 1, 2, 3, column-major; then one row more, which is off
 /// factor.push_block(&[1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 2.0, 3.0], &[1.0, 3.0, 5.0, 7.0])?;
 /// let x = factor.solve()?;
 /// assert!((x[0] - 1.0).abs() < 1e-14 && (x[1] - 2.0).abs() < 1e-14);
 /// assert!(factor.rss() < 1e-28);
 ///
-/// let mut other = Factor::new(factor.labels().to_vec());
+/// let mut other = QrFactor::new(factor.labels().to_vec());
 /// other.push_block(&[1.0, 4.0], &[10.0])?;
 /// factor.merge(&other)?;
 /// assert_eq!(factor.rows(), 5);
@@ -30,7 +30,7 @@ use crate::triangle::{BLOCK, reduce, substitute};
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Raw")]
-pub struct Factor {
+pub struct QrFactor {
     labels: Vec<String>,
     /// n x n, column-major, upper triangular with a diagonal that is not negative.
     r: Vec<f64>,
@@ -49,11 +49,11 @@ struct Raw {
     rows: usize,
 }
 
-impl TryFrom<Raw> for Factor {
+impl TryFrom<Raw> for QrFactor {
     type Error = EstimateError;
 
     fn try_from(raw: Raw) -> Result<Self, EstimateError> {
-        Factor::from_parts(raw.labels, raw.r, raw.z, raw.rss, raw.rows)
+        QrFactor::from_parts(raw.labels, raw.r, raw.z, raw.rss, raw.rows)
     }
 }
 
@@ -68,7 +68,7 @@ pub(super) fn size(what: &'static str, expected: usize, got: usize) -> Result<()
     })
 }
 
-impl Factor {
+impl QrFactor {
     /// The factor of no rows, for parameters of these labels.
     pub fn new(labels: Vec<String>) -> Self {
         let n = labels.len();

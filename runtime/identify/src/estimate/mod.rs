@@ -1,6 +1,6 @@
 //! Parameters from observations: triangular factors, least squares and its statistics.
 //!
-//! [`Factor`] is what remains of any number of rows of W x = tau, [`FactorSet`] holds one for
+//! [`QrFactor`] is what remains of any number of rows of W x = tau, [`FactorSet`] holds one for
 //! each effort and is what files keep, [`Estimate`] is the least-squares solution with its
 //! covariance.
 
@@ -16,7 +16,7 @@ mod spectrum;
 
 pub use deviations::Deviations;
 pub use error::EstimateError;
-pub use factor::Factor;
+pub use factor::QrFactor;
 pub use noise::{Autoregression, ORDER};
 pub use residuals::{Autocorrelated, EffortError, Residuals, average_relative_error};
 pub use scores::{BLOCKS, Blocks, Scores};

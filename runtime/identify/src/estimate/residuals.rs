@@ -7,7 +7,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::factor::size;
 use super::solution::inverse_gram;
-use super::{EstimateError, Factor};
+use super::{EstimateError, QrFactor};
 
 /// How well one effort is predicted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -283,7 +283,7 @@ impl Autocorrelated {
     ///
     /// # Errors
     /// When sizes do not fit or the factor is singular.
-    pub fn covariance(mut self, factor: &Factor) -> Result<Vec<f64>, EstimateError> {
+    pub fn covariance(mut self, factor: &QrFactor) -> Result<Vec<f64>, EstimateError> {
         self.interrupt();
         let n = self.window.len();
         size("columns", n, factor.columns())?;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::factor::size;
 use super::solution::inverse_gram;
-use super::{Autoregression, EstimateError, Factor};
+use super::{Autoregression, EstimateError, QrFactor};
 
 /// Blocks of time at most; where there would be more, neighbours are merged.
 pub const BLOCKS: usize = 128;
@@ -70,7 +70,7 @@ impl Blocks {
     ///
     /// - `factor`: weighted, over all parameters; `change`: one for each, in its unit.
     #[must_use]
-    pub fn with_change(mut self, factor: &Factor, change: &[f64]) -> Self {
+    pub fn with_change(mut self, factor: &QrFactor, change: &[f64]) -> Self {
         let n = factor.columns();
         let columns = || factor.r().chunks_exact(n.max(1));
         let mut moved = vec![0.0; n];
@@ -88,7 +88,7 @@ impl Blocks {
     /// [`with_change`](Self::with_change); none where there are none, or the factor is singular.
     ///
     /// - `kept`: the places of the factor's parameters among all.
-    pub fn change(&self, factor: &Factor, kept: &[usize]) -> Vec<f64> {
+    pub fn change(&self, factor: &QrFactor, kept: &[usize]) -> Vec<f64> {
         let own = kept.iter().map(|k| self.change.get(*k).copied());
         let (Some(own), Some(gram)) = (own.collect::<Option<Vec<f64>>>(), inverse_gram(factor))
         else {
@@ -123,7 +123,7 @@ impl Blocks {
 
 /// A sample that waits for those after it.
 #[derive(Clone, Debug, Default)]
-struct Waiting {
+struct PendingSample {
     /// Efforts x n, effort by effort.
     w: Vec<f64>,
     /// The same times the slope of psi.
@@ -144,8 +144,8 @@ pub struct Scores {
     n: usize,
     noise: Vec<Autoregression>,
     order: usize,
-    waiting: VecDeque<Waiting>,
-    spare: Vec<Waiting>,
+    waiting: VecDeque<PendingSample>,
+    spare: Vec<PendingSample>,
     /// For each effort, the last regressors behind F^-T, the newest first.
     past: Vec<VecDeque<Vec<f64>>>,
     whitened: Vec<f64>,

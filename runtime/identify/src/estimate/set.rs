@@ -5,8 +5,8 @@ use core::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::factor::size;
-use super::{EstimateError, Factor};
-use crate::triangle::BLOCK;
+use super::{EstimateError, QrFactor};
+use crate::qr_update::BLOCK;
 
 /// The version of the file format.
 const VERSION: u32 = 1;
@@ -30,7 +30,7 @@ pub struct FactorSet {
     pub efforts: Vec<String>,
     /// Sum of each effort, for its mean.
     sums: Vec<f64>,
-    factors: Vec<Factor>,
+    factors: Vec<QrFactor>,
 }
 
 /// What identifies the origin of a [`FactorSet`]: sets that differ in it cannot be merged.
@@ -59,23 +59,23 @@ impl FactorSet {
             kind: origin.kind.clone(),
             efforts: origin.efforts.clone(),
             sums: vec![0.0; origin.efforts.len()],
-            factors: vec![Factor::new(origin.labels.clone()); origin.efforts.len()],
+            factors: vec![QrFactor::new(origin.labels.clone()); origin.efforts.len()],
         }
     }
 
     /// The factors, one for each effort.
-    pub fn factors(&self) -> &[Factor] {
+    pub fn factors(&self) -> &[QrFactor] {
         &self.factors
     }
 
     /// The labels of the parameters.
     pub fn labels(&self) -> &[String] {
-        self.factors.first().map_or(&[], Factor::labels)
+        self.factors.first().map_or(&[], QrFactor::labels)
     }
 
     /// The mean of each effort, N or N m; 0 where there are no rows.
     pub fn means(&self) -> Vec<f64> {
-        let mean = |(sum, factor): (&f64, &Factor)| sum / factor.rows().max(1) as f64;
+        let mean = |(sum, factor): (&f64, &QrFactor)| sum / factor.rows().max(1) as f64;
         self.sums.iter().zip(&self.factors).map(mean).collect()
     }
 
@@ -121,7 +121,7 @@ impl FactorSet {
 
     /// A total order of sets by what they hold.
     fn order(a: &Self, b: &Self) -> core::cmp::Ordering {
-        let rows = |set: &Self| set.factors.iter().map(Factor::rows).sum::<usize>();
+        let rows = |set: &Self| set.factors.iter().map(QrFactor::rows).sum::<usize>();
         let numbers = |set: &Self| -> Vec<f64> {
             let factors = set.factors.iter();
             factors
@@ -149,9 +149,9 @@ impl FactorSet {
     ///
     /// # Errors
     /// When the number of weights is not that of the efforts.
-    pub fn combined(&self, weights: &[f64]) -> Result<Factor, EstimateError> {
+    pub fn combined(&self, weights: &[f64]) -> Result<QrFactor, EstimateError> {
         size("weights", self.factors.len(), weights.len())?;
-        let mut whole = Factor::new(self.labels().to_vec());
+        let mut whole = QrFactor::new(self.labels().to_vec());
         for (factor, weight) in self.factors.iter().zip(weights) {
             whole.merge(&factor.scaled(*weight))?;
         }

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::{Deviations, EstimateError, Factor, FactorSet};
-use crate::triangle::substitute;
+use super::{Deviations, EstimateError, FactorSet, QrFactor};
+use crate::qr_update::substitute;
 
 /// How the efforts are weighted against each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -65,7 +65,7 @@ const BEST: f64 = 1e-4;
 
 /// The weights of efforts whose residuals have these deviations.
 fn inverse(sigmas: &[f64], set: &FactorSet) -> Vec<f64> {
-    let rms = |factor: &Factor| {
+    let rms = |factor: &QrFactor| {
         let squares: f64 = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         (squares / factor.rows().max(1) as f64).sqrt()
     };
@@ -132,9 +132,9 @@ impl Estimate {
     /// As [`new`](Estimate::new).
     ///
     /// ```
-    /// use regen_identify::estimate::{Estimate, Factor};
+    /// use regen_identify::estimate::{Estimate, QrFactor};
     ///
-    /// let mut factor = Factor::new(vec!["a".to_owned()]);
+    /// let mut factor = QrFactor::new(vec!["a".to_owned()]);
     /// factor.push_block(&[1.0, 1.0, 1.0], &[1.0, 2.0, 3.0])?;
     /// let estimate = Estimate::of(&factor)?;
     /// assert!((estimate.values[0] - 2.0).abs() < 1e-15);
@@ -142,7 +142,7 @@ impl Estimate {
     /// assert!((estimate.sigma(0) - (1.0_f64 / 3.0).sqrt()).abs() < 1e-15);
     /// # Ok::<(), regen_identify::estimate::EstimateError>(())
     /// ```
-    pub fn of(factor: &Factor) -> Result<Self, EstimateError> {
+    pub fn of(factor: &QrFactor) -> Result<Self, EstimateError> {
         let spectrum = factor.spectrum()?;
         spectrum.require_full_rank(factor)?;
         let values = substitute(factor.r(), factor.z()).ok_or(EstimateError::NoConvergence)?;
@@ -231,9 +231,9 @@ fn quantile(freedom: f64, level: f64) -> f64 {
 
 /// The standard deviations of the efforts' residuals, each with its share of the parameters.
 fn noise(set: &FactorSet, values: &[f64]) -> Result<Vec<f64>, EstimateError> {
-    let all: usize = set.factors().iter().map(Factor::rows).sum();
+    let all: usize = set.factors().iter().map(QrFactor::rows).sum();
     let free = 1.0 - values.len() as f64 / all.max(1) as f64;
-    let one = |factor: &Factor| {
+    let one = |factor: &QrFactor| {
         let rows = factor.rows().max(1) as f64;
         let size = factor.z().iter().map(|z| z * z).sum::<f64>() + factor.rss();
         let floor = (ROUNDING * (size / rows).sqrt()).max(f64::MIN_POSITIVE.sqrt());
@@ -246,7 +246,7 @@ fn noise(set: &FactorSet, values: &[f64]) -> Result<Vec<f64>, EstimateError> {
 }
 
 /// (W^T W)^-1 = R^-1 R^-T, n x n; `None` where R is singular.
-pub(super) fn inverse_gram(factor: &Factor) -> Option<Vec<f64>> {
+pub(super) fn inverse_gram(factor: &QrFactor) -> Option<Vec<f64>> {
     let n = factor.columns();
     let mut inverse = Vec::with_capacity(n * n);
     for k in 0..n {

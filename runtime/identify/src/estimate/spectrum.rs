@@ -1,6 +1,6 @@
 //! Singular values of a factor: condition numbers, rank, and who is undetermined.
 
-use super::{EstimateError, Factor};
+use super::{EstimateError, QrFactor};
 use crate::SingularValues;
 
 /// Singular values below this part of the largest, columns scaled, count as zero: then fewer
@@ -61,7 +61,7 @@ impl Spectrum {
         (0..n).filter(|&c| part(c) > NAMED).collect()
     }
 
-    pub(super) fn require_full_rank(&self, factor: &Factor) -> Result<(), EstimateError> {
+    pub(super) fn require_full_rank(&self, factor: &QrFactor) -> Result<(), EstimateError> {
         let parameters = factor.columns();
         let labels = || -> Vec<String> {
             self.undetermined()
@@ -89,16 +89,16 @@ impl Spectrum {
     }
 }
 
-impl Factor {
+impl QrFactor {
     /// The singular values of the matrix that was reduced, which are those of R.
     ///
     /// # Errors
     /// When they are not found.
     ///
     /// ```
-    /// use regen_identify::estimate::Factor;
+    /// use regen_identify::estimate::QrFactor;
     ///
-    /// let mut factor = Factor::new(["a", "b", "c"].map(String::from).to_vec());
+    /// let mut factor = QrFactor::new(["a", "b", "c"].map(String::from).to_vec());
     /// // the second and third column are alike
     /// let w = [3.0, 0.0, 0.0, 0.0, 4.0, 0.0, 0.0, 4.0, 0.0];
     /// factor.push_block(&w, &[1.0, 2.0, 0.0])?;

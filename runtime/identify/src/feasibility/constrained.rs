@@ -2,15 +2,15 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::completion::near_reference;
 use super::error::{finite, size};
-use super::faces::{Found, inside};
-use super::interior::{Ended, minimise, start};
+use super::faces::{InteriorStart, inside};
+use super::interior::{InteriorOutcome, minimise, start};
 use super::problem::{Kind, Problem, Setting};
+use super::psd_completion::near_reference;
 use super::reduced::Directions;
 use super::verdict::verdict;
-use super::{Body, Check, Combinations, FeasibilityError, Layout, Options, Verdict};
-use crate::estimate::Factor;
+use super::{BaseMap, Body, Check, FeasibilityError, Options, ParameterLayout, Verdict};
+use crate::estimate::QrFactor;
 
 /// The gap that is sought, as a part of the objective.
 const GOAL: f64 = 1e-10;
@@ -111,14 +111,14 @@ impl Physical {
 /// constraints leave nothing ([`FeasibilityError::Contradiction`]).
 ///
 /// ```
-/// use regen_identify::estimate::Factor;
-/// use regen_identify::feasibility::{Combinations, Layout, Options, SYMBOLS, identify};
+/// use regen_identify::estimate::QrFactor;
+/// use regen_identify::feasibility::{BaseMap, ParameterLayout, Options, SYMBOLS, identify};
 ///
 /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
-/// let layout = Layout::new(&labels)?;
-/// let seen = Combinations::identity(&labels).select(&[5, 9])?;
+/// let layout = ParameterLayout::new(&labels)?;
+/// let seen = BaseMap::identity(&labels).select(&[5, 9])?;
 /// // Izz and m measured, both once: the inertia came out negative
-/// let mut factor = Factor::new(seen.labels().to_vec());
+/// let mut factor = QrFactor::new(seen.labels().to_vec());
 /// factor.push_block(&[1.0, 0.0, 0.0, 1.0], &[-0.01, 2.0])?;
 /// let physical = identify(&factor, &seen, &layout, &Options::default())?;
 /// assert!(physical.check.is_physical());
@@ -127,9 +127,9 @@ impl Physical {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn identify(
-    factor: &Factor,
-    combinations: &Combinations,
-    layout: &Layout,
+    factor: &QrFactor,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
     options: &Options,
 ) -> Result<Physical, FeasibilityError> {
     let p = layout.len();
@@ -166,7 +166,7 @@ pub fn identify(
         options,
         noise: options.noise.unwrap_or((least / spare as f64).sqrt()),
     };
-    let Found { problem, x: within } = inside(&setting)?;
+    let InteriorStart { problem, x: within } = inside(&setting)?;
     let lost = || FeasibilityError::Solver("no physical solution was found".to_owned());
     let first = start(&problem.objective, &problem.cones, within.clone()).ok_or_else(lost)?;
     let all = &problem.cones;
@@ -204,7 +204,7 @@ pub fn identify(
 }
 
 /// The least sum of squares, and the rank of the observations.
-fn least(factor: &Factor) -> (f64, usize) {
+fn least(factor: &QrFactor) -> (f64, usize) {
     if factor.solve().is_ok() {
         return (factor.rss(), factor.columns());
     }
@@ -217,7 +217,7 @@ fn least(factor: &Factor) -> (f64, usize) {
 }
 
 /// The generous limits of the bodies in SI.
-fn sizes(problem: &Problem, layout: &Layout) -> Vec<SizeLimit> {
+fn sizes(problem: &Problem, layout: &ParameterLayout) -> Vec<SizeLimit> {
     let bodies = layout.bodies().iter().zip(&problem.heaviest);
     let limit = |(body, heaviest): (&Body, &f64)| {
         let [inertia, .., mass] = body.columns.map(|c| problem.units[c]);
@@ -230,7 +230,7 @@ fn sizes(problem: &Problem, layout: &Layout) -> Vec<SizeLimit> {
 }
 
 /// The bodies whose generous limits matter to the fit.
-fn limited(problem: &Problem, layout: &Layout, ended: &Ended) -> Vec<String> {
+fn limited(problem: &Problem, layout: &ParameterLayout, ended: &InteriorOutcome) -> Vec<String> {
     let duals = problem.kinds.iter().zip(&ended.best.duals);
     let matters = duals.filter_map(|(kind, dual)| {
         let Kind::Size(body) = kind else { return None };
@@ -245,7 +245,7 @@ fn limited(problem: &Problem, layout: &Layout, ended: &Ended) -> Vec<String> {
 /// The objective with a pull `w ||phi - reference||^2` is minimised again. A pull that is `PULL`
 /// of the objective at the first solution can cost no more than that: at its own minimum the sum
 /// is not larger than there.
-fn closest(problem: &Problem, options: &Options, ended: &Ended) -> (Vec<f64>, f64) {
+fn closest(problem: &Problem, options: &Options, ended: &InteriorOutcome) -> (Vec<f64>, f64) {
     let first = (ended.best.x.clone(), ended.gap.part());
     let plain = &problem.objective;
     let far = |x: &[f64]| {
@@ -312,7 +312,7 @@ fn objective(problem: &Problem, x: &[f64]) -> f64 {
 /// eigenvalue to the wrong side, a little of a point well inside is mixed in.
 fn physical(
     problem: &Problem,
-    layout: &Layout,
+    layout: &ParameterLayout,
     options: &Options,
     x: &[f64],
     within: &[f64],
@@ -344,9 +344,9 @@ fn physical(
 
 /// The least-squares solution, if nothing else is wanted and it is physical.
 fn least_squares_kept(
-    factor: &Factor,
-    combinations: &Combinations,
-    layout: &Layout,
+    factor: &QrFactor,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
     options: &Options,
 ) -> Result<Option<Physical>, FeasibilityError> {
     let wishes = !options.priors.is_empty()
@@ -397,9 +397,9 @@ fn least_squares_kept(
 /// # Errors
 /// As [`identify`].
 pub fn nearest(
-    factor: &Factor,
-    combinations: &Combinations,
-    layout: &Layout,
+    factor: &QrFactor,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
     beta: &[f64],
     options: &Options,
 ) -> Result<Physical, FeasibilityError> {
@@ -413,6 +413,6 @@ pub fn nearest(
         }
     }
     let labels = factor.labels().to_vec();
-    let shifted = Factor::from_parts(labels, factor.r().to_vec(), z, 0.0, factor.rows())?;
+    let shifted = QrFactor::from_parts(labels, factor.r().to_vec(), z, 0.0, factor.rows())?;
     identify(&shifted, combinations, layout, options)
 }

@@ -24,7 +24,7 @@ const ROUNDS: usize = 8;
 const SMALL: f64 = 1e-4;
 
 /// A problem with a point strictly inside its cones.
-pub(super) struct Found {
+pub(super) struct InteriorStart {
     pub(super) problem: Problem,
     pub(super) x: Vec<f64>,
 }
@@ -32,7 +32,7 @@ pub(super) struct Found {
 /// Finds a point strictly inside. Where equations leave the cones no inside, such as a body that
 /// is known to have no mass, the cones are replaced by those of their faces that have one (Borwein
 /// and Wolkowicz, 1981).
-pub(super) fn inside(setting: &Setting<'_>) -> Result<Found, FeasibilityError> {
+pub(super) fn inside(setting: &Setting<'_>) -> Result<InteriorStart, FeasibilityError> {
     let units = setting.units();
     let mut equalities = setting.equalities(&units)?;
     let bodies = setting.layout.bodies().len();
@@ -87,7 +87,7 @@ pub(super) fn inside(setting: &Setting<'_>) -> Result<Found, FeasibilityError> {
         }
         if at.x[n] > LEAST {
             at.x.truncate(n);
-            return Ok(Found { problem, x: at.x });
+            return Ok(InteriorStart { problem, x: at.x });
         }
         if !narrowed(&problem, setting, &at, &mut faces, &mut equalities) {
             break;

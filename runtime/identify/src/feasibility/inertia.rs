@@ -1,14 +1,14 @@
 //! The pseudo-inertia of a body: physical exactly when it is positive semidefinite.
 
 use super::symmetric::eigen;
-use super::{Combinations, Layout};
+use super::{BaseMap, ParameterLayout};
 
 /// Robots up to this many kilograms, or one over it, are measured in kilograms.
 const USUAL_MASS: f64 = 256.0;
 const MASS_STEP: f64 = 65536.0;
 
 /// A body's ten parameters: `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m` about its frame's origin, SI.
-pub type Ten = [f64; 10];
+pub type InertialParameters = [f64; 10];
 
 /// The entries of the upper triangle of a symmetric 4 x 4 matrix, column by column.
 pub(super) const TRIANGLE: [(usize, usize); 10] = [
@@ -58,7 +58,7 @@ pub(super) const LENGTHS: [i32; 10] = [2, 2, 2, 2, 2, 2, 1, 1, 1, 0];
 /// assert_eq!(j[0], [2.0, 0.0, 0.0, 2.0]);
 /// assert_eq!(j[1], [0.0; 4]);
 /// ```
-pub fn pseudo_inertia(phi: &Ten) -> [[f64; 4]; 4] {
+pub fn pseudo_inertia(phi: &InertialParameters) -> [[f64; 4]; 4] {
     let mut j = [[0.0; 4]; 4];
     for ((r, c), entry) in TRIANGLE.into_iter().zip(ENTRIES) {
         // adding to zero, so that an empty sum is not -0
@@ -72,13 +72,13 @@ pub fn pseudo_inertia(phi: &Ten) -> [[f64; 4]; 4] {
 /// The ten parameters of a pseudo-inertia, of which the upper triangle is read.
 ///
 /// ```
-/// use regen_identify::feasibility::{pseudo_inertia, ten_of};
+/// use regen_identify::feasibility::{pseudo_inertia, inertial_parameters};
 ///
 /// let phi = [0.4, -0.01, 0.02, 0.5, 0.03, 0.6, 0.1, 0.2, 0.3, 2.0];
-/// let back = ten_of(&pseudo_inertia(&phi));
+/// let back = inertial_parameters(&pseudo_inertia(&phi));
 /// assert!(phi.iter().zip(back).all(|(a, b)| (a - b).abs() < 1e-15));
 /// ```
-pub fn ten_of(j: &[[f64; 4]; 4]) -> Ten {
+pub fn inertial_parameters(j: &[[f64; 4]; 4]) -> InertialParameters {
     [
         j[1][1] + j[2][2],
         -j[0][1],
@@ -95,7 +95,7 @@ pub fn ten_of(j: &[[f64; 4]; 4]) -> Ten {
 
 /// The matrix Z with `trace(Z J(phi)) = c . phi` for all ten parameters phi: a functional that
 /// is not negative on any body exactly when Z is positive semidefinite.
-pub(super) fn functional(c: &Ten) -> [[f64; 4]; 4] {
+pub(super) fn functional(c: &InertialParameters) -> [[f64; 4]; 4] {
     let (x, y, z, m) = (c[6] / 2.0, c[7] / 2.0, c[8] / 2.0, c[9]);
     let (xy, xz, yz) = (-c[1] / 2.0, -c[2] / 2.0, -c[4] / 2.0);
     [
@@ -148,7 +148,7 @@ impl Scale {
     /// milligrams leave a semidefinite programme whose numbers are all beside its tolerances.
     ///
     /// - `length`: the size of the mechanism, in the description's unit of length, within a factor
-    ///   of sixteen: `Closure::length_unit`.
+    ///   of sixteen: `LoopClosure::length_unit`.
     /// - `beta`: base parameters of these combinations. Each of a body is a mass at a length of
     ///   the mechanism's; the largest is the robot's, within a factor of 2^8.
     ///
@@ -156,10 +156,10 @@ impl Scale {
     /// nothing is known of masses, their unit is 1.
     ///
     /// ```
-    /// use regen_identify::feasibility::{Combinations, Layout, SYMBOLS, Scale};
+    /// use regen_identify::feasibility::{BaseMap, ParameterLayout, SYMBOLS, Scale};
     ///
     /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
-    /// let (layout, all) = (Layout::new(&labels)?, Combinations::identity(&labels));
+    /// let (layout, all) = (ParameterLayout::new(&labels)?, BaseMap::identity(&labels));
     /// let seen = all.select(&[5, 6])?;
     /// assert_eq!(Scale::near(&layout, &seen, &[0.02, 0.15], 1.0), Scale::default());
     /// // the same in millimetres and tonnes: t mm^2 and t mm
@@ -167,7 +167,12 @@ impl Scale {
     /// assert!(scale.length > 50.0 && scale.mass < 1e-2);
     /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
     /// ```
-    pub fn near(layout: &Layout, combinations: &Combinations, beta: &[f64], length: f64) -> Self {
+    pub fn near(
+        layout: &ParameterLayout,
+        combinations: &BaseMap,
+        beta: &[f64],
+        length: f64,
+    ) -> Self {
         let usual = Self::default();
         if !(length.is_finite() && length > 0.0) {
             return usual;
@@ -206,7 +211,7 @@ impl Scale {
     }
 
     /// The unit of each of the ten parameters.
-    pub(super) fn units(self) -> Ten {
+    pub(super) fn units(self) -> InertialParameters {
         LENGTHS.map(|k| self.mass * self.length.powi(k))
     }
 
@@ -226,9 +231,9 @@ impl Scale {
     /// let no = [i, 0.0, 0.0, i, 0.0, 3.0 * i, 0.0, 0.0, 0.0, 3.0];
     /// assert!(unit.smallest_eigenvalue(&no) < 0.0);
     /// ```
-    pub fn smallest_eigenvalue(self, phi: &Ten) -> f64 {
+    pub fn smallest_eigenvalue(self, phi: &InertialParameters) -> f64 {
         let units = self.units();
-        let scaled: Ten = core::array::from_fn(|k| phi[k] / units[k]);
+        let scaled: InertialParameters = core::array::from_fn(|k| phi[k] / units[k]);
         let j = pseudo_inertia(&scaled);
         let least = eigenvalues(&j)[0];
         let rounding = 4.0 * f64::EPSILON * (0..4).map(|k| j[k][k].abs()).sum::<f64>();

@@ -10,7 +10,7 @@ use super::cones::{Cone, Gap, Objective, gap, remainder};
 use super::symmetric::{
     self, Square, ZERO, cholesky, congruence, inner, inverse, plus, product, transposed, upper,
 };
-use crate::triangle::{reduce, substitute};
+use crate::qr_update::{reduce, substitute};
 
 /// Steps at most.
 const STEPS: usize = 120;
@@ -34,7 +34,7 @@ pub(super) struct Point {
 
 /// What the method ended with.
 #[derive(Clone, Debug)]
-pub(super) struct Ended {
+pub(super) struct InteriorOutcome {
     /// The point whose gap is the smallest.
     pub(super) best: Point,
     pub(super) gap: Gap,
@@ -319,7 +319,7 @@ pub(super) fn minimise(
     start: Point,
     goal: f64,
     done: &dyn Fn(&[f64]) -> bool,
-) -> Option<Ended> {
+) -> Option<InteriorOutcome> {
     let n = start.x.len();
     let root = core::f64::consts::SQRT_2;
     let degree = cones.iter().map(|c| c.size).sum::<usize>().max(1) as f64;
@@ -434,7 +434,7 @@ pub(super) fn minimise(
         }
     }
     let (best, gap) = best?;
-    Some(Ended { best, gap, inside })
+    Some(InteriorOutcome { best, gap, inside })
 }
 
 /// A start with duals on the central path.

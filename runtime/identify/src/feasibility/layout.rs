@@ -1,7 +1,7 @@
 //! Which parameters belong to bodies, and how base parameters combine them.
 
 use super::error::{finite, size};
-use super::{FeasibilityError, Scale, Ten};
+use super::{FeasibilityError, InertialParameters, Scale};
 use regen_runtime::{BaseInfo, BaseModel, Parameter};
 
 /// The symbols of a body's ten parameters.
@@ -19,7 +19,7 @@ pub struct Body {
 /// The parameters of a robot, grouped: ten for each body, and single ones (friction, rotors),
 /// which dissipate or store energy and are not negative.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Layout {
+pub struct ParameterLayout {
     labels: Vec<String>,
     bodies: Vec<Body>,
     single: Vec<usize>,
@@ -48,7 +48,7 @@ impl Check {
     }
 }
 
-impl Layout {
+impl ParameterLayout {
     /// Groups parameters by their labels: `Ixx(3)` is of body 3; what is not of the ten kinds
     /// is a single parameter.
     ///
@@ -56,11 +56,11 @@ impl Layout {
     /// When a body has not all ten, or a label is there twice.
     ///
     /// ```
-    /// use regen_identify::feasibility::{Layout, SYMBOLS};
+    /// use regen_identify::feasibility::{ParameterLayout, SYMBOLS};
     ///
     /// let mut labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(arm)")).collect();
     /// labels.push("Fv(q1)".to_owned());
-    /// let layout = Layout::new(&labels)?;
+    /// let layout = ParameterLayout::new(&labels)?;
     /// assert_eq!(layout.bodies()[0].label, "arm");
     /// assert_eq!(layout.single(), [10]);
     /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
@@ -191,7 +191,7 @@ impl Layout {
     /// The unit of each parameter in the scale.
     pub(super) fn units(&self, scale: Scale) -> Vec<f64> {
         let mut units = vec![scale.single(); self.len()];
-        let ten: Ten = scale.units();
+        let ten: InertialParameters = scale.units();
         for body in &self.bodies {
             for (column, unit) in body.columns.iter().zip(ten) {
                 units[*column] = unit;
@@ -203,7 +203,7 @@ impl Layout {
 
 /// How r observed unknowns (base parameters) combine p parameters: `beta = B phi`.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Combinations {
+pub struct BaseMap {
     labels: Vec<String>,
     parameters: usize,
     /// r x p, row by row.
@@ -212,7 +212,7 @@ pub struct Combinations {
     zeros: Vec<(String, Vec<f64>)>,
 }
 
-impl Combinations {
+impl BaseMap {
     /// The base of a model.
     ///
     /// # Errors

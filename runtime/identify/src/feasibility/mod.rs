@@ -9,7 +9,6 @@
 //! The feature `feasibility` brings the conic solver, with the dense routines it needs; the
 //! feature `lapack-system` leaves those to a BLAS and LAPACK that the program links.
 
-mod completion;
 mod cones;
 mod constrained;
 mod constraints;
@@ -23,6 +22,7 @@ mod options;
 mod output;
 mod problem;
 mod program;
+mod psd_completion;
 mod reduced;
 mod sizes;
 mod symmetric;
@@ -33,8 +33,8 @@ extern crate regen_lapack as _;
 
 pub use constrained::{OPTIMAL, Outcome, Physical, SizeLimit, identify, nearest};
 pub use error::FeasibilityError;
-pub use inertia::{Scale, Ten, pseudo_inertia, ten_of};
-pub use layout::{Body, Check, Combinations, Layout, SYMBOLS};
+pub use inertia::{InertialParameters, Scale, inertial_parameters, pseudo_inertia};
+pub use layout::{BaseMap, Body, Check, ParameterLayout, SYMBOLS};
 pub use options::{Bound, Options, Prior, Total};
 pub use output::{bodies_yaml, rust_constants, unit};
 pub use verdict::{InfeasibilityCertificate, Verdict, verdict};

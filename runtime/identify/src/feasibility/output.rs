@@ -3,7 +3,7 @@
 use core::fmt::Write;
 
 use super::error::{finite, size};
-use super::{FeasibilityError, Layout};
+use super::{FeasibilityError, ParameterLayout};
 use regen_runtime::{Info, Parameter};
 
 /// The SI unit of a parameter by its label; that of friction depends on how the joint moves.
@@ -54,10 +54,10 @@ fn list(values: &[f64]) -> String {
 /// When the length does not fit or a value is not finite.
 ///
 /// ```
-/// use regen_identify::feasibility::{Layout, SYMBOLS, bodies_yaml};
+/// use regen_identify::feasibility::{ParameterLayout, SYMBOLS, bodies_yaml};
 ///
 /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
-/// let layout = Layout::new(&labels)?;
+/// let layout = ParameterLayout::new(&labels)?;
 /// // 2 kg around (0.5, 0, 0)
 /// let phi = [0.1, 0.0, 0.0, 0.6, 0.0, 0.6, 1.0, 0.0, 0.0, 2.0];
 /// assert_eq!(
@@ -67,7 +67,7 @@ fn list(values: &[f64]) -> String {
 /// );
 /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
 /// ```
-pub fn bodies_yaml(layout: &Layout, phi: &[f64]) -> Result<String, FeasibilityError> {
+pub fn bodies_yaml(layout: &ParameterLayout, phi: &[f64]) -> Result<String, FeasibilityError> {
     size("phi", layout.len(), phi.len())?;
     finite("phi", phi)?;
     let mut out = String::from("bodies:\n");
@@ -107,9 +107,9 @@ pub fn bodies_yaml(layout: &Layout, phi: &[f64]) -> Result<String, FeasibilityEr
 /// When the length does not fit or a value is not finite.
 ///
 /// ```
-/// use regen_identify::feasibility::{Layout, rust_constants};
+/// use regen_identify::feasibility::{ParameterLayout, rust_constants};
 /// use regen_runtime::Info;
-/// let layout = Layout::new(&["Fv(q1)"])?;
+/// let layout = ParameterLayout::new(&["Fv(q1)"])?;
 /// assert_eq!(
 ///     rust_constants(&layout, &[3.5], &Info::EMPTY)?,
 ///     "/// Identified parameters, in the order of the regressor's columns.\n\
@@ -118,7 +118,7 @@ pub fn bodies_yaml(layout: &Layout, phi: &[f64]) -> Result<String, FeasibilityEr
 /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
 /// ```
 pub fn rust_constants(
-    layout: &Layout,
+    layout: &ParameterLayout,
     phi: &[f64],
     info: &Info<'_>,
 ) -> Result<String, FeasibilityError> {

@@ -5,8 +5,8 @@ use super::equalities::{Equality, Solved, solve};
 use super::program::Affine;
 use super::sizes::STRONGEST;
 use super::symmetric::{ONE, Square, ZERO};
-use super::{Combinations, FeasibilityError, Layout, Options};
-use crate::estimate::Factor;
+use super::{BaseMap, FeasibilityError, Options, ParameterLayout};
+use crate::estimate::QrFactor;
 
 /// Residuals below this part of the efforts count as none: its square.
 const FLOOR: f64 = 1e-8;
@@ -36,9 +36,9 @@ pub(super) struct Face {
 
 /// What besides the observations shapes the problem.
 pub(super) struct Setting<'a> {
-    pub(super) factor: &'a Factor,
-    pub(super) combinations: &'a Combinations,
-    pub(super) layout: &'a Layout,
+    pub(super) factor: &'a QrFactor,
+    pub(super) combinations: &'a BaseMap,
+    pub(super) layout: &'a ParameterLayout,
     pub(super) options: &'a Options,
     /// The standard deviation of the noise.
     pub(super) noise: f64,

@@ -29,7 +29,7 @@ pub(super) struct Program {
 
 /// What the solver ended with.
 #[derive(Debug)]
-pub(super) struct Solved {
+pub(super) struct ConicSolution {
     pub(super) x: Vec<f64>,
     /// The dual of each row, in the order in which rows were added.
     pub(super) z: Vec<f64>,
@@ -108,7 +108,7 @@ impl Program {
     }
 
     /// Solves.
-    pub(super) fn solve(self, accuracy: f64) -> Result<Solved, FeasibilityError> {
+    pub(super) fn solve(self, accuracy: f64) -> Result<ConicSolution, FeasibilityError> {
         let n = self.variables;
         let mut diagonal = vec![0.0; n];
         for (variable, value) in self.squares {
@@ -145,7 +145,7 @@ impl Program {
             .map_err(|error| FeasibilityError::Solver(format!("{error}")))?;
         solver.solve();
         let solution = solver.solution;
-        Ok(Solved {
+        Ok(ConicSolution {
             x: solution.x,
             z: solution.z,
         })

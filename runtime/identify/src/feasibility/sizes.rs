@@ -2,7 +2,7 @@
 
 use super::Scale;
 use super::problem::Setting;
-use crate::triangle::substitute;
+use crate::qr_update::substitute;
 
 /// By how many of its standard deviations a base parameter must differ from 0 to be believed.
 const CERTAIN: f64 = 10.0;

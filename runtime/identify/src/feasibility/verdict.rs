@@ -3,7 +3,7 @@
 use super::error::{finite, size};
 use super::inertia::{ENTRIES, TRIANGLE, eigenvalues, functional};
 use super::program::{Affine, Program};
-use super::{Combinations, FeasibilityError, Layout, Scale};
+use super::{BaseMap, FeasibilityError, ParameterLayout, Scale};
 
 /// How large a robot must at least be, as a multiple of the base parameters' size, to escape a
 /// certificate that holds up to rounding.
@@ -17,7 +17,7 @@ const REPRODUCED: f64 = 1e-11;
 /// for the given values: a proof that these are of none.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InfeasibilityCertificate {
-    /// One for each base parameter, then one for each of [`Combinations::zeros`].
+    /// One for each base parameter, then one for each of [`BaseMap::zeros`].
     pub weights: Vec<f64>,
     /// The weighted sum of the given base parameters, negative.
     pub value: f64,
@@ -33,8 +33,8 @@ impl InfeasibilityCertificate {
     /// # Errors
     /// When lengths do not fit.
     pub fn new(
-        layout: &Layout,
-        combinations: &Combinations,
+        layout: &ParameterLayout,
+        combinations: &BaseMap,
         beta: &[f64],
         scale: Scale,
         weights: Vec<f64>,
@@ -120,7 +120,7 @@ pub(super) enum Role {
 
 /// The parameters' roles: each combination is led by a parameter that has the factor 1 there and
 /// is in no other.
-pub(super) fn roles(combinations: &Combinations) -> Result<(Vec<Role>, usize), FeasibilityError> {
+pub(super) fn roles(combinations: &BaseMap) -> Result<(Vec<Role>, usize), FeasibilityError> {
     let p = combinations.parameters();
     let mut lead = vec![None; p];
     for (k, row) in combinations.rows().iter().enumerate() {
@@ -156,14 +156,14 @@ pub(super) fn roles(combinations: &Combinations) -> Result<(Vec<Role>, usize), F
 
 /// Combinations of which each is led by a parameter of its own, with the forms that are zero
 /// among them; their values; and each as a sum of the given combinations and zero forms.
-pub(super) struct Led {
-    pub(super) combinations: Combinations,
+pub(super) struct LeadingForms {
+    pub(super) combinations: BaseMap,
     pub(super) values: Vec<f64>,
     sums: Vec<Vec<f64>>,
 }
 
 /// Leads the zero forms by parameters of their own.
-pub(super) fn led(combinations: &Combinations, beta: &[f64]) -> Result<Led, FeasibilityError> {
+pub(super) fn led(combinations: &BaseMap, beta: &[f64]) -> Result<LeadingForms, FeasibilityError> {
     let (own, _) = roles(combinations)?;
     let r = combinations.rows().len();
     let zeros = combinations.zeros();
@@ -224,8 +224,8 @@ pub(super) fn led(combinations: &Combinations, beta: &[f64]) -> Result<Led, Feas
         leads.push(pivot);
         labels.push(name.clone());
     }
-    Ok(Led {
-        combinations: Combinations::new(labels, rows)?,
+    Ok(LeadingForms {
+        combinations: BaseMap::new(labels, rows)?,
         values,
         sums,
     })
@@ -233,7 +233,7 @@ pub(super) fn led(combinations: &Combinations, beta: &[f64]) -> Result<Led, Feas
 
 /// Parameters with given base parameters, from values of the free ones.
 pub(super) fn complete(
-    combinations: &Combinations,
+    combinations: &BaseMap,
     roles: &[Role],
     beta: &[f64],
     free: &[f64],
@@ -262,7 +262,7 @@ pub(super) fn complete(
 /// Each parameter, in its unit, as an expression in the free parameters in theirs, which are the
 /// first variables; and those units.
 pub(super) fn expressions(
-    combinations: &Combinations,
+    combinations: &BaseMap,
     roles: &[Role],
     units: &[f64],
     beta: &[f64],
@@ -297,7 +297,7 @@ pub(super) fn expressions(
 }
 
 /// Whether parameters have given base parameters, up to rounding of the sums.
-pub(super) fn reproduces(combinations: &Combinations, phi: &[f64], beta: &[f64]) -> bool {
+pub(super) fn reproduces(combinations: &BaseMap, phi: &[f64], beta: &[f64]) -> bool {
     let mut rows = combinations.rows().iter().zip(beta);
     rows.all(|(row, b)| {
         let terms = || row.iter().zip(phi).map(|(f, x)| f * x);
@@ -320,12 +320,12 @@ pub(super) fn reproduces(combinations: &Combinations, phi: &[f64], beta: &[f64])
 /// its own.
 ///
 /// ```
-/// use regen_identify::feasibility::{Combinations, Layout, SYMBOLS, Scale, Verdict, verdict};
+/// use regen_identify::feasibility::{BaseMap, ParameterLayout, SYMBOLS, Scale, Verdict, verdict};
 ///
 /// let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
-/// let layout = Layout::new(&labels)?;
+/// let layout = ParameterLayout::new(&labels)?;
 /// // only Izz and mx are seen: any mx is possible, the mass being free
-/// let all = Combinations::identity(&labels);
+/// let all = BaseMap::identity(&labels);
 /// let seen = all.select(&[5, 6])?;
 /// assert!(verdict(&layout, &seen, &[0.1, -3.0], Scale::default())?.is_feasible());
 /// let Verdict::Infeasible { certificate } =
@@ -337,8 +337,8 @@ pub(super) fn reproduces(combinations: &Combinations, phi: &[f64], beta: &[f64])
 /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
 /// ```
 pub fn verdict(
-    layout: &Layout,
-    combinations: &Combinations,
+    layout: &ParameterLayout,
+    combinations: &BaseMap,
     beta: &[f64],
     scale: Scale,
 ) -> Result<Verdict, FeasibilityError> {

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use regen_runtime::{BaseModel, Info};
 
 use super::FileError;
-use crate::feasibility::{self, Layout, unit};
+use crate::feasibility::{self, ParameterLayout, unit};
 use crate::identify::digest;
 use crate::model::IdentifiedModel;
 
@@ -49,7 +49,7 @@ pub fn rust_constants<M: BaseModel<f64> + ?Sized>(
     }
     out.push_str("];\n");
     if let Some(phi) = &found.phi {
-        let layout = Layout::new(info.parameters)?;
+        let layout = ParameterLayout::new(info.parameters)?;
         out.push('\n');
         out.push_str(&feasibility::rust_constants(&layout, phi, &info)?);
     }

@@ -34,7 +34,7 @@ pub enum FileError {
         why: String,
     },
     /// Parameters whose labels no body or joint has.
-    Layout(FeasibilityError),
+    ParameterLayout(FeasibilityError),
     /// Values whose number does not fit the model.
     Size(SizeError),
 }
@@ -59,7 +59,7 @@ impl fmt::Display for FileError {
             ),
             Self::Missing(labels) => write!(f, "values are missing for {}", labels.join(", ")),
             Self::Friction { joint, why } => write!(f, "friction of {joint}: {why}"),
-            Self::Layout(why) => write!(f, "{why}"),
+            Self::ParameterLayout(why) => write!(f, "{why}"),
             Self::Size(why) => write!(f, "{why}"),
         }
     }
@@ -68,7 +68,7 @@ impl fmt::Display for FileError {
 impl core::error::Error for FileError {
     fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
         match self {
-            Self::Layout(why) => Some(why),
+            Self::ParameterLayout(why) => Some(why),
             Self::Size(why) => Some(why),
             _ => None,
         }
@@ -77,7 +77,7 @@ impl core::error::Error for FileError {
 
 impl From<FeasibilityError> for FileError {
     fn from(why: FeasibilityError) -> Self {
-        Self::Layout(why)
+        Self::ParameterLayout(why)
     }
 }
 

@@ -15,7 +15,7 @@ pub use constants::rust_constants;
 pub use error::FileError;
 pub use rows::{BodyRow, FrictionRow, IntervalRow, LeastSquaresRow, ParameterRow, PhysicalRow};
 
-use crate::feasibility::Layout;
+use crate::feasibility::ParameterLayout;
 use crate::identify::digest;
 use crate::model::{IdentifiedModel, Provenance};
 use crate::status::{Shares, Status};
@@ -162,7 +162,7 @@ impl ParameterFile {
             joints: BTreeMap::new(),
         };
         if let Some(phi) = &found.phi {
-            let layout = Layout::new(info.parameters)?;
+            let layout = ParameterLayout::new(info.parameters)?;
             let intervals = &found.intervals.physical;
             let labels = layout.labels().iter().enumerate();
             file.physical = labels

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::estimate::Estimate;
-use crate::feasibility::{Layout, unit};
+use crate::feasibility::{ParameterLayout, unit};
 use crate::friction::JointFit;
 use regen_runtime::{BaseParameter, Friction, Info, Parameter};
 use serde::{Deserialize, Serialize};
@@ -272,7 +272,7 @@ impl FrictionRow {
 }
 
 /// Each body's mass, centre of mass and inertia about it, by label.
-pub(super) fn bodies(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BodyRow> {
+pub(super) fn bodies(layout: &ParameterLayout, phi: &[f64]) -> BTreeMap<String, BodyRow> {
     let of = |column: usize| phi.get(column).copied().unwrap_or_default();
     let bodies = layout.bodies().iter();
     bodies
@@ -281,7 +281,10 @@ pub(super) fn bodies(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BodyRow> 
 }
 
 /// Each joint's linear friction and rotor inertia, by symbol: all that are no body's.
-pub(super) fn joints(layout: &Layout, phi: &[f64]) -> BTreeMap<String, BTreeMap<String, f64>> {
+pub(super) fn joints(
+    layout: &ParameterLayout,
+    phi: &[f64],
+) -> BTreeMap<String, BTreeMap<String, f64>> {
     let mut out: BTreeMap<String, BTreeMap<String, f64>> = BTreeMap::new();
     for k in layout.single() {
         let label = layout.labels().get(*k).map_or("", String::as_str);

@@ -1,6 +1,6 @@
 //! Samples with what friction needs of them.
 
-use crate::estimate::{EstimateError, Factor};
+use crate::estimate::{EstimateError, QrFactor};
 use crate::feasibility::FeasibilityError;
 use crate::signals::Smoothing;
 use regen_runtime::friction::SHAPES;
@@ -270,7 +270,7 @@ impl FrictionData {
     ///
     /// # Errors
     /// When an entry is not finite.
-    pub fn linear_factor(&self) -> Result<Factor, EstimateError> {
+    pub fn linear_factor(&self) -> Result<QrFactor, EstimateError> {
         self.factor_of(&self.linear_laws(), &[], None)
     }
 
@@ -340,7 +340,7 @@ impl FrictionData {
         &self,
         shapes: &[[f64; SHAPES]],
         steps: Option<(&[f64], f64)>,
-    ) -> Result<Factor, EstimateError> {
+    ) -> Result<QrFactor, EstimateError> {
         self.factor_of(&self.laws, shapes, steps)
     }
 
@@ -350,14 +350,14 @@ impl FrictionData {
         laws: &[Friction],
         shapes: &[[f64; SHAPES]],
         steps: Option<(&[f64], f64)>,
-    ) -> Result<Factor, EstimateError> {
+    ) -> Result<QrFactor, EstimateError> {
         let mut labels = self.labels.clone();
         labels.extend(self.coefficients(laws));
         if steps.is_some() {
             labels.extend(self.steps(laws));
         }
         let columns = labels.len();
-        let mut factor = Factor::new(labels);
+        let mut factor = QrFactor::new(labels);
         // rows that stay in a cache
         let most = FULL.max(self.dof);
         let mut block = vec![0.0; most * columns];

@@ -2,9 +2,9 @@
 
 use super::FrictionData;
 use super::starts::{STARTS, start};
-use crate::estimate::Factor;
+use crate::estimate::QrFactor;
 use crate::feasibility::{
-    Bound, Combinations, FeasibilityError, Layout, Options, Physical, identify,
+    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, Physical, identify,
 };
 use regen_runtime::friction::{SHAPES, VALUES};
 use regen_runtime::{Friction, JointFriction};
@@ -103,8 +103,8 @@ pub(super) struct Optimum {
 /// The search's state.
 struct Search<'a> {
     data: &'a FrictionData,
-    combinations: Combinations,
-    layout: Layout,
+    combinations: BaseMap,
+    layout: ParameterLayout,
     options: &'a Options,
     first: Vec<[f64; SHAPES]>,
     programmes: usize,
@@ -122,9 +122,9 @@ struct Point {
 impl Search<'_> {
     fn solve(
         &mut self,
-        factor: &Factor,
-        combinations: &Combinations,
-        layout: &Layout,
+        factor: &QrFactor,
+        combinations: &BaseMap,
+        layout: &ParameterLayout,
         options: &Options,
     ) -> Result<Physical, FeasibilityError> {
         self.programmes += 1;
@@ -133,18 +133,18 @@ impl Search<'_> {
 
     /// The layout and combinations of the linear columns, and of these coefficients instead of
     /// friction's.
-    fn plain(&self, more: &[String]) -> Result<(Layout, Combinations), FeasibilityError> {
+    fn plain(&self, more: &[String]) -> Result<(ParameterLayout, BaseMap), FeasibilityError> {
         let base = self.data.labels.len();
         let p = self.layout.len() - self.data.coefficients(&self.data.laws).len();
-        let layout = Layout::new(&self.layout.labels()[..p])?.extended(more)?;
+        let layout = ParameterLayout::new(&self.layout.labels()[..p])?.extended(more)?;
         let kept: Vec<usize> = (0..base).collect();
         let rows = self.combinations.select(&kept)?;
         let cut = rows.rows().iter().map(|row| row[..p].to_vec()).collect();
-        let combinations = Combinations::new(rows.labels().to_vec(), cut)?.extended(more);
+        let combinations = BaseMap::new(rows.labels().to_vec(), cut)?.extended(more);
         Ok((layout, combinations))
     }
 
-    fn padded(&self, layout: &Layout) -> Options {
+    fn padded(&self, layout: &ParameterLayout) -> Options {
         let mut options = self.options.clone();
         options.rough = true;
         if !options.reference.is_empty() {
@@ -297,8 +297,8 @@ impl Search<'_> {
 /// As [`identify`].
 pub fn fit(
     data: &FrictionData,
-    combinations: &Combinations,
-    layout: &Layout,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
     options: &Options,
 ) -> Result<FrictionFit, FeasibilityError> {
     let coefficients = data.coefficients(&data.laws);

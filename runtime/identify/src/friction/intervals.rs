@@ -4,9 +4,9 @@ use super::FrictionData;
 use super::data::Rows;
 use super::fit::{FrictionFit, symbols};
 use crate::estimate::{
-    Autoregression, Deviations, EstimateError, Factor, ORDER, Residuals, Scores,
+    Autoregression, Deviations, EstimateError, ORDER, QrFactor, Residuals, Scores,
 };
-use crate::feasibility::{Bound, Combinations, FeasibilityError, Layout, Options};
+use crate::feasibility::{BaseMap, Bound, FeasibilityError, Options, ParameterLayout};
 use crate::intervals::{LeastSquares, Spread, determined, replicate};
 use regen_runtime::friction::SHAPES;
 
@@ -49,8 +49,8 @@ pub struct FrictionIntervals {
 /// programmes fail.
 pub fn intervals(
     data: &FrictionData,
-    combinations: &Combinations,
-    layout: &Layout,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
     options: &Options,
     fit: &FrictionFit,
     replicates: usize,
@@ -160,7 +160,10 @@ pub fn intervals(
 }
 
 /// The factor without the steps that the data leave undetermined, and which columns are left.
-fn determined_part(whole: &Factor, known: usize) -> Result<(Factor, Vec<usize>), EstimateError> {
+fn determined_part(
+    whole: &QrFactor,
+    known: usize,
+) -> Result<(QrFactor, Vec<usize>), EstimateError> {
     let mut kept: Vec<usize> = (0..whole.columns()).collect();
     loop {
         let factor = whole.select(&kept)?;
@@ -189,12 +192,13 @@ struct Linear<'a> {
 }
 
 /// What takes rows, the entries of the columns that are left, residuals, and what counts.
-type Each<'a> = dyn FnMut(&Rows<'_>, &[f64], &[f64], &[f64]) -> Result<(), EstimateError> + 'a;
+type RowVisitor<'a> =
+    dyn FnMut(&Rows<'_>, &[f64], &[f64], &[f64]) -> Result<(), EstimateError> + 'a;
 
 impl Linear<'_> {
     /// Visits the rows of the columns that are left: entries, residuals, and 1 or 0 for each
     /// effort.
-    fn visit(&self, each: &mut Each<'_>) -> Result<(), EstimateError> {
+    fn visit(&self, each: &mut RowVisitor<'_>) -> Result<(), EstimateError> {
         let dof = self.data.dof();
         let point = &self.fit.point;
         let steps = Some((point.values.as_slice(), REACH));
@@ -229,7 +233,7 @@ impl Linear<'_> {
             })
     }
 
-    fn deviations(&self, factor: &Factor) -> Result<Deviations, EstimateError> {
+    fn deviations(&self, factor: &QrFactor) -> Result<Deviations, EstimateError> {
         let dof = self.data.dof();
         let names: Vec<String> = (0..dof).map(|k| format!("{k}")).collect();
         let none = vec![0.0; dof];

@@ -5,7 +5,9 @@ use core::cell::{Cell, RefCell};
 use super::{FrictionData, FrictionJoint, JointFit, directions};
 use crate::estimate::{EstimateError, Residuals};
 use crate::feasibility::FeasibilityError;
-use crate::identify::{Columns, Filtering, Kind, LeftOut, Observer, Row, Source, equations};
+use crate::identify::{
+    Columns, EquationBuilder, EquationKind, Filtering, LeftOut, Row, Source, equations,
+};
 use regen_runtime::{BaseModel, SizeError, Status};
 
 /// The joints of a model whose friction is not linear.
@@ -128,7 +130,9 @@ pub fn collect<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 where
     S::Error: From<FeasibilityError>,
 {
-    let labels = Observer::new(model, Kind::Forces).origin().labels;
+    let labels = EquationBuilder::new(model, EquationKind::Forces)
+        .origin()
+        .labels;
     let at = places(model, joints.iter().map(|j| j.name.clone()))?;
     let data = FrictionData::new(&labels, joints, model.info().dof())?;
     let data = RefCell::new(data.filtered(source.filtering().smoothing));
@@ -146,7 +150,7 @@ where
     };
     let left = equations(
         model,
-        Kind::Forces,
+        EquationKind::Forces,
         &mut counted,
         &mut recorder,
         &mut |found| {
@@ -221,7 +225,7 @@ pub fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 where
     S::Error: From<FeasibilityError>,
 {
-    let origin = Observer::new(model, Kind::Forces).origin();
+    let origin = EquationBuilder::new(model, EquationKind::Forces).origin();
     if values.len() != origin.labels.len() {
         let error = EstimateError::Size {
             what: "values",
@@ -236,20 +240,26 @@ where
     let mut out = Residuals::new(&origin.efforts, means, lags);
     let mut fitted = vec![0.0; origin.efforts.len()];
     let mut used = Vec::new();
-    equations(model, Kind::Forces, source, &mut columns, &mut |found| {
-        if !found.follows {
-            out.interrupt();
-        }
-        let dof = found.tau.len();
-        fitted.fill(0.0);
-        for (column, factor) in found.w.chunks_exact(dof.max(1)).zip(&factors) {
-            for (sum, w) in fitted.iter_mut().zip(column) {
-                *sum += w * factor;
+    equations(
+        model,
+        EquationKind::Forces,
+        source,
+        &mut columns,
+        &mut |found| {
+            if !found.follows {
+                out.interrupt();
             }
-        }
-        used.clear();
-        used.extend(found.weights.iter().map(|w| *w > 0.0));
-        out.push_used(found.tau, &fitted, &used)
-    })?;
+            let dof = found.tau.len();
+            fitted.fill(0.0);
+            for (column, factor) in found.w.chunks_exact(dof.max(1)).zip(&factors) {
+                for (sum, w) in fitted.iter_mut().zip(column) {
+                    *sum += w * factor;
+                }
+            }
+            used.clear();
+            used.extend(found.weights.iter().map(|w| *w > 0.0));
+            out.push_used(found.tau, &fitted, &used)
+        },
+    )?;
     Ok(out)
 }

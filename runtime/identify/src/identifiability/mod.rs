@@ -8,8 +8,8 @@
 
 use core::fmt::{self, Write};
 
-use crate::estimate::{Blocks, Estimate, Factor, average_relative_error};
-use crate::feasibility::{Combinations, FeasibilityError, Layout, Scale, Verdict, verdict};
+use crate::estimate::{Blocks, Estimate, QrFactor, average_relative_error};
+use crate::feasibility::{BaseMap, FeasibilityError, ParameterLayout, Scale, Verdict, verdict};
 
 /// The relative standard deviation in percent below which a parameter counts as well identified
 /// (Khalil and Dombre, 2002; section 5.3).
@@ -112,7 +112,7 @@ pub type Predictor<'a> = dyn Fn(&[f64]) -> f64 + 'a;
 #[derive(Default)]
 pub struct Checks<'a> {
     /// The factor of another trajectory, over the same base parameters.
-    pub other: Option<&'a Factor>,
+    pub other: Option<&'a QrFactor>,
     /// eps_RA in percent on another trajectory (Eq. 33) of all r base parameters, those left
     /// out being 0: it needs the samples, which factors do not keep.
     pub relative_absolute: Option<&'a Predictor<'a>>,
@@ -170,9 +170,9 @@ impl Reduction {
 }
 
 struct Search<'a> {
-    factor: &'a Factor,
-    combinations: &'a Combinations,
-    layout: &'a Layout,
+    factor: &'a QrFactor,
+    combinations: &'a BaseMap,
+    layout: &'a ParameterLayout,
     checks: &'a Checks<'a>,
 }
 
@@ -266,9 +266,9 @@ impl Search<'_> {
 /// # Errors
 /// When sizes do not fit, or the rows are too few for any estimate.
 pub fn reduce(
-    factor: &Factor,
-    combinations: &Combinations,
-    layout: &Layout,
+    factor: &QrFactor,
+    combinations: &BaseMap,
+    layout: &ParameterLayout,
     checks: &Checks<'_>,
 ) -> Result<Reduction, FeasibilityError> {
     let r = factor.columns();
@@ -284,7 +284,7 @@ pub fn reduce(
     };
     fits("combinations", combinations.labels().len())?;
     fits("exact", checks.exact.map_or(r, <[f64]>::len))?;
-    fits("other", checks.other.map_or(r, Factor::columns))?;
+    fits("other", checks.other.map_or(r, QrFactor::columns))?;
     let search = Search {
         factor,
         combinations,

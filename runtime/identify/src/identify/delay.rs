@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::observer::Equations;
+use super::equation_builder::Equations;
 use super::passes::{Source, predicted};
 use super::replay::Replay;
-use crate::estimate::{Autocorrelated, EstimateError, Factor};
+use crate::estimate::{Autocorrelated, EstimateError, QrFactor};
 use regen_runtime::BaseModel;
 
 /// The delay of one effort.
@@ -53,7 +53,7 @@ pub(super) fn delays<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let (n, efforts) = (values.len(), names.len());
     let mut all = labels.to_vec();
     all.extend(names.iter().map(|name| format!("delay {name}")));
-    let mut factor = Factor::new(all);
+    let mut factor = QrFactor::new(all);
     let mut block = Block::default();
     with_rates(replay, values, &mut |found, rates| {
         for (e, (tau, own)) in found.tau.iter().zip(found.weights).enumerate() {
@@ -137,7 +137,7 @@ fn common(delays: &[Delay], covariance: &dyn Fn(usize, usize) -> f64) -> Option<
     })
 }
 
-fn solve(factor: &Factor) -> Option<(Vec<f64>, Factor)> {
+fn solve(factor: &QrFactor) -> Option<(Vec<f64>, QrFactor)> {
     let values = factor.solve().ok()?;
     Some((values, factor.clone()))
 }
@@ -167,7 +167,7 @@ impl Block {
         self.side.push(tau * weight);
     }
 
-    fn flush(&mut self, factor: &mut Factor, at_least: usize) -> Result<(), EstimateError> {
+    fn flush(&mut self, factor: &mut QrFactor, at_least: usize) -> Result<(), EstimateError> {
         if self.rows.len() < at_least {
             return Ok(());
         }
@@ -184,11 +184,11 @@ impl Block {
 }
 
 /// A sample's equations with the rates of the efforts that are predicted there.
-type WithRates<'a> = dyn FnMut(&Equations<'_>, &[f64]) -> Result<(), EstimateError> + 'a;
+type EquationRateSink<'a> = dyn FnMut(&Equations<'_>, &[f64]) -> Result<(), EstimateError> + 'a;
 
 /// Equations kept for their neighbours.
 #[derive(Default)]
-struct Held {
+struct BufferedEquations {
     time: f64,
     w: Vec<f64>,
     tau: Vec<f64>,
@@ -201,9 +201,9 @@ struct Held {
 fn with_rates<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     values: &[f64],
-    each: &mut WithRates<'_>,
+    each: &mut EquationRateSink<'_>,
 ) -> Result<(), S::Error> {
-    let (mut before, mut at) = (Held::default(), Held::default());
+    let (mut before, mut at) = (BufferedEquations::default(), BufferedEquations::default());
     let mut run = 0;
     let mut rates = Vec::new();
     let mut first = true;
@@ -235,7 +235,7 @@ fn with_rates<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
             first = true;
         }
         core::mem::swap(&mut before, &mut at);
-        at = Held {
+        at = BufferedEquations {
             time: found.time,
             w: found.w.to_vec(),
             tau: found.tau.to_vec(),

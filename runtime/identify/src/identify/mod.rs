@@ -1,9 +1,9 @@
 //! From logs to parameters: states of motion, equations, and the passes over them.
 
 mod delay;
+mod equation_builder;
 mod instruments;
 mod motion;
-mod observer;
 mod passes;
 mod recorded;
 mod replay;
@@ -11,9 +11,9 @@ mod stream;
 pub mod suspect;
 
 pub use delay::{Delay, Delays};
+pub use equation_builder::{EquationBuilder, EquationKind, Equations, Row};
 pub use instruments::{Hausman, InstrumentOptions, Instrumental, Motion, Motions, instrumental};
 pub use motion::{Completed, Completion};
-pub use observer::{Equations, Kind, Observer, Row};
 pub use passes::{Identified, Options, Source, identify, observe, residuals};
 pub use recorded::Recorded;
 pub use stream::{Columns, Filtering, LeftOut, NoColumns, Standstill, equations};

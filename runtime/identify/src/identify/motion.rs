@@ -1,7 +1,7 @@
 //! Whole states of motion from what is measured.
 
-use crate::triangle::{reduce, substitute};
-use regen_runtime::{Closure, Misuse, Model, Outcome, SizeError, State};
+use crate::qr_update::{reduce, substitute};
+use regen_runtime::{ClosureError, LoopClosure, Model, Outcome, SizeError, State};
 
 /// Gauss-Newton steps at most; two or three do.
 const STEPS: usize = 30;
@@ -18,7 +18,7 @@ const UNMEASURED: f64 = 1e-9;
 #[derive(Debug)]
 pub struct Completion<'m, M: ?Sized> {
     model: &'m M,
-    closure: Closure<'m, M>,
+    closure: LoopClosure<'m, M>,
     measured: Vec<usize>,
     weights: Vec<f64>,
     /// Where each independent coordinate stands among the measured ones, if they are the same.
@@ -43,10 +43,10 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
     /// # Errors
     /// When the lists differ in length, a coordinate does not exist or is given twice, fewer
     /// than the degrees of freedom are measured, or a deviation is not positive.
-    pub fn new(model: &'m M, measured: &[usize], deviations: &[f64]) -> Result<Self, Misuse> {
+    pub fn new(model: &'m M, measured: &[usize], deviations: &[f64]) -> Result<Self, ClosureError> {
         let info = model.info();
         let wrong = |expected, got| {
-            Misuse::Size(SizeError {
+            ClosureError::Size(SizeError {
                 argument: "measured",
                 expected,
                 got,
@@ -60,13 +60,13 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         }
         for (k, coordinate) in measured.iter().enumerate() {
             if *coordinate >= info.coordinates.len() || measured[..k].contains(coordinate) {
-                return Err(Misuse::Partition {
+                return Err(ClosureError::Partition {
                     coordinate: *coordinate,
                 });
             }
         }
         if let Some(index) = deviations.iter().position(|d| !(*d > 0.0 && d.is_finite())) {
-            return Err(Misuse::NotFinite {
+            return Err(ClosureError::NotFinite {
                 argument: "deviations",
                 index,
             });
@@ -81,7 +81,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         let last = info.independent.iter().map(|&c| home[c]).collect();
         Ok(Self {
             model,
-            closure: Closure::new(model)?,
+            closure: LoopClosure::new(model)?,
             measured: measured.to_vec(),
             weights: deviations.iter().map(|d| 1.0 / d).collect(),
             direct,
@@ -101,10 +101,15 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
     ///
     /// # Errors
     /// When a length does not fit or a value is not finite.
-    pub fn complete(&mut self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Result<Completed, Misuse> {
+    pub fn complete(
+        &mut self,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+    ) -> Result<Completed, ClosureError> {
         for (argument, values) in [("q", q), ("qd", qd), ("qdd", qdd)] {
             if values.len() != self.measured.len() {
-                return Err(Misuse::Size(SizeError {
+                return Err(ClosureError::Size(SizeError {
                     argument,
                     expected: self.measured.len(),
                     got: values.len(),
@@ -122,7 +127,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
         self.fuse(q, qd, qdd)
     }
 
-    fn fuse(&mut self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Result<Completed, Misuse> {
+    fn fuse(&mut self, q: &[f64], qd: &[f64], qdd: &[f64]) -> Result<Completed, ClosureError> {
         let mut q_i = self.last.clone();
         let mut solution = self.closure.track(&q_i)?;
         for _ in 0..STEPS {
@@ -179,7 +184,7 @@ impl<'m, M: Model<f64> + ?Sized> Completion<'m, M> {
     }
 
     /// How the measured coordinates move with each independent one, weighted; column-major.
-    fn columns(&self, q: &[f64]) -> Result<Vec<f64>, Misuse> {
+    fn columns(&self, q: &[f64]) -> Result<Vec<f64>, ClosureError> {
         let dof = self.last.len();
         let mut out = Vec::with_capacity(dof * self.measured.len());
         let mut all = vec![0.0; q.len()];

@@ -4,12 +4,12 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use super::delay::{Delays, delays};
-use super::observer::{Equations, Kind, Observer, Row};
+use super::equation_builder::{EquationBuilder, EquationKind, Equations, Row};
 use super::replay::Replay;
 use super::stream::{Filtering, LeftOut};
 use crate::estimate::{
     Accumulator, Autocorrelated, Autoregression, Blocks, Deviations, EffortError, Estimate,
-    EstimateError, Factor, FactorSet, ORDER, Residuals, Scores, Weighting,
+    EstimateError, FactorSet, ORDER, QrFactor, Residuals, Scores, Weighting,
 };
 use regen_runtime::BaseModel;
 
@@ -63,7 +63,7 @@ pub struct Identified {
     /// Values, and the covariance for white residuals.
     pub estimate: Estimate,
     /// The factor that it is the solution of: all efforts with their weights, and Huber's.
-    pub factor: Factor,
+    pub factor: QrFactor,
     /// The covariance that knows of the residuals' correlation.
     pub deviations: Deviations,
     /// What it was made of, for estimates of some of the parameters only.
@@ -119,7 +119,7 @@ impl Huber<'_> {
 /// When the log cannot be read or does not fit the model.
 pub fn observe<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
-    kind: Kind,
+    kind: EquationKind,
     source: &mut S,
 ) -> Result<(FactorSet, LeftOut), S::Error> {
     let mut replay = Replay::new(model, kind, source);
@@ -132,7 +132,7 @@ fn reduce_weighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     replay: &mut Replay<'_, M, S>,
     huber: Option<&Huber<'_>>,
 ) -> Result<(FactorSet, Vec<f64>), S::Error> {
-    let origin = Observer::new(replay.model(), replay.kind()).origin();
+    let origin = EquationBuilder::new(replay.model(), replay.kind()).origin();
     let mut rows = Accumulator::new(&origin);
     let mut squares = vec![0.0; origin.efforts.len()];
     replay.visit(&mut |equations| {
@@ -176,7 +176,7 @@ pub(super) fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]
 /// #     include!(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/models/pendulum_base.rs"));
 /// # }
 /// # use models::Pendulum;
-/// use regen_identify::identify::{Kind, Options, Recorded, identify};
+/// use regen_identify::identify::{EquationKind, Options, Recorded, identify};
 ///
 /// // a pendulum of 0.5 kg m^2 and 2 kg m about its axis, moved as q = sin(t)
 /// let mut log = Recorded::new();
@@ -186,7 +186,7 @@ pub(super) fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]
 ///     let tau = 0.5 * qdd + 2.0 * 9.81 * q.sin();
 ///     log.push(t, &[q], &[qd], &[qdd], &[tau]);
 /// }
-/// let found = identify(&Pendulum, Kind::Forces, &Options::default(), &mut log)?;
+/// let found = identify(&Pendulum, EquationKind::Forces, &Options::default(), &mut log)?;
 /// assert_eq!(found.estimate.labels, ["Izz(1)", "mx(1)"]);
 /// assert!((found.estimate.values[0] - 0.5).abs() < 1e-9);
 /// assert!((found.estimate.values[1] - 2.0).abs() < 1e-9);
@@ -195,7 +195,7 @@ pub(super) fn predicted(equations: &Equations<'_>, effort: usize, values: &[f64]
 /// ```
 pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
-    kind: Kind,
+    kind: EquationKind,
     options: &Options,
     source: &mut S,
 ) -> Result<Identified, S::Error> {
@@ -249,7 +249,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     }
     let bandwidth = given.unwrap_or_else(|| automatic(&efforts, rows));
     let delays = match kind {
-        Kind::Forces => {
+        EquationKind::Forces => {
             let names: Vec<String> = estimate.efforts.iter().map(|e| e.name.clone()).collect();
             let labels = &estimate.labels;
             delays(
@@ -261,7 +261,7 @@ pub fn identify<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
                 bandwidth,
             )?
         }
-        Kind::Energy { .. } => Delays::default(),
+        EquationKind::Energy { .. } => Delays::default(),
     };
     Ok(Identified {
         relative_absolute: errors.relative_absolute(),
@@ -283,7 +283,7 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     last: &Estimate,
     bound: f64,
     weighting: Weighting,
-) -> Result<(Estimate, Factor), S::Error> {
+) -> Result<(Estimate, QrFactor), S::Error> {
     let sigmas: Vec<f64> = last.efforts.iter().map(|e| e.sigma).collect();
     let huber = Huber {
         values: &last.values,
@@ -295,7 +295,7 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     let beyond = normal.sf(bound);
     let inside = 1.0 - 2.0 * beyond - 2.0 * bound * normal.pdf(bound);
     let expected = (2.0 * bound * bound).mul_add(beyond, inside);
-    let all: usize = set.factors().iter().map(Factor::rows).sum();
+    let all: usize = set.factors().iter().map(QrFactor::rows).sum();
     let free = 1.0 - last.values.len() as f64 / all.max(1) as f64;
     let scales = squares.iter().zip(set.factors()).zip(&sigmas);
     let scales = scales.map(|((squares, factor), old)| {
@@ -332,7 +332,7 @@ fn reweighted<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 /// When the log cannot be read or does not fit the model.
 pub fn residuals<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
-    kind: Kind,
+    kind: EquationKind,
     source: &mut S,
     values: &[f64],
     means: &[f64],
@@ -347,7 +347,7 @@ fn residuals_of<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     means: &[f64],
     lags: usize,
 ) -> Result<Residuals, S::Error> {
-    let origin = Observer::new(replay.model(), replay.kind()).origin();
+    let origin = EquationBuilder::new(replay.model(), replay.kind()).origin();
     let mut out = Residuals::new(&origin.efforts, means, lags);
     let mut fitted = Vec::new();
     let mut used = Vec::new();

@@ -6,12 +6,12 @@ use crate::estimate::EstimateError;
 /// Rows kept in memory, as a [`Source`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recorded {
-    rows: Vec<Kept>,
+    rows: Vec<RecordedSample>,
     filtering: Filtering,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct Kept {
+struct RecordedSample {
     time: f64,
     motion: [Vec<f64>; 3],
     tau: Vec<f64>,
@@ -37,7 +37,7 @@ impl Recorded {
     ///
     /// - `q`, `qd`, `qdd`: all coordinates; `tau`: dof efforts, as in [`Row`].
     pub fn push(&mut self, time: f64, q: &[f64], qd: &[f64], qdd: &[f64], tau: &[f64]) {
-        self.rows.push(Kept {
+        self.rows.push(RecordedSample {
             time,
             motion: [q.to_vec(), qd.to_vec(), qdd.to_vec()],
             tau: tau.to_vec(),
@@ -50,7 +50,7 @@ impl Recorded {
 
     /// Adds a copy of a row.
     pub fn push_row(&mut self, row: &Row<'_>) {
-        self.rows.push(Kept {
+        self.rows.push(RecordedSample {
             time: row.time,
             motion: [row.q.to_vec(), row.qd.to_vec(), row.qdd.to_vec()],
             tau: row.tau.to_vec(),

@@ -1,6 +1,6 @@
 //! Equations that several passes go over.
 
-use super::observer::{Equations, Kind};
+use super::equation_builder::{EquationKind, Equations};
 use super::passes::Source;
 use super::stream::{LeftOut, NoColumns, equations};
 use crate::estimate::EstimateError;
@@ -13,14 +13,14 @@ const MOST: usize = 1 << 23;
 /// The equations of a log, which are made once where they fit into bounded memory.
 pub(super) struct Replay<'a, M: ?Sized, S: ?Sized> {
     model: &'a M,
-    kind: Kind,
+    kind: EquationKind,
     source: &'a mut S,
-    kept: Kept,
+    kept: ReplayBlock,
     left: LeftOut,
 }
 
 #[derive(Default)]
-struct Kept {
+struct ReplayBlock {
     state: State,
     /// Equation by equation: `w`, `tau`, `weights`.
     values: Vec<f64>,
@@ -42,7 +42,7 @@ struct Sample {
     follows: bool,
 }
 
-impl Kept {
+impl ReplayBlock {
     fn push(&mut self, equations: &Equations<'_>) {
         let Equations {
             w, tau, weights, ..
@@ -68,12 +68,12 @@ impl Kept {
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
-    pub(super) fn new(model: &'a M, kind: Kind, source: &'a mut S) -> Self {
+    pub(super) fn new(model: &'a M, kind: EquationKind, source: &'a mut S) -> Self {
         Self {
             model,
             kind,
             source,
-            kept: Kept::default(),
+            kept: ReplayBlock::default(),
             left: LeftOut::default(),
         }
     }
@@ -82,7 +82,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Replay<'a, M, S> {
         self.model
     }
 
-    pub(super) fn kind(&self) -> Kind {
+    pub(super) fn kind(&self) -> EquationKind {
         self.kind
     }
 

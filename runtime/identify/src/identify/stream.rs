@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::observer::{Equations, Kind, Observer, Row};
+use super::equation_builder::{EquationBuilder, EquationKind, Equations, Row};
 use super::passes::Source;
 use crate::estimate::EstimateError;
 use crate::signals::{SignalError, Smoothing};
@@ -106,7 +106,7 @@ const MOVED: f64 = 0.9;
 /// the filter.
 pub fn equations<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     model: &M,
-    kind: Kind,
+    kind: EquationKind,
     source: &mut S,
     columns: &mut dyn Columns,
     each: &mut dyn FnMut(&Equations<'_>) -> Result<(), EstimateError>,
@@ -122,11 +122,11 @@ pub fn equations<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 }
 
 /// What takes an equation.
-type Each<'a> = dyn FnMut(&Equations<'_>) -> Result<(), EstimateError> + 'a;
+type EquationSink<'a> = dyn FnMut(&Equations<'_>) -> Result<(), EstimateError> + 'a;
 
 struct Stream<'m, M: ?Sized> {
-    observer: Observer<'m, M>,
-    kind: Kind,
+    observer: EquationBuilder<'m, M>,
+    kind: EquationKind,
     filtering: Filtering,
     friction: Direction,
     dof: usize,
@@ -182,14 +182,14 @@ impl Direction {
 }
 
 impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
-    fn new(model: &'m M, kind: Kind, filtering: Filtering, extra: usize) -> Self {
+    fn new(model: &'m M, kind: EquationKind, filtering: Filtering, extra: usize) -> Self {
         let dof = match kind {
-            Kind::Forces => model.info().dof(),
-            Kind::Energy { .. } => 1,
+            EquationKind::Forces => model.info().dof(),
+            EquationKind::Energy { .. } => 1,
         };
         let columns = model.base_info().base.len() + extra;
         Self {
-            observer: Observer::new(model, kind),
+            observer: EquationBuilder::new(model, kind),
             kind,
             filtering,
             friction: Direction::of(model),
@@ -218,9 +218,9 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
         &mut self,
         row: &Row<'_>,
         columns: &mut dyn Columns,
-        each: &mut Each<'_>,
+        each: &mut EquationSink<'_>,
     ) -> Result<(), EstimateError> {
-        if matches!(self.kind, Kind::Energy { .. }) {
+        if matches!(self.kind, EquationKind::Energy { .. }) {
             return self.balance(row, each);
         }
         if !row.follows {
@@ -286,7 +286,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
     }
 
     /// The equations of energy pass by as they are.
-    fn balance(&mut self, row: &Row<'_>, each: &mut Each<'_>) -> Result<(), EstimateError> {
+    fn balance(&mut self, row: &Row<'_>, each: &mut EquationSink<'_>) -> Result<(), EstimateError> {
         let equations = self.observer.observe(row)?;
         if !equations.tau.is_empty() {
             self.left.samples += 1;
@@ -309,7 +309,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
     }
 
     /// Hands over what is left of a run of samples that follow each other.
-    fn end_run(&mut self, each: &mut Each<'_>) -> Result<(), EstimateError> {
+    fn end_run(&mut self, each: &mut EquationSink<'_>) -> Result<(), EstimateError> {
         let n = self.times.len();
         // a single sample has no step
         if n > 1 {
@@ -331,7 +331,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
     fn filter(
         &mut self,
         range: core::ops::Range<usize>,
-        each: &mut Each<'_>,
+        each: &mut EquationSink<'_>,
     ) -> Result<(), EstimateError> {
         if range.is_empty() {
             return Ok(());
@@ -352,7 +352,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Stream<'m, M> {
     fn hand_over(
         &mut self,
         range: core::ops::Range<usize>,
-        each: &mut Each<'_>,
+        each: &mut EquationSink<'_>,
     ) -> Result<(), EstimateError> {
         // without a filter the log is decimated where it is read
         let every = match self.filtering.smoothing {

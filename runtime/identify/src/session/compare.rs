@@ -12,7 +12,7 @@ use crate::model::IdentifiedModel;
 
 /// A model's error on a log.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct OnLog {
+pub struct LogError {
     /// The log's file.
     pub log: String,
     /// eps_RA in percent (Eq. 33).
@@ -27,7 +27,7 @@ pub fn compare<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
     models: &[IdentifiedModel],
-) -> Result<Vec<Vec<OnLog>>, SessionError> {
+) -> Result<Vec<Vec<LogError>>, SessionError> {
     let mut out = vec![Vec::with_capacity(logs.len()); models.len()];
     for path in logs {
         let mut log = session.open(std::slice::from_ref(path))?;
@@ -36,7 +36,7 @@ pub fn compare<M: BaseModel<f64> + ?Sized>(
             .means();
         for (one, row) in models.iter().zip(&mut out) {
             let found = one.residuals(session.model, session.kind, &mut log, &means, 1)?;
-            row.push(OnLog {
+            row.push(LogError {
                 log: path.display().to_string(),
                 relative_absolute: found.relative_absolute(),
             });

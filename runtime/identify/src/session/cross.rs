@@ -11,7 +11,7 @@ use crate::identify;
 
 /// A log predicted from the others.
 #[derive(Clone, Debug, Serialize)]
-pub struct Cross {
+pub struct CrossValidation {
     /// The log's file.
     pub file: String,
     /// eps_RA in percent (Eq. 33).
@@ -27,7 +27,7 @@ pub struct Cross {
 pub fn cross<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
-) -> Result<Vec<Cross>, SessionError> {
+) -> Result<Vec<CrossValidation>, SessionError> {
     if logs.len() < 2 {
         return Err(SessionError::OneLog);
     }
@@ -54,7 +54,7 @@ pub fn cross<M: BaseModel<f64> + ?Sized>(
         };
         let means = sets.get(k).map(FactorSet::means).unwrap_or_default();
         let residuals = identify::residuals(model, kind, &mut one(path)?, &values, &means, 1)?;
-        out.push(Cross {
+        out.push(CrossValidation {
             file: path.display().to_string(),
             relative_absolute: residuals.relative_absolute(),
             efforts: residuals.efforts(),

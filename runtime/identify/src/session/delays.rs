@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use regen_runtime::BaseModel;
 
 use super::{Session, SessionError};
-use crate::identify::{self, Kind, Options};
+use crate::identify::{self, EquationKind, Options};
 
 /// Rounds in which delays are corrected at most; two or three settle them.
 const ROUNDS: usize = 6;
@@ -20,7 +20,7 @@ pub fn settled_delays<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     logs: &[PathBuf],
 ) -> Result<Vec<(String, f64)>, SessionError> {
-    if session.kind != Kind::Forces {
+    if session.kind != EquationKind::Forces {
         return Err(SessionError::DelayOfEnergy);
     }
     let options = Options {

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use regen_runtime::{Misuse, SizeError};
+use regen_runtime::{ClosureError, SizeError};
 
 use crate::data::DataError;
 use crate::estimate::EstimateError;
@@ -103,8 +103,8 @@ impl From<FeasibilityError> for SessionError {
     }
 }
 
-impl From<Misuse> for SessionError {
-    fn from(why: Misuse) -> Self {
+impl From<ClosureError> for SessionError {
+    fn from(why: ClosureError) -> Self {
         Self::Data(why.into())
     }
 }

@@ -3,7 +3,7 @@
 use regen_runtime::Info;
 
 use super::SessionError;
-use crate::feasibility::{Body, Bound, Layout, Options, Prior, SYMBOLS, Total};
+use crate::feasibility::{Body, Bound, Options, ParameterLayout, Prior, SYMBOLS, Total};
 
 /// How far nominal values are believed in.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -19,7 +19,7 @@ pub enum Trust {
 
 /// What is known of a robot besides its logs.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Knowledge {
+pub struct PriorKnowledge {
     /// Bodies that are alike: lists of labels.
     pub identical: Vec<Vec<String>>,
     /// Parameters that are known, SI.
@@ -32,12 +32,16 @@ pub struct Knowledge {
     pub trust: Trust,
 }
 
-impl Knowledge {
+impl PriorKnowledge {
     /// As options of a fit among physical parameters of this layout.
     ///
     /// # Errors
     /// [`SessionError::NoNominal`] where nominal values are believed in and there are none.
-    pub fn options(&self, info: &Info<'_>, layout: &Layout) -> Result<Options, SessionError> {
+    pub fn options(
+        &self,
+        info: &Info<'_>,
+        layout: &ParameterLayout,
+    ) -> Result<Options, SessionError> {
         let mut reference = info.nominal.to_vec();
         reference.resize(layout.len(), None);
         let mut options = Options {
@@ -73,7 +77,7 @@ impl Knowledge {
 
 /// Nominal values with deviations: a part of the value, or of what is usual for the body where
 /// the value is small.
-fn beliefs(layout: &Layout, nominal: &[Option<f64>], part: f64) -> Vec<Prior> {
+fn beliefs(layout: &ParameterLayout, nominal: &[Option<f64>], part: f64) -> Vec<Prior> {
     let of = |k: usize| nominal.get(k).copied().flatten();
     let mut out = Vec::new();
     let mut push = |k: usize, size: f64| {

@@ -16,17 +16,17 @@ use std::path::PathBuf;
 use regen_runtime::BaseModel;
 
 use crate::data::{DataError, Logs, Settings};
-use crate::identify::{Kind, Options};
+use crate::identify::{EquationKind, Options};
 
-pub use compare::{OnLog, compare, residuals_of};
-pub use cross::{Cross, cross};
+pub use compare::{LogError, compare, residuals_of};
+pub use cross::{CrossValidation, cross};
 pub use delays::settled_delays;
 pub use error::SessionError;
-pub use knowledge::{Knowledge, Trust};
+pub use knowledge::{PriorKnowledge, Trust};
 pub use physical::{physical, scale};
 pub use reduction::{adopt, reduction};
 pub use start::{Start, describe, from_factors, from_logs, with_friction};
-pub use watch::{Silent, Watch, Watched};
+pub use watch::{Monitor, MonitoredLogs, Silent};
 
 /// What every step of an identification shares.
 pub struct Session<'a, M: ?Sized> {
@@ -35,13 +35,13 @@ pub struct Session<'a, M: ?Sized> {
     /// How logs are read.
     pub reading: Settings,
     /// Which equations are used.
-    pub kind: Kind,
+    pub kind: EquationKind,
     /// How least squares is solved.
     pub options: Options,
     /// The level of confidence intervals.
     pub confidence: f64,
     /// Who follows long work.
-    pub watch: &'a dyn Watch,
+    pub watch: &'a dyn Monitor,
 }
 
 impl<'a, M: BaseModel<f64> + ?Sized> Session<'a, M> {
@@ -49,11 +49,15 @@ impl<'a, M: BaseModel<f64> + ?Sized> Session<'a, M> {
     ///
     /// # Errors
     /// What keeps a log from being read.
-    pub fn open(&self, paths: &[PathBuf]) -> Result<Watched<'a, M>, DataError> {
+    pub fn open(&self, paths: &[PathBuf]) -> Result<MonitoredLogs<'a, M>, DataError> {
         let names: Vec<String> = paths.iter().map(|p| p.display().to_string()).collect();
         self.watch.work(&format!("checking {}", names.join(", ")));
         let logs = Logs::open(self.model, paths, &self.reading);
         self.watch.rest();
-        Ok(Watched::new(logs?, self.reading.decimation, self.watch))
+        Ok(MonitoredLogs::new(
+            logs?,
+            self.reading.decimation,
+            self.watch,
+        ))
     }
 }

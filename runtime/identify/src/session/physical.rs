@@ -3,11 +3,12 @@
 
 use std::fmt::Write as _;
 
-use regen_runtime::{BaseModel, Closure, Friction};
+use regen_runtime::{BaseModel, Friction, LoopClosure};
 
-use super::{Knowledge, Session, SessionError, Start, describe};
+use super::{PriorKnowledge, Session, SessionError, Start, describe};
 use crate::feasibility::{
-    Combinations, Layout, OPTIMAL, Options, Outcome, Physical, Scale, Verdict, identify, verdict,
+    BaseMap, OPTIMAL, Options, Outcome, ParameterLayout, Physical, Scale, Verdict, identify,
+    verdict,
 };
 use crate::friction::{self, FrictionData, FrictionJoint, JointFit, fit};
 use crate::intervals::{LeastSquares, Spread, constrained};
@@ -16,9 +17,9 @@ use crate::model::{IdentifiedModel, Interval, Intervals};
 /// The layout and combinations of a model.
 pub(super) fn frame<M: BaseModel<f64> + ?Sized>(
     model: &M,
-) -> Result<(Layout, Combinations), SessionError> {
-    let layout = Layout::new(model.info().parameters)?;
-    let combinations = Combinations::from_model(model, layout.len())?;
+) -> Result<(ParameterLayout, BaseMap), SessionError> {
+    let layout = ParameterLayout::new(model.info().parameters)?;
+    let combinations = BaseMap::from_model(model, layout.len())?;
     Ok((layout, combinations))
 }
 
@@ -33,7 +34,7 @@ pub(super) fn frame<M: BaseModel<f64> + ?Sized>(
 /// Constraints that contradict each other or name what is not there.
 pub fn physical<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    knowledge: &Knowledge,
+    knowledge: &PriorKnowledge,
     start: &Start,
     draws: usize,
 ) -> Result<Vec<IdentifiedModel>, SessionError> {
@@ -199,11 +200,11 @@ fn drawn_interval(spread: &Spread, confidence: f64) -> Option<Interval> {
 /// When the model's home is not closed.
 pub fn scale<M: BaseModel<f64> + ?Sized>(
     model: &M,
-    layout: &Layout,
-    combinations: &Combinations,
+    layout: &ParameterLayout,
+    combinations: &BaseMap,
     beta: &[f64],
 ) -> Result<Scale, SessionError> {
-    let length = Closure::new(model)?.length_unit();
+    let length = LoopClosure::new(model)?.length_unit();
     Ok(Scale::near(layout, combinations, beta, length))
 }
 
@@ -237,7 +238,7 @@ fn proven(gap: f64) -> String {
 }
 
 /// What being physical costs, and how far the result can be from the optimum.
-fn cost(found: &Physical, layout: &Layout) -> String {
+fn cost(found: &Physical, layout: &ParameterLayout) -> String {
     let how = match found.outcome {
         Outcome::Unconstrained => "physical, no constraint is active".to_owned(),
         Outcome::Constrained => format!("physical, {}", proven(found.gap)),
@@ -270,7 +271,7 @@ const HEAVY: f64 = 0.1;
 
 /// The masses that are far from any that the robot can have, of bodies that the fit does not ask to
 /// be so heavy.
-fn heavy(found: &Physical, layout: &Layout) -> Vec<String> {
+fn heavy(found: &Physical, layout: &ParameterLayout) -> Vec<String> {
     let bodies = layout.bodies().iter().zip(&found.sizes);
     let heavy = bodies.filter(|(body, size)| {
         let mass = body.columns.last().and_then(|c| found.phi.get(*c));
@@ -282,7 +283,7 @@ fn heavy(found: &Physical, layout: &Layout) -> Vec<String> {
 }
 
 /// The bodies whose masses nothing bounds that matters to the fit, as labels of masses.
-fn unbounded(found: &Physical, layout: &Layout) -> Vec<String> {
+fn unbounded(found: &Physical, layout: &ParameterLayout) -> Vec<String> {
     let limited = found.limited.iter().map(|body| format!("m({body})"));
     limited.chain(heavy(found, layout)).collect()
 }

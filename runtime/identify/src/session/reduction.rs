@@ -6,9 +6,9 @@ use regen_runtime::BaseModel;
 
 use super::{Session, SessionError, Start};
 use crate::data::DataError;
-use crate::estimate::{EffortFit, Factor, FactorSet};
+use crate::estimate::{EffortFit, FactorSet, QrFactor};
 use crate::identifiability::{Checks, Reduction, reduce};
-use crate::identify::{self, Kind, NoColumns, Source};
+use crate::identify::{self, EquationKind, NoColumns, Source};
 use crate::model::{IdentifiedModel, Intervals};
 
 /// Equations of the logs that a model is validated on, in memory.
@@ -72,14 +72,14 @@ pub fn reduction<M: BaseModel<f64> + ?Sized>(
     Ok(reduce(factor, &combinations, &layout, &checks)?)
 }
 
-fn weighted(set: &FactorSet, efforts: &[EffortFit]) -> Result<Factor, SessionError> {
+fn weighted(set: &FactorSet, efforts: &[EffortFit]) -> Result<QrFactor, SessionError> {
     let weights: Vec<f64> = efforts.iter().map(|e| e.weight).collect();
     Ok(set.combined(&weights)?)
 }
 
 fn equations<M: BaseModel<f64> + ?Sized, S: Source<Error = DataError>>(
     model: &M,
-    kind: Kind,
+    kind: EquationKind,
     logs: &mut S,
     set: &FactorSet,
 ) -> Result<Equations, SessionError> {

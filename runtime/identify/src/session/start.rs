@@ -5,13 +5,13 @@ use std::path::PathBuf;
 
 use regen_runtime::BaseModel;
 
-use super::{Session, SessionError, Watched, physical};
+use super::{MonitoredLogs, Session, SessionError, physical};
 use crate::data::FileReport;
 use crate::estimate::{
-    Blocks, Deviations, EffortError, EffortFit, Estimate, Factor, FactorSet, Weighting,
+    Blocks, Deviations, EffortError, EffortFit, Estimate, FactorSet, QrFactor, Weighting,
 };
 use crate::friction::{FrictionData, collect, nonlinear_joints};
-use crate::identify::{self, Delays, Identified, Kind, LeftOut, digest};
+use crate::identify::{self, Delays, EquationKind, Identified, LeftOut, digest};
 use crate::model::{IdentifiedModel, Intervals};
 
 /// What least squares found, and what goes on from it.
@@ -19,7 +19,7 @@ pub struct Start {
     /// Which equations were used, in words.
     pub kind: String,
     /// The weighted factor that the values are the solution of.
-    pub factor: Factor,
+    pub factor: QrFactor,
     /// The estimate.
     pub estimate: Estimate,
     /// The intervals of the estimate's values.
@@ -70,13 +70,13 @@ const PASSES: usize = 3;
 /// What keeps the logs from being read, or parameters that they do not determine.
 pub fn from_logs<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
-    logs: &mut Watched<'_, M>,
+    logs: &mut MonitoredLogs<'_, M>,
 ) -> Result<Start, SessionError> {
     let (model, kind) = (session.model, session.kind);
     let mut found = identify::identify(model, kind, &session.options, logs)?;
     let sampled = match kind {
-        Kind::Forces => sampling(&mut found, logs)?,
-        Kind::Energy { .. } => "",
+        EquationKind::Forces => sampling(&mut found, logs)?,
+        EquationKind::Energy { .. } => "",
     };
     let used = found.correlated();
     let method = if let Some(n) = session.options.bandwidth {
@@ -106,7 +106,7 @@ pub fn from_logs<M: BaseModel<f64> + ?Sized>(
 /// that is much.
 fn sampling<M: BaseModel<f64> + ?Sized>(
     found: &mut Identified,
-    logs: &Watched<'_, M>,
+    logs: &MonitoredLogs<'_, M>,
 ) -> Result<&'static str, SessionError> {
     let weights: Vec<f64> = found.estimate.efforts.iter().map(|e| e.weight).collect();
     let values = &found.estimate.values;
@@ -168,7 +168,7 @@ pub fn from_factors<M: BaseModel<f64> + ?Sized>(
 fn white<M: BaseModel<f64> + ?Sized>(
     session: &Session<'_, M>,
     kind: String,
-    factor: Factor,
+    factor: QrFactor,
     estimate: Estimate,
 ) -> Start {
     let method = "least squares, for white residuals".to_owned();
@@ -206,7 +206,9 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         return Err(SessionError::NoNonlinearFriction(info.name.to_owned()));
     }
     let mut logs = session.open(logs)?;
-    let means = identify::observe(model, Kind::Forces, &mut logs)?.0.means();
+    let means = identify::observe(model, EquationKind::Forces, &mut logs)?
+        .0
+        .means();
     let (mut data, left_out) = collect(model, &mut logs, &joints)?;
 
     let mut weights = vec![1.0; info.dof()];
@@ -220,7 +222,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
             friction,
             ..IdentifiedModel::default()
         };
-        let found = linear.residuals(model, Kind::Forces, &mut logs, &means, 1)?;
+        let found = linear.residuals(model, EquationKind::Forces, &mut logs, &means, 1)?;
         let efforts = found.efforts();
         if session.options.weighting == Weighting::PerEffort {
             // efforts without any noise are not told apart
@@ -238,7 +240,7 @@ pub fn with_friction<M: BaseModel<f64> + ?Sized>(
         errors = Some(found);
     }
     // the intervals are those of the estimate as it is weighted, without the efforts' figures
-    let mut start = white(session, Kind::Forces.name(), factor, estimate);
+    let mut start = white(session, EquationKind::Forces.name(), factor, estimate);
     if let Some(found) = errors {
         let pairs = found.efforts().into_iter().zip(&weights);
         start.estimate.efforts = pairs

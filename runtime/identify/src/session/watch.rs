@@ -10,7 +10,7 @@ use crate::identify::{Filtering, Row, Source};
 const EVERY: u64 = 64;
 
 /// Follows long work.
-pub trait Watch {
+pub trait Monitor {
     /// Called when work of unknown length begins or comes to its next step; `what` says in words
     /// what is done.
     fn work(&self, what: &str);
@@ -25,23 +25,23 @@ pub trait Watch {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 
-impl Watch for Silent {
+impl Monitor for Silent {
     fn work(&self, _what: &str) {}
     fn rest(&self) {}
     fn rows(&self, _pass: usize, _done: u64, _all: u64) {}
 }
 
 /// Logs whose passes are followed.
-pub struct Watched<'a, M: ?Sized> {
+pub struct MonitoredLogs<'a, M: ?Sized> {
     logs: Logs<'a, M>,
-    watch: &'a dyn Watch,
+    watch: &'a dyn Monitor,
     all: u64,
     passes: usize,
 }
 
-impl<'a, M: BaseModel<f64> + ?Sized> Watched<'a, M> {
+impl<'a, M: BaseModel<f64> + ?Sized> MonitoredLogs<'a, M> {
     /// Follows logs whose states are taken with this decimation.
-    pub fn new(logs: Logs<'a, M>, decimation: usize, watch: &'a dyn Watch) -> Self {
+    pub fn new(logs: Logs<'a, M>, decimation: usize, watch: &'a dyn Monitor) -> Self {
         let rows: usize = logs.reports().iter().map(|report| report.rows).sum();
         Self {
             logs,
@@ -57,7 +57,7 @@ impl<'a, M: BaseModel<f64> + ?Sized> Watched<'a, M> {
     }
 }
 
-impl<M: BaseModel<f64> + ?Sized> Source for Watched<'_, M> {
+impl<M: BaseModel<f64> + ?Sized> Source for MonitoredLogs<'_, M> {
     type Error = DataError;
 
     fn filtering(&self) -> Filtering {

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::SignalError;
-use crate::triangle::{BLOCK, reduce};
+use crate::qr_update::{BLOCK, reduce};
 
 /// Fourier series of signals with one fundamental frequency.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 //! Local regression: a cubic polynomial around each sample.
 
 use super::{Derivatives, SignalError, vec_of};
-use crate::triangle::{reduce, substitute};
+use crate::qr_update::{reduce, substitute};
 
 /// Coefficients of a cubic polynomial, and samples it takes to leave some freedom.
 const TERMS: usize = 4;

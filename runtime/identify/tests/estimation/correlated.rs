@@ -1,6 +1,6 @@
 //! The covariance that knows of correlation, against its sum written out pair by pair.
 
-use regen_identify::estimate::{Autocorrelated, Factor};
+use regen_identify::estimate::{Autocorrelated, QrFactor};
 
 /// Two numbers that look like noise, the same everywhere.
 fn score(t: usize) -> [f64; 2] {
@@ -42,7 +42,7 @@ fn pairs(runs: &[usize], bandwidth: usize) -> [[f64; 2]; 2] {
 fn windows_add_up_to_all_pairs_within_a_run_however_short_it_is() {
     let runs = [1, 3, 5, 7, 30, 2];
     let samples: usize = runs.iter().sum();
-    let mut factor = Factor::new(vec!["a".to_owned(), "b".to_owned()]);
+    let mut factor = QrFactor::new(vec!["a".to_owned(), "b".to_owned()]);
     // lengths 2 and 4 times the root of the number of samples, orthogonal
     let signs = (0..samples).map(|t| if t % 2 == 0 { 1.0 } else { -1.0 });
     let w: Vec<f64> = vec![2.0; samples]

@@ -1,7 +1,7 @@
 //! What must hold of factors, estimates and signals.
 
 use regen_identify::estimate::{
-    Accumulator, Estimate, EstimateError, Factor, FactorSet, Origin, Weighting,
+    Accumulator, Estimate, EstimateError, FactorSet, Origin, QrFactor, Weighting,
 };
 use regen_identify::signals::{Fourier, Method, SignalError};
 
@@ -150,7 +150,7 @@ fn choosing_tying_and_fixing_columns_is_least_squares_on_the_changed_matrix() {
     let (w, tau) = block(&mut random, 50, &[1.0, 2.0, 3.0], 0.1);
     let columns: Vec<&[f64]> = w.chunks_exact(50).collect();
     let factor = |columns: &[Vec<f64>], tau: &[f64]| {
-        let mut f = Factor::new(labels(columns.len()));
+        let mut f = QrFactor::new(labels(columns.len()));
         f.push_block(&columns.concat(), tau).unwrap();
         f
     };
@@ -158,7 +158,7 @@ fn choosing_tying_and_fixing_columns_is_least_squares_on_the_changed_matrix() {
         &columns.iter().map(|c| c.to_vec()).collect::<Vec<_>>(),
         &tau,
     );
-    let same = |a: &Factor, b: &Factor| {
+    let same = |a: &QrFactor, b: &QrFactor| {
         let (x, y) = (Estimate::of(a).unwrap(), Estimate::of(b).unwrap());
         for (p, q) in x.values.iter().zip(&y.values) {
             assert!((p - q).abs() < 1e-13, "{p} {q}");
@@ -220,7 +220,7 @@ fn confidence_intervals_hold_the_truth_as_often_as_they_say() {
                 exact + 0.4 * random.normal()
             })
             .collect();
-        let mut factor = Factor::new(labels(6));
+        let mut factor = QrFactor::new(labels(6));
         factor.push_block(&w, &tau).unwrap();
         let estimate = Estimate::of(&factor).unwrap();
         for j in 0..6 {
@@ -245,7 +245,7 @@ fn what_the_data_leave_open_is_named() {
     for t in 0..30 {
         w[90 + t] = 2.0 * w[30 + t];
     }
-    let mut factor = Factor::new(labels(5));
+    let mut factor = QrFactor::new(labels(5));
     factor.push_block(&w, &tau).unwrap();
     let error = factor.solve().unwrap_err();
     match &error {
@@ -262,7 +262,7 @@ fn what_the_data_leave_open_is_named() {
         "{error}"
     );
 
-    let mut short = Factor::new(labels(5));
+    let mut short = QrFactor::new(labels(5));
     short.push_block(&[1.0; 10], &[1.0; 2]).unwrap();
     assert_eq!(
         short.solve(),

@@ -1,14 +1,14 @@
 //! Condition numbers against matrices whose singular values are known in closed form.
 
-use regen_identify::estimate::{Accumulator, EstimateError, Factor, Origin};
+use regen_identify::estimate::{Accumulator, EstimateError, Origin, QrFactor};
 
 fn labels(n: usize) -> Vec<String> {
     (0..n).map(|k| format!("p{k}")).collect()
 }
 
 /// The factor of a matrix given by columns, with any right side.
-fn factor(columns: &[[f64; 4]]) -> Factor {
-    let mut factor = Factor::new(labels(columns.len()));
+fn factor(columns: &[[f64; 4]]) -> QrFactor {
+    let mut factor = QrFactor::new(labels(columns.len()));
     let tau = [1.0, -2.0, 0.5, 3.0];
     factor.push_block(&columns.concat(), &tau).unwrap();
     factor

@@ -1,7 +1,7 @@
 //! Against the vectors that tests/tools/vectors/estimation.py wrote.
 
 use regen_identify::estimate::{
-    Accumulator, Autocorrelated, Estimate, Factor, Origin, Residuals, Weighting,
+    Accumulator, Autocorrelated, Estimate, Origin, QrFactor, Residuals, Weighting,
 };
 use regen_identify::signals::{Butterworth, Method};
 use serde_json::Value;
@@ -47,7 +47,7 @@ fn least_squares_and_its_statistics_are_those_of_numpy() {
     let (w, tau) = (numbers(&v["w"]), numbers(&v["tau"]));
     let (rows, n) = (tau.len(), w.len() / tau.len());
     let labels: Vec<String> = (0..n).map(|k| format!("p{k}")).collect();
-    let mut factor = Factor::new(labels);
+    let mut factor = QrFactor::new(labels);
     factor.push_block(&w, &tau).unwrap();
     let estimate = Estimate::of(&factor).unwrap();
     assert_each(&estimate.values, &numbers(&v["solution"]));

@@ -1,8 +1,8 @@
 //! What observations leave open, completed towards a reference where a margin binds.
 
-use regen_identify::estimate::Factor;
+use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    Combinations, Layout, Options, Outcome, Prior, SYMBOLS, identify,
+    BaseMap, Options, Outcome, ParameterLayout, Prior, SYMBOLS, identify,
 };
 
 /// A thin rod along x: its own margin is below those that are asked for.
@@ -11,9 +11,9 @@ const ROD: [f64; 10] = [0.002, 0.0, 0.0, 0.3, 0.0, 0.3, 0.4, 0.0, 0.0, 1.5];
 /// The distance to the reference, in units of the scale, of the completion with a margin.
 fn distance(margin: f64) -> (f64, f64) {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
-    let layout = Layout::new(&labels).unwrap();
-    let seen = Combinations::identity(&labels).select(&[5, 6]).unwrap();
-    let mut factor = Factor::new(seen.labels().to_vec());
+    let layout = ParameterLayout::new(&labels).unwrap();
+    let seen = BaseMap::identity(&labels).select(&[5, 6]).unwrap();
+    let mut factor = QrFactor::new(seen.labels().to_vec());
     factor
         .push_block(&[1.0, 0.0, 0.0, 1.0], &[ROD[5], ROD[6]])
         .unwrap();
@@ -58,7 +58,7 @@ const BODY: [f64; 10] = [0.2, 0.01, 0.0, 0.25, -0.02, 0.22, 0.1, 0.05, -0.03, 3.
 #[test]
 fn directions_that_nothing_determines_are_the_reference_s_beside_what_is_known() {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
-    let layout = Layout::new(&labels).unwrap();
+    let layout = ParameterLayout::new(&labels).unwrap();
     let reference: Vec<Option<f64>> = BODY.iter().copied().map(Some).collect();
     let known = Options {
         known: vec![("my(1)".to_owned(), 0.02)],
@@ -77,8 +77,8 @@ fn directions_that_nothing_determines_are_the_reference_s_beside_what_is_known()
     };
     for options in [known, believed] {
         for seen in [&[9][..], &[9, 3], &[9, 3, 6, 0]] {
-            let combinations = Combinations::identity(&labels).select(seen).unwrap();
-            let mut factor = Factor::new(combinations.labels().to_vec());
+            let combinations = BaseMap::identity(&labels).select(seen).unwrap();
+            let mut factor = QrFactor::new(combinations.labels().to_vec());
             let n = seen.len();
             let mut w = vec![0.0; n * n];
             w.iter_mut().step_by(n + 1).for_each(|x| *x = 1.0);

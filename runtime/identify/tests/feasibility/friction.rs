@@ -1,7 +1,7 @@
 //! Nonlinear friction: recovered from exact data, and never worse than linear friction.
 
 use proptest::prelude::*;
-use regen_identify::feasibility::{Combinations, Layout, Options, Scale};
+use regen_identify::feasibility::{BaseMap, Options, ParameterLayout, Scale};
 use regen_identify::friction::{FrictionData, FrictionFit, FrictionJoint, fit};
 use regen_runtime::Friction;
 
@@ -76,10 +76,10 @@ fn of_robot(robot: &Robot, data: &FrictionData) -> FrictionFit {
 pub(crate) fn plain() -> Robot {
     let labels: Vec<String> = crate::robots::labels(1);
     let phi = vec![0.3, 0.01, -0.02, 0.25, 0.0, 0.4, 0.2, -0.1, 0.15, 2.0, 0.7];
-    let layout = Layout::new(&labels).unwrap();
+    let layout = ParameterLayout::new(&labels).unwrap();
     Robot {
         layout,
-        combinations: Combinations::identity(&labels),
+        combinations: BaseMap::identity(&labels),
         phi,
     }
 }

@@ -4,7 +4,7 @@
 use regen_identify::feasibility::FeasibilityError;
 use regen_identify::friction::{FrictionJoint, JointFit, collect, directions, residuals};
 use regen_identify::identify::{Filtering, Recorded, Row, Source};
-use regen_runtime::{Closure, Friction, State};
+use regen_runtime::{Friction, LoopClosure, State};
 
 use crate::friction::force;
 use crate::models::SliderCrank;
@@ -48,7 +48,7 @@ fn joints() -> Vec<JointFit> {
 /// States along a motion there and back.
 fn states() -> Vec<State> {
     let model = SliderCrank::default();
-    let mut closure = Closure::new(&model).unwrap();
+    let mut closure = LoopClosure::new(&model).unwrap();
     (0..80)
         .map(|k| {
             let (s, c) = (0.1 * f64::from(k)).sin_cos();

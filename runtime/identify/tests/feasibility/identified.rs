@@ -1,9 +1,9 @@
 //! Identification under the constraints: against another solver, and by what must hold.
 
 use proptest::prelude::*;
-use regen_identify::estimate::Factor;
+use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    Bound, Combinations, FeasibilityError, Layout, Options, Outcome, Physical, Prior, SYMBOLS,
+    BaseMap, Bound, FeasibilityError, Options, Outcome, ParameterLayout, Physical, Prior, SYMBOLS,
     Scale, Total, Verdict, identify, nearest, pseudo_inertia, verdict,
 };
 
@@ -23,7 +23,7 @@ impl Random {
 }
 
 /// Observations of the base parameters by a random matrix, with noise of size `noise`.
-fn observed(robot: &Robot, rows: usize, noise: f64, seed: u64) -> Factor {
+fn observed(robot: &Robot, rows: usize, noise: f64, seed: u64) -> QrFactor {
     let mut random = Random(seed);
     let beta = robot.beta();
     let w: Vec<f64> = (0..rows * beta.len()).map(|_| random.signed()).collect();
@@ -37,12 +37,12 @@ fn observed(robot: &Robot, rows: usize, noise: f64, seed: u64) -> Factor {
             exact + noise * random.signed()
         })
         .collect();
-    let mut factor = Factor::new(robot.combinations.labels().to_vec());
+    let mut factor = QrFactor::new(robot.combinations.labels().to_vec());
     factor.push_block(&w, &tau).unwrap();
     factor
 }
 
-fn find(robot: &Robot, factor: &Factor, options: &Options) -> Physical {
+fn find(robot: &Robot, factor: &QrFactor, options: &Options) -> Physical {
     identify(factor, &robot.combinations, &robot.layout, options).unwrap()
 }
 
@@ -80,10 +80,9 @@ fn the_solution_is_that_of_another_conic_solver() {
         serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     assert_eq!(vectors.len(), 4);
     for vector in vectors {
-        let layout = Layout::new(&vector.labels).unwrap();
-        let combinations =
-            Combinations::new(vector.kept.clone(), vector.combinations.clone()).unwrap();
-        let factor = Factor::from_parts(vector.kept, vector.r, vector.z, vector.rss, vector.rows);
+        let layout = ParameterLayout::new(&vector.labels).unwrap();
+        let combinations = BaseMap::new(vector.kept.clone(), vector.combinations.clone()).unwrap();
+        let factor = QrFactor::from_parts(vector.kept, vector.r, vector.z, vector.rss, vector.rows);
         let factor = factor.unwrap();
         let prior = |(label, value): (&String, &f64)| Prior {
             parameter: label.clone(),
@@ -177,15 +176,15 @@ proptest! {
 }
 
 /// One body, all of it observed, every parameter once with the weight 1.
-fn one(values: [f64; 10]) -> (Layout, Combinations, Factor) {
+fn one(values: [f64; 10]) -> (ParameterLayout, BaseMap, QrFactor) {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
-    let mut factor = Factor::new(labels.clone());
+    let mut factor = QrFactor::new(labels.clone());
     let mut w = vec![0.0; 100];
     w.iter_mut().step_by(11).for_each(|x| *x = 1.0);
     factor.push_block(&w, &values).unwrap();
     (
-        Layout::new(&labels).unwrap(),
-        Combinations::identity(&labels),
+        ParameterLayout::new(&labels).unwrap(),
+        BaseMap::identity(&labels),
         factor,
     )
 }
@@ -247,9 +246,9 @@ fn contradictions_are_told() {
 #[test]
 fn identical_bodies_are_identical() {
     let labels = crate::robots::labels(2);
-    let layout = Layout::new(&labels).unwrap();
-    let combinations = Combinations::identity(&labels);
-    let mut factor = Factor::new(labels.clone());
+    let layout = ParameterLayout::new(&labels).unwrap();
+    let combinations = BaseMap::identity(&labels);
+    let mut factor = QrFactor::new(labels.clone());
     let mut w = vec![0.0; 22 * 22];
     w.iter_mut().step_by(23).for_each(|x| *x = 1.0);
     let mut lighter = PLAIN;
@@ -296,10 +295,8 @@ fn a_prior_weighs_as_its_deviation_says() {
 #[test]
 fn what_is_not_determined_comes_from_the_reference() {
     let (layout, _, _) = one(PLAIN);
-    let seen = Combinations::identity(layout.labels())
-        .select(&[5, 6])
-        .unwrap();
-    let mut factor = Factor::new(seen.labels().to_vec());
+    let seen = BaseMap::identity(layout.labels()).select(&[5, 6]).unwrap();
+    let mut factor = QrFactor::new(seen.labels().to_vec());
     factor
         .push_block(&[1.0, 0.0, 0.0, 1.0], &[0.25, 0.3])
         .unwrap();

@@ -1,6 +1,6 @@
 //! Intervals of estimates under constraints belong to the value that they stand beside.
 
-use regen_identify::estimate::{Deviations, Estimate, Factor};
+use regen_identify::estimate::{Deviations, Estimate, QrFactor};
 use regen_identify::feasibility::{Options, identify};
 use regen_identify::friction::{fit, intervals};
 use regen_identify::intervals::{Constrained, LeastSquares, constrained};
@@ -15,7 +15,7 @@ fn noise(t: usize) -> f64 {
 }
 
 /// Data of a robot's combinations with noise of this size.
-fn factor(robot: &Robot, size: f64) -> Factor {
+fn factor(robot: &Robot, size: f64) -> QrFactor {
     let labels = robot.combinations.labels();
     let (n, rows) = (labels.len(), 200);
     let w: Vec<f64> = (0..n * rows)
@@ -28,12 +28,12 @@ fn factor(robot: &Robot, size: f64) -> Factor {
             exact + size * noise(5 * t + 3)
         })
         .collect();
-    let mut factor = Factor::new(labels.to_vec());
+    let mut factor = QrFactor::new(labels.to_vec());
     factor.push_block(&w, &tau).unwrap();
     factor
 }
 
-fn found(robot: &Robot, factor: &Factor, draws: usize) -> (Estimate, Constrained) {
+fn found(robot: &Robot, factor: &QrFactor, draws: usize) -> (Estimate, Constrained) {
     let options = Options::default();
     let fit = identify(factor, &robot.combinations, &robot.layout, &options).unwrap();
     let estimate = Estimate::of(factor).unwrap();

@@ -1,9 +1,9 @@
 //! The optimum is proven, whatever the data leave open; what is asked for holds or is refused.
 
-use regen_identify::estimate::Factor;
+use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    Bound, Combinations, FeasibilityError, Layout, Options, SYMBOLS, Scale, Total, Verdict,
-    identify, ten_of, verdict,
+    BaseMap, Bound, FeasibilityError, Options, ParameterLayout, SYMBOLS, Scale, Total, Verdict,
+    identify, inertial_parameters, verdict,
 };
 
 /// A sequence of numbers in -1..1 that is the same everywhere (SplitMix64).
@@ -35,16 +35,16 @@ impl Random {
             }
         }
         (0..3).for_each(|k| j[k][k] += 1e-4 * mass);
-        ten_of(&j)
+        inertial_parameters(&j)
     }
 }
 
 /// Two or three bodies, light ones beside heavy ones, of which combinations are seen by too few
 /// or hardly independent rows.
 pub(crate) struct Problem {
-    pub(crate) layout: Layout,
-    pub(crate) combinations: Combinations,
-    pub(crate) factor: Factor,
+    pub(crate) layout: ParameterLayout,
+    pub(crate) combinations: BaseMap,
+    pub(crate) factor: QrFactor,
     pub(crate) truth: Vec<f64>,
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn problem(seed: u64) -> Problem {
     let mut random = Random(seed);
     let bodies = 2 + usize::from(seed.is_multiple_of(3));
     let labels = crate::robots::labels(bodies);
-    let layout = Layout::new(&labels).unwrap();
+    let layout = ParameterLayout::new(&labels).unwrap();
     let mut truth: Vec<f64> = Vec::new();
     for b in 0..bodies {
         truth.extend(random.body([6.0, 0.03, 0.8][b]));
@@ -73,7 +73,7 @@ pub(crate) fn problem(seed: u64) -> Problem {
         }
     }
     let names: Vec<String> = kept.iter().map(|k| labels[*k].clone()).collect();
-    let combinations = Combinations::new(names.clone(), rows).unwrap();
+    let combinations = BaseMap::new(names.clone(), rows).unwrap();
     let beta = combinations.apply(&truth).unwrap();
     let (r, samples) = (
         kept.len(),
@@ -100,7 +100,7 @@ pub(crate) fn problem(seed: u64) -> Problem {
             exact + 0.3 * random.signed()
         })
         .collect();
-    let mut factor = Factor::new(names);
+    let mut factor = QrFactor::new(names);
     factor.push_block(&w, &tau).unwrap();
     Problem {
         layout,
@@ -209,17 +209,17 @@ fn the_reference_decides_only_what_the_data_leave_open() {
     }
 }
 
-fn one() -> (Layout, Combinations, Factor) {
+fn one() -> (ParameterLayout, BaseMap, QrFactor) {
     let mut labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     labels.push("Fc(q1)".to_owned());
-    let mut factor = Factor::new(labels.clone());
+    let mut factor = QrFactor::new(labels.clone());
     let mut w = vec![0.0; 121];
     w.iter_mut().step_by(12).for_each(|x| *x = 1.0);
     let values = [0.2, 0.0, 0.0, 0.2, 0.0, 0.2, 0.1, 0.05, 0.0, 3.0, -0.4];
     factor.push_block(&w, &values).unwrap();
     (
-        Layout::new(&labels).unwrap(),
-        Combinations::identity(&labels),
+        ParameterLayout::new(&labels).unwrap(),
+        BaseMap::identity(&labels),
         factor,
     )
 }
@@ -324,7 +324,7 @@ fn what_cannot_act_is_refused() {
 #[test]
 fn forms_that_are_zero_hold() {
     let (layout, _, _) = one();
-    let all = Combinations::identity(layout.labels());
+    let all = BaseMap::identity(layout.labels());
     let seen = all.select(&[5, 6, 9]).unwrap();
     // my = 0.5 mx, and Iyy is not there
     let mut forms = vec![vec![0.0; 11]; 2];
@@ -333,7 +333,7 @@ fn forms_that_are_zero_hold() {
     let named = forms.into_iter().zip(["my(1)", "Iyy(1)"]);
     let zeros = named.map(|(row, name)| (name.to_owned(), row)).collect();
     let kept = seen.clone().with_zeros(zeros).unwrap();
-    let mut factor = Factor::new(seen.labels().to_vec());
+    let mut factor = QrFactor::new(seen.labels().to_vec());
     let w = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     factor.push_block(&w, &[0.2, 0.3, 2.0]).unwrap();
     let beta = [0.2, 0.3, 2.0];
@@ -363,9 +363,7 @@ fn forms_that_are_zero_hold() {
 #[test]
 fn verdicts_with_a_form_that_is_zero_are_proven() {
     let (layout, _, _) = one();
-    let seen = Combinations::identity(layout.labels())
-        .select(&[0, 5])
-        .unwrap();
+    let seen = BaseMap::identity(layout.labels()).select(&[0, 5]).unwrap();
     // Iyy = Izz + 2 Ixx is against the triangle inequality wherever Ixx is above 0
     let mut row = vec![0.0; 11];
     (row[3], row[5], row[0]) = (-1.0, 1.0, 2.0);

@@ -1,6 +1,6 @@
 //! What is written of parameters: units, keys that YAML reads as text, inertias.
 
-use regen_identify::feasibility::{Layout, SYMBOLS, bodies_yaml, unit};
+use regen_identify::feasibility::{ParameterLayout, SYMBOLS, bodies_yaml, unit};
 use regen_runtime::{Friction, Info, Joint, Limits, Motion};
 
 /// A joint that turns and one that slides.
@@ -15,7 +15,7 @@ fn joint(motion: Motion) -> Joint {
 
 #[test]
 fn every_kind_of_parameter_has_its_unit() {
-    let joints = [joint(Motion::Turn), joint(Motion::Shift)];
+    let joints = [joint(Motion::Rotation), joint(Motion::Translation)];
     let info = Info {
         coordinates: &["turn", "slide"],
         joints: &joints,
@@ -47,7 +47,7 @@ fn every_kind_of_parameter_has_its_unit() {
 /// The YAML of one body with these ten parameters.
 fn yaml(label: &str, ten: [f64; 10]) -> String {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}({label})")).collect();
-    bodies_yaml(&Layout::new(&labels).unwrap(), &ten).unwrap()
+    bodies_yaml(&ParameterLayout::new(&labels).unwrap(), &ten).unwrap()
 }
 
 /// YAML reads `yes`, `on` and the like as something else than text, and some characters as

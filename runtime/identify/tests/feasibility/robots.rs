@@ -1,13 +1,15 @@
 //! Random robots and random combinations of their parameters.
 
 use proptest::prelude::*;
-use regen_identify::feasibility::{Combinations, Layout, SYMBOLS, Ten, ten_of};
+use regen_identify::feasibility::{
+    BaseMap, InertialParameters, ParameterLayout, SYMBOLS, inertial_parameters,
+};
 
 /// A robot's parameters with combinations that are observed.
 #[derive(Clone, Debug)]
 pub(crate) struct Robot {
-    pub(crate) layout: Layout,
-    pub(crate) combinations: Combinations,
+    pub(crate) layout: ParameterLayout,
+    pub(crate) combinations: BaseMap,
     pub(crate) phi: Vec<f64>,
 }
 
@@ -18,7 +20,7 @@ impl Robot {
 }
 
 /// A body as four point masses and a little around them: strictly physical.
-fn body() -> impl Strategy<Value = Ten> {
+fn body() -> impl Strategy<Value = InertialParameters> {
     let point = (0.05..2.0_f64, prop::array::uniform3(-0.5..0.5_f64));
     (prop::array::uniform4(point), 0.001..0.02_f64).prop_map(|(points, round)| {
         let mut j = [[0.0; 4]; 4];
@@ -33,7 +35,7 @@ fn body() -> impl Strategy<Value = Ten> {
         for (k, row) in j.iter_mut().enumerate().take(3) {
             row[k] += round;
         }
-        ten_of(&j)
+        inertial_parameters(&j)
     })
 }
 
@@ -54,7 +56,7 @@ prop_compose! {
          friction in prop::collection::vec(0.1..50.0_f64, bodies.len()),
          bodies in Just(bodies)) -> Robot {
         let labels = labels(bodies.len());
-        let layout = Layout::new(&labels).unwrap();
+        let layout = ParameterLayout::new(&labels).unwrap();
         let mut phi: Vec<f64> = bodies.concat();
         phi.extend(friction);
         let kept: Vec<usize> = (0..labels.len()).filter(|j| !dropped.contains(j)).collect();
@@ -70,7 +72,7 @@ prop_compose! {
             }
         }
         let combinations =
-            Combinations::new(kept.iter().map(|k| labels[*k].clone()).collect(), rows).unwrap();
+            BaseMap::new(kept.iter().map(|k| labels[*k].clone()).collect(), rows).unwrap();
         Robot { layout, combinations, phi }
     }
 }

@@ -1,8 +1,8 @@
 //! Units near a robot's own: the same robot in millimetres and tonnes is the same robot.
 
-use regen_identify::estimate::Factor;
+use regen_identify::estimate::QrFactor;
 use regen_identify::feasibility::{
-    Bound, Combinations, Layout, Options, Physical, Prior, SYMBOLS, Scale, Total, identify,
+    BaseMap, Bound, Options, ParameterLayout, Physical, Prior, SYMBOLS, Scale, Total, identify,
 };
 
 /// How many units of length, mass and so on a metre and a kilogram are.
@@ -56,8 +56,8 @@ impl Units {
 #[test]
 fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
     let labels = labels();
-    let layout = Layout::new(&labels).unwrap();
-    let all = Combinations::identity(&labels);
+    let layout = ParameterLayout::new(&labels).unwrap();
+    let all = BaseMap::identity(&labels);
     let usual = Scale::default();
     let beta = |mass: f64, length: f64| -> Vec<f64> {
         let units = Units { length, mass };
@@ -98,15 +98,15 @@ fn units_are_near_the_robot_s_and_the_usual_ones_for_usual_robots() {
 /// rest; the signs of noise are such that constraints bind.
 fn measured(units: Units, options: fn(Units, Options) -> Options) -> Physical {
     let labels = labels();
-    let layout = Layout::new(&labels).unwrap();
-    let all = Combinations::identity(&labels);
+    let layout = ParameterLayout::new(&labels).unwrap();
+    let all = BaseMap::identity(&labels);
     let mut rows = vec![vec![0.0; 11]; 4];
     (rows[0][5], rows[0][10]) = (1.0, 1.0);
     (rows[1][6], rows[2][9], rows[3][3]) = (1.0, 1.0, 1.0);
     let names = ["Izz(1)", "mx(1)", "m(1)", "Iyy(1)"].map(str::to_owned);
-    let seen = Combinations::new(names.to_vec(), rows).unwrap();
+    let seen = BaseMap::new(names.to_vec(), rows).unwrap();
     assert_eq!(all.parameters(), seen.parameters());
-    let mut factor = Factor::new(names.to_vec());
+    let mut factor = QrFactor::new(names.to_vec());
     let mut w = vec![0.0; 16];
     for (k, name) in names.iter().enumerate() {
         w[5 * k] = 1.0 / units.of(name);

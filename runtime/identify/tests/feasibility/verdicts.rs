@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use regen_identify::feasibility::{
-    Combinations, InfeasibilityCertificate, Layout, SYMBOLS, Scale, Verdict, bodies_yaml,
+    BaseMap, InfeasibilityCertificate, ParameterLayout, SYMBOLS, Scale, Verdict, bodies_yaml,
     pseudo_inertia, verdict,
 };
 
@@ -65,7 +65,7 @@ proptest! {
     #[test]
     fn what_is_moved_out_of_all_bodies_is_proven_infeasible(robot in robot(), far in 0.01..3.0_f64) {
         // only parameters that are all observed: then the bodies themselves are the border
-        let all = Combinations::identity(robot.layout.labels());
+        let all = BaseMap::identity(robot.layout.labels());
         let scale = Scale::default();
         let mut phi = robot.phi.clone();
         let body = &robot.layout.bodies()[0];
@@ -159,8 +159,8 @@ fn a_pseudo_inertia_is_what_its_integral_says() {
 fn friction_that_drives_is_infeasible_by_itself() {
     let mut labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
     labels.push("Fv(q1)".to_owned());
-    let layout = Layout::new(&labels).unwrap();
-    let all = Combinations::identity(&labels);
+    let layout = ParameterLayout::new(&labels).unwrap();
+    let all = BaseMap::identity(&labels);
     let mut phi = [0.1, 0.0, 0.0, 0.1, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0, -2.0];
     let Verdict::Infeasible { certificate } =
         verdict(&layout, &all, &phi, Scale::default()).unwrap()
@@ -179,8 +179,8 @@ fn friction_that_drives_is_infeasible_by_itself() {
 #[test]
 fn misuse_is_an_error_and_not_a_verdict() {
     let labels: Vec<String> = SYMBOLS.iter().map(|s| format!("{s}(1)")).collect();
-    let layout = Layout::new(&labels).unwrap();
-    let all = Combinations::identity(&labels);
+    let layout = ParameterLayout::new(&labels).unwrap();
+    let all = BaseMap::identity(&labels);
     assert!(verdict(&layout, &all, &[1.0; 9], Scale::default()).is_err());
     assert!(verdict(&layout, &all, &[f64::NAN; 10], Scale::default()).is_err());
     let none = Scale {
@@ -188,16 +188,19 @@ fn misuse_is_an_error_and_not_a_verdict() {
         length: 1.0,
     };
     assert!(verdict(&layout, &all, &[1.0; 10], none).is_err());
-    assert!(Layout::new(&labels[1..]).is_err(), "a body without Ixx");
     assert!(
-        Layout::new(&[labels.clone(), labels].concat()).is_err(),
+        ParameterLayout::new(&labels[1..]).is_err(),
+        "a body without Ixx"
+    );
+    assert!(
+        ParameterLayout::new(&[labels.clone(), labels].concat()).is_err(),
         "labels twice"
     );
 }
 
 #[test]
 fn a_body_in_yaml_has_its_inertia_about_its_own_centre() {
-    let layout = Layout::new(&crate::robots::labels(1)).unwrap();
+    let layout = ParameterLayout::new(&crate::robots::labels(1)).unwrap();
     // in binary fractions, so that nothing is rounded
     let (m, [x, y, z]) = (2.0, [0.5, 0.25, -0.125]);
     let own = [0.5, 0.125, -0.0625, 0.75, 0.03125, 1.0];

@@ -2,7 +2,7 @@
 //!
 //! A small version of `tests/examples/coverage.rs`, which counts 1,000 logs for every estimator.
 
-use regen_identify::identify::{Kind, Options, Recorded, identify};
+use regen_identify::identify::{EquationKind, Options, Recorded, identify};
 
 use crate::models::pendulum::Pendulum;
 use crate::robust::Random;
@@ -48,7 +48,8 @@ fn intervals_hold_the_truth_in_95_of_100_logs_with_correlated_residuals() {
         };
         let (mut held, mut white) = ([0; 2], [0; 2]);
         for seed in 0..LOGS {
-            let found = identify(&Pendulum, Kind::Forces, &options, &mut log(seed)).unwrap();
+            let found =
+                identify(&Pendulum, EquationKind::Forces, &options, &mut log(seed)).unwrap();
             let used = found.correlated();
             for k in 0..2 {
                 let off = (used.values[k] - TRUTH[k]).abs();

@@ -1,7 +1,9 @@
 //! The balance of energy against the energies and powers of a slider-crank, written by hand.
 
-use regen_identify::identify::{Kind, Observer, Options, Recorded, Row, identify, residuals};
-use regen_runtime::Closure;
+use regen_identify::identify::{
+    EquationBuilder, EquationKind, Options, Recorded, Row, identify, residuals,
+};
+use regen_runtime::LoopClosure;
 
 use crate::models::pendulum::Pendulum;
 use crate::models::slider_crank::SliderCrank;
@@ -29,7 +31,7 @@ struct Made {
 
 fn made(samples: u32, step: f64) -> Vec<Made> {
     let model = model();
-    let mut closure = Closure::new(&model).unwrap();
+    let mut closure = LoopClosure::new(&model).unwrap();
     (0..samples)
         .map(|k| {
             let t = step * f64::from(k);
@@ -91,7 +93,7 @@ fn by_hand(window: &[Made]) -> ([f64; 3], f64) {
 #[test]
 fn a_window_balances_work_with_what_energies_gain_and_friction_takes() {
     let (model, rows) = (model(), made(200, 0.01));
-    let mut observer = Observer::new(&model, Kind::Energy { window: 0.25 });
+    let mut observer = EquationBuilder::new(&model, EquationKind::Energy { window: 0.25 });
     let mut from = 0;
     let mut windows = 0;
     // the log is interrupted here: the window before it has no end
@@ -134,7 +136,7 @@ fn energy_alone_finds_the_parameters_as_its_step_shrinks() {
             // accelerations are not asked for
             log.push(m.time, &m.q, &m.qd, &[f64::NAN; 3], &[m.tau]);
         }
-        let kind = Kind::Energy { window: 0.1 };
+        let kind = EquationKind::Energy { window: 0.1 };
         let found = identify(&model, kind, &Options::default(), &mut log).unwrap();
         let pairs = found.estimate.values.iter().zip(PHI);
         pairs.fold(0.0, |m: f64, (a, b)| m.max((a - b).abs() / b))
@@ -150,8 +152,8 @@ fn forces_and_energy_without_an_equation_are_counted_as_singular() {
     // the rod stands across the slider's way: nothing follows from the crank
     let mut across = made(1, 0.1).remove(0);
     across.q[1] = std::f64::consts::FRAC_PI_2 - across.q[0];
-    for kind in [Kind::Forces, Kind::Energy { window: 0.15 }] {
-        let mut observer = Observer::new(&model, kind);
+    for kind in [EquationKind::Forces, EquationKind::Energy { window: 0.15 }] {
+        let mut observer = EquationBuilder::new(&model, kind);
         let mut given = 0;
         for (k, sample) in rows.iter().enumerate() {
             let sample = if k == 3 { &across } else { sample };
@@ -162,13 +164,13 @@ fn forces_and_energy_without_an_equation_are_counted_as_singular() {
         }
         assert_eq!(observer.singular(), 1);
         // windows of two steps: from 0 to 2, none over the gap, and 4 to 5 is too short
-        assert_eq!(given, if kind == Kind::Forces { 5 } else { 1 });
+        assert_eq!(given, if kind == EquationKind::Forces { 5 } else { 1 });
     }
 }
 
 #[test]
 fn a_row_that_is_not_finite_gives_no_equation() {
-    let mut observer = Observer::new(&Pendulum, Kind::Forces);
+    let mut observer = EquationBuilder::new(&Pendulum, EquationKind::Forces);
     for (qdd, given) in [(1.0, 1), (f64::INFINITY, 0), (f64::NAN, 0), (2.0, 1)] {
         let row = Row {
             time: 0.0,
@@ -192,9 +194,9 @@ fn residuals_of_the_true_parameters_are_what_trapezoids_leave() {
     for m in made(400, 0.005) {
         log.push(m.time, &m.q, &m.qd, &m.qdd, &[m.tau]);
     }
-    let forces = residuals(&model(), Kind::Forces, &mut log, &PHI, &[0.0], 3).unwrap();
+    let forces = residuals(&model(), EquationKind::Forces, &mut log, &PHI, &[0.0], 3).unwrap();
     assert!(forces.efforts()[0].largest < 1e-10, "closed to rounding");
-    let kind = Kind::Energy { window: 0.5 };
+    let kind = EquationKind::Energy { window: 0.5 };
     let energy = residuals(&model(), kind, &mut log, &PHI, &[0.0], 1).unwrap();
     // two seconds, less the first sample: three windows are full
     assert_eq!(energy.efforts()[0].samples, 3);
@@ -204,11 +206,14 @@ fn residuals_of_the_true_parameters_are_what_trapezoids_leave() {
 
 #[test]
 fn kinds_of_equations_are_named_as_files_name_them() {
-    assert_eq!(Kind::Forces.name(), "forces");
-    assert_eq!(Kind::Energy { window: 0.5 }.name(), "energy over 0.5 s");
-    let origin = Observer::new(&model(), Kind::Energy { window: 0.5 }).origin();
+    assert_eq!(EquationKind::Forces.name(), "forces");
+    assert_eq!(
+        EquationKind::Energy { window: 0.5 }.name(),
+        "energy over 0.5 s"
+    );
+    let origin = EquationBuilder::new(&model(), EquationKind::Energy { window: 0.5 }).origin();
     assert_eq!(origin.efforts, ["energy"]);
     assert_eq!(origin.labels, ["J(crank)", "Fv(crank)", "m(slider)"]);
-    let origin = Observer::new(&model(), Kind::Forces).origin();
+    let origin = EquationBuilder::new(&model(), EquationKind::Forces).origin();
     assert_eq!(origin.efforts, ["crank"]);
 }

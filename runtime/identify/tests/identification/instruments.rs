@@ -2,7 +2,8 @@
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
-    InstrumentOptions, Instrumental, Kind, Motion, Options, Recorded, identify, instrumental,
+    EquationKind, InstrumentOptions, Instrumental, Motion, Options, Recorded, identify,
+    instrumental,
 };
 
 use crate::models::pendulum::Pendulum;
@@ -42,7 +43,7 @@ fn log(seed: u64, noisy: bool) -> Recorded {
 
 /// By instruments from the measured motion smoothed, with least squares.
 fn both(log: &mut Recorded) -> (Instrumental, [f64; 2]) {
-    let least = identify(&Pendulum, Kind::Forces, &Options::default(), log).unwrap();
+    let least = identify(&Pendulum, EquationKind::Forces, &Options::default(), log).unwrap();
     let off = |k: usize| (least.estimate.values[k] - TRUTH[k]).abs() / least.estimate.sigma(k);
     let measured = Motion::recorded(&Pendulum, log).unwrap();
     let (smooth, _) = measured.smoothed(None).unwrap();

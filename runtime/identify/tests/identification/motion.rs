@@ -1,7 +1,7 @@
 //! States of a slider-crank from what is measured of it, against its closed form.
 
 use regen_identify::identify::{Completed, Completion};
-use regen_runtime::Closure;
+use regen_runtime::LoopClosure;
 
 use crate::models::slider_crank::SliderCrank;
 
@@ -38,7 +38,7 @@ fn state(completed: Completed) -> regen_runtime::State {
 #[test]
 fn measured_in_any_order_and_number_exact_values_give_the_state() {
     let model = model();
-    let mut closure = Closure::new(&model).unwrap();
+    let mut closure = LoopClosure::new(&model).unwrap();
     for measured in [&[0][..], &[2], &[1], &[2, 0], &[1, 2], &[2, 1, 0]] {
         let deviations: Vec<f64> = measured.iter().map(|m| 0.01 + 0.5 * *m as f64).collect();
         let mut completion = Completion::new(&model, measured, &deviations).unwrap();
@@ -81,7 +81,7 @@ fn contradictions_are_weighed_by_the_deviations() {
     assert!((found.qd[0] - rate).abs() < 1e-12, "{found:?} {rate}");
     // what the slider has at a steady crank is no contradiction
     let coast = {
-        let mut closure = Closure::new(&model).unwrap();
+        let mut closure = LoopClosure::new(&model).unwrap();
         closure.solve_state(&[crank], &[rate], &[0.0]).unwrap().qdd[2]
     };
     let acceleration = mean(qdd[0], qdd[1] - coast);

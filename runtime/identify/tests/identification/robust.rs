@@ -2,7 +2,7 @@
 
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{
-    Filtering, Identified, Kind, Options, Recorded, Row, Source, identify,
+    EquationKind, Filtering, Identified, Options, Recorded, Row, Source, identify,
 };
 
 use crate::models::pendulum::Pendulum;
@@ -46,7 +46,7 @@ fn pendulum(noise: impl FnMut() -> f64) -> (Vec<[f64; 2]>, Vec<f64>, Recorded) {
 }
 
 fn found(log: &mut Recorded, options: &Options) -> Identified {
-    identify(&Pendulum, Kind::Forces, options, log).unwrap()
+    identify(&Pendulum, EquationKind::Forces, options, log).unwrap()
 }
 
 fn residuals(w: &[[f64; 2]], y: &[f64], beta: &[f64]) -> Vec<f64> {
@@ -278,7 +278,7 @@ fn a_log_that_fits_into_memory_is_read_once_whatever_the_passes() {
             ..Options::default()
         };
         log.read = 0;
-        identify(&Pendulum, Kind::Forces, &options, &mut log).unwrap();
+        identify(&Pendulum, EquationKind::Forces, &options, &mut log).unwrap();
         assert_eq!(log.read, 1, "{huber:?}");
     }
 }

@@ -111,7 +111,7 @@ impl Div for Double {
 impl Scalar for Double {
     type Mask = bool;
 
-    fn lift(self, c: f64) -> Self {
+    fn splat(self, c: f64) -> Self {
         Self::new(c)
     }
 

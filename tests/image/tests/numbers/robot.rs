@@ -2,7 +2,7 @@
 
 use regen_image::robots::Robot;
 use regen_runtime::function::{Argument, Signature, Sizes};
-use regen_runtime::{Arguments, BaseFunction, Closure, Model};
+use regen_runtime::{Arguments, BaseFunction, LoopClosure, Model};
 
 /// Values of all arguments at one closed state.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ impl Inputs {
         let info = robot.info();
         let model: &dyn Model = robot;
         let (qd_i, qdd_i) = (mixed(q_i.len(), 0.7), mixed(q_i.len(), 2.3));
-        let mut closure = Closure::new(model).unwrap();
+        let mut closure = LoopClosure::new(model).unwrap();
         let state = closure.solve_state(q_i, &qd_i, &qdd_i).unwrap();
         if !state.outcome.is_closed() {
             return None;

@@ -10,7 +10,7 @@ use crate::robot::Inputs;
 use nalgebra::{DMatrix, DVector};
 use regen_image::robots::{Robot, all};
 use regen_robots as generated;
-use regen_runtime::{Closure, Condition, Model, NEAR_SINGULAR, Outcome, SizeError};
+use regen_runtime::{Condition, LoopClosure, Model, NEAR_SINGULAR, Outcome, SizeError};
 
 /// Where the pivot is p, errors at given coordinates are below this times 2^-52 / p^2, relative to
 /// the largest entry.
@@ -83,7 +83,7 @@ fn directions(dof: usize) -> Vec<Vec<f64>> {
 fn singular(robot: Robot<f64>) -> Vec<(Vec<f64>, f64, Vec<f64>)> {
     let info = robot.info();
     let model: &dyn Model = robot;
-    let mut closure = Closure::new(model).unwrap();
+    let mut closure = LoopClosure::new(model).unwrap();
     let home: Vec<f64> = info
         .independent
         .iter()
@@ -164,7 +164,7 @@ fn rates(robot: Robot<f64>, q: &[f64], inputs: &Inputs) -> (Vec<Vec<f64>>, f64) 
     (vec![qd, qdd, tau], worst.pivot)
 }
 
-fn lift(values: &[f64]) -> Vec<Double> {
+fn splat(values: &[f64]) -> Vec<Double> {
     values.iter().map(|x| Double::new(*x)).collect()
 }
 
@@ -172,8 +172,8 @@ impl Exact {
     /// All coordinates in 32 digits where the loops close at q's independent ones.
     fn closed(&self, robot: Robot<f64>, q: &[f64]) -> Option<Vec<Double>> {
         let dependent = robot.info().dependent;
-        let mut q = lift(q);
-        let mut step = lift(&vec![0.0; dependent.len()]);
+        let mut q = splat(q);
+        let mut step = splat(&vec![0.0; dependent.len()]);
         let mut last = f64::INFINITY;
         for _ in 0..12 {
             let _ = (self.newton_step)(&q, &mut step).unwrap();
@@ -189,16 +189,16 @@ impl Exact {
     /// found for that.
     fn rates_at(&self, q: &[Double], inputs: &Inputs, found: Option<&[Vec<f64>]>) -> Vec<Vec<f64>> {
         let zero = vec![0.0; q.len()];
-        let (mut qd, mut qdd) = (lift(&zero), lift(&zero));
-        let mut tau = lift(&zero[..inputs.qd_i.len()]);
+        let (mut qd, mut qdd) = (splat(&zero), splat(&zero));
+        let mut tau = splat(&zero[..inputs.qd_i.len()]);
         let lower = |values: &[Double]| values.iter().map(|x| x.to_f64()).collect();
-        let _ = (self.velocities)(q, &lift(&inputs.qd_i), &mut qd).unwrap();
+        let _ = (self.velocities)(q, &splat(&inputs.qd_i), &mut qd).unwrap();
         let velocities = lower(&qd);
-        qd = found.map_or(qd, |found| lift(&found[0]));
-        let _ = (self.accelerations)([q, &qd, &lift(&inputs.qdd_i)], &mut qdd).unwrap();
+        qd = found.map_or(qd, |found| splat(&found[0]));
+        let _ = (self.accelerations)([q, &qd, &splat(&inputs.qdd_i)], &mut qdd).unwrap();
         let accelerations = lower(&qdd);
-        qdd = found.map_or(qdd, |found| lift(&found[1]));
-        let _ = (self.inverse_dynamics)([q, &qd, &qdd, &lift(&inputs.phi)], &mut tau).unwrap();
+        qdd = found.map_or(qdd, |found| splat(&found[1]));
+        let _ = (self.inverse_dynamics)([q, &qd, &qdd, &splat(&inputs.phi)], &mut tau).unwrap();
         vec![velocities, accelerations, lower(&tau)]
     }
 }
@@ -262,7 +262,7 @@ fn at_the_coordinates_that_are_given_a_status_comes_before_errors() {
                 if let Some(q) = closed(robot, &moved) {
                     let (found, pivot) = rates(robot, &q, &inputs);
                     tally.add(pivot, 2, || {
-                        error(&found, &exact.rates_at(&lift(&q), &inputs, Some(&found)))
+                        error(&found, &exact.rates_at(&splat(&q), &inputs, Some(&found)))
                     });
                 }
             }
@@ -286,7 +286,7 @@ fn at_independent_coordinates_a_status_comes_before_errors() {
         let (_, robot) = all().find(|(name, _)| *name == exact.name).unwrap();
         let model: &dyn Model = robot;
         let inputs = Inputs::near_home(robot);
-        let mut closure = Closure::new(model).unwrap();
+        let mut closure = LoopClosure::new(model).unwrap();
         let home: Vec<f64> = robot
             .info()
             .independent
@@ -339,7 +339,7 @@ fn beyond_a_singularity_nothing_is_closed_and_no_rates_are_numbers() {
         let model: &dyn Model = robot;
         let rates = vec![0.5; info.dof()];
         for (target, at, _) in singular(robot) {
-            let mut closure = Closure::new(model).unwrap();
+            let mut closure = LoopClosure::new(model).unwrap();
             let home: Vec<f64> = info
                 .independent
                 .iter()

@@ -103,7 +103,7 @@ pub fn derive(bytes: &[u8]) {
     let source = Source::new("input.yaml", text);
     // with base parameters where they are quick, as the macro has it
     let robot = match derive_with(&source, BaseFrom::Store(None)) {
-        Err(DeriveError::NotStored) => derive_with(&source, BaseFrom::Nowhere),
+        Err(DeriveError::NotStored) => derive_with(&source, BaseFrom::Skip),
         other => other,
     };
     let robot = match robot {

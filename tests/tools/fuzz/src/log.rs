@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use regen_identify::data::{DataError, Logs, Policy, Settings};
-use regen_identify::identify::{Kind, observe};
+use regen_identify::identify::{EquationKind, observe};
 use regen_identify::signals::Method;
 
 mod model {
@@ -77,7 +77,7 @@ fn read(path: &Path, way: u64) {
     let told = |error: DataError| assert!(!error.to_string().is_empty(), "no word");
     match Logs::open(&model::Pendulum, &[path.to_path_buf()], &settings) {
         Err(error) => told(error),
-        Ok(mut logs) => match observe(&model::Pendulum, Kind::Forces, &mut logs) {
+        Ok(mut logs) => match observe(&model::Pendulum, EquationKind::Forces, &mut logs) {
             Err(error) => told(error),
             Ok((set, _)) => assert!(!set.labels().is_empty()),
         },

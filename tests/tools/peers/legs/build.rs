@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut all = String::new();
     for legs in LEGS {
         let source = Source::new("ups.yaml", &platform::ups(legs));
-        let robot = derive_with(&source, BaseFrom::Nowhere).map_err(|e| format!("{e:?}"))?;
+        let robot = derive_with(&source, BaseFrom::Skip).map_err(|e| format!("{e:?}"))?;
         let text = module(&robot, &Options::default());
         writeln!(all, "pub mod ups{legs} {{\n{text}\n}}")?;
     }

@@ -35,7 +35,7 @@ fn a_parallelogram_keeps_its_opposite_sides_parallel() {
     for state in &states {
         assert!((state.q[0] + state.q[1]).log10() < -75.0);
         assert!((state.q[0] - state.q[2]).log10() < -75.0);
-        assert!((state.j[1][0] + Wide::ONE).log10() < -70.0);
+        assert!((state.j[1][0] + Float320::ONE).log10() < -70.0);
         // the flat positions, where the branches meet, are not passed
         assert!((0.0..core::f64::consts::PI).contains(&state.q[0].to_f64()));
     }

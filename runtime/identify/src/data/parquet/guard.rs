@@ -12,7 +12,7 @@ std::thread_local! {
 
 /// Calls the library; a panic in it, of which broken files cause several, is an error. Nothing
 /// that it was working on is used again.
-pub(super) fn guarded<T>(
+pub(super) fn solve_guarded<T>(
     call: impl FnOnce() -> Result<T, ParquetError>,
 ) -> Result<T, ParquetError> {
     static QUIET: Once = Once::new();

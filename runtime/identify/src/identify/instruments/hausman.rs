@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
 
 use super::log::Log;
-use super::{Found, Hausman};
-use crate::estimate::{Autocorrelated, EffortError, EstimateError, Factor};
+use super::{Hausman, RoundResult};
+use crate::estimate::{Autocorrelated, EffortError, EstimateError, QrFactor};
 use crate::identify::passes::{Source, predicted};
-use crate::triangle::substitute;
+use crate::qr_update::substitute;
 use regen_runtime::BaseModel;
 
 /// Of correlated differences, those that others foretell up to this part are left out of the test.
@@ -37,7 +37,7 @@ pub(super) struct Covariances {
 /// strongly correlated that the sum alone would be several times too large.
 pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     log: &mut Log<'_, M, S>,
-    found: &Found,
+    found: &RoundResult,
     bandwidth: usize,
 ) -> Result<Covariances, S::Error> {
     let solution = &found.solution;
@@ -76,7 +76,7 @@ pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         scores.push(&score)
     })?;
     // with the triangle 1 the long-run sum is left as it is, up to a known factor
-    let mut unit = Factor::new(vec![String::new(); 2 * r]);
+    let mut unit = QrFactor::new(vec![String::new(); 2 * r]);
     let mut identity = vec![0.0; 4 * r * r];
     for k in 0..2 * r {
         identity[k * 2 * r + k] = 1.0;
@@ -122,7 +122,7 @@ pub(super) fn covariances<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 }
 
 /// `(R^T R)^-1`, n x n.
-fn inverse_gram(factor: &Factor) -> Result<Vec<f64>, EstimateError> {
+fn inverse_gram(factor: &QrFactor) -> Result<Vec<f64>, EstimateError> {
     let n = factor.columns();
     let r = factor.r();
     // columns of R^-1

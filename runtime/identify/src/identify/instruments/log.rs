@@ -2,21 +2,21 @@
 
 use super::Motion;
 use crate::estimate::EstimateError;
-use crate::identify::observer::{Equations, Kind, Row};
+use crate::identify::equation_builder::{EquationKind, Equations, Row};
 use crate::identify::passes::Source;
 use crate::identify::stream::{Columns, LeftOut, equations};
-use regen_runtime::{BaseModel, Closure, Misuse, Outcome, Status};
+use regen_runtime::{BaseModel, ClosureError, LoopClosure, Outcome, Status};
 
 /// The regressor at the motion of the instruments.
-struct At<'a, 'm, M: ?Sized> {
+struct InstrumentRegressor<'a, 'm, M: ?Sized> {
     model: &'m M,
-    closure: Closure<'m, M>,
+    closure: LoopClosure<'m, M>,
     motion: &'a Motion,
     /// Where the last sample was found.
     last: Option<usize>,
 }
 
-impl<M: BaseModel<f64> + ?Sized> Columns for At<'_, '_, M> {
+impl<M: BaseModel<f64> + ?Sized> Columns for InstrumentRegressor<'_, '_, M> {
     fn count(&self) -> usize {
         self.model.base_info().base.len()
     }
@@ -33,7 +33,7 @@ impl<M: BaseModel<f64> + ?Sized> Columns for At<'_, '_, M> {
         let state = self.closure.track_state(q_i, qd_i, qdd_i);
         let state = match state {
             Ok(state) => state,
-            Err(Misuse::Size(error)) => return Err(error.into()),
+            Err(ClosureError::Size(error)) => return Err(error.into()),
             Err(_) => return Ok(false),
         };
         if state.outcome != Outcome::Closed {
@@ -101,10 +101,10 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
             }
             return Ok(());
         }
-        let mut at = At {
+        let mut at = InstrumentRegressor {
             model: self.model,
-            closure: Closure::new(self.model).map_err(|why| match why {
-                Misuse::Size(error) => EstimateError::from(error),
+            closure: LoopClosure::new(self.model).map_err(|why| match why {
+                ClosureError::Size(error) => EstimateError::from(error),
                 _ => EstimateError::NoConvergence,
             })?,
             motion: &self.motion,
@@ -114,7 +114,7 @@ impl<'a, M: BaseModel<f64> + ?Sized, S: Source + ?Sized> Log<'a, M, S> {
         let mut kept = Vec::new();
         self.left = equations(
             self.model,
-            Kind::Forces,
+            EquationKind::Forces,
             self.source,
             &mut at,
             &mut |found| {

@@ -24,7 +24,7 @@ use hausman::{covariances, hausman};
 use log::Log;
 use sums::{Solution, Sums};
 
-use super::observer::{Equations, Kind, Observer};
+use super::equation_builder::{EquationBuilder, EquationKind, Equations};
 use super::passes::{Source, predicted};
 use super::stream::LeftOut;
 use crate::estimate::{EffortError, Estimate, Residuals, Weighting};
@@ -120,7 +120,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
     start: &[f64],
     motion: &mut Motions<'_, S::Error>,
 ) -> Result<Instrumental, S::Error> {
-    let origin = Observer::new(model, Kind::Forces).origin();
+    let origin = EquationBuilder::new(model, EquationKind::Forces).origin();
     let mut values = start.to_vec();
     let mut log = Log::new(model, source);
     let mut sums: Option<Sums> = None;
@@ -147,7 +147,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
         values.clone_from(&solution.values);
         let (measured, smooth) = residuals(&mut log, options, &now, &values)?;
         let efforts = measured.efforts();
-        let round = Found {
+        let round = RoundResult {
             solution,
             relative_absolute: measured.relative_absolute(),
             at_instruments: smooth.relative_absolute(),
@@ -200,7 +200,7 @@ pub fn instrumental<M: BaseModel<f64> + ?Sized, S: Source + ?Sized>(
 }
 
 /// What the last round came to.
-struct Found {
+struct RoundResult {
     solution: Solution,
     weights: Vec<f64>,
     efforts: Vec<EffortError>,
@@ -208,7 +208,7 @@ struct Found {
     at_instruments: f64,
 }
 
-impl Found {
+impl RoundResult {
     /// The weights of the efforts for the next round.
     fn next_weights(&self, weighting: Weighting) -> Vec<f64> {
         let pairs = self.efforts.iter().zip(&self.weights);

@@ -1,9 +1,9 @@
 //! Sums over equations with instruments, and the estimate from them.
 
 use super::log::Log;
-use crate::estimate::{Accumulator, EstimateError, Factor, FactorSet, Origin};
+use crate::estimate::{Accumulator, EstimateError, FactorSet, Origin, QrFactor};
 use crate::identify::passes::Source;
-use crate::triangle::{reduce, substitute};
+use crate::qr_update::{reduce, substitute};
 use regen_runtime::BaseModel;
 
 /// Pivots below this part of the largest: the instruments do not determine the parameters.
@@ -125,7 +125,7 @@ pub(super) struct Solution {
     /// `(Z^T W)^-1`, row by row.
     pub(super) inverse: Vec<f64>,
     /// Of W, weighted.
-    pub(super) factor: Factor,
+    pub(super) factor: QrFactor,
 }
 
 impl Solution {

@@ -30,7 +30,7 @@ pub struct Nominal {
 
 /// A base parameter that cannot be negative and is.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Told {
+pub struct NegativeParameter {
     /// Its label.
     pub label: String,
     /// Its value.
@@ -136,7 +136,7 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
     now: &Fit,
     values: &[f64],
     sigmas: &[f64],
-) -> Vec<Told> {
+) -> Vec<NegativeParameter> {
     let base = model.base_info().base;
     let pairs = values.iter().zip(sigmas).enumerate();
     let mut out = Vec::new();
@@ -165,7 +165,7 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
         };
         let pairs = without.errors.iter().zip(&now.errors);
         if pairs.into_iter().any(|(a, b)| *a > MATTERS * b.max(0.01)) {
-            out.push(Told {
+            out.push(NegativeParameter {
                 label: parameter.label.to_owned(),
                 value: *value,
                 sigma: *sigma,

@@ -140,7 +140,7 @@ impl Grams {
             for k in 0..efforts {
                 let mut unit = vec![0.0; efforts];
                 unit[k] = 1.0;
-                let _ = model.efforts(&full.q, &unit, &mut own).ok()?;
+                let _ = model.generalized_forces(&full.q, &unit, &mut own).ok()?;
                 transfer[k * dof..(k + 1) * dof].copy_from_slice(&own);
             }
             if out.acting.is_empty() {

@@ -12,7 +12,7 @@ mod facts;
 mod grams;
 mod positions;
 
-pub use facts::{Nominal, Shift, Told};
+pub use facts::{NegativeParameter, Nominal, Shift};
 
 use grams::{Fit, Grams};
 use regen_runtime::BaseModel;
@@ -96,7 +96,7 @@ pub struct Findings {
     pub driving: Vec<(usize, f64)>,
     /// Friction and rotors that are identified as negative, and matter; only where no change
     /// explains them.
-    pub negative: Vec<Told>,
+    pub negative: Vec<NegativeParameter>,
     /// Efforts that look shifted by a constant, which friction of two directions took up; only
     /// where no change explains them.
     pub shifts: Vec<Shift>,

@@ -23,7 +23,7 @@ struct Candidate {
 
 /// The error of a candidate, how implausible it is and how much it touches, itself, and the errors
 /// of the equations.
-type Tried = (f64, (usize, usize), Candidate, Vec<f64>);
+type TriedCandidate = (f64, (usize, usize), Candidate, Vec<f64>);
 
 /// The best change of position columns, if it is better than that of efforts.
 pub(super) fn search<M: BaseModel<f64> + ?Sized>(
@@ -58,7 +58,7 @@ pub(super) fn search<M: BaseModel<f64> + ?Sized>(
     let mut now = start.as_ref().map(|fit| quality(&fit.errors));
     let mut found = None;
     for round in 0..ROUNDS {
-        let mut fits: Vec<Tried> = Vec::new();
+        let mut fits: Vec<TriedCandidate> = Vec::new();
         for (k, candidate) in candidates(model, sample, own, &positions, &read)
             .into_iter()
             .enumerate()
@@ -156,10 +156,10 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
 ) -> Vec<Candidate> {
     let info = model.info();
     let degree = core::f64::consts::PI / 180.0;
-    let motion = |c: usize| info.joints.get(c).map_or(Motion::Turn, |j| j.motion);
+    let motion = |c: usize| info.joints.get(c).map_or(Motion::Rotation, |j| j.motion);
     let actuator = |c: usize| info.actuated.iter().position(|a| *a == c);
     let unit = |c: usize| {
-        if motion(c) == Motion::Turn {
+        if motion(c) == Motion::Rotation {
             degree
         } else {
             1e-3
@@ -183,7 +183,7 @@ fn candidates<M: BaseModel<f64> + ?Sized>(
         };
         pairs.map(one).collect()
     };
-    for kind in [Motion::Turn, Motion::Shift] {
+    for kind in [Motion::Rotation, Motion::Translation] {
         if sample.measured.iter().any(|c| motion(*c) == kind) {
             out.push(plain(scaled(&|c| motion(c) == kind), 1));
         }

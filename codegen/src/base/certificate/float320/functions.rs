@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use crate::sym::Number;
 
-use super::Wide;
+use super::Float320;
 
 /// Newton steps from the 53 bits of an `f64` to more than 320.
 const STEPS: usize = 3;
@@ -15,75 +15,75 @@ const TERMS: usize = 15;
 
 /// What sine and cosine need.
 struct Constants {
-    half_pi: Wide,
+    half_pi: Float320,
     /// 2/pi.
-    quarters: Wide,
+    quarters: Float320,
     /// 1/n! for even n from 2, signs alternating from minus.
-    even: [Wide; TERMS],
+    even: [Float320; TERMS],
     /// 1/n! for odd n from 3, signs alternating from minus.
-    odd: [Wide; TERMS],
+    odd: [Float320; TERMS],
 }
 
 fn constants() -> &'static Constants {
     static CONSTANTS: OnceLock<Constants> = OnceLock::new();
     CONSTANTS.get_or_init(|| {
-        let half_pi = Wide::from_number(&Number::pi()).scaled(-1);
-        let mut even = [Wide::ZERO; TERMS];
-        let mut odd = [Wide::ZERO; TERMS];
-        let mut inverse = Wide::ONE;
+        let half_pi = Float320::from_number(&Number::pi()).scaled(-1);
+        let mut even = [Float320::ZERO; TERMS];
+        let mut odd = [Float320::ZERO; TERMS];
+        let mut inverse = Float320::ONE;
         for k in 0..TERMS {
             let n = 2.0 * k as f64 + 2.0;
             for (entry, divisor) in [(&mut even[k], n), (&mut odd[k], n + 1.0)] {
-                let quotient = inverse.checked_div(Wide::from_f64(divisor));
-                inverse = quotient.unwrap_or(Wide::ZERO);
+                let quotient = inverse.checked_div(Float320::from_f64(divisor));
+                inverse = quotient.unwrap_or(Float320::ZERO);
                 *entry = if k % 2 == 0 { -inverse } else { inverse };
             }
         }
         Constants {
             half_pi,
-            quarters: half_pi.reciprocal().unwrap_or(Wide::ZERO),
+            quarters: half_pi.reciprocal().unwrap_or(Float320::ZERO),
             even,
             odd,
         }
     })
 }
 
-impl Wide {
+impl Float320 {
     /// `1 / self`, `None` of 0.
-    pub fn reciprocal(self) -> Option<Wide> {
+    pub fn reciprocal(self) -> Option<Float320> {
         if self.is_zero() {
             return None;
         }
         // of the mantissa, which an f64 can hold whatever the exponent
         let mantissa = self.abs().scaled(-self.exponent);
-        let mut y = Wide::from_f64(1.0 / mantissa.to_f64());
+        let mut y = Float320::from_f64(1.0 / mantissa.to_f64());
         for _ in 0..STEPS {
-            y = y + y * (Wide::ONE - mantissa * y);
+            y = y + y * (Float320::ONE - mantissa * y);
         }
         let y = y.scaled(-self.exponent);
         Some(if self.negative { -y } else { y })
     }
 
     /// `self / divisor`, `None` at 0.
-    pub fn checked_div(self, divisor: Wide) -> Option<Wide> {
+    pub fn checked_div(self, divisor: Float320) -> Option<Float320> {
         let y = divisor.reciprocal()?;
         let quotient = self * y;
         Some(quotient + y * (self - divisor * quotient))
     }
 
     /// The square root, `None` of a negative value.
-    pub fn sqrt(self) -> Option<Wide> {
+    pub fn sqrt(self) -> Option<Float320> {
         if self.is_zero() {
-            return Some(Wide::ZERO);
+            return Some(Float320::ZERO);
         }
         if self.negative {
             return None;
         }
         let half = self.exponent.div_euclid(2);
         let x = self.scaled(-2 * half);
-        let mut y = Wide::from_f64(1.0 / libm::sqrt(x.to_f64()));
+        let mut y = Float320::from_f64(1.0 / libm::sqrt(x.to_f64()));
         for _ in 0..STEPS {
-            y = y + (y * (Wide::ONE - x * y * y)).scaled(-1);
+            y = y + (y * (Float320::ONE - x * y * y)).scaled(-1);
         }
         let root = x * y;
         let root = root + ((x - root * root) * y).scaled(-1);
@@ -91,7 +91,7 @@ impl Wide {
     }
 
     /// Sine and cosine, to some 315 bits of 1.
-    pub fn sin_cos(self) -> (Wide, Wide) {
+    pub fn sin_cos(self) -> (Float320, Float320) {
         let constants = constants();
         let mut quadrant = 0u8;
         let mut rest = self;
@@ -106,7 +106,7 @@ impl Wide {
                 .into_iter()
                 .find(|k| f64::from(*k) >= in_four)
                 .unwrap_or(0);
-            rest = rest - constants.half_pi * Wide::from_f64(turns);
+            rest = rest - constants.half_pi * Float320::from_f64(turns);
         }
         let (sine, cosine) = near_zero(rest, constants);
         match quadrant % 4 {
@@ -119,11 +119,11 @@ impl Wide {
 }
 
 /// Series of the angle halved some times, then doubled back.
-fn near_zero(angle: Wide, constants: &Constants) -> (Wide, Wide) {
+fn near_zero(angle: Float320, constants: &Constants) -> (Float320, Float320) {
     let x = angle.scaled(-HALVINGS);
     let square = x * x;
-    let series = |coefficients: &[Wide; TERMS]| {
-        let start = Wide::ZERO;
+    let series = |coefficients: &[Float320; TERMS]| {
+        let start = Float320::ZERO;
         let sum = coefficients.iter().rev();
         sum.fold(start, |sum, c| (sum + *c) * square)
     };
@@ -131,9 +131,9 @@ fn near_zero(angle: Wide, constants: &Constants) -> (Wide, Wide) {
     // 1 - cos, whose relative precision survives the doubling
     let mut versine = -series(&constants.even);
     for _ in 0..HALVINGS {
-        let cosine = Wide::ONE - versine;
+        let cosine = Float320::ONE - versine;
         versine = (sine * sine).scaled(1);
         sine = (sine * cosine).scaled(1);
     }
-    (sine, Wide::ONE - versine)
+    (sine, Float320::ONE - versine)
 }

@@ -7,12 +7,12 @@ use crate::sym::{Ex, Graph, V3, ZERO3};
 
 use super::CertificateError;
 use super::evaluate::Evaluator;
+use super::float320::Float320;
 use super::states::Walk;
 use super::units::Units;
-use super::wide::Wide;
 
 /// A vector in the world's axes.
-pub type Vector3 = [Wide; 3];
+pub type Vector3 = [Float320; 3];
 
 /// How a link moves at a state.
 #[derive(Clone, Debug)]
@@ -33,24 +33,24 @@ pub struct LinkMotion {
 
 /// A closed state.
 #[derive(Clone, Debug)]
-pub struct Observation {
+pub struct ClosedState {
     /// By coordinate.
-    pub q: Vec<Wide>,
+    pub q: Vec<Float320>,
     /// Rates of all coordinates by independent coordinate.
-    pub j: Vec<Vec<Wide>>,
+    pub j: Vec<Vec<Float320>>,
     /// By link.
     pub links: Vec<LinkMotion>,
 }
 
 /// What is evaluated of a link: where the world's origin and axes are in its
 /// frame, and the unit twists of coordinates.
-struct Seen {
+struct LinkKinematics {
     origin: V3,
     axes: [V3; 3],
     twists: Vec<(usize, Twist)>,
 }
 
-impl Seen {
+impl LinkKinematics {
     fn roots(&self) -> impl Iterator<Item = Ex> {
         let twists = self
             .twists
@@ -71,7 +71,7 @@ pub fn observe(
     home: &[f64],
     seed: u64,
     count: usize,
-) -> Result<Vec<Observation>, CertificateError> {
+) -> Result<Vec<ClosedState>, CertificateError> {
     let mut g = Graph::new();
     for coordinate in &model.coordinates {
         g.symbol(&coordinate.name);
@@ -83,7 +83,7 @@ pub fn observe(
     if g.is_full() {
         return Err(CertificateError::TooLarge);
     }
-    let evaluator = Evaluator::new(&g, seen.iter().flat_map(Seen::roots).collect());
+    let evaluator = Evaluator::new(&g, seen.iter().flat_map(LinkKinematics::roots).collect());
     let units = Units::of(model, home);
     let mut walk = Walk::new(&g, &equations, model, home, seed, units)?;
     let mut found = Vec::new();
@@ -98,7 +98,7 @@ pub fn observe(
         if let Some(values) = evaluator.run(&closed.q) {
             let mut values = values.into_iter();
             let links = seen.iter().map(|s| moved(s, &mut values, &closed.j));
-            found.push(Observation {
+            found.push(ClosedState {
                 links: links.collect(),
                 q: closed.q,
                 j: closed.j,
@@ -109,13 +109,13 @@ pub fn observe(
     Ok(found)
 }
 
-fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Seen> {
+fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LinkKinematics> {
     let world = [0, 1, 2].map(|k| {
         let mut axis = ZERO3;
         axis[k] = Ex::ONE;
         axis
     });
-    let mut all: Vec<Seen> = Vec::new();
+    let mut all: Vec<LinkKinematics> = Vec::new();
     let twists = twists(g, frames, model);
     for (link, twists) in twists.into_iter().enumerate() {
         let frame = &frames.links[link];
@@ -123,7 +123,7 @@ fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Seen> {
             .parent
             .map_or((ZERO3, world), |p| (all[p].origin, all[p].axes));
         let offset = g.sub3(&origin, &frame.offset);
-        all.push(Seen {
+        all.push(LinkKinematics {
             origin: frames.into_link(g, link, &offset),
             axes: axes.map(|axis| frames.into_link(g, link, &axis)),
             twists,
@@ -137,12 +137,16 @@ fn cross(a: &Vector3, b: &Vector3) -> Vector3 {
     [part(1, 2), part(2, 0), part(0, 1)]
 }
 
-fn moved(seen: &Seen, values: &mut impl Iterator<Item = Wide>, j: &[Vec<Wide>]) -> LinkMotion {
-    let mut three = || -> Vector3 { [(); 3].map(|()| values.next().unwrap_or(Wide::ZERO)) };
+fn moved(
+    seen: &LinkKinematics,
+    values: &mut impl Iterator<Item = Float320>,
+    j: &[Vec<Float320>],
+) -> LinkMotion {
+    let mut three = || -> Vector3 { [(); 3].map(|()| values.next().unwrap_or(Float320::ZERO)) };
     let origin = three();
     let rows = [three(), three(), three()];
     let width = j.first().map_or(0, Vec::len);
-    let zero = [Wide::ZERO; 3];
+    let zero = [Float320::ZERO; 3];
     let out =
         |v: &Vector3| -> Vector3 { rows.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]) };
     let (mut turns, mut moves, mut passes) =

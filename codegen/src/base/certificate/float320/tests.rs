@@ -3,11 +3,11 @@
 use dashu_ratio::RBig;
 use proptest::prelude::*;
 
-use super::Wide;
+use super::Float320;
 use crate::sym::Number;
 
 /// The exact value.
-fn rational(x: &Wide) -> RBig {
+fn rational(x: &Float320) -> RBig {
     let base = Number::from_i64(2);
     let power = |e: i32| base.powi(i64::from(e)).unwrap();
     let mut sum = Number::zero();
@@ -22,7 +22,7 @@ fn rational(x: &Wide) -> RBig {
 }
 
 /// Whether `x` is `exact` but for `ulps` units in the last of 320 bits.
-fn close(x: &Wide, exact: &RBig, ulps: u32) -> bool {
+fn close(x: &Float320, exact: &RBig, ulps: u32) -> bool {
     let unit = Number::from_i64(2)
         .powi(-319)
         .unwrap()
@@ -34,13 +34,13 @@ fn close(x: &Wide, exact: &RBig, ulps: u32) -> bool {
 }
 
 /// Values with all bits in use and exponents that differ.
-fn wide() -> impl Strategy<Value = Wide> {
+fn wide() -> impl Strategy<Value = Float320> {
     let parts = (any::<[u64; 5]>(), -100..100i32, any::<bool>(), 0..4usize);
     parts.prop_map(|(mut words, exponent, negative, zeros)| {
         // some with many trailing zeros, so that sums cancel and carry
         words.iter_mut().take(zeros).for_each(|w| *w = 0);
         words[4] |= 1 << 63;
-        Wide {
+        Float320 {
             words,
             exponent,
             negative,
@@ -57,7 +57,7 @@ proptest! {
 
     #[test]
     fn a_cancelling_difference_is_exact(a in wide(), low in any::<u64>(), shift in 0..200i32) {
-        let b = a + Wide { words: [0, 0, 0, low, 1 << 63], exponent: a.exponent - shift, negative: false };
+        let b = a + Float320 { words: [0, 0, 0, low, 1 << 63], exponent: a.exponent - shift, negative: false };
         prop_assert!(close(&(b - a), &(rational(&b) - rational(&a)), 1));
         prop_assert!((a - a).is_zero());
     }
@@ -83,7 +83,7 @@ proptest! {
     #[test]
     fn doubles_survive_the_way_there_and_back(x in any::<f64>()) {
         if x.is_normal() {
-            prop_assert_eq!(Wide::from_f64(x).to_f64().to_bits(), x.to_bits());
+            prop_assert_eq!(Float320::from_f64(x).to_f64().to_bits(), x.to_bits());
         }
     }
 
@@ -91,9 +91,9 @@ proptest! {
     fn sine_and_cosine_are_those_of_exact_numbers(n in -40_000..40_000i64, d in 1..4000i64) {
         let angle = Number::ratio(n, d).unwrap();
         let (sine, cosine) = angle.sin_cos();
-        let (s, c) = Wide::from_number(&angle).sin_cos();
+        let (s, c) = Float320::from_number(&angle).sin_cos();
         for (x, exact) in [(s, sine), (c, cosine)] {
-            let error = (x - Wide::from_number(&exact)).log10();
+            let error = (x - Float320::from_number(&exact)).log10();
             prop_assert!(error < -88.0, "{n}/{d}: 1e{error}");
         }
     }
@@ -102,20 +102,20 @@ proptest! {
 #[test]
 fn numbers_keep_320_bits() {
     let root = Number::from_i64(2).sqrt().unwrap();
-    let x = Wide::from_number(&root);
-    assert!((x * x - Wide::from_f64(2.0)).log10() < -95.0);
+    let x = Float320::from_number(&root);
+    assert!((x * x - Float320::from_f64(2.0)).log10() < -95.0);
     assert_eq!(
-        Wide::from_number(&Number::from_i64(-3)),
-        Wide::from_f64(-3.0)
+        Float320::from_number(&Number::from_i64(-3)),
+        Float320::from_f64(-3.0)
     );
-    assert!(Wide::from_number(&Number::zero()).is_zero());
+    assert!(Float320::from_number(&Number::zero()).is_zero());
     let tiny = Number::parse_decimal("1e-300").unwrap();
-    assert!((Wide::from_number(&tiny).log10() + 300.0).abs() < 1e-9);
+    assert!((Float320::from_number(&tiny).log10() + 300.0).abs() < 1e-9);
 }
 
 #[test]
 fn zero_has_no_inverse_and_minus_one_no_root() {
-    assert!(Wide::ZERO.reciprocal().is_none());
-    assert!(Wide::ONE.checked_div(Wide::ZERO).is_none());
-    assert!((-Wide::ONE).sqrt().is_none());
+    assert!(Float320::ZERO.reciprocal().is_none());
+    assert!(Float320::ONE.checked_div(Float320::ZERO).is_none());
+    assert!((-Float320::ONE).sqrt().is_none());
 }

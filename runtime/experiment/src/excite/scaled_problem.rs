@@ -4,36 +4,38 @@ use super::evaluate::{Number, Problem};
 use super::run::problem;
 use super::{ExciteError, Limit, Settings};
 use regen_identify::signals::Fourier;
-use regen_runtime::{BaseModel, Closure};
+use regen_runtime::{BaseModel, LoopClosure};
 
 /// Objective and limits as functions of scaled coefficients.
-pub struct Landscape<'m, M, D> {
+pub struct ScaledProblem<'m, M, D> {
     problem: Problem<'m, M, D>,
-    closure: Closure<'m, M>,
+    closure: LoopClosure<'m, M>,
 }
 
-impl<M, D> core::fmt::Debug for Landscape<'_, M, D> {
+impl<M, D> core::fmt::Debug for ScaledProblem<'_, M, D> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let limits = &self.problem.limits;
-        f.debug_struct("Landscape").field("limits", limits).finish()
+        f.debug_struct("ScaledProblem")
+            .field("limits", limits)
+            .finish()
     }
 }
 
 /// What the search sees at one point.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sight {
+pub struct ScaledEvaluation {
     /// What is minimised.
     pub objective: f64,
     /// Its derivatives by the variables.
     pub gradient: Vec<f64>,
     /// The limits' values at each point of the grid, grid point by grid point in the order of
-    /// [`Landscape::limits`]: at most zero where a limit is kept, in units of half its range.
+    /// [`ScaledProblem::limits`]: at most zero where a limit is kept, in units of half its range.
     pub values: Vec<f64>,
     /// The derivatives of each of `values` by the variables.
     pub slopes: Vec<Vec<f64>>,
 }
 
-impl<'m, M, D> Landscape<'m, M, D>
+impl<'m, M, D> ScaledProblem<'m, M, D>
 where
     M: BaseModel<f64>,
     D: BaseModel<Number>,
@@ -45,7 +47,7 @@ where
     pub fn new(model: &'m M, derivatives: &'m D, settings: &Settings) -> Result<Self, ExciteError> {
         Ok(Self {
             problem: problem(model, derivatives, settings)?,
-            closure: Closure::new(model)?,
+            closure: LoopClosure::new(model)?,
         })
     }
 
@@ -74,11 +76,15 @@ where
     ///
     /// # Errors
     /// When a variable is not finite.
-    pub fn at(&mut self, variables: &[f64], sharpness: f64) -> Result<Option<Sight>, ExciteError> {
+    pub fn at(
+        &mut self,
+        variables: &[f64],
+        sharpness: f64,
+    ) -> Result<Option<ScaledEvaluation>, ExciteError> {
         let found = self
             .problem
             .evaluate(&mut self.closure, variables, sharpness)?;
-        Ok(found.map(|found| Sight {
+        Ok(found.map(|found| ScaledEvaluation {
             slopes: (0..found.values.len())
                 .map(|k| self.problem.slope(&found, k))
                 .collect(),

@@ -28,7 +28,7 @@ impl<'a> From<&'a crate::State> for Sample<'a> {
 
 /// The regressors of all samples below each other (Eq. 12).
 #[derive(Clone, Debug, PartialEq)]
-pub struct Observation {
+pub struct ObservationMatrix {
     /// The matrix W, `rows` times `columns`, column-major: column j starts at `j * rows`.
     /// Rows are sample by sample, dof each. A singular sample's rows may not be finite.
     pub w: Vec<f64>,
@@ -50,23 +50,23 @@ pub struct Observation {
 /// ```
 /// # mod models { include!(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/models/slider_crank.rs")); }
 /// # use models::SliderCrank;
-/// use regen_runtime::{Closure, Sample, observation};
+/// use regen_runtime::{LoopClosure, Sample, observation_matrix};
 ///
 /// let model = SliderCrank::default();
-/// let mut closure = Closure::new(&model)?;
+/// let mut closure = LoopClosure::new(&model)?;
 /// let states = [closure.solve_state(&[0.1], &[1.0], &[5.0])?, closure.solve_state(&[0.2], &[2.0], &[6.0])?];
 /// let samples: Vec<Sample> = states.iter().map(Sample::from).collect();
-/// let observation = observation(&model, &samples)?;
-/// assert_eq!((observation.rows, observation.columns), (2, 3));
+/// let observation_matrix = observation_matrix(&model, &samples)?;
+/// assert_eq!((observation_matrix.rows, observation_matrix.columns), (2, 3));
 /// // The crank's inertia multiplies its accelerations, its friction the velocities.
-/// assert_eq!(observation.column(0), [5.0, 6.0]);
-/// assert_eq!(observation.column(1), [1.0, 2.0]);
-/// # Ok::<(), regen_runtime::Misuse>(())
+/// assert_eq!(observation_matrix.column(0), [5.0, 6.0]);
+/// assert_eq!(observation_matrix.column(1), [1.0, 2.0]);
+/// # Ok::<(), regen_runtime::ClosureError>(())
 /// ```
-pub fn observation<M: Model<f64> + ?Sized>(
+pub fn observation_matrix<M: Model<f64> + ?Sized>(
     model: &M,
     samples: &[Sample<'_>],
-) -> Result<Observation, SizeError> {
+) -> Result<ObservationMatrix, SizeError> {
     let info = model.info();
     let (dof, columns) = (info.dof(), info.parameters.len());
     let rows = dof * samples.len();
@@ -80,7 +80,7 @@ pub fn observation<M: Model<f64> + ?Sized>(
             w[start..start + dof].copy_from_slice(column);
         }
     }
-    Ok(Observation {
+    Ok(ObservationMatrix {
         w,
         rows,
         columns,
@@ -89,7 +89,7 @@ pub fn observation<M: Model<f64> + ?Sized>(
     })
 }
 
-impl Observation {
+impl ObservationMatrix {
     /// A parameter's column, `rows` long; empty if there is no such parameter.
     pub fn column(&self, parameter: usize) -> &[f64] {
         if parameter >= self.columns {

@@ -1,6 +1,6 @@
 //! Binary floating point of fixed, generous precision.
 //!
-//! A [`Real`] carries [`PRECISION`] bits, five times those of an `f64` and more.
+//! A [`BigFloat`] carries [`PRECISION`] bits, five times those of an `f64` and more.
 //! It stands behind every constant that has no exact form, and decides the order of those that have one.
 
 use core::cmp::Ordering;
@@ -25,13 +25,13 @@ const ANGLE_LIMIT: i64 = 1 << 13;
 
 /// `sign * magnitude * 2^exponent`; the magnitude has exactly [`PRECISION`] bits, or is zero.
 #[derive(Clone, Debug)]
-pub(super) struct Real {
+pub(super) struct BigFloat {
     sign: Sign,
     magnitude: UBig,
     exponent: i64,
 }
 
-impl Real {
+impl BigFloat {
     pub(super) fn zero() -> Self {
         Self {
             sign: Sign::Positive,
@@ -271,15 +271,19 @@ impl Real {
 /// Of an inexact angle the sine or cosine is zero when the angle agrees with a multiple of pi/2; for an exact
 /// one the reduction is repeated with more bits instead. An angle of more than 2^13 bits, far outside
 /// `f64`, has no meaningful direction and counts as zero.
-pub(super) fn sin_cos(near: &Real, inexact: bool, fixed: impl Fn(usize) -> UBig) -> (Real, Real) {
+pub(super) fn sin_cos(
+    near: &BigFloat,
+    inexact: bool,
+    fixed: impl Fn(usize) -> UBig,
+) -> (BigFloat, BigFloat) {
     const TINY: i64 = -200;
     const WORK: usize = 400;
     if near.is_zero() || near.top() > ANGLE_LIMIT {
-        return (Real::zero(), Real::one());
+        return (BigFloat::zero(), BigFloat::one());
     }
     if near.top() < TINY {
         // the next term of either series is below the last bit
-        return (near.clone(), Real::one());
+        return (near.clone(), BigFloat::one());
     }
     let whole_bits = unsigned(near.top());
     let mut scale = WORK + near.top().unsigned_abs() as usize;
@@ -306,16 +310,19 @@ pub(super) fn sin_cos(near: &Real, inexact: bool, fixed: impl Fn(usize) -> UBig)
     };
     let leading_zeros = scale - rest.bit_len().min(scale);
     let (sine, cosine) = if rest.is_zero() {
-        (Real::zero(), Real::one())
+        (BigFloat::zero(), BigFloat::one())
     } else if signed(leading_zeros) > -TINY {
-        (Real::new(Sign::Positive, rest, -signed(scale)), Real::one())
+        (
+            BigFloat::new(Sign::Positive, rest, -signed(scale)),
+            BigFloat::one(),
+        )
     } else {
         let working = WORK + leading_zeros;
         let rest = shifted(rest, signed(working) - signed(scale));
         let (sine, cosine) = sin_cos_fixed(&rest, working);
         (
-            Real::new(Sign::Positive, sine, -signed(working)),
-            Real::new(Sign::Positive, cosine, -signed(working)),
+            BigFloat::new(Sign::Positive, sine, -signed(working)),
+            BigFloat::new(Sign::Positive, cosine, -signed(working)),
         )
     };
     let sine = if before { sine.neg() } else { sine };

@@ -3,7 +3,7 @@
 use dashu_int::IBig;
 use dashu_int::ops::{Abs, BitTest, DivEuclid};
 
-use crate::base::certificate::Wide;
+use crate::base::certificate::Float320;
 
 /// Bits of the values that go into the lattice.
 const BITS: i32 = 230;
@@ -12,11 +12,11 @@ const LENGTH: usize = 130;
 
 /// Integers, not all zero, that combine the values to nothing; `None` where
 /// only long ones do, which any values have.
-pub(super) fn relation(values: &[Wide]) -> Option<Vec<IBig>> {
+pub(super) fn relation(values: &[Float320]) -> Option<Vec<IBig>> {
     let n = values.len();
     let largest = values
         .iter()
-        .map(Wide::log10)
+        .map(Float320::log10)
         .fold(f64::NEG_INFINITY, f64::max);
     if !largest.is_finite() {
         return None;
@@ -40,7 +40,7 @@ pub(super) fn relation(values: &[Wide]) -> Option<Vec<IBig>> {
 }
 
 /// The nearest integer below in size.
-fn integer(value: &Wide) -> Option<IBig> {
+fn integer(value: &Float320) -> Option<IBig> {
     let (negative, magnitude, exponent) = value.binary();
     let shift = usize::try_from(exponent.unsigned_abs()).ok()?;
     if exponent > 0 && shift > 1000 {

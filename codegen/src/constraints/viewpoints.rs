@@ -13,13 +13,13 @@ use super::elimination::{eliminate, plan, structure};
 use super::loops::{LoopEquations, Viewpoint};
 
 /// A loop's rows from each of its viewpoints, over the coordinates that they depend on.
-struct Seen {
+struct LoopViews {
     own: Vec<usize>,
     shared: Vec<usize>,
     from: Vec<(Viewpoint, Vec<Vec<Ex>>)>,
 }
 
-impl Seen {
+impl LoopViews {
     /// The columns of one viewpoint's rows: those of its own coordinates first.
     fn entries<'a>(&'a self, rows: &'a [Vec<Ex>]) -> impl Iterator<Item = Ex> + 'a {
         let columns = move || self.own.iter().chain(&self.shared);
@@ -67,7 +67,7 @@ pub(super) fn viewpoints(
     chosen
 }
 
-fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Seen> {
+fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LoopViews> {
     let all: Vec<Vec<(Viewpoint, Vec<Vec<Ex>>)>> = model
         .cuts
         .iter()
@@ -102,7 +102,7 @@ fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Seen> {
         .map(|(from, touched)| {
             let is_own = |c: &usize| times[*c] == 1 && model.dependent.contains(c);
             let (own, shared) = touched.into_iter().partition(is_own);
-            Seen { own, shared, from }
+            LoopViews { own, shared, from }
         })
         .collect()
 }
@@ -111,7 +111,7 @@ fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Seen> {
 /// the loop's own coordinates, those of the rows themselves.
 fn price(
     g: &mut Graph,
-    seen: &Seen,
+    seen: &LoopViews,
     rows: &[Vec<Ex>],
     samples: &[Vec<Vec<f64>>],
 ) -> (usize, usize) {

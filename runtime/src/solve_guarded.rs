@@ -18,15 +18,15 @@ pub const PIVOT_BOUND: f64 = 1e-3;
 ///   [`solve_pivoted`]; never above 1.
 ///
 /// ```
-/// use regen_runtime::guarded;
+/// use regen_runtime::solve_guarded;
 ///
 /// // The fixed pivot of x + y = 3, x - y = 1 is the 1 in front of x: fine here.
 /// let system = || ([[1.0, 1.0], [1.0, -1.0]], [[3.0], [1.0]]);
-/// let (x, condition) = guarded([[2.0], [1.0]], 1.0, system);
+/// let (x, condition) = solve_guarded([[2.0], [1.0]], 1.0, system);
 /// assert_eq!((x, condition), ([[2.0], [1.0]], 1.0));
 /// // In 0 x + y = 1, x + y = 3 it is gone.
 /// let system = || ([[0.0, 1.0], [1.0, 1.0]], [[1.0], [3.0]]);
-/// let (x, condition) = guarded([[f64::NAN]; 2], 0.0, system);
+/// let (x, condition) = solve_guarded([[f64::NAN]; 2], 0.0, system);
 /// assert_eq!(x, [[2.0], [1.0]]);
 /// assert!(condition > 0.5);
 /// ```
@@ -35,13 +35,13 @@ pub const PIVOT_BOUND: f64 = 1e-3;
     clippy::inline_always,
     reason = "a SIMD lane needs every step inlined into the dispatched function"
 )]
-pub fn guarded<T: Scalar, const R: usize, const N: usize, const K: usize>(
+pub fn solve_guarded<T: Scalar, const R: usize, const N: usize, const K: usize>(
     fixed: [[T; K]; N],
     margin: T,
     system: impl FnOnce() -> ([[T; N]; R], [[T; K]; R]),
 ) -> ([[T; K]; N], T) {
-    let trusted = margin.lift(PIVOT_BOUND).less(margin);
-    let one = margin.lift(1.0);
+    let trusted = margin.splat(PIVOT_BOUND).less(margin);
+    let one = margin.splat(1.0);
     if T::all(trusted) {
         return (fixed, margin.min(one));
     }

@@ -7,7 +7,7 @@
 use dashu_int::{IBig, Sign, UBig};
 use dashu_ratio::RBig;
 
-use crate::base::certificate::Wide;
+use crate::base::certificate::Float320;
 use crate::sym::Number;
 
 use super::relation::relation;
@@ -18,13 +18,13 @@ const AGREEMENT: usize = 200;
 const LENGTH: usize = 100;
 
 /// Whether a value is zero up to rounding.
-pub(super) fn is_rounding(value: &Wide) -> bool {
+pub(super) fn is_rounding(value: &Float320) -> bool {
     value.log10() < -60.0
 }
 
 /// The exact number: a fraction, a fraction times a root of one or times or over pi or its
 /// square, or a sum of fractions times square roots of small integers.
-pub fn recognise(value: &Wide) -> Option<Number> {
+pub fn recognise(value: &Float320) -> Option<Number> {
     if is_rounding(value) {
         return Some(Number::zero());
     }
@@ -64,11 +64,11 @@ pub fn recognise(value: &Wide) -> Option<Number> {
 }
 
 /// A fraction times or over pi or its square, as the leads of screws bring them in.
-fn of_pi(value: &Wide) -> Option<Number> {
+fn of_pi(value: &Float320) -> Option<Number> {
     let pi = Number::pi();
     let square = pi.mul(&pi);
     [pi, square].into_iter().find_map(|power| {
-        let wide = Wide::from_number(&power);
+        let wide = Float320::from_number(&power);
         if let Some(found) = fraction(&(*value * wide)) {
             return Number::from_rational(found).div(&power);
         }
@@ -78,7 +78,7 @@ fn of_pi(value: &Wide) -> Option<Number> {
 }
 
 /// A value as a combination of constants with short fractions as factors.
-pub(super) fn combination(value: &Wide, constants: &[Number]) -> Option<Number> {
+pub(super) fn combination(value: &Float320, constants: &[Number]) -> Option<Number> {
     let factors = factors(value, constants)?;
     let mut sum = Number::zero();
     for (factor, constant) in factors.into_iter().zip(constants) {
@@ -88,9 +88,9 @@ pub(super) fn combination(value: &Wide, constants: &[Number]) -> Option<Number> 
 }
 
 /// The factors of such a combination.
-pub(super) fn factors(value: &Wide, constants: &[Number]) -> Option<Vec<RBig>> {
-    let all: Vec<Wide> = std::iter::once(*value)
-        .chain(constants.iter().map(Wide::from_number))
+pub(super) fn factors(value: &Float320, constants: &[Number]) -> Option<Vec<RBig>> {
+    let all: Vec<Float320> = std::iter::once(*value)
+        .chain(constants.iter().map(Float320::from_number))
         .collect();
     let integers = relation(&all)?;
     let (first, rest) = integers.split_first()?;
@@ -102,13 +102,13 @@ pub(super) fn factors(value: &Wide, constants: &[Number]) -> Option<Vec<RBig>> {
 }
 
 /// Whether an exact number has these digits.
-pub(super) fn agree(value: &Wide, exact: &Number) -> bool {
-    let off = *value - Wide::from_number(exact);
+pub(super) fn agree(value: &Float320, exact: &Number) -> bool {
+    let off = *value - Float320::from_number(exact);
     off.is_zero() || off.log10() < value.log10().max(-10.0) - 58.0
 }
 
 /// A short fraction that agrees to 60 digits.
-fn fraction(value: &Wide) -> Option<RBig> {
+fn fraction(value: &Float320) -> Option<RBig> {
     let (negative, magnitude, exponent) = value.binary();
     // value = n / d exactly
     let shift = usize::try_from(exponent.unsigned_abs()).ok()?;
@@ -163,7 +163,7 @@ mod tests {
     use super::*;
 
     fn found(exact: &Number) -> Option<Number> {
-        recognise(&Wide::from_number(exact))
+        recognise(&Float320::from_number(exact))
     }
 
     #[test]
@@ -201,11 +201,11 @@ mod tests {
     fn digits_agree_to_fifty_eight_places_and_no_fewer() {
         let third = Number::ratio(1, 3).unwrap();
         let off = |digits: i32| {
-            let ten = Wide::from_f64(10.0).reciprocal().unwrap();
-            let small = (0..digits).fold(Wide::ONE, |x, _| x * ten);
-            Wide::from_number(&third) + small
+            let ten = Float320::from_f64(10.0).reciprocal().unwrap();
+            let small = (0..digits).fold(Float320::ONE, |x, _| x * ten);
+            Float320::from_number(&third) + small
         };
-        assert!(agree(&Wide::from_number(&third), &third));
+        assert!(agree(&Float320::from_number(&third), &third));
         assert!(agree(&off(70), &third));
         assert!(!agree(&off(50), &third) && !agree(&off(3), &third));
     }

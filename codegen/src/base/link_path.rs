@@ -50,7 +50,7 @@ impl Freedom {
 
 /// The way from the ground, or from a link, to a link further out.
 #[derive(Clone, Debug)]
-pub struct Way {
+pub struct LinkPath {
     /// The world's axes in the link's frame, up to the first turn.
     world: [Direction; 3],
     /// Directions of slides before the first turn, in the link's frame.
@@ -94,9 +94,9 @@ fn is_unit(x: &Number) -> bool {
     x.abs().is_one()
 }
 
-impl Way {
-    fn ground() -> Way {
-        Way {
+impl LinkPath {
+    fn ground() -> LinkPath {
+        LinkPath {
             world: [0, 1, 2].map(unit),
             slides: Vec::new(),
             slide_count: 0,
@@ -146,7 +146,7 @@ impl Way {
     }
 
     /// What the link's motion is at most, given ties of rates that hold exactly.
-    pub fn freedom(&self, ties: &[Form]) -> Freedom {
+    pub fn freedom(&self, velocity_constraints: &[Form]) -> Freedom {
         if !self.parallel {
             return Freedom::General;
         }
@@ -154,7 +154,7 @@ impl Way {
             (0, 0) => Freedom::Still,
             (0, 1) => Freedom::Line,
             (0, _) => Freedom::Translates,
-            _ if follows(ties, &self.turn) => Freedom::Translates,
+            _ if follows(velocity_constraints, &self.turn) => Freedom::Translates,
             (1, 0) => Freedom::Spin,
             (1, 1) if self.screw_count == 1 => Freedom::Screw,
             _ if self.across => Freedom::Planar,
@@ -163,7 +163,7 @@ impl Way {
     }
 
     /// Whether two links have the same orientation all the time.
-    pub fn turns_as(&self, other: &Way, ties: &[Form]) -> bool {
+    pub fn turns_as(&self, other: &LinkPath, velocity_constraints: &[Form]) -> bool {
         if !(self.parallel && other.parallel) {
             return false;
         }
@@ -186,14 +186,14 @@ impl Way {
         let mut difference = self.turn.clone();
         let sign = Number::from_i64(sign);
         difference.extend(other.turn.iter().map(|(c, k)| (*c, k.mul(&sign))));
-        follows(ties, &difference)
+        follows(velocity_constraints, &difference)
     }
 }
 
-impl Way {
+impl LinkPath {
     /// The way over some links, one standing on the other.
-    pub(super) fn over(model: &Model, links: &[usize]) -> Way {
-        let mut way = Way::ground();
+    pub(super) fn over(model: &Model, links: &[usize]) -> LinkPath {
+        let mut way = LinkPath::ground();
         for &link in links {
             way.pass(&model.links[link]);
         }
@@ -217,11 +217,11 @@ impl Way {
 }
 
 /// The ways to all links.
-pub fn ways(model: &Model) -> Vec<Way> {
-    let mut ways: Vec<Way> = Vec::new();
+pub fn ways(model: &Model) -> Vec<LinkPath> {
+    let mut ways: Vec<LinkPath> = Vec::new();
     for link in &model.links {
         let start = link.parent.and_then(|p| ways.get(p));
-        let mut way = start.cloned().unwrap_or_else(Way::ground);
+        let mut way = start.cloned().unwrap_or_else(LinkPath::ground);
         way.pass(link);
         ways.push(way);
     }
@@ -229,7 +229,7 @@ pub fn ways(model: &Model) -> Vec<Way> {
 }
 
 /// Whether a form of rates vanishes where these do.
-pub fn follows(ties: &[Form], form: &[(usize, Number)]) -> bool {
+pub fn follows(velocity_constraints: &[Form], form: &[(usize, Number)]) -> bool {
     let merged = |form: &[(usize, Number)]| -> Form {
         let mut out: Form = Vec::new();
         for (c, k) in form {
@@ -241,7 +241,7 @@ pub fn follows(ties: &[Form], form: &[(usize, Number)]) -> bool {
         out.retain(|(_, k)| !k.is_zero());
         out
     };
-    let mut rows: Vec<Form> = ties.iter().map(|t| merged(t)).collect();
+    let mut rows: Vec<Form> = velocity_constraints.iter().map(|t| merged(t)).collect();
     let mut rest = merged(form);
     // eliminate the coordinates of the form's ties one after the other
     while let Some(row) = rows.pop() {
@@ -272,19 +272,19 @@ mod tests {
     #[test]
     fn a_form_follows_from_ties_that_span_it() {
         let n = Number::from_i64;
-        let ties = vec![vec![(0, n(1)), (1, n(1))], vec![(1, n(2)), (2, n(-2))]];
-        assert!(follows(&ties, &[(0, n(3)), (2, n(3))]));
-        assert!(follows(&ties, &[(1, n(1)), (1, n(-1))]));
-        assert!(!follows(&ties, &[(0, n(1))]));
+        let velocity_constraints = vec![vec![(0, n(1)), (1, n(1))], vec![(1, n(2)), (2, n(-2))]];
+        assert!(follows(&velocity_constraints, &[(0, n(3)), (2, n(3))]));
+        assert!(follows(&velocity_constraints, &[(1, n(1)), (1, n(-1))]));
+        assert!(!follows(&velocity_constraints, &[(0, n(1))]));
     }
 
     /// A link that turns about its x (0), y (1) or z (2) by a coordinate, its frame turned before.
-    fn turned(placement: &[(Axis, i64)], coordinate: usize, axis: usize) -> Way {
+    fn turned(placement: &[(Axis, i64)], coordinate: usize, axis: usize) -> LinkPath {
         let quarter = Number::pi().mul(&Number::ratio(1, 2).unwrap());
         let steps = placement
             .iter()
             .map(|(axis, quarters)| Step::Rotate(*axis, quarter.mul(&Number::from_i64(*quarters))));
-        let mut way = Way::ground();
+        let mut way = LinkPath::ground();
         way.place(&steps.collect());
         way.turn(coordinate, axis);
         way
@@ -324,7 +324,7 @@ mod tests {
             (1, Freedom::Planar),
             (2, Freedom::Direction),
         ] {
-            let mut before = Way::ground();
+            let mut before = LinkPath::ground();
             before.slide(slide);
             before.turn(0, 2);
             assert_eq!(before.freedom(&[]), free, "slide {slide}, then turn");
@@ -333,7 +333,7 @@ mod tests {
             assert_eq!(behind.freedom(&[]), free, "turn, then slide {slide}");
         }
         // a slide in the plane and one along the axis
-        let mut both = Way::ground();
+        let mut both = LinkPath::ground();
         both.slide(2);
         both.slide(0);
         both.turn(0, 2);

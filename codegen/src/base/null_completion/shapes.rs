@@ -1,18 +1,18 @@
 //! One direction may be written in many ways, since what trees show can be added
 //! to it. Which way has short factors depends on the mechanism: a few are tried.
 
-use crate::base::certificate::Wide;
+use crate::base::certificate::Float320;
 use crate::base::span::Vector;
 use crate::model::{Model, ParameterKind};
 
 use super::recognise::is_rounding;
 
 /// The columns where a direction is not zero.
-pub(super) fn support(direction: &[Wide]) -> Vec<usize> {
+pub(super) fn support(direction: &[Float320]) -> Vec<usize> {
     let columns = 0..direction.len();
     let mut support: Vec<usize> = columns.filter(|c| !is_rounding(&direction[*c])).collect();
     // with 1 where it is already
-    if let Some(one) = support.iter().position(|c| direction[*c] == Wide::ONE) {
+    if let Some(one) = support.iter().position(|c| direction[*c] == Float320::ONE) {
         support.swap(0, one);
     }
     support
@@ -20,7 +20,7 @@ pub(super) fn support(direction: &[Wide]) -> Vec<usize> {
 
 /// Supports of a direction with others added, that are zero where they can be in
 /// some order of the columns.
-pub(super) fn same(model: &Model, null: &[Vector], direction: &[Wide]) -> Vec<Vec<usize>> {
+pub(super) fn same(model: &Model, null: &[Vector], direction: &[Float320]) -> Vec<Vec<usize>> {
     // which entries of a body stay longest
     const LAST: [&[usize]; 8] = [
         // products of inertia, all or one of them
@@ -53,13 +53,13 @@ pub(super) fn same(model: &Model, null: &[Vector], direction: &[Wide]) -> Vec<Ve
 }
 
 /// The direction with zeros at as many of the first columns as can be.
-fn zeroed(null: &[Vector], direction: &[Wide], order: &[usize]) -> Vec<Wide> {
-    let mut rows: Vec<Vec<Wide>> = null
+fn zeroed(null: &[Vector], direction: &[Float320], order: &[usize]) -> Vec<Float320> {
+    let mut rows: Vec<Vec<Float320>> = null
         .iter()
         .map(|row| {
-            let mut values = vec![Wide::ZERO; direction.len()];
+            let mut values = vec![Float320::ZERO; direction.len()];
             for (column, element) in row {
-                values[*column] = Wide::from_number(element.value());
+                values[*column] = Float320::from_number(element.value());
             }
             values
         })
@@ -80,7 +80,7 @@ fn zeroed(null: &[Vector], direction: &[Wide], order: &[usize]) -> Vec<Wide> {
                     *x = *x - factor * *p;
                 }
             }
-            row[c] = Wide::ZERO;
+            row[c] = Float320::ZERO;
         }
     }
     direction

@@ -1,7 +1,7 @@
 //! Binary floating point of a fixed 320 bits, made for speed: five words, no
 //! allocation, `Copy`.
 //!
-//! It stands beside the `Real` of the exact numbers, which carries as many bits
+//! It stands beside the `BigFloat` of the exact numbers, which carries as many bits
 //! in an allocated integer and calls close values equal: neither suits the
 //! elimination of a large matrix, where what is left over must be seen as it is.
 
@@ -30,7 +30,7 @@ pub const DIGITS: usize = 96;
 ///
 /// Results are rounded to nearest, give or take the last bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Wide {
+pub struct Float320 {
     /// Least significant word first.
     words: [u64; WORDS],
     exponent: i32,
@@ -40,15 +40,15 @@ pub struct Wide {
 /// A mantissa with a word to round by in front, least significant word first.
 type Guarded = [u64; WORDS + 1];
 
-impl Wide {
+impl Float320 {
     /// 0.
-    pub const ZERO: Wide = Wide {
+    pub const ZERO: Float320 = Float320 {
         words: [0; WORDS],
         exponent: i32::MIN,
         negative: false,
     };
     /// 1.
-    pub const ONE: Wide = Wide {
+    pub const ONE: Float320 = Float320 {
         words: [0, 0, 0, 0, 1 << 63],
         exponent: 1,
         negative: false,
@@ -70,16 +70,16 @@ impl Wide {
     }
 
     /// This very value.
-    pub fn from_f64(value: f64) -> Wide {
+    pub fn from_f64(value: f64) -> Float320 {
         let (fraction, exponent) = libm::frexp(value);
         if fraction == 0.0 || !value.is_finite() {
-            return Wide::ZERO;
+            return Float320::ZERO;
         }
         // 53 bits of a fraction in [1/2, 1) are an integer below 2^64
         let top = libm::ldexp(fraction.abs(), 64);
         let mut words = [0; WORDS];
         words[WORDS - 1] = as_word(top);
-        Wide {
+        Float320 {
             words,
             exponent,
             negative: value < 0.0,
@@ -87,18 +87,18 @@ impl Wide {
     }
 
     /// The value of an exact number, rounded.
-    pub fn from_number(value: &Number) -> Wide {
+    pub fn from_number(value: &Number) -> Float320 {
         let (negative, magnitude, exponent) = value.binary();
-        let mut guarded: Guarded = [0; WORDS + 1];
+        let mut solve_guarded: Guarded = [0; WORDS + 1];
         let bytes = magnitude.to_le_bytes();
-        for (word, chunk) in guarded[1..].iter_mut().zip(bytes.chunks(8)) {
+        for (word, chunk) in solve_guarded[1..].iter_mut().zip(bytes.chunks(8)) {
             let mut le = [0; 8];
             le[..chunk.len()].copy_from_slice(chunk);
             *word = u64::from_le_bytes(le);
         }
         let limit = i64::from(EXPONENT_LIMIT);
         let exponent = (exponent + i64::from(BITS)).clamp(-limit, limit);
-        Wide::normalised(guarded, exponent as i32, negative)
+        Float320::normalised(solve_guarded, exponent as i32, negative)
     }
 
     /// Sign, an integer and the power of two to multiply it by.
@@ -135,8 +135,8 @@ impl Wide {
 
     /// `|self|`.
     #[must_use]
-    pub fn abs(self) -> Wide {
-        Wide {
+    pub fn abs(self) -> Float320 {
+        Float320 {
             negative: false,
             ..self
         }
@@ -144,45 +144,45 @@ impl Wide {
 
     /// `self * 2^power`.
     #[must_use]
-    pub fn scaled(self, power: i32) -> Wide {
+    pub fn scaled(self, power: i32) -> Float320 {
         if self.is_zero() {
             return self;
         }
-        Wide {
+        Float320 {
             exponent: self.exponent + power,
             ..self
         }
     }
 
     /// The order of the magnitudes.
-    pub fn cmp_abs(&self, other: &Wide) -> Ordering {
+    pub fn cmp_abs(&self, other: &Float320) -> Ordering {
         self.exponent
             .cmp(&other.exponent)
             .then_with(|| self.words.iter().rev().cmp(other.words.iter().rev()))
     }
 
     /// From a mantissa that may have leading zeros.
-    fn normalised(guarded: Guarded, exponent: i32, negative: bool) -> Wide {
-        let Some(top) = guarded.iter().rposition(|w| *w != 0) else {
-            return Wide::ZERO;
+    fn normalised(solve_guarded: Guarded, exponent: i32, negative: bool) -> Float320 {
+        let Some(top) = solve_guarded.iter().rposition(|w| *w != 0) else {
+            return Float320::ZERO;
         };
-        let zeros = guarded[top].leading_zeros();
+        let zeros = solve_guarded[top].leading_zeros();
         let shift = 64 * (WORDS - top) as u32 + zeros;
-        let guarded = if shift == 0 {
-            guarded
+        let solve_guarded = if shift == 0 {
+            solve_guarded
         } else {
-            shifted_left(&guarded, shift)
+            shifted_left(&solve_guarded, shift)
         };
-        Wide::rounded(guarded, exponent - shift.cast_signed(), negative)
+        Float320::rounded(solve_guarded, exponent - shift.cast_signed(), negative)
     }
 
     /// From a mantissa whose leading bit is set.
     #[inline]
-    fn rounded(guarded: Guarded, exponent: i32, negative: bool) -> Wide {
+    fn rounded(solve_guarded: Guarded, exponent: i32, negative: bool) -> Float320 {
         let mut words = [0; WORDS];
-        words.copy_from_slice(&guarded[1..]);
+        words.copy_from_slice(&solve_guarded[1..]);
         let mut exponent = exponent;
-        let mut carry = guarded[0] >> 63 != 0;
+        let mut carry = solve_guarded[0] >> 63 != 0;
         for word in &mut words {
             let (sum, over) = word.overflowing_add(u64::from(carry));
             (*word, carry) = (sum, over);
@@ -192,16 +192,16 @@ impl Wide {
             exponent += 1;
         }
         if exponent < -EXPONENT_LIMIT {
-            return Wide::ZERO;
+            return Float320::ZERO;
         }
-        Wide {
+        Float320 {
             words,
             exponent: exponent.min(EXPONENT_LIMIT),
             negative,
         }
     }
 
-    fn guarded(&self) -> Guarded {
+    fn solve_guarded(&self) -> Guarded {
         let [a, b, c, d, e] = self.words;
         [0, a, b, c, d, e]
     }
@@ -242,34 +242,34 @@ fn shifted_left(value: &Guarded, shift: u32) -> Guarded {
 
 /// |a| + |b|, where a's exponent is not the smaller one.
 #[inline]
-fn sum(a: &Wide, b: &Wide, negative: bool) -> Wide {
+fn sum(a: &Float320, b: &Float320, negative: bool) -> Float320 {
     let gap = a.exponent.wrapping_sub(b.exponent).cast_unsigned();
     if gap > BITS + 1 {
-        return Wide { negative, ..*a };
+        return Float320 { negative, ..*a };
     }
-    let shifted = shifted_right(&b.guarded(), gap);
-    let mut total = a.guarded();
+    let shifted = shifted_right(&b.solve_guarded(), gap);
+    let mut total = a.solve_guarded();
     let mut carry = false;
     for (x, y) in total.iter_mut().zip(&shifted) {
         (*x, carry) = add_with_carry(*x, *y, carry);
     }
     if !carry {
-        return Wide::rounded(total, a.exponent, negative);
+        return Float320::rounded(total, a.exponent, negative);
     }
     let mut total = shifted_right(&total, 1);
     total[WORDS] |= 1 << 63;
-    Wide::rounded(total, a.exponent + 1, negative)
+    Float320::rounded(total, a.exponent + 1, negative)
 }
 
 /// |a| - |b|, where |a| is not the smaller one.
 #[inline]
-fn difference(a: &Wide, b: &Wide, negative: bool) -> Wide {
+fn difference(a: &Float320, b: &Float320, negative: bool) -> Float320 {
     let gap = a.exponent.wrapping_sub(b.exponent).cast_unsigned();
     if gap > BITS + 1 {
-        return Wide { negative, ..*a };
+        return Float320 { negative, ..*a };
     }
-    let shifted = shifted_right(&b.guarded(), gap);
-    let mut rest = a.guarded();
+    let shifted = shifted_right(&b.solve_guarded(), gap);
+    let mut rest = a.solve_guarded();
     let mut borrow = false;
     for (x, y) in rest.iter_mut().zip(&shifted) {
         let (first, one) = x.overflowing_sub(*y);
@@ -277,9 +277,9 @@ fn difference(a: &Wide, b: &Wide, negative: bool) -> Wide {
         (*x, borrow) = (second, one || two);
     }
     if rest[WORDS] >> 63 != 0 {
-        return Wide::rounded(rest, a.exponent, negative);
+        return Float320::rounded(rest, a.exponent, negative);
     }
-    Wide::normalised(rest, a.exponent, negative)
+    Float320::normalised(rest, a.exponent, negative)
 }
 
 #[inline]
@@ -289,11 +289,11 @@ fn add_with_carry(x: u64, y: u64, carry: bool) -> (u64, bool) {
     (second, one || two)
 }
 
-impl Add for Wide {
-    type Output = Wide;
+impl Add for Float320 {
+    type Output = Float320;
 
     #[inline]
-    fn add(self, other: Wide) -> Wide {
+    fn add(self, other: Float320) -> Float320 {
         if other.is_zero() {
             return self;
         }
@@ -315,34 +315,34 @@ impl Add for Wide {
     }
 }
 
-impl Sub for Wide {
-    type Output = Wide;
+impl Sub for Float320 {
+    type Output = Float320;
 
     #[inline]
-    fn sub(self, other: Wide) -> Wide {
+    fn sub(self, other: Float320) -> Float320 {
         self + -other
     }
 }
 
-impl Neg for Wide {
-    type Output = Wide;
+impl Neg for Float320 {
+    type Output = Float320;
 
     #[inline]
-    fn neg(self) -> Wide {
-        Wide {
+    fn neg(self) -> Float320 {
+        Float320 {
             negative: !self.negative && !self.is_zero(),
             ..self
         }
     }
 }
 
-impl Mul for Wide {
-    type Output = Wide;
+impl Mul for Float320 {
+    type Output = Float320;
 
     #[inline]
-    fn mul(self, other: Wide) -> Wide {
+    fn mul(self, other: Float320) -> Float320 {
         if self.is_zero() || other.is_zero() {
-            return Wide::ZERO;
+            return Float320::ZERO;
         }
         let mut product = [0u64; 2 * WORDS];
         for i in 0..WORDS {
@@ -356,14 +356,14 @@ impl Mul for Wide {
             }
             product[i + WORDS] = carry;
         }
-        let mut guarded: Guarded = [0; WORDS + 1];
-        guarded.copy_from_slice(&product[WORDS - 1..]);
+        let mut solve_guarded: Guarded = [0; WORDS + 1];
+        solve_guarded.copy_from_slice(&product[WORDS - 1..]);
         let mut exponent = self.exponent + other.exponent;
-        if guarded[WORDS] >> 63 == 0 {
-            guarded = shifted_left_by_one(&guarded);
+        if solve_guarded[WORDS] >> 63 == 0 {
+            solve_guarded = shifted_left_by_one(&solve_guarded);
             exponent -= 1;
         }
-        Wide::rounded(guarded, exponent, self.negative != other.negative)
+        Float320::rounded(solve_guarded, exponent, self.negative != other.negative)
     }
 }
 
@@ -375,14 +375,14 @@ fn shifted_left_by_one(value: &Guarded) -> Guarded {
     })
 }
 
-impl PartialOrd for Wide {
-    fn partial_cmp(&self, other: &Wide) -> Option<Ordering> {
+impl PartialOrd for Float320 {
+    fn partial_cmp(&self, other: &Float320) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Wide {
-    fn cmp(&self, other: &Wide) -> Ordering {
+impl Ord for Float320 {
+    fn cmp(&self, other: &Float320) -> Ordering {
         match (self.negative, other.negative) {
             (false, true) => Ordering::Greater,
             (true, false) => Ordering::Less,

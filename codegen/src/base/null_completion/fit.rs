@@ -1,7 +1,7 @@
 //! Factors as functions of the geometry names: what a factor does when one name
 //! after the other changes.
 
-use crate::base::certificate::Wide;
+use crate::base::certificate::Float320;
 use crate::base::field::{Element, Field, Variable};
 use crate::sym::Number;
 
@@ -21,15 +21,15 @@ pub(super) struct Elsewhere {
     /// By group, what it was scaled by.
     pub(super) scales: Vec<Number>,
     /// The factor there.
-    pub(super) value: Wide,
+    pub(super) value: Float320,
 }
 
 /// What is known of a factor: its value as given, with each group scaled alone
 /// (`None` for a group that cannot be), and with all of them scaled.
 #[derive(Clone, Debug)]
 pub(super) struct Observed {
-    pub(super) value: Wide,
-    pub(super) alone: Vec<Option<Wide>>,
+    pub(super) value: Float320,
+    pub(super) alone: Vec<Option<Float320>>,
     pub(super) together: Vec<Elsewhere>,
 }
 
@@ -111,7 +111,7 @@ fn powers_of(groups: &[Group], scales: Option<&[Number]>, powers: &[i64]) -> Opt
 }
 
 /// How a factor grows with a group: its power, or `None`.
-fn power(before: &Wide, after: &Wide, scale: &Number) -> Option<i64> {
+fn power(before: &Float320, after: &Float320, scale: &Number) -> Option<i64> {
     let ratio = after.checked_div(*before)?;
     (-POWER..=POWER).find(|p| scale.powi(*p).is_some_and(|s| agree(&ratio, &s)))
 }
@@ -124,7 +124,11 @@ fn monomial(observed: &Observed, groups: &[Group], scale: &Number) -> Option<Fit
         .collect();
     let powers = powers?;
     let product = powers_of(groups, None, &powers)?;
-    let factor = recognise(&observed.value.checked_div(Wide::from_number(&product))?)?;
+    let factor = recognise(
+        &observed
+            .value
+            .checked_div(Float320::from_number(&product))?,
+    )?;
     Some(Fit(vec![Product { factor, powers }]))
 }
 
@@ -206,7 +210,7 @@ mod tests {
         let source = crate::diag::Source::new("two.yaml", text);
         let groups = super::super::elsewhere::groups(&crate::spec::parse(&source).unwrap());
         let [a, b] = ["0.3", "0.7"].map(|d| Number::parse_decimal(d).unwrap());
-        let wide = |x: &Number| Wide::from_number(x);
+        let wide = |x: &Number| Float320::from_number(x);
         let scale = Number::ratio(33, 32).unwrap();
         let at = |s: &Number, t: &Number| wide(&f(&a.mul(s), &b.mul(t)));
         let one = Number::one();

@@ -2,7 +2,7 @@
 
 use super::program::{Affine, Program};
 use super::verdict::{Role, body_triangle, complete, expressions, led, reproduces, roles};
-use super::{Check, Combinations, FeasibilityError, Layout, Options};
+use super::{BaseMap, Check, FeasibilityError, Options, ParameterLayout};
 
 /// What the solver is asked for: free parameters are only to be sensible.
 const ACCURACY: f64 = 1e-9;
@@ -17,8 +17,8 @@ const MARGIN: f64 = 1e-6;
 /// The set is convex: between what the solver leaves, which may be on the wrong side by
 /// rounding, and `inside` lies what is physical.
 pub(super) fn near_reference(
-    layout: &Layout,
-    combinations: &Combinations,
+    layout: &ParameterLayout,
+    combinations: &BaseMap,
     beta: &[f64],
     (inside, margin): (&[f64], f64),
     options: &Options,

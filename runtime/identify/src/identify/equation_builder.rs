@@ -15,7 +15,7 @@ pub struct Row<'a> {
     /// All accelerations, rad/s^2 or m/s^2.
     pub qdd: &'a [f64],
     /// The left side of Eq. 10 in the order of `Info::independent`, N or N m: see
-    /// [`Model::efforts`](regen_runtime::Model::efforts).
+    /// [`Model::generalized_forces`](regen_runtime::Model::generalized_forces).
     pub tau: &'a [f64],
     /// The efforts of the actuated joints as they were measured, in the order of
     /// `Info::actuated`, N or N m; empty where they are not known.
@@ -31,7 +31,7 @@ pub struct Row<'a> {
 
 /// Which equations a sample gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Kind {
+pub enum EquationKind {
     /// The equations of motion (Eq. 20), one for each independent coordinate.
     #[default]
     Forces,
@@ -44,14 +44,14 @@ pub enum Kind {
     },
 }
 
-impl Kind {
+impl EquationKind {
     /// Its name in files.
     ///
     /// ```
-    /// use regen_identify::identify::Kind;
+    /// use regen_identify::identify::EquationKind;
     ///
-    /// assert_eq!(Kind::Forces.name(), "forces");
-    /// assert_eq!(Kind::Energy { window: 0.5 }.name(), "energy over 0.5 s");
+    /// assert_eq!(EquationKind::Forces.name(), "forces");
+    /// assert_eq!(EquationKind::Energy { window: 0.5 }.name(), "energy over 0.5 s");
     /// ```
     pub fn name(self) -> String {
         match self {
@@ -82,9 +82,9 @@ const CREEP: f64 = 1e-150;
 
 /// Makes equations of samples.
 #[derive(Debug)]
-pub struct Observer<'m, M: ?Sized> {
+pub struct EquationBuilder<'m, M: ?Sized> {
     model: &'m M,
-    kind: Kind,
+    kind: EquationKind,
     /// For each base parameter, the dynamic parameters that have it alone, with their values: the
     /// kept one, and those that the spec's choices about the base tie to it.
     alone: Vec<Vec<(usize, f64)>>,
@@ -114,9 +114,9 @@ struct Power {
     efforts: f64,
 }
 
-impl<'m, M: BaseModel<f64> + ?Sized> Observer<'m, M> {
+impl<'m, M: BaseModel<f64> + ?Sized> EquationBuilder<'m, M> {
     /// Prepares for a model.
-    pub fn new(model: &'m M, kind: Kind) -> Self {
+    pub fn new(model: &'m M, kind: EquationKind) -> Self {
         let base = model.base_info();
         let size = model.info().parameters.len();
         let free = vec![0.0; base.free.len()];
@@ -148,12 +148,12 @@ impl<'m, M: BaseModel<f64> + ?Sized> Observer<'m, M> {
     pub fn origin(&self) -> Origin {
         let info = self.model.info();
         let efforts = match self.kind {
-            Kind::Forces => info
+            EquationKind::Forces => info
                 .independent
                 .iter()
                 .map(|&c| info.coordinates[c].to_owned())
                 .collect(),
-            Kind::Energy { .. } => vec!["energy".to_owned()],
+            EquationKind::Energy { .. } => vec!["energy".to_owned()],
         };
         let base = self.model.base_info().base.iter();
         Origin {
@@ -178,8 +178,8 @@ impl<'m, M: BaseModel<f64> + ?Sized> Observer<'m, M> {
         self.tau.clear();
         self.weights.clear();
         let regular = match self.kind {
-            Kind::Forces => self.forces(row)?,
-            Kind::Energy { window } => self.energy(row, window)?,
+            EquationKind::Forces => self.forces(row)?,
+            EquationKind::Energy { window } => self.energy(row, window)?,
         };
         if !regular {
             self.tau.clear();
@@ -279,7 +279,7 @@ impl<'m, M: BaseModel<f64> + ?Sized> Observer<'m, M> {
         // the same A_e as above
         let _ = self
             .model
-            .slotine_li(row.q, &creep, &qd_i, &none, &mut slow)?;
+            .adaptive_regressor(row.q, &creep, &qd_i, &none, &mut slow)?;
         let along = |matrix: &[f64], parameters: &[(usize, f64)]| -> f64 {
             let column = |(c, value): &(usize, f64)| -> f64 {
                 let entries = matrix.iter().skip(c * dof).zip(&qd_i);

@@ -17,9 +17,9 @@ use crate::spec::Spec;
 use crate::sym::Number;
 
 use super::Exactness;
-use super::certificate::{Samples, Wide, certify};
-use super::choice;
+use super::certificate::{Float320, Samples, certify};
 use super::field::{Element, Field};
+use super::kept_columns;
 use super::span::Vector;
 
 use elsewhere::{Group, fixed_angles, groups, sample};
@@ -88,7 +88,7 @@ impl<'a> Sampled<'a> {
         if null.len() + certificate.rank >= certificate.columns {
             return completed;
         }
-        let derived = choice::reduce(field, null, order, asked).rows;
+        let derived = kept_columns::reduce(field, null, order, asked).rows;
         // what is eliminated last is kept first; what trees eliminate is not kept
         let (last, first): (Vec<usize>, Vec<usize>) =
             order.iter().rev().partition(|c| derived.contains_key(c));
@@ -104,8 +104,8 @@ impl<'a> Sampled<'a> {
         let around = Around::new(spec, certificate.rank, self.seed);
         completed.held.clone_from(&around.held);
         for column in missing {
-            let mut numeric = vec![Wide::ZERO; certificate.columns];
-            numeric[column] = Wide::ONE;
+            let mut numeric = vec![Float320::ZERO; certificate.columns];
+            numeric[column] = Float320::ONE;
             for (k, x) in kept.iter().zip(&combinations[column]) {
                 numeric[*k] = -*x;
             }
@@ -154,7 +154,7 @@ enum Factor {
     /// Exact at the given values.
     Constant(Number),
     /// Its digits.
-    Digits(Wide),
+    Digits(Float320),
 }
 
 /// A direction with what its factors are.
@@ -179,16 +179,16 @@ impl Recognised {
     /// any factor but the 1 of a lone parameter.
     fn exactness(&self, held: bool) -> Exactness {
         let least = if held && self.support.len() > 1 {
-            Exactness::Here
+            Exactness::AtThisGeometry
         } else {
-            Exactness::Everywhere
+            Exactness::Symbolic
         };
         let factors = self.factors.iter().map(|factor| match factor {
-            Factor::Function(_) => Exactness::Everywhere,
+            Factor::Function(_) => Exactness::Symbolic,
             // 0 and 1 are what they are
             Factor::Constant(value) if value.is_zero() || value.is_one() => least,
-            Factor::Constant(_) => Exactness::Here,
-            Factor::Digits(_) => Exactness::Digits,
+            Factor::Constant(_) => Exactness::AtThisGeometry,
+            Factor::Digits(_) => Exactness::Numeric,
         });
         factors.fold(least, Exactness::max)
     }
@@ -228,10 +228,10 @@ impl Recognised {
     }
 }
 
-fn values(direction: &Vector, columns: usize) -> Vec<Wide> {
-    let mut values = vec![Wide::ZERO; columns];
+fn values(direction: &Vector, columns: usize) -> Vec<Float320> {
+    let mut values = vec![Float320::ZERO; columns];
     for (column, element) in direction {
-        values[*column] = Wide::from_number(element.value());
+        values[*column] = Float320::from_number(element.value());
     }
     values
 }
@@ -325,13 +325,13 @@ impl Around {
 
 /// A direction at other values of the names.
 struct Circuits {
-    alone: Vec<Option<Vec<Wide>>>,
-    together: Vec<(Vec<Number>, Vec<Wide>)>,
+    alone: Vec<Option<Vec<Float320>>>,
+    together: Vec<(Vec<Number>, Vec<Float320>)>,
 }
 
 impl Circuits {
     /// What a factor is: a function of the names, else an exact number.
-    fn factor(&self, around: &Around, value: Wide, k: usize) -> Factor {
+    fn factor(&self, around: &Around, value: Float320, k: usize) -> Factor {
         let together = self.together.iter().map(|(scales, values)| Elsewhere {
             scales: scales.clone(),
             value: values[k],
