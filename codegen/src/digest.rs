@@ -15,8 +15,11 @@ const DIGITS: usize = 9;
 /// different digests; comments and layout do not count.
 pub fn digest(robot: &Robot) -> u64 {
     let mut hash = Hash(0xcbf2_9ce4_8422_2325);
-    for name in robot.coordinates.iter().chain(&robot.parameters) {
+    for name in &robot.coordinates {
         hash.text(name);
+    }
+    for parameter in &robot.parameters {
+        hash.text(&parameter.label);
     }
     for list in [&robot.independent, &robot.dependent, &robot.actuated] {
         for k in list {
@@ -26,9 +29,9 @@ pub fn digest(robot: &Robot) -> u64 {
     let base = robot.analysis.iter().flat_map(|a| &a.base.parameters);
     let base: Vec<_> = base.filter(|p| !p.dropped).collect();
     for parameter in &base {
-        hash.text(&robot.parameters[parameter.column]);
+        hash.text(&robot.parameters[parameter.column].label);
         for term in &parameter.terms {
-            hash.text(&robot.parameters[term.column]);
+            hash.text(&robot.parameters[term.column].label);
             hash.number(term.value.to_f64());
         }
     }

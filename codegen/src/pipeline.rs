@@ -325,7 +325,7 @@ fn named(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
         independent: model.independent.clone(),
         dependent: model.dependent.clone(),
         actuated: model.actuated.clone(),
-        parameters: model.parameters.iter().map(|p| p.label.clone()).collect(),
+        parameters: model.parameters.clone(),
         bodies: model.bodies.iter().map(|b| b.label.clone()).collect(),
         rows,
         cuts: cuts.collect(),

@@ -7,6 +7,7 @@ use crate::optimize::{Operations, Program};
 use crate::signature::Size;
 use crate::spec::{Friction, Interval, Spec};
 
+pub use crate::model::{Parameter, ParameterKind};
 pub use crate::signature::FunctionKind;
 
 /// A function of a robot.
@@ -89,8 +90,8 @@ pub struct Robot {
     pub dependent: Vec<usize>,
     /// Indices of the actuated ones, ascending.
     pub actuated: Vec<usize>,
-    /// Labels of the parameters in order.
-    pub parameters: Vec<String>,
+    /// The parameters in order.
+    pub parameters: Vec<Parameter>,
     /// Labels of the bodies in order.
     pub bodies: Vec<String>,
     /// Cuts in order.
@@ -148,6 +149,11 @@ impl Robot {
     /// A function, if the robot has it.
     pub fn function(&self, kind: FunctionKind) -> Option<&Function> {
         self.functions.iter().find(|f| f.kind == kind)
+    }
+
+    /// The labels of the parameters, in order.
+    pub fn labels(&self) -> Vec<&str> {
+        self.parameters.iter().map(|p| p.label.as_str()).collect()
     }
 
     /// How many there are of what a size counts.

@@ -207,7 +207,7 @@ independent: [v]
     let analysis = robot.analysis.unwrap();
     assert!(analysis.complete, "{analysis:?}");
     assert_eq!(analysis.base.refuted, 0);
-    let label = |c: usize| robot.parameters[c].as_str();
+    let label = |c: usize| robot.parameters[c].label.as_str();
     let row = analysis.base.null.iter().find(|row| {
         let names: Vec<&str> = row.terms.iter().map(|t| label(t.column)).collect();
         let one = |start: &str| names.iter().any(|n| n.starts_with(start));

@@ -47,7 +47,7 @@ fn check(name: &str) {
             .collect()
     };
     assert_eq!(robot.coordinates, labels("coordinates"));
-    assert_eq!(robot.parameters, labels("parameters"));
+    assert_eq!(robot.labels(), labels("parameters"));
     let independent: Vec<String> = robot
         .independent
         .iter()

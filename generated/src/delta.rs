@@ -42,7 +42,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Arguments, Condition, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
+ Arguments, Condition, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Parameter, Scalar, SizeError, Symbol, };
 use ::regen_runtime::{BaseFunction, BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -55,20 +55,43 @@ pub const INDEPENDENT: [usize; 3] = [0, 5, 8];
 pub const DEPENDENT: [usize; 8] = [1, 2, 3, 4, 6, 7, 9, 10];
 /// The actuated coordinates, as indices.
 pub const ACTUATED: [usize; 3] = [0, 5, 8];
-/// Labels of the parameters, in the order of `phi`: the columns of the regressor.
-pub const PARAMETERS: [&str; 70] = [
-    "Ixx(crank1)", "Ixy(crank1)", "Ixz(crank1)", "Iyy(crank1)", "Iyz(crank1)", "Izz(crank1)",
-    "mx(crank1)", "my(crank1)", "mz(crank1)", "m(crank1)", "Ixx(rod1)", "Ixy(rod1)",
-    "Ixz(rod1)", "Iyy(rod1)", "Iyz(rod1)", "Izz(rod1)", "mx(rod1)", "my(rod1)", "mz(rod1)",
-    "m(rod1)", "Ixx(platform)", "Ixy(platform)", "Ixz(platform)", "Iyy(platform)",
-    "Iyz(platform)", "Izz(platform)", "mx(platform)", "my(platform)", "mz(platform)",
-    "m(platform)", "Ixx(crank2)", "Ixy(crank2)", "Ixz(crank2)", "Iyy(crank2)", "Iyz(crank2)",
-    "Izz(crank2)", "mx(crank2)", "my(crank2)", "mz(crank2)", "m(crank2)", "Ixx(rod2)",
-    "Ixy(rod2)", "Ixz(rod2)", "Iyy(rod2)", "Iyz(rod2)", "Izz(rod2)", "mx(rod2)", "my(rod2)",
-    "mz(rod2)", "m(rod2)", "Ixx(crank3)", "Ixy(crank3)", "Ixz(crank3)", "Iyy(crank3)",
-    "Iyz(crank3)", "Izz(crank3)", "mx(crank3)", "my(crank3)", "mz(crank3)", "m(crank3)",
-    "Ixx(rod3)", "Ixy(rod3)", "Ixz(rod3)", "Iyy(rod3)", "Iyz(rod3)", "Izz(rod3)", "mx(rod3)",
-    "my(rod3)", "mz(rod3)", "m(rod3)",
+/// The parameters, in the order of `phi`: the columns of the regressor.
+pub const PARAMETERS: [Parameter<'static>; 70] = [
+    Parameter::new(Symbol::Ixx, "crank1"), Parameter::new(Symbol::Ixy, "crank1"),
+    Parameter::new(Symbol::Ixz, "crank1"), Parameter::new(Symbol::Iyy, "crank1"),
+    Parameter::new(Symbol::Iyz, "crank1"), Parameter::new(Symbol::Izz, "crank1"),
+    Parameter::new(Symbol::Mx, "crank1"), Parameter::new(Symbol::My, "crank1"),
+    Parameter::new(Symbol::Mz, "crank1"), Parameter::new(Symbol::Mass, "crank1"),
+    Parameter::new(Symbol::Ixx, "rod1"), Parameter::new(Symbol::Ixy, "rod1"),
+    Parameter::new(Symbol::Ixz, "rod1"), Parameter::new(Symbol::Iyy, "rod1"),
+    Parameter::new(Symbol::Iyz, "rod1"), Parameter::new(Symbol::Izz, "rod1"),
+    Parameter::new(Symbol::Mx, "rod1"), Parameter::new(Symbol::My, "rod1"),
+    Parameter::new(Symbol::Mz, "rod1"), Parameter::new(Symbol::Mass, "rod1"),
+    Parameter::new(Symbol::Ixx, "platform"), Parameter::new(Symbol::Ixy, "platform"),
+    Parameter::new(Symbol::Ixz, "platform"), Parameter::new(Symbol::Iyy, "platform"),
+    Parameter::new(Symbol::Iyz, "platform"), Parameter::new(Symbol::Izz, "platform"),
+    Parameter::new(Symbol::Mx, "platform"), Parameter::new(Symbol::My, "platform"),
+    Parameter::new(Symbol::Mz, "platform"), Parameter::new(Symbol::Mass, "platform"),
+    Parameter::new(Symbol::Ixx, "crank2"), Parameter::new(Symbol::Ixy, "crank2"),
+    Parameter::new(Symbol::Ixz, "crank2"), Parameter::new(Symbol::Iyy, "crank2"),
+    Parameter::new(Symbol::Iyz, "crank2"), Parameter::new(Symbol::Izz, "crank2"),
+    Parameter::new(Symbol::Mx, "crank2"), Parameter::new(Symbol::My, "crank2"),
+    Parameter::new(Symbol::Mz, "crank2"), Parameter::new(Symbol::Mass, "crank2"),
+    Parameter::new(Symbol::Ixx, "rod2"), Parameter::new(Symbol::Ixy, "rod2"),
+    Parameter::new(Symbol::Ixz, "rod2"), Parameter::new(Symbol::Iyy, "rod2"),
+    Parameter::new(Symbol::Iyz, "rod2"), Parameter::new(Symbol::Izz, "rod2"),
+    Parameter::new(Symbol::Mx, "rod2"), Parameter::new(Symbol::My, "rod2"),
+    Parameter::new(Symbol::Mz, "rod2"), Parameter::new(Symbol::Mass, "rod2"),
+    Parameter::new(Symbol::Ixx, "crank3"), Parameter::new(Symbol::Ixy, "crank3"),
+    Parameter::new(Symbol::Ixz, "crank3"), Parameter::new(Symbol::Iyy, "crank3"),
+    Parameter::new(Symbol::Iyz, "crank3"), Parameter::new(Symbol::Izz, "crank3"),
+    Parameter::new(Symbol::Mx, "crank3"), Parameter::new(Symbol::My, "crank3"),
+    Parameter::new(Symbol::Mz, "crank3"), Parameter::new(Symbol::Mass, "crank3"),
+    Parameter::new(Symbol::Ixx, "rod3"), Parameter::new(Symbol::Ixy, "rod3"),
+    Parameter::new(Symbol::Ixz, "rod3"), Parameter::new(Symbol::Iyy, "rod3"),
+    Parameter::new(Symbol::Iyz, "rod3"), Parameter::new(Symbol::Izz, "rod3"),
+    Parameter::new(Symbol::Mx, "rod3"), Parameter::new(Symbol::My, "rod3"),
+    Parameter::new(Symbol::Mz, "rod3"), Parameter::new(Symbol::Mass, "rod3"),
 ];
 /// Labels of the bodies.
 pub const BODIES: [&str; 7] = [

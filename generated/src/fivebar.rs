@@ -42,7 +42,7 @@
 #![allow(clippy::all, clippy::pedantic, reason = "written by a program")]
 
 use ::regen_runtime::{
- Arguments, Condition, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Scalar, SizeError, };
+ Arguments, Condition, SwingLimit, Cut, Function, Info, Joint, Limits, Model, Parameter, Scalar, SizeError, Symbol, };
 use ::regen_runtime::{BaseFunction, BaseInfo, BaseKernel, BaseModel, BaseParameter, BaseTerm, Certificate};
 
 /// Names of the coordinates, in the order of `q`.
@@ -55,13 +55,28 @@ pub const INDEPENDENT: [usize; 2] = [0, 2];
 pub const DEPENDENT: [usize; 2] = [1, 3];
 /// The actuated coordinates, as indices.
 pub const ACTUATED: [usize; 2] = [0, 2];
-/// Labels of the parameters, in the order of `phi`: the columns of the regressor.
-pub const PARAMETERS: [&str; 40] = [
-    "Ixx(1)", "Ixy(1)", "Ixz(1)", "Iyy(1)", "Iyz(1)", "Izz(1)", "mx(1)", "my(1)", "mz(1)",
-    "m(1)", "Ixx(2)", "Ixy(2)", "Ixz(2)", "Iyy(2)", "Iyz(2)", "Izz(2)", "mx(2)", "my(2)",
-    "mz(2)", "m(2)", "Ixx(3)", "Ixy(3)", "Ixz(3)", "Iyy(3)", "Iyz(3)", "Izz(3)", "mx(3)",
-    "my(3)", "mz(3)", "m(3)", "Ixx(4)", "Ixy(4)", "Ixz(4)", "Iyy(4)", "Iyz(4)", "Izz(4)",
-    "mx(4)", "my(4)", "mz(4)", "m(4)",
+/// The parameters, in the order of `phi`: the columns of the regressor.
+pub const PARAMETERS: [Parameter<'static>; 40] = [
+    Parameter::new(Symbol::Ixx, "1"), Parameter::new(Symbol::Ixy, "1"),
+    Parameter::new(Symbol::Ixz, "1"), Parameter::new(Symbol::Iyy, "1"),
+    Parameter::new(Symbol::Iyz, "1"), Parameter::new(Symbol::Izz, "1"),
+    Parameter::new(Symbol::Mx, "1"), Parameter::new(Symbol::My, "1"),
+    Parameter::new(Symbol::Mz, "1"), Parameter::new(Symbol::Mass, "1"),
+    Parameter::new(Symbol::Ixx, "2"), Parameter::new(Symbol::Ixy, "2"),
+    Parameter::new(Symbol::Ixz, "2"), Parameter::new(Symbol::Iyy, "2"),
+    Parameter::new(Symbol::Iyz, "2"), Parameter::new(Symbol::Izz, "2"),
+    Parameter::new(Symbol::Mx, "2"), Parameter::new(Symbol::My, "2"),
+    Parameter::new(Symbol::Mz, "2"), Parameter::new(Symbol::Mass, "2"),
+    Parameter::new(Symbol::Ixx, "3"), Parameter::new(Symbol::Ixy, "3"),
+    Parameter::new(Symbol::Ixz, "3"), Parameter::new(Symbol::Iyy, "3"),
+    Parameter::new(Symbol::Iyz, "3"), Parameter::new(Symbol::Izz, "3"),
+    Parameter::new(Symbol::Mx, "3"), Parameter::new(Symbol::My, "3"),
+    Parameter::new(Symbol::Mz, "3"), Parameter::new(Symbol::Mass, "3"),
+    Parameter::new(Symbol::Ixx, "4"), Parameter::new(Symbol::Ixy, "4"),
+    Parameter::new(Symbol::Ixz, "4"), Parameter::new(Symbol::Iyy, "4"),
+    Parameter::new(Symbol::Iyz, "4"), Parameter::new(Symbol::Izz, "4"),
+    Parameter::new(Symbol::Mx, "4"), Parameter::new(Symbol::My, "4"),
+    Parameter::new(Symbol::Mz, "4"), Parameter::new(Symbol::Mass, "4"),
 ];
 /// Labels of the bodies.
 pub const BODIES: [&str; 4] = [

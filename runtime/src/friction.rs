@@ -4,6 +4,8 @@
 //!
 //! The elementary functions are those of `libm`: the same digits on every machine.
 
+use crate::Motion;
+
 /// The most coefficients that a law is linear in.
 pub const COEFFICIENTS: usize = 4;
 /// The most parameters of shape, which a law is not linear in.
@@ -258,6 +260,36 @@ impl Friction {
         used.take(self.coefficients().len())
             .map(|(c, x)| c * x)
             .sum()
+    }
+}
+
+/// The symbols of forces over velocities: coefficients of viscous friction.
+const VISCOUS: [&str; 4] = ["Fv", "Fv+", "Fv-", "Fv1"];
+/// The symbols of forces.
+const FORCES: [&str; 6] = ["Fc", "Fc+", "Fc-", "Fs", "Fs-Fc", "Fv2"];
+
+/// The symbol of a law's coefficient that labels print so, if a law has one.
+pub(crate) fn symbol(text: &str) -> Option<&'static str> {
+    let mut symbols = Friction::ALL
+        .iter()
+        .flat_map(|law| law.symbols().iter().chain(law.coefficients()));
+    symbols.find(|symbol| **symbol == text).copied()
+}
+
+/// The SI unit of a law's coefficient, and `SI` where the motion or the coefficient is not known.
+pub(crate) fn unit(symbol: &str, motion: Option<Motion>) -> &'static str {
+    let [turn, shift] = match symbol {
+        _ if VISCOUS.contains(&symbol) => ["N m s/rad", "N s/m"],
+        _ if FORCES.contains(&symbol) => ["N m", "N"],
+        "vs" => ["rad/s", "m/s"],
+        "Fv3" => ["s/rad", "s/m"],
+        "delta" => ["1", "1"],
+        _ => ["SI", "SI"],
+    };
+    match motion {
+        Some(Motion::Rotation) => turn,
+        Some(Motion::Translation) => shift,
+        None => "SI",
     }
 }
 

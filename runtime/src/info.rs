@@ -62,7 +62,7 @@ pub struct SwingLimit<'a> {
 /// state them as a constant and a model read at run time can lend its own.
 ///
 /// ```
-/// use regen_runtime::{Cut, Info};
+/// use regen_runtime::{Cut, Info, Parameter, Symbol};
 ///
 /// const FOUR_BAR: Info<'static> = Info {
 ///     name: "four_bar",
@@ -70,7 +70,11 @@ pub struct SwingLimit<'a> {
 ///     independent: &[0],
 ///     dependent: &[1, 2],
 ///     actuated: &[0],
-///     parameters: &["Izz(1)", "mx(1)", "my(1)"],
+///     parameters: &[
+///         Parameter::new(Symbol::Izz, "1"),
+///         Parameter::new(Symbol::Mx, "1"),
+///         Parameter::new(Symbol::My, "1"),
+///     ],
 ///     bodies: &["1", "2", "3"],
 ///     cuts: &[Cut { name: "pin", rows: 2 }],
 ///     home: &[0.5, 0.3, -0.8],
@@ -80,6 +84,7 @@ pub struct SwingLimit<'a> {
 /// };
 /// assert_eq!(FOUR_BAR.dof(), 1);
 /// assert_eq!(FOUR_BAR.index_of("q3"), Some(2));
+/// assert_eq!(FOUR_BAR.parameter_of("my(1)"), Some(2));
 /// assert_eq!(FOUR_BAR.nominal_parameters(), None);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,8 +101,8 @@ pub struct Info<'a> {
     pub dependent: &'a [usize],
     /// Which coordinates have a measured effort: indices into `coordinates`.
     pub actuated: &'a [usize],
-    /// The labels of the dynamic parameters, in the order of the regressor's columns.
-    pub parameters: &'a [&'a str],
+    /// The dynamic parameters, in the order of the regressor's columns.
+    pub parameters: &'a [Parameter<'a>],
     /// The labels of the bodies, in the order of `poses`.
     pub bodies: &'a [&'a str],
     /// The cuts, in the order of their constraint rows.
@@ -177,13 +182,13 @@ impl Info<'_> {
 
     /// The place of a parameter among the regressor's columns, if there is one of that label.
     pub fn parameter_of(&self, label: &str) -> Option<usize> {
-        self.parameters.iter().position(|name| *name == label)
+        self.parameters.iter().position(|p| *p == *label)
     }
 
-    /// The parameters by what they are, in the order of `parameters`; `None` for a label that
-    /// stands for none.
-    pub fn typed_parameters(&self) -> impl Iterator<Item = Option<Parameter<'_>>> {
-        self.parameters.iter().map(|label| Parameter::read(label))
+    /// The labels of the parameters, in the order of the regressor's columns.
+    #[cfg(feature = "closure")]
+    pub fn labels(&self) -> alloc::vec::Vec<alloc::string::String> {
+        self.parameters.iter().map(Parameter::label).collect()
     }
 
     /// How the joint of a coordinate moves, where that is stated.

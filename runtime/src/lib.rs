@@ -66,7 +66,7 @@ pub use linear::solve_pivoted;
 pub use model::Model;
 #[cfg(feature = "closure")]
 pub use observation::{ObservationMatrix, Sample, observation_matrix};
-pub use parameter::{INERTIAL, Parameter, Symbol};
+pub use parameter::{INERTIAL, Parameter, Sign, Symbol};
 #[cfg(feature = "macros")]
 pub use regen_macros::robot_model;
 #[cfg(feature = "dual")]

@@ -2,10 +2,10 @@
 
 use core::fmt;
 
-use crate::{Friction, Motion};
+use crate::{Motion, friction};
 
-/// The symbols of a body's ten parameters, in their order: inertia about the origin of the body's
-/// frame, first moments, mass.
+/// The symbols of a body's ten parameters as labels print them, in the order of
+/// [`Symbol::INERTIAL`].
 pub const INERTIAL: [&str; 10] = [
     "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
 ];
@@ -14,69 +14,169 @@ const ROTOR: &str = "J";
 
 /// What a parameter is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Symbol<'a> {
-    /// One of the ten of a body, by its place in [`INERTIAL`].
-    Inertial(usize),
-    /// A coefficient of a joint's friction, by its symbol in [`Friction::symbols`] or
-    /// [`Friction::coefficients`].
-    Friction(&'a str),
+pub enum Symbol {
+    /// Moment of inertia of a body about the x axis of its frame.
+    Ixx,
+    /// Product of inertia of a body about the origin of its frame.
+    Ixy,
+    /// Product of inertia of a body about the origin of its frame.
+    Ixz,
+    /// Moment of inertia of a body about the y axis of its frame.
+    Iyy,
+    /// Product of inertia of a body about the origin of its frame.
+    Iyz,
+    /// Moment of inertia of a body about the z axis of its frame.
+    Izz,
+    /// First moment of a body: its mass times x of its centre of mass.
+    Mx,
+    /// First moment of a body: its mass times y of its centre of mass.
+    My,
+    /// First moment of a body: its mass times z of its centre of mass.
+    Mz,
+    /// Mass of a body.
+    Mass,
+    /// A coefficient of a joint's friction, by its symbol in [`Friction::symbols`](crate::Friction::symbols) or
+    /// [`Friction::coefficients`](crate::Friction::coefficients).
+    Friction(&'static str),
     /// The inertia of a rotor and its drive (Eq. 18).
     Rotor,
 }
 
-/// A dynamic parameter: what it is, and of which body or coordinate.
+/// Which values of a parameter a physical robot can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Sign {
+    /// Zero or above: masses, moments of inertia, rotors, and friction, which takes energy out.
+    Nonnegative,
+    /// Both signs: first moments and products of inertia.
+    Any,
+}
+
+/// A dynamic parameter: what it is, and of which body or coordinate. It is printed as its label.
 ///
 /// ```
-/// use regen_runtime::{Motion, Parameter, Symbol};
+/// use regen_runtime::{Motion, Parameter, Sign, Symbol};
+///
+/// const MOMENT: Parameter<'static> = Parameter::new(Symbol::Mx, "3");
+/// assert_eq!(MOMENT.to_string(), "mx(3)");
+/// assert_eq!(MOMENT, *"mx(3)");
+/// assert_eq!(MOMENT.sign(), Sign::Any);
 ///
 /// let friction = Parameter::read("Fc+(q2)").ok_or("a label")?;
-/// assert_eq!(friction.owner, "q2");
-/// assert_eq!(friction.symbol, Symbol::Friction("Fc+"));
+/// assert_eq!(friction, Parameter::new(Symbol::Friction("Fc+"), "q2"));
 /// assert_eq!(friction.unit(Some(Motion::Rotation)), "N m");
-/// assert_eq!(friction.to_string(), "Fc+(q2)");
+/// assert_eq!(friction.sign(), Sign::Nonnegative);
 /// assert_eq!(Parameter::read("Q(1)"), None);
 /// # Ok::<(), &str>(())
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Parameter<'a> {
     /// What it is.
-    pub symbol: Symbol<'a>,
+    pub symbol: Symbol,
     /// The label of the body, or the name of the coordinate.
     pub owner: &'a str,
 }
 
+impl Symbol {
+    /// A body's ten parameters in their order: inertia about the origin of the body's frame,
+    /// first moments, mass.
+    pub const INERTIAL: [Symbol; 10] = [
+        Symbol::Ixx,
+        Symbol::Ixy,
+        Symbol::Ixz,
+        Symbol::Iyy,
+        Symbol::Iyz,
+        Symbol::Izz,
+        Symbol::Mx,
+        Symbol::My,
+        Symbol::Mz,
+        Symbol::Mass,
+    ];
+
+    /// The symbol that labels print so.
+    fn read(text: &str) -> Option<Self> {
+        let mut inertial = INERTIAL.iter().zip(Self::INERTIAL);
+        if let Some((_, symbol)) = inertial.find(|(name, _)| **name == text) {
+            return Some(symbol);
+        }
+        if text == ROTOR {
+            return Some(Symbol::Rotor);
+        }
+        friction::symbol(text).map(Symbol::Friction)
+    }
+
+    /// As labels print it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Symbol::Friction(symbol) => symbol,
+            Symbol::Rotor => ROTOR,
+            _ => {
+                let mut inertial = Self::INERTIAL.iter().zip(INERTIAL);
+                let found = inertial.find(|(symbol, _)| **symbol == self);
+                found.map_or("", |(_, name)| name)
+            }
+        }
+    }
+
+    /// Its SI unit. That of a joint's parameter depends on how the joint moves, and is `SI` where
+    /// this is not known.
+    pub fn unit(self, motion: Option<Motion>) -> &'static str {
+        match self {
+            Symbol::Ixx | Symbol::Ixy | Symbol::Ixz => "kg m^2",
+            Symbol::Iyy | Symbol::Iyz | Symbol::Izz => "kg m^2",
+            Symbol::Mx | Symbol::My | Symbol::Mz => "kg m",
+            Symbol::Mass => "kg",
+            Symbol::Rotor => match motion {
+                Some(Motion::Rotation) => "kg m^2",
+                Some(Motion::Translation) => "kg",
+                None => "SI",
+            },
+            Symbol::Friction(symbol) => friction::unit(symbol, motion),
+        }
+    }
+
+    /// Which values it has in a physical robot.
+    pub fn sign(self) -> Sign {
+        match self {
+            Symbol::Ixy | Symbol::Ixz | Symbol::Iyz | Symbol::Mx | Symbol::My | Symbol::Mz => {
+                Sign::Any
+            }
+            Symbol::Ixx
+            | Symbol::Iyy
+            | Symbol::Izz
+            | Symbol::Mass
+            | Symbol::Friction(_)
+            | Symbol::Rotor => Sign::Nonnegative,
+        }
+    }
+}
+
 impl<'a> Parameter<'a> {
-    /// The parameter that a label such as `Ixx(3)`, `Fc+(q2)` or `J(q2)` stands for.
+    /// The parameter of a body, by its label, or of a coordinate, by its name.
+    pub const fn new(symbol: Symbol, owner: &'a str) -> Self {
+        Self { symbol, owner }
+    }
+
+    /// The parameter that a label such as `Ixx(3)`, `Fc+(q2)` or `J(q2)` names: for labels that a
+    /// person or a file gives. A model has its parameters in [`Info`](crate::Info).
     pub fn read(label: &'a str) -> Option<Self> {
         let (symbol, owner) = label.strip_suffix(')')?.split_once('(')?;
-        let symbol = if let Some(place) = INERTIAL.iter().position(|s| *s == symbol) {
-            Symbol::Inertial(place)
-        } else if symbol == ROTOR {
-            Symbol::Rotor
-        } else {
-            let known = |law: &Friction| {
-                law.symbols().contains(&symbol) || law.coefficients().contains(&symbol)
-            };
-            Friction::ALL
-                .iter()
-                .any(known)
-                .then_some(Symbol::Friction(symbol))?
-        };
-        Some(Self { symbol, owner })
+        Some(Self::new(Symbol::read(symbol)?, owner))
     }
 
     /// The symbol as labels print it.
-    pub fn name(&self) -> &'a str {
-        match self.symbol {
-            Symbol::Inertial(place) => INERTIAL.get(place).copied().unwrap_or_default(),
-            Symbol::Friction(symbol) => symbol,
-            Symbol::Rotor => ROTOR,
-        }
+    pub fn name(&self) -> &'static str {
+        self.symbol.name()
+    }
+
+    /// The label: what [`Display`](fmt::Display) prints.
+    #[cfg(feature = "closure")]
+    pub fn label(&self) -> alloc::string::String {
+        alloc::format!("{self}")
     }
 
     /// Whether it is of a body.
     pub fn is_inertial(&self) -> bool {
-        matches!(self.symbol, Symbol::Inertial(_))
+        !self.is_friction() && !self.is_rotor()
     }
 
     /// Whether it is of a joint's friction.
@@ -84,28 +184,40 @@ impl<'a> Parameter<'a> {
         matches!(self.symbol, Symbol::Friction(_))
     }
 
-    /// Its SI unit. That of a joint's parameter depends on how the joint moves, and is `SI` where
-    /// this is not known.
+    /// Whether it is the inertia of a rotor and its drive.
+    pub fn is_rotor(&self) -> bool {
+        self.symbol == Symbol::Rotor
+    }
+
+    /// Its SI unit, as [`Symbol::unit`] has it.
     pub fn unit(&self, motion: Option<Motion>) -> &'static str {
-        let by = |turn, shift| match motion {
-            Some(Motion::Rotation) => turn,
-            Some(Motion::Translation) => shift,
-            None => "SI",
-        };
-        match self.symbol {
-            Symbol::Inertial(0..=5) => "kg m^2",
-            Symbol::Inertial(6..=8) => "kg m",
-            Symbol::Inertial(_) => "kg",
-            Symbol::Rotor => by("kg m^2", "kg"),
-            Symbol::Friction(symbol) if symbol.starts_with("Fv") => by("N m s/rad", "N s/m"),
-            Symbol::Friction(symbol) if symbol.starts_with('F') => by("N m", "N"),
-            Symbol::Friction(_) => "SI",
-        }
+        self.symbol.unit(motion)
+    }
+
+    /// Which values it has in a physical robot.
+    pub fn sign(&self) -> Sign {
+        self.symbol.sign()
     }
 }
 
 impl fmt::Display for Parameter<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}({})", self.name(), self.owner)
+    }
+}
+
+/// Whether a label is that of the parameter.
+impl PartialEq<str> for Parameter<'_> {
+    fn eq(&self, label: &str) -> bool {
+        let rest = label.strip_prefix(self.name());
+        let owner = rest.and_then(|rest| rest.strip_prefix('(')?.strip_suffix(')'));
+        owner == Some(self.owner)
+    }
+}
+
+/// Whether a label is that of the parameter.
+impl PartialEq<&str> for Parameter<'_> {
+    fn eq(&self, label: &&str) -> bool {
+        *self == **label
     }
 }

@@ -54,7 +54,7 @@ fn problem(seed: u64) -> Option<Value> {
     let robot = pipeline::derive(&Source::new("random.yaml", &text)).ok()?;
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
-    let layout = ParameterLayout::new(model.info().parameters).ok()?;
+    let layout = ParameterLayout::of(model.info().parameters).ok()?;
     let combinations = BaseMap::from_model(&model, layout.len()).ok()?;
     let mut random = Random::new(seed.wrapping_mul(0x9E37_79B9).wrapping_add(17));
     let truth = truth(&layout, &mut random);

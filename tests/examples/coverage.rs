@@ -240,7 +240,7 @@ fn linear(which: &str, logs: usize, samples: usize) {
     let ideal = Ideal::new(&model, &beta, &[], samples);
     let labels = || base.iter().map(|b| b.label);
     let mut all = counts(labels(), &beta);
-    let layout = ParameterLayout::new(info.parameters).unwrap();
+    let layout = ParameterLayout::of(info.parameters).unwrap();
     let combinations = BaseMap::from_base(&model.base_info(), layout.len()).unwrap();
     let options = identify::Options {
         huber: (which == "huber").then_some(1.345),
@@ -356,7 +356,7 @@ fn nonlinear(which: &str, logs: usize, samples: usize) {
         truth.extend(&joint.values);
     }
     let mut all = counts(names.iter().map(String::as_str), &truth);
-    let layout = ParameterLayout::new(info.parameters).unwrap();
+    let layout = ParameterLayout::of(info.parameters).unwrap();
     let combinations = BaseMap::from_base(&model.base_info(), layout.len()).unwrap();
     let options = Options {
         scale: Scale::near(&layout, &combinations, &beta, 0.7),

@@ -21,7 +21,7 @@ impl Engine for Compiled<'_> {
             coordinates: all(info.coordinates),
             independent: pick(info.independent),
             actuated: pick(info.actuated),
-            parameters: all(info.parameters),
+            parameters: info.labels(),
             bodies: all(info.bodies),
             cuts: info
                 .cuts

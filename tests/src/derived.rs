@@ -59,7 +59,7 @@ impl Engine for Derived {
             coordinates: robot.coordinates.clone(),
             independent: of(&robot.independent),
             actuated: of(&robot.actuated),
-            parameters: robot.parameters.clone(),
+            parameters: robot.parameters.iter().map(|p| p.label.clone()).collect(),
             bodies: robot.bodies.clone(),
             cuts: robot
                 .cuts

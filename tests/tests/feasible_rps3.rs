@@ -36,7 +36,7 @@ fn model() -> &'static dyn BaseModel<f64> {
 }
 
 fn layout() -> ParameterLayout {
-    ParameterLayout::new(model().info().parameters).unwrap()
+    ParameterLayout::of(model().info().parameters).unwrap()
 }
 
 fn combinations() -> BaseMap {

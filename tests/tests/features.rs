@@ -377,7 +377,7 @@ fn every_choice_about_base_parameters_counts() {
         let derived = Derived::new("base.yaml", &text).unwrap();
         let base = &derived.robot.analysis.unwrap().base;
         let kept = base.parameters.iter().filter(|p| !p.dropped);
-        kept.map(|p| derived.robot.parameters[p.column].clone())
+        kept.map(|p| derived.robot.parameters[p.column].label.clone())
             .collect()
     };
     let plain = labels("");

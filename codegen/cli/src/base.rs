@@ -73,7 +73,7 @@ fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Grouped>, F
 #[derive(Serialize)]
 struct Json<'a> {
     robot: &'a str,
-    parameters: &'a [String],
+    parameters: Vec<&'a str>,
     rank: usize,
     base: Vec<Row<'a>>,
     null_directions: NullDirections,
@@ -148,7 +148,7 @@ fn json<'a>(robot: &'a Robot, analysis: &'a Analysis, reasons: &'a [Grouped]) ->
     };
     Json {
         robot: &robot.name,
-        parameters: &robot.parameters,
+        parameters: robot.labels(),
         rank: base.rank(),
         base: rows(false),
         null_directions: NullDirections {

@@ -17,10 +17,11 @@ const PER_BODY: usize = 10;
 /// Rows that a printed page takes, if they are short.
 const ROWS_OF_A_PAGE: usize = 40;
 
-/// A factor and the label of a parameter.
+/// A factor and a parameter, by its label as plain text and as LaTeX.
 struct Part {
     signed: Signed,
     label: String,
+    latex: String,
 }
 
 struct Row {
@@ -225,7 +226,7 @@ impl Part {
             Factor::Number(text) => format!("{} \\, ", latex::number(text)),
             Factor::Instead(text) => format!("{{\\sim}}{} \\, ", latex::number(text)),
         };
-        format!("{}{factor}{}", self.sign(k), latex::label(&self.label))
+        format!("{}{factor}{}", self.sign(k), self.latex)
     }
 }
 
@@ -342,6 +343,10 @@ fn parts(robot: &Robot, terms: &[Term], style: Style) -> Vec<Part> {
     let part = |term: &Term| Part {
         signed: Signed::new(term, style),
         label: label(robot, term.column).to_owned(),
+        latex: robot
+            .parameters
+            .get(term.column)
+            .map_or_else(String::new, latex::parameter),
     };
     terms.iter().map(part).collect()
 }

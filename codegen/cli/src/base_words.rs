@@ -60,7 +60,10 @@ pub(crate) fn layer(layer: Layer) -> &'static str {
 
 /// The label of a column.
 pub(crate) fn label(robot: &Robot, column: usize) -> &str {
-    robot.parameters.get(column).map_or("?", String::as_str)
+    robot
+        .parameters
+        .get(column)
+        .map_or("?", |p| p.label.as_str())
 }
 
 /// The certificate in a line.

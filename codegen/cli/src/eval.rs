@@ -167,9 +167,9 @@ fn regressor(robot: &Robot, state: &Evaluated) -> String {
             .parameters
             .iter()
             .enumerate()
-            .map(|(p, label)| {
+            .map(|(p, parameter)| {
                 let entries = rows.iter().filter_map(|row| row.get(p));
-                std::iter::once(label.clone())
+                std::iter::once(parameter.label.clone())
                     .chain(entries.map(|&x| table::figure(x)))
                     .collect()
             })

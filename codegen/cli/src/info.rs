@@ -16,7 +16,7 @@ pub(crate) struct Info<'a> {
     coordinates: &'a [String],
     independent: Vec<&'a str>,
     dof: usize,
-    parameters: &'a [String],
+    parameters: Vec<&'a str>,
     cuts: Vec<Cut<'a>>,
     operations: Operations,
 }
@@ -57,7 +57,7 @@ pub(crate) fn info(robot: &Robot) -> Info<'_> {
         coordinates: &robot.coordinates,
         independent: names(&robot.coordinates, &robot.independent),
         dof: robot.independent.len(),
-        parameters: &robot.parameters,
+        parameters: robot.labels(),
         cuts: robot
             .cuts
             .iter()
@@ -129,7 +129,7 @@ pub(crate) fn human(robot: &Robot) -> String {
         ("redundant", redundant),
         (
             "parameters",
-            list(robot.parameters.len(), &robot.parameters.join(" ")),
+            list(robot.parameters.len(), &robot.labels().join(" ")),
         ),
     ] {
         out.push_str(&table::field(name, &value));

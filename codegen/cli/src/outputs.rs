@@ -5,7 +5,6 @@ use regen_codegen::diag::Source;
 use regen_codegen::spec;
 use regen_identify::IdentifiedModel;
 use regen_identify::feasibility::{ParameterLayout, bodies_yaml};
-use regen_runtime::Parameter;
 
 use crate::exit::Failure;
 use crate::{spec_text, terminal};
@@ -26,7 +25,7 @@ pub(crate) fn spec(
     found: &IdentifiedModel,
 ) -> Result<String, Failure> {
     let info = model.info();
-    let layout = ParameterLayout::new(info.parameters)?;
+    let layout = ParameterLayout::of(info.parameters)?;
     let phi = found.phi.as_deref().unwrap_or_default();
     let written = spec::parse(source).map_err(|report| Failure::Spec(vec![report]))?;
     let known = |coordinate: &str, symbol: &str| -> Option<f64> {
@@ -68,12 +67,12 @@ pub(crate) fn spec(
     let largest = phi.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
     // what one value of a joint cannot say of its coordinates was noted
     let several = |label: &str| notes.iter().any(|note| note.starts_with(label));
-    for (k, (label, exact)) in layout.labels().iter().zip(phi).enumerate() {
+    for (k, (parameter, exact)) in info.parameters.iter().zip(phi).enumerate() {
         let value = robot.nominal.get(k).copied().flatten();
-        let skipped = Parameter::read(label)
-            .is_some_and(|p| p.owner.contains('.') && several(&format!("{} of ", p.name())));
+        let skipped =
+            parameter.owner.contains('.') && several(&format!("{} of ", parameter.name()));
         if !skipped && !value.is_some_and(|v| (v - exact).abs() <= KEPT * largest) {
-            return Err(wrong(format!("{label} reads back as {value:?}")));
+            return Err(wrong(format!("{parameter} reads back as {value:?}")));
         }
     }
     for fit in &found.friction {

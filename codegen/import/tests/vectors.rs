@@ -62,8 +62,8 @@ fn of_body(spec: &Spec, symbol: &str, label: &str) -> f64 {
     }
 }
 
-fn nominal(spec: &Spec, labels: &[String]) -> Vec<f64> {
-    let value = |label: &String| {
+fn nominal(spec: &Spec, labels: &[&str]) -> Vec<f64> {
+    let value = |label: &&str| {
         let (symbol, of) = label.strip_suffix(')').unwrap().split_once('(').unwrap();
         let mut joints = spec.limbs.iter().flat_map(|l| &l.joints);
         match joints.find(|j| j.coordinates().iter().any(|c| c == of)) {
@@ -105,7 +105,7 @@ fn worst(file: &str, exact: bool) -> f64 {
         their_independent.iter().collect::<BTreeSet<_>>(),
         "{file}: the independent coordinates"
     );
-    let phi = nominal(&spec, &robot.parameters);
+    let phi = nominal(&spec, &robot.labels());
     let regressor = robot.function(FunctionKind::Regressor).unwrap();
     let mut worst: f64 = 0.0;
     let states = vectors["states"].as_array().unwrap();

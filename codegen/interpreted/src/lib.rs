@@ -24,13 +24,13 @@ mod tangent;
 use std::sync::OnceLock;
 
 use regen_codegen::base;
-use regen_codegen::model::MotionKind;
+use regen_codegen::model::{self, MotionKind, ParameterKind};
 use regen_codegen::robot::{JointInfo, Robot};
 use regen_codegen::spec;
 use regen_runtime::function::Sizes;
 use regen_runtime::{
     BaseInfo, BaseParameter, BaseTerm, Certificate, Cut, Friction, Info, Joint, Limits, Motion,
-    SwingLimit,
+    Parameter, SwingLimit, Symbol,
 };
 
 pub use eval::Interpret;
@@ -44,7 +44,7 @@ pub struct Interpreted<'a> {
     programs: Programs<'a>,
     sizes: Sizes,
     coordinates: Vec<&'a str>,
-    parameters: Vec<&'a str>,
+    parameters: Vec<Parameter<'a>>,
     bodies: Vec<&'a str>,
     cuts: Vec<Cut<'a>>,
     joints: Vec<Joint>,
@@ -105,7 +105,12 @@ impl<'a> Combination<'a> {
 impl<'a> BaseTerms<'a> {
     /// The terms of the base parameters that functions take.
     pub fn new(robot: &'a Robot) -> Self {
-        let label = |column: usize| robot.parameters.get(column).map_or("?", String::as_str);
+        let label = |column: usize| {
+            robot
+                .parameters
+                .get(column)
+                .map_or("?", |p| p.label.as_str())
+        };
         let analysis = robot.analysis.iter();
         let of = |term: &base::Term| Term {
             parameter: label(term.column),
@@ -145,7 +150,7 @@ impl<'a> Interpreted<'a> {
             programs: Programs::of(robot),
             sizes: Sizes::of(&Info::EMPTY),
             coordinates: robot.coordinates.iter().map(String::as_str).collect(),
-            parameters: robot.parameters.iter().map(String::as_str).collect(),
+            parameters: robot.parameters.iter().map(typed).collect(),
             bodies: robot.bodies.iter().map(String::as_str).collect(),
             cuts: robot
                 .cuts
@@ -166,7 +171,7 @@ impl<'a> Interpreted<'a> {
                 .collect(),
             base: Vec::new(),
             zeros: Vec::new(),
-            free: free.map(String::as_str).collect(),
+            free: free.map(|p| p.label.as_str()).collect(),
         };
         model.sizes = Sizes {
             base: model.rank(),
@@ -237,6 +242,19 @@ impl<'a> Interpreted<'a> {
     pub fn zeros(&self) -> &[BaseParameter<'_>] {
         &self.zeros
     }
+}
+
+/// A parameter in the runtime's terms.
+fn typed(parameter: &model::Parameter) -> Parameter<'_> {
+    let symbol = match parameter.kind {
+        ParameterKind::Inertial { entry, .. } => {
+            let own = Symbol::INERTIAL.get(entry).copied();
+            own.unwrap_or(Symbol::Mass)
+        }
+        ParameterKind::Friction { .. } => Symbol::Friction(parameter.symbol()),
+        ParameterKind::Rotor { .. } => Symbol::Rotor,
+    };
+    Parameter::new(symbol, &parameter.owner)
 }
 
 /// A joint in the runtime's terms.

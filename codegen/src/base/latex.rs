@@ -1,28 +1,34 @@
-//! Coefficients and parameter labels as LaTeX, in math mode.
+//! Coefficients and parameters as LaTeX, in math mode.
 
+use crate::model::{Parameter, ParameterKind};
 use crate::spec::Function;
 
 use super::Coefficient;
 
-/// A parameter's label: `Ixx(3)`, `Fc+(q2)`.
-pub fn label(text: &str) -> String {
-    let Some((kind, of)) = text.strip_suffix(')').and_then(|t| t.split_once('(')) else {
-        return upright(text);
-    };
-    let kind = match kind {
-        "mx" | "my" | "mz" | "m" | "J" => kind.to_owned(),
-        _ => {
-            let (stem, sign) = match kind.strip_suffix(['+', '-']) {
-                Some(stem) => (stem, format!("^{{{}}}", &kind[stem.len()..])),
-                None => (kind, String::new()),
-            };
-            match stem.split_at_checked(1) {
-                Some((head, index)) if !index.is_empty() => format!("{head}_{{{index}}}{sign}"),
-                _ => upright(kind),
-            }
+/// A parameter: the symbol with its index, and the body or coordinate that it is of.
+pub fn parameter(parameter: &Parameter) -> String {
+    let symbol = parameter.symbol();
+    let symbol = match parameter.kind {
+        // the first moments and the mass
+        ParameterKind::Inertial { entry: 6.., .. } | ParameterKind::Rotor { .. } => {
+            symbol.to_owned()
         }
+        ParameterKind::Inertial { .. } | ParameterKind::Friction { .. } => indexed(symbol),
     };
-    format!("{kind}({})", name(of))
+    format!("{symbol}({})", name(&parameter.owner))
+}
+
+/// A letter with its index, and the direction of motion as an exponent: `Ixx`, `Fc+`.
+fn indexed(symbol: &str) -> String {
+    let stem = symbol.trim_end_matches(['+', '-']);
+    let sign = match symbol.strip_prefix(stem) {
+        None | Some("") => String::new(),
+        Some(sign) => format!("^{{{sign}}}"),
+    };
+    match stem.split_at_checked(1) {
+        Some((head, index)) if !index.is_empty() => format!("{head}_{{{index}}}{sign}"),
+        _ => upright(symbol),
+    }
 }
 
 /// A name: a letter or a Greek letter's name with an index, or else upright.
@@ -152,6 +158,7 @@ fn factor(tree: &Coefficient) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::FrictionColumn;
 
     #[test]
     fn expressions_become_fractions_roots_and_powers() {
@@ -195,7 +202,7 @@ mod tests {
             ("2 $ 3", r"\mathrm{2 \$ 3}"),
             ("a_b_c", r"\mathrm{a\_b\_c}"),
         ] {
-            assert_eq!(label(text), latex);
+            assert_eq!(name(text), latex);
         }
         assert_eq!(
             escaped(r"\^~"),
@@ -205,17 +212,31 @@ mod tests {
     }
 
     #[test]
-    fn labels_are_set_as_in_textbooks() {
-        for (text, latex) in [
-            ("Ixx(3)", "I_{xx}(3)"),
-            ("mx(3)", "mx(3)"),
-            ("m(platform_1)", r"m(\mathrm{platform\_1})"),
-            ("Fv(q2)", "F_{v}(q_{2})"),
-            ("Fc+(q2)", "F_{c}^{+}(q_{2})"),
-            ("Fv-(s1.2)", "F_{v}^{-}(s_{1.2})"),
-            ("J(q12)", "J(q_{12})"),
+    fn parameters_are_set_as_in_textbooks() {
+        let inertial = |entry| ParameterKind::Inertial { body: 0, entry };
+        let friction = |column| ParameterKind::Friction {
+            coordinate: 0,
+            column,
+        };
+        for (kind, owner, latex) in [
+            (inertial(0), "3", "I_{xx}(3)"),
+            (inertial(6), "3", "mx(3)"),
+            (inertial(9), "platform_1", r"m(\mathrm{platform\_1})"),
+            (friction(FrictionColumn::Viscous), "q2", "F_{v}(q_{2})"),
+            (
+                friction(FrictionColumn::CoulombPositive),
+                "q2",
+                "F_{c}^{+}(q_{2})",
+            ),
+            (
+                friction(FrictionColumn::ViscousNegative),
+                "s1.2",
+                "F_{v}^{-}(s_{1.2})",
+            ),
+            (ParameterKind::Rotor { coordinate: 0 }, "q12", "J(q_{12})"),
         ] {
-            assert_eq!(label(text), latex, "{text}");
+            let own = Parameter::new(kind, owner);
+            assert_eq!(parameter(&own), latex, "{}", own.label);
         }
     }
 }

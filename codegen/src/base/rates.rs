@@ -303,7 +303,8 @@ mod tests {
         let analysis = robot.analysis.unwrap();
         let written = analysis.base.parameters.iter().map(|p| {
             let terms = p.terms.iter();
-            let terms = terms.map(|t| format!("{} {}", t.coefficient, robot.parameters[t.column]));
+            let terms =
+                terms.map(|t| format!("{} {}", t.coefficient, robot.parameters[t.column].label));
             terms.collect::<Vec<_>>().join(" + ")
         });
         (analysis.complete, written.collect())

@@ -13,7 +13,7 @@ pub(super) fn kept(robot: &Robot) -> Vec<String> {
     let parameters = analysis.flat_map(|a| &a.base.parameters);
     parameters
         .filter(|p| !p.dropped)
-        .map(|p| robot.parameters[p.column].clone())
+        .map(|p| robot.parameters[p.column].label.clone())
         .collect()
 }
 
@@ -21,7 +21,7 @@ pub(super) fn kept(robot: &Robot) -> Vec<String> {
 pub(super) fn free(robot: &Robot) -> Vec<String> {
     let analysis = robot.analysis.iter();
     let columns = analysis.flat_map(|a| &a.base.null).map(|n| n.column);
-    columns.map(|c| robot.parameters[c].clone()).collect()
+    columns.map(|c| robot.parameters[c].label.clone()).collect()
 }
 
 /// What is certain about a base, in words.
@@ -63,7 +63,7 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
         kept.len()
     );
     for parameter in kept {
-        let label = &robot.parameters[parameter.column];
+        let label = &robot.parameters[parameter.column].label;
         let _ = writeln!(out, "    BaseParameter {{");
         let _ = writeln!(out, "        label: {label:?},");
         let _ = writeln!(out, "        terms: &[");
@@ -71,7 +71,7 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
             let _ = writeln!(
                 out,
                 "            BaseTerm {{ parameter: {:?}, index: {}, coefficient: {:?}, value: {} }},",
-                robot.parameters[term.column],
+                robot.parameters[term.column].label,
                 term.column,
                 term.coefficient.to_string(),
                 literal(term.value.to_f64()),
@@ -139,7 +139,7 @@ fn zeros(robot: &Robot, analysis: &Analysis, out: &mut String) {
         format!(
             "            BaseTerm {{ parameter: {:?}, index: {column}, coefficient: {coefficient:?}, \
              value: {} }},\n",
-            robot.parameters[column],
+            robot.parameters[column].label,
             literal(value),
         )
     };
@@ -166,7 +166,7 @@ fn zeros(robot: &Robot, analysis: &Analysis, out: &mut String) {
         all.len()
     );
     for (column, terms) in all {
-        let label = &robot.parameters[column];
+        let label = &robot.parameters[column].label;
         let _ = writeln!(out, "    BaseParameter {{");
         let _ = writeln!(out, "        label: {label:?},");
         let _ = writeln!(out, "        terms: &[");

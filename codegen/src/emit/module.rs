@@ -72,6 +72,7 @@ fn imports(robot: &Robot, name: &str) -> bool {
         "Cut" => !robot.cuts.is_empty(),
         "Friction" => joints.any(|j| j.friction_name() != "None"),
         "Limits" => joints.any(|j| j.limits.iter().any(Option::is_some)),
+        "Parameter" | "Symbol" => !robot.parameters.is_empty(),
         "Certificate" => base_of(robot).is_some_and(|a| a.certificate.is_ok()),
         _ => true,
     }
@@ -188,12 +189,7 @@ fn constants(robot: &Robot, out: &mut String) {
         "ACTUATED",
         &robot.actuated,
     );
-    strings(
-        out,
-        "Labels of the parameters, in the order of `phi`: the columns of the regressor.",
-        "PARAMETERS",
-        &robot.parameters,
-    );
+    stated::parameters(robot, out);
     strings(out, "Labels of the bodies.", "BODIES", &robot.bodies);
     let _ = writeln!(
         out,
@@ -252,7 +248,7 @@ fn elements(robot: &Robot, size: Size) -> Vec<String> {
         Size::Independent => of(&robot.independent),
         Size::Dependent => of(&robot.dependent),
         Size::Actuated => of(&robot.actuated),
-        Size::Parameters => robot.parameters.clone(),
+        Size::Parameters => robot.parameters.iter().map(|p| p.label.clone()).collect(),
         Size::Bodies => robot.bodies.clone(),
         Size::Base => base::kept(robot),
         Size::Free => base::free(robot),

@@ -113,7 +113,7 @@ fn is_taken(name: &str) -> bool {
 }
 
 /// What a module imports from the runtime, each where it uses it.
-pub(super) const IMPORTS: [&str; 12] = [
+pub(super) const IMPORTS: [&str; 14] = [
     "Arguments",
     "Condition",
     "SwingLimit",
@@ -124,8 +124,10 @@ pub(super) const IMPORTS: [&str; 12] = [
     "Joint",
     "Limits",
     "Model",
+    "Parameter",
     "Scalar",
     "SizeError",
+    "Symbol",
 ];
 
 /// What a module with base parameters imports as well.

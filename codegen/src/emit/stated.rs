@@ -3,10 +3,40 @@
 
 use std::fmt::Write as _;
 
-use crate::robot::{JointInfo, Robot};
+use crate::robot::{JointInfo, Parameter, ParameterKind, Robot};
 
 use super::module::wrapped;
 use super::names::literal;
+
+/// The names in code of a body's ten parameters, in their order.
+const INERTIAL: [&str; 10] = [
+    "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "Mx", "My", "Mz", "Mass",
+];
+
+/// `PARAMETERS`.
+pub(super) fn parameters(robot: &Robot, out: &mut String) {
+    let _ = writeln!(
+        out,
+        "/// The parameters, in the order of `phi`: the columns of the regressor."
+    );
+    let _ = writeln!(
+        out,
+        "pub const PARAMETERS: [Parameter<'static>; {}] = [",
+        robot.parameters.len()
+    );
+    wrapped(out, robot.parameters.iter().map(parameter));
+    let _ = writeln!(out, "];");
+}
+
+/// A parameter: its symbol, and the label of its body or the name of its coordinate.
+fn parameter(parameter: &Parameter) -> String {
+    let symbol = match parameter.kind {
+        ParameterKind::Inertial { entry, .. } => INERTIAL[entry].to_owned(),
+        ParameterKind::Friction { .. } => format!("Friction({:?})", parameter.symbol()),
+        ParameterKind::Rotor { .. } => "Rotor".to_owned(),
+    };
+    format!("Parameter::new(Symbol::{symbol}, {:?})", parameter.owner)
+}
 
 /// `JOINTS`, `CONES` and `NOMINAL`.
 pub(super) fn constants(robot: &Robot, out: &mut String) {

@@ -82,13 +82,50 @@ pub enum ParameterKind {
     },
 }
 
+/// The symbol of the inertia of a rotor and its drive (Eq. 18).
+const ROTOR: &str = "J";
+
 /// A dynamic parameter.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameter {
-    /// Its label, such as `Ixx(3)`, `Fc+(q2)`, `J(q2)`.
-    pub label: String,
     /// What it is.
     pub kind: ParameterKind,
+    /// The label of the body, or the name of the coordinate.
+    pub owner: String,
+    /// Its label, such as `Ixx(3)`, `Fc+(q2)`, `J(q2)`: printed once, from its symbol and its owner.
+    pub label: String,
+}
+
+impl ParameterKind {
+    /// The symbol that labels begin with.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            ParameterKind::Inertial { entry, .. } => INERTIAL.get(entry).copied().unwrap_or("?"),
+            ParameterKind::Friction { column, .. } => column.symbol(),
+            ParameterKind::Rotor { .. } => ROTOR,
+        }
+    }
+}
+
+impl Parameter {
+    /// A parameter of a body, by its label, or of a coordinate, by its name.
+    pub fn new(kind: ParameterKind, owner: &str) -> Self {
+        Parameter {
+            kind,
+            owner: owner.to_owned(),
+            label: format!("{}({owner})", kind.symbol()),
+        }
+    }
+
+    /// The symbol that the label begins with.
+    pub fn symbol(&self) -> &'static str {
+        self.kind.symbol()
+    }
+
+    /// Whether it is a coefficient of a joint's friction.
+    pub fn is_friction(&self) -> bool {
+        matches!(self.kind, ParameterKind::Friction { .. })
+    }
 }
 
 /// The parameters in order: ten per body, then friction coordinate by
@@ -96,31 +133,25 @@ pub struct Parameter {
 pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> Vec<Parameter> {
     let mut parameters = Vec::new();
     for (index, body) in bodies.iter().enumerate() {
-        for (entry, symbol) in INERTIAL.iter().enumerate() {
-            parameters.push(Parameter {
-                label: format!("{symbol}({})", body.label),
-                kind: ParameterKind::Inertial { body: index, entry },
-            });
+        for entry in 0..INERTIAL.len() {
+            let kind = ParameterKind::Inertial { body: index, entry };
+            parameters.push(Parameter::new(kind, &body.label));
         }
     }
     let joints = super::joints_of_coordinates(spec);
     for (index, (coordinate, joint)) in coordinates.iter().zip(&joints).enumerate() {
         for column in FrictionColumn::of(joint.friction) {
-            parameters.push(Parameter {
-                label: format!("{}({})", column.symbol(), coordinate.name),
-                kind: ParameterKind::Friction {
-                    coordinate: index,
-                    column: *column,
-                },
-            });
+            let kind = ParameterKind::Friction {
+                coordinate: index,
+                column: *column,
+            };
+            parameters.push(Parameter::new(kind, &coordinate.name));
         }
     }
     for (index, (coordinate, joint)) in coordinates.iter().zip(&joints).enumerate() {
         if joint.rotor_inertia {
-            parameters.push(Parameter {
-                label: format!("J({})", coordinate.name),
-                kind: ParameterKind::Rotor { coordinate: index },
-            });
+            let kind = ParameterKind::Rotor { coordinate: index };
+            parameters.push(Parameter::new(kind, &coordinate.name));
         }
     }
     parameters

@@ -46,9 +46,31 @@ pub(super) fn coordinates_of(name: &str, kind: JointKind) -> Vec<String> {
     }
 }
 
-/// The symbol and the owner that a parameter's label names: `Fc+` and `q2` of `Fc+(q2)`.
-pub(super) fn parts_of_label(label: &str) -> Option<(&str, &str)> {
-    label.strip_suffix(')')?.split_once('(')
+/// A parameter by its symbol and what it is of: the label of a body, the name of a coordinate.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct ParameterName {
+    pub(super) symbol: String,
+    pub(super) owner: String,
+}
+
+impl ParameterName {
+    fn new(symbol: &str, owner: &str) -> Self {
+        Self {
+            symbol: symbol.to_owned(),
+            owner: owner.to_owned(),
+        }
+    }
+
+    /// What a person wrote as a label, which may be of no parameter: `Fc+` and `q2` of `Fc+(q2)`.
+    pub(super) fn read(label: &str) -> Option<Self> {
+        let (symbol, owner) = label.strip_suffix(')')?.split_once('(')?;
+        Some(Self::new(symbol, owner))
+    }
+
+    /// Its label.
+    pub(super) fn label(&self) -> String {
+        format!("{}({})", self.symbol, self.owner)
+    }
 }
 
 /// What the labels depend on.
@@ -64,7 +86,7 @@ pub(super) struct JointFacts<'a> {
 pub(super) struct Inventory {
     pub(super) coordinates: Vec<String>,
     pub(super) bodies: Vec<String>,
-    pub(super) parameters: Vec<String>,
+    pub(super) parameters: Vec<ParameterName>,
 }
 
 impl Inventory {
@@ -77,16 +99,16 @@ impl Inventory {
             bodies.extend(joint.body.map(str::to_owned));
             for coordinate in coordinates_of(joint.name, joint.kind) {
                 let symbols = joint.friction.parameters().iter();
-                friction.extend(symbols.map(|symbol| format!("{symbol}({coordinate})")));
+                friction.extend(symbols.map(|symbol| ParameterName::new(symbol, &coordinate)));
                 if joint.rotor {
-                    rotors.push(format!("J({coordinate})"));
+                    rotors.push(ParameterName::new("J", &coordinate));
                 }
                 coordinates.push(coordinate);
             }
         }
         let inertial = bodies
             .iter()
-            .flat_map(|body| INERTIAL.map(|symbol| format!("{symbol}({body})")));
+            .flat_map(|body| INERTIAL.map(|symbol| ParameterName::new(symbol, body)));
         let parameters = inertial.chain(friction).chain(rotors).collect();
         Self {
             coordinates,
@@ -139,6 +161,7 @@ impl Spec {
 
     /// The parameters: ten per body, then friction coordinate by coordinate, then rotors.
     pub fn parameters(&self) -> Vec<String> {
-        self.inventory().parameters
+        let parameters = self.inventory().parameters;
+        parameters.iter().map(ParameterName::label).collect()
     }
 }

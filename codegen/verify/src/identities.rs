@@ -3,7 +3,7 @@
 use regen_codegen::robot::Robot;
 use regen_interpreted::Interpreted;
 use regen_reference::{Random, State};
-use regen_runtime::{LoopClosure, Model, SizeError, Symbol};
+use regen_runtime::{LoopClosure, Model, SizeError};
 
 use crate::base_identities;
 use crate::check::{Identities, Report};
@@ -223,12 +223,10 @@ impl At<'_> {
         let qd_i = self.independent(qd);
         // Friction takes power that no energy accounts for.
         let phi: Vec<f64> = info
-            .typed_parameters()
+            .parameters
+            .iter()
             .zip(self.phi)
-            .map(|(parameter, &value)| {
-                let friction = parameter.is_some_and(|p| p.is_friction());
-                if friction { 0.0 } else { value }
-            })
+            .map(|(parameter, &value)| if parameter.is_friction() { 0.0 } else { value })
             .collect();
 
         let mass = |q: &[f64]| fill(dof * dof, |out| model.mass_matrix(q, &phi, out));
@@ -300,9 +298,11 @@ impl At<'_> {
                 + 0.5 * p[9] * dot(&v, &v)
                 + dot(&swept, &p[6..9]);
         }
-        for (parameter, value) in info.typed_parameters().zip(phi) {
-            let rotor = parameter.filter(|p| p.symbol == Symbol::Rotor);
-            if let Some(k) = rotor.and_then(|p| info.index_of(p.owner)) {
+        for (parameter, value) in info.parameters.iter().zip(phi) {
+            if let Some(k) = info
+                .index_of(parameter.owner)
+                .filter(|_| parameter.is_rotor())
+            {
                 energy += 0.5 * value * self.state.qd[k].powi(2);
             }
         }

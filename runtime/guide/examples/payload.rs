@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 use panda::Panda;
 use regen_experiment::simulate::Noise;
 use regen_identify::estimate::{Estimate, QrFactor};
-use regen_runtime::Model;
+use regen_runtime::{Model, Parameter, Symbol};
 
 regen_runtime::robot_model!("../../../robots/panda.yaml");
 
@@ -46,11 +46,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (n, p) = (info.coordinates.len(), info.parameters.len());
     // The columns of the last body, on which the payload is mounted: the flange's.
     let last = info.bodies.last().ok_or("no bodies")?;
-    let flange = format!("Ixx({last})");
+    let flange = Parameter::new(Symbol::Ixx, last);
     let first = info
         .parameters
         .iter()
-        .position(|name| *name == flange)
+        .position(|parameter| *parameter == flange)
         .ok_or("no body 7")?;
 
     // What nobody knows: the payload in the flange's frame, kg, m, kg m^2 about its own centre.
@@ -65,7 +65,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut noise = Noise::new(3);
     let labels = info.parameters[first..first + 10]
         .iter()
-        .map(|s| (*s).to_owned());
+        .map(Parameter::label);
     let mut factor = QrFactor::new(labels.collect());
     let mut w = vec![0.0; n * p];
     let torque = |q: &[f64], qd: &[f64], qdd: &[f64], phi: &[f64], noise: &mut Noise| {

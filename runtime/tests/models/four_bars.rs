@@ -1,7 +1,9 @@
 // Planar four-bars with one common input crank, written by hand.
 
 use regen_runtime::function::Sizes;
-use regen_runtime::{Arguments, Condition, Cut, Function, Info, Model, SizeError};
+use regen_runtime::{
+    Arguments, Condition, Cut, Function, Info, Model, Parameter, SizeError, Symbol,
+};
 
 /// One loop: lengths of the input crank, the coupler, the other crank and the ground.
 #[derive(Clone, Copy, Debug)]
@@ -123,7 +125,7 @@ impl Model for FourBars {
             independent: &[0],
             dependent: &[1, 2, 3, 4][..n - 1],
             actuated: &[0],
-            parameters: &["J(input)"],
+            parameters: const { &[Parameter::new(Symbol::Rotor, "input")] },
             bodies: &[],
             cuts: &CUTS[..self.loops.len()],
             home: &self.home,

@@ -1,7 +1,8 @@
 // A pendulum, written by hand: the model without loops.
 
 use regen_runtime::{
-    Arguments, Condition, Function, Info, Model, Scalar, SizeError, array, array_mut,
+    Arguments, Condition, Function, Info, Model, Parameter, Scalar, SizeError, Symbol, array,
+    array_mut,
 };
 
 /// A body on a revolute joint about a horizontal axis; angle 0 hangs down. Parameters: the
@@ -30,7 +31,12 @@ impl<T: Scalar> Model<T> for Pendulum {
             independent: &[0],
             dependent: &[],
             actuated: &[0],
-            parameters: &["Izz(1)", "mx(1)"],
+            parameters: const {
+                &[
+                    Parameter::new(Symbol::Izz, "1"),
+                    Parameter::new(Symbol::Mx, "1"),
+                ]
+            },
             bodies: &["1"],
             cuts: &[],
             home: &[0.0],

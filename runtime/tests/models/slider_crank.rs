@@ -91,7 +91,13 @@ impl<T: regen_runtime::Scalar> regen_runtime::Model<T> for SliderCrank {
             independent: &[0],
             dependent: &[1, 2],
             actuated: &[0, 2],
-            parameters: &["J(crank)", "Fv(crank)", "m(slider)"],
+            parameters: const {
+                &[
+                    regen_runtime::Parameter::new(regen_runtime::Symbol::Rotor, "crank"),
+                    regen_runtime::Parameter::new(regen_runtime::Symbol::Friction("Fv"), "crank"),
+                    regen_runtime::Parameter::new(regen_runtime::Symbol::Mass, "slider"),
+                ]
+            },
             bodies: &["crank", "slider"],
             cuts: &[regen_runtime::Cut {
                 name: "pin",

@@ -30,8 +30,8 @@ pub(crate) fn measure(reference: &Fourier, seed: u64) -> Measured {
     let nominal = info.nominal_parameters().expect("nominal values");
     let mut robot = regen_experiment::simulate::Noise::new(5);
     let mut phi = perturbed(&info, &nominal, 0.05, &mut robot);
-    for (label, (value, nominal)) in info.parameters.iter().zip(phi.iter_mut().zip(&nominal)) {
-        if label.starts_with("J(") {
+    for (parameter, (value, nominal)) in info.parameters.iter().zip(phi.iter_mut().zip(&nominal)) {
+        if parameter.is_rotor() {
             *value = *nominal;
         }
     }

@@ -119,7 +119,7 @@ impl Equations {
         let bodies = BaseMap::from_base(&model().base_info(), info.parameters.len());
         let labels = self.labels();
         let more = labels[25..].to_vec();
-        let mut all: Vec<String> = info.parameters.iter().map(|&p| p.to_owned()).collect();
+        let mut all = info.labels();
         all.extend(more.iter().cloned());
         let layout = ParameterLayout::new(&all).expect("known labels");
         (bodies.expect("a base").extended(&more), layout)

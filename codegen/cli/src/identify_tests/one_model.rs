@@ -225,7 +225,7 @@ fn constrained(robot: &Tried) {
         .parameters
         .iter()
         .zip(&robot.robot.nominal)
-        .filter_map(|(label, value)| Some((label.as_str(), (*value)?)))
+        .filter_map(|(parameter, value)| Some((parameter.label.as_str(), (*value)?)))
         .collect();
     let mass = |k: usize| {
         let label = format!("m({})", robot.robot.bodies[k]);
@@ -313,7 +313,7 @@ fn all_at_once(robot: &Tried) -> String {
     let mass = |k: usize| {
         let label = format!("m({})", robot.robot.bodies[k]);
         let places = robot.robot.parameters.iter().zip(&robot.robot.nominal);
-        let found = places.filter(|(l, _)| **l == label);
+        let found = places.filter(|(p, _)| p.label == label);
         let value = found.map(|(_, value)| value.unwrap()).next().unwrap();
         (label, value)
     };

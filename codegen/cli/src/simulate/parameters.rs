@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use regen_experiment::simulate::{Noise, nominal_friction};
 use regen_identify::friction::JointFit;
-use regen_runtime::{BaseModel, Friction, Info, Joint, JointFriction};
+use regen_runtime::{BaseModel, Friction, Info, Joint, JointFriction, Parameter};
 
 use super::args::SimulateArgs;
 use crate::exit::Failure;
@@ -23,7 +23,7 @@ pub(super) fn read(
     if let Some(path) = &args.parameters {
         let given = parameters::value(path)?;
         let given: Option<BTreeMap<String, f64>> = serde_json::from_value(given).ok();
-        let place = |label: &str| info.parameters.iter().position(|p| *p == label);
+        let place = |label: &str| info.parameter_of(label);
         match given {
             Some(given) => {
                 for (label, value) in given {
@@ -58,26 +58,26 @@ fn missing(info: &Info<'_>, values: &[Option<f64>]) -> Vec<String> {
     const INERTIAL: usize = 10;
     let mut found = Vec::new();
     let (bodies, others) = values.split_at(values.len().min(INERTIAL * info.bodies.len()));
-    let (labels, other_labels) = info.parameters.split_at(bodies.len());
-    for ((body, values), labels) in (info.bodies.iter())
+    let (parameters, others_own) = info.parameters.split_at(bodies.len());
+    for ((body, values), parameters) in (info.bodies.iter())
         .zip(bodies.chunks(INERTIAL))
-        .zip(labels.chunks(INERTIAL))
+        .zip(parameters.chunks(INERTIAL))
     {
         if values.iter().all(Option::is_none) {
             found.push(format!("body {body}"));
         } else {
-            found.extend(unknown(labels, values));
+            found.extend(unknown(parameters, values));
         }
     }
-    found.extend(unknown(other_labels, others));
+    found.extend(unknown(others_own, others));
     found
 }
 
-fn unknown(labels: &[&str], values: &[Option<f64>]) -> impl Iterator<Item = String> {
-    let pairs = labels.iter().zip(values);
+fn unknown(parameters: &[Parameter<'_>], values: &[Option<f64>]) -> impl Iterator<Item = String> {
+    let pairs = parameters.iter().zip(values);
     pairs
         .filter(|(_, value)| value.is_none())
-        .map(|(label, _)| (*label).to_owned())
+        .map(|(parameter, _)| parameter.label())
 }
 
 /// Parameters that have the base parameters of a file; the others are zero.

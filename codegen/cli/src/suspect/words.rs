@@ -4,6 +4,7 @@ use super::{
     Assignment, Change, EffortChange, Interpreted, ONE, PART, Quantity, Sample, Suspicion,
 };
 use regen_identify::identify::suspect::{Nominal, Reading, Shift};
+use regen_runtime::{Parameter, Symbol};
 
 /// Factors that are units.
 const UNITS: [(f64, &str); 5] = [
@@ -179,9 +180,13 @@ impl Columns<'_> {
                 source.column
             ));
             shifted.push(format!("{offset} from column `{}`", source.column));
-            let name = info.actuated.get(k).map(|c| self.name(*c));
-            let label = format!("Fc+({})", name.unwrap_or_default());
-            symmetric |= !info.parameters.contains(&label.as_str());
+            let name = info
+                .actuated
+                .get(k)
+                .map(|c| self.name(*c))
+                .unwrap_or_default();
+            let forward = Parameter::new(Symbol::Friction("Fc+"), &name);
+            symmetric |= !info.parameters.contains(&forward);
         }
         if !shifted.is_empty() {
             let subtract = format!("Subtract {}", shifted.join(" and "));

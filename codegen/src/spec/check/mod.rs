@@ -10,6 +10,7 @@ pub(super) use references::canonical;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::labels::ParameterName;
 use super::labels::{Inventory, JointFacts};
 use super::raw::{RawJoint, RawLimb, RawSpec};
 use super::shape::Word;
@@ -29,7 +30,11 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
             .collect(),
         coordinates: set(&inventory.coordinates),
         bodies: set(&inventory.bodies),
-        parameters: set(&inventory.parameters),
+        parameters: inventory
+            .parameters
+            .iter()
+            .map(ParameterName::label)
+            .collect(),
         inventory,
         sink,
     };

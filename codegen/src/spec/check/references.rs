@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::super::expression::{Ast, AstKind};
-use super::super::labels::parts_of_label;
+use super::super::labels::ParameterName;
 use super::super::raw::RawCut;
 use super::super::shape::{Choice, Scalar, Word};
 use super::super::suggest::{did_you_mean, nearest};
@@ -315,29 +315,23 @@ impl Checker<'_> {
     /// Either the symbol is wrong or the label is: whichever it is gets the suggestion.
     fn unknown_parameter(&self, word: &Word) -> Diagnostic {
         let known = &self.inventory.parameters;
-        let split = |parameter: &'_ str| -> Option<(String, String)> {
-            let (symbol, label) = parts_of_label(parameter)?;
-            Some((symbol.to_owned(), label.to_owned()))
-        };
-        let (symbol, label) = split(&word.text).unwrap_or_default();
-        let parts: Vec<(String, String)> = known
+        let (symbol, label) = ParameterName::read(&word.text)
+            .map(|written| (written.symbol, written.owner))
+            .unwrap_or_default();
+        let symbols: Vec<&str> = known
             .iter()
-            .filter_map(|parameter| split(parameter))
-            .collect();
-        let symbols: Vec<&str> = parts
-            .iter()
-            .filter(|part| part.1 == label)
-            .map(|part| part.0.as_str())
+            .filter(|parameter| parameter.owner == label)
+            .map(|parameter| parameter.symbol.as_str())
             .collect();
         let fault = |near: Option<String>| {
             let near = near.map_or_else(String::new, |near| format!("; did you mean '{near}'?"));
             word.error(format!("unknown parameter '{}'{near}", word.text))
         };
         if symbols.is_empty() {
-            let labels = parts
+            let labels = known
                 .iter()
-                .filter(|part| part.0 == symbol)
-                .map(|part| part.1.as_str());
+                .filter(|parameter| parameter.symbol == symbol)
+                .map(|parameter| parameter.owner.as_str());
             let near = nearest(&label, labels.clone()).map(|near| format!("{symbol}({near})"));
             let owners: Vec<String> = labels.map(|label| format!("{symbol}({label})")).collect();
             return match (near, owners.as_slice()) {
@@ -373,12 +367,8 @@ impl Checker<'_> {
         if self.geometry_index(name).is_some() {
             return None;
         }
-        let symbols = self
-            .inventory
-            .parameters
-            .iter()
-            .filter_map(|known| known.split('(').next());
-        Some(if symbols.clone().any(|symbol| symbol == name) {
+        let mut known = self.inventory.parameters.iter();
+        Some(if known.any(|parameter| parameter.symbol == name) {
             word.error(format!("parameter '{name}' without a label"))
                 .hint(format!(
                     "write '{name}(...)' with the body or coordinate it belongs to"

@@ -3,7 +3,6 @@
 use regen_codegen::interpret::{self, Double, Precision, Single};
 use regen_codegen::robot::FunctionKind;
 use regen_reference::{Random, State};
-use regen_runtime::Parameter;
 
 use crate::check::{Check, Worst};
 use crate::error::VerifyError;
@@ -123,10 +122,10 @@ impl Subject<'_> {
 
     /// Random parameters; energies know nothing of friction.
     pub(super) fn without_friction(&self, random: &mut Random) -> Vec<f64> {
-        let labels = self.robot.parameters.iter();
-        labels
-            .map(|label| match random.signed() {
-                _ if Parameter::read(label).is_some_and(|p| p.is_friction()) => 0.0,
+        let parameters = self.robot.parameters.iter();
+        parameters
+            .map(|parameter| match random.signed() {
+                _ if parameter.is_friction() => 0.0,
                 value => value,
             })
             .collect()

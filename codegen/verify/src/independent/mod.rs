@@ -122,7 +122,7 @@ impl Subject<'_> {
     /// Every check, in the order of [`INDEPENDENT`].
     fn check(&self) -> Result<Vec<Check>, VerifyError> {
         if self.robot.coordinates != self.reference.coordinates
-            || self.robot.parameters != self.reference.labels()
+            || self.robot.labels() != self.reference.labels()
             || self.robot.independent != self.reference.independent
         {
             return Err(VerifyError::OtherNames {

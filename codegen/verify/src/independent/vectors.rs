@@ -45,7 +45,7 @@ impl Vectors {
             .collect();
         let names = self.coordinates == robot.coordinates
             && self.independent.iter().eq(independent)
-            && self.parameters == robot.parameters;
+            && self.parameters == robot.labels();
         let n = self.coordinates.len();
         let long = |state: &State| {
             [state.q.len(), state.qd.len(), state.qdd.len()] == [n; 3]

@@ -1,6 +1,6 @@
 //! Kinetic and potential energy, from the mass matrix and from where the bodies are.
 
-use regen_runtime::{Info, Model, SizeError};
+use regen_runtime::{Info, Model, Parameter, SizeError, Symbol};
 
 /// The energy of a simulated robot and what changed it, J.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -42,16 +42,15 @@ pub(super) fn kinetic<M: Model<f64> + ?Sized>(
 /// Mass and first moment of each body: where `m(b)`, `mx(b)`, `my(b)`, `mz(b)` stand among the
 /// parameters.
 pub(super) fn moments(info: &Info<'_>, phi: &[f64]) -> Vec<[f64; 4]> {
-    let of = |symbol: &str, body: &str| {
-        let label = format!("{symbol}({body})");
-        info.parameter_of(&label)
-            .and_then(|k| phi.get(k))
-            .copied()
-            .unwrap_or(0.0)
+    let of = |symbol: Symbol, body: &str| {
+        let wanted = Parameter::new(symbol, body);
+        let place = info.parameters.iter().position(|p| *p == wanted);
+        place.and_then(|k| phi.get(k)).copied().unwrap_or(0.0)
     };
+    let symbols = [Symbol::Mass, Symbol::Mx, Symbol::My, Symbol::Mz];
     info.bodies
         .iter()
-        .map(|body| ["m", "mx", "my", "mz"].map(|symbol| of(symbol, body)))
+        .map(|body| symbols.map(|symbol| of(symbol, body)))
         .collect()
 }
 

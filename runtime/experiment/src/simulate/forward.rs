@@ -1,6 +1,6 @@
 //! Forward dynamics of a closed chain over its independent coordinates.
 
-use regen_runtime::{Condition, Model, Parameter, SizeError};
+use regen_runtime::{Condition, Model, SizeError};
 
 /// Pivots are rounding below this part of the diagonal, for each row: entries of M carry some
 /// roundings of their own.
@@ -45,10 +45,9 @@ impl<'m, M: Model<f64> + ?Sized> Forward<'m, M> {
                 got: phi.len(),
             });
         }
-        let is_friction = |p: Option<Parameter<'_>>| p.is_some_and(|p| p.is_friction());
-        let phi = info.typed_parameters().zip(phi);
+        let phi = info.parameters.iter().zip(phi);
         let phi = phi
-            .map(|(parameter, value)| if is_friction(parameter) { 0.0 } else { *value })
+            .map(|(parameter, value)| if parameter.is_friction() { 0.0 } else { *value })
             .collect();
         let (n, dof) = (info.coordinates.len(), info.dof());
         Ok(Self {

@@ -51,9 +51,17 @@ impl Noise {
 ///
 /// ```
 /// use regen_experiment::simulate;
-/// use regen_runtime::Info;
+/// use regen_runtime::{Info, Parameter, Symbol};
 ///
-/// let info = Info { parameters: &["mx(1)", "m(1)", "J(q1)"], bodies: &["1"], ..Info::EMPTY };
+/// let info = Info {
+///     parameters: &[
+///         Parameter::new(Symbol::Mx, "1"),
+///         Parameter::new(Symbol::Mass, "1"),
+///         Parameter::new(Symbol::Rotor, "q1"),
+///     ],
+///     bodies: &["1"],
+///     ..Info::EMPTY
+/// };
 /// let changed = simulate::perturbed(&info, &[2.0, 4.0, 1.0], 0.1, &mut simulate::Noise::new(1));
 /// // The centre of mass stays where it was.
 /// assert!((changed[0] / changed[1] - 0.5).abs() < 1e-15);
@@ -62,12 +70,13 @@ impl Noise {
 pub fn perturbed(info: &Info<'_>, phi: &[f64], by: f64, noise: &mut Noise) -> Vec<f64> {
     let mut factor = || 1.0 + by * (2.0 * noise.uniform() - 1.0);
     let of_bodies: Vec<f64> = info.bodies.iter().map(|_| factor()).collect();
-    let body_of = |parameter: Option<Parameter<'_>>| {
-        let of_body = parameter.filter(Parameter::is_inertial)?;
-        info.bodies.iter().position(|b| *b == of_body.owner)
+    let body_of = |parameter: &Parameter<'_>| {
+        let of_body = parameter.is_inertial();
+        let mut bodies = info.bodies.iter();
+        bodies.position(|b| of_body && *b == parameter.owner)
     };
     let mut changed = Vec::with_capacity(phi.len());
-    for (parameter, value) in info.typed_parameters().zip(phi) {
+    for (parameter, value) in info.parameters.iter().zip(phi) {
         let by = body_of(parameter).map_or_else(&mut factor, |b| of_bodies[b]);
         changed.push(value * by);
     }

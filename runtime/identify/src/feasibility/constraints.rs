@@ -7,7 +7,7 @@ use super::program::Affine;
 use super::symmetric::{Square, ZERO, cholesky, congruence, inverse, product, transposed};
 use super::verdict::combine;
 use super::{FeasibilityError, pseudo_inertia};
-use regen_runtime::Parameter;
+use regen_runtime::Sign;
 
 /// A body may be this many times as heavy as all that is known of the robot: the unit of its
 /// scale, its reference, what is said of it, base parameters. That keeps the set bounded; without a
@@ -215,10 +215,8 @@ impl Setting<'_> {
     /// Refuses limits that do nothing, whatever the data are.
     fn acts(&self, j: usize, lowest: f64, highest: f64) -> Result<(), FeasibilityError> {
         let label = &self.layout.labels()[j];
-        let parameter = Parameter::read(label).filter(|_| !self.layout.single().contains(&j));
-        let symbol = parameter.map_or("", |p| p.name());
-        let of_body = parameter.is_some_and(|p| p.is_inertial());
-        let positive = matches!(symbol, "m" | "Ixx" | "Iyy" | "Izz");
+        let symbol = self.layout.inertial(j);
+        let positive = symbol.is_some_and(|s| s.sign() == Sign::Nonnegative);
         let idle = |text: String| Err(FeasibilityError::Idle(text));
         if lowest == f64::NEG_INFINITY && highest == f64::INFINITY {
             return idle(format!("{label}: a range without limits does nothing"));
@@ -229,7 +227,7 @@ impl Setting<'_> {
                  leave it out"
             ));
         }
-        let bare = positive || !of_body;
+        let bare = positive || symbol.is_none();
         if bare && lowest == 0.0 && highest == f64::INFINITY {
             return idle(format!(
                 "{label} is not below 0 anyway: this limit does nothing"

@@ -2,7 +2,7 @@
 
 use super::error::{finite, size};
 use super::{FeasibilityError, InertialParameters, Scale};
-use regen_runtime::{BaseInfo, BaseModel, Parameter};
+use regen_runtime::{BaseInfo, BaseModel, Parameter, Symbol};
 
 /// The symbols of a body's ten parameters.
 pub const SYMBOLS: [&str; 10] = regen_runtime::INERTIAL;
@@ -67,16 +67,46 @@ impl ParameterLayout {
     /// ```
     pub fn new<S: AsRef<str>>(labels: &[S]) -> Result<Self, FeasibilityError> {
         let labels: Vec<String> = labels.iter().map(|l| l.as_ref().to_owned()).collect();
+        let parameters: Vec<_> = labels.iter().map(|l| Parameter::read(l)).collect();
+        Self::grouped(&parameters, labels.clone())
+    }
+
+    /// Groups the parameters of a model.
+    ///
+    /// # Errors
+    /// When a body has not all ten, or a parameter is there twice.
+    ///
+    /// ```
+    /// use regen_identify::feasibility::ParameterLayout;
+    /// use regen_runtime::{Parameter, Symbol};
+    ///
+    /// let mut parameters = Symbol::INERTIAL.map(|s| Parameter::new(s, "arm")).to_vec();
+    /// parameters.push(Parameter::new(Symbol::Friction("Fv"), "q1"));
+    /// let layout = ParameterLayout::of(&parameters)?;
+    /// assert_eq!(layout.bodies()[0].label, "arm");
+    /// assert_eq!(layout.labels()[10], "Fv(q1)");
+    /// # Ok::<(), regen_identify::feasibility::FeasibilityError>(())
+    /// ```
+    pub fn of(parameters: &[Parameter<'_>]) -> Result<Self, FeasibilityError> {
+        let labels = parameters.iter().map(Parameter::label).collect();
+        let parameters: Vec<_> = parameters.iter().copied().map(Some).collect();
+        Self::grouped(&parameters, labels)
+    }
+
+    fn grouped(
+        parameters: &[Option<Parameter<'_>>],
+        labels: Vec<String>,
+    ) -> Result<Self, FeasibilityError> {
         let find = |label: &str| labels.iter().position(|l| l == label);
         let mut bodies: Vec<Body> = Vec::new();
         let mut single = Vec::new();
-        for (column, label) in labels.iter().enumerate() {
+        for (column, (label, parameter)) in labels.iter().zip(parameters).enumerate() {
             if find(label) != Some(column) {
                 return Err(FeasibilityError::Duplicate {
                     label: label.clone(),
                 });
             }
-            let of_body = Parameter::read(label).filter(Parameter::is_inertial);
+            let of_body = parameter.filter(Parameter::is_inertial);
             let Some(Parameter { owner: body, .. }) = of_body else {
                 single.push(column);
                 continue;
@@ -119,6 +149,13 @@ impl ParameterLayout {
         &self.single
     }
 
+    /// What a parameter of a body is; `None` for single ones.
+    pub(super) fn inertial(&self, column: usize) -> Option<Symbol> {
+        let mut bodies = self.bodies.iter();
+        let entry = bodies.find_map(|body| body.columns.iter().position(|c| *c == column))?;
+        Symbol::INERTIAL.get(entry).copied()
+    }
+
     /// The number of parameters.
     pub fn len(&self) -> usize {
         self.labels.len()
@@ -158,7 +195,32 @@ impl ParameterLayout {
     /// # Errors
     /// When a label is there twice.
     pub fn extended(&self, more: &[String]) -> Result<Self, FeasibilityError> {
-        Self::new(&[self.labels.as_slice(), more].concat())
+        let mut extended = self.clone();
+        for label in more {
+            if extended.labels.contains(label) {
+                return Err(FeasibilityError::Duplicate {
+                    label: label.clone(),
+                });
+            }
+            extended.single.push(extended.labels.len());
+            extended.labels.push(label.clone());
+        }
+        Ok(extended)
+    }
+
+    /// The layout of the first parameters; bodies that are not whole among them are left out.
+    pub(crate) fn first(&self, count: usize) -> Self {
+        let inside = |column: &usize| *column < count;
+        let bodies = self.bodies.iter();
+        let single = self.single.iter().copied();
+        Self {
+            labels: self.labels.iter().take(count).cloned().collect(),
+            bodies: bodies
+                .filter(|b| b.columns.iter().all(inside))
+                .cloned()
+                .collect(),
+            single: single.filter(inside).collect(),
+        }
     }
 
     /// Checks parameters on its own, without any solver: by the eigenvalues of the

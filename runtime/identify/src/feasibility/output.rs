@@ -15,7 +15,9 @@ use regen_runtime::{Info, Parameter};
 /// assert_eq!(unit("mx(3)", &Info::EMPTY), "kg m");
 /// ```
 pub fn unit(label: &str, info: &Info<'_>) -> &'static str {
-    let parameter = Parameter::read(label);
+    let own = info.parameters.iter().find(|p| **p == *label).copied();
+    // a layout may have labels that no model has
+    let parameter = own.or_else(|| Parameter::read(label));
     parameter.map_or("SI", |p| p.unit(info.motion_of(p.owner)))
 }
 

@@ -49,7 +49,7 @@ pub fn rust_constants<M: BaseModel<f64> + ?Sized>(
     }
     out.push_str("];\n");
     if let Some(phi) = &found.phi {
-        let layout = ParameterLayout::new(info.parameters)?;
+        let layout = ParameterLayout::of(info.parameters)?;
         out.push('\n');
         out.push_str(&feasibility::rust_constants(&layout, phi, &info)?);
     }

@@ -162,7 +162,7 @@ impl ParameterFile {
             joints: BTreeMap::new(),
         };
         if let Some(phi) = &found.phi {
-            let layout = ParameterLayout::new(info.parameters)?;
+            let layout = ParameterLayout::of(info.parameters)?;
             let intervals = &found.intervals.physical;
             let labels = layout.labels().iter().enumerate();
             file.physical = labels
@@ -173,7 +173,7 @@ impl ParameterFile {
                 })
                 .collect();
             file.bodies = rows::bodies(&layout, phi);
-            file.joints = rows::joints(&layout, phi);
+            file.joints = rows::joints(info.parameters, phi);
         }
         Ok(file)
     }
@@ -263,10 +263,12 @@ impl IdentifiedModel {
             let values = labels.iter().map(|label| values.get(*label).copied());
             values.collect()
         };
+        let labels = info.labels();
+        let labels: Vec<&str> = labels.iter().map(String::as_str).collect();
         let base: Vec<&str> = model.base_info().base.iter().map(|b| b.label).collect();
         // a file of base parameters has those in its list, even where all parameters are base
         if physical.is_empty()
-            && let Some(phi) = all(&values, info.parameters)
+            && let Some(phi) = all(&values, &labels)
         {
             found.beta = vec![0.0; base.len()];
             model.to_base(&phi, &mut found.beta)?;
@@ -275,7 +277,7 @@ impl IdentifiedModel {
         }
         if let Some(beta) = all(&values, &base) {
             found.beta = beta;
-            found.phi = all(&physical, info.parameters);
+            found.phi = all(&physical, &labels);
             return Ok(found);
         }
         let missing = base

@@ -282,13 +282,12 @@ pub(super) fn bodies(layout: &ParameterLayout, phi: &[f64]) -> BTreeMap<String, 
 
 /// Each joint's linear friction and rotor inertia, by symbol: all that are no body's.
 pub(super) fn joints(
-    layout: &ParameterLayout,
+    parameters: &[Parameter<'_>],
     phi: &[f64],
 ) -> BTreeMap<String, BTreeMap<String, f64>> {
     let mut out: BTreeMap<String, BTreeMap<String, f64>> = BTreeMap::new();
-    for k in layout.single() {
-        let label = layout.labels().get(*k).map_or("", String::as_str);
-        if let (Some(parameter), Some(value)) = (Parameter::read(label), phi.get(*k)) {
+    for (parameter, value) in parameters.iter().zip(phi) {
+        if !parameter.is_inertial() {
             let own = out.entry(parameter.owner.to_owned()).or_default();
             own.insert(parameter.name().to_owned(), *value);
         }

@@ -136,7 +136,7 @@ impl Search<'_> {
     fn plain(&self, more: &[String]) -> Result<(ParameterLayout, BaseMap), FeasibilityError> {
         let base = self.data.labels.len();
         let p = self.layout.len() - self.data.coefficients(&self.data.laws).len();
-        let layout = ParameterLayout::new(&self.layout.labels()[..p])?.extended(more)?;
+        let layout = self.layout.first(p).extended(more)?;
         let kept: Vec<usize> = (0..base).collect();
         let rows = self.combinations.select(&kept)?;
         let cut = rows.rows().iter().map(|row| row[..p].to_vec()).collect();

@@ -43,10 +43,11 @@ const DIGITS: usize = 9;
 pub fn digest<M: BaseModel<f64> + ?Sized>(model: &M) -> String {
     let info = model.info();
     let mut hash = Hash(0xcbf2_9ce4_8422_2325);
-    for list in [info.coordinates, info.parameters] {
-        for name in list {
-            hash.text(name);
-        }
+    for name in info.coordinates {
+        hash.text(name);
+    }
+    for parameter in info.parameters {
+        hash.text(&parameter.label());
     }
     for list in [info.independent, info.dependent, info.actuated] {
         for k in list {

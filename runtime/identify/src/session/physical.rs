@@ -18,7 +18,7 @@ use crate::model::{IdentifiedModel, Interval, Intervals};
 pub(super) fn frame<M: BaseModel<f64> + ?Sized>(
     model: &M,
 ) -> Result<(ParameterLayout, BaseMap), SessionError> {
-    let layout = ParameterLayout::new(model.info().parameters)?;
+    let layout = ParameterLayout::of(model.info().parameters)?;
     let combinations = BaseMap::from_model(model, layout.len())?;
     Ok((layout, combinations))
 }

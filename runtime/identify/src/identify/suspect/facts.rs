@@ -1,8 +1,8 @@
 //! What a fit says that no robot can be: friction that drives, and weights that contradict.
 
-use super::grams::{Fit, Grams, is_friction, is_rotor, label};
+use super::grams::{Fit, Grams, named};
 use super::{Reading, SHIFTED, Sample};
-use regen_runtime::{BaseModel, Parameter, Symbol};
+use regen_runtime::{BaseModel, BaseTerm, Info, Parameter, Symbol};
 
 /// Friction that gives this part of the efforts' power to a joint drives it.
 const DRIVES: f64 = 0.05;
@@ -86,14 +86,13 @@ pub(super) fn driving<M: BaseModel<f64> + ?Sized>(
         let Some(name) = info.coordinates.get(*coordinate) else {
             continue;
         };
-        let of_joint = |text: &str| {
-            let of_joint = Parameter::read(text).filter(Parameter::is_friction);
-            of_joint.is_some_and(|p| p.owner == *name)
+        let of_joint = |term: &BaseTerm<'_>| {
+            let parameter = info.parameters.get(term.index);
+            parameter.is_some_and(|p| p.is_friction() && p.owner == *name)
         };
         for (k, parameter) in base.iter().enumerate() {
             // friction that is one with other parameters is not told apart
-            if !parameter.terms.is_empty() && parameter.terms.iter().all(|t| of_joint(t.parameter))
-            {
+            if !parameter.terms.is_empty() && parameter.terms.iter().all(of_joint) {
                 powers[i] += grams.power[k] * fit.values[k];
             }
         }
@@ -137,7 +136,7 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
     values: &[f64],
     sigmas: &[f64],
 ) -> Vec<NegativeParameter> {
-    let base = model.base_info().base;
+    let (info, base) = (model.info(), model.base_info().base);
     let pairs = values.iter().zip(sigmas).enumerate();
     let mut out = Vec::new();
     for (k, (value, sigma)) in pairs {
@@ -145,13 +144,14 @@ pub(super) fn negative<M: BaseModel<f64> + ?Sized>(
         let Some(parameter) = base.get(k) else {
             continue;
         };
-        let all = |of: &dyn Fn(&str) -> bool| parameter.terms.iter().all(|t| of(t.parameter));
-        if !(all(&is_friction) || all(&is_rotor)) || !sure(*value, *sigma) {
+        let joints = all(&info, parameter.terms, |p| p.is_friction())
+            || all(&info, parameter.terms, |p| p.is_rotor());
+        if !joints || !sure(*value, *sigma) {
             continue;
         }
         // one direction may be negative where an offset is larger than the friction
-        let other = opposite(label(model, k)).map(|other| {
-            let place = (0..base.len()).find(|c| label(model, *c) == other);
+        let other = named(model, k).and_then(opposite).map(|other| {
+            let place = (0..base.len()).find(|c| named(model, *c) == Some(other));
             place.map(|c| (values[c], sigmas[c]))
         });
         match other {
@@ -186,18 +186,19 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
 ) -> Vec<Shift> {
     let info = model.info();
     let base = model.base_info().base;
-    let of = |wanted: &str| -> Option<(f64, f64)> {
-        let place = (0..base.len()).find(|c| label(model, *c) == wanted)?;
+    let of = |symbol: &'static str, name: &str| -> Option<(f64, f64)> {
+        let wanted = Parameter::new(Symbol::Friction(symbol), name);
+        let place = (0..base.len()).find(|c| named(model, *c) == Some(wanted))?;
         // what is one with other parameters says nothing of its own
         let terms = base.get(place)?.terms;
-        let alone = terms.iter().all(|t| is_friction(t.parameter));
+        let alone = all(&info, terms, |p| p.is_friction());
         let found = (*values.get(place)?, *sigmas.get(place)?);
         alone.then_some(found)
     };
     let one = |(effort, coordinate): (usize, &usize)| -> Option<Shift> {
         let name = info.coordinates.get(*coordinate)?;
-        let forward = of(&["Fc+(", name, ")"].concat())?;
-        let back = of(&["Fc-(", name, ")"].concat())?;
+        let forward = of("Fc+", name)?;
+        let back = of("Fc-", name)?;
         // friction that differs a little between the directions is friction; that one of them
         // drives and the other does not is no friction
         let drives = |side: (f64, f64)| side.0 < -CERTAIN * side.1;
@@ -219,22 +220,20 @@ pub(super) fn shifts<M: BaseModel<f64> + ?Sized>(
     info.actuated.iter().enumerate().filter_map(one).collect()
 }
 
+/// Whether all parameters of a combination are such.
+fn all(info: &Info<'_>, terms: &[BaseTerm<'_>], are: fn(&Parameter<'_>) -> bool) -> bool {
+    let mut parameters = terms.iter().map(|term| info.parameters.get(term.index));
+    parameters.all(|parameter| parameter.is_some_and(are))
+}
+
 /// The coefficient of the other direction.
-fn opposite(label: &str) -> Option<String> {
-    let parameter = Parameter::read(label)?;
-    let other = match parameter.symbol {
+fn opposite(parameter: Parameter<'_>) -> Option<Parameter<'_>> {
+    let symbol = match parameter.symbol {
         Symbol::Friction("Fc+") => "Fc-",
         Symbol::Friction("Fc-") => "Fc+",
         Symbol::Friction("Fv+") => "Fv-",
         Symbol::Friction("Fv-") => "Fv+",
         _ => return None,
     };
-    let symbol = Symbol::Friction(other);
-    Some(
-        Parameter {
-            symbol,
-            ..parameter
-        }
-        .to_string(),
-    )
+    Some(Parameter::new(Symbol::Friction(symbol), parameter.owner))
 }

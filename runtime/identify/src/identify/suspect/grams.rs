@@ -2,7 +2,7 @@
 
 use super::{Reading, Sample};
 use crate::identify::{Completed, Completion};
-use regen_runtime::{BaseModel, Parameter, Status, Symbol};
+use regen_runtime::{BaseModel, Parameter, Status};
 
 /// The Gram matrix of each equation's columns: those of the base regressor, every effort in the
 /// place of every one that acts there, a constant in that place, the nominal bodies' effort, and 1.
@@ -42,28 +42,23 @@ const FLOOR: f64 = 1e-3;
 /// The part of the states at which the loops must close.
 const CLOSED: f64 = 0.8;
 
-/// The label of the parameter that a base parameter is named by.
-pub(super) fn label<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> &str {
+/// The place among all parameters of the one that a base parameter is named by.
+fn place<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Option<usize> {
     let base = model.base_info().base;
-    let term = base.get(column).and_then(|p| p.terms.first());
-    term.map_or("", |t| t.parameter)
+    Some(base.get(column)?.terms.first()?.index)
 }
 
-/// Whether a label is that of friction.
-pub(super) fn is_friction(label: &str) -> bool {
-    Parameter::read(label).is_some_and(|p| p.is_friction())
+/// The parameter that a base parameter is named by.
+pub(super) fn named<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> Option<Parameter<'_>> {
+    let parameters = model.info().parameters;
+    parameters.get(place(model, column)?).copied()
 }
 
-/// Whether a label is that of a rotor's inertia.
-pub(super) fn is_rotor(label: &str) -> bool {
-    Parameter::read(label).is_some_and(|p| p.symbol == Symbol::Rotor)
-}
-
-/// Whether a label is that of a rotor of which nothing is stated.
-fn unknown_rotor<M: BaseModel<f64> + ?Sized>(model: &M, label: &str) -> bool {
-    let info = model.info();
-    let stated = info.parameter_of(label).and_then(|k| info.nominal.get(k));
-    is_rotor(label) && stated.copied().flatten().is_none()
+/// Whether a base parameter is named by friction, or by a rotor of which nothing is stated.
+fn unstated<M: BaseModel<f64> + ?Sized>(model: &M, column: usize) -> bool {
+    let stated = place(model, column).and_then(|k| model.info().nominal.get(k));
+    let unknown = stated.copied().flatten().is_none();
+    named(model, column).is_some_and(|p| p.is_friction() || (p.is_rotor() && unknown))
 }
 
 /// The base parameters of the nominal bodies; rotors and friction without a value count as none.
@@ -73,14 +68,14 @@ fn nominal<M: BaseModel<f64> + ?Sized>(model: &M) -> Option<Vec<f64>> {
         return None;
     }
     let mut phi = Vec::with_capacity(info.parameters.len());
-    for (value, label) in info.nominal.iter().zip(info.parameters) {
+    for (value, parameter) in info.nominal.iter().zip(info.parameters) {
         // friction is left to the columns beside it
-        let value = if is_friction(label) {
+        let value = if parameter.is_friction() {
             Some(0.0)
         } else {
             *value
         };
-        phi.push(value.or_else(|| is_rotor(label).then_some(0.0))?);
+        phi.push(value.or_else(|| parameter.is_rotor().then_some(0.0))?);
     }
     let mut beta = vec![0.0; model.base_info().base.len()];
     model.to_base(&phi, &mut beta).ok()?;
@@ -361,7 +356,7 @@ impl Grams {
     ) -> Option<(f64, f64, f64)> {
         let last = self.size(i) - 1;
         let aside: Vec<usize> = (0..self.columns)
-            .filter(|c| is_friction(label(model, *c)) || unknown_rotor(model, label(model, *c)))
+            .filter(|c| unstated(model, *c))
             .filter(|c| self.entry(i, *c, *c) > 0.0)
             .chain([last])
             .collect();
