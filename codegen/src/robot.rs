@@ -52,17 +52,7 @@ impl JointInfo {
 
     /// The friction model's name in code.
     pub fn friction_name(&self) -> &'static str {
-        match self.friction {
-            Friction::None => "None",
-            Friction::Viscous => "Viscous",
-            Friction::Coulomb => "Coulomb",
-            Friction::Linear => "Linear",
-            Friction::CoulombAsymmetric => "CoulombAsymmetric",
-            Friction::Asymmetric => "Asymmetric",
-            Friction::Stribeck => "Stribeck",
-            Friction::Atan => "Atan",
-            Friction::Power => "Power",
-        }
+        self.friction.name()
     }
 }
 

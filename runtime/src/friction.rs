@@ -1,4 +1,4 @@
-//! Friction laws of joints (Eq. 14, 16, 17, 32): one row of each table per law. Simulation takes
+//! Friction laws of joints (Eq. 14, 16, 17, 32): one row per law. Simulation takes
 //! efforts from them, identification columns that are linear in some coefficients for a shape
 //! that is not.
 //!
@@ -12,6 +12,43 @@ pub const COEFFICIENTS: usize = 4;
 pub const SHAPES: usize = 2;
 /// The most values that a law has, coefficients and shape together.
 pub const VALUES: usize = 5;
+
+/// The coefficient that static friction exceeds Coulomb friction by.
+const EXCESS: &str = "Fs-Fc";
+/// The derivatives of columns that do not depend on a shape parameter.
+const NO_SLOPE: [f64; COEFFICIENTS] = [0.0; COEFFICIENTS];
+
+/// What a law is: all that is known about it in one row.
+struct Law {
+    name: &'static str,
+    symbols: &'static [&'static str],
+    /// What the columns are multiplied by, in the order of the columns.
+    coefficients: &'static [&'static str],
+    /// The symbols of the values that the effort is not linear in.
+    shape: &'static [&'static str],
+    /// The first shape parameter with which the law is linear friction, if that needs one.
+    linear_at: Option<f64>,
+    /// The columns of a velocity, its sign and a shape.
+    columns: fn(f64, f64, [f64; SHAPES]) -> [f64; COEFFICIENTS],
+    /// Their derivatives by the logarithm of each shape parameter.
+    slopes: fn(f64, f64, [f64; SHAPES]) -> [[f64; COEFFICIENTS]; SHAPES],
+}
+
+impl Law {
+    /// A law that is linear in its values, which are its coefficients in this order, without
+    /// columns.
+    const fn linear(name: &'static str, symbols: &'static [&'static str]) -> Self {
+        Law {
+            name,
+            symbols,
+            coefficients: symbols,
+            shape: &[],
+            linear_at: None,
+            columns: |_, _, _| NO_SLOPE,
+            slopes: |_, _, _| [NO_SLOPE; SHAPES],
+        }
+    }
+}
 
 /// The friction law of a joint. `v` is its velocity, rad/s or m/s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -50,19 +87,82 @@ impl Friction {
         Friction::Power,
     ];
 
+    /// The row of a law.
+    fn row(self) -> Law {
+        match self {
+            Friction::None => Law::linear("none", &[]),
+            Friction::Viscous => Law {
+                columns: |v, _, _| [v, 0.0, 0.0, 0.0],
+                ..Law::linear("viscous", &["Fv"])
+            },
+            Friction::Coulomb => Law {
+                columns: |_, sign, _| [sign, 0.0, 0.0, 0.0],
+                ..Law::linear("coulomb", &["Fc"])
+            },
+            Friction::Linear => Law {
+                coefficients: &["Fc", "Fv"],
+                columns: |v, sign, _| [sign, v, 0.0, 0.0],
+                ..Law::linear("linear", &["Fv", "Fc"])
+            },
+            Friction::CoulombAsymmetric => Law {
+                coefficients: &["Fc+", "Fc-", "Fv"],
+                columns: |v, sign, _| [sign.max(0.0), sign.min(0.0), v, 0.0],
+                ..Law::linear("coulomb_asymmetric", &["Fv", "Fc+", "Fc-"])
+            },
+            Friction::Asymmetric => Law {
+                coefficients: &["Fc+", "Fc-", "Fv+", "Fv-"],
+                columns: |v, sign, _| [sign.max(0.0), sign.min(0.0), v.max(0.0), v.min(0.0)],
+                ..Law::linear("asymmetric", &["Fv+", "Fc+", "Fv-", "Fc-"])
+            },
+            Friction::Stribeck => Law {
+                coefficients: &["Fc", EXCESS, "Fv"],
+                shape: &["vs", "delta"],
+                columns: |v, sign, [vs, delta]| {
+                    let e = libm::exp(-libm::pow((v / vs).abs(), delta));
+                    [sign, sign * e, v, 0.0]
+                },
+                slopes: |v, sign, [vs, delta]| {
+                    let ratio = (v / vs).abs();
+                    let power = libm::pow(ratio, delta);
+                    let e = libm::exp(-power);
+                    let by_vs = sign * e * delta * power;
+                    let by_delta = -sign * e * delta * times_logarithm(power, ratio);
+                    [[0.0, by_vs, 0.0, 0.0], [0.0, by_delta, 0.0, 0.0]]
+                },
+                ..Law::linear("stribeck", &["Fc", "Fs", "vs", "delta", "Fv"])
+            },
+            Friction::Atan => Law {
+                coefficients: &["Fc", "Fv1", "Fv2"],
+                shape: &["Fv3"],
+                columns: |v, sign, shape| [sign, v, libm::atan(shape[0] * v), 0.0],
+                slopes: |v, _, shape| {
+                    let x = shape[0] * v;
+                    [[0.0, 0.0, x / (1.0 + x * x), 0.0], NO_SLOPE]
+                },
+                ..Law::linear("atan", &["Fc", "Fv1", "Fv2", "Fv3"])
+            },
+            Friction::Power => Law {
+                coefficients: &["Fc+", "Fc-", "Fv"],
+                shape: &["delta"],
+                linear_at: Some(1.0),
+                columns: |v, sign, shape| {
+                    let power = libm::pow(v.abs(), shape[0]);
+                    [sign.max(0.0), sign.min(0.0), sign * power, 0.0]
+                },
+                slopes: |v, sign, shape| {
+                    let delta = shape[0];
+                    let power = libm::pow(v.abs(), delta);
+                    let by_delta = sign * delta * times_logarithm(power, v.abs());
+                    [[0.0, 0.0, by_delta, 0.0], NO_SLOPE]
+                },
+                ..Law::linear("power", &["Fc+", "Fc-", "Fv", "delta"])
+            },
+        }
+    }
+
     /// Its name in a spec and in files.
     pub fn name(self) -> &'static str {
-        match self {
-            Friction::None => "none",
-            Friction::Viscous => "viscous",
-            Friction::Coulomb => "coulomb",
-            Friction::Linear => "linear",
-            Friction::CoulombAsymmetric => "coulomb_asymmetric",
-            Friction::Asymmetric => "asymmetric",
-            Friction::Stribeck => "stribeck",
-            Friction::Atan => "atan",
-            Friction::Power => "power",
-        }
+        self.row().name
     }
 
     /// The symbols of its values, in the order of [`Joint::nominal`](crate::Joint::nominal): of
@@ -75,17 +175,7 @@ impl Friction {
     /// assert_eq!(Friction::Stribeck.symbols(), ["Fc", "Fs", "vs", "delta", "Fv"]);
     /// ```
     pub fn symbols(self) -> &'static [&'static str] {
-        match self {
-            Friction::None => &[],
-            Friction::Viscous => &["Fv"],
-            Friction::Coulomb => &["Fc"],
-            Friction::Linear => &["Fv", "Fc"],
-            Friction::CoulombAsymmetric => &["Fv", "Fc+", "Fc-"],
-            Friction::Asymmetric => &["Fv+", "Fc+", "Fv-", "Fc-"],
-            Friction::Stribeck => &["Fc", "Fs", "vs", "delta", "Fv"],
-            Friction::Atan => &["Fc", "Fv1", "Fv2", "Fv3"],
-            Friction::Power => &["Fc+", "Fc-", "Fv", "delta"],
-        }
+        self.row().symbols
     }
 
     /// Whether it is linear in its values, which then are parameters with columns.
@@ -95,34 +185,13 @@ impl Friction {
 
     /// The symbols of the values that the effort is not linear in. They are positive.
     pub fn shape_symbols(self) -> &'static [&'static str] {
-        match self {
-            Friction::Stribeck => &["vs", "delta"],
-            Friction::Atan => &["Fv3"],
-            Friction::Power => &["delta"],
-            Friction::None
-            | Friction::Viscous
-            | Friction::Coulomb
-            | Friction::Linear
-            | Friction::CoulombAsymmetric
-            | Friction::Asymmetric => &[],
-        }
+        self.row().shape
     }
 
     /// What the columns of [`columns`](Self::columns) are multiplied by. None is negative in a
-    /// joint that dissipates; Stribeck's second is the excess of static over Coulomb friction.
-    #[allow(clippy::match_same_arms, reason = "one row per law")]
+    /// joint that dissipates; `Fs-Fc` is the excess of static over Coulomb friction.
     pub fn coefficients(self) -> &'static [&'static str] {
-        match self {
-            Friction::None => &[],
-            Friction::Viscous => &["Fv"],
-            Friction::Coulomb => &["Fc"],
-            Friction::Linear => &["Fc", "Fv"],
-            Friction::CoulombAsymmetric => &["Fc+", "Fc-", "Fv"],
-            Friction::Asymmetric => &["Fc+", "Fc-", "Fv+", "Fv-"],
-            Friction::Stribeck => &["Fc", "Fs-Fc", "Fv"],
-            Friction::Atan => &["Fc", "Fv1", "Fv2"],
-            Friction::Power => &["Fc+", "Fc-", "Fv"],
-        }
+        self.row().coefficients
     }
 
     /// The columns at a velocity, one for each coefficient, 0 beyond.
@@ -130,74 +199,30 @@ impl Friction {
     /// - `sign`: sgn(v), or a smooth function in its place;
     /// - `shape`: values of [`shape_symbols`](Self::shape_symbols), SI.
     pub fn columns(self, v: f64, sign: f64, shape: [f64; SHAPES]) -> [f64; COEFFICIENTS] {
-        let (forwards, backwards) = (sign.max(0.0), sign.min(0.0));
-        match self {
-            Friction::None => [0.0; COEFFICIENTS],
-            Friction::Viscous => [v, 0.0, 0.0, 0.0],
-            Friction::Coulomb => [sign, 0.0, 0.0, 0.0],
-            Friction::Linear => [sign, v, 0.0, 0.0],
-            Friction::CoulombAsymmetric => [forwards, backwards, v, 0.0],
-            Friction::Asymmetric => [forwards, backwards, v.max(0.0), v.min(0.0)],
-            Friction::Stribeck => {
-                let [vs, delta] = shape;
-                let e = libm::exp(-libm::pow((v / vs).abs(), delta));
-                [sign, sign * e, v, 0.0]
-            }
-            Friction::Atan => [sign, v, libm::atan(shape[0] * v), 0.0],
-            Friction::Power => {
-                let power = libm::pow(v.abs(), shape[0]);
-                [forwards, backwards, sign * power, 0.0]
-            }
-        }
+        (self.row().columns)(v, sign, shape)
     }
 
     /// The columns' derivatives by the logarithm of each shape parameter, 0 beyond.
     pub fn slopes(self, v: f64, sign: f64, shape: [f64; SHAPES]) -> [[f64; COEFFICIENTS]; SHAPES] {
-        let none = [0.0; COEFFICIENTS];
-        match self {
-            Friction::Stribeck => {
-                let [vs, delta] = shape;
-                let ratio = (v / vs).abs();
-                let power = libm::pow(ratio, delta);
-                let e = libm::exp(-power);
-                let by_vs = sign * e * delta * power;
-                let by_delta = -sign * e * delta * times_logarithm(power, ratio);
-                [[0.0, by_vs, 0.0, 0.0], [0.0, by_delta, 0.0, 0.0]]
-            }
-            Friction::Atan => {
-                let x = shape[0] * v;
-                [[0.0, 0.0, x / (1.0 + x * x), 0.0], none]
-            }
-            Friction::Power => {
-                let delta = shape[0];
-                let power = libm::pow(v.abs(), delta);
-                let by_delta = sign * delta * times_logarithm(power, v.abs());
-                [[0.0, 0.0, by_delta, 0.0], none]
-            }
-            Friction::None
-            | Friction::Viscous
-            | Friction::Coulomb
-            | Friction::Linear
-            | Friction::CoulombAsymmetric
-            | Friction::Asymmetric => [none; SHAPES],
-        }
+        (self.row().slopes)(v, sign, shape)
     }
 
     /// The coefficients and shape of values in the order of [`symbols`](Self::symbols). A value
     /// that is missing counts as 0.
     pub fn split(self, values: &[f64]) -> ([f64; COEFFICIENTS], [f64; SHAPES]) {
+        let law = self.row();
         let value = |symbol: &str| {
-            let place = self.symbols().iter().position(|s| *s == symbol);
+            let place = law.symbols.iter().position(|s| *s == symbol);
             place.and_then(|k| values.get(k)).copied().unwrap_or(0.0)
         };
         let (mut coefficients, mut shape) = ([0.0; COEFFICIENTS], [0.0; SHAPES]);
-        for (slot, symbol) in coefficients.iter_mut().zip(self.coefficients()) {
-            *slot = match (self, *symbol) {
-                (Friction::Stribeck, "Fs-Fc") => value("Fs") - value("Fc"),
-                _ => value(symbol),
+        for (slot, symbol) in coefficients.iter_mut().zip(law.coefficients) {
+            *slot = match *symbol {
+                EXCESS => value("Fs") - value("Fc"),
+                symbol => value(symbol),
             };
         }
-        for (slot, symbol) in shape.iter_mut().zip(self.shape_symbols()) {
+        for (slot, symbol) in shape.iter_mut().zip(law.shape) {
             *slot = value(symbol);
         }
         (coefficients, shape)
@@ -206,22 +231,21 @@ impl Friction {
     /// The values of coefficients and a shape, in the order of [`symbols`](Self::symbols); 0
     /// beyond. The inverse of [`split`](Self::split).
     pub fn join(self, coefficients: &[f64], shape: [f64; SHAPES]) -> [f64; VALUES] {
+        let law = self.row();
         let coefficient = |symbol: &str| {
-            let place = self.coefficients().iter().position(|s| *s == symbol);
+            let place = law.coefficients.iter().position(|s| *s == symbol);
             place.and_then(|k| coefficients.get(k)).copied()
         };
         let mut values = [0.0; VALUES];
-        for (slot, symbol) in values.iter_mut().zip(self.symbols()) {
+        for (slot, symbol) in values.iter_mut().zip(law.symbols) {
             let shape_of = || {
-                let mut all = self.shape_symbols().iter().zip(shape);
+                let mut all = law.shape.iter().zip(shape);
                 all.find(|(s, _)| s == &symbol).map(|(_, value)| value)
             };
-            *slot = match (self, *symbol) {
+            *slot = match *symbol {
                 // static friction is what is found above Coulomb's
-                (Friction::Stribeck, "Fs") => {
-                    coefficient("Fc").unwrap_or(0.0) + coefficient("Fs-Fc").unwrap_or(0.0)
-                }
-                _ => coefficient(symbol).or_else(shape_of).unwrap_or(0.0),
+                "Fs" => coefficient("Fc").unwrap_or(0.0) + coefficient(EXCESS).unwrap_or(0.0),
+                symbol => coefficient(symbol).or_else(shape_of).unwrap_or(0.0),
             };
         }
         values
@@ -234,18 +258,21 @@ impl Friction {
     pub fn of_linear(
         self,
         [fc, fv]: [f64; 2],
-        shape: [f64; SHAPES],
+        mut shape: [f64; SHAPES],
     ) -> ([f64; COEFFICIENTS], [f64; SHAPES]) {
-        match self {
-            Friction::None => ([0.0; COEFFICIENTS], shape),
-            Friction::Viscous => ([fv, 0.0, 0.0, 0.0], shape),
-            Friction::Coulomb => ([fc, 0.0, 0.0, 0.0], shape),
-            Friction::Linear | Friction::Atan => ([fc, fv, 0.0, 0.0], shape),
-            Friction::CoulombAsymmetric => ([fc, fc, fv, 0.0], shape),
-            Friction::Asymmetric => ([fc, fc, fv, fv], shape),
-            Friction::Stribeck => ([fc, 0.0, fv, 0.0], shape),
-            Friction::Power => ([fc, fc, fv, 0.0], [1.0, shape[1]]),
+        let law = self.row();
+        let mut coefficients = [0.0; COEFFICIENTS];
+        for (slot, symbol) in coefficients.iter_mut().zip(law.coefficients) {
+            *slot = match *symbol {
+                "Fc" | "Fc+" | "Fc-" => fc,
+                symbol if VISCOUS.contains(&symbol) => fv,
+                _ => 0.0,
+            };
         }
+        if let (Some(linear), [first, ..]) = (law.linear_at, &mut shape) {
+            *first = linear;
+        }
+        (coefficients, shape)
     }
 
     /// The effort that friction takes from a joint, N or N m: positive where it opposes a
@@ -266,7 +293,7 @@ impl Friction {
 /// The symbols of forces over velocities: coefficients of viscous friction.
 const VISCOUS: [&str; 4] = ["Fv", "Fv+", "Fv-", "Fv1"];
 /// The symbols of forces.
-const FORCES: [&str; 6] = ["Fc", "Fc+", "Fc-", "Fs", "Fs-Fc", "Fv2"];
+const FORCES: [&str; 6] = ["Fc", "Fc+", "Fc-", "Fs", EXCESS, "Fv2"];
 
 /// The symbol of a law's coefficient that labels print so, if a law has one.
 pub(crate) fn symbol(text: &str) -> Option<&'static str> {

@@ -61,7 +61,7 @@ impl Tally {
         if mechanism.independent != mechanism.actuated {
             self.count("independent is not actuated".into());
         }
-        if mechanism.friction.contains(&Friction::Nonlinear) {
+        if mechanism.friction.iter().any(Friction::is_nonlinear) {
             self.count("with nonlinear friction".into());
         }
         let rank = mechanism.n() - mechanism.dof();

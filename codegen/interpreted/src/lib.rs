@@ -257,6 +257,14 @@ fn typed(parameter: &model::Parameter) -> Parameter<'_> {
     Parameter::new(symbol, &parameter.owner)
 }
 
+/// A friction law in the runtime's terms. Both lists of laws have the same words, which a test
+/// holds.
+fn law(friction: spec::Friction) -> Friction {
+    let mut laws = Friction::ALL.into_iter();
+    let found = laws.find(|law| law.name() == friction.word());
+    found.unwrap_or(Friction::None)
+}
+
 /// A joint in the runtime's terms.
 fn stated(joint: &JointInfo) -> Joint {
     let [position, velocity, acceleration, effort] = joint.limits;
@@ -265,17 +273,7 @@ fn stated(joint: &JointInfo) -> Joint {
             MotionKind::Rotation => Motion::Rotation,
             MotionKind::Translation => Motion::Translation,
         },
-        friction: match joint.friction {
-            spec::Friction::None => Friction::None,
-            spec::Friction::Viscous => Friction::Viscous,
-            spec::Friction::Coulomb => Friction::Coulomb,
-            spec::Friction::Linear => Friction::Linear,
-            spec::Friction::CoulombAsymmetric => Friction::CoulombAsymmetric,
-            spec::Friction::Asymmetric => Friction::Asymmetric,
-            spec::Friction::Stribeck => Friction::Stribeck,
-            spec::Friction::Atan => Friction::Atan,
-            spec::Friction::Power => Friction::Power,
-        },
+        friction: law(joint.friction),
         limits: Limits {
             position,
             velocity,

@@ -17,8 +17,8 @@
 mod closure;
 mod energy;
 mod expr;
+mod friction;
 mod gibbs_appell;
-mod joints;
 mod kinematics;
 mod load;
 mod load_fields;
@@ -31,10 +31,11 @@ mod states;
 mod yaml;
 
 pub use expr::evaluate;
+pub use friction::Friction;
 pub use kinematics::Motion;
 pub use mechanism::{
-    Axis, Body, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
-    PARAMETERS_PER_BODY, Parameter,
+    Axis, Body, Coupling, Cut, CutKind, CutSide, JointMotion, Mechanism, Node, PARAMETERS_PER_BODY,
+    Parameter,
 };
 pub use random::{PhysicalBody, Random};
 pub use scalar::{Mat4, Scalar, Vec3};

@@ -4,10 +4,11 @@
 use std::collections::BTreeMap;
 
 use crate::expr::evaluate;
+use crate::friction::Friction;
 use crate::load_fields::{Names, dh, entries, list, pitch, placement, scalar, text, vector};
 use crate::mechanism::{
-    Axis, Body, Coupling, Cut, CutKind, CutSide, Friction, JointMotion, Mechanism, Node,
-    PARAMETERS_PER_BODY, Parameter, SwingLimit,
+    Axis, Body, Coupling, Cut, CutKind, CutSide, JointMotion, Mechanism, Node, PARAMETERS_PER_BODY,
+    Parameter, SwingLimit,
 };
 use crate::random::PhysicalBody;
 use crate::scalar::identity;
@@ -307,16 +308,9 @@ impl Tree {
         }
         self.rotor.push(flag("rotor_inertia"));
         let friction = joint.get("friction").map(text).transpose()?;
-        self.friction.push(match friction.as_deref() {
-            None | Some("none") => Friction::None,
-            Some("viscous") => Friction::Viscous,
-            Some("coulomb") => Friction::Coulomb,
-            Some("linear") => Friction::Linear,
-            Some("coulomb_asymmetric") => Friction::CoulombAsymmetric,
-            Some("asymmetric") => Friction::Asymmetric,
-            Some("stribeck" | "atan" | "power") => Friction::Nonlinear,
-            Some(other) => return Err(format!("no friction {other}")),
-        });
+        let word = friction.as_deref().unwrap_or("none");
+        let law = Friction::of(word).ok_or_else(|| format!("no friction {word}"))?;
+        self.friction.push(law);
         for (symbol, value) in entries(joint, "nominal")? {
             let value = scalar(value, names)?;
             // One value for both signs, where the symbol stands without a sign.
@@ -392,15 +386,12 @@ impl Tree {
             out.extend((0..PARAMETERS_PER_BODY).map(|k| Parameter::Inertial(body, k)));
         }
         for (coordinate, friction) in self.friction.iter().enumerate() {
-            let symbols: &[&'static str] = match friction {
-                Friction::None | Friction::Nonlinear => &[],
-                Friction::Viscous => &["Fv"],
-                Friction::Coulomb => &["Fc"],
-                Friction::Linear => &["Fv", "Fc"],
-                Friction::CoulombAsymmetric => &["Fv", "Fc+", "Fc-"],
-                Friction::Asymmetric => &["Fv+", "Fc+", "Fv-", "Fc-"],
-            };
-            out.extend(symbols.iter().map(|s| Parameter::Friction(coordinate, s)));
+            out.extend(
+                friction
+                    .columns
+                    .iter()
+                    .map(|s| Parameter::Friction(coordinate, s)),
+            );
         }
         let rotors = self.rotor.iter().enumerate().filter(|(_, rotor)| **rotor);
         out.extend(rotors.map(|(coordinate, _)| Parameter::Rotor(coordinate)));

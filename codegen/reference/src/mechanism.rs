@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use crate::friction::Friction;
 use crate::scalar::Mat4;
 
 /// `Ixx Ixy Ixz Iyy Iyz Izz mx my mz m` about the body frame's origin in its axes.
@@ -137,25 +138,6 @@ pub struct Coupling {
     pub constant: f64,
     /// One per coordinate.
     pub coefficients: Vec<f64>,
-}
-
-/// Friction of a coordinate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Friction {
-    /// None.
-    None,
-    /// Fv.
-    Viscous,
-    /// Fc.
-    Coulomb,
-    /// Fv, Fc.
-    Linear,
-    /// Fv, Fc+, Fc-.
-    CoulombAsymmetric,
-    /// Fv+, Fc+, Fv-, Fc-.
-    Asymmetric,
-    /// No columns.
-    Nonlinear,
 }
 
 /// A dynamic parameter.

@@ -86,7 +86,7 @@ impl Mechanism {
                     }
                 }
                 Parameter::Friction(j, symbol) => {
-                    out[(*j, column)] = crate::joints::friction_column(symbol, qd[*j]);
+                    out[(*j, column)] = crate::friction::friction_column(symbol, qd[*j]);
                 }
                 Parameter::Rotor(j) => out[(*j, column)] = qdd[*j],
             }

@@ -22,22 +22,19 @@ pub enum FrictionColumn {
 }
 
 impl FrictionColumn {
-    /// The columns of a friction kind, in order (Eq. 14, 15).
-    pub fn of(kind: Friction) -> &'static [FrictionColumn] {
-        use FrictionColumn as C;
-        match kind {
-            Friction::None | Friction::Stribeck | Friction::Atan | Friction::Power => &[],
-            Friction::Viscous => &[C::Viscous],
-            Friction::Coulomb => &[C::Coulomb],
-            Friction::Linear => &[C::Viscous, C::Coulomb],
-            Friction::CoulombAsymmetric => &[C::Viscous, C::CoulombPositive, C::CoulombNegative],
-            Friction::Asymmetric => &[
-                C::ViscousPositive,
-                C::CoulombPositive,
-                C::ViscousNegative,
-                C::CoulombNegative,
-            ],
-        }
+    const ALL: [FrictionColumn; 6] = [
+        FrictionColumn::Viscous,
+        FrictionColumn::Coulomb,
+        FrictionColumn::ViscousPositive,
+        FrictionColumn::ViscousNegative,
+        FrictionColumn::CoulombPositive,
+        FrictionColumn::CoulombNegative,
+    ];
+
+    /// The columns of a friction law, in order (Eq. 14, 15); none of one that is not linear.
+    pub fn of(law: Friction) -> impl Iterator<Item = FrictionColumn> {
+        let symbols = law.parameters().iter();
+        symbols.filter_map(|symbol| Self::ALL.into_iter().find(|c| c.symbol() == *symbol))
     }
 
     /// The symbol in labels.
@@ -143,7 +140,7 @@ pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> 
         for column in FrictionColumn::of(joint.friction) {
             let kind = ParameterKind::Friction {
                 coordinate: index,
-                column: *column,
+                column,
             };
             parameters.push(Parameter::new(kind, &coordinate.name));
         }
@@ -155,4 +152,19 @@ pub(super) fn list(spec: &Spec, bodies: &[Body], coordinates: &[Coordinate]) -> 
         }
     }
     parameters
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_parameter_of_a_law_has_a_column() {
+        for law in Friction::ALL {
+            let columns: Vec<&str> = FrictionColumn::of(*law)
+                .map(FrictionColumn::symbol)
+                .collect();
+            assert_eq!(columns, law.parameters(), "{law:?}");
+        }
+    }
 }

@@ -1,41 +1,8 @@
 //! The names that a spec defines: coordinates, bodies, parameters, in their order.
 
 use super::expression::INERTIAL;
-use super::types::{Friction, Joint, JointKind, Quantity, Spec};
-
-impl Friction {
-    /// The symbols of the parameters it adds, in the order of its columns.
-    pub fn parameters(self) -> &'static [&'static str] {
-        match self {
-            Self::None | Self::Stribeck | Self::Atan | Self::Power => &[],
-            Self::Viscous => &["Fv"],
-            Self::Coulomb => &["Fc"],
-            Self::Linear => &["Fv", "Fc"],
-            Self::CoulombAsymmetric => &["Fv", "Fc+", "Fc-"],
-            Self::Asymmetric => &["Fv+", "Fc+", "Fv-", "Fc-"],
-        }
-    }
-
-    /// The symbols of all coefficients: of the columns, or of a nonlinear model.
-    pub fn symbols(self) -> &'static [&'static str] {
-        match self {
-            Self::Stribeck => &["Fc", "Fs", "vs", "delta", "Fv"],
-            Self::Atan => &["Fc", "Fv1", "Fv2", "Fv3"],
-            Self::Power => &["Fc+", "Fc-", "Fv", "delta"],
-            _ => self.parameters(),
-        }
-    }
-
-    /// The symbols that `nominal` may give.
-    pub(super) fn nominal(self) -> &'static [&'static str] {
-        match self {
-            Self::CoulombAsymmetric => &["Fv", "Fc", "Fc+", "Fc-"],
-            Self::Asymmetric => &["Fv", "Fc", "Fv+", "Fv-", "Fc+", "Fc-"],
-            Self::Power => &["Fc", "Fc+", "Fc-", "Fv", "delta"],
-            other => other.symbols(),
-        }
-    }
-}
+use super::friction::Friction;
+use super::types::{Joint, JointKind, Quantity, Spec};
 
 /// The names of a joint's coordinates: `q2`, or `s1.1`, `s1.2`, `s1.3`.
 pub(super) fn coordinates_of(name: &str, kind: JointKind) -> Vec<String> {

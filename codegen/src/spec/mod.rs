@@ -11,6 +11,7 @@
 
 mod check;
 mod expression;
+mod friction;
 mod joints;
 mod labels;
 mod physical;

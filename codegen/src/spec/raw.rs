@@ -33,18 +33,6 @@ choices! { Axis, "axis" {
     "z" => Z: "the frame's z axis",
 } }
 
-choices! { Friction, "friction kind" {
-    "none" => None: "no friction",
-    "viscous" => Viscous: "Fv qd",
-    "coulomb" => Coulomb: "Fc sgn(qd)",
-    "linear" => Linear: "Fv qd + Fc sgn(qd)",
-    "coulomb_asymmetric" => CoulombAsymmetric: "Fv qd, Fc+ where qd > 0, -Fc- where qd < 0",
-    "asymmetric" => Asymmetric: "Fv+ qd + Fc+ where qd > 0, Fv- qd - Fc- where qd < 0",
-    "stribeck" => Stribeck: "sgn(qd) (Fc + (Fs - Fc) exp(-|qd/vs|^delta)) + Fv qd; nonlinear, adds no parameters",
-    "atan" => Atan: "sgn(qd) Fc + Fv1 qd + Fv2 atan(Fv3 qd); nonlinear, adds no parameters",
-    "power" => Power: "Fc+ + Fv |qd|^delta where qd > 0, -Fc- - Fv |qd|^delta where qd < 0; nonlinear, adds no parameters",
-} }
-
 record! {
     /// One mechanism: serial limbs from the world or from bodies, and the cuts that close loops. SI units, radians.
     struct RawSpec, "robot" {

@@ -4,6 +4,8 @@
 use crate::diag::Span;
 use crate::sym::Number;
 
+pub use super::friction::Friction;
+
 /// A value and the place in the file that it came from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Spanned<T> {
@@ -219,29 +221,6 @@ impl Axis {
             Axis::Z => 2,
         }
     }
-}
-
-/// Friction model of a joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Friction {
-    /// No friction.
-    None,
-    /// Fv.
-    Viscous,
-    /// Fc.
-    Coulomb,
-    /// Fv, Fc.
-    Linear,
-    /// Fv, Fc+, Fc-.
-    CoulombAsymmetric,
-    /// Fv+, Fc+, Fv-, Fc-.
-    Asymmetric,
-    /// Nonlinear, no columns.
-    Stribeck,
-    /// Nonlinear, no columns.
-    Atan,
-    /// Nonlinear, no columns.
-    Power,
 }
 
 /// A closed interval.

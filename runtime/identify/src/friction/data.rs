@@ -52,7 +52,7 @@ pub fn directions<M: Model<f64> + ?Sized>(
 pub struct FrictionJoint {
     /// The coordinate's name.
     pub name: String,
-    /// Its law: `Stribeck`, `Atan` or `Power`.
+    /// Its law, one that is not linear.
     pub friction: Friction,
 }
 

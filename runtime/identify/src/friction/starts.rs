@@ -22,22 +22,25 @@ const POWER: [[f64; SHAPES]; STARTS] =
 
 /// A start's shape in SI units.
 pub(super) fn start(law: Friction, which: usize, fastest: f64) -> [f64; SHAPES] {
-    let of = |all: &[[f64; SHAPES]; STARTS]| all[which % STARTS];
-    match law {
-        Friction::Stribeck => {
-            let [first, second] = of(&STRIBECK);
-            [first * fastest, second]
-        }
-        Friction::Atan => {
-            let [first, second] = of(&ATAN);
-            [first / fastest, second]
-        }
-        Friction::Power => of(&POWER),
+    let starts = match law {
+        Friction::Stribeck => &STRIBECK,
+        Friction::Atan => &ATAN,
+        Friction::Power => &POWER,
+        // laws that are linear have no shape
         Friction::None
         | Friction::Viscous
         | Friction::Coulomb
         | Friction::Linear
         | Friction::CoulombAsymmetric
-        | Friction::Asymmetric => [1.0; SHAPES],
+        | Friction::Asymmetric => return [1.0; SHAPES],
+    };
+    let mut shape = starts[which % STARTS];
+    for (value, symbol) in shape.iter_mut().zip(law.shape_symbols()) {
+        match *symbol {
+            "vs" => *value *= fastest,
+            "Fv3" => *value /= fastest,
+            _ => {}
+        }
     }
+    shape
 }

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use regen_runtime::{ClosureError, SizeError};
+use regen_runtime::{ClosureError, Friction, SizeError};
 
 use crate::data::DataError;
 use crate::estimate::EstimateError;
@@ -49,11 +49,20 @@ impl fmt::Display for SessionError {
                 "{robot} has no nominal values to believe in: give `bodies:` and `nominal:` in the \
                  spec"
             ),
-            Self::NoNonlinearFriction(robot) => write!(
-                f,
-                "{robot} has no nonlinear friction: give joints `friction: stribeck`, `atan` or \
-                 `power` in the spec"
-            ),
+            Self::NoNonlinearFriction(robot) => {
+                write!(
+                    f,
+                    "{robot} has no nonlinear friction: give joints `friction: "
+                )?;
+                let laws = Friction::ALL.iter().filter(|law| !law.is_linear());
+                let words: Vec<&str> = laws.map(|law| law.name()).collect();
+                match words.split_last() {
+                    Some((last, others)) if !others.is_empty() => {
+                        write!(f, "{}` or `{last}` in the spec", others.join("`, `"))
+                    }
+                    _ => write!(f, "{}` in the spec", words.join("")),
+                }
+            }
             Self::OneLog => f.write_str("logs that predict each other must be two or more"),
             Self::Digest {
                 robot,
