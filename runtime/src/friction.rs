@@ -71,11 +71,15 @@ pub enum Friction {
     Atan,
     /// `Fc+ + Fv |v|^delta` where v > 0, `-Fc- - Fv |v|^delta` where v < 0 (Eq. 17); no columns.
     Power,
+    /// `sgn(v) (Fc + (Fs - Fc) exp(-(v/vs)^2)) + Fv v`: the steady state of the LuGre model; no
+    /// columns. C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control
+    /// of systems with friction", IEEE Trans. Automatic Control 40(3), 1995.
+    Lugre,
 }
 
 impl Friction {
     /// Every law.
-    pub const ALL: [Friction; 9] = [
+    pub const ALL: [Friction; 10] = [
         Friction::None,
         Friction::Viscous,
         Friction::Coulomb,
@@ -85,6 +89,7 @@ impl Friction {
         Friction::Stribeck,
         Friction::Atan,
         Friction::Power,
+        Friction::Lugre,
     ];
 
     /// The row of a law.
@@ -156,6 +161,20 @@ impl Friction {
                     [[0.0, 0.0, by_delta, 0.0], NO_SLOPE]
                 },
                 ..Law::linear("power", &["Fc+", "Fc-", "Fv", "delta"])
+            },
+            Friction::Lugre => Law {
+                coefficients: &["Fc", EXCESS, "Fv"],
+                shape: &["vs"],
+                columns: |v, sign, shape| {
+                    let ratio = v / shape[0];
+                    [sign, sign * libm::exp(-ratio * ratio), v, 0.0]
+                },
+                slopes: |v, sign, shape| {
+                    let square = (v / shape[0]) * (v / shape[0]);
+                    let by_vs = sign * libm::exp(-square) * 2.0 * square;
+                    [[0.0, by_vs, 0.0, 0.0], NO_SLOPE]
+                },
+                ..Law::linear("lugre", &["Fc", "Fs", "vs", "Fv"])
             },
         }
     }
@@ -453,13 +472,34 @@ mod tests {
         }
     }
 
+    /// By hand: at v = vs the excess over Coulomb friction is 1/e of what it is at rest.
+    #[test]
+    fn lugre_friction_falls_from_static_to_coulomb() {
+        let law = JointFriction {
+            law: Friction::Lugre,
+            values: [2.0, 5.0, 0.1, 4.0, 0.0],
+        };
+        assert!((law.effort(1e-9) - 5.0).abs() < 1e-8);
+        assert!((law.effort(0.1) - (2.0 + 3.0 * 0.367_879_441_171_442_33 + 0.4)).abs() < 1e-14);
+        assert!((law.effort(-1.0) + 6.0).abs() < 1e-14);
+        // Stribeck's law has it at delta = 2
+        let stribeck = JointFriction {
+            law: Friction::Stribeck,
+            values: [2.0, 5.0, 0.1, 2.0, 4.0],
+        };
+        for v in VELOCITIES {
+            assert!((law.effort(v) - stribeck.effort(v)).abs() < 1e-14, "{v}");
+        }
+    }
+
     #[test]
     fn efforts_follow_the_equations() {
         for v in VELOCITIES {
             let s = sign(v);
             let plus = v > 0.0;
             let bump = (-(v / 0.4_f64).abs().powf(1.4)).exp();
-            let expected: [(Friction, &[f64], f64); 9] = [
+            let gauss = (-(v / 0.4_f64).powi(2)).exp();
+            let expected: [(Friction, &[f64], f64); 10] = [
                 (Friction::None, &[], 0.0),
                 (Friction::Viscous, &[0.7], 0.7 * v),
                 (Friction::Coulomb, &[2.0], 2.0 * s),
@@ -492,6 +532,11 @@ mod tests {
                     Friction::Power,
                     &[2.0, 3.5, 0.7, 0.3],
                     s * (if plus { 2.0 } else { 3.5 } + 0.7 * v.abs().powf(0.3)),
+                ),
+                (
+                    Friction::Lugre,
+                    &[2.0, 3.5, 0.4, 0.7],
+                    s * (2.0 + 1.5 * gauss) + 0.7 * v,
                 ),
             ];
             for (law, values, effort) in expected {

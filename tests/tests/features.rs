@@ -353,6 +353,7 @@ fn every_value_for_simulation_is_read() {
         ("stribeck", "Fc: 1, Fs: 2, vs: 0.1, delta: 2, Fv: 1"),
         ("atan", "Fc: 1, Fv1: 1, Fv2: 2, Fv3: 3"),
         ("power", "Fc: 1, Fv: 1, delta: 0.5"),
+        ("lugre", "Fc: 1, Fs: 2, vs: 0.1, Fv: 1"),
     ] {
         let text = TREE.replacen(
             "body: 2",

@@ -3,24 +3,29 @@
 
 use std::fmt::Write as _;
 
-use regen_codegen::{Mechanism, diag::Source, spec};
-use regen_experiment::simulate::nominal_friction;
+use regen_codegen::{Mechanism, diag, spec};
+use regen_experiment::simulate::{Pid, Settings, Termination, nominal_friction, simulate};
+use regen_generated::fivebar;
+use regen_identify::estimate::EstimateError;
+use regen_identify::feasibility::{Combinations, FeasibilityError, Layout, Options};
+use regen_identify::friction::{FrictionJoint, collect, fit};
+use regen_identify::identify::{Filtering, Recorded, Row, Source};
 use regen_interpreted::Interpreted;
-use regen_runtime::Friction;
+use regen_runtime::{BaseModel, Friction, JointFriction, Model};
 use regen_tests::reference;
 
 /// What both tables state about a law: case, word, symbols, whether it is linear in them.
-type Row = (String, &'static str, &'static [&'static str], bool);
+type Stated = (String, &'static str, &'static [&'static str], bool);
 
 #[test]
 fn the_generator_and_the_runtime_have_the_same_laws() {
     let ours = spec::Friction::ALL.iter();
-    let ours = ours.map(|law| -> Row {
+    let ours = ours.map(|law| -> Stated {
         let name = law.name().to_owned();
         (name, law.word(), law.symbols(), law.is_linear())
     });
     let theirs = Friction::ALL.iter();
-    let theirs = theirs.map(|law| -> Row {
+    let theirs = theirs.map(|law| -> Stated {
         let name = format!("{law:?}");
         (name, law.name(), law.symbols(), law.is_linear())
     });
@@ -47,7 +52,7 @@ fn every_law_has_the_effort_of_the_second_derivation() {
     for law in spec::Friction::ALL {
         let text = arm(*law);
         let reference = reference::Mechanism::from_yaml(&text).unwrap();
-        let mechanism = Mechanism::open(&Source::new("arm.yaml", &text));
+        let mechanism = Mechanism::open(&diag::Source::new("arm.yaml", &text));
         let robot = mechanism.and_then(|m| m.robot(&[])).unwrap();
         let model = Interpreted::new(&robot);
         let joint = nominal_friction(&model.info()).unwrap()[0];
@@ -77,4 +82,95 @@ fn a_missing_value_is_no_effort() {
     let bare = arm(spec::Friction::None).replace("friction: none", "friction: stribeck");
     let reference = reference::Mechanism::from_yaml(&bare).unwrap();
     assert_eq!(reference.friction_effort(0, 1.0), None);
+}
+
+/// A log whose reading may fail as a fit does.
+struct Log(Recorded);
+
+impl Source for Log {
+    type Error = FeasibilityError;
+
+    fn filtering(&self) -> Filtering {
+        self.0.filtering()
+    }
+
+    fn visit(
+        &mut self,
+        each: &mut dyn FnMut(&Row<'_>) -> Result<(), EstimateError>,
+    ) -> Result<(), FeasibilityError> {
+        Ok(self.0.visit(each)?)
+    }
+}
+
+/// The five-bar runs under control with LuGre's friction at its cranks; what is identified from
+/// the log is what was simulated.
+#[test]
+fn lugre_friction_is_identified_from_a_simulation() {
+    let model = fivebar::Fivebar;
+    let info = Model::<f64>::info(&model);
+    let phi = info.nominal_parameters().expect("nominal values");
+    let laws = [[0.12, 0.2, 0.25, 0.06, 0.0], [0.08, 0.17, 0.4, 0.09, 0.0]];
+    let mut friction = vec![JointFriction::NONE; info.coordinates.len()];
+    for (place, values) in info.actuated.iter().zip(laws) {
+        friction[*place] = JointFriction {
+            law: Friction::Lugre,
+            values,
+        };
+    }
+    let settings = Settings {
+        duration: 12.0,
+        period: 0.005,
+        pid: vec![
+            Pid {
+                kp: 20.0,
+                ki: 0.0,
+                kd: 1.0
+            };
+            info.actuated.len()
+        ],
+        friction,
+        friction_width: 1e-4,
+        ..Settings::default()
+    };
+    let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
+    let swing = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+        for (k, home) in home.iter().enumerate() {
+            (q[k], qd[k], qdd[k]) = (*home, 0.0, 0.0);
+            for (size, w) in [(0.15, 2.1 + 0.8 * k as f64), (0.08, 4.7 + 0.3 * k as f64)] {
+                q[k] += size * (w * t).sin();
+                qd[k] += size * w * (w * t).cos();
+                qdd[k] -= size * w * w * (w * t).sin();
+            }
+        }
+    };
+    let log = simulate(&model, &phi, &swing, &settings).unwrap();
+    assert_eq!(log.ended, Termination::Complete);
+    let (n, m) = (info.coordinates.len(), info.actuated.len());
+    let mut rows = Recorded::new();
+    for (k, t) in log.t.iter().enumerate() {
+        let of = |all: &[f64]| all[n * k..n * (k + 1)].to_vec();
+        let (q, qd, qdd) = (of(&log.q), of(&log.qd), of(&log.qdd));
+        // where a crank turns round, the simulation's friction is a smooth function of velocity
+        if info.actuated.iter().all(|c| qd[*c].abs() > 2e-3) {
+            rows.push(*t, &q, &qd, &qdd, &log.effort[m * k..m * (k + 1)]);
+        }
+    }
+    let joints: Vec<FrictionJoint> = info
+        .actuated
+        .iter()
+        .map(|c| FrictionJoint {
+            name: info.coordinates[*c].to_owned(),
+            friction: Friction::Lugre,
+        })
+        .collect();
+    let (data, _) = collect(&model, &mut Log(rows), &joints).unwrap();
+    let base = BaseModel::<f64>::base_info(&model);
+    let combinations = Combinations::from_base(&base, info.parameters.len()).unwrap();
+    let layout = Layout::of(info.parameters).unwrap();
+    let found = fit(&data, &combinations, &layout, &Options::default()).unwrap();
+    for (joint, values) in found.joints.iter().zip(laws) {
+        for (a, b) in joint.values.iter().zip(values) {
+            assert!((a - b).abs() < 1e-3 * b, "{:?} {values:?}", joint.values);
+        }
+    }
 }

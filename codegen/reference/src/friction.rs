@@ -23,7 +23,7 @@ enum Effort {
 }
 
 /// Every law.
-const LAWS: [Friction; 9] = [
+const LAWS: [Friction; 10] = [
     linear("none", &[]),
     linear("viscous", &["Fv"]),
     linear("coulomb", &["Fc"]),
@@ -41,6 +41,10 @@ const LAWS: [Friction; 9] = [
     nonlinear("power", &["Fc+", "Fc-", "Fv", "delta"], |x, v, sgn| {
         let coulomb = if v > 0.0 { x[0] } else { x[1] };
         sgn * (coulomb + x[2] * v.abs().powf(x[3]))
+    }),
+    nonlinear("lugre", &["Fc", "Fs", "vs", "Fv"], |x, v, sgn| {
+        let g = x[0] + (x[1] - x[0]) * (-(v * v) / (x[2] * x[2])).exp();
+        sgn * g + x[3] * v
     }),
 ];
 

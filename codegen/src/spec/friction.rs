@@ -56,6 +56,7 @@ laws! {
     Stribeck "stribeck" false ["Fc" "Fs" "vs" "delta" "Fv"] "sgn(qd) (Fc + (Fs - Fc) exp(-|qd/vs|^delta)) + Fv qd; nonlinear, adds no parameters";
     Atan "atan" false ["Fc" "Fv1" "Fv2" "Fv3"] "sgn(qd) Fc + Fv1 qd + Fv2 atan(Fv3 qd); nonlinear, adds no parameters";
     Power "power" false ["Fc+" "Fc-" "Fv" "delta"] "Fc+ + Fv |qd|^delta where qd > 0, -Fc- - Fv |qd|^delta where qd < 0; nonlinear, adds no parameters";
+    Lugre "lugre" false ["Fc" "Fs" "vs" "Fv"] "sgn(qd) (Fc + (Fs - Fc) exp(-(qd/vs)^2)) + Fv qd, the LuGre model's steady state; nonlinear, adds no parameters";
 }
 
 impl Friction {

@@ -14,8 +14,8 @@ pub(crate) struct PhysicalArgs {
     /// find those that fit best among the physical ones: all ten of every body
     #[arg(long, group = "physical")]
     pub(crate) feasible: bool,
-    /// Identify the nonlinear friction of the spec (atan, power, stribeck) with
-    /// all other parameters, physical ones only (Eq. 29)
+    /// Identify the nonlinear friction of the spec (atan, power, stribeck,
+    /// lugre) with all other parameters, physical ones only (Eq. 29)
     #[arg(long, group = "physical", conflicts_with_all = ["from", "huber", "energy", "cross", "bandwidth"])]
     pub(crate) friction: bool,
     /// Leave out base parameters until all are well identified (sigma below 15 %)

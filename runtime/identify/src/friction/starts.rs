@@ -19,6 +19,8 @@ const ATAN: [[f64; SHAPES]; STARTS] = [
 ];
 const POWER: [[f64; SHAPES]; STARTS] =
     [[1.0, 1.0], [0.5, 1.0], [2.0, 1.0], [0.25, 1.0], [1.5, 1.0]];
+const LUGRE: [[f64; SHAPES]; STARTS] =
+    [[0.1, 1.0], [0.03, 1.0], [0.3, 1.0], [0.01, 1.0], [1.0, 1.0]];
 
 /// A start's shape in SI units.
 pub(super) fn start(law: Friction, which: usize, fastest: f64) -> [f64; SHAPES] {
@@ -26,6 +28,7 @@ pub(super) fn start(law: Friction, which: usize, fastest: f64) -> [f64; SHAPES] 
         Friction::Stribeck => &STRIBECK,
         Friction::Atan => &ATAN,
         Friction::Power => &POWER,
+        Friction::Lugre => &LUGRE,
         // laws that are linear have no shape
         Friction::None
         | Friction::Viscous

@@ -14,6 +14,9 @@ pub(crate) fn force(friction: Friction, v: f64, x: &[f64]) -> f64 {
         (Friction::Stribeck, [fc, fs, vs, delta, fv]) => {
             sign * (fc + (fs - fc) * (-(v / vs).abs().powf(*delta)).exp()) + fv * v
         }
+        (Friction::Lugre, [fc, fs, vs, fv]) => {
+            sign * (fc + (fs - fc) * (-(v / vs).powi(2)).exp()) + fv * v
+        }
         (Friction::Atan, [fc, fv1, fv2, fv3]) => sign * fc + fv1 * v + fv2 * (fv3 * v).atan(),
         (Friction::Power, [forwards, backwards, fv, delta]) => {
             let fc = if v > 0.0 { forwards } else { backwards };
@@ -90,7 +93,9 @@ fn the_shapes_of_every_law_are_recovered_from_exact_data() {
     let stribeck: &[f64] = &[2.0, 3.5, 0.12, 1.3, 1.1];
     let atan: &[f64] = &[0.8, 0.5, 2.0, 14.0];
     let power: &[f64] = &[1.5, 0.9, 2.2, 0.6];
+    let lugre: &[f64] = &[1.4, 2.3, 0.2, 0.8];
     for laws in [
+        [(Friction::Lugre, lugre), (Friction::Power, power)],
         [(Friction::Stribeck, stribeck), (Friction::Atan, atan)],
         [(Friction::Power, power), (Friction::Stribeck, stribeck)],
     ] {

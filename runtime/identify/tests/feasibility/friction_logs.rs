@@ -163,6 +163,7 @@ fn every_law_opposes_the_motion_as_its_equation_says() {
         (Friction::Stribeck, &[2.0, 3.5, 0.12, 1.3, 1.1][..]),
         (Friction::Atan, &[0.8, 0.5, 2.0, 14.0]),
         (Friction::Power, &[1.5, 0.9, 2.2, 0.6]),
+        (Friction::Lugre, &[1.4, 2.3, 0.2, 0.8]),
     ] {
         for v in [-2.0, -0.3, -0.01, 0.01, 0.1, 1.7] {
             let (a, b) = (effort(friction, values, v), force(friction, v, values));
