@@ -81,6 +81,7 @@ impl fmt::Display for Outcome {
 
 /// A call that no model and no number can make good.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum ClosureError {
     /// An argument's length does not fit the model.
     Size(SizeError),
@@ -119,7 +120,14 @@ impl fmt::Display for ClosureError {
     }
 }
 
-impl core::error::Error for ClosureError {}
+impl core::error::Error for ClosureError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Size(error) => Some(error),
+            Self::NotFinite { .. } | Self::Partition { .. } => None,
+        }
+    }
+}
 
 /// A configuration found by [`LoopClosure`].
 #[derive(Clone, Debug, PartialEq)]

@@ -121,8 +121,9 @@ impl Symbol {
     /// this is not known.
     pub fn unit(self, motion: Option<Motion>) -> &'static str {
         match self {
-            Symbol::Ixx | Symbol::Ixy | Symbol::Ixz => "kg m^2",
-            Symbol::Iyy | Symbol::Iyz | Symbol::Izz => "kg m^2",
+            Symbol::Ixx | Symbol::Ixy | Symbol::Ixz | Symbol::Iyy | Symbol::Iyz | Symbol::Izz => {
+                "kg m^2"
+            }
             Symbol::Mx | Symbol::My | Symbol::Mz => "kg m",
             Symbol::Mass => "kg",
             Symbol::Rotor => match motion {

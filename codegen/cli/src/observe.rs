@@ -294,6 +294,15 @@ impl From<DataError> for Failure {
                 "{error}  leave them out with --problems drop, or use those that are numbers with \
                  --problems keep"
             )),
+            DataError::Columns {
+                file,
+                why,
+                assignment,
+            } => Self::Input(if assignment.contains('*') {
+                format!("{file}: {why} --column '{assignment}'")
+            } else {
+                format!("{file}: {why} --column {assignment}")
+            }),
             DataError::FrictionOfEnergy => Self::Input(format!("{error}: leave out --energy")),
             other => Self::Input(other.to_string()),
         }

@@ -111,6 +111,7 @@ impl Settings {
 
 /// Why a search could not begin or go on.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum ExciteError {
     /// An argument that does not fit the model.
     ClosureError(ClosureError),
@@ -157,7 +158,19 @@ impl fmt::Display for ExciteError {
     }
 }
 
-impl core::error::Error for ExciteError {}
+impl core::error::Error for ExciteError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::ClosureError(error) => Some(error),
+            Self::Signal(error) => Some(error),
+            Self::Range { .. }
+            | Self::Unbounded { .. }
+            | Self::Setting(_)
+            | Self::NoBase
+            | Self::Solver(_) => None,
+        }
+    }
+}
 
 impl From<ClosureError> for ExciteError {
     fn from(error: ClosureError) -> Self {

@@ -95,6 +95,7 @@ impl Default for Settings {
 
 /// A run that cannot be started.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum SimulationError {
     /// A list's length does not fit the model.
     Size(SizeError),
@@ -129,7 +130,15 @@ impl fmt::Display for SimulationError {
     }
 }
 
-impl core::error::Error for SimulationError {}
+impl core::error::Error for SimulationError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Size(error) => Some(error),
+            Self::ClosureError(error) => Some(error),
+            Self::Setting(_) | Self::TooLong => None,
+        }
+    }
+}
 
 fn quantised(x: f64, step: f64) -> f64 {
     if step > 0.0 {

@@ -207,24 +207,43 @@ fn listed(header: &[String]) -> String {
     format!("{}{tail}", titles.join(", "))
 }
 
+/// Why a header is not that of a log of this robot: a sentence that ends with the assignment which
+/// would help, where there is one.
+#[derive(Debug)]
+pub(super) struct Unfit {
+    pub(super) why: String,
+    pub(super) assignment: Option<String>,
+}
+
+impl From<String> for Unfit {
+    fn from(why: String) -> Self {
+        Self {
+            why,
+            assignment: None,
+        }
+    }
+}
+
 impl ColumnLayout {
-    /// Finds the columns of a header; the error is a sentence.
+    /// Finds the columns of a header.
     pub(super) fn new(
         header: Vec<String>,
         info: &Info<'_>,
         assignments: &[Assignment],
-    ) -> Result<Self, String> {
+    ) -> Result<Self, Unfit> {
         for assignment in assignments {
             if assignment.is_current() && assignment.gain.is_none() {
                 let Assignment {
                     quantity, column, ..
                 } = assignment;
                 let unit = assignment.unit.unwrap_or("A");
-                return Err(format!(
-                    "{quantity} is a current in {unit}, and a current is no effort: give the \
-                     torque constant of the joint, in N m/A or N/A with the gear, such as \
-                     --column '{quantity}={column}:{unit}*0.12'"
-                ));
+                return Err(Unfit {
+                    why: format!(
+                        "{quantity} is a current in {unit}, and a current is no effort: give the \
+                         torque constant of the joint, in N m/A or N/A with the gear, such as"
+                    ),
+                    assignment: Some(format!("{quantity}={column}:{unit}*0.12")),
+                });
             }
             let name = match &assignment.quantity {
                 Quantity::Time => continue,
@@ -234,21 +253,20 @@ impl ColumnLayout {
                 | Quantity::Effort(n) => n,
             };
             if info.index_of(name).is_none() {
-                return Err(format!(
-                    "`{name}` is no coordinate of {}: {}",
-                    info.name,
-                    info.coordinates.join(" ")
-                ));
+                let all = info.coordinates.join(" ");
+                return Err(format!("`{name}` is no coordinate of {}: {all}", info.name).into());
             }
         }
         if header.iter().all(String::is_empty) {
-            return Err("it is empty; its first row must name the columns".to_owned());
+            let why = "it is empty; its first row must name the columns";
+            return Err(why.to_owned().into());
         }
         if header.iter().all(|title| title.parse::<f64>().is_ok()) {
             return Err(format!(
                 "its first row has numbers, {}: it must name the columns",
                 listed(&header)
-            ));
+            )
+            .into());
         }
         if let [whole] = &header[..]
             && let Some(mark) = whole.chars().find(|c| [';', '\t'].contains(c))
@@ -257,7 +275,8 @@ impl ColumnLayout {
             return Err(format!(
                 "its columns are separated by {mark}: separate them by commas, with points in \
                  decimals"
-            ));
+            )
+            .into());
         }
         let place = |name: &str| header.iter().position(|h| h == name);
         // Which of two columns of the same name is meant, nobody knows.
@@ -283,10 +302,12 @@ impl ColumnLayout {
         };
         let missing = |quantity: &Quantity, what: &str| {
             let all = listed(&header);
-            format!(
-                "there is no column `{quantity}` ({what}); there are: {all}. Name it with \
-                 --column {quantity}=COLUMN"
-            )
+            Unfit {
+                why: format!(
+                    "there is no column `{quantity}` ({what}); there are: {all}. Name it with"
+                ),
+                assignment: Some(format!("{quantity}=COLUMN")),
+            }
         };
         let time = find(&Quantity::Time, Some("time"))?
             .ok_or_else(|| missing(&Quantity::Time, "time in s"))?;
@@ -311,14 +332,16 @@ impl ColumnLayout {
                 .filter(|k| !measured.contains(k))
                 .filter_map(|&k| info.coordinates.get(k).copied())
                 .collect();
-            return Err(format!(
-                "{} of {} positions that are needed; missing: {}; columns: {}. Name them with \
-                 --column COORDINATE=COLUMN",
-                measured.len(),
-                info.dof(),
-                wanted.join(" "),
-                listed(&header)
-            ));
+            return Err(Unfit {
+                why: format!(
+                    "{} of {} positions that are needed; missing: {}; columns: {}. Name them with",
+                    measured.len(),
+                    info.dof(),
+                    wanted.join(" "),
+                    listed(&header)
+                ),
+                assignment: Some("COORDINATE=COLUMN".to_owned()),
+            });
         }
         let mut channels = Vec::from([time]);
         channels.extend(positions);

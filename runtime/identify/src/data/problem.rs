@@ -312,6 +312,15 @@ pub enum DataError {
         /// Why, and what to do.
         why: String,
     },
+    /// Columns that the file does not name as the robot does.
+    Columns {
+        /// The file.
+        file: String,
+        /// Why: a sentence that ends with the assignment.
+        why: String,
+        /// The [`Assignment`](super::Assignment) that would help, as it is written.
+        assignment: String,
+    },
     /// Rows that cannot be used, under [`Policy::Fail`].
     Problems {
         /// The file.
@@ -341,6 +350,11 @@ impl fmt::Display for DataError {
         match self {
             Self::Io { file, why } => write!(f, "cannot read {file}: {why}"),
             Self::ColumnLayout { file, why } => write!(f, "{file}: {why}"),
+            Self::Columns {
+                file,
+                why,
+                assignment,
+            } => write!(f, "{file}: {why} `{assignment}`"),
             Self::Problems { file, problems } => write!(
                 f,
                 "{file}: {} {} cannot be used\n{problems}",
@@ -367,6 +381,7 @@ impl core::error::Error for DataError {
             Self::Feasibility(why) => Some(why),
             Self::Io { .. }
             | Self::ColumnLayout { .. }
+            | Self::Columns { .. }
             | Self::Problems { .. }
             | Self::FrictionOfEnergy => None,
         }

@@ -114,10 +114,15 @@ impl LogFile {
             let titles = reader.headers().map_err(|error| failed(path, &error))?;
             titles.iter().map(|title| title.trim().to_owned()).collect()
         };
-        let layout = ColumnLayout::new(header, info, assignments).map_err(|why| {
-            DataError::ColumnLayout {
-                file: path.display().to_string(),
-                why,
+        let layout = ColumnLayout::new(header, info, assignments).map_err(|unfit| {
+            let (file, why) = (path.display().to_string(), unfit.why);
+            match unfit.assignment {
+                Some(assignment) => DataError::Columns {
+                    file,
+                    why,
+                    assignment,
+                },
+                None => DataError::ColumnLayout { file, why },
             }
         })?;
         Ok(Self {

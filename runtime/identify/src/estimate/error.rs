@@ -106,7 +106,14 @@ impl fmt::Display for EstimateError {
     }
 }
 
-impl core::error::Error for EstimateError {}
+impl core::error::Error for EstimateError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Signal(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<SizeError> for EstimateError {
     fn from(error: SizeError) -> Self {

@@ -93,7 +93,14 @@ impl fmt::Display for FeasibilityError {
     }
 }
 
-impl core::error::Error for FeasibilityError {}
+impl core::error::Error for FeasibilityError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Estimate(error) => Some(error),
+            _ => None,
+        }
+    }
+}
 
 impl From<EstimateError> for FeasibilityError {
     fn from(error: EstimateError) -> Self {

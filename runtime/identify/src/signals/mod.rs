@@ -70,6 +70,7 @@ pub struct Derivatives {
 
 /// Why a signal was not differentiated.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum SignalError {
     /// Times and values of different lengths.
     Length {
