@@ -12,7 +12,14 @@ use rustc_hash::FxHashMap;
 use super::angle::{Angle, AngleId};
 use super::number::Number;
 
-/// A node of a [`Graph`], valid only with the graph that made it.
+/// A node of a [`Graph`], valid only with the graph that made it, and with clones of that graph for
+/// as long as the node was made before them.
+///
+/// Use with another graph is not detected, but for an index beyond its end. To detect it, every
+/// node would have to carry its graph's number: the arena holds up to three such ids per node and
+/// would grow by as much again, 0 and 1 are the same constants in all graphs, and numbers of graphs
+/// need global state, which this crate has none of. Instead, a function either takes the graph by
+/// reference beside the nodes, or makes a graph of its own and returns no node of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ex(pub(super) u32);
 
