@@ -73,6 +73,7 @@ const ROOMS: &[(&str, &[&str])] = &[
             "kinematics",
             "model",
             "numeric",
+            "robot",
             "spec",
             "sym",
         ],

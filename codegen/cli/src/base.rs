@@ -4,15 +4,13 @@ use regen_codegen::Mechanism;
 use regen_codegen::base::certificate::Certificate;
 use regen_codegen::base::{Analysis, BaseParameter, Exactness, Term, store};
 use regen_codegen::explain::Grouped;
+use regen_codegen::explain::table::{self as words, Style, Table, completed, doubt, label, layer};
 use regen_codegen::robot::Robot;
 use serde::Serialize;
 
 use crate::args::{BaseArgs, TableFormat};
-use crate::base_factor::Style;
-use crate::base_table::Table;
-use crate::base_words::{completed, doubt, label, layer};
 use crate::exit::Failure;
-use crate::{base_words, load, table, terminal, write};
+use crate::{load, table, terminal, write};
 
 /// Runs the command.
 pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
@@ -32,7 +30,8 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
         _ => Style::Short,
     };
     let reasons = reasons(&mechanism, analysis)?;
-    let table = Table::new(&robot, analysis, style, &reasons);
+    let table =
+        Table::new(&robot, analysis, style, &reasons).with_remedy("--expressions prints it");
     terminal::print(&match args.format {
         TableFormat::Human => table.human(),
         TableFormat::Markdown => table.markdown(),
@@ -48,25 +47,12 @@ pub(crate) fn run(args: &BaseArgs) -> Result<(), Failure> {
     }
 }
 
-/// Why parameters act together, where a direction was completed: trees need no
-/// reason but themselves.
+/// Why parameters act together, where a direction was completed.
 fn reasons(mechanism: &Mechanism, analysis: &Analysis) -> Result<Vec<Grouped>, Failure> {
     if analysis.base.completed == 0 {
         return Ok(Vec::new());
     }
-    let explained = mechanism.explanation()?;
-    let unseen = explained.unseen.into_iter();
-    let alone = unseen.filter(|u| !u.derived).flat_map(|u| {
-        let reason = u.reason;
-        u.parameters.into_iter().map(move |parameter| Grouped {
-            parameter,
-            with: Vec::new(),
-            reason: reason.clone(),
-            derived: false,
-        })
-    });
-    let together = explained.merged.into_iter().filter(|m| !m.derived);
-    Ok(alone.chain(together).collect())
+    Ok(mechanism.explanation()?.completed())
 }
 
 /// The JSON of `regen base`.
@@ -238,6 +224,6 @@ pub(crate) fn lines(analysis: &Analysis) -> String {
         None => format!("{} base parameters", analysis.base.rank()),
         Some(why) => format!("INCOMPLETE: {why}"),
     };
-    let certificate = base_words::certificate(analysis);
+    let certificate = words::certificate(analysis);
     table::field("base", &rank) + &table::field("certificate", &certificate)
 }

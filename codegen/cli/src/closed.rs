@@ -3,7 +3,7 @@
 use regen_runtime::{LoopClosure, Outcome};
 
 use crate::exit::Failure;
-use crate::states::Motion;
+use regen_identify::files::Motion;
 use regen_interpreted::Interpreted;
 
 /// The whole motion; the inner error says why there is none.

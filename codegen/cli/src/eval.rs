@@ -12,8 +12,8 @@ use serde::Serialize;
 use crate::args::{EvalArgs, Format};
 use crate::closed::close;
 use crate::exit::Failure;
-use crate::states::{self, Motion, State};
-use crate::{load, table, terminal};
+use crate::{load, mistakes, table, terminal};
+use regen_identify::files::{Motion, State, states};
 use regen_interpreted::Interpreted;
 
 /// The JSON of one state.
@@ -29,12 +29,17 @@ struct Evaluated {
     base_regressor: Vec<Vec<f64>>,
 }
 
+/// What to write where something else than a list of states was given.
+const NO_LIST: &str =
+    r#"such as [{"q": [...], "qd": [...], "qdd": [...]}]; see `regen eval --help`"#;
+
 /// Runs the command.
 pub(crate) fn run(args: &EvalArgs) -> Result<(), Failure> {
     let robot = load::robot(&args.file)?;
     let source = read(&args.states)?;
-    let states = states::parse(&source, &robot).map_err(|report| Failure::Spec(vec![report]))?;
     let model = Interpreted::new(&robot);
+    let states = states(&source.text, &model.info())
+        .map_err(|why| mistakes::failure(source, why, NO_LIST))?;
     let mut closure = LoopClosure::new(&model)?;
     let mut results = Vec::with_capacity(states.len());
     for (k, state) in states.into_iter().enumerate() {

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use regen_experiment::simulate::{Drive, Reference as _, Settings, control, simulate};
+use regen_experiment::trajectory::FourierReference;
 use regen_identify::data::{DataError, Logs, Settings as Reading};
 use regen_identify::estimate::EstimateError;
 use regen_identify::identify::{InstrumentOptions, Instrumental, Motion, instrumental};
@@ -13,9 +14,8 @@ use serde::Serialize;
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
 use crate::identify::{Summary, weighting};
-use crate::path::Path;
 use crate::simulate::{linear_friction, reason};
-use crate::{observe, progress, table};
+use crate::{observe, path, progress, table};
 use regen_identify::model::{IdentifiedModel, Intervals};
 use regen_identify::session::Start;
 use regen_interpreted::Interpreted;
@@ -94,7 +94,7 @@ pub(crate) fn run(
     if let Some(file) = &args.reference {
         // least squares may be too far from a robot to be simulated; this is not biased as much
         let first = found.estimate.values.clone();
-        let reference = Path::of(Some(file), model)?;
+        let reference = path::read(file, model)?;
         let mut failed = None;
         let simulation =
             instrumental(
@@ -148,7 +148,7 @@ pub(crate) fn run(
 fn simulated(
     args: &IdentifyArgs,
     model: &Interpreted<'_>,
-    reference: &Path,
+    reference: &FourierReference,
     measured: &Motion,
     values: &[f64],
 ) -> Result<Motion, Failure> {

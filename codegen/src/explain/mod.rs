@@ -7,9 +7,11 @@
 //! many digits it holds.
 
 mod limits;
+pub mod lines;
 mod loops;
 mod motion;
 mod relations;
+pub mod table;
 mod unseen;
 
 use core::fmt;
@@ -185,6 +187,25 @@ pub struct Explanation {
     pub values: Vec<Fact>,
     /// Trouble with limits and singularities.
     pub trouble: Vec<Fact>,
+}
+
+impl Explanation {
+    /// Why parameters act together or not at all, where the direction was completed from samples:
+    /// what the order of joints proves needs no other reason.
+    pub fn completed(self) -> Vec<Grouped> {
+        let unseen = self.unseen.into_iter();
+        let alone = unseen.filter(|u| !u.derived).flat_map(|u| {
+            let reason = u.reason;
+            u.parameters.into_iter().map(move |parameter| Grouped {
+                parameter,
+                with: Vec::new(),
+                reason: reason.clone(),
+                derived: false,
+            })
+        });
+        let together = self.merged.into_iter().filter(|m| !m.derived);
+        alone.chain(together).collect()
+    }
 }
 
 /// Explains a mechanism that closes at `home`; `redundant` are the closure's rows

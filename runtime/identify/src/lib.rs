@@ -36,6 +36,7 @@ pub mod session;
 pub mod signals;
 mod singular;
 pub mod status;
+pub mod text;
 
 pub use model::IdentifiedModel;
 pub use singular::SingularValues;

@@ -10,6 +10,7 @@ use indicatif::ProgressBar;
 use regen_experiment::excite::{
     Criterion, Excitation, ExciteError, Margin, Monitor, Outcome, Progress, Settings, excite,
 };
+use regen_experiment::trajectory::Trajectory;
 use regen_runtime::Info;
 use serde::Serialize;
 
@@ -18,8 +19,7 @@ pub(crate) use args::ExciteArgs;
 
 use crate::args::Format;
 use crate::exit::Failure;
-use crate::trajectory::Trajectory;
-use crate::{interrupt, load, observe, progress, table, terminal};
+use crate::{interrupt, load, observe, progress, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
 
 /// The JSON of `regen excite`.
@@ -102,7 +102,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     }
     let trajectory = Trajectory::new(&info, &found.series, figures(&found));
     if let Some(out) = &args.out {
-        trajectory.write(out)?;
+        write::atomically(out, &trajectory.text())?;
     }
     let limits = found.margins.iter().map(|margin| LimitJson {
         limit: margin.limit.to_string(),

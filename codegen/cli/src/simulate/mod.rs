@@ -13,12 +13,12 @@ use regen_experiment::simulate::{
     Drive, Log, Noise, Reference, Sensors, Settings, SimulationError, Termination, TuningError,
     control, perturbed, simulate_watched,
 };
+use regen_experiment::trajectory::FourierReference;
 use serde::Serialize;
 
 use crate::args::Format;
 use crate::exit::Failure;
-use crate::path::Path as Motion;
-use crate::{load, progress, table, terminal, write};
+use crate::{load, path, progress, table, terminal, write};
 use regen_interpreted::Interpreted;
 
 /// The JSON of `regen simulate`.
@@ -65,7 +65,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
     let robot = load::without_base(&args.file)?;
     let model = Interpreted::new(&robot);
     let info = model.info();
-    let motion = Motion::of(args.trajectory.as_deref(), &model)?;
+    let motion = path::of(args.trajectory.as_deref(), &model)?;
     let (nominal, fitted) = parameters::read(args, &model)?;
     let mut chance = Noise::new(args.seed);
     let phi = if args.perturb > 0.0 {
@@ -236,7 +236,7 @@ pub(crate) fn reason(log: &Log) -> Option<String> {
     })
 }
 
-fn summary(model: &Interpreted<'_>, log: &Log, motion: &Motion) -> Run {
+fn summary(model: &Interpreted<'_>, log: &Log, motion: &FourierReference) -> Run {
     let info = model.info();
     let (n, dof) = (info.coordinates.len(), info.dof());
     let mut tracking: f64 = 0.0;

@@ -11,7 +11,7 @@ use regen_identify::identify::{EquationKind, Options, identify};
 use regen_identify::signals::{Fourier, Method};
 use regen_runtime::{LoopClosure, Model};
 
-use super::{Columns, Suspicion, one};
+use super::{LogColumns, Suspicion, one};
 use crate::load;
 use regen_interpreted::{BaseTerms, Interpreted};
 use regen_reference::Random;
@@ -86,7 +86,7 @@ fn told(model: &Interpreted<'_>, log: &Log, settings: &Settings) -> Vec<Suspicio
     let found = identify(model, EquationKind::Forces, &Options::default(), &mut logs).ok();
     let used = found.map(|found| found.correlated());
     let sample = logs.sample(0).unwrap();
-    let columns = Columns {
+    let columns = LogColumns {
         file: "log.csv",
         given: &settings.columns,
         model,

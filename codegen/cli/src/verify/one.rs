@@ -1,10 +1,11 @@
 //! Identities and the numeric path of one robot as tables and JSON.
 
 use regen_codegen::base::Analysis;
+use regen_codegen::explain::table::doubt;
 use regen_verify::{Check, NumericPath, Rank, Report};
 use serde::Serialize;
 
-use crate::{base_words, table};
+use crate::table;
 
 /// The result of `regen verify` of one robot.
 pub(super) fn human(report: &Report, numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
@@ -104,7 +105,7 @@ fn beside(numeric: &NumericPath, analysis: Option<&Analysis>) -> String {
     }
     out.push('\n');
     out.push_str(&identity_table(&numeric.report));
-    if let Some(why) = analysis.and_then(base_words::doubt) {
+    if let Some(why) = analysis.and_then(doubt) {
         out.push('\n');
         out.push_str(&table::paragraph(&format!("INCOMPLETE: {why}.")));
     }

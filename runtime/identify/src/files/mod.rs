@@ -1,8 +1,11 @@
-//! Files of identified parameters: what is written of an identified model, and read again.
+//! Files of identified parameters: what is written of an identified model, and read again. States
+//! of motion are read too, with the places of mistakes.
 
 mod constants;
 mod error;
+mod mistakes;
 mod rows;
+mod states;
 mod yaml;
 
 use std::collections::BTreeMap;
@@ -13,7 +16,9 @@ use serde_json::Value;
 
 pub use constants::rust_constants;
 pub use error::FileError;
+pub use mistakes::{Mistake, Mistakes, Remedy};
 pub use rows::{BodyRow, FrictionRow, IntervalRow, LeastSquaresRow, ParameterRow, PhysicalRow};
+pub use states::{Motion, State, states};
 
 use crate::feasibility::ParameterLayout;
 use crate::identify::digest;

@@ -10,9 +10,13 @@
 mod efforts;
 mod facts;
 mod grams;
+mod judge;
 mod positions;
+mod words;
 
 pub use facts::{NegativeParameter, Nominal, Shift};
+pub use judge::{EffortChange, Remedy, Suspicion, suspicions};
+pub use words::LogColumns;
 
 use grams::{Fit, Grams};
 use regen_runtime::BaseModel;

@@ -1,11 +1,11 @@
 //! What is said of base parameters, the same in every output.
 
-use regen_codegen::base::certificate::Certificate;
-use regen_codegen::base::{Analysis, Exactness, Layer};
-use regen_codegen::robot::Robot;
+use crate::base::certificate::Certificate;
+use crate::base::{Analysis, Exactness, Layer};
+use crate::robot::Robot;
 
 /// How well a layer's factors are known, as a mark behind its name.
-pub(crate) fn mark(exactness: Exactness) -> &'static str {
+pub(super) fn mark(exactness: Exactness) -> &'static str {
     match exactness {
         Exactness::Symbolic => "",
         Exactness::AtThisGeometry => "*",
@@ -14,7 +14,7 @@ pub(crate) fn mark(exactness: Exactness) -> &'static str {
 }
 
 /// Why a base is not known to be complete.
-pub(crate) fn doubt(analysis: &Analysis) -> Option<String> {
+pub fn doubt(analysis: &Analysis) -> Option<String> {
     if analysis.complete {
         return None;
     }
@@ -46,12 +46,12 @@ fn bound(analysis: &Analysis, certificate: &Certificate) -> usize {
 }
 
 /// Dimension of the null space beyond what trees account for.
-pub(crate) fn completed(analysis: &Analysis) -> usize {
+pub fn completed(analysis: &Analysis) -> usize {
     analysis.base.completed
 }
 
 /// How a layer is called.
-pub(crate) fn layer(layer: Layer) -> &'static str {
+pub fn layer(layer: Layer) -> &'static str {
     match layer {
         Layer::Derived => "derived",
         Layer::Completed => "completed",
@@ -59,7 +59,7 @@ pub(crate) fn layer(layer: Layer) -> &'static str {
 }
 
 /// The label of a column.
-pub(crate) fn label(robot: &Robot, column: usize) -> &str {
+pub fn label(robot: &Robot, column: usize) -> &str {
     robot
         .parameters
         .get(column)
@@ -67,7 +67,7 @@ pub(crate) fn label(robot: &Robot, column: usize) -> &str {
 }
 
 /// The certificate in a line.
-pub(crate) fn certificate(analysis: &Analysis) -> String {
+pub fn certificate(analysis: &Analysis) -> String {
     match &analysis.certificate {
         Err(why) => format!("none: {why}"),
         Ok(c) => format!(

@@ -1,16 +1,14 @@
-//! What the page draws: the tree's constants, and the frames of all links over time.
+//! The page of a mechanism in 3D: the tree's constants, and the frames of all links over time.
 
 use std::f64::consts::TAU;
-use std::path;
 
 use regen_codegen::scene::{Pose, Scene};
-use regen_runtime::LoopClosure;
+use regen_experiment::reach;
+use regen_experiment::trajectory::FourierReference;
+use regen_runtime::{ClosureError, LoopClosure, Model};
 use serde::Serialize;
 
-use crate::exit::Failure;
-use crate::path::Path;
-use regen_experiment::reach;
-use regen_interpreted::Interpreted;
+use crate::ViewError;
 
 /// Samples of one coordinate's sweep, and its time in s.
 const SWEEP: (usize, f64) = (40, 4.0);
@@ -19,9 +17,9 @@ const TRAJECTORY: (usize, f64) = (400, 0.02);
 /// The part of the range that a sweep uses: its ends are singularities or limits.
 const PART: f64 = 0.9;
 
-/// The JSON in the page.
-#[derive(Serialize)]
-pub(super) struct Data {
+/// What the page draws, which it holds as JSON.
+#[derive(Clone, Debug, Serialize)]
+pub struct Data {
     name: String,
     description: String,
     /// Why it does not move.
@@ -42,7 +40,7 @@ pub(super) struct Data {
     q: Vec<Vec<Fixed>>,
 }
 
-#[derive(Serialize)]
+#[derive(Clone, Debug, Serialize)]
 struct Coordinate {
     name: String,
     turn: bool,
@@ -50,14 +48,14 @@ struct Coordinate {
     actuated: bool,
 }
 
-#[derive(Serialize)]
+#[derive(Clone, Debug, Serialize)]
 struct Body {
     label: String,
     link: usize,
     points: Vec<[Fixed; 3]>,
 }
 
-#[derive(Serialize)]
+#[derive(Clone, Debug, Serialize)]
 struct Joint {
     name: String,
     kind: &'static str,
@@ -71,7 +69,7 @@ struct Joint {
     axes: Vec<Moving>,
 }
 
-#[derive(Serialize)]
+#[derive(Clone, Debug, Serialize)]
 struct Moving {
     link: usize,
     parent: Option<usize>,
@@ -79,7 +77,7 @@ struct Moving {
     axis: [f64; 3],
 }
 
-#[derive(Serialize)]
+#[derive(Clone, Debug, Serialize)]
 struct Cut {
     name: String,
     kind: &'static str,
@@ -88,7 +86,7 @@ struct Cut {
 }
 
 /// A number of six decimals: a micrometre, and pages of a tenth of the size.
-#[derive(Clone, Copy, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize)]
 #[serde(transparent)]
 struct Fixed(f64);
 
@@ -97,16 +95,19 @@ fn fixed(x: f64) -> Fixed {
     Fixed((x * 1e6).round() / 1e6 + 0.0)
 }
 
-/// A mechanism that moves along a trajectory, or is swept.
-pub(super) fn moving(
+/// A mechanism that moves along a trajectory for one period, or else is swept: each independent
+/// coordinate in turn as far as limits and loops let it.
+///
+/// # Errors
+/// [`ViewError::NotFollowed`] where the loops cannot be closed along the motion.
+pub fn moving<M: Model<f64> + ?Sized>(
     scene: &Scene,
-    model: &Interpreted<'_>,
-    trajectory: Option<&path::Path>,
-) -> Result<Data, Failure> {
+    model: &M,
+    trajectory: Option<&FourierReference>,
+) -> Result<Data, ViewError> {
     let info = model.info();
     let (duration, parts, asked) = match trajectory {
-        Some(_) => {
-            let path = Path::of(trajectory, model)?;
+        Some(path) => {
             let period = path.period();
             #[allow(clippy::cast_sign_loss, reason = "periods are positive")]
             let count = ((period / TRAJECTORY.1).ceil() as usize).clamp(24, TRAJECTORY.0);
@@ -122,11 +123,10 @@ pub(super) fn moving(
     for (k, q) in asked.iter().enumerate() {
         let found = closure.track(q)?;
         if !found.outcome.is_closed() {
-            return Err(Failure::Numeric(format!(
-                "the motion cannot be followed after {:.2} s: {}",
-                duration * k as f64 / asked.len() as f64,
-                found.outcome
-            )));
+            return Err(ViewError::NotFollowed {
+                time: duration * k as f64 / asked.len() as f64,
+                outcome: found.outcome,
+            });
         }
         states.push(found.q);
     }
@@ -144,10 +144,48 @@ pub(super) fn moving(
     Ok(data)
 }
 
+/// The whole page.
+///
+/// ```
+/// use regen_codegen::{Mechanism, diag::Source, pipeline};
+/// use regen_interpreted::Interpreted;
+/// use regen_report::view;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+/// let robot = mechanism.robot(&pipeline::without_base())?;
+/// let data = view::moving(&mechanism.scene(), &Interpreted::new(&robot), None)?;
+/// assert!(view::page(&data).contains("<title>arm"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn page(data: &Data) -> String {
+    let escaped = data.name.replace('&', "&amp;").replace('<', "&lt;");
+    // a script ends at the first of these, wherever it stands
+    let json = serde_json::to_string(data).unwrap_or_default();
+    let json = json.replace("</", "<\\/");
+    let parts = [
+        ("{{name}}", escaped.as_str()),
+        ("{{style}}", include_str!("view/view.css")),
+        ("{{script}}", include_str!("view/view.js")),
+        // last: nothing is looked for in it
+        ("{{data}}", json.as_str()),
+    ];
+    let page = include_str!("view/view.html").to_owned();
+    parts
+        .iter()
+        .fold(page, |page, (place, text)| page.replace(place, text))
+}
+
 /// Times, parts and independent coordinates of a sweep of each coordinate in turn.
 type Swept = (f64, Vec<(usize, String)>, Vec<Vec<f64>>);
 
-fn swept(model: &Interpreted<'_>) -> Result<Swept, Failure> {
+fn swept<M: Model<f64> + ?Sized>(model: &M) -> Result<Swept, ClosureError> {
     let info = model.info();
     let ranges = reach::ranges(model)?;
     let home: Vec<f64> = info.independent.iter().map(|c| info.home[*c]).collect();
@@ -172,8 +210,8 @@ fn swept(model: &Interpreted<'_>) -> Result<Swept, Failure> {
     Ok((duration, parts, asked))
 }
 
-/// A mechanism as its home states it.
-pub(super) fn still(scene: &Scene, note: &str) -> Data {
+/// A mechanism as its home states it, and why it does not move.
+pub fn still(scene: &Scene, note: &str) -> Data {
     let bodies = scene.bodies.iter().map(|body| Body {
         label: body.label.clone(),
         link: body.link,

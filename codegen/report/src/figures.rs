@@ -2,9 +2,9 @@
 
 use regen_runtime::{Limits, Motion};
 
-use super::charts::{self, BLUE, Bar, DYES, Figure, GREY, Line, Look, ORANGE, RED};
-use super::gather::{Seen, Spectra};
-use crate::exit::Failure;
+use crate::ReportError;
+use crate::charts::{self, BLUE, Bar, DYES, Figure, GREY, Line, Look, ORANGE, RED};
+use crate::gather::{Seen, Spectra};
 use regen_identify::files::ParameterFile;
 use regen_identify::model::IdentifiedModel;
 use regen_identify::status::{Status, WELL};
@@ -31,7 +31,7 @@ fn slug(name: &str) -> String {
 
 /// Positions and velocities of the independent coordinates beside their limits, those of one
 /// unit together.
-pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, Failure> {
+pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, ReportError> {
     type Of = fn(&Limits) -> Option<[f64; 2]>;
     let info = model.info();
     let n = info.coordinates.len();
@@ -41,10 +41,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
     ];
     let mut figures = Vec::new();
     for (what, values, limit, units) in kinds {
-        for (unit, kind) in units
-            .into_iter()
-            .zip([Motion::Rotation, Motion::Translation])
-        {
+        for (unit, kind) in units.into_iter().zip([Motion::Turn, Motion::Shift]) {
             let joint = |c: &usize| info.joints.get(*c);
             let own: Vec<usize> = info
                 .independent
@@ -83,7 +80,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
                     look: Look::Dashed,
                 });
             }
-            let suffix = if kind == Motion::Rotation {
+            let suffix = if kind == Motion::Turn {
                 "turns"
             } else {
                 "shifts"
@@ -99,7 +96,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
 }
 
 /// Forces measured and predicted, and below them what is left.
-pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, Failure> {
+pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
     let dof = info.dof();
     let left: Vec<f64> = seen
@@ -115,7 +112,7 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
         let shift = info
             .joints
             .get(*c)
-            .is_some_and(|j| j.motion == Motion::Translation);
+            .is_some_and(|j| j.motion == Motion::Shift);
         let unit = if shift { "N" } else { "N m" };
         let line = |label: &str, values: &[f64], dye, look| Line {
             label: label.to_owned(),
@@ -148,7 +145,7 @@ pub(super) fn friction(
     model: &Interpreted<'_>,
     seen: &Seen,
     identified: &IdentifiedModel,
-) -> Result<Vec<Figure>, Failure> {
+) -> Result<Vec<Figure>, ReportError> {
     let info = model.info();
     let base = model.base_info().base;
     let (n, dof) = (info.coordinates.len(), info.dof());
@@ -223,7 +220,7 @@ pub(super) fn friction(
         let shift = info
             .joints
             .get(*c)
-            .is_some_and(|j| j.motion == Motion::Translation);
+            .is_some_and(|j| j.motion == Motion::Shift);
         let (x, y) = if shift {
             ("velocity, m/s", "friction, N")
         } else {
@@ -239,7 +236,7 @@ pub(super) fn friction(
 }
 
 /// The singular values with the certified rank.
-pub(super) fn spectrum(model: &Interpreted<'_>, spectra: &Spectra) -> Result<Figure, Failure> {
+pub(super) fn spectrum(model: &Interpreted<'_>, spectra: &Spectra) -> Result<Figure, ReportError> {
     let rank = model.base_info().certificate.map(|c| c.rank);
     Ok(Figure {
         name: "singular-values".to_owned(),
@@ -250,7 +247,7 @@ pub(super) fn spectrum(model: &Interpreted<'_>, spectra: &Spectra) -> Result<Fig
 }
 
 /// The relative deviations.
-pub(super) fn deviations(file: &ParameterFile) -> Result<Figure, Failure> {
+pub(super) fn deviations(file: &ParameterFile) -> Result<Figure, ReportError> {
     let rows: Vec<Bar> = file
         .parameters
         .iter()

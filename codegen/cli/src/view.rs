@@ -1,15 +1,14 @@
 //! `regen view`: the mechanism in 3D on one page of its own.
 
-mod data;
-
 use std::path::PathBuf;
 
 use clap::Args;
 use regen_codegen::pipeline;
 
 use crate::exit::Failure;
-use crate::{load, table, terminal, write};
+use crate::{load, path, terminal, write};
 use regen_interpreted::Interpreted;
+use regen_report::{ViewError, view};
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -44,32 +43,24 @@ pub(crate) fn run(args: &ViewArgs) -> Result<(), Failure> {
         Ok(robot) => {
             let model = Interpreted::new(&robot);
             let file = args.trajectory.as_deref();
-            (data::moving(&scene, &model, file)?, None)
+            let motion = file.map(|file| path::read(file, &model)).transpose()?;
+            (view::moving(&scene, &model, motion.as_ref())?, None)
         }
         Err(report) => {
-            let data = data::still(&scene, &report.to_string());
+            let data = view::still(&scene, &report.to_string());
             (data, Some(Failure::from(report)))
         }
     };
-    write::atomically(&args.out, &page(&scene.name, &table::json(&data)))?;
+    write::atomically(&args.out, &view::page(&data))?;
     terminal::note(&format!("{}: written", args.out.display()));
     wrong.map_or(Ok(()), Err)
 }
 
-/// The whole page.
-fn page(name: &str, data: &str) -> String {
-    let escaped = name.replace('&', "&amp;").replace('<', "&lt;");
-    // a script ends at the first of these, wherever it stands
-    let data = data.trim_end().replace("</", "<\\/");
-    let parts = [
-        ("{{name}}", escaped.as_str()),
-        ("{{style}}", include_str!("view.css")),
-        ("{{script}}", include_str!("view.js")),
-        // last: nothing is looked for in it
-        ("{{data}}", data.as_str()),
-    ];
-    let page = include_str!("view.html").to_owned();
-    parts
-        .iter()
-        .fold(page, |page, (place, text)| page.replace(place, text))
+impl From<ViewError> for Failure {
+    fn from(error: ViewError) -> Self {
+        match error {
+            ViewError::NotFollowed { .. } => Self::Numeric(error.to_string()),
+            other => Self::Input(other.to_string()),
+        }
+    }
 }

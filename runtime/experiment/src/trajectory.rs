@@ -1,17 +1,17 @@
 //! Trajectory files: finite Fourier series of the independent coordinates (Eq. 25), from JSON
-//! and to it, errors with their places.
+//! and to it, mistakes with their places.
+
+mod reference;
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use regen_codegen::diag::{Diagnostic, Report, Source, Span};
-use regen_identify::signals::Fourier;
+use regen_identify::files::{Mistake, Mistakes};
+use regen_identify::signals::{Fourier, SignalError};
 use regen_runtime::Info;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 
-use crate::exit::Failure;
-use crate::{json_place, load, table, write};
+pub use reference::{FourierReference, ReferenceError};
 
 /// What the key `format` says.
 const FORMAT: &str = "regen-trajectory";
@@ -20,31 +20,49 @@ const MOST_HARMONICS: usize = 200;
 
 /// A periodic motion of the independent coordinates:
 /// `offset + sum_k cosine_k cos(2 pi f k t) + sine_k sin(2 pi f k t)`, SI units and radians.
+///
+/// ```
+/// use std::collections::BTreeMap;
+///
+/// use regen_experiment::trajectory::Trajectory;
+/// use regen_identify::signals::Fourier;
+/// use regen_runtime::Info;
+///
+/// let info = Info { name: "arm", coordinates: &["q"], independent: &[0], ..Info::EMPTY };
+/// let series = Fourier::of_positions(0.5, &[(1.0, vec![0.25], vec![2.0])])?;
+/// let trajectory = Trajectory::new(&info, &series, BTreeMap::new());
+/// let again = Trajectory::parse(&trajectory.text(), &info)?;
+/// assert_eq!(again, trajectory);
+/// assert_eq!(again.series()?.at(0, 0.0)[0], 1.25);
+/// let wrong = Trajectory::parse(&trajectory.text().replace("arm", "leg"), &info).unwrap_err();
+/// assert_eq!(wrong.0[0].path, "robot");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(crate) struct Trajectory {
+pub struct Trajectory {
     format: &'static str,
     /// The robot that it was made for.
-    pub(crate) robot: String,
+    pub robot: String,
     /// The independent coordinates in model order.
-    pub(crate) coordinates: Vec<String>,
+    pub coordinates: Vec<String>,
     /// f, Hz.
-    pub(crate) base_frequency: f64,
+    pub base_frequency: f64,
     /// The number of harmonics.
-    pub(crate) harmonics: usize,
+    pub harmonics: usize,
     /// One for each coordinate.
-    pub(crate) offset: Vec<f64>,
+    pub offset: Vec<f64>,
     /// One per harmonic for each coordinate.
-    pub(crate) cosine: Vec<Vec<f64>>,
+    pub cosine: Vec<Vec<f64>>,
     /// As `cosine`.
-    pub(crate) sine: Vec<Vec<f64>>,
+    pub sine: Vec<Vec<f64>>,
     /// Figures that whoever made it states about it.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
-    pub(crate) criterion: BTreeMap<String, f64>,
+    pub criterion: BTreeMap<String, f64>,
 }
 
 impl Trajectory {
-    /// A series of a robot's independent coordinates.
-    pub(crate) fn new(info: &Info<'_>, series: &Fourier, criterion: BTreeMap<String, f64>) -> Self {
+    /// A series of a robot's independent coordinates, with figures about it.
+    pub fn new(info: &Info<'_>, series: &Fourier, criterion: BTreeMap<String, f64>) -> Self {
         let names = info.independent.iter().map(|c| info.coordinates.get(*c));
         let coordinates: Vec<String> = names.flatten().map(|&name| name.to_owned()).collect();
         let parts: Vec<_> = (0..coordinates.len())
@@ -66,28 +84,35 @@ impl Trajectory {
     /// The series, its signals the independent coordinates.
     ///
     /// # Errors
-    /// When the lengths do not fit, which [`read`](Self::read) has checked.
-    pub(crate) fn series(&self) -> Result<Fourier, Failure> {
+    /// When the lengths do not fit, which [`parse`](Self::parse) has checked.
+    pub fn series(&self) -> Result<Fourier, SignalError> {
         let parts = self.offset.iter().zip(&self.cosine).zip(&self.sine);
         let parts: Vec<_> = parts
             .map(|((offset, cosine), sine)| (*offset, cosine.clone(), sine.clone()))
             .collect();
         Fourier::of_positions(self.base_frequency, &parts)
-            .map_err(|why| Failure::Input(why.to_string()))
     }
 
-    /// Writes the file.
-    pub(crate) fn write(&self, path: &Path) -> Result<(), Failure> {
-        write::atomically(path, &table::json(self))
+    /// The file's text: JSON in one line.
+    pub fn text(&self) -> String {
+        // the keys are strings, so that writing to a string cannot fail
+        serde_json::to_string(self).unwrap_or_default() + "\n"
     }
 
-    /// Reads a file for a robot.
+    /// Reads a file's text for a robot.
     ///
     /// # Errors
-    /// Every mistake in it with its place; a file that cannot be read.
-    pub(crate) fn read(path: &Path, info: &Info<'_>) -> Result<Self, Failure> {
-        let source = load::file(path)?;
-        parse(&source, info).map_err(|report| Failure::Spec(vec![report]))
+    /// Every mistake in it with its place.
+    pub fn parse(text: &str, info: &Info<'_>) -> Result<Self, Mistakes> {
+        let mut reader = Reader {
+            text,
+            errors: Vec::new(),
+        };
+        let read = reader.trajectory(info);
+        match read {
+            Some(trajectory) if reader.errors.is_empty() => Ok(trajectory),
+            _ => Err(Mistakes(reader.errors)),
+        }
     }
 }
 
@@ -115,27 +140,14 @@ struct Raw<'a> {
     criterion: Option<&'a RawValue>,
 }
 
-/// Reads a trajectory of a robot, or every error in it.
-pub(crate) fn parse(source: &Source, info: &Info<'_>) -> Result<Trajectory, Report> {
-    let mut reader = Reader {
-        source,
-        errors: Vec::new(),
-    };
-    let read = reader.trajectory(info);
-    match read {
-        Some(trajectory) if reader.errors.is_empty() => Ok(trajectory),
-        _ => Err(Report::new(source.clone(), reader.errors)),
-    }
-}
-
 struct Reader<'a> {
-    source: &'a Source,
-    errors: Vec<Diagnostic>,
+    text: &'a str,
+    errors: Vec<Mistake>,
 }
 
 impl<'a> Reader<'a> {
     fn trajectory(&mut self, info: &Info<'_>) -> Option<Trajectory> {
-        let text: &'a str = &self.source.text;
+        let text = self.text;
         let raw: Raw<'a> = match serde_json::from_str(text) {
             Ok(raw) => raw,
             Err(error) => {
@@ -178,7 +190,8 @@ impl<'a> Reader<'a> {
             && format != FORMAT
         {
             let message = format!("'{format}' is not '{FORMAT}'");
-            self.error(raw, "format", &message, "give what `regen excite` wrote");
+            let mistake = Mistake::of(self.text, raw, "format", &message);
+            self.errors.push(mistake.other_file());
         }
     }
 
@@ -281,11 +294,13 @@ impl<'a> Reader<'a> {
 
     fn present(&mut self, raw: Option<&'a RawValue>, key: &str) -> Option<&'a RawValue> {
         if raw.is_none() {
-            let at = self.source.text.find('{').unwrap_or(0);
-            self.errors.push(
-                Diagnostic::new(Span::new(at, at + 1), format!("`{key}` is missing"))
-                    .hint("give what `regen excite` wrote"),
-            );
+            let mistake = Mistake {
+                at: self.text.find('{').unwrap_or(0),
+                path: String::new(),
+                message: format!("`{key}` is missing"),
+                remedy: None,
+            };
+            self.errors.push(mistake.other_file());
         }
         raw
     }
@@ -297,12 +312,12 @@ impl<'a> Reader<'a> {
     }
 
     fn error(&mut self, raw: &RawValue, path: &str, message: &str, hint: &str) {
-        let mistake = json_place::mistake(self.source, raw, path, message, hint);
-        self.errors.push(mistake);
+        let mistake = Mistake::of(self.text, raw, path, message);
+        self.errors.push(mistake.words(hint));
     }
 
     fn json_error(&mut self, part: &str, error: &serde_json::Error, path: &str) {
-        let mistake = json_place::unparsed(self.source, part, error, path);
+        let mistake = Mistake::unparsed(self.text, part, error, path);
         self.errors.push(mistake);
     }
 }
@@ -326,19 +341,19 @@ mod tests {
  "cosine": [[0.1, 0.2], [0.3, 0.4]],
  "sine": [[1, 2], [3, 4]]}"#;
 
-    fn read(text: &str) -> Result<Trajectory, Report> {
-        parse(&Source::new("t.json", text), &INFO)
+    fn read(text: &str) -> Result<Trajectory, Mistakes> {
+        Trajectory::parse(text, &INFO)
     }
 
     #[test]
     fn a_trajectory_reads_back_to_the_same_bytes_and_numbers() {
         let trajectory = read(GOOD).unwrap();
-        let text = table::json(&trajectory);
+        let text = trajectory.text();
         let again = read(&text).unwrap();
         assert_eq!(again, trajectory);
         let series = again.series().unwrap();
         let made = Trajectory::new(&INFO, &series, BTreeMap::new());
-        assert_eq!(table::json(&made), text);
+        assert_eq!(made.text(), text);
         // q_1(0) = offset + the cosines; the sines are velocities there
         let [q, qd, _] = series.at(1, 0.0);
         assert!((q - (0.6 + 0.3 + 0.4)).abs() < 1e-15);
@@ -377,14 +392,15 @@ mod tests {
         ] {
             let text = GOOD.replacen(from, to, 1);
             assert_ne!(text, GOOD);
-            let report = read(&text).unwrap_err();
-            let first = report.shown().next().expect("one error");
-            let told = report.to_string();
-            assert_eq!(first.line(), line, "{told}");
+            let mistakes = read(&text).unwrap_err();
+            let first = mistakes.0.first().expect("one error");
+            let told = mistakes.to_string();
+            let found = 1 + text[..first.at].matches('\n').count();
+            assert_eq!(found, line, "{told}");
             assert!(told.contains(words), "{told}");
         }
         // all of them at once
         let text = GOOD.replace("\"arm\"", "\"leg\"").replace("[1, 2]", "[1]");
-        assert_eq!(read(&text).unwrap_err().shown().count(), 2);
+        assert_eq!(read(&text).unwrap_err().0.len(), 2);
     }
 }

@@ -6,13 +6,17 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use crate::exit::Failure;
+use crate::ReportError;
 
-/// A chart with the file name it has as a figure, and what stands under it.
-pub(super) struct Figure {
-    pub(super) name: String,
-    pub(super) caption: String,
-    pub(super) svg: String,
+/// A chart of a report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Figure {
+    /// Its name without a file's extension: letters, digits and `-`.
+    pub name: String,
+    /// What it shows, in words.
+    pub caption: String,
+    /// The drawing, a whole SVG file.
+    pub svg: String,
 }
 
 /// A line in a chart.
@@ -54,17 +58,17 @@ const FONT: &str = "sans-serif";
 const LEFT: u32 = 72;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Drawn = Result<(), Box<dyn std::error::Error>>;
+type Drawn = Result<(), Box<dyn std::error::Error + Send + Sync>>;
 
 /// Draws on a page of this height.
-fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, Failure> {
+fn drawn(height: u32, draw: impl FnOnce(&Area<'_>) -> Drawn) -> Result<String, ReportError> {
     let mut svg = String::new();
     {
         let size = (px(WIDTH), px(height));
         let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
         draw(&area)
             .and_then(|()| Ok(area.present()?))
-            .map_err(|why| Failure::Io(format!("cannot draw a figure: {why}")))?;
+            .map_err(ReportError::Drawing)?;
     }
     let head = |w: u32, h: u32| format!("<svg width=\"{w}\" height=\"{h}\"");
     Ok(svg.replacen(&head(px(WIDTH), px(height)), &head(WIDTH, height), 1))
@@ -152,7 +156,7 @@ fn entries(lines: &[Line]) -> Vec<(String, Sign)> {
 }
 
 /// Lines over time or another quantity, with a legend.
-pub(super) fn lines(x: &str, y: &str, height: u32, lines: &[Line]) -> Result<String, Failure> {
+pub(super) fn lines(x: &str, y: &str, height: u32, lines: &[Line]) -> Result<String, ReportError> {
     // further rows of the legend take nothing from the chart
     let more = ROW * (placed(LEFT, &entries(lines)).1 - 1);
     drawn(height + more, |area| panel(area, x, y, lines, true))
@@ -164,7 +168,7 @@ pub(super) fn two_panels(
     y: [&str; 2],
     above: &[Line],
     below: &[Line],
-) -> Result<String, Failure> {
+) -> Result<String, ReportError> {
     drawn(330, |area| {
         let (upper, lower) = area.split_vertically(px(215));
         panel(&upper, "", y[0], above, true)?;
@@ -222,7 +226,11 @@ fn panel(area: &Area<'_>, x: &str, y: &str, lines: &[Line], titled: bool) -> Dra
 }
 
 /// Singular values by number over a logarithmic axis, and the certified rank.
-pub(super) fn spectrum(all: &[f64], base: &[f64], rank: Option<usize>) -> Result<String, Failure> {
+pub(super) fn spectrum(
+    all: &[f64],
+    base: &[f64],
+    rank: Option<usize>,
+) -> Result<String, ReportError> {
     /// What is less is rounding.
     const FLOOR: f64 = 1e-18;
     drawn(300, |area| {
@@ -283,7 +291,7 @@ pub(super) struct Bar {
 
 /// Relative standard deviations in percent, as bars over a logarithmic axis with the bound of
 /// those that are well identified.
-pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, Failure> {
+pub(super) fn deviations(rows: &[Bar], bound: f64) -> Result<String, ReportError> {
     let height = u32::try_from(60 + 17 * rows.len()).unwrap_or(u32::MAX / FINE);
     let longest = rows.iter().map(|row| width(&row.label)).max().unwrap_or(0);
     // long names leave the bars at least half of the page

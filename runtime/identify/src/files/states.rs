@@ -1,23 +1,26 @@
-//! The states of `regen eval`: from JSON to numbers, errors with their places.
+//! States of motion from JSON: a list of states over all coordinates, or over the independent
+//! ones.
 
-use regen_codegen::diag::{Diagnostic, Report, Source, Span};
-use regen_codegen::robot::Robot;
+use regen_runtime::Info;
 use serde::Deserialize;
 use serde_json::value::RawValue;
 
-use crate::json_place;
+use super::mistakes::{Mistake, Mistakes, Remedy};
 
-/// Position, velocity and acceleration of some coordinates.
+/// Position, velocity and acceleration of some coordinates: rad or m, and per s and s^2.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Motion {
-    pub(crate) q: Vec<f64>,
-    pub(crate) qd: Vec<f64>,
-    pub(crate) qdd: Vec<f64>,
+pub struct Motion {
+    /// Positions.
+    pub q: Vec<f64>,
+    /// Velocities.
+    pub qd: Vec<f64>,
+    /// Accelerations.
+    pub qdd: Vec<f64>,
 }
 
 /// One state as given.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum State {
+pub enum State {
     /// Over all coordinates, to be used as it is.
     Full(Motion),
     /// Over the independent coordinates; the others are to be solved.
@@ -54,42 +57,64 @@ struct RawMotion<'a> {
     qdd: Option<&'a RawValue>,
 }
 
-/// Reads the states, or every error in them.
-pub(crate) fn parse(source: &Source, robot: &Robot) -> Result<Vec<State>, Report> {
+/// Reads the states of a model, whose coordinates `info` names.
+///
+/// # Errors
+/// Every mistake in the text with its place; [`Remedy::OtherFile`](super::Remedy::OtherFile) where
+/// it holds something else than a list.
+///
+/// ```
+/// use regen_identify::files::{State, states};
+/// use regen_runtime::Info;
+///
+/// let info = Info {
+///     coordinates: &["a", "b"],
+///     independent: &[0],
+///     dependent: &[1],
+///     ..Info::EMPTY
+/// };
+/// let text = r#"[{"independent": {"q": [1], "qd": [0], "qdd": [0]}}]"#;
+/// let State::Independent(motion) = &states(text, &info)?[0] else { panic!() };
+/// assert_eq!(motion.q, [1.0]);
+/// let wrong = states(r#"[{"q": [1], "qd": [0, 0], "qdd": [0, 0]}]"#, &info).unwrap_err();
+/// assert_eq!(wrong.0[0].message, "has 1 entries, the robot has 2 coordinates");
+/// assert_eq!((wrong.0[0].at, &*wrong.0[0].path), (7, "state 1, `q`"));
+/// # Ok::<(), regen_identify::files::Mistakes>(())
+/// ```
+pub fn states(text: &str, info: &Info<'_>) -> Result<Vec<State>, Mistakes> {
     let mut reader = Reader {
-        source,
-        robot,
+        text,
+        info,
         errors: Vec::new(),
     };
     let states = reader.list();
     if reader.errors.is_empty() {
         Ok(states)
     } else {
-        Err(Report::new(source.clone(), reader.errors))
+        Err(Mistakes(reader.errors))
     }
 }
 
 struct Reader<'a> {
-    source: &'a Source,
-    robot: &'a Robot,
-    errors: Vec<Diagnostic>,
+    text: &'a str,
+    info: &'a Info<'a>,
+    errors: Vec<Mistake>,
 }
 
 impl<'a> Reader<'a> {
     fn list(&mut self) -> Vec<State> {
-        let text = &self.source.text;
+        let text = self.text;
         let list: Vec<&RawValue> = match serde_json::from_str(text) {
             Ok(list) => list,
             Err(error) if error.is_data() => {
                 // a state that stands alone, say
                 let start = text.len() - text.trim_start().len();
-                let mistake = Diagnostic::new(
-                    Span::new(start, start + 1),
-                    "expected a list of states, in [ ]",
-                );
-                let one = r#"[{"q": [...], "qd": [...], "qdd": [...]}]"#;
-                self.errors
-                    .push(mistake.hint(format!("such as {one}; see `regen eval --help`")));
+                self.errors.push(Mistake {
+                    at: start,
+                    path: String::new(),
+                    message: "expected a list of states, in [ ]".to_owned(),
+                    remedy: Some(Remedy::OtherFile),
+                });
                 return Vec::new();
             }
             Err(error) => {
@@ -105,7 +130,7 @@ impl<'a> Reader<'a> {
         let state: RawState<'a> = self.decode(raw, path)?;
         let full = [state.q, state.qd, state.qdd];
         let Some(inner) = state.independent else {
-            let n = self.robot.coordinates.len();
+            let n = self.info.coordinates.len();
             let what = format!("the robot has {n} coordinates");
             return self.motion(raw, full, n, &what, path).map(State::Full);
         };
@@ -120,7 +145,7 @@ impl<'a> Reader<'a> {
         }
         let path = format!("{path}, `independent`");
         let RawMotion { q, qd, qdd } = self.decode(inner, &path)?;
-        let dof = self.robot.independent.len();
+        let dof = self.info.independent.len();
         let what = format!("the robot has {dof} independent coordinates");
         self.motion(inner, [q, qd, qdd], dof, &what, &path)
             .map(State::Independent)
@@ -167,13 +192,13 @@ impl<'a> Reader<'a> {
     }
 
     fn error(&mut self, raw: &RawValue, path: &str, message: &str) {
-        let hint = format!("coordinates: {}", self.robot.coordinates.join(" "));
-        let mistake = json_place::mistake(self.source, raw, path, message, &hint);
-        self.errors.push(mistake);
+        let hint = format!("coordinates: {}", self.info.coordinates.join(" "));
+        let mistake = Mistake::of(self.text, raw, path, message);
+        self.errors.push(mistake.words(&hint));
     }
 
     fn json_error(&mut self, part: &str, error: &serde_json::Error, path: &str) {
-        let mistake = json_place::unparsed(self.source, part, error, path);
+        let mistake = Mistake::unparsed(self.text, part, error, path);
         self.errors.push(mistake);
     }
 }

@@ -5,13 +5,12 @@ use std::path::{Path, PathBuf};
 use nalgebra::DMatrix;
 use regen_identify::data::DataError;
 use regen_identify::estimate::EffortError;
-use regen_identify::identify::{self, EquationKind, Source};
+use regen_identify::identify::{self, Kind, Source};
 use regen_runtime::{BaseModel, Model};
 
-use crate::args::ReadingArgs;
-use crate::exit::Failure;
-use crate::observe;
+use crate::ReportError;
 use regen_identify::model::IdentifiedModel;
+use regen_identify::session::Session;
 use regen_interpreted::Interpreted;
 use regen_verify::scaled_singular_values;
 
@@ -64,12 +63,12 @@ pub(super) struct Spectra {
 
 /// Reads one log's rows and predicts their forces.
 pub(super) fn seen(
-    model: &Interpreted<'_>,
+    session: &Session<'_, Interpreted<'_>>,
     path: &Path,
-    reading: &ReadingArgs,
     identified: &IdentifiedModel,
-) -> Result<Seen, Failure> {
-    let mut logs = observe::open(model, &[path.to_owned()], reading)?;
+) -> Result<Seen, ReportError> {
+    let model = session.model;
+    let mut logs = session.open(&[path.to_owned()])?;
     let mut seen = Seen {
         file: name(path),
         derivatives: logs
@@ -94,7 +93,7 @@ pub(super) fn seen(
     });
     found?;
     let mut at = 0;
-    identified.predict(model, EquationKind::Forces, &mut logs, &mut |predicted| {
+    identified.predict(model, Kind::Forces, &mut logs, &mut |predicted| {
         // equations come in the order of the rows, some of which give none
         while seen.t.get(at).is_some_and(|t| *t < predicted.time) {
             at += 1;
@@ -109,14 +108,13 @@ pub(super) fn seen(
 
 /// The errors of the model on a log.
 pub(super) fn errors(
-    model: &Interpreted<'_>,
+    session: &Session<'_, Interpreted<'_>>,
     path: &PathBuf,
-    reading: &ReadingArgs,
     identified: &IdentifiedModel,
     used: bool,
-) -> Result<Errors, Failure> {
-    let kind: EquationKind = observe::kind(reading);
-    let mut log = observe::open(model, std::slice::from_ref(path), reading)?;
+) -> Result<Errors, ReportError> {
+    let (model, kind) = (session.model, session.kind);
+    let mut log = session.open(std::slice::from_ref(path))?;
     let means = identify::observe(model, kind, &mut log)?.0.means();
     let found = identified.residuals(model, kind, &mut log, &means, 1)?;
     Ok(Errors {
@@ -128,7 +126,7 @@ pub(super) fn errors(
 }
 
 /// The singular values over a log.
-pub(super) fn spectra(model: &Interpreted<'_>, seen: &Seen) -> Result<Spectra, Failure> {
+pub(super) fn spectra(model: &Interpreted<'_>, seen: &Seen) -> Result<Spectra, ReportError> {
     let info = model.info();
     let (n, dof) = (info.coordinates.len().max(1), info.dof());
     let stride = seen.t.len().div_ceil(STATES).max(1);

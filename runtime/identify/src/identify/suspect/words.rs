@@ -1,10 +1,10 @@
-//! A change of columns in words and options.
+//! A change of columns in words, and as the columns that are to be read so.
 
-use super::{
-    Assignment, Change, EffortChange, Interpreted, ONE, PART, Quantity, Sample, Suspicion,
-};
-use regen_identify::identify::suspect::{Nominal, Reading, Shift};
-use regen_runtime::{Parameter, Symbol};
+use regen_runtime::{BaseModel, Parameter, Symbol};
+
+use super::judge::{EffortChange, ONE, PART, Remedy, Suspicion};
+use super::{Change, Nominal, Reading, Sample, Shift};
+use crate::data::{Assignment, Quantity};
 
 /// Factors that are units.
 const UNITS: [(f64, &str); 5] = [
@@ -31,11 +31,15 @@ fn agreeing(change: &Change, nominal: &[Nominal]) -> Option<String> {
     })
 }
 
-/// The columns of one log.
-pub(super) struct Columns<'a> {
-    pub(super) file: &'a str,
-    pub(super) given: &'a [Assignment],
-    pub(super) model: &'a Interpreted<'a>,
+/// One log and how its columns are read.
+#[derive(Debug)]
+pub struct LogColumns<'a, M: ?Sized> {
+    /// What the log is called.
+    pub file: &'a str,
+    /// The columns that are not read by the names of their quantities.
+    pub given: &'a [Assignment],
+    /// The model whose quantities they hold.
+    pub model: &'a M,
 }
 
 /// A factor with the digits that it is known by.
@@ -43,7 +47,7 @@ pub(super) fn rounded(factor: f64) -> f64 {
     format!("{factor:.2e}").parse().unwrap_or(factor)
 }
 
-impl Columns<'_> {
+impl<M: BaseModel<f64> + ?Sized> LogColumns<'_, M> {
     /// The name of a coordinate.
     pub(super) fn name(&self, coordinate: usize) -> String {
         let names = self.model.info().coordinates;
@@ -81,30 +85,20 @@ impl Columns<'_> {
         }
     }
 
-    /// The option that reads a column so.
-    pub(super) fn option(to: &Assignment) -> String {
-        let factor = format!("{:.11e}", to.factor).parse().unwrap_or(to.factor);
-        let factor = match factor {
-            1.0 => String::new(),
-            factor => format!("*{factor}"),
-        };
-        format!("--column '{}={}{factor}'", to.quantity, to.column)
-    }
-
-    /// The options that turn efforts round.
-    pub(super) fn turned(&self, efforts: &[usize]) -> String {
+    /// The columns that turn efforts round.
+    pub(super) fn turned(&self, efforts: &[usize]) -> Vec<Assignment> {
         let each = efforts.iter().map(|k| {
             let source = self.effort(*k);
-            Self::option(&Assignment {
+            Assignment {
                 factor: -source.factor,
                 ..source
-            })
+            }
         });
-        each.collect::<Vec<_>>().join(" ")
+        each.collect()
     }
 
     /// Something that is not about errors.
-    pub(super) fn say(&self, what: String, remedy: String) -> Suspicion {
+    pub(super) fn say(&self, what: String, remedy: Remedy) -> Suspicion {
         Suspicion {
             file: self.file.to_owned(),
             what,
@@ -133,14 +127,21 @@ impl Columns<'_> {
             ));
             subtract.push(format!("{offset:.4} from column `{}`", source.column));
         }
-        let remedy = format!(
+        let advice = format!(
             "Subtract {}, or add to the spec what pulls one way, such as a spring or a cable; \
              while the joint moves, Fc+ and Fc- take a constant up",
             subtract.join(" and ")
         );
         (!words.is_empty()).then(|| {
             let what = words.join(", and ") + ": friction does not drive a joint one way";
-            self.say(what, remedy)
+            let advice = vec![advice];
+            self.say(
+                what,
+                Remedy::Read {
+                    advice,
+                    columns: Vec::new(),
+                },
+            )
         })
     }
 
@@ -166,9 +167,9 @@ impl Columns<'_> {
             .collect();
         let own: Vec<f64> = efforts.iter().map(|e| self.own(e)).collect();
         let mut words = Vec::new();
-        let mut options = Vec::new();
-        self.describe(&positions, &change.positions, &[], &mut words, &mut options);
-        self.describe(&efforts, &change.efforts, &own, &mut words, &mut options);
+        let mut columns = Vec::new();
+        self.describe(&positions, &change.positions, &[], &mut words, &mut columns);
+        self.describe(&efforts, &change.efforts, &own, &mut words, &mut columns);
         let mut advice = Vec::new();
         let mut shifted = Vec::new();
         let mut symmetric = false;
@@ -209,13 +210,6 @@ impl Columns<'_> {
             words.push("friction drives the joint without that".to_owned());
         }
         words.extend(agreeing(change, nominal));
-        let mut remedy = options.join(" ");
-        if !options.is_empty() && !advice.is_empty() {
-            advice.push(format!("Read it with {remedy}"));
-        }
-        if !advice.is_empty() {
-            remedy = advice.join(". ");
-        }
         let percent = |errors: &[f64]| {
             let worst = errors.iter().copied().reduce(f64::max);
             worst.map(|worst| 100.0 * worst)
@@ -233,18 +227,18 @@ impl Columns<'_> {
             error: percent(&change.before),
             changed: percent(&change.after),
             efforts: each.collect(),
-            remedy,
+            remedy: Remedy::Read { advice, columns },
         })
     }
 
-    /// Words and options for quantities of one kind.
+    /// Words and columns for quantities of one kind.
     fn describe(
         &self,
         quantities: &[Quantity],
         read: &[Reading],
         own: &[f64],
         words: &mut Vec<String>,
-        options: &mut Vec<String>,
+        columns: &mut Vec<Assignment>,
     ) {
         let column = |k: usize| {
             quantities
@@ -292,11 +286,11 @@ impl Columns<'_> {
             } else {
                 rounded(size).copysign(factor) * constant
             };
-            options.push(Self::option(&Assignment {
+            columns.push(Assignment {
                 quantity: to.clone(),
                 factor: source.factor * factor,
                 ..source
-            }));
+            });
         }
         match &turned[..] {
             [] => {}

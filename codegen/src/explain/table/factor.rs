@@ -1,6 +1,6 @@
 //! Factors of combinations as they are printed: signs apart, so that they can be joined.
 
-use regen_codegen::base::{Coefficient, Term};
+use crate::base::{Coefficient, Term};
 
 /// Longer expressions are printed as numbers unless they are asked for.
 const LONGEST: usize = 60;
@@ -11,7 +11,7 @@ const DIGITS: usize = 4;
 
 /// What is printed of a coefficient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Style {
+pub enum Style {
     /// Expressions, long ones as numbers.
     Short,
     /// Expressions of any length.
@@ -22,7 +22,7 @@ pub(crate) enum Style {
 
 /// The absolute value of a coefficient.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Factor {
+pub(super) enum Factor {
     /// 1, which is not printed.
     One,
     /// An expression.
@@ -35,14 +35,14 @@ pub(crate) enum Factor {
 
 /// A coefficient: whether it is subtracted, and its absolute value.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Signed {
-    pub(crate) negative: bool,
-    pub(crate) factor: Factor,
+pub(super) struct Signed {
+    pub(super) negative: bool,
+    pub(super) factor: Factor,
 }
 
 impl Signed {
     /// The coefficient of a term.
-    pub(crate) fn new(term: &Term, style: Style) -> Self {
+    pub(super) fn new(term: &Term, style: Style) -> Self {
         let (negative, expression) = term.coefficient.unsigned();
         let number = || digits(term.value.to_f64().abs());
         let factor = match style {
@@ -72,7 +72,7 @@ fn has_long_number(text: &str) -> bool {
 
 /// A number in four digits, fewer where they are all it has. What is rounded is the decimal that
 /// reads back to the double: 0.22815 becomes 0.2282 as on paper, not by its binary neighbour.
-pub(crate) fn digits(value: f64) -> String {
+pub(super) fn digits(value: f64) -> String {
     let whole = format!("{value:e}");
     let (mantissa, exponent) = whole.split_once('e').unwrap_or((&whole, "0"));
     let all: Vec<u8> = mantissa.bytes().filter(u8::is_ascii_digit).collect();
@@ -122,7 +122,7 @@ pub(crate) fn digits(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use regen_codegen::sym::Number;
+    use crate::sym::Number;
 
     fn expression(text: &str) -> Factor {
         Factor::Expression(Coefficient::parse(text).unwrap())

@@ -4,9 +4,10 @@ use std::fmt::Write as _;
 
 use regen_runtime::Motion;
 
-use super::charts::Figure;
-use super::{Errors, Report};
-use crate::base_table;
+use crate::charts::Figure;
+use crate::gather::Errors;
+use crate::identified::Content;
+use regen_codegen::explain::table::combinations;
 use regen_identify::files::ParameterRow;
 use regen_identify::status::{self, Status};
 
@@ -34,7 +35,7 @@ fn four(value: f64) -> String {
 }
 
 /// The whole page.
-pub(super) fn html(report: &Report<'_>) -> String {
+pub(super) fn html(report: &Content<'_>) -> String {
     let name = escaped(&report.robot.name);
     let mut body = String::new();
     for section in [
@@ -95,7 +96,7 @@ fn table(caption: &str, head: &[&str], rows: &[Vec<String>]) -> String {
     out
 }
 
-fn summary(report: &Report<'_>) -> String {
+fn summary(report: &Content<'_>) -> String {
     let info = report.model.info();
     let names = |of: &[usize]| {
         let names = of.iter().filter_map(|c| info.coordinates.get(*c).copied());
@@ -169,10 +170,9 @@ fn summary(report: &Report<'_>) -> String {
     section("summary", "Model", &out)
 }
 
-fn base(report: &Report<'_>) -> String {
+fn base(report: &Content<'_>) -> String {
     let analysis = report.robot.analysis.as_ref();
-    let combinations =
-        analysis.map_or_else(Vec::new, |a| base_table::combinations(report.robot, a));
+    let combinations = analysis.map_or_else(Vec::new, |a| combinations(report.robot, a));
     let rows: Vec<Vec<String>> = (combinations.iter().enumerate())
         .map(|(k, text)| vec![(k + 1).to_string(), escaped(text)])
         .collect();
@@ -184,7 +184,7 @@ fn base(report: &Report<'_>) -> String {
     )
 }
 
-fn motion(report: &Report<'_>) -> String {
+fn motion(report: &Content<'_>) -> String {
     let info = report.model.info();
     let (n, dof) = (info.coordinates.len(), info.dof());
     let ends = |values: &[f64], k: usize, width: usize| {
@@ -214,7 +214,7 @@ fn motion(report: &Report<'_>) -> String {
         .map(|(k, c)| {
             let joint = info.joints.get(*c);
             let limits = joint.map(|j| j.limits).unwrap_or_default();
-            let shift = joint.is_some_and(|j| j.motion == Motion::Translation);
+            let shift = joint.is_some_and(|j| j.motion == Motion::Shift);
             vec![
                 format!(
                     "{} <small>{}</small>",
@@ -241,12 +241,12 @@ fn motion(report: &Report<'_>) -> String {
     section("motion", "Motion and limits", &out)
 }
 
-fn forces(report: &Report<'_>) -> String {
+fn forces(report: &Content<'_>) -> String {
     let figures: String = report.forces.iter().map(figure).collect();
     section("forces", "Forces", &figures)
 }
 
-fn parameters(report: &Report<'_>) -> String {
+fn parameters(report: &Content<'_>) -> String {
     let base = report.model.base_info().base;
     let rows: Vec<Vec<String>> = report
         .file
@@ -336,7 +336,7 @@ fn part(percent: f64) -> String {
 }
 
 /// All parameters of each body, where they are physical, and what joints have.
-fn physical(report: &Report<'_>) -> String {
+fn physical(report: &Content<'_>) -> String {
     let file = report.file;
     if file.physical.is_empty() {
         return String::new();
@@ -367,7 +367,7 @@ fn physical(report: &Report<'_>) -> String {
     )
 }
 
-fn friction(report: &Report<'_>) -> String {
+fn friction(report: &Content<'_>) -> String {
     if report.friction.is_empty() {
         let text = "<p>No friction coefficient of an independent coordinate is among the base \
                     parameters.</p>\n";
@@ -397,7 +397,7 @@ fn friction(report: &Report<'_>) -> String {
     section("friction", "Friction", &figures)
 }
 
-fn singular(report: &Report<'_>) -> String {
+fn singular(report: &Content<'_>) -> String {
     let info = report.model.base_info();
     let mut out = figure(&report.spectrum);
     let condition = |values: &[f64]| values.last().map(|last| 1.0 / last);
@@ -434,7 +434,7 @@ fn singular(report: &Report<'_>) -> String {
     section("singular", "Singular values and certificate", &out)
 }
 
-fn validation(report: &Report<'_>) -> String {
+fn validation(report: &Content<'_>) -> String {
     let cells = |errors: &Errors| -> Vec<Vec<String>> {
         let of = errors.efforts.iter().map(|e| {
             vec![

@@ -1,15 +1,21 @@
 //! The base parameters as a table, like Table 1 of the chapter: for reading, in Markdown and in
 //! LaTeX.
 
+mod factor;
+mod words;
+
 use std::fmt::Write as _;
 
-use regen_codegen::base::{Analysis, Exactness, Known, Layer, Term, latex};
-use regen_codegen::explain::Grouped;
-use regen_codegen::robot::Robot;
+use super::Grouped;
+use super::lines::{WIDTH, field, paragraph};
+use crate::base::{Analysis, Exactness, Known, Layer, Term, latex};
+use crate::robot::Robot;
 
-use crate::base_factor::{Factor, Signed, Style};
-use crate::base_words::{certificate, completed, doubt, label, layer, mark};
-use crate::table::{self, WIDTH};
+pub use factor::Style;
+pub use words::{certificate, completed, doubt, label, layer};
+
+use factor::{Factor, Signed};
+use words::mark;
 
 /// The kinds of a body's parameters, in their order.
 const PER_BODY: usize = 10;
@@ -17,21 +23,47 @@ const PER_BODY: usize = 10;
 /// Rows that a printed page takes, if they are short.
 const ROWS_OF_A_PAGE: usize = 40;
 
+/// The mark of a number for a long expression.
+const INSTEAD: &str = "~";
+
 /// A factor and a parameter, by its label as plain text and as LaTeX.
+#[derive(Clone, Debug)]
 struct Part {
     signed: Signed,
     label: String,
     latex: String,
 }
 
+#[derive(Clone, Debug)]
 struct Row {
     parts: Vec<Part>,
     layer: Layer,
     exactness: Exactness,
 }
 
-/// What every format shows.
-pub(crate) struct Table {
+/// A table of base parameters: the combinations, on which derivation each rests, and what is
+/// known about the table as a whole.
+///
+/// ```
+/// use regen_codegen::explain::table::{Style, Table};
+/// use regen_codegen::{Mechanism, diag::Source};
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+/// // the names suffice: no function is derived
+/// let robot = mechanism.robot(&[])?;
+/// let table = Table::new(&robot, mechanism.analysis()?, Style::Short, &[]);
+/// assert!(table.markdown().starts_with("## arm: 3 base parameters\n"));
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Table {
     robot: String,
     rows: Vec<Row>,
     /// Why it is not complete.
@@ -41,18 +73,33 @@ pub(crate) struct Table {
 }
 
 /// The combinations of the base parameters that functions take, each in one line.
-pub(crate) fn combinations(robot: &Robot, analysis: &Analysis) -> Vec<String> {
+///
+/// ```
+/// # use regen_codegen::{Mechanism, diag::Source, explain::table::combinations};
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+/// let found = combinations(&mechanism.robot(&[])?, mechanism.analysis()?);
+/// assert_eq!(found, ["mx(link)", "my(link)", "Izz(link)"]);
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
+pub fn combinations(robot: &Robot, analysis: &Analysis) -> Vec<String> {
     let table = Table::new(robot, analysis, Style::Short, &[]);
     table.rows.iter().map(Row::plain).collect()
 }
 
 impl Table {
-    pub(crate) fn new(
-        robot: &Robot,
-        analysis: &Analysis,
-        style: Style,
-        reasons: &[Grouped],
-    ) -> Self {
+    /// The table of a robot's base parameters.
+    ///
+    /// - `style`: how factors of the combinations are printed;
+    /// - `reasons`: why parameters act together whose direction was completed, see
+    ///   [`Explanation`](super::Explanation).
+    pub fn new(robot: &Robot, analysis: &Analysis, style: Style, reasons: &[Grouped]) -> Self {
         let base = &analysis.base;
         let kept = base.parameters.iter().filter(|p| !p.dropped);
         let rows: Vec<Row> = kept
@@ -69,8 +116,8 @@ impl Table {
         facts.extend(marks(&rows));
         if shortened {
             let text = "a number for an expression of more than 60 characters, or with a number of \
-                        more than 6 digits; --expressions prints it";
-            facts.push(("~", text.to_owned()));
+                        more than 6 digits";
+            facts.push((INSTEAD, text.to_owned()));
         }
         Self {
             robot: robot.name.clone(),
@@ -78,6 +125,16 @@ impl Table {
             doubt: doubt(analysis),
             facts,
         }
+    }
+
+    /// Adds how long expressions are printed in full, where the table shows numbers for some.
+    #[must_use]
+    pub fn with_remedy(mut self, remedy: &str) -> Self {
+        for (_, text) in self.facts.iter_mut().filter(|fact| fact.0 == INSTEAD) {
+            text.push_str("; ");
+            text.push_str(remedy);
+        }
+        self
     }
 
     fn title(&self) -> String {
@@ -88,12 +145,12 @@ impl Table {
     }
 
     /// For reading in 80 columns.
-    pub(crate) fn human(&self) -> String {
+    pub fn human(&self) -> String {
         const GAP: &str = "  ";
-        let mut out = table::paragraph(&self.title());
+        let mut out = paragraph(&self.title());
         out.push('\n');
         for (name, text) in &self.facts {
-            out.push_str(&table::field(name, text));
+            out.push_str(&field(name, text));
         }
         if self.rows.is_empty() {
             return out;
@@ -124,7 +181,7 @@ impl Table {
     }
 
     /// A Markdown table.
-    pub(crate) fn markdown(&self) -> String {
+    pub fn markdown(&self) -> String {
         let mut out = format!("## {}\n\n", self.title());
         for (name, text) in &self.facts {
             let _ = writeln!(out, "- {name}: {text}");
@@ -143,7 +200,7 @@ impl Table {
     }
 
     /// A LaTeX table; over several pages where it is too long for one.
-    pub(crate) fn latex(&self) -> String {
+    pub fn latex(&self) -> String {
         let mut out = format!("% {}\n", self.title());
         let long = self.rows.len() > ROWS_OF_A_PAGE;
         let (environment, packages) = if long {

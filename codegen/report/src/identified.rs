@@ -1,0 +1,195 @@
+//! The report of an identified model: what it is made of, and what comes out.
+
+use std::path::PathBuf;
+
+use regen_codegen::robot::Robot;
+use regen_identify::data::Settings;
+use regen_identify::files::ParameterFile;
+use regen_identify::model::IdentifiedModel;
+use regen_identify::session::Session;
+use regen_identify::signals::Method;
+use regen_identify::text;
+use regen_interpreted::Interpreted;
+use regen_runtime::BaseTerm;
+
+use crate::ReportError;
+use crate::charts::Figure;
+use crate::gather::{self, Errors, Seen, Spectra};
+use crate::{figures, page};
+
+/// What a report is made of.
+pub struct Inputs<'a> {
+    /// The robot, with its base parameters.
+    pub robot: &'a Robot,
+    /// The robot as a model, and how its logs are read.
+    pub session: &'a Session<'a, Interpreted<'a>>,
+    /// The file of the identified parameters.
+    pub file: &'a ParameterFile,
+    /// The same parameters as a model.
+    pub identified: &'a IdentifiedModel,
+    /// The logs that it was identified from, one at least; motion and forces are shown for the
+    /// first.
+    pub logs: &'a [PathBuf],
+    /// Logs that were not used for identification.
+    pub validation: &'a [PathBuf],
+}
+
+/// A report.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Report {
+    /// The page, HTML that needs no other file.
+    pub html: String,
+    /// Its figures, in the order in which they are on the page.
+    pub figures: Vec<Figure>,
+}
+
+/// All that the page shows.
+pub(crate) struct Content<'a> {
+    pub(crate) robot: &'a Robot,
+    pub(crate) model: &'a Interpreted<'a>,
+    pub(crate) file: &'a ParameterFile,
+    /// Each base parameter that the spec's nominal values have, where it states all that it
+    /// combines.
+    pub(crate) nominal: Vec<Option<f64>>,
+    pub(crate) seen: Seen,
+    pub(crate) spectra: Spectra,
+    pub(crate) errors: Vec<Errors>,
+    pub(crate) method: String,
+    pub(crate) motion: Vec<Figure>,
+    pub(crate) forces: Vec<Figure>,
+    pub(crate) friction: Vec<Figure>,
+    pub(crate) spectrum: Figure,
+    pub(crate) deviations: Figure,
+}
+
+/// Reads the logs and makes the report: the model and its base parameters, the motion beside its
+/// limits, forces measured and predicted, the parameters with their deviations, friction, the
+/// singular values of the regressor with the certificate of the base, and the errors on every log.
+///
+/// # Errors
+/// [`ReportError::NoLog`]; what keeps a log from being read or predicted; a figure that cannot be
+/// drawn.
+///
+/// ```
+/// use regen_codegen::{diag::Source, pipeline};
+/// use regen_identify::data::Settings;
+/// use regen_identify::files::ParameterFile;
+/// use regen_identify::identify::{Kind, Options};
+/// use regen_identify::session::{Session, Silent, from_logs};
+/// use regen_identify::status::Shares;
+/// use regen_interpreted::{BaseTerms, Interpreted};
+/// use regen_report::{Inputs, report};
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let robot = pipeline::derive(&Source::new("arm.yaml", text))?;
+/// let terms = BaseTerms::new(&robot);
+/// let model = Interpreted::with_terms(&robot, &terms);
+///
+/// // a pendulum of inertia 2 kg m^2 about a vertical axis, with some noise
+/// let path = std::env::temp_dir().join(format!("regen-report-{}.csv", std::process::id()));
+/// let mut log = "t,q1,tau_q1\n".to_owned();
+/// for k in 0..400 {
+///     let t = 0.01 * f64::from(k);
+///     let noise = 1e-3 * (7.3 * f64::from(k)).sin();
+///     log += &format!("{t},{},{}\n", t.sin(), -2.0 * t.sin() + noise);
+/// }
+/// std::fs::write(&path, log)?;
+///
+/// let session = Session {
+///     model: &model,
+///     reading: Settings::default(),
+///     kind: Kind::Forces,
+///     options: Options::default(),
+///     confidence: 0.95,
+///     watch: &Silent,
+/// };
+/// let logs = [path.clone()];
+/// let start = from_logs(&session, &mut session.open(&logs)?)?;
+/// let (identified, shares) = (start.model(), Shares::of(&start.factor));
+/// let file = ParameterFile::new(&model, &identified, &shares, Vec::new(), 0.95)?;
+/// let found = report(&Inputs {
+///     robot: &robot,
+///     session: &session,
+///     file: &file,
+///     identified: &identified,
+///     logs: &logs,
+///     validation: &[],
+/// })?;
+/// assert!(found.html.contains("<h1>Identification of arm</h1>"));
+/// assert!(found.figures.iter().any(|figure| figure.name == "forces-q1"));
+/// # std::fs::remove_file(&path)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn report(inputs: &Inputs<'_>) -> Result<Report, ReportError> {
+    let (session, identified) = (inputs.session, inputs.identified);
+    let model = session.model;
+    let first = inputs.logs.first().ok_or(ReportError::NoLog)?;
+    let seen = gather::seen(session, first, identified)?;
+    let spectra = gather::spectra(model, &seen)?;
+    let mut errors = Vec::new();
+    let logs = inputs.logs.iter().map(|log| (log, true));
+    for (log, used) in logs.chain(inputs.validation.iter().map(|log| (log, false))) {
+        errors.push(gather::errors(session, log, identified, used)?);
+    }
+    let stated = model.info().nominal;
+    let of = |term: &BaseTerm<'_>| Some(term.value * (*stated.get(term.index)?)?);
+    let base = model.base_info().base;
+    let nominal = base.iter().map(|b| b.terms.iter().map(of).sum());
+    let content = Content {
+        robot: inputs.robot,
+        model,
+        file: inputs.file,
+        nominal: nominal.collect(),
+        errors,
+        method: method(&session.reading, seen.derivatives),
+        motion: figures::motion(model, &seen)?,
+        forces: figures::forces(model, &seen)?,
+        friction: figures::friction(model, &seen, identified)?,
+        spectrum: figures::spectrum(model, &spectra)?,
+        deviations: figures::deviations(inputs.file)?,
+        seen,
+        spectra,
+    };
+    Ok(Report {
+        html: page::html(&content),
+        figures: content.figures(),
+    })
+}
+
+impl Content<'_> {
+    fn figures(self) -> Vec<Figure> {
+        let mut all = self.motion;
+        all.extend(self.forces);
+        all.push(self.deviations);
+        all.extend(self.friction);
+        all.push(self.spectrum);
+        all
+    }
+}
+
+/// How logs were differentiated; `measured` where velocities and accelerations were read.
+fn method(reading: &Settings, measured: bool) -> String {
+    if measured {
+        return "velocities and accelerations as they were measured".to_owned();
+    }
+    match reading.method {
+        Method::Fourier {
+            frequency,
+            harmonics,
+        } => format!(
+            "Fourier series of {harmonics} harmonics of {} Hz",
+            text::figure(frequency)
+        ),
+        Method::Butterworth { order, cutoff } => format!(
+            "zero-phase Butterworth filter of order {order} at {cutoff} Hz, central differences"
+        ),
+        Method::Local { half_width } => format!("local cubic regression within {half_width} s"),
+        Method::Central => "central differences".to_owned(),
+    }
+}

@@ -1,0 +1,20 @@
+//! Pages for a browser, each one HTML file that needs no network.
+//!
+//! | function | page |
+//! |---|---|
+//! | [`report`] | what was identified from logs: tables and figures of the motion, the forces, the parameters, friction, singular values and errors |
+//! | [`view::page`] | a mechanism in 3D, moving along a trajectory or swept coordinate by coordinate |
+//!
+//! Nothing here writes a file: a page and its figures are handed back as text.
+
+mod charts;
+mod error;
+mod figures;
+mod gather;
+mod identified;
+mod page;
+pub mod view;
+
+pub use charts::Figure;
+pub use error::{ReportError, ViewError};
+pub use identified::{Inputs, Report, report};

@@ -1,0 +1,55 @@
+//! Numbers as text for people.
+
+/// A figure in five digits, with an exponent only where it is hard to read without.
+///
+/// ```
+/// assert_eq!(regen_identify::text::figure(2.2), "2.2000");
+/// assert_eq!(regen_identify::text::figure(123_456.0), "1.2346e5");
+/// ```
+pub fn figure(value: f64) -> String {
+    figure_of(5, value)
+}
+
+/// A figure in some digits, one at least, with an exponent only where it is hard to read without.
+///
+/// ```
+/// assert_eq!(regen_identify::text::figure_of(2, 0.012_34), "0.012");
+/// ```
+pub fn figure_of(digits: usize, value: f64) -> String {
+    let digits = digits.max(1);
+    let text = format!("{value:.*e}", digits - 1);
+    // the exponent of what is printed: 0.99999 may round to 1.0
+    let exponent = text.split_once('e').and_then(|(_, e)| e.parse().ok());
+    let places = match exponent {
+        _ if value == 0.0 => return "0".to_owned(),
+        Some(before @ 0_isize..=4) => (digits - 1).saturating_sub(before.unsigned_abs()),
+        Some(after @ -3..=-1) => digits - 1 + after.unsigned_abs(),
+        _ => return text,
+    };
+    format!("{value:.places$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_have_an_exponent_only_where_they_are_hard_to_read_without() {
+        for (value, text) in [
+            (0.0, "0"),
+            (-0.0, "0"),
+            (2.2, "2.2000"),
+            (-1.4143, "-1.4143"),
+            (0.001, "0.0010000"),
+            (0.000_999_999_9, "0.0010000"),
+            (0.000_36, "3.6000e-4"),
+            (9_999.99, "10000"),
+            (12_345.6, "12346"),
+            (123_456.0, "1.2346e5"),
+            (f64::NAN, "NaN"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(figure(value), text);
+        }
+    }
+}
