@@ -230,7 +230,10 @@ fn models(
     } else {
         found.push(least);
         if args.iv {
-            found.push(identify_iv::run(args, session.model, start, summary)?);
+            let (model, json, bandwidth) = identify_iv::run(args, session, start)?;
+            found.push(model);
+            summary.bandwidth = Some(bandwidth);
+            summary.instruments = Some(json);
         }
         if args.physical.reduce {
             let reduction = session::reduction(session, start, &args.physical.against)?;

@@ -2,22 +2,16 @@
 
 use std::fmt::Write as _;
 
-use regen_experiment::simulate::{Drive, Reference as _, Settings, control, simulate};
-use regen_experiment::trajectory::FourierReference;
-use regen_identify::data::{DataError, Logs, Settings as Reading};
-use regen_identify::estimate::EstimateError;
-use regen_identify::identify::{InstrumentOptions, Instrumental, Motion, instrumental};
-use regen_identify::signals::Method;
-use regen_runtime::BaseModel;
+use regen_experiment::instruments::{InstrumentError, instrumental};
+use regen_identify::identify::Instrumental;
 use serde::Serialize;
 
 use crate::args::IdentifyArgs;
 use crate::exit::Failure;
-use crate::identify::{Summary, weighting};
-use crate::simulate::{linear_friction, reason};
-use crate::{observe, path, progress, table};
-use regen_identify::model::{IdentifiedModel, Intervals};
-use regen_identify::session::Start;
+use crate::simulate::reason;
+use crate::{observe, path, table};
+use regen_identify::model::IdentifiedModel;
+use regen_identify::session::{Session, Start};
 use regen_interpreted::Interpreted;
 
 /// What is said of the instruments.
@@ -54,167 +48,40 @@ const BIASED: f64 = 0.01;
 /// An F statistic of an instrument and its column below which it is called weak (Staiger and
 /// Stock, 1997).
 const WEAK: f64 = 10.0;
-/// The bandwidth of simulated controllers without gains, Hz: that of `regen simulate`.
-const BANDWIDTH: f64 = 3.0;
-
 /// The model by instrumental variables, and what is said of it.
 pub(crate) fn run(
     args: &IdentifyArgs,
-    model: &Interpreted<'_>,
+    session: &Session<'_, Interpreted<'_>>,
     start: &Start,
-    summary: &mut Summary,
-) -> Result<IdentifiedModel, Failure> {
-    // positions as they are, whatever filter the regressor's pass, and all of them: what passes a
-    // filter is thinned behind it
-    let raw = Reading {
-        method: Method::Central,
-        decimation: 1,
-        ..observe::settings(&args.reading)
-    };
-    let working = progress::spinner("reading the measured motion".to_owned());
-    let measured = Motion::recorded(model, &mut Logs::open(model, &args.logs, &raw)?)?;
-    working.finish_and_clear();
-    let options = InstrumentOptions {
-        weighting: weighting(args),
-        bandwidth: args.bandwidth,
-        ..InstrumentOptions::default()
-    };
-    let mut logs = observe::open(model, &args.logs, &args.reading)?;
-    let least = &start.estimate.values;
-    let at_measured = measured.smoothed(None).map_err(|why| {
-        let why = format!("--iv: the measured motion cannot be smoothed: {why}");
-        Failure::Input(why)
-    });
-    let (smooth, cutoff) = at_measured?;
-    let mut smooth = Some(smooth);
-    let mut found = instrumental(model, &options, &mut logs, least, &mut |_| {
-        Ok::<_, DataError>(smooth.take())
-    })?;
-    let mut cutoff = Some(cutoff);
-    if let Some(file) = &args.reference {
-        // least squares may be too far from a robot to be simulated; this is not biased as much
-        let first = found.estimate.values.clone();
-        let reference = path::read(file, model)?;
-        let mut failed = None;
-        let simulation =
-            instrumental(
-                model,
-                &options,
-                &mut logs,
-                &first,
-                &mut |values| match simulated(args, model, &reference, &measured, values) {
-                    Ok(motion) => Ok(Some(motion)),
-                    Err(why) => {
-                        failed = Some(why);
-                        Err(EstimateError::NoConvergence.into())
-                    }
-                },
-            );
-        if let Some(why) = failed {
-            return Err(why);
-        }
-        (found, cutoff) = (simulation?, None);
-    }
-    summary.bandwidth = Some(found.bandwidth);
-    summary.instruments = Some(InstrumentsJson::new(&found, cutoff));
-    let method = format!(
-        "instrumental variables, whitened scores correlated in {} samples (Newey and West)",
-        found.bandwidth
-    );
-    // the regressor of the measured motion is that of least squares
-    let mut estimate = found.estimate.clone();
-    if let Some(blocks) = &start.blocks {
-        let n = estimate.values.len();
-        let all: Vec<usize> = (0..n).collect();
-        let mut change = blocks.change(&start.factor, &all);
-        change.resize(n, 0.0);
-        let pairs = change
-            .iter()
-            .flat_map(|a| change.iter().map(move |b| a * b));
-        let covariance = estimate.covariance.iter().zip(pairs);
-        estimate.covariance = covariance.map(|(c, x)| c + x).collect();
-    }
-    Ok(IdentifiedModel {
-        name: "instrumental variables".to_owned(),
-        beta: found.estimate.values.clone(),
-        feasibility: "not judged".to_owned(),
-        intervals: Intervals::of(&estimate, &estimate, args.confidence, method),
-        ..IdentifiedModel::default()
-    })
+) -> Result<(IdentifiedModel, InstrumentsJson, usize), Failure> {
+    observe::require_consistent(&args.reading)?;
+    let file = args.reference.as_deref();
+    let reference = file
+        .map(|file| path::read(file, session.model))
+        .transpose()?;
+    let reference = reference.as_ref().map(|path| (path, args.pid.as_slice()));
+    let found = instrumental(session, start, &args.logs, reference)?;
+    let json = InstrumentsJson::new(&found.instrumental, found.cutoff);
+    Ok((found.model, json, found.instrumental.bandwidth))
 }
 
-/// The motion of the robot with these base parameters under PID control along a reference, at the
-/// samples of the measured motion. Each run begins one period earlier, so that it has settled.
-fn simulated(
-    args: &IdentifyArgs,
-    model: &Interpreted<'_>,
-    reference: &FourierReference,
-    measured: &Motion,
-    values: &[f64],
-) -> Result<Motion, Failure> {
-    let info = model.info();
-    let (n, dof) = (info.coordinates.len(), info.dof());
-    let mut phi = vec![0.0; info.parameters.len()];
-    let free = vec![0.0; model.base_info().free.len()];
-    model.parameters_from_base(values, &free, &mut phi)?;
-    let refused = |why: String| {
-        Failure::Numeric(format!(
-            "--iv: the robot cannot be simulated with the present estimate: {why}; leave out \
-             --reference, then the measured motion is used"
-        ))
-    };
-    let mut out = Motion::new(dof);
-    for run in measured.runs() {
-        let times = measured.times().get(run).unwrap_or_default();
-        let (Some(first), Some(last)) = (times.first(), times.last()) else {
-            continue;
+impl From<InstrumentError> for Failure {
+    fn from(error: InstrumentError) -> Self {
+        let refused = |why: String| {
+            Self::Numeric(format!(
+                "--iv: the robot cannot be simulated with the present estimate: {why}; leave out \
+                 --reference, then the measured motion is used"
+            ))
         };
-        if times.len() < 2 {
-            continue;
-        }
-        let step = (last - first) / (times.len() - 1) as f64;
-        let early = (reference.period() / step).ceil();
-        let begin = first - early * step;
-        let start = reference.position(begin);
-        let controllers = control(BANDWIDTH, &args.pid, model, &phi, &start);
-        let controllers = controllers.map_err(|why| refused(why.to_string()))?;
-        let drive = |joint: &usize| Drive {
-            lag: 0.0,
-            limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
-        };
-        let settings = Settings {
-            duration: last - begin,
-            period: step,
-            pid: controllers.pid,
-            offset: controllers.offset,
-            drives: info.actuated.iter().map(drive).collect(),
-            friction: linear_friction(&info, &phi),
-            tolerance: 1e-7,
-            ..Settings::default()
-        };
-        let along = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
-            reference.at(begin + t, q, qd, qdd);
-        };
-        let log = simulate(model, &phi, &along, &settings);
-        let log = log.map_err(|why| refused(why.to_string()))?;
-        if let Some(why) = reason(&log) {
-            return Err(refused(why));
-        }
-        #[allow(clippy::cast_sign_loss, reason = "a number of periods")]
-        let skip = early as usize;
-        for (k, time) in times.iter().enumerate() {
-            let row = (skip + k) * n;
-            let pick = |all: &[f64]| -> Vec<f64> {
-                let row = all.get(row..row + n).unwrap_or_default();
-                let independent = info.independent.iter();
-                independent.filter_map(|c| row.get(*c).copied()).collect()
-            };
-            let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| pick(all));
-            out.push(*time, [&q, &qd, &qdd], k > 0)
-                .map_err(|why| Failure::Input(why.to_string()))?;
+        match error {
+            InstrumentError::Data(error) => error.into(),
+            InstrumentError::Unsmoothed(_) => Self::Input(format!("--iv: {error}")),
+            InstrumentError::Untuned(why) => refused(why.to_string()),
+            InstrumentError::Refused(why) => refused(why.to_string()),
+            InstrumentError::Termination(how) => refused(reason(how).unwrap_or_default()),
+            other => Self::Input(other.to_string()),
         }
     }
-    Ok(out)
 }
 
 impl InstrumentsJson {

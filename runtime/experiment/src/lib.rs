@@ -1,6 +1,7 @@
 //! Experiments with a robot: [`excite`] finds trajectories that excite its base parameters within
 //! its limits, [`reach`] how far each coordinate can go, [`simulate`] moves a closed chain with
-//! friction, control and sensors and writes the log of it. [`trajectory`] is the file that
+//! friction, control and sensors and writes the log of it. [`instruments`] identifies a robot by
+//! instruments from its simulated motion. [`trajectory`] is the file that
 //! trajectories are kept in.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
@@ -12,6 +13,7 @@
 )]
 
 pub mod excite;
+pub mod instruments;
 pub mod reach;
 pub mod simulate;
 pub mod trajectory;

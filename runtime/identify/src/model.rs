@@ -5,7 +5,7 @@ use crate::data::DataError;
 use crate::estimate::{Estimate, EstimateError, Residuals};
 use crate::friction::{JointEfforts, JointFit};
 use crate::identify::{EquationBuilder, EquationKind, Source, equations};
-use regen_runtime::BaseModel;
+use regen_runtime::{BaseModel, SizeError};
 
 /// What an estimator says of how uncertain its value is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,6 +113,21 @@ pub struct Predicted<'a> {
 }
 
 impl IdentifiedModel {
+    /// All p parameters, SI: those that were found physical, or any that have these base
+    /// parameters.
+    ///
+    /// # Errors
+    /// When the number of base parameters is not the model's.
+    pub fn parameters<M: BaseModel<f64> + ?Sized>(&self, model: &M) -> Result<Vec<f64>, SizeError> {
+        if let Some(phi) = &self.phi {
+            return Ok(phi.clone());
+        }
+        let mut phi = vec![0.0; model.info().parameters.len()];
+        let free = vec![0.0; model.base_info().free.len()];
+        model.parameters_from_base(&self.beta, &free, &mut phi)?;
+        Ok(phi)
+    }
+
     /// Takes over the intervals of another model that has the same base parameters: where no
     /// constraint is active, a feasible fit is least squares, and as uncertain.
     pub fn inherit(&mut self, other: &Self) {

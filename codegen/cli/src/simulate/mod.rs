@@ -7,7 +7,6 @@ mod parameters;
 use std::path::{Path, PathBuf};
 
 pub(crate) use args::{SimulateArgs, gains};
-pub(crate) use parameters::linear_friction;
 
 use regen_experiment::simulate::{
     Drive, Log, Noise, Reference, Sensors, Settings, SimulationError, Termination, TuningError,
@@ -135,7 +134,7 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         let mut watch = |t: f64| bar.set_position(thousandths(from + t));
         let found = simulate_watched(&model, &phi, &motion, &settings, &mut watch);
         let found = found.map_err(|error| misuse(&error))?;
-        if let Some(why) = reason(&found) {
+        if let Some(why) = reason(found.ended) {
             bar.finish_and_clear();
             let at = found.t.last().copied().unwrap_or(0.0);
             return Err(Failure::Numeric(format!(
@@ -212,28 +211,16 @@ fn misuse(error: &SimulationError) -> Failure {
     Failure::Input(error.to_string())
 }
 
-/// Why a run ended before its time, in words.
-pub(crate) fn reason(log: &Log) -> Option<String> {
-    Some(match log.ended {
+/// Why a run ended before its time, with the options that may help.
+pub(crate) fn reason(ended: Termination) -> Option<String> {
+    let remedy = match ended {
         Termination::Complete => return None,
-        Termination::Open(outcome) => format!(
-            "the loops cannot be kept closed ({outcome}); stay further from singularities, or \
-             raise --bandwidth"
-        ),
-        Termination::NotPositiveDefinite => {
-            "the mass matrix is not positive definite: the parameters are not those \
-                          of bodies"
-                .to_owned()
-        }
-        Termination::StepTooSmall => {
-            "no step of the integration is short enough; raise --friction-width, or \
-                         lower the gains"
-                .to_owned()
-        }
-        Termination::Diverged => {
-            "positions grew beyond all bounds: the gains are too high for this --step".to_owned()
-        }
-    })
+        Termination::Open(_) => "; stay further from singularities, or raise --bandwidth",
+        Termination::NotPositiveDefinite => "",
+        Termination::StepTooSmall => "; raise --friction-width, or lower the gains",
+        Termination::Diverged => ": the gains are too high for this --step",
+    };
+    Some(format!("{ended}{remedy}"))
 }
 
 fn summary(model: &Interpreted<'_>, log: &Log, motion: &FourierReference) -> Run {

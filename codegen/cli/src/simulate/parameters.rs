@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use regen_experiment::simulate::{Noise, nominal_friction};
+use regen_experiment::simulate::{Noise, fitted_friction, perturb_friction};
 use regen_identify::friction::JointFit;
-use regen_runtime::{BaseModel, Friction, Info, Joint, JointFriction, Parameter};
+use regen_runtime::{Info, JointFriction, Parameter};
 
 use super::args::SimulateArgs;
 use crate::exit::Failure;
@@ -89,40 +89,7 @@ fn identified(
     let terms = BaseTerms::new(&robot);
     let model = Interpreted::with_terms(&robot, &terms);
     let found = parameters::read(path, &model)?;
-    // what was found physical is simulated as it was found
-    if let Some(phi) = found.phi {
-        return Ok((phi, found.friction));
-    }
-    let info = model.info();
-    let mut phi = vec![0.0; info.parameters.len()];
-    let free = vec![0.0; model.base_info().free.len()];
-    model.parameters_from_base(&found.beta, &free, &mut phi)?;
-    Ok((phi, found.friction))
-}
-
-/// The laws of linear friction with the coefficients among all parameters; other friction is left
-/// out.
-pub(crate) fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<JointFriction> {
-    let stated = info.joints.iter().zip(info.coordinates);
-    let joints: Vec<Joint> = stated
-        .map(|(joint, name)| {
-            let mut joint = *joint;
-            if !joint.friction.is_linear() {
-                joint.friction = Friction::None;
-            }
-            let slots = joint.nominal.iter_mut().zip(joint.friction.symbols());
-            for (slot, symbol) in slots {
-                let index = info.parameter_of(&format!("{symbol}({name})"));
-                *slot = index.and_then(|k| phi.get(k)).copied().or(Some(0.0));
-            }
-            joint
-        })
-        .collect();
-    nominal_friction(&Info {
-        joints: &joints,
-        ..*info
-    })
-    .unwrap_or_default()
+    Ok((found.parameters(&model)?, found.friction))
 }
 
 /// The friction law of each coordinate: linear ones with the coefficients among the parameters,
@@ -134,42 +101,14 @@ pub(super) fn friction(
     fitted: &[JointFit],
     chance: &mut Noise,
 ) -> Result<Vec<JointFriction>, Failure> {
-    let stated = info.joints.iter().zip(info.coordinates);
-    let joints: Vec<Joint> = stated
-        .map(|(joint, name)| {
-            let mut joint = *joint;
-            if joint.friction.is_linear() {
-                let slots = joint.nominal.iter_mut().zip(joint.friction.symbols());
-                for (slot, symbol) in slots {
-                    let index = info.parameter_of(&format!("{symbol}({name})"));
-                    *slot = index.and_then(|k| phi.get(k)).copied().or(*slot);
-                }
-            }
-            let own = |f: &&JointFit| f.name == *name && f.friction == joint.friction;
-            if let Some(fit) = fitted.iter().find(own) {
-                for (slot, value) in joint.nominal.iter_mut().zip(&fit.values) {
-                    *slot = Some(*value);
-                }
-            }
-            joint
-        })
-        .collect();
-    let with = Info {
-        joints: &joints,
-        ..*info
-    };
-    let mut laws = nominal_friction(&with).map_err(|why| {
+    let mut laws = fitted_friction(info, phi, fitted).map_err(|why| {
         Failure::Input(format!(
             "{}: {why}; state it under `friction:`, or leave friction out with --no-friction",
             args.file.display()
         ))
     })?;
     if args.perturb > 0.0 {
-        for (law, joint) in laws.iter_mut().zip(&joints) {
-            if !joint.friction.is_linear() {
-                *law = law.scaled(1.0 + args.perturb * (2.0 * chance.uniform() - 1.0));
-            }
-        }
+        perturb_friction(&mut laws, args.perturb, chance);
     }
     Ok(laws)
 }

@@ -1,7 +1,10 @@
-//! The friction of a model's joints from its nominal values.
+//! The friction of a model's joints from its nominal values, its parameters and fits.
 
+use regen_identify::friction::JointFit;
 use regen_runtime::friction::VALUES;
-use regen_runtime::{Info, JointFriction};
+use regen_runtime::{Friction, Info, Joint, JointFriction};
+
+use super::Noise;
 
 /// A value of a friction law that a model states no nominal value of.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -45,4 +48,91 @@ pub fn nominal_friction(info: &Info<'_>) -> Result<Vec<JointFriction>, MissingNo
         .zip(info.coordinates)
         .map(joint)
         .collect()
+}
+
+/// The laws of linear friction with the coefficients among all parameters, 0 where a model has no
+/// such parameter; other friction is left out. In the order of `q`.
+///
+/// ```
+/// use regen_experiment::simulate::linear_friction;
+/// use regen_runtime::{Friction, Info, Joint};
+///
+/// let joint = Joint { friction: Friction::Viscous, ..Joint::default() };
+/// let info = Info {
+///     coordinates: &["q1"],
+///     parameters: &["m(1)", "Fv(q1)"],
+///     joints: &[joint],
+///     ..Info::EMPTY
+/// };
+/// assert_eq!(linear_friction(&info, &[3.0, 0.5])[0].values[0], 0.5);
+/// ```
+pub fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<JointFriction> {
+    let stated = info.joints.iter().zip(info.coordinates);
+    let joints: Vec<Joint> = stated
+        .map(|(joint, name)| {
+            let mut joint = *joint;
+            if !joint.friction.is_linear() {
+                joint.friction = Friction::None;
+            }
+            let slots = joint.nominal.iter_mut().zip(joint.friction.symbols());
+            for (slot, symbol) in slots {
+                let index = info.parameter_of(&format!("{symbol}({name})"));
+                *slot = index.and_then(|k| phi.get(k)).copied().or(Some(0.0));
+            }
+            joint
+        })
+        .collect();
+    nominal_friction(&Info {
+        joints: &joints,
+        ..*info
+    })
+    .unwrap_or_default()
+}
+
+/// The friction of each coordinate: linear laws with the coefficients among all parameters, others
+/// with fitted values, or else with the model's nominal ones. In the order of `q`.
+///
+/// - `phi`: p parameters, SI;
+/// - `fitted`: the friction that was fitted, joints in any order.
+///
+/// # Errors
+/// The first coordinate whose law has a symbol without any value.
+pub fn fitted_friction(
+    info: &Info<'_>,
+    phi: &[f64],
+    fitted: &[JointFit],
+) -> Result<Vec<JointFriction>, MissingNominal> {
+    let stated = info.joints.iter().zip(info.coordinates);
+    let joints: Vec<Joint> = stated
+        .map(|(joint, name)| {
+            let mut joint = *joint;
+            if joint.friction.is_linear() {
+                let slots = joint.nominal.iter_mut().zip(joint.friction.symbols());
+                for (slot, symbol) in slots {
+                    let index = info.parameter_of(&format!("{symbol}({name})"));
+                    *slot = index.and_then(|k| phi.get(k)).copied().or(*slot);
+                }
+            }
+            let own = |f: &&JointFit| f.name == *name && f.friction == joint.friction;
+            if let Some(fit) = fitted.iter().find(own) {
+                for (slot, value) in joint.nominal.iter_mut().zip(&fit.values) {
+                    *slot = Some(*value);
+                }
+            }
+            joint
+        })
+        .collect();
+    nominal_friction(&Info {
+        joints: &joints,
+        ..*info
+    })
+}
+
+/// Changes the friction laws that are not linear by chance, each by up to `part` of itself: the
+/// coefficients of linear ones are among the parameters, which [`perturbed`](super::perturbed)
+/// changes.
+pub fn perturb_friction(laws: &mut [JointFriction], part: f64, chance: &mut Noise) {
+    for law in laws.iter_mut().filter(|law| !law.law.is_linear()) {
+        *law = law.scaled(1.0 + part * (2.0 * chance.uniform() - 1.0));
+    }
 }

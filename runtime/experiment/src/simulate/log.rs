@@ -18,6 +18,20 @@ pub enum Termination {
     Diverged,
 }
 
+impl std::fmt::Display for Termination {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Complete => f.write_str("after its whole duration"),
+            Self::Open(outcome) => write!(f, "the loops cannot be kept closed ({outcome})"),
+            Self::NotPositiveDefinite => f.write_str(
+                "the mass matrix is not positive definite: the parameters are not those of bodies",
+            ),
+            Self::StepTooSmall => f.write_str("no step of the integration is short enough"),
+            Self::Diverged => f.write_str("positions grew beyond all bounds"),
+        }
+    }
+}
+
 /// What happened, sample by sample: one row each, row-major.
 ///
 /// Motion and efforts of a row belong to the same instant, which is when the controller measures.

@@ -24,7 +24,9 @@ mod tuning;
 pub use audit::Energy;
 pub use control::{Controller, ControllerInput, Drive, Pid};
 pub use forward::{Forward, ForwardOutcome};
-pub use friction::{MissingNominal, nominal_friction};
+pub use friction::{
+    MissingNominal, fitted_friction, linear_friction, nominal_friction, perturb_friction,
+};
 pub use log::{Log, Termination};
 pub use noise::{Noise, perturbed};
 pub use run::{simulate, simulate_controlled, simulate_watched};

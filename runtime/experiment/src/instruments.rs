@@ -1,0 +1,272 @@
+//! Identification by instrumental variables: the motion that the instruments are taken at is the
+//! measured one, smoothed, or that of a simulated robot under control along a reference.
+
+use core::fmt;
+use std::path::PathBuf;
+
+use regen_identify::data::{DataError, Logs, Settings as Reading};
+use regen_identify::estimate::EstimateError;
+use regen_identify::identify::{self, InstrumentOptions, Instrumental, Motion};
+use regen_identify::model::{IdentifiedModel, Intervals};
+use regen_identify::session::{Session, Start};
+use regen_identify::signals::{Method, SignalError};
+use regen_runtime::{BaseModel, SizeError};
+
+use crate::simulate::{
+    Drive, Gains, Reference as _, Settings, SimulationError, Termination, TuningError, control,
+    linear_friction, simulate,
+};
+use crate::trajectory::FourierReference;
+
+/// The bandwidth of simulated controllers without gains, Hz: that of `regen simulate`.
+const BANDWIDTH: f64 = 3.0;
+
+/// What instrumental variables found.
+#[derive(Clone, Debug)]
+pub struct Found {
+    /// The estimate, its rounds, and how it differs from least squares.
+    pub instrumental: Instrumental,
+    /// Where the measured motion was smoothed, Hz; `None` where the motion was simulated.
+    pub cutoff: Option<f64>,
+    /// The model, whose intervals know what sampling leaves unknown of the motion.
+    pub model: IdentifiedModel,
+}
+
+/// Identifies base parameters by instrumental variables.
+///
+/// - `start`: least squares from the same logs;
+/// - `logs`: the logs, read as `session` says; the measured motion is taken from all of their
+///   positions as they are;
+/// - `reference`: what the robot was to follow, and gains of its controllers, where the instruments
+///   are to be simulated; without it the measured motion is smoothed.
+///
+/// # Errors
+/// What keeps logs from being read, the measured motion from being smoothed, or the robot from
+/// being simulated with an estimate.
+pub fn instrumental<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    start: &Start,
+    logs: &[PathBuf],
+    reference: Option<(&FourierReference, &[Gains])>,
+) -> Result<Found, InstrumentError> {
+    let model = session.model;
+    // positions as they are, whatever filter the regressor's pass, and all of them: what passes a
+    // filter is thinned behind it
+    let raw = Reading {
+        method: Method::Central,
+        decimation: 1,
+        ..session.reading.clone()
+    };
+    session.watch.work("reading the measured motion");
+    let measured = Logs::open(model, logs, &raw).and_then(|mut l| Motion::recorded(model, &mut l));
+    session.watch.rest();
+    let measured = measured?;
+    let options = InstrumentOptions {
+        weighting: session.options.weighting,
+        bandwidth: session.options.bandwidth,
+        ..InstrumentOptions::default()
+    };
+    let mut logs = session.open(logs)?;
+    let least = &start.estimate.values;
+    let (smooth, cutoff) = measured
+        .smoothed(None)
+        .map_err(InstrumentError::Unsmoothed)?;
+    let mut smooth = Some(smooth);
+    let mut found = identify::instrumental(model, &options, &mut logs, least, &mut |_| {
+        Ok::<_, DataError>(smooth.take())
+    })?;
+    let mut cutoff = Some(cutoff);
+    if let Some((reference, gains)) = reference {
+        // least squares may be too far from a robot to be simulated; this is not biased as much
+        let first = found.estimate.values.clone();
+        let mut failed = None;
+        let simulation = identify::instrumental(
+            model,
+            &options,
+            &mut logs,
+            &first,
+            &mut |values| match simulated(model, reference, gains, &measured, values) {
+                Ok(motion) => Ok(Some(motion)),
+                Err(why) => {
+                    failed = Some(why);
+                    Err(EstimateError::NoConvergence.into())
+                }
+            },
+        );
+        if let Some(why) = failed {
+            return Err(why);
+        }
+        (found, cutoff) = (simulation?, None);
+    }
+    let model = identified(session, start, &found);
+    Ok(Found {
+        instrumental: found,
+        cutoff,
+        model,
+    })
+}
+
+/// The model with the intervals of its values.
+fn identified<M: BaseModel<f64> + ?Sized>(
+    session: &Session<'_, M>,
+    start: &Start,
+    found: &Instrumental,
+) -> IdentifiedModel {
+    let method = format!(
+        "instrumental variables, whitened scores correlated in {} samples (Newey and West)",
+        found.bandwidth
+    );
+    // the regressor of the measured motion is that of least squares
+    let mut estimate = found.estimate.clone();
+    if let Some(blocks) = &start.blocks {
+        let n = estimate.values.len();
+        let all: Vec<usize> = (0..n).collect();
+        let mut change = blocks.change(&start.factor, &all);
+        change.resize(n, 0.0);
+        let pairs = change
+            .iter()
+            .flat_map(|a| change.iter().map(move |b| a * b));
+        let covariance = estimate.covariance.iter().zip(pairs);
+        estimate.covariance = covariance.map(|(c, x)| c + x).collect();
+    }
+    IdentifiedModel {
+        name: "instrumental variables".to_owned(),
+        beta: found.estimate.values.clone(),
+        feasibility: "not judged".to_owned(),
+        intervals: Intervals::of(&estimate, &estimate, session.confidence, method),
+        ..IdentifiedModel::default()
+    }
+}
+
+/// The motion of the robot with these base parameters under PID control along a reference, at the
+/// samples of the measured motion. Each run begins one period earlier, so that it has settled.
+fn simulated<M: BaseModel<f64> + ?Sized>(
+    model: &M,
+    reference: &FourierReference,
+    gains: &[Gains],
+    measured: &Motion,
+    values: &[f64],
+) -> Result<Motion, InstrumentError> {
+    let info = model.info();
+    let (n, dof) = (info.coordinates.len(), info.dof());
+    let mut phi = vec![0.0; info.parameters.len()];
+    let free = vec![0.0; model.base_info().free.len()];
+    model.parameters_from_base(values, &free, &mut phi)?;
+    let mut out = Motion::new(dof);
+    for run in measured.runs() {
+        let times = measured.times().get(run).unwrap_or_default();
+        let (Some(first), Some(last)) = (times.first(), times.last()) else {
+            continue;
+        };
+        if times.len() < 2 {
+            continue;
+        }
+        let step = (last - first) / (times.len() - 1) as f64;
+        let early = (reference.period() / step).ceil();
+        let begin = first - early * step;
+        let start = reference.position(begin);
+        let controllers =
+            control(BANDWIDTH, gains, model, &phi, &start).map_err(InstrumentError::Untuned)?;
+        let drive = |joint: &usize| Drive {
+            lag: 0.0,
+            limit: info.joints.get(*joint).and_then(|j| j.limits.effort),
+        };
+        let settings = Settings {
+            duration: last - begin,
+            period: step,
+            pid: controllers.pid,
+            offset: controllers.offset,
+            drives: info.actuated.iter().map(drive).collect(),
+            friction: linear_friction(&info, &phi),
+            tolerance: 1e-7,
+            ..Settings::default()
+        };
+        let along = |t: f64, q: &mut [f64], qd: &mut [f64], qdd: &mut [f64]| {
+            reference.at(begin + t, q, qd, qdd);
+        };
+        let log = simulate(model, &phi, &along, &settings).map_err(InstrumentError::Refused)?;
+        if log.ended != Termination::Complete {
+            return Err(InstrumentError::Termination(log.ended));
+        }
+        #[allow(clippy::cast_sign_loss, reason = "a number of periods")]
+        let skip = early as usize;
+        for (k, time) in times.iter().enumerate() {
+            let row = (skip + k) * n;
+            let pick = |all: &[f64]| -> Vec<f64> {
+                let row = all.get(row..row + n).unwrap_or_default();
+                let independent = info.independent.iter();
+                independent.filter_map(|c| row.get(*c).copied()).collect()
+            };
+            let [q, qd, qdd] = [&log.q, &log.qd, &log.qdd].map(|all| pick(all));
+            out.push(*time, [&q, &qd, &qdd], k > 0)?;
+        }
+    }
+    Ok(out)
+}
+
+/// What keeps instrumental variables from being found.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum InstrumentError {
+    /// The logs cannot be read, or the instruments leave parameters undetermined.
+    Data(DataError),
+    /// The measured motion cannot be smoothed.
+    Unsmoothed(SignalError),
+    /// The robot with the present estimate has no controllers.
+    Untuned(TuningError),
+    /// The robot with the present estimate cannot be simulated.
+    Refused(SimulationError),
+    /// A simulated run with the present estimate ended before its time.
+    Termination(Termination),
+    /// The simulated motion does not have the samples of the measured one.
+    Samples(EstimateError),
+    /// An estimate that does not fit the model.
+    Size(SizeError),
+}
+
+impl fmt::Display for InstrumentError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const REFUSED: &str = "the robot cannot be simulated with the present estimate";
+        match self {
+            Self::Data(why) => why.fmt(f),
+            Self::Unsmoothed(why) => write!(f, "the measured motion cannot be smoothed: {why}"),
+            Self::Untuned(why) => write!(f, "{REFUSED}: {why}"),
+            Self::Refused(why) => write!(f, "{REFUSED}: {why}"),
+            Self::Termination(how) => write!(f, "{REFUSED}: {how}"),
+            Self::Samples(why) => why.fmt(f),
+            Self::Size(why) => why.fmt(f),
+        }
+    }
+}
+
+impl core::error::Error for InstrumentError {
+    fn source(&self) -> Option<&(dyn core::error::Error + 'static)> {
+        match self {
+            Self::Data(why) => Some(why),
+            Self::Unsmoothed(why) => Some(why),
+            Self::Untuned(why) => Some(why),
+            Self::Refused(why) => Some(why),
+            Self::Termination(_) => None,
+            Self::Samples(why) => Some(why),
+            Self::Size(why) => Some(why),
+        }
+    }
+}
+
+impl From<DataError> for InstrumentError {
+    fn from(why: DataError) -> Self {
+        Self::Data(why)
+    }
+}
+
+impl From<EstimateError> for InstrumentError {
+    fn from(why: EstimateError) -> Self {
+        Self::Samples(why)
+    }
+}
+
+impl From<SizeError> for InstrumentError {
+    fn from(why: SizeError) -> Self {
+        Self::Size(why)
+    }
+}
