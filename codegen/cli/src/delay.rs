@@ -2,24 +2,24 @@
 //! corrected on request.
 
 use regen_identify::identify::{Delay, Delays};
-use regen_identify::session::settled_delays;
+use regen_identify::session::{Session, settled_delays};
 
 use crate::args::{DelayArg, IdentifyArgs};
 use crate::exit::Failure;
-use crate::{identify, table};
+use crate::table;
 use regen_interpreted::Interpreted;
 
 /// The options with the delays that the logs show in place of `--delay auto`; `None` where
 /// that was not asked for.
 pub(crate) fn corrected(
     args: &IdentifyArgs,
-    model: &Interpreted<'_>,
+    session: &Session<'_, Interpreted<'_>>,
 ) -> Result<Option<IdentifyArgs>, Failure> {
     if !args.reading.delay.contains(&DelayArg::Auto) {
         return Ok(None);
     }
     let mut args = args.clone();
-    let delays = settled_delays(&identify::session(&args, model), &args.logs)?;
+    let delays = settled_delays(session, &args.logs)?;
     let delays = delays.into_iter();
     args.reading.delay = delays.map(|(name, s)| DelayArg::Of(name, s)).collect();
     Ok(Some(args))

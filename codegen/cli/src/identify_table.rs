@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::identify::{Json, Summary};
+use crate::identify_json::{Json, Summary};
 use crate::{delay, observe, predicted, reduce, table};
 use regen_identify::files::ParameterFile;
 use regen_identify::session::LogError;

@@ -13,6 +13,7 @@ mod export;
 mod generate;
 mod identify;
 mod identify_iv;
+mod identify_json;
 mod identify_table;
 #[cfg(test)]
 mod identify_tests;
@@ -36,7 +37,6 @@ mod reduce;
 mod report;
 mod simulate;
 mod sources;
-mod spec_text;
 mod suspect;
 mod table;
 mod terminal;

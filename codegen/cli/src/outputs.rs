@@ -2,12 +2,12 @@
 
 use regen_codegen::Mechanism;
 use regen_codegen::diag::Source;
-use regen_codegen::spec;
+use regen_codegen::spec::{self, edit};
 use regen_identify::IdentifiedModel;
 use regen_identify::feasibility::{ParameterLayout, bodies_yaml};
 
 use crate::exit::Failure;
-use crate::{spec_text, terminal};
+use crate::terminal;
 use regen_interpreted::Interpreted;
 
 /// What a spec that was written may differ by from the values it was written for: sums about the
@@ -39,7 +39,7 @@ pub(crate) fn spec(
         let k = law.symbols().iter().position(|s| *s == symbol)?;
         fit.values.get(k).copied()
     };
-    let (text, mut notes) = spec_text::with_nominal(&source.text, &written, &known);
+    let (text, mut notes) = edit::with_nominal(&source.text, &written, &known);
     for (joint, name) in info.joints.iter().zip(info.coordinates) {
         if !joint.friction.is_linear() && !found.friction.iter().any(|f| f.name == *name) {
             notes.push(format!(
@@ -48,7 +48,7 @@ pub(crate) fn spec(
             ));
         }
     }
-    let text = with_bodies(&text, &bodies_yaml(&layout, phi)?);
+    let text = edit::with_bodies(&text, &bodies_yaml(&layout, phi)?);
     let wrong = |why: String| {
         Failure::Input(format!(
             "{}: the spec could not be filled ({why}): write `bodies:` as a block of its own, with \
@@ -90,60 +90,4 @@ pub(crate) fn spec(
         terminal::note(&format!("note: {note}"));
     }
     Ok(text)
-}
-
-/// A text with its top-level key `bodies` replaced, or added at the end.
-fn with_bodies(text: &str, block: &str) -> String {
-    let mut out = String::with_capacity(text.len() + block.len());
-    let mut inside = false;
-    let mut placed = false;
-    // comments and blank lines before the next key belong to that
-    let mut held = String::new();
-    for line in text.split_inclusive('\n') {
-        let starts = line.starts_with(|c: char| !c.is_whitespace() && c != '#');
-        if line.starts_with("bodies:") {
-            inside = true;
-            placed = true;
-            held.clear();
-            out.push_str(block);
-        } else if inside && !starts {
-            if line.trim().is_empty() || line.starts_with('#') {
-                held.push_str(line);
-            } else {
-                held.clear();
-            }
-        } else {
-            inside = false;
-            out.push_str(&std::mem::take(&mut held));
-            out.push_str(line);
-        }
-    }
-    out.push_str(&held);
-    if !placed {
-        if !out.ends_with('\n') {
-            out.push('\n');
-        }
-        out.push('\n');
-        out.push_str(block);
-    }
-    out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_the_bodies_of_a_text_are_replaced() {
-        let text =
-            "name: x\nbodies:\n  1: {mass: 1,\n      com: [0, 0, 0]}\n\n# about home\nhome: {}\n";
-        assert_eq!(
-            with_bodies(text, "bodies:\n  1: new\n"),
-            "name: x\nbodies:\n  1: new\n\n# about home\nhome: {}\n"
-        );
-        assert_eq!(
-            with_bodies("name: x", "bodies:\n  1: new\n"),
-            "name: x\n\nbodies:\n  1: new\n"
-        );
-    }
 }

@@ -9,23 +9,19 @@ use std::path::{Path, PathBuf};
 
 use indicatif::ProgressBar;
 use regen_codegen::robot::Robot;
-use regen_verify::{Check, NumericPath, Report, Vectors, VerifyError, What};
+use regen_verify::{Check, Report, Vectors, VerifyError, What};
 
 use crate::args::{VerifyArgs, VerifyFormat};
 use crate::exit::Failure;
 use crate::workspace::{self, Workspace};
 use crate::{closed, load, modules, progress, sources, terminal};
 
+use several::Independent;
+
 pub(crate) use one::{CheckJson, check_json, identities};
 
 /// Whether the source that was written is what is on disk.
 const SAME_SOURCE: What = What::identity("source on disk is what was emitted");
-
-/// What is found about one of several robots.
-struct Independent {
-    file: String,
-    report: Report,
-}
 
 /// Runs the command.
 pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
@@ -47,7 +43,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<(), Failure> {
         VerifyFormat::Human => one::human(&report, &numeric, robot.analysis.as_ref()),
         VerifyFormat::Json => one::json(&report, &numeric),
     })?;
-    let failed: Vec<&str> = failed(&report, &numeric).collect();
+    let failed: Vec<&str> = one::failed(&report, &numeric).collect();
     if failed.is_empty() {
         Ok(())
     } else {
@@ -66,13 +62,6 @@ pub(crate) fn checked(robot: &Robot, same: Option<bool>) -> Result<Report, Failu
 /// The failure that names the statements that do not hold.
 pub(crate) fn not_verified(robot: &str, failed: &[&str]) -> Failure {
     Failure::Check(format!("{robot} is not verified: {}", failed.join("; ")))
-}
-
-fn failed<'a>(
-    report: &'a Report,
-    numeric: &'a NumericPath,
-) -> impl Iterator<Item = &'static str> + 'a {
-    report.failed().chain(numeric.report.failed())
 }
 
 /// Whether the workspace's module of a robot of the workspace, or its digest, is what would be

@@ -10,6 +10,7 @@
 //! (`crate::base::MOST_PARAMETERS`).
 
 mod check;
+pub mod edit;
 mod expression;
 mod friction;
 mod joints;

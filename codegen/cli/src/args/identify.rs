@@ -4,9 +4,11 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::{Format, PhysicalArgs};
-use crate::report::ReportOptions;
-use crate::simulate::gains;
+use super::format::Format;
+use super::physical::PhysicalArgs;
+use super::reading::{ReadingArgs, at_least_one};
+use super::report::ReportOptions;
+use super::simulate::gains;
 use regen_experiment::simulate::Gains;
 
 #[derive(Debug, Args)]
@@ -154,108 +156,6 @@ pub(crate) struct ValidateArgs {
     pub(crate) reading: ReadingArgs,
 }
 
-/// How logs are read and differentiated.
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Reading logs")]
-pub(crate) struct ReadingArgs {
-    /// A column whose header does not say what it is: Q=COLUMN, and
-    /// behind it :UNIT and *FACTOR where they are needed
-    #[arg(long, value_name = "ASSIGNMENT")]
-    pub(crate) column: Vec<regen_identify::data::Assignment>,
-    /// Differentiate the finite Fourier series of this frequency in Hz and
-    /// number of harmonics
-    #[arg(long, value_name = "HZ,N", value_parser = pair, group = "method")]
-    pub(crate) fourier: Option<(f64, usize)>,
-    /// Filter efforts and regressor by a zero-phase Butterworth low-pass of this
-    /// order and cutoff in Hz; positions by one three times as wide, then take
-    /// central differences
-    #[arg(long, value_name = "ORDER,HZ", value_parser = flipped, group = "method")]
-    pub(crate) butterworth: Option<(f64, usize)>,
-    /// Fit cubic polynomials within this time in s on either side
-    #[arg(long, value_name = "S", group = "method")]
-    pub(crate) local: Option<f64>,
-    /// Take only each N-th state, after filtering
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = at_least_one)]
-    pub(crate) decimate: usize,
-    /// Average the runs of a trajectory of this period in s
-    #[arg(long, value_name = "S")]
-    pub(crate) period: Option<f64>,
-    /// The standard deviation of a measured coordinate, where more are measured
-    /// than needed: NAME=VALUE
-    #[arg(long, value_name = "NAME=VALUE", value_parser = named)]
-    pub(crate) deviation: Vec<(String, f64)>,
-    /// What is done with rows that cannot be used
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) problems: ProblemsArg,
-    /// What is done with equations of joints at rest, which static friction holds:
-    /// those whose encoders stay within a step or their noise for 0.2 s, or whose
-    /// velocity is not sure to differ from zero
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) standstill: StandstillArg,
-    /// Velocities below this, rad/s or m/s, count as rest too
-    #[arg(long, value_name = "V", default_value_t = 0.0, value_parser = not_negative)]
-    pub(crate) rest_speed: f64,
-    /// By how many seconds an effort is logged after the motion that it belongs to:
-    /// NAME=S. Every `identify` estimates it; `auto` corrects what it finds
-    #[arg(long, value_name = "NAME=S|auto")]
-    pub(crate) delay: Vec<DelayArg>,
-    /// Use the balance of energy over windows of this length in s instead of
-    /// the equations of motion: no accelerations are needed
-    #[arg(long, value_name = "S")]
-    pub(crate) energy: Option<f64>,
-}
-
-/// What is done with rows that cannot be used
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ProblemsArg {
-    /// List them and stop
-    #[default]
-    Fail,
-    /// Go on without them; the log is cut there
-    Drop,
-    /// Go on with them where they are numbers: outliers, saturated efforts,
-    /// encoders that look stuck
-    Keep,
-    /// As keep, and list them
-    Tell,
-}
-
-/// By how much efforts are logged late
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) enum DelayArg {
-    /// By as much as is found.
-    Auto,
-    /// The delay of one joint's effort, by its name, s.
-    Of(String, f64),
-}
-
-impl std::str::FromStr for DelayArg {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if text == "auto" {
-            return Ok(Self::Auto);
-        }
-        let (name, seconds) = named(text)?;
-        if !seconds.is_finite() {
-            return Err(format!("{seconds} is not a finite number of seconds"));
-        }
-        Ok(Self::Of(name, seconds))
-    }
-}
-
-/// What is done with equations of joints at rest
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum StandstillArg {
-    /// Leave them out
-    #[default]
-    Drop,
-    /// Use them as all others
-    Keep,
-    /// Let each count by the part of the filter's memory in which its joint moved
-    Weigh,
-}
-
 /// How efforts are weighted against each other
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum WeightingArg {
@@ -264,36 +164,4 @@ pub(crate) enum WeightingArg {
     PerEffort,
     /// All alike
     Equal,
-}
-
-fn pair(text: &str) -> Result<(f64, usize), String> {
-    let (a, b) = text.split_once(',').ok_or("two numbers with a comma")?;
-    let number = a.trim().parse().map_err(|e| format!("{a}: {e}"))?;
-    let count = b.trim().parse().map_err(|e| format!("{b}: {e}"))?;
-    Ok((number, count))
-}
-
-fn flipped(text: &str) -> Result<(f64, usize), String> {
-    let (a, b) = text.split_once(',').ok_or("two numbers with a comma")?;
-    pair(&format!("{b},{a}"))
-}
-
-fn at_least_one(text: &str) -> Result<usize, String> {
-    match text.trim().parse::<usize>() {
-        Ok(value) if value > 0 => Ok(value),
-        _ => Err(format!("`{text}` is not a whole number of at least 1")),
-    }
-}
-
-fn not_negative(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err(format!("`{text}` is not a finite number of at least 0")),
-    }
-}
-
-fn named(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = text.split_once('=').ok_or("NAME=VALUE is needed")?;
-    let value = value.trim().parse().map_err(|e| format!("{value}: {e}"))?;
-    Ok((name.trim().to_owned(), value))
 }

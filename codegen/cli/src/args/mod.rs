@@ -1,7 +1,13 @@
 //! The command line as a user sees it.
 
+mod excite;
+mod format;
 mod identify;
 mod physical;
+mod reading;
+mod report;
+mod simulate;
+mod view;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -9,18 +15,16 @@ use std::path::PathBuf;
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use regen_codegen::spec::nearest;
 
-pub(crate) use identify::{
-    DelayArg, IdentifyArgs, ObserveArgs, ProblemsArg, ReadingArgs, StandstillArg, ValidateArgs,
-    WeightingArg,
-};
+pub(crate) use excite::{CriterionArg, ExciteArgs};
+pub(crate) use format::Format;
+pub(crate) use identify::{IdentifyArgs, ObserveArgs, ValidateArgs, WeightingArg};
 pub(crate) use physical::{PhysicalArgs, PriorArg};
+pub(crate) use reading::{DelayArg, ProblemsArg, ReadingArgs, StandstillArg};
+pub(crate) use report::ReportArgs;
+pub(crate) use simulate::SimulateArgs;
+pub(crate) use view::ViewArgs;
 
 use crate::exit::Failure;
-
-pub(crate) use crate::excite::ExciteArgs;
-pub(crate) use crate::report::ReportArgs;
-pub(crate) use crate::simulate::SimulateArgs;
-pub(crate) use crate::view::ViewArgs;
 
 const EXIT_CODES: &str = "\
 Exit codes:
@@ -180,16 +184,6 @@ pub(crate) enum Command {
         /// The shell to complete for
         shell: clap_complete::Shell,
     },
-}
-
-/// How results are printed
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Format {
-    /// Tables of at most 80 columns
-    #[default]
-    Human,
-    /// JSON, numbers in the shortest form that reads back to the same double
-    Json,
 }
 
 /// What the new spec describes, to begin with

@@ -1,21 +1,18 @@
 //! `regen simulate`: what a log of the real robot would hold.
 
-mod args;
-mod log;
 mod parameters;
 
 use std::path::{Path, PathBuf};
 
-pub(crate) use args::{SimulateArgs, gains};
-
 use regen_experiment::simulate::{
-    Drive, Log, Noise, Reference, Sensors, Settings, SimulationError, Termination, TuningError,
-    control, perturbed, simulate_watched,
+    Drive, Log, Noise, Sensors, Settings, SimulationError, Termination, TuningError, control,
+    perturbed, simulate_watched,
 };
 use regen_experiment::trajectory::FourierReference;
+use regen_runtime::Info;
 use serde::Serialize;
 
-use crate::args::Format;
+use crate::args::{Format, SimulateArgs};
 use crate::exit::Failure;
 use crate::{load, path, progress, table, terminal, write};
 use regen_interpreted::Interpreted;
@@ -146,9 +143,9 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), Failure> {
         let file = numbered(&args.out, number, args.runs);
         runs.push(Run {
             file: file.display().to_string(),
-            ..summary(&model, &found, &motion)
+            ..summary(&info, &found, &motion)
         });
-        texts.push((file, log::csv(args, &info, &found, &settings)));
+        texts.push((file, found.csv(&info, &settings, args.settle, args.exact)));
     }
     bar.finish_and_clear();
     for (file, text) in &texts {
@@ -223,17 +220,7 @@ pub(crate) fn reason(ended: Termination) -> Option<String> {
     Some(format!("{ended}{remedy}"))
 }
 
-fn summary(model: &Interpreted<'_>, log: &Log, motion: &FourierReference) -> Run {
-    let info = model.info();
-    let (n, dof) = (info.coordinates.len(), info.dof());
-    let mut tracking: f64 = 0.0;
-    let (mut q, mut qd, mut qdd) = (vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]);
-    for (t, row) in log.t.iter().zip(log.q.chunks_exact(n.max(1))) {
-        motion.at(*t, &mut q, &mut qd, &mut qdd);
-        for (c, wanted) in info.independent.iter().zip(&q) {
-            tracking = tracking.max((row[*c] - wanted).abs());
-        }
-    }
+fn summary(info: &Info<'_>, log: &Log, motion: &FourierReference) -> Run {
     let last = log.energy.last().copied().unwrap_or_default();
     Run {
         file: String::new(),
@@ -244,7 +231,7 @@ fn summary(model: &Interpreted<'_>, log: &Log, motion: &FourierReference) -> Run
         work: last.work,
         loss: last.loss,
         kinetic: log.energy.iter().fold(0.0, |m, e| m.max(e.kinetic)),
-        tracking,
+        tracking: log.tracking(info, motion),
     }
 }
 

@@ -6,7 +6,7 @@ use regen_experiment::simulate::{Noise, fitted_friction, perturb_friction};
 use regen_identify::friction::JointFit;
 use regen_runtime::{Info, JointFriction, Parameter};
 
-use super::args::SimulateArgs;
+use crate::args::SimulateArgs;
 use crate::exit::Failure;
 use crate::{load, parameters};
 use regen_interpreted::{BaseTerms, Interpreted};

@@ -183,9 +183,17 @@ impl From<Rank> for RankJson {
     }
 }
 
+/// The statements that do not hold.
+pub(super) fn failed<'a>(
+    report: &'a Report,
+    numeric: &'a NumericPath,
+) -> impl Iterator<Item = &'static str> + 'a {
+    report.failed().chain(numeric.report.failed())
+}
+
 /// The result of `regen verify` of one robot as an object.
 pub(super) fn json(report: &Report, numeric: &NumericPath) -> String {
-    let failed: Vec<&str> = super::failed(report, numeric).collect();
+    let failed: Vec<&str> = failed(report, numeric).collect();
     table::json(&OneJson {
         robot: &report.robot,
         ok: failed.is_empty(),

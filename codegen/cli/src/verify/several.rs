@@ -10,7 +10,11 @@ use serde::Serialize;
 
 use crate::table;
 
-use super::Independent;
+/// What is found about one of several robots.
+pub(super) struct Independent {
+    pub(super) file: String,
+    pub(super) report: Report,
+}
 
 /// A number rounded up to one digit.
 fn up(value: f64) -> f64 {

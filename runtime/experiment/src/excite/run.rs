@@ -1,6 +1,7 @@
 //! The whole search: several starts side by side, and the best of what keeps the limits.
 
 use core::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use super::check::{self, DENSE, Worst};
@@ -10,8 +11,9 @@ use super::limits::limits;
 use super::search::{Search, Stage};
 use super::space::{Row, Space};
 use super::{ExciteError, Limit, Settings};
+use crate::trajectory::Trajectory;
 use regen_identify::signals::Fourier;
-use regen_runtime::{BaseModel, LoopClosure, SizeError};
+use regen_runtime::{BaseModel, Info, LoopClosure, SizeError};
 
 /// How close a trajectory comes to a limit.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +37,22 @@ pub struct Excitation {
     pub margins: Vec<Margin>,
     /// The start that led to it.
     pub start: usize,
+}
+
+impl Excitation {
+    /// The trajectory as its file has it, with the figures of its observation matrix.
+    ///
+    /// - `info`: of the model that it was sought for.
+    pub fn trajectory(&self, info: &Info<'_>) -> Trajectory {
+        let figures = self.figures;
+        let figures = BTreeMap::from([
+            ("scaled_condition".to_owned(), figures.scaled_condition),
+            ("condition".to_owned(), figures.condition),
+            ("log_det".to_owned(), figures.determinant),
+            ("smallest_singular".to_owned(), figures.smallest_singular),
+        ]);
+        Trajectory::new(info, &self.series, figures)
+    }
 }
 
 /// What became of a search.

@@ -11,6 +11,7 @@
 
 mod audit;
 mod control;
+mod csv;
 mod forward;
 mod friction;
 mod integrate;

@@ -1,8 +1,5 @@
 //! `regen excite`: exciting trajectories.
 
-mod args;
-
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::atomic::Ordering;
 
@@ -14,10 +11,7 @@ use regen_experiment::trajectory::Trajectory;
 use regen_runtime::Info;
 use serde::Serialize;
 
-use args::CriterionArg;
-pub(crate) use args::ExciteArgs;
-
-use crate::args::Format;
+use crate::args::{CriterionArg, ExciteArgs, Format};
 use crate::exit::Failure;
 use crate::{interrupt, load, observe, progress, table, terminal, write};
 use regen_interpreted::{BaseTerms, Interpreted};
@@ -100,7 +94,7 @@ pub(crate) fn run(args: &ExciteArgs) -> Result<(), Failure> {
     if interrupted {
         terminal::note("stopped: this is the best so far");
     }
-    let trajectory = Trajectory::new(&info, &found.series, figures(&found));
+    let trajectory = found.trajectory(&info);
     if let Some(out) = &args.out {
         write::atomically(out, &trajectory.text())?;
     }
@@ -179,16 +173,6 @@ fn settings(args: &ExciteArgs, info: &Info<'_>) -> Result<Settings, Failure> {
         *slot = given.angle;
     }
     Ok(settings)
-}
-
-fn figures(found: &Excitation) -> BTreeMap<String, f64> {
-    let figures = found.figures;
-    BTreeMap::from([
-        ("scaled_condition".to_owned(), figures.scaled_condition),
-        ("condition".to_owned(), figures.condition),
-        ("log_det".to_owned(), figures.determinant),
-        ("smallest_singular".to_owned(), figures.smallest_singular),
-    ])
 }
 
 fn human(trajectory: &Trajectory, found: &Excitation) -> String {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use regen_experiment::simulate::Gains;
 
-use crate::args::Format;
+use super::format::Format;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -93,7 +93,7 @@ pub(crate) struct SimulateArgs {
 }
 
 /// Gains as options state them.
-pub(crate) fn gains(text: &str) -> Result<Gains, String> {
+pub(super) fn gains(text: &str) -> Result<Gains, String> {
     let (name, rest) = match text.rsplit_once('=') {
         Some((name, rest)) => (Some(name.trim().to_owned()), rest),
         None => (None, text),

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
 
-use crate::args::Format;
+use super::format::Format;
 
 #[derive(Debug, Args)]
 #[command(after_help = "\

@@ -1,7 +1,7 @@
-//! Numbers of a spec's text replaced, and every other byte of it kept.
+//! Values of a spec's text replaced, and every other byte of it left as it is.
 
-use regen_codegen::diag::Span;
-use regen_codegen::spec::{Joint, Spec};
+use super::{Joint, Spec};
+use crate::diag::Span;
 
 /// A change of a text: what stands at these bytes, and what shall stand there.
 struct Change {
@@ -16,7 +16,25 @@ struct Change {
 ///
 /// The values of one joint stand for all its coordinates: where these differ they are not
 /// written.
-pub(crate) fn with_nominal(
+///
+/// ```
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::spec::{edit::with_nominal, parse};
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true, friction: viscous}
+/// ";
+/// let spec = parse(&Source::new("arm.yaml", text))?;
+/// let (text, notes) = with_nominal(text, &spec, &|_, symbol| (symbol == "Fv").then_some(0.5));
+/// assert!(text.contains("{name: q1, type: revolute, nominal: {Fv: 0.5}, body: link,"));
+/// assert!(notes.is_empty());
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
+pub fn with_nominal(
     text: &str,
     spec: &Spec,
     value: &dyn Fn(&str, &str) -> Option<f64>,
@@ -157,13 +175,58 @@ fn changed(text: &str, mut changes: Vec<Change>) -> String {
     out
 }
 
+/// A spec's text with its top-level key `bodies` replaced by this block, or with the block added at
+/// the end.
+///
+/// ```
+/// use regen_codegen::spec::edit::with_bodies;
+///
+/// let text = "name: x\nbodies:\n  1: {mass: 1}\nhome: {}\n";
+/// let block = "bodies:\n  1: {mass: 2}\n";
+/// assert_eq!(with_bodies(text, block), "name: x\nbodies:\n  1: {mass: 2}\nhome: {}\n");
+/// ```
+pub fn with_bodies(text: &str, block: &str) -> String {
+    let mut out = String::with_capacity(text.len() + block.len());
+    let mut inside = false;
+    let mut placed = false;
+    // comments and blank lines before the next key belong to that
+    let mut held = String::new();
+    for line in text.split_inclusive('\n') {
+        let starts = line.starts_with(|c: char| !c.is_whitespace() && c != '#');
+        if line.starts_with("bodies:") {
+            inside = true;
+            placed = true;
+            held.clear();
+            out.push_str(block);
+        } else if inside && !starts {
+            if line.trim().is_empty() || line.starts_with('#') {
+                held.push_str(line);
+            } else {
+                held.clear();
+            }
+        } else {
+            inside = false;
+            out.push_str(&std::mem::take(&mut held));
+            out.push_str(line);
+        }
+    }
+    out.push_str(&held);
+    if !placed {
+        if !out.ends_with('\n') {
+            out.push('\n');
+        }
+        out.push('\n');
+        out.push_str(block);
+    }
+    out
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use regen_codegen::diag::Source;
-    use regen_codegen::spec;
-
     use super::*;
+    use crate::diag::Source;
+    use crate::spec;
 
     /// A robot with joints in both styles.
     const TEXT: &str = "\
@@ -242,5 +305,19 @@ limbs:
                 assert_eq!(Some(own), value(&joint.coordinates()[0], symbol));
             }
         }
+    }
+
+    #[test]
+    fn only_the_bodies_of_a_text_are_replaced() {
+        let text =
+            "name: x\nbodies:\n  1: {mass: 1,\n      com: [0, 0, 0]}\n\n# about home\nhome: {}\n";
+        assert_eq!(
+            with_bodies(text, "bodies:\n  1: new\n"),
+            "name: x\nbodies:\n  1: new\n\n# about home\nhome: {}\n"
+        );
+        assert_eq!(
+            with_bodies("name: x", "bodies:\n  1: new\n"),
+            "name: x\n\nbodies:\n  1: new\n"
+        );
     }
 }

@@ -1,0 +1,51 @@
+//! The options of reports.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::reading::ReadingArgs;
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The page has the model and its base parameters, the motion beside its limits,
+forces measured and predicted, the parameters with their deviations, friction,
+the singular values of the regressor with the certificate of the base, and the
+errors on every log. It needs nothing else and no network, and prints.
+
+Examples:
+  regen report robots/3rps.yaml p.json run1.csv --fourier 0.1333,11 \\
+      --against run2.csv --out report.html --figures figures")]
+pub(crate) struct ReportArgs {
+    /// The robot's spec
+    pub(crate) file: PathBuf,
+    /// What `regen identify --out` wrote
+    pub(crate) params: PathBuf,
+    /// The logs that it was identified from; forces are shown for the first
+    #[arg(required = true, value_name = "LOG")]
+    pub(crate) logs: Vec<PathBuf>,
+    /// Where the page is written
+    #[arg(long, value_name = "HTML")]
+    pub(crate) out: PathBuf,
+    /// Logs that were not used for identification
+    #[arg(long, value_name = "LOG", num_args = 1..)]
+    pub(crate) against: Vec<PathBuf>,
+    /// Write each figure as an SVG file into this folder
+    #[arg(long, value_name = "DIR")]
+    pub(crate) figures: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) reading: ReadingArgs,
+}
+
+/// The options of `regen identify` that ask for a report.
+#[derive(Clone, Debug, Args)]
+#[command(next_help_heading = "Report")]
+pub(crate) struct ReportOptions {
+    /// Write a page with tables and figures of the result, and of the logs of
+    /// --against; see `regen report`
+    #[arg(long, value_name = "HTML", conflicts_with = "from")]
+    pub(crate) report: Option<PathBuf>,
+    /// Write each figure of the page as an SVG file into this folder
+    #[arg(long, value_name = "DIR", requires = "report")]
+    pub(crate) figures: Option<PathBuf>,
+}

@@ -1,0 +1,117 @@
+//! What `regen identify` found, as it is printed in JSON.
+
+use regen_identify::estimate::EffortError;
+use regen_identify::files::{FrictionRow, ParameterFile};
+use regen_identify::identify::{Delays, LeftOut};
+use regen_identify::session::{CrossValidation, LogError, Start};
+use serde::Serialize;
+
+use crate::identify_iv::InstrumentsJson;
+use crate::observe::FileJson;
+use crate::reduce::StepJson;
+use crate::suspect::Suspicion;
+
+/// The JSON of `regen identify`: the file of the adopted model, and what is known besides.
+#[derive(Serialize)]
+pub(crate) struct Json {
+    #[serde(flatten)]
+    pub(crate) file: ParameterFile,
+    #[serde(flatten)]
+    pub(crate) summary: Summary,
+}
+
+/// What is known of a fit beside its parameters.
+#[derive(Serialize)]
+pub(crate) struct Summary {
+    pub(crate) kind: String,
+    pub(crate) equations: usize,
+    pub(crate) degrees_of_freedom: usize,
+    pub(crate) condition: f64,
+    pub(crate) scaled_condition: f64,
+    pub(crate) efforts: Vec<EffortJson>,
+    /// eps_RA of the adopted model in percent; known where logs are.
+    pub(crate) relative_absolute: Option<f64>,
+    /// Samples in which residuals count as correlated; known where logs are.
+    pub(crate) bandwidth: Option<usize>,
+    pub(crate) singular: usize,
+    /// Samples and equations that were left out, where logs are known.
+    pub(crate) left_out: Option<LeftOut>,
+    /// By how much efforts are logged behind the motion, where logs are known.
+    pub(crate) delays: Delays,
+    /// The delays that efforts were read with, s.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) corrected_delays: Vec<(String, f64)>,
+    pub(crate) cross: Vec<CrossValidation>,
+    /// The steps of `--reduce`.
+    pub(crate) reduction: Vec<StepJson>,
+    /// The models that were found, on each log; those after the first are only there where they
+    /// were asked for.
+    pub(crate) models: Vec<ModelJson>,
+    pub(crate) files: Vec<FileJson>,
+    /// What `--iv` says of its instruments, and of the bias of least squares.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) instruments: Option<InstrumentsJson>,
+    /// What looks wrong with the columns of the logs.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) suspicions: Vec<Suspicion>,
+}
+
+/// An effort's noise by least squares and, where logs are known, what the adopted model leaves of
+/// it.
+#[derive(Serialize)]
+pub(crate) struct EffortJson {
+    pub(crate) name: String,
+    pub(crate) equations: usize,
+    pub(crate) sigma: f64,
+    pub(crate) weight: f64,
+    pub(crate) error: Option<EffortError>,
+}
+
+/// A model on the logs.
+#[derive(Serialize)]
+pub(crate) struct ModelJson {
+    pub(crate) name: String,
+    pub(crate) feasibility: String,
+    /// By what part of itself the objective can be above the optimum at most.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) gap: Option<f64>,
+    pub(crate) base: Vec<f64>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(crate) friction: Vec<FrictionRow>,
+    pub(crate) logs: Vec<LogError>,
+}
+
+impl Summary {
+    /// What a start says.
+    pub(crate) fn of(start: &Start) -> Self {
+        let estimate = &start.estimate;
+        let efforts = estimate.efforts.iter().enumerate();
+        let efforts = efforts.map(|(k, e)| EffortJson {
+            name: e.name.clone(),
+            equations: e.rows,
+            sigma: e.sigma,
+            weight: e.weight,
+            error: start.errors.get(k).cloned(),
+        });
+        Self {
+            kind: start.kind.clone(),
+            equations: estimate.efforts.iter().map(|e| e.rows).sum(),
+            degrees_of_freedom: estimate.degrees_of_freedom,
+            condition: estimate.condition,
+            scaled_condition: estimate.scaled_condition,
+            efforts: efforts.collect(),
+            relative_absolute: start.relative_absolute,
+            bandwidth: start.bandwidth,
+            singular: start.left_out.as_ref().map_or(0, |left| left.singular),
+            left_out: start.left_out.clone(),
+            delays: start.delays.clone(),
+            corrected_delays: Vec::new(),
+            cross: Vec::new(),
+            reduction: Vec::new(),
+            models: Vec::new(),
+            files: start.reports.iter().map(FileJson::new).collect(),
+            instruments: None,
+            suspicions: Vec::new(),
+        }
+    }
+}
