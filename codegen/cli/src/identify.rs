@@ -278,16 +278,10 @@ fn logs(
     Ok((start, summary))
 }
 
-/// An effort is unexplained where the residuals have this part of its size, in percent.
-const UNEXPLAINED: f64 = 50.0;
-
 /// Says of which efforts the model explains hardly anything: their columns may be of another joint,
 /// in another unit or dead, whatever the deviations of the parameters say.
 fn note_unexplained(errors: &[EffortError]) {
-    let poor = errors.iter().filter(|e| {
-        // an effort of nothing but zeros has no relative error
-        e.relative_rms.is_nan() || e.relative_rms > UNEXPLAINED
-    });
+    let poor = errors.iter().filter(|e| !e.is_explained());
     let names: Vec<String> = poor
         .map(|e| match e.relative_rms {
             part if part.is_finite() => format!("{} ({part:.0} % are left)", e.name),

@@ -27,12 +27,17 @@ pub(crate) struct InstrumentsJson {
     relative_absolute: f64,
     /// The equations that both are compared in.
     equations: usize,
+    /// The place of the weakest instrument, and whether it is weak.
+    #[serde(skip)]
+    weakest: Option<(usize, bool)>,
     /// The correlation of each instrument with its column.
     relevance: Vec<Figure>,
     /// The probability of differences from least squares at least as large by chance.
     probability: f64,
     /// Whether this is of all differences together.
     joint: bool,
+    #[serde(skip)]
+    biased: bool,
     /// Least squares less instrumental variables, over the deviation of this difference.
     differences: Vec<Figure>,
 }
@@ -43,11 +48,6 @@ struct Figure {
     value: f64,
 }
 
-/// Below this probability least squares is called biased.
-const BIASED: f64 = 0.01;
-/// An F statistic of an instrument and its column below which it is called weak (Staiger and
-/// Stock, 1997).
-const WEAK: f64 = 10.0;
 /// The model by instrumental variables, and what is said of it.
 pub(crate) fn run(
     args: &IdentifyArgs,
@@ -105,9 +105,11 @@ impl InstrumentsJson {
             settled: found.settled,
             relative_absolute: found.at_instruments,
             equations: found.estimate.efforts.iter().map(|e| e.rows).sum(),
+            weakest: found.weakest().map(|k| (k, found.is_weak(k))),
             relevance: figures(&found.relevance),
             probability: found.test.probability,
             joint: found.test.joint,
+            biased: found.test.is_biased(),
             differences: figures(&found.test.ratios),
         }
     }
@@ -124,11 +126,9 @@ impl InstrumentsJson {
             "rounds",
             &format!("{}{settled}", self.rounds),
         ));
-        let least = |a: &&Figure, b: &&Figure| a.value.abs().total_cmp(&b.value.abs());
-        if let Some(weakest) = self.relevance.iter().min_by(least) {
-            let square = weakest.value * weakest.value;
-            let strength = square / (1.0 - square) * self.equations as f64;
-            let weak = if strength < WEAK { ": weak" } else { "" };
+        let weakest = self.weakest.map(|(k, weak)| (self.relevance.get(k), weak));
+        if let Some((Some(weakest), weak)) = weakest {
+            let weak = if weak { ": weak" } else { "" };
             let text = format!(
                 "{} or more, of {}{weak}",
                 table::figure_of(3, weakest.value),
@@ -136,7 +136,8 @@ impl InstrumentsJson {
             );
             out.push_str(&table::field("correlation", &text));
         }
-        let verdict = if self.probability < BIASED {
+        let verdict = if self.biased {
+            let least = |a: &&Figure, b: &&Figure| a.value.abs().total_cmp(&b.value.abs());
             let most = self.differences.iter().max_by(least);
             let most = most.map_or_else(String::new, |f| {
                 format!(

@@ -8,9 +8,6 @@ use regen_identify::files::ParameterFile;
 use regen_identify::session::LogError;
 use regen_identify::status::{self, Status};
 
-/// A probability of white residuals below which they are called correlated.
-const WHITE: f64 = 0.01;
-
 /// Deviations above this many percent of a value say no more than that.
 const MOST: f64 = 1000.0;
 
@@ -104,10 +101,10 @@ fn efforts(json: &Summary) -> String {
             if let Some(error) = &e.error {
                 line.push(format!("{:.3}", error.relative_absolute));
                 line.push(table::figure(error.largest));
-                line.push(match error.white {
-                    p if p.is_nan() => "unknown".to_owned(),
-                    p if p < WHITE => "correlated".to_owned(),
-                    _ => "white".to_owned(),
+                line.push(match error.is_correlated() {
+                    None => "unknown".to_owned(),
+                    Some(true) => "correlated".to_owned(),
+                    Some(false) => "white".to_owned(),
                 });
             }
             line

@@ -46,6 +46,7 @@ mod number;
 mod pose;
 mod tree;
 mod urdf;
+mod values;
 mod write;
 mod xml;
 

@@ -31,6 +31,24 @@ pub struct EffortError {
     pub white: f64,
 }
 
+/// A probability of white residuals below which they are called correlated.
+const WHITE: f64 = 0.01;
+/// An effort is unexplained where the residuals have more than this part of its size, in percent.
+const UNEXPLAINED: f64 = 50.0;
+
+impl EffortError {
+    /// Whether the residuals are correlated in time; `None` where too few of them are known.
+    pub fn is_correlated(&self) -> Option<bool> {
+        (!self.white.is_nan()).then_some(self.white < WHITE)
+    }
+
+    /// Whether the model explains the effort: the residuals have at most half of its size. An
+    /// effort of nothing but zeros has no relative error, and is not explained.
+    pub fn is_explained(&self) -> bool {
+        self.relative_rms <= UNEXPLAINED
+    }
+}
+
 /// Sums over the residuals of one effort, in order of time.
 #[derive(Clone, Debug)]
 struct Sums {

@@ -69,6 +69,17 @@ pub struct Hausman {
     pub joint: bool,
 }
 
+/// Below this probability least squares is called biased.
+const BIASED: f64 = 0.01;
+
+impl Hausman {
+    /// Whether least squares is biased: differences as large come by chance in less than one of a
+    /// hundred logs.
+    pub fn is_biased(&self) -> bool {
+        self.probability < BIASED
+    }
+}
+
 /// An estimate by instrumental variables.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Instrumental {
@@ -98,6 +109,27 @@ pub struct Instrumental {
     pub left_out: LeftOut,
 }
 
+impl Instrumental {
+    /// The parameter whose instrument has the least correlation with its column, the first one
+    /// where several have; `None` where there are no parameters.
+    pub fn weakest(&self) -> Option<usize> {
+        let all = self.relevance.iter().enumerate();
+        let least = all.min_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+        least.map(|(parameter, _)| parameter)
+    }
+
+    /// Whether the instrument of a parameter is weak: the F statistic of the instrument and its
+    /// column is below 10 (Staiger and Stock, 1997).
+    pub fn is_weak(&self, parameter: usize) -> bool {
+        let equations: usize = self.estimate.efforts.iter().map(|e| e.rows).sum();
+        let square = self.relevance.get(parameter).map_or(0.0, |r| r * r);
+        square / (1.0 - square) * (equations as f64) < WEAK
+    }
+}
+
+/// An F statistic of an instrument and its column below which it is called weak (Staiger and
+/// Stock, 1997).
+const WEAK: f64 = 10.0;
 /// A round that changes the estimate by less than this part of its deviations is the last one.
 const SETTLED: f64 = 1e-3;
 
