@@ -18,7 +18,7 @@ use crate::simulate::{
 };
 use crate::trajectory::FourierReference;
 
-/// The bandwidth of simulated controllers without gains, Hz: that of `regen simulate`.
+/// The bandwidth of simulated controllers without gains, Hz.
 const BANDWIDTH: f64 = 3.0;
 
 /// What instrumental variables found.

@@ -13,7 +13,7 @@ pub(super) fn mark(exactness: Exactness) -> &'static str {
     }
 }
 
-/// Why a base is not known to be complete.
+/// Why a base is not known to be complete; `None` where it is.
 pub fn doubt(analysis: &Analysis) -> Option<String> {
     if analysis.complete {
         return None;

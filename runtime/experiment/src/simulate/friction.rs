@@ -97,6 +97,16 @@ pub fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<JointFriction> {
 ///
 /// # Errors
 /// The first coordinate whose law has a symbol without any value.
+///
+/// ```
+/// use regen_experiment::simulate::fitted_friction;
+/// use regen_runtime::{Friction, Info, Joint};
+///
+/// let joint = Joint { friction: Friction::Viscous, ..Joint::default() };
+/// let info = Info { coordinates: &["q1"], joints: &[joint], ..Info::EMPTY };
+/// let error = fitted_friction(&info, &[], &[]).unwrap_err();
+/// assert_eq!((error.coordinate.as_str(), error.symbol), ("q1", "Fv"));
+/// ```
 pub fn fitted_friction(
     info: &Info<'_>,
     phi: &[f64],

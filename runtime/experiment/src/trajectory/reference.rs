@@ -12,6 +12,17 @@ use crate::simulate::Reference;
 const GENTLE: f64 = 0.1;
 
 /// A finite Fourier series of the independent coordinates and its name.
+///
+/// ```
+/// use regen_experiment::trajectory::FourierReference;
+/// use regen_identify::signals::Fourier;
+///
+/// let series = Fourier::of_positions(0.5, &[(1.0, vec![0.25], vec![2.0])])?;
+/// let reference = FourierReference::new("swing".to_owned(), series, 1);
+/// assert_eq!((reference.name(), reference.period()), ("swing", 2.0));
+/// assert_eq!(reference.position(0.0), [1.25]);
+/// # Ok::<(), regen_identify::signals::SignalError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct FourierReference {
     name: String,

@@ -44,6 +44,23 @@ impl EffortError {
 
     /// Whether the model explains the effort: the residuals have at most half of its size. An
     /// effort of nothing but zeros has no relative error, and is not explained.
+    ///
+    /// ```
+    /// use regen_identify::estimate::EffortError;
+    ///
+    /// let error = EffortError {
+    ///     name: "q1".to_owned(),
+    ///     samples: 100,
+    ///     relative_absolute: 60.0,
+    ///     rms: 2.0,
+    ///     relative_rms: 55.0,
+    ///     largest: 7.0,
+    ///     autocorrelation: vec![0.5],
+    ///     white: 1e-6,
+    /// };
+    /// assert!(!error.is_explained());
+    /// assert_eq!(error.is_correlated(), Some(true));
+    /// ```
     pub fn is_explained(&self) -> bool {
         self.relative_rms <= UNEXPLAINED
     }

@@ -41,6 +41,16 @@ impl Mistake {
     }
 
     /// An error of the JSON parser in a part of the text, with its place in the whole.
+    ///
+    /// ```
+    /// use regen_identify::files::Mistake;
+    ///
+    /// let text = "[\n  3,\n  x]";
+    /// let error = serde_json::from_str::<Vec<f64>>(text).unwrap_err();
+    /// let mistake = Mistake::unparsed(text, text, &error, "list");
+    /// assert_eq!((mistake.at, &*mistake.path), (9, "list"));
+    /// assert_eq!(mistake.message, "not JSON: expected value");
+    /// ```
     pub fn unparsed(text: &str, part: &str, error: &serde_json::Error, path: &str) -> Self {
         let line_start: usize = part
             .split_inclusive('\n')
