@@ -34,7 +34,7 @@ const MOST_HARMONICS: usize = 200;
 /// let again = Trajectory::parse(&trajectory.text(), &info)?;
 /// assert_eq!(again, trajectory);
 /// assert_eq!(again.series()?.at(0, 0.0)[0], 1.25);
-/// let wrong = Trajectory::parse(&trajectory.text().replace("arm", "leg"), &info).unwrap_err();
+/// let wrong = Trajectory::parse(&trajectory.text().replace("\"arm\"", "\"leg\""), &info).unwrap_err();
 /// assert_eq!(wrong.0[0].path, "robot");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -25,10 +25,11 @@ impl Log {
     /// let start = |_: f64, q: &mut [f64], _: &mut [f64], _: &mut [f64]| q[0] = 0.4;
     /// let settings = Settings { duration: 0.5, ..Settings::default() };
     /// let log = simulate(&pendulum, &[0.02, 0.1], &start, &settings)?;
-    /// let text = log.csv(&pendulum.info(), &settings, 0.0, true);
+    /// let info = Model::<f64>::info(&pendulum);
+    /// let text = log.csv(&info, &settings, 0.0, true);
     /// assert_eq!(text.lines().next(), Some("t,q1,qd_q1,qdd_q1,tau_q1"));
     /// assert_eq!(text.lines().count(), 1 + log.t.len());
-    /// assert!(log.tracking(&pendulum.info(), &start) < 0.9);
+    /// assert!(log.tracking(&info, &start) < 0.9);
     /// # Ok::<(), regen_experiment::simulate::SimulationError>(())
     /// ```
     pub fn csv(&self, info: &Info<'_>, settings: &Settings, settle: f64, exact: bool) -> String {

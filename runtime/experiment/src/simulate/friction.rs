@@ -57,7 +57,7 @@ pub fn nominal_friction(info: &Info<'_>) -> Result<Vec<JointFriction>, MissingNo
 /// use regen_experiment::simulate::linear_friction;
 /// use regen_runtime::{Friction, Info, Joint};
 ///
-/// let joint = Joint { friction: Friction::Viscous, ..Joint::default() };
+/// let joint = Joint { friction: Friction::Viscous, ..Joint::TURN };
 /// let info = Info {
 ///     coordinates: &["q1"],
 ///     parameters: &["m(1)", "Fv(q1)"],
@@ -102,7 +102,7 @@ pub fn linear_friction(info: &Info<'_>, phi: &[f64]) -> Vec<JointFriction> {
 /// use regen_experiment::simulate::fitted_friction;
 /// use regen_runtime::{Friction, Info, Joint};
 ///
-/// let joint = Joint { friction: Friction::Viscous, ..Joint::default() };
+/// let joint = Joint { friction: Friction::Viscous, ..Joint::TURN };
 /// let info = Info { coordinates: &["q1"], joints: &[joint], ..Info::EMPTY };
 /// let error = fitted_friction(&info, &[], &[]).unwrap_err();
 /// assert_eq!((error.coordinate.as_str(), error.symbol), ("q1", "Fv"));
