@@ -7,7 +7,7 @@ use regen_codegen::{Mechanism, diag, spec};
 use regen_experiment::simulate::{Pid, Settings, Termination, nominal_friction, simulate};
 use regen_generated::fivebar;
 use regen_identify::estimate::EstimateError;
-use regen_identify::feasibility::{Combinations, FeasibilityError, Layout, Options};
+use regen_identify::feasibility::{BaseMap, FeasibilityError, Options, ParameterLayout};
 use regen_identify::friction::{FrictionJoint, collect, fit};
 use regen_identify::identify::{Filtering, Recorded, Row, Source};
 use regen_interpreted::Interpreted;
@@ -165,8 +165,8 @@ fn lugre_friction_is_identified_from_a_simulation() {
         .collect();
     let (data, _) = collect(&model, &mut Log(rows), &joints).unwrap();
     let base = BaseModel::<f64>::base_info(&model);
-    let combinations = Combinations::from_base(&base, info.parameters.len()).unwrap();
-    let layout = Layout::of(info.parameters).unwrap();
+    let combinations = BaseMap::from_base(&base, info.parameters.len()).unwrap();
+    let layout = ParameterLayout::of(info.parameters).unwrap();
     let found = fit(&data, &combinations, &layout, &Options::default()).unwrap();
     for (joint, values) in found.joints.iter().zip(laws) {
         for (a, b) in joint.values.iter().zip(values) {

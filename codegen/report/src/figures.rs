@@ -41,7 +41,10 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
     ];
     let mut figures = Vec::new();
     for (what, values, limit, units) in kinds {
-        for (unit, kind) in units.into_iter().zip([Motion::Turn, Motion::Shift]) {
+        for (unit, kind) in units
+            .into_iter()
+            .zip([Motion::Rotation, Motion::Translation])
+        {
             let joint = |c: &usize| info.joints.get(*c);
             let own: Vec<usize> = info
                 .independent
@@ -80,7 +83,7 @@ pub(super) fn motion(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
                     look: Look::Dashed,
                 });
             }
-            let suffix = if kind == Motion::Turn {
+            let suffix = if kind == Motion::Rotation {
                 "turns"
             } else {
                 "shifts"
@@ -112,7 +115,7 @@ pub(super) fn forces(model: &Interpreted<'_>, seen: &Seen) -> Result<Vec<Figure>
         let shift = info
             .joints
             .get(*c)
-            .is_some_and(|j| j.motion == Motion::Shift);
+            .is_some_and(|j| j.motion == Motion::Translation);
         let unit = if shift { "N" } else { "N m" };
         let line = |label: &str, values: &[f64], dye, look| Line {
             label: label.to_owned(),
@@ -220,7 +223,7 @@ pub(super) fn friction(
         let shift = info
             .joints
             .get(*c)
-            .is_some_and(|j| j.motion == Motion::Shift);
+            .is_some_and(|j| j.motion == Motion::Translation);
         let (x, y) = if shift {
             ("velocity, m/s", "friction, N")
         } else {

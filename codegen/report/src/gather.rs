@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::DMatrix;
 use regen_identify::data::DataError;
 use regen_identify::estimate::EffortError;
-use regen_identify::identify::{self, Kind, Source};
+use regen_identify::identify::{self, EquationKind, Source};
 use regen_runtime::{BaseModel, Model};
 
 use crate::ReportError;
@@ -93,7 +93,7 @@ pub(super) fn seen(
     });
     found?;
     let mut at = 0;
-    identified.predict(model, Kind::Forces, &mut logs, &mut |predicted| {
+    identified.predict(model, EquationKind::Forces, &mut logs, &mut |predicted| {
         // equations come in the order of the rows, some of which give none
         while seen.t.get(at).is_some_and(|t| *t < predicted.time) {
             at += 1;

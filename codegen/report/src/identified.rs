@@ -74,7 +74,7 @@ pub(crate) struct Content<'a> {
 /// use regen_codegen::{diag::Source, pipeline};
 /// use regen_identify::data::Settings;
 /// use regen_identify::files::ParameterFile;
-/// use regen_identify::identify::{Kind, Options};
+/// use regen_identify::identify::{EquationKind, Options};
 /// use regen_identify::session::{Session, Silent, from_logs};
 /// use regen_identify::status::Shares;
 /// use regen_interpreted::{BaseTerms, Interpreted};
@@ -104,7 +104,7 @@ pub(crate) struct Content<'a> {
 /// let session = Session {
 ///     model: &model,
 ///     reading: Settings::default(),
-///     kind: Kind::Forces,
+///     kind: EquationKind::Forces,
 ///     options: Options::default(),
 ///     confidence: 0.95,
 ///     watch: &Silent,

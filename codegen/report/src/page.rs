@@ -214,7 +214,7 @@ fn motion(report: &Content<'_>) -> String {
         .map(|(k, c)| {
             let joint = info.joints.get(*c);
             let limits = joint.map(|j| j.limits).unwrap_or_default();
-            let shift = joint.is_some_and(|j| j.motion == Motion::Shift);
+            let shift = joint.is_some_and(|j| j.motion == Motion::Translation);
             vec![
                 format!(
                     "{} <small>{}</small>",
