@@ -1,9 +1,8 @@
-//! Each loop's equations seen from a body of the loop.
+//! The closure equations of each loop, expressed in a frame of the loop.
 //!
-//! The frame of observation is free: turning the rows does not change
-//! X = A_e^-1 A_i. It is always a frame of the loop's own, since rows that are
-//! redundant on the loop's motion (the normal of a planar loop) stay the same
-//! rows only there; in the world they change as the loop is carried about.
+//! The frame is free: rotating the rows does not change X = A_e^-1 A_i. It is always a frame within
+//! the loop, because only there do redundant rows of the loop (the normal of a planar loop) stay
+//! the same rows; in the world frame they change as the loop is moved about.
 
 use crate::kinematics::{Frames, Rates, Start};
 use crate::model::{Cut, Model};
@@ -12,18 +11,18 @@ use crate::sym::{Graph, ZERO3, transposed};
 use super::rows::{Equations, Form, cut_equations};
 use super::view::View;
 
-/// From where a loop is seen.
+/// The frame in which a loop's rows are expressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Viewpoint {
-    /// The link of one side of the cut (0 is A, 1 is B).
+    /// The frame of the link on one side of the cut (0 is A, 1 is B).
     Side(usize),
-    /// The frame that carries the first joint of a side's branch, fixed to the
-    /// link that both branches stand on.
+    /// The frame in which the first joint of a side's branch is placed; it is fixed to the link
+    /// that both branches start from.
     Base(usize),
 }
 
 impl Viewpoint {
-    /// All choices.
+    /// All viewpoints.
     pub const ALL: [Viewpoint; 4] = [
         Viewpoint::Side(0),
         Viewpoint::Side(1),
@@ -32,7 +31,7 @@ impl Viewpoint {
     ];
 }
 
-/// A loop: the cut and the branches from the last common link to its sides.
+/// A loop: the cut, and the two branches from the last common link to the cut's sides.
 #[derive(Clone, Debug)]
 pub struct LoopEquations<'m> {
     cut: &'m Cut,
@@ -55,7 +54,7 @@ impl<'m> LoopEquations<'m> {
         }
     }
 
-    /// The viewpoints that differ for this loop.
+    /// The distinct viewpoints of this loop.
     pub fn viewpoints(&self) -> Vec<Viewpoint> {
         Viewpoint::ALL
             .into_iter()
@@ -65,7 +64,7 @@ impl<'m> LoopEquations<'m> {
             .collect()
     }
 
-    /// The rows seen from a viewpoint, in the form that holds on the closure.
+    /// The loop's rows from a viewpoint, in the form that holds on the closure.
     pub fn seen_from(
         &self,
         g: &mut Graph,

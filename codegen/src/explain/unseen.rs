@@ -1,4 +1,4 @@
-//! Why parameters cannot be identified, or only together with others.
+//! Reasons why parameters cannot be identified, or only in combination with others.
 
 use crate::base::{Base, Direction, Layer};
 use crate::model::{Model, ParameterKind};
@@ -6,15 +6,15 @@ use crate::model::{Model, ParameterKind};
 use super::motion::{Motions, ObservedMotion};
 use super::{Freedom, Grouped, Unidentifiable, words};
 
-const MASS: usize = 9;
+const MASS_ENTRY: usize = 9;
 
-/// A body's links, and what was seen of each.
+/// The bodies with their observed motions.
 pub(super) struct Bodies<'a> {
     pub(super) model: &'a Model,
     pub(super) motions: &'a Motions<'a>,
-    /// By body.
+    /// Observed motion of each body.
     pub(super) seen: &'a [ObservedMotion],
-    /// Gravity in the world's axes.
+    /// Gravity in the world frame, m/s^2.
     pub(super) gravity: [f64; 3],
 }
 
@@ -26,7 +26,7 @@ impl Bodies<'_> {
             .map_or("?", |b| b.label.as_str())
     }
 
-    /// Which axis of the body its turns are about, where it is one of them.
+    /// The index of the body's axis about which it rotates, if it is one of x, y, z.
     fn own_axis(&self, body: usize) -> Option<usize> {
         let parts = self.seen.get(body)?.in_link?;
         (0..3).find(|&k| parts[k].abs() > 1.0 - 1e-12)
@@ -43,14 +43,14 @@ impl Bodies<'_> {
         size > 0.0 && across < 1e-20 * size
     }
 
-    /// Why an inertial parameter of a body has no effect.
+    /// The reason why an inertial parameter of a body has no effect on the forces.
     fn reason(&self, body: usize, entry: usize) -> Option<String> {
         let seen = self.seen.get(body)?;
         let name = self.label(body);
         if seen.freedom == Freedom::Still {
             return Some(format!("body {name} never moves"));
         }
-        if entry == MASS {
+        if entry == MASS_ENTRY {
             return seen
                 .origin_rests
                 .then(|| format!("the origin of body {name}, where its mass counts, never moves"));
@@ -81,7 +81,7 @@ impl Bodies<'_> {
             .then(|| format!("gravity is parallel to the axis of body {name}, which is at rest"))
     }
 
-    /// Parameters without any effect, those with one reason together.
+    /// Parameters without any effect on the forces, grouped by reason.
     pub(super) fn without_effect(&self, base: &Base) -> Vec<Unidentifiable> {
         let mut all: Vec<Unidentifiable> = Vec::new();
         for row in base.null.iter().filter(|row| row.terms.len() == 1) {
@@ -112,7 +112,7 @@ impl Bodies<'_> {
         all
     }
 
-    /// Parameters that act only together with others.
+    /// Parameters that can be identified only in combination with others.
     pub(super) fn merged(&self, base: &Base) -> Vec<Grouped> {
         let label = |c: usize| self.model.parameters[c].label.clone();
         let rows = base.null.iter().filter(|row| row.terms.len() > 1);
@@ -163,7 +163,8 @@ impl Bodies<'_> {
         if row.layer == Layer::Completed {
             return self.special(&bodies, &rotors);
         }
-        // beside several bodies, a rotor only stands for the moment of inertia that it took over
+        // in a combination of several bodies, a rotor only replaces the moment of inertia that it
+        // absorbed
         if !rotors.is_empty() && bodies.len() < 2 {
             return Some(format!(
                 "the rotor of {} turns as fast as what it moves",
@@ -202,7 +203,8 @@ impl Bodies<'_> {
         }
     }
 
-    /// The coordinates between a body and the one that carries it.
+    /// The names of the coordinates between a body and another that carries it; `None` if no chain
+    /// without a third body joins them.
     fn joint_between(&self, bodies: &[usize]) -> Option<String> {
         let &[a, b] = bodies else { return None };
         let (inner, outer) = (self.model.bodies.get(a)?, self.model.bodies.get(b)?);
@@ -226,7 +228,7 @@ impl Bodies<'_> {
         None
     }
 
-    /// The outermost of some bodies, where all others carry it.
+    /// The outermost of some bodies, if all others are on the path that carries it.
     fn in_one_limb(&self, bodies: &[usize]) -> Option<usize> {
         let link = |b: usize| self.model.bodies.get(b).map(|b| b.link);
         let mut all = bodies.iter().copied();
@@ -238,7 +240,7 @@ impl Bodies<'_> {
         })
     }
 
-    /// What is special about bodies whose parameters no tree joins.
+    /// The reason for a combination of bodies that does not follow from the tree of joints.
     fn special(&self, bodies: &[usize], rotors: &[usize]) -> Option<String> {
         let link = |b: usize| self.model.bodies.get(b).map(|b| b.link);
         let turning = bodies.iter().copied();
@@ -251,7 +253,7 @@ impl Bodies<'_> {
                 reasons.push(format!("body {} never rotates", self.label(body)));
             }
         }
-        // bodies with one orientation
+        // group the bodies with the same orientation
         let mut classes: Vec<Vec<usize>> = Vec::new();
         for &body in &turning {
             let with = classes
