@@ -1,13 +1,12 @@
-//! A chain of links seen from one frame: positions, axes, and the accelerations
-//! that remain where the coordinates' accelerations are zero. Loop closures are
-//! written with these.
+//! A chain of links observed from one frame: positions, axes, and the accelerations at zero
+//! accelerations of the coordinates. The closure equations are written with these.
 
 use crate::sym::{Ex, Graph, IDENTITY, M3, V3, ZERO3};
 
 use super::motion::{carried_along, half};
 use super::{Frames, Rates, Twist};
 
-/// Where a chain begins: the pose of its first parent in the observing frame.
+/// The pose of the chain's first parent in the observing frame.
 #[derive(Clone, Debug)]
 pub struct Start {
     /// Rotation of the first parent's frame.
@@ -17,7 +16,7 @@ pub struct Start {
 }
 
 impl Start {
-    /// Seen from the first parent itself.
+    /// The pose if the first parent itself is the observing frame.
     pub fn own() -> Self {
         Start {
             rotation: IDENTITY,
@@ -31,7 +30,7 @@ impl Start {
 pub struct ChainJoint {
     /// The coordinate.
     pub coordinate: usize,
-    /// How its unit rate moves the point `origin` and what is behind it.
+    /// The velocity of the point `origin`, and of what the joint moves, for a unit rate.
     pub twist: Twist,
     /// A point on its axis.
     pub origin: V3,
@@ -61,8 +60,8 @@ pub struct Chain {
 }
 
 impl Chain {
-    /// Follows `path`, a list of links each standing on the one before.
-    /// Rates may be left out where only the pose and the axes are needed.
+    /// Follows `path`, a list of links each of which is the parent of the next. `rates` may be
+    /// `None` if only the pose and the axes are needed.
     pub fn follow(
         g: &mut Graph,
         frames: &Frames,
@@ -122,8 +121,8 @@ impl Chain {
         self.vr = g.add_scaled3(&self.vr, rd, u);
     }
 
-    /// Velocity, reference velocity and remaining acceleration of a point of
-    /// the last link, `arm` from its origin.
+    /// Velocity, reference velocity, and acceleration at zero accelerations of the coordinates, of
+    /// the point of the last link that is `arm` away from its origin.
     pub fn point(&self, g: &mut Graph, arm: &V3) -> (V3, V3, V3) {
         let swing = g.cross(&self.w, arm);
         let swing_r = g.cross(&self.wr, arm);
@@ -137,7 +136,7 @@ impl Chain {
     }
 }
 
-/// Polar form of w x (w x r).
+/// The symmetric bilinear form of w x (w x r) in w and wr.
 pub fn turned_twice(g: &mut Graph, w: &V3, wr: &V3, r: &V3) -> V3 {
     let inner = g.cross(wr, r);
     let one = g.cross(w, &inner);
