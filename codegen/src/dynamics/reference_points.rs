@@ -8,7 +8,7 @@ use crate::sym::{Ex, Graph, Tally};
 pub(super) type Block = Vec<Vec<[Ex; 10]>>;
 
 /// Largest number of passes over all bodies.
-const SWEEPS: usize = 4;
+const MAX_PASSES: usize = 4;
 
 /// The index of the reference point of each body that makes the `wanted` columns of all bodies
 /// cheapest together. Operations that several bodies share count once, so that a reference point
@@ -34,7 +34,7 @@ pub(super) fn cheapest(g: &Graph, blocks: &[Block], wanted: &[bool]) -> Vec<usiz
             tally.add(roots(body, *choice));
         }
         let mut least = tally.price();
-        for _ in 0..SWEEPS {
+        for _ in 0..MAX_PASSES {
             let before = least;
             for body in 0..blocks.len() {
                 for choice in 0..blocks[body].len() {

@@ -81,7 +81,7 @@ impl Relation {
             .fold(Float320::ZERO, Float320::max)
             .checked_div(size)?;
         let off = worst.to_f64();
-        (off < super::ROUNDING).then_some(Relation {
+        (off < super::RELATION_TOLERANCE).then_some(Relation {
             coordinate: found.column,
             terms,
             off,
