@@ -12,6 +12,16 @@ pub struct Solution {
 
 /// Solves `A Z = B` by elimination with complete pivoting of the row-scaled system. A has at least
 /// as many rows as unknowns; if it has more, the system must be consistent.
+///
+/// ```
+/// use regen_codegen::numeric::solve_pivoted;
+///
+/// // x + y = 3 and x - y = 1
+/// let a = vec![vec![1.0, 1.0], vec![1.0, -1.0]];
+/// let solved = solve_pivoted(a, vec![vec![3.0], vec![1.0]]);
+/// assert_eq!(solved.solution, [[2.0], [1.0]]);
+/// assert_eq!(solved.pivot_ratio, 0.5);
+/// ```
 pub fn solve_pivoted(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Solution {
     let rows = a.len();
     let unknowns = a.first().map_or(0, Vec::len);
@@ -145,6 +155,14 @@ fn eliminate(a: &mut [Vec<f64>], k: usize, sizes: &mut RowSizes) -> Vec<(usize, 
 
 /// The rank of a matrix, and a set of as many independent columns. Pivots of the row-scaled matrix
 /// of at most `tolerance` times the largest pivot count as zero.
+///
+/// ```
+/// use regen_codegen::numeric::rank_and_columns;
+///
+/// // the second column is twice the first
+/// let a = vec![vec![1.0, 2.0, 0.0], vec![2.0, 4.0, 1.0]];
+/// assert_eq!(rank_and_columns(a, 1e-9), (2, vec![1, 2]));
+/// ```
 pub fn rank_and_columns(mut a: Vec<Vec<f64>>, tolerance: f64) -> (usize, Vec<usize>) {
     let rows = a.len();
     let columns = a.first().map_or(0, Vec::len);

@@ -274,6 +274,23 @@ impl From<Report> for DeriveError {
 /// # Errors
 /// A report with the place of every mistake in the spec: in its syntax, its names and values, or a
 /// home that does not close or does not fit the mobility.
+///
+/// ```
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::pipeline::derive;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let robot = derive(&Source::new("arm.yaml", text))?;
+/// assert_eq!(robot.coordinates, ["q1"]);
+/// assert_eq!(robot.independent, [0]);
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
 pub fn derive(source: &Source) -> Result<Robot, Report> {
     Mechanism::open(source)?.robot(&FunctionKind::ALL)
 }

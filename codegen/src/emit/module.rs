@@ -28,6 +28,25 @@ impl Default for Options {
 }
 
 /// The contents of a robot's module as Rust text, with its documentation as inner comments.
+///
+/// ```
+/// use regen_codegen::Mechanism;
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::emit::{Options, module};
+/// use regen_codegen::robot::FunctionKind;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+/// let robot = mechanism.robot(&[FunctionKind::Poses])?;
+/// assert!(module(&robot, &Options::default()).contains("pub fn poses<T: Scalar>"));
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
 pub fn module(robot: &Robot, options: &Options) -> String {
     let mut out = String::new();
     header(robot, &mut out);

@@ -90,6 +90,28 @@ impl Number for f32 {
 /// solved anew.
 ///
 /// Missing arguments and elements count as NaN.
+///
+/// ```
+/// use regen_codegen::Mechanism;
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::interpret::run;
+/// use regen_codegen::robot::FunctionKind;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+/// let robot = mechanism.robot(&[FunctionKind::Poses])?;
+/// // the pose at q1 = 0: the first row of the rotation matrix is (1, 0, 0)
+/// let (pose, condition) = run(&robot.functions[0].program, &[&[0.0_f64][..]]);
+/// assert_eq!(pose[..3], [1.0, 0.0, 0.0]);
+/// assert_eq!(condition, 1.0);
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
 pub fn run<T: Number>(program: &Program, inputs: &[&[T]]) -> (Vec<T>, T) {
     let mut machine = Machine {
         inputs,

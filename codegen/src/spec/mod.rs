@@ -39,6 +39,23 @@ use shape::{Reader, Shape};
 ///
 /// # Errors
 /// A report with all errors of the first phase that finds some.
+///
+/// ```
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::spec::parse;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let spec = parse(&Source::new("arm.yaml", text))?;
+/// assert_eq!(spec.limbs[0].joints.len(), 1);
+/// assert!(parse(&Source::new("arm.yaml", "name: arm")).is_err());
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
 pub fn parse(source: &Source) -> Result<Spec, Report> {
     let document = yaml::load(source)?;
     let mut reader = Reader::new();

@@ -104,6 +104,18 @@ pub struct System {
 }
 
 /// An arena of expressions.
+///
+/// ```
+/// use regen_codegen::sym::Graph;
+/// use regen_codegen::sym::eval::Evaluator;
+///
+/// let mut g = Graph::new();
+/// let x = g.symbol("x");
+/// let square = g.mul(x, x);
+/// // equal expressions are the same node
+/// assert_eq!(g.mul(x, x), square);
+/// assert_eq!(Evaluator::new(&g, vec![square]).run(&[3.0]), [9.0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Graph {
     pub(super) nodes: Vec<Node>,
