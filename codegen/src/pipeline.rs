@@ -79,7 +79,7 @@ impl Mechanism {
         })
     }
 
-    /// Its links, coordinates, cuts and parameters.
+    /// The mechanism's links, coordinates, cuts and parameters.
     pub fn model(&self) -> &Model {
         &self.model
     }

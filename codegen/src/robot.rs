@@ -13,7 +13,7 @@ pub use crate::signature::FunctionKind;
 /// A function of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Function {
-    /// What it computes.
+    /// Which function of the table it is.
     pub kind: FunctionKind,
     /// The straight-line program that computes it.
     pub program: Program,
@@ -22,7 +22,7 @@ pub struct Function {
 /// A cut joint and the number of its closure rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CutInfo {
-    /// Its name.
+    /// The name of the cut.
     pub name: String,
     /// How many rows of A (Eq. 7) the cut has.
     pub rows: usize,
@@ -33,7 +33,7 @@ pub struct CutInfo {
 pub struct JointInfo {
     /// Whether the coordinate is a rotation (rad) or a translation (m).
     pub motion: MotionKind,
-    /// Its friction model.
+    /// The friction model.
     pub friction: Friction,
     /// Lower and upper limits of position, velocity, acceleration and effort, where given; rad or m
     /// and s, effort in N m or N.
@@ -76,7 +76,7 @@ pub struct SwingLimitInfo {
     pub greatest: f64,
 }
 
-/// A derived robot.
+/// A derived robot: names, limits, nominal values and programs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
     /// The spec's name.

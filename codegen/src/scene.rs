@@ -58,7 +58,7 @@ pub struct Scene {
 /// A body and the link that carries its frame.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Its label.
+    /// The body's label.
     pub label: String,
     /// Index of its link in [`Scene::frames`].
     pub link: usize,
@@ -74,7 +74,7 @@ pub struct Joint {
     pub name: String,
     /// The kind as in the spec: `revolute`, `spherical`, ...
     pub kind: &'static str,
-    /// Its coordinates.
+    /// Indices of the joint's coordinates.
     pub coordinates: Vec<usize>,
     /// One link per coordinate, from the base outward; the joint carries the last one.
     pub links: Vec<usize>,
@@ -84,10 +84,10 @@ pub struct Joint {
     pub actuated: bool,
 }
 
-/// A cut joint.
+/// A joint at which a loop was cut.
 #[derive(Clone, Debug)]
 pub struct Cut {
-    /// Its name.
+    /// The name of the cut.
     pub name: String,
     /// The kind as in the spec: `spherical`, `revolute`, ...
     pub kind: &'static str,

@@ -48,9 +48,9 @@ pub enum Shape {
     Vector(Size),
     /// A matrix.
     Matrix {
-        /// How many rows it has.
+        /// Number of rows.
         rows: Size,
-        /// How many columns it has.
+        /// Number of columns.
         columns: Size,
         /// The order in which its entries are stored.
         layout: Layout,
@@ -103,9 +103,9 @@ pub enum Passing {
 /// The table's row for an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ArgumentRow {
-    /// Its name in emitted functions.
+    /// The argument's name in emitted functions.
     pub name: &'static str,
-    /// Its name in the runtime's `Arguments` and traits.
+    /// The argument's name in the runtime's `Arguments` and traits.
     pub runtime_name: &'static str,
     /// The length of the argument.
     pub size: Size,
@@ -118,15 +118,15 @@ pub struct ArgumentRow {
 /// The table's row for a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signature {
-    /// Its name in code.
+    /// The function's name in code.
     pub name: &'static str,
-    /// What it computes, with the number of the equation.
+    /// What the function computes, with the number of the equation.
     pub formula: &'static str,
-    /// Its arguments in order.
+    /// The arguments in order.
     pub arguments: &'static [Argument],
-    /// The name of its output in emitted functions.
+    /// The name of the output in emitted functions.
     pub output: &'static str,
-    /// The shape of its output.
+    /// The shape of the output.
     pub shape: Shape,
     /// What the output contains: the text of its documentation.
     pub output_doc: &'static str,

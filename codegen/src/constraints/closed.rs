@@ -19,7 +19,7 @@ pub struct LoopSolver {
     plan: Plan,
     /// A over all coordinates, all rows, each loop's rows expressed from its viewpoint.
     jacobian: Vec<Vec<Ex>>,
-    /// X of Eq. 10: dependent by independent.
+    /// X of Eq. 10: a row per dependent and a column per independent coordinate.
     pub x: Vec<Vec<Ex>>,
 }
 

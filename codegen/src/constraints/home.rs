@@ -267,7 +267,7 @@ fn valid_choice(a: &[Vec<f64>], model: &Model, rank: usize) -> Vec<usize> {
     let n = model.coordinates.len();
     // prefer coupled coordinates as dependent ones: they are dependent in any case
     let mut order: Vec<usize> = model.couplings.iter().map(|c| c.key).collect();
-    // then passive ones, the later first: they are more often the passive end of a branch
+    // then passive ones, the later first: they are more often the passive end of a chain
     let passive = (0..n).rev().filter(|c| !model.actuated.contains(c));
     order.extend(passive.chain(model.actuated.iter().rev().copied()));
     // take the best-conditioned choice that is complete

@@ -16,8 +16,8 @@ use super::view::View;
 pub enum Viewpoint {
     /// The frame of the link on one side of the cut (0 is A, 1 is B).
     Side(usize),
-    /// The frame in which the first joint of a side's branch is placed; it is fixed to the link
-    /// that both branches start from.
+    /// The frame in which the first joint of a side's chain is placed; it is fixed to the link
+    /// that both chains start from.
     Base(usize),
 }
 
@@ -31,11 +31,11 @@ impl Viewpoint {
     ];
 }
 
-/// A loop: the cut, and the two branches from the last common link to the cut's sides.
+/// A loop: the cut, and the two chains from the last common link to the cut's sides.
 #[derive(Clone, Debug)]
 pub struct LoopEquations<'m> {
     cut: &'m Cut,
-    branches: [Vec<usize>; 2],
+    chains: [Vec<usize>; 2],
     coordinates: usize,
 }
 
@@ -49,7 +49,7 @@ impl<'m> LoopEquations<'m> {
         b.drain(..common);
         LoopEquations {
             cut,
-            branches: [a, b],
+            chains: [a, b],
             coordinates: model.coordinates.len(),
         }
     }
@@ -59,7 +59,7 @@ impl<'m> LoopEquations<'m> {
         Viewpoint::ALL
             .into_iter()
             .filter(|v| match v {
-                Viewpoint::Side(s) | Viewpoint::Base(s) => !self.branches[*s].is_empty(),
+                Viewpoint::Side(s) | Viewpoint::Base(s) => !self.chains[*s].is_empty(),
             })
             .collect()
     }
@@ -73,9 +73,9 @@ impl<'m> LoopEquations<'m> {
         rates: Option<&Rates>,
     ) -> Equations {
         let start = match view {
-            Viewpoint::Side(side) => View::back(g, frames, &self.branches[side]),
+            Viewpoint::Side(side) => View::back(g, frames, &self.chains[side]),
             Viewpoint::Base(side) => {
-                let first = self.branches[side].first();
+                let first = self.chains[side].first();
                 let turned = first.map(|link| frames.placed(g, *link));
                 turned.map_or_else(Start::own, |rotation| Start {
                     rotation: transposed(&rotation),
@@ -84,7 +84,7 @@ impl<'m> LoopEquations<'m> {
             }
         };
         let mut seen = |side: usize| {
-            let (path, frame) = (&self.branches[side], &self.cut.sides[side]);
+            let (path, frame) = (&self.chains[side], &self.cut.sides[side]);
             if view == Viewpoint::Side(side) {
                 View::own(g, frames, path, frame, rates)
             } else {

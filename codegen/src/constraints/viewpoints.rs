@@ -62,7 +62,7 @@ pub(super) fn viewpoints(
                 best = Some((price, *view));
             }
         }
-        // a cut between two links has at least one branch, and so at least one viewpoint
+        // a cut between two links has at least one chain, and so at least one viewpoint
         chosen.extend(best.map(|b| b.1));
     }
     chosen

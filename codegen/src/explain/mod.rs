@@ -107,9 +107,9 @@ pub fn words(freedom: Freedom) -> &'static str {
 /// The kind of motion of a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyMotion {
-    /// Its label.
+    /// The label of the body.
     pub body: String,
-    /// How it moves.
+    /// The kind of its motion.
     pub freedom: Freedom,
     /// The direction of its rotation axis in the world frame, a unit vector, if this direction is
     /// fixed.
@@ -140,7 +140,7 @@ fn direction_text(n: &[f64; 3]) -> String {
 /// Parameters without any effect on the forces, for one reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unidentifiable {
-    /// Their labels.
+    /// The labels of the parameters.
     pub parameters: Vec<String>,
     /// The reason, if one is known.
     pub reason: Option<String>,
@@ -152,7 +152,7 @@ pub struct Unidentifiable {
 /// A parameter that can be identified only in combination with others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Grouped {
-    /// Its label.
+    /// The label of the parameter.
     pub parameter: String,
     /// The other parameters of the combination.
     pub with: Vec<String>,
@@ -167,19 +167,19 @@ pub struct Grouped {
 pub struct Explanation {
     /// The robot's name.
     pub robot: String,
-    /// Degrees of freedom.
+    /// The mobility: number of degrees of freedom.
     pub mobility: usize,
-    /// Coordinates, mobility, and which are independent and actuated.
+    /// Statements about coordinates, closure rows, mobility and drives.
     pub coordinates: Vec<Fact>,
-    /// The loops.
+    /// Statements about the loops.
     pub loops: Vec<Fact>,
     /// How the bodies move; empty if no closed state could be sampled.
     pub bodies: Vec<BodyMotion>,
-    /// Relations among coordinates and among orientations on this branch.
+    /// Statements about relations among coordinates and among orientations on this branch.
     pub relations: Vec<Fact>,
     /// Parameters that cannot be identified at all.
     pub unseen: Vec<Unidentifiable>,
-    /// Parameters that can be identified only together with others.
+    /// Parameters that can be identified only in combination with others.
     pub merged: Vec<Grouped>,
     /// Statements that hold only at the given values of the geometry.
     pub values: Vec<Fact>,

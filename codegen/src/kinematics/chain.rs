@@ -28,11 +28,11 @@ impl Start {
 /// A joint of the chain in the observing frame.
 #[derive(Clone, Copy, Debug)]
 pub struct ChainJoint {
-    /// The coordinate.
+    /// Index of the joint's coordinate.
     pub coordinate: usize,
     /// The velocity of the point `origin`, and of what the joint moves, for a unit rate.
     pub twist: Twist,
-    /// A point on its axis.
+    /// Origin of the link that the joint moves, a point on the joint's axis.
     pub origin: V3,
 }
 
@@ -47,15 +47,15 @@ pub struct Chain {
     pub joints: Vec<ChainJoint>,
     /// Angular velocity of the last link.
     pub w: V3,
-    /// Angular reference velocity.
+    /// Angular reference velocity of the last link.
     pub wr: V3,
-    /// Velocity of the last origin.
+    /// Velocity of the last link's origin.
     pub v: V3,
-    /// Reference velocity of the last origin.
+    /// Reference velocity of the last link's origin.
     pub vr: V3,
-    /// Angular acceleration at zero accelerations of the coordinates.
+    /// Angular acceleration of the last link at zero accelerations of the coordinates.
     pub alpha: V3,
-    /// Acceleration of the last origin at zero accelerations of the coordinates.
+    /// Acceleration of the last link's origin at zero accelerations of the coordinates.
     pub a: V3,
 }
 

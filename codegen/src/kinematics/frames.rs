@@ -37,7 +37,7 @@ pub struct LinkFrame {
     turns: Vec<Turn>,
     /// The constant ones of them, before the joint's rotation.
     placed: Vec<Turn>,
-    /// The link's origin in the parent's frame.
+    /// The link's origin in the parent's frame, m.
     pub offset: V3,
     /// The joint that moves it; `None` for a fixed link.
     pub joint: Option<FrameJoint>,
@@ -46,14 +46,14 @@ pub struct LinkFrame {
 /// A joint, described in the frame of the link that it moves.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameJoint {
-    /// Its coordinate.
+    /// Index of the joint's coordinate.
     pub coordinate: usize,
     /// The velocity of the link for a unit rate of the coordinate, in the link's frame at its
     /// origin, which is on the joint's axis. It is constant.
     pub twist: Twist,
 }
 
-/// The frames of all links.
+/// The frames of all links, as expressions of the coordinates.
 #[derive(Clone, Debug)]
 pub struct Frames {
     /// The frame of each link, in the order of the model.

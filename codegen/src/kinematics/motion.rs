@@ -23,16 +23,16 @@ pub struct Rates {
     pub gravity: bool,
 }
 
-/// The motion of a link, in its own frame, at its own origin.
+/// The motion of a link: vectors in the link's frame, at its origin.
 #[derive(Clone, Debug)]
 pub struct LinkMotion {
-    /// Angular velocity.
+    /// Angular velocity, rad/s.
     pub w: V3,
-    /// Angular reference velocity.
+    /// Angular reference velocity, rad/s.
     pub wr: V3,
-    /// Angular acceleration.
+    /// Angular acceleration, rad/s^2.
     pub alpha: V3,
-    /// Acceleration of the origin, less gravity.
+    /// Acceleration of the origin less gravity, m/s^2.
     pub a: V3,
     /// Symmetric products of the angular velocities w and wr: xx, xy, xz, yy, yz, zz.
     pub ww: [Ex; 6],
@@ -91,7 +91,7 @@ pub fn motions(
 }
 
 impl LinkMotion {
-    /// No motion.
+    /// The motion of a link at rest, without gravity.
     pub fn rest() -> Self {
         LinkMotion {
             w: ZERO3,

@@ -11,9 +11,9 @@ use super::{Frames, Geometry, unit};
 /// The velocity of a link for a unit rate of a coordinate, in the link's frame at its origin.
 #[derive(Clone, Copy, Debug)]
 pub struct Twist {
-    /// Angular part.
+    /// Angular velocity per unit rate.
     pub e: V3,
-    /// Velocity of the origin.
+    /// Velocity of the link's origin per unit rate.
     pub u: V3,
 }
 

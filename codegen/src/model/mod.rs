@@ -66,7 +66,7 @@ pub struct Link {
     pub name: String,
 }
 
-/// A single-axis coordinate.
+/// A coordinate: the angle or the length of a single-axis joint.
 #[derive(Clone, Debug)]
 pub struct Coordinate {
     /// Its name; `s1.2` is the second coordinate of the joint `s1`.
@@ -82,7 +82,7 @@ pub struct Coordinate {
 /// A body: a link with inertia.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Its label.
+    /// The body's label.
     pub label: String,
     /// The link whose frame is the body's frame.
     pub link: usize,
@@ -100,7 +100,7 @@ pub struct Side {
 /// A joint at which a loop was cut; its equations close the loop.
 #[derive(Clone, Debug)]
 pub struct Cut {
-    /// Its name.
+    /// The name of the cut.
     pub name: String,
     /// The kind of joint.
     pub kind: CutKind,
@@ -143,7 +143,7 @@ pub struct Model {
     pub coordinates: Vec<Coordinate>,
     /// Bodies in the order of declaration.
     pub bodies: Vec<Body>,
-    /// Loop closures in the spec's order.
+    /// Cut joints in the spec's order.
     pub cuts: Vec<Cut>,
     /// Swing limits: those of joints in the order of coordinates, then those of cuts.
     pub cones: Vec<SwingLimit>,
@@ -157,7 +157,7 @@ pub struct Model {
     pub actuated: Vec<usize>,
     /// The home position of each coordinate, from which the loops are closed.
     pub home: Vec<Number>,
-    /// The dynamic parameters in order.
+    /// The dynamic parameters, in the order of phi.
     pub parameters: Vec<Parameter>,
 }
 
@@ -181,7 +181,7 @@ impl Model {
             .as_ref()
     }
 
-    /// Whether a coordinate is a length; else it is an angle.
+    /// Whether a coordinate is a length (m) rather than an angle (rad).
     pub fn slides(&self, coordinate: usize) -> bool {
         self.motion(coordinate)
             .is_some_and(|m| m.kind == MotionKind::Translation)

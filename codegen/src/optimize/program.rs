@@ -77,9 +77,9 @@ pub struct Step {
 /// An argument of the function.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Argument {
-    /// Its name in code.
+    /// The argument's name in code.
     pub name: String,
-    /// Its length.
+    /// The number of its elements.
     pub len: usize,
     /// What it contains: the text of its documentation.
     pub doc: String,
@@ -99,7 +99,7 @@ pub struct Group {
 /// The name and shape of the result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Output {
-    /// Its name in code.
+    /// The result's name in code.
     pub name: String,
     /// One length for a vector; two for an array of arrays, the outer length first.
     pub shape: Vec<usize>,
@@ -129,7 +129,7 @@ pub struct Program {
     pub steps: Vec<Step>,
     /// The groups, in order; they cover all steps.
     pub groups: Vec<Group>,
-    /// The result's shape.
+    /// The name and shape of the result.
     pub output: Output,
     /// The elements of the result, outer index first.
     pub outputs: Vec<Operand>,

@@ -45,7 +45,7 @@ macro_rules! functions {
 }
 
 impl FunctionKind {
-    /// Its name in code.
+    /// The function's name in code.
     pub fn name(self) -> &'static str {
         self.signature().name
     }

@@ -28,7 +28,7 @@ pub enum CutRow {
 }
 
 impl JointKind {
-    /// Its name in the spec.
+    /// The word for the type in the spec.
     pub fn name(self) -> &'static str {
         self.word()
     }
@@ -69,7 +69,7 @@ impl JointKind {
 }
 
 impl CutKind {
-    /// Its name in the spec.
+    /// The word for the type in the spec.
     pub fn name(self) -> &'static str {
         self.word()
     }

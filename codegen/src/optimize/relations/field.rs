@@ -1,6 +1,6 @@
 //! Arithmetic modulo the prime 2^61 - 1.
 
-/// The prime.
+/// The modulus, a Mersenne prime.
 const PRIME: u64 = (1 << 61) - 1;
 
 /// `a + b`.

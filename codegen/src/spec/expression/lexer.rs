@@ -11,13 +11,13 @@ pub(in crate::spec) const INERTIAL: [&str; 10] = [
 /// The kind of a token; its span gives its text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TokenKind {
-    /// `0.5e-3`
+    /// A number such as `0.5e-3`.
     Number,
-    /// `a`
+    /// A name such as `a`.
     Name,
-    /// `s1.1`
+    /// A coordinate of a joint with several, such as `s1.1`.
     Dotted,
-    /// `Ixy(3)`
+    /// A parameter with its label, such as `Ixy(3)`.
     Parameter,
     /// One of `+ - * / ^ ( )`.
     Symbol(char),
