@@ -22,7 +22,7 @@ fn independent_span(spec: &Spec) -> Span {
 }
 
 /// The error of a mechanism with more parameters than the limit for deriving base parameters.
-pub(crate) fn out_of_reach(source: &Source, spec: &Spec, model: &Model) -> Report {
+pub(crate) fn too_many_parameters(source: &Source, spec: &Spec, model: &Model) -> Report {
     let message = format!(
         "the robot has {} dynamic parameters; base parameters are derived up to {}",
         model.parameters.len(),
@@ -107,7 +107,7 @@ pub(crate) fn home_report(
 
 /// Refuses cuts whose frames differ by a half turn at home: the rows of some kinds of cut vanish
 /// there too.
-pub(crate) fn aligned_at_home(
+pub(crate) fn check_alignment_at_home(
     source: &Source,
     spec: &Spec,
     g: &mut Graph,
@@ -135,7 +135,7 @@ pub(crate) fn aligned_at_home(
 }
 
 /// Refuses `base: drop` of a parameter that is not a base parameter.
-pub(crate) fn dropped_are_kept(
+pub(crate) fn check_dropped_parameters(
     source: &Source,
     spec: &Spec,
     model: &Model,

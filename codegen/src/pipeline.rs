@@ -98,7 +98,7 @@ impl Mechanism {
     /// parameter that is not a base parameter.
     pub fn analysis(&self) -> Result<&Analysis, Report> {
         let analysis = self.analysed()?;
-        checks::dropped_are_kept(&self.source, &self.spec, &self.model, &analysis.base)?;
+        checks::check_dropped_parameters(&self.source, &self.spec, &self.model, &analysis.base)?;
         Ok(analysis)
     }
 
@@ -169,14 +169,18 @@ impl Mechanism {
         Ok(Robot {
             functions,
             analysis: analysis.cloned(),
-            ..named(&self.spec, &self.model, &loops.closed)
+            ..without_functions(&self.spec, &self.model, &loops.closed)
         })
     }
 
     /// The base parameters, before the parameters under `base: drop` in the spec are checked.
     fn analysed(&self) -> Result<&Analysis, Report> {
         if !base::is_within_reach(&self.model) {
-            return Err(checks::out_of_reach(&self.source, &self.spec, &self.model));
+            return Err(checks::too_many_parameters(
+                &self.source,
+                &self.spec,
+                &self.model,
+            ));
         }
         let home = &self.loops()?.closed.home;
         // base: which combinations of the parameters affect the dynamics (Eq. 23), certified
@@ -204,7 +208,7 @@ impl Mechanism {
         // constraints: closed at home, loops solved in a fixed order (Eq. 6-10)
         let closed = Closed::new(&mut g, &frames, model)
             .map_err(|problem| checks::home_report(source, spec, model, &problem))?;
-        checks::aligned_at_home(source, spec, &mut g, &frames, model, &closed.home)?;
+        checks::check_alignment_at_home(source, spec, &mut g, &frames, model, &closed.home)?;
         checks::check_graph_capacity(source, spec, &g)?;
         Ok(Loops {
             g,
@@ -325,7 +329,7 @@ pub fn without_base() -> Vec<FunctionKind> {
 }
 
 /// The robot without functions and base parameters: names, sizes, limits and nominal values.
-fn named(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
+fn without_functions(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
     let cuts = model.cuts.iter().map(|cut| crate::robot::CutInfo {
         name: cut.name.clone(),
         rows: cut.kind.equations(),

@@ -10,6 +10,7 @@ use crate::spec::{Axis, Spec};
 /// then the position of the origin, m.
 pub type Pose = [f64; 12];
 
+/// The pose of the world frame itself.
 const WORLD: Pose = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
 /// A mechanism ready to be drawn at any coordinates, closed or not.

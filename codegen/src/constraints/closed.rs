@@ -142,8 +142,8 @@ impl LoopSolver {
     }
 
     /// The solution Z of `A_e Z = rhs`, dependent coordinates by right-hand sides. It is guarded:
-    /// if a pivot of the fixed order is too small at run time, the generated code solves the system
-    /// anew with another order.
+    /// if a pivot of the fixed order is too small when the expressions are evaluated, the system is
+    /// solved anew with pivoting.
     pub fn solve(&self, g: &mut Graph, model: &Model, rhs: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
         let a_e = columns(&self.jacobian, &model.dependent);
         let Eliminated {

@@ -19,6 +19,7 @@ const RANK_TOLERANCE: f64 = 1e-8;
 const SPAN_DISTANCES: [f64; 4] = [0.1, 0.01, 1e-4, RANK_TOLERANCE];
 /// Largest entries of A, in the mechanism's units, that are taken for rounding errors.
 const MAX_ROUNDING: f64 = 1e-13;
+/// Largest number of steps of Newton's method.
 const MAX_NEWTON_STEPS: usize = 100;
 
 /// Why a mechanism has no usable home.

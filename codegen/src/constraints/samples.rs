@@ -6,7 +6,9 @@ use crate::numeric::solve_pivoted;
 
 use super::home::{NumericLoops, select};
 
+/// Number of closed states, home included.
 const SAMPLED_STATES: usize = 12;
+/// Number of steps from home to each state.
 const STEPS_PER_STATE: usize = 6;
 /// Steps to states with a smaller pivot ratio of A_e, so close to a singularity, are not taken.
 const MIN_PIVOT_RATIO: f64 = 1e-3;

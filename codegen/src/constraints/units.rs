@@ -11,6 +11,7 @@ use super::rows::lengths_of;
 
 /// A unit fits sizes from its sixteenth (1/16) to sixteen times the unit.
 const MAX_SIZE_IN_UNITS: f64 = 16.0;
+/// Ratio of neighbouring units: a power of two, so that scaling changes no digit.
 const UNIT_RATIO: f64 = 256.0;
 /// Largest number of steps to the unit; a size beyond them is no length.
 const MAX_UNIT_STEPS: usize = 120;

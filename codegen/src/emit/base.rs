@@ -8,7 +8,7 @@ use crate::robot::Robot;
 use super::names::literal;
 
 /// Labels of the base parameters that functions take as `beta`.
-pub(super) fn kept(robot: &Robot) -> Vec<String> {
+pub(super) fn kept_labels(robot: &Robot) -> Vec<String> {
     let analysis = robot.analysis.iter();
     let parameters = analysis.flat_map(|a| &a.base.parameters);
     parameters
@@ -18,7 +18,7 @@ pub(super) fn kept(robot: &Robot) -> Vec<String> {
 }
 
 /// Labels of the eliminated parameters, which functions take as `free`.
-pub(super) fn free(robot: &Robot) -> Vec<String> {
+pub(super) fn eliminated_labels(robot: &Robot) -> Vec<String> {
     let analysis = robot.analysis.iter();
     let columns = analysis.flat_map(|a| &a.base.null).map(|n| n.column);
     columns.map(|c| robot.parameters[c].label.clone()).collect()
@@ -82,7 +82,7 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
     }
     let _ = writeln!(out, "];");
     zeros(robot, analysis, out);
-    let free = free(robot);
+    let free = eliminated_labels(robot);
     let _ = writeln!(
         out,
         "/// Labels of the eliminated parameters, in the order of `free`."

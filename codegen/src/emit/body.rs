@@ -22,6 +22,7 @@ const MAX_SCOPE_NAMES: usize = 300;
 const MAX_BLOCK_IMPORTS: usize = 200;
 /// Largest number of results of one solve that are bound to names.
 const MAX_SOLVE_NAMES: usize = 100;
+/// Largest width of an emitted line of a list, in characters.
 const MAX_LINE_WIDTH: usize = 96;
 
 /// A block: consecutive steps of a group, and the outputs that are complete after them.

@@ -268,8 +268,8 @@ fn elements(robot: &Robot, size: Size) -> Vec<String> {
         Size::Actuated => of(&robot.actuated),
         Size::Parameters => robot.parameters.iter().map(|p| p.label.clone()).collect(),
         Size::Bodies => robot.bodies.clone(),
-        Size::Base => base::kept(robot),
-        Size::Free => base::free(robot),
+        Size::Base => base::kept_labels(robot),
+        Size::Free => base::eliminated_labels(robot),
         Size::Rows | Size::Cones | Size::Pose => numbered(),
     }
 }

@@ -229,23 +229,24 @@ pub fn explain(
     let Some(motions) = sampled else {
         return explanation;
     };
-    let seen: Vec<ObservedMotion> = model.bodies.iter().map(|b| motions.of(b.link)).collect();
+    let observed: Vec<ObservedMotion> = model.bodies.iter().map(|b| motions.of(b.link)).collect();
     explanation.bodies = model
         .bodies
         .iter()
-        .zip(&seen)
-        .map(|(body, seen)| {
+        .zip(&observed)
+        .map(|(body, observed)| {
             let bound = ways[body.link].freedom(&velocity_constraints);
             // the sampled motions bound the freedom from below, the joints from above
-            let exact = bound == seen.freedom || bound.never_turns() && seen.freedom.never_turns();
+            let exact =
+                bound == observed.freedom || bound.never_turns() && observed.freedom.never_turns();
             BodyMotion {
                 body: body.label.clone(),
-                freedom: seen.freedom,
-                direction: seen.direction,
-                evidence: if exact || seen.freedom == Freedom::General {
+                freedom: observed.freedom,
+                direction: observed.direction,
+                evidence: if exact || observed.freedom == Freedom::General {
                     Evidence::Exact
                 } else {
-                    Evidence::sampled(states.len(), seen.off)
+                    Evidence::sampled(states.len(), observed.off)
                 },
             }
         })
@@ -260,13 +261,13 @@ pub fn explain(
         motions,
         &ways,
         &velocity_constraints,
-        &seen,
+        &observed,
         states.len(),
     ));
     let bodies = Bodies {
         model,
         motions,
-        seen: &seen,
+        observed: &observed,
         gravity: [0, 1, 2].map(|k: usize| model.gravity[k].value.to_f64()),
     };
     explanation.unseen = bodies.without_effect(&analysis.base);
@@ -353,12 +354,12 @@ fn orientations(
     motions: &Motions<'_>,
     ways: &[LinkPath],
     velocity_constraints: &[Form],
-    seen: &[ObservedMotion],
+    observed: &[ObservedMotion],
     states: usize,
 ) -> Vec<Fact> {
     let mut classes: Vec<Vec<usize>> = Vec::new();
-    for (body, seen) in seen.iter().enumerate() {
-        if seen.freedom.never_turns() {
+    for (body, observed) in observed.iter().enumerate() {
+        if observed.freedom.never_turns() {
             continue;
         }
         let link = |b: usize| Some(model.bodies[b].link);

@@ -24,7 +24,7 @@ fn labels(cx: &Context<'_>, columns: impl Iterator<Item = usize>) -> Vec<String>
 }
 
 /// Columns of the base parameters that are not dropped.
-fn kept(base: &Base) -> impl Iterator<Item = usize> + '_ {
+fn kept_columns(base: &Base) -> impl Iterator<Item = usize> + '_ {
     base.parameters
         .iter()
         .filter(|p| !p.dropped)
@@ -33,7 +33,7 @@ fn kept(base: &Base) -> impl Iterator<Item = usize> + '_ {
 
 /// The symbols of the base parameters.
 pub(super) fn beta(cx: &mut Context<'_>, base: &Base) -> Vec<SymbolId> {
-    let columns: Vec<usize> = kept(base).collect();
+    let columns: Vec<usize> = kept_columns(base).collect();
     symbols(cx, "base:", &columns)
 }
 
@@ -59,9 +59,9 @@ fn combination(g: &mut Graph, terms: &[Term], phi: &[Ex]) -> Ex {
 }
 
 /// Parameters that have the given base parameters: the eliminated ones are zero.
-fn particular(cx: &mut Context<'_>, base: &Base, beta: &[Ex]) -> Vec<Ex> {
+fn particular_solution(cx: &mut Context<'_>, base: &Base, beta: &[Ex]) -> Vec<Ex> {
     let mut phi = vec![Ex::ZERO; cx.model.parameters.len()];
-    for (column, value) in kept(base).zip(beta) {
+    for (column, value) in kept_columns(base).zip(beta) {
         phi[column] = *value;
     }
     for known in &base.known {
@@ -75,12 +75,12 @@ fn particular(cx: &mut Context<'_>, base: &Base, beta: &[Ex]) -> Vec<Ex> {
 pub(super) fn base_regressor(cx: &mut Context<'_>, base: &Base) -> Groups {
     let mut wanted = vec![false; cx.model.parameters.len()];
     let known = base.known.iter().map(|known| known.column);
-    for column in kept(base).chain(known) {
+    for column in kept_columns(base).chain(known) {
         wanted[column] = true;
     }
     let columns = dynamics::regressor_columns(cx, &wanted);
     let mut groups: Groups = Vec::new();
-    for column in kept(base) {
+    for column in kept_columns(base) {
         let mut entries = columns[column].clone();
         for known in &base.known {
             for term in known.terms.iter().filter(|t| t.column == column) {
@@ -119,7 +119,7 @@ pub(super) fn parameters_from_base(cx: &mut Context<'_>, base: &Base) -> Groups 
     let beta = beta_nodes(cx, base);
     let free = free(cx, base);
     let free = Symbols::nodes(cx.g, &free);
-    let mut phi = particular(cx, base, &beta);
+    let mut phi = particular_solution(cx, base, &beta);
     for (eliminated, value) in base.null.iter().zip(&free) {
         phi[eliminated.column] = *value;
     }
@@ -138,13 +138,13 @@ pub(super) fn parameters_from_base(cx: &mut Context<'_>, base: &Base) -> Groups 
 /// The forces of a motion, computed from base parameters.
 pub(super) fn forces(cx: &mut Context<'_>, base: &Base, motion: Motion) -> Groups {
     let beta = beta_nodes(cx, base);
-    let phi = particular(cx, base, &beta);
+    let phi = particular_solution(cx, base, &beta);
     dynamics::forces(cx, motion, &phi)
 }
 
 /// The mass matrix, computed from base parameters.
 pub(super) fn mass_matrix(cx: &mut Context<'_>, base: &Base) -> Groups {
     let beta = beta_nodes(cx, base);
-    let phi = particular(cx, base, &beta);
+    let phi = particular_solution(cx, base, &beta);
     dynamics::mass_matrix_of(cx, &phi)
 }

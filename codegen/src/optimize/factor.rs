@@ -116,7 +116,7 @@ impl Work {
             };
             let mut sum: Vec<Term> = Vec::new();
             for term in own {
-                sum.extend(opened(term, &mut forms, &of, &uses));
+                sum.extend(expanded(term, &mut forms, &of, &uses));
             }
             forms.push(Form::Sum(sum));
         }
@@ -297,7 +297,10 @@ impl Work {
             same: &mut same,
         };
         let outputs = std::mem::take(&mut program.outputs);
-        program.outputs = outputs.iter().map(|o| out.now(key(o))).collect();
+        program.outputs = outputs
+            .iter()
+            .map(|o| out.current_operand(key(o)))
+            .collect();
         program.steps = steps;
         program.names = names;
     }
@@ -305,7 +308,7 @@ impl Work {
 
 /// Expands into a term the steps that only this term uses: either the terms of a sum, or the
 /// factors of products.
-fn opened(term: Term, forms: &mut [Form], of: &[usize], uses: &[u32]) -> Vec<Term> {
+fn expanded(term: Term, forms: &mut [Form], of: &[usize], uses: &[u32]) -> Vec<Term> {
     let inner = |k: &Key| match k {
         Key::Temp(t) if uses[t.0 as usize] == 1 => Some(of[t.0 as usize]),
         _ => None,
@@ -393,7 +396,7 @@ impl Writer<'_> {
     }
 
     /// The operand that a factor is now, after replacements.
-    fn now(&self, mut key: Key) -> Operand {
+    fn current_operand(&self, mut key: Key) -> Operand {
         while let Key::Temp(t) = key
             && let Some(other) = self.same.get(&t)
         {
@@ -403,19 +406,19 @@ impl Writer<'_> {
     }
 
     fn other(&mut self, mut op: Op, results: Vec<Temp>) {
-        op.change_operands(|o| self.now(key(o)));
+        op.change_operands(|o| self.current_operand(key(o)));
         self.steps.push(Step { op, results });
     }
 
     /// Multiplies all factors but the last; returns the product and the last factor.
     fn pair(&mut self, factors: &[Key]) -> (Operand, Operand) {
         let last = factors.len() - 1;
-        let mut product = self.now(factors[0]);
+        let mut product = self.current_operand(factors[0]);
         for factor in &factors[1..last] {
-            let factor = self.now(*factor);
+            let factor = self.current_operand(*factor);
             product = self.push(Op::Mul(product, factor), None);
         }
-        (product, self.now(factors[last]))
+        (product, self.current_operand(factors[last]))
     }
 
     /// Writes a sum of products: it starts with a single operand if there is one, and products are
@@ -442,10 +445,10 @@ impl Writer<'_> {
         let mut left = rest.len();
         let own = |left: usize| (left == 0 && !all_negative).then_some(result);
         let mut so_far = match (plain, product, less) {
-            (Some(plain), ..) => self.now(plain.factors[0]),
+            (Some(plain), ..) => self.current_operand(plain.factors[0]),
             (None, Some(product), Some(less)) => {
                 let (a, b) = self.pair(&product.factors);
-                let less = self.now(less.factors[0]);
+                let less = self.current_operand(less.factors[0]);
                 self.push(Op::MulSub(a, b, less), own(left))
             }
             (None, Some(product), None) => {
@@ -458,7 +461,7 @@ impl Writer<'_> {
         for term in rest {
             left -= 1;
             let op = if single(term) {
-                let value = self.now(term.factors[0]);
+                let value = self.current_operand(term.factors[0]);
                 if negative(term) {
                     Op::Sub(so_far, value)
                 } else {

@@ -160,20 +160,20 @@ fn sweep(program: &mut Program, values: &[Value]) -> bool {
         if uses.dead[at] || !is_arithmetic(&program.steps[at].op) {
             continue;
         }
-        let spared = uses.spared(program, at, &[]);
+        let saved = uses.saved(program, at, &[]);
         // steps of a group may be reordered
         let end = program.groups.iter().find(|g| g.steps.contains(&at));
         let end = end.map_or(at, |group| group.steps.end);
         let mut best = None;
-        known.candidates(values, end, value, spared, |rewrite| {
+        known.candidates(values, end, value, saved, |rewrite| {
             let places = rewrite.places();
-            let there = places.iter().all(|place| {
+            let is_allowed = places.iter().all(|place| {
                 let other = &values[*place];
                 other.after <= end && (value.quotient || !other.quotient)
             });
-            let there = there && rewrite.size(values) <= MAX_ERROR_GROWTH * value.size;
-            let holds = || (0..2).all(|draw| rewrite.number(values, draw) == value.numbers[draw]);
-            if !there || !holds() {
+            let is_allowed = is_allowed && rewrite.size(values) <= MAX_ERROR_GROWTH * value.size;
+            let agrees = || (0..2).all(|draw| rewrite.number(values, draw) == value.numbers[draw]);
+            if !is_allowed || !agrees() {
                 return;
             }
             let op = rewrite.op(values).0;
@@ -194,7 +194,7 @@ fn sweep(program: &mut Program, values: &[Value]) -> bool {
         }
         changed = true;
     }
-    program.put_before(signs);
+    program.insert_negated(signs);
     program.sort_groups();
     changed
 }
@@ -449,7 +449,7 @@ impl Uses {
 
     /// The steps that would have no use without the step `at`, which comes first, if the values in
     /// `kept` were used once more.
-    fn only_for(&self, program: &Program, at: usize, kept: &[Operand]) -> Vec<usize> {
+    fn steps_only_for(&self, program: &Program, at: usize, kept: &[Operand]) -> Vec<usize> {
         let mut fewer: FxHashMap<Temp, i64> = FxHashMap::default();
         for operand in kept {
             if let Operand::Temp(t) = operand {
@@ -475,8 +475,8 @@ impl Uses {
     }
 
     /// The number of products and sums that the program would save without a step.
-    fn spared(&self, program: &Program, at: usize, kept: &[Operand]) -> [i32; 2] {
-        let steps = self.only_for(program, at, kept);
+    fn saved(&self, program: &Program, at: usize, kept: &[Operand]) -> [i32; 2] {
+        let steps = self.steps_only_for(program, at, kept);
         let prices = steps.iter().map(|step| price(&program.steps[*step].op));
         prices.fold([0, 0], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
     }
@@ -488,8 +488,8 @@ impl Uses {
         let gone = operands
             .iter()
             .any(|o| matches!(o, Operand::Temp(t) if self.dead[self.made[t.0 as usize]]));
-        let (spared, takes) = (self.spared(program, at, &operands), price(op));
-        let [products, sums] = [spared[0] - takes[0], spared[1] - takes[1]];
+        let (saved, takes) = (self.saved(program, at, &operands), price(op));
+        let [products, sums] = [saved[0] - takes[0], saved[1] - takes[1]];
         let fewer = products >= 0 && sums >= 0 && products + sums > 0;
         (fewer && !gone).then_some((products + sums, products))
     }
@@ -514,7 +514,7 @@ impl Uses {
     /// Updates the uses when a step gets another operation.
     fn replace(&mut self, program: &Program, at: usize, op: &Op) {
         let operands = op.operands();
-        let steps = self.only_for(program, at, &operands);
+        let steps = self.steps_only_for(program, at, &operands);
         for operand in operands {
             if let Operand::Temp(t) = operand {
                 self.count[t.0 as usize] += 1;
@@ -534,7 +534,7 @@ impl Uses {
 impl Program {
     /// Inserts an operation before each of the given steps, in order; the step then negates its
     /// result.
-    fn put_before(&mut self, operations: Vec<(usize, Op)>) {
+    fn insert_negated(&mut self, operations: Vec<(usize, Op)>) {
         let places: Vec<usize> = operations.iter().map(|(at, _)| *at).collect();
         // from the back, so that the indices before it stay valid
         for (at, op) in operations.into_iter().rev() {

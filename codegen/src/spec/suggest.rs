@@ -14,6 +14,7 @@ pub(super) fn did_you_mean<'a>(word: &str, known: impl IntoIterator<Item = &'a s
 /// assert_eq!(nearest("draw", ["check", "view"]), None);
 /// ```
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    // bounds of the time for a comparison
     const MAX_WORD_LENGTH: usize = 64;
     const MAX_CANDIDATES: usize = 1000;
     // allow one typing error in short words, two in longer ones

@@ -161,6 +161,7 @@ pub(super) fn literal(text: &str, span: Span) -> Node {
 
 /// A text, cut to a length that fits in a message.
 pub(super) fn shorten(text: &str) -> String {
+    // largest number of characters of a text in a message
     const MAX_CHARACTERS: usize = 40;
     if text.chars().count() <= MAX_CHARACTERS {
         return text.to_owned();

@@ -277,7 +277,9 @@ pub(super) fn sin_cos(
     inexact: bool,
     fixed: impl Fn(usize) -> UBig,
 ) -> (BigFloat, BigFloat) {
+    // angles below 2^TINY are their own sine
     const TINY: i64 = -200;
+    // fractional bits of the computation, at least
     const WORK: usize = 400;
     if near.is_zero() || near.top() > ANGLE_LIMIT {
         return (BigFloat::zero(), BigFloat::one());
@@ -343,6 +345,7 @@ pub(super) fn sin_cos(
 /// Sine and cosine in units of `2^-scale`, of an angle in `[0, pi/4]` in the same units: the Taylor
 /// series of the angle, halved several times, then doubled as often.
 fn sin_cos_fixed(angle: &UBig, scale: usize) -> (UBig, UBig) {
+    // number of times that the angle is halved, for a shorter series
     const HALVINGS: usize = 7;
     const GUARD: usize = 2 * HALVINGS + 8;
     let work = scale + GUARD;
@@ -378,6 +381,7 @@ fn sin_cos_fixed(angle: &UBig, scale: usize) -> (UBig, UBig) {
 
 /// `floor(pi * 2^bits)`, to within one.
 pub(super) fn pi_fixed(bits: usize) -> UBig {
+    // number of bits of pi that are computed only once
     const STORED_BITS: usize = 1024;
     static PI: OnceLock<UBig> = OnceLock::new();
     if bits <= STORED_BITS {
@@ -413,7 +417,8 @@ fn machin(bits: usize) -> UBig {
     ((arctangent(5) << 4) - (arctangent(239) << 2)) >> GUARD
 }
 
-/// The `f64` nearest to `sign * (magnitude + rest) * 2^exponent`, ties to even; `rest` in `(0, 1)` if `inexact`.
+/// The `f64` nearest to `sign * (magnitude + rest) * 2^exponent`, ties to even; `rest` is in `(0, 1)`
+/// if `inexact`, else 0.
 pub(super) fn nearest_f64(sign: Sign, magnitude: &UBig, exponent: i64, inexact: bool) -> f64 {
     let bits = signed(magnitude.bit_len());
     let leading = exponent + bits - 1;

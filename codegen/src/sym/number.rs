@@ -345,6 +345,7 @@ impl Number {
     /// A number from a result with 320 bits; it becomes exact if it agrees with zero or a short
     /// binary fraction.
     fn inexact(value: BigFloat) -> Self {
+        // largest mantissa and exponent of a binary fraction that is taken for exact
         const MAX_SHORT_BITS: usize = 32;
         const MAX_SHORT_EXPONENT: i64 = 64;
         if value.is_zero() {

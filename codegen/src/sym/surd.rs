@@ -11,8 +11,11 @@ use dashu_ratio::RBig;
 
 use super::big_float::{BigFloat, PRECISION, nearest_f64, pi_fixed, shifted, signed};
 
+/// Largest number of terms of an exact sum; larger sums become inexact numbers.
 const MAX_TERMS: usize = 64;
+/// Largest number of bits of a coefficient's numerator or denominator.
 const MAX_BITS: usize = 4096;
+/// Largest absolute value of an exponent of pi.
 const MAX_PI_POWER: u32 = 64;
 /// Largest number of independent roots of a divisor: division by a sum conjugates once per
 /// independent root, and each time doubles the sum.
@@ -20,7 +23,8 @@ const MAX_CONJUGATIONS: usize = 4;
 /// Trial division stops at this factor.
 const MAX_TRIAL: u64 = 1_000_000;
 
-/// `coefficient * sqrt(radicand) * pi^pi_power`; the radicand is squarefree, the coefficient nonzero.
+/// The term `coefficient * sqrt(radicand) * pi^pi_power`; the radicand is squarefree, the
+/// coefficient nonzero.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Term {
     pub(super) pi_power: i32,
@@ -263,6 +267,7 @@ impl Surd {
     /// The value as `(sign, magnitude, exponent)` with a relative error of at most 2^-bits.
     pub(super) fn approximate(&self, bits: usize) -> (Sign, UBig, i64) {
         const GUARD: usize = 32;
+        // largest number of bits that are added for terms that cancel
         const MAX_EXTRA: usize = 1 << 17;
         let Some(top) = self.terms.iter().map(top_of_term).max() else {
             return (Sign::Positive, UBig::ZERO, 0);

@@ -124,6 +124,7 @@ fn unknown_body(word: &Word, known: &[String]) -> Diagnostic {
 
 /// The known names as a list, shortened if there are too many.
 fn listing(what: &str, known: &[String]) -> String {
+    // largest number of names in a message
     const MAX_LISTED: usize = 12;
     match known.len() {
         0 => format!("there is no {what}"),
