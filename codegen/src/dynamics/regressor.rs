@@ -1,9 +1,9 @@
 //! The columns of K (Eq. 4-5) and of the reduced regressor K_i - X^T K_e (Eq. 11).
 //!
 //! Each joint gives one row for each link that it moves: the power of the link's inertial forces on
-//! the joint's unit twist (e, u) at the link's origin, e and u being the partial velocities of Eq.
-//! 1. With the forces linear in the ten parameters, moment `eta_hat I - a x m r` and force
-//! `eta_tilde m r + a m`, the row is `[e^T eta_hat | a x e + eta_tilde^T u | u . a]`. For a
+//! the joint's unit twist (e, u) at the link's origin; e and u are the partial velocities of Eq. 1.
+//! The forces are linear in the ten parameters: the moment is `eta_hat I - a x m r`, the force
+//! `eta_tilde m r + a m`. So the row is `[e^T eta_hat | a x e + eta_tilde^T u | u . a]`. For a
 //! revolute joint u = e x r_OkOi, which gives Eq. 4; for a prismatic one e = 0.
 
 use crate::kinematics::{Centre, LinkMotion, Rates, Twist};
@@ -137,8 +137,8 @@ pub struct UnitTwists<'a> {
     pub centres: &'a [Vec<Centre>],
 }
 
-/// The reduced regressor W, one column per parameter with one entry per independent coordinate: K_i
-/// - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20); columns of dependent joints are
+/// The reduced regressor W, one column per parameter with one entry per independent coordinate. It is
+/// `K_i - X^T K_e` (Eq. 11) with friction and rotor columns (Eq. 20); columns of dependent joints are
 /// projected by -X^T.
 ///
 /// The columns of each body are built about its origin and about each point at which axes before it
