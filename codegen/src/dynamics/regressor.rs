@@ -137,9 +137,9 @@ pub struct UnitTwists<'a> {
     pub centres: &'a [Vec<Centre>],
 }
 
-/// The reduced regressor W, one column per parameter with one entry per independent coordinate. It is
-/// `K_i - X^T K_e` (Eq. 11) with friction and rotor columns (Eq. 20); columns of dependent joints are
-/// projected by -X^T.
+/// The reduced regressor W, one column per parameter with one entry per independent coordinate. It
+/// is `K_i - X^T K_e` (Eq. 11) with friction and rotor columns (Eq. 20); columns of dependent
+/// joints are projected by -X^T.
 ///
 /// The columns of each body are built about its origin and about each point at which axes before it
 /// meet; the combination with few operations in the `wanted` columns is returned.
