@@ -417,8 +417,8 @@ fn machin(bits: usize) -> UBig {
     ((arctangent(5) << 4) - (arctangent(239) << 2)) >> GUARD
 }
 
-/// The `f64` nearest to `sign * (magnitude + rest) * 2^exponent`, ties to even; `rest` is in `(0, 1)`
-/// if `inexact`, else 0.
+/// The `f64` nearest to `sign * (magnitude + rest) * 2^exponent`, ties to even; `rest` is in
+/// `(0, 1)` if `inexact`, else 0.
 pub(super) fn nearest_f64(sign: Sign, magnitude: &UBig, exponent: i64, inexact: bool) -> f64 {
     let bits = signed(magnitude.bit_len());
     let leading = exponent + bits - 1;
