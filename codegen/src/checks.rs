@@ -1,6 +1,6 @@
-//! Errors that need kinematics, told in the spec's terms: a home that does not
-//! close, independent coordinates that do not fit the mobility, cuts that are
-//! closed with a half turn too much.
+//! Errors that take kinematics to find, reported in the spec's terms: a home that does not close,
+//! independent coordinates that do not fit the mobility, cuts that close with a half turn between
+//! their frames.
 
 use crate::base::{self, Base};
 use crate::constraints::{HomeProblem, agreement};
@@ -16,13 +16,13 @@ fn list(names: impl Iterator<Item = String>) -> String {
     format!("[{}]", names.join(", "))
 }
 
-/// Where the choice of independent coordinates stands, or else the name.
+/// The place of `independent` in the spec, or that of the robot's name if the spec has none.
 fn independent_span(spec: &Spec) -> Span {
     spec.independent.as_ref().map_or(spec.name.span, |i| i.span)
 }
 
-/// The error of a mechanism with more parameters than base parameters are derived for.
-pub(crate) fn out_of_reach(source: &Source, spec: &Spec, model: &Model) -> Report {
+/// The error of a mechanism with more parameters than the limit for deriving base parameters.
+pub(crate) fn too_many_parameters(source: &Source, spec: &Spec, model: &Model) -> Report {
     let message = format!(
         "the robot has {} dynamic parameters; base parameters are derived up to {}",
         model.parameters.len(),
@@ -34,8 +34,8 @@ pub(crate) fn out_of_reach(source: &Source, spec: &Spec, model: &Model) -> Repor
     Report::new(source.clone(), vec![diagnostic])
 }
 
-/// Results of a graph that ran out of indices are wrong, and there is no robot.
-pub(crate) fn fits(source: &Source, spec: &Spec, g: &Graph) -> Result<(), Report> {
+/// Refuses a graph that ran out of node indices: its expressions are wrong.
+pub(crate) fn check_graph_capacity(source: &Source, spec: &Spec, g: &Graph) -> Result<(), Report> {
     let mut sink = Sink::new();
     if g.is_full() {
         let message = "the robot takes more expressions than can be told apart";
@@ -49,7 +49,7 @@ pub(crate) fn fits(source: &Source, spec: &Spec, g: &Graph) -> Result<(), Report
     sink.finish(source)
 }
 
-/// A problem at home as a report.
+/// Reports a problem at home.
 pub(crate) fn home_report(
     source: &Source,
     spec: &Spec,
@@ -105,8 +105,9 @@ pub(crate) fn home_report(
     Report::new(source.clone(), vec![diagnostic])
 }
 
-/// Rows of some cuts vanish at half turns too: their frames must agree at home.
-pub(crate) fn aligned_at_home(
+/// Refuses cuts whose frames differ by a half turn at home: the rows of some kinds of cut vanish
+/// there too.
+pub(crate) fn check_alignment_at_home(
     source: &Source,
     spec: &Spec,
     g: &mut Graph,
@@ -133,8 +134,8 @@ pub(crate) fn aligned_at_home(
     sink.finish(source)
 }
 
-/// Base parameters can be left out only where they are kept.
-pub(crate) fn dropped_are_kept(
+/// Refuses `base: drop` of a parameter that is not a base parameter.
+pub(crate) fn check_dropped_parameters(
     source: &Source,
     spec: &Spec,
     model: &Model,

@@ -1,18 +1,18 @@
-//! What tells models apart: a number that a generated module carries and that files of identified
-//! parameters name, so that parameters of another model are refused.
+//! The digest that identifies a model: generated modules carry it and files of identified
+//! parameters name it, so that parameters of another model are refused.
 //!
-//! The runtime's side of identification computes the same number from any model
-//! (`regen_identify::identify::digest`); a test holds the two equal.
+//! The runtime computes the same number from any model (`regen_identify::identify::digest`); a test
+//! compares the two.
 
 use crate::interpret;
 use crate::robot::{FunctionKind, Robot};
 
-/// Digits of a number that count: compiled and interpreted models agree in more.
-const DIGITS: usize = 9;
+/// Decimals of a number's mantissa in the digest: compiled and interpreted models agree in more.
+const DECIMALS: usize = 9;
 
-/// The digest of a robot (FNV-1a, 64 bits): of its names, of the base combinations, and of the
-/// base regressor at one state. Two descriptions with the same names and other lengths have
-/// different digests; comments and layout do not count.
+/// The digest of a robot (FNV-1a, 64 bits) over its names, its base combinations, and its base
+/// regressor at one state. Two descriptions with the same names but different lengths have
+/// different digests; comments and layout of the spec have no effect.
 pub fn digest(robot: &Robot) -> u64 {
     let mut hash = Hash(0xcbf2_9ce4_8422_2325);
     for name in &robot.coordinates {
@@ -35,7 +35,8 @@ pub fn digest(robot: &Robot) -> u64 {
             hash.number(term.value.to_f64());
         }
     }
-    // home moved a little, so that lengths show; the loops need not be closed
+    // a state off home, so that every length affects the regressor; the loops need not be closed
+    // there
     let off = |k: usize, scale: f64| scale * (1.0 + 0.1 * k as f64);
     let n = robot.coordinates.len();
     let home = robot.home.iter().enumerate();
@@ -62,8 +63,8 @@ impl Hash {
     }
 
     fn number(&mut self, value: f64) {
-        // a value that is zero but for rounding may be exactly zero in another engine
+        // rounding in one engine may be an exact zero in another
         let value = if value.abs() < 1e-12 { 0.0 } else { value };
-        self.text(&format!("{value:.DIGITS$e}"));
+        self.text(&format!("{value:.DECIMALS$e}"));
     }
 }

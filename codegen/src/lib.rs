@@ -1,5 +1,5 @@
-//! Symbolic derivation of robot dynamics with closed loops, from a YAML spec to
-//! specialised Rust. [`Mechanism`] is the way in; `pipeline.rs` has the whole derivation on one page.
+//! Symbolic derivation of robot dynamics with closed loops, from a YAML spec to specialised Rust.
+//! [`Mechanism`] is the entry point; `pipeline.rs` shows the whole derivation in one file.
 //!
 //! Equations, tables and sections that are cited by number are those of V. Mata, N. Farhat,
 //! M. Diaz-Rodriguez, A. Valera, A. Page, "Dynamic Parameter Identification for Parallel

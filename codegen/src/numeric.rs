@@ -1,18 +1,27 @@
-//! Small dense linear algebra in double precision, for sampling a mechanism
-//! while its model is derived. Deterministic: plain arithmetic in a fixed order.
+//! Small dense linear algebra in double precision, for sampling a mechanism during the derivation.
+//! Deterministic: plain arithmetic in a fixed order.
 
-/// The outcome of [`solve_pivoted`].
+/// The result of [`solve_pivoted`].
 #[derive(Clone, Debug)]
 pub struct Solution {
-    /// Unknowns by right-hand sides.
+    /// Unknowns by right-hand sides; NaN if the system is singular.
     pub solution: Vec<Vec<f64>>,
-    /// Smallest over largest pivot of the scaled system; 0 where singular.
+    /// Ratio of the smallest to the largest pivot of the scaled system; 0 if it is singular.
     pub pivot_ratio: f64,
 }
 
-/// Solves `A Z = B` with at least as many rows as unknowns, consistent where
-/// there are more, by elimination with complete pivoting of the row-scaled
-/// system.
+/// Solves `A Z = B` by elimination with complete pivoting of the row-scaled system. A has at least
+/// as many rows as unknowns; if it has more, the system must be consistent.
+///
+/// ```
+/// use regen_codegen::numeric::solve_pivoted;
+///
+/// // x + y = 3 and x - y = 1
+/// let a = vec![vec![1.0, 1.0], vec![1.0, -1.0]];
+/// let solved = solve_pivoted(a, vec![vec![3.0], vec![1.0]]);
+/// assert_eq!(solved.solution, [[2.0], [1.0]]);
+/// assert_eq!(solved.pivot_ratio, 0.5);
+/// ```
 pub fn solve_pivoted(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Solution {
     let rows = a.len();
     let unknowns = a.first().map_or(0, Vec::len);
@@ -20,7 +29,7 @@ pub fn solve_pivoted(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Solution {
     scale_rows(&mut a, Some(&mut b));
     let mut column_of = (0..unknowns).collect::<Vec<_>>();
     let (mut smallest, mut largest) = (f64::INFINITY, 0.0_f64);
-    let mut sizes = Sizes::of(&a);
+    let mut sizes = RowSizes::of(&a);
     for k in 0..unknowns {
         let Some((row, column, size)) = sizes.largest_entry(&a, k) else {
             smallest = 0.0;
@@ -69,20 +78,20 @@ pub fn solve_pivoted(mut a: Vec<Vec<f64>>, mut b: Vec<Vec<f64>>) -> Solution {
     }
 }
 
-/// Rows below this part of the matrix are not scaled up: a redundant row may
-/// hold nothing but rounding.
-const FLOOR: f64 = 1.0 / 1024.0;
+/// Smallest fraction of the matrix's largest entry that rows are scaled by: a redundant row may
+/// consist of rounding errors and is not scaled up.
+const MIN_ROW_SCALE: f64 = 1.0 / 1024.0;
 
-/// The largest entry of a row; what is no number counts as nothing.
+/// The largest absolute value in a row; NaN counts as zero.
 fn size(row: &[f64]) -> f64 {
     row.iter().fold(0.0_f64, |m, x| m.max(x.abs()))
 }
 
-/// Divides every row by its largest entry, so that metres and radians compare.
+/// Divides every row by its largest absolute value, so that rows in metres and in radians compare.
 fn scale_rows(a: &mut [Vec<f64>], mut b: Option<&mut Vec<Vec<f64>>>) {
     let whole = a.iter().fold(0.0_f64, |m, row| m.max(size(row)));
     for (i, row) in a.iter_mut().enumerate() {
-        let size = size(row).max(FLOOR * whole);
+        let size = size(row).max(MIN_ROW_SCALE * whole);
         if size > 0.0 && size.is_finite() {
             for x in row.iter_mut() {
                 *x /= size;
@@ -96,20 +105,21 @@ fn scale_rows(a: &mut [Vec<f64>], mut b: Option<&mut Vec<Vec<f64>>>) {
     }
 }
 
-/// The largest entry of each row of a matrix that is being eliminated, among the columns that are
-/// left. Loops share few coordinates, so most rows stay as they are from pivot to pivot.
-struct Sizes(Vec<f64>);
+/// The largest absolute value of each row during an elimination, among the remaining columns. Loops
+/// share few coordinates, so most rows do not change from pivot to pivot.
+struct RowSizes(Vec<f64>);
 
-impl Sizes {
-    fn of(a: &[Vec<f64>]) -> Sizes {
-        Sizes(a.iter().map(|row| size(row)).collect())
+impl RowSizes {
+    fn of(a: &[Vec<f64>]) -> RowSizes {
+        RowSizes(a.iter().map(|row| size(row)).collect())
     }
 
     fn swap(&mut self, i: usize, j: usize) {
         self.0.swap(i, j);
     }
 
-    /// The first of the largest entries, row by row, at and after `from`; none where all are zero.
+    /// Row, column and absolute value of the first of the largest entries, row by row, at and after
+    /// row and column `from`; `None` if all are zero.
     fn largest_entry(&self, a: &[Vec<f64>], from: usize) -> Option<(usize, usize, f64)> {
         let mut best: Option<(usize, f64)> = None;
         for (i, &size) in self.0.iter().enumerate().skip(from) {
@@ -123,9 +133,9 @@ impl Sizes {
     }
 }
 
-/// Subtracts row `k` from those below it so that column `k` is zero there, and tells how often
-/// from which.
-fn eliminate(a: &mut [Vec<f64>], k: usize, sizes: &mut Sizes) -> Vec<(usize, f64)> {
+/// Subtracts multiples of row `k` from the rows below it so that column `k` is zero there; returns
+/// the rows that changed with their factors.
+fn eliminate(a: &mut [Vec<f64>], k: usize, sizes: &mut RowSizes) -> Vec<(usize, f64)> {
     let pivot = a[k].clone();
     let filled: Vec<usize> = (k..pivot.len()).filter(|&j| pivot[j] != 0.0).collect();
     let mut touched = Vec::new();
@@ -143,9 +153,16 @@ fn eliminate(a: &mut [Vec<f64>], k: usize, sizes: &mut Sizes) -> Vec<(usize, f64
     touched
 }
 
-/// The rank of a matrix whose dependent part is below `tolerance` times its
-/// largest scaled pivot, and the columns that carry it, preferred in the order
-/// given by `preference` (the smaller, the earlier).
+/// The rank of a matrix, and a set of as many independent columns. Pivots of the row-scaled matrix
+/// of at most `tolerance` times the largest pivot count as zero.
+///
+/// ```
+/// use regen_codegen::numeric::rank_and_columns;
+///
+/// // the second column is twice the first
+/// let a = vec![vec![1.0, 2.0, 0.0], vec![2.0, 4.0, 1.0]];
+/// assert_eq!(rank_and_columns(a, 1e-9), (2, vec![1, 2]));
+/// ```
 pub fn rank_and_columns(mut a: Vec<Vec<f64>>, tolerance: f64) -> (usize, Vec<usize>) {
     let rows = a.len();
     let columns = a.first().map_or(0, Vec::len);
@@ -153,7 +170,7 @@ pub fn rank_and_columns(mut a: Vec<Vec<f64>>, tolerance: f64) -> (usize, Vec<usi
     let mut order = (0..columns).collect::<Vec<_>>();
     let mut largest = 0.0_f64;
     let mut rank = 0;
-    let mut sizes = Sizes::of(&a);
+    let mut sizes = RowSizes::of(&a);
     while rank < rows.min(columns) {
         let Some((row, column, size)) = sizes.largest_entry(&a, rank) else {
             break;

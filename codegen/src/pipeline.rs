@@ -1,4 +1,4 @@
-//! The whole derivation on one page: from a spec's text to a robot's programs.
+//! The whole derivation in one file: from the text of a spec to the programs of a robot.
 
 use std::cell::OnceCell;
 use std::error::Error;
@@ -19,8 +19,8 @@ use crate::signature::Needs;
 use crate::spec::{self, Spec};
 use crate::sym::Graph;
 
-/// A mechanism that is derived as far as is asked for. Each stage runs when something first needs
-/// it, and once.
+/// A mechanism, derived in stages: each stage runs at most once, when a method first needs its
+/// result.
 ///
 /// ```
 /// use regen_codegen::Mechanism;
@@ -35,7 +35,7 @@ use crate::sym::Graph;
 ///       - {name: q1, type: revolute, body: link, actuated: true}
 /// ";
 /// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
-/// // its axis is vertical: Izz is all that counts, and finding that takes no programs
+/// // the axis is vertical, so Izz is the only base parameter; finding it builds no program
 /// assert_eq!(mechanism.analysis()?.base.rank(), 1);
 /// let robot = mechanism.robot(&[FunctionKind::Regressor])?;
 /// assert_eq!(robot.functions.len(), 1);
@@ -50,7 +50,8 @@ pub struct Mechanism {
     analysis: OnceCell<Analysis>,
 }
 
-/// The stage at which the loops are closed: what every function is built from.
+/// The mechanism with its loops closed; the expressions of every function are built from this
+/// stage.
 #[derive(Debug)]
 struct Loops {
     g: Graph,
@@ -78,43 +79,44 @@ impl Mechanism {
         })
     }
 
-    /// Its links, coordinates, cuts and parameters.
+    /// The mechanism's links, coordinates, cuts and parameters.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Where its frames, joints and cuts stand; its loops are not closed for it.
+    /// The frames, joints and cuts as numbers, for drawing. The scene is built from the spec alone;
+    /// the loops need not close.
     pub fn scene(&self) -> Scene {
         Scene::new(&self.spec, &self.model)
     }
 
-    /// The base parameters with their certificate.
+    /// The base parameters (Eq. 23) with the certificate that they are complete.
     ///
     /// # Errors
-    /// A report where the mechanism has too many parameters (see [`base::is_within_reach`]), home
-    /// does not close or does not fit the mobility, or the spec leaves out a base parameter that
-    /// there is not.
+    /// A report if the mechanism has too many parameters (see [`base::is_within_reach`]), if home
+    /// does not close or does not fit the mobility, or if `base: drop` in the spec names a
+    /// parameter that is not a base parameter.
     pub fn analysis(&self) -> Result<&Analysis, Report> {
         let analysis = self.analysed()?;
-        checks::dropped_are_kept(&self.source, &self.spec, &self.model, &analysis.base)?;
+        checks::check_dropped_parameters(&self.source, &self.spec, &self.model, &analysis.base)?;
         Ok(analysis)
     }
 
-    /// Takes base parameters that [`base::store`] wrote instead of deriving them.
+    /// Reads base parameters that [`base::store`] wrote, so that they need not be derived.
     ///
     /// # Errors
-    /// Where they are not those of this spec.
+    /// If the stored base parameters were not derived from this spec.
     pub fn restore(&mut self, stored: &str) -> Result<(), StoreProblem> {
         let analysis = base::restore(stored, &self.source, &self.spec, &self.model)?;
         self.analysis = OnceCell::from(analysis);
         Ok(())
     }
 
-    /// The mechanism in words.
+    /// Explains the mechanism in words: its mobility, loops, motions and unidentifiable parameters.
     ///
     /// # Errors
-    /// A report where the mechanism has too many parameters, or home does not close or does not
-    /// fit the mobility.
+    /// A report if the mechanism has too many parameters, or if home does not close or does not fit
+    /// the mobility.
     pub fn explanation(&self) -> Result<Explanation, Report> {
         let analysis = self.analysed()?;
         let closed = &self.loops()?.closed;
@@ -131,12 +133,12 @@ impl Mechanism {
         ))
     }
 
-    /// The robot with programs of these functions, as far as it has them. Its base parameters are
-    /// derived where one of the functions needs them; a mechanism with too many parameters has
-    /// neither them nor those functions.
+    /// Builds the robot with a program for each function of `kinds` that the mechanism has. Base
+    /// parameters are derived only if one of the functions needs them. A mechanism with too many
+    /// parameters gets neither base parameters nor the functions that need them.
     ///
     /// # Errors
-    /// As [`Mechanism::analysis`]; too many parameters are none.
+    /// As [`Mechanism::analysis`], except that too many parameters are not an error here.
     pub fn robot(&self, kinds: &[FunctionKind]) -> Result<Robot, Report> {
         let loops = self.loops()?;
         let base = kinds
@@ -144,7 +146,7 @@ impl Mechanism {
             .any(|kind| kind.signature().needs == Needs::Base);
         let analysis = (base && base::is_within_reach(&self.model)).then(|| self.analysis());
         let analysis = analysis.transpose()?;
-        // a graph of its own: programs do not depend on what else was asked for
+        // the functions extend a clone of the graph: programs do not depend on earlier requests
         let mut g = loops.g.clone();
         let mut cx = Context {
             g: &mut g,
@@ -162,22 +164,26 @@ impl Mechanism {
                 let program = lower(cx.g, request);
                 functions.push(Function { kind, program });
             }
-            checks::fits(&self.source, &self.spec, cx.g)?;
+            checks::check_graph_capacity(&self.source, &self.spec, cx.g)?;
         }
         Ok(Robot {
             functions,
             analysis: analysis.cloned(),
-            ..named(&self.spec, &self.model, &loops.closed)
+            ..without_functions(&self.spec, &self.model, &loops.closed)
         })
     }
 
-    /// The base parameters, as far as they go without what the spec leaves out.
+    /// The base parameters, before the parameters under `base: drop` in the spec are checked.
     fn analysed(&self) -> Result<&Analysis, Report> {
         if !base::is_within_reach(&self.model) {
-            return Err(checks::out_of_reach(&self.source, &self.spec, &self.model));
+            return Err(checks::too_many_parameters(
+                &self.source,
+                &self.spec,
+                &self.model,
+            ));
         }
         let home = &self.loops()?.closed.home;
-        // base: which combinations of the parameters count (Eq. 23), certified
+        // base: which combinations of the parameters affect the dynamics (Eq. 23), certified
         let analyse = || base::analyse(&self.spec, &self.model, home);
         Ok(self.analysis.get_or_init(analyse))
     }
@@ -202,8 +208,8 @@ impl Mechanism {
         // constraints: closed at home, loops solved in a fixed order (Eq. 6-10)
         let closed = Closed::new(&mut g, &frames, model)
             .map_err(|problem| checks::home_report(source, spec, model, &problem))?;
-        checks::aligned_at_home(source, spec, &mut g, &frames, model, &closed.home)?;
-        checks::fits(source, spec, &g)?;
+        checks::check_alignment_at_home(source, spec, &mut g, &frames, model, &closed.home)?;
+        checks::check_graph_capacity(source, spec, &g)?;
         Ok(Loops {
             g,
             symbols,
@@ -213,20 +219,19 @@ impl Mechanism {
     }
 }
 
-/// Where base parameters with their certificate, and the functions over them,
-/// come from.
+/// Where [`derive_with`] gets the base parameters and their certificate from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BaseFrom<'a> {
-    /// They are left out.
+    /// Nowhere: the robot has neither base parameters nor the functions that need them.
     Skip,
-    /// They are derived, however long it takes.
+    /// The base parameters are derived, however long that takes.
     Derivation,
-    /// They are read from what was stored; derived where nothing was and it is
-    /// quick (see [`base::is_slow_in_debug`]).
+    /// The base parameters are read from the text that [`base::store`] wrote. With `None` they are
+    /// derived, but only if that is quick (see [`base::is_slow_in_debug`]).
     Store(Option<&'a str>),
 }
 
-/// Why there is no robot.
+/// Why a robot could not be derived.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum DeriveError {
@@ -234,7 +239,7 @@ pub enum DeriveError {
     Spec(Box<Report>),
     /// The stored base parameters cannot be used.
     Store(StoreProblem),
-    /// The base parameters should be stored, and are not.
+    /// Deriving the base parameters takes long, and no stored ones were given.
     NotStored,
 }
 
@@ -266,25 +271,41 @@ impl From<Report> for DeriveError {
     }
 }
 
-/// Derives a robot, with its base parameters, from the text of its spec; without
-/// them where it has more than [`base::MOST_PARAMETERS`].
+/// Derives a robot with all its functions from the text of its spec. A robot with more than
+/// [`base::MOST_PARAMETERS`] parameters gets no base parameters and none of the functions that need
+/// them.
 ///
 /// # Errors
-/// A report with the place of every mistake in the spec: of its syntax, its
-/// names and values, or of a home that does not close or does not fit the
-/// mobility.
+/// A report with the place of every mistake in the spec: in its syntax, its names and values, or a
+/// home that does not close or does not fit the mobility.
+///
+/// ```
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::pipeline::derive;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let robot = derive(&Source::new("arm.yaml", text))?;
+/// assert_eq!(robot.coordinates, ["q1"]);
+/// assert_eq!(robot.independent, [0]);
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
 pub fn derive(source: &Source) -> Result<Robot, Report> {
     Mechanism::open(source)?.robot(&FunctionKind::ALL)
 }
 
-/// Derives a robot from the text of its spec, with base parameters from where
-/// they are wanted from.
+/// Derives a robot from the text of its spec, and gets its base parameters from where `from` says.
 ///
 /// # Errors
-/// As [`derive()`]; or why what was stored cannot be used.
+/// As [`derive()`], and if the stored base parameters cannot be used or are missing.
 pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveError> {
     let mut mechanism = Mechanism::open(source)?;
-    // what is wrong with the spec comes before what is wrong with what was stored
+    // report mistakes in the spec before those in the stored base parameters
     mechanism.loops()?;
     let within_reach = base::is_within_reach(&mechanism.model);
     match from {
@@ -300,15 +321,15 @@ pub fn derive_with(source: &Source, from: BaseFrom<'_>) -> Result<Robot, DeriveE
     Ok(mechanism.robot(&FunctionKind::ALL)?)
 }
 
-/// The functions that do without base parameters.
+/// The functions that do not need base parameters.
 pub fn without_base() -> Vec<FunctionKind> {
     let all = FunctionKind::ALL.into_iter();
     all.filter(|kind| kind.signature().needs != Needs::Base)
         .collect()
 }
 
-/// The robot with its names.
-fn named(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
+/// The robot without functions and base parameters: names, sizes, limits and nominal values.
+fn without_functions(spec: &Spec, model: &Model, closed: &Closed) -> Robot {
     let cuts = model.cuts.iter().map(|cut| crate::robot::CutInfo {
         name: cut.name.clone(),
         rows: cut.kind.equations(),

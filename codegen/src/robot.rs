@@ -1,5 +1,5 @@
-//! A derived robot: its names and its functions as straight-line programs. What
-//! the stages after the derivation work on; it no longer knows expressions.
+//! A derived robot: its names, and its functions as straight-line programs. The stages after the
+//! derivation (emission, interpretation) read this type; it holds no expressions.
 
 use crate::base::{Analysis, Base};
 use crate::model::{self, Model, MotionKind};
@@ -13,36 +13,37 @@ pub use crate::signature::FunctionKind;
 /// A function of a robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Function {
-    /// What it computes.
+    /// Which function of the table it is.
     pub kind: FunctionKind,
-    /// How.
+    /// The straight-line program that computes it.
     pub program: Program,
 }
 
-/// A cut and its rows.
+/// A cut joint and the number of its closure rows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CutInfo {
-    /// Its name.
+    /// The name of the cut.
     pub name: String,
-    /// How many rows of A it has.
+    /// How many rows of A (Eq. 7) the cut has.
     pub rows: usize,
 }
 
-/// What the spec states about the joint of one coordinate.
+/// What the spec states about the joint behind one coordinate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct JointInfo {
-    /// Turn or shift.
+    /// Whether the coordinate is a rotation (rad) or a translation (m).
     pub motion: MotionKind,
-    /// Its friction model.
+    /// The friction model.
     pub friction: Friction,
-    /// Limits of position, velocity, acceleration and effort, where given.
+    /// Lower and upper limits of position, velocity, acceleration and effort, where given; rad or m
+    /// and s, effort in N m or N.
     pub limits: [Option<[f64; 2]>; 4],
-    /// Nominal values of the friction model's symbols, in their order.
+    /// Nominal values of the friction model's parameters, in the order of [`Friction::symbols`].
     pub nominal: [Option<f64>; 5],
 }
 
 impl JointInfo {
-    /// The motion's name in code.
+    /// The name of the runtime's `Motion` variant, for generated code.
     pub fn motion_name(&self) -> &'static str {
         match self.motion {
             MotionKind::Rotation => "Turn",
@@ -50,63 +51,64 @@ impl JointInfo {
         }
     }
 
-    /// The friction model's name in code.
+    /// The name of the runtime's `Friction` variant, for generated code.
     pub fn friction_name(&self) -> &'static str {
         self.friction.name()
     }
 }
 
-/// A limit of the angle between two z axes.
+/// A limit of the swing angle: the angle between the z axes of a joint's or cut's two frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SwingLimitInfo {
-    /// The joint or the cut.
+    /// The name of the joint or the cut.
     pub name: String,
-    /// The greatest angle, rad.
+    /// The largest swing angle, rad.
     pub greatest: f64,
 }
 
-/// A derived robot.
+/// A derived robot: names, limits, nominal values and programs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
     /// The spec's name.
     pub name: String,
     /// The spec's description.
     pub description: Option<String>,
-    /// Coordinates in order.
+    /// Names of the coordinates; their order is the order of q.
     pub coordinates: Vec<String>,
-    /// Indices of the independent ones, in the order of the regressor's rows.
+    /// Indices of the independent coordinates, in the order of the regressor's rows.
     pub independent: Vec<usize>,
-    /// Indices of the others, ascending.
+    /// Indices of the dependent coordinates, ascending.
     pub dependent: Vec<usize>,
-    /// Indices of the actuated ones, ascending.
+    /// Indices of the actuated coordinates, ascending.
     pub actuated: Vec<usize>,
-    /// The parameters in order.
+    /// The dynamic parameters, in the order of phi.
     pub parameters: Vec<Parameter>,
-    /// Labels of the bodies in order.
+    /// Labels of the bodies, in order.
     pub bodies: Vec<String>,
-    /// Cuts in order.
+    /// The cuts, in the order of the spec.
     pub cuts: Vec<CutInfo>,
-    /// What is stated about the joint of each coordinate.
+    /// What the spec states about the joint of each coordinate.
     pub joints: Vec<JointInfo>,
-    /// Cones in order: joints, then cuts.
+    /// The swing limits: first those of joints, then those of cuts.
     pub cones: Vec<SwingLimitInfo>,
-    /// Nominal values of the parameters, in their order.
+    /// Nominal values of the parameters in their order, where the spec gives them.
     pub nominal: Vec<Option<f64>>,
-    /// Rows of A: cuts, then couplings.
+    /// Number of rows of A: first the rows of the cuts, then those of the couplings.
     pub rows: usize,
-    /// Rows found redundant, by index in the spec's order.
+    /// Redundant closure rows, by index in the spec's order; all rows if there is no dependent
+    /// coordinate.
     pub redundant_rows: Vec<usize>,
     /// Gravity in the world frame, m/s^2.
     pub gravity: [f64; 3],
-    /// The closed home configuration.
+    /// The home configuration with all loops closed, rad or m.
     pub home: Vec<f64>,
-    /// Its functions.
+    /// The derived functions.
     pub functions: Vec<Function>,
-    /// Its base parameters, where they were asked for.
+    /// The base parameters with their certificate, if they were derived.
     pub analysis: Option<Analysis>,
 }
 
-/// The joint of each coordinate, as the spec states it.
+/// For each coordinate, what the spec states about its joint.
 pub fn joints(spec: &Spec, model: &Model) -> Vec<JointInfo> {
     let interval = |stated: &Option<Interval>| {
         let stated = stated.as_ref()?;
@@ -136,7 +138,7 @@ pub fn joints(spec: &Spec, model: &Model) -> Vec<JointInfo> {
 }
 
 impl Robot {
-    /// A function, if the robot has it.
+    /// The function of this kind, if it was derived and the robot has it.
     pub fn function(&self, kind: FunctionKind) -> Option<&Function> {
         self.functions.iter().find(|f| f.kind == kind)
     }
@@ -146,7 +148,8 @@ impl Robot {
         self.parameters.iter().map(|p| p.label.as_str()).collect()
     }
 
-    /// How many there are of what a size counts.
+    /// The value of a symbolic size for this robot; sizes of the base parameters are 0 if these
+    /// were not derived.
     pub fn length(&self, size: Size) -> usize {
         let base = || self.analysis.iter().map(|analysis| &analysis.base);
         match size {
@@ -164,7 +167,7 @@ impl Robot {
         }
     }
 
-    /// Operations of the full regressor.
+    /// Number of operations of the full regressor's program; zero if it was not derived.
     pub fn operations(&self) -> Operations {
         self.function(FunctionKind::Regressor)
             .map_or_else(Operations::default, |f| f.program.operations())

@@ -1,15 +1,16 @@
-//! The mechanism as a picture needs it: where every frame, joint and cut stands, as numbers.
+//! Geometry of a mechanism for drawing: the poses of all frames, joints and cuts, as numbers.
 //!
-//! A scene is made of a spec alone, before its loops are closed, so that a mechanism whose
-//! description is wrong can be looked at too.
+//! A scene is built from a spec alone, before the loops are closed, so that a mechanism with a
+//! faulty description can be drawn too.
 
 use crate::model::{Link, Model, Side, Step, joints_of_coordinates};
 use crate::spec::{Axis, Spec};
 
-/// A frame in the world: the rotation matrix row-major (the frame's axes are its columns), then
-/// the position of the origin, m.
+/// A pose in the world frame: the rotation matrix row-major (its columns are the frame's axes),
+/// then the position of the origin, m.
 pub type Pose = [f64; 12];
 
+/// The pose of the world frame itself.
 const WORLD: Pose = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
 
 /// A mechanism ready to be drawn at any coordinates, closed or not.
@@ -27,7 +28,7 @@ const WORLD: Pose = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 ///       - {name: q2, type: prismatic, origin: {xyz: [2, 0, 0]}, axis: x, body: 2, actuated: true}
 /// ";
 /// let scene = Mechanism::open(&Source::new("arm.yaml", text)).unwrap().scene();
-/// // A quarter turn, then 0.5 m: the second body's origin stands at (0, 2.5, 0).
+/// // A quarter turn, then 0.5 m: the second body's origin is at (0, 2.5, 0).
 /// let frames = scene.frames(&[std::f64::consts::FRAC_PI_2, 0.5]);
 /// let [x, y, z] = [9, 10, 11].map(|k| frames[scene.bodies[1].link][k]);
 /// assert!(x.abs() < 1e-15 && (y - 2.5).abs() < 1e-15 && z == 0.0);
@@ -36,7 +37,7 @@ const WORLD: Pose = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 pub struct Scene {
     /// The robot's name.
     pub name: String,
-    /// What the robot is, if the spec says it.
+    /// The description of the robot, if the spec gives one.
     pub description: Option<String>,
     /// The bodies with their links.
     pub bodies: Vec<Body>,
@@ -46,23 +47,24 @@ pub struct Scene {
     pub cuts: Vec<Cut>,
     /// The names of all coordinates.
     pub coordinates: Vec<String>,
-    /// Whether each coordinate is a turn (rad) rather than a shift (m).
+    /// Whether each coordinate is a rotation (rad) rather than a translation (m).
     pub turns: Vec<bool>,
-    /// The coordinates that home states, 0 where it does not: not closed yet.
+    /// The home coordinates as the spec states them, 0 where it states none; the loops are not
+    /// closed.
     pub home: Vec<f64>,
     links: Vec<Link>,
     placements: Vec<Pose>,
 }
 
-/// A body and the link whose frame is its own.
+/// A body and the link that carries its frame.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Its label.
+    /// The body's label.
     pub label: String,
-    /// Index into [`Scene::frames`].
+    /// Index of its link in [`Scene::frames`].
     pub link: usize,
-    /// Points fixed to it where something is joined, in its own frame, m: its origin, joints
-    /// that stand on it, cuts.
+    /// Points at which the body is connected, in its own frame, m: the origin of the body or of the
+    /// joint that carries it, the joints that it carries, and cuts.
     pub points: Vec<[f64; 3]>,
 }
 
@@ -71,31 +73,32 @@ pub struct Body {
 pub struct Joint {
     /// Its name, as in the spec.
     pub name: String,
-    /// `revolute`, `spherical`, ...
+    /// The kind as in the spec: `revolute`, `spherical`, ...
     pub kind: &'static str,
-    /// Its coordinates.
+    /// Indices of the joint's coordinates.
     pub coordinates: Vec<usize>,
-    /// The links behind its coordinates: the last one is what the joint carries.
+    /// One link per coordinate, from the base outward; the joint carries the last one.
     pub links: Vec<usize>,
-    /// The link that it stands on; `None` is the world.
+    /// The link that carries the joint; `None` is the world.
     pub parent: Option<usize>,
     /// Whether it is actuated.
     pub actuated: bool,
 }
 
-/// A cut joint.
+/// A joint at which a loop was cut.
 #[derive(Clone, Debug)]
 pub struct Cut {
-    /// Its name.
+    /// The name of the cut.
     pub name: String,
-    /// `spherical`, `revolute`, ...
+    /// The kind as in the spec: `spherical`, `revolute`, ...
     pub kind: &'static str,
-    /// The links that carry its two frames, `None` is the world, and the frames on them.
+    /// For each side, the link that carries the cut's frame (`None` is the world) and the pose of
+    /// this frame in the link's.
     pub sides: [(Option<usize>, Pose); 2],
 }
 
 impl Scene {
-    /// The scene of a mechanism.
+    /// Builds the scene from the spec and its model.
     pub(crate) fn new(spec: &Spec, model: &Model) -> Self {
         let placements: Vec<Pose> = model.links.iter().map(|l| placed(&l.placement)).collect();
         let side = |side: &Side| (side.link, placed(&side.placement));
@@ -123,7 +126,7 @@ impl Scene {
 
     /// The frames of all links in the world.
     ///
-    /// - `q`: n, rad or m; what is missing counts as 0.
+    /// - `q`: n coordinates, rad or m; missing ones count as 0.
     pub fn frames(&self, q: &[f64]) -> Vec<Pose> {
         let mut frames: Vec<Pose> = Vec::with_capacity(self.links.len());
         for (k, link) in self.links.iter().enumerate() {
@@ -138,7 +141,8 @@ impl Scene {
         frames
     }
 
-    /// The frame of a link before its motion, from all links' frames.
+    /// The frame of a link at zero motion of its joint, in the world; `frames` are those of
+    /// [`Scene::frames`].
     pub fn before(&self, frames: &[Pose], link: usize) -> Pose {
         let parent = self.links.get(link).and_then(|l| l.parent);
         let parent = parent.and_then(|p| frames.get(p)).unwrap_or(&WORLD);
@@ -147,8 +151,8 @@ impl Scene {
             .map_or(*parent, |p| after(parent, p))
     }
 
-    /// The axis of a link's motion in the frame before it, a unit vector; `None` where it is
-    /// fixed.
+    /// The axis of a link's joint in the frame of [`Scene::before`], a unit vector; `None` for a
+    /// fixed link.
     pub fn axis(&self, link: usize) -> Option<[f64; 3]> {
         let motion = self.links.get(link)?.motion.as_ref()?;
         Some(match motion.axis {
@@ -158,13 +162,13 @@ impl Scene {
         })
     }
 
-    /// The links in order, each with its parent.
+    /// The parent of each link, in the order of the links; `None` is the world.
     pub fn parents(&self) -> impl Iterator<Item = Option<usize>> + '_ {
         self.links.iter().map(|l| l.parent)
     }
 
-    /// The origins of a cut's two frames in the world, m: the same point where a loop that
-    /// has one is closed.
+    /// The origins of a cut's two frames in the world, m. They coincide on a closed configuration
+    /// if the cut constrains the position.
     pub fn ends(frames: &[Pose], cut: &Cut) -> [[f64; 3]; 2] {
         cut.sides.each_ref().map(|(link, on)| {
             let link = link.and_then(|l| frames.get(l)).unwrap_or(&WORLD);
@@ -174,7 +178,7 @@ impl Scene {
     }
 }
 
-/// The joints with their coordinates, in the order of the spec.
+/// The tree's joints with their coordinates, in the order of the spec.
 fn joints(spec: &Spec, model: &Model) -> Vec<Joint> {
     let mut joints: Vec<Joint> = Vec::new();
     let mut last = None;
@@ -204,10 +208,10 @@ fn joints(spec: &Spec, model: &Model) -> Vec<Joint> {
     joints
 }
 
-/// The bodies with the points where others are joined to them.
+/// The bodies with the points at which others are connected to them.
 fn bodies(model: &Model, placements: &[Pose], cuts: &[Cut]) -> Vec<Body> {
     let carrier = |mut link: Option<usize>, mut pose: Pose| {
-        // up through fixed links without a body
+        // go up through fixed links without a body
         while let Some(l) = link {
             if let Some(body) = model.bodies.iter().position(|b| b.link == l) {
                 return Some((body, pose));
@@ -242,7 +246,8 @@ fn bodies(model: &Model, placements: &[Pose], cuts: &[Cut]) -> Vec<Body> {
         .iter()
         .map(|b| carried_at(model, placements, b.link));
     for (points, carried) in points.iter_mut().zip(carried) {
-        // the origin of a frame that a fixed joint put somewhere is no place on the body
+        // for a body attached by a fixed joint, draw to the joint that carries it instead of to the
+        // frame's origin
         if let Some(point) = carried {
             if points.len() > 2 {
                 points.remove(0);
@@ -260,8 +265,8 @@ fn bodies(model: &Model, placements: &[Pose], cuts: &[Cut]) -> Vec<Body> {
         .collect()
 }
 
-/// Where the joint that carries a body is, in the body's frame, m; `None` where that is its
-/// origin.
+/// The position of the joint that carries a body, in the body's frame, m; `None` if the joint is at
+/// the frame's origin.
 fn carried_at(model: &Model, placements: &[Pose], link: usize) -> Option<[f64; 3]> {
     let mut at = link;
     let mut pose = WORLD;
@@ -305,7 +310,7 @@ fn shifted(axis: Axis, by: f64) -> Pose {
     pose
 }
 
-/// One frame in another's.
+/// The pose of `b`, given in `a`, in the frame in which `a` is given.
 fn after(a: &Pose, b: &Pose) -> Pose {
     let mut out = [0.0; 12];
     for i in 0..3 {

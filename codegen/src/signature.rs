@@ -1,11 +1,11 @@
-//! The table of functions: one row for each function that a robot gets. The emitter, the
-//! interpreter, the command and the tests read names, arguments and shapes from here.
+//! The table of functions: one row for each function that a robot can have. The emitter, the
+//! interpreter, the command and the tests take names, arguments and shapes from here.
 
 mod table;
 
 pub use table::FunctionKind;
 
-/// What the length of an argument or of an output counts.
+/// The length of an argument or of an output, as a quantity of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Size {
     /// All coordinates.
@@ -22,13 +22,13 @@ pub enum Size {
     Parameters,
     /// The bodies.
     Bodies,
-    /// The cones that limit joints and cuts.
+    /// The limits of the swing angle of joints and cuts.
     Cones,
     /// The base parameters.
     Base,
-    /// The eliminated parameters.
+    /// The eliminated (non-base) parameters.
     Free,
-    /// The twelve numbers of a pose: a rotation matrix and a position.
+    /// The twelve numbers of a pose: a rotation matrix row by row, then a position, m.
     Pose,
 }
 
@@ -48,17 +48,17 @@ pub enum Shape {
     Vector(Size),
     /// A matrix.
     Matrix {
-        /// How many rows it has.
+        /// Number of rows.
         rows: Size,
-        /// How many columns it has.
+        /// Number of columns.
         columns: Size,
-        /// How it is stored.
+        /// The order in which its entries are stored.
         layout: Layout,
     },
 }
 
 impl Shape {
-    /// The lengths of the stored array, the outer one first.
+    /// The lengths of the stored array's dimensions, the outermost first.
     pub fn outer_first(self) -> Vec<Size> {
         match self {
             Shape::Vector(size) => vec![size],
@@ -85,13 +85,13 @@ pub enum Needs {
     Rows,
     /// Dependent coordinates.
     Dependent,
-    /// Cones that limit joints or cuts.
+    /// Swing limits of joints or cuts.
     Cones,
     /// Base parameters.
     Base,
 }
 
-/// How an emitted function hands its result to the caller.
+/// How an emitted function passes its result to the caller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Passing {
     /// It returns the result.
@@ -100,39 +100,39 @@ pub enum Passing {
     Written,
 }
 
-/// What the table states about an argument.
+/// The table's row for an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ArgumentRow {
-    /// Its name in emitted functions.
+    /// The argument's name in emitted functions.
     pub name: &'static str,
-    /// Its name in the runtime's `Arguments` and traits.
+    /// The argument's name in the runtime's `Arguments` and traits.
     pub runtime_name: &'static str,
-    /// What its elements belong to.
+    /// The length of the argument.
     pub size: Size,
-    /// What the names of its elements begin with in emitted functions.
+    /// Prefix of the names of its elements in emitted functions.
     pub prefix: &'static str,
-    /// What it holds, for documentation.
+    /// What the argument contains: the text of its documentation.
     pub doc: &'static str,
 }
 
-/// What the table states about a function.
+/// The table's row for a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signature {
-    /// Its name in code.
+    /// The function's name in code.
     pub name: &'static str,
-    /// What it computes, with the number of the equation.
+    /// What the function computes, with the number of the equation.
     pub formula: &'static str,
-    /// Its arguments in order.
+    /// The arguments in order.
     pub arguments: &'static [Argument],
-    /// The name of its output in emitted functions.
+    /// The name of the output in emitted functions.
     pub output: &'static str,
-    /// The shape of its output.
+    /// The shape of the output.
     pub shape: Shape,
-    /// What its output holds, for documentation.
+    /// What the output contains: the text of its documentation.
     pub output_doc: &'static str,
-    /// How an emitted function hands over the output.
+    /// How an emitted function passes the output to the caller.
     pub passing: Passing,
-    /// Whether it reports the condition of a solve with A_e.
+    /// Whether the function also returns the condition of its solve with A_e.
     pub has_condition: bool,
     /// What a mechanism must have for the function to exist.
     pub needs: Needs,
@@ -147,10 +147,10 @@ macro_rules! arguments {
         }
 
         impl Argument {
-            /// All of them, in the order of the table.
+            /// All arguments, in the order of the table.
             pub const ALL: [Argument; [$(stringify!($case)),*].len()] = [$(Argument::$case),*];
 
-            /// What the table states about it.
+            /// The table's row for this argument.
             pub fn row(self) -> &'static ArgumentRow {
                 match self {
                     $(Argument::$case => &ArgumentRow { doc: $doc, $($field: $value,)* },)*

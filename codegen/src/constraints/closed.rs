@@ -1,4 +1,4 @@
-//! The closed mechanism: dependent coordinates as functions of independent ones.
+//! The closed mechanism: rates of the dependent coordinates as functions of the independent ones.
 
 use crate::kinematics::{Frames, Rates};
 use crate::model::Model;
@@ -12,32 +12,32 @@ use super::rows::{Equations, coupling_equations, world_equations};
 use super::samples::closed_states;
 use super::viewpoints;
 
-/// How the loops of a mechanism are solved.
+/// The symbolic solution of a mechanism's closure equations.
 #[derive(Clone, Debug)]
 pub struct LoopSolver {
     viewpoints: Vec<Viewpoint>,
     plan: Plan,
-    /// All rows over all coordinates, seen from within the loops.
+    /// A over all coordinates, all rows, each loop's rows expressed from its viewpoint.
     jacobian: Vec<Vec<Ex>>,
-    /// X of Eq. 10: dependent by independent.
+    /// X of Eq. 10: a row per dependent and a column per independent coordinate.
     pub x: Vec<Vec<Ex>>,
 }
 
-/// A mechanism that is known to close.
+/// A mechanism whose loops close at home.
 #[derive(Clone, Debug)]
 pub struct Closed {
-    /// The home configuration, closed, by coordinate.
+    /// The home configuration with closed loops, rad or m, by coordinate.
     pub home: Vec<f64>,
-    /// How its loops are solved; `None` for a tree.
+    /// The solution of the closure equations; `None` for a mechanism without dependent coordinates.
     pub closure: Option<LoopSolver>,
 }
 
 impl Closed {
-    /// Closes a mechanism at home and lays out the solution of its loops. The
+    /// Closes a mechanism at home and prepares the solution of its closure equations. The
     /// coordinates must be the graph's first symbols, in order.
     ///
     /// # Errors
-    /// Where home does not close or the independent coordinates do not fit.
+    /// If home does not close or the independent coordinates do not fit the mobility.
     pub fn new(g: &mut Graph, frames: &Frames, model: &Model) -> Result<Closed, HomeProblem> {
         let world = world_equations(g, frames, model, None);
         let loops = NumericLoops::new(g, &world, model);
@@ -64,7 +64,7 @@ impl Closed {
     }
 }
 
-/// The rows of all cuts from given viewpoints, and of the couplings.
+/// The rows of all cuts, each loop from its given viewpoint, then the rows of the couplings.
 fn equations(
     g: &mut Graph,
     frames: &Frames,
@@ -120,30 +120,30 @@ impl LoopSolver {
         })
     }
 
-    /// The rows that are left out of A_e because the others imply them.
+    /// The redundant rows: the elimination of A_e leaves them out because the others imply them.
     pub fn redundant_rows(&self) -> &[usize] {
         &self.plan.left_out
     }
 
-    /// The order in which A_e is eliminated.
+    /// The order of pivots in which A_e is eliminated.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// From where each loop is seen.
+    /// The viewpoint of each loop, in the order of the cuts.
     pub fn viewpoints(&self) -> &[Viewpoint] {
         &self.viewpoints
     }
 
-    /// The square A_e on the rows that are kept, row by row in the order of
-    /// pivots.
+    /// The square A_e (Eq. 8) without the redundant rows; its rows are in the order of pivots.
     pub fn dependent_jacobian(&self, model: &Model) -> Vec<Vec<Ex>> {
         let a_e = columns(&self.jacobian, &model.dependent);
         self.plan.pivots.iter().map(|p| a_e[p.0].clone()).collect()
     }
 
-    /// The solution of `A_e Z = rhs`, guarded: read from a system that is
-    /// solved anew where the fixed order of pivots is unfit.
+    /// The solution Z of `A_e Z = rhs`, dependent coordinates by right-hand sides. It is guarded:
+    /// if a pivot of the fixed order is too small when the expressions are evaluated, the system is
+    /// solved anew with pivoting.
     pub fn solve(&self, g: &mut Graph, model: &Model, rhs: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
         let a_e = columns(&self.jacobian, &model.dependent);
         let Eliminated {
@@ -151,7 +151,7 @@ impl LoopSolver {
             pivots,
             ..
         } = eliminate(g, &a_e, rhs, &self.plan);
-        // pivots that are constants never need a second thought
+        // constant pivots need no guard
         let pivots: Vec<(Ex, f64)> = pivots
             .into_iter()
             .filter(|p| g.value(p.0).is_none())
@@ -171,7 +171,7 @@ impl LoopSolver {
             .collect()
     }
 
-    /// X of Eq. 10, guarded.
+    /// X of Eq. 10, guarded as in [`LoopSolver::solve`].
     pub fn solve_x(&self, g: &mut Graph, model: &Model) -> Vec<Vec<Ex>> {
         let a_i = columns(&self.jacobian, &model.independent);
         let x = self.solve(g, model, &a_i);
@@ -184,7 +184,7 @@ impl LoopSolver {
         x
     }
 
-    /// `rhs = -A_i v` for rates of the independent coordinates.
+    /// The right-hand side `-A_i v` for rates `v` of the independent coordinates.
     pub fn independent_part(&self, g: &mut Graph, model: &Model, v: &[Ex]) -> Vec<Ex> {
         let a_i = columns(&self.jacobian, &model.independent);
         a_i.iter()
@@ -195,12 +195,12 @@ impl LoopSolver {
             .collect()
     }
 
-    /// The residual f, seen as A is.
+    /// The residual f, with the same rows and viewpoints as A.
     pub fn residual(&self, g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Ex> {
         equations(g, frames, model, &self.viewpoints, None).residual
     }
 
-    /// The bias b, seen as A is.
+    /// The bias b, with the same rows and viewpoints as A.
     pub fn bias(&self, g: &mut Graph, frames: &Frames, model: &Model, rates: &Rates) -> Vec<Ex> {
         equations(g, frames, model, &self.viewpoints, Some(rates)).bias
     }

@@ -1,35 +1,34 @@
-//! Gaussian elimination of A_e in a fixed order of pivots, chosen once over
-//! sampled states of the closed mechanism and then carried out on expressions.
+//! Gaussian elimination of A_e in a fixed order of pivots, chosen once over sampled states of the
+//! closed mechanism and then carried out on expressions.
 //!
-//! The order is a compromise between little work (Markowitz's count of the
-//! fill-in) and accuracy over the workspace: a pivot must be, at every sampled
-//! state, at least a tenth of the largest entry left in its column, so that no
-//! multiplier exceeds ten there.
+//! The order is a compromise between few operations (Markowitz's count of the fill-in) and accuracy
+//! over the workspace: at every sampled state a pivot must be at least a tenth of the largest
+//! remaining entry in its column, so that no multiplier exceeds ten there.
 
 use crate::sym::{Ex, Graph};
 
-/// A pivot must reach this part of its column's largest entry at all samples.
-const THRESHOLD: f64 = 0.1;
-/// What a pivot that changes its sign counts, beside one that does not.
-const UNSTEADY: f64 = 0.01;
-/// Scaled rows below this carry nothing: they are redundant.
-const NOTHING: f64 = 1e-9;
+/// Smallest ratio of an acceptable pivot to its column's largest entry, at all samples.
+const MIN_PIVOT_FRACTION: f64 = 0.1;
+/// Factor on the quality of a pivot that changes its sign among the samples.
+const SIGN_CHANGE_FACTOR: f64 = 0.01;
+/// Scaled pivots below this are taken for zero: their rows are redundant.
+const ZERO_PIVOT: f64 = 1e-9;
 
-/// A fixed order of pivots.
+/// A fixed order of pivots for an elimination.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Row, column and usual size of each pivot, in order.
+    /// Row, column and median absolute value (over the samples) of each pivot, in order.
     pub pivots: Vec<(usize, usize, f64)>,
-    /// Rows that the order leaves out: redundant on the mechanism's motion.
+    /// Rows without a pivot: redundant on the mechanism's motion.
     pub left_out: Vec<usize>,
-    /// How many pivots are small, or change their sign, at some samples: the order is unfit
-    /// somewhere among them.
+    /// Number of pivots that are small, or change their sign, among the samples, so that the order
+    /// is unfit at some states.
     pub unfit: usize,
 }
 
-/// Chooses the order of pivots for a matrix with this structure (which entries
-/// are not identically zero, and which are constant) and these sampled values;
-/// `None` where the columns are not independent.
+/// Chooses the order of pivots for a matrix. `structure` tells for each entry whether it is
+/// identically zero (`None`) or else whether it is constant; `samples` are values of the matrix.
+/// `None` if the columns are linearly dependent.
 pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Option<Plan> {
     let rows = structure.len();
     let columns = structure.first().map_or(0, Vec::len);
@@ -41,14 +40,14 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
         .iter()
         .map(|row| row.iter().map(|e| *e == Some(true)).collect())
         .collect();
-    // one scale per row for all samples: metres and radians compare
+    // one scale per row for all samples, so that rows in metres and in radians compare
     let scale: Vec<f64> = (0..rows)
         .map(|i| {
             let entries = samples.iter().flat_map(|s| &s[i]);
             entries.fold(0.0_f64, |m, x| m.max(x.abs()))
         })
         .collect();
-    // but rows of rounding, where redundant, are not scaled up
+    // rows of rounding errors, in redundant rows, are not scaled up
     let whole = scale.iter().fold(f64::MIN_POSITIVE, |m: f64, x| m.max(*x));
     let scale: Vec<f64> = scale.iter().map(|s| s.max(whole / 1024.0)).collect();
     let mut work = samples.to_vec();
@@ -80,7 +79,7 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
                 if quality <= 0.0 {
                     continue;
                 }
-                let good = quality >= THRESHOLD;
+                let good = quality >= MIN_PIVOT_FRACTION;
                 let fill = (in_rows[r] - 1) * (in_column.len() - 1);
                 let candidate = (good, fill, constant[r][c], quality, r, c);
                 if best.is_none_or(|b| better(&candidate, &b)) {
@@ -124,13 +123,13 @@ pub fn plan(structure: &[Vec<Option<bool>>], samples: &[Vec<Vec<f64>>]) -> Optio
     })
 }
 
-/// The least part, over the samples, of its column's largest entry that a
-/// pivot reaches; 0 where the pivot vanishes. A pivot with both signs vanishes
-/// somewhere between the samples, and is taken only if there is no other.
+/// The smallest ratio, over the samples, of a pivot to its column's largest entry; 0 if the pivot
+/// vanishes. A pivot with both signs vanishes somewhere between the samples, and is taken only if
+/// there is no other.
 fn quality(work: &[Vec<Vec<f64>>], scale: f64, largest: &[f64], r: usize, c: usize) -> f64 {
     let parts = work.iter().zip(largest).map(|(sample, largest)| {
         let size = sample[r][c].abs() / scale;
-        if size < NOTHING {
+        if size < ZERO_PIVOT {
             return 0.0;
         }
         size / largest
@@ -140,15 +139,15 @@ fn quality(work: &[Vec<Vec<f64>>], scale: f64, largest: &[f64], r: usize, c: usi
     let steady = positive == 0 || positive == work.len();
     match least.is_finite() {
         true if steady => least,
-        true => least * UNSTEADY,
+        true => least * SIGN_CHANGE_FACTOR,
         false => 0.0,
     }
 }
 
 type Candidate = (bool, usize, bool, f64, usize, usize);
 
-/// Good pivots first; among them the least fill-in, constants, then size; among
-/// poor ones the largest.
+/// Whether candidate `a` is a better pivot than `b`. Acceptable pivots come first; among them those
+/// with less fill-in, then constants, then the larger; among unacceptable ones the largest.
 fn better(a: &Candidate, b: &Candidate) -> bool {
     if a.0 != b.0 {
         return a.0;
@@ -162,11 +161,11 @@ fn better(a: &Candidate, b: &Candidate) -> bool {
     if a.2 != b.2 {
         return a.2;
     }
-    // the first one stays unless another is clearly larger
+    // keep the earlier one unless the other is clearly larger
     a.3 > 1.25 * b.3
 }
 
-/// Which entries of a matrix are not identically zero, and whether those are constant.
+/// For each entry, `None` if it is identically zero, else whether it is constant.
 pub fn structure(g: &Graph, matrix: &[Vec<Ex>]) -> Vec<Vec<Option<bool>>> {
     let entry = |e: &Ex| (!e.is_zero()).then(|| g.value(*e).is_some());
     matrix
@@ -175,19 +174,19 @@ pub fn structure(g: &Graph, matrix: &[Vec<Ex>]) -> Vec<Vec<Option<bool>>> {
         .collect()
 }
 
-/// What an elimination leaves.
+/// The result of an elimination.
 #[derive(Clone, Debug)]
 pub struct Eliminated {
     /// Unknowns by right-hand sides.
     pub solution: Vec<Vec<Ex>>,
-    /// The pivots with their usual sizes.
+    /// The pivots with the absolute values that they usually have.
     pub pivots: Vec<(Ex, f64)>,
-    /// The right-hand sides of the rows that the order leaves out.
+    /// The eliminated right-hand sides of the rows without a pivot.
     pub left: Vec<Vec<Ex>>,
 }
 
-/// The solution of `A Z = B` by elimination in the plan's order, on
-/// expressions. One division per pivot, no square roots.
+/// Solves `A Z = B` on expressions, by elimination in the plan's order: one division per pivot, no
+/// square roots.
 pub fn eliminate(g: &mut Graph, matrix: &[Vec<Ex>], rhs: &[Vec<Ex>], plan: &Plan) -> Eliminated {
     let sides = rhs.first().map_or(0, Vec::len);
     let columns = matrix.first().map_or(0, Vec::len);
@@ -245,7 +244,7 @@ mod tests {
     #![allow(clippy::unwrap_used)]
     use super::*;
 
-    /// The plan of a matrix all of whose entries may vary, from these samples.
+    /// The plan from these samples of a matrix whose entries may all vary.
     fn planned(samples: &[[[f64; 2]; 2]]) -> Plan {
         let structure = vec![vec![Some(false); 2]; 2];
         let samples: Vec<Vec<Vec<f64>>> = samples
@@ -262,10 +261,10 @@ mod tests {
         // the second pivot changes its sign between the samples
         let turning = planned(&[[[2.0, 0.0], [0.0, 1.0]], [[2.0, 0.0], [0.0, -1.0]]]);
         assert_eq!(turning.unfit, 1);
-        // both do
+        // both pivots change their sign
         let both = planned(&[[[2.0, 0.0], [0.0, 1.0]], [[-2.0, 0.0], [0.0, -1.0]]]);
         assert_eq!(both.unfit, 2);
-        // either entry of a column is once small beside the other
+        // each entry of the first column is small at one of the samples
         let small = planned(&[[[1.0, 0.0], [0.01, 1.0]], [[0.01, 1.0], [1.0, 0.0]]]);
         assert!(small.unfit >= 1);
     }

@@ -1,4 +1,4 @@
-//! Closing the mechanism at home, numerically, and its mobility there.
+//! Numerical closure of the mechanism at home, and its mobility there.
 
 use std::fmt;
 
@@ -10,23 +10,25 @@ use crate::sym::eval::Evaluator;
 use super::rows::Equations;
 use super::units::Units;
 
-/// Closed: no residual above this, in the mechanism's units.
-const CLOSED: f64 = 1e-12;
-/// Pivots below this part of the largest are rank deficiencies.
+/// Largest residual of a closed mechanism, in the mechanism's units.
+const CLOSURE_TOLERANCE: f64 = 1e-12;
+/// Pivots below this fraction of the largest count as zero in a rank.
 const RANK_TOLERANCE: f64 = 1e-8;
-/// How far columns should be from those chosen before, as a part of them.
-const APART: [f64; 4] = [0.1, 0.01, 1e-4, RANK_TOLERANCE];
-/// Entries of A, in the mechanism's units, that are nothing but rounding.
-const ROUNDING: f64 = 1e-13;
-const MAX_STEPS: usize = 100;
+/// Distances from the span of the columns chosen before, as fractions of a column's norm, at which
+/// a column is accepted as independent; the largest that yields enough columns is used.
+const SPAN_DISTANCES: [f64; 4] = [0.1, 0.01, 1e-4, RANK_TOLERANCE];
+/// Largest entries of A, in the mechanism's units, that are taken for rounding errors.
+const MAX_ROUNDING: f64 = 1e-13;
+/// Largest number of steps of Newton's method.
+const MAX_NEWTON_STEPS: usize = 100;
 
-/// Why there is no usable home.
+/// Why a mechanism has no usable home.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum HomeProblem {
-    /// The loops cannot be closed from the given start.
+    /// The loops cannot be closed from the stated home.
     NotClosed {
-        /// Largest residual that was left.
+        /// The largest residual at the end of the iteration, m or rad.
         residual: f64,
     },
     /// The number of independent coordinates is not the mobility.
@@ -36,7 +38,8 @@ pub enum HomeProblem {
         /// A valid choice of independent coordinates.
         choice: Vec<usize>,
     },
-    /// The number fits, but the dependent coordinates do not follow from these.
+    /// The number of independent coordinates is the mobility, but the dependent coordinates do not
+    /// follow from them.
     NotIndependent {
         /// A valid choice of independent coordinates.
         choice: Vec<usize>,
@@ -64,20 +67,20 @@ impl fmt::Display for HomeProblem {
 
 impl std::error::Error for HomeProblem {}
 
-/// Evaluates f and A of a mechanism over all coordinates.
+/// Evaluates f and A (Eq. 6-7) numerically, over all rows and coordinates.
 #[derive(Debug)]
 pub struct NumericLoops<'g> {
     evaluator: Evaluator<'g>,
     rows: usize,
     coordinates: usize,
-    /// Row and column of each entry of A that is not always zero.
+    /// Row and column of each entry of A that is not identically zero.
     filled: Vec<(usize, usize)>,
     units: Units,
 }
 
 impl<'g> NumericLoops<'g> {
-    /// From the equations in the world. The coordinates must be the graph's
-    /// first symbols, in order.
+    /// Prepares the evaluation of the equations in the world frame. The coordinates must be the
+    /// graph's first symbols, in order.
     pub fn new(g: &'g Graph, equations: &Equations, model: &Model) -> Self {
         let mut roots = equations.residual.clone();
         let mut filled = Vec::new();
@@ -101,7 +104,7 @@ impl<'g> NumericLoops<'g> {
         &self.units
     }
 
-    /// f and A at a state, in the mechanism's units.
+    /// f and A at `q`, scaled to the mechanism's units; `q` is in the spec's units.
     pub fn normal(&self, q: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let (mut f, mut a) = self.at(q);
         for (f, unit) in f.iter_mut().zip(&self.units.rows) {
@@ -113,7 +116,7 @@ impl<'g> NumericLoops<'g> {
         (f, a)
     }
 
-    /// f and A at a state.
+    /// f and A at `q`, in the spec's units.
     pub fn at(&self, q: &[f64]) -> (Vec<f64>, Vec<Vec<f64>>) {
         let mut values = self.evaluator.run(q);
         let entries = values.split_off(self.rows);
@@ -124,13 +127,13 @@ impl<'g> NumericLoops<'g> {
         (values, a)
     }
 
-    /// Newton's method over the coordinates in `free`, damped where the
-    /// residual would grow. Returns the largest residual that is left, in the mechanism's units,
+    /// Closes the loops by Newton's method over the coordinates in `free`, with shorter steps if
+    /// the residual would grow. Returns the largest remaining residual, in the mechanism's units,
     /// and the pivot ratio of the last step.
     pub fn close(&self, q: &mut Vec<f64>, free: &[usize]) -> (f64, f64) {
         let (mut f, mut a) = self.normal(q);
         let mut ratio = 1.0;
-        for _ in 0..MAX_STEPS {
+        for _ in 0..MAX_NEWTON_STEPS {
             let before = largest(&f);
             if before == 0.0 {
                 break;
@@ -142,7 +145,7 @@ impl<'g> NumericLoops<'g> {
             if ratio == 0.0 {
                 break;
             }
-            // bounded, so that the iteration keeps to the branch it started on
+            // bounded steps, so that the iteration stays on the branch on which it started
             let size = solved
                 .solution
                 .iter()
@@ -156,8 +159,8 @@ impl<'g> NumericLoops<'g> {
                 }
                 let (nf, na) = self.normal(&next);
                 let after = largest(&nf);
-                // a full step close to the solution may leave rounding only
-                if after < before || (before < CLOSED && after <= 2.0 * before) {
+                // close to the solution, a full step may change nothing but rounding errors
+                if after < before || (before < CLOSURE_TOLERANCE && after <= 2.0 * before) {
                     better = Some((next, nf, na, after));
                     break;
                 }
@@ -166,7 +169,7 @@ impl<'g> NumericLoops<'g> {
             let Some((next, nf, na, after)) = better else {
                 break;
             };
-            let done = before < CLOSED && after >= before;
+            let done = before < CLOSURE_TOLERANCE && after >= before;
             (*q, f, a) = (next, nf, na);
             if done {
                 break;
@@ -176,7 +179,7 @@ impl<'g> NumericLoops<'g> {
     }
 }
 
-/// The columns of a matrix that are named.
+/// The given columns of a matrix.
 pub(super) fn select(a: &[Vec<f64>], columns: &[usize]) -> Vec<Vec<f64>> {
     a.iter()
         .map(|row| columns.iter().map(|&c| row[c]).collect())
@@ -192,33 +195,34 @@ fn largest(f: &[f64]) -> f64 {
     }
 }
 
-/// The home configuration, closed: independent coordinates keep their values.
+/// The home configuration with closed loops; the independent coordinates keep their values.
 ///
 /// # Errors
-/// Where the loops do not close, or the independent coordinates do not fit the
-/// mobility.
+/// If the loops do not close, or the independent coordinates do not fit the mobility.
 pub fn close_home(loops: &NumericLoops<'_>, model: &Model) -> Result<Vec<f64>, HomeProblem> {
     let start: Vec<f64> = model.home.iter().map(crate::sym::Number::to_f64).collect();
     let size = 1.0 + largest(&loops.normal(&start).0);
     let mut q = start.clone();
     let (open, _) = loops.close(&mut q, &model.dependent);
-    if open <= CLOSED * size {
+    if open <= CLOSURE_TOLERANCE * size {
         check_mobility(loops, model, &q)?;
         return Ok(q);
     }
-    // perhaps the choice is wrong: close with all coordinates and look there
+    // the choice of independent coordinates may be wrong: close over all coordinates and check the
+    // mobility there
     let mut all = start;
     let every = (0..model.coordinates.len()).collect::<Vec<_>>();
     let (any_residual, _) = close_least(loops, &mut all, &every);
     if any_residual <= 1e-9 * size {
         check_mobility(loops, model, &all)?;
     }
-    // what is told is in the spec's units
+    // the reported residual is in the spec's units
     let residual = largest(&loops.at(&q).0);
     Err(HomeProblem::NotClosed { residual })
 }
 
-/// Newton with more unknowns than equations: the pivot columns move.
+/// Newton's method with more unknowns than equations: the pivot columns are chosen anew up to four
+/// times.
 fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f64, f64) {
     let mut last = (f64::INFINITY, 0.0);
     for _ in 0..4 {
@@ -229,7 +233,7 @@ fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f
         }
         let chosen: Vec<usize> = columns.iter().map(|&c| free[c]).collect();
         last = loops.close(q, &chosen);
-        if last.0 <= CLOSED {
+        if last.0 <= CLOSURE_TOLERANCE {
             break;
         }
     }
@@ -238,8 +242,8 @@ fn close_least(loops: &NumericLoops<'_>, q: &mut Vec<f64>, free: &[usize]) -> (f
 
 fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<(), HomeProblem> {
     let (_, mut a) = loops.normal(q);
-    // cuts that hold by themselves leave rows of rounding, and no rank
-    if a.iter().flatten().all(|x| x.abs() < ROUNDING) {
+    // the rows of a cut that always holds are rounding errors and add no rank
+    if a.iter().flatten().all(|x| x.abs() < MAX_ROUNDING) {
         for row in &mut a {
             row.fill(0.0);
         }
@@ -259,24 +263,23 @@ fn check_mobility(loops: &NumericLoops<'_>, model: &Model, q: &[f64]) -> Result<
     Ok(())
 }
 
-/// A set of coordinates from which the others follow: actuated ones where
-/// possible.
+/// A valid choice of independent coordinates, actuated ones if possible.
 fn valid_choice(a: &[Vec<f64>], model: &Model, rank: usize) -> Vec<usize> {
     let n = model.coordinates.len();
-    // coupled coordinates are dependent in any case
+    // prefer coupled coordinates as dependent ones: they are dependent in any case
     let mut order: Vec<usize> = model.couplings.iter().map(|c| c.key).collect();
-    // later coordinates are more often the passive end of a branch
+    // then passive ones, the later first: they are more often the passive end of a chain
     let passive = (0..n).rev().filter(|c| !model.actuated.contains(c));
     order.extend(passive.chain(model.actuated.iter().rev().copied()));
-    // well-conditioned where possible
-    let chosen = APART.map(|apart| dependent_columns(a, &order, rank, apart));
+    // take the best-conditioned choice that is complete
+    let chosen = SPAN_DISTANCES.map(|apart| dependent_columns(a, &order, rank, apart));
     let full = chosen.iter().find(|d| d.len() == rank);
-    let dependent = full.unwrap_or(&chosen[APART.len() - 1]);
+    let dependent = full.unwrap_or(&chosen[SPAN_DISTANCES.len() - 1]);
     (0..n).filter(|c| !dependent.contains(c)).collect()
 }
 
-/// At most `rank` columns, in a given order, that are not near the span of
-/// those before: what is left of a column is above a part of it.
+/// At most `rank` linearly independent columns, taken in a given order: the part of a column that
+/// is orthogonal to those before must exceed `apart` times the column's norm.
 fn dependent_columns(a: &[Vec<f64>], order: &[usize], rank: usize, apart: f64) -> Vec<usize> {
     let largest = a
         .iter()
@@ -298,7 +301,7 @@ fn dependent_columns(a: &[Vec<f64>], order: &[usize], rank: usize, apart: f64) -
             }
         }
         let left = dot(&rest, &rest).sqrt();
-        // also false for NaN
+        // the comparison is also false for NaN
         if left > apart * size && size > RANK_TOLERANCE * largest && !chosen.contains(&c) {
             basis.push(rest.iter().map(|x| x / left).collect());
             chosen.push(c);
@@ -317,11 +320,11 @@ mod tests {
 
     #[test]
     fn columns_are_chosen_in_order_unless_they_follow_or_are_nothing() {
-        // the second is twice the first, the third is nothing beside the others
+        // the second column is twice the first, the third is negligible beside the others
         let a = vec![vec![1.0, 2.0, 0.0, 0.5], vec![0.0, 0.0, 1e-12, 3.0]];
         assert_eq!(dependent_columns(&a, &[0, 1, 2, 3], 2, 0.1), [0, 3]);
         assert_eq!(dependent_columns(&a, &[2, 1, 0, 3], 2, 0.1), [1, 3]);
-        // no column twice, and no more than asked for
+        // no column is chosen twice, and no more than `rank` are chosen
         assert_eq!(dependent_columns(&a, &[3, 3, 0], 2, 0.1), [3, 0]);
         assert_eq!(dependent_columns(&a, &[3, 0], 1, 0.1), [3]);
     }
@@ -335,7 +338,7 @@ mod tests {
 
     #[test]
     fn a_column_s_distance_counts_as_a_part_of_its_length() {
-        // both are at the same angle to the first
+        // both columns are at the same angle to the first
         let a = vec![vec![1.0, 50.0, 0.02], vec![0.0, 2.5, 0.001]];
         for column in [1, 2] {
             assert_eq!(dependent_columns(&a, &[0, column], 2, 0.1), [0]);

@@ -1,9 +1,8 @@
-//! Each loop's equations seen from a body of the loop.
+//! The closure equations of each loop, expressed in a frame of the loop.
 //!
-//! The frame of observation is free: turning the rows does not change
-//! X = A_e^-1 A_i. It is always a frame of the loop's own, since rows that are
-//! redundant on the loop's motion (the normal of a planar loop) stay the same
-//! rows only there; in the world they change as the loop is carried about.
+//! The frame is free: rotating the rows does not change X = A_e^-1 A_i. It is always a frame within
+//! the loop, because only there do redundant rows of the loop (the normal of a planar loop) stay
+//! the same rows; in the world frame they change as the loop is moved about.
 
 use crate::kinematics::{Frames, Rates, Start};
 use crate::model::{Cut, Model};
@@ -12,18 +11,18 @@ use crate::sym::{Graph, ZERO3, transposed};
 use super::rows::{Equations, Form, cut_equations};
 use super::view::View;
 
-/// From where a loop is seen.
+/// The frame in which a loop's rows are expressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Viewpoint {
-    /// The link of one side of the cut (0 is A, 1 is B).
+    /// The frame of the link on one side of the cut (0 is A, 1 is B).
     Side(usize),
-    /// The frame that carries the first joint of a side's branch, fixed to the
-    /// link that both branches stand on.
+    /// The frame in which the first joint of a side's chain is placed; it is fixed to the link
+    /// that both chains start from.
     Base(usize),
 }
 
 impl Viewpoint {
-    /// All choices.
+    /// All viewpoints.
     pub const ALL: [Viewpoint; 4] = [
         Viewpoint::Side(0),
         Viewpoint::Side(1),
@@ -32,11 +31,11 @@ impl Viewpoint {
     ];
 }
 
-/// A loop: the cut and the branches from the last common link to its sides.
+/// A loop: the cut, and the two chains from the last common link to the cut's sides.
 #[derive(Clone, Debug)]
 pub struct LoopEquations<'m> {
     cut: &'m Cut,
-    branches: [Vec<usize>; 2],
+    chains: [Vec<usize>; 2],
     coordinates: usize,
 }
 
@@ -50,22 +49,22 @@ impl<'m> LoopEquations<'m> {
         b.drain(..common);
         LoopEquations {
             cut,
-            branches: [a, b],
+            chains: [a, b],
             coordinates: model.coordinates.len(),
         }
     }
 
-    /// The viewpoints that differ for this loop.
+    /// The distinct viewpoints of this loop.
     pub fn viewpoints(&self) -> Vec<Viewpoint> {
         Viewpoint::ALL
             .into_iter()
             .filter(|v| match v {
-                Viewpoint::Side(s) | Viewpoint::Base(s) => !self.branches[*s].is_empty(),
+                Viewpoint::Side(s) | Viewpoint::Base(s) => !self.chains[*s].is_empty(),
             })
             .collect()
     }
 
-    /// The rows seen from a viewpoint, in the form that holds on the closure.
+    /// The loop's rows from a viewpoint, in the form that holds on the closure.
     pub fn seen_from(
         &self,
         g: &mut Graph,
@@ -74,9 +73,9 @@ impl<'m> LoopEquations<'m> {
         rates: Option<&Rates>,
     ) -> Equations {
         let start = match view {
-            Viewpoint::Side(side) => View::back(g, frames, &self.branches[side]),
+            Viewpoint::Side(side) => View::back(g, frames, &self.chains[side]),
             Viewpoint::Base(side) => {
-                let first = self.branches[side].first();
+                let first = self.chains[side].first();
                 let turned = first.map(|link| frames.placed(g, *link));
                 turned.map_or_else(Start::own, |rotation| Start {
                     rotation: transposed(&rotation),
@@ -85,7 +84,7 @@ impl<'m> LoopEquations<'m> {
             }
         };
         let mut seen = |side: usize| {
-            let (path, frame) = (&self.branches[side], &self.cut.sides[side]);
+            let (path, frame) = (&self.chains[side], &self.cut.sides[side]);
             if view == Viewpoint::Side(side) {
                 View::own(g, frames, path, frame, rates)
             } else {

@@ -1,6 +1,6 @@
-//! Loop closures: the equations f, their Jacobian A and bias b (Eq. 6-7), the
-//! partition into independent and dependent coordinates (Eq. 8-9), and
-//! X = A_e^-1 A_i (Eq. 10) by an elimination laid out for the structure.
+//! Loop closures: the equations f, their Jacobian A and bias b (Eq. 6-7), the partition into
+//! independent and dependent coordinates (Eq. 8-9), and X = A_e^-1 A_i (Eq. 10) by an elimination
+//! whose order of pivots fits the structure of A_e.
 
 mod closed;
 mod elimination;

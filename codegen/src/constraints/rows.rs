@@ -1,4 +1,4 @@
-//! The equations of a cut, row by row.
+//! The closure equations of a cut, row by row.
 
 use crate::kinematics::{Frames, Rates, Start, turned_twice};
 use crate::model::{Cut, Model};
@@ -8,36 +8,36 @@ use crate::sym::{Ex, Graph, V3};
 use super::screw::Screw;
 use super::view::View;
 
-/// Which rows of a cut are lengths; the others are cosines.
+/// For each row of a cut, whether it is a length; the others are cosines.
 pub(super) fn lengths_of(kind: CutKind) -> impl Iterator<Item = bool> {
     kind.rows()
         .iter()
         .map(|row| !matches!(row, CutRow::Axes(..)))
 }
 
-/// Which form of the rows is meant.
+/// The form in which the derivatives of the rows are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// The exact derivatives of the rows, also off the closure.
+    /// The exact derivatives of the rows, valid also off the closure.
     Exact,
-    /// Equal to them on the closure, and simpler: there the axes that a cut
-    /// holds together are one.
+    /// A simpler form, equal to the exact one on the closure: axes that the cut aligns are taken to
+    /// coincide.
     OnClosure,
 }
 
-/// The closure equations of a mechanism in some frame of observation.
+/// The closure equations of a mechanism.
 #[derive(Clone, Debug, Default)]
 pub struct Equations {
     /// f of Eq. 6.
     pub residual: Vec<Ex>,
     /// A of Eq. 7, over all coordinates.
     pub jacobian: Vec<Vec<Ex>>,
-    /// b of Eq. 7; empty where no rates were given.
+    /// b of Eq. 7; empty if no rates were given.
     pub bias: Vec<Ex>,
 }
 
 impl Equations {
-    /// Adds the rows of another set.
+    /// Appends the rows of another set.
     pub fn extend(&mut self, other: Equations) {
         self.residual.extend(other.residual);
         self.jacobian.extend(other.jacobian);
@@ -45,7 +45,7 @@ impl Equations {
     }
 }
 
-/// The rows of one cut from its two sides, both seen from the same frame.
+/// The rows of one cut from its two sides, both expressed in the same frame.
 pub(super) fn cut_equations(
     g: &mut Graph,
     frames: &Frames,
@@ -76,7 +76,7 @@ pub(super) fn cut_equations(
                         let normal = normal(g, kind, a, b, (i, j), form);
                         g.dot3(&normal, &column.angular())
                     }
-                    // the point of either side that is at pB just now
+                    // the velocity of the point of each side that coincides with pB
                     CutRow::Offset(i) => {
                         let velocity = column.at(g, &b.point);
                         g.dot3(&a.axes[i.index()], &velocity)
@@ -122,7 +122,7 @@ pub(super) fn cut_equations(
 }
 
 /// Cosines that are 1 where a cut is closed, and -1 where its rows vanish a half turn away from
-/// that; none where no half turn is mistaken for closed.
+/// that; empty for kinds of cut whose rows do not vanish at a half turn.
 pub fn agreement(g: &mut Graph, frames: &Frames, model: &Model, cut: &Cut) -> Vec<Ex> {
     let [a, b] = world_views(g, frames, model, cut, None);
     match cut.kind {
@@ -139,19 +139,19 @@ pub fn agreement(g: &mut Graph, frames: &Frames, model: &Model, cut: &Cut) -> Ve
     }
 }
 
-/// The screw of a helical cut.
+/// The screw of a helical cut; `None` for the other kinds.
 fn screw<'v>(g: &mut Graph, frames: &Frames, cut: &Cut, sides: [&'v View; 2]) -> Option<Screw<'v>> {
     let lead = frames.length(g, cut.lead.as_ref()?);
     Some(Screw::new(g, lead, sides))
 }
 
-/// Whether the cut holds the axes of both sides together.
+/// Whether the cut aligns axes of both sides.
 fn is_aligned(kind: CutKind) -> bool {
     !matches!(kind, CutKind::Universal | CutKind::Spherical)
 }
 
-/// n with d/dt (uA . vB) = n . (wB - wA): vB x uA, which on the closure of an
-/// aligned cut is an axis of A.
+/// The vector n with d/dt (uA . vB) = n . (wB - wA), which is vB x uA; on the closure of an aligned
+/// cut it is an axis of A.
 fn normal(
     g: &mut Graph,
     kind: CutKind,
@@ -174,8 +174,8 @@ fn normal(
     g.cross(&b.axes[j], &a.axes[i])
 }
 
-/// Second derivative of n . (angle of B in A) on the closure, at zero
-/// accelerations of the coordinates.
+/// Second derivative of n . (angle of B in A) on the closure, at zero accelerations of the
+/// coordinates.
 fn aligned_second(g: &mut Graph, kind: CutKind, a: &View, b: &View, axes: (Axis, Axis)) -> Ex {
     let n = normal(g, kind, a, b, axes, Form::OnClosure);
     let alpha = g.sub3(&b.alpha, &a.alpha);
@@ -190,8 +190,8 @@ fn aligned_second(g: &mut Graph, kind: CutKind, a: &View, b: &View, axes: (Axis,
     g.add(direct, both)
 }
 
-/// Second derivative of uA . v at zero accelerations of the coordinates, polar
-/// in the velocities.
+/// Second derivative of uA . v at zero accelerations of the coordinates, as the symmetric bilinear
+/// form of the velocities and the reference velocities.
 pub(super) fn product_rule(
     g: &mut Graph,
     a: &View,
@@ -213,8 +213,8 @@ pub(super) fn product_rule(
     sum
 }
 
-/// The equations as the spec states them: every row of every cut in the world
-/// frame, then one row per coupling.
+/// The closure equations in the order of the spec: every row of every cut in the world frame, then
+/// one row per coupling.
 pub fn world_equations(
     g: &mut Graph,
     frames: &Frames,
@@ -232,7 +232,7 @@ pub fn world_equations(
     equations
 }
 
-/// Both sides of a cut seen from the world.
+/// Both sides of a cut in the world frame.
 pub fn world_views(
     g: &mut Graph,
     frames: &Frames,
@@ -247,7 +247,7 @@ pub fn world_views(
     })
 }
 
-/// `key - (expression)` of every coupling.
+/// The row `key - (expression)` of every coupling.
 pub(super) fn coupling_equations(g: &mut Graph, model: &Model, with_bias: bool) -> Equations {
     let mut equations = Equations::default();
     for coupling in &model.couplings {

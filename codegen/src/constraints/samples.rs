@@ -1,17 +1,19 @@
-//! Closed states near home, reached by small steps so that they stay on its
-//! assembly branch. The same ones in every run.
+//! Closed states near home, reached by small steps so that they stay on its assembly branch. The
+//! states are the same in every run.
 
 use crate::model::Model;
 use crate::numeric::solve_pivoted;
 
 use super::home::{NumericLoops, select};
 
-const STATES: usize = 12;
-const STEPS: usize = 6;
-/// A step that brings A_e closer to singular than this is not taken.
-const LEAST_RATIO: f64 = 1e-3;
+/// Number of closed states, home included.
+const SAMPLED_STATES: usize = 12;
+/// Number of steps from home to each state.
+const STEPS_PER_STATE: usize = 6;
+/// Steps to states with a smaller pivot ratio of A_e, so close to a singularity, are not taken.
+const MIN_PIVOT_RATIO: f64 = 1e-3;
 
-/// A small generator of reproducible numbers in [-1, 1).
+/// A pseudorandom generator of numbers in [-1, 1), the same in every run.
 struct Random(u64);
 
 impl Random {
@@ -25,7 +27,7 @@ impl Random {
     }
 }
 
-/// Home, and closed states about it.
+/// Home, and further closed states around it.
 pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> Vec<Vec<f64>> {
     let mut random = Random(0x9E37_79B9_7F4A_7C15);
     let ranges: Vec<f64> = model
@@ -34,21 +36,21 @@ pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> V
         .map(|&c| range(loops, model, home, c))
         .collect();
     let mut states = vec![home.to_vec()];
-    for _ in 1..STATES {
+    for _ in 1..SAMPLED_STATES {
         let target: Vec<f64> = ranges.iter().map(|r| r * random.next()).collect();
         let mut q = home.to_vec();
-        for _ in 0..STEPS {
+        for _ in 0..STEPS_PER_STATE {
             let mut next = q.clone();
             for (c, d) in model.independent.iter().zip(&target) {
-                next[*c] += d / STEPS as f64;
+                next[*c] += d / STEPS_PER_STATE as f64;
             }
             predict(loops, model, &q, &mut next);
             let (residual, _) = loops.close(&mut next, &model.dependent);
             let (_, a) = loops.normal(&next);
             let rhs = vec![vec![]; a.len()];
             let ratio = solve_pivoted(select(&a, &model.dependent), rhs).pivot_ratio;
-            // also true for NaN
-            if !(residual < 1e-10 && ratio > LEAST_RATIO) {
+            // the comparison also ends the path for NaN
+            if !(residual < 1e-10 && ratio > MIN_PIVOT_RATIO) {
                 break;
             }
             q = next;
@@ -58,8 +60,8 @@ pub fn closed_states(loops: &NumericLoops<'_>, model: &Model, home: &[f64]) -> V
     states
 }
 
-/// Moves the dependent coordinates along with the independent ones, to first
-/// order: dq_e = -X dq_i.
+/// Moves the dependent coordinates together with the independent ones, to first order: dq_e = -X
+/// dq_i.
 fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]) {
     if model.dependent.is_empty() {
         return;
@@ -81,8 +83,8 @@ fn predict(loops: &NumericLoops<'_>, model: &Model, from: &[f64], to: &mut [f64]
     }
 }
 
-/// How far a coordinate is moved from home: a third of a radian, or a fifth of
-/// its length, or within its limits.
+/// The largest distance of a coordinate from home, rad or m: 0.35 rad, or a fifth of its length, or
+/// the distance to the nearer limit, up to three times that.
 fn range(loops: &NumericLoops<'_>, model: &Model, home: &[f64], c: usize) -> f64 {
     let usual = if model.slides(c) {
         0.2 * home[c].abs().max(0.25 * loops.units().length)
@@ -112,7 +114,7 @@ mod tests {
     use crate::kinematics::{Frames, Geometry};
     use crate::sym::Graph;
 
-    /// How far the one coordinate of a pendulum with these limits is moved.
+    /// The largest distance from home in the samples of a pendulum with these limits.
     fn moved(limits: &str) -> f64 {
         let text = format!(
             "name: one\nlimbs:\n  - name: arm\n    joints:\n      \
@@ -147,12 +149,12 @@ mod tests {
         // the nearer limit is 0.05 from home
         let narrow = moved(", limits: {position: [-3, 0.55]}");
         assert!((narrow - 0.05).abs() < 1e-12, "{narrow}");
-        // wide limits let it go farther than none do
+        // wide limits allow three times the default distance
         let wide = moved(", limits: {position: [-9, 9]}");
         assert!((wide / usual - 3.0).abs() < 1e-12, "{wide} {usual}");
         let some = moved(", limits: {position: [0, 9]}");
         assert!((some - 0.5).abs() < 1e-12, "{some}");
-        // a home at its limit says nothing of the room
+        // at a home on its limit, the limits are ignored
         let at_limit = moved(", limits: {position: [0.5, 2]}");
         assert!((at_limit - usual).abs() < 1e-12, "{at_limit}");
     }

@@ -1,14 +1,13 @@
-//! The row of a screw, which ties the shift along its axis to the angle about it.
+//! The closure row of a screw, which relates the shift along its axis to the angle about it.
 //!
-//! With the frames A and B of a cut whose z axes are one, the lead h, the shift z = zA.(pB - pA)
-//! and the angle t from xA to xB, c = xA.xB is cos t and s = yA.xB is sin t. The row is
-//!
+//! For a cut whose frames A and B have coincident z axes, let h be the lead, z = zA.(pB - pA) the
+//! shift and t the angle from xA to xB; then c = xA.xB is cos t and s = yA.xB is sin t. The row is
 //! ```text
 //! f = h (c sin(z/h) - s cos(z/h)) = h sin(z/h - t).
 //! ```
 //!
-//! Near the closure it is z - h t. Unlike this it is analytic in the coordinates, since it needs
-//! no arc tangent, and a screw may make any number of turns.
+//! Near the closure it equals z - h t. Unlike that expression it is analytic in the coordinates,
+//! since it needs no arc tangent, and the screw may make any number of turns.
 
 use crate::kinematics::turned_twice;
 use crate::spec::Axis;
@@ -17,7 +16,7 @@ use crate::sym::{Ex, Graph, V3};
 use super::rows::{Form, product_rule};
 use super::view::{Column, View};
 
-/// A screw between two sides.
+/// The screw that connects the two sides of a helical cut.
 pub(super) struct Screw<'v> {
     a: &'v View,
     b: &'v View,
@@ -26,9 +25,9 @@ pub(super) struct Screw<'v> {
     /// sin(z/h) and cos(z/h).
     sin: Ex,
     cos: Ex,
-    /// `sin(z/h) xA - cos(z/h) yA`: the row is h times its product with xB.
+    /// `sin(z/h) xA - cos(z/h) yA`: the row is h times its dot product with xB.
     across: V3,
-    /// `cos(z/h) xA + sin(z/h) yA`: where xB is when the screw is closed.
+    /// `cos(z/h) xA + sin(z/h) yA`: xB equals it when the screw is closed.
     closed: V3,
 }
 
@@ -57,18 +56,18 @@ impl<'v> Screw<'v> {
         }
     }
 
-    /// f.
+    /// The closure residual f.
     pub(super) fn residual(&self, g: &mut Graph) -> Ex {
         let sine = g.dot3(&self.across, &self.b.axes[0]);
         g.mul(self.lead, sine)
     }
 
-    /// cos(z/h - t).
+    /// cos(z/h - t), which is 1 when the screw is closed and -1 a half turn away.
     pub(super) fn agreement(&self, g: &mut Graph) -> Ex {
         g.dot3(&self.closed, &self.b.axes[0])
     }
 
-    /// A side's entry of A in the column of a coordinate, but for the side's sign.
+    /// The entry of A for one side and one coordinate, before the side's sign.
     pub(super) fn entry(&self, g: &mut Graph, column: &Column, form: Form) -> Ex {
         let velocity = column.at(g, &self.b.point);
         let along = g.dot3(&self.a.axes[2], &velocity);
@@ -85,8 +84,8 @@ impl<'v> Screw<'v> {
         g.add(along, turning)
     }
 
-    /// The second derivative of f at zero accelerations of the coordinates, polar in the
-    /// velocities.
+    /// The second derivative of f at zero accelerations of the coordinates, as the symmetric
+    /// bilinear form of the velocities and the reference velocities.
     pub(super) fn second(&self, g: &mut Graph, form: Form) -> Ex {
         let Screw { a, b, gap, .. } = self;
         let rates = (g.sub3(&b.v, &a.v), g.sub3(&b.vr, &a.vr));
@@ -98,7 +97,7 @@ impl<'v> Screw<'v> {
             let turning = g.mul(self.lead, turning);
             return g.sub(along, turning);
         }
-        // the second derivatives of c and s, and h (c'' sin - s'' cos)
+        // h (c'' sin - s'' cos), with the second derivatives of c and s
         let x = b.axes[0];
         let x_rates = (g.cross(&b.w, &x), g.cross(&b.wr, &x));
         let tangential = g.cross(&b.alpha, &x);
@@ -111,7 +110,7 @@ impl<'v> Screw<'v> {
         // z'' cos(z/h - t)
         let cosine = self.agreement(g);
         let along = g.mul(cosine, along);
-        // 2 z' (c' cos + s' sin), the rates of c and s at a rest of z/h
+        // 2 z' (c' cos + s' sin), with the rates of c and s while z/h is constant
         let normal = g.cross(&x, &self.closed);
         let relative = (g.sub3(&b.w, &a.w), g.sub3(&b.wr, &a.wr));
         let shift = |g: &mut Graph, w: &V3, rate: &V3| {
@@ -127,10 +126,10 @@ impl<'v> Screw<'v> {
         // - z' z' f / h^2
         let sine = g.dot3(&self.across, &x);
         let squared = g.mul(z, zr);
-        let bent = g.mul(squared, sine);
-        let bent = g.div(bent, self.lead).unwrap_or(Ex::ZERO);
+        let curvature = g.mul(squared, sine);
+        let curvature = g.div(curvature, self.lead).unwrap_or(Ex::ZERO);
         let sum = g.add(along, turning);
         let sum = g.add(sum, both);
-        g.sub(sum, bent)
+        g.sub(sum, curvature)
     }
 }

@@ -1,33 +1,34 @@
-//! Units in which a mechanism's lengths are numbers near 1, so that what counts as closed or as
-//! dependent does not depend on the units of the spec: metres, millimetres, or a mechanism that
-//! is a millionth of a metre long.
+//! Units in which a mechanism's lengths are numbers near 1, so that the tolerances of closure and
+//! rank do not depend on the units of the spec: metres, millimetres, or a mechanism that is a
+//! millionth of a metre long.
 //!
-//! The unit is a power of 2^8. It changes no digit, and mechanisms between a sixteenth and sixteen
-//! units of the spec stay as they are.
+//! The unit is a power of 2^8: scaling by it changes no digit. Mechanisms between a sixteenth and
+//! sixteen of the spec's units are not scaled.
 
 use crate::model::{Model, Step};
 
 use super::rows::lengths_of;
 
-/// Sizes up to this times the unit, or one over it, keep the unit.
-const USUAL: f64 = 16.0;
-const STEP: f64 = 256.0;
-/// What is beyond so many steps is no length.
-const MOST: usize = 120;
+/// A unit fits sizes from its sixteenth (1/16) to sixteen times the unit.
+const MAX_SIZE_IN_UNITS: f64 = 16.0;
+/// Ratio of neighbouring units: a power of two, so that scaling changes no digit.
+const UNIT_RATIO: f64 = 256.0;
+/// Largest number of steps to the unit; a size beyond them is no length.
+const MAX_UNIT_STEPS: usize = 120;
 
-/// The units of coordinates and of closure rows.
+/// The units of coordinates and of closure rows, as multiples of the spec's units.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Units {
-    /// The unit of length, in the spec's.
+    /// The unit of length.
     pub length: f64,
-    /// By coordinate: `length` where it slides, 1 where it turns.
+    /// By coordinate: `length` for a translation, 1 for a rotation.
     pub coordinates: Vec<f64>,
-    /// By row: cuts in the spec's order, then couplings.
+    /// By row (cuts in the spec's order, then couplings): `length` for a length, else 1.
     pub rows: Vec<f64>,
 }
 
 impl Units {
-    /// From the longest offset and the longest slide at home.
+    /// Chooses the unit by the longest offset and the longest translation at home.
     pub fn of(model: &Model) -> Units {
         let slides: Vec<bool> = (0..model.coordinates.len())
             .map(|c| model.slides(c))
@@ -54,15 +55,15 @@ impl Units {
     }
 }
 
-/// The coarse power of two near a size; 1 for nothing.
+/// The power of 2^8 that fits a size; 1 for zero and for values that are not finite.
 fn coarse(size: f64) -> f64 {
     let mut unit = 1.0;
     if size > 0.0 && size.is_finite() {
-        for _ in 0..MOST {
-            if size > USUAL * unit {
-                unit *= STEP;
-            } else if size < unit / USUAL {
-                unit /= STEP;
+        for _ in 0..MAX_UNIT_STEPS {
+            if size > MAX_SIZE_IN_UNITS * unit {
+                unit *= UNIT_RATIO;
+            } else if size < unit / MAX_SIZE_IN_UNITS {
+                unit /= UNIT_RATIO;
             }
         }
     }
@@ -76,7 +77,7 @@ mod tests {
 
     #[test]
     fn usual_sizes_stay_as_they_are_and_others_end_within_sixteen_of_their_unit() {
-        // up to the bounds themselves, a sixteenth and sixteen
+        // the bounds of a sixteenth and sixteen are included
         for size in [
             0.0625,
             0.07,

@@ -1,24 +1,24 @@
-//! One side of a cut, seen from an observing frame.
+//! Kinematics of one side of a cut, expressed in an observing frame.
 
 use crate::kinematics::{Chain, Frames, LinkMotion, Rates, Start, Twist};
 use crate::model::Side;
 use crate::sym::{Graph, M3, V3, ZERO3, transposed};
 
-/// How a unit rate of a coordinate moves points of a side.
+/// The velocities of a side's points for a unit rate of one coordinate.
 #[derive(Clone, Copy, Debug)]
 pub struct Column {
-    /// The motion of the point `through`.
+    /// Angular velocity, and linear velocity at the point `through`.
     twist: Twist,
     through: V3,
 }
 
 impl Column {
-    /// Angular part.
+    /// The angular velocity for a unit rate.
     pub fn angular(&self) -> V3 {
         self.twist.e
     }
 
-    /// Velocity of a point.
+    /// The velocity of a point of the side for a unit rate.
     pub fn at(&self, g: &mut Graph, point: &V3) -> V3 {
         let Twist { e, u } = self.twist;
         if !self.twist.turns() {
@@ -30,14 +30,14 @@ impl Column {
     }
 }
 
-/// A side of a cut in the observing frame.
+/// One side of a cut, expressed in the observing frame.
 #[derive(Clone, Debug)]
 pub struct View {
     /// Origin of the cut's frame.
     pub point: V3,
-    /// Axes of the cut's frame, as rows.
+    /// Axes of the cut's frame, one per row.
     pub axes: [V3; 3],
-    /// Unit motions by coordinate.
+    /// The motion for a unit rate of each coordinate that moves the side.
     pub columns: Vec<(usize, Column)>,
     /// Angular velocity.
     pub w: V3,
@@ -54,7 +54,7 @@ pub struct View {
 }
 
 impl View {
-    /// Seen from the frame in which the chain's first parent has the pose `start`.
+    /// Expresses the side in the frame in which the first link's parent has the pose `start`.
     pub fn along(
         g: &mut Graph,
         frames: &Frames,
@@ -91,7 +91,7 @@ impl View {
         }
     }
 
-    /// Seen from the side's own link.
+    /// Expresses the side in the frame of its own link.
     pub fn own(
         g: &mut Graph,
         frames: &Frames,
@@ -143,7 +143,7 @@ impl View {
         }
     }
 
-    /// The pose of the chain's first parent, seen from its last link.
+    /// The pose of the first link's parent in the frame of the last link.
     pub fn back(g: &mut Graph, frames: &Frames, path: &[usize]) -> Start {
         let chain = Chain::follow(g, frames, path, &Start::own(), None);
         let rotation: M3 = transposed(&chain.rotation);

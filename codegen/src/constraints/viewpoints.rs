@@ -1,8 +1,9 @@
-//! From where each loop is seen: the viewpoint whose rows are solved with the least work.
+//! Chooses the frame in which each loop's rows are expressed: the viewpoint whose rows take the
+//! fewest operations to solve.
 //!
-//! A loop is judged on its own, so that the work of choosing grows with the number of loops
-//! only: the coordinates that no other loop moves are eliminated from its rows, and what that
-//! costs, with the rows that are left to the other loops, is the viewpoint's price.
+//! Each loop is judged on its own, so that the time to choose grows only linearly with the number
+//! of loops: the coordinates that move no other loop are eliminated from its rows, and the cost of
+//! this, together with the rows that remain for the other loops, is the viewpoint's price.
 
 use crate::kinematics::Frames;
 use crate::model::Model;
@@ -12,7 +13,7 @@ use crate::sym::{Ex, Graph};
 use super::elimination::{eliminate, plan, structure};
 use super::loops::{LoopEquations, Viewpoint};
 
-/// A loop's rows from each of its viewpoints, over the coordinates that they depend on.
+/// A loop's rows from each of its viewpoints, and the coordinates that they depend on.
 struct LoopViews {
     own: Vec<usize>,
     shared: Vec<usize>,
@@ -20,7 +21,7 @@ struct LoopViews {
 }
 
 impl LoopViews {
-    /// The columns of one viewpoint's rows: those of its own coordinates first.
+    /// The entries of one viewpoint's rows; in each row the loop's own coordinates come first.
     fn entries<'a>(&'a self, rows: &'a [Vec<Ex>]) -> impl Iterator<Item = Ex> + 'a {
         let columns = move || self.own.iter().chain(&self.shared);
         rows.iter()
@@ -28,14 +29,14 @@ impl LoopViews {
     }
 }
 
-/// A viewpoint for each cut, by price over sampled states of the closed mechanism.
+/// The cheapest viewpoint for each cut, by prices over sampled states of the closed mechanism.
 pub(super) fn viewpoints(
     g: &mut Graph,
     frames: &Frames,
     model: &Model,
     states: &[Vec<f64>],
 ) -> Vec<Viewpoint> {
-    let loops = seen(g, frames, model);
+    let loops = loop_views(g, frames, model);
     let entries = loops
         .iter()
         .flat_map(|l| l.from.iter().flat_map(|(_, rows)| l.entries(rows)));
@@ -44,30 +45,30 @@ pub(super) fn viewpoints(
     drop(evaluator);
     let mut at = 0;
     let mut chosen = Vec::new();
-    for seen in &loops {
+    for views_of_loop in &loops {
         let mut best: Option<((usize, usize), Viewpoint)> = None;
-        for (view, rows) in &seen.from {
-            let width = seen.own.len() + seen.shared.len();
+        for (view, rows) in &views_of_loop.from {
+            let width = views_of_loop.own.len() + views_of_loop.shared.len();
             let values: Vec<Vec<Vec<f64>>> = samples
                 .iter()
                 .map(|s| {
-                    let row = |k: usize| s[at + k * width..][..seen.own.len()].to_vec();
+                    let row = |k: usize| s[at + k * width..][..views_of_loop.own.len()].to_vec();
                     (0..rows.len()).map(row).collect()
                 })
                 .collect();
             at += rows.len() * width;
-            let price = price(g, seen, rows, &values);
+            let price = price(g, views_of_loop, rows, &values);
             if best.is_none_or(|(least, _)| price < least) {
                 best = Some((price, *view));
             }
         }
-        // a cut between two links has at least one branch to see it from
+        // a cut between two links has at least one chain, and so at least one viewpoint
         chosen.extend(best.map(|b| b.1));
     }
     chosen
 }
 
-fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LoopViews> {
+fn loop_views(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LoopViews> {
     let all: Vec<Vec<(Viewpoint, Vec<Vec<Ex>>)>> = model
         .cuts
         .iter()
@@ -107,11 +108,11 @@ fn seen(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<LoopViews> {
         .collect()
 }
 
-/// How many orders of pivots are unfit, and the operations; with rows that cannot be solved for
-/// the loop's own coordinates, those of the rows themselves.
+/// The price of a viewpoint: the number of unfit pivots, then the number of operations. If the rows
+/// cannot be solved for the loop's own coordinates, the operations of the rows themselves.
 fn price(
     g: &mut Graph,
-    seen: &LoopViews,
+    views_of_loop: &LoopViews,
     rows: &[Vec<Ex>],
     samples: &[Vec<Vec<f64>>],
 ) -> (usize, usize) {
@@ -120,9 +121,9 @@ fn price(
             .map(|row| which.iter().map(|&c| row[c]).collect())
             .collect()
     };
-    let (own, shared) = (columns(&seen.own), columns(&seen.shared));
+    let (own, shared) = (columns(&views_of_loop.own), columns(&views_of_loop.shared));
     let Some(plan) = plan(&structure(g, &own), samples) else {
-        let entries: Vec<Ex> = seen.entries(rows).collect();
+        let entries: Vec<Ex> = views_of_loop.entries(rows).collect();
         return (0, g.price(entries, &mut Vec::new()));
     };
     let done = eliminate(g, &own, &shared, &plan);

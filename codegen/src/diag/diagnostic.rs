@@ -1,28 +1,28 @@
-//! One error.
+//! A single error in a text.
 
 use super::Span;
 
-/// One error: what is wrong, where, and what would mend it.
+/// An error: what is wrong, where, and how to correct it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     /// What is wrong, without the path: `unknown joint type 'prismtic'; did you mean 'prismatic'?`.
     pub message: String,
     /// The path in words, empty at the top of the file: `limb 'limb2', joint 'q7'`.
     pub path: String,
-    /// The place.
+    /// The place in the text.
     pub span: Span,
-    /// A few words beside the caret.
+    /// A few words next to the caret.
     pub label: Option<String>,
-    /// Other places that matter, such as "first defined here".
+    /// Other places that are relevant, such as "first defined here".
     pub secondary: Vec<(Span, String)>,
-    /// What to write instead, or why the rule is there.
+    /// What to write instead, or the reason for the rule.
     pub hint: Option<String>,
-    /// A word for the kind of error, by which callers find those that they add advice to.
+    /// An identifier of the kind of error, for callers that add advice to errors of this kind.
     pub kind: Option<&'static str>,
 }
 
 impl Diagnostic {
-    /// An error at a place.
+    /// An error at a place in the text, without path, label or hint.
     pub fn new(span: Span, message: impl Into<String>) -> Self {
         Self {
             message: message.into(),
@@ -35,35 +35,35 @@ impl Diagnostic {
         }
     }
 
-    /// Names the place in words.
+    /// Sets the path in words.
     #[must_use]
     pub fn path(mut self, path: impl Into<String>) -> Self {
         self.path = path.into();
         self
     }
 
-    /// Adds a few words beside the caret.
+    /// Sets the few words next to the caret.
     #[must_use]
     pub fn label(mut self, label: impl Into<String>) -> Self {
         self.label = Some(label.into());
         self
     }
 
-    /// Adds another place.
+    /// Adds another relevant place.
     #[must_use]
     pub fn secondary(mut self, span: Span, label: impl Into<String>) -> Self {
         self.secondary.push((span, label.into()));
         self
     }
 
-    /// Adds what to do about it.
+    /// Sets the hint: what to do about the error.
     #[must_use]
     pub fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = Some(hint.into());
         self
     }
 
-    /// Names the kind of error.
+    /// Sets the kind of error.
     #[must_use]
     pub fn kind(mut self, kind: &'static str) -> Self {
         self.kind = Some(kind);
@@ -81,7 +81,7 @@ impl Diagnostic {
     }
 }
 
-/// A character as it may stand in a one-line message.
+/// A character as it is written in a one-line message: control characters are escaped.
 fn printable(c: char) -> impl Iterator<Item = char> {
     let escaped = if c.is_control() {
         c.escape_default().collect::<Vec<_>>()

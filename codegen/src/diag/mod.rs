@@ -1,6 +1,6 @@
-//! Errors with places: what went wrong, where in which file, and how to mend it.
+//! Errors with their places: what is wrong, where in which file, and how to correct it.
 //!
-//! Knows text and byte offsets, nothing of robots or YAML.
+//! Independent of robots and YAML: only texts and byte offsets occur here.
 
 mod diagnostic;
 mod report;

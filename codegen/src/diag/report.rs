@@ -6,21 +6,21 @@ use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 use super::{Diagnostic, Position, Source, Span};
 
-/// Errors shown at most: a file that is wrong everywhere is not read to the end.
-const SHOWN: usize = 100;
+/// Largest number of errors that are printed: nobody reads on in a file that is wrong everywhere.
+const MAX_SHOWN_ERRORS: usize = 100;
 /// Lines of context above and below a place.
-const CONTEXT: usize = 1;
+const CONTEXT_LINES: usize = 1;
 
 /// All errors of a phase, ordered by their place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Report {
-    /// The text they are about.
+    /// The text that the errors refer to.
     pub source: Source,
-    /// At least one error.
+    /// The errors; at least one.
     pub diagnostics: Vec<Diagnostic>,
 }
 
-/// One error with its place as line and column, for output that is read by programs.
+/// An error with its place as line and column, for output that programs read.
 #[derive(Clone, Copy, Debug)]
 pub struct Shown<'a> {
     name: &'a str,
@@ -29,7 +29,7 @@ pub struct Shown<'a> {
 }
 
 impl Report {
-    /// Orders errors by their place, and forgets literal repetitions.
+    /// Orders errors by their place, and drops exact duplicates.
     pub fn new(source: Source, mut diagnostics: Vec<Diagnostic>) -> Self {
         for diagnostic in &mut diagnostics {
             diagnostic.span = source.clamp(diagnostic.span);
@@ -65,13 +65,13 @@ impl Report {
         let mut blocks: Vec<String> = self
             .diagnostics
             .iter()
-            .take(SHOWN)
+            .take(MAX_SHOWN_ERRORS)
             .map(|diagnostic| self.render_one(diagnostic, &renderer))
             .collect();
-        if self.diagnostics.len() > SHOWN {
+        if self.diagnostics.len() > MAX_SHOWN_ERRORS {
             blocks.push(format!(
                 "... and {} more errors",
-                self.diagnostics.len() - SHOWN
+                self.diagnostics.len() - MAX_SHOWN_ERRORS
             ));
         }
         blocks.join("\n\n")
@@ -79,7 +79,7 @@ impl Report {
 
     fn render_one(&self, diagnostic: &Diagnostic, renderer: &Renderer) -> String {
         let mut group = Group::with_title(Level::ERROR.primary_title(diagnostic.headline()));
-        // the renderer walks the whole text it is given: show it only the lines around each place
+        // the renderer scans the whole text that it gets: pass only the lines around each place
         let mut spans = vec![(diagnostic.span, diagnostic.label.as_deref(), true)];
         spans.extend(
             diagnostic
@@ -115,25 +115,25 @@ impl Report {
         renderer.render(&[group])
     }
 
-    /// The part of a span on its first line: carets under whole blocks say nothing.
+    /// The part of a span on its first line: carets under whole blocks are of no use.
     fn on_one_line(&self, span: Span) -> Span {
         let text = &self.source.text[span.start..span.end];
         let line = text.split(['\n', '\r']).next().unwrap_or(text);
         Span::new(span.start, span.start + line.trim_end().len())
     }
 
-    /// Whole lines around a span, and the number of the first.
+    /// The whole lines around a span, and the number of the first line.
     fn window(&self, span: Span) -> (Span, usize) {
         let text = self.source.text.as_str();
         let span = Span::new(span.start, self.on_one_line(span).end.max(span.end));
         let mut start = text[..span.start].rfind('\n').map_or(0, |at| at + 1);
-        for _ in 0..CONTEXT {
+        for _ in 0..CONTEXT_LINES {
             start = text[..start.saturating_sub(1)]
                 .rfind('\n')
                 .map_or(0, |at| at + 1);
         }
         let mut end = span.end;
-        for _ in 0..=CONTEXT {
+        for _ in 0..=CONTEXT_LINES {
             end = text[end..].find('\n').map_or(text.len(), |at| end + at + 1);
         }
         let line = self.source.position(Span::new(start, start)).line;
@@ -152,7 +152,7 @@ impl<'a> Shown<'a> {
         self.position.column
     }
 
-    /// The error itself.
+    /// The error.
     pub fn diagnostic(&self) -> &'a Diagnostic {
         self.diagnostic
     }
@@ -176,17 +176,17 @@ impl fmt::Display for Shown<'_> {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (index, shown) in self.shown().take(SHOWN).enumerate() {
+        for (index, shown) in self.shown().take(MAX_SHOWN_ERRORS).enumerate() {
             if index > 0 {
                 writeln!(f)?;
             }
             write!(f, "{shown}")?;
         }
-        if self.diagnostics.len() > SHOWN {
+        if self.diagnostics.len() > MAX_SHOWN_ERRORS {
             write!(
                 f,
                 "\n... and {} more errors",
-                self.diagnostics.len() - SHOWN
+                self.diagnostics.len() - MAX_SHOWN_ERRORS
             )?;
         }
         Ok(())

@@ -1,14 +1,14 @@
-//! Where the errors of a phase are collected.
+//! Collects the errors of a phase.
 
 use super::{Diagnostic, Report, Source};
 
-/// Errors of a phase after which costly checks may stop.
-const FULL: usize = 500;
+/// Number of errors after which costly checks may stop.
+const MAX_ERRORS: usize = 500;
 
 /// Collects every error of a phase.
 ///
-/// It must be asked for them with [`Sink::finish`]: errors that nobody asks for are a bug of the caller, so
-/// builds with debug assertions panic when a sink that holds some is dropped.
+/// [`Sink::finish`] must be called to get the errors: losing them is a bug of the caller, so builds
+/// with debug assertions panic if a sink with errors is dropped.
 #[derive(Debug, Default)]
 #[must_use = "errors are lost unless `finish` is called"]
 pub struct Sink {
@@ -26,7 +26,7 @@ impl Sink {
         self.diagnostics.push(diagnostic);
     }
 
-    /// How many errors there are so far.
+    /// Number of errors so far.
     pub fn len(&self) -> usize {
         self.diagnostics.len()
     }
@@ -36,15 +36,15 @@ impl Sink {
         self.diagnostics.is_empty()
     }
 
-    /// Whether there are so many errors that costly checks may stop: nobody reads on.
+    /// Whether there are so many errors that costly checks may stop: nobody reads that many.
     pub fn is_full(&self) -> bool {
-        self.diagnostics.len() >= FULL
+        self.diagnostics.len() >= MAX_ERRORS
     }
 
     /// Ends the phase.
     ///
     /// # Errors
-    /// All errors, if there are any.
+    /// A report with all errors, if there are any.
     pub fn finish(mut self, source: &Source) -> Result<(), Report> {
         let diagnostics = std::mem::take(&mut self.diagnostics);
         if diagnostics.is_empty() {

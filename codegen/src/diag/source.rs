@@ -1,4 +1,4 @@
-//! A text with a name, and places in it.
+//! Texts with names, and places in them.
 
 /// A half-open range of byte offsets into a [`Source`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -10,7 +10,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// The bytes from `start` up to `end`.
+    /// The span of the bytes from `start` up to `end`, without the latter.
     pub fn new(start: usize, end: usize) -> Self {
         Self { start, end }
     }
@@ -31,7 +31,7 @@ pub struct Position {
     pub column: usize,
 }
 
-/// A text and the name under which errors refer to it.
+/// A text, and the name by which errors refer to it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Source {
     /// The path as the user gave it.
@@ -41,7 +41,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// A text under a name.
+    /// A text with a name.
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self {
             name: name.into(),
@@ -49,7 +49,7 @@ impl Source {
         }
     }
 
-    /// The nearest span that lies inside the text, on character boundaries.
+    /// The nearest span inside the text, on character boundaries.
     #[must_use]
     pub fn clamp(&self, span: Span) -> Span {
         let start = self.text.floor_char_boundary(span.start);
@@ -57,12 +57,12 @@ impl Source {
         Span::new(start, end.max(start))
     }
 
-    /// Where a span starts.
+    /// The line and column at which a span starts.
     pub fn position(&self, span: Span) -> Position {
         self.lines().position(span)
     }
 
-    /// The starts of the lines, to find many positions.
+    /// The starts of the lines, for finding many positions.
     pub(super) fn lines(&self) -> Lines<'_> {
         let newlines = self.text.match_indices('\n').map(|(at, _)| at + 1);
         Lines {
@@ -81,7 +81,7 @@ pub(super) struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    /// Where a span starts.
+    /// The line and column at which a span starts.
     pub(super) fn position(&self, span: Span) -> Position {
         let at = self.source.clamp(span).start;
         let line = self.starts.partition_point(|start| *start <= at);

@@ -1,5 +1,5 @@
-//! Inverse dynamics with given parameters: link forces outward, joint efforts
-//! inward, without forming K.
+//! Inverse dynamics for given parameters without forming K: the inertial forces of the links are
+//! computed from the base outward, the joint efforts inward.
 
 use crate::kinematics::{Frames, LinkMotion, Rates, Twist};
 use crate::model::{Model, ParameterKind};
@@ -7,26 +7,26 @@ use crate::sym::{Ex, Graph, V3, ZERO3};
 
 use super::friction_factor;
 
-/// The ten inertial parameters of a body.
+/// The ten inertial parameters of a body about its link's origin, in the link's frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Inertial {
-    /// Tensor about the origin: xx xy xz yy yz zz.
+    /// Inertia tensor about the origin, kg m^2: xx xy xz yy yz zz.
     pub tensor: [Ex; 6],
-    /// First moments m r.
+    /// First moments m r, kg m.
     pub moment: V3,
-    /// Mass.
+    /// Mass, kg.
     pub mass: Ex,
 }
 
 impl Inertial {
-    /// Nothing.
+    /// The parameters of a massless body.
     pub const ZERO: Inertial = Inertial {
         tensor: [Ex::ZERO; 6],
         moment: ZERO3,
         mass: Ex::ZERO,
     };
 
-    /// The parameters of a body, from the values of all parameters.
+    /// The parameters of a body, taken from the vector of all parameters.
     pub fn of_body(body: usize, phi: &[Ex]) -> Self {
         let p = &phi[10 * body..10 * body + 10];
         Inertial {
@@ -36,7 +36,7 @@ impl Inertial {
         }
     }
 
-    /// `I v` with the tensor.
+    /// `I v`, with the inertia tensor I.
     pub fn turn(&self, g: &mut Graph, v: &V3) -> V3 {
         let [xx, xy, xz, yy, yz, zz] = self.tensor;
         [
@@ -67,7 +67,7 @@ impl Wrench {
         }
     }
 
-    /// The wrench about the parent's origin, in its axes.
+    /// The same wrench about the parent's origin, in the parent's frame.
     pub(super) fn on_parent(&self, g: &mut Graph, frames: &Frames, link: usize) -> Wrench {
         let force = frames.into_parent(g, link, &self.force);
         let moment = frames.into_parent(g, link, &self.moment);
@@ -78,7 +78,7 @@ impl Wrench {
         }
     }
 
-    /// Its power on a joint's unit twist.
+    /// The power of the wrench on a joint's unit twist.
     pub(super) fn along(&self, g: &mut Graph, twist: &Twist) -> Ex {
         let turning = g.dot3(&twist.e, &self.moment);
         let sliding = g.dot3(&twist.u, &self.force);
@@ -86,7 +86,7 @@ impl Wrench {
     }
 }
 
-/// The effort of every joint of the tree: K phi, with friction and rotors.
+/// The effort of every joint of the tree, by coordinate: K phi with friction and rotors, N m or N.
 pub fn joint_efforts(
     g: &mut Graph,
     frames: &Frames,
@@ -128,13 +128,13 @@ pub fn joint_efforts(
     efforts
 }
 
-/// I alpha + w x I w + m r x a, and m a + eta_tilde m r.
+/// The moment I alpha + w x I w + m r x a and the force m a + eta_tilde m r of a body.
 fn body_wrench(g: &mut Graph, motion: &LinkMotion, inertial: &Inertial) -> Wrench {
     let inertia_moment = {
         let [xx, xy, xz, yy, yz, zz] = motion.ww;
         let [ixx, ixy, ixz, iyy, iyz, izz] = inertial.tensor;
         let tangential = inertial.turn(g, &motion.alpha);
-        // w x (I w) written with the products of w, which the motion has
+        // w x (I w), written with the products of w that the motion contains
         let x = {
             let difference = g.sub(izz, iyy);
             let squares = g.sub(yy, zz);

@@ -1,4 +1,4 @@
-//! The mass matrix of the tree from composite inertias, carried inward.
+//! The mass matrix of the tree by composite inertias, accumulated from the tips inward.
 
 use crate::kinematics::{Frames, Twist};
 use crate::model::{Model, ParameterKind};
@@ -6,7 +6,7 @@ use crate::sym::{Ex, Graph, transposed};
 
 use super::forces::{Inertial, Wrench};
 
-/// M over all coordinates, rotors on the diagonal.
+/// The mass matrix M over all coordinates, with the rotor inertias on its diagonal; n by n.
 pub fn mass_matrix(g: &mut Graph, frames: &Frames, model: &Model, phi: &[Ex]) -> Vec<Vec<Ex>> {
     let n = model.coordinates.len();
     let mut composite = vec![Inertial::ZERO; frames.links.len()];
@@ -50,7 +50,7 @@ pub fn mass_matrix(g: &mut Graph, frames: &Frames, model: &Model, phi: &[Ex]) ->
     matrix
 }
 
-/// The wrench that a unit acceleration of the joint takes.
+/// The wrench that gives the composite body a unit acceleration of the joint.
 fn accelerated(g: &mut Graph, inertia: &Inertial, Twist { e, u }: &Twist) -> Wrench {
     let turned = Wrench {
         moment: inertia.turn(g, e),
@@ -75,11 +75,11 @@ fn sum(g: &mut Graph, a: &Inertial, b: &Inertial) -> Inertial {
     }
 }
 
-/// The parameters about the parent's origin, in its axes (parallel axes).
+/// The parameters about the parent's origin, in the parent's frame (parallel axis theorem).
 fn on_parent(g: &mut Graph, frames: &Frames, link: usize, inertia: &Inertial) -> Inertial {
     let [xx, xy, xz, yy, yz, zz] = inertia.tensor;
     let columns = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-    // R I R^T: columns first, then rows
+    // R I R^T: rotate the columns first, then the rows
     let half = columns.map(|column| frames.into_parent(g, link, &column));
     let full = transposed(&half).map(|row| frames.into_parent(g, link, &row));
     let h = frames.into_parent(g, link, &inertia.moment);

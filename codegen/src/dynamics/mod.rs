@@ -1,5 +1,5 @@
-//! The linear model of Eq. 4-5 and its reduction (Eq. 8-11), the recursions
-//! with given parameters, and friction and rotor columns (Eq. 14-20).
+//! The regressor K of Eq. 4-5 and its reduction (Eq. 8-11), inverse dynamics and mass matrix for
+//! given parameters, and friction and rotor columns (Eq. 14-20).
 
 mod forces;
 mod inertia;

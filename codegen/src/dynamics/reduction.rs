@@ -1,17 +1,17 @@
-//! From all coordinates to the independent ones: velocities of the closed
-//! mechanism are `qd = J qd_i` with `J = [1; -X]` (Eq. 8, 10).
+//! Reduction from all coordinates to the independent ones: the velocities of the closed mechanism
+//! are `qd = J qd_i` with `J = [1; -X]` (Eq. 8, 10).
 
 use crate::model::Model;
 use crate::sym::{Ex, Graph};
 
-/// J: all coordinates by independent ones.
+/// The matrix J of `qd = J qd_i`: all coordinates by independent ones.
 #[derive(Clone, Debug)]
 pub struct Reduction {
     rows: Vec<Vec<Ex>>,
 }
 
 impl Reduction {
-    /// From X, which is dependent by independent (empty for a tree).
+    /// Builds J from X, which is dependent by independent (empty for a tree).
     pub fn new(g: &mut Graph, model: &Model, x: &[Vec<Ex>]) -> Self {
         let width = model.independent.len();
         let mut rows = vec![vec![Ex::ZERO; width]; model.coordinates.len()];
@@ -29,12 +29,12 @@ impl Reduction {
         self.rows.first().map_or(0, Vec::len)
     }
 
-    /// Entry of J.
+    /// The entry of J for a coordinate and the index of an independent one.
     pub fn at(&self, coordinate: usize, independent: usize) -> Ex {
         self.rows[coordinate][independent]
     }
 
-    /// `J^T v`: v_i - X^T v_e.
+    /// `J^T v`, which is v_i - X^T v_e; `v` is by coordinate.
     pub fn reduce(&self, g: &mut Graph, v: &[Ex]) -> Vec<Ex> {
         (0..self.width())
             .map(|j| {
@@ -44,7 +44,7 @@ impl Reduction {
             .collect()
     }
 
-    /// `J^T M J` for a symmetric M.
+    /// `J^T M J` for a symmetric M over all coordinates.
     pub fn reduce_matrix(&self, g: &mut Graph, m: &[Vec<Ex>]) -> Vec<Vec<Ex>> {
         let width = self.width();
         let n = self.rows.len();

@@ -1,24 +1,26 @@
-//! Which way of building each body's columns takes the fewest operations.
+//! Chooses for each body the reference point about which its regressor columns take the fewest
+//! operations.
 
 use crate::sym::{Ex, Graph, Tally};
 
-/// A body's rows, ten entries each, once for every way of building them: the first is about the
-/// link's origin.
+/// The regressor rows of one body, ten entries each, once for every reference point: the first is
+/// the link's origin.
 pub(super) type Block = Vec<Vec<[Ex; 10]>>;
 
-/// How often all bodies are gone through.
-const SWEEPS: usize = 4;
+/// Largest number of passes over all bodies.
+const MAX_PASSES: usize = 4;
 
-/// The way for each body, priced over all bodies together in the `wanted` columns: what the
-/// bodies share is paid once, so that a way may pay for some bodies only when more take it.
+/// The index of the reference point of each body that makes the `wanted` columns of all bodies
+/// cheapest together. Operations that several bodies share count once, so that a reference point
+/// may pay only if several bodies use it.
 ///
-/// From the same way everywhere, as far as bodies have it, one body after the other takes the way
-/// that is best with the others as they are, until nothing changes. Of the results the cheapest
-/// stays, of equal ones the first.
+/// The search starts from the same index for all bodies (0 for bodies without it) and changes one
+/// body at a time to its best index, with the others fixed, until nothing changes. It is repeated
+/// from every index; the cheapest result is returned, the first one of equal ones.
 pub(super) fn cheapest(g: &Graph, blocks: &[Block], wanted: &[bool]) -> Vec<usize> {
-    let roots = |body: usize, way: usize| {
+    let roots = |body: usize, choice: usize| {
         let wanted = &wanted[10 * body..10 * body + 10];
-        let entries = blocks[body][way].iter();
+        let entries = blocks[body][choice].iter();
         let entries = entries.flat_map(move |row| row.iter().zip(wanted));
         entries.filter(|(_, wanted)| **wanted).map(|(e, _)| *e)
     };
@@ -26,25 +28,25 @@ pub(super) fn cheapest(g: &Graph, blocks: &[Block], wanted: &[bool]) -> Vec<usiz
     let mut best: Option<(usize, Vec<usize>)> = None;
     for start in 0..most {
         let has = |block: &Block| if start < block.len() { start } else { 0 };
-        let mut ways: Vec<usize> = blocks.iter().map(has).collect();
+        let mut choices: Vec<usize> = blocks.iter().map(has).collect();
         let mut tally = Tally::new(g);
-        for (body, way) in ways.iter().enumerate() {
-            tally.add(roots(body, *way));
+        for (body, choice) in choices.iter().enumerate() {
+            tally.add(roots(body, *choice));
         }
         let mut least = tally.price();
-        for _ in 0..SWEEPS {
+        for _ in 0..MAX_PASSES {
             let before = least;
             for body in 0..blocks.len() {
-                for way in 0..blocks[body].len() {
-                    let old = ways[body];
-                    tally.add(roots(body, way));
+                for choice in 0..blocks[body].len() {
+                    let old = choices[body];
+                    tally.add(roots(body, choice));
                     tally.remove(roots(body, old));
                     if tally.price() < least {
                         least = tally.price();
-                        ways[body] = way;
+                        choices[body] = choice;
                     } else {
                         tally.add(roots(body, old));
-                        tally.remove(roots(body, way));
+                        tally.remove(roots(body, choice));
                     }
                 }
             }
@@ -53,30 +55,31 @@ pub(super) fn cheapest(g: &Graph, blocks: &[Block], wanted: &[bool]) -> Vec<usiz
             }
         }
         if best.as_ref().is_none_or(|(other, _)| least < *other) {
-            best = Some((least, ways));
+            best = Some((least, choices));
         }
     }
-    best.map(|(_, ways)| ways).unwrap_or_default()
+    best.map(|(_, choices)| choices).unwrap_or_default()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn block(ways: [Ex; 2]) -> Block {
-        ways.map(|entry| {
-            let mut row = [Ex::ZERO; 10];
-            row[5] = entry;
-            vec![row]
-        })
-        .to_vec()
+    fn block(choices: [Ex; 2]) -> Block {
+        choices
+            .map(|entry| {
+                let mut row = [Ex::ZERO; 10];
+                row[5] = entry;
+                vec![row]
+            })
+            .to_vec()
     }
 
     #[test]
     fn a_way_that_pays_only_for_several_bodies_is_found() {
         let mut g = Graph::new();
         let [a, b, c, d] = ["a", "b", "c", "d"].map(|name| g.symbol(name));
-        // six operations that two bodies share, or four for each
+        // either six operations that two bodies share, or four for each body
         let product = |g: &mut Graph, factors: &[Ex]| {
             let first = factors[0];
             factors[1..].iter().fold(first, |p, f| g.mul(p, *f))

@@ -1,11 +1,10 @@
 //! The columns of K (Eq. 4-5) and of the reduced regressor K_i - X^T K_e (Eq. 11).
 //!
-//! A joint's row is the power of the link's inertial forces on the joint's unit
-//! twist (e, u) at the link's origin, e and u being the partial velocities of
-//! Eq. 1. With the forces linear in the ten parameters,
-//! moment `eta_hat I - a x m r` and force `eta_tilde m r + a m`, the row is
-//! `[e^T eta_hat | a x e + eta_tilde^T u | u . a]`. For a revolute joint
-//! u = e x r_OkOi, which gives Eq. 4; for a prismatic one e = 0.
+//! Each joint gives one row for each link that it moves: the power of the link's inertial forces on
+//! the joint's unit twist (e, u) at the link's origin; e and u are the partial velocities of Eq. 1.
+//! The forces are linear in the ten parameters: the moment is `eta_hat I - a x m r`, the force
+//! `eta_tilde m r + a m`. So the row is `[e^T eta_hat | a x e + eta_tilde^T u | u . a]`. For a
+//! revolute joint u = e x r_OkOi, which gives Eq. 4; for a prismatic one e = 0.
 
 use crate::kinematics::{Centre, LinkMotion, Rates, Twist};
 use crate::model::{FrictionColumn, Model, ParameterKind};
@@ -14,26 +13,26 @@ use crate::sym::{Ex, Graph, V3, ZERO3};
 use super::Reduction;
 use super::reference_points::{self, Block};
 
-/// The link's inertial forces, linear in its ten parameters.
+/// A link's inertial forces as linear functions of its ten parameters.
 #[derive(Clone, Debug)]
 pub struct Projection {
     /// eta hat of Eq. 3-4, column by column: Ixx Ixy Ixz Iyy Iyz Izz.
     eta_hat: [V3; 6],
     /// eta tilde, column by column.
     eta_tilde: [V3; 3],
-    /// Acceleration of the origin.
+    /// Acceleration of the link's origin, less gravity.
     a: V3,
 }
 
 impl Projection {
-    /// The forces of a link in this motion.
+    /// The inertial forces of a link in a given motion.
     pub fn new(g: &mut Graph, motion: &LinkMotion) -> Self {
         let eta = &motion.eta;
         let [xx, xy, xz, yy, yz, zz] = motion.ww;
         let [ax, ay, az] = motion.alpha;
         let eta_hat = [
             [ax, xz, g.neg(xy)],
-            // alpha_y - xz and alpha_x + yz also stand in eta tilde
+            // alpha_y - xz and alpha_x + yz are also entries of eta tilde
             [g.neg(eta[2][0]), eta[2][1], g.sub(xx, yy)],
             [eta[1][0], g.sub(zz, xx), g.neg(eta[1][2])],
             [g.neg(yz), ay, xy],
@@ -47,13 +46,13 @@ impl Projection {
         }
     }
 
-    /// The ten entries of a row for a twist.
+    /// The ten entries of the regressor row for a unit twist.
     pub fn row(&self, g: &mut Graph, twist: &Twist) -> [Ex; 10] {
         self.split_row(g, None, &ZERO3, twist)
     }
 
-    /// The moments of first moments and mass about a point: `v x a + arm x eta_tilde v` for each
-    /// axis v, and `arm x a`.
+    /// The moments of the inertial forces about a point, per first moment and mass: `v x a + arm x
+    /// eta_tilde v` for each axis v, and `arm x a`; `arm` is from the point to the link's origin.
     fn about(&self, g: &mut Graph, arm: &V3) -> MomentsAbout {
         let first = [0, 1, 2].map(|axis| {
             let mut unit = ZERO3;
@@ -66,8 +65,8 @@ impl Projection {
         MomentsAbout { first, mass }
     }
 
-    /// A row for the twist `(turn + twist.e, turn x arm + twist.u)`, the turn being about the
-    /// point that the moments are taken about.
+    /// The regressor row for the twist `(turn + twist.e, turn x arm + twist.u)`, where the rotation
+    /// `turn` is about the reference point of the moments `about`.
     fn split_row(
         &self,
         g: &mut Graph,
@@ -96,7 +95,7 @@ impl Projection {
     }
 }
 
-/// Moments about a point where axes meet.
+/// The moments of a link's inertial forces about a point at which axes meet.
 struct MomentsAbout {
     first: [V3; 3],
     mass: V3,
@@ -108,7 +107,7 @@ impl MomentsAbout {
     }
 }
 
-/// What a friction coefficient is multiplied by (Eq. 14).
+/// The factor that multiplies a friction coefficient in the joint's effort (Eq. 14).
 pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) -> Ex {
     match column {
         FrictionColumn::Viscous => rd,
@@ -129,26 +128,26 @@ pub fn friction_factor(g: &mut Graph, column: FrictionColumn, qd: Ex, rd: Ex) ->
     }
 }
 
-/// How the coordinates move the links.
+/// The unit twists that move the links, and the points at which joint axes meet.
 #[derive(Debug)]
 pub struct UnitTwists<'a> {
-    /// Unit twists, link by link.
+    /// For each link, the coordinates that move it and their unit twists.
     pub twists: &'a [Vec<(usize, Twist)>],
-    /// Points where axes meet, link by link.
+    /// For each link, the points at which axes of joints before it meet.
     pub centres: &'a [Vec<Centre>],
 }
 
-/// W, one column per parameter, each with a row per independent coordinate:
-/// K_i - X^T K_e (Eq. 11) with friction and rotor columns (Eq. 20), the ones of
-/// dependent joints projected by -X^T.
+/// The reduced regressor W, one column per parameter with one entry per independent coordinate. It
+/// is `K_i - X^T K_e` (Eq. 11) with friction and rotor columns (Eq. 20); columns of dependent
+/// joints are projected by -X^T.
 ///
-/// Each body's block is built about its origin, and about each point where axes before it meet;
-/// of all combinations one stays that takes few operations in the `wanted` columns.
+/// The columns of each body are built about its origin and about each point at which axes before it
+/// meet; the combination with few operations in the `wanted` columns is returned.
 pub fn reduced_regressor(
     g: &mut Graph,
     model: &Model,
     motions: &[LinkMotion],
-    ways: &UnitTwists<'_>,
+    unit_twists: &UnitTwists<'_>,
     rates: &Rates,
     j: &Reduction,
     wanted: &[bool],
@@ -159,8 +158,8 @@ pub fn reduced_regressor(
         .iter()
         .map(|body| {
             let projection = Projection::new(g, &motions[body.link]);
-            let twists = &ways.twists[body.link];
-            let centres = ways.centres[body.link].iter().map(Some);
+            let twists = &unit_twists.twists[body.link];
+            let centres = unit_twists.centres[body.link].iter().map(Some);
             let points = [None].into_iter().chain(centres);
             points
                 .map(|centre| body_rows(g, &projection, twists, centre, j))
@@ -188,12 +187,12 @@ pub fn reduced_regressor(
     columns
 }
 
-/// A body's block: rows by independent coordinate.
+/// The regressor rows of a body, one per independent coordinate.
 ///
-/// Where several of the coordinates that move the body follow one independent
-/// coordinate, their unit twists are added up first and the body's forces are
-/// projected once; where it is a single one, its row of K is scaled. Of coordinates whose axes
-/// pass through the centre only the turns count, with moments about it.
+/// If several of the coordinates that move the body depend on one independent coordinate, their
+/// unit twists are added first and the body's forces are projected once; a single one scales its
+/// row of K. If the axis of a coordinate passes through the centre, only its rotation counts, with
+/// the moments about the centre.
 fn body_rows(
     g: &mut Graph,
     projection: &Projection,
@@ -211,19 +210,19 @@ fn body_rows(
             .filter(|(weight, ..)| !weight.is_zero())
             .collect();
         let inside = |c: usize| centre.is_some_and(|centre| centre.coordinates.contains(&c));
-        let nothing = Twist { e: ZERO3, u: ZERO3 };
+        let zero_twist = Twist { e: ZERO3, u: ZERO3 };
         let row = match moving.as_slice() {
             [] => [Ex::ZERO; 10],
             [(weight, c, twist)] => {
                 let row = if inside(*c) {
-                    projection.split_row(g, about, &twist.e, &nothing)
+                    projection.split_row(g, about, &twist.e, &zero_twist)
                 } else {
                     projection.row(g, twist)
                 };
                 row.map(|entry| g.mul(*weight, entry))
             }
             several => {
-                let (mut turn, mut sum) = (ZERO3, nothing);
+                let (mut turn, mut sum) = (ZERO3, zero_twist);
                 for (weight, c, twist) in several {
                     if inside(*c) {
                         turn = g.add_scaled3(&turn, *weight, &twist.e);

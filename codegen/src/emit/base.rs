@@ -1,4 +1,4 @@
-//! The base parameters as data.
+//! Emits the base parameters as constants.
 
 use std::fmt::Write as _;
 
@@ -7,8 +7,8 @@ use crate::robot::Robot;
 
 use super::names::literal;
 
-/// Labels of the base parameters that functions take.
-pub(super) fn kept(robot: &Robot) -> Vec<String> {
+/// Labels of the base parameters that functions take as `beta`.
+pub(super) fn kept_labels(robot: &Robot) -> Vec<String> {
     let analysis = robot.analysis.iter();
     let parameters = analysis.flat_map(|a| &a.base.parameters);
     parameters
@@ -17,14 +17,14 @@ pub(super) fn kept(robot: &Robot) -> Vec<String> {
         .collect()
 }
 
-/// Labels of the eliminated parameters.
-pub(super) fn free(robot: &Robot) -> Vec<String> {
+/// Labels of the eliminated parameters, which functions take as `free`.
+pub(super) fn eliminated_labels(robot: &Robot) -> Vec<String> {
     let analysis = robot.analysis.iter();
     let columns = analysis.flat_map(|a| &a.base.null).map(|n| n.column);
     columns.map(|c| robot.parameters[c].label.clone()).collect()
 }
 
-/// What is certain about a base, in words.
+/// States in words whether the base is certified to be minimal.
 pub(super) fn certified(analysis: &Analysis) -> String {
     let mut words = if analysis.complete {
         "certified to be minimal".to_owned()
@@ -82,7 +82,7 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
     }
     let _ = writeln!(out, "];");
     zeros(robot, analysis, out);
-    let free = free(robot);
+    let free = eliminated_labels(robot);
     let _ = writeln!(
         out,
         "/// Labels of the eliminated parameters, in the order of `free`."
@@ -124,12 +124,12 @@ pub(super) fn constants(robot: &Robot, analysis: &Analysis, out: &mut String) {
     let _ = writeln!(out, "}};");
 }
 
-/// Whether the spec takes forms in the parameters as zero.
+/// Whether the spec sets linear forms of the parameters to zero.
 pub(super) fn has_zeros(analysis: &Analysis) -> bool {
     !analysis.base.known.is_empty() || analysis.base.parameters.iter().any(|p| p.dropped)
 }
 
-/// The forms that `base.zero`, `base.equal` and `base.drop` take as zero.
+/// Emits the linear forms that `base.zero`, `base.equal` and `base.drop` set to zero.
 fn zeros(robot: &Robot, analysis: &Analysis, out: &mut String) {
     if !has_zeros(analysis) {
         return;
@@ -148,7 +148,7 @@ fn zeros(robot: &Robot, analysis: &Analysis, out: &mut String) {
         each.map(|t| term(t.column, &t.coefficient.to_string(), t.value.to_f64()))
             .collect()
     };
-    // a parameter that others stand for: those less it are zero
+    // a parameter that equals a combination of others: the combination less the parameter is zero
     let known = base.known.iter().map(|known| {
         let terms = term(known.column, "-1", -1.0) + &rest(&known.terms);
         (known.column, terms)

@@ -1,10 +1,10 @@
-//! The body of a function: temporaries in blocks, outputs stored as soon as a
-//! column is complete.
+//! Emits the body of a function: temporaries in blocks, and outputs stored as soon as they are
+//! computed.
 //!
-//! Every block keeps its temporaries to itself and hands on only what later
-//! blocks use. No scope holds more than 800 variables, whatever the robot: rustc's
-//! debug-information writer overflows its stack at some thousands. Where there
-//! would be more, values stay in arrays and are read from there by index.
+//! The temporaries of a block are local to it, except those that later blocks use, which it
+//! exports. No scope has more than 800 variables, whatever the robot: rustc's debug-information
+//! writer overflows its stack at some thousands. If there were more, the exported values are stored
+//! in an array and read from there by index.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -13,24 +13,25 @@ use crate::optimize::{Group, Op, Operand, Program, SolveStep, Step, Temp};
 
 use super::names::{Names, identifier, literal};
 
-/// Steps in a block, at most.
-const BLOCK: usize = 250;
-/// Arguments' elements, and values handed on, that get names in the function's
-/// own scope, at most.
-const SCOPE: usize = 300;
-/// Values from the array that get names in a block, at most.
-const IMPORTS: usize = 200;
-/// Results of a solve that get names, at most.
-const SOLVED: usize = 100;
-const WIDTH: usize = 96;
+/// Largest number of steps in a block.
+const MAX_BLOCK_STEPS: usize = 250;
+/// Largest number of arguments' elements, and of exported values, that are bound to names in the
+/// function's own scope.
+const MAX_SCOPE_NAMES: usize = 300;
+/// Largest number of values from the array that are bound to names in a block.
+const MAX_BLOCK_IMPORTS: usize = 200;
+/// Largest number of results of one solve that are bound to names.
+const MAX_SOLVE_NAMES: usize = 100;
+/// Largest width of an emitted line of a list, in characters.
+const MAX_LINE_WIDTH: usize = 96;
 
-/// A block: some steps of a group, and the outputs complete after them.
+/// A block: consecutive steps of a group, and the outputs that are complete after them.
 struct Block {
     title: String,
     steps: std::ops::Range<usize>,
     outputs: std::ops::Range<usize>,
-    /// Temporaries that later blocks use.
-    hands_on: Vec<Temp>,
+    /// Temporaries of this block that later blocks use.
+    exports: Vec<Temp>,
 }
 
 pub(super) struct Body<'p> {
@@ -38,20 +39,21 @@ pub(super) struct Body<'p> {
     runtime: String,
     names: Vec<String>,
     inputs: Vec<Vec<String>>,
-    /// Whether anything reads each temporary.
+    /// For each temporary, whether a step or an output uses it.
     read: Vec<bool>,
-    /// Where each temporary is computed.
+    /// For each temporary, the index of the block that computes it.
     block_of: Vec<usize>,
     blocks: Vec<Block>,
-    /// Where the blocks begin.
+    /// For each block, its first step.
     block_starts: Vec<usize>,
-    /// Where each temporary stands in the array `kept`, if blocks hand on in one.
+    /// For each exported temporary, its index in the array `kept`, if the blocks export through
+    /// that array.
     kept: BTreeMap<Temp, usize>,
     out: String,
 }
 
-/// The statements of a program's function, indented, without its last line. `wishes` are the names
-/// that the elements of each argument shall have.
+/// The statements of a program's function, indented, without its last line. `wishes` are the
+/// preferred names of each argument's elements.
 pub(super) fn statements(program: &Program, runtime: &str, wishes: &[Vec<String>]) -> String {
     let mut names = Names::new();
     names.reserve(&program.output.name);
@@ -74,17 +76,17 @@ pub(super) fn statements(program: &Program, runtime: &str, wishes: &[Vec<String>
     };
     body.cut_into_blocks();
     body.name_temporaries(&mut names);
-    body.find_handed_on();
+    body.find_exports();
     body.write();
     body.out
 }
 
-/// How many right-hand sides a system has.
+/// Number of right-hand sides of a system.
 fn sides(solve: &SolveStep) -> usize {
     solve.rhs.first().map_or(1, |row| row.len().max(1))
 }
 
-/// Whether anything reads each temporary of a program.
+/// For each temporary of a program, whether a step or an output uses it.
 fn read(program: &Program) -> Vec<bool> {
     let mut read = vec![false; program.names.len()];
     let operands = program.steps.iter().flat_map(|s| s.op.operands());
@@ -97,7 +99,7 @@ fn read(program: &Program) -> Vec<bool> {
 }
 
 impl Body<'_> {
-    /// The name that a result is bound to: none where nothing reads it.
+    /// The name to which a result is bound; `_` if nothing uses it.
     fn bound(&self, t: Temp) -> &str {
         if self.read[t.0 as usize] {
             &self.names[t.0 as usize]
@@ -112,7 +114,7 @@ impl Body<'_> {
             let mut part = 0;
             for at in group.steps.clone() {
                 let solves = matches!(self.program.steps[at].op, Op::Solve(_));
-                let full = at + 1 - start >= BLOCK;
+                let full = at + 1 - start >= MAX_BLOCK_STEPS;
                 if (solves || full) && at + 1 < group.steps.end {
                     part += 1;
                     let title = if solves {
@@ -132,7 +134,7 @@ impl Body<'_> {
             self.push_block(title.clone(), start..group.steps.end, outputs.clone());
         }
         self.block_starts = self.blocks.iter().map(|b| b.steps.start).collect();
-        // outputs may be stored only where their steps are done
+        // outputs can be stored only after their steps: find the block of each result
         for (index, block) in self.blocks.iter().enumerate() {
             for step in &self.program.steps[block.steps.clone()] {
                 for result in &step.results {
@@ -152,19 +154,19 @@ impl Body<'_> {
             title,
             steps,
             outputs,
-            hands_on: Vec::new(),
+            exports: Vec::new(),
         });
     }
 
-    /// Suggested names where there are some; else numbers that start anew in
-    /// every block, so that an edit of one body does not renumber the others.
+    /// Names the temporaries: by the suggested name if there is one, else by a number that starts
+    /// anew in every block, so that a change in one block does not renumber the others.
     fn name_temporaries(&mut self, names: &mut Names) {
         self.names = vec![String::new(); self.program.names.len()];
         for (index, block) in self.blocks.iter().enumerate() {
             let mut number = 0;
             for step in &self.program.steps[block.steps.clone()] {
                 if let Op::Solve(solve) = &step.op
-                    && step.results.len() > SOLVED
+                    && step.results.len() > MAX_SOLVE_NAMES
                 {
                     let sides = sides(solve);
                     for (i, result) in step.results.iter().enumerate() {
@@ -186,7 +188,7 @@ impl Body<'_> {
         }
     }
 
-    fn find_handed_on(&mut self) {
+    fn find_exports(&mut self) {
         let mut used_later = vec![false; self.program.names.len()];
         for (index, block) in self.blocks.iter().enumerate() {
             let steps = self.program.steps[block.steps.clone()].iter();
@@ -203,7 +205,7 @@ impl Body<'_> {
         for block in &mut self.blocks {
             for step in &self.program.steps[block.steps.clone()] {
                 let later = step.results.iter().filter(|t| used_later[t.0 as usize]);
-                block.hands_on.extend(later);
+                block.exports.extend(later);
             }
         }
     }
@@ -216,16 +218,16 @@ impl Body<'_> {
         self.out.push('\n');
     }
 
-    /// `head [ items ] tail`, broken over lines where it is long.
+    /// Writes `head [ items ] tail`, over several lines if it is long.
     fn list(&mut self, depth: usize, head: &str, items: &[String], tail: &str) {
         let flat = format!("{head}[{}]{tail}", items.join(", "));
-        if flat.len() + 4 * depth <= WIDTH {
+        if flat.len() + 4 * depth <= MAX_LINE_WIDTH {
             return self.line(depth, &flat);
         }
         self.line(depth, &format!("{head}["));
         let mut row = String::new();
         for item in items {
-            if !row.is_empty() && row.len() + item.len() + 4 * depth + 6 > WIDTH {
+            if !row.is_empty() && row.len() + item.len() + 4 * depth + 6 > MAX_LINE_WIDTH {
                 self.line(depth + 1, row.trim_end());
                 row.clear();
             }
@@ -242,15 +244,12 @@ impl Body<'_> {
         if self.program.solves() {
             self.line(1, "let mut condition = proto.splat(1.0);");
         }
-        let handed: Vec<Temp> = self
-            .blocks
-            .iter()
-            .flat_map(|b| b.hands_on.clone())
-            .collect();
-        let unnamed = |step: &Step| matches!(step.op, Op::Solve(_)) && step.results.len() > SOLVED;
-        if handed.len() > SCOPE || self.program.steps.iter().any(unnamed) {
-            self.line(1, &format!("let mut kept = [proto; {}];", handed.len()));
-            self.kept = handed.into_iter().zip(0..).collect();
+        let exported: Vec<Temp> = self.blocks.iter().flat_map(|b| b.exports.clone()).collect();
+        let unnamed =
+            |step: &Step| matches!(step.op, Op::Solve(_)) && step.results.len() > MAX_SOLVE_NAMES;
+        if exported.len() > MAX_SCOPE_NAMES || self.program.steps.iter().any(unnamed) {
+            self.line(1, &format!("let mut kept = [proto; {}];", exported.len()));
+            self.kept = exported.into_iter().zip(0..).collect();
         }
         for index in 0..self.blocks.len() {
             for (items, tail) in inputs.remove(&index).unwrap_or_default() {
@@ -260,7 +259,7 @@ impl Body<'_> {
         }
     }
 
-    /// By argument, which of its elements are used, and the first block that uses one.
+    /// For each argument, which of its elements are used, and the first block that uses one.
     fn used_inputs(&self) -> Vec<(Vec<bool>, Option<usize>)> {
         let unused = self.inputs.iter().map(|a| (vec![false; a.len()], None));
         let mut used: Vec<(Vec<bool>, Option<usize>)> = unused.collect();
@@ -278,8 +277,8 @@ impl Body<'_> {
         used
     }
 
-    /// The statements that take arguments apart, by the block before which they stand: what waits
-    /// for the sines and cosines would go through memory.
+    /// The statements that destructure the arguments, by the block before which they are written:
+    /// elements that are read before the sines and cosines are computed would go through memory.
     fn inputs_by_block(&mut self) -> BTreeMap<usize, Vec<(Vec<String>, String)>> {
         let used = self.used_inputs();
         let count = used.iter().flat_map(|(u, _)| u).filter(|u| **u).count();
@@ -287,7 +286,7 @@ impl Body<'_> {
         for (argument, (used, first)) in used.iter().enumerate() {
             let Some(first) = first else { continue };
             let name = &self.program.arguments[argument].name;
-            if count > SCOPE {
+            if count > MAX_SCOPE_NAMES {
                 let elements = (0..used.len()).map(|element| format!("{name}[{element}]"));
                 self.inputs[argument] = elements.collect();
                 continue;
@@ -303,18 +302,18 @@ impl Body<'_> {
     fn write_block(&mut self, index: usize) {
         let block = &self.blocks[index];
         let (steps, outputs) = (block.steps.clone(), block.outputs.clone());
-        let hands_on = block.hands_on.clone();
+        let exports = block.exports.clone();
         let title = block.title.clone();
         if steps.is_empty() && outputs.is_empty() {
             return;
         }
         let names = |body: &Self| -> Vec<String> {
-            let names = hands_on.iter();
+            let names = exports.iter();
             names.map(|t| body.names[t.0 as usize].clone()).collect()
         };
         let in_array = !self.kept.is_empty();
         self.line(1, &format!("// {title}"));
-        if hands_on.is_empty() || in_array {
+        if exports.is_empty() || in_array {
             self.line(1, "{");
         } else {
             let names = names(self);
@@ -341,7 +340,7 @@ impl Body<'_> {
         if names.is_empty() {
             self.line(1, "}");
         } else if in_array {
-            for (t, name) in hands_on.iter().zip(names) {
+            for (t, name) in exports.iter().zip(names) {
                 let text = format!("kept[{}] = {name};", self.kept[t]);
                 self.line(2, &text);
             }
@@ -355,9 +354,8 @@ impl Body<'_> {
         }
     }
 
-    /// Names for what a block takes from the array: variables, or, where they
-    /// would be many, the places in the array themselves. Returns the names to
-    /// be set again after the block.
+    /// Names the values that a block takes from the array: by variables, or by the places in the
+    /// array if these are too many. Returns the names to be restored after the block.
     fn take_from_array(&mut self, index: usize) -> Vec<(Temp, String)> {
         let block = &self.blocks[index];
         let operands = self.program.steps[block.steps.clone()]
@@ -373,11 +371,11 @@ impl Body<'_> {
             })
             .collect();
         let mut renamed = Vec::new();
-        let few = imports.len() <= IMPORTS;
+        let few = imports.len() <= MAX_BLOCK_IMPORTS;
         for (t, place) in imports {
             let name = self.names[t.0 as usize].clone();
             let in_array = format!("kept[{place}]");
-            // results of a large solve never had a variable
+            // the results of a large solve have no variables
             if few && !name.contains('[') {
                 self.line(2, &format!("let {name} = {in_array};"));
             } else {
@@ -388,8 +386,9 @@ impl Body<'_> {
         renamed
     }
 
-    /// Statements that store outputs, by the step after which they can stand: each entry at once,
-    /// so that no register waits for the others of its column. `None` is before the first step.
+    /// The statements that store outputs, by the step after which they can be written (`None` is
+    /// before the first step). Each entry is stored as soon as it is computed, so that it does not
+    /// occupy a register until its column is complete.
     fn stores(
         &self,
         index: usize,
@@ -405,7 +404,7 @@ impl Body<'_> {
         let mut stores: BTreeMap<Option<usize>, Vec<String>> = BTreeMap::new();
         for at in outputs {
             let operand = &self.program.outputs[at];
-            // zeros are there already
+            // zeros are stored already
             if matches!(operand, Operand::Constant(c) if *c == 0.0) {
                 continue;
             }
@@ -431,7 +430,7 @@ impl Body<'_> {
         }
     }
 
-    /// The operand with a minus.
+    /// The operand with the opposite sign.
     fn negated(&self, operand: &Operand) -> String {
         match operand {
             Operand::Constant(c) => self.operand(&Operand::Constant(-c)),
@@ -483,9 +482,10 @@ impl Body<'_> {
         self.line(2, &text);
     }
 
-    /// How many sines and cosines are taken in a row, where such a row begins; else 0.
+    /// Number of consecutive sines and cosines that can be computed together, if the first one is
+    /// step `at`; else 0.
     fn angles_at(&self, at: usize, end: usize) -> usize {
-        // a row that began before this block begins anew in it
+        // a sequence that started before this block starts anew in it
         let begins = self.block_starts.contains(&at) || !self.is_angle(at - 1);
         if !begins {
             return 0;
@@ -493,8 +493,8 @@ impl Body<'_> {
         (at..end).take_while(|at| self.is_angle(*at)).count()
     }
 
-    /// Whether a step's sine and cosine can be taken together with the ones just before it: it
-    /// works on none of theirs.
+    /// Whether a step's sine and cosine can be computed together with those just before it: its
+    /// angle is none of their results.
     fn is_angle(&self, at: usize) -> bool {
         let steps = &self.program.steps;
         let Op::SinCos(angle) = &steps[at].op else {
@@ -506,7 +506,7 @@ impl Body<'_> {
             .any(|t| *angle == Operand::Temp(*t))
     }
 
-    /// Sines and cosines of several angles at once.
+    /// Writes the sines and cosines of several angles as one call.
     fn write_angles(&mut self, row: std::ops::Range<usize>) {
         let (mut names, mut angles) = (Vec::new(), Vec::new());
         for step in &self.program.steps[row] {
@@ -520,7 +520,7 @@ impl Body<'_> {
         self.list(3, "T::sin_cos_all(", &angles, ");");
     }
 
-    /// The system solved in the fixed order, guarded by its pivots.
+    /// Writes the solution of a system in the fixed order, guarded by its pivots.
     fn write_solve(&mut self, solve: &SolveStep, results: &[Temp]) {
         let mut margins = solve.pivots.iter().map(|(pivot, size)| {
             format!(
@@ -538,7 +538,7 @@ impl Body<'_> {
         for margin in &rest {
             self.line(3, &format!(".min({margin})"));
         }
-        // the statement ends after its last line
+        // end the statement after its last line
         self.out.pop();
         self.out.push_str(";\n");
         let rows: Vec<String> = results
@@ -548,7 +548,7 @@ impl Body<'_> {
                 format!("[{}]", names.join(", "))
             })
             .collect();
-        if results.len() > SOLVED {
+        if results.len() > MAX_SOLVE_NAMES {
             self.line(2, "let (solved, found) = ");
         } else {
             self.list(2, "let (", &rows, ", found) = ");

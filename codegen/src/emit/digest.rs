@@ -1,4 +1,4 @@
-//! What is written of a module in place of its source, where that is not for people to read.
+//! A short summary of a module's text, for snapshots that people do not have to read in full.
 
 use std::fmt::Write as _;
 
@@ -7,9 +7,9 @@ use sha2::{Digest, Sha256};
 use crate::optimize::Operations;
 use crate::robot::Robot;
 
-/// A line that no other text of the module has: the robot's name, the lines of the text and its
-/// SHA-256. Below it stands a line per function with its operations, so that a change of the text
-/// can be judged without it.
+/// Summarises a module: a line with the robot's name, the number of lines of the text and its
+/// SHA-256, which differs for every other text; then a line per function with its operations, so
+/// that a change of the text can be judged without reading it.
 #[must_use]
 pub fn digest(robot: &Robot, text: &str) -> String {
     let mut out = format!("{}: {} lines, sha256 ", robot.name, text.lines().count());

@@ -1,4 +1,4 @@
-//! From programs to Rust text. Knows nothing of how they were derived.
+//! Emits programs as Rust text; independent of how they were derived.
 
 mod base;
 mod body;

@@ -1,4 +1,4 @@
-//! The module of a robot: names, functions, and the `Model` that ties them.
+//! Emits the module of a robot: constants, functions, and the type that implements `Model`.
 
 use std::fmt::Write as _;
 
@@ -12,7 +12,7 @@ use super::body::statements;
 use super::names::{BASE_IMPORTS, IMPORTS, identifier, literal};
 use super::{base, stated, trait_impl};
 
-/// How to write a module.
+/// Options for the text of a module.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Path of the runtime crate, such as `::regen_runtime`.
@@ -27,8 +27,26 @@ impl Default for Options {
     }
 }
 
-/// The inside of a robot's module as Rust text, with its documentation as inner
-/// comments.
+/// The contents of a robot's module as Rust text, with its documentation as inner comments.
+///
+/// ```
+/// use regen_codegen::Mechanism;
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::emit::{Options, module};
+/// use regen_codegen::robot::FunctionKind;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+/// let robot = mechanism.robot(&[FunctionKind::Poses])?;
+/// assert!(module(&robot, &Options::default()).contains("pub fn poses<T: Scalar>"));
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
 pub fn module(robot: &Robot, options: &Options) -> String {
     let mut out = String::new();
     header(robot, &mut out);
@@ -65,7 +83,7 @@ pub fn module(robot: &Robot, options: &Options) -> String {
     out
 }
 
-/// Whether a robot's module uses a name that modules may import.
+/// Whether a robot's module uses a name that modules can import.
 fn imports(robot: &Robot, name: &str) -> bool {
     let mut joints = robot.joints.iter();
     match name {
@@ -80,9 +98,9 @@ fn imports(robot: &Robot, name: &str) -> bool {
 
 fn header(robot: &Robot, out: &mut String) {
     let description = robot.description.as_deref().unwrap_or("a robot model");
-    // a line of documentation must stay one line
+    // the documentation must stay on one line
     let mut description = description.replace(['\n', '\r'], " ");
-    // and must not be taken for links or markup
+    // and must not be read as links or markup
     for mark in ["[", "]", "<", ">", "`", "*"] {
         description = description.replace(mark, &format!("\\{mark}"));
     }
@@ -228,13 +246,13 @@ fn constants(robot: &Robot, out: &mut String) {
     let _ = writeln!(out, "}};");
 }
 
-/// The base parameters, where there are functions over them.
+/// The base parameters, if the robot has functions over them.
 pub(super) fn base_of(robot: &Robot) -> Option<&Analysis> {
     robot.function(FunctionKind::ToBase)?;
     robot.analysis.as_ref()
 }
 
-/// The names of what a size counts.
+/// Names of the elements that a size counts; numbers for elements without names.
 fn elements(robot: &Robot, size: Size) -> Vec<String> {
     let of = |which: &[usize]| -> Vec<String> {
         which
@@ -250,13 +268,13 @@ fn elements(robot: &Robot, size: Size) -> Vec<String> {
         Size::Actuated => of(&robot.actuated),
         Size::Parameters => robot.parameters.iter().map(|p| p.label.clone()).collect(),
         Size::Bodies => robot.bodies.clone(),
-        Size::Base => base::kept(robot),
-        Size::Free => base::free(robot),
+        Size::Base => base::kept_labels(robot),
+        Size::Free => base::eliminated_labels(robot),
         Size::Rows | Size::Cones | Size::Pose => numbered(),
     }
 }
 
-/// The names that an argument's elements shall have in an emitted function.
+/// The preferred names of an argument's elements in an emitted function.
 fn wishes(robot: &Robot, argument: Argument) -> Vec<String> {
     let row = argument.row();
     let elements = elements(robot, row.size).into_iter();
@@ -364,8 +382,8 @@ fn write_function(robot: &Robot, function: &Function, options: &Options, out: &m
     let _ = writeln!(out, "}}");
 }
 
-/// Arguments that the mechanism does not need are named once, so that no
-/// warning comes up.
+/// Mentions once the arguments that the program does not use, so that the compiler does not warn
+/// about them.
 fn mark_unused(program: &Program, mut body: String) -> String {
     for (index, argument) in program.arguments.iter().enumerate().skip(1) {
         let reads =
@@ -378,8 +396,8 @@ fn mark_unused(program: &Program, mut body: String) -> String {
     body
 }
 
-/// Stores the entries that are zero at every state, one by one: next to one another, they are
-/// stored together, and in most columns they are few.
+/// Writes stores of the entries that are zero at every state, one by one: consecutive stores are
+/// merged by the compiler, and most columns have few zeros.
 fn write_zeros(program: &Program, proto: &str, out: &mut String) {
     let Output { name, shape, .. } = &program.output;
     let inner = shape.get(1).copied().unwrap_or(1).max(1);

@@ -1,9 +1,9 @@
-//! Identifiers from names and labels.
+//! Makes identifiers from names and labels.
 
 use std::collections::BTreeSet;
 
-/// Rust keywords, strict and reserved, and the names of every emitted body.
-const TAKEN: [&str; 58] = [
+/// Rust keywords, strict and reserved, and the names that every emitted body uses.
+const RESERVED: [&str; 58] = [
     "as",
     "async",
     "await",
@@ -85,9 +85,9 @@ pub(super) fn identifier(label: &str) -> String {
     }
 }
 
-/// The name of a robot's type from the name of its module: `rps3` becomes `Rps3`, `puma_560`
-/// becomes `Puma560`. `Robot` follows where the name would collide with another one in the
-/// module (`joint` becomes `JointRobot`), and precedes a name that would begin with a digit.
+/// The name of a robot's type, from the name of its module: `rps3` becomes `Rps3`, `puma_560`
+/// becomes `Puma560`. `Robot` is appended if the name would collide with another one in the module
+/// (`joint` becomes `JointRobot`), and put before a name that would begin with a digit.
 pub(super) fn type_name(module: &str) -> String {
     let parts = module.split('_').filter(|p| !p.is_empty());
     let name: String = parts
@@ -106,13 +106,13 @@ pub(super) fn type_name(module: &str) -> String {
     }
 }
 
-/// Whether a name means something else inside a module than the robot's type.
+/// Whether a name inside a module refers to something other than the robot's type.
 fn is_taken(name: &str) -> bool {
     let lists: [&[&str]; 4] = [&IMPORTS, &BASE_IMPORTS, &CONSTANTS, &LANGUAGE];
     lists.iter().any(|list| list.contains(&name))
 }
 
-/// What a module imports from the runtime, each where it uses it.
+/// Names that modules import from the runtime; each module imports those that it uses.
 pub(super) const IMPORTS: [&str; 14] = [
     "Arguments",
     "Condition",
@@ -130,7 +130,7 @@ pub(super) const IMPORTS: [&str; 14] = [
     "Symbol",
 ];
 
-/// What a module with base parameters imports as well.
+/// Further names that modules with base parameters import.
 pub(super) const BASE_IMPORTS: [&str; 7] = [
     "BaseFunction",
     "BaseInfo",
@@ -141,8 +141,8 @@ pub(super) const BASE_IMPORTS: [&str; 7] = [
     "Certificate",
 ];
 
-/// The constants that a module defines and whose names a type could have. Names with `_` between
-/// two letters are not among them, because no type has one.
+/// Constants of a module that could also be the name of a type. Names with `_` between two letters
+/// are missing, because no type has such a name.
 const CONSTANTS: [&str; 15] = [
     "ACTUATED",
     "BASE",
@@ -161,8 +161,8 @@ const CONSTANTS: [&str; 15] = [
     "ZEROS",
 ];
 
-/// The type parameter, the keyword that is written like a type, the prelude of the standard
-/// library in its newest edition, and the derived traits.
+/// The type parameter, the keyword that is written like a type, the prelude of the standard library
+/// in its newest edition, and the derived traits.
 const LANGUAGE: [&str; 47] = [
     "T",
     "Self",
@@ -213,7 +213,7 @@ const LANGUAGE: [&str; 47] = [
     "Vec",
 ];
 
-/// A number as Rust text; exact constants may be too large for a double.
+/// A number as Rust text; exact constants may be too large for an `f64`.
 pub(super) fn literal(value: f64) -> String {
     if value.is_finite() {
         format!("{value:?}")
@@ -226,7 +226,7 @@ pub(super) fn literal(value: f64) -> String {
     }
 }
 
-/// Hands out each identifier once.
+/// Gives out each identifier only once.
 #[derive(Debug)]
 pub(super) struct Names {
     used: BTreeSet<String>,
@@ -235,16 +235,16 @@ pub(super) struct Names {
 impl Names {
     pub(super) fn new() -> Self {
         Names {
-            used: TAKEN.iter().map(|s| (*s).to_owned()).collect(),
+            used: RESERVED.iter().map(|s| (*s).to_owned()).collect(),
         }
     }
 
-    /// Keeps a name that stands already.
+    /// Reserves a name that is used already.
     pub(super) fn reserve(&mut self, name: &str) {
         self.used.insert(name.to_owned());
     }
 
-    /// The wish itself, or with a number behind where it is taken.
+    /// The name `wish`, with a number appended if it is taken.
     pub(super) fn unique(&mut self, wish: &str) -> String {
         let mut name = wish.to_owned();
         let mut number = 2;

@@ -1,5 +1,5 @@
-//! What the spec states beside the mechanism, as constants: joints with their limits
-//! and nominal values, cones, nominal parameters.
+//! Emits the values that the spec states in addition to the mechanism: joints with their limits and
+//! nominal values, swing limits, nominal parameters.
 
 use std::fmt::Write as _;
 
@@ -8,12 +8,12 @@ use crate::robot::{JointInfo, Parameter, ParameterKind, Robot};
 use super::module::wrapped;
 use super::names::literal;
 
-/// The names in code of a body's ten parameters, in their order.
-const INERTIAL: [&str; 10] = [
+/// The variants of `Symbol` for a body's ten parameters, in their order.
+const INERTIAL_SYMBOLS: [&str; 10] = [
     "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "Mx", "My", "Mz", "Mass",
 ];
 
-/// `PARAMETERS`.
+/// Emits the constant `PARAMETERS`.
 pub(super) fn parameters(robot: &Robot, out: &mut String) {
     let _ = writeln!(
         out,
@@ -28,17 +28,17 @@ pub(super) fn parameters(robot: &Robot, out: &mut String) {
     let _ = writeln!(out, "];");
 }
 
-/// A parameter: its symbol, and the label of its body or the name of its coordinate.
+/// A parameter as Rust text: its symbol, and the label of its body or the name of its coordinate.
 fn parameter(parameter: &Parameter) -> String {
     let symbol = match parameter.kind {
-        ParameterKind::Inertial { entry, .. } => INERTIAL[entry].to_owned(),
+        ParameterKind::Inertial { entry, .. } => INERTIAL_SYMBOLS[entry].to_owned(),
         ParameterKind::Friction { .. } => format!("Friction({:?})", parameter.symbol()),
         ParameterKind::Rotor { .. } => "Rotor".to_owned(),
     };
     format!("Parameter::new(Symbol::{symbol}, {:?})", parameter.owner)
 }
 
-/// `JOINTS`, `CONES` and `NOMINAL`.
+/// Emits the constants `JOINTS`, `CONES` and `NOMINAL`.
 pub(super) fn constants(robot: &Robot, out: &mut String) {
     let _ = writeln!(
         out,
@@ -85,7 +85,7 @@ fn optional(value: Option<f64>) -> String {
     value.map_or_else(|| "None".to_owned(), |v| format!("Some({})", literal(v)))
 }
 
-/// A joint, only what is stated.
+/// A joint as Rust text, with the fields that the spec states.
 fn joint(joint: &JointInfo) -> String {
     let bare = format!("Joint::{}", joint.motion_name().to_uppercase());
     let mut fields = Vec::new();

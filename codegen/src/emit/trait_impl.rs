@@ -1,5 +1,5 @@
-//! The type that stands for the robot, and its `Model`: slices checked once,
-//! then the functions over arrays.
+//! Emits the type of the robot and its `Model` implementation, which checks the lengths of slices
+//! and calls the functions over arrays.
 
 use std::fmt::Write as _;
 
@@ -56,7 +56,7 @@ pub(super) fn write(robot: &Robot, options: &Options, out: &mut String) {
     }
 }
 
-/// The base regressor over arrays, for samples in lanes.
+/// Emits `BaseKernel`: the base regressor over arrays, for samples in SIMD lanes.
 fn kernel(robot: &Robot, function: &Function, name: &str, out: &mut String) {
     let n = robot.coordinates.len();
     let [columns, dof] = function.program.output.shape[..] else {
@@ -73,10 +73,10 @@ fn kernel(robot: &Robot, function: &Function, name: &str, out: &mut String) {
     let _ = writeln!(out, "    }}\n}}");
 }
 
-/// The trait's primitive method: one arm for each of its functions.
+/// Emits the trait's primitive method, with one arm for each of the trait's functions.
 ///
-/// It is inlined everywhere, so that a named method, which passes a constant, becomes the call in
-/// one arm.
+/// The method is inlined everywhere, so that a named method, which passes a constant, compiles to
+/// the call in one arm.
 fn eval(
     robot: &Robot,
     method: &str,
@@ -95,15 +95,15 @@ fn eval(
     for kind in kinds.filter(|kind| has(kind.signature().needs)) {
         let _ = writeln!(out, "            {functions}::{kind:?} => {{");
         match robot.function(kind) {
-            Some(function) => call(function, runtime, out),
-            None => nothing(robot, kind, runtime, out),
+            Some(function) => emit_call(function, runtime, out),
+            None => emit_missing(robot, kind, runtime, out),
         }
         let _ = writeln!(out, "            }}");
     }
     let _ = writeln!(out, "        }}\n    }}");
 }
 
-/// An argument as an array of its length, bound to its name.
+/// Emits the check that an argument has the given length; returns the argument's name.
 fn checked(argument: Argument, length: usize, runtime: &str, out: &mut String) -> &'static str {
     let name = argument.row().runtime_name;
     let _ = writeln!(
@@ -113,8 +113,8 @@ fn checked(argument: Argument, length: usize, runtime: &str, out: &mut String) -
     name
 }
 
-/// The call of a function that the robot has.
-fn call(function: &Function, runtime: &str, out: &mut String) {
+/// Emits the call of a function that the robot has.
+fn emit_call(function: &Function, runtime: &str, out: &mut String) {
     let Function { kind, program } = function;
     let signature = kind.signature();
     let arguments = signature.arguments.iter().zip(&program.arguments);
@@ -124,7 +124,7 @@ fn call(function: &Function, runtime: &str, out: &mut String) {
     let proto = names.first().copied().unwrap_or("q");
     let shape = &program.output.shape;
     let target = match shape.as_slice() {
-        // no columns to write through
+        // a matrix without columns is passed as an empty array
         [outer, inner] if *inner > 0 => {
             format!("{runtime}::matrix_mut::<T, {outer}, {inner}>(out, \"out\")?")
         }
@@ -158,10 +158,10 @@ fn call(function: &Function, runtime: &str, out: &mut String) {
     }
 }
 
-/// What stands for a function that the robot does not have: without dependent coordinates nothing
-/// is solved, a tree has no rows, and few robots have cones. The lengths are checked, nothing is
-/// written.
-fn nothing(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
+/// Emits the arm of a function that the robot does not have: without dependent coordinates nothing
+/// is solved, a tree has no rows, and few robots have swing limits. The arm checks the lengths of
+/// the arguments and writes nothing.
+fn emit_missing(robot: &Robot, kind: FunctionKind, runtime: &str, out: &mut String) {
     let arguments = kind.signature().arguments.iter();
     let names: Vec<&str> = arguments
         .map(|argument| checked(*argument, robot.length(argument.row().size), runtime, out))

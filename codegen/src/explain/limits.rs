@@ -1,4 +1,4 @@
-//! Where limits, singularities and nominal inertias trouble the numbers.
+//! Warnings about limits, singularities and nominal inertias.
 
 use crate::constraints::{NumericLoops, world_equations, world_views};
 use crate::kinematics::{Frames, Geometry};
@@ -10,15 +10,15 @@ use crate::sym::{Ex, Graph};
 
 use super::Fact;
 
-/// Home is near a limit within this part of the range.
-const NEAR: f64 = 0.05;
-/// Home is near a singularity where the smallest pivot is this part of the largest.
-const NEARLY_SINGULAR: f64 = 1e-3;
-/// Inertias of thin rods and plates are on the border of what bodies have, and printed in few
-/// digits.
-const PRINTED: f64 = 1e-3;
+/// A joint position or swing angle is reported as near its limit within this fraction of its range.
+const NEAR_LIMIT_FRACTION: f64 = 0.05;
+/// Home is reported as near a singularity below this ratio of the smallest pivot to the largest.
+const NEAR_SINGULAR_PIVOT_RATIO: f64 = 1e-3;
+/// Relative tolerance of the triangle inequality of principal moments. Thin rods and plates satisfy
+/// it with equality, and their inertias are printed with few digits.
+const INERTIA_TOLERANCE: f64 = 1e-3;
 
-/// What is to be said of limits, cones and singularities at home.
+/// Warnings about limits of position, swing limits and singularities at home.
 pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
     let mut facts = Vec::new();
     for (coordinate, &q) in model.coordinates.iter().zip(home) {
@@ -32,7 +32,7 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
             facts.push(Fact::given(format!(
                 "home of {name}, {q:.4}, is outside its limits [{low:.4}, {high:.4}]: these are not kept to in samples"
             )));
-        } else if left < NEAR * range {
+        } else if left < NEAR_LIMIT_FRACTION * range {
             facts.push(Fact::given(format!(
                 "home of {name}, {q:.4}, is near the end of its limits [{low:.4}, {high:.4}]: \
                  motions start with {:.1} % of its range on that side",
@@ -67,7 +67,7 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
             .collect();
         let sides = vec![Vec::new(); dependent.len()];
         let ratio = solve_pivoted(dependent, sides).pivot_ratio;
-        if ratio < NEARLY_SINGULAR {
+        if ratio < NEAR_SINGULAR_PIVOT_RATIO {
             facts.push(Fact::given(format!(
                 "home is close to a singularity of this choice of independent coordinates (pivot \
                  ratio {ratio:.1e}): dependent rates are large there, and numbers lose digits"
@@ -77,23 +77,24 @@ pub(super) fn facts(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
     facts
 }
 
-/// Nominal inertias that no body has.
+/// Warnings about nominal inertias that no rigid body has.
 pub(super) fn inertias(spec: &Spec) -> Vec<Fact> {
     let broken = spec.bodies.iter().filter(|(_, body)| {
         let tensor = body.inertia.each_ref().map(|entry| entry.value.to_f64());
-        flaw(tensor, PRINTED) == Some(Flaw::Triangle)
+        flaw(tensor, INERTIA_TOLERANCE) == Some(Flaw::Triangle)
     });
-    let told = broken.map(|(label, _)| {
+    let facts = broken.map(|(label, _)| {
         Fact::given(format!(
             "no body has the nominal inertia of '{}': two principal moments are less than the \
              third together; the order is Ixx, Ixy, Ixz, Iyy, Iyz, Izz, about the centre of mass",
             label.value
         ))
     });
-    told.collect()
+    facts.collect()
 }
 
-/// Cones of the tree's joints, whose angle is that of two of their coordinates.
+/// Warnings about swing limits of the tree's joints; the swing angle follows from two of their
+/// coordinates.
 fn joint_cones(spec: &Spec, model: &Model, home: &[f64]) -> Vec<Fact> {
     let joints = spec.limbs.iter().flat_map(|limb| &limb.joints);
     let value = |name: &str, k: usize| {
@@ -122,7 +123,7 @@ fn cone_fact(what: &str, cosine: f64, cone: &Quantity) -> Option<Fact> {
             "{what} is tilted by {angle:.4} rad at home, beyond its cone of {most:.4}"
         )));
     }
-    (most - angle < NEAR * most).then(|| {
+    (most - angle < NEAR_LIMIT_FRACTION * most).then(|| {
         Fact::given(format!(
             "{what} is tilted by {angle:.4} rad at home, near its cone of {most:.4}"
         ))

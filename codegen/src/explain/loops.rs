@@ -1,4 +1,5 @@
-//! The loops of a mechanism: what they pass, and why rows of them are redundant.
+//! The loops of a mechanism: which bodies and joints they pass through, and why some of their rows
+//! are redundant.
 
 use core::fmt::Write as _;
 
@@ -9,12 +10,13 @@ use crate::spec::CutKind;
 use super::motion::{Motions, Turning};
 use super::{Evidence, Fact};
 
-/// A loop: from the link that both sides share out to each side of the cut.
+/// A loop: the last link common to both sides of the cut, and the two chains of links from there to
+/// the cut.
 struct Loop<'m> {
     model: &'m Model,
     cut: &'m Cut,
     common: Option<usize>,
-    /// Links beyond the shared one, outward.
+    /// Links of each side beyond the common one, outward.
     sides: [Vec<usize>; 2],
 }
 
@@ -47,7 +49,7 @@ impl<'m> Loop<'m> {
             .collect()
     }
 
-    /// `world (q1) 1 (q2) 2 [pin] 3 (q3) world`.
+    /// The loop as text: `world (q1) 1 (q2) 2 [pin] 3 (q3) world`.
     fn route(&self) -> String {
         let side = |links: &[usize]| -> Vec<String> {
             let mut parts = Vec::new();
@@ -71,8 +73,7 @@ impl<'m> Loop<'m> {
         parts.join(" ")
     }
 
-    /// Links that move with a joint each, in order around the loop, where every
-    /// joint has one axis.
+    /// The moving links in order around the loop; one per coordinate.
     fn around(&self) -> Vec<usize> {
         let moved = |links: &[usize]| -> Vec<usize> {
             let moving = links.iter().copied();
@@ -88,7 +89,7 @@ impl<'m> Loop<'m> {
     }
 }
 
-/// What is said of every loop.
+/// The statements about all loops.
 pub(super) fn facts(
     model: &Model,
     redundant: &[usize],
@@ -131,7 +132,7 @@ pub(super) fn facts(
     facts
 }
 
-/// Why rows are redundant.
+/// The shape of a loop (planar, spherical, ...), or the reason why it has redundant rows.
 fn shape(
     ring: &Loop<'_>,
     ways: &[LinkPath],
@@ -185,7 +186,7 @@ fn shape(
     })
 }
 
-/// Whether a four-bar's opposite sides stay parallel.
+/// States that the opposite sides of a four-bar linkage stay parallel, if they do.
 fn parallelogram(
     ring: &Loop<'_>,
     ways: &[LinkPath],

@@ -1,10 +1,10 @@
-//! A mechanism in words: its mobility, its loops, how its bodies move, what its
-//! coordinates have to do with each other on this branch, and which parameters
-//! cannot be identified, with the reason.
+//! An explanation of a mechanism in words: its mobility, its loops, how its bodies move, which
+//! relations hold among its coordinates on this branch, and which parameters cannot be identified,
+//! with the reason.
 //!
-//! What joints in a limb and ties of rates prove is marked as exact. The rest is
-//! told from closed states in multiple precision, and says at how many and to how
-//! many digits it holds.
+//! A statement that follows from the joints along a limb or from linear relations among the rates
+//! is marked as exact. The others are inferred from closed states, computed in multiple precision,
+//! and state the number of states and the number of digits to which they hold.
 
 mod limits;
 pub mod lines;
@@ -25,32 +25,32 @@ use crate::spec::Spec;
 use motion::{Motions, ObservedMotion};
 use unseen::Bodies;
 
-/// How many closed states are observed.
-const STATES: usize = 12;
-/// Where they come from: others than the certificate's.
-const SEED: u64 = 7;
-/// A number below this part of the largest counts as nothing.
-const ROUNDING: f64 = 1e-60;
+/// Number of closed states that are sampled.
+const SAMPLED_STATES: usize = 12;
+/// Seed of the sampled states, other than the certificate's.
+const SAMPLING_SEED: u64 = 7;
+/// Largest error of a relation among rates, as a fraction of the largest rate.
+const RELATION_TOLERANCE: f64 = 1e-60;
 
-/// On what a statement rests.
+/// The evidence for a statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Evidence {
-    /// It is read off the description or computed at home.
+    /// The statement is read off the description or computed at home.
     Given,
-    /// It follows from the order of joints, from couplings or from the turns around
-    /// a planar loop, and holds whatever the motion.
+    /// The statement follows from the order of joints, from couplings or from the rotations around
+    /// a planar loop, and holds for every motion.
     Exact,
-    /// It holds at closed states on the branch of home.
+    /// The statement holds at closed states on the branch of home.
     Sampled {
-        /// How many.
+        /// Number of states.
         states: usize,
-        /// To how many decimal digits.
+        /// Number of decimal digits to which it holds.
         digits: usize,
     },
 }
 
 impl Evidence {
-    /// Sampled, where the largest number that counted as nothing was `off`.
+    /// Sampled evidence; `off` is the largest relative error that was taken for zero.
     fn sampled(states: usize, off: f64) -> Evidence {
         let all = crate::base::certificate::DIGITS;
         let holds = |digits: &usize| off <= libm::pow(10.0, -(*digits as f64));
@@ -71,12 +71,12 @@ impl fmt::Display for Evidence {
     }
 }
 
-/// A statement and what it rests on.
+/// A statement and its evidence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fact {
-    /// In words.
+    /// The statement in words.
     pub text: String,
-    /// What it rests on.
+    /// Its evidence.
     pub evidence: Evidence,
 }
 
@@ -90,7 +90,7 @@ impl Fact {
     }
 }
 
-/// What a body does, after its name.
+/// The predicate of a sentence whose subject is a body with this kind of motion.
 pub fn words(freedom: Freedom) -> &'static str {
     match freedom {
         Freedom::Still => "never moves",
@@ -106,17 +106,17 @@ pub fn words(freedom: Freedom) -> &'static str {
     }
 }
 
-/// How a body moves.
+/// The kind of motion of a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyMotion {
-    /// Its label.
+    /// The label of the body.
     pub body: String,
-    /// How it moves.
+    /// The kind of its motion.
     pub freedom: Freedom,
-    /// The direction about which it turns, in the world's axes, where there is
-    /// one only.
+    /// The direction of its rotation axis in the world frame, a unit vector, if this direction is
+    /// fixed.
     pub direction: Option<[f64; 3]>,
-    /// What that rests on.
+    /// The evidence for the kind of motion.
     pub evidence: Evidence,
 }
 
@@ -134,64 +134,65 @@ fn direction_text(n: &[f64; 3]) -> String {
     if let Some(k) = (0..3).find(|&k| n[k].abs() > 1.0 - 1e-12) {
         return format!("the world's {}", ["x", "y", "z"][k]);
     }
-    // not -0.000
+    // avoid -0.000
     let [x, y, z] = n.map(|x| if x.abs() < 5e-4 { 0.0 } else { x });
     format!("({x:.3}, {y:.3}, {z:.3})")
 }
 
-/// Parameters without any effect on the forces.
+/// Parameters without any effect on the forces, for one reason.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unidentifiable {
-    /// Their labels.
+    /// The labels of the parameters.
     pub parameters: Vec<String>,
-    /// Why, where a reason can be named.
+    /// The reason, if one is known.
     pub reason: Option<String>,
-    /// Whether it was derived exactly, and not completed from samples.
+    /// Whether this was derived exactly rather than completed from samples.
     pub derived: bool,
     body: Option<usize>,
 }
 
-/// A parameter that acts only together with others.
+/// A parameter that can be identified only in combination with others.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Grouped {
-    /// Its label.
+    /// The label of the parameter.
     pub parameter: String,
-    /// The parameters with which it acts.
+    /// The other parameters of the combination.
     pub with: Vec<String>,
-    /// Why, where a reason can be named.
+    /// The reason, if one is known.
     pub reason: Option<String>,
-    /// Whether it was derived exactly, and not completed from samples.
+    /// Whether this was derived exactly rather than completed from samples.
     pub derived: bool,
 }
 
-/// A mechanism in words.
+/// The explanation of a mechanism in words.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Explanation {
     /// The robot's name.
     pub robot: String,
-    /// Degrees of freedom.
+    /// The mobility: number of degrees of freedom.
     pub mobility: usize,
-    /// Coordinates, mobility, and which are independent and actuated.
+    /// Statements about coordinates, closure rows, mobility and drives.
     pub coordinates: Vec<Fact>,
-    /// The loops.
+    /// Statements about the loops.
     pub loops: Vec<Fact>,
-    /// How the bodies move; empty where nothing could be sampled.
+    /// How the bodies move; empty if no closed state could be sampled.
     pub bodies: Vec<BodyMotion>,
-    /// Relations among coordinates and among orientations on this branch.
+    /// Statements about relations among coordinates and among orientations on this branch.
     pub relations: Vec<Fact>,
     /// Parameters that cannot be identified at all.
     pub unseen: Vec<Unidentifiable>,
-    /// Parameters that can be identified only together with others.
+    /// Parameters that can be identified only in combination with others.
     pub merged: Vec<Grouped>,
-    /// What holds at the given values of the geometry only.
+    /// Statements that hold only at the given values of the geometry.
     pub values: Vec<Fact>,
-    /// Trouble with limits and singularities.
+    /// Warnings about limits, singularities, inertias and sampling.
     pub trouble: Vec<Fact>,
 }
 
 impl Explanation {
-    /// Why parameters act together or not at all, where the direction was completed from samples:
-    /// what the order of joints proves needs no other reason.
+    /// The parameters that act together or not at all by directions completed from samples, each
+    /// with its reason. Directions that the order of joints proves need no other reason and are
+    /// left out.
     pub fn completed(self) -> Vec<Grouped> {
         let unseen = self.unseen.into_iter();
         let alone = unseen.filter(|u| !u.derived).flat_map(|u| {
@@ -208,8 +209,8 @@ impl Explanation {
     }
 }
 
-/// Explains a mechanism that closes at `home`; `redundant` are the closure's rows
-/// that are left out.
+/// Explains a mechanism that closes at `home`; `redundant` lists the redundant rows of the closure
+/// equations.
 pub fn explain(
     spec: &Spec,
     model: &Model,
@@ -219,7 +220,7 @@ pub fn explain(
 ) -> Explanation {
     let ways = ways(model);
     let velocity_constraints = velocity_constraints(spec, model);
-    let states = observe(model, home, SEED, STATES);
+    let states = observe(model, home, SAMPLING_SEED, SAMPLED_STATES);
     let mut trouble = limits::facts(spec, model, home);
     trouble.extend(limits::inertias(spec));
     if let Err(why) = &states {
@@ -250,28 +251,29 @@ pub fn explain(
     let Some(motions) = sampled else {
         return explanation;
     };
-    let seen: Vec<ObservedMotion> = model.bodies.iter().map(|b| motions.of(b.link)).collect();
+    let observed: Vec<ObservedMotion> = model.bodies.iter().map(|b| motions.of(b.link)).collect();
     explanation.bodies = model
         .bodies
         .iter()
-        .zip(&seen)
-        .map(|(body, seen)| {
+        .zip(&observed)
+        .map(|(body, observed)| {
             let bound = ways[body.link].freedom(&velocity_constraints);
-            // samples bound a motion from below, joints from above
-            let exact = bound == seen.freedom || bound.never_turns() && seen.freedom.never_turns();
+            // the sampled motions bound the freedom from below, the joints from above
+            let exact =
+                bound == observed.freedom || bound.never_turns() && observed.freedom.never_turns();
             BodyMotion {
                 body: body.label.clone(),
-                freedom: seen.freedom,
-                direction: seen.direction,
-                evidence: if exact || seen.freedom == Freedom::General {
+                freedom: observed.freedom,
+                direction: observed.direction,
+                evidence: if exact || observed.freedom == Freedom::General {
                     Evidence::Exact
                 } else {
-                    Evidence::sampled(states.len(), seen.off)
+                    Evidence::sampled(states.len(), observed.off)
                 },
             }
         })
         .collect();
-    let relations = relations::found(model, &states);
+    let relations = relations::linear_relations(model, &states);
     let facts = relations
         .iter()
         .map(|r| r.fact(model, &states, &velocity_constraints));
@@ -281,13 +283,13 @@ pub fn explain(
         motions,
         &ways,
         &velocity_constraints,
-        &seen,
+        &observed,
         states.len(),
     ));
     let bodies = Bodies {
         model,
         motions,
-        seen: &seen,
+        observed: &observed,
         gravity: [0, 1, 2].map(|k: usize| model.gravity[k].value.to_f64()),
     };
     explanation.unseen = bodies.without_effect(&analysis.base);
@@ -295,7 +297,7 @@ pub fn explain(
     explanation
 }
 
-/// Coordinates and mobility.
+/// Statements about the number of coordinates, the mobility and the drives.
 fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     let names = |of: &[usize]| -> String {
         let names = of.iter().map(|c| model.coordinates[*c].name.as_str());
@@ -355,7 +357,7 @@ fn coordinates(model: &Model, redundant: &[usize]) -> Vec<Fact> {
     facts
 }
 
-/// What holds at the given geometry only.
+/// Statements that hold only at the given values of the geometry.
 fn values(analysis: &Analysis) -> Vec<Fact> {
     let base = &analysis.base;
     let equal = base.coincidences.iter();
@@ -368,18 +370,18 @@ fn values(analysis: &Analysis) -> Vec<Fact> {
     equal.chain(held).chain(numbers).map(Fact::given).collect()
 }
 
-/// Bodies whose orientations stay together.
+/// Statements about bodies whose orientations always agree.
 fn orientations(
     model: &Model,
     motions: &Motions<'_>,
     ways: &[LinkPath],
     velocity_constraints: &[Form],
-    seen: &[ObservedMotion],
+    observed: &[ObservedMotion],
     states: usize,
 ) -> Vec<Fact> {
     let mut classes: Vec<Vec<usize>> = Vec::new();
-    for (body, seen) in seen.iter().enumerate() {
-        if seen.freedom.never_turns() {
+    for (body, observed) in observed.iter().enumerate() {
+        if observed.freedom.never_turns() {
             continue;
         }
         let link = |b: usize| Some(model.bodies[b].link);

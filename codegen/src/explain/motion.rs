@@ -1,28 +1,29 @@
-//! How links move, told from sampled states.
+//! How links move, inferred from sampled states.
 
 use crate::base::certificate::{ClosedState, Float320, LinkMotion, Vector3, rank_of};
 
 use super::Freedom;
 
-/// What was seen of a link.
+/// The observed motion of a link.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ObservedMotion {
     pub(super) freedom: Freedom,
-    /// The direction of turning in the world, where there is one.
+    /// The direction of its rotation axis in the world frame, a unit vector, if this direction is
+    /// fixed.
     pub(super) direction: Option<[f64; 3]>,
-    /// The same in the link's axes.
+    /// The same direction in the link's frame.
     pub(super) in_link: Option<[f64; 3]>,
     /// Whether its origin never moves.
     pub(super) origin_rests: bool,
-    /// The largest number that counted as nothing, as a part of the largest.
+    /// The largest relative error that was taken for zero.
     pub(super) off: f64,
 }
 
-/// States at which links are seen.
+/// The sampled states from which motions are inferred.
 #[derive(Debug)]
 pub(super) struct Motions<'a> {
     states: &'a [ClosedState],
-    /// The fastest turn and the fastest move of anything.
+    /// The largest angular and the largest linear velocity of any link, for unit rates.
     size: (Float320, Float320),
 }
 
@@ -60,7 +61,7 @@ impl<'a> Motions<'a> {
         links.flat_map(what)
     }
 
-    /// How a link moves.
+    /// The observed motion of a link.
     pub(super) fn of(&self, link: usize) -> ObservedMotion {
         let turns: Vec<Vector3> = self.all(link, |l| &l.turns).copied().collect();
         let moves: Vec<Vector3> = self.all(link, |l| &l.moves).copied().collect();
@@ -119,7 +120,7 @@ impl<'a> Motions<'a> {
             seen.off = seen.off.max(off);
         }
         let length = libm::sqrt(dot(n, n).to_f64());
-        // the positive direction is that of the largest component
+        // orient the axis so that its largest component is positive
         let parts = n.map(|x| x.to_f64() / length);
         let by_size =
             parts.iter().copied().fold(
@@ -137,7 +138,7 @@ impl<'a> Motions<'a> {
         });
     }
 
-    /// The rank of a link's screws, lengths measured by the fastest move.
+    /// The rank of a link's velocity screws; the linear parts are scaled by the largest velocity.
     fn screw_rank(&self, link: usize) -> (usize, f64) {
         let turns = self.all(link, |l| &l.turns);
         let passes = self.all(link, |l| &l.passes);
@@ -148,20 +149,21 @@ impl<'a> Motions<'a> {
         rank_of(rows.collect(), self.size.0 * self.size.1)
     }
 
-    /// Whether a point of the link never moves.
+    /// Whether a point of the link never moves, and the largest relative error that was taken for
+    /// zero.
     fn has_fixed_point(&self, link: usize) -> (bool, f64) {
         let turns = self.all(link, |l| &l.turns);
         let pairs: Vec<(&Vector3, &Vector3)> = turns.zip(self.all(link, |l| &l.passes)).collect();
         fixed_point(pairs.into_iter(), self.size)
     }
 
-    /// Whether two links always have the same orientation (`None` is the world),
-    /// and the largest number that counted as nothing.
+    /// Whether two links always have the same angular velocity (`None` is the world), and the
+    /// largest relative error that was taken for zero.
     pub(super) fn same_orientation(&self, a: Option<usize>, b: Option<usize>) -> (bool, f64) {
         self.equal(a, b, self.size.0, |l| &l.turns)
     }
 
-    /// Whether the origins of two links move alike.
+    /// Whether the origins of two links always have the same velocity.
     pub(super) fn same_move(&self, a: usize, b: usize) -> bool {
         self.equal(Some(a), Some(b), self.size.1, |l| &l.moves).0
     }
@@ -189,7 +191,8 @@ impl<'a> Motions<'a> {
         (rank == 0, off)
     }
 
-    /// What the axes of a loop have in common: all parallel, or through one point.
+    /// The common geometry of a loop's axes: all parallel, all through one point, or without
+    /// rotation.
     pub(super) fn of_loop(&self, ends: [Option<usize>; 2], within: &[usize]) -> LoopShape {
         let mut shape = LoopShape {
             turning: Turning::InPlane,
@@ -207,7 +210,7 @@ impl<'a> Motions<'a> {
                 .iter()
                 .find(|s| s.1.iter().any(|x| x.log10() > -60.0));
             let across = axis.is_none_or(|n| {
-                // slides and screws that move along the axis leave the plane
+                // a slide or a screw that moves along the axis leaves the plane
                 let along: Vec<Vec<Float320>> =
                     screws.iter().map(|s| vec![dot(&s.2, &n.1)]).collect();
                 rank_of(along, Float320::ONE).0 == 0
@@ -225,18 +228,18 @@ impl<'a> Motions<'a> {
     }
 }
 
-/// How a loop's axes of turning lie.
+/// The directions of a loop's rotation axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Turning {
-    /// All are parallel, and nothing moves along them.
+    /// All axes are parallel, and no joint moves along them.
     InPlane,
-    /// All are parallel, and something moves along them too.
+    /// All axes are parallel, and some joint also moves along them.
     OneDirection,
-    /// They are not all parallel, or there are none.
+    /// The axes are not all parallel, or the loop has none.
     Other,
 }
 
-/// What the axes of a loop have in common.
+/// The common geometry of a loop's axes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LoopShape {
     pub(super) turning: Turning,
@@ -244,7 +247,8 @@ pub(super) struct LoopShape {
     pub(super) translational: bool,
 }
 
-/// Whether a point c rests: v + w x c = 0 for velocities v at the world's origin.
+/// Whether some point c is at rest: v + w x c = 0 for all angular velocities w, with v the velocity
+/// of the body at the world's origin. Also returns the largest relative error taken for zero.
 fn fixed_point<'v>(
     screws: impl Iterator<Item = (&'v Vector3, &'v Vector3)>,
     size: (Float320, Float320),

@@ -1,4 +1,4 @@
-//! Linear relations among coordinates on the branch, told from sampled rates.
+//! Linear relations among the coordinates on the branch of home, inferred from sampled rates.
 
 use core::fmt::Write as _;
 
@@ -9,17 +9,18 @@ use crate::sym::Number;
 
 use super::{Evidence, Fact};
 
-/// A relation: `column = sum of terms + constant`.
+/// A linear relation: `coordinate = sum of terms + constant`.
 #[derive(Clone, Debug)]
 pub(super) struct Relation {
     coordinate: usize,
     terms: Form,
-    /// The largest error seen, as a part of the largest rate.
+    /// The largest error at the sampled states, as a fraction of the largest rate.
     off: f64,
 }
 
-/// The relations: pairs first, then what follows from several others.
-pub(super) fn found(model: &Model, states: &[ClosedState]) -> Vec<Relation> {
+/// The linear relations among the coordinates: first those between two coordinates, then those
+/// among several.
+pub(super) fn linear_relations(model: &Model, states: &[ClosedState]) -> Vec<Relation> {
     let rows: Vec<Vec<Float320>> = states
         .iter()
         .flat_map(|s| {
@@ -38,7 +39,7 @@ pub(super) fn found(model: &Model, states: &[ClosedState]) -> Vec<Relation> {
         .copied()
         .collect();
     let mut all: Vec<Relation> = Vec::new();
-    // one representative of coordinates that are multiples of each other
+    // one representative of all coordinates that are multiples of each other
     let mut apart: Vec<usize> = Vec::new();
     for &c in &order {
         let before = apart.iter().map(|&a| relations(&rows, &[a, c]));
@@ -59,7 +60,7 @@ pub(super) fn found(model: &Model, states: &[ClosedState]) -> Vec<Relation> {
 }
 
 impl Relation {
-    /// The relation with exact factors; `None` where these have none.
+    /// The relation with exact factors; `None` if a factor is not recognised as an exact number.
     fn recognised(
         found: &crate::base::certificate::Relation,
         rows: &[Vec<Float320>],
@@ -80,14 +81,14 @@ impl Relation {
             .fold(Float320::ZERO, Float320::max)
             .checked_div(size)?;
         let off = worst.to_f64();
-        (off < super::ROUNDING).then_some(Relation {
+        (off < super::RELATION_TOLERANCE).then_some(Relation {
             coordinate: found.column,
             terms,
             off,
         })
     }
 
-    /// As a fact, with the constant that home shows.
+    /// The relation as a statement, with the constant computed at home.
     pub(super) fn fact(
         &self,
         model: &Model,
@@ -139,7 +140,7 @@ impl Relation {
         )
     }
 
-    /// Whether only angles occur.
+    /// Whether all coordinates of the relation are angles.
     fn turns(&self, model: &Model) -> bool {
         let all = self.terms.iter().map(|(c, _)| *c).chain([self.coordinate]);
         all.into_iter().all(|c| !model.slides(c))
@@ -155,7 +156,7 @@ fn factor_text(factor: &Number) -> String {
     }
 }
 
-/// ` + constant`, as a fraction of pi where it is one.
+/// The text ` + constant`, as a fraction of pi if it is one.
 fn constant_text(constant: Float320, turns: bool) -> String {
     if constant.is_zero() || constant.log10() < -60.0 {
         return String::new();

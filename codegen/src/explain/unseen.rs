@@ -1,4 +1,4 @@
-//! Why parameters cannot be identified, or only together with others.
+//! Reasons why parameters cannot be identified, or only in combination with others.
 
 use crate::base::{Base, Direction, Layer};
 use crate::model::{Model, ParameterKind};
@@ -6,15 +6,16 @@ use crate::model::{Model, ParameterKind};
 use super::motion::{Motions, ObservedMotion};
 use super::{Freedom, Grouped, Unidentifiable, words};
 
-const MASS: usize = 9;
+/// Index of the mass among a body's ten parameters.
+const MASS_ENTRY: usize = 9;
 
-/// A body's links, and what was seen of each.
+/// The bodies with their observed motions.
 pub(super) struct Bodies<'a> {
     pub(super) model: &'a Model,
     pub(super) motions: &'a Motions<'a>,
-    /// By body.
-    pub(super) seen: &'a [ObservedMotion],
-    /// Gravity in the world's axes.
+    /// Observed motion of each body.
+    pub(super) observed: &'a [ObservedMotion],
+    /// Gravity in the world frame, m/s^2.
     pub(super) gravity: [f64; 3],
 }
 
@@ -26,14 +27,14 @@ impl Bodies<'_> {
             .map_or("?", |b| b.label.as_str())
     }
 
-    /// Which axis of the body its turns are about, where it is one of them.
+    /// The index of the body's axis about which it rotates, if it is one of x, y, z.
     fn own_axis(&self, body: usize) -> Option<usize> {
-        let parts = self.seen.get(body)?.in_link?;
+        let parts = self.observed.get(body)?.in_link?;
         (0..3).find(|&k| parts[k].abs() > 1.0 - 1e-12)
     }
 
     fn gravity_is_along(&self, body: usize) -> bool {
-        let Some(n) = self.seen.get(body).and_then(|s| s.direction) else {
+        let Some(n) = self.observed.get(body).and_then(|s| s.direction) else {
             return false;
         };
         let g = self.gravity;
@@ -43,19 +44,19 @@ impl Bodies<'_> {
         size > 0.0 && across < 1e-20 * size
     }
 
-    /// Why an inertial parameter of a body has no effect.
+    /// The reason why an inertial parameter of a body has no effect on the forces.
     fn reason(&self, body: usize, entry: usize) -> Option<String> {
-        let seen = self.seen.get(body)?;
+        let observed = self.observed.get(body)?;
         let name = self.label(body);
-        if seen.freedom == Freedom::Still {
+        if observed.freedom == Freedom::Still {
             return Some(format!("body {name} never moves"));
         }
-        if entry == MASS {
-            return seen
+        if entry == MASS_ENTRY {
+            return observed
                 .origin_rests
                 .then(|| format!("the origin of body {name}, where its mass counts, never moves"));
         }
-        if seen.freedom.never_turns() {
+        if observed.freedom.never_turns() {
             return Some(format!("body {name} never rotates"));
         }
         let axis = self.own_axis(body)?;
@@ -69,7 +70,7 @@ impl Bodies<'_> {
                  changes neither its energy nor its weight's work"
             ));
         }
-        if !seen.origin_rests {
+        if !observed.origin_rests {
             return None;
         }
         if self.gravity.iter().all(|g| *g == 0.0) {
@@ -81,7 +82,7 @@ impl Bodies<'_> {
             .then(|| format!("gravity is parallel to the axis of body {name}, which is at rest"))
     }
 
-    /// Parameters without any effect, those with one reason together.
+    /// Parameters without any effect on the forces, grouped by reason.
     pub(super) fn without_effect(&self, base: &Base) -> Vec<Unidentifiable> {
         let mut all: Vec<Unidentifiable> = Vec::new();
         for row in base.null.iter().filter(|row| row.terms.len() == 1) {
@@ -112,7 +113,7 @@ impl Bodies<'_> {
         all
     }
 
-    /// Parameters that act only together with others.
+    /// Parameters that can be identified only in combination with others.
     pub(super) fn merged(&self, base: &Base) -> Vec<Grouped> {
         let label = |c: usize| self.model.parameters[c].label.clone();
         let rows = base.null.iter().filter(|row| row.terms.len() > 1);
@@ -121,14 +122,14 @@ impl Bodies<'_> {
             Grouped {
                 parameter: label(row.column),
                 with: others.filter(|c| *c != row.column).map(label).collect(),
-                reason: self.why_together(row),
+                reason: self.reason_of_combination(row),
                 derived: row.layer == Layer::Derived,
             }
         })
         .collect()
     }
 
-    fn why_together(&self, row: &Direction) -> Option<String> {
+    fn reason_of_combination(&self, row: &Direction) -> Option<String> {
         let (mut bodies, mut rotors, mut friction) = (Vec::new(), Vec::new(), Vec::new());
         for term in &row.terms {
             let (to, at) = match self.model.parameters[term.column].kind {
@@ -158,12 +159,13 @@ impl Bodies<'_> {
         if let [body] = bodies[..]
             && rotors.is_empty()
         {
-            return Some(self.alone(body));
+            return Some(self.reason_within_body(body));
         }
         if row.layer == Layer::Completed {
-            return self.special(&bodies, &rotors);
+            return self.reason_beyond_tree(&bodies, &rotors);
         }
-        // beside several bodies, a rotor only stands for the moment of inertia that it took over
+        // in a combination of several bodies, a rotor only replaces the moment of inertia that it
+        // absorbed
         if !rotors.is_empty() && bodies.len() < 2 {
             return Some(format!(
                 "the rotor of {} turns as fast as what it moves",
@@ -192,9 +194,9 @@ impl Bodies<'_> {
         })
     }
 
-    fn alone(&self, body: usize) -> String {
+    fn reason_within_body(&self, body: usize) -> String {
         let name = self.label(body);
-        match self.seen.get(body).map(|s| s.freedom) {
+        match self.observed.get(body).map(|s| s.freedom) {
             Some(freedom) if freedom != Freedom::General => {
                 format!("body {name} {}", words(freedom))
             }
@@ -202,7 +204,8 @@ impl Bodies<'_> {
         }
     }
 
-    /// The coordinates between a body and the one that carries it.
+    /// The names of the coordinates between a body and another that carries it; `None` if no chain
+    /// without a third body joins them.
     fn joint_between(&self, bodies: &[usize]) -> Option<String> {
         let &[a, b] = bodies else { return None };
         let (inner, outer) = (self.model.bodies.get(a)?, self.model.bodies.get(b)?);
@@ -226,7 +229,7 @@ impl Bodies<'_> {
         None
     }
 
-    /// The outermost of some bodies, where all others carry it.
+    /// The outermost of some bodies, if all others are on the path that carries it.
     fn in_one_limb(&self, bodies: &[usize]) -> Option<usize> {
         let link = |b: usize| self.model.bodies.get(b).map(|b| b.link);
         let mut all = bodies.iter().copied();
@@ -238,12 +241,16 @@ impl Bodies<'_> {
         })
     }
 
-    /// What is special about bodies whose parameters no tree joins.
-    fn special(&self, bodies: &[usize], rotors: &[usize]) -> Option<String> {
+    /// The reason for a combination of bodies that does not follow from the tree of joints.
+    fn reason_beyond_tree(&self, bodies: &[usize], rotors: &[usize]) -> Option<String> {
         let link = |b: usize| self.model.bodies.get(b).map(|b| b.link);
         let turning = bodies.iter().copied();
         let turning: Vec<usize> = turning
-            .filter(|b| self.seen.get(*b).is_some_and(|s| !s.freedom.never_turns()))
+            .filter(|b| {
+                self.observed
+                    .get(*b)
+                    .is_some_and(|s| !s.freedom.never_turns())
+            })
             .collect();
         let mut reasons = Vec::new();
         for &body in bodies {
@@ -251,7 +258,7 @@ impl Bodies<'_> {
                 reasons.push(format!("body {} never rotates", self.label(body)));
             }
         }
-        // bodies with one orientation
+        // group the bodies with the same orientation
         let mut classes: Vec<Vec<usize>> = Vec::new();
         for &body in &turning {
             let with = classes
@@ -282,13 +289,13 @@ impl Bodies<'_> {
         let all_planar = !turning.is_empty()
             && turning
                 .iter()
-                .all(|b| self.seen.get(*b).is_some_and(|s| s.freedom.is_planar()));
+                .all(|b| self.observed.get(*b).is_some_and(|s| s.freedom.is_planar()));
         if reasons.is_empty() && all_planar {
             let names: Vec<&str> = bodies.iter().map(|b| self.label(*b)).collect();
             reasons.push(format!("the turns of bodies {} are tied", names.join(" ")));
         }
         if reasons.is_empty() {
-            let carried = self.seen.iter().enumerate();
+            let carried = self.observed.iter().enumerate();
             let carried =
                 carried.filter(|(_, s)| s.freedom.never_turns() && s.freedom != Freedom::Still);
             let names: Vec<&str> = carried.map(|(b, _)| self.label(b)).collect();

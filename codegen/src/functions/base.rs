@@ -1,7 +1,6 @@
-//! Functions over base parameters. Forces do not see the eliminated parameters
-//! but through the combinations, so any parameters with the right combinations
-//! give the right forces: the kept ones at the base parameters' values, the
-//! eliminated ones at zero.
+//! Functions of base parameters. Forces depend on the eliminated parameters only through the base
+//! combinations, so any parameters with the right combinations give the right forces: the kept ones
+//! at the base parameters' values, the eliminated ones at zero.
 
 use crate::base::{Base, Term};
 use crate::sym::{Ex, Graph, SymbolId};
@@ -9,7 +8,7 @@ use crate::sym::{Ex, Graph, SymbolId};
 use super::dynamics::{self, Motion};
 use super::{Context, Groups, Symbols, group};
 
-/// The symbols of base or eliminated parameters, which the graph gets here if it has none yet.
+/// The symbols of base or eliminated parameters, added to the graph if it does not have them yet.
 fn symbols(cx: &mut Context<'_>, prefix: &str, columns: &[usize]) -> Vec<SymbolId> {
     let labels = labels(cx, columns.iter().copied());
     let ids = labels
@@ -25,7 +24,7 @@ fn labels(cx: &Context<'_>, columns: impl Iterator<Item = usize>) -> Vec<String>
 }
 
 /// Columns of the base parameters that are not dropped.
-fn kept(base: &Base) -> impl Iterator<Item = usize> + '_ {
+fn kept_columns(base: &Base) -> impl Iterator<Item = usize> + '_ {
     base.parameters
         .iter()
         .filter(|p| !p.dropped)
@@ -34,7 +33,7 @@ fn kept(base: &Base) -> impl Iterator<Item = usize> + '_ {
 
 /// The symbols of the base parameters.
 pub(super) fn beta(cx: &mut Context<'_>, base: &Base) -> Vec<SymbolId> {
-    let columns: Vec<usize> = kept(base).collect();
+    let columns: Vec<usize> = kept_columns(base).collect();
     symbols(cx, "base:", &columns)
 }
 
@@ -59,10 +58,10 @@ fn combination(g: &mut Graph, terms: &[Term], phi: &[Ex]) -> Ex {
     sum
 }
 
-/// Parameters with these base parameters: eliminated ones are zero.
-fn particular(cx: &mut Context<'_>, base: &Base, beta: &[Ex]) -> Vec<Ex> {
+/// Parameters that have the given base parameters: the eliminated ones are zero.
+fn particular_solution(cx: &mut Context<'_>, base: &Base, beta: &[Ex]) -> Vec<Ex> {
     let mut phi = vec![Ex::ZERO; cx.model.parameters.len()];
-    for (column, value) in kept(base).zip(beta) {
+    for (column, value) in kept_columns(base).zip(beta) {
         phi[column] = *value;
     }
     for known in &base.known {
@@ -71,17 +70,17 @@ fn particular(cx: &mut Context<'_>, base: &Base, beta: &[Ex]) -> Vec<Ex> {
     phi
 }
 
-/// W at the kept columns; known parameters add theirs to those they are
-/// written with.
+/// The reduced regressor: the columns of W at the kept parameters. The column of a parameter that
+/// is a known combination of others is added to theirs.
 pub(super) fn base_regressor(cx: &mut Context<'_>, base: &Base) -> Groups {
     let mut wanted = vec![false; cx.model.parameters.len()];
     let known = base.known.iter().map(|known| known.column);
-    for column in kept(base).chain(known) {
+    for column in kept_columns(base).chain(known) {
         wanted[column] = true;
     }
     let columns = dynamics::regressor_columns(cx, &wanted);
     let mut groups: Groups = Vec::new();
-    for column in kept(base) {
+    for column in kept_columns(base) {
         let mut entries = columns[column].clone();
         for known in &base.known {
             for term in known.terms.iter().filter(|t| t.column == column) {
@@ -115,18 +114,17 @@ pub(super) fn to_base(cx: &mut Context<'_>, base: &Base) -> Groups {
     vec![group("combinations", values)]
 }
 
-/// Every set of parameters with these base parameters: `free` are the values of
-/// the eliminated ones.
+/// All parameters that have given base parameters: the eliminated ones take the values of `free`.
 pub(super) fn parameters_from_base(cx: &mut Context<'_>, base: &Base) -> Groups {
     let beta = beta_nodes(cx, base);
     let free = free(cx, base);
     let free = Symbols::nodes(cx.g, &free);
-    let mut phi = particular(cx, base, &beta);
+    let mut phi = particular_solution(cx, base, &beta);
     for (eliminated, value) in base.null.iter().zip(&free) {
         phi[eliminated.column] = *value;
     }
     for parameter in &base.parameters {
-        // along the null space the kept parameter makes up for the eliminated
+        // along the null space the kept parameter compensates the eliminated ones
         let others = combination(cx.g, &parameter.terms[1..], &phi);
         let column = parameter.column;
         phi[column] = cx.g.sub(phi[column], others);
@@ -137,16 +135,16 @@ pub(super) fn parameters_from_base(cx: &mut Context<'_>, base: &Base) -> Groups 
     vec![group("phi", phi)]
 }
 
-/// Forces of a motion from base parameters.
+/// The forces of a motion, computed from base parameters.
 pub(super) fn forces(cx: &mut Context<'_>, base: &Base, motion: Motion) -> Groups {
     let beta = beta_nodes(cx, base);
-    let phi = particular(cx, base, &beta);
+    let phi = particular_solution(cx, base, &beta);
     dynamics::forces(cx, motion, &phi)
 }
 
-/// The mass matrix from base parameters.
+/// The mass matrix, computed from base parameters.
 pub(super) fn mass_matrix(cx: &mut Context<'_>, base: &Base) -> Groups {
     let beta = beta_nodes(cx, base);
-    let phi = particular(cx, base, &beta);
+    let phi = particular_solution(cx, base, &beta);
     dynamics::mass_matrix_of(cx, &phi)
 }

@@ -1,4 +1,4 @@
-//! Kinematic functions: constraints, closure, dependent rates, poses.
+//! Kinematic functions: closure equations, dependent rates, poses, swing angles.
 
 use crate::constraints::{View, world_equations};
 use crate::kinematics::{Chain, Rates, Start};
@@ -7,7 +7,7 @@ use crate::sym::Ex;
 
 use super::{Context, Groups, group};
 
-/// Rates in which the coordinates' accelerations do not appear.
+/// Rates with zero accelerations of the coordinates and without gravity.
 pub(super) fn rates_without_qdd(qd: Vec<Ex>, rd: Vec<Ex>) -> Rates {
     Rates {
         qdd: vec![Ex::ZERO; qd.len()],
@@ -58,8 +58,8 @@ pub(super) fn all_velocities(cx: &mut Context<'_>, independent: &[Ex]) -> Vec<Ex
     all_rates(cx, independent, &zero, None)
 }
 
-/// All accelerations from the independent ones: `A_e qdd_e = b - A_i qdd_i`,
-/// with the bias polar in the velocities of `rates`.
+/// All accelerations from the independent ones: `A_e qdd_e = b - A_i qdd_i`, with the bias as a
+/// symmetric bilinear form of both velocities of `rates`.
 pub(super) fn all_accelerations(
     cx: &mut Context<'_>,
     independent: &[Ex],
@@ -125,13 +125,13 @@ pub(super) fn poses(cx: &mut Context<'_>) -> Groups {
     groups
 }
 
-/// The cosines of the angles between the z axes that cones limit.
+/// The cosines of the swing angles that are limited.
 pub(super) fn cones(cx: &mut Context<'_>) -> Groups {
     let mut groups = Vec::new();
     for cone in &cx.model.cones {
         let [a, b] = &cone.sides;
         let (path_a, path_b) = (cx.model.path(a.link), cx.model.path(b.link));
-        // seen from the last link that carries both
+        // expressed in the frame of the last link that carries both sides
         let shared = path_a.iter().zip(&path_b).take_while(|(x, y)| x == y);
         let shared = shared.count();
         let mut axis = |path: &[usize], side: &Side| {

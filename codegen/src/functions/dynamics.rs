@@ -1,4 +1,4 @@
-//! Dynamic functions: regressors, forces, mass matrix.
+//! Dynamic functions: regressors, forces and the mass matrix.
 
 use crate::dynamics::{self, Reduction, UnitTwists};
 use crate::kinematics::{LinkMotion, Rates, centres, motions, twists};
@@ -20,7 +20,7 @@ fn link_motions(cx: &mut Context<'_>, rates: &Rates) -> Vec<LinkMotion> {
     motions(cx.g, cx.frames, rates, Some(&names))
 }
 
-/// The ordinary motion: everything given.
+/// The rates of the functions' arguments: q, qd and qdd of all coordinates, with gravity.
 fn given_rates(cx: &mut Context<'_>) -> Rates {
     let qd = cx.symbols.qd_nodes(cx.g);
     Rates {
@@ -31,16 +31,17 @@ fn given_rates(cx: &mut Context<'_>) -> Rates {
     }
 }
 
-/// The columns of W for a motion; those that are not wanted may take more operations.
+/// The columns of W for given rates; columns that are not `wanted` may take more operations.
 fn columns_of(cx: &mut Context<'_>, rates: &Rates, wanted: &[bool]) -> Vec<Vec<Ex>> {
     let j = reduction(cx);
     let motions = link_motions(cx, rates);
     let twists = twists(cx.g, cx.frames, cx.model);
-    let ways = UnitTwists {
+    let unit_twists = UnitTwists {
         twists: &twists,
         centres: &centres(cx.g, cx.frames, cx.model),
     };
-    let columns = dynamics::reduced_regressor(cx.g, cx.model, &motions, &ways, rates, &j, wanted);
+    let columns =
+        dynamics::reduced_regressor(cx.g, cx.model, &motions, &unit_twists, rates, &j, wanted);
     for (column, parameter) in columns.iter().zip(&cx.model.parameters) {
         for (entry, i) in column.iter().zip(&cx.model.independent) {
             let row = &cx.model.coordinates[*i].name;
@@ -50,13 +51,14 @@ fn columns_of(cx: &mut Context<'_>, rates: &Rates, wanted: &[bool]) -> Vec<Vec<E
     columns
 }
 
-/// The columns of W for the motion given; those that are not wanted may take more operations.
+/// The columns of W for the rates of the arguments; columns that are not `wanted` may take more
+/// operations.
 pub(super) fn regressor_columns(cx: &mut Context<'_>, wanted: &[bool]) -> Vec<Vec<Ex>> {
     let rates = given_rates(cx);
     columns_of(cx, &rates, wanted)
 }
 
-/// The columns of W in groups: one per body, one for friction and rotors.
+/// The columns of W as groups of expressions: one per body, one for friction and rotors.
 fn regressor_groups(cx: &mut Context<'_>, rates: &Rates) -> Groups {
     let columns = columns_of(cx, rates, &vec![true; cx.model.parameters.len()]);
     let mut groups = Vec::new();
@@ -91,19 +93,19 @@ pub(super) fn adaptive_regressor(cx: &mut Context<'_>) -> Groups {
     regressor_groups(cx, &rates)
 }
 
-/// Which part of the forces is meant.
+/// The part of the forces that is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Motion {
-    /// All of them, for the motion given.
+    /// All forces, for the rates of the arguments.
     Given,
-    /// Gravity alone, at rest.
+    /// Forces of gravity only, at rest.
     Rest,
-    /// Velocities alone: no gravity, and no acceleration of the independent
-    /// coordinates.
+    /// Forces of the velocities only: without gravity, and with zero accelerations of the
+    /// independent coordinates.
     Coasting,
 }
 
-/// J^T K phi for a motion.
+/// The forces J^T K phi of a motion.
 pub(super) fn forces(cx: &mut Context<'_>, motion: Motion, phi: &[Ex]) -> Groups {
     let n = cx.model.coordinates.len();
     let rates = match motion {
@@ -150,7 +152,7 @@ pub(super) fn mass_matrix(cx: &mut Context<'_>) -> Groups {
     mass_matrix_of(cx, &phi)
 }
 
-/// M for parameters given as expressions.
+/// The mass matrix over the independent coordinates, for parameters given as expressions.
 pub(super) fn mass_matrix_of(cx: &mut Context<'_>, phi: &[Ex]) -> Groups {
     let tree = dynamics::mass_matrix(cx.g, cx.frames, cx.model, phi);
     let j = reduction(cx);

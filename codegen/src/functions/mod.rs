@@ -1,4 +1,4 @@
-//! The functions that a robot gets, each as a request for expressions.
+//! The functions that a robot can have, each as a request for a program.
 
 mod base;
 mod closure;
@@ -15,28 +15,27 @@ use crate::optimize::{self, Output, Request};
 use crate::signature::{Argument, FunctionKind, Needs, Size};
 use crate::sym::{Ex, Graph, SymbolId};
 
-/// A derivation in progress: everything the functions draw on.
+/// The results of the derivation that the functions are built from.
 #[derive(Debug)]
 pub struct Context<'a> {
-    /// Where expressions are built.
+    /// The graph to which the expressions are added.
     pub g: &'a mut Graph,
     /// The mechanism.
     pub model: &'a Model,
-    /// Its frames.
+    /// The frames of its links.
     pub frames: &'a Frames,
-    /// Its loops.
+    /// Its closed home and the solution of its closure equations.
     pub closed: &'a Closed,
-    /// Its symbols.
+    /// The symbols of the functions' arguments.
     pub symbols: Symbols,
-    /// Its base parameters, where they were derived.
+    /// Its base parameters, if they were derived.
     pub base: Option<&'a Base>,
 }
 
-/// What a function computes: titles with the expressions that belong to them, in the order of its
-/// output.
+/// The expressions that a function computes, in the order of its output, grouped under titles.
 type Groups = Vec<(String, Vec<Ex>)>;
 
-/// The request for a function; `None` where the robot does not have it.
+/// Builds the request for a function; `None` if the robot does not have it.
 pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
     let signature = kind.signature();
     if !has(cx, signature.needs) {
@@ -60,7 +59,7 @@ pub fn request(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Request> {
 fn has(cx: &Context<'_>, needs: Needs) -> bool {
     match needs {
         Needs::Nothing => true,
-        // rows that hold by themselves leave nothing to solve, but are rows
+        // rows of a cut that always holds leave nothing to solve, but they are rows all the same
         Needs::Rows => cx.model.is_closed(),
         Needs::Dependent => cx.closed.closure.is_some(),
         Needs::Cones => !cx.model.cones.is_empty(),
@@ -98,7 +97,7 @@ fn groups(cx: &mut Context<'_>, kind: FunctionKind) -> Option<Groups> {
     })
 }
 
-/// An argument with its symbols; `None` where it belongs to a base that the robot lacks.
+/// An argument and its symbols; `None` if it needs base parameters that the robot lacks.
 fn argument(
     cx: &mut Context<'_>,
     argument: Argument,

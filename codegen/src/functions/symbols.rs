@@ -1,9 +1,9 @@
-//! The symbols that stand for the functions' arguments.
+//! The symbols of the functions' arguments.
 
 use crate::model::Model;
 use crate::sym::{Ex, Graph, SymbolId};
 
-/// Symbols by argument. Coordinates come first in the graph, in order.
+/// The symbols of each argument. The coordinates are the graph's first symbols, in order.
 #[derive(Clone, Debug)]
 pub struct Symbols {
     pub(super) q: Vec<SymbolId>,
@@ -16,7 +16,7 @@ pub struct Symbols {
 }
 
 impl Symbols {
-    /// Makes the symbols in a graph that has none yet.
+    /// Adds the symbols to a graph that has none yet.
     pub fn new(g: &mut Graph, model: &Model) -> Self {
         let mut all = |suffix: &str, which: &[usize]| -> Vec<SymbolId> {
             which

@@ -1,6 +1,6 @@
-//! Programs run without being compiled, in double precision, in numbers that carry derivatives,
-//! or in numbers that carry a bound of their rounding error. The same result on every machine: plain arithmetic, and sines and cosines from
-//! a software library.
+//! Runs programs without compiling them: in double precision, in numbers that carry derivatives, or
+//! in numbers that carry a bound of their rounding error. The result is the same on every machine:
+//! plain arithmetic, and sines and cosines from a software library.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -11,11 +11,11 @@ mod rounding;
 
 pub use rounding::{Double, Precision, Rounded, Single};
 
-/// Below this part of their usual size the fixed pivots are not trusted, and
-/// the system is solved anew with pivoting.
+/// Smallest ratio of a pivot to its usual size at which the fixed order of pivots is trusted; below
+/// it the system is solved anew with pivoting.
 pub const PIVOT_BOUND: f64 = 1e-3;
 
-/// A number that programs run with.
+/// A type of numbers with which programs can run.
 pub trait Number:
     Copy
     + Add<Output = Self>
@@ -24,7 +24,7 @@ pub trait Number:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// A constant.
+    /// The number with this value, without derivatives or error.
     fn constant(value: f64) -> Self;
 
     /// The number without its derivatives.
@@ -33,8 +33,8 @@ pub trait Number:
     /// Sine and cosine.
     fn sin_cos(self) -> (Self, Self);
 
-    /// The solution of `A X = B`, unknowns by right-hand sides, by elimination with pivoting,
-    /// and the smallest over the largest pivot.
+    /// The solution of `A X = B`, unknowns by right-hand sides, by elimination with pivoting, and
+    /// the ratio of the smallest to the largest pivot.
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64);
 }
 
@@ -57,8 +57,8 @@ impl Number for f64 {
     }
 }
 
-/// Single precision, as generated code runs in it but for the system that is solved where planned
-/// pivots fail, which is solved in double precision here.
+/// Single precision, as in generated code, except that a system whose fixed pivots fail is solved
+/// in double precision here.
 impl Number for f32 {
     fn constant(value: f64) -> Self {
         value as f32
@@ -85,10 +85,33 @@ impl Number for f32 {
     }
 }
 
-/// The program's outputs for these arguments, and its condition: the smallest
-/// pivot relative to its usual size (1 where nothing is solved).
+/// Runs a program. Returns its outputs for these arguments, and its condition: the smallest ratio
+/// of a pivot to its usual size (1 if nothing is solved), or the pivot ratio of a system that was
+/// solved anew.
 ///
 /// Missing arguments and elements count as NaN.
+///
+/// ```
+/// use regen_codegen::Mechanism;
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::interpret::run;
+/// use regen_codegen::robot::FunctionKind;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let mechanism = Mechanism::open(&Source::new("arm.yaml", text))?;
+/// let robot = mechanism.robot(&[FunctionKind::Poses])?;
+/// // the pose at q1 = 0: the first row of the rotation matrix is (1, 0, 0)
+/// let (pose, condition) = run(&robot.functions[0].program, &[&[0.0_f64][..]]);
+/// assert_eq!(pose[..3], [1.0, 0.0, 0.0]);
+/// assert_eq!(condition, 1.0);
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
 pub fn run<T: Number>(program: &Program, inputs: &[&[T]]) -> (Vec<T>, T) {
     let mut machine = Machine {
         inputs,
@@ -108,7 +131,7 @@ struct Machine<'a, T> {
     condition: T,
 }
 
-/// The smaller of two, and NaN where the second is.
+/// The smaller of two numbers; NaN if the second is NaN.
 fn smaller<T: Number>(a: T, b: T) -> T {
     if b.value().is_nan() || b.value() < a.value() {
         b

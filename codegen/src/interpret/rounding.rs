@@ -1,10 +1,10 @@
-//! Numbers that carry a bound of their rounding error, for any program.
+//! Numbers that carry a bound of their rounding error through a program.
 //!
 //! A running error analysis (Wilkinson; Higham, *Accuracy and Stability of Numerical Algorithms*,
-//! section 3.3): beside each value goes a number that the error of a computation in the format
-//! cannot exceed, whatever the compiler fuses, as long as nothing overflows or underflows.
-//! The bound follows from the operations and their sizes at this very state; nothing in it is
-//! fitted.
+//! section 3.3): each value carries a bound that the error of a computation in the given format
+//! cannot exceed, whatever multiply-adds the compiler fuses, as long as nothing overflows or
+//! underflows. The bound follows from the operations and the sizes of their operands at the state
+//! in question; nothing in it is fitted.
 
 use std::marker::PhantomData;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -16,7 +16,7 @@ pub trait Precision: Copy {
     /// The unit roundoff: half the distance from 1 to the next number.
     const UNIT: f64;
 
-    /// Whether the format holds a number exactly.
+    /// Whether the format represents a number exactly.
     fn holds(value: f64) -> bool;
 }
 
@@ -40,22 +40,22 @@ impl Precision for Double {
     const UNIT: f64 = f64::EPSILON / 2.0;
 
     fn holds(value: f64) -> bool {
-        // A constant of a program was rounded once from its exact value. What single precision
-        // holds is a small whole number or fraction, and was exact.
+        // A constant of a program was rounded once from its exact value. A constant that single
+        // precision represents is a small whole number or fraction, and was exact.
         Single::holds(value)
     }
 }
 
-/// Errors of sines and cosines in units of roundoff: libraries, and the polynomials of lanes, are
-/// within one unit in the last place of 1, two roundoffs.
-const SINE: f64 = 2.0;
+/// Bound of the errors of sines and cosines, in units of roundoff: libraries, and the polynomials
+/// of SIMD lanes, are within one unit in the last place of 1, which is two roundoffs.
+const SINE_ERROR_ROUNDOFFS: f64 = 2.0;
 
-/// A value, and a bound of the error that a computation in the format `P` makes up to here.
+/// A value, and a bound of the error that a computation in the format `P` has accumulated in it.
 ///
 /// ```
 /// use regen_codegen::interpret::{Rounded, Single};
 ///
-/// // (1/3 + 1e-8) - 1/3: single precision loses the small number, and the bound says so.
+/// // (1/3 + 1e-8) - 1/3: single precision loses most digits of 1e-8, and the bound shows it.
 /// let third = Rounded::<Single>::nearest(1.0 / 3.0);
 /// let rest = (third + Rounded::nearest(1e-8)) - third;
 /// let single = ((1.0_f32 / 3.0 + 1e-8) - 1.0 / 3.0) as f64;
@@ -66,7 +66,7 @@ const SINE: f64 = 2.0;
 pub struct Rounded<P> {
     /// The value, in double precision.
     pub value: f64,
-    /// The bound; infinite where none can be given.
+    /// The bound of the error; infinite if there is none.
     pub error: f64,
     precision: PhantomData<P>,
 }
@@ -75,23 +75,23 @@ impl<P: Precision> Rounded<P> {
     fn new(value: f64, error: f64) -> Self {
         Self {
             value,
-            // NaN means that no bound is known
+            // NaN: no bound exists
             error: if error.is_nan() { f64::INFINITY } else { error },
             precision: PhantomData,
         }
     }
 
-    /// A number that the format holds.
+    /// A number that the format represents exactly.
     pub fn exact(value: f64) -> Self {
         Self::new(value, 0.0)
     }
 
-    /// The format's number nearest to this one.
+    /// A number that is rounded to the nearest one of the format.
     pub fn nearest(value: f64) -> Self {
         Self::new(value, value.abs() * P::UNIT)
     }
 
-    /// One more rounding: of what is computed, which may be off by the error so far.
+    /// The result of an operation: adds its rounding error to the error of its operands.
     fn after(value: f64, error: f64) -> Self {
         Self::new(value, error + (value.abs() + error) * P::UNIT)
     }
@@ -126,7 +126,7 @@ impl<P: Precision> Div for Rounded<P> {
     fn div(self, other: Self) -> Self {
         let value = self.value / other.value;
         let least = other.value.abs() - other.error;
-        // a divisor that may be zero leaves no bound; NaN neither
+        // a divisor that may be zero, or NaN, leaves no bound
         let error = if least > 0.0 {
             (self.error + value.abs() * other.error) / least
         } else {
@@ -158,12 +158,13 @@ impl<P: Precision> Number for Rounded<P> {
 
     fn sin_cos(self) -> (Self, Self) {
         let (sin, cos) = (libm::sin(self.value), libm::cos(self.value));
-        // neither changes faster than its angle, nor by more than from -1 to 1
-        let error = self.error.min(2.0) + SINE * P::UNIT;
+        // sine and cosine change no faster than the angle, and by no more than 2 in all
+        let error = self.error.min(2.0) + SINE_ERROR_ROUNDOFFS * P::UNIT;
         (Self::new(sin, error), Self::new(cos, error))
     }
 
-    /// By elimination with complete pivoting as in the runtime, each operation with its error.
+    /// Solves by elimination with complete pivoting as in the runtime, with the errors of each
+    /// operation.
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
         let values = |rows: &[Vec<Self>]| -> Vec<Vec<f64>> {
             let rows = rows.iter();
@@ -181,7 +182,7 @@ impl<P: Precision> Number for Rounded<P> {
     }
 }
 
-/// The errors of the solution of a system by elimination with complete pivoting.
+/// Bounds of the errors of a system's solution by elimination with complete pivoting.
 fn eliminate<P: Precision>(
     mut a: Vec<Vec<Rounded<P>>>,
     mut b: Vec<Vec<Rounded<P>>>,
@@ -189,7 +190,7 @@ fn eliminate<P: Precision>(
     let (rows, unknowns) = (a.len(), a.first().map_or(0, Vec::len));
     let sides = b.first().map_or(0, Vec::len);
     let nothing = vec![vec![f64::INFINITY; sides]; unknowns];
-    // rows are divided by a size of theirs first: one rounding each
+    // rows are first divided by their largest entry: one rounding each
     for (row, side) in a.iter_mut().zip(&mut b) {
         let size = row.iter().fold(0.0_f64, |m, x| m.max(x.value.abs()));
         if size > 0.0 {
@@ -254,7 +255,7 @@ mod tests {
         (*state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 
-    /// Chains of operations in single precision stay within their bounds, whatever cancels.
+    /// Chains of operations in single precision stay within their bounds, however much cancels.
     #[test]
     fn no_chain_of_operations_leaves_its_bound() {
         let mut state = 7;
@@ -287,7 +288,8 @@ mod tests {
         assert!((quotient * Rounded::exact(0.0)).error.is_infinite());
     }
 
-    /// The bound of a solved system holds in single precision, and grows with the condition.
+    /// The bound of a solved system holds in single precision, and grows as the system becomes
+    /// singular.
     #[test]
     fn a_solved_system_stays_within_its_bound() {
         let bound_at = |angle: f64| {

@@ -1,25 +1,25 @@
-//! Points that axes share: the shoulder or the wrist of an arm, a universal joint.
+//! Points at which joint axes meet: the shoulder or the wrist of an arm, a universal joint.
 //!
-//! All joints whose axes meet in a point move a link's origin by `e x arm`, with one arm for all
-//! of them, so that what they do to the link can be taken about that point at once.
+//! All joints whose axes meet at a point move a link's origin by `e x arm`, with the same arm, so
+//! that their effect on the link can be computed about that point at once.
 
 use crate::model::Model;
 use crate::sym::{Ex, Graph, V3};
 
 use super::Frames;
 
-/// A point where axes meet, seen from a link that their joints move.
+/// A point at which joint axes meet, as seen from a link that these joints move.
 #[derive(Clone, Debug)]
 pub struct Centre {
-    /// From the point to the link's origin, in the link's frame.
+    /// The vector from the point to the link's origin, in the link's frame, m.
     pub arm: V3,
-    /// The coordinates about whose axes the point stays, from the base outward.
+    /// The coordinates whose axes pass through the point, from the base outward.
     pub coordinates: Vec<usize>,
 }
 
-/// For each link, the points where axes of two or more joints before it meet. A point is found
-/// where the axes of two neighbours meet; joints further out join in as they pass through it.
-/// Axes must lie along their frames' axes exactly.
+/// For each link, the points at which axes of two or more joints before it meet. A point is found
+/// if the axes of two neighbours meet; joints further out are added if their axes pass through it.
+/// Only axes exactly along an axis of their frame are found.
 pub fn centres(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<Centre>> {
     let mut all: Vec<Vec<Centre>> = Vec::new();
     for (link, frame) in frames.links.iter().enumerate() {
@@ -42,7 +42,8 @@ pub fn centres(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<Centre>
                 centre.coordinates.push(coordinate);
             }
             if let Some((before, along)) = frame.parent.and_then(turn) {
-                // the point of the axis before that is nearest: what is along it does not count
+                // candidate: the point of the previous axis nearest to this joint; drop the
+                // component along that axis
                 let mut arm = frame.offset;
                 for (length, on) in arm.iter_mut().zip(&along) {
                     if !on.is_zero() {

@@ -1,13 +1,12 @@
-//! A chain of links seen from one frame: positions, axes, and the accelerations
-//! that remain where the coordinates' accelerations are zero. Loop closures are
-//! written with these.
+//! A chain of links observed from one frame: positions, axes, and the accelerations at zero
+//! accelerations of the coordinates. The closure equations are written with these.
 
 use crate::sym::{Ex, Graph, IDENTITY, M3, V3, ZERO3};
 
 use super::motion::{carried_along, half};
 use super::{Frames, Rates, Twist};
 
-/// Where a chain begins: the pose of its first parent in the observing frame.
+/// The pose of the chain's first parent in the observing frame.
 #[derive(Clone, Debug)]
 pub struct Start {
     /// Rotation of the first parent's frame.
@@ -17,7 +16,7 @@ pub struct Start {
 }
 
 impl Start {
-    /// Seen from the first parent itself.
+    /// The pose if the first parent itself is the observing frame.
     pub fn own() -> Self {
         Start {
             rotation: IDENTITY,
@@ -29,11 +28,11 @@ impl Start {
 /// A joint of the chain in the observing frame.
 #[derive(Clone, Copy, Debug)]
 pub struct ChainJoint {
-    /// The coordinate.
+    /// Index of the joint's coordinate.
     pub coordinate: usize,
-    /// How its unit rate moves the point `origin` and what is behind it.
+    /// The velocity of the point `origin`, and of what the joint moves, for a unit rate.
     pub twist: Twist,
-    /// A point on its axis.
+    /// Origin of the link that the joint moves, a point on the joint's axis.
     pub origin: V3,
 }
 
@@ -48,21 +47,21 @@ pub struct Chain {
     pub joints: Vec<ChainJoint>,
     /// Angular velocity of the last link.
     pub w: V3,
-    /// Angular reference velocity.
+    /// Angular reference velocity of the last link.
     pub wr: V3,
-    /// Velocity of the last origin.
+    /// Velocity of the last link's origin.
     pub v: V3,
-    /// Reference velocity of the last origin.
+    /// Reference velocity of the last link's origin.
     pub vr: V3,
-    /// Angular acceleration at zero accelerations of the coordinates.
+    /// Angular acceleration of the last link at zero accelerations of the coordinates.
     pub alpha: V3,
-    /// Acceleration of the last origin at zero accelerations of the coordinates.
+    /// Acceleration of the last link's origin at zero accelerations of the coordinates.
     pub a: V3,
 }
 
 impl Chain {
-    /// Follows `path`, a list of links each standing on the one before.
-    /// Rates may be left out where only the pose and the axes are needed.
+    /// Follows `path`, a list of links each of which is the parent of the next. `rates` may be
+    /// `None` if only the pose and the axes are needed.
     pub fn follow(
         g: &mut Graph,
         frames: &Frames,
@@ -122,8 +121,8 @@ impl Chain {
         self.vr = g.add_scaled3(&self.vr, rd, u);
     }
 
-    /// Velocity, reference velocity and remaining acceleration of a point of
-    /// the last link, `arm` from its origin.
+    /// Velocity, reference velocity, and acceleration at zero accelerations of the coordinates, of
+    /// the point of the last link that is `arm` away from its origin.
     pub fn point(&self, g: &mut Graph, arm: &V3) -> (V3, V3, V3) {
         let swing = g.cross(&self.w, arm);
         let swing_r = g.cross(&self.wr, arm);
@@ -137,7 +136,7 @@ impl Chain {
     }
 }
 
-/// Polar form of w x (w x r).
+/// The symmetric bilinear form of w x (w x r) in w and wr.
 pub fn turned_twice(g: &mut Graph, w: &V3, wr: &V3, r: &V3) -> V3 {
     let inner = g.cross(wr, r);
     let one = g.cross(w, &inner);

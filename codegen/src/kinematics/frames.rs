@@ -1,9 +1,8 @@
-//! Where each link's frame stands on its parent: a sequence of turns about
-//! coordinate axes and an offset.
+//! The pose of each link's frame in its parent's: a sequence of rotations about coordinate axes,
+//! and an offset.
 //!
-//! Turns are applied one after the other, never multiplied out into a matrix:
-//! a turn costs four products for a vector, and nothing where its angle is a
-//! quarter turn.
+//! Rotations are applied one after the other, never multiplied out into a matrix: each costs four
+//! products for a vector, and none if its angle is a multiple of a quarter turn.
 
 use crate::model::{Model, MotionKind, Placement, Step};
 use crate::spec::{Axis, Expr, Function, Quantity};
@@ -11,17 +10,17 @@ use crate::sym::{Angle, Ex, Graph, M3, Number, V3, ZERO3};
 
 use super::Twist;
 
-/// How lengths enter the expressions.
+/// How lengths and gravity enter the expressions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Geometry {
-    /// As their exact values: for specialised code.
+    /// As their exact values, for specialised code.
     Values,
-    /// As the spec's names: for derivations that a person reads. Angles are
-    /// values all the same.
+    /// As the names of the spec, for derivations that a person reads. Angles enter as values in
+    /// either case.
     Names,
 }
 
-/// A turn about an axis.
+/// A rotation about a coordinate axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn {
     axis: Axis,
@@ -29,37 +28,37 @@ pub struct Turn {
     cos: Ex,
 }
 
-/// The frame of a link on its parent.
+/// The frame of a link in its parent's.
 #[derive(Clone, Debug)]
 pub struct LinkFrame {
     /// Parent link; `None` is the world.
     pub parent: Option<usize>,
-    /// From the parent's axes to the link's.
+    /// The rotations between the parent's and the link's frame.
     turns: Vec<Turn>,
-    /// The constant part of them, before the motion.
+    /// The constant ones of them, before the joint's rotation.
     placed: Vec<Turn>,
-    /// The link's origin in the parent's frame.
+    /// The link's origin in the parent's frame, m.
     pub offset: V3,
-    /// The joint that moves it.
+    /// The joint that moves it; `None` for a fixed link.
     pub joint: Option<FrameJoint>,
 }
 
-/// A joint seen from the link that it moves.
+/// A joint, described in the frame of the link that it moves.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameJoint {
-    /// Its coordinate.
+    /// Index of the joint's coordinate.
     pub coordinate: usize,
-    /// How a unit rate of the coordinate moves the link, in the link's frame at its origin,
-    /// which is on the joint's axis. It is constant.
+    /// The velocity of the link for a unit rate of the coordinate, in the link's frame at its
+    /// origin, which is on the joint's axis. It is constant.
     pub twist: Twist,
 }
 
-/// The frames of all links.
+/// The frames of all links, as expressions of the coordinates.
 #[derive(Clone, Debug)]
 pub struct Frames {
-    /// Link by link.
+    /// The frame of each link, in the order of the model.
     pub links: Vec<LinkFrame>,
-    /// Gravity in the world frame.
+    /// Gravity in the world frame, m/s^2.
     pub gravity: V3,
     geometry: Geometry,
 }
@@ -72,7 +71,7 @@ pub fn unit(axis: Axis) -> V3 {
 }
 
 impl Turn {
-    /// From the turned frame's axes to the axes before: `R v`.
+    /// Components of `v` before the rotation, from those in the rotated frame: `R v`.
     fn out(&self, g: &mut Graph, v: &V3) -> V3 {
         let (i, j) = match self.axis {
             Axis::X => (1, 2),
@@ -87,7 +86,7 @@ impl Turn {
         r
     }
 
-    /// From the axes before to the turned frame's: `R^T v`.
+    /// Components of `v` in the rotated frame, from those before: `R^T v`.
     fn into(&self, g: &mut Graph, v: &V3) -> V3 {
         let back = Turn {
             sin: g.neg(self.sin),
@@ -97,7 +96,7 @@ impl Turn {
     }
 }
 
-/// The turns of a placement; neighbours about one axis become one turn.
+/// The rotations of a placement and of a joint; neighbours about the same axis are merged into one.
 fn merged(placement: &Placement, joint: Option<(Axis, Angle)>) -> Vec<(Axis, Angle)> {
     let mut angles: Vec<(Axis, Angle)> = Vec::new();
     let steps = placement.iter().filter_map(|step| match step {
@@ -124,13 +123,13 @@ fn turns(g: &mut Graph, angles: Vec<(Axis, Angle)>) -> Vec<Turn> {
     angles.into_iter().map(turn).collect()
 }
 
-/// `R v` for a sequence of turns.
+/// `R v` for a sequence of rotations.
 fn apply_out(g: &mut Graph, turns: &[Turn], v: &V3) -> V3 {
     turns.iter().rev().fold(*v, |v, turn| turn.out(g, &v))
 }
 
 impl Frames {
-    /// The frames of a mechanism.
+    /// Builds the frames of a mechanism in the graph `g`.
     pub fn new(g: &mut Graph, model: &Model, geometry: Geometry) -> Self {
         let gravity = {
             let [x, y, z] = &model.gravity;
@@ -202,36 +201,36 @@ impl Frames {
         (crate::sym::transposed(&columns), offset)
     }
 
-    /// Rotation matrix, on its parent, of a link before its motion.
+    /// Rotation matrix of a link in its parent's frame at zero motion of its joint.
     pub fn placed(&self, g: &mut Graph, link: usize) -> M3 {
         let turns = &self.links[link].placed;
         let columns = [Axis::X, Axis::Y, Axis::Z].map(|axis| apply_out(g, turns, &unit(axis)));
         crate::sym::transposed(&columns)
     }
 
-    /// A length as an expression.
+    /// A length of the spec as an expression.
     pub fn length(&self, g: &mut Graph, quantity: &Quantity) -> Ex {
         length(g, quantity, self.geometry)
     }
 
-    /// A vector from the parent's axes into the link's.
+    /// Components in the link's frame of a vector given in the parent's.
     pub fn into_link(&self, g: &mut Graph, link: usize, v: &V3) -> V3 {
         let turns = &self.links[link].turns;
         turns.iter().fold(*v, |v, turn| turn.into(g, &v))
     }
 
-    /// A vector from the link's axes into the parent's.
+    /// Components in the parent's frame of a vector given in the link's.
     pub fn into_parent(&self, g: &mut Graph, link: usize, v: &V3) -> V3 {
         apply_out(g, &self.links[link].turns, v)
     }
 
-    /// `M R` for the link's rotation R on its parent.
+    /// `M R`, with the rotation R of the link in its parent's frame.
     pub fn rotate_columns(&self, g: &mut Graph, link: usize, m: &M3) -> M3 {
         m.map(|row| self.into_link(g, link, &row))
     }
 }
 
-/// A length as an expression.
+/// A length of the spec as an expression.
 pub(super) fn length(g: &mut Graph, quantity: &Quantity, geometry: Geometry) -> Ex {
     match geometry {
         Geometry::Values => g.constant(quantity.value.clone()),
@@ -241,8 +240,8 @@ pub(super) fn length(g: &mut Graph, quantity: &Quantity, geometry: Geometry) -> 
     }
 }
 
-/// An expression of the spec with its names kept; `None` where it is outside
-/// what the graph holds, and its value must do.
+/// An expression of the spec in terms of its names; `None` if the graph cannot represent it, and
+/// the caller uses its value.
 fn named(g: &mut Graph, expr: &Expr) -> Option<Ex> {
     let pair = |g: &mut Graph, a: &Expr, b: &Expr| Some((named(g, a)?, named(g, b)?));
     Some(match expr {

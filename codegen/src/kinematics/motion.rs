@@ -1,41 +1,40 @@
-//! Velocities and accelerations of the links in their own frames, from the
-//! base outward (the recursion behind Eq. 1 and 4).
+//! Velocities and accelerations of the links in their own frames, computed from the base outward
+//! (the recursion behind Eq. 1 and 4).
 //!
-//! Everything quadratic in the velocities is carried in polar form, with a
-//! second set of velocities `rd`: where `rd = qd` it is the ordinary motion,
-//! and otherwise the one that passivity-based control needs, since the
-//! symmetric bilinear form of the Coriolis terms is the one of the Christoffel
-//! symbols (Slotine and Li, 1987).
+//! Everything quadratic in the velocities is written as a symmetric bilinear form, with a second
+//! set of velocities `rd`. With `rd = qd` it is the ordinary motion; with other `rd` it is the one
+//! that passivity-based control needs, since the symmetric bilinear form of the Coriolis terms is
+//! the one of the Christoffel symbols (Slotine and Li, 1987).
 
 use crate::sym::{Ex, Graph, M3, Number, V3, ZERO3};
 
 use super::{Frames, Twist};
 
-/// Rates of the coordinates.
+/// Rates of the coordinates that a motion is computed for.
 #[derive(Clone, Debug)]
 pub struct Rates {
-    /// Velocities.
+    /// Velocities, by coordinate.
     pub qd: Vec<Ex>,
-    /// Reference velocities; the velocities again for the ordinary motion.
+    /// Reference velocities, by coordinate; equal to the velocities for the ordinary motion.
     pub rd: Vec<Ex>,
-    /// Accelerations.
+    /// Accelerations, by coordinate.
     pub qdd: Vec<Ex>,
-    /// Whether the base accelerates upward by gravity.
+    /// Whether gravity is included, as an upward acceleration of the base.
     pub gravity: bool,
 }
 
-/// The motion of a link, in its own frame, at its own origin.
+/// The motion of a link: vectors in the link's frame, at its origin.
 #[derive(Clone, Debug)]
 pub struct LinkMotion {
-    /// Angular velocity.
+    /// Angular velocity, rad/s.
     pub w: V3,
-    /// Angular reference velocity.
+    /// Angular reference velocity, rad/s.
     pub wr: V3,
-    /// Angular acceleration.
+    /// Angular acceleration, rad/s^2.
     pub alpha: V3,
-    /// Acceleration of the origin, less gravity.
+    /// Acceleration of the origin less gravity, m/s^2.
     pub a: V3,
-    /// Polar products of the angular velocities: xx, xy, xz, yy, yz, zz.
+    /// Symmetric products of the angular velocities w and wr: xx, xy, xz, yy, yz, zz.
     pub ww: [Ex; 6],
     /// eta tilde of Eq. 4: (alpha x) + (w x)(w x).
     pub eta: M3,
@@ -54,7 +53,7 @@ fn polar(g: &mut Graph, x: Ex, y: Ex, xr: Ex, yr: Ex) -> Ex {
     g.mul(half, sum)
 }
 
-/// `2 w x (v qd)` in polar form, for a joint's axis v that turns with w.
+/// The symmetric bilinear form of `2 w x (v qd)`, for a joint's axis v that rotates with w.
 pub(super) fn carried_along(g: &mut Graph, (w, wr): (&V3, &V3), v: &V3, (qd, rd): (Ex, Ex)) -> V3 {
     let with_r = g.cross(w, v);
     let with_r = g.scale3(rd, &with_r);
@@ -63,7 +62,7 @@ pub(super) fn carried_along(g: &mut Graph, (w, wr): (&V3, &V3), v: &V3, (qd, rd)
     g.add3(&with_r, &with_q)
 }
 
-/// The motions of all links.
+/// The motions of all links; `names` of the links, if given, name the expressions.
 pub fn motions(
     g: &mut Graph,
     frames: &Frames,
@@ -92,7 +91,7 @@ pub fn motions(
 }
 
 impl LinkMotion {
-    /// No motion.
+    /// The motion of a link at rest, without gravity.
     pub fn rest() -> Self {
         LinkMotion {
             w: ZERO3,
@@ -104,7 +103,7 @@ impl LinkMotion {
         }
     }
 
-    /// The motion of a link that stands on this one.
+    /// The motion of a link whose parent moves like this.
     #[must_use]
     pub fn carried(&self, g: &mut Graph, frames: &Frames, link: usize, rates: &Rates) -> Self {
         let frame = &frames.links[link];
@@ -137,8 +136,8 @@ impl LinkMotion {
             product(1, 2),
             product(2, 2),
         ];
-        if let Some(held) = self.field_on_axis(g, frames, link) {
-            alpha = alpha_beside_axis(g, &held, &ww, &alpha);
+        if let Some(known_column) = self.field_on_axis(g, frames, link) {
+            alpha = alpha_beside_axis(g, &known_column, &ww, &alpha);
         }
         let eta = eta_tilde(g, &ww, &alpha);
         LinkMotion {
@@ -151,16 +150,17 @@ impl LinkMotion {
         }
     }
 
-    /// The acceleration, relative to the link's origin, of the point one length along the axis
-    /// about which a link turns on this one, in that link's frame: the column of eta tilde that
-    /// belongs to the axis. Both links have it, so it need only be turned. `None` where the link
-    /// does not turn, or about an axis along none of this link's.
+    /// The column of eta tilde along the axis about which a link rotates on this one: the
+    /// acceleration, relative to the link's origin, of the point at unit distance along the axis,
+    /// in the link's frame. It is the same on both links, so this link's column need only be
+    /// rotated. `None` if the link does not rotate, or rotates about an axis along none of this
+    /// link's axes.
     fn field_on_axis(&self, g: &mut Graph, frames: &Frames, link: usize) -> Option<OnAxis> {
         let twist = frames.links[link].joint?.twist;
         let axis = twist.e;
         let before = frames.into_parent(g, link, &axis);
         let moves = before.iter().filter(|e| !e.is_zero()).count() == 1;
-        // a link that turns about an axis of the base has little to share
+        // a link that rotates about an axis of the base has few operations to save
         if !twist.turns() || !moves || self.w.iter().any(|e| e.is_zero()) {
             return None;
         }
@@ -171,27 +171,28 @@ impl LinkMotion {
     }
 }
 
-/// A column of eta tilde that is known before the angular acceleration is.
+/// A column of eta tilde that is known before the angular acceleration.
 struct OnAxis {
-    /// Which column.
+    /// Index of the column.
     k: usize,
     field: V3,
 }
 
-/// The angular acceleration from the column: its part along the axis as it is.
-fn alpha_beside_axis(g: &mut Graph, held: &OnAxis, ww: &[Ex; 6], alpha: &V3) -> V3 {
+/// The angular acceleration: its components across the axis from the known column, the component
+/// along it as given.
+fn alpha_beside_axis(g: &mut Graph, known_column: &OnAxis, ww: &[Ex; 6], alpha: &V3) -> V3 {
     let [_, xy, xz, _, yz, _] = *ww;
-    let (i, j) = ((held.k + 1) % 3, (held.k + 2) % 3);
+    let (i, j) = ((known_column.k + 1) % 3, (known_column.k + 2) % 3);
     // w_i w_k and w_j w_k
-    let (ik, jk) = [(xy, xz), (yz, xy), (xz, yz)][held.k];
+    let (ik, jk) = [(xy, xz), (yz, xy), (xz, yz)][known_column.k];
     let mut beside = *alpha;
     // the column is w_i w_k + alpha_j, w_j w_k - alpha_i
-    beside[j] = g.sub(held.field[i], ik);
-    beside[i] = g.sub(jk, held.field[j]);
+    beside[j] = g.sub(known_column.field[i], ik);
+    beside[i] = g.sub(jk, known_column.field[j]);
     beside
 }
 
-/// (alpha x) + (w x)(w x), from the polar products of w.
+/// eta tilde, (alpha x) + (w x)(w x), from the symmetric products of w.
 fn eta_tilde(g: &mut Graph, ww: &[Ex; 6], alpha: &V3) -> M3 {
     let [xx, xy, xz, yy, yz, zz] = *ww;
     let mut diagonal = |p: Ex, q: Ex| {

@@ -1,6 +1,6 @@
-//! Partial velocities: how a unit rate of a coordinate moves each link. In the
-//! Gibbs-Appell equations these are the derivatives of the links' accelerations
-//! by the coordinate's acceleration (Eq. 1).
+//! Partial velocities: the velocity of each link for a unit rate of a coordinate. In the
+//! Gibbs-Appell equations these are the derivatives of the links' accelerations with respect to the
+//! coordinate's acceleration (Eq. 1).
 
 use crate::model::{Model, Motion, MotionKind};
 use crate::sym::{Graph, V3, ZERO3};
@@ -8,12 +8,12 @@ use crate::sym::{Graph, V3, ZERO3};
 use super::frames::length;
 use super::{Frames, Geometry, unit};
 
-/// A unit twist in a link's frame, at its origin.
+/// The velocity of a link for a unit rate of a coordinate, in the link's frame at its origin.
 #[derive(Clone, Copy, Debug)]
 pub struct Twist {
-    /// Angular part.
+    /// Angular velocity per unit rate.
     pub e: V3,
-    /// Velocity of the origin.
+    /// Velocity of the link's origin per unit rate.
     pub u: V3,
 }
 
@@ -32,17 +32,17 @@ impl Twist {
         }
     }
 
-    /// Whether it turns what it moves.
+    /// Whether the link rotates.
     pub fn turns(&self) -> bool {
         self.e != ZERO3
     }
 
-    /// Whether it moves the origin.
+    /// Whether the link's origin moves.
     pub fn slides(&self) -> bool {
         self.u != ZERO3
     }
 
-    /// The twist in the frame of a link that stands on the twist's one.
+    /// The twist at the origin and in the frame of a child link.
     #[must_use]
     pub fn carried(&self, g: &mut Graph, frames: &Frames, link: usize) -> Twist {
         let lever = g.cross(&self.e, &frames.links[link].offset);
@@ -54,8 +54,7 @@ impl Twist {
     }
 }
 
-/// For each link, the unit twists of the coordinates that move it, in the
-/// order from the base outward.
+/// For each link, the coordinates that move it, from the base outward, and their unit twists.
 pub fn twists(g: &mut Graph, frames: &Frames, model: &Model) -> Vec<Vec<(usize, Twist)>> {
     let mut all: Vec<Vec<(usize, Twist)>> = Vec::new();
     for (link, frame) in frames.links.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! From the validated spec to the mechanism.
+//! Builds the mechanism from the validated spec.
 
 use crate::spec::{self, Axis, Joint, JointFrame, Spec};
 use crate::sym::Number;
@@ -8,7 +8,7 @@ use super::{
     parameters,
 };
 
-/// The motions of a joint, in order.
+/// The single-axis motions of a joint, in order; `first` is the index of its first coordinate.
 fn motions_of(joint: &Joint, first: usize) -> Vec<Motion> {
     let kind = joint.kind.value;
     let motions = kind.motions().iter().enumerate();
@@ -21,7 +21,7 @@ fn motions_of(joint: &Joint, first: usize) -> Vec<Motion> {
     motions.collect()
 }
 
-/// xyz, then R = Rz(y) Ry(p) Rx(r).
+/// The steps of a placement: xyz, then R = Rz(y) Ry(p) Rx(r).
 fn placement(p: &spec::Placement) -> Placement {
     let [x, y, z] = p.xyz.clone();
     let [roll, pitch, yaw] = p.rpy.clone();
@@ -35,7 +35,7 @@ fn placement(p: &spec::Placement) -> Placement {
     ]
 }
 
-/// Rx(alpha) Tx(a) Rz(theta) Tz(d), or any placement.
+/// The steps of a joint's frame: Rx(alpha) Tx(a) Rz(theta) Tz(d), or the given placement.
 fn joint_frame(frame: &JointFrame) -> Placement {
     match frame {
         JointFrame::Dh { alpha, a, d, theta } => vec![
@@ -48,7 +48,7 @@ fn joint_frame(frame: &JointFrame) -> Placement {
     }
 }
 
-/// The mechanism that a validated spec describes.
+/// Builds the mechanism that a validated spec describes.
 pub fn build(spec: &Spec) -> Model {
     let mut model = Model {
         gravity: spec.gravity.clone(),
@@ -119,8 +119,8 @@ pub fn build(spec: &Spec) -> Model {
     model
 }
 
-/// The cones of joints, between the frame that a joint's row gives and the one it
-/// moves, and those of cuts.
+/// The swing limits of joints, each between the placed frame and the one that the joint moves, then
+/// those of cuts.
 fn cones(spec: &Spec, model: &Model) -> Vec<SwingLimit> {
     let mut cones = Vec::new();
     let mut coordinate = 0;
@@ -158,9 +158,8 @@ fn cones(spec: &Spec, model: &Model) -> Vec<SwingLimit> {
     cones
 }
 
-/// Links, coordinates and bodies. Coordinates and bodies are numbered in the
-/// order of the file; links so that parents come first, which differs where a
-/// limb starts from a body of a later one.
+/// Adds links, coordinates and bodies. Coordinates and bodies are numbered in the order of the
+/// spec; links with parents first, which differs if a limb starts from a body of a later limb.
 fn add_limbs(spec: &Spec, model: &mut Model) {
     let mut first_coordinate = Vec::new();
     let mut first_body = Vec::new();
@@ -194,7 +193,7 @@ fn add_limbs(spec: &Spec, model: &mut Model) {
             }
         }
     }
-    // validation has made sure that every limb is rooted at the world
+    // validation has checked that every limb is connected to the world
     let mut waiting = (0..spec.limbs.len()).collect::<Vec<_>>();
     while !waiting.is_empty() {
         let before = waiting.len();

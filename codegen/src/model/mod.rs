@@ -1,6 +1,6 @@
-//! The mechanism: links, single-axis joints, spanning tree, cuts, and the order
-//! of coordinates and parameters. Compound joints are chains of single-axis
-//! ones with massless links between them.
+//! The mechanism: links, single-axis joints, spanning tree, cuts, and the order of coordinates and
+//! parameters. A joint with several axes is a chain of single-axis joints with massless links
+//! between them.
 
 mod build;
 mod parameters;
@@ -15,33 +15,33 @@ pub use crate::spec::MotionKind;
 use crate::spec::{Axis, CutKind, Quantity};
 use crate::sym::Number;
 
-/// One elementary step of a constant placement, in the frame reached so far.
+/// One elementary step of a constant placement, in the frame that the steps before it lead to.
 #[derive(Clone, Debug)]
 pub enum Step {
-    /// A turn about an axis, rad.
+    /// A rotation about an axis, rad.
     Rotate(Axis, Number),
-    /// A shift along an axis, m.
+    /// A translation along an axis, m.
     Translate(Axis, Quantity),
 }
 
-/// A constant placement of one frame in another.
+/// A constant placement of one frame in another, as elementary steps.
 pub type Placement = Vec<Step>;
 
-/// The motion of a link in the frame that its placement gives.
+/// The motion of a link relative to its placement.
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// Index of the coordinate.
     pub coordinate: usize,
-    /// Whether it is an angle or a length.
+    /// Whether the coordinate is an angle or a length.
     pub kind: MotionKind,
-    /// About or along which axis of the placed frame.
+    /// The axis of the placed frame about or along which the link moves.
     pub axis: Axis,
-    /// How far a rotation slides the link along the axis, m per radian; `None` where it does not.
+    /// Translation along the axis per radian of rotation, m/rad; `None` if the two are not coupled.
     pub lead: Option<Quantity>,
 }
 
 impl Motion {
-    /// The angle about the axis and the shift along it at a value of the coordinate.
+    /// The angle about the axis, rad, and the shift along it, m, at a value of the coordinate.
     pub fn displacement(&self, q: f64) -> (f64, f64) {
         match self.kind {
             MotionKind::Rotation => {
@@ -53,116 +53,116 @@ impl Motion {
     }
 }
 
-/// A frame of the tree.
+/// A link of the spanning tree.
 #[derive(Clone, Debug)]
 pub struct Link {
-    /// The link it stands on; `None` is the world.
+    /// The link that carries it; `None` is the world.
     pub parent: Option<usize>,
-    /// Where it stands on its parent, before the motion.
+    /// The pose of its frame in the parent's, at zero motion.
     pub placement: Placement,
-    /// Its motion; `None` where it is fixed.
+    /// Its motion; `None` for a fixed link.
     pub motion: Option<Motion>,
-    /// A name for generated code: body label or coordinate.
+    /// Its name for generated code: the body's label or the coordinate's name.
     pub name: String,
 }
 
-/// A single-axis coordinate.
+/// A coordinate: the angle or the length of a single-axis joint.
 #[derive(Clone, Debug)]
 pub struct Coordinate {
-    /// Its name, `s1.2` within compound joints.
+    /// Its name; `s1.2` is the second coordinate of the joint `s1`.
     pub name: String,
     /// The link that it moves.
     pub link: usize,
     /// Whether it is actuated.
     pub actuated: bool,
-    /// Limits of its position, where given.
+    /// Limits of its position, rad or m, if the spec gives them.
     pub position: Option<[f64; 2]>,
 }
 
 /// A body: a link with inertia.
 #[derive(Clone, Debug)]
 pub struct Body {
-    /// Its label.
+    /// The body's label.
     pub label: String,
-    /// The link whose frame is the body's.
+    /// The link whose frame is the body's frame.
     pub link: usize,
 }
 
-/// One side of a cut.
+/// One side of a cut: a frame on a link.
 #[derive(Clone, Debug)]
 pub struct Side {
     /// The link that carries the frame; `None` is the world.
     pub link: Option<usize>,
-    /// The frame on that link.
+    /// The pose of the frame in the link's.
     pub placement: Placement,
 }
 
-/// A loop closure.
+/// A joint at which a loop was cut; its equations close the loop.
 #[derive(Clone, Debug)]
 pub struct Cut {
-    /// Its name.
+    /// The name of the cut.
     pub name: String,
-    /// The joint that was opened.
+    /// The kind of joint.
     pub kind: CutKind,
-    /// How far it slides when it turns, m per radian, where the two are tied.
+    /// Translation per radian of rotation of a helical joint, m/rad; `None` for the other kinds.
     pub lead: Option<Quantity>,
     /// Frame A, then frame B.
     pub sides: [Side; 2],
 }
 
-/// A limit of the angle between the z axes of two frames.
+/// A limit of the swing angle: the angle between the z axes of two frames.
 #[derive(Clone, Debug)]
 pub struct SwingLimit {
-    /// The joint or the cut.
+    /// The name of the joint or the cut.
     pub name: String,
-    /// The greatest angle, rad.
+    /// The largest swing angle, rad.
     pub greatest: Number,
     /// The two frames.
     pub sides: [Side; 2],
 }
 
-/// A coordinate tied linearly to others: `key = constant + sum`.
+/// A coordinate that is a linear function of others: `key = constant + sum of terms`.
 #[derive(Clone, Debug)]
 pub struct Coupling {
-    /// The tied coordinate.
+    /// The coordinate that the coupling determines.
     pub key: usize,
     /// The constant part.
     pub constant: Number,
-    /// Other coordinates with their factors.
+    /// The other coordinates with their factors.
     pub terms: Vec<(usize, Number)>,
 }
 
-/// A mechanism ready to be derived.
+/// A mechanism, ready for the derivation.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// Gravity in the world frame, m/s^2.
     pub gravity: [Quantity; 3],
-    /// Frames, parents before children.
+    /// The links of the tree, parents before children.
     pub links: Vec<Link>,
     /// Coordinates in the spec's order.
     pub coordinates: Vec<Coordinate>,
     /// Bodies in the order of declaration.
     pub bodies: Vec<Body>,
-    /// Loop closures in the spec's order.
+    /// Cut joints in the spec's order.
     pub cuts: Vec<Cut>,
-    /// Cones of joints in the order of coordinates, then of cuts.
+    /// Swing limits: those of joints in the order of coordinates, then those of cuts.
     pub cones: Vec<SwingLimit>,
-    /// Linear ties in the spec's order.
+    /// Couplings in the spec's order.
     pub couplings: Vec<Coupling>,
-    /// Independent coordinates, in the order given.
+    /// Independent coordinates, in the order of the spec.
     pub independent: Vec<usize>,
     /// The other coordinates, in the order of coordinates.
     pub dependent: Vec<usize>,
     /// Actuated coordinates, in the order of coordinates.
     pub actuated: Vec<usize>,
-    /// Start of the closure by coordinate.
+    /// The home position of each coordinate, from which the loops are closed.
     pub home: Vec<Number>,
-    /// The dynamic parameters in order.
+    /// The dynamic parameters, in the order of phi.
     pub parameters: Vec<Parameter>,
 }
 
 impl Model {
-    /// The links from the world's side down to `link`, itself included.
+    /// The links from the base outward to `link`, which is the last one.
     pub fn path(&self, link: Option<usize>) -> Vec<usize> {
         let mut path = Vec::new();
         let mut at = link;
@@ -174,26 +174,26 @@ impl Model {
         path
     }
 
-    /// The motion that a coordinate gives its link.
+    /// The motion of the link that a coordinate moves.
     pub fn motion(&self, coordinate: usize) -> Option<&Motion> {
         self.links[self.coordinates[coordinate].link]
             .motion
             .as_ref()
     }
 
-    /// Whether a coordinate is a length; else it is an angle.
+    /// Whether a coordinate is a length (m) rather than an angle (rad).
     pub fn slides(&self, coordinate: usize) -> bool {
         self.motion(coordinate)
             .is_some_and(|m| m.kind == MotionKind::Translation)
     }
 
-    /// How many closure rows there are: those of all cuts, then one per coupling.
+    /// Number of closure rows: those of all cuts, then one per coupling.
     pub fn rows(&self) -> usize {
         let cuts = self.cuts.iter().map(|cut| cut.kind.rows().len());
         cuts.sum::<usize>() + self.couplings.len()
     }
 
-    /// Whether the mechanism has loops or ties.
+    /// Whether the mechanism has cuts or couplings.
     pub fn is_closed(&self) -> bool {
         !self.cuts.is_empty() || !self.couplings.is_empty()
     }

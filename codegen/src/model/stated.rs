@@ -1,11 +1,11 @@
-//! What the spec states beside the mechanism: nominal values of the parameters.
+//! Values that the spec states in addition to the mechanism: nominal values of the parameters.
 
 use crate::spec::{BodyInertia, Joint, Spec};
 use crate::sym::Number;
 
 use super::{Model, ParameterKind};
 
-/// The joint behind each coordinate, in the order of coordinates.
+/// For each coordinate, the joint that it belongs to.
 pub fn joints_of_coordinates(spec: &Spec) -> Vec<&Joint> {
     spec.limbs
         .iter()
@@ -14,7 +14,7 @@ pub fn joints_of_coordinates(spec: &Spec) -> Vec<&Joint> {
         .collect()
 }
 
-/// The nominal value of each parameter, in their order; `None` where the spec gives none.
+/// The nominal value of each parameter, in their order; `None` if the spec gives none.
 pub fn nominal(spec: &Spec, model: &Model) -> Vec<Option<Number>> {
     let joints = joints_of_coordinates(spec);
     let at_joint = |coordinate: usize, symbol: &str| {
@@ -33,7 +33,7 @@ pub fn nominal(spec: &Spec, model: &Model) -> Vec<Option<Number>> {
     model.parameters.iter().map(|p| value(&p.kind)).collect()
 }
 
-/// One of the ten parameters about the frame's origin: the tensor is moved there from the
+/// One of a body's ten parameters about the frame's origin: the tensor is moved there from the
 /// centre of mass (Huygens and Steiner).
 fn about_origin(body: &BodyInertia, entry: usize) -> Number {
     let mass = &body.mass.value;

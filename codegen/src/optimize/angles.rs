@@ -1,5 +1,5 @@
-//! Sines and cosines of related angles: of a sum, from those of its parts by
-//! four products, where the parts are needed anyway; otherwise directly.
+//! Sines and cosines of related angles. Those of a sum are computed from those of its parts by four
+//! products, if these are needed anyway; otherwise directly.
 
 use rustc_hash::FxHashMap;
 
@@ -7,7 +7,7 @@ use crate::sym::{Angle, AngleId, Graph, Number, SymbolId};
 
 use super::program::{Op, Operand};
 
-/// The angles of a program.
+/// The angles of which a program needs the sine and cosine.
 #[derive(Debug)]
 pub(super) struct Angles {
     needed: Vec<Angle>,
@@ -27,7 +27,7 @@ impl Angles {
     }
 }
 
-/// What steps are added to.
+/// The program to which steps are added.
 pub(super) trait Target {
     fn known(&mut self) -> &mut Angles;
     fn symbol(&self, id: SymbolId) -> (Operand, String);
@@ -35,7 +35,7 @@ pub(super) trait Target {
     fn sin_cos_step(&mut self, argument: Operand, names: (String, String)) -> (Operand, Operand);
 }
 
-/// Sine and cosine of an angle.
+/// Adds the steps for the sine and cosine of an angle.
 pub(super) fn lower(target: &mut impl Target, angle: &Angle) -> (Operand, Operand) {
     if let Some(done) = target.known().done.get(angle) {
         return *done;
@@ -78,8 +78,8 @@ pub(super) fn lower(target: &mut impl Target, angle: &Angle) -> (Operand, Operan
     result
 }
 
-/// Two angles, both needed anyway, whose sum (`true`) or difference is this
-/// one; a constant second part is free.
+/// Splits an angle into the sum (`true`) or difference (`false`) of two angles whose sine and
+/// cosine are needed anyway; a constant second part costs nothing.
 fn split(angles: &Angles, angle: &Angle) -> Option<(Angle, Angle, bool)> {
     let one = Number::one();
     if !angle.constant.is_zero() && !angle.terms.is_empty() {
@@ -115,7 +115,7 @@ fn split(angles: &Angles, angle: &Angle) -> Option<(Angle, Angle, bool)> {
     None
 }
 
-/// The linear form itself, then its sine and cosine.
+/// Adds the steps for the angle as a linear form, then for its sine and cosine.
 fn direct(target: &mut impl Target, angle: &Angle) -> (Operand, Operand) {
     let mut sum: Option<Operand> =
         (!angle.constant.is_zero()).then(|| Operand::Constant(angle.constant.to_f64()));

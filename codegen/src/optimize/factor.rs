@@ -1,14 +1,14 @@
-//! Sums and products of a program put together anew: a factor that terms of one sum share is
-//! taken out, and what several products share is multiplied once.
+//! Rewrites the sums and products of a program: a factor that terms of one sum share is taken out,
+//! and a product that several products share is computed once.
 //!
-//! Both look only into steps whose result nothing else needs, so nothing is computed twice, and
-//! no rule makes more operations than it takes away.
+//! Both expand only steps whose result is used once, so nothing is computed twice, and no rule adds
+//! more operations than it saves.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::program::{Op, Operand, Program, Step, Temp};
 
-/// An operand that can be compared and ordered; constants by their bits.
+/// An operand in a form that can be compared and ordered; constants by their bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Key {
     Constant(u64),
@@ -32,25 +32,25 @@ fn operand(key: Key) -> Operand {
     }
 }
 
-/// A term of a sum: a product, added or taken away.
+/// A signed product, as a term of a sum.
 #[derive(Clone, Debug)]
 struct Term {
     negative: bool,
     factors: Vec<Key>,
 }
 
-/// What a step computes, taken apart.
+/// The computation of a step, expanded.
 #[derive(Clone, Debug)]
 enum Form {
-    /// Some other operation, as it is.
+    /// An operation that is neither a sum nor a product.
     Other(Op),
-    /// A sum of products, one term or several.
+    /// A sum of products with one or more terms.
     Sum(Vec<Term>),
-    /// Part of the one step that uses it.
-    Within,
+    /// The step was expanded into the only step that uses it.
+    Expanded,
 }
 
-/// Puts a program's sums and products together anew.
+/// Rewrites a program's sums and products with fewer operations.
 pub(super) fn factor(program: &mut Program) {
     let mut work = Work::new(program);
     work.take_out_factors();
@@ -58,21 +58,21 @@ pub(super) fn factor(program: &mut Program) {
     work.write(program);
 }
 
-/// How often what products share is looked for anew.
-const ROUNDS: usize = 4;
+/// Largest number of passes that look for shared products.
+const MAX_SHARING_PASSES: usize = 4;
 
-/// A sum: of a step, or of a new value before it.
+/// The place of a sum: the index of a step, and for a new value before that step its temporary.
 type Site = (usize, Option<Temp>);
 
 struct Work {
     forms: Vec<Form>,
     results: Vec<Vec<Temp>>,
-    /// New values by the step before which they are computed.
+    /// New values, by the step before which they are computed.
     before: BTreeMap<usize, Vec<(Temp, Vec<Term>)>>,
     temps: u32,
 }
 
-/// The sum that an additive step or a product is.
+/// The sum of products that a step computes; `None` for other operations.
 fn terms(op: &Op) -> Option<Vec<Term>> {
     let term = |negative: bool, factors: &[&Operand]| Term {
         negative,
@@ -116,7 +116,7 @@ impl Work {
             };
             let mut sum: Vec<Term> = Vec::new();
             for term in own {
-                sum.extend(opened(term, &mut forms, &of, &uses));
+                sum.extend(expanded(term, &mut forms, &of, &uses));
             }
             forms.push(Form::Sum(sum));
         }
@@ -133,7 +133,8 @@ impl Work {
         Temp(self.temps - 1)
     }
 
-    /// `a b + a c` to `a (b + c)`: the factor that most terms of the sum share, first.
+    /// Rewrites `a b + a c` as `a (b + c)`, starting with the factor that most terms of the sum
+    /// share.
     fn take_out_factors(&mut self) {
         for at in 0..self.forms.len() {
             let Form::Sum(mut sum) = self.forms[at].clone() else {
@@ -171,9 +172,10 @@ impl Work {
         }
     }
 
-    /// What several products share becomes a value: the pair of factors that most have, first.
+    /// Computes products of two factors that several products share once, starting with the most
+    /// frequent pair.
     fn share_products(&mut self) {
-        for _ in 0..ROUNDS {
+        for _ in 0..MAX_SHARING_PASSES {
             let mut sites: BTreeMap<(Key, Key), Vec<Site>> = BTreeMap::new();
             let mut long: BTreeSet<(Key, Key)> = BTreeSet::new();
             for (site, sum) in self.sums() {
@@ -199,7 +201,7 @@ impl Work {
         }
     }
 
-    /// All sums with their places, in the order in which they are computed.
+    /// All sums with their places, in the order of computation.
     fn sums(&self) -> Vec<(Site, &[Term])> {
         let mut all = Vec::new();
         for (at, form) in self.forms.iter().enumerate() {
@@ -225,7 +227,7 @@ impl Work {
         }
     }
 
-    /// Replaces a pair of factors by its product in these sums, where that still saves one.
+    /// Replaces a pair of factors by its product in these sums, if that still saves a product.
     fn share(&mut self, pair: (Key, Key), sites: &[Site]) {
         let has = |t: &Term| pairs(&t.factors).contains(&pair);
         let (mut count, mut long, mut first) = (0, false, None);
@@ -254,14 +256,14 @@ impl Work {
             negative: false,
             factors: vec![pair.0, pair.1],
         };
-        // before all that use it, after what it is made of
+        // insert before all sums that use the product, and after the values that it is made of
         let values = self.before.entry(at).or_default();
         let own = |(t, _): &(Temp, Vec<Term>)| [pair.0, pair.1].contains(&Key::Temp(*t));
         let place = values.iter().rposition(own).map_or(0, |place| place + 1);
         values.insert(place, (t, vec![product]));
     }
 
-    /// The steps anew, in the same groups.
+    /// Writes the steps to the program, in the same groups.
     fn write(mut self, program: &mut Program) {
         let mut same: BTreeMap<Temp, Key> = BTreeMap::new();
         let mut steps: Vec<Step> = Vec::with_capacity(program.steps.len());
@@ -280,7 +282,7 @@ impl Work {
                 out.sum(t, &sum);
             }
             match form {
-                Form::Within => {}
+                Form::Expanded => {}
                 Form::Sum(sum) => out.sum(self.results[at][0], &sum),
                 Form::Other(op) => out.other(op, self.results[at].clone()),
             }
@@ -295,14 +297,18 @@ impl Work {
             same: &mut same,
         };
         let outputs = std::mem::take(&mut program.outputs);
-        program.outputs = outputs.iter().map(|o| out.now(key(o))).collect();
+        program.outputs = outputs
+            .iter()
+            .map(|o| out.current_operand(key(o)))
+            .collect();
         program.steps = steps;
         program.names = names;
     }
 }
 
-/// A term with what only it uses put in its place: the terms of a sum, the factors of a product.
-fn opened(term: Term, forms: &mut [Form], of: &[usize], uses: &[u32]) -> Vec<Term> {
+/// Expands into a term the steps that only this term uses: either the terms of a sum, or the
+/// factors of products.
+fn expanded(term: Term, forms: &mut [Form], of: &[usize], uses: &[u32]) -> Vec<Term> {
     let inner = |k: &Key| match k {
         Key::Temp(t) if uses[t.0 as usize] == 1 => Some(of[t.0 as usize]),
         _ => None,
@@ -316,7 +322,7 @@ fn opened(term: Term, forms: &mut [Form], of: &[usize], uses: &[u32]) -> Vec<Ter
             factors: t.factors.clone(),
         });
         let sum = sum.collect();
-        forms[at] = Form::Within;
+        forms[at] = Form::Expanded;
         return sum;
     }
     let mut negative = term.negative;
@@ -328,7 +334,7 @@ fn opened(term: Term, forms: &mut [Form], of: &[usize], uses: &[u32]) -> Vec<Ter
         {
             negative ^= product.negative;
             factors.extend(&product.factors);
-            forms[at] = Form::Within;
+            forms[at] = Form::Expanded;
         } else {
             factors.push(factor);
         }
@@ -336,7 +342,7 @@ fn opened(term: Term, forms: &mut [Form], of: &[usize], uses: &[u32]) -> Vec<Ter
     vec![Term { negative, factors }]
 }
 
-/// The factor that most of the terms that are products share, with those terms.
+/// The factor that the most products among the terms share, with the indices of those terms.
 fn most_shared(sum: &[Term]) -> Option<(Key, Vec<usize>)> {
     let mut members: BTreeMap<Key, Vec<usize>> = BTreeMap::new();
     for (at, term) in sum.iter().enumerate() {
@@ -358,7 +364,7 @@ fn most_shared(sum: &[Term]) -> Option<(Key, Vec<usize>)> {
     best
 }
 
-/// The different pairs of factors of a product, the smaller one first.
+/// The distinct pairs of factors of a product, the smaller one first.
 fn pairs(factors: &[Key]) -> BTreeSet<(Key, Key)> {
     let mut all = BTreeSet::new();
     for (i, a) in factors.iter().enumerate() {
@@ -372,7 +378,7 @@ fn pairs(factors: &[Key]) -> BTreeSet<(Key, Key)> {
 struct Writer<'a> {
     steps: &'a mut Vec<Step>,
     names: &'a mut Vec<Option<String>>,
-    /// Temporaries that turned out to be another value.
+    /// Temporaries that equal another value, which replaces them.
     same: &'a mut BTreeMap<Temp, Key>,
 }
 
@@ -389,8 +395,8 @@ impl Writer<'_> {
         Operand::Temp(t)
     }
 
-    /// A factor as it is called now.
-    fn now(&self, mut key: Key) -> Operand {
+    /// The operand that a factor is now, after replacements.
+    fn current_operand(&self, mut key: Key) -> Operand {
         while let Key::Temp(t) = key
             && let Some(other) = self.same.get(&t)
         {
@@ -400,22 +406,23 @@ impl Writer<'_> {
     }
 
     fn other(&mut self, mut op: Op, results: Vec<Temp>) {
-        op.change_operands(|o| self.now(key(o)));
+        op.change_operands(|o| self.current_operand(key(o)));
         self.steps.push(Step { op, results });
     }
 
-    /// A product as a pair: all factors but the last multiplied, and the last.
+    /// Multiplies all factors but the last; returns the product and the last factor.
     fn pair(&mut self, factors: &[Key]) -> (Operand, Operand) {
         let last = factors.len() - 1;
-        let mut product = self.now(factors[0]);
+        let mut product = self.current_operand(factors[0]);
         for factor in &factors[1..last] {
-            let factor = self.now(*factor);
+            let factor = self.current_operand(*factor);
             product = self.push(Op::Mul(product, factor), None);
         }
-        (product, self.now(factors[last]))
+        (product, self.current_operand(factors[last]))
     }
 
-    /// A sum of products: it starts with a plain operand where there is one, and products join.
+    /// Writes a sum of products: it starts with a single operand if there is one, and products are
+    /// added to it.
     fn sum(&mut self, result: Temp, sum: &[Term]) {
         let all_negative = sum.iter().all(|t| t.negative);
         let negative = |t: &Term| t.negative != all_negative;
@@ -438,23 +445,23 @@ impl Writer<'_> {
         let mut left = rest.len();
         let own = |left: usize| (left == 0 && !all_negative).then_some(result);
         let mut so_far = match (plain, product, less) {
-            (Some(plain), ..) => self.now(plain.factors[0]),
+            (Some(plain), ..) => self.current_operand(plain.factors[0]),
             (None, Some(product), Some(less)) => {
                 let (a, b) = self.pair(&product.factors);
-                let less = self.now(less.factors[0]);
+                let less = self.current_operand(less.factors[0]);
                 self.push(Op::MulSub(a, b, less), own(left))
             }
             (None, Some(product), None) => {
                 let (a, b) = self.pair(&product.factors);
                 self.push(Op::Mul(a, b), own(left))
             }
-            // some term is positive, or all are and were turned
+            // unreachable: some term is positive, or all signs were reversed
             (None, None, _) => return,
         };
         for term in rest {
             left -= 1;
             let op = if single(term) {
-                let value = self.now(term.factors[0]);
+                let value = self.current_operand(term.factors[0]);
                 if negative(term) {
                     Op::Sub(so_far, value)
                 } else {

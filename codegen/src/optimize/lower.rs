@@ -1,5 +1,5 @@
-//! The order of steps: outputs group by group, each from its operands upward,
-//! so that what is computed for one group only stays close together.
+//! Lowers expressions to the steps of a program: output by output and group by group, operands
+//! first, so that the steps of one group stay together.
 
 use rustc_hash::FxHashMap;
 
@@ -11,18 +11,18 @@ use super::order::order;
 use super::program::{Argument, Group, Op, Operand, Output, Program, SolveStep, Step, Temp};
 use super::relations::relate;
 
-/// What a program shall compute.
+/// A request for a program.
 #[derive(Clone, Debug)]
 pub struct Request {
-    /// Arguments with the symbols that their elements stand for.
+    /// The arguments, each with the symbols of its elements.
     pub arguments: Vec<(Argument, Vec<SymbolId>)>,
-    /// The result's shape.
+    /// The name and shape of the result.
     pub output: Output,
-    /// Titles with the outputs that belong to them, in order.
+    /// The outputs in groups: titles with their expressions, in order.
     pub groups: Vec<(String, Vec<Ex>)>,
 }
 
-/// The program for a request.
+/// Builds and optimises the program for a request.
 pub fn lower(g: &Graph, request: Request) -> Program {
     let mut inputs = FxHashMap::default();
     let mut arguments = Vec::new();
@@ -78,7 +78,7 @@ pub fn lower(g: &Graph, request: Request) -> Program {
     program
 }
 
-/// How often each node is used by the nodes that are computed.
+/// For each node, how often the nodes that are computed use it.
 struct Uses {
     count: Vec<u32>,
     angles: Vec<crate::sym::AngleId>,
@@ -131,7 +131,7 @@ struct Lowering<'g> {
     angles: Angles,
     uses: Uses,
     values: FxHashMap<Ex, Operand>,
-    /// Sines and cosines by the expression that they are taken of.
+    /// Sines and cosines, by the expression of their angle.
     turned: FxHashMap<Ex, (Operand, Operand)>,
     solutions: FxHashMap<SystemId, Vec<Vec<Operand>>>,
     steps: Vec<Step>,
@@ -154,7 +154,7 @@ impl Lowering<'_> {
         Operand::Temp(temp)
     }
 
-    /// A product that only this use needs, so that it can join a sum.
+    /// The factors of a product that is used only once, so that it can become a multiply-add.
     fn lone_product(&self, ex: Ex) -> Option<(Ex, Ex)> {
         match self.g.node(ex) {
             Node::Mul(a, b)
@@ -168,9 +168,9 @@ impl Lowering<'_> {
         }
     }
 
-    /// The operand that holds an expression, computed now if it is not yet.
+    /// The operand with the value of an expression; adds its steps if it is not computed yet.
     ///
-    /// An explicit stack instead of recursion: expressions are deep.
+    /// Uses an explicit stack instead of recursion, because expressions are deep.
     fn value(&mut self, root: Ex) -> Operand {
         let mut stack = vec![root];
         while let Some(&ex) = stack.last() {
@@ -194,7 +194,7 @@ impl Lowering<'_> {
         self.values[&root]
     }
 
-    /// The nodes whose values a node's step takes.
+    /// The nodes that are operands of a node's step.
     fn needs(&self, ex: Ex) -> Vec<Ex> {
         match self.g.node(ex) {
             Node::Add(a, b) | Node::Sub(a, b) => match (self.lone_product(a), self.lone_product(b))

@@ -1,5 +1,5 @@
-//! From expressions to a straight-line program: order, sines and cosines of
-//! related angles, multiply-add, cost.
+//! From expressions to a straight-line program: order of steps, sines and cosines of related
+//! angles, shared factors, multiply-add, operation counts.
 
 mod angles;
 mod factor;

@@ -1,44 +1,44 @@
-//! The order of the steps within a group: as few values as possible wait for their uses, since a
-//! processor has few registers and what waits longer goes through memory.
+//! Orders the steps within a group so that as few values as possible are live at a time, since a
+//! processor has few registers and other live values go through memory.
 //!
-//! List scheduling: of the steps whose operands are there, the next is the one after which the
-//! fewest values wait, seen one step ahead. It changes no result: every step works on the same
+//! List scheduling: of the steps whose operands are computed, the next is the one after which the
+//! fewest values are live, looking one step ahead. It changes no result: every step has the same
 //! operands as before.
 
 use super::program::{Op, Operand, Program, Step, Temp};
 
-/// Groups of more steps stay as they are: ordering takes time with the square of the steps, and
-/// only bodies at the end of very long chains have such groups.
-const MOST_STEPS: usize = 4000;
+/// Groups of more steps are not ordered: ordering takes time with the square of the steps, and only
+/// bodies at the end of very long chains have such groups.
+const MAX_GROUP_STEPS: usize = 4000;
 
 /// Orders the steps of every group.
 pub(super) fn order(program: &mut Program) {
     let operands: Vec<Vec<Temp>> = program.steps.iter().map(values_of).collect();
-    let mut left = vec![0_u32; program.names.len()];
+    let mut uses_left = vec![0_u32; program.names.len()];
     for value in operands.iter().flatten() {
-        left[value.0 as usize] += 1;
+        uses_left[value.0 as usize] += 1;
     }
     let mut all = Vec::with_capacity(program.steps.len());
     for group in &program.groups {
         let steps = &program.steps[group.steps.clone()];
         let operands = &operands[group.steps.clone()];
-        // sines and cosines are taken in a row
+        // sines and cosines are computed in sequence
         let angles = |step: &&Step| matches!(step.op, Op::SinCos(_));
-        if steps.iter().filter(angles).count() > 1 || steps.len() > MOST_STEPS {
+        if steps.iter().filter(angles).count() > 1 || steps.len() > MAX_GROUP_STEPS {
             for value in operands.iter().flatten() {
-                left[value.0 as usize] -= 1;
+                uses_left[value.0 as usize] -= 1;
             }
             all.extend(group.steps.clone());
             continue;
         }
-        let schedule = Schedule::new(steps, operands, &mut left).run();
+        let schedule = Schedule::new(steps, operands, &mut uses_left).run();
         all.extend(schedule.into_iter().map(|at| group.steps.start + at));
     }
     let mut steps: Vec<Option<Step>> = program.steps.drain(..).map(Some).collect();
     program.steps = all.into_iter().filter_map(|at| steps[at].take()).collect();
 }
 
-/// The values that a step works on, each once.
+/// The temporaries among a step's operands, each once.
 fn values_of(step: &Step) -> Vec<Temp> {
     let operands = step.op.operands().into_iter();
     let mut values: Vec<Temp> = operands
@@ -55,18 +55,18 @@ fn values_of(step: &Step) -> Vec<Temp> {
 /// A group's steps while they are being ordered.
 struct Schedule<'a> {
     steps: &'a [Step],
-    /// By step, the values that it works on.
+    /// For each step, its temporary operands.
     operands: &'a [Vec<Temp>],
-    /// By value, the steps that still need it, of all groups.
-    left: &'a mut [u32],
-    /// By step, the steps of the group that need one of its results, each once.
+    /// For each temporary, the number of steps, of all groups, that still have to use it.
+    uses_left: &'a mut [u32],
+    /// For each step, the steps of the group that use one of its results, each once.
     users: Vec<Vec<usize>>,
-    /// By step, how many steps of the group it waits for.
+    /// For each step, how many steps of the group it still waits for.
     waits: Vec<usize>,
 }
 
 impl<'a> Schedule<'a> {
-    fn new(steps: &'a [Step], operands: &'a [Vec<Temp>], left: &'a mut [u32]) -> Schedule<'a> {
+    fn new(steps: &'a [Step], operands: &'a [Vec<Temp>], uses_left: &'a mut [u32]) -> Schedule<'a> {
         let results = steps.iter().enumerate();
         let made: rustc_hash::FxHashMap<Temp, usize> = results
             .flat_map(|(at, step)| step.results.iter().map(move |t| (*t, at)))
@@ -86,7 +86,7 @@ impl<'a> Schedule<'a> {
         Schedule {
             steps,
             operands,
-            left,
+            uses_left,
             users,
             waits,
         }
@@ -103,7 +103,7 @@ impl<'a> Schedule<'a> {
             let at = ready.swap_remove(place);
             order.push(at);
             for value in &self.operands[at] {
-                self.left[value.0 as usize] -= 1;
+                self.uses_left[value.0 as usize] -= 1;
             }
             for &user in &self.users[at] {
                 self.waits[user] -= 1;
@@ -115,17 +115,22 @@ impl<'a> Schedule<'a> {
         order
     }
 
-    /// By how many the values that wait grow with a step: what it makes for others less what it is
-    /// the last to need. `done` has been taken from what others still need.
+    /// The growth of the number of live values with a step: the results that others use, less the
+    /// operands that it is the last to use. The uses of operands in `done` by one other step are
+    /// not counted.
     fn growth(&self, at: usize, done: &[Temp]) -> i32 {
-        let left = |t: &Temp| self.left[t.0 as usize] - u32::from(done.contains(t));
+        let uses_left = |t: &Temp| self.uses_left[t.0 as usize] - u32::from(done.contains(t));
         let made = self.steps[at].results.iter();
-        let made = made.filter(|t| self.left[t.0 as usize] > 0).count();
-        let last = self.operands[at].iter().filter(|t| left(t) == 1).count();
+        let made = made.filter(|t| self.uses_left[t.0 as usize] > 0).count();
+        let last = self.operands[at]
+            .iter()
+            .filter(|t| uses_left(t) == 1)
+            .count();
         count(made) - count(last)
     }
 
-    /// The growth with a step and the best of those that it makes ready; that with it alone.
+    /// The growth with a step and the best of the steps that it makes ready, then the growth with
+    /// the step alone.
     fn growth_ahead(&self, at: usize) -> (i32, i32) {
         let own = self.growth(at, &[]);
         let freed = self.users[at].iter().filter(|&&user| self.waits[user] == 1);
@@ -143,7 +148,7 @@ mod tests {
     use super::*;
     use crate::optimize::{Group, Output};
 
-    /// A program of sums over values made before, by pairs of their numbers.
+    /// A program of sums of two earlier values each; a pair gives their numbers, 0 being the input.
     fn sums(pairs: &[(u32, u32)], outputs: &[u32]) -> Program {
         let input = Operand::Input {
             argument: 0,
@@ -175,8 +180,8 @@ mod tests {
         }
     }
 
-    /// The most values that wait for a use at a time.
-    fn most_waiting(program: &Program) -> usize {
+    /// The largest number of live values.
+    fn max_live_values(program: &Program) -> usize {
         let uses: Vec<Vec<Temp>> = program.steps.iter().map(values_of).collect();
         let last = |t: Temp| uses.iter().rposition(|values| values.contains(&t));
         let waiting = |now: usize| {
@@ -189,14 +194,14 @@ mod tests {
 
     #[test]
     fn pairs_are_summed_before_the_next_are_made() {
-        // eight doubled values made first and then summed in pairs, as a tree
+        // eight doubled values, computed first and then summed in pairs as a tree
         let mut pairs = vec![(0, 0); 8];
         pairs.extend([(1, 2), (3, 4), (5, 6), (7, 8), (9, 10), (11, 12), (13, 14)]);
         let mut program = sums(&pairs, &[15]);
-        assert_eq!(most_waiting(&program), 8);
+        assert_eq!(max_live_values(&program), 8);
         order(&mut program);
-        // log2 of the leaves, and the one being made
-        assert_eq!(most_waiting(&program), 4);
+        // log2 of the number of leaves, and the value being computed
+        assert_eq!(max_live_values(&program), 4);
     }
 
     proptest::proptest! {
@@ -223,7 +228,7 @@ mod tests {
                 }
                 made.extend(&step.results);
             }
-            // the same steps, those of a group in its place
+            // the steps are the same, and each is still in its group
             for group in &before.groups {
                 for step in &before.steps[group.steps.clone()] {
                     proptest::prop_assert!(program.steps[group.steps.clone()].contains(step));

@@ -1,13 +1,13 @@
-//! A straight-line program: what is emitted as Rust and what is interpreted.
+//! A straight-line program: the form of a function that is emitted as Rust or interpreted.
 
-/// A value computed by a step.
+/// A temporary: the number of a value that a step computes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Temp(pub u32);
 
-/// What a step works on.
+/// An operand of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Operand {
-    /// Element of an argument.
+    /// An element of an argument.
     Input {
         /// Index of the argument.
         argument: usize,
@@ -16,11 +16,11 @@ pub enum Operand {
     },
     /// A constant, rounded once from its exact value.
     Constant(f64),
-    /// An earlier step's result.
+    /// The result of an earlier step.
     Temp(Temp),
 }
 
-/// An operation.
+/// The operation of a step; its operands are named a, b, c in order.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Op {
     /// `-a`
@@ -41,74 +41,73 @@ pub enum Op {
     Div(Operand, Operand),
     /// Sine and cosine: two results.
     SinCos(Operand),
-    /// -1, 0 or 1.
+    /// The sign: -1, 0 or 1.
     Sign(Operand),
-    /// 1 where positive, else 0.
+    /// 1 for a positive operand, else 0.
     Positive(Operand),
-    /// 1 where negative, else 0.
+    /// 1 for a negative operand, else 0.
     Negative(Operand),
-    /// A linear system: unknowns by right-hand sides, row by row.
+    /// The solution of a linear system: unknowns by right-hand sides, row by row.
     Solve(Box<SolveStep>),
 }
 
-/// A linear system solved in a fixed order of pivots, with what is needed to
-/// solve it anew where that order is unfit.
+/// A linear system that is solved in a fixed order of pivots, with all that is needed to solve it
+/// anew if that order is unfit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SolveStep {
     /// All rows of A.
     pub matrix: Vec<Vec<Operand>>,
     /// All rows of B.
     pub rhs: Vec<Vec<Operand>>,
-    /// The solution by the fixed order: unknowns by right-hand sides.
+    /// The solution in the fixed order of pivots: unknowns by right-hand sides.
     pub fixed: Vec<Vec<Operand>>,
-    /// The pivots with their usual size.
+    /// The pivots of the fixed order, each with the absolute value that it usually has.
     pub pivots: Vec<(Operand, f64)>,
 }
 
 /// One step with its results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Step {
-    /// What is done.
+    /// The operation.
     pub op: Op,
-    /// Where the results go: one, two of [`Op::SinCos`], all of [`Op::Solve`].
+    /// The temporaries of its results: one, two for [`Op::SinCos`], all unknowns for [`Op::Solve`].
     pub results: Vec<Temp>,
 }
 
 /// An argument of the function.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Argument {
-    /// Its name in code.
+    /// The argument's name in code.
     pub name: String,
-    /// Its length.
+    /// The number of its elements.
     pub len: usize,
-    /// What it holds, for documentation.
+    /// What it contains: the text of its documentation.
     pub doc: String,
 }
 
-/// Steps that belong together, with the outputs they end in.
+/// A group of steps and the outputs that they complete.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {
-    /// What they compute.
+    /// A title for the outputs.
     pub title: String,
-    /// Their steps.
+    /// The range of the steps.
     pub steps: std::ops::Range<usize>,
-    /// The outputs that are complete after them.
+    /// The range of the outputs, which are complete after the steps.
     pub outputs: std::ops::Range<usize>,
 }
 
-/// The shape of the result.
+/// The name and shape of the result.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Output {
-    /// Its name in code.
+    /// The result's name in code.
     pub name: String,
-    /// One length for a vector; rows and columns for an array of arrays,
-    /// the outer length first.
+    /// One length for a vector; two for an array of arrays, the outer length first.
     pub shape: Vec<usize>,
-    /// What it holds, for documentation.
+    /// What it contains: the text of its documentation.
     pub doc: String,
 }
 
-/// How many operations a program takes; a multiply-add counts as both.
+/// Number of operations of a program; a multiply-add counts as a product and a sum.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Operations {
     /// Sums and differences.
@@ -117,7 +116,7 @@ pub struct Operations {
     pub mul: usize,
     /// Quotients.
     pub div: usize,
-    /// Sine and cosine pairs.
+    /// Pairs of sine and cosine.
     pub sincos: usize,
 }
 
@@ -128,13 +127,13 @@ pub struct Program {
     pub arguments: Vec<Argument>,
     /// The steps in order.
     pub steps: Vec<Step>,
-    /// The steps in groups, in order, all covered.
+    /// The groups, in order; they cover all steps.
     pub groups: Vec<Group>,
-    /// The result's shape.
+    /// The name and shape of the result.
     pub output: Output,
-    /// The result, outer index first.
+    /// The elements of the result, outer index first.
     pub outputs: Vec<Operand>,
-    /// Suggested names by result.
+    /// For each temporary, a suggested name.
     pub names: Vec<Option<String>>,
 }
 
@@ -157,7 +156,7 @@ impl Op {
 }
 
 impl Op {
-    /// Puts other operands in the place of its own.
+    /// Replaces every operand by the one that `to` gives for it.
     pub(super) fn change_operands(&mut self, to: impl Fn(&Operand) -> Operand) {
         let change = |o: &mut Operand| *o = to(o);
         match self {
@@ -183,8 +182,8 @@ impl Op {
 }
 
 impl Program {
-    /// Operation counts. The second way of solving a system, rarely taken, is
-    /// not counted; neither are sign changes and comparisons.
+    /// Counts the operations. Not counted are sign changes, comparisons, and the solution of a
+    /// system by other pivots, which is rarely needed.
     pub fn operations(&self) -> Operations {
         let mut count = Operations::default();
         for step in &self.steps {
@@ -203,8 +202,8 @@ impl Program {
         count
     }
 
-    /// Drops steps whose results nobody uses: angles are lowered in pairs, and
-    /// sometimes one of a pair is enough.
+    /// Drops steps whose results are not used: sines and cosines are lowered in pairs, and
+    /// sometimes one of the two is enough.
     pub(super) fn drop_unused(&mut self) {
         let mut used = vec![false; self.names.len()];
         let mark = |operand: &Operand, used: &mut Vec<bool>| {
@@ -220,7 +219,7 @@ impl Program {
                 step.op.operands().iter().for_each(|o| mark(o, &mut used));
             }
         }
-        // new step numbers: how many are kept before each
+        // the new index of a step is the number of kept steps before it
         let mut number = Vec::with_capacity(keep.len() + 1);
         let mut count = 0;
         for kept in &keep {
@@ -235,9 +234,9 @@ impl Program {
         self.steps.retain(|_| kept.next().copied().unwrap_or(false));
     }
 
-    /// Moves sines and cosines, with what their angles take, in front of all else: there they
-    /// can be computed at once. Their angles are linear forms in the arguments, so nothing else
-    /// moves; sines and cosines of what depends on others stay where they are.
+    /// Moves sines and cosines, with the steps that compute their angles, to the front, where they
+    /// can be computed together. Their angles are linear forms in the arguments, so no other steps
+    /// have to move; sines and cosines of angles that depend on other ones stay in place.
     pub(super) fn angles_first(&mut self) {
         let first = self.first_angles();
         if first.iter().filter(|f| **f).count() < 2 {
@@ -260,7 +259,7 @@ impl Program {
             }
         }
         let mut moved: [Vec<Step>; 3] = Default::default();
-        // the places of the steps that stay: how many of them are before each
+        // the new index of a step that stays is the number of staying steps before it
         let mut number = Vec::with_capacity(self.steps.len() + 1);
         for (step, kind) in self.steps.drain(..).zip(&early) {
             number.push(moved[0].len());
@@ -282,8 +281,8 @@ impl Program {
         self.groups.insert(0, all);
     }
 
-    /// By step, whether it takes the sine and cosine of an angle that no other sine, cosine or
-    /// solution enters.
+    /// For each step, whether it computes the sine and cosine of an angle that depends on no other
+    /// sine, cosine or solution.
     fn first_angles(&self) -> Vec<bool> {
         let mut late = vec![false; self.names.len()];
         let angles = self.steps.iter().map(|step| {
@@ -300,7 +299,7 @@ impl Program {
         angles.collect()
     }
 
-    /// Whether the program solves linear systems, so that it has a condition.
+    /// Whether the program solves linear systems, and so also returns a condition.
     pub fn solves(&self) -> bool {
         self.steps.iter().any(|s| matches!(s.op, Op::Solve(_)))
     }

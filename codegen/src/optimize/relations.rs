@@ -1,16 +1,17 @@
-//! Values that others give in fewer operations.
+//! Replaces values by expressions of others that take fewer operations.
 //!
-//! Two ways to one value meet in a program without looking alike: what an offset adds to a moment
-//! is the offset times an entry that is there already; a sum of two products is one product of
-//! other sums. Such relations are found by value. The program is evaluated modulo a prime, with
-//! numbers drawn for what it is given and points of the unit circle for sines and cosines, and a
-//! value is looked for among sums, products, and products with a third value added or taken away,
-//! of values made before it. All are rational functions of what is drawn, so a relation that does
-//! not hold everywhere holds at a draw with no greater probability than their degree over the
-//! prime, some 1e-16 (Schwartz, 1980; Zippel, 1979), and a second draw has to agree.
+//! A program may compute one value in two ways that look different: the moment that an offset adds
+//! is the offset times an entry that is computed already; a sum of two products is one product of
+//! other sums. Such relations are found by value. The program is evaluated modulo a prime, at
+//! random inputs and at random points of the unit circle for sines and cosines, and each value is
+//! compared with sums, products, and products plus or minus a third value, of values computed
+//! before it. All are rational functions of the random numbers, so a relation that does not hold
+//! everywhere holds at random numbers with a probability of at most their degree over the prime,
+//! some 1e-16 (Schwartz, 1980; Zippel, 1979), and a second set of random numbers has to agree.
 //!
-//! What is exact over rational numbers may lose digits or be undefined in floating point: a value
-//! is not got back from a sum with a far larger one, and not from quotients if it had none.
+//! A relation that is exact over rational numbers may lose digits or be undefined in floating
+//! point: so a value is not recovered from a sum with a far larger one, nor from quotients if it
+//! was computed without a division.
 
 use rustc_hash::FxHashMap;
 
@@ -18,17 +19,18 @@ use super::program::{Op, Operand, Program, Step, Temp};
 
 mod field;
 
-/// Programs of more values are left alone: the products of all pairs are held.
-const MOST_VALUES: usize = 800;
+/// Programs of more values are not searched: the products of all pairs are stored.
+const MAX_VALUES: usize = 800;
 
-/// How often all steps are gone through: a step that is spared leaves others with fewer uses.
-const SWEEPS: usize = 4;
+/// Largest number of passes over all steps: a step that is saved leaves other values with fewer
+/// uses.
+const MAX_PASSES: usize = 4;
 
-/// Puts relations to use until there are none, or [`SWEEPS`] times.
+/// Applies relations until there are none, or [`MAX_PASSES`] times.
 pub(super) fn relate(program: &mut Program) {
-    for _ in 0..SWEEPS {
+    for _ in 0..MAX_PASSES {
         let values = values(program);
-        if values.len() > MOST_VALUES || !sweep(program, &values) {
+        if values.len() > MAX_VALUES || !sweep(program, &values) {
             return;
         }
         program.drop_double_signs();
@@ -36,23 +38,23 @@ pub(super) fn relate(program: &mut Program) {
     }
 }
 
-/// By how much the bound on a value's rounding errors may grow.
-const GROWTH: f64 = 2.0;
+/// Largest factor by which the bound on a value's rounding errors may grow.
+const MAX_ERROR_GROWTH: f64 = 2.0;
 
-/// Something that can be worked on.
+/// A value that can be an operand.
 struct Value {
     operand: Operand,
-    /// After how many steps it is there.
+    /// The number of steps after which it is computed.
     after: usize,
-    /// What it is, by draw.
+    /// Its value modulo the prime, for each of two sets of random numbers.
     numbers: [u64; 2],
-    /// The sizes of all terms that it is the sum of, which rounding errors are in proportion to.
+    /// The sum of the absolute values of all its terms; rounding errors are proportional to it.
     size: f64,
-    /// Whether anything was divided for it.
+    /// Whether a quotient contributes to it.
     quotient: bool,
 }
 
-/// What a value may be, of others by their places.
+/// An expression that may replace a value; its operands are indices of other values.
 #[derive(Clone, Copy)]
 enum Rewrite {
     /// `a + b`
@@ -86,7 +88,7 @@ impl Rewrite {
         }
     }
 
-    /// Its value in a draw.
+    /// Its value modulo the prime, for one set of random numbers.
     fn number(self, values: &[Value], draw: usize) -> u64 {
         let at = |place: usize| values[place].numbers[draw];
         match self {
@@ -100,7 +102,7 @@ impl Rewrite {
         }
     }
 
-    /// The sizes of its terms.
+    /// The bound on the sum of the absolute values of its terms.
     fn size(self, values: &[Value]) -> f64 {
         let at = |place: usize| values[place].size;
         match self {
@@ -112,7 +114,7 @@ impl Rewrite {
         }
     }
 
-    /// The operation, but for the sign of [`Rewrite::Negative`], and whether that is missing.
+    /// The operation, and whether its result must still be negated, as [`Rewrite::Negative`] does.
     fn op(self, values: &[Value]) -> (Op, bool) {
         let at = |place: usize| values[place].operand;
         match self {
@@ -130,7 +132,7 @@ impl Rewrite {
     }
 }
 
-/// Products and sums of an operation.
+/// The number of products and of sums of an operation.
 fn price(op: &Op) -> [i32; 2] {
     match op {
         Op::Add(..) | Op::Sub(..) => [0, 1],
@@ -140,12 +142,12 @@ fn price(op: &Op) -> [i32; 2] {
     }
 }
 
-/// Whether a step is one of sums and products, which may be computed otherwise.
+/// Whether an operation is a sum or a product, which may be replaced.
 fn is_arithmetic(op: &Op) -> bool {
     price(op) != [0, 0]
 }
 
-/// Goes through all steps once; whether anything changed.
+/// Makes one pass over all steps; returns whether anything changed.
 fn sweep(program: &mut Program, values: &[Value]) -> bool {
     let known = ValueTable::of(values);
     let mut uses = Uses::of(program);
@@ -158,33 +160,33 @@ fn sweep(program: &mut Program, values: &[Value]) -> bool {
         if uses.dead[at] || !is_arithmetic(&program.steps[at].op) {
             continue;
         }
-        let spared = uses.spared(program, at, &[]);
-        // steps of a group may change places
+        let saved = uses.saved(program, at, &[]);
+        // steps of a group may be reordered
         let end = program.groups.iter().find(|g| g.steps.contains(&at));
         let end = end.map_or(at, |group| group.steps.end);
         let mut best = None;
-        known.ways(values, end, value, spared, |way| {
-            let places = way.places();
-            let there = places.iter().all(|place| {
+        known.candidates(values, end, value, saved, |rewrite| {
+            let places = rewrite.places();
+            let is_allowed = places.iter().all(|place| {
                 let other = &values[*place];
                 other.after <= end && (value.quotient || !other.quotient)
             });
-            let there = there && way.size(values) <= GROWTH * value.size;
-            let holds = || (0..2).all(|draw| way.number(values, draw) == value.numbers[draw]);
-            if !there || !holds() {
+            let is_allowed = is_allowed && rewrite.size(values) <= MAX_ERROR_GROWTH * value.size;
+            let agrees = || (0..2).all(|draw| rewrite.number(values, draw) == value.numbers[draw]);
+            if !is_allowed || !agrees() {
                 return;
             }
-            let op = way.op(values).0;
+            let op = rewrite.op(values).0;
             if uses.needs(program, &op, at) {
                 return;
             }
             let gain = uses.gain(program, at, &op);
             if gain.is_some() && gain > best.as_ref().and_then(|(most, _)| *most) {
-                best = Some((gain, way));
+                best = Some((gain, rewrite));
             }
         });
-        let Some((_, way)) = best else { continue };
-        let (op, sign) = way.op(values);
+        let Some((_, rewrite)) = best else { continue };
+        let (op, sign) = rewrite.op(values);
         uses.replace(program, at, &op);
         program.steps[at].op = op.clone();
         if sign {
@@ -192,15 +194,16 @@ fn sweep(program: &mut Program, values: &[Value]) -> bool {
         }
         changed = true;
     }
-    program.put_before(signs);
+    program.insert_negated(signs);
     program.sort_groups();
     changed
 }
 
-/// Values and products by what they are in the first draw.
+/// Index of values and of products of two values, by their value for the first set of random
+/// numbers.
 struct ValueTable {
     values: FxHashMap<u64, usize>,
-    /// Of several pairs the one that is there first.
+    /// The first pair with this product.
     products: FxHashMap<u64, (usize, usize)>,
 }
 
@@ -220,9 +223,10 @@ impl ValueTable {
         known
     }
 
-    /// What a value may be of what is there after `end` steps, where that takes fewer operations than
-    /// are spared.
-    fn ways(
+    /// Calls `found` for expressions that equal the value for the first set of random numbers,
+    /// whose operands are computed by step `end`, and which take fewer operations than the value's
+    /// own (`products` and `sums`).
+    fn candidates(
         &self,
         values: &[Value],
         end: usize,
@@ -269,7 +273,7 @@ impl ValueTable {
     }
 }
 
-/// All that a program's steps can work on, from what is there first.
+/// All values that a program's steps can have as operands, in the order of computation.
 fn values(program: &Program) -> Vec<Value> {
     let draws = [RandomValues::new(program, 0), RandomValues::new(program, 1)];
     let sizes = sizes(program);
@@ -306,7 +310,7 @@ fn values(program: &Program) -> Vec<Value> {
         add(Operand::Input { argument, element }, 0);
     }
     for (at, step) in program.steps.iter().enumerate() {
-        // what a sign is changed of is among the values already
+        // the operand of a sign change is among the values already
         if !matches!(step.op, Op::Neg(_)) {
             for result in &step.results {
                 add(Operand::Temp(*result), at + 1);
@@ -316,8 +320,8 @@ fn values(program: &Program) -> Vec<Value> {
     values
 }
 
-/// By temporary: the sizes of all terms of the sums that it is made of, what is given being about
-/// one, and whether anything was divided.
+/// For each temporary, the sum of the absolute values of its terms, with inputs of about one, and
+/// whether a quotient contributes to it.
 fn sizes(program: &Program) -> Vec<(f64, bool)> {
     let mut sizes = vec![(1.0, false); program.names.len()];
     for step in &program.steps {
@@ -332,7 +336,7 @@ fn sizes(program: &Program) -> Vec<(f64, bool)> {
                 plus(times(at(a), at(b)), at(c))
             }
             Op::Div(a, _) => (at(a).0, true),
-            // a solution is no number either where there is none
+            // the solution of a singular system is undefined, like a quotient
             Op::Solve(_) => (1.0, true),
             Op::SinCos(_) | Op::Sign(_) | Op::Positive(_) | Op::Negative(_) => continue,
         };
@@ -351,7 +355,7 @@ fn size_of(operand: &Operand, sizes: &[(f64, bool)]) -> (f64, bool) {
     }
 }
 
-/// The values of a program at numbers that are drawn.
+/// The values of a program at random inputs, modulo the prime.
 struct RandomValues {
     draw: u64,
     temps: Vec<u64>,
@@ -382,7 +386,7 @@ impl RandomValues {
                     }
                     continue;
                 }
-                // no rational functions: numbers of their own
+                // not rational functions: their results are random numbers
                 Op::Sign(_) | Op::Positive(_) | Op::Negative(_) | Op::Solve(_) => {
                     for result in &step.results {
                         drawn.temps[result.0 as usize] = drawn.other(*result);
@@ -397,7 +401,7 @@ impl RandomValues {
         drawn
     }
 
-    /// A number for a result that is no rational function.
+    /// A random number for a result that is not a rational function of the inputs.
     fn other(&self, result: Temp) -> u64 {
         field::drawn((1 << 60) + u64::from(result.0), self.draw)
     }
@@ -413,12 +417,12 @@ impl RandomValues {
     }
 }
 
-/// How often values are used, while steps change.
+/// The uses of values, updated while steps change.
 struct Uses {
     count: Vec<u32>,
-    /// By value, the step that makes it.
+    /// For each value, the step that computes it.
     made: Vec<usize>,
-    /// By step, whether nothing uses it any more.
+    /// For each step, whether its results are no longer used.
     dead: Vec<bool>,
 }
 
@@ -443,9 +447,9 @@ impl Uses {
         uses
     }
 
-    /// The steps that nothing would use without a step, itself first, if the values of `kept` were
-    /// used once more.
-    fn only_for(&self, program: &Program, at: usize, kept: &[Operand]) -> Vec<usize> {
+    /// The steps that would have no use without the step `at`, which comes first, if the values in
+    /// `kept` were used once more.
+    fn steps_only_for(&self, program: &Program, at: usize, kept: &[Operand]) -> Vec<usize> {
         let mut fewer: FxHashMap<Temp, i64> = FxHashMap::default();
         for operand in kept {
             if let Operand::Temp(t) = operand {
@@ -470,27 +474,27 @@ impl Uses {
         steps
     }
 
-    /// Products and sums that would not be needed without a step.
-    fn spared(&self, program: &Program, at: usize, kept: &[Operand]) -> [i32; 2] {
-        let steps = self.only_for(program, at, kept);
+    /// The number of products and sums that the program would save without a step.
+    fn saved(&self, program: &Program, at: usize, kept: &[Operand]) -> [i32; 2] {
+        let steps = self.steps_only_for(program, at, kept);
         let prices = steps.iter().map(|step| price(&program.steps[*step].op));
         prices.fold([0, 0], |sum, p| [sum[0] + p[0], sum[1] + p[1]])
     }
 
-    /// The operations gained by another operation in a step's place, and the products among them;
-    /// `None` if there are none, or it takes a value that is gone.
+    /// The number of operations saved by another operation in place of a step's, and of products
+    /// among them; `None` if none are saved, or if an operand is no longer computed.
     fn gain(&self, program: &Program, at: usize, op: &Op) -> Option<(i32, i32)> {
         let operands = op.operands();
         let gone = operands
             .iter()
             .any(|o| matches!(o, Operand::Temp(t) if self.dead[self.made[t.0 as usize]]));
-        let (spared, takes) = (self.spared(program, at, &operands), price(op));
-        let [products, sums] = [spared[0] - takes[0], spared[1] - takes[1]];
+        let (saved, takes) = (self.saved(program, at, &operands), price(op));
+        let [products, sums] = [saved[0] - takes[0], saved[1] - takes[1]];
         let fewer = products >= 0 && sums >= 0 && products + sums > 0;
         (fewer && !gone).then_some((products + sums, products))
     }
 
-    /// Whether an operation needs what a step makes, as steps are now.
+    /// Whether an operation depends on the result of a step.
     fn needs(&self, program: &Program, op: &Op, at: usize) -> bool {
         let mut seen = vec![false; program.steps.len()];
         let mut operands = op.operands();
@@ -507,10 +511,10 @@ impl Uses {
         false
     }
 
-    /// Keeps count when a step gets another operation.
+    /// Updates the uses when a step gets another operation.
     fn replace(&mut self, program: &Program, at: usize, op: &Op) {
         let operands = op.operands();
-        let steps = self.only_for(program, at, &operands);
+        let steps = self.steps_only_for(program, at, &operands);
         for operand in operands {
             if let Operand::Temp(t) = operand {
                 self.count[t.0 as usize] += 1;
@@ -528,10 +532,11 @@ impl Uses {
 }
 
 impl Program {
-    /// Puts an operation before each of some steps, in order, which then changes its sign.
-    fn put_before(&mut self, operations: Vec<(usize, Op)>) {
+    /// Inserts an operation before each of the given steps, in order; the step then negates its
+    /// result.
+    fn insert_negated(&mut self, operations: Vec<(usize, Op)>) {
         let places: Vec<usize> = operations.iter().map(|(at, _)| *at).collect();
-        // from the back, so that places stay what they are
+        // from the back, so that the indices before it stay valid
         for (at, op) in operations.into_iter().rev() {
             let temp = Temp(self.names.len() as u32);
             self.names.push(None);
@@ -548,8 +553,8 @@ impl Program {
         }
     }
 
-    /// Puts the steps of every group in an order in which each follows what it works on, else as they
-    /// are.
+    /// Orders the steps of every group so that each follows its operands, with as few changes as
+    /// possible.
     fn sort_groups(&mut self) {
         let mut made = vec![usize::MAX; self.names.len()];
         for (at, step) in self.steps.iter().enumerate() {
@@ -587,7 +592,7 @@ impl Program {
             .collect();
     }
 
-    /// Where a sign is changed twice, works on the value itself.
+    /// Replaces values that are negated twice by the value itself.
     fn drop_double_signs(&mut self) {
         let mut of: FxHashMap<Temp, Operand> = FxHashMap::default();
         let mut same: FxHashMap<Temp, Operand> = FxHashMap::default();

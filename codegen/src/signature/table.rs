@@ -1,4 +1,4 @@
-//! The rows of the table, in the order in which functions are emitted.
+//! The rows of the function table, in the order in which functions are emitted.
 
 use super::{Argument, Layout, Needs, Passing, Shape, Signature, Size};
 
@@ -20,18 +20,18 @@ const fn by_columns(rows: Size, columns: Size) -> Shape {
 
 macro_rules! functions {
     ($($case:ident { formula: $formula:literal, $($field:ident: $value:expr,)* })*) => {
-        /// A function that a robot gets.
+        /// A function that a robot can have.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         pub enum FunctionKind {
             $(#[doc = $formula] $case,)*
         }
 
         impl FunctionKind {
-            /// All of them, in the order in which they are emitted.
+            /// All functions, in the order in which they are emitted.
             pub const ALL: [FunctionKind; [$(stringify!($case)),*].len()] =
                 [$(FunctionKind::$case),*];
 
-            /// What the table states about it.
+            /// The table's row for this function.
             pub fn signature(self) -> &'static Signature {
                 match self {
                     $(FunctionKind::$case => {
@@ -45,7 +45,7 @@ macro_rules! functions {
 }
 
 impl FunctionKind {
-    /// Its name in code.
+    /// The function's name in code.
     pub fn name(self) -> &'static str {
         self.signature().name
     }

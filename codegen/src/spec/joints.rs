@@ -1,38 +1,39 @@
-//! What each joint type is made of: its motions, and the rows that close a loop at it.
+//! Joint types: their single-axis motions, and the closure rows of a cut of the same type.
 
 use super::shape::Choice;
 use super::types::{Axis, CutKind, JointKind};
 
-/// How a coordinate moves what it carries, and so what it measures.
+/// The kind of motion of a coordinate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MotionKind {
-    /// It turns it about the axis: an angle.
+    /// A rotation about the axis; the coordinate is an angle.
     Rotation,
-    /// It slides it along the axis: a length.
+    /// A translation along the axis; the coordinate is a length.
     Translation,
 }
 
-/// One equation of a cut between frame A and frame B.
+/// One closure equation of a cut between frame A and frame B.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CutRow {
     /// A component of pB - pA in the observing frame.
     Position(Axis),
-    /// An axis of A against an axis of B.
+    /// The dot product of an axis of A and an axis of B, zero when closed.
     Axes(Axis, Axis),
-    /// An axis of A against pB - pA.
+    /// The dot product of an axis of A and pB - pA.
     Offset(Axis),
-    /// The lead times the sine of what is between the shift along z over the lead and the angle
-    /// about z. It is analytic, and to first order the shift less the lead times the angle.
+    /// The lead times the sine of the difference between the shift along z divided by the lead and
+    /// the angle about z. It is analytic, and to first order it is the shift less the lead times
+    /// the angle.
     Screw,
 }
 
 impl JointKind {
-    /// Its name in the spec.
+    /// The word for the type in the spec.
     pub fn name(self) -> &'static str {
         self.word()
     }
 
-    /// The single-axis motions that it is made of, in order.
+    /// The single-axis motions that the joint consists of, in order.
     pub fn motions(self) -> &'static [(MotionKind, Axis)] {
         use Axis::{X, Y, Z};
         use MotionKind::{Rotation, Translation};
@@ -46,34 +47,34 @@ impl JointKind {
         }
     }
 
-    /// How many coordinates it has.
+    /// Number of its coordinates.
     pub fn coordinates(self) -> usize {
         self.motions().len()
     }
 
-    /// Whether the spec may choose its axis.
+    /// Whether the spec may choose the axis of the joint.
     pub fn takes_axis(self) -> bool {
         self.coordinates() == 1
     }
 
-    /// Whether it slides in proportion to its turn, so that it has a pitch.
+    /// Whether the joint translates in proportion to its rotation, and so has a pitch.
     pub fn takes_pitch(self) -> bool {
         self == Self::Helical
     }
 
-    /// Whether the spec may limit the angle between the z axes of its two sides.
+    /// Whether the spec may limit the swing angle of the joint.
     pub fn takes_cone(self) -> bool {
         matches!(self, Self::Universal | Self::Spherical)
     }
 }
 
 impl CutKind {
-    /// Its name in the spec.
+    /// The word for the type in the spec.
     pub fn name(self) -> &'static str {
         self.word()
     }
 
-    /// The joint that was opened.
+    /// The type of the joint that was cut.
     pub fn joint(self) -> JointKind {
         match self {
             Self::Spherical => JointKind::Spherical,
@@ -86,7 +87,7 @@ impl CutKind {
         }
     }
 
-    /// Its equations, in order.
+    /// The closure equations of the cut, in order.
     pub fn rows(self) -> &'static [CutRow] {
         use Axis::{X, Y, Z};
         use CutRow::{Axes, Offset, Position, Screw};
@@ -104,7 +105,7 @@ impl CutKind {
         }
     }
 
-    /// How many equations it has.
+    /// Number of its closure equations.
     pub fn equations(self) -> usize {
         self.rows().len()
     }

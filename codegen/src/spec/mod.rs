@@ -1,12 +1,14 @@
-//! From YAML to a validated spec.
+//! Reads YAML and validates it as a robot spec.
 //!
-//! In phases, each of which reports all its errors before the next one starts: the YAML itself; the shape of the
-//! records (`raw.rs` lists their keys); names, labels and references; values. Nothing here knows dynamics.
+//! Reading has phases, each of which reports all its errors before the next one starts: the YAML
+//! itself; the shape of the records (`raw.rs` lists their keys); names, labels and references;
+//! values. Nothing here depends on dynamics.
 //!
-//! Files are of people one may not know, so everything has a limit that is told where it is passed: 1 MiB of text,
-//! 64 levels and 20,000 nodes with aliases expanded (`yaml.rs`); 10,000 characters, 100 levels and 500 operations in a
-//! chain for an expression, every value between the smallest and the largest double (`expression`); 256 coordinates,
-//! 384 bodies, 640 equations of cuts and couplings (`check/limits.rs`); base parameters are derived of 1500 parameters
+//! Files may come from untrusted sources, so everything has a limit, and an error reports it if it
+//! is exceeded: 1 MiB of text, 64 levels and 20,000 nodes with aliases expanded (`yaml.rs`); 10,000
+//! characters, 100 levels and 500 operations in a chain for an expression, every value between the
+//! smallest and the largest double (`expression`); 256 coordinates, 384 bodies, 640 equations of
+//! cuts and couplings (`check/limits.rs`); base parameters are derived for up to 1500 parameters
 //! (`crate::base::MOST_PARAMETERS`).
 
 mod check;
@@ -38,7 +40,24 @@ use shape::{Reader, Shape};
 /// Reads and validates a spec.
 ///
 /// # Errors
-/// All errors of the first phase that finds some.
+/// A report with all errors of the first phase that finds some.
+///
+/// ```
+/// use regen_codegen::diag::Source;
+/// use regen_codegen::spec::parse;
+///
+/// let text = "\
+/// name: arm
+/// limbs:
+///   - name: arm
+///     joints:
+///       - {name: q1, type: revolute, body: link, actuated: true}
+/// ";
+/// let spec = parse(&Source::new("arm.yaml", text))?;
+/// assert_eq!(spec.limbs[0].joints.len(), 1);
+/// assert!(parse(&Source::new("arm.yaml", "name: arm")).is_err());
+/// # Ok::<(), regen_codegen::diag::Report>(())
+/// ```
 pub fn parse(source: &Source) -> Result<Spec, Report> {
     let document = yaml::load(source)?;
     let mut reader = Reader::new();
@@ -52,7 +71,7 @@ pub fn parse(source: &Source) -> Result<Spec, Report> {
     complete(spec, sink, source)
 }
 
-/// The result of a phase, which exists if nothing was reported.
+/// The result of a phase: its errors if there are any, else its value.
 fn complete<T>(result: Option<T>, sink: Sink, source: &Source) -> Result<T, Report> {
     sink.finish(source)?;
     result.ok_or_else(|| {
@@ -61,16 +80,16 @@ fn complete<T>(result: Option<T>, sink: Sink, source: &Source) -> Result<T, Repo
     })
 }
 
-/// The syntax of an expression in numbers and names, its places counted from the text's start;
-/// `None` where it is none.
+/// The syntax tree of an expression in numbers and names, with places counted from the start of the
+/// text; `None` if the text is not an expression.
 pub(crate) fn syntax(text: &str) -> Option<Ast> {
     let whole = Span::new(0, text.len());
     expression::parse(text, whole, Some(0), expression::Vocabulary::Constants).ok()
 }
 
 impl Spec {
-    /// The exact value of an expression in the geometry names; `None` where it
-    /// is none.
+    /// The exact value of an expression in numbers and geometry names; `None` if the text is not an
+    /// expression or has no such value.
     pub fn evaluate(&self, text: &str) -> Option<crate::sym::Number> {
         let ast = syntax(text)?;
         let geometry = &self.geometry;

@@ -1,23 +1,23 @@
-//! What inertias bodies can have.
+//! Checks whether a rigid body can have an inertia tensor.
 
-/// What is wrong with an inertia.
+/// The reason why no rigid body has an inertia tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flaw {
-    /// It turns some way with negative energy.
+    /// The tensor is not positive semidefinite: some rotation would have negative kinetic energy.
     Indefinite,
-    /// Two principal moments are less than the third together.
+    /// Two principal moments add up to less than the third (triangle inequality).
     Triangle,
 }
 
-/// The flaw of a tensor `xx xy xz yy yz zz` about the centre of mass, if it has one
-/// that is larger than `tolerance` beside its largest entry.
+/// Checks an inertia tensor `xx xy xz yy yz zz` about the centre of mass, kg m^2: returns its flaw,
+/// if it has one that exceeds `tolerance` relative to its largest entry.
 ///
 /// ```
 /// use regen_codegen::spec::{Flaw, flaw};
 ///
 /// let disc = [1.0, 0.0, 0.0, 1.0, 0.0, 2.0];
 /// assert_eq!(flaw(disc, 1e-12), None);
-/// // nothing is thinner than a disc
+/// // no body is thinner than a disc
 /// let none = [1.0, 0.0, 0.0, 1.0, 0.0, 2.1];
 /// assert_eq!(flaw(none, 1e-12), Some(Flaw::Triangle));
 /// ```
@@ -25,7 +25,7 @@ pub fn flaw(tensor: [f64; 6], tolerance: f64) -> Option<Flaw> {
     if !is_semidefinite(tensor, tolerance) {
         return Some(Flaw::Indefinite);
     }
-    // the second moments of the mass, which cannot be negative either
+    // the second moments of mass must be positive semidefinite too
     let [xx, xy, xz, yy, yz, zz] = tensor;
     let half = (xx + yy + zz) / 2.0;
     let moments = [half - xx, -xy, -xz, half - yy, -yz, half - zz];
@@ -75,7 +75,7 @@ mod tests {
             flaw([1.0, 1.1, 0.0, 1.0, 0.0, 1.0], 1e-12),
             Some(Flaw::Indefinite)
         );
-        // only the determinant is negative, and all is small
+        // only the determinant is negative, and all entries are small
         assert_eq!(
             flaw([1e-9, 0.9e-9, 0.9e-9, 1e-9, -0.9e-9, 1e-9], 1e-12),
             Some(Flaw::Indefinite)

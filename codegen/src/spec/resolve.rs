@@ -1,4 +1,4 @@
-//! The checked names to values: every expression is evaluated, every value checked.
+//! Evaluates every expression of a spec whose names are checked, and checks the values.
 
 use std::collections::BTreeMap;
 
@@ -16,16 +16,17 @@ use super::types::{
 use crate::diag::{Diagnostic, Sink, Span};
 use crate::sym::Number;
 
-/// What comes out of rounding alone, relative to the largest entry.
-const ROUNDING: f64 = 1e-12;
+/// Largest negative part of a positive semidefinite tensor that is taken for rounding, relative to
+/// its largest entry.
+const SEMIDEFINITE_TOLERANCE: f64 = 1e-12;
 
-/// Evaluates a spec whose names are checked; `None` if something was reported.
+/// Evaluates a spec whose names are checked; `None` if an error was reported.
 pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
     let mut resolver = Resolver {
         values: BTreeMap::new(),
         sink,
     };
-    // every part is evaluated, also after a bad one
+    // evaluate every part, also after an error, so that all errors are reported
     let geometry = resolver.geometry(raw);
     let gravity = resolver.all(&raw.gravity);
     let limbs = each(&raw.limbs, |limb| resolver.limb(limb));
@@ -68,7 +69,7 @@ pub(super) fn resolve(raw: &RawSpec, sink: &mut Sink) -> Option<Spec> {
     })
 }
 
-/// Applies something to every item, also after a failure.
+/// Calls `act` for every item, also after a failure; `None` if any call failed.
 fn each<I: IntoIterator, T>(items: I, act: impl FnMut(I::Item) -> Option<T>) -> Option<Vec<T>> {
     let results: Vec<Option<T>> = items.into_iter().map(act).collect();
     results.into_iter().collect()
@@ -81,24 +82,25 @@ fn spanned(word: &Word) -> Spanned<String> {
     }
 }
 
-/// A body, or nothing for the world.
+/// The label of a body; `None` for the world.
 fn body(reference: &BodyReference) -> Option<Spanned<String>> {
     (reference.0.text != "world").then(|| spanned(&reference.0))
 }
 
-/// Something is wrong, and the sink knows it.
+/// Returned after an error was reported to the sink.
 struct Reported;
 
-/// A joint or a cut that may have a pitch.
+/// A joint or a cut, as the owner of a pitch.
 struct Screw<'a> {
     kind: JointKind,
-    /// `joint` or `cut`.
+    /// The word for it in messages: `joint` or `cut`.
     what: &'static str,
     path: &'a str,
 }
 
 struct Resolver<'a> {
-    /// Geometry so far; `None` where a value was reported as bad, so that its uses are not reported too.
+    /// Values of the geometry names so far; `None` for a value with a reported error, so that its
+    /// uses are not reported too.
     values: BTreeMap<String, Option<Number>>,
     sink: &'a mut Sink,
 }
@@ -116,15 +118,15 @@ impl Resolver<'_> {
         )
     }
 
-    /// Whether an expression uses a value that was reported already.
-    fn is_spoilt(&self, ast: &Ast) -> bool {
-        let mut spoilt = false;
-        ast.names(&mut |_, name| spoilt |= matches!(self.values.get(name), Some(None)));
-        spoilt
+    /// Whether an expression uses a value with a reported error.
+    fn uses_bad_value(&self, ast: &Ast) -> bool {
+        let mut bad = false;
+        ast.names(&mut |_, name| bad |= matches!(self.values.get(name), Some(None)));
+        bad
     }
 
     fn quantity(&mut self, scalar: &Scalar) -> Option<Quantity> {
-        if self.is_spoilt(&scalar.ast) {
+        if self.uses_bad_value(&scalar.ast) {
             return None;
         }
         let lookup = |name: &str| self.values.get(name).cloned().flatten();
@@ -138,11 +140,12 @@ impl Resolver<'_> {
     }
 
     fn linear(&mut self, scalar: &Scalar) -> Option<LinearForm> {
-        if self.is_spoilt(&scalar.ast) {
+        if self.uses_bad_value(&scalar.ast) {
             return None;
         }
         let lookup = |name: &str| self.values.get(name).cloned().flatten();
-        // what is no geometry name is a coordinate or a parameter: the names are checked
+        // names that are not geometry names are coordinates or parameters, since the names are
+        // checked
         match linear(
             &scalar.ast,
             &|name| !self.values.contains_key(name),
@@ -291,7 +294,7 @@ impl Resolver<'_> {
         Some(interval)
     }
 
-    /// The angle, if there is one; an error if it is reported.
+    /// The largest swing angle, rad, if the spec limits it; `Err` after reporting an error.
     fn cone(&mut self, raw: Option<&Scalar>) -> Result<Option<Quantity>, Reported> {
         let Some(raw) = raw else {
             return Ok(None);
@@ -305,7 +308,8 @@ impl Resolver<'_> {
         Ok(Some(cone))
     }
 
-    /// The lead of a joint or cut that has a pitch; an error if it is reported.
+    /// The lead (pitch over 2 pi) of a joint or cut that has a pitch; `Err` after reporting an
+    /// error.
     fn lead(
         &mut self,
         screw: &Screw<'_>,
@@ -327,7 +331,7 @@ impl Resolver<'_> {
             (true, None) => {
                 self.sink.push(
                     Diagnostic::new(kind_span, format!("a {word} {what} needs a pitch"))
-                        // of the joint or the cut, not of its name
+                        // the path of the joint or the cut, not that of its name
                         .path(screw.path.trim_end_matches(", name"))
                         .hint("write `pitch: 0.005` for 5 mm per turn"),
                 );
@@ -396,7 +400,7 @@ impl Resolver<'_> {
             self.refuse(&raw.mass, "a mass must not be negative");
         }
         let tensor = inertia.each_ref().map(|entry| entry.value.to_f64());
-        if flaw(tensor, ROUNDING) == Some(Flaw::Indefinite) {
+        if flaw(tensor, SEMIDEFINITE_TOLERANCE) == Some(Flaw::Indefinite) {
             let span = raw
                 .inertia
                 .iter()
@@ -456,7 +460,7 @@ impl Resolver<'_> {
     }
 }
 
-/// Zero, where nothing is written.
+/// The value zero, for keys that are missing.
 fn zero(span: Span) -> Quantity {
     let ast = Ast::number(Number::zero(), span);
     Quantity {

@@ -1,4 +1,4 @@
-//! The JSON Schema of the format, from the list of keys that reads it.
+//! The JSON Schema of the format, generated from the same lists of keys that read files.
 
 use super::raw::RawSpec;
 use super::shape::Shape;
@@ -6,8 +6,8 @@ use super::shape::json::{Definitions, Json};
 
 /// The JSON Schema of robot specs (draft 2020-12), the same text in every run.
 ///
-/// Editors complete and check `robots/*.yaml` with it. It knows shapes; that names and labels exist, and what
-/// values they have, only [`parse`](super::parse) checks.
+/// Editors complete and check `robots/*.yaml` with it. It describes the shapes of records only;
+/// [`parse`](super::parse) also checks that names and labels exist, and which values they have.
 pub fn schema() -> String {
     let mut definitions = Definitions::new();
     let reference = RawSpec::schema(&mut definitions);

@@ -1,11 +1,11 @@
-//! "Did you mean".
+//! Suggestions for misspelt words ("did you mean").
 
-/// `; did you mean 'x'?` if a known word is near, or nothing.
+/// The text `; did you mean 'x'?` if a known word is near, else an empty text.
 pub(super) fn did_you_mean<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     nearest(word, known).map_or_else(String::new, |near| format!("; did you mean '{near}'?"))
 }
 
-/// The known word nearest to a misspelt one, the first of equals; none where all are far.
+/// The known word nearest to a misspelt one, the first of equally near ones; `None` if all are far.
 ///
 /// ```
 /// use regen_codegen::spec::nearest;
@@ -14,17 +14,18 @@ pub(super) fn did_you_mean<'a>(word: &str, known: impl IntoIterator<Item = &'a s
 /// assert_eq!(nearest("draw", ["check", "view"]), None);
 /// ```
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
-    const LONGEST: usize = 64;
-    const MOST: usize = 1000;
-    // one slip in short words, two in longer ones
+    // bounds of the time for a comparison
+    const MAX_WORD_LENGTH: usize = 64;
+    const MAX_CANDIDATES: usize = 1000;
+    // allow one typing error in short words, two in longer ones
     let length = word.chars().count();
     let allowed = if length < 4 { 1 } else { 2 };
-    if length > LONGEST {
+    if length > MAX_WORD_LENGTH {
         return None;
     }
     let lower = word.to_lowercase();
     let mut best: Option<(usize, &str)> = None;
-    for candidate in known.into_iter().take(MOST) {
+    for candidate in known.into_iter().take(MAX_CANDIDATES) {
         if candidate.chars().count().abs_diff(length) > allowed {
             continue;
         }
@@ -41,13 +42,13 @@ pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Opti
     best.map(|(_, candidate)| candidate)
 }
 
-/// Whether two words differ in their digits only: `q7` is no slip for `q1`.
+/// Whether two words differ in their digits only: `q7` is not a misspelt `q1`.
 fn differ_in_digits(a: &str, b: &str) -> bool {
     let same = |(x, y): (char, char)| x == y || (x.is_ascii_digit() && y.is_ascii_digit());
     a != b && a.chars().count() == b.chars().count() && a.chars().zip(b.chars()).all(same)
 }
 
-/// `'a', 'b' or 'c'`.
+/// The words as a list: `'a', 'b' or 'c'`.
 pub(super) fn one_of<'a>(words: impl IntoIterator<Item = &'a str>) -> String {
     let quoted: Vec<String> = words.into_iter().map(|word| format!("'{word}'")).collect();
     match quoted.split_last() {

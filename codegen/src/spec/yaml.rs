@@ -1,7 +1,7 @@
-//! YAML to a tree of nodes with their places.
+//! Reads YAML as a tree of nodes with their places.
 //!
-//! Read from the parser's events and not through serde: places are needed for every key and value, also by
-//! checks that run later, and scalars are wanted as they are written, never as floats.
+//! The tree is built from the parser's events and not by serde: later checks need the place of
+//! every key and value, and scalars as they are written, never as floats.
 
 use std::collections::BTreeMap;
 
@@ -10,30 +10,30 @@ use saphyr_parser::{Event, Marker, Parser, ScalarStyle, Tag};
 use super::shape::json::Json;
 use crate::diag::{Diagnostic, Report, Sink, Source, Span};
 
-/// Largest file, in bytes.
+/// Largest size of a file, in bytes.
 pub const MAX_BYTES: usize = 1 << 20;
-/// Deepest nesting of lists and mappings.
+/// Largest depth of nested lists and mappings.
 const MAX_DEPTH: usize = 64;
-/// Most nodes, with aliases expanded.
+/// Largest number of nodes, with aliases expanded.
 const MAX_NODES: usize = 20_000;
 
-/// A node of the document, aliases expanded.
+/// A node of the document, with aliases expanded.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Node {
-    /// What it is.
+    /// The kind and contents of the node.
     pub(super) kind: Kind,
-    /// Where it stands.
+    /// Its place in the file.
     pub(super) span: Span,
 }
 
-/// The three kinds of nodes.
+/// The kinds of nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Kind {
     /// A plain or quoted scalar.
     Scalar(Scalar),
     /// A sequence.
     List(Vec<Node>),
-    /// A mapping, in the order of the file, keys unique.
+    /// A mapping, in the order of the file, with unique keys.
     Map(Vec<(Key, Node)>),
 }
 
@@ -42,9 +42,10 @@ pub(super) enum Kind {
 pub(super) struct Scalar {
     /// The text, without quotes.
     pub(super) text: String,
-    /// Whether it stands without quotes: only then `null` and `true` are more than text.
+    /// Whether the text is written without quotes: only then `null` and `true` are more than text.
     pub(super) plain: bool,
-    /// Where the text stands in the file character by character; `None` if escapes or folded lines intervene.
+    /// The offset at which the file contains the text character by character; `None` if escapes or
+    /// folded lines make it differ.
     pub(super) verbatim: Option<usize>,
 }
 
@@ -53,12 +54,12 @@ pub(super) struct Scalar {
 pub(super) struct Key {
     /// The text, without quotes.
     pub(super) text: String,
-    /// Where it stands.
+    /// Its place in the file.
     pub(super) span: Span,
 }
 
 impl Node {
-    /// How errors call what stands here.
+    /// How errors refer to the contents of this node.
     pub(super) fn describe(&self) -> String {
         match &self.kind {
             Kind::List(_) => "a list".into(),
@@ -68,7 +69,7 @@ impl Node {
         }
     }
 
-    /// The value of a key, if this is a mapping that has it.
+    /// The value of a key, if this is a mapping with that key.
     pub(super) fn get(&self, key: &str) -> Option<&Node> {
         match &self.kind {
             Kind::Map(entries) => entries
@@ -91,7 +92,7 @@ impl Node {
         }
     }
 
-    /// The same value as JSON.
+    /// The contents as JSON.
     pub(super) fn to_json(&self) -> Json {
         match &self.kind {
             Kind::Scalar(scalar) => match scalar.text.as_str() {
@@ -111,7 +112,7 @@ impl Node {
         }
     }
 
-    /// Gives the whole tree one place, which is not where its text stands.
+    /// Sets the place of all nodes of the tree, for a tree whose text is not in the file.
     pub(super) fn relocate(&mut self, span: Span) {
         self.span = span;
         match &mut self.kind {
@@ -144,13 +145,13 @@ impl Node {
 }
 
 impl Scalar {
-    /// Whether it is YAML's null: nothing, `~` or `null`.
+    /// Whether this is YAML's null: an empty text, `~` or `null`.
     pub(super) fn is_null(&self) -> bool {
         self.plain && matches!(self.text.as_str(), "" | "~" | "null" | "Null" | "NULL")
     }
 }
 
-/// YAML of our own, at a place of the file.
+/// Parses YAML that is not part of the file, and gives its nodes the place `span`.
 pub(super) fn literal(text: &str, span: Span) -> Node {
     let source = Source::new("default", text);
     let mut node = load(&source).unwrap_or_else(|_| Node::plain(text, span));
@@ -158,19 +159,23 @@ pub(super) fn literal(text: &str, span: Span) -> Node {
     node
 }
 
-/// A text short enough for a message.
+/// A text, cut to a length that fits in a message.
 pub(super) fn shorten(text: &str) -> String {
-    const LONGEST: usize = 40;
-    if text.chars().count() <= LONGEST {
+    // largest number of characters of a text in a message
+    const MAX_CHARACTERS: usize = 40;
+    if text.chars().count() <= MAX_CHARACTERS {
         return text.to_owned();
     }
-    text.chars().take(LONGEST).chain("...".chars()).collect()
+    text.chars()
+        .take(MAX_CHARACTERS)
+        .chain("...".chars())
+        .collect()
 }
 
-/// The only document of a file.
+/// Reads the only document of a file.
 ///
 /// # Errors
-/// Everything that keeps the file from being one YAML document within the limits.
+/// A report with everything that prevents the file from being one YAML document within the limits.
 pub(super) fn load(source: &Source) -> Result<Node, Report> {
     if source.text.len() > MAX_BYTES {
         return Err(too_large(source));
@@ -205,7 +210,7 @@ fn too_large(source: &Source) -> Report {
     Report::new(source, vec![Diagnostic::new(Span::default(), message)])
 }
 
-/// A collection that is still being read.
+/// A list or mapping that is still being read.
 enum Open {
     List {
         span: Span,
@@ -226,7 +231,7 @@ type Fatal = Box<Diagnostic>;
 struct Loader<'a> {
     source: &'a Source,
     sink: &'a mut Sink,
-    /// Byte offset of each character, if they differ from the characters' numbers.
+    /// Byte offset of each character, if these differ from the characters' indices.
     offsets: Option<Vec<usize>>,
     stack: Vec<Open>,
     anchors: BTreeMap<usize, (Node, usize)>,
@@ -328,7 +333,7 @@ impl<'a> Loader<'a> {
             .get(quote..)
             .is_some_and(|inner| inner.starts_with(&text))
             .then_some(span.start + quote);
-        // plain scalars are trimmed, since their end may be reported past blanks
+        // plain scalars are trimmed, since the parser may report their end after trailing blanks
         let span = match (style, verbatim) {
             (ScalarStyle::Plain, Some(start)) => Span::new(start, start + text.len()),
             _ => span,
@@ -402,7 +407,7 @@ impl<'a> Loader<'a> {
             None => return Ok(()),
         };
         let span = self.source.clamp(span.to(end));
-        // block collections end where the next token starts: cut the blanks and comments off
+        // block collections end where the next token starts: cut off blanks and comments
         let end = match &kind {
             Kind::List(items) => items.last().map(|item| item.span.end),
             Kind::Map(entries) => entries.last().map(|(_, value)| value.span.end),
@@ -417,7 +422,7 @@ impl<'a> Loader<'a> {
         self.close(Node { kind, span }, anchor)
     }
 
-    /// A node is complete.
+    /// Registers a complete node under its anchor, if it has one, and places it.
     fn close(&mut self, node: Node, anchor: usize) -> Result<(), Fatal> {
         self.nodes += 1;
         self.check_budget(node.span)?;
@@ -428,7 +433,7 @@ impl<'a> Loader<'a> {
         self.place(node)
     }
 
-    /// Puts a node where it belongs.
+    /// Adds a node to the collection that is being read, or makes it the root.
     fn place(&mut self, node: Node) -> Result<(), Fatal> {
         match self.stack.last_mut() {
             None => self.root = Some(node),

@@ -1,7 +1,7 @@
-//! Angles: linear forms in the symbols, the usual arguments of sine and cosine.
+//! Angles as linear forms in the symbols, the usual arguments of sine and cosine.
 //!
-//! Keeping the argument linear makes the sum of angles about parallel axes an
-//! addition of forms, and lets sines and cosines of related angles share.
+//! With linear arguments the sum of angles about parallel axes is a sum of forms, and sines and
+//! cosines of related angles can be computed from each other.
 
 use dashu_int::IBig;
 use dashu_int::ops::RemEuclid;
@@ -10,7 +10,7 @@ use dashu_ratio::RBig;
 use super::graph::{Ex, Graph, Node, SymbolId};
 use super::number::Number;
 
-/// An [`Angle`] of a [`Graph`].
+/// The id of an [`Angle`] in a [`Graph`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct AngleId(pub(super) u32);
 
@@ -21,10 +21,10 @@ impl AngleId {
     }
 }
 
-/// A constant plus constant multiples of symbols, in radians.
+/// A linear form in the symbols with a constant part, rad.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Angle {
-    /// Coefficients by symbol, in the symbols' order, none zero.
+    /// The symbols with their coefficients, in the symbols' order; no coefficient is zero.
     pub terms: Vec<(SymbolId, Number)>,
     /// The constant part.
     pub constant: Number,
@@ -39,7 +39,7 @@ impl Angle {
         }
     }
 
-    /// A symbol alone.
+    /// The angle that a symbol is.
     pub fn symbol(symbol: SymbolId) -> Self {
         Angle {
             terms: vec![(symbol, Number::one())],
@@ -84,13 +84,13 @@ impl Angle {
             .collect()
     }
 
-    /// Splits the constant part into quarter turns (mod 4) and a remainder in
-    /// [0, pi/2), where it is a rational multiple of pi.
+    /// If the constant part is a rational multiple of pi, splits it into quarter turns (mod 4) and
+    /// a remainder in [0, pi/2); otherwise returns no quarter turns and the constant part.
     fn quarter_turns(&self) -> (u8, Number) {
         let Some(multiple) = self.constant.pi_multiple() else {
             return (0, self.constant.clone());
         };
-        // twice the multiple, floored, counts the quarter turns
+        // the number of quarter turns is twice the multiple, rounded down
         let floor = (multiple * RBig::from(2)).floor();
         let quarters = Number::from_rational(RBig::from(floor.clone()));
         let half_pi = Number::pi().div(&Number::from_i64(2));
@@ -124,8 +124,8 @@ impl Graph {
 
     /// Sine and cosine of an angle.
     ///
-    /// Constant angles give constants; quarter turns and the sign are taken out
-    /// first, so that `sin(-q)`, `cos(q + pi/2)` and `sin(q)` share one node.
+    /// Constant angles give constants; quarter turns and the sign are taken out first, so that
+    /// `sin(-q)`, `cos(q + pi/2)` and `sin(q)` share one node.
     pub fn sin_cos(&mut self, angle: &Angle) -> (Ex, Ex) {
         if angle.terms.is_empty() {
             let (sin, cos) = angle.constant.sin_cos();
@@ -150,8 +150,8 @@ impl Graph {
         }
     }
 
-    /// Sine and cosine of an expression. Constants and symbols are angles; of other expressions
-    /// nothing is known but the sign, which is taken out.
+    /// Sine and cosine of an expression. Constants and symbols are treated as angles; of other
+    /// expressions only the sign is taken out.
     pub fn sin_cos_of(&mut self, ex: Ex) -> (Ex, Ex) {
         if let Some(constant) = self.value(ex) {
             return self.sin_cos(&Angle::constant(constant));
@@ -183,7 +183,7 @@ mod tests {
         let negative = g.neg(product);
         let (sin, cos) = g.sin_cos_of(product);
         assert_eq!(g.sin_cos_of(negative), (g.neg(sin), cos));
-        // of what is a sine itself too
+        // the sine of a sine
         let (nested, _) = g.sin_cos_of(sin);
         let values = Evaluator::new(&g, vec![sin, cos, nested]).run(&[0.7, -1.3]);
         let expected = (0.7_f64 * -1.3).sin_cos();

@@ -1,7 +1,7 @@
-//! Binary floating point of fixed, generous precision.
+//! Binary floating point of fixed, high precision.
 //!
-//! A [`BigFloat`] carries [`PRECISION`] bits, five times those of an `f64` and more.
-//! It stands behind every constant that has no exact form, and decides the order of those that have one.
+//! A [`BigFloat`] has [`PRECISION`] bits, more than five times those of an `f64`. It is the value
+//! of every constant that has no exact form, and decides the order of constants that have one.
 
 use core::cmp::Ordering;
 use std::sync::OnceLock;
@@ -9,18 +9,18 @@ use std::sync::OnceLock;
 use dashu_int::ops::{BitTest, DivRem, SquareRoot};
 use dashu_int::{Sign, UBig};
 
-/// Bits of a mantissa.
+/// Number of bits of a mantissa.
 pub(super) const PRECISION: usize = 320;
 
-/// Two inexact values are one when they differ by less than this many bits below the larger.
+/// Two inexact values are equal if their difference is this many bits below the larger one.
 ///
-/// The 60 bits between this and [`PRECISION`] absorb the rounding of every operation that led there.
+/// The 60 bits between this and [`PRECISION`] absorb the rounding errors of all operations before.
 pub(super) const AGREEMENT: i64 = 260;
 
-/// Exponents stay within this, so that sums of a few of them never overflow.
+/// Largest exponent, so that sums of a few exponents do not overflow.
 const EXPONENT_LIMIT: i64 = 1 << 60;
 
-/// Beyond this many integer bits an angle is not reduced.
+/// Angles with more integer bits are not reduced.
 const ANGLE_LIMIT: i64 = 1 << 13;
 
 /// `sign * magnitude * 2^exponent`; the magnitude has exactly [`PRECISION`] bits, or is zero.
@@ -100,7 +100,7 @@ impl BigFloat {
         }
     }
 
-    /// The sum, or zero where it falls [`AGREEMENT`] bits below the larger operand.
+    /// The sum, or zero if it is [`AGREEMENT`] bits below the larger operand.
     pub(super) fn add(&self, other: &Self) -> Self {
         if self.is_zero() {
             return other.clone();
@@ -143,7 +143,7 @@ impl BigFloat {
         )
     }
 
-    /// `None` at a zero divisor.
+    /// The quotient; `None` if the divisor is zero.
     pub(super) fn div(&self, other: &Self) -> Option<Self> {
         if other.is_zero() {
             return None;
@@ -156,7 +156,7 @@ impl BigFloat {
         ))
     }
 
-    /// `None` of a negative value.
+    /// The square root; `None` of a negative value.
     pub(super) fn sqrt(&self) -> Option<Self> {
         if self.is_zero() {
             return Some(Self::zero());
@@ -164,7 +164,7 @@ impl BigFloat {
         if self.is_negative() {
             return None;
         }
-        // an even exponent, and twice the bits of the root
+        // make the exponent even, and compute with twice the bits of the root
         let shift = PRECISION + 4 + usize::from(self.exponent.rem_euclid(2) == 1);
         let root = (&self.magnitude << shift).sqrt();
         Some(Self::new(
@@ -221,7 +221,8 @@ impl BigFloat {
         nearest_f64(self.sign, &self.magnitude, self.exponent, false)
     }
 
-    /// Sine and cosine of this very value, snapped to zero where the angle's own rounding hides them.
+    /// Sine and cosine of the value as an angle in rad; zero where they cannot be told from the
+    /// angle's own rounding error.
     pub(super) fn sin_cos(&self) -> (Self, Self) {
         sin_cos(self, true, |scale| {
             let shift = self.exponent + signed(scale);
@@ -231,14 +232,14 @@ impl BigFloat {
 
     /// The first 17 significant digits as an integer, with the decimal exponent of the first one.
     ///
-    /// `None` where the exponent is out of any use.
+    /// `None` for zero and for exponents beyond 2^16.
     pub(super) fn decimal_digits(&self) -> Option<(UBig, i64)> {
         if self.is_zero() || self.exponent.abs() > 1 << 16 {
             return None;
         }
         let ten = UBig::from(10u8);
         let limit = ten.pow(17);
-        // log10(2) as a ratio, at most one off over the allowed exponents
+        // the decimal exponent by the ratio log10(2), at most one off over the allowed exponents
         let mut first = (self.top() - 1) * 30_103 / 100_000;
         for _ in 0..4 {
             let power = 16 - first;
@@ -266,17 +267,19 @@ impl BigFloat {
     }
 }
 
-/// Sine and cosine of an angle near `near`, of which `fixed(w)` is `|angle| * 2^w` to within a few units.
+/// Sine and cosine of an angle near `near`; `fixed(w)` is `|angle| * 2^w` to within a few units.
 ///
-/// Of an inexact angle the sine or cosine is zero when the angle agrees with a multiple of pi/2; for an exact
-/// one the reduction is repeated with more bits instead. An angle of more than 2^13 bits, far outside
-/// `f64`, has no meaningful direction and counts as zero.
+/// For an inexact angle the sine or cosine is zero if the angle agrees with a multiple of pi/2; for
+/// an exact one the reduction is repeated with more bits instead. An angle of more than 2^13 bits,
+/// far outside `f64`, has no meaningful direction and counts as zero.
 pub(super) fn sin_cos(
     near: &BigFloat,
     inexact: bool,
     fixed: impl Fn(usize) -> UBig,
 ) -> (BigFloat, BigFloat) {
+    // angles below 2^TINY are their own sine
     const TINY: i64 = -200;
+    // fractional bits of the computation, at least
     const WORK: usize = 400;
     if near.is_zero() || near.top() > ANGLE_LIMIT {
         return (BigFloat::zero(), BigFloat::one());
@@ -339,8 +342,10 @@ pub(super) fn sin_cos(
     }
 }
 
-/// Both at `2^-scale`, of an angle in `[0, pi/4]` at `2^-scale`: Taylor of the halved angle, then doubled back.
+/// Sine and cosine in units of `2^-scale`, of an angle in `[0, pi/4]` in the same units: the Taylor
+/// series of the angle, halved several times, then doubled as often.
 fn sin_cos_fixed(angle: &UBig, scale: usize) -> (UBig, UBig) {
+    // number of times that the angle is halved, for a shorter series
     const HALVINGS: usize = 7;
     const GUARD: usize = 2 * HALVINGS + 8;
     let work = scale + GUARD;
@@ -374,17 +379,18 @@ fn sin_cos_fixed(angle: &UBig, scale: usize) -> (UBig, UBig) {
     (sine >> GUARD, cosine >> GUARD)
 }
 
-/// `floor(pi * 2^bits)`, give or take one.
+/// `floor(pi * 2^bits)`, to within one.
 pub(super) fn pi_fixed(bits: usize) -> UBig {
-    const KEPT: usize = 1024;
+    // number of bits of pi that are computed only once
+    const STORED_BITS: usize = 1024;
     static PI: OnceLock<UBig> = OnceLock::new();
-    if bits <= KEPT {
-        return PI.get_or_init(|| machin(KEPT)) >> (KEPT - bits);
+    if bits <= STORED_BITS {
+        return PI.get_or_init(|| machin(STORED_BITS)) >> (STORED_BITS - bits);
     }
     machin(bits)
 }
 
-/// Machin's formula, `pi = 16 atan(1/5) - 4 atan(1/239)`.
+/// The same by Machin's formula, `pi = 16 atan(1/5) - 4 atan(1/239)`.
 fn machin(bits: usize) -> UBig {
     const GUARD: usize = 32;
     let one = UBig::ONE << (bits + GUARD);
@@ -411,7 +417,8 @@ fn machin(bits: usize) -> UBig {
     ((arctangent(5) << 4) - (arctangent(239) << 2)) >> GUARD
 }
 
-/// The `f64` nearest to `sign * (magnitude + rest) * 2^exponent`, ties to even; `rest` in `(0, 1)` if `inexact`.
+/// The `f64` nearest to `sign * (magnitude + rest) * 2^exponent`, ties to even; `rest` is in
+/// `(0, 1)` if `inexact`, else 0.
 pub(super) fn nearest_f64(sign: Sign, magnitude: &UBig, exponent: i64, inexact: bool) -> f64 {
     let bits = signed(magnitude.bit_len());
     let leading = exponent + bits - 1;
@@ -430,7 +437,7 @@ pub(super) fn nearest_f64(sign: Sign, magnitude: &UBig, exponent: i64, inexact: 
                 && (odd || inexact || magnitude.trailing_zeros().is_some_and(|zeros| zeros < half))
         };
         let mantissa = u64::try_from(truncated).unwrap_or(0) + u64::from(up);
-        // a carry out of the mantissa runs into the exponent, as it should
+        // a carry out of the mantissa increases the exponent, as it should
         let biased = (leading + 1022).max(0).unsigned_abs();
         f64::from_bits(if leading >= -1022 {
             (biased << 52) + mantissa
@@ -467,12 +474,12 @@ fn shift_rounded(magnitude: &UBig, shift: usize) -> UBig {
     }
 }
 
-/// A count of bits among the exponents.
+/// A number of bits as an exponent.
 pub(super) fn signed(bits: usize) -> i64 {
     i64::try_from(bits).unwrap_or(i64::MAX >> 2)
 }
 
-/// The other way, and zero of a negative value.
+/// An exponent as a number of bits; zero for a negative one.
 pub(super) fn unsigned(bits: i64) -> usize {
     usize::try_from(bits).unwrap_or(0)
 }

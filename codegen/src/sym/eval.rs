@@ -1,10 +1,10 @@
-//! Numbers from expressions, the same on every machine: sines and cosines come
-//! from a software library, never from the host's.
+//! Evaluation of expressions with the same result on every machine: sines and cosines are computed
+//! by a software library, not by the host's.
 
 use super::graph::{Ex, Graph, Node};
 use crate::numeric::solve_pivoted;
 
-/// Evaluates a fixed set of expressions many times.
+/// Evaluates a fixed set of expressions, for many values of the symbols.
 #[derive(Debug)]
 pub struct Evaluator<'g> {
     graph: &'g Graph,
@@ -23,7 +23,7 @@ impl<'g> Evaluator<'g> {
                 stack.extend(graph.children(ex));
             }
         }
-        // children have smaller ids, so ascending ids are an order of evaluation
+        // children have smaller ids, so nodes are evaluated in ascending order
         let order = (0..graph.len())
             .filter(|i| seen[*i])
             .map(|i| Ex(i as u32))
@@ -37,8 +37,8 @@ impl<'g> Evaluator<'g> {
         }
     }
 
-    /// The values of the roots, with a value for each symbol in order of
-    /// creation (missing ones are 0).
+    /// The values of the roots; `symbols` has a value for each symbol in order of creation (missing
+    /// ones are 0).
     pub fn run(&self, symbols: &[f64]) -> Vec<f64> {
         let mut values = vec![0.0; self.graph.len()];
         let mut solutions: Vec<Option<Vec<Vec<f64>>>> = Vec::new();

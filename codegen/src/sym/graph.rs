@@ -1,11 +1,10 @@
-//! The expression DAG: an arena of hash-consed nodes, built only through the
-//! smart constructors of `simplify.rs`.
+//! The graph of expressions (a DAG): an arena of hash-consed nodes, built only by the simplifying
+//! constructors of `simplify.rs`.
 //!
-//! Two expressions that are built alike are the same node, so sharing is there
-//! by construction and nothing is ever expanded to be shared again afterwards.
-//! Constants are exact [`Number`]s and never negative: a negative constant is
-//! [`Node::Neg`] of a positive one, like every other negative expression, so
-//! that `x` and `-x` share.
+//! Two expressions that are built in the same way are the same node, so common subexpressions are
+//! shared by construction and nothing is ever multiplied out and shared again afterwards. Constants
+//! are exact [`Number`]s and never negative: a negative constant is [`Node::Neg`] of a positive
+//! one, like every other negative expression, so that `x` and `-x` share.
 
 use rustc_hash::FxHashMap;
 
@@ -29,13 +28,12 @@ impl Ex {
     /// The constant 1 of every graph.
     pub const ONE: Ex = Ex(1);
 
-    /// The node's index in its arena: children have smaller ones.
+    /// The node's index in the arena; children have smaller indices.
     pub fn index(self) -> usize {
         self.0 as usize
     }
 
-    /// Whether this is the constant 0. Structural: an expression that merely
-    /// evaluates to 0 is not found.
+    /// Whether this is the constant 0 itself; `false` for an expression that only evaluates to 0.
     pub fn is_zero(self) -> bool {
         self == Ex::ZERO
     }
@@ -52,7 +50,7 @@ impl SymbolId {
     }
 }
 
-/// A solved linear system of a graph.
+/// The id of a linear system in a graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct SystemId(pub(super) u32);
 
@@ -63,56 +61,68 @@ impl SystemId {
     }
 }
 
-/// What a node is.
+/// The operation of a node and its operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Node {
     /// A non-negative constant.
     Constant(u32),
     /// A free symbol.
     Symbol(SymbolId),
-    /// The negative of an expression that is itself no negative.
+    /// The negative of an expression that is not a negative itself.
     Neg(Ex),
     /// A sum; the smaller id first.
     Add(Ex, Ex),
     /// A difference; the smaller id first.
     Sub(Ex, Ex),
-    /// A product; a constant factor stands first, else the smaller id.
+    /// A product; a constant factor comes first, else the smaller id.
     Mul(Ex, Ex),
-    /// A quotient by something that is no constant.
+    /// A quotient; the divisor is not a constant.
     Div(Ex, Ex),
     /// Sine of a linear form in the symbols.
     Sin(AngleId),
     /// Cosine of a linear form in the symbols.
     Cos(AngleId),
-    /// Sine of an expression that is no linear form in the symbols.
+    /// Sine of an expression that is not a linear form in the symbols.
     SinOf(Ex),
-    /// Cosine of an expression that is no linear form in the symbols.
+    /// Cosine of an expression that is not a linear form in the symbols.
     CosOf(Ex),
-    /// -1, 0 or 1 by the sign.
+    /// The sign: -1, 0 or 1.
     Sign(Ex),
-    /// 1 where positive, else 0.
+    /// 1 for a positive operand, else 0.
     Positive(Ex),
-    /// 1 where negative, else 0.
+    /// 1 for a negative operand, else 0.
     Negative(Ex),
     /// Entry (row, column) of the solution of a linear system.
     Solved(SystemId, u32, u32),
 }
 
-/// A linear system `A Z = B` with its solution by elimination in a fixed order
-/// of pivots and what is needed to solve it anew where that order is unfit.
+/// A linear system `A Z = B`, its solution by elimination in a fixed order of pivots, and all that
+/// is needed to solve it anew if that order is unfit.
 #[derive(Clone, Debug)]
 pub struct System {
-    /// All rows of A, also those that the fixed order leaves out.
+    /// All rows of A, also those that the fixed order leaves out as redundant.
     pub matrix: Vec<Vec<Ex>>,
     /// All rows of B.
     pub rhs: Vec<Vec<Ex>>,
-    /// Z by the fixed order of pivots: unknowns by right-hand sides.
+    /// Z in the fixed order of pivots: unknowns by right-hand sides.
     pub fixed: Vec<Vec<Ex>>,
-    /// The pivots with their usual size over the workspace.
+    /// The pivots with the absolute values that they usually have over the workspace.
     pub pivots: Vec<(Ex, f64)>,
 }
 
-/// The arena of expressions.
+/// An arena of expressions.
+///
+/// ```
+/// use regen_codegen::sym::Graph;
+/// use regen_codegen::sym::eval::Evaluator;
+///
+/// let mut g = Graph::new();
+/// let x = g.symbol("x");
+/// let square = g.mul(x, x);
+/// // equal expressions are the same node
+/// assert_eq!(g.mul(x, x), square);
+/// assert_eq!(Evaluator::new(&g, vec![square]).run(&[3.0]), [9.0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Graph {
     pub(super) nodes: Vec<Node>,
@@ -126,8 +136,8 @@ pub struct Graph {
     systems: Vec<System>,
     names: FxHashMap<Ex, String>,
     naming: bool,
-    /// The largest index that is given out; smaller than `u32::MAX` in tests only.
-    last: u32,
+    /// The largest index that may be assigned; smaller than `u32::MAX` in tests only.
+    max_index: u32,
     is_full: bool,
 }
 
@@ -138,7 +148,7 @@ impl Default for Graph {
 }
 
 impl Graph {
-    /// An empty graph: only 0 and 1.
+    /// A graph with the constants 0 and 1 only.
     pub fn new() -> Self {
         let mut graph = Graph {
             nodes: Vec::new(),
@@ -152,7 +162,7 @@ impl Graph {
             systems: Vec::new(),
             names: FxHashMap::default(),
             naming: true,
-            last: u32::MAX,
+            max_index: u32::MAX,
             is_full: false,
         };
         graph.constant(Number::zero());
@@ -160,30 +170,32 @@ impl Graph {
         graph
     }
 
-    /// What a node is.
+    /// The operation of a node and its operands.
     pub fn node(&self, ex: Ex) -> Node {
         self.nodes[ex.index()]
     }
 
-    /// How many nodes there are.
+    /// Number of nodes.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
 
-    /// Never: 0 and 1 are always there.
+    /// Always `false`: the nodes 0 and 1 always exist.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
     }
 
-    /// Whether more was asked for than indices can tell apart. What did not fit was replaced by
-    /// the first of its kind, so that results of a full graph are wrong and must not be used.
+    /// Whether the graph ran out of indices. Elements that did not fit were replaced by the first
+    /// of their kind, so that results of a full graph are wrong and must not be used.
     pub fn is_full(&self) -> bool {
         self.is_full
     }
 
-    /// The index of an element that is put behind `len` others, or `None` in a full graph.
+    /// The index of a new element after `len` others; `None` if the graph is full.
     pub(super) fn next_index(&mut self, len: usize) -> Option<u32> {
-        let index = u32::try_from(len).ok().filter(|index| *index <= self.last);
+        let index = u32::try_from(len)
+            .ok()
+            .filter(|index| *index <= self.max_index);
         self.is_full |= index.is_none();
         index
     }
@@ -201,7 +213,7 @@ impl Graph {
         ex
     }
 
-    /// The constant with this exact value.
+    /// The node of the constant with this exact value.
     pub fn constant(&mut self, value: Number) -> Ex {
         if value.is_negative() {
             let positive = self.constant(value.neg());
@@ -220,12 +232,12 @@ impl Graph {
         self.intern(Node::Constant(id))
     }
 
-    /// A small integer constant.
+    /// The node of an integer constant.
     pub fn integer(&mut self, value: i64) -> Ex {
         self.constant(Number::from_i64(value))
     }
 
-    /// The value of a constant node, negative ones included.
+    /// The value of a constant or its negative; `None` for other nodes.
     pub fn value(&self, ex: Ex) -> Option<Number> {
         match self.node(ex) {
             Node::Constant(id) => Some(self.numbers[id as usize].clone()),
@@ -237,18 +249,18 @@ impl Graph {
         }
     }
 
-    /// The number behind a [`Node::Constant`].
+    /// The number with the id of a [`Node::Constant`].
     pub fn number(&self, id: u32) -> &Number {
         &self.numbers[id as usize]
     }
 
-    /// The symbol of this name, made at its first use.
+    /// The node of the symbol with this name, created at its first use.
     pub fn symbol(&mut self, name: &str) -> Ex {
         let id = self.symbol_id(name);
         self.intern(Node::Symbol(id))
     }
 
-    /// The id of the symbol of this name, made at its first use.
+    /// The id of the symbol with this name, created at its first use.
     pub fn symbol_id(&mut self, name: &str) -> SymbolId {
         if let Some(&id) = self.symbol_lookup.get(name) {
             return id;
@@ -267,12 +279,12 @@ impl Graph {
         &self.symbols[id.index()]
     }
 
-    /// The linear form behind an [`AngleId`].
+    /// The angle with this id.
     pub fn angle(&self, id: AngleId) -> &Angle {
         &self.angles[id.index()]
     }
 
-    /// Keeps a system; its solution is then read with [`Graph::solved`].
+    /// Stores a system; [`Graph::solved`] gives its solution.
     pub fn add_system(&mut self, system: System) -> SystemId {
         let Some(index) = self.next_index(self.systems.len()) else {
             return SystemId(0);
@@ -281,13 +293,13 @@ impl Graph {
         SystemId(index)
     }
 
-    /// The system behind an id.
+    /// The system with this id.
     pub fn system(&self, id: SystemId) -> &System {
         &self.systems[id.index()]
     }
 
-    /// Entry (row, column) of a system's solution. Where the fixed order of
-    /// pivots gives a constant, that constant.
+    /// Entry (row, column) of a system's solution: the constant, if the fixed order of pivots gives
+    /// one.
     pub fn solved(&mut self, id: SystemId, row: usize, column: usize) -> Ex {
         let fixed = self.systems[id.index()].fixed[row][column];
         if self.value(fixed).is_some() {
@@ -296,14 +308,14 @@ impl Graph {
         self.intern(Node::Solved(id, row as u32, column as u32))
     }
 
-    /// The node of an entry of a system's solution, if it is used anywhere.
+    /// The node of an entry of a system's solution, if it exists.
     pub fn find_solved(&self, id: SystemId, row: usize, column: usize) -> Option<Ex> {
         let node = Node::Solved(id, row as u32, column as u32);
         self.lookup.get(&node).copied()
     }
 
-    /// Suggests a name for a value in the generated code; the first one stays.
-    /// Constants and symbols have names of their own.
+    /// Suggests a name for a value in the generated code; the first suggestion is kept. Constants,
+    /// symbols, sines and cosines get other names.
     pub fn name(&mut self, ex: Ex, name: impl FnOnce() -> String) {
         if !self.naming {
             return;
@@ -321,7 +333,7 @@ impl Graph {
         self.names.entry(target).or_insert_with(name);
     }
 
-    /// Whether suggested names are taken: not while alternatives are tried.
+    /// Switches the suggestion of names on or off: off while alternatives are tried.
     pub fn set_naming(&mut self, on: bool) {
         self.naming = on;
     }
@@ -331,7 +343,7 @@ impl Graph {
         self.names.get(&ex).map(String::as_str)
     }
 
-    /// The nodes that a node is computed from directly.
+    /// The operands of a node.
     pub fn children(&self, ex: Ex) -> Vec<Ex> {
         match self.node(ex) {
             Node::Constant(_) | Node::Symbol(_) => Vec::new(),
@@ -355,14 +367,14 @@ impl Graph {
     }
 
     pub(super) fn symbol_node(&self, id: SymbolId) -> Ex {
-        // A symbol's node is made with its id wherever expressions are built.
+        // a symbol's node is created together with its id wherever expressions are built
         self.lookup
             .get(&Node::Symbol(id))
             .copied()
             .unwrap_or(Ex::ZERO)
     }
 
-    /// What a node takes beyond its children, in additions.
+    /// The cost of a node without its operands, in additions.
     pub(super) fn cost(&self, ex: Ex) -> usize {
         match self.node(ex) {
             Node::Constant(_) | Node::Symbol(_) | Node::Neg(_) | Node::Solved(..) => 0,
@@ -377,9 +389,8 @@ impl Graph {
         }
     }
 
-    /// How many operations the expressions take that are not among `known`
-    /// yet: the price of building them, with everything shared counted once.
-    /// The nodes counted join `known`.
+    /// The cost, in additions, of the nodes of these expressions that are not yet in `known`;
+    /// shared nodes count once. These nodes are then added to `known`.
     pub fn price(&self, roots: impl IntoIterator<Item = Ex>, known: &mut Vec<bool>) -> usize {
         known.resize(self.nodes.len(), false);
         let mut stack: Vec<Ex> = roots.into_iter().collect();
@@ -403,7 +414,7 @@ mod tests {
     fn a_graph_that_runs_out_of_indices_says_so_and_never_gives_one_twice() {
         let mut g = Graph::new();
         let x = g.symbol("x");
-        g.last = 3;
+        g.max_index = 3;
         let y = g.symbol("y");
         assert!(!g.is_full());
         assert_eq!((x.index(), y.index(), g.len()), (2, 3, 4));
@@ -418,8 +429,8 @@ mod tests {
     fn each_kind_of_element_fills_a_graph_alone() {
         let full = |fill: fn(&mut Graph, usize)| {
             let mut g = Graph::new();
-            g.last = 40;
-            // What is put into the graph is not kept as nodes.
+            g.max_index = 40;
+            // what is added to the graph here creates no nodes
             (0..=41).for_each(|k| fill(&mut g, k));
             (g.is_full(), g.len() < 40)
         };

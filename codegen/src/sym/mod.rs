@@ -1,4 +1,4 @@
-//! Exact numbers and expressions: the leaf that knows no robots.
+//! Exact numbers and expressions, independent of robots.
 
 mod angle;
 mod big_float;

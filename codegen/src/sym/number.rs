@@ -1,4 +1,4 @@
-//! Real constants, exact wherever it can be had.
+//! Real constants, exact wherever possible.
 
 mod display;
 #[cfg(test)]
@@ -16,24 +16,24 @@ pub(crate) use display::NumberFactor;
 use super::big_float::{self, AGREEMENT, BigFloat, PRECISION};
 use super::surd::{Surd, cos_of_pi_times};
 
-/// Largest decimal exponent [`Number::parse_decimal`] takes.
+/// Largest decimal exponent that [`Number::parse_decimal`] accepts.
 const MAX_DECIMAL_EXPONENT: i64 = 400;
-/// Longest text [`Number::parse_decimal`] takes.
+/// Longest text that [`Number::parse_decimal`] accepts, in characters.
 const MAX_DECIMAL_LENGTH: usize = 1000;
-/// Largest exponent [`Number::powi`] takes.
+/// Largest exponent that [`Number::powi`] accepts.
 const MAX_POWER: u64 = 1000;
 
 /// A real constant.
 ///
-/// Exact numbers are sums of `rational * sqrt(integer) * pi^k`: closed under addition, subtraction and
-/// multiplication, with an exact zero test. What leaves that set (a sine of 0.3, a nested root, a sum grown
-/// too large) is inexact, and carried to 320 bits.
+/// Exact numbers are sums of `rational * sqrt(integer) * pi^k`: closed under addition, subtraction
+/// and multiplication, with an exact zero test. A number outside that set (a sine of 0.3, a nested
+/// root, a sum with too many terms) is inexact and has 320 bits.
 ///
-/// Inexact numbers are equal when they agree to 260 bits. Accordingly a sum or difference that falls 260 bits
-/// below its larger operand is exact zero, which is how identities between transcendental constants are
-/// found, and an inexact result that agrees with a fraction of at most 32 bits over a power of two becomes
-/// that fraction. An identity that holds to 260 bits by accident would pass for true; among the constants of
-/// robots that is out of the question.
+/// Inexact numbers are equal if they agree to 260 bits. Accordingly a sum or difference that is 260
+/// bits below its larger operand is exact zero, which is how identities between transcendental
+/// constants are found, and an inexact result that agrees with a fraction of at most 32 bits over a
+/// power of two becomes that fraction. An identity that holds to 260 bits by accident would be
+/// taken for true; among the constants of robots that is out of the question.
 ///
 /// Cloning is cheap.
 ///
@@ -53,9 +53,9 @@ pub struct Number(Arc<Inner>);
 
 struct Inner {
     exact: Option<Surd>,
-    /// Found on demand if there is an exact value, there from the start if not.
+    /// The value to 320 bits: computed on demand for an exact number, given for an inexact one.
     real: OnceLock<BigFloat>,
-    /// [`Number::to_f64`], found on demand.
+    /// The result of [`Number::to_f64`], computed on demand.
     double: OnceLock<f64>,
 }
 
@@ -77,7 +77,7 @@ impl Number {
         Self::from_rational(RBig::from(value))
     }
 
-    /// A fraction, `None` at a zero denominator.
+    /// A fraction; `None` if the denominator is zero.
     pub fn ratio(numerator: i64, denominator: i64) -> Option<Self> {
         (denominator != 0).then(|| {
             Self::from_rational(RBig::from_parts_signed(
@@ -92,7 +92,7 @@ impl Number {
         Self::exact(Surd::rational(value))
     }
 
-    /// The ratio of a circle's circumference to its diameter.
+    /// The number pi.
     pub fn pi() -> Self {
         static PI: OnceLock<Number> = OnceLock::new();
         PI.get_or_init(|| Self::exact(Surd::monomial(RBig::ONE, 1, 1)))
@@ -101,7 +101,8 @@ impl Number {
 
     /// The exact rational of a decimal such as `0.4563`, `1e-3`, `-2.5E+4`, `.5` or `3.`.
     ///
-    /// `None` if malformed, with an exponent beyond 400, or longer than 1000 characters.
+    /// `None` if the text is malformed, has an exponent beyond 400, or is longer than 1000
+    /// characters.
     pub fn parse_decimal(text: &str) -> Option<Self> {
         if text.len() > MAX_DECIMAL_LENGTH {
             return None;
@@ -236,7 +237,7 @@ impl Number {
             .unwrap_or_else(|| Self::inexact(self.real().mul(other.real())))
     }
 
-    /// `self / other`, `None` at a zero divisor.
+    /// `self / other`; `None` if the divisor is zero.
     pub fn div(&self, other: &Self) -> Option<Self> {
         if other.is_zero() {
             return None;
@@ -251,7 +252,8 @@ impl Number {
         exact.or_else(|| Some(Self::inexact(self.real().div(other.real())?)))
     }
 
-    /// `self^exponent`, with `x^0 = 1`; `None` of zero to a negative power and for exponents beyond 1000.
+    /// `self^exponent`, with `x^0 = 1`; `None` for zero to a negative power and for exponents
+    /// beyond 1000.
     pub fn powi(&self, exponent: i64) -> Option<Self> {
         let mut left = exponent.unsigned_abs();
         if left > MAX_POWER || (exponent < 0 && self.is_zero()) {
@@ -275,10 +277,10 @@ impl Number {
         Some(result)
     }
 
-    /// The nonnegative square root, `None` of a negative number.
+    /// The nonnegative square root; `None` of a negative number.
     ///
-    /// Exact of rationals whose square part bounded trial division finds, times even powers of pi, and of
-    /// `a + b*sqrt(c)` whose root is a sum of two such roots.
+    /// Exact for rationals whose square part bounded trial division finds, times even powers of pi,
+    /// and for `a + b*sqrt(c)` whose root is a sum of two such roots.
     pub fn sqrt(&self) -> Option<Self> {
         if self.is_negative() {
             return None;
@@ -287,9 +289,9 @@ impl Number {
         exact.or_else(|| Some(Self::inexact(self.real().sqrt()?)))
     }
 
-    /// Sine and cosine.
+    /// Sine and cosine of the number as an angle in rad.
     ///
-    /// Exact at multiples of pi/12, and at those of pi/10 where they are sums of square roots.
+    /// Exact at multiples of pi/12, and at multiples of pi/10 where they are sums of square roots.
     pub fn sin_cos(&self) -> (Self, Self) {
         let Some(exact) = &self.0.exact else {
             let (sine, cosine) = self.real().sin_cos();
@@ -302,7 +304,7 @@ impl Number {
         (Self::inexact(sine), Self::inexact(cosine))
     }
 
-    /// The tangent, `None` where the cosine is zero.
+    /// The tangent; `None` if the cosine is zero.
     pub fn tan(&self) -> Option<Self> {
         let (sine, cosine) = self.sin_cos();
         sine.div(&cosine)
@@ -321,7 +323,7 @@ impl Number {
         self.to_f64().is_finite()
     }
 
-    /// The order of the values, `Equal` exactly where `==` holds.
+    /// The order of the values, `Equal` if and only if `==` holds.
     pub fn cmp_value(&self, other: &Self) -> Ordering {
         if self == other {
             return Ordering::Equal;
@@ -340,16 +342,18 @@ impl Number {
         }))
     }
 
-    /// Of a result known to 320 bits only; one that agrees with zero or a short binary fraction becomes exact.
+    /// A number from a result with 320 bits; it becomes exact if it agrees with zero or a short
+    /// binary fraction.
     fn inexact(value: BigFloat) -> Self {
-        const SHORT: usize = 32;
-        const RANGE: i64 = 64;
+        // largest mantissa and exponent of a binary fraction that is taken for exact
+        const MAX_SHORT_BITS: usize = 32;
+        const MAX_SHORT_EXPONENT: i64 = 64;
         if value.is_zero() {
             return Self::zero();
         }
-        if value.top().abs() <= RANGE {
+        if value.top().abs() <= MAX_SHORT_EXPONENT {
             let (sign, mantissa, exponent) = value.rounded(AGREEMENT as usize);
-            if mantissa < (UBig::ONE << SHORT) {
+            if mantissa < (UBig::ONE << MAX_SHORT_BITS) {
                 let by = exponent.unsigned_abs() as usize;
                 let mantissa = IBig::from_parts(sign, mantissa);
                 return Self::from_rational(if exponent >= 0 {
@@ -366,13 +370,14 @@ impl Number {
         }))
     }
 
-    /// The value to 320 bits: whether it is negative, an integer, and the power of two to multiply it by.
+    /// The value to 320 bits: whether it is negative, an integer, and the exponent of the power of
+    /// two that multiplies it.
     pub(crate) fn binary(&self) -> (bool, UBig, i64) {
         let (sign, mantissa, exponent) = self.real().rounded(PRECISION);
         (sign == Sign::Negative, mantissa, exponent)
     }
 
-    /// From what [`Number::binary`] gives: an inexact number of 320 bits.
+    /// The number with the parts that [`Number::binary`] gives: inexact, with 320 bits.
     pub(crate) fn from_binary(negative: bool, magnitude: UBig, exponent: i64) -> Self {
         let sign = if negative {
             Sign::Negative
@@ -396,7 +401,7 @@ impl Number {
     }
 }
 
-/// Exact values compare exactly, others by agreement to 260 bits.
+/// Exact values compare exactly, others are equal if they agree to 260 bits.
 impl PartialEq for Number {
     fn eq(&self, other: &Self) -> bool {
         if Arc::ptr_eq(&self.0, &other.0) {
@@ -413,8 +418,8 @@ impl Eq for Number {}
 
 /// Hashes the sign, the exponent and the first 96 bits, rounded.
 ///
-/// Two inexact numbers equal by agreement hash differently only if a rounding boundary of 96 bits falls between
-/// them, one chance in 2^160, and what is lost then is that they are stored once each.
+/// Two inexact numbers that agree hash differently only if a rounding boundary of 96 bits falls
+/// between them, one chance in 2^160; then both are stored, and nothing else is lost.
 impl Hash for Number {
     fn hash<H: Hasher>(&self, state: &mut H) {
         let (sign, mantissa, exponent) = self.real().rounded(96);
@@ -432,7 +437,7 @@ fn split_sign(text: &str) -> (Sign, &str) {
     }
 }
 
-/// Sine and cosine of an exact angle, reduced with as many bits as it takes.
+/// Sine and cosine of an exact angle, reduced with as many bits as necessary.
 fn sin_cos_near(angle: &Number, exact: &Surd) -> (BigFloat, BigFloat) {
     let near = angle.real();
     big_float::sin_cos(near, false, |scale| {
@@ -453,7 +458,7 @@ fn sin_cos_of_pi_times(multiple: &RBig) -> (Number, Number) {
     match (sine, cosine) {
         (Some(sine), Some(cosine)) => (sine, cosine),
         (sine, cosine) => {
-            // nearest multiple of a whole turn, so that opposite angles give opposite sines
+            // reduce to (-1, 1] half turns, so that opposite angles give opposite sines
             let nearest = if turn > RBig::ONE { turn - two } else { turn };
             let surd = Surd::monomial(nearest, 1, 1);
             let angle = Number::exact(surd.clone());

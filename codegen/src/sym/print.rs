@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::angle::Angle;
 use super::graph::{Ex, Graph, Node};
 
-/// How tightly an expression's outermost operator binds.
+/// The precedence of an expression's outermost operator.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Level {
     Sum,
@@ -15,11 +15,10 @@ enum Level {
     Atom,
 }
 
-/// The whole expression, nothing abbreviated.
+/// The whole expression as text, without abbreviations.
 ///
-/// Sums and products are shown flat, factors in the order numbers, symbols,
-/// functions, sums: the text has the expression's value, not its order of
-/// operations.
+/// Sums and products are written flat, with the factors in the order numbers, symbols, functions,
+/// sums: the text has the expression's value, but not its order of operations.
 pub fn text(graph: &Graph, ex: Ex) -> String {
     render(graph, ex).0
 }
@@ -77,15 +76,14 @@ fn render(graph: &Graph, ex: Ex) -> (String, Level) {
     }
 }
 
-/// The terms of a sum with their signs, a positive one in front where there is
-/// one.
+/// The terms of a sum with their signs, starting with a positive term if there is one.
 fn sum(graph: &Graph, ex: Ex) -> String {
     let mut terms = Vec::new();
     let mut stack = vec![(ex, false)];
     while let Some((ex, negative)) = stack.pop() {
         match graph.node(ex) {
             Node::Neg(a) => stack.push((a, !negative)),
-            // the left one is taken from the stack first
+            // pushed last, so that the left operand is handled first
             Node::Add(a, b) => stack.extend([(b, negative), (a, negative)]),
             Node::Sub(a, b) => stack.extend([(b, !negative), (a, negative)]),
             _ => terms.push((ex, negative)),
@@ -108,7 +106,7 @@ fn sum(graph: &Graph, ex: Ex) -> String {
     out
 }
 
-/// The factors of a product, equal ones as powers.
+/// The factors of a product, with repeated ones as powers.
 fn product(graph: &Graph, ex: Ex) -> (String, Level) {
     let mut factors: Vec<(Ex, usize)> = Vec::new();
     let mut stack = vec![ex];
@@ -135,7 +133,7 @@ fn product(graph: &Graph, ex: Ex) -> (String, Level) {
     for (factor, power) in factors {
         let inner = render(graph, factor);
         texts.push(match power {
-            // only a leading quotient reads the same without parentheses
+            // only the first factor may be a quotient without parentheses
             1 if texts.is_empty() => wrap(inner, Level::Product),
             1 => wrap(inner, Level::Power),
             _ => format!("{}^{power}", wrap(inner, Level::Atom)),

@@ -1,25 +1,24 @@
-//! The smart constructors: every expression is built here, so every
-//! expression is simplified as far as the rules below go.
+//! The simplifying constructors: every expression is built here, and so is simplified as far as the
+//! rules below go.
 //!
 //! | rule | example |
 //! |---|---|
 //! | zero and one vanish | `0*x => 0`, `x + 0 => x`, `1*x => x` |
 //! | constants fold exactly | `sqrt(3)*sqrt(3) => 3` |
-//! | constants stand in front | `(2*x)*(3*y) => 6*(x*y)` |
+//! | constants come first | `(2*x)*(3*y) => 6*(x*y)` |
 //! | signs move outward | `(-x)*y => -(x*y)`, `x + (-y) => x - y`, `y - x => -(x - y)` |
 //! | like terms collect | `(x + y) - x => y`, `2*x + 3*x => 5*x` |
 //! | squares of one angle | `p*sin(a)^2 + p*cos(a)^2 => p`, `p - p*sin(a)^2 => p*cos(a)^2` |
 //! | angles about parallel axes | `p*cos(a)*cos(b) - p*sin(a)*sin(b) => p*cos(a + b)` |
 //!
-//! Products are never multiplied out over sums. Sums and products are looked
-//! through only [`REACH`] terms or factors deep, so each constructor costs a
-//! bounded number of steps.
+//! Products are never multiplied out over sums. The rules examine at most [`REACH`] terms or
+//! factors of a sum or product, so that each constructor takes a bounded number of steps.
 
 use super::angle::Angle;
 use super::graph::{Ex, Graph, Node};
 use super::number::Number;
 
-/// How many terms of a sum, or factors of a product, a rule looks through.
+/// Largest number of terms of a sum, or of factors of a product, that a rule examines.
 const REACH: usize = 6;
 
 /// A term of a sum: a coefficient times a product without constant factor.
@@ -63,7 +62,7 @@ impl Graph {
         self.plain_sum(a, b)
     }
 
-    /// The node of `a + b`, signs taken out, nothing else tried.
+    /// The node of `a + b` with the signs taken out, without any other simplification.
     fn plain_sum(&mut self, a: Ex, b: Ex) -> Ex {
         let (negative_a, a) = self.split_sign(a);
         let (negative_b, b) = self.split_sign(b);
@@ -87,7 +86,7 @@ impl Graph {
         }
     }
 
-    /// The terms of a sum, or `None` where there are more than [`REACH`].
+    /// Appends the terms of a sum to `out`; `false` if there are more than [`REACH`].
     fn terms(&self, ex: Ex, sign: bool, out: &mut Vec<Term>) -> bool {
         if out.len() >= REACH {
             return false;
@@ -107,7 +106,7 @@ impl Graph {
         }
     }
 
-    /// The constant factor of a product and the rest.
+    /// The constant factor of an expression and the rest.
     fn split_coefficient(&self, ex: Ex) -> (Number, Ex) {
         match self.node(ex) {
             Node::Constant(id) => (self.number(id).clone(), Ex::ONE),
@@ -123,7 +122,7 @@ impl Graph {
         }
     }
 
-    /// `a + b` where some pair of terms, one of each, becomes one term.
+    /// `a + b`, if a term of one and a term of the other can be combined into one term.
     fn combine(&mut self, a: Ex, b: Ex) -> Option<Ex> {
         let mut left = Vec::new();
         if !self.terms(a, false, &mut left) {
@@ -139,12 +138,13 @@ impl Graph {
         }
         for i in 0..left.len() {
             for j in 0..right.len() {
-                // rebuilding a shared sum pays only where a term goes away
+                // coefficients of a shared sum are added only if the term vanishes: rebuilding the
+                // sum does not pay otherwise
                 let single = left.len() == 1 && right.len() == 1;
                 let Some(pair) = self.combine_terms(&left[i], &right[j], single) else {
                     continue;
                 };
-                // what is left has fewer terms, so this ends
+                // the remaining sum has fewer terms, so the recursion ends
                 let mut sum = pair;
                 let rest = left
                     .iter()
@@ -200,7 +200,8 @@ impl Graph {
         Some(self.scaled(&a.coefficient, product))
     }
 
-    /// `l + r` (or `l - r`) for products of sines and cosines.
+    /// `l + r` (or `l - r`, if not `same`) for products of sines and cosines, if it is a single
+    /// term.
     fn combine_trigonometric(&mut self, l: &[Ex], r: &[Ex], same: bool) -> Option<Ex> {
         let trig = |graph: &Graph, ex: Ex| match graph.node(ex) {
             Node::Sin(angle) => Some((true, angle)),
@@ -208,7 +209,7 @@ impl Graph {
             _ => None,
         };
         match (l, r) {
-            // 1 - s^2 => c^2 and the other way round
+            // 1 - s^2 => c^2, and 1 - c^2 => s^2
             ([], [x, y]) | ([x, y], []) if x == y && !same => {
                 let (is_sin, angle) = trig(self, *x)?;
                 let other = self.intern(if is_sin {
@@ -232,7 +233,7 @@ impl Graph {
                 if x == y && z == w {
                     return (same && xa == za && x_sin != z_sin).then_some(Ex::ONE);
                 }
-                // bring both to the same pair of angles
+                // match the angles of both products
                 let (z_sin, w_sin) = if xa == za && ya == wa {
                     (z_sin, w_sin)
                 } else if xa == wa && ya == za {
@@ -270,7 +271,7 @@ impl Graph {
         }
     }
 
-    /// The factors of a product, or `false` where there are more than [`REACH`].
+    /// Appends the factors of a product to `out`; `false` if there are more than [`REACH`].
     fn factors(&self, ex: Ex, out: &mut Vec<Ex>) -> bool {
         if out.len() >= REACH {
             return false;
@@ -326,7 +327,7 @@ impl Graph {
             (x, y) if x <= y => self.cancel(x, y),
             (x, y) => self.cancel(y, x),
         };
-        // cancelling may have made a constant or a sign
+        // cancelling may have produced a constant or a sign
         let (negative, core) = self.split_sign(core);
         let (more, core) = self.split_coefficient(core);
         let coefficient = coefficient.mul(&more);
@@ -353,7 +354,7 @@ impl Graph {
         self.intern(Node::Mul(x, y))
     }
 
-    /// `a / b`; `None` where `b` is the constant 0.
+    /// `a / b`; `None` if `b` is the constant 0.
     pub fn div(&mut self, a: Ex, b: Ex) -> Option<Ex> {
         if b.is_zero() {
             return None;
@@ -386,7 +387,7 @@ impl Graph {
         })
     }
 
-    /// The sign, -1, 0 or 1.
+    /// The sign of `a`: -1, 0 or 1.
     pub fn sign(&mut self, a: Ex) -> Ex {
         if let Some(value) = self.value(a) {
             return match (value.is_zero(), value.is_negative()) {
@@ -438,7 +439,7 @@ mod tests {
     use super::*;
     use crate::sym::print::text;
 
-    /// Every row: what is built, and how the result must print.
+    /// For each rule, an expression that it applies to and the text of the result.
     #[test]
     fn the_named_rules_rewrite_start_to_goal() {
         let mut g = Graph::new();
@@ -452,12 +453,12 @@ mod tests {
 
         let check = |g: &Graph, ex: Ex, goal: &str| assert_eq!(text(g, ex), goal);
 
-        // constants stand in front
+        // constants come first
         let l = g.mul(two, x);
         let r = g.mul(y, three);
         let e = g.mul(l, r);
         check(&g, e, "6*x*y");
-        // signs move outward, and opposite differences share
+        // signs move outward, and opposite differences share a node
         let d = g.sub(y, x);
         check(&g, d, "y - x");
         let opposite = g.sub(x, y);
@@ -469,7 +470,7 @@ mod tests {
         let s = g.add(x, y);
         let e = g.sub(s, x);
         check(&g, e, "y");
-        // also where a product was built in another order
+        // also if a product was built in another order
         let xy = g.mul(x, y);
         let l = g.mul(xy, p);
         let yp = g.mul(y, p);

@@ -1,7 +1,7 @@
 //! Exact constants: sums of `rational * sqrt(squarefree integer) * pi^k`.
 //!
-//! Square roots of distinct squarefree integers are independent over the rationals and pi is transcendental,
-//! so such a sum is zero only when it has no terms: the zero test is exact.
+//! Square roots of distinct squarefree integers are linearly independent over the rationals and pi
+//! is transcendental, so such a sum is zero only if it has no terms: the zero test is exact.
 
 use core::cmp::Ordering;
 
@@ -11,15 +11,20 @@ use dashu_ratio::RBig;
 
 use super::big_float::{BigFloat, PRECISION, nearest_f64, pi_fixed, shifted, signed};
 
+/// Largest number of terms of an exact sum; larger sums become inexact numbers.
 const MAX_TERMS: usize = 64;
+/// Largest number of bits of a coefficient's numerator or denominator.
 const MAX_BITS: usize = 4096;
+/// Largest absolute value of an exponent of pi.
 const MAX_PI_POWER: u32 = 64;
-/// Division by a sum conjugates once per independent root, doubling the sum each time.
+/// Largest number of independent roots of a divisor: division by a sum conjugates once per
+/// independent root, and each time doubles the sum.
 const MAX_CONJUGATIONS: usize = 4;
-/// Trial division stops here.
+/// Trial division stops at this factor.
 const MAX_TRIAL: u64 = 1_000_000;
 
-/// `coefficient * sqrt(radicand) * pi^pi_power`; the radicand is squarefree, the coefficient nonzero.
+/// The term `coefficient * sqrt(radicand) * pi^pi_power`; the radicand is squarefree, the
+/// coefficient nonzero.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Term {
     pub(super) pi_power: i32,
@@ -37,7 +42,7 @@ impl Term {
     }
 }
 
-/// A sum of terms in increasing order of pi's power and the radicand; no terms is zero.
+/// A sum of terms, ordered by the power of pi, then by the radicand; the empty sum is zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Surd {
     terms: Vec<Term>,
@@ -52,7 +57,7 @@ impl Surd {
         Self::monomial(value, 1, 0)
     }
 
-    /// The radicand must be squarefree.
+    /// A single term; the radicand must be squarefree.
     pub(super) fn monomial(coefficient: RBig, radicand: u128, pi_power: i32) -> Self {
         let term = Term {
             pi_power,
@@ -87,7 +92,7 @@ impl Surd {
         matches!(self.terms.as_slice(), [term] if term.key() == (0, 1) && term.coefficient.is_one())
     }
 
-    /// `Some(r)` of exactly `r * pi`.
+    /// `Some(r)` if this is exactly `r * pi`.
     pub(super) fn pi_multiple(&self) -> Option<RBig> {
         match self.terms.as_slice() {
             [] => Some(RBig::ZERO),
@@ -96,7 +101,7 @@ impl Surd {
         }
     }
 
-    /// The sign where the terms show it.
+    /// The sign, if all terms have the same one.
     pub(super) fn obvious_sign(&self) -> Option<Ordering> {
         let Some(first) = self.terms.first() else {
             return Some(Ordering::Equal);
@@ -123,7 +128,7 @@ impl Surd {
         self.sum(other).bounded()
     }
 
-    /// The order of two values, however close.
+    /// The order of two values, however close they are.
     pub(super) fn cmp(&self, other: &Self) -> Ordering {
         let difference = self.sum(&other.neg());
         difference.obvious_sign().unwrap_or_else(|| {
@@ -193,7 +198,8 @@ impl Surd {
         Self { terms }.bounded()
     }
 
-    /// One over this: of a single term, or of a sum with one common power of pi and few independent roots.
+    /// The reciprocal of a single term, or of a sum with one common power of pi and few independent
+    /// roots; `None` for other sums.
     pub(super) fn reciprocal(&self) -> Option<Self> {
         let first = self.terms.first()?;
         if self
@@ -226,8 +232,8 @@ impl Surd {
         numerator.mul(&Self::monomial(RBig::ONE / divisor, 1, pi_power))
     }
 
-    /// The nonnegative root where it stays within these sums and can be found quickly. The value must not be
-    /// negative.
+    /// The nonnegative root, if it is such a sum too and can be found quickly. The value must not
+    /// be negative.
     pub(super) fn sqrt(&self) -> Option<Self> {
         let Some(first) = self.terms.first() else {
             return Some(Self::zero());
@@ -238,7 +244,8 @@ impl Surd {
         }
         let root = match self.terms.as_slice() {
             [term] if term.radicand == 1 => sqrt_rational(&term.coefficient)?,
-            // sqrt(a + b sqrt(c)) = sqrt((a + d) / 2) + sign(b) sqrt((a - d) / 2), d = sqrt(a^2 - b^2 c)
+            // sqrt(a + b sqrt(c)) = sqrt((a + d) / 2) + sign(b) sqrt((a - d) / 2), d = sqrt(a^2 -
+            // b^2 c)
             [a, b] if a.radicand == 1 && !a.is_negative() => {
                 let a = &a.coefficient;
                 let norm = a * a - &b.coefficient * &b.coefficient * UBig::from(b.radicand);
@@ -257,9 +264,10 @@ impl Surd {
         root.times_pi_power(pi_power / 2).bounded()
     }
 
-    /// To within 2^-bits of its own size: `(sign, magnitude, exponent)`.
+    /// The value as `(sign, magnitude, exponent)` with a relative error of at most 2^-bits.
     pub(super) fn approximate(&self, bits: usize) -> (Sign, UBig, i64) {
         const GUARD: usize = 32;
+        // largest number of bits that are added for terms that cancel
         const MAX_EXTRA: usize = 1 << 17;
         let Some(top) = self.terms.iter().map(top_of_term).max() else {
             return (Sign::Positive, UBig::ZERO, 0);
@@ -275,7 +283,7 @@ impl Surd {
             }
             let (sign, magnitude) = sum.into_parts();
             let known = magnitude.bit_len();
-            // terms that cancel need more bits to start with
+            // terms that cancel have to be computed with more bits
             if known >= bits + GUARD / 2 || self.terms.len() == 1 || extra > MAX_EXTRA {
                 return (sign, magnitude, -scale);
             }
@@ -288,7 +296,7 @@ impl Surd {
         BigFloat::new(sign, magnitude, exponent)
     }
 
-    /// The nearest `f64`, ties to even: of the exact value, not of an approximation.
+    /// The `f64` nearest to the exact value, ties to even.
     pub(super) fn to_f64(&self) -> f64 {
         if let Some(value) = self.as_rational() {
             return rational_to_f64(&value);
@@ -296,7 +304,7 @@ impl Surd {
         let mut bits = 2 * 64;
         loop {
             let (sign, magnitude, exponent) = self.approximate(bits);
-            // an irrational value is no midpoint: enough bits always tell
+            // an irrational value is never midway between two `f64`: enough bits always decide
             let slack = UBig::ONE << (magnitude.bit_len().saturating_sub(bits));
             let above = nearest_f64(sign, &(&magnitude + &slack), exponent, false);
             if magnitude <= slack {
@@ -318,7 +326,7 @@ impl Surd {
         result
     }
 
-    /// With `sqrt(atom)` replaced by its negative.
+    /// The sum with `sqrt(atom)` replaced by its negative.
     fn conjugate(&self, atom: u128) -> Self {
         let mut result = self.clone();
         for term in &mut result.terms {
@@ -329,7 +337,7 @@ impl Surd {
         result
     }
 
-    /// `None` of a value too large to keep exact.
+    /// The sum itself; `None` if it is too large to store exactly.
     fn bounded(self) -> Option<Self> {
         let fits = |term: &Term| {
             term.coefficient.numerator().bit_len() <= MAX_BITS
@@ -340,7 +348,7 @@ impl Surd {
     }
 }
 
-/// The exact cosine of `turn * pi`, `turn` in `[0, 2)`, where square roots of rationals express it: at
+/// The exact cosine of `turn * pi`, `turn` in `[0, 2)`, if square roots of rationals express it: at
 /// multiples of pi/12 and of pi/5. (No other angles have such cosines.)
 pub(super) fn cos_of_pi_times(turn: &RBig) -> Option<Surd> {
     let steps = |per_half_turn: u8| {
@@ -379,7 +387,7 @@ pub(super) fn cos_of_pi_times(turn: &RBig) -> Option<Surd> {
     ratio(rational, 4, 1).add(&ratio(sign, 4, 5))
 }
 
-/// An upper bound of the logarithm to base two, at most a few too large.
+/// An upper bound of the term's logarithm to base two, at most a few too large.
 fn top_of_term(term: &Term) -> i64 {
     let power = i64::from(term.pi_power);
     let pi_bits = if power >= 0 {
@@ -394,7 +402,7 @@ fn top_of_term(term: &Term) -> i64 {
         + pi_bits
 }
 
-/// `|term| * 2^scale` rounded down, with roots and powers of pi good to `working` bits.
+/// `|term| * 2^scale` rounded down, with roots and powers of pi computed to `working` bits.
 fn term_at_scale(term: &Term, scale: i64, working: usize) -> UBig {
     let mut numerator = term.coefficient.numerator().unsigned_abs();
     let mut denominator = term.coefficient.denominator().clone();
@@ -427,7 +435,7 @@ fn term_at_scale(term: &Term, scale: i64, working: usize) -> UBig {
 fn rational_to_f64(value: &RBig) -> f64 {
     let numerator = value.numerator().unsigned_abs();
     let denominator = value.denominator();
-    // a quotient of at least 64 bits, beyond the 53 that stay
+    // a quotient of at least 64 bits, more than the 53 of the result
     let shift = 65 + signed(denominator.bit_len()) - signed(numerator.bit_len());
     let (quotient, exact) = if shift >= 0 {
         let scaled = shifted(numerator, shift);
@@ -443,7 +451,7 @@ fn rational_to_f64(value: &RBig) -> f64 {
     nearest_f64(value.sign(), &quotient, -shift, !exact)
 }
 
-/// The exact root of a rational, `None` of a negative one and where factors stay unknown.
+/// The exact root of a rational; `None` if the rational is negative or its factors are not found.
 fn sqrt_rational(value: &RBig) -> Option<Surd> {
     if value.is_zero() {
         return Some(Surd::zero());
@@ -459,7 +467,7 @@ fn sqrt_rational(value: &RBig) -> Option<Surd> {
     Surd::monomial(coefficient, radicand, 0).bounded()
 }
 
-/// `n = root^2 * free` with `free` surely squarefree.
+/// Writes `n = root^2 * free` with `free` squarefree; `None` if the factors are not found.
 fn square_part(n: &UBig) -> Option<(UBig, u128)> {
     let whole = n.sqrt();
     if &(&whole * &whole) == n {
@@ -508,7 +516,7 @@ fn within_cube(n: u128, trial: u64) -> bool {
     n < trial * trial * trial
 }
 
-/// Division of 64 bits is much faster than of 128.
+/// The remainder; a division of 64 bits is much faster than one of 128.
 fn remainder(n: u128, divisor: u64) -> u64 {
     match u64::try_from(n) {
         Ok(n) => n % divisor,
@@ -516,7 +524,8 @@ fn remainder(n: u128, divisor: u64) -> u64 {
     }
 }
 
-/// Pairwise coprime numbers above one of which every one of these squarefree numbers is a product.
+/// Pairwise coprime numbers above one such that each of these squarefree numbers is a product of
+/// some of them.
 ///
 /// Their roots are independent, as those of primes are, and finding them takes no factoring.
 fn coprime_atoms(numbers: impl Iterator<Item = u128>) -> Vec<u128> {

@@ -1,19 +1,20 @@
-//! The price of expressions that come and go.
+//! The cost of a changing set of expressions.
 
 use super::{Ex, Graph};
 
-/// The operations that a changing set of expressions takes, everything shared counted once, as
-/// [`Graph::price`]. A change is work in proportion to what only the expression that changes needs.
+/// The cost of a changing set of expressions, shared nodes counted once, as in [`Graph::price`].
+/// Adding or removing an expression takes time in proportion to the nodes that only this expression
+/// needs.
 #[derive(Debug)]
 pub struct Tally<'g> {
     graph: &'g Graph,
-    /// By node: how many expressions of the set and nodes in use need it directly.
+    /// For each node, the number of expressions in the set and of used nodes that need it directly.
     uses: Vec<u32>,
     price: usize,
 }
 
 impl<'g> Tally<'g> {
-    /// Of no expressions.
+    /// The empty set.
     pub fn new(graph: &'g Graph) -> Self {
         Self {
             graph,
@@ -22,12 +23,12 @@ impl<'g> Tally<'g> {
         }
     }
 
-    /// The operations of all expressions in the set.
+    /// The cost of all expressions in the set, in additions.
     pub fn price(&self) -> usize {
         self.price
     }
 
-    /// Takes expressions in.
+    /// Adds expressions to the set.
     pub fn add(&mut self, roots: impl IntoIterator<Item = Ex>) {
         let mut stack: Vec<Ex> = roots.into_iter().collect();
         while let Some(ex) = stack.pop() {
@@ -40,7 +41,7 @@ impl<'g> Tally<'g> {
         }
     }
 
-    /// Takes expressions out that are in the set.
+    /// Removes expressions that are in the set.
     pub fn remove(&mut self, roots: impl IntoIterator<Item = Ex>) {
         let mut stack: Vec<Ex> = roots.into_iter().collect();
         while let Some(ex) = stack.pop() {
@@ -66,7 +67,7 @@ mod tests {
         let (x, y) = (g.add(ab, c), g.sub(ab, c));
         let all = [ab, x, y];
         let mut tally = Tally::new(&g);
-        // every set of them, reached from the one before
+        // visits every set of expressions
         let mut inside = [false; 3];
         for step in 0..64_usize {
             let k = (step * step + step / 3) % 3;

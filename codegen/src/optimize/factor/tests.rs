@@ -12,7 +12,7 @@ fn temp(t: usize) -> Operand {
     Operand::Temp(Temp(t as u32))
 }
 
-/// A program of four inputs whose step k gives temporary k, all in one group.
+/// A program of four inputs whose step k computes temporary k, all in one group.
 fn program(ops: Vec<Op>, outputs: Vec<Operand>) -> Program {
     let step = |(k, op)| Step {
         op,
@@ -41,13 +41,13 @@ fn program(ops: Vec<Op>, outputs: Vec<Operand>) -> Program {
     }
 }
 
-/// The outputs at a state.
+/// The outputs for given inputs.
 fn values(program: &Program, state: [f64; 4]) -> Vec<f64> {
     run(program, state).0
 }
 
-/// The outputs at a state, and the greatest size of all values on the way. An operand that is not
-/// computed yet is an error.
+/// The outputs for given inputs, and the largest absolute value of all steps. Panics if an operand
+/// is not computed yet.
 fn run(program: &Program, state: [f64; 4]) -> (Vec<f64>, f64) {
     let mut temps = vec![None; program.names.len()];
     let at = |o: &Operand, temps: &[Option<f64>]| match *o {
@@ -80,7 +80,7 @@ fn factored(mut program: Program) -> Program {
     program
 }
 
-/// Products and sums.
+/// Number of products and of sums.
 fn count(program: &Program) -> (usize, usize) {
     let operations = program.operations();
     (operations.mul, operations.add)
@@ -105,7 +105,7 @@ fn a_factor_that_terms_share_is_taken_out() {
 #[test]
 fn a_pair_of_factors_that_products_share_is_multiplied_once() {
     let [a, b, c, d] = [0, 1, 2, 3].map(input);
-    // (a c) b and (b d) a, of which neither shares a node with the other
+    // (a c) b and (b d) a share no node
     let ops = vec![
         Op::Mul(a, c),
         Op::Mul(temp(0), b),
@@ -128,7 +128,7 @@ fn what_another_step_needs_stays_a_step() {
     ];
     let before = program(ops, vec![temp(1), temp(2)]);
     let after = factored(before.clone());
-    // a b is needed by itself, so a (b + c) would be one product more
+    // a b is used on its own too, so a (b + c) would take one product more
     assert_eq!(count(&after), count(&before));
     assert_eq!(values(&after, STATE), values(&before, STATE));
 }
@@ -147,7 +147,7 @@ fn a_sum_that_is_a_single_operand_gives_its_name_on() {
     assert_eq!(values(&after, STATE), values(&before, STATE));
 }
 
-/// A step on inputs and the results of steps before it.
+/// A step on inputs and the results of earlier steps.
 fn step(at: usize) -> impl Strategy<Value = Op> {
     let operand = (0..4 + at).prop_map(|k| if k < 4 { input(k) } else { temp(k - 4) });
     let three = (operand.clone(), operand.clone(), operand);

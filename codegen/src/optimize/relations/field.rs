@@ -1,6 +1,6 @@
-//! Numbers modulo the prime 2^61 - 1.
+//! Arithmetic modulo the prime 2^61 - 1.
 
-/// The prime.
+/// The modulus, a Mersenne prime.
 const PRIME: u64 = (1 << 61) - 1;
 
 /// `a + b`.
@@ -22,7 +22,7 @@ pub(super) fn sub(a: u64, b: u64) -> u64 {
 /// `a b`.
 pub(super) fn mul(a: u64, b: u64) -> u64 {
     let product = u128::from(a) * u128::from(b);
-    // 2^61 is one
+    // 2^61 is one modulo the prime
     let (high, low) = (product >> 61, product & u128::from(PRIME));
     add(high as u64, low as u64)
 }
@@ -40,7 +40,8 @@ pub(super) fn inverse(a: u64) -> u64 {
     power
 }
 
-/// A finite `f64` exactly: an integer times a power of two. Something else for what is not finite.
+/// The residue of a finite `f64`, exactly: an integer times a power of two. A pseudorandom number
+/// for other values.
 pub(super) fn of(c: f64) -> u64 {
     let bits = c.to_bits();
     let fraction = bits & ((1 << 52) - 1);
@@ -52,7 +53,7 @@ pub(super) fn of(c: f64) -> u64 {
         0 => (fraction, 1),
         _ => (fraction | (1 << 52), exponent),
     };
-    // 2^(exponent - 1075), and 2^61 is one: 18 times 61 is 1098
+    // 2^(exponent - 1075), modulo the prime; 2^61 is one, and 18 times 61 is 1098
     let power = 1_u64 << ((exponent + 1098 - 1075) % 61);
     let size = mul(mantissa, power);
     if c.is_sign_negative() {
@@ -62,8 +63,8 @@ pub(super) fn of(c: f64) -> u64 {
     }
 }
 
-/// A number for something, and for a draw of it: the same on every machine (Steele, Lea and Flood's
-/// mixing of a counter, 2014).
+/// A pseudorandom number for an item `what` and a set `draw`: the same on every machine (Steele,
+/// Lea and Flood's mixing of a counter, 2014).
 pub(super) fn drawn(what: u64, draw: u64) -> u64 {
     let golden = 0x9e37_79b9_7f4a_7c15_u64;
     let mut x = what
@@ -75,8 +76,8 @@ pub(super) fn drawn(what: u64, draw: u64) -> u64 {
     (x ^ (x >> 31)) % PRIME
 }
 
-/// Sine and cosine of an angle that is drawn: a point of the unit circle by the tangent of half of
-/// it.
+/// Sine and cosine of a random angle: the point of the unit circle for the tangent of half the
+/// angle.
 pub(super) fn sin_cos(tangent: u64) -> (u64, u64) {
     let square = mul(tangent, tangent);
     let scale = inverse(add(1, square));
@@ -94,7 +95,7 @@ mod tests {
         assert_eq!(of(-3.0), neg(3));
         assert_eq!(mul(of(0.375), 8), 3);
         assert_eq!(of(0.0), 0);
-        // a sum without rounding, of very different sizes
+        // a sum of very different sizes, without rounding
         assert_eq!(add(of(1e15), of(0.125)), of(1e15 + 0.125));
         let least = f64::from_bits(1);
         assert_eq!(add(of(least), of(least)), of(2.0 * least));

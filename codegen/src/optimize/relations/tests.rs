@@ -1,7 +1,7 @@
 use super::*;
 use crate::optimize::{Group, Output};
 
-/// Element of the one argument.
+/// An element of the only argument.
 fn given(element: usize) -> Operand {
     Operand::Input {
         argument: 0,
@@ -13,7 +13,7 @@ fn temp(t: u32) -> Operand {
     Operand::Temp(Temp(t))
 }
 
-/// A program in groups of so many steps.
+/// A program whose steps are in groups of these sizes.
 fn program(steps: Vec<Step>, groups: &[usize], outputs: Vec<Operand>) -> Program {
     let names = steps.iter().map(|s| s.results.len()).sum();
     let mut start = 0;
@@ -40,7 +40,7 @@ fn program(steps: Vec<Step>, groups: &[usize], outputs: Vec<Operand>) -> Program
     }
 }
 
-/// Steps with one result each, the first being `t0`.
+/// Steps with one result each, which are `t0`, `t1` and so on.
 fn steps(ops: Vec<Op>) -> Vec<Step> {
     let step = |(op, t)| Step {
         op,
@@ -114,7 +114,7 @@ fn squares_of_sine_and_cosine_are_one() {
 
 #[test]
 fn a_product_with_the_other_sign_is_used() {
-    // b a - c a, where c - b is there, and its opposite goes out
+    // b a - c a is -(c - b) a, where c - b is computed already; its negative is an output
     let mut program = one_group(
         vec![
             Op::Sub(given(2), given(1)),
@@ -126,13 +126,13 @@ fn a_product_with_the_other_sign_is_used() {
     );
     relate(&mut program);
     assert_eq!(counted(&program), (1, 1));
-    // the opposite of the opposite is the product itself
+    // the negative of the negative is the product itself
     assert!(!program.steps.iter().any(|s| matches!(s.op, Op::Neg(_))));
 }
 
 #[test]
 fn what_others_need_is_not_counted_as_spared() {
-    // both products go out, so that the sum in their place would save nothing
+    // both products are outputs, so that replacing their sum would save nothing
     let ops = vec![
         Op::Add(given(0), given(1)),
         Op::Mul(given(0), given(2)),
@@ -153,14 +153,14 @@ fn a_small_value_is_not_got_back_from_a_sum_with_a_large_one() {
             Op::Mul(Operand::Constant(large), given(4)),
             Op::MulAdd(given(0), given(1), temp(0)),
             Op::MulAdd(given(2), given(3), temp(1)),
-            // what the large product was added to, by itself
+            // the terms that are added to the large product, without it
             Op::Mul(given(2), given(3)),
             Op::MulAdd(given(0), given(1), temp(3)),
         ]
     };
     let spared = |large: f64| {
         let outputs = vec![temp(1), temp(2), temp(4)];
-        // the sum first, which can then not be had from it
+        // the sum with the large product comes first, so that only the small sum could be recovered
         let mut program = program(steps(ops(large)), &[3, 2], outputs);
         let before = counted(&program);
         relate(&mut program);
@@ -213,7 +213,7 @@ proptest::proptest! {
         let mut ops = Vec::new();
         for (kind, a, b, c) in picks {
             let many = ops.len() + 4;
-            // few inputs, so that values meet
+            // few inputs, so that equal values occur
             let pick = |k: usize| match k % many {
                 3 => Operand::Constant(2.0),
                 k if k < 3 => given(k),
@@ -244,7 +244,7 @@ proptest::proptest! {
         let after = counted(&program);
         proptest::prop_assert!(after.0 <= before.0 && after.1 <= before.1);
         proptest::prop_assert_eq!([number(&program, 2), number(&program, 3)], expected);
-        // in an order that can be computed
+        // each step must follow its operands
         let mut made: Vec<Temp> = Vec::new();
         for step in &program.steps {
             for operand in step.op.operands() {

@@ -1,4 +1,4 @@
-//! Names in constant expressions.
+//! Checks the names in constant expressions.
 
 use super::super::shape::Scalar;
 use super::super::suggest::did_you_mean;
@@ -6,7 +6,8 @@ use super::{Checker, listing};
 use crate::diag::Diagnostic;
 
 impl Checker<'_> {
-    /// Every name in a constant expression is a geometry name; in `geometry` itself, an earlier one.
+    /// Checks that every name in a constant expression is a geometry name; in `geometry` itself, an
+    /// earlier one.
     pub(super) fn constants(&mut self) {
         let raw = self.raw;
         let geometry = raw
@@ -46,12 +47,12 @@ impl Checker<'_> {
         }
     }
 
-    /// Where a geometry name is defined in the list.
+    /// The index of a geometry name in the list of definitions.
     pub(super) fn geometry_index(&self, name: &str) -> Option<usize> {
         self.geometry.get(name).copied()
     }
 
-    /// The geometry names.
+    /// All geometry names.
     pub(super) fn geometry_names(&self) -> Vec<String> {
         let geometry = self.raw.geometry.iter().flat_map(|geometry| &geometry.0);
         geometry.map(|(name, _)| name.0.text.clone()).collect()

@@ -1,15 +1,15 @@
-//! Circles in what follows what.
+//! Finds cycles in directed graphs.
 
-/// Reported at most.
-const MOST: usize = 20;
+/// Largest number of cycles that are reported.
+const MAX_CYCLES: usize = 20;
 
-/// Circles of a directed graph, each from its lowest node on: one at least if there are any.
+/// Cycles of a directed graph, each starting at its lowest node: at least one if there are any.
 ///
-/// Every edge is walked once, so that large graphs cost no more than their size.
+/// Every edge is followed once, so that the time is proportional to the size of the graph.
 pub(super) fn cycles(edges: &[Vec<usize>]) -> Vec<Vec<usize>> {
     let mut found = Vec::new();
     let mut done = vec![false; edges.len()];
-    // where a node stands on the current path
+    // index of each node on the current path
     let mut position = vec![None; edges.len()];
     for start in 0..edges.len() {
         let mut path: Vec<(usize, usize)> = Vec::new();
@@ -27,7 +27,7 @@ pub(super) fn cycles(edges: &[Vec<usize>]) -> Vec<Vec<usize>> {
             };
             *next += 1;
             if let Some(at) = position[target] {
-                if found.len() < MOST {
+                if found.len() < MAX_CYCLES {
                     found.push(from_lowest(
                         path[at..].iter().map(|(node, _)| *node).collect(),
                     ));

@@ -1,4 +1,4 @@
-//! Limbs and joints.
+//! Checks limbs and joints.
 
 use super::super::raw::{RawJoint, RawLimb};
 use super::super::shape::{Choice, Word};
@@ -33,12 +33,12 @@ impl Checker<'_> {
                 self.joint(joint, &joint_path(limb, index));
             }
         }
-        self.origins();
-        self.substance();
+        self.check_origins();
+        self.check_not_empty();
     }
 
-    /// A robot has bodies and coordinates.
-    fn substance(&mut self) {
+    /// Checks that the robot has bodies and coordinates.
+    fn check_not_empty(&mut self) {
         let name = &self.raw.name.0;
         if self.inventory.coordinates.is_empty() {
             let message = "the robot has no coordinate: no joint of it moves";
@@ -52,10 +52,11 @@ impl Checker<'_> {
         }
     }
 
-    /// Limbs start from bodies that exist, and every chain of them ends at the world.
-    fn origins(&mut self) {
+    /// Checks that limbs start from existing bodies, and that every chain of limbs ends at the
+    /// world.
+    fn check_origins(&mut self) {
         let limbs = &self.raw.limbs;
-        // the limb that each limb starts from
+        // for each limb, the limb that it starts from
         let mut parents: Vec<Option<usize>> = Vec::new();
         for (index, limb) in limbs.iter().enumerate() {
             let from = &limb.from.0;
@@ -166,7 +167,7 @@ impl Checker<'_> {
         self.nominal(joint);
     }
 
-    /// `nominal` names parameters that the joint has.
+    /// Checks that `nominal` names parameters that the joint has.
     fn nominal(&mut self, joint: &RawJoint) {
         let Some(nominal) = &joint.nominal else {
             return;

@@ -1,20 +1,20 @@
-//! How large a robot may be: what is larger is a mistake or an attack, and would take hours or
-//! all memory instead of an error.
+//! Checks the size of a robot: a larger one is a mistake or an attack, and would take hours or all
+//! memory instead of giving an error.
 
 use super::super::raw::RawSpec;
 use super::Checker;
 use crate::diag::{Diagnostic, Span};
 
-/// Most coordinates. The largest robots people describe have less than a hundred.
-pub(super) const COORDINATES: usize = 256;
-/// Most bodies, those on fixed joints among them.
-pub(super) const BODIES: usize = 384;
-/// Most equations of cuts and couplings. As many as coordinates can be independent, but a planar
-/// loop has three redundant ones in five.
-pub(super) const EQUATIONS: usize = 640;
+/// Largest number of coordinates. The largest robots that people describe have less than a hundred.
+pub(super) const MAX_COORDINATES: usize = 256;
+/// Largest number of bodies, including those on fixed joints.
+pub(super) const MAX_BODIES: usize = 384;
+/// Largest number of equations of cuts and couplings. At most as many as there are coordinates can
+/// be independent, but of the five of a planar loop three are redundant.
+pub(super) const MAX_EQUATIONS: usize = 640;
 
 impl Checker<'_> {
-    /// Whether the robot is within the limits; tells what is not.
+    /// Whether the robot is within the limits; reports those that it exceeds.
     pub(super) fn limits(&mut self) -> bool {
         let raw = self.raw;
         let coordinates = self.inventory.coordinates.len();
@@ -23,11 +23,11 @@ impl Checker<'_> {
         let limb = first(raw.limbs.first().map(|limb| limb.name.0.span));
         let cut = first(raw.cuts.iter().flatten().next().map(|cut| cut.name.0.span));
         let found = [
-            (coordinates, COORDINATES, "coordinates", limb),
-            (bodies, BODIES, "bodies", limb),
+            (coordinates, MAX_COORDINATES, "coordinates", limb),
+            (bodies, MAX_BODIES, "bodies", limb),
             (
                 equations(raw),
-                EQUATIONS,
+                MAX_EQUATIONS,
                 "equations of cuts and couplings",
                 cut,
             ),

@@ -1,4 +1,4 @@
-//! Names, labels and references: what can be known before any value is.
+//! Checks names, labels and references, before any value is evaluated.
 
 mod constants;
 mod cycles;
@@ -17,7 +17,7 @@ use super::shape::Word;
 use super::suggest::{did_you_mean, one_of};
 use crate::diag::{Diagnostic, Sink, Span};
 
-/// Checks that everything that is named exists, once, where it may stand.
+/// Checks that everything that is named exists, exactly once, and may be used there.
 pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
     let inventory = inventory(raw);
     let set = |labels: &[String]| labels.iter().cloned().collect();
@@ -53,12 +53,12 @@ pub(super) fn check(raw: &RawSpec, sink: &mut Sink) {
 
 struct Checker<'a> {
     raw: &'a RawSpec,
-    /// Each geometry name's place in the list.
+    /// For each geometry name, its index in the list.
     geometry: BTreeMap<&'a str, usize>,
     coordinates: BTreeSet<String>,
     bodies: BTreeSet<String>,
     parameters: BTreeSet<String>,
-    /// The same in order.
+    /// The same names in order.
     inventory: Inventory,
     sink: &'a mut Sink,
 }
@@ -104,7 +104,7 @@ fn duplicates<'a>(what: &str, words: impl IntoIterator<Item = &'a Word>, sink: &
     }
 }
 
-/// An error about a word that names nothing, with the nearest known one or the list of them.
+/// An error about an unknown name, with the nearest known one or the list of all.
 fn unknown(what: &str, word: &Word, known: &[String]) -> Diagnostic {
     let near = did_you_mean(&word.text, known.iter().map(String::as_str));
     let diagnostic = word.error(format!("unknown {what} '{}'{near}", word.text));
@@ -115,30 +115,35 @@ fn unknown(what: &str, word: &Word, known: &[String]) -> Diagnostic {
     }
 }
 
-/// The same for bodies, where the world may stand too.
+/// An error about an unknown body, where the world is allowed too.
 fn unknown_body(word: &Word, known: &[String]) -> Diagnostic {
     let mut known = known.to_vec();
     known.push("world".to_owned());
     unknown("body", word, &known)
 }
 
-/// What there is, unless it is too much to list.
+/// The known names as a list, shortened if there are too many.
 fn listing(what: &str, known: &[String]) -> String {
-    const MOST: usize = 12;
+    // largest number of names in a message
+    const MAX_LISTED: usize = 12;
     match known.len() {
         0 => format!("there is no {what}"),
         1 => format!("known is '{}'", known.concat()),
-        2..=MOST => {
+        2..=MAX_LISTED => {
             let all = one_of(known.iter().map(String::as_str));
             format!("known are {}", all.replace(" or ", " and "))
         }
         count => {
             let first: Vec<String> = known
                 .iter()
-                .take(MOST)
+                .take(MAX_LISTED)
                 .map(|name| format!("'{name}'"))
                 .collect();
-            format!("known are {}, and {} more", first.join(", "), count - MOST)
+            format!(
+                "known are {}, and {} more",
+                first.join(", "),
+                count - MAX_LISTED
+            )
         }
     }
 }

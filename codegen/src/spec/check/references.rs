@@ -1,4 +1,5 @@
-//! What refers to limbs, joints and bodies: cuts, independent coordinates, couplings, home, bodies, base choices.
+//! Checks references to limbs, joints and bodies: in cuts, independent coordinates, couplings,
+//! home, bodies, and base choices.
 
 use std::collections::BTreeMap;
 
@@ -55,7 +56,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Whether a coordinate exists; reports it if not.
+    /// Whether a coordinate exists; reports an error if not.
     fn coordinate(&mut self, word: &Word) -> bool {
         let known = self.coordinates.contains(&word.text);
         if !known {
@@ -127,7 +128,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Without the field, the actuated coordinates are independent.
+    /// Checks the default: without `independent`, the actuated coordinates are independent.
     fn default_independent(&mut self) {
         let raw = self.raw;
         let joints = || raw.limbs.iter().flat_map(|limb| &limb.joints);
@@ -195,7 +196,7 @@ impl Checker<'_> {
         }
     }
 
-    /// A name in a coupling is a coordinate or a geometry name, not both.
+    /// Checks that a name in a coupling is a coordinate or a geometry name, but not both.
     fn coupling_name(&self, ast: &Ast, name: &str, scalar: &Scalar) -> Option<Diagnostic> {
         let is_coordinate = self.coordinates.contains(name);
         let constant = self
@@ -312,7 +313,8 @@ impl Checker<'_> {
         }
     }
 
-    /// Either the symbol is wrong or the label is: whichever it is gets the suggestion.
+    /// The error about an unknown parameter, which suggests another symbol if its label is known,
+    /// else another label.
     fn unknown_parameter(&self, word: &Word) -> Diagnostic {
         let known = &self.inventory.parameters;
         let (symbol, label) = ParameterName::read(&word.text)
@@ -353,7 +355,7 @@ impl Checker<'_> {
         }
     }
 
-    /// A name in `zero` is a parameter with its label, or a geometry name.
+    /// Checks that a name in `zero` is a parameter with its label, or a geometry name.
     fn zero_name(&self, ast: &Ast, name: &str, scalar: &Scalar) -> Option<Diagnostic> {
         let word = Word {
             text: name.to_owned(),

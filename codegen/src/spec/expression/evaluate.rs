@@ -1,10 +1,10 @@
-//! Exact values of expressions.
+//! Evaluates expressions exactly.
 
 use super::{Ast, AstKind, Fault, Operator};
 use crate::spec::types::{Function, Quantity};
 use crate::sym::Number;
 
-/// The value, with names looked up.
+/// The value of an expression; `lookup` gives the values of names.
 pub(in crate::spec) fn evaluate(
     ast: &Ast,
     lookup: &impl Fn(&str) -> Option<Number>,
@@ -39,7 +39,7 @@ pub(in crate::spec) fn evaluate(
             call(*function, &x, ast, a)?
         }
     };
-    // every step is checked, so that nothing grows without bound
+    // check every step, so that no intermediate value grows without bound
     if !value.is_finite_f64() {
         return Err(Fault::new(ast.span, "the value is too large")
             .hint("every value must be finite as a double"));

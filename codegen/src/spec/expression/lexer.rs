@@ -1,29 +1,29 @@
-//! Characters to tokens.
+//! Splits expressions into tokens.
 
 use super::{FUNCTIONS, Fault, Vocabulary};
 use crate::diag::Span;
 
-/// The inertial parameters of a body, in order.
+/// The symbols of a body's inertial parameters, in order.
 pub(in crate::spec) const INERTIAL: [&str; 10] = [
     "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz", "mx", "my", "mz", "m",
 ];
 
-/// The shape of a token; its text is found by its span.
+/// The kind of a token; its span gives its text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum TokenKind {
-    /// `0.5e-3`
+    /// A number such as `0.5e-3`.
     Number,
-    /// `a`
+    /// A name such as `a`.
     Name,
-    /// `s1.1`
+    /// A coordinate of a joint with several, such as `s1.1`.
     Dotted,
-    /// `Ixy(3)`
+    /// A parameter with its label, such as `Ixy(3)`.
     Parameter,
     /// One of `+ - * / ^ ( )`.
     Symbol(char),
 }
 
-/// A piece of an expression, in byte offsets of the expression's text.
+/// A token, with byte offsets in the expression's text.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Token {
     pub(super) kind: TokenKind,
@@ -56,7 +56,7 @@ impl Lexer<'_> {
         self.text[self.at..].chars().next()
     }
 
-    /// Goes on while characters fit, and tells how far it came.
+    /// Skips characters while they fit; returns the number of bytes skipped.
     fn skip(&mut self, fits: impl Fn(char) -> bool) -> usize {
         let rest = &self.text[self.at..];
         let length = rest.find(|c| !fits(c)).unwrap_or(rest.len());
@@ -116,7 +116,7 @@ impl Lexer<'_> {
         Ok(TokenKind::Number)
     }
 
-    /// `e-3`, if that is what follows.
+    /// Skips an exponent such as `e-3`, if one follows.
     fn exponent(&mut self) {
         let back = self.at;
         if matches!(self.peek(), Some('e' | 'E')) {
@@ -144,7 +144,7 @@ impl Lexer<'_> {
         {
             return Ok(TokenKind::Name);
         }
-        // `Fc+(q2)` is a label; `Fc + (q2)` would be a sum
+        // `Fc+(q2)` is a parameter's label; `Fc + (q2)` is a sum
         let signed =
             matches!(name, "Fv" | "Fc") && (rest.starts_with("+(") || rest.starts_with("-("));
         let rest = if signed { &rest[1..] } else { rest };
@@ -172,7 +172,8 @@ fn is_name_part(c: char) -> bool {
     c.is_ascii_alphanumeric() || c == '_'
 }
 
-/// What people write who mean something else.
+/// The error about an unexpected character, with a hint for characters that people write instead of
+/// the right ones.
 fn unexpected(c: char, start: usize) -> Fault {
     let fault = Fault::new(
         Span::new(start, start + c.len_utf8()),

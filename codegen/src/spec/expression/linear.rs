@@ -1,11 +1,12 @@
-//! Linear forms: a constant plus constant multiples of variables.
+//! Reads expressions as linear forms: a constant plus constant multiples of variables.
 
 use super::{Ast, AstKind, Fault, Operator, evaluate};
 use crate::diag::Span;
 use crate::spec::types::{LinearForm, Quantity, Spanned};
 use crate::sym::Number;
 
-/// Reads an expression as a linear form in the names that `is_variable` knows; the others are constants.
+/// Reads an expression as a linear form in the names for which `is_variable` is true; other names
+/// are constants.
 pub(in crate::spec) fn linear(
     ast: &Ast,
     is_variable: &impl Fn(&str) -> bool,
@@ -20,7 +21,7 @@ pub(in crate::spec) fn linear(
     for term in form.terms {
         let value = evaluate(&term.factor, lookup)?;
         let (expr, span) = (term.factor.to_expr(), term.span);
-        // a name that occurs twice has one coefficient
+        // a name that occurs twice has one coefficient, the sum
         match terms.iter_mut().find(|(name, _)| name.value == term.name) {
             Some((_, known)) => {
                 known.expr =
@@ -40,7 +41,7 @@ pub(in crate::spec) fn linear(
             )),
         }
     }
-    // terms that cancel are no terms
+    // drop terms that cancel
     terms.retain(|(_, factor)| !factor.value.is_zero());
     let constant = form
         .constant

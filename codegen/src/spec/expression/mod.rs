@@ -1,4 +1,4 @@
-//! Expressions: their syntax, their value, and the linear forms among them.
+//! Expressions: their syntax, their values, and linear forms.
 //!
 //! ```text
 //! sum     = product (("+" | "-") product)*
@@ -25,17 +25,17 @@ use super::types::{Expr, Function};
 use crate::diag::{Diagnostic, Span};
 use crate::sym::Number;
 
-/// Most characters of an expression.
+/// Largest number of characters of an expression.
 const MAX_LENGTH: usize = 10_000;
-/// Deepest nesting of parentheses, calls, signs and powers.
+/// Largest depth of nested parentheses, calls, signs and powers.
 const MAX_NESTING: usize = 100;
-/// Greatest height of the tree, to which long sums and products add.
+/// Largest height of the syntax tree, which long sums and products increase.
 const MAX_HEIGHT: usize = 500;
 
-/// What an expression may speak of besides geometry names.
+/// The names that an expression may contain besides geometry names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Vocabulary {
-    /// Nothing.
+    /// No other names.
     Constants,
     /// Coordinates: `q2`, `s1.1`.
     Coordinates,
@@ -43,7 +43,7 @@ pub(super) enum Vocabulary {
     Parameters,
 }
 
-/// An expression that knows where each part of it stands.
+/// The syntax tree of an expression, with the place of each part.
 #[derive(Clone, Debug)]
 pub(crate) struct Ast {
     pub(crate) kind: AstKind,
@@ -51,21 +51,21 @@ pub(crate) struct Ast {
     height: usize,
 }
 
-/// The forms of expressions.
+/// The kinds of nodes of the syntax tree.
 #[derive(Clone, Debug)]
 pub(crate) enum AstKind {
     Number(Number),
     Pi,
     /// A geometry name, or a coordinate where these are allowed.
     Name(String),
-    /// Surely a coordinate (`s1.1`) or a parameter (`Ixy(3)`).
+    /// A name that can only be a coordinate (`s1.1`) or a parameter (`Ixy(3)`).
     Variable(String),
     Neg(Box<Ast>),
     Binary(Operator, Box<Ast>, Box<Ast>),
     Call(Function, Box<Ast>),
 }
 
-/// The operators of two arguments.
+/// The binary operators.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Operator {
     Add,
@@ -75,7 +75,7 @@ pub(crate) enum Operator {
     Pow,
 }
 
-/// What is wrong with an expression, and where.
+/// An error in an expression: message, place and hint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Fault {
     pub(super) span: Span,
@@ -97,7 +97,7 @@ impl Fault {
         self
     }
 
-    /// The fault as an error of the file.
+    /// The fault as an error in the file.
     pub(super) fn at(self, path: &str) -> Diagnostic {
         let diagnostic = Diagnostic::new(self.span, self.message).path(path);
         match self.hint {
@@ -122,7 +122,7 @@ impl Ast {
         Self::new(AstKind::Number(value), span)
     }
 
-    /// Without the places.
+    /// The expression without places.
     pub(super) fn to_expr(&self) -> Expr {
         let boxed = |ast: &Ast| Box::new(ast.to_expr());
         match &self.kind {
@@ -158,7 +158,7 @@ impl Ast {
     }
 }
 
-/// The functions by name.
+/// The functions with their names.
 pub(super) const FUNCTIONS: [(&str, Function); 5] = [
     ("sqrt", Function::Sqrt),
     ("sin", Function::Sin),
@@ -168,7 +168,7 @@ pub(super) const FUNCTIONS: [(&str, Function); 5] = [
 ];
 
 impl Function {
-    /// How it is written.
+    /// The name of the function in expressions.
     pub(crate) fn name(self) -> &'static str {
         let mut all = FUNCTIONS.iter();
         all.find(|(_, function)| *function == self)
@@ -176,7 +176,7 @@ impl Function {
     }
 }
 
-/// Whether a name means something else in expressions.
+/// Whether a name has another meaning in expressions.
 pub(super) fn is_reserved(name: &str) -> bool {
     name == "pi" || FUNCTIONS.iter().any(|(function, _)| *function == name)
 }

@@ -1,4 +1,4 @@
-//! Tokens to trees.
+//! Parses tokens as syntax trees.
 
 use super::lexer::{Token, TokenKind, tokens};
 use super::{
@@ -10,8 +10,8 @@ use crate::sym::Number;
 
 /// Parses an expression.
 ///
-/// `whole` is where it stands in the file; `verbatim` is where its text starts if it stands there character by
-/// character, so that parts of it can be pointed at.
+/// `whole` is its place in the file; `verbatim` is the offset of its text if the file contains the
+/// text character by character, so that errors can point at parts of it.
 pub(in crate::spec) fn parse(
     text: &str,
     whole: Span,
@@ -44,7 +44,7 @@ pub(in crate::spec) fn parse(
     }
 }
 
-/// From offsets in the expression to places in the file.
+/// Converts offsets in the expression to places in the file.
 #[derive(Clone, Copy)]
 struct Place {
     whole: Span,
@@ -72,7 +72,7 @@ impl Parser<'_> {
         self.tokens.get(self.at).copied()
     }
 
-    /// Takes one of some symbols.
+    /// Consumes the next token if it is one of these symbols.
     fn take(&mut self, symbols: &[char]) -> Option<(char, Token)> {
         match self.peek() {
             Some(token) => match token.kind {
@@ -193,7 +193,7 @@ impl Parser<'_> {
             TokenKind::Symbol('(') => {
                 let inner = self.sum()?;
                 let end = self.close(token)?;
-                // the parentheses belong to what an error underlines
+                // errors underline the parentheses too
                 Ok(Ast {
                     span: span.to(end),
                     ..inner
@@ -256,7 +256,7 @@ impl Parser<'_> {
             .hint("names consist of letters, digits and '_'; only couplings speak of coordinates such as 's1.1'"))
     }
 
-    /// A token where an operator should be.
+    /// The error about a token where an operator is expected.
     fn leftover(&self, token: Token) -> Fault {
         let (span, text) = (self.span_of(token), self.text_of(token));
         match token.kind {

@@ -1,4 +1,4 @@
-//! Expressions: what they mean, and where bad ones are found to be bad.
+//! Tests of the values of expressions, and of the places of errors in them.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use super::*;
@@ -26,7 +26,7 @@ fn value(text: &str) -> Number {
     evaluate(&ast, &lookup).unwrap_or_else(|fault| panic!("{text}: {fault:?}"))
 }
 
-/// The fault of a text, its span relative to the text.
+/// The message of a text's error, and its span relative to the text.
 fn fault(text: &str) -> (String, std::ops::Range<usize>) {
     let fault = read(text)
         .and_then(|ast| evaluate(&ast, &lookup))

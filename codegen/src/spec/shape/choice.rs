@@ -1,4 +1,4 @@
-//! One of some words.
+//! Values that are written as one of several words.
 
 use super::json::{Definitions, Json, defined};
 use super::{Reader, Shape};
@@ -6,14 +6,14 @@ use crate::diag::{Diagnostic, Span};
 use crate::spec::suggest::{did_you_mean, one_of};
 use crate::spec::yaml::{Kind, Node, shorten};
 
-/// A type whose values have a word each.
+/// A type with a word for each of its values.
 pub(in crate::spec) trait Choice: Copy + PartialEq + 'static {
-    /// What it is: `joint type`.
+    /// The noun for a value in messages: `joint type`.
     const NOUN: &'static str;
-    /// Word, value and meaning of each.
+    /// Word, value and meaning of each value.
     const ALL: &'static [(&'static str, Self, &'static str)];
 
-    /// The word of a value.
+    /// The word for a value.
     fn word(self) -> &'static str {
         Self::ALL
             .iter()
@@ -22,7 +22,7 @@ pub(in crate::spec) trait Choice: Copy + PartialEq + 'static {
     }
 }
 
-/// A chosen value and its place.
+/// A value with its place in the file.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::spec) struct Chosen<T> {
     pub(in crate::spec) value: T,
@@ -70,7 +70,7 @@ impl<T: Choice> Shape for Chosen<T> {
     }
 }
 
-/// Gives the values of a type their words and meanings.
+/// Implements [`Choice`] for a type: its noun, and the words and meanings of its values.
 macro_rules! choices {
     ($type:ty, $noun:literal { $($word:literal => $value:ident: $meaning:literal,)+ }) => {
         impl $crate::spec::shape::Choice for $type {

@@ -1,4 +1,4 @@
-//! Lists and mappings with free keys.
+//! Lists, and mappings with arbitrary keys.
 
 use super::json::{Definitions, Json};
 use super::{Reader, Shape};
@@ -14,7 +14,7 @@ impl<T: Shape> Shape for Vec<T> {
             reader.mismatch(&format!("a list, each entry {}", T::EXPECTED), node);
             return None;
         };
-        // every item is read, also after a bad one
+        // read every item, also after an error, so that all errors are reported
         let read: Vec<Option<T>> = items
             .iter()
             .enumerate()
@@ -59,7 +59,7 @@ impl<T: Shape, const N: usize> Shape for [T; N] {
     }
 }
 
-/// Something with the place of the whole of it.
+/// A value with its place in the file.
 #[derive(Clone, Debug)]
 pub(in crate::spec) struct Located<T> {
     pub(in crate::spec) value: T,
@@ -80,7 +80,7 @@ impl<T: Shape> Shape for Located<T> {
     }
 }
 
-/// A mapping with free keys, in the order of the file.
+/// A mapping with arbitrary keys, in the order of the file.
 #[derive(Clone, Debug)]
 pub(in crate::spec) struct Ordered<K, V>(pub(in crate::spec) Vec<(K, V)>);
 

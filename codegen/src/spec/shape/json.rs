@@ -1,23 +1,23 @@
-//! JSON, as much of it as the schema needs.
+//! A minimal JSON value, for writing the schema.
 
 use std::fmt::Write;
 
-/// A JSON value; objects keep their order.
+/// A JSON value; objects keep the order of their entries.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::spec) enum Json {
     Bool(bool),
     Integer(i64),
-    /// A number as written.
+    /// A number, with the digits as written.
     Number(String),
     Text(String),
     Array(Vec<Json>),
     Object(Vec<(String, Json)>),
 }
 
-/// Named parts of the schema, in the order of their first use.
+/// The named definitions of the schema, in the order of their first use.
 pub(in crate::spec) type Definitions = Vec<(String, Json)>;
 
-/// A reference to a named part, which is described by `make` at its first use.
+/// A reference to a named definition, which `make` builds at its first use.
 pub(in crate::spec) fn defined(
     name: &str,
     definitions: &mut Definitions,
@@ -51,7 +51,7 @@ impl Json {
         Self::Array(texts.into_iter().map(Self::text).collect())
     }
 
-    /// Adds an entry to an object.
+    /// Adds an entry to an object; leaves other values unchanged.
     pub(in crate::spec) fn with(mut self, key: &str, value: Json) -> Self {
         if let Self::Object(entries) = &mut self {
             entries.push((key.to_owned(), value));
@@ -59,7 +59,7 @@ impl Json {
         self
     }
 
-    /// The text, indented by two blanks.
+    /// The JSON text, indented by two blanks per level.
     pub(in crate::spec) fn pretty(&self) -> String {
         let mut out = String::new();
         self.write(&mut out, 0);

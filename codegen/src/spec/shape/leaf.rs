@@ -8,12 +8,12 @@ use crate::diag::{Diagnostic, Span};
 use crate::spec::expression::{Ast, Vocabulary, is_reserved, parse};
 use crate::spec::yaml::{self, Kind, Node, shorten};
 
-/// A word of the file, with what later errors about it need.
+/// A word of the file, with its place and path for later errors about it.
 #[derive(Clone, Debug)]
 pub(in crate::spec) struct Word {
     pub(in crate::spec) text: String,
     pub(in crate::spec) span: Span,
-    /// The path in words.
+    /// The path of the word, in words.
     pub(in crate::spec) path: Rc<str>,
 }
 
@@ -24,7 +24,7 @@ impl Word {
     }
 }
 
-/// The scalar at a node, if it is one.
+/// The scalar in a node; reports an error if the node is not a scalar.
 fn scalar<'a>(node: &'a Node, expected: &str, reader: &mut Reader) -> Option<&'a yaml::Scalar> {
     match &node.kind {
         Kind::Scalar(scalar) if !scalar.is_null() => Some(scalar),
@@ -35,7 +35,7 @@ fn scalar<'a>(node: &'a Node, expected: &str, reader: &mut Reader) -> Option<&'a
     }
 }
 
-/// Letters, digits and underscores, with no digit first.
+/// Whether a text consists of letters, digits and underscores, and does not start with a digit.
 fn is_identifier(text: &str) -> bool {
     !text.starts_with(|c: char| c.is_ascii_digit())
         && !text.is_empty()
@@ -59,10 +59,10 @@ fn is_parameter(text: &str) -> bool {
     text.ends_with(')') && text.find('(').is_some_and(|open| open > 0)
 }
 
-/// The reason why a word is refused, with a hint.
+/// The reason why a word is refused, and a hint.
 type Refusal = (String, String);
 
-/// Words that Rust keeps for itself, up to edition 2024.
+/// Keywords of Rust, up to edition 2024.
 const KEYWORDS: &[&str] = &[
     "abstract", "as", "async", "await", "become", "box", "break", "const", "continue", "crate",
     "do", "dyn", "else", "enum", "extern", "false", "final", "fn", "for", "gen", "if", "impl",
@@ -77,20 +77,21 @@ fn check_identifier(text: &str) -> Result<(), Refusal> {
     }
     Err((
         "must consist of ASCII letters, digits and '_' and not start with a digit".into(),
-        format!("for instance '{}'", shorten(&mended(text))),
+        format!("for instance '{}'", shorten(&similar_identifier(text))),
     ))
 }
 
-/// The nearest identifier.
-fn mended(text: &str) -> String {
-    let mut mended: String = text
+/// An identifier that resembles the text.
+fn similar_identifier(text: &str) -> String {
+    let mut similar_identifier: String = text
         .chars()
         .map(|c| if c.is_ascii_alphanumeric() { c } else { '_' })
         .collect();
-    if mended.is_empty() || mended.starts_with(|c: char| c.is_ascii_digit()) {
-        mended.insert(0, '_');
+    if similar_identifier.is_empty() || similar_identifier.starts_with(|c: char| c.is_ascii_digit())
+    {
+        similar_identifier.insert(0, '_');
     }
-    mended
+    similar_identifier
 }
 
 fn check_robot_name(text: &str) -> Result<(), Refusal> {
@@ -128,7 +129,7 @@ fn check_body_reference(text: &str) -> Result<(), Refusal> {
     }
     Err((
         "must be a whole number, or consist of ASCII letters, digits and '_'".into(),
-        format!("for instance '{}'", shorten(&mended(text))),
+        format!("for instance '{}'", shorten(&similar_identifier(text))),
     ))
 }
 
@@ -152,7 +153,8 @@ fn check_parameter(text: &str) -> Result<(), Refusal> {
     ))
 }
 
-/// Declares kinds of words: what errors call them, what they look like, what is allowed.
+/// Declares kinds of words: their documentation, type name, noun in messages, JSON type and
+/// pattern, and the check of their text.
 macro_rules! words {
     ($( $(#[doc = $doc:literal])+ $name:ident, $expected:literal, $json:tt, $pattern:literal, $check:path; )+) => {$(
         $(#[doc = $doc])+
@@ -183,29 +185,29 @@ macro_rules! words {
 }
 
 words! {
-    /// A joint, coordinate base.
+    /// The name of a joint, from which its coordinates are named.
     Name, "a name", text, "^[A-Za-z_][A-Za-z0-9_]*$", check_identifier;
-    /// The robot.
+    /// The name of the robot.
     RobotName, "a Rust identifier", text, "^[A-Za-z_][A-Za-z0-9_]*$", check_robot_name;
-    /// A geometry constant.
+    /// The name of a geometry constant.
     ConstantName, "a name", text, "^(?!(pi|sqrt|sin|cos|tan|deg)$)[A-Za-z_][A-Za-z0-9_]*$", check_constant;
-    /// A body, limb or cut.
+    /// The label of a body, a limb or a cut.
     Label, "a label", number_or_text, "^(?!world$)([0-9]+|[A-Za-z_][A-Za-z0-9_]*)$", check_label;
-    /// A body as a key, which JSON only knows as text.
+    /// The label of a body as a key, which JSON allows only as text.
     LabelKey, "a body label", text, "^(?!world$)([0-9]+|[A-Za-z_][A-Za-z0-9_]*)$", check_label;
-    /// A body or the world.
+    /// The label of a body, or the world.
     BodyReference, "a body label or 'world'", number_or_text, "^([0-9]+|[A-Za-z_][A-Za-z0-9_]*)$", check_body_reference;
-    /// A coordinate.
+    /// The name of a coordinate.
     CoordinateReference, "a coordinate", text, "^[A-Za-z_][A-Za-z0-9_]*(\\.[0-9]+)?$", check_coordinate;
-    /// A parameter.
+    /// The label of a parameter.
     ParameterReference, "a parameter", text, "^[A-Za-z]+[0-9]*[+-]?\\s*\\(.+\\)$", check_parameter;
-    /// A symbol of a friction or rotor parameter.
-    ParameterSymbol, "a parameter's symbol", text, "^(Fv[123+-]?|Fc[+-]?|Fs|vs|delta|J)$", anything;
+    /// The symbol of a friction or rotor parameter.
+    ParameterSymbol, "a parameter's symbol", text, "^(Fv[123+-]?|Fc[+-]?|Fs|vs|delta|J)$", accept_any;
 }
 
-/// Checked later, where more is known.
+/// Accepts any text: it is checked later, when more is known.
 #[allow(clippy::unnecessary_wraps)] // has the signature of the checks that do refuse
-fn anything(_: &str) -> Result<(), Refusal> {
+fn accept_any(_: &str) -> Result<(), Refusal> {
     Ok(())
 }
 
@@ -228,7 +230,7 @@ impl Shape for Text {
     }
 }
 
-/// `true` or `false`.
+/// A flag, `true` or `false`.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::spec) struct Flag {
     pub(in crate::spec) value: bool,
@@ -259,7 +261,7 @@ impl Shape for Flag {
     }
 }
 
-/// A number or an expression in geometry names.
+/// A number, or an expression in geometry names.
 #[derive(Clone, Debug)]
 pub(in crate::spec) struct Scalar {
     pub(in crate::spec) ast: Ast,

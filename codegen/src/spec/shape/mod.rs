@@ -1,5 +1,5 @@
-//! What may stand where: each record lists its keys once, and that list reads files, finds unknown and missing
-//! keys, and writes the JSON Schema.
+//! Shapes of YAML values. Each record lists its keys once, and that list is used to read files, to
+//! find unknown and missing keys, and to write the JSON Schema.
 
 mod choice;
 mod collection;
@@ -22,35 +22,36 @@ use json::{Definitions, Json};
 use super::yaml::Node;
 use crate::diag::{Diagnostic, Sink};
 
-/// Something that is read from a node.
+/// A type that can be read from a YAML node.
 pub(super) trait Shape: Sized {
-    /// What errors expect: `a number or an expression`.
+    /// The noun phrase for the value in errors ("expected ..."): `a number or an expression`.
     const EXPECTED: &'static str;
-    /// Whether its title says what it is, so that paths need not name the key above the list.
+    /// Whether the title of the value contains its kind, so that paths need not include the key of
+    /// the list.
     const NAMES_ITSELF: bool = false;
-    /// Whether it is a list of such.
+    /// Whether the value is a list of items with such titles.
     const ITEMS_NAME_THEMSELVES: bool = false;
 
-    /// Reads it, or reports why not.
+    /// Reads the value from a node; `None` after reporting an error.
     fn read(node: &Node, reader: &mut Reader) -> Option<Self>;
 
-    /// Its JSON Schema.
+    /// The JSON Schema of the value.
     fn schema(definitions: &mut Definitions) -> Json;
 
-    /// What paths call it as an item of a list.
+    /// The name of the value in paths, as an item of a list.
     fn title(_node: &Node, index: usize) -> String {
         format!("entry {}", index + 1)
     }
 }
 
-/// Where reading is, and the errors so far.
+/// The current path and the errors so far.
 pub(super) struct Reader {
     sink: Sink,
     path: Vec<String>,
 }
 
 impl Reader {
-    /// At the top of a file.
+    /// A reader at the top of a file.
     pub(super) fn new() -> Self {
         Self {
             sink: Sink::new(),
@@ -58,12 +59,12 @@ impl Reader {
         }
     }
 
-    /// The errors.
+    /// The errors so far.
     pub(super) fn into_sink(self) -> Sink {
         self.sink
     }
 
-    /// Does something one level down.
+    /// Calls `act` with one more segment in the path.
     fn within<T>(&mut self, segment: impl Into<String>, act: impl FnOnce(&mut Self) -> T) -> T {
         self.path.push(segment.into());
         let result = act(self);
@@ -71,23 +72,23 @@ impl Reader {
         result
     }
 
-    /// The path in words.
+    /// The current path, in words.
     fn path(&self) -> Rc<str> {
         join(&self.path).into()
     }
 
-    /// Adds an error here.
+    /// Adds an error at the current path.
     fn report(&mut self, diagnostic: Diagnostic) {
         self.sink.push(diagnostic.path(join(&self.path)));
     }
 
-    /// Adds an error that belongs to the record around this field.
+    /// Adds an error at the path of the record that contains the current field.
     fn report_above(&mut self, diagnostic: Diagnostic) {
         let above = self.path.len().saturating_sub(1);
         self.sink.push(diagnostic.path(join(&self.path[..above])));
     }
 
-    /// Adds "expected this, found that".
+    /// Adds an error of the form "expected this, found that".
     fn mismatch(&mut self, expected: &str, node: &Node) {
         let message = match node.describe().as_str() {
             "nothing" => format!("expected {expected}, found nothing"),
@@ -97,7 +98,7 @@ impl Reader {
     }
 }
 
-/// Segments as words; quoted ones belong to the word before them.
+/// Joins segments of a path to a text; quoted segments belong to the word before them.
 fn join(segments: &[String]) -> String {
     let mut words = String::new();
     for segment in segments {

@@ -6,25 +6,26 @@ use crate::diag::{Diagnostic, Span};
 use crate::spec::suggest::did_you_mean;
 use crate::spec::yaml::{self, Key, Kind, Node, shorten};
 
-/// What a record says about one of its keys.
+/// A key of a record.
 pub(in crate::spec) struct Field {
     pub(in crate::spec) key: &'static str,
     pub(in crate::spec) doc: &'static str,
     pub(in crate::spec) required: bool,
-    /// The value that stands for a missing one, as YAML.
+    /// The value of a missing key, as YAML.
     pub(in crate::spec) default: Option<&'static str>,
     pub(in crate::spec) schema: fn(&mut Definitions) -> Json,
 }
 
-/// The keys of a record and the rules between them.
+/// The keys of a record and the rules among them.
 pub(in crate::spec) struct Layout {
-    /// What it is: `joint`.
+    /// The noun for the record in messages: `joint`.
     pub(in crate::spec) noun: &'static str,
     pub(in crate::spec) doc: &'static str,
     pub(in crate::spec) fields: &'static [Field],
-    /// Keys that exclude each other.
+    /// Pairs of keys that exclude each other.
     pub(in crate::spec) exclusive: &'static [(&'static str, &'static str)],
-    /// Keys that are required unless another key has a certain value.
+    /// Keys that are required unless another key has a certain value: the key, the other key, the
+    /// value.
     pub(in crate::spec) unless: &'static [(&'static str, &'static str, &'static str)],
 }
 
@@ -41,7 +42,7 @@ impl Layout {
         )
     }
 
-    /// The entries of a record, with unknown, missing and clashing keys reported.
+    /// The entries of a record; reports unknown, missing and mutually exclusive keys.
     pub(in crate::spec) fn entries<'a>(
         &self,
         node: &'a Node,
@@ -51,14 +52,14 @@ impl Layout {
             reader.mismatch(&self.expected(), node);
             return None;
         };
-        // merge keys have their own error
+        // merge keys are reported elsewhere
         for (key, _) in entries.iter().filter(|(key, _)| key.text != "<<") {
             if !self.keys().any(|known| known == key.text) {
                 reader.report(self.unknown(key));
             }
         }
         for missing in self.missing(entries) {
-            // the first key is a better place than the whole record
+            // the first key is a better place for the error than the whole record
             let span = entries.first().map_or(node.span, |(key, _)| key.span);
             reader.report(
                 Diagnostic::new(span, format!("missing key '{}'", missing.key))
@@ -108,7 +109,7 @@ impl Layout {
             .filter(move |field| needed(field) && key(entries, field.key).is_none())
     }
 
-    /// The schema of the record.
+    /// The JSON Schema of the record.
     pub(in crate::spec) fn schema(&self, definitions: &mut Definitions) -> Json {
         defined(&self.noun.replace(' ', "_"), definitions, |definitions| {
             let properties = self.fields.iter().map(|field| {
@@ -157,7 +158,7 @@ fn key<'a>(entries: &'a [(Key, Node)], wanted: &str) -> Option<&'a Key> {
 }
 
 impl Reader {
-    /// Reads the value of a key of a record.
+    /// Reads the value of a key of a record; `None` if the key is missing.
     pub(in crate::spec) fn field<T: Shape>(
         &mut self,
         key: &str,
@@ -165,7 +166,7 @@ impl Reader {
     ) -> Option<Result<T, ()>> {
         let (_, value) = entries.iter().find(|(found, _)| found.text == key)?;
         let read = |reader: &mut Self| T::read(value, reader).ok_or(());
-        // `limb 'left'` need not be `limbs, limb 'left'`
+        // write `limb 'left'` in paths, not `limbs, limb 'left'`
         Some(
             if T::ITEMS_NAME_THEMSELVES && matches!(value.kind, Kind::List(_)) {
                 read(self)
@@ -176,7 +177,7 @@ impl Reader {
     }
 }
 
-/// The value that stands for a missing key, at the place of the record.
+/// Reads the default value of a missing key, with the place of the record.
 pub(in crate::spec) fn read_default<T: Shape>(
     yaml: &str,
     span: Span,
@@ -185,7 +186,7 @@ pub(in crate::spec) fn read_default<T: Shape>(
     T::read(&yaml::literal(yaml, span), reader)
 }
 
-/// How a record in a list is called: `limb 'left'`, or `limb 2` without a name.
+/// The name of a record in a list: `limb 'left'`, or `limb number 2` if it has no name.
 pub(in crate::spec) fn describe_record(noun: &str, node: &Node, index: usize) -> String {
     match node.get("name").map(|name| &name.kind) {
         Some(Kind::Scalar(name)) if !name.is_null() => format!("{noun} '{}'", shorten(&name.text)),
@@ -193,8 +194,8 @@ pub(in crate::spec) fn describe_record(noun: &str, node: &Node, index: usize) ->
     }
 }
 
-/// Declares a record: its keys with their docs, and for each whether it is `required`, `optional`, or has a
-/// `default` (written as YAML).
+/// Declares a record: its keys with their documentation, and for each whether it is `required`,
+/// `optional`, or has a `default` (written as YAML).
 macro_rules! record {
     (
         $(#[doc = $doc:literal])+
@@ -208,7 +209,7 @@ macro_rules! record {
         #[derive(Clone, Debug)]
         pub(in crate::spec) struct $name {
             $( $(#[doc = $field_doc])+ pub(in crate::spec) $field: record!(@type $mode $type), )+
-            /// Where the record stands.
+            /// The place of the record in the file.
             #[allow(dead_code)] // not every record is pointed at as a whole
             pub(in crate::spec) span: $crate::diag::Span,
         }
@@ -237,7 +238,7 @@ macro_rules! record {
 
             fn read(node: &$crate::spec::yaml::Node, reader: &mut $crate::spec::shape::Reader) -> Option<Self> {
                 let entries = Self::LAYOUT.entries(node, reader)?;
-                // every field is read, also after a bad one
+                // read every field, also after an error, so that all errors are reported
                 $( let $field = record!(@read $mode, $type, record!(@key $field), entries, node, reader $(, $default)?); )+
                 Some(Self { $( $field: $field?, )+ span: node.span })
             }

@@ -10,12 +10,12 @@ use super::super::big_float::BigFloat;
 use super::super::surd::Term;
 use super::Number;
 
-/// Fractions up to this denominator stay fractions, `1/2` rather than `0.5`.
+/// Fractions up to this denominator are written as fractions, `1/2` rather than `0.5`.
 const MAX_FRACTION: u8 = 64;
-/// Decimals up to this many places are written out.
+/// Decimals of up to this number of places are written in full.
 const MAX_PLACES: usize = 12;
 
-/// A number's term as it is written: what stands above and below the fraction line.
+/// A term of a number as it is written: the factors above and below the fraction line.
 pub(crate) struct NumberTerm {
     pub(crate) negative: bool,
     pub(crate) above: Vec<NumberFactor>,
@@ -35,14 +35,14 @@ pub(crate) enum NumberFactor {
 }
 
 impl Number {
-    /// The terms of the exact form, a positive one in front where there is one; of an inexact
-    /// number 17 significant digits.
+    /// The terms of the exact form, starting with a positive one if there is one; of an inexact
+    /// number, a single term with 17 significant digits.
     pub(crate) fn written(&self) -> Vec<NumberTerm> {
         let Some(exact) = &self.0.exact else {
             return vec![inexact(self.real())];
         };
         let terms = exact.terms();
-        // a positive term first reads best
+        // a positive term comes first, as a person writes it
         let lead = terms
             .iter()
             .position(|term| !term.is_negative())
@@ -60,8 +60,8 @@ impl Number {
     }
 }
 
-/// The exact form, such as `-1/2`, `0.4563`, `2*sqrt(3)/3`, `5*pi/6` or `1/4 + sqrt(5)/4`;
-/// of an inexact number 17 significant digits.
+/// Writes the exact form, such as `-1/2`, `0.4563`, `2*sqrt(3)/3`, `5*pi/6` or `1/4 + sqrt(5)/4`;
+/// of an inexact number, 17 significant digits.
 impl fmt::Display for Number {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (k, term) in self.written().iter().enumerate() {
@@ -146,7 +146,7 @@ fn written(term: &Term) -> NumberTerm {
     }
 }
 
-/// The magnitude, if its denominator is large and it ends within a few places.
+/// The magnitude as a decimal, if its denominator is large and it has few places.
 fn short_decimal(value: &RBig) -> Option<String> {
     let denominator = value.denominator();
     if denominator <= &UBig::from(MAX_FRACTION) {
@@ -183,7 +183,8 @@ fn inexact(value: &BigFloat) -> NumberTerm {
     }
 }
 
-/// Digits with the point behind the first one times a power of ten, as a person writes it.
+/// Writes digits with the decimal point after the first one, times a power of ten, as a person
+/// does.
 fn decimal(digits: &str, exponent: i64) -> String {
     let (first, rest) = digits.split_at(1);
     match usize::try_from(exponent) {

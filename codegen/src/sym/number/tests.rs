@@ -38,7 +38,7 @@ fn hash(value: &Number) -> u64 {
     hasher.finish()
 }
 
-/// A fixed sequence, the same in every run.
+/// A pseudorandom sequence, the same in every run.
 struct Sequence(u64);
 
 impl Sequence {
@@ -90,7 +90,7 @@ fn roots_of_decimals_are_exact() {
 
 #[test]
 fn roots_without_known_factors_are_inexact_and_still_right() {
-    // the product of two primes of 19 digits, twice
+    // the product of two primes of 19 digits each, and its square
     let hard = dec("1000000000000000003").mul(&dec("1000000000000000009"));
     let inexact = hard.sqrt().unwrap();
     assert!(!inexact.is_exact());
@@ -118,7 +118,7 @@ fn sums_of_roots_have_exact_reciprocals() {
     let inverse = one.div(&sum).unwrap();
     assert!(inverse.is_exact());
     assert!(sum.mul(&inverse).is_one());
-    // 6 and 10 share a factor without either dividing the other
+    // 6 and 10 share a factor, but neither divides the other
     let sum = root(6).add(&root(10)).mul(&Number::pi());
     let inverse = one.div(&sum).unwrap();
     assert!(inverse.is_exact());
@@ -149,7 +149,7 @@ fn nested_roots_are_denested() {
         &Number::pi().mul(&Number::pi()).sqrt().unwrap(),
         &Number::pi(),
     );
-    // no denesting exists
+    // this root is not a sum of two roots
     assert!(!int(2).add(&root(2)).sqrt().unwrap().is_exact());
 }
 
@@ -204,7 +204,7 @@ fn exact_sines_agree_with_computed_ones() {
         for numerator in -30..30 {
             let angle = pi_times(numerator, denominator);
             let (s, c) = angle.sin_cos();
-            // the same angle, known to 320 bits only
+            // the same angle, given to 320 bits only
             let (s2, c2) = Number::inexact(angle.real().clone()).sin_cos();
             assert_same(&s, &s2);
             assert_same(&c, &c2);
@@ -249,7 +249,7 @@ fn close_but_different_values_stay_different() {
     assert_eq!(root(2).add(&tiny).cmp_value(&root(2)), Ordering::Greater);
     assert!(s.add(&dec("1e-70")) != s);
     assert!(s.neg() != s);
-    // a polynomial in pi and roots that is small without being zero
+    // a polynomial in pi and roots that is small but not zero
     let near = Number::pi().sub(&dec("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803482534211706798214808651"));
     assert!(!near.is_zero());
     let magnitude = near.abs().to_f64();
@@ -286,7 +286,7 @@ fn decimals_round_as_the_language_does() {
     ] {
         let expected: f64 = text.parse().unwrap();
         let found = dec(text).to_f64();
-        // the sign of zero is not part of a number
+        // a number has no sign of zero
         assert_eq!(found, expected, "{text}");
     }
     let mut sequence = Sequence(1);
@@ -378,7 +378,7 @@ fn roots_and_pi_round_to_the_nearest_double() {
     for n in 0..200 {
         assert_eq!(root(n).to_f64(), (n as f64).sqrt());
     }
-    // cancels 60 digits before the first one that counts
+    // 60 digits cancel before the first significant one
     let big = int(10).powi(60).unwrap().mul(&root(2));
     let whole = dec("1414213562373095048801688724209698078569671875376948073176679");
     let left = big.sub(&whole).to_f64();
@@ -393,7 +393,7 @@ fn powers_follow_their_definition() {
     assert_eq!(Number::zero().powi(-1), None);
     assert_eq!(int(2).powi(1001), None);
     assert_eq!(int(2).powi(i64::MIN), None);
-    // beyond the size kept exact
+    // larger than the largest exact number
     let large = int(10).powi(1000).unwrap().powi(1000).unwrap();
     assert!(!large.is_exact());
     assert!(!large.is_finite_f64());
@@ -531,7 +531,7 @@ fn every_digit_of_the_precision_is_right() {
     for (angle, sine, cosine) in table {
         let (s, c) = dec(angle).sin_cos();
         assert!(!s.is_exact() && !c.is_exact());
-        // agreement means 78 digits
+        // numbers that agree have 78 equal digits
         assert_same(&s, &dec(sine));
         assert_same(&c, &dec(cosine));
     }
@@ -584,6 +584,6 @@ fn results_are_the_same_bits_everywhere() {
             digest = digest.wrapping_mul(0x0100_0000_01b3) ^ u64::from(byte);
         }
     }
-    // found once in debug and release builds; a change means other bits in generated code
+    // computed in debug and release builds; a change means that generated code changes
     assert_eq!(digest, 0x1d66_36c1_c0f1_0c41);
 }
