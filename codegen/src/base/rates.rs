@@ -1,12 +1,12 @@
-//! Null directions of friction alone: where coordinates' rates are tied by
-//! constant factors all the time, their friction is not independent.
+//! Null directions of friction alone: friction parameters of coordinates whose rates are always
+//! proportional or linearly dependent are themselves dependent.
 //!
-//! Such ties are couplings, and loops whose turning axes are all parallel: the
-//! turns around the loop add up to nothing, unless the cut turns too. By
-//! homogeneity (see `BASE.md`, friction) each kind of friction is tied by itself:
-//! offsets o (half of Fc+ less Fc-) by any tie, since their power is linear in
-//! the rates; v, c and e, whose powers are v qd^2, c |qd|, e |qd| qd, only by
-//! ties of two coordinates, or of one, which then does not move at all.
+//! Such velocity constraints come from couplings, and from loops whose revolute axes are all
+//! parallel: the rotations around the loop sum to zero, unless the cut joint rotates too. By
+//! homogeneity (see `BASE.md`, friction) each kind of friction is constrained by itself: offsets o
+//! (half of Fc+ minus Fc-) by any constraint, since their power is linear in the rates; v, c and e,
+//! whose powers are v qd^2, c |qd|, e |qd| qd, only by constraints between two coordinates, or on
+//! one, which then does not move at all.
 
 use crate::model::{FrictionColumn, Model, MotionKind, ParameterKind};
 use crate::spec::Spec;
@@ -19,7 +19,7 @@ use super::linkage::{Linkage, Stage};
 use super::span::{Vector, add_scaled};
 use super::trees::path;
 
-/// The directions that ties of rates give.
+/// The null directions of friction that follow from velocity constraints, over all columns.
 pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Model) -> Vec<Vector> {
     let mut velocity_constraints = couplings(model);
     velocity_constraints.extend(planar_loops(field, linkage));
@@ -40,7 +40,7 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
         for b in a..n {
             let both = if a == b { vec![a] } else { vec![a, b] };
             for tie in within(field, &velocity_constraints, &both) {
-                // a coordinate that stands still is met on its own
+                // a coordinate that cannot move is handled by itself
                 if tie.len() < both.len() {
                     continue;
                 }
@@ -51,15 +51,15 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
     directions
 }
 
-/// Ties of rates that hold by construction: coordinates with factors whose sum of
-/// rates is 0 all the time.
+/// The velocity constraints that hold by construction: each is a list of coordinates with factors,
+/// and the sum of factors times rates is 0 at all times.
 pub fn velocity_constraints(spec: &Spec, model: &Model) -> Vec<Form> {
     let mut field = Field::default();
     let linkage = Linkage::new(&mut field, spec, model);
     all_velocity_constraints(&mut field, &linkage, model)
 }
 
-/// Ties by couplings and by the turns around planar loops.
+/// The velocity constraints of couplings and of planar loops.
 pub(super) fn all_velocity_constraints(
     field: &mut Field,
     linkage: &Linkage,
@@ -70,7 +70,7 @@ pub(super) fn all_velocity_constraints(
     velocity_constraints.iter().map(plain).collect()
 }
 
-/// Ties by couplings alone.
+/// The velocity constraints of couplings alone.
 pub(super) fn coupling_velocity_constraints(model: &Model) -> Vec<Form> {
     couplings(model).iter().map(plain).collect()
 }
@@ -79,7 +79,8 @@ fn plain(tie: &Vector) -> Form {
     tie.iter().map(|(c, e)| (*c, e.value().clone())).collect()
 }
 
-/// v, c and e of two tied coordinates, or of one that stands still.
+/// Null directions of v, c and e for two coordinates with proportional rates, or for one that
+/// cannot move.
 fn pair_directions(field: &mut Field, model: &Model, tie: &Vector) -> Vec<Vector> {
     let mut entries = tie.iter();
     let (Some((a, ra)), second) = (entries.next(), entries.next()) else {
@@ -122,7 +123,7 @@ fn pair(plus: Option<usize>, minus: Option<usize>, sign: i64) -> Option<Vector> 
     ]))
 }
 
-/// The direction in which only o grows.
+/// The direction in which only the offset o grows.
 fn offset(model: &Model, c: usize) -> Option<Vector> {
     pair(
         column(model, c, FrictionColumn::CoulombPositive),
@@ -131,7 +132,7 @@ fn offset(model: &Model, c: usize) -> Option<Vector> {
     )
 }
 
-/// The direction in which only c grows.
+/// The direction in which only the Coulomb friction c grows.
 fn coulomb(model: &Model, c: usize) -> Option<Vector> {
     match column(model, c, FrictionColumn::Coulomb) {
         Some(at) => Some(Vector::from([(at, Element::one())])),
@@ -143,7 +144,7 @@ fn coulomb(model: &Model, c: usize) -> Option<Vector> {
     }
 }
 
-/// The direction in which only v grows.
+/// The direction in which only the viscous friction v grows.
 fn viscous(model: &Model, c: usize) -> Option<Vector> {
     match column(model, c, FrictionColumn::Viscous) {
         Some(at) => Some(Vector::from([(at, Element::one())])),
@@ -155,7 +156,7 @@ fn viscous(model: &Model, c: usize) -> Option<Vector> {
     }
 }
 
-/// The direction in which only e grows.
+/// The direction in which only the viscous difference e grows.
 fn viscous_difference(model: &Model, c: usize) -> Option<Vector> {
     pair(
         column(model, c, FrictionColumn::ViscousPositive),
@@ -164,7 +165,7 @@ fn viscous_difference(model: &Model, c: usize) -> Option<Vector> {
     )
 }
 
-/// The combinations of ties that speak of these coordinates only.
+/// A basis of the combinations of constraints that contain no other than the given coordinates.
 fn within(
     field: &mut Field,
     velocity_constraints: &[Vector],
@@ -187,7 +188,7 @@ fn within(
             }
         }
     }
-    // what is left may still hold one tie twice
+    // the remaining rows may be linearly dependent
     let mut span = super::span::Span::default();
     for row in &rows {
         span.insert(field, row);
@@ -206,7 +207,7 @@ fn couplings(model: &Model) -> Vec<Vector> {
     model.couplings.iter().map(tie).collect()
 }
 
-/// Loops in which everything turns about one direction.
+/// The velocity constraints of loops in which all rotations are about one direction.
 fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
     let tree = (0..linkage.edges.len())
         .filter(|e| linkage.edges[*e].in_spec_tree)
@@ -214,7 +215,7 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
     let cuts = linkage.edges.iter().filter(|e| !e.in_spec_tree);
     let mut velocity_constraints = Vec::new();
     for cut in cuts {
-        // from one side of the cut back through it to the other
+        // from one side of the cut along the tree to the other side, and back through the cut
         let (from, to) = cut.ends;
         let mut edges = path(linkage, &tree, from, to);
         edges.reverse();
@@ -238,18 +239,18 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
     velocity_constraints
 }
 
-/// Turns met on the way around a loop.
+/// The rotations met on the way around a loop.
 #[derive(Default)]
 struct Turning {
-    /// The common direction, in the frame reached.
+    /// The common direction of the rotations, in the current frame.
     axis: Option<[Element; 3]>,
     tie: Vector,
-    /// Whether a joint without coordinate turns about it too.
+    /// Whether a joint without a coordinate rotates about this direction too.
     free: bool,
 }
 
 impl Turning {
-    /// Whether all turns are about the common direction.
+    /// Follows a connection; false if it has a rotation about another direction.
     fn follow(&mut self, field: &mut Field, stages: &[Stage], outward: bool) -> bool {
         for stage in stages {
             match stage {
@@ -310,8 +311,8 @@ mod tests {
         (analysis.complete, written.collect())
     }
 
-    /// The turns around the loop add up to nothing, so what the three offsets
-    /// have in common cannot be told apart.
+    /// The rotations around the loop sum to zero, so a common part of the three offsets cannot be
+    /// identified.
     #[test]
     fn a_slider_crank_cut_at_its_slider_has_one_coulomb_offset_less() {
         let (complete, base) = combinations(
@@ -338,7 +339,7 @@ home: {q1: 0.7, q2: -0.944, q3: 0.244}
         );
     }
 
-    /// q2 = -2 q1: friction at one is seen at the other.
+    /// q2 = -2 q1: friction of q1 and q2 acts only in combination.
     #[test]
     fn friction_of_coupled_joints_is_told_apart_by_the_ratio_only() {
         let (_, base) = combinations(
