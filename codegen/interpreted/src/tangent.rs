@@ -1,4 +1,4 @@
-//! Programs run in numbers that carry derivatives.
+//! Execution of programs with numbers that carry derivatives.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -8,7 +8,7 @@ use regen_runtime::{Scalar, Tangent};
 
 use crate::Interpret;
 
-/// A [`Tangent`] as the interpreter's number.
+/// A [`Tangent`] that implements the interpreter's number.
 #[derive(Clone, Copy)]
 struct Carried<const N: usize>(Tangent<N>);
 
@@ -48,7 +48,7 @@ impl<const N: usize> Number for Carried<N> {
         (Self(sin), Self(cos))
     }
 
-    /// X from the values, then from `A dX = dB - dA X` its derivatives.
+    /// Solves for X with the values, then for its derivatives from `A dX = dB - dA X`.
     fn solve(matrix: &[Vec<Self>], rhs: &[Vec<Self>]) -> (Vec<Vec<Self>>, f64) {
         let part = |rows: &[Vec<Self>], of: &dyn Fn(&Tangent<N>) -> f64| -> Vec<Vec<f64>> {
             let rows = rows.iter();
