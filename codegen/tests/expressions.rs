@@ -1,4 +1,4 @@
-//! Derived expressions as text, to be held against the chapter by a person.
+//! Derived expressions as text, which a person compares with the chapter.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 use std::fmt::Write as _;
@@ -36,7 +36,7 @@ fn file(name: &str) -> Model {
     read(name, &text)
 }
 
-/// The nonzero entries of a matrix, a line each.
+/// The nonzero entries of a matrix, one per line.
 fn entries(
     g: &Graph,
     name: &str,
@@ -145,7 +145,7 @@ fn closure_equations_of_the_3rps_are_those_of_its_legs() {
     insta::assert_snapshot!(shown);
 }
 
-/// `s2.1`: row 1 of the cut s2.
+/// Names of the rows: `s2.1` is row 1 of the cut s2.
 fn row_names(model: &Model) -> Vec<String> {
     let cuts = model.cuts.iter().flat_map(|cut| {
         let rows = 1..=cut.kind.equations();
@@ -157,7 +157,7 @@ fn row_names(model: &Model) -> Vec<String> {
     cuts.chain(velocity_constraints).collect()
 }
 
-/// What each stage hands to the next, in words.
+/// A summary of the output of each stage.
 fn stages(model: &Model) -> String {
     let mut g = Graph::new();
     let _ = Symbols::new(&mut g, model);
@@ -174,7 +174,7 @@ fn stages(model: &Model) -> String {
     writeln!(out, "dependent: {}", names(&model.dependent)).unwrap();
     writeln!(out, "home:").unwrap();
     for (coordinate, value) in model.coordinates.iter().zip(&closed.home) {
-        // + 0.0: no minus in front of a zero
+        // adding 0.0 turns -0.0 into 0.0
         let rounded = (value * 1e6).round() / 1e6 + 0.0;
         writeln!(out, "  {} = {rounded}", coordinate.name).unwrap();
     }
@@ -201,7 +201,8 @@ fn stages(model: &Model) -> String {
     out
 }
 
-/// The planar loop keeps the two rows in its plane, whichever way the plane is carried.
+/// The closure of the planar loop keeps the two rows in its plane, whatever the orientation of the
+/// plane.
 #[test]
 fn stages_of_the_fivebar() {
     insta::assert_snapshot!(stages(&file("fivebar.yaml")));

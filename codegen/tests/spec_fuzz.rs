@@ -1,4 +1,4 @@
-//! Bad input never panics: specs mutated by bytes, lines and tokens.
+//! Specs mutated by bytes, lines and tokens never make the reader panic.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod files;
@@ -66,7 +66,7 @@ fn a_file_over_the_limit_is_refused_before_it_is_read() {
 
 #[test]
 fn wide_files_are_refused_or_read_in_time() {
-    // thousands of limbs in one chain, of constants in terms of each other, of errors
+    // thousands of limbs in one chain, of constants defined by each other, of errors
     let joint =
         |n: usize| format!("joints: [{{name: q{n}, type: revolute, body: {n}, actuated: true}}]");
     let mut limbs = "name: r\nlimbs:\n".to_owned();
