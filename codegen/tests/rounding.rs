@@ -69,7 +69,7 @@ fn no_function_of_any_robot_leaves_its_bound_in_single_precision() {
                     let missed = (f64::from(*found) - bound.value).abs();
                     compared += 1;
                     unbounded += usize::from(!bound.error.is_finite());
-                    // the error of double precision is one roundoff of single precision
+                    // the value in double precision is off by a roundoff of this bound
                     assert!(
                         missed <= bound.error * (1.0 + 1e-6),
                         "{} {:?}: {missed:e} {bound:?}",

@@ -20,7 +20,7 @@ const MAX_MEMORY_KB: u32 = 1_000_000;
 
 /// Starts a run with the limit of memory, or without it where the shell has no such limit.
 fn bounded(dir: &Path, args: &[&str]) -> Child {
-    let script = format!("ulimit -v {MEMORY} 2>/dev/null; exec \"$@\"");
+    let script = format!("ulimit -v {MAX_MEMORY_KB} 2>/dev/null; exec \"$@\"");
     Command::new("sh")
         .current_dir(dir)
         .args(["-c", &script, "sh", env!("CARGO_BIN_EXE_regen")])
@@ -43,7 +43,7 @@ fn answer(dir: &Path, name: &str, args: &[&str]) -> (i32, String) {
         }
         if start.elapsed() > MAX_ANSWER_TIME {
             let _ = child.kill();
-            panic!("{name}: no answer within {ANSWER:?}");
+            panic!("{name}: no answer within {MAX_ANSWER_TIME:?}");
         }
         sleep(Duration::from_millis(5));
     };

@@ -175,7 +175,7 @@ impl Walk<'_> {
             Span::new(span.start, span.start + 1 + name.len()),
         );
         if depth > MAX_DEPTH {
-            let message = format!("more than {DEPTH} elements within each other");
+            let message = format!("more than {MAX_DEPTH} elements within each other");
             let hint = "no robot is nested so deeply";
             self.log.error(place, message, hint);
             return None;

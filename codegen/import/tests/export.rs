@@ -267,7 +267,7 @@ fn friction_that_stays_or_has_no_joint_is_told() {
     };
     // a new Coulomb friction does not remove the old damping from the file
     let printed_notes = notes(&spec, &given("q", None, Some(0.25)));
-    assert_eq!(printed_notes.len(), 1, "{told:?}");
+    assert_eq!(printed_notes.len(), 1, "{printed_notes:?}");
     assert_has(
         &printed_notes[0],
         "damping=\"0.5\" of joint 'q' stays: no new one is given",
@@ -279,7 +279,7 @@ fn friction_that_stays_or_has_no_joint_is_told() {
                 friction: viscous, rotor_inertia: true}\n";
     let more = spec.replacen("limbs:\n", limb, 1);
     let printed_notes = notes(&more, &given("motor", Some(1.0), None));
-    assert_eq!(printed_notes.len(), 1, "{told:?}");
+    assert_eq!(printed_notes.len(), 1, "{printed_notes:?}");
     assert_has(&printed_notes[0], "no joint for the coordinate 'motor'");
 }
 

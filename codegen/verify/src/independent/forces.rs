@@ -161,8 +161,7 @@ impl Subject<'_> {
                 for k in places {
                     let found = single.get(k).map_or(f64::NAN, |x| f64::from(*x));
                     let bound = &bounds[k];
-                    // the rounding error of double precision is one part in the roundoff of single
-                    // precision
+                    // the reference value in double precision is off by a roundoff of this bound
                     let error = bound.error * (1.0 + Single::UNIT);
                     worst.note(place, (found - bound.value).abs() / scale, error / scale);
                 }
