@@ -12,12 +12,12 @@
 //! refuted 1                           directions that samples contradict, if any
 //! number Ixx(2) in Iyy(3)             a factor that is a number only
 //! held a, b in proportion only: ...   names that were not varied, and why
-//! equal l1 = l2                       coincidences
-//! base 23 kept derived                a base parameter: column, kept or dropped, provenance_word on
-//! term 23 1                           column and factor, of the line above
-//! null 19 completed                   a direction: the eliminated column, provenance_word on
-//! known 12                            a parameter written with others
-//! end                                 nothing is cut off
+//! equal l1 = l2                       a coincidence of values
+//! base 23 kept derived                a base parameter: column, kept or dropped, how obtained
+//! term 23 1                           column and factor, for the line above
+//! null 19 completed                   a null direction: eliminated column, how obtained
+//! known 12                            a parameter written as a combination of others
+//! end                                 the file is complete
 //! ```
 
 use std::fmt::Write as _;
