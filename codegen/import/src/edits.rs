@@ -44,8 +44,8 @@ impl Edits {
         out
     }
 
-    /// Writes a link's `<inertial>`. The rotation of its frame is kept, and all values are
-    /// converted to it.
+    /// Writes a link's `<inertial>`. The rotation of its frame is kept, and the tensor is
+    /// converted to the frame's axes.
     pub(crate) fn inertia(&mut self, link: &Element, inertia: &Inertia) {
         let Some(inertial) = link.child("inertial") else {
             let content = whole(inertia);

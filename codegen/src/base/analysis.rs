@@ -26,6 +26,19 @@ pub struct Analysis {
 /// Derives the base parameters of a mechanism and certifies their number.
 ///
 /// `home` has one value per coordinate, in rad or m, and must satisfy the closure equations.
+///
+/// ```
+/// use regen_codegen::{base, diag::Source, model, spec};
+///
+/// let text = "name: pendulum\nlimbs:\n  - name: arm\n    base: {rpy: [-pi/2, 0, 0]}\n    \
+///             joints:\n      - {name: q1, type: revolute, body: 1, actuated: true}\n";
+/// let spec = spec::parse(&Source::new("pendulum.yaml", text)).unwrap();
+/// let model = model::build(&spec);
+/// let analysis = base::analyse(&spec, &model, &[0.0]);
+/// assert!(analysis.complete);
+/// // Izz, mx and my: the moment of inertia about the axis, and the moments of the weight
+/// assert_eq!(analysis.base.rank(), 3);
+/// ```
 pub fn analyse(spec: &Spec, model: &Model, home: &[f64]) -> Analysis {
     let samples = certify(model, home, SEED).map_err(|e| e.to_string());
     let certificate = samples.as_ref().map(Samples::certificate);
