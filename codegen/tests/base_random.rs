@@ -137,7 +137,7 @@ impl std::fmt::Debug for RandomTree {
 }
 
 /// Compares layer 1 with random states in multiple precision, and every coefficient with its value.
-fn judge(text: &str) {
+fn compare_with_states(text: &str) {
     let (model, found) = base(text);
     let home = vec![0.1; model.coordinates.len()];
     let certificate = certify(&model, &home, 3).unwrap().certificate();
@@ -170,7 +170,7 @@ proptest! {
     #[test]
     fn layer_1_finds_as_many_base_parameters_as_random_states_show(tree in tree()) {
         if let Some(text) = tree.text() {
-            judge(&text);
+            compare_with_states(&text);
         }
     }
 }
@@ -193,7 +193,7 @@ fn arm(gravity: &str, joints: &[(&str, &str, &str)]) -> String {
 fn two_joints_on_one_axis_need_more_states_than_rows_suggest() {
     // without gravity, and with few different rates of the second joint, each state adds only one
     // row to the rank
-    judge(&arm(
+    compare_with_states(&arm(
         "0, 0, 0",
         &[
             ("revolute", "z", ""),
@@ -205,7 +205,7 @@ fn two_joints_on_one_axis_need_more_states_than_rows_suggest() {
 
 #[test]
 fn a_sum_of_roots_keeps_its_sign_in_print() {
-    judge(&arm(
+    compare_with_states(&arm(
         "0, 0, -9.81",
         &[
             ("revolute", "z", ""),
@@ -218,7 +218,7 @@ fn a_sum_of_roots_keeps_its_sign_in_print() {
 
 #[test]
 fn what_nobody_would_read_is_a_number() {
-    judge(&arm(
+    compare_with_states(&arm(
         "0, 0, -9.81",
         &[
             ("revolute", "x", ""),

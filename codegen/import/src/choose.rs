@@ -20,7 +20,7 @@ pub(crate) enum Verdict {
 ///
 /// # Errors
 /// If the spec is invalid, its home does not close, or the mechanism cannot move at home.
-pub(crate) fn judge(text: &str) -> Result<Verdict, Report> {
+pub(crate) fn test_independent(text: &str) -> Result<Verdict, Report> {
     let source = Source::new("imported spec", text);
     let spec = spec::parse(&source)?;
     let model = model::build(&spec);

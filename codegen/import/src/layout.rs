@@ -135,7 +135,7 @@ struct LimbLayout<'a> {
     tree: &'a Tree,
     log: &'a mut Log,
     /// For each link: the link that carries it (`None` is the world), and its pose on that link.
-    carried: Vec<(Option<usize>, Pose)>,
+    carriers: Vec<(Option<usize>, Pose)>,
     nodes: BTreeMap<usize, Node>,
     /// The coordinate of each joint of the file, by name.
     joints: BTreeMap<String, String>,
@@ -148,7 +148,7 @@ impl<'a> LimbLayout<'a> {
         let mut layout = Self {
             tree,
             log,
-            carried: Vec::new(),
+            carriers: Vec::new(),
             nodes: BTreeMap::new(),
             joints: BTreeMap::new(),
             renamed: Renamed::default(),
@@ -156,7 +156,7 @@ impl<'a> LimbLayout<'a> {
         };
         let mut still: Vec<&Link> = Vec::new();
         for (index, link) in tree.links.iter().enumerate() {
-            let (carrier, pose) = match link.parent.and_then(|p| layout.carried.get(p)) {
+            let (carrier, pose) = match link.parent.and_then(|p| layout.carriers.get(p)) {
                 Some((carrier, pose)) => (*carrier, pose.then(&link.pose)),
                 None => (None, link.pose),
             };
@@ -165,7 +165,7 @@ impl<'a> LimbLayout<'a> {
                 if massive {
                     still.push(link);
                 }
-                layout.carried.push((carrier, pose));
+                layout.carriers.push((carrier, pose));
                 continue;
             }
             let joints: Vec<(Joint, Pose)> = link
@@ -194,7 +194,7 @@ impl<'a> LimbLayout<'a> {
             if let Some(above) = carrier.and_then(|c| layout.nodes.get_mut(&c)) {
                 above.children.push(index);
             }
-            layout.carried.push((Some(index), Pose::default()));
+            layout.carriers.push((Some(index), Pose::default()));
         }
         if let Some(first) = still.first() {
             let names: Vec<String> = still.iter().map(|l| format!("'{}'", l.name)).collect();
@@ -214,9 +214,9 @@ impl<'a> LimbLayout<'a> {
             coupled_joints.push(&coupling.joint);
             coupled_joints.extend(coupling.terms.iter().map(|t| t.0.as_str()));
         }
-        let closed = self.tree.closures.iter().flat_map(|c| &c.sides);
-        let closed: Vec<usize> = closed
-            .filter_map(|side| self.carried.get(side.link?)?.0)
+        let in_loops = self.tree.closures.iter().flat_map(|c| &c.sides);
+        let in_loops: Vec<usize> = in_loops
+            .filter_map(|side| self.carriers.get(side.link?)?.0)
             .collect();
         let order: Vec<usize> = self.nodes.keys().rev().copied().collect();
         for index in order {
@@ -234,7 +234,7 @@ impl<'a> LimbLayout<'a> {
                 .collect();
             let alive = node.alive
                 || is_coupled
-                || closed.contains(&index)
+                || in_loops.contains(&index)
                 || children.iter().any(|c| c.alive);
             let below = children.iter().map(|c| c.depth).max().unwrap_or(0);
             let depth = below + node.joints.len();
@@ -260,8 +260,8 @@ impl<'a> LimbLayout<'a> {
     fn label(&mut self) {
         let mut names = Names::default();
         let closures = self.tree.closures.iter().flat_map(|c| &c.sides);
-        let closed: Vec<usize> = closures
-            .filter_map(|side| self.carried.get(side.link?)?.0)
+        let in_loops: Vec<usize> = closures
+            .filter_map(|side| self.carriers.get(side.link?)?.0)
             .collect();
         let order: Vec<usize> = self.nodes.keys().copied().collect();
         for index in order {
@@ -270,7 +270,7 @@ impl<'a> LimbLayout<'a> {
                 continue;
             };
             let massive = link.inertia.is_some_and(|i| !i.is_zero());
-            let needed = node.children.len() > 1 || closed.contains(&index);
+            let needed = node.children.len() > 1 || in_loops.contains(&index);
             if !massive && !needed {
                 continue;
             }
@@ -424,7 +424,7 @@ impl<'a> LimbLayout<'a> {
         let mut names = Names::default();
         for closure in &self.tree.closures {
             let sides = closure.sides.map(|side| {
-                let carried = side.link.and_then(|l| self.carried.get(l));
+                let carried = side.link.and_then(|l| self.carriers.get(l));
                 let Some((carrier, pose)) = carried else {
                     return (None, side.pose);
                 };

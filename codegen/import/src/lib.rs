@@ -137,7 +137,7 @@ pub fn import(
 ) -> Result<Imported, Vec<Report>> {
     let mut log = Log::default();
     let imported = tree(source, reader, options, &mut log).map(|mut tree| {
-        adapt(&mut tree, options, &mut log);
+        apply_options(&mut tree, options, &mut log);
         (layout::lay_out(&tree, &mut log), tree)
     });
     let Some((mut draft, tree)) = imported.filter(|_| !log.failed()) else {
@@ -188,7 +188,7 @@ fn tree(
 }
 
 /// Changes the tree according to the options.
-fn adapt(tree: &mut Tree, options: &Options, log: &mut Log) {
+fn apply_options(tree: &mut Tree, options: &Options, log: &mut Log) {
     for text in &options.cuts {
         cut::add(options.names.cuts, text, tree, log);
     }
@@ -285,10 +285,10 @@ fn write_valid_spec(
     let follows = |name: &String| draft.couplings.iter().any(|c| c.key == *name);
     let mut free = draft.coordinates();
     free.retain(|name| !follows(name));
-    let said = actuated.is_empty() || actuated.iter().any(follows);
-    frame.independent = said.then_some(free.as_slice());
+    let names_independent = actuated.is_empty() || actuated.iter().any(follows);
+    frame.independent = names_independent.then_some(free.as_slice());
     let mut text = write::write(draft, &frame);
-    if let Verdict::Choose(mut choice) = choose::judge(&text)? {
+    if let Verdict::Choose(mut choice) = choose::test_independent(&text)? {
         replace_followers(&mut choice, draft);
         // if there are loops, and neither file nor options name actuated joints, the independent
         // coordinates become the actuated ones
@@ -303,7 +303,7 @@ fn write_valid_spec(
             frame.independent = Some(&choice);
             text = write::write(draft, &frame);
         }
-        choose::judge(&text)?;
+        choose::test_independent(&text)?;
     }
     Ok((name, text))
 }
@@ -334,7 +334,7 @@ fn actuated(draft: &Draft, tree: &Tree) -> Vec<String> {
         let single = joint.kind != "spherical" && !from.passive;
         let named = match tree.actuated.as_slice() {
             [] => !follows(name),
-            said => said.contains(&from.name),
+            names => names.contains(&from.name),
         };
         (single && named).then(|| name.clone())
     });

@@ -41,8 +41,8 @@ fn decimals(text: &str) -> Option<i32> {
 /// Formats a number for a spec: the shortest decimal that gives the same number, without trailing
 /// digits of a rounding error.
 pub(crate) fn number(x: f64) -> String {
-    let shortest = plain(x);
-    let rounded = plain(format!("{x:.14e}").parse().unwrap_or(x));
+    let shortest = shortest_decimal(x);
+    let rounded = shortest_decimal(format!("{x:.14e}").parse().unwrap_or(x));
     // three digits less are no coincidence; any other number keeps all of its digits
     if rounded.len() + 3 <= shortest.len() {
         rounded
@@ -51,7 +51,7 @@ pub(crate) fn number(x: f64) -> String {
     }
 }
 
-fn plain(x: f64) -> String {
+fn shortest_decimal(x: f64) -> String {
     if x == 0.0 {
         "0".to_owned()
     } else if (1e-4..1e7).contains(&x.abs()) {

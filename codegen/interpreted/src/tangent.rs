@@ -10,11 +10,11 @@ use crate::Interpret;
 
 /// A [`Tangent`] that implements the interpreter's number.
 #[derive(Clone, Copy)]
-struct Carried<const N: usize>(Tangent<N>);
+struct TangentNumber<const N: usize>(Tangent<N>);
 
-macro_rules! carried {
+macro_rules! tangent_operator {
     ($trait:ident, $method:ident) => {
-        impl<const N: usize> $trait for Carried<N> {
+        impl<const N: usize> $trait for TangentNumber<N> {
             type Output = Self;
             fn $method(self, other: Self) -> Self {
                 Self(self.0.$method(other.0))
@@ -22,19 +22,19 @@ macro_rules! carried {
         }
     };
 }
-carried!(Add, add);
-carried!(Sub, sub);
-carried!(Mul, mul);
-carried!(Div, div);
+tangent_operator!(Add, add);
+tangent_operator!(Sub, sub);
+tangent_operator!(Mul, mul);
+tangent_operator!(Div, div);
 
-impl<const N: usize> Neg for Carried<N> {
+impl<const N: usize> Neg for TangentNumber<N> {
     type Output = Self;
     fn neg(self) -> Self {
         Self(-self.0)
     }
 }
 
-impl<const N: usize> Number for Carried<N> {
+impl<const N: usize> Number for TangentNumber<N> {
     fn constant(value: f64) -> Self {
         Self(Tangent::constant(value))
     }
@@ -87,11 +87,11 @@ impl<const N: usize> Interpret for Tangent<N> {
     }
 
     fn run(program: &Program, inputs: &[&[Self]]) -> (Vec<Self>, Self) {
-        let carried: Vec<Vec<Carried<N>>> = inputs
+        let numbers: Vec<Vec<TangentNumber<N>>> = inputs
             .iter()
-            .map(|input| input.iter().map(|x| Carried(*x)).collect())
+            .map(|input| input.iter().map(|x| TangentNumber(*x)).collect())
             .collect();
-        let slices: Vec<&[Carried<N>]> = carried.iter().map(Vec::as_slice).collect();
+        let slices: Vec<&[TangentNumber<N>]> = numbers.iter().map(Vec::as_slice).collect();
         let (results, condition) = interpret::run(program, &slices);
         (results.into_iter().map(|x| x.0).collect(), condition.0)
     }

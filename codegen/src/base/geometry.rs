@@ -273,12 +273,12 @@ impl Placed {
             .map(|entry| {
                 let mut parameters = vec![Element::zero(); 10];
                 parameters[entry] = Element::one();
-                self.carried(field, &parameters)
+                self.parameters_on_parent(field, &parameters)
             })
             .collect()
     }
 
-    fn carried(&self, field: &mut Field, phi: &[Element]) -> Vec<Element> {
+    fn parameters_on_parent(&self, field: &mut Field, phi: &[Element]) -> Vec<Element> {
         let e = |i: usize| phi[i].clone();
         let tensor = [[e(0), e(1), e(2)], [e(1), e(3), e(4)], [e(2), e(4), e(5)]];
         // R I R^T, as columns first

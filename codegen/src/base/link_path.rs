@@ -343,8 +343,8 @@ mod tests {
         both.turn(0, 2);
         assert_eq!(both.freedom(&[]), Freedom::Direction);
         // with the rotation locked by a constraint, the link only translates
-        let tie = vec![vec![(0, Number::one())]];
-        assert_eq!(both.freedom(&tie), Freedom::Translates);
+        let constraint = vec![vec![(0, Number::one())]];
+        assert_eq!(both.freedom(&constraint), Freedom::Translates);
         assert_eq!(turned(&[], 0, 2).freedom(&[]), Freedom::Spin);
     }
 }

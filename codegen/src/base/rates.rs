@@ -27,9 +27,9 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
     let n = model.coordinates.len();
     let offsets: Vec<Option<Vector>> = (0..n).map(|c| offset(model, c)).collect();
     let with_offset: Vec<usize> = (0..n).filter(|c| offsets[*c].is_some()).collect();
-    for tie in within(field, &velocity_constraints, &with_offset) {
+    for constraint in constraints_among(field, &velocity_constraints, &with_offset) {
         let mut direction = Vector::new();
-        for (coordinate, factor) in &tie {
+        for (coordinate, factor) in &constraint {
             if let Some(offset) = &offsets[*coordinate] {
                 add_scaled(field, &mut direction, factor, offset);
             }
@@ -39,12 +39,12 @@ pub(super) fn null_directions(field: &mut Field, linkage: &Linkage, model: &Mode
     for a in 0..n {
         for b in a..n {
             let both = if a == b { vec![a] } else { vec![a, b] };
-            for tie in within(field, &velocity_constraints, &both) {
+            for constraint in constraints_among(field, &velocity_constraints, &both) {
                 // a coordinate that cannot move is handled by itself
-                if tie.len() < both.len() {
+                if constraint.len() < both.len() {
                     continue;
                 }
-                directions.extend(pair_directions(field, model, &tie));
+                directions.extend(pair_directions(field, model, &constraint));
             }
         }
     }
@@ -67,22 +67,25 @@ pub(super) fn all_velocity_constraints(
 ) -> Vec<Form> {
     let mut velocity_constraints = couplings(model);
     velocity_constraints.extend(planar_loops(field, linkage));
-    velocity_constraints.iter().map(plain).collect()
+    velocity_constraints.iter().map(to_form).collect()
 }
 
 /// The velocity constraints of couplings alone.
 pub(super) fn coupling_velocity_constraints(model: &Model) -> Vec<Form> {
-    couplings(model).iter().map(plain).collect()
+    couplings(model).iter().map(to_form).collect()
 }
 
-fn plain(tie: &Vector) -> Form {
-    tie.iter().map(|(c, e)| (*c, e.value().clone())).collect()
+fn to_form(constraint: &Vector) -> Form {
+    constraint
+        .iter()
+        .map(|(c, e)| (*c, e.value().clone()))
+        .collect()
 }
 
 /// Null directions of v, c and e for two coordinates with proportional rates, or for one that
 /// cannot move.
-fn pair_directions(field: &mut Field, model: &Model, tie: &Vector) -> Vec<Vector> {
-    let mut entries = tie.iter();
+fn pair_directions(field: &mut Field, model: &Model, constraint: &Vector) -> Vec<Vector> {
+    let mut entries = constraint.iter();
     let (Some((a, ra)), second) = (entries.next(), entries.next()) else {
         return Vec::new();
     };
@@ -166,7 +169,7 @@ fn viscous_difference(model: &Model, c: usize) -> Option<Vector> {
 }
 
 /// A basis of the combinations of constraints that contain no other than the given coordinates.
-fn within(
+fn constraints_among(
     field: &mut Field,
     velocity_constraints: &[Vector],
     coordinates: &[usize],
@@ -197,14 +200,14 @@ fn within(
 }
 
 fn couplings(model: &Model) -> Vec<Vector> {
-    let tie = |coupling: &crate::model::Coupling| -> Vector {
-        let mut tie = Vector::from([(coupling.key, Element::one())]);
+    let constraint = |coupling: &crate::model::Coupling| -> Vector {
+        let mut constraint = Vector::from([(coupling.key, Element::one())]);
         for (coordinate, factor) in &coupling.terms {
-            tie.insert(*coordinate, Element::exact(factor.neg()));
+            constraint.insert(*coordinate, Element::exact(factor.neg()));
         }
-        tie
+        constraint
     };
-    model.couplings.iter().map(tie).collect()
+    model.couplings.iter().map(constraint).collect()
 }
 
 /// The velocity constraints of loops in which all rotations are about one direction.
@@ -232,8 +235,8 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
         }
         let stages = cut.stages_from(field, to);
         planar &= walk.follow(field, &stages, false);
-        if planar && !walk.free && !walk.tie.is_empty() {
-            velocity_constraints.push(walk.tie);
+        if planar && !walk.free && !walk.constraint.is_empty() {
+            velocity_constraints.push(walk.constraint);
         }
     }
     velocity_constraints
@@ -244,7 +247,7 @@ fn planar_loops(field: &mut Field, linkage: &Linkage) -> Vec<Vector> {
 struct Turning {
     /// The common direction of the rotations, in the current frame.
     axis: Option<[Element; 3]>,
-    tie: Vector,
+    constraint: Vector,
     /// Whether a joint without a coordinate rotates about this direction too.
     free: bool,
 }
@@ -285,7 +288,7 @@ impl Turning {
                     } else {
                         Number::one()
                     };
-                    self.tie.insert(*coordinate, Element::exact(sign));
+                    self.constraint.insert(*coordinate, Element::exact(sign));
                 }
                 Stage::Moving { .. } => {}
             }

@@ -52,13 +52,13 @@ pub(super) fn equivalent_supports(
         })
     });
     sorted
-        .map(|order| support(&zeroed(null, direction, &order)))
+        .map(|order| support(&with_zeros(null, direction, &order)))
         .collect()
 }
 
 /// The direction plus multiples of the null directions, with zeros at as many of the first columns
 /// of `order` as possible.
-fn zeroed(null: &[Vector], direction: &[Float320], order: &[usize]) -> Vec<Float320> {
+fn with_zeros(null: &[Vector], direction: &[Float320], order: &[usize]) -> Vec<Float320> {
     let mut rows: Vec<Vec<Float320>> = null
         .iter()
         .map(|row| {

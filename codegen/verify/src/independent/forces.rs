@@ -18,7 +18,7 @@ impl Subject<'_> {
 
     /// Compares the regressor with K_i - X^T K_e entry by entry: Newton-Euler in the world frame, X
     /// by singular values.
-    pub(super) fn second(&self, states: &[State]) -> Result<Check, VerifyError> {
+    pub(super) fn compare_second_derivation(&self, states: &[State]) -> Result<Check, VerifyError> {
         let dof = self.dof();
         let mut worst = Worst::default();
         for (place, state) in states.iter().enumerate() {
@@ -43,7 +43,7 @@ impl Subject<'_> {
     }
 
     /// Compares the forces of random parameters with those computed by another program.
-    pub(super) fn peer(&self) -> Check {
+    pub(super) fn compare_peer(&self) -> Check {
         let Some(vectors) = self.vectors else {
             return Check::absent(PEER, "none");
         };

@@ -132,8 +132,8 @@ impl Subject<'_> {
         let states = self.states()?;
         let mut random = Random::new(SEED + 1);
         let mut checks = vec![
-            self.second(&states)?,
-            self.peer(),
+            self.compare_second_derivation(&states)?,
+            self.compare_peer(),
             self.power(&states, &mut random)?,
             self.drift(&states),
         ];
