@@ -17,7 +17,8 @@ use super::float320::Float320;
 use super::linear::solve;
 use super::units::Units;
 
-/// The least pivot ratio of A_e; a step that brings A_e closer to singular is rejected.
+/// The least pivot ratio of A_e, or a tenth of that at home if that is less; a step that brings A_e
+/// closer to singular is rejected.
 const MIN_PIVOT_RATIO: f64 = 1e-3;
 /// The largest change of an angle in a step, rad.
 const MAX_TURN_RAD: f64 = 0.18;
